@@ -1,0 +1,3 @@
+//! What a node is: time, ports, parameters, shapes, randomness and faults.
+
+pub mod random;

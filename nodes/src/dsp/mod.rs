@@ -1,0 +1,1 @@
+//! Filters, gains, delays, resampling and signal sources on audio.

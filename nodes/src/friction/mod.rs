@@ -1,0 +1,1 @@
+//! Friction sound: spectra measured against sliding speed, and noise synthesised from them.

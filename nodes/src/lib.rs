@@ -1,0 +1,13 @@
+//! Typed nodes that turn motion and recordings into sound, usable with or without the `foley` runtime.
+//!
+//! Every algorithm is ordinary Rust on slices; a node is a thin typed description around it.
+//! The families follow the field: [`io`] and [`dsp`] for audio, [`mesh`] for motion,
+//! [`contact`] and [`friction`] for cloth that slides. [`core`] says what a node is.
+#![forbid(unsafe_code)]
+
+pub mod contact;
+pub mod core;
+pub mod dsp;
+pub mod friction;
+pub mod io;
+pub mod mesh;

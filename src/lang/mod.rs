@@ -1,0 +1,1 @@
+//! The text of a graph: a lossless, error-tolerant RON syntax tree.

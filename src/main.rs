@@ -1,0 +1,4 @@
+//! The `foley` command.
+#![forbid(unsafe_code)]
+
+fn main() {}
