@@ -11,3 +11,4 @@ pub mod dsp;
 pub mod friction;
 pub mod io;
 pub mod mesh;
+pub mod registry;

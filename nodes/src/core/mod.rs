@@ -1,3 +1,16 @@
 //! What a node is: time, ports, parameters, shapes, randomness and faults.
+//!
+//! A node describes itself once; running, checking, documenting and testing it all follow from that description.
 
+pub mod fault;
+pub mod files;
+pub mod item;
+pub mod node;
+pub mod params;
+pub mod ports;
 pub mod random;
+pub mod shape;
+pub mod solo;
+pub mod stage;
+pub mod time;
+pub mod track;

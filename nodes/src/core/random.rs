@@ -38,6 +38,37 @@ impl Random {
     }
 }
 
+/// A sequence of draws, for trials and searches that are not part of a signal.
+#[derive(Clone, Debug)]
+pub struct Draw {
+    random: Random,
+    next: u64,
+}
+
+impl Draw {
+    /// The sequence of one seed.
+    #[must_use]
+    pub fn new(seed: u64) -> Self {
+        Self { random: Random::new(seed, "draw"), next: 0 }
+    }
+
+    /// Uniform on `[0, 1)`.
+    pub fn unit(&mut self) -> f64 {
+        self.next += 1;
+        self.random.uniform(0, self.next, 0)
+    }
+
+    /// Uniform on `[low, high)`.
+    pub fn between(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.unit()
+    }
+
+    /// A whole number below `n`; 0 where `n` is 0.
+    pub fn below(&mut self, n: usize) -> usize {
+        (self.unit() * n as f64) as usize
+    }
+}
+
 /// Philox4x32 with ten rounds.
 #[must_use]
 pub fn philox4x32(mut ctr: [u32; 4], mut key: [u32; 2]) -> [u32; 4] {

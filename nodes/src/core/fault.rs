@@ -1,0 +1,114 @@
+//! What can go wrong in a node, as values.
+
+use super::time::Tick;
+use std::fmt;
+
+/// Why a node's parameters and inputs do not go together: found before anything runs.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Reject {
+    /// Stable code of the message, such as `F031`.
+    pub code: &'static str,
+    /// What was found.
+    pub message: String,
+    /// The parameter or input port that it is about.
+    pub field: Option<String>,
+    /// What would be right.
+    pub help: Option<String>,
+}
+
+impl Reject {
+    /// A rejection with its code and what was found.
+    #[must_use]
+    pub fn new(code: &'static str, message: impl Into<String>) -> Self {
+        Self { code, message: message.into(), field: None, help: None }
+    }
+
+    /// Names the parameter or input that has to change.
+    #[must_use]
+    pub fn at(mut self, field: impl Into<String>) -> Self {
+        self.field = Some(field.into());
+        self
+    }
+
+    /// Says what would be right.
+    #[must_use]
+    pub fn help(mut self, help: impl Into<String>) -> Self {
+        self.help = Some(help.into());
+        self
+    }
+}
+
+impl fmt::Display for Reject {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.message)?;
+        if let Some(help) = &self.help {
+            write!(f, " ({help})")?;
+        }
+        Ok(())
+    }
+}
+
+impl std::error::Error for Reject {}
+
+/// What went wrong while a node was built or ran.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Fault {
+    /// Stable code of the message.
+    pub code: &'static str,
+    /// What was found.
+    pub message: String,
+    /// The parameter or input port that it is about.
+    pub field: Option<String>,
+    /// What would be right.
+    pub help: Option<String>,
+    /// When in the piece, where that is known.
+    pub time: Option<Tick>,
+}
+
+impl Fault {
+    /// A fault with its code and what was found.
+    #[must_use]
+    pub fn new(code: &'static str, message: impl Into<String>) -> Self {
+        Self { code, message: message.into(), field: None, help: None, time: None }
+    }
+
+    /// Names the parameter or input that it is about.
+    #[must_use]
+    pub fn at(mut self, field: impl Into<String>) -> Self {
+        self.field = Some(field.into());
+        self
+    }
+
+    /// Says what would be right.
+    #[must_use]
+    pub fn help(mut self, help: impl Into<String>) -> Self {
+        self.help = Some(help.into());
+        self
+    }
+
+    /// Says when in the piece it happened.
+    #[must_use]
+    pub fn when(mut self, time: Tick) -> Self {
+        self.time = Some(time);
+        self
+    }
+}
+
+impl From<Reject> for Fault {
+    fn from(reject: Reject) -> Self {
+        let Reject { code, message, field, help } = reject;
+        Self { code, message, field, help, time: None }
+    }
+}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.message)?;
+        if let Some(help) = &self.help {
+            write!(f, " ({help})")?;
+        }
+        Ok(())
+    }
+}
+
+impl std::error::Error for Fault {}

@@ -1,0 +1,340 @@
+//! The types that travel over links, and what the runtime knows of each.
+
+use super::random::Draw;
+use super::solo::Feed;
+use super::time::{Rate, Tick};
+use super::track::{AnyTrack, EventTrack, Pad, Track};
+use serde::{Serialize, de::DeserializeOwned};
+use std::any::{Any, TypeId};
+use std::fmt::{self, Debug};
+use std::sync::Arc;
+
+/// What one item of a stream is made of.
+///
+/// The *format* is what is fixed for a whole stream when the graph is planned: a channel count, the faces of a mesh.
+pub trait Item: 'static {
+    /// One element; an item is `width` of them in a row.
+    type Elem: Copy + Default + PartialEq + Debug + Send + Sync + 'static;
+    /// What is fixed for the whole stream.
+    type Format: Clone + PartialEq + Debug + Send + Sync + 'static;
+    /// The name that people see, such as `audio`.
+    const NAME: &'static str;
+    /// Names of the numbers in one element; one empty name where it is one number.
+    const COLUMNS: &'static [&'static str];
+    /// Whether it is a waveform: tapped as a WAV file.
+    const WAVE: bool = false;
+    /// Elements per item.
+    fn width(format: &Self::Format) -> usize;
+    /// The format for people: `2 channels`.
+    fn describe(format: &Self::Format) -> String;
+    /// A small format for trials.
+    fn trial_format(draw: &mut Draw) -> Self::Format;
+    /// A valid element at place `place` of an item of this format, for trials.
+    fn trial(format: &Self::Format, place: usize, draw: &mut Draw) -> Self::Elem;
+    /// Whether every number in it is finite.
+    fn finite(elem: &Self::Elem) -> bool;
+    /// An element that no node writes, to find those left unwritten.
+    fn poison() -> Self::Elem;
+    /// The numbers of an element, one per column.
+    fn numbers(elem: &Self::Elem, out: &mut Vec<f32>);
+}
+
+/// Audio: samples with full scale at +-1, interleaved by channel.
+impl Item for f32 {
+    type Elem = f32;
+    type Format = Channels;
+    const NAME: &'static str = "audio";
+    const COLUMNS: &'static [&'static str] = &[""];
+    const WAVE: bool = true;
+
+    fn width(format: &Channels) -> usize {
+        usize::from(format.0)
+    }
+
+    fn describe(format: &Channels) -> String {
+        match format.0 {
+            1 => "mono".into(),
+            2 => "stereo".into(),
+            n => format!("{n} channels"),
+        }
+    }
+
+    fn trial_format(draw: &mut Draw) -> Channels {
+        Channels(1 + draw.below(3) as u16)
+    }
+
+    fn trial(_: &Channels, _: usize, draw: &mut Draw) -> f32 {
+        draw.between(-1.0, 1.0) as f32
+    }
+
+    fn finite(elem: &f32) -> bool {
+        elem.is_finite()
+    }
+
+    fn poison() -> f32 {
+        f32::NAN
+    }
+
+    fn numbers(elem: &f32, out: &mut Vec<f32>) {
+        out.push(*elem);
+    }
+}
+
+/// How many channels an audio stream has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Channels(pub u16);
+
+/// What one event carries.
+pub trait Event: Clone + PartialEq + Debug + Serialize + Send + Sync + 'static {
+    /// The name that people see.
+    const NAME: &'static str;
+    /// A valid event for trials.
+    fn trial(draw: &mut Draw) -> Self;
+}
+
+/// A thing that is ready before streams start, shared and never changed.
+pub trait Data: Debug + PartialEq + Serialize + DeserializeOwned + Send + Sync + 'static {
+    /// The name that people see, such as `friction model`.
+    const NAME: &'static str;
+    /// A valid value for trials.
+    fn trial(draw: &mut Draw) -> Self;
+    /// A drawing of it as SVG, where it has one.
+    fn plot(&self) -> Option<String> {
+        None
+    }
+}
+
+/// The runtime's view of an [`Item`] type.
+#[derive(Debug)]
+pub struct ItemType {
+    /// The name that people see.
+    pub name: &'static str,
+    /// Whether it is a waveform.
+    pub wave: bool,
+    /// Names of the numbers in an element.
+    pub columns: &'static [&'static str],
+    /// Identity.
+    pub id: fn() -> TypeId,
+    /// Makes a buffer: width, span, front padding, pad rule.
+    pub track: fn(usize, usize, usize, Pad) -> Box<dyn AnyTrack>,
+    /// Bytes of such a buffer: width, span.
+    pub track_bytes: fn(usize, usize) -> usize,
+    /// Numbers of the elements `[from, to)` of a buffer.
+    pub numbers: fn(&dyn AnyTrack, i64, i64, &mut Vec<f32>),
+    /// Whether all of the elements `[from, to)` are finite.
+    pub finite: fn(&dyn AnyTrack, i64, i64) -> bool,
+    /// A stream of valid items for trials: rate, items.
+    pub trial: fn(&mut Draw, Rate, i64) -> Feed,
+}
+
+/// Gives the runtime's view of a type.
+pub trait Described {
+    /// That view.
+    type Info: 'static;
+    /// The one instance of it.
+    const INFO: &'static Self::Info;
+}
+
+/// Marker for [`Described`] streams.
+#[derive(Debug)]
+pub struct OfItem<T>(std::marker::PhantomData<T>);
+/// Marker for [`Described`] events.
+#[derive(Debug)]
+pub struct OfEvent<T>(std::marker::PhantomData<T>);
+/// Marker for [`Described`] values.
+#[derive(Debug)]
+pub struct OfData<T>(std::marker::PhantomData<T>);
+
+impl<T: Item> Described for OfItem<T> {
+    type Info = ItemType;
+    const INFO: &'static ItemType = &ItemType {
+        name: T::NAME,
+        wave: T::WAVE,
+        columns: T::COLUMNS,
+        id: TypeId::of::<T>,
+        track: |width, span, front, pad| Box::new(Track::<T::Elem>::new(width, span, front, pad)),
+        track_bytes: Track::<T::Elem>::planned_bytes,
+        numbers: |track, from, to, out| {
+            if let Some(track) = track.as_any().downcast_ref::<Track<T::Elem>>() {
+                track.view(from, to).iter().for_each(|elem| T::numbers(elem, out));
+            }
+        },
+        finite: |track, from, to| {
+            let track = track.as_any().downcast_ref::<Track<T::Elem>>();
+            track.is_some_and(|track| track.view(from, to).iter().all(T::finite))
+        },
+        trial: |draw, rate, items| {
+            let format = T::trial_format(draw);
+            let width = T::width(&format);
+            let count = width * items.max(0) as usize;
+            let data = (0..count).map(|k| T::trial(&format, k % width.max(1), draw)).collect();
+            Feed::stream::<T>(rate, format, data)
+        },
+    };
+}
+
+/// The runtime's view of an [`Event`] type.
+#[derive(Debug)]
+pub struct EventType {
+    /// The name that people see.
+    pub name: &'static str,
+    /// Identity.
+    pub id: fn() -> TypeId,
+    /// Makes a buffer for a span of ticks.
+    pub track: fn(Tick) -> Box<dyn AnyTrack>,
+    /// Bytes of such a buffer before it grows.
+    pub track_bytes: fn() -> usize,
+    /// Events of `[from, to)` as JSON.
+    pub json: fn(&dyn AnyTrack, Tick, Tick) -> Vec<(Tick, serde_json::Value)>,
+    /// Valid events until a time, for trials.
+    pub trial: fn(&mut Draw, Tick) -> Feed,
+}
+
+impl<T: Event> Described for OfEvent<T> {
+    type Info = EventType;
+    const INFO: &'static EventType = &EventType {
+        name: T::NAME,
+        id: TypeId::of::<T>,
+        track: |span| Box::new(EventTrack::<T>::new(span)),
+        track_bytes: || EventTrack::<T>::ROOM * size_of::<(Tick, T)>(),
+        json: |track, from, to| {
+            let Some(track) = track.as_any().downcast_ref::<EventTrack<T>>() else { return Vec::new() };
+            let json = |event| serde_json::to_value(event).unwrap_or_default();
+            track.view(from, to).iter().map(|(tick, event)| (*tick, json(event))).collect()
+        },
+        trial: |draw, end| {
+            let count = draw.below(40);
+            let mut times: Vec<Tick> = (0..count).map(|_| draw.between(0.0, end as f64) as Tick).collect();
+            times.sort_unstable();
+            Feed::events(times.into_iter().map(|tick| (tick, T::trial(draw))).collect(), end)
+        },
+    };
+}
+
+/// The runtime's view of a [`Data`] type.
+#[derive(Debug)]
+pub struct DataType {
+    /// The name that people see.
+    pub name: &'static str,
+    /// Identity.
+    pub id: fn() -> TypeId,
+    /// The value as JSON.
+    pub json: fn(&AnyValue) -> serde_json::Value,
+    /// The value drawn as SVG.
+    pub plot: fn(&AnyValue) -> Option<String>,
+    /// The value as bytes, for the disk.
+    pub encode: fn(&AnyValue) -> Option<Vec<u8>>,
+    /// The value from its bytes.
+    pub decode: fn(&[u8]) -> Option<AnyValue>,
+    /// A valid value for trials.
+    pub trial: fn(&mut Draw) -> AnyValue,
+}
+
+impl<T: Data> Described for OfData<T> {
+    type Info = DataType;
+    const INFO: &'static DataType = &DataType {
+        name: T::NAME,
+        id: TypeId::of::<T>,
+        json: |value| value.get::<T>().and_then(|v| serde_json::to_value(v).ok()).unwrap_or_default(),
+        plot: |value| value.get::<T>().and_then(T::plot),
+        encode: |value| value.get::<T>().and_then(|v| postcard::to_allocvec(v).ok()),
+        decode: |bytes| postcard::from_bytes::<T>(bytes).ok().map(AnyValue::new),
+        trial: |draw| AnyValue::new(T::trial(draw)),
+    };
+}
+
+/// A shared value with the hash of its content.
+#[derive(Clone)]
+pub struct AnyValue {
+    data: Arc<dyn Any + Send + Sync>,
+    hash: [u8; 32],
+    kind: &'static DataType,
+}
+
+impl AnyValue {
+    /// Shares a value.
+    #[must_use]
+    pub fn new<T: Data>(value: T) -> Self {
+        let bytes = postcard::to_allocvec(&value).unwrap_or_default();
+        let mut hasher = blake3::Hasher::new();
+        hasher.update(T::NAME.as_bytes()).update(&[0]).update(&bytes);
+        Self { data: Arc::new(value), hash: *hasher.finalize().as_bytes(), kind: OfData::<T>::INFO }
+    }
+
+    /// The value, where it is a `T`.
+    #[must_use]
+    pub fn get<T: Data>(&self) -> Option<&T> {
+        self.data.downcast_ref()
+    }
+
+    /// The value as a shared pointer, where it is a `T`.
+    #[must_use]
+    pub fn shared<T: Data>(&self) -> Option<Arc<T>> {
+        Arc::clone(&self.data).downcast().ok()
+    }
+
+    /// Hash of the content: equal values have equal hashes.
+    #[must_use]
+    pub fn hash(&self) -> [u8; 32] {
+        self.hash
+    }
+
+    /// Its type.
+    #[must_use]
+    pub fn kind(&self) -> &'static DataType {
+        self.kind
+    }
+}
+
+impl Debug for AnyValue {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "{}#{:02x}{:02x}{:02x}{:02x}",
+            self.kind.name, self.hash[0], self.hash[1], self.hash[2], self.hash[3]
+        )
+    }
+}
+
+/// Everything that is fixed about one stream before it runs.
+#[derive(Clone)]
+pub struct StreamShape {
+    /// Type of its items.
+    pub item: &'static ItemType,
+    /// Items per second.
+    pub rate: Rate,
+    /// Elements per item.
+    pub width: usize,
+    /// When it ends; `None` for a stream without end.
+    pub end: Option<Tick>,
+    /// The format for people.
+    pub text: String,
+    format: Arc<dyn Any + Send + Sync>,
+}
+
+impl StreamShape {
+    /// The shape of a stream of `T`.
+    #[must_use]
+    pub fn new<T: Item>(rate: Rate, format: T::Format, end: Option<Tick>) -> Self {
+        Self {
+            item: OfItem::<T>::INFO,
+            rate,
+            width: T::width(&format),
+            end,
+            text: T::describe(&format),
+            format: Arc::new(format),
+        }
+    }
+
+    /// The typed format.
+    #[must_use]
+    pub fn format<T: Item>(&self) -> Option<&T::Format> {
+        self.format.downcast_ref()
+    }
+}
+
+impl Debug for StreamShape {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} at {}, {}", self.item.name, self.rate, self.text)
+    }
+}

@@ -1,0 +1,573 @@
+//! Typed ports: what a node declares of its inputs and outputs, and what it sees of them in one window.
+
+use super::item::{
+    AnyValue, Data, DataType, Described, Event, EventType, Item, ItemType, OfData, OfEvent, OfItem,
+};
+use super::stage::{Cx, InWire, OutWire};
+use super::time::{Rate, Tick};
+use super::track::{EventTrack, Track};
+use std::cell::{Ref, RefMut};
+use std::marker::PhantomData;
+
+/// A regular stream: one exact rate, contiguous items.
+#[derive(Debug)]
+pub struct Stream<T>(PhantomData<T>);
+/// Sparse events, sorted by time, complete up to the end of the window.
+#[derive(Debug)]
+pub struct Events<T>(PhantomData<T>);
+/// One shared value that is ready before streams start.
+#[derive(Debug)]
+pub struct Value<T>(PhantomData<T>);
+/// A value that exists once the input streams have ended: a barrier between two phases of a run.
+#[derive(Debug)]
+pub struct Fold<T>(PhantomData<T>);
+/// Any number of links of one kind, in the order in which the graph lists them.
+#[derive(Debug)]
+pub struct Many<K>(PhantomData<K>);
+
+/// Kind and type of a port.
+#[derive(Clone, Copy, Debug)]
+pub enum PortKind {
+    /// A regular stream.
+    Stream(&'static ItemType),
+    /// Sparse events.
+    Events(&'static EventType),
+    /// A value known before the streams start.
+    Value(&'static DataType),
+    /// A value made of whole streams.
+    Fold(&'static DataType),
+}
+
+impl PortKind {
+    /// The name of what travels.
+    #[must_use]
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Stream(item) => item.name,
+            Self::Events(event) => event.name,
+            Self::Value(data) | Self::Fold(data) => data.name,
+        }
+    }
+
+    /// The kind in one word.
+    #[must_use]
+    pub fn word(&self) -> &'static str {
+        match self {
+            Self::Stream(_) => "stream",
+            Self::Events(_) => "events",
+            Self::Value(_) => "value",
+            Self::Fold(_) => "fold",
+        }
+    }
+
+    /// Whether a link from an output of kind `self` to an input of kind `input` carries the same thing.
+    #[must_use]
+    pub fn feeds(&self, input: &Self) -> bool {
+        match (self, input) {
+            (Self::Stream(a), Self::Stream(b)) => (a.id)() == (b.id)(),
+            (Self::Events(a), Self::Events(b)) => (a.id)() == (b.id)(),
+            (Self::Value(a) | Self::Fold(a), Self::Value(b)) => (a.id)() == (b.id)(),
+            _ => false,
+        }
+    }
+}
+
+/// How many links an input takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Arity {
+    /// Exactly one.
+    One,
+    /// None or one.
+    Optional,
+    /// A list of one or more.
+    Many,
+}
+
+/// One declared port.
+#[derive(Clone, Copy, Debug)]
+pub struct PortSpec {
+    /// Its name in graphs.
+    pub name: &'static str,
+    /// What it carries.
+    pub doc: &'static str,
+    /// Kind and type.
+    pub kind: PortKind,
+    /// How many links it takes; outputs have [`Arity::One`].
+    pub arity: Arity,
+}
+
+/// A typed name of a port.
+#[derive(Debug)]
+pub struct Port<K> {
+    index: usize,
+    kind: PhantomData<K>,
+}
+
+impl<K> Port<K> {
+    /// Port number `index`; made by [`ports!`](crate::ports).
+    #[must_use]
+    pub const fn new(index: usize) -> Self {
+        Self { index, kind: PhantomData }
+    }
+
+    /// Its place in the declaration.
+    #[must_use]
+    pub fn index(&self) -> usize {
+        self.index
+    }
+}
+
+/// The ports of one node type.
+pub trait Ports: 'static {
+    /// What the node sees of them in one window.
+    type Io<'a>;
+    /// Inputs in order.
+    const INPUTS: &'static [PortSpec];
+    /// Outputs in order.
+    const OUTPUTS: &'static [PortSpec];
+    /// Opens all views of one window.
+    fn open<'a>(cx: &Cx<'a>) -> Self::Io<'a>;
+}
+
+/// A kind that an input can have.
+pub trait InKind {
+    /// What the node sees.
+    type View<'a>;
+    /// Kind and type.
+    const KIND: PortKind;
+    /// How many links.
+    const ARITY: Arity;
+    /// Opens the view of one window.
+    fn view<'a>(cx: &Cx<'a>, port: usize) -> Self::View<'a>;
+}
+
+/// A kind of input that takes one link.
+pub trait One: InKind {
+    /// Opens the view of one link.
+    fn link<'a>(cx: &Cx<'a>, wire: &'a InWire) -> Self::View<'a>;
+}
+
+/// A kind that an output can have.
+pub trait OutKind {
+    /// What the node writes to.
+    type View<'a>;
+    /// Kind and type.
+    const KIND: PortKind;
+    /// Opens the view of one window.
+    fn view<'a>(cx: &Cx<'a>, port: usize) -> Self::View<'a>;
+}
+
+/// Items of one input stream around one window.
+///
+/// # Shapes
+/// `past + len + ahead` items of `width` elements each; `past` and `ahead` as the node's shape declared.
+#[derive(Debug)]
+pub struct In<'a, T: Item> {
+    items: Ref<'a, [T::Elem]>,
+    width: usize,
+    past: usize,
+    len: usize,
+    first: i64,
+    rate: Rate,
+}
+
+impl<T: Item> In<'_, T> {
+    /// The items of the window itself.
+    #[must_use]
+    pub fn items(&self) -> &[T::Elem] {
+        &self.items[self.past * self.width..(self.past + self.len) * self.width]
+    }
+
+    /// The items of the window with those before and after it that the shape asked for.
+    #[must_use]
+    pub fn around(&self) -> &[T::Elem] {
+        &self.items
+    }
+
+    /// Item `k` of the window; negative before it, from `len` on after it, as far as the shape asked for.
+    #[must_use]
+    pub fn item(&self, k: isize) -> &[T::Elem] {
+        let at = (self.past as isize + k) as usize * self.width;
+        &self.items[at..at + self.width]
+    }
+
+    /// Items in the window.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.len
+    }
+
+    /// Whether the window holds no item.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+
+    /// Elements per item.
+    #[must_use]
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Index in the stream of the window's first item.
+    #[must_use]
+    pub fn first(&self) -> i64 {
+        self.first
+    }
+
+    /// Items before the window that are visible.
+    #[must_use]
+    pub fn past(&self) -> usize {
+        self.past
+    }
+
+    /// Items per second.
+    #[must_use]
+    pub fn rate(&self) -> Rate {
+        self.rate
+    }
+}
+
+/// The part of an output stream that one window has to fill.
+#[derive(Debug)]
+pub struct Out<'a, T: Item> {
+    items: RefMut<'a, [T::Elem]>,
+    width: usize,
+    first: i64,
+    rate: Rate,
+}
+
+impl<T: Item> Out<'_, T> {
+    /// The items to fill.
+    pub fn items(&mut self) -> &mut [T::Elem] {
+        &mut self.items
+    }
+
+    /// Items in the window.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.items.len() / self.width.max(1)
+    }
+
+    /// Whether the window holds no item.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.items.is_empty()
+    }
+
+    /// Elements per item.
+    #[must_use]
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Index in the stream of the window's first item.
+    #[must_use]
+    pub fn first(&self) -> i64 {
+        self.first
+    }
+
+    /// Items per second.
+    #[must_use]
+    pub fn rate(&self) -> Rate {
+        self.rate
+    }
+}
+
+/// The events of one window.
+#[derive(Debug)]
+pub struct EventsIn<'a, T: Event> {
+    events: Ref<'a, [(Tick, T)]>,
+    from: Tick,
+    to: Tick,
+}
+
+impl<T: Event> EventsIn<'_, T> {
+    /// The events in the window, in order.
+    #[must_use]
+    pub fn events(&self) -> &[(Tick, T)] {
+        &self.events
+    }
+
+    /// The window: all events in it are here.
+    #[must_use]
+    pub fn window(&self) -> (Tick, Tick) {
+        (self.from, self.to)
+    }
+}
+
+/// Takes the events of one window.
+#[derive(Debug)]
+pub struct EventsOut<'a, T: Event> {
+    track: RefMut<'a, EventTrack<T>>,
+    from: Tick,
+    to: Tick,
+}
+
+impl<T: Event> EventsOut<'_, T> {
+    /// Adds an event; a time outside the window is moved to its nearest end, so that no watermark is broken.
+    pub fn push(&mut self, tick: Tick, event: T) {
+        self.track.push(tick.clamp(self.from, (self.to - 1).max(self.from)), event);
+    }
+
+    /// The window to fill.
+    #[must_use]
+    pub fn window(&self) -> (Tick, Tick) {
+        (self.from, self.to)
+    }
+}
+
+/// Takes one value.
+#[derive(Debug)]
+pub struct Slot<'a, T: Data> {
+    place: RefMut<'a, Option<AnyValue>>,
+    kind: PhantomData<T>,
+}
+
+impl<T: Data> Slot<'_, T> {
+    /// Gives the value.
+    pub fn set(&mut self, value: T) {
+        *self.place = Some(AnyValue::new(value));
+    }
+}
+
+/// The links of an input that takes many.
+#[derive(Clone, Copy)]
+pub struct Links<'a, K> {
+    cx: Cx<'a>,
+    wires: &'a [InWire],
+    kind: PhantomData<K>,
+}
+
+impl<'a, K: One> Links<'a, K> {
+    /// How many there are.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.wires.len()
+    }
+
+    /// Whether there is none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.wires.is_empty()
+    }
+
+    /// Opens each in turn.
+    pub fn iter(&self) -> impl Iterator<Item = K::View<'a>> + use<'a, K> {
+        let cx = self.cx;
+        self.wires.iter().map(move |wire| K::link(&cx, wire))
+    }
+}
+
+impl<T: Item> InKind for Stream<T> {
+    type View<'a> = In<'a, T>;
+    const KIND: PortKind = PortKind::Stream(OfItem::<T>::INFO);
+    const ARITY: Arity = Arity::One;
+
+    fn view<'a>(cx: &Cx<'a>, port: usize) -> In<'a, T> {
+        Self::link(cx, &cx.inputs[port][0])
+    }
+}
+
+impl<T: Item> One for Stream<T> {
+    fn link<'a>(cx: &Cx<'a>, wire: &'a InWire) -> In<'a, T> {
+        let InWire::Stream { track, clock, past, ahead, delay, width, rate } = wire else {
+            cx.miswired("stream")
+        };
+        let span = cx.span(*clock);
+        let items = Ref::map(cx.tracks[*track].borrow(), |track| {
+            let Some(track) = track.as_any().downcast_ref::<Track<T::Elem>>() else { cx.miswired(T::NAME) };
+            let (from, to) = (span.from - *delay as i64, span.to - *delay as i64);
+            track.view(from - *past as i64, to + *ahead as i64)
+        });
+        let len = (span.to - span.from) as usize;
+        In { items, width: *width, past: *past, len, first: span.from, rate: *rate }
+    }
+}
+
+impl<T: Event> InKind for Events<T> {
+    type View<'a> = EventsIn<'a, T>;
+    const KIND: PortKind = PortKind::Events(OfEvent::<T>::INFO);
+    const ARITY: Arity = Arity::One;
+
+    fn view<'a>(cx: &Cx<'a>, port: usize) -> EventsIn<'a, T> {
+        Self::link(cx, &cx.inputs[port][0])
+    }
+}
+
+impl<T: Event> One for Events<T> {
+    fn link<'a>(cx: &Cx<'a>, wire: &'a InWire) -> EventsIn<'a, T> {
+        let InWire::Events { track, clock, past, ahead } = wire else { cx.miswired("events") };
+        let span = cx.span(*clock);
+        let events = Ref::map(cx.tracks[*track].borrow(), |track| {
+            let Some(track) = track.as_any().downcast_ref::<EventTrack<T>>() else { cx.miswired(T::NAME) };
+            track.view(span.from - past, span.to + ahead)
+        });
+        EventsIn { events, from: span.from, to: span.to }
+    }
+}
+
+impl<T: Data> InKind for Value<T> {
+    type View<'a> = &'a T;
+    const KIND: PortKind = PortKind::Value(OfData::<T>::INFO);
+    const ARITY: Arity = Arity::One;
+
+    fn view<'a>(cx: &Cx<'a>, port: usize) -> &'a T {
+        Self::link(cx, &cx.inputs[port][0])
+    }
+}
+
+impl<T: Data> One for Value<T> {
+    fn link<'a>(cx: &Cx<'a>, wire: &'a InWire) -> &'a T {
+        let InWire::Value(value) = wire else { cx.miswired("value") };
+        match value.get() {
+            Some(value) => value,
+            None => cx.miswired(T::NAME),
+        }
+    }
+}
+
+impl<K: One> InKind for Option<K> {
+    type View<'a> = Option<K::View<'a>>;
+    const KIND: PortKind = K::KIND;
+    const ARITY: Arity = Arity::Optional;
+
+    fn view<'a>(cx: &Cx<'a>, port: usize) -> Self::View<'a> {
+        cx.inputs[port].first().map(|wire| K::link(cx, wire))
+    }
+}
+
+impl<K: One> InKind for Many<K> {
+    type View<'a> = Links<'a, K>;
+    const KIND: PortKind = K::KIND;
+    const ARITY: Arity = Arity::Many;
+
+    fn view<'a>(cx: &Cx<'a>, port: usize) -> Links<'a, K> {
+        Links { cx: *cx, wires: &cx.inputs[port], kind: PhantomData }
+    }
+}
+
+impl<T: Item> OutKind for Stream<T> {
+    type View<'a> = Out<'a, T>;
+    const KIND: PortKind = PortKind::Stream(OfItem::<T>::INFO);
+
+    fn view<'a>(cx: &Cx<'a>, port: usize) -> Out<'a, T> {
+        let OutWire::Stream { track, clock, width, rate } = &cx.outputs[port] else { cx.miswired("stream") };
+        let span = cx.span(*clock);
+        let mut items = RefMut::map(cx.tracks[*track].borrow_mut(), |track| {
+            let Some(track) = track.as_any_mut().downcast_mut::<Track<T::Elem>>() else {
+                cx.miswired(T::NAME)
+            };
+            track.append((span.to - span.from) as usize)
+        });
+        if cx.poison {
+            items.fill(T::poison());
+        }
+        Out { items, width: *width, first: span.from, rate: *rate }
+    }
+}
+
+impl<T: Event> OutKind for Events<T> {
+    type View<'a> = EventsOut<'a, T>;
+    const KIND: PortKind = PortKind::Events(OfEvent::<T>::INFO);
+
+    fn view<'a>(cx: &Cx<'a>, port: usize) -> EventsOut<'a, T> {
+        let OutWire::Events { track, clock } = &cx.outputs[port] else { cx.miswired("events") };
+        let span = cx.span(*clock);
+        let mut track = RefMut::map(cx.tracks[*track].borrow_mut(), |track| {
+            let Some(track) = track.as_any_mut().downcast_mut::<EventTrack<T>>() else {
+                cx.miswired(T::NAME)
+            };
+            track
+        });
+        track.advance(span.to);
+        EventsOut { track, from: span.from, to: span.to }
+    }
+}
+
+fn slot<'a, T: Data>(cx: &Cx<'a>, port: usize) -> Slot<'a, T> {
+    let OutWire::Value(place) = &cx.outputs[port] else { cx.miswired("value") };
+    Slot { place: place.borrow_mut(), kind: PhantomData }
+}
+
+impl<T: Data> OutKind for Value<T> {
+    type View<'a> = Slot<'a, T>;
+    const KIND: PortKind = PortKind::Value(OfData::<T>::INFO);
+
+    fn view<'a>(cx: &Cx<'a>, port: usize) -> Slot<'a, T> {
+        slot(cx, port)
+    }
+}
+
+impl<T: Data> OutKind for Fold<T> {
+    type View<'a> = Slot<'a, T>;
+    const KIND: PortKind = PortKind::Fold(OfData::<T>::INFO);
+
+    fn view<'a>(cx: &Cx<'a>, port: usize) -> Slot<'a, T> {
+        slot(cx, port)
+    }
+}
+
+/// Declares the ports of a node: names, kinds and a doc comment each.
+///
+/// Makes the port names as constants (`GainPorts::audio`) and the struct of views that `run` gets (`GainIo`).
+#[macro_export]
+macro_rules! ports {
+    (
+        $(#[$meta:meta])*
+        pub struct $name:ident / $io:ident {
+            in { $( $(#[doc = $idoc:expr])+ $in:ident : $it:ty, )* }
+            out { $( $(#[doc = $odoc:expr])+ $out:ident : $ot:ty, )* }
+        }
+    ) => {
+        $(#[$meta])*
+        /// Names of the ports.
+        #[derive(Debug)]
+        pub struct $name;
+
+        /// The ports in one window.
+        #[allow(missing_debug_implementations)]
+        pub struct $io<'a> {
+            $( $(#[doc = $idoc])+ pub $in: <$it as $crate::core::ports::InKind>::View<'a>, )*
+            $( $(#[doc = $odoc])+ pub $out: <$ot as $crate::core::ports::OutKind>::View<'a>, )*
+            #[doc(hidden)]
+            pub window: $crate::core::stage::Window<'a>,
+        }
+
+        #[allow(non_upper_case_globals)]
+        impl $name {
+            $crate::ports!(@name 0usize; $( $(#[doc = $idoc])+ $in : $it, )*);
+            $crate::ports!(@name 0usize; $( $(#[doc = $odoc])+ $out : $ot, )*);
+        }
+
+        impl $crate::core::ports::Ports for $name {
+            type Io<'a> = $io<'a>;
+            const INPUTS: &'static [$crate::core::ports::PortSpec] = &[ $( $crate::core::ports::PortSpec {
+                name: stringify!($in),
+                doc: concat!($($idoc, "\n",)+),
+                kind: <$it as $crate::core::ports::InKind>::KIND,
+                arity: <$it as $crate::core::ports::InKind>::ARITY,
+            }, )* ];
+            const OUTPUTS: &'static [$crate::core::ports::PortSpec] = &[ $( $crate::core::ports::PortSpec {
+                name: stringify!($out),
+                doc: concat!($($odoc, "\n",)+),
+                kind: <$ot as $crate::core::ports::OutKind>::KIND,
+                arity: $crate::core::ports::Arity::One,
+            }, )* ];
+
+            fn open<'a>(cx: &$crate::core::stage::Cx<'a>) -> $io<'a> {
+                $io {
+                    $( $in: <$it as $crate::core::ports::InKind>::view(cx, $name::$in.index()), )*
+                    $( $out: <$ot as $crate::core::ports::OutKind>::view(cx, $name::$out.index()), )*
+                    window: cx.window(),
+                }
+            }
+        }
+    };
+    (@name $n:expr;) => {};
+    (@name $n:expr; $(#[doc = $doc:expr])+ $port:ident : $t:ty, $($rest:tt)*) => {
+        $(#[doc = $doc])+
+        pub const $port: $crate::core::ports::Port<$t> = $crate::core::ports::Port::new($n);
+        $crate::ports!(@name $n + 1usize; $($rest)*);
+    };
+}

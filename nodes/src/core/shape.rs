@@ -1,0 +1,393 @@
+//! What a node declares before anything runs: rates, formats, how far it looks, when it ends.
+
+use super::fault::{Fault, Reject};
+use super::files::{FileError, Files, Outputs, ReadSeek, WriteSeek};
+use super::item::{AnyValue, Data, Item, StreamShape};
+use super::ports::{Events, Many, Port, Stream, Value};
+use super::random::Random;
+use super::time::{Rate, Tick};
+use std::any::Any;
+use std::marker::PhantomData;
+use std::sync::Arc;
+
+/// What happens to a node when an input stream ends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
+pub enum Ends {
+    /// The node ends with it.
+    Stop,
+    /// It goes on as silence while the other inputs last.
+    #[default]
+    Silence,
+    /// It goes on as its last item; before its start it is its first item.
+    Hold,
+    /// It must not end before the others.
+    Error,
+}
+
+/// What is known of one link of an input.
+#[derive(Clone, Debug)]
+pub enum LinkShape {
+    /// A stream.
+    Stream(StreamShape),
+    /// Events that end at a time.
+    Events(Option<Tick>),
+    /// A value; not there yet where it is made by the run itself.
+    Value(Option<AnyValue>),
+}
+
+/// What a node declared of one input port.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Reach {
+    /// Items (ticks for events) before the window.
+    pub past: usize,
+    /// Items (ticks for events) after the window.
+    pub ahead: usize,
+    /// Items by which the whole input is read late; an input that is read late may close a loop.
+    pub delay: usize,
+    /// What happens when it ends.
+    pub ends: Ends,
+}
+
+/// What a node's shape is, once its parameters and inputs are known.
+#[derive(Debug, Default)]
+pub struct NodeShape {
+    /// Per input port.
+    pub reach: Vec<Reach>,
+    /// Per output port; `None` for events and values.
+    pub outputs: Vec<Option<StreamShape>>,
+    /// How far its outputs are behind its window.
+    pub lag: Tick,
+    /// When it ends; `None` for a node without end.
+    pub end: Option<Tick>,
+    /// Warnings for people.
+    pub notes: Vec<String>,
+    /// What it wants to find again when it is built.
+    pub kept: Option<Arc<dyn Any + Send + Sync>>,
+    /// Files that were opened.
+    pub opened: Vec<String>,
+}
+
+/// Collects a node's declaration, without types.
+pub struct RawShape<'a> {
+    /// Links per input port.
+    pub links: &'a [Vec<LinkShape>],
+    /// Opens assets.
+    pub files: &'a dyn Files,
+    /// The declaration.
+    pub shape: NodeShape,
+    tail: Tick,
+    end: Option<Option<Tick>>,
+}
+
+impl<'a> RawShape<'a> {
+    /// An empty declaration over these links.
+    #[must_use]
+    pub fn new(links: &'a [Vec<LinkShape>], outputs: usize, files: &'a dyn Files) -> Self {
+        let shape = NodeShape {
+            reach: vec![Reach::default(); links.len()],
+            outputs: vec![None; outputs],
+            ..NodeShape::default()
+        };
+        Self { links, files, shape, tail: 0, end: None }
+    }
+
+    /// Ends the declaration: when the node ends follows from its inputs unless it said so.
+    ///
+    /// # Errors
+    /// When an input that has to last ends before the others.
+    pub fn close(mut self) -> Result<NodeShape, Reject> {
+        let ends = self.links.iter().zip(&self.shape.reach).flat_map(|(links, reach)| {
+            links.iter().filter_map(|link| match link {
+                LinkShape::Stream(stream) => Some((reach.ends, stream.end)),
+                LinkShape::Events(end) => Some((reach.ends, *end)),
+                LinkShape::Value(_) => None,
+            })
+        });
+        let (mut stop, mut longest, mut must): (Option<Tick>, Option<Tick>, Option<Tick>) =
+            (None, Some(0), None);
+        let mut any = false;
+        for (rule, end) in ends {
+            any = true;
+            longest = longest.zip(end).map(|(a, b)| a.max(b));
+            match (rule, end) {
+                (Ends::Stop, Some(end)) => stop = Some(stop.map_or(end, |s| s.min(end))),
+                (Ends::Error, Some(end)) => must = Some(must.map_or(end, |s| s.min(end))),
+                _ => {}
+            }
+        }
+        let end = match self.end {
+            Some(end) => end,
+            None if !any => None,
+            None => stop.or(longest),
+        };
+        if let Some(must) = must
+            && end.is_none_or(|end| end > must)
+        {
+            return Err(Reject::new("F047", "an input ends before the others of this node"));
+        }
+        self.shape.end = end.map(|end| end + self.tail);
+        for output in self.shape.outputs.iter_mut().flatten() {
+            output.end = self.shape.end;
+        }
+        Ok(self.shape)
+    }
+}
+
+/// A node's declaration, as its `shape` writes it.
+pub struct Shape<'s, 'a, P> {
+    raw: &'s mut RawShape<'a>,
+    ports: PhantomData<P>,
+}
+
+/// A port whose stream or events a node may look around in.
+pub trait Reachable {}
+impl<T: Item> Reachable for Stream<T> {}
+impl<T: super::item::Event> Reachable for Events<T> {}
+impl<K: Reachable> Reachable for Option<K> {}
+impl<K: Reachable> Reachable for Many<K> {}
+
+/// One stream that comes in, typed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Incoming<T: Item> {
+    /// Items per second.
+    pub rate: Rate,
+    /// What is fixed for the stream.
+    pub format: T::Format,
+    /// When it ends.
+    pub end: Option<Tick>,
+}
+
+impl<T: Item> Incoming<T> {
+    fn of(link: &LinkShape) -> Option<Self> {
+        let LinkShape::Stream(stream) = link else { return None };
+        let format = stream.format::<T>()?.clone();
+        Some(Self { rate: stream.rate, format, end: stream.end })
+    }
+
+    /// Items in it, where it ends.
+    #[must_use]
+    pub fn items(&self) -> Option<i64> {
+        self.end.map(|end| self.rate.first_at(end))
+    }
+}
+
+impl<'s, 'a, P> Shape<'s, 'a, P> {
+    /// Types a declaration.
+    pub fn new(raw: &'s mut RawShape<'a>) -> Self {
+        Self { raw, ports: PhantomData }
+    }
+
+    fn link(&self, port: usize, k: usize) -> Option<&LinkShape> {
+        self.raw.links.get(port)?.get(k)
+    }
+
+    /// The stream at an input.
+    ///
+    /// # Panics
+    /// When the graph checker let a node through whose input has no link.
+    #[must_use]
+    pub fn input<T: Item>(&self, port: Port<Stream<T>>) -> Incoming<T> {
+        let found = self.link(port.index(), 0).and_then(Incoming::of);
+        found.expect("the checker refuses a node whose input has no link")
+    }
+
+    /// The stream at an input that may be left open.
+    #[must_use]
+    pub fn optional<T: Item>(&self, port: Port<Option<Stream<T>>>) -> Option<Incoming<T>> {
+        self.link(port.index(), 0).and_then(Incoming::of)
+    }
+
+    /// The streams at an input that takes many.
+    #[must_use]
+    pub fn many<T: Item>(&self, port: Port<Many<Stream<T>>>) -> Vec<Incoming<T>> {
+        self.raw.links[port.index()].iter().filter_map(Incoming::of).collect()
+    }
+
+    /// The value at an input, where it is known before the run.
+    #[must_use]
+    pub fn value<T: Data>(&self, port: Port<Value<T>>) -> Option<Arc<T>> {
+        match self.link(port.index(), 0) {
+            Some(LinkShape::Value(Some(value))) => value.shared(),
+            _ => None,
+        }
+    }
+
+    /// Declares how many items before and after each window the node has to see; ticks for events.
+    pub fn reach<K: Reachable>(&mut self, port: Port<K>, past: usize, ahead: usize) {
+        let reach = &mut self.raw.shape.reach[port.index()];
+        (reach.past, reach.ahead) = (past, ahead);
+    }
+
+    /// Declares that a stream is read `items` late: the window shows what it held that many items ago.
+    ///
+    /// Such an input may close a loop, as long as the delay is no shorter than one window.
+    pub fn delayed<T: Item>(&mut self, port: Port<Stream<T>>, items: usize) {
+        self.raw.shape.reach[port.index()].delay = items;
+    }
+
+    /// Declares what happens when an input ends.
+    pub fn when_ended<K: Reachable>(&mut self, port: Port<K>, ends: Ends) {
+        self.raw.shape.reach[port.index()].ends = ends;
+    }
+
+    /// Declares an output stream.
+    pub fn output<T: Item>(&mut self, port: Port<Stream<T>>, rate: Rate, format: T::Format) {
+        self.raw.shape.outputs[port.index()] = Some(StreamShape::new::<T>(rate, format, None));
+    }
+
+    /// Declares that the outputs are this far behind the node's window.
+    pub fn lag(&mut self, lag: Tick) {
+        self.raw.shape.lag = lag;
+    }
+
+    /// Declares that the node goes on sounding after its inputs have ended.
+    pub fn tail(&mut self, tail: Tick) {
+        self.raw.tail = tail;
+    }
+
+    /// Declares when the node ends, `None` for never: for sources, and for nodes that cut.
+    pub fn ends(&mut self, end: Option<Tick>) {
+        self.raw.end = Some(end);
+    }
+
+    /// Opens an asset.
+    ///
+    /// # Errors
+    /// When it cannot be had; the error names `field`.
+    pub fn open(&mut self, field: &str, path: &str) -> Result<Box<dyn ReadSeek>, Reject> {
+        self.raw.shape.opened.push(path.to_owned());
+        self.raw.files.open(path).map_err(|e| reject(field, &e))
+    }
+
+    /// Reads a whole asset.
+    ///
+    /// # Errors
+    /// When it cannot be had; the error names `field`.
+    pub fn bytes(&mut self, field: &str, path: &str) -> Result<Vec<u8>, Reject> {
+        self.raw.shape.opened.push(path.to_owned());
+        self.raw.files.bytes(path).map_err(|e| reject(field, &e))
+    }
+
+    /// The files of a numbered sequence.
+    ///
+    /// # Errors
+    /// When there is none; the error names `field`.
+    pub fn sequence(&mut self, field: &str, pattern: &str) -> Result<Vec<(u64, String)>, Reject> {
+        let found = self.raw.files.sequence(pattern).map_err(|e| reject(field, &e))?;
+        self.raw.shape.opened.extend(found.iter().map(|(_, path)| path.clone()));
+        Ok(found)
+    }
+
+    /// A warning for people that does not stop the graph.
+    pub fn note(&mut self, note: impl Into<String>) {
+        self.raw.shape.notes.push(note.into());
+    }
+
+    /// Keeps what was read for [`Build::kept`].
+    pub fn keep<T: Send + Sync + 'static>(&mut self, thing: T) {
+        self.raw.shape.kept = Some(Arc::new(thing));
+    }
+}
+
+fn reject(field: &str, e: &FileError) -> Reject {
+    Reject::new(e.code, e.message.clone()).at(field)
+}
+
+/// What a node has at hand when it is built.
+pub struct Build<'a> {
+    /// Randomness of this node.
+    pub random: Random,
+    /// Links per input port.
+    pub links: &'a [Vec<LinkShape>],
+    /// The node's own shape.
+    pub shape: &'a NodeShape,
+    /// Longest window, ticks.
+    pub window: Tick,
+    /// Opens assets.
+    pub files: &'a dyn Files,
+    /// Starts outputs.
+    pub outputs: &'a dyn Outputs,
+}
+
+impl Build<'_> {
+    /// The stream at an input.
+    ///
+    /// # Panics
+    /// As [`Shape::input`].
+    #[must_use]
+    pub fn input<T: Item>(&self, port: Port<Stream<T>>) -> Incoming<T> {
+        let found = self.links[port.index()].first().and_then(Incoming::of);
+        found.expect("the checker refuses a node whose input has no link")
+    }
+
+    /// The stream at an input that may be left open.
+    #[must_use]
+    pub fn optional<T: Item>(&self, port: Port<Option<Stream<T>>>) -> Option<Incoming<T>> {
+        self.links[port.index()].first().and_then(Incoming::of)
+    }
+
+    /// The streams at an input that takes many.
+    #[must_use]
+    pub fn many<T: Item>(&self, port: Port<Many<Stream<T>>>) -> Vec<Incoming<T>> {
+        self.links[port.index()].iter().filter_map(Incoming::of).collect()
+    }
+
+    /// The value at an input.
+    ///
+    /// # Panics
+    /// When a node is built before its values are known, which the runtime never does.
+    #[must_use]
+    pub fn value<T: Data>(&self, port: Port<Value<T>>) -> Arc<T> {
+        match self.links[port.index()].first() {
+            Some(LinkShape::Value(Some(value))) => value.shared(),
+            _ => None,
+        }
+        .expect("values are ready before streams are built")
+    }
+
+    /// The rate and format of an output.
+    ///
+    /// # Panics
+    /// When the node's shape did not declare it.
+    #[must_use]
+    pub fn output<T: Item>(&self, port: Port<Stream<T>>) -> Incoming<T> {
+        let stream = self.shape.outputs[port.index()].clone().map(LinkShape::Stream);
+        stream.as_ref().and_then(Incoming::of).expect("the node's own shape declares its outputs")
+    }
+
+    /// The most items of a rate that one window can hold.
+    #[must_use]
+    pub fn items_per_window(&self, rate: Rate) -> usize {
+        rate.first_at(self.window) as usize + 1
+    }
+
+    /// What `shape` kept.
+    #[must_use]
+    pub fn kept<T: Send + Sync + 'static>(&self) -> Option<Arc<T>> {
+        self.shape.kept.clone()?.downcast().ok()
+    }
+
+    /// Opens an asset.
+    ///
+    /// # Errors
+    /// When it cannot be had; the error names `field`.
+    pub fn open(&self, field: &str, path: &str) -> Result<Box<dyn ReadSeek>, Fault> {
+        self.files.open(path).map_err(|e| reject(field, &e).into())
+    }
+
+    /// Reads a whole asset.
+    ///
+    /// # Errors
+    /// When it cannot be had; the error names `field`.
+    pub fn bytes(&self, field: &str, path: &str) -> Result<Vec<u8>, Fault> {
+        self.files.bytes(path).map_err(|e| reject(field, &e).into())
+    }
+
+    /// Starts an output file.
+    ///
+    /// # Errors
+    /// When it cannot be written; the error names `field`.
+    pub fn create(&self, field: &str, path: &str) -> Result<Box<dyn WriteSeek>, Fault> {
+        self.outputs.create(path).map_err(|e| reject(field, &e).into())
+    }
+}

@@ -1,0 +1,523 @@
+//! Runs one node on slices, without any runtime: for programs that want a node as it is, and for tests.
+
+use super::fault::{Fault, Reject};
+use super::files::{MemoryFiles, MemoryOutputs};
+use super::item::{AnyValue, Data, Described, Event, EventType, Item, OfEvent, StreamShape};
+use super::node::{DynNode, Func, Node, NodeType, Retune, Summary};
+use super::params::AnyParams;
+use super::ports::{Events, Many, OutKind, Port, PortKind, PortSpec, Stream, Value};
+use super::random::Random;
+use super::shape::{Build, Ends, LinkShape, NodeShape, RawShape, Reach};
+use super::stage::{Clock, Cx, InWire, OutWire, Stage, StageNode};
+use super::time::{Rate, TICKS_PER_SECOND, Tick};
+use super::track::{EventTrack, Pad, Track};
+use std::any::Any;
+use std::cell::RefCell;
+use std::sync::Arc;
+
+/// Whole input data for one link of a node.
+#[derive(Clone)]
+pub struct Feed {
+    shape: LinkShape,
+    source: Option<Source>,
+}
+
+#[derive(Clone)]
+struct Source {
+    player: Arc<dyn Fn() -> Box<dyn DynNode> + Send + Sync>,
+    events: Option<&'static EventType>,
+}
+
+impl Feed {
+    /// A stream of `data.len() / width` items.
+    #[must_use]
+    pub fn stream<T: Item>(rate: Rate, format: T::Format, data: Vec<T::Elem>) -> Self {
+        let items = data.len() / T::width(&format).max(1);
+        let end = Some(rate.tick(items as i64));
+        let data: Arc<[T::Elem]> = data.into();
+        Self {
+            shape: LinkShape::Stream(StreamShape::new::<T>(rate, format, end)),
+            source: Some(Source {
+                player: Arc::new(move || Box::new(Player::<T> { data: Arc::clone(&data) })),
+                events: None,
+            }),
+        }
+    }
+
+    /// Events, sorted by time, until `end`.
+    #[must_use]
+    pub fn events<T: Event>(events: Vec<(Tick, T)>, end: Tick) -> Self {
+        let events: Arc<[(Tick, T)]> = events.into();
+        Self {
+            shape: LinkShape::Events(Some(end)),
+            source: Some(Source {
+                player: Arc::new(move || Box::new(EventPlayer { events: Arc::clone(&events) })),
+                events: Some(OfEvent::<T>::INFO),
+            }),
+        }
+    }
+
+    /// A value.
+    #[must_use]
+    pub fn value(value: AnyValue) -> Self {
+        Self { shape: LinkShape::Value(Some(value)), source: None }
+    }
+
+    /// What a node sees of it when it is shaped.
+    #[must_use]
+    pub fn shape(&self) -> &LinkShape {
+        &self.shape
+    }
+}
+
+struct Player<T: Item> {
+    data: Arc<[T::Elem]>,
+}
+
+impl<T: Item> DynNode for Player<T> {
+    fn run(&mut self, cx: &Cx<'_>) -> Result<(), Fault> {
+        let mut out = <Stream<T> as OutKind>::view(cx, 0);
+        let (first, width, len) = (out.first() as usize, out.width(), out.len());
+        out.items().copy_from_slice(&self.data[first * width..(first + len) * width]);
+        Ok(())
+    }
+
+    fn finish(&mut self, _: &Cx<'_>) -> Result<Summary, Fault> {
+        Ok(Summary::new())
+    }
+
+    fn retune(&mut self, _: &dyn AnyParams) -> Retune {
+        Retune::Rebuild
+    }
+
+    fn adopt(&mut self, _: &mut dyn DynNode) {}
+
+    fn as_any_mut(&mut self) -> &mut dyn Any {
+        self
+    }
+}
+
+struct EventPlayer<T: Event> {
+    events: Arc<[(Tick, T)]>,
+}
+
+impl<T: Event> DynNode for EventPlayer<T> {
+    fn run(&mut self, cx: &Cx<'_>) -> Result<(), Fault> {
+        let mut out = <Events<T> as OutKind>::view(cx, 0);
+        let (from, to) = out.window();
+        for (tick, event) in self.events.iter().filter(|(t, _)| (from..to).contains(t)) {
+            out.push(*tick, event.clone());
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self, _: &Cx<'_>) -> Result<Summary, Fault> {
+        Ok(Summary::new())
+    }
+
+    fn retune(&mut self, _: &dyn AnyParams) -> Retune {
+        Retune::Rebuild
+    }
+
+    fn adopt(&mut self, _: &mut dyn DynNode) {}
+
+    fn as_any_mut(&mut self) -> &mut dyn Any {
+        self
+    }
+}
+
+/// One node with its inputs, ready to run.
+pub struct Solo {
+    ty: NodeType,
+    params: Box<dyn AnyParams>,
+    links: Vec<Vec<Feed>>,
+    /// The files that the node can open.
+    pub files: MemoryFiles,
+    /// The files that the node writes.
+    pub outputs: MemoryOutputs,
+    /// Seed of its randomness.
+    pub seed: u64,
+    /// Length of the windows; the first repeats until the end.
+    pub window: Tick,
+    /// Where an endless node is stopped.
+    pub until: Tick,
+    /// Whether to fill windows with unusable numbers first.
+    pub poison: bool,
+}
+
+impl Solo {
+    /// A node with these parameters and no inputs yet.
+    #[must_use]
+    pub fn new<N: Node>(params: N::Params) -> Self {
+        Self::of_type(NodeType::of::<N>(""), Box::new(params))
+    }
+
+    /// A value node with these parameters and no inputs yet.
+    #[must_use]
+    pub fn func<F: Func>(params: F::Params) -> Self {
+        Self::of_type(NodeType::func::<F>(""), Box::new(params))
+    }
+
+    /// A node of a type that is known only when running.
+    #[must_use]
+    pub fn of_type(ty: NodeType, params: Box<dyn AnyParams>) -> Self {
+        let links = ty.inputs.iter().map(|_| Vec::new()).collect();
+        Self {
+            ty,
+            params,
+            links,
+            files: MemoryFiles::default(),
+            outputs: MemoryOutputs::default(),
+            seed: 1,
+            window: TICKS_PER_SECOND / 10,
+            until: TICKS_PER_SECOND,
+            poison: false,
+        }
+    }
+
+    /// Gives a stream to an input.
+    #[must_use]
+    pub fn input<T: Item>(
+        self,
+        port: Port<Stream<T>>,
+        rate: Rate,
+        format: T::Format,
+        data: Vec<T::Elem>,
+    ) -> Self {
+        self.feed(port.index(), Feed::stream::<T>(rate, format, data))
+    }
+
+    /// Gives a stream to an input that may be left open.
+    #[must_use]
+    pub fn optional<T: Item>(
+        self,
+        port: Port<Option<Stream<T>>>,
+        rate: Rate,
+        format: T::Format,
+        data: Vec<T::Elem>,
+    ) -> Self {
+        self.feed(port.index(), Feed::stream::<T>(rate, format, data))
+    }
+
+    /// Adds a stream to an input that takes many.
+    #[must_use]
+    pub fn also<T: Item>(
+        self,
+        port: Port<Many<Stream<T>>>,
+        rate: Rate,
+        format: T::Format,
+        data: Vec<T::Elem>,
+    ) -> Self {
+        self.feed(port.index(), Feed::stream::<T>(rate, format, data))
+    }
+
+    /// Gives a value to an input.
+    #[must_use]
+    pub fn value<T: Data>(self, port: Port<Value<T>>, value: T) -> Self {
+        self.feed(port.index(), Feed::value(AnyValue::new(value)))
+    }
+
+    /// Gives events to an input.
+    #[must_use]
+    pub fn events<T: Event>(self, port: Port<Events<T>>, events: Vec<(Tick, T)>, end: Tick) -> Self {
+        self.feed(port.index(), Feed::events(events, end))
+    }
+
+    /// Adds a link to an input by its number.
+    #[must_use]
+    pub fn feed(mut self, port: usize, feed: Feed) -> Self {
+        self.links[port].push(feed);
+        self
+    }
+
+    /// Sets the window length.
+    #[must_use]
+    pub fn window(mut self, window: Tick) -> Self {
+        self.window = window.max(1);
+        self
+    }
+
+    /// What the node declares over these inputs.
+    ///
+    /// # Errors
+    /// As [`Node::shape`].
+    pub fn shape(&self) -> Result<NodeShape, Reject> {
+        let links = self.link_shapes();
+        self.ty.shape(&*self.params, RawShape::new(&links, self.ty.outputs.len(), &self.files))
+    }
+
+    fn link_shapes(&self) -> Vec<Vec<LinkShape>> {
+        self.links.iter().map(|feeds| feeds.iter().map(|f| f.shape.clone()).collect()).collect()
+    }
+
+    /// Wires the node and runs nothing yet.
+    ///
+    /// # Errors
+    /// As [`Node::shape`] and [`Node::build`].
+    pub fn start(&self) -> Result<SoloRun, Fault> {
+        let links = self.link_shapes();
+        let mut shape = self.shape()?;
+        let delay = self.delay(&shape);
+        shape.end = Some(shape.end.unwrap_or(self.until));
+        let cx = Build {
+            random: Random::new(self.seed, "solo"),
+            links: &links,
+            shape: &shape,
+            window: self.window,
+            files: &self.files,
+            outputs: &self.outputs,
+        };
+        let end = shape.end.unwrap_or(0);
+        let mut wiring = Wiring::default();
+        let own = wiring.clock(None, delay, Some(end));
+        let outputs: Vec<OutWire> = (0..self.ty.outputs.len())
+            .map(|k| {
+                wiring.output(&self.ty.outputs[k].kind, shape.outputs[k].as_ref(), delay + shape.lag, end)
+            })
+            .collect();
+        if let Some(eval) = self.ty.eval {
+            let inputs = self.value_wires();
+            let summary = eval(&*self.params, &cx, &Cx::for_values(&inputs, &outputs))?;
+            return Ok(SoloRun::done(self.ty.outputs, outputs, summary));
+        }
+        let inputs: Vec<Vec<InWire>> = self
+            .links
+            .iter()
+            .zip(&shape.reach)
+            .map(|(feeds, reach)| {
+                feeds.iter().map(|f| wiring.input(f, *reach, delay, end, self.window)).collect()
+            })
+            .collect();
+        let node = self.ty.build(&*self.params, &cx)?;
+        wiring.nodes.push(StageNode { node, clock: own, inputs, outputs, copies: Vec::new() });
+        let at = wiring.nodes.len() - 1;
+        let mut stage = Stage::new(wiring.tracks, wiring.clocks, wiring.nodes);
+        stage.set_poison(self.poison);
+        let until = end + delay + shape.lag;
+        let specs = self.ty.outputs;
+        Ok(SoloRun {
+            stage,
+            specs,
+            at,
+            window: self.window,
+            now: 0,
+            until,
+            outputs: None,
+            summary: Summary::new(),
+        })
+    }
+
+    /// Runs the node to its end.
+    ///
+    /// # Errors
+    /// As [`Node::shape`], [`Node::build`], [`Node::run`] and [`Node::finish`].
+    pub fn run(&self) -> Result<SoloRun, Fault> {
+        let mut run = self.start()?;
+        while run.step()? {}
+        run.finish()?;
+        Ok(run)
+    }
+
+    fn delay(&self, shape: &NodeShape) -> Tick {
+        let spans = self.links.iter().zip(&shape.reach).flat_map(|(feeds, reach)| {
+            feeds.iter().map(|feed| match &feed.shape {
+                LinkShape::Stream(stream) => stream.rate.span(reach.ahead),
+                LinkShape::Events(_) => reach.ahead as Tick,
+                LinkShape::Value(_) => 0,
+            })
+        });
+        spans.max().unwrap_or(0)
+    }
+
+    fn value_wires(&self) -> Vec<Vec<InWire>> {
+        let wire = |feed: &Feed| match &feed.shape {
+            LinkShape::Value(Some(value)) => Some(InWire::Value(value.clone())),
+            _ => None,
+        };
+        self.links.iter().map(|feeds| feeds.iter().filter_map(wire).collect()).collect()
+    }
+}
+
+#[derive(Default)]
+struct Wiring {
+    tracks: Vec<Box<dyn super::track::AnyTrack>>,
+    clocks: Vec<Clock>,
+    nodes: Vec<StageNode>,
+}
+
+impl Wiring {
+    fn clock(&mut self, rate: Option<Rate>, delay: Tick, end: Option<Tick>) -> usize {
+        self.clocks.push(Clock { rate, delay, end });
+        self.clocks.len() - 1
+    }
+
+    fn track(&mut self, track: Box<dyn super::track::AnyTrack>) -> usize {
+        self.tracks.push(track);
+        self.tracks.len() - 1
+    }
+
+    fn output(&mut self, kind: &PortKind, shape: Option<&StreamShape>, delay: Tick, end: Tick) -> OutWire {
+        match (kind, shape) {
+            (PortKind::Stream(item), Some(stream)) => {
+                let items = stream.rate.first_at(end) as usize + 1;
+                let track = self.track((item.track)(stream.width, items, 0, Pad::Silence));
+                let clock = self.clock(Some(stream.rate), delay, Some(end));
+                OutWire::Stream { track, clock, width: stream.width, rate: stream.rate }
+            }
+            (PortKind::Events(event), _) => {
+                let track = self.track((event.track)(Tick::MAX / 4));
+                OutWire::Events { track, clock: self.clock(None, delay, Some(end)) }
+            }
+            _ => OutWire::Value(RefCell::default()),
+        }
+    }
+
+    fn input(&mut self, feed: &Feed, reach: Reach, delay: Tick, end: Tick, window: Tick) -> InWire {
+        let Reach { past, ahead, delay: late, ends } = reach;
+        let pad = if ends == Ends::Hold { Pad::Hold } else { Pad::Silence };
+        let player = feed.source.as_ref().map(|source| (source.player)());
+        match &feed.shape {
+            LinkShape::Value(value) => InWire::Value(value.clone().expect("a feed holds its value")),
+            LinkShape::Stream(stream) => {
+                let rate = stream.rate;
+                let span = rate.first_at(delay + window) as usize + past + ahead + late + 3;
+                let track = self.track((stream.item.track)(stream.width, span, past + late, pad));
+                let write = self.clock(Some(rate), 0, stream.end);
+                let clock = self.clock(Some(rate), delay, Some(end));
+                let out = OutWire::Stream { track, clock: write, width: stream.width, rate };
+                self.play(player, stream.end, out);
+                InWire::Stream { track, clock, past, ahead, delay: late, width: stream.width, rate }
+            }
+            LinkShape::Events(stop) => {
+                let event = feed.source.as_ref().and_then(|source| source.events);
+                let event = event.expect("a feed of events knows their type");
+                let track = self.track((event.track)(delay + window + past as Tick + ahead as Tick));
+                let write = self.clock(None, 0, *stop);
+                let clock = self.clock(None, delay, Some(end));
+                self.play(player, *stop, OutWire::Events { track, clock: write });
+                InWire::Events { track, clock, past: past as Tick, ahead: ahead as Tick }
+            }
+        }
+    }
+
+    fn play(&mut self, player: Option<Box<dyn DynNode>>, end: Option<Tick>, out: OutWire) {
+        if let Some(node) = player {
+            let clock = self.clock(None, 0, end);
+            self.nodes.push(StageNode {
+                node,
+                clock,
+                inputs: Vec::new(),
+                outputs: vec![out],
+                copies: Vec::new(),
+            });
+        }
+    }
+}
+
+/// A node that is running, or has run.
+pub struct SoloRun {
+    stage: Stage,
+    specs: &'static [PortSpec],
+    at: usize,
+    window: Tick,
+    now: Tick,
+    until: Tick,
+    outputs: Option<Vec<OutWire>>,
+    /// What the node told at its end.
+    pub summary: Summary,
+}
+
+impl SoloRun {
+    fn done(specs: &'static [PortSpec], outputs: Vec<OutWire>, summary: Summary) -> Self {
+        let stage = Stage::new(Vec::new(), Vec::new(), Vec::new());
+        Self { stage, specs, at: 0, window: 1, now: 0, until: 0, outputs: Some(outputs), summary }
+    }
+
+    /// Runs one window; false once there is nothing left.
+    ///
+    /// # Errors
+    /// As [`Node::run`].
+    pub fn step(&mut self) -> Result<bool, Fault> {
+        if self.now >= self.until {
+            return Ok(false);
+        }
+        self.now = (self.now + self.window).min(self.until);
+        self.stage.advance(self.now);
+        self.stage.run().map_err(|(_, fault)| fault)?;
+        Ok(true)
+    }
+
+    /// Ends the run.
+    ///
+    /// # Errors
+    /// As [`Node::finish`].
+    pub fn finish(&mut self) -> Result<(), Fault> {
+        if self.outputs.is_none() {
+            let mut all = self.stage.finish().map_err(|(_, fault)| fault)?;
+            self.summary = all.pop().unwrap_or_default();
+        }
+        Ok(())
+    }
+
+    fn wires(&self) -> &[OutWire] {
+        match &self.outputs {
+            Some(outputs) => outputs,
+            None => self.stage.outputs(self.at),
+        }
+    }
+
+    /// All that a stream output has given so far.
+    #[must_use]
+    pub fn stream<T: Item>(&self, port: Port<Stream<T>>) -> Vec<T::Elem> {
+        let OutWire::Stream { track, .. } = &self.wires()[port.index()] else { return Vec::new() };
+        self.stage.with_track(*track, |track| {
+            let typed = track.as_any().downcast_ref::<Track<T::Elem>>();
+            typed.map(|typed| typed.view(0, track.end()).to_vec()).unwrap_or_default()
+        })
+    }
+
+    /// The numbers of a stream output, and whether all of them are finite, whatever its type.
+    #[must_use]
+    pub fn numbers(&self, port: usize) -> (Vec<f32>, bool) {
+        let (Some(OutWire::Stream { track, .. }), Some(PortKind::Stream(item))) =
+            (self.wires().get(port), self.specs.get(port).map(|spec| spec.kind))
+        else {
+            return (Vec::new(), true);
+        };
+        self.stage.with_track(*track, |track| {
+            let mut out = Vec::new();
+            (item.numbers)(track, 0, track.end(), &mut out);
+            (out, (item.finite)(track, 0, track.end()))
+        })
+    }
+
+    /// All events that an output has given so far.
+    #[must_use]
+    pub fn events<T: Event>(&self, port: Port<Events<T>>) -> Vec<(Tick, T)> {
+        let OutWire::Events { track, .. } = &self.wires()[port.index()] else { return Vec::new() };
+        self.stage.with_track(*track, |track| {
+            let typed = track.as_any().downcast_ref::<EventTrack<T>>();
+            typed.map(|typed| typed.view(Tick::MIN, Tick::MAX).to_vec()).unwrap_or_default()
+        })
+    }
+
+    /// All events that an output has given so far, whatever their type.
+    #[must_use]
+    pub fn events_json(&self, port: usize) -> Vec<(Tick, serde_json::Value)> {
+        match (self.wires().get(port), self.specs.get(port).map(|spec| spec.kind)) {
+            (Some(OutWire::Events { track, .. }), Some(PortKind::Events(event))) => {
+                self.stage.with_track(*track, |track| (event.json)(track, Tick::MIN, Tick::MAX))
+            }
+            _ => Vec::new(),
+        }
+    }
+
+    /// The value at an output, by its number.
+    #[must_use]
+    pub fn value(&self, port: usize) -> Option<AnyValue> {
+        match self.wires().get(port)? {
+            OutWire::Value(place) => place.borrow().clone(),
+            _ => None,
+        }
+    }
+}

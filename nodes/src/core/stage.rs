@@ -1,0 +1,378 @@
+//! Runs wired nodes in order, window by window: the one engine under the offline run, the live run and single nodes.
+
+use super::fault::Fault;
+use super::item::AnyValue;
+use super::node::DynNode;
+use super::time::{Rate, Tick};
+use super::track::AnyTrack;
+use std::cell::RefCell;
+use std::marker::PhantomData;
+use std::time::{Duration, Instant};
+
+/// A buffer that one node writes and others read.
+pub type TrackCell = RefCell<Box<dyn AnyTrack>>;
+
+/// Where one link of an input comes from.
+#[derive(Debug)]
+pub enum InWire {
+    /// A stream.
+    Stream {
+        /// Buffer number.
+        track: usize,
+        /// Clock number of the reader's window at the stream's rate.
+        clock: usize,
+        /// Items before the window that are shown.
+        past: usize,
+        /// Items after the window that are shown.
+        ahead: usize,
+        /// Items by which it is read late.
+        delay: usize,
+        /// Elements per item.
+        width: usize,
+        /// Items per second.
+        rate: Rate,
+    },
+    /// Events.
+    Events {
+        /// Buffer number.
+        track: usize,
+        /// Clock number of the reader's window.
+        clock: usize,
+        /// Ticks before the window that are shown.
+        past: Tick,
+        /// Ticks after the window that are shown.
+        ahead: Tick,
+    },
+    /// A value.
+    Value(AnyValue),
+}
+
+/// Where an output goes.
+#[derive(Debug)]
+pub enum OutWire {
+    /// A stream.
+    Stream {
+        /// Buffer number.
+        track: usize,
+        /// Clock number of the writer's window at the stream's rate.
+        clock: usize,
+        /// Elements per item.
+        width: usize,
+        /// Items per second.
+        rate: Rate,
+    },
+    /// Events.
+    Events {
+        /// Buffer number.
+        track: usize,
+        /// Clock number of the writer's window.
+        clock: usize,
+    },
+    /// A value, once there is one.
+    Value(RefCell<Option<AnyValue>>),
+}
+
+/// How a window of the run becomes a range of items: items of `rate` (ticks where it is `None`), `delay` later, until `end`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Clock {
+    /// Items per second; `None` counts ticks.
+    pub rate: Option<Rate>,
+    /// How far behind the run it is.
+    pub delay: Tick,
+    /// When its stream ends.
+    pub end: Option<Tick>,
+}
+
+impl Clock {
+    fn position(&self, tick: Tick) -> i64 {
+        match self.rate {
+            Some(rate) => rate.first_at(tick),
+            None => tick,
+        }
+    }
+}
+
+/// One window on one clock.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Span {
+    /// First position.
+    pub from: i64,
+    /// One past the last position that exists.
+    pub to: i64,
+    /// One past the last position, the stream's end ignored.
+    pub full: i64,
+}
+
+/// What a node may know of the run in one window.
+#[derive(Clone, Copy, Debug)]
+pub struct Window<'a> {
+    /// First tick.
+    pub from: Tick,
+    /// One past the last tick.
+    pub to: Tick,
+    run: PhantomData<&'a ()>,
+}
+
+/// Everything that the views of one node need to open.
+#[derive(Clone, Copy)]
+pub struct Cx<'a> {
+    pub(super) tracks: &'a [TrackCell],
+    pub(super) inputs: &'a [Vec<InWire>],
+    pub(super) outputs: &'a [OutWire],
+    spans: &'a [Span],
+    clock: usize,
+    pub(super) poison: bool,
+}
+
+impl<'a> Cx<'a> {
+    pub(super) fn span(&self, clock: usize) -> Span {
+        self.spans[clock]
+    }
+
+    /// The wires of a node that has values only.
+    #[must_use]
+    pub fn for_values(inputs: &'a [Vec<InWire>], outputs: &'a [OutWire]) -> Self {
+        Cx { tracks: &[], inputs, outputs, spans: &[], clock: 0, poison: false }
+    }
+
+    /// Reads the buffer behind one link without knowing its type, with the present window on it.
+    pub fn raw_input<R>(&self, port: usize, read: impl FnOnce(&dyn AnyTrack, Span) -> R) -> Option<R> {
+        let (track, clock) = match self.inputs.get(port)?.first()? {
+            InWire::Stream { track, clock, .. } | InWire::Events { track, clock, .. } => (*track, *clock),
+            InWire::Value(_) => return None,
+        };
+        Some(read(&**self.tracks[track].borrow(), self.spans[clock]))
+    }
+
+    /// The node's own window; empty for a node that has values only.
+    #[must_use]
+    pub fn window(&self) -> Window<'a> {
+        let span = self.spans.get(self.clock).copied().unwrap_or_default();
+        Window { from: span.from, to: span.to, run: PhantomData }
+    }
+
+    /// Ends a run whose wires contradict the declared ports, which only a defect of the planner can bring about.
+    pub(super) fn miswired(&self, what: &str) -> ! {
+        panic!("the plan wired something else to a port of type {what}: a defect in foley, not in the graph")
+    }
+}
+
+/// One node with its wires.
+pub struct StageNode {
+    /// The node.
+    pub node: Box<dyn DynNode>,
+    /// Number of the clock that counts its ticks.
+    pub clock: usize,
+    /// Links per input port.
+    pub inputs: Vec<Vec<InWire>>,
+    /// Output ports.
+    pub outputs: Vec<OutWire>,
+    /// Buffers that get a copy of another after each window: from, to, clock.
+    pub copies: Vec<(usize, usize, usize)>,
+}
+
+/// Time spent in one node.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Spent {
+    /// Wall time in `run`.
+    pub time: Duration,
+    /// Calls of `run`.
+    pub calls: u64,
+}
+
+/// A fault and the place in the stage of the node that raised it.
+pub type StageFault = (usize, Fault);
+
+/// Nodes in topological order with the buffers between them.
+pub struct Stage {
+    tracks: Vec<TrackCell>,
+    clocks: Vec<Clock>,
+    spans: Vec<Span>,
+    nodes: Vec<StageNode>,
+    spent: Vec<Spent>,
+    timed: bool,
+    poison: bool,
+}
+
+impl Stage {
+    /// A stage about to run from time zero.
+    #[must_use]
+    pub fn new(tracks: Vec<Box<dyn AnyTrack>>, clocks: Vec<Clock>, nodes: Vec<StageNode>) -> Self {
+        let spans = vec![Span::default(); clocks.len()];
+        let spent = vec![Spent::default(); nodes.len()];
+        let tracks = tracks.into_iter().map(RefCell::new).collect();
+        Self { tracks, clocks, spans, nodes, spent, timed: false, poison: false }
+    }
+
+    /// Measures the time in each node from now on.
+    pub fn set_timed(&mut self, timed: bool) {
+        self.timed = timed;
+    }
+
+    /// Fills every window with unusable numbers before its node runs, so that a test finds what was left unwritten.
+    pub fn set_poison(&mut self, poison: bool) {
+        self.poison = poison;
+    }
+
+    /// Time spent per node.
+    #[must_use]
+    pub fn spent(&self) -> &[Spent] {
+        &self.spent
+    }
+
+    /// Moves every clock to the window that ends at `to`; windows follow each other without gaps.
+    pub fn advance(&mut self, to: Tick) {
+        for (span, clock) in self.spans.iter_mut().zip(&self.clocks) {
+            let tick = to.saturating_sub(clock.delay).max(0);
+            let full = clock.position(tick);
+            let stop = clock.end.map_or(full, |end| clock.position(tick.min(end)));
+            *span = Span { from: span.full.min(stop), to: stop, full };
+        }
+    }
+
+    /// The present window of one clock.
+    #[must_use]
+    pub fn span(&self, clock: usize) -> Span {
+        self.spans[clock]
+    }
+
+    /// Runs every node for the present window.
+    ///
+    /// # Errors
+    /// The first fault of a node; the stage is of no use afterwards.
+    pub fn run(&mut self) -> Result<(), StageFault> {
+        for k in 0..self.nodes.len() {
+            self.run_node(k).map_err(|fault| (k, fault))?;
+        }
+        Ok(())
+    }
+
+    #[inline]
+    fn run_node(&mut self, k: usize) -> Result<(), Fault> {
+        let StageNode { node, clock, inputs, outputs, copies } = &mut self.nodes[k];
+        let span = self.spans[*clock];
+        if span.to > span.from {
+            let cx = Cx {
+                tracks: &self.tracks,
+                inputs,
+                outputs,
+                spans: &self.spans,
+                clock: *clock,
+                poison: self.poison,
+            };
+            let start = self.timed.then(Instant::now);
+            node.run(&cx)?;
+            if let Some(start) = start {
+                self.spent[k].time += start.elapsed();
+                self.spent[k].calls += 1;
+            }
+        }
+        for wire in outputs.iter() {
+            match wire {
+                OutWire::Stream { track, clock, .. } | OutWire::Events { track, clock } => {
+                    settle(&self.tracks[*track], self.spans[*clock]);
+                }
+                OutWire::Value(_) => {}
+            }
+        }
+        for &(from, to, clock) in copies.iter() {
+            let span = self.spans[clock];
+            let source = self.tracks[from].borrow();
+            let mut copy = self.tracks[to].borrow_mut();
+            if span.to > span.from {
+                copy.append_from(&**source, span.from, span.to);
+            }
+            if span.full > span.to {
+                copy.pad_to(span.full);
+            }
+        }
+        Ok(())
+    }
+
+    /// Tells every node that its streams have ended, in order.
+    ///
+    /// # Errors
+    /// The first fault of a node.
+    pub fn finish(&mut self) -> Result<Vec<super::node::Summary>, StageFault> {
+        for span in &mut self.spans {
+            *span = Span { from: span.to, to: span.to, full: span.to };
+        }
+        let mut summaries = Vec::with_capacity(self.nodes.len());
+        for (k, stage_node) in self.nodes.iter_mut().enumerate() {
+            let StageNode { node, clock, inputs, outputs, .. } = stage_node;
+            let cx = Cx {
+                tracks: &self.tracks,
+                inputs,
+                outputs,
+                spans: &self.spans,
+                clock: *clock,
+                poison: false,
+            };
+            summaries.push(node.finish(&cx).map_err(|fault| (k, fault))?);
+        }
+        Ok(summaries)
+    }
+
+    /// The output wires of a node, by its place.
+    #[must_use]
+    pub fn outputs(&self, node: usize) -> &[OutWire] {
+        &self.nodes[node].outputs
+    }
+
+    /// The value that a node has given, by its place and output port.
+    #[must_use]
+    pub fn value(&self, node: usize, port: usize) -> Option<AnyValue> {
+        match self.nodes.get(node)?.outputs.get(port)? {
+            OutWire::Value(place) => place.borrow().clone(),
+            _ => None,
+        }
+    }
+
+    /// Copies the present window of a buffer into an empty one of the same type.
+    pub fn export(&self, track: usize, clock: usize, into: &mut dyn AnyTrack) {
+        let span = self.spans[clock];
+        into.restart(span.from);
+        if span.to > span.from {
+            into.append_from(&**self.tracks[track].borrow(), span.from, span.to);
+        }
+    }
+
+    /// Appends what [`Stage::export`] of another stage gave for the same window.
+    pub fn import(&self, track: usize, clock: usize, from: &dyn AnyTrack) {
+        let span = self.spans[clock];
+        let mut track = self.tracks[track].borrow_mut();
+        if span.to > span.from {
+            track.append_from(from, span.from, span.to);
+        }
+        if span.full > span.to {
+            track.pad_to(span.full);
+        }
+    }
+
+    /// Reads a buffer.
+    pub fn with_track<R>(&self, track: usize, read: impl FnOnce(&dyn AnyTrack) -> R) -> R {
+        read(&**self.tracks[track].borrow())
+    }
+
+    /// Bytes in all buffers.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        self.tracks.iter().map(|t| t.borrow().bytes()).sum()
+    }
+
+    /// The nodes, for a reload.
+    pub fn nodes_mut(&mut self) -> &mut [StageNode] {
+        &mut self.nodes
+    }
+}
+
+/// Continues a stream that has ended by its pad rule, and fills in what a held start waits for.
+fn settle(track: &TrackCell, span: Span) {
+    if span.full > span.to || span.from == 0 {
+        let mut track = track.borrow_mut();
+        track.settle();
+        if span.full > span.to {
+            track.pad_to(span.full);
+        }
+    }
+}

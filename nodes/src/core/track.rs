@@ -1,0 +1,314 @@
+//! Buffers between nodes: a run of items (or events) whose recent part is one contiguous slice.
+
+use super::time::Tick;
+use std::any::Any;
+
+/// What stands in a stream before its first and after its last item.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Pad {
+    /// The element's default: silence, the origin, no contact.
+    Silence,
+    /// The first item before the start, the last item after the end.
+    Hold,
+}
+
+/// A buffer of a type that is known to its ports only.
+pub trait AnyTrack: Any + Send {
+    /// Downcast for reading.
+    fn as_any(&self) -> &dyn Any;
+    /// Downcast for writing.
+    fn as_any_mut(&mut self) -> &mut dyn Any;
+    /// First position after the last item: an item index, or the watermark tick for events.
+    fn end(&self) -> i64;
+    /// Moves the end to `to` with items made by the pad rule.
+    fn pad_to(&mut self, to: i64);
+    /// Appends `[from, to)` of a track of the same type, which must hold it.
+    fn append_from(&mut self, other: &dyn AnyTrack, from: i64, to: i64);
+    /// Forgets everything and starts again at zero, with the padding before it.
+    fn reset(&mut self);
+    /// Forgets everything and goes on at position `at`, without padding.
+    fn restart(&mut self, at: i64);
+    /// Fills in what had to wait for the first item.
+    fn settle(&mut self) {}
+    /// Bytes that the buffer holds in memory.
+    fn bytes(&self) -> usize;
+    /// An empty buffer of the same type for `items` items.
+    fn sibling(&self, items: usize) -> Box<dyn AnyTrack>;
+}
+
+/// Items of one stream, `width` elements each.
+///
+/// After an append that ends at `e`, the items `[e - span, e)` are in memory as one slice. Storage is twice the span, so
+/// an item is moved at most once on average.
+#[derive(Debug)]
+pub struct Track<E> {
+    data: Vec<E>,
+    width: usize,
+    span: usize,
+    front: usize,
+    pad: Pad,
+    head: usize,
+    len: usize,
+    end: i64,
+}
+
+impl<E: Copy + Default + Send + 'static> Track<E> {
+    /// A track that keeps `span` items and starts with `front` padded items before item 0.
+    #[must_use]
+    pub fn new(width: usize, span: usize, front: usize, pad: Pad) -> Self {
+        let span = span.max(front).max(1);
+        let data = vec![E::default(); Self::storage(width, span)];
+        let mut track = Self { data, width, span, front, pad, head: 0, len: 0, end: 0 };
+        track.reset();
+        track
+    }
+
+    fn storage(width: usize, span: usize) -> usize {
+        width.saturating_mul(span).saturating_mul(2)
+    }
+
+    /// Bytes that a track of this size takes, without making it.
+    #[must_use]
+    pub fn planned_bytes(width: usize, span: usize) -> usize {
+        Self::storage(width, span.max(1)).saturating_mul(size_of::<E>())
+    }
+
+    /// Adds `n` items and gives them to be filled; they hold stale values.
+    pub fn append(&mut self, n: usize) -> &mut [E] {
+        if (self.head + self.len + n) * self.width > self.data.len() {
+            let keep = self.len.min(self.span.saturating_sub(n));
+            let from = (self.head + self.len - keep) * self.width;
+            self.data.copy_within(from..from + keep * self.width, 0);
+            self.head = 0;
+            self.len = keep;
+            // Only a window longer than planned comes here: grow rather than fail.
+            if (keep + n) * self.width > self.data.len() {
+                self.data.resize((keep + n) * self.width, E::default());
+            }
+        }
+        let at = (self.head + self.len) * self.width;
+        self.len += n;
+        self.end += n as i64;
+        &mut self.data[at..at + n * self.width]
+    }
+
+    /// Replaces the padding before item 0 by copies of it, where the rule is to hold.
+    fn hold_front(&mut self) {
+        if self.pad == Pad::Hold && self.front > 0 && self.end > 0 && self.end <= self.len as i64 {
+            let zero = (self.head + self.len) - self.end as usize;
+            let first = zero * self.width;
+            for k in self.head..zero {
+                self.data.copy_within(first..first + self.width, k * self.width);
+            }
+            self.front = 0;
+        }
+    }
+
+    /// Items `[from, to)`.
+    #[must_use]
+    pub fn view(&self, from: i64, to: i64) -> &[E] {
+        let first = self.end - self.len as i64;
+        debug_assert!(from >= first && to <= self.end, "{from}..{to} of {first}..{}", self.end);
+        let at = (self.head as i64 + from - first) as usize;
+        &self.data[at * self.width..(at + (to - from) as usize) * self.width]
+    }
+}
+
+impl<E: Copy + Default + Send + 'static> AnyTrack for Track<E> {
+    fn as_any(&self) -> &dyn Any {
+        self
+    }
+
+    fn as_any_mut(&mut self) -> &mut dyn Any {
+        self
+    }
+
+    fn end(&self) -> i64 {
+        self.end
+    }
+
+    fn pad_to(&mut self, to: i64) {
+        let n = (to - self.end).max(0) as usize;
+        if n == 0 {
+            return;
+        }
+        let width = self.width;
+        let hold = self.pad == Pad::Hold && self.end > 0;
+        let pieces = self.span.saturating_sub(1).max(1);
+        let mut left = n;
+        while left > 0 {
+            let piece = left.min(pieces);
+            let fresh = self.append(piece);
+            fresh.fill(E::default());
+            if hold {
+                let at = (self.head + self.len - piece) * width;
+                for k in 0..piece {
+                    self.data.copy_within(at - width..at, at + k * width);
+                }
+            }
+            left -= piece;
+        }
+    }
+
+    fn append_from(&mut self, other: &dyn AnyTrack, from: i64, to: i64) {
+        if let Some(other) = other.as_any().downcast_ref::<Self>() {
+            let source = other.view(from, to);
+            self.append((to - from).max(0) as usize).copy_from_slice(source);
+            self.hold_front();
+        }
+    }
+
+    fn reset(&mut self) {
+        self.head = 0;
+        self.len = self.front;
+        self.end = 0;
+        self.data[..self.front * self.width].fill(E::default());
+    }
+
+    fn restart(&mut self, at: i64) {
+        self.head = 0;
+        self.len = 0;
+        self.end = at;
+    }
+
+    fn settle(&mut self) {
+        self.hold_front();
+    }
+
+    fn bytes(&self) -> usize {
+        self.data.capacity() * size_of::<E>()
+    }
+
+    fn sibling(&self, items: usize) -> Box<dyn AnyTrack> {
+        Box::new(Self::new(self.width, items, 0, Pad::Silence))
+    }
+}
+
+/// Events of one port, sorted by time, complete up to the watermark `end`.
+#[derive(Debug)]
+pub struct EventTrack<E> {
+    events: Vec<(Tick, E)>,
+    span: Tick,
+    end: Tick,
+}
+
+impl<E: Clone + Send + 'static> EventTrack<E> {
+    /// A track that keeps the events of the last `span` ticks before its watermark.
+    #[must_use]
+    pub fn new(span: Tick) -> Self {
+        Self { events: Vec::with_capacity(Self::ROOM), span, end: 0 }
+    }
+
+    /// Events that fit without growing.
+    pub const ROOM: usize = 1024;
+
+    /// Events of `[from, to)`.
+    #[must_use]
+    pub fn view(&self, from: Tick, to: Tick) -> &[(Tick, E)] {
+        let at = self.events.partition_point(|(t, _)| *t < from);
+        let stop = self.events.partition_point(|(t, _)| *t < to);
+        &self.events[at..stop.max(at)]
+    }
+
+    /// Adds one event; events come in the order of their times.
+    pub fn push(&mut self, tick: Tick, event: E) {
+        let at = self.events.partition_point(|(t, _)| *t <= tick);
+        self.events.insert(at, (tick, event));
+    }
+
+    /// Says that all events before `end` are in.
+    pub fn advance(&mut self, end: Tick) {
+        self.end = self.end.max(end);
+        let keep = self.end - self.span;
+        let gone = self.events.partition_point(|(t, _)| *t < keep);
+        // Moving the rest is worth it only once a good part of it has gone.
+        if gone * 2 > self.events.len() {
+            self.events.drain(..gone);
+        }
+    }
+}
+
+impl<E: Clone + Send + 'static> AnyTrack for EventTrack<E> {
+    fn as_any(&self) -> &dyn Any {
+        self
+    }
+
+    fn as_any_mut(&mut self) -> &mut dyn Any {
+        self
+    }
+
+    fn end(&self) -> i64 {
+        self.end
+    }
+
+    fn pad_to(&mut self, to: i64) {
+        self.advance(to);
+    }
+
+    fn append_from(&mut self, other: &dyn AnyTrack, from: i64, to: i64) {
+        if let Some(other) = other.as_any().downcast_ref::<Self>() {
+            self.events.extend_from_slice(other.view(from, to));
+            self.advance(to);
+        }
+    }
+
+    fn reset(&mut self) {
+        self.restart(0);
+    }
+
+    fn restart(&mut self, at: i64) {
+        self.events.clear();
+        self.end = at;
+    }
+
+    fn bytes(&self) -> usize {
+        self.events.capacity() * size_of::<(Tick, E)>()
+    }
+
+    fn sibling(&self, _items: usize) -> Box<dyn AnyTrack> {
+        Box::new(Self::new(Tick::MAX / 4))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_track_shows_its_span_after_any_appends() {
+        let mut track = Track::<f32>::new(2, 10, 4, Pad::Silence);
+        let mut next = 0;
+        for n in [3, 1, 5, 2, 5, 5, 1, 4, 3].into_iter().cycle().take(200) {
+            for frame in track.append(n).chunks_exact_mut(2) {
+                frame.fill(next as f32 + 1.0);
+                next += 1;
+            }
+            let from = (next - 10).max(-4);
+            let seen: Vec<f32> = track.view(from, next).iter().step_by(2).copied().collect();
+            let want: Vec<f32> = (from..next).map(|i| if i < 0 { 0.0 } else { i as f32 + 1.0 }).collect();
+            assert_eq!(seen, want);
+        }
+    }
+
+    #[test]
+    fn hold_repeats_the_first_and_the_last_item() {
+        let mut track = Track::<f32>::new(1, 6, 3, Pad::Hold);
+        track.append(2).copy_from_slice(&[5.0, 7.0]);
+        track.settle();
+        assert_eq!(track.view(-3, 2), [5.0, 5.0, 5.0, 5.0, 7.0]);
+        track.pad_to(20);
+        assert_eq!(track.view(14, 20), [7.0; 6]);
+    }
+
+    #[test]
+    fn events_stay_sorted_and_leave_after_the_span() {
+        let mut track = EventTrack::new(100);
+        for t in [5, 1, 9, 5] {
+            track.push(t, t * 10);
+        }
+        track.advance(10);
+        assert_eq!(track.view(0, 9), [(1, 10), (5, 50), (5, 50)]);
+        track.advance(1000);
+        assert!(track.view(0, 1000).is_empty());
+    }
+}

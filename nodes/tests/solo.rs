@@ -1,0 +1,179 @@
+//! One node on slices: windows, padding, look-ahead and events, seen through a few nodes made for the purpose.
+
+use foley_nodes::core::fault::{Fault, Reject};
+use foley_nodes::core::item::{Channels, Event};
+use foley_nodes::core::node::{Class, Node};
+use foley_nodes::core::random::Draw;
+use foley_nodes::core::shape::{Build, Ends, Shape};
+use foley_nodes::core::solo::Solo;
+use foley_nodes::core::time::{Rate, TICKS_PER_SECOND, Tick, ticks};
+use foley_nodes::{params, ports};
+use serde::{Deserialize, Serialize};
+
+params! {
+    /// Sums the neighbours of each sample.
+    pub struct NeighboursParams {
+        /// Items before.
+        past: usize = 2, unit "items", range 0..=100;
+        /// Items after.
+        ahead: usize = 3, unit "items", range 0..=100;
+        /// Whether the ends hold.
+        hold: bool = false;
+    }
+}
+ports! {
+    pub struct NeighboursPorts / NeighboursIo {
+        in {
+            /// Any audio.
+            audio: foley_nodes::core::ports::Stream<f32>,
+        }
+        out {
+            /// The sums.
+            out: foley_nodes::core::ports::Stream<f32>,
+        }
+    }
+}
+
+struct Neighbours;
+
+impl Node for Neighbours {
+    type Params = NeighboursParams;
+    type Ports = NeighboursPorts;
+    const NAME: &'static str = "Neighbours";
+    const CLASS: Class = Class::Audio;
+
+    fn shape(p: &NeighboursParams, s: &mut Shape<'_, '_, NeighboursPorts>) -> Result<(), Reject> {
+        let audio = s.input(NeighboursPorts::audio);
+        s.reach(NeighboursPorts::audio, p.past, p.ahead);
+        if p.hold {
+            s.when_ended(NeighboursPorts::audio, Ends::Hold);
+        }
+        s.output(NeighboursPorts::out, audio.rate, audio.format);
+        Ok(())
+    }
+
+    fn build(_: &NeighboursParams, _: &Build<'_>) -> Result<Self, Fault> {
+        Ok(Self)
+    }
+
+    fn run(&mut self, mut io: NeighboursIo<'_>) -> Result<(), Fault> {
+        let width = io.audio.width();
+        let around = io.audio.around();
+        let reach = around.len() / width - io.audio.len();
+        for (k, out) in io.out.items().iter_mut().enumerate() {
+            let (item, channel) = (k / width, k % width);
+            *out = (item..=item + reach).map(|i| around[i * width + channel]).sum();
+        }
+        Ok(())
+    }
+}
+
+fn run(past: usize, ahead: usize, hold: bool, window: Tick) -> Vec<f32> {
+    let data = (0..100).map(|k| (1 + k) as f32).collect();
+    let solo = Solo::new::<Neighbours>(NeighboursParams { past, ahead, hold })
+        .input(NeighboursPorts::audio, Rate::hz(1000), Channels(2), data)
+        .window(window);
+    solo.run().unwrap().stream(NeighboursPorts::out)
+}
+
+#[test]
+fn windows_of_any_length_give_the_same_sums() {
+    for hold in [false, true] {
+        let whole = run(2, 3, hold, TICKS_PER_SECOND);
+        assert_eq!(whole.len(), 100);
+        for window in
+            [1, 7, 64, 1000].map(|samples| Rate::hz(1000).tick(samples)).into_iter().chain([ticks(0.00037)])
+        {
+            assert_eq!(run(2, 3, hold, window), whole, "window {window}, hold {hold}");
+        }
+    }
+}
+
+#[test]
+fn silence_surrounds_a_stream_unless_it_is_held() {
+    assert_eq!(run(1, 1, false, ticks(0.01))[..4], [4.0, 6.0, 9.0, 12.0]);
+    assert_eq!(run(1, 1, true, ticks(0.01))[..4], [5.0, 8.0, 9.0, 12.0]);
+    assert_eq!(run(1, 1, false, ticks(0.01))[98..], [97.0 + 99.0, 98.0 + 100.0]);
+    assert_eq!(run(1, 1, true, ticks(0.01))[98..], [97.0 + 99.0 + 99.0, 98.0 + 100.0 + 100.0]);
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Knock(f32);
+
+impl Event for Knock {
+    const NAME: &'static str = "knock";
+    fn trial(draw: &mut Draw) -> Self {
+        Self(draw.unit() as f32)
+    }
+}
+
+params! {
+    /// Answers each knock a little later.
+    pub struct EchoParams {
+        /// How much later.
+        after: f64 = 0.01, unit "s", range 0.0..=1.0;
+    }
+}
+ports! {
+    pub struct EchoPorts / EchoIo {
+        in {
+            /// Knocks.
+            knocks: foley_nodes::core::ports::Events<Knock>,
+        }
+        out {
+            /// Knocks, and their echoes.
+            out: foley_nodes::core::ports::Events<Knock>,
+        }
+    }
+}
+
+struct Echo {
+    after: Tick,
+}
+
+impl Node for Echo {
+    type Params = EchoParams;
+    type Ports = EchoPorts;
+    const NAME: &'static str = "Echo";
+    const CLASS: Class = Class::Audio;
+
+    fn shape(p: &EchoParams, s: &mut Shape<'_, '_, EchoPorts>) -> Result<(), Reject> {
+        s.reach(EchoPorts::knocks, ticks(p.after) as usize, 0);
+        s.tail(ticks(p.after) + 1);
+        Ok(())
+    }
+
+    fn build(p: &EchoParams, _: &Build<'_>) -> Result<Self, Fault> {
+        Ok(Self { after: ticks(p.after) })
+    }
+
+    fn run(&mut self, mut io: EchoIo<'_>) -> Result<(), Fault> {
+        let (from, to) = io.out.window();
+        for (tick, knock) in io.knocks.events() {
+            for (tick, knock) in [(*tick, knock.clone()), (tick + self.after, Knock(knock.0 / 2.0))] {
+                if (from..to).contains(&tick) {
+                    io.out.push(tick, knock);
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+#[test]
+fn events_keep_their_times_across_windows() {
+    let knocks: Vec<(Tick, Knock)> =
+        (0..50).map(|k| (Tick::from(k) * ticks(0.0071), Knock(k as f32 + 1.0))).collect();
+    let echo = |window| {
+        let solo = Solo::new::<Echo>(EchoParams { after: 0.05 });
+        let run = solo.events(EchoPorts::knocks, knocks.clone(), ticks(0.4)).window(window).run().unwrap();
+        run.events(EchoPorts::out)
+    };
+    let whole = echo(TICKS_PER_SECOND);
+    assert_eq!(whole.len(), 100);
+    assert!(whole.is_sorted_by_key(|(tick, _)| *tick));
+    assert!(whole.contains(&(ticks(0.05), Knock(0.5))));
+    for window in [1, 7, 64, 1000].map(|ms| ticks(0.001) * ms) {
+        assert_eq!(echo(window), whole, "window {window}");
+    }
+}
