@@ -25,6 +25,10 @@ pub struct Fold<T>(PhantomData<T>);
 #[derive(Debug)]
 pub struct Many<K>(PhantomData<K>);
 
+/// One link that is read late, and therefore may close a loop.
+#[derive(Debug)]
+pub struct Late<K>(PhantomData<K>);
+
 /// Kind and type of a port.
 #[derive(Clone, Copy, Debug)]
 pub enum PortKind {
@@ -94,6 +98,8 @@ pub struct PortSpec {
     pub kind: PortKind,
     /// How many links it takes; outputs have [`Arity::One`].
     pub arity: Arity,
+    /// Whether it may close a loop.
+    pub late: bool,
 }
 
 /// A typed name of a port.
@@ -137,6 +143,8 @@ pub trait InKind {
     const KIND: PortKind;
     /// How many links.
     const ARITY: Arity;
+    /// Whether it may close a loop.
+    const LATE: bool = false;
     /// Opens the view of one window.
     fn view<'a>(cx: &Cx<'a>, port: usize) -> Self::View<'a>;
 }
@@ -437,6 +445,17 @@ impl<K: One> InKind for Option<K> {
     }
 }
 
+impl<K: One> InKind for Late<K> {
+    type View<'a> = K::View<'a>;
+    const KIND: PortKind = K::KIND;
+    const ARITY: Arity = Arity::One;
+    const LATE: bool = true;
+
+    fn view<'a>(cx: &Cx<'a>, port: usize) -> Self::View<'a> {
+        K::view(cx, port)
+    }
+}
+
 impl<K: One> InKind for Many<K> {
     type View<'a> = Links<'a, K>;
     const KIND: PortKind = K::KIND;
@@ -547,12 +566,14 @@ macro_rules! ports {
                 doc: concat!($($idoc, "\n",)+),
                 kind: <$it as $crate::core::ports::InKind>::KIND,
                 arity: <$it as $crate::core::ports::InKind>::ARITY,
+                late: <$it as $crate::core::ports::InKind>::LATE,
             }, )* ];
             const OUTPUTS: &'static [$crate::core::ports::PortSpec] = &[ $( $crate::core::ports::PortSpec {
                 name: stringify!($out),
                 doc: concat!($($odoc, "\n",)+),
                 kind: <$ot as $crate::core::ports::OutKind>::KIND,
                 arity: $crate::core::ports::Arity::One,
+                late: false,
             }, )* ];
 
             fn open<'a>(cx: &$crate::core::stage::Cx<'a>) -> $io<'a> {

@@ -3,7 +3,7 @@
 use super::fault::{Fault, Reject};
 use super::files::{FileError, Files, Outputs, ReadSeek, WriteSeek};
 use super::item::{AnyValue, Data, Item, StreamShape};
-use super::ports::{Events, Many, Port, Stream, Value};
+use super::ports::{Events, Late, Many, Port, Stream, Value};
 use super::random::Random;
 use super::time::{Rate, Tick};
 use std::any::Any;
@@ -145,6 +145,7 @@ impl<T: Item> Reachable for Stream<T> {}
 impl<T: super::item::Event> Reachable for Events<T> {}
 impl<K: Reachable> Reachable for Option<K> {}
 impl<K: Reachable> Reachable for Many<K> {}
+impl<K: Reachable> Reachable for Late<K> {}
 
 /// One stream that comes in, typed.
 #[derive(Clone, Debug, PartialEq)]
@@ -221,7 +222,7 @@ impl<'s, 'a, P> Shape<'s, 'a, P> {
     /// Declares that a stream is read `items` late: the window shows what it held that many items ago.
     ///
     /// Such an input may close a loop, as long as the delay is no shorter than one window.
-    pub fn delayed<T: Item>(&mut self, port: Port<Stream<T>>, items: usize) {
+    pub fn delayed<K: Reachable>(&mut self, port: Port<Late<K>>, items: usize) {
         self.raw.shape.reach[port.index()].delay = items;
     }
 

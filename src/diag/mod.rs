@@ -1,0 +1,190 @@
+//! Diagnostics: what is wrong, where, and what would be right, as data and as text.
+
+pub mod codes;
+mod render;
+
+pub use render::{json, render};
+
+use foley_nodes::core::fault::{Fault, Reject};
+use foley_nodes::core::time::{Tick, seconds};
+use std::ops::Range;
+use std::sync::Arc;
+
+/// Whether a diagnostic stops the run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Severity {
+    /// The graph cannot run.
+    Error,
+    /// The graph runs, but perhaps not as meant.
+    Warning,
+}
+
+/// A place in one of the [`Sources`].
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Place {
+    /// Which file.
+    pub file: usize,
+    /// Byte range in it.
+    pub span: Range<usize>,
+}
+
+/// A further place that explains a diagnostic.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Label {
+    /// Where.
+    pub place: Place,
+    /// What it shows.
+    pub text: String,
+}
+
+/// One finding.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Diagnostic {
+    /// Stable code; `foley explain CODE` tells more.
+    pub code: &'static str,
+    /// Whether it stops the run.
+    pub severity: Severity,
+    /// What was found.
+    pub message: String,
+    /// Where; `None` for what has no place in a file, such as an argument of the command.
+    pub place: Option<Place>,
+    /// What the place shows.
+    pub note: String,
+    /// Further places.
+    pub labels: Vec<Label>,
+    /// The node that it is about.
+    pub node: Option<String>,
+    /// What would be right.
+    pub help: Option<String>,
+    /// When in the piece, for faults while running.
+    pub time: Option<Tick>,
+}
+
+impl Diagnostic {
+    /// An error at a place.
+    #[must_use]
+    pub fn error(code: &'static str, message: impl Into<String>, place: Place) -> Self {
+        Self { place: Some(place), ..Self::general(code, message) }
+    }
+
+    /// A warning at a place.
+    #[must_use]
+    pub fn warning(code: &'static str, message: impl Into<String>, place: Place) -> Self {
+        Self { severity: Severity::Warning, ..Self::error(code, message, place) }
+    }
+
+    /// An error without a place.
+    #[must_use]
+    pub fn general(code: &'static str, message: impl Into<String>) -> Self {
+        Self {
+            code,
+            severity: Severity::Error,
+            message: message.into(),
+            place: None,
+            note: String::new(),
+            labels: Vec::new(),
+            node: None,
+            help: None,
+            time: None,
+        }
+    }
+
+    /// A node's rejection at the place of the field that it names.
+    #[must_use]
+    pub fn of_reject(reject: Reject, place: Place, node: &str) -> Self {
+        Self::of_fault(reject.into(), place, node)
+    }
+
+    /// A node's fault at the place of the field that it names.
+    #[must_use]
+    pub fn of_fault(fault: Fault, place: Place, node: &str) -> Self {
+        let message = match fault.time {
+            Some(time) => format!("at {:.6} s: {}", seconds(time), fault.message),
+            None => fault.message,
+        };
+        let mut diagnostic = Self::error(fault.code, message, place).node(node);
+        diagnostic.help = fault.help;
+        diagnostic.time = fault.time;
+        diagnostic
+    }
+
+    /// Names the node.
+    #[must_use]
+    pub fn node(mut self, id: &str) -> Self {
+        self.node = Some(id.to_owned());
+        self
+    }
+
+    /// Says what would be right.
+    #[must_use]
+    pub fn help(mut self, help: impl Into<String>) -> Self {
+        self.help = Some(help.into());
+        self
+    }
+
+    /// Says what the place shows.
+    #[must_use]
+    pub fn note(mut self, note: impl Into<String>) -> Self {
+        self.note = note.into();
+        self
+    }
+
+    /// Adds a further place.
+    #[must_use]
+    pub fn label(mut self, place: Place, text: impl Into<String>) -> Self {
+        self.labels.push(Label { place, text: text.into() });
+        self
+    }
+}
+
+/// One text that diagnostics point into.
+#[derive(Clone, Debug)]
+pub struct Source {
+    /// Its name for people: the path as it was given.
+    pub name: String,
+    /// Its content.
+    pub text: Arc<str>,
+}
+
+/// The texts that a graph was read from.
+#[derive(Clone, Debug, Default)]
+pub struct Sources {
+    files: Vec<Source>,
+}
+
+impl Sources {
+    /// Adds a text.
+    pub fn add(&mut self, name: impl Into<String>, text: impl Into<Arc<str>>) -> usize {
+        self.files.push(Source { name: name.into(), text: text.into() });
+        self.files.len() - 1
+    }
+
+    /// One text.
+    #[must_use]
+    pub fn get(&self, file: usize) -> Option<&Source> {
+        self.files.get(file)
+    }
+
+    /// All texts.
+    pub fn iter(&self) -> impl Iterator<Item = &Source> {
+        self.files.iter()
+    }
+
+    /// Line and column of a byte, from 1; columns count characters.
+    #[must_use]
+    pub fn line_column(&self, file: usize, byte: usize) -> (usize, usize) {
+        let Some(source) = self.files.get(file) else { return (1, 1) };
+        let before = &source.text.as_bytes()[..byte.min(source.text.len())];
+        let line = before.iter().filter(|&&b| b == b'\n').count();
+        let start = before.iter().rposition(|&b| b == b'\n').map_or(0, |at| at + 1);
+        // Bytes that continue a character do not count as columns.
+        let column = before[start..].iter().filter(|&&b| b & 0xC0 != 0x80).count();
+        (line + 1, column + 1)
+    }
+}
+
+/// Whether any of these stops the run.
+#[must_use]
+pub fn any_error(diagnostics: &[Diagnostic]) -> bool {
+    diagnostics.iter().any(|d| d.severity == Severity::Error)
+}

@@ -1,0 +1,542 @@
+//! Reads a graph file and its sub-graphs into one flat list of nodes, each with where it came from.
+
+use super::check;
+use super::root::{Limits, Root, join};
+use super::suggest::help;
+use super::Graph;
+use crate::diag::{Diagnostic, Place, Sources};
+use crate::lang::{self, Value, ValueKind};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// The schema that graph files of this version declare.
+pub const SCHEMA: &str = "foley:graph/1";
+
+/// A value given on the command line for a graph parameter or for `NODE.PARAM`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Override {
+    /// `NAME` or `NODE.PARAM`.
+    pub target: String,
+    /// A RON value, or text.
+    pub value: String,
+}
+
+/// A value in a text, with what is needed to understand it.
+#[derive(Clone, Debug)]
+pub struct Given {
+    /// The value.
+    pub value: Value,
+    /// Where it stands.
+    pub place: Place,
+    /// What paths in it are relative to.
+    pub folder: PathBuf,
+    /// Prefix of the ids that links in it can name.
+    pub scope: Scope,
+}
+
+/// Where names in a text are looked up.
+#[derive(Clone, Debug, Default)]
+pub struct Scope {
+    /// Prefix of ids, such as `material.`.
+    pub prefix: String,
+    /// The parameters of the graph file.
+    pub params: Arc<BTreeMap<String, Given>>,
+}
+
+/// A node as it stands in the text.
+#[derive(Debug)]
+pub struct RawNode {
+    /// Its full id.
+    pub id: String,
+    /// Name of its type.
+    pub type_name: String,
+    /// Where the type's name stands.
+    pub type_place: Place,
+    /// Where its id stands.
+    pub place: Place,
+    /// Its fields in order: name, place of the name, value.
+    pub fields: Vec<(String, Place, Given)>,
+    /// Whether its text is complete enough to check.
+    pub whole: bool,
+}
+
+/// What loading gives: a graph where there was no error, and everything that was found.
+#[derive(Debug)]
+pub struct Loaded {
+    /// The graph, if it can run.
+    pub graph: Option<Graph>,
+    /// Errors and warnings.
+    pub diagnostics: Vec<Diagnostic>,
+    /// The texts that they point into.
+    pub sources: Sources,
+    /// What the graph may read.
+    pub root: Root,
+}
+
+/// Everything read so far.
+#[derive(Debug, Default)]
+pub(super) struct Loader {
+    pub title: Option<String>,
+    pub seed: Option<u64>,
+    pub nodes: Vec<RawNode>,
+    pub found: Vec<Diagnostic>,
+    pub sources: Sources,
+    pub used_params: std::cell::RefCell<std::collections::BTreeSet<String>>,
+    all_params: Vec<(String, Place)>,
+    root: Root,
+    limits: Limits,
+}
+
+/// Reads and checks the graph at `path`.
+///
+/// # Errors
+/// All of them come back in [`Loaded::diagnostics`].
+#[must_use]
+pub fn load(path: &Path, overrides: &[Override], allow_read: &[PathBuf], limits: Limits) -> Loaded {
+    let mut loader = Loader { root: Root::of(path), limits, ..Loader::default() };
+    for folder in allow_read {
+        if let Err(e) = loader.root.allow_folder(folder) {
+            let message = format!("--allow-read {}: {e}", folder.display());
+            loader.found.push(Diagnostic::general("F060", message));
+        }
+    }
+    match read_text(path, limits.graph_bytes) {
+        Ok(text) => {
+            let given = loader.overrides(overrides);
+            let mut chain = vec![std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned())];
+            loader.file(&path.display().to_string(), text, path, "", given, &mut chain);
+        }
+        Err(message) => loader.found.push(Diagnostic::general("F060", message)),
+    }
+    let (graph, diagnostics, sources, root) = check::check(loader);
+    Loaded { graph, diagnostics, sources, root }
+}
+
+/// Reads and checks a graph from a text, for editors and tests; `path` is what paths in it are relative to.
+#[must_use]
+pub fn load_text(name: &str, text: &str, path: &Path, overrides: &[Override]) -> Loaded {
+    let mut loader = Loader { root: Root::of(path), ..Loader::default() };
+    let given = loader.overrides(overrides);
+    loader.file(name, text.to_owned(), path, "", given, &mut vec![path.to_owned()]);
+    let (graph, diagnostics, sources, root) = check::check(loader);
+    Loaded { graph, diagnostics, sources, root }
+}
+
+fn read_text(path: &Path, limit: u64) -> Result<String, String> {
+    let show = path.display();
+    let meta = std::fs::metadata(path).map_err(|e| format!("cannot read {show}: {e}"))?;
+    if !meta.is_file() {
+        return Err(format!("{show} is not a plain file"));
+    }
+    if meta.len() > limit {
+        return Err(format!("{show} has {} bytes, a graph file at most {limit}", meta.len()));
+    }
+    let bytes = std::fs::read(path).map_err(|e| format!("cannot read {show}: {e}"))?;
+    String::from_utf8(bytes).map_err(|e| format!("{show} is not UTF-8 from byte {} on", e.utf8_error().valid_up_to()))
+}
+
+fn valid_id(id: &str) -> bool {
+    let start = id.chars().next().is_some_and(|c| c.is_alphabetic() || c == '_');
+    start && id.chars().all(|c| c.is_alphanumeric() || c == '_' || c == '-')
+}
+
+impl Loader {
+    /// Parses the values given on the command line, each as a text of its own.
+    fn overrides(&mut self, overrides: &[Override]) -> Vec<(String, Given)> {
+        let mut given = Vec::new();
+        for Override { target, value } in overrides {
+            let parsed = lang::parse(value);
+            let document = parsed.document();
+            let text = |file| Place { file, span: 0..value.len() };
+            let file = self.sources.add(format!("--set {target}"), value.as_str());
+            let node = match document.value {
+                // A bare word that no value starts with is text, and so is a path.
+                Some(found) if parsed.is_ok() && !matches!(found.value, ValueKind::Struct(..) | ValueKind::NamedTuple(..)) => found,
+                _ => Value { span: 0..value.len(), value: ValueKind::Str(value.clone()) },
+            };
+            let scope = Scope::default();
+            given.push((target.clone(), Given { value: node, place: text(file), folder: PathBuf::new(), scope }));
+        }
+        given
+    }
+
+    fn error(&mut self, code: &'static str, message: impl Into<String>, place: Place) {
+        self.found.push(Diagnostic::error(code, message, place));
+    }
+
+    /// Reads one file below the id `prefix`; `given` are values for its parameters and nodes.
+    fn file(
+        &mut self,
+        name: &str,
+        text: String,
+        path: &Path,
+        prefix: &str,
+        given: Vec<(String, Given)>,
+        chain: &mut Vec<PathBuf>,
+    ) {
+        let parsed = lang::parse(&text);
+        let file = self.sources.add(name, text);
+        for e in parsed.errors() {
+            let mut diagnostic = Diagnostic::error("F001", &e.message, Place { file, span: e.span.clone() });
+            diagnostic.help = e.expected.as_ref().map(|expected| format!("expected {expected}"));
+            self.found.push(diagnostic);
+        }
+        let document = parsed.document();
+        let at = |span: std::ops::Range<usize>| Place { file, span };
+        match document.attribute("schema") {
+            Some(schema) if schema.value == SCHEMA => {}
+            Some(schema) => {
+                let message = format!("schema {:?} is not one that this version reads", schema.value);
+                self.found.push(Diagnostic::error("F003", message, at(schema.span())).help(format!("write #![schema = {SCHEMA:?}]")));
+            }
+            None => {
+                let warning = Diagnostic::warning("F003", "the file does not say which schema it follows", at(0..0));
+                self.found.push(warning.help(format!("begin with #![schema = {SCHEMA:?}]")));
+            }
+        }
+        let Some(value) = document.value else { return };
+        let fields = match value.as_struct() {
+            Some((Some(name), fields)) if name.value == "Graph" => fields,
+            _ => {
+                if !value.is_error() {
+                    let found = format!("expected Graph(...), found {}", value.describe());
+                    self.error("F002", found, at(value.span()));
+                }
+                return;
+            }
+        };
+        let folder = path.parent().map(Path::to_owned).unwrap_or_default();
+        let mut seen: BTreeMap<&str, Place> = BTreeMap::new();
+        for field in fields {
+            let name = field.name.value.as_str();
+            if let Some(first) = seen.get(name) {
+                let found = Diagnostic::error("F005", format!("`{name}` is given twice"), at(field.name.span()));
+                self.found.push(found.label(first.clone(), "first here"));
+                continue;
+            }
+            seen.insert(name, at(field.name.span()));
+            let known = ["title", "seed", "params", "use", "nodes"];
+            if !known.contains(&name) {
+                let found = Diagnostic::error("F004", format!("a graph has no field `{name}`"), at(field.name.span()));
+                self.found.push(found.help(help(name, "fields", known)));
+            }
+        }
+        let get = |name: &str| fields.iter().find(|f| f.name.value == name).map(|f| &f.value);
+        if prefix.is_empty() {
+            self.header(get("title"), get("seed"), file);
+        }
+        let (params, node_sets) = self.params(get("params"), &given, file, &folder, prefix);
+        let scope = Scope { prefix: prefix.to_owned(), params: Arc::new(params) };
+        let uses = self.uses(get("use"), file, &folder, &scope, &node_sets, chain);
+        self.node_list(get("nodes"), file, &folder, &scope, &node_sets, &uses);
+    }
+
+    fn header(&mut self, title: Option<&Value>, seed: Option<&Value>, file: usize) {
+        let at = |v: &Value| Place { file, span: v.span() };
+        if let Some(v) = title.filter(|v| !v.is_error()) {
+            match v.as_str() {
+                Some(title) => self.title = Some(title.to_owned()),
+                None => self.error("F008", format!("the title is text in quotes, found {}", v.describe()), at(v)),
+            }
+        }
+        if let Some(v) = seed.filter(|v| !v.is_error()) {
+            match v.as_int().and_then(|i| u64::try_from(i).ok()) {
+                Some(seed) => self.seed = Some(seed),
+                None => self.error("F008", format!("the seed is a whole number from 0 on, found {}", v.describe()), at(v)),
+            }
+        }
+    }
+
+    /// The graph's parameters with what was given for them, and what was given for nodes.
+    fn params(
+        &mut self,
+        value: Option<&Value>,
+        given: &[(String, Given)],
+        file: usize,
+        folder: &Path,
+        prefix: &str,
+    ) -> (BTreeMap<String, Given>, Vec<(String, Given)>) {
+        let mut params: BTreeMap<String, Given> = BTreeMap::new();
+        for entry in self.entries(value, file, "params") {
+            let Some(name) = entry.key.as_str() else { continue };
+            let place = Place { file, span: entry.value.span() };
+            let scope = Scope { prefix: prefix.to_owned(), ..Scope::default() };
+            let own = Given { value: entry.value.clone(), place, folder: folder.to_owned(), scope };
+            let key = Place { file, span: entry.key.span() };
+            if params.insert(name.to_owned(), own).is_some() {
+                self.error("F005", format!("parameter `{name}` is given twice"), key);
+            } else {
+                self.all_params.push((format!("{prefix}{name}"), key));
+            }
+        }
+        let mut node_sets = Vec::new();
+        for (target, value) in given {
+            if target.contains('.') {
+                node_sets.push((target.clone(), value.clone()));
+            } else if params.contains_key(target) {
+                params.insert(target.clone(), value.clone());
+            } else {
+                let names = params.keys().map(String::as_str);
+                let message = format!("this graph has no parameter `{target}`");
+                let found = Diagnostic::error("F028", message, value.place.clone());
+                self.found.push(found.help(format!("{}; a parameter of a node is set as NODE.PARAM=VALUE", help(target, "parameters", names))));
+            }
+        }
+        (params, node_sets)
+    }
+
+    /// The entries of a map field with text keys, in order; anything else is an error.
+    fn entries<'v>(&mut self, value: Option<&'v Value>, file: usize, what: &str) -> Vec<&'v lang::ast::Entry> {
+        let Some(value) = value.filter(|v| !v.is_error()) else { return Vec::new() };
+        let Some(map) = value.as_map() else {
+            let message = format!("`{what}` is a map such as {{\"name\": ...}}, found {}", value.describe());
+            self.error("F008", message, Place { file, span: value.span() });
+            return Vec::new();
+        };
+        for entry in map.iter().filter(|e| e.key.as_str().is_none() && !e.key.is_error()) {
+            let message = format!("names in `{what}` are text in quotes, found {}", entry.key.describe());
+            self.error("F007", message, Place { file, span: entry.key.span() });
+        }
+        map.iter().filter(|e| e.key.as_str().is_some()).collect()
+    }
+
+    /// Reads the sub-graphs; gives their names.
+    fn uses(
+        &mut self,
+        value: Option<&Value>,
+        file: usize,
+        folder: &Path,
+        scope: &Scope,
+        sets: &[(String, Given)],
+        chain: &mut Vec<PathBuf>,
+    ) -> Vec<String> {
+        let mut names = Vec::new();
+        for entry in self.entries(value, file, "use") {
+            let Some(name) = entry.key.as_str() else { continue };
+            let key = Place { file, span: entry.key.span() };
+            if !valid_id(name) {
+                self.bad_id(name, key);
+                continue;
+            }
+            if names.contains(&name.to_owned()) {
+                self.error("F006", format!("sub-graph `{name}` exists twice"), key);
+                continue;
+            }
+            names.push(name.to_owned());
+            let place = Place { file, span: entry.value.span() };
+            let inner = |params: Option<&Value>| -> Vec<(String, Given)> {
+                let entries = params.and_then(Value::as_map).unwrap_or_default();
+                let one = |e: &lang::ast::Entry| {
+                    let place = Place { file, span: e.value.span() };
+                    let given = Given { value: e.value.clone(), place, folder: folder.to_owned(), scope: scope.clone() };
+                    Some((e.key.as_str()?.to_owned(), given))
+                };
+                entries.iter().filter_map(one).collect()
+            };
+            let (path, mut given) = match &entry.value.value {
+                ValueKind::Str(path) => (path.clone(), Vec::new()),
+                ValueKind::Struct(..) if entry.value.field("path").and_then(Value::as_str).is_some() => {
+                    let path = entry.value.field("path").and_then(Value::as_str).unwrap_or_default();
+                    (path.to_owned(), inner(entry.value.field("params")))
+                }
+                ValueKind::Error => continue,
+                _ => {
+                    let message = format!(
+                        "a sub-graph is a path, or Sub(path: \"...\", params: {{...}}), found {}",
+                        entry.value.describe()
+                    );
+                    self.error("F030", message, place);
+                    continue;
+                }
+            };
+            let own = format!("{name}.");
+            for (target, value) in sets {
+                if let Some(rest) = target.strip_prefix(&own) {
+                    given.push((rest.to_owned(), value.clone()));
+                }
+            }
+            self.sub_graph(&join(folder, &path), place, &format!("{}{own}", scope.prefix), given, chain);
+        }
+        names
+    }
+
+    fn sub_graph(&mut self, path: &str, place: Place, prefix: &str, given: Vec<(String, Given)>, chain: &mut Vec<PathBuf>) {
+        let real = match self.root.resolve(path) {
+            Ok(real) => real,
+            Err(e) => {
+                self.error(e.code, e.message, place);
+                return;
+            }
+        };
+        if chain.contains(&real) {
+            self.error("F031", format!("{path:?} uses itself"), place);
+            return;
+        }
+        if chain.len() > self.limits.depth {
+            self.error("F009", format!("more than {} sub-graphs inside each other", self.limits.depth), place);
+            return;
+        }
+        match read_text(&real, self.limits.graph_bytes) {
+            Ok(text) => {
+                chain.push(real);
+                self.file(path, text, Path::new(path), prefix, given, chain);
+                chain.pop();
+            }
+            Err(message) => self.error("F030", message, place),
+        }
+    }
+
+    fn bad_id(&mut self, id: &str, place: Place) {
+        let found = Diagnostic::error("F007", format!("{id:?} cannot be an id"), place);
+        self.found.push(found.help("an id starts with a letter and goes on with letters, digits, `_` and `-`"));
+    }
+
+    fn node_list(
+        &mut self,
+        value: Option<&Value>,
+        file: usize,
+        folder: &Path,
+        scope: &Scope,
+        sets: &[(String, Given)],
+        uses: &[String],
+    ) {
+        let mut first: BTreeMap<String, Place> = BTreeMap::new();
+        let start = self.nodes.len();
+        for entry in self.entries(value, file, "nodes") {
+            let Some(id) = entry.key.as_str() else { continue };
+            let key = Place { file, span: entry.key.span() };
+            if !valid_id(id) {
+                self.bad_id(id, key);
+                continue;
+            }
+            if let Some(earlier) = first.get(id) {
+                let found = Diagnostic::error("F006", format!("the id `{id}` exists twice"), key);
+                self.found.push(found.label(earlier.clone(), "first here").help("ids are the identity of nodes: give one of them another name"));
+                continue;
+            }
+            if uses.iter().any(|u| u == id) {
+                self.error("F006", format!("`{id}` is the name of a sub-graph already"), key);
+                continue;
+            }
+            first.insert(id.to_owned(), key.clone());
+            if self.nodes.len() >= self.limits.nodes {
+                self.error("F009", format!("more than {} nodes", self.limits.nodes), key);
+                return;
+            }
+            self.node(id, key, &entry.value, file, folder, scope);
+        }
+        for (target, value) in sets {
+            let Some((id, param)) = target.split_once('.') else { continue };
+            if uses.iter().any(|u| u == id) {
+                continue;
+            }
+            match self.nodes[start..].iter_mut().find(|n| n.id == format!("{}{id}", scope.prefix)) {
+                Some(node) => {
+                    node.fields.retain(|(name, _, _)| name != param);
+                    node.fields.push((param.to_owned(), value.place.clone(), value.clone()));
+                }
+                None => {
+                    let names: Vec<String> = self.nodes[start..].iter().map(|n| n.id.clone()).collect();
+                    let found = Diagnostic::error("F028", format!("this graph has no node `{id}`"), value.place.clone());
+                    self.found.push(found.help(help(id, "nodes", names.iter().map(String::as_str))));
+                }
+            }
+        }
+    }
+
+    fn node(&mut self, id: &str, place: Place, value: &Value, file: usize, folder: &Path, scope: &Scope) {
+        let at = |span: std::ops::Range<usize>| Place { file, span };
+        let id = format!("{}{id}", scope.prefix);
+        let (name, fields) = match value.as_struct() {
+            Some((Some(name), fields)) => (name, fields),
+            _ => {
+                if !value.is_error() {
+                    let message = format!("a node is NodeType(field: value, ...), found {}", value.describe());
+                    self.found.push(Diagnostic::error("F010", message, at(value.span())).node(&id));
+                }
+                self.nodes.push(RawNode {
+                    id,
+                    type_name: String::new(),
+                    type_place: at(value.span()),
+                    place,
+                    fields: Vec::new(),
+                    whole: false,
+                });
+                return;
+            }
+        };
+        let mut whole = true;
+        let mut seen: BTreeMap<&str, Place> = BTreeMap::new();
+        let mut read = Vec::new();
+        for field in fields {
+            let field_name = field.name.value.as_str();
+            let key = at(field.name.span());
+            if let Some(first) = seen.get(field_name) {
+                let found = Diagnostic::error("F005", format!("`{field_name}` is given twice"), key).node(&id);
+                self.found.push(found.label(first.clone(), "first here"));
+                continue;
+            }
+            seen.insert(field_name, key.clone());
+            whole &= !field.value.is_error();
+            let given = Given {
+                value: field.value.clone(),
+                place: at(field.value.span()),
+                folder: folder.to_owned(),
+                scope: scope.clone(),
+            };
+            read.push((field_name.to_owned(), key, given));
+        }
+        let (type_name, type_place) = (name.value.clone(), at(name.span()));
+        self.nodes.push(RawNode { id, type_name, type_place, place, fields: read, whole });
+    }
+
+    /// Follows `"$name"` to the parameter that it stands for.
+    pub(super) fn resolve(&mut self, given: Given) -> Option<Given> {
+        let mut given = given;
+        for _ in 0..=self.limits.depth {
+            let Some(name) = given.value.as_str().and_then(|t| t.strip_prefix('$')).map(str::to_owned) else {
+                return Some(given);
+            };
+            if let Some(literal) = name.strip_prefix('$') {
+                given.value.value = ValueKind::Str(format!("${literal}"));
+                return Some(given);
+            }
+            self.used_params.borrow_mut().insert(format!("{}{name}", given.scope.prefix));
+            match given.scope.params.get(&name).cloned() {
+                Some(next) => given = next,
+                None => {
+                    let names: Vec<String> = given.scope.params.keys().cloned().collect();
+                    let found = Diagnostic::error("F027", format!("this graph has no parameter `{name}`"), given.place);
+                    self.found.push(found.help(help(&name, "parameters", names.iter().map(String::as_str))));
+                    return None;
+                }
+            }
+        }
+        self.error("F027", "parameters that stand for each other in a circle", given.place);
+        None
+    }
+
+    pub(super) fn take_root(&mut self) -> Root {
+        std::mem::take(&mut self.root)
+    }
+
+    pub(super) fn allow_file(&mut self, path: &Path) {
+        self.root.allow_file(path);
+    }
+
+    pub(super) fn link_limit(&self) -> usize {
+        self.limits.links
+    }
+
+    /// Warns of parameters that nothing used.
+    pub(super) fn unused_params(&mut self) {
+        let used = self.used_params.borrow();
+        for (name, place) in &self.all_params {
+            if !used.contains(name) {
+                let warning = Diagnostic::warning("F029", format!("nothing uses the parameter `{name}`"), place.clone());
+                self.found.push(warning.help(format!("write \"${name}\" where its value is to stand")));
+            }
+        }
+    }
+}

@@ -1,0 +1,90 @@
+//! A checked graph: node types, parameters and links, with the place in the text that each came from.
+//!
+//! [`load`] reads a graph file and its sub-graphs; every error of all of them comes back in one pass.
+
+mod check;
+mod load;
+mod root;
+mod suggest;
+
+pub use load::{Override, load};
+pub use root::{DirFiles, Limits, Root};
+pub use suggest::nearest;
+
+use crate::diag::{Place, Sources};
+use foley_nodes::core::node::NodeType;
+use foley_nodes::core::params::AnyParams;
+use std::collections::BTreeMap;
+use std::sync::LazyLock;
+
+/// All node types, made once.
+pub fn node_types() -> &'static [NodeType] {
+    static TYPES: LazyLock<Vec<NodeType>> = LazyLock::new(foley_nodes::registry::all);
+    &TYPES
+}
+
+/// The node type of a name.
+#[must_use]
+pub fn node_type(name: &str) -> Option<&'static NodeType> {
+    node_types().iter().find(|ty| ty.name == name)
+}
+
+/// A graph in which every node has a type, parameters and links.
+#[derive(Debug)]
+pub struct Graph {
+    /// What it is called.
+    pub title: String,
+    /// Seed of all randomness in it.
+    pub seed: u64,
+    /// Nodes in the order of the text.
+    pub nodes: Vec<GraphNode>,
+    /// Places of `nodes` in topological order; links that are read late do not count.
+    pub order: Vec<usize>,
+    /// Place of each node in `order`.
+    pub rank: Vec<usize>,
+    /// The files that it was read from.
+    pub sources: Sources,
+}
+
+/// One node of a graph.
+#[derive(Debug)]
+pub struct GraphNode {
+    /// Its name: the identity for seeds, state, cache entries and errors.
+    pub id: String,
+    /// Its type.
+    pub ty: &'static NodeType,
+    /// Its parameters.
+    pub params: Box<dyn AnyParams>,
+    /// Links per input port.
+    pub links: Vec<Vec<Link>>,
+    /// Where it stands.
+    pub place: Place,
+    /// Where its fields stand: the values of parameters and inputs.
+    pub fields: BTreeMap<String, Place>,
+}
+
+/// One link, seen from its input.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Link {
+    /// Place in [`Graph::nodes`] of the node it comes from.
+    pub node: usize,
+    /// Output port that it comes from.
+    pub port: usize,
+    /// Where it stands in the text.
+    pub place: Place,
+}
+
+impl Graph {
+    /// The place of a node by its id.
+    #[must_use]
+    pub fn find(&self, id: &str) -> Option<usize> {
+        self.nodes.iter().position(|n| n.id == id)
+    }
+
+    /// The place of a field of a node, or of the node where it does not stand in the text.
+    #[must_use]
+    pub fn place(&self, node: usize, field: Option<&str>) -> Place {
+        let node = &self.nodes[node];
+        field.and_then(|f| node.fields.get(f)).unwrap_or(&node.place).clone()
+    }
+}

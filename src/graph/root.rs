@@ -1,0 +1,216 @@
+//! Which files a graph may read, and opening them.
+
+use foley_nodes::core::files::{FileError, Files, ReadSeek, number_in, sorted_sequence};
+use std::collections::BTreeSet;
+use std::fs::{self, File};
+use std::io::BufReader;
+use std::path::{Component, Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+
+/// What files may cost.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Limits {
+    /// Bytes of one graph file.
+    pub graph_bytes: u64,
+    /// Bytes of one input file.
+    pub file_bytes: u64,
+    /// Nodes of a graph, sub-graphs included.
+    pub nodes: usize,
+    /// Links of a graph.
+    pub links: usize,
+    /// Sub-graphs inside sub-graphs.
+    pub depth: usize,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Self { graph_bytes: 16 << 20, file_bytes: 64 << 30, nodes: 20_000, links: 200_000, depth: 16 }
+    }
+}
+
+/// The folders and files that a graph may read: its own folder, `assets` and `lib` beside it, and what the user allowed.
+#[derive(Clone, Debug, Default)]
+pub struct Root {
+    folders: Vec<PathBuf>,
+    files: Vec<PathBuf>,
+}
+
+impl Root {
+    /// What the graph at `path` may read without being allowed more.
+    #[must_use]
+    pub fn of(path: &Path) -> Self {
+        let mut root = Self::default();
+        let folder = match path.parent() {
+            Some(p) if !p.as_os_str().is_empty() => p.to_owned(),
+            _ => PathBuf::from("."),
+        };
+        let _ = root.allow_folder(&folder);
+        if let Some(own) = root.folders.first().cloned() {
+            for beside in ["assets", "lib"] {
+                let _ = own.parent().map(|p| root.allow_folder(&p.join(beside)));
+            }
+        }
+        root
+    }
+
+    /// Allows everything below a folder.
+    ///
+    /// # Errors
+    /// When the folder does not exist.
+    pub fn allow_folder(&mut self, folder: &Path) -> std::io::Result<()> {
+        self.folders.push(fs::canonicalize(folder)?);
+        Ok(())
+    }
+
+    /// Allows one file, such as one that the user named on the command line.
+    pub fn allow_file(&mut self, file: &Path) {
+        if let Ok(file) = fs::canonicalize(file) {
+            self.files.push(file);
+        }
+    }
+
+    fn allows(&self, real: &Path) -> bool {
+        self.folders.iter().any(|f| real.starts_with(f)) || self.files.iter().any(|f| f == real)
+    }
+
+    /// The real path of a file that may be read.
+    ///
+    /// # Errors
+    /// When it is missing, not a plain file, or outside.
+    pub fn resolve(&self, path: &str) -> Result<PathBuf, FileError> {
+        let error = |code, message| Err(FileError { code, message });
+        if path.contains('\0') {
+            return error("F062", "a path cannot hold a zero character".into());
+        }
+        let real = match fs::canonicalize(path) {
+            Ok(real) => real,
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
+                return error("F060", format!("there is no file {path:?}{}", similar(Path::new(path))));
+            }
+            Err(e) => return error("F061", format!("cannot read {path:?}: {e}")),
+        };
+        if !self.allows(&real) {
+            let message = format!(
+                "{path:?} lies outside what this graph may read: its own folder, and `assets` and `lib` beside it \
+                 (allow more with --allow-read DIR)"
+            );
+            return error("F062", message);
+        }
+        match fs::metadata(&real) {
+            Ok(meta) if meta.is_file() => Ok(real),
+            Ok(meta) if meta.is_dir() => error("F064", format!("{path:?} is a folder, not a file")),
+            Ok(_) => error("F064", format!("{path:?} is not a plain file")),
+            Err(e) => error("F061", format!("cannot read {path:?}: {e}")),
+        }
+    }
+}
+
+/// Files in the folder that have nearly the name of one that is missing.
+fn similar(path: &Path) -> String {
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let (Some(name), Ok(entries)) = (path.file_name().and_then(|n| n.to_str()), fs::read_dir(folder)) else {
+        return String::new();
+    };
+    let names: Vec<String> = entries.flatten().take(10_000).filter_map(|e| e.file_name().into_string().ok()).collect();
+    super::nearest(name, names.iter().map(String::as_str)).map(|n| format!("; there is {n:?}")).unwrap_or_default()
+}
+
+/// The files of a [`Root`], for nodes.
+#[derive(Debug, Default)]
+pub struct DirFiles {
+    root: Root,
+    limits: Limits,
+    opened: Mutex<BTreeSet<PathBuf>>,
+}
+
+impl DirFiles {
+    /// The files of a root.
+    #[must_use]
+    pub fn new(root: Root, limits: Limits) -> Self {
+        Self { root, limits, opened: Mutex::default() }
+    }
+
+    /// Every file that was opened so far.
+    #[must_use]
+    pub fn opened(&self) -> Vec<PathBuf> {
+        self.opened.lock().unwrap_or_else(PoisonError::into_inner).iter().cloned().collect()
+    }
+}
+
+impl Files for DirFiles {
+    fn open(&self, path: &str) -> Result<Box<dyn ReadSeek>, FileError> {
+        let real = self.root.resolve(path)?;
+        let file = File::open(&real)
+            .map_err(|e| FileError { code: "F061", message: format!("cannot read {path:?}: {e}") })?;
+        let bytes = file.metadata().map_or(0, |m| m.len());
+        if bytes > self.limits.file_bytes {
+            let message = format!("{path:?} has {bytes} bytes, the limit is {}", self.limits.file_bytes);
+            return Err(FileError { code: "F063", message });
+        }
+        self.opened.lock().unwrap_or_else(PoisonError::into_inner).insert(real);
+        Ok(Box::new(BufReader::with_capacity(1 << 16, file)))
+    }
+
+    fn sequence(&self, pattern: &str) -> Result<Vec<(u64, String)>, FileError> {
+        let path = Path::new(pattern);
+        let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let name = path.file_name().and_then(|n| n.to_str()).unwrap_or_default();
+        let entries = fs::read_dir(folder)
+            .map_err(|e| FileError { code: "F060", message: format!("cannot list {}: {e}", folder.display()) })?;
+        let found = entries.flatten().filter_map(|entry| {
+            let file = entry.file_name().into_string().ok()?;
+            Some((number_in(name, &file)?, folder.join(&file).to_str()?.to_owned()))
+        });
+        sorted_sequence(pattern, found.collect())
+    }
+}
+
+/// `folder/path` with `.` and `..` taken out as far as the text alone tells.
+#[must_use]
+pub fn join(folder: &Path, path: &str) -> String {
+    let mut out = PathBuf::new();
+    for part in folder.join(path).components() {
+        match part {
+            Component::CurDir => {}
+            Component::ParentDir if matches!(out.components().next_back(), Some(Component::Normal(_))) => {
+                out.pop();
+            }
+            part => out.push(part),
+        }
+    }
+    out.to_string_lossy().into_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn joined_paths_are_short() {
+        assert_eq!(join(Path::new("graphs/cloth"), "../assets/a.wav"), "graphs/assets/a.wav");
+        assert_eq!(join(Path::new(""), "a.wav"), "a.wav");
+        assert_eq!(join(Path::new("."), "../../a.wav"), "../../a.wav");
+    }
+
+    #[test]
+    fn a_graph_reads_its_folder_and_the_assets_beside_it_only() {
+        let dir = tempfile::tempdir().unwrap();
+        let base = dir.path();
+        for folder in ["cloth", "assets", "other"] {
+            fs::create_dir(base.join(folder)).unwrap();
+            fs::write(base.join(folder).join("a.wav"), b"x").unwrap();
+        }
+        let root = Root::of(&base.join("cloth/graph.ron"));
+        let resolve = |p: &str| root.resolve(base.join(p).to_str().unwrap()).map_err(|e| e.code);
+        assert!(resolve("cloth/a.wav").is_ok());
+        assert!(resolve("cloth/../assets/a.wav").is_ok());
+        assert_eq!(resolve("other/a.wav"), Err("F062"));
+        assert_eq!(resolve("cloth/b.wav"), Err("F060"));
+        assert_eq!(resolve("assets"), Err("F064"));
+        #[cfg(unix)]
+        {
+            std::os::unix::fs::symlink(base.join("other/a.wav"), base.join("cloth/link.wav")).unwrap();
+            assert_eq!(resolve("cloth/link.wav"), Err("F062"));
+        }
+    }
+}

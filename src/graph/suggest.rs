@@ -1,0 +1,63 @@
+//! "Did you mean": the nearest of the names that exist.
+
+/// The name nearest to what was written, where one is near enough to have been meant.
+///
+/// # Complexity
+/// O(names * length^2).
+#[must_use]
+pub fn nearest<'a>(found: &str, names: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    let lower = found.to_lowercase();
+    let near = |name: &str| distance(&lower, &name.to_lowercase());
+    let best = names.into_iter().map(|name| (near(name), name)).min()?;
+    let room = (found.chars().count() / 3).max(1);
+    (best.0 <= room).then_some(best.1)
+}
+
+/// `did you mean ...?` with what exists, or only what exists.
+#[must_use]
+pub fn help<'a>(found: &str, what: &str, names: impl IntoIterator<Item = &'a str>) -> String {
+    let names: Vec<&str> = names.into_iter().collect();
+    let shown: Vec<&str> = names.iter().copied().take(24).collect();
+    let more = if names.len() > shown.len() { format!(", and {} more", names.len() - shown.len()) } else { String::new() };
+    let list = if names.is_empty() { format!("there are no {what}") } else { format!("{what}: {}{more}", shown.join(", ")) };
+    match nearest(found, names) {
+        Some(name) => format!("did you mean `{name}`? {list}"),
+        None => list,
+    }
+}
+
+/// Edits (insert, delete, replace, swap of neighbours) between two words.
+fn distance(a: &str, b: &str) -> usize {
+    let (a, b): (Vec<char>, Vec<char>) = (a.chars().collect(), b.chars().collect());
+    if a.len().abs_diff(b.len()) > 8 || a.len() > 64 {
+        return usize::MAX;
+    }
+    let mut before: Vec<usize> = Vec::new();
+    let mut last: Vec<usize> = (0..=b.len()).collect();
+    for i in 1..=a.len() {
+        let mut row = vec![i; b.len() + 1];
+        for j in 1..=b.len() {
+            let replace = last[j - 1] + usize::from(a[i - 1] != b[j - 1]);
+            row[j] = replace.min(last[j] + 1).min(row[j - 1] + 1);
+            if i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1] {
+                row[j] = row[j].min(before[j - 2] + 1);
+            }
+        }
+        before = std::mem::replace(&mut last, row);
+    }
+    last[b.len()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_slip_finds_the_word_that_was_meant() {
+        let names = ["ContactDetector", "SlidingSpeed", "IftNoise", "WavOut"];
+        assert_eq!(nearest("ContactDetecter", names), Some("ContactDetector"));
+        assert_eq!(nearest("wavout", names), Some("WavOut"));
+        assert_eq!(nearest("IfTnosie", names), Some("IftNoise"));
+        assert_eq!(nearest("Reverb", names), None);
+    }
+}

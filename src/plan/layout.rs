@@ -1,0 +1,519 @@
+//! Cuts a phase into regions that run in parallel, and lays out their buffers and clocks.
+
+use super::schedule::{Delays, closes_loop};
+use crate::graph::{Graph, Link};
+use foley_nodes::core::item::{EventType, ItemType};
+use foley_nodes::core::node::Class;
+use foley_nodes::core::ports::PortKind;
+use foley_nodes::core::shape::{Ends, NodeShape};
+use foley_nodes::core::stage::Clock;
+use foley_nodes::core::time::{Rate, Tick};
+use foley_nodes::core::track::Pad;
+use std::collections::HashMap;
+
+/// Windows that a region may be ahead of those that read it.
+pub const DEPTH: usize = 4;
+
+/// Compute time per window below which a region of its own is not worth its hand-over, nanoseconds.
+const WORTH: f64 = 40_000.0;
+
+/// A buffer to make.
+#[derive(Clone, Debug)]
+pub enum TrackPlan {
+    /// For items.
+    Items {
+        /// Their type.
+        item: &'static ItemType,
+        /// Elements per item.
+        width: usize,
+        /// Items that are kept.
+        span: usize,
+        /// Padding before item 0.
+        front: usize,
+        /// What the padding is.
+        pad: Pad,
+    },
+    /// For events.
+    Events {
+        /// Their type.
+        event: &'static EventType,
+        /// Ticks that are kept.
+        span: Tick,
+    },
+}
+
+impl TrackPlan {
+    fn bytes(&self) -> usize {
+        match self {
+            Self::Items { item, width, span, front, .. } => (item.track_bytes)(*width, (*span).max(*front)),
+            Self::Events { event, .. } => (event.track_bytes)(),
+        }
+    }
+}
+
+/// Where a link of an input comes from.
+#[derive(Clone, Debug)]
+pub enum PlanIn {
+    /// A stream in a buffer of the region.
+    Stream {
+        /// Buffer.
+        track: usize,
+        /// Clock of the reader.
+        clock: usize,
+        /// Items before the window.
+        past: usize,
+        /// Items after the window.
+        ahead: usize,
+        /// Items by which it is read late.
+        delay: usize,
+        /// Elements per item.
+        width: usize,
+        /// Items per second.
+        rate: Rate,
+    },
+    /// Events in a buffer of the region.
+    Events {
+        /// Buffer.
+        track: usize,
+        /// Clock of the reader.
+        clock: usize,
+        /// Ticks before the window.
+        past: Tick,
+        /// Ticks after the window.
+        ahead: Tick,
+    },
+    /// A value of another node.
+    Value {
+        /// Node of the graph.
+        node: usize,
+        /// Its output port.
+        port: usize,
+    },
+}
+
+/// Where an output goes.
+#[derive(Clone, Debug)]
+pub enum PlanOut {
+    /// A stream into a buffer of the region.
+    Stream {
+        /// Buffer.
+        track: usize,
+        /// Clock of the writer.
+        clock: usize,
+        /// Elements per item.
+        width: usize,
+        /// Items per second.
+        rate: Rate,
+    },
+    /// Events into a buffer of the region.
+    Events {
+        /// Buffer.
+        track: usize,
+        /// Clock of the writer.
+        clock: usize,
+    },
+    /// A value.
+    Value,
+}
+
+/// What runs: a node of the graph, or the writer of a tap.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum What {
+    /// Node of the graph.
+    Node(usize),
+    /// Tap of the options.
+    Tap(usize),
+}
+
+/// One job with its wires.
+#[derive(Clone, Debug)]
+pub struct PlanNode {
+    /// What runs.
+    pub job: What,
+    /// Clock of its ticks.
+    pub clock: usize,
+    /// Links per input port.
+    pub inputs: Vec<Vec<PlanIn>>,
+    /// Outputs.
+    pub outputs: Vec<PlanOut>,
+    /// Buffers that get a copy of another: from, to, clock.
+    pub copies: Vec<(usize, usize, usize)>,
+}
+
+/// A buffer whose windows are sent to another region.
+#[derive(Clone, Debug)]
+pub struct Export {
+    /// Number of the link between regions.
+    pub link: usize,
+    /// Buffer.
+    pub track: usize,
+    /// Clock of the writer.
+    pub clock: usize,
+    /// Items of one window at most.
+    pub items: usize,
+}
+
+/// A buffer that is filled by another region.
+#[derive(Clone, Debug)]
+pub struct Import {
+    /// Number of the link between regions.
+    pub link: usize,
+    /// The region that fills it.
+    pub from: usize,
+    /// Buffer.
+    pub track: usize,
+    /// Clock of the writer.
+    pub clock: usize,
+}
+
+/// A part of a phase that one thread runs at a time.
+#[derive(Clone, Debug, Default)]
+pub struct Region {
+    /// Whether it waits for files rather than computes.
+    pub io: bool,
+    /// What it runs, in order.
+    pub nodes: Vec<PlanNode>,
+    /// Its buffers.
+    pub tracks: Vec<TrackPlan>,
+    /// The output, as node and port, behind each buffer.
+    pub origins: Vec<(usize, usize)>,
+    /// Its clocks.
+    pub clocks: Vec<Clock>,
+    /// What it sends.
+    pub exports: Vec<Export>,
+    /// What it gets.
+    pub imports: Vec<Import>,
+}
+
+impl Region {
+    /// Bytes in its buffers and in those on their way to other regions.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        let own: usize = self.tracks.iter().map(TrackPlan::bytes).sum();
+        own + self.exports.iter().map(|e| self.sent(e)).sum::<usize>()
+    }
+
+    /// Bytes behind one output in this region: its buffers, and what is on its way to other regions.
+    #[must_use]
+    pub fn bytes_of(&self, node: usize, port: usize) -> usize {
+        let of = |track: &usize| self.origins[*track] == (node, port);
+        let own: usize = (0..self.tracks.len()).filter(of).map(|t| self.tracks[t].bytes()).sum();
+        own + self.exports.iter().filter(|e| of(&e.track)).map(|e| self.sent(e)).sum::<usize>()
+    }
+
+    fn sent(&self, export: &Export) -> usize {
+        match &self.tracks[export.track] {
+            TrackPlan::Items { item, width, .. } => DEPTH * (item.track_bytes)(*width, export.items),
+            TrackPlan::Events { event, .. } => DEPTH * (event.track_bytes)(),
+        }
+    }
+
+    fn track(&mut self, track: TrackPlan, origin: (usize, usize)) -> usize {
+        self.tracks.push(track);
+        self.origins.push(origin);
+        self.tracks.len() - 1
+    }
+
+    fn clock(&mut self, clock: Clock) -> usize {
+        self.clocks.iter().position(|c| *c == clock).unwrap_or_else(|| {
+            self.clocks.push(clock);
+            self.clocks.len() - 1
+        })
+    }
+}
+
+/// One reader of an output: which job, what it needs of the past, and how it wants the ends padded.
+struct Reader {
+    job: What,
+    port: usize,
+    place: usize,
+    pad: Pad,
+    front: usize,
+    span: Tick,
+    items: usize,
+}
+
+/// Lays out a phase.
+#[allow(clippy::too_many_arguments)]
+pub fn regions(
+    graph: &Graph,
+    shapes: &[NodeShape],
+    nodes: &[usize],
+    delays: &Delays,
+    taps: &[(usize, &(usize, usize))],
+    duration: Tick,
+    window: Tick,
+    threads: usize,
+) -> Vec<Region> {
+    let region_of = cut(graph, shapes, nodes, taps, window, threads);
+    let mut layout = Layout { graph, shapes, delays, duration, window, regions: Vec::new(), links: 0 };
+    let count = region_of.values().max().map_or(0, |m| m + 1);
+    layout.regions.resize_with(count, Region::default);
+    let mut at: HashMap<What, (usize, usize)> = HashMap::new();
+    let jobs = nodes.iter().map(|&n| What::Node(n)).chain(taps.iter().map(|(k, _)| What::Tap(*k)));
+    for job in jobs {
+        let region = region_of[&job];
+        let node = layout.job(job, taps, region);
+        layout.regions[region].nodes.push(node);
+        at.insert(job, (region, layout.regions[region].nodes.len() - 1));
+        if let What::Node(n) = job {
+            layout.regions[region].io = graph.nodes[n].ty.class == Class::Io;
+        } else {
+            layout.regions[region].io = true;
+        }
+    }
+    for &n in nodes {
+        for port in 0..graph.nodes[n].ty.outputs.len() {
+            layout.wire(n, port, nodes, taps, &region_of, &at);
+        }
+    }
+    layout.regions
+}
+
+/// Cuts the topological order into parts of about equal work; readers and writers of files stand alone.
+fn cut(
+    graph: &Graph,
+    shapes: &[NodeShape],
+    nodes: &[usize],
+    taps: &[(usize, &(usize, usize))],
+    window: Tick,
+    threads: usize,
+) -> HashMap<What, usize> {
+    let work = |n: usize| {
+        let ty = graph.nodes[n].ty;
+        let per_window = |rate: Rate, width: usize| rate.first_at(window) as f64 * width as f64;
+        let outs = shapes[n].outputs.iter().flatten().map(|s| per_window(s.rate, s.width));
+        let ins = graph.nodes[n].links.iter().flatten().filter_map(|l| {
+            let s = shapes[l.node].outputs.get(l.port)?.as_ref()?;
+            Some(per_window(s.rate, s.width))
+        });
+        30.0 + ty.cost * outs.fold(0.0, f64::max).max(ins.fold(0.0, f64::max))
+    };
+    let inner: Vec<usize> = nodes.iter().copied().filter(|&n| graph.nodes[n].ty.class != Class::Io).collect();
+    let total: f64 = inner.iter().map(|&n| work(n)).sum();
+    let parts = if threads < 2 { 1.0 } else { (total / WORTH).floor().clamp(1.0, 2.0 * threads as f64) };
+    // A loop must not be cut: no boundary between the node that closes it and the end of the loop.
+    let mut open_until = 0;
+    let mut region_of = HashMap::new();
+    let (mut region, mut sum) = (0, 0.0);
+    for (k, &n) in inner.iter().enumerate() {
+        let w = work(n);
+        if k > open_until && k > 0 && sum + w / 2.0 > total * (region + 1) as f64 / parts {
+            region += 1;
+        }
+        sum += w;
+        region_of.insert(What::Node(n), region);
+        for link in graph.nodes[n].links.iter().flatten().filter(|l| closes_loop(graph, n, l)) {
+            let end = inner.iter().position(|&m| m == link.node).unwrap_or(0);
+            open_until = open_until.max(end);
+        }
+    }
+    let mut next = if inner.is_empty() { 0 } else { region + 1 };
+    let alone = nodes.iter().filter(|&&n| graph.nodes[n].ty.class == Class::Io).map(|&n| What::Node(n));
+    for job in alone.chain(taps.iter().map(|(k, _)| What::Tap(*k))) {
+        region_of.insert(job, next);
+        next += 1;
+    }
+    region_of
+}
+
+struct Layout<'g> {
+    graph: &'g Graph,
+    shapes: &'g [NodeShape],
+    delays: &'g Delays,
+    duration: Tick,
+    window: Tick,
+    regions: Vec<Region>,
+    links: usize,
+}
+
+impl Layout<'_> {
+    fn end(&self, n: usize) -> Option<Tick> {
+        Some(self.shapes[n].end.unwrap_or(self.duration))
+    }
+
+    /// A job with its clocks; the tracks of its inputs and outputs follow when outputs are wired.
+    fn job(
+        &mut self,
+        job: What,
+        taps: &[(usize, &(usize, usize))],
+        region: usize,
+    ) -> PlanNode {
+        match job {
+            What::Tap(k) => {
+                let (n, _) = *taps.iter().find(|(t, _)| *t == k).map(|(_, tap)| *tap).unwrap_or(&(0, 0));
+                let delay = self.delays.of[n] + self.shapes[n].lag;
+                let end = self.end(n);
+                let clock = self.regions[region].clock(Clock { rate: None, delay, end });
+                PlanNode { job, clock, inputs: vec![Vec::new()], outputs: Vec::new(), copies: Vec::new() }
+            }
+            What::Node(n) => {
+                let node = &self.graph.nodes[n];
+                let end = self.end(n);
+                let delay = self.delays.of[n];
+                let clock = self.regions[region].clock(Clock { rate: None, delay, end });
+                // Links of streams are replaced when the output that they come from gets its buffer.
+                let value = |l: &Link| PlanIn::Value { node: l.node, port: l.port };
+                let inputs = node.links.iter().map(|links| links.iter().map(value).collect());
+                let outputs = vec![PlanOut::Value; node.ty.outputs.len()];
+                PlanNode { job, clock, inputs: inputs.collect(), outputs, copies: Vec::new() }
+            }
+        }
+    }
+
+    /// Gives an output its buffer, and a buffer of their own to readers in other regions or with another pad rule.
+    fn wire(
+        &mut self,
+        u: usize,
+        port: usize,
+        nodes: &[usize],
+        taps: &[(usize, &(usize, usize))],
+        region_of: &HashMap<What, usize>,
+        at: &HashMap<What, (usize, usize)>,
+    ) {
+        let kind = self.graph.nodes[u].ty.outputs[port].kind;
+        if matches!(kind, PortKind::Value(_) | PortKind::Fold(_)) {
+            return;
+        }
+        let (region, place) = at[&What::Node(u)];
+        let lag = self.shapes[u].lag;
+        let written = self.delays.of[u] + lag;
+        let stream = self.shapes[u].outputs[port].clone();
+        let rate = stream.as_ref().map(|s| s.rate);
+        let width = stream.as_ref().map_or(1, |s| s.width);
+        let writer = Clock { rate, delay: written, end: self.end(u) };
+        let readers = self.readers(u, port, nodes, taps, written, rate);
+        // One buffer per region and pad rule; the first in the writer's own region is written directly.
+        let mut groups: Vec<(usize, Pad, Vec<Reader>)> = Vec::new();
+        for reader in readers {
+            let key = (region_of[&reader.job], reader.pad);
+            match groups.iter_mut().find(|(r, p, _)| (*r, *p) == key) {
+                Some((_, _, group)) => group.push(reader),
+                None => groups.push((key.0, key.1, vec![reader])),
+            }
+        }
+        let window_items = rate.map_or(0, |r| r.first_at(self.window) as usize + 2);
+        let track_for = |group: &[Reader]| {
+            let front = group.iter().map(|r| r.front).max().unwrap_or(0);
+            let pad = group.first().map_or(Pad::Silence, |r| r.pad);
+            match kind {
+                PortKind::Stream(item) => {
+                    let span = group.iter().map(|r| r.items).max().unwrap_or(0).max(window_items);
+                    TrackPlan::Items { item, width, span, front, pad }
+                }
+                PortKind::Events(event) => {
+                    let span = group.iter().map(|r| r.span).max().unwrap_or(0).max(self.window);
+                    TrackPlan::Events { event, span }
+                }
+                PortKind::Value(_) | PortKind::Fold(_) => unreachable!("values have no buffers"),
+            }
+        };
+        groups.sort_by_key(|(r, p, _)| (*r != region, *p == Pad::Hold, *r));
+        let own = groups.first().is_some_and(|(r, _, _)| *r == region);
+        let first = if own { track_for(&groups[0].2) } else { track_for(&[]) };
+        let track = self.regions[region].track(first, (u, port));
+        let clock = self.regions[region].clock(writer);
+        self.regions[region].nodes[place].outputs[port] = match rate {
+            Some(rate) => PlanOut::Stream { track, clock, width, rate },
+            None => PlanOut::Events { track, clock },
+        };
+        for (k, (reader_region, _, group)) in groups.iter().enumerate() {
+            let buffer = if k == 0 && own {
+                track
+            } else {
+                let buffer = self.regions[*reader_region].track(track_for(group), (u, port));
+                if *reader_region == region {
+                    self.regions[region].nodes[place].copies.push((track, buffer, clock));
+                } else {
+                    let link = self.links;
+                    self.links += 1;
+                    self.regions[region].exports.push(Export { link, track, clock, items: window_items });
+                    let there = self.regions[*reader_region].clock(writer);
+                    let import = Import { link, from: region, track: buffer, clock: there };
+                    self.regions[*reader_region].imports.push(import);
+                }
+                buffer
+            };
+            for reader in group {
+                self.attach(reader, buffer, rate, width, at);
+            }
+        }
+    }
+
+    fn readers(
+        &self,
+        u: usize,
+        port: usize,
+        nodes: &[usize],
+        taps: &[(usize, &(usize, usize))],
+        written: Tick,
+        rate: Option<Rate>,
+    ) -> Vec<Reader> {
+        let items = |ticks: Tick| rate.map_or(0, |r| r.first_at(ticks.max(0)) as usize + 2);
+        let mut readers = Vec::new();
+        for &v in nodes {
+            for (in_port, links) in self.graph.nodes[v].links.iter().enumerate() {
+                for (place, link) in links.iter().enumerate() {
+                    let Link { node, port: from, .. } = link;
+                    if (*node, *from) != (u, port) {
+                        continue;
+                    }
+                    let reach = self.shapes[v].reach[in_port];
+                    let behind = self.delays.of[v] - written + self.window;
+                    let (past, late) = (reach.past, reach.delay);
+                    readers.push(Reader {
+                        job: What::Node(v),
+                        port: in_port,
+                        place,
+                        pad: if reach.ends == Ends::Hold { Pad::Hold } else { Pad::Silence },
+                        front: if rate.is_some() { past + late } else { 0 },
+                        span: behind + past as Tick,
+                        items: items(behind) + past + late,
+                    });
+                }
+            }
+        }
+        for (k, _) in taps.iter().filter(|(_, tap)| **tap == (u, port)) {
+            readers.push(Reader {
+                job: What::Tap(*k),
+                port: 0,
+                place: 0,
+                pad: Pad::Silence,
+                front: 0,
+                span: self.window,
+                items: items(self.window),
+            });
+        }
+        readers
+    }
+
+    fn attach(
+        &mut self,
+        reader: &Reader,
+        track: usize,
+        rate: Option<Rate>,
+        width: usize,
+        at: &HashMap<What, (usize, usize)>,
+    ) {
+        let (region, place) = at[&reader.job];
+        let (n, late) = match reader.job {
+            What::Node(v) => (Some(v), self.shapes[v].reach[reader.port]),
+            What::Tap(_) => (None, foley_nodes::core::shape::Reach::default()),
+        };
+        let own = self.regions[region].clocks[self.regions[region].nodes[place].clock];
+        let delay = n.map_or(own.delay, |v| self.delays.of[v]);
+        let clock = self.regions[region].clock(Clock { rate, delay, end: own.end });
+        let wire = match rate {
+            Some(rate) => {
+                let (past, ahead, delay) = (late.past, late.ahead, late.delay);
+                PlanIn::Stream { track, clock, past, ahead, delay, width, rate }
+            }
+            None => PlanIn::Events { track, clock, past: late.past as Tick, ahead: late.ahead as Tick },
+        };
+        let links = &mut self.regions[region].nodes[place].inputs[reader.port];
+        match links.get_mut(reader.place) {
+            Some(link) => *link = wire,
+            None => links.push(wire),
+        }
+    }
+}

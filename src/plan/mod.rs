@@ -1,0 +1,119 @@
+//! From a checked graph to what is known before it runs: delays, buffers, memory, phases and parallel parts.
+//!
+//! [`Plan::new`] shapes every node, then finds for each how far behind the run it works:
+//! `D(v) = max over inputs (D(u) + lag(u) + ahead(v))`, so that in topological order every node can always run.
+
+mod layout;
+mod phases;
+mod schedule;
+mod show;
+
+pub use layout::{DEPTH, Export, Import, PlanIn, PlanNode, PlanOut, Region, TrackPlan, What};
+pub use show::size;
+pub use schedule::{Cause, Delays};
+
+use crate::diag::Diagnostic;
+use crate::graph::Graph;
+use foley_nodes::core::files::Files;
+use foley_nodes::core::shape::NodeShape;
+use foley_nodes::core::time::Tick;
+
+/// How a graph is to be run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlanOptions {
+    /// Length of one window, ticks.
+    pub window: Tick,
+    /// Threads that compute.
+    pub threads: usize,
+    /// Where an endless graph is stopped.
+    pub until: Option<Tick>,
+    /// Most bytes that buffers may take.
+    pub memory: usize,
+    /// Outputs to write to files: node and port.
+    pub taps: Vec<(usize, usize)>,
+}
+
+/// The default window: long enough to pay for handing it over, short enough to stay in the cache.
+pub const WINDOW: Tick = foley_nodes::core::time::TICKS_PER_SECOND / 50;
+
+impl Default for PlanOptions {
+    fn default() -> Self {
+        Self { window: WINDOW, threads: 1, until: None, memory: 4 << 30, taps: Vec::new() }
+    }
+}
+
+/// One pass over the streams: everything that has to end before the folds of the next phase have their inputs.
+#[derive(Debug)]
+pub struct Phase {
+    /// Parts that run in parallel, in topological order.
+    pub regions: Vec<Region>,
+    /// Nodes with streams, in topological order.
+    pub nodes: Vec<usize>,
+    /// Windows to run.
+    pub windows: u64,
+    /// How far behind the run each node works, and why.
+    pub delays: Delays,
+    /// Ticks until the last node has ended.
+    pub duration: Tick,
+    /// Bytes in buffers.
+    pub bytes: usize,
+}
+
+/// All that is known of a run before it starts.
+#[derive(Debug)]
+pub struct Plan {
+    /// Shape of each node of the graph.
+    pub shapes: Vec<NodeShape>,
+    /// Nodes that compute values, with the phase before which each can run.
+    pub values: Vec<(usize, usize)>,
+    /// Passes over the streams.
+    pub phases: Vec<Phase>,
+    /// Length of one window; shorter than asked for where a feedback loop needs it.
+    pub window: Tick,
+    /// Bytes in buffers, at most, at one time.
+    pub bytes: usize,
+    /// Nodes that nothing uses.
+    pub idle: Vec<usize>,
+}
+
+impl Plan {
+    /// Plans a run.
+    ///
+    /// # Errors
+    /// Every reason found why the graph cannot run: rates or formats that do not meet, loops that are too short, a graph
+    /// without end, buffers beyond the memory limit.
+    ///
+    /// # Complexity
+    /// O(nodes + links).
+    pub fn new(graph: &Graph, files: &dyn Files, options: &PlanOptions) -> Result<Self, Vec<Diagnostic>> {
+        let mut shapes = schedule::shape_all(graph, files)?;
+        if let Some(until) = options.until {
+            schedule::cut(&mut shapes, until);
+        }
+        let split = phases::split(graph, &options.taps);
+        let mut window = options.window.max(1);
+        for stream_nodes in &split.phases {
+            window = window.min(schedule::longest_window(graph, &shapes, stream_nodes)?);
+        }
+        let mut phases = Vec::new();
+        for (k, nodes) in split.phases.iter().enumerate() {
+            if nodes.is_empty() {
+                continue;
+            }
+            let delays = schedule::delays(graph, &shapes, nodes, window);
+            let duration = schedule::duration(graph, &shapes, nodes, &delays, options)?;
+            let taps: Vec<_> =
+                options.taps.iter().enumerate().filter(|(_, (n, _))| split.phase_of[*n] == k).collect();
+            let regions = layout::regions(graph, &shapes, nodes, &delays, &taps, duration, window, options.threads);
+            let bytes = regions.iter().map(Region::bytes).sum();
+            let windows = (duration as u64).div_ceil(window as u64);
+            phases.push(Phase { regions, nodes: nodes.clone(), windows, delays, duration, bytes });
+        }
+        let bytes = phases.iter().map(|p| p.bytes).max().unwrap_or(0);
+        let plan = Self { shapes, values: split.values, phases, window, bytes, idle: split.idle };
+        if bytes > options.memory {
+            return Err(vec![show::too_much_memory(graph, &plan, options.memory)]);
+        }
+        Ok(plan)
+    }
+}

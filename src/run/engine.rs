@@ -1,0 +1,342 @@
+//! Runs the regions of one phase in parallel: a task is one region and the windows that it can run now.
+//!
+//! A region may run window `w` when all that feed it have done `w`, and none that it feeds is more than
+//! [`DEPTH`] windows behind. Counters say so; nothing waits inside the pool. Regions that read or write files run on a
+//! thread of their own.
+
+use super::{Job, Progress, Report, Values, stages};
+use crate::diag::Diagnostic;
+use crate::plan::{DEPTH, Phase, Region, What};
+use crossbeam_channel::{Receiver, Sender, unbounded};
+use foley_nodes::core::fault::Fault;
+use foley_nodes::core::node::Summary;
+use foley_nodes::core::stage::{Spent, Stage, StageFault};
+use foley_nodes::core::time::Tick;
+use foley_nodes::core::track::AnyTrack;
+use std::collections::HashMap;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::SeqCst};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// The windows of one link that are on their way from one region to another.
+type Slots = Vec<Mutex<Box<dyn AnyTrack>>>;
+
+struct Cell {
+    stage: Mutex<Stage>,
+    done: AtomicU64,
+    busy: AtomicBool,
+    io: bool,
+    /// Regions that fill this one.
+    above: Vec<usize>,
+    /// Regions that this one fills.
+    below: Vec<usize>,
+}
+
+struct Shared {
+    regions: Vec<Region>,
+    cells: Vec<Cell>,
+    slots: HashMap<usize, Slots>,
+    windows: u64,
+    window: Tick,
+    duration: Tick,
+    failed: AtomicBool,
+    /// Tasks that are queued or running.
+    tasks: AtomicU64,
+    outcomes: Sender<Outcome>,
+    progress: Arc<Progress>,
+    pool: rayon::ThreadPool,
+    io: Sender<Task>,
+}
+
+/// A region to run on an I/O thread.
+type Task = (Arc<Shared>, usize);
+
+enum Outcome {
+    /// A region has run its last window.
+    Finished(usize, Vec<Summary>),
+    /// A node of a region failed.
+    Failed(usize, usize, Fault),
+    /// A region panicked.
+    Panicked(usize, String),
+    /// The last task ended after a failure or a stop.
+    Quiet,
+}
+
+/// Runs one phase to its end and keeps the values of its folds.
+///
+/// # Errors
+/// The faults of the nodes that failed.
+pub fn run_phase(
+    job: &Job<'_>,
+    phase: &Phase,
+    values: &mut Values,
+    report: &mut Report,
+) -> Result<(), Vec<Diagnostic>> {
+    let mut stages = Vec::new();
+    let mut errors = Vec::new();
+    for region in &phase.regions {
+        match stages::stage(job, region, values) {
+            Ok(stage) => stages.push(stage),
+            Err(e) => errors.extend(e),
+        }
+    }
+    if !errors.is_empty() {
+        return Err(errors);
+    }
+    report.note_bytes(stages.iter().map(Stage::bytes).sum());
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(job.threads.max(1))
+        .thread_name(|k| format!("foley-{k}"))
+        .build()
+        .map_err(|e| vec![Diagnostic::general("F090", format!("cannot start threads: {e}"))])?;
+    let (outcomes, received) = unbounded();
+    let (io, io_tasks) = unbounded::<Task>();
+    let workers = phase.regions.iter().filter(|r| r.io).count().min(2);
+    let threads: Vec<_> = (0..workers)
+        .map(|_| {
+            let tasks = io_tasks.clone();
+            std::thread::spawn(move || {
+                // The channel is closed when the last region has let go of the shared state.
+                while let Ok((shared, region)) = tasks.recv() {
+                    shared.task(region);
+                }
+            })
+        })
+        .collect();
+    drop(io_tasks);
+    let shared = Arc::new(Shared::new(job, phase, stages, outcomes, pool, io));
+    // One task stands for this loop, so that the run is not quiet before all regions have been looked at.
+    shared.tasks.fetch_add(1, SeqCst);
+    for r in 0..shared.cells.len() {
+        shared.poll(r);
+    }
+    shared.end_task();
+    let result = collect(job, &shared, &received, values, report);
+    drop(shared);
+    for thread in threads {
+        let _ = thread.join();
+    }
+    result
+}
+
+/// Waits for all regions, or for the first failure and the end of what was running by then.
+fn collect(
+    job: &Job<'_>,
+    shared: &Shared,
+    received: &Receiver<Outcome>,
+    values: &mut Values,
+    report: &mut Report,
+) -> Result<(), Vec<Diagnostic>> {
+    let mut errors = Vec::new();
+    let mut left = shared.cells.len();
+    let mut all: Vec<Option<Vec<Summary>>> = shared.cells.iter().map(|_| None).collect();
+    while left > 0 {
+        match received.recv() {
+            Ok(Outcome::Finished(region, summaries)) => {
+                all[region] = Some(summaries);
+                left -= 1;
+            }
+            Ok(Outcome::Failed(region, place, fault)) => errors.push(describe(job, &shared.regions[region], place, fault)),
+            Ok(Outcome::Panicked(region, what)) => {
+                let ids: Vec<&str> = shared.regions[region].nodes.iter().filter_map(|n| name(job, n.job)).collect();
+                let message = format!("a node panicked ({what}) among: {}", ids.join(", "));
+                errors.push(Diagnostic::general("F099", message).help("this is a defect in foley: please report it"));
+            }
+            Ok(Outcome::Quiet) | Err(_) => break,
+        }
+    }
+    if errors.is_empty() && left > 0 {
+        errors.push(Diagnostic::general("F091", "stopped before the end; no output was written"));
+    }
+    for (r, summaries) in all.into_iter().enumerate() {
+        let stage = shared.cells[r].stage.lock().unwrap_or_else(PoisonError::into_inner);
+        for (k, node) in shared.regions[r].nodes.iter().enumerate() {
+            let What::Node(n) = node.job else { continue };
+            let Spent { time, calls } = stage.spent()[k];
+            let summary = summaries.as_ref().map(|s| s[k].clone()).unwrap_or_default();
+            report.add(n, time, calls, summary);
+            for port in 0..job.graph.nodes[n].ty.outputs.len() {
+                if let Some(value) = stage.value(k, port) {
+                    values.insert((n, port), value);
+                }
+            }
+        }
+    }
+    if errors.is_empty() { Ok(()) } else { Err(errors) }
+}
+
+fn name<'j>(job: &'j Job<'_>, what: What) -> Option<&'j str> {
+    match what {
+        What::Node(n) => Some(&job.graph.nodes[n].id),
+        What::Tap(_) => None,
+    }
+}
+
+fn describe(job: &Job<'_>, region: &Region, place: usize, fault: Fault) -> Diagnostic {
+    match region.nodes[place].job {
+        What::Node(n) => {
+            let at = job.graph.place(n, fault.field.as_deref());
+            Diagnostic::of_fault(fault, at, &job.graph.nodes[n].id)
+        }
+        What::Tap(_) => Diagnostic::general(fault.code, fault.message),
+    }
+}
+
+impl Shared {
+    fn new(
+        job: &Job<'_>,
+        phase: &Phase,
+        stages: Vec<Stage>,
+        outcomes: Sender<Outcome>,
+        pool: rayon::ThreadPool,
+        io: Sender<Task>,
+    ) -> Self {
+        let mut cells: Vec<Cell> = stages
+            .into_iter()
+            .zip(&phase.regions)
+            .map(|(stage, region)| Cell {
+                stage: Mutex::new(stage),
+                done: AtomicU64::new(0),
+                busy: AtomicBool::new(false),
+                io: region.io,
+                above: region.imports.iter().map(|i| i.from).collect(),
+                below: Vec::new(),
+            })
+            .collect();
+        let mut slots = HashMap::new();
+        for (r, region) in phase.regions.iter().enumerate() {
+            for import in &region.imports {
+                cells[import.from].below.push(r);
+            }
+            for export in &region.exports {
+                let model = stages::track(&region.tracks[export.track]);
+                let make = |_| Mutex::new(model.sibling(export.items));
+                slots.insert(export.link, (0..DEPTH).map(make).collect());
+            }
+        }
+        for cell in &mut cells {
+            for list in [&mut cell.above, &mut cell.below] {
+                list.sort_unstable();
+                list.dedup();
+            }
+        }
+        Self {
+            regions: phase.regions.clone(),
+            cells,
+            slots,
+            windows: phase.windows,
+            window: job.plan.window,
+            duration: phase.duration,
+            failed: AtomicBool::new(false),
+            tasks: AtomicU64::new(0),
+            outcomes,
+            progress: Arc::clone(&job.progress),
+            pool,
+            io,
+        }
+    }
+
+    fn halted(&self) -> bool {
+        self.failed.load(SeqCst) || self.progress.stop.load(SeqCst)
+    }
+
+    /// Whether a region can run its next window.
+    fn ready(&self, r: usize) -> bool {
+        let cell = &self.cells[r];
+        let w = cell.done.load(SeqCst);
+        w < self.windows
+            && !self.halted()
+            && cell.above.iter().all(|&a| self.cells[a].done.load(SeqCst) > w)
+            && cell.below.iter().all(|&b| self.cells[b].done.load(SeqCst) + DEPTH as u64 > w)
+    }
+
+    /// Claims a region that can run and that nobody runs.
+    ///
+    /// Whoever lets go of a region looks again afterwards, so a window that becomes ready in between is not missed.
+    fn claim(&self, r: usize) -> bool {
+        self.ready(r) && !self.cells[r].busy.swap(true, SeqCst)
+    }
+
+    /// Starts a task for a region that can run.
+    fn poll(self: &Arc<Self>, r: usize) {
+        if !self.claim(r) {
+            return;
+        }
+        self.tasks.fetch_add(1, SeqCst);
+        let shared = Arc::clone(self);
+        if self.cells[r].io {
+            let io = self.io.clone();
+            let _ = io.send((shared, r));
+        } else {
+            self.pool.spawn(move || shared.task(r));
+        }
+    }
+
+    fn task(self: Arc<Self>, r: usize) {
+        let run = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| self.run_region(r)));
+        if let Err(panic) = run {
+            let what = panic.downcast_ref::<String>().cloned();
+            let what = what.or_else(|| panic.downcast_ref::<&str>().map(|s| (*s).to_owned()));
+            self.failed.store(true, SeqCst);
+            let _ = self.outcomes.send(Outcome::Panicked(r, what.unwrap_or_default()));
+        }
+        self.end_task();
+    }
+
+    fn end_task(&self) {
+        if self.tasks.fetch_sub(1, SeqCst) == 1 && self.halted() {
+            let _ = self.outcomes.send(Outcome::Quiet);
+        }
+    }
+
+    fn run_region(self: &Arc<Self>, r: usize) {
+        let cell = &self.cells[r];
+        loop {
+            let mut stage = cell.stage.lock().unwrap_or_else(PoisonError::into_inner);
+            while self.ready(r) {
+                let w = cell.done.load(SeqCst);
+                let run = self.run_window(r, w, &mut stage);
+                let run = run.and_then(|()| {
+                    if w + 1 < self.windows {
+                        return Ok(());
+                    }
+                    let summaries = stage.finish()?;
+                    let _ = self.outcomes.send(Outcome::Finished(r, summaries));
+                    Ok(())
+                });
+                if let Err((node, fault)) = run {
+                    self.failed.store(true, SeqCst);
+                    let _ = self.outcomes.send(Outcome::Failed(r, node, fault));
+                    return;
+                }
+                cell.done.store(w + 1, SeqCst);
+                self.progress.done.fetch_add(1, SeqCst);
+                for &other in cell.above.iter().chain(&cell.below) {
+                    self.poll(other);
+                }
+            }
+            drop(stage);
+            cell.busy.store(false, SeqCst);
+            if !self.claim(r) {
+                return;
+            }
+        }
+    }
+
+    fn run_window(&self, r: usize, w: u64, stage: &mut Stage) -> Result<(), StageFault> {
+        let region = &self.regions[r];
+        let to = (w as Tick + 1).saturating_mul(self.window).min(self.duration);
+        stage.advance(to);
+        let slot = |link: usize| {
+            let slots = &self.slots[&link];
+            slots[w as usize % slots.len()].lock().unwrap_or_else(PoisonError::into_inner)
+        };
+        for import in &region.imports {
+            stage.import(import.track, import.clock, &**slot(import.link));
+        }
+        stage.run()?;
+        for export in &region.exports {
+            stage.export(export.track, export.clock, &mut **slot(export.link));
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,127 @@
+//! Runs a planned graph offline, as fast as the machine goes.
+//!
+//! Each phase of the plan is a set of regions; [`engine`] runs region after region, window after window, wherever the
+//! counters say that the inputs are there. Values are computed before the phase that needs them.
+
+mod engine;
+mod outputs;
+mod report;
+mod stages;
+mod tap;
+
+pub use outputs::DirOutputs;
+pub use report::{NodeReport, OutputReport, Report};
+pub use tap::{Tap, check as check_tap};
+
+use crate::diag::Diagnostic;
+use crate::graph::Graph;
+use crate::plan::Plan;
+use foley_nodes::core::files::Files;
+use foley_nodes::core::item::AnyValue;
+use foley_nodes::core::random::Random;
+use foley_nodes::core::shape::Build;
+use foley_nodes::core::stage::{Cx, InWire, OutWire};
+use std::cell::RefCell;
+use std::collections::HashMap;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::Instant;
+
+/// How far a run is, readable from other threads.
+#[derive(Debug, Default)]
+pub struct Progress {
+    /// Windows done, over all regions and phases.
+    pub done: AtomicU64,
+    /// Windows to do.
+    pub total: AtomicU64,
+    /// Set it to stop the run.
+    pub stop: AtomicBool,
+}
+
+/// Everything that a run needs beside the plan.
+pub struct Job<'a> {
+    /// The graph.
+    pub graph: &'a Graph,
+    /// Its plan.
+    pub plan: &'a Plan,
+    /// Where inputs come from.
+    pub files: &'a dyn Files,
+    /// Where outputs go.
+    pub outputs: &'a DirOutputs,
+    /// Outputs to write to files, in the order of the plan's taps.
+    pub taps: &'a [Tap],
+    /// Threads that compute.
+    pub threads: usize,
+    /// Seed of the graph.
+    pub seed: u64,
+    /// Shared with whoever watches.
+    pub progress: Arc<Progress>,
+}
+
+/// The values made so far, by node and output port.
+pub type Values = HashMap<(usize, usize), AnyValue>;
+
+/// Runs a graph to its end; outputs are complete and in their places afterwards.
+///
+/// # Errors
+/// The faults of all nodes that failed; no output is left behind then.
+pub fn run(job: &Job<'_>) -> Result<Report, Vec<Diagnostic>> {
+    let start = Instant::now();
+    let mut report = Report::new(job.graph, job.plan);
+    let mut values = Values::new();
+    let windows: u64 = job.plan.phases.iter().map(|p| p.windows * p.regions.len() as u64).sum();
+    job.progress.total.store(windows, Ordering::Relaxed);
+    let phases = job.plan.phases.len().max(1 + job.plan.values.iter().map(|(_, p)| *p).max().unwrap_or(0));
+    for phase in 0..phases {
+        evaluate(job, phase, &mut values, &mut report)?;
+        if let Some(planned) = job.plan.phases.get(phase) {
+            engine::run_phase(job, planned, &mut values, &mut report)?;
+        }
+    }
+    tap::write_values(job, &values)?;
+    job.outputs.commit().map_err(|e| vec![Diagnostic::general("F080", e.to_string())])?;
+    report.close(job, start.elapsed());
+    Ok(report)
+}
+
+/// Computes the values that can be had before a phase.
+fn evaluate(job: &Job<'_>, phase: usize, values: &mut Values, report: &mut Report) -> Result<(), Vec<Diagnostic>> {
+    let mut errors = Vec::new();
+    for &(n, _) in job.plan.values.iter().filter(|(_, before)| *before == phase) {
+        let node = &job.graph.nodes[n];
+        let Some(eval) = node.ty.eval else { continue };
+        let wire = |l: &crate::graph::Link| values.get(&(l.node, l.port)).cloned().map(InWire::Value);
+        let inputs: Vec<Vec<InWire>> =
+            node.links.iter().map(|links| links.iter().filter_map(wire).collect()).collect();
+        if inputs.iter().map(Vec::len).ne(node.links.iter().map(Vec::len)) {
+            // What it needs has failed, and said so.
+            continue;
+        }
+        let outputs: Vec<OutWire> = node.ty.outputs.iter().map(|_| OutWire::Value(RefCell::default())).collect();
+        let links = stages::links_with_values(job, n, values);
+        let cx = Build {
+            random: Random::new(job.seed, &node.id),
+            links: &links,
+            shape: &job.plan.shapes[n],
+            window: job.plan.window,
+            files: job.files,
+            outputs: job.outputs,
+        };
+        let start = Instant::now();
+        match eval(&*node.params, &cx, &Cx::for_values(&inputs, &outputs)) {
+            Ok(summary) => report.add(n, start.elapsed(), 1, summary),
+            Err(fault) => {
+                let place = job.graph.place(n, fault.field.as_deref());
+                errors.push(Diagnostic::of_fault(fault, place, &node.id));
+            }
+        }
+        for (port, out) in outputs.iter().enumerate() {
+            if let OutWire::Value(place) = out
+                && let Some(value) = place.borrow().clone()
+            {
+                values.insert((n, port), value);
+            }
+        }
+    }
+    if errors.is_empty() { Ok(()) } else { Err(errors) }
+}
