@@ -284,7 +284,10 @@ fn sniff(source: &mut (impl Read + Seek), len: u64) -> Result<(FileFormat, u64),
         head = head_at(source, start.min(len))?;
     }
     let unsupported = |found: &str| {
-        Err(AudioError::Unsupported { found: found.into(), wanted: "convert it to WAV, FLAC, Ogg Vorbis or MP3" })
+        Err(AudioError::Unsupported {
+            found: found.into(),
+            wanted: "convert it to WAV, FLAC, Ogg Vorbis or MP3",
+        })
     };
     match head.as_slice() {
         [b'R', b'I', b'F', b'F', _, _, _, _, b'W', b'A', b'V', b'E', ..]

@@ -3,6 +3,9 @@
 //! Decoding is by `symphonia`; its own trimming is off, because for MP3 without a LAME tag it cuts at an *estimated*
 //! length. Opening walks all packets once without decoding and so knows how many frames there are. Every packet is
 //! then laid down at its timestamp: gaps and packets that do not decode are silence, overlaps are dropped.
+//!
+//! Limit: `symphonia` numbers on after an Ogg page or an MP3 packet whose frame it cannot find at all, so what follows
+//! moves forward in time; where the container states a length, a warning says that frames are missing.
 
 use std::io::{self, Read, Seek, SeekFrom};
 use std::sync::Mutex;
@@ -112,14 +115,17 @@ impl<'s> Packets<'s> {
         format: FileFormat,
         limits: &ReadLimits,
     ) -> Result<(AudioInfo, Self), AudioError> {
-        let ends = format != FileFormat::Ogg || has_last_page(&mut source, start, len)?;
+        let last_page = if format == FileFormat::Ogg { last_page(&mut source, start, len)? } else { None };
         source.seek(SeekFrom::Start(start))?;
         let source = Source { inner: Mutex::new(source), start, len: len - start };
         let stream = MediaSourceStream::new(Box::new(source), MediaSourceStreamOptions::default());
         let mut demuxer = demux(format, stream)?;
-        let broken = |what: &str| AudioError::Malformed { format: format.name(), at: start, what: what.into() };
-        let track =
-            demuxer.default_track(TrackType::Audio).ok_or_else(|| broken("it holds no audio stream"))?.clone();
+        let broken =
+            |what: &str| AudioError::Malformed { format: format.name(), at: start, what: what.into() };
+        let track = demuxer
+            .default_track(TrackType::Audio)
+            .ok_or_else(|| broken("it holds no audio stream"))?
+            .clone();
         let params = track.codec_params.as_ref().and_then(|p| p.audio());
         let params = params.ok_or_else(|| broken("its codec parameters are missing"))?;
         let rate = params.sample_rate.filter(|&r| r > 0).ok_or_else(|| broken("its rate is missing"))?;
@@ -129,7 +135,8 @@ impl<'s> Packets<'s> {
         }
         limits.check(rate, channels, 0)?;
         let options = AudioDecoderOptions::default().gapless(false);
-        let decoder = get_codecs().make_audio_decoder(params, &options).map_err(|e| codec_error(format, e))?;
+        let decoder =
+            get_codecs().make_audio_decoder(params, &options).map_err(|e| codec_error(format, e))?;
         let sample_format = match (format, params.bits_per_sample) {
             (FileFormat::Flac, Some(bits)) => SampleFormat::Int { bits: bits as u16 },
             _ => SampleFormat::Lossy,
@@ -139,7 +146,10 @@ impl<'s> Packets<'s> {
         let mut warnings = Vec::new();
         // Without a LAME tag `symphonia` estimates the length of an MP3 from its first frames: no promise to check.
         let tagged = format != FileFormat::Mp3 || track.delay.is_some();
-        let promised = track.num_frames.filter(|&n| n > 0 && tagged && format != FileFormat::Ogg);
+        let promised = match last_page {
+            Some(granule) => Some(granule.saturating_sub_unsigned(timeline.origin as u64).max(0) as u64),
+            None => track.num_frames.filter(|&n| n > 0 && tagged && format != FileFormat::Ogg),
+        };
         if format == FileFormat::Mp3 && track.delay.is_some() {
             let block = mp3_block(rate);
             let gaps = u64::from(track.delay.unwrap_or(0)) + u64::from(track.padding.unwrap_or(0));
@@ -152,15 +162,14 @@ impl<'s> Packets<'s> {
         if let Some(header_frames) = promised.filter(|&n| n != frames) {
             warnings.push(AudioWarning::LengthDiffers { header_frames, frames, rate });
         }
-        if !ends {
+        if format == FileFormat::Ogg && last_page.is_none() {
             warnings.push(AudioWarning::NoEnd);
         }
         if timeline.extra {
             warnings.push(AudioWarning::ExtraStream);
         }
         limits.check(rate, channels, frames)?;
-        let info =
-            AudioInfo { format, rate, channels, frames, sample_format, channel_mask: None, warnings };
+        let info = AudioInfo { format, rate, channels, frames, sample_format, channel_mask: None, warnings };
         let mut packets = Self {
             demuxer: Some(demuxer),
             decoder,
@@ -355,7 +364,10 @@ fn walk(demuxer: &mut dyn FormatReader, track: u32, format: FileFormat, rate: u3
             first = false;
         }
         let place = place(&packet, format, rate, timeline.origin);
-        end = end.max(place.start.saturating_add_unsigned(place.frames));
+        // Packets of pure padding lie behind the end and have no length.
+        if place.frames > 0 {
+            end = end.max(place.start.saturating_add_unsigned(place.frames));
+        }
         blocks += 1;
     }
     timeline.extra = demuxer.tracks().len() > 1;
@@ -378,16 +390,17 @@ const fn mp3_block(rate: u32) -> u64 {
     if rate >= 32_000 { 1152 } else { 576 }
 }
 
-/// Whether a page marked as the last lies complete at the end of an Ogg file.
-fn has_last_page(source: &mut (impl Read + Seek), start: u64, len: u64) -> Result<bool, AudioError> {
-    let from = start.max(len.saturating_sub(LARGEST_OGG_PAGE));
-    source.seek(SeekFrom::Start(from))?;
+/// The end position that the last page of an Ogg file states, if that page is there, complete and marked as the last.
+fn last_page(source: &mut (impl Read + Seek), start: u64, len: u64) -> Result<Option<i64>, AudioError> {
+    source.seek(SeekFrom::Start(start.max(len.saturating_sub(LARGEST_OGG_PAGE))))?;
     let mut tail = Vec::new();
     source.by_ref().take(LARGEST_OGG_PAGE).read_to_end(&mut tail)?;
-    let Some(at) = tail.windows(4).rposition(|w| w == b"OggS") else { return Ok(false) };
+    let Some(at) = tail.windows(4).rposition(|w| w == b"OggS") else { return Ok(None) };
     let page = &tail[at..];
+    let Some(&[flags, a, b, c, d, e, f, g, h]) = page.get(5..14) else { return Ok(None) };
     let segments = page.get(26).map_or(0, |&n| usize::from(n));
-    let Some(table) = page.get(27..27 + segments) else { return Ok(false) };
+    let Some(table) = page.get(27..27 + segments) else { return Ok(None) };
     let body: usize = table.iter().map(|&n| usize::from(n)).sum();
-    Ok(page[5] & 4 != 0 && page.len() >= 27 + segments + body)
+    let whole = flags & 4 != 0 && page.len() >= 27 + segments + body;
+    Ok(whole.then_some(i64::from_le_bytes([a, b, c, d, e, f, g, h])))
 }

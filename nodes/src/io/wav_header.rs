@@ -11,8 +11,8 @@ use super::{AudioError, AudioWarning, SampleFormat};
 const MAX_CHUNKS: usize = 10_000;
 
 const KNOWN: [&[u8; 4]; 22] = [
-    b"fmt ", b"data", b"fact", b"LIST", b"JUNK", b"junk", b"PAD ", b"FLLR", b"bext", b"ds64", b"cue ", b"smpl", b"inst",
-    b"PEAK", b"id3 ", b"ID3 ", b"iXML", b"axml", b"chna", b"acid", b"plst", b"note",
+    b"fmt ", b"data", b"fact", b"LIST", b"JUNK", b"junk", b"PAD ", b"FLLR", b"bext", b"ds64", b"cue ",
+    b"smpl", b"inst", b"PEAK", b"id3 ", b"ID3 ", b"iXML", b"axml", b"chna", b"acid", b"plst", b"note",
 ];
 
 /// Where and how the samples of a WAV file lie.
@@ -61,7 +61,9 @@ impl WavHeader {
             let body = at + 8;
             let mut next = body + size;
             match id {
-                b"fmt " if format.is_none() => format = Some(read_format(source, body, size.min(len - body))?),
+                b"fmt " if format.is_none() => {
+                    format = Some(read_format(source, body, size.min(len - body))?)
+                }
                 b"ds64" if wide_size.is_none() && size >= 24 && body + 24 <= len => {
                     let mut sizes = [0; 16];
                     read_at(source, body, &mut sizes)?;
@@ -77,7 +79,8 @@ impl WavHeader {
             at = after_pad(source, next, len)?;
         }
         let missing = |what: &str| AudioError::Malformed { format: "WAV", at, what: what.into() };
-        let format = format.ok_or_else(|| missing("no \"fmt \" chunk found; one must say how samples are stored"))?;
+        let format =
+            format.ok_or_else(|| missing("no \"fmt \" chunk found; one must say how samples are stored"))?;
         let data = data.ok_or_else(|| missing("no \"data\" chunk found; one must hold the samples"))?;
         Ok(Self::new(format, &data, len))
     }
@@ -170,15 +173,18 @@ fn read_format(source: &mut (impl Read + Seek), at: u64, size: u64) -> Result<Fo
         tag = u16_at(24);
     }
     if channels == 0 || rate == 0 {
-        return Err(broken(format!("{channels} channels at {rate} samples per second; both must be at least 1")));
+        return Err(broken(format!(
+            "{channels} channels at {rate} samples per second; both must be at least 1"
+        )));
     }
     // The block says how wide a container is; a block that cannot be right gives way to the bits.
     let by_bits = usize::from(bits.div_ceil(8));
-    let container = if block.is_multiple_of(channels) && block / channels >= by_bits.max(1) && block / channels <= 8 {
-        block / channels
-    } else {
-        by_bits
-    };
+    let container =
+        if block.is_multiple_of(channels) && block / channels >= by_bits.max(1) && block / channels <= 8 {
+            block / channels
+        } else {
+            by_bits
+        };
     let sample_format = match (tag, container, valid_bits) {
         (1, 1..=4, v) if v >= 1 && usize::from(v) <= 8 * container => SampleFormat::Int { bits: v },
         (3, 4, _) => SampleFormat::Float { bits: 32 },

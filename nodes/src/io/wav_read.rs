@@ -34,7 +34,10 @@ pub(super) struct WavReader<'s> {
 }
 
 impl<'s> WavReader<'s> {
-    pub fn new(mut source: Box<dyn ReadSeek + 's>, header: WavHeader) -> Result<(AudioInfo, Self), AudioError> {
+    pub fn new(
+        mut source: Box<dyn ReadSeek + 's>,
+        header: WavHeader,
+    ) -> Result<(AudioInfo, Self), AudioError> {
         let frame_bytes = header.container * header.channels;
         let mut bytes = vec![0; (BLOCK / frame_bytes).max(1) * frame_bytes];
         let mut warnings = header.warnings;

@@ -149,7 +149,8 @@ impl<W: Write + Seek> AudioWriter<W> {
         let float = spec.format == WriteFormat::Float32;
         let sample_bytes = spec.format.bytes();
         let frame_bytes = sample_bytes * spec.channels as u32;
-        let extensible = spec.channels > 2 || spec.format == WriteFormat::Pcm24 || spec.channel_mask.is_some();
+        let extensible =
+            spec.channels > 2 || spec.format == WriteFormat::Pcm24 || spec.channel_mask.is_some();
         let tag: u16 = if float { 3 } else { 1 };
 
         let mut h = Vec::with_capacity(128);

@@ -65,7 +65,9 @@ fn mutated_files_neither_panic_nor_exceed_the_limits() {
     for (kind, (file, cases)) in files.into_iter().enumerate() {
         for case in 0..cases {
             let bytes = mutate(file, &random, case + 1_000_000 * kind as u64);
-            let Ok(mut reader) = AudioReader::open_with(Box::new(Cursor::new(&bytes)), limits) else { continue };
+            let Ok(mut reader) = AudioReader::open_with(Box::new(Cursor::new(&bytes)), limits) else {
+                continue;
+            };
             opened += 1;
             let info = reader.info().clone();
             assert!(info.channels <= 8 && info.rate <= 200_000 && info.seconds() <= 3.0);

@@ -13,6 +13,7 @@ pub const FLAC: &[u8] = include_bytes!("../../../tests/data/tone_22050_1.flac");
 pub const FLAC_24: &[u8] = include_bytes!("../../../tests/data/tone_48000_1_24bit.flac");
 pub const OGG: &[u8] = include_bytes!("../../../tests/data/tone_22050_1.ogg");
 pub const OGG_STEREO: &[u8] = include_bytes!("../../../tests/data/tone_44100_2.ogg");
+pub const OGG_LONG: &[u8] = include_bytes!("../../../tests/data/long_44100_2.ogg");
 pub const MP3: &[u8] = include_bytes!("../../../tests/data/tone_22050_1.mp3");
 pub const MP3_STEREO: &[u8] = include_bytes!("../../../tests/data/tone_44100_2.mp3");
 pub const MP3_UNTAGGED: &[u8] = include_bytes!("../../../tests/data/untagged_22050_1.mp3");

@@ -2,7 +2,9 @@ use std::fs;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
-use super::super::{AudioError, AudioReader, AudioWarning, FileFormat, ReadLimits, SampleFormat, probe, probe_with};
+use super::super::{
+    AudioError, AudioReader, AudioWarning, FileFormat, ReadLimits, SampleFormat, probe, probe_with,
+};
 use super::*;
 
 #[test]
@@ -20,10 +22,10 @@ fn flac_gives_the_exact_samples() {
 #[test]
 fn encoder_delay_and_padding_are_cut_off() {
     for (bytes, frames, channels, rate, worst) in [
-        (OGG, 5000, 1, 22_050.0, 0.05),
-        (OGG_STEREO, 6000, 2, 44_100.0, 0.05),
-        (MP3, 5000, 1, 22_050.0, 0.2),
-        (MP3_STEREO, 6000, 2, 44_100.0, 0.2),
+        (OGG, 5000, 1, 22_050.0, 0.03),
+        (OGG_STEREO, 6000, 2, 44_100.0, 0.03),
+        (MP3, 5000, 1, 22_050.0, 0.1),
+        (MP3_STEREO, 6000, 2, 44_100.0, 0.1),
     ] {
         let (info, samples) = read_all(bytes, 333).unwrap();
         assert_eq!((info.frames, info.channels), (frames, channels));
@@ -32,7 +34,7 @@ fn encoder_delay_and_padding_are_cut_off() {
         // The ends carry pre- and post-echoes; the middle is the tone within the codec's noise, in phase.
         for channel in 0..channels {
             let whole = tone_error(&samples, channels, channel, rate);
-            assert!(whole < 4.0 * worst, "{:?} {whole}", info.format);
+            assert!(whole < 0.6, "{:?} {whole}", info.format);
             let mut middle = samples.clone();
             let clean = |n: usize| {
                 let x = std::f64::consts::TAU * 1000.0 * (channel + 1) as f64 / rate * n as f64;
@@ -70,7 +72,7 @@ fn blocks_of_any_size_give_the_same_samples() {
 
 #[test]
 fn a_seek_gives_the_samples_of_a_read_from_the_start() {
-    for bytes in [FLAC, FLAC_24, OGG, OGG_STEREO, MP3, MP3_STEREO] {
+    for bytes in [FLAC, FLAC_24, OGG, OGG_STEREO, OGG_LONG, MP3, MP3_STEREO] {
         let whole = read_all(bytes, 4096).unwrap().1;
         let mut reader = open(bytes).unwrap();
         let channels = reader.info().channels;
@@ -82,7 +84,11 @@ fn a_seek_gives_the_samples_of_a_read_from_the_start() {
             let n = reader.read(&mut out).unwrap();
             assert_eq!(n as u64, (frames - frame).min(900));
             let at = frame as usize * channels;
-            assert!(out[..n * channels] == whole[at..at + n * channels], "{:?} {frame}", reader.info().format);
+            assert!(
+                out[..n * channels] == whole[at..at + n * channels],
+                "{:?} {frame}",
+                reader.info().format
+            );
         }
         assert!(matches!(reader.seek(frames + 1), Err(AudioError::SeekBehindEnd { .. })));
     }
@@ -105,20 +111,17 @@ fn a_seek_into_a_long_mp3_restores_the_decoder_state() {
 
 #[test]
 fn a_truncated_file_gives_what_is_there_and_says_so() {
-    for bytes in [FLAC, FLAC_24, OGG, OGG_STEREO, MP3, MP3_STEREO] {
+    for bytes in [FLAC, FLAC_24, OGG_LONG, MP3, MP3_STEREO] {
         let whole = read_all(bytes, 1000).unwrap().1;
         let cut = &bytes[..bytes.len() * 3 / 4];
-        let Ok((info, samples)) = read_all(cut, 1000) else {
-            panic!("{:?}", read_all(cut, 1000).err());
-        };
-        // A short Ogg file is one page, which is lost whole when it is cut.
-        if info.format != FileFormat::Ogg {
-            assert!(info.frames > 1000 && (samples.len()) < whole.len(), "{:?} {}", info.format, info.frames);
-            let sure = samples.len() - 2000.min(samples.len());
-            assert!(samples[..sure] == whole[..sure], "{:?}", info.format);
-        }
+        let (info, samples) = read_all(cut, 1000).unwrap();
+        assert!(info.frames > 1000 && samples.len() < whole.len(), "{:?} {}", info.format, info.frames);
+        let sure = samples.len() - 2000.min(samples.len());
+        assert!(samples[..sure] == whole[..sure], "{:?}", info.format);
         assert!(
-            info.warnings.iter().any(|w| matches!(w, AudioWarning::LengthDiffers { .. } | AudioWarning::NoEnd)),
+            info.warnings
+                .iter()
+                .any(|w| matches!(w, AudioWarning::LengthDiffers { .. } | AudioWarning::NoEnd)),
             "{:?}",
             info.format
         );
@@ -139,6 +142,22 @@ fn a_corrupt_packet_becomes_counted_silence_and_the_rest_stays_in_time() {
     assert_eq!(info.frames, 5000);
     assert!(samples[..1024] == whole[..1024]);
     assert!(samples[2048..] == whole[2048..], "what follows keeps its place");
+}
+
+/// Known limit: the pages behind a page with a broken checksum move forward, but not in silence.
+#[test]
+fn a_lost_ogg_page_is_reported() {
+    let page = |(i, w): (usize, &[u8])| (w == b"OggS").then_some(i);
+    let pages: Vec<usize> = OGG_LONG.windows(4).enumerate().filter_map(page).collect();
+    let whole = read_all(OGG_LONG, 1000).unwrap().1;
+    assert_eq!(whole.len(), 320_000);
+    let mut bytes = OGG_LONG.to_vec();
+    bytes[pages[pages.len() - 2] + 60] ^= 1;
+    let (info, samples) = read_all(&bytes, 1000).unwrap();
+    let frames = info.frames;
+    assert!(frames > 70_000 && frames < 100_000);
+    assert_eq!(info.warnings, [AudioWarning::LengthDiffers { header_frames: 160_000, frames, rate: 44_100 }]);
+    assert!(samples[..120_000] == whole[..120_000]);
 }
 
 #[test]

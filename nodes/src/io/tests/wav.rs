@@ -184,7 +184,8 @@ fn files_that_hound_writes_are_read_alike() {
         (32, hound::SampleFormat::Int),
         (32, hound::SampleFormat::Float),
     ] {
-        let spec = hound::WavSpec { channels: 3, sample_rate: 44_100, bits_per_sample: bits, sample_format: format };
+        let spec =
+            hound::WavSpec { channels: 3, sample_rate: 44_100, bits_per_sample: bits, sample_format: format };
         let mut bytes = std::io::Cursor::new(Vec::new());
         let mut writer = hound::WavWriter::new(&mut bytes, spec).unwrap();
         let values: Vec<i32> = (0..300).map(|i| (i * 7 % 255) - 128).collect();

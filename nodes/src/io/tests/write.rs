@@ -25,7 +25,8 @@ fn what_is_written_is_read_back_within_the_dither() {
     for format in FORMATS {
         for channels in [1, 2, 3, 5, 8, 12] {
             let samples = ramp(channels * 501);
-            let (file, written) = write_in_blocks(WriteSpec::new(48_000, channels, format), &samples, 100, u64::MAX);
+            let (file, written) =
+                write_in_blocks(WriteSpec::new(48_000, channels, format), &samples, 100, u64::MAX);
             let (info, read) = read_all(&file, 77).unwrap();
             assert_eq!((info.rate, info.channels, info.frames, written.frames), (48_000, channels, 501, 501));
             assert_eq!(info.warnings, []);
@@ -100,7 +101,8 @@ fn samples_beyond_full_scale_are_clamped_and_counted() {
     assert!((info.rms - mean.sqrt()).abs() < 1e-12);
     let full = 32_767.0 / 32_768.0;
     assert_eq!(read_all(&file, 9).unwrap().1[..5], [0.0, full, -1.0, full, -1.0]);
-    let (file, info) = write_in_blocks(WriteSpec { format: WriteFormat::Float32, ..spec }, &samples, 4, u64::MAX);
+    let (file, info) =
+        write_in_blocks(WriteSpec { format: WriteFormat::Float32, ..spec }, &samples, 4, u64::MAX);
     assert_eq!((read_all(&file, 9).unwrap().1, info.clipped), (samples.to_vec(), 2));
 }
 
@@ -112,8 +114,12 @@ fn dither_makes_the_error_independent_of_the_signal() {
         let samples = vec![level / 32_768.0; n];
         let spec = WriteSpec::new(48_000, 1, WriteFormat::Pcm16);
         let (file, _) = write_in_blocks(spec, &samples, n, u64::MAX);
-        let errors: Vec<f64> =
-            read_all(&file, n).unwrap().1.iter().map(|&x| f64::from(x) * 32_768.0 - f64::from(level)).collect();
+        let errors: Vec<f64> = read_all(&file, n)
+            .unwrap()
+            .1
+            .iter()
+            .map(|&x| f64::from(x) * 32_768.0 - f64::from(level))
+            .collect();
         let mean = errors.iter().sum::<f64>() / n as f64;
         let variance = errors.iter().map(|e| e * e).sum::<f64>() / n as f64;
         assert!(mean.abs() < 5.0 * 0.5 / (n as f64).sqrt(), "{level} {mean}");
@@ -145,7 +151,9 @@ fn an_unfinished_file_reads_to_its_end() {
 
 #[test]
 fn wrong_specs_and_samples_are_errors() {
-    let new = |rate, channels| AudioWriter::new(Cursor::new(Vec::new()), WriteSpec::new(rate, channels, WriteFormat::Pcm24));
+    let new = |rate, channels| {
+        AudioWriter::new(Cursor::new(Vec::new()), WriteSpec::new(rate, channels, WriteFormat::Pcm24))
+    };
     assert!(matches!(new(48_000, 0), Err(AudioError::WriteSpec { what: "channels", .. })));
     assert!(matches!(new(0, 1), Err(AudioError::WriteSpec { what: "rate", .. })));
     assert!(matches!(new(48_000, 30_000), Err(AudioError::WriteSpec { .. })));
