@@ -29,14 +29,15 @@ impl From<u32> for Rate {
 
 /// What a resampler may cost.
 ///
-/// Measured by the tests at 44.1 -> 48 kHz and back: pass-band ripple and worst alias or image.
+/// Figures measured between 44.1 and 48 kHz: largest error of a full-scale sine anywhere in the pass-band, and largest alias of
+/// one anywhere above. Taps are per output sample, for upward conversion; downward they grow with the ratio.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quality {
-    /// Flat to 0.75 of the lower Nyquist frequency, 60 dB: 30 taps.
+    /// Flat to 0.75 of the lower Nyquist frequency: error -56 dB (0.013 dB), alias -57 dB; 30 taps.
     Draft,
-    /// Flat to 0.88, 100 dB: 108 taps.
+    /// Flat to 0.88: error -98 dB (0.0001 dB), alias -98 dB; 108 taps.
     Standard,
-    /// Flat to 0.92 (20.2 kHz at 44.1 kHz) within 0.0001 dB, 120 dB: 196 taps.
+    /// Flat to 0.92 (20.2 kHz at 44.1 kHz): error -118 dB (0.00001 dB), alias -118 dB; 196 taps.
     High,
 }
 

@@ -46,6 +46,8 @@ pub struct Sine {
 }
 
 impl Sine {
+    /// A tone of `frequency` at `rate`.
+    ///
     /// # Errors
     /// Frequencies outside (0, rate / 2); so for all tones.
     pub fn new(frequency: f64, rate: f64) -> Result<Self, DspError> {
@@ -73,7 +75,8 @@ fn poly_blep(t: f64, dt: f64) -> f64 {
 
 /// A rising saw from -1 to 1, band-limited by a two-sample polynomial at its step.
 ///
-/// At 1 kHz and 48 kHz every alias lies below -50 dB of the fundamental (plain saw: -32 dB); use it for tests and material, not for measuring.
+/// Largest alias at 1 kHz and 48 kHz, against the fundamental: -35 dB in all, -47 dB below 15 kHz, -56 dB below 10 kHz, -70 dB below
+/// 5 kHz (without the polynomial: -28, -30, -32, -33 dB). Material for nodes, not a measuring signal.
 ///
 /// # Source
 /// Valimaki and Huovilainen, "Antialiasing Oscillators in Subtractive Synthesis" (IEEE SPM 24(2), 2007).
@@ -83,6 +86,8 @@ pub struct Saw {
 }
 
 impl Saw {
+    /// A tone of `frequency` at `rate`.
+    ///
     /// # Errors
     /// As [`Sine::new`].
     pub fn new(frequency: f64, rate: f64) -> Result<Self, DspError> {
@@ -106,6 +111,8 @@ pub struct Square {
 }
 
 impl Square {
+    /// A tone of `frequency` at `rate`.
+    ///
     /// # Errors
     /// As [`Sine::new`].
     pub fn new(frequency: f64, rate: f64) -> Result<Self, DspError> {

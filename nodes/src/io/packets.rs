@@ -4,10 +4,14 @@
 //! length. Opening walks all packets once without decoding and so knows how many frames there are. Every packet is
 //! then laid down at its timestamp: gaps and packets that do not decode are silence, overlaps are dropped.
 //!
+//! `symphonia` 0.6 still panics on some broken headers (sums that overflow); every call into it is guarded, so that a panic
+//! is an error or a corrupt packet like any other. A build with `panic = "abort"` loses that guard.
+//!
 //! Limit: `symphonia` numbers on after an Ogg page or an MP3 packet whose frame it cannot find at all, so what follows
 //! moves forward in time; where the container states a length, a warning says that frames are missing.
 
 use std::io::{self, Read, Seek, SeekFrom};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Mutex;
 
 use symphonia::core::codecs::audio::{AudioDecoder, AudioDecoderOptions};
@@ -246,10 +250,16 @@ impl<'s> Packets<'s> {
         if self.walked > from as i64 {
             self.rewind()?;
         }
-        self.decoder.reset();
+        self.reset_decoder();
         self.position = frame;
         self.refill(from);
         Ok(())
+    }
+
+    fn reset_decoder(&mut self) {
+        let decoder = &mut self.decoder;
+        // A decoder that cannot even reset fails on its next packet.
+        let _ = guarded(|| decoder.reset());
     }
 
     /// Starts the demuxer over.
@@ -258,7 +268,7 @@ impl<'s> Packets<'s> {
         let mut stream = self.demuxer.take().ok_or_else(lost)?.into_inner();
         stream.seek(SeekFrom::Start(0))?;
         self.demuxer = Some(demux(self.format, stream)?);
-        self.decoder.reset();
+        self.reset_decoder();
         self.walked = i64::MIN;
         self.ended = false;
         Ok(())
@@ -287,7 +297,9 @@ impl<'s> Packets<'s> {
     fn lay_down(&mut self, packet: &Packet, place: &Place) {
         let position = self.position as i64;
         let channels = self.channels;
-        let good = match self.decoder.decode(packet) {
+        let decoder = &mut self.decoder;
+        let decoded = guarded(|| decoder.decode(packet)).unwrap_or(Err(PANICKED));
+        let good = match decoded {
             Ok(audio) if audio.num_planes() == channels && audio.spec().rate() == self.rate => {
                 audio.copy_to_vec_interleaved(&mut self.decoded);
                 true
@@ -318,12 +330,21 @@ fn demux<'s>(
     stream: MediaSourceStream<'s>,
 ) -> Result<Box<dyn FormatReader + 's>, AudioError> {
     let options = FormatOptions::default();
-    let opened: Result<Box<dyn FormatReader + 's>, CodecError> = match format {
-        FileFormat::Flac => formats::FlacReader::try_new(stream, options).map(|r| Box::new(r) as _),
-        FileFormat::Ogg => formats::OggReader::try_new(stream, options).map(|r| Box::new(r) as _),
-        _ => formats::MpaReader::try_new(stream, options).map(|r| Box::new(r) as _),
+    let open = || -> Result<Box<dyn FormatReader + 's>, CodecError> {
+        Ok(match format {
+            FileFormat::Flac => Box::new(formats::FlacReader::try_new(stream, options)?),
+            FileFormat::Ogg => Box::new(formats::OggReader::try_new(stream, options)?),
+            _ => Box::new(formats::MpaReader::try_new(stream, options)?),
+        })
     };
-    opened.map_err(|e| codec_error(format, e))
+    guarded(open).unwrap_or(Err(PANICKED)).map_err(|e| codec_error(format, e))
+}
+
+const PANICKED: CodecError = CodecError::DecodeError("it breaks its decoder");
+
+/// Runs code of `symphonia`; `None` if it panics.
+fn guarded<T>(call: impl FnOnce() -> T) -> Option<T> {
+    catch_unwind(AssertUnwindSafe(call)).ok()
 }
 
 fn codec_error(format: FileFormat, error: CodecError) -> AudioError {
@@ -341,7 +362,7 @@ fn codec_error(format: FileFormat, error: CodecError) -> AudioError {
 fn next_packet(demuxer: &mut dyn FormatReader, track: u32) -> Option<Packet> {
     let mut errors = 0;
     while errors < MAX_ERRORS {
-        match demuxer.next_packet() {
+        match guarded(|| demuxer.next_packet())? {
             Ok(Some(packet)) if packet.track_id == track => return Some(packet),
             Ok(Some(_)) => {}
             Ok(None) | Err(CodecError::IoError(_) | CodecError::ResetRequired) => return None,

@@ -22,7 +22,7 @@ fn mutate(file: &[u8], random: &Random, case: u64) -> Vec<u8> {
         if bytes.is_empty() {
             break;
         }
-        let span = if w[3] % 2 == 0 { bytes.len().min(128) } else { bytes.len() };
+        let span = if w[3] & 1 == 0 { bytes.len().min(128) } else { bytes.len() };
         let at = w[0] as usize % span;
         match w[1] % 8 {
             0 => bytes.truncate(at),
@@ -40,6 +40,25 @@ fn mutate(file: &[u8], random: &Random, case: u64) -> Vec<u8> {
         }
     }
     bytes
+}
+
+/// Makes the checksums of an Ogg file's pages true, so that mutations reach the decoder behind them.
+fn repair_ogg(bytes: &mut [u8]) {
+    let mut at = 0;
+    while bytes.len() >= at + 27 && bytes[at..].starts_with(b"OggS") {
+        let segments = usize::from(bytes[at + 26]);
+        let Some(table) = bytes.get(at + 27..at + 27 + segments) else { return };
+        let end = at + 27 + segments + table.iter().map(|&n| usize::from(n)).sum::<usize>();
+        let Some(page) = bytes.get_mut(at..end) else { return };
+        page[22..26].fill(0);
+        let crc = page.iter().fold(0_u32, |crc, &b| {
+            (0..8).fold(crc ^ (u32::from(b) << 24), |c, _| {
+                (c << 1) ^ if c >> 31 == 1 { 0x04C1_1DB7 } else { 0 }
+            })
+        });
+        page[22..26].copy_from_slice(&crc.to_le_bytes());
+        at = end;
+    }
 }
 
 #[test]
@@ -64,7 +83,10 @@ fn mutated_files_neither_panic_nor_exceed_the_limits() {
     let mut out = vec![0.0; 840 * 40];
     for (kind, (file, cases)) in files.into_iter().enumerate() {
         for case in 0..cases {
-            let bytes = mutate(file, &random, case + 1_000_000 * kind as u64);
+            let mut bytes = mutate(file, &random, case + 1_000_000 * kind as u64);
+            if case % 4 != 0 {
+                repair_ogg(&mut bytes);
+            }
             let Ok(mut reader) = AudioReader::open_with(Box::new(Cursor::new(&bytes)), limits) else {
                 continue;
             };
