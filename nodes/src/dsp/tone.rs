@@ -12,7 +12,7 @@ struct Phase {
 }
 
 impl Phase {
-    /// The frequency is met to 2^-63 of the rate: 1e-9 of a turn in more than a year.
+    /// The frequency is met to 2^-63 of the rate: after a day at 48 kHz the phase is right to 1e-9 of a turn.
     fn new(frequency: f64, rate: f64) -> Result<Self, DspError> {
         check_frequency(frequency, rate)?;
         let turn = 18_446_744_073_709_551_616.0;

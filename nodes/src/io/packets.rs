@@ -109,6 +109,8 @@ pub(super) struct Packets<'s> {
     used: usize,
     ended: bool,
     corrupt: u64,
+    /// Frames before this one have been looked at for corrupt packets: reading them again counts nothing twice.
+    counted: i64,
 }
 
 impl<'s> Packets<'s> {
@@ -189,6 +191,7 @@ impl<'s> Packets<'s> {
             used: 0,
             ended: false,
             corrupt: 0,
+            counted: i64::MIN,
         };
         packets.rewind()?;
         Ok((info, packets))
@@ -286,15 +289,16 @@ impl<'s> Packets<'s> {
             };
             let place = place(&packet, self.format, self.rate, self.timeline.origin);
             let end = place.start.saturating_add_unsigned(place.frames);
+            let gap = place.start > self.walked.max(0);
             self.walked = self.walked.max(end);
             if end > from as i64 || from == 0 {
-                self.lay_down(&packet, &place);
+                self.lay_down(&packet, &place, gap);
             }
         }
     }
 
     /// Decodes one packet and keeps what lies at and behind `position`, with silence before it where packets are missing.
-    fn lay_down(&mut self, packet: &Packet, place: &Place) {
+    fn lay_down(&mut self, packet: &Packet, place: &Place, gap: bool) {
         let position = self.position as i64;
         let channels = self.channels;
         let decoder = &mut self.decoder;
@@ -307,8 +311,11 @@ impl<'s> Packets<'s> {
             _ => false,
         };
         if !good {
-            self.corrupt += 1;
             self.decoded.clear();
+        }
+        if place.start >= self.counted {
+            self.corrupt += u64::from(!good) + u64::from(gap);
+            self.counted = place.start.saturating_add_unsigned(place.frames);
         }
         let end = place.start.saturating_add_unsigned(place.frames).min(self.timeline.frames as i64);
         if end <= position {

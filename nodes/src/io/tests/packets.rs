@@ -140,6 +140,8 @@ fn a_corrupt_packet_becomes_counted_silence_and_the_rest_stays_in_time() {
     }
     let (info, samples) = read_all(&bytes, 1000).unwrap();
     assert_eq!(info.frames, 5000);
+    assert_eq!(info.warnings, [AudioWarning::CorruptPackets { packets: 1 }]);
+    assert!(samples[1024..2048].iter().all(|&x| x == 0.0));
     assert!(samples[..1024] == whole[..1024]);
     assert!(samples[2048..] == whole[2048..], "what follows keeps its place");
 }
