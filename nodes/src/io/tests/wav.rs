@@ -1,0 +1,204 @@
+use super::super::{AudioError, AudioWarning, SampleFormat};
+use super::{open, read_all};
+
+/// A chunk with its pad byte.
+fn chunk(id: &[u8; 4], body: &[u8]) -> Vec<u8> {
+    let mut bytes = id.to_vec();
+    bytes.extend((body.len() as u32).to_le_bytes());
+    bytes.extend(body);
+    if body.len() % 2 == 1 {
+        bytes.push(0);
+    }
+    bytes
+}
+
+fn fmt(tag: u16, channels: u16, container: u16, bits: u16) -> Vec<u8> {
+    let mut body = Vec::new();
+    body.extend(tag.to_le_bytes());
+    body.extend(channels.to_le_bytes());
+    body.extend(8000_u32.to_le_bytes());
+    body.extend((8000 * u32::from(container * channels)).to_le_bytes());
+    body.extend((container * channels).to_le_bytes());
+    body.extend(bits.to_le_bytes());
+    chunk(b"fmt ", &body)
+}
+
+fn extensible(tag: u16, channels: u16, container: u16, valid: u16, mask: u32) -> Vec<u8> {
+    let mut body = fmt(0xFFFE, channels, container, 8 * container)[8..].to_vec();
+    body.extend(22_u16.to_le_bytes());
+    body.extend(valid.to_le_bytes());
+    body.extend(mask.to_le_bytes());
+    body.extend(tag.to_le_bytes());
+    body.extend([0, 0, 0, 0, 0x10, 0, 0x80, 0, 0, 0xAA, 0, 0x38, 0x9B, 0x71]);
+    chunk(b"fmt ", &body)
+}
+
+fn riff(chunks: &[Vec<u8>]) -> Vec<u8> {
+    let body = chunks.concat();
+    [b"RIFF".as_slice(), &(body.len() as u32 + 4).to_le_bytes(), b"WAVE", &body].concat()
+}
+
+fn pcm16(samples: &[i16]) -> Vec<u8> {
+    samples.iter().flat_map(|s| s.to_le_bytes()).collect()
+}
+
+fn samples(bytes: &[u8]) -> Vec<f32> {
+    read_all(bytes, 3).unwrap().1
+}
+
+#[test]
+fn every_linear_format_maps_full_scale_to_one() {
+    let file = |format, body: &[u8]| riff(&[format, chunk(b"data", body)]);
+    assert_eq!(samples(&file(fmt(1, 1, 1, 8), &[0, 128, 192])), [-1.0, 0.0, 0.5]);
+    assert_eq!(samples(&file(fmt(1, 1, 2, 16), &pcm16(&[-32_768, 0, 16_384]))), [-1.0, 0.0, 0.5]);
+    assert_eq!(samples(&file(fmt(1, 1, 3, 24), &[0, 0, 0x80, 0, 0, 0x40])), [-1.0, 0.5]);
+    assert_eq!(samples(&file(fmt(1, 1, 4, 32), &i32::MIN.to_le_bytes())), [-1.0]);
+    assert_eq!(samples(&file(fmt(3, 1, 4, 32), &1.5_f32.to_le_bytes())), [1.5]);
+    assert_eq!(samples(&file(fmt(3, 1, 8, 64), &(-0.1_f64).to_le_bytes())), [-0.1]);
+    assert_eq!(samples(&file(extensible(3, 1, 4, 32, 4), &0.75_f32.to_le_bytes())), [0.75]);
+}
+
+#[test]
+fn twenty_four_bits_in_thirty_two_are_read_from_either_side() {
+    let high = riff(&[extensible(1, 2, 4, 24, 3), chunk(b"data", &[0, 1, 0, 0x40, 0, 0xFF, 0xFF, 0xFF])]);
+    let (info, read) = read_all(&high, 5).unwrap();
+    assert_eq!(info.sample_format, SampleFormat::Int { bits: 24 });
+    assert_eq!(info.channel_mask, Some(3));
+    assert_eq!(read, [0.5 + 1.0 / 8_388_608.0, -1.0 / 8_388_608.0]);
+    assert_eq!(info.warnings, []);
+    let low = riff(&[extensible(1, 2, 4, 24, 3), chunk(b"data", &[1, 0, 0x40, 0, 0xFF, 0xFF, 0xFF, 0xFF])]);
+    let (info, again) = read_all(&low, 5).unwrap();
+    assert_eq!(again, read);
+    assert_eq!(info.warnings, [AudioWarning::LowAligned24]);
+}
+
+#[test]
+fn eight_channels_stay_in_order() {
+    let body: Vec<i16> = (0..24).map(|i| i * 256).collect();
+    let file = riff(&[extensible(1, 8, 2, 16, 0x63F), chunk(b"data", &pcm16(&body))]);
+    let (info, read) = read_all(&file, 2).unwrap();
+    assert_eq!((info.channels, info.frames, info.channel_mask), (8, 3, Some(0x63F)));
+    assert!(read.iter().zip(&body).all(|(&x, &s)| x == f32::from(s) / 32_768.0));
+}
+
+#[test]
+fn chunks_may_stand_anywhere_with_or_without_their_pad_byte() {
+    let data = chunk(b"data", &pcm16(&[1, 2, 3]));
+    let odd = chunk(b"LIST", b"odd");
+    let unpadded = odd[..odd.len() - 1].to_vec();
+    let fact = chunk(b"fact", &3_u32.to_le_bytes());
+    let format = fmt(1, 1, 2, 16);
+    let expected = [1.0, 2.0, 3.0].map(|x: f32| x / 32_768.0);
+    for chunks in [
+        vec![odd.clone(), format.clone(), fact.clone(), data.clone(), odd.clone()],
+        vec![unpadded.clone(), format.clone(), unpadded.clone(), data.clone(), fact.clone()],
+        vec![chunk(b"JUNK", &[0; 28]), format.clone(), chunk(b"xyz1", b"a"), data.clone()],
+        vec![data.clone(), odd, format],
+    ] {
+        let (info, read) = read_all(&riff(&chunks), 2).unwrap();
+        assert_eq!(read, expected);
+        assert_eq!(info.warnings, []);
+    }
+}
+
+#[test]
+fn an_open_length_reads_to_the_end() {
+    for size in [0_u32, u32::MAX] {
+        let mut data = chunk(b"data", &pcm16(&[5, 6, 7]));
+        data[4..8].copy_from_slice(&size.to_le_bytes());
+        let (info, _) = read_all(&riff(&[fmt(1, 1, 2, 16), data]), 2).unwrap();
+        assert_eq!((info.frames, info.warnings), (3, vec![AudioWarning::OpenLength]));
+    }
+    // A data chunk that is really empty, followed by another chunk.
+    let empty = riff(&[fmt(1, 1, 2, 16), chunk(b"data", b""), chunk(b"LIST", b"abcd")]);
+    assert_eq!(read_all(&empty, 2).unwrap().0.frames, 0);
+}
+
+#[test]
+fn a_header_longer_than_the_file_is_not_believed() {
+    let mut data = chunk(b"data", &pcm16(&[1; 9]));
+    data[4..8].copy_from_slice(&40_000_u32.to_le_bytes());
+    data.pop();
+    let (info, read) = read_all(&riff(&[fmt(1, 2, 2, 16), data]), 2).unwrap();
+    assert_eq!((info.frames, read.len()), (4, 8));
+    let [differs, partial] = &info.warnings[..] else { panic!("{:?}", info.warnings) };
+    assert_eq!(*differs, AudioWarning::LengthDiffers { header_frames: 10_000, frames: 4, rate: 8000 });
+    assert_eq!(
+        differs.to_string(),
+        "the header says 10000 frames (1.250 s), the file holds 4 (0.001 s): read what is there"
+    );
+    assert_eq!(*partial, AudioWarning::PartialLastFrame { bytes: 1 });
+}
+
+#[test]
+fn rf64_and_bw64_take_their_length_from_ds64() {
+    for id in [b"RF64", b"BW64"] {
+        let mut sizes = [0; 28];
+        sizes[8..16].copy_from_slice(&6_u64.to_le_bytes());
+        let mut data = chunk(b"data", &pcm16(&[1, 2, 3]));
+        data[4..8].copy_from_slice(&u32::MAX.to_le_bytes());
+        let mut file = riff(&[chunk(b"ds64", &sizes), fmt(1, 1, 2, 16), data, chunk(b"LIST", b"abcd")]);
+        file[..4].copy_from_slice(id);
+        let (info, _) = read_all(&file, 2).unwrap();
+        assert_eq!((info.frames, info.warnings), (3, vec![]));
+    }
+}
+
+#[test]
+fn a_sample_that_is_no_number_is_named() {
+    let body: Vec<u8> = [0.0, 1.0, 2.0, f32::NAN].iter().flat_map(|x| x.to_le_bytes()).collect();
+    let file = riff(&[fmt(3, 2, 4, 32), chunk(b"data", &body)]);
+    let error = read_all(&file, 1).unwrap_err();
+    assert!(matches!(error, AudioError::NotFinite { frame: 1, channel: 1, .. }), "{error}");
+    let file = riff(&[fmt(3, 1, 8, 64), chunk(b"data", &1e300_f64.to_le_bytes())]);
+    assert!(matches!(read_all(&file, 1), Err(AudioError::NotFinite { frame: 0, .. })));
+}
+
+#[test]
+fn what_cannot_be_read_is_said() {
+    let text = |file: &[u8]| open(file).err().unwrap().to_string();
+    assert!(text(&riff(&[fmt(6, 1, 1, 8), chunk(b"data", b"ab")])).contains("A-law"));
+    assert!(text(&riff(&[fmt(1, 1, 2, 16)])).contains("\"data\""));
+    assert!(text(&riff(&[chunk(b"data", b"ab")])).contains("\"fmt \""));
+    assert!(text(&riff(&[fmt(1, 0, 2, 16), chunk(b"data", b"ab")])).contains("0 channels"));
+}
+
+#[test]
+fn a_seek_moves_to_the_frame() {
+    let file = riff(&[fmt(1, 1, 2, 16), chunk(b"data", &pcm16(&[0, 8192, 16_384]))]);
+    let mut reader = open(&file).unwrap();
+    let mut out = [0.0; 2];
+    reader.seek(1).unwrap();
+    assert_eq!((reader.read(&mut out).unwrap(), out), (2, [0.25, 0.5]));
+    reader.seek(3).unwrap();
+    assert_eq!(reader.read(&mut out).unwrap(), 0);
+    assert!(matches!(reader.seek(4), Err(AudioError::SeekBehindEnd { frame: 4, frames: 3 })));
+}
+
+#[test]
+fn files_that_hound_writes_are_read_alike() {
+    for (bits, format) in [
+        (8, hound::SampleFormat::Int),
+        (16, hound::SampleFormat::Int),
+        (24, hound::SampleFormat::Int),
+        (32, hound::SampleFormat::Int),
+        (32, hound::SampleFormat::Float),
+    ] {
+        let spec =
+            hound::WavSpec { channels: 3, sample_rate: 44_100, bits_per_sample: bits, sample_format: format };
+        let mut bytes = std::io::Cursor::new(Vec::new());
+        let mut writer = hound::WavWriter::new(&mut bytes, spec).unwrap();
+        let values: Vec<i32> = (0..300).map(|i| (i * 7 % 255) - 128).collect();
+        let scale = 2_f32.powi(i32::from(bits) - 1);
+        for &v in &values {
+            match format {
+                hound::SampleFormat::Int => writer.write_sample(v).unwrap(),
+                hound::SampleFormat::Float => writer.write_sample(v as f32 / scale).unwrap(),
+            }
+        }
+        writer.finalize().unwrap();
+        let (info, read) = read_all(bytes.get_ref(), 11).unwrap();
+        assert_eq!((info.channels, info.rate, info.frames), (3, 44_100, 100));
+        assert!(read.iter().zip(&values).all(|(&x, &v)| x == v as f32 / scale), "{bits} bits");
+    }
+}
