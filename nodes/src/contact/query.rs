@@ -1,0 +1,187 @@
+//! The search of one frame, a cluster of neighbouring vertices at a time.
+//!
+//! A cluster walks each tree once for all of its vertices, and drops what is excluded for all of them on the way; the few
+//! lowest nodes that remain are then tested against each vertex.
+
+use super::detector::Frame;
+use super::exclusion::{Exclusion, covers};
+use super::tree::{Tree, reach};
+use super::triangle::closest_point;
+use super::vector::{cross, dot, sub, widen};
+
+/// Vertices per cluster.
+pub(super) const CLUSTER: usize = 16;
+
+/// A triangle near a vertex; candidates order by distance, then surface, then triangle.
+#[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
+pub(super) struct Candidate {
+    pub squared_distance: f64,
+    pub surface: u32,
+    pub triangle: u32,
+}
+
+impl Candidate {
+    pub const NONE: Candidate =
+        Candidate { squared_distance: f64::INFINITY, surface: u32::MAX, triangle: u32::MAX };
+
+    #[inline]
+    pub fn is_some(&self) -> bool {
+        self.surface != u32::MAX
+    }
+}
+
+/// Memory of one cluster's search.
+#[derive(Clone, Debug)]
+pub(super) struct Scratch {
+    leaves: Vec<u32>,
+    last: Vec<Candidate>,
+}
+
+impl Scratch {
+    pub fn new(leaves: usize, slots: usize) -> Self {
+        Self { leaves: Vec::with_capacity(leaves), last: vec![Candidate::NONE; slots] }
+    }
+}
+
+/// Everything that stays the same during one frame.
+pub(super) struct Scene<'a> {
+    pub now: Frame<'a>,
+    pub triangles: &'a [Vec<[u32; 3]>],
+    pub trees: &'a [Tree],
+    pub exclusion: &'a Exclusion,
+    pub squared_radius: f64,
+    pub two_sided: bool,
+    pub extent: f64,
+}
+
+impl Scene<'_> {
+    /// The vertices of a candidate's triangle.
+    #[inline]
+    pub fn corners(&self, candidate: &Candidate) -> [u32; 3] {
+        self.triangles[candidate.surface as usize][candidate.triangle as usize]
+    }
+
+    /// Replaces last frame's contacts of a cluster, `found`, by those of this frame.
+    ///
+    /// # Shapes
+    /// `found` holds the same number of slots for each of `vertices`, nearest first.
+    pub fn query(
+        &self,
+        vertices: &[u32],
+        common: &[[u32; 2]],
+        found: &mut [Candidate],
+        scratch: &mut Scratch,
+    ) {
+        let slots = scratch.last.len();
+        let mut points = [[0.0f32; 3]; CLUSTER];
+        let mut reaches = [0.0f32; CLUSTER];
+        let (mut lo, mut hi) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
+        for (i, (&v, kept)) in vertices.iter().zip(found.chunks_mut(slots)).enumerate() {
+            let p = self.now.vertex(v as usize);
+            points[i] = p;
+            for axis in 0..3 {
+                lo[axis] = lo[axis].min(p[axis]);
+                hi[axis] = hi[axis].max(p[axis]);
+            }
+            // What was touched a frame ago is probably still near: starting from it keeps the search short.
+            scratch.last.copy_from_slice(kept);
+            kept.fill(Candidate::NONE);
+            for candidate in scratch.last.iter().filter(|c| c.is_some()) {
+                let corners = self.now.triangle(candidate.surface as usize, self.corners(candidate));
+                self.offer(p, corners, candidate.surface, candidate.triangle, kept);
+            }
+            reaches[i] = self.reach(kept);
+        }
+        for (surface, tree) in self.trees.iter().enumerate() {
+            let widest = reaches[..vertices.len()].iter().copied().fold(0.0, f32::max);
+            let own = surface == 0;
+            scratch.leaves.clear();
+            tree.gather(
+                &lo,
+                &hi,
+                widest,
+                |slots| own && self.slots_are_excluded(common, slots.start, slots.end),
+                &mut scratch.leaves,
+            );
+            for &leaf in &scratch.leaves {
+                let node = tree.leaf(leaf);
+                for (i, &v) in vertices.iter().enumerate() {
+                    let distances = node.squared_distances(&points[i], &points[i]);
+                    for (lane, &distance) in distances.iter().enumerate() {
+                        if distance > reaches[i] {
+                            continue;
+                        }
+                        let slot = leaf as usize * distances.len() + lane;
+                        let triangle = tree.order()[slot];
+                        if own {
+                            let rank = self.exclusion.rank(triangle);
+                            if covers(self.exclusion.runs_of(v as usize), rank..rank + 1) {
+                                continue;
+                            }
+                        }
+                        let kept = &mut found[i * slots..(i + 1) * slots];
+                        if self.offer(points[i], tree.corners(slot), surface as u32, triangle, kept) {
+                            reaches[i] = self.reach(kept);
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// Whether common exclusion covers all of some slots of the cloth's own tree.
+    #[inline]
+    fn slots_are_excluded(&self, common: &[[u32; 2]], start: u32, end: u32) -> bool {
+        let tree = &self.trees[0];
+        if tree.at_home() {
+            return covers(common, start..end);
+        }
+        // Slots and ranks part company when the tree is sorted anew; then only single triangles can be looked up.
+        end == start + 1 && {
+            let rank = self.exclusion.rank(tree.order()[start as usize]);
+            covers(common, rank..rank + 1)
+        }
+    }
+
+    /// The squared distance beyond which no box matters to a vertex.
+    #[inline]
+    fn reach(&self, kept: &[Candidate]) -> f32 {
+        let limit = kept.last().map_or(0.0, |c| c.squared_distance);
+        reach(limit.min(self.squared_radius), self.extent)
+    }
+
+    /// Keeps a triangle if it is near enough and nearer than the farthest one kept. Returns whether it was.
+    #[inline]
+    fn offer(
+        &self,
+        p: [f32; 3],
+        corners: [[f32; 3]; 3],
+        surface: u32,
+        triangle: u32,
+        kept: &mut [Candidate],
+    ) -> bool {
+        let (p, corners) = (widen(p), corners.map(widen));
+        let squared_distance = closest_point(p, corners).squared_distance;
+        let candidate = Candidate { squared_distance, surface, triangle };
+        let Some(worst) = kept.last() else { return false };
+        if squared_distance > self.squared_radius || candidate >= *worst {
+            return false;
+        }
+        if !self.two_sided && is_behind(p, corners) {
+            return false;
+        }
+        let place = kept.partition_point(|c| *c < candidate);
+        if kept[place] == candidate {
+            return false;
+        }
+        kept[place..].rotate_right(1);
+        kept[place] = candidate;
+        true
+    }
+}
+
+/// Whether a point lies on the inner side of the triangle's plane.
+#[inline]
+pub(super) fn is_behind(p: [f64; 3], [a, b, c]: [[f64; 3]; 3]) -> bool {
+    dot(cross(sub(b, a), sub(c, a)), sub(p, a)) < 0.0
+}
