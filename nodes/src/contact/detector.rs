@@ -1,9 +1,10 @@
 //! Finds the triangles that cloth vertices touch, frame by frame.
 
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::error::ContactError;
-use super::exclusion::Exclusion;
+use super::exclusion::{Exclusion, SharedRun};
 use super::query::{CLUSTER, Candidate, Scene, Scratch};
 use super::slip::{in_plane, slide};
 use super::tree::{Tree, sort_by_locality};
@@ -104,8 +105,8 @@ pub struct Detector {
     triangles: Vec<Vec<[u32; 3]>>,
     trees: Vec<Tree>,
     exclusion: Exclusion,
-    /// Runs excluded for all vertices of a cluster.
-    common: Vec<Vec<[u32; 2]>>,
+    /// Exclusions of each cluster.
+    shared: Vec<Vec<SharedRun>>,
     /// Cloth vertices, neighbours together; clusters are consecutive pieces.
     order: Vec<u32>,
     /// Last frame's contacts in the order of `order`.
@@ -148,14 +149,14 @@ impl Detector {
         };
         let mut order: Vec<u32> = (0..cloth.vertex_count() as u32).collect();
         sort_by_locality(&mut order, &cloth.rest);
-        let common = order.chunks(CLUSTER).map(|cluster| exclusion.common(cluster)).collect();
+        let shared = order.par_chunks(CLUSTER).map(|cluster| exclusion.of_cluster(cluster)).collect();
         let leaves = trees.iter().map(Tree::leaves).max().unwrap_or(0);
         Ok(Self {
             vertices: surfaces.iter().map(|t| t.vertex_count()).collect(),
             triangles: surfaces.iter().map(|t| t.triangles.clone()).collect(),
             trees,
             exclusion,
-            common,
+            shared,
             warm: vec![Candidate::NONE; order.len() * params.max_contacts],
             order,
             scratch: Scratch::new(leaves, params.max_contacts),
@@ -239,8 +240,8 @@ impl Detector {
             extent: self.trees.iter().map(Tree::extent).fold(0.0, f64::max),
         };
         let clusters = self.order.chunks(CLUSTER).zip(self.warm.chunks_mut(CLUSTER * slots));
-        for ((vertices, warm), common) in clusters.zip(&self.common) {
-            scene.query(vertices, common, warm, &mut self.scratch);
+        for ((vertices, warm), shared) in clusters.zip(&self.shared) {
+            scene.query(vertices, shared, warm, &mut self.scratch);
             for (&v, found) in vertices.iter().zip(warm.chunks(slots)) {
                 let v = v as usize;
                 for (slot, candidate) in out[v * slots..].iter_mut().zip(found) {

@@ -103,42 +103,58 @@ impl Exclusion {
     }
 
     #[inline]
-    pub(crate) fn runs_of(&self, vertex: usize) -> &[[u32; 2]] {
+    fn runs_of(&self, vertex: usize) -> &[[u32; 2]] {
         &self.runs[self.offsets[vertex] as usize..self.offsets[vertex + 1] as usize]
     }
 
-    /// The runs that are excluded for every one of some vertices.
-    pub(crate) fn common(&self, vertices: &[u32]) -> Vec<[u32; 2]> {
-        let Some((&first, rest)) = vertices.split_first() else { return Vec::new() };
-        let mut common = self.runs_of(first as usize).to_vec();
-        for &v in rest {
-            common = intersection(&common, self.runs_of(v as usize));
+    /// The exclusions of up to 16 neighbouring vertices at once, as ascending runs of ranks.
+    pub(crate) fn of_cluster(&self, vertices: &[u32]) -> Vec<SharedRun> {
+        let mut edges: Vec<(u32, u16)> = Vec::new();
+        for (i, &v) in vertices.iter().enumerate() {
+            edges.extend(self.runs_of(v as usize).iter().flatten().map(|&rank| (rank, 1 << i)));
         }
-        common
+        edges.sort_unstable();
+        let (mut shared, mut members): (Vec<SharedRun>, u16) = (Vec::new(), 0);
+        for (k, &(start, vertex)) in edges.iter().enumerate() {
+            // A vertex enters at the start of its run and leaves at the end.
+            members ^= vertex;
+            let Some(&(end, _)) = edges.get(k + 1) else { break };
+            if start == end || members == 0 {
+                continue;
+            }
+            match shared.last_mut() {
+                Some(last) if last.end == start && last.members == members => last.end = end,
+                _ => shared.push(SharedRun { start, end, members }),
+            }
+        }
+        shared
+    }
+}
+
+/// Ranks that are excluded for the same vertices of a cluster.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct SharedRun {
+    start: u32,
+    end: u32,
+    /// One bit per vertex of the cluster.
+    members: u16,
+}
+
+/// The vertices of a cluster for which all of some ranks are excluded by one run.
+#[inline]
+pub(crate) fn members_excluded(runs: &[SharedRun], ranks: Range<u32>) -> u16 {
+    let after = runs.partition_point(|run| run.start <= ranks.start);
+    match after.checked_sub(1).map(|k| runs[k]) {
+        Some(run) if ranks.end <= run.end => run.members,
+        _ => 0,
     }
 }
 
 /// Whether one run holds the whole range of ranks.
 #[inline]
-pub(crate) fn covers(runs: &[[u32; 2]], ranks: Range<u32>) -> bool {
+fn covers(runs: &[[u32; 2]], ranks: Range<u32>) -> bool {
     let after = runs.partition_point(|run| run[0] <= ranks.start);
     after > 0 && ranks.end <= runs[after - 1][1]
-}
-
-fn intersection(a: &[[u32; 2]], b: &[[u32; 2]]) -> Vec<[u32; 2]> {
-    let (mut i, mut j, mut both) = (0, 0, Vec::new());
-    while i < a.len() && j < b.len() {
-        let (start, end) = (a[i][0].max(b[j][0]), a[i][1].min(b[j][1]));
-        if start < end {
-            both.push([start, end]);
-        }
-        if a[i][1] < b[j][1] {
-            i += 1;
-        } else {
-            j += 1;
-        }
-    }
-    both
 }
 
 /// Neighbours and incident triangles of every vertex, with rest lengths.

@@ -3,14 +3,16 @@
 //! A cluster walks each tree once for all of its vertices, and drops what is excluded for all of them on the way; the few
 //! lowest nodes that remain are then tested against each vertex.
 
+use std::ops::Range;
+
 use super::detector::Frame;
-use super::exclusion::{Exclusion, covers};
-use super::tree::{Tree, reach};
+use super::exclusion::{Exclusion, SharedRun, members_excluded};
+use super::tree::{LANES, Leaf, Tree, reach};
 use super::triangle::closest_point;
 use super::vector::{cross, dot, sub, widen};
 
-/// Vertices per cluster.
-pub(super) const CLUSTER: usize = 16;
+/// Vertices per cluster: at most one per bit of the exclusion masks.
+pub(super) const CLUSTER: usize = 8;
 
 /// A triangle near a vertex; candidates order by distance, then surface, then triangle.
 #[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
@@ -33,7 +35,7 @@ impl Candidate {
 /// Memory of one cluster's search.
 #[derive(Clone, Debug)]
 pub(super) struct Scratch {
-    leaves: Vec<u32>,
+    leaves: Vec<Leaf>,
     last: Vec<Candidate>,
 }
 
@@ -68,7 +70,7 @@ impl Scene<'_> {
     pub fn query(
         &self,
         vertices: &[u32],
-        common: &[[u32; 2]],
+        shared: &[SharedRun],
         found: &mut [Candidate],
         scratch: &mut Scratch,
     ) {
@@ -92,34 +94,23 @@ impl Scene<'_> {
             }
             reaches[i] = self.reach(kept);
         }
+        let all = u16::MAX >> (16 - vertices.len());
         for (surface, tree) in self.trees.iter().enumerate() {
             let widest = reaches[..vertices.len()].iter().copied().fold(0.0, f32::max);
             let own = surface == 0;
+            let excluded = |slots: Range<u32>| if own { self.members_excluded(shared, slots) } else { 0 };
             scratch.leaves.clear();
-            tree.gather(
-                &lo,
-                &hi,
-                widest,
-                |slots| own && self.slots_are_excluded(common, slots.start, slots.end),
-                &mut scratch.leaves,
-            );
+            tree.gather(&lo, &hi, widest, all, excluded, &mut scratch.leaves);
             for &leaf in &scratch.leaves {
                 let node = tree.leaf(leaf);
-                for (i, &v) in vertices.iter().enumerate() {
-                    let distances = node.squared_distances(&points[i], &points[i]);
-                    for (lane, &distance) in distances.iter().enumerate() {
-                        if distance > reaches[i] {
-                            continue;
-                        }
-                        let slot = leaf as usize * distances.len() + lane;
-                        let triangle = tree.order()[slot];
-                        if own {
-                            let rank = self.exclusion.rank(triangle);
-                            if covers(self.exclusion.runs_of(v as usize), rank..rank + 1) {
-                                continue;
-                            }
-                        }
+                for i in 0..vertices.len() {
+                    let near = node.lanes_within(&points[i], &points[i], reaches[i]);
+                    let mut lanes = near & (leaf.pairs >> (LANES * i)) as u32 & 0b1111;
+                    while lanes != 0 {
+                        let slot = leaf.node as usize * LANES + lanes.trailing_zeros() as usize;
+                        lanes &= lanes - 1;
                         let kept = &mut found[i * slots..(i + 1) * slots];
+                        let triangle = tree.order()[slot];
                         if self.offer(points[i], tree.corners(slot), surface as u32, triangle, kept) {
                             reaches[i] = self.reach(kept);
                         }
@@ -129,18 +120,19 @@ impl Scene<'_> {
         }
     }
 
-    /// Whether common exclusion covers all of some slots of the cloth's own tree.
+    /// The vertices of a cluster for which all of some slots of the cloth's own tree are excluded.
     #[inline]
-    fn slots_are_excluded(&self, common: &[[u32; 2]], start: u32, end: u32) -> bool {
+    fn members_excluded(&self, shared: &[SharedRun], slots: Range<u32>) -> u16 {
         let tree = &self.trees[0];
         if tree.at_home() {
-            return covers(common, start..end);
+            return members_excluded(shared, slots);
         }
         // Slots and ranks part company when the tree is sorted anew; then only single triangles can be looked up.
-        end == start + 1 && {
-            let rank = self.exclusion.rank(tree.order()[start as usize]);
-            covers(common, rank..rank + 1)
+        if slots.len() > 1 {
+            return 0;
         }
+        let rank = self.exclusion.rank(tree.order()[slots.start as usize]);
+        members_excluded(shared, rank..rank + 1)
     }
 
     /// The squared distance beyond which no box matters to a vertex.

@@ -9,7 +9,7 @@ use super::triangle::closest_point;
 use super::vector::widen;
 
 /// Boxes per node.
-const LANES: usize = 4;
+pub(crate) const LANES: usize = 4;
 /// Growth of the summed box areas after which an order is no longer worth keeping.
 const GROWTH: f64 = 1.5;
 /// Enough pending nodes for 4^16 triangles: three left behind per level, plus the four of the last.
@@ -28,7 +28,7 @@ impl Node {
 
     /// Squared distances from the box [lo, hi] to the four boxes; 0 where they overlap.
     #[inline]
-    pub(crate) fn squared_distances(&self, lo: &[f32; 3], hi: &[f32; 3]) -> [f32; LANES] {
+    fn squared_distances(&self, lo: &[f32; 3], hi: &[f32; 3]) -> [f32; LANES] {
         let mut sum = [0.0f32; LANES];
         for axis in 0..3 {
             for lane in 0..LANES {
@@ -38,6 +38,17 @@ impl Node {
             }
         }
         sum
+    }
+
+    /// One bit per box: whether its squared distance from the box [lo, hi] is at most `limit`.
+    #[inline]
+    pub(crate) fn lanes_within(&self, lo: &[f32; 3], hi: &[f32; 3], limit: f32) -> u32 {
+        let distances = self.squared_distances(lo, hi);
+        let mut near = 0;
+        for (lane, &distance) in distances.iter().enumerate() {
+            near |= u32::from(distance <= limit) << lane;
+        }
+        near
     }
 
     fn union(&self) -> ([f32; 3], [f32; 3]) {
@@ -63,6 +74,24 @@ fn larger(a: f32, b: f32) -> f32 {
 #[inline]
 fn smaller(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
+}
+
+/// A lowest node near a cluster of up to 16 vertices.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Leaf {
+    pub node: u32,
+    /// Bit 4 i + k: vertex i may touch triangle k.
+    pub pairs: u64,
+}
+
+/// Moves bit i to bit 4 i.
+#[inline]
+fn spread(bits: u16) -> u64 {
+    let x = u64::from(bits);
+    let x = (x | x << 24) & 0x0000_00ff_0000_00ff;
+    let x = (x | x << 12) & 0x000f_000f_000f_000f;
+    let x = (x | x << 6) & 0x0303_0303_0303_0303;
+    (x | x << 3) & 0x1111_1111_1111_1111
 }
 
 /// A triangle found by a query.
@@ -230,47 +259,43 @@ impl Tree {
         best
     }
 
-    /// Collects the lowest nodes with a triangle box within `squared_reach` of a box, without those that `excluded` covers.
+    /// Collects the lowest nodes with a triangle box within `squared_reach` of the box around a cluster of vertices.
     ///
-    /// `excluded` is asked about ranges of slots: whole subtrees and single triangles.
+    /// `excluded` says for which of the cluster's vertices all of a range of slots are excluded: it is asked about whole
+    /// subtrees and about single triangles. What is excluded for `all` is left out.
     pub(crate) fn gather(
         &self,
         lo: &[f32; 3],
         hi: &[f32; 3],
         squared_reach: f32,
-        excluded: impl Fn(Range<u32>) -> bool,
-        found: &mut Vec<u32>,
+        all: u16,
+        excluded: impl Fn(Range<u32>) -> u16,
+        found: &mut Vec<Leaf>,
     ) {
         let mut stack = Stack::at_root(self);
         while let Some((level, node)) = stack.pop() {
-            let distances = self.nodes[self.levels[level] + node].squared_distances(lo, hi);
+            let near = self.nodes[self.levels[level] + node].lanes_within(lo, hi, squared_reach);
             let width = 1u64 << (2 * level);
-            let mut wanted = false;
-            for (lane, &distance) in distances.iter().enumerate() {
-                if distance > squared_reach {
-                    continue;
-                }
+            let mut pairs = 0;
+            for lane in (0..LANES).filter(|lane| near >> lane & 1 == 1) {
                 let child = (node * LANES + lane) as u64;
                 let end = ((child + 1) * width).min(self.order.len() as u64);
-                if excluded((child * width) as u32..end as u32) {
-                    continue;
-                }
-                if level > 0 {
+                let allowed = all & !excluded((child * width) as u32..end as u32);
+                if level > 0 && allowed != 0 {
                     stack.push(level - 1, child as usize);
-                } else {
-                    wanted = true;
                 }
+                pairs |= spread(allowed) << lane;
             }
-            if wanted {
-                found.push(node as u32);
+            if level == 0 && pairs != 0 {
+                found.push(Leaf { node: node as u32, pairs });
             }
         }
     }
 
     /// A lowest node, as named by [`Tree::gather`].
     #[inline]
-    pub(crate) fn leaf(&self, leaf: u32) -> &Node {
-        &self.nodes[leaf as usize]
+    pub(crate) fn leaf(&self, leaf: Leaf) -> &Node {
+        &self.nodes[leaf.node as usize]
     }
 
     /// Number of lowest nodes.
@@ -387,5 +412,18 @@ impl Stack {
         self.len = self.len.checked_sub(1)?;
         let (level, node) = self.pending[self.len];
         Some((level as usize, node as usize))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn spread_gives_every_bit_a_nibble_of_its_own() {
+        for i in 0..16 {
+            assert_eq!(spread(1 << i), 1 << (4 * i));
+        }
+        assert_eq!(spread(u16::MAX), 0x1111_1111_1111_1111);
     }
 }
