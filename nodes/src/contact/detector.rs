@@ -159,7 +159,7 @@ impl Detector {
             shared,
             warm: vec![Candidate::NONE; order.len() * params.max_contacts],
             order,
-            scratch: Scratch::new(leaves, params.max_contacts),
+            scratch: Scratch::new(leaves, params.max_contacts, cloth.triangles.len()),
             params,
         })
     }

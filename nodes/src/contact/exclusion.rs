@@ -140,13 +140,15 @@ pub(crate) struct SharedRun {
     members: u16,
 }
 
-/// The vertices of a cluster for which all of some ranks are excluded by one run.
-#[inline]
-pub(crate) fn members_excluded(runs: &[SharedRun], ranks: Range<u32>) -> u16 {
-    let after = runs.partition_point(|run| run.start <= ranks.start);
-    match after.checked_sub(1).map(|k| runs[k]) {
-        Some(run) if ranks.end <= run.end => run.members,
-        _ => 0,
+impl SharedRun {
+    #[inline]
+    pub(crate) fn ranks(&self) -> Range<usize> {
+        self.start as usize..self.end as usize
+    }
+
+    #[inline]
+    pub(crate) fn members(&self) -> u16 {
+        self.members
     }
 }
 

@@ -6,13 +6,16 @@
 use std::ops::Range;
 
 use super::detector::Frame;
-use super::exclusion::{Exclusion, SharedRun, members_excluded};
+use super::exclusion::{Exclusion, SharedRun};
 use super::tree::{LANES, Leaf, Tree, reach};
 use super::triangle::closest_point;
 use super::vector::{cross, dot, sub, widen};
 
 /// Vertices per cluster: at most one per bit of the exclusion masks.
-pub(super) const CLUSTER: usize = 8;
+pub(super) const CLUSTER: usize = 16;
+
+/// Most slots whose marks are worth reading to skip a subtree.
+const WIDEST_MARKED: usize = 256;
 
 /// A triangle near a vertex; candidates order by distance, then surface, then triangle.
 #[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
@@ -37,11 +40,13 @@ impl Candidate {
 pub(super) struct Scratch {
     leaves: Vec<Leaf>,
     last: Vec<Candidate>,
+    /// For each rank the vertices of the cluster that it is excluded for; all 0 between searches.
+    marks: Vec<u16>,
 }
 
 impl Scratch {
-    pub fn new(leaves: usize, slots: usize) -> Self {
-        Self { leaves: Vec::with_capacity(leaves), last: vec![Candidate::NONE; slots] }
+    pub fn new(leaves: usize, slots: usize, ranks: usize) -> Self {
+        Self { leaves: Vec::with_capacity(leaves), last: vec![Candidate::NONE; slots], marks: vec![0; ranks] }
     }
 }
 
@@ -94,11 +99,15 @@ impl Scene<'_> {
             }
             reaches[i] = self.reach(kept);
         }
+        for run in shared {
+            scratch.marks[run.ranks()].fill(run.members());
+        }
         let all = u16::MAX >> (16 - vertices.len());
         for (surface, tree) in self.trees.iter().enumerate() {
             let widest = reaches[..vertices.len()].iter().copied().fold(0.0, f32::max);
             let own = surface == 0;
-            let excluded = |slots: Range<u32>| if own { self.members_excluded(shared, slots) } else { 0 };
+            let excluded =
+                |slots: Range<u32>| if own { self.members_excluded(&scratch.marks, slots) } else { 0 };
             scratch.leaves.clear();
             tree.gather(&lo, &hi, widest, all, excluded, &mut scratch.leaves);
             for &leaf in &scratch.leaves {
@@ -118,21 +127,24 @@ impl Scene<'_> {
                 }
             }
         }
+        for run in shared {
+            scratch.marks[run.ranks()].fill(0);
+        }
     }
 
     /// The vertices of a cluster for which all of some slots of the cloth's own tree are excluded.
     #[inline]
-    fn members_excluded(&self, shared: &[SharedRun], slots: Range<u32>) -> u16 {
+    fn members_excluded(&self, marks: &[u16], slots: Range<u32>) -> u16 {
+        let (start, end) = (slots.start as usize, slots.end as usize);
         let tree = &self.trees[0];
-        if tree.at_home() {
-            return members_excluded(shared, slots);
+        if tree.at_home() && end - start <= WIDEST_MARKED {
+            return marks[start..end].iter().fold(u16::MAX, |all, mark| all & mark);
         }
         // Slots and ranks part company when the tree is sorted anew; then only single triangles can be looked up.
-        if slots.len() > 1 {
+        if end - start > 1 {
             return 0;
         }
-        let rank = self.exclusion.rank(tree.order()[slots.start as usize]);
-        members_excluded(shared, rank..rank + 1)
+        marks[self.exclusion.rank(tree.order()[start]) as usize]
     }
 
     /// The squared distance beyond which no box matters to a vertex.
