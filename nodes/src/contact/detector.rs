@@ -5,9 +5,9 @@ use serde::{Deserialize, Serialize};
 
 use super::error::ContactError;
 use super::exclusion::{Exclusion, SharedRun};
-use super::query::{CLUSTER, Candidate, Scene, Scratch};
+use super::query::{Candidate, Scene, Scratch};
 use super::slip::{in_plane, slide};
-use super::tree::{Tree, sort_by_locality};
+use super::tree::{CLUSTER, Tree, sort_by_locality};
 use super::triangle::closest_point;
 use super::vector::widen;
 use crate::mesh::Topology;

@@ -7,12 +7,9 @@ use std::ops::Range;
 
 use super::detector::Frame;
 use super::exclusion::{Exclusion, SharedRun};
-use super::tree::{LANES, Leaf, Tree, reach};
+use super::tree::{CLUSTER, LANES, Leaf, Tree, reach};
 use super::triangle::closest_point;
 use super::vector::{cross, dot, sub, widen};
-
-/// Vertices per cluster: at most one per bit of the exclusion masks.
-pub(super) const CLUSTER: usize = 16;
 
 /// Most slots whose marks are worth reading to skip a subtree.
 const WIDEST_MARKED: usize = 256;
@@ -80,13 +77,13 @@ impl Scene<'_> {
         scratch: &mut Scratch,
     ) {
         let slots = scratch.last.len();
-        let mut points = [[0.0f32; 3]; CLUSTER];
+        let mut columns = [[0.0f32; CLUSTER]; 3];
         let mut reaches = [0.0f32; CLUSTER];
         let (mut lo, mut hi) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
         for (i, (&v, kept)) in vertices.iter().zip(found.chunks_mut(slots)).enumerate() {
             let p = self.now.vertex(v as usize);
-            points[i] = p;
             for axis in 0..3 {
+                columns[axis][i] = p[axis];
                 lo[axis] = lo[axis].min(p[axis]);
                 hi[axis] = hi[axis].max(p[axis]);
             }
@@ -102,7 +99,7 @@ impl Scene<'_> {
         for run in shared {
             scratch.marks[run.ranks()].fill(run.members());
         }
-        let all = u16::MAX >> (16 - vertices.len());
+        let all = u16::MAX >> (CLUSTER - vertices.len());
         for (surface, tree) in self.trees.iter().enumerate() {
             let widest = reaches[..vertices.len()].iter().copied().fold(0.0, f32::max);
             let own = surface == 0;
@@ -112,15 +109,15 @@ impl Scene<'_> {
             tree.gather(&lo, &hi, widest, all, excluded, &mut scratch.leaves);
             for &leaf in &scratch.leaves {
                 let node = tree.leaf(leaf);
-                for i in 0..vertices.len() {
-                    let near = node.lanes_within(&points[i], &points[i], reaches[i]);
-                    let mut lanes = near & (leaf.pairs >> (LANES * i)) as u32 & 0b1111;
-                    while lanes != 0 {
-                        let slot = leaf.node as usize * LANES + lanes.trailing_zeros() as usize;
-                        lanes &= lanes - 1;
+                for lane in (0..LANES).filter(|&lane| leaf.allowed[lane] != 0) {
+                    let mut near = leaf.allowed[lane] & node.points_within(lane, &columns, &reaches);
+                    let slot = leaf.node as usize * LANES + lane;
+                    while near != 0 {
+                        let i = near.trailing_zeros() as usize;
+                        near &= near - 1;
+                        let p = columns.map(|column| column[i]);
                         let kept = &mut found[i * slots..(i + 1) * slots];
-                        let triangle = tree.order()[slot];
-                        if self.offer(points[i], tree.corners(slot), surface as u32, triangle, kept) {
+                        if self.offer(p, tree.corners(slot), surface as u32, tree.order()[slot], kept) {
                             reaches[i] = self.reach(kept);
                         }
                     }

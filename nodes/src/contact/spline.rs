@@ -23,8 +23,8 @@ pub fn slopes(times: &[f64], values: &[f64], slopes: &mut [f64]) {
         2 => slopes[..2].fill(secant(0)),
         _ => {
             slopes[0] = end_slope(step(0), step(1), secant(0), secant(1));
-            for k in 1..n - 1 {
-                slopes[k] = inner_slope(step(k - 1), step(k), secant(k - 1), secant(k));
+            for (k, slope) in slopes.iter_mut().enumerate().take(n - 1).skip(1) {
+                *slope = inner_slope(step(k - 1), step(k), secant(k - 1), secant(k));
             }
             slopes[n - 1] = end_slope(step(n - 2), step(n - 3), secant(n - 2), secant(n - 3));
         }

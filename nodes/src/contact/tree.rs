@@ -10,6 +10,8 @@ use super::vector::widen;
 
 /// Boxes per node.
 pub(crate) const LANES: usize = 4;
+/// Points that are tested against one box together: one per bit of a mask.
+pub(crate) const CLUSTER: usize = 16;
 /// Growth of the summed box areas after which an order is no longer worth keeping.
 const GROWTH: f64 = 1.5;
 /// Enough pending nodes for 4^16 triangles: three left behind per level, plus the four of the last.
@@ -31,10 +33,9 @@ impl Node {
     fn squared_distances(&self, lo: &[f32; 3], hi: &[f32; 3]) -> [f32; LANES] {
         let mut sum = [0.0f32; LANES];
         for axis in 0..3 {
-            for lane in 0..LANES {
-                let gap = larger(self.lo[axis][lane] - hi[axis], lo[axis] - self.hi[axis][lane]);
-                let gap = larger(gap, 0.0);
-                sum[lane] += gap * gap;
+            for ((sum, &box_lo), &box_hi) in sum.iter_mut().zip(&self.lo[axis]).zip(&self.hi[axis]) {
+                let gap = larger(larger(box_lo - hi[axis], lo[axis] - box_hi), 0.0);
+                *sum += gap * gap;
             }
         }
         sum
@@ -42,11 +43,34 @@ impl Node {
 
     /// One bit per box: whether its squared distance from the box [lo, hi] is at most `limit`.
     #[inline]
-    pub(crate) fn lanes_within(&self, lo: &[f32; 3], hi: &[f32; 3], limit: f32) -> u32 {
+    fn lanes_within(&self, lo: &[f32; 3], hi: &[f32; 3], limit: f32) -> u32 {
         let distances = self.squared_distances(lo, hi);
         let mut near = 0;
         for (lane, &distance) in distances.iter().enumerate() {
             near |= u32::from(distance <= limit) << lane;
+        }
+        near
+    }
+
+    /// One bit per point: whether its squared distance from the box of a lane is at most its limit.
+    #[inline]
+    pub(crate) fn points_within(
+        &self,
+        lane: usize,
+        points: &[[f32; CLUSTER]; 3],
+        limits: &[f32; CLUSTER],
+    ) -> u16 {
+        let mut distances = [0.0f32; CLUSTER];
+        for (column, (los, his)) in points.iter().zip(self.lo.iter().zip(&self.hi)) {
+            let (lo, hi) = (los[lane], his[lane]);
+            for (distance, &p) in distances.iter_mut().zip(column) {
+                let gap = larger(larger(lo - p, p - hi), 0.0);
+                *distance += gap * gap;
+            }
+        }
+        let mut near = 0;
+        for (i, (distance, limit)) in distances.iter().zip(limits).enumerate() {
+            near |= u16::from(distance <= limit) << i;
         }
         near
     }
@@ -80,18 +104,8 @@ fn smaller(a: f32, b: f32) -> f32 {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Leaf {
     pub node: u32,
-    /// Bit 4 i + k: vertex i may touch triangle k.
-    pub pairs: u64,
-}
-
-/// Moves bit i to bit 4 i.
-#[inline]
-fn spread(bits: u16) -> u64 {
-    let x = u64::from(bits);
-    let x = (x | x << 24) & 0x0000_00ff_0000_00ff;
-    let x = (x | x << 12) & 0x000f_000f_000f_000f;
-    let x = (x | x << 6) & 0x0303_0303_0303_0303;
-    (x | x << 3) & 0x1111_1111_1111_1111
+    /// For each of its triangles the vertices that may touch it, one bit each.
+    pub allowed: [u16; LANES],
 }
 
 /// A triangle found by a query.
@@ -276,7 +290,7 @@ impl Tree {
         while let Some((level, node)) = stack.pop() {
             let near = self.nodes[self.levels[level] + node].lanes_within(lo, hi, squared_reach);
             let width = 1u64 << (2 * level);
-            let mut pairs = 0;
+            let mut admitted = [0; LANES];
             for lane in (0..LANES).filter(|lane| near >> lane & 1 == 1) {
                 let child = (node * LANES + lane) as u64;
                 let end = ((child + 1) * width).min(self.order.len() as u64);
@@ -284,10 +298,10 @@ impl Tree {
                 if level > 0 && allowed != 0 {
                     stack.push(level - 1, child as usize);
                 }
-                pairs |= spread(allowed) << lane;
+                admitted[lane] = allowed;
             }
-            if level == 0 && pairs != 0 {
-                found.push(Leaf { node: node as u32, pairs });
+            if level == 0 && admitted != [0; LANES] {
+                found.push(Leaf { node: node as u32, allowed: admitted });
             }
         }
     }
@@ -412,18 +426,5 @@ impl Stack {
         self.len = self.len.checked_sub(1)?;
         let (level, node) = self.pending[self.len];
         Some((level as usize, node as usize))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn spread_gives_every_bit_a_nibble_of_its_own() {
-        for i in 0..16 {
-            assert_eq!(spread(1 << i), 1 << (4 * i));
-        }
-        assert_eq!(spread(u16::MAX), 0x1111_1111_1111_1111);
     }
 }
