@@ -12,6 +12,16 @@ use super::vector::widen;
 pub(crate) const LANES: usize = 4;
 /// Points that are tested against one box together: one per bit of a mask.
 pub(crate) const CLUSTER: usize = 16;
+/// The bit of each point.
+const BITS: [u32; CLUSTER] = {
+    let mut bits = [1; CLUSTER];
+    let mut i = 1;
+    while i < CLUSTER {
+        bits[i] = 2 * bits[i - 1];
+        i += 1;
+    }
+    bits
+};
 /// Growth of the summed box areas after which an order is no longer worth keeping.
 const GROWTH: f64 = 1.5;
 /// Enough pending nodes for 4^16 triangles: three left behind per level, plus the four of the last.
@@ -68,11 +78,12 @@ impl Node {
                 *distance += gap * gap;
             }
         }
-        let mut near = 0;
-        for (i, (distance, limit)) in distances.iter().zip(limits).enumerate() {
-            near |= u16::from(distance <= limit) << i;
+        // A sum of weights instead of shifted bits: the compiler keeps it in vectors.
+        let mut near = 0u32;
+        for ((distance, limit), bit) in distances.iter().zip(limits).zip(&BITS) {
+            near += if distance <= limit { *bit } else { 0 };
         }
-        near
+        near as u16
     }
 
     fn union(&self) -> ([f32; 3], [f32; 3]) {
