@@ -1,1 +1,23 @@
 //! Sliding contact: which triangle a vertex touches, and how fast it slides along it.
+//! Read in the order of the data: [`triangle`], [`exclusion`], [`tree`] and [`detector`] find the contacts, [`slip`] measures
+//! them, [`gate`], [`spline`] and [`speed`] turn the measurements into the sliding speed that a friction sound follows.
+
+pub mod analytic;
+pub mod detector;
+mod error;
+pub mod exclusion;
+pub mod gate;
+mod query;
+pub mod reference;
+pub mod slip;
+pub mod speed;
+pub mod spline;
+pub mod tree;
+pub mod triangle;
+mod vector;
+
+#[cfg(test)]
+mod tests;
+
+pub use detector::{Contact, Detection, Detector, DetectorParams, Exclude};
+pub use error::ContactError;

@@ -1,0 +1,262 @@
+use super::grid;
+use crate::contact::reference::{Surfaces, excluded, key, sliding_speeds};
+use crate::contact::vector::widen;
+use crate::contact::{Contact, ContactError, Detector, DetectorParams, Exclude};
+use crate::mesh::Topology;
+
+/// Lengths in these scenes are sums of few powers of two, so that single precision holds them exactly.
+const EDGE: f32 = 0.0625;
+
+fn params(radius: f32) -> DetectorParams {
+    DetectorParams { radius, ..DetectorParams::default() }
+}
+
+fn moved(positions: &[[f32; 3]], by: [f32; 3]) -> Vec<[f32; 3]> {
+    positions.iter().map(|p| [p[0] + by[0], p[1] + by[1], p[2] + by[2]]).collect()
+}
+
+fn slots(cloth: &Topology, params: &DetectorParams) -> Vec<Contact> {
+    vec![Contact::default(); cloth.vertex_count() * params.max_contacts]
+}
+
+#[test]
+fn two_parallel_planes_slide_at_their_relative_speed_whatever_the_approach() {
+    let sheet = grid(9, EDGE, 0.03125);
+    let floor = grid(21, 0.125, 0.0);
+    let params = params(0.05);
+    let mut detector = Detector::new(&sheet, &[&floor], params).unwrap();
+    let mut out = slots(&sheet, &params);
+    let (step, floor_step) = ([3.0 / 512.0, 4.0 / 512.0, 0.0], [0.0, -8.0 / 512.0, 0.0]);
+    let relative = (3.0f32 / 512.0).hypot(12.0 / 512.0);
+    for fall in [0.0, 1.0 / 1024.0] {
+        let mut now = moved(&sheet.rest, [0.5, 0.5, 0.0]);
+        let mut under = floor.rest.clone();
+        for _ in 0..8 {
+            let next = moved(&now, [step[0], step[1], -fall]);
+            let under_next = moved(&under, floor_step);
+            let found = detector.detect_and_slide(&now, &next, &[&under], &[&under_next], &mut out).unwrap();
+            assert_eq!((found.contacts, found.degenerate), (81, 0));
+            for contact in &out {
+                assert_eq!(contact.surface, 1);
+                assert!(
+                    (contact.slide - relative).abs() <= 1e-6 * relative,
+                    "{} for {relative}",
+                    contact.slide
+                );
+                assert!((contact.approach + fall).abs() < 1e-9);
+            }
+            (now, under) = (next, under_next);
+        }
+    }
+}
+
+#[test]
+fn a_common_rotation_and_translation_leave_the_relative_speed_of_two_planes() {
+    let (sheet, floor) = (grid(5, EDGE, 0.03), grid(9, EDGE, 0.0));
+    let (dt, speed, params) = (1.0 / 60.0, 0.37, params(0.05));
+    let frames: Vec<Surfaces> = (0..6)
+        .map(|i| {
+            let t = f64::from(i) * dt;
+            let (s, c) = (1.0 + 5.0 * t).sin_cos();
+            let carried = |x: [f64; 3]| {
+                let x = [x[0], c * x[1] - s * x[2], s * x[1] + c * x[2]];
+                [0.6 * x[0] + 0.8 * x[1] + 2.0 * t, 0.6 * x[1] - 0.8 * x[0], x[2] - 9.0 * t]
+            };
+            let slid =
+                |x: [f64; 3]| carried([x[0] + 0.11 + 0.6 * speed * t, x[1] + 0.07 + 0.8 * speed * t, x[2]]);
+            vec![
+                sheet.rest.iter().map(|&p| slid(widen(p))).collect(),
+                floor.rest.iter().map(|&p| carried(widen(p))).collect(),
+            ]
+        })
+        .collect();
+    let times: Vec<f64> = (0..6).map(|i| f64::from(i) * dt).collect();
+    let speeds = sliding_speeds(&[&sheet, &floor], &frames, &times, &params).unwrap();
+    assert_eq!(speeds.len(), 5);
+    for (i, frame) in speeds.iter().enumerate() {
+        assert!((frame.time - (i as f64 + 0.5) * dt).abs() < 1e-15);
+        for (v, &s) in frame.tangential.iter().enumerate() {
+            assert!((s - speed).abs() < 1e-9 * speed, "frame {i}, vertex {v}: {s}");
+            assert!(frame.normal[v].abs() < 1e-9);
+        }
+    }
+    let slow: Vec<f64> = times.iter().map(|t| 2.0 * t).collect();
+    let halved = sliding_speeds(&[&sheet, &floor], &frames, &slow, &params).unwrap();
+    for (fast, slow) in speeds.iter().zip(&halved) {
+        assert_eq!(fast.contact, slow.contact);
+        for (f, s) in fast.tangential.iter().zip(&slow.tangential) {
+            assert!((f - 2.0 * s).abs() < 1e-12);
+        }
+    }
+}
+
+#[test]
+fn a_flat_sheet_with_short_edges_touches_itself_only_if_nothing_but_incident_triangles_are_excluded() {
+    let radius = 5.0 * EDGE;
+    let sheet = grid(25, EDGE, 0.0);
+    for (exclude, expected) in [(Exclude::Auto, 0), (Exclude::IncidentOnly, 625)] {
+        let params = DetectorParams { exclude, ..params(radius) };
+        let mut detector = Detector::new(&sheet, &[], params).unwrap();
+        let mut out = slots(&sheet, &params);
+        assert_eq!(detector.detect(&sheet.rest, &[], &mut out).unwrap().contacts, expected, "{exclude:?}");
+    }
+}
+
+#[test]
+fn a_folded_sheet_touches_its_other_layer_and_nothing_else() {
+    let n = 33;
+    let sheet = grid(n, EDGE, 0.0);
+    let gap = 0.5 * EDGE;
+    // The right half lies back over the left, `gap` above it, around a square fold.
+    let folded: Vec<[f32; 3]> = sheet
+        .rest
+        .iter()
+        .map(|&[x, y, _]| if x <= 16.0 * EDGE { [x, y, 0.0] } else { [33.0 * EDGE - x, y, gap] })
+        .collect();
+    let params = params(0.75 * EDGE);
+    let mut detector = Detector::new(&sheet, &[], params).unwrap();
+    let mut out = slots(&sheet, &params);
+    detector.detect(&folded, &[], &mut out).unwrap();
+    let layer = |v: u32| (v as usize % n) > 16;
+    let mut touching = 0;
+    for (v, contact) in out.iter().enumerate() {
+        let column = v % n;
+        if (2..=12).contains(&column) || (21..=31).contains(&column) {
+            assert!(contact.is_some(), "vertex {v} in column {column}");
+            assert!((contact.distance - gap).abs() < 1e-7);
+        }
+        if contact.is_some() {
+            let corners = sheet.triangles[contact.triangle as usize];
+            assert!(corners.iter().any(|&c| layer(c) != layer(v as u32)), "vertex {v} touches its own layer");
+            touching += 1;
+        }
+    }
+    assert!(touching > 700, "{touching}");
+}
+
+#[test]
+fn exclusion_equals_plain_relaxation_over_all_edges() {
+    let mut sheet = grid(9, EDGE, 0.0);
+    for (v, p) in sheet.rest.iter_mut().enumerate() {
+        p[0] += 0.02 * (v as f32 * 1.7).sin();
+        p[2] += 0.03 * (v as f32 * 0.9).cos();
+    }
+    sheet.rest.push([9.0; 3]);
+    for exclude in [Exclude::Auto, Exclude::Distance(0.17), Exclude::Distance(0.0), Exclude::IncidentOnly] {
+        let detector = Detector::new(&sheet, &[], DetectorParams { exclude, ..params(0.05) }).unwrap();
+        for v in 0..sheet.vertex_count() {
+            let expected = excluded(&sheet, v, 0.05, exclude);
+            for (t, &expected) in expected.iter().enumerate() {
+                assert_eq!(detector.exclusion().is_excluded(v, t), expected, "{exclude:?}, {v}, {t}");
+            }
+            assert_eq!(detector.exclusion().count(v), expected.iter().filter(|&&e| e).count());
+        }
+    }
+}
+
+#[test]
+fn quarter_turns_shifts_and_scales_by_two_leave_contacts_unchanged() {
+    let mut sheet = grid(12, EDGE, 0.0);
+    for (v, p) in sheet.rest.iter_mut().enumerate() {
+        p[2] = ((v * 7919 % 64) as f32) / 512.0;
+    }
+    let floor = grid(9, 0.125, 0.0);
+    let next = moved(&sheet.rest, [1.0 / 256.0, 2.0 / 256.0, -1.0 / 512.0]);
+    let run = |k: f32, turn: fn([f32; 3]) -> [f32; 3]| {
+        let all = |ps: &[[f32; 3]]| ps.iter().map(|p| turn(p.map(|x| k * x))).collect::<Vec<_>>();
+        let params = params(0.09375 * k);
+        let scaled = |t: &Topology| Topology { rest: all(&t.rest), triangles: t.triangles.clone() };
+        let (cloth, under) = (scaled(&sheet), scaled(&floor));
+        let mut detector = Detector::new(&cloth, &[&under], params).unwrap();
+        let mut out = slots(&cloth, &params);
+        detector
+            .detect_and_slide(&cloth.rest, &all(&next), &[&under.rest], &[&under.rest], &mut out)
+            .unwrap();
+        out
+    };
+    let plain = run(1.0, |p| p);
+    assert!(plain.iter().filter(|c| c.is_some()).count() > 50);
+    for (k, turn) in [
+        (1.0, (|[x, y, z]| [-y, x, z]) as fn([f32; 3]) -> [f32; 3]),
+        (1.0, |[x, y, z]| [z + 1.0, x - 0.5, y + 0.25]),
+        (2.0, |p| p),
+        (0.25, |[x, y, z]| [x, -z, y]),
+    ] {
+        for (a, b) in plain.iter().zip(run(k, turn)) {
+            assert_eq!(key(a), key(&b));
+            assert!((a.slide * k - b.slide).abs() <= 1e-5 * b.slide.abs() + 1e-8, "{a:?} {b:?}");
+            assert!((a.distance * k - b.distance).abs() <= 1e-6 * k);
+        }
+    }
+}
+
+#[test]
+fn of_equally_near_triangles_the_lower_surface_then_the_lower_triangle_is_touched() {
+    let cloth = Topology { rest: vec![[0.125, 0.0625, 0.03125]], triangles: Vec::new() };
+    let floor = grid(3, 0.125, 0.0);
+    let params = DetectorParams { max_contacts: 4, ..params(0.05) };
+    let mut detector = Detector::new(&cloth, &[&floor, &floor], params).unwrap();
+    let mut out = slots(&cloth, &params);
+    detector.detect(&cloth.rest, &[&floor.rest, &floor.rest], &mut out).unwrap();
+    // The vertex stands over the edge between triangles 0 and 3.
+    let keys: Vec<_> = out.iter().filter_map(key).collect();
+    assert_eq!(keys, [(1, 0), (1, 3), (2, 0), (2, 3)]);
+}
+
+#[test]
+fn one_sided_surfaces_are_not_touched_from_behind() {
+    let floor = grid(3, 0.125, 0.0);
+    let cloth = Topology { rest: vec![[0.1, 0.1, 0.02], [0.1, 0.1, -0.02]], triangles: Vec::new() };
+    for (two_sided, expected) in [(true, [true, true]), (false, [true, false])] {
+        let params = DetectorParams { two_sided, ..params(0.05) };
+        let mut detector = Detector::new(&cloth, &[&floor], params).unwrap();
+        let mut out = slots(&cloth, &params);
+        detector.detect(&cloth.rest, &[&floor.rest], &mut out).unwrap();
+        assert_eq!([out[0].is_some(), out[1].is_some()], expected);
+    }
+}
+
+#[test]
+fn a_degenerate_triangle_is_touched_and_counted_but_slides_nothing() {
+    let line =
+        Topology { rest: vec![[0.0; 3], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]], triangles: vec![[0, 1, 2]] };
+    let cloth = Topology { rest: vec![[0.5, 0.01, 0.0]], triangles: Vec::new() };
+    let mut detector = Detector::new(&cloth, &[&line], params(0.05)).unwrap();
+    let mut out = [Contact::default()];
+    let next = moved(&cloth.rest, [0.01, 0.0, 0.0]);
+    let found =
+        detector.detect_and_slide(&cloth.rest, &next, &[&line.rest], &[&line.rest], &mut out).unwrap();
+    assert_eq!((found.contacts, found.degenerate), (1, 1));
+    assert_eq!((out[0].slide, out[0].approach, out[0].beta), (0.0, 0.0, [0.0, 0.25]));
+}
+
+#[test]
+fn wrong_input_is_an_error_that_says_where() {
+    let floor = grid(3, 0.125, 0.0);
+    let bad = |radius| Detector::new(&floor, &[], params(radius)).map(|_| ()).unwrap_err();
+    for radius in [0.0, -1.0, f32::NAN, f32::INFINITY] {
+        assert!(matches!(bad(radius), ContactError::Parameter { name: "radius", .. }));
+    }
+    let torn = Topology { rest: floor.rest.clone(), triangles: vec![[0, 1, 2], [0, 1, 9]] };
+    let error = Detector::new(&floor, &[&torn], params(0.05)).map(|_| ()).unwrap_err();
+    assert_eq!(error, ContactError::Corner { surface: 1, triangle: 1, found: 9, vertices: 9 });
+
+    let mut detector = Detector::new(&floor, &[], params(0.05)).unwrap();
+    let mut out = slots(&floor, &params(0.05));
+    let mut broken = floor.rest.clone();
+    broken[4][1] = f32::NAN;
+    let not_finite = Err(ContactError::NotFinite { surface: 0, vertex: 4 });
+    assert_eq!(detector.detect(&broken, &[], &mut out), not_finite);
+    assert_eq!(detector.detect_and_slide(&floor.rest, &broken, &[], &[], &mut out), not_finite);
+    assert!(matches!(detector.detect(&floor.rest[1..], &[], &mut out), Err(ContactError::Positions { .. })));
+    assert!(matches!(detector.detect(&floor.rest, &[&broken], &mut out), Err(ContactError::Length { .. })));
+    assert!(matches!(detector.detect(&floor.rest, &[], &mut out[1..]), Err(ContactError::Length { .. })));
+}
+
+#[test]
+fn an_empty_scene_is_valid_and_silent() {
+    let nothing = Topology::default();
+    let mut detector = Detector::new(&nothing, &[&nothing], params(0.05)).unwrap();
+    assert_eq!(detector.detect(&[], &[&[]], &mut []).unwrap().contacts, 0);
+    assert_eq!(sliding_speeds(&[], &[], &[], &params(0.05)), Ok(Vec::new()));
+}

@@ -1,0 +1,441 @@
+//! A tree of boxes over the triangles of one surface.
+//!
+//! Triangles are sorted so that each aligned group of 4, 16, 64 ... is compact; the tree is that order. Node j of a level
+//! holds the boxes of children 4j .. 4j + 4 side by side, so one test serves four boxes and no child pointers exist.
+
+use std::ops::Range;
+
+use super::triangle::closest_point;
+use super::vector::widen;
+
+/// Boxes per node.
+pub(crate) const LANES: usize = 4;
+/// Points that are tested against one box together: one per bit of a mask.
+pub(crate) const CLUSTER: usize = 16;
+/// The bit of each point.
+const BITS: [u32; CLUSTER] = {
+    let mut bits = [1; CLUSTER];
+    let mut i = 1;
+    while i < CLUSTER {
+        bits[i] = 2 * bits[i - 1];
+        i += 1;
+    }
+    bits
+};
+/// Growth of the summed box areas after which an order is no longer worth keeping.
+const GROWTH: f64 = 1.5;
+/// Enough pending nodes for 4^16 triangles: three left behind per level, plus the four of the last.
+const STACK: usize = 64;
+
+/// Four boxes, axis by axis.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Node {
+    lo: [[f32; LANES]; 3],
+    hi: [[f32; LANES]; 3],
+}
+
+impl Node {
+    /// No boxes: infinitely far from everything.
+    const EMPTY: Node = Node { lo: [[f32::INFINITY; LANES]; 3], hi: [[f32::NEG_INFINITY; LANES]; 3] };
+
+    /// Squared distances from the box [lo, hi] to the four boxes; 0 where they overlap.
+    #[inline]
+    fn squared_distances(&self, lo: &[f32; 3], hi: &[f32; 3]) -> [f32; LANES] {
+        let mut sum = [0.0f32; LANES];
+        for axis in 0..3 {
+            for ((sum, &box_lo), &box_hi) in sum.iter_mut().zip(&self.lo[axis]).zip(&self.hi[axis]) {
+                let gap = larger(larger(box_lo - hi[axis], lo[axis] - box_hi), 0.0);
+                *sum += gap * gap;
+            }
+        }
+        sum
+    }
+
+    /// One bit per box: whether its squared distance from the box [lo, hi] is at most `limit`.
+    #[inline]
+    fn lanes_within(&self, lo: &[f32; 3], hi: &[f32; 3], limit: f32) -> u32 {
+        let distances = self.squared_distances(lo, hi);
+        let mut near = 0;
+        for (lane, &distance) in distances.iter().enumerate() {
+            near |= u32::from(distance <= limit) << lane;
+        }
+        near
+    }
+
+    /// One bit per point: whether its squared distance from the box of a lane is at most its limit.
+    #[inline]
+    pub(crate) fn points_within(
+        &self,
+        lane: usize,
+        points: &[[f32; CLUSTER]; 3],
+        limits: &[f32; CLUSTER],
+    ) -> u16 {
+        let mut distances = [0.0f32; CLUSTER];
+        for (column, (los, his)) in points.iter().zip(self.lo.iter().zip(&self.hi)) {
+            let (lo, hi) = (los[lane], his[lane]);
+            for (distance, &p) in distances.iter_mut().zip(column) {
+                let gap = larger(larger(lo - p, p - hi), 0.0);
+                *distance += gap * gap;
+            }
+        }
+        // A sum of weights instead of shifted bits: the compiler keeps it in vectors.
+        let mut near = 0u32;
+        for ((distance, limit), bit) in distances.iter().zip(limits).zip(&BITS) {
+            near += if distance <= limit { *bit } else { 0 };
+        }
+        near as u16
+    }
+
+    fn union(&self) -> ([f32; 3], [f32; 3]) {
+        let lo = self.lo.map(|l| smaller(smaller(l[0], l[1]), smaller(l[2], l[3])));
+        let hi = self.hi.map(|h| larger(larger(h[0], h[1]), larger(h[2], h[3])));
+        (lo, hi)
+    }
+
+    fn set(&mut self, lane: usize, lo: [f32; 3], hi: [f32; 3]) {
+        for axis in 0..3 {
+            self.lo[axis][lane] = lo[axis];
+            self.hi[axis][lane] = hi[axis];
+        }
+    }
+}
+
+// Unlike f32::max these need no care for NaN, which lets four lanes become one instruction.
+#[inline]
+fn larger(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
+#[inline]
+fn smaller(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
+/// A lowest node near a cluster of up to 16 vertices.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Leaf {
+    pub node: u32,
+    /// For each of its triangles the vertices that may touch it, one bit each.
+    pub allowed: [u16; LANES],
+}
+
+/// A triangle found by a query.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hit {
+    /// Triangle index.
+    pub triangle: u32,
+    /// Squared distance from the query point.
+    pub squared_distance: f64,
+}
+
+/// Boxes over the triangles of one surface, refitted as they move.
+#[derive(Clone, Debug)]
+pub struct Tree {
+    triangles: Vec<[u32; 3]>,
+    /// Triangle of each slot.
+    order: Vec<u32>,
+    /// The order that the rest shape gave.
+    home: Vec<u32>,
+    at_home: bool,
+    /// Corner positions of each slot's triangle.
+    corners: Vec<[[f32; 3]; 3]>,
+    centroids: Vec<[f32; 3]>,
+    nodes: Vec<Node>,
+    /// Where each level starts in `nodes`, lowest level first, and where the last ends.
+    levels: Vec<usize>,
+    area: f64,
+    kept_area: f64,
+}
+
+impl Tree {
+    /// Builds a tree over triangles whose corners all lie below `rest.len()`.
+    ///
+    /// # Complexity
+    /// O(F log F) once; memory O(F).
+    #[must_use]
+    pub fn new(rest: &[[f32; 3]], triangles: &[[u32; 3]]) -> Self {
+        let count = triangles.len();
+        let mut levels = vec![0];
+        let mut width = count.div_ceil(LANES);
+        while width > 0 {
+            levels.push(levels[levels.len() - 1] + width);
+            width = if width == 1 { 0 } else { width.div_ceil(LANES) };
+        }
+        let nodes = vec![Node::EMPTY; levels[levels.len() - 1]];
+        let mut tree = Self {
+            triangles: triangles.to_vec(),
+            order: (0..count as u32).collect(),
+            home: Vec::new(),
+            at_home: true,
+            corners: vec![[[0.0; 3]; 3]; count],
+            centroids: vec![[0.0; 3]; count],
+            nodes,
+            levels,
+            area: 0.0,
+            kept_area: f64::NAN,
+        };
+        tree.sort(rest);
+        tree.home.clone_from(&tree.order);
+        tree.refit(rest);
+        tree
+    }
+
+    /// Number of triangles.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.order.len()
+    }
+
+    /// Whether the surface has no triangles.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.order.is_empty()
+    }
+
+    /// Moves the boxes to a frame, and sorts anew if their summed area has grown by more than half. Returns whether it did.
+    ///
+    /// A new order that is hardly better than that of the rest shape is thrown away: exclusions are compact in the latter.
+    ///
+    /// # Complexity
+    /// O(F); O(F log F) when sorting. Never allocates.
+    pub fn update(&mut self, positions: &[[f32; 3]]) -> bool {
+        self.refit(positions);
+        if self.area <= GROWTH * self.kept_area {
+            return false;
+        }
+        let (before, was_home) = (self.area, self.at_home);
+        self.sort(positions);
+        self.at_home = false;
+        self.refit(positions);
+        if was_home && before <= GROWTH * self.area {
+            self.order.copy_from_slice(&self.home);
+            self.at_home = true;
+            self.refit(positions);
+        }
+        self.kept_area = self.area;
+        true
+    }
+
+    /// Moves the boxes to a frame without changing the order.
+    ///
+    /// # Complexity
+    /// O(F).
+    pub fn refit(&mut self, positions: &[[f32; 3]]) {
+        for (slot, &triangle) in self.order.iter().enumerate() {
+            let t = self.triangles[triangle as usize].map(|v| positions[v as usize]);
+            self.corners[slot] = t;
+            let mut lo = t[0];
+            let mut hi = t[0];
+            for axis in 0..3 {
+                lo[axis] = smaller(smaller(t[0][axis], t[1][axis]), t[2][axis]);
+                hi[axis] = larger(larger(t[0][axis], t[1][axis]), t[2][axis]);
+            }
+            self.nodes[slot / LANES].set(slot % LANES, lo, hi);
+        }
+        let mut area = 0.0f64;
+        for level in 1..self.levels.len().saturating_sub(1) {
+            let (below, above) = self.nodes.split_at_mut(self.levels[level]);
+            for (j, child) in below[self.levels[level - 1]..].iter().enumerate() {
+                let (lo, hi) = child.union();
+                let [x, y, z] = [hi[0] - lo[0], hi[1] - lo[1], hi[2] - lo[2]].map(f64::from);
+                area += x * y + y * z + z * x;
+                above[j / LANES].set(j % LANES, lo, hi);
+            }
+        }
+        self.area = area;
+    }
+
+    /// The smallest box around the surface, or none without triangles.
+    #[must_use]
+    pub fn bounds(&self) -> Option<([f32; 3], [f32; 3])> {
+        self.nodes.last().map(Node::union)
+    }
+
+    /// The triangle nearest to `p` that `accept` lets through, if one is at most `radius` away; of equals the lowest.
+    ///
+    /// # Complexity
+    /// Expected O(log F) for a radius of a few edges.
+    #[must_use]
+    pub fn closest(&self, p: [f32; 3], radius: f32, accept: impl Fn(u32) -> bool) -> Option<Hit> {
+        let extent = self.extent();
+        let mut limit = f64::from(radius) * f64::from(radius);
+        let mut best: Option<Hit> = None;
+        let mut stack = Stack::at_root(self);
+        while let Some((level, node)) = stack.pop() {
+            let distances = self.nodes[self.levels[level] + node].squared_distances(&p, &p);
+            for (lane, &distance) in distances.iter().enumerate() {
+                if distance > reach(limit, extent) {
+                    continue;
+                }
+                let child = node * LANES + lane;
+                if level > 0 {
+                    stack.push(level - 1, child);
+                } else if accept(self.order[child]) {
+                    let triangle = self.order[child];
+                    let found = closest_point(widen(p), self.corners[child].map(widen)).squared_distance;
+                    let better = best.is_none_or(|b| (found, triangle) < (b.squared_distance, b.triangle));
+                    if found <= limit && better {
+                        best = Some(Hit { triangle, squared_distance: found });
+                        limit = found;
+                    }
+                }
+            }
+        }
+        best
+    }
+
+    /// Collects the lowest nodes with a triangle box within `squared_reach` of the box around a cluster of vertices.
+    ///
+    /// `excluded` says for which of the cluster's vertices all of a range of slots are excluded: it is asked about whole
+    /// subtrees and about single triangles. What is excluded for `all` is left out.
+    pub(crate) fn gather(
+        &self,
+        lo: &[f32; 3],
+        hi: &[f32; 3],
+        squared_reach: f32,
+        all: u16,
+        excluded: impl Fn(Range<u32>) -> u16,
+        found: &mut Vec<Leaf>,
+    ) {
+        let mut stack = Stack::at_root(self);
+        while let Some((level, node)) = stack.pop() {
+            let near = self.nodes[self.levels[level] + node].lanes_within(lo, hi, squared_reach);
+            let width = 1u64 << (2 * level);
+            let mut admitted = [0; LANES];
+            for lane in (0..LANES).filter(|lane| near >> lane & 1 == 1) {
+                let child = (node * LANES + lane) as u64;
+                let end = ((child + 1) * width).min(self.order.len() as u64);
+                let allowed = all & !excluded((child * width) as u32..end as u32);
+                if level > 0 && allowed != 0 {
+                    stack.push(level - 1, child as usize);
+                }
+                admitted[lane] = allowed;
+            }
+            if level == 0 && admitted != [0; LANES] {
+                found.push(Leaf { node: node as u32, allowed: admitted });
+            }
+        }
+    }
+
+    /// A lowest node, as named by [`Tree::gather`].
+    #[inline]
+    pub(crate) fn leaf(&self, leaf: Leaf) -> &Node {
+        &self.nodes[leaf.node as usize]
+    }
+
+    /// Number of lowest nodes.
+    pub(crate) fn leaves(&self) -> usize {
+        self.order.len().div_ceil(LANES)
+    }
+
+    #[inline]
+    pub(crate) fn corners(&self, slot: usize) -> [[f32; 3]; 3] {
+        self.corners[slot]
+    }
+
+    /// Triangle of each slot.
+    pub(crate) fn order(&self) -> &[u32] {
+        &self.order
+    }
+
+    /// Whether slots stand in the order of the rest shape.
+    pub(crate) fn at_home(&self) -> bool {
+        self.at_home
+    }
+
+    /// Diagonal of the bounds: the size that rounding errors of distances scale with.
+    pub(crate) fn extent(&self) -> f64 {
+        let Some((lo, hi)) = self.bounds() else { return 0.0 };
+        (0..3).map(|k| (f64::from(hi[k]) - f64::from(lo[k])).powi(2)).sum::<f64>().sqrt()
+    }
+
+    fn sort(&mut self, positions: &[[f32; 3]]) {
+        for (centroid, t) in self.centroids.iter_mut().zip(&self.triangles) {
+            let [a, b, c] = t.map(|v| positions[v as usize]);
+            *centroid = [0, 1, 2].map(|k| (a[k] + b[k] + c[k]) / 3.0);
+        }
+        sort_by_locality(&mut self.order, &self.centroids);
+    }
+}
+
+/// A squared distance in single precision that no box holding an equally near triangle can exceed.
+///
+/// Box distances are off by a few units in the last place, exact distances by rounding on the scale of the scene.
+#[inline]
+pub(crate) fn reach(squared_distance: f64, extent: f64) -> f32 {
+    let distance = squared_distance.sqrt() * (1.0 + 1e-6) + 1e-12 * extent;
+    (distance * distance) as f32 * (1.0 + 1e-6) + f32::MIN_POSITIVE
+}
+
+/// Orders the indices in `order` so that every aligned group of 4, 8, 16 ... of the points they name is compact.
+///
+/// Median splits along the longest axis, cut where the groups end. Equal coordinates go by index, so the order is unique.
+///
+/// # Complexity
+/// O(n log n), in place.
+pub(crate) fn sort_by_locality(order: &mut [u32], points: &[[f32; 3]]) {
+    let capacity = order.len().next_power_of_two();
+    split(order, capacity, points);
+}
+
+fn split(order: &mut [u32], capacity: usize, points: &[[f32; 3]]) {
+    if order.len() <= LANES {
+        order.sort_unstable();
+        return;
+    }
+    let half = capacity / 2;
+    if order.len() <= half {
+        return split(order, half, points);
+    }
+    let (mut lo, mut hi) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
+    for &i in order.iter() {
+        for axis in 0..3 {
+            lo[axis] = smaller(points[i as usize][axis], lo[axis]);
+            hi[axis] = larger(points[i as usize][axis], hi[axis]);
+        }
+    }
+    let size = [hi[0] - lo[0], hi[1] - lo[1], hi[2] - lo[2]];
+    let axis = if size[0] >= size[1] && size[0] >= size[2] {
+        0
+    } else if size[1] >= size[2] {
+        1
+    } else {
+        2
+    };
+    order.select_nth_unstable_by(half, |&i, &j| {
+        points[i as usize][axis].total_cmp(&points[j as usize][axis]).then(i.cmp(&j))
+    });
+    let (left, right) = order.split_at_mut(half);
+    split(left, half, points);
+    split(right, half, points);
+}
+
+/// Nodes still to visit.
+struct Stack {
+    pending: [(u32, u32); STACK],
+    len: usize,
+}
+
+impl Stack {
+    #[inline]
+    fn at_root(tree: &Tree) -> Self {
+        let mut stack = Self { pending: [(0, 0); STACK], len: 0 };
+        if tree.levels.len() > 1 {
+            stack.push(tree.levels.len() - 2, 0);
+        }
+        stack
+    }
+
+    #[inline]
+    fn push(&mut self, level: usize, node: usize) {
+        self.pending[self.len] = (level as u32, node as u32);
+        self.len += 1;
+    }
+
+    #[inline]
+    fn pop(&mut self) -> Option<(usize, usize)> {
+        self.len = self.len.checked_sub(1)?;
+        let (level, node) = self.pending[self.len];
+        Some((level as usize, node as usize))
+    }
+}
