@@ -424,10 +424,10 @@ impl<R: Receiver> IftNoise<R> {
                 continue;
             }
             let Some(split) = self.table.locate(speed) else { continue };
-            if let Some(found) = input.positions.map(|p| p[vertex]) {
-                if !found.iter().all(|x| x.is_finite()) {
-                    return Err(NoiseError::Position { clip, vertex, found });
-                }
+            if let Some(found) = input.positions.map(|p| p[vertex])
+                && !found.iter().all(|x| x.is_finite())
+            {
+                return Err(NoiseError::Position { clip, vertex, found });
             }
             coverage.sliding += 1;
             coverage.above += u64::from(split.coverage == Coverage::Above);

@@ -250,7 +250,8 @@ impl FrictionModel {
         }
         let reach = self.df * bins.saturating_sub(1) as f64;
         let fits = (reach - 0.5 * self.fs).abs() <= 1e-6 * self.fs;
-        if bins < 2 || bins > MAX_CLIP_SAMPLES / 2 + 1 || !(self.df > 0.0 && self.fs.is_finite() && fits) {
+        let few_enough = (2..=MAX_CLIP_SAMPLES / 2 + 1).contains(&bins);
+        if !(few_enough && self.df > 0.0 && self.fs.is_finite() && fits) {
             return Err(ModelError::Grid { bins, df: self.df, fs: self.fs });
         }
         if self.clips.len() != k {
@@ -365,7 +366,7 @@ impl Bracket {
     /// Brackets `speed` in at least two increasing `speeds`; what is not a number does not slide.
     pub(crate) fn of(speeds: &[f64], speed: f64) -> Self {
         let (Some(&first), Some(&last)) = (speeds.first(), speeds.last()) else { return Self::Still };
-        if !(speed > 0.0) {
+        if speed.is_nan() || speed <= 0.0 {
             Self::Still
         } else if speed < first {
             Self::Below { ratio: speed / first }

@@ -121,7 +121,7 @@ impl SpectrumTable {
     pub fn locate(&self, speed: f32) -> Option<Split> {
         let s = f64::from(speed);
         let last = self.speeds.len() - 1;
-        if !(s > 0.0) {
+        if s.is_nan() || s <= 0.0 {
             None
         } else if s < self.speeds[0] {
             let ratio = s / self.speeds[0];
