@@ -417,7 +417,7 @@ impl<R: Receiver> IftNoise<R> {
         self.sliding.clear();
         let mut coverage = self.coverage;
         for (vertex, (&speed, &gain)) in input.speeds.iter().zip(&self.gains).enumerate() {
-            if !(speed >= 0.0 && speed < f32::INFINITY) {
+            if !(0.0..f32::INFINITY).contains(&speed) {
                 return Err(NoiseError::Speed { clip, vertex, found: speed });
             }
             if gain == 0.0 {

@@ -36,13 +36,14 @@ pub struct Split {
 
 /// Power per bin at [`TABLE_SPEEDS`] speeds, on the bins of one clip length and rate.
 ///
-/// Every measured speed is a row. The rows between lie evenly inside each interval between measured speeds, where a
-/// spectrum moves at a constant rate, and more of them where it bends more. Between rows the shape of the
-/// spectrum is interpolated linearly, and so is its total. (Power itself, interpolated linearly, would follow the louder
-/// row's shape too early where the level grows steeply: 3 times the error.) Below the slowest speed its row is scaled by `(s / s_0)^4`, above the fastest the last row holds.
+/// Every measured speed is a row. The rows between them are denser where the spectrum bends more. Between rows the shape
+/// of the spectrum is interpolated linearly, and so is its total; power alone would follow the louder row's shape too
+/// early where the level grows steeply. Below the slowest speed its row is scaled by `(s / s_0)^4`, above the fastest the
+/// last row holds.
 ///
-/// Measured: a bump 300 Hz wide that sweeps from 2 to 8 kHz between two speeds is off by 0.2 % on average and 0.24 % at
-/// worst (L1 of the density).
+/// Measured: a bump 300 Hz wide that sweeps from 2 to 8 kHz between two speeds is off by less than 0.2 % on average and
+/// 0.24 % at worst (L1 of the density); 0.3 % at worst over five speeds a hundredfold apart. Rows at even distances with
+/// power interpolated linearly give 0.57 % at worst.
 ///
 /// # Complexity
 /// Building: O(rows bins). Memory: 4 rows bins bytes, 2.5 MB for 50 ms at 96 kHz.
