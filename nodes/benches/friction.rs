@@ -7,7 +7,9 @@ use std::error::Error;
 use std::time::Instant;
 
 use foley_nodes::core::random::Random;
-use foley_nodes::friction::{ClipInput, ClipStream, Emitters, FrictionModel, IftNoise, IftNoiseParams};
+use foley_nodes::friction::{
+    ClipInput, ClipStream, Emitters, FrictionModel, IftNoise, IftNoiseParams, Mono, Receiver,
+};
 
 const VERTICES: usize = 10_000;
 const SECONDS: f64 = 60.0;
@@ -23,48 +25,74 @@ fn model() -> Result<FrictionModel, Box<dyn Error>> {
     Ok(FrictionModel::from_psd(["bump".into(), "bump".into()], speeds, psd.collect(), 96000.0)?)
 }
 
-fn main() -> Result<(), Box<dyn Error>> {
-    let model = model()?;
-    let areas = vec![1e-4; VERTICES];
+/// Two ears that multiply every bin by a complex response: the work of a head-related filter, without its design.
+struct Ears {
+    response: Vec<(f32, f32)>,
+}
+
+impl Receiver for Ears {
+    fn channels(&self) -> usize {
+        2
+    }
+
+    fn add(&mut self, _: usize, _: Option<[f32; 3]>, x: (&[f32], &[f32]), sum: (&mut [f32], &mut [f32])) {
+        let bins = x.0.iter().zip(x.1).zip(sum.0.iter_mut().zip(sum.1.iter_mut()));
+        for (((a, b), (re, im)), (c, d)) in bins.zip(&self.response) {
+            *re += a * c - b * d;
+            *im += a * d + b * c;
+        }
+    }
+}
+
+/// Renders `stretch` seconds and prints what a minute costs.
+fn time<R: Receiver>(
+    name: &str,
+    fs: f64,
+    emitters: Emitters,
+    stretch: f64,
+    receiver: R,
+) -> Result<(), Box<dyn Error>> {
     let positions: Vec<[f32; 3]> =
         (0..VERTICES).map(|v| [0.01 * (v % 100) as f32, 0.01 * (v / 100) as f32, 0.0]).collect();
-    // Sixty-four clips of speeds that cover the table and a little on either side of it.
+    // Sixty-four clips of speeds that cover the table and a little on either side of it, without regard to place.
     let random = Random::new(1, "speeds");
     let speeds: Vec<Vec<f32>> = (0..64)
         .map(|k| {
             (0..VERTICES).map(|v| 0.01 * 250.0_f32.powf(random.uniform(v as u32, k, 0) as f32)).collect()
         })
         .collect();
+    let params = IftNoiseParams { emitters, ..Default::default() };
+    let areas = vec![1e-4; VERTICES];
+    let noise = IftNoise::with_receiver(&model()?, fs, params, &areas, Random::new(1, "bench"), receiver)?;
+    let channels = noise.channels();
+    let mut stream = ClipStream::new(noise);
+    let mut out = vec![0.0; 4096 * channels];
+    let start = Instant::now();
+    let (mut from, total, mut power) = (0, (stretch * fs) as u64, 0.0_f64);
+    while from < total {
+        stream.fill(from, &mut out, |k| ClipInput {
+            speeds: &speeds[k as usize % speeds.len()],
+            positions: Some(&positions),
+        })?;
+        power += out.iter().map(|&x| f64::from(x * x)).sum::<f64>();
+        from += 4096;
+    }
+    let spent = start.elapsed().as_secs_f64() * SECONDS / (from as f64 / fs);
+    println!(
+        "{fs:>6} Hz  {name:<24} {spent:>8.2} s  {:>7.1} x real time  (rms {:.4}, timed over {stretch} s)",
+        SECONDS / spent,
+        (power / (from as f64 * channels as f64)).sqrt(),
+    );
+    Ok(())
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
     println!("{VERTICES} sliding vertices, {SECONDS} s of sound, 50 ms clips, one core");
     for fs in [44100.0, 96000.0] {
-        for (name, emitters, placed, stretch) in [
-            ("clustered, no positions (1 cluster)", Emitters::default(), false, 60.0),
-            ("clustered, 64 clusters", Emitters::default(), true, 60.0),
-            ("per vertex", Emitters::PerVertex, false, 0.5),
-        ] {
-            let params = IftNoiseParams { emitters, ..Default::default() };
-            let noise = IftNoise::new(&model, fs, params, &areas, Random::new(1, "bench"))?;
-            let mut stream = ClipStream::new(noise);
-            let mut out = vec![0.0; 4096];
-            let input = |k: u64| ClipInput {
-                speeds: &speeds[k as usize % speeds.len()],
-                positions: placed.then_some(&positions[..]),
-            };
-            let start = Instant::now();
-            let (mut from, total) = (0, (stretch * fs) as u64);
-            let mut power = 0.0_f64;
-            while from < total {
-                stream.fill(from, &mut out, input)?;
-                power += out.iter().map(|&x| f64::from(x * x)).sum::<f64>();
-                from += out.len() as u64;
-            }
-            let spent = start.elapsed().as_secs_f64() * SECONDS / (from as f64 / fs);
-            println!(
-                "{fs:>6} Hz  {name:<36} {spent:>8.2} s  {:>7.1} x real time  (rms {:.4}, timed over {stretch} s)",
-                SECONDS / spent,
-                (power / from as f64).sqrt(),
-            );
-        }
+        time("clustered, mono", fs, Emitters::default(), 60.0, Mono)?;
+        let ears = Ears { response: vec![(0.6, 0.8); 2401] };
+        time("64 clusters, two ears", fs, Emitters::default(), 20.0, ears)?;
+        time("per vertex, mono", fs, Emitters::PerVertex, 0.5, Mono)?;
     }
     Ok(())
 }

@@ -164,6 +164,11 @@ pub trait Receiver {
     /// Number of channels, constant.
     fn channels(&self) -> usize;
 
+    /// Whether the place of an emitter matters; if not, one cluster holds them all.
+    fn hears_place(&self) -> bool {
+        true
+    }
+
     /// Adds an emitter's one-sided spectrum `(re, im)`, times this channel's response to its place, onto `(sum_re,
     /// sum_im)`; must not allocate. `position` is `None` when the vertices have none.
     fn add(
@@ -182,6 +187,10 @@ pub struct Mono;
 impl Receiver for Mono {
     fn channels(&self) -> usize {
         1
+    }
+
+    fn hears_place(&self) -> bool {
+        false
     }
 
     fn add(
@@ -264,6 +273,8 @@ pub struct IftNoise<R = Mono> {
     power: Vec<f32>,
     /// Power per row and cluster.
     histogram: Vec<f64>,
+    /// Rows that one cluster uses, with their weights.
+    used: Vec<(usize, f32)>,
     sliding: Vec<Sliding>,
     clusters: Clusters,
     coverage: SpeedCoverage,
@@ -336,6 +347,7 @@ impl<R: Receiver> IftNoise<R> {
             sums: (vec![0.0; channels * padded], vec![0.0; channels * padded]),
             power: vec![0.0; padded],
             histogram: vec![0.0; groups * table.speeds().len()],
+            used: Vec::with_capacity(table.speeds().len() + 3),
             sliding: Vec::with_capacity(vertex_areas.len()),
             clusters,
             coverage: SpeedCoverage::default(),
@@ -458,7 +470,8 @@ impl<R: Receiver> IftNoise<R> {
     }
 
     fn sum_clusters(&mut self, clip: u64, positions: Option<&[[f32; 3]]>) {
-        let (rows, bins) = (self.table.speeds().len(), self.table.bins());
+        let rows = self.table.speeds().len();
+        let positions = positions.filter(|_| self.receiver.hears_place());
         let groups = match positions {
             Some(p) => self.clusters.assign(self.sliding.iter().map(|s| (p[s.vertex as usize], s.power))),
             None => 1,
@@ -471,14 +484,28 @@ impl<R: Receiver> IftNoise<R> {
             self.histogram[at + 1] += s.high;
         }
         for group in 0..groups {
-            self.power.fill(0.0);
-            for (r, &weight) in self.histogram[group * rows..(group + 1) * rows].iter().enumerate() {
-                if weight > 0.0 {
-                    let weight = weight as f32;
-                    self.power[..bins].iter_mut().zip(self.table.row(r)).for_each(|(p, a)| *p += weight * a);
-                }
-            }
+            let weights = self.histogram[group * rows..(group + 1) * rows].iter().enumerate();
+            self.used.clear();
+            self.used.extend(weights.filter(|(_, w)| **w > 0.0).map(|(row, &w)| (row, w as f32)));
+            self.mix_rows();
             self.emit(clip, group as u32, positions.map(|_| self.clusters.centre(group)));
+        }
+    }
+
+    /// Writes the weighted sum of the used rows to `self.power`, four rows per pass over it.
+    fn mix_rows(&mut self) {
+        let bins = self.table.bins();
+        while !self.used.len().is_multiple_of(4) {
+            self.used.push((0, 0.0));
+        }
+        self.power.fill(0.0);
+        for four in self.used.chunks_exact(4) {
+            let [a, b, c, d] = [0, 1, 2, 3].map(|i| self.table.row(four[i].0));
+            let [wa, wb, wc, wd] = [0, 1, 2, 3].map(|i| four[i].1);
+            let rows = a.iter().zip(b).zip(c.iter().zip(d));
+            for (p, ((a, b), (c, d))) in self.power[..bins].iter_mut().zip(rows) {
+                *p += (wa * a + wb * b) + (wc * c + wd * d);
+            }
         }
     }
 

@@ -1,7 +1,7 @@
 //! Friction sound: spectra measured against sliding speed, and noise synthesised from them.
 //!
 //! A [`FrictionModel`] holds one power density per speed, made from a roller recording ([`builder`]) or from plain
-//! cloth recordings ([`from_clips`]); [`interpolate`] gives the spectrum at any speed and [`ift_noise`] its sound.
+//! cloth recordings ([`mod@from_clips`]); [`interpolate`] gives the spectrum at any speed and [`ift_noise`] its sound.
 
 pub mod builder;
 pub mod clip_stream;

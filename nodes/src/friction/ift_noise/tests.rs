@@ -143,6 +143,19 @@ fn a_mesh_refined_fourfold_is_as_loud_and_without_area_weight_six_decibels_loude
     }
 }
 
+/// One channel that asks for places and hears every one alike.
+struct Placed;
+
+impl Receiver for Placed {
+    fn channels(&self) -> usize {
+        1
+    }
+
+    fn add(&mut self, c: usize, at: Option<[f32; 3]>, x: (&[f32], &[f32]), sum: (&mut [f32], &mut [f32])) {
+        Mono.add(c, at, x, sum);
+    }
+}
+
 #[test]
 fn clusters_and_single_vertices_have_the_same_spectrum() {
     let fs = 44100.0;
@@ -150,7 +163,10 @@ fn clusters_and_single_vertices_have_the_same_spectrum() {
     let speeds: Vec<f32> = (0..16).map(|v| 0.03 + 0.07 * v as f32).collect();
     let positions: Vec<[f32; 3]> = (0..16).map(|v| [0.04 * v as f32, 0.0, 0.0]).collect();
     let spectrum = |emitters, positions| {
-        let mut s = stream(fs, IftNoiseParams { emitters, ..Default::default() }, &areas);
+        let (params, random) =
+            (IftNoiseParams { emitters, ..Default::default() }, Random::new(5, "clusters"));
+        let noise = IftNoise::with_receiver(&model(), fs, params, &areas, random, Placed).unwrap();
+        let mut s = ClipStream::new(noise);
         let mut x = vec![0.0; (20.0 * fs) as usize];
         s.fill(0, &mut x, |_| ClipInput { speeds: &speeds, positions }).unwrap();
         third_octaves(&welch(&x, fs, 4410, 2205, AnalysisWindow::Hann).unwrap(), 10.0)
@@ -287,8 +303,12 @@ proptest! {
         let input = |k: u64| ClipInput { speeds: &speeds[k as usize], positions: placed.then_some(&positions[..]) };
         let total: usize = cuts.iter().sum();
         let mut whole = vec![f32::NAN; total];
-        stream(fs, params, &[1e-4; 3]).fill(0, &mut whole, input).unwrap();
-        let mut parts = stream(fs, params, &[1e-4; 3]);
+        let stream = || {
+            let random = Random::new(6, "windows");
+            ClipStream::new(IftNoise::with_receiver(&model(), fs, params, &[1e-4; 3], random, Placed).unwrap())
+        };
+        stream().fill(0, &mut whole, input).unwrap();
+        let mut parts = stream();
         let mut from = 0;
         for cut in cuts {
             let mut out = vec![f32::NAN; cut];
