@@ -1,0 +1,108 @@
+//! Overlapping clips added up to a signal that can be read in windows of any size.
+
+use std::ops::RangeInclusive;
+
+use super::ift_noise::{ClipInput, IftNoise, Mono, NoiseError, Receiver};
+
+/// Two half-overlapping clips at a time, added to a continuous signal.
+///
+/// Output segment `[k hop, (k + 1) hop)` is the second half of clip `k` plus the first half of clip `k + 1`, so the bits
+/// do not depend on how the signal is cut into windows. Reading in order renders every clip once; reading again from
+/// elsewhere renders the clips touched there.
+///
+/// # Complexity
+/// One clip per hop and O(1) per sample; no allocation after `new`.
+pub struct ClipStream<R = Mono> {
+    noise: IftNoise<R>,
+    /// The last two clips rendered, each with its index once it is valid.
+    clips: [(Option<u64>, Vec<f32>); 2],
+}
+
+impl<R: Receiver> ClipStream<R> {
+    /// A stream of the clips of `noise`.
+    #[must_use]
+    pub fn new(noise: IftNoise<R>) -> Self {
+        let len = noise.clip_len() * noise.channels();
+        Self { noise, clips: [(None, vec![0.0; len]), (None, vec![0.0; len])] }
+    }
+
+    /// The synthesiser.
+    #[must_use]
+    pub fn noise(&self) -> &IftNoise<R> {
+        &self.noise
+    }
+
+    /// The synthesiser, to move its receiver between windows.
+    pub fn noise_mut(&mut self) -> &mut IftNoise<R> {
+        &mut self.noise
+    }
+
+    /// Samples from clip to clip.
+    #[must_use]
+    pub fn hop(&self) -> usize {
+        self.noise.hop()
+    }
+
+    /// Clips that touch samples `[from, from + len)`, `len` at least 1.
+    #[must_use]
+    pub fn clips_touching(&self, from: u64, len: usize) -> RangeInclusive<u64> {
+        let hop = self.hop() as u64;
+        from / hop..=(from + (len as u64).max(1) - 1) / hop + 1
+    }
+
+    /// Forgets rendered clips, for input that has changed or a jump.
+    pub fn reset(&mut self) {
+        self.clips.iter_mut().for_each(|c| c.0 = None);
+    }
+
+    /// Writes samples from sample `from` on; `input` gives the vertices at the centre of a clip that is needed.
+    ///
+    /// # Shapes
+    /// `out: [channels * T]`, channel after channel.
+    ///
+    /// # Errors
+    /// As [`IftNoise::clip`].
+    pub fn fill<'a>(
+        &mut self,
+        from: u64,
+        out: &mut [f32],
+        mut input: impl FnMut(u64) -> ClipInput<'a>,
+    ) -> Result<(), NoiseError> {
+        let (hop, channels) = (self.hop(), self.noise.channels().max(1));
+        let len = out.len() / channels;
+        let mut done = 0;
+        while done < len {
+            let at = from + done as u64;
+            let (clip, offset) = (at / hop as u64, (at % hop as u64) as usize);
+            let count = (hop - offset).min(len - done);
+            let old = self.ready(clip, &mut input)?;
+            let new = self.ready(clip + 1, &mut input)?;
+            for channel in 0..channels {
+                let start = channel * 2 * hop + offset;
+                let tail = &self.clips[old].1[start + hop..start + hop + count];
+                let head = &self.clips[new].1[start..start + count];
+                let out = &mut out[channel * len + done..channel * len + done + count];
+                out.iter_mut().zip(tail.iter().zip(head)).for_each(|(o, (a, b))| *o = a + b);
+            }
+            done += count;
+        }
+        Ok(())
+    }
+
+    /// Place of clip `clip` among the two kept ones, rendering it when it is not there.
+    ///
+    /// Neighbouring clips differ in parity and so never displace each other.
+    fn ready<'a>(
+        &mut self,
+        clip: u64,
+        input: &mut impl FnMut(u64) -> ClipInput<'a>,
+    ) -> Result<usize, NoiseError> {
+        let place = (clip % 2) as usize;
+        if self.clips[place].0 != Some(clip) {
+            self.clips[place].0 = None;
+            self.noise.clip(clip, input(clip), &mut self.clips[place].1)?;
+            self.clips[place].0 = Some(clip);
+        }
+        Ok(place)
+    }
+}

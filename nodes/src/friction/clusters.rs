@@ -1,0 +1,177 @@
+//! Emitters grouped by place: a hash grid, and a cap on the number of groups.
+
+/// One occupied cell of the grid.
+#[derive(Clone, Copy, Default)]
+struct Cell {
+    /// Sum of positions, each times its power.
+    moment: [f64; 3],
+    power: f64,
+    group: u32,
+}
+
+impl Cell {
+    fn centre(&self) -> [f64; 3] {
+        self.moment.map(|m| m / self.power)
+    }
+}
+
+#[derive(Clone, Copy, Default)]
+struct Slot {
+    key: [i32; 3],
+    /// Clip that filled this slot; older slots count as empty, so nothing is cleared between clips.
+    stamp: u64,
+    cell: u32,
+}
+
+/// Groups of emitters by grid cell, at most a given number.
+///
+/// Beyond the cap the most powerful cells stay and each other cell joins the nearest of them. Buffers are sized once for
+/// the largest number of emitters.
+pub(crate) struct Clusters {
+    size: f32,
+    cap: usize,
+    slots: Vec<Slot>,
+    stamp: u64,
+    cells: Vec<Cell>,
+    of_emitter: Vec<u32>,
+    order: Vec<u32>,
+}
+
+impl Clusters {
+    /// Buffers for at most `emitters` emitters in cells of `size` metres and at most `cap` groups.
+    pub(crate) fn new(size: f32, cap: usize, emitters: usize) -> Self {
+        Self {
+            size,
+            cap: cap.max(1),
+            slots: vec![Slot::default(); (2 * emitters).next_power_of_two().max(2)],
+            stamp: 0,
+            cells: Vec::with_capacity(emitters),
+            of_emitter: Vec::with_capacity(emitters),
+            order: Vec::with_capacity(emitters),
+        }
+    }
+
+    /// Groups emitters of a power at a position; afterwards [`group`](Self::group) and [`centre`](Self::centre) hold.
+    /// Returns the number of groups.
+    pub(crate) fn assign(&mut self, emitters: impl Iterator<Item = ([f32; 3], f64)>) -> usize {
+        self.stamp += 1;
+        self.cells.clear();
+        self.of_emitter.clear();
+        for (position, power) in emitters {
+            // The smallest positive power keeps the centre of silent cells defined.
+            let power = power.max(f64::MIN_POSITIVE);
+            let cell = self.cell_at(position.map(|x| (x / self.size).floor() as i32));
+            let c = &mut self.cells[cell as usize];
+            c.power += power;
+            c.moment.iter_mut().zip(position).for_each(|(m, x)| *m += power * f64::from(x));
+            self.of_emitter.push(cell);
+        }
+        self.merge()
+    }
+
+    fn cell_at(&mut self, key: [i32; 3]) -> u32 {
+        let mask = self.slots.len() - 1;
+        let mixed = key
+            .iter()
+            .zip([0x9E37_79B9_7F4A_7C15_u64, 0xC2B2_AE3D_27D4_EB4F, 0x1656_67B1_9E37_79F9])
+            .fold(0, |h: u64, (&k, m)| (h ^ u64::from(k as u32)).wrapping_mul(m).rotate_left(29));
+        let mut i = mixed as usize & mask;
+        loop {
+            let slot = &mut self.slots[i];
+            if slot.stamp != self.stamp {
+                *slot = Slot { key, stamp: self.stamp, cell: self.cells.len() as u32 };
+                self.cells.push(Cell::default());
+                return slot.cell;
+            }
+            if slot.key == key {
+                return slot.cell;
+            }
+            i = (i + 1) & mask;
+        }
+    }
+
+    fn merge(&mut self) -> usize {
+        let (count, cells) = (self.cells.len(), &mut self.cells);
+        self.order.clear();
+        self.order.extend(0..count as u32);
+        if count > self.cap {
+            // Ties go to the earlier emitter, so that the result is a function of the input alone.
+            self.order.sort_unstable_by(|&a, &b| {
+                cells[b as usize].power.total_cmp(&cells[a as usize].power).then(a.cmp(&b))
+            });
+        }
+        let kept = count.min(self.cap);
+        for (group, &c) in self.order[..kept].iter().enumerate() {
+            cells[c as usize].group = group as u32;
+        }
+        let (kept_order, rest) = self.order.split_at(kept);
+        for &c in rest {
+            let at = cells[c as usize].centre();
+            let distance = |k: u32| {
+                let d = cells[k as usize].centre();
+                (0..3).map(|i| (d[i] - at[i]).powi(2)).sum::<f64>()
+            };
+            let nearest =
+                (0..kept).min_by(|&i, &j| distance(kept_order[i]).total_cmp(&distance(kept_order[j])));
+            cells[c as usize].group = nearest.unwrap_or(0) as u32;
+        }
+        // Centres move only after all cells have chosen.
+        for &c in rest {
+            let Cell { moment, power, group } = cells[c as usize];
+            let into = &mut cells[kept_order[group as usize] as usize];
+            into.power += power;
+            into.moment.iter_mut().zip(moment).for_each(|(m, x)| *m += x);
+        }
+        kept
+    }
+
+    /// Group of the `i`-th emitter of the last [`assign`](Self::assign).
+    pub(crate) fn group(&self, i: usize) -> usize {
+        self.cells[self.of_emitter[i] as usize].group as usize
+    }
+
+    /// Power-weighted mean position of a group.
+    pub(crate) fn centre(&self, group: usize) -> [f32; 3] {
+        self.cells[self.order[group] as usize].centre().map(|x| x as f32)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn emitters_of_one_cell_share_a_group_and_its_weighted_centre() {
+        let mut clusters = Clusters::new(0.1, 64, 8);
+        let at = [([0.01, 0.0, 0.0], 1.0), ([0.05, 0.0, 0.0], 3.0), ([-0.01, 0.0, 0.0], 1.0)];
+        assert_eq!(clusters.assign(at.into_iter()), 2);
+        assert_eq!([0, 1, 2].map(|i| clusters.group(i)), [0, 0, 1]);
+        assert!((clusters.centre(0)[0] - 0.04).abs() < 1e-6);
+        assert!((clusters.centre(1)[0] + 0.01).abs() < 1e-6);
+    }
+
+    #[test]
+    fn beyond_the_cap_weak_cells_join_the_nearest_strong_one() {
+        let mut clusters = Clusters::new(0.1, 2, 8);
+        let at = [([0.0; 3], 1.0), ([5.0; 3], 10.0), ([0.5, 0.0, 0.0], 8.0), ([4.0; 3], 2.0)];
+        assert_eq!(clusters.assign(at.into_iter()), 2);
+        assert_eq!([0, 1, 2, 3].map(|i| clusters.group(i)), [1, 0, 1, 0]);
+        assert!((clusters.centre(0)[0] - (50.0 + 8.0) / 12.0).abs() < 1e-5);
+    }
+
+    #[test]
+    fn a_later_clip_forgets_the_earlier_one() {
+        let mut clusters = Clusters::new(0.1, 64, 4);
+        clusters.assign([([0.0; 3], 1.0), ([1.0; 3], 1.0)].into_iter());
+        assert_eq!(clusters.assign([([1.0; 3], 1.0)].into_iter()), 1);
+        assert!((clusters.centre(0)[1] - 1.0).abs() < 1e-6);
+        assert_eq!(clusters.assign(std::iter::empty()), 0);
+    }
+
+    #[test]
+    fn far_and_strange_positions_are_survived() {
+        let mut clusters = Clusters::new(0.1, 2, 4);
+        let at = [([f32::MAX; 3], 1.0), ([f32::MIN; 3], 1.0), ([f32::MAX, 0.0, 0.0], 0.0)];
+        assert_eq!(clusters.assign(at.into_iter()), 2);
+    }
+}

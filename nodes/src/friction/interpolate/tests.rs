@@ -1,0 +1,242 @@
+use super::*;
+use proptest::prelude::*;
+
+const NO_LIFT: f64 = 0.0;
+
+fn gaussian(mean: f64, sd: f64, df: f64, bins: usize) -> Vec<f64> {
+    (0..bins).map(|k| (-0.5 * ((k as f64 * df - mean) / sd).powi(2)).exp() / sd).collect()
+}
+
+fn moments(a: &[f64], df: f64) -> (f64, f64) {
+    let mass: f64 = a.iter().sum();
+    let at = |k: usize| k as f64 * df;
+    let mean = a.iter().enumerate().map(|(k, v)| at(k) * v).sum::<f64>() / mass;
+    let variance = a.iter().enumerate().map(|(k, v)| (at(k) - mean).powi(2) * v).sum::<f64>() / mass;
+    (mean, variance.sqrt())
+}
+
+fn peak(a: &[f64]) -> usize {
+    (0..a.len()).max_by(|&i, &j| a[i].total_cmp(&a[j])).unwrap()
+}
+
+fn close(found: &[f64], expected: &[f64], tolerance: f64) {
+    for (k, (f, e)) in found.iter().zip(expected).enumerate() {
+        assert!((f - e).abs() <= tolerance, "bin {k}: {f} instead of {e}");
+    }
+}
+
+#[test]
+fn a_mirrored_pair_of_four_bins_has_the_known_middle() {
+    let mut out = [0.0; 4];
+    displace_with(&[3.0, 1.0, 0.5, 0.5], &[0.5, 0.5, 1.0, 3.0], 0.5, Gain::Mass, NO_LIFT, &mut out);
+    close(&out, &[0.857_142_857_1, 1.642_857_142_9, 1.642_857_142_9, 0.857_142_857_1], 1e-10);
+}
+
+#[test]
+fn unequal_masses_a_quarter_of_the_way_give_the_known_spectrum() {
+    let mut out = [0.0; 4];
+    displace_with(&[3.0, 1.0, 0.5, 0.5], &[1.0, 1.0, 2.0, 6.0], 0.25, Gain::Mass, NO_LIFT, &mut out);
+    close(&out, &[1.875, 2.5, 1.085_526_315_8, 0.789_473_684_2], 1e-10);
+}
+
+#[test]
+fn both_gains_equal_numpy_interpolation_on_the_knots() {
+    // tests/oracles/friction.py, "displaced"
+    let a: Vec<f64> = (0..12).map(|k| 1.0 + f64::from(k * 5 % 7)).collect();
+    let b: Vec<f64> = (0..12).map(|k| 0.5 + f64::from(k * k % 11)).collect();
+    let mass = [
+        0.891743119266055,
+        4.276540462823497,
+        5.206637303986397,
+        3.379039509963654,
+        6.683106578556238,
+        4.481157324469582,
+        3.30488275054293,
+        2.346434435107798,
+        5.950949021612958,
+        4.000385782330676,
+        4.892238465438572,
+        3.186885245901637,
+    ];
+    let rms = [
+        0.9702112601758537,
+        4.652850828884388,
+        5.664790712528173,
+        3.6763750796800014,
+        7.271180584838414,
+        4.875472768882387,
+        3.5956929623149083,
+        2.552906841691862,
+        6.474597476292691,
+        4.352396163436656,
+        5.322726628426951,
+        3.467312372431737,
+    ];
+    let mut out = [0.0; 12];
+    displace_with(&a, &b, 0.3, Gain::Mass, NO_LIFT, &mut out);
+    close(&out, &mass, 1e-12);
+    displace_with(&a, &b, 0.3, Gain::Rms, NO_LIFT, &mut out);
+    close(&out, &rms, 1e-12);
+}
+
+#[test]
+fn two_gaussians_move_and_widen_linearly() {
+    let (df, bins) = (20.0, 1201);
+    let (a, b) = (gaussian(4000.0, 200.0, df, bins), gaussian(10000.0, 800.0, df, bins));
+    let mut out = vec![0.0; bins];
+    displace_with(&a, &b, 0.5, Gain::Mass, NO_LIFT, &mut out);
+    let (mean, sd) = moments(&out, df);
+    assert!((mean - 7000.0).abs() < 1.0, "{mean}");
+    assert!((sd - 500.0).abs() < 0.5, "{sd}");
+}
+
+#[test]
+fn a_bump_travels_while_a_plain_blend_would_leave_two() {
+    let (df, bins) = (20.0, 1201);
+    let (a, b) = (gaussian(2000.0, 200.0, df, bins), gaussian(8000.0, 200.0, df, bins));
+    let mut out = vec![0.0; bins];
+    for (alpha, hz) in [(0.25, 3500.0), (0.5, 5000.0), (0.75, 6500.0)] {
+        displace(&a, &b, alpha, Gain::Rms, &mut out);
+        assert!((peak(&out) as f64 * df - hz).abs() <= df, "{}", peak(&out));
+        assert!(out[100] < 1e-6 * out[peak(&out)] && out[400] < 1e-6 * out[peak(&out)]);
+    }
+}
+
+#[test]
+fn mass_gain_loses_up_to_two_decibels_between_unequal_widths_and_rms_none() {
+    let (df, bins) = (20.0, 1201);
+    let normalise = |a: Vec<f64>| {
+        let power: f64 = a.iter().map(|v| v * v).sum();
+        a.into_iter().map(|v| v / power.sqrt()).collect::<Vec<f64>>()
+    };
+    let a = normalise(gaussian(4000.0, 200.0, df, bins));
+    let b = normalise(gaussian(10000.0, 800.0, df, bins));
+    let mut out = vec![0.0; bins];
+    let mut worst = [0.0_f64; 2];
+    for alpha in (1..20).map(|i| f64::from(i) / 20.0) {
+        for (gain, worst) in [Gain::Mass, Gain::Rms].into_iter().zip(&mut worst) {
+            displace(&a, &b, alpha, gain, &mut out);
+            *worst = worst.min(10.0 * out.iter().map(|v| v * v).sum::<f64>().log10());
+        }
+    }
+    assert!(worst[0] < -0.2 && worst[0] > -2.0, "{worst:?}");
+    assert!(worst[1] > -1e-9, "{worst:?}");
+}
+
+#[test]
+fn ends_and_identical_spectra_reproduce() {
+    let a = gaussian(3000.0, 700.0, 20.0, 1201);
+    let b = gaussian(9000.0, 300.0, 20.0, 1201);
+    let largest = a[peak(&a)].max(b[peak(&b)]);
+    let mut out = vec![0.0; 1201];
+    displace(&a, &b, 0.0, Gain::Rms, &mut out);
+    close(&out, &a, 2e-9 * largest);
+    displace(&a, &b, 1.0, Gain::Rms, &mut out);
+    close(&out, &b, 2e-9 * largest);
+    displace_with(&a, &a, 0.37, Gain::Mass, NO_LIFT, &mut out);
+    close(&out, &a, 1e-12 * largest);
+}
+
+#[test]
+fn silence_to_silence_is_silent_and_silence_to_sound_fades() {
+    let mut out = [1.0; 3];
+    displace(&[0.0; 3], &[0.0; 3], 0.5, Gain::Rms, &mut out);
+    assert_eq!(out, [0.0; 3]);
+    displace(&[0.0; 3], &[0.0, 2.0, 0.0], 0.25, Gain::Rms, &mut out);
+    close(&out, &[0.0, 1.0, 0.0], 1e-8);
+}
+
+#[test]
+fn a_model_falls_quadratically_below_its_range_and_is_constant_above() {
+    let psd = vec![0.0, 1.0, 4.0, 0.0, 0.0, 2.0, 2.0, 1.0];
+    let model = FrictionModel::from_psd(Default::default(), vec![0.2, 1.0], psd, 600.0).unwrap();
+    let spectra = SpectrumInterpolator::new(&model, Gain::Rms).unwrap();
+    let at = |s| {
+        let mut out = [0.0; 4];
+        spectra.amplitude(s, &mut out);
+        out
+    };
+    close(&at(0.05), &[0.0, 10.0 / 16.0, 20.0 / 16.0, 0.0], 1e-12);
+    assert_eq!(at(1.0), at(7.0));
+    assert_eq!(at(0.0), [0.0; 4]);
+    assert_eq!(at(f64::NAN), [0.0; 4]);
+    for s in [0.1, 0.2, 0.5, 0.9, 1.0] {
+        let power: f64 = at(s).iter().map(|a| a * a).sum();
+        assert!((power / model.power(s) - 1.0).abs() < 1e-9, "{s}");
+        let mut out = [0.0; 4];
+        model.amplitude(s, Gain::Rms, &mut out).unwrap();
+        assert_eq!(out, at(s));
+    }
+}
+
+#[test]
+fn spectra_are_continuous_at_measured_speeds() {
+    let psd: Vec<f32> = (0..3 * 33).map(|i| 1.0 + (i * 7 % 13) as f32).collect();
+    let model = FrictionModel::from_psd(Default::default(), vec![0.1, 0.3, 0.5], psd, 6400.0).unwrap();
+    let spectra = SpectrumInterpolator::new(&model, Gain::Rms).unwrap();
+    let (mut a, mut b) = ([0.0; 33], [0.0; 33]);
+    for s in [0.1, 0.3, 0.5] {
+        spectra.amplitude(s - 1e-9, &mut a);
+        spectra.amplitude(s + 1e-9, &mut b);
+        close(&a, &b, 1e-5);
+    }
+}
+
+fn spectra(bins: usize) -> impl Strategy<Value = (Vec<f64>, Vec<f64>)> {
+    let one = move || prop::collection::vec(prop_oneof![Just(0.0), 1e-6..1.0_f64], bins);
+    (one(), one())
+}
+
+/// Frequencies below which the shares `p` of the amplitude lie.
+fn quantiles(a: &[f64], p: &[f64]) -> Vec<f64> {
+    let mut c = vec![0.0; a.len() + 1];
+    distribution(a, EPSILON, &mut c);
+    p.iter()
+        .map(|&p| {
+            let k = c[1..].partition_point(|&c| c < p).min(a.len() - 1);
+            k as f64 + (p - c[k]) / (c[k + 1] - c[k])
+        })
+        .collect()
+}
+
+proptest! {
+    #[test]
+    fn interpolation_is_symmetric_keeps_mass_and_is_never_negative(
+        (a, b) in spectra(24),
+        alpha in 0.0..=1.0_f64,
+    ) {
+        let (mut x, mut y) = (vec![0.0; 24], vec![0.0; 24]);
+        displace(&a, &b, alpha, Gain::Mass, &mut x);
+        displace(&b, &a, 1.0 - alpha, Gain::Mass, &mut y);
+        let mass = (1.0 - alpha) * a.iter().sum::<f64>() + alpha * b.iter().sum::<f64>();
+        prop_assert!((x.iter().sum::<f64>() - mass).abs() < 1e-12 * (1.0 + mass));
+        for (x, y) in x.iter().zip(&y) {
+            prop_assert!(*x >= 0.0 && (x - y).abs() < 1e-6, "{} {}", x, y);
+        }
+    }
+
+    #[test]
+    fn every_quantile_moves_linearly(a in prop::collection::vec(0.1..1.0_f64, 64), alpha in 0.0..=1.0_f64) {
+        // Smooth against the grid, so that the result's own bins do not blur its quantiles.
+        let b: Vec<f64> = a.iter().rev().copied().collect();
+        let mut x = vec![0.0; 64];
+        displace(&a, &b, alpha, Gain::Mass, &mut x);
+        let p = [0.1, 0.3, 0.5, 0.7, 0.9];
+        let (qa, qb, qx) = (quantiles(&a, &p), quantiles(&b, &p), quantiles(&x, &p));
+        for i in 0..p.len() {
+            let expected = (1.0 - alpha) * qa[i] + alpha * qb[i];
+            prop_assert!((qx[i] - expected).abs() < 1.0, "{} {}", qx[i], expected);
+        }
+    }
+
+    #[test]
+    fn any_numbers_are_survived(
+        a in prop::collection::vec(prop::num::f64::ANY, 0..9),
+        b in prop::collection::vec(prop::num::f64::ANY, 0..9),
+        alpha in prop::num::f64::ANY,
+    ) {
+        let mut out = [0.0; 8];
+        displace(&a, &b, alpha, Gain::Rms, &mut out);
+        prop_assert_eq!(out.len(), 8);
+    }
+}
