@@ -7,7 +7,10 @@ pub mod alembic;
 mod bytes;
 mod clip;
 mod error;
+#[cfg(test)]
+mod fuzz;
 pub mod generate;
+pub mod gltf;
 mod matrix;
 mod obj;
 mod obj_sequence;

@@ -5,7 +5,7 @@
 mod archive;
 mod ogawa;
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;
 mod xform;
 
 use super::clip::{check_request, metres};
