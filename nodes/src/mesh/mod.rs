@@ -1,5 +1,31 @@
 //! Motion as triangle meshes: readers of animation formats and the topology that they share.
+//!
+//! Readers take bytes or something to seek in, and give a [`MeshStream`]: a [`MeshClip`] (topology and frame times)
+//! and a [`FrameReader`]. [`FrameSampler`] puts frames on a regular grid, [`MeshPrepare`] orients a topology.
 
+pub mod alembic;
+mod bytes;
+mod clip;
+mod error;
+#[cfg(test)]
+mod fuzz;
+pub mod generate;
+pub mod gltf;
+mod matrix;
+mod obj;
+mod obj_sequence;
+mod point_cache;
+mod polygon;
+mod prepare;
+mod sampler;
 mod topology;
 
+pub use clip::{FrameReader, MeshClip, MeshLimits, MeshStream, ReadOptions, ReadSeek, UpAxis};
+pub use error::MeshError;
+pub use obj::ObjMesh;
+pub use obj_sequence::{OpenFrame, open_obj_sequence};
+pub use point_cache::{open_mdd, open_pc2};
+pub use polygon::{MAX_CORNERS, Triangulation, Triangulator};
+pub use prepare::MeshPrepare;
+pub use sampler::{FrameSampler, nominal_rate};
 pub use topology::Topology;
