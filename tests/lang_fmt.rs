@@ -51,12 +51,18 @@ fn alignment_needs_all_of_a_group() {
     check_is("{\n\"a\":   1,\n\"bbb\": 2,\n}", "{\n    \"a\":   1,\n    \"bbb\": 2,\n}\n");
     check_is("{\n\"a\":   1,\n\"bbb\":  2,\n}", "{\n    \"a\": 1,\n    \"bbb\": 2,\n}\n");
     check_is("{\n\"a\":     1,\n\"bbb\":   2,\n}", "{\n    \"a\":   1,\n    \"bbb\": 2,\n}\n");
-    check_is("{\n\"a\":   1,\n\"bbb\": 2,\n\n\"c\": 3}", "{\n    \"a\":   1,\n    \"bbb\": 2,\n\n    \"c\": 3,\n}\n");
+    check_is(
+        "{\n\"a\":   1,\n\"bbb\": 2,\n\n\"c\": 3}",
+        "{\n    \"a\":   1,\n    \"bbb\": 2,\n\n    \"c\": 3,\n}\n",
+    );
 }
 
 #[test]
 fn short_containers_stay_on_one_line_and_long_ones_do_not() {
-    check_is("A( a :1,b:[ 1,2 , 3, ] ,c:{1:2},d:{},e:( ),f:(1 , ) , )", "A(a: 1, b: [1, 2, 3], c: { 1: 2 }, d: {}, e: ( ), f: (1,))\n");
+    check_is(
+        "A( a :1,b:[ 1,2 , 3, ] ,c:{1:2},d:{},e:( ),f:(1 , ) , )",
+        "A(a: 1, b: [1, 2, 3], c: { 1: 2 }, d: {}, e: ( ), f: (1,))\n",
+    );
     check_is("A(\na:1)", "A(\n    a: 1,\n)\n");
     check_is("{1:2,\n3:4}", "{\n    1: 2,\n    3: 4,\n}\n");
     check_is("[1,2,\n3,4]", "[\n    1, 2,\n    3, 4,\n]\n");
@@ -82,7 +88,9 @@ fn comments_stay_where_they_belong() {
 fn every_valid_document_of_the_table_can_be_formatted() {
     for case in include_str!("lang_ron/cases.txt").lines().filter(|case| parse(case).is_ok()) {
         check(case);
-        for wrapped in ["[\n@]", "(@,\n@)", "{@:\n@,@:@}", "A(\n\na : // c\n @)", "[@, // c\n\n\n@ /* d */, @]"] {
+        for wrapped in
+            ["[\n@]", "(@,\n@)", "{@:\n@,@:@}", "A(\n\na : // c\n @)", "[@, // c\n\n\n@ /* d */, @]"]
+        {
             let document = wrapped.replace('@', case);
             if parse(&document).is_ok() {
                 check(&document);
@@ -103,8 +111,24 @@ fn trivia() -> impl Strategy<Value = String> {
 
 fn value() -> impl Strategy<Value = String> {
     let atoms = [
-        "1", "-2.5", "inf", "true", "()", "( )", "'x'", "\"s\"", "\"two\nlines\"", "r#\"raw\"#", "b\"b\"", "None", "A", "1..2",
-        "..", "\"a rather long string that makes the line around it too long to fit\"", "r#a.b", "0x1F",
+        "1",
+        "-2.5",
+        "inf",
+        "true",
+        "()",
+        "( )",
+        "'x'",
+        "\"s\"",
+        "\"two\nlines\"",
+        "r#\"raw\"#",
+        "b\"b\"",
+        "None",
+        "A",
+        "1..2",
+        "..",
+        "\"a rather long string that makes the line around it too long to fit\"",
+        "r#a.b",
+        "0x1F",
     ];
     let atom = prop::sample::select(atoms.to_vec()).prop_map(str::to_owned);
     atom.prop_recursive(4, 40, 5, |inner| {
@@ -116,7 +140,8 @@ fn value() -> impl Strategy<Value = String> {
             let tail = if items.is_empty() { "" } else { tail };
             format!("{}{tail}", items.join(","))
         };
-        let field = (trivia(), fields, trivia(), item.clone()).prop_map(|(a, f, b, v)| format!("{a}{f}{b}:{v}"));
+        let field =
+            (trivia(), fields, trivia(), item.clone()).prop_map(|(a, f, b, v)| format!("{a}{f}{b}:{v}"));
         let entry = (item.clone(), item.clone()).prop_map(|(k, v)| format!("{k}:{v}"));
         let many = prop::collection::vec(item.clone(), 0..5);
         prop_oneof![

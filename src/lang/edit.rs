@@ -156,14 +156,20 @@ fn map_of<'d>(document: &'d Document, key: &Span) -> Option<(&'d [Entry], String
 }
 
 /// Calls `visit` with each string in a value that is not a map key, and the innermost field around it.
-fn links<'a>(value: &'a Value, field: Option<&'a Field>, visit: &mut impl FnMut(Option<&'a Field>, &'a Value)) {
+fn links<'a>(
+    value: &'a Value,
+    field: Option<&'a Field>,
+    visit: &mut impl FnMut(Option<&'a Field>, &'a Value),
+) {
     match &value.value {
         ValueKind::Str(_) => visit(field, value),
         ValueKind::List(values) | ValueKind::Tuple(values) | ValueKind::NamedTuple(_, values) => {
             values.iter().for_each(|value| links(value, field, visit));
         }
         ValueKind::Map(entries) => entries.iter().for_each(|entry| links(&entry.value, field, visit)),
-        ValueKind::Struct(_, fields) => fields.iter().for_each(|field| links(&field.value, Some(field), visit)),
+        ValueKind::Struct(_, fields) => {
+            fields.iter().for_each(|field| links(&field.value, Some(field), visit))
+        }
         ValueKind::Option(Some(value)) => links(value, field, visit),
         _ => {}
     }

@@ -145,8 +145,11 @@ impl Printer {
         self.out.push_str(if spaced { "" } else { " " });
         self.out.push_str(token.text());
         // Before a colon no space is needed, and before a bracket none is wanted.
-        let next = token.siblings_with_tokens(rowan::Direction::Next).skip(1).find(|e| e.kind() != Whitespace);
-        let next = next.map(|element| element.kind());
+        let skipped =
+            |token: &SyntaxToken| token.kind() == Whitespace || token.kind().is_comment() && hoists(token);
+        let mut after = token.siblings_with_tokens(rowan::Direction::Next).skip(1);
+        let next =
+            after.find(|element| !element.as_token().is_some_and(skipped)).map(|element| element.kind());
         self.out.push_str(if matches!(next, Some(Colon | LParen)) { "" } else { " " });
     }
 
@@ -175,7 +178,9 @@ impl Printer {
             match node.kind() {
                 Map | Struct => self.lines(&inside, indent + 1),
                 // With the brackets of a struct left out, its fields stand in `Some(...)` directly.
-                _ if inside.items.iter().any(|item| item.node.kind() == Field) => self.lines(&inside, indent + 1),
+                _ if inside.items.iter().any(|item| item.node.kind() == Field) => {
+                    self.lines(&inside, indent + 1)
+                }
                 _ => self.fill(&inside, indent + 1),
             }
             self.own_lines(&inside.dangling, inside.items.is_empty(), indent + 1);

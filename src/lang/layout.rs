@@ -99,7 +99,8 @@ impl Layout {
         if opener.ends_line && self.place(opener_at + 1).indent <= opener.indent {
             return false;
         }
-        next.starts_line && if next_closes { next.indent < opener.indent } else { next.indent <= opener.indent }
+        next.starts_line
+            && if next_closes { next.indent < opener.indent } else { next.indent <= opener.indent }
     }
 
     /// Whether there are too few closing brackets of this kind.

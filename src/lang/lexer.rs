@@ -53,10 +53,7 @@ impl From<Lexer<'_>> for Lexed {
 }
 
 pub(super) fn is_whitespace(c: char) -> bool {
-    matches!(
-        c,
-        '\t'..='\r' | ' ' | '\u{85}' | '\u{200E}' | '\u{200F}' | '\u{2028}' | '\u{2029}'
-    )
+    matches!(c, '\t'..='\r' | ' ' | '\u{85}' | '\u{200E}' | '\u{200F}' | '\u{2028}' | '\u{2029}')
 }
 
 fn is_raw_ident_char(c: char) -> bool {
@@ -171,7 +168,13 @@ impl<'t> Lexer<'t> {
         let name = &self.rest()[2..];
         let len = name.find(|c| !is_raw_ident_char(c)).unwrap_or(name.len());
         if len == 0 {
-            self.error(0, 2, ErrorKind::Unexpected, "`r#` stands alone".to_owned(), Some("a name or `\"` after it"));
+            self.error(
+                0,
+                2,
+                ErrorKind::Unexpected,
+                "`r#` stands alone".to_owned(),
+                Some("a name or `\"` after it"),
+            );
         }
         (SyntaxKind::RawIdent, 2 + len)
     }

@@ -127,7 +127,8 @@ mod tests {
     #[test]
     fn columns_count_characters_and_utf16_units() {
         let index = LineIndex::new("aé😀b\r\nx");
-        let at = |offset| (index.line_column(offset).line, index.line_column(offset).column, index.utf16(offset));
+        let at =
+            |offset| (index.line_column(offset).line, index.line_column(offset).column, index.utf16(offset));
         assert_eq!(at(0), (1, 1, (0, 0)));
         assert_eq!(at(3), (1, 3, (0, 2)));
         assert_eq!(at(7), (1, 4, (0, 4)));

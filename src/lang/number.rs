@@ -54,8 +54,7 @@ pub(super) fn scan(text: &str) -> (usize, Result<Number, String>) {
 
 /// The length of what a reader would see as part of the same word.
 fn glued_len(text: &str) -> usize {
-    let word =
-        text.find(|c| !(is_xid_continue(c) || matches!(c, '.' | '+' | '-'))).unwrap_or(text.len());
+    let word = text.find(|c| !(is_xid_continue(c) || matches!(c, '.' | '+' | '-'))).unwrap_or(text.len());
     text[..word].find("..").unwrap_or(word)
 }
 
@@ -133,7 +132,9 @@ fn integer(text: &str) -> Result<(usize, Number), String> {
         if !(min..=max).contains(&value) {
             return Err(match suffix {
                 Some((name, ..)) => format!("the number does not fit `{name}`, which holds {min} to {max}"),
-                None => format!("the number is out of range: an integer is between {} and {}", i64::MIN, u64::MAX),
+                None => {
+                    format!("the number is out of range: an integer is between {} and {}", i64::MIN, u64::MAX)
+                }
             });
         }
     }

@@ -57,7 +57,8 @@ pub fn parse_with_limit(text: &str, limit: usize) -> Parse {
         return too_large(text.len());
     }
     let lexed = lex(text);
-    let significant: Vec<usize> = (0..lexed.tokens.len()).filter(|&i| !lexed.tokens[i].kind.is_trivia()).collect();
+    let significant: Vec<usize> =
+        (0..lexed.tokens.len()).filter(|&i| !lexed.tokens[i].kind.is_trivia()).collect();
     let mut parser = Parser {
         text,
         layout: Layout::of_unbalanced(text, &lexed.tokens, &significant),
@@ -261,12 +262,15 @@ impl Parser<'_> {
             if !self.at(Unknown) {
                 self.error_here(ErrorKind::TrailingText, "the end of the text: a document has one value");
             }
-            self.node(Error, |p| while p.kind().is_some() { p.bump() });
+            self.node(Error, |p| {
+                while p.kind().is_some() {
+                    p.bump()
+                }
+            });
         }
         self.trivia();
         self.builder.finish_node();
     }
-
 
     /// Whether the next token can begin a value. Malformed characters count: their error is known.
     fn starts_value(&self) -> bool {
@@ -291,3 +295,6 @@ fn is_name(kind: Option<SyntaxKind>) -> bool {
 fn is_number(kind: Option<SyntaxKind>, text: &str) -> bool {
     matches!(kind, Some(Number | Byte)) || kind == Some(Ident) && number::named(text).is_some()
 }
+
+#[cfg(test)]
+mod tests;

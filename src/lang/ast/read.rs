@@ -69,9 +69,10 @@ fn value(node: &SyntaxNode) -> Value {
             Some(name) => ValueKind::NamedTuple(name, values(node)),
             None => ValueKind::Tuple(values(node)),
         },
-        SyntaxKind::Struct => {
-            ValueKind::Struct(bracket_name(node), nodes(node, SyntaxKind::Field).filter_map(|n| field(&n)).collect())
-        }
+        SyntaxKind::Struct => ValueKind::Struct(
+            bracket_name(node),
+            nodes(node, SyntaxKind::Field).filter_map(|n| field(&n)).collect(),
+        ),
         SyntaxKind::Optional => option(node),
         SyntaxKind::Range => range(node),
         _ => ValueKind::Error,
@@ -177,14 +178,18 @@ fn literal_value(kind: SyntaxKind, text: &str) -> Option<ValueKind> {
             (len, Ok(Number::Float(value))) if len == text.len() => ValueKind::Float(value),
             _ => return None,
         },
-        SyntaxKind::Byte => ValueKind::Int(decode(inside(text, "b'", "'")?, Encoding::Byte)?.first().copied()?.into()),
+        SyntaxKind::Byte => {
+            ValueKind::Int(decode(inside(text, "b'", "'")?, Encoding::Byte)?.first().copied()?.into())
+        }
         SyntaxKind::Char => {
             let bytes = decode(inside(text, "'", "'")?, Encoding::Char)?;
             let mut chars = std::str::from_utf8(&bytes).ok()?.chars();
             let only = chars.next()?;
             chars.next().is_none().then_some(ValueKind::Char(only))?
         }
-        SyntaxKind::Str => ValueKind::Str(String::from_utf8(decode(inside(text, "\"", "\"")?, Encoding::Text)?).ok()?),
+        SyntaxKind::Str => {
+            ValueKind::Str(String::from_utf8(decode(inside(text, "\"", "\"")?, Encoding::Text)?).ok()?)
+        }
         SyntaxKind::ByteStr => ValueKind::Bytes(decode(inside(text, "b\"", "\"")?, Encoding::Bytes)?),
         SyntaxKind::RawStr => ValueKind::Str(raw(text.strip_prefix('r')?)?.to_owned()),
         SyntaxKind::RawByteStr => ValueKind::Bytes(raw(text.strip_prefix("br")?)?.as_bytes().to_vec()),

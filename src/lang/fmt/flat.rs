@@ -24,12 +24,15 @@ pub(super) fn flat(node: &SyntaxNode) -> Option<String> {
         }
         in_brackets += usize::from(kind.closer().is_some());
         in_brackets -= usize::from(kind.is_closer() && in_brackets > 0);
-        if kind == Whitespace || kind.is_comment() && hoists(&token) || kind == Comma && !comma_stays(&token) {
+        if kind == Whitespace || kind.is_comment() && hoists(&token) || kind == Comma && !comma_stays(&token)
+        {
             continue;
         }
         if let Some(last) = &last {
             let empty_tuple = (last.kind(), kind) == (LParen, RParen)
-                && token.parent().is_some_and(|tuple| tuple.kind() == Tuple && tuple.first_token().as_ref() == Some(last));
+                && token
+                    .parent()
+                    .is_some_and(|tuple| tuple.kind() == Tuple && tuple.first_token().as_ref() == Some(last));
             if empty_tuple || !touch(last.kind(), kind) {
                 out.push(' ');
             }
@@ -42,8 +45,10 @@ pub(super) fn flat(node: &SyntaxNode) -> Option<String> {
 
 /// Whether a comma is needed on one line: not the last one, except of a tuple of one.
 fn comma_stays(comma: &SyntaxToken) -> bool {
-    let mut after = comma.siblings_with_tokens(rowan::Direction::Next).skip(1).filter(|next| !next.kind().is_trivia());
+    let mut after =
+        comma.siblings_with_tokens(rowan::Direction::Next).skip(1).filter(|next| !next.kind().is_trivia());
     let is_last = after.next().is_none_or(|next| next.kind().is_closer());
-    let tuple_of_one = || comma.parent().is_some_and(|node| node.kind() == Tuple && node.children().count() == 1);
+    let tuple_of_one =
+        || comma.parent().is_some_and(|node| node.kind() == Tuple && node.children().count() == 1);
     !is_last || tuple_of_one()
 }

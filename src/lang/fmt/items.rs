@@ -72,7 +72,9 @@ impl Reader {
                 _ => {}
             },
             // A struct or tuple without its brackets, in `Some(...)`.
-            rowan::NodeOrToken::Node(node) if matches!(node.kind(), Struct | Tuple) && !has_brackets(&node) => {
+            rowan::NodeOrToken::Node(node)
+                if matches!(node.kind(), Struct | Tuple) && !has_brackets(&node) =>
+            {
                 node.children_with_tokens().for_each(|child| self.read(child));
             }
             rowan::NodeOrToken::Node(node) => self.item(node),
@@ -99,7 +101,9 @@ impl Reader {
             Some(item) if trails && !item.trailing.last().is_some_and(|last| last.starts_with("//")) => {
                 item.trailing.push(text);
             }
-            None if trails && token.prev_sibling_or_token().is_some() => self.inside.after_opener.push(text),
+            None if trails && token.parent().is_some_and(|parent| parent.kind() != Document) => {
+                self.inside.after_opener.push(text);
+            }
             _ => self.leads.push(Lead {
                 text,
                 blank_before: self.newlines > 1,
@@ -148,7 +152,11 @@ fn hoist(node: &SyntaxNode, leads: &mut Vec<Lead>) {
     for child in node.children_with_tokens() {
         match child {
             rowan::NodeOrToken::Node(child) => hoist(&child, leads),
-            rowan::NodeOrToken::Token(token) if token.kind().closer().is_some() && node.kind() != Attribute => return,
+            rowan::NodeOrToken::Token(token)
+                if token.kind().closer().is_some() && node.kind() != Attribute =>
+            {
+                return;
+            }
             rowan::NodeOrToken::Token(token) if token.kind().is_comment() && hoists(&token) => {
                 leads.push(Lead { text: comment_text(&token), blank_before: false, ends_line: true });
             }
@@ -194,7 +202,9 @@ struct Row {
 
 fn row(item: &Item) -> Option<Row> {
     let node = &item.node;
-    let comments = || node.children_with_tokens().filter_map(|child| child.into_token().filter(|t| t.kind().is_comment()));
+    let comments = || {
+        node.children_with_tokens().filter_map(|child| child.into_token().filter(|t| t.kind().is_comment()))
+    };
     let inline_lead = item.leads.iter().any(|lead| !lead.ends_line);
     if node.kind() != Entry || inline_lead || comments().any(|comment| !hoists(&comment)) {
         return None;

@@ -148,7 +148,8 @@ impl Parser<'_> {
                 return true;
             }
             if kind == closer {
-                let strays = self.layout.as_ref().is_some_and(|layout| layout.strays(opener, self.next, kind));
+                let strays =
+                    self.layout.as_ref().is_some_and(|layout| layout.strays(opener, self.next, kind));
                 if !strays {
                     return false;
                 }
@@ -234,8 +235,11 @@ impl Parser<'_> {
     }
 
     fn element(&mut self) {
-        if matches!(self.kind_ahead(1), Some(Colon | Eq)) && !matches!(self.kind(), Some(LParen | LBracket | LBrace)) {
-            let expected = "a value without a name: fields are named all or not at all, and only maps `{}` have keys";
+        if matches!(self.kind_ahead(1), Some(Colon | Eq))
+            && !matches!(self.kind(), Some(LParen | LBracket | LBrace))
+        {
+            let expected =
+                "a value without a name: fields are named all or not at all, and only maps `{}` have keys";
             self.error_here(ErrorKind::MixedFields, expected);
             return self.node(Error, |p| {
                 p.bump();
