@@ -221,10 +221,12 @@ impl Printer {
                 self.out.push('\n');
             }
             self.leads(item, nth == 0, indent);
+            let start = self.out.len();
             self.value(&item.node, indent, 1);
+            fresh = self.out[start..].contains('\n');
             self.out.push(',');
             self.trailing(&item.trailing);
-            fresh = text.is_none() || item.trailing.last().is_some_and(|comment| comment.starts_with("//"));
+            fresh |= item.trailing.last().is_some_and(|comment| comment.starts_with("//"));
             if fresh {
                 self.out.push('\n');
             }

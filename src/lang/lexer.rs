@@ -221,7 +221,13 @@ impl<'t> Lexer<'t> {
         self.open_strings += 1;
         let message = "this string is never closed".to_owned();
         self.error(0, quote, ErrorKind::UnterminatedString, message, Some(expected));
-        room.len()
+        // On a line of its own, what would follow the string most probably does.
+        let inside = if self.strings_end_with_line {
+            room.trim_end_matches([',', ')', ']', '}', ' ', '\t'])
+        } else {
+            room
+        };
+        inside.len().max(quote)
     }
 
     fn string(&mut self, quote: usize, encoding: Encoding) -> usize {

@@ -146,6 +146,10 @@ impl Parser<'_> {
         }
     }
 
+    fn last_kind(&self) -> Option<SyntaxKind> {
+        self.next.checked_sub(1).map(|last| self.tokens[self.significant[last]].kind)
+    }
+
     /// The end of the last significant token that was read.
     fn last_end(&self) -> usize {
         self.next.checked_sub(1).map_or(0, |last| self.tokens[self.significant[last]].end)

@@ -162,6 +162,8 @@ impl Parser<'_> {
             let expected = format!("`{}` to close `{}`", bracket(closer), &self.text[self.span_of(opener)]);
             self.error_here(ErrorKind::StrayBracket, &expected);
             self.node(Error, Self::bump);
+            // The comma belongs to the item before the bracket.
+            self.eat(Comma);
         }
     }
 
@@ -213,6 +215,10 @@ impl Parser<'_> {
             return;
         }
         if self.starts_value() {
+            // A comma was read as part of an item that lacks its closing bracket.
+            if self.last_kind() == Some(Comma) {
+                return;
+            }
             self.missing(ErrorKind::MissingComma, &format!("`,` or `{}`", bracket(closer)));
         } else {
             self.stray_tokens(&format!("`,` or `{}` after {}", bracket(closer), body.item()));

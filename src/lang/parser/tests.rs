@@ -97,7 +97,7 @@ fn a_missing_colon_value_or_quote_is_one_error() {
     one_error("\"t\",", "\"\\q\",", ErrorKind::BadEscape, "\\q");
     one_error("\"t\",", "\"t\",,", ErrorKind::MissingValue, ",");
     one_error("title:", "\"title\":", ErrorKind::MissingKey, "\"title\"");
-    one_error("mesh: \"sheet\"", "\"sheet\"", ErrorKind::MixedFields, "radius");
+    one_error("radius: 0.05", "0.05", ErrorKind::MixedFields, "0.05");
     one_error("schema = ", "schema ", ErrorKind::BadAttribute, "schema");
     one_error("#![schema", "#![scheme", ErrorKind::BadAttribute, "scheme");
 }
