@@ -1,4 +1,12 @@
 //! The runtime of foley: RON graphs of typed nodes, checked, planned and run.
+//!
+//! Data goes down these rooms once: [`lang`] reads the text, [`graph`] checks it, [`plan`] finds what it needs,
+//! [`run`] runs it. [`diag`] says what is wrong on the way, and [`cli`] is the command.
 #![forbid(unsafe_code)]
 
+pub mod cli;
+pub mod diag;
+pub mod graph;
 pub mod lang;
+pub mod plan;
+pub mod run;

@@ -32,7 +32,8 @@ fn groups<'a>(d: &'a Diagnostic, sources: &'a Sources) -> Vec<Group<'a>> {
             let mut snippet = Snippet::source(&*source.text).path(&*source.name).fold(true);
             if place.file == file {
                 let primary = AnnotationKind::Primary.span(clip(place, &source.text));
-                snippet = snippet.annotation(if d.note.is_empty() { primary } else { primary.label(&*d.note) });
+                snippet =
+                    snippet.annotation(if d.note.is_empty() { primary } else { primary.label(&*d.note) });
             }
             for label in d.labels.iter().filter(|l| l.place.file == file) {
                 let span = clip(&label.place, &source.text);

@@ -1,9 +1,9 @@
 //! Reads a graph file and its sub-graphs into one flat list of nodes, each with where it came from.
 
+use super::Graph;
 use super::check;
 use super::root::{Limits, Root, join};
 use super::suggest::help;
-use super::Graph;
 use crate::diag::{Diagnostic, Place, Sources};
 use crate::lang::{self, Value, ValueKind};
 use std::collections::BTreeMap;
@@ -133,7 +133,8 @@ fn read_text(path: &Path, limit: u64) -> Result<String, String> {
         return Err(format!("{show} has {} bytes, a graph file at most {limit}", meta.len()));
     }
     let bytes = std::fs::read(path).map_err(|e| format!("cannot read {show}: {e}"))?;
-    String::from_utf8(bytes).map_err(|e| format!("{show} is not UTF-8 from byte {} on", e.utf8_error().valid_up_to()))
+    String::from_utf8(bytes)
+        .map_err(|e| format!("{show} is not UTF-8 from byte {} on", e.utf8_error().valid_up_to()))
 }
 
 fn valid_id(id: &str) -> bool {
@@ -152,11 +153,19 @@ impl Loader {
             let file = self.sources.add(format!("--set {target}"), value.as_str());
             let node = match document.value {
                 // A bare word that no value starts with is text, and so is a path.
-                Some(found) if parsed.is_ok() && !matches!(found.value, ValueKind::Struct(..) | ValueKind::NamedTuple(..)) => found,
+                Some(found)
+                    if parsed.is_ok()
+                        && !matches!(found.value, ValueKind::Struct(..) | ValueKind::NamedTuple(..)) =>
+                {
+                    found
+                }
                 _ => Value { span: 0..value.len(), value: ValueKind::Str(value.clone()) },
             };
             let scope = Scope::default();
-            given.push((target.clone(), Given { value: node, place: text(file), folder: PathBuf::new(), scope }));
+            given.push((
+                target.clone(),
+                Given { value: node, place: text(file), folder: PathBuf::new(), scope },
+            ));
         }
         given
     }
@@ -188,10 +197,14 @@ impl Loader {
             Some(schema) if schema.value == SCHEMA => {}
             Some(schema) => {
                 let message = format!("schema {:?} is not one that this version reads", schema.value);
-                self.found.push(Diagnostic::error("F003", message, at(schema.span())).help(format!("write #![schema = {SCHEMA:?}]")));
+                self.found.push(
+                    Diagnostic::error("F003", message, at(schema.span()))
+                        .help(format!("write #![schema = {SCHEMA:?}]")),
+                );
             }
             None => {
-                let warning = Diagnostic::warning("F003", "the file does not say which schema it follows", at(0..0));
+                let warning =
+                    Diagnostic::warning("F003", "the file does not say which schema it follows", at(0..0));
                 self.found.push(warning.help(format!("begin with #![schema = {SCHEMA:?}]")));
             }
         }
@@ -211,14 +224,19 @@ impl Loader {
         for field in fields {
             let name = field.name.value.as_str();
             if let Some(first) = seen.get(name) {
-                let found = Diagnostic::error("F005", format!("`{name}` is given twice"), at(field.name.span()));
+                let found =
+                    Diagnostic::error("F005", format!("`{name}` is given twice"), at(field.name.span()));
                 self.found.push(found.label(first.clone(), "first here"));
                 continue;
             }
             seen.insert(name, at(field.name.span()));
             let known = ["title", "seed", "params", "use", "nodes"];
             if !known.contains(&name) {
-                let found = Diagnostic::error("F004", format!("a graph has no field `{name}`"), at(field.name.span()));
+                let found = Diagnostic::error(
+                    "F004",
+                    format!("a graph has no field `{name}`"),
+                    at(field.name.span()),
+                );
                 self.found.push(found.help(help(name, "fields", known)));
             }
         }
@@ -237,13 +255,19 @@ impl Loader {
         if let Some(v) = title.filter(|v| !v.is_error()) {
             match v.as_str() {
                 Some(title) => self.title = Some(title.to_owned()),
-                None => self.error("F008", format!("the title is text in quotes, found {}", v.describe()), at(v)),
+                None => {
+                    self.error("F008", format!("the title is text in quotes, found {}", v.describe()), at(v))
+                }
             }
         }
         if let Some(v) = seed.filter(|v| !v.is_error()) {
             match v.as_int().and_then(|i| u64::try_from(i).ok()) {
                 Some(seed) => self.seed = Some(seed),
-                None => self.error("F008", format!("the seed is a whole number from 0 on, found {}", v.describe()), at(v)),
+                None => self.error(
+                    "F008",
+                    format!("the seed is a whole number from 0 on, found {}", v.describe()),
+                    at(v),
+                ),
             }
         }
     }
@@ -280,14 +304,22 @@ impl Loader {
                 let names = params.keys().map(String::as_str);
                 let message = format!("this graph has no parameter `{target}`");
                 let found = Diagnostic::error("F028", message, value.place.clone());
-                self.found.push(found.help(format!("{}; a parameter of a node is set as NODE.PARAM=VALUE", help(target, "parameters", names))));
+                self.found.push(found.help(format!(
+                    "{}; a parameter of a node is set as NODE.PARAM=VALUE",
+                    help(target, "parameters", names)
+                )));
             }
         }
         (params, node_sets)
     }
 
     /// The entries of a map field with text keys, in order; anything else is an error.
-    fn entries<'v>(&mut self, value: Option<&'v Value>, file: usize, what: &str) -> Vec<&'v lang::ast::Entry> {
+    fn entries<'v>(
+        &mut self,
+        value: Option<&'v Value>,
+        file: usize,
+        what: &str,
+    ) -> Vec<&'v lang::ast::Entry> {
         let Some(value) = value.filter(|v| !v.is_error()) else { return Vec::new() };
         let Some(map) = value.as_map() else {
             let message = format!("`{what}` is a map such as {{\"name\": ...}}, found {}", value.describe());
@@ -329,7 +361,12 @@ impl Loader {
                 let entries = params.and_then(Value::as_map).unwrap_or_default();
                 let one = |e: &lang::ast::Entry| {
                     let place = Place { file, span: e.value.span() };
-                    let given = Given { value: e.value.clone(), place, folder: folder.to_owned(), scope: scope.clone() };
+                    let given = Given {
+                        value: e.value.clone(),
+                        place,
+                        folder: folder.to_owned(),
+                        scope: scope.clone(),
+                    };
                     Some((e.key.as_str()?.to_owned(), given))
                 };
                 entries.iter().filter_map(one).collect()
@@ -361,7 +398,14 @@ impl Loader {
         names
     }
 
-    fn sub_graph(&mut self, path: &str, place: Place, prefix: &str, given: Vec<(String, Given)>, chain: &mut Vec<PathBuf>) {
+    fn sub_graph(
+        &mut self,
+        path: &str,
+        place: Place,
+        prefix: &str,
+        given: Vec<(String, Given)>,
+        chain: &mut Vec<PathBuf>,
+    ) {
         let real = match self.root.resolve(path) {
             Ok(real) => real,
             Err(e) => {
@@ -374,7 +418,11 @@ impl Loader {
             return;
         }
         if chain.len() > self.limits.depth {
-            self.error("F009", format!("more than {} sub-graphs inside each other", self.limits.depth), place);
+            self.error(
+                "F009",
+                format!("more than {} sub-graphs inside each other", self.limits.depth),
+                place,
+            );
             return;
         }
         match read_text(&real, self.limits.graph_bytes) {
@@ -389,7 +437,8 @@ impl Loader {
 
     fn bad_id(&mut self, id: &str, place: Place) {
         let found = Diagnostic::error("F007", format!("{id:?} cannot be an id"), place);
-        self.found.push(found.help("an id starts with a letter and goes on with letters, digits, `_` and `-`"));
+        self.found
+            .push(found.help("an id starts with a letter and goes on with letters, digits, `_` and `-`"));
     }
 
     fn node_list(
@@ -412,7 +461,11 @@ impl Loader {
             }
             if let Some(earlier) = first.get(id) {
                 let found = Diagnostic::error("F006", format!("the id `{id}` exists twice"), key);
-                self.found.push(found.label(earlier.clone(), "first here").help("ids are the identity of nodes: give one of them another name"));
+                self.found.push(
+                    found
+                        .label(earlier.clone(), "first here")
+                        .help("ids are the identity of nodes: give one of them another name"),
+                );
                 continue;
             }
             if uses.iter().any(|u| u == id) {
@@ -438,7 +491,11 @@ impl Loader {
                 }
                 None => {
                     let names: Vec<String> = self.nodes[start..].iter().map(|n| n.id.clone()).collect();
-                    let found = Diagnostic::error("F028", format!("this graph has no node `{id}`"), value.place.clone());
+                    let found = Diagnostic::error(
+                        "F028",
+                        format!("this graph has no node `{id}`"),
+                        value.place.clone(),
+                    );
                     self.found.push(found.help(help(id, "nodes", names.iter().map(String::as_str))));
                 }
             }
@@ -452,7 +509,8 @@ impl Loader {
             Some((Some(name), fields)) => (name, fields),
             _ => {
                 if !value.is_error() {
-                    let message = format!("a node is NodeType(field: value, ...), found {}", value.describe());
+                    let message =
+                        format!("a node is NodeType(field: value, ...), found {}", value.describe());
                     self.found.push(Diagnostic::error("F010", message, at(value.span())).node(&id));
                 }
                 self.nodes.push(RawNode {
@@ -473,7 +531,8 @@ impl Loader {
             let field_name = field.name.value.as_str();
             let key = at(field.name.span());
             if let Some(first) = seen.get(field_name) {
-                let found = Diagnostic::error("F005", format!("`{field_name}` is given twice"), key).node(&id);
+                let found =
+                    Diagnostic::error("F005", format!("`{field_name}` is given twice"), key).node(&id);
                 self.found.push(found.label(first.clone(), "first here"));
                 continue;
             }
@@ -507,7 +566,11 @@ impl Loader {
                 Some(next) => given = next,
                 None => {
                     let names: Vec<String> = given.scope.params.keys().cloned().collect();
-                    let found = Diagnostic::error("F027", format!("this graph has no parameter `{name}`"), given.place);
+                    let found = Diagnostic::error(
+                        "F027",
+                        format!("this graph has no parameter `{name}`"),
+                        given.place,
+                    );
                     self.found.push(found.help(help(&name, "parameters", names.iter().map(String::as_str))));
                     return None;
                 }
@@ -534,7 +597,11 @@ impl Loader {
         let used = self.used_params.borrow();
         for (name, place) in &self.all_params {
             if !used.contains(name) {
-                let warning = Diagnostic::warning("F029", format!("nothing uses the parameter `{name}`"), place.clone());
+                let warning = Diagnostic::warning(
+                    "F029",
+                    format!("nothing uses the parameter `{name}`"),
+                    place.clone(),
+                );
                 self.found.push(warning.help(format!("write \"${name}\" where its value is to stand")));
             }
         }

@@ -111,8 +111,11 @@ fn similar(path: &Path) -> String {
     let (Some(name), Ok(entries)) = (path.file_name().and_then(|n| n.to_str()), fs::read_dir(folder)) else {
         return String::new();
     };
-    let names: Vec<String> = entries.flatten().take(10_000).filter_map(|e| e.file_name().into_string().ok()).collect();
-    super::nearest(name, names.iter().map(String::as_str)).map(|n| format!("; there is {n:?}")).unwrap_or_default()
+    let names: Vec<String> =
+        entries.flatten().take(10_000).filter_map(|e| e.file_name().into_string().ok()).collect();
+    super::nearest(name, names.iter().map(String::as_str))
+        .map(|n| format!("; there is {n:?}"))
+        .unwrap_or_default()
 }
 
 /// The files of a [`Root`], for nodes.
@@ -155,8 +158,10 @@ impl Files for DirFiles {
         let path = Path::new(pattern);
         let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let name = path.file_name().and_then(|n| n.to_str()).unwrap_or_default();
-        let entries = fs::read_dir(folder)
-            .map_err(|e| FileError { code: "F060", message: format!("cannot list {}: {e}", folder.display()) })?;
+        let entries = fs::read_dir(folder).map_err(|e| FileError {
+            code: "F060",
+            message: format!("cannot list {}: {e}", folder.display()),
+        })?;
         let found = entries.flatten().filter_map(|entry| {
             let file = entry.file_name().into_string().ok()?;
             Some((number_in(name, &file)?, folder.join(&file).to_str()?.to_owned()))

@@ -18,8 +18,16 @@ pub fn nearest<'a>(found: &str, names: impl IntoIterator<Item = &'a str>) -> Opt
 pub fn help<'a>(found: &str, what: &str, names: impl IntoIterator<Item = &'a str>) -> String {
     let names: Vec<&str> = names.into_iter().collect();
     let shown: Vec<&str> = names.iter().copied().take(24).collect();
-    let more = if names.len() > shown.len() { format!(", and {} more", names.len() - shown.len()) } else { String::new() };
-    let list = if names.is_empty() { format!("there are no {what}") } else { format!("{what}: {}{more}", shown.join(", ")) };
+    let more = if names.len() > shown.len() {
+        format!(", and {} more", names.len() - shown.len())
+    } else {
+        String::new()
+    };
+    let list = if names.is_empty() {
+        format!("there are no {what}")
+    } else {
+        format!("{what}: {}{more}", shown.join(", "))
+    };
     match nearest(found, names) {
         Some(name) => format!("did you mean `{name}`? {list}"),
         None => list,

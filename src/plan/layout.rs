@@ -333,12 +333,7 @@ impl Layout<'_> {
     }
 
     /// A job with its clocks; the tracks of its inputs and outputs follow when outputs are wired.
-    fn job(
-        &mut self,
-        job: What,
-        taps: &[(usize, &(usize, usize))],
-        region: usize,
-    ) -> PlanNode {
+    fn job(&mut self, job: What, taps: &[(usize, &(usize, usize))], region: usize) -> PlanNode {
         match job {
             What::Tap(k) => {
                 let (n, _) = *taps.iter().find(|(t, _)| *t == k).map(|(_, tap)| *tap).unwrap_or(&(0, 0));
@@ -393,6 +388,7 @@ impl Layout<'_> {
             }
         }
         let window_items = rate.map_or(0, |r| r.first_at(self.window) as usize + 2);
+        let window = self.window;
         let track_for = |group: &[Reader]| {
             let front = group.iter().map(|r| r.front).max().unwrap_or(0);
             let pad = group.first().map_or(Pad::Silence, |r| r.pad);
@@ -402,7 +398,7 @@ impl Layout<'_> {
                     TrackPlan::Items { item, width, span, front, pad }
                 }
                 PortKind::Events(event) => {
-                    let span = group.iter().map(|r| r.span).max().unwrap_or(0).max(self.window);
+                    let span = group.iter().map(|r| r.span).max().unwrap_or(0).max(window);
                     TrackPlan::Events { event, span }
                 }
                 PortKind::Value(_) | PortKind::Fold(_) => unreachable!("values have no buffers"),

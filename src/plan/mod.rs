@@ -9,8 +9,8 @@ mod schedule;
 mod show;
 
 pub use layout::{DEPTH, Export, Import, PlanIn, PlanNode, PlanOut, Region, TrackPlan, What};
-pub use show::size;
 pub use schedule::{Cause, Delays};
+pub use show::size;
 
 use crate::diag::Diagnostic;
 use crate::graph::Graph;
@@ -104,7 +104,8 @@ impl Plan {
             let duration = schedule::duration(graph, &shapes, nodes, &delays, options)?;
             let taps: Vec<_> =
                 options.taps.iter().enumerate().filter(|(_, (n, _))| split.phase_of[*n] == k).collect();
-            let regions = layout::regions(graph, &shapes, nodes, &delays, &taps, duration, window, options.threads);
+            let regions =
+                layout::regions(graph, &shapes, nodes, &delays, &taps, duration, window, options.threads);
             let bytes = regions.iter().map(Region::bytes).sum();
             let windows = (duration as u64).div_ceil(window as u64);
             phases.push(Phase { regions, nodes: nodes.clone(), windows, delays, duration, bytes });

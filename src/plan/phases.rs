@@ -30,8 +30,9 @@ pub fn split(graph: &Graph, taps: &[(usize, usize)]) -> Split {
         phase_of[n] = above.max().unwrap_or(0).max(phase_of[n]);
     }
     let mut wanted = vec![false; count];
-    let roots: Vec<usize> =
-        (0..count).filter(|&n| graph.nodes[n].ty.outputs.is_empty() || taps.iter().any(|(t, _)| *t == n)).collect();
+    let roots: Vec<usize> = (0..count)
+        .filter(|&n| graph.nodes[n].ty.outputs.is_empty() || taps.iter().any(|(t, _)| *t == n))
+        .collect();
     let mut stack = roots.clone();
     while let Some(n) = stack.pop() {
         if !std::mem::replace(&mut wanted[n], true) {

@@ -25,12 +25,8 @@ impl Plan {
         let mut all = Vec::new();
         for (n, shape) in self.shapes.iter().enumerate() {
             for (port, stream) in shape.outputs.iter().enumerate() {
-                let bytes: usize = self
-                    .phases
-                    .iter()
-                    .flat_map(|p| &p.regions)
-                    .map(|region| region.bytes_of(n, port))
-                    .sum();
+                let bytes: usize =
+                    self.phases.iter().flat_map(|p| &p.regions).map(|region| region.bytes_of(n, port)).sum();
                 if stream.is_some() && bytes > 0 {
                     all.push((n, port, bytes));
                 }
@@ -76,7 +72,13 @@ impl Plan {
             size(self.bytes)
         );
         for (n, before) in &self.values {
-            let _ = writeln!(out, "value  {} ({}), before phase {}", graph.nodes[*n].id, graph.nodes[*n].ty.name, before + 1);
+            let _ = writeln!(
+                out,
+                "value  {} ({}), before phase {}",
+                graph.nodes[*n].id,
+                graph.nodes[*n].ty.name,
+                before + 1
+            );
         }
         for (k, phase) in self.phases.iter().enumerate() {
             let _ = writeln!(
@@ -106,9 +108,15 @@ impl Plan {
         }
         let sinks = (0..graph.nodes.len()).filter(|&n| graph.nodes[n].ty.outputs.is_empty());
         for n in sinks {
-            let _ = write!(out, "\nlatency of {}: {:.3} ms", graph.nodes[n].id, seconds(self.latency(n)) * 1e3);
+            let _ =
+                write!(out, "\nlatency of {}: {:.3} ms", graph.nodes[n].id, seconds(self.latency(n)) * 1e3);
             for cause in self.why_late(n).iter().filter(|c| c.ahead > 0) {
-                let _ = write!(out, ", {:.3} ms look-ahead on {}", seconds(cause.ahead) * 1e3, graph.nodes[cause.from].id);
+                let _ = write!(
+                    out,
+                    ", {:.3} ms look-ahead on {}",
+                    seconds(cause.ahead) * 1e3,
+                    graph.nodes[cause.from].id
+                );
             }
         }
         out.push_str("\n\nlargest buffers:\n");
@@ -125,8 +133,10 @@ impl Plan {
         let nodes: Vec<Value> = (0..graph.nodes.len())
             .map(|n| {
                 let node = &graph.nodes[n];
-                let phases: Vec<usize> =
-                    (0..self.phases.len()).filter(|&k| self.phases[k].nodes.contains(&n)).map(|k| k + 1).collect();
+                let phases: Vec<usize> = (0..self.phases.len())
+                    .filter(|&k| self.phases[k].nodes.contains(&n))
+                    .map(|k| k + 1)
+                    .collect();
                 let outputs: Vec<Value> = node
                     .ty
                     .outputs

@@ -135,11 +135,16 @@ fn collect(
                 all[region] = Some(summaries);
                 left -= 1;
             }
-            Ok(Outcome::Failed(region, place, fault)) => errors.push(describe(job, &shared.regions[region], place, fault)),
+            Ok(Outcome::Failed(region, place, fault)) => {
+                errors.push(describe(job, &shared.regions[region], place, fault))
+            }
             Ok(Outcome::Panicked(region, what)) => {
-                let ids: Vec<&str> = shared.regions[region].nodes.iter().filter_map(|n| name(job, n.job)).collect();
+                let ids: Vec<&str> =
+                    shared.regions[region].nodes.iter().filter_map(|n| name(job, n.job)).collect();
                 let message = format!("a node panicked ({what}) among: {}", ids.join(", "));
-                errors.push(Diagnostic::general("F099", message).help("this is a defect in foley: please report it"));
+                errors.push(
+                    Diagnostic::general("F099", message).help("this is a defect in foley: please report it"),
+                );
             }
             Ok(Outcome::Quiet) | Err(_) => break,
         }

@@ -85,7 +85,12 @@ pub fn run(job: &Job<'_>) -> Result<Report, Vec<Diagnostic>> {
 }
 
 /// Computes the values that can be had before a phase.
-fn evaluate(job: &Job<'_>, phase: usize, values: &mut Values, report: &mut Report) -> Result<(), Vec<Diagnostic>> {
+fn evaluate(
+    job: &Job<'_>,
+    phase: usize,
+    values: &mut Values,
+    report: &mut Report,
+) -> Result<(), Vec<Diagnostic>> {
     let mut errors = Vec::new();
     for &(n, _) in job.plan.values.iter().filter(|(_, before)| *before == phase) {
         let node = &job.graph.nodes[n];
@@ -97,7 +102,8 @@ fn evaluate(job: &Job<'_>, phase: usize, values: &mut Values, report: &mut Repor
             // What it needs has failed, and said so.
             continue;
         }
-        let outputs: Vec<OutWire> = node.ty.outputs.iter().map(|_| OutWire::Value(RefCell::default())).collect();
+        let outputs: Vec<OutWire> =
+            node.ty.outputs.iter().map(|_| OutWire::Value(RefCell::default())).collect();
         let links = stages::links_with_values(job, n, values);
         let cx = Build {
             random: Random::new(job.seed, &node.id),

@@ -28,10 +28,16 @@ impl DirOutputs {
     /// # Errors
     /// When it cannot be written, or when another output has the same path.
     pub fn create_at(&self, path: &Path) -> Result<Box<dyn WriteSeek>, FileError> {
-        let error = |e: &io::Error| FileError { code: "F080", message: format!("cannot write {}: {e}", path.display()) };
+        let error = |e: &io::Error| FileError {
+            code: "F080",
+            message: format!("cannot write {}: {e}", path.display()),
+        };
         let mut pending = self.pending.lock().unwrap_or_else(PoisonError::into_inner);
         if pending.iter().any(|(_, to)| to == path) {
-            return Err(FileError { code: "F081", message: format!("two outputs have the path {}", path.display()) });
+            return Err(FileError {
+                code: "F081",
+                message: format!("two outputs have the path {}", path.display()),
+            });
         }
         if path.is_dir() {
             return Err(FileError { code: "F080", message: format!("{} is a folder", path.display()) });
@@ -78,7 +84,8 @@ impl DirOutputs {
 
 impl Outputs for DirOutputs {
     fn create(&self, path: &str) -> Result<Box<dyn WriteSeek>, FileError> {
-        let plain = Path::new(path).components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir));
+        let plain =
+            Path::new(path).components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir));
         if path.is_empty() || !plain || Path::new(path).file_name().is_none() {
             let message = format!("{path:?} does not name a file below the output folder");
             return Err(FileError { code: "F082", message });
@@ -88,7 +95,10 @@ impl Outputs for DirOutputs {
         if let (Ok(root), Some(folder)) = (fs::canonicalize(&self.root), full.parent().and_then(existing))
             && !folder.starts_with(&root)
         {
-            return Err(FileError { code: "F082", message: format!("{path:?} leads out of the output folder") });
+            return Err(FileError {
+                code: "F082",
+                message: format!("{path:?} leads out of the output folder"),
+            });
         }
         self.create_at(&full)
     }

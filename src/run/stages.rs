@@ -19,7 +19,9 @@ pub fn links_with_values(job: &Job<'_>, n: usize, values: &Values) -> Vec<Vec<Li
     let one = |l: &Link| match graph.nodes[l.node].ty.outputs[l.port].kind {
         PortKind::Stream(_) => job.plan.shapes[l.node].outputs[l.port].clone().map(LinkShape::Stream),
         PortKind::Events(_) => Some(LinkShape::Events(job.plan.shapes[l.node].end)),
-        PortKind::Value(_) | PortKind::Fold(_) => Some(LinkShape::Value(values.get(&(l.node, l.port)).cloned())),
+        PortKind::Value(_) | PortKind::Fold(_) => {
+            Some(LinkShape::Value(values.get(&(l.node, l.port)).cloned()))
+        }
     };
     graph.nodes[n].links.iter().map(|links| links.iter().filter_map(one).collect()).collect()
 }

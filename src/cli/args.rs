@@ -1,0 +1,218 @@
+//! Arguments of the command.
+
+use crate::graph::{Limits, Override};
+use clap::{Args as ClapArgs, Parser, Subcommand};
+use clap_complete::Shell;
+use std::path::PathBuf;
+
+/// Turns motion and recordings into sound, by graphs of nodes.
+#[derive(Debug, Parser)]
+#[command(name = "foley", version, max_term_width = 100)]
+pub struct Args {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// What to do.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Run a graph to its end and write its files
+    Run(RunArgs),
+    /// Find everything that is wrong with graphs, without running them
+    Check(CheckArgs),
+    /// Lay out graph files; comments and grouping stay
+    Fmt(FmtArgs),
+    /// Show rates, delays, buffers, memory and latency before running
+    Plan(PlanArgs),
+    /// List node types, or tell all about one
+    Nodes(NodesArgs),
+    /// Tell more about the code of an error
+    Explain(ExplainArgs),
+    /// Print completions for a shell
+    Completions(CompletionsArgs),
+}
+
+/// Which graph, and with what in it.
+#[derive(Clone, Debug, ClapArgs)]
+pub struct GraphArgs {
+    /// The graph file
+    pub graph: PathBuf,
+    /// Set a parameter of the graph (NAME=VALUE) or of a node (NODE.PARAM=VALUE); VALUE is a RON value, or text
+    #[arg(long = "set", value_name = "NAME=VALUE", value_parser = parse_set)]
+    pub sets: Vec<Override>,
+    /// Let the graph read below this folder too
+    #[arg(long, value_name = "DIR")]
+    pub allow_read: Vec<PathBuf>,
+    /// Seed of all randomness, instead of the graph's own
+    #[arg(long)]
+    pub seed: Option<u64>,
+    /// Most bytes of one input file
+    #[arg(long, value_name = "SIZE", value_parser = parse_size, default_value = "64G")]
+    pub max_file: usize,
+    /// Most nodes of a graph
+    #[arg(long, value_name = "COUNT", default_value_t = 20_000)]
+    pub max_nodes: usize,
+}
+
+impl GraphArgs {
+    /// The limits that the arguments set.
+    #[must_use]
+    pub fn limits(&self) -> Limits {
+        Limits { file_bytes: self.max_file as u64, nodes: self.max_nodes, ..Limits::default() }
+    }
+}
+
+/// How to run or plan.
+#[derive(Clone, Debug, ClapArgs)]
+pub struct EngineArgs {
+    /// Threads that compute [default: all cores]
+    #[arg(long, value_name = "N")]
+    pub threads: Option<usize>,
+    /// Length of one window; it never changes the result
+    #[arg(long, value_name = "SECONDS", default_value_t = 0.02, value_parser = parse_seconds)]
+    pub window: f64,
+    /// Most memory for buffers, such as 512M
+    #[arg(long, value_name = "SIZE", default_value = "4G", value_parser = parse_size)]
+    pub memory: usize,
+    /// Stop here at the latest; needed for graphs without end
+    #[arg(long, value_name = "SECONDS", value_parser = parse_seconds)]
+    pub until: Option<f64>,
+    /// Write an output to a file: .wav, .npy, .csv, .jsonl, .json or .svg
+    #[arg(long = "tap", value_name = "NODE.PORT=FILE")]
+    pub taps: Vec<String>,
+}
+
+/// Arguments of `foley run`.
+#[derive(Clone, Debug, ClapArgs)]
+pub struct RunArgs {
+    /// The graph.
+    #[command(flatten)]
+    pub graph: GraphArgs,
+    /// The engine.
+    #[command(flatten)]
+    pub engine: EngineArgs,
+    /// Folder for the files that the graph writes
+    #[arg(long, value_name = "DIR", default_value = "out")]
+    pub out: PathBuf,
+    /// Write what the run took and gave as JSON
+    #[arg(long, value_name = "FILE.json")]
+    pub report: Option<PathBuf>,
+    /// Print errors only
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+/// Arguments of `foley check`.
+#[derive(Clone, Debug, ClapArgs)]
+pub struct CheckArgs {
+    /// The graph files
+    #[arg(required = true)]
+    pub graphs: Vec<PathBuf>,
+    /// Set a parameter of the graph (NAME=VALUE) or of a node (NODE.PARAM=VALUE)
+    #[arg(long = "set", value_name = "NAME=VALUE", value_parser = parse_set)]
+    pub sets: Vec<Override>,
+    /// Let the graphs read below this folder too
+    #[arg(long, value_name = "DIR")]
+    pub allow_read: Vec<PathBuf>,
+    /// Print an array of findings as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Arguments of `foley fmt`.
+#[derive(Clone, Debug, ClapArgs)]
+pub struct FmtArgs {
+    /// The graph files
+    #[arg(required = true)]
+    pub graphs: Vec<PathBuf>,
+    /// Change nothing; fail where something would change
+    #[arg(long)]
+    pub check: bool,
+}
+
+/// Arguments of `foley plan`.
+#[derive(Clone, Debug, ClapArgs)]
+pub struct PlanArgs {
+    /// The graph.
+    #[command(flatten)]
+    pub graph: GraphArgs,
+    /// The engine.
+    #[command(flatten)]
+    pub engine: EngineArgs,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Arguments of `foley nodes`.
+#[derive(Clone, Debug, ClapArgs)]
+pub struct NodesArgs {
+    /// A node type; without it, all are listed
+    pub name: Option<String>,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Arguments of `foley explain`.
+#[derive(Clone, Debug, ClapArgs)]
+pub struct ExplainArgs {
+    /// The code, such as F025
+    pub code: String,
+}
+
+/// Arguments of `foley completions`.
+#[derive(Clone, Debug, ClapArgs)]
+pub struct CompletionsArgs {
+    /// The shell
+    pub shell: Shell,
+}
+
+fn parse_set(text: &str) -> Result<Override, String> {
+    match text.split_once('=') {
+        Some((target, value)) if !target.trim().is_empty() => {
+            Ok(Override { target: target.trim().to_owned(), value: value.to_owned() })
+        }
+        _ => Err("write NAME=VALUE or NODE.PARAM=VALUE".into()),
+    }
+}
+
+fn parse_seconds(text: &str) -> Result<f64, String> {
+    let seconds: f64 = text.parse().map_err(|_| "a number of seconds".to_owned())?;
+    if seconds.is_finite() && seconds > 1e-6 && seconds < 1e7 {
+        Ok(seconds)
+    } else {
+        Err("from 0.000001 to 10000000 seconds".into())
+    }
+}
+
+/// A size such as `512M` or `4G`.
+pub(super) fn parse_size(text: &str) -> Result<usize, String> {
+    let text = text.trim();
+    let digits = text.trim_end_matches(|c: char| c.is_alphabetic());
+    let scale: u64 = match text[digits.len()..].to_lowercase().as_str() {
+        "" | "b" => 1,
+        "k" | "kb" | "kib" => 1 << 10,
+        "m" | "mb" | "mib" => 1 << 20,
+        "g" | "gb" | "gib" => 1 << 30,
+        "t" | "tb" | "tib" => 1 << 40,
+        unit => return Err(format!("{unit:?} is no unit of size: K, M, G or T")),
+    };
+    let number: f64 = digits.parse().map_err(|_| "a size such as 512M".to_owned())?;
+    let bytes = number * scale as f64;
+    if (1.0..9e15).contains(&bytes) { Ok(bytes as usize) } else { Err("a size above zero".into()) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_have_units() {
+        assert_eq!(parse_size("512M"), Ok(512 << 20));
+        assert_eq!(parse_size("1.5 GiB".replace(' ', "").as_str()), Ok(3 << 29));
+        assert!(parse_size("12X").is_err());
+        assert!(parse_size("-1G").is_err());
+    }
+}

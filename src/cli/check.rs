@@ -1,0 +1,40 @@
+//! `foley check`.
+
+use super::Exit;
+use super::args::CheckArgs;
+use super::run::show;
+use crate::diag::{any_error, json};
+use crate::graph::{DirFiles, Limits, load};
+use crate::plan::{Plan, PlanOptions};
+use serde_json::Value;
+
+/// Checks graphs: text, types, links, and what the files they read say.
+///
+/// # Errors
+/// When standard output goes away.
+pub fn check(args: &CheckArgs) -> anyhow::Result<Exit> {
+    let mut wrong = false;
+    let mut all = Vec::new();
+    for path in &args.graphs {
+        let loaded = load(path, &args.sets, &args.allow_read, Limits::default());
+        let mut found = loaded.diagnostics;
+        if let Some(graph) = &loaded.graph {
+            let files = DirFiles::new(loaded.root, Limits::default());
+            // A graph without end is no mistake: it may be meant to be played live.
+            if let Err(errors) = Plan::new(graph, &files, &PlanOptions::default()) {
+                found.extend(errors.into_iter().filter(|e| e.code != "F048"));
+            }
+        }
+        wrong |= any_error(&found);
+        if args.json {
+            let Value::Array(items) = json(&found, &loaded.sources) else { continue };
+            all.extend(items);
+        } else {
+            show(&found, &loaded.sources);
+        }
+    }
+    if args.json {
+        println!("{:#}", Value::Array(all));
+    }
+    Ok(if wrong { Exit::Wrong } else { Exit::Done })
+}

@@ -1,0 +1,54 @@
+//! The `foley` command: reads arguments, calls the rooms behind it, prints, and returns an exit code.
+
+mod args;
+mod check;
+mod nodes;
+mod plan;
+mod progress;
+mod run;
+mod text;
+
+pub use args::Args;
+
+use args::Command;
+use std::process::ExitCode;
+
+/// What the command came to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Exit {
+    /// Done.
+    Done,
+    /// The run failed.
+    Failed,
+    /// The graph, an input or an argument is wrong.
+    Wrong,
+    /// Stopped, or something was busy: try again.
+    Again,
+}
+
+impl From<Exit> for ExitCode {
+    fn from(exit: Exit) -> Self {
+        Self::from(match exit {
+            Exit::Done => 0,
+            Exit::Failed => 1,
+            Exit::Wrong => 2,
+            Exit::Again => 75,
+        })
+    }
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// When something fails that no diagnostic describes, such as standard output going away.
+pub fn main(args: Args) -> anyhow::Result<Exit> {
+    match args.command {
+        Command::Run(args) => run::run(&args),
+        Command::Check(args) => check::check(&args),
+        Command::Fmt(args) => text::fmt(&args),
+        Command::Plan(args) => plan::plan(&args),
+        Command::Nodes(args) => nodes::nodes(&args),
+        Command::Explain(args) => text::explain(&args),
+        Command::Completions(args) => text::completions(&args),
+    }
+}

@@ -1,0 +1,150 @@
+//! `foley nodes`.
+
+use super::Exit;
+use super::args::NodesArgs;
+use crate::graph::{nearest, node_type, node_types};
+use foley_nodes::core::node::NodeType;
+use foley_nodes::core::params::{ParamKind, ParamSpec};
+use foley_nodes::core::ports::{Arity, PortSpec};
+use serde_json::{Value, json};
+use std::fmt::Write as _;
+
+/// Lists node types, or tells all about one.
+///
+/// # Errors
+/// When standard output goes away.
+pub fn nodes(args: &NodesArgs) -> anyhow::Result<Exit> {
+    match &args.name {
+        None if args.json => println!("{:#}", Value::Array(node_types().iter().map(describe).collect())),
+        None => print!("{}", list()),
+        Some(name) => match node_type(name) {
+            Some(ty) if args.json => println!("{:#}", describe(ty)),
+            Some(ty) => print!("{}", page(ty)),
+            None => {
+                let near = nearest(name, node_types().iter().map(|t| t.name));
+                let hint = near.map(|n| format!("; did you mean {n}?")).unwrap_or_default();
+                eprintln!("foley: there is no node type {name}{hint} (`foley nodes` lists all)");
+                return Ok(Exit::Wrong);
+            }
+        },
+    }
+    Ok(Exit::Done)
+}
+
+fn list() -> String {
+    let mut out = String::new();
+    let mut families: Vec<&str> = Vec::new();
+    for ty in node_types() {
+        if !families.contains(&ty.family) {
+            families.push(ty.family);
+        }
+    }
+    for family in families {
+        let _ = writeln!(out, "{family}");
+        for ty in node_types().iter().filter(|t| t.family == family) {
+            let _ = writeln!(out, "  {:<24} {}", ty.name, ty.summary());
+        }
+    }
+    out
+}
+
+/// What a port carries, in words.
+#[must_use]
+pub fn port_words(spec: &PortSpec) -> String {
+    let many = match spec.arity {
+        Arity::One => "",
+        Arity::Optional => ", may be left open",
+        Arity::Many => ", a list of links",
+    };
+    let late = if spec.late { ", may close a loop" } else { "" };
+    format!("{} of {}{many}{late}", spec.kind.word(), spec.kind.name())
+}
+
+/// What a parameter takes, in words.
+#[must_use]
+pub fn param_words(spec: &ParamSpec) -> String {
+    let mut words = spec.kind.to_string();
+    if let Some(unit) = spec.unit.filter(|u| !u.is_empty()) {
+        let _ = write!(words, " in {unit}");
+    }
+    if let Some(bounds) = spec.bounds {
+        let _ = write!(words, ", from {bounds}");
+    }
+    match &spec.default {
+        Some(default) => {
+            let _ = write!(words, ", default {default}");
+        }
+        None => words.push_str(", has to be given"),
+    }
+    words
+}
+
+/// A documentation comment as plain text.
+#[must_use]
+pub fn plain(doc: &str) -> String {
+    doc.lines().map(|l| l.strip_prefix(' ').unwrap_or(l)).collect::<Vec<_>>().join("\n").trim().to_owned()
+}
+
+fn indented(text: &str, by: &str) -> String {
+    text.lines().map(|l| if l.is_empty() { "\n".into() } else { format!("{by}{l}\n") }).collect()
+}
+
+fn page(ty: &NodeType) -> String {
+    let mut out =
+        format!("{} ({}, version {}, runs as {})\n\n", ty.name, ty.family, ty.version, ty.class.word());
+    out.push_str(&indented(&plain(ty.doc), ""));
+    for (title, ports) in [("Inputs", ty.inputs), ("Outputs", ty.outputs)] {
+        if !ports.is_empty() {
+            let _ = writeln!(out, "\n{title}:");
+        }
+        for port in ports {
+            let _ = writeln!(out, "  {}: {}", port.name, port_words(port));
+            out.push_str(&indented(&plain(port.doc), "      "));
+        }
+    }
+    let specs = (ty.params)();
+    if !specs.is_empty() {
+        out.push_str("\nParameters:\n");
+    }
+    for spec in &specs {
+        let _ = writeln!(out, "  {}: {}", spec.name, param_words(spec));
+        out.push_str(&indented(&plain(spec.doc), "      "));
+        if let ParamKind::Choice(choices) = spec.kind.innermost() {
+            for (name, doc) in *choices {
+                let _ = writeln!(out, "      {name}: {}", plain(doc).replace('\n', " "));
+            }
+        }
+    }
+    out
+}
+
+/// A node type as JSON.
+#[must_use]
+pub fn describe(ty: &NodeType) -> Value {
+    let port = |p: &PortSpec| {
+        json!({
+            "name": p.name, "doc": plain(p.doc), "kind": p.kind.word(), "type": p.kind.name(),
+            "arity": match p.arity { Arity::One => "one", Arity::Optional => "optional", Arity::Many => "many" },
+            "late": p.late,
+        })
+    };
+    let param = |p: &ParamSpec| {
+        json!({
+            "name": p.name, "doc": plain(p.doc), "takes": p.kind.to_string(), "unit": p.unit,
+            "min": p.bounds.map(|b| b.min), "max": p.bounds.map(|b| b.max),
+            "default": p.default.as_ref().map(ToString::to_string),
+            "choices": match p.kind.innermost() {
+                ParamKind::Choice(names) => names.iter().map(|(n, d)| json!({"name": n, "doc": plain(d)})).collect(),
+                _ => Vec::new(),
+            },
+            "live": ty.inputs.iter().any(|i| i.name == p.name),
+        })
+    };
+    json!({
+        "name": ty.name, "family": ty.family, "version": ty.version, "class": ty.class.word(),
+        "summary": ty.summary(), "doc": plain(ty.doc),
+        "inputs": ty.inputs.iter().map(port).collect::<Vec<_>>(),
+        "outputs": ty.outputs.iter().map(port).collect::<Vec<_>>(),
+        "params": (ty.params)().iter().map(param).collect::<Vec<_>>(),
+    })
+}

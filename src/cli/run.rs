@@ -1,0 +1,159 @@
+//! `foley run`.
+
+use super::Exit;
+use super::args::{EngineArgs, GraphArgs, RunArgs};
+use super::progress::Watch;
+use crate::diag::{Diagnostic, Severity, Sources, any_error, render};
+use crate::graph::{DirFiles, Graph, load};
+use crate::plan::{Plan, PlanOptions};
+use crate::run::{self, DirOutputs, Job, Progress, Report, Tap, check_tap};
+use foley_nodes::core::time::ticks;
+use std::io::{IsTerminal, Write};
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
+/// A graph that is loaded, with everything to run it.
+pub struct Ready {
+    /// The graph.
+    pub graph: Graph,
+    /// Its files.
+    pub files: DirFiles,
+    /// Its plan.
+    pub plan: Plan,
+    /// Outputs to write to files.
+    pub taps: Vec<Tap>,
+    /// Threads that compute.
+    pub threads: usize,
+    /// Seed.
+    pub seed: u64,
+}
+
+/// Prints diagnostics on standard error.
+pub fn show(diagnostics: &[Diagnostic], sources: &Sources) {
+    let colour = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
+    eprint!("{}", render(diagnostics, sources, colour));
+}
+
+/// Loads, checks and plans a graph; prints what is wrong.
+pub fn prepare(graph: &GraphArgs, engine: &EngineArgs, quiet: bool) -> Option<Ready> {
+    let loaded = load(&graph.graph, &graph.sets, &graph.allow_read, graph.limits());
+    let shown: Vec<Diagnostic> =
+        loaded.diagnostics.into_iter().filter(|d| !quiet || d.severity == Severity::Error).collect();
+    show(&shown, &loaded.sources);
+    let found = loaded.graph?;
+    let mut errors = Vec::new();
+    let mut taps = Vec::new();
+    for text in &engine.taps {
+        match check_tap(&found, text) {
+            Ok(tap) => taps.push(tap),
+            Err(e) => errors.push(e),
+        }
+    }
+    let threads =
+        engine.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from)).max(1);
+    let options = PlanOptions {
+        window: ticks(engine.window),
+        threads,
+        until: engine.until.map(ticks),
+        memory: engine.memory,
+        taps: taps.iter().map(|t| (t.node, t.port)).collect(),
+    };
+    let files = DirFiles::new(loaded.root, graph.limits());
+    let plan = match Plan::new(&found, &files, &options) {
+        Ok(plan) => Some(plan),
+        Err(e) => {
+            errors.extend(e);
+            None
+        }
+    };
+    show(&errors, &loaded.sources);
+    let plan = plan.filter(|_| !any_error(&errors))?;
+    let seed = graph.seed.unwrap_or(found.seed);
+    Some(Ready { graph: found, files, plan, taps, threads, seed })
+}
+
+/// Runs a graph.
+///
+/// # Errors
+/// When the report cannot be written.
+pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
+    let Some(ready) = prepare(&args.graph, &args.engine, args.quiet) else { return Ok(Exit::Wrong) };
+    let progress = Arc::new(Progress::default());
+    let stop = Arc::clone(&progress);
+    // Only the first handler of a process can be set; a second run in the same process keeps the first.
+    let _ = ctrlc::set_handler(move || stop.stop.store(true, Ordering::SeqCst));
+    let outputs = DirOutputs::new(&args.out);
+    let watch = Watch::start(&ready.graph.title, Arc::clone(&progress), args.quiet);
+    let job = Job {
+        graph: &ready.graph,
+        plan: &ready.plan,
+        files: &ready.files,
+        outputs: &outputs,
+        taps: &ready.taps,
+        threads: ready.threads,
+        seed: ready.seed,
+        progress: Arc::clone(&progress),
+    };
+    let result = run::run(&job);
+    watch.end();
+    match result {
+        Ok(report) => {
+            if !args.quiet {
+                print_report(&report, &ready)?;
+            }
+            if let Some(path) = &args.report {
+                write_whole(path, &format!("{:#}\n", report.json()))?;
+            }
+            Ok(Exit::Done)
+        }
+        Err(errors) => {
+            show(&errors, &ready.graph.sources);
+            Ok(if progress.stop.load(Ordering::SeqCst) { Exit::Again } else { Exit::Failed })
+        }
+    }
+}
+
+/// Writes a file under a temporary name and moves it to its place.
+fn write_whole(path: &std::path::Path, text: &str) -> anyhow::Result<()> {
+    use anyhow::Context as _;
+    let outputs = DirOutputs::new(".");
+    let mut file = outputs.create_at(path).map_err(|e| anyhow::anyhow!(e.message))?;
+    file.write_all(text.as_bytes())
+        .and_then(|()| file.flush())
+        .with_context(|| path.display().to_string())?;
+    drop(file);
+    outputs.commit().with_context(|| path.display().to_string())
+}
+
+fn print_report(report: &Report, ready: &Ready) -> std::io::Result<()> {
+    let mut out = std::io::stdout().lock();
+    for (id, note) in &report.notes {
+        writeln!(out, "note: {id}: {note}")?;
+    }
+    let fact = |facts: &serde_json::Map<String, serde_json::Value>, key: &str| {
+        facts.get(key).and_then(|v| v.as_f64())
+    };
+    for output in &report.outputs {
+        write!(out, "wrote {}", output.path)?;
+        let get = |key| fact(&output.facts, key);
+        if let (Some(frames), Some(rate), Some(channels)) = (get("frames"), get("rate"), get("channels")) {
+            write!(out, ": {:.3} s, {rate} Hz, {channels} channel(s)", frames / rate)?;
+        }
+        if let (Some(peak), Some(rms)) = (get("peak"), get("rms")) {
+            write!(out, ", peak {:.4}, rms {:.4}", peak, rms)?;
+        }
+        writeln!(out)?;
+    }
+    for tap in &ready.taps {
+        writeln!(out, "wrote {}", tap.path.display())?;
+    }
+    let speed = report.length / report.wall.as_secs_f64().max(1e-9);
+    writeln!(
+        out,
+        "{:.2} s of sound in {:.2} s ({speed:.1} times real time), {} of buffers, {} thread(s)",
+        report.length,
+        report.wall.as_secs_f64(),
+        crate::plan::size(report.buffer_bytes),
+        ready.threads
+    )
+}

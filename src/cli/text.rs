@@ -1,0 +1,78 @@
+//! `foley fmt`, `foley explain` and `foley completions`.
+
+use super::Exit;
+use super::args::{Args, CompletionsArgs, ExplainArgs, FmtArgs};
+use super::run::show;
+use crate::diag::{Diagnostic, Place, Sources, codes};
+use crate::graph::nearest;
+use crate::lang::fmt::format;
+use anyhow::Context as _;
+use clap::CommandFactory as _;
+use std::fs;
+
+/// Lays out graph files.
+///
+/// # Errors
+/// When a file cannot be read or written.
+pub fn fmt(args: &FmtArgs) -> anyhow::Result<Exit> {
+    let mut exit = Exit::Done;
+    for path in &args.graphs {
+        let name = path.display().to_string();
+        let text = fs::read_to_string(path).with_context(|| name.clone())?;
+        match format(&text) {
+            Ok(laid_out) if laid_out == text => {}
+            Ok(_) if args.check => {
+                println!("{name} is not laid out");
+                exit = Exit::Failed;
+            }
+            Ok(laid_out) => {
+                // Written beside and moved over, so that the file is never half there.
+                let part = path.with_extension("ron.part");
+                fs::write(&part, laid_out).with_context(|| name.clone())?;
+                fs::rename(&part, path).with_context(|| name.clone())?;
+                println!("laid out {name}");
+            }
+            Err(errors) => {
+                let mut sources = Sources::default();
+                let file = sources.add(name, text);
+                let one = |e: &crate::lang::SyntaxError| {
+                    let mut d = Diagnostic::error("F001", &e.message, Place { file, span: e.span.clone() });
+                    d.help = e.expected.as_ref().map(|x| format!("expected {x}"));
+                    d
+                };
+                show(&errors.iter().map(one).collect::<Vec<_>>(), &sources);
+                exit = Exit::Wrong;
+            }
+        }
+    }
+    Ok(exit)
+}
+
+/// Tells more about a code.
+///
+/// # Errors
+/// None at present.
+pub fn explain(args: &ExplainArgs) -> anyhow::Result<Exit> {
+    let wanted = args.code.to_uppercase();
+    match codes::find(&wanted) {
+        Some(code) => {
+            println!("{}: {}\n\n{}", code.code, code.title, code.text.trim());
+            Ok(Exit::Done)
+        }
+        None => {
+            let near = nearest(&wanted, codes::ALL.iter().map(|c| c.code));
+            let hint = near.map(|n| format!("; did you mean {n}?")).unwrap_or_default();
+            eprintln!("foley: there is no code {wanted}{hint}");
+            Ok(Exit::Wrong)
+        }
+    }
+}
+
+/// Prints completions for a shell.
+///
+/// # Errors
+/// None at present.
+pub fn completions(args: &CompletionsArgs) -> anyhow::Result<Exit> {
+    clap_complete::generate(args.shell, &mut Args::command(), "foley", &mut std::io::stdout());
+    Ok(Exit::Done)
+}

@@ -1,0 +1,178 @@
+//! What a run took and what it gave.
+
+use super::Job;
+use crate::graph::Graph;
+use crate::plan::Plan;
+use foley_nodes::core::node::Summary;
+use foley_nodes::core::time::seconds;
+use serde_json::{Map, Value, json};
+use std::time::Duration;
+
+/// What one node took.
+#[derive(Clone, Debug, Default)]
+pub struct NodeReport {
+    /// Its id.
+    pub id: String,
+    /// Its type.
+    pub kind: &'static str,
+    /// Wall time in it.
+    pub time: Duration,
+    /// Windows that it ran.
+    pub calls: u64,
+    /// Items of its first output, or of its first input where it has none.
+    pub items: u64,
+    /// Whether its outputs came from the memo.
+    pub cached: bool,
+    /// What it told itself.
+    pub summary: Map<String, Value>,
+}
+
+/// One file that was written.
+#[derive(Clone, Debug)]
+pub struct OutputReport {
+    /// Its path.
+    pub path: String,
+    /// What its writer told: rate, channels, frames, peak, rms.
+    pub facts: Map<String, Value>,
+}
+
+/// What a run took and gave.
+#[derive(Clone, Debug, Default)]
+pub struct Report {
+    /// Title of the graph.
+    pub title: String,
+    /// Wall time of the run.
+    pub wall: Duration,
+    /// Processor time of the whole process, where the system tells.
+    pub cpu: Option<Duration>,
+    /// Length of the piece, seconds.
+    pub length: f64,
+    /// Bytes of buffers that the plan asked for.
+    pub planned_bytes: usize,
+    /// Bytes of buffers that were there, at most.
+    pub buffer_bytes: usize,
+    /// Largest memory of the whole process, where the system tells.
+    pub peak_process_bytes: Option<usize>,
+    /// Per node of the graph.
+    pub nodes: Vec<NodeReport>,
+    /// Files written.
+    pub outputs: Vec<OutputReport>,
+    /// Warnings of nodes.
+    pub notes: Vec<(String, String)>,
+}
+
+impl Report {
+    pub(super) fn new(graph: &Graph, plan: &Plan) -> Self {
+        let nodes = graph.nodes.iter().map(|n| NodeReport {
+            id: n.id.clone(),
+            kind: n.ty.name,
+            ..NodeReport::default()
+        });
+        let notes = graph.nodes.iter().zip(&plan.shapes);
+        let notes = notes.flat_map(|(n, shape)| shape.notes.iter().map(|note| (n.id.clone(), note.clone())));
+        Self {
+            title: graph.title.clone(),
+            planned_bytes: plan.bytes,
+            length: plan.phases.last().map_or(0.0, |p| seconds(p.duration)),
+            nodes: nodes.collect(),
+            notes: notes.collect(),
+            ..Self::default()
+        }
+    }
+
+    pub(super) fn add(&mut self, n: usize, time: Duration, calls: u64, summary: Summary) {
+        let node = &mut self.nodes[n];
+        node.time += time;
+        node.calls += calls;
+        for (key, value) in summary {
+            if key == "warning" {
+                self.notes.push((node.id.clone(), value.as_str().unwrap_or_default().to_owned()));
+            } else {
+                node.summary.insert(key.to_owned(), value);
+            }
+        }
+    }
+
+    pub(super) fn note_bytes(&mut self, bytes: usize) {
+        self.buffer_bytes = self.buffer_bytes.max(bytes);
+    }
+
+    pub(super) fn close(&mut self, job: &Job<'_>, wall: Duration) {
+        self.wall = wall;
+        self.cpu = cpu_time();
+        self.peak_process_bytes = peak_memory();
+        for (n, node) in self.nodes.iter_mut().enumerate() {
+            let shape = &job.plan.shapes[n];
+            let first = shape.outputs.iter().flatten().next();
+            let items = first.and_then(|s| s.end.map(|end| s.rate.first_at(end)));
+            node.items = items.unwrap_or(0).max(0) as u64;
+            if let Some(Value::String(path)) = node.summary.get("path").cloned() {
+                let path = job.outputs.path(&path).display().to_string();
+                self.outputs.push(OutputReport { path, facts: node.summary.clone() });
+            }
+        }
+    }
+
+    /// The report as JSON.
+    #[must_use]
+    pub fn json(&self) -> Value {
+        let nodes: Map<String, Value> = self
+            .nodes
+            .iter()
+            .map(|n| {
+                let facts = json!({
+                    "kind": n.kind,
+                    "seconds": n.time.as_secs_f64(),
+                    "windows": n.calls,
+                    "items": n.items,
+                    "cached": n.cached,
+                    "summary": n.summary,
+                });
+                (n.id.clone(), facts)
+            })
+            .collect();
+        let outputs: Vec<Value> = self
+            .outputs
+            .iter()
+            .map(|o| {
+                let mut facts = o.facts.clone();
+                facts.insert("path".into(), o.path.clone().into());
+                if let (Some(frames), Some(rate)) = (
+                    o.facts.get("frames").and_then(Value::as_f64),
+                    o.facts.get("rate").and_then(Value::as_f64),
+                ) {
+                    facts.insert("seconds".into(), json!(frames / rate));
+                }
+                Value::Object(facts)
+            })
+            .collect();
+        json!({
+            "title": self.title,
+            "wall_seconds": self.wall.as_secs_f64(),
+            "cpu_seconds": self.cpu.map(|c| c.as_secs_f64()),
+            "length_seconds": self.length,
+            "planned_bytes": self.planned_bytes,
+            "buffer_bytes": self.buffer_bytes,
+            "peak_process_bytes": self.peak_process_bytes,
+            "nodes": nodes,
+            "outputs": outputs,
+            "warnings": self.notes.iter().map(|(id, note)| json!({"node": id, "message": note})).collect::<Vec<_>>(),
+        })
+    }
+}
+
+/// Processor time of this process so far, all threads.
+fn cpu_time() -> Option<Duration> {
+    let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
+    let fields: Vec<&str> = stat.rsplit_once(')')?.1.split_whitespace().collect();
+    let ticks: u64 = fields.get(11)?.parse::<u64>().ok()? + fields.get(12)?.parse::<u64>().ok()?;
+    // Linux counts in hundredths of a second for programs, whatever the kernel does inside.
+    Some(Duration::from_millis(ticks * 10))
+}
+
+/// Largest memory of this process so far.
+fn peak_memory() -> Option<usize> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find(|l| l.starts_with("VmHWM:"))?;
+    line.split_whitespace().nth(1)?.parse::<usize>().ok().map(|kib| kib * 1024)
+}
