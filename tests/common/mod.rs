@@ -1,0 +1,54 @@
+//! What the tests of whole graphs share.
+#![allow(dead_code)]
+
+use foley::diag::{Diagnostic, render};
+use foley::graph::{DirFiles, Graph, Limits, load, load_text};
+use foley::plan::{Plan, PlanOptions};
+use foley::run::{DirOutputs, Job, Progress, Report, run};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// The folder of the example graphs.
+pub fn graphs() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("graphs")
+}
+
+/// A graph of a text, or all that is wrong with it.
+pub fn graph(text: &str) -> Result<Graph, String> {
+    let loaded = load_text("test.ron", text, Path::new("test.ron"), &[]);
+    loaded.graph.ok_or_else(|| render(&loaded.diagnostics, &loaded.sources, false))
+}
+
+/// A run of a graph text with its files in a folder.
+pub fn run_text(text: &str, options: &PlanOptions, out: &Path) -> Result<Report, String> {
+    let graph = graph(text)?;
+    let files = DirFiles::new(foley::graph::Root::of(Path::new("test.ron")), Limits::default());
+    run_graph(&graph, &files, options, out)
+}
+
+/// A run of a graph with its files in a folder.
+pub fn run_graph(graph: &Graph, files: &DirFiles, options: &PlanOptions, out: &Path) -> Result<Report, String> {
+    let text = |e: Vec<Diagnostic>| render(&e, &graph.sources, false);
+    let plan = Plan::new(graph, files, options).map_err(text)?;
+    let outputs = DirOutputs::new(out);
+    let job = Job {
+        graph,
+        plan: &plan,
+        files,
+        outputs: &outputs,
+        taps: &[],
+        threads: options.threads,
+        seed: graph.seed,
+        progress: Arc::new(Progress::default()),
+    };
+    let report = run(&job).map_err(text)?;
+    assert!(report.buffer_bytes <= plan.bytes, "{} bytes of buffers, planned {}", report.buffer_bytes, plan.bytes);
+    Ok(report)
+}
+
+/// A run of an example graph, from its file.
+pub fn run_file(path: &Path, options: &PlanOptions, out: &Path) -> Result<Report, String> {
+    let loaded = load(path, &[], &[], Limits::default());
+    let graph = loaded.graph.ok_or_else(|| render(&loaded.diagnostics, &loaded.sources, false))?;
+    run_graph(&graph, &DirFiles::new(loaded.root, Limits::default()), options, out)
+}
