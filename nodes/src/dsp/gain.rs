@@ -86,12 +86,18 @@ impl Gain {
 
     /// Applies the gain to interleaved samples in place.
     pub fn process(&mut self, samples: &mut [f32]) {
-        for frame in samples.chunks_exact_mut(self.channels) {
-            let gain = self.advance();
-            for x in frame {
-                *x = (f64::from(*x) * gain) as f32;
-            }
+        let channels = self.channels;
+        let frames = samples.len() / channels;
+        let moving = usize::try_from(self.ramp.saturating_sub(self.passed)).map_or(frames, |left| left.min(frames));
+        let (ramp, still) = samples.split_at_mut(moving * channels);
+        for frame in ramp.chunks_exact_mut(channels) {
+            let gain = self.advance() as f32;
+            frame.iter_mut().for_each(|x| *x *= gain);
         }
+        // Nearly always the gain is at rest, and then this is all there is to do.
+        let gain = self.target as f32;
+        still.iter_mut().for_each(|x| *x *= gain);
+        self.passed = self.passed.saturating_add((frames - moving) as u64);
     }
 }
 
