@@ -76,29 +76,22 @@ impl Resampler {
     ///
     /// # Complexity
     /// O(taps) per output sample and channel; taps grow with in / out when the rate goes down.
+    /// The design itself is O(taps) for each phase of the ratio, 4096 at most.
     pub fn new(input: Rate, output: Rate, quality: Quality) -> Result<Self, DspError> {
-        let step = u128::from(input.num()) * u128::from(output.den());
-        let per = u128::from(output.num()) * u128::from(input.den());
-        let ratio = step as f64 / per as f64;
-        let range = 1.0 / 1024.0..=1024.0;
-        DspError::check(range.contains(&ratio), "ratio of the rates", ratio, "between 1/1024 and 1024")?;
-        let divisor = gcd(step, per);
-        let (step, per) = (step / divisor, per / divisor);
-        // Later products are of a 64-bit index with these.
-        DspError::check(step.max(per) < 1 << 62, "reduced rate", step.max(per) as f64, "below 2^62")?;
-        if step == per {
+        let ratio = Ratio::new(input, output)?;
+        let (step, per, half) = (ratio.step, ratio.per, ratio.half(quality));
+        if half == 0 {
             return Ok(Self { step: 1, per: 1, half: 0, table: Vec::new(), phases: 0, interpolated: false });
         }
         let (attenuation, transition) = quality.design();
-        let scale = (1.0 / ratio).min(1.0);
-        let taps = (attenuation - 7.95) / (2.285 * PI * transition * scale);
-        let half = (taps / 2.0).ceil() as usize;
         let interpolated = per > u128::from(PHASES);
         let phases = if interpolated { PHASES } else { per as u64 };
+        let beta = 0.1102 * (attenuation - 8.7);
         let kernel = Kernel {
-            cutoff: scale * (1.0 - transition / 2.0),
+            cutoff: ratio.scale() * (1.0 - transition / 2.0),
             half: half as f64,
-            beta: 0.1102 * (attenuation - 8.7),
+            beta,
+            peak: bessel_i0(beta),
         };
         let mut table = Vec::with_capacity((phases as usize + 1) * 2 * half);
         for phase in 0..phases + u64::from(interpolated) {
@@ -110,6 +103,15 @@ impl Resampler {
             table[at..].iter_mut().for_each(|tap| *tap /= sum);
         }
         Ok(Self { step: step as i128, per: per as i128, half, table, phases, interpolated })
+    }
+
+    /// What [`Resampler::past`] and [`Resampler::ahead`] of such a resampler will be, without designing it.
+    ///
+    /// # Errors
+    /// As [`Resampler::new`].
+    pub fn reach(input: Rate, output: Rate, quality: Quality) -> Result<(usize, usize), DspError> {
+        let half = Ratio::new(input, output)?.half(quality);
+        Ok((half.saturating_sub(1), half))
     }
 
     /// Input samples before the one at or before an output's position that the output depends on.
@@ -203,11 +205,49 @@ impl Resampler {
     }
 }
 
+/// Input samples per output sample, reduced.
+struct Ratio {
+    step: u128,
+    per: u128,
+}
+
+impl Ratio {
+    fn new(input: Rate, output: Rate) -> Result<Self, DspError> {
+        let step = u128::from(input.num()) * u128::from(output.den());
+        let per = u128::from(output.num()) * u128::from(input.den());
+        let ratio = step as f64 / per as f64;
+        let range = 1.0 / 1024.0..=1024.0;
+        DspError::check(range.contains(&ratio), "ratio of the rates", ratio, "between 1/1024 and 1024")?;
+        let divisor = gcd(step, per);
+        let (step, per) = (step / divisor, per / divisor);
+        // Later products are of a 64-bit index with these.
+        DspError::check(step.max(per) < 1 << 62, "reduced rate", step.max(per) as f64, "below 2^62")?;
+        Ok(Self { step, per })
+    }
+
+    /// The lower Nyquist frequency relative to the input's.
+    fn scale(&self) -> f64 {
+        (1.0 / (self.step as f64 / self.per as f64)).min(1.0)
+    }
+
+    /// Taps on either side of a position; none for equal rates.
+    fn half(&self, quality: Quality) -> usize {
+        if self.step == self.per {
+            return 0;
+        }
+        let (attenuation, transition) = quality.design();
+        let taps = (attenuation - 7.95) / (2.285 * PI * transition * self.scale());
+        (taps / 2.0).ceil() as usize
+    }
+}
+
 struct Kernel {
     /// Relative to the input's Nyquist frequency.
     cutoff: f64,
     half: f64,
     beta: f64,
+    /// The window's Bessel function at its middle.
+    peak: f64,
 }
 
 impl Kernel {
@@ -218,7 +258,7 @@ impl Kernel {
         }
         let x = PI * self.cutoff * t;
         let sinc = if x == 0.0 { 1.0 } else { libm::sin(x) / x };
-        sinc * bessel_i0(self.beta * (1.0 - edge * edge).sqrt()) / bessel_i0(self.beta)
+        sinc * bessel_i0(self.beta * (1.0 - edge * edge).sqrt()) / self.peak
     }
 }
 
