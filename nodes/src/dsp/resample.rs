@@ -40,6 +40,8 @@ impl Quality {
 
 /// Phases up to which every one has its own taps; above, taps are interpolated between this many.
 const PHASES: u64 = 4096;
+/// Taps of all phases together beyond which a filter is refused: 128 MB.
+const MOST_TAPS: f64 = 16_777_216.0;
 
 /// Converts between two fixed rates.
 ///
@@ -72,20 +74,19 @@ impl Resampler {
     /// Designs the filter.
     ///
     /// # Errors
-    /// Ratios beyond 1 : 1024 either way.
+    /// Ratios beyond 1 : 1024 either way, and odd ratios far down whose filter would not fit into 128 MB.
     ///
     /// # Complexity
     /// O(taps) per output sample and channel; taps grow with in / out when the rate goes down.
     /// The design itself is O(taps) for each phase of the ratio, 4096 at most.
     pub fn new(input: Rate, output: Rate, quality: Quality) -> Result<Self, DspError> {
         let ratio = Ratio::new(input, output)?;
-        let (step, per, half) = (ratio.step, ratio.per, ratio.half(quality));
+        let (step, per, half) = (ratio.step, ratio.per, ratio.half(quality)?);
         if half == 0 {
             return Ok(Self { step: 1, per: 1, half: 0, table: Vec::new(), phases: 0, interpolated: false });
         }
         let (attenuation, transition) = quality.design();
-        let interpolated = per > u128::from(PHASES);
-        let phases = if interpolated { PHASES } else { per as u64 };
+        let (phases, interpolated) = ratio.phases();
         let beta = 0.1102 * (attenuation - 8.7);
         let kernel = Kernel {
             cutoff: ratio.scale() * (1.0 - transition / 2.0),
@@ -110,7 +111,7 @@ impl Resampler {
     /// # Errors
     /// As [`Resampler::new`].
     pub fn reach(input: Rate, output: Rate, quality: Quality) -> Result<(usize, usize), DspError> {
-        let half = Ratio::new(input, output)?.half(quality);
+        let half = Ratio::new(input, output)?.half(quality)?;
         Ok((half.saturating_sub(1), half))
     }
 
@@ -230,14 +231,24 @@ impl Ratio {
         (1.0 / (self.step as f64 / self.per as f64)).min(1.0)
     }
 
+    /// Phases of the filter, and whether its taps are interpolated between them.
+    fn phases(&self) -> (u64, bool) {
+        let interpolated = self.per > u128::from(PHASES);
+        (if interpolated { PHASES } else { self.per as u64 }, interpolated)
+    }
+
     /// Taps on either side of a position; none for equal rates.
-    fn half(&self, quality: Quality) -> usize {
+    fn half(&self, quality: Quality) -> Result<usize, DspError> {
         if self.step == self.per {
-            return 0;
+            return Ok(0);
         }
         let (attenuation, transition) = quality.design();
         let taps = (attenuation - 7.95) / (2.285 * PI * transition * self.scale());
-        (taps / 2.0).ceil() as usize
+        let half = (taps / 2.0).ceil();
+        let table = 2.0 * half * self.phases().0 as f64;
+        let wanted = "at most 16777216: convert in two steps, or with less quality";
+        DspError::check(table <= MOST_TAPS, "number of taps of all phases", table, wanted)?;
+        Ok(half as usize)
     }
 }
 
@@ -407,5 +418,13 @@ mod tests {
             Resampler::new(Rate::hz(1), Rate::hz(48_000), Quality::High).unwrap_err().what,
             "ratio of the rates"
         );
+    }
+
+    #[test]
+    fn a_filter_that_fills_the_memory_is_refused_before_it_is_made() {
+        let (from, to) = (Rate::hz(192_001), Rate::hz(191));
+        assert!(Resampler::reach(from, to, Quality::Draft).is_ok());
+        let to = Rate::new(191_000, 1001).unwrap();
+        assert!(Resampler::new(from, to, Quality::High).unwrap_err().wanted.contains("two steps"));
     }
 }
