@@ -86,10 +86,12 @@ impl Files for MemoryFiles {
     }
 }
 
+type Bytes = Arc<Mutex<Vec<u8>>>;
+
 /// Outputs kept in memory.
 #[derive(Clone, Debug, Default)]
 pub struct MemoryOutputs {
-    files: Arc<Mutex<BTreeMap<String, Arc<Mutex<Vec<u8>>>>>>,
+    files: Arc<Mutex<BTreeMap<String, Bytes>>>,
 }
 
 impl MemoryOutputs {
@@ -103,7 +105,7 @@ impl MemoryOutputs {
 
 impl Outputs for MemoryOutputs {
     fn create(&self, path: &str) -> Result<Box<dyn WriteSeek>, FileError> {
-        let bytes = Arc::<Mutex<Vec<u8>>>::default();
+        let bytes = Bytes::default();
         if let Ok(mut files) = self.files.lock() {
             files.insert(path.to_owned(), Arc::clone(&bytes));
         }
@@ -112,7 +114,7 @@ impl Outputs for MemoryOutputs {
 }
 
 struct SharedBytes {
-    bytes: Arc<Mutex<Vec<u8>>>,
+    bytes: Bytes,
     at: u64,
 }
 

@@ -182,6 +182,9 @@ fn trial_stream<T: Item>(draw: &mut Draw, rate: Rate, format: T::Format, items: 
     Feed::stream::<T>(rate, format, data)
 }
 
+/// Turns the events of a part of a buffer into JSON.
+pub type EventsJson = fn(&dyn AnyTrack, Tick, Tick) -> Vec<(Tick, serde_json::Value)>;
+
 /// The runtime's view of an [`Event`] type.
 #[derive(Debug)]
 pub struct EventType {
@@ -194,7 +197,7 @@ pub struct EventType {
     /// Bytes of such a buffer before it grows.
     pub track_bytes: fn() -> usize,
     /// Events of `[from, to)` as JSON.
-    pub json: fn(&dyn AnyTrack, Tick, Tick) -> Vec<(Tick, serde_json::Value)>,
+    pub json: EventsJson,
     /// Valid events until a time, for trials.
     pub trial: fn(&mut Draw, Tick) -> Feed,
 }

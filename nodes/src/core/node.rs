@@ -308,6 +308,7 @@ impl<N: Node> DynNode for Wrap<N> {
 }
 
 type ReadParams = fn(&dyn Fn(&str) -> Option<Datum>) -> Result<Box<dyn AnyParams>, Vec<FieldError>>;
+type Make = fn(&dyn AnyParams, &Build<'_>) -> Result<Box<dyn DynNode>, Fault>;
 type Eval = fn(&dyn AnyParams, &Build<'_>, &Cx<'_>) -> Result<Summary, Fault>;
 
 /// A node type as the registry lists it: everything that the runtime, the documentation and the editors know of it.
@@ -337,7 +338,7 @@ pub struct NodeType {
     /// Computes values; `None` for nodes with streams.
     pub eval: Option<Eval>,
     shape: fn(&dyn AnyParams, &mut RawShape<'_>) -> Result<(), Reject>,
-    build: fn(&dyn AnyParams, &Build<'_>) -> Result<Box<dyn DynNode>, Fault>,
+    build: Make,
 }
 
 impl NodeType {

@@ -6,6 +6,7 @@ use crate::core::fault::{Fault, Reject};
 use crate::core::node::{Class, Node, Retune};
 use crate::core::shape::{Build, Shape};
 use crate::{choices, params};
+use std::f64::consts::FRAC_1_SQRT_2;
 
 choices! {
     /// Response of a [`BiquadNode`].
@@ -37,7 +38,7 @@ params! {
         /// Centre or corner; below half the rate of the audio.
         frequency: f64 = 1000.0, unit "Hz", range 0.01..=300_000.0;
         /// Quality: the higher, the narrower; 0.7071 is maximally flat.
-        q: f64 = 0.7071, unit "", range 0.05..=100.0;
+        q: f64 = FRAC_1_SQRT_2, unit "", range 0.05..=100.0;
         /// Level of a peak or a shelf; other responses ignore it.
         gain_db: f64 = 0.0, unit "dB", range -60.0..=60.0;
     }
@@ -115,7 +116,7 @@ mod tests {
 
     #[test]
     fn a_low_shelf_lifts_a_constant_by_its_gain() {
-        let params = BiquadParams { kind: BiquadKind::LowShelf, frequency: 50.0, q: 0.7071, gain_db: 20.0 };
+        let params = BiquadParams { kind: BiquadKind::LowShelf, frequency: 50.0, q: 0.7, gain_db: 20.0 };
         let solo = Solo::new::<BiquadNode>(params);
         let run = solo.input(FilterPorts::audio, Rate::hz(1000), Channels(1), vec![0.1; 2000]).run().unwrap();
         assert!((run.stream(FilterPorts::out)[1999] - 1.0).abs() < 1e-5);

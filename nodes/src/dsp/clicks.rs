@@ -155,7 +155,7 @@ impl Node for ImpulsesNode {
                 self.level += f64::from(trigger.gain);
             }
             // Far below any format's last bit: keep the tail out of the denormal numbers.
-            if self.level < 1e-30 {
+            if self.level.abs() < 1e-30 {
                 self.level = 0.0;
             }
             *out = self.level as f32;
@@ -198,6 +198,11 @@ mod tests {
     fn a_click_is_at_the_first_sample_at_or_after_its_trigger() {
         let audio = clicks(0.0, vec![(ticks(0.003), 1.0), (ticks(0.003) + 1, 0.5), (ticks(0.004), 0.25)]);
         assert_eq!(audio[..6], [0.0, 0.0, 0.0, 1.0, 0.75, 0.0]);
+    }
+
+    #[test]
+    fn a_negative_trigger_clicks_downwards() {
+        assert_eq!(clicks(0.0, vec![(0, -0.5)])[..2], [-0.5, 0.0]);
     }
 
     #[test]

@@ -131,7 +131,7 @@ params! {
     /// The output ends later than the input by the delay.
     pub struct DelayParams {
         /// How much later.
-        seconds: f64 = 0.1, unit "s", range 0.0..=600.0;
+        seconds: f64 = 0.1, unit "s", range 0.0..=60.0;
     }
 }
 ports! {

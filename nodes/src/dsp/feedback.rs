@@ -101,10 +101,20 @@ impl Node for FeedbackNode {
 
 #[cfg(test)]
 mod tests {
+    use super::super::mix::{MixNode, MixParams};
     use super::*;
-    use crate::core::item::Channels;
+    use crate::core::files::MemoryOutputs;
+    use crate::core::item::{Channels, Described, OfItem, StreamShape};
+    use crate::core::node::{DynNode, NodeType, Summary};
+    use crate::core::params::AnyParams;
+    use crate::core::ports::OutKind;
+    use crate::core::random::Random;
+    use crate::core::shape::{LinkShape, RawShape};
     use crate::core::solo::{Feed, Solo};
+    use crate::core::stage::{Clock, Cx, InWire, OutWire, Stage, StageNode};
     use crate::core::time::Rate;
+    use crate::core::track::{AnyTrack, Pad, Track};
+    use std::any::Any;
 
     fn feedback(channels: u16) -> Solo {
         let params = FeedbackParams { delay: 0.03, gain: 0.5, tail: 0.02 };
@@ -123,5 +133,77 @@ mod tests {
     #[test]
     fn what_comes_back_must_be_like_the_other() {
         assert_eq!(feedback(2).shape().unwrap_err().field.as_deref(), Some("audio"));
+    }
+
+    /// An impulse at item 0.
+    struct Impulse;
+
+    impl DynNode for Impulse {
+        fn run(&mut self, cx: &Cx<'_>) -> Result<(), Fault> {
+            let mut out = <Stream<f32> as OutKind>::view(cx, 0);
+            let first = out.first();
+            out.items().iter_mut().zip(first..).for_each(|(x, n)| *x = if n == 0 { 1.0 } else { 0.0 });
+            Ok(())
+        }
+        fn finish(&mut self, _: &Cx<'_>) -> Result<Summary, Fault> {
+            Ok(Summary::new())
+        }
+        fn retune(&mut self, _: &dyn AnyParams) -> Retune {
+            Retune::Rebuild
+        }
+        fn adopt(&mut self, _: &mut dyn DynNode) {}
+        fn as_any_mut(&mut self) -> &mut dyn Any {
+            self
+        }
+    }
+
+    /// `Mix(inputs: [impulse, echo])` with `echo: Feedback(audio: mix)`, three samples round.
+    fn echoes(window: i64) -> Vec<f32> {
+        let rate = Rate::hz(100);
+        let stream = || LinkShape::Stream(StreamShape::new::<f32>(rate, Channels(1), None));
+        let build = |ty: NodeType, params: &dyn AnyParams, links: &[Vec<LinkShape>]| {
+            let shape = ty.shape(params, RawShape::new(links, 1, &MemoryFiles::default())).unwrap();
+            let random = Random::new(1, "loop");
+            let (files, outputs) = (&MemoryFiles::default(), &MemoryOutputs::default());
+            let window = rate.tick(window);
+            ty.build(params, &Build { random, links, shape: &shape, window, files, outputs }).unwrap()
+        };
+        let params = FeedbackParams { delay: 0.03, gain: 0.5, tail: 0.0 };
+        let echo = build(NodeType::of::<FeedbackNode>("dsp"), &params, &[vec![], vec![stream()]]);
+        let params = MixParams { gains: Vec::new() };
+        let mix = build(NodeType::of::<MixNode>("dsp"), &params, &[vec![stream(), stream()]]);
+        let read =
+            |track, delay| InWire::Stream { track, clock: 0, past: 0, ahead: 0, delay, width: 1, rate };
+        let node = |node, inputs, track| StageNode {
+            node,
+            clock: 1,
+            inputs,
+            outputs: vec![OutWire::Stream { track, clock: 0, width: 1, rate }],
+            copies: Vec::new(),
+        };
+        let nodes = vec![
+            node(Box::new(Impulse) as Box<dyn DynNode>, vec![], 0),
+            node(echo, vec![vec![read(2, 3)], vec![read(0, 0)]], 1),
+            node(mix, vec![vec![read(0, 0), read(1, 0)]], 2),
+        ];
+        let track = || Box::new(Track::<f32>::new(1, 20, 3, Pad::Silence)) as Box<dyn AnyTrack>;
+        let clock = |rate| Clock { rate, delay: 0, end: None };
+        let clocks = vec![clock(Some(rate)), clock(None)];
+        let mut stage = Stage::new(vec![track(), track(), track()], clocks, nodes);
+        for k in 1..=12 / window {
+            stage.advance(rate.tick(k * window));
+            stage.run().unwrap();
+        }
+        let mut out = Vec::new();
+        stage.with_track(2, |track| (OfItem::<f32>::INFO.numbers)(track, 0, 12, &mut out));
+        out
+    }
+
+    #[test]
+    fn echoes_come_at_multiples_of_the_delay_and_halve() {
+        let wanted = [1.0, 0.0, 0.0, 0.5, 0.0, 0.0, 0.25, 0.0, 0.0, 0.125, 0.0, 0.0];
+        for window in [1, 2, 3] {
+            assert_eq!(echoes(window), wanted, "windows of {window}");
+        }
     }
 }

@@ -40,6 +40,8 @@ impl Quality {
 
 /// Phases up to which every one has its own taps; above, taps are interpolated between this many.
 const PHASES: u64 = 4096;
+/// Taps of all phases together beyond which a filter is refused: 128 MB.
+const MOST_TAPS: f64 = 16_777_216.0;
 
 /// Converts between two fixed rates.
 ///
@@ -72,33 +74,25 @@ impl Resampler {
     /// Designs the filter.
     ///
     /// # Errors
-    /// Ratios beyond 1 : 1024 either way.
+    /// Ratios beyond 1 : 1024 either way, and odd ratios far down whose filter would not fit into 128 MB.
     ///
     /// # Complexity
     /// O(taps) per output sample and channel; taps grow with in / out when the rate goes down.
+    /// The design itself is O(taps) for each phase of the ratio, 4096 at most.
     pub fn new(input: Rate, output: Rate, quality: Quality) -> Result<Self, DspError> {
-        let step = u128::from(input.num()) * u128::from(output.den());
-        let per = u128::from(output.num()) * u128::from(input.den());
-        let ratio = step as f64 / per as f64;
-        let range = 1.0 / 1024.0..=1024.0;
-        DspError::check(range.contains(&ratio), "ratio of the rates", ratio, "between 1/1024 and 1024")?;
-        let divisor = gcd(step, per);
-        let (step, per) = (step / divisor, per / divisor);
-        // Later products are of a 64-bit index with these.
-        DspError::check(step.max(per) < 1 << 62, "reduced rate", step.max(per) as f64, "below 2^62")?;
-        if step == per {
+        let ratio = Ratio::new(input, output)?;
+        let (step, per, half) = (ratio.step, ratio.per, ratio.half(quality)?);
+        if half == 0 {
             return Ok(Self { step: 1, per: 1, half: 0, table: Vec::new(), phases: 0, interpolated: false });
         }
         let (attenuation, transition) = quality.design();
-        let scale = (1.0 / ratio).min(1.0);
-        let taps = (attenuation - 7.95) / (2.285 * PI * transition * scale);
-        let half = (taps / 2.0).ceil() as usize;
-        let interpolated = per > u128::from(PHASES);
-        let phases = if interpolated { PHASES } else { per as u64 };
+        let (phases, interpolated) = ratio.phases();
+        let beta = 0.1102 * (attenuation - 8.7);
         let kernel = Kernel {
-            cutoff: scale * (1.0 - transition / 2.0),
+            cutoff: ratio.scale() * (1.0 - transition / 2.0),
             half: half as f64,
-            beta: 0.1102 * (attenuation - 8.7),
+            beta,
+            peak: bessel_i0(beta),
         };
         let mut table = Vec::with_capacity((phases as usize + 1) * 2 * half);
         for phase in 0..phases + u64::from(interpolated) {
@@ -110,6 +104,15 @@ impl Resampler {
             table[at..].iter_mut().for_each(|tap| *tap /= sum);
         }
         Ok(Self { step: step as i128, per: per as i128, half, table, phases, interpolated })
+    }
+
+    /// What [`Resampler::past`] and [`Resampler::ahead`] of such a resampler will be, without designing it.
+    ///
+    /// # Errors
+    /// As [`Resampler::new`].
+    pub fn reach(input: Rate, output: Rate, quality: Quality) -> Result<(usize, usize), DspError> {
+        let half = Ratio::new(input, output)?.half(quality)?;
+        Ok((half.saturating_sub(1), half))
     }
 
     /// Input samples before the one at or before an output's position that the output depends on.
@@ -203,11 +206,59 @@ impl Resampler {
     }
 }
 
+/// Input samples per output sample, reduced.
+struct Ratio {
+    step: u128,
+    per: u128,
+}
+
+impl Ratio {
+    fn new(input: Rate, output: Rate) -> Result<Self, DspError> {
+        let step = u128::from(input.num()) * u128::from(output.den());
+        let per = u128::from(output.num()) * u128::from(input.den());
+        let ratio = step as f64 / per as f64;
+        let range = 1.0 / 1024.0..=1024.0;
+        DspError::check(range.contains(&ratio), "ratio of the rates", ratio, "between 1/1024 and 1024")?;
+        let divisor = gcd(step, per);
+        let (step, per) = (step / divisor, per / divisor);
+        // Later products are of a 64-bit index with these.
+        DspError::check(step.max(per) < 1 << 62, "reduced rate", step.max(per) as f64, "below 2^62")?;
+        Ok(Self { step, per })
+    }
+
+    /// The lower Nyquist frequency relative to the input's.
+    fn scale(&self) -> f64 {
+        (1.0 / (self.step as f64 / self.per as f64)).min(1.0)
+    }
+
+    /// Phases of the filter, and whether its taps are interpolated between them.
+    fn phases(&self) -> (u64, bool) {
+        let interpolated = self.per > u128::from(PHASES);
+        (if interpolated { PHASES } else { self.per as u64 }, interpolated)
+    }
+
+    /// Taps on either side of a position; none for equal rates.
+    fn half(&self, quality: Quality) -> Result<usize, DspError> {
+        if self.step == self.per {
+            return Ok(0);
+        }
+        let (attenuation, transition) = quality.design();
+        let taps = (attenuation - 7.95) / (2.285 * PI * transition * self.scale());
+        let half = (taps / 2.0).ceil();
+        let table = 2.0 * half * self.phases().0 as f64;
+        let wanted = "at most 16777216: convert in two steps, or with less quality";
+        DspError::check(table <= MOST_TAPS, "number of taps of all phases", table, wanted)?;
+        Ok(half as usize)
+    }
+}
+
 struct Kernel {
     /// Relative to the input's Nyquist frequency.
     cutoff: f64,
     half: f64,
     beta: f64,
+    /// The window's Bessel function at its middle.
+    peak: f64,
 }
 
 impl Kernel {
@@ -218,7 +269,7 @@ impl Kernel {
         }
         let x = PI * self.cutoff * t;
         let sinc = if x == 0.0 { 1.0 } else { libm::sin(x) / x };
-        sinc * bessel_i0(self.beta * (1.0 - edge * edge).sqrt()) / bessel_i0(self.beta)
+        sinc * bessel_i0(self.beta * (1.0 - edge * edge).sqrt()) / self.peak
     }
 }
 
@@ -367,5 +418,13 @@ mod tests {
             Resampler::new(Rate::hz(1), Rate::hz(48_000), Quality::High).unwrap_err().what,
             "ratio of the rates"
         );
+    }
+
+    #[test]
+    fn a_filter_that_fills_the_memory_is_refused_before_it_is_made() {
+        let (from, to) = (Rate::hz(192_001), Rate::hz(191));
+        assert!(Resampler::reach(from, to, Quality::Draft).is_ok());
+        let to = Rate::new(191_000, 1001).unwrap();
+        assert!(Resampler::new(from, to, Quality::High).unwrap_err().wanted.contains("two steps"));
     }
 }

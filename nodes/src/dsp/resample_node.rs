@@ -2,8 +2,11 @@
 
 use super::{Quality, Resampler};
 use crate::core::fault::{Fault, Reject};
+use crate::core::files::MemoryFiles;
 use crate::core::node::{Class, Node};
+use crate::core::params::Params;
 use crate::core::ports::Stream;
+use crate::core::random::Draw;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
 use crate::{choices, params, ports};
@@ -48,10 +51,6 @@ ports! {
 #[derive(Debug)]
 pub struct ResampleNode(Resampler);
 
-fn resampler(p: &ResampleParams, from: Rate) -> Result<Resampler, Reject> {
-    Resampler::new(from, p.rate, p.quality).map_err(|e| Reject::from(e).at("rate"))
-}
-
 impl Node for ResampleNode {
     type Params = ResampleParams;
     type Ports = ResamplePorts;
@@ -61,16 +60,17 @@ impl Node for ResampleNode {
 
     fn shape(p: &ResampleParams, s: &mut Shape<'_, '_, ResamplePorts>) -> Result<(), Reject> {
         let audio = s.input(ResamplePorts::audio);
-        let resampler = resampler(p, audio.rate)?;
+        let reach = Resampler::reach(audio.rate, p.rate, p.quality);
+        let (past, ahead) = reach.map_err(|e| Reject::from(e).at("rate"))?;
         // The window's first output may stand between its first input and the one before.
-        let past = if audio.rate == p.rate { 0 } else { resampler.past() + 1 };
-        s.reach(ResamplePorts::audio, past, resampler.ahead());
+        s.reach(ResamplePorts::audio, past + usize::from(audio.rate != p.rate), ahead);
         s.output(ResamplePorts::out, p.rate, audio.format);
         Ok(())
     }
 
     fn build(p: &ResampleParams, cx: &Build<'_>) -> Result<Self, Fault> {
-        Ok(Self(resampler(p, cx.input(ResamplePorts::audio).rate)?))
+        let from = cx.input(ResamplePorts::audio).rate;
+        Ok(Self(Resampler::new(from, p.rate, p.quality)?))
     }
 
     fn run(&mut self, mut io: ResampleIo<'_>) -> Result<(), Fault> {
@@ -78,6 +78,12 @@ impl Node for ResampleNode {
         let (first_out, channels) = (io.out.first(), io.audio.width());
         self.0.process(first_out, io.audio.around(), first_in, channels, io.out.items())?;
         Ok(())
+    }
+
+    fn trial(draw: &mut Draw) -> (ResampleParams, MemoryFiles) {
+        // The short filter of a draft is cheap to design, and the input is longer than it.
+        let quality = [Quality::Draft, Quality::Draft, Quality::Standard][draw.below(3)];
+        (ResampleParams { quality, ..ResampleParams::trial(draw) }, MemoryFiles::default())
     }
 }
 

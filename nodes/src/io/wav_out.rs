@@ -22,6 +22,9 @@ params! {
     /// Writes audio to a WAV file.
     ///
     /// A file too long for WAV becomes RF64. The report has its peak, root mean square and the samples beyond full scale.
+    ///
+    /// # Randomness
+    /// Dither is a function of the seed, the channel and the sample's place.
     pub struct WavOutParams {
         /// The file.
         path: OutPath;

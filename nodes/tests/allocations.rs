@@ -1,0 +1,76 @@
+//! Nodes for the audio thread never allocate while they run.
+//!
+//! The counting allocator is the one unsafe thing here, so this test is a binary of its own.
+#![allow(unsafe_code)]
+
+mod trial;
+
+use foley_nodes::core::node::Class;
+use foley_nodes::registry::all;
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+use trial::{Level, accepted};
+
+thread_local! {
+    static COUNT: Cell<u64> = const { Cell::new(0) };
+}
+
+struct Counting;
+
+fn count() {
+    // A thread that is ending has no counter any more, and no node either.
+    let _ = COUNT.try_with(|count| count.set(count.get() + 1));
+}
+
+// SAFETY: every call goes to the system's allocator unchanged; the counter is a plain cell of this thread.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        count();
+        // SAFETY: the caller keeps the contract of `alloc`.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, at: *mut u8, layout: Layout) {
+        count();
+        // SAFETY: the caller keeps the contract of `dealloc`.
+        unsafe { System.dealloc(at, layout) }
+    }
+
+    unsafe fn realloc(&self, at: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        count();
+        // SAFETY: the caller keeps the contract of `realloc`.
+        unsafe { System.realloc(at, layout, size) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+#[test]
+fn the_counter_counts() {
+    let before = COUNT.get();
+    drop(std::hint::black_box(vec![0_u8; 100]));
+    assert_eq!(COUNT.get() - before, 2);
+}
+
+#[test]
+fn audio_nodes_neither_allocate_nor_free_while_they_run() {
+    let mut tried = 0;
+    for (node, ty) in all().iter().enumerate().filter(|(_, ty)| ty.class == Class::Audio && ty.eval.is_none())
+    {
+        for trial in accepted(node, Level::Random, 8) {
+            for window in [trial.fastest_rate().span(64), trial.fastest_rate().span(1)] {
+                let mut run = trial.solo(window).start().unwrap_or_else(|e| panic!("{e}: {trial:?}"));
+                let before = COUNT.get();
+                let mut windows = 0;
+                while run.step().unwrap_or_else(|e| panic!("{e}: {trial:?}")) {
+                    windows += 1;
+                }
+                let calls = COUNT.get() - before;
+                assert_eq!(calls, 0, "`{}` calls the allocator in {windows} windows: {trial:?}", ty.name);
+                tried += windows;
+            }
+        }
+    }
+    assert!(tried > 1000, "{tried} windows were tried");
+}

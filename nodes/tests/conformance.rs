@@ -1,0 +1,265 @@
+//! What every registered node promises, tried with random parameters and random inputs.
+//!
+//! There is no list to maintain: a node that is in the registry is tested.
+
+mod trial;
+
+use foley_nodes::core::node::NodeType;
+use foley_nodes::core::params::{Bounds, Datum, ParamKind, ParamSpec};
+use foley_nodes::core::ports::{Arity, PortKind};
+use foley_nodes::core::random::Draw;
+use foley_nodes::core::shape::NodeShape;
+use foley_nodes::core::time::{Rate, Tick};
+use foley_nodes::registry::all;
+use std::collections::{BTreeMap, HashSet};
+use trial::{Level, Trial, accepted};
+
+/// Accepted trials per node.
+const TRIALS: usize = 12;
+
+/// Runs `test` on that many accepted trials of every node, and names the node and the trial of a failure.
+fn each_trial(level: Level, mut test: impl FnMut(&Trial)) {
+    for node in 0..all().len() {
+        for trial in accepted(node, level, TRIALS) {
+            test(&trial);
+        }
+    }
+}
+
+#[test]
+fn windows_of_any_length_give_the_same_bits() {
+    each_trial(Level::Random, |trial| {
+        let whole = trial.run(trial.whole_window()).bits();
+        let items = trial.fastest_rate();
+        for n in [1, 7, 64, 1000] {
+            let bits = trial.run(items.span(n)).bits();
+            assert!(bits == whole, "windows of {n} items give other bits: {trial:?}");
+        }
+        // A window that is no whole number of items.
+        let bits = trial.run(items.span(7) + 12_345).bits();
+        assert!(bits == whole, "uneven windows give other bits: {trial:?}");
+    });
+}
+
+#[test]
+fn nothing_is_left_unwritten() {
+    each_trial(Level::Random, |trial| {
+        for window in [trial.whole_window(), trial.fastest_rate().span(7)] {
+            let mut solo = trial.solo(window);
+            solo.poison = true;
+            let run = solo.run().unwrap_or_else(|e| panic!("{e}: {trial:?}"));
+            for port in 0..trial.ty().outputs.len() {
+                assert!(run.numbers(port).1, "output {port} has unwritten items: {trial:?}");
+            }
+        }
+    });
+}
+
+#[test]
+fn outputs_stay_finite_whatever_the_level() {
+    for level in [Level::Silence, Level::Constant, Level::FullScale, Level::Denormal] {
+        each_trial(level, |trial| {
+            let out = trial.run(trial.whole_window());
+            assert!(out.finite, "{level:?} gives a number that is not finite: {trial:?}");
+        });
+    }
+}
+
+/// A node says under `# Randomness` that its output depends on the seed, and then it does.
+#[test]
+fn the_seed_decides_all_randomness() {
+    for node in 0..all().len() {
+        let mut differs = false;
+        for mut trial in accepted(node, Level::Random, TRIALS) {
+            let window = trial.whole_window();
+            let first = trial.run(window).bits();
+            assert!(trial.run(window).bits() == first, "two equal runs differ: {trial:?}");
+            trial.seed += 1;
+            differs |= trial.run(window).bits() != first;
+        }
+        let ty = &all()[node];
+        let says = ty.doc.contains("# Randomness");
+        assert_eq!(differs, says, "`{}`: does another seed give another output?", ty.name);
+    }
+}
+
+/// How far after an output item's window the item `item` of an input lies, in items: 1 is the next.
+fn distance(trial: &Trial, shape: &NodeShape, port: usize, item: i64, tick: Tick) -> i64 {
+    let rate = trial.input_rate(port).expect("a varied input is a stream");
+    item - (rate.first_at(tick + shape.lag + 1) - 1)
+}
+
+/// Changes single items of the inputs and looks at the earliest output that changes: with a declared look-ahead of `n` it must
+/// be `n` items away in some trial. (That it is never further away the engine sees to: nothing further can be seen.)
+#[test]
+fn declared_look_ahead_is_needed() {
+    for node in 0..all().len() {
+        // Per input port that looks ahead: whether all of it was needed once.
+        let mut seen: BTreeMap<usize, bool> = BTreeMap::new();
+        for trial in accepted(node, Level::Random, TRIALS) {
+            let shape = trial.shape().expect("an accepted trial has a shape");
+            let base = trial.run(trial.whole_window());
+            for port in 0..trial.ty().inputs.len() {
+                let ahead = shape.reach[port].ahead as i64;
+                let Some(items) = trial.input_items(port).filter(|_| ahead > 0) else { continue };
+                let needed = seen.entry(port).or_default();
+                let mut draw = Draw::new(trial.seed);
+                for _ in 0..10 {
+                    if *needed || items <= ahead {
+                        break;
+                    }
+                    let item = ahead as usize + draw.below((items - ahead) as usize);
+                    let changed = trial.varied(port, item, &mut draw);
+                    let Some(tick) = base.first_difference(&changed.run(changed.whole_window())) else {
+                        continue;
+                    };
+                    let far = distance(&trial, &shape, port, item as i64, tick);
+                    assert!(far <= ahead, "looks {far} items ahead, declares {ahead}: {trial:?}");
+                    *needed = far == ahead;
+                }
+            }
+        }
+        for (port, needed) in seen {
+            let ty = &all()[node];
+            let input = ty.inputs[port].name;
+            assert!(needed, "`{}` never needs all of the look-ahead that it declares on `{input}`", ty.name);
+        }
+    }
+}
+
+#[test]
+fn everything_is_documented() {
+    let mut names = HashSet::new();
+    for ty in all() {
+        let name = ty.name;
+        assert!(names.insert(name), "two nodes are called `{name}`");
+        assert!(!ty.family.is_empty() && !ty.summary().is_empty(), "`{name}` has no family or no summary");
+        let mut ports = HashSet::new();
+        for port in ty.inputs.iter().chain(ty.outputs) {
+            assert!(!port.doc.trim().is_empty(), "`{name}.{}` has no doc", port.name);
+            assert!(ports.insert(port.name), "`{name}` has two ports `{}`", port.name);
+        }
+        for spec in (ty.params)() {
+            let param = spec.name;
+            assert!(!spec.doc.trim().is_empty(), "`{name}.{param}` has no doc");
+            if spec.kind.is_number() {
+                assert!(spec.unit.is_some(), "`{name}.{param}` has no unit");
+                assert!(spec.bounds.is_some(), "`{name}.{param}` has no range");
+            }
+            // A parameter gives way to a link of its name; any other port of that name would be ambiguous.
+            if let Some(port) = ty.inputs.iter().find(|port| port.name == param) {
+                assert_eq!(
+                    port.arity,
+                    Arity::Optional,
+                    "`{name}.{param}` is a parameter and a required input"
+                );
+            }
+            assert!(!ty.outputs.iter().any(|port| port.name == param), "`{name}.{param}` is also an output");
+        }
+    }
+}
+
+type Given = BTreeMap<&'static str, Datum>;
+
+fn read(ty: &NodeType, given: &Given) -> Result<Given, String> {
+    let params = (ty.read)(&|name| given.get(name).cloned()).map_err(|e| format!("{e:?}"))?;
+    Ok(params.write().into_iter().collect())
+}
+
+/// The parameters that have to be given, with values from a trial, or all of them.
+fn given(ty: &NodeType, seed: u64, all: bool) -> Given {
+    let (params, _) = (ty.trial)(&mut Draw::new(seed));
+    let required = |name: &str| (ty.params)().iter().any(|s| s.name == name && s.default.is_none());
+    params.write().into_iter().filter(|(name, _)| all || required(name)).collect()
+}
+
+#[test]
+fn parameters_are_read_as_they_were_written() {
+    for ty in all() {
+        let defaults = read(&ty, &given(&ty, 1, false)).unwrap_or_else(|e| panic!("`{}`: {e}", ty.name));
+        assert_eq!(read(&ty, &defaults).as_ref(), Ok(&defaults), "`{}`", ty.name);
+        for spec in (ty.params)() {
+            if let Some(default) = &spec.default {
+                assert_eq!(defaults.get(spec.name), Some(default), "`{}.{}`", ty.name, spec.name);
+            }
+        }
+        for seed in 0..50 {
+            let written = given(&ty, seed, true);
+            assert_eq!(read(&ty, &written).as_ref(), Ok(&written), "`{}`", ty.name);
+        }
+    }
+}
+
+/// A number in the clothes of a parameter's kind.
+fn dressed(kind: &ParamKind, x: f64) -> Datum {
+    match kind {
+        ParamKind::Int => Datum::Int(x as i64),
+        ParamKind::List(inner, count) => Datum::List(vec![dressed(inner, x); count.unwrap_or(1)]),
+        ParamKind::Maybe(inner) => dressed(inner, x),
+        _ => Datum::Float(x),
+    }
+}
+
+/// The ends of a range, and numbers just beyond them.
+fn edges(spec: &ParamSpec, Bounds { min, max }: Bounds) -> ([f64; 2], [f64; 2]) {
+    let step = |end: f64| match spec.kind.innermost() {
+        ParamKind::Int => 1.0,
+        _ => (end.abs() * 1e-6).max(1e-9),
+    };
+    ([min, max], [min - step(min), max + step(max)])
+}
+
+#[test]
+fn ranges_include_their_ends_and_nothing_beyond() {
+    for ty in all() {
+        let required = given(&ty, 1, false);
+        for spec in (ty.params)().iter().filter(|spec| spec.kind.is_number()) {
+            let (name, param) = (ty.name, spec.name);
+            let bounds = spec.bounds.unwrap_or_else(|| panic!("`{name}.{param}` has no range"));
+            let with = |x: f64| {
+                let mut given = required.clone();
+                given.insert(param, dressed(&spec.kind, x));
+                read(&ty, &given)
+            };
+            let (inside, beyond) = edges(spec, bounds);
+            for x in inside.into_iter().filter(|x| x.abs() < 9e15) {
+                assert!(with(x).is_ok(), "`{name}.{param}` refuses {x}, an end of its range");
+            }
+            for x in beyond.into_iter().filter(|x| x.abs() < 9e15) {
+                assert!(with(x).is_err(), "`{name}.{param}` takes {x}, beyond its range {bounds}");
+            }
+            for x in [f64::NAN, f64::INFINITY] {
+                assert!(
+                    *spec.kind.innermost() != ParamKind::Float || with(x).is_err(),
+                    "`{name}.{param}` takes {x}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn names_follow_the_house() {
+    for ty in all() {
+        assert!(
+            ty.name.starts_with(char::is_uppercase) && ty.name.chars().all(char::is_alphanumeric),
+            "{ty:?}"
+        );
+        let sources = !ty.inputs.iter().any(|port| matches!(port.kind, PortKind::Stream(_)));
+        for spec in (ty.params)() {
+            // Rates come with the streams: only what has none at its inputs, or changes it, may name one.
+            let rate = spec.kind == ParamKind::Rate && ty.name != "Resample";
+            assert!(!rate || sources, "`{}.{}` is a rate, which comes with its input", ty.name, spec.name);
+        }
+    }
+}
+
+#[test]
+fn equal_rates_are_not_taken_for_granted() {
+    // The trials do feed streams of several rates: the test of the tests.
+    let rates: HashSet<Rate> = (0..all().len())
+        .flat_map(|node| accepted(node, Level::Random, 4))
+        .flat_map(|trial| (0..trial.ty().inputs.len()).filter_map(move |port| trial.input_rate(port)))
+        .collect();
+    assert!(rates.len() > 3, "{rates:?}");
+}

@@ -1,0 +1,310 @@
+//! Random trials of registered nodes: parameters, files and inputs that go together.
+#![allow(dead_code)]
+
+use foley_nodes::core::files::MemoryFiles;
+use foley_nodes::core::item::{Channels, Described, ItemType, OfItem};
+use foley_nodes::core::node::NodeType;
+use foley_nodes::core::params::AnyParams;
+use foley_nodes::core::ports::{Arity, PortKind};
+use foley_nodes::core::random::Draw;
+use foley_nodes::core::shape::{LinkShape, NodeShape};
+use foley_nodes::core::solo::{Feed, Solo, SoloRun};
+use foley_nodes::core::time::{Rate, TICKS_PER_SECOND, Tick};
+use foley_nodes::registry::all;
+use std::fmt;
+
+/// Draws after which a node counts as one that accepts nothing.
+const TRIES: u64 = 2000;
+/// Items of a stream beyond which a trial takes too long.
+const LONGEST: i64 = 6000;
+/// Where endless nodes are stopped.
+const UNTIL: Tick = TICKS_PER_SECOND / 2;
+
+/// What audio inputs hold.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Level {
+    /// Noise.
+    Random,
+    /// Zeros.
+    Silence,
+    /// One value.
+    Constant,
+    /// Full scale of either sign.
+    FullScale,
+    /// The smallest numbers there are.
+    Denormal,
+}
+
+impl Level {
+    fn sample(self, draw: &mut Draw) -> f32 {
+        match self {
+            Self::Random => draw.between(-1.0, 1.0) as f32,
+            Self::Silence => 0.0,
+            Self::Constant => 0.7,
+            Self::FullScale => [-1.0, 1.0][draw.below(2)],
+            Self::Denormal => f32::from_bits(1 + draw.below(8) as u32),
+        }
+    }
+}
+
+/// One node with parameters and inputs that it accepts.
+pub struct Trial {
+    node: usize,
+    number: u64,
+    params: Box<dyn AnyParams>,
+    files: MemoryFiles,
+    feeds: Vec<Vec<Feed>>,
+    end: Tick,
+    /// Seed of its randomness.
+    pub seed: u64,
+}
+
+impl fmt::Debug for Trial {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let links: Vec<_> = self.feeds.iter().flatten().map(Feed::shape).collect();
+        write!(f, "{} (trial {}), {:?}, {links:?}", self.ty().name, self.number, self.params)
+    }
+}
+
+/// Trials that a node accepts.
+///
+/// # Panics
+/// When it accepts almost none of what it is offered.
+pub fn accepted(node: usize, level: Level, wanted: usize) -> Vec<Trial> {
+    let mut trials = Vec::new();
+    let mut reasons = Vec::new();
+    for number in 0..TRIES {
+        if trials.len() == wanted {
+            return trials;
+        }
+        match Trial::new(node, number, level) {
+            Ok(trial) => trials.push(trial),
+            Err(reason) => reasons.push(reason),
+        }
+    }
+    let name = all()[node].name;
+    panic!(
+        "`{name}` accepts only {} of {TRIES} trials; the last reason is: {:?}",
+        trials.len(),
+        reasons.last()
+    )
+}
+
+fn audio(draw: &mut Draw, rate: Rate, channels: Channels, items: i64, level: Level) -> Feed {
+    let count = items as usize * usize::from(channels.0);
+    Feed::stream::<f32>(rate, channels, (0..count).map(|_| level.sample(draw)).collect())
+}
+
+fn is_audio(item: &ItemType) -> bool {
+    (item.id)() == (OfItem::<f32>::INFO.id)()
+}
+
+/// A stream; like one that came before it, as far as there is one and `alike` asks for it.
+fn stream(draw: &mut Draw, item: &ItemType, rate: Rate, like: Option<&Feed>, level: Level) -> Feed {
+    // Streams end at different times, and now and then before they begin.
+    let most = if is_audio(item) { 300.0 } else { 60.0 };
+    let items = if draw.below(20) == 0 { 0 } else { draw.between(most / 10.0, most) as i64 };
+    let like = like.and_then(|feed| match feed.shape() {
+        LinkShape::Stream(shape) if (shape.item.id)() == (item.id)() => Some(shape),
+        _ => None,
+    });
+    if is_audio(item) {
+        let channels = like.and_then(|shape| shape.format::<f32>().copied());
+        let channels = channels.unwrap_or(Channels(1 + draw.below(3) as u16));
+        return audio(draw, rate, channels, items, level);
+    }
+    let made = like.and_then(|shape| (item.trial_like)(draw, shape, items));
+    made.unwrap_or_else(|| (item.trial)(draw, rate, items))
+}
+
+impl Trial {
+    fn new(node: usize, number: u64, level: Level) -> Result<Self, String> {
+        let ty = all().swap_remove(node);
+        let mut draw = Draw::new(number.wrapping_mul(1000) + node as u64);
+        let (params, files) = (ty.trial)(&mut draw);
+        let rates = [
+            Rate::hz(40),
+            Rate::hz(60),
+            Rate::hz(100),
+            Rate::hz(1000),
+            Rate::hz(403),
+            Rate::new(24_000, 1001).expect("a film rate"),
+            Rate::new(44_101, 64).expect("a rate that divides nothing"),
+        ];
+        let one_rate = rates[draw.below(rates.len())];
+        // Most nodes want inputs that are alike; some take what comes.
+        let alike = draw.below(4) > 0;
+        let mut feeds: Vec<Vec<Feed>> = Vec::new();
+        for port in ty.inputs {
+            let count = match port.arity {
+                Arity::One => 1,
+                Arity::Optional => draw.below(2),
+                Arity::Many => 1 + draw.below(3),
+            };
+            let mut links = Vec::new();
+            for _ in 0..count {
+                let rate = if alike { one_rate } else { rates[draw.below(rates.len())] };
+                let item = |kind: &PortKind, feed: &&Feed| match (kind, feed.shape()) {
+                    (PortKind::Stream(item), LinkShape::Stream(shape)) => (item.id)() == (shape.item.id)(),
+                    _ => false,
+                };
+                let like = feeds.iter().flatten().chain(&links).find(|feed| alike && item(&port.kind, feed));
+                let feed = match port.kind {
+                    PortKind::Stream(item) => stream(&mut draw, item, rate, like, level),
+                    PortKind::Events(event) => {
+                        let end = (TICKS_PER_SECOND as f64 * draw.between(0.05, 0.5)) as Tick;
+                        (event.trial)(&mut draw, end)
+                    }
+                    PortKind::Value(data) | PortKind::Fold(data) => Feed::value((data.trial)(&mut draw)),
+                };
+                links.push(feed);
+            }
+            feeds.push(links);
+        }
+        let mut trial = Self { node, number, params, files, feeds, end: 0, seed: number };
+        let shape = trial.shape().map_err(|reject| reject.message)?;
+        trial.end = shape.end.unwrap_or(UNTIL);
+        let rates = shape.outputs.iter().flatten().map(|stream| stream.rate);
+        if rates.map(|rate| rate.first_at(trial.end)).any(|items| items > LONGEST) {
+            return Err(format!("{} ticks are too long for a trial", trial.end));
+        }
+        Ok(trial)
+    }
+
+    /// The type of the node.
+    pub fn ty(&self) -> NodeType {
+        all().swap_remove(self.node)
+    }
+
+    /// The node with its inputs, ready to run.
+    pub fn solo(&self, window: Tick) -> Solo {
+        let mut solo = Solo::of_type(self.ty(), self.params.boxed()).window(window);
+        for (port, feeds) in self.feeds.iter().enumerate() {
+            for feed in feeds {
+                solo = solo.feed(port, feed.clone());
+            }
+        }
+        solo.files = self.files.clone();
+        solo.seed = self.seed;
+        solo.until = UNTIL;
+        solo
+    }
+
+    /// What the node declares.
+    pub fn shape(&self) -> Result<NodeShape, foley_nodes::core::fault::Reject> {
+        self.solo(1).shape()
+    }
+
+    /// A window longer than any trial.
+    pub fn whole_window(&self) -> Tick {
+        let ahead = self.feeds.iter().flatten().map(|feed| match feed.shape() {
+            LinkShape::Stream(stream) => stream.end.unwrap_or(0),
+            LinkShape::Events(end) => end.unwrap_or(0),
+            LinkShape::Value(_) => 0,
+        });
+        2 * self.end + 2 * ahead.max().unwrap_or(0) + TICKS_PER_SECOND
+    }
+
+    /// The fastest rate at any port; 1 kHz where there is none.
+    pub fn fastest_rate(&self) -> Rate {
+        let outputs = self.shape().map(|shape| shape.outputs).unwrap_or_default();
+        let inputs = (0..self.feeds.len()).filter_map(|port| self.input_rate(port));
+        let rates = outputs.into_iter().flatten().map(|stream| stream.rate).chain(inputs);
+        rates.max_by(|a, b| a.as_f64().total_cmp(&b.as_f64())).unwrap_or(Rate::hz(1000))
+    }
+
+    /// The rate of the first link of an input, where it is a stream.
+    pub fn input_rate(&self, port: usize) -> Option<Rate> {
+        match self.feeds[port].first()?.shape() {
+            LinkShape::Stream(stream) => Some(stream.rate),
+            _ => None,
+        }
+    }
+
+    /// The items of the first link of an input, where it is a stream.
+    pub fn input_items(&self, port: usize) -> Option<i64> {
+        match self.feeds[port].first()?.shape() {
+            LinkShape::Stream(stream) => stream.end.map(|end| stream.rate.first_at(end)),
+            _ => None,
+        }
+    }
+
+    /// The same trial with other numbers in one item of an input stream.
+    pub fn varied(&self, port: usize, item: usize, draw: &mut Draw) -> Self {
+        let mut feeds = self.feeds.clone();
+        feeds[port][0] = feeds[port][0].vary(item, draw).expect("only streams are varied");
+        let (params, files) = (self.params.boxed(), self.files.clone());
+        Self { feeds, params, files, ..*self }
+    }
+
+    /// Runs to the end.
+    pub fn run(&self, window: Tick) -> Outcome {
+        let solo = self.solo(window);
+        let run = solo.run().unwrap_or_else(|fault| panic!("{fault}: {self:?}"));
+        Outcome::new(&solo, &run, self)
+    }
+}
+
+/// Everything that a node has given.
+pub struct Outcome {
+    streams: Vec<(Option<Rate>, usize, Vec<u32>)>,
+    events: Vec<String>,
+    values: Vec<Option<[u8; 32]>>,
+    file: Option<Vec<u8>>,
+    summary: String,
+    times: Vec<Vec<(Tick, String)>>,
+    /// Whether all numbers in streams are finite.
+    pub finite: bool,
+}
+
+impl Outcome {
+    fn new(solo: &Solo, run: &SoloRun, trial: &Trial) -> Self {
+        let ports = 0..trial.ty().outputs.len();
+        let shape = trial.shape().expect("an accepted trial has a shape");
+        let mut finite = true;
+        let streams = ports.clone().map(|port| {
+            let (numbers, ok) = run.numbers(port);
+            finite &= ok;
+            let stream = shape.outputs[port].as_ref();
+            let items = stream.map_or(1, |s| s.rate.first_at(trial.end).max(1)) as usize;
+            let width = numbers.len() / items;
+            (stream.map(|s| s.rate), width, numbers.iter().map(|x| x.to_bits()).collect())
+        });
+        let streams = streams.collect();
+        let times: Vec<Vec<_>> = ports
+            .clone()
+            .map(|port| run.events_json(port).into_iter().map(|(t, e)| (t, e.to_string())).collect())
+            .collect();
+        Self {
+            streams,
+            events: times.iter().map(|events| format!("{events:?}")).collect(),
+            values: ports.map(|port| run.value(port).map(|value| value.hash())).collect(),
+            file: solo.outputs.get("trial.out"),
+            summary: format!("{:?}", run.summary),
+            times,
+            finite,
+        }
+    }
+
+    /// All of it, to compare.
+    pub fn bits(self) -> impl PartialEq {
+        (self.streams, self.events, self.values, self.file, self.summary)
+    }
+
+    /// The time of the earliest item or event that differs.
+    pub fn first_difference(&self, other: &Self) -> Option<Tick> {
+        let streams = self.streams.iter().zip(&other.streams).filter_map(|((rate, width, a), (_, _, b))| {
+            let at = a.iter().zip(b).position(|(a, b)| a != b)?;
+            Some(rate.as_ref()?.tick((at / (*width).max(1)) as i64))
+        });
+        let events = self.times.iter().zip(&other.times).filter_map(|(a, b)| {
+            let at = a
+                .iter()
+                .zip(b)
+                .position(|(a, b)| a != b)
+                .or_else(|| (a.len() != b.len()).then_some(a.len().min(b.len())))?;
+            a.get(at).into_iter().chain(b.get(at)).map(|(tick, _)| *tick).min()
+        });
+        streams.chain(events).min()
+    }
+}
