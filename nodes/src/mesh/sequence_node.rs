@@ -1,6 +1,6 @@
 //! Animated meshes from files as a source of motion.
 
-use std::io::{Read, Seek, SeekFrom};
+use std::io::{Read, SeekFrom};
 use std::sync::Arc;
 
 use super::{
