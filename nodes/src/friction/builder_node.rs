@@ -183,8 +183,8 @@ impl Node for FrictionModelBuilder {
         files.insert("encoder.csv", "time_s,speed_m_s\n0,0.1\n0.05,0.3\n0.5,1.0\n10,1.2\n1000,9.0\n");
         let params = FrictionModelBuilderParams {
             encoder: "encoder.csv".into(),
-            clip: draw.between(0.004, 0.05),
-            hop: draw.between(0.004, 0.02),
+            clip: draw.between(0.06, 0.2),
+            hop: draw.between(0.03, 0.06),
             speed_change: 10.0,
             seams: Vec::new(),
             min_speed: 0.001,

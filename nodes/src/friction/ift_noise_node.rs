@@ -6,10 +6,12 @@ use super::model::MAX_CLIP_SAMPLES;
 use super::{ClipStream, FrictionModel, Window};
 use crate::contact::Speeds;
 use crate::core::fault::{Fault, Reject};
+use crate::core::files::MemoryFiles;
 use crate::core::item::Channels;
 use crate::core::node::{Class, Node, Summary};
-use crate::core::params::Param;
+use crate::core::params::{Param, Params};
 use crate::core::ports::{Stream, Value};
+use crate::core::random::Draw;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
 use crate::{choices, params, ports};
@@ -188,6 +190,12 @@ impl Node for IftNoiseNode {
             ("share_below", coverage.share_below().into()),
             ("peak", self.peak.into()),
         ])
+    }
+
+    fn trial(draw: &mut Draw) -> (IftNoiseNodeParams, MemoryFiles) {
+        // Rates that every common rate of speeds divides.
+        let rate = [6000, 12_000, 24_000][draw.below(3)];
+        (IftNoiseNodeParams { rate: Rate::hz(rate), ..Params::trial(draw) }, MemoryFiles::default())
     }
 }
 

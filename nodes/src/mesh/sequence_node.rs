@@ -147,7 +147,14 @@ enum Format {
 }
 
 fn wrong(field: &str, error: &MeshError) -> Reject {
-    Reject::new("F070", error.to_string()).at(field)
+    let reject = Reject::new("F070", error.to_string());
+    match error {
+        MeshError::AmbiguousMesh { available } | MeshError::NoSuchMesh { available, .. } => {
+            let one = available.last().map_or("name", String::as_str);
+            reject.at("mesh").help(format!("set `mesh`, for example `mesh: {one:?}`"))
+        }
+        _ => reject.at(field),
+    }
 }
 
 /// What a file is, by its first bytes and otherwise by its name.

@@ -1,7 +1,6 @@
 //! The node over the noise: silence, level, rates and windows.
 
 use super::*;
-use crate::core::params::Params;
 use crate::core::solo::Solo;
 use crate::core::time::{TICKS_PER_SECOND, ticks};
 use crate::friction::testing::bump_model;

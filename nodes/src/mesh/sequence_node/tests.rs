@@ -78,6 +78,25 @@ fn a_numbered_sequence_is_read_in_the_order_of_its_numbers() {
 }
 
 #[test]
+fn the_buffer_of_a_gltf_is_found_beside_it() {
+    let mut solo = solo(MeshSequenceParams { up: Some(UpAxis::Y), ..params("scene/a.gltf") });
+    let positions: Vec<u8> =
+        [0f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0].iter().flat_map(|x| x.to_le_bytes()).collect();
+    solo.files.insert("scene/a.bin", positions);
+    solo.files.insert(
+        "scene/a.gltf",
+        r#"{"asset": {"version": "2.0"}, "buffers": [{"uri": "a.bin", "byteLength": 36}],
+            "bufferViews": [{"buffer": 0, "byteLength": 36}],
+            "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3",
+                           "min": [0, 0, 0], "max": [1, 1, 0]}],
+            "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}], "nodes": [{"mesh": 0}],
+            "scenes": [{"nodes": [0]}], "scene": 0}"#,
+    );
+    assert_eq!(solo.shape().unwrap().end, None);
+    assert_eq!(frames(&solo)[..3], [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]);
+}
+
+#[test]
 fn start_duration_units_and_up_axis_are_followed() {
     let p = MeshSequenceParams {
         fps: Some(Rate::hz(10)),
@@ -103,7 +122,7 @@ fn what_is_missing_is_named_with_what_to_write() {
     let e = reject(MeshSequenceParams { base: Some("base.obj".into()), ..params("anim/odd.mdd") });
     assert!(e.code == "F071" && e.message.contains("4 frames"), "{e}");
     let e = reject(MeshSequenceParams { mesh: Some("skirt".into()), ..params("base.obj") });
-    assert!(e.to_string().contains("sheet"), "{e}");
+    assert!(e.field.as_deref() == Some("mesh") && e.to_string().contains("`mesh: \"sheet\"`"), "{e}");
     assert_eq!(reject(params("frame_##.obj")).code, "F071");
     assert_eq!(reject(params("none_##.obj")).code, "F060");
 }
