@@ -16,7 +16,12 @@ Graph(
 ";
 
 fn foley(dir: &Path, args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_foley")).args(args).current_dir(dir).env("NO_COLOR", "1").output().unwrap()
+    Command::new(env!("CARGO_BIN_EXE_foley"))
+        .args(args)
+        .current_dir(dir)
+        .env("NO_COLOR", "1")
+        .output()
+        .unwrap()
 }
 
 fn code(output: &Output) -> i32 {
@@ -40,7 +45,8 @@ fn a_run_writes_its_file_and_a_report() {
     assert_eq!(code(&run), 0, "{}", stderr(&run));
     let wav = fs::read(dir.path().join("out/tone.wav")).unwrap();
     assert_eq!(&wav[..4], b"RIFF");
-    let report: serde_json::Value = serde_json::from_slice(&fs::read(dir.path().join("report.json")).unwrap()).unwrap();
+    let report: serde_json::Value =
+        serde_json::from_slice(&fs::read(dir.path().join("report.json")).unwrap()).unwrap();
     let output = &report["outputs"][0];
     assert_eq!(output["rate"], 48000);
     assert_eq!(output["channels"], 1);
@@ -57,7 +63,8 @@ fn a_run_writes_its_file_and_a_report() {
 #[test]
 fn set_changes_a_parameter_and_a_node() {
     let dir = project(TONE);
-    let args = ["run", "tone.ron", "--set", "pitch=880", "--set", "out.path=high.wav", "--set", "tone.level=0.25"];
+    let args =
+        ["run", "tone.ron", "--set", "pitch=880", "--set", "out.path=high.wav", "--set", "tone.level=0.25"];
     let run = foley(dir.path(), &args);
     assert_eq!(code(&run), 0, "{}", stderr(&run));
     assert!(dir.path().join("out/high.wav").exists());
@@ -92,7 +99,8 @@ fn errors_name_file_line_and_column() {
 #[test]
 fn taps_write_audio_and_numbers() {
     let dir = project(TONE);
-    let run = foley(dir.path(), &["run", "tone.ron", "--tap", "tone.audio=taps/a.wav", "--tap", "tone=taps/a.npy"]);
+    let run =
+        foley(dir.path(), &["run", "tone.ron", "--tap", "tone.audio=taps/a.wav", "--tap", "tone=taps/a.npy"]);
     assert_eq!(code(&run), 0, "{}", stderr(&run));
     let npy = fs::read(dir.path().join("taps/a.npy")).unwrap();
     assert_eq!(&npy[..6], b"\x93NUMPY");

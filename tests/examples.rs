@@ -57,7 +57,11 @@ fn every_example_graph_gives_the_same_bits_for_any_window_and_threads() {
         };
         let reference = run(0.02, 1);
         assert!(!reference.is_empty(), "{} wrote nothing", path.display());
-        assert!(reference.iter().all(|(_, bytes)| bytes.len() > 100), "{} wrote an empty file", path.display());
+        assert!(
+            reference.iter().all(|(_, bytes)| bytes.len() > 100),
+            "{} wrote an empty file",
+            path.display()
+        );
         assert!(run(0.0071, 2) == reference, "{} differs", path.display());
     }
 }

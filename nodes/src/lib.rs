@@ -11,4 +11,5 @@ pub mod dsp;
 pub mod friction;
 pub mod io;
 pub mod mesh;
+pub mod plot;
 pub mod registry;

@@ -339,11 +339,16 @@ fn measure(
     Contact {
         surface: candidate.surface,
         triangle: candidate.triangle,
-        distance: candidate.squared_distance.sqrt() as f32,
-        beta: beta.map(|b| b as f32),
-        slide: moved.tangential as f32,
-        approach: moved.normal as f32,
+        distance: narrow(candidate.squared_distance.sqrt()),
+        beta: beta.map(narrow),
+        slide: narrow(moved.tangential),
+        approach: narrow(moved.normal),
     }
+}
+
+/// Single precision, finite also for motions across all of its range.
+fn narrow(x: f64) -> f32 {
+    x.clamp(f64::from(f32::MIN), f64::from(f32::MAX)) as f32
 }
 
 fn check_params(params: &DetectorParams) -> Result<(), ContactError> {

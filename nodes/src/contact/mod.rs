@@ -4,13 +4,17 @@
 
 pub mod analytic;
 pub mod detector;
+pub mod detector_node;
 mod error;
 pub mod exclusion;
 pub mod gate;
+mod item;
 mod query;
 pub mod reference;
+pub mod sliding;
 pub mod slip;
 pub mod speed;
+pub mod speed_nodes;
 pub mod spline;
 pub mod tree;
 pub mod triangle;
@@ -21,3 +25,4 @@ mod tests;
 
 pub use detector::{Contact, Detection, Detector, DetectorParams, Exclude};
 pub use error::ContactError;
+pub use item::{Contacts, ContactsFormat, Speeds};

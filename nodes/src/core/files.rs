@@ -36,6 +36,11 @@ pub trait Files: Send + Sync {
     /// When there is none.
     fn sequence(&self, pattern: &str) -> Result<Vec<(u64, String)>, FileError>;
 
+    /// The same files to keep, for a node that opens some of them only while it runs; `None` where they cannot be kept.
+    fn kept(&self) -> Option<Arc<dyn Files>> {
+        None
+    }
+
     /// The whole content of a file.
     ///
     /// # Errors
@@ -77,6 +82,10 @@ impl Files for MemoryFiles {
             Some(bytes) => Ok(Box::new(Cursor::new(Arc::clone(bytes)))),
             None => Err(FileError { code: "F060", message: format!("there is no file {path:?}") }),
         }
+    }
+
+    fn kept(&self) -> Option<Arc<dyn Files>> {
+        Some(Arc::new(self.clone()))
     }
 
     fn sequence(&self, pattern: &str) -> Result<Vec<(u64, String)>, FileError> {

@@ -88,7 +88,8 @@ impl Gain {
     pub fn process(&mut self, samples: &mut [f32]) {
         let channels = self.channels;
         let frames = samples.len() / channels;
-        let moving = usize::try_from(self.ramp.saturating_sub(self.passed)).map_or(frames, |left| left.min(frames));
+        let moving =
+            usize::try_from(self.ramp.saturating_sub(self.passed)).map_or(frames, |left| left.min(frames));
         let (ramp, still) = samples.split_at_mut(moving * channels);
         for frame in ramp.chunks_exact_mut(channels) {
             let gain = self.advance() as f32;

@@ -4,13 +4,17 @@
 //! cloth recordings ([`mod@from_clips`]); [`interpolate`] gives the spectrum at any speed and [`ift_noise`] its sound.
 
 pub mod builder;
+pub mod builder_node;
 pub mod clip_stream;
 mod clusters;
 pub mod encoder;
+mod figure;
 pub mod from_clips;
 pub mod ift_noise;
+pub mod ift_noise_node;
 pub mod interpolate;
 pub mod model;
+pub mod model_nodes;
 mod phasors;
 pub mod psd;
 pub mod rebin;

@@ -1,13 +1,6 @@
 //! What every reader of animated meshes gives: a clip that tells, and frames that can be fetched.
 
-use std::io::{Read, Seek};
-
 use super::{MeshError, Topology};
-
-/// A file, or bytes in a `Cursor`, that a reader can keep and seek in.
-pub trait ReadSeek: Read + Seek + Send {}
-
-impl<T: Read + Seek + Send> ReadSeek for T {}
 
 /// How much a file from a stranger may ask for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -2,6 +2,7 @@
 //!
 //! Readers take bytes or something to seek in, and give a [`MeshStream`]: a [`MeshClip`] (topology and frame times)
 //! and a [`FrameReader`]. [`FrameSampler`] puts frames on a regular grid, [`MeshPrepare`] orients a topology.
+//! [`Mesh`] is what travels between nodes.
 
 pub mod alembic;
 mod bytes;
@@ -10,7 +11,9 @@ mod error;
 #[cfg(test)]
 mod fuzz;
 pub mod generate;
+pub mod generate_node;
 pub mod gltf;
+mod item;
 mod matrix;
 mod obj;
 mod obj_sequence;
@@ -18,14 +21,17 @@ mod point_cache;
 mod polygon;
 mod prepare;
 mod sampler;
+pub mod sequence_node;
 mod topology;
 
-pub use clip::{FrameReader, MeshClip, MeshLimits, MeshStream, ReadOptions, ReadSeek, UpAxis};
+pub use crate::core::files::ReadSeek;
+pub use clip::{FrameReader, MeshClip, MeshLimits, MeshStream, ReadOptions, UpAxis};
 pub use error::MeshError;
+pub use item::{Mesh, MeshFormat};
 pub use obj::ObjMesh;
 pub use obj_sequence::{OpenFrame, open_obj_sequence};
 pub use point_cache::{open_mdd, open_pc2};
 pub use polygon::{MAX_CORNERS, Triangulation, Triangulator};
-pub use prepare::MeshPrepare;
+pub use prepare::{MeshPrepare, vertex_areas};
 pub use sampler::{FrameSampler, nominal_rate};
 pub use topology::Topology;

@@ -199,10 +199,16 @@ fn orient(
     Ok(turned)
 }
 
-/// A third of each triangle's area to each of its corners.
-fn vertex_areas(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Vec<f32> {
+/// The area that each vertex stands for, m^2: a third of each of its triangles.
+///
+/// A triangle that names an absent vertex counts for nothing.
+///
+/// # Complexity
+/// O(V + T).
+#[must_use]
+pub fn vertex_areas(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Vec<f32> {
     let mut areas = vec![0.0f64; positions.len()];
-    for t in triangles {
+    for t in triangles.iter().filter(|t| t.iter().all(|&v| (v as usize) < positions.len())) {
         let [a, b, c] = t.map(|v| positions[v as usize].map(f64::from));
         let (u, v): ([f64; 3], [f64; 3]) =
             (std::array::from_fn(|k| b[k] - a[k]), std::array::from_fn(|k| c[k] - a[k]));

@@ -1,0 +1,199 @@
+//! The contact detector as a node.
+
+use std::sync::Arc;
+
+use super::{ContactError, Contacts, ContactsFormat, Detection, Detector, DetectorParams, Exclude};
+use crate::core::fault::{Fault, Reject};
+use crate::core::node::{Class, Node, Summary};
+use crate::core::ports::{Many, Stream};
+use crate::core::shape::{Build, Ends, Incoming, Shape};
+use crate::core::time::Rate;
+use crate::mesh::{Mesh, MeshFormat, vertex_areas};
+use crate::{params, ports};
+
+params! {
+    /// Which triangles the vertices of a cloth touch, and how far they slide along them until the next frame.
+    ///
+    /// For each vertex of `mesh`: the closest points over all triangles of the cloth itself and of `others`, where nearer
+    /// than `radius`. The slide is measured along the same triangle in both frames with unclamped in-plane coordinates,
+    /// which makes it exactly zero under any rigid motion of the pair. The last frame has no successor: its slides are 0.
+    ///
+    /// A still mesh among `others` may come at any rate; one that moves must have the rate of `mesh`. The motion of
+    /// `others` holds where they end before `mesh`.
+    ///
+    /// # Source
+    /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 2. The
+    /// paper names neither the exclusion of a vertex's own neighbourhood nor the point that the speed is relative to.
+    pub struct ContactDetectorParams {
+        /// Largest distance of a contact. Solvers keep layers apart: about twice their collision distance sees them touch.
+        radius: f32 = 0.05, unit "m", range 0.00001..=10.0;
+        /// Triangles of the own cloth with a corner nearer than this along the rest edges are not touched; 0 excludes
+        /// incident ones only; None takes twice the radius or the longest rest edge at the vertex.
+        exclude: Option<f32> = None, unit "m", range 0.0..=100.0;
+        /// Contacts kept per vertex, nearest first; the paper keeps one.
+        max_contacts: usize = 1, unit "contacts", range 1..=16;
+        /// Whether triangles are touched from behind as well.
+        two_sided: bool = true;
+        /// Whether the cloth touches itself.
+        self_contact: bool = true;
+    }
+}
+
+ports! {
+    pub struct ContactDetectorPorts / ContactDetectorIo {
+        in {
+            /// The cloth.
+            mesh: Stream<Mesh>,
+            /// Whatever else the cloth can touch: bodies, floors, other cloths.
+            others: Many<Stream<Mesh>>,
+        }
+        out {
+            /// Contacts per vertex of the cloth, at the rate of `mesh`.
+            contacts: Stream<Contacts>,
+        }
+    }
+}
+
+/// The node over [`Detector`].
+pub struct ContactDetector {
+    detector: Detector,
+    /// Rest pose of those others that stand still.
+    still: Vec<Option<MeshFormat>>,
+    total: Total,
+}
+
+#[derive(Default)]
+struct Total {
+    frames: u64,
+    contacts: u64,
+    most: usize,
+    degenerate: u64,
+    rebuilt: u64,
+}
+
+impl Total {
+    fn add(&mut self, found: Detection) {
+        self.frames += 1;
+        self.contacts += found.contacts as u64;
+        self.most = self.most.max(found.contacts);
+        self.degenerate += found.degenerate as u64;
+        self.rebuilt += found.rebuilt as u64;
+    }
+}
+
+fn detector_params(p: &ContactDetectorParams) -> DetectorParams {
+    DetectorParams {
+        radius: p.radius,
+        exclude: match p.exclude {
+            None => Exclude::Auto,
+            Some(0.0) => Exclude::IncidentOnly,
+            Some(distance) => Exclude::Distance(distance),
+        },
+        max_contacts: p.max_contacts,
+        two_sided: p.two_sided,
+        self_contact: p.self_contact,
+    }
+}
+
+/// The field that an error of the detector is about.
+fn fault(error: &ContactError) -> Fault {
+    let field = match error {
+        ContactError::Corner { surface, .. }
+        | ContactError::Size { surface, .. }
+        | ContactError::Positions { surface, .. }
+        | ContactError::NotFinite { surface, .. }
+            if *surface > 0 =>
+        {
+            "others"
+        }
+        ContactError::Parameter { name, .. } => name,
+        _ => "mesh",
+    };
+    Fault::new("F073", error.to_string()).at(field)
+}
+
+fn same_rate(rate: Rate, others: &[Incoming<Mesh>]) -> Result<(), Reject> {
+    let Some(other) = others.iter().find(|other| !other.format.still && other.rate != rate) else {
+        return Ok(());
+    };
+    let shown = |rate: Rate| crate::core::params::Param::write(&rate).to_string();
+    Err(Reject::new(
+        "F072",
+        format!(
+            "a moving mesh in `others` has {} frames per second, `mesh` has {}",
+            shown(other.rate),
+            shown(rate)
+        ),
+    )
+    .at("others")
+    .help(format!("set `fps: {}` on the node that gives it", shown(rate))))
+}
+
+impl Node for ContactDetector {
+    type Params = ContactDetectorParams;
+    type Ports = ContactDetectorPorts;
+    const NAME: &'static str = "ContactDetector";
+    const CLASS: Class = Class::Worker;
+    const COST: f64 = 1000.0;
+
+    fn shape(p: &ContactDetectorParams, s: &mut Shape<'_, '_, ContactDetectorPorts>) -> Result<(), Reject> {
+        let mesh = s.input(ContactDetectorPorts::mesh);
+        same_rate(mesh.rate, &s.many(ContactDetectorPorts::others))?;
+        s.reach(ContactDetectorPorts::mesh, 0, 1);
+        s.reach(ContactDetectorPorts::others, 0, 1);
+        s.when_ended(ContactDetectorPorts::mesh, Ends::Hold);
+        s.when_ended(ContactDetectorPorts::others, Ends::Hold);
+        let topology = &mesh.format.topology;
+        let areas: Arc<[f32]> = vertex_areas(&topology.rest, &topology.triangles).into();
+        let format = ContactsFormat { areas, slots: p.max_contacts };
+        s.output(ContactDetectorPorts::contacts, mesh.rate, format);
+        s.ends(mesh.end);
+        Ok(())
+    }
+
+    fn build(p: &ContactDetectorParams, cx: &Build<'_>) -> Result<Self, Fault> {
+        let cloth = cx.input(ContactDetectorPorts::mesh).format;
+        let others = cx.many(ContactDetectorPorts::others);
+        let surfaces: Vec<_> = others.iter().map(|other| &*other.format.topology).collect();
+        let detector =
+            Detector::new(&cloth.topology, &surfaces, detector_params(p)).map_err(|e| fault(&e))?;
+        let still = others.iter().map(|other| other.format.still.then(|| other.format.clone())).collect();
+        Ok(Self { detector, still, total: Total::default() })
+    }
+
+    fn run(&mut self, mut io: ContactDetectorIo<'_>) -> Result<(), Fault> {
+        let (first, rate, width) = (io.contacts.first(), io.contacts.rate(), io.contacts.width().max(1));
+        let others: Vec<_> = io.others.iter().zip(&self.still).collect();
+        let mut now: Vec<&[[f32; 3]]> = Vec::with_capacity(others.len());
+        let mut next = now.clone();
+        for (k, out) in io.contacts.items().chunks_exact_mut(width).enumerate() {
+            let k = k as isize;
+            for (frame, place) in [(k, &mut now), (k + 1, &mut next)] {
+                place.clear();
+                place.extend(others.iter().map(|(moving, still)| match still {
+                    Some(format) => &format.topology.rest[..],
+                    None => moving.item(frame),
+                }));
+            }
+            let found = self
+                .detector
+                .detect_and_slide(io.mesh.item(k), io.mesh.item(k + 1), &now, &next, out)
+                .map_err(|e| fault(&e).when(rate.tick(first + k as i64)))?;
+            self.total.add(found);
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self, _: ContactDetectorIo<'_>) -> Result<Summary, Fault> {
+        let total = &self.total;
+        Ok(vec![
+            ("contacts_per_frame", (total.contacts as f64 / total.frames.max(1) as f64).into()),
+            ("contacts_at_most", total.most.into()),
+            ("degenerate", total.degenerate.into()),
+            ("rebuilt", total.rebuilt.into()),
+        ])
+    }
+}
+
+#[cfg(test)]
+mod tests;

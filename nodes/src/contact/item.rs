@@ -1,0 +1,111 @@
+//! Contacts and sliding speeds that travel between nodes.
+
+use std::sync::Arc;
+
+use super::Contact;
+use crate::core::item::Item;
+use crate::core::random::Draw;
+
+/// The contacts of every vertex of a cloth, frame by frame.
+///
+/// `slide` and `approach` lead to the next frame, so those of the last frame say nothing.
+#[derive(Debug)]
+pub struct Contacts;
+
+/// What is fixed about a stream of contacts.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ContactsFormat {
+    /// Area of cloth that each vertex stands for at rest, m^2.
+    pub areas: Arc<[f32]>,
+    /// Contacts per vertex at most, nearest first.
+    pub slots: usize,
+}
+
+impl Item for Contacts {
+    type Elem = Contact;
+    type Format = ContactsFormat;
+    const NAME: &'static str = "contacts";
+    const COLUMNS: &'static [&'static str] =
+        &["surface", "triangle", "distance", "beta0", "beta1", "slide", "approach"];
+
+    fn width(format: &ContactsFormat) -> usize {
+        format.areas.len() * format.slots
+    }
+
+    fn describe(format: &ContactsFormat) -> String {
+        format!("{} vertices, up to {} contacts each", format.areas.len(), format.slots)
+    }
+
+    fn trial_format(draw: &mut Draw) -> ContactsFormat {
+        ContactsFormat { areas: Speeds::trial_format(draw), slots: 1 + draw.below(2) }
+    }
+
+    fn trial(_: &ContactsFormat, _: usize, draw: &mut Draw) -> Contact {
+        if draw.below(4) == 0 {
+            return Contact::default();
+        }
+        let slide = if draw.below(3) == 0 { 0.0 } else { draw.between(0.0, 0.01) as f32 };
+        Contact {
+            surface: draw.below(3) as u32,
+            triangle: draw.below(100) as u32,
+            distance: draw.between(0.0, 0.05) as f32,
+            beta: [draw.unit() as f32, draw.unit() as f32],
+            slide,
+            approach: draw.between(-0.01, 0.01) as f32,
+        }
+    }
+
+    fn finite(c: &Contact) -> bool {
+        [c.distance, c.beta[0], c.beta[1], c.slide, c.approach].iter().all(|x| x.is_finite())
+    }
+
+    fn poison() -> Contact {
+        Contact { distance: f32::NAN, slide: f32::NAN, ..Contact::default() }
+    }
+
+    fn numbers(c: &Contact, out: &mut Vec<f32>) {
+        let surface = if c.is_some() { c.surface as f32 } else { -1.0 };
+        out.extend([surface, c.triangle as f32, c.distance, c.beta[0], c.beta[1], c.slide, c.approach]);
+    }
+}
+
+/// The speed at which each vertex of a cloth slides, m/s.
+///
+/// Its format is the area of cloth that each vertex stands for at rest, m^2.
+#[derive(Debug)]
+pub struct Speeds;
+
+impl Item for Speeds {
+    type Elem = f32;
+    type Format = Arc<[f32]>;
+    const NAME: &'static str = "speeds";
+    const COLUMNS: &'static [&'static str] = &[""];
+
+    fn width(format: &Arc<[f32]>) -> usize {
+        format.len()
+    }
+
+    fn describe(format: &Arc<[f32]>) -> String {
+        format!("{} vertices", format.len())
+    }
+
+    fn trial_format(draw: &mut Draw) -> Arc<[f32]> {
+        (0..1 + draw.below(6)).map(|_| draw.between(1e-5, 1e-3) as f32).collect()
+    }
+
+    fn trial(_: &Arc<[f32]>, _: usize, draw: &mut Draw) -> f32 {
+        if draw.below(3) == 0 { 0.0 } else { draw.between(0.0, 3.0) as f32 }
+    }
+
+    fn finite(elem: &f32) -> bool {
+        elem.is_finite()
+    }
+
+    fn poison() -> f32 {
+        f32::NAN
+    }
+
+    fn numbers(elem: &f32, out: &mut Vec<f32>) {
+        out.push(*elem);
+    }
+}

@@ -1,0 +1,154 @@
+//! Speeds of known slides, gates, windows and the chain from meshes.
+
+use super::*;
+use crate::contact::detector_node::{ContactDetector, ContactDetectorParams, ContactDetectorPorts};
+use crate::contact::{Contact, ContactsFormat};
+use crate::core::item::Item;
+use crate::core::params::Params;
+use crate::core::random::Draw;
+use crate::core::solo::Solo;
+use crate::core::time::{TICKS_PER_SECOND, Tick, ticks};
+use crate::mesh::MeshFormat;
+use crate::mesh::generate::{SlidingPlanes, Synthetic};
+
+fn params() -> SlidingSpeedParams {
+    SlidingSpeedParams::read(&|_| None).expect("every parameter has a default")
+}
+
+fn sliding(slides: &[f32]) -> Vec<Contact> {
+    let contact = |&slide| Contact { surface: 1, slide, ..Contact::default() };
+    slides.iter().map(contact).collect()
+}
+
+fn one_vertex() -> ContactsFormat {
+    ContactsFormat { areas: vec![1e-4].into(), slots: 1 }
+}
+
+fn speeds(p: SlidingSpeedParams, rate: Rate, contacts: Vec<Contact>) -> Vec<f32> {
+    let solo = Solo::new::<SlidingSpeed>(p).input(SlidingSpeedPorts::contacts, rate, one_vertex(), contacts);
+    solo.run().unwrap().stream(SlidingSpeedPorts::speeds)
+}
+
+#[test]
+fn two_planes_slide_at_their_speed_from_meshes_on() {
+    let rate = Rate::hz(60);
+    let scene = SlidingPlanes { vertices: [4, 4], size: [0.4, 0.4], gap: 0.01, speed: 0.25 };
+    let topology = scene.topology();
+    let mut frames = vec![[0.0; 3]; 32 * 60];
+    for (k, frame) in frames.chunks_exact_mut(32).enumerate() {
+        scene.positions(k as f64 / 60.0, frame);
+    }
+    let detect = ContactDetectorParams { radius: 0.02, ..Params::read(&|_| None).unwrap() };
+    let detector = Solo::new::<ContactDetector>(detect).input(
+        ContactDetectorPorts::mesh,
+        rate,
+        MeshFormat::moving(topology),
+        frames,
+    );
+    let format = detector.shape().unwrap().outputs[0].as_ref().unwrap().format::<Contacts>().unwrap().clone();
+    let total: f32 = format.areas.iter().sum();
+    assert!((total - 2.0 * 0.16).abs() < 1e-6, "{total}");
+    let contacts = detector.run().unwrap().stream(ContactDetectorPorts::contacts);
+    let solo = Solo::new::<SlidingSpeed>(params()).input(SlidingSpeedPorts::contacts, rate, format, contacts);
+    let run = solo.run().unwrap();
+    let found = run.stream(SlidingSpeedPorts::speeds);
+    assert_eq!(found.len(), 40 * 32);
+    // 1/120 s passes before the first sample, and 1.5 frames are left after the last.
+    assert!(found[..32].iter().all(|s| *s == 0.0));
+    // The rows at the ends leave the other plane; those between lie over it for the first half second.
+    for (item, speeds) in found.chunks_exact(32).enumerate().take(20).skip(1) {
+        let inner = speeds.iter().enumerate().filter(|(v, _)| (1..3).contains(&(v % 4)));
+        assert!(inner.clone().count() == 16 && inner.clone().all(|(_, s)| (s - 0.25).abs() < 1e-4), "{item}");
+    }
+    let told = |name| run.summary.iter().find(|(n, _)| *n == name).unwrap().1.as_f64().unwrap();
+    assert!((told("fastest") - 0.25).abs() < 1e-4 && told("gated_share") == 0.0);
+}
+
+#[test]
+fn midpoints_of_known_samples_have_the_known_values() {
+    // The samples 0, 0, 2, 3, 3, 0 of the specification, at twice their rate and half a frame late.
+    let slides = [0.0, 0.0, 2.0, 3.0, 3.0, 0.0, 0.0].map(|s| s / 10.0);
+    let p = SlidingSpeedParams { rate: Rate::hz(20), stamp: Stamp::Start, ..params() };
+    let found = speeds(p, Rate::hz(10), sliding(&slides));
+    let expected = [0.0, 0.0, 0.0, 5.0 / 6.0, 2.0, 8.0 / 3.0, 3.0, 3.0, 3.0, 2.0625, 0.0, 0.0, 0.0, 0.0];
+    assert_eq!(found.len(), expected.len());
+    assert!(found.iter().zip(expected).all(|(f, e)| (f - e).abs() < 1e-6), "{found:?}");
+    let late = SlidingSpeedParams { rate: Rate::hz(20), between: Between::Linear, ..params() };
+    let found = speeds(late, Rate::hz(10), sliding(&slides));
+    let expected = [0.0, 0.0, 0.0, 0.0, 1.0, 2.0, 2.5, 3.0, 3.0, 3.0, 1.5, 0.0, 0.0, 0.0];
+    assert!(found.iter().zip(expected).all(|(f, e)| (f - e).abs() < 1e-6), "{found:?}");
+}
+
+#[test]
+fn gates_silence_slow_runs() {
+    let slow = 0.01 / 40.0;
+    let mut slides = vec![slow; 40];
+    slides[35] = 0.1 / 40.0;
+    let at = |p: SlidingSpeedParams| {
+        let p = SlidingSpeedParams { stamp: Stamp::Start, ..p };
+        speeds(p, Rate::hz(40), sliding(&slides)).iter().position(|s| *s > 0.0)
+    };
+    assert_eq!(at(SlidingSpeedParams { gate: SpeedGate::Interval, max_hold: 0.25, ..params() }), Some(25));
+    assert_eq!(at(SlidingSpeedParams { gate: SpeedGate::Ever, ..params() }), Some(0));
+    assert_eq!(at(SlidingSpeedParams { gate: SpeedGate::Causal, ..params() }), Some(35));
+    assert_eq!(at(SlidingSpeedParams { threshold: 0.5, ..params() }), None);
+}
+
+#[test]
+fn the_gate_of_the_whole_take_is_refused_for_an_endless_stream() {
+    let links = [vec![crate::core::shape::LinkShape::Stream(
+        crate::core::item::StreamShape::new::<Contacts>(Rate::hz(60), one_vertex(), None),
+    )]];
+    let files = crate::core::files::MemoryFiles::default();
+    let mut raw = crate::core::shape::RawShape::new(&links, 1, &files);
+    let p = SlidingSpeedParams { gate: SpeedGate::Ever, ..params() };
+    assert_eq!(SlidingSpeed::shape(&p, &mut Shape::new(&mut raw)).unwrap_err().code, "F075");
+    assert!(SlidingSpeed::shape(&params(), &mut Shape::new(&mut raw)).is_ok());
+}
+
+#[test]
+fn windows_of_any_length_give_the_same_speeds_for_every_gate_and_rate() {
+    let mut draw = Draw::new(5);
+    let format = ContactsFormat { areas: vec![1e-4; 3].into(), slots: 2 };
+    let contacts: Vec<Contact> = (0..70 * 6).map(|k| Contacts::trial(&format, k % 6, &mut draw)).collect();
+    for gate in [SpeedGate::Interval, SpeedGate::Ever, SpeedGate::Causal] {
+        for (rate, between) in [(40, Between::Pchip), (7, Between::Pchip), (1000, Between::Linear)] {
+            let p = SlidingSpeedParams {
+                gate,
+                between,
+                rate: Rate::hz(rate),
+                threshold: 0.5,
+                max_hold: 0.1,
+                ..params()
+            };
+            let run = |window: Tick| {
+                let solo = Solo::new::<SlidingSpeed>(p.clone()).input(
+                    SlidingSpeedPorts::contacts,
+                    Rate::hz(60),
+                    format.clone(),
+                    contacts.clone(),
+                );
+                let mut solo = solo.window(window);
+                solo.poison = true;
+                solo.run().unwrap().stream(SlidingSpeedPorts::speeds)
+            };
+            let whole = run(2 * TICKS_PER_SECOND);
+            assert!(whole.iter().all(|s| s.is_finite()) && whole.iter().any(|s| *s > 0.0));
+            for window in [0.001, 0.0177, 0.1] {
+                assert_eq!(run(ticks(window)), whole, "{gate:?} {rate} {window}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_speed_map_of_its_own_equals_the_one_inside() {
+    let slides = [0.0, 0.1, 0.2, 0.4, 0.1, 0.0];
+    let inside = SlidingSpeedParams { factor: 0.25, power: 1.5, ..params() };
+    let mapped = speeds(inside, Rate::hz(60), sliding(&slides));
+    let plain = speeds(params(), Rate::hz(60), sliding(&slides));
+    let solo =
+        Solo::new::<crate::core::node::PerItem<SpeedMapNode>>(SpeedMapParams { factor: 0.25, power: 1.5 })
+            .input::<Speeds>(crate::core::ports::Port::new(0), Rate::hz(40), vec![1e-4].into(), plain);
+    assert_eq!(solo.run().unwrap().stream::<Speeds>(crate::core::ports::Port::new(0)), mapped);
+}

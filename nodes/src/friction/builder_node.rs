@@ -1,0 +1,258 @@
+//! The roller measurement as a node: a whole recording in, a friction model out.
+
+use super::builder::{BuilderParams, build};
+use super::encoder::EncoderTrack;
+use super::model::{FrictionModel, Source};
+use crate::core::fault::{Fault, Reject};
+use crate::core::files::MemoryFiles;
+use crate::core::node::{Class, Node, Summary};
+use crate::core::params::{AssetPath, Params, Text};
+use crate::core::ports::{Fold, In, Stream};
+use crate::core::random::Draw;
+use crate::core::shape::{Build, Incoming, Shape};
+use crate::{params, ports};
+
+params! {
+    /// Measures a friction model: cloth turns on a roller against cloth while an encoder notes its speed.
+    ///
+    /// Cuts the recording into clips under a triangular window, drops those on the seam, at rest or changing speed, and
+    /// averages the power of clips of like speed. The channels of the recording are averaged first. The sound of the
+    /// roller at rest can be given to be subtracted as the noise floor; without it, broadband noise holds much of what is
+    /// interpolated.
+    ///
+    /// # Source
+    /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 2. The
+    /// paper keeps one spectrum per clip, whose bins scatter by 100 %: `raw` does that.
+    pub struct FrictionModelBuilderParams {
+        /// CSV of the encoder with the header `time_s,speed_m_s` or `time_s,angle_rad`; time 0 is the first sample.
+        encoder: AssetPath;
+        /// Radius of the roller with the cloth on it, for angles and seams.
+        roller_radius: f64 = 0.0, unit "m", range 0.0..=100.0;
+        /// Angles that the seam covers, from and to.
+        seams: Vec<[f64; 2]> = Vec::new(), unit "rad", range -1000.0..=1000.0;
+        /// Length of a clip.
+        clip: f64 = 0.05, unit "s", range 0.001..=10.0;
+        /// Distance of clips.
+        hop: f64 = 0.0125, unit "s", range 0.0001..=10.0;
+        /// Logarithmic bins of speed.
+        n_speed: usize = 32, unit "bins", range 2..=4096;
+        /// One spectrum per clip instead of averages, as in the paper.
+        raw: bool = false;
+        /// Slowest speed to be measured.
+        min_speed: f64 = 0.001, unit "m/s", range 0.000001..=100.0;
+        /// Largest change of speed within a clip, relative to the speed at its centre.
+        speed_change: f64 = 0.2, unit "", range 0.0..=10.0;
+        /// Cut-off of the high-pass on the spectra; 0 only removes DC.
+        high_pass: f64 = 20.0, unit "Hz", range 0.0..=1000.0;
+        /// Sliding area that the recording heard; levels are stored per 1e-4 m^2.
+        contact_area: f64 = 0.0001, unit "m^2", range 0.000000001..=100.0;
+        /// The two materials.
+        materials: [Text; 2] = ["cloth".into(), "cloth".into()];
+        /// What was recorded and by whom.
+        provenance: Text = "".into();
+        /// The licence of the recording.
+        licence: Text = "".into();
+    }
+}
+
+ports! {
+    pub struct FrictionModelBuilderPorts / FrictionModelBuilderIo {
+        in {
+            /// The recording of the roller.
+            recording: Stream<f32>,
+            /// The same roller at rest, at the same rate: the noise floor.
+            rest: Option<Stream<f32>>,
+        }
+        out {
+            /// The friction model, once the recording has ended.
+            model: Fold<FrictionModel>,
+        }
+    }
+}
+
+/// The node over [`build`].
+pub struct FrictionModelBuilder {
+    fs: f64,
+    encoder: EncoderTrack,
+    params: BuilderParams,
+    recording: Take,
+    rest: Option<Take>,
+}
+
+/// A whole recording, mono.
+struct Take {
+    samples: Vec<f32>,
+    length: usize,
+}
+
+/// Longest recording, in samples: half an hour at 192 kHz.
+const LONGEST: i64 = 1800 * 192_000;
+
+impl Take {
+    fn new(audio: &Incoming<f32>) -> Self {
+        let length = audio.items().unwrap_or(0).clamp(0, LONGEST) as usize;
+        Self { samples: Vec::with_capacity(length), length }
+    }
+
+    /// Adds a window, without what stands after the end of the recording.
+    fn add(&mut self, audio: &In<'_, f32>) {
+        let width = audio.width().max(1);
+        let left = self.length.saturating_sub(self.samples.len());
+        let mean = |frame: &[f32]| frame.iter().sum::<f32>() / width as f32;
+        self.samples.extend(audio.items().chunks_exact(width).take(left).map(mean));
+    }
+}
+
+fn check_length(port: &str, audio: &Incoming<f32>) -> Result<(), Reject> {
+    match audio.items() {
+        Some(samples) if samples <= LONGEST => Ok(()),
+        found => {
+            let length = found.map_or("does not end".into(), |n| format!("has {n} samples"));
+            let message = format!("`{port}` {length}; a recording of at most {LONGEST} samples is needed");
+            Err(Reject::new("F075", message).at(port).help("give a recorded file, or cut the stream"))
+        }
+    }
+}
+
+impl Node for FrictionModelBuilder {
+    type Params = FrictionModelBuilderParams;
+    type Ports = FrictionModelBuilderPorts;
+    const NAME: &'static str = "FrictionModelBuilder";
+    const CLASS: Class = Class::Offline;
+
+    fn shape(
+        p: &FrictionModelBuilderParams,
+        s: &mut Shape<'_, '_, FrictionModelBuilderPorts>,
+    ) -> Result<(), Reject> {
+        let recording = s.input(FrictionModelBuilderPorts::recording);
+        check_length("recording", &recording)?;
+        if let Some(rest) = s.optional(FrictionModelBuilderPorts::rest) {
+            check_length("rest", &rest)?;
+            crate::core::node::same_rate("rest", recording.rate, rest.rate)?;
+        }
+        let bytes = s.bytes("encoder", &p.encoder.0)?;
+        EncoderTrack::from_csv(&bytes).map_err(|e| Reject::new("F077", e.to_string()).at("encoder"))?;
+        Ok(())
+    }
+
+    fn build(p: &FrictionModelBuilderParams, cx: &Build<'_>) -> Result<Self, Fault> {
+        let recording = cx.input(FrictionModelBuilderPorts::recording);
+        let encoder = EncoderTrack::from_csv(&cx.bytes("encoder", &p.encoder.0)?);
+        let params = BuilderParams {
+            material_pair: p.materials.clone().map(|name| name.0),
+            clip: p.clip,
+            hop: p.hop,
+            roller_radius: p.roller_radius,
+            seams: p.seams.iter().map(|&[from, to]| (from, to)).collect(),
+            speed_change: p.speed_change,
+            min_speed: p.min_speed,
+            n_speed: p.n_speed,
+            raw: p.raw,
+            high_pass: p.high_pass,
+            contact_area: p.contact_area,
+            sources: vec![Source { provenance: p.provenance.0.clone(), licence: p.licence.0.clone() }],
+        };
+        Ok(Self {
+            fs: recording.rate.as_f64(),
+            encoder: encoder.map_err(|e| Fault::new("F077", e.to_string()).at("encoder"))?,
+            params,
+            recording: Take::new(&recording),
+            rest: cx.optional(FrictionModelBuilderPorts::rest).map(|rest| Take::new(&rest)),
+        })
+    }
+
+    fn run(&mut self, io: FrictionModelBuilderIo<'_>) -> Result<(), Fault> {
+        self.recording.add(&io.recording);
+        if let (Some(take), Some(audio)) = (&mut self.rest, &io.rest) {
+            take.add(audio);
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self, mut io: FrictionModelBuilderIo<'_>) -> Result<Summary, Fault> {
+        let rest = self.rest.as_ref().map(|take| &take.samples[..]);
+        let model = build(&self.recording.samples, self.fs, &self.encoder, rest, &self.params)
+            .map_err(|e| Fault::new("F077", e.to_string()).at("recording"))?;
+        let summary = told(&model);
+        io.model.set(model);
+        Ok(summary)
+    }
+
+    fn trial(draw: &mut Draw) -> (FrictionModelBuilderParams, MemoryFiles) {
+        let mut files = MemoryFiles::default();
+        files.insert("encoder.csv", "time_s,speed_m_s\n0,0.1\n0.05,0.3\n0.5,1.0\n10,1.2\n1000,9.0\n");
+        let params = FrictionModelBuilderParams {
+            encoder: "encoder.csv".into(),
+            clip: draw.between(0.06, 0.2),
+            hop: draw.between(0.03, 0.06),
+            speed_change: 10.0,
+            seams: Vec::new(),
+            min_speed: 0.001,
+            high_pass: draw.between(0.0, 10.0),
+            ..FrictionModelBuilderParams::trial(draw)
+        };
+        (params, files)
+    }
+}
+
+/// What the report says of a model.
+pub(super) fn told(model: &FrictionModel) -> Summary {
+    let (slowest, fastest) = model.speed_range();
+    let rejected = &model.rejected;
+    vec![
+        ("speeds", model.speeds.len().into()),
+        ("slowest", slowest.into()),
+        ("fastest", fastest.into()),
+        ("clips", model.clips.iter().sum::<u32>().into()),
+        ("rejected_seam", rejected.seam.into()),
+        ("rejected_speed_change", rejected.speed_change.into()),
+        ("rejected_at_rest", rejected.at_rest.into()),
+        ("rejected_silent", rejected.silent.into()),
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::core::item::Channels;
+    use crate::core::random::Random;
+    use crate::core::solo::Solo;
+    use crate::core::time::{Rate, ticks};
+
+    /// Noise twice as loud in the second half, where the encoder says that the roller turns twice as fast.
+    fn solo(window: f64) -> Solo {
+        let random = Random::new(1, "roller");
+        let noise = |i: u64| (random.uniform(0, i, 0) - 0.5) as f32 * if i < 8000 { 0.1 } else { 0.2 };
+        let stereo = (0..16_000).flat_map(|i| [noise(i), noise(i)]).collect();
+        let text: crate::core::params::Datum = crate::core::params::Datum::Text("encoder.csv".into());
+        let p = FrictionModelBuilderParams::read(&|name| (name == "encoder").then(|| text.clone())).unwrap();
+        let p = FrictionModelBuilderParams { high_pass: 0.0, ..p };
+        let mut solo = Solo::new::<FrictionModelBuilder>(p)
+            .input(FrictionModelBuilderPorts::recording, Rate::hz(8000), Channels(2), stereo)
+            .optional(FrictionModelBuilderPorts::rest, Rate::hz(8000), Channels(1), vec![0.0; 4000])
+            .window(ticks(window));
+        solo.files.insert("encoder.csv", "time_s,speed_m_s\n0,0.2\n0.99,0.2\n1.01,0.4\n2,0.4\n");
+        solo
+    }
+
+    #[test]
+    fn the_model_of_a_recording_rises_with_speed_and_does_not_depend_on_windows() {
+        let model =
+            |window| solo(window).run().unwrap().value(0).unwrap().get::<FrictionModel>().unwrap().clone();
+        let whole = model(3.0);
+        let (low, high) = (whole.power(0.2), whole.power(0.4));
+        assert!((high / low / 4.0 - 1.0).abs() < 0.1, "{low} {high}");
+        assert!((low - 0.01 / 12.0).abs() < 0.1 * low, "{low}");
+        for window in [0.001, 0.0177] {
+            assert_eq!(model(window), whole);
+        }
+    }
+
+    #[test]
+    fn what_is_wrong_with_the_encoder_is_told_before_the_run() {
+        let mut solo = solo(1.0);
+        solo.files.insert("encoder.csv", "t,v\n0,1\n");
+        let reject = solo.shape().unwrap_err();
+        assert_eq!((reject.code, reject.field.as_deref()), ("F077", Some("encoder")));
+    }
+}

@@ -1,0 +1,203 @@
+//! Friction noise as a node.
+
+use super::ift_noise::{AreaWeight, ClipInput, Emitters, IftNoise, IftNoiseParams, Magnitude};
+use super::interpolate::Gain;
+use super::model::MAX_CLIP_SAMPLES;
+use super::{ClipStream, FrictionModel, Window};
+use crate::contact::Speeds;
+use crate::core::fault::{Fault, Reject};
+use crate::core::files::MemoryFiles;
+use crate::core::item::Channels;
+use crate::core::node::{Class, Node, Summary};
+use crate::core::params::{Param, Params};
+use crate::core::ports::{Stream, Value};
+use crate::core::random::Draw;
+use crate::core::shape::{Build, Shape};
+use crate::core::time::Rate;
+use crate::{choices, params, ports};
+
+choices! { @param Window {
+    /// Square root of a triangle: the power of overlapping clips is constant.
+    SqrtTriangle,
+    /// Half a sine: constant power too, smooth at its top.
+    Sine,
+    /// Plain triangle, for comparison: 3 dB dips at the clip rate.
+    Triangle,
+} }
+
+choices! { @param Magnitude {
+    /// Every bin has the magnitude that the model says, as in the paper.
+    Fixed,
+    /// Magnitudes are Rayleigh distributed around it, as in Gaussian noise.
+    Rayleigh,
+} }
+
+choices! { @param AreaWeight {
+    /// Power in proportion to the area of cloth that a vertex stands for, so that a finer mesh is not louder.
+    Sqrt,
+    /// Every vertex alike, as in the paper: four times the vertices are 6 dB louder.
+    None,
+} }
+
+choices! { @param Gain {
+    /// The sum of amplitudes is linear in speed, the paper's reading; loses power between spectra of unequal width.
+    Mass,
+    /// The sum of squared amplitudes is linear in speed.
+    Rms,
+} }
+
+choices! {
+    /// How vertices become sound sources.
+    pub enum EmitterKind {
+        /// The powers of all vertices are added before phases are drawn: one transform per clip.
+        Clustered,
+        /// Every vertex has phases of its own: the reference, and slow.
+        PerVertex,
+    }
+}
+
+params! {
+    /// The sound of sliding cloth: noise with the friction model's spectrum at the speed of every vertex.
+    ///
+    /// Each item of `speeds` is the middle of one clip; clips overlap by half and so are two items long: 50 ms at 40
+    /// speeds per second. A clip has the model's amplitudes and random phases and is made by an inverse Fourier transform.
+    /// Speeds outside of the model are clamped above and fall off in level below; the summary tells their shares. Vertices
+    /// that do not slide cost nothing, and where none slides the output is exactly zero.
+    ///
+    /// There must be a whole number of samples from one speed to the next. This node makes audio from something that is
+    /// none, so it has a sample rate of its own; everything after it follows.
+    ///
+    /// # Source
+    /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 2; Rodet
+    /// and Depalle, "Spectral envelopes and inverse FFT synthesis" (1992). The paper gives no output window; the triangle
+    /// of its analysis would dip by 3 dB at the clip rate.
+    pub struct IftNoiseNodeParams {
+        /// Sample rate of the audio.
+        rate: Rate = Rate::hz(48_000);
+        /// Cross-fade between clips.
+        window: Window = Window::SqrtTriangle;
+        /// Magnitude of a bin around its expected value.
+        magnitude: Magnitude = Magnitude::Fixed;
+        /// How vertices become sound sources.
+        emitters: EmitterKind = EmitterKind::Clustered;
+        /// How loud a vertex is for its area.
+        area_weight: AreaWeight = AreaWeight::Sqrt;
+        /// Level of spectra between measured speeds.
+        gain: Gain = Gain::Rms;
+        /// Factor on the output.
+        level: f32 = 1.0, unit "", range 0.0..=1000.0;
+    }
+}
+
+ports! {
+    pub struct IftNoisePorts / IftNoiseIo {
+        in {
+            /// Sliding speed per vertex.
+            speeds: Stream<Speeds>,
+            /// Power density per speed.
+            model: Value<FrictionModel>,
+        }
+        out {
+            /// Friction sound, mono, full scale +-1.
+            audio: Stream<f32>,
+        }
+    }
+}
+
+/// The node over [`ClipStream`].
+pub struct IftNoiseNode {
+    clips: ClipStream,
+    level: f32,
+    peak: f32,
+}
+
+/// Samples from one speed to the next.
+fn hop(audio: Rate, speeds: Rate) -> Result<usize, Reject> {
+    let exact = audio.num() as f64 * speeds.den() as f64 / (audio.den() as f64 * speeds.num() as f64);
+    let most = MAX_CLIP_SAMPLES as f64 / 2.0;
+    let nearest = exact.round().clamp(1.0, most) as u64;
+    let fitting = audio.divided_by(nearest);
+    if fitting == Some(speeds) {
+        return Ok(nearest as usize);
+    }
+    let found = format!("{exact:.3} samples at {audio} from one speed to the next at {speeds}");
+    let reject =
+        Reject::new("F074", format!("{found}; a whole number is needed, of at most {most}")).at("speeds");
+    Err(match fitting {
+        Some(rate) => reject.help(format!("set `rate: {}` on the node that gives the speeds", rate.write())),
+        None => reject,
+    })
+}
+
+impl Node for IftNoiseNode {
+    type Params = IftNoiseNodeParams;
+    type Ports = IftNoisePorts;
+    const NAME: &'static str = "IftNoise";
+    const CLASS: Class = Class::Worker;
+    const COST: f64 = 50.0;
+
+    fn shape(p: &IftNoiseNodeParams, s: &mut Shape<'_, '_, IftNoisePorts>) -> Result<(), Reject> {
+        let speeds = s.input(IftNoisePorts::speeds);
+        hop(p.rate, speeds.rate)?;
+        if let Some(model) = s.value(IftNoisePorts::model) {
+            model.validate().map_err(|e| Reject::new("F076", e.to_string()).at("model"))?;
+        }
+        s.reach(IftNoisePorts::speeds, 1, 1);
+        s.output(IftNoisePorts::audio, p.rate, Channels(1));
+        Ok(())
+    }
+
+    fn build(p: &IftNoiseNodeParams, cx: &Build<'_>) -> Result<Self, Fault> {
+        let speeds = cx.input(IftNoisePorts::speeds);
+        let model = cx.value(IftNoisePorts::model);
+        let clip = 2 * hop(p.rate, speeds.rate)?;
+        let fs = p.rate.as_f64();
+        let params = IftNoiseParams {
+            clip: clip as f64 / fs,
+            window: p.window,
+            magnitude: p.magnitude,
+            emitters: match p.emitters {
+                EmitterKind::Clustered => Emitters::default(),
+                EmitterKind::PerVertex => Emitters::PerVertex,
+            },
+            area_weight: p.area_weight,
+            gain: p.gain,
+        };
+        let noise = IftNoise::new(&model, fs, params, &speeds.format, cx.random);
+        let noise = noise.map_err(|e| Fault::new("F076", e.to_string()).at("model"))?;
+        Ok(Self { clips: ClipStream::new(noise), level: p.level, peak: 0.0 })
+    }
+
+    fn run(&mut self, mut io: IftNoiseIo<'_>) -> Result<(), Fault> {
+        let (speeds, first) = (&io.speeds, io.speeds.first());
+        let from = io.audio.first().max(0) as u64;
+        let out = io.audio.items();
+        let clip =
+            |clip: u64| ClipInput { speeds: speeds.item((clip as i64 - first) as isize), positions: None };
+        self.clips.fill(from, out, clip).map_err(|e| Fault::new("F076", e.to_string()).at("speeds"))?;
+        for x in out {
+            *x *= self.level;
+            self.peak = self.peak.max(x.abs());
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self, _: IftNoiseIo<'_>) -> Result<Summary, Fault> {
+        let coverage = self.clips.noise().coverage();
+        Ok(vec![
+            ("emitter_clips", coverage.sliding.into()),
+            ("share_above", coverage.share_above().into()),
+            ("share_below", coverage.share_below().into()),
+            ("peak", self.peak.into()),
+        ])
+    }
+
+    fn trial(draw: &mut Draw) -> (IftNoiseNodeParams, MemoryFiles) {
+        // Rates that every common rate of speeds divides.
+        let rate = [6000, 12_000, 24_000][draw.below(3)];
+        (IftNoiseNodeParams { rate: Rate::hz(rate), ..Params::trial(draw) }, MemoryFiles::default())
+    }
+}
+
+#[cfg(test)]
+mod tests;

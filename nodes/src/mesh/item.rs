@@ -1,0 +1,72 @@
+//! Meshes that travel between nodes.
+
+use std::sync::Arc;
+
+use super::Topology;
+use super::generate::{FlatSheet, Synthetic};
+use crate::core::item::Item;
+use crate::core::random::Draw;
+
+/// A triangle mesh that moves: one position in metres per vertex and frame, over faces that stay.
+#[derive(Debug)]
+pub struct Mesh;
+
+/// What is fixed about a moving mesh.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MeshFormat {
+    /// Triangles and rest pose.
+    pub topology: Arc<Topology>,
+    /// Whether every frame is the rest pose, so that the rate of the stream says nothing.
+    pub still: bool,
+}
+
+impl MeshFormat {
+    /// The format of a mesh that moves.
+    #[must_use]
+    pub fn moving(topology: Topology) -> Self {
+        Self { topology: Arc::new(topology), still: false }
+    }
+}
+
+impl Item for Mesh {
+    type Elem = [f32; 3];
+    type Format = MeshFormat;
+    const NAME: &'static str = "mesh";
+    const COLUMNS: &'static [&'static str] = &["x", "y", "z"];
+
+    fn width(format: &MeshFormat) -> usize {
+        format.topology.vertex_count()
+    }
+
+    fn describe(format: &MeshFormat) -> String {
+        let Topology { rest, triangles } = &*format.topology;
+        let still = if format.still { ", still" } else { "" };
+        format!("{} vertices, {} triangles{still}", rest.len(), triangles.len())
+    }
+
+    fn trial_format(draw: &mut Draw) -> MeshFormat {
+        let vertices = [2 + draw.below(4), 2 + draw.below(4)];
+        let mut sheet = FlatSheet { vertices, size: [0.1, 0.1], velocity: [0.0; 3] }.topology();
+        // Some height, so that sheets of one trial pass through each other.
+        let height = draw.between(0.0, 0.04) as f32;
+        sheet.rest.iter_mut().for_each(|p| p[2] += height);
+        MeshFormat::moving(sheet)
+    }
+
+    fn trial(format: &MeshFormat, place: usize, draw: &mut Draw) -> [f32; 3] {
+        let rest = format.topology.rest.get(place).copied().unwrap_or_default();
+        rest.map(|x| x + draw.between(-0.01, 0.01) as f32)
+    }
+
+    fn finite(elem: &[f32; 3]) -> bool {
+        elem.iter().all(|x| x.is_finite())
+    }
+
+    fn poison() -> [f32; 3] {
+        [f32::NAN; 3]
+    }
+
+    fn numbers(elem: &[f32; 3], out: &mut Vec<f32>) {
+        out.extend(elem);
+    }
+}

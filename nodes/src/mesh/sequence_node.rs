@@ -1,0 +1,349 @@
+//! Animated meshes from files as a source of motion.
+
+use std::io::{Read, SeekFrom};
+use std::sync::Arc;
+
+use super::{
+    FrameReader, FrameSampler, Mesh, MeshError, MeshFormat, MeshStream, ObjMesh, OpenFrame, ReadOptions,
+    UpAxis, alembic, gltf, nominal_rate, open_mdd, open_obj_sequence, open_pc2,
+};
+use crate::core::fault::{Fault, Reject};
+use crate::core::files::{Files, MemoryFiles, ReadSeek};
+use crate::core::node::{Class, Node, Summary};
+use crate::core::params::{AssetPath, Text};
+use crate::core::ports::Stream;
+use crate::core::random::Draw;
+use crate::core::shape::{Build, Shape};
+use crate::core::time::Rate;
+use crate::{choices, params, ports};
+
+choices! { @param UpAxis {
+    /// Y points upward, as usual in Alembic and glTF.
+    Y,
+    /// Z points upward.
+    Z,
+} }
+
+params! {
+    /// An animated mesh from a file, frame by frame.
+    ///
+    /// Reads Alembic (Ogawa), PC2 and MDD point caches, Wavefront OBJ, numbered OBJ sequences, and glTF or GLB; the
+    /// content decides, then the ending of the name. Frames whose times do not lie on the output's rate are
+    /// interpolated linearly in time. A mesh with one frame is still and never ends: a body that others touch.
+    ///
+    /// The faces must be the same in every frame. Vertices are never joined.
+    ///
+    /// # Source
+    /// PC2: Autodesk's point cache of 3ds Max; MDD: LightWave's motion designer; glTF 2.0 (Khronos, ISO/IEC 12113).
+    pub struct MeshSequenceParams {
+        /// The animation: one file, or a pattern such as `frame_####.obj` whose `#` run stands for the frame number.
+        path: AssetPath;
+        /// OBJ with the faces and the rest pose, which a PC2 or MDD needs and the other formats have in them.
+        base: Option<AssetPath> = None;
+        /// Which mesh of the file: an Alembic path, a glTF node or mesh, an OBJ object or group; None where there is one.
+        mesh: Option<Text> = None;
+        /// Which animation of a glTF; None for the first.
+        animation: Option<Text> = None;
+        /// Frames per second. A PC2 or OBJ sequence needs it, since such files tell no times. None takes the usual rate
+        /// that the times of the file are spaced by, and 60 for a still mesh.
+        fps: Option<Rate> = None;
+        /// Length of one unit of the file, as 0.01 for centimetres.
+        metres_per_unit: f64 = 1.0, unit "m", range 0.000001..=1000000.0;
+        /// The axis that points upward in the file, to be turned to Z; None leaves positions as they are.
+        up: Option<UpAxis> = None;
+        /// Time in the file at which the stream starts; None for its first frame. The mesh stands still outside of its frames.
+        start: Option<f64> = None, unit "s", range -86400.0..=86400.0;
+        /// Length of the stream; None goes to the last frame.
+        duration: Option<f64> = None, unit "s", range 0.0..=86400.0;
+    }
+}
+
+ports! {
+    pub struct MeshSequencePorts / MeshSequenceIo {
+        in {}
+        out {
+            /// The moving mesh, in metres.
+            mesh: Stream<Mesh>,
+        }
+    }
+}
+
+/// The node over the readers of this module.
+pub struct MeshSequence {
+    frames: Box<dyn FrameReader>,
+    sampler: FrameSampler,
+    start: f64,
+}
+
+/// What `shape` and `build` both can do with files.
+trait Assets {
+    fn open(&mut self, field: &str, path: &str) -> Result<Box<dyn ReadSeek>, Reject>;
+    fn sequence(&mut self, path: &str) -> Result<Vec<String>, Reject>;
+    /// Opens the files of a sequence by number, as far as the caller will ask for them.
+    fn frames(&mut self, paths: Vec<String>) -> Result<OpenFrame, Reject>;
+
+    fn bytes(&mut self, field: &str, path: &str) -> Result<Vec<u8>, Reject> {
+        let mut all = Vec::new();
+        match self.open(field, path)?.read_to_end(&mut all) {
+            Ok(_) => Ok(all),
+            Err(e) => Err(Reject::new("F061", format!("cannot read {path:?}: {e}")).at(field)),
+        }
+    }
+}
+
+impl<P> Assets for Shape<'_, '_, P> {
+    fn open(&mut self, field: &str, path: &str) -> Result<Box<dyn ReadSeek>, Reject> {
+        Shape::open(self, field, path)
+    }
+
+    fn sequence(&mut self, path: &str) -> Result<Vec<String>, Reject> {
+        Ok(Shape::sequence(self, "path", path)?.into_iter().map(|(_, file)| file).collect())
+    }
+
+    fn frames(&mut self, paths: Vec<String>) -> Result<OpenFrame, Reject> {
+        // Only the first frame is read before the run.
+        let first = Assets::bytes(self, "path", paths.first().map_or("", String::as_str))?;
+        Ok(Box::new(move |_| Ok(first.clone())))
+    }
+}
+
+impl Assets for &Build<'_> {
+    fn open(&mut self, field: &str, path: &str) -> Result<Box<dyn ReadSeek>, Reject> {
+        self.files.open(path).map_err(|e| Reject::new(e.code, e.message).at(field))
+    }
+
+    fn sequence(&mut self, path: &str) -> Result<Vec<String>, Reject> {
+        let found = self.files.sequence(path);
+        let found = found.map_err(|e| Reject::new(e.code, e.message).at("path"))?;
+        Ok(found.into_iter().map(|(_, file)| file).collect())
+    }
+
+    fn frames(&mut self, paths: Vec<String>) -> Result<OpenFrame, Reject> {
+        let (files, paths): (Arc<dyn Files>, _) = match self.files.kept() {
+            Some(files) => (files, paths),
+            None => {
+                let mut held = MemoryFiles::default();
+                for path in &paths {
+                    held.insert(path, Assets::bytes(self, "path", path)?);
+                }
+                (Arc::new(held), paths)
+            }
+        };
+        Ok(Box::new(move |frame| {
+            let path = paths.get(frame).ok_or(std::io::ErrorKind::NotFound)?;
+            files.bytes(path).map_err(|e| std::io::Error::other(e.message))
+        }))
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Format {
+    Alembic,
+    Pc2,
+    Mdd,
+    Obj,
+    ObjSequence,
+    Gltf,
+}
+
+fn wrong(field: &str, error: &MeshError) -> Reject {
+    let reject = Reject::new("F070", error.to_string());
+    match error {
+        MeshError::AmbiguousMesh { available } | MeshError::NoSuchMesh { available, .. } => {
+            let one = available.last().map_or("name", String::as_str);
+            reject.at("mesh").help(format!("set `mesh`, for example `mesh: {one:?}`"))
+        }
+        _ => reject.at(field),
+    }
+}
+
+/// What a file is, by its first bytes and otherwise by its name.
+fn sniff(file: &mut dyn ReadSeek, path: &str) -> Result<Format, Reject> {
+    let mut head = Vec::new();
+    let read = file.take(64).read_to_end(&mut head).and_then(|_| file.seek(SeekFrom::Start(0)));
+    read.map_err(|e| Reject::new("F061", format!("cannot read {path:?}: {e}")).at("path"))?;
+    let ending = path.rsplit_once('.').map(|(_, ending)| ending.to_ascii_lowercase()).unwrap_or_default();
+    let json = head.iter().find(|b| !b.is_ascii_whitespace()) == Some(&b'{');
+    Ok(match (&head[..], ending.as_str()) {
+        ([b'O', b'g', b'a', b'w', b'a', ..], _) | (_, "abc") => Format::Alembic,
+        (bytes, _) if bytes.starts_with(b"POINTCACHE2") => Format::Pc2,
+        (bytes, _) if bytes.starts_with(b"glTF") || json => Format::Gltf,
+        (_, "pc2") => Format::Pc2,
+        (_, "mdd") => Format::Mdd,
+        (_, "obj") => Format::Obj,
+        (_, "gltf" | "glb") => Format::Gltf,
+        _ => {
+            let message = format!("{path:?} is no animation that can be read");
+            return Err(Reject::new("F070", message).at("path").help(
+                "give Alembic (.abc), PC2, MDD, OBJ, a sequence such as \"frame_####.obj\", or glTF (.glb)",
+            ));
+        }
+    })
+}
+
+fn open(p: &MeshSequenceParams, assets: &mut dyn Assets) -> Result<(MeshStream, Format), Reject> {
+    let options = ReadOptions { metres_per_unit: p.metres_per_unit, ..ReadOptions::default() };
+    let (path, mesh) = (p.path.0.as_str(), p.mesh.as_ref().map(|name| name.0.as_str()));
+    let file = if path.contains('#') { None } else { Some(assets.open("path", path)?) };
+    let (format, file) = match file {
+        None => (Format::ObjSequence, None),
+        Some(mut file) => (sniff(&mut *file, path)?, Some(file)),
+    };
+    let file = file.unwrap_or_else(|| Box::new(std::io::empty()));
+    let failed = |e: MeshError| wrong("path", &e);
+    let stream = match format {
+        Format::Alembic => alembic::open(file, mesh, &options).map_err(failed)?,
+        Format::Pc2 => {
+            let base = base(p, "PC2", assets, &options)?;
+            open_pc2(file, &base, told_rate(p, "a PC2")?.as_f64(), &options).map_err(failed)?
+        }
+        Format::Mdd => {
+            let base = base(p, "MDD", assets, &options)?;
+            open_mdd(file, &base, &options).map_err(failed)?
+        }
+        Format::Obj => {
+            let frames = assets.frames(vec![path.to_owned()])?;
+            open_obj_sequence(frames, vec![0.0], mesh, &options).map_err(|e| match e {
+                MeshError::Frame { source, .. } => wrong("path", &source),
+                e => wrong("path", &e),
+            })?
+        }
+        Format::ObjSequence => {
+            let paths = assets.sequence(path)?;
+            let rate = told_rate(p, "an OBJ sequence")?.as_f64();
+            let times = (0..paths.len()).map(|k| k as f64 / rate).collect();
+            open_obj_sequence(assets.frames(paths)?, times, mesh, &options).map_err(failed)?
+        }
+        Format::Gltf => {
+            let selection = gltf::GltfSelection {
+                mesh: mesh.map(str::to_owned),
+                animation: p.animation.as_ref().map(|name| name.0.clone()),
+                fps: p.fps.map(Rate::as_f64),
+            };
+            let folder = path.rsplit_once('/').map(|(folder, _)| format!("{folder}/")).unwrap_or_default();
+            let bytes = assets.bytes("path", path)?;
+            let mut resolve = |address: &str| {
+                let bytes = assets.bytes("path", &format!("{folder}{address}"));
+                bytes.map_err(|e| std::io::Error::other(e.message))
+            };
+            gltf::open(&bytes, &selection, &mut resolve, &options).map_err(failed)?
+        }
+    };
+    Ok((stream.with_up_axis(p.up.unwrap_or(UpAxis::Z), UpAxis::Z), format))
+}
+
+fn base(
+    p: &MeshSequenceParams,
+    format: &str,
+    assets: &mut dyn Assets,
+    options: &ReadOptions,
+) -> Result<ObjMesh, Reject> {
+    let Some(base) = &p.base else {
+        let message = format!("{:?} is a {format} file, which holds positions but no faces", p.path.0);
+        return Err(Reject::new("F070", message)
+            .at("base")
+            .help("set `base` to the OBJ of the same mesh, with its vertices in the same order"));
+    };
+    let bytes = assets.bytes("base", &base.0)?;
+    let name = p.mesh.as_ref().map(|name| name.0.as_str());
+    ObjMesh::parse(&bytes, name, &options.limits).map_err(|e| wrong("base", &e))
+}
+
+/// The rate of a format that has no times.
+fn told_rate(p: &MeshSequenceParams, what: &str) -> Result<Rate, Reject> {
+    p.fps.ok_or_else(|| {
+        let message = format!("{what} file does not tell how many frames it has per second");
+        Reject::new("F071", message).at("fps").help("set `fps`, for example `fps: 60`")
+    })
+}
+
+/// The rate of the output.
+fn rate(p: &MeshSequenceParams, times: &[f64]) -> Result<Rate, Reject> {
+    if times.len() == 1 {
+        return Ok(p.fps.unwrap_or(Rate::hz(60)));
+    }
+    let usual = || nominal_rate(times).and_then(|(num, den)| Rate::new(num, den));
+    p.fps.or_else(usual).ok_or_else(|| {
+        let span = times[times.len() - 1] - times[0];
+        let message =
+            format!("the {} frames of {span} s are not spaced by any usual frame rate", times.len());
+        Reject::new("F071", message)
+            .at("fps")
+            .help("set `fps` to the rate to resample them to, for example `fps: 60`")
+    })
+}
+
+impl Node for MeshSequence {
+    type Params = MeshSequenceParams;
+    type Ports = MeshSequencePorts;
+    const NAME: &'static str = "MeshSequence";
+    const CLASS: Class = Class::Io;
+    const COST: f64 = 20.0;
+
+    fn shape(p: &MeshSequenceParams, s: &mut Shape<'_, '_, MeshSequencePorts>) -> Result<(), Reject> {
+        let (mut stream, format) = open(p, s)?;
+        if p.base.is_some() && !matches!(format, Format::Pc2 | Format::Mdd) {
+            s.note(format!("`base` has no effect: {:?} has faces of its own", p.path.0));
+        }
+        let clip = &stream.clip;
+        if clip.dropped_faces() > 0 {
+            s.note(format!("{} faces of fewer than three vertices were left out", clip.dropped_faces()));
+        }
+        let times = clip.times();
+        let rate = rate(p, times)?;
+        let (first, last) = (times[0], times[times.len() - 1]);
+        let hz = rate.as_f64();
+        // A frame that is only just inside, by rounding of its time, still counts.
+        let to_last = || ((last - p.start.unwrap_or(first)) * hz + 1e-3).floor() + 1.0;
+        let within = p.duration.map(|duration| (duration * hz - 1e-6).ceil());
+        let items = within.or((times.len() > 1).then(to_last)).map(|items| items.max(0.0) as i64);
+        let mut still = times.len() == 1;
+        if still {
+            let mut frame = vec![[0.0; 3]; clip.vertex_count()];
+            stream.frames.read_frame(0, &mut frame).map_err(|e| wrong("path", &e))?;
+            still = frame == stream.clip.topology().rest;
+        }
+        let topology = Arc::new(stream.clip.topology().clone());
+        s.output(MeshSequencePorts::mesh, rate, MeshFormat { topology, still });
+        s.ends(items.map(|items| rate.tick(items)));
+        Ok(())
+    }
+
+    fn build(p: &MeshSequenceParams, cx: &Build<'_>) -> Result<Self, Fault> {
+        let (stream, _) = open(p, &mut { cx })?;
+        let start = p.start.unwrap_or(stream.clip.times()[0]);
+        Ok(Self { sampler: FrameSampler::new(&stream.clip), frames: stream.frames, start })
+    }
+
+    fn run(&mut self, mut io: MeshSequenceIo<'_>) -> Result<(), Fault> {
+        let (first, width, rate) = (io.mesh.first(), io.mesh.width(), io.mesh.rate());
+        for (index, frame) in (first..).zip(io.mesh.items().chunks_exact_mut(width.max(1))) {
+            let time = self.start + index as f64 * rate.den() as f64 / rate.num() as f64;
+            self.sampler
+                .sample(&mut *self.frames, time, frame)
+                .map_err(|e| Fault::from(wrong("path", &e)).when(rate.tick(index)))?;
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self, _: MeshSequenceIo<'_>) -> Result<Summary, Fault> {
+        Ok(Summary::new())
+    }
+
+    fn trial(draw: &mut Draw) -> (MeshSequenceParams, MemoryFiles) {
+        let obj = |lift: usize| format!("v 0 0 {lift}\nv 1 0 0\nv 0 1 0\nv 1 1 0\nf 1 2 4 3\n");
+        let mut files = MemoryFiles::default();
+        let path = ["still.obj", "frame_####.obj"][draw.below(2)];
+        files.insert("still.obj", obj(0));
+        (1..5).for_each(|k| files.insert(format!("frame_{k:04}.obj"), obj(k)));
+        let mut params = <MeshSequenceParams as crate::core::params::Params>::trial(draw);
+        params = MeshSequenceParams { path: path.into(), base: None, mesh: None, animation: None, ..params };
+        params.fps = Some(params.fps.unwrap_or(Rate::hz(30)));
+        params.start = params.start.map(|start| (start / 1e5).abs());
+        params.duration = params.duration.map(|duration| duration % 1.0);
+        (params, files)
+    }
+}
+
+#[cfg(test)]
+mod tests;

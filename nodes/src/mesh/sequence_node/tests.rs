@@ -1,0 +1,150 @@
+//! The node over the readers: formats, rates, ends and what it says when something is missing.
+
+use super::super::point_cache::tests::{mdd, pc2};
+use super::*;
+use crate::core::params::Params;
+use crate::core::solo::Solo;
+use crate::core::time::{TICKS_PER_SECOND, seconds, ticks};
+
+const TRIANGLE: &str = "o sheet\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+
+fn params(path: &str) -> MeshSequenceParams {
+    let path = crate::core::params::Datum::Text(path.into());
+    MeshSequenceParams::read(&|name| (name == "path").then(|| path.clone())).expect("only the path is needed")
+}
+
+fn solo(p: MeshSequenceParams) -> Solo {
+    let mut solo = Solo::new::<MeshSequence>(p);
+    solo.files.insert("base.obj", TRIANGLE);
+    solo.files.insert("anim/sheet.pc2", pc2(4));
+    solo.files.insert("anim/odd.mdd", mdd(&[0.0, 0.037, 0.1, 0.3]));
+    solo.files.insert("anim/sheet.mdd", mdd(&[0.0, 0.04, 0.08, 0.16]));
+    for k in 8..12 {
+        solo.files.insert(format!("frame_{k:02}.obj"), TRIANGLE.replace("v 0 0 0", &format!("v 0 0 {k}")));
+    }
+    solo
+}
+
+fn frames(solo: &Solo) -> Vec<[f32; 3]> {
+    solo.run().unwrap().stream(MeshSequencePorts::mesh)
+}
+
+#[test]
+fn a_point_cache_gives_its_frames_at_the_told_rate() {
+    let p = MeshSequenceParams {
+        base: Some("base.obj".into()),
+        fps: Some(Rate::hz(20)),
+        ..params("anim/sheet.pc2")
+    };
+    // The file has a sample every half frame, so the stored frames lie at 40 Hz and every second one is given.
+    let solo = solo(p);
+    let shape = solo.shape().unwrap();
+    assert_eq!(shape.outputs[0].as_ref().unwrap().rate, Rate::hz(20));
+    assert_eq!(seconds(shape.end.unwrap()), 0.1);
+    let found = frames(&solo);
+    assert_eq!(found.len(), 6);
+    assert_eq!((found[1], found[4]), ([3.0, 4.0, 5.0], [21.0, 22.0, 23.0]));
+}
+
+#[test]
+fn irregular_frames_are_resampled_onto_the_exact_rate() {
+    let p = MeshSequenceParams {
+        base: Some("base.obj".into()),
+        fps: Some(Rate::hz(25)),
+        ..params("anim/sheet.mdd")
+    };
+    let found = frames(&solo(p));
+    // Frames at 0, 0.04, 0.08 and 0.16 s; the one at 0.12 s is half-way.
+    let x: Vec<f32> = found.chunks_exact(3).map(|f| f[0][0]).collect();
+    let expected = [0.0, 9.0, 18.0, 22.5, 27.0];
+    assert!(x.len() == 5 && x.iter().zip(expected).all(|(x, e)| (x - e).abs() < 1e-4), "{x:?}");
+}
+
+#[test]
+fn a_single_obj_is_still_and_never_ends() {
+    let solo = solo(params("base.obj"));
+    let shape = solo.shape().unwrap();
+    assert_eq!(shape.end, None);
+    let stream = shape.outputs[0].clone().unwrap();
+    assert!(stream.format::<Mesh>().unwrap().still);
+    assert_eq!(frames(&solo).len(), 60 * 3);
+}
+
+#[test]
+fn a_numbered_sequence_is_read_in_the_order_of_its_numbers() {
+    let p = MeshSequenceParams { fps: Some(Rate::hz(24)), ..params("frame_##.obj") };
+    let heights: Vec<f32> = frames(&solo(p)).chunks_exact(3).map(|f| f[0][2]).collect();
+    assert_eq!(heights, [8.0, 9.0, 10.0, 11.0]);
+}
+
+#[test]
+fn the_buffer_of_a_gltf_is_found_beside_it() {
+    let mut solo = solo(MeshSequenceParams { up: Some(UpAxis::Y), ..params("scene/a.gltf") });
+    let positions: Vec<u8> =
+        [0f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0].iter().flat_map(|x| x.to_le_bytes()).collect();
+    solo.files.insert("scene/a.bin", positions);
+    solo.files.insert(
+        "scene/a.gltf",
+        r#"{"asset": {"version": "2.0"}, "buffers": [{"uri": "a.bin", "byteLength": 36}],
+            "bufferViews": [{"buffer": 0, "byteLength": 36}],
+            "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3",
+                           "min": [0, 0, 0], "max": [1, 1, 0]}],
+            "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}], "nodes": [{"mesh": 0}],
+            "scenes": [{"nodes": [0]}], "scene": 0}"#,
+    );
+    assert_eq!(solo.shape().unwrap().end, None);
+    assert_eq!(frames(&solo)[..3], [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]);
+}
+
+#[test]
+fn start_duration_units_and_up_axis_are_followed() {
+    let p = MeshSequenceParams {
+        fps: Some(Rate::hz(10)),
+        start: Some(0.1),
+        duration: Some(0.5),
+        metres_per_unit: 0.5,
+        up: Some(UpAxis::Y),
+        ..params("frame_##.obj")
+    };
+    let found = frames(&solo(p));
+    let first: Vec<f32> = found.chunks_exact(3).map(|f| f[0][1]).collect();
+    assert_eq!(first, [-4.5, -5.0, -5.5, -5.5, -5.5]);
+    assert_eq!(found[2], [0.0, 0.0, 0.5]);
+}
+
+#[test]
+fn what_is_missing_is_named_with_what_to_write() {
+    let reject = |p| solo(p).shape().unwrap_err();
+    let e = reject(MeshSequenceParams { fps: Some(Rate::hz(60)), ..params("anim/sheet.pc2") });
+    assert_eq!((e.code, e.field.as_deref()), ("F070", Some("base")));
+    let e = reject(MeshSequenceParams { base: Some("base.obj".into()), ..params("anim/sheet.pc2") });
+    assert_eq!((e.code, e.field.as_deref()), ("F071", Some("fps")));
+    let e = reject(MeshSequenceParams { base: Some("base.obj".into()), ..params("anim/odd.mdd") });
+    assert!(e.code == "F071" && e.message.contains("4 frames"), "{e}");
+    let e = reject(MeshSequenceParams { mesh: Some("skirt".into()), ..params("base.obj") });
+    assert!(e.field.as_deref() == Some("mesh") && e.to_string().contains("`mesh: \"sheet\"`"), "{e}");
+    assert_eq!(reject(params("frame_##.obj")).code, "F071");
+    assert_eq!(reject(params("none_##.obj")).code, "F060");
+}
+
+#[test]
+fn a_bad_frame_is_a_fault_with_its_time() {
+    let mut solo = solo(MeshSequenceParams { fps: Some(Rate::hz(10)), ..params("frame_##.obj") });
+    solo.files.insert("frame_10.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 3 2\n");
+    let fault = solo.run().err().unwrap();
+    assert_eq!((fault.code, fault.time), ("F070", Some(ticks(0.2))));
+}
+
+#[test]
+fn windows_of_any_length_give_the_same_frames() {
+    let p = MeshSequenceParams {
+        base: Some("base.obj".into()),
+        fps: Some(Rate::new(24_000, 1001).unwrap()),
+        duration: Some(0.5),
+        ..params("anim/sheet.mdd")
+    };
+    let whole = frames(&solo(p.clone()).window(TICKS_PER_SECOND));
+    for window in [0.001, 0.0177, 0.1] {
+        assert_eq!(frames(&solo(p.clone()).window(ticks(window))), whole);
+    }
+}

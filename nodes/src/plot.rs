@@ -1,0 +1,163 @@
+//! Small line charts as SVG, for the figures that values draw of themselves.
+
+use std::fmt::Write;
+
+/// Width and height of a chart, and the margins left, top, right and bottom of its frame.
+const SIZE: [f64; 2] = [720.0, 440.0];
+const MARGIN: [f64; 4] = [70.0, 34.0, 130.0, 52.0];
+
+/// One axis of a chart.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Axis {
+    /// What it shows, with its unit.
+    pub label: String,
+    /// Both ends.
+    pub range: [f64; 2],
+    /// Whether it counts in powers of ten; both ends are then above 0.
+    pub log: bool,
+}
+
+impl Axis {
+    /// Place of a value along the axis, 0 to 1, and beyond for values outside of the range.
+    fn place(&self, x: f64) -> f64 {
+        let scaled = |x: f64| if self.log { x.max(f64::MIN_POSITIVE).log10() } else { x };
+        let [low, high] = self.range.map(scaled);
+        (scaled(x) - low) / (high - low).max(f64::MIN_POSITIVE)
+    }
+
+    /// Values that get a line and a number.
+    fn marks(&self) -> Vec<f64> {
+        let [low, high] = self.range;
+        if self.log {
+            let (from, to) = (low.log10().ceil() as i32, high.log10().floor() as i32);
+            // No more than about eight numbers.
+            let step = ((to - from) / 8 + 1).max(1) as usize;
+            return (from..=to).step_by(step).map(|e| 10f64.powi(e)).collect();
+        }
+        let rough = (high - low) / 6.0;
+        let power = 10f64.powf(rough.log10().floor());
+        let step = power * [1.0, 2.0, 5.0, 10.0].into_iter().find(|m| m * power >= rough).unwrap_or(10.0);
+        let first = (low / step).ceil() as i64;
+        (0..20).map(|k| (first + k) as f64 * step).take_while(|x| *x <= high + 1e-9 * step).collect()
+    }
+}
+
+/// One line of a chart.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Line {
+    /// What it shows.
+    pub label: String,
+    /// Its points.
+    pub points: Vec<[f64; 2]>,
+}
+
+/// A chart of lines as an SVG document; colours run from the first line to the last.
+///
+/// What lies outside of the axes is cut off at their frame.
+#[must_use]
+pub fn chart(title: &str, x: &Axis, y: &Axis, lines: &[Line]) -> String {
+    let [width, height] = SIZE;
+    let [left, top, right, bottom] = MARGIN;
+    let at = |p: [f64; 2]| {
+        let (u, v) = (x.place(p[0]).clamp(0.0, 1.0), y.place(p[1]).clamp(0.0, 1.0));
+        [left + u * (width - left - right), height - bottom - v * (height - top - bottom)]
+    };
+    let mut svg = format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" font-family=\"sans-serif\" \
+         font-size=\"12\">\n<rect width=\"{width}\" height=\"{height}\" fill=\"white\"/>\n"
+    );
+    let mut text = |x: f64, y: f64, anchor: &str, extra: &str, text: &str| {
+        let text = text.replace('&', "&amp;").replace('<', "&lt;");
+        // Writing to a string does not fail.
+        let _ =
+            writeln!(svg, "<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"{anchor}\"{extra}>{text}</text>");
+    };
+    text(left, top - 14.0, "start", " font-weight=\"bold\"", title);
+    text((left + width - right) / 2.0, height - 12.0, "middle", "", &x.label);
+    let middle = (top + height - bottom) / 2.0;
+    text(16.0, middle, "middle", &format!(" transform=\"rotate(-90 16 {middle:.1})\""), &y.label);
+    for mark in x.marks() {
+        text(at([mark, y.range[0]])[0], height - bottom + 16.0, "middle", "", &number(mark));
+    }
+    for mark in y.marks() {
+        text(left - 6.0, at([x.range[0], mark])[1] + 4.0, "end", "", &number(mark));
+    }
+    for (k, line) in lines.iter().enumerate() {
+        let y = top + 10.0 + 16.0 * k as f64;
+        if y < height - bottom {
+            text(width - right + 34.0, y + 4.0, "start", "", &line.label);
+        }
+    }
+    let mut stroke = |from: [f64; 2], to: [f64; 2], colour: &str| {
+        let ([x1, y1], [x2, y2]) = (from, to);
+        let _ = writeln!(
+            svg,
+            "<line x1=\"{x1:.1}\" y1=\"{y1:.1}\" x2=\"{x2:.1}\" y2=\"{y2:.1}\" stroke=\"{colour}\"/>"
+        );
+    };
+    for mark in x.marks() {
+        stroke(at([mark, y.range[0]]), at([mark, y.range[1]]), "#ddd");
+    }
+    for mark in y.marks() {
+        stroke(at([x.range[0], mark]), at([x.range[1], mark]), "#ddd");
+    }
+    for (k, _) in lines.iter().enumerate() {
+        let y = top + 10.0 + 16.0 * k as f64;
+        if y < height - bottom {
+            stroke([width - right + 10.0, y], [width - right + 30.0, y], &colour(k, lines.len()));
+        }
+    }
+    for (k, line) in lines.iter().enumerate() {
+        let points = line.points.iter().map(|&p| at(p)).map(|[x, y]| format!("{x:.1},{y:.1}"));
+        let points = points.collect::<Vec<_>>().join(" ");
+        let colour = colour(k, lines.len());
+        let _ = writeln!(svg, "<polyline points=\"{points}\" fill=\"none\" stroke=\"{colour}\"/>");
+    }
+    let (w, h) = (width - left - right, height - top - bottom);
+    let _ = writeln!(
+        svg,
+        "<rect x=\"{left}\" y=\"{top}\" width=\"{w}\" height=\"{h}\" fill=\"none\" stroke=\"black\"/>\n</svg>"
+    );
+    svg
+}
+
+/// From blue to red.
+fn colour(k: usize, count: usize) -> String {
+    let along = k as f64 / (count.max(2) - 1) as f64;
+    format!("hsl({:.0} 80% 42%)", 240.0 * (1.0 - along))
+}
+
+/// A number without needless digits.
+fn number(x: f64) -> String {
+    if x == 0.0 || (1e-3..1e5).contains(&x.abs()) {
+        format!("{}", (x * 1e6).round() / 1e6)
+    } else {
+        format!("{x:.0e}")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn log(range: [f64; 2]) -> Axis {
+        Axis { label: "f".into(), range, log: true }
+    }
+
+    #[test]
+    fn logarithmic_marks_are_powers_of_ten_inside_the_range() {
+        assert_eq!(log([20.0, 24000.0]).marks(), [100.0, 1000.0, 10000.0]);
+        assert!(log([1e-30, 1.0]).marks().len() <= 9);
+        let linear = Axis { log: false, ..log([0.0, 1.0]) };
+        assert_eq!(linear.marks().len(), 6);
+    }
+
+    #[test]
+    fn a_line_is_drawn_where_its_points_are() {
+        let lines = [Line { label: "a < b".into(), points: vec![[10.0, 1.0], [1000.0, 100.0]] }];
+        let svg = chart("t", &log([10.0, 1000.0]), &log([1.0, 100.0]), &lines);
+        assert!(svg.contains("points=\"70.0,388.0 590.0,34.0\""), "{svg}");
+        assert!(svg.contains("a &lt; b") && svg.ends_with("</svg>\n"));
+        assert_eq!(svg.matches("<polyline").count(), 1);
+    }
+}
