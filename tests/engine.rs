@@ -42,11 +42,15 @@ fn random_graph(seed: u64) -> String {
             5 => {
                 // A loop: what comes in, mixed with its own past.
                 let seconds = draw.between(0.003, 0.1);
-                let _ = writeln!(nodes, "\"back{k}\": Feedback(audio: \"{id}\", like: \"{from}\", delay: {seconds:.4}, gain: 0.5, tail: 0.1),");
+                let _ = writeln!(
+                    nodes,
+                    "\"back{k}\": Feedback(audio: \"{id}\", like: \"{from}\", delay: {seconds:.4}, gain: 0.5, tail: 0.1),"
+                );
                 format!("Mix(inputs: [\"{from}\", \"back{k}\"])")
             }
             _ => {
-                let same: Vec<String> = streams.iter().filter(|(_, r)| *r == rate).map(|(s, _)| format!("\"{s}\"")).collect();
+                let same: Vec<String> =
+                    streams.iter().filter(|(_, r)| *r == rate).map(|(s, _)| format!("\"{s}\"")).collect();
                 format!("Mix(inputs: [{}])", same.join(", "))
             }
         };
@@ -54,7 +58,8 @@ fn random_graph(seed: u64) -> String {
         streams.push((id, made));
     }
     for (k, (stream, _)) in streams.iter().rev().take(1 + draw.below(3)).enumerate() {
-        let _ = writeln!(nodes, "\"out{k}\": WavOut(audio: \"{stream}\", path: \"{k}.wav\", format: Float32),");
+        let _ =
+            writeln!(nodes, "\"out{k}\": WavOut(audio: \"{stream}\", path: \"{k}.wav\", format: Float32),");
     }
     format!("#![schema = \"foley:graph/1\"]\nGraph(seed: {seed}, nodes: {{\n{nodes}}})")
 }
@@ -99,8 +104,10 @@ fn a_branch_that_looks_far_ahead_joins_its_sibling() {
     for threads in [1, 2] {
         for window in [ticks(64.0 / 48_000.0), ticks(0.02)] {
             let file = &outputs(text, window, threads)[0];
-            let samples: Vec<f32> =
-                file[file.len() - 4 * 100_000..].chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
+            let samples: Vec<f32> = file[file.len() - 4 * 100_000..]
+                .chunks_exact(4)
+                .map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]))
+                .collect();
             // What was moved earlier and later again cancels its sibling: the two branches are aligned to the sample.
             assert!(samples.iter().all(|s| *s == 0.0));
         }

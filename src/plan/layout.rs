@@ -308,12 +308,9 @@ fn cut(
             open_until = open_until.max(end);
         }
     }
-    let mut next = if inner.is_empty() { 0 } else { region + 1 };
+    let first = if inner.is_empty() { 0 } else { region + 1 };
     let alone = nodes.iter().filter(|&&n| graph.nodes[n].ty.class == Class::Io).map(|&n| What::Node(n));
-    for job in alone.chain(taps.iter().map(|(k, _)| What::Tap(*k))) {
-        region_of.insert(job, next);
-        next += 1;
-    }
+    region_of.extend(alone.chain(taps.iter().map(|(k, _)| What::Tap(*k))).zip(first..));
     region_of
 }
 

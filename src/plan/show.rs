@@ -1,6 +1,6 @@
 //! A plan as text and JSON.
 
-use super::{Plan, PlanOptions};
+use super::Plan;
 use crate::diag::Diagnostic;
 use crate::graph::Graph;
 use foley_nodes::core::time::{Tick, seconds};
@@ -213,10 +213,4 @@ pub fn too_much_memory(graph: &Graph, plan: &Plan, limit: usize) -> Diagnostic {
     ));
     diagnostic.place = most;
     diagnostic
-}
-
-/// The options that matter to a plan, for reports.
-#[must_use]
-pub fn options_json(options: &PlanOptions) -> Value {
-    json!({"window_seconds": seconds(options.window), "threads": options.threads, "memory_bytes": options.memory})
 }

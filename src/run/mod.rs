@@ -11,6 +11,7 @@ mod tap;
 
 pub use outputs::DirOutputs;
 pub use report::{NodeReport, OutputReport, Report};
+pub use stages::stage;
 pub use tap::{Tap, check as check_tap};
 
 use crate::diag::Diagnostic;

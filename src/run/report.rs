@@ -103,8 +103,10 @@ impl Report {
         self.peak_process_bytes = peak_memory();
         for (n, node) in self.nodes.iter_mut().enumerate() {
             let shape = &job.plan.shapes[n];
-            let first = shape.outputs.iter().flatten().next();
-            let items = first.and_then(|s| s.end.map(|end| s.rate.first_at(end)));
+            let inputs = job.graph.nodes[n].links.iter().flatten();
+            let mut inputs = inputs.filter_map(|l| job.plan.shapes[l.node].outputs.get(l.port)?.as_ref());
+            let first = shape.outputs.iter().flatten().next().or_else(|| inputs.next());
+            let items = first.and_then(|s| Some(s.rate.first_at(s.end?)));
             node.items = items.unwrap_or(0).max(0) as u64;
             if let Some(Value::String(path)) = node.summary.get("path").cloned() {
                 let path = job.outputs.path(&path).display().to_string();

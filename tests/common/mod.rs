@@ -27,7 +27,12 @@ pub fn run_text(text: &str, options: &PlanOptions, out: &Path) -> Result<Report,
 }
 
 /// A run of a graph with its files in a folder.
-pub fn run_graph(graph: &Graph, files: &DirFiles, options: &PlanOptions, out: &Path) -> Result<Report, String> {
+pub fn run_graph(
+    graph: &Graph,
+    files: &DirFiles,
+    options: &PlanOptions,
+    out: &Path,
+) -> Result<Report, String> {
     let text = |e: Vec<Diagnostic>| render(&e, &graph.sources, false);
     let plan = Plan::new(graph, files, options).map_err(text)?;
     let outputs = DirOutputs::new(out);
@@ -42,7 +47,12 @@ pub fn run_graph(graph: &Graph, files: &DirFiles, options: &PlanOptions, out: &P
         progress: Arc::new(Progress::default()),
     };
     let report = run(&job).map_err(text)?;
-    assert!(report.buffer_bytes <= plan.bytes, "{} bytes of buffers, planned {}", report.buffer_bytes, plan.bytes);
+    assert!(
+        report.buffer_bytes <= plan.bytes,
+        "{} bytes of buffers, planned {}",
+        report.buffer_bytes,
+        plan.bytes
+    );
     Ok(report)
 }
 

@@ -43,7 +43,7 @@ impl Default for Pose {
 impl Pose {
     /// A world point in the collider's frame.
     #[must_use]
-    pub fn to_local(&self, x: [f64; 3]) -> [f64; 3] {
+    pub fn to_local(self, x: [f64; 3]) -> [f64; 3] {
         let [w, i, j, k] = self.rotation;
         // The conjugate turns back: x + 2 w (u x x) + 2 u x (u x x) with u = -(i, j, k).
         let u = [-i, -j, -k];

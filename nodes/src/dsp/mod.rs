@@ -3,6 +3,7 @@
 //! Everything works on interleaved slices without allocating, and gives the same bits however a signal is cut into blocks:
 //! sources are functions of the absolute sample index, and processors carry their state from sample to sample.
 
+mod advance;
 mod biquad;
 mod butterworth;
 mod channels;
@@ -14,6 +15,7 @@ mod pan;
 mod resample;
 mod tone;
 
+pub use advance::{Advance, AdvanceParams, AdvancePorts};
 pub use biquad::{Biquad, Section};
 pub use butterworth::{Band, Butterworth, HighPass};
 pub use channels::{ChannelMap, channel_copy, channel_mean};

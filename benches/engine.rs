@@ -1,0 +1,118 @@
+//! What the engine itself costs: nanoseconds per call of a node, in chains of gains, and one thread against two.
+//!
+//! `cargo bench --bench engine`
+
+use foley::graph::{DirFiles, Graph, Limits, Root, load, load_text};
+use foley::plan::{Plan, PlanOptions};
+use foley::run::{DirOutputs, Job, Progress, Values, run, stage};
+use foley_nodes::core::time::Rate;
+use std::fmt::Write as _;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Instant;
+
+fn chain(nodes: usize) -> Graph {
+    let mut text =
+        String::from("#![schema = \"foley:graph/1\"]\nGraph(nodes: {\n\"g0\": Tone(rate: 48000),\n");
+    for k in 1..=nodes {
+        let _ = writeln!(text, "\"g{k}\": Gain(audio: \"g{}\", gain: 0.9999),", k - 1);
+    }
+    let _ = writeln!(text, "\"out\": WavOut(audio: \"g{nodes}\", path: \"unused.wav\"),\n}})");
+    let loaded = load_text("chain.ron", &text, Path::new("chain.ron"), &[]);
+    loaded.graph.expect("the chain is a valid graph")
+}
+
+/// Nanoseconds per call of a node, the best of five runs.
+fn per_node(nodes: usize, block: i64) -> f64 {
+    let graph = chain(nodes);
+    let files = DirFiles::new(Root::default(), Limits::default());
+    let options = PlanOptions {
+        window: Rate::hz(48_000).tick(block),
+        until: Some(i64::MAX / 8),
+        memory: usize::MAX,
+        ..PlanOptions::default()
+    };
+    let plan = Plan::new(&graph, &files, &options).expect("the chain can be planned");
+    let folder = std::env::temp_dir();
+    let outputs = DirOutputs::new(&folder);
+    let job = Job {
+        graph: &graph,
+        plan: &plan,
+        files: &files,
+        outputs: &outputs,
+        taps: &[],
+        threads: 1,
+        seed: 0,
+        progress: Arc::new(Progress::default()),
+    };
+    let region = &plan.phases[0].regions[0];
+    let mut stage = stage(&job, region, &Values::new()).expect("the chain can be built");
+    stage.set_timed(false);
+    let calls = region.nodes.len();
+    let steps = (4_000_000 / (calls as i64 * block.max(256) / 256)).max(20);
+    let mut now = 0;
+    let mut best = f64::INFINITY;
+    for _ in 0..5 {
+        let start = Instant::now();
+        for _ in 0..steps {
+            now += options.window;
+            stage.advance(now);
+            stage.run().expect("gains do not fail");
+        }
+        best = best.min(start.elapsed().as_nanos() as f64 / (steps as f64 * calls as f64));
+    }
+    best
+}
+
+/// Seconds to run an example graph.
+fn seconds(path: &Path, threads: usize) -> Option<f64> {
+    let loaded = load(path, &[], &[], Limits::default());
+    let graph = loaded.graph?;
+    let files = DirFiles::new(loaded.root, Limits::default());
+    let options = PlanOptions { threads, until: Some(Rate::hz(1).tick(60)), ..PlanOptions::default() };
+    let plan = Plan::new(&graph, &files, &options).ok()?;
+    let out = tempfile::tempdir().ok()?;
+    let mut best = f64::INFINITY;
+    for _ in 0..3 {
+        let outputs = DirOutputs::new(out.path());
+        let job = Job {
+            graph: &graph,
+            plan: &plan,
+            files: &files,
+            outputs: &outputs,
+            taps: &[],
+            threads,
+            seed: graph.seed,
+            progress: Arc::new(Progress::default()),
+        };
+        let start = Instant::now();
+        run(&job).ok()?;
+        best = best.min(start.elapsed().as_secs_f64());
+    }
+    Some(best)
+}
+
+fn main() {
+    println!("nanoseconds per node and block, mono, one core (a gain multiplies each sample)");
+    println!("{:>8} {:>10} {:>10} {:>10}", "nodes", "block 64", "256", "1024");
+    for nodes in [10, 100, 1000] {
+        let figures: Vec<String> =
+            [64, 256, 1024].iter().map(|b| format!("{:>10.1}", per_node(nodes, *b))).collect();
+        println!("{nodes:>8} {}", figures.join(" "));
+    }
+    println!("\nseconds per example graph, best of three: 1 thread, 2 threads");
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("graphs");
+    let folders = std::fs::read_dir(&root).into_iter().flatten().flatten().map(|e| e.path());
+    let mut graphs: Vec<_> = folders
+        .filter(|f| !f.ends_with("assets") && !f.ends_with("lib"))
+        .flat_map(|f| std::fs::read_dir(f).into_iter().flatten().flatten().map(|e| e.path()))
+        .filter(|p| p.extension().is_some_and(|e| e == "ron"))
+        .collect();
+    graphs.sort();
+    for path in graphs {
+        if let (Some(one), Some(two)) = (seconds(&path, 1), seconds(&path, 2)) {
+            let name = path.strip_prefix(&root).unwrap_or(&path).display();
+            println!("{name:<32} {one:>8.3} {two:>8.3}  ({:.2} times)", one / two);
+        }
+    }
+}

@@ -1,0 +1,165 @@
+//! The command as a user types it: outputs, exit codes, messages.
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+
+const TONE: &str = "#![schema = \"foley:graph/1\"]
+Graph(
+    title: \"A tone\",
+    params: { \"pitch\": 440.0 },
+    nodes: {
+        \"tone\": Tone(frequency: \"$pitch\", rate: 48000, duration: Some(0.5), level: 0.5),
+        \"out\": WavOut(audio: \"tone\", path: \"tone.wav\"),
+    },
+)
+";
+
+fn foley(dir: &Path, args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_foley")).args(args).current_dir(dir).env("NO_COLOR", "1").output().unwrap()
+}
+
+fn code(output: &Output) -> i32 {
+    output.status.code().unwrap_or(-1)
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+fn project(text: &str) -> tempfile::TempDir {
+    let dir = tempfile::tempdir().unwrap();
+    fs::write(dir.path().join("tone.ron"), text).unwrap();
+    dir
+}
+
+#[test]
+fn a_run_writes_its_file_and_a_report() {
+    let dir = project(TONE);
+    let run = foley(dir.path(), &["run", "tone.ron", "--report", "report.json"]);
+    assert_eq!(code(&run), 0, "{}", stderr(&run));
+    let wav = fs::read(dir.path().join("out/tone.wav")).unwrap();
+    assert_eq!(&wav[..4], b"RIFF");
+    let report: serde_json::Value = serde_json::from_slice(&fs::read(dir.path().join("report.json")).unwrap()).unwrap();
+    let output = &report["outputs"][0];
+    assert_eq!(output["rate"], 48000);
+    assert_eq!(output["channels"], 1);
+    assert_eq!(output["seconds"], 0.5);
+    let peak = output["peak"].as_f64().unwrap();
+    assert!((peak - 0.5).abs() < 1e-3, "{peak}");
+    let rms = output["rms"].as_f64().unwrap();
+    assert!((rms - 0.5 / 2f64.sqrt()).abs() < 2e-3, "{rms}");
+    assert_eq!(report["nodes"]["tone"]["kind"], "Tone");
+    assert_eq!(report["nodes"]["tone"]["items"], 24000);
+    assert!(report["wall_seconds"].as_f64().unwrap() > 0.0);
+}
+
+#[test]
+fn set_changes_a_parameter_and_a_node() {
+    let dir = project(TONE);
+    let args = ["run", "tone.ron", "--set", "pitch=880", "--set", "out.path=high.wav", "--set", "tone.level=0.25"];
+    let run = foley(dir.path(), &args);
+    assert_eq!(code(&run), 0, "{}", stderr(&run));
+    assert!(dir.path().join("out/high.wav").exists());
+    assert!(!dir.path().join("out/tone.wav").exists());
+}
+
+#[test]
+fn a_wrong_set_says_what_exists() {
+    let dir = project(TONE);
+    let run = foley(dir.path(), &["run", "tone.ron", "--set", "tone.frequncy=880"]);
+    assert_eq!(code(&run), 2);
+    assert!(stderr(&run).contains("did you mean `frequency`"), "{}", stderr(&run));
+    let run = foley(dir.path(), &["run", "tone.ron", "--set", "pich=880"]);
+    assert_eq!(code(&run), 2);
+    assert!(stderr(&run).contains("did you mean `pitch`"), "{}", stderr(&run));
+}
+
+#[test]
+fn errors_name_file_line_and_column() {
+    let dir = project(&TONE.replace("level: 0.5", "level: loud"));
+    let check = foley(dir.path(), &["check", "tone.ron", "--json"]);
+    assert_eq!(code(&check), 2);
+    let found: serde_json::Value = serde_json::from_slice(&check.stdout).unwrap();
+    assert_eq!(found[0]["code"], "F014");
+    assert_eq!(found[0]["file"], "tone.ron");
+    assert_eq!(found[0]["line"], 6);
+    assert_eq!(found[0]["node"], "tone");
+    let text = foley(dir.path(), &["check", "tone.ron"]);
+    assert!(stderr(&text).contains("tone.ron:6:"), "{}", stderr(&text));
+}
+
+#[test]
+fn taps_write_audio_and_numbers() {
+    let dir = project(TONE);
+    let run = foley(dir.path(), &["run", "tone.ron", "--tap", "tone.audio=taps/a.wav", "--tap", "tone=taps/a.npy"]);
+    assert_eq!(code(&run), 0, "{}", stderr(&run));
+    let npy = fs::read(dir.path().join("taps/a.npy")).unwrap();
+    assert_eq!(&npy[..6], b"\x93NUMPY");
+    assert_eq!(npy.len(), 128 + 4 * 24000);
+    assert!(String::from_utf8_lossy(&npy[..128]).contains("'shape': (24000, 1)"));
+    let wav = fs::read(dir.path().join("taps/a.wav")).unwrap();
+    assert_eq!(&wav[wav.len() - 4 * 24000..], &npy[128..]);
+    let wrong = foley(dir.path(), &["run", "tone.ron", "--tap", "tone.audio=a.csv"]);
+    assert_eq!(code(&wrong), 2);
+}
+
+#[test]
+fn outputs_stay_in_their_folder() {
+    let dir = project(&TONE.replace("path: \"tone.wav\"", "path: \"../tone.wav\""));
+    let run = foley(dir.path(), &["run", "tone.ron", "--out", "out"]);
+    assert_ne!(code(&run), 0);
+    assert!(stderr(&run).contains("F082"), "{}", stderr(&run));
+    assert!(!dir.path().join("tone.wav").exists());
+}
+
+#[test]
+fn an_endless_graph_needs_an_end() {
+    let dir = project(&TONE.replace("duration: Some(0.5), ", ""));
+    let run = foley(dir.path(), &["run", "tone.ron"]);
+    assert_eq!(code(&run), 2);
+    assert!(stderr(&run).contains("F048"), "{}", stderr(&run));
+    let run = foley(dir.path(), &["run", "tone.ron", "--until", "0.25"]);
+    assert_eq!(code(&run), 0, "{}", stderr(&run));
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupt_leaves_no_half_file() {
+    let dir = project(&TONE.replace("Some(0.5)", "Some(36000.0)"));
+    let mut child = Command::new(env!("CARGO_BIN_EXE_foley"))
+        .args(["run", "tone.ron", "--quiet"])
+        .current_dir(dir.path())
+        .spawn()
+        .unwrap();
+    let out = dir.path().join("out");
+    while !out.exists() {
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    let killed = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    assert!(killed.success());
+    assert_eq!(child.wait().unwrap().code(), Some(75));
+    assert_eq!(fs::read_dir(out).unwrap().count(), 0);
+}
+
+#[test]
+fn fmt_keeps_comments_and_says_what_it_would_change() {
+    let dir = project(&TONE.replace("    title", "  // What it is.\n  title"));
+    assert_eq!(code(&foley(dir.path(), &["fmt", "tone.ron", "--check"])), 1);
+    assert_eq!(code(&foley(dir.path(), &["fmt", "tone.ron"])), 0);
+    let text = fs::read_to_string(dir.path().join("tone.ron")).unwrap();
+    assert!(text.contains("    // What it is.\n    title"), "{text}");
+    assert_eq!(code(&foley(dir.path(), &["fmt", "tone.ron", "--check"])), 0);
+}
+
+#[test]
+fn nodes_and_codes_explain_themselves() {
+    let dir = tempfile::tempdir().unwrap();
+    let list = foley(dir.path(), &["nodes"]);
+    assert!(String::from_utf8_lossy(&list.stdout).contains("WavOut"));
+    let one = foley(dir.path(), &["nodes", "Gain", "--json"]);
+    let gain: serde_json::Value = serde_json::from_slice(&one.stdout).unwrap();
+    assert_eq!(gain["inputs"][0]["name"], "audio");
+    assert_eq!(code(&foley(dir.path(), &["explain", "f025"])), 0);
+    assert_eq!(code(&foley(dir.path(), &["explain", "F999"])), 2);
+}
