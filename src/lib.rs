@@ -6,6 +6,7 @@
 
 pub mod cli;
 pub mod diag;
+pub mod docs;
 pub mod draw;
 pub mod graph;
 pub mod lang;
