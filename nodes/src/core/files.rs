@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 use std::io::{Cursor, Read, Seek, Write};
 use std::sync::{Arc, Mutex};
 
-/// Anything that bytes can be read from at any place.
+/// Anything that bytes can be read from at any place, and that can be moved to another thread.
 pub trait ReadSeek: Read + Seek + Send {}
-impl<T: Read + Seek + Send> ReadSeek for T {}
+impl<T: Read + Seek + Send + ?Sized> ReadSeek for T {}
 
 /// Anything that bytes can be written to at any place.
 pub trait WriteSeek: Write + Seek + Send {}

@@ -125,6 +125,8 @@ pub struct ItemType {
     pub finite: fn(&dyn AnyTrack, i64, i64) -> bool,
     /// A stream of valid items for trials: rate, items.
     pub trial: fn(&mut Draw, Rate, i64) -> Feed,
+    /// The same with the rate and the format of another stream of the type.
+    pub trial_like: fn(&mut Draw, &StreamShape, i64) -> Option<Feed>,
 }
 
 /// Gives the runtime's view of a type.
@@ -165,12 +167,19 @@ impl<T: Item> Described for OfItem<T> {
         },
         trial: |draw, rate, items| {
             let format = T::trial_format(draw);
-            let width = T::width(&format);
-            let count = width * items.max(0) as usize;
-            let data = (0..count).map(|k| T::trial(&format, k % width.max(1), draw)).collect();
-            Feed::stream::<T>(rate, format, data)
+            trial_stream::<T>(draw, rate, format, items)
+        },
+        trial_like: |draw, like, items| {
+            Some(trial_stream::<T>(draw, like.rate, like.format::<T>()?.clone(), items))
         },
     };
+}
+
+fn trial_stream<T: Item>(draw: &mut Draw, rate: Rate, format: T::Format, items: i64) -> Feed {
+    let width = T::width(&format);
+    let count = width * items.max(0) as usize;
+    let data = (0..count).map(|k| T::trial(&format, k % width.max(1), draw)).collect();
+    Feed::stream::<T>(rate, format, data)
 }
 
 /// The runtime's view of an [`Event`] type.

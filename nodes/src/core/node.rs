@@ -189,6 +189,11 @@ pub trait Each: Sized + Send + 'static {
     fn summary(&self) -> Summary {
         Summary::new()
     }
+
+    /// Valid parameters for trials.
+    fn trial(draw: &mut Draw) -> Self::Params {
+        Self::Params::trial(draw)
+    }
 }
 
 /// The [`Node`] around an [`Each`].
@@ -249,6 +254,10 @@ impl<E: Each> Node for PerItem<E> {
 
     fn finish(&mut self, _: (In<'_, E::In>, Out<'_, E::Out>)) -> Result<Summary, Fault> {
         Ok(self.0.summary())
+    }
+
+    fn trial(draw: &mut Draw) -> (E::Params, MemoryFiles) {
+        (E::trial(draw), MemoryFiles::default())
     }
 }
 

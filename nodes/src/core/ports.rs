@@ -383,6 +383,10 @@ impl<T: Item> One for Stream<T> {
             cx.miswired("stream")
         };
         let span = cx.span(*clock);
+        if cx.closing {
+            let items = Ref::map(cx.tracks[*track].borrow(), |_| -> &[T::Elem] { &[] });
+            return In { items, width: *width, past: 0, len: 0, first: span.from, rate: *rate };
+        }
         let items = Ref::map(cx.tracks[*track].borrow(), |track| {
             let Some(track) = track.as_any().downcast_ref::<Track<T::Elem>>() else { cx.miswired(T::NAME) };
             let (from, to) = (span.from - *delay as i64, span.to - *delay as i64);

@@ -198,6 +198,12 @@ impl<'s, 'a, P> Shape<'s, 'a, P> {
         self.link(port.index(), 0).and_then(Incoming::of)
     }
 
+    /// The stream at an input that is read late, where it is known: not while it comes from a node behind this one.
+    #[must_use]
+    pub fn late<T: Item>(&self, port: Port<Late<Stream<T>>>) -> Option<Incoming<T>> {
+        self.link(port.index(), 0).and_then(Incoming::of)
+    }
+
     /// The streams at an input that takes many.
     #[must_use]
     pub fn many<T: Item>(&self, port: Port<Many<Stream<T>>>) -> Vec<Incoming<T>> {

@@ -6,7 +6,7 @@ use super::item::{AnyValue, Data, Described, Event, EventType, Item, OfEvent, St
 use super::node::{DynNode, Func, Node, NodeType, Retune, Summary};
 use super::params::AnyParams;
 use super::ports::{Events, Many, OutKind, Port, PortKind, PortSpec, Stream, Value};
-use super::random::Random;
+use super::random::{Draw, Random};
 use super::shape::{Build, Ends, LinkShape, NodeShape, RawShape, Reach};
 use super::stage::{Clock, Cx, InWire, OutWire, Stage, StageNode};
 use super::time::{Rate, TICKS_PER_SECOND, Tick};
@@ -26,7 +26,10 @@ pub struct Feed {
 struct Source {
     player: Arc<dyn Fn() -> Box<dyn DynNode> + Send + Sync>,
     events: Option<&'static EventType>,
+    vary: Option<Vary>,
 }
+
+type Vary = Arc<dyn Fn(usize, &mut Draw) -> Feed + Send + Sync>;
 
 impl Feed {
     /// A stream of `data.len() / width` items.
@@ -35,13 +38,30 @@ impl Feed {
         let items = data.len() / T::width(&format).max(1);
         let end = Some(rate.tick(items as i64));
         let data: Arc<[T::Elem]> = data.into();
+        let shape = LinkShape::Stream(StreamShape::new::<T>(rate, format.clone(), end));
+        let kept = Arc::clone(&data);
+        let vary = move |item: usize, draw: &mut Draw| {
+            let width = T::width(&format);
+            let mut data = kept.to_vec();
+            for (place, elem) in data.iter_mut().skip(item * width).take(width).enumerate() {
+                *elem = T::trial(&format, place, draw);
+            }
+            Self::stream::<T>(rate, format.clone(), data)
+        };
         Self {
-            shape: LinkShape::Stream(StreamShape::new::<T>(rate, format, end)),
+            shape,
             source: Some(Source {
                 player: Arc::new(move || Box::new(Player::<T> { data: Arc::clone(&data) })),
                 events: None,
+                vary: Some(Arc::new(vary)),
             }),
         }
+    }
+
+    /// The same stream with other numbers in one item, for trials; `None` for events and values.
+    #[must_use]
+    pub fn vary(&self, item: usize, draw: &mut Draw) -> Option<Self> {
+        self.source.as_ref()?.vary.as_ref().map(|vary| vary(item, draw))
     }
 
     /// Events, sorted by time, until `end`.
@@ -53,6 +73,7 @@ impl Feed {
             source: Some(Source {
                 player: Arc::new(move || Box::new(EventPlayer { events: Arc::clone(&events) })),
                 events: Some(OfEvent::<T>::INFO),
+                vary: None,
             }),
         }
     }

@@ -122,6 +122,8 @@ pub struct Cx<'a> {
     spans: &'a [Span],
     clock: usize,
     pub(super) poison: bool,
+    /// Whether the streams have ended: what was around the last window may be gone by now.
+    pub(super) closing: bool,
 }
 
 impl<'a> Cx<'a> {
@@ -132,7 +134,7 @@ impl<'a> Cx<'a> {
     /// The wires of a node that has values only.
     #[must_use]
     pub fn for_values(inputs: &'a [Vec<InWire>], outputs: &'a [OutWire]) -> Self {
-        Cx { tracks: &[], inputs, outputs, spans: &[], clock: 0, poison: false }
+        Cx { tracks: &[], inputs, outputs, spans: &[], clock: 0, poison: false, closing: false }
     }
 
     /// Reads the buffer behind one link without knowing its type, with the present window on it.
@@ -259,6 +261,7 @@ impl Stage {
                 spans: &self.spans,
                 clock: *clock,
                 poison: self.poison,
+                closing: false,
             };
             let start = self.timed.then(Instant::now);
             node.run(&cx)?;
@@ -307,6 +310,7 @@ impl Stage {
                 spans: &self.spans,
                 clock: *clock,
                 poison: false,
+                closing: true,
             };
             summaries.push(node.finish(&cx).map_err(|fault| (k, fault))?);
         }

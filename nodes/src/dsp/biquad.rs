@@ -182,6 +182,13 @@ impl Biquad {
         self.section = section;
     }
 
+    /// Takes over the state of a section with as many channels.
+    pub fn take_state(&mut self, old: &mut Self) {
+        if self.state.len() == old.state.len() {
+            std::mem::swap(&mut self.state, &mut old.state);
+        }
+    }
+
     /// Back to rest.
     pub fn reset(&mut self) {
         self.state.fill([0.0; 2]);

@@ -4,6 +4,11 @@ use std::f64::consts::PI;
 
 use super::biquad::check_frequency;
 use super::{Biquad, DspError, Section};
+use crate::core::fault::{Fault, Reject};
+use crate::core::node::{Class, Node, Retune};
+use crate::core::ports::Stream;
+use crate::core::shape::{Build, Shape};
+use crate::{params, ports};
 
 /// Which side of the cutoff passes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -82,26 +87,39 @@ impl Butterworth {
     }
 }
 
-/// A Butterworth high-pass over interleaved channels: causal, one pass, f64 between the sections.
+/// Sections one after the other over interleaved channels: causal, one pass, f64 between the sections.
 ///
 /// # Source
-/// Order 5 at 100 Hz prepares cloth recordings and targets for unit selection.
+/// High-pass of order 5 at 100 Hz prepares cloth recordings and targets for unit selection.
 #[derive(Clone, Debug)]
-pub struct HighPass {
+pub struct Cascade {
     stages: Vec<Biquad>,
     channels: usize,
 }
 
-impl HighPass {
+impl Cascade {
     /// A filter at rest.
-    ///
-    /// # Errors
-    /// As [`Butterworth::design`], and no channels.
-    pub fn new(order: usize, cutoff: f64, rate: f64, channels: usize) -> Result<Self, DspError> {
-        DspError::check(channels > 0, "channels", channels as f64, "at least 1")?;
-        let design = Butterworth::design(Band::HighPass, order, cutoff, rate)?;
+    #[must_use]
+    pub fn new(design: &Butterworth, channels: usize) -> Self {
+        let channels = channels.max(1);
         let stages = design.sections().iter().map(|&s| Biquad::new(s, channels)).collect();
-        Ok(Self { stages, channels })
+        Self { stages, channels }
+    }
+
+    /// Changes the coefficients and keeps the state; false, and nothing done, for a design of another number of sections.
+    pub fn set_design(&mut self, design: &Butterworth) -> bool {
+        let fits = design.sections().len() == self.stages.len();
+        if fits {
+            self.stages.iter_mut().zip(design.sections()).for_each(|(stage, &s)| stage.set_section(s));
+        }
+        fits
+    }
+
+    /// Takes over the state of another filter where it has as many sections and channels.
+    pub fn take_state(&mut self, old: &mut Self) {
+        if self.stages.len() == old.stages.len() && self.channels == old.channels {
+            self.stages.iter_mut().zip(&mut old.stages).for_each(|(new, old)| new.take_state(old));
+        }
     }
 
     /// Back to rest.
@@ -119,10 +137,113 @@ impl HighPass {
     }
 }
 
+params! {
+    /// Butterworth high-pass filter: takes away what lies below the cutoff.
+    ///
+    /// The gain at the cutoff is -3.01 dB; below it falls by 6 dB per octave and order.
+    pub struct HighPassParams {
+        /// Frequency where the gain is -3.01 dB; below half the rate of the audio.
+        cutoff: f64 = 100.0, unit "Hz", range 0.01..=300_000.0;
+        /// Steepness.
+        order: usize = 5, unit "", range 1..=10_usize;
+    }
+}
+params! {
+    /// Butterworth low-pass filter: takes away what lies above the cutoff.
+    ///
+    /// The gain at the cutoff is -3.01 dB; above it falls by 6 dB per octave and order.
+    pub struct LowPassParams {
+        /// Frequency where the gain is -3.01 dB; below half the rate of the audio.
+        cutoff: f64 = 1000.0, unit "Hz", range 0.01..=300_000.0;
+        /// Steepness.
+        order: usize = 2, unit "", range 1..=10_usize;
+    }
+}
+ports! {
+    /// Ports of every filter.
+    pub struct FilterPorts / FilterIo {
+        in {
+            /// Audio with any number of channels.
+            audio: Stream<f32>,
+        }
+        out {
+            /// The filtered audio.
+            out: Stream<f32>,
+        }
+    }
+}
+
+macro_rules! butterworth_node {
+    ($(#[$doc:meta])* $node:ident, $params:ident, $name:literal, $band:expr) => {
+        $(#[$doc])*
+        #[derive(Debug)]
+        pub struct $node {
+            filter: Cascade,
+            rate: f64,
+        }
+
+        impl $node {
+            fn design(p: &$params, rate: f64) -> Result<Butterworth, Reject> {
+                Butterworth::design($band, p.order, p.cutoff, rate).map_err(|e| Reject::from(e).at("cutoff"))
+            }
+        }
+
+        impl Node for $node {
+            type Params = $params;
+            type Ports = FilterPorts;
+            const NAME: &'static str = $name;
+            const CLASS: Class = Class::Audio;
+            const COST: f64 = 8.0;
+
+            fn shape(p: &$params, s: &mut Shape<'_, '_, FilterPorts>) -> Result<(), Reject> {
+                let audio = s.input(FilterPorts::audio);
+                Self::design(p, audio.rate.as_f64())?;
+                s.output(FilterPorts::out, audio.rate, audio.format);
+                Ok(())
+            }
+
+            fn build(p: &$params, cx: &Build<'_>) -> Result<Self, Fault> {
+                let audio = cx.input(FilterPorts::audio);
+                let rate = audio.rate.as_f64();
+                Ok(Self { filter: Cascade::new(&Self::design(p, rate)?, audio.format.0.into()), rate })
+            }
+
+            fn run(&mut self, mut io: FilterIo<'_>) -> Result<(), Fault> {
+                let out = io.out.items();
+                out.copy_from_slice(io.audio.items());
+                self.filter.process(out);
+                Ok(())
+            }
+
+            fn retune(&mut self, new: &$params) -> Retune {
+                match Self::design(new, self.rate) {
+                    Ok(design) if self.filter.set_design(&design) => Retune::Done,
+                    _ => Retune::Rebuild,
+                }
+            }
+
+            fn adopt(&mut self, old: &mut Self) {
+                self.filter.take_state(&mut old.filter);
+            }
+        }
+    };
+}
+butterworth_node!(
+    /// The node `HighPass`.
+    HighPassNode, HighPassParams, "HighPass", Band::HighPass
+);
+butterworth_node!(
+    /// The node `LowPass`.
+    LowPassNode, LowPassParams, "LowPass", Band::LowPass
+);
+
 #[cfg(test)]
 mod tests {
     use super::super::testing::{assert_block_invariant, signal};
     use super::*;
+    use crate::core::item::Channels;
+    use crate::core::solo::Solo;
+    use crate::core::time::Rate;
 
     /// `scipy.signal.butter(5, 100, 'hp', fs=fs, output='sos')`: total numerator gain, then every section's denominator.
     #[test]
@@ -178,13 +299,33 @@ mod tests {
 
     #[test]
     fn constants_vanish_and_blocks_do_not_matter() {
-        let new = || HighPass::new(5, 100.0, 48_000.0, 2).unwrap();
+        let design = |order| Butterworth::design(Band::HighPass, order, 100.0, 48_000.0);
+        let new = || Cascade::new(&design(5).unwrap(), 2);
         assert_block_invariant(&signal(3000, 2), 2, new, |f, _, x| f.process(x));
         let mut dc = vec![1.0; 96_000];
         new().process(&mut dc);
         assert!(dc[90_000..].iter().all(|x| x.abs() < 1e-9));
-        assert_eq!(HighPass::new(11, 100.0, 48_000.0, 1).unwrap_err().what, "order");
-        assert_eq!(HighPass::new(0, 100.0, 48_000.0, 1).unwrap_err().what, "order");
-        assert_eq!(HighPass::new(5, 100.0, 48_000.0, 0).unwrap_err().what, "channels");
+        assert_eq!(design(11).unwrap_err().what, "order");
+        assert_eq!(design(0).unwrap_err().what, "order");
+    }
+
+    #[test]
+    fn the_nodes_split_a_constant_from_an_alternation() {
+        let audio: Vec<f32> = (0..4000).map(|i| 1.0 + if i % 2 == 0 { 0.5 } else { -0.5 }).collect();
+        let (rate, mono) = (Rate::hz(1000), Channels(1));
+        let high = Solo::new::<HighPassNode>(HighPassParams { cutoff: 100.0, order: 5 });
+        let run = high.input(FilterPorts::audio, rate, mono, audio.clone()).run().unwrap();
+        let out = run.stream(FilterPorts::out);
+        assert!((out[3998] - 0.5).abs() < 1e-6 && (out[3999] + 0.5).abs() < 1e-6);
+        let low = Solo::new::<LowPassNode>(LowPassParams { cutoff: 100.0, order: 4 });
+        let run = low.input(FilterPorts::audio, rate, mono, audio).run().unwrap();
+        assert!(run.stream(FilterPorts::out)[3990..].iter().all(|x| (x - 1.0).abs() < 1e-6));
+    }
+
+    #[test]
+    fn a_cutoff_beyond_half_the_rate_is_refused_at_the_cutoff() {
+        let solo = Solo::new::<LowPassNode>(LowPassParams { cutoff: 500.0, order: 4 });
+        let solo = solo.input(FilterPorts::audio, Rate::hz(1000), Channels(1), vec![0.0]);
+        assert_eq!(solo.shape().unwrap_err().field.as_deref(), Some("cutoff"));
     }
 }

@@ -1,6 +1,11 @@
 //! Choosing, mixing and copying channels.
 
 use super::DspError;
+use crate::core::fault::Reject;
+use crate::core::item::Channels;
+use crate::core::node::Each;
+use crate::core::random::Draw;
+use crate::params;
 
 /// Picks and reorders channels: output channel `i` is input channel `pick[i]`; one may be picked several times.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -57,9 +62,84 @@ pub fn channel_copy(input: &[f32], out: &mut [f32], channels: usize) {
     }
 }
 
+params! {
+    /// Picks, reorders and copies channels.
+    ///
+    /// `Channels(audio: "x", map: [1, 0])` swaps left and right; `map: [0, 0]` makes mono stereo.
+    pub struct ChannelsParams {
+        /// For each output channel the input channel it takes, counted from 0.
+        map: Vec<usize>, unit "channel", range 0..=255_usize;
+    }
+}
+
+/// The node `Channels`.
+#[derive(Debug)]
+pub struct ChannelsNode(ChannelMap);
+
+impl Each for ChannelsNode {
+    type Params = ChannelsParams;
+    type In = f32;
+    type Out = f32;
+    const NAME: &'static str = "Channels";
+    const INPUT: (&'static str, &'static str) = ("audio", "Audio with any number of channels.");
+    const OUTPUT: (&'static str, &'static str) = ("out", "One channel for each number of the map.");
+
+    fn format(p: &ChannelsParams, &Channels(inputs): &Channels) -> Result<Channels, Reject> {
+        let map = ChannelMap::new(inputs.into(), &p.map).map_err(|e| Reject::from(e).at("map"))?;
+        let outputs = u16::try_from(map.outputs()).ok().filter(|n| *n <= 256);
+        outputs.map(Channels).ok_or_else(|| Reject::new("F051", "`map` has more than 256 channels").at("map"))
+    }
+
+    fn new(p: &ChannelsParams, &Channels(inputs): &Channels) -> Self {
+        Self(ChannelMap::new(inputs.into(), &p.map).expect("`format` has accepted the map"))
+    }
+
+    fn each(&mut self, item: &[f32], out: &mut [f32]) {
+        self.0.process(item, out);
+    }
+
+    fn trial(draw: &mut Draw) -> ChannelsParams {
+        ChannelsParams { map: (0..=draw.below(4)).map(|_| draw.below(2)).collect() }
+    }
+}
+
+params! {
+    /// Mixes all channels to one, by their average, which cannot clip.
+    pub struct MonoParams {}
+}
+
+/// The node `Mono`.
+#[derive(Debug)]
+pub struct MonoNode(usize);
+
+impl Each for MonoNode {
+    type Params = MonoParams;
+    type In = f32;
+    type Out = f32;
+    const NAME: &'static str = "Mono";
+    const INPUT: (&'static str, &'static str) = ("audio", "Audio with any number of channels.");
+    const OUTPUT: (&'static str, &'static str) = ("out", "Mono audio.");
+
+    fn format(_: &MonoParams, _: &Channels) -> Result<Channels, Reject> {
+        Ok(Channels(1))
+    }
+
+    fn new(_: &MonoParams, &Channels(inputs): &Channels) -> Self {
+        Self(inputs.into())
+    }
+
+    fn each(&mut self, item: &[f32], out: &mut [f32]) {
+        channel_mean(item, self.0, out);
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::core::node::PerItem;
+    use crate::core::ports::{Port, Stream};
+    use crate::core::solo::Solo;
+    use crate::core::time::Rate;
 
     #[test]
     fn channels_are_picked_averaged_and_copied() {
@@ -75,5 +155,23 @@ mod tests {
         let mut quad = [0.0; 8];
         channel_copy(&mono, &mut quad, 4);
         assert_eq!(quad, [0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0]);
+    }
+
+    #[test]
+    fn nodes_pick_and_mix_channels() {
+        let (audio, rate) = (vec![1.0, 2.0, 3.0, 4.0], Rate::hz(10));
+        let port = Port::<Stream<f32>>::new(0);
+        let picked = Solo::new::<PerItem<ChannelsNode>>(ChannelsParams { map: vec![1, 0, 1] });
+        let run = picked.input(Port::<Stream<f32>>::new(0), rate, Channels(2), audio.clone()).run().unwrap();
+        assert_eq!(run.stream(port), [2.0, 1.0, 2.0, 4.0, 3.0, 4.0]);
+        let mono = Solo::new::<PerItem<MonoNode>>(MonoParams {});
+        let run = mono.input(Port::<Stream<f32>>::new(0), rate, Channels(2), audio).run().unwrap();
+        assert_eq!(run.stream(Port::<Stream<f32>>::new(0)), [1.5, 3.5]);
+    }
+
+    #[test]
+    fn a_map_to_a_channel_that_is_not_there_is_refused() {
+        let reject = ChannelsNode::format(&ChannelsParams { map: vec![0, 2] }, &Channels(2)).unwrap_err();
+        assert_eq!(reject.field.as_deref(), Some("map"));
     }
 }

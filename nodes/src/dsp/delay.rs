@@ -1,6 +1,14 @@
 //! Delay lines: by whole samples, bit for bit, and by fractions of one.
 
 use super::DspError;
+use super::node::nearest_items;
+use crate::core::fault::{Fault, Reject};
+use crate::core::files::MemoryFiles;
+use crate::core::node::{Class, Node};
+use crate::core::ports::Stream;
+use crate::core::random::Draw;
+use crate::core::shape::{Build, Shape};
+use crate::{params, ports};
 
 /// Delays interleaved channels by a whole number of frames; before them comes silence.
 #[derive(Clone, Debug)]
@@ -117,10 +125,76 @@ fn lagrange(f: f64) -> [f64; 4] {
     ]
 }
 
+params! {
+    /// Delays audio by a whole number of samples, the nearest to the given time, bit for bit.
+    ///
+    /// The output ends later than the input by the delay.
+    pub struct DelayParams {
+        /// How much later.
+        seconds: f64 = 0.1, unit "s", range 0.0..=600.0;
+    }
+}
+ports! {
+    /// Ports of `Delay`.
+    pub struct DelayPorts / DelayIo {
+        in {
+            /// Audio with any number of channels.
+            audio: Stream<f32>,
+        }
+        out {
+            /// The audio, later.
+            out: Stream<f32>,
+        }
+    }
+}
+
+/// The node `Delay`.
+#[derive(Debug)]
+pub struct DelayNode(Delay);
+
+impl Node for DelayNode {
+    type Params = DelayParams;
+    type Ports = DelayPorts;
+    const NAME: &'static str = "Delay";
+    const CLASS: Class = Class::Audio;
+
+    fn shape(p: &DelayParams, s: &mut Shape<'_, '_, DelayPorts>) -> Result<(), Reject> {
+        let audio = s.input(DelayPorts::audio);
+        s.tail(audio.rate.span(nearest_items(audio.rate, p.seconds)));
+        s.output(DelayPorts::out, audio.rate, audio.format);
+        Ok(())
+    }
+
+    fn build(p: &DelayParams, cx: &Build<'_>) -> Result<Self, Fault> {
+        let audio = cx.input(DelayPorts::audio);
+        Ok(Self(Delay::new(nearest_items(audio.rate, p.seconds), audio.format.0.into())))
+    }
+
+    fn run(&mut self, mut io: DelayIo<'_>) -> Result<(), Fault> {
+        let out = io.out.items();
+        out.copy_from_slice(io.audio.items());
+        self.0.process(out);
+        Ok(())
+    }
+
+    fn adopt(&mut self, old: &mut Self) {
+        if self.0.line.len() == old.0.line.len() {
+            std::mem::swap(&mut self.0, &mut old.0);
+        }
+    }
+
+    fn trial(draw: &mut Draw) -> (DelayParams, MemoryFiles) {
+        (DelayParams { seconds: draw.between(0.0, 0.3) }, MemoryFiles::default())
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::testing::{assert_block_invariant, signal};
     use super::*;
+    use crate::core::item::Channels;
+    use crate::core::solo::Solo;
+    use crate::core::time::Rate;
 
     #[test]
     fn a_whole_delay_moves_every_bit() {
@@ -170,5 +244,13 @@ mod tests {
         assert_block_invariant(&signal(2500, 3), 3, || Delay::new(101, 3), |d, _, x| d.process(x));
         let new = || FractionalDelay::new(17.3, 20, 3).unwrap();
         assert_block_invariant(&signal(2500, 3), 3, new, |d, _, x| d.process(x));
+    }
+
+    #[test]
+    fn the_node_delays_and_lasts_as_much_longer() {
+        let solo = Solo::new::<DelayNode>(DelayParams { seconds: 0.031 });
+        let audio = vec![1.0, 2.0, 3.0, 4.0];
+        let run = solo.input(DelayPorts::audio, Rate::hz(100), Channels(2), audio).run().unwrap();
+        assert_eq!(run.stream(DelayPorts::out), [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 2.0, 3.0, 4.0]);
     }
 }

@@ -1,5 +1,14 @@
 //! Fades whose gain is a function of the position alone.
 
+use super::node::nearest_items;
+use crate::core::fault::{Fault, Reject};
+use crate::core::files::MemoryFiles;
+use crate::core::node::{Class, Node};
+use crate::core::params::Params;
+use crate::core::ports::Stream;
+use crate::core::random::Draw;
+use crate::core::shape::{Build, Shape};
+use crate::{choices, params, ports};
 use std::f64::consts::FRAC_PI_2;
 
 /// Shape of a fade.
@@ -58,10 +67,96 @@ impl Fade {
     }
 }
 
+choices!(@param FadeLaw {
+    /// Straight; in and out add up to 1.
+    Linear,
+    /// Sine; the squares of in and out add up to 1.
+    EqualPower,
+});
+params! {
+    /// Fades audio in at its start and out at its end.
+    pub struct FadeParams {
+        /// Time from silence to full level at the start.
+        fade_in: f64 = 0.01, unit "s", range 0.0..=600.0;
+        /// Time from full level to silence at the end.
+        fade_out: f64 = 0.01, unit "s", range 0.0..=600.0;
+        /// Shape of both.
+        law: FadeLaw = FadeLaw::Linear;
+    }
+}
+ports! {
+    /// Ports of `Fade`.
+    pub struct FadePorts / FadeIo {
+        in {
+            /// Audio with any number of channels.
+            audio: Stream<f32>,
+        }
+        out {
+            /// The audio with its ends faded.
+            out: Stream<f32>,
+        }
+    }
+}
+
+/// The node `Fade`.
+#[derive(Debug)]
+pub struct FadeNode {
+    into: Fade,
+    away: Option<Fade>,
+}
+
+impl Node for FadeNode {
+    type Params = FadeParams;
+    type Ports = FadePorts;
+    const NAME: &'static str = "Fade";
+    const CLASS: Class = Class::Audio;
+
+    fn shape(p: &FadeParams, s: &mut Shape<'_, '_, FadePorts>) -> Result<(), Reject> {
+        let audio = s.input(FadePorts::audio);
+        if audio.end.is_none() && p.fade_out > 0.0 {
+            return Err(Reject::new("F051", "`audio` has no end to fade out at")
+                .at("fade_out")
+                .help("set fade_out: 0, or put Trim before it"));
+        }
+        s.output(FadePorts::out, audio.rate, audio.format);
+        Ok(())
+    }
+
+    fn build(p: &FadeParams, cx: &Build<'_>) -> Result<Self, Fault> {
+        let audio = cx.input(FadePorts::audio);
+        let into = nearest_items(audio.rate, p.fade_in) as u64;
+        let away = nearest_items(audio.rate, p.fade_out) as u64;
+        let out = |end: i64| Fade { law: p.law, rising: false, start: end - away as i64, frames: away };
+        Ok(Self {
+            into: Fade { law: p.law, rising: true, start: 0, frames: into },
+            away: audio.items().filter(|_| away > 0).map(out),
+        })
+    }
+
+    fn run(&mut self, mut io: FadeIo<'_>) -> Result<(), Fault> {
+        let (first, width) = (io.audio.first(), io.audio.width());
+        let out = io.out.items();
+        out.copy_from_slice(io.audio.items());
+        self.into.process(first, out, width);
+        if let Some(away) = self.away {
+            away.process(first, out, width);
+        }
+        Ok(())
+    }
+
+    fn trial(draw: &mut Draw) -> (FadeParams, MemoryFiles) {
+        let (fade_in, fade_out) = (draw.between(0.0, 0.5), draw.between(0.0, 0.5));
+        (FadeParams { fade_in, fade_out, ..FadeParams::trial(draw) }, MemoryFiles::default())
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::testing::{assert_block_invariant, signal};
     use super::*;
+    use crate::core::item::Channels;
+    use crate::core::solo::Solo;
+    use crate::core::time::Rate;
 
     #[test]
     fn laws_keep_their_sums() {
@@ -86,5 +181,13 @@ mod tests {
     fn blocks_do_not_change_a_bit() {
         let fade = Fade { law: FadeLaw::EqualPower, rising: true, start: 30, frames: 2000 };
         assert_block_invariant(&signal(2500, 2), 2, || fade, |f, at, x| f.process(at, x, 2));
+    }
+
+    #[test]
+    fn the_node_fades_both_ends_of_a_recording() {
+        let params = FadeParams { fade_in: 0.04, fade_out: 0.02, law: FadeLaw::Linear };
+        let solo = Solo::new::<FadeNode>(params);
+        let run = solo.input(FadePorts::audio, Rate::hz(100), Channels(1), vec![1.0; 8]).run().unwrap();
+        assert_eq!(run.stream(FadePorts::out), [0.0, 0.25, 0.5, 0.75, 1.0, 1.0, 1.0, 0.5]);
     }
 }

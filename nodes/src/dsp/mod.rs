@@ -5,27 +5,68 @@
 
 mod advance;
 mod biquad;
+mod biquad_node;
 mod butterworth;
 mod channels;
+mod clicks;
 mod delay;
 mod fade;
+mod feedback;
 mod gain;
+mod loudness;
+mod mix;
+mod node;
 mod noise;
+mod noise_node;
 mod pan;
 mod resample;
+mod resample_node;
+mod source;
 mod tone;
+mod tone_node;
+mod trim;
 
 pub use advance::{Advance, AdvanceParams, AdvancePorts};
 pub use biquad::{Biquad, Section};
-pub use butterworth::{Band, Butterworth, HighPass};
+pub use butterworth::{Band, Butterworth, Cascade};
 pub use channels::{ChannelMap, channel_copy, channel_mean};
+pub use clicks::Trigger;
 pub use delay::{Delay, FractionalDelay};
 pub use fade::{Fade, FadeLaw};
-pub use gain::{Gain, db_to_linear, linear_to_db};
+pub use gain::{Gain, db_to_linear, linear_to_db, modulate};
+pub use loudness::{Level, LevelMeter};
 pub use noise::{GaussianNoise, PinkNoise, UniformNoise};
 pub use pan::{Balance, Pan};
-pub use resample::{Quality, Rate, Resampler};
+pub use resample::{Quality, Resampler};
 pub use tone::{Saw, Sine, Square, Sweep, SweepLaw};
+
+/// The nodes of this family.
+pub mod nodes {
+    pub use super::biquad_node::{BiquadKind, BiquadNode, BiquadParams};
+    pub use super::butterworth::{
+        FilterIo, FilterPorts, HighPassNode, HighPassParams, LowPassNode, LowPassParams,
+    };
+    pub use super::channels::{ChannelsNode, ChannelsParams, MonoNode, MonoParams};
+    pub use super::clicks::{
+        ImpulsesIo, ImpulsesNode, ImpulsesParams, ImpulsesPorts, MetronomeIo, MetronomeNode, MetronomeParams,
+        MetronomePorts,
+    };
+    pub use super::delay::{DelayIo, DelayNode, DelayParams, DelayPorts};
+    pub use super::fade::{FadeIo, FadeNode, FadeParams, FadePorts};
+    pub use super::feedback::{FeedbackIo, FeedbackNode, FeedbackParams, FeedbackPorts};
+    pub use super::gain::{GainIo, GainNode, GainParams, GainPorts};
+    pub use super::loudness::{
+        LoudnessIo, LoudnessNode, LoudnessParams, LoudnessPorts, NormalizeIo, NormalizeNode, NormalizeParams,
+        NormalizePorts,
+    };
+    pub use super::mix::{MixIo, MixNode, MixParams, MixPorts};
+    pub use super::noise_node::{NoiseColour, NoiseNode, NoiseParams};
+    pub use super::pan::{PanIo, PanNode, PanParams, PanPorts};
+    pub use super::resample_node::{ResampleIo, ResampleNode, ResampleParams, ResamplePorts};
+    pub use super::source::{SourceIo, SourcePorts};
+    pub use super::tone_node::{SweepNode, SweepParams, ToneNode, ToneParams, Waveform};
+    pub use super::trim::{TrimIo, TrimNode, TrimParams, TrimPorts};
+}
 
 /// A parameter out of its range.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

@@ -11,21 +11,7 @@ use std::f64::consts::PI;
 use std::ops::Range;
 
 use super::DspError;
-
-/// A sample rate as an exact fraction of samples per second.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Rate {
-    /// Numerator.
-    pub num: u64,
-    /// Denominator.
-    pub den: u64,
-}
-
-impl From<u32> for Rate {
-    fn from(rate: u32) -> Self {
-        Self { num: u64::from(rate), den: 1 }
-    }
-}
+use crate::core::time::Rate;
 
 /// What a resampler may cost.
 ///
@@ -59,8 +45,9 @@ const PHASES: u64 = 4096;
 ///
 /// # Example
 /// ```
+/// use foley_nodes::core::time::Rate;
 /// use foley_nodes::dsp::{Quality, Resampler};
-/// let up = Resampler::new(44_100.into(), 48_000.into(), Quality::High)?;
+/// let up = Resampler::new(Rate::hz(44_100), Rate::hz(48_000), Quality::High)?;
 /// let inputs = up.inputs(0..480);
 /// let input = vec![0.5; (inputs.end - inputs.start) as usize];
 /// let mut out = vec![0.0; 480];
@@ -85,17 +72,13 @@ impl Resampler {
     /// Designs the filter.
     ///
     /// # Errors
-    /// Rates of 0, and ratios beyond 1 : 1024 either way.
+    /// Ratios beyond 1 : 1024 either way.
     ///
     /// # Complexity
     /// O(taps) per output sample and channel; taps grow with in / out when the rate goes down.
     pub fn new(input: Rate, output: Rate, quality: Quality) -> Result<Self, DspError> {
-        for rate in [input, output] {
-            DspError::check(rate.num > 0, "rate", rate.num as f64, "above 0")?;
-            DspError::check(rate.den > 0, "rate's denominator", rate.den as f64, "above 0")?;
-        }
-        let step = u128::from(input.num) * u128::from(output.den);
-        let per = u128::from(output.num) * u128::from(input.den);
+        let step = u128::from(input.num()) * u128::from(output.den());
+        let per = u128::from(output.num()) * u128::from(input.den());
         let ratio = step as f64 / per as f64;
         let range = 1.0 / 1024.0..=1024.0;
         DspError::check(range.contains(&ratio), "ratio of the rates", ratio, "between 1/1024 and 1024")?;
@@ -289,7 +272,7 @@ mod tests {
     #[test]
     fn high_quality_keeps_the_pass_band_aligned_within_100_db() {
         for (from, to) in PAIRS {
-            let r = Resampler::new(from.into(), to.into(), Quality::High).unwrap();
+            let r = Resampler::new(Rate::hz(from), Rate::hz(to), Quality::High).unwrap();
             let low = f64::from(from.min(to)) / 2.0;
             for f in [0.01, 0.3, 0.7, 0.9, 0.92] {
                 let out = convert(&r, 1000, 600, tone(f * low / f64::from(from)));
@@ -302,7 +285,7 @@ mod tests {
     #[test]
     fn high_quality_stops_what_would_alias_by_100_db() {
         for (from, to) in [(48_000_u32, 44_100_u32), (96_000, 48_000), (96_000, 44_100), (192_000, 8000)] {
-            let r = Resampler::new(from.into(), to.into(), Quality::High).unwrap();
+            let r = Resampler::new(Rate::hz(from), Rate::hz(to), Quality::High).unwrap();
             let nyquist = f64::from(to) / 2.0 / f64::from(from);
             for f in [nyquist * 1.0001, nyquist * 1.03, nyquist + 0.8 * (0.5 - nyquist)] {
                 let db = error_db(&convert(&r, 0, 500, tone(f)), 0, |_| 0.0);
@@ -314,7 +297,7 @@ mod tests {
     #[test]
     fn each_quality_keeps_its_word() {
         for (quality, edge, wanted) in [(Quality::Draft, 0.74, -55.0), (Quality::Standard, 0.87, -95.0)] {
-            let r = Resampler::new(48_000.into(), 44_100.into(), quality).unwrap();
+            let r = Resampler::new(Rate::hz(48_000), Rate::hz(44_100), quality).unwrap();
             let pass = convert(&r, 0, 500, tone(edge * 22_050.0 / 48_000.0));
             assert!(error_db(&pass, 0, tone(edge * 0.5)) < wanted);
             let stop = convert(&r, 0, 500, tone(22_060.0 / 48_000.0));
@@ -324,8 +307,8 @@ mod tests {
 
     #[test]
     fn rates_without_a_small_ratio_are_interpolated_as_well() {
-        let odd = Rate { num: 48_000 * 1000, den: 1001 };
-        let r = Resampler::new(Rate { num: 44_101, den: 1 }, odd, Quality::High).unwrap();
+        let odd = Rate::new(48_000 * 1000, 1001).unwrap();
+        let r = Resampler::new(Rate::hz(44_101), odd, Quality::High).unwrap();
         assert!(r.interpolated);
         let to = 48_000_000.0 / 1001.0;
         let out = convert(&r, -300, 600, tone(15_000.0 / 44_101.0));
@@ -335,16 +318,16 @@ mod tests {
 
     #[test]
     fn constants_pass_and_equal_rates_copy() {
-        let r = Resampler::new(44_100.into(), 48_000.into(), Quality::Draft).unwrap();
+        let r = Resampler::new(Rate::hz(44_100), Rate::hz(48_000), Quality::Draft).unwrap();
         assert!(convert(&r, 5, 400, |_| 0.7).iter().all(|&x| x == 0.7));
-        let r = Resampler::new(Rate { num: 96_000, den: 2 }, 48_000.into(), Quality::High).unwrap();
+        let r = Resampler::new(Rate::new(96_000, 2).unwrap(), Rate::hz(48_000), Quality::High).unwrap();
         assert_eq!((r.past(), r.ahead()), (0, 0));
         assert_eq!(convert(&r, -3, 3, |n| n as f64), [-3.0, -2.0, -1.0]);
     }
 
     #[test]
     fn blocks_and_positions_do_not_change_a_bit() {
-        let r = Resampler::new(44_100.into(), 48_000.into(), Quality::Standard).unwrap();
+        let r = Resampler::new(Rate::hz(44_100), Rate::hz(48_000), Quality::Standard).unwrap();
         let signal = |n: i64| ((n % 1009).pow(2) % 97) as f32 / 97.0 - 0.5;
         for start in [0, 1_000_000_000_007] {
             assert_block_invariant(
@@ -366,7 +349,7 @@ mod tests {
 
     #[test]
     fn the_declared_look_ahead_is_sufficient_and_necessary() {
-        let r = Resampler::new(48_000.into(), 44_100.into(), Quality::Draft).unwrap();
+        let r = Resampler::new(Rate::hz(48_000), Rate::hz(44_100), Quality::Draft).unwrap();
         let inputs = r.inputs(10..11);
         assert_eq!(inputs, r.position(10) - r.past() as i64..r.position(10) + r.ahead() as i64 + 1);
         let mut out = [0.0];
@@ -380,9 +363,8 @@ mod tests {
 
     #[test]
     fn impossible_rates_are_errors() {
-        assert_eq!(Resampler::new(0.into(), 48_000.into(), Quality::High).unwrap_err().what, "rate");
         assert_eq!(
-            Resampler::new(1.into(), 48_000.into(), Quality::High).unwrap_err().what,
+            Resampler::new(Rate::hz(1), Rate::hz(48_000), Quality::High).unwrap_err().what,
             "ratio of the rates"
         );
     }

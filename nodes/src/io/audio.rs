@@ -6,11 +6,7 @@ use super::packets::Packets;
 use super::wav_header::WavHeader;
 use super::wav_read::WavReader;
 use super::{AudioError, AudioWarning};
-
-/// A source of bytes that can be read from any position and moved to another thread.
-pub trait ReadSeek: Read + Seek + Send {}
-
-impl<T: Read + Seek + Send + ?Sized> ReadSeek for T {}
+use crate::core::files::ReadSeek;
 
 /// Container and codec of an audio file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

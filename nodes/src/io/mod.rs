@@ -7,12 +7,21 @@ mod audio;
 mod error;
 mod packets;
 mod wav_header;
+mod wav_in;
+mod wav_out;
 mod wav_read;
 mod wav_write;
 
-pub use audio::{AudioInfo, AudioReader, FileFormat, ReadLimits, ReadSeek, SampleFormat, probe, probe_with};
+pub use crate::core::files::ReadSeek;
+pub use audio::{AudioInfo, AudioReader, FileFormat, ReadLimits, SampleFormat, probe, probe_with};
 pub use error::{AudioError, AudioWarning};
 pub use wav_write::{AudioWriter, Dither, WriteFormat, WriteSpec, WrittenInfo};
+
+/// The nodes of this family.
+pub mod nodes {
+    pub use super::wav_in::{WavInIo, WavInNode, WavInParams, WavInPorts};
+    pub use super::wav_out::{WavOutIo, WavOutNode, WavOutParams, WavOutPorts};
+}
 
 #[cfg(test)]
 mod tests;

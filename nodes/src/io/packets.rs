@@ -21,8 +21,9 @@ use symphonia::core::io::{MediaSource, MediaSourceStream, MediaSourceStreamOptio
 use symphonia::core::packet::Packet;
 use symphonia::default::{formats, get_codecs};
 
-use super::audio::{AudioInfo, FileFormat, ReadLimits, ReadSeek, SampleFormat};
+use super::audio::{AudioInfo, FileFormat, ReadLimits, SampleFormat};
 use super::{AudioError, AudioWarning};
+use crate::core::files::ReadSeek;
 
 /// Errors in a row after which a stream counts as ended.
 const MAX_ERRORS: u32 = 256;

@@ -3,9 +3,10 @@
 //! `hound` is the oracle of the tests and not the decoder: it reads its samples one by one from its own header walk, while
 //! the walk here must survive false lengths, RF64 and missing pad bytes, and then converts whole blocks from a slice.
 
-use super::audio::{AudioInfo, FileFormat, ReadSeek};
+use super::audio::{AudioInfo, FileFormat};
 use super::wav_header::{WavHeader, read_at};
 use super::{AudioError, AudioWarning, SampleFormat};
+use crate::core::files::ReadSeek;
 
 /// Bytes converted at a time.
 const BLOCK: usize = 64 * 1024;

@@ -1,6 +1,7 @@
 //! Tests of the readers and the writer.
 
 mod fuzz;
+mod nodes;
 mod packets;
 mod wav;
 mod write;

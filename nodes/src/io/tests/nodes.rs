@@ -1,0 +1,73 @@
+use crate::core::item::Channels;
+use crate::core::solo::Solo;
+use crate::core::time::{Rate, ticks};
+use crate::io::nodes::{WavInNode, WavInParams, WavInPorts, WavOutNode, WavOutParams, WavOutPorts};
+use crate::io::{WriteFormat, probe};
+
+fn out(format: WriteFormat, channels: u16, audio: Vec<f32>) -> Solo {
+    let params = WavOutParams { path: "a/b.wav".into(), format, dither: true };
+    Solo::new::<WavOutNode>(params).input(WavOutPorts::audio, Rate::hz(8000), Channels(channels), audio)
+}
+
+fn play(bytes: &[u8], start: f64, duration: Option<f64>) -> Solo {
+    let params = WavInParams { path: "in".into(), start, duration };
+    let mut solo = Solo::new::<WavInNode>(params).window(ticks(0.013));
+    solo.files.insert("in", bytes);
+    solo
+}
+
+#[test]
+fn what_is_written_is_read_back_and_cut_to_the_sample() {
+    let audio: Vec<f32> = (0..3000).map(|k| (k as f32 * 0.37).sin()).collect();
+    let solo = out(WriteFormat::Float32, 2, audio.clone());
+    solo.run().unwrap();
+    let bytes = solo.outputs.get("a/b.wav").unwrap();
+    assert_eq!(play(&bytes, 0.0, None).run().unwrap().stream(WavInPorts::audio), audio);
+    let piece = play(&bytes, 0.01, Some(0.02)).run().unwrap().stream(WavInPorts::audio);
+    assert_eq!(piece, audio[160..480]);
+}
+
+#[test]
+fn the_report_tells_peak_rms_and_clipping() {
+    let run = out(WriteFormat::Pcm16, 1, vec![0.5, -2.0, 0.5, 0.5]).run().unwrap();
+    let told = |key| run.summary.iter().find(|(k, _)| *k == key).map(|(_, v)| v.clone()).unwrap();
+    assert_eq!(told("path"), "a/b.wav");
+    assert_eq!((told("frames"), told("channels"), told("rate")), (4.into(), 1.into(), 8000.into()));
+    assert_eq!((told("peak"), told("clipped")), (2.0.into(), 1.into()));
+    assert!((told("rms").as_f64().unwrap() - (4.75_f64 / 4.0).sqrt()).abs() < 1e-12);
+}
+
+#[test]
+fn other_formats_play_as_they_decode() {
+    for bytes in [super::FLAC, super::OGG, super::MP3] {
+        let run = play(bytes, 0.0, None).run().unwrap();
+        let (info, samples) = super::read_all(bytes, 1000).unwrap();
+        assert_eq!(run.stream(WavInPorts::audio), samples);
+        assert_eq!(info, probe(std::io::Cursor::new(bytes)).unwrap());
+    }
+}
+
+#[test]
+fn what_cannot_be_played_is_refused_with_the_field() {
+    let field = |solo: Solo| solo.shape().unwrap_err().field.unwrap();
+    assert_eq!(field(play(b"no audio at all", 0.0, None)), "path");
+    assert_eq!(field(play(super::FLAC, 1e4, None)), "start");
+    let solo = Solo::new::<WavInNode>(WavInParams { path: "none".into(), start: 0.0, duration: None });
+    assert_eq!(field(solo), "path");
+}
+
+#[test]
+fn a_number_that_is_none_stops_the_run_at_its_time() {
+    let mut audio = vec![0.0; 800];
+    audio[400] = f32::NAN;
+    let fault = out(WriteFormat::Pcm24, 1, audio).run().err().unwrap();
+    assert_eq!((fault.field.as_deref(), fault.time), (Some("audio"), Some(ticks(0.05))));
+}
+
+#[test]
+fn a_fractional_rate_is_no_wav_file() {
+    let params = WavOutParams { path: "x".into(), format: WriteFormat::Pcm16, dither: false };
+    let rate = Rate::new(24_000, 1001).unwrap();
+    let solo = Solo::new::<WavOutNode>(params).input(WavOutPorts::audio, rate, Channels(1), vec![0.0]);
+    assert!(solo.shape().unwrap_err().help.unwrap().contains("Resample"));
+}

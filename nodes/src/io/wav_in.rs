@@ -1,0 +1,127 @@
+//! The node that reads a recording.
+
+use super::{AudioError, AudioInfo, AudioReader};
+use crate::core::fault::{Fault, Reject};
+use crate::core::files::MemoryFiles;
+use crate::core::item::Channels;
+use crate::core::node::{Class, Node, Summary};
+use crate::core::params::AssetPath;
+use crate::core::ports::Stream;
+use crate::core::random::Draw;
+use crate::core::shape::{Build, Shape};
+use crate::core::time::Rate;
+use crate::{params, ports};
+
+params! {
+    /// Plays a recording: WAV, FLAC, Ogg Vorbis or MP3, recognised by content.
+    ///
+    /// Rate and channels are those of the file. Full scale is +-1.
+    pub struct WavInParams {
+        /// The file.
+        path: AssetPath;
+        /// Where in the file to begin, to the nearest sample.
+        start: f64 = 0.0, unit "s", range 0.0..=86_400.0;
+        /// How much to play at most; None plays to the end.
+        duration: Option<f64> = None, unit "s", range 0.0..=86_400.0;
+    }
+}
+ports! {
+    /// Ports of `WavIn`.
+    pub struct WavInPorts / WavInIo {
+        in {}
+        out {
+            /// The recording.
+            audio: Stream<f32>,
+        }
+    }
+}
+
+/// The node `WavIn`.
+pub struct WavInNode {
+    reader: AudioReader<'static>,
+    played: u64,
+}
+
+/// The frames that are played: first, and one past the last.
+fn cut(p: &WavInParams, info: &AudioInfo) -> Result<(u64, u64), Reject> {
+    let frames = |seconds: f64| (seconds * f64::from(info.rate)).round() as u64;
+    let start = frames(p.start);
+    if start > info.frames {
+        let message = format!("the recording is {:.3} s long, `start` is {} s", info.seconds(), p.start);
+        return Err(Reject::new("F051", message).at("start"));
+    }
+    let end =
+        p.duration.map_or(info.frames, |seconds| start.saturating_add(frames(seconds)).min(info.frames));
+    Ok((start, end))
+}
+
+fn unreadable(path: &AssetPath, e: &AudioError) -> Reject {
+    Reject::new("F065", format!("{:?}: {e}", path.0)).at("path")
+}
+
+impl Node for WavInNode {
+    type Params = WavInParams;
+    type Ports = WavInPorts;
+    const NAME: &'static str = "WavIn";
+    const CLASS: Class = Class::Io;
+    const COST: f64 = 4.0;
+
+    fn shape(p: &WavInParams, s: &mut Shape<'_, '_, WavInPorts>) -> Result<(), Reject> {
+        let info = super::probe(s.open("path", &p.path.0)?).map_err(|e| unreadable(&p.path, &e))?;
+        for warning in &info.warnings {
+            s.note(format!("{:?}: {warning}", p.path.0));
+        }
+        let (start, end) = cut(p, &info)?;
+        let rate = Rate::new(info.rate.into(), 1);
+        let (Some(rate), Ok(channels)) = (rate, u16::try_from(info.channels)) else {
+            let message = format!("{:?} has {} channels at {} Hz", p.path.0, info.channels, info.rate);
+            return Err(Reject::new("F065", message).at("path"));
+        };
+        s.ends(Some(rate.tick((end - start) as i64)));
+        s.output(WavInPorts::audio, rate, Channels(channels));
+        Ok(())
+    }
+
+    fn build(p: &WavInParams, cx: &Build<'_>) -> Result<Self, Fault> {
+        let source = cx.open("path", &p.path.0)?;
+        let mut reader = AudioReader::open(source).map_err(|e| unreadable(&p.path, &e))?;
+        let (start, _) = cut(p, reader.info())?;
+        reader.seek(start).map_err(|e| unreadable(&p.path, &e))?;
+        Ok(Self { reader, played: 0 })
+    }
+
+    fn run(&mut self, mut io: WavInIo<'_>) -> Result<(), Fault> {
+        let (wanted, time) = (io.audio.len(), io.audio.rate().tick(io.audio.first()));
+        let fault = |message: String| Fault::new("F066", message).at("path").when(time);
+        let read = self.reader.read(io.audio.items()).map_err(|e| fault(e.to_string()))?;
+        if read < wanted {
+            return Err(fault(format!("the recording broke off {} samples early", wanted - read)));
+        }
+        self.played += read as u64;
+        Ok(())
+    }
+
+    fn finish(&mut self, _: WavInIo<'_>) -> Result<Summary, Fault> {
+        let warnings: Vec<String> = self.reader.info().warnings.iter().map(ToString::to_string).collect();
+        Ok(vec![("frames", self.played.into()), ("warnings", warnings.into())])
+    }
+
+    fn trial(draw: &mut Draw) -> (WavInParams, MemoryFiles) {
+        use super::{AudioWriter, WriteFormat, WriteSpec};
+        let (rate, channels) = ([60, 100, 1000][draw.below(3)], 1 + draw.below(3));
+        let samples: Vec<f32> =
+            (0..channels * (50 + draw.below(250))).map(|_| draw.between(-1.0, 1.0) as f32).collect();
+        let format = [WriteFormat::Pcm16, WriteFormat::Pcm24, WriteFormat::Float32][draw.below(3)];
+        let mut bytes = std::io::Cursor::new(Vec::new());
+        let written =
+            AudioWriter::new(&mut bytes, WriteSpec::new(rate, channels, format)).and_then(|mut w| {
+                w.write(&samples)?;
+                w.finish()
+            });
+        let mut files = MemoryFiles::default();
+        let seconds = written.map_or(0.0, |info| info.frames as f64 / f64::from(rate));
+        files.insert("trial", bytes.into_inner());
+        let duration = (draw.below(2) == 0).then(|| draw.between(0.0, seconds));
+        (WavInParams { path: "trial".into(), start: draw.between(0.0, seconds / 2.0), duration }, files)
+    }
+}

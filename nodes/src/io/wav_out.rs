@@ -1,0 +1,110 @@
+//! The node that writes a recording.
+
+use super::{AudioError, AudioWriter, Dither, WriteFormat, WriteSpec};
+use crate::core::fault::{Fault, Reject};
+use crate::core::files::WriteSeek;
+use crate::core::node::{Class, Node, Summary};
+use crate::core::params::OutPath;
+use crate::core::ports::Stream;
+use crate::core::shape::{Build, Incoming, Shape};
+use crate::core::time::Rate;
+use crate::{choices, params, ports};
+
+choices!(@param WriteFormat {
+    /// 16-bit linear; clips at full scale.
+    Pcm16,
+    /// 24-bit linear; clips at full scale.
+    Pcm24,
+    /// 32-bit float; nothing is clipped or rounded.
+    Float32,
+});
+params! {
+    /// Writes audio to a WAV file.
+    ///
+    /// A file too long for WAV becomes RF64. The report has its peak, root mean square and the samples beyond full scale.
+    pub struct WavOutParams {
+        /// The file.
+        path: OutPath;
+        /// How samples are stored.
+        format: WriteFormat = WriteFormat::Pcm24;
+        /// Whether triangular noise of one step is added before rounding, which makes the error independent of the sound.
+        dither: bool = true;
+    }
+}
+ports! {
+    /// Ports of `WavOut`.
+    pub struct WavOutPorts / WavOutIo {
+        in {
+            /// Audio with any number of channels, at a whole number of samples per second.
+            audio: Stream<f32>,
+        }
+        out {}
+    }
+}
+
+/// The node `WavOut`.
+pub struct WavOutNode {
+    writer: Option<AudioWriter<Box<dyn WriteSeek>>>,
+    path: String,
+    rate: Rate,
+    channels: u16,
+}
+
+fn spec(p: &WavOutParams, audio: &Incoming<f32>, dither: Dither) -> Result<WriteSpec, Reject> {
+    let rate = u32::try_from(audio.rate.num()).ok().filter(|_| audio.rate.den() == 1);
+    let Some(rate) = rate else {
+        let message = format!("a WAV file has a whole number of samples per second, `audio` {}", audio.rate);
+        return Err(Reject::new("F045", message).at("audio").help("put Resample before it"));
+    };
+    let spec = WriteSpec::new(rate, audio.format.0.into(), p.format);
+    let whole = if p.dither && p.format != WriteFormat::Float32 { dither } else { Dither::None };
+    Ok(WriteSpec { dither: whole, ..spec })
+}
+
+fn fault(e: &AudioError) -> Fault {
+    Fault::new("F083", e.to_string())
+}
+
+impl Node for WavOutNode {
+    type Params = WavOutParams;
+    type Ports = WavOutPorts;
+    const NAME: &'static str = "WavOut";
+    const CLASS: Class = Class::Io;
+    const COST: f64 = 10.0;
+
+    fn shape(p: &WavOutParams, s: &mut Shape<'_, '_, WavOutPorts>) -> Result<(), Reject> {
+        spec(p, &s.input(WavOutPorts::audio), Dither::None)?;
+        Ok(())
+    }
+
+    fn build(p: &WavOutParams, cx: &Build<'_>) -> Result<Self, Fault> {
+        let audio = cx.input(WavOutPorts::audio);
+        let spec = spec(p, &audio, Dither::Triangular(cx.random))?;
+        let sink = cx.create("path", &p.path.0)?;
+        let writer = AudioWriter::new(sink, spec).map_err(|e| fault(&e).at("path"))?;
+        let (path, rate, Incoming { format, .. }) = (p.path.0.clone(), audio.rate, audio);
+        Ok(Self { writer: Some(writer), path, rate, channels: format.0 })
+    }
+
+    fn run(&mut self, io: WavOutIo<'_>) -> Result<(), Fault> {
+        let Some(writer) = &mut self.writer else { return Ok(()) };
+        writer.write(io.audio.items()).map_err(|e| match e {
+            AudioError::NotFinite { frame, .. } => fault(&e).at("audio").when(self.rate.tick(frame as i64)),
+            e => fault(&e).at("path").when(self.rate.tick(io.audio.first())),
+        })
+    }
+
+    fn finish(&mut self, _: WavOutIo<'_>) -> Result<Summary, Fault> {
+        let Some(writer) = self.writer.take() else { return Ok(Summary::new()) };
+        let written = writer.finish().map_err(|e| fault(&e).at("path"))?;
+        Ok(vec![
+            ("path", self.path.as_str().into()),
+            ("rate", self.rate.num().into()),
+            ("channels", self.channels.into()),
+            ("frames", written.frames.into()),
+            ("peak", written.peak.into()),
+            ("rms", written.rms.into()),
+            ("clipped", written.clipped.into()),
+        ])
+    }
+}
