@@ -2,7 +2,7 @@
 
 use super::load::{Given, Loader, RawNode};
 use super::root::{Root, join};
-use super::suggest::help;
+use super::suggest::{help, nearest};
 use super::{Graph, GraphNode, Link, node_type, node_types};
 use crate::diag::{Diagnostic, Place, Sources, any_error};
 use crate::lang::{Value, ValueKind};
@@ -102,13 +102,11 @@ fn fields(node: &RawNode, loader: &mut Loader) -> Option<Half> {
     let error =
         |code, message: String, place: &Place| Diagnostic::error(code, message, place.clone()).node(&node.id);
     let Some(ty) = node_type(&node.type_name) else {
-        let names = node_types().iter().map(|ty| ty.name);
+        let near = nearest(&node.type_name, node_types().iter().map(|ty| ty.name));
+        let hint = near.map(|name| format!("did you mean `{name}`? ")).unwrap_or_default();
         let message = format!("there is no node type `{}`", node.type_name);
-        loader.found.push(error("F010", message, &node.type_place).help(help(
-            &node.type_name,
-            "node types",
-            names,
-        )));
+        let found = error("F010", message, &node.type_place);
+        loader.found.push(found.help(format!("{hint}`foley nodes` lists all node types")));
         return None;
     };
     let specs = (ty.params)();
