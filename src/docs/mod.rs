@@ -61,7 +61,7 @@ fn cli(command: Command) -> String {
          (try again).\n"
     );
     let help = |command: &Command| {
-        let text = command.clone().render_long_help().to_string();
+        let text = command.clone().render_help().to_string();
         text.lines().map(str::trim_end).collect::<Vec<_>>().join("\n")
     };
     for sub in command.get_subcommands().filter(|s| s.get_name() != "help") {

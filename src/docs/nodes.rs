@@ -81,7 +81,9 @@ pub fn family_page(family: &str, examples: &Examples) -> String {
 }
 
 fn entry(out: &mut String, ty: &NodeType, examples: &Examples) {
-    let _ = writeln!(out, "\n## {}\n\n{}", ty.name, plain(ty.doc));
+    // Headings of the doc stand below that of the node.
+    let doc = format!("\n{}", plain(ty.doc)).replace("\n# ", "\n### ");
+    let _ = writeln!(out, "\n## {}\n{doc}", ty.name);
     for (title, ports) in [("Input", ty.inputs), ("Output", ty.outputs)] {
         if !ports.is_empty() {
             let _ = writeln!(out, "\n| {title} | Carries | |\n|---|---|---|");
