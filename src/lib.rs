@@ -6,7 +6,17 @@
 
 pub mod cli;
 pub mod diag;
+pub mod docs;
+pub mod draw;
 pub mod graph;
 pub mod lang;
 pub mod plan;
 pub mod run;
+
+// The Rust examples of the book are compiled and run with the documentation tests.
+#[cfg(doctest)]
+#[doc = include_str!("../docs/src/writing-a-node.md")]
+pub mod book_writing_a_node {}
+#[cfg(doctest)]
+#[doc = include_str!("../docs/src/library.md")]
+pub mod book_library {}

@@ -29,6 +29,14 @@ pub enum Command {
     Nodes(NodesArgs),
     /// Tell more about the code of an error
     Explain(ExplainArgs),
+    /// Draw a graph
+    Graph(DrawArgs),
+    /// Make a small project that runs
+    New(NewArgs),
+    /// Print the format of graphs, with all node types, as a JSON schema
+    Schema,
+    /// Write or check the pages of the book that come from the code
+    Docs(DocsArgs),
     /// Print completions for a shell
     Completions(CompletionsArgs),
 }
@@ -160,6 +168,39 @@ pub struct NodesArgs {
 pub struct ExplainArgs {
     /// The code, such as F025
     pub code: String,
+}
+
+/// Arguments of `foley graph`.
+#[derive(Clone, Debug, ClapArgs)]
+pub struct DrawArgs {
+    /// The graph.
+    #[command(flatten)]
+    pub graph: GraphArgs,
+    /// Write the drawing to this file, instead of to standard output
+    #[arg(long, value_name = "FILE")]
+    pub svg: Option<PathBuf>,
+}
+
+/// Arguments of `foley new`.
+#[derive(Clone, Debug, ClapArgs)]
+pub struct NewArgs {
+    /// The folder to make
+    pub dir: PathBuf,
+}
+
+/// Arguments of `foley docs`.
+#[derive(Clone, Debug, ClapArgs)]
+#[command(group = clap::ArgGroup::new("mode").required(true))]
+pub struct DocsArgs {
+    /// Write the pages
+    #[arg(long, group = "mode")]
+    pub write: bool,
+    /// Write nothing; fail where a page would change
+    #[arg(long, group = "mode")]
+    pub check: bool,
+    /// Folder that holds the book in `docs` and example graphs in `graphs`
+    #[arg(long, value_name = "DIR", default_value = ".")]
+    pub root: PathBuf,
 }
 
 /// Arguments of `foley completions`.

@@ -2,13 +2,20 @@
 
 mod args;
 mod check;
+mod docs;
+mod draw;
+mod new;
 mod nodes;
 mod plan;
 mod progress;
 mod run;
+mod schema;
 mod text;
 
 pub use args::Args;
+pub use new::template;
+pub use nodes::{describe, param_words, plain, port_words};
+pub use schema::schema;
 
 use args::Command;
 use std::process::ExitCode;
@@ -49,6 +56,10 @@ pub fn main(args: Args) -> anyhow::Result<Exit> {
         Command::Plan(args) => plan::plan(&args),
         Command::Nodes(args) => nodes::nodes(&args),
         Command::Explain(args) => text::explain(&args),
+        Command::Graph(args) => draw::draw(&args),
+        Command::New(args) => new::new(&args),
+        Command::Schema => schema::print(),
+        Command::Docs(args) => docs::docs(&args),
         Command::Completions(args) => text::completions(&args),
     }
 }

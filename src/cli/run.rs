@@ -114,7 +114,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
 }
 
 /// Writes a file under a temporary name and moves it to its place.
-fn write_whole(path: &std::path::Path, text: &str) -> anyhow::Result<()> {
+pub(super) fn write_whole(path: &std::path::Path, text: &str) -> anyhow::Result<()> {
     use anyhow::Context as _;
     let outputs = DirOutputs::new(".");
     let mut file = outputs.create_at(path).map_err(|e| anyhow::anyhow!(e.message))?;

@@ -60,7 +60,7 @@ pub fn explain(args: &ExplainArgs) -> anyhow::Result<Exit> {
             Ok(Exit::Done)
         }
         None => {
-            let near = nearest(&wanted, codes::ALL.iter().map(|c| c.code));
+            let near = nearest(&wanted, codes::all().iter().map(|c| c.code));
             let hint = near.map(|n| format!("; did you mean {n}?")).unwrap_or_default();
             eprintln!("foley: there is no code {wanted}{hint}");
             Ok(Exit::Wrong)

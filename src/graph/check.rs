@@ -2,7 +2,7 @@
 
 use super::load::{Given, Loader, RawNode};
 use super::root::{Root, join};
-use super::suggest::help;
+use super::suggest::{help, nearest};
 use super::{Graph, GraphNode, Link, node_type, node_types};
 use crate::diag::{Diagnostic, Place, Sources, any_error};
 use crate::lang::{Value, ValueKind};
@@ -27,13 +27,14 @@ struct Half {
     params: Option<Box<dyn AnyParams>>,
     links: Vec<Vec<RawLink>>,
     fields: BTreeMap<String, Place>,
+    /// Where the value was given, for fields that stand for a parameter of the graph.
+    origins: BTreeMap<String, Place>,
 }
 
 /// Checks everything that was read.
 pub(super) fn check(mut loader: Loader) -> (Option<Graph>, Vec<Diagnostic>, Sources, Root) {
     let raw = std::mem::take(&mut loader.nodes);
     let halves: Vec<Option<Half>> = raw.iter().map(|node| fields(node, &mut loader)).collect();
-    loader.unused_params();
     let mut found = std::mem::take(&mut loader.found);
     let by_id: HashMap<&str, usize> = raw.iter().enumerate().map(|(k, n)| (n.id.as_str(), k)).collect();
     let mut links: Vec<Vec<Vec<Link>>> = Vec::new();
@@ -60,7 +61,11 @@ pub(super) fn check(mut loader: Loader) -> (Option<Graph>, Vec<Diagnostic>, Sour
         found.push(Diagnostic::general("F009", format!("more than {} links", loader.link_limit())));
     }
     let order = order(&raw, &halves, &links, &mut found);
-    unused(&raw, &halves, &links, &mut found);
+    // What is wrong can be why something seems to be unused.
+    if !any_error(&found) {
+        unused(&raw, &halves, &links, &mut found);
+        found.extend(loader.unused_params());
+    }
     found.sort_by_key(|d| (d.place.as_ref().map(|p| (p.file, p.span.start)), d.code));
     let sources = std::mem::take(&mut loader.sources);
     let root = loader.take_root();
@@ -102,13 +107,11 @@ fn fields(node: &RawNode, loader: &mut Loader) -> Option<Half> {
     let error =
         |code, message: String, place: &Place| Diagnostic::error(code, message, place.clone()).node(&node.id);
     let Some(ty) = node_type(&node.type_name) else {
-        let names = node_types().iter().map(|ty| ty.name);
+        let near = nearest(&node.type_name, node_types().iter().map(|ty| ty.name));
+        let hint = near.map(|name| format!("did you mean `{name}`? ")).unwrap_or_default();
         let message = format!("there is no node type `{}`", node.type_name);
-        loader.found.push(error("F010", message, &node.type_place).help(help(
-            &node.type_name,
-            "node types",
-            names,
-        )));
+        let found = error("F010", message, &node.type_place);
+        loader.found.push(found.help(format!("{hint}`foley nodes` lists all node types")));
         return None;
     };
     let specs = (ty.params)();
@@ -117,6 +120,7 @@ fn fields(node: &RawNode, loader: &mut Loader) -> Option<Half> {
         params: None,
         links: ty.inputs.iter().map(|_| Vec::new()).collect(),
         fields: BTreeMap::new(),
+        origins: BTreeMap::new(),
     };
     let mut data: BTreeMap<&str, Datum> = BTreeMap::new();
     let mut linked = vec![false; ty.inputs.len()];
@@ -125,7 +129,9 @@ fn fields(node: &RawNode, loader: &mut Loader) -> Option<Half> {
         let param = specs.iter().find(|s| s.name == name);
         let port = ty.inputs.iter().position(|p| p.name == name);
         if param.is_none() && port.is_none() {
-            let names = ty.inputs.iter().map(|p| p.name).chain(specs.iter().map(|s| s.name));
+            // A parameter that takes a link as well is an input of the same name.
+            let only = specs.iter().map(|s| s.name).filter(|s| ty.inputs.iter().all(|p| p.name != *s));
+            let names = ty.inputs.iter().map(|p| p.name).chain(only);
             let message = format!("{} has no input or parameter `{name}`", ty.name);
             loader.found.push(error("F011", message, key).help(help(name, "fields", names)));
             continue;
@@ -138,6 +144,9 @@ fn fields(node: &RawNode, loader: &mut Loader) -> Option<Half> {
             }
             continue;
         };
+        if given.place != place {
+            half.origins.insert(name.clone(), given.place.clone());
+        }
         half.fields.insert(name.clone(), place);
         let is_link =
             |v: &Value| matches!(v.value, ValueKind::Str(_) | ValueKind::List(_) | ValueKind::Option(None));
@@ -169,10 +178,13 @@ fn fields(node: &RawNode, loader: &mut Loader) -> Option<Half> {
         Ok(params) => half.params = Some(params),
         Err(errors) => {
             for e in errors {
-                let found = field_error(&e, &specs, &half.fields, node);
+                let mut found = field_error(&e, &specs, &half.fields, node);
                 let about = match &e {
                     FieldError::Missing(name) | FieldError::Value(name, _) => *name,
                 };
+                if let Some(origin) = half.origins.get(about) {
+                    found = found.label(origin.clone(), "the value is given here");
+                }
                 if !broken.contains(&about) && (node.whole || !matches!(e, FieldError::Missing(_))) {
                     loader.found.push(found);
                 }
@@ -273,7 +285,11 @@ fn convert(value: &Value, given: &Given, path: bool, loader: &mut Loader) -> Opt
         ValueKind::List(items) | ValueKind::Tuple(items) => return list(items, loader),
         ValueKind::Name(name) => Datum::Name(name.value.clone()),
         ValueKind::Option(None) => Datum::Name("None".into()),
-        ValueKind::Option(Some(inner)) => return convert(inner, given, path, loader),
+        ValueKind::Option(Some(inner)) => {
+            let place = Place { file: given.place.file, span: inner.span() };
+            let inner = loader.resolve(Given { value: (**inner).clone(), place, ..given.clone() })?;
+            return convert(&inner.value, &inner, path, loader);
+        }
         ValueKind::Error => return None,
         _ => Datum::Other(value.describe().to_owned()),
     })
@@ -380,11 +396,12 @@ fn link(
             _ => {
                 let fitting: Vec<usize> =
                     (0..ports.len()).filter(|&k| ports[k].kind.feeds(&input.kind)).collect();
+                let all: Vec<usize> = (0..ports.len()).collect();
+                let which = if fitting.is_empty() { &all } else { &fitting };
                 let names: Vec<String> =
-                    ports.iter().map(|p| format!("\"{}.{}\"", raw.text, p.name)).collect();
+                    which.iter().map(|&k| format!("\"{}.{}\"", raw.text, ports[k].name)).collect();
                 let message = format!("`{}` ({}) has {} outputs", nodes[node].id, ty.name, ports.len());
-                let _ = fitting;
-                return Err(error("F022", message).help(format!("name one: {}", names.join(", "))));
+                return Err(error("F022", message).help(format!("name one: {}", names.join(" or "))));
             }
         },
     };

@@ -101,7 +101,7 @@ pub fn load(path: &Path, overrides: &[Override], allow_read: &[PathBuf], limits:
             loader.found.push(Diagnostic::general("F060", message));
         }
     }
-    match read_text(path, limits.graph_bytes) {
+    match read_text(path, &path.display().to_string(), limits.graph_bytes) {
         Ok(text) => {
             let given = loader.overrides(overrides);
             let mut chain = vec![std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned())];
@@ -123,8 +123,8 @@ pub fn load_text(name: &str, text: &str, path: &Path, overrides: &[Override]) ->
     Loaded { graph, diagnostics, sources, root }
 }
 
-fn read_text(path: &Path, limit: u64) -> Result<String, String> {
-    let show = path.display();
+/// The text at a path; `show` is its name for people.
+fn read_text(path: &Path, show: &str, limit: u64) -> Result<String, String> {
     let meta = std::fs::metadata(path).map_err(|e| format!("cannot read {show}: {e}"))?;
     if !meta.is_file() {
         return Err(format!("{show} is not a plain file"));
@@ -213,7 +213,11 @@ impl Loader {
             Some((Some(name), fields)) if name.value == "Graph" => fields,
             _ => {
                 if !value.is_error() {
-                    let found = format!("expected Graph(...), found {}", value.describe());
+                    let what = match value.as_struct() {
+                        Some((Some(name), _)) => format!("{}(...)", name.value),
+                        _ => value.describe().to_owned(),
+                    };
+                    let found = format!("expected Graph(...), found {what}");
                     self.error("F002", found, at(value.span()));
                 }
                 return;
@@ -425,7 +429,7 @@ impl Loader {
             );
             return;
         }
-        match read_text(&real, self.limits.graph_bytes) {
+        match read_text(&real, path, self.limits.graph_bytes) {
             Ok(text) => {
                 chain.push(real);
                 self.file(path, text, Path::new(path), prefix, given, chain);
@@ -563,7 +567,13 @@ impl Loader {
             }
             self.used_params.borrow_mut().insert(format!("{}{name}", given.scope.prefix));
             match given.scope.params.get(&name).cloned() {
-                Some(next) => given = next,
+                Some(mut next) => {
+                    // A parameter may stand for another one of the same file.
+                    if next.scope.params.is_empty() && next.scope.prefix == given.scope.prefix {
+                        next.scope = given.scope;
+                    }
+                    given = next;
+                }
                 None => {
                     let names: Vec<String> = given.scope.params.keys().cloned().collect();
                     let found = Diagnostic::error(
@@ -592,18 +602,16 @@ impl Loader {
         self.limits.links
     }
 
-    /// Warns of parameters that nothing used.
-    pub(super) fn unused_params(&mut self) {
+    /// Warnings of parameters that nothing used.
+    pub(super) fn unused_params(&self) -> Vec<Diagnostic> {
         let used = self.used_params.borrow();
-        for (name, place) in &self.all_params {
-            if !used.contains(name) {
-                let warning = Diagnostic::warning(
-                    "F029",
-                    format!("nothing uses the parameter `{name}`"),
-                    place.clone(),
-                );
-                self.found.push(warning.help(format!("write \"${name}\" where its value is to stand")));
-            }
-        }
+        let unused = self.all_params.iter().filter(|(name, _)| !used.contains(name));
+        let warn = |(name, place): &(String, Place)| {
+            let own = name.rsplit('.').next().unwrap_or(name);
+            let message = format!("nothing uses the parameter `{name}`");
+            Diagnostic::warning("F029", message, place.clone())
+                .help(format!("write \"${own}\" where its value is to stand"))
+        };
+        unused.map(warn).collect()
     }
 }

@@ -7,7 +7,7 @@ mod load;
 mod root;
 mod suggest;
 
-pub use load::{Loaded, Override, load, load_text};
+pub use load::{Loaded, Override, SCHEMA, load, load_text};
 pub use root::{DirFiles, Limits, Root};
 pub use suggest::nearest;
 

@@ -392,7 +392,7 @@ impl NodeType {
             },
             eval: Some(|params, cx, io| F::eval(known(params)?, cx, F::Ports::open(io))),
             shape: |params, raw| F::check(known(params)?, &mut Shape::new(raw)),
-            build: |_, _| Err(Fault::new("F000", "a value node has no streams to run")),
+            build: |_, _| Err(Fault::new("F099", "a value node has no streams to run")),
         }
     }
 
@@ -432,7 +432,7 @@ impl fmt::Debug for NodeType {
 
 fn known<P: Params>(params: &dyn AnyParams) -> Result<&P, Reject> {
     let known = params.as_any().downcast_ref();
-    known.ok_or_else(|| Reject::new("F000", "parameters of another node type: a defect in foley"))
+    known.ok_or_else(|| Reject::new("F099", "parameters of another node type: a defect in foley"))
 }
 
 /// Refuses streams whose rates differ, and names the node that would change one.

@@ -65,7 +65,7 @@ fn spec(p: &WavOutParams, audio: &Incoming<f32>, dither: Dither) -> Result<Write
 }
 
 fn fault(e: &AudioError) -> Fault {
-    Fault::new("F083", e.to_string())
+    Fault::new("F080", e.to_string())
 }
 
 impl Node for WavOutNode {

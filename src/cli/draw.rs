@@ -1,0 +1,33 @@
+//! `foley graph`.
+
+use super::Exit;
+use super::args::DrawArgs;
+use super::run::{show, write_whole};
+use crate::draw::{Drawing, svg};
+use crate::graph::{DirFiles, load};
+use crate::plan::{Plan, PlanOptions};
+
+/// Draws a graph; rates and formats are there where the graph can be planned.
+///
+/// # Errors
+/// When the drawing cannot be written.
+pub fn draw(args: &DrawArgs) -> anyhow::Result<Exit> {
+    let graph = &args.graph;
+    let loaded = load(&graph.graph, &graph.sets, &graph.allow_read, graph.limits());
+    show(&loaded.diagnostics, &loaded.sources);
+    let Some(found) = loaded.graph else { return Ok(Exit::Wrong) };
+    let files = DirFiles::new(loaded.root, graph.limits());
+    // A graph without end is planned up to some end: its rates are the same.
+    let options = PlanOptions {
+        until: Some(foley_nodes::core::time::TICKS_PER_SECOND),
+        memory: usize::MAX,
+        ..PlanOptions::default()
+    };
+    let plan = Plan::new(&found, &files, &options).ok();
+    let text = svg(&Drawing::of(&found, plan.as_ref()));
+    match &args.svg {
+        Some(path) => write_whole(path, &text)?,
+        None => print!("{text}"),
+    }
+    Ok(Exit::Done)
+}

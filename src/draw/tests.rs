@@ -1,0 +1,132 @@
+//! Properties of drawings of random graphs.
+
+use super::*;
+use foley_nodes::core::random::Draw;
+
+/// A random graph of `count` boxes with links forward, and one that closes a loop.
+fn random(seed: u64, count: usize) -> Drawing {
+    let mut draw = Draw::new(seed);
+    let kinds = [WireKind::Audio, WireKind::Stream, WireKind::Events, WireKind::Value, WireKind::Fold];
+    let mut drawing = Drawing { title: "Random".into(), ..Drawing::default() };
+    for b in 0..count {
+        let inputs = if b == 0 { 0 } else { draw.below(4) };
+        let outputs = 1 + draw.below(2);
+        drawing.boxes.push(NodeBox {
+            id: format!("node_{b}"),
+            type_name: ["Gain", "ContactDetector", "FrictionModelFromClips"][draw.below(3)].into(),
+            inputs: (0..inputs).map(|k| (format!("input_{k}"), true)).collect(),
+            outputs: (0..outputs)
+                .map(|k| OutPort {
+                    name: format!("out_{k}"),
+                    label: if draw.below(2) == 0 { "48000 Hz, stereo".into() } else { String::new() },
+                    kind: kinds[draw.below(5)],
+                })
+                .collect(),
+        });
+        for port in 0..inputs {
+            // Mostly near, sometimes far.
+            let near = b - 1 - draw.below(b.min(5));
+            let from = if draw.below(5) == 0 { draw.below(b) } else { near };
+            let out = draw.below(drawing.boxes[from].outputs.len());
+            drawing.wires.push(Wire { from: (from, out), to: (b, port), back: false });
+        }
+    }
+    if let Some(to) = drawing.boxes.iter().position(|b| !b.inputs.is_empty()) {
+        drawing.wires.push(Wire { from: (count - 1, 0), to: (to, 0), back: true });
+    }
+    drawing
+}
+
+#[test]
+fn boxes_do_not_overlap_and_lie_inside() {
+    for seed in 0..60 {
+        let drawing = random(seed, 3 + seed as usize);
+        let places = layout(&drawing);
+        for (a, r) in places.boxes.iter().enumerate() {
+            assert!(r.x >= 0.0 && r.y >= 0.0, "{seed}: {r:?}");
+            assert!(r.x + r.w <= places.width && r.y + r.h <= places.height, "{seed}: {r:?}");
+            for q in &places.boxes[..a] {
+                let apart = r.x + r.w < q.x || q.x + q.w < r.x || r.y + r.h < q.y || q.y + q.h < r.y;
+                assert!(apart, "{seed}: {r:?} and {q:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn links_run_from_port_to_port_and_past_all_other_boxes() {
+    for seed in 0..60 {
+        let drawing = random(seed, 3 + seed as usize);
+        let places = layout(&drawing);
+        for (wire, points) in drawing.wires.iter().zip(&places.wires) {
+            let (from, to) = (places.boxes[wire.from.0], places.boxes[wire.to.0]);
+            assert_eq!(points[0].0, from.x + from.w);
+            assert_eq!(points[points.len() - 1].0, to.x);
+            for pair in points.windows(2) {
+                // Where a link changes height it is between two columns; elsewhere it is level.
+                let (left, right) = (pair[0].0.min(pair[1].0), pair[0].0.max(pair[1].0));
+                let (top, bottom) = (pair[0].1.min(pair[1].1), pair[0].1.max(pair[1].1));
+                for (b, r) in places.boxes.iter().enumerate() {
+                    let ends = b == wire.from.0 || b == wire.to.0;
+                    let inside = left < r.x + r.w && right > r.x && top < r.y + r.h && bottom > r.y;
+                    assert!(ends || !inside, "{seed}: {wire:?} through box {b}: {pair:?} {r:?}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn every_link_goes_to_a_later_layer() {
+    for seed in 0..20 {
+        let drawing = random(seed, 30);
+        let places = layout(&drawing);
+        for wire in drawing.wires.iter().filter(|w| !w.back) {
+            let (from, to) = (places.boxes[wire.from.0], places.boxes[wire.to.0]);
+            assert!(from.x + from.w < to.x);
+        }
+    }
+}
+
+#[test]
+fn sweeps_untangle_a_ladder_that_is_written_upside_down() {
+    let one = |id: String, inputs: usize| NodeBox {
+        id,
+        type_name: "Gain".into(),
+        inputs: (0..inputs).map(|_| ("audio".to_owned(), true)).collect(),
+        outputs: vec![OutPort { name: "out".into(), label: String::new(), kind: WireKind::Audio }],
+    };
+    let mut drawing = Drawing::default();
+    for k in 0..5 {
+        drawing.boxes.push(one(format!("source{k}"), 0));
+    }
+    for k in 0..5 {
+        drawing.boxes.push(one(format!("sink{k}"), 1));
+        drawing.wires.push(Wire { from: (4 - k, 0), to: (5 + k, 0), back: false });
+    }
+    assert_eq!(layers::Layers::of(&drawing).crossings(), 0);
+}
+
+#[test]
+fn the_same_graph_gives_the_same_text() {
+    for seed in 0..5 {
+        assert_eq!(svg(&random(seed, 30)), svg(&random(seed, 30)));
+    }
+}
+
+#[test]
+fn texts_are_escaped_and_cut() {
+    let mut drawing = random(1, 3);
+    drawing.title = "<script>&\"'\u{1}".into();
+    drawing.boxes[0].id = "x".repeat(200);
+    let text = svg(&drawing);
+    assert!(text.contains("&lt;script&gt;&amp;&quot;&#39; "), "{text}");
+    assert!(!text.contains("<script>"));
+    assert!(text.contains(&format!(">{}…<", "x".repeat(29))));
+}
+
+#[test]
+fn an_empty_graph_is_an_empty_drawing() {
+    let text = svg(&Drawing::default());
+    assert!(text.starts_with("<svg ") && text.ends_with("</svg>\n"));
+}

@@ -1,0 +1,198 @@
+//! What foley says about wrong graphs: every case in `tests/diagnostics` with its text, byte for byte.
+//!
+//! A case is a graph; its first lines may hold arguments, such as `// --set wind.level=3`. `FOLEY_BLESS=1` writes the
+//! texts anew: look at the difference before it is committed.
+
+use foley::diag::{Diagnostic, Severity, Sources, any_error, codes, json, render};
+use foley::graph::{DirFiles, Limits, Override, load, load_text};
+use foley::plan::{Plan, PlanOptions};
+use foley::run::{DirOutputs, Job, Progress, run};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+const CASES: &str = "tests/diagnostics";
+
+/// Codes that no graph alone provokes: they need taps, full disks, missing rights, damaged readers or a defect.
+const NOT_BY_A_GRAPH: [&str; 9] = ["F022", "F047", "F061", "F066", "F080", "F083", "F090", "F091", "F099"];
+
+fn cases() -> Vec<PathBuf> {
+    let entries = fs::read_dir(CASES).unwrap().map(|e| e.unwrap().path());
+    let mut all: Vec<_> = entries.filter(|p| p.extension().is_some_and(|e| e == "ron")).collect();
+    all.sort();
+    all
+}
+
+/// Everything that is said about a graph on its way from the text to its files.
+fn findings(path: &Path) -> (Vec<Diagnostic>, Sources) {
+    let text = fs::read_to_string(path).unwrap();
+    let (mut limits, mut options, mut sets) = (Limits::default(), PlanOptions::default(), Vec::new());
+    for line in text.lines().map_while(|l| l.strip_prefix("// --")) {
+        let (name, value) = line.split_once(' ').unwrap();
+        match name {
+            "set" => {
+                let (target, value) = value.split_once('=').unwrap();
+                sets.push(Override { target: target.into(), value: value.into() });
+            }
+            "max-nodes" => limits.nodes = value.parse().unwrap(),
+            "max-file" => limits.file_bytes = value.parse().unwrap(),
+            "memory" => options.memory = value.parse().unwrap(),
+            other => panic!("{}: no argument --{other}", path.display()),
+        }
+    }
+    let loaded = load(path, &sets, &[], limits);
+    let mut found = loaded.diagnostics;
+    let Some(graph) = loaded.graph else { return (found, loaded.sources) };
+    let files = DirFiles::new(loaded.root, limits);
+    match Plan::new(&graph, &files, &options) {
+        Err(errors) => found.extend(errors),
+        Ok(plan) => {
+            let out = tempfile::tempdir().unwrap();
+            let outputs = DirOutputs::new(out.path());
+            let job = Job {
+                graph: &graph,
+                plan: &plan,
+                files: &files,
+                outputs: &outputs,
+                taps: &[],
+                threads: 1,
+                seed: graph.seed,
+                progress: Arc::new(Progress::default()),
+            };
+            let mut errors = run(&job).err().unwrap_or_default();
+            // The folder is another one in each run.
+            let folder = out.path().display().to_string();
+            errors.iter_mut().for_each(|e| e.message = e.message.replace(&folder, "out"));
+            found.extend(errors);
+        }
+    }
+    (found, loaded.sources)
+}
+
+#[test]
+fn every_case_is_told_as_its_text_has_it() {
+    let bless = std::env::var_os("FOLEY_BLESS").is_some();
+    let mut wrong = Vec::new();
+    for path in cases() {
+        let (found, sources) = findings(&path);
+        // Backslashes of another system are no difference.
+        let text = render(&found, &sources, false).replace('\\', "/");
+        let stored = path.with_extension("txt");
+        if bless {
+            fs::write(&stored, text).unwrap();
+        } else if fs::read_to_string(&stored).unwrap_or_default() != text {
+            wrong.push(format!("{} is told otherwise:\n{text}", path.display()));
+        }
+    }
+    assert!(wrong.is_empty(), "{}\nFOLEY_BLESS=1 stores the new texts", wrong.join("\n"));
+}
+
+#[test]
+fn every_case_provokes_the_code_in_its_name() {
+    for path in cases() {
+        let name = path.file_stem().unwrap().to_str().unwrap();
+        let code = name.split('_').next().unwrap().to_uppercase();
+        let (found, _) = findings(&path);
+        assert!(!found.is_empty(), "{name} is told nothing");
+        if codes::find(&code).is_some() {
+            assert!(found.iter().any(|d| d.code == code), "{name}: {found:#?}");
+        }
+    }
+}
+
+#[test]
+fn every_code_that_a_graph_can_provoke_has_a_case() {
+    let names: Vec<String> = cases().iter().map(|p| p.file_stem().unwrap().to_string_lossy().to_uppercase()).collect();
+    for code in codes::all() {
+        let has = names.iter().any(|n| n.split('_').next() == Some(code.code));
+        assert_eq!(has, !NOT_BY_A_GRAPH.contains(&code.code), "{}", code.code);
+    }
+}
+
+#[test]
+fn no_finding_repeats_another_or_lacks_its_place() {
+    for path in cases() {
+        let (found, sources) = findings(&path);
+        for (k, one) in found.iter().enumerate() {
+            let same = |other: &Diagnostic| {
+                (other.code, &other.message, &other.place) == (one.code, &one.message, &one.place)
+            };
+            assert!(!found[..k].iter().any(same), "{}: twice {one:?}", path.display());
+            assert!(codes::find(one.code).is_some(), "{} has no entry", one.code);
+            let Some(place) = &one.place else { continue };
+            let source = sources.get(place.file).unwrap_or_else(|| panic!("{one:?}"));
+            assert!(source.text.get(place.span.clone()).is_some(), "{one:?}");
+        }
+    }
+}
+
+#[test]
+fn all_errors_of_a_file_come_in_one_pass() {
+    let (found, _) = findings(&Path::new(CASES).join("many_at_once.ron"));
+    let codes: Vec<&str> = found.iter().map(|d| d.code).collect();
+    for code in ["F001", "F004", "F007", "F010", "F011", "F013", "F014", "F015", "F017", "F020", "F023"] {
+        assert!(codes.contains(&code), "{code} is not in {codes:?}");
+    }
+}
+
+#[test]
+fn an_unknown_node_type_leaves_the_rest_checked_and_is_not_blamed_twice() {
+    let text = "#![schema = \"foley:graph/1\"]
+Graph(nodes: {
+    \"odd\": Wobble(a: 1),
+    \"soft\": Gain(audio: \"odd\"),
+    \"bad\": Gain(audio: \"soft\", gian: 1.0),
+    \"out\": WavOut(audio: \"bad\", path: \"a.wav\"),
+})";
+    let loaded = load_text("a.ron", text, Path::new("a.ron"), &[]);
+    let codes: Vec<&str> = loaded.diagnostics.iter().map(|d| d.code).collect();
+    assert_eq!(codes, ["F010", "F011"]);
+    assert!(loaded.graph.is_none());
+}
+
+#[test]
+fn lines_and_columns_count_characters_from_one() {
+    let path = Path::new(CASES).join("unicode.ron");
+    let (found, sources) = findings(&path);
+    let text = fs::read_to_string(&path).unwrap();
+    let place = |needle: &str| {
+        let (line, content) = text.lines().enumerate().find(|(_, l)| l.contains(needle)).unwrap();
+        (line + 1, content[..content.find(needle).unwrap()].chars().count() + 1)
+    };
+    let report = json(&found, &sources);
+    let at = |code: &str| {
+        let one = report.as_array().unwrap().iter().find(|d| d["code"] == code).unwrap();
+        let number = |key: &str| one[key].as_u64().unwrap() as usize;
+        [(number("line"), number("column")), (number("end_line"), number("end_column"))]
+    };
+    let (line, column) = place("1000.0");
+    assert_eq!(at("F015"), [(line, column), (line, column + 6)]);
+    let (line, column) = place("gian");
+    assert_eq!(at("F011"), [(line, column), (line, column + 4)]);
+}
+
+#[test]
+fn json_has_all_fields_for_every_case() {
+    let fields = ["code", "severity", "message", "file", "line", "column", "end_line", "end_column", "node", "help"];
+    for path in cases() {
+        let (found, sources) = findings(&path);
+        let report = json(&found, &sources);
+        for (d, one) in found.iter().zip(report.as_array().unwrap()) {
+            let object = one.as_object().unwrap();
+            assert_eq!(object.len(), fields.len());
+            assert!(fields.iter().all(|f| object.contains_key(*f)), "{one}");
+            assert_eq!(one["severity"], if d.severity == Severity::Error { "error" } else { "warning" });
+            assert_eq!(one["line"].is_u64(), d.place.is_some());
+        }
+    }
+}
+
+#[test]
+fn a_graph_that_is_right_is_told_nothing() {
+    let template = foley::cli::template("a");
+    let (name, text) = &template[0];
+    let loaded = load_text(name, text, Path::new(name), &[]);
+    let told = render(&loaded.diagnostics, &loaded.sources, false);
+    assert!(loaded.graph.is_some() && loaded.diagnostics.is_empty(), "{told}");
+    assert!(!any_error(&loaded.diagnostics));
+}
