@@ -124,7 +124,13 @@ pub fn chart(title: &str, x: &Axis, y: &Axis, lines: &[Line]) -> String {
 /// From blue to red.
 fn colour(k: usize, count: usize) -> String {
     let along = k as f64 / (count.max(2) - 1) as f64;
-    format!("hsl({:.0} 80% 42%)", 240.0 * (1.0 - along))
+    // As hexadecimal, which every reader of SVG understands; the hue goes from blue to red.
+    let hue = 4.0 * (1.0 - along);
+    let channel = |centre: f64| {
+        let near = (2.0 - (hue - centre).abs().min(6.0 - (hue - centre).abs())).clamp(0.0, 1.0);
+        ((0.08 + 0.68 * near) * 255.0).round() as u8
+    };
+    format!("#{:02x}{:02x}{:02x}", channel(0.0), channel(2.0), channel(4.0))
 }
 
 /// A number without needless digits.

@@ -142,6 +142,9 @@ fn print_report(report: &Report, ready: &Ready) -> std::io::Result<()> {
         if let (Some(peak), Some(rms)) = (get("peak"), get("rms")) {
             write!(out, ", peak {:.4}, rms {:.4}", peak, rms)?;
         }
+        if let Some(clipped) = get("clipped").filter(|&c| c > 0.0) {
+            write!(out, ", {clipped} samples clipped: lower the level, or write Float32")?;
+        }
         writeln!(out)?;
     }
     for tap in &ready.taps {

@@ -15,6 +15,7 @@ pub use show::size;
 use crate::diag::Diagnostic;
 use crate::graph::Graph;
 use foley_nodes::core::files::Files;
+use foley_nodes::core::ports::PortKind;
 use foley_nodes::core::shape::NodeShape;
 use foley_nodes::core::time::Tick;
 
@@ -102,8 +103,12 @@ impl Plan {
             }
             let delays = schedule::delays(graph, &shapes, nodes, window);
             let duration = schedule::duration(graph, &shapes, nodes, &delays, options)?;
-            let taps: Vec<_> =
-                options.taps.iter().enumerate().filter(|(_, (n, _))| split.phase_of[*n] == k).collect();
+            // Values are written when the run has ended; only streams and events need a writer that runs along.
+            let runs = |n: usize, port: usize| {
+                let kind = graph.nodes[n].ty.outputs[port].kind;
+                split.phase_of[n] == k && matches!(kind, PortKind::Stream(_) | PortKind::Events(_))
+            };
+            let taps: Vec<_> = options.taps.iter().enumerate().filter(|(_, (n, p))| runs(*n, *p)).collect();
             let regions =
                 layout::regions(graph, &shapes, nodes, &delays, &taps, duration, window, options.threads);
             let bytes = regions.iter().map(Region::bytes).sum();
@@ -116,5 +121,14 @@ impl Plan {
             return Err(vec![show::too_much_memory(graph, &plan, options.memory)]);
         }
         Ok(plan)
+    }
+
+    /// How long the piece is: until the last node that writes or keeps something has ended.
+    #[must_use]
+    pub fn length(&self, graph: &Graph) -> Tick {
+        let sinks = (0..graph.nodes.len()).filter(|&n| graph.nodes[n].ty.outputs.is_empty());
+        let nodes: Vec<usize> = sinks.collect();
+        let all = if nodes.is_empty() { (0..graph.nodes.len()).collect() } else { nodes };
+        all.into_iter().filter_map(|n| self.shapes[n].end).max().unwrap_or(0)
     }
 }

@@ -82,7 +82,7 @@ pub fn run_phase(
     if !errors.is_empty() {
         return Err(errors);
     }
-    report.note_bytes(stages.iter().map(Stage::bytes).sum());
+    let bytes: usize = stages.iter().map(Stage::bytes).sum();
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(job.threads.max(1))
         .thread_name(|k| format!("foley-{k}"))
@@ -104,6 +104,7 @@ pub fn run_phase(
         .collect();
     drop(io_tasks);
     let shared = Arc::new(Shared::new(job, phase, stages, outcomes, pool, io));
+    report.note_bytes(bytes + shared.slot_bytes());
     // One task stands for this loop, so that the run is not quiet before all regions have been looked at.
     shared.tasks.fetch_add(1, SeqCst);
     for r in 0..shared.cells.len() {
@@ -238,6 +239,12 @@ impl Shared {
             pool,
             io,
         }
+    }
+
+    /// Bytes in what is on its way between regions.
+    fn slot_bytes(&self) -> usize {
+        let bytes = |slot: &Mutex<Box<dyn AnyTrack>>| slot.lock().unwrap_or_else(PoisonError::into_inner).bytes();
+        self.slots.values().flatten().map(bytes).sum()
     }
 
     fn halted(&self) -> bool {

@@ -73,7 +73,7 @@ impl Report {
         Self {
             title: graph.title.clone(),
             planned_bytes: plan.bytes,
-            length: plan.phases.last().map_or(0.0, |p| seconds(p.duration)),
+            length: seconds(plan.length(graph)),
             nodes: nodes.collect(),
             notes: notes.collect(),
             ..Self::default()
