@@ -72,7 +72,11 @@ fn every_link_in_the_book_leads_somewhere() {
             assert!(target.is_file(), "{}: {link} leads nowhere", path.display());
             if !at.is_empty() {
                 let text = fs::read_to_string(&target).unwrap();
-                assert!(anchors(&split(&text).0).contains(at), "{}: {link} has no such heading", path.display());
+                assert!(
+                    anchors(&split(&text).0).contains(at),
+                    "{}: {link} has no such heading",
+                    path.display()
+                );
             }
         }
     }

@@ -102,7 +102,8 @@ fn every_case_provokes_the_code_in_its_name() {
 
 #[test]
 fn every_code_that_a_graph_can_provoke_has_a_case() {
-    let names: Vec<String> = cases().iter().map(|p| p.file_stem().unwrap().to_string_lossy().to_uppercase()).collect();
+    let names: Vec<String> =
+        cases().iter().map(|p| p.file_stem().unwrap().to_string_lossy().to_uppercase()).collect();
     for code in codes::all() {
         let has = names.iter().any(|n| n.split('_').next() == Some(code.code));
         assert_eq!(has, !NOT_BY_A_GRAPH.contains(&code.code), "{}", code.code);
@@ -173,7 +174,8 @@ fn lines_and_columns_count_characters_from_one() {
 
 #[test]
 fn json_has_all_fields_for_every_case() {
-    let fields = ["code", "severity", "message", "file", "line", "column", "end_line", "end_column", "node", "help"];
+    let fields =
+        ["code", "severity", "message", "file", "line", "column", "end_line", "end_column", "node", "help"];
     for path in cases() {
         let (found, sources) = findings(&path);
         let report = json(&found, &sources);

@@ -9,7 +9,11 @@ use std::fs;
 #[must_use]
 pub fn template(name: &str) -> [(&'static str, String); 3] {
     let read_me = include_str!("new/README.md").replace("NAME", name);
-    [("wind.ron", include_str!("new/wind.ron").into()), ("README.md", read_me), (".gitignore", "/out\n".into())]
+    [
+        ("wind.ron", include_str!("new/wind.ron").into()),
+        ("README.md", read_me),
+        (".gitignore", "/out\n".into()),
+    ]
 }
 
 /// Makes a small project that runs.

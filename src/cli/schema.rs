@@ -173,7 +173,8 @@ mod tests {
             let fields = &all["$defs"][ty.name]["properties"];
             let specs = (ty.params)();
             for name in ty.inputs.iter().map(|p| p.name).chain(specs.iter().map(|s| s.name)) {
-                let doc = fields[name]["description"].as_str().or(fields[name]["anyOf"][0]["description"].as_str());
+                let doc =
+                    fields[name]["description"].as_str().or(fields[name]["anyOf"][0]["description"].as_str());
                 assert!(doc.is_some_and(|d| !d.is_empty()), "{}.{name}", ty.name);
             }
         }

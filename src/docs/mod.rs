@@ -20,9 +20,11 @@ const NOTE: &str = "<!-- Made from the code by `foley docs --write`. -->\n";
 pub fn pages(root: &Path, command: Command) -> io::Result<Vec<(String, String)>> {
     let examples = nodes::examples(root)?;
     let mut pages = vec![("reference/nodes.md".to_owned(), nodes::index())];
-    pages.extend(nodes::families().into_iter().map(|family| {
-        (format!("reference/nodes/{family}.md"), nodes::family_page(family, &examples))
-    }));
+    pages.extend(
+        nodes::families()
+            .into_iter()
+            .map(|family| (format!("reference/nodes/{family}.md"), nodes::family_page(family, &examples))),
+    );
     pages.push(("reference/errors.md".to_owned(), errors()));
     pages.push(("reference/cli.md".to_owned(), cli(command)));
     let summary = std::fs::read_to_string(root.join("docs/src/SUMMARY.md"))?;

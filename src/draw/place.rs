@@ -123,7 +123,13 @@ pub fn layout(drawing: &Drawing) -> Layout {
         if wire.back {
             bottom += 16.0;
             let out = lane[layers.layer[wire.from.0]] + 10.0;
-            points.extend([(out, start.1), (out, bottom), (end.0 - 14.0, bottom), (end.0 - 14.0, end.1), end]);
+            points.extend([
+                (out, start.1),
+                (out, bottom),
+                (end.0 - 14.0, bottom),
+                (end.0 - 14.0, end.1),
+                end,
+            ]);
         }
         wires.push(points);
     }

@@ -1,0 +1,108 @@
+//! The commands around a graph: drawing it, a new project, the schema, the explanations, the book.
+
+use foley::diag::codes;
+use serde_json::Value;
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+
+fn foley(dir: &Path, args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_foley"))
+        .args(args)
+        .current_dir(dir)
+        .env("NO_COLOR", "1")
+        .output()
+        .unwrap()
+}
+
+fn stdout(output: &Output) -> String {
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout.clone()).unwrap()
+}
+
+#[test]
+fn a_new_project_runs_and_can_be_drawn() {
+    let dir = tempfile::tempdir().unwrap();
+    stdout(&foley(dir.path(), &["new", "wind"]));
+    let project = dir.path().join("wind");
+    assert!(fs::read_to_string(project.join("README.md")).unwrap().starts_with("# wind\n"));
+    stdout(&foley(&project, &["run", "wind.ron"]));
+    assert!(fs::metadata(project.join("out/wind.wav")).unwrap().len() > 3 * 48_000 * 3);
+    stdout(&foley(&project, &["fmt", "wind.ron", "--check"]));
+
+    stdout(&foley(&project, &["graph", "wind.ron", "--svg", "wind.svg"]));
+    let drawn = fs::read_to_string(project.join("wind.svg")).unwrap();
+    for text in ["Wind", "air", "HighPass", "cutoff", "48000 Hz, mono", "closes a loop"] {
+        assert_eq!(drawn.contains(text), text != "cutoff" && text != "closes a loop", "{text}");
+    }
+    assert_eq!(stdout(&foley(&project, &["graph", "wind.ron"])), drawn);
+}
+
+#[test]
+fn a_folder_with_something_in_it_is_left_alone() {
+    let dir = tempfile::tempdir().unwrap();
+    fs::write(dir.path().join("mine.txt"), "mine").unwrap();
+    let made = foley(dir.path(), &["new", "."]);
+    assert_eq!(made.status.code(), Some(2));
+    assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1);
+    let made = foley(dir.path(), &["new", "mine.txt"]);
+    assert_eq!(made.status.code(), Some(2));
+}
+
+#[test]
+fn a_graph_without_end_is_drawn_with_its_rates() {
+    let dir = tempfile::tempdir().unwrap();
+    let text = "#![schema = \"foley:graph/1\"]
+Graph(nodes: {
+    \"wind\": Noise(rate: 44100, channels: 2),
+    \"room\": Mix(inputs: [\"wind\", \"echo\"]),
+    \"echo\": Feedback(audio: \"room\", like: \"wind\", delay: 0.1),
+    \"out\": WavOut(audio: \"room\", path: \"a.wav\"),
+})";
+    fs::write(dir.path().join("a.ron"), text).unwrap();
+    let drawn = stdout(&foley(dir.path(), &["graph", "a.ron"]));
+    assert!(drawn.contains("44100 Hz, stereo") && drawn.contains("closes a loop"), "{drawn}");
+}
+
+#[test]
+fn every_code_is_explained_on_the_command_line() {
+    let dir = tempfile::tempdir().unwrap();
+    for code in codes::all().iter().step_by(7) {
+        let text = stdout(&foley(dir.path(), &["explain", &code.code.to_lowercase()]));
+        assert!(text.starts_with(&format!("{}: {}\n\n", code.code, code.title)), "{text}");
+    }
+    let unknown = foley(dir.path(), &["explain", "F998"]);
+    assert_eq!(unknown.status.code(), Some(2));
+}
+
+#[test]
+fn the_schema_is_json_and_names_every_node_type() {
+    let dir = tempfile::tempdir().unwrap();
+    let schema: Value = serde_json::from_str(&stdout(&foley(dir.path(), &["schema"]))).unwrap();
+    let list: Value = serde_json::from_str(&stdout(&foley(dir.path(), &["nodes", "--json"]))).unwrap();
+    for node in list.as_array().unwrap() {
+        let name = node["name"].as_str().unwrap();
+        let of = &schema["$defs"][name];
+        let fields = of["properties"].as_object().unwrap();
+        for spec in node["params"].as_array().unwrap().iter().chain(node["inputs"].as_array().unwrap()) {
+            assert!(fields.contains_key(spec["name"].as_str().unwrap()), "{name}: {spec}");
+        }
+        assert_eq!(of["x-outputs"].as_array().unwrap().len(), node["outputs"].as_array().unwrap().len());
+    }
+}
+
+#[test]
+fn docs_are_written_and_then_up_to_date() {
+    let dir = tempfile::tempdir().unwrap();
+    assert_eq!(foley(dir.path(), &["docs", "--check"]).status.code(), Some(2), "there is no book");
+    let source = dir.path().join("docs/src");
+    fs::create_dir_all(source.join("reference/nodes")).unwrap();
+    fs::write(source.join("SUMMARY.md"), "# Summary\n").unwrap();
+    fs::write(source.join("reference/nodes/gone.md"), "# gone\n").unwrap();
+    assert_eq!(foley(dir.path(), &["docs", "--check"]).status.code(), Some(1));
+    stdout(&foley(dir.path(), &["docs", "--write"]));
+    stdout(&foley(dir.path(), &["docs", "--check"]));
+    assert!(!source.join("reference/nodes/gone.md").exists());
+    assert!(fs::read_to_string(source.join("reference/nodes/dsp.md")).unwrap().contains("## Gain\n"));
+    assert_ne!(foley(dir.path(), &["docs"]).status.code(), Some(0), "write or check has to be said");
+}
