@@ -573,6 +573,10 @@ fn unused(raw: &[RawNode], halves: &[Option<Half>], links: &[Vec<Vec<Link>>], fo
     let mut used = vec![false; raw.len()];
     let sink = |n: usize| halves[n].as_ref().is_none_or(|h| h.ty.outputs.is_empty());
     let mut stack: Vec<usize> = (0..raw.len()).filter(|&n| sink(n)).collect();
+    // A graph that writes nothing at all is meant to be used by others.
+    if stack.is_empty() {
+        return;
+    }
     while let Some(n) = stack.pop() {
         if !std::mem::replace(&mut used[n], true) {
             stack.extend(links[n].iter().flatten().map(|l| l.node));
