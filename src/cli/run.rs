@@ -98,6 +98,9 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
     watch.end();
     match result {
         Ok(report) => {
+            if report.outputs.is_empty() && ready.taps.is_empty() {
+                eprintln!("foley: the graph writes nothing: add a WavOut, or give --tap NODE.PORT=FILE");
+            }
             if !args.quiet {
                 print_report(&report, &ready)?;
             }

@@ -582,9 +582,10 @@ fn unused(raw: &[RawNode], halves: &[Option<Half>], links: &[Vec<Vec<Link>>], fo
             stack.extend(links[n].iter().flatten().map(|l| l.node));
         }
     }
+    let mut feeds = vec![false; raw.len()];
+    links.iter().flatten().flatten().for_each(|l| feeds[l.node] = true);
     for (n, node) in raw.iter().enumerate() {
-        let feeds = links.iter().flatten().flatten().any(|l| l.node == n);
-        if !used[n] && !feeds {
+        if !used[n] && !feeds[n] {
             let warning =
                 Diagnostic::warning("F026", format!("nothing uses `{}`", node.id), node.place.clone());
             found.push(warning.node(&node.id).help("link it to a node that writes a file, or remove it"));

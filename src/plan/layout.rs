@@ -246,7 +246,16 @@ pub fn regions(
     threads: usize,
 ) -> Vec<Region> {
     let region_of = cut(graph, shapes, nodes, taps, window, threads);
-    let mut layout = Layout { graph, shapes, delays, duration, window, regions: Vec::new(), links: 0 };
+    let mut readers_of: HashMap<_, Vec<_>> = HashMap::new();
+    for &v in nodes {
+        for (port, links) in graph.nodes[v].links.iter().enumerate() {
+            for (place, link) in links.iter().enumerate() {
+                readers_of.entry((link.node, link.port)).or_default().push((v, port, place));
+            }
+        }
+    }
+    let mut layout =
+        Layout { graph, shapes, delays, duration, window, regions: Vec::new(), links: 0, readers_of };
     let count = region_of.values().max().map_or(0, |m| m + 1);
     layout.regions.resize_with(count, Region::default);
     let mut at: HashMap<What, (usize, usize)> = HashMap::new();
@@ -264,7 +273,7 @@ pub fn regions(
     }
     for &n in nodes {
         for port in 0..graph.nodes[n].ty.outputs.len() {
-            layout.wire(n, port, nodes, taps, &region_of, &at);
+            layout.wire(n, port, taps, &region_of, &at);
         }
     }
     layout.regions
@@ -322,6 +331,8 @@ struct Layout<'g> {
     window: Tick,
     regions: Vec<Region>,
     links: usize,
+    /// For each output the links that read it: node, input port, place in its list.
+    readers_of: HashMap<(usize, usize), Vec<(usize, usize, usize)>>,
 }
 
 impl Layout<'_> {
@@ -358,7 +369,6 @@ impl Layout<'_> {
         &mut self,
         u: usize,
         port: usize,
-        nodes: &[usize],
         taps: &[(usize, &(usize, usize))],
         region_of: &HashMap<What, usize>,
         at: &HashMap<What, (usize, usize)>,
@@ -374,7 +384,7 @@ impl Layout<'_> {
         let rate = stream.as_ref().map(|s| s.rate);
         let width = stream.as_ref().map_or(1, |s| s.width);
         let writer = Clock { rate, delay: written, end: self.end(u) };
-        let readers = self.readers(u, port, nodes, taps, written, rate);
+        let readers = self.readers(u, port, taps, written, rate);
         // One buffer per region and pad rule; the first in the writer's own region is written directly.
         let mut groups: Vec<(usize, Pad, Vec<Reader>)> = Vec::new();
         for reader in readers {
@@ -437,34 +447,25 @@ impl Layout<'_> {
         &self,
         u: usize,
         port: usize,
-        nodes: &[usize],
         taps: &[(usize, &(usize, usize))],
         written: Tick,
         rate: Option<Rate>,
     ) -> Vec<Reader> {
         let items = |ticks: Tick| rate.map_or(0, |r| r.first_at(ticks.max(0)) as usize + 2);
         let mut readers = Vec::new();
-        for &v in nodes {
-            for (in_port, links) in self.graph.nodes[v].links.iter().enumerate() {
-                for (place, link) in links.iter().enumerate() {
-                    let Link { node, port: from, .. } = link;
-                    if (*node, *from) != (u, port) {
-                        continue;
-                    }
-                    let reach = self.shapes[v].reach[in_port];
-                    let behind = self.delays.of[v] - written + self.window;
-                    let (past, late) = (reach.past, reach.delay);
-                    readers.push(Reader {
-                        job: What::Node(v),
-                        port: in_port,
-                        place,
-                        pad: if reach.ends == Ends::Hold { Pad::Hold } else { Pad::Silence },
-                        front: if rate.is_some() { past + late } else { 0 },
-                        span: behind + past as Tick,
-                        items: items(behind) + past + late,
-                    });
-                }
-            }
+        for &(v, in_port, place) in self.readers_of.get(&(u, port)).into_iter().flatten() {
+            let reach = self.shapes[v].reach[in_port];
+            let behind = self.delays.of[v] - written + self.window;
+            let (past, late) = (reach.past, reach.delay);
+            readers.push(Reader {
+                job: What::Node(v),
+                port: in_port,
+                place,
+                pad: if reach.ends == Ends::Hold { Pad::Hold } else { Pad::Silence },
+                front: if rate.is_some() { past + late } else { 0 },
+                span: behind + past as Tick,
+                items: items(behind) + past + late,
+            });
         }
         for (k, _) in taps.iter().filter(|(_, tap)| **tap == (u, port)) {
             readers.push(Reader {
