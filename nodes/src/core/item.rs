@@ -157,12 +157,12 @@ impl<T: Item> Described for OfItem<T> {
         track: |width, span, front, pad| Box::new(Track::<T::Elem>::new(width, span, front, pad)),
         track_bytes: Track::<T::Elem>::planned_bytes,
         numbers: |track, from, to, out| {
-            if let Some(track) = track.as_any().downcast_ref::<Track<T::Elem>>() {
+            if let Some(track) = track.typed::<Track<T::Elem>>() {
                 track.view(from, to).iter().for_each(|elem| T::numbers(elem, out));
             }
         },
         finite: |track, from, to| {
-            let track = track.as_any().downcast_ref::<Track<T::Elem>>();
+            let track = track.typed::<Track<T::Elem>>();
             track.is_some_and(|track| track.view(from, to).iter().all(T::finite))
         },
         trial: |draw, rate, items| {
@@ -210,7 +210,7 @@ impl<T: Event> Described for OfEvent<T> {
         track: |span| Box::new(EventTrack::<T>::new(span)),
         track_bytes: || EventTrack::<T>::ROOM * size_of::<(Tick, T)>(),
         json: |track, from, to| {
-            let Some(track) = track.as_any().downcast_ref::<EventTrack<T>>() else { return Vec::new() };
+            let Some(track) = track.typed::<EventTrack<T>>() else { return Vec::new() };
             let json = |event| serde_json::to_value(event).unwrap_or_default();
             track.view(from, to).iter().map(|(tick, event)| (*tick, json(event))).collect()
         },

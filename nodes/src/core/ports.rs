@@ -388,7 +388,7 @@ impl<T: Item> One for Stream<T> {
             return In { items, width: *width, past: 0, len: 0, first: span.from, rate: *rate };
         }
         let items = Ref::map(cx.tracks[*track].borrow(), |track| {
-            let Some(track) = track.as_any().downcast_ref::<Track<T::Elem>>() else { cx.miswired(T::NAME) };
+            let Some(track) = track.typed::<Track<T::Elem>>() else { cx.miswired(T::NAME) };
             let (from, to) = (span.from - *delay as i64, span.to - *delay as i64);
             track.view(from - *past as i64, to + *ahead as i64)
         });
@@ -412,7 +412,7 @@ impl<T: Event> One for Events<T> {
         let InWire::Events { track, clock, past, ahead } = wire else { cx.miswired("events") };
         let span = cx.span(*clock);
         let events = Ref::map(cx.tracks[*track].borrow(), |track| {
-            let Some(track) = track.as_any().downcast_ref::<EventTrack<T>>() else { cx.miswired(T::NAME) };
+            let Some(track) = track.typed::<EventTrack<T>>() else { cx.miswired(T::NAME) };
             track.view(span.from - past, span.to + ahead)
         });
         EventsIn { events, from: span.from, to: span.to }
@@ -478,7 +478,7 @@ impl<T: Item> OutKind for Stream<T> {
         let OutWire::Stream { track, clock, width, rate } = &cx.outputs[port] else { cx.miswired("stream") };
         let span = cx.span(*clock);
         let mut items = RefMut::map(cx.tracks[*track].borrow_mut(), |track| {
-            let Some(track) = track.as_any_mut().downcast_mut::<Track<T::Elem>>() else {
+            let Some(track) = track.typed_mut::<Track<T::Elem>>() else {
                 cx.miswired(T::NAME)
             };
             track.append((span.to - span.from) as usize)
@@ -498,7 +498,7 @@ impl<T: Event> OutKind for Events<T> {
         let OutWire::Events { track, clock } = &cx.outputs[port] else { cx.miswired("events") };
         let span = cx.span(*clock);
         let mut track = RefMut::map(cx.tracks[*track].borrow_mut(), |track| {
-            let Some(track) = track.as_any_mut().downcast_mut::<EventTrack<T>>() else {
+            let Some(track) = track.typed_mut::<EventTrack<T>>() else {
                 cx.miswired(T::NAME)
             };
             track

@@ -492,7 +492,7 @@ impl SoloRun {
     pub fn stream<T: Item>(&self, port: Port<Stream<T>>) -> Vec<T::Elem> {
         let OutWire::Stream { track, .. } = &self.wires()[port.index()] else { return Vec::new() };
         self.stage.with_track(*track, |track| {
-            let typed = track.as_any().downcast_ref::<Track<T::Elem>>();
+            let typed = track.typed::<Track<T::Elem>>();
             typed.map(|typed| typed.view(0, track.end()).to_vec()).unwrap_or_default()
         })
     }
@@ -517,7 +517,7 @@ impl SoloRun {
     pub fn events<T: Event>(&self, port: Port<Events<T>>) -> Vec<(Tick, T)> {
         let OutWire::Events { track, .. } = &self.wires()[port.index()] else { return Vec::new() };
         self.stage.with_track(*track, |track| {
-            let typed = track.as_any().downcast_ref::<EventTrack<T>>();
+            let typed = track.typed::<EventTrack<T>>();
             typed.map(|typed| typed.view(Tick::MIN, Tick::MAX).to_vec()).unwrap_or_default()
         })
     }

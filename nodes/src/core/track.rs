@@ -14,10 +14,6 @@ pub enum Pad {
 
 /// A buffer of a type that is known to its ports only.
 pub trait AnyTrack: Any + Send {
-    /// Downcast for reading.
-    fn as_any(&self) -> &dyn Any;
-    /// Downcast for writing.
-    fn as_any_mut(&mut self) -> &mut dyn Any;
     /// First position after the last item: an item index, or the watermark tick for events.
     fn end(&self) -> i64;
     /// Moves the end to `to` with items made by the pad rule.
@@ -114,15 +110,20 @@ impl<E: Copy + Default + Send + 'static> Track<E> {
     }
 }
 
+impl dyn AnyTrack {
+    /// This buffer, where it is a `T`.
+    #[must_use]
+    pub fn typed<T: AnyTrack>(&self) -> Option<&T> {
+        (self as &dyn Any).downcast_ref()
+    }
+
+    /// This buffer for writing, where it is a `T`.
+    pub fn typed_mut<T: AnyTrack>(&mut self) -> Option<&mut T> {
+        (self as &mut dyn Any).downcast_mut()
+    }
+}
+
 impl<E: Copy + Default + Send + 'static> AnyTrack for Track<E> {
-    fn as_any(&self) -> &dyn Any {
-        self
-    }
-
-    fn as_any_mut(&mut self) -> &mut dyn Any {
-        self
-    }
-
     fn end(&self) -> i64 {
         self.end
     }
@@ -151,7 +152,7 @@ impl<E: Copy + Default + Send + 'static> AnyTrack for Track<E> {
     }
 
     fn append_from(&mut self, other: &dyn AnyTrack, from: i64, to: i64) {
-        if let Some(other) = other.as_any().downcast_ref::<Self>() {
+        if let Some(other) = other.typed::<Self>() {
             let source = other.view(from, to);
             self.append((to - from).max(0) as usize).copy_from_slice(source);
             self.hold_front();
@@ -229,14 +230,6 @@ impl<E: Clone + Send + 'static> EventTrack<E> {
 }
 
 impl<E: Clone + Send + 'static> AnyTrack for EventTrack<E> {
-    fn as_any(&self) -> &dyn Any {
-        self
-    }
-
-    fn as_any_mut(&mut self) -> &mut dyn Any {
-        self
-    }
-
     fn end(&self) -> i64 {
         self.end
     }
@@ -246,7 +239,7 @@ impl<E: Clone + Send + 'static> AnyTrack for EventTrack<E> {
     }
 
     fn append_from(&mut self, other: &dyn AnyTrack, from: i64, to: i64) {
-        if let Some(other) = other.as_any().downcast_ref::<Self>() {
+        if let Some(other) = other.typed::<Self>() {
             self.events.extend_from_slice(other.view(from, to));
             self.advance(to);
         }

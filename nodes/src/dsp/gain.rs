@@ -86,19 +86,38 @@ impl Gain {
 
     /// Applies the gain to interleaved samples in place.
     pub fn process(&mut self, samples: &mut [f32]) {
-        let channels = self.channels;
-        let frames = samples.len() / channels;
-        let moving =
-            usize::try_from(self.ramp.saturating_sub(self.passed)).map_or(frames, |left| left.min(frames));
-        let (ramp, still) = samples.split_at_mut(moving * channels);
-        for frame in ramp.chunks_exact_mut(channels) {
+        let moving = self.moving_samples(samples.len());
+        let (ramp, still) = samples.split_at_mut(moving);
+        for frame in ramp.chunks_exact_mut(self.channels) {
             let gain = self.advance() as f32;
             frame.iter_mut().for_each(|x| *x *= gain);
         }
-        // Nearly always the gain is at rest, and then this is all there is to do.
         let gain = self.target as f32;
         still.iter_mut().for_each(|x| *x *= gain);
-        self.passed = self.passed.saturating_add((frames - moving) as u64);
+    }
+
+    /// Applies the gain to interleaved samples on their way from one slice to another of the same length.
+    pub fn apply(&mut self, samples: &[f32], out: &mut [f32]) {
+        if self.is_moving() {
+            out.copy_from_slice(samples);
+            self.process(out);
+            return;
+        }
+        // Nearly always the gain is at rest, and then this is all there is to do.
+        let gain = self.target as f32;
+        for (out, x) in out.iter_mut().zip(samples) {
+            *out = x * gain;
+        }
+    }
+
+    /// How many of the next samples the ramp still reaches.
+    fn moving_samples(&self, samples: usize) -> usize {
+        let left = self.ramp.saturating_sub(self.passed);
+        if left == 0 {
+            return 0;
+        }
+        let frames = samples / self.channels;
+        usize::try_from(left).map_or(frames, |left| left.min(frames)) * self.channels
     }
 }
 
@@ -179,10 +198,12 @@ impl Node for GainNode {
 
     fn run(&mut self, mut io: GainIo<'_>) -> Result<(), Fault> {
         let out = io.out.items();
-        out.copy_from_slice(io.audio.items());
         match io.gain {
-            Some(control) => modulate(out, io.audio.width(), control.items(), control.width(), self.db),
-            None => self.gain.process(out),
+            Some(control) => {
+                out.copy_from_slice(io.audio.items());
+                modulate(out, io.audio.width(), control.items(), control.width(), self.db);
+            }
+            None => self.gain.apply(io.audio.items(), out),
         }
         Ok(())
     }
