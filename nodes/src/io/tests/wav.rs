@@ -1,3 +1,5 @@
+use std::io::{Cursor, Read, Seek, SeekFrom};
+
 use super::super::{AudioError, AudioReader, AudioWarning, ReadLimits, SampleFormat};
 use super::{open, read_all};
 use crate::core::random::Random;
@@ -187,7 +189,7 @@ fn files_that_hound_writes_are_read_alike() {
     ] {
         let spec =
             hound::WavSpec { channels: 3, sample_rate: 44_100, bits_per_sample: bits, sample_format: format };
-        let mut bytes = std::io::Cursor::new(Vec::new());
+        let mut bytes = Cursor::new(Vec::new());
         let mut writer = hound::WavWriter::new(&mut bytes, spec).unwrap();
         let values: Vec<i32> = (0..300).map(|i| (i * 7 % 255) - 128).collect();
         let scale = 2_f32.powi(i32::from(bits) - 1);
@@ -276,8 +278,64 @@ fn frames_wider_than_a_header_can_say_are_read() {
     let body: Vec<u8> = (0..2 * i32::from(channels)).flat_map(|v| (v << 8).to_le_bytes()).collect();
     let file = riff(&[format, chunk(b"data", &body)]);
     let limits = ReadLimits { max_channels: 65_535, ..ReadLimits::default() };
-    let mut reader = AudioReader::open_with(Box::new(std::io::Cursor::new(&file)), limits).unwrap();
+    let mut reader = AudioReader::open_with(Box::new(Cursor::new(&file)), limits).unwrap();
     let mut out = vec![0.0; 2 * usize::from(channels)];
     assert_eq!((reader.info().frames, reader.read(&mut out).unwrap()), (2, 2));
     assert!(out.iter().enumerate().all(|(v, &x)| x == v as f32 / 8_388_608.0));
+}
+
+/// A header, then 16-bit samples that count up, without end and without memory.
+struct Counting {
+    header: Vec<u8>,
+    len: u64,
+    at: u64,
+}
+
+impl Read for Counting {
+    fn read(&mut self, out: &mut [u8]) -> std::io::Result<usize> {
+        let n = (out.len() as u64).min(self.len.saturating_sub(self.at)) as usize;
+        for out in &mut out[..n] {
+            let header = self.header.len() as u64;
+            *out = match self.at.checked_sub(header) {
+                None => self.header[self.at as usize],
+                Some(at) => ((at / 2) as u16).to_le_bytes()[(at % 2) as usize],
+            };
+            self.at += 1;
+        }
+        Ok(n)
+    }
+}
+
+impl Seek for Counting {
+    fn seek(&mut self, to: SeekFrom) -> std::io::Result<u64> {
+        self.at = match to {
+            SeekFrom::Start(at) => at,
+            SeekFrom::End(by) => self.len.saturating_add_signed(by),
+            SeekFrom::Current(by) => self.at.saturating_add_signed(by),
+        };
+        Ok(self.at)
+    }
+}
+
+#[test]
+fn samples_behind_four_gibibytes_are_read() {
+    let frames = (1_u64 << 32) + 1001;
+    let mut sizes = [0; 28];
+    sizes[8..16].copy_from_slice(&(2 * frames).to_le_bytes());
+    let mut header = riff(&[chunk(b"ds64", &sizes), fmt(1, 1, 2, 16), chunk(b"data", b"")]);
+    header[..4].copy_from_slice(b"RF64");
+    let size_at = header.len() - 4;
+    header[size_at..].copy_from_slice(&u32::MAX.to_le_bytes());
+    let source = Counting { len: header.len() as u64 + 2 * frames, at: 0, header };
+    let limits = ReadLimits { max_seconds: f64::INFINITY, ..ReadLimits::default() };
+    let mut reader = AudioReader::open_with(Box::new(source), limits).unwrap();
+    assert_eq!((reader.info().frames, reader.info().warnings.len()), (frames, 0));
+    let mut out = [0.0; 100];
+    // Bytes and then frames pass 2^32 inside the block; then the end.
+    for (at, count) in [((1 << 31) - 50, 100), ((1 << 32) - 50, 100), (frames - 30, 30)] {
+        reader.seek(at).unwrap();
+        assert_eq!(reader.read(&mut out).unwrap(), count);
+        let expected = |n: usize| f32::from((at + n as u64) as i16) / 32_768.0;
+        assert!(out[..count].iter().enumerate().all(|(n, &x)| x == expected(n)), "{at}");
+    }
 }
