@@ -10,6 +10,7 @@ mod wav_header;
 mod wav_in;
 mod wav_out;
 mod wav_read;
+mod wav_samples;
 mod wav_write;
 
 pub use crate::core::files::ReadSeek;

@@ -1,8 +1,12 @@
 //! WAV files, written the same bit for bit however the samples arrive.
 //!
 //! The file begins with a `JUNK` chunk of the size of a `ds64` chunk; when the samples grow over the 32-bit limit of RIFF,
-//! finishing turns it into one and the file into RF64. `hound` writes its header without that room, so this writes its
-//! own; `hound` reads the files back in the tests.
+//! finishing turns it into one and the file into RF64.
+//!
+//! Reading decodes with `hound`; writing does not. `hound`'s writer leaves no room before its `fmt ` chunk and counts its
+//! bytes in 32 bits, which rules out RF64; it sets the lowest bits of the channel mask, whatever the speakers (mono would be
+//! front left); it has no `fact` chunk for floats; and a file that was not finished says that it is empty. What would be left
+//! to it is the little-endian bytes of an integer. It reads the files back in the tests.
 
 use std::io::{Seek, SeekFrom, Write};
 

@@ -1,5 +1,8 @@
-use super::super::{AudioError, AudioWarning, SampleFormat};
+use std::io::{Cursor, Read, Seek, SeekFrom};
+
+use super::super::{AudioError, AudioReader, AudioWarning, ReadLimits, SampleFormat};
 use super::{open, read_all};
+use crate::core::random::Random;
 
 /// A chunk with its pad byte.
 fn chunk(id: &[u8; 4], body: &[u8]) -> Vec<u8> {
@@ -186,7 +189,7 @@ fn files_that_hound_writes_are_read_alike() {
     ] {
         let spec =
             hound::WavSpec { channels: 3, sample_rate: 44_100, bits_per_sample: bits, sample_format: format };
-        let mut bytes = std::io::Cursor::new(Vec::new());
+        let mut bytes = Cursor::new(Vec::new());
         let mut writer = hound::WavWriter::new(&mut bytes, spec).unwrap();
         let values: Vec<i32> = (0..300).map(|i| (i * 7 % 255) - 128).collect();
         let scale = 2_f32.powi(i32::from(bits) - 1);
@@ -200,5 +203,139 @@ fn files_that_hound_writes_are_read_alike() {
         let (info, read) = read_all(bytes.get_ref(), 11).unwrap();
         assert_eq!((info.channels, info.rate, info.frames), (3, 44_100, 100));
         assert!(read.iter().zip(&values).all(|(&x, &v)| x == v as f32 / scale), "{bits} bits");
+    }
+}
+
+/// What a sample's bytes mean, in the words of the standard.
+fn defined(tag: u16, low: bool, bytes: &[u8]) -> f32 {
+    let four =
+        |b: &[u8]| -> [u8; 4] { std::array::from_fn(|i| (i + b.len()).checked_sub(4).map_or(0, |k| b[k])) };
+    let high = |b: &[u8]| (f64::from(i32::from_le_bytes(four(b))) / 2_147_483_648.0) as f32;
+    match (tag, bytes) {
+        (1, [a]) => (f32::from(*a) - 128.0) / 128.0,
+        (1, [a, b, c, _]) if low => high(&[*a, *b, *c]),
+        (1, _) => high(bytes),
+        (_, &[a, b, c, d]) => f32::from_le_bytes([a, b, c, d]),
+        _ => f64::from_le_bytes(bytes.try_into().unwrap()) as f32,
+    }
+}
+
+#[test]
+fn every_layout_means_the_same_bits_in_any_block_and_behind_any_seek() {
+    let random = Random::new(5, "samples");
+    // Tag, bytes, valid bits, whether in the low end.
+    let layouts = [
+        (1, 1, 8, false),
+        (1, 2, 12, false),
+        (1, 2, 16, false),
+        (1, 3, 20, false),
+        (1, 3, 24, false),
+        (1, 4, 24, true),
+        (1, 4, 24, false),
+        (1, 4, 32, false),
+        (3, 4, 32, false),
+        (3, 8, 64, false),
+    ];
+    for (case, (tag, container, bits, low)) in layouts.into_iter().enumerate() {
+        // More than one block of 64 KiB, and no whole number of them.
+        let frames = 70_003 / (3 * usize::from(container)) + 1;
+        let body: Vec<u8> = (0..3 * frames)
+            .flat_map(|n| {
+                let [a, b, ..] = random.words(case as u32, n as u64, 0);
+                let bytes = match (tag, container) {
+                    (3, 4) => u64::from((a as f32 / 1e9 - 2.0).to_bits()),
+                    (3, _) => (f64::from(a) / 1e9 - f64::from(b) / 1e12).to_bits(),
+                    _ if low => u64::from(((a as i32) >> 8) as u32),
+                    _ => u64::from(a),
+                };
+                bytes.to_le_bytes().into_iter().take(usize::from(container))
+            })
+            .collect();
+        let file = riff(&[extensible(tag, 3, container, bits, 7), chunk(b"data", &body)]);
+        let expected: Vec<u32> =
+            body.chunks(usize::from(container)).map(|b| defined(tag, low, b).to_bits()).collect();
+        let (info, whole) = read_all(&file, frames).unwrap();
+        assert_eq!(info.warnings.contains(&AudioWarning::LowAligned24), low);
+        let found: Vec<u32> = whole.iter().map(|x| x.to_bits()).collect();
+        assert!(found == expected, "{tag} {container} {bits}");
+        assert!(read_all(&file, 977).unwrap().1 == whole, "{tag} {container} {bits}");
+        let mut reader = open(&file).unwrap();
+        let mut out = [0.0; 3 * 50];
+        for at in [frames - 50, 1, frames / 2, 0] {
+            reader.seek(at as u64).unwrap();
+            assert_eq!(reader.read(&mut out).unwrap(), 50);
+            assert_eq!(out, whole[3 * at..3 * (at + 50)], "{tag} {container} {bits}");
+        }
+    }
+}
+
+/// More channels than a frame's 16-bit size can say: the header's block wraps, the bits speak.
+#[test]
+fn frames_wider_than_a_header_can_say_are_read() {
+    let channels = 40_000_u16;
+    let mut format = fmt(1, 1, 4, 32);
+    format[10..12].copy_from_slice(&channels.to_le_bytes());
+    let body: Vec<u8> = (0..2 * i32::from(channels)).flat_map(|v| (v << 8).to_le_bytes()).collect();
+    let file = riff(&[format, chunk(b"data", &body)]);
+    let limits = ReadLimits { max_channels: 65_535, ..ReadLimits::default() };
+    let mut reader = AudioReader::open_with(Box::new(Cursor::new(&file)), limits).unwrap();
+    let mut out = vec![0.0; 2 * usize::from(channels)];
+    assert_eq!((reader.info().frames, reader.read(&mut out).unwrap()), (2, 2));
+    assert!(out.iter().enumerate().all(|(v, &x)| x == v as f32 / 8_388_608.0));
+}
+
+/// A header, then 16-bit samples that count up, without end and without memory.
+struct Counting {
+    header: Vec<u8>,
+    len: u64,
+    at: u64,
+}
+
+impl Read for Counting {
+    fn read(&mut self, out: &mut [u8]) -> std::io::Result<usize> {
+        let n = (out.len() as u64).min(self.len.saturating_sub(self.at)) as usize;
+        for out in &mut out[..n] {
+            let header = self.header.len() as u64;
+            *out = match self.at.checked_sub(header) {
+                None => self.header[self.at as usize],
+                Some(at) => ((at / 2) as u16).to_le_bytes()[(at % 2) as usize],
+            };
+            self.at += 1;
+        }
+        Ok(n)
+    }
+}
+
+impl Seek for Counting {
+    fn seek(&mut self, to: SeekFrom) -> std::io::Result<u64> {
+        self.at = match to {
+            SeekFrom::Start(at) => at,
+            SeekFrom::End(by) => self.len.saturating_add_signed(by),
+            SeekFrom::Current(by) => self.at.saturating_add_signed(by),
+        };
+        Ok(self.at)
+    }
+}
+
+#[test]
+fn samples_behind_four_gibibytes_are_read() {
+    let frames = (1_u64 << 32) + 1001;
+    let mut sizes = [0; 28];
+    sizes[8..16].copy_from_slice(&(2 * frames).to_le_bytes());
+    let mut header = riff(&[chunk(b"ds64", &sizes), fmt(1, 1, 2, 16), chunk(b"data", b"")]);
+    header[..4].copy_from_slice(b"RF64");
+    let size_at = header.len() - 4;
+    header[size_at..].copy_from_slice(&u32::MAX.to_le_bytes());
+    let source = Counting { len: header.len() as u64 + 2 * frames, at: 0, header };
+    let limits = ReadLimits { max_seconds: f64::INFINITY, ..ReadLimits::default() };
+    let mut reader = AudioReader::open_with(Box::new(source), limits).unwrap();
+    assert_eq!((reader.info().frames, reader.info().warnings.len()), (frames, 0));
+    let mut out = [0.0; 100];
+    // Bytes and then frames pass 2^32 inside the block; then the end.
+    for (at, count) in [((1 << 31) - 50, 100), ((1 << 32) - 50, 100), (frames - 30, 30)] {
+        reader.seek(at).unwrap();
+        assert_eq!(reader.read(&mut out).unwrap(), count);
+        let expected = |n: usize| f32::from((at + n as u64) as i16) / 32_768.0;
+        assert!(out[..count].iter().enumerate().all(|(n, &x)| x == expected(n)), "{at}");
     }
 }
