@@ -147,13 +147,13 @@ fn the_cotton_sheet_touches_itself_and_its_bodies_as_often_as_its_notes_say_and_
 #[test]
 fn alembic_and_gltf_files_are_streamed_at_the_rate_of_their_frames() {
     let sheet = ("cloth/sheet_on_couch_pulled_off.abc", Some("/cloth/cloth"), 2668, 60);
-    for (path, mesh, vertices, hz) in [sheet, ("cloth/small_sheet_drag_30fps.glb", None, 900, 30)] {
+    for (path, object, vertices, hz) in [sheet, ("cloth/small_sheet_drag_30fps.glb", None, 900, 30)] {
         let Some(bytes) = data(path) else {
             eprintln!("skipped: no {path} here");
             continue;
         };
         let given = [("path", Datum::Text(path.into())), ("up", Datum::Name("Y".into()))];
-        let p = MeshSequenceParams { mesh: mesh.map(Text::from), ..read(&given) };
+        let p = MeshSequenceParams { object: object.map(Text::from), ..read(&given) };
         let mut solo = Solo::new::<MeshSequence>(p);
         solo.files.insert(path, bytes);
         let made: Made<Mesh> = Made::of(&solo, MeshSequencePorts::mesh);
