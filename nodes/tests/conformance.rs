@@ -6,7 +6,7 @@ mod trial;
 
 use foley_nodes::core::node::NodeType;
 use foley_nodes::core::params::{Bounds, Datum, ParamKind, ParamSpec};
-use foley_nodes::core::ports::{Arity, PortKind};
+use foley_nodes::core::ports::{Arity, PortKind, PortSpec};
 use foley_nodes::core::random::Draw;
 use foley_nodes::core::shape::NodeShape;
 use foley_nodes::core::time::{Rate, Tick};
@@ -238,6 +238,13 @@ fn ranges_include_their_ends_and_nothing_beyond() {
     }
 }
 
+/// Whether every output stream carries something else than all input streams.
+fn makes_another_kind(ty: &NodeType) -> bool {
+    let streams = |port: &&PortSpec| matches!(port.kind, PortKind::Stream(_));
+    let given = |out: &PortSpec| ty.inputs.iter().any(|port| port.kind.feeds(&out.kind));
+    !ty.outputs.iter().filter(streams).any(given)
+}
+
 #[test]
 fn names_follow_the_house() {
     for ty in all() {
@@ -245,11 +252,16 @@ fn names_follow_the_house() {
             ty.name.starts_with(char::is_uppercase) && ty.name.chars().all(char::is_alphanumeric),
             "{ty:?}"
         );
-        let sources = !ty.inputs.iter().any(|port| matches!(port.kind, PortKind::Stream(_)));
         for spec in (ty.params)() {
-            // Rates come with the streams: only what has none at its inputs, or changes it, may name one.
+            // Rates come with the streams: only what makes a stream of a kind that it is not given, or changes the rate
+            // of the one that it is given, may name one.
             let rate = spec.kind == ParamKind::Rate && ty.name != "Resample";
-            assert!(!rate || sources, "`{}.{}` is a rate, which comes with its input", ty.name, spec.name);
+            assert!(
+                !rate || makes_another_kind(&ty),
+                "`{}.{}` is a rate, which comes with its input",
+                ty.name,
+                spec.name
+            );
         }
     }
 }
