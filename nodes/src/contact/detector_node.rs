@@ -202,7 +202,8 @@ impl Node for ContactDetector {
             let [mut now, mut next] = std::mem::take(&mut self.lists).map(emptied);
             now.extend(self.others.iter().map(|other| &other.now.vertices[..]));
             next.extend(self.others.iter().map(|other| &other.next.vertices[..]));
-            let found = self.detector.detect_and_slide(io.mesh.item(k), io.mesh.item(k + 1), &now, &next, out);
+            let found =
+                self.detector.detect_and_slide(io.mesh.item(k), io.mesh.item(k + 1), &now, &next, out);
             self.lists = [now, next].map(emptied);
             self.total.add(found.map_err(|e| fault(&e).when(rate.tick(first + k as i64)))?);
         }
