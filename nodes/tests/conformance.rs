@@ -133,15 +133,16 @@ fn everything_is_documented() {
     for ty in all() {
         let name = ty.name;
         assert!(names.insert(name), "two nodes are called `{name}`");
-        assert!(!ty.family.is_empty() && !ty.summary().is_empty(), "`{name}` has no family or no summary");
+        assert!(!ty.family.is_empty(), "`{name}` has no family");
+        assert!(ty.summary().ends_with('.'), "`{name}` has no sentence for a summary");
         let mut ports = HashSet::new();
         for port in ty.inputs.iter().chain(ty.outputs) {
-            assert!(!port.doc.trim().is_empty(), "`{name}.{}` has no doc", port.name);
+            assert!(port.doc.trim().ends_with('.'), "`{name}.{}` has no sentence for a doc", port.name);
             assert!(ports.insert(port.name), "`{name}` has two ports `{}`", port.name);
         }
         for spec in (ty.params)() {
             let param = spec.name;
-            assert!(!spec.doc.trim().is_empty(), "`{name}.{param}` has no doc");
+            assert!(spec.doc.trim().ends_with('.'), "`{name}.{param}` has no sentence for a doc");
             if spec.kind.is_number() {
                 assert!(spec.unit.is_some(), "`{name}.{param}` has no unit");
                 assert!(spec.bounds.is_some(), "`{name}.{param}` has no range");
