@@ -137,7 +137,7 @@ impl Layers {
     /// O(pieces * log pieces).
     pub fn crossings(&self) -> usize {
         let at = self.positions();
-        let mut by_row: Vec<Vec<((usize, usize), (usize, usize))>> = vec![Vec::new(); self.rows.len()];
+        let mut by_row: Vec<Vec<Ends>> = vec![Vec::new(); self.rows.len()];
         let mut row_of = vec![0; self.cells.len()];
         for (k, row) in self.rows.iter().enumerate() {
             row.iter().for_each(|&c| row_of[c] = k);
@@ -145,13 +145,16 @@ impl Layers {
         for p in &self.pieces {
             by_row[row_of[p.from]].push(((at[p.from], p.out_port), (at[p.to], p.in_port)));
         }
-        let count = |mut ends: Vec<((usize, usize), (usize, usize))>| {
+        let count = |mut ends: Vec<Ends>| {
             ends.sort_unstable();
             inversions(&mut ends.into_iter().map(|(_, to)| to).collect::<Vec<_>>())
         };
         by_row.into_iter().map(count).sum()
     }
 }
+
+/// Place and port of either end of a piece.
+type Ends = ((usize, usize), (usize, usize));
 
 /// Where a port stands between its box and the next one.
 fn place(port: usize) -> f64 {
