@@ -243,7 +243,8 @@ impl Shared {
 
     /// Bytes in what is on its way between regions.
     fn slot_bytes(&self) -> usize {
-        let bytes = |slot: &Mutex<Box<dyn AnyTrack>>| slot.lock().unwrap_or_else(PoisonError::into_inner).bytes();
+        let bytes =
+            |slot: &Mutex<Box<dyn AnyTrack>>| slot.lock().unwrap_or_else(PoisonError::into_inner).bytes();
         self.slots.values().flatten().map(bytes).sum()
     }
 

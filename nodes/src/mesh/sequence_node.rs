@@ -337,7 +337,8 @@ impl Node for MeshSequence {
         files.insert("still.obj", obj(0));
         (1..5).for_each(|k| files.insert(format!("frame_{k:04}.obj"), obj(k)));
         let mut params = <MeshSequenceParams as crate::core::params::Params>::trial(draw);
-        params = MeshSequenceParams { path: path.into(), base: None, object: None, animation: None, ..params };
+        params =
+            MeshSequenceParams { path: path.into(), base: None, object: None, animation: None, ..params };
         params.fps = Some(params.fps.unwrap_or(Rate::hz(30)));
         params.start = params.start.map(|start| (start / 1e5).abs());
         params.duration = params.duration.map(|duration| duration % 1.0);
