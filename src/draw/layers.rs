@@ -137,7 +137,7 @@ impl Layers {
     /// O(pieces * log pieces).
     pub fn crossings(&self) -> usize {
         let at = self.positions();
-        let mut by_row: Vec<Vec<Ends>> = vec![Vec::new(); self.rows.len()];
+        let mut by_row: Vec<Vec<(End, End)>> = vec![Vec::new(); self.rows.len()];
         let mut row_of = vec![0; self.cells.len()];
         for (k, row) in self.rows.iter().enumerate() {
             row.iter().for_each(|&c| row_of[c] = k);
@@ -145,7 +145,7 @@ impl Layers {
         for p in &self.pieces {
             by_row[row_of[p.from]].push(((at[p.from], p.out_port), (at[p.to], p.in_port)));
         }
-        let count = |mut ends: Vec<Ends>| {
+        let count = |mut ends: Vec<(End, End)>| {
             ends.sort_unstable();
             inversions(&mut ends.into_iter().map(|(_, to)| to).collect::<Vec<_>>())
         };
@@ -153,8 +153,8 @@ impl Layers {
     }
 }
 
-/// Place and port of either end of a piece.
-type Ends = ((usize, usize), (usize, usize));
+/// One end of a piece: place in its row, and port.
+type End = (usize, usize);
 
 /// Where a port stands between its box and the next one.
 fn place(port: usize) -> f64 {
