@@ -6,7 +6,7 @@ mod trial;
 
 use foley_nodes::core::node::NodeType;
 use foley_nodes::core::params::{Bounds, Datum, ParamKind, ParamSpec};
-use foley_nodes::core::ports::{Arity, PortKind};
+use foley_nodes::core::ports::{Arity, PortKind, PortSpec};
 use foley_nodes::core::random::Draw;
 use foley_nodes::core::shape::NodeShape;
 use foley_nodes::core::time::{Rate, Tick};
@@ -133,15 +133,16 @@ fn everything_is_documented() {
     for ty in all() {
         let name = ty.name;
         assert!(names.insert(name), "two nodes are called `{name}`");
-        assert!(!ty.family.is_empty() && !ty.summary().is_empty(), "`{name}` has no family or no summary");
+        assert!(!ty.family.is_empty(), "`{name}` has no family");
+        assert!(ty.summary().ends_with('.'), "`{name}` has no sentence for a summary");
         let mut ports = HashSet::new();
         for port in ty.inputs.iter().chain(ty.outputs) {
-            assert!(!port.doc.trim().is_empty(), "`{name}.{}` has no doc", port.name);
+            assert!(port.doc.trim().ends_with('.'), "`{name}.{}` has no sentence for a doc", port.name);
             assert!(ports.insert(port.name), "`{name}` has two ports `{}`", port.name);
         }
         for spec in (ty.params)() {
             let param = spec.name;
-            assert!(!spec.doc.trim().is_empty(), "`{name}.{param}` has no doc");
+            assert!(spec.doc.trim().ends_with('.'), "`{name}.{param}` has no sentence for a doc");
             if spec.kind.is_number() {
                 assert!(spec.unit.is_some(), "`{name}.{param}` has no unit");
                 assert!(spec.bounds.is_some(), "`{name}.{param}` has no range");
@@ -238,6 +239,13 @@ fn ranges_include_their_ends_and_nothing_beyond() {
     }
 }
 
+/// Whether every output stream carries something else than all input streams.
+fn makes_another_kind(ty: &NodeType) -> bool {
+    let streams = |port: &&PortSpec| matches!(port.kind, PortKind::Stream(_));
+    let given = |out: &PortSpec| ty.inputs.iter().any(|port| port.kind.feeds(&out.kind));
+    !ty.outputs.iter().filter(streams).any(given)
+}
+
 #[test]
 fn names_follow_the_house() {
     for ty in all() {
@@ -245,11 +253,16 @@ fn names_follow_the_house() {
             ty.name.starts_with(char::is_uppercase) && ty.name.chars().all(char::is_alphanumeric),
             "{ty:?}"
         );
-        let sources = !ty.inputs.iter().any(|port| matches!(port.kind, PortKind::Stream(_)));
         for spec in (ty.params)() {
-            // Rates come with the streams: only what has none at its inputs, or changes it, may name one.
+            // Rates come with the streams: only what makes a stream of a kind that it is not given, or changes the rate
+            // of the one that it is given, may name one.
             let rate = spec.kind == ParamKind::Rate && ty.name != "Resample";
-            assert!(!rate || sources, "`{}.{}` is a rate, which comes with its input", ty.name, spec.name);
+            assert!(
+                !rate || makes_another_kind(&ty),
+                "`{}.{}` is a rate, which comes with its input",
+                ty.name,
+                spec.name
+            );
         }
     }
 }

@@ -177,3 +177,70 @@ fn events_keep_their_times_across_windows() {
         assert_eq!(echo(window), whole, "window {window}");
     }
 }
+
+params! {
+    /// Audio through a line that gives each sample three later, as nodes with a pipeline inside do.
+    pub struct LineParams {}
+}
+ports! {
+    pub struct LinePorts / LineIo {
+        in {
+            /// Any audio.
+            audio: foley_nodes::core::ports::Stream<f32>,
+        }
+        out {
+            /// The same audio, at the same times: its lag takes the three samples back.
+            out: foley_nodes::core::ports::Stream<f32>,
+        }
+    }
+}
+
+struct Line([f32; 3]);
+
+const LINE: i64 = 3;
+
+impl Node for Line {
+    type Params = LineParams;
+    type Ports = LinePorts;
+    const NAME: &'static str = "Line";
+    const CLASS: Class = Class::Audio;
+
+    fn shape(_: &LineParams, s: &mut Shape<'_, '_, LinePorts>) -> Result<(), Reject> {
+        let audio = s.input(LinePorts::audio);
+        s.lag(audio.rate.tick(LINE));
+        s.when_ended(LinePorts::audio, Ends::Stop);
+        s.output(LinePorts::out, audio.rate, audio.format);
+        Ok(())
+    }
+
+    fn build(_: &LineParams, _: &Build<'_>) -> Result<Self, Fault> {
+        Ok(Self([0.0; 3]))
+    }
+
+    fn run(&mut self, mut io: LineIo<'_>) -> Result<(), Fault> {
+        let first = io.audio.first();
+        let mut out = io.out.items().iter_mut();
+        for (item, sample) in (first..).zip(io.audio.items()) {
+            let place = (item % LINE) as usize;
+            // The first samples to come out of the line are from before the start of the stream.
+            if item >= LINE {
+                *out.next().expect("as many come out as went in") = self.0[place];
+            }
+            self.0[place] = *sample;
+        }
+        assert!(out.next().is_none());
+        Ok(())
+    }
+}
+
+#[test]
+fn a_node_that_lags_works_on_until_its_last_sample_is_out() {
+    let samples: Vec<f32> = (1..=20).map(|k| k as f32).collect();
+    let rate = Rate::hz(1000);
+    for window in [rate.tick(1), rate.tick(7), ticks(0.0037), TICKS_PER_SECOND] {
+        let solo = Solo::new::<Line>(LineParams {})
+            .input(LinePorts::audio, rate, Channels(1), samples.clone())
+            .window(window);
+        assert_eq!(solo.run().unwrap().stream(LinePorts::out), samples, "window {window}");
+    }
+}

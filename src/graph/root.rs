@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::io::BufReader;
 use std::path::{Component, Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// What files may cost.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -73,11 +73,8 @@ impl Root {
         self.folders.iter().any(|f| real.starts_with(f)) || self.files.iter().any(|f| f == real)
     }
 
-    /// The real path of a file that may be read.
-    ///
-    /// # Errors
-    /// When it is missing, not a plain file, or outside.
-    pub fn resolve(&self, path: &str) -> Result<PathBuf, FileError> {
+    /// The real path of a file or folder that may be read.
+    fn real(&self, path: &str) -> Result<PathBuf, FileError> {
         let error = |code, message| Err(FileError { code, message });
         if path.contains('\0') {
             return error("F062", "a path cannot hold a zero character".into());
@@ -96,6 +93,16 @@ impl Root {
             );
             return error("F062", message);
         }
+        Ok(real)
+    }
+
+    /// The real path of a file that may be read.
+    ///
+    /// # Errors
+    /// When it is missing, not a plain file, or outside.
+    pub fn resolve(&self, path: &str) -> Result<PathBuf, FileError> {
+        let error = |code, message| Err(FileError { code, message });
+        let real = self.real(path)?;
         match fs::metadata(&real) {
             Ok(meta) if meta.is_file() => Ok(real),
             Ok(meta) if meta.is_dir() => error("F064", format!("{path:?} is a folder, not a file")),
@@ -119,18 +126,20 @@ fn similar(path: &Path) -> String {
 }
 
 /// The files of a [`Root`], for nodes.
-#[derive(Debug, Default)]
+///
+/// A clone reads the same files and counts what it opens with the original.
+#[derive(Clone, Debug, Default)]
 pub struct DirFiles {
     root: Root,
     limits: Limits,
-    opened: Mutex<BTreeSet<PathBuf>>,
+    opened: Arc<Mutex<BTreeSet<PathBuf>>>,
 }
 
 impl DirFiles {
     /// The files of a root.
     #[must_use]
     pub fn new(root: Root, limits: Limits) -> Self {
-        Self { root, limits, opened: Mutex::default() }
+        Self { root, limits, opened: Arc::default() }
     }
 
     /// Every file that was opened so far.
@@ -158,15 +167,22 @@ impl Files for DirFiles {
         let path = Path::new(pattern);
         let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let name = path.file_name().and_then(|n| n.to_str()).unwrap_or_default();
-        let entries = fs::read_dir(folder).map_err(|e| FileError {
-            code: "F060",
-            message: format!("cannot list {}: {e}", folder.display()),
-        })?;
+        let failed = |code, what: &dyn std::fmt::Display| FileError {
+            code,
+            message: format!("cannot list the files of {pattern:?}: {what}"),
+        };
+        let text = folder.to_str().ok_or_else(|| failed("F061", &"the folder's name is no text"))?;
+        let real = self.root.real(text).map_err(|e| failed(e.code, &e.message))?;
+        let entries = fs::read_dir(real).map_err(|e| failed("F061", &e))?;
         let found = entries.flatten().filter_map(|entry| {
             let file = entry.file_name().into_string().ok()?;
             Some((number_in(name, &file)?, folder.join(&file).to_str()?.to_owned()))
         });
         sorted_sequence(pattern, found.collect())
+    }
+
+    fn kept(&self) -> Option<Arc<dyn Files>> {
+        Some(Arc::new(self.clone()))
     }
 }
 
@@ -217,5 +233,28 @@ mod tests {
             std::os::unix::fs::symlink(base.join("other/a.wav"), base.join("cloth/link.wav")).unwrap();
             assert_eq!(resolve("cloth/link.wav"), Err("F062"));
         }
+    }
+
+    #[test]
+    fn sequences_are_listed_inside_the_root_only_and_kept_files_count_with_the_others() {
+        let dir = tempfile::tempdir().unwrap();
+        let base = dir.path();
+        for folder in ["cloth", "other"] {
+            fs::create_dir(base.join(folder)).unwrap();
+            for frame in [10, 9] {
+                fs::write(base.join(folder).join(format!("f_{frame}.obj")), b"x").unwrap();
+            }
+        }
+        let files = DirFiles::new(Root::of(&base.join("cloth/graph.ron")), Limits::default());
+        let list = |p: &str| files.sequence(base.join(p).to_str().unwrap()).map_err(|e| e.code);
+        let found = list("cloth/f_#.obj").unwrap();
+        assert_eq!(found.iter().map(|(n, _)| *n).collect::<Vec<_>>(), [9, 10]);
+        assert_eq!(list("other/f_#.obj"), Err("F062"));
+        assert_eq!(list("cloth/../other/f_#.obj"), Err("F062"));
+        assert_eq!(list("cloth/none/f_#.obj"), Err("F060"));
+        assert_eq!(list("cloth/g_#.obj"), Err("F060"));
+        assert!(files.opened().is_empty());
+        assert_eq!(files.kept().unwrap().bytes(&found[0].1).unwrap(), b"x");
+        assert_eq!(files.opened().len(), 1);
     }
 }

@@ -352,7 +352,8 @@ impl Layout<'_> {
             }
             What::Node(n) => {
                 let node = &self.graph.nodes[n];
-                let end = self.end(n);
+                // What lags comes after the end of what it is made of: the node works on until all of it is out.
+                let end = self.end(n).map(|end| end.saturating_add(self.shapes[n].lag));
                 let delay = self.delays.of[n];
                 let clock = self.regions[region].clock(Clock { rate: None, delay, end });
                 // Links of streams are replaced when the output that they come from gets its buffer.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::{ContactError, Contacts, ContactsFormat, Detection, Detector, DetectorParams, Exclude};
 use crate::core::fault::{Fault, Reject};
 use crate::core::node::{Class, Node, Summary};
-use crate::core::ports::{Many, Stream};
+use crate::core::ports::{In, Many, Stream};
 use crate::core::shape::{Build, Ends, Incoming, Shape};
 use crate::core::time::Rate;
 use crate::mesh::{Mesh, MeshFormat, vertex_areas};
@@ -57,9 +57,37 @@ ports! {
 /// The node over [`Detector`].
 pub struct ContactDetector {
     detector: Detector,
-    /// Rest pose of those others that stand still.
-    still: Vec<Option<MeshFormat>>,
+    others: Vec<Other>,
+    /// Room for the positions of all others in this frame and the next; empty but while a frame is looked at.
+    lists: [Vec<&'static [[f32; 3]]>; 2],
     total: Total,
+}
+
+/// One of the others, in this frame and in the next.
+struct Other {
+    now: Pose,
+    next: Pose,
+}
+
+/// Positions of the vertices; those of a mesh that stands still are never changed.
+struct Pose {
+    vertices: Vec<[f32; 3]>,
+    still: bool,
+}
+
+impl Pose {
+    fn copy_from(&mut self, moving: &In<'_, Mesh>, frame: isize) {
+        if !self.still {
+            self.vertices.copy_from_slice(moving.item(frame));
+        }
+    }
+}
+
+/// An empty list that borrows from somewhere else, in the memory of the old one.
+fn emptied<'a>(mut list: Vec<&[[f32; 3]]>) -> Vec<&'a [[f32; 3]]> {
+    list.clear();
+    // Collecting from a list of items of the same size keeps its memory.
+    list.into_iter().map(|_| -> &[[f32; 3]] { &[] }).collect()
 }
 
 #[derive(Default)]
@@ -157,29 +185,27 @@ impl Node for ContactDetector {
         let surfaces: Vec<_> = others.iter().map(|other| &*other.format.topology).collect();
         let detector =
             Detector::new(&cloth.topology, &surfaces, detector_params(p)).map_err(|e| fault(&e))?;
-        let still = others.iter().map(|other| other.format.still.then(|| other.format.clone())).collect();
-        Ok(Self { detector, still, total: Total::default() })
+        let pose = |format: &MeshFormat| Pose { vertices: format.topology.rest.clone(), still: format.still };
+        let lists = [0; 2].map(|_| Vec::with_capacity(others.len()));
+        let others = others.iter().map(|o| Other { now: pose(&o.format), next: pose(&o.format) }).collect();
+        Ok(Self { detector, others, lists, total: Total::default() })
     }
 
     fn run(&mut self, mut io: ContactDetectorIo<'_>) -> Result<(), Fault> {
         let (first, rate, width) = (io.contacts.first(), io.contacts.rate(), io.contacts.width().max(1));
-        let others: Vec<_> = io.others.iter().zip(&self.still).collect();
-        let mut now: Vec<&[[f32; 3]]> = Vec::with_capacity(others.len());
-        let mut next = now.clone();
         for (k, out) in io.contacts.items().chunks_exact_mut(width).enumerate() {
             let k = k as isize;
-            for (frame, place) in [(k, &mut now), (k + 1, &mut next)] {
-                place.clear();
-                place.extend(others.iter().map(|(moving, still)| match still {
-                    Some(format) => &format.topology.rest[..],
-                    None => moving.item(frame),
-                }));
+            for (other, moving) in self.others.iter_mut().zip(io.others.iter()) {
+                other.now.copy_from(&moving, k);
+                other.next.copy_from(&moving, k + 1);
             }
-            let found = self
-                .detector
-                .detect_and_slide(io.mesh.item(k), io.mesh.item(k + 1), &now, &next, out)
-                .map_err(|e| fault(&e).when(rate.tick(first + k as i64)))?;
-            self.total.add(found);
+            let [mut now, mut next] = std::mem::take(&mut self.lists).map(emptied);
+            now.extend(self.others.iter().map(|other| &other.now.vertices[..]));
+            next.extend(self.others.iter().map(|other| &other.next.vertices[..]));
+            let found =
+                self.detector.detect_and_slide(io.mesh.item(k), io.mesh.item(k + 1), &now, &next, out);
+            self.lists = [now, next].map(emptied);
+            self.total.add(found.map_err(|e| fault(&e).when(rate.tick(first + k as i64)))?);
         }
         Ok(())
     }

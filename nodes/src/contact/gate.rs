@@ -67,6 +67,11 @@ impl EverGate {
         Self { threshold, maxima }
     }
 
+    /// Goes on with another threshold; the maxima hold whatever it is.
+    pub fn set_threshold(&mut self, threshold: f32) {
+        self.threshold = threshold;
+    }
+
     /// First pass: takes in the speeds of a frame, one per vertex.
     pub fn observe(&mut self, speeds: &[f32]) {
         for (maximum, &speed) in self.maxima.iter_mut().zip(speeds) {
@@ -126,6 +131,12 @@ impl IntervalGate {
             taken: 0,
             given: 0,
         }
+    }
+
+    /// Goes on with another threshold: runs that have passed stay, the others are looked at anew.
+    pub fn set_threshold(&mut self, threshold: f32) {
+        self.threshold = threshold;
+        self.unchecked.fill(0);
     }
 
     /// Frames between a frame's arrival and its output.
@@ -218,6 +229,11 @@ impl CausalGate {
     #[must_use]
     pub fn new(vertices: usize, threshold: f32, hold: f64) -> Self {
         Self { threshold, hold, alive: vec![f64::NEG_INFINITY; vertices] }
+    }
+
+    /// Goes on with another threshold.
+    pub fn set_threshold(&mut self, threshold: f32) {
+        self.threshold = threshold;
     }
 
     /// Gates the frame at `time` seconds at once.

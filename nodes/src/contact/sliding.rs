@@ -144,6 +144,16 @@ impl Sliding {
         self.taken
     }
 
+    /// Gates the frames that are still to be gated with another threshold.
+    pub fn set_threshold(&mut self, threshold: f32) {
+        self.params.threshold = threshold;
+        match &mut self.gate {
+            Gate::Ever(gate) => gate.set_threshold(threshold),
+            Gate::Interval(gate) => gate.set_threshold(threshold),
+            Gate::Causal(gate) => gate.set_threshold(threshold),
+        }
+    }
+
     /// What was seen so far.
     #[must_use]
     pub fn report(&self) -> SlidingReport {

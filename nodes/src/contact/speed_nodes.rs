@@ -7,8 +7,11 @@ use super::sliding::{Between, Sliding, SlidingParams, Stamp};
 use super::speed::SpeedMap;
 use super::{Contacts, Speeds};
 use crate::core::fault::{Fault, Reject};
-use crate::core::node::{Class, Each, Node, Summary};
+use crate::core::files::MemoryFiles;
+use crate::core::node::{Class, Each, Node, Retune, Summary};
+use crate::core::params::Params;
 use crate::core::ports::Stream;
+use crate::core::random::Draw;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
 use crate::{choices, params, ports};
@@ -94,6 +97,7 @@ pub struct SlidingSpeed {
     /// Frames to observe before the first window, for the gate that needs the whole take.
     unseen: bool,
     map: SpeedMap,
+    params: SlidingSpeedParams,
 }
 
 fn sliding_params(p: &SlidingSpeedParams, frames: Rate) -> SlidingParams {
@@ -141,6 +145,7 @@ impl Node for SlidingSpeed {
             ahead: params.ahead() as i64,
             unseen: p.gate == SpeedGate::Ever,
             map: SpeedMap { factor: p.factor, power: p.power },
+            params: p.clone(),
         })
     }
 
@@ -179,6 +184,28 @@ impl Node for SlidingSpeed {
             ("sliding_at_most", report.most.into()),
             ("gated_share", if report.moving == 0 { 0.0 } else { share }.into()),
         ])
+    }
+
+    fn retune(&mut self, new: &SlidingSpeedParams) -> Retune {
+        // What is gated, interpolated and mapped from here on can change; the grids and the look-ahead cannot.
+        let SlidingSpeedParams { threshold, factor, power, .. } = *new;
+        if (SlidingSpeedParams { threshold, factor, power, ..self.params.clone() }) != *new {
+            return Retune::Rebuild;
+        }
+        self.sliding.set_threshold(threshold);
+        self.map = SpeedMap { factor, power };
+        self.params = new.clone();
+        Retune::Done
+    }
+
+    fn trial(draw: &mut Draw) -> (SlidingSpeedParams, MemoryFiles) {
+        // Holds short beside the streams of a trial, and a threshold among their speeds.
+        let params = SlidingSpeedParams {
+            threshold: draw.between(0.0, 0.3) as f32,
+            max_hold: [0.0, draw.between(0.0, 0.1)][draw.below(2)],
+            ..SlidingSpeedParams::trial(draw)
+        };
+        (params, MemoryFiles::default())
     }
 }
 

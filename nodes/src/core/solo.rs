@@ -289,8 +289,10 @@ impl Solo {
             outputs: &self.outputs,
         };
         let end = shape.end.unwrap_or(0);
+        // What lags comes after the end of what it is made of: the node works on until all of it is out.
+        let works = end.saturating_add(shape.lag);
         let mut wiring = Wiring::default();
-        let own = wiring.clock(None, delay, Some(end));
+        let own = wiring.clock(None, delay, Some(works));
         let outputs: Vec<OutWire> = (0..self.ty.outputs.len())
             .map(|k| {
                 wiring.output(&self.ty.outputs[k].kind, shape.outputs[k].as_ref(), delay + shape.lag, end)
@@ -306,7 +308,7 @@ impl Solo {
             .iter()
             .zip(&shape.reach)
             .map(|(feeds, reach)| {
-                feeds.iter().map(|f| wiring.input(f, *reach, delay, end, self.window)).collect()
+                feeds.iter().map(|f| wiring.input(f, *reach, delay, works, self.window)).collect()
             })
             .collect();
         let node = self.ty.build(&*self.params, &cx)?;
@@ -314,7 +316,7 @@ impl Solo {
         let at = wiring.nodes.len() - 1;
         let mut stage = Stage::new(wiring.tracks, wiring.clocks, wiring.nodes);
         stage.set_poison(self.poison);
-        let until = end + delay + shape.lag;
+        let until = works + delay;
         let specs = self.ty.outputs;
         Ok(SoloRun {
             stage,

@@ -1,8 +1,10 @@
 //! Moves audio earlier in time.
 
 use crate::core::fault::{Fault, Reject};
+use crate::core::files::MemoryFiles;
 use crate::core::node::{Class, Node};
 use crate::core::ports::Stream;
+use crate::core::random::Draw;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::{Rate, ticks};
 use crate::{params, ports};
@@ -67,6 +69,11 @@ impl Node for Advance {
         let out = io.out.items();
         out.copy_from_slice(&around[around.len() - out.len()..]);
         Ok(())
+    }
+
+    fn trial(draw: &mut Draw) -> (AdvanceParams, MemoryFiles) {
+        // Short beside the streams of a trial, so that what is looked ahead at is there to be seen.
+        (AdvanceParams { seconds: draw.between(0.0, 0.1) }, MemoryFiles::default())
     }
 }
 

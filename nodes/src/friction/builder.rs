@@ -143,6 +143,28 @@ pub(super) fn checked_clip(seconds: f64, fs: f64) -> Result<usize, BuildError> {
     Ok(clip_samples(seconds, fs))
 }
 
+/// Clip length in samples, once the parameters are seen to fit a rate.
+pub(super) fn checked_params(params: &BuilderParams, fs: f64) -> Result<usize, BuildError> {
+    let len = checked_clip(params.clip, fs)?;
+    check("hop", params.hop, 1.0 / fs..=1e3, "a distance of at least one sample is needed")?;
+    check("speed_change", params.speed_change, 0.0..=f64::MAX, "a share of at least 0 is needed")?;
+    check("min_speed", params.min_speed, f64::MIN_POSITIVE..=f64::MAX, "a speed above 0 is needed")?;
+    check("n_speed", params.n_speed as f64, 2.0..=65536.0, "2 to 65,536 bins are needed")?;
+    check(
+        "high_pass",
+        params.high_pass,
+        0.0..=0.5 * fs,
+        "0 to half the rate is needed (20 to 100 Hz is usual)",
+    )?;
+    check("contact_area", params.contact_area, 1e-12..=1e12, "an area above 0 m^2 is needed")?;
+    Ok(len)
+}
+
+/// Samples from clip to clip.
+pub(super) fn hop_samples(params: &BuilderParams, fs: f64) -> usize {
+    ((params.hop * fs).round() as usize).max(1)
+}
+
 pub(super) fn check_samples(recording: usize, samples: &[f32]) -> Result<(), BuildError> {
     match samples.iter().position(|x| !x.is_finite()) {
         Some(index) => Err(BuildError::Sample { recording, index, found: samples[index] }),
@@ -186,18 +208,7 @@ pub fn build(
     rest: Option<&[f32]>,
     params: &BuilderParams,
 ) -> Result<FrictionModel, BuildError> {
-    let len = checked_clip(params.clip, fs)?;
-    check("hop", params.hop, 1.0 / fs..=1e3, "a distance of at least one sample is needed")?;
-    check("speed_change", params.speed_change, 0.0..=f64::MAX, "a share of at least 0 is needed")?;
-    check("min_speed", params.min_speed, f64::MIN_POSITIVE..=f64::MAX, "a speed above 0 is needed")?;
-    check("n_speed", params.n_speed as f64, 2.0..=65536.0, "2 to 65,536 bins are needed")?;
-    check(
-        "high_pass",
-        params.high_pass,
-        0.0..=0.5 * fs,
-        "0 to half the rate is needed (20 to 100 Hz is usual)",
-    )?;
-    check("contact_area", params.contact_area, 1e-12..=1e12, "an area above 0 m^2 is needed")?;
+    let len = checked_params(params, fs)?;
     check_samples(0, samples)?;
     let motion = encoder.motion(params.roller_radius)?;
     if !params.seams.is_empty() && !motion.has_angle() {
@@ -211,7 +222,7 @@ pub fn build(
                 .ok_or(BuildError::Floor { found: rest.len(), expected: len })?
         }
     };
-    let hop = ((params.hop * fs).round() as usize).max(1);
+    let hop = hop_samples(params, fs);
     let (mut clips, rejected, count) = sort_out(samples.len(), fs, len, hop, &motion, params);
     clips.sort_by(|a, b| a.speed.total_cmp(&b.speed));
     let groups = group(&clips, params);

@@ -1,6 +1,6 @@
 //! The roller measurement as a node: a whole recording in, a friction model out.
 
-use super::builder::{BuilderParams, build};
+use super::builder::{BuildError, BuilderParams, build, checked_params, hop_samples};
 use super::encoder::EncoderTrack;
 use super::model::{FrictionModel, Source};
 use crate::core::fault::{Fault, Reject};
@@ -114,6 +114,33 @@ fn check_length(port: &str, audio: &Incoming<f32>) -> Result<(), Reject> {
     }
 }
 
+fn builder_params(p: &FrictionModelBuilderParams) -> BuilderParams {
+    BuilderParams {
+        material_pair: p.materials.clone().map(|name| name.0),
+        clip: p.clip,
+        hop: p.hop,
+        roller_radius: p.roller_radius,
+        seams: p.seams.iter().map(|&[from, to]| (from, to)).collect(),
+        speed_change: p.speed_change,
+        min_speed: p.min_speed,
+        n_speed: p.n_speed,
+        raw: p.raw,
+        high_pass: p.high_pass,
+        contact_area: p.contact_area,
+        sources: vec![Source { provenance: p.provenance.0.clone(), licence: p.licence.0.clone() }],
+    }
+}
+
+/// Refuses a recording of fewer samples than the least that can be measured.
+fn check_enough(port: &str, audio: &Incoming<f32>, least: usize, why: &str) -> Result<(), Reject> {
+    let found = audio.items().unwrap_or(i64::MAX);
+    if found >= least as i64 {
+        return Ok(());
+    }
+    let message = format!("`{port}` has {found} samples; {why} take {least}");
+    Err(Reject::new("F077", message).at(port).help("give a longer recording, or a shorter `clip`"))
+}
+
 impl Node for FrictionModelBuilder {
     type Params = FrictionModelBuilderParams;
     type Ports = FrictionModelBuilderPorts;
@@ -126,9 +153,20 @@ impl Node for FrictionModelBuilder {
     ) -> Result<(), Reject> {
         let recording = s.input(FrictionModelBuilderPorts::recording);
         check_length("recording", &recording)?;
+        let (params, fs) = (builder_params(p), recording.rate.as_f64());
+        let clip = checked_params(&params, fs).map_err(|e| {
+            let field = match e {
+                BuildError::Parameter { name, .. } if name != "fs" => name,
+                _ => "recording",
+            };
+            Reject::new("F077", format!("at {}: {e}", recording.rate)).at(field)
+        })?;
+        let two = clip + hop_samples(&params, fs);
+        check_enough("recording", &recording, two, "two clips, the fewest that give two speeds,")?;
         if let Some(rest) = s.optional(FrictionModelBuilderPorts::rest) {
             check_length("rest", &rest)?;
             crate::core::node::same_rate("rest", recording.rate, rest.rate)?;
+            check_enough("rest", &rest, clip, "one clip, to measure the floor,")?;
         }
         let bytes = s.bytes("encoder", &p.encoder.0)?;
         EncoderTrack::from_csv(&bytes).map_err(|e| Reject::new("F077", e.to_string()).at("encoder"))?;
@@ -138,24 +176,10 @@ impl Node for FrictionModelBuilder {
     fn build(p: &FrictionModelBuilderParams, cx: &Build<'_>) -> Result<Self, Fault> {
         let recording = cx.input(FrictionModelBuilderPorts::recording);
         let encoder = EncoderTrack::from_csv(&cx.bytes("encoder", &p.encoder.0)?);
-        let params = BuilderParams {
-            material_pair: p.materials.clone().map(|name| name.0),
-            clip: p.clip,
-            hop: p.hop,
-            roller_radius: p.roller_radius,
-            seams: p.seams.iter().map(|&[from, to]| (from, to)).collect(),
-            speed_change: p.speed_change,
-            min_speed: p.min_speed,
-            n_speed: p.n_speed,
-            raw: p.raw,
-            high_pass: p.high_pass,
-            contact_area: p.contact_area,
-            sources: vec![Source { provenance: p.provenance.0.clone(), licence: p.licence.0.clone() }],
-        };
         Ok(Self {
             fs: recording.rate.as_f64(),
             encoder: encoder.map_err(|e| Fault::new("F077", e.to_string()).at("encoder"))?,
-            params,
+            params: builder_params(p),
             recording: Take::new(&recording),
             rest: cx.optional(FrictionModelBuilderPorts::rest).map(|rest| Take::new(&rest)),
         })
@@ -219,15 +243,18 @@ mod tests {
     use crate::core::solo::Solo;
     use crate::core::time::{Rate, ticks};
 
+    fn all_params() -> FrictionModelBuilderParams {
+        let text = crate::core::params::Datum::Text("encoder.csv".into());
+        let p = FrictionModelBuilderParams::read(&|name| (name == "encoder").then(|| text.clone())).unwrap();
+        FrictionModelBuilderParams { high_pass: 0.0, ..p }
+    }
+
     /// Noise twice as loud in the second half, where the encoder says that the roller turns twice as fast.
     fn solo(window: f64) -> Solo {
         let random = Random::new(1, "roller");
         let noise = |i: u64| (random.uniform(0, i, 0) - 0.5) as f32 * if i < 8000 { 0.1 } else { 0.2 };
         let stereo = (0..16_000).flat_map(|i| [noise(i), noise(i)]).collect();
-        let text: crate::core::params::Datum = crate::core::params::Datum::Text("encoder.csv".into());
-        let p = FrictionModelBuilderParams::read(&|name| (name == "encoder").then(|| text.clone())).unwrap();
-        let p = FrictionModelBuilderParams { high_pass: 0.0, ..p };
-        let mut solo = Solo::new::<FrictionModelBuilder>(p)
+        let mut solo = Solo::new::<FrictionModelBuilder>(all_params())
             .input(FrictionModelBuilderPorts::recording, Rate::hz(8000), Channels(2), stereo)
             .optional(FrictionModelBuilderPorts::rest, Rate::hz(8000), Channels(1), vec![0.0; 4000])
             .window(ticks(window));
@@ -254,5 +281,23 @@ mod tests {
         solo.files.insert("encoder.csv", "t,v\n0,1\n");
         let reject = solo.shape().unwrap_err();
         assert_eq!((reject.code, reject.field.as_deref()), ("F077", Some("encoder")));
+    }
+
+    #[test]
+    fn a_recording_too_slow_or_too_short_to_measure_is_refused_before_the_run() {
+        let refused = |rate: u32, samples: usize, rest: usize| {
+            let port = FrictionModelBuilderPorts::recording;
+            let files = solo(1.0).files;
+            let mut solo = Solo::new::<FrictionModelBuilder>(all_params())
+                .input(port, Rate::hz(rate), Channels(1), vec![0.1; samples])
+                .optional(FrictionModelBuilderPorts::rest, Rate::hz(rate), Channels(1), vec![0.0; rest]);
+            solo.files = files;
+            solo.shape().err().map(|reject| (reject.code, reject.field.unwrap_or_default()))
+        };
+        // A clip of 50 ms is 400 samples at 8 kHz, and the next begins 100 later.
+        assert_eq!(refused(8000, 500, 400), None);
+        assert_eq!(refused(8000, 499, 400), Some(("F077", "recording".into())));
+        assert_eq!(refused(8000, 500, 399), Some(("F077", "rest".into())));
+        assert_eq!(refused(24, 1000, 1000), Some(("F077", "clip".into())));
     }
 }

@@ -8,12 +8,13 @@ use crate::contact::Speeds;
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::item::Channels;
-use crate::core::node::{Class, Node, Summary};
+use crate::core::node::{Class, Node, Retune, Summary};
 use crate::core::params::{Param, Params};
 use crate::core::ports::{Stream, Value};
 use crate::core::random::Draw;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
+use crate::dsp;
 use crate::{choices, params, ports};
 
 choices! { @param Window {
@@ -67,6 +68,9 @@ params! {
     /// There must be a whole number of samples from one speed to the next. This node makes audio from something that is
     /// none, so it has a sample rate of its own; everything after it follows.
     ///
+    /// # Randomness
+    /// A phase follows from the seed, the emitter, the clip and the bin alone.
+    ///
     /// # Source
     /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 2; Rodet
     /// and Depalle, "Spectral envelopes and inverse FFT synthesis" (1992). The paper gives no output window; the triangle
@@ -84,7 +88,7 @@ params! {
         area_weight: AreaWeight = AreaWeight::Sqrt;
         /// Level of spectra between measured speeds.
         gain: Gain = Gain::Rms;
-        /// Factor on the output.
+        /// Factor on the output; one that changes while the graph runs is reached on a straight line in 10 ms.
         level: f32 = 1.0, unit "", range 0.0..=1000.0;
     }
 }
@@ -107,8 +111,10 @@ ports! {
 /// The node over [`ClipStream`].
 pub struct IftNoiseNode {
     clips: ClipStream,
-    level: f32,
+    /// The level, which moves to a new value in 10 ms.
+    level: dsp::Gain,
     peak: f32,
+    params: IftNoiseNodeParams,
 }
 
 /// Samples from one speed to the next.
@@ -165,7 +171,9 @@ impl Node for IftNoiseNode {
         };
         let noise = IftNoise::new(&model, fs, params, &speeds.format, cx.random);
         let noise = noise.map_err(|e| Fault::new("F076", e.to_string()).at("model"))?;
-        Ok(Self { clips: ClipStream::new(noise), level: p.level, peak: 0.0 })
+        let ramp = (0.010 * fs).round() as u64;
+        let level = dsp::Gain::new(f64::from(p.level), ramp, 1);
+        Ok(Self { clips: ClipStream::new(noise), level, peak: 0.0, params: p.clone() })
     }
 
     fn run(&mut self, mut io: IftNoiseIo<'_>) -> Result<(), Fault> {
@@ -175,11 +183,22 @@ impl Node for IftNoiseNode {
         let clip =
             |clip: u64| ClipInput { speeds: speeds.item((clip as i64 - first) as isize), positions: None };
         self.clips.fill(from, out, clip).map_err(|e| Fault::new("F076", e.to_string()).at("speeds"))?;
-        for x in out {
-            *x *= self.level;
-            self.peak = self.peak.max(x.abs());
-        }
+        self.level.process(out);
+        self.peak = out.iter().fold(self.peak, |peak, x| peak.max(x.abs()));
         Ok(())
+    }
+
+    fn retune(&mut self, new: &IftNoiseNodeParams) -> Retune {
+        if (IftNoiseNodeParams { level: new.level, ..self.params.clone() }) != *new {
+            return Retune::Rebuild;
+        }
+        self.level.set_target(f64::from(new.level));
+        self.params = new.clone();
+        Retune::Done
+    }
+
+    fn adopt(&mut self, old: &mut Self) {
+        self.level.start_from(old.level.current());
     }
 
     fn finish(&mut self, _: IftNoiseIo<'_>) -> Result<Summary, Fault> {

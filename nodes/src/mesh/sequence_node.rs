@@ -41,7 +41,7 @@ params! {
         /// OBJ with the faces and the rest pose, which a PC2 or MDD needs and the other formats have in them.
         base: Option<AssetPath> = None;
         /// Which mesh of the file: an Alembic path, a glTF node or mesh, an OBJ object or group; None where there is one.
-        mesh: Option<Text> = None;
+        object: Option<Text> = None;
         /// Which animation of a glTF; None for the first.
         animation: Option<Text> = None;
         /// Frames per second. A PC2 or OBJ sequence needs it, since such files tell no times. None takes the usual rate
@@ -151,7 +151,7 @@ fn wrong(field: &str, error: &MeshError) -> Reject {
     match error {
         MeshError::AmbiguousMesh { available } | MeshError::NoSuchMesh { available, .. } => {
             let one = available.last().map_or("name", String::as_str);
-            reject.at("mesh").help(format!("set `mesh`, for example `mesh: {one:?}`"))
+            reject.at("object").help(format!("set `object`, for example `object: {one:?}`"))
         }
         _ => reject.at(field),
     }
@@ -183,7 +183,7 @@ fn sniff(file: &mut dyn ReadSeek, path: &str) -> Result<Format, Reject> {
 
 fn open(p: &MeshSequenceParams, assets: &mut dyn Assets) -> Result<(MeshStream, Format), Reject> {
     let options = ReadOptions { metres_per_unit: p.metres_per_unit, ..ReadOptions::default() };
-    let (path, mesh) = (p.path.0.as_str(), p.mesh.as_ref().map(|name| name.0.as_str()));
+    let (path, object) = (p.path.0.as_str(), p.object.as_ref().map(|name| name.0.as_str()));
     let file = if path.contains('#') { None } else { Some(assets.open("path", path)?) };
     let (format, file) = match file {
         None => (Format::ObjSequence, None),
@@ -192,7 +192,7 @@ fn open(p: &MeshSequenceParams, assets: &mut dyn Assets) -> Result<(MeshStream, 
     let file = file.unwrap_or_else(|| Box::new(std::io::empty()));
     let failed = |e: MeshError| wrong("path", &e);
     let stream = match format {
-        Format::Alembic => alembic::open(file, mesh, &options).map_err(failed)?,
+        Format::Alembic => alembic::open(file, object, &options).map_err(failed)?,
         Format::Pc2 => {
             let base = base(p, "PC2", assets, &options)?;
             open_pc2(file, &base, told_rate(p, "a PC2")?.as_f64(), &options).map_err(failed)?
@@ -203,7 +203,7 @@ fn open(p: &MeshSequenceParams, assets: &mut dyn Assets) -> Result<(MeshStream, 
         }
         Format::Obj => {
             let frames = assets.frames(vec![path.to_owned()])?;
-            open_obj_sequence(frames, vec![0.0], mesh, &options).map_err(|e| match e {
+            open_obj_sequence(frames, vec![0.0], object, &options).map_err(|e| match e {
                 MeshError::Frame { source, .. } => wrong("path", &source),
                 e => wrong("path", &e),
             })?
@@ -212,11 +212,11 @@ fn open(p: &MeshSequenceParams, assets: &mut dyn Assets) -> Result<(MeshStream, 
             let paths = assets.sequence(path)?;
             let rate = told_rate(p, "an OBJ sequence")?.as_f64();
             let times = (0..paths.len()).map(|k| k as f64 / rate).collect();
-            open_obj_sequence(assets.frames(paths)?, times, mesh, &options).map_err(failed)?
+            open_obj_sequence(assets.frames(paths)?, times, object, &options).map_err(failed)?
         }
         Format::Gltf => {
             let selection = gltf::GltfSelection {
-                mesh: mesh.map(str::to_owned),
+                mesh: object.map(str::to_owned),
                 animation: p.animation.as_ref().map(|name| name.0.clone()),
                 fps: p.fps.map(Rate::as_f64),
             };
@@ -245,7 +245,7 @@ fn base(
             .help("set `base` to the OBJ of the same mesh, with its vertices in the same order"));
     };
     let bytes = assets.bytes("base", &base.0)?;
-    let name = p.mesh.as_ref().map(|name| name.0.as_str());
+    let name = p.object.as_ref().map(|name| name.0.as_str());
     ObjMesh::parse(&bytes, name, &options.limits).map_err(|e| wrong("base", &e))
 }
 
@@ -337,7 +337,8 @@ impl Node for MeshSequence {
         files.insert("still.obj", obj(0));
         (1..5).for_each(|k| files.insert(format!("frame_{k:04}.obj"), obj(k)));
         let mut params = <MeshSequenceParams as crate::core::params::Params>::trial(draw);
-        params = MeshSequenceParams { path: path.into(), base: None, mesh: None, animation: None, ..params };
+        params =
+            MeshSequenceParams { path: path.into(), base: None, object: None, animation: None, ..params };
         params.fps = Some(params.fps.unwrap_or(Rate::hz(30)));
         params.start = params.start.map(|start| (start / 1e5).abs());
         params.duration = params.duration.map(|duration| duration % 1.0);

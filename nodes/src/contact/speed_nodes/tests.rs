@@ -152,3 +152,39 @@ fn a_speed_map_of_its_own_equals_the_one_inside() {
             .input::<Speeds>(crate::core::ports::Port::new(0), Rate::hz(40), vec![1e-4].into(), plain);
     assert_eq!(solo.run().unwrap().stream::<Speeds>(crate::core::ports::Port::new(0)), mapped);
 }
+
+#[test]
+fn threshold_factor_and_power_change_without_a_rebuild_and_nothing_else_does() {
+    let p = params();
+    let made = |p: &SlidingSpeedParams| SlidingSpeed {
+        sliding: Sliding::new(sliding_params(p, Rate::hz(60)), 1, 1, None),
+        ahead: sliding_params(p, Rate::hz(60)).ahead() as i64,
+        unseen: false,
+        map: SpeedMap { factor: p.factor, power: p.power },
+        params: p.clone(),
+    };
+    let mut node = made(&p);
+    // At 0.3 m/s nothing passes a threshold of 1 m/s, and everything one of 0.1 m/s.
+    for (threshold, factor, expected) in [(1.0, 1.0, 0.0), (0.1, 1.0, 0.3), (0.1, 2.0, 0.6), (1.0, 2.0, 0.6)]
+    {
+        let new = SlidingSpeedParams { threshold, factor, ..p.clone() };
+        assert_eq!(node.retune(&new), Retune::Done);
+        for _ in 0..100 {
+            node.sliding.take(&sliding(&[0.005]));
+        }
+        let mut out = [0.0];
+        let item = node.sliding.next_frame() * 40 / 60 - 22;
+        assert!(node.sliding.give(item, &mut out));
+        let found = node.map.map(out[0]);
+        // The last of these runs has passed already, and a run that has passed is heard to its end.
+        assert!((found - expected).abs() < 1e-6, "{threshold} {factor}: {found}");
+    }
+    for other in [
+        SlidingSpeedParams { rate: Rate::hz(50), ..p.clone() },
+        SlidingSpeedParams { max_hold: 0.1, ..p.clone() },
+        SlidingSpeedParams { between: Between::Linear, ..p.clone() },
+        SlidingSpeedParams { gate: SpeedGate::Causal, ..p.clone() },
+    ] {
+        assert_eq!(made(&p).retune(&other), Retune::Rebuild);
+    }
+}

@@ -1,6 +1,7 @@
 //! The node over the noise: silence, level, rates and windows.
 
 use super::*;
+use crate::core::random::Random;
 use crate::core::solo::Solo;
 use crate::core::time::{TICKS_PER_SECOND, ticks};
 use crate::friction::testing::bump_model;
@@ -91,4 +92,22 @@ fn windows_of_any_length_give_the_same_bits() {
             assert_eq!(run(ticks(0.0371)), whole);
         }
     }
+}
+
+#[test]
+fn another_level_is_reached_without_a_rebuild_and_anything_else_needs_one() {
+    let p = IftNoiseNodeParams { level: 0.5, ..params() };
+    let areas = [1e-4; VERTICES];
+    let noise = IftNoise::new(&model(), 48_000.0, IftNoiseParams::default(), &areas, Random::new(1, "n"));
+    let level = dsp::Gain::new(0.5, 480, 1);
+    let clips = ClipStream::new(noise.unwrap());
+    let mut node = IftNoiseNode { clips, level, peak: 0.0, params: p.clone() };
+    let louder = IftNoiseNodeParams { level: 1.0, ..p };
+    assert_eq!(node.retune(&louder), Retune::Done);
+    let mut ones = [1.0; 481];
+    node.level.process(&mut ones);
+    assert!(ones.is_sorted() && ones[0] == 0.5 && ones[480] == 1.0);
+    let other = IftNoiseNodeParams { window: Window::Sine, ..louder.clone() };
+    assert_eq!(node.retune(&other), Retune::Rebuild);
+    assert_eq!(node.retune(&louder), Retune::Done);
 }

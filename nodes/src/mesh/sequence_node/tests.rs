@@ -121,8 +121,8 @@ fn what_is_missing_is_named_with_what_to_write() {
     assert_eq!((e.code, e.field.as_deref()), ("F071", Some("fps")));
     let e = reject(MeshSequenceParams { base: Some("base.obj".into()), ..params("anim/odd.mdd") });
     assert!(e.code == "F071" && e.message.contains("4 frames"), "{e}");
-    let e = reject(MeshSequenceParams { mesh: Some("skirt".into()), ..params("base.obj") });
-    assert!(e.field.as_deref() == Some("mesh") && e.to_string().contains("`mesh: \"sheet\"`"), "{e}");
+    let e = reject(MeshSequenceParams { object: Some("skirt".into()), ..params("base.obj") });
+    assert!(e.field.as_deref() == Some("object") && e.to_string().contains("`object: \"sheet\"`"), "{e}");
     assert_eq!(reject(params("frame_##.obj")).code, "F071");
     assert_eq!(reject(params("none_##.obj")).code, "F060");
 }
