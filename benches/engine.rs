@@ -12,8 +12,9 @@ use std::sync::Arc;
 use std::time::Instant;
 
 fn chain(nodes: usize) -> Graph {
-    let mut text =
-        String::from("#![schema = \"foley:graph/1\"]\nGraph(nodes: {\n\"g0\": Noise(colour: Uniform, rate: 48000),\n");
+    let mut text = String::from(
+        "#![schema = \"foley:graph/1\"]\nGraph(nodes: {\n\"g0\": Noise(colour: Uniform, rate: 48000),\n",
+    );
     for k in 1..=nodes {
         let _ = writeln!(text, "\"g{k}\": Gain(audio: \"g{}\", gain: 0.9999),", k - 1);
     }

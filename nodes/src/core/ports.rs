@@ -478,9 +478,7 @@ impl<T: Item> OutKind for Stream<T> {
         let OutWire::Stream { track, clock, width, rate } = &cx.outputs[port] else { cx.miswired("stream") };
         let span = cx.span(*clock);
         let mut items = RefMut::map(cx.tracks[*track].borrow_mut(), |track| {
-            let Some(track) = track.typed_mut::<Track<T::Elem>>() else {
-                cx.miswired(T::NAME)
-            };
+            let Some(track) = track.typed_mut::<Track<T::Elem>>() else { cx.miswired(T::NAME) };
             track.append((span.to - span.from) as usize)
         });
         if cx.poison {
@@ -498,9 +496,7 @@ impl<T: Event> OutKind for Events<T> {
         let OutWire::Events { track, clock } = &cx.outputs[port] else { cx.miswired("events") };
         let span = cx.span(*clock);
         let mut track = RefMut::map(cx.tracks[*track].borrow_mut(), |track| {
-            let Some(track) = track.typed_mut::<EventTrack<T>>() else {
-                cx.miswired(T::NAME)
-            };
+            let Some(track) = track.typed_mut::<EventTrack<T>>() else { cx.miswired(T::NAME) };
             track
         });
         track.advance(span.to);
