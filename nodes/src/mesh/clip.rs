@@ -80,6 +80,7 @@ pub struct MeshClip {
     topology: Topology,
     times: Vec<f64>,
     dropped_faces: usize,
+    others: Vec<String>,
 }
 
 impl MeshClip {
@@ -97,7 +98,7 @@ impl MeshClip {
             });
         }
         check_times(&times)?;
-        Ok(Self { topology, times, dropped_faces })
+        Ok(Self { topology, times, dropped_faces, others: Vec::new() })
     }
 
     /// The triangles and the rest pose.
@@ -130,11 +131,28 @@ impl MeshClip {
         self.dropped_faces
     }
 
+    /// Names of the other meshes of the file, where this one was taken for having the most vertices and not by name.
+    #[must_use]
+    pub fn others(&self) -> &[String] {
+        &self.others
+    }
+
+    pub(super) fn with_others(self, others: Vec<String>) -> Self {
+        Self { others, ..self }
+    }
+
     /// Seconds from the first frame to the last.
     #[must_use]
     pub fn duration(&self) -> f64 {
         self.times[self.times.len() - 1] - self.times[0]
     }
+}
+
+/// Which mesh of a file is meant when none is named: the only one, or the one of most vertices if there is one such.
+pub(super) fn most_vertices(counts: &[u64]) -> Option<usize> {
+    let most = counts.iter().max()?;
+    let mut of_most = (0..counts.len()).filter(|&k| counts[k] == *most);
+    of_most.next().filter(|_| of_most.next().is_none())
 }
 
 pub(super) fn check_times(times: &[f64]) -> Result<(), MeshError> {

@@ -78,8 +78,8 @@ pub enum MeshError {
         /// The names that would have worked.
         available: Vec<String>,
     },
-    /// The file holds several meshes and none was named.
-    #[error("the file has {} meshes, name one of them: {}", .available.len(), list(.available))]
+    /// The file holds several meshes, none was named and none has more vertices than all others.
+    #[error("the file has {} meshes and no largest one, name one of them: {}", .available.len(), list(.available))]
     AmbiguousMesh {
         /// The names that would have worked.
         available: Vec<String>,

@@ -1,6 +1,7 @@
 //! Animated meshes from files as a source of motion.
 
 use std::io::{Read, SeekFrom};
+use std::path::Path;
 use std::sync::Arc;
 
 use super::{
@@ -31,16 +32,19 @@ params! {
     /// content decides, then the ending of the name. Frames whose times do not lie on the output's rate are
     /// interpolated linearly in time. A mesh with one frame is still and never ends: a body that others touch.
     ///
-    /// The faces must be the same in every frame. Vertices are never joined.
+    /// The faces must be the same in every frame. Vertices are never joined. Whatever points upward in the file, Z does in
+    /// the output.
     ///
     /// # Source
     /// PC2: Autodesk's point cache of 3ds Max; MDD: LightWave's motion designer; glTF 2.0 (Khronos, ISO/IEC 12113).
     pub struct MeshSequenceParams {
         /// The animation: one file, or a pattern such as `frame_####.obj` whose `#` run stands for the frame number.
         path: AssetPath;
-        /// OBJ with the faces and the rest pose, which a PC2 or MDD needs and the other formats have in them.
+        /// OBJ with the faces and the rest pose, which a PC2 or MDD needs and the other formats have in them. None takes
+        /// the OBJ of the same name beside the file: `x.obj` for `x.pc2`.
         base: Option<AssetPath> = None;
-        /// Which mesh of the file: an Alembic path, a glTF node or mesh, an OBJ object or group; None where there is one.
+        /// Which mesh of the file: an Alembic path, a glTF node or mesh, an OBJ object or group. None takes
+        /// the one of most vertices, and of an OBJ all faces.
         object: Option<Text> = None;
         /// Which animation of a glTF; None for the first.
         animation: Option<Text> = None;
@@ -49,7 +53,8 @@ params! {
         fps: Option<Rate> = None;
         /// Length of one unit of the file, as 0.01 for centimetres.
         metres_per_unit: f64 = 1.0, unit "m", range 0.000001..=1000000.0;
-        /// The axis that points upward in the file, to be turned to Z; None leaves positions as they are.
+        /// The axis that points upward in the file, to be turned to Z. None goes by the format: Y in Alembic and glTF, Z in
+        /// all others.
         up: Option<UpAxis> = None;
         /// Time in the file at which the stream starts; None for its first frame. The mesh stands still outside of its frames.
         start: Option<f64> = None, unit "s", range -86400.0..=86400.0;
@@ -229,7 +234,8 @@ fn open(p: &MeshSequenceParams, assets: &mut dyn Assets) -> Result<(MeshStream, 
             gltf::open(&bytes, &selection, &mut resolve, &options).map_err(failed)?
         }
     };
-    Ok((stream.with_up_axis(p.up.unwrap_or(UpAxis::Z), UpAxis::Z), format))
+    let usual = if matches!(format, Format::Alembic | Format::Gltf) { UpAxis::Y } else { UpAxis::Z };
+    Ok((stream.with_up_axis(p.up.unwrap_or(usual), UpAxis::Z), format))
 }
 
 fn base(
@@ -238,13 +244,22 @@ fn base(
     assets: &mut dyn Assets,
     options: &ReadOptions,
 ) -> Result<ObjMesh, Reject> {
-    let Some(base) = &p.base else {
-        let message = format!("{:?} is a {format} file, which holds positions but no faces", p.path.0);
-        return Err(Reject::new("F070", message)
-            .at("base")
-            .help("set `base` to the OBJ of the same mesh, with its vertices in the same order"));
+    let bytes = match &p.base {
+        Some(base) => assets.bytes("base", &base.0)?,
+        None => {
+            let beside = Path::new(&p.path.0).with_extension("obj").to_string_lossy().into_owned();
+            assets.bytes("base", &beside).map_err(|e| {
+                let path = &p.path.0;
+                let message = format!(
+                    "{path:?} is a {format} file, which holds positions but no faces, and the OBJ beside it cannot be read: {}",
+                    e.message
+                );
+                Reject::new("F070", message)
+                    .at("base")
+                    .help("set `base` to the OBJ of the same mesh, with its vertices in the same order")
+            })?
+        }
     };
-    let bytes = assets.bytes("base", &base.0)?;
     let name = p.object.as_ref().map(|name| name.0.as_str());
     ObjMesh::parse(&bytes, name, &options.limits).map_err(|e| wrong("base", &e))
 }
@@ -286,6 +301,12 @@ impl Node for MeshSequence {
             s.note(format!("`base` has no effect: {:?} has faces of its own", p.path.0));
         }
         let clip = &stream.clip;
+        if !clip.others().is_empty() {
+            s.note(format!(
+                "of several meshes the one of most vertices is taken; others: {}",
+                clip.others().join(", ")
+            ));
+        }
         if clip.dropped_faces() > 0 {
             s.note(format!("{} faces of fewer than three vertices were left out", clip.dropped_faces()));
         }

@@ -8,7 +8,7 @@ mod ogawa;
 pub(super) mod tests;
 mod xform;
 
-use super::clip::{check_request, metres};
+use super::clip::{check_request, metres, most_vertices};
 use super::matrix::Affine;
 use super::polygon::Triangulator;
 use super::{FrameReader, MeshClip, MeshError, MeshLimits, MeshStream, ReadOptions, ReadSeek, Topology};
@@ -37,15 +37,17 @@ pub fn list(file: Box<dyn ReadSeek>, limits: &MeshLimits) -> Result<Vec<AlembicM
     let mut archive = Archive::open(file, *limits)?;
     let mut out = Vec::new();
     for (object, parts) in meshes(&mut archive)? {
-        let mut size = |property: &Property| {
-            let samples = archive.samples(property)?;
-            if property.samples == 0 { Ok(0) } else { archive.count(&samples, 0) }
-        };
-        let (vertices, faces) = (size(&parts.points)?, size(&parts.counts)?);
+        let (vertices, faces) = (size(&mut archive, &parts.points)?, size(&mut archive, &parts.counts)?);
         let path = archive.objects[object].path.clone();
         out.push(AlembicMesh { path, vertices, faces, samples: parts.points.samples });
     }
     Ok(out)
+}
+
+/// Entries in the first sample of an array.
+fn size(archive: &mut Archive, property: &Property) -> Result<u64, MeshError> {
+    let samples = archive.samples(property)?;
+    if property.samples == 0 { Ok(0) } else { archive.count(&samples, 0) }
 }
 
 struct Parts {
@@ -71,7 +73,7 @@ fn meshes(archive: &mut Archive) -> Result<Vec<(usize, Parts)>, MeshError> {
     Ok(out)
 }
 
-/// Opens one mesh of an archive: the one at `path`, or the only one.
+/// Opens one mesh of an archive: the one at `path`, or the one of most vertices.
 ///
 /// Positions are in the space of the archive (usually Y up): every transform above the mesh is applied. Frames are
 /// the samples of the points; where the points stand still, those of the lowest transform that moves.
@@ -86,7 +88,7 @@ pub fn open(
 ) -> Result<MeshStream, MeshError> {
     let options = *options.checked()?;
     let mut archive = Archive::open(file, options.limits)?;
-    let (object, parts) = choose(&mut archive, path)?;
+    let (object, parts, others) = choose(&mut archive, path)?;
     let mesh = archive.objects[object].path.clone();
     for (property, what) in
         [(&parts.counts, "the corners of faces"), (&parts.indices, "the vertices of faces")]
@@ -130,25 +132,35 @@ pub fn open(
         world = Affine::IDENTITY;
     }
     let clip = MeshClip::new(Topology { rest, triangles: faces.triangles }, times.clone(), faces.dropped)?;
+    let clip = clip.with_others(others);
     let frames =
         Frames { archive, points, chain, world, times, vertices, scale: options.metres_per_unit, scratch };
     Ok(MeshStream { clip, frames: Box::new(frames) })
 }
 
-fn choose(archive: &mut Archive, path: Option<&str>) -> Result<(usize, Parts), MeshError> {
+/// The mesh that is meant, and the paths of the others if its size was what decided.
+fn choose(archive: &mut Archive, path: Option<&str>) -> Result<(usize, Parts, Vec<String>), MeshError> {
     let mut found = meshes(archive)?;
     let available = |found: &[(usize, Parts)], archive: &Archive| {
         found.iter().map(|(o, _)| archive.objects[*o].path.clone()).collect::<Vec<_>>()
     };
     let at = match path {
         Some(path) => found.iter().position(|(o, _)| archive.objects[*o].path == path),
-        None if found.len() > 1 => {
-            return Err(MeshError::AmbiguousMesh { available: available(&found, archive) });
+        None => {
+            let counts: Result<Vec<_>, _> = found.iter().map(|(_, m)| size(archive, &m.points)).collect();
+            let most = most_vertices(&counts?);
+            if most.is_none() && !found.is_empty() {
+                return Err(MeshError::AmbiguousMesh { available: available(&found, archive) });
+            }
+            most
         }
-        None => (!found.is_empty()).then_some(0),
     };
     match at {
-        Some(at) => Ok(found.swap_remove(at)),
+        Some(at) => {
+            let (object, parts) = found.remove(at);
+            let others = if path.is_none() { available(&found, archive) } else { Vec::new() };
+            Ok((object, parts, others))
+        }
         None => Err(MeshError::NoSuchMesh {
             wanted: path.unwrap_or("(any)").to_owned(),
             available: available(&found, archive),

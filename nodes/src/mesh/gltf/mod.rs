@@ -8,7 +8,9 @@ mod scene;
 pub(super) mod tests;
 mod track;
 
-use super::clip::{check_request, metres};
+use std::collections::BTreeMap;
+
+use super::clip::{check_request, metres, most_vertices};
 use super::{FrameReader, MeshClip, MeshError, MeshStream, ReadOptions, Topology};
 use container::{Buffers, FORMAT, split_glb};
 use scene::{Instance, Pose};
@@ -16,7 +18,7 @@ use scene::{Instance, Pose};
 /// Which mesh of an asset to read, and when.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct GltfSelection {
-    /// Name of a node with a mesh, or of the mesh; not needed when there is one.
+    /// Name of a node with a mesh, or of the mesh; the one of most vertices when not given.
     pub mesh: Option<String>,
     /// Name of the animation; the first one when not given.
     pub animation: Option<String>,
@@ -49,7 +51,7 @@ pub fn open(
         let what = format!("the extension {extension}, which is not read: export without compression");
         return Err(MeshError::Unsupported { format: FORMAT, what });
     }
-    let node = choose(&document, selection.mesh.as_deref())?;
+    let (node, others) = choose(&document, selection.mesh.as_deref())?;
     let mut buffers = Buffers::load(&document, bin, resolve, options.limits)?;
     let instance = Instance::read(&node, &mut buffers, &options.limits)?;
     let mut pose = Pose::read(&document, &node, selection.animation.as_deref(), &instance, &mut buffers)?;
@@ -68,6 +70,7 @@ pub fn open(
     let mut local = vec![[0.0; 3]; vertices];
     write_frame(&instance, &pose, &mut local, options.metres_per_unit, 0, &mut rest)?;
     let clip = MeshClip::new(Topology { rest, triangles }, times.clone(), instance.dropped)?;
+    let clip = clip.with_others(others);
     let frames = Frames { instance, pose, times, local, scale: options.metres_per_unit };
     Ok(MeshStream { clip, frames: Box::new(frames) })
 }
@@ -94,21 +97,42 @@ fn name_of(node: &::gltf::Node<'_>) -> String {
     node.name().map(str::to_owned).or_else(mesh).unwrap_or_else(|| format!("node {}", node.index()))
 }
 
-fn choose<'a>(document: &'a ::gltf::Document, wanted: Option<&str>) -> Result<::gltf::Node<'a>, MeshError> {
+/// Vertices of a node's mesh, as far as the tables tell: primitives may share theirs.
+fn vertices(node: &::gltf::Node<'_>) -> u64 {
+    let Some(mesh) = node.mesh() else { return 0 };
+    let positions = mesh.primitives().filter_map(|p| p.get(&::gltf::Semantic::Positions));
+    let counts: BTreeMap<usize, u64> = positions.map(|a| (a.index(), a.count() as u64)).collect();
+    counts.values().fold(0, |sum, count| sum.saturating_add(*count))
+}
+
+/// The node whose mesh is meant, and the names of the others if its size was what decided.
+fn choose<'a>(
+    document: &'a ::gltf::Document,
+    wanted: Option<&str>,
+) -> Result<(::gltf::Node<'a>, Vec<String>), MeshError> {
     let nodes: Vec<::gltf::Node<'a>> = document.nodes().filter(|n| n.mesh().is_some()).collect();
     let available = || nodes.iter().map(name_of).collect();
     let found = match wanted {
-        None if nodes.len() > 1 => return Err(MeshError::AmbiguousMesh { available: available() }),
-        None => nodes.first(),
+        None => {
+            if let Some(at) = most_vertices(&nodes.iter().map(vertices).collect::<Vec<_>>()) {
+                let others = nodes.iter().filter(|n| n.index() != nodes[at].index()).map(name_of).collect();
+                return Ok((nodes[at].clone(), others));
+            }
+            if !nodes.is_empty() {
+                return Err(MeshError::AmbiguousMesh { available: available() });
+            }
+            None
+        }
         Some(wanted) => {
             let by_mesh = |n: &&::gltf::Node<'_>| n.mesh().is_some_and(|m| m.name() == Some(wanted));
             nodes.iter().find(|n| name_of(n) == wanted).or_else(|| nodes.iter().find(by_mesh))
         }
     };
-    found.cloned().ok_or_else(|| MeshError::NoSuchMesh {
+    let found = found.cloned().ok_or_else(|| MeshError::NoSuchMesh {
         wanted: wanted.unwrap_or("(any)").to_owned(),
         available: available(),
-    })
+    })?;
+    Ok((found, Vec::new()))
 }
 
 fn frame_times(pose: &Pose, fps: Option<f64>, options: &ReadOptions) -> Result<Vec<f64>, MeshError> {

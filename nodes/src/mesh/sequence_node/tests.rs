@@ -1,5 +1,6 @@
 //! The node over the readers: formats, rates, ends and what it says when something is missing.
 
+use super::super::gltf::tests::{asset, floats};
 use super::super::point_cache::tests::{mdd, pc2};
 use super::*;
 use crate::core::params::Params;
@@ -117,6 +118,7 @@ fn what_is_missing_is_named_with_what_to_write() {
     let reject = |p| solo(p).shape().unwrap_err();
     let e = reject(MeshSequenceParams { fps: Some(Rate::hz(60)), ..params("anim/sheet.pc2") });
     assert_eq!((e.code, e.field.as_deref()), ("F070", Some("base")));
+    assert!(e.message.contains("anim/sheet.obj"), "{e}");
     let e = reject(MeshSequenceParams { base: Some("base.obj".into()), ..params("anim/sheet.pc2") });
     assert_eq!((e.code, e.field.as_deref()), ("F071", Some("fps")));
     let e = reject(MeshSequenceParams { base: Some("base.obj".into()), ..params("anim/odd.mdd") });
@@ -147,4 +149,52 @@ fn windows_of_any_length_give_the_same_frames() {
     for window in [0.001, 0.0177, 0.1] {
         assert_eq!(frames(&solo(p.clone()).window(ticks(window))), whole);
     }
+}
+
+#[test]
+fn the_base_of_a_point_cache_is_found_beside_it() {
+    let p = MeshSequenceParams { fps: Some(Rate::hz(20)), ..params("anim/sheet.pc2") };
+    let told = MeshSequenceParams { base: Some("base.obj".into()), ..p.clone() };
+    let mut beside = solo(p);
+    beside.files.insert("anim/sheet.obj", TRIANGLE);
+    assert_eq!(frames(&beside), frames(&solo(told)));
+}
+
+#[test]
+fn a_base_that_is_not_needed_is_ignored_with_a_note() {
+    let p = MeshSequenceParams { base: Some("no such file".into()), ..params("base.obj") };
+    let shape = solo(p).shape().unwrap();
+    assert!(shape.notes.iter().any(|note| note.contains("`base`")), "{:?}", shape.notes);
+}
+
+/// A still triangle and a quad of two, in the plane z = 0 of the file.
+fn scene(second: usize) -> Vec<u8> {
+    let corners = [0f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 2.0, 0.0, 1.0, 2.0, 0.0];
+    asset(
+        &[
+            (5126, "VEC3", 3, floats(&corners[..9])),
+            (5126, "VEC3", second, floats(&corners[..3 * second])),
+            (5123, "SCALAR", 3, [0, 0, 1, 0, 2, 0].to_vec()),
+        ],
+        r#""meshes":[{"primitives":[{"attributes":{"POSITION":0}}]},
+            {"primitives":[{"attributes":{"POSITION":1},"indices":2}]}],
+            "nodes":[{"name":"button","mesh":0},{"name":"sheet","mesh":1}],"scenes":[{"nodes":[0,1]}],"scene":0"#,
+    )
+}
+
+#[test]
+fn of_several_meshes_the_largest_is_taken_and_the_others_are_named() {
+    let with = |object: Option<&str>, second| {
+        let mut solo = solo(MeshSequenceParams { object: object.map(Text::from), ..params("two.glb") });
+        solo.files.insert("two.glb", scene(second));
+        solo
+    };
+    let largest = with(None, 4);
+    // Y is up in a glTF, and comes out as Z.
+    assert_eq!(frames(&largest)[..4], [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 2.0], [1.0, 0.0, 2.0]]);
+    let notes = largest.shape().unwrap().notes;
+    assert!(notes.iter().any(|note| note.contains("others: button")), "{notes:?}");
+    assert!(with(Some("button"), 4).shape().unwrap().notes.is_empty());
+    let e = with(None, 3).shape().unwrap_err();
+    assert_eq!((e.code, e.field.as_deref()), ("F070", Some("object")));
 }
