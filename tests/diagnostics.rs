@@ -58,6 +58,7 @@ fn findings(path: &Path) -> (Vec<Diagnostic>, Sources) {
                 taps: &[],
                 threads: 1,
                 seed: graph.seed,
+                memo: None,
                 progress: Arc::new(Progress::default()),
             };
             let mut errors = run(&job).err().unwrap_or_default();
