@@ -151,6 +151,19 @@ fn a_second_run_takes_a_fold_from_the_memo_and_leaves_its_phase_out() {
 }
 
 #[test]
+fn a_fold_beside_a_writer_runs_with_it_and_is_kept_for_later() {
+    let also = LEVEL.replace("\"out\":", "\"raw\": WavOut(audio: \"soft\", path: \"raw.wav\"), \"out\":");
+    let project = Project::new(&also);
+    project.run();
+    let report = project.run();
+    assert!(!cached(&report, "measured") && calls(&report, "measured") > 0);
+    assert!(!project.out("raw.wav").is_empty());
+    assert_eq!(project.entries().len(), 1);
+    project.edit(LEVEL);
+    assert!(cached(&project.run(), "measured"));
+}
+
+#[test]
 fn a_late_parameter_does_not_recompute_what_stands_before_it() {
     let project = Project::new(LEVEL);
     project.run();

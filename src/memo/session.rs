@@ -12,6 +12,9 @@ use serde_json::{Map, Value};
 use std::collections::{HashMap, HashSet};
 use std::time::Duration;
 
+/// Code of the warning about an entry that cannot be used.
+const UNUSABLE: &str = "F084";
+
 /// What the memo had of a node.
 #[derive(Debug)]
 pub struct Hit {
@@ -86,8 +89,8 @@ impl<'a> Session<'a> {
             None => Ok(None),
         });
         found.unwrap_or_else(|what| {
-            let file = self.memo.store.dir().join(format!("{key}.memo"));
-            self.warnings.push((n, format!("F084: computed again: {} in the cache: {what}", file.display())));
+            let dir = self.memo.store.dir().display();
+            self.warnings.push((n, format!("{UNUSABLE}: computed again: {key}.memo in {dir}: {what}")));
             None
         })
     }
@@ -111,7 +114,7 @@ impl<'a> Session<'a> {
         Ok(Hit { values, summary: entry.summary, warnings: entry.warnings })
     }
 
-    /// Keeps what a node has given, where it is one that is kept, and not kept yet.
+    /// Keeps what a node has given, after it was looked up in vain: the key is made before the node reads its files.
     pub fn keep(
         &mut self,
         n: usize,
@@ -120,11 +123,8 @@ impl<'a> Session<'a> {
         summary: Map<String, Value>,
         warnings: Vec<String>,
     ) {
-        let Some(key) = self.hashes.get(&n).cloned().or_else(|| self.key(n, values)) else { return };
+        let Some(key) = self.hashes.get(&n).cloned() else { return };
         let node = &self.graph.nodes[n];
-        if self.memo.store.read(&key).is_ok_and(|found| found.is_some()) {
-            return;
-        }
         let mut payload = Vec::new();
         let mut outputs = Vec::new();
         for port in 0..node.ty.outputs.len() {

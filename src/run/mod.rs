@@ -104,21 +104,19 @@ fn pass(
     let ty = |n: usize| job.graph.nodes[n].ty;
     let tapped = phase.regions.iter().flat_map(|r| &r.nodes).any(|n| matches!(n.job, What::Tap(_)));
     let folds: Vec<usize> = phase.nodes.iter().copied().filter(|&n| memo::keeps(ty(n))).collect();
-    if !tapped && !phase.nodes.iter().any(|&n| memo::writes(ty(n))) {
-        let hits: Option<Vec<_>> =
-            folds.iter().map(|&n| memo.look_up(n, values).map(|hit| (n, hit))).collect();
-        if let Some(hits) = hits {
-            for (n, hit) in hits {
-                take(n, hit, values, report);
-            }
-            let windows = phase.windows * phase.regions.len() as u64;
-            job.progress.done.fetch_add(windows, Ordering::Relaxed);
-            return Ok(());
+    let hits: Vec<_> = folds.iter().map(|&n| memo.look_up(n, values)).collect();
+    let writes = tapped || phase.nodes.iter().any(|&n| memo::writes(ty(n)));
+    if !writes && hits.iter().all(Option::is_some) {
+        for (n, hit) in folds.into_iter().zip(hits.into_iter().flatten()) {
+            take(n, hit, values, report);
         }
+        let windows = phase.windows * phase.regions.len() as u64;
+        job.progress.done.fetch_add(windows, Ordering::Relaxed);
+        return Ok(());
     }
     let (start, notes) = (Instant::now(), report.notes.len());
     engine::run_phase(job, phase, values, report)?;
-    for n in folds {
+    for (n, _) in folds.into_iter().zip(&hits).filter(|(_, hit)| hit.is_none()) {
         // To have the fold again, the whole phase has to run again.
         let summary = report.nodes[n].summary.clone();
         memo.keep(n, values, start.elapsed(), summary, report.warned(n, notes));
