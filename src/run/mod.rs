@@ -1,6 +1,6 @@
 //! Runs a planned graph offline, as fast as the machine goes.
 //!
-//! Each phase of the plan is a set of regions; [`engine`] runs region after region, window after window, wherever the
+//! Each phase of the plan is a set of regions; `engine` runs region after region, window after window, wherever the
 //! counters say that the inputs are there. Values are computed before the phase that needs them.
 
 mod engine;
