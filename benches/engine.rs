@@ -49,6 +49,7 @@ fn per_step(nodes: usize, block: i64) -> f64 {
         taps: &[],
         threads: 1,
         seed: 0,
+        memo: None,
         progress: Arc::new(Progress::default()),
     };
     let region = &plan.phases[0].regions[0];
@@ -89,6 +90,7 @@ fn seconds(path: &Path, threads: usize) -> Option<f64> {
             taps: &[],
             threads,
             seed: graph.seed,
+            memo: None,
             progress: Arc::new(Progress::default()),
         };
         let start = Instant::now();

@@ -1,9 +1,10 @@
 //! Arguments of the command.
 
 use crate::graph::{Limits, Override};
+use crate::memo::{Memo, beside};
 use clap::{Args as ClapArgs, Parser, Subcommand};
 use clap_complete::Shell;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Turns motion and recordings into sound, by graphs of nodes.
 #[derive(Debug, Parser)]
@@ -31,6 +32,8 @@ pub enum Command {
     Explain(ExplainArgs),
     /// Draw a graph
     Graph(DrawArgs),
+    /// Look at, empty or explain the values that are kept from earlier runs
+    Cache(CacheArgs),
     /// Make a small project that runs
     New(NewArgs),
     /// Print the format of graphs, with all node types, as a JSON schema
@@ -100,6 +103,9 @@ pub struct RunArgs {
     /// The engine.
     #[command(flatten)]
     pub engine: EngineArgs,
+    /// Where values are kept.
+    #[command(flatten)]
+    pub memo: MemoArgs,
     /// Folder for the files that the graph writes
     #[arg(long, value_name = "DIR", default_value = "out")]
     pub out: PathBuf,
@@ -109,6 +115,99 @@ pub struct RunArgs {
     /// Print errors only
     #[arg(long, short)]
     pub quiet: bool,
+}
+
+/// Where values are kept from run to run.
+#[derive(Clone, Debug, ClapArgs)]
+pub struct MemoArgs {
+    /// Keep values in this folder [default: .foley/cache beside the graph]
+    #[arg(long, value_name = "DIR")]
+    pub cache: Option<PathBuf>,
+    /// Keep no values, and use none of earlier runs
+    #[arg(long, conflicts_with = "cache")]
+    pub no_cache: bool,
+    /// Most bytes of all values that are kept
+    #[arg(long, value_name = "SIZE", value_parser = parse_size, default_value = "1G")]
+    pub cache_size: usize,
+}
+
+impl MemoArgs {
+    /// The memo for a graph file, unless it is turned off.
+    #[must_use]
+    pub fn memo(&self, graph: &Path) -> Option<Memo> {
+        let dir = || self.cache.clone().unwrap_or_else(|| beside(graph));
+        (!self.no_cache).then(|| Memo::new(dir(), self.cache_size as u64, graph))
+    }
+}
+
+/// Arguments of `foley cache`.
+#[derive(Clone, Debug, ClapArgs)]
+pub struct CacheArgs {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: CacheCommand,
+}
+
+/// What to do with the values that are kept.
+#[derive(Clone, Debug, Subcommand)]
+pub enum CacheCommand {
+    /// Count entries and bytes, by node type
+    Stat(StatArgs),
+    /// Remove what is worth least until the rest fits the size
+    Gc(GcArgs),
+    /// Tell what a value depends on that has changed since the last run
+    Why(WhyArgs),
+}
+
+/// Which cache.
+#[derive(Clone, Debug, ClapArgs)]
+pub struct CacheDirArgs {
+    /// The graph file beside which values are kept [default: the working folder]
+    pub graph: Option<PathBuf>,
+    /// The folder in which values are kept
+    #[arg(long, value_name = "DIR", conflicts_with = "graph")]
+    pub cache: Option<PathBuf>,
+}
+
+/// Arguments of `foley cache stat`.
+#[derive(Clone, Debug, ClapArgs)]
+pub struct StatArgs {
+    /// Which cache.
+    #[command(flatten)]
+    pub dir: CacheDirArgs,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Arguments of `foley cache gc`.
+#[derive(Clone, Debug, ClapArgs)]
+pub struct GcArgs {
+    /// Which cache.
+    #[command(flatten)]
+    pub dir: CacheDirArgs,
+    /// Most bytes that stay
+    #[arg(long, value_name = "SIZE", value_parser = parse_size, default_value = "1G")]
+    pub cache_size: usize,
+    /// Remove everything
+    #[arg(long)]
+    pub all: bool,
+}
+
+/// Arguments of `foley cache why`.
+#[derive(Clone, Debug, ClapArgs)]
+pub struct WhyArgs {
+    /// The graph.
+    #[command(flatten)]
+    pub graph: GraphArgs,
+    /// The node that gives the value
+    pub node: String,
+    /// The engine.
+    #[command(flatten)]
+    pub engine: EngineArgs,
+    /// The folder in which values are kept [default: .foley/cache beside the graph]
+    #[arg(long, value_name = "DIR")]
+    pub cache: Option<PathBuf>,
 }
 
 /// Arguments of `foley check`.

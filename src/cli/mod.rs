@@ -1,6 +1,7 @@
 //! The `foley` command: reads arguments, calls the rooms behind it, prints, and returns an exit code.
 
 mod args;
+mod cache;
 mod check;
 mod docs;
 mod draw;
@@ -57,6 +58,7 @@ pub fn main(args: Args) -> anyhow::Result<Exit> {
         Command::Nodes(args) => nodes::nodes(&args),
         Command::Explain(args) => text::explain(&args),
         Command::Graph(args) => draw::draw(&args),
+        Command::Cache(args) => cache::cache(&args),
         Command::New(args) => new::new(&args),
         Command::Schema => schema::print(),
         Command::Docs(args) => docs::docs(&args),

@@ -12,7 +12,7 @@ pub fn template(name: &str) -> [(&'static str, String); 3] {
     [
         ("wind.ron", include_str!("new/wind.ron").into()),
         ("README.md", read_me),
-        (".gitignore", "/out\n".into()),
+        (".gitignore", "/out\n.foley/\n".into()),
     ]
 }
 

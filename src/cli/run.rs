@@ -84,6 +84,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
     let _ = ctrlc::set_handler(move || stop.stop.store(true, Ordering::SeqCst));
     let outputs = DirOutputs::new(&args.out);
     let watch = Watch::start(&ready.graph.title, Arc::clone(&progress), args.quiet);
+    let memo = args.memo.memo(&args.graph.graph);
     let job = Job {
         graph: &ready.graph,
         plan: &ready.plan,
@@ -92,6 +93,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
         taps: &ready.taps,
         threads: ready.threads,
         seed: ready.seed,
+        memo: memo.as_ref(),
         progress: Arc::clone(&progress),
     };
     let result = run::run(&job);
@@ -152,6 +154,10 @@ fn print_report(report: &Report, ready: &Ready) -> std::io::Result<()> {
     }
     for tap in &ready.taps {
         writeln!(out, "wrote {}", tap.path.display())?;
+    }
+    let cached = report.nodes.iter().filter(|n| n.cached).count();
+    if cached > 0 {
+        writeln!(out, "{cached} node(s) from the cache")?;
     }
     let speed = report.length / report.wall.as_secs_f64().max(1e-9);
     writeln!(

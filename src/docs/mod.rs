@@ -66,8 +66,15 @@ fn cli(command: Command) -> String {
         let text = command.clone().render_help().to_string();
         text.lines().map(str::trim_end).collect::<Vec<_>>().join("\n")
     };
-    for sub in command.get_subcommands().filter(|s| s.get_name() != "help") {
-        let _ = write!(out, "\n## foley {}\n\n```text\n{}\n```\n", sub.get_name(), help(sub));
+    let subs = |command: &Command| -> Vec<Command> {
+        command.get_subcommands().filter(|s| s.get_name() != "help").cloned().collect()
+    };
+    for sub in subs(&command) {
+        let _ = write!(out, "\n## foley {}\n\n```text\n{}\n```\n", sub.get_name(), help(&sub));
+        for part in subs(&sub) {
+            let names = format!("{} {}", sub.get_name(), part.get_name());
+            let _ = write!(out, "\n### foley {names}\n\n```text\n{}\n```\n", help(&part));
+        }
     }
     out
 }

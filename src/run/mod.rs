@@ -16,7 +16,8 @@ pub use tap::{Tap, check as check_tap};
 
 use crate::diag::Diagnostic;
 use crate::graph::Graph;
-use crate::plan::Plan;
+use crate::memo::{self, Memo, Session};
+use crate::plan::{Phase, Plan, What};
 use foley_nodes::core::files::Files;
 use foley_nodes::core::item::AnyValue;
 use foley_nodes::core::random::Random;
@@ -55,6 +56,8 @@ pub struct Job<'a> {
     pub threads: usize,
     /// Seed of the graph.
     pub seed: u64,
+    /// Where values are kept from run to run, if at all.
+    pub memo: Option<&'a Memo>,
     /// Shared with whoever watches.
     pub progress: Arc<Progress>,
 }
@@ -73,16 +76,58 @@ pub fn run(job: &Job<'_>) -> Result<Report, Vec<Diagnostic>> {
     let windows: u64 = job.plan.phases.iter().map(|p| p.windows * p.regions.len() as u64).sum();
     job.progress.total.store(windows, Ordering::Relaxed);
     let phases = job.plan.phases.len().max(1 + job.plan.values.iter().map(|(_, p)| *p).max().unwrap_or(0));
+    let mut memo = job.memo.map(|m| Session::new(m, job.graph, job.plan, job.files, job.seed));
     for phase in 0..phases {
-        evaluate(job, phase, &mut values, &mut report)?;
+        evaluate(job, phase, &mut values, &mut report, memo.as_mut())?;
         if let Some(planned) = job.plan.phases.get(phase) {
-            engine::run_phase(job, planned, &mut values, &mut report)?;
+            pass(job, planned, &mut values, &mut report, memo.as_mut())?;
         }
+    }
+    for (n, warning) in memo.iter_mut().flat_map(Session::take_warnings) {
+        report.notes.push((job.graph.nodes[n].id.clone(), warning));
     }
     tap::write_values(job, &values)?;
     job.outputs.commit().map_err(|e| vec![Diagnostic::general("F080", e.to_string())])?;
     report.close(job, start.elapsed());
     Ok(report)
+}
+
+/// Runs a phase, unless all that it gives are folds that the memo has.
+fn pass(
+    job: &Job<'_>,
+    phase: &Phase,
+    values: &mut Values,
+    report: &mut Report,
+    memo: Option<&mut Session<'_>>,
+) -> Result<(), Vec<Diagnostic>> {
+    let Some(memo) = memo else { return engine::run_phase(job, phase, values, report) };
+    let ty = |n: usize| job.graph.nodes[n].ty;
+    let tapped = phase.regions.iter().flat_map(|r| &r.nodes).any(|n| matches!(n.job, What::Tap(_)));
+    let folds: Vec<usize> = phase.nodes.iter().copied().filter(|&n| memo::keeps(ty(n))).collect();
+    let hits: Vec<_> = folds.iter().map(|&n| memo.look_up(n, values)).collect();
+    let writes = tapped || phase.nodes.iter().any(|&n| memo::writes(ty(n)));
+    if !writes && hits.iter().all(Option::is_some) {
+        for (n, hit) in folds.into_iter().zip(hits.into_iter().flatten()) {
+            take(n, hit, values, report);
+        }
+        let windows = phase.windows * phase.regions.len() as u64;
+        job.progress.done.fetch_add(windows, Ordering::Relaxed);
+        return Ok(());
+    }
+    let (start, notes) = (Instant::now(), report.notes.len());
+    engine::run_phase(job, phase, values, report)?;
+    for (n, _) in folds.into_iter().zip(&hits).filter(|(_, hit)| hit.is_none()) {
+        // To have the fold again, the whole phase has to run again.
+        let summary = report.nodes[n].summary.clone();
+        memo.keep(n, values, start.elapsed(), summary, report.warned(n, notes));
+    }
+    Ok(())
+}
+
+/// Takes over what the memo has of a node.
+fn take(n: usize, hit: memo::Hit, values: &mut Values, report: &mut Report) {
+    values.extend(hit.values.into_iter().map(|(port, value)| ((n, port), value)));
+    report.add_cached(n, hit.summary, hit.warnings);
 }
 
 /// Computes the values that can be had before a phase.
@@ -91,6 +136,7 @@ fn evaluate(
     phase: usize,
     values: &mut Values,
     report: &mut Report,
+    mut memo: Option<&mut Session<'_>>,
 ) -> Result<(), Vec<Diagnostic>> {
     let mut errors = Vec::new();
     for &(n, _) in job.plan.values.iter().filter(|(_, before)| *before == phase) {
@@ -101,6 +147,10 @@ fn evaluate(
             node.links.iter().map(|links| links.iter().filter_map(wire).collect()).collect();
         if inputs.iter().map(Vec::len).ne(node.links.iter().map(Vec::len)) {
             // What it needs has failed, and said so.
+            continue;
+        }
+        if let Some(hit) = memo.as_mut().and_then(|memo| memo.look_up(n, values)) {
+            take(n, hit, values, report);
             continue;
         }
         let outputs: Vec<OutWire> =
@@ -114,9 +164,12 @@ fn evaluate(
             files: job.files,
             outputs: job.outputs,
         };
-        let start = Instant::now();
-        match eval(&*node.params, &cx, &Cx::for_values(&inputs, &outputs)) {
-            Ok(summary) => report.add(n, start.elapsed(), 1, summary),
+        let (start, notes) = (Instant::now(), report.notes.len());
+        let result = eval(&*node.params, &cx, &Cx::for_values(&inputs, &outputs));
+        let took = start.elapsed();
+        let done = result.is_ok();
+        match result {
+            Ok(summary) => report.add(n, took, 1, summary),
             Err(fault) => {
                 let place = job.graph.place(n, fault.field.as_deref());
                 errors.push(Diagnostic::of_fault(fault, place, &node.id));
@@ -128,6 +181,9 @@ fn evaluate(
             {
                 values.insert((n, port), value);
             }
+        }
+        if let Some(memo) = memo.as_mut().filter(|_| done) {
+            memo.keep(n, values, took, report.nodes[n].summary.clone(), report.warned(n, notes));
         }
     }
     if errors.is_empty() { Ok(()) } else { Err(errors) }

@@ -93,6 +93,19 @@ impl Report {
         }
     }
 
+    pub(super) fn add_cached(&mut self, n: usize, summary: Map<String, Value>, warnings: Vec<String>) {
+        let node = &mut self.nodes[n];
+        node.cached = true;
+        node.summary = summary;
+        self.notes.extend(warnings.into_iter().map(|warning| (node.id.clone(), warning)));
+    }
+
+    /// What a node has warned of since there were `since` notes.
+    pub(super) fn warned(&self, n: usize, since: usize) -> Vec<String> {
+        let own = self.notes.iter().skip(since).filter(|(id, _)| *id == self.nodes[n].id);
+        own.map(|(_, note)| note.clone()).collect()
+    }
+
     pub(super) fn note_bytes(&mut self, bytes: usize) {
         self.buffer_bytes = self.buffer_bytes.max(bytes);
     }

@@ -44,6 +44,7 @@ pub fn run_graph(
         taps: &[],
         threads: options.threads,
         seed: graph.seed,
+        memo: None,
         progress: Arc::new(Progress::default()),
     };
     let report = run(&job).map_err(text)?;

@@ -127,6 +127,8 @@ pub trait Func: 'static {
     const NAME: &'static str;
     /// Goes up whenever the same inputs give another output.
     const VERSION: u32 = 1;
+    /// Whether the paths of its assets, not only what they hold, stand in its outputs.
+    const TELLS_PATHS: bool = false;
 
     /// Looks at parameters and assets before the run.
     ///
@@ -317,6 +319,8 @@ pub struct NodeType {
     pub name: &'static str,
     /// Version of its output.
     pub version: u32,
+    /// Whether the paths of its assets, not only what they hold, stand in its outputs.
+    pub tells_paths: bool,
     /// Where it may run.
     pub class: Class,
     /// Rough nanoseconds per output element.
@@ -348,6 +352,7 @@ impl NodeType {
         Self {
             name: N::NAME,
             version: N::VERSION,
+            tells_paths: false,
             class: N::CLASS,
             cost: N::COST,
             doc: N::Params::DOC,
@@ -378,6 +383,7 @@ impl NodeType {
         Self {
             name: F::NAME,
             version: F::VERSION,
+            tells_paths: F::TELLS_PATHS,
             class: Class::Offline,
             cost: 0.0,
             doc: F::Params::DOC,

@@ -123,6 +123,8 @@ impl Func for FrictionModelFromClips {
     type Params = FrictionModelFromClipsParams;
     type Ports = FrictionModelFromClipsPorts;
     const NAME: &'static str = "FrictionModelFromClips";
+    // They are the provenance of the model's sources.
+    const TELLS_PATHS: bool = true;
 
     fn check(
         p: &FrictionModelFromClipsParams,

@@ -1,0 +1,134 @@
+//! `foley cache`.
+
+use super::Exit;
+use super::args::{CacheArgs, CacheCommand, CacheDirArgs, GcArgs, StatArgs, WhyArgs};
+use super::run::prepare;
+use crate::memo::{Memo, Part, Session, Store, beside, changes, keeps};
+use crate::plan::size;
+use serde_json::json;
+use std::collections::BTreeMap;
+use std::io::{self, Write};
+use std::path::PathBuf;
+
+/// Looks at, empties or explains the values kept from earlier runs.
+///
+/// # Errors
+/// When standard output goes away.
+pub fn cache(args: &CacheArgs) -> anyhow::Result<Exit> {
+    match &args.command {
+        CacheCommand::Stat(args) => stat(args),
+        CacheCommand::Gc(args) => gc(args),
+        CacheCommand::Why(args) => why(args),
+    }
+}
+
+fn folder(args: &CacheDirArgs) -> PathBuf {
+    let graph = args.graph.clone().unwrap_or_default();
+    args.cache.clone().unwrap_or_else(|| beside(&graph))
+}
+
+fn stat(args: &StatArgs) -> anyhow::Result<Exit> {
+    let dir = folder(&args.dir);
+    let all = Store::new(&dir, u64::MAX).list();
+    let mut kinds: BTreeMap<String, (usize, u64, f64)> = BTreeMap::new();
+    for listed in &all {
+        let (kind, seconds) = match &listed.entry {
+            Some(entry) => (entry.kind.clone(), entry.seconds),
+            None => ("(cannot be read)".to_owned(), 0.0),
+        };
+        let sum = kinds.entry(kind).or_default();
+        *sum = (sum.0 + 1, sum.1 + listed.bytes, sum.2 + seconds);
+    }
+    let bytes: u64 = all.iter().map(|l| l.bytes).sum();
+    let mut out = io::stdout().lock();
+    if args.json {
+        let kinds: serde_json::Map<_, _> = kinds
+            .into_iter()
+            .map(|(kind, (entries, bytes, seconds))| {
+                (kind, json!({ "entries": entries, "bytes": bytes, "seconds": seconds }))
+            })
+            .collect();
+        let all = json!({ "folder": dir, "entries": all.len(), "bytes": bytes, "kinds": kinds });
+        writeln!(out, "{all:#}")?;
+        return Ok(Exit::Done);
+    }
+    writeln!(out, "{}: {} entries, {}", dir.display(), all.len(), size(bytes as usize))?;
+    for (kind, (entries, bytes, seconds)) in kinds {
+        writeln!(out, "  {kind}: {entries} entries, {}, {seconds:.2} s to compute", size(bytes as usize))?;
+    }
+    Ok(Exit::Done)
+}
+
+fn gc(args: &GcArgs) -> anyhow::Result<Exit> {
+    let store = Store::new(folder(&args.dir), args.cache_size as u64);
+    let before = store.list();
+    if args.all {
+        store.clear();
+    } else {
+        store.evict(store.cap(), &Default::default());
+    }
+    let after = store.list();
+    let bytes = |all: &[crate::memo::Listed]| size(all.iter().map(|l| l.bytes).sum::<u64>() as usize);
+    writeln!(
+        io::stdout(),
+        "{}: {} entries, {}; {} entries, {} before",
+        store.dir().display(),
+        after.len(),
+        bytes(&after),
+        before.len(),
+        bytes(&before)
+    )?;
+    Ok(Exit::Done)
+}
+
+fn why(args: &WhyArgs) -> anyhow::Result<Exit> {
+    let Some(ready) = prepare(&args.graph, &args.engine, true) else { return Ok(Exit::Wrong) };
+    let graph = &ready.graph;
+    let kept: Vec<&str> = graph.nodes.iter().filter(|n| keeps(n.ty)).map(|n| n.id.as_str()).collect();
+    let Some(n) = graph.find(&args.node).filter(|&n| keeps(graph.nodes[n].ty)) else {
+        let what =
+            if graph.find(&args.node).is_some() { "gives no value that is kept" } else { "is no node" };
+        let list = if kept.is_empty() { "none".to_owned() } else { kept.join(", ") };
+        eprintln!("foley: `{}` {what}; nodes whose values are kept: {list}", args.node);
+        return Ok(Exit::Wrong);
+    };
+    let dir = args.cache.clone().unwrap_or_else(|| beside(&args.graph.graph));
+    let memo = Memo::new(dir, u64::MAX, &args.graph.graph);
+    let session = Session::new(&memo, graph, &ready.plan, &ready.files, ready.seed);
+    let Some((key, there)) = session.survey(n) else {
+        eprintln!(
+            "foley: `{}` does not run in this graph, or a file that it reads cannot be read",
+            args.node
+        );
+        return Ok(Exit::Wrong);
+    };
+    let mut out = io::stdout().lock();
+    let id = &args.node;
+    if there {
+        writeln!(out, "{id}: kept; the next run does not compute it")?;
+    } else {
+        writeln!(out, "{id}: not kept; the next run computes it")?;
+    }
+    match memo.index().get(id) {
+        None => writeln!(out, "no earlier run of this graph has come to it")?,
+        Some(trace) if trace.last != key.parts => {
+            writeln!(out, "since the last run has changed:")?;
+            tell(&mut out, &trace.last, &key.parts)?;
+        }
+        Some(trace) => {
+            writeln!(out, "nothing that it depends on has changed since the last run")?;
+            if !trace.before.is_empty() {
+                writeln!(out, "what had changed when it last got another key:")?;
+                tell(&mut out, &trace.before, &trace.last)?;
+            }
+        }
+    }
+    Ok(Exit::Done)
+}
+
+fn tell(out: &mut impl Write, was: &[Part], is: &[Part]) -> io::Result<()> {
+    for (name, was, is) in changes(was, is) {
+        writeln!(out, "  {name}: {} -> {}", was.unwrap_or("(none)"), is.unwrap_or("(none)"))?;
+    }
+    Ok(())
+}

@@ -1,0 +1,469 @@
+//! The promises of the memo: values are kept from run to run, and no result depends on it.
+
+mod common;
+
+use foley::graph::{DirFiles, Limits, load};
+use foley::memo::{Memo, Session, Store, beside, changes};
+use foley::plan::{Plan, PlanOptions};
+use foley::run::{DirOutputs, Job, Progress, Report, Tap, run};
+use std::collections::HashSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::Arc;
+
+/// A recording is measured and played at a wanted level: a fold, and a phase that reads it.
+const LEVEL: &str = "#![schema = \"foley:graph/1\"]
+Graph(
+    seed: 5,
+    nodes: {
+        \"noise\": Noise(colour: White, level: 0.1, rate: 8000, duration: Some(0.5)),
+        \"soft\": Gain(audio: \"noise\", gain: 0.5),
+        \"measured\": Loudness(audio: \"soft\"),
+        \"loud\": Normalize(audio: \"soft\", level: \"measured\", peak_db: -6.0),
+        \"out\": WavOut(audio: \"loud\", path: \"loud.wav\"),
+    },
+)
+";
+
+/// Recordings of which a friction model is made, and a sound made of that.
+const MODEL: &str = "#![schema = \"foley:graph/1\"]
+Graph(
+    seed: 5,
+    nodes: {
+        \"model\": FrictionModelFromClips(recordings: [\"a.wav\", \"b.wav\"], clip: 0.02, n_speed: 6),
+        \"planes\": MeshGenerator(kind: Planes, speed: 0.4, duration: 0.4, size: [0.3, 0.3]),
+        \"contacts\": ContactDetector(mesh: \"planes\", radius: 0.02),
+        \"speed\": SlidingSpeed(contacts: \"contacts\", gate: Causal),
+        \"sound\": IftNoise(speeds: \"speed\", model: \"model\", rate: 48000, level: 0.3),
+        \"out\": WavOut(audio: \"sound\", path: \"sound.wav\"),
+    },
+)
+";
+
+struct Project {
+    dir: tempfile::TempDir,
+    cap: u64,
+}
+
+impl Project {
+    fn new(text: &str) -> Self {
+        let project = Self { dir: tempfile::tempdir().unwrap(), cap: 1 << 30 };
+        project.edit(text);
+        if text == MODEL {
+            project.record("a.wav", 3);
+            project.record("b.wav", 4);
+        }
+        project
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.dir.path().join(name)
+    }
+
+    fn edit(&self, text: &str) {
+        fs::write(self.path("graph.ron"), text).unwrap();
+    }
+
+    /// Makes a recording: noise that swells.
+    fn record(&self, name: &str, seed: u64) {
+        let text = format!(
+            "#![schema = \"foley:graph/1\"]
+            Graph(seed: {seed}, nodes: {{
+                \"n\": Noise(colour: White, level: 0.2, rate: 48000, duration: Some(0.5)),
+                \"f\": Fade(audio: \"n\", fade_in: 0.5, fade_out: 0.0),
+                \"out\": WavOut(audio: \"f\", path: \"{name}\"),
+            }})"
+        );
+        common::run_text(&text, &PlanOptions::default(), self.dir.path()).unwrap();
+    }
+
+    fn run(&self) -> Report {
+        self.run_with(true, &PlanOptions::default(), None)
+    }
+
+    fn run_with(&self, kept: bool, options: &PlanOptions, tap: Option<&str>) -> Report {
+        let path = self.path("graph.ron");
+        let loaded = load(&path, &[], &[], Limits::default());
+        let graph = loaded.graph.expect("the graph is right");
+        let files = DirFiles::new(loaded.root, Limits::default());
+        let taps: Vec<Tap> = tap
+            .iter()
+            .map(|id| Tap { node: graph.find(id).unwrap(), port: 0, path: self.path("tap.json") })
+            .collect();
+        let options =
+            PlanOptions { taps: taps.iter().map(|t| (t.node, t.port)).collect(), ..options.clone() };
+        let plan = Plan::new(&graph, &files, &options).unwrap();
+        let outputs = DirOutputs::new(self.path("out"));
+        let memo = kept.then(|| Memo::new(beside(&path), self.cap, &path));
+        let job = Job {
+            graph: &graph,
+            plan: &plan,
+            files: &files,
+            outputs: &outputs,
+            taps: &taps,
+            threads: 1,
+            seed: graph.seed,
+            memo: memo.as_ref(),
+            progress: Arc::new(Progress::default()),
+        };
+        run(&job).unwrap()
+    }
+
+    fn store(&self) -> Store {
+        Store::new(beside(&self.path("graph.ron")), self.cap)
+    }
+
+    fn entries(&self) -> Vec<PathBuf> {
+        self.store().list().into_iter().map(|l| l.path).collect()
+    }
+
+    fn out(&self, name: &str) -> Vec<u8> {
+        fs::read(self.path("out").join(name)).unwrap()
+    }
+}
+
+fn cached(report: &Report, id: &str) -> bool {
+    report.nodes.iter().find(|n| n.id == id).unwrap().cached
+}
+
+fn calls(report: &Report, id: &str) -> u64 {
+    report.nodes.iter().find(|n| n.id == id).unwrap().calls
+}
+
+fn warned(report: &Report, text: &str) -> bool {
+    report.notes.iter().any(|(_, note)| note.contains(text))
+}
+
+#[test]
+fn a_second_run_takes_a_fold_from_the_memo_and_leaves_its_phase_out() {
+    let project = Project::new(LEVEL);
+    let first = project.run();
+    let wav = project.out("loud.wav");
+    assert!(!cached(&first, "measured") && calls(&first, "measured") > 0);
+    let second = project.run();
+    assert!(cached(&second, "measured"));
+    assert_eq!(calls(&second, "measured"), 0);
+    assert_eq!(2 * calls(&second, "noise"), calls(&first, "noise"));
+    assert_eq!(project.out("loud.wav"), wav);
+    let summary = |r: &Report| r.nodes.iter().find(|n| n.id == "measured").unwrap().summary.clone();
+    assert_eq!(summary(&first), summary(&second));
+}
+
+#[test]
+fn a_fold_beside_a_writer_runs_with_it_and_is_kept_for_later() {
+    let also = LEVEL.replace("\"out\":", "\"raw\": WavOut(audio: \"soft\", path: \"raw.wav\"), \"out\":");
+    let project = Project::new(&also);
+    project.run();
+    let report = project.run();
+    assert!(!cached(&report, "measured") && calls(&report, "measured") > 0);
+    assert!(!project.out("raw.wav").is_empty());
+    assert_eq!(project.entries().len(), 1);
+    project.edit(LEVEL);
+    assert!(cached(&project.run(), "measured"));
+}
+
+#[test]
+fn a_late_parameter_does_not_recompute_what_stands_before_it() {
+    let project = Project::new(LEVEL);
+    project.run();
+    project.edit(&LEVEL.replace("peak_db: -6.0", "peak_db: -12.0"));
+    assert!(cached(&project.run(), "measured"));
+    let kept = project.out("loud.wav");
+    project.run_with(false, &PlanOptions::default(), None);
+    assert_eq!(project.out("loud.wav"), kept);
+
+    let project = Project::new(MODEL);
+    assert!(!cached(&project.run(), "model"));
+    project.edit(&MODEL.replace("level: 0.3", "level: 0.2"));
+    assert!(cached(&project.run(), "model"));
+}
+
+#[test]
+fn every_parameter_above_a_fold_recomputes_it_and_window_and_threads_do_not() {
+    let project = Project::new(LEVEL);
+    project.run();
+    for (from, to) in [("gain: 0.5", "gain: 0.25"), ("seed: 5", "seed: 6"), ("\"soft\"", "\"quiet\"")] {
+        project.edit(&LEVEL.replace(from, to));
+        assert!(!cached(&project.run(), "measured"), "{to}");
+    }
+    project.edit(LEVEL);
+    let window = PlanOptions { window: PlanOptions::default().window / 3, threads: 2, ..Default::default() };
+    assert!(cached(&project.run_with(true, &window, None), "measured"));
+    let until = PlanOptions { until: Some(PlanOptions::default().window * 5), ..Default::default() };
+    assert!(!cached(&project.run_with(true, &until, None), "measured"));
+}
+
+#[test]
+fn a_node_on_a_feedback_loop_counts_wherever_it_stands() {
+    let text = "#![schema = \"foley:graph/1\"]
+Graph(nodes: {
+    \"noise\": Noise(level: 0.1, rate: 8000, duration: Some(0.3)),
+    \"mix\": Mix(inputs: [\"noise\", \"back\"]),
+    \"soft\": Gain(audio: \"mix\", gain: 0.5),
+    \"back\": Feedback(audio: \"soft\", like: \"noise\", delay: 0.05, gain: 0.5, tail: 0.1),
+    \"measured\": Loudness(audio: \"mix\"),
+    \"loud\": Normalize(audio: \"mix\", level: \"measured\"),
+    \"out\": WavOut(audio: \"loud\", path: \"loud.wav\"),
+})";
+    let project = Project::new(text);
+    project.run();
+    assert!(cached(&project.run(), "measured"));
+    project.edit(&text.replace("audio: \"mix\", gain: 0.5", "audio: \"mix\", gain: -0.9"));
+    assert!(!cached(&project.run(), "measured"));
+}
+
+#[test]
+fn the_content_of_a_recording_counts_and_not_its_time() {
+    let project = Project::new(MODEL);
+    project.run();
+    let time = fs::metadata(project.path("b.wav")).unwrap().modified().unwrap();
+    let bytes = fs::read(project.path("b.wav")).unwrap();
+    // The same bytes, written again.
+    fs::write(project.path("b.wav"), &bytes).unwrap();
+    assert!(cached(&project.run(), "model"));
+    // Other bytes under the same name, length and time.
+    project.record("b.wav", 9);
+    assert_eq!(fs::metadata(project.path("b.wav")).unwrap().len(), bytes.len() as u64);
+    fs::File::options().append(true).open(project.path("b.wav")).unwrap().set_modified(time).unwrap();
+    assert!(!cached(&project.run(), "model"));
+    // And back: what was kept first is still there.
+    fs::write(project.path("b.wav"), &bytes).unwrap();
+    assert!(cached(&project.run(), "model"));
+}
+
+#[test]
+fn a_changed_node_that_gives_an_equal_value_stops_the_recomputation_below_it() {
+    let text = LEVEL.replace(
+        "\"out\":",
+        "\"second\": Loudness(audio: \"loud\"), \"equal\": Normalize(audio: \"loud\", level: \"second\"), \"out\":",
+    );
+    let text = text.replace("audio: \"loud\", path", "audio: \"equal\", path");
+    let project = Project::new(&text);
+    project.run();
+    // `measured` hears the noise through another gain of 1, so it has another key and gives an equal value.
+    let refit = text.replace(
+        "\"measured\": Loudness(audio: \"soft\")",
+        "\"same\": Gain(audio: \"soft\", gain: 1.0), \"measured\": Loudness(audio: \"same\")",
+    );
+    project.edit(&refit);
+    let report = project.run();
+    assert!(!cached(&report, "measured"));
+    assert!(cached(&report, "second"));
+}
+
+#[test]
+fn unusable_entries_are_computed_again_with_a_warning() {
+    let project = Project::new(MODEL);
+    project.run();
+    let wav = project.out("sound.wav");
+    let entries = project.entries();
+    assert_eq!(entries.len(), 1);
+    let whole = fs::read(&entries[0]).unwrap();
+    let mut flipped = whole.clone();
+    *flipped.last_mut().unwrap() ^= 1;
+    let mut version = whole.clone();
+    version[8] = 99;
+    let damaged: [(&str, Vec<u8>); 6] = [
+        ("damaged", flipped),
+        ("cut short", whole[..whole.len() / 2].to_vec()),
+        ("cut short", Vec::new()),
+        ("another kind of file", vec![b'x'; 4000]),
+        ("format 99", version),
+        ("another key", {
+            // A whole entry of something else, under this name.
+            let other = Project::new(LEVEL);
+            other.run();
+            fs::read(&other.entries()[0]).unwrap()
+        }),
+    ];
+    for (what, bytes) in damaged {
+        fs::write(&entries[0], bytes).unwrap();
+        let report = project.run();
+        assert!(!cached(&report, "model"), "{what}");
+        assert!(warned(&report, what) && warned(&report, "F084"), "{what}: {:?}", report.notes);
+        assert_eq!(project.out("sound.wav"), wav);
+        let report = project.run();
+        assert!(cached(&report, "model") && !warned(&report, "F084"), "{what}");
+    }
+}
+
+#[test]
+fn no_byte_of_an_entry_can_change_unseen() {
+    let project = Project::new(LEVEL);
+    project.run();
+    let path = &project.entries()[0];
+    let key = path.file_stem().unwrap().to_str().unwrap().to_owned();
+    let whole = fs::read(path).unwrap();
+    assert!(project.store().read(&key).unwrap().is_some());
+    for at in 0..whole.len() {
+        let mut bytes = whole.clone();
+        bytes[at] ^= 0x10;
+        fs::write(path, &bytes).unwrap();
+        assert!(project.store().read(&key).is_err(), "byte {at}");
+        fs::write(path, &whole[..at]).unwrap();
+        assert!(project.store().read(&key).is_err(), "cut at {at}");
+    }
+}
+
+#[test]
+fn results_are_the_same_bits_with_and_without_the_memo() {
+    for (text, wav, value) in [(LEVEL, "loud.wav", "measured"), (MODEL, "sound.wav", "model")] {
+        let project = Project::new(text);
+        let options = PlanOptions::default();
+        let runs = [false, true, true].map(|kept| {
+            project.run_with(kept, &options, Some(value));
+            (project.out(wav), fs::read(project.path("tap.json")).unwrap())
+        });
+        assert_eq!(runs[0], runs[1]);
+        assert_eq!(runs[0], runs[2]);
+    }
+}
+
+#[test]
+fn a_renamed_recording_stands_in_the_provenance_of_its_model() {
+    let project = Project::new(MODEL);
+    project.run();
+    fs::rename(project.path("b.wav"), project.path("c.wav")).unwrap();
+    project.edit(&MODEL.replace("b.wav", "c.wav"));
+    project.run_with(true, &PlanOptions::default(), Some("model"));
+    let model = fs::read_to_string(project.path("tap.json")).unwrap();
+    assert!(model.contains("c.wav") && !model.contains("b.wav"));
+}
+
+#[test]
+fn the_size_is_kept_and_what_saves_least_per_byte_goes_first() {
+    let dir = tempfile::tempdir().unwrap();
+    let store = Store::new(dir.path(), 4000);
+    let entry = |name: char, seconds: f64| foley::memo::Entry {
+        key: name.to_string().repeat(64),
+        seconds,
+        ..Default::default()
+    };
+    let used = HashSet::new();
+    for (name, seconds) in [('a', 3.0), ('b', 1.0), ('c', 2.0)] {
+        assert!(store.write(&entry(name, seconds), &[0; 900], &used).unwrap());
+    }
+    assert!(store.write(&entry('d', 5.0), &[0; 900], &used).unwrap());
+    let names = || -> Vec<String> {
+        let names =
+            store.list().into_iter().map(|l| l.path.file_name().unwrap().to_string_lossy()[..1].into());
+        names.collect()
+    };
+    assert_eq!(names(), ["c", "a", "d"]);
+    // What this run uses stays, also when it is worth least; what does not fit beside it is not kept.
+    let used: HashSet<String> = ["c", "a", "d"].iter().map(|n| n.repeat(64)).collect();
+    assert!(!store.write(&entry('e', 9.0), &[0; 900], &used).unwrap());
+    assert!(!store.write(&entry('f', 9.0), &[0; 5000], &HashSet::new()).unwrap());
+    assert_eq!(names(), ["c", "a", "d"]);
+    assert!(store.list().iter().map(|l| l.bytes).sum::<u64>() <= 4000);
+    store.clear();
+    assert!(store.list().is_empty());
+}
+
+#[test]
+fn a_cache_without_room_or_that_cannot_be_written_fails_no_run() {
+    let mut project = Project::new(LEVEL);
+    project.cap = 10;
+    let report = project.run();
+    assert!(warned(&report, "no room"), "{:?}", report.notes);
+    assert!(project.entries().is_empty());
+    let blocked = Project::new(LEVEL);
+    fs::write(blocked.path(".foley"), "a file where the folder should be").unwrap();
+    assert!(warned(&blocked.run(), "cannot be kept"));
+    assert!(!blocked.out("loud.wav").is_empty());
+}
+
+#[test]
+fn runs_at_once_share_a_cache_without_harm() {
+    let project = Project::new(LEVEL);
+    let expected = {
+        project.run_with(false, &PlanOptions::default(), None);
+        project.out("loud.wav")
+    };
+    let graph = project.path("graph.ron");
+    let start = |k: usize| {
+        let out = project.path(&format!("out{k}"));
+        let mut command = Command::new(env!("CARGO_BIN_EXE_foley"));
+        command.args(["run", "--quiet", "--cache-size", "2K", "--out"]).arg(out).arg(&graph);
+        command.spawn().unwrap()
+    };
+    let children: Vec<_> = (0..6).map(start).collect();
+    for (k, mut child) in children.into_iter().enumerate() {
+        assert!(child.wait().unwrap().success());
+        assert_eq!(fs::read(project.path(&format!("out{k}/loud.wav"))).unwrap(), expected);
+    }
+    let left = fs::read_dir(beside(&graph)).unwrap().flatten();
+    let parts = left.filter(|e| e.path().extension().is_some_and(|e| e == "part")).count();
+    assert_eq!(parts, 0);
+    assert!(!warned(&project.run(), "F084"));
+}
+
+fn foley(project: &Project, args: &[&str]) -> String {
+    let output = Command::new(env!("CARGO_BIN_EXE_foley"))
+        .args(args)
+        .current_dir(project.dir.path())
+        .env("NO_COLOR", "1")
+        .output()
+        .unwrap();
+    String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr)
+}
+
+#[test]
+fn why_names_the_parameter_that_has_changed() {
+    let project = Project::new(LEVEL);
+    let why = || foley(&project, &["cache", "why", "graph.ron", "measured"]);
+    assert!(why().contains("no earlier run"), "{}", why());
+    foley(&project, &["run", "graph.ron"]);
+    assert!(why().contains("the next run does not compute it"), "{}", why());
+    project.edit(&LEVEL.replace("gain: 0.5", "gain: 0.25"));
+    let text = why();
+    assert!(text.contains("the next run computes it") && text.contains("soft.gain: 0.5 -> 0.25"), "{text}");
+    assert_eq!(text.lines().count(), 3, "{text}");
+    foley(&project, &["run", "graph.ron"]);
+    let text = why();
+    assert!(text.contains("nothing that it depends on has changed"), "{text}");
+    assert!(text.contains("soft.gain: 0.5 -> 0.25"), "{text}");
+    let stream = foley(&project, &["cache", "why", "graph.ron", "soft"]);
+    assert!(stream.contains("no value that is kept") && stream.contains("measured"), "{stream}");
+}
+
+#[test]
+fn the_command_counts_and_empties_the_cache_and_does_without() {
+    let project = Project::new(LEVEL);
+    foley(&project, &["run", "graph.ron", "--no-cache"]);
+    assert!(!project.path(".foley").exists());
+    foley(&project, &["run", "graph.ron"]);
+    let stat: serde_json::Value =
+        serde_json::from_str(&foley(&project, &["cache", "stat", "--json"])).unwrap();
+    assert_eq!(stat["entries"], 1);
+    assert_eq!(stat["kinds"]["Loudness"]["entries"], 1);
+    assert!(foley(&project, &["run", "graph.ron"]).contains("1 node(s) from the cache"));
+    foley(&project, &["run", "graph.ron", "--cache", "elsewhere"]);
+    assert_eq!(Store::new(project.path("elsewhere"), 0).list().len(), 1);
+    foley(&project, &["cache", "gc"]);
+    assert_eq!(project.entries().len(), 1);
+    foley(&project, &["cache", "gc", "--all"]);
+    assert!(project.entries().is_empty());
+}
+
+#[test]
+fn a_survey_finds_the_key_of_the_next_run_without_running() {
+    let project = Project::new(LEVEL);
+    let path = project.path("graph.ron");
+    let survey = || {
+        let loaded = load(&path, &[], &[], Limits::default());
+        let graph = loaded.graph.unwrap();
+        let files = DirFiles::new(loaded.root, Limits::default());
+        let plan = Plan::new(&graph, &files, &PlanOptions::default()).unwrap();
+        let memo = Memo::new(beside(Path::new(&path)), 1 << 30, &path);
+        let session = Session::new(&memo, &graph, &plan, &files, graph.seed);
+        session.survey(graph.find("measured").unwrap()).unwrap()
+    };
+    let (before, there) = survey();
+    assert!(!there);
+    project.run();
+    let (after, there) = survey();
+    assert!(there && changes(&before.parts, &after.parts).is_empty());
+    assert_eq!(before.hash, after.hash);
+}
