@@ -85,6 +85,11 @@ pub fn run(job: &Job<'_>) -> Result<Report, Vec<Diagnostic>> {
     Ok(report)
 }
 
+/// What a run says that was stopped.
+fn stopped() -> Diagnostic {
+    Diagnostic::general("F091", "stopped before the end; no output was written")
+}
+
 /// Computes the values that can be had before a phase.
 fn evaluate(
     job: &Job<'_>,
@@ -96,6 +101,9 @@ fn evaluate(
     for &(n, _) in job.plan.values.iter().filter(|(_, before)| *before == phase) {
         let node = &job.graph.nodes[n];
         let Some(eval) = node.ty.eval else { continue };
+        if job.progress.stop.load(Ordering::SeqCst) {
+            return Err(vec![stopped()]);
+        }
         let wire = |l: &crate::graph::Link| values.get(&(l.node, l.port)).cloned().map(InWire::Value);
         let inputs: Vec<Vec<InWire>> =
             node.links.iter().map(|links| links.iter().filter_map(wire).collect()).collect();
