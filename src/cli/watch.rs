@@ -277,7 +277,8 @@ impl Session<'_> {
     fn wait(&mut self, limit: Option<Duration>) -> Woken {
         let start = Instant::now();
         loop {
-            let left = limit.map_or(self.sweep, |limit| limit.saturating_sub(start.elapsed()).min(self.sweep));
+            let left =
+                limit.map_or(self.sweep, |limit| limit.saturating_sub(start.elapsed()).min(self.sweep));
             let at = match self.received.recv_timeout(left) {
                 Ok(Message::Stop) => return Woken::Stop,
                 Ok(Message::Ran(ran)) => return Woken::Ran(ran),

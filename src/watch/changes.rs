@@ -145,7 +145,10 @@ mod tests {
     #[test]
     fn another_link_and_another_node_are_told_apart() {
         let before = format!("{TWO}, \"out\": WavOut(audio: \"a\", path: \"a.wav\")");
-        assert_eq!(between(&before, &before.replace("\"a\", path", "\"b\", path")), "1 link changed (out.audio)");
+        assert_eq!(
+            between(&before, &before.replace("\"a\", path", "\"b\", path")),
+            "1 link changed (out.audio)"
+        );
         let more = format!("{before}, \"c\": Tone(frequency: 220.0, rate: 48000)");
         assert_eq!(between(&before, &more), "1 node added (c)");
         assert_eq!(between(&more, &before), "1 node removed (c)");
@@ -154,7 +157,10 @@ mod tests {
     #[test]
     fn the_order_of_nodes_does_not_matter() {
         let end = "\"out\": WavOut(audio: \"a\", path: \"a.wav\")";
-        assert_eq!(between(&format!("{TWO}, {end}"), &format!("{end}, {TWO}")), "nothing in the graph changed");
+        assert_eq!(
+            between(&format!("{TWO}, {end}"), &format!("{end}, {TWO}")),
+            "nothing in the graph changed"
+        );
     }
 
     #[test]

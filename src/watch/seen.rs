@@ -91,9 +91,8 @@ impl Entry {
     /// Whether the file's times alone tell that it is the same; content is read again where there is doubt.
     fn holds(&self, key: &Key) -> bool {
         let Key::Path(path) = key else { return false };
-        let old = |s: &Stamp| {
-            s.modified.is_some_and(|m| self.at.duration_since(m).is_ok_and(|age| age > COARSE))
-        };
+        let old =
+            |s: &Stamp| s.modified.is_some_and(|m| self.at.duration_since(m).is_ok_and(|age| age > COARSE));
         self.stamp == Stamp::of(path) && self.stamp.as_ref().is_none_or(old)
     }
 }
