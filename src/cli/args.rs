@@ -20,6 +20,8 @@ pub struct Args {
 pub enum Command {
     /// Run a graph to its end and write its files
     Run(RunArgs),
+    /// Run a graph again after each save of it or of a file that it reads
+    Watch(WatchArgs),
     /// Find everything that is wrong with graphs, without running them
     Check(CheckArgs),
     /// Lay out graph files; comments and grouping stay
@@ -208,6 +210,17 @@ pub struct WhyArgs {
     /// The folder in which values are kept [default: .foley/cache beside the graph]
     #[arg(long, value_name = "DIR")]
     pub cache: Option<PathBuf>,
+}
+
+/// Arguments of `foley watch`.
+#[derive(Clone, Debug, ClapArgs)]
+pub struct WatchArgs {
+    /// The run.
+    #[command(flatten)]
+    pub run: RunArgs,
+    /// Look at the files this often, instead of waiting for events; for file systems that have none
+    #[arg(long, value_name = "SECONDS", value_parser = parse_seconds)]
+    pub poll: Option<f64>,
 }
 
 /// Arguments of `foley check`.

@@ -12,6 +12,7 @@ mod progress;
 mod run;
 mod schema;
 mod text;
+mod watch;
 
 pub use args::Args;
 pub use new::template;
@@ -52,6 +53,7 @@ impl From<Exit> for ExitCode {
 pub fn main(args: Args) -> anyhow::Result<Exit> {
     match args.command {
         Command::Run(args) => run::run(&args),
+        Command::Watch(args) => watch::watch(&args),
         Command::Check(args) => check::check(&args),
         Command::Fmt(args) => text::fmt(&args),
         Command::Plan(args) => plan::plan(&args),

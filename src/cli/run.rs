@@ -3,8 +3,8 @@
 use super::Exit;
 use super::args::{EngineArgs, GraphArgs, RunArgs};
 use super::progress::Watch;
-use crate::diag::{Diagnostic, Severity, Sources, any_error, render};
-use crate::graph::{DirFiles, Graph, load};
+use crate::diag::{Diagnostic, Severity, Sources, render};
+use crate::graph::{Asked, DirFiles, Graph, load};
 use crate::plan::{Plan, PlanOptions};
 use crate::run::{self, DirOutputs, Job, Progress, Report, Tap, check_tap};
 use foley_nodes::core::time::ticks;
@@ -34,13 +34,51 @@ pub fn show(diagnostics: &[Diagnostic], sources: &Sources) {
     eprint!("{}", render(diagnostics, sources, colour));
 }
 
+/// What was made of a graph file, and everything that was found on the way.
+pub struct Prepared {
+    /// The graph, if it can run.
+    pub ready: Option<Ready>,
+    /// Errors and warnings.
+    pub found: Vec<Diagnostic>,
+    /// The texts that they point into.
+    pub sources: Sources,
+    /// What was asked for.
+    pub asked: Asked,
+}
+
 /// Loads, checks and plans a graph; prints what is wrong.
 pub fn prepare(graph: &GraphArgs, engine: &EngineArgs, quiet: bool) -> Option<Ready> {
+    let prepared = look(graph, engine, quiet);
+    show(&prepared.found, &prepared.sources);
+    prepared.ready
+}
+
+/// Loads, checks and plans a graph.
+pub fn look(graph: &GraphArgs, engine: &EngineArgs, quiet: bool) -> Prepared {
     let loaded = load(&graph.graph, &graph.sets, &graph.allow_read, graph.limits());
-    let shown: Vec<Diagnostic> =
-        loaded.diagnostics.into_iter().filter(|d| !quiet || d.severity == Severity::Error).collect();
-    show(&shown, &loaded.sources);
-    let found = loaded.graph?;
+    let mut found = loaded.diagnostics;
+    found.retain(|d| !quiet || d.severity == Severity::Error);
+    let files = DirFiles::new(loaded.root, graph.limits());
+    let planned = loaded.graph.map(|g| plan(g, engine, &files));
+    let asked = files.asked();
+    let ready = match planned {
+        Some(Ok((own, plan, taps, threads))) => {
+            let seed = graph.seed.unwrap_or(own.seed);
+            Some(Ready { graph: own, files, plan, taps, threads, seed })
+        }
+        Some(Err(errors)) => {
+            found.extend(errors);
+            None
+        }
+        None => None,
+    };
+    Prepared { ready, found, sources: loaded.sources, asked }
+}
+
+type Planned = (Graph, Plan, Vec<Tap>, usize);
+
+/// Plans a graph with its taps.
+fn plan(found: Graph, engine: &EngineArgs, files: &DirFiles) -> Result<Planned, Vec<Diagnostic>> {
     let mut errors = Vec::new();
     let mut taps = Vec::new();
     for text in &engine.taps {
@@ -58,18 +96,14 @@ pub fn prepare(graph: &GraphArgs, engine: &EngineArgs, quiet: bool) -> Option<Re
         memory: engine.memory,
         taps: taps.iter().map(|t| (t.node, t.port)).collect(),
     };
-    let files = DirFiles::new(loaded.root, graph.limits());
-    let plan = match Plan::new(&found, &files, &options) {
-        Ok(plan) => Some(plan),
+    match Plan::new(&found, files, &options) {
+        Ok(plan) if errors.is_empty() => Ok((found, plan, taps, threads)),
+        Ok(_) => Err(errors),
         Err(e) => {
             errors.extend(e);
-            None
+            Err(errors)
         }
-    };
-    show(&errors, &loaded.sources);
-    let plan = plan.filter(|_| !any_error(&errors))?;
-    let seed = graph.seed.unwrap_or(found.seed);
-    Some(Ready { graph: found, files, plan, taps, threads, seed })
+    }
 }
 
 /// Runs a graph.
@@ -82,8 +116,29 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
     let stop = Arc::clone(&progress);
     // Only the first handler of a process can be set; a second run in the same process keeps the first.
     let _ = ctrlc::set_handler(move || stop.stop.store(true, Ordering::SeqCst));
+    match render_files(&ready, args, &progress) {
+        Ok(report) => {
+            tell(&report, &ready, args)?;
+            Ok(Exit::Done)
+        }
+        Err(errors) => {
+            show(&errors, &ready.graph.sources);
+            Ok(if progress.stop.load(Ordering::SeqCst) { Exit::Again } else { Exit::Failed })
+        }
+    }
+}
+
+/// Runs a graph and leaves its files in their places.
+///
+/// # Errors
+/// As [`run::run`].
+pub fn render_files(
+    ready: &Ready,
+    args: &RunArgs,
+    progress: &Arc<Progress>,
+) -> Result<Report, Vec<Diagnostic>> {
     let outputs = DirOutputs::new(&args.out);
-    let watch = Watch::start(&ready.graph.title, Arc::clone(&progress), args.quiet);
+    let watch = Watch::start(&ready.graph.title, Arc::clone(progress), args.quiet);
     let memo = args.memo.memo(&args.graph.graph);
     let job = Job {
         graph: &ready.graph,
@@ -94,28 +149,28 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
         threads: ready.threads,
         seed: ready.seed,
         memo: memo.as_ref(),
-        progress: Arc::clone(&progress),
+        progress: Arc::clone(progress),
     };
     let result = run::run(&job);
     watch.end();
-    match result {
-        Ok(report) => {
-            if report.outputs.is_empty() && ready.taps.is_empty() {
-                eprintln!("foley: the graph writes nothing: add a WavOut, or give --tap NODE.PORT=FILE");
-            }
-            if !args.quiet {
-                print_report(&report, &ready)?;
-            }
-            if let Some(path) = &args.report {
-                write_whole(path, &format!("{:#}\n", report.json()))?;
-            }
-            Ok(Exit::Done)
-        }
-        Err(errors) => {
-            show(&errors, &ready.graph.sources);
-            Ok(if progress.stop.load(Ordering::SeqCst) { Exit::Again } else { Exit::Failed })
-        }
+    result
+}
+
+/// Tells what a run gave, on standard output and in the report.
+///
+/// # Errors
+/// When standard output is gone, or the report cannot be written.
+pub fn tell(report: &Report, ready: &Ready, args: &RunArgs) -> anyhow::Result<()> {
+    if report.outputs.is_empty() && ready.taps.is_empty() {
+        eprintln!("foley: the graph writes nothing: add a WavOut, or give --tap NODE.PORT=FILE");
     }
+    if !args.quiet {
+        print_report(report, ready)?;
+    }
+    if let Some(path) = &args.report {
+        write_whole(path, &format!("{:#}\n", report.json()))?;
+    }
+    Ok(())
 }
 
 /// Writes a file under a temporary name and moves it to its place.

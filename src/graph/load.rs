@@ -95,7 +95,9 @@ pub(super) struct Loader {
 #[must_use]
 pub fn load(path: &Path, overrides: &[Override], allow_read: &[PathBuf], limits: Limits) -> Loaded {
     let mut loader = Loader { root: Root::of(path), limits, ..Loader::default() };
+    loader.root.note(path);
     for folder in allow_read {
+        loader.root.note(folder);
         if let Err(e) = loader.root.allow_folder(folder) {
             let message = format!("--allow-read {}: {e}", folder.display());
             loader.found.push(Diagnostic::general("F060", message));

@@ -8,7 +8,7 @@ mod root;
 mod suggest;
 
 pub use load::{Loaded, Override, SCHEMA, load, load_text};
-pub use root::{DirFiles, Limits, Root};
+pub use root::{Asked, DirFiles, Limits, Root, Stamp, matching};
 pub use suggest::nearest;
 
 use crate::diag::{Place, Sources};

@@ -1,11 +1,12 @@
 //! Which files a graph may read, and opening them.
 
 use foley_nodes::core::files::{FileError, Files, ReadSeek, number_in, sorted_sequence};
-use std::collections::BTreeSet;
-use std::fs::{self, File};
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs::{self, File, Metadata};
 use std::io::BufReader;
 use std::path::{Component, Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::SystemTime;
 
 /// What files may cost.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,6 +34,49 @@ impl Default for Limits {
 pub struct Root {
     folders: Vec<PathBuf>,
     files: Vec<PathBuf>,
+    /// Shared by all copies, so that what nodes open is known as well.
+    asked: Arc<Mutex<Asked>>,
+}
+
+/// Everything that was asked for while a graph was read and run, also what was not there.
+#[derive(Clone, Debug, Default)]
+pub struct Asked {
+    /// Files and folders, by the path that was asked for, with what they looked like before they were read first.
+    pub files: BTreeMap<PathBuf, Option<Stamp>>,
+    /// Patterns of numbered sequences.
+    pub sequences: BTreeSet<String>,
+}
+
+/// What tells without reading a file that it is probably the same as before.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stamp {
+    /// Bytes.
+    pub len: u64,
+    /// When its content was changed last.
+    pub modified: Option<SystemTime>,
+    /// Device, inode, and time of the last change of either, where the system has them.
+    pub identity: Option<(u64, u64, i64, i64)>,
+}
+
+impl Stamp {
+    /// The stamp of what is at a path; `None` where there is nothing.
+    #[must_use]
+    pub fn of(path: &Path) -> Option<Self> {
+        fs::metadata(path).ok().map(|meta| Self::from(&meta))
+    }
+}
+
+impl From<&Metadata> for Stamp {
+    fn from(meta: &Metadata) -> Self {
+        #[cfg(unix)]
+        let identity = {
+            use std::os::unix::fs::MetadataExt as _;
+            Some((meta.dev(), meta.ino(), meta.ctime(), meta.ctime_nsec()))
+        };
+        #[cfg(not(unix))]
+        let identity = None;
+        Self { len: meta.len(), modified: meta.modified().ok(), identity }
+    }
 }
 
 impl Root {
@@ -69,6 +113,18 @@ impl Root {
         }
     }
 
+    /// Everything that was asked for so far.
+    #[must_use]
+    pub fn asked(&self) -> Asked {
+        self.asked.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// Keeps in mind that a path was asked for.
+    pub(super) fn note(&self, path: &Path) {
+        let mut asked = self.asked.lock().unwrap_or_else(PoisonError::into_inner);
+        asked.files.entry(path.to_owned()).or_insert_with(|| Stamp::of(path));
+    }
+
     fn allows(&self, real: &Path) -> bool {
         self.folders.iter().any(|f| real.starts_with(f)) || self.files.iter().any(|f| f == real)
     }
@@ -79,6 +135,7 @@ impl Root {
         if path.contains('\0') {
             return error("F062", "a path cannot hold a zero character".into());
         }
+        self.note(Path::new(path));
         let real = match fs::canonicalize(path) {
             Ok(real) => real,
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
@@ -142,6 +199,12 @@ impl DirFiles {
         Self { root, limits, opened: Arc::default() }
     }
 
+    /// Everything that was asked for so far, by the graph's texts and by its nodes.
+    #[must_use]
+    pub fn asked(&self) -> Asked {
+        self.root.asked()
+    }
+
     /// Every file that was opened so far.
     #[must_use]
     pub fn opened(&self) -> Vec<PathBuf> {
@@ -164,6 +227,9 @@ impl Files for DirFiles {
     }
 
     fn sequence(&self, pattern: &str) -> Result<Vec<(u64, String)>, FileError> {
+        let mut asked = self.root.asked.lock().unwrap_or_else(PoisonError::into_inner);
+        asked.sequences.insert(pattern.to_owned());
+        drop(asked);
         let path = Path::new(pattern);
         let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let name = path.file_name().and_then(|n| n.to_str()).unwrap_or_default();
@@ -184,6 +250,22 @@ impl Files for DirFiles {
     fn kept(&self) -> Option<Arc<dyn Files>> {
         Some(Arc::new(self.clone()))
     }
+}
+
+/// The files whose names fit the pattern of a sequence, with their numbers, in no order.
+///
+/// # Errors
+/// The folder, and why it cannot be listed.
+pub fn matching(pattern: &str) -> Result<Vec<(u64, String)>, (PathBuf, std::io::Error)> {
+    let path = Path::new(pattern);
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let name = path.file_name().and_then(|n| n.to_str()).unwrap_or_default();
+    let entries = fs::read_dir(folder).map_err(|e| (folder.to_owned(), e))?;
+    let found = entries.flatten().filter_map(|entry| {
+        let file = entry.file_name().into_string().ok()?;
+        Some((number_in(name, &file)?, folder.join(&file).to_str()?.to_owned()))
+    });
+    Ok(found.collect())
 }
 
 /// `folder/path` with `.` and `..` taken out as far as the text alone tells.

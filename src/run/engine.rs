@@ -151,7 +151,7 @@ fn collect(
         }
     }
     if errors.is_empty() && left > 0 {
-        errors.push(Diagnostic::general("F091", "stopped before the end; no output was written"));
+        errors.push(super::stopped());
     }
     for (r, summaries) in all.into_iter().enumerate() {
         let stage = shared.cells[r].stage.lock().unwrap_or_else(PoisonError::into_inner);

@@ -130,6 +130,11 @@ fn take(n: usize, hit: memo::Hit, values: &mut Values, report: &mut Report) {
     report.add_cached(n, hit.summary, hit.warnings);
 }
 
+/// What a run says that was stopped.
+fn stopped() -> Diagnostic {
+    Diagnostic::general("F091", "stopped before the end; no output was written")
+}
+
 /// Computes the values that can be had before a phase.
 fn evaluate(
     job: &Job<'_>,
@@ -142,6 +147,9 @@ fn evaluate(
     for &(n, _) in job.plan.values.iter().filter(|(_, before)| *before == phase) {
         let node = &job.graph.nodes[n];
         let Some(eval) = node.ty.eval else { continue };
+        if job.progress.stop.load(Ordering::SeqCst) {
+            return Err(vec![stopped()]);
+        }
         let wire = |l: &crate::graph::Link| values.get(&(l.node, l.port)).cloned().map(InWire::Value);
         let inputs: Vec<Vec<InWire>> =
             node.links.iter().map(|links| links.iter().filter_map(wire).collect()).collect();
