@@ -301,7 +301,7 @@ fn asset(text: &str, given: &Given, loader: &mut Loader) -> String {
         && loader.sources.get(given.place.file).is_some_and(|s| s.name.starts_with("--set"));
     let joined = join(&given.folder, text);
     if command_line && !Path::new(text).is_absolute() {
-        loader.allow_file(Path::new(&joined));
+        loader.allow_named(Path::new(&joined));
     }
     joined
 }

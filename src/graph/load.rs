@@ -596,8 +596,8 @@ impl Loader {
         std::mem::take(&mut self.root)
     }
 
-    pub(super) fn allow_file(&mut self, path: &Path) {
-        self.root.allow_file(path);
+    pub(super) fn allow_named(&mut self, path: &Path) {
+        self.root.allow_named(path);
     }
 
     pub(super) fn link_limit(&self) -> usize {

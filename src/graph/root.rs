@@ -106,11 +106,16 @@ impl Root {
         Ok(())
     }
 
-    /// Allows one file, such as one that the user named on the command line.
-    pub fn allow_file(&mut self, file: &Path) {
-        if let Ok(file) = fs::canonicalize(file) {
-            self.files.push(file);
+    /// Allows a file that the user named on the command line, and what belongs to it: the faces of a point cache and the
+    /// buffer of a glTF of the same name beside it, or all frames of a numbered sequence.
+    pub fn allow_named(&mut self, file: &Path) {
+        if file.to_string_lossy().contains('#') {
+            let frames = matching(&file.to_string_lossy()).unwrap_or_default();
+            self.files.extend(frames.into_iter().filter_map(|(_, frame)| fs::canonicalize(frame).ok()));
         }
+        let beside = ["obj", "bin"].map(|ending| file.with_extension(ending));
+        let all = std::iter::once(file.to_owned()).chain(beside);
+        self.files.extend(all.filter_map(|file| fs::canonicalize(file).ok()));
     }
 
     /// Everything that was asked for so far.

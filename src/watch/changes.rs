@@ -121,7 +121,7 @@ mod tests {
     use std::path::Path;
 
     fn graph(nodes: &str) -> Graph {
-        let text = format!("#![schema = \"foley:graph/1\"]\nGraph(nodes: {{{nodes}}})");
+        let text = format!("#![schema = \"foley:graph/1\"]\nGraph(nodes: {{{nodes}\n}})");
         let loaded = load_text("graph", &text, Path::new("graph.ron"), &[]);
         assert!(loaded.graph.is_some(), "{:?}", loaded.diagnostics);
         loaded.graph.unwrap()
