@@ -66,7 +66,8 @@ fn random_graph(seed: u64) -> String {
 
 fn outputs(text: &str, window: Tick, threads: usize) -> Vec<Vec<u8>> {
     let dir = tempfile::tempdir().unwrap();
-    let options = PlanOptions { window, threads, ..PlanOptions::default() };
+    // Cut into as many parts as can be, so that hand-overs are tried too.
+    let options = PlanOptions { window, threads, worth: 0.0, ..PlanOptions::default() };
     if let Err(e) = common::run_text(text, &options, dir.path()) {
         panic!("{e}\n{text}");
     }

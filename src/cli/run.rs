@@ -95,6 +95,7 @@ fn plan(found: Graph, engine: &EngineArgs, files: &DirFiles) -> Result<Planned, 
         until: engine.until.map(ticks),
         memory: engine.memory,
         taps: taps.iter().map(|t| (t.node, t.port)).collect(),
+        ..PlanOptions::default()
     };
     match Plan::new(&found, files, &options) {
         Ok(plan) if errors.is_empty() => Ok((found, plan, taps, threads)),

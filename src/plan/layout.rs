@@ -14,9 +14,6 @@ use std::collections::HashMap;
 /// Windows that a region may be ahead of those that read it.
 pub const DEPTH: usize = 4;
 
-/// Compute time per window below which a region of its own is not worth its hand-over, nanoseconds.
-const WORTH: f64 = 40_000.0;
-
 /// A buffer to make.
 #[derive(Clone, Debug)]
 pub enum TrackPlan {
@@ -244,8 +241,9 @@ pub fn regions(
     duration: Tick,
     window: Tick,
     threads: usize,
+    worth: f64,
 ) -> Vec<Region> {
-    let region_of = cut(graph, shapes, nodes, taps, window, threads);
+    let region_of = cut(graph, shapes, nodes, taps, window, threads, worth);
     let mut readers_of: HashMap<_, Vec<_>> = HashMap::new();
     for &v in nodes {
         for (port, links) in graph.nodes[v].links.iter().enumerate() {
@@ -287,6 +285,7 @@ fn cut(
     taps: &[(usize, &(usize, usize))],
     window: Tick,
     threads: usize,
+    worth: f64,
 ) -> HashMap<What, usize> {
     let work = |n: usize| {
         let ty = graph.nodes[n].ty;
@@ -300,7 +299,7 @@ fn cut(
     };
     let inner: Vec<usize> = nodes.iter().copied().filter(|&n| graph.nodes[n].ty.class != Class::Io).collect();
     let total: f64 = inner.iter().map(|&n| work(n)).sum();
-    let parts = if threads < 2 { 1.0 } else { (total / WORTH).floor().clamp(1.0, 2.0 * threads as f64) };
+    let parts = if threads < 2 { 1.0 } else { (total / worth).floor().clamp(1.0, 2.0 * threads as f64) };
     // A loop must not be cut: no boundary between the node that closes it and the end of the loop.
     let mut open_until = 0;
     let mut region_of = HashMap::new();

@@ -28,6 +28,8 @@ pub struct PlanOptions {
     pub threads: usize,
     /// Where an endless graph is stopped.
     pub until: Option<Tick>,
+    /// Compute time per window, nanoseconds, below which a part of its own is not worth its hand-over.
+    pub worth: f64,
     /// Most bytes that buffers may take.
     pub memory: usize,
     /// Outputs to write to files: node and port.
@@ -39,7 +41,7 @@ pub const WINDOW: Tick = foley_nodes::core::time::TICKS_PER_SECOND / 50;
 
 impl Default for PlanOptions {
     fn default() -> Self {
-        Self { window: WINDOW, threads: 1, until: None, memory: 4 << 30, taps: Vec::new() }
+        Self { window: WINDOW, threads: 1, worth: 200_000.0, until: None, memory: 4 << 30, taps: Vec::new() }
     }
 }
 
@@ -109,8 +111,17 @@ impl Plan {
                 split.phase_of[n] == k && matches!(kind, PortKind::Stream(_) | PortKind::Events(_))
             };
             let taps: Vec<_> = options.taps.iter().enumerate().filter(|(_, (n, p))| runs(*n, *p)).collect();
-            let regions =
-                layout::regions(graph, &shapes, nodes, &delays, &taps, duration, window, options.threads);
+            let regions = layout::regions(
+                graph,
+                &shapes,
+                nodes,
+                &delays,
+                &taps,
+                duration,
+                window,
+                options.threads,
+                options.worth,
+            );
             let bytes = regions.iter().map(Region::bytes).sum();
             let windows = (duration as u64).div_ceil(window as u64);
             phases.push(Phase { regions, nodes: nodes.clone(), windows, delays, duration, bytes });
