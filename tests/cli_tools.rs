@@ -106,3 +106,21 @@ fn docs_are_written_and_then_up_to_date() {
     assert!(fs::read_to_string(source.join("reference/nodes/dsp.md")).unwrap().contains("## Gain\n"));
     assert_ne!(foley(dir.path(), &["docs"]).status.code(), Some(0), "write or check has to be said");
 }
+
+/// A reader that has seen enough, such as `head`, is no reason to panic.
+#[cfg(unix)]
+#[test]
+fn a_closed_pipe_ends_the_command_in_silence() {
+    for args in [&["nodes", "--json"][..], &["schema"], &["completions", "bash"], &["explain", "F001"]] {
+        let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_foley"))
+            .args(args)
+            .stdout(std::process::Stdio::piped())
+            .stderr(std::process::Stdio::piped())
+            .spawn()
+            .unwrap();
+        drop(child.stdout.take());
+        let output = child.wait_with_output().unwrap();
+        assert!(output.stderr.is_empty(), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
+        assert_eq!(output.status.code(), Some(0), "{args:?}");
+    }
+}

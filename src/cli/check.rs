@@ -7,6 +7,7 @@ use crate::diag::{any_error, json};
 use crate::graph::{DirFiles, Limits, load};
 use crate::plan::{Plan, PlanOptions};
 use serde_json::Value;
+use std::io::{Write as _, stdout};
 
 /// Checks graphs: text, types, links, and what the files they read say.
 ///
@@ -34,7 +35,7 @@ pub fn check(args: &CheckArgs) -> anyhow::Result<Exit> {
         }
     }
     if args.json {
-        println!("{:#}", Value::Array(all));
+        writeln!(stdout(), "{:#}", Value::Array(all))?;
     }
     Ok(if wrong { Exit::Wrong } else { Exit::Done })
 }

@@ -7,6 +7,7 @@ use crate::docs::pages;
 use anyhow::Context as _;
 use clap::CommandFactory as _;
 use std::fs;
+use std::io::{Write as _, stdout};
 
 /// Writes the generated pages of the book, or checks that they are up to date.
 ///
@@ -26,11 +27,11 @@ pub fn docs(args: &DocsArgs) -> anyhow::Result<Exit> {
         let name = format!("reference/nodes/{}", entry.file_name().to_string_lossy());
         if !pages.iter().any(|(path, _)| *path == name) {
             if args.check {
-                println!("docs/src/{name} is of a family that does not exist");
+                writeln!(stdout(), "docs/src/{name} is of a family that does not exist")?;
                 exit = Exit::Failed;
             } else {
                 fs::remove_file(entry.path()).with_context(|| name.clone())?;
-                println!("removed docs/src/{name}");
+                writeln!(stdout(), "removed docs/src/{name}")?;
             }
         }
     }
@@ -40,15 +41,15 @@ pub fn docs(args: &DocsArgs) -> anyhow::Result<Exit> {
             continue;
         }
         if args.check {
-            println!("docs/src/{path} is not up to date");
+            writeln!(stdout(), "docs/src/{path} is not up to date")?;
             exit = Exit::Failed;
         } else {
             write_whole(&full, &text)?;
-            println!("wrote docs/src/{path}");
+            writeln!(stdout(), "wrote docs/src/{path}")?;
         }
     }
     if exit == Exit::Failed {
-        println!("run `foley docs --write`");
+        writeln!(stdout(), "run `foley docs --write`")?;
     }
     Ok(exit)
 }

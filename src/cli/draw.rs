@@ -6,6 +6,7 @@ use super::run::{show, write_whole};
 use crate::draw::{Drawing, svg};
 use crate::graph::{DirFiles, load};
 use crate::plan::{Plan, PlanOptions};
+use std::io::{Write as _, stdout};
 
 /// Draws a graph; rates and formats are there where the graph can be planned.
 ///
@@ -27,7 +28,7 @@ pub fn draw(args: &DrawArgs) -> anyhow::Result<Exit> {
     let text = svg(&Drawing::of(&found, plan.as_ref()));
     match &args.svg {
         Some(path) => write_whole(path, &text)?,
-        None => print!("{text}"),
+        None => write!(stdout(), "{text}")?,
     }
     Ok(Exit::Done)
 }

@@ -4,6 +4,7 @@ use super::Exit;
 use super::args::NewArgs;
 use anyhow::Context as _;
 use std::fs;
+use std::io::{Write as _, stdout};
 
 /// The files of a new project: names and texts.
 #[must_use]
@@ -33,6 +34,6 @@ pub fn new(args: &NewArgs) -> anyhow::Result<Exit> {
         let path = dir.join(file);
         fs::write(&path, text).with_context(|| path.display().to_string())?;
     }
-    println!("made {shown}; now: cd {shown} && foley run wind.ron");
+    writeln!(stdout(), "made {shown}; now: cd {shown} && foley run wind.ron")?;
     Ok(Exit::Done)
 }

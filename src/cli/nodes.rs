@@ -8,6 +8,7 @@ use foley_nodes::core::params::{ParamKind, ParamSpec};
 use foley_nodes::core::ports::{Arity, PortSpec};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
+use std::io::{Write as _, stdout};
 
 /// Lists node types, or tells all about one.
 ///
@@ -15,11 +16,13 @@ use std::fmt::Write as _;
 /// When standard output goes away.
 pub fn nodes(args: &NodesArgs) -> anyhow::Result<Exit> {
     match &args.name {
-        None if args.json => println!("{:#}", Value::Array(node_types().iter().map(describe).collect())),
-        None => print!("{}", list()),
+        None if args.json => {
+            writeln!(stdout(), "{:#}", Value::Array(node_types().iter().map(describe).collect()))?
+        }
+        None => write!(stdout(), "{}", list())?,
         Some(name) => match node_type(name) {
-            Some(ty) if args.json => println!("{:#}", describe(ty)),
-            Some(ty) => print!("{}", page(ty)),
+            Some(ty) if args.json => writeln!(stdout(), "{:#}", describe(ty))?,
+            Some(ty) => write!(stdout(), "{}", page(ty))?,
             None => {
                 let near = nearest(name, node_types().iter().map(|t| t.name));
                 let hint = near.map(|n| format!("; did you mean {n}?")).unwrap_or_default();

@@ -3,6 +3,7 @@
 use super::Exit;
 use super::args::PlanArgs;
 use super::run::prepare;
+use std::io::{Write as _, stdout};
 
 /// Shows a plan.
 ///
@@ -11,9 +12,9 @@ use super::run::prepare;
 pub fn plan(args: &PlanArgs) -> anyhow::Result<Exit> {
     let Some(ready) = prepare(&args.graph, &args.engine, args.json) else { return Ok(Exit::Wrong) };
     if args.json {
-        println!("{:#}", ready.plan.json(&ready.graph));
+        writeln!(stdout(), "{:#}", ready.plan.json(&ready.graph))?;
     } else {
-        print!("{}", ready.plan.text(&ready.graph));
+        write!(stdout(), "{}", ready.plan.text(&ready.graph))?;
     }
     Ok(Exit::Done)
 }

@@ -7,13 +7,14 @@ use foley_nodes::core::node::NodeType;
 use foley_nodes::core::params::{Datum, ParamKind, ParamSpec};
 use foley_nodes::core::ports::{Arity, PortSpec};
 use serde_json::{Map, Value, json};
+use std::io::{Write as _, stdout};
 
 /// Prints the schema.
 ///
 /// # Errors
 /// None at present.
 pub fn print() -> anyhow::Result<Exit> {
-    println!("{:#}", schema());
+    writeln!(stdout(), "{:#}", schema())?;
     Ok(Exit::Done)
 }
 

@@ -9,6 +9,7 @@ use crate::lang::fmt::format;
 use anyhow::Context as _;
 use clap::CommandFactory as _;
 use std::fs;
+use std::io::{Write as _, stdout};
 
 /// Lays out graph files.
 ///
@@ -22,7 +23,7 @@ pub fn fmt(args: &FmtArgs) -> anyhow::Result<Exit> {
         match format(&text) {
             Ok(laid_out) if laid_out == text => {}
             Ok(_) if args.check => {
-                println!("{name} is not laid out");
+                writeln!(stdout(), "{name} is not laid out")?;
                 exit = Exit::Failed;
             }
             Ok(laid_out) => {
@@ -30,7 +31,7 @@ pub fn fmt(args: &FmtArgs) -> anyhow::Result<Exit> {
                 let part = path.with_extension("ron.part");
                 fs::write(&part, laid_out).with_context(|| name.clone())?;
                 fs::rename(&part, path).with_context(|| name.clone())?;
-                println!("laid out {name}");
+                writeln!(stdout(), "laid out {name}")?;
             }
             Err(errors) => {
                 let mut sources = Sources::default();
@@ -56,7 +57,7 @@ pub fn explain(args: &ExplainArgs) -> anyhow::Result<Exit> {
     let wanted = args.code.to_uppercase();
     match codes::find(&wanted) {
         Some(code) => {
-            println!("{}: {}\n\n{}", code.code, code.title, code.text.trim());
+            writeln!(stdout(), "{}: {}\n\n{}", code.code, code.title, code.text.trim())?;
             Ok(Exit::Done)
         }
         None => {
@@ -73,6 +74,9 @@ pub fn explain(args: &ExplainArgs) -> anyhow::Result<Exit> {
 /// # Errors
 /// None at present.
 pub fn completions(args: &CompletionsArgs) -> anyhow::Result<Exit> {
-    clap_complete::generate(args.shell, &mut Args::command(), "foley", &mut std::io::stdout());
+    // Into memory first: the generator panics where standard output goes away.
+    let mut text = Vec::new();
+    clap_complete::generate(args.shell, &mut Args::command(), "foley", &mut text);
+    stdout().write_all(&text)?;
     Ok(Exit::Done)
 }

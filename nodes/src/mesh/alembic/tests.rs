@@ -167,7 +167,7 @@ pub(in crate::mesh) fn sheet() -> Vec<u8> {
     let top = object(
         vec![],
         vec![(
-            "root",
+            "scene",
             object(
                 vec![xform(&[0x10], vec![vec![0.0, 0.0, 5.0], vec![0.0, 0.0, 6.0]], 1)],
                 vec![("sheet", mesh)],
@@ -203,7 +203,7 @@ fn repeated_samples_are_stored_once_and_found() {
 
 #[test]
 fn transforms_apply_from_the_mesh_upward() {
-    let mut s = read(sheet(), Some("/root/sheet/sheetShape")).unwrap();
+    let mut s = read(sheet(), Some("/scene/sheet/sheetShape")).unwrap();
     // Scale 2, a quarter turn about z, 1 along x, 5 then 6 along z.
     let first = frame(&mut s, 0);
     let near = |a: [f32; 3], b: [f32; 3]| a.iter().zip(b).all(|(x, y)| (x - y).abs() < 1e-6);
