@@ -2,7 +2,7 @@
 //!
 //! Every algorithm is ordinary Rust on slices; a node is a thin typed description around it.
 //! The families follow the field: [`io`] and [`dsp`] for audio, [`mesh`] for motion,
-//! [`contact`] and [`friction`] for cloth that slides. [`core`] says what a node is.
+//! [`contact`] and [`friction`] for cloth that slides, [`modal`] for things that are struck. [`core`] says what a node is.
 #![forbid(unsafe_code)]
 
 pub mod contact;
@@ -11,5 +11,6 @@ pub mod dsp;
 pub mod friction;
 pub mod io;
 pub mod mesh;
+pub mod modal;
 pub mod plot;
 pub mod registry;

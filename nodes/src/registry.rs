@@ -8,6 +8,10 @@ use crate::friction::ift_noise_node::IftNoiseNode;
 use crate::friction::model_nodes::{FrictionModelFile, FrictionModelFromClips};
 use crate::mesh::generate_node::MeshGenerator;
 use crate::mesh::sequence_node::MeshSequence;
+use crate::modal::bank_node::ModalBankNode;
+use crate::modal::force_node::ImpactForce;
+use crate::modal::impact_file_node::ImpactFile;
+use crate::modal::modes_file::ModesFile;
 use crate::{dsp, io};
 
 /// Every node type, one line each, by family.
@@ -46,5 +50,9 @@ pub fn all() -> Vec<NodeType> {
         NodeType::of::<FrictionModelBuilder>("friction"),
         NodeType::func::<FrictionModelFromClips>("friction"),
         NodeType::func::<FrictionModelFile>("friction"),
+        NodeType::of::<ImpactFile>("modal"),
+        NodeType::of::<ImpactForce>("modal"),
+        NodeType::of::<ModalBankNode>("modal"),
+        NodeType::func::<ModesFile>("modal"),
     ]
 }

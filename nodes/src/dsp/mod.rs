@@ -15,7 +15,7 @@ mod feedback;
 mod gain;
 mod loudness;
 mod mix;
-mod node;
+pub(crate) mod node;
 mod noise;
 mod noise_node;
 mod pan;

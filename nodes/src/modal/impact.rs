@@ -1,0 +1,146 @@
+//! One blow: what a contact detector, a file, a controller or a game hands to the nodes that sound.
+
+use crate::core::item::Event;
+use crate::core::random::Draw;
+use serde::{Deserialize, Serialize};
+
+/// One blow on an object.
+///
+/// It is small, copied freely and holds no memory of its own, so that it may cross into the audio thread. Objects and points
+/// are numbers; whoever makes impacts gives the names behind them.
+///
+/// # Example
+/// ```
+/// use foley_nodes::modal::{Body, Impact};
+///
+/// let hammer = Body { mass: 0.2, restitution: 0.5 };
+/// let impact = Impact::from_velocity(2.0, hammer);
+/// assert!((impact.energy - 0.4).abs() < 1e-6 && (impact.impulse - 0.6).abs() < 1e-6);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Impact {
+    /// Momentum that changes hands, in N s: the area under the force.
+    pub impulse: f32,
+    /// Kinetic energy of the approach, in J: more of it makes the contact shorter.
+    pub energy: f32,
+    /// Stiffness of the pair relative to steel on stone: 1 for that, about 0.01 for rubber.
+    pub hardness: f32,
+    /// Contact time in s; 0 leaves it to a law of energy and hardness.
+    pub duration: f32,
+    /// Number of the object that is struck.
+    pub object: u32,
+    /// Number of the contact point on it: the row of its modes' gains.
+    pub point: u32,
+    /// Where in the world, in m.
+    pub position: [f32; 3],
+}
+
+/// What strikes: the mass that the contact feels and how much of the approach comes back.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Body {
+    /// Effective mass in kg: `1 / (1/m1 + 1/m2)`.
+    pub mass: f64,
+    /// Speed after over speed before, 0 to 1.
+    pub restitution: f64,
+}
+
+impl Impact {
+    fn new(impulse: f64, energy: f64) -> Self {
+        Self {
+            impulse: impulse as f32,
+            energy: energy as f32,
+            hardness: 1.0,
+            duration: 0.0,
+            object: 0,
+            point: 0,
+            position: [0.0; 3],
+        }
+    }
+
+    /// A blow of a body at a normal speed, in m/s: `E = m v^2 / 2`, `J = m v (1 + restitution)`.
+    #[must_use]
+    pub fn from_velocity(speed: f64, body: Body) -> Self {
+        let v = speed.abs();
+        Self::new(body.mass * v * (1.0 + body.restitution), 0.5 * body.mass * v * v)
+    }
+
+    /// A blow of a body with an energy, in J.
+    #[must_use]
+    pub fn from_energy(energy: f64, body: Body) -> Self {
+        let speed = if body.mass > 0.0 { (2.0 * energy.max(0.0) / body.mass).sqrt() } else { 0.0 };
+        Self::from_velocity(speed, body)
+    }
+
+    /// A blow of a body that hands over an impulse, in N s.
+    #[must_use]
+    pub fn from_impulse(impulse: f64, body: Body) -> Self {
+        let speed = if body.mass > 0.0 { impulse / (body.mass * (1.0 + body.restitution)) } else { 0.0 };
+        Self { impulse: impulse as f32, ..Self::from_velocity(speed, body) }
+    }
+
+    /// Whether every number in it is finite and none is negative that must not be.
+    #[must_use]
+    pub fn is_valid(&self) -> bool {
+        let positive = [self.energy, self.hardness, self.duration];
+        positive.iter().all(|x| x.is_finite() && *x >= 0.0)
+            && self.impulse.is_finite()
+            && self.position.iter().all(|x| x.is_finite())
+    }
+}
+
+impl Event for Impact {
+    const NAME: &'static str = "impact";
+
+    fn trial(draw: &mut Draw) -> Self {
+        let body = Body { mass: draw.between(0.01, 1.0), restitution: draw.unit() };
+        Self {
+            hardness: draw.between(0.01, 1.0) as f32,
+            duration: [0.0, draw.between(0.0001, 0.03) as f32][draw.below(2)],
+            object: draw.below(3) as u32,
+            point: draw.below(3) as u32,
+            position: [draw.unit() as f32, draw.unit() as f32, draw.unit() as f32],
+            ..Self::from_velocity(draw.between(0.0, 3.0), body)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn velocity_energy_and_impulse_describe_the_same_blow() {
+        let body = Body { mass: 0.3, restitution: 0.4 };
+        let a = Impact::from_velocity(-1.7, body);
+        for b in
+            [Impact::from_energy(f64::from(a.energy), body), Impact::from_impulse(f64::from(a.impulse), body)]
+        {
+            assert!(
+                (a.energy - b.energy).abs() < 1e-6 && (a.impulse - b.impulse).abs() < 1e-6,
+                "{a:?} {b:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn nothing_moving_or_without_mass_strikes_nothing() {
+        let body = Body { mass: 0.0, restitution: 0.4 };
+        assert_eq!(Impact::from_velocity(2.0, body).impulse, 0.0);
+        assert_eq!(Impact::from_energy(2.0, body).impulse, 0.0);
+        assert_eq!(Impact::from_velocity(0.0, Body { mass: 1.0, ..body }).energy, 0.0);
+    }
+
+    #[test]
+    fn it_fits_into_one_cache_line() {
+        assert!(size_of::<Impact>() <= 64);
+    }
+
+    #[test]
+    fn what_is_not_a_number_is_not_valid() {
+        let good = Impact::from_velocity(1.0, Body { mass: 1.0, restitution: 0.0 });
+        assert!(good.is_valid());
+        assert!(!Impact { impulse: f32::NAN, ..good }.is_valid());
+        assert!(!Impact { energy: -1.0, ..good }.is_valid());
+        assert!(!Impact { position: [0.0, f32::INFINITY, 0.0], ..good }.is_valid());
+    }
+}
