@@ -23,6 +23,7 @@ pub fn all() -> Vec<NodeType> {
         NodeType::of::<dsp::Advance>("dsp"),
         NodeType::of::<dsp::nodes::BiquadNode>("dsp"),
         NodeType::each::<dsp::nodes::ChannelsNode>("dsp"),
+        NodeType::of::<dsp::nodes::CrossfadeNode>("dsp"),
         NodeType::of::<dsp::nodes::DelayNode>("dsp"),
         NodeType::of::<dsp::nodes::FadeNode>("dsp"),
         NodeType::of::<dsp::nodes::FeedbackNode>("dsp"),

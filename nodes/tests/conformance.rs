@@ -4,7 +4,7 @@
 
 mod trial;
 
-use foley_nodes::core::node::NodeType;
+use foley_nodes::core::node::{Class, NodeType};
 use foley_nodes::core::params::{Bounds, Datum, ParamKind, ParamSpec};
 use foley_nodes::core::ports::{Arity, PortKind, PortSpec};
 use foley_nodes::core::random::Draw;
@@ -38,6 +38,37 @@ fn windows_of_any_length_give_the_same_bits() {
         // A window that is no whole number of items.
         let bits = trial.run(items.span(7) + 12_345).bits();
         assert!(bits == whole, "uneven windows give other bits: {trial:?}");
+    });
+}
+
+/// A node that takes over in the middle fills all that comes after, and a source gives what it would have given anyway.
+#[test]
+fn a_node_can_begin_anywhere() {
+    each_trial(Level::Random, |trial| {
+        if trial.ty().class == Class::Offline {
+            return;
+        }
+        let window = trial.fastest_rate().span(13);
+        let whole = trial.solo(window).run().unwrap_or_else(|e| panic!("{e}: {trial:?}"));
+        let shape = trial.shape().expect("an accepted trial has a shape");
+        for part in [0.2, 0.7] {
+            let mut solo = trial.solo(window);
+            solo.poison = true;
+            solo.begin = (trial.length() as f64 * part) as Tick;
+            let run = solo.run().unwrap_or_else(|e| panic!("{e}: {trial:?}"));
+            for port in 0..trial.ty().outputs.len() {
+                let (numbers, finite) = run.numbers(port);
+                assert!(finite, "output {port} has unwritten items: {trial:?}");
+                let (wanted, _) = whole.numbers(port);
+                assert_eq!(numbers.len(), wanted.len(), "output {port}: {trial:?}");
+                let source = trial.ty().inputs.is_empty();
+                if let Some(stream) = shape.outputs[port].as_ref().filter(|_| source) {
+                    let width = numbers.len() / stream.rate.first_at(trial.length()).max(1) as usize;
+                    let from = stream.rate.first_at(solo.begin) as usize * width;
+                    assert!(numbers[from..] == wanted[from..], "output {port}: {trial:?}");
+                }
+            }
+        }
     });
 }
 

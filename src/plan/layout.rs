@@ -29,6 +29,8 @@ pub enum TrackPlan {
         front: usize,
         /// What the padding is.
         pad: Pad,
+        /// Position of its first item.
+        at: i64,
     },
     /// For events.
     Events {
@@ -36,6 +38,8 @@ pub enum TrackPlan {
         event: &'static EventType,
         /// Ticks that are kept.
         span: Tick,
+        /// Its first tick.
+        at: Tick,
     },
 }
 
@@ -230,20 +234,42 @@ struct Reader {
     items: usize,
 }
 
-/// Lays out a phase.
-#[allow(clippy::too_many_arguments)]
-pub fn regions(
-    graph: &Graph,
-    shapes: &[NodeShape],
-    nodes: &[usize],
-    delays: &Delays,
-    taps: &[(usize, &(usize, usize))],
-    duration: Tick,
-    window: Tick,
-    threads: usize,
-    worth: f64,
-) -> Vec<Region> {
-    let region_of = cut(graph, shapes, nodes, taps, window, threads, worth);
+/// An output that is written to a file, or heard.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TapPlan {
+    /// Its number.
+    pub tap: usize,
+    /// The node whose output it is.
+    pub node: usize,
+    /// The output port.
+    pub port: usize,
+    /// How far behind the run it works.
+    pub delay: Tick,
+    /// Its first tick.
+    pub from: Tick,
+}
+
+/// What regions are made of.
+pub struct Parts<'a> {
+    /// The graph.
+    pub graph: &'a Graph,
+    /// Shapes of its nodes.
+    pub shapes: &'a [NodeShape],
+    /// The nodes to lay out, in topological order.
+    pub nodes: &'a [usize],
+    /// How far behind the run each works.
+    pub delays: &'a Delays,
+    /// Outputs to write.
+    pub taps: &'a [TapPlan],
+    /// When streams end that have no end of their own.
+    pub duration: Tick,
+    /// Length of one window.
+    pub window: Tick,
+}
+
+/// Lays out the parts that `region_of` says.
+pub fn regions(parts: &Parts<'_>, region_of: &HashMap<What, usize>) -> Vec<Region> {
+    let Parts { graph, shapes, nodes, delays, taps, duration, window } = *parts;
     let mut readers_of: HashMap<_, Vec<_>> = HashMap::new();
     for &v in nodes {
         for (port, links) in graph.nodes[v].links.iter().enumerate() {
@@ -257,7 +283,7 @@ pub fn regions(
     let count = region_of.values().max().map_or(0, |m| m + 1);
     layout.regions.resize_with(count, Region::default);
     let mut at: HashMap<What, (usize, usize)> = HashMap::new();
-    let jobs = nodes.iter().map(|&n| What::Node(n)).chain(taps.iter().map(|(k, _)| What::Tap(*k)));
+    let jobs = nodes.iter().map(|&n| What::Node(n)).chain(taps.iter().map(|t| What::Tap(t.tap)));
     for job in jobs {
         let region = region_of[&job];
         let node = layout.job(job, taps, region);
@@ -271,22 +297,15 @@ pub fn regions(
     }
     for &n in nodes {
         for port in 0..graph.nodes[n].ty.outputs.len() {
-            layout.wire(n, port, taps, &region_of, &at);
+            layout.wire(n, port, taps, region_of, &at);
         }
     }
     layout.regions
 }
 
 /// Cuts the topological order into parts of about equal work; readers and writers of files stand alone.
-fn cut(
-    graph: &Graph,
-    shapes: &[NodeShape],
-    nodes: &[usize],
-    taps: &[(usize, &(usize, usize))],
-    window: Tick,
-    threads: usize,
-    worth: f64,
-) -> HashMap<What, usize> {
+pub fn cut(parts: &Parts<'_>, threads: usize, worth: f64) -> HashMap<What, usize> {
+    let Parts { graph, shapes, nodes, taps, window, .. } = *parts;
     let work = |n: usize| {
         let ty = graph.nodes[n].ty;
         let per_window = |rate: Rate, width: usize| rate.first_at(window) as f64 * width as f64;
@@ -318,7 +337,7 @@ fn cut(
     }
     let first = if inner.is_empty() { 0 } else { region + 1 };
     let alone = nodes.iter().filter(|&&n| graph.nodes[n].ty.class == Class::Io).map(|&n| What::Node(n));
-    region_of.extend(alone.chain(taps.iter().map(|(k, _)| What::Tap(*k))).zip(first..));
+    region_of.extend(alone.chain(taps.iter().map(|t| What::Tap(t.tap))).zip(first..));
     region_of
 }
 
@@ -340,13 +359,13 @@ impl Layout<'_> {
     }
 
     /// A job with its clocks; the tracks of its inputs and outputs follow when outputs are wired.
-    fn job(&mut self, job: What, taps: &[(usize, &(usize, usize))], region: usize) -> PlanNode {
+    fn job(&mut self, job: What, taps: &[TapPlan], region: usize) -> PlanNode {
         match job {
             What::Tap(k) => {
-                let (n, _) = *taps.iter().find(|(t, _)| *t == k).map(|(_, tap)| *tap).unwrap_or(&(0, 0));
-                let delay = self.delays.of[n] + self.shapes[n].lag;
+                let tap = taps.iter().find(|t| t.tap == k);
+                let (n, delay, from) = tap.map_or((0, 0, 0), |t| (t.node, t.delay, t.from));
                 let end = self.end(n);
-                let clock = self.regions[region].clock(Clock { rate: None, delay, end });
+                let clock = self.regions[region].clock(Clock { rate: None, delay, end, from });
                 PlanNode { job, clock, inputs: vec![Vec::new()], outputs: Vec::new(), copies: Vec::new() }
             }
             What::Node(n) => {
@@ -354,7 +373,8 @@ impl Layout<'_> {
                 // What lags comes after the end of what it is made of: the node works on until all of it is out.
                 let end = self.end(n).map(|end| end.saturating_add(self.shapes[n].lag));
                 let delay = self.delays.of[n];
-                let clock = self.regions[region].clock(Clock { rate: None, delay, end });
+                let from = self.delays.from[n];
+                let clock = self.regions[region].clock(Clock { rate: None, delay, end, from });
                 // Links of streams are replaced when the output that they come from gets its buffer.
                 let value = |l: &Link| PlanIn::Value { node: l.node, port: l.port };
                 let inputs = node.links.iter().map(|links| links.iter().map(value).collect());
@@ -369,7 +389,7 @@ impl Layout<'_> {
         &mut self,
         u: usize,
         port: usize,
-        taps: &[(usize, &(usize, usize))],
+        taps: &[TapPlan],
         region_of: &HashMap<What, usize>,
         at: &HashMap<What, (usize, usize)>,
     ) {
@@ -383,7 +403,9 @@ impl Layout<'_> {
         let stream = self.shapes[u].outputs[port].clone();
         let rate = stream.as_ref().map(|s| s.rate);
         let width = stream.as_ref().map_or(1, |s| s.width);
-        let writer = Clock { rate, delay: written, end: self.end(u) };
+        let from = (self.delays.from[u] - lag).max(0);
+        let writer = Clock { rate, delay: written, end: self.end(u), from };
+        let at_first = writer.position(writer.from);
         let readers = self.readers(u, port, taps, written, rate);
         // One buffer per region and pad rule; the first in the writer's own region is written directly.
         let mut groups: Vec<(usize, Pad, Vec<Reader>)> = Vec::new();
@@ -402,11 +424,11 @@ impl Layout<'_> {
             match kind {
                 PortKind::Stream(item) => {
                     let span = group.iter().map(|r| r.items).max().unwrap_or(0).max(window_items);
-                    TrackPlan::Items { item, width, span, front, pad }
+                    TrackPlan::Items { item, width, span, front, pad, at: at_first }
                 }
                 PortKind::Events(event) => {
                     let span = group.iter().map(|r| r.span).max().unwrap_or(0).max(window);
-                    TrackPlan::Events { event, span }
+                    TrackPlan::Events { event, span, at: at_first }
                 }
                 PortKind::Value(_) | PortKind::Fold(_) => unreachable!("values have no buffers"),
             }
@@ -447,7 +469,7 @@ impl Layout<'_> {
         &self,
         u: usize,
         port: usize,
-        taps: &[(usize, &(usize, usize))],
+        taps: &[TapPlan],
         written: Tick,
         rate: Option<Rate>,
     ) -> Vec<Reader> {
@@ -467,15 +489,16 @@ impl Layout<'_> {
                 items: items(behind) + past + late,
             });
         }
-        for (k, _) in taps.iter().filter(|(_, tap)| **tap == (u, port)) {
+        for tap in taps.iter().filter(|t| (t.node, t.port) == (u, port)) {
+            let behind = tap.delay - written + self.window;
             readers.push(Reader {
-                job: What::Tap(*k),
+                job: What::Tap(tap.tap),
                 port: 0,
                 place: 0,
                 pad: Pad::Silence,
                 front: 0,
-                span: self.window,
-                items: items(self.window),
+                span: behind,
+                items: items(behind),
             });
         }
         readers
@@ -496,7 +519,7 @@ impl Layout<'_> {
         };
         let own = self.regions[region].clocks[self.regions[region].nodes[place].clock];
         let delay = n.map_or(own.delay, |v| self.delays.of[v]);
-        let clock = self.regions[region].clock(Clock { rate, delay, end: own.end });
+        let clock = self.regions[region].clock(Clock { rate, delay, end: own.end, from: own.from });
         let wire = match rate {
             Some(rate) => {
                 let (past, ahead, delay) = (late.past, late.ahead, late.delay);

@@ -4,12 +4,14 @@
 //! `D(v) = max over inputs (D(u) + lag(u) + ahead(v))`, so that in topological order every node can always run.
 
 mod layout;
+mod live;
 mod phases;
 mod schedule;
 mod show;
 
-pub use layout::{DEPTH, Export, Import, PlanIn, PlanNode, PlanOut, Region, TrackPlan, What};
-pub use schedule::{Cause, Delays};
+pub use layout::{DEPTH, Export, Import, PlanIn, PlanNode, PlanOut, Region, TapPlan, TrackPlan, What};
+pub use live::{Draft, Heard, LivePlan, SinksResume};
+pub use schedule::{Cause, Delays, Resume};
 pub use show::size;
 
 use crate::diag::Diagnostic;
@@ -18,6 +20,7 @@ use foley_nodes::core::files::Files;
 use foley_nodes::core::ports::PortKind;
 use foley_nodes::core::shape::NodeShape;
 use foley_nodes::core::time::Tick;
+use layout::Parts;
 
 /// How a graph is to be run.
 #[derive(Clone, Debug, PartialEq)]
@@ -103,25 +106,23 @@ impl Plan {
             if nodes.is_empty() {
                 continue;
             }
-            let delays = schedule::delays(graph, &shapes, nodes, window);
+            let delays = schedule::delays(graph, &shapes, nodes, window, &Resume::default());
             let duration = schedule::duration(graph, &shapes, nodes, &delays, options)?;
             // Values are written when the run has ended; only streams and events need a writer that runs along.
             let runs = |n: usize, port: usize| {
                 let kind = graph.nodes[n].ty.outputs[port].kind;
                 split.phase_of[n] == k && matches!(kind, PortKind::Stream(_) | PortKind::Events(_))
             };
-            let taps: Vec<_> = options.taps.iter().enumerate().filter(|(_, (n, p))| runs(*n, *p)).collect();
-            let regions = layout::regions(
-                graph,
-                &shapes,
-                nodes,
-                &delays,
-                &taps,
-                duration,
-                window,
-                options.threads,
-                options.worth,
-            );
+            let taps = options.taps.iter().enumerate().filter(|(_, (n, p))| runs(*n, *p));
+            let taps: Vec<TapPlan> = taps
+                .map(|(tap, &(node, port))| {
+                    let delay = delays.of[node] + shapes[node].lag;
+                    TapPlan { tap, node, port, delay, from: 0 }
+                })
+                .collect();
+            let parts =
+                Parts { graph, shapes: &shapes, nodes, delays: &delays, taps: &taps, duration, window };
+            let regions = layout::regions(&parts, &layout::cut(&parts, options.threads, options.worth));
             let bytes = regions.iter().map(Region::bytes).sum();
             let windows = (duration as u64).div_ceil(window as u64);
             phases.push(Phase { regions, nodes: nodes.clone(), windows, delays, duration, bytes });

@@ -20,8 +20,69 @@ pub struct Split {
 /// A node belongs to the phase after the last fold above it. A stream that a later phase needs as well is computed
 /// again there rather than kept: memory stays bounded, and the same node gives the same bits.
 pub fn split(graph: &Graph, taps: &[(usize, usize)]) -> Split {
-    let count = graph.nodes.len();
-    let mut phase_of = vec![0; count];
+    let phase_of = phase_of(graph);
+    let roots: Vec<usize> = (0..graph.nodes.len())
+        .filter(|&n| graph.nodes[n].ty.outputs.is_empty() || taps.iter().any(|(t, _)| *t == n))
+        .collect();
+    let wanted = above(graph, &roots, |_| true);
+    let last = wanted.iter().map(|&n| phase_of[n]).max().unwrap_or(0);
+    let phases = (0..=last)
+        .map(|phase| {
+            let ends = wanted.iter().copied();
+            let ends = ends.filter(|&n| phase_of[n] == phase && (folds(graph, n) || roots.contains(&n)));
+            streams_above(graph, &ends.collect::<Vec<_>>())
+        })
+        .collect();
+    let values = wanted.iter().copied().filter(|&n| graph.nodes[n].ty.eval.is_some());
+    Split {
+        phases,
+        values: values.map(|n| (n, phase_of[n])).collect(),
+        idle: (0..graph.nodes.len()).filter(|n| !wanted.contains(n)).collect(),
+        phase_of,
+    }
+}
+
+/// What has to run before a graph plays, and what plays.
+pub struct LiveSplit {
+    /// Stream nodes of the passes that give folds.
+    pub prelude: Vec<Vec<usize>>,
+    /// Value nodes in topological order, with the pass before which each can run.
+    pub values: Vec<(usize, usize)>,
+    /// Stream nodes that play, in topological order.
+    pub nodes: Vec<usize>,
+}
+
+/// Splits a graph of which only `heard` nodes matter: folds are made before it plays.
+pub fn split_live(graph: &Graph, heard: &[usize]) -> LiveSplit {
+    let phase_of = phase_of(graph);
+    let nodes = streams_above(graph, heard);
+    let wanted = above(graph, heard, |_| true);
+    // A fold that plays along is of use to nobody before the piece ends.
+    let wanted_folds: Vec<usize> = wanted
+        .iter()
+        .copied()
+        .filter(|&n| {
+            let used = |m: usize| graph.nodes[m].links.iter().flatten().any(|l| {
+                let kind = graph.nodes[l.node].ty.outputs[l.port].kind;
+                l.node == n && matches!(kind, PortKind::Fold(_))
+            });
+            folds(graph, n) && wanted.iter().any(|&m| used(m))
+        })
+        .collect();
+    let last = wanted_folds.iter().map(|&n| phase_of[n] + 1).max().unwrap_or(0);
+    let prelude = (0..last)
+        .map(|phase| {
+            let ends = wanted_folds.iter().copied().filter(|&n| phase_of[n] == phase);
+            streams_above(graph, &ends.collect::<Vec<_>>())
+        })
+        .collect();
+    let values = wanted.iter().copied().filter(|&n| graph.nodes[n].ty.eval.is_some());
+    LiveSplit { prelude, values: values.map(|n| (n, phase_of[n])).collect(), nodes }
+}
+
+/// The phase after the last fold above each node.
+fn phase_of(graph: &Graph) -> Vec<usize> {
+    let mut phase_of = vec![0; graph.nodes.len()];
     for &n in &graph.order {
         let above = graph.nodes[n].links.iter().flatten().map(|link| {
             let fold = matches!(graph.nodes[link.node].ty.outputs[link.port].kind, PortKind::Fold(_));
@@ -29,44 +90,31 @@ pub fn split(graph: &Graph, taps: &[(usize, usize)]) -> Split {
         });
         phase_of[n] = above.max().unwrap_or(0).max(phase_of[n]);
     }
-    let mut wanted = vec![false; count];
-    let roots: Vec<usize> = (0..count)
-        .filter(|&n| graph.nodes[n].ty.outputs.is_empty() || taps.iter().any(|(t, _)| *t == n))
-        .collect();
-    let mut stack = roots.clone();
+    phase_of
+}
+
+fn folds(graph: &Graph, n: usize) -> bool {
+    graph.nodes[n].ty.outputs.iter().any(|o| matches!(o.kind, PortKind::Fold(_)))
+}
+
+/// `ends` and all above them over inputs of the kinds that `follow` says, in topological order.
+fn above(graph: &Graph, ends: &[usize], follow: impl Fn(&PortKind) -> bool) -> Vec<usize> {
+    let mut found = vec![false; graph.nodes.len()];
+    let mut stack = ends.to_vec();
     while let Some(n) = stack.pop() {
-        if !std::mem::replace(&mut wanted[n], true) {
-            stack.extend(graph.nodes[n].links.iter().flatten().map(|l| l.node));
+        if std::mem::replace(&mut found[n], true) {
+            continue;
+        }
+        for (spec, links) in graph.nodes[n].ty.inputs.iter().zip(&graph.nodes[n].links) {
+            if follow(&spec.kind) {
+                stack.extend(links.iter().map(|l| l.node));
+            }
         }
     }
-    let last = (0..count).filter(|&n| wanted[n]).map(|n| phase_of[n]).max().unwrap_or(0);
-    let phases = (0..=last)
-        .map(|phase| {
-            let mut needed = vec![false; count];
-            let mut stack: Vec<usize> = (0..count)
-                .filter(|&n| {
-                    let folds = graph.nodes[n].ty.outputs.iter().any(|o| matches!(o.kind, PortKind::Fold(_)));
-                    wanted[n] && phase_of[n] == phase && (folds || roots.contains(&n))
-                })
-                .collect();
-            while let Some(n) = stack.pop() {
-                if graph.nodes[n].ty.eval.is_some() || std::mem::replace(&mut needed[n], true) {
-                    continue;
-                }
-                for (spec, links) in graph.nodes[n].ty.inputs.iter().zip(&graph.nodes[n].links) {
-                    if !matches!(spec.kind, PortKind::Value(_)) {
-                        stack.extend(links.iter().map(|l| l.node));
-                    }
-                }
-            }
-            graph.order.iter().copied().filter(|&n| needed[n]).collect()
-        })
-        .collect();
-    let values = graph.order.iter().copied().filter(|&n| wanted[n] && graph.nodes[n].ty.eval.is_some());
-    Split {
-        phases,
-        values: values.map(|n| (n, phase_of[n])).collect(),
-        idle: (0..count).filter(|&n| !wanted[n]).collect(),
-        phase_of,
-    }
+    graph.order.iter().copied().filter(|&n| found[n]).collect()
+}
+
+/// `ends` and all nodes whose streams or events reach them, in topological order.
+fn streams_above(graph: &Graph, ends: &[usize]) -> Vec<usize> {
+    above(graph, ends, |kind| !matches!(kind, PortKind::Value(_)))
 }

@@ -8,6 +8,7 @@ use foley_nodes::core::item::StreamShape;
 use foley_nodes::core::ports::PortKind;
 use foley_nodes::core::shape::{LinkShape, NodeShape, RawShape, Reach};
 use foley_nodes::core::time::{Tick, seconds};
+use std::collections::HashMap;
 
 /// Why a node works as late as it does.
 #[derive(Clone, Debug, PartialEq)]
@@ -25,6 +26,8 @@ pub struct Cause {
 pub struct Delays {
     /// Ticks per node.
     pub of: Vec<Tick>,
+    /// The first tick that each node works on, in its own time.
+    pub from: Vec<Tick>,
     /// What each waits for longest.
     pub cause: Vec<Option<Cause>>,
 }
@@ -120,9 +123,28 @@ fn inputs<'g>(
     })
 }
 
+/// Where a graph takes over from one that plays.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Resume {
+    /// Ticks that have been played.
+    pub at: Tick,
+    /// Delay and first tick of the nodes that go on as they are; a delay never shrinks while a node plays.
+    pub kept: HashMap<usize, (Tick, Tick)>,
+}
+
 /// The delay of every node of a phase; loops are followed until nothing changes.
-pub fn delays(graph: &Graph, shapes: &[NodeShape], nodes: &[usize], window: Tick) -> Delays {
-    let mut delays = Delays { of: vec![0; graph.nodes.len()], cause: vec![None; graph.nodes.len()] };
+pub fn delays(
+    graph: &Graph,
+    shapes: &[NodeShape],
+    nodes: &[usize],
+    window: Tick,
+    resume: &Resume,
+) -> Delays {
+    let count = graph.nodes.len();
+    let mut delays = Delays { of: vec![0; count], from: vec![0; count], cause: vec![None; count] };
+    for (&n, &(delay, _)) in &resume.kept {
+        delays.of[n] = delay;
+    }
     // Each round settles at least one loop; the window was chosen so that loops do settle.
     for _ in 0..=nodes.len() {
         let mut changed = false;
@@ -141,6 +163,10 @@ pub fn delays(graph: &Graph, shapes: &[NodeShape], nodes: &[usize], window: Tick
         if !changed {
             break;
         }
+    }
+    for &n in nodes {
+        let fresh = (resume.at - delays.of[n]).max(0);
+        delays.from[n] = resume.kept.get(&n).map_or(fresh, |&(_, from)| from);
     }
     delays
 }

@@ -11,7 +11,7 @@ mod tap;
 
 pub use outputs::DirOutputs;
 pub use report::{NodeReport, OutputReport, Report};
-pub use stages::stage;
+pub use stages::{Site, assemble, stage};
 pub use tap::{Tap, check as check_tap};
 
 use crate::diag::Diagnostic;
@@ -20,8 +20,6 @@ use crate::memo::{self, Memo, Session};
 use crate::plan::{Phase, Plan, What};
 use foley_nodes::core::files::Files;
 use foley_nodes::core::item::AnyValue;
-use foley_nodes::core::random::Random;
-use foley_nodes::core::shape::Build;
 use foley_nodes::core::stage::{Cx, InWire, OutWire};
 use std::cell::RefCell;
 use std::collections::HashMap;
@@ -71,6 +69,18 @@ pub type Values = HashMap<(usize, usize), AnyValue>;
 /// The faults of all nodes that failed; no output is left behind then.
 pub fn run(job: &Job<'_>) -> Result<Report, Vec<Diagnostic>> {
     let start = Instant::now();
+    let (values, mut report) = values(job)?;
+    tap::write_values(job, &values)?;
+    job.outputs.commit().map_err(|e| vec![Diagnostic::general("F080", e.to_string())])?;
+    report.close(job, start.elapsed());
+    Ok(report)
+}
+
+/// Runs every phase of a graph and gives all its values; files are written, and not yet in their places.
+///
+/// # Errors
+/// The faults of all nodes that failed.
+pub fn values(job: &Job<'_>) -> Result<(Values, Report), Vec<Diagnostic>> {
     let mut report = Report::new(job.graph, job.plan);
     let mut values = Values::new();
     let windows: u64 = job.plan.phases.iter().map(|p| p.windows * p.regions.len() as u64).sum();
@@ -86,10 +96,7 @@ pub fn run(job: &Job<'_>) -> Result<Report, Vec<Diagnostic>> {
     for (n, warning) in memo.iter_mut().flat_map(Session::take_warnings) {
         report.notes.push((job.graph.nodes[n].id.clone(), warning));
     }
-    tap::write_values(job, &values)?;
-    job.outputs.commit().map_err(|e| vec![Diagnostic::general("F080", e.to_string())])?;
-    report.close(job, start.elapsed());
-    Ok(report)
+    Ok((values, report))
 }
 
 /// Runs a phase, unless all that it gives are folds that the memo has.
@@ -163,15 +170,9 @@ fn evaluate(
         }
         let outputs: Vec<OutWire> =
             node.ty.outputs.iter().map(|_| OutWire::Value(RefCell::default())).collect();
-        let links = stages::links_with_values(job, n, values);
-        let cx = Build {
-            random: Random::new(job.seed, &node.id),
-            links: &links,
-            shape: &job.plan.shapes[n],
-            window: job.plan.window,
-            files: job.files,
-            outputs: job.outputs,
-        };
+        let site = Site::of(job);
+        let links = site.links(n, values);
+        let cx = site.build_cx(n, &links);
         let (start, notes) = (Instant::now(), report.notes.len());
         let result = eval(&*node.params, &cx, &Cx::for_values(&inputs, &outputs));
         let took = start.elapsed();

@@ -2,36 +2,93 @@
 
 use super::{Job, Values, tap};
 use crate::diag::Diagnostic;
-use crate::graph::Link;
+use crate::graph::{Graph, Link};
 use crate::plan::{PlanIn, PlanNode, PlanOut, Region, TrackPlan, What};
-use foley_nodes::core::fault::Fault;
+use foley_nodes::core::files::{Files, Outputs};
 use foley_nodes::core::node::DynNode;
 use foley_nodes::core::ports::PortKind;
 use foley_nodes::core::random::Random;
-use foley_nodes::core::shape::{Build, LinkShape};
+use foley_nodes::core::shape::{Build, LinkShape, NodeShape};
 use foley_nodes::core::stage::{InWire, OutWire, Stage, StageNode};
+use foley_nodes::core::time::Tick;
 use foley_nodes::core::track::AnyTrack;
 use std::cell::RefCell;
 
-/// The links of a node with the values that are known by now.
-pub fn links_with_values(job: &Job<'_>, n: usize, values: &Values) -> Vec<Vec<LinkShape>> {
-    let graph = job.graph;
-    let one = |l: &Link| match graph.nodes[l.node].ty.outputs[l.port].kind {
-        PortKind::Stream(_) => job.plan.shapes[l.node].outputs[l.port].clone().map(LinkShape::Stream),
-        PortKind::Events(_) => Some(LinkShape::Events(job.plan.shapes[l.node].end)),
-        PortKind::Value(_) | PortKind::Fold(_) => {
-            Some(LinkShape::Value(values.get(&(l.node, l.port)).cloned()))
+/// What nodes are built from.
+pub struct Site<'a> {
+    /// The graph.
+    pub graph: &'a Graph,
+    /// Shapes of its nodes.
+    pub shapes: &'a [NodeShape],
+    /// Longest window, ticks.
+    pub window: Tick,
+    /// Where inputs come from.
+    pub files: &'a dyn Files,
+    /// Where outputs go.
+    pub outputs: &'a dyn Outputs,
+    /// Seed of the graph.
+    pub seed: u64,
+}
+
+impl<'a> Site<'a> {
+    /// Where the nodes of an offline run are built.
+    #[must_use]
+    pub fn of(job: &'a Job<'_>) -> Self {
+        let (graph, shapes, window) = (job.graph, &job.plan.shapes, job.plan.window);
+        Self { graph, shapes, window, files: job.files, outputs: job.outputs, seed: job.seed }
+    }
+
+    /// The links of a node with the values that are known by now.
+    #[must_use]
+    pub fn links(&self, n: usize, values: &Values) -> Vec<Vec<LinkShape>> {
+        let graph = self.graph;
+        let one = |l: &Link| match graph.nodes[l.node].ty.outputs[l.port].kind {
+            PortKind::Stream(_) => self.shapes[l.node].outputs[l.port].clone().map(LinkShape::Stream),
+            PortKind::Events(_) => Some(LinkShape::Events(self.shapes[l.node].end)),
+            PortKind::Value(_) | PortKind::Fold(_) => {
+                Some(LinkShape::Value(values.get(&(l.node, l.port)).cloned()))
+            }
+        };
+        graph.nodes[n].links.iter().map(|links| links.iter().filter_map(one).collect()).collect()
+    }
+
+    /// What a node finds when it is built over these links.
+    #[must_use]
+    pub fn build_cx<'b>(&'b self, n: usize, links: &'b [Vec<LinkShape>]) -> Build<'b> {
+        Build {
+            random: Random::new(self.seed, &self.graph.nodes[n].id),
+            links,
+            shape: &self.shapes[n],
+            window: self.window,
+            files: self.files,
+            outputs: self.outputs,
         }
-    };
-    graph.nodes[n].links.iter().map(|links| links.iter().filter_map(one).collect()).collect()
+    }
+
+    /// Makes a node.
+    ///
+    /// # Errors
+    /// Its fault, with its place in the text.
+    pub fn build(&self, n: usize, values: &Values) -> Result<Box<dyn DynNode>, Diagnostic> {
+        let node = &self.graph.nodes[n];
+        let links = self.links(n, values);
+        node.ty.build(&*node.params, &self.build_cx(n, &links)).map_err(|fault| {
+            let place = self.graph.place(n, fault.field.as_deref());
+            Diagnostic::of_fault(fault, place, &node.id)
+        })
+    }
 }
 
 /// Makes a buffer.
 pub fn track(plan: &TrackPlan) -> Box<dyn AnyTrack> {
-    match plan {
-        TrackPlan::Items { item, width, span, front, pad } => (item.track)(*width, *span, *front, *pad),
-        TrackPlan::Events { event, span } => (event.track)(*span),
-    }
+    let (mut track, at) = match plan {
+        TrackPlan::Items { item, width, span, front, pad, at } => {
+            ((item.track)(*width, *span, *front, *pad), *at)
+        }
+        TrackPlan::Events { event, span, at } => ((event.track)(*span), *at),
+    };
+    track.begin(at);
+    track
 }
 
 /// Makes the stage of one region.
@@ -39,17 +96,26 @@ pub fn track(plan: &TrackPlan) -> Box<dyn AnyTrack> {
 /// # Errors
 /// The faults of all nodes that could not be built.
 pub fn stage(job: &Job<'_>, region: &Region, values: &Values) -> Result<Stage, Vec<Diagnostic>> {
+    let site = Site::of(job);
+    assemble(region, values, |what| match what {
+        What::Node(n) => site.build(n, values),
+        What::Tap(k) => tap::writer(job, k),
+    })
+}
+
+/// Makes the stage of one region out of nodes that `make` gives.
+///
+/// # Errors
+/// All that `make` refuses.
+pub fn assemble(
+    region: &Region,
+    values: &Values,
+    mut make: impl FnMut(What) -> Result<Box<dyn DynNode>, Diagnostic>,
+) -> Result<Stage, Vec<Diagnostic>> {
     let mut nodes = Vec::new();
     let mut errors = Vec::new();
     for plan in &region.nodes {
-        let built = match plan.job {
-            What::Node(n) => build(job, n, values).map_err(|fault| {
-                let place = job.graph.place(n, fault.field.as_deref());
-                Diagnostic::of_fault(fault, place, &job.graph.nodes[n].id)
-            }),
-            What::Tap(k) => tap::writer(job, k),
-        };
-        match built {
+        match make(plan.job) {
             Ok(node) => nodes.push(wired(plan, node, values)),
             Err(error) => errors.push(error),
         }
@@ -60,20 +126,6 @@ pub fn stage(job: &Job<'_>, region: &Region, values: &Values) -> Result<Stage, V
     let mut stage = Stage::new(region.tracks.iter().map(track).collect(), region.clocks.clone(), nodes);
     stage.set_timed(true);
     Ok(stage)
-}
-
-fn build(job: &Job<'_>, n: usize, values: &Values) -> Result<Box<dyn DynNode>, Fault> {
-    let node = &job.graph.nodes[n];
-    let links = links_with_values(job, n, values);
-    let cx = Build {
-        random: Random::new(job.seed, &node.id),
-        links: &links,
-        shape: &job.plan.shapes[n],
-        window: job.plan.window,
-        files: job.files,
-        outputs: job.outputs,
-    };
-    node.ty.build(&*node.params, &cx)
 }
 
 fn wired(plan: &PlanNode, node: Box<dyn DynNode>, values: &Values) -> StageNode {

@@ -138,6 +138,11 @@ impl Sliding {
         }
     }
 
+    /// Begins with frame `frame`, as if nothing had slid before it; only before the first frame is taken.
+    pub fn begin_at(&mut self, frame: i64) {
+        (self.taken, self.ready) = (frame, frame);
+    }
+
     /// Number of the frame to be taken next.
     #[must_use]
     pub fn next_frame(&self) -> i64 {

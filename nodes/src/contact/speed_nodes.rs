@@ -93,6 +93,8 @@ ports! {
 /// The node over [`Sliding`].
 pub struct SlidingSpeed {
     sliding: Sliding,
+    /// Whether the first window has come.
+    begun: bool,
     ahead: i64,
     /// Frames to observe before the first window, for the gate that needs the whole take.
     unseen: bool,
@@ -142,6 +144,7 @@ impl Node for SlidingSpeed {
         let params = sliding_params(p, contacts.rate);
         Ok(Self {
             sliding: Sliding::new(params, vertices, slots, contacts.items()),
+            begun: false,
             ahead: params.ahead() as i64,
             unseen: p.gate == SpeedGate::Ever,
             map: SpeedMap { factor: p.factor, power: p.power },
@@ -151,6 +154,9 @@ impl Node for SlidingSpeed {
 
     fn run(&mut self, mut io: SlidingSpeedIo<'_>) -> Result<(), Fault> {
         let (contacts, first) = (&io.contacts, io.contacts.first());
+        if !std::mem::replace(&mut self.begun, true) {
+            self.sliding.begin_at(first);
+        }
         if self.unseen {
             self.unseen = false;
             let frames = contacts.around().chunks_exact(contacts.width().max(1));

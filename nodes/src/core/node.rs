@@ -56,7 +56,8 @@ pub type Summary = Vec<(&'static str, serde_json::Value)>;
 /// Life of a node:
 /// 1. `shape` says, from parameters and the shapes of its inputs, what it gives and how far it looks.
 /// 2. `build` allocates everything.
-/// 3. `run` fills one window after the other, without gaps, from time zero.
+/// 3. `run` fills one window after the other without gaps, from time zero or, in a graph that plays already, from
+///    wherever it takes over: the views tell.
 /// 4. `finish` once, after the last window.
 /// 5. `retune` and `adopt` in between, when its graph is edited.
 pub trait Node: Sized + Send + 'static {
@@ -101,12 +102,17 @@ pub trait Node: Sized + Send + 'static {
     }
 
     /// Takes over new parameters while running, or asks to be built anew.
+    ///
+    /// Whether it can depends on the two sets of parameters alone, and is the same the other way round. Nothing may be
+    /// allocated here.
     fn retune(&mut self, new: &Self::Params) -> Retune {
         let _ = new;
         Retune::Rebuild
     }
 
     /// Takes over the state of the node that it replaces, as far as it fits.
+    ///
+    /// The old node sounds on until it has been faded out, so it has to stay as it is. Nothing may be allocated here.
     fn adopt(&mut self, old: &mut Self) {
         let _ = old;
     }

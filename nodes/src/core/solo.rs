@@ -160,6 +160,8 @@ pub struct Solo {
     pub seed: u64,
     /// Length of the windows; the first repeats until the end.
     pub window: Tick,
+    /// The node's first tick; what comes before it is not made.
+    pub begin: Tick,
     /// Where an endless node is stopped.
     pub until: Tick,
     /// Whether to fill windows with unusable numbers first.
@@ -191,6 +193,7 @@ impl Solo {
             outputs: MemoryOutputs::default(),
             seed: 1,
             window: TICKS_PER_SECOND / 10,
+            begin: 0,
             until: TICKS_PER_SECOND,
             poison: false,
         }
@@ -291,11 +294,12 @@ impl Solo {
         let end = shape.end.unwrap_or(0);
         // What lags comes after the end of what it is made of: the node works on until all of it is out.
         let works = end.saturating_add(shape.lag);
-        let mut wiring = Wiring::default();
-        let own = wiring.clock(None, delay, Some(works));
+        let mut wiring = Wiring { from: self.begin, ..Wiring::default() };
+        let own = wiring.own_clock(None, delay, Some(works), 0);
         let outputs: Vec<OutWire> = (0..self.ty.outputs.len())
             .map(|k| {
-                wiring.output(&self.ty.outputs[k].kind, shape.outputs[k].as_ref(), delay + shape.lag, end)
+                let kind = &self.ty.outputs[k].kind;
+                wiring.output(kind, shape.outputs[k].as_ref(), (delay, shape.lag), end)
             })
             .collect();
         if let Some(eval) = self.ty.eval {
@@ -366,12 +370,21 @@ struct Wiring {
     tracks: Vec<Box<dyn super::track::AnyTrack>>,
     clocks: Vec<Clock>,
     nodes: Vec<StageNode>,
+    /// The first tick of the node itself.
+    from: Tick,
 }
 
 impl Wiring {
     fn clock(&mut self, rate: Option<Rate>, delay: Tick, end: Option<Tick>) -> usize {
-        self.clocks.push(Clock { rate, delay, end });
+        self.clocks.push(Clock { rate, delay, end, from: 0 });
         self.clocks.len() - 1
+    }
+
+    /// A clock of the node itself, or of its outputs, which lag.
+    fn own_clock(&mut self, rate: Option<Rate>, delay: Tick, end: Option<Tick>, lag: Tick) -> usize {
+        let clock = self.clock(rate, delay, end);
+        self.clocks[clock].from = (self.from - lag).max(0);
+        clock
     }
 
     fn track(&mut self, track: Box<dyn super::track::AnyTrack>) -> usize {
@@ -379,17 +392,25 @@ impl Wiring {
         self.tracks.len() - 1
     }
 
-    fn output(&mut self, kind: &PortKind, shape: Option<&StreamShape>, delay: Tick, end: Tick) -> OutWire {
+    fn output(
+        &mut self,
+        kind: &PortKind,
+        shape: Option<&StreamShape>,
+        (delay, lag): (Tick, Tick),
+        end: Tick,
+    ) -> OutWire {
         match (kind, shape) {
             (PortKind::Stream(item), Some(stream)) => {
                 let items = stream.rate.first_at(end) as usize + 1;
-                let track = self.track((item.track)(stream.width, items, 0, Pad::Silence));
-                let clock = self.clock(Some(stream.rate), delay, Some(end));
+                let mut buffer = (item.track)(stream.width, items, 0, Pad::Silence);
+                let clock = self.own_clock(Some(stream.rate), delay + lag, Some(end), lag);
+                buffer.begin(stream.rate.first_at(self.clocks[clock].from));
+                let track = self.track(buffer);
                 OutWire::Stream { track, clock, width: stream.width, rate: stream.rate }
             }
             (PortKind::Events(event), _) => {
                 let track = self.track((event.track)(Tick::MAX / 4));
-                OutWire::Events { track, clock: self.clock(None, delay, Some(end)) }
+                OutWire::Events { track, clock: self.own_clock(None, delay + lag, Some(end), lag) }
             }
             _ => OutWire::Value(RefCell::default()),
         }
@@ -406,7 +427,7 @@ impl Wiring {
                 let span = rate.first_at(delay + window) as usize + past + ahead + late + 3;
                 let track = self.track((stream.item.track)(stream.width, span, past + late, pad));
                 let write = self.clock(Some(rate), 0, stream.end);
-                let clock = self.clock(Some(rate), delay, Some(end));
+                let clock = self.own_clock(Some(rate), delay, Some(end), 0);
                 let out = OutWire::Stream { track, clock: write, width: stream.width, rate };
                 self.play(player, stream.end, out);
                 InWire::Stream { track, clock, past, ahead, delay: late, width: stream.width, rate }
@@ -416,7 +437,7 @@ impl Wiring {
                 let event = event.expect("a feed of events knows their type");
                 let track = self.track((event.track)(delay + window + past as Tick + ahead as Tick));
                 let write = self.clock(None, 0, *stop);
-                let clock = self.clock(None, delay, Some(end));
+                let clock = self.own_clock(None, delay, Some(end), 0);
                 self.play(player, *stop, OutWire::Events { track, clock: write });
                 InWire::Events { track, clock, past: past as Tick, ahead: ahead as Tick }
             }

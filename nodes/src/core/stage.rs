@@ -81,10 +81,14 @@ pub struct Clock {
     pub delay: Tick,
     /// When its stream ends.
     pub end: Option<Tick>,
+    /// Its first tick: 0, or where it takes over in a graph that plays already.
+    pub from: Tick,
 }
 
 impl Clock {
-    fn position(&self, tick: Tick) -> i64 {
+    /// The position that a tick of the clock itself stands for.
+    #[must_use]
+    pub fn position(&self, tick: Tick) -> i64 {
         match self.rate {
             Some(rate) => rate.first_at(tick),
             None => tick,
@@ -101,6 +105,8 @@ pub struct Span {
     pub to: i64,
     /// One past the last position, the stream's end ignored.
     pub full: i64,
+    /// Whether nothing came before this window.
+    pub first: bool,
 }
 
 /// What a node may know of the run in one window.
@@ -200,7 +206,12 @@ impl Stage {
     /// A stage about to run from time zero.
     #[must_use]
     pub fn new(tracks: Vec<Box<dyn AnyTrack>>, clocks: Vec<Clock>, nodes: Vec<StageNode>) -> Self {
-        let spans = vec![Span::default(); clocks.len()];
+        let begin = |clock: &Clock| {
+            let full = clock.position(clock.from);
+            let stop = clock.end.map_or(full, |end| clock.position(clock.from.min(end)));
+            Span { from: stop, to: stop, full, first: true }
+        };
+        let spans = clocks.iter().map(begin).collect();
         let spent = vec![Spent::default(); nodes.len()];
         let tracks = tracks.into_iter().map(RefCell::new).collect();
         Self { tracks, clocks, spans, nodes, spent, timed: false, poison: false }
@@ -225,10 +236,11 @@ impl Stage {
     /// Moves every clock to the window that ends at `to`; windows follow each other without gaps.
     pub fn advance(&mut self, to: Tick) {
         for (span, clock) in self.spans.iter_mut().zip(&self.clocks) {
-            let tick = to.saturating_sub(clock.delay).max(0);
+            let tick = to.saturating_sub(clock.delay).max(clock.from);
             let full = clock.position(tick);
             let stop = clock.end.map_or(full, |end| clock.position(tick.min(end)));
-            *span = Span { from: span.full.min(stop), to: stop, full };
+            let first = span.first && span.from == span.full;
+            *span = Span { from: span.full.min(stop), to: stop, full, first };
         }
     }
 
@@ -298,7 +310,7 @@ impl Stage {
     /// The first fault of a node.
     pub fn finish(&mut self) -> Result<Vec<super::node::Summary>, StageFault> {
         for span in &mut self.spans {
-            *span = Span { from: span.to, to: span.to, full: span.to };
+            *span = Span { from: span.to, to: span.to, full: span.to, first: false };
         }
         let mut summaries = Vec::with_capacity(self.nodes.len());
         for (k, stage_node) in self.nodes.iter_mut().enumerate() {
@@ -364,6 +376,20 @@ impl Stage {
         self.tracks.iter().map(|t| t.borrow().bytes()).sum()
     }
 
+    /// Goes on where another stage stopped: takes nodes and buffers, each given as its place there and its place here.
+    ///
+    /// What stood here in the place of a node that is taken goes to the other stage, to be dropped with it. Nothing is
+    /// allocated or freed.
+    pub fn take_over(&mut self, old: &mut Self, nodes: &[(usize, usize)], tracks: &[(usize, usize)]) {
+        for &(from, to) in nodes {
+            std::mem::swap(&mut self.nodes[to].node, &mut old.nodes[from].node);
+            self.spent[to] = old.spent[from];
+        }
+        for &(from, to) in tracks {
+            self.tracks[to].get_mut().take_over(&mut **old.tracks[from].get_mut());
+        }
+    }
+
     /// The nodes, for a reload.
     pub fn nodes_mut(&mut self) -> &mut [StageNode] {
         &mut self.nodes
@@ -372,7 +398,7 @@ impl Stage {
 
 /// Continues a stream that has ended by its pad rule, and fills in what a held start waits for.
 fn settle(track: &TrackCell, span: Span) {
-    if span.full > span.to || span.from == 0 {
+    if span.full > span.to || span.first {
         let mut track = track.borrow_mut();
         track.settle();
         if span.full > span.to {

@@ -24,6 +24,12 @@ pub trait AnyTrack: Any + Send {
     fn reset(&mut self);
     /// Forgets everything and goes on at position `at`, without padding.
     fn restart(&mut self, at: i64);
+    /// Forgets everything and goes on at position `at`, with a whole span of padding before it.
+    fn begin(&mut self, at: i64);
+    /// Goes on where a buffer of the same type stopped: with what it holds, as far as the span goes, and padding before that.
+    ///
+    /// Nothing is allocated; the other buffer is of no use afterwards.
+    fn take_over(&mut self, old: &mut dyn AnyTrack);
     /// Fills in what had to wait for the first item.
     fn settle(&mut self) {}
     /// Bytes that the buffer holds in memory.
@@ -45,6 +51,8 @@ pub struct Track<E> {
     pad: Pad,
     head: usize,
     len: usize,
+    /// Position of the first item that is no padding.
+    start: i64,
     end: i64,
 }
 
@@ -54,7 +62,7 @@ impl<E: Copy + Default + Send + 'static> Track<E> {
     pub fn new(width: usize, span: usize, front: usize, pad: Pad) -> Self {
         let span = span.max(front).max(1);
         let data = vec![E::default(); Self::storage(width, span)];
-        let mut track = Self { data, width, span, front, pad, head: 0, len: 0, end: 0 };
+        let mut track = Self { data, width, span, front, pad, head: 0, len: 0, start: 0, end: 0 };
         track.reset();
         track
     }
@@ -90,8 +98,9 @@ impl<E: Copy + Default + Send + 'static> Track<E> {
 
     /// Replaces the padding before item 0 by copies of it, where the rule is to hold.
     fn hold_front(&mut self) {
-        if self.pad == Pad::Hold && self.front > 0 && self.end > 0 && self.end <= self.len as i64 {
-            let zero = (self.head + self.len) - self.end as usize;
+        let real = self.end - self.start;
+        if self.pad == Pad::Hold && self.front > 0 && real > 0 && real <= self.len as i64 {
+            let zero = (self.head + self.len) - real as usize;
             let first = zero * self.width;
             for k in self.head..zero {
                 self.data.copy_within(first..first + self.width, k * self.width);
@@ -162,14 +171,42 @@ impl<E: Copy + Default + Send + 'static> AnyTrack for Track<E> {
     fn reset(&mut self) {
         self.head = 0;
         self.len = self.front;
-        self.end = 0;
+        (self.start, self.end) = (0, 0);
         self.data[..self.front * self.width].fill(E::default());
+    }
+
+    fn begin(&mut self, at: i64) {
+        self.reset();
+        if at > 0 {
+            (self.front, self.len) = (self.span, self.span);
+            (self.start, self.end) = (at, at);
+            self.data[..self.span * self.width].fill(E::default());
+        }
+    }
+
+    fn take_over(&mut self, old: &mut dyn AnyTrack) {
+        let Some(old) = old.typed_mut::<Self>() else { return };
+        if (old.span, old.width, old.pad) == (self.span, self.width, self.pad) {
+            std::mem::swap(self, old);
+            return;
+        }
+        if old.width != self.width {
+            return;
+        }
+        let (keep, end) = (old.len.min(self.span), old.end);
+        (self.front, self.start) = (old.front.min(self.span - keep), old.start);
+        (self.head, self.len, self.end) = (0, self.span, end);
+        let padding = (self.span - keep) * self.width;
+        let from = end - keep as i64;
+        let (before, kept) = self.data[..self.span * self.width].split_at_mut(padding);
+        before.fill(E::default());
+        kept.copy_from_slice(old.view(from, end));
     }
 
     fn restart(&mut self, at: i64) {
         self.head = 0;
         self.len = 0;
-        self.end = at;
+        (self.start, self.end) = (at, at);
     }
 
     fn settle(&mut self) {
@@ -254,6 +291,17 @@ impl<E: Clone + Send + 'static> AnyTrack for EventTrack<E> {
         self.end = at;
     }
 
+    fn begin(&mut self, at: i64) {
+        self.restart(at);
+    }
+
+    fn take_over(&mut self, old: &mut dyn AnyTrack) {
+        if let Some(old) = old.typed_mut::<Self>() {
+            std::mem::swap(&mut self.events, &mut old.events);
+            self.end = old.end;
+        }
+    }
+
     fn bytes(&self) -> usize {
         self.events.capacity() * size_of::<(Tick, E)>()
     }
@@ -291,6 +339,32 @@ mod tests {
         assert_eq!(track.view(-3, 2), [5.0, 5.0, 5.0, 5.0, 7.0]);
         track.pad_to(20);
         assert_eq!(track.view(14, 20), [7.0; 6]);
+    }
+
+    #[test]
+    fn a_track_begins_anywhere_and_takes_over_what_another_holds() {
+        let mut old = Track::<f32>::new(1, 6, 0, Pad::Hold);
+        old.begin(100);
+        old.append(3).copy_from_slice(&[1.0, 2.0, 3.0]);
+        old.settle();
+        assert_eq!(old.view(97, 103), [1.0, 1.0, 1.0, 1.0, 2.0, 3.0]);
+        for span in [3, 6, 9] {
+            let mut track = Track::<f32>::new(1, span, 0, Pad::Silence);
+            let mut copy = Track::<f32>::new(1, 6, 0, Pad::Hold);
+            copy.append_from(&old, 103, 103);
+            copy.begin(100);
+            copy.append(3).copy_from_slice(&[1.0, 2.0, 3.0]);
+            track.take_over(&mut copy);
+            track.append(1)[0] = 4.0;
+            assert_eq!(track.end(), 104);
+            assert_eq!(track.view(102, 104), [3.0, 4.0]);
+        }
+        let mut events = EventTrack::new(50);
+        events.push(3, 'a');
+        events.advance(10);
+        let mut next = EventTrack::new(90);
+        next.take_over(&mut events);
+        assert_eq!((next.view(0, 10), next.end()), (&[(3, 'a')][..], 10));
     }
 
     #[test]

@@ -179,7 +179,8 @@ impl Node for DelayNode {
 
     fn adopt(&mut self, old: &mut Self) {
         if self.0.line.len() == old.0.line.len() {
-            std::mem::swap(&mut self.0, &mut old.0);
+            self.0.line.copy_from_slice(&old.0.line);
+            self.0.at = old.0.at;
         }
     }
 

@@ -187,7 +187,7 @@ mod tests {
             node(mix, vec![vec![read(0, 0), read(1, 0)]], 2),
         ];
         let track = || Box::new(Track::<f32>::new(1, 20, 3, Pad::Silence)) as Box<dyn AnyTrack>;
-        let clock = |rate| Clock { rate, delay: 0, end: None };
+        let clock = |rate| Clock { rate, delay: 0, end: None, from: 0 };
         let clocks = vec![clock(Some(rate)), clock(None)];
         let mut stage = Stage::new(vec![track(), track(), track()], clocks, nodes);
         for k in 1..=12 / window {

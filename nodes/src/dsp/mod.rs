@@ -9,6 +9,7 @@ mod biquad_node;
 mod butterworth;
 mod channels;
 mod clicks;
+mod crossfade;
 mod delay;
 mod fade;
 mod feedback;
@@ -31,6 +32,7 @@ pub use biquad::{Biquad, Section};
 pub use butterworth::{Band, Butterworth, Cascade};
 pub use channels::{ChannelMap, channel_copy, channel_mean};
 pub use clicks::Trigger;
+pub use crossfade::crossfade;
 pub use delay::{Delay, FractionalDelay};
 pub use fade::{Fade, FadeLaw};
 pub use gain::{Gain, db_to_linear, linear_to_db, modulate};
@@ -51,6 +53,7 @@ pub mod nodes {
         ImpulsesIo, ImpulsesNode, ImpulsesParams, ImpulsesPorts, MetronomeIo, MetronomeNode, MetronomeParams,
         MetronomePorts,
     };
+    pub use super::crossfade::{CrossfadeIo, CrossfadeNode, CrossfadeParams, CrossfadePorts};
     pub use super::delay::{DelayIo, DelayNode, DelayParams, DelayPorts};
     pub use super::fade::{FadeIo, FadeNode, FadeParams, FadePorts};
     pub use super::feedback::{FeedbackIo, FeedbackNode, FeedbackParams, FeedbackPorts};

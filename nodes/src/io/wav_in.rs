@@ -39,6 +39,10 @@ ports! {
 /// The node `WavIn`.
 pub struct WavInNode {
     reader: AudioReader<'static>,
+    /// Frame of the file at time zero.
+    start: u64,
+    /// Frame to be played next, counted from `start`.
+    next: i64,
     played: u64,
 }
 
@@ -87,12 +91,18 @@ impl Node for WavInNode {
         let mut reader = AudioReader::open(source).map_err(|e| unreadable(&p.path, &e))?;
         let (start, _) = cut(p, reader.info())?;
         reader.seek(start).map_err(|e| unreadable(&p.path, &e))?;
-        Ok(Self { reader, played: 0 })
+        Ok(Self { reader, start, next: 0, played: 0 })
     }
 
     fn run(&mut self, mut io: WavInIo<'_>) -> Result<(), Fault> {
         let (wanted, time) = (io.audio.len(), io.audio.rate().tick(io.audio.first()));
         let fault = |message: String| Fault::new("F066", message).at("path").when(time);
+        if self.next != io.audio.first() {
+            // It takes over in a graph that plays already.
+            let frame = self.start.saturating_add_signed(io.audio.first());
+            self.reader.seek(frame).map_err(|e| fault(e.to_string()))?;
+        }
+        self.next = io.audio.first() + wanted as i64;
         let read = self.reader.read(io.audio.items()).map_err(|e| fault(e.to_string()))?;
         if read < wanted {
             return Err(fault(format!("the recording broke off {} samples early", wanted - read)));

@@ -195,6 +195,11 @@ impl Trial {
         self.solo(1).shape()
     }
 
+    /// When the node ends, or is stopped.
+    pub fn length(&self) -> Tick {
+        self.end
+    }
+
     /// A window longer than any trial.
     pub fn whole_window(&self) -> Tick {
         let ahead = self.feeds.iter().flatten().map(|feed| match feed.shape() {
