@@ -10,6 +10,7 @@ pub mod docs;
 pub mod draw;
 pub mod graph;
 pub mod lang;
+pub mod live;
 pub mod memo;
 pub mod plan;
 pub mod run;

@@ -75,6 +75,35 @@ pub struct Link {
 }
 
 impl Graph {
+    /// Finds the topological order again after links have changed; what stands in a loop that nothing reads late comes last.
+    pub(crate) fn sort(&mut self) {
+        let count = self.nodes.len();
+        let mut waits = vec![0_usize; count];
+        let mut readers = vec![Vec::new(); count];
+        for (n, node) in self.nodes.iter().enumerate() {
+            let now = node.ty.inputs.iter().zip(&node.links).filter(|(spec, _)| !spec.late);
+            for link in now.flat_map(|(_, links)| links) {
+                waits[n] += 1;
+                readers[link.node].push(n);
+            }
+        }
+        let mut order: Vec<usize> = (0..count).filter(|&n| waits[n] == 0).collect();
+        let mut next = 0;
+        while let Some(&n) = order.get(next) {
+            next += 1;
+            for &reader in &readers[n] {
+                waits[reader] -= 1;
+                if waits[reader] == 0 {
+                    order.push(reader);
+                }
+            }
+        }
+        order.extend((0..count).filter(|&n| waits[n] > 0));
+        self.rank = vec![0; count];
+        order.iter().enumerate().for_each(|(at, &n)| self.rank[n] = at);
+        self.order = order;
+    }
+
     /// The place of a node by its id.
     #[must_use]
     pub fn find(&self, id: &str) -> Option<usize> {

@@ -210,6 +210,12 @@ impl DirFiles {
         self.root.asked()
     }
 
+    /// What tells the present content of a file from another, without reading it.
+    #[must_use]
+    pub fn stamp(&self, path: &str) -> Option<Stamp> {
+        Stamp::of(&self.root.resolve(path).ok()?)
+    }
+
     /// Every file that was opened so far.
     #[must_use]
     pub fn opened(&self) -> Vec<PathBuf> {

@@ -13,6 +13,7 @@ use foley_nodes::core::files::Files;
 use foley_nodes::core::item::{Described, OfItem};
 use foley_nodes::core::node::Class;
 use foley_nodes::core::ports::PortKind;
+use foley_nodes::core::shape::NodeShape;
 use foley_nodes::core::time::{Rate, Tick};
 use std::collections::HashMap;
 
@@ -117,7 +118,14 @@ impl Draft {
     /// # Errors
     /// Every reason found why it cannot: as [`Plan::new`], nothing to hear, several rates, nodes that run offline only.
     pub fn new(graph: &Graph, files: &dyn Files) -> Result<Self, Vec<Diagnostic>> {
-        let shapes = schedule::shape_all(graph, files)?;
+        Self::of_shapes(graph, schedule::shape_all(graph, files)?)
+    }
+
+    /// As [`Draft::new`], for a graph whose shapes are known.
+    ///
+    /// # Errors
+    /// As [`Draft::new`], but for those of the shapes.
+    pub fn of_shapes(graph: &Graph, shapes: Vec<NodeShape>) -> Result<Self, Vec<Diagnostic>> {
         let heard = heard(graph);
         let mut errors = Vec::new();
         let Some(first) = heard.first() else {
@@ -197,7 +205,7 @@ fn short_loop(longest: Tick, window: Tick) -> Diagnostic {
 /// The passes that make folds, as a plan of its own.
 fn prelude(
     graph: &Graph,
-    shapes: Vec<foley_nodes::core::shape::NodeShape>,
+    shapes: Vec<NodeShape>,
     split: &phases::LiveSplit,
 ) -> Result<Plan, Vec<Diagnostic>> {
     let options = PlanOptions::default();
@@ -233,21 +241,30 @@ fn offline_only(graph: &Graph, nodes: &[usize]) -> Vec<Diagnostic> {
         .collect()
 }
 
-/// Which part each node is in: parts ahead of the callback first, the callback last.
-fn cut(graph: &Graph, nodes: &[usize], taps: &[TapPlan]) -> (HashMap<What, usize>, usize) {
-    let streams = |n: usize| {
-        let node = &graph.nodes[n];
-        let pairs = node.ty.inputs.iter().zip(&node.links);
-        pairs.filter(|(spec, _)| !matches!(spec.kind, PortKind::Value(_))).flat_map(|(_, links)| links)
-    };
+/// The links of a node that carry streams or events.
+fn streams(graph: &Graph, n: usize) -> impl Iterator<Item = &Link> {
+    let node = &graph.nodes[n];
+    let pairs = node.ty.inputs.iter().zip(&node.links);
+    pairs.filter(|(spec, _)| !matches!(spec.kind, PortKind::Value(_))).flat_map(|(_, links)| links)
+}
+
+/// Which nodes run ahead of the callback: those that may not run in it, and all that they hear.
+#[must_use]
+pub fn ahead(graph: &Graph, nodes: &[usize]) -> Vec<bool> {
     let mut ahead = vec![false; graph.nodes.len()];
     let waits = |n: &&usize| graph.nodes[**n].ty.class != Class::Audio;
     let mut stack: Vec<usize> = nodes.iter().filter(waits).copied().collect();
     while let Some(n) = stack.pop() {
         if !std::mem::replace(&mut ahead[n], true) {
-            stack.extend(streams(n).map(|l| l.node));
+            stack.extend(streams(graph, n).map(|l| l.node));
         }
     }
+    ahead
+}
+
+/// Which part each node is in: parts ahead of the callback first, the callback last.
+fn cut(graph: &Graph, nodes: &[usize], taps: &[TapPlan]) -> (HashMap<What, usize>, usize) {
+    let ahead = ahead(graph, nodes);
     // Nodes that are linked are in one part: the smallest node of it stands for it.
     let mut part: Vec<usize> = (0..graph.nodes.len()).collect();
     fn root(part: &[usize], mut n: usize) -> usize {
@@ -257,7 +274,7 @@ fn cut(graph: &Graph, nodes: &[usize], taps: &[TapPlan]) -> (HashMap<What, usize
         n
     }
     for &n in nodes.iter().filter(|&&n| ahead[n]) {
-        for link in streams(n) {
+        for link in streams(graph, n) {
             let (a, b) = (root(&part, n), root(&part, link.node));
             part[a.max(b)] = a.min(b);
         }

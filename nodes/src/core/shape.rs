@@ -49,7 +49,7 @@ pub struct Reach {
 }
 
 /// What a node's shape is, once its parameters and inputs are known.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct NodeShape {
     /// Per input port.
     pub reach: Vec<Reach>,

@@ -233,6 +233,18 @@ impl Stage {
         &self.spent
     }
 
+    /// Time spent per node, to be read and cleared by whoever keeps statistics.
+    pub fn spent_mut(&mut self) -> &mut [Spent] {
+        &mut self.spent
+    }
+
+    /// Lets a node take over what fits from another, both by their places; the other stays as it is.
+    pub fn adopt(&mut self, from: usize, to: usize) {
+        if let Ok([old, new]) = self.nodes.get_disjoint_mut([from, to]) {
+            new.node.adopt(&mut *old.node);
+        }
+    }
+
     /// Moves every clock to the window that ends at `to`; windows follow each other without gaps.
     pub fn advance(&mut self, to: Tick) {
         for (span, clock) in self.spans.iter_mut().zip(&self.clocks) {
@@ -363,6 +375,16 @@ impl Stage {
         if span.full > span.to {
             track.pad_to(span.full);
         }
+    }
+
+    /// Moves the end of a buffer to `to` with what stands for missing items.
+    pub fn pad(&mut self, track: usize, to: i64) {
+        self.tracks[track].get_mut().pad_to(to);
+    }
+
+    /// Changes a buffer.
+    pub fn with_track_mut<R>(&mut self, track: usize, change: impl FnOnce(&mut dyn AnyTrack) -> R) -> R {
+        change(&mut **self.tracks[track].get_mut())
     }
 
     /// Reads a buffer.

@@ -109,6 +109,12 @@ impl<E: Copy + Default + Send + 'static> Track<E> {
         }
     }
 
+    /// The last `n` items, to be changed.
+    pub fn last_mut(&mut self, n: usize) -> &mut [E] {
+        let (to, n) = (self.head + self.len, n.min(self.len));
+        &mut self.data[(to - n) * self.width..to * self.width]
+    }
+
     /// Items `[from, to)`.
     #[must_use]
     pub fn view(&self, from: i64, to: i64) -> &[E] {
