@@ -19,6 +19,9 @@ use std::collections::{BTreeSet, HashMap, HashSet};
 /// How long one sound takes to become the other, seconds.
 pub const FADE: f64 = 0.02;
 
+/// How long an edit is waited for whose nodes look far back: 1 s.
+const LONGEST_WAIT: Tick = foley_nodes::core::time::TICKS_PER_SECOND;
+
 /// One place where one sound goes over into another.
 #[derive(Clone, Debug)]
 struct Fade {
@@ -341,6 +344,8 @@ impl Union {
                     valid[n] = valid[n].max(valid[link.node].saturating_add(past));
                 }
             }
+            // Nobody waits longer for an edit; what looks back further begins in silence.
+            valid[n] = valid[n].min((at - delays.of[n]).max(0) + LONGEST_WAIT);
         }
         let mut last = at;
         for fade in &self.fades {

@@ -6,17 +6,21 @@ pub struct Dropout {
     held: Vec<f32>,
     level: f64,
     step: f64,
+    begun: bool,
 }
 
 impl Dropout {
     /// A bridge that starts as sound does, `ramp` frames from full level to silence.
     #[must_use]
     pub fn new(channels: usize, ramp: usize) -> Self {
-        Self { held: vec![0.0; channels.max(1)], level: 1.0, step: 1.0 / ramp.max(1) as f64 }
+        Self { held: vec![0.0; channels.max(1)], level: 1.0, step: 1.0 / ramp.max(1) as f64, begun: false }
     }
 
-    /// Fills a gap.
+    /// Fills a gap; silence before the first sound is none.
     pub fn gap(&mut self, out: &mut [f32]) {
+        if !self.begun {
+            return out.fill(0.0);
+        }
         for frame in out.chunks_exact_mut(self.held.len()) {
             self.level = (self.level - self.step).max(0.0);
             let level = self.level as f32;
@@ -39,6 +43,7 @@ impl Dropout {
         }
         if let Some(last) = frames.chunks_exact(channels).last() {
             self.held.copy_from_slice(last);
+            self.begun = true;
         }
     }
 }

@@ -1,0 +1,361 @@
+//! A graph that plays gives what it gives offline, and goes on while it is edited.
+
+mod common;
+
+use foley::graph::{DirFiles, Limits, load_text};
+use foley::live::{Callback, Material, Options, Player, Reloaded};
+use foley::plan::PlanOptions;
+use foley_nodes::core::random::Draw;
+use foley_nodes::io::AudioReader;
+use std::fs::File;
+
+fn graph(nodes: &str) -> String {
+    format!("#![schema = \"foley:graph/1\"]\nGraph(seed: 5, nodes: {{ {nodes} }})")
+}
+
+fn material(text: &str) -> Material {
+    let path = common::graphs().join("basics/test.ron");
+    let loaded = load_text("test", text, &path, &[]);
+    let shown = foley::diag::render(&loaded.diagnostics, &loaded.sources, false);
+    let graph = loaded.graph.unwrap_or_else(|| panic!("{shown}\n{text}"));
+    let seed = graph.seed;
+    Material { graph, files: DirFiles::new(loaded.root, Limits::default()), seed, memo: None }
+}
+
+/// Both sides in the hands of one thread.
+struct Stand {
+    player: Player,
+    callback: Callback,
+    heard: Vec<f32>,
+}
+
+impl Stand {
+    fn new(text: &str, quantum: usize) -> Self {
+        let options = Options { quantum, threads: 0, metered: true, ..Options::default() };
+        let (player, callback) = match Player::start(material(text), options) {
+            Ok(both) => both,
+            Err(e) => panic!("{e:?}\n{text}"),
+        };
+        Self { player, callback, heard: Vec::new() }
+    }
+
+    /// Plays `frames` frames in blocks of `block`.
+    fn play(&mut self, frames: usize, block: usize) {
+        let mut out = vec![0.0; block * self.callback.channels()];
+        let wanted = self.heard.len() + frames * self.callback.channels();
+        while self.heard.len() < wanted {
+            self.player.pump();
+            let n = out.len().min(wanted - self.heard.len());
+            self.callback.fill(&mut out[..n]);
+            self.heard.extend_from_slice(&out[..n]);
+            for told in self.player.tick() {
+                assert!(!matches!(told, foley::live::Told::Failed(_)), "{told:?}");
+            }
+        }
+    }
+
+    fn load(&mut self, text: &str) -> Reloaded {
+        while self.player.is_busy() {
+            self.play(128, 128);
+        }
+        self.player.load(material(text)).unwrap_or_else(|e| panic!("{e:?}\n{text}"))
+    }
+
+    fn settle(&mut self) {
+        while self.player.is_busy() {
+            self.play(128, 128);
+        }
+    }
+}
+
+fn offline(text: &str, seconds: f64) -> Vec<f32> {
+    let dir = tempfile::tempdir().unwrap();
+    let until = Some(foley_nodes::core::time::ticks(seconds));
+    let options = PlanOptions { until, ..PlanOptions::default() };
+    let Material { graph, files, .. } = material(text);
+    if let Err(e) = common::run_graph(&graph, &files, &options, dir.path()) {
+        panic!("{e}\n{text}");
+    }
+    let file = File::open(dir.path().join("o.wav")).unwrap();
+    let mut reader = AudioReader::open(Box::new(std::io::BufReader::new(file))).unwrap();
+    let mut samples = vec![0.0; reader.info().frames as usize * reader.info().channels];
+    reader.read(&mut samples).unwrap();
+    samples
+}
+
+const OUT: &str = "\"out\": WavOut(audio: \"last\", path: \"o.wav\", format: Float32)";
+
+/// Audio nodes only; a loop; look-ahead; a file that is read ahead; values made by folds.
+fn samples() -> Vec<String> {
+    [
+        "\"a\": Noise(rate: 44100, channels: 2), \"last\": HighPass(audio: \"a\", cutoff: 500.0)".to_owned(),
+        "\"a\": Tone(frequency: 440.0, rate: 44100), \"m\": Mix(inputs: [\"a\", \"f\"]), \
+         \"f\": Feedback(audio: \"m\", like: \"a\", delay: 0.05, gain: 0.5), \"last\": Gain(audio: \"m\", gain: 0.3)"
+            .to_owned(),
+        "\"a\": Noise(rate: 44100), \"b\": Advance(audio: \"a\", seconds: 0.02), \
+         \"last\": Mix(inputs: [\"a\", \"b\"])"
+            .to_owned(),
+        "\"a\": WavIn(path: \"../assets/recordings/clothing_rustle_land.flac\"), \
+         \"last\": LowPass(audio: \"a\", cutoff: 900.0)"
+            .to_owned(),
+        "\"m\": Metronome(interval: 0.05), \"last\": Impulses(events: \"m\", rate: 44100)".to_owned(),
+    ]
+    .map(|nodes| graph(&format!("{nodes}, {OUT}")))
+    .to_vec()
+}
+
+#[test]
+fn a_graph_that_plays_gives_the_bits_of_an_offline_run() {
+    for text in samples() {
+        // What is read ahead comes too early for the cut of an offline run.
+        let mut wanted = offline(&text, 0.6);
+        wanted.truncate(wanted.len() * 5 / 6);
+        for (quantum, block) in [(64, 64), (128, 100), (256, 1000)] {
+            let mut stand = Stand::new(&text, quantum);
+            let channels = stand.callback.channels();
+            let late = stand.player.plan().latency;
+            let late = stand.callback.rate().first_at(late) as usize;
+            stand.play(wanted.len() / channels + late, block);
+            let heard = &stand.heard[late * channels..];
+            assert!(stand.heard[..late * channels].iter().all(|x| *x == 0.0));
+            let first = heard.iter().zip(&wanted).position(|(a, b)| a != b);
+            assert!(first.is_none_or(|k| k >= wanted.len()), "sample {first:?}, quantum {quantum}\n{text}");
+            assert_eq!(stand.player.shared().meter.missed.load(std::sync::atomic::Ordering::Relaxed), 0);
+        }
+    }
+}
+
+/// The frames from one time to another, in seconds.
+fn part(heard: &[f32], from: f64, to: f64) -> &[f32] {
+    &heard[(from * 44_100.0) as usize..(to * 44_100.0) as usize]
+}
+
+fn greatest_difference(a: &[f32], b: &[f32]) -> f32 {
+    assert_eq!(a.len(), b.len());
+    a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+}
+
+fn greatest_step(heard: &[f32]) -> f32 {
+    heard.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f32::max)
+}
+
+#[test]
+fn a_number_that_changes_moves_the_node_that_plays() {
+    let with = |gain: f64| {
+        graph(&format!(
+            "\"a\": Tone(frequency: 200.0, rate: 44100, level: 0.5), \"last\": Gain(audio: \"a\", gain: {gain}), {OUT}"
+        ))
+    };
+    let mut stand = Stand::new(&with(1.0), 128);
+    stand.play(10_000, 128);
+    let Reloaded::Edit(edit) = stand.load(&with(0.25)) else { panic!("nothing changed") };
+    assert_eq!((edit.kept, edit.retuned), (2, vec!["last".to_owned()]));
+    stand.play(10_000, 128);
+    let (a, b) = (offline(&with(1.0), 0.5), offline(&with(0.25), 0.5));
+    assert_eq!(stand.heard[..10_000], a[..10_000]);
+    assert_eq!(stand.heard[11_000..20_000], b[11_000..20_000]);
+    assert!(greatest_step(&stand.heard) < 0.5 * 0.0285 + 0.002);
+    assert!(matches!(stand.load(&with(0.25)), Reloaded::Nothing));
+}
+
+#[test]
+fn a_node_that_is_put_between_two_others_is_not_heard() {
+    let plain = graph(&format!(
+        "\"a\": Noise(rate: 44100), \"b\": HighPass(audio: \"a\", cutoff: 90.0), \
+         \"last\": Delay(audio: \"b\", seconds: 0.1), {OUT}"
+    ));
+    let longer = plain.replace("audio: \"b\"", "audio: \"c\"");
+    let longer = longer.replace("\"b\": High", "\"c\": Gain(audio: \"b\", gain: 1.0), \"b\": High");
+    let mut stand = Stand::new(&plain, 64);
+    stand.play(20_000, 64);
+    let Reloaded::Edit(edit) = stand.load(&longer) else { panic!("nothing changed") };
+    assert_eq!((edit.kept, edit.added, edit.fed), (3, vec!["c".to_owned()], vec!["last".to_owned()]));
+    stand.settle();
+    stand.play(20_000, 64);
+    // And away again.
+    stand.load(&plain);
+    stand.settle();
+    stand.play(4000, 64);
+    let wanted = offline(&plain, 1.2);
+    assert!(greatest_difference(&stand.heard, &wanted[..stand.heard.len()]) < 1e-6);
+}
+
+#[test]
+fn one_sound_fades_into_another_without_a_step() {
+    let tone = |f: f64| {
+        graph(&format!("\"last\": Tone(frequency: {f}, rate: 44100, level: 0.5), {OUT}"))
+    };
+    let mut stand = Stand::new(&tone(100.0), 128);
+    stand.play(22_050, 128);
+    let Reloaded::Edit(edit) = stand.load(&tone(150.0)) else { panic!("nothing changed") };
+    assert_eq!(edit.rebuilt, ["last"]);
+    stand.settle();
+    stand.play(22_050, 128);
+    let after = offline(&tone(150.0), 1.2);
+    assert_eq!(part(&stand.heard, 0.6, 1.0), part(&after, 0.6, 1.0), "the new tone is where it would have been");
+    assert!(greatest_step(&stand.heard) < 0.5 * 0.0214 * 1.5, "{}", greatest_step(&stand.heard));
+}
+
+#[test]
+fn what_is_read_ahead_goes_on_over_an_edit() {
+    let with = |cutoff: f64, start: f64| {
+        graph(&format!(
+            "\"a\": WavIn(path: \"../assets/recordings/clothing_rustle_land.flac\", start: {start}), \
+             \"m\": Mono(audio: \"a\"), \"last\": LowPass(audio: \"m\", cutoff: {cutoff}), {OUT}"
+        ))
+    };
+    let mut stand = Stand::new(&with(900.0, 0.0), 128);
+    stand.play(8000, 128);
+    stand.load(&with(500.0, 0.0));
+    stand.settle();
+    stand.play(8000, 128);
+    let wanted = offline(&with(500.0, 0.0), 1.0);
+    assert!(greatest_difference(part(&stand.heard, 0.3, 0.36), part(&wanted, 0.3, 0.36)) < 1e-4);
+    // The reader is built anew and begins in the middle.
+    stand.load(&with(500.0, 0.05));
+    stand.settle();
+    stand.play(8000, 128);
+    let wanted = offline(&with(500.0, 0.05), 1.0);
+    let to = stand.heard.len() as f64 / 44_100.0;
+    let (a, b) = (part(&stand.heard, to - 0.1, to), part(&wanted, to - 0.1, to));
+    assert!(greatest_difference(a, b) < 1e-4);
+    assert_eq!(stand.player.shared().meter.missed.load(std::sync::atomic::Ordering::Relaxed), 0);
+}
+
+#[test]
+fn more_look_ahead_delays_what_follows_and_nothing_else() {
+    let plain = graph(&format!(
+        "\"a\": Tone(frequency: 110.0, rate: 44100, level: 0.4), \"last\": Gain(audio: \"a\"), {OUT}"
+    ));
+    let ahead = plain
+        .replace("Gain(audio: \"a\")", "Gain(audio: \"b\")")
+        .replace("\"last\"", "\"b\": Advance(audio: \"a\", seconds: 0.03), \"last\"")
+        .replace("audio: \"b\": Advance(audio: \"a\", seconds: 0.03), \"last\"", "audio: \"last\"");
+    let mut stand = Stand::new(&plain, 128);
+    stand.play(10_000, 128);
+    stand.load(&ahead);
+    stand.settle();
+    stand.play(20_000, 128);
+    // The sound that is read ahead comes when it would have come anyway, once the path has filled.
+    let wanted = offline(&plain, 1.0);
+    let late = stand.callback.rate().first_at(stand.player.plan().latency) as usize;
+    assert_eq!(late, 1323);
+    let (from, to) = (20_000, stand.heard.len());
+    let shifted = &offline(&ahead, 1.0)[from - late..to - late];
+    assert!(greatest_difference(&stand.heard[from..to], shifted) < 1e-6);
+    assert!(greatest_step(&stand.heard) < 0.4 * 0.0157 * 2.0, "{}", greatest_step(&stand.heard));
+    drop(wanted);
+}
+
+#[test]
+fn a_graph_that_is_wrong_leaves_the_old_one_playing() {
+    let good = graph(&format!("\"last\": Tone(frequency: 110.0, rate: 44100), {OUT}"));
+    let mut stand = Stand::new(&good, 128);
+    stand.play(5000, 128);
+    let wrong = graph(&format!("\"last\": Tone(frequency: 110.0, rate: 48000), {OUT}"));
+    let errors = stand.player.load(material(&wrong)).unwrap_err();
+    assert_eq!(errors[0].code, "F045");
+    let missing = graph(&format!("\"last\": WavIn(path: \"nothing.wav\"), {OUT}"));
+    assert!(stand.player.load(material(&missing)).is_err());
+    stand.play(5000, 128);
+    assert_eq!(stand.heard, offline(&good, 0.3)[..stand.heard.len()]);
+}
+
+/// A graph of tones, filters and delays, made and edited at random.
+#[derive(Clone)]
+struct Sketch {
+    /// Frequency of each tone and what its sound goes through.
+    chains: Vec<(f64, Vec<(String, String)>)>,
+    next: usize,
+}
+
+impl Sketch {
+    fn new(draw: &mut Draw) -> Self {
+        let mut sketch = Self { chains: Vec::new(), next: 0 };
+        (0..1 + draw.below(3)).for_each(|_| sketch.add_chain(draw));
+        sketch
+    }
+
+    fn add_chain(&mut self, draw: &mut Draw) {
+        self.chains.push((50.0 + draw.below(200) as f64, Vec::new()));
+        for _ in 0..draw.below(4) {
+            let last = self.chains.len() - 1;
+            self.add_node(last, draw);
+        }
+    }
+
+    fn add_node(&mut self, chain: usize, draw: &mut Draw) {
+        let text = match draw.below(5) {
+            0 => format!("Gain(audio: \"@\", gain: {:.3})", draw.between(-1.0, 1.0)),
+            1 => format!("HighPass(audio: \"@\", cutoff: {:.1})", draw.between(30.0, 300.0)),
+            2 => format!("LowPass(audio: \"@\", cutoff: {:.1})", draw.between(300.0, 3000.0)),
+            3 => format!("Delay(audio: \"@\", seconds: {:.4})", draw.between(0.0, 0.05)),
+            _ => format!("Advance(audio: \"@\", seconds: {:.4})", draw.between(0.0, 0.02)),
+        };
+        let nodes = &mut self.chains[chain].1;
+        let at = draw.below(nodes.len() + 1);
+        nodes.insert(at, (format!("n{}", self.next), text));
+        self.next += 1;
+    }
+
+    fn edit(&mut self, draw: &mut Draw) {
+        let chain = draw.below(self.chains.len());
+        let nodes = self.chains[chain].1.len();
+        match draw.below(6) {
+            0 => self.chains[chain].0 = 50.0 + draw.below(200) as f64,
+            1 if self.chains.len() < 4 => self.add_chain(draw),
+            2 if self.chains.len() > 1 => drop(self.chains.remove(chain)),
+            3 if nodes > 0 => drop(self.chains[chain].1.remove(draw.below(nodes))),
+            4 if nodes > 0 => {
+                // Another number for a node that is there.
+                let at = draw.below(nodes);
+                self.add_node(chain, draw);
+                let made = self.chains[chain].1.iter().position(|(id, _)| *id == format!("n{}", self.next - 1));
+                let (_, text) = self.chains[chain].1.remove(made.unwrap());
+                self.chains[chain].1[at].1 = text;
+            }
+            _ => self.add_node(chain, draw),
+        }
+    }
+
+    fn text(&self) -> String {
+        let mut nodes = String::new();
+        let mut ends = Vec::new();
+        for (k, (frequency, chain)) in self.chains.iter().enumerate() {
+            // A chain is known by its first frequency's place; ids stay with nodes.
+            let mut from = format!("tone{k}");
+            nodes += &format!("\"{from}\": Tone(frequency: {frequency}, rate: 44100, level: 0.2), ");
+            for (id, text) in chain {
+                nodes += &format!("\"{id}\": {}, ", text.replace('@', &from));
+                from.clone_from(id);
+            }
+            ends.push(format!("\"{from}\""));
+        }
+        graph(&format!("{nodes} \"last\": Mix(inputs: [{}]), {OUT}", ends.join(", ")))
+    }
+}
+
+#[test]
+fn after_any_edits_a_graph_plays_as_if_it_had_been_so_from_the_start() {
+    for seed in 0..25 {
+        let mut draw = Draw::new(seed);
+        let mut sketch = Sketch::new(&mut draw);
+        let mut stand = Stand::new(&sketch.text(), [32, 128, 441][draw.below(3)]);
+        stand.play(draw.below(9000), 100);
+        for _ in 0..8 {
+            sketch.edit(&mut draw);
+            stand.load(&sketch.text());
+            stand.play(draw.below(3000), 100);
+        }
+        stand.settle();
+        // Filters and delays forget what was before.
+        stand.play(30_000, 100);
+        let late = stand.callback.rate().first_at(stand.player.plan().latency) as usize;
+        let to = stand.heard.len();
+        let wanted = offline(&sketch.text(), to as f64 / 44_100.0 + 0.1);
+        let (a, b) = (&stand.heard[to - 2000..], &wanted[to - 2000 - late..to - late]);
+        assert!(greatest_difference(a, b) < 1e-5, "seed {seed}: {}\n{}", greatest_difference(a, b), sketch.text());
+        let step = greatest_step(&stand.heard);
+        assert!(step < 0.12, "seed {seed}: a step of {step}");
+    }
+}
