@@ -46,6 +46,10 @@ pub struct Swap {
     pub nodes: Vec<(usize, usize)>,
     /// Buffers whose content moves.
     pub tracks: Vec<(usize, usize)>,
+    /// New buffers that get the past of one whose content moves.
+    pub seeds: Vec<(usize, usize)>,
+    /// Buffers that have moved and get the past of one that goes.
+    pub heirs: Vec<(usize, usize)>,
     /// Links that go on.
     pub links: Vec<(usize, usize)>,
     /// New nodes that take over what fits from old ones: place before, place after the move, both in the new act.
@@ -237,8 +241,11 @@ impl Callback {
     }
 
     fn swap(&mut self, swap: &mut Swap) {
-        let Swap { act, nodes, tracks, links, adopts, retunes, .. } = swap;
-        act.stage.take_over(&mut self.act.stage, nodes, tracks);
+        let Swap { act, nodes, tracks, seeds, heirs, links, adopts, retunes, .. } = swap;
+        let old = &mut self.act.stage;
+        seeds.iter().for_each(|&(from, to)| act.stage.seed(old, from, to));
+        act.stage.take_over(old, nodes, tracks);
+        heirs.iter().for_each(|&(from, to)| act.stage.seed(old, from, to));
         for &(from, to) in links.iter() {
             act.links[to].take_over(&mut self.act.links[from]);
         }

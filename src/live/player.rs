@@ -6,7 +6,7 @@ use super::diff::{Edit, Fate, Side, Stamps, fates};
 use super::link::{self, Receiver, Sender};
 use super::meter::{Histogram, NodeMeter};
 use super::sink::Sink;
-use super::union::{Union, union};
+use super::union::{Outputs, Union, union};
 use crate::diag::Diagnostic;
 use crate::graph::{DirFiles, Graph};
 use crate::memo::Memo;
@@ -167,6 +167,8 @@ pub struct Player {
     playing: Playing,
     /// The window from which on the new graph alone will do, while a transition is under way.
     fading: Option<u64>,
+    /// The outputs that get the past of a cross-fade when the transition is over.
+    heirs: Outputs,
     /// An order is on its way to the callback.
     waiting: bool,
     times: BTreeMap<String, Arc<Histogram>>,
@@ -371,6 +373,7 @@ impl Player {
             crew,
             playing: Playing { ready: Some(ready), plan, ids },
             fading: None,
+            heirs: Outputs::new(),
             waiting: false,
             times,
             haste: Duration::from_millis(1),
@@ -537,6 +540,8 @@ impl Player {
         let time = tick(self.pace.rate, self.pace.quantum, at);
         let over = union.as_mut().map(|union| union.set_fades(&plan.delays, time));
         let adopts = union.as_ref().map(|u| u.adopts.clone()).unwrap_or_default();
+        let seeds = union.as_ref().map(Union::seeds).unwrap_or_default();
+        let heirs = std::mem::take(&mut self.heirs);
         let graph = union.as_ref().map_or(&next.material.graph, |u| &u.graph);
         let ids: Vec<String> = graph.nodes.iter().map(|n| n.id.clone()).collect();
         let site = Site {
@@ -569,8 +574,13 @@ impl Player {
             Some(mut halted) => {
                 for gang in &mut new_gangs {
                     for old in &mut halted {
+                        let was = &self.playing.plan.regions[old.region];
+                        let own = &plan.regions[gang.region];
                         let (nodes, tracks) = moves.between(old.region, gang.region);
-                        gang.stage.take_over(&mut old.stage, &nodes, &tracks);
+                        let stage = &mut gang.stage;
+                        pairs(was, own, &seeds).iter().for_each(|&(a, b)| stage.seed(&mut old.stage, a, b));
+                        stage.take_over(&mut old.stage, &nodes, &tracks);
+                        pairs(was, own, &heirs).iter().for_each(|&(a, b)| stage.seed(&mut old.stage, a, b));
                     }
                     moves.adopts(gang.region, &adopts).iter().for_each(|&(a, b)| gang.stage.adopt(a, b));
                     for (n, params) in &retunes {
@@ -595,7 +605,10 @@ impl Player {
         }
         let adopts = moves.adopts(last, &adopts);
         let retunes = in_callback.into_iter().map(|((_, place), params)| (place, params)).collect();
-        let swap = Swap { at, act, nodes, tracks, links, adopts, retunes, late: false };
+        let own = plan.callback();
+        let was = self.playing.plan.callback();
+        let (seeds, heirs) = (pairs(was, own, &seeds), pairs(was, own, &heirs));
+        let swap = Swap { at, act, nodes, tracks, seeds, heirs, links, adopts, retunes, late: false };
         // The ring is emptied before each load.
         let _ = self.orders.push(Order::Swap(Box::new(swap)));
         self.waiting = true;
@@ -604,6 +617,7 @@ impl Player {
             (over / one) as u64 + 2
         };
         self.fading = over.map(windows);
+        self.heirs = union.as_ref().map(Union::heirs).unwrap_or_default();
         self.playing.plan = plan;
         self.playing.ids = ids;
         self.haste = (self.haste / 2).max(start.elapsed()).min(Duration::from_millis(200));
@@ -747,6 +761,17 @@ fn pad(track: &TrackPlan) -> Option<foley_nodes::core::track::Pad> {
         TrackPlan::Items { pad, .. } => Some(*pad),
         TrackPlan::Events { .. } => None,
     }
+}
+
+/// The buffers of pairs of outputs, as far as both have one.
+fn pairs(from: &Region, to: &Region, outputs: &Outputs) -> Pairs {
+    let mut pairs = Pairs::new();
+    for (a, b) in outputs {
+        let Some(source) = from.origins.iter().position(|o| o == a) else { continue };
+        let own = |t: &usize| to.origins[*t] == *b;
+        pairs.extend((0..to.origins.len()).filter(own).map(|t| (source, t)));
+    }
+    pairs
 }
 
 impl Moves<'_> {

@@ -27,9 +27,14 @@ const LONGEST_WAIT: Tick = foley_nodes::core::time::TICKS_PER_SECOND;
 struct Fade {
     /// The cross-fade's place in the union.
     node: usize,
+    /// What goes, in the union.
+    before: Option<(usize, usize)>,
     /// What comes in, in the union.
-    after: Option<usize>,
+    after: Option<(usize, usize)>,
 }
+
+/// Pairs of outputs, each a node and a port.
+pub type Outputs = Vec<((usize, usize), (usize, usize))>;
 
 /// The graph of a transition.
 pub struct Union {
@@ -254,7 +259,8 @@ impl Weaver<'_> {
         ];
         let law = if self.correlated(&links) { FadeLaw::Linear } else { FadeLaw::EqualPower };
         let node = self.out.graph.nodes.len();
-        let after = links[1].as_ref().map(|l| l.node);
+        let end_of = |k: usize| links[k].as_ref().map(|l| (l.node, l.port));
+        let (before, after) = (end_of(0), end_of(1));
         self.out.graph.nodes.push(GraphNode {
             id: format!("~fade{node}"),
             ty: crossfade(),
@@ -276,7 +282,7 @@ impl Weaver<'_> {
             end,
             ..NodeShape::default()
         });
-        self.out.fades.push(Fade { node, after });
+        self.out.fades.push(Fade { node, before, after });
         Some(Link { node, port: 0, place })
     }
 
@@ -320,6 +326,31 @@ fn set_link(node: &mut GraphNode, link: Link) {
 }
 
 impl Union {
+    /// The outputs whose past the output of a cross-fade begins with: what was heard before, as outputs of the old graph.
+    #[must_use]
+    pub fn seeds(&self) -> Outputs {
+        let was = |(n, port): (usize, usize)| Some((*self.moved.get(&n)?, port));
+        self.fades.iter().filter_map(|f| Some((was(f.before?)?, (f.node, 0)))).collect()
+    }
+
+    /// The outputs that begin with the past of a cross-fade when it goes: those that only those look back on to whom it
+    /// was given.
+    #[must_use]
+    pub fn heirs(&self) -> Outputs {
+        let looks_back = |end: (usize, usize)| {
+            let readers = self.graph.nodes.iter().enumerate().flat_map(|(n, node)| {
+                let ports = node.links.iter().enumerate();
+                ports.flat_map(move |(port, links)| links.iter().map(move |l| (n, port, l)))
+            });
+            readers.filter(|(_, _, l)| (l.node, l.port) == end).any(|(n, port, _)| {
+                let past = self.shapes[n].reach.get(port).map_or(0, |reach| reach.past);
+                past > 0
+            })
+        };
+        let heir = |f: &Fade| Some(((f.node, 0), f.after.filter(|&after| !looks_back(after))?));
+        self.fades.iter().filter_map(heir).collect()
+    }
+
     /// Whether anything has to be faded.
     #[must_use]
     pub fn is_plain(&self) -> bool {
@@ -350,7 +381,7 @@ impl Union {
         let mut last = at;
         for fade in &self.fades {
             let own = (at - delays.of[fade.node]).max(0);
-            let begin = fade.after.map_or(own, |n| valid[n].max(own));
+            let begin = fade.after.map_or(own, |(n, _)| valid[n].max(own));
             let node = &mut self.graph.nodes[fade.node];
             if let Some(params) = node.params.as_any().downcast_ref::<CrossfadeParams>() {
                 node.params = Box::new(CrossfadeParams { at: seconds(begin), ..params.clone() });

@@ -477,7 +477,7 @@ impl Layout<'_> {
         let mut readers = Vec::new();
         for &(v, in_port, place) in self.readers_of.get(&(u, port)).into_iter().flatten() {
             let reach = self.shapes[v].reach[in_port];
-            let behind = self.delays.of[v] - written + self.window;
+            let behind = self.delays.of[v] - written + self.window + self.delays.early[u];
             let (past, late) = (reach.past, reach.delay);
             readers.push(Reader {
                 job: What::Node(v),
@@ -490,7 +490,7 @@ impl Layout<'_> {
             });
         }
         for tap in taps.iter().filter(|t| (t.node, t.port) == (u, port)) {
-            let behind = tap.delay - written + self.window;
+            let behind = tap.delay - written + self.window + self.delays.early[u];
             readers.push(Reader {
                 job: What::Tap(tap.tap),
                 port: 0,

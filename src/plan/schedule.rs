@@ -28,6 +28,8 @@ pub struct Delays {
     pub of: Vec<Tick>,
     /// The first tick that each node works on, in its own time.
     pub from: Vec<Tick>,
+    /// How far each node is ahead of its delay where it takes over, since its delay has grown.
+    pub early: Vec<Tick>,
     /// What each waits for longest.
     pub cause: Vec<Option<Cause>>,
 }
@@ -141,7 +143,7 @@ pub fn delays(
     resume: &Resume,
 ) -> Delays {
     let count = graph.nodes.len();
-    let mut delays = Delays { of: vec![0; count], from: vec![0; count], cause: vec![None; count] };
+    let mut delays = Delays { of: vec![0; count], from: vec![0; count], early: vec![0; count], cause: vec![None; count] };
     for (&n, &(delay, _)) in &resume.kept {
         delays.of[n] = delay;
     }
@@ -167,6 +169,7 @@ pub fn delays(
     for &n in nodes {
         let fresh = (resume.at - delays.of[n]).max(0);
         delays.from[n] = resume.kept.get(&n).map_or(fresh, |&(_, from)| from);
+        delays.early[n] = (delays.from[n] - fresh).max(0);
     }
     delays
 }

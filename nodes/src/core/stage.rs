@@ -377,6 +377,11 @@ impl Stage {
         }
     }
 
+    /// Gives a buffer the past of one of another stage.
+    pub fn seed(&mut self, old: &mut Self, from: usize, to: usize) {
+        self.tracks[to].get_mut().seed(&**old.tracks[from].get_mut());
+    }
+
     /// Moves the end of a buffer to `to` with what stands for missing items.
     pub fn pad(&mut self, track: usize, to: i64) {
         self.tracks[track].get_mut().pad_to(to);

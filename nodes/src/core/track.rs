@@ -30,6 +30,12 @@ pub trait AnyTrack: Any + Send {
     ///
     /// Nothing is allocated; the other buffer is of no use afterwards.
     fn take_over(&mut self, old: &mut dyn AnyTrack);
+    /// Replaces what came before the end by what another buffer of the same type holds of it, as far as that goes.
+    ///
+    /// Nothing is allocated. Events stay as they are.
+    fn seed(&mut self, other: &dyn AnyTrack) {
+        let _ = other;
+    }
     /// Fills in what had to wait for the first item.
     fn settle(&mut self) {}
     /// Bytes that the buffer holds in memory.
@@ -209,6 +215,19 @@ impl<E: Copy + Default + Send + 'static> AnyTrack for Track<E> {
         kept.copy_from_slice(old.view(from, end));
     }
 
+    fn seed(&mut self, other: &dyn AnyTrack) {
+        let Some(other) = other.typed::<Self>().filter(|other| other.width == self.width) else { return };
+        let to = self.end.min(other.end);
+        let from = (self.end - self.len as i64).max(other.end - other.len as i64);
+        if from >= to {
+            return;
+        }
+        let first = self.head + (from - (self.end - self.len as i64)) as usize;
+        let place = first * self.width..(first + (to - from) as usize) * self.width;
+        self.data[place].copy_from_slice(other.view(from, to));
+        self.start = self.start.min(from);
+    }
+
     fn restart(&mut self, at: i64) {
         self.head = 0;
         self.len = 0;
@@ -365,6 +384,10 @@ mod tests {
             assert_eq!(track.end(), 104);
             assert_eq!(track.view(102, 104), [3.0, 4.0]);
         }
+        let mut seeded = Track::<f32>::new(1, 8, 0, Pad::Silence);
+        seeded.begin(102);
+        seeded.seed(&old);
+        assert_eq!(seeded.view(97, 102), [1.0, 1.0, 1.0, 1.0, 2.0]);
         let mut events = EventTrack::new(50);
         events.push(3, 'a');
         events.advance(10);
