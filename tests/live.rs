@@ -5,6 +5,7 @@ mod common;
 use foley::graph::{DirFiles, Limits, load_text};
 use foley::live::{Callback, Material, Options, Player, Reloaded};
 use foley::plan::PlanOptions;
+use foley_nodes::core::input::NoInputs;
 use foley_nodes::core::random::Draw;
 use foley_nodes::io::AudioReader;
 use std::fs::File;
@@ -19,7 +20,7 @@ fn material(text: &str) -> Material {
     let shown = foley::diag::render(&loaded.diagnostics, &loaded.sources, false);
     let graph = loaded.graph.unwrap_or_else(|| panic!("{shown}\n{text}"));
     let seed = graph.seed;
-    Material { graph, files: DirFiles::new(loaded.root, Limits::default()), seed, memo: None }
+    Material { graph, files: DirFiles::new(loaded.root, Limits::default()), seed, memo: None, inputs: std::sync::Arc::new(NoInputs) }
 }
 
 /// Both sides in the hands of one thread.

@@ -10,6 +10,7 @@ pub mod core;
 pub mod dsp;
 pub mod friction;
 pub mod io;
+pub mod live;
 pub mod mesh;
 pub mod modal;
 pub mod plot;

@@ -12,7 +12,7 @@ use crate::modal::bank_node::ModalBankNode;
 use crate::modal::force_node::ImpactForce;
 use crate::modal::impact_file_node::ImpactFile;
 use crate::modal::modes_file::ModesFile;
-use crate::{dsp, io};
+use crate::{dsp, io, live};
 
 /// Every node type, one line each, by family.
 #[must_use]
@@ -55,5 +55,7 @@ pub fn all() -> Vec<NodeType> {
         NodeType::of::<ImpactForce>("modal"),
         NodeType::of::<ModalBankNode>("modal"),
         NodeType::func::<ModesFile>("modal"),
+        NodeType::of::<live::LiveControl>("live"),
+        NodeType::of::<live::LiveImpacts>("live"),
     ]
 }

@@ -8,6 +8,7 @@ mod callback;
 mod crew;
 pub mod device;
 mod diff;
+pub mod input;
 mod link;
 mod meter;
 mod player;

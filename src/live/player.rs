@@ -13,6 +13,7 @@ use crate::memo::Memo;
 use crate::plan::{Draft, Export, Import, LivePlan, Region, Resume, SinksResume, TrackPlan, What, ahead};
 use crate::run::{self, DirOutputs, Job, Progress, Site, Values};
 use foley_nodes::core::fault::Fault;
+use foley_nodes::core::input::Inputs;
 use foley_nodes::core::node::{DynNode, Retune, Summary};
 use foley_nodes::core::params::AnyParams;
 use foley_nodes::core::stage::{Cx, Stage};
@@ -62,6 +63,8 @@ pub struct Material {
     pub seed: u64,
     /// Where values are kept, if at all.
     pub memo: Option<Memo>,
+    /// What comes in while it plays.
+    pub inputs: Arc<dyn Inputs>,
 }
 
 /// A graph that is ready to play but for its place in time.
@@ -92,6 +95,7 @@ impl Ready {
             window: quantum,
             files: &self.material.files,
             outputs: &NOWHERE,
+            inputs: &*self.material.inputs,
             seed: self.material.seed,
         }
     }

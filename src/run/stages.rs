@@ -5,6 +5,7 @@ use crate::diag::Diagnostic;
 use crate::graph::{Graph, Link};
 use crate::plan::{PlanIn, PlanNode, PlanOut, Region, TrackPlan, What};
 use foley_nodes::core::files::{Files, Outputs};
+use foley_nodes::core::input::{Inputs, NoInputs};
 use foley_nodes::core::node::DynNode;
 use foley_nodes::core::ports::PortKind;
 use foley_nodes::core::random::Random;
@@ -26,6 +27,8 @@ pub struct Site<'a> {
     pub files: &'a dyn Files,
     /// Where outputs go.
     pub outputs: &'a dyn Outputs,
+    /// What comes in while the graph plays.
+    pub inputs: &'a dyn Inputs,
     /// Seed of the graph.
     pub seed: u64,
 }
@@ -35,7 +38,8 @@ impl<'a> Site<'a> {
     #[must_use]
     pub fn of(job: &'a Job<'_>) -> Self {
         let (graph, shapes, window) = (job.graph, &job.plan.shapes, job.plan.window);
-        Self { graph, shapes, window, files: job.files, outputs: job.outputs, seed: job.seed }
+        let (files, outputs) = (job.files, job.outputs);
+        Self { graph, shapes, window, files, outputs, inputs: &NoInputs, seed: job.seed }
     }
 
     /// The links of a node with the values that are known by now.
@@ -62,6 +66,7 @@ impl<'a> Site<'a> {
             window: self.window,
             files: self.files,
             outputs: self.outputs,
+            inputs: self.inputs,
         }
     }
 

@@ -4,6 +4,7 @@
 
 pub mod fault;
 pub mod files;
+pub mod input;
 pub mod item;
 pub mod node;
 pub mod params;

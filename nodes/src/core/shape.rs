@@ -2,6 +2,7 @@
 
 use super::fault::{Fault, Reject};
 use super::files::{FileError, Files, Outputs, ReadSeek, WriteSeek};
+use super::input::Inputs;
 use super::item::{AnyValue, Data, Item, StreamShape};
 use super::ports::{Events, Late, Many, Port, Stream, Value};
 use super::random::Random;
@@ -314,6 +315,8 @@ pub struct Build<'a> {
     pub files: &'a dyn Files,
     /// Starts outputs.
     pub outputs: &'a dyn Outputs,
+    /// What comes in while the graph plays.
+    pub inputs: &'a dyn Inputs,
 }
 
 impl Build<'_> {

@@ -2,6 +2,7 @@
 
 use super::fault::{Fault, Reject};
 use super::files::{MemoryFiles, MemoryOutputs};
+use super::input::NoInputs;
 use super::item::{AnyValue, Data, Described, Event, EventType, Item, OfEvent, StreamShape};
 use super::node::{DynNode, Func, Node, NodeType, Retune, Summary};
 use super::params::AnyParams;
@@ -290,6 +291,7 @@ impl Solo {
             window: self.window,
             files: &self.files,
             outputs: &self.outputs,
+            inputs: &NoInputs,
         };
         let end = shape.end.unwrap_or(0);
         // What lags comes after the end of what it is made of: the node works on until all of it is out.

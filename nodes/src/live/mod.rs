@@ -1,0 +1,9 @@
+//! What a graph hears from outside while it plays: blows and numbers, from OSC or from lines on standard input.
+//!
+//! Offline nothing comes in, and these nodes give what they give before the first message.
+
+mod control;
+mod impacts;
+
+pub use control::{Glide, LiveControl, LiveControlParams, LiveControlPorts};
+pub use impacts::{LiveImpacts, LiveImpactsParams, LiveImpactsPorts, from_message, to_message};

@@ -1,0 +1,154 @@
+//! Messages as JSON, one object in each line.
+
+use super::hub::Hub;
+use foley_nodes::core::input::Message;
+use foley_nodes::live::to_message;
+use foley_nodes::modal::{Body, Defaults, read_impacts};
+use serde_json::{Map, Value};
+use std::io::BufRead;
+use std::time::Duration;
+
+/// Longest line.
+const LONGEST: usize = 64 * 1024;
+
+/// What a line without a mass means.
+fn defaults() -> Defaults {
+    Defaults { body: Body { mass: 0.1, restitution: 0.5 }, hardness: 1.0, objects: Vec::new() }
+}
+
+/// The RON text of a JSON value that a parameter can have.
+fn ron(value: &Value) -> Option<String> {
+    match value {
+        Value::Bool(_) | Value::Number(_) => Some(value.to_string()),
+        Value::String(text) => Some(text.clone()),
+        Value::Null => Some("None".to_owned()),
+        Value::Array(list) => {
+            let parts = list.iter().map(|v| match v {
+                Value::String(text) => Some(format!("{text:?}")),
+                other => ron(other),
+            });
+            Some(format!("[{}]", parts.collect::<Option<Vec<_>>>()?.join(", ")))
+        }
+        Value::Object(_) => None,
+    }
+}
+
+/// Takes one line:
+///
+/// - `{"impact": CHANNEL, "velocity": 2.0, ...}`: a blow, with the keys of an impact file; `in` seconds from now.
+/// - `{"control": CHANNEL, "values": [...]}`: numbers for a `LiveControl`.
+/// - `{"set": NAME, "value": VALUE}`: a parameter, as with `--set`.
+///
+/// # Errors
+/// What was found and what would be right.
+pub fn read_line(line: &str, hub: &Hub) -> Result<(), String> {
+    let mut object: Map<String, Value> =
+        serde_json::from_str(line).map_err(|e| format!("no JSON object on one line: {e}"))?;
+    let text = |object: &mut Map<String, Value>, key: &str| match object.remove(key) {
+        Some(Value::String(text)) => Ok(Some(text)),
+        Some(other) => Err(format!("`{key}` is {other}; a name is needed")),
+        None => Ok(None),
+    };
+    let wait = match object.remove("in") {
+        None => 0.0,
+        Some(wait) => {
+            let seconds = wait.as_f64().filter(|s| (0.0..=3600.0).contains(s));
+            seconds.ok_or_else(|| format!("`in` is {wait}; seconds from 0 to 3600 are needed"))?
+        }
+    };
+    let wait = Duration::from_secs_f64(wait);
+    if let Some(channel) = text(&mut object, "impact")? {
+        object.insert("time_s".to_owned(), Value::from(0));
+        let line = Value::Object(object).to_string();
+        let blows = read_impacts(line.as_bytes(), &defaults()).map_err(|e| e.message)?;
+        for message in blows.iter().filter_map(|(_, blow)| to_message(blow)) {
+            hub.deliver(&channel, message, wait);
+        }
+        return Ok(());
+    }
+    if let Some(channel) = text(&mut object, "control")? {
+        let values = object.remove("values");
+        let list = values.as_ref().and_then(Value::as_array);
+        let numbers: Option<Vec<f64>> = list.and_then(|list| list.iter().map(Value::as_f64).collect());
+        let message = numbers.as_deref().and_then(Message::new);
+        hub.deliver(&channel, message.ok_or("`values` has to be a list of up to 16 numbers")?, wait);
+        return Ok(());
+    }
+    if let Some(target) = text(&mut object, "set")? {
+        let value = object.get("value").and_then(ron);
+        hub.set(target, value.ok_or("`value` has to be a number, a text, true, false or a list")?);
+        return Ok(());
+    }
+    Err("one of `impact`, `control` and `set` is needed".to_owned())
+}
+
+/// Takes lines until there are no more; tells of those that are wrong.
+pub fn take_lines(mut from: impl BufRead, hub: &Hub, mut tell: impl FnMut(u64, &str)) {
+    let mut line = Vec::new();
+    let mut number = 0;
+    loop {
+        line.clear();
+        number += 1;
+        let mut limited = std::io::Read::take(&mut from, LONGEST as u64);
+        match limited.read_until(b'\n', &mut line) {
+            Ok(0) | Err(_) => return,
+            Ok(_) => {}
+        }
+        let text = String::from_utf8_lossy(&line);
+        if text.trim().is_empty() {
+            continue;
+        }
+        if let Err(message) = read_line(text.trim(), hub) {
+            hub.reject();
+            tell(number, &message);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crossbeam_channel::unbounded;
+    use foley_nodes::core::input::Inputs;
+    use foley_nodes::core::random::Draw;
+    use foley_nodes::live::from_message;
+    use std::sync::atomic::Ordering::Relaxed;
+
+    #[test]
+    fn each_kind_of_line_arrives() {
+        let (sets, set) = unbounded();
+        let hub = Hub::new(sets);
+        let (mut hits, mut numbers) = (hub.open("hits").unwrap(), hub.open("pos").unwrap());
+        let lines = "{\"impact\": \"hits\", \"velocity\": 2, \"mass\": 0.5}\n\n\
+            {\"control\": \"pos\", \"values\": [1, 2.5, -3]}\n{\"set\": \"level\", \"value\": 0.5}\n{\"oops\": 1}\n";
+        let mut wrong = Vec::new();
+        take_lines(lines.as_bytes(), &hub, |line, message| wrong.push(format!("{line}: {message}")));
+        let blow = from_message(&hits.next(1).unwrap().1).unwrap();
+        assert!((blow.energy - 1.0).abs() < 1e-6);
+        assert_eq!(numbers.next(1).unwrap().1.numbers(), [1.0, 2.5, -3.0]);
+        assert_eq!(set.recv().unwrap(), super::super::Set { target: "level".into(), value: "0.5".into() });
+        assert_eq!(wrong, ["5: one of `impact`, `control` and `set` is needed"]);
+        assert_eq!((hub.delivered.load(Relaxed), hub.malformed.load(Relaxed)), (3, 1));
+    }
+
+    #[test]
+    fn no_line_does_harm() {
+        let hub = Hub::new(unbounded().0);
+        let _inbox = hub.open("hits");
+        let good = "{\"impact\": \"hits\", \"velocity\": 2, \"mass\": 0.5, \"in\": 0.1}";
+        for seed in 0..3000 {
+            let mut draw = Draw::new(seed);
+            let mut bytes = good.as_bytes().to_vec();
+            for _ in 0..1 + draw.below(4) {
+                let at = draw.below(bytes.len());
+                match draw.below(3) {
+                    0 => bytes[at] = draw.below(256) as u8,
+                    1 => drop(bytes.remove(at)),
+                    _ => bytes.insert(at, b"{}[]\",:0e-1"[draw.below(11)]),
+                }
+            }
+            take_lines(&bytes[..], &hub, |_, _| {});
+        }
+        assert!(hub.malformed.load(Relaxed) > 1000);
+    }
+}

@@ -1,0 +1,240 @@
+//! Messages as OSC over UDP.
+//!
+//! | address | arguments |
+//! |---|---|
+//! | `/foley/impact/CHANNEL` | energy in J, then as far as wanted hardness, object, point, x, y, z |
+//! | `/foley/control/CHANNEL` | up to 16 numbers |
+//! | `/foley/set/NAME` | a number, text or truth value; `/foley/set/NODE/PARAM` for a node's own |
+//!
+//! The time of a bundle is kept: what it holds happens then, or at once where that has passed.
+
+use super::hub::Hub;
+use foley_nodes::core::input::Message;
+use foley_nodes::live::to_message;
+use foley_nodes::modal::{Body, Impact};
+use rosc::{OscPacket, OscTime, OscType};
+use std::net::{SocketAddr, UdpSocket};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::thread::JoinHandle;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+/// Seconds from 1900, where OSC counts from, to 1970.
+const EPOCH: f64 = 2_208_988_800.0;
+/// Bundles within bundles that are followed.
+const DEEPEST: usize = 8;
+
+/// How long from now a time tag is.
+fn wait(time: OscTime, now: f64) -> Duration {
+    // 1 in the fraction alone means at once.
+    if (time.seconds, time.fractional) == (0, 1) {
+        return Duration::ZERO;
+    }
+    let at = f64::from(time.seconds) + f64::from(time.fractional) / 4_294_967_296.0 - EPOCH;
+    Duration::from_secs_f64((at - now).clamp(0.0, 3600.0))
+}
+
+fn number(argument: &OscType) -> Option<f64> {
+    match argument {
+        OscType::Int(x) => Some(f64::from(*x)),
+        OscType::Long(x) => Some(*x as f64),
+        OscType::Float(x) => Some(f64::from(*x)),
+        OscType::Double(x) => Some(*x),
+        OscType::Bool(x) => Some(f64::from(u8::from(*x))),
+        _ => None,
+    }
+}
+
+/// A value as `--set` takes it.
+fn ron(argument: &OscType) -> Option<String> {
+    match argument {
+        OscType::Int(x) => Some(x.to_string()),
+        OscType::Long(x) => Some(x.to_string()),
+        OscType::Float(x) => Some(format!("{x:?}")),
+        OscType::Double(x) => Some(format!("{x:?}")),
+        OscType::Bool(x) => Some(x.to_string()),
+        OscType::String(text) => Some(text.clone()),
+        OscType::Nil => Some("None".to_owned()),
+        _ => None,
+    }
+}
+
+/// The blow of a message's numbers.
+fn impact(numbers: &[f64]) -> Option<Impact> {
+    let &energy = numbers.first()?;
+    if !(0.0..=1e9).contains(&energy) {
+        return None;
+    }
+    let mut impact = Impact::from_energy(energy, Body { mass: 0.1, restitution: 0.5 });
+    let whole = |k: usize| match numbers.get(k) {
+        None => Some(0),
+        Some(x) => (x.fract() == 0.0 && (0.0..=1e6).contains(x)).then_some(*x as u32),
+    };
+    impact.hardness = numbers.get(1).map_or(1.0, |x| *x as f32);
+    (impact.object, impact.point) = (whole(2)?, whole(3)?);
+    for (place, x) in impact.position.iter_mut().zip(numbers.get(4..).unwrap_or_default()) {
+        *place = *x as f32;
+    }
+    impact.is_valid().then_some(impact)
+}
+
+fn message(message: &rosc::OscMessage, wait: Duration, hub: &Hub) -> Option<()> {
+    let path = message.addr.strip_prefix("/foley/")?;
+    let (kind, name) = path.split_once('/')?;
+    if name.is_empty() {
+        return None;
+    }
+    let numbers = || message.args.iter().map(number).collect::<Option<Vec<f64>>>();
+    match kind {
+        "impact" => hub.deliver(name, to_message(&impact(&numbers()?)?)?, wait),
+        "control" => hub.deliver(name, Message::new(&numbers()?)?, wait),
+        "set" => hub.set(name.replace('/', "."), ron(message.args.first()?)?),
+        _ => return None,
+    }
+    Some(())
+}
+
+fn packet(packet: &OscPacket, time: Duration, now: f64, depth: usize, hub: &Hub) {
+    match packet {
+        OscPacket::Message(m) => {
+            if message(m, time, hub).is_none() {
+                hub.reject();
+            }
+        }
+        OscPacket::Bundle(bundle) if depth < DEEPEST => {
+            let time = wait(bundle.timetag, now);
+            bundle.content.iter().for_each(|p| packet_in(p, time, now, depth, hub));
+        }
+        OscPacket::Bundle(_) => hub.reject(),
+    }
+}
+
+fn packet_in(inner: &OscPacket, time: Duration, now: f64, depth: usize, hub: &Hub) {
+    packet(inner, time, now, depth + 1, hub);
+}
+
+/// Takes one packet; what cannot be understood is counted.
+pub fn read_packet(bytes: &[u8], hub: &Hub) {
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs_f64();
+    match rosc::decoder::decode_udp(bytes) {
+        Ok((_, found)) => packet(&found, Duration::ZERO, now, 0, hub),
+        Err(_) => hub.reject(),
+    }
+}
+
+/// A socket that is listened to, until this is dropped.
+pub struct Listening {
+    /// Where.
+    pub at: SocketAddr,
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+/// Listens for packets.
+///
+/// # Errors
+/// When the address cannot be had.
+pub fn listen(at: SocketAddr, hub: Arc<Hub>) -> std::io::Result<Listening> {
+    let socket = UdpSocket::bind(at)?;
+    socket.set_read_timeout(Some(Duration::from_millis(100)))?;
+    let (at, stop) = (socket.local_addr()?, Arc::new(AtomicBool::new(false)));
+    let stopped = Arc::clone(&stop);
+    let thread = std::thread::spawn(move || {
+        let mut bytes = vec![0; 65_536];
+        while !stopped.load(Relaxed) {
+            if let Ok(n) = socket.recv(&mut bytes) {
+                read_packet(&bytes[..n], &hub);
+            }
+        }
+    });
+    Ok(Listening { at, stop, thread: Some(thread) })
+}
+
+impl Drop for Listening {
+    fn drop(&mut self) {
+        self.stop.store(true, Relaxed);
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crossbeam_channel::unbounded;
+    use foley_nodes::core::input::Inputs;
+    use foley_nodes::core::random::Draw;
+    use foley_nodes::core::time::{seconds, ticks};
+    use foley_nodes::live::from_message;
+    use rosc::{OscBundle, OscMessage, encoder::encode};
+
+    fn bytes(addr: &str, args: Vec<OscType>) -> Vec<u8> {
+        encode(&OscPacket::Message(OscMessage { addr: addr.into(), args })).unwrap()
+    }
+
+    #[test]
+    fn each_kind_of_message_arrives() {
+        let (sets, set) = unbounded();
+        let hub = Hub::new(sets);
+        let (mut hits, mut numbers) = (hub.open("hits").unwrap(), hub.open("a/b").unwrap());
+        read_packet(&bytes("/foley/impact/hits", vec![OscType::Float(0.5), OscType::Float(0.1), OscType::Int(2)]), &hub);
+        read_packet(&bytes("/foley/control/a/b", vec![OscType::Float(1.0), OscType::Int(-2)]), &hub);
+        read_packet(&bytes("/foley/set/bell/gain", vec![OscType::Float(0.25)]), &hub);
+        for wrong in ["/foley/impact/hits", "/foley/nothing/x", "/other", "/foley/set/"] {
+            read_packet(&bytes(wrong, Vec::new()), &hub);
+        }
+        let blow = from_message(&hits.next(1).unwrap().1).unwrap();
+        assert_eq!((blow.energy, blow.hardness, blow.object), (0.5, 0.1, 2));
+        assert_eq!(numbers.next(1).unwrap().1.numbers(), [1.0, -2.0]);
+        assert_eq!(set.recv().unwrap(), super::super::Set { target: "bell.gain".into(), value: "0.25".into() });
+        assert_eq!(hub.malformed.load(Relaxed), 4);
+    }
+
+    #[test]
+    fn a_bundle_keeps_its_time() {
+        let hub = Hub::new(unbounded().0);
+        let mut inbox = hub.open("c").unwrap();
+        let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap().as_secs_f64() + EPOCH + 0.5;
+        let timetag = OscTime { seconds: now as u32, fractional: (now.fract() * 4_294_967_296.0) as u32 };
+        let inner = OscMessage { addr: "/foley/control/c".into(), args: vec![OscType::Float(1.0)] };
+        let bundle = OscBundle { timetag, content: vec![OscPacket::Message(inner)] };
+        read_packet(&encode(&OscPacket::Bundle(bundle)).unwrap(), &hub);
+        let (at, _) = inbox.next(ticks(10.0)).unwrap();
+        assert!((seconds(at) - 0.5).abs() < 0.1, "{}", seconds(at));
+    }
+
+    #[test]
+    fn no_packet_does_harm() {
+        let hub = Hub::new(unbounded().0);
+        let _inbox = hub.open("hits");
+        let good = bytes("/foley/impact/hits", vec![OscType::Float(0.5), OscType::Int(1)]);
+        for seed in 0..5000 {
+            let mut draw = Draw::new(seed);
+            let mut bytes = good.clone();
+            for _ in 0..1 + draw.below(6) {
+                let at = draw.below(bytes.len());
+                match draw.below(3) {
+                    0 => bytes.truncate(at.max(1)),
+                    1 => bytes[at] = draw.below(256) as u8,
+                    _ => bytes.push(draw.below(256) as u8),
+                }
+            }
+            read_packet(&bytes, &hub);
+        }
+    }
+
+    #[test]
+    fn packets_come_over_the_network() {
+        let hub = Arc::new(Hub::new(unbounded().0));
+        let mut inbox = hub.open("x").unwrap();
+        let listening = listen("127.0.0.1:0".parse().unwrap(), Arc::clone(&hub)).unwrap();
+        let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+        socket.send_to(&bytes("/foley/control/x", vec![OscType::Float(4.0)]), listening.at).unwrap();
+        let got = (0..200).find_map(|_| {
+            std::thread::sleep(Duration::from_millis(10));
+            inbox.next(1)
+        });
+        assert_eq!(got.unwrap().1.numbers(), [4.0]);
+    }
+}
