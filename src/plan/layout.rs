@@ -341,6 +341,12 @@ pub fn cut(parts: &Parts<'_>, threads: usize, worth: f64) -> HashMap<What, usize
     region_of
 }
 
+/// The most items in any span of `ticks`, exactly: [`Rate::first_at`] rounds up, and a sum that is rounded up is never more
+/// than the sum of what is rounded up.
+fn most_items(rate: Rate, ticks: Tick) -> usize {
+    rate.first_at(ticks.max(0)) as usize
+}
+
 struct Layout<'g> {
     graph: &'g Graph,
     shapes: &'g [NodeShape],
@@ -416,7 +422,7 @@ impl Layout<'_> {
                 None => groups.push((key.0, key.1, vec![reader])),
             }
         }
-        let window_items = rate.map_or(0, |r| r.first_at(self.window) as usize + 2);
+        let window_items = rate.map_or(0, |r| most_items(r, self.window));
         let window = self.window;
         let track_for = |group: &[Reader]| {
             let front = group.iter().map(|r| r.front).max().unwrap_or(0);
@@ -473,7 +479,7 @@ impl Layout<'_> {
         written: Tick,
         rate: Option<Rate>,
     ) -> Vec<Reader> {
-        let items = |ticks: Tick| rate.map_or(0, |r| r.first_at(ticks.max(0)) as usize + 2);
+        let items = |ticks: Tick| rate.map_or(0, |r| most_items(r, ticks));
         let mut readers = Vec::new();
         for &(v, in_port, place) in self.readers_of.get(&(u, port)).into_iter().flatten() {
             let reach = self.shapes[v].reach[in_port];

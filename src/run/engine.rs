@@ -83,8 +83,10 @@ pub fn run_phase(
         return Err(errors);
     }
     let bytes: usize = stages.iter().map(Stage::bytes).sum();
+    // A thread without a region of its own would only look for work, on a core that another thread could use.
+    let parts = phase.regions.iter().filter(|r| !r.io).count();
     let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(job.threads.max(1))
+        .num_threads(job.threads.min(parts).max(1))
         .thread_name(|k| format!("foley-{k}"))
         .build()
         .map_err(|e| vec![Diagnostic::general("F090", format!("cannot start threads: {e}"))])?;

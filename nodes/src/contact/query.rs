@@ -135,7 +135,15 @@ impl Scene<'_> {
         let (start, end) = (slots.start as usize, slots.end as usize);
         let tree = &self.trees[0];
         if tree.at_home() && end - start <= WIDEST_MARKED {
-            return marks[start..end].iter().fold(u16::MAX, |all, mark| all & mark);
+            let mut all = u16::MAX;
+            for piece in marks[start..end].chunks(CLUSTER) {
+                all = piece.iter().fold(all, |all, mark| all & mark);
+                // Most subtrees are not excluded at all, and their first marks already say so.
+                if all == 0 {
+                    break;
+                }
+            }
+            return all;
         }
         // Slots and ranks part company when the tree is sorted anew; then only single triangles can be looked up.
         if end - start > 1 {

@@ -88,6 +88,8 @@ pub trait Node: Sized + Send + 'static {
 
     /// Fills one window.
     ///
+    /// A node that does next to nothing per item marks its `run` as `#[inline]`: then its views never leave the registers.
+    ///
     /// # Errors
     /// When the data make it impossible to go on.
     fn run(&mut self, io: <Self::Ports as Ports>::Io<'_>) -> Result<(), Fault>;

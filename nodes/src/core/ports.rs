@@ -1,4 +1,8 @@
 //! Typed ports: what a node declares of its inputs and outputs, and what it sees of them in one window.
+//!
+//! Views are opened for every node in every window, so opening one is always part of its caller: a view that came back
+//! through memory would be written word by word and read two words at a time, which stalls a processor for longer than a
+//! light node takes.
 
 use super::item::{
     AnyValue, Data, DataType, Described, Event, EventType, Item, ItemType, OfData, OfEvent, OfItem,
@@ -372,22 +376,24 @@ impl<T: Item> InKind for Stream<T> {
     const KIND: PortKind = PortKind::Stream(OfItem::<T>::INFO);
     const ARITY: Arity = Arity::One;
 
+    #[inline(always)]
     fn view<'a>(cx: &Cx<'a>, port: usize) -> In<'a, T> {
         Self::link(cx, &cx.inputs[port][0])
     }
 }
 
 impl<T: Item> One for Stream<T> {
+    #[inline(always)]
     fn link<'a>(cx: &Cx<'a>, wire: &'a InWire) -> In<'a, T> {
         let InWire::Stream { track, clock, past, ahead, delay, width, rate } = wire else {
             cx.miswired("stream")
         };
         let span = cx.span(*clock);
-        if cx.closing {
-            let items = Ref::map(cx.tracks[*track].borrow(), |_| -> &[T::Elem] { &[] });
+        if cx.shared.closing {
+            let items = Ref::map(cx.shared.tracks[*track].borrow(), |_| -> &[T::Elem] { &[] });
             return In { items, width: *width, past: 0, len: 0, first: span.from, rate: *rate };
         }
-        let items = Ref::map(cx.tracks[*track].borrow(), |track| {
+        let items = Ref::map(cx.shared.tracks[*track].borrow(), |track| {
             let Some(track) = track.typed::<Track<T::Elem>>() else { cx.miswired(T::NAME) };
             let (from, to) = (span.from - *delay as i64, span.to - *delay as i64);
             track.view(from - *past as i64, to + *ahead as i64)
@@ -402,16 +408,18 @@ impl<T: Event> InKind for Events<T> {
     const KIND: PortKind = PortKind::Events(OfEvent::<T>::INFO);
     const ARITY: Arity = Arity::One;
 
+    #[inline(always)]
     fn view<'a>(cx: &Cx<'a>, port: usize) -> EventsIn<'a, T> {
         Self::link(cx, &cx.inputs[port][0])
     }
 }
 
 impl<T: Event> One for Events<T> {
+    #[inline(always)]
     fn link<'a>(cx: &Cx<'a>, wire: &'a InWire) -> EventsIn<'a, T> {
         let InWire::Events { track, clock, past, ahead } = wire else { cx.miswired("events") };
         let span = cx.span(*clock);
-        let events = Ref::map(cx.tracks[*track].borrow(), |track| {
+        let events = Ref::map(cx.shared.tracks[*track].borrow(), |track| {
             let Some(track) = track.typed::<EventTrack<T>>() else { cx.miswired(T::NAME) };
             track.view(span.from - past, span.to + ahead)
         });
@@ -424,12 +432,14 @@ impl<T: Data> InKind for Value<T> {
     const KIND: PortKind = PortKind::Value(OfData::<T>::INFO);
     const ARITY: Arity = Arity::One;
 
+    #[inline(always)]
     fn view<'a>(cx: &Cx<'a>, port: usize) -> &'a T {
         Self::link(cx, &cx.inputs[port][0])
     }
 }
 
 impl<T: Data> One for Value<T> {
+    #[inline(always)]
     fn link<'a>(cx: &Cx<'a>, wire: &'a InWire) -> &'a T {
         let InWire::Value(value) = wire else { cx.miswired("value") };
         match value.get() {
@@ -444,6 +454,7 @@ impl<K: One> InKind for Option<K> {
     const KIND: PortKind = K::KIND;
     const ARITY: Arity = Arity::Optional;
 
+    #[inline(always)]
     fn view<'a>(cx: &Cx<'a>, port: usize) -> Self::View<'a> {
         cx.inputs[port].first().map(|wire| K::link(cx, wire))
     }
@@ -455,6 +466,7 @@ impl<K: One> InKind for Late<K> {
     const ARITY: Arity = Arity::One;
     const LATE: bool = true;
 
+    #[inline(always)]
     fn view<'a>(cx: &Cx<'a>, port: usize) -> Self::View<'a> {
         K::view(cx, port)
     }
@@ -465,24 +477,34 @@ impl<K: One> InKind for Many<K> {
     const KIND: PortKind = K::KIND;
     const ARITY: Arity = Arity::Many;
 
+    #[inline(always)]
     fn view<'a>(cx: &Cx<'a>, port: usize) -> Links<'a, K> {
         Links { cx: *cx, wires: &cx.inputs[port], kind: PhantomData }
     }
+}
+
+#[cold]
+#[inline(never)]
+fn spoil<T: Item>(items: &mut [T::Elem]) {
+    items.fill(T::poison());
 }
 
 impl<T: Item> OutKind for Stream<T> {
     type View<'a> = Out<'a, T>;
     const KIND: PortKind = PortKind::Stream(OfItem::<T>::INFO);
 
+    #[inline(always)]
     fn view<'a>(cx: &Cx<'a>, port: usize) -> Out<'a, T> {
         let OutWire::Stream { track, clock, width, rate } = &cx.outputs[port] else { cx.miswired("stream") };
         let span = cx.span(*clock);
-        let mut items = RefMut::map(cx.tracks[*track].borrow_mut(), |track| {
-            let Some(track) = track.typed_mut::<Track<T::Elem>>() else { cx.miswired(T::NAME) };
-            track.append((span.to - span.from) as usize)
-        });
-        if cx.poison {
-            items.fill(T::poison());
+        let n = (span.to - span.from) as usize;
+        let mut buffer = cx.shared.tracks[*track].borrow_mut();
+        let Some(track) = buffer.typed_mut::<Track<T::Elem>>() else { cx.miswired(T::NAME) };
+        let fresh = track.extend(n);
+        // Two steps, so that `map` is small enough to become part of its caller.
+        let mut items = RefMut::map(buffer, |buffer| buffer.elements_mut(fresh));
+        if cx.shared.poison {
+            spoil::<T>(&mut items);
         }
         Out { items, width: *width, first: span.from, rate: *rate }
     }
@@ -492,10 +514,11 @@ impl<T: Event> OutKind for Events<T> {
     type View<'a> = EventsOut<'a, T>;
     const KIND: PortKind = PortKind::Events(OfEvent::<T>::INFO);
 
+    #[inline(always)]
     fn view<'a>(cx: &Cx<'a>, port: usize) -> EventsOut<'a, T> {
         let OutWire::Events { track, clock } = &cx.outputs[port] else { cx.miswired("events") };
         let span = cx.span(*clock);
-        let mut track = RefMut::map(cx.tracks[*track].borrow_mut(), |track| {
+        let mut track = RefMut::map(cx.shared.tracks[*track].borrow_mut(), |track| {
             let Some(track) = track.typed_mut::<EventTrack<T>>() else { cx.miswired(T::NAME) };
             track
         });
@@ -513,6 +536,7 @@ impl<T: Data> OutKind for Value<T> {
     type View<'a> = Slot<'a, T>;
     const KIND: PortKind = PortKind::Value(OfData::<T>::INFO);
 
+    #[inline(always)]
     fn view<'a>(cx: &Cx<'a>, port: usize) -> Slot<'a, T> {
         slot(cx, port)
     }
@@ -522,6 +546,7 @@ impl<T: Data> OutKind for Fold<T> {
     type View<'a> = Slot<'a, T>;
     const KIND: PortKind = PortKind::Fold(OfData::<T>::INFO);
 
+    #[inline(always)]
     fn view<'a>(cx: &Cx<'a>, port: usize) -> Slot<'a, T> {
         slot(cx, port)
     }
@@ -576,6 +601,7 @@ macro_rules! ports {
                 late: false,
             }, )* ];
 
+            #[inline(always)]
             fn open<'a>(cx: &$crate::core::stage::Cx<'a>) -> $io<'a> {
                 $io {
                     $( $in: <$it as $crate::core::ports::InKind>::view(cx, $name::$in.index()), )*

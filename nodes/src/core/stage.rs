@@ -4,13 +4,13 @@ use super::fault::Fault;
 use super::item::AnyValue;
 use super::node::DynNode;
 use super::time::{Rate, Tick};
-use super::track::AnyTrack;
+use super::track::{AnyTrack, Buffer};
 use std::cell::RefCell;
 use std::marker::PhantomData;
 use std::time::{Duration, Instant};
 
 /// A buffer that one node writes and others read.
-pub type TrackCell = RefCell<Box<dyn AnyTrack>>;
+pub type TrackCell = RefCell<Buffer>;
 
 /// Where one link of an input comes from.
 #[derive(Debug)]
@@ -109,6 +109,13 @@ pub struct Span {
     pub first: bool,
 }
 
+impl Span {
+    /// Whether it neither begins nor continues a stream, so that there is nothing to pad.
+    fn steady(&self) -> bool {
+        self.full == self.to && !self.first
+    }
+}
+
 /// What a node may know of the run in one window.
 #[derive(Clone, Copy, Debug)]
 pub struct Window<'a> {
@@ -119,28 +126,38 @@ pub struct Window<'a> {
     run: PhantomData<&'a ()>,
 }
 
-/// Everything that the views of one node need to open.
+/// What all nodes of a stage have in common in one window.
 #[derive(Clone, Copy)]
-pub struct Cx<'a> {
+pub(super) struct Shared<'a> {
     pub(super) tracks: &'a [TrackCell],
-    pub(super) inputs: &'a [Vec<InWire>],
-    pub(super) outputs: &'a [OutWire],
     spans: &'a [Span],
-    clock: usize,
     pub(super) poison: bool,
     /// Whether the streams have ended: what was around the last window may be gone by now.
     pub(super) closing: bool,
 }
 
+/// What there is without streams.
+const NOTHING: &Shared<'static> = &Shared { tracks: &[], spans: &[], poison: false, closing: false };
+
+/// Everything that the views of one node need to open.
+#[derive(Clone, Copy)]
+pub struct Cx<'a> {
+    pub(super) shared: &'a Shared<'a>,
+    pub(super) inputs: &'a [Vec<InWire>],
+    pub(super) outputs: &'a [OutWire],
+    clock: usize,
+}
+
 impl<'a> Cx<'a> {
+    #[inline(always)]
     pub(super) fn span(&self, clock: usize) -> Span {
-        self.spans[clock]
+        self.shared.spans[clock]
     }
 
     /// The wires of a node that has values only.
     #[must_use]
     pub fn for_values(inputs: &'a [Vec<InWire>], outputs: &'a [OutWire]) -> Self {
-        Cx { tracks: &[], inputs, outputs, spans: &[], clock: 0, poison: false, closing: false }
+        Cx { shared: NOTHING, inputs, outputs, clock: 0 }
     }
 
     /// Reads the buffer behind one link without knowing its type, with the present window on it.
@@ -149,17 +166,19 @@ impl<'a> Cx<'a> {
             InWire::Stream { track, clock, .. } | InWire::Events { track, clock, .. } => (*track, *clock),
             InWire::Value(_) => return None,
         };
-        Some(read(&**self.tracks[track].borrow(), self.spans[clock]))
+        Some(read(self.shared.tracks[track].borrow().any(), self.shared.spans[clock]))
     }
 
     /// The node's own window; empty for a node that has values only.
+    #[inline(always)]
     #[must_use]
     pub fn window(&self) -> Window<'a> {
-        let span = self.spans.get(self.clock).copied().unwrap_or_default();
+        let span = self.shared.spans.get(self.clock).copied().unwrap_or_default();
         Window { from: span.from, to: span.to, run: PhantomData }
     }
 
     /// Ends a run whose wires contradict the declared ports, which only a defect of the planner can bring about.
+    #[cold]
     pub(super) fn miswired(&self, what: &str) -> ! {
         panic!("the plan wired something else to a port of type {what}: a defect in foley, not in the graph")
     }
@@ -200,6 +219,8 @@ pub struct Stage {
     spent: Vec<Spent>,
     timed: bool,
     poison: bool,
+    /// Whether no clock has anything to pad in the present window.
+    steady: bool,
 }
 
 impl Stage {
@@ -213,8 +234,8 @@ impl Stage {
         };
         let spans = clocks.iter().map(begin).collect();
         let spent = vec![Spent::default(); nodes.len()];
-        let tracks = tracks.into_iter().map(RefCell::new).collect();
-        Self { tracks, clocks, spans, nodes, spent, timed: false, poison: false }
+        let tracks = tracks.into_iter().map(|track| RefCell::new(Buffer::new(track))).collect();
+        Self { tracks, clocks, spans, nodes, spent, timed: false, poison: false, steady: false }
     }
 
     /// Measures the time in each node from now on.
@@ -247,12 +268,14 @@ impl Stage {
 
     /// Moves every clock to the window that ends at `to`; windows follow each other without gaps.
     pub fn advance(&mut self, to: Tick) {
+        self.steady = true;
         for (span, clock) in self.spans.iter_mut().zip(&self.clocks) {
             let tick = to.saturating_sub(clock.delay).max(clock.from);
             let full = clock.position(tick);
             let stop = clock.end.map_or(full, |end| clock.position(tick.min(end)));
             let first = span.first && span.from == span.full;
             *span = Span { from: span.full.min(stop), to: stop, full, first };
+            self.steady &= span.steady();
         }
     }
 
@@ -267,50 +290,24 @@ impl Stage {
     /// # Errors
     /// The first fault of a node; the stage is of no use afterwards.
     pub fn run(&mut self) -> Result<(), StageFault> {
-        for k in 0..self.nodes.len() {
-            self.run_node(k).map_err(|fault| (k, fault))?;
-        }
-        Ok(())
-    }
-
-    #[inline]
-    fn run_node(&mut self, k: usize) -> Result<(), Fault> {
-        let StageNode { node, clock, inputs, outputs, copies } = &mut self.nodes[k];
-        let span = self.spans[*clock];
-        if span.to > span.from {
-            let cx = Cx {
-                tracks: &self.tracks,
-                inputs,
-                outputs,
-                spans: &self.spans,
-                clock: *clock,
-                poison: self.poison,
-                closing: false,
-            };
-            let start = self.timed.then(Instant::now);
-            node.run(&cx)?;
-            if let Some(start) = start {
-                self.spent[k].time += start.elapsed();
-                self.spent[k].calls += 1;
-            }
-        }
-        for wire in outputs.iter() {
-            match wire {
-                OutWire::Stream { track, clock, .. } | OutWire::Events { track, clock } => {
-                    settle(&self.tracks[*track], self.spans[*clock]);
-                }
-                OutWire::Value(_) => {}
-            }
-        }
-        for &(from, to, clock) in copies.iter() {
-            let span = self.spans[clock];
-            let source = self.tracks[from].borrow();
-            let mut copy = self.tracks[to].borrow_mut();
+        let Self { tracks, spans, nodes, spent, timed, poison, steady, .. } = self;
+        let shared = Shared { tracks, spans, poison: *poison, closing: false };
+        for (k, (stage_node, spent)) in nodes.iter_mut().zip(spent).enumerate() {
+            let StageNode { node, clock, inputs, outputs, copies } = stage_node;
+            let cx = Cx { shared: &shared, inputs, outputs, clock: *clock };
+            let span = spans[*clock];
             if span.to > span.from {
-                copy.append_from(&**source, span.from, span.to);
+                let start = timed.then(Instant::now);
+                if let Err(fault) = node.run(&cx) {
+                    return Err((k, fault));
+                }
+                if let Some(start) = start {
+                    spent.time += start.elapsed();
+                    spent.calls += 1;
+                }
             }
-            if span.full > span.to {
-                copy.pad_to(span.full);
+            if !*steady || !copies.is_empty() {
+                complete(&cx, copies);
             }
         }
         Ok(())
@@ -324,18 +321,11 @@ impl Stage {
         for span in &mut self.spans {
             *span = Span { from: span.to, to: span.to, full: span.to, first: false };
         }
+        let shared = Shared { tracks: &self.tracks, spans: &self.spans, poison: false, closing: true };
         let mut summaries = Vec::with_capacity(self.nodes.len());
         for (k, stage_node) in self.nodes.iter_mut().enumerate() {
             let StageNode { node, clock, inputs, outputs, .. } = stage_node;
-            let cx = Cx {
-                tracks: &self.tracks,
-                inputs,
-                outputs,
-                spans: &self.spans,
-                clock: *clock,
-                poison: false,
-                closing: true,
-            };
+            let cx = Cx { shared: &shared, inputs, outputs, clock: *clock };
             summaries.push(node.finish(&cx).map_err(|fault| (k, fault))?);
         }
         Ok(summaries)
@@ -361,7 +351,7 @@ impl Stage {
         let span = self.spans[clock];
         into.restart(span.from);
         if span.to > span.from {
-            into.append_from(&**self.tracks[track].borrow(), span.from, span.to);
+            into.append_from(self.tracks[track].borrow().any(), span.from, span.to);
         }
     }
 
@@ -369,6 +359,7 @@ impl Stage {
     pub fn import(&self, track: usize, clock: usize, from: &dyn AnyTrack) {
         let span = self.spans[clock];
         let mut track = self.tracks[track].borrow_mut();
+        let track = track.any_mut();
         if span.to > span.from {
             track.append_from(from, span.from, span.to);
         }
@@ -379,28 +370,28 @@ impl Stage {
 
     /// Gives a buffer the past of one of another stage.
     pub fn seed(&mut self, old: &mut Self, from: usize, to: usize) {
-        self.tracks[to].get_mut().seed(&**old.tracks[from].get_mut());
+        self.tracks[to].get_mut().any_mut().seed(old.tracks[from].get_mut().any());
     }
 
     /// Moves the end of a buffer to `to` with what stands for missing items.
     pub fn pad(&mut self, track: usize, to: i64) {
-        self.tracks[track].get_mut().pad_to(to);
+        self.tracks[track].get_mut().any_mut().pad_to(to);
     }
 
     /// Changes a buffer.
     pub fn with_track_mut<R>(&mut self, track: usize, change: impl FnOnce(&mut dyn AnyTrack) -> R) -> R {
-        change(&mut **self.tracks[track].get_mut())
+        change(self.tracks[track].get_mut().any_mut())
     }
 
     /// Reads a buffer.
     pub fn with_track<R>(&self, track: usize, read: impl FnOnce(&dyn AnyTrack) -> R) -> R {
-        read(&**self.tracks[track].borrow())
+        read(self.tracks[track].borrow().any())
     }
 
     /// Bytes in all buffers.
     #[must_use]
     pub fn bytes(&self) -> usize {
-        self.tracks.iter().map(|t| t.borrow().bytes()).sum()
+        self.tracks.iter().map(|t| t.borrow().any().bytes()).sum()
     }
 
     /// Goes on where another stage stopped: takes nodes and buffers, each given as its place there and its place here.
@@ -413,7 +404,7 @@ impl Stage {
             self.spent[to] = old.spent[from];
         }
         for &(from, to) in tracks {
-            self.tracks[to].get_mut().take_over(&mut **old.tracks[from].get_mut());
+            self.tracks[to].get_mut().any_mut().take_over(old.tracks[from].get_mut().any_mut());
         }
     }
 
@@ -423,10 +414,36 @@ impl Stage {
     }
 }
 
+/// Pads what a node has written, and copies it where another rule of padding holds.
+#[inline(never)]
+fn complete(cx: &Cx<'_>, copies: &[(usize, usize, usize)]) {
+    for wire in cx.outputs {
+        match wire {
+            OutWire::Stream { track, clock, .. } | OutWire::Events { track, clock } => {
+                settle(&cx.shared.tracks[*track], cx.span(*clock));
+            }
+            OutWire::Value(_) => {}
+        }
+    }
+    for &(from, to, clock) in copies {
+        let span = cx.span(clock);
+        let source = cx.shared.tracks[from].borrow();
+        let mut copy = cx.shared.tracks[to].borrow_mut();
+        let copy = copy.any_mut();
+        if span.to > span.from {
+            copy.append_from(source.any(), span.from, span.to);
+        }
+        if span.full > span.to {
+            copy.pad_to(span.full);
+        }
+    }
+}
+
 /// Continues a stream that has ended by its pad rule, and fills in what a held start waits for.
 fn settle(track: &TrackCell, span: Span) {
-    if span.full > span.to || span.first {
+    if !span.steady() {
         let mut track = track.borrow_mut();
+        let track = track.any_mut();
         track.settle();
         if span.full > span.to {
             track.pad_to(span.full);

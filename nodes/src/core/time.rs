@@ -198,6 +198,8 @@ mod tests {
         #[test]
         fn first_at_inverts_tick(num in 1_u64..200_000, den in 1_u64..1100, i in -100_000_i64..100_000_000) {
             let rate = Rate::new(num, den).unwrap();
+            // Beyond that, a hundred years, times saturate.
+            prop_assume!(rate.tick(i + 1) < i64::MAX / 4);
             prop_assert_eq!(rate.first_at(rate.tick(i)), i);
             prop_assert!(rate.first_at(rate.tick(i) + 1) > i);
         }

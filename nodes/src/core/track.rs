@@ -2,6 +2,7 @@
 
 use super::time::Tick;
 use std::any::Any;
+use std::ops::Range;
 
 /// What stands in a stream before its first and after its last item.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -55,9 +56,11 @@ pub struct Track<E> {
     span: usize,
     front: usize,
     pad: Pad,
-    head: usize,
-    len: usize,
-    /// Position of the first item that is no padding.
+    /// The item that stands, or stood, at the start of the storage.
+    origin: i64,
+    /// The first item that is still there.
+    first: i64,
+    /// The first item that is no padding.
     start: i64,
     end: i64,
 }
@@ -66,12 +69,15 @@ impl<E: Copy + Default + Send + 'static> Track<E> {
     /// A track that keeps `span` items and starts with `front` padded items before item 0.
     #[must_use]
     pub fn new(width: usize, span: usize, front: usize, pad: Pad) -> Self {
-        let span = span.max(front).max(1);
+        let span = span.max(front).max(Self::LEAST);
         let data = vec![E::default(); Self::storage(width, span)];
-        let mut track = Self { data, width, span, front, pad, head: 0, len: 0, start: 0, end: 0 };
+        let mut track = Self { data, width, span, front, pad, origin: 0, first: 0, start: 0, end: 0 };
         track.reset();
         track
     }
+
+    /// The shortest span: padding reads the item before the one that it writes.
+    const LEAST: usize = 2;
 
     fn storage(width: usize, span: usize) -> usize {
         width.saturating_mul(span).saturating_mul(2)
@@ -80,36 +86,62 @@ impl<E: Copy + Default + Send + 'static> Track<E> {
     /// Bytes that a track of this size takes, without making it.
     #[must_use]
     pub fn planned_bytes(width: usize, span: usize) -> usize {
-        Self::storage(width, span.max(1)).saturating_mul(size_of::<E>())
+        Self::storage(width, span.max(Self::LEAST)).saturating_mul(size_of::<E>())
+    }
+
+    /// Where an item stands in the storage.
+    #[inline(always)]
+    fn at(&self, item: i64) -> usize {
+        (item - self.origin) as usize * self.width
     }
 
     /// Adds `n` items and gives them to be filled; they hold stale values.
+    #[inline]
     pub fn append(&mut self, n: usize) -> &mut [E] {
-        if (self.head + self.len + n) * self.width > self.data.len() {
-            let keep = self.len.min(self.span.saturating_sub(n));
-            let from = (self.head + self.len - keep) * self.width;
-            self.data.copy_within(from..from + keep * self.width, 0);
-            self.head = 0;
-            self.len = keep;
-            // Only a window longer than planned comes here: grow rather than fail.
-            if (keep + n) * self.width > self.data.len() {
-                self.data.resize((keep + n) * self.width, E::default());
-            }
-        }
-        let at = (self.head + self.len) * self.width;
-        self.len += n;
-        self.end += n as i64;
-        &mut self.data[at..at + n * self.width]
+        let fresh = self.extend(n);
+        &mut self.data[fresh]
     }
 
-    /// Replaces the padding before item 0 by copies of it, where the rule is to hold.
+    /// Adds `n` items and tells where in the storage they stand.
+    #[inline(always)]
+    pub(super) fn extend(&mut self, n: usize) -> Range<usize> {
+        if n >= self.span {
+            // Nothing before these items is read again: the same memory serves every window and stays in the cache.
+            self.origin = self.end;
+            self.first = self.end;
+        }
+        let count = n * self.width;
+        let mut at = self.at(self.end);
+        if at + count > self.data.len() {
+            at = self.make_room(n);
+        }
+        self.end += n as i64;
+        at..at + count
+    }
+
+    /// Moves what is still read to the front of the storage, and tells where the next `n` items go.
+    #[inline(never)]
+    fn make_room(&mut self, n: usize) -> usize {
+        let kept = self.span.saturating_sub(n) as i64;
+        self.first = self.first.max(self.end - kept);
+        let (from, to) = (self.at(self.first), self.at(self.end));
+        self.data.copy_within(from..to, 0);
+        self.origin = self.first;
+        let at = to - from;
+        // Only a window longer than planned needs more: grow rather than fail.
+        if at + n * self.width > self.data.len() {
+            self.data.resize(at + n * self.width, E::default());
+        }
+        at
+    }
+
+    /// Replaces the padding before the first item by copies of it, where the rule is to hold.
     fn hold_front(&mut self) {
-        let real = self.end - self.start;
-        if self.pad == Pad::Hold && self.front > 0 && real > 0 && real <= self.len as i64 {
-            let zero = (self.head + self.len) - real as usize;
-            let first = zero * self.width;
-            for k in self.head..zero {
-                self.data.copy_within(first..first + self.width, k * self.width);
+        if self.pad == Pad::Hold && self.front > 0 && self.end > self.start && self.first <= self.start {
+            let real = self.at(self.start);
+            for item in self.first..self.start {
+                let at = self.at(item);
+                self.data.copy_within(real..real + self.width, at);
             }
             self.front = 0;
         }
@@ -117,18 +149,96 @@ impl<E: Copy + Default + Send + 'static> Track<E> {
 
     /// The last `n` items, to be changed.
     pub fn last_mut(&mut self, n: usize) -> &mut [E] {
-        let (to, n) = (self.head + self.len, n.min(self.len));
-        &mut self.data[(to - n) * self.width..to * self.width]
+        let from = self.at((self.end - n as i64).max(self.first));
+        let to = self.at(self.end);
+        &mut self.data[from..to]
     }
 
     /// Items `[from, to)`.
+    #[inline(always)]
     #[must_use]
     pub fn view(&self, from: i64, to: i64) -> &[E] {
-        let first = self.end - self.len as i64;
-        debug_assert!(from >= first && to <= self.end, "{from}..{to} of {first}..{}", self.end);
-        let at = (self.head as i64 + from - first) as usize;
-        &self.data[at * self.width..(at + (to - from) as usize) * self.width]
+        debug_assert!(from >= self.first && to <= self.end, "{from}..{to} of {}..{}", self.first, self.end);
+        &self.data[self.at(from)..self.at(to)]
     }
+}
+
+/// A buffer in its place in a stage: audio, by far the most frequent, without a pointer and a virtual call in between.
+pub enum Buffer {
+    /// Numbers.
+    Samples(Track<f32>),
+    /// Anything else.
+    Other(Box<dyn AnyTrack>),
+}
+
+impl Buffer {
+    /// Takes a buffer in.
+    #[must_use]
+    pub fn new(mut track: Box<dyn AnyTrack>) -> Self {
+        match track.typed_mut::<Track<f32>>() {
+            Some(samples) => Self::Samples(std::mem::replace(samples, Track::new(0, 0, 0, Pad::Silence))),
+            None => Self::Other(track),
+        }
+    }
+
+    /// The buffer without its type.
+    #[must_use]
+    pub fn any(&self) -> &dyn AnyTrack {
+        match self {
+            Self::Samples(track) => track,
+            Self::Other(track) => &**track,
+        }
+    }
+
+    /// The buffer without its type, for writing.
+    pub fn any_mut(&mut self) -> &mut dyn AnyTrack {
+        match self {
+            Self::Samples(track) => track,
+            Self::Other(track) => &mut **track,
+        }
+    }
+
+    /// The buffer, where it is a `T`.
+    #[inline(always)]
+    #[must_use]
+    pub fn typed<T: AnyTrack>(&self) -> Option<&T> {
+        match self {
+            Self::Samples(track) => (track as &dyn Any).downcast_ref(),
+            Self::Other(track) => other(&**track),
+        }
+    }
+
+    /// A part of the storage, as [`Track::extend`] told it; empty where the buffer holds something else.
+    #[inline(always)]
+    pub(super) fn elements_mut<E: Copy + Default + Send + 'static>(
+        &mut self,
+        range: Range<usize>,
+    ) -> &mut [E] {
+        match self.typed_mut::<Track<E>>() {
+            Some(track) => &mut track.data[range],
+            None => &mut [],
+        }
+    }
+
+    /// The buffer for writing, where it is a `T`.
+    #[inline(always)]
+    pub fn typed_mut<T: AnyTrack>(&mut self) -> Option<&mut T> {
+        match self {
+            Self::Samples(track) => (track as &mut dyn Any).downcast_mut(),
+            Self::Other(track) => other_mut(&mut **track),
+        }
+    }
+}
+
+// Out of line, so that what reads audio stays small enough to become part of its caller.
+#[inline(never)]
+fn other<T: AnyTrack>(track: &dyn AnyTrack) -> Option<&T> {
+    track.typed()
+}
+
+#[inline(never)]
+fn other_mut<T: AnyTrack>(track: &mut dyn AnyTrack) -> Option<&mut T> {
+    track.typed_mut()
 }
 
 impl dyn AnyTrack {
@@ -163,7 +273,7 @@ impl<E: Copy + Default + Send + 'static> AnyTrack for Track<E> {
             let fresh = self.append(piece);
             fresh.fill(E::default());
             if hold {
-                let at = (self.head + self.len - piece) * width;
+                let at = self.at(self.end - piece as i64);
                 for k in 0..piece {
                     self.data.copy_within(at - width..at, at + k * width);
                 }
@@ -181,17 +291,18 @@ impl<E: Copy + Default + Send + 'static> AnyTrack for Track<E> {
     }
 
     fn reset(&mut self) {
-        self.head = 0;
-        self.len = self.front;
-        (self.start, self.end) = (0, 0);
+        self.restart(0);
+        self.first = -(self.front as i64);
+        self.origin = self.first;
         self.data[..self.front * self.width].fill(E::default());
     }
 
     fn begin(&mut self, at: i64) {
         self.reset();
         if at > 0 {
-            (self.front, self.len) = (self.span, self.span);
-            (self.start, self.end) = (at, at);
+            (self.front, self.start, self.end) = (self.span, at, at);
+            self.first = at - self.span as i64;
+            self.origin = self.first;
             self.data[..self.span * self.width].fill(E::default());
         }
     }
@@ -200,37 +311,27 @@ impl<E: Copy + Default + Send + 'static> AnyTrack for Track<E> {
         let Some(old) = old.typed_mut::<Self>() else { return };
         if (old.span, old.width, old.pad) == (self.span, self.width, self.pad) {
             std::mem::swap(self, old);
-            return;
+        } else if old.width == self.width {
+            self.begin(old.end);
+            self.end = old.end;
+            (self.front, self.start) = (old.front, old.start);
+            self.seed(old);
         }
-        if old.width != self.width {
-            return;
-        }
-        let (keep, end) = (old.len.min(self.span), old.end);
-        (self.front, self.start) = (old.front.min(self.span - keep), old.start);
-        (self.head, self.len, self.end) = (0, self.span, end);
-        let padding = (self.span - keep) * self.width;
-        let from = end - keep as i64;
-        let (before, kept) = self.data[..self.span * self.width].split_at_mut(padding);
-        before.fill(E::default());
-        kept.copy_from_slice(old.view(from, end));
     }
 
     fn seed(&mut self, other: &dyn AnyTrack) {
         let Some(other) = other.typed::<Self>().filter(|other| other.width == self.width) else { return };
-        let to = self.end.min(other.end);
-        let from = (self.end - self.len as i64).max(other.end - other.len as i64);
-        if from >= to {
-            return;
+        let (from, to) = (self.first.max(other.first), self.end.min(other.end));
+        if from < to {
+            let place = self.at(from)..self.at(to);
+            self.data[place].copy_from_slice(other.view(from, to));
+            self.start = self.start.min(from);
         }
-        let first = self.head + (from - (self.end - self.len as i64)) as usize;
-        let place = first * self.width..(first + (to - from) as usize) * self.width;
-        self.data[place].copy_from_slice(other.view(from, to));
-        self.start = self.start.min(from);
     }
 
     fn restart(&mut self, at: i64) {
-        self.head = 0;
-        self.len = 0;
+        self.origin = at;
+        self.first = at;
         (self.start, self.end) = (at, at);
     }
 
@@ -354,6 +455,37 @@ mod tests {
             let want: Vec<f32> = (from..next).map(|i| if i < 0 { 0.0 } else { i as f32 + 1.0 }).collect();
             assert_eq!(seen, want);
         }
+    }
+
+    #[test]
+    fn windows_as_long_as_the_span_stay_in_one_place() {
+        let mut track = Track::<f32>::new(1, 4, 0, Pad::Hold);
+        for k in 0..5 {
+            track.append(4).fill(k as f32);
+            assert_eq!(track.extend(0), 4..4, "window {k} fills the front");
+            assert_eq!(track.view(4 * k, 4 * k + 4), [k as f32; 4]);
+        }
+        track.pad_to(23);
+        assert_eq!(track.view(19, 23), [4.0; 4]);
+    }
+
+    #[test]
+    fn the_shortest_track_can_still_be_padded() {
+        let mut track = Track::<f32>::new(2, 1, 0, Pad::Hold);
+        track.append(1).copy_from_slice(&[1.0, 2.0]);
+        track.append(1).copy_from_slice(&[3.0, 4.0]);
+        track.pad_to(9);
+        assert_eq!(track.view(8, 9), [3.0, 4.0]);
+        assert_eq!(Track::<f32>::planned_bytes(2, 1), track.bytes());
+    }
+
+    #[test]
+    fn a_buffer_knows_its_type() {
+        let samples = Buffer::new(Box::new(Track::<f32>::new(1, 4, 0, Pad::Silence)));
+        assert!(matches!(samples, Buffer::Samples(_)) && samples.typed::<Track<f32>>().is_some());
+        assert!(samples.typed::<Track<u32>>().is_none());
+        let other = Buffer::new(Box::new(EventTrack::<u32>::new(10)));
+        assert!(matches!(other, Buffer::Other(_)) && other.typed::<EventTrack<u32>>().is_some());
     }
 
     #[test]

@@ -7,6 +7,10 @@ use crate::core::node::{Class, Node, Retune, same_rate};
 use crate::core::ports::Stream;
 use crate::core::shape::{Build, Ends, Incoming, Shape};
 use crate::{params, ports};
+
+/// Samples that are multiplied at once.
+const LANES: usize = 32;
+
 /// Amplitude factor of a level in dB; -infinity is 0.
 #[must_use]
 pub fn db_to_linear(db: f64) -> f64 {
@@ -26,6 +30,18 @@ pub fn modulate(samples: &mut [f32], channels: usize, control: &[f32], width: us
         for (x, gain) in frame.iter_mut().zip(control.iter().cycle()) {
             *x = (f64::from(*x) * f64::from(*gain) * factor) as f32;
         }
+    }
+}
+
+/// Multiplies samples by a constant on their way from one slice to another of the same length.
+fn scale(samples: &[f32], gain: f32, out: &mut [f32]) {
+    let (blocks, rest) = samples.as_chunks::<LANES>();
+    let (out_blocks, out_rest) = out.as_chunks_mut::<LANES>();
+    for (out, block) in out_blocks.iter_mut().zip(blocks) {
+        *out = block.map(|x| x * gain);
+    }
+    for (out, x) in out_rest.iter_mut().zip(rest) {
+        *out = x * gain;
     }
 }
 
@@ -97,16 +113,14 @@ impl Gain {
     }
 
     /// Applies the gain to interleaved samples on their way from one slice to another of the same length.
+    #[inline]
     pub fn apply(&mut self, samples: &[f32], out: &mut [f32]) {
         if self.is_moving() {
             out.copy_from_slice(samples);
             self.process(out);
-            return;
-        }
-        // Nearly always the gain is at rest, and then this is all there is to do.
-        let gain = self.target as f32;
-        for (out, x) in out.iter_mut().zip(samples) {
-            *out = x * gain;
+        } else {
+            // Nearly always the gain is at rest, and then this is all there is to do.
+            scale(samples, self.target as f32, out);
         }
     }
 
@@ -196,6 +210,7 @@ impl Node for GainNode {
         Ok(Self { gain, db })
     }
 
+    #[inline]
     fn run(&mut self, mut io: GainIo<'_>) -> Result<(), Fault> {
         let out = io.out.items();
         match io.gain {
