@@ -20,8 +20,10 @@ pub struct Args {
 pub enum Command {
     /// Run a graph to its end and write its files
     Run(RunArgs),
-    /// Run a graph again after each save of it or of a file that it reads
+    /// Run a graph again after each save of it or of a file that it reads, or keep it playing with --live
     Watch(WatchArgs),
+    /// Play a graph, and take OSC and JSON lines while it plays
+    Live(LiveArgs),
     /// Find everything that is wrong with graphs, without running them
     Check(CheckArgs),
     /// Lay out graph files; comments and grouping stay
@@ -221,6 +223,58 @@ pub struct WatchArgs {
     /// Look at the files this often, instead of waiting for events; for file systems that have none
     #[arg(long, value_name = "SECONDS", value_parser = parse_seconds)]
     pub poll: Option<f64>,
+    /// Play the graph and go over to each save of it while it plays, instead of running it
+    #[arg(long)]
+    pub live: bool,
+    /// What takes the sound; needs --live
+    #[command(flatten)]
+    pub device: DeviceArgs,
+}
+
+/// What takes the sound, and what comes in.
+#[derive(Clone, Debug, ClapArgs)]
+pub struct DeviceArgs {
+    /// `null` (a clock without sound), `file:PATH`, or the name of a sound card (in builds with the feature `live`)
+    #[arg(long, value_name = "NAME")]
+    pub device: Option<String>,
+    /// Refuse to play at another rate than this
+    #[arg(long, value_name = "HZ")]
+    pub rate: Option<u32>,
+    /// Frames per window
+    #[arg(long, value_name = "N", default_value_t = 128, value_parser = parse_quantum)]
+    pub quantum: usize,
+    /// How far nodes that may not run in the audio callback work ahead of it
+    #[arg(long, value_name = "SECONDS", default_value_t = 0.08, value_parser = parse_seconds)]
+    pub lead: f64,
+    /// Listen for OSC at this port of this machine, or at ADDRESS:PORT; `off` for not at all
+    #[arg(long, value_name = "PORT", default_value = "9000", value_parser = parse_osc)]
+    pub osc: String,
+    /// Stop after this long
+    #[arg(long = "for", value_name = "SECONDS", value_parser = parse_seconds)]
+    pub duration: Option<f64>,
+}
+
+/// Arguments of `foley live`.
+#[derive(Clone, Debug, ClapArgs)]
+pub struct LiveArgs {
+    /// The graph.
+    #[command(flatten)]
+    pub graph: GraphArgs,
+    /// What takes the sound.
+    #[command(flatten)]
+    pub device: DeviceArgs,
+    /// Where values are kept.
+    #[command(flatten)]
+    pub memo: MemoArgs,
+    /// Write times and counts as JSON at the end
+    #[arg(long, value_name = "FILE.json")]
+    pub report: Option<PathBuf>,
+    /// Print the state as a line of JSON each second
+    #[arg(long)]
+    pub json: bool,
+    /// Print errors only
+    #[arg(long, short)]
+    pub quiet: bool,
 }
 
 /// Arguments of `foley check`.
@@ -338,6 +392,16 @@ fn parse_seconds(text: &str) -> Result<f64, String> {
     } else {
         Err("from 0.000001 to 10000000 seconds".into())
     }
+}
+
+fn parse_quantum(text: &str) -> Result<usize, String> {
+    let found = text.parse().ok().filter(|n| (16..=8192).contains(n));
+    found.ok_or_else(|| "from 16 to 8192 frames".to_owned())
+}
+
+fn parse_osc(text: &str) -> Result<String, String> {
+    let fits = text == "off" || text.parse::<u16>().is_ok() || text.parse::<std::net::SocketAddr>().is_ok();
+    if fits { Ok(text.to_owned()) } else { Err("a port, ADDRESS:PORT, or off".into()) }
 }
 
 /// A size such as `512M` or `4G`.

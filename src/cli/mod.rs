@@ -5,6 +5,7 @@ mod cache;
 mod check;
 mod docs;
 mod draw;
+mod live;
 mod new;
 mod nodes;
 mod plan;
@@ -53,7 +54,9 @@ impl From<Exit> for ExitCode {
 pub fn main(args: Args) -> anyhow::Result<Exit> {
     match args.command {
         Command::Run(args) => run::run(&args),
+        Command::Watch(args) if args.live => live::watch(&args),
         Command::Watch(args) => watch::watch(&args),
+        Command::Live(args) => live::live(&args),
         Command::Check(args) => check::check(&args),
         Command::Fmt(args) => text::fmt(&args),
         Command::Plan(args) => plan::plan(&args),

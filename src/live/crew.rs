@@ -123,12 +123,6 @@ impl Crew {
         Self { pace, shared, threads, own: Vec::new(), faults, place: Vec::new() }
     }
 
-    /// Whether nobody works unless pumped.
-    #[must_use]
-    pub fn is_manual(&self) -> bool {
-        self.threads.is_empty()
-    }
-
     /// Takes up work.
     pub fn take(&mut self, gangs: Vec<Gang>) {
         self.place.clear();

@@ -385,6 +385,12 @@ impl Player {
         Ok((player, callback))
     }
 
+    /// How it plays.
+    #[must_use]
+    pub fn options(&self) -> &Options {
+        &self.options
+    }
+
     /// What both sides can see.
     #[must_use]
     pub fn shared(&self) -> &Arc<Shared> {

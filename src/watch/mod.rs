@@ -5,8 +5,10 @@
 
 mod changes;
 mod events;
+mod eyes;
 mod seen;
 
 pub use changes::{Changes, list};
 pub use events::{Events, Glance};
+pub use eyes::Eyes;
 pub use seen::{Content, Contents, Key, Seen};

@@ -4,7 +4,9 @@ use crate::core::fault::{Fault, Reject};
 use crate::core::input::{Inbox, Message};
 use crate::core::item::Channels;
 use crate::core::node::{Class, Node};
-use crate::core::params::Text;
+use crate::core::files::MemoryFiles;
+use crate::core::params::{Params, Text};
+use crate::core::random::Draw;
 use crate::core::ports::Stream;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::{Rate, Tick, ticks};
@@ -126,6 +128,14 @@ impl Node for LiveControl {
         }
         self.glide.fill(&mut out[done..]);
         Ok(())
+    }
+
+    fn trial(draw: &mut Draw) -> (LiveControlParams, MemoryFiles) {
+        let params = LiveControlParams::trial(draw);
+        let (rate, glide) = (Rate::hz(40 + draw.below(900) as u32), draw.between(0.0, 0.1));
+        let duration = params.duration.map(|_| draw.between(0.0, 0.5));
+        let initial = (0..1 + draw.below(3)).map(|_| draw.between(-1.0, 1.0)).collect();
+        (LiveControlParams { rate, glide, duration, initial, ..params }, MemoryFiles::default())
     }
 
     fn adopt(&mut self, old: &mut Self) {

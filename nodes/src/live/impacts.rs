@@ -3,7 +3,9 @@
 use crate::core::fault::{Fault, Reject};
 use crate::core::input::{Inbox, Message};
 use crate::core::node::{Class, Node};
-use crate::core::params::Text;
+use crate::core::files::MemoryFiles;
+use crate::core::params::{Params, Text};
+use crate::core::random::Draw;
 use crate::core::ports::Events;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::ticks;
@@ -93,6 +95,12 @@ impl Node for LiveImpacts {
             }
         }
         Ok(())
+    }
+
+    fn trial(draw: &mut Draw) -> (LiveImpactsParams, MemoryFiles) {
+        let params = LiveImpactsParams::trial(draw);
+        let duration = params.duration.map(|_| draw.between(0.0, 0.5));
+        (LiveImpactsParams { duration, ..params }, MemoryFiles::default())
     }
 }
 

@@ -158,6 +158,7 @@ fn threshold_factor_and_power_change_without_a_rebuild_and_nothing_else_does() {
     let p = params();
     let made = |p: &SlidingSpeedParams| SlidingSpeed {
         sliding: Sliding::new(sliding_params(p, Rate::hz(60)), 1, 1, None),
+        begun: false,
         ahead: sliding_params(p, Rate::hz(60)).ahead() as i64,
         unseen: false,
         map: SpeedMap { factor: p.factor, power: p.power },

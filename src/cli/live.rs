@@ -1,0 +1,541 @@
+//! `foley live`, and `foley watch --live`.
+
+use super::Exit;
+use super::args::{DeviceArgs, GraphArgs, LiveArgs, MemoArgs, WatchArgs};
+use super::run::{show, write_whole};
+use crate::diag::{Diagnostic, Severity, Sources};
+use crate::graph::{Asked, DirFiles, Override, load};
+use crate::live::device::{self, Device, Running};
+use crate::live::input::{Hub, Listening, Set, listen, take_lines};
+use crate::live::{Histogram, Material, Options, Player, Reloaded, Told};
+use crate::watch::Eyes;
+use crossbeam_channel::{Receiver, RecvTimeoutError, unbounded};
+use foley_nodes::core::time::seconds;
+use serde_json::json;
+use std::io::{IsTerminal, Write as _};
+use std::net::{Ipv4Addr, SocketAddr};
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::time::{Duration, Instant};
+
+/// How long an error has to last before it is told: until then the file may be half written.
+const SETTLE: Duration = Duration::from_millis(400);
+/// How often the player is looked after.
+const TICK: Duration = Duration::from_millis(3);
+/// How often the state is shown.
+const STATUS: Duration = Duration::from_secs(1);
+/// How often a device that is gone is asked for again.
+const AGAIN: Duration = Duration::from_secs(2);
+
+/// What `foley live` and `foley watch --live` have in common.
+struct Asking<'a> {
+    graph: &'a GraphArgs,
+    memo: &'a MemoArgs,
+    device: &'a DeviceArgs,
+    report: Option<&'a Path>,
+    json: bool,
+    quiet: bool,
+    /// Seconds between looks at files, where events are not wanted.
+    poll: Option<f64>,
+    watch: bool,
+}
+
+/// Plays a graph.
+///
+/// # Errors
+/// When standard output goes away, or the report cannot be written.
+pub fn live(args: &LiveArgs) -> anyhow::Result<Exit> {
+    play(&Asking {
+        graph: &args.graph,
+        memo: &args.memo,
+        device: &args.device,
+        report: args.report.as_deref(),
+        json: args.json,
+        quiet: args.quiet,
+        poll: None,
+        watch: false,
+    })
+}
+
+/// Plays a graph, and goes over to it anew after each save.
+///
+/// # Errors
+/// As [`live`].
+pub fn watch(args: &WatchArgs) -> anyhow::Result<Exit> {
+    play(&Asking {
+        graph: &args.run.graph,
+        memo: &args.run.memo,
+        device: &args.device,
+        report: args.run.report.as_deref(),
+        json: false,
+        quiet: args.run.quiet,
+        poll: args.poll,
+        watch: true,
+    })
+}
+
+/// A change that has to be loaded.
+struct Pending {
+    /// When it happened.
+    at: Instant,
+    /// The parameter that was set, where it was one.
+    set: Option<Override>,
+}
+
+/// A load that failed, and is told unless another comes soon.
+struct Wrong {
+    at: Instant,
+    errors: Vec<Diagnostic>,
+    sources: Sources,
+}
+
+struct Session<'a> {
+    asking: &'a Asking<'a>,
+    hub: Arc<Hub>,
+    sets: Receiver<Set>,
+    stop: Arc<AtomicBool>,
+    overrides: Vec<Override>,
+    eyes: Option<Eyes>,
+    player: Player,
+    device: Option<Running>,
+    pending: Option<Pending>,
+    wrong: Option<Wrong>,
+    /// Loads on their way to being heard: when they began, what they are.
+    coming: Option<(Instant, String)>,
+    /// Milliseconds from each save to its sound.
+    delays: Vec<f64>,
+    shown: Instant,
+    lost: Option<Instant>,
+    over: bool,
+}
+
+/// What a graph file came to.
+struct Found {
+    material: Option<Material>,
+    found: Vec<Diagnostic>,
+    sources: Sources,
+    asked: Asked,
+}
+
+fn look(asking: &Asking<'_>, overrides: &[Override], hub: &Arc<Hub>) -> Found {
+    let args = asking.graph;
+    let sets: Vec<Override> = args.sets.iter().chain(overrides).cloned().collect();
+    let loaded = load(&args.graph, &sets, &args.allow_read, args.limits());
+    let mut found = loaded.diagnostics;
+    found.retain(|d| !asking.quiet || d.severity == Severity::Error);
+    let files = DirFiles::new(loaded.root, args.limits());
+    let asked = files.asked();
+    let material = loaded.graph.map(|graph| Material {
+        seed: args.seed.unwrap_or(graph.seed),
+        graph,
+        files,
+        memo: asking.memo.memo(&args.graph),
+        inputs: Arc::clone(hub) as _,
+    });
+    Found { material, found, sources: loaded.sources, asked }
+}
+
+fn play(asking: &Asking<'_>) -> anyhow::Result<Exit> {
+    let (sender, sets) = unbounded();
+    let hub = Arc::new(Hub::new(sender));
+    let stop = Arc::new(AtomicBool::new(false));
+    let stopped = Arc::clone(&stop);
+    // Only the first handler of a process can be set; a second session in the same process keeps the first.
+    let _ = ctrlc::set_handler(move || stopped.store(true, Relaxed));
+    let Found { material, found, sources, asked } = look(asking, &[], &hub);
+    show(&found, &sources);
+    let Some(material) = material else { return Ok(Exit::Wrong) };
+    let files = material.files.clone();
+    let options = Options {
+        quantum: asking.device.quantum,
+        lead: asking.device.lead,
+        threads: std::thread::available_parallelism().map_or(1, |n| usize::from(n).saturating_sub(1)).max(1),
+        metered: asking.report.is_some() || asking.json,
+        channels: None,
+    };
+    let (player, callback) = match Player::start(material, options) {
+        Ok(both) => both,
+        Err(errors) => {
+            show(&errors, &sources);
+            return Ok(Exit::Wrong);
+        }
+    };
+    if let Some(wanted) = asking.device.rate
+        && callback.rate().as_f64() != f64::from(wanted)
+    {
+        let message = format!("the graph plays at {}, --rate asks for {wanted} Hz", callback.rate());
+        let found = Diagnostic::general("F045", message);
+        show(&[found.help(format!("put Resample(rate: {wanted}) before the WavOut"))], &sources);
+        return Ok(Exit::Wrong);
+    }
+    hub.set_clock(Arc::clone(player.shared()), callback.rate(), callback.quantum());
+    let wanted = Device::parse(asking.device.device.as_deref());
+    let running = match device::start(&wanted, callback) {
+        Ok(running) => running,
+        Err((_, e)) => {
+            show(&[Diagnostic::general("F054", e)], &Sources::default());
+            return Ok(Exit::Failed);
+        }
+    };
+    let eyes = asking.watch.then(|| {
+        let (mut eyes, warning) = Eyes::new(asking.poll);
+        if let Some(message) = warning {
+            let warning = Diagnostic { severity: Severity::Warning, ..Diagnostic::general("F092", message) };
+            show(&[warning], &Sources::default());
+        }
+        eyes.follow(&asked, true);
+        eyes.follow(&files.asked(), false);
+        eyes
+    });
+    let listening = hear(asking, &hub);
+    let session = Session {
+        asking,
+        hub,
+        sets,
+        stop,
+        overrides: Vec::new(),
+        eyes,
+        player,
+        device: Some(running),
+        pending: None,
+        wrong: None,
+        coming: None,
+        delays: Vec::new(),
+        shown: Instant::now(),
+        lost: None,
+        over: false,
+    };
+    session.begin(listening.as_ref())?.go_on()
+}
+
+/// Opens what messages come in by.
+fn hear(asking: &Asking<'_>, hub: &Arc<Hub>) -> Option<Listening> {
+    if !std::io::stdin().is_terminal() {
+        let hub = Arc::clone(hub);
+        let quiet = asking.quiet;
+        // It ends with the process: reading cannot be interrupted.
+        std::thread::spawn(move || {
+            take_lines(std::io::stdin().lock(), &hub, |line, message| {
+                if !quiet {
+                    eprintln!("foley: standard input, line {line}: {message}");
+                }
+            });
+        });
+    }
+    let at = match asking.device.osc.as_str() {
+        "off" => return None,
+        text => match text.parse::<SocketAddr>() {
+            Ok(at) => at,
+            // Clap has checked that it is one or the other.
+            Err(_) => SocketAddr::from((Ipv4Addr::LOCALHOST, text.parse().unwrap_or(0))),
+        },
+    };
+    match listen(at, Arc::clone(hub)) {
+        Ok(listening) => Some(listening),
+        Err(e) => {
+            let message = format!("cannot listen for OSC at {at}: {e}");
+            let warning = Diagnostic { severity: Severity::Warning, ..Diagnostic::general("F055", message) };
+            show(&[warning.help("--osc PORT takes another port, --osc off none")], &Sources::default());
+            None
+        }
+    }
+}
+
+fn say(line: &str) -> std::io::Result<()> {
+    let mut out = std::io::stdout().lock();
+    writeln!(out, "{line}")?;
+    out.flush()
+}
+
+fn us(time: Duration) -> f64 {
+    (time.as_secs_f64() * 1e7).round() / 10.0
+}
+
+fn times(histogram: &Histogram) -> serde_json::Value {
+    json!({
+        "calls": histogram.calls(),
+        "median_us": us(histogram.quantile(0.5)),
+        "p99_us": us(histogram.quantile(0.99)),
+        "worst_us": us(histogram.worst()),
+    })
+}
+
+impl Session<'_> {
+    /// Tells what is about to be heard.
+    fn begin(self, listening: Option<&Listening>) -> std::io::Result<Self> {
+        let asking = self.asking;
+        if !asking.quiet && !asking.json {
+            let plan = self.player.plan();
+            let callback = plan.callback().nodes.len() - plan.heard.len();
+            let mut line = format!(
+                "playing at {}, {} channel(s), quantum {} ({:.1} ms), latency {:.1} ms; {callback} node(s) in the callback, {} ahead",
+                plan.rate,
+                plan.channels,
+                asking.device.quantum,
+                asking.device.quantum as f64 / plan.rate.as_f64() * 1e3,
+                seconds(plan.latency) * 1e3,
+                plan.nodes.len() - callback
+            );
+            if let Some(listening) = listening {
+                line += &format!("; OSC at {}", listening.at);
+            }
+            if let Some(eyes) = &self.eyes {
+                line += &format!("; watching {} file(s)", eyes.files());
+            }
+            say(&line)?;
+            say("Ctrl-C ends")?;
+        }
+        Ok(self)
+    }
+
+    fn go_on(mut self) -> anyhow::Result<Exit> {
+        let start = Instant::now();
+        let limit = self.asking.device.duration.map(Duration::from_secs_f64);
+        let mut exit = Exit::Done;
+        while !self.stop.load(Relaxed) && limit.is_none_or(|limit| start.elapsed() < limit) {
+            match self.sets.recv_timeout(TICK) {
+                Ok(set) => self.set(set),
+                Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => {}
+            }
+            if let Some(at) = self.eyes.as_mut().and_then(Eyes::changed) {
+                let at = self.pending.as_ref().map_or(at, |p| p.at.min(at));
+                self.pending = Some(Pending { at, set: None });
+                self.wrong = None;
+            }
+            if self.pending.is_some() && !self.player.is_busy() {
+                self.load()?;
+            }
+            for told in self.player.tick() {
+                if !self.hear_told(told)? {
+                    exit = Exit::Failed;
+                }
+            }
+            self.tell_wrong();
+            self.look_after_device();
+            self.status()?;
+            if self.player.is_over() && !self.over {
+                self.over = true;
+                if self.eyes.is_none() {
+                    break;
+                }
+                if !self.asking.quiet {
+                    say("the piece is over; the next save begins it again")?;
+                }
+            }
+            if exit == Exit::Failed && self.eyes.is_none() {
+                break;
+            }
+        }
+        self.end(exit)
+    }
+
+    /// Takes up a parameter that came in; the newest value of each counts.
+    fn set(&mut self, set: Set) {
+        let new = Override { target: set.target, value: set.value };
+        self.overrides.retain(|o| o.target != new.target);
+        self.overrides.push(new.clone());
+        let at = self.pending.as_ref().map_or_else(Instant::now, |p| p.at);
+        self.pending = Some(Pending { at, set: Some(new) });
+    }
+
+    fn load(&mut self) -> anyhow::Result<()> {
+        let Some(pending) = self.pending.take() else { return Ok(()) };
+        let Found { material, found, sources, asked } = look(self.asking, &self.overrides, &self.hub);
+        if let Some(eyes) = &mut self.eyes
+            && eyes.follow(&asked, material.is_some())
+        {
+            // It has changed again already.
+            self.pending = Some(Pending { at: pending.at, set: None });
+        }
+        let result = match material {
+            None => Err(found),
+            Some(material) => {
+                let files = material.files.clone();
+                let result = if self.over { self.begin_again(material) } else { self.player.load(material) };
+                if let Some(eyes) = &mut self.eyes {
+                    eyes.follow(&files.asked(), false);
+                }
+                result
+            }
+        };
+        match result {
+            Ok(Reloaded::Nothing) => self.wrong = None,
+            Ok(Reloaded::Edit(edit)) => {
+                self.wrong = None;
+                self.coming = Some((pending.at, edit.to_string()));
+            }
+            Err(errors) => {
+                if let Some(set) = pending.set {
+                    // What cannot be set is forgotten, or nothing else could be loaded any more.
+                    self.overrides.retain(|o| *o != set);
+                }
+                self.wrong = Some(Wrong { at: Instant::now(), errors, sources });
+            }
+        }
+        Ok(())
+    }
+
+    /// Plays from the beginning.
+    fn begin_again(&mut self, material: Material) -> Result<Reloaded, Vec<Diagnostic>> {
+        let options = self.player.options().clone();
+        let (player, callback) = Player::start(material, options)?;
+        if let Some(device) = self.device.take() {
+            let _ = device.stop();
+        }
+        let wanted = Device::parse(self.asking.device.device.as_deref());
+        self.device = match device::start(&wanted, callback) {
+            Ok(running) => Some(running),
+            Err((callback, _)) => device::start(&Device::Null, *callback).ok(),
+        };
+        self.player = player;
+        self.over = false;
+        Ok(Reloaded::Nothing)
+    }
+
+    /// Tells what the player has to say; false where a node has failed.
+    fn hear_told(&mut self, told: Told) -> std::io::Result<bool> {
+        match told {
+            Told::Heard => {
+                if let Some((at, what)) = self.coming.take() {
+                    let ms = at.elapsed().as_secs_f64() * 1e3;
+                    self.delays.push(ms);
+                    if !self.asking.quiet && !self.asking.json {
+                        say(&format!("reloaded in {ms:.0} ms: {what}"))?;
+                    }
+                }
+            }
+            Told::Settled => {}
+            Told::Failed(fault) => {
+                let sources = self.player.graph().map(|g| g.sources.clone()).unwrap_or_default();
+                show(&[*fault], &sources);
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
+    /// Tells errors that last.
+    fn tell_wrong(&mut self) {
+        if self.wrong.as_ref().is_some_and(|wrong| wrong.at.elapsed() >= SETTLE || self.eyes.is_none())
+            && let Some(wrong) = self.wrong.take()
+        {
+            show(&wrong.errors, &wrong.sources);
+            eprintln!("foley: the graph that plays is the older one; waiting for the next save");
+        }
+    }
+
+    /// Goes over to a clock where a card is gone, and back when it returns.
+    fn look_after_device(&mut self) {
+        if self.device.as_ref().is_some_and(Running::is_lost)
+            && let Some(Ok(Some(callback))) = self.device.take().map(Running::stop)
+        {
+            eprintln!("foley: the device is gone; the piece goes on unheard until it is back");
+            self.device = device::start(&Device::Null, callback).ok();
+            self.lost = Some(Instant::now());
+        }
+        if self.lost.is_some_and(|at| at.elapsed() >= AGAIN)
+            && let Some(Ok(Some(callback))) = self.device.take().map(Running::stop)
+        {
+            let wanted = Device::parse(self.asking.device.device.as_deref());
+            match device::start(&wanted, callback) {
+                Ok(running) => {
+                    eprintln!("foley: the device is back");
+                    (self.device, self.lost) = (Some(running), None);
+                }
+                Err((callback, _)) => {
+                    (self.device, self.lost) = (device::start(&Device::Null, *callback).ok(), Some(Instant::now()));
+                }
+            }
+        }
+    }
+
+    fn status(&mut self) -> std::io::Result<()> {
+        let terminal = std::io::stderr().is_terminal();
+        if self.shown.elapsed() < STATUS || self.asking.quiet || !(self.asking.json || terminal) {
+            return Ok(());
+        }
+        self.shown = Instant::now();
+        let shared = self.player.shared();
+        let meter = &shared.meter;
+        let budget = self.asking.device.quantum as f64 / self.player.plan().rate.as_f64();
+        let played = shared.window.load(Relaxed) as f64 * budget;
+        let peak = meter.take_peak();
+        if self.asking.json {
+            let late = self.device.as_ref().map_or(0, |d| d.punctuality.late.load(Relaxed));
+            return say(&json!({
+                "played_s": played,
+                "callback": times(&meter.callback),
+                "missed": meter.missed.load(Relaxed),
+                "overruns": meter.overruns.load(Relaxed),
+                "late": late,
+                "peak": peak,
+                "nodes": self.nodes(),
+            }).to_string());
+        }
+        let load = meter.callback.quantile(0.99).as_secs_f64() / budget * 100.0;
+        eprint!(
+            "\r{played:8.1} s   load {load:5.1} %   worst {:7.0} us   missed {}   peak {:6.1} dB \x1b[K",
+            us(meter.callback.worst()),
+            meter.missed.load(Relaxed),
+            20.0 * f64::from(peak.max(1e-6)).log10()
+        );
+        std::io::stderr().flush()
+    }
+
+    fn nodes(&self) -> Vec<serde_json::Value> {
+        let one = |n: crate::live::NodeMeter| {
+            json!({
+                "id": n.id,
+                "calls": n.calls,
+                "median_us": us(n.median),
+                "p99_us": us(n.p99),
+                "worst_us": us(n.worst),
+            })
+        };
+        self.player.node_meters().into_iter().map(one).collect()
+    }
+
+    fn end(mut self, exit: Exit) -> anyhow::Result<Exit> {
+        let late = self.device.as_ref().map_or(0, |d| d.punctuality.late.load(Relaxed));
+        if let Some(Err(e)) = self.device.take().map(Running::stop) {
+            show(&[Diagnostic::general("F080", e)], &Sources::default());
+            return Ok(Exit::Failed);
+        }
+        let shared = self.player.shared();
+        let (meter, plan) = (&shared.meter, self.player.plan());
+        let played = shared.window.load(Relaxed) as f64 * self.asking.device.quantum as f64 / plan.rate.as_f64();
+        if !self.asking.quiet && !self.asking.json {
+            say(&format!(
+                "played {played:.2} s; callback median {:.0} us, worst {:.0} us; {} window(s) missed, {} overrun(s)",
+                us(meter.callback.quantile(0.5)),
+                us(meter.callback.worst()),
+                meter.missed.load(Relaxed),
+                meter.overruns.load(Relaxed)
+            ))?;
+        }
+        if let Some(path) = self.asking.report {
+            let report = json!({
+                "played_s": played,
+                "rate": plan.rate.as_f64(),
+                "quantum": self.asking.device.quantum,
+                "channels": plan.channels,
+                "latency_s": seconds(plan.latency),
+                "callback": times(&meter.callback),
+                "missed": meter.missed.load(Relaxed),
+                "overruns": meter.overruns.load(Relaxed),
+                "late": late,
+                "not_finite": meter.broken.load(Relaxed),
+                "reload_ms": self.delays,
+                "messages": {
+                    "delivered": self.hub.delivered.load(Relaxed),
+                    "malformed": self.hub.malformed.load(Relaxed),
+                    "unclaimed": self.hub.unclaimed.load(Relaxed),
+                },
+                "nodes": self.nodes(),
+            });
+            write_whole(path, &format!("{report:#}\n"))?;
+        }
+        Ok(exit)
+    }
+}
