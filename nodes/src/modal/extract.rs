@@ -99,7 +99,8 @@ pub fn onset(samples: &[f32], rate: f64) -> usize {
     let hop = ((rate / 1000.0) as usize).max(1);
     let power = |frame: &[f32]| frame.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>();
     let powers: Vec<f64> = samples.chunks(hop).map(power).collect();
-    let (mut at, most) = powers.iter().copied().enumerate().fold((0, 0.0), |best, p| if p.1 > best.1 { p } else { best });
+    let (mut at, most) =
+        powers.iter().copied().enumerate().fold((0, 0.0), |best, p| if p.1 > best.1 { p } else { best });
     while at > 0 && powers[at - 1] > 0.01 * most {
         at -= 1;
     }
@@ -180,7 +181,7 @@ fn search(rest: &mut [f64], rate: f64, params: &ExtractParams) -> Vec<Partial> {
     let (low, high) = (bins(params.lowest).max(1), bins(params.highest.min(0.45 * rate)));
     // Peaks that turned out to be no modes, or whose modes are taken already.
     let mut blocked = vec![false; n / 2 + 1];
-    let mut block = |blocked: &mut Vec<bool>, f: f64, width: f64| {
+    let block = |blocked: &mut Vec<bool>, f: f64, width: f64| {
         let (a, b) = (bins((f - width).max(0.0)), bins(f + width));
         blocked[a..=b].fill(true);
     };
@@ -271,7 +272,8 @@ fn fit(rest: &[f64], rate: f64, frequency: f64, damping: f64) -> Option<Partial>
     }
     let (log, slope, phase, turn) = lines.solve()?;
     let (d, f) = (-slope, frequency + turn / TAU);
-    let plausible = d > 0.05 && d < 0.5 * rate && f > 0.0 && f < 0.5 * rate;
+    // What falls by less than 4 dB in the whole recording is hum.
+    let plausible = d > 0.5 * rate / rest.len() as f64 && d < 0.5 * rate && f > 0.0 && f < 0.5 * rate;
     if !plausible {
         return None;
     }
@@ -327,9 +329,8 @@ impl Lines {
     /// Value at time 0 and slope of each.
     fn solve(&self) -> Option<(f64, f64, f64, f64)> {
         let det = self.w * self.tt - self.t * self.t;
-        let line = |(y, ty): (f64, f64)| {
-            ((y * self.tt - ty * self.t) / det, (ty * self.w - y * self.t) / det)
-        };
+        let line =
+            |(y, ty): (f64, f64)| ((y * self.tt - ty * self.t) / det, (ty * self.w - y * self.t) / det);
         let ((a0, a1), (b0, b1)) = (line(self.a), line(self.b));
         let finite = [a0, a1, b0, b1].iter().all(|x| x.is_finite());
         (det > 0.0 && finite).then_some((a0, a1, b0, b1))
