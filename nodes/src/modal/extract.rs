@@ -116,7 +116,8 @@ pub fn onset(samples: &[f32], rate: f64) -> usize {
 /// The highest peak of the spectrum is fitted as a damped sine and taken away; then the next, as long as there are peaks. After
 /// that each mode is fitted again, several times, on the recording without all the others. A fit moves the mode to 0 Hz, smooths it by
 /// Blackman-Harris windows and lays straight lines through the logarithm of its magnitude and through its phase, over the
-/// first 30 dB of its decay and above the noise; windows are long for modes that ring long.
+/// first 30 dB of its decay and above the noise; windows are long for modes that ring long. Amplitude and phase are those that take
+/// most energy away, so that what is left only falls.
 ///
 /// # Errors
 /// When the recording is silent, too short, not finite or nothing rings in it.
@@ -217,7 +218,7 @@ fn search(rest: &mut [f64], rate: f64, params: &ExtractParams) -> Vec<Partial> {
         match fit(rest, rate, frequency, PI * width) {
             Some(partial) if (partial.frequency - frequency).abs() < 2.0 * width.max(resolution) => {
                 add(rest, rate, &partial, -1.0);
-                block(&mut blocked, partial.frequency, (0.5 * resolution).max(partial.damping / TAU));
+                block(&mut blocked, partial.frequency, resolution.max(partial.damping / PI));
                 partials.push(partial);
             }
             _ => block(&mut blocked, frequency, resolution.max(0.5 * width)),
@@ -270,29 +271,35 @@ fn fit(rest: &[f64], rate: f64, frequency: f64, damping: f64) -> Option<Partial>
         last = angle;
         lines.add(k as f64 * hop as f64 / rate, size[k].ln(), phase, size[k] * size[k]);
     }
-    let (log, slope, phase, turn) = lines.solve()?;
+    let (slope, turn) = lines.slopes()?;
     let (d, f) = (-slope, frequency + turn / TAU);
     // What falls by less than 4 dB in the whole recording is hum.
     let plausible = d > 0.5 * rate / rest.len() as f64 && d < 0.5 * rate && f > 0.0 && f < 0.5 * rate;
     if !plausible {
         return None;
     }
-    // What the window makes of a decaying sine that is a little off its frequency.
-    let (mut re, mut im) = (0.0, 0.0);
-    for (n, h) in window.iter().enumerate() {
-        let t = n as f64 / rate;
-        let size = 0.5 * h * libm::exp(-d * t);
-        re += size * libm::cos(turn * t);
-        im += size * libm::sin(turn * t);
+    project(rest, rate, f, d)
+}
+
+/// The damped sine of this frequency and damping that takes most energy away.
+fn project(rest: &[f64], rate: f64, frequency: f64, damping: f64) -> Option<Partial> {
+    let (radius, w) = (libm::exp(-damping / rate), TAU * frequency / rate);
+    let (c, s) = (radius * libm::cos(w), radius * libm::sin(w));
+    let (mut cos, mut sin) = (1.0, 0.0);
+    let (mut cc, mut ss, mut cs, mut xc, mut xs) = (0.0, 0.0, 0.0, 0.0, 0.0);
+    for x in rest {
+        cc += cos * cos;
+        ss += sin * sin;
+        cs += cos * sin;
+        xc += x * cos;
+        xs += x * sin;
+        (cos, sin) = (c * cos - s * sin, s * cos + c * sin);
     }
-    // A sine is the imaginary part of its exponential.
-    let phase = phase - libm::atan2(im, re) + 0.5 * PI;
-    Some(Partial {
-        frequency: f,
-        damping: d,
-        amplitude: log.exp() / re.hypot(im),
-        phase: (phase + PI).rem_euclid(TAU) - PI,
-    })
+    let det = cc * ss - cs * cs;
+    let (of_sin, of_cos) = ((xs * cc - xc * cs) / det, (xc * ss - xs * cs) / det);
+    let partial =
+        Partial { frequency, damping, amplitude: of_sin.hypot(of_cos), phase: libm::atan2(of_cos, of_sin) };
+    (partial.amplitude.is_finite() && partial.amplitude > 0.0).then_some(partial)
 }
 
 /// How many frames from the first on hold the decay: 30 dB of it, and above the noise.
@@ -326,14 +333,12 @@ impl Lines {
         self.b = (self.b.0 + w * b, self.b.1 + w * b * t);
     }
 
-    /// Value at time 0 and slope of each.
-    fn solve(&self) -> Option<(f64, f64, f64, f64)> {
+    /// Slope of each.
+    fn slopes(&self) -> Option<(f64, f64)> {
         let det = self.w * self.tt - self.t * self.t;
-        let line =
-            |(y, ty): (f64, f64)| ((y * self.tt - ty * self.t) / det, (ty * self.w - y * self.t) / det);
-        let ((a0, a1), (b0, b1)) = (line(self.a), line(self.b));
-        let finite = [a0, a1, b0, b1].iter().all(|x| x.is_finite());
-        (det > 0.0 && finite).then_some((a0, a1, b0, b1))
+        let slope = |(y, ty): (f64, f64)| (ty * self.w - y * self.t) / det;
+        let (a, b) = (slope(self.a), slope(self.b));
+        (det > 0.0 && a.is_finite() && b.is_finite()).then_some((a, b))
     }
 }
 

@@ -28,7 +28,7 @@ params! {
         /// The recording, a minute at most.
         recording: AssetPath;
         /// Most modes that are taken.
-        modes: usize = 64, unit "modes", range 1..=1024;
+        count: usize = 64, unit "modes", range 1..=1024;
         /// Peaks this far below the highest are no modes.
         range: f64 = 60.0, unit "dB", range 1.0..=120.0;
         /// Lowest frequency of a mode.
@@ -117,7 +117,7 @@ impl Func for ModalFromRecording {
         let samples = mono(path, &mut reader)?;
         let rate = f64::from(reader.info().rate);
         let params = ExtractParams {
-            modes: p.modes,
+            modes: p.count,
             range: p.range,
             lowest: p.lowest,
             highest: p.highest,
@@ -143,7 +143,7 @@ impl Func for ModalFromRecording {
         let p = ModalFromRecordingParams::trial(draw);
         let params = ModalFromRecordingParams {
             recording: "hit.wav".into(),
-            modes: 1 + draw.below(8),
+            count: 1 + draw.below(8),
             lowest: draw.between(10.0, 100.0),
             highest: draw.between(2500.0, 5000.0),
             passes: draw.below(3),
