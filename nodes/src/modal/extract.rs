@@ -145,7 +145,11 @@ pub fn extract(samples: &[f32], rate: f64, params: &ExtractParams) -> Result<Ext
     for _ in 0..params.passes {
         for partial in &mut partials {
             add(&mut rest, rate, partial, 1.0);
-            if let Some(better) = fit(&rest, rate, partial.frequency, partial.damping) {
+            // The old frequency and damping with a new amplitude, unless new ones explain more.
+            let old = project(&rest, rate, partial.frequency, partial.damping);
+            let new = fit(&rest, rate, partial.frequency, partial.damping);
+            let better = old.into_iter().chain(new).max_by(|a, b| a.1.total_cmp(&b.1));
+            if let Some((better, _)) = better {
                 *partial = better;
             }
             add(&mut rest, rate, partial, -1.0);
@@ -216,9 +220,9 @@ fn search(rest: &mut [f64], rate: f64, params: &ExtractParams) -> Vec<Partial> {
         };
         let width = (wide(1) + wide(-1)) as f64 * bin;
         match fit(rest, rate, frequency, PI * width) {
-            Some(partial) if (partial.frequency - frequency).abs() < 2.0 * width.max(resolution) => {
+            Some((partial, _)) if (partial.frequency - frequency).abs() < 2.0 * width.max(resolution) => {
                 add(rest, rate, &partial, -1.0);
-                block(&mut blocked, partial.frequency, resolution.max(partial.damping / PI));
+                block(&mut blocked, partial.frequency, (0.5 * resolution).max(partial.damping / TAU));
                 partials.push(partial);
             }
             _ => block(&mut blocked, frequency, resolution.max(0.5 * width)),
@@ -238,7 +242,7 @@ fn window(length: usize) -> Vec<f64> {
 }
 
 /// Fits a damped sine near a frequency; `None` where nothing decays there.
-fn fit(rest: &[f64], rate: f64, frequency: f64, damping: f64) -> Option<Partial> {
+fn fit(rest: &[f64], rate: f64, frequency: f64, damping: f64) -> Option<(Partial, f64)> {
     // As long as the mode falls by some 20 dB, and long enough to tell its neighbours apart.
     let length = (2.5 * rate / damping.max(1.0)) as usize;
     let length = length.clamp(256, 16_384).min(rest.len() / 2);
@@ -281,8 +285,8 @@ fn fit(rest: &[f64], rate: f64, frequency: f64, damping: f64) -> Option<Partial>
     project(rest, rate, f, d)
 }
 
-/// The damped sine of this frequency and damping that takes most energy away.
-fn project(rest: &[f64], rate: f64, frequency: f64, damping: f64) -> Option<Partial> {
+/// The damped sine of this frequency and damping that takes most energy away, and how much that is.
+fn project(rest: &[f64], rate: f64, frequency: f64, damping: f64) -> Option<(Partial, f64)> {
     let (radius, w) = (libm::exp(-damping / rate), TAU * frequency / rate);
     let (c, s) = (radius * libm::cos(w), radius * libm::sin(w));
     let (mut cos, mut sin) = (1.0, 0.0);
@@ -299,7 +303,8 @@ fn project(rest: &[f64], rate: f64, frequency: f64, damping: f64) -> Option<Part
     let (of_sin, of_cos) = ((xs * cc - xc * cs) / det, (xc * ss - xs * cs) / det);
     let partial =
         Partial { frequency, damping, amplitude: of_sin.hypot(of_cos), phase: libm::atan2(of_cos, of_sin) };
-    (partial.amplitude.is_finite() && partial.amplitude > 0.0).then_some(partial)
+    let taken = of_sin * xs + of_cos * xc;
+    (taken.is_finite() && taken > 0.0).then_some((partial, taken))
 }
 
 /// How many frames from the first on hold the decay: 30 dB of it, and above the noise.
