@@ -23,3 +23,6 @@ pub mod book_writing_a_node {}
 #[cfg(doctest)]
 #[doc = include_str!("../docs/src/library.md")]
 pub mod book_library {}
+#[cfg(doctest)]
+#[doc = include_str!("../docs/src/impact.md")]
+pub mod book_impact {}

@@ -10,6 +10,7 @@ use crate::mesh::generate_node::MeshGenerator;
 use crate::mesh::sequence_node::MeshSequence;
 use crate::modal::bank_node::ModalBankNode;
 use crate::modal::force_node::ImpactForce;
+use crate::modal::from_recording::ModalFromRecording;
 use crate::modal::impact_file_node::ImpactFile;
 use crate::modal::modes_file::ModesFile;
 use crate::{dsp, io, live};
@@ -54,6 +55,7 @@ pub fn all() -> Vec<NodeType> {
         NodeType::of::<ImpactFile>("modal"),
         NodeType::of::<ImpactForce>("modal"),
         NodeType::of::<ModalBankNode>("modal"),
+        NodeType::func::<ModalFromRecording>("modal"),
         NodeType::func::<ModesFile>("modal"),
         NodeType::of::<live::LiveControl>("live"),
         NodeType::of::<live::LiveImpacts>("live"),

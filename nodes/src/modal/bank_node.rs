@@ -22,7 +22,7 @@ params! {
     /// acts at the contact point that `points` gives it, point 0 where it gives none; a force of several channels acts with
     /// channel 0 at point 0, and so on. All forces add up.
     ///
-    /// Modes at or above 0.49 of the sample rate are left out, and a note says how many. A mode that has fallen below `floor` is
+    /// Modes at or above 0.49 of the sample rate are left out, and the summary says how many. A mode that has fallen below `floor` is
     /// silent until it is struck again. `gain`, `damping` and `pitch` can be changed while it rings: they are reached in 10 ms.
     /// A link to `damping` multiplies the dampings in time, by one factor for all modes or by one channel for each mode; it
     /// is read at every 64th sample and may have any rate, and takes the place of the number.

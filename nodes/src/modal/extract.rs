@@ -99,7 +99,8 @@ pub fn onset(samples: &[f32], rate: f64) -> usize {
     let hop = ((rate / 1000.0) as usize).max(1);
     let power = |frame: &[f32]| frame.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>();
     let powers: Vec<f64> = samples.chunks(hop).map(power).collect();
-    let (mut at, most) = powers.iter().copied().enumerate().fold((0, 0.0), |best, p| if p.1 > best.1 { p } else { best });
+    let (mut at, most) =
+        powers.iter().copied().enumerate().fold((0, 0.0), |best, p| if p.1 > best.1 { p } else { best });
     while at > 0 && powers[at - 1] > 0.01 * most {
         at -= 1;
     }
@@ -115,7 +116,8 @@ pub fn onset(samples: &[f32], rate: f64) -> usize {
 /// The highest peak of the spectrum is fitted as a damped sine and taken away; then the next, as long as there are peaks. After
 /// that each mode is fitted again, several times, on the recording without all the others. A fit moves the mode to 0 Hz, smooths it by
 /// Blackman-Harris windows and lays straight lines through the logarithm of its magnitude and through its phase, over the
-/// first 30 dB of its decay and above the noise; windows are long for modes that ring long.
+/// first 30 dB of its decay and above the noise; windows are long for modes that ring long. Amplitude and phase are those that take
+/// most energy away, so that what is left only falls.
 ///
 /// # Errors
 /// When the recording is silent, too short, not finite or nothing rings in it.
@@ -143,7 +145,11 @@ pub fn extract(samples: &[f32], rate: f64, params: &ExtractParams) -> Result<Ext
     for _ in 0..params.passes {
         for partial in &mut partials {
             add(&mut rest, rate, partial, 1.0);
-            if let Some(better) = fit(&rest, rate, partial.frequency, partial.damping) {
+            // The old frequency and damping with a new amplitude, unless new ones explain more.
+            let old = project(&rest, rate, partial.frequency, partial.damping);
+            let new = fit(&rest, rate, partial.frequency, partial.damping);
+            let better = old.into_iter().chain(new).max_by(|a, b| a.1.total_cmp(&b.1));
+            if let Some((better, _)) = better {
                 *partial = better;
             }
             add(&mut rest, rate, partial, -1.0);
@@ -180,7 +186,7 @@ fn search(rest: &mut [f64], rate: f64, params: &ExtractParams) -> Vec<Partial> {
     let (low, high) = (bins(params.lowest).max(1), bins(params.highest.min(0.45 * rate)));
     // Peaks that turned out to be no modes, or whose modes are taken already.
     let mut blocked = vec![false; n / 2 + 1];
-    let mut block = |blocked: &mut Vec<bool>, f: f64, width: f64| {
+    let block = |blocked: &mut Vec<bool>, f: f64, width: f64| {
         let (a, b) = (bins((f - width).max(0.0)), bins(f + width));
         blocked[a..=b].fill(true);
     };
@@ -214,7 +220,7 @@ fn search(rest: &mut [f64], rate: f64, params: &ExtractParams) -> Vec<Partial> {
         };
         let width = (wide(1) + wide(-1)) as f64 * bin;
         match fit(rest, rate, frequency, PI * width) {
-            Some(partial) if (partial.frequency - frequency).abs() < 2.0 * width.max(resolution) => {
+            Some((partial, _)) if (partial.frequency - frequency).abs() < 2.0 * width.max(resolution) => {
                 add(rest, rate, &partial, -1.0);
                 block(&mut blocked, partial.frequency, (0.5 * resolution).max(partial.damping / TAU));
                 partials.push(partial);
@@ -236,7 +242,7 @@ fn window(length: usize) -> Vec<f64> {
 }
 
 /// Fits a damped sine near a frequency; `None` where nothing decays there.
-fn fit(rest: &[f64], rate: f64, frequency: f64, damping: f64) -> Option<Partial> {
+fn fit(rest: &[f64], rate: f64, frequency: f64, damping: f64) -> Option<(Partial, f64)> {
     // As long as the mode falls by some 20 dB, and long enough to tell its neighbours apart.
     let length = (2.5 * rate / damping.max(1.0)) as usize;
     let length = length.clamp(256, 16_384).min(rest.len() / 2);
@@ -269,28 +275,36 @@ fn fit(rest: &[f64], rate: f64, frequency: f64, damping: f64) -> Option<Partial>
         last = angle;
         lines.add(k as f64 * hop as f64 / rate, size[k].ln(), phase, size[k] * size[k]);
     }
-    let (log, slope, phase, turn) = lines.solve()?;
+    let (slope, turn) = lines.slopes()?;
     let (d, f) = (-slope, frequency + turn / TAU);
-    let plausible = d > 0.05 && d < 0.5 * rate && f > 0.0 && f < 0.5 * rate;
+    // What falls by less than 4 dB in the whole recording is hum.
+    let plausible = d > 0.5 * rate / rest.len() as f64 && d < 0.5 * rate && f > 0.0 && f < 0.5 * rate;
     if !plausible {
         return None;
     }
-    // What the window makes of a decaying sine that is a little off its frequency.
-    let (mut re, mut im) = (0.0, 0.0);
-    for (n, h) in window.iter().enumerate() {
-        let t = n as f64 / rate;
-        let size = 0.5 * h * libm::exp(-d * t);
-        re += size * libm::cos(turn * t);
-        im += size * libm::sin(turn * t);
+    project(rest, rate, f, d)
+}
+
+/// The damped sine of this frequency and damping that takes most energy away, and how much that is.
+fn project(rest: &[f64], rate: f64, frequency: f64, damping: f64) -> Option<(Partial, f64)> {
+    let (radius, w) = (libm::exp(-damping / rate), TAU * frequency / rate);
+    let (c, s) = (radius * libm::cos(w), radius * libm::sin(w));
+    let (mut cos, mut sin) = (1.0, 0.0);
+    let (mut cc, mut ss, mut cs, mut xc, mut xs) = (0.0, 0.0, 0.0, 0.0, 0.0);
+    for x in rest {
+        cc += cos * cos;
+        ss += sin * sin;
+        cs += cos * sin;
+        xc += x * cos;
+        xs += x * sin;
+        (cos, sin) = (c * cos - s * sin, s * cos + c * sin);
     }
-    // A sine is the imaginary part of its exponential.
-    let phase = phase - libm::atan2(im, re) + 0.5 * PI;
-    Some(Partial {
-        frequency: f,
-        damping: d,
-        amplitude: log.exp() / re.hypot(im),
-        phase: (phase + PI).rem_euclid(TAU) - PI,
-    })
+    let det = cc * ss - cs * cs;
+    let (of_sin, of_cos) = ((xs * cc - xc * cs) / det, (xc * ss - xs * cs) / det);
+    let partial =
+        Partial { frequency, damping, amplitude: of_sin.hypot(of_cos), phase: libm::atan2(of_cos, of_sin) };
+    let taken = of_sin * xs + of_cos * xc;
+    (taken.is_finite() && taken > 0.0).then_some((partial, taken))
 }
 
 /// How many frames from the first on hold the decay: 30 dB of it, and above the noise.
@@ -324,15 +338,12 @@ impl Lines {
         self.b = (self.b.0 + w * b, self.b.1 + w * b * t);
     }
 
-    /// Value at time 0 and slope of each.
-    fn solve(&self) -> Option<(f64, f64, f64, f64)> {
+    /// Slope of each.
+    fn slopes(&self) -> Option<(f64, f64)> {
         let det = self.w * self.tt - self.t * self.t;
-        let line = |(y, ty): (f64, f64)| {
-            ((y * self.tt - ty * self.t) / det, (ty * self.w - y * self.t) / det)
-        };
-        let ((a0, a1), (b0, b1)) = (line(self.a), line(self.b));
-        let finite = [a0, a1, b0, b1].iter().all(|x| x.is_finite());
-        (det > 0.0 && finite).then_some((a0, a1, b0, b1))
+        let slope = |(y, ty): (f64, f64)| (ty * self.w - y * self.t) / det;
+        let (a, b) = (slope(self.a), slope(self.b));
+        (det > 0.0 && a.is_finite() && b.is_finite()).then_some((a, b))
     }
 }
 

@@ -35,8 +35,14 @@ fn ten_modes_under_noise_are_found_as_they_are() {
     .collect();
     let clean = sound(&made, 44_100.0, 2.0, 4000, 0.0);
     let rms = (clean[4000..].iter().map(|x| f64::from(x * x)).sum::<f64>() / clean.len() as f64).sqrt();
-    let found = extract(&sound(&made, 44_100.0, 2.0, 4000, 0.01 * rms), 44_100.0, &ExtractParams::default()).unwrap();
-    println!("onset {} for 4000, {} modes, residual {:.1} dB", found.onset, found.partials.len(), found.residual_db);
+    let found =
+        extract(&sound(&made, 44_100.0, 2.0, 4000, 0.01 * rms), 44_100.0, &ExtractParams::default()).unwrap();
+    println!(
+        "onset {} for 4000, {} modes, residual {:.1} dB",
+        found.onset,
+        found.partials.len(),
+        found.residual_db
+    );
     for p in &made {
         let near = |q: &&Partial| (q.frequency / p.frequency - 1.0).abs() < 0.001;
         let q = found.partials.iter().filter(near).max_by(|a, b| a.amplitude.total_cmp(&b.amplitude));
@@ -57,7 +63,8 @@ fn ten_modes_under_noise_are_found_as_they_are() {
 #[test]
 fn two_near_modes_are_told_apart() {
     let made = [partial(1000.0, 3.0, 0.3, 0.0), partial(1012.0, 4.0, 0.2, 1.0)];
-    let found = extract(&sound(&made, 44_100.0, 2.0, 100, 1e-5), 44_100.0, &ExtractParams::default()).unwrap();
+    let found =
+        extract(&sound(&made, 44_100.0, 2.0, 100, 1e-5), 44_100.0, &ExtractParams::default()).unwrap();
     for p in made {
         let near = found.partials.iter().find(|q| (q.frequency - p.frequency).abs() < 0.5);
         let near = near.unwrap_or_else(|| panic!("{found:?}"));
@@ -67,7 +74,8 @@ fn two_near_modes_are_told_apart() {
 
 #[test]
 fn what_a_bank_rings_is_found_again() {
-    let modes = Modes::new("bar", vec![523.0, 1442.0, 2826.0], vec![4.0, 11.0, 30.0], vec![0.8, 0.5, 0.4]).unwrap();
+    let modes =
+        Modes::new("bar", vec![523.0, 1442.0, 2826.0], vec![4.0, 11.0, 30.0], vec![0.8, 0.5, 0.4]).unwrap();
     let (mut force, mut out) = (vec![0.0; 60_000], vec![0.0; 60_000]);
     force[500] = 0.5;
     crate::modal::Bank::new(&modes, 44_100.0).unwrap().process(&force, &mut out);

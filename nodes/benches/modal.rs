@@ -1,0 +1,130 @@
+//! Mode-samples per second of the modal bank on one core, beside what the same arithmetic reaches without any memory.
+//!
+//! Run with `cargo bench -p foley-nodes --bench modal`. A mode-sample is one mode moved on by one sample.
+
+use fearless_simd::prelude::*;
+use fearless_simd::{Level, dispatch, f32x16};
+use foley_nodes::modal::{Bank, Modes};
+use std::error::Error;
+use std::hint::black_box;
+use std::time::{Duration, Instant};
+
+const RATE: f64 = 44_100.0;
+/// Each figure is the best of this many stretches: other programs only take time away.
+const STRETCHES: usize = 15;
+const STRETCH: Duration = Duration::from_millis(60);
+
+/// The best rate, in units per second, of work that says how many units it has done.
+fn best(mut work: impl FnMut() -> u64) -> f64 {
+    let stretch = |work: &mut dyn FnMut() -> u64| {
+        let (start, mut units) = (Instant::now(), 0);
+        while start.elapsed() < STRETCH {
+            units += work();
+        }
+        units as f64 / start.elapsed().as_secs_f64()
+    };
+    (0..STRETCHES).map(|_| stretch(&mut work)).fold(0.0, f64::max)
+}
+
+#[inline(always)]
+fn registers<S: Simd, const U: usize>(simd: S, samples: u64) -> f32 {
+    let less_one: [_; U] = std::array::from_fn(|u| f32x16::splat(simd, black_box(-1e-5 * u as f32)));
+    let sin: [_; U] = std::array::from_fn(|u| f32x16::splat(simd, black_box(1e-3 * u as f32)));
+    let mut re = [f32x16::splat(simd, black_box(1.0)); U];
+    let mut im = re;
+    let mut sum = f32x16::splat(simd, 0.0);
+    for _ in 0..samples {
+        let mut now = f32x16::splat(simd, 0.0);
+        for u in 0..U {
+            let (x, y) = (re[u], im[u]);
+            re[u] = (-sin[u]).mul_add(y, less_one[u].mul_add(x, x));
+            im[u] = sin[u].mul_add(x, less_one[u].mul_add(y, y));
+            now += im[u];
+        }
+        sum = sum.max(now);
+    }
+    sum.reduce_sum()
+}
+
+#[inline(always)]
+fn bound_on<S: Simd>(simd: S, samples: u64) -> (f32, u64) {
+    // As many vectors at once as fit into the registers.
+    match S::f32s::LEN {
+        16.. => (registers::<S, 4>(simd, samples), 4),
+        8.. => (registers::<S, 2>(simd, samples), 2),
+        _ => (registers::<S, 1>(simd, samples), 1),
+    }
+}
+
+/// The bank's arithmetic with everything in registers.
+fn bound(level: Level) -> f64 {
+    best(|| {
+        let samples = 20_000;
+        let (sum, vectors) = dispatch!(level, simd => bound_on(simd, black_box(samples)));
+        black_box(sum);
+        16 * vectors * samples
+    })
+}
+
+/// Modes over the audible range that ring for seconds, so that none falls silent.
+fn modes(n: usize) -> Result<Modes, Box<dyn Error>> {
+    let frequency = |k: usize| 60.0 * (16_000.0_f64 / 60.0).powf(k as f64 / n as f64);
+    let damping = |k: usize| 6.9 / (0.2 + 1.8 * ((k * 7919) % 1000) as f64 / 1000.0);
+    let all = 0..n;
+    Ok(Modes::new(
+        "bench",
+        all.clone().map(frequency).collect(),
+        all.clone().map(damping).collect(),
+        vec![1e-3; n],
+    )?)
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let level = Level::new();
+    let bound = bound(level);
+    println!("{level:?}, one core; arithmetic alone: {:.2} G mode-samples/s", bound / 1e9);
+    for n in [64, 1000, 10_000] {
+        let modes = modes(n)?;
+        let mut out = vec![0.0; 1024];
+        let mut blow = vec![0.0; 1024];
+        blow[0] = 1.0;
+        let mut time = |name: &str, force: &[f32], damped: bool| -> Result<(), Box<dyn Error>> {
+            let mut bank = Bank::new(&modes, RATE)?;
+            let mut k = 0_u32;
+            let found = best(|| {
+                k += 1;
+                if damped {
+                    for (k, out) in out.chunks_mut(64).enumerate() {
+                        bank.damp(&[1.0 + 0.01 * k as f32]);
+                        bank.process(force.get(64 * k..64 * k + 64).unwrap_or_default(), out);
+                    }
+                } else {
+                    // A blow every 16 blocks, as things that fall do.
+                    bank.process(if k % 16 == 1 { &blow } else { force }, &mut out);
+                }
+                black_box(&out);
+                (n * out.len()) as u64
+            });
+            println!(
+                "{n:6} modes, {name}: {:6.2} G mode-samples/s, {:3.0} % of the arithmetic, {:6.0} modes in real time",
+                found / 1e9,
+                100.0 * found / bound,
+                found / RATE
+            );
+            Ok(())
+        };
+        let scrape: Vec<f32> = (0..1024).map(|k| (k as f32 * 0.7).sin()).collect();
+        time("a blow now and then   ", &[], false)?;
+        time("a force all the time  ", &scrape, false)?;
+        time("damping in each 64th  ", &blow, true)?;
+    }
+    let mut quiet = Bank::new(&modes(10_000)?, RATE)?;
+    let mut out = vec![0.0; 1024];
+    let found = best(|| {
+        quiet.process(&[], &mut out);
+        black_box(&out);
+        10_000 * out.len() as u64
+    });
+    println!(" 10000 modes, silent: {:.1} times the arithmetic", found / bound);
+    Ok(())
+}
