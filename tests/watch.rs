@@ -119,29 +119,61 @@ impl Drop for Watched {
 /// The kinds of saving that the graph file goes through, each with its level.
 fn save_in_every_style(more: &[&str]) {
     let project = Project::new(&[("main.ron", &tone(0.5))]);
-    let main = project.path("main.ron");
     let mut watched = project.watch(more);
     watched.expect("watching 1 file");
     assert_eq!(project.output(), project.fresh());
-    let check = |watched: &mut Watched, style: &str| {
+    go_through_styles(&project, &mut watched, tone, |watched, style| {
         let told = watched.expect("reran in ");
         assert!(told.contains("1 parameter changed (tone.level)"), "{style}: {told}");
         assert!(!told.contains("error"), "{style}: {told}");
         assert_eq!(project.output(), project.fresh(), "{style}");
-    };
+    });
+    assert_eq!(watched.end().0, Some(0));
+}
+
+/// A tone that plays until it is stopped.
+fn endless(level: f64) -> String {
+    tone(level).replace("Some(0.1)", "None")
+}
+
+/// The same for a graph that plays.
+fn save_in_every_style_live(more: &[&str]) {
+    let project = Project::new(&[("main.ron", &endless(0.5))]);
+    let mut args = vec!["--live", "--device", "null", "--osc", "off"];
+    args.extend(more);
+    let mut watched = project.watch(&args);
+    watched.expect("watching 1 file");
+    go_through_styles(&project, &mut watched, endless, |watched, style| {
+        let told = watched.expect("reloaded in ");
+        assert!(told.contains("1 retuned (tone), 1 node kept"), "{style}: {told}");
+        assert!(!told.contains("error"), "{style}: {told}");
+    });
+    let (code, told) = watched.end();
+    assert_eq!(code, Some(0));
+    assert!(told.contains("0 window(s) missed"), "{told}");
+}
+
+fn go_through_styles(
+    project: &Project,
+    watched: &mut Watched,
+    tone: fn(f64) -> String,
+    check: impl Fn(&mut Watched, &str),
+) {
+    let main = project.path("main.ron");
+    let mut check = |style: &str| check(watched, style);
 
     fs::write(&main, tone(0.1)).unwrap();
-    check(&mut watched, "in place");
+    check("in place");
 
     fs::write(project.path("4913"), tone(0.2)).unwrap();
     fs::rename(&main, project.path("main.ron~")).unwrap();
     fs::rename(project.path("4913"), &main).unwrap();
     fs::remove_file(project.path("main.ron~")).unwrap();
-    check(&mut watched, "Vim");
+    check("Vim");
 
     fs::write(project.path(".main.ron.tmp"), tone(0.3)).unwrap();
     fs::rename(project.path(".main.ron.tmp"), &main).unwrap();
-    check(&mut watched, "temporary file and rename");
+    check("temporary file and rename");
 
     let text = tone(0.4);
     let mut file = File::create(&main).unwrap();
@@ -150,12 +182,12 @@ fn save_in_every_style(more: &[&str]) {
     std::thread::sleep(Duration::from_millis(150));
     file.write_all(&text.as_bytes()[60..]).unwrap();
     drop(file);
-    check(&mut watched, "truncated, then written in pieces");
+    check("truncated, then written in pieces");
 
     fs::remove_file(&main).unwrap();
     std::thread::sleep(Duration::from_millis(150));
     fs::write(&main, tone(0.6)).unwrap();
-    check(&mut watched, "gone for a moment");
+    check("gone for a moment");
 
     let (folder, next) = (project.path(""), project.base.path().join("next"));
     for level in [0.7, 0.8] {
@@ -163,12 +195,11 @@ fn save_in_every_style(more: &[&str]) {
         fs::write(next.join("main.ron"), tone(level)).unwrap();
         fs::rename(&folder, project.base.path().join(format!("old-{level}"))).unwrap();
         fs::rename(&next, &folder).unwrap();
-        check(&mut watched, "folder replaced");
+        check("folder replaced");
     }
 
     fs::write(&main, tone(0.9)).unwrap();
-    check(&mut watched, "in place, in the folder that was put there");
-    assert_eq!(watched.end().0, Some(0));
+    check("in place, in the folder that was put there");
 }
 
 #[test]
@@ -179,6 +210,36 @@ fn every_style_of_saving_reruns_the_graph() {
 #[test]
 fn every_style_of_saving_reruns_the_graph_without_events() {
     save_in_every_style(&["--poll", "0.05"]);
+}
+
+#[test]
+fn every_style_of_saving_is_heard_in_a_graph_that_plays() {
+    save_in_every_style_live(&[]);
+}
+
+#[test]
+fn every_style_of_saving_is_heard_without_events() {
+    save_in_every_style_live(&["--poll", "0.05"]);
+}
+
+#[test]
+fn a_graph_that_plays_outlives_a_broken_save() {
+    let project = Project::new(&[("main.ron", &endless(0.5))]);
+    let report = project.base.path().join("report.json");
+    let report = report.to_str().unwrap();
+    let mut watched =
+        project.watch(&["--live", "--device", "null", "--osc", "off", "--report", report]);
+    watched.expect("watching 1 file");
+    fs::write(project.path("main.ron"), endless(0.25).replace("Tone(", "Tune(")).unwrap();
+    let told = watched.expect("the graph that plays is the older one");
+    assert!(told.contains("F010"), "{told}");
+    fs::write(project.path("main.ron"), endless(0.25)).unwrap();
+    watched.expect("1 retuned (tone)");
+    assert_eq!(watched.end().0, Some(0));
+    let report: serde_json::Value = serde_json::from_str(&fs::read_to_string(report).unwrap()).unwrap();
+    assert_eq!(report["missed"], 0);
+    assert_eq!(report["reload_ms"].as_array().unwrap().len(), 1);
+    assert!(report["nodes"].as_array().unwrap().iter().any(|n| n["id"] == "tone"));
 }
 
 #[test]

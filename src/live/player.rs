@@ -516,11 +516,11 @@ impl Player {
         told
     }
 
-    /// The window before which a swap that is laid out now can be done.
-    fn soon(&self) -> u64 {
+    /// The window before which a swap that is laid out now can be done, at most `most` windows from now.
+    fn soon(&self, most: u64) -> u64 {
         let one = self.pace.quantum as f64 / self.pace.rate.as_f64();
         let margin = (3.0 * self.haste.as_secs_f64() / one).ceil() as u64 + 2;
-        self.shared.window.load(Acquire) + margin
+        self.shared.window.load(Acquire) + margin.min(most)
     }
 
     /// Lays out `next`, or the transition to it, and sends it to the callback.
@@ -536,14 +536,19 @@ impl Player {
     ) -> Result<(), Vec<Diagnostic>> {
         let start = Instant::now();
         let window = tick(self.pace.rate, self.pace.quantum, 1);
-        let mut at = self.soon();
+        let mut at = self.soon(u64::MAX);
         let mut plan = self.plan_at(next, union.as_ref(), &moved, at, window)?;
         let mut gangs = None;
         if !self.crew_goes_on(&plan, &moved) {
             let mut halted = self.crew.halt();
             let furthest = halted.iter().map(|g| g.window).filter(|w| *w != u64::MAX).max().unwrap_or(0);
-            at = self.soon().max(furthest);
-            self.crew.align(&mut halted, at);
+            if moved.is_empty() {
+                at = self.soon(u64::MAX);
+            } else {
+                // Workers cannot be further ahead than this, or there is no room for what they send.
+                at = self.soon(self.pace.depth).max(furthest);
+                self.crew.align(&mut halted, at);
+            }
             plan = self.plan_at(next, union.as_ref(), &moved, at, window)?;
             gangs = Some(halted);
         }

@@ -1,0 +1,104 @@
+//! `foley live` as a user runs it: a file as the device, blows on standard input and over OSC, and what is refused.
+
+use foley_nodes::io::AudioReader;
+use std::fs::File;
+use std::io::{BufReader, Write};
+use std::net::UdpSocket;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::Duration;
+
+fn graph(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("graphs").join(name)
+}
+
+fn foley(args: &[&str], folder: &Path) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_foley"));
+    command.args(args).current_dir(folder).env("NO_COLOR", "1").stdin(Stdio::null());
+    command
+}
+
+fn samples(path: &Path) -> (Vec<f32>, u32) {
+    let mut reader = AudioReader::open(Box::new(BufReader::new(File::open(path).unwrap()))).unwrap();
+    let info = reader.info().clone();
+    let mut samples = vec![0.0; info.frames as usize * info.channels];
+    reader.read(&mut samples).unwrap();
+    (samples, info.rate)
+}
+
+#[test]
+fn blows_from_lines_and_from_osc_are_heard_in_the_file_that_was_played() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = "#![schema = \"foley:graph/1\"]\nGraph(nodes: {
+        \"hits\": LiveImpacts(channel: \"hits\"),
+        \"force\": ImpactForce(impacts: \"hits\", rate: 44100),
+        \"out\": WavOut(audio: \"force\", path: \"o.wav\") })";
+    std::fs::write(folder.path().join("main.ron"), text).unwrap();
+    // A port that is free now; another process may take it before foley does, but hardly ever.
+    let port = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+    let args = ["live", "main.ron", "--device", "file:played.wav", "--for", "3", "--report", "r.json", "--osc"];
+    let mut command = foley(&args, folder.path());
+    let mut child = command.arg(port.to_string()).stdin(Stdio::piped()).stdout(Stdio::null()).spawn().unwrap();
+    let mut lines = child.stdin.take().unwrap();
+    std::thread::sleep(Duration::from_millis(700));
+    lines.write_all(b"{\"impact\": \"hits\", \"velocity\": 2.0}\nwrong\n").unwrap();
+    lines.flush().unwrap();
+    std::thread::sleep(Duration::from_millis(600));
+    let message = rosc::OscMessage { addr: "/foley/impact/hits".into(), args: vec![rosc::OscType::Float(0.5)] };
+    let packet = rosc::encoder::encode(&rosc::OscPacket::Message(message)).unwrap();
+    let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+    socket.send_to(&packet, ("127.0.0.1", port)).unwrap();
+    assert!(child.wait().unwrap().success());
+    let (heard, rate) = samples(&folder.path().join("played.wav"));
+    assert!((heard.len() as f64 / f64::from(rate) - 3.0).abs() < 1.0, "{} samples", heard.len());
+    let mut blows = 0;
+    let mut quiet = 1000;
+    for x in &heard {
+        if *x > 0.0 && quiet >= 1000 {
+            blows += 1;
+        }
+        quiet = if *x == 0.0 { quiet + 1 } else { 0 };
+    }
+    assert_eq!(blows, 2);
+    let report = std::fs::read_to_string(folder.path().join("r.json")).unwrap();
+    let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+    let messages = &report["messages"];
+    assert_eq!((&messages["delivered"], &messages["malformed"]), (&2.into(), &1.into()));
+    assert_eq!(report["quantum"], 128);
+}
+
+#[test]
+fn the_examples_that_play_play_without_a_gap() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["impact/live.ron", "cloth/friction_live.ron"] {
+        let path = graph(name);
+        let args = ["live", path.to_str().unwrap(), "--device", "null", "--osc", "off", "--for", "2", "--no-cache"];
+        let run = foley(&args, folder.path()).args(["--report", "r.json"]).output().unwrap();
+        assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+        let report = std::fs::read_to_string(folder.path().join("r.json")).unwrap();
+        let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+        assert!(report["played_s"].as_f64().unwrap() > 0.5, "{report}");
+        assert_eq!(report["not_finite"], 0, "{name}");
+    }
+}
+
+#[test]
+fn what_cannot_play_is_refused_with_a_reason() {
+    let folder = tempfile::tempdir().unwrap();
+    let refused = |text: &str, more: &[&str], code: &str| {
+        let nodes = format!("#![schema = \"foley:graph/1\"]\nGraph(nodes: {{ {text} }})");
+        std::fs::write(folder.path().join("main.ron"), nodes).unwrap();
+        let args = [&["live", "main.ron", "--osc", "off", "--for", "0.2"], more].concat();
+        let run = foley(&args, folder.path()).output().unwrap();
+        let told = String::from_utf8_lossy(&run.stderr).into_owned();
+        assert!(!run.status.success() && told.contains(code), "{code}: {told}");
+    };
+    let tone = "\"a\": Tone(frequency: 100.0, rate: 48000), \"o\": WavOut(audio: \"a\", path: \"o.wav\")";
+    refused("\"a\": Tone(frequency: 100.0, rate: 48000)", &["--device", "null"], "F052");
+    refused(tone, &["--device", "null", "--rate", "44100"], "F045");
+    refused(tone, &["--device", "file:main.ron/x.wav"], "F054");
+    let two = format!(
+        "{tone}, \"b\": Tone(frequency: 100.0, rate: 44100), \"p\": WavOut(audio: \"b\", path: \"p.wav\")"
+    );
+    refused(&two, &["--device", "null"], "F045");
+}
