@@ -83,8 +83,16 @@ fn saves() {
     heard.sort_by(f64::total_cmp);
     loads.sort_by(f64::total_cmp);
     println!("100 nodes, quantum 128 at 48 kHz, clock without a card, 60 saves by rename:");
-    println!("  file saved -> new audio out: median {:.1} ms, p95 {:.1} ms", quantile(&heard, 0.5), quantile(&heard, 0.95));
-    println!("  of which load, check, plan, build, swap laid out: median {:.1} ms, p95 {:.1} ms", quantile(&loads, 0.5), quantile(&loads, 0.95));
+    println!(
+        "  file saved -> new audio out: median {:.1} ms, p95 {:.1} ms",
+        quantile(&heard, 0.5),
+        quantile(&heard, 0.95)
+    );
+    println!(
+        "  of which load, check, plan, build, swap laid out: median {:.1} ms, p95 {:.1} ms",
+        quantile(&loads, 0.5),
+        quantile(&loads, 0.95)
+    );
     let meter = &shared.meter;
     println!(
         "  callback: median {:.1} us before the edits; with them median {:.1} us, worst {:.1} us of {:.0} us; missed {}, overruns {}",
@@ -140,12 +148,15 @@ fn idle() {
     for nodes in [101, 1001] {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let path = folder.path().join("main.ron");
-        let mut text = String::from("#![schema = \"foley:graph/1\"]\nGraph(nodes: {\n\"g0\": Tone(frequency: 0.0, rate: 48000, level: 0.0),\n");
+        let mut text = String::from(
+            "#![schema = \"foley:graph/1\"]\nGraph(nodes: {\n\"g0\": Tone(frequency: 0.0, rate: 48000, level: 0.0),\n",
+        );
         for k in 1..nodes {
             let _ = writeln!(text, "\"g{k}\": Gain(audio: \"g{}\"),", k - 1);
         }
         let _ = writeln!(text, "\"out\": WavOut(audio: \"g{}\", path: \"o.wav\"),\n}})", nodes - 1);
-        std::fs::write(&path, text.replace("frequency: 0.0", "frequency: 1.0")).expect("the graph can be written");
+        std::fs::write(&path, text.replace("frequency: 0.0", "frequency: 1.0"))
+            .expect("the graph can be written");
         let options = Options { quantum: 128, threads: 0, ..Options::default() };
         let (_player, mut callback) = Player::start(material(&path).0, options).expect("the graph can play");
         let mut block = vec![0.0; 128 * callback.channels()];
@@ -156,7 +167,10 @@ fn idle() {
                 start.elapsed().as_secs_f64()
             })
             .fold(f64::INFINITY, f64::min);
-        println!("idle graph of {nodes} nodes: {:.1} ns per node and window of 128 frames", best * 1e9 / nodes as f64);
+        println!(
+            "idle graph of {nodes} nodes: {:.1} ns per node and window of 128 frames",
+            best * 1e9 / nodes as f64
+        );
     }
 }
 

@@ -20,7 +20,13 @@ fn material(text: &str) -> Material {
     let shown = foley::diag::render(&loaded.diagnostics, &loaded.sources, false);
     let graph = loaded.graph.unwrap_or_else(|| panic!("{shown}\n{text}"));
     let seed = graph.seed;
-    Material { graph, files: DirFiles::new(loaded.root, Limits::default()), seed, memo: None, inputs: std::sync::Arc::new(NoInputs) }
+    Material {
+        graph,
+        files: DirFiles::new(loaded.root, Limits::default()),
+        seed,
+        memo: None,
+        inputs: std::sync::Arc::new(NoInputs),
+    }
 }
 
 /// Both sides in the hands of one thread.
@@ -185,9 +191,7 @@ fn a_node_that_is_put_between_two_others_is_not_heard() {
 
 #[test]
 fn one_sound_fades_into_another_without_a_step() {
-    let tone = |f: f64| {
-        graph(&format!("\"last\": Tone(frequency: {f}, rate: 44100, level: 0.5), {OUT}"))
-    };
+    let tone = |f: f64| graph(&format!("\"last\": Tone(frequency: {f}, rate: 44100, level: 0.5), {OUT}"));
     let mut stand = Stand::new(&tone(100.0), 128);
     stand.play(22_050, 128);
     let Reloaded::Edit(edit) = stand.load(&tone(150.0)) else { panic!("nothing changed") };
@@ -195,7 +199,11 @@ fn one_sound_fades_into_another_without_a_step() {
     stand.settle();
     stand.play(22_050, 128);
     let after = offline(&tone(150.0), 1.2);
-    assert_eq!(part(&stand.heard, 0.6, 1.0), part(&after, 0.6, 1.0), "the new tone is where it would have been");
+    assert_eq!(
+        part(&stand.heard, 0.6, 1.0),
+        part(&after, 0.6, 1.0),
+        "the new tone is where it would have been"
+    );
     assert!(greatest_step(&stand.heard) < 0.5 * 0.0214 * 1.5, "{}", greatest_step(&stand.heard));
 }
 
@@ -315,7 +323,8 @@ impl Sketch {
                 // Another number for a node that is there.
                 let at = draw.below(nodes);
                 self.add_node(chain, draw);
-                let made = self.chains[chain].1.iter().position(|(id, _)| *id == format!("n{}", self.next - 1));
+                let made =
+                    self.chains[chain].1.iter().position(|(id, _)| *id == format!("n{}", self.next - 1));
                 let (_, text) = self.chains[chain].1.remove(made.unwrap());
                 self.chains[chain].1[at].1 = text;
             }
@@ -362,7 +371,12 @@ fn after_any_edits_a_graph_plays_as_if_it_had_been_so_from_the_start() {
         let to = stand.heard.len();
         let wanted = offline(&sketch.text(), to as f64 / 44_100.0 + 0.1);
         let (a, b) = (&stand.heard[to - 2000..], &wanted[to - 2000 - late..to - late]);
-        assert!(greatest_difference(a, b) < 1e-5, "seed {seed}: {}\n{}", greatest_difference(a, b), sketch.text());
+        assert!(
+            greatest_difference(a, b) < 1e-5,
+            "seed {seed}: {}\n{}",
+            greatest_difference(a, b),
+            sketch.text()
+        );
         // A piece may begin with a step.
         let edited = &stand.heard[begun..];
         let step = greatest_step(edited);

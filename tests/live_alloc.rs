@@ -78,7 +78,8 @@ fn version(draw: &mut Draw) -> String {
         ends.push("late".into());
     }
     if draw.below(2) == 0 {
-        nodes += "\"clicks\": Metronome(interval: 0.05), \"blips\": Impulses(events: \"clicks\", rate: 44100), ";
+        nodes +=
+            "\"clicks\": Metronome(interval: 0.05), \"blips\": Impulses(events: \"clicks\", rate: 44100), ";
         ends.push("blips".into());
     }
     if draw.below(3) == 0 {

@@ -36,15 +36,18 @@ fn blows_from_lines_and_from_osc_are_heard_in_the_file_that_was_played() {
     std::fs::write(folder.path().join("main.ron"), text).unwrap();
     // A port that is free now; another process may take it before foley does, but hardly ever.
     let port = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
-    let args = ["live", "main.ron", "--device", "file:played.wav", "--for", "3", "--report", "r.json", "--osc"];
+    let args =
+        ["live", "main.ron", "--device", "file:played.wav", "--for", "3", "--report", "r.json", "--osc"];
     let mut command = foley(&args, folder.path());
-    let mut child = command.arg(port.to_string()).stdin(Stdio::piped()).stdout(Stdio::null()).spawn().unwrap();
+    let mut child =
+        command.arg(port.to_string()).stdin(Stdio::piped()).stdout(Stdio::null()).spawn().unwrap();
     let mut lines = child.stdin.take().unwrap();
     std::thread::sleep(Duration::from_millis(700));
     lines.write_all(b"{\"impact\": \"hits\", \"velocity\": 2.0}\nwrong\n").unwrap();
     lines.flush().unwrap();
     std::thread::sleep(Duration::from_millis(600));
-    let message = rosc::OscMessage { addr: "/foley/impact/hits".into(), args: vec![rosc::OscType::Float(0.5)] };
+    let message =
+        rosc::OscMessage { addr: "/foley/impact/hits".into(), args: vec![rosc::OscType::Float(0.5)] };
     let packet = rosc::encoder::encode(&rosc::OscPacket::Message(message)).unwrap();
     let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
     socket.send_to(&packet, ("127.0.0.1", port)).unwrap();
@@ -72,7 +75,8 @@ fn the_examples_that_play_play_without_a_gap() {
     let folder = tempfile::tempdir().unwrap();
     for name in ["impact/live.ron", "cloth/friction_live.ron"] {
         let path = graph(name);
-        let args = ["live", path.to_str().unwrap(), "--device", "null", "--osc", "off", "--for", "2", "--no-cache"];
+        let args =
+            ["live", path.to_str().unwrap(), "--device", "null", "--osc", "off", "--for", "2", "--no-cache"];
         let run = foley(&args, folder.path()).args(["--report", "r.json"]).output().unwrap();
         assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
         let report = std::fs::read_to_string(folder.path().join("r.json")).unwrap();

@@ -227,8 +227,7 @@ fn a_graph_that_plays_outlives_a_broken_save() {
     let project = Project::new(&[("main.ron", &endless(0.5))]);
     let report = project.base.path().join("report.json");
     let report = report.to_str().unwrap();
-    let mut watched =
-        project.watch(&["--live", "--device", "null", "--osc", "off", "--report", report]);
+    let mut watched = project.watch(&["--live", "--device", "null", "--osc", "off", "--report", report]);
     watched.expect("watching 1 file");
     fs::write(project.path("main.ron"), endless(0.25).replace("Tone(", "Tune(")).unwrap();
     let told = watched.expect("the graph that plays is the older one");

@@ -444,7 +444,8 @@ impl Session<'_> {
                     (self.device, self.lost) = (Some(running), None);
                 }
                 Err((callback, _)) => {
-                    (self.device, self.lost) = (device::start(&Device::Null, *callback).ok(), Some(Instant::now()));
+                    (self.device, self.lost) =
+                        (device::start(&Device::Null, *callback).ok(), Some(Instant::now()));
                 }
             }
         }
@@ -471,7 +472,8 @@ impl Session<'_> {
                 "late": late,
                 "peak": peak,
                 "nodes": self.nodes(),
-            }).to_string());
+            })
+            .to_string());
         }
         let load = meter.callback.quantile(0.99).as_secs_f64() / budget * 100.0;
         eprint!(
@@ -504,7 +506,8 @@ impl Session<'_> {
         }
         let shared = self.player.shared();
         let (meter, plan) = (&shared.meter, self.player.plan());
-        let played = shared.window.load(Relaxed) as f64 * self.asking.device.quantum as f64 / plan.rate.as_f64();
+        let played =
+            shared.window.load(Relaxed) as f64 * self.asking.device.quantum as f64 / plan.rate.as_f64();
         if !self.asking.quiet && !self.asking.json {
             say(&format!(
                 "played {played:.2} s; callback median {:.0} us, worst {:.0} us; {} window(s) missed, {} overrun(s)",

@@ -216,7 +216,13 @@ fn work(pace: &Pace, shared: &Shared, orders: &Receiver<Order>, faults: &Sender<
         }
         let played = shared.window.load(Acquire);
         // One window each in turn, so that no part starves another; an order is looked at in between.
-        while orders.is_empty() && gangs.iter_mut().fold(false, |any, gang| gang.step(pace, played) || any) {}
+        let mut any = true;
+        while any && orders.is_empty() {
+            any = false;
+            for gang in &mut gangs {
+                any |= gang.step(pace, played);
+            }
+        }
         for gang in &mut gangs {
             if let Some((place, fault)) = gang.fault.take() {
                 let _ = faults.send((gang.region, place, fault));

@@ -72,12 +72,8 @@ pub fn start(device: &Device, callback: Callback) -> Result<Running, (Box<Callba
             Err(e) => Err((Box::new(callback), e)),
         },
         #[cfg(feature = "live")]
-        Device::Card(name) => super::card::start(name.as_deref(), callback).map(|(card, punctuality)| Running {
-            stop: Arc::default(),
-            thread: None,
-            writer: None,
-            card: Some(card),
-            punctuality,
+        Device::Card(name) => super::card::start(name.as_deref(), callback).map(|(card, punctuality)| {
+            Running { stop: Arc::default(), thread: None, writer: None, card: Some(card), punctuality }
         }),
         #[cfg(not(feature = "live"))]
         Device::Card(name) => {

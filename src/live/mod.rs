@@ -5,6 +5,8 @@
 //! ([`crew`](self)) keep full. The two talk over rings without locks; nothing is allocated or freed in the callback.
 
 mod callback;
+#[cfg(feature = "live")]
+mod card;
 mod crew;
 pub mod device;
 mod diff;

@@ -139,7 +139,6 @@ fn place(plan: &LivePlan, job: What) -> Option<(usize, usize)> {
     })
 }
 
-
 /// What a load came to.
 #[derive(Debug)]
 pub enum Reloaded {
@@ -313,13 +312,7 @@ impl Layout<'_> {
         Ok((Act { stage, links: links.into_iter().flatten().collect(), sinks, times }, gangs))
     }
 
-    fn link(
-        &self,
-        stage: &Stage,
-        plan: &Region,
-        export: &Export,
-        import: &Import,
-    ) -> (Sender, Receiver) {
+    fn link(&self, stage: &Stage, plan: &Region, export: &Export, import: &Import) -> (Sender, Receiver) {
         let (node, port) = plan.origins[export.track];
         let stream = self.site.shapes[node].outputs[port].as_ref().filter(|s| s.item.wave);
         let bridge = stream.map(|s| Dropout::new(s.width, self.ramp()));
@@ -484,7 +477,8 @@ impl Player {
         let retunes: Vec<(usize, Box<dyn AnyParams>)> = retunes.collect();
         let fed = union.fed.iter().map(|&n| next.material.graph.nodes[n].id.clone()).collect();
         let edit = Edit { fed, ..edit };
-        let same = union.is_plain() && edit.rebuilt.is_empty() && edit.added.is_empty() && edit.fed.is_empty();
+        let same =
+            union.is_plain() && edit.rebuilt.is_empty() && edit.added.is_empty() && edit.fed.is_empty();
         let ids = next.material.graph.nodes.iter().map(|n| &n.id);
         if same && edit.removed.is_empty() && ids.eq(&self.playing.ids) {
             return Ok(self.retune(retunes, edit));
@@ -559,11 +553,7 @@ impl Player {
         let heirs = std::mem::take(&mut self.heirs);
         let graph = union.as_ref().map_or(&next.material.graph, |u| &u.graph);
         let ids: Vec<String> = graph.nodes.iter().map(|n| n.id.clone()).collect();
-        let site = Site {
-            graph,
-            shapes: &plan.prelude.shapes,
-            ..next.site(window)
-        };
+        let site = Site { graph, shapes: &plan.prelude.shapes, ..next.site(window) };
         let values = union.as_ref().map_or(&next.values, |u| &u.values);
         let layout = Layout {
             plan: &plan,
@@ -809,9 +799,9 @@ impl Moves<'_> {
     fn between(&self, from: usize, to: usize) -> (Pairs, Pairs) {
         let (old, new) = (&self.old.regions[from], &self.new.regions[to]);
         let places: HashMap<What, usize> = (0..).zip(&old.nodes).map(|(k, n)| (n.job, k)).collect();
-        let nodes = (0..).zip(&new.nodes).filter_map(|(k, node): (usize, _)| {
-            Some((*places.get(&self.before(node.job)?)?, k))
-        });
+        let nodes = (0..)
+            .zip(&new.nodes)
+            .filter_map(|(k, node): (usize, _)| Some((*places.get(&self.before(node.job)?)?, k)));
         (nodes.collect(), self.tracks(old, new))
     }
 

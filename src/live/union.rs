@@ -253,10 +253,7 @@ impl Weaver<'_> {
             return None;
         }
         let place = before.or(after)?.place.clone();
-        let links = [
-            before.map(|l| Link { node: self.old_node(l.node), ..l.clone() }),
-            after.cloned(),
-        ];
+        let links = [before.map(|l| Link { node: self.old_node(l.node), ..l.clone() }), after.cloned()];
         let law = if self.correlated(&links) { FadeLaw::Linear } else { FadeLaw::EqualPower };
         let node = self.out.graph.nodes.len();
         let end_of = |k: usize| links[k].as_ref().map(|l| (l.node, l.port));
@@ -369,7 +366,8 @@ impl Union {
             let node = &self.graph.nodes[n];
             for (port, links) in node.links.iter().enumerate() {
                 let reach = self.shapes[n].reach.get(port).copied().unwrap_or_default();
-                for link in links.iter().filter(|_| !matches!(node.ty.inputs[port].kind, PortKind::Value(_))) {
+                for link in links.iter().filter(|_| !matches!(node.ty.inputs[port].kind, PortKind::Value(_)))
+                {
                     let stream = self.shapes[link.node].outputs.get(link.port).and_then(Option::as_ref);
                     let past = stream.map_or(reach.past as Tick, |s| s.rate.tick(reach.past as i64));
                     valid[n] = valid[n].max(valid[link.node].saturating_add(past));

@@ -177,18 +177,34 @@ impl Draft {
         let behind = |h: &Heard| delays.of[h.link.node] + shapes[h.link.node].lag;
         // What is heard together has to be as late as the latest of it.
         let delay = heard.iter().map(behind).max().unwrap_or(0).max(sinks.delay);
-        let taps: Vec<TapPlan> = (0..).zip(&heard).map(|(tap, h)| {
-            let from = sinks.kept.get(&h.id).copied().unwrap_or((resume.at - delay).max(0));
-            TapPlan { tap, node: h.link.node, port: h.link.port, delay, from }
-        }).collect();
+        let taps: Vec<TapPlan> = (0..)
+            .zip(&heard)
+            .map(|(tap, h)| {
+                let from = sinks.kept.get(&h.id).copied().unwrap_or((resume.at - delay).max(0));
+                TapPlan { tap, node: h.link.node, port: h.link.port, delay, from }
+            })
+            .collect();
         let ends: Option<Vec<Tick>> = heard.iter().map(|h| shapes[h.link.node].end).collect();
         let end = ends.and_then(|ends| ends.into_iter().max()).map(|end| end + delay);
-        let parts = Parts { graph, shapes, nodes: &nodes, delays: &delays, taps: &taps, duration: ENDLESS, window };
+        let parts =
+            Parts { graph, shapes, nodes: &nodes, delays: &delays, taps: &taps, duration: ENDLESS, window };
         let (region_of, count) = cut(graph, &nodes, &taps);
         let mut regions = layout::regions(&parts, &region_of);
         regions.resize_with(count, Region::default);
         let bytes = regions.iter().map(Region::bytes).sum();
-        Ok(LivePlan { prelude, nodes, delays, regions, heard, taps, rate, channels, latency: delay, end, bytes })
+        Ok(LivePlan {
+            prelude,
+            nodes,
+            delays,
+            regions,
+            heard,
+            taps,
+            rate,
+            channels,
+            latency: delay,
+            end,
+            bytes,
+        })
     }
 }
 

@@ -62,10 +62,12 @@ pub fn split_live(graph: &Graph, heard: &[usize]) -> LiveSplit {
         .iter()
         .copied()
         .filter(|&n| {
-            let used = |m: usize| graph.nodes[m].links.iter().flatten().any(|l| {
-                let kind = graph.nodes[l.node].ty.outputs[l.port].kind;
-                l.node == n && matches!(kind, PortKind::Fold(_))
-            });
+            let used = |m: usize| {
+                graph.nodes[m].links.iter().flatten().any(|l| {
+                    let kind = graph.nodes[l.node].ty.outputs[l.port].kind;
+                    l.node == n && matches!(kind, PortKind::Fold(_))
+                })
+            };
             folds(graph, n) && wanted.iter().any(|&m| used(m))
         })
         .collect();

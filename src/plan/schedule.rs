@@ -135,15 +135,10 @@ pub struct Resume {
 }
 
 /// The delay of every node of a phase; loops are followed until nothing changes.
-pub fn delays(
-    graph: &Graph,
-    shapes: &[NodeShape],
-    nodes: &[usize],
-    window: Tick,
-    resume: &Resume,
-) -> Delays {
+pub fn delays(graph: &Graph, shapes: &[NodeShape], nodes: &[usize], window: Tick, resume: &Resume) -> Delays {
     let count = graph.nodes.len();
-    let mut delays = Delays { of: vec![0; count], from: vec![0; count], early: vec![0; count], cause: vec![None; count] };
+    let mut delays =
+        Delays { of: vec![0; count], from: vec![0; count], early: vec![0; count], cause: vec![None; count] };
     for (&n, &(delay, _)) in &resume.kept {
         delays.of[n] = delay;
     }

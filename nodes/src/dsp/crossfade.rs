@@ -78,10 +78,7 @@ pub struct CrossfadeNode {
     fades: (Fade, Fade),
 }
 
-fn either(
-    before: Option<Incoming<f32>>,
-    after: Option<Incoming<f32>>,
-) -> Result<Incoming<f32>, Reject> {
+fn either(before: Option<Incoming<f32>>, after: Option<Incoming<f32>>) -> Result<Incoming<f32>, Reject> {
     let missing = || Reject::new("F012", "neither `before` nor `after` is linked").help("link one of them");
     before.or(after).ok_or_else(missing)
 }
@@ -167,19 +164,13 @@ mod tests {
 
     #[test]
     fn streams_that_differ_are_refused() {
-        let solo = Solo::new::<CrossfadeNode>(CrossfadeParams {
-            at: 0.0,
-            duration: 0.0,
-            law: FadeLaw::Linear,
-        });
+        let solo =
+            Solo::new::<CrossfadeNode>(CrossfadeParams { at: 0.0, duration: 0.0, law: FadeLaw::Linear });
         assert_eq!(solo.shape().unwrap_err().code, "F012");
         let one = |rate, channels| (Rate::hz(rate), Channels(channels), vec![0.0; 12]);
         for (other, code) in [(one(500, 1), "F045"), (one(1000, 2), "F046")] {
-            let solo = Solo::new::<CrossfadeNode>(CrossfadeParams {
-                at: 0.0,
-                duration: 0.0,
-                law: FadeLaw::Linear,
-            });
+            let solo =
+                Solo::new::<CrossfadeNode>(CrossfadeParams { at: 0.0, duration: 0.0, law: FadeLaw::Linear });
             let (rate, channels, data) = one(1000, 1);
             let solo = solo.optional(CrossfadePorts::before, rate, channels, data);
             let solo = solo.optional(CrossfadePorts::after, other.0, other.1, other.2);

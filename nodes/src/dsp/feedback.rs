@@ -166,7 +166,19 @@ mod tests {
             let random = Random::new(1, "loop");
             let (files, outputs) = (&MemoryFiles::default(), &MemoryOutputs::default());
             let window = rate.tick(window);
-            ty.build(params, &Build { random, links, shape: &shape, window, files, outputs, inputs: &crate::core::input::NoInputs }).unwrap()
+            ty.build(
+                params,
+                &Build {
+                    random,
+                    links,
+                    shape: &shape,
+                    window,
+                    files,
+                    outputs,
+                    inputs: &crate::core::input::NoInputs,
+                },
+            )
+            .unwrap()
         };
         let params = FeedbackParams { delay: 0.03, gain: 0.5, tail: 0.0 };
         let echo = build(NodeType::of::<FeedbackNode>("dsp"), &params, &[vec![], vec![stream()]]);

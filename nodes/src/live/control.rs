@@ -1,13 +1,13 @@
 //! Numbers from outside, as a stream.
 
 use crate::core::fault::{Fault, Reject};
+use crate::core::files::MemoryFiles;
 use crate::core::input::{Inbox, Message};
 use crate::core::item::Channels;
 use crate::core::node::{Class, Node};
-use crate::core::files::MemoryFiles;
 use crate::core::params::{Params, Text};
-use crate::core::random::Draw;
 use crate::core::ports::Stream;
+use crate::core::random::Draw;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::{Rate, Tick, ticks};
 use crate::{params, ports};
@@ -101,7 +101,11 @@ impl Node for LiveControl {
 
     fn shape(p: &LiveControlParams, s: &mut Shape<'_, '_, LiveControlPorts>) -> Result<(), Reject> {
         if p.initial.is_empty() || p.initial.len() > crate::core::input::MOST {
-            let message = format!("`initial` has {} numbers; 1 to {} are needed", p.initial.len(), crate::core::input::MOST);
+            let message = format!(
+                "`initial` has {} numbers; 1 to {} are needed",
+                p.initial.len(),
+                crate::core::input::MOST
+            );
             return Err(Reject::new("F051", message).at("initial"));
         }
         s.ends(p.duration.map(ticks));

@@ -1,12 +1,12 @@
 //! Blows from outside.
 
 use crate::core::fault::{Fault, Reject};
+use crate::core::files::MemoryFiles;
 use crate::core::input::{Inbox, Message};
 use crate::core::node::{Class, Node};
-use crate::core::files::MemoryFiles;
 use crate::core::params::{Params, Text};
-use crate::core::random::Draw;
 use crate::core::ports::Events;
+use crate::core::random::Draw;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::ticks;
 use crate::modal::Impact;
@@ -54,7 +54,9 @@ pub fn to_message(impact: &Impact) -> Option<Message> {
 /// The blow of a message; `None` where it is none.
 #[must_use]
 pub fn from_message(message: &Message) -> Option<Impact> {
-    let [impulse, energy, hardness, duration, object, point, x, y, z] = *message.numbers() else { return None };
+    let [impulse, energy, hardness, duration, object, point, x, y, z] = *message.numbers() else {
+        return None;
+    };
     let impact = Impact {
         impulse: impulse as f32,
         energy: energy as f32,

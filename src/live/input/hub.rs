@@ -130,13 +130,10 @@ mod tests {
         }
         hub.deliver("nobody", Message::new(&[9.0]).unwrap(), Duration::ZERO);
         let mut next = |ms: f64| inbox.next(ticks(ms / 1e3)).map(|(_, m)| m.numbers()[0]);
-        assert_eq!([next(15.0), next(15.0), next(25.0), next(99.0), next(99.0)], [
-            Some(2.0),
-            None,
-            Some(3.0),
-            Some(1.0),
-            None
-        ]);
+        assert_eq!(
+            [next(15.0), next(15.0), next(25.0), next(99.0), next(99.0)],
+            [Some(2.0), None, Some(3.0), Some(1.0), None]
+        );
         assert_eq!((hub.delivered.load(Relaxed), hub.unclaimed.load(Relaxed)), (3, 1));
     }
 }

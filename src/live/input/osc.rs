@@ -178,7 +178,10 @@ mod tests {
         let (sets, set) = unbounded();
         let hub = Hub::new(sets);
         let (mut hits, mut numbers) = (hub.open("hits").unwrap(), hub.open("a/b").unwrap());
-        read_packet(&bytes("/foley/impact/hits", vec![OscType::Float(0.5), OscType::Float(0.1), OscType::Int(2)]), &hub);
+        read_packet(
+            &bytes("/foley/impact/hits", vec![OscType::Float(0.5), OscType::Float(0.1), OscType::Int(2)]),
+            &hub,
+        );
         read_packet(&bytes("/foley/control/a/b", vec![OscType::Float(1.0), OscType::Int(-2)]), &hub);
         read_packet(&bytes("/foley/set/bell/gain", vec![OscType::Float(0.25)]), &hub);
         for wrong in ["/foley/impact/hits", "/foley/nothing/x", "/other", "/foley/set/"] {
@@ -187,7 +190,10 @@ mod tests {
         let blow = from_message(&hits.next(1).unwrap().1).unwrap();
         assert_eq!((blow.energy, blow.hardness, blow.object), (0.5, 0.1, 2));
         assert_eq!(numbers.next(1).unwrap().1.numbers(), [1.0, -2.0]);
-        assert_eq!(set.recv().unwrap(), super::super::Set { target: "bell.gain".into(), value: "0.25".into() });
+        assert_eq!(
+            set.recv().unwrap(),
+            super::super::Set { target: "bell.gain".into(), value: "0.25".into() }
+        );
         assert_eq!(hub.malformed.load(Relaxed), 4);
     }
 
