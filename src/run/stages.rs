@@ -1,5 +1,6 @@
 //! Makes the stages of a phase from its plan: buffers, nodes and wires.
 
+use super::kept::Streams;
 use super::{Job, Values, tap};
 use crate::diag::Diagnostic;
 use crate::graph::Link;
@@ -39,15 +40,28 @@ pub fn track(plan: &TrackPlan) -> Box<dyn AnyTrack> {
 /// # Errors
 /// The faults of all nodes that could not be built.
 pub fn stage(job: &Job<'_>, region: &Region, values: &Values) -> Result<Stage, Vec<Diagnostic>> {
+    stage_with(job, region, values, &Streams::default())
+}
+
+/// The same, with streams that are read and written in place of nodes and taps.
+///
+/// # Errors
+/// The faults of all nodes that could not be built.
+pub(super) fn stage_with(
+    job: &Job<'_>,
+    region: &Region,
+    values: &Values,
+    streams: &Streams,
+) -> Result<Stage, Vec<Diagnostic>> {
     let mut nodes = Vec::new();
     let mut errors = Vec::new();
     for plan in &region.nodes {
         let built = match plan.job {
-            What::Node(n) => build(job, n, values).map_err(|fault| {
+            What::Node(n) => streams.reader(n).unwrap_or_else(|| build(job, n, values)).map_err(|fault| {
                 let place = job.graph.place(n, fault.field.as_deref());
                 Diagnostic::of_fault(fault, place, &job.graph.nodes[n].id)
             }),
-            What::Tap(k) => tap::writer(job, k),
+            What::Tap(k) => streams.writer(k).map_or_else(|| tap::writer(job, k), Ok),
         };
         match built {
             Ok(node) => nodes.push(wired(plan, node, values)),
