@@ -4,7 +4,7 @@
 //! `cargo bench --bench memo`
 
 use foley::graph::{DirFiles, Limits, load};
-use foley::memo::Memo;
+use foley::memo::{MEMORY, Memo};
 use foley::plan::{Plan, PlanOptions};
 use foley::run::{DirOutputs, Job, Progress, Report, run};
 use std::fmt::Write as _;
@@ -105,7 +105,7 @@ fn main() {
         let (disk, report, wav) = run_once(folder.path(), &one, Some(&fresh()));
         let (plain, _, wanted) = run_once(folder.path(), &one, None);
         assert!(wav == wanted, "{name}: another result with the memo");
-        let held = fresh();
+        let held = fresh().holding(MEMORY);
         run_once(folder.path(), &START, Some(&held));
         let (memory, ..) = run_once(folder.path(), &other, Some(&held));
         let (kept, computed) = (report.nodes.iter().filter(|n| n.cached).count(), report.computed().len());

@@ -5,7 +5,7 @@ mod common;
 
 use common::project::{MODEL, Project, cached, calls, foley, warned};
 use foley::graph::{DirFiles, Limits, load};
-use foley::memo::{Memo, Rule};
+use foley::memo::{MEMORY, Memo, Rule};
 use foley::plan::{Plan, PlanOptions};
 use foley::run::{DirOutputs, Job, Progress, Report, run};
 use foley_nodes::core::time::ticks;
@@ -206,7 +206,7 @@ fn an_unusable_stream_is_computed_again_with_a_warning() {
 #[test]
 fn what_is_held_in_memory_is_not_read_again() {
     let project = project(MODEL, ALL);
-    let memo: Memo = project.memo();
+    let memo = project.memo().holding(MEMORY);
     let run = || project.run_over(Some(&memo), &PlanOptions::default(), None);
     run();
     run();

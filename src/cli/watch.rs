@@ -5,7 +5,7 @@ use super::args::WatchArgs;
 use super::run::{Prepared, Ready, look, render_files, show, tell};
 use crate::diag::{Diagnostic, Severity, Sources};
 use crate::graph::{Asked, Graph};
-use crate::memo::Memo;
+use crate::memo::{MEMORY, Memo};
 use crate::run::{Progress, Report};
 use crate::watch::{Changes, Contents, Events, Glance, Seen, list};
 use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, unbounded};
@@ -91,7 +91,7 @@ pub fn watch(args: &WatchArgs) -> anyhow::Result<Exit> {
         names: BTreeSet::new(),
         folders: BTreeSet::new(),
         received,
-        memo: args.run.memo.memo(&args.run.graph.graph).map(Arc::new),
+        memo: args.run.memo.memo(&args.run.graph.graph).map(|memo| Arc::new(memo.holding(MEMORY))),
         sender: sender.clone(),
         sweep: args.poll.map_or(SWEEP, Duration::from_secs_f64),
         good: None,

@@ -6,7 +6,7 @@ use super::stream::Source;
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Most bytes in memory, unless told otherwise.
+/// Most bytes in memory for a graph that is run again and again.
 pub const MEMORY: usize = 256 << 20;
 
 /// One entry.

@@ -28,6 +28,9 @@ use std::path::{Path, PathBuf};
 /// Most bytes of a store, unless told otherwise.
 pub const CAP: u64 = 1 << 30;
 
+/// Most bytes in memory for a single run, which reads large entries piece by piece.
+const ONE_RUN: usize = 16 << 20;
+
 /// A store, as seen from one graph.
 #[derive(Debug)]
 pub struct Memo {
@@ -43,7 +46,13 @@ impl Memo {
     pub fn new(dir: impl Into<PathBuf>, cap: u64, graph: &Path) -> Self {
         let graph = std::fs::canonicalize(graph).unwrap_or_else(|_| graph.to_owned());
         let graph = graph.to_string_lossy().into_owned();
-        Self { store: Store::new(dir, cap), memory: Memory::new(MEMORY), rule: Rule::default(), graph }
+        Self { store: Store::new(dir, cap), memory: Memory::new(ONE_RUN), rule: Rule::default(), graph }
+    }
+
+    /// The same, for many runs: it holds up to so many bytes in memory.
+    #[must_use]
+    pub fn holding(self, bytes: usize) -> Self {
+        Self { memory: Memory::new(bytes), ..self }
     }
 
     /// The same, with another rule of which streams are worth keeping.
