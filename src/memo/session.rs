@@ -134,7 +134,6 @@ impl<'a> Session<'a> {
     }
 
     /// Nodes whose streams a node depends on.
-    #[must_use]
     pub fn above(&self, n: usize) -> impl Iterator<Item = usize> + use<> {
         self.keys.above(n).into_iter()
     }
