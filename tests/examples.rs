@@ -7,30 +7,7 @@ use foley::plan::PlanOptions;
 use foley_nodes::core::time::ticks;
 use std::collections::BTreeSet;
 use std::fs;
-use std::path::{Path, PathBuf};
-
-fn example_graphs() -> Vec<PathBuf> {
-    let mut found = Vec::new();
-    let mut folders = vec![common::graphs()];
-    while let Some(folder) = folders.pop() {
-        for entry in fs::read_dir(folder).unwrap() {
-            let path = entry.unwrap().path();
-            if path.is_dir() {
-                folders.push(path);
-            } else if path.extension().is_some_and(|e| e == "ron") {
-                found.push(path);
-            }
-        }
-    }
-    found.sort();
-    assert!(!found.is_empty());
-    found
-}
-
-/// Sub-graphs under `lib` are run by the graphs that use them.
-fn is_whole(path: &Path) -> bool {
-    !path.components().any(|c| c.as_os_str() == "lib")
-}
+use std::path::Path;
 
 fn files(folder: &Path) -> Vec<(String, Vec<u8>)> {
     let mut all: Vec<_> = fs::read_dir(folder)
@@ -44,7 +21,7 @@ fn files(folder: &Path) -> Vec<(String, Vec<u8>)> {
 
 #[test]
 fn every_example_graph_gives_the_same_bits_for_any_window_and_threads() {
-    for path in example_graphs().iter().filter(|p| is_whole(p)) {
+    for path in common::all_graphs().iter().filter(|p| common::is_whole(p)) {
         // Two seconds hold every kind of event in the examples; `.ci/run` runs the main one whole.
         let until = Some(ticks(2.0));
         let run = |window: f64, threads| {
@@ -69,7 +46,7 @@ fn every_example_graph_gives_the_same_bits_for_any_window_and_threads() {
 #[test]
 fn every_node_type_has_an_example_graph() {
     let mut used = BTreeSet::new();
-    for path in example_graphs() {
+    for path in common::all_graphs() {
         let loaded = load(&path, &[], &[], Limits::default());
         used.extend(loaded.graph.into_iter().flat_map(|g| g.nodes).map(|n| n.ty.name));
     }

@@ -242,6 +242,31 @@ fn a_graph_that_plays_outlives_a_broken_save() {
 }
 
 #[test]
+fn a_rerun_tells_what_was_kept_and_what_was_computed() {
+    let graph = |peak: f64| {
+        format!(
+            "#![schema = \"foley:graph/1\"]\nGraph(nodes: {{
+                \"noise\": Noise(colour: White, rate: 8000, duration: Some(0.3)),
+                \"measured\": Loudness(audio: \"noise\"),
+                \"even\": Normalize(audio: \"noise\", level: \"measured\", peak_db: {peak:?}),
+                \"out\": WavOut(audio: \"even\", path: \"out.wav\"),
+            }})"
+        )
+    };
+    let project = Project::new(&[("main.ron", &graph(-6.0))]);
+    let mut watched = project.watch(&[]);
+    watched.expect("watching 1 file");
+    fs::write(project.path("main.ron"), graph(-9.0)).unwrap();
+    let told = watched.expect("reran in ");
+    assert!(
+        told.contains("1 parameter changed (even.peak_db), 1 node kept, 2 recomputed (noise, even)"),
+        "{told}"
+    );
+    assert_eq!(project.output(), project.fresh());
+    assert_eq!(watched.end().0, Some(0));
+}
+
+#[test]
 fn after_a_broken_save_the_last_good_result_stays() {
     let project = Project::new(&[("main.ron", &tone(0.5))]);
     let mut watched = project.watch(&[]);

@@ -36,7 +36,7 @@ pub enum Command {
     Explain(ExplainArgs),
     /// Draw a graph
     Graph(DrawArgs),
-    /// Look at, empty or explain the values that are kept from earlier runs
+    /// Look at, empty or explain the results that are kept from earlier runs
     Cache(CacheArgs),
     /// Make a small project that runs
     New(NewArgs),
@@ -107,7 +107,7 @@ pub struct RunArgs {
     /// The engine.
     #[command(flatten)]
     pub engine: EngineArgs,
-    /// Where values are kept.
+    /// Where results are kept.
     #[command(flatten)]
     pub memo: MemoArgs,
     /// Folder for the files that the graph writes
@@ -121,16 +121,16 @@ pub struct RunArgs {
     pub quiet: bool,
 }
 
-/// Where values are kept from run to run.
+/// Where results are kept from run to run.
 #[derive(Clone, Debug, ClapArgs)]
 pub struct MemoArgs {
-    /// Keep values in this folder [default: .foley/cache beside the graph]
+    /// Keep results in this folder [default: .foley/cache beside the graph]
     #[arg(long, value_name = "DIR")]
     pub cache: Option<PathBuf>,
-    /// Keep no values, and use none of earlier runs
+    /// Keep no results, and use none of earlier runs
     #[arg(long, conflicts_with = "cache")]
     pub no_cache: bool,
-    /// Most bytes of all values that are kept
+    /// Most bytes of all results that are kept
     #[arg(long, value_name = "SIZE", value_parser = parse_size, default_value = "1G")]
     pub cache_size: usize,
 }
@@ -152,23 +152,23 @@ pub struct CacheArgs {
     pub command: CacheCommand,
 }
 
-/// What to do with the values that are kept.
+/// What to do with the results that are kept.
 #[derive(Clone, Debug, Subcommand)]
 pub enum CacheCommand {
     /// Count entries and bytes, by node type
     Stat(StatArgs),
     /// Remove what is worth least until the rest fits the size
     Gc(GcArgs),
-    /// Tell what a value depends on that has changed since the last run
+    /// Tell what a result depends on that has changed since the last run
     Why(WhyArgs),
 }
 
 /// Which cache.
 #[derive(Clone, Debug, ClapArgs)]
 pub struct CacheDirArgs {
-    /// The graph file beside which values are kept [default: the working folder]
+    /// The graph file beside which results are kept [default: the working folder]
     pub graph: Option<PathBuf>,
-    /// The folder in which values are kept
+    /// The folder in which results are kept
     #[arg(long, value_name = "DIR", conflicts_with = "graph")]
     pub cache: Option<PathBuf>,
 }
@@ -204,12 +204,12 @@ pub struct WhyArgs {
     /// The graph.
     #[command(flatten)]
     pub graph: GraphArgs,
-    /// The node that gives the value
+    /// The node that gives the result
     pub node: String,
     /// The engine.
     #[command(flatten)]
     pub engine: EngineArgs,
-    /// The folder in which values are kept [default: .foley/cache beside the graph]
+    /// The folder in which results are kept [default: .foley/cache beside the graph]
     #[arg(long, value_name = "DIR")]
     pub cache: Option<PathBuf>,
 }

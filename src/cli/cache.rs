@@ -3,6 +3,7 @@
 use super::Exit;
 use super::args::{CacheArgs, CacheCommand, CacheDirArgs, GcArgs, StatArgs, WhyArgs};
 use super::run::prepare;
+use crate::graph::GraphNode;
 use crate::memo::{Memo, Part, Session, Store, beside, changes, keeps};
 use crate::plan::size;
 use serde_json::json;
@@ -84,16 +85,20 @@ fn gc(args: &GcArgs) -> anyhow::Result<Exit> {
 fn why(args: &WhyArgs) -> anyhow::Result<Exit> {
     let Some(ready) = prepare(&args.graph, &args.engine, true) else { return Ok(Exit::Wrong) };
     let graph = &ready.graph;
-    let kept: Vec<&str> = graph.nodes.iter().filter(|n| keeps(n.ty)).map(|n| n.id.as_str()).collect();
-    let Some(n) = graph.find(&args.node).filter(|&n| keeps(graph.nodes[n].ty)) else {
-        let what =
-            if graph.find(&args.node).is_some() { "gives no value that is kept" } else { "is no node" };
-        let list = if kept.is_empty() { "none".to_owned() } else { kept.join(", ") };
-        eprintln!("foley: `{}` {what}; nodes whose values are kept: {list}", args.node);
-        return Ok(Exit::Wrong);
-    };
     let dir = args.cache.clone().unwrap_or_else(|| beside(&args.graph.graph));
     let memo = Memo::new(dir, u64::MAX, &args.graph.graph);
+    // Which streams are kept shows when a run has kept them.
+    let has = |n: &GraphNode| keeps(n.ty) || memo.index().get(&n.id).is_some();
+    let kept: Vec<&str> = graph.nodes.iter().filter(|n| has(n)).map(|n| n.id.as_str()).collect();
+    let Some(n) = graph.find(&args.node).filter(|&n| has(&graph.nodes[n])) else {
+        let what = match graph.find(&args.node) {
+            Some(_) => "gives no value that is kept, and its streams have not been worth it",
+            None => "is no node",
+        };
+        let list = if kept.is_empty() { "none".to_owned() } else { kept.join(", ") };
+        eprintln!("foley: `{}` {what}; nodes of which something is kept: {list}", args.node);
+        return Ok(Exit::Wrong);
+    };
     let session = Session::new(&memo, graph, &ready.plan, &ready.files, ready.seed);
     let Some((key, there)) = session.survey(n) else {
         eprintln!(

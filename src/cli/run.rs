@@ -5,6 +5,7 @@ use super::args::{EngineArgs, GraphArgs, RunArgs};
 use super::progress::Watch;
 use crate::diag::{Diagnostic, Severity, Sources, render};
 use crate::graph::{Asked, DirFiles, Graph, load};
+use crate::memo::Memo;
 use crate::plan::{Plan, PlanOptions};
 use crate::run::{self, DirOutputs, Job, Progress, Report, Tap, check_tap};
 use foley_nodes::core::time::ticks;
@@ -117,7 +118,8 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
     let stop = Arc::clone(&progress);
     // Only the first handler of a process can be set; a second run in the same process keeps the first.
     let _ = ctrlc::set_handler(move || stop.stop.store(true, Ordering::SeqCst));
-    match render_files(&ready, args, &progress) {
+    let memo = args.memo.memo(&args.graph.graph);
+    match render_files(&ready, args, memo.as_ref(), &progress) {
         Ok(report) => {
             tell(&report, &ready, args)?;
             Ok(Exit::Done)
@@ -136,11 +138,11 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
 pub fn render_files(
     ready: &Ready,
     args: &RunArgs,
+    memo: Option<&Memo>,
     progress: &Arc<Progress>,
 ) -> Result<Report, Vec<Diagnostic>> {
     let outputs = DirOutputs::new(&args.out);
     let watch = Watch::start(&ready.graph.title, Arc::clone(progress), args.quiet);
-    let memo = args.memo.memo(&args.graph.graph);
     let job = Job {
         graph: &ready.graph,
         plan: &ready.plan,
@@ -149,7 +151,7 @@ pub fn render_files(
         taps: &ready.taps,
         threads: ready.threads,
         seed: ready.seed,
-        memo: memo.as_ref(),
+        memo,
         progress: Arc::clone(progress),
     };
     let result = run::run(&job);
@@ -213,7 +215,7 @@ fn print_report(report: &Report, ready: &Ready) -> std::io::Result<()> {
     }
     let cached = report.nodes.iter().filter(|n| n.cached).count();
     if cached > 0 {
-        writeln!(out, "{cached} node(s) from the cache")?;
+        writeln!(out, "{cached} node(s) from the cache, {} computed", report.computed().len())?;
     }
     let speed = report.length / report.wall.as_secs_f64().max(1e-9);
     writeln!(

@@ -5,8 +5,9 @@ use super::args::WatchArgs;
 use super::run::{Prepared, Ready, look, render_files, show, tell};
 use crate::diag::{Diagnostic, Severity, Sources};
 use crate::graph::{Asked, Graph};
+use crate::memo::{MEMORY, Memo};
 use crate::run::{Progress, Report};
-use crate::watch::{Changes, Contents, Events, Glance, Seen};
+use crate::watch::{Changes, Contents, Events, Glance, Seen, list};
 use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, unbounded};
 use std::collections::BTreeSet;
 use std::ffi::OsString;
@@ -64,6 +65,8 @@ struct Session<'a> {
     received: Receiver<Message>,
     sender: Sender<Message>,
     sweep: Duration,
+    /// Holds what was kept in memory, from run to run.
+    memo: Option<Arc<Memo>>,
     /// The graph of the last good run, and the contents that it came from.
     good: Option<(Graph, Contents)>,
     /// Whether what was told last is an error.
@@ -88,6 +91,7 @@ pub fn watch(args: &WatchArgs) -> anyhow::Result<Exit> {
         names: BTreeSet::new(),
         folders: BTreeSet::new(),
         received,
+        memo: args.run.memo.memo(&args.run.graph.graph).map(|memo| Arc::new(memo.holding(MEMORY))),
         sender: sender.clone(),
         sweep: args.poll.map_or(SWEEP, Duration::from_secs_f64),
         good: None,
@@ -193,8 +197,9 @@ impl Session<'_> {
     fn start(&self, ready: &Arc<Ready>, progress: &Arc<Progress>) {
         let (ready, progress) = (Arc::clone(ready), Arc::clone(progress));
         let (args, sender) = (self.args.run.clone(), self.sender.clone());
+        let memo = self.memo.clone();
         std::thread::spawn(move || {
-            let run = AssertUnwindSafe(|| render_files(&ready, &args, &progress));
+            let run = AssertUnwindSafe(|| render_files(&ready, &args, memo.as_deref(), &progress));
             let ran = catch_unwind(run).unwrap_or_else(|_| {
                 let defect = Diagnostic::general("F099", "the run panicked");
                 Err(vec![defect.help("this is a defect in foley: please report it")])
@@ -227,7 +232,8 @@ impl Session<'_> {
             && !self.args.run.quiet
         {
             let changes = Changes::between((old, was), (&ready.graph, &contents));
-            say(&format!("reran in {} ms: {changes}", at.elapsed().as_millis()))?;
+            let (ms, economy) = (at.elapsed().as_millis(), economy(report));
+            say(&format!("reran in {ms} ms: {changes}, {economy}"))?;
         }
         self.wrong = false;
         if let Some(ready) = Arc::into_inner(ready) {
@@ -344,6 +350,15 @@ impl Session<'_> {
             }
         }
     }
+}
+
+/// How many nodes came from the memo, and which did not.
+fn economy(report: &Report) -> String {
+    let kept = report.nodes.iter().filter(|n| n.cached).count();
+    let computed = report.computed();
+    let plural = if kept == 1 { "" } else { "s" };
+    let names = if computed.is_empty() { String::new() } else { format!(" ({})", list(&computed)) };
+    format!("{kept} node{plural} kept, {} recomputed{names}", computed.len())
 }
 
 fn say(line: &str) -> std::io::Result<()> {

@@ -110,6 +110,30 @@ impl Graph {
         self.nodes.iter().position(|n| n.id == id)
     }
 
+    /// A copy in which some nodes have no inputs: their outputs come from elsewhere.
+    #[must_use]
+    pub fn without_inputs(&self, which: &dyn Fn(usize) -> bool) -> Self {
+        let copy = |(n, node): (usize, &GraphNode)| GraphNode {
+            id: node.id.clone(),
+            ty: node.ty,
+            params: node.params.boxed(),
+            links: match which(n) {
+                true => vec![Vec::new(); node.links.len()],
+                false => node.links.clone(),
+            },
+            place: node.place.clone(),
+            fields: node.fields.clone(),
+        };
+        Self {
+            title: self.title.clone(),
+            seed: self.seed,
+            nodes: self.nodes.iter().enumerate().map(copy).collect(),
+            order: self.order.clone(),
+            rank: self.rank.clone(),
+            sources: self.sources.clone(),
+        }
+    }
+
     /// The place of a field of a node, or of the node where it does not stand in the text.
     #[must_use]
     pub fn place(&self, node: usize, field: Option<&str>) -> Place {

@@ -3,6 +3,7 @@
 use super::key::Part;
 use super::store::write_whole;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -37,6 +38,25 @@ impl<'a> Index<'a> {
         hasher.update(self.graph.as_bytes()).update(&[0]).update(node.as_bytes());
         let name = hasher.finalize().to_hex();
         self.dir.join("index").join(format!("{}.json", &name[..32]))
+    }
+
+    fn costs_path(&self) -> PathBuf {
+        self.path("").with_extension("costs.json")
+    }
+
+    /// Nanoseconds per element that nodes took in earlier runs, by id and type.
+    #[must_use]
+    pub fn costs(&self) -> BTreeMap<String, (String, f64)> {
+        let text = fs::read(self.costs_path()).ok();
+        text.and_then(|text| serde_json::from_slice(&text).ok()).unwrap_or_default()
+    }
+
+    /// Notes what nodes took.
+    ///
+    /// # Errors
+    /// When the file cannot be written.
+    pub fn note_costs(&self, costs: &BTreeMap<String, (String, f64)>) -> io::Result<()> {
+        write_whole(&self.costs_path(), &[&serde_json::to_vec(costs)?])
     }
 
     /// The trace of a node, where there is one that can be read.

@@ -59,13 +59,28 @@ impl<'a> Keys<'a> {
     /// O(nodes and links above), and each file is read once.
     #[must_use]
     pub fn key(&self, n: usize, values: &dyn Fn(usize, usize) -> Option<[u8; 32]>) -> Option<Key> {
+        let duration = self.plan.phases.iter().find(|p| p.nodes.contains(&n)).map(|p| p.duration);
+        self.key_within(n, duration, values)
+    }
+
+    /// The key of the streams of a node that ends: until then it does not count how long an endless node above it runs.
+    #[must_use]
+    pub fn stream_key(&self, n: usize, values: &dyn Fn(usize, usize) -> Option<[u8; 32]>) -> Option<Key> {
+        self.key_within(n, None, values)
+    }
+
+    fn key_within(
+        &self,
+        n: usize,
+        duration: Option<Tick>,
+        values: &dyn Fn(usize, usize) -> Option<[u8; 32]>,
+    ) -> Option<Key> {
         let mut parts = vec![
             ("foley".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
             ("machine".to_owned(), format!("{} {}", std::env::consts::ARCH, std::env::consts::OS)),
             ("seed".to_owned(), self.seed.to_string()),
             ("node id".to_owned(), self.graph.nodes[n].id.clone()),
         ];
-        let duration = self.plan.phases.iter().find(|p| p.nodes.contains(&n)).map(|p| p.duration);
         let mut known = true;
         self.parts(n, "", duration, values, &mut parts, &mut known)?;
         let above: BTreeMap<&str, usize> =
@@ -84,16 +99,16 @@ impl<'a> Keys<'a> {
         Some(Key { parts, hash })
     }
 
-    /// Whether every file behind a node still has the content that its key was made of.
-    #[must_use]
-    pub fn still(&self, n: usize) -> bool {
+    /// Of some nodes those for which every file behind them still has the content that their keys were made of.
+    pub fn still(&self, nodes: &mut Vec<usize>) {
         let fresh = Self::new(self.graph, self.plan, self.files, self.seed);
         let any = |_, _| Some([0; 32]);
-        self.key(n, &any) == fresh.key(n, &any)
+        nodes.retain(|&n| self.key(n, &any) == fresh.key(n, &any));
     }
 
     /// All nodes whose streams a node depends on, without itself.
-    fn above(&self, n: usize) -> BTreeSet<usize> {
+    #[must_use]
+    pub fn above(&self, n: usize) -> BTreeSet<usize> {
         let mut found = BTreeSet::new();
         let mut stack = vec![n];
         while let Some(v) = stack.pop() {

@@ -1,17 +1,23 @@
-//! Keeps values from one run to the next: what value nodes and folds gave, on disk, under a key of all that they depend on.
+//! Keeps results from one run to the next, in memory and on disk, under a key of all that they depend on: what value nodes
+//! and folds gave, and the streams that are dear to compute for their size.
 //!
-//! [`Keys`] makes the keys, [`Store`] keeps the entries, [`Index`] remembers what the last keys were made of. Streams are
-//! not kept: they are computed again.
+//! [`Keys`] makes the keys, [`Store`] keeps the entries and [`Memory`] the last of them, [`choose`] says which streams are
+//! worth it, [`stream`] is what such a stream is on disk, and [`Index`] remembers what the last keys were made of.
 
+mod frontier;
 mod index;
 mod key;
+mod memory;
 mod session;
 mod store;
+pub mod stream;
 
+pub use frontier::{Rule, choose};
 pub use index::{Index, Trace};
 pub use key::{Key, Keys, Part, changes};
-pub use session::{Hit, Session};
-pub use store::{Entry, Listed, Output, Store, Unusable};
+pub use memory::{Held, MEMORY, Memory};
+pub use session::{Hit, Kept, Session};
+pub use store::{Entry, Listed, Output, Store, Told, Unusable};
 
 use foley_nodes::core::node::NodeType;
 use foley_nodes::core::params::ParamKind;
@@ -22,10 +28,15 @@ use std::path::{Path, PathBuf};
 /// Most bytes of a store, unless told otherwise.
 pub const CAP: u64 = 1 << 30;
 
+/// Most bytes in memory for a single run, which reads large entries piece by piece.
+const ONE_RUN: usize = 16 << 20;
+
 /// A store, as seen from one graph.
 #[derive(Debug)]
 pub struct Memo {
     store: Store,
+    memory: Memory,
+    rule: Rule,
     graph: String,
 }
 
@@ -34,7 +45,32 @@ impl Memo {
     #[must_use]
     pub fn new(dir: impl Into<PathBuf>, cap: u64, graph: &Path) -> Self {
         let graph = std::fs::canonicalize(graph).unwrap_or_else(|_| graph.to_owned());
-        Self { store: Store::new(dir, cap), graph: graph.to_string_lossy().into_owned() }
+        let graph = graph.to_string_lossy().into_owned();
+        Self { store: Store::new(dir, cap), memory: Memory::new(ONE_RUN), rule: Rule::default(), graph }
+    }
+
+    /// The same, for many runs: it holds up to so many bytes in memory.
+    #[must_use]
+    pub fn holding(self, bytes: usize) -> Self {
+        Self { memory: Memory::new(bytes), ..self }
+    }
+
+    /// The same, with another rule of which streams are worth keeping.
+    #[must_use]
+    pub fn with_rule(self, rule: Rule) -> Self {
+        Self { rule, ..self }
+    }
+
+    /// Which streams are worth keeping.
+    #[must_use]
+    pub fn rule(&self) -> &Rule {
+        &self.rule
+    }
+
+    /// What is held in memory of it, for as long as this memo lives.
+    #[must_use]
+    pub fn memory(&self) -> &Memory {
+        &self.memory
     }
 
     /// Where its entries are.
@@ -61,6 +97,13 @@ pub fn beside(graph: &Path) -> PathBuf {
 pub fn writes(ty: &NodeType) -> bool {
     let output = |spec: &ParamSpec| *spec.kind.innermost() == ParamKind::Output;
     ty.outputs.is_empty() || (ty.params)().iter().any(output)
+}
+
+/// Whether the streams of a node may be kept: it has some, gives nothing else and writes nothing.
+#[must_use]
+pub fn streams(ty: &NodeType) -> bool {
+    let stream = |kind: &PortKind| matches!(kind, PortKind::Stream(_) | PortKind::Events(_));
+    !writes(ty) && ty.outputs.iter().all(|o| stream(&o.kind))
 }
 
 /// Whether what a node gives is kept: the values of value nodes and of folds.

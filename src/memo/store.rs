@@ -21,6 +21,17 @@ const LONGEST_HEADER: usize = 16 << 20;
 /// A temporary file of this age was left behind by a process that was killed.
 const STALE: Duration = Duration::from_secs(3600);
 
+/// What a node has told that an entry makes unnecessary to run.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Told {
+    /// Its id.
+    pub node: String,
+    /// What it told of itself.
+    pub summary: Map<String, Value>,
+    /// What it warned of.
+    pub warnings: Vec<String>,
+}
+
 /// One value of an entry.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Output {
@@ -53,6 +64,9 @@ pub struct Entry {
     pub warnings: Vec<String>,
     /// The values that follow.
     pub outputs: Vec<Output>,
+    /// For a stream, the nodes above it.
+    #[serde(default)]
+    pub above: Vec<Told>,
 }
 
 /// One file of a store.
@@ -115,6 +129,17 @@ impl Store {
         self.dir.join(format!("{key}.memo"))
     }
 
+    /// Where the stream of a key is, or would be.
+    #[must_use]
+    pub fn stream_path(&self, key: &str) -> PathBuf {
+        self.dir.join(format!("{key}.stream"))
+    }
+
+    /// Makes room for so many bytes, but keeps all of `used`; says whether there is room.
+    pub fn room(&self, bytes: u64, used: &HashSet<String>) -> bool {
+        bytes <= self.cap && self.evict(self.cap - bytes, used) <= self.cap - bytes
+    }
+
     /// What an entry says of itself, without looking at its values; `None` where there is none that can be read.
     #[must_use]
     pub fn peek(&self, key: &str) -> Option<Entry> {
@@ -153,10 +178,14 @@ impl Store {
         if entry.key != key {
             return unusable("it belongs to another key");
         }
-        // Recently used entries are kept longer; where that cannot be noted, only the order of eviction suffers.
-        let _ = File::options().append(true).open(&path).and_then(|f| f.set_modified(SystemTime::now()));
+        self.touch(&path);
         let payload = bytes[FRONT + length..].to_vec();
         Ok(Some((entry, payload)))
+    }
+
+    /// Notes that a file is in use: it is kept longer. Where that cannot be noted, only the order of eviction suffers.
+    pub(super) fn touch(&self, path: &Path) {
+        let _ = File::options().append(true).open(path).and_then(|f| f.set_modified(SystemTime::now()));
     }
 
     /// Adds an entry, in place of one of the same key; others are removed where the size asks for it, but none of `used`.
@@ -167,13 +196,11 @@ impl Store {
     pub fn write(&self, entry: &Entry, payload: &[u8], used: &HashSet<String>) -> io::Result<bool> {
         let header = serde_json::to_vec(entry)?;
         let bytes = (FRONT + header.len() + payload.len()) as u64;
-        if header.len() > LONGEST_HEADER || bytes > self.cap {
+        if header.len() > LONGEST_HEADER {
             return Ok(false);
         }
-        let mut keep = used.clone();
-        keep.remove(&entry.key);
         let _ = fs::remove_file(self.path(&entry.key));
-        if self.evict(self.cap - bytes, &keep) > self.cap - bytes {
+        if !self.room(bytes, used) {
             return Ok(false);
         }
         let mut front = Vec::with_capacity(FRONT);
@@ -194,7 +221,10 @@ impl Store {
             .map(|(path, meta)| Listed {
                 bytes: meta.len(),
                 used: meta.modified().unwrap_or(SystemTime::UNIX_EPOCH),
-                entry: header(&path),
+                entry: match path.extension().is_some_and(|e| e == "stream") {
+                    true => super::stream::header(&path),
+                    false => header(&path),
+                },
                 path,
             })
             .collect();
@@ -257,7 +287,7 @@ fn files(dir: &Path) -> impl Iterator<Item = (PathBuf, fs::Metadata)> + use<> {
 fn is_entry(path: &Path) -> bool {
     let stem = path.file_stem().and_then(|s| s.to_str()).unwrap_or_default();
     let hex = stem.len() == 64 && stem.bytes().all(|b| b.is_ascii_hexdigit());
-    hex && path.extension().is_some_and(|e| e == "memo")
+    hex && path.extension().is_some_and(|e| e == "memo" || e == "stream")
 }
 
 fn header(path: &Path) -> Option<Entry> {
@@ -273,8 +303,8 @@ fn header(path: &Path) -> Option<Entry> {
     serde_json::from_slice(&header).ok()
 }
 
-/// Writes a file under a temporary name that no other thread or process uses, syncs it, and moves it to its place.
-pub(super) fn write_whole(path: &Path, pieces: &[&[u8]]) -> io::Result<()> {
+/// A name beside a file that no other thread or process uses; the folder is made.
+pub(super) fn temporary(path: &Path) -> io::Result<PathBuf> {
     static COUNT: AtomicU64 = AtomicU64::new(0);
     if let Some(folder) = path.parent() {
         fs::create_dir_all(folder)?;
@@ -282,7 +312,12 @@ pub(super) fn write_whole(path: &Path, pieces: &[&[u8]]) -> io::Result<()> {
     let mut name = path.file_name().unwrap_or_default().to_os_string();
     let count = COUNT.fetch_add(1, Ordering::Relaxed);
     name.push(format!(".{}-{count}.part", std::process::id()));
-    let part = path.with_file_name(name);
+    Ok(path.with_file_name(name))
+}
+
+/// Writes a file under a temporary name, syncs it, and moves it to its place.
+pub(super) fn write_whole(path: &Path, pieces: &[&[u8]]) -> io::Result<()> {
+    let part = temporary(path)?;
     let write = || {
         let mut file = File::create(&part)?;
         pieces.iter().try_for_each(|piece| file.write_all(piece))?;

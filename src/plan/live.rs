@@ -240,7 +240,15 @@ fn prelude(
         passes.push(Phase { regions, nodes: nodes.clone(), windows, delays, duration, bytes });
     }
     let bytes = passes.iter().map(|p| p.bytes).max().unwrap_or(0);
-    Ok(Plan { shapes, values: split.values.clone(), phases: passes, window, bytes, idle: Vec::new() })
+    Ok(Plan {
+        shapes,
+        values: split.values.clone(),
+        phases: passes,
+        window,
+        bytes,
+        idle: Vec::new(),
+        limit: options.memory,
+    })
 }
 
 /// Refuses nodes that need more time or memory than playing leaves.

@@ -3,6 +3,7 @@
 //! [`Plan::new`] shapes every node, then finds for each how far behind the run it works:
 //! `D(v) = max over inputs (D(u) + lag(u) + ahead(v))`, so that in topological order every node can always run.
 
+mod again;
 mod layout;
 mod live;
 mod phases;
@@ -78,6 +79,8 @@ pub struct Plan {
     pub window: Tick,
     /// Bytes in buffers, at most, at one time.
     pub bytes: usize,
+    /// Most bytes that buffers may take.
+    pub limit: usize,
     /// Nodes that nothing uses.
     pub idle: Vec<usize>,
 }
@@ -128,7 +131,15 @@ impl Plan {
             phases.push(Phase { regions, nodes: nodes.clone(), windows, delays, duration, bytes });
         }
         let bytes = phases.iter().map(|p| p.bytes).max().unwrap_or(0);
-        let plan = Self { shapes, values: split.values, phases, window, bytes, idle: split.idle };
+        let plan = Self {
+            shapes,
+            values: split.values,
+            phases,
+            window,
+            bytes,
+            limit: options.memory,
+            idle: split.idle,
+        };
         if bytes > options.memory {
             return Err(vec![show::too_much_memory(graph, &plan, options.memory)]);
         }

@@ -4,6 +4,7 @@
 //! [`DEPTH`] windows behind. Counters say so; nothing waits inside the pool. Regions that read or write files run on a
 //! thread of their own.
 
+use super::kept::Streams;
 use super::{Job, Progress, Report, Values, stages};
 use crate::diag::Diagnostic;
 use crate::plan::{DEPTH, Phase, Region, What};
@@ -70,11 +71,12 @@ pub fn run_phase(
     phase: &Phase,
     values: &mut Values,
     report: &mut Report,
+    streams: &Streams,
 ) -> Result<(), Vec<Diagnostic>> {
     let mut stages = Vec::new();
     let mut errors = Vec::new();
     for region in &phase.regions {
-        match stages::stage(job, region, values) {
+        match stages::stage_with(job, region, values, streams) {
             Ok(stage) => stages.push(stage),
             Err(e) => errors.extend(e),
         }
@@ -113,7 +115,7 @@ pub fn run_phase(
         shared.poll(r);
     }
     shared.end_task();
-    let result = collect(job, &shared, &received, values, report);
+    let result = collect(job, &shared, &received, values, report, streams);
     drop(shared);
     for thread in threads {
         let _ = thread.join();
@@ -128,6 +130,7 @@ fn collect(
     received: &Receiver<Outcome>,
     values: &mut Values,
     report: &mut Report,
+    streams: &Streams,
 ) -> Result<(), Vec<Diagnostic>> {
     let mut errors = Vec::new();
     let mut left = shared.cells.len();
@@ -161,7 +164,8 @@ fn collect(
             let What::Node(n) = node.job else { continue };
             let Spent { time, calls } = stage.spent()[k];
             let summary = summaries.as_ref().map(|s| s[k].clone()).unwrap_or_default();
-            report.add(n, time, calls, summary);
+            // What is read in place of a node does not count as calls of it.
+            report.add(n, time, if streams.read(n) { 0 } else { calls }, summary);
             for port in 0..job.graph.nodes[n].ty.outputs.len() {
                 if let Some(value) = stage.value(k, port) {
                     values.insert((n, port), value);

@@ -4,6 +4,7 @@
 //! counters say that the inputs are there. Values are computed before the phase that needs them.
 
 mod engine;
+mod kept;
 mod outputs;
 mod report;
 mod stages;
@@ -17,10 +18,11 @@ pub use tap::{Tap, check as check_tap};
 use crate::diag::Diagnostic;
 use crate::graph::Graph;
 use crate::memo::{self, Memo, Session};
-use crate::plan::{Phase, Plan, What};
+use crate::plan::Plan;
 use foley_nodes::core::files::Files;
 use foley_nodes::core::item::AnyValue;
 use foley_nodes::core::stage::{Cx, InWire, OutWire};
+use kept::{Hidden, Streams};
 use std::cell::RefCell;
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -87,48 +89,25 @@ pub fn values(job: &Job<'_>) -> Result<(Values, Report), Vec<Diagnostic>> {
     job.progress.total.store(windows, Ordering::Relaxed);
     let phases = job.plan.phases.len().max(1 + job.plan.values.iter().map(|(_, p)| *p).max().unwrap_or(0));
     let mut memo = job.memo.map(|m| Session::new(m, job.graph, job.plan, job.files, job.seed));
+    let mut hidden = Hidden::new();
     for phase in 0..phases {
         evaluate(job, phase, &mut values, &mut report, memo.as_mut())?;
         if let Some(planned) = job.plan.phases.get(phase) {
-            pass(job, planned, &mut values, &mut report, memo.as_mut())?;
+            match memo.as_mut() {
+                Some(memo) => kept::pass(job, planned, &mut values, &mut report, memo, &mut hidden)?,
+                None => engine::run_phase(job, planned, &mut values, &mut report, &Streams::default())?,
+            }
+        }
+    }
+    for (n, told) in hidden {
+        if report.nodes[n].calls == 0 && !report.nodes[n].cached {
+            report.add_cached(n, told.summary, told.warnings);
         }
     }
     for (n, warning) in memo.iter_mut().flat_map(Session::take_warnings) {
         report.notes.push((job.graph.nodes[n].id.clone(), warning));
     }
     Ok((values, report))
-}
-
-/// Runs a phase, unless all that it gives are folds that the memo has.
-fn pass(
-    job: &Job<'_>,
-    phase: &Phase,
-    values: &mut Values,
-    report: &mut Report,
-    memo: Option<&mut Session<'_>>,
-) -> Result<(), Vec<Diagnostic>> {
-    let Some(memo) = memo else { return engine::run_phase(job, phase, values, report) };
-    let ty = |n: usize| job.graph.nodes[n].ty;
-    let tapped = phase.regions.iter().flat_map(|r| &r.nodes).any(|n| matches!(n.job, What::Tap(_)));
-    let folds: Vec<usize> = phase.nodes.iter().copied().filter(|&n| memo::keeps(ty(n))).collect();
-    let hits: Vec<_> = folds.iter().map(|&n| memo.look_up(n, values)).collect();
-    let writes = tapped || phase.nodes.iter().any(|&n| memo::writes(ty(n)));
-    if !writes && hits.iter().all(Option::is_some) {
-        for (n, hit) in folds.into_iter().zip(hits.into_iter().flatten()) {
-            take(n, hit, values, report);
-        }
-        let windows = phase.windows * phase.regions.len() as u64;
-        job.progress.done.fetch_add(windows, Ordering::Relaxed);
-        return Ok(());
-    }
-    let (start, notes) = (Instant::now(), report.notes.len());
-    engine::run_phase(job, phase, values, report)?;
-    for (n, _) in folds.into_iter().zip(&hits).filter(|(_, hit)| hit.is_none()) {
-        // To have the fold again, the whole phase has to run again.
-        let summary = report.nodes[n].summary.clone();
-        memo.keep(n, values, start.elapsed(), summary, report.warned(n, notes));
-    }
-    Ok(())
 }
 
 /// Takes over what the memo has of a node.

@@ -15,6 +15,8 @@ pub struct NodeReport {
     pub id: String,
     /// Its type.
     pub kind: &'static str,
+    /// Whether it only writes.
+    pub sink: bool,
     /// Wall time in it.
     pub time: Duration,
     /// Windows that it ran.
@@ -66,6 +68,7 @@ impl Report {
         let nodes = graph.nodes.iter().map(|n| NodeReport {
             id: n.id.clone(),
             kind: n.ty.name,
+            sink: n.ty.outputs.is_empty(),
             ..NodeReport::default()
         });
         let notes = graph.nodes.iter().zip(&plan.shapes);
@@ -104,6 +107,12 @@ impl Report {
     pub(super) fn warned(&self, n: usize, since: usize) -> Vec<String> {
         let own = self.notes.iter().skip(since).filter(|(id, _)| *id == self.nodes[n].id);
         own.map(|(_, note)| note.clone()).collect()
+    }
+
+    /// Ids of the nodes that had to be computed; what only writes does not count.
+    #[must_use]
+    pub fn computed(&self) -> Vec<String> {
+        self.nodes.iter().filter(|n| !n.cached && n.calls > 0 && !n.sink).map(|n| n.id.clone()).collect()
     }
 
     pub(super) fn note_bytes(&mut self, bytes: usize) {

@@ -1,9 +1,11 @@
 //! Makes the stages of a phase from its plan: buffers, nodes and wires.
 
+use super::kept::Streams;
 use super::{Job, Values, tap};
 use crate::diag::Diagnostic;
 use crate::graph::{Graph, Link};
 use crate::plan::{PlanIn, PlanNode, PlanOut, Region, TrackPlan, What};
+use foley_nodes::core::fault::Fault;
 use foley_nodes::core::files::{Files, Outputs};
 use foley_nodes::core::input::{Inputs, NoInputs};
 use foley_nodes::core::node::DynNode;
@@ -77,10 +79,13 @@ impl<'a> Site<'a> {
     pub fn build(&self, n: usize, values: &Values) -> Result<Box<dyn DynNode>, Diagnostic> {
         let node = &self.graph.nodes[n];
         let links = self.links(n, values);
-        node.ty.build(&*node.params, &self.build_cx(n, &links)).map_err(|fault| {
-            let place = self.graph.place(n, fault.field.as_deref());
-            Diagnostic::of_fault(fault, place, &node.id)
-        })
+        node.ty.build(&*node.params, &self.build_cx(n, &links)).map_err(|fault| self.told(n, fault))
+    }
+
+    /// A fault of a node with its place in the text.
+    fn told(&self, n: usize, fault: Fault) -> Diagnostic {
+        let place = self.graph.place(n, fault.field.as_deref());
+        Diagnostic::of_fault(fault, place, &self.graph.nodes[n].id)
     }
 }
 
@@ -101,10 +106,26 @@ pub fn track(plan: &TrackPlan) -> Box<dyn AnyTrack> {
 /// # Errors
 /// The faults of all nodes that could not be built.
 pub fn stage(job: &Job<'_>, region: &Region, values: &Values) -> Result<Stage, Vec<Diagnostic>> {
+    stage_with(job, region, values, &Streams::default())
+}
+
+/// The same, with streams that are read and written in place of nodes and taps.
+///
+/// # Errors
+/// The faults of all nodes that could not be built.
+pub(super) fn stage_with(
+    job: &Job<'_>,
+    region: &Region,
+    values: &Values,
+    streams: &Streams,
+) -> Result<Stage, Vec<Diagnostic>> {
     let site = Site::of(job);
     assemble(region, values, |what| match what {
-        What::Node(n) => site.build(n, values),
-        What::Tap(k) => tap::writer(job, k),
+        What::Node(n) => match streams.reader(n) {
+            Some(reader) => reader.map_err(|fault| site.told(n, fault)),
+            None => site.build(n, values),
+        },
+        What::Tap(k) => streams.writer(k).map_or_else(|| tap::writer(job, k), Ok),
     })
 }
 

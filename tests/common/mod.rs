@@ -1,6 +1,8 @@
 //! What the tests of whole graphs share.
 #![allow(dead_code)]
 
+pub mod project;
+
 use foley::diag::{Diagnostic, render};
 use foley::graph::{DirFiles, Graph, Limits, load, load_text};
 use foley::plan::{Plan, PlanOptions};
@@ -11,6 +13,30 @@ use std::sync::Arc;
 /// The folder of the example graphs.
 pub fn graphs() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("graphs")
+}
+
+/// All graphs in it, sub-graphs included.
+pub fn all_graphs() -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    let mut folders = vec![graphs()];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.extension().is_some_and(|e| e == "ron") {
+                found.push(path);
+            }
+        }
+    }
+    found.sort();
+    assert!(!found.is_empty());
+    found
+}
+
+/// Sub-graphs under `lib` are run by the graphs that use them.
+pub fn is_whole(path: &Path) -> bool {
+    !path.components().any(|c| c.as_os_str() == "lib")
 }
 
 /// A graph of a text, or all that is wrong with it.

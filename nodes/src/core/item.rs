@@ -14,7 +14,7 @@ use std::sync::Arc;
 /// The *format* is what is fixed for a whole stream when the graph is planned: a channel count, the faces of a mesh.
 pub trait Item: 'static {
     /// One element; an item is `width` of them in a row.
-    type Elem: Copy + Default + PartialEq + Debug + Send + Sync + 'static;
+    type Elem: Copy + Default + PartialEq + Debug + Serialize + DeserializeOwned + Send + Sync + 'static;
     /// What is fixed for the whole stream.
     type Format: Clone + PartialEq + Debug + Send + Sync + 'static;
     /// The name that people see, such as `audio`.
@@ -85,7 +85,7 @@ impl Item for f32 {
 pub struct Channels(pub u16);
 
 /// What one event carries.
-pub trait Event: Clone + PartialEq + Debug + Serialize + Send + Sync + 'static {
+pub trait Event: Clone + PartialEq + Debug + Serialize + DeserializeOwned + Send + Sync + 'static {
     /// The name that people see.
     const NAME: &'static str;
     /// A valid event for trials.
@@ -123,6 +123,12 @@ pub struct ItemType {
     pub numbers: fn(&dyn AnyTrack, i64, i64, &mut Vec<f32>),
     /// Whether all of the elements `[from, to)` are finite.
     pub finite: fn(&dyn AnyTrack, i64, i64) -> bool,
+    /// Bytes of one element in memory; on disk it takes about as many.
+    pub elem_bytes: usize,
+    /// Adds the elements `[from, to)` of a buffer to bytes, for the disk.
+    pub encode: EncodeTrack,
+    /// Appends the elements in such bytes to a buffer; `None` where they are none.
+    pub decode: DecodeTrack,
     /// A stream of valid items for trials: rate, items.
     pub trial: fn(&mut Draw, Rate, i64) -> Feed,
     /// The same with the rate and the format of another stream of the type.
@@ -165,6 +171,19 @@ impl<T: Item> Described for OfItem<T> {
             let track = track.typed::<Track<T::Elem>>();
             track.is_some_and(|track| track.view(from, to).iter().all(T::finite))
         },
+        elem_bytes: size_of::<T::Elem>(),
+        encode: |track, from, to, out| {
+            let elems = track.typed::<Track<T::Elem>>()?.view(from, to);
+            elems.iter().try_for_each(|elem| encode(elem, out))
+        },
+        decode: |track, mut bytes| {
+            let track = track.typed_mut::<Track<T::Elem>>()?;
+            let mut elems = Vec::with_capacity(bytes.len() / size_of::<T::Elem>().max(1));
+            while !bytes.is_empty() {
+                elems.push(decode(&mut bytes)?);
+            }
+            track.append_elements(&elems)
+        },
         trial: |draw, rate, items| {
             let format = T::trial_format(draw);
             trial_stream::<T>(draw, rate, format, items)
@@ -185,6 +204,22 @@ fn trial_stream<T: Item>(draw: &mut Draw, rate: Rate, format: T::Format, items: 
 /// Turns the events of a part of a buffer into JSON.
 pub type EventsJson = fn(&dyn AnyTrack, Tick, Tick) -> Vec<(Tick, serde_json::Value)>;
 
+/// Adds a part of a buffer to bytes; `None` where the buffer is of another type.
+pub type EncodeTrack = fn(&dyn AnyTrack, i64, i64, &mut Vec<u8>) -> Option<()>;
+
+/// Appends what stands in bytes to a buffer; `None` where they say nothing or the buffer is of another type.
+pub type DecodeTrack = fn(&mut dyn AnyTrack, &[u8]) -> Option<()>;
+
+fn encode<T: Serialize>(what: &T, out: &mut Vec<u8>) -> Option<()> {
+    postcard::to_io(what, out).ok().map(|_| ())
+}
+
+fn decode<T: DeserializeOwned>(bytes: &mut &[u8]) -> Option<T> {
+    let (what, rest) = postcard::take_from_bytes(bytes).ok()?;
+    *bytes = rest;
+    Some(what)
+}
+
 /// The runtime's view of an [`Event`] type.
 #[derive(Debug)]
 pub struct EventType {
@@ -198,6 +233,10 @@ pub struct EventType {
     pub track_bytes: fn() -> usize,
     /// Events of `[from, to)` as JSON.
     pub json: EventsJson,
+    /// Adds the events of `[from, to)` to bytes, for the disk.
+    pub encode: EncodeTrack,
+    /// Adds the events in such bytes to a buffer; `None` where they are none.
+    pub decode: DecodeTrack,
     /// Valid events until a time, for trials.
     pub trial: fn(&mut Draw, Tick) -> Feed,
 }
@@ -213,6 +252,18 @@ impl<T: Event> Described for OfEvent<T> {
             let Some(track) = track.typed::<EventTrack<T>>() else { return Vec::new() };
             let json = |event| serde_json::to_value(event).unwrap_or_default();
             track.view(from, to).iter().map(|(tick, event)| (*tick, json(event))).collect()
+        },
+        encode: |track, from, to, out| {
+            let events = track.typed::<EventTrack<T>>()?.view(from, to);
+            events.iter().try_for_each(|event| encode(event, out))
+        },
+        decode: |track, mut bytes| {
+            let track = track.typed_mut::<EventTrack<T>>()?;
+            while !bytes.is_empty() {
+                let (tick, event): (Tick, T) = decode(&mut bytes)?;
+                track.push(tick, event);
+            }
+            Some(())
         },
         trial: |draw, end| {
             let count = draw.below(40);

@@ -169,6 +169,15 @@ impl<'a> Cx<'a> {
         Some(read(self.shared.tracks[track].borrow().any(), self.shared.spans[clock]))
     }
 
+    /// Writes the buffer behind one output without knowing its type; the present window on it is to be appended.
+    pub fn raw_output<R>(&self, port: usize, write: impl FnOnce(&mut dyn AnyTrack, Span) -> R) -> Option<R> {
+        let (track, clock) = match self.outputs.get(port)? {
+            OutWire::Stream { track, clock, .. } | OutWire::Events { track, clock } => (*track, *clock),
+            OutWire::Value(_) => return None,
+        };
+        Some(write(self.shared.tracks[track].borrow_mut().any_mut(), self.shared.spans[clock]))
+    }
+
     /// The node's own window; empty for a node that has values only.
     #[inline(always)]
     #[must_use]

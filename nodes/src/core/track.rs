@@ -102,6 +102,16 @@ impl<E: Copy + Default + Send + 'static> Track<E> {
         &mut self.data[fresh]
     }
 
+    /// Adds items; `None`, and nothing is added, where the elements do not make whole items.
+    pub fn append_elements(&mut self, elements: &[E]) -> Option<()> {
+        let items = if elements.is_empty() { 0 } else { elements.len().checked_div(self.width)? };
+        if items * self.width != elements.len() {
+            return None;
+        }
+        self.append(items).copy_from_slice(elements);
+        Some(())
+    }
+
     /// Adds `n` items and tells where in the storage they stand.
     #[inline(always)]
     pub(super) fn extend(&mut self, n: usize) -> Range<usize> {

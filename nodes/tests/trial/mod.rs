@@ -90,6 +90,24 @@ pub fn accepted(node: usize, level: Level, wanted: usize) -> Vec<Trial> {
     )
 }
 
+/// Trials that a node accepts and that do not depend on its place in the registry.
+///
+/// # Panics
+/// When it accepts almost none of what it is offered.
+pub fn accepted_by_name(node: usize, wanted: usize) -> Vec<Trial> {
+    let name = all()[node].name;
+    // FNV-1a: the same everywhere.
+    let seed = name
+        .bytes()
+        .fold(0xcbf2_9ce4_8422_2325, |h: u64, b| (h ^ u64::from(b)).wrapping_mul(0x100_0000_01b3));
+    let trials = (0..TRIES).filter_map(|number| {
+        Trial::drawn(node, number, Level::Random, Draw::new(seed.wrapping_add(number))).ok()
+    });
+    let trials: Vec<Trial> = trials.take(wanted).collect();
+    assert_eq!(trials.len(), wanted, "`{name}` accepts too few of {TRIES} trials");
+    trials
+}
+
 fn audio(draw: &mut Draw, rate: Rate, channels: Channels, items: i64, level: Level) -> Feed {
     let count = items as usize * usize::from(channels.0);
     Feed::stream::<f32>(rate, channels, (0..count).map(|_| level.sample(draw)).collect())
@@ -119,8 +137,11 @@ fn stream(draw: &mut Draw, item: &ItemType, rate: Rate, like: Option<&Feed>, lev
 
 impl Trial {
     fn new(node: usize, number: u64, level: Level) -> Result<Self, String> {
+        Self::drawn(node, number, level, Draw::new(number.wrapping_mul(1000) + node as u64))
+    }
+
+    fn drawn(node: usize, number: u64, level: Level, mut draw: Draw) -> Result<Self, String> {
         let ty = all().swap_remove(node);
-        let mut draw = Draw::new(number.wrapping_mul(1000) + node as u64);
         let (params, files) = (ty.trial)(&mut draw);
         let rates = [
             Rate::hz(40),
@@ -240,6 +261,11 @@ impl Trial {
         feeds[port][0] = feeds[port][0].vary(item, draw).expect("only streams are varied");
         let (params, files) = (self.params.boxed(), self.files.clone());
         Self { feeds, params, files, ..*self }
+    }
+
+    /// Its parameters.
+    pub fn params(&self) -> &dyn AnyParams {
+        &*self.params
     }
 
     /// Runs to the end.
