@@ -384,3 +384,45 @@ fn after_any_edits_a_graph_plays_as_if_it_had_been_so_from_the_start() {
         assert!(step < 0.12, "seed {seed}: a step of {step} at {at:?}\n{log}");
     }
 }
+
+#[test]
+fn a_swap_that_comes_too_late_begins_the_graph_anew() {
+    let with = |k: usize| {
+        let chain: String = (1..40).map(|n| format!("\"g{n}\": Gain(audio: \"g{}\"), ", n - 1)).collect();
+        graph(&format!(
+            "\"g0\": Tone(frequency: {}.0, rate: 44100, level: 0.5), {chain} \"last\": Gain(audio: \"g39\"), {OUT}",
+            100 + k % 7
+        ))
+    };
+    let options = Options { quantum: 32, threads: 1, ..Options::default() };
+    let (mut player, mut callback) = Player::start(material(&with(0)), options).unwrap();
+    let over = std::sync::Arc::new(std::sync::atomic::AtomicBool::new(false));
+    let stopped = std::sync::Arc::clone(&over);
+    // Faster than real time, so that the callback is often past the place of a swap before it arrives.
+    let played = std::thread::spawn(move || {
+        let mut block = vec![0.0; 32];
+        let mut loudest = 0.0_f32;
+        while !stopped.load(std::sync::atomic::Ordering::Relaxed) {
+            callback.fill(&mut block);
+            loudest = block.iter().fold(0.0, |m, x| m.max(x.abs()));
+            std::thread::sleep(std::time::Duration::from_micros(50));
+        }
+        (callback, loudest)
+    });
+    for k in 1..40 {
+        while player.is_busy() {
+            player.tick();
+            std::thread::sleep(std::time::Duration::from_micros(100));
+        }
+        player.load(material(&with(k))).unwrap();
+    }
+    while player.is_busy() {
+        player.tick();
+    }
+    over.store(true, std::sync::atomic::Ordering::Relaxed);
+    let (mut callback, _) = played.join().expect("the callback never panics");
+    let mut block = vec![0.0; 4410];
+    callback.fill(&mut block);
+    let loudest = block.iter().fold(0.0_f32, |m, x| m.max(x.abs()));
+    assert!((loudest - 0.5).abs() < 0.01, "{loudest}");
+}

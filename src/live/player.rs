@@ -572,13 +572,15 @@ impl Player {
                 return Err(errors);
             }
         };
+        // Where nothing goes on, the callback may still play something older than what was laid out last.
+        let afresh = moved.is_empty();
         let moves = Moves { old: &self.playing.plan, new: &plan, moved: &moved };
         let mut links = Vec::new();
         match gangs {
             None => links = moves.links(),
             Some(mut halted) => {
                 for gang in &mut new_gangs {
-                    for old in &mut halted {
+                    for old in halted.iter_mut().filter(|_| !afresh) {
                         let was = &self.playing.plan.regions[old.region];
                         let own = &plan.regions[gang.region];
                         let (nodes, tracks) = moves.between(old.region, gang.region);
@@ -600,7 +602,8 @@ impl Player {
             }
         }
         let last = plan.regions.len() - 1;
-        let (nodes, tracks) = moves.between(self.playing.plan.regions.len() - 1, last);
+        let old_last = self.playing.plan.regions.len() - 1;
+        let (nodes, tracks) = if afresh { Default::default() } else { moves.between(old_last, last) };
         let (in_callback, in_crew): (Vec<_>, Vec<_>) = retunes
             .into_iter()
             .filter_map(|(n, params)| Some((place(&plan, What::Node(n))?, params)))
@@ -612,7 +615,8 @@ impl Player {
         let retunes = in_callback.into_iter().map(|((_, place), params)| (place, params)).collect();
         let own = plan.callback();
         let was = self.playing.plan.callback();
-        let (seeds, heirs) = (pairs(was, own, &seeds), pairs(was, own, &heirs));
+        let (seeds, heirs) =
+            if afresh { Default::default() } else { (pairs(was, own, &seeds), pairs(was, own, &heirs)) };
         let swap = Swap { at, act, nodes, tracks, seeds, heirs, links, adopts, retunes, late: false };
         // The ring is emptied before each load.
         let _ = self.orders.push(Order::Swap(Box::new(swap)));
