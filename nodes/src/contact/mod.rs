@@ -9,6 +9,7 @@ mod error;
 pub mod exclusion;
 pub mod gate;
 mod item;
+mod neighbourhood;
 mod query;
 pub mod reference;
 pub mod sliding;

@@ -3,8 +3,6 @@
 //! Triangles are sorted so that each aligned group of 4, 16, 64 ... is compact; the tree is that order. Node j of a level
 //! holds the boxes of children 4j .. 4j + 4 side by side, so one test serves four boxes and no child pointers exist.
 
-use std::ops::Range;
-
 use super::triangle::closest_point;
 use super::vector::widen;
 
@@ -53,7 +51,7 @@ impl Node {
 
     /// One bit per box: whether its squared distance from the box [lo, hi] is at most `limit`.
     #[inline]
-    fn lanes_within(&self, lo: &[f32; 3], hi: &[f32; 3], limit: f32) -> u32 {
+    pub(crate) fn lanes_within(&self, lo: &[f32; 3], hi: &[f32; 3], limit: f32) -> u32 {
         let distances = self.squared_distances(lo, hi);
         let mut near = 0;
         for (lane, &distance) in distances.iter().enumerate() {
@@ -102,12 +100,12 @@ impl Node {
 
 // Unlike f32::max these need no care for NaN, which lets four lanes become one instruction.
 #[inline]
-fn larger(a: f32, b: f32) -> f32 {
+pub(crate) fn larger(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
 }
 
 #[inline]
-fn smaller(a: f32, b: f32) -> f32 {
+pub(crate) fn smaller(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 
@@ -117,6 +115,24 @@ pub(crate) struct Leaf {
     pub node: u32,
     /// For each of its triangles the vertices that may touch it, one bit each.
     pub allowed: [u16; LANES],
+}
+
+impl Leaf {
+    /// The leaf that is left of this one when it is near enough with only some of its triangles, one bit each.
+    #[inline]
+    pub fn within(node: u32, near: u32, allowed: [u16; LANES]) -> Leaf {
+        let mut leaf = Leaf { node, allowed };
+        for (lane, allowed) in leaf.allowed.iter_mut().enumerate() {
+            *allowed = if near >> lane & 1 == 1 { *allowed } else { 0 };
+        }
+        leaf
+    }
+
+    /// The vertices that may touch one of its triangles.
+    #[inline]
+    pub fn anyone(&self) -> u16 {
+        self.allowed.iter().fold(0, |any, allowed| any | allowed)
+    }
 }
 
 /// A triangle found by a query.
@@ -286,41 +302,83 @@ impl Tree {
 
     /// Collects the lowest nodes with a triangle box within `squared_reach` of the box around a cluster of vertices.
     ///
-    /// `excluded` says for which of the cluster's vertices all of a range of slots are excluded: it is asked about whole
-    /// subtrees and about single triangles. What is excluded for `all` is left out.
+    /// Nodes for which `skip` holds are left out with all below them. `all` has a bit for each vertex of the cluster.
+    #[inline]
     pub(crate) fn gather(
         &self,
         lo: &[f32; 3],
         hi: &[f32; 3],
         squared_reach: f32,
         all: u16,
-        excluded: impl Fn(Range<u32>) -> u16,
+        skip: impl Fn(usize) -> bool,
         found: &mut Vec<Leaf>,
     ) {
+        let Some(root) = self.nodes.len().checked_sub(1) else { return };
+        if skip(root) {
+            return;
+        }
+        let visit = |node: usize, found: &mut Vec<Leaf>| {
+            let near = self.nodes[node].lanes_within(lo, hi, squared_reach);
+            if near != 0 {
+                found.push(Leaf::within(node as u32, near, [all; LANES]));
+            }
+        };
+        if root == 0 {
+            return visit(root, found);
+        }
         let mut stack = Stack::at_root(self);
         while let Some((level, node)) = stack.pop() {
-            let near = self.nodes[self.levels[level] + node].lanes_within(lo, hi, squared_reach);
-            let width = 1u64 << (2 * level);
-            let mut admitted = [0; LANES];
-            for lane in (0..LANES).filter(|lane| near >> lane & 1 == 1) {
-                let child = (node * LANES + lane) as u64;
-                let end = ((child + 1) * width).min(self.order.len() as u64);
-                let allowed = all & !excluded((child * width) as u32..end as u32);
-                if level > 0 && allowed != 0 {
-                    stack.push(level - 1, child as usize);
+            let mut near = self.nodes[self.levels[level] + node].lanes_within(lo, hi, squared_reach);
+            while near != 0 {
+                let child = node * LANES + near.trailing_zeros() as usize;
+                near &= near - 1;
+                if skip(self.levels[level - 1] + child) {
+                    continue;
                 }
-                admitted[lane] = allowed;
-            }
-            if level == 0 && admitted != [0; LANES] {
-                found.push(Leaf { node: node as u32, allowed: admitted });
+                if level == 1 {
+                    visit(child, found);
+                } else {
+                    stack.push(level - 1, child);
+                }
             }
         }
     }
 
+    /// Replaces an ascending list of lowest nodes by the fewest nodes that hold just these. Returns how many there are.
+    ///
+    /// # Complexity
+    /// O(n log F), in place.
+    pub(crate) fn cover(&self, nodes: &mut [u32]) -> usize {
+        let mut kept = 0;
+        for next in 0..nodes.len() {
+            let mut node = nodes[next] as usize;
+            nodes[kept] = nodes[next];
+            kept += 1;
+            // The last child of a complete family completes it.
+            for level in self.levels.windows(2).take(self.levels.len() - 2) {
+                let first = level[0] + node / LANES * LANES;
+                let family = first as u32..(first + LANES).min(level[1]) as u32;
+                let Some(place) = kept.checked_sub(family.len()) else { break };
+                if !nodes[place..kept].iter().copied().eq(family) {
+                    break;
+                }
+                node /= LANES;
+                nodes[place] = (level[1] + node) as u32;
+                kept = place + 1;
+            }
+        }
+        kept
+    }
+
     /// A lowest node, as named by [`Tree::gather`].
     #[inline]
-    pub(crate) fn leaf(&self, leaf: Leaf) -> &Node {
+    pub(crate) fn leaf(&self, leaf: &Leaf) -> &Node {
         &self.nodes[leaf.node as usize]
+    }
+
+    /// Number of nodes.
+    pub(crate) fn nodes(&self) -> usize {
+        self.nodes.len()
     }
 
     /// Number of lowest nodes.
@@ -336,11 +394,6 @@ impl Tree {
     /// Triangle of each slot.
     pub(crate) fn order(&self) -> &[u32] {
         &self.order
-    }
-
-    /// Whether slots stand in the order of the rest shape.
-    pub(crate) fn at_home(&self) -> bool {
-        self.at_home
     }
 
     /// Diagonal of the bounds: the size that rounding errors of distances scale with.
