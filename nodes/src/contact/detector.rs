@@ -3,12 +3,13 @@
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use super::boxes::CLUSTER;
 use super::error::ContactError;
 use super::exclusion::Exclusion;
 use super::neighbourhood::Neighbourhoods;
 use super::query::{Candidate, Scene, Scratch};
 use super::slip::{in_plane, slide};
-use super::tree::{CLUSTER, Tree, sort_by_locality};
+use super::tree::{Tree, sort_by_locality};
 use super::triangle::closest_point;
 use super::vector::widen;
 use crate::mesh::Topology;

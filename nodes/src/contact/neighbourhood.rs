@@ -1,11 +1,11 @@
 //! What exclusion means for the search: the lowest nodes of the cloth's own tree that some of a cluster may not touch.
 //!
-//! They change only when the tree is sorted anew. A search passes by them and takes them from a list instead, where each is
-//! tested against the box of only those vertices that may touch it. Most of them lie beside the cluster in the same layer:
-//! the near half of the cluster is excluded and the far half is too far away, so nothing is left of them.
+//! They change only when the tree is sorted anew, so a search passes by them and takes them from a list instead. It then asks
+//! nothing about exclusion on its way down.
 
+use super::boxes::{CLUSTER, LANES};
 use super::exclusion::{Exclusion, SharedRun};
-use super::tree::{CLUSTER, LANES, Leaf, Tree, larger, smaller};
+use super::tree::{Leaf, Tree};
 
 /// For each cluster the lowest nodes with a triangle that is excluded for one of its vertices.
 #[derive(Clone, Debug)]
@@ -85,21 +85,9 @@ impl Neighbourhoods {
         }
     }
 
-    /// Collects the listed nodes with a triangle box within reach of the vertices that may touch it.
-    #[inline]
-    pub fn gather(&self, cluster: usize, own: &Tree, parts: &Parts, found: &mut Vec<Leaf>) {
-        for leaf in self.leaves(cluster) {
-            let part = parts.holding(leaf.anyone());
-            let near = own.leaf(leaf).lanes_within(&part.lo, &part.hi, part.reach);
-            if near != 0 {
-                found.push(Leaf::within(leaf.node, near, leaf.allowed));
-            }
-        }
-    }
-
     /// Lowest nodes with an exclusion that are left to some of a cluster's vertices.
     #[inline]
-    fn leaves(&self, cluster: usize) -> &[Leaf] {
+    pub fn leaves(&self, cluster: usize) -> &[Leaf] {
         &self.leaves[self.starts[cluster]..][..self.lens[cluster][0] as usize]
     }
 
@@ -114,74 +102,4 @@ impl Neighbourhoods {
 #[inline]
 pub(super) fn everyone(vertices: usize) -> u16 {
     u16::MAX >> (CLUSTER - vertices)
-}
-
-/// Vertices of one part, which are next to each other.
-const PART: usize = 4;
-/// Sets of parts.
-const SETS: usize = 1 << (CLUSTER / PART);
-
-/// Some of a cluster's vertices: their box, and the squared distance beyond which nothing matters to any of them.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Part {
-    pub lo: [f32; 3],
-    pub hi: [f32; 3],
-    pub reach: f32,
-}
-
-impl Part {
-    /// No vertices.
-    const EMPTY: Part = Part { lo: [f32::INFINITY; 3], hi: [f32::NEG_INFINITY; 3], reach: 0.0 };
-
-    #[inline]
-    fn and(&self, other: &Part) -> Part {
-        let mut both = *self;
-        for axis in 0..3 {
-            both.lo[axis] = smaller(self.lo[axis], other.lo[axis]);
-            both.hi[axis] = larger(self.hi[axis], other.hi[axis]);
-        }
-        both.reach = larger(self.reach, other.reach);
-        both
-    }
-}
-
-/// Each set of a cluster's four parts, as one box.
-#[derive(Clone, Debug)]
-pub(super) struct Parts {
-    /// Set s holds the parts whose bits are set in s.
-    sets: [Part; SETS],
-}
-
-impl Parts {
-    /// Boxes around the first vertices of a cluster, with their squared reaches.
-    #[inline]
-    pub fn new(vertices: usize, columns: &[[f32; CLUSTER]; 3], reaches: &[f32; CLUSTER]) -> Self {
-        let mut sets = [Part::EMPTY; SETS];
-        for i in 0..vertices {
-            let p = [columns[0][i], columns[1][i], columns[2][i]];
-            let single = &mut sets[1 << (i / PART)];
-            *single = single.and(&Part { lo: p, hi: p, reach: reaches[i] });
-        }
-        for set in 1..SETS {
-            let lowest = set & set.wrapping_neg();
-            sets[set] = sets[set - lowest].and(&sets[lowest]);
-        }
-        Self { sets }
-    }
-
-    /// The smallest set with all of some vertices, one bit each.
-    #[inline]
-    pub fn holding(&self, vertices: u16) -> &Part {
-        let set = usize::from(vertices & 0xf != 0)
-            | usize::from(vertices & 0xf0 != 0) << 1
-            | usize::from(vertices & 0xf00 != 0) << 2
-            | usize::from(vertices & 0xf000 != 0) << 3;
-        &self.sets[set]
-    }
-
-    /// All vertices.
-    #[inline]
-    pub fn all(&self) -> &Part {
-        &self.sets[SETS - 1]
-    }
 }

@@ -3,9 +3,10 @@
 //! A cluster walks each tree once for all of its vertices, and drops what is excluded for all of them on the way; the few
 //! lowest nodes that remain are then tested against each vertex.
 
+use super::boxes::{CLUSTER, LANES, larger, smaller};
 use super::detector::Frame;
-use super::neighbourhood::{Neighbourhoods, Parts, everyone};
-use super::tree::{CLUSTER, LANES, Leaf, Tree, reach};
+use super::neighbourhood::{Neighbourhoods, everyone};
+use super::tree::{Ball, Leaf, Tree, reach};
 use super::triangle::closest_point;
 use super::vector::{cross, dot, sub, widen};
 
@@ -77,10 +78,13 @@ impl Scene<'_> {
     pub fn query(&self, cluster: usize, vertices: &[u32], found: &mut [Candidate], scratch: &mut Scratch) {
         let slots = scratch.last.len();
         let mut points = Points { columns: [[0.0; CLUSTER]; 3], reaches: [0.0; CLUSTER] };
+        let (mut lo, mut hi) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
         for (i, (&v, kept)) in vertices.iter().zip(found.chunks_mut(slots)).enumerate() {
             let p = self.now.vertex(v as usize);
             for axis in 0..3 {
                 points.columns[axis][i] = p[axis];
+                lo[axis] = smaller(p[axis], lo[axis]);
+                hi[axis] = larger(p[axis], hi[axis]);
             }
             // What was touched a frame ago is probably still near: starting from it keeps the search short.
             scratch.last.copy_from_slice(kept);
@@ -95,19 +99,15 @@ impl Scene<'_> {
         let Scratch { leaves, covered, .. } = scratch;
         for (surface, tree) in self.trees.iter().enumerate() {
             leaves.clear();
-            let parts = Parts::new(vertices.len(), &points.columns, &points.reaches);
-            let near = parts.all();
+            let near = Ball { lo, hi, squared_radius: points.reaches.iter().copied().fold(0.0, larger) };
             if surface == 0 {
-                for &node in self.neighbourhoods.covers(cluster) {
-                    covered[node as usize] = true;
-                }
-                tree.gather(&near.lo, &near.hi, near.reach, all, |node| covered[node], leaves);
-                for &node in self.neighbourhoods.covers(cluster) {
-                    covered[node as usize] = false;
-                }
-                self.neighbourhoods.gather(cluster, tree, &parts, leaves);
+                let covers = self.neighbourhoods.covers(cluster);
+                covers.iter().for_each(|&node| covered[node as usize] = true);
+                tree.gather(&near, all, |node| covered[node], leaves);
+                covers.iter().for_each(|&node| covered[node as usize] = false);
+                tree.sift(&near, self.neighbourhoods.leaves(cluster), leaves);
             } else {
-                tree.gather(&near.lo, &near.hi, near.reach, all, |_| false, leaves);
+                tree.gather(&near, all, |_| false, leaves);
             }
             self.visit(surface, leaves, &mut points, found, slots);
         }
@@ -125,6 +125,12 @@ impl Scene<'_> {
     ) {
         let tree = &self.trees[surface];
         for leaf in leaves {
+            // Of most leaves that were found the cluster's box is near, but none of the vertices allowed.
+            if let Some((above, lane)) = tree.above(leaf)
+                && leaf.anyone() & above.points_within(lane, &points.columns, &points.reaches) == 0
+            {
+                continue;
+            }
             let node = tree.leaf(leaf);
             for lane in (0..LANES).filter(|&lane| leaf.allowed[lane] != 0) {
                 let mut near =
