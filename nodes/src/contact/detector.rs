@@ -3,11 +3,13 @@
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use super::boxes::CLUSTER;
 use super::error::ContactError;
-use super::exclusion::{Exclusion, SharedRun};
+use super::exclusion::Exclusion;
+use super::neighbourhood::Neighbourhoods;
 use super::query::{Candidate, Scene, Scratch};
 use super::slip::{in_plane, slide};
-use super::tree::{CLUSTER, Tree, sort_by_locality};
+use super::tree::{Tree, sort_by_locality};
 use super::triangle::closest_point;
 use super::vector::widen;
 use crate::mesh::Topology;
@@ -105,8 +107,8 @@ pub struct Detector {
     triangles: Vec<Vec<[u32; 3]>>,
     trees: Vec<Tree>,
     exclusion: Exclusion,
-    /// Exclusions of each cluster.
-    shared: Vec<Vec<SharedRun>>,
+    /// Where the exclusions of each cluster stand in the cloth's own tree.
+    neighbourhoods: Neighbourhoods,
     /// Cloth vertices, neighbours together; clusters are consecutive pieces.
     order: Vec<u32>,
     /// Last frame's contacts in the order of `order`.
@@ -150,16 +152,16 @@ impl Detector {
         let mut order: Vec<u32> = (0..cloth.vertex_count() as u32).collect();
         sort_by_locality(&mut order, &cloth.rest);
         let shared = order.par_chunks(CLUSTER).map(|cluster| exclusion.of_cluster(cluster)).collect();
-        let leaves = trees.iter().map(Tree::leaves).max().unwrap_or(0);
+        let neighbourhoods = Neighbourhoods::new(order.len(), &exclusion, shared, &trees[0]);
         Ok(Self {
             vertices: surfaces.iter().map(|t| t.vertex_count()).collect(),
             triangles: surfaces.iter().map(|t| t.triangles.clone()).collect(),
+            scratch: Scratch::new(&trees, params.max_contacts),
             trees,
             exclusion,
-            shared,
+            neighbourhoods,
             warm: vec![Candidate::NONE; order.len() * params.max_contacts],
             order,
-            scratch: Scratch::new(leaves, params.max_contacts, cloth.triangles.len()),
             params,
         })
     }
@@ -227,21 +229,25 @@ impl Detector {
     fn run(&mut self, now: Frame<'_>, next: Option<Frame<'_>>, out: &mut [Contact]) -> Detection {
         let mut detection = Detection::default();
         for (surface, tree) in self.trees.iter_mut().enumerate() {
-            detection.rebuilt += usize::from(tree.update(now.surface(surface)));
+            let rebuilt = tree.update(now.surface(surface));
+            detection.rebuilt += usize::from(rebuilt);
+            if rebuilt && surface == 0 {
+                self.neighbourhoods.follow(self.order.len(), &self.exclusion, tree);
+            }
         }
         let slots = self.params.max_contacts;
         let scene = Scene {
             now,
             triangles: &self.triangles,
             trees: &self.trees,
-            exclusion: &self.exclusion,
+            neighbourhoods: &self.neighbourhoods,
             squared_radius: f64::from(self.params.radius).powi(2),
             two_sided: self.params.two_sided,
             extent: self.trees.iter().map(Tree::extent).fold(0.0, f64::max),
         };
         let clusters = self.order.chunks(CLUSTER).zip(self.warm.chunks_mut(CLUSTER * slots));
-        for ((vertices, warm), shared) in clusters.zip(&self.shared) {
-            scene.query(vertices, shared, warm, &mut self.scratch);
+        for (cluster, (vertices, warm)) in clusters.enumerate() {
+            scene.query(cluster, vertices, warm, &mut self.scratch);
             for (&v, found) in vertices.iter().zip(warm.chunks(slots)) {
                 let v = v as usize;
                 for (slot, candidate) in out[v * slots..].iter_mut().zip(found) {

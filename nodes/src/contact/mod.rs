@@ -3,12 +3,14 @@
 //! them, [`gate`], [`spline`] and [`speed`] turn the measurements into the sliding speed that a friction sound follows.
 
 pub mod analytic;
+mod boxes;
 pub mod detector;
 pub mod detector_node;
 mod error;
 pub mod exclusion;
 pub mod gate;
 mod item;
+mod neighbourhood;
 mod query;
 pub mod reference;
 pub mod sliding;

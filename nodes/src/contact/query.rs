@@ -3,16 +3,12 @@
 //! A cluster walks each tree once for all of its vertices, and drops what is excluded for all of them on the way; the few
 //! lowest nodes that remain are then tested against each vertex.
 
-use std::ops::Range;
-
+use super::boxes::{CLUSTER, LANES, larger, smaller};
 use super::detector::Frame;
-use super::exclusion::{Exclusion, SharedRun};
-use super::tree::{CLUSTER, LANES, Leaf, Tree, reach};
+use super::neighbourhood::{Neighbourhoods, everyone};
+use super::tree::{Ball, Leaf, Tree, reach};
 use super::triangle::closest_point;
 use super::vector::{cross, dot, sub, widen};
-
-/// Most slots whose marks are worth reading to skip a subtree.
-const WIDEST_MARKED: usize = 256;
 
 /// A triangle near a vertex; candidates order by distance, then surface, then triangle.
 #[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
@@ -37,14 +33,24 @@ impl Candidate {
 pub(super) struct Scratch {
     leaves: Vec<Leaf>,
     last: Vec<Candidate>,
-    /// For each rank the vertices of the cluster that it is excluded for; all 0 between searches.
-    marks: Vec<u16>,
+    /// The nodes of the cloth's own tree that a search leaves out; all false between searches.
+    covered: Vec<bool>,
 }
 
 impl Scratch {
-    pub fn new(leaves: usize, slots: usize, ranks: usize) -> Self {
-        Self { leaves: Vec::with_capacity(leaves), last: vec![Candidate::NONE; slots], marks: vec![0; ranks] }
+    /// Room for searches of `trees`, the cloth's own first.
+    pub fn new(trees: &[Tree], slots: usize) -> Self {
+        let leaves = trees.iter().map(Tree::leaves).max().unwrap_or(0);
+        let own = trees.first().map_or(0, Tree::nodes);
+        let last = vec![Candidate::NONE; slots];
+        Self { leaves: Vec::with_capacity(leaves), last, covered: vec![false; own] }
     }
+}
+
+/// The vertices of a cluster, and for each the squared distance beyond which no box matters to it.
+struct Points {
+    columns: [[f32; CLUSTER]; 3],
+    reaches: [f32; CLUSTER],
 }
 
 /// Everything that stays the same during one frame.
@@ -52,7 +58,7 @@ pub(super) struct Scene<'a> {
     pub now: Frame<'a>,
     pub triangles: &'a [Vec<[u32; 3]>],
     pub trees: &'a [Tree],
-    pub exclusion: &'a Exclusion,
+    pub neighbourhoods: &'a Neighbourhoods,
     pub squared_radius: f64,
     pub two_sided: bool,
     pub extent: f64,
@@ -69,23 +75,16 @@ impl Scene<'_> {
     ///
     /// # Shapes
     /// `found` holds the same number of slots for each of `vertices`, nearest first.
-    pub fn query(
-        &self,
-        vertices: &[u32],
-        shared: &[SharedRun],
-        found: &mut [Candidate],
-        scratch: &mut Scratch,
-    ) {
+    pub fn query(&self, cluster: usize, vertices: &[u32], found: &mut [Candidate], scratch: &mut Scratch) {
         let slots = scratch.last.len();
-        let mut columns = [[0.0f32; CLUSTER]; 3];
-        let mut reaches = [0.0f32; CLUSTER];
+        let mut points = Points { columns: [[0.0; CLUSTER]; 3], reaches: [0.0; CLUSTER] };
         let (mut lo, mut hi) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
         for (i, (&v, kept)) in vertices.iter().zip(found.chunks_mut(slots)).enumerate() {
             let p = self.now.vertex(v as usize);
             for axis in 0..3 {
-                columns[axis][i] = p[axis];
-                lo[axis] = lo[axis].min(p[axis]);
-                hi[axis] = hi[axis].max(p[axis]);
+                points.columns[axis][i] = p[axis];
+                lo[axis] = smaller(p[axis], lo[axis]);
+                hi[axis] = larger(p[axis], hi[axis]);
             }
             // What was touched a frame ago is probably still near: starting from it keeps the search short.
             scratch.last.copy_from_slice(kept);
@@ -94,62 +93,60 @@ impl Scene<'_> {
                 let corners = self.now.triangle(candidate.surface as usize, self.corners(candidate));
                 self.offer(p, corners, candidate.surface, candidate.triangle, kept);
             }
-            reaches[i] = self.reach(kept);
+            points.reaches[i] = self.reach(kept);
         }
-        for run in shared {
-            scratch.marks[run.ranks()].fill(run.members());
-        }
-        let all = u16::MAX >> (CLUSTER - vertices.len());
+        let all = everyone(vertices.len());
+        let Scratch { leaves, covered, .. } = scratch;
         for (surface, tree) in self.trees.iter().enumerate() {
-            let widest = reaches[..vertices.len()].iter().copied().fold(0.0, f32::max);
-            let own = surface == 0;
-            let excluded =
-                |slots: Range<u32>| if own { self.members_excluded(&scratch.marks, slots) } else { 0 };
-            scratch.leaves.clear();
-            tree.gather(&lo, &hi, widest, all, excluded, &mut scratch.leaves);
-            for &leaf in &scratch.leaves {
-                let node = tree.leaf(leaf);
-                for lane in (0..LANES).filter(|&lane| leaf.allowed[lane] != 0) {
-                    let mut near = leaf.allowed[lane] & node.points_within(lane, &columns, &reaches);
-                    let slot = leaf.node as usize * LANES + lane;
-                    while near != 0 {
-                        let i = near.trailing_zeros() as usize;
-                        near &= near - 1;
-                        let p = columns.map(|column| column[i]);
-                        let kept = &mut found[i * slots..(i + 1) * slots];
-                        if self.offer(p, tree.corners(slot), surface as u32, tree.order()[slot], kept) {
-                            reaches[i] = self.reach(kept);
-                        }
+            leaves.clear();
+            let near = Ball { lo, hi, squared_radius: points.reaches.iter().copied().fold(0.0, larger) };
+            if surface == 0 {
+                let covers = self.neighbourhoods.covers(cluster);
+                covers.iter().for_each(|&node| covered[node as usize] = true);
+                tree.gather(&near, all, |node| covered[node], leaves);
+                covers.iter().for_each(|&node| covered[node as usize] = false);
+                tree.sift(&near, self.neighbourhoods.leaves(cluster), leaves);
+            } else {
+                tree.gather(&near, all, |_| false, leaves);
+            }
+            self.visit(surface, leaves, &mut points, found, slots);
+        }
+    }
+
+    /// Offers the triangles of some lowest nodes to the vertices of a cluster that they are near to.
+    #[inline]
+    fn visit(
+        &self,
+        surface: usize,
+        leaves: &[Leaf],
+        points: &mut Points,
+        found: &mut [Candidate],
+        slots: usize,
+    ) {
+        let tree = &self.trees[surface];
+        for leaf in leaves {
+            // Of most leaves that were found the cluster's box is near, but none of the vertices allowed.
+            if let Some((above, lane)) = tree.above(leaf)
+                && leaf.anyone() & above.points_within(lane, &points.columns, &points.reaches) == 0
+            {
+                continue;
+            }
+            let node = tree.leaf(leaf);
+            for lane in (0..LANES).filter(|&lane| leaf.allowed[lane] != 0) {
+                let mut near =
+                    leaf.allowed[lane] & node.points_within(lane, &points.columns, &points.reaches);
+                let slot = leaf.node as usize * LANES + lane;
+                while near != 0 {
+                    let i = near.trailing_zeros() as usize;
+                    near &= near - 1;
+                    let p = points.columns.map(|column| column[i]);
+                    let kept = &mut found[i * slots..(i + 1) * slots];
+                    if self.offer(p, tree.corners(slot), surface as u32, tree.order()[slot], kept) {
+                        points.reaches[i] = self.reach(kept);
                     }
                 }
             }
         }
-        for run in shared {
-            scratch.marks[run.ranks()].fill(0);
-        }
-    }
-
-    /// The vertices of a cluster for which all of some slots of the cloth's own tree are excluded.
-    #[inline]
-    fn members_excluded(&self, marks: &[u16], slots: Range<u32>) -> u16 {
-        let (start, end) = (slots.start as usize, slots.end as usize);
-        let tree = &self.trees[0];
-        if tree.at_home() && end - start <= WIDEST_MARKED {
-            let mut all = u16::MAX;
-            for piece in marks[start..end].chunks(CLUSTER) {
-                all = piece.iter().fold(all, |all, mark| all & mark);
-                // Most subtrees are not excluded at all, and their first marks already say so.
-                if all == 0 {
-                    break;
-                }
-            }
-            return all;
-        }
-        // Slots and ranks part company when the tree is sorted anew; then only single triangles can be looked up.
-        if end - start > 1 {
-            return 0;
-        }
-        marks[self.exclusion.rank(tree.order()[start]) as usize]
     }
 
     /// The squared distance beyond which no box matters to a vertex.

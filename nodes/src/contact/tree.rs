@@ -3,113 +3,14 @@
 //! Triangles are sorted so that each aligned group of 4, 16, 64 ... is compact; the tree is that order. Node j of a level
 //! holds the boxes of children 4j .. 4j + 4 side by side, so one test serves four boxes and no child pointers exist.
 
-use std::ops::Range;
-
+use super::boxes::{LANES, Node, larger, smaller};
 use super::triangle::closest_point;
 use super::vector::widen;
 
-/// Boxes per node.
-pub(crate) const LANES: usize = 4;
-/// Points that are tested against one box together: one per bit of a mask.
-pub(crate) const CLUSTER: usize = 16;
-/// The bit of each point.
-const BITS: [u32; CLUSTER] = {
-    let mut bits = [1; CLUSTER];
-    let mut i = 1;
-    while i < CLUSTER {
-        bits[i] = 2 * bits[i - 1];
-        i += 1;
-    }
-    bits
-};
 /// Growth of the summed box areas after which an order is no longer worth keeping.
 const GROWTH: f64 = 1.5;
 /// Enough pending nodes for 4^16 triangles: three left behind per level, plus the four of the last.
 const STACK: usize = 64;
-
-/// Four boxes, axis by axis.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Node {
-    lo: [[f32; LANES]; 3],
-    hi: [[f32; LANES]; 3],
-}
-
-impl Node {
-    /// No boxes: infinitely far from everything.
-    const EMPTY: Node = Node { lo: [[f32::INFINITY; LANES]; 3], hi: [[f32::NEG_INFINITY; LANES]; 3] };
-
-    /// Squared distances from the box [lo, hi] to the four boxes; 0 where they overlap.
-    #[inline]
-    fn squared_distances(&self, lo: &[f32; 3], hi: &[f32; 3]) -> [f32; LANES] {
-        let mut sum = [0.0f32; LANES];
-        for axis in 0..3 {
-            for ((sum, &box_lo), &box_hi) in sum.iter_mut().zip(&self.lo[axis]).zip(&self.hi[axis]) {
-                let gap = larger(larger(box_lo - hi[axis], lo[axis] - box_hi), 0.0);
-                *sum += gap * gap;
-            }
-        }
-        sum
-    }
-
-    /// One bit per box: whether its squared distance from the box [lo, hi] is at most `limit`.
-    #[inline]
-    fn lanes_within(&self, lo: &[f32; 3], hi: &[f32; 3], limit: f32) -> u32 {
-        let distances = self.squared_distances(lo, hi);
-        let mut near = 0;
-        for (lane, &distance) in distances.iter().enumerate() {
-            near |= u32::from(distance <= limit) << lane;
-        }
-        near
-    }
-
-    /// One bit per point: whether its squared distance from the box of a lane is at most its limit.
-    #[inline]
-    pub(crate) fn points_within(
-        &self,
-        lane: usize,
-        points: &[[f32; CLUSTER]; 3],
-        limits: &[f32; CLUSTER],
-    ) -> u16 {
-        let mut distances = [0.0f32; CLUSTER];
-        for (column, (los, his)) in points.iter().zip(self.lo.iter().zip(&self.hi)) {
-            let (lo, hi) = (los[lane], his[lane]);
-            for (distance, &p) in distances.iter_mut().zip(column) {
-                let gap = larger(larger(lo - p, p - hi), 0.0);
-                *distance += gap * gap;
-            }
-        }
-        // A sum of weights instead of shifted bits: the compiler keeps it in vectors.
-        let mut near = 0u32;
-        for ((distance, limit), bit) in distances.iter().zip(limits).zip(&BITS) {
-            near += if distance <= limit { *bit } else { 0 };
-        }
-        near as u16
-    }
-
-    fn union(&self) -> ([f32; 3], [f32; 3]) {
-        let lo = self.lo.map(|l| smaller(smaller(l[0], l[1]), smaller(l[2], l[3])));
-        let hi = self.hi.map(|h| larger(larger(h[0], h[1]), larger(h[2], h[3])));
-        (lo, hi)
-    }
-
-    fn set(&mut self, lane: usize, lo: [f32; 3], hi: [f32; 3]) {
-        for axis in 0..3 {
-            self.lo[axis][lane] = lo[axis];
-            self.hi[axis][lane] = hi[axis];
-        }
-    }
-}
-
-// Unlike f32::max these need no care for NaN, which lets four lanes become one instruction.
-#[inline]
-fn larger(a: f32, b: f32) -> f32 {
-    if a > b { a } else { b }
-}
-
-#[inline]
-fn smaller(a: f32, b: f32) -> f32 {
-    if a < b { a } else { b }
-}
 
 /// A lowest node near a cluster of up to 16 vertices.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -117,6 +18,40 @@ pub(crate) struct Leaf {
     pub node: u32,
     /// For each of its triangles the vertices that may touch it, one bit each.
     pub allowed: [u16; LANES],
+}
+
+impl Leaf {
+    /// The vertices that may touch one of its triangles.
+    #[inline]
+    pub fn anyone(&self) -> u16 {
+        self.allowed.iter().fold(0, |any, allowed| any | allowed)
+    }
+}
+
+/// Everything within a distance of a box.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Ball {
+    pub lo: [f32; 3],
+    pub hi: [f32; 3],
+    pub squared_radius: f32,
+}
+
+impl Ball {
+    /// One bit for each box of a node: whether it reaches into the ball.
+    #[inline]
+    fn lanes(&self, node: &Node) -> u32 {
+        node.lanes_within(&self.lo, &self.hi, self.squared_radius)
+    }
+
+    /// A leaf without the triangles whose boxes don't reach into the ball, or none if there are no others.
+    #[inline]
+    fn part_of(&self, node: &Node, mut leaf: Leaf) -> Option<Leaf> {
+        let lanes = self.lanes(node);
+        for (lane, allowed) in leaf.allowed.iter_mut().enumerate() {
+            *allowed = if lanes >> lane & 1 == 1 { *allowed } else { 0 };
+        }
+        (lanes != 0).then_some(leaf)
+    }
 }
 
 /// A triangle found by a query.
@@ -284,43 +219,87 @@ impl Tree {
         best
     }
 
-    /// Collects the lowest nodes with a triangle box within `squared_reach` of the box around a cluster of vertices.
+    /// Collects the lowest nodes with a triangle box near a cluster of vertices.
     ///
-    /// `excluded` says for which of the cluster's vertices all of a range of slots are excluded: it is asked about whole
-    /// subtrees and about single triangles. What is excluded for `all` is left out.
-    pub(crate) fn gather(
-        &self,
-        lo: &[f32; 3],
-        hi: &[f32; 3],
-        squared_reach: f32,
-        all: u16,
-        excluded: impl Fn(Range<u32>) -> u16,
-        found: &mut Vec<Leaf>,
-    ) {
+    /// Nodes for which `skip` holds are left out with all below them. `all` has a bit for each vertex of the cluster.
+    #[inline]
+    pub(crate) fn gather(&self, near: &Ball, all: u16, skip: impl Fn(usize) -> bool, found: &mut Vec<Leaf>) {
+        let Some(root) = self.nodes.len().checked_sub(1) else { return };
+        if skip(root) {
+            return;
+        }
+        let visit = |node: usize, found: &mut Vec<Leaf>| {
+            found.extend(near.part_of(&self.nodes[node], Leaf { node: node as u32, allowed: [all; LANES] }));
+        };
+        if root == 0 {
+            return visit(root, found);
+        }
         let mut stack = Stack::at_root(self);
         while let Some((level, node)) = stack.pop() {
-            let near = self.nodes[self.levels[level] + node].lanes_within(lo, hi, squared_reach);
-            let width = 1u64 << (2 * level);
-            let mut admitted = [0; LANES];
-            for lane in (0..LANES).filter(|lane| near >> lane & 1 == 1) {
-                let child = (node * LANES + lane) as u64;
-                let end = ((child + 1) * width).min(self.order.len() as u64);
-                let allowed = all & !excluded((child * width) as u32..end as u32);
-                if level > 0 && allowed != 0 {
-                    stack.push(level - 1, child as usize);
+            let mut lanes = near.lanes(&self.nodes[self.levels[level] + node]);
+            while lanes != 0 {
+                let child = node * LANES + lanes.trailing_zeros() as usize;
+                lanes &= lanes - 1;
+                if skip(self.levels[level - 1] + child) {
+                    continue;
                 }
-                admitted[lane] = allowed;
-            }
-            if level == 0 && admitted != [0; LANES] {
-                found.push(Leaf { node: node as u32, allowed: admitted });
+                if level == 1 {
+                    visit(child, found);
+                } else {
+                    stack.push(level - 1, child);
+                }
             }
         }
     }
 
+    /// Collects those of some lowest nodes with a triangle box near a cluster of vertices.
+    #[inline]
+    pub(crate) fn sift(&self, near: &Ball, leaves: &[Leaf], found: &mut Vec<Leaf>) {
+        found.extend(leaves.iter().filter_map(|leaf| near.part_of(self.leaf(leaf), *leaf)));
+    }
+
+    /// Replaces an ascending list of lowest nodes by the fewest nodes that hold just these. Returns how many there are.
+    ///
+    /// # Complexity
+    /// O(n log F), in place.
+    pub(crate) fn cover(&self, nodes: &mut [u32]) -> usize {
+        let mut kept = 0;
+        for next in 0..nodes.len() {
+            let mut node = nodes[next] as usize;
+            nodes[kept] = nodes[next];
+            kept += 1;
+            // The last child of a complete family completes it.
+            for level in self.levels.windows(2).take(self.levels.len() - 2) {
+                let first = level[0] + node / LANES * LANES;
+                let family = first as u32..(first + LANES).min(level[1]) as u32;
+                let Some(place) = kept.checked_sub(family.len()) else { break };
+                if !nodes[place..kept].iter().copied().eq(family) {
+                    break;
+                }
+                node /= LANES;
+                nodes[place] = (level[1] + node) as u32;
+                kept = place + 1;
+            }
+        }
+        kept
+    }
+
     /// A lowest node, as named by [`Tree::gather`].
     #[inline]
-    pub(crate) fn leaf(&self, leaf: Leaf) -> &Node {
+    pub(crate) fn leaf(&self, leaf: &Leaf) -> &Node {
         &self.nodes[leaf.node as usize]
+    }
+
+    /// The node and the lane with the box around a lowest node, unless that is the root.
+    #[inline]
+    pub(crate) fn above(&self, leaf: &Leaf) -> Option<(&Node, usize)> {
+        let node = leaf.node as usize;
+        Some((self.nodes.get(self.levels[1] + node / LANES)?, node % LANES))
+    }
+
+    /// Number of nodes.
+    pub(crate) fn nodes(&self) -> usize {
+        self.nodes.len()
     }
 
     /// Number of lowest nodes.
@@ -336,11 +315,6 @@ impl Tree {
     /// Triangle of each slot.
     pub(crate) fn order(&self) -> &[u32] {
         &self.order
-    }
-
-    /// Whether slots stand in the order of the rest shape.
-    pub(crate) fn at_home(&self) -> bool {
-        self.at_home
     }
 
     /// Diagonal of the bounds: the size that rounding errors of distances scale with.

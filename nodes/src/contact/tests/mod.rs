@@ -1,5 +1,6 @@
 //! Tests of the whole search, against known scenes and against brute force.
 
+mod moving;
 mod scenes;
 mod soups;
 
