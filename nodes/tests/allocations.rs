@@ -5,11 +5,11 @@
 
 mod trial;
 
-use foley_nodes::core::node::Class;
+use foley_nodes::core::node::{Class, Retune};
 use foley_nodes::registry::all;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
-use trial::{Level, accepted};
+use trial::{Level, Trial, accepted};
 
 thread_local! {
     static COUNT: Cell<u64> = const { Cell::new(0) };
@@ -73,4 +73,35 @@ fn audio_nodes_neither_allocate_nor_free_while_they_run() {
         }
     }
     assert!(tried > 1000, "{tried} windows were tried");
+}
+
+/// Whether a node can be retuned depends on its parameters alone and is the same both ways, and it never calls the allocator:
+/// a graph that plays retunes and adopts in the audio callback.
+#[test]
+fn audio_nodes_neither_allocate_nor_free_while_they_are_retuned_or_adopt() {
+    let mut done = 0;
+    for (node, ty) in all().iter().enumerate().filter(|(_, ty)| ty.class == Class::Audio && ty.eval.is_none())
+    {
+        let trials = accepted(node, Level::Random, 8);
+        for (a, b) in (0..trials.len()).flat_map(|a| (0..trials.len()).map(move |b| (a, b))) {
+            // Both on the inputs of the first, where the parameters of the second go with them.
+            let (own, other) = (&trials[a], trials[a].with_params(&trials[b]));
+            let start = |trial: &Trial| trial.solo(trial.fastest_rate().span(64)).start();
+            let (Ok(mut first), Ok(mut second)) = (start(own), start(&other)) else { continue };
+            let before = COUNT.get();
+            let there = first.node().retune(other.params());
+            let calls = COUNT.get() - before;
+            assert_eq!(there, second.node().retune(own.params()), "`{}`: {own:?}, {other:?}", ty.name);
+            if there == Retune::Done {
+                assert_eq!(calls, 0, "`{}` calls the allocator when retuned: {own:?}, {other:?}", ty.name);
+                done += 1;
+            }
+            let (Ok(mut old), Ok(mut new)) = (start(own), start(own)) else { continue };
+            while old.step().is_ok_and(|more| more) {}
+            let before = COUNT.get();
+            new.node().adopt(old.node());
+            assert_eq!(COUNT.get() - before, 0, "`{}` calls the allocator when it adopts", ty.name);
+        }
+    }
+    assert!(done > 100, "{done} retunes were done");
 }

@@ -186,13 +186,6 @@ impl DynNode for Empty {
     fn run(&mut self, _: &Cx<'_>) -> Result<(), Fault> {
         Err(Fault::new("F099", "a node was not moved: a defect in foley"))
     }
-    fn finish(&mut self, _: &Cx<'_>) -> Result<Summary, Fault> {
-        Ok(Summary::new())
-    }
-    fn retune(&mut self, _: &dyn AnyParams) -> Retune {
-        Retune::Rebuild
-    }
-    fn adopt(&mut self, _: &mut dyn DynNode) {}
     fn as_any_mut(&mut self) -> &mut dyn Any {
         self
     }

@@ -1,8 +1,7 @@
 //! Where the sound of a graph is picked up for the device.
 
 use foley_nodes::core::fault::Fault;
-use foley_nodes::core::node::{DynNode, Retune, Summary};
-use foley_nodes::core::params::AnyParams;
+use foley_nodes::core::node::DynNode;
 use foley_nodes::core::stage::Cx;
 use foley_nodes::core::track::Track;
 use foley_nodes::dsp::Dropout;
@@ -70,16 +69,6 @@ impl DynNode for Sink {
             .flatten();
         Ok(())
     }
-
-    fn finish(&mut self, _: &Cx<'_>) -> Result<Summary, Fault> {
-        Ok(Summary::new())
-    }
-
-    fn retune(&mut self, _: &dyn AnyParams) -> Retune {
-        Retune::Rebuild
-    }
-
-    fn adopt(&mut self, _: &mut dyn DynNode) {}
 
     fn as_any_mut(&mut self) -> &mut dyn Any {
         self

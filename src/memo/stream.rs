@@ -8,8 +8,7 @@
 use super::store::{Entry, Unusable, temporary};
 use foley_nodes::core::fault::Fault;
 use foley_nodes::core::item::{EventType, ItemType};
-use foley_nodes::core::node::{DynNode, Retune, Summary};
-use foley_nodes::core::params::AnyParams;
+use foley_nodes::core::node::{DynNode, Summary};
 use foley_nodes::core::ports::PortKind;
 use foley_nodes::core::shape::NodeShape;
 use foley_nodes::core::stage::{Cx, Span};
@@ -234,19 +233,6 @@ impl Writer {
     }
 }
 
-/// What readers and writers have in common: they keep no state that an edit could take over.
-macro_rules! plain_node {
-    () => {
-        fn retune(&mut self, _: &dyn AnyParams) -> Retune {
-            Retune::Rebuild
-        }
-        fn adopt(&mut self, _: &mut dyn DynNode) {}
-        fn as_any_mut(&mut self) -> &mut dyn Any {
-            self
-        }
-    };
-}
-
 impl DynNode for Writer {
     fn run(&mut self, cx: &Cx<'_>) -> Result<(), Fault> {
         let done = cx.raw_input(0, |track, span| {
@@ -270,7 +256,9 @@ impl DynNode for Writer {
         Ok(Summary::new())
     }
 
-    plain_node!();
+    fn as_any_mut(&mut self) -> &mut dyn Any {
+        self
+    }
 }
 
 /// A block as it was read.
@@ -463,9 +451,7 @@ impl DynNode for Reader {
         Ok(())
     }
 
-    fn finish(&mut self, _: &Cx<'_>) -> Result<Summary, Fault> {
-        Ok(Summary::new())
+    fn as_any_mut(&mut self) -> &mut dyn Any {
+        self
     }
-
-    plain_node!();
 }

@@ -231,13 +231,7 @@ fn prelude(
     }
     let mut passes = Vec::new();
     for nodes in split.prelude.iter().filter(|nodes| !nodes.is_empty()) {
-        let delays = schedule::delays(graph, &shapes, nodes, window, &Resume::default());
-        let duration = schedule::duration(graph, &shapes, nodes, &delays, &options)?;
-        let parts = Parts { graph, shapes: &shapes, nodes, delays: &delays, taps: &[], duration, window };
-        let regions = layout::regions(&parts, &layout::cut(&parts, options.threads, options.worth));
-        let bytes = regions.iter().map(Region::bytes).sum();
-        let windows = (duration as u64).div_ceil(window as u64);
-        passes.push(Phase { regions, nodes: nodes.clone(), windows, delays, duration, bytes });
+        passes.push(Phase::new(graph, &shapes, nodes.clone(), &[], window, &options)?);
     }
     let bytes = passes.iter().map(|p| p.bytes).max().unwrap_or(0);
     Ok(Plan {

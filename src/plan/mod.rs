@@ -66,6 +66,33 @@ pub struct Phase {
     pub bytes: usize,
 }
 
+impl Phase {
+    /// Lays out a pass over some nodes, in topological order, with outputs to write: number, node and port of each.
+    ///
+    /// # Errors
+    /// A graph that never ends.
+    fn new(
+        graph: &Graph,
+        shapes: &[NodeShape],
+        nodes: Vec<usize>,
+        taps: &[(usize, (usize, usize))],
+        window: Tick,
+        options: &PlanOptions,
+    ) -> Result<Self, Vec<Diagnostic>> {
+        let delays = schedule::delays(graph, shapes, &nodes, window, &Resume::default());
+        let duration = schedule::duration(graph, shapes, &nodes, &delays, options)?;
+        let place = |&(tap, (node, port)): &(usize, (usize, usize))| {
+            TapPlan { tap, node, port, delay: delays.of[node] + shapes[node].lag, from: 0 }
+        };
+        let taps: Vec<TapPlan> = taps.iter().map(place).collect();
+        let parts = Parts { graph, shapes, nodes: &nodes, delays: &delays, taps: &taps, duration, window };
+        let regions = layout::regions(&parts, &layout::cut(&parts, options.threads, options.worth));
+        let bytes = regions.iter().map(Region::bytes).sum();
+        let windows = (duration as u64).div_ceil(window as u64);
+        Ok(Self { regions, nodes, windows, delays, duration, bytes })
+    }
+}
+
 /// All that is known of a run before it starts.
 #[derive(Debug)]
 pub struct Plan {
@@ -109,26 +136,14 @@ impl Plan {
             if nodes.is_empty() {
                 continue;
             }
-            let delays = schedule::delays(graph, &shapes, nodes, window, &Resume::default());
-            let duration = schedule::duration(graph, &shapes, nodes, &delays, options)?;
             // Values are written when the run has ended; only streams and events need a writer that runs along.
             let runs = |n: usize, port: usize| {
                 let kind = graph.nodes[n].ty.outputs[port].kind;
                 split.phase_of[n] == k && matches!(kind, PortKind::Stream(_) | PortKind::Events(_))
             };
-            let taps = options.taps.iter().enumerate().filter(|(_, (n, p))| runs(*n, *p));
-            let taps: Vec<TapPlan> = taps
-                .map(|(tap, &(node, port))| {
-                    let delay = delays.of[node] + shapes[node].lag;
-                    TapPlan { tap, node, port, delay, from: 0 }
-                })
-                .collect();
-            let parts =
-                Parts { graph, shapes: &shapes, nodes, delays: &delays, taps: &taps, duration, window };
-            let regions = layout::regions(&parts, &layout::cut(&parts, options.threads, options.worth));
-            let bytes = regions.iter().map(Region::bytes).sum();
-            let windows = (duration as u64).div_ceil(window as u64);
-            phases.push(Phase { regions, nodes: nodes.clone(), windows, delays, duration, bytes });
+            let taps = options.taps.iter().copied().enumerate().filter(|(_, (n, p))| runs(*n, *p));
+            let taps: Vec<_> = taps.collect();
+            phases.push(Phase::new(graph, &shapes, nodes.clone(), &taps, window, options)?);
         }
         let bytes = phases.iter().map(|p| p.bytes).max().unwrap_or(0);
         let plan = Self {

@@ -132,10 +132,6 @@ fn failed(e: &dyn std::fmt::Display) -> Fault {
 /// What the writers of taps have in common: they keep no state that an edit could take over.
 macro_rules! plain_node {
     () => {
-        fn retune(&mut self, _: &dyn AnyParams) -> Retune {
-            Retune::Rebuild
-        }
-        fn adopt(&mut self, _: &mut dyn DynNode) {}
         fn as_any_mut(&mut self) -> &mut dyn Any {
             self
         }

@@ -282,11 +282,19 @@ pub trait DynNode: Send {
     ///
     /// # Errors
     /// As [`Node::finish`].
-    fn finish(&mut self, cx: &Cx<'_>) -> Result<Summary, Fault>;
+    fn finish(&mut self, cx: &Cx<'_>) -> Result<Summary, Fault> {
+        let _ = cx;
+        Ok(Summary::new())
+    }
     /// Takes over new parameters.
-    fn retune(&mut self, new: &dyn AnyParams) -> Retune;
+    fn retune(&mut self, new: &dyn AnyParams) -> Retune {
+        let _ = new;
+        Retune::Rebuild
+    }
     /// Takes over state; nothing happens between different types.
-    fn adopt(&mut self, old: &mut dyn DynNode);
+    fn adopt(&mut self, old: &mut dyn DynNode) {
+        let _ = old;
+    }
     /// Downcast.
     fn as_any_mut(&mut self) -> &mut dyn Any;
 }

@@ -4,7 +4,7 @@ use super::fault::{Fault, Reject};
 use super::files::{MemoryFiles, MemoryOutputs};
 use super::input::NoInputs;
 use super::item::{AnyValue, Data, Described, Event, EventType, Item, OfEvent, StreamShape};
-use super::node::{DynNode, Func, Node, NodeType, Retune, Summary};
+use super::node::{DynNode, Func, Node, NodeType, Summary};
 use super::params::AnyParams;
 use super::ports::{Events, Many, OutKind, Port, PortKind, PortSpec, Stream, Value};
 use super::random::{Draw, Random};
@@ -104,16 +104,6 @@ impl<T: Item> DynNode for Player<T> {
         Ok(())
     }
 
-    fn finish(&mut self, _: &Cx<'_>) -> Result<Summary, Fault> {
-        Ok(Summary::new())
-    }
-
-    fn retune(&mut self, _: &dyn AnyParams) -> Retune {
-        Retune::Rebuild
-    }
-
-    fn adopt(&mut self, _: &mut dyn DynNode) {}
-
     fn as_any_mut(&mut self) -> &mut dyn Any {
         self
     }
@@ -132,16 +122,6 @@ impl<T: Event> DynNode for EventPlayer<T> {
         }
         Ok(())
     }
-
-    fn finish(&mut self, _: &Cx<'_>) -> Result<Summary, Fault> {
-        Ok(Summary::new())
-    }
-
-    fn retune(&mut self, _: &dyn AnyParams) -> Retune {
-        Retune::Rebuild
-    }
-
-    fn adopt(&mut self, _: &mut dyn DynNode) {}
 
     fn as_any_mut(&mut self) -> &mut dyn Any {
         self
@@ -491,6 +471,11 @@ impl SoloRun {
         self.stage.advance(self.now);
         self.stage.run().map_err(|(_, fault)| fault)?;
         Ok(true)
+    }
+
+    /// The node itself, to be retuned or to adopt another.
+    pub fn node(&mut self) -> &mut dyn DynNode {
+        &mut *self.stage.nodes_mut()[self.at].node
     }
 
     /// Ends the run.

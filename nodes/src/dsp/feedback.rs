@@ -145,13 +145,6 @@ mod tests {
             out.items().iter_mut().zip(first..).for_each(|(x, n)| *x = if n == 0 { 1.0 } else { 0.0 });
             Ok(())
         }
-        fn finish(&mut self, _: &Cx<'_>) -> Result<Summary, Fault> {
-            Ok(Summary::new())
-        }
-        fn retune(&mut self, _: &dyn AnyParams) -> Retune {
-            Retune::Rebuild
-        }
-        fn adopt(&mut self, _: &mut dyn DynNode) {}
         fn as_any_mut(&mut self) -> &mut dyn Any {
             self
         }

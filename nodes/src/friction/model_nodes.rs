@@ -11,7 +11,7 @@ use crate::core::params::{AssetPath, Params, Text};
 use crate::core::ports::Value;
 use crate::core::random::Draw;
 use crate::core::shape::{Build, Shape};
-use crate::io::{AudioReader, AudioWriter, WriteFormat, WriteSpec};
+use crate::io::{AudioReader, trial_wav};
 use crate::{choices, params, ports};
 
 choices! {
@@ -104,21 +104,6 @@ fn reader<'a>(
     Ok(reader)
 }
 
-/// The whole of a recording, the mean of its channels.
-fn mono(path: &str, reader: &mut AudioReader<'_>) -> Result<Vec<f32>, Reject> {
-    let channels = reader.info().channels.max(1);
-    let mut block = vec![0.0; 4096 * channels];
-    let mut samples = Vec::with_capacity(reader.info().frames as usize);
-    loop {
-        let frames = reader.read(&mut block).map_err(|e| unusable(path, e))?;
-        if frames == 0 {
-            return Ok(samples);
-        }
-        let mean = |frame: &[f32]| frame.iter().sum::<f32>() / channels as f32;
-        samples.extend(block[..frames * channels].chunks_exact(channels).map(mean));
-    }
-}
-
 impl Func for FrictionModelFromClips {
     type Params = FrictionModelFromClipsParams;
     type Ports = FrictionModelFromClipsPorts;
@@ -151,7 +136,7 @@ impl Func for FrictionModelFromClips {
         let mut takes = Vec::with_capacity(p.recordings.len());
         for path in &p.recordings {
             let mut reader = reader(&path.0, cx.open("recordings", &path.0)?)?;
-            takes.push((mono(&path.0, &mut reader)?, f64::from(reader.info().rate), &path.0));
+            takes.push((reader.read_mono().map_err(|e| unusable(&path.0, e))?, f64::from(reader.info().rate), &path.0));
         }
         let recordings: Vec<Recording<'_>> = takes
             .iter()
@@ -191,7 +176,7 @@ impl Func for FrictionModelFromClips {
         for name in ["a.wav", "b.wav"] {
             let swell = |i: usize| (i as f64 / 4000.0) as f32;
             let samples: Vec<f32> = (0..4000).map(|i| swell(i) * draw.between(-0.5, 0.5) as f32).collect();
-            files.insert(name, wav(&samples, 8000));
+            files.insert(name, trial_wav(&samples, 8000));
         }
         let p = FrictionModelFromClipsParams::trial(draw);
         let slowest = p.slowest.min(10.0);
@@ -207,17 +192,6 @@ impl Func for FrictionModelFromClips {
         };
         (params, files)
     }
-}
-
-/// The bytes of a mono WAV.
-fn wav(samples: &[f32], rate: u32) -> Vec<u8> {
-    let mut file = std::io::Cursor::new(Vec::new());
-    let spec = WriteSpec::new(rate, 1, WriteFormat::Float32);
-    let written = AudioWriter::new(&mut file, spec).and_then(|mut writer| {
-        writer.write(samples)?;
-        writer.finish()
-    });
-    if written.is_ok() { file.into_inner() } else { Vec::new() }
 }
 
 params! {
@@ -299,7 +273,7 @@ mod tests {
         let mut solo = Solo::func::<FrictionModelFromClips>(p);
         let random = Random::new(4, "clips");
         let swell = |i: u64| (0.5 * (i as f64 / 24_000.0) * (random.uniform(0, i, 0) - 0.5)) as f32;
-        solo.files.insert("swell.wav", wav(&(0..24_000).map(swell).collect::<Vec<_>>(), 48_000));
+        solo.files.insert("swell.wav", trial_wav(&(0..24_000).map(swell).collect::<Vec<_>>(), 48_000));
         solo.files.insert("text.wav", "not audio at all");
         solo
     }

@@ -236,6 +236,27 @@ impl<'s> AudioReader<'s> {
         Ok(frames)
     }
 
+    /// Reads the rest as the mean of its channels.
+    ///
+    /// Whoever calls this has looked at the length.
+    ///
+    /// # Errors
+    /// As [`AudioReader::read`].
+    pub fn read_mono(&mut self) -> Result<Vec<f32>, AudioError> {
+        let channels = self.info.channels.max(1);
+        let mut block = vec![0.0; 4096 * channels];
+        let mut samples = Vec::new();
+        loop {
+            let frames = self.read(&mut block)?;
+            if frames == 0 {
+                return Ok(samples);
+            }
+            let start = samples.len();
+            samples.resize(start + frames, 0.0);
+            crate::dsp::channel_mean(&block[..frames * channels], channels, &mut samples[start..]);
+        }
+    }
+
     /// Moves to `frame`; what is read there equals what a read from the start gives, bit for bit.
     ///
     /// # Errors

@@ -18,6 +18,17 @@ pub use audio::{AudioInfo, AudioReader, FileFormat, ReadLimits, SampleFormat, pr
 pub use error::{AudioError, AudioWarning};
 pub use wav_write::{AudioWriter, Dither, WriteFormat, WriteSpec, WrittenInfo};
 
+/// The bytes of a mono WAV, for trials of nodes that read one; empty where it cannot be made.
+pub(crate) fn trial_wav(samples: &[f32], rate: u32) -> Vec<u8> {
+    let mut file = std::io::Cursor::new(Vec::new());
+    let spec = WriteSpec::new(rate, 1, WriteFormat::Float32);
+    let written = AudioWriter::new(&mut file, spec).and_then(|mut writer| {
+        writer.write(samples)?;
+        writer.finish()
+    });
+    if written.is_ok() { file.into_inner() } else { Vec::new() }
+}
+
 /// The nodes of this family.
 pub mod nodes {
     pub use super::wav_in::{WavInIo, WavInNode, WavInParams, WavInPorts};

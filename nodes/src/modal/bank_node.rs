@@ -214,7 +214,8 @@ impl Node for ModalBankNode {
         if new.points != self.params.points || new.tail != self.params.tail {
             return Retune::Rebuild;
         }
-        self.params = new.clone();
+        // A copy of the list would be allocated.
+        self.params = ModalBankParams { points: std::mem::take(&mut self.params.points), ..*new };
         self.gain.set_target(factor(new));
         self.bank.glide(if self.linked { 1.0 } else { new.damping }, new.pitch);
         self.set_floor();

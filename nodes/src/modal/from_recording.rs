@@ -10,7 +10,7 @@ use crate::core::params::{AssetPath, Params};
 use crate::core::ports::Value;
 use crate::core::random::Draw;
 use crate::core::shape::{Build, Shape};
-use crate::io::{AudioReader, AudioWriter, WriteFormat, WriteSpec};
+use crate::io::{AudioReader, trial_wav};
 use crate::{params, ports};
 
 params! {
@@ -73,21 +73,6 @@ fn reader<'a>(path: &str, file: Box<dyn ReadSeek + 'a>) -> Result<AudioReader<'a
     Ok(reader)
 }
 
-/// The mean of the channels.
-fn mono(path: &str, reader: &mut AudioReader<'_>) -> Result<Vec<f32>, Reject> {
-    let channels = reader.info().channels.max(1);
-    let mut block = vec![0.0; 4096 * channels];
-    let mut samples = Vec::new();
-    loop {
-        let frames = reader.read(&mut block).map_err(|e| unusable(path, e))?;
-        if frames == 0 {
-            return Ok(samples);
-        }
-        let mean = |frame: &[f32]| frame.iter().sum::<f32>() / channels as f32;
-        samples.extend(block[..frames * channels].chunks_exact(channels).map(mean));
-    }
-}
-
 impl Func for ModalFromRecording {
     type Params = ModalFromRecordingParams;
     type Ports = ModalFromRecordingPorts;
@@ -114,7 +99,7 @@ impl Func for ModalFromRecording {
     ) -> Result<Summary, Fault> {
         let path = &p.recording.0;
         let mut reader = reader(path, cx.open("recording", path)?)?;
-        let samples = mono(path, &mut reader)?;
+        let samples = reader.read_mono().map_err(|e| unusable(path, e))?;
         let rate = f64::from(reader.info().rate);
         let params = ExtractParams {
             modes: p.count,
@@ -139,7 +124,7 @@ impl Func for ModalFromRecording {
             let t = n as f64 / 8000.0;
             (0.5 * (-d * t).exp() * (std::f64::consts::TAU * f * t).sin()) as f32
         };
-        files.insert("hit.wav", wav(&(0..4000).map(sample).collect::<Vec<_>>(), 8000));
+        files.insert("hit.wav", trial_wav(&(0..4000).map(sample).collect::<Vec<_>>(), 8000));
         let p = ModalFromRecordingParams::trial(draw);
         let params = ModalFromRecordingParams {
             recording: "hit.wav".into(),
@@ -151,17 +136,6 @@ impl Func for ModalFromRecording {
         };
         (params, files)
     }
-}
-
-/// The bytes of a mono WAV.
-fn wav(samples: &[f32], rate: u32) -> Vec<u8> {
-    let mut file = std::io::Cursor::new(Vec::new());
-    let spec = WriteSpec::new(rate, 1, WriteFormat::Float32);
-    let written = AudioWriter::new(&mut file, spec).and_then(|mut writer| {
-        writer.write(samples)?;
-        writer.finish()
-    });
-    if written.is_ok() { file.into_inner() } else { Vec::new() }
 }
 
 #[cfg(test)]
@@ -192,7 +166,7 @@ mod tests {
 
     #[test]
     fn a_recording_without_a_blow_is_named() {
-        let fault = run(wav(&[0.0; 5000], 8000)).err().unwrap();
+        let fault = run(trial_wav(&[0.0; 5000], 8000)).err().unwrap();
         assert!(fault.code == "F077" && fault.message.contains("silent"), "{fault:?}");
         assert_eq!(run(b"no audio".to_vec()).err().unwrap().code, "F077");
     }

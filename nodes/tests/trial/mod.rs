@@ -268,6 +268,12 @@ impl Trial {
         &*self.params
     }
 
+    /// The same inputs with the parameters, and the files, of another trial of the node.
+    pub fn with_params(&self, other: &Self) -> Self {
+        let (params, files) = (other.params.boxed(), other.files.clone());
+        Self { feeds: self.feeds.clone(), params, files, ..*self }
+    }
+
     /// Runs to the end.
     pub fn run(&self, window: Tick) -> Outcome {
         let solo = self.solo(window);
