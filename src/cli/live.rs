@@ -8,6 +8,7 @@ use crate::graph::{Asked, DirFiles, Override, load};
 use crate::live::device::{self, Device, Running};
 use crate::live::input::{Hub, Listening, Set, listen, take_lines};
 use crate::live::{Histogram, Material, Options, Player, Reloaded, Told};
+use crate::memo::{MEMORY, Memo};
 use crate::watch::Eyes;
 use crossbeam_channel::{Receiver, RecvTimeoutError, unbounded};
 use foley_nodes::core::time::seconds;
@@ -79,8 +80,8 @@ pub fn watch(args: &WatchArgs) -> anyhow::Result<Exit> {
 struct Pending {
     /// When it happened.
     at: Instant,
-    /// The parameter that was set, where it was one.
-    set: Option<Override>,
+    /// Whether a parameter was set.
+    set: bool,
 }
 
 /// A load that failed, and is told unless another comes soon.
@@ -96,6 +97,10 @@ struct Session<'a> {
     sets: Receiver<Set>,
     stop: Arc<AtomicBool>,
     overrides: Vec<Override>,
+    /// Those of the last load that was right.
+    good: Vec<Override>,
+    /// Holds what was kept in memory, from load to load.
+    memo: Option<Arc<Memo>>,
     eyes: Option<Eyes>,
     player: Player,
     device: Option<Running>,
@@ -118,7 +123,7 @@ struct Found {
     asked: Asked,
 }
 
-fn look(asking: &Asking<'_>, overrides: &[Override], hub: &Arc<Hub>) -> Found {
+fn look(asking: &Asking<'_>, overrides: &[Override], hub: &Arc<Hub>, memo: Option<&Arc<Memo>>) -> Found {
     let args = asking.graph;
     let sets: Vec<Override> = args.sets.iter().chain(overrides).cloned().collect();
     let loaded = load(&args.graph, &sets, &args.allow_read, args.limits());
@@ -130,7 +135,7 @@ fn look(asking: &Asking<'_>, overrides: &[Override], hub: &Arc<Hub>) -> Found {
         seed: args.seed.unwrap_or(graph.seed),
         graph,
         files,
-        memo: asking.memo.memo(&args.graph),
+        memo: memo.cloned(),
         inputs: Arc::clone(hub) as _,
     });
     Found { material, found, sources: loaded.sources, asked }
@@ -143,7 +148,8 @@ fn play(asking: &Asking<'_>) -> anyhow::Result<Exit> {
     let stopped = Arc::clone(&stop);
     // Only the first handler of a process can be set; a second session in the same process keeps the first.
     let _ = ctrlc::set_handler(move || stopped.store(true, Relaxed));
-    let Found { material, found, sources, asked } = look(asking, &[], &hub);
+    let memo = asking.memo.memo(&asking.graph.graph).map(|memo| Arc::new(memo.holding(MEMORY)));
+    let Found { material, found, sources, asked } = look(asking, &[], &hub, memo.as_ref());
     show(&found, &sources);
     let Some(material) = material else { return Ok(Exit::Wrong) };
     let files = material.files.clone();
@@ -195,6 +201,8 @@ fn play(asking: &Asking<'_>) -> anyhow::Result<Exit> {
         sets,
         stop,
         overrides: Vec::new(),
+        good: Vec::new(),
+        memo,
         eyes,
         player,
         device: Some(running),
@@ -299,8 +307,9 @@ impl Session<'_> {
                 Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => {}
             }
             if let Some(at) = self.eyes.as_mut().and_then(Eyes::changed) {
-                let at = self.pending.as_ref().map_or(at, |p| p.at.min(at));
-                self.pending = Some(Pending { at, set: None });
+                let before = self.pending.take();
+                let at = before.as_ref().map_or(at, |p| p.at.min(at));
+                self.pending = Some(Pending { at, set: before.is_some_and(|p| p.set) });
                 self.wrong = None;
             }
             if self.pending.is_some() && !self.player.is_busy() {
@@ -334,19 +343,20 @@ impl Session<'_> {
     fn set(&mut self, set: Set) {
         let new = Override { target: set.target, value: set.value };
         self.overrides.retain(|o| o.target != new.target);
-        self.overrides.push(new.clone());
+        self.overrides.push(new);
         let at = self.pending.as_ref().map_or_else(Instant::now, |p| p.at);
-        self.pending = Some(Pending { at, set: Some(new) });
+        self.pending = Some(Pending { at, set: true });
     }
 
     fn load(&mut self) -> anyhow::Result<()> {
         let Some(pending) = self.pending.take() else { return Ok(()) };
-        let Found { material, found, sources, asked } = look(self.asking, &self.overrides, &self.hub);
+        let Found { material, found, sources, asked } =
+            look(self.asking, &self.overrides, &self.hub, self.memo.as_ref());
         if let Some(eyes) = &mut self.eyes
             && eyes.follow(&asked, material.is_some())
         {
             // It has changed again already.
-            self.pending = Some(Pending { at: pending.at, set: None });
+            self.pending = Some(Pending { at: pending.at, set: false });
         }
         let result = match material {
             None => Err(found),
@@ -360,15 +370,17 @@ impl Session<'_> {
             }
         };
         match result {
-            Ok(Reloaded::Nothing) => self.wrong = None,
-            Ok(Reloaded::Edit(edit)) => {
+            Ok(told) => {
                 self.wrong = None;
-                self.coming = Some((pending.at, edit.to_string()));
+                self.good.clone_from(&self.overrides);
+                if let Reloaded::Edit(edit) = told {
+                    self.coming = Some((pending.at, edit.to_string()));
+                }
             }
             Err(errors) => {
-                if let Some(set) = pending.set {
+                if pending.set {
                     // What cannot be set is forgotten, or nothing else could be loaded any more.
-                    self.overrides.retain(|o| *o != set);
+                    self.overrides.clone_from(&self.good);
                 }
                 self.wrong = Some(Wrong { at: Instant::now(), errors, sources });
             }
@@ -388,6 +400,7 @@ impl Session<'_> {
             Ok(running) => Some(running),
             Err((callback, _)) => device::start(&Device::Null, *callback).ok(),
         };
+        self.hub.set_clock(Arc::clone(player.shared()), player.plan().rate, player.options().quantum);
         self.player = player;
         self.over = false;
         Ok(Reloaded::Nothing)
@@ -421,7 +434,12 @@ impl Session<'_> {
             && let Some(wrong) = self.wrong.take()
         {
             show(&wrong.errors, &wrong.sources);
-            eprintln!("foley: the graph that plays is the older one; waiting for the next save");
+            match self.eyes {
+                Some(_) => {
+                    eprintln!("foley: the graph that plays is the older one; waiting for the next save")
+                }
+                None => eprintln!("foley: the graph plays on as it was"),
+            }
         }
     }
 
@@ -528,6 +546,7 @@ impl Session<'_> {
                 "missed": meter.missed.load(Relaxed),
                 "overruns": meter.overruns.load(Relaxed),
                 "late": late,
+                "late_swaps": meter.late_swaps.load(Relaxed),
                 "not_finite": meter.broken.load(Relaxed),
                 "reload_ms": self.delays,
                 "messages": {

@@ -56,6 +56,8 @@ pub struct Swap {
     pub adopts: Vec<(usize, usize)>,
     /// New parameters by place in the new act.
     pub retunes: Vec<(usize, Box<dyn AnyParams>)>,
+    /// Whether nothing of what sounds goes on, so that what is heard has to be eased over.
+    pub cut: bool,
     /// Whether it came too late, and nothing happened.
     pub late: bool,
 }
@@ -160,15 +162,11 @@ impl Callback {
     fn next(&mut self) {
         let start = Instant::now();
         self.take_orders();
-        let end = tick(self.rate, self.quantum, self.window + 1);
-        self.act.stage.advance(end);
-        let mut missed = 0;
-        for link in &mut self.act.links {
-            missed += u64::from(!link.receive(&mut self.act.stage, self.window));
-        }
-        self.shared.meter.missed.fetch_add(missed, Relaxed);
         self.block.fill(0.0);
-        if !self.shared.failed.load(Relaxed) {
+        // A stage that a node has failed in is not whole any more, and is not run again.
+        if self.shared.failed.load(Relaxed) {
+            self.hear();
+        } else {
             self.play();
         }
         self.window += 1;
@@ -181,7 +179,13 @@ impl Callback {
     }
 
     fn play(&mut self) {
-        let Act { stage, sinks, times, .. } = &mut self.act;
+        let Act { stage, links, times, .. } = &mut self.act;
+        stage.advance(tick(self.rate, self.quantum, self.window + 1));
+        let mut missed = 0;
+        for link in links {
+            missed += u64::from(!link.receive(stage, self.window));
+        }
+        self.shared.meter.missed.fetch_add(missed, Relaxed);
         if let Err((place, fault)) = stage.run() {
             self.shared.failed.store(true, Relaxed);
             // A ring that is full has told of other faults already; to drop this one here would free its text.
@@ -195,12 +199,13 @@ impl Callback {
                 *spent = foley_nodes::core::stage::Spent::default();
             }
         }
-        for &place in sinks.iter() {
-            let node = stage.nodes_mut()[place].node.as_any_mut();
-            if let Some(sink) = node.downcast_mut::<Sink>() {
-                sink.add_to(&mut self.block, self.channels);
-            }
-        }
+        self.hear();
+    }
+
+    /// Picks up what is heard; where nothing has come, it fades.
+    fn hear(&mut self) {
+        let (block, channels) = (&mut self.block, self.channels);
+        each_sink(&mut self.act, |sink| sink.add_to(block, channels));
         let (mut peak, mut broken) = (0.0_f32, 0);
         for x in &mut self.block {
             if !x.is_finite() {
@@ -226,7 +231,9 @@ impl Callback {
             match self.orders.pop() {
                 Ok(Order::Swap(mut swap)) => {
                     swap.late = swap.at < self.window;
-                    if !swap.late {
+                    if swap.late {
+                        self.shared.meter.late_swaps.fetch_add(1, Relaxed);
+                    } else {
                         self.swap(&mut swap);
                     }
                     let _ = self.home.push(Home::Swap(swap));
@@ -241,7 +248,7 @@ impl Callback {
     }
 
     fn swap(&mut self, swap: &mut Swap) {
-        let Swap { act, nodes, tracks, seeds, heirs, links, adopts, retunes, .. } = swap;
+        let Swap { act, nodes, tracks, seeds, heirs, links, adopts, retunes, cut, .. } = swap;
         let old = &mut self.act.stage;
         seeds.iter().for_each(|&(from, to)| act.stage.seed(old, from, to));
         act.stage.take_over(old, nodes, tracks);
@@ -255,6 +262,19 @@ impl Callback {
         retune(&mut act.stage, retunes);
         std::mem::swap(&mut self.act, act);
         self.shared.failed.store(false, Relaxed);
+        if *cut {
+            each_sink(&mut self.act, Sink::cut);
+        }
+    }
+}
+
+/// Does something with everything that is heard.
+fn each_sink(act: &mut Act, mut act_on: impl FnMut(&mut Sink)) {
+    for &place in &act.sinks {
+        let node = act.stage.nodes_mut()[place].node.as_any_mut();
+        if let Some(sink) = node.downcast_mut::<Sink>() {
+            act_on(sink);
+        }
     }
 }
 

@@ -28,7 +28,9 @@ pub struct Gang {
     pub window: u64,
     /// Times of each node, where they are wanted.
     pub times: Vec<Arc<Histogram>>,
-    /// Place and fault of the node that failed; nothing runs any more then.
+    /// Whether a node has failed: nothing runs any more then.
+    pub failed: bool,
+    /// Its place and fault, until it has been told.
     pub fault: Option<(usize, Fault)>,
 }
 
@@ -55,7 +57,7 @@ impl Gang {
     /// Runs the next window, unless it is far enough ahead of what has been played, or has failed.
     pub fn step(&mut self, pace: &Pace, played: u64) -> bool {
         let ahead = self.window < played + pace.depth;
-        if self.fault.is_some() || !ahead || !self.links.iter().all(Link::has_room) {
+        if self.failed || !ahead || !self.links.iter().all(Link::has_room) {
             return false;
         }
         self.force(pace);
@@ -66,7 +68,7 @@ impl Gang {
     fn force(&mut self, pace: &Pace) {
         self.stage.advance(tick(pace.rate, pace.quantum, self.window + 1));
         if let Err(fault) = self.stage.run() {
-            self.fault = Some(fault);
+            (self.failed, self.fault) = (true, Some(fault));
             return;
         }
         for (times, spent) in self.times.iter().zip(self.stage.spent_mut()) {
@@ -163,7 +165,7 @@ impl Crew {
     /// Brings halted gangs to one window.
     pub fn align(&self, gangs: &mut [Gang], window: u64) {
         for gang in gangs {
-            while gang.window < window && gang.fault.is_none() {
+            while gang.window < window && !gang.failed {
                 gang.force(&self.pace);
             }
         }
@@ -226,8 +228,6 @@ fn work(pace: &Pace, shared: &Shared, orders: &Receiver<Order>, faults: &Sender<
         for gang in &mut gangs {
             if let Some((place, fault)) = gang.fault.take() {
                 let _ = faults.send((gang.region, place, fault));
-                gang.links.clear();
-                gang.window = u64::MAX;
             }
         }
     }

@@ -81,6 +81,8 @@ pub struct Meter {
     pub missed: AtomicU64,
     /// Callbacks that took longer than the sound they made.
     pub overruns: AtomicU64,
+    /// Swaps that came too late and were tried again.
+    pub late_swaps: AtomicU64,
     /// Samples that were not finite and became silence.
     pub broken: AtomicU64,
     /// Greatest magnitude of any sample since the last look, as bits.

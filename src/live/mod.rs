@@ -11,13 +11,17 @@ mod crew;
 pub mod device;
 mod diff;
 pub mod input;
+mod layout;
 mod link;
 mod meter;
+mod moves;
 mod player;
+mod ready;
 mod sink;
 mod union;
 
 pub use callback::{Callback, Shared};
 pub use diff::Edit;
 pub use meter::{Histogram, Meter, NodeMeter};
-pub use player::{Material, Options, Player, Reloaded, Told};
+pub use player::{Options, Player, Reloaded, Told};
+pub use ready::Material;

@@ -1,33 +1,26 @@
 //! The side that may wait: builds graphs for the callback, and replaces one by another while it plays.
 
-use super::callback::{Act, Callback, Home, Order, Shared, Swap, tick};
-use super::crew::{Crew, Gang, Pace};
-use super::diff::{Edit, Fate, Side, Stamps, fates};
-use super::link::{self, Receiver, Sender};
+use super::callback::{Callback, Home, Order, Shared, Swap, tick};
+use super::crew::{Crew, Pace};
+use super::diff::{Edit, Fate, fates};
+use super::layout::{Empty, Layout};
 use super::meter::{Histogram, NodeMeter};
-use super::sink::Sink;
+use super::moves::{Moves, pairs, place};
+use super::ready::{Material, Ready, build, edit};
 use super::union::{Outputs, Union, union};
 use crate::diag::Diagnostic;
-use crate::graph::{DirFiles, Graph};
-use crate::memo::Memo;
-use crate::plan::{Draft, Export, Import, LivePlan, Region, Resume, SinksResume, TrackPlan, What, ahead};
-use crate::run::{self, DirOutputs, Job, Progress, Site, Values};
+use crate::graph::Graph;
+use crate::plan::{Draft, LivePlan, Region, Resume, SinksResume, What};
+use crate::run::Site;
 use foley_nodes::core::fault::Fault;
-use foley_nodes::core::input::Inputs;
-use foley_nodes::core::node::{DynNode, Retune, Summary};
+use foley_nodes::core::node::DynNode;
 use foley_nodes::core::params::AnyParams;
-use foley_nodes::core::stage::{Cx, Stage};
 use foley_nodes::core::time::Tick;
-use foley_nodes::dsp::Dropout;
 use rtrb::{Consumer, Producer, RingBuffer};
-use std::any::Any;
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 use std::sync::atomic::Ordering::Acquire;
 use std::time::{Duration, Instant};
-
-/// Seconds from sound to silence where none arrives.
-const RAMP: f64 = 0.005;
 
 /// Orders and answers that fit on their way.
 const ROOM: usize = 64;
@@ -53,68 +46,6 @@ impl Default for Options {
     }
 }
 
-/// A graph with all that it needs to play.
-pub struct Material {
-    /// The graph.
-    pub graph: Graph,
-    /// Its files.
-    pub files: DirFiles,
-    /// Seed of its randomness.
-    pub seed: u64,
-    /// Where values are kept, if at all.
-    pub memo: Option<Memo>,
-    /// What comes in while it plays.
-    pub inputs: Arc<dyn Inputs>,
-}
-
-/// A graph that is ready to play but for its place in time.
-struct Ready {
-    material: Material,
-    draft: Draft,
-    values: Values,
-    stamps: Stamps,
-    computed: Vec<String>,
-}
-
-impl Ready {
-    fn side(&self) -> Side<'_> {
-        Side {
-            graph: &self.material.graph,
-            shapes: &self.draft.prelude.shapes,
-            values: &self.values,
-            seed: self.material.seed,
-            stamps: &self.stamps,
-            ahead: ahead(&self.material.graph, &self.draft.nodes),
-        }
-    }
-
-    fn site(&self, quantum: Tick) -> Site<'_> {
-        Site {
-            graph: &self.material.graph,
-            shapes: &self.draft.prelude.shapes,
-            window: quantum,
-            files: &self.material.files,
-            outputs: &NOWHERE,
-            inputs: &*self.material.inputs,
-            seed: self.material.seed,
-        }
-    }
-}
-
-/// Where a graph that plays would write.
-static NOWHERE: Nowhere = Nowhere;
-struct Nowhere;
-
-impl foley_nodes::core::files::Outputs for Nowhere {
-    fn create(
-        &self,
-        path: &str,
-    ) -> Result<Box<dyn foley_nodes::core::files::WriteSeek>, foley_nodes::core::files::FileError> {
-        let message = format!("a graph that plays writes no files, and not {path:?}");
-        Err(foley_nodes::core::files::FileError { code: "F080", message })
-    }
-}
-
 /// What plays, as far as this side knows it.
 struct Playing {
     /// The graph of the last load; away only while it is being replaced.
@@ -130,13 +61,6 @@ impl Playing {
     fn place(&self, n: usize) -> Option<(usize, usize)> {
         place(&self.plan, What::Node(n))
     }
-}
-
-fn place(plan: &LivePlan, job: What) -> Option<(usize, usize)> {
-    plan.regions.iter().enumerate().find_map(|(region, r)| {
-        let place = r.nodes.iter().position(|node| node.job == job)?;
-        Some((region, place))
-    })
 }
 
 /// What a load came to.
@@ -159,6 +83,18 @@ pub enum Told {
     Failed(Box<Diagnostic>),
 }
 
+/// A swap that the callback has not taken yet, with all that it takes to try again.
+struct Sent {
+    /// What the callback plays until then.
+    plan: LivePlan,
+    ids: Vec<String>,
+    heirs: Outputs,
+    union: Option<Union>,
+    moved: HashMap<usize, usize>,
+    /// Whether the workers play it already.
+    crew: bool,
+}
+
 /// Plays a graph: see [`Callback`] for the other side.
 pub struct Player {
     options: Options,
@@ -172,148 +108,17 @@ pub struct Player {
     fading: Option<u64>,
     /// The outputs that get the past of a cross-fade when the transition is over.
     heirs: Outputs,
-    /// An order is on its way to the callback.
-    waiting: bool,
+    /// A retune is on its way to the callback.
+    retuning: bool,
+    /// The swap that is on its way to the callback.
+    sent: Option<Sent>,
+    /// A node has failed: nothing that plays can go on.
+    failed: bool,
+    /// What is still to be told.
+    told: Vec<Told>,
     times: BTreeMap<String, Arc<Histogram>>,
     /// The longest time that it took to lay out a swap.
     haste: Duration,
-}
-
-/// Stands where a node will be that plays elsewhere until the swap.
-struct Empty;
-
-impl DynNode for Empty {
-    fn run(&mut self, _: &Cx<'_>) -> Result<(), Fault> {
-        Err(Fault::new("F099", "a node was not moved: a defect in foley"))
-    }
-    fn as_any_mut(&mut self) -> &mut dyn Any {
-        self
-    }
-}
-
-/// Shapes a graph and computes its values.
-fn ready(material: Material) -> Result<Ready, Vec<Diagnostic>> {
-    let draft = Draft::new(&material.graph, &material.files)?;
-    let outputs = DirOutputs::new(".");
-    let job = Job {
-        graph: &material.graph,
-        plan: &draft.prelude,
-        files: &material.files,
-        outputs: &outputs,
-        taps: &[],
-        threads: std::thread::available_parallelism().map_or(1, usize::from),
-        seed: material.seed,
-        memo: material.memo.as_ref(),
-        progress: Arc::new(Progress::default()),
-    };
-    let (values, report) = run::values(&job)?;
-    let makes_values = |n: &run::NodeReport| {
-        let node = material.graph.find(&n.id).map(|k| &material.graph.nodes[k]);
-        node.is_some_and(|node| node.ty.eval.is_some())
-    };
-    let computed = report.nodes.iter().filter(|n| makes_values(n) && n.calls > 0 && !n.cached);
-    let computed = computed.map(|n| n.id.clone()).collect();
-    let opened = draft.prelude.shapes.iter().flat_map(|s| &s.opened);
-    let stamps = opened.map(|path| (path.clone(), material.files.stamp(path))).collect();
-    Ok(Ready { material, draft, values, stamps, computed })
-}
-
-/// What a layout is made of.
-struct Layout<'a> {
-    plan: &'a LivePlan,
-    ids: &'a [String],
-    site: Site<'a>,
-    values: &'a Values,
-    /// Nodes that are new, as far as they have been built already.
-    built: HashMap<usize, Box<dyn DynNode>>,
-    /// Where nodes that go on were before.
-    moved: &'a HashMap<usize, usize>,
-    pace: Pace,
-    metered: bool,
-}
-
-impl Layout<'_> {
-    fn make(&mut self, job: What) -> Result<Box<dyn DynNode>, Diagnostic> {
-        match job {
-            What::Node(n) if self.moved.contains_key(&n) => Ok(Box::new(Empty)),
-            What::Node(n) => match self.built.remove(&n) {
-                Some(node) => Ok(node),
-                None => self.site.build(n, self.values),
-            },
-            What::Tap(k) => {
-                let link = &self.plan.heard[k].link;
-                let width = self.site.shapes[link.node].outputs[link.port].as_ref().map_or(1, |s| s.width);
-                Ok(Box::new(Sink::new(width, self.pace.quantum, self.ramp())))
-            }
-        }
-    }
-
-    /// Frames from sound to silence where none arrives.
-    fn ramp(&self) -> usize {
-        (self.pace.rate.as_f64() * RAMP) as usize
-    }
-
-    /// Makes all parts, which begin with window `window`.
-    fn parts(
-        mut self,
-        window: u64,
-        times: &mut BTreeMap<String, Arc<Histogram>>,
-    ) -> Result<(Act, Vec<Gang>), Vec<Diagnostic>> {
-        let mut errors = Vec::new();
-        let mut stages = Vec::new();
-        for region in &self.plan.regions {
-            let values = self.values;
-            match run::assemble(region, values, |job| self.make(job)) {
-                Ok(mut stage) => {
-                    stage.set_timed(self.metered);
-                    stages.push(stage);
-                }
-                Err(e) => errors.extend(e),
-            }
-        }
-        if !errors.is_empty() {
-            return Err(errors);
-        }
-        let mut timed = |region: &Region| -> Vec<Arc<Histogram>> {
-            let id = |job| match job {
-                What::Node(n) => self.ids[n].clone(),
-                What::Tap(k) => format!("~heard {k}"),
-            };
-            let of = |node: &crate::plan::PlanNode| Arc::clone(times.entry(id(node.job)).or_default());
-            if self.metered { region.nodes.iter().map(of).collect() } else { Vec::new() }
-        };
-        let callback = self.plan.callback();
-        let mut links: Vec<Option<Receiver>> = callback.imports.iter().map(|_| None).collect();
-        let act_stage = stages.pop();
-        let mut gangs = Vec::new();
-        for ((region, plan), stage) in self.plan.ahead().iter().enumerate().zip(stages) {
-            let mut senders = Vec::new();
-            for export in &plan.exports {
-                let to = callback.imports.iter().position(|i| i.link == export.link);
-                let Some(to) = to else { continue };
-                let (sender, receiver) = self.link(&stage, plan, export, &callback.imports[to]);
-                senders.push(sender);
-                links[to] = Some(receiver);
-            }
-            let times = timed(plan);
-            gangs.push(Gang { region, stage, links: senders, window, times, fault: None });
-        }
-        let is_sink = |node: &crate::plan::PlanNode| matches!(node.job, What::Tap(_));
-        let sinks = (0..callback.nodes.len()).filter(|&k| is_sink(&callback.nodes[k])).collect();
-        let Some(stage) = act_stage else { return Err(Vec::new()) };
-        let times = timed(callback);
-        Ok((Act { stage, links: links.into_iter().flatten().collect(), sinks, times }, gangs))
-    }
-
-    fn link(&self, stage: &Stage, plan: &Region, export: &Export, import: &Import) -> (Sender, Receiver) {
-        let (node, port) = plan.origins[export.track];
-        let stream = self.site.shapes[node].outputs[port].as_ref().filter(|s| s.item.wave);
-        let bridge = stream.map(|s| Dropout::new(s.width, self.ramp()));
-        let (from, to) = ((export.track, export.clock), (import.track, import.clock));
-        link::link(self.pace.depth as usize + 2, from, to, bridge, || {
-            stage.with_track(export.track, |track| track.sibling(export.items))
-        })
-    }
 }
 
 impl Player {
@@ -322,7 +127,7 @@ impl Player {
     /// # Errors
     /// All that is wrong with the graph, as far as it has to play.
     pub fn start(material: Material, options: Options) -> Result<(Self, Callback), Vec<Diagnostic>> {
-        let ready = ready(material)?;
+        let ready = Ready::new(material)?;
         let rate = ready.draft.rate;
         let quantum = options.quantum.max(1);
         let depth = (options.lead * rate.as_f64() / quantum as f64).ceil().max(2.0) as u64;
@@ -364,7 +169,10 @@ impl Player {
             playing: Playing { ready: Some(ready), plan, ids },
             fading: None,
             heirs: Outputs::new(),
-            waiting: false,
+            retuning: false,
+            sent: None,
+            failed: false,
+            told: Vec::new(),
             times,
             haste: Duration::from_millis(1),
         };
@@ -405,7 +213,7 @@ impl Player {
     /// Whether a transition is under way; a load has to wait until it is over.
     #[must_use]
     pub fn is_busy(&self) -> bool {
-        self.waiting || self.fading.is_some()
+        self.retuning || self.sent.is_some() || self.fading.is_some()
     }
 
     /// Whether the piece has been heard to its end.
@@ -428,7 +236,7 @@ impl Player {
         if self.is_busy() {
             return Err(vec![Diagnostic::general("F091", "the transition before is not over")]);
         }
-        let next = ready(material)?;
+        let next = Ready::new(material)?;
         if next.draft.rate != self.pace.rate {
             let (found, wanted) = (next.draft.rate, self.pace.rate);
             let message = format!("the device plays at {wanted}, the graph is now at {found}");
@@ -462,6 +270,10 @@ impl Player {
             Fate::New => None,
         });
         let kept: HashMap<usize, usize> = kept.collect();
+        if self.failed {
+            self.swap(next, None, HashMap::new(), built, Vec::new())?;
+            return Ok(Reloaded::Edit(edit));
+        }
         let union = union(&old, &new, &fates, (&current.draft.heard, &next.draft.heard));
         let retunes = fates.into_iter().filter_map(|(n, fate)| match fate {
             Fate::Retuned(_, params) => Some((n, params)),
@@ -497,8 +309,10 @@ impl Player {
                 None => {}
             }
         }
-        if !in_callback.is_empty() && self.orders.push(Order::Retune(in_callback)).is_ok() {
-            self.waiting = true;
+        if !in_callback.is_empty() {
+            self.retuning = self.orders.push(Order::Retune(in_callback)).is_ok();
+        } else if matches!(told, Reloaded::Edit(_)) {
+            self.told.push(Told::Heard);
         }
         told
     }
@@ -528,7 +342,7 @@ impl Player {
         let mut gangs = None;
         if !self.crew_goes_on(&plan, &moved) {
             let mut halted = self.crew.halt();
-            let furthest = halted.iter().map(|g| g.window).filter(|w| *w != u64::MAX).max().unwrap_or(0);
+            let furthest = halted.iter().map(|g| g.window).max().unwrap_or(0);
             if moved.is_empty() {
                 at = self.soon(u64::MAX);
             } else {
@@ -565,15 +379,13 @@ impl Player {
                 return Err(errors);
             }
         };
-        // Where nothing goes on, the callback may still play something older than what was laid out last.
-        let afresh = moved.is_empty();
         let moves = Moves { old: &self.playing.plan, new: &plan, moved: &moved };
-        let mut links = Vec::new();
+        let (crew, mut links) = (gangs.is_some(), Vec::new());
         match gangs {
             None => links = moves.links(),
             Some(mut halted) => {
                 for gang in &mut new_gangs {
-                    for old in halted.iter_mut().filter(|_| !afresh) {
+                    for old in &mut halted {
                         let was = &self.playing.plan.regions[old.region];
                         let own = &plan.regions[gang.region];
                         let (nodes, tracks) = moves.between(old.region, gang.region);
@@ -596,32 +408,42 @@ impl Player {
         }
         let last = plan.regions.len() - 1;
         let old_last = self.playing.plan.regions.len() - 1;
-        let (nodes, tracks) = if afresh { Default::default() } else { moves.between(old_last, last) };
+        let (nodes, tracks) = moves.between(old_last, last);
         let (in_callback, in_crew): (Vec<_>, Vec<_>) = retunes
             .into_iter()
             .filter_map(|(n, params)| Some((place(&plan, What::Node(n))?, params)))
             .partition(|((region, _), _)| *region == last);
-        if !links.is_empty() || self.playing.plan.regions.len() == 1 {
+        if !crew {
             in_crew.into_iter().for_each(|((region, place), params)| self.crew.retune(region, place, params));
         }
         let adopts = moves.adopts(last, &adopts);
         let retunes = in_callback.into_iter().map(|((_, place), params)| (place, params)).collect();
         let own = plan.callback();
         let was = self.playing.plan.callback();
-        let (seeds, heirs) =
-            if afresh { Default::default() } else { (pairs(was, own, &seeds), pairs(was, own, &heirs)) };
-        let swap = Swap { at, act, nodes, tracks, seeds, heirs, links, adopts, retunes, late: false };
+        let (seeds, was_heirs) = (pairs(was, own, &seeds), pairs(was, own, &heirs));
+        let cut = moved.is_empty();
+        let swap = Swap {
+            at,
+            act,
+            nodes,
+            tracks,
+            seeds,
+            heirs: was_heirs,
+            links,
+            adopts,
+            retunes,
+            cut,
+            late: false,
+        };
         // The ring is emptied before each load.
         let _ = self.orders.push(Order::Swap(Box::new(swap)));
-        self.waiting = true;
-        let windows = |over: Tick| {
-            let one = window.max(1);
-            (over / one) as u64 + 2
-        };
+        self.failed = false;
+        let windows = |over: Tick| (over / window.max(1)) as u64 + 2;
         self.fading = over.map(windows);
         self.heirs = union.as_ref().map(Union::heirs).unwrap_or_default();
-        self.playing.plan = plan;
-        self.playing.ids = ids;
+        let plan = std::mem::replace(&mut self.playing.plan, plan);
+        let ids = std::mem::replace(&mut self.playing.ids, ids);
+        self.sent = Some(Sent { plan, ids, heirs, union, moved, crew });
         self.haste = (self.haste / 2).max(start.elapsed()).min(Duration::from_millis(200));
         Ok(())
     }
@@ -674,43 +496,40 @@ impl Player {
 
     /// Takes what has come home, and goes on with a transition that is due.
     pub fn tick(&mut self) -> Vec<Told> {
-        let mut told = Vec::new();
         while let Ok(home) = self.home.pop() {
             match home {
                 Home::Retuned(_) => {
-                    self.waiting = false;
-                    told.push(Told::Heard);
+                    self.retuning = false;
+                    self.told.push(Told::Heard);
                 }
-                Home::Swap(swap) if swap.late => {
-                    drop(swap);
-                    self.waiting = false;
-                    self.start_over();
-                }
-                Home::Swap(swap) => {
-                    drop(swap);
-                    self.waiting = false;
-                    told.push(Told::Heard);
+                Home::Swap(swap) if swap.late => self.try_again(*swap),
+                // What played before is dropped here.
+                Home::Swap(_) => {
+                    self.sent = None;
+                    self.told.push(Told::Heard);
                     if self.fading.is_none() {
-                        told.push(Told::Settled);
+                        self.told.push(Told::Settled);
                     }
                 }
-                Home::Fault(place, fault) => {
-                    let region = self.playing.plan.regions.len() - 1;
-                    told.push(Told::Failed(Box::new(self.describe(region, place, fault))));
-                }
+                Home::Fault(place, fault) => self.fail(None, place, fault),
             }
         }
         while let Some((region, place, fault)) = self.crew.fault() {
-            told.push(Told::Failed(Box::new(self.describe(region, place, fault))));
+            self.fail(Some(region), place, fault);
         }
         let played = self.shared.window.load(Acquire);
-        if !self.waiting && self.fading.is_some_and(|over| played >= over) {
+        if self.sent.is_none() && self.fading.is_some_and(|over| played >= over) {
             self.settle();
-            if self.fading.is_none() && !self.waiting {
-                told.push(Told::Settled);
-            }
         }
-        told
+        std::mem::take(&mut self.told)
+    }
+
+    fn fail(&mut self, region: Option<usize>, place: usize, fault: Fault) {
+        self.failed = true;
+        // What has stopped has nothing to fade.
+        self.fading = None;
+        let fault = self.describe(region, place, fault);
+        self.told.push(Told::Failed(Box::new(fault)));
     }
 
     /// Leaves the transition behind: the new graph alone.
@@ -724,19 +543,51 @@ impl Player {
         self.playing.ready = Some(ready);
     }
 
-    /// Begins the graph anew, where the callback had gone on before a swap arrived.
-    fn start_over(&mut self) {
-        self.fading = None;
-        self.haste = (self.haste * 4).min(Duration::from_millis(200));
-        let Some(ready) = self.playing.ready.take() else { return };
-        let _ = self.swap(&ready, None, HashMap::new(), HashMap::new(), Vec::new());
+    /// Lays out a swap once more that came when the callback was past its place.
+    ///
+    /// Where the workers have gone over to it already, and cannot go back, the graph begins anew.
+    fn try_again(&mut self, mut late: Swap) {
+        self.haste = (self.haste * 4).clamp(Duration::from_millis(2), Duration::from_millis(200));
+        let (Some(sent), Some(ready)) = (self.sent.take(), self.playing.ready.take()) else { return };
+        let laid_out = std::mem::replace(&mut self.playing.plan, sent.plan);
+        (self.playing.ids, self.heirs, self.fading) = (sent.ids, sent.heirs, None);
+        let result = if sent.crew || self.failed {
+            self.heirs = Outputs::new();
+            self.swap(&ready, None, HashMap::new(), HashMap::new(), Vec::new())
+        } else {
+            let node_at = |place: usize| match laid_out.callback().nodes.get(place).map(|n| n.job) {
+                Some(What::Node(n)) => Some(n),
+                _ => None,
+            };
+            let retunes = std::mem::take(&mut late.retunes).into_iter();
+            let retunes = retunes.filter_map(|(place, params)| Some((node_at(place)?, params))).collect();
+            let mut built = HashMap::new();
+            for (place, node) in late.act.stage.nodes_mut().iter_mut().enumerate() {
+                if let Some(n) = node_at(place).filter(|n| !sent.moved.contains_key(n)) {
+                    built.insert(n, std::mem::replace(&mut node.node, Box::new(Empty)));
+                }
+            }
+            // Fades begin at another time.
+            let fades = sent.union.as_ref().map(Union::fade_nodes).unwrap_or_default();
+            fades.iter().for_each(|n| drop(built.remove(n)));
+            self.swap(&ready, sent.union, sent.moved, built, retunes)
+        };
+        if let Err(errors) = result {
+            self.told.extend(errors.into_iter().map(|e| Told::Failed(Box::new(e))));
+            self.failed = true;
+        }
         self.playing.ready = Some(ready);
     }
 
-    fn describe(&self, region: usize, place: usize, fault: Fault) -> Diagnostic {
-        let job = self.playing.plan.regions.get(region).and_then(|r| r.nodes.get(place)).map(|n| n.job);
+    fn describe(&self, region: Option<usize>, place: usize, fault: Fault) -> Diagnostic {
+        let (plan, ids) = match &self.sent {
+            Some(sent) if !sent.crew => (&sent.plan, &sent.ids),
+            _ => (&self.playing.plan, &self.playing.ids),
+        };
+        let region = region.unwrap_or(plan.regions.len() - 1);
+        let job = plan.regions.get(region).and_then(|r| r.nodes.get(place)).map(|n| n.job);
         let id = match job {
-            Some(What::Node(n)) => self.playing.ids.get(n).map(|id| id.trim_start_matches('~')),
+            Some(What::Node(n)) => ids.get(n).map(|id| id.trim_start_matches('~')),
             _ => None,
         };
         match self.graph().zip(id).and_then(|(graph, id)| Some((graph, graph.find(id)?))) {
@@ -747,139 +598,4 @@ impl Player {
             None => Diagnostic::general(fault.code, fault.message),
         }
     }
-}
-
-/// What goes where when one layout takes over from another.
-struct Moves<'a> {
-    old: &'a LivePlan,
-    new: &'a LivePlan,
-    moved: &'a HashMap<usize, usize>,
-}
-
-type Pairs = Vec<(usize, usize)>;
-
-fn pad(track: &TrackPlan) -> Option<foley_nodes::core::track::Pad> {
-    match track {
-        TrackPlan::Items { pad, .. } => Some(*pad),
-        TrackPlan::Events { .. } => None,
-    }
-}
-
-/// The buffers of pairs of outputs, as far as both have one.
-fn pairs(from: &Region, to: &Region, outputs: &Outputs) -> Pairs {
-    let mut pairs = Pairs::new();
-    for (a, b) in outputs {
-        let Some(source) = from.origins.iter().position(|o| o == a) else { continue };
-        let own = |t: &usize| to.origins[*t] == *b;
-        pairs.extend((0..to.origins.len()).filter(own).map(|t| (source, t)));
-    }
-    pairs
-}
-
-impl Moves<'_> {
-    /// The job in the old layout that a job of the new one goes on from.
-    fn before(&self, job: What) -> Option<What> {
-        match job {
-            What::Node(n) => self.moved.get(&n).map(|&m| What::Node(m)),
-            What::Tap(k) => {
-                let old = self.old.heard.iter().position(|h| h.id == self.new.heard[k].id)?;
-                let width = |plan: &LivePlan, k: usize| {
-                    let link = &plan.heard[k].link;
-                    plan.prelude.shapes[link.node].outputs[link.port].as_ref().map(|s| s.width)
-                };
-                (width(self.old, old) == width(self.new, k)).then_some(What::Tap(old))
-            }
-        }
-    }
-
-    /// Nodes and buffers that go from one part to another.
-    fn between(&self, from: usize, to: usize) -> (Pairs, Pairs) {
-        let (old, new) = (&self.old.regions[from], &self.new.regions[to]);
-        let places: HashMap<What, usize> = (0..).zip(&old.nodes).map(|(k, n)| (n.job, k)).collect();
-        let nodes = (0..)
-            .zip(&new.nodes)
-            .filter_map(|(k, node): (usize, _)| Some((*places.get(&self.before(node.job)?)?, k)));
-        (nodes.collect(), self.tracks(old, new))
-    }
-
-    fn tracks(&self, old: &Region, new: &Region) -> Pairs {
-        let key = |region: &Region, t: usize| (region.origins[t], pad(&region.tracks[t]));
-        let places: HashMap<_, usize> = (0..old.tracks.len()).map(|t| (key(old, t), t)).collect();
-        let pair = |t: usize| {
-            let ((node, port), pad) = key(new, t);
-            let was = (*self.moved.get(&node)?, port);
-            Some((*places.get(&(was, pad))?, t))
-        };
-        (0..new.tracks.len()).filter_map(pair).collect()
-    }
-
-    /// Links into the callback that go on.
-    fn links(&self) -> Pairs {
-        let (old, new) = (self.old.callback(), self.new.callback());
-        let tracks: HashMap<usize, usize> = self.tracks(old, new).into_iter().map(|(a, b)| (b, a)).collect();
-        let pair = |(k, import): (usize, &Import)| {
-            let was = tracks.get(&import.track)?;
-            Some((old.imports.iter().position(|i| i.track == *was)?, k))
-        };
-        (0..).zip(&new.imports).filter_map(pair).collect()
-    }
-
-    /// Pairs of nodes in a part, by their places, of which the second takes over what fits from the first.
-    fn adopts(&self, region: usize, adopts: &[(usize, usize)]) -> Pairs {
-        let find = |n: usize| self.new.regions[region].nodes.iter().position(|p| p.job == What::Node(n));
-        adopts.iter().filter_map(|&(a, b)| find(a).zip(find(b))).collect()
-    }
-}
-
-/// Builds what is new, and finds out which nodes can take their new parameters.
-fn build(
-    old: &Side<'_>,
-    next: &Ready,
-    window: Tick,
-    fates: &mut HashMap<usize, Fate>,
-) -> Result<HashMap<usize, Box<dyn DynNode>>, Vec<Diagnostic>> {
-    let site = next.site(window);
-    let (mut built, mut errors) = (HashMap::new(), Vec::new());
-    for &n in &next.draft.nodes {
-        let mut make = || site.build(n, &next.values).map_err(|e| errors.push(e)).ok();
-        match fates.get(&n) {
-            Some(Fate::Retuned(m, _)) => {
-                // Whether a node can go from one set of parameters to another is the same the other way round, so a
-                // trial of the new node tells it of the one that plays.
-                let was = &old.graph.nodes[*m].params;
-                let takes = make().is_none_or(|mut trial| trial.retune(&**was) == Retune::Done);
-                if takes {
-                    continue;
-                }
-            }
-            Some(Fate::New) => {}
-            Some(Fate::Same(_)) | None => continue,
-        }
-        fates.insert(n, Fate::New);
-        if let Some(node) = make() {
-            built.insert(n, node);
-        }
-    }
-    if errors.is_empty() { Ok(built) } else { Err(errors) }
-}
-
-fn edit(old: &Side<'_>, old_plays: &[usize], next: &Ready, fates: &HashMap<usize, Fate>) -> Edit {
-    let graph = &next.material.graph;
-    let mut edit = Edit { computed: next.computed.clone(), ..Edit::default() };
-    for &n in &next.draft.nodes {
-        let id = graph.nodes[n].id.clone();
-        match fates.get(&n) {
-            Some(Fate::Same(_)) => edit.kept += 1,
-            Some(Fate::Retuned(..)) => {
-                edit.kept += 1;
-                edit.retuned.push(id);
-            }
-            _ if old_plays.iter().any(|&m| old.graph.nodes[m].id == id) => edit.rebuilt.push(id),
-            _ => edit.added.push(id),
-        }
-    }
-    let stays = |id: &str| next.draft.nodes.iter().any(|&n| graph.nodes[n].id == id);
-    let gone = old_plays.iter().map(|&m| &old.graph.nodes[m].id).filter(|id| !stays(id));
-    edit.removed = gone.cloned().collect();
-    edit
 }

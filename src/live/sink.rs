@@ -24,6 +24,11 @@ impl Sink {
         Self { channels, block: vec![0.0; channels * quantum], filled: None, bridge }
     }
 
+    /// What comes next is another piece.
+    pub fn cut(&mut self) {
+        self.bridge.cut();
+    }
+
     /// Adds the window to `out`: mono to all channels, more channels as they come, and those too many to the last.
     ///
     /// # Shapes

@@ -348,6 +348,12 @@ impl Union {
         self.fades.iter().filter_map(heir).collect()
     }
 
+    /// The cross-fades, in the union.
+    #[must_use]
+    pub fn fade_nodes(&self) -> Vec<usize> {
+        self.fades.iter().map(|f| f.node).collect()
+    }
+
     /// Whether anything has to be faded.
     #[must_use]
     pub fn is_plain(&self) -> bool {

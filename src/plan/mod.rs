@@ -81,8 +81,12 @@ impl Phase {
     ) -> Result<Self, Vec<Diagnostic>> {
         let delays = schedule::delays(graph, shapes, &nodes, window, &Resume::default());
         let duration = schedule::duration(graph, shapes, &nodes, &delays, options)?;
-        let place = |&(tap, (node, port)): &(usize, (usize, usize))| {
-            TapPlan { tap, node, port, delay: delays.of[node] + shapes[node].lag, from: 0 }
+        let place = |&(tap, (node, port)): &(usize, (usize, usize))| TapPlan {
+            tap,
+            node,
+            port,
+            delay: delays.of[node] + shapes[node].lag,
+            from: 0,
         };
         let taps: Vec<TapPlan> = taps.iter().map(place).collect();
         let parts = Parts { graph, shapes, nodes: &nodes, delays: &delays, taps: &taps, duration, window };

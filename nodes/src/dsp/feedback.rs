@@ -105,7 +105,7 @@ mod tests {
     use super::*;
     use crate::core::files::MemoryOutputs;
     use crate::core::item::{Channels, Described, OfItem, StreamShape};
-    use crate::core::node::{DynNode, NodeType, Summary};
+    use crate::core::node::{DynNode, NodeType};
     use crate::core::params::AnyParams;
     use crate::core::ports::OutKind;
     use crate::core::random::Random;

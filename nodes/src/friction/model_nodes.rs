@@ -136,7 +136,11 @@ impl Func for FrictionModelFromClips {
         let mut takes = Vec::with_capacity(p.recordings.len());
         for path in &p.recordings {
             let mut reader = reader(&path.0, cx.open("recordings", &path.0)?)?;
-            takes.push((reader.read_mono().map_err(|e| unusable(&path.0, e))?, f64::from(reader.info().rate), &path.0));
+            takes.push((
+                reader.read_mono().map_err(|e| unusable(&path.0, e))?,
+                f64::from(reader.info().rate),
+                &path.0,
+            ));
         }
         let recordings: Vec<Recording<'_>> = takes
             .iter()

@@ -7,7 +7,7 @@ use foley_nodes::core::time::{Rate, Tick, ticks};
 use rtrb::{Consumer, Producer, RingBuffer};
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicU64, Ordering::Acquire, Ordering::Relaxed};
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 /// Messages that a node can have before it reads them.
@@ -34,7 +34,7 @@ struct Clock {
 /// Where messages arrive and wait.
 pub struct Hub {
     wires: Mutex<HashMap<String, Vec<Wire>>>,
-    clock: OnceLock<Clock>,
+    clock: Mutex<Option<Clock>>,
     sets: Sender<Set>,
     /// Messages that were brought to a node.
     pub delivered: AtomicU64,
@@ -50,7 +50,7 @@ impl Hub {
     pub fn new(sets: Sender<Set>) -> Self {
         Self {
             wires: Mutex::default(),
-            clock: OnceLock::new(),
+            clock: Mutex::default(),
             sets,
             delivered: AtomicU64::new(0),
             malformed: AtomicU64::new(0),
@@ -60,12 +60,14 @@ impl Hub {
 
     /// Tells messages by what is being played from now on.
     pub fn set_clock(&self, shared: Arc<Shared>, rate: Rate, quantum: usize) {
-        let _ = self.clock.set(Clock { shared, rate, quantum });
+        *self.clock.lock().unwrap_or_else(PoisonError::into_inner) = Some(Clock { shared, rate, quantum });
     }
 
     /// Brings a message to whoever waits for the channel, to be read `wait` from now.
     pub fn deliver(&self, channel: &str, message: Message, wait: Duration) {
-        let now = self.clock.get().map_or(0, |c| tick(c.rate, c.quantum, c.shared.window.load(Acquire)));
+        let clock = self.clock.lock().unwrap_or_else(PoisonError::into_inner);
+        let now = clock.as_ref().map_or(0, |c| tick(c.rate, c.quantum, c.shared.window.load(Acquire)));
+        drop(clock);
         let at = now.saturating_add(ticks(wait.as_secs_f64().min(3600.0)));
         let mut wires = self.wires.lock().unwrap_or_else(PoisonError::into_inner);
         let mut taken = false;
