@@ -50,7 +50,7 @@ fn saves() {
     let (mut player, callback) = Player::start(first, options).expect("the graph can play");
     let shared = Arc::clone(player.shared());
     let running = device::start(&Device::Null, callback).map_err(|e| e.1).expect("the clock starts");
-    let (mut eyes, _) = Eyes::new(None);
+    let mut eyes = Eyes::new(None);
     eyes.follow(&asked, true);
     std::thread::sleep(Duration::from_millis(300));
     let usual = shared.meter.callback.quantile(0.5);

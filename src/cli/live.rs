@@ -3,6 +3,7 @@
 use super::Exit;
 use super::args::{DeviceArgs, GraphArgs, LiveArgs, MemoArgs, WatchArgs};
 use super::run::{show, write_whole};
+use super::watch::{SETTLE, no_events, say};
 use crate::diag::{Diagnostic, Severity, Sources};
 use crate::graph::{Asked, DirFiles, Override, load};
 use crate::live::device::{self, Device, Running};
@@ -20,8 +21,6 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
-/// How long an error has to last before it is told: until then the file may be half written.
-const SETTLE: Duration = Duration::from_millis(400);
 /// How often the player is looked after.
 const TICK: Duration = Duration::from_millis(3);
 /// How often the state is shown.
@@ -185,11 +184,7 @@ fn play(asking: &Asking<'_>) -> anyhow::Result<Exit> {
         }
     };
     let eyes = asking.watch.then(|| {
-        let (mut eyes, warning) = Eyes::new(asking.poll);
-        if let Some(message) = warning {
-            let warning = Diagnostic { severity: Severity::Warning, ..Diagnostic::general("F092", message) };
-            show(&[warning], &Sources::default());
-        }
+        let mut eyes = Eyes::new(asking.poll);
         eyes.follow(&asked, true);
         eyes.follow(&files.asked(), false);
         eyes
@@ -250,12 +245,6 @@ fn hear(asking: &Asking<'_>, hub: &Arc<Hub>) -> Option<Listening> {
     }
 }
 
-fn say(line: &str) -> std::io::Result<()> {
-    let mut out = std::io::stdout().lock();
-    writeln!(out, "{line}")?;
-    out.flush()
-}
-
 fn us(time: Duration) -> f64 {
     (time.as_secs_f64() * 1e7).round() / 10.0
 }
@@ -305,6 +294,9 @@ impl Session<'_> {
             match self.sets.recv_timeout(TICK) {
                 Ok(set) => self.set(set),
                 Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => {}
+            }
+            if let Some(eyes) = &mut self.eyes {
+                no_events(eyes);
             }
             if let Some(at) = self.eyes.as_mut().and_then(Eyes::changed) {
                 let before = self.pending.take();

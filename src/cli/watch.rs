@@ -4,33 +4,22 @@ use super::Exit;
 use super::args::WatchArgs;
 use super::run::{Prepared, Ready, look, render_files, show, tell};
 use crate::diag::{Diagnostic, Severity, Sources};
-use crate::graph::{Asked, Graph};
+use crate::graph::Graph;
 use crate::memo::{MEMORY, Memo};
 use crate::run::{Progress, Report};
-use crate::watch::{Changes, Contents, Events, Glance, Seen, list};
-use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, unbounded};
-use std::collections::BTreeSet;
-use std::ffi::OsString;
+use crate::watch::{Changes, Contents, Eyes, list};
+use crossbeam_channel::{Receiver, Sender, select, unbounded};
 use std::io::Write as _;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-/// Silence after the last event before files are looked at; events are gathered for 30 ms before that.
-const QUIET: Duration = Duration::from_millis(20);
 /// How long an error has to last before it is told: until then the file may be half written.
-const SETTLE: Duration = Duration::from_millis(400);
-/// How long silence is waited for where something is written without end.
-const PATIENCE: Duration = Duration::from_secs(10);
-/// How often files are looked at without an event, since events can get lost.
-const SWEEP: Duration = Duration::from_secs(1);
-
+pub(super) const SETTLE: Duration = Duration::from_millis(400);
 type Ran = Result<Report, Vec<Diagnostic>>;
 
 enum Message {
-    Events(Glance),
     Ran(Box<Ran>),
     Stop,
 }
@@ -58,13 +47,9 @@ enum Attempt {
 
 struct Session<'a> {
     args: &'a WatchArgs,
-    seen: Seen,
-    events: Option<Events>,
-    names: BTreeSet<OsString>,
-    folders: BTreeSet<PathBuf>,
+    eyes: Eyes,
     received: Receiver<Message>,
     sender: Sender<Message>,
-    sweep: Duration,
     /// Holds what was kept in memory, from run to run.
     memo: Option<Arc<Memo>>,
     /// The graph of the last good run, and the contents that it came from.
@@ -84,40 +69,29 @@ pub fn watch(args: &WatchArgs) -> anyhow::Result<Exit> {
     let _ = ctrlc::set_handler(move || {
         let _ = stop.send(Message::Stop);
     });
-    let mut session = Session {
+    let session = Session {
         args,
-        seen: Seen::default(),
-        events: None,
-        names: BTreeSet::new(),
-        folders: BTreeSet::new(),
+        eyes: Eyes::new(args.poll),
         received,
+        sender,
         memo: args.run.memo.memo(&args.run.graph.graph).map(|memo| Arc::new(memo.holding(MEMORY))),
-        sender: sender.clone(),
-        sweep: args.poll.map_or(SWEEP, Duration::from_secs_f64),
         good: None,
         wrong: false,
     };
-    if args.poll.is_none() {
-        match Events::new(sender, Message::Events) {
-            Ok(events) => session.events = Some(events),
-            Err(e) => no_events(&e),
-        }
-    }
     session.watch()
 }
 
-fn warn(message: String) {
-    let warning = Diagnostic { severity: Severity::Warning, ..Diagnostic::general("F092", message) };
-    let help = "files are looked at once a second instead; --poll SECONDS sets how often";
-    show(&[warning.help(help)], &Sources::default());
-}
-
-fn no_events(e: &dyn std::fmt::Display) {
-    warn(format!("no events of the file system: {e}"));
+/// Tells why files are looked at from time to time only.
+pub(super) fn no_events(eyes: &mut Eyes) {
+    if let Some(message) = eyes.take_warning() {
+        let warning = Diagnostic { severity: Severity::Warning, ..Diagnostic::general("F092", message) };
+        let help = "files are looked at once a second instead; --poll SECONDS sets how often";
+        show(&[warning.help(help)], &Sources::default());
+    }
 }
 
 impl Session<'_> {
-    fn watch(&mut self) -> anyhow::Result<Exit> {
+    fn watch(mut self) -> anyhow::Result<Exit> {
         let mut at = Instant::now();
         let mut first = true;
         loop {
@@ -130,7 +104,7 @@ impl Session<'_> {
                 Attempt::Over => {}
             }
             if std::mem::take(&mut first) && !self.args.run.quiet {
-                let files = self.seen.len();
+                let files = self.eyes.files();
                 let plural = if files == 1 { "" } else { "s" };
                 say(&format!("watching {files} file{plural}; Ctrl-C ends"))?;
             }
@@ -146,23 +120,22 @@ impl Session<'_> {
 
     /// Runs the graph as it is now, unless a newer save comes.
     fn attempt(&mut self, at: Instant) -> anyhow::Result<Attempt> {
-        if !self.wrong && self.good.as_ref().is_some_and(|(_, was)| *was == self.seen.contents()) {
+        if !self.wrong && self.good.as_ref().is_some_and(|(_, was)| *was == self.eyes.contents()) {
             return Ok(Attempt::Over);
         }
         let run = &self.args.run;
         let Prepared { ready, found, sources, asked } = look(&run.graph, &run.engine, run.quiet);
         let Some(ready) = ready else {
-            let late = self.follow(&asked);
+            let late = self.eyes.follow(&asked, false);
             return Ok(self.fail(late.then_some(at), &found, &sources));
         };
         show(&found, &sources);
-        self.seen.keep(&asked);
         let ready = Arc::new(ready);
         let progress = Arc::new(Progress::default());
         self.start(&ready, &progress);
         // Large files are hashed while the run goes on.
-        let mut newer = self.follow(&asked).then_some(at);
-        let contents = self.seen.contents();
+        let mut newer = self.eyes.follow(&asked, true).then_some(at);
+        let contents = self.eyes.contents();
         let mut stop = false;
         let ran = loop {
             if newer.is_some() || stop {
@@ -176,8 +149,8 @@ impl Session<'_> {
             }
         };
         // The run may have opened more than the plan did.
-        let late = self.follow(&ready.files.asked());
-        let now = self.seen.contents();
+        let late = self.eyes.follow(&ready.files.asked(), false);
+        let now = self.eyes.contents();
         if late || contents.iter().any(|(key, content)| now.get(key) != Some(content)) {
             newer = newer.or(Some(at));
         }
@@ -219,7 +192,7 @@ impl Session<'_> {
         at: Instant,
     ) -> anyhow::Result<()> {
         // What was opened only while running belongs to this result as well.
-        for (key, content) in self.seen.contents() {
+        for (key, content) in self.eyes.contents() {
             contents.entry(key).or_insert(content);
         }
         if let Err(e) = tell(report, &ready, &self.args.run) {
@@ -262,91 +235,30 @@ impl Session<'_> {
         Attempt::Over
     }
 
-    /// Waits for what was asked for as well; gives whether any of it has changed since.
-    fn follow(&mut self, asked: &Asked) -> bool {
-        let late = self.seen.add(asked);
-        self.refresh();
-        late
-    }
-
-    /// Takes up the watches of folders that were replaced, appeared, or matter only now.
-    fn refresh(&mut self) {
-        (self.names, self.folders) = self.seen.names();
-        let Some(events) = &mut self.events else { return };
-        if let Err((folder, e)) = events.follow(&self.seen.folders()) {
-            warn(format!("no events of {}: {e}", folder.display()));
-            self.events = None;
-        }
-    }
-
     /// Waits until something has another content, the run has ended, or the time is over.
     fn wait(&mut self, limit: Option<Duration>) -> Woken {
-        let start = Instant::now();
+        let (start, glances, received) = (Instant::now(), self.eyes.glances(), self.received.clone());
         loop {
-            let left =
-                limit.map_or(self.sweep, |limit| limit.saturating_sub(start.elapsed()).min(self.sweep));
-            let at = match self.received.recv_timeout(left) {
-                Ok(Message::Stop) => return Woken::Stop,
-                Ok(Message::Ran(ran)) => return Woken::Ran(ran),
-                Ok(Message::Events(glance)) => match self.heed(&glance) {
-                    true => glance.at,
-                    false => continue,
-                },
-                Err(RecvTimeoutError::Timeout) => Instant::now(),
-                // This session holds a sender itself.
-                Err(RecvTimeoutError::Disconnected) => return Woken::Stop,
-            };
-            if let Some(other) = self.changed() {
-                return match other {
-                    Woken::Changed(_) => Woken::Changed(at),
-                    other => other,
-                };
+            no_events(&mut self.eyes);
+            if let Some(at) = self.eyes.changed() {
+                return Woken::Changed(at);
             }
-            if limit.is_some_and(|limit| start.elapsed() >= limit) {
+            let left = limit.map(|limit| limit.saturating_sub(start.elapsed()));
+            if left.is_some_and(|left| left.is_zero()) {
                 return Woken::Late;
             }
-        }
-    }
-
-    /// Whether an event is about anything that matters.
-    fn heed(&mut self, glance: &Glance) -> bool {
-        if let Some(events) = &mut self.events {
-            glance.paths.iter().for_each(|path| events.doubt(path));
-        }
-        let matters = |path: &PathBuf| {
-            path.file_name().is_none_or(|name| self.names.contains(name))
-                || path.parent().is_some_and(|p: &Path| self.folders.contains(p))
-        };
-        glance.paths.is_empty() || glance.paths.iter().any(matters)
-    }
-
-    /// Looks whether anything has another content, once it is quiet.
-    fn changed(&mut self) -> Option<Woken> {
-        let start = Instant::now();
-        let mut changed = false;
-        loop {
-            let mut noise = false;
-            if self.events.is_some() {
-                match self.received.recv_timeout(QUIET) {
-                    Ok(Message::Stop) => return Some(Woken::Stop),
+            let rest = left.map_or(self.eyes.rest(), |left| left.min(self.eyes.rest()));
+            select! {
+                recv(received) -> message => match message {
+                    // This session holds a sender itself, so the channel never closes.
+                    Ok(Message::Stop) | Err(_) => return Woken::Stop,
                     // Whoever waits for a run compares the contents after it, so no change is lost here.
-                    Ok(Message::Ran(ran)) => return Some(Woken::Ran(ran)),
-                    Ok(Message::Events(glance)) => noise = self.heed(&glance),
-                    Err(_) => {}
-                }
-            } else if changed {
-                // Without events only a second look tells that nobody writes any more.
-                std::thread::sleep(QUIET);
-            }
-            if noise && start.elapsed() < PATIENCE {
-                continue;
-            }
-            self.refresh();
-            let again = self.seen.look();
-            changed |= again;
-            // With events it has been quiet already.
-            if !again || self.events.is_some() || start.elapsed() >= PATIENCE {
-                return changed.then_some(Woken::Changed(start));
+                    Ok(Message::Ran(ran)) => return Woken::Ran(ran),
+                },
+                recv(glances) -> glance => if let Ok(glance) = glance {
+                    self.eyes.note(&glance);
+                },
+                default(rest) => {}
             }
         }
     }
@@ -361,7 +273,8 @@ fn economy(report: &Report) -> String {
     format!("{kept} node{plural} kept, {} recomputed{names}", computed.len())
 }
 
-fn say(line: &str) -> std::io::Result<()> {
+/// Prints a line at once.
+pub(super) fn say(line: &str) -> std::io::Result<()> {
     let mut out = std::io::stdout().lock();
     writeln!(out, "{line}")?;
     out.flush()

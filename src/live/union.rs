@@ -61,6 +61,8 @@ struct Weaver<'a> {
     kept: HashMap<usize, usize>,
     /// Place in the union of each old node that is still needed.
     copies: HashMap<usize, usize>,
+    /// The same for nodes of which only the values are.
+    values: HashMap<usize, usize>,
     out: Union,
 }
 
@@ -118,7 +120,7 @@ pub fn union(
         fed: BTreeSet::new(),
         news,
     };
-    let mut weaver = Weaver { old, new, kept, copies: HashMap::new(), out };
+    let mut weaver = Weaver { old, new, kept, copies: HashMap::new(), values: HashMap::new(), out };
     weaver.readers();
     weaver.sinks(old_heard, new_heard);
     weaver.adopts();
@@ -133,24 +135,12 @@ impl Weaver<'_> {
         if let Some(&n) = self.kept.get(&m).or_else(|| self.copies.get(&m)) {
             return n;
         }
-        let place = self.out.graph.nodes.len();
+        let place = self.copy_of(m, format!("~{}", self.old.graph.nodes[m].id));
         self.copies.insert(m, place);
-        let mut node = copy(&self.old.graph.nodes[m]);
-        node.id = format!("~{}", node.id);
-        self.out.graph.nodes.push(node);
-        self.out.shapes.push(self.old.shapes[m].clone());
-        if self.old.graph.nodes[m].ty.eval.is_none() {
-            self.out.moved.insert(place, m);
-        }
-        for port in 0..self.old.graph.nodes[m].ty.outputs.len() {
-            if let Some(value) = self.old.values.get(&(m, port)) {
-                self.out.values.insert((place, port), value.clone());
-            }
-        }
-        let links = self.old.graph.nodes[m].links.clone();
-        let links = links.into_iter().map(|links| {
+        self.out.moved.insert(place, m);
+        let links = self.old.graph.nodes[m].links.clone().into_iter().map(|links| {
             let link = |l: Link| {
-                // A value is taken from its own copy: the streams that a fold was made of have run before.
+                // A value is taken from a copy of its own: the streams that a fold was made of have run before.
                 let kind = self.old.graph.nodes[l.node].ty.outputs[l.port].kind;
                 let value = matches!(kind, PortKind::Value(_) | PortKind::Fold(_));
                 let node = if value { self.old_value(l.node) } else { self.old_node(l.node) };
@@ -163,13 +153,21 @@ impl Weaver<'_> {
         place
     }
 
-    /// A copy of a node for the sake of its values alone.
+    /// A copy of an old node for the sake of its values alone.
     fn old_value(&mut self, m: usize) -> usize {
+        if let Some(&place) = self.values.get(&m) {
+            return place;
+        }
+        let place = self.copy_of(m, format!("~{}=", self.old.graph.nodes[m].id));
+        self.out.graph.nodes[place].links.iter_mut().for_each(Vec::clear);
+        self.values.insert(m, place);
+        place
+    }
+
+    /// An old node under another id, with its shape and its values.
+    fn copy_of(&mut self, m: usize, id: String) -> usize {
         let place = self.out.graph.nodes.len();
-        let mut node = copy(&self.old.graph.nodes[m]);
-        node.id = format!("~{}={place}", node.id);
-        node.links.iter_mut().for_each(Vec::clear);
-        self.out.graph.nodes.push(node);
+        self.out.graph.nodes.push(GraphNode { id, ..copy(&self.old.graph.nodes[m]) });
         self.out.shapes.push(self.old.shapes[m].clone());
         for port in 0..self.old.graph.nodes[m].ty.outputs.len() {
             if let Some(value) = self.old.values.get(&(m, port)) {
@@ -231,11 +229,8 @@ impl Weaver<'_> {
     /// Lets what was heard fade out.
     fn leave(&mut self, before: &Heard) {
         if let Some(fade) = self.fade(Some(&before.link), None) {
-            let mut sink = copy(&self.old.graph.nodes[before.sink]);
-            sink.id = format!("~{}", sink.id);
-            set_link(&mut sink, fade);
-            self.out.graph.nodes.push(sink);
-            self.out.shapes.push(self.old.shapes[before.sink].clone());
+            let sink = self.copy_of(before.sink, format!("~{}", before.id));
+            set_link(&mut self.out.graph.nodes[sink], fade);
         }
     }
 

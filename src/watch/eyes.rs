@@ -1,6 +1,8 @@
-//! Tells, whenever it is asked, whether anything that matters has another content; never waits.
+//! Tells, whenever it is asked, whether anything that matters has another content.
+//!
+//! It never waits itself: whoever does waits for [`Eyes::glances`] beside what else may come, at most as long as [`Eyes::rest`].
 
-use super::{Events, Glance, Seen};
+use super::{Contents, Events, Glance, Seen};
 use crate::graph::Asked;
 use crossbeam_channel::{Receiver, unbounded};
 use std::collections::BTreeSet;
@@ -8,7 +10,7 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// Silence after the last event before files are looked at.
+/// Silence after the last event before files are looked at; events are gathered for 30 ms before that.
 const QUIET: Duration = Duration::from_millis(20);
 /// How long silence is waited for where something is written without end.
 const PATIENCE: Duration = Duration::from_secs(10);
@@ -26,12 +28,14 @@ pub struct Eyes {
     looked: Instant,
     /// When the events that are under way began, and when the last of them came.
     noise: Option<(Instant, Instant)>,
+    /// Why there are no events.
+    warning: Option<String>,
 }
 
 impl Eyes {
-    /// Looks at nothing yet; `poll` seconds between looks in place of events. A system without events is told as a text.
+    /// Looks at nothing yet; `poll` seconds between looks in place of events.
     #[must_use]
-    pub fn new(poll: Option<f64>) -> (Self, Option<String>) {
+    pub fn new(poll: Option<f64>) -> Self {
         let (sender, received) = unbounded();
         let (events, warning) = match poll {
             Some(_) => (None, None),
@@ -40,7 +44,7 @@ impl Eyes {
                 Err(e) => (None, Some(format!("no events of the file system: {e}"))),
             },
         };
-        let eyes = Self {
+        Self {
             seen: Seen::default(),
             events,
             received,
@@ -49,8 +53,13 @@ impl Eyes {
             sweep: poll.map_or(SWEEP, Duration::from_secs_f64),
             looked: Instant::now(),
             noise: None,
-        };
-        (eyes, warning)
+            warning,
+        }
+    }
+
+    /// Why there are no events and files are looked at from time to time only; told once.
+    pub fn take_warning(&mut self) -> Option<String> {
+        self.warning.take()
     }
 
     /// Looks at what was asked for as well, or `only` at that; gives whether any of it has changed since it was asked for.
@@ -63,28 +72,55 @@ impl Eyes {
         late
     }
 
+    /// What was found at the last look.
+    #[must_use]
+    pub fn contents(&self) -> Contents {
+        self.seen.contents()
+    }
+
     /// How many files are looked at.
     #[must_use]
     pub fn files(&self) -> usize {
         self.seen.len()
     }
 
+    /// Takes up the watches of folders that were replaced, appeared, or matter only now.
     fn refresh(&mut self) {
         (self.names, self.folders) = self.seen.names();
-        if let Some(events) = &mut self.events
-            && events.follow(&self.seen.folders()).is_err()
-        {
+        let Some(events) = &mut self.events else { return };
+        if let Err((folder, e)) = events.follow(&self.seen.folders()) {
+            self.warning = Some(format!("no events of {}: {e}", folder.display()));
             self.events = None;
+        }
+    }
+
+    /// Reasons to look, each to be handed to [`Eyes::note`].
+    #[must_use]
+    pub fn glances(&self) -> Receiver<Glance> {
+        self.received.clone()
+    }
+
+    /// Takes a reason to look.
+    pub fn note(&mut self, glance: &Glance) {
+        if self.heed(glance) {
+            let first = self.noise.map_or(glance.at, |(first, _)| first);
+            self.noise = Some((first, Instant::now()));
+        }
+    }
+
+    /// How long nothing has to be asked unless there is a glance.
+    #[must_use]
+    pub fn rest(&self) -> Duration {
+        match self.noise {
+            Some((_, last)) => QUIET.saturating_sub(last.elapsed()),
+            None => self.sweep.saturating_sub(self.looked.elapsed()),
         }
     }
 
     /// When something began to change that has another content by now, once it is quiet again.
     pub fn changed(&mut self) -> Option<Instant> {
         while let Ok(glance) = self.received.try_recv() {
-            if self.heed(&glance) {
-                let first = self.noise.map_or(glance.at, |(first, _)| first);
-                self.noise = Some((first, Instant::now()));
-            }
+            self.note(&glance);
         }
         let at = match self.noise {
             Some((first, last)) if last.elapsed() < QUIET && first.elapsed() < PATIENCE => return None,
@@ -92,18 +128,20 @@ impl Eyes {
             None if self.looked.elapsed() >= self.sweep => Instant::now(),
             None => return None,
         };
-        let heard = self.noise.take().is_some();
-        self.looked = Instant::now();
+        self.noise = None;
+        let start = Instant::now();
         self.refresh();
-        if !self.seen.look() {
-            return None;
-        }
-        if self.events.is_none() && !heard {
-            // Without events only a second look tells that nobody writes any more.
+        let changed = self.seen.look();
+        // Without events only another look tells that nobody writes any more.
+        while changed && self.events.is_none() && start.elapsed() < PATIENCE {
             std::thread::sleep(QUIET);
-            self.seen.look();
+            self.refresh();
+            if !self.seen.look() {
+                break;
+            }
         }
-        Some(at)
+        self.looked = Instant::now();
+        changed.then_some(at)
     }
 
     /// Whether an event is about anything that matters.
