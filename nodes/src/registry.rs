@@ -1,11 +1,13 @@
 //! The plain list of all node types.
 
 use crate::contact::detector_node::ContactDetector;
+use crate::contact::router::MaterialRouter;
 use crate::contact::speed_nodes::{SlidingSpeed, SpeedMapNode};
 use crate::core::node::NodeType;
 use crate::friction::builder_node::FrictionModelBuilder;
 use crate::friction::ift_noise_node::IftNoiseNode;
 use crate::friction::model_nodes::{FrictionModelFile, FrictionModelFromClips};
+use crate::friction::pair_node::PairFrictionModel;
 use crate::mesh::generate_node::MeshGenerator;
 use crate::mesh::sequence_node::MeshSequence;
 use crate::modal::bank_node::ModalBankNode;
@@ -46,12 +48,14 @@ pub fn all() -> Vec<NodeType> {
         NodeType::of::<MeshSequence>("mesh"),
         NodeType::of::<MeshGenerator>("mesh"),
         NodeType::of::<ContactDetector>("contact"),
+        NodeType::each::<MaterialRouter>("contact"),
         NodeType::of::<SlidingSpeed>("contact"),
         NodeType::each::<SpeedMapNode>("contact"),
         NodeType::of::<IftNoiseNode>("friction"),
         NodeType::of::<FrictionModelBuilder>("friction"),
         NodeType::func::<FrictionModelFromClips>("friction"),
         NodeType::func::<FrictionModelFile>("friction"),
+        NodeType::func::<PairFrictionModel>("friction"),
         NodeType::of::<ImpactFile>("modal"),
         NodeType::of::<ImpactForce>("modal"),
         NodeType::of::<ModalBankNode>("modal"),

@@ -173,7 +173,14 @@ impl Node for ContactDetector {
         s.when_ended(ContactDetectorPorts::others, Ends::Hold);
         let topology = &mesh.format.topology;
         let areas: Arc<[f32]> = vertex_areas(&topology.rest, &topology.triangles).into();
-        let format = ContactsFormat { areas, slots: p.max_contacts };
+        let others = s.many(ContactDetectorPorts::others);
+        let surfaces = std::iter::once(&mesh.format).chain(others.iter().map(|other| &other.format));
+        let format = ContactsFormat {
+            areas,
+            slots: p.max_contacts,
+            cloth: mesh.format.materials.of_vertices(topology).into(),
+            surfaces: surfaces.map(|format| format.materials.clone()).collect(),
+        };
         s.output(ContactDetectorPorts::contacts, mesh.rate, format);
         s.ends(mesh.end);
         Ok(())

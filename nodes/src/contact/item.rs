@@ -5,6 +5,7 @@ use std::sync::Arc;
 use super::Contact;
 use crate::core::item::Item;
 use crate::core::random::Draw;
+use crate::mesh::Materials;
 
 /// The contacts of every vertex of a cloth, frame by frame.
 ///
@@ -19,6 +20,28 @@ pub struct ContactsFormat {
     pub areas: Arc<[f32]>,
     /// Contacts per vertex at most, nearest first.
     pub slots: usize,
+    /// The material of each vertex of the cloth: an index into the names of the first of `surfaces`.
+    pub cloth: Arc<[u16]>,
+    /// What the triangles of each surface are made of, the cloth's own first.
+    pub surfaces: Arc<[Arc<Materials>]>,
+}
+
+impl ContactsFormat {
+    /// Contacts of a cloth that is all of one unnamed material, with others alike.
+    #[must_use]
+    pub fn plain(areas: Arc<[f32]>, slots: usize) -> Self {
+        Self { cloth: vec![0; areas.len()].into(), areas, slots, surfaces: Arc::from([]) }
+    }
+
+    /// The names of the materials that meet in a contact of a vertex; empty for what has none.
+    #[must_use]
+    pub fn pair(&self, vertex: usize, contact: &Contact) -> [&str; 2] {
+        let of = |surface: usize, material: u16| self.surfaces.get(surface).map_or("", |m| m.name(material));
+        let cloth = self.cloth.get(vertex).copied().unwrap_or(0);
+        let surface = contact.surface as usize;
+        let touched = self.surfaces.get(surface).map_or(0, |m| m.of_triangle(contact.triangle));
+        [of(0, cloth), of(surface, touched)]
+    }
 }
 
 impl Item for Contacts {
@@ -37,7 +60,9 @@ impl Item for Contacts {
     }
 
     fn trial_format(draw: &mut Draw) -> ContactsFormat {
-        ContactsFormat { areas: Speeds::trial_format(draw), slots: 1 + draw.below(2) }
+        let plain = ContactsFormat::plain(Speeds::trial_format(draw), 1 + draw.below(2));
+        let surfaces = ["cotton", "cotton", "wool"].map(|name| Arc::new(Materials::one(name)));
+        ContactsFormat { surfaces: Arc::from(surfaces), ..plain }
     }
 
     fn trial(_: &ContactsFormat, _: usize, draw: &mut Draw) -> Contact {

@@ -13,6 +13,7 @@ mod item;
 mod neighbourhood;
 mod query;
 pub mod reference;
+pub mod router;
 pub mod sliding;
 pub mod slip;
 pub mod speed;

@@ -15,6 +15,8 @@ pub mod ift_noise_node;
 pub mod interpolate;
 pub mod model;
 pub mod model_nodes;
+pub mod pair;
+pub mod pair_node;
 mod phasors;
 pub mod psd;
 pub mod rebin;
@@ -33,5 +35,6 @@ pub use ift_noise::{
 };
 pub use interpolate::{Gain, SpectrumInterpolator};
 pub use model::{Conventions, FrictionModel, ModelError, Origin, Rejections, Source};
+pub use pair::inferred_pair;
 pub use table::SpectrumTable;
 pub use window::Window;

@@ -20,6 +20,8 @@ pub enum Origin {
     Recordings,
     /// Spectra handed over by a caller.
     Given,
+    /// Half-way between the models of two materials, for a pair that was not recorded.
+    Inferred,
 }
 
 /// What was done to the spectra, so that a reader can tell whether two models may be compared.

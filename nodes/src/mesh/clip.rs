@@ -1,6 +1,6 @@
 //! What every reader of animated meshes gives: a clip that tells, and frames that can be fetched.
 
-use super::{MeshError, Topology};
+use super::{Materials, MeshError, Topology};
 
 /// How much a file from a stranger may ask for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -81,6 +81,7 @@ pub struct MeshClip {
     times: Vec<f64>,
     dropped_faces: usize,
     others: Vec<String>,
+    materials: Materials,
 }
 
 impl MeshClip {
@@ -98,7 +99,7 @@ impl MeshClip {
             });
         }
         check_times(&times)?;
-        Ok(Self { topology, times, dropped_faces, others: Vec::new() })
+        Ok(Self { topology, times, dropped_faces, others: Vec::new(), materials: Materials::default() })
     }
 
     /// The triangles and the rest pose.
@@ -135,6 +136,16 @@ impl MeshClip {
     #[must_use]
     pub fn others(&self) -> &[String] {
         &self.others
+    }
+
+    /// What the triangles are made of, where the file says so.
+    #[must_use]
+    pub fn materials(&self) -> &Materials {
+        &self.materials
+    }
+
+    pub(super) fn with_materials(self, materials: Materials) -> Self {
+        Self { materials, ..self }
     }
 
     pub(super) fn with_others(self, others: Vec<String>) -> Self {

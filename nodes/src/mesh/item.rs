@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::Topology;
+use super::{Materials, Topology};
 use super::generate::{FlatSheet, Synthetic};
 use crate::core::item::Item;
 use crate::core::random::Draw;
@@ -18,13 +18,15 @@ pub struct MeshFormat {
     pub topology: Arc<Topology>,
     /// Whether every frame is the rest pose, so that the rate of the stream says nothing.
     pub still: bool,
+    /// What its triangles are made of.
+    pub materials: Arc<Materials>,
 }
 
 impl MeshFormat {
     /// The format of a mesh that moves.
     #[must_use]
     pub fn moving(topology: Topology) -> Self {
-        Self { topology: Arc::new(topology), still: false }
+        Self { topology: Arc::new(topology), still: false, materials: Arc::default() }
     }
 }
 

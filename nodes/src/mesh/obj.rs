@@ -2,7 +2,7 @@
 
 use super::clip::metres;
 use super::polygon::Triangulator;
-use super::{MeshClip, MeshError, MeshLimits, ReadOptions, Topology};
+use super::{Materials, MeshClip, MeshError, MeshLimits, ReadOptions, Topology};
 
 /// The polygons of one OBJ file, or of one of its objects or groups.
 ///
@@ -15,13 +15,15 @@ pub struct ObjMesh {
     pub positions: Vec<[f64; 3]>,
     corners: Vec<u32>,
     starts: Vec<usize>,
+    /// The material of each face (`usemtl`).
+    materials: Materials,
 }
 
 impl ObjMesh {
     /// Reads an OBJ file: every face of it, or those of the object (`o`) or group (`g`) called `name`.
     ///
     /// With a name, only the vertices that its faces use are kept, in the order of the file. Texture coordinates,
-    /// normals, lines, points and materials are skipped; free-form surfaces are refused.
+    /// normals, lines and points are skipped, and of materials only the names are read; free-form surfaces are refused.
     ///
     /// # Errors
     /// [`MeshError::Line`] names the line and what is wrong in it; [`MeshError::NoSuchMesh`] lists the names there are.
@@ -45,6 +47,7 @@ impl ObjMesh {
             names: Vec::new(),
             inside: name.is_none(),
             in_object: false,
+            material: String::new(),
             limits,
         };
         let mut joined = Vec::new();
@@ -116,7 +119,23 @@ impl ObjMesh {
     /// A clip with the faces and rest pose of this mesh.
     pub(super) fn clip(&self, times: Vec<f64>, options: &ReadOptions) -> Result<MeshClip, MeshError> {
         let (topology, dropped) = self.topology(options)?;
-        MeshClip::new(topology, times, dropped)
+        Ok(MeshClip::new(topology, times, dropped)?.with_materials(self.of_triangles()?))
+    }
+
+    /// The material of each triangle that [`ObjMesh::topology`] gives.
+    fn of_triangles(&self) -> Result<Materials, MeshError> {
+        if self.materials.names().iter().all(String::is_empty) {
+            return Ok(Materials::default());
+        }
+        let mut triangles = Triangulator::new();
+        let mut materials = Materials::default();
+        for face in 0..self.face_count() {
+            let before = triangles.triangle_count();
+            triangles.push(&self.positions, self.face(face))?;
+            let name = self.materials.name(self.materials.of_triangle(face as u32));
+            (before..triangles.triangle_count()).for_each(|_| materials.push(name));
+        }
+        Ok(materials)
     }
 
     /// First face that is not the same in `other`.
@@ -136,6 +155,8 @@ struct Parser<'a> {
     inside: bool,
     /// Whether the wanted name is that of an object: its groups are inside too.
     in_object: bool,
+    /// What the faces that follow are made of.
+    material: String,
     limits: &'a MeshLimits,
 }
 
@@ -170,6 +191,10 @@ impl Parser<'_> {
                 let named =
                     self.wanted.is_some_and(|w| found == w || found.split_whitespace().any(|g| g == w));
                 self.inside = self.wanted.is_none() || self.in_object || named;
+            }
+            Some(b"usemtl") => {
+                let text = bytes.trim_ascii().get(6..).unwrap_or(&[]);
+                self.material = String::from_utf8_lossy(text).trim().to_owned();
             }
             Some(b"cstype" | b"surf" | b"curv" | b"curv2") => {
                 return Err(error("free-form curves and surfaces are not read: export polygons".into()));
@@ -221,6 +246,7 @@ impl Parser<'_> {
             return Err(MeshError::Line { line, what });
         }
         self.mesh.starts.push(self.mesh.corners.len());
+        self.mesh.materials.push(&self.material);
         self.limits.faces(self.mesh.face_count() as u64)
     }
 
@@ -306,6 +332,17 @@ mod tests {
         );
         let error = parse(&text, Some("middle")).unwrap_err().to_string();
         assert!(error.contains("left, right side, a b, c"), "{error}");
+    }
+
+    #[test]
+    fn triangles_keep_the_material_of_their_face() {
+        let text = format!("{SQUARE}f 1 2 3 4\nusemtl silk\nf 1 1 2\nf 1 2 3\nusemtl wool cloth # thick\nf 2 3 4\n");
+        let clip = parse(&text, None).unwrap().clip(vec![0.0], &ReadOptions::default()).unwrap();
+        let materials = clip.materials();
+        let names: Vec<_> = (0..4).map(|t| materials.name(materials.of_triangle(t))).collect();
+        assert_eq!(names, ["", "", "silk", "wool cloth"]);
+        let plain = parse(&format!("{SQUARE}f 1 2 3 4\n"), None).unwrap();
+        assert_eq!(plain.clip(vec![0.0], &ReadOptions::default()).unwrap().materials(), &Materials::default());
     }
 
     #[test]

@@ -53,6 +53,8 @@ params! {
         fps: Option<Rate> = None;
         /// Length of one unit of the file, as 0.01 for centimetres.
         metres_per_unit: f64 = 1.0, unit "m", range 0.000001..=1000000.0;
+        /// What the mesh is made of, where the file does not say; an OBJ says it per face (`usemtl`), for a point cache too.
+        material: Text = "".into();
         /// The axis that points upward in the file, to be turned to Z. None goes by the format: Y in Alembic and glTF, Z in
         /// all others.
         up: Option<UpAxis> = None;
@@ -325,7 +327,8 @@ impl Node for MeshSequence {
             still = frame == stream.clip.topology().rest;
         }
         let topology = Arc::new(stream.clip.topology().clone());
-        s.output(MeshSequencePorts::mesh, rate, MeshFormat { topology, still });
+        let materials = Arc::new(stream.clip.materials().clone().or_named(&p.material.0));
+        s.output(MeshSequencePorts::mesh, rate, MeshFormat { topology, still, materials });
         s.ends(items.map(|items| rate.tick(items)));
         Ok(())
     }

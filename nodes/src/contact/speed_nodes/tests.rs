@@ -21,7 +21,7 @@ fn sliding(slides: &[f32]) -> Vec<Contact> {
 }
 
 fn one_vertex() -> ContactsFormat {
-    ContactsFormat { areas: vec![1e-4].into(), slots: 1 }
+    ContactsFormat::plain(vec![1e-4].into(), 1)
 }
 
 fn speeds(p: SlidingSpeedParams, rate: Rate, contacts: Vec<Contact>) -> Vec<f32> {
@@ -109,7 +109,7 @@ fn the_gate_of_the_whole_take_is_refused_for_an_endless_stream() {
 #[test]
 fn windows_of_any_length_give_the_same_speeds_for_every_gate_and_rate() {
     let mut draw = Draw::new(5);
-    let format = ContactsFormat { areas: vec![1e-4; 3].into(), slots: 2 };
+    let format = ContactsFormat::plain(vec![1e-4; 3].into(), 2);
     let contacts: Vec<Contact> = (0..70 * 6).map(|k| Contacts::trial(&format, k % 6, &mut draw)).collect();
     for gate in [SpeedGate::Interval, SpeedGate::Ever, SpeedGate::Causal] {
         for (rate, between) in [(40, Between::Pchip), (7, Between::Pchip), (1000, Between::Linear)] {
