@@ -149,7 +149,8 @@ mod tests {
 
     #[test]
     fn what_is_left_of_several_contacts_moves_up() {
-        let item = [touch(1, 0), touch(1, 1), touch(1, 1), touch(0, 0), Contact::default(), Contact::default()];
+        let item =
+            [touch(1, 0), touch(1, 1), touch(1, 1), touch(0, 0), Contact::default(), Contact::default()];
         assert_eq!(routed(["stone", "cotton"], 2, &item), [11, 99, 11, 99, 99, 99]);
     }
 

@@ -1,13 +1,15 @@
 //! Synthetic meshes as a source of motion.
 
 use super::generate::{Bowl, Cylinder, FlatSheet, SineSheet, SlidingPlanes, Sphere, Synthetic};
-use super::{Mesh, MeshFormat};
+use super::{Materials, Mesh, MeshFormat};
 use crate::core::fault::{Fault, Reject};
 use crate::core::node::{Class, Node};
+use crate::core::params::Text;
 use crate::core::ports::Stream;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::{Rate, ticks};
 use crate::{choices, params, ports};
+use std::sync::Arc;
 
 choices! {
     /// A synthetic scene.
@@ -30,7 +32,7 @@ choices! {
 params! {
     /// A synthetic mesh with known motion, for tests and demonstrations.
     ///
-    /// Z is up, the origin is in the middle, and the rest pose is that of time zero. A parameter that the scene does not
+    /// Z is up, and the rest pose is that of time zero. A parameter that the scene does not
     /// name has no effect.
     pub struct MeshGeneratorParams {
         /// The scene.
@@ -61,6 +63,10 @@ params! {
         subdivisions: u32 = 3, unit "times", range 0..=7;
         /// Greatest twist of the tube's ends.
         twist: f64 = 0.25, unit "turns", range -100.0..=100.0;
+        /// Where the middle of the scene lies.
+        place: [f64; 3] = [0.0, 0.0, 0.0], unit "m", range -1000.0..=1000.0;
+        /// What it is made of.
+        material: Text = "".into();
     }
 }
 
@@ -77,6 +83,18 @@ ports! {
 /// The node over [`Synthetic`].
 pub struct MeshGenerator {
     scene: Box<dyn Synthetic + Send>,
+    place: [f32; 3],
+}
+
+/// Carries positions around the origin to their place.
+fn put(place: [f32; 3], positions: &mut [[f32; 3]]) {
+    for p in positions {
+        *p = std::array::from_fn(|k| p[k] + place[k]);
+    }
+}
+
+fn place(p: &MeshGeneratorParams) -> [f32; 3] {
+    p.place.map(|x| x as f32)
 }
 
 fn scene(p: &MeshGeneratorParams) -> Box<dyn Synthetic + Send> {
@@ -107,19 +125,23 @@ impl Node for MeshGenerator {
     const COST: f64 = 20.0;
 
     fn shape(p: &MeshGeneratorParams, s: &mut Shape<'_, '_, MeshGeneratorPorts>) -> Result<(), Reject> {
-        s.output(MeshGeneratorPorts::mesh, p.rate, MeshFormat::moving(scene(p).topology()));
+        let mut topology = scene(p).topology();
+        put(place(p), &mut topology.rest);
+        let materials = Arc::new(Materials::one(&p.material.0));
+        s.output(MeshGeneratorPorts::mesh, p.rate, MeshFormat { materials, ..MeshFormat::moving(topology) });
         s.ends(Some(ticks(p.duration)));
         Ok(())
     }
 
     fn build(p: &MeshGeneratorParams, _: &Build<'_>) -> Result<Self, Fault> {
-        Ok(Self { scene: scene(p) })
+        Ok(Self { scene: scene(p), place: place(p) })
     }
 
     fn run(&mut self, mut io: MeshGeneratorIo<'_>) -> Result<(), Fault> {
         let (first, width, rate) = (io.mesh.first(), io.mesh.width(), io.mesh.rate());
         for (index, frame) in (first..).zip(io.mesh.items().chunks_exact_mut(width.max(1))) {
             self.scene.positions(index as f64 * rate.den() as f64 / rate.num() as f64, frame);
+            put(self.place, frame);
         }
         Ok(())
     }
@@ -153,6 +175,22 @@ mod tests {
         let expected = 0.2 * 29.0 / 60.0;
         assert!(moved[..4].iter().all(|x| x.abs() < 1e-7), "{moved:?}");
         assert!(moved[4..].iter().all(|x| (x - expected).abs() < 1e-6), "{moved:?}");
+    }
+
+    #[test]
+    fn a_place_carries_the_rest_pose_and_every_frame_and_a_material_names_them() {
+        let place = [1.0, -2.0, 0.5];
+        let base = MeshGeneratorParams { vertices: [2, 2], duration: 0.1, ..params() };
+        let here = Solo::new::<MeshGenerator>(base.clone()).run().unwrap().stream(MeshGeneratorPorts::mesh);
+        let p = MeshGeneratorParams { place, material: "silk".into(), ..base };
+        let solo = Solo::new::<MeshGenerator>(p);
+        let format = solo.shape().unwrap().outputs[0].as_ref().unwrap().format::<Mesh>().unwrap().clone();
+        assert_eq!(format.materials.names(), ["silk"]);
+        let there = solo.run().unwrap().stream(MeshGeneratorPorts::mesh);
+        for (a, b) in here.iter().zip(&there) {
+            assert!((0..3).all(|k| (b[k] - a[k] - place[k] as f32).abs() < 1e-6), "{a:?} {b:?}");
+        }
+        assert_eq!(format.topology.rest, there[..4]);
     }
 
     #[test]

@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use super::{Materials, Topology};
 use super::generate::{FlatSheet, Synthetic};
+use super::{Materials, Topology};
 use crate::core::item::Item;
 use crate::core::random::Draw;
 

@@ -336,13 +336,17 @@ mod tests {
 
     #[test]
     fn triangles_keep_the_material_of_their_face() {
-        let text = format!("{SQUARE}f 1 2 3 4\nusemtl silk\nf 1 1 2\nf 1 2 3\nusemtl wool cloth # thick\nf 2 3 4\n");
+        let text =
+            format!("{SQUARE}f 1 2 3 4\nusemtl silk\nf 1 1 2\nf 1 2 3\nusemtl wool cloth # thick\nf 2 3 4\n");
         let clip = parse(&text, None).unwrap().clip(vec![0.0], &ReadOptions::default()).unwrap();
         let materials = clip.materials();
         let names: Vec<_> = (0..4).map(|t| materials.name(materials.of_triangle(t))).collect();
         assert_eq!(names, ["", "", "silk", "wool cloth"]);
         let plain = parse(&format!("{SQUARE}f 1 2 3 4\n"), None).unwrap();
-        assert_eq!(plain.clip(vec![0.0], &ReadOptions::default()).unwrap().materials(), &Materials::default());
+        assert_eq!(
+            plain.clip(vec![0.0], &ReadOptions::default()).unwrap().materials(),
+            &Materials::default()
+        );
     }
 
     #[test]
