@@ -137,7 +137,8 @@ impl Node for CrumpleEventsNode {
     }
 
     fn trial(draw: &mut Draw) -> (CrumpleEventsParams, MemoryFiles) {
-        let merge_window = [0.0, draw.between(0.0, 0.08)][draw.below(2)];
+        // One frame, or two, at the rates of trials: events that last longer hardly ever hang on their last frame.
+        let merge_window = [0.0, 0.018, 0.03, 0.045][draw.below(4)];
         let e_min = [0.0, draw.between(0.0, 1e-6)][draw.below(2)];
         (
             CrumpleEventsParams { merge_window, e_min, ..CrumpleEventsParams::trial(draw) },
