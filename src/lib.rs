@@ -26,3 +26,6 @@ pub mod book_library {}
 #[cfg(doctest)]
 #[doc = include_str!("../docs/src/impact.md")]
 pub mod book_impact {}
+#[cfg(doctest)]
+#[doc = include_str!("../docs/src/crumple.md")]
+pub mod book_crumple {}

@@ -2,11 +2,13 @@
 //!
 //! Every algorithm is ordinary Rust on slices; a node is a thin typed description around it.
 //! The families follow the field: [`io`] and [`dsp`] for audio, [`mesh`] for motion,
-//! [`contact`] and [`friction`] for cloth that slides, [`modal`] for things that are struck. [`core`] says what a node is.
+//! [`contact`] and [`friction`] for cloth that slides, [`curvature`] and [`crumple`] for cloth that crumples, [`modal`] for things that are struck. [`core`] says what a node is.
 #![forbid(unsafe_code)]
 
 pub mod contact;
 pub mod core;
+pub mod crumple;
+pub mod curvature;
 pub mod dsp;
 pub mod friction;
 pub mod io;

@@ -4,6 +4,15 @@ use crate::contact::detector_node::ContactDetector;
 use crate::contact::router::MaterialRouter;
 use crate::contact::speed_nodes::{SlidingSpeed, SpeedMapNode};
 use crate::core::node::NodeType;
+use crate::crumple::bank_nodes::{CrumpleBankFile, CrumpleExtractor};
+use crate::crumple::buckle_node::BuckleDetectorNode;
+use crate::crumple::calibration_nodes::{EnergyCalibrationFile, EnergyCalibrationNode};
+use crate::crumple::events_node::CrumpleEventsNode;
+use crate::crumple::matcher_node::HistogramMatcher;
+use crate::crumple::picture::BuckleFigure;
+use crate::crumple::player_node::CrumplePlayer;
+use crate::curvature::mean_node::MeanCurvatureNode;
+use crate::curvature::rest::RestNoiseNode;
 use crate::friction::builder_node::FrictionModelBuilder;
 use crate::friction::ift_noise_node::IftNoiseNode;
 use crate::friction::model_nodes::{FrictionModelFile, FrictionModelFromClips};
@@ -56,6 +65,17 @@ pub fn all() -> Vec<NodeType> {
         NodeType::func::<FrictionModelFromClips>("friction"),
         NodeType::func::<FrictionModelFile>("friction"),
         NodeType::func::<PairFrictionModel>("friction"),
+        NodeType::of::<MeanCurvatureNode>("curvature"),
+        NodeType::of::<RestNoiseNode>("curvature"),
+        NodeType::of::<BuckleDetectorNode>("crumple"),
+        NodeType::of::<BuckleFigure>("crumple"),
+        NodeType::of::<CrumpleEventsNode>("crumple"),
+        NodeType::of::<EnergyCalibrationNode>("crumple"),
+        NodeType::func::<EnergyCalibrationFile>("crumple"),
+        NodeType::func::<CrumpleExtractor>("crumple"),
+        NodeType::func::<CrumpleBankFile>("crumple"),
+        NodeType::of::<HistogramMatcher>("crumple"),
+        NodeType::of::<CrumplePlayer>("crumple"),
         NodeType::of::<ImpactFile>("modal"),
         NodeType::of::<ImpactForce>("modal"),
         NodeType::of::<ModalBankNode>("modal"),

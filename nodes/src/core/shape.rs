@@ -211,6 +211,12 @@ impl<'s, 'a, P> Shape<'s, 'a, P> {
         self.raw.links[port.index()].iter().filter_map(Incoming::of).collect()
     }
 
+    /// Whether anything is linked to an input.
+    #[must_use]
+    pub fn linked<K>(&self, port: Port<K>) -> bool {
+        self.link(port.index(), 0).is_some()
+    }
+
     /// The value at an input, where it is known before the run.
     #[must_use]
     pub fn value<T: Data>(&self, port: Port<Value<T>>) -> Option<Arc<T>> {
@@ -353,6 +359,15 @@ impl Build<'_> {
             _ => None,
         }
         .expect("values are ready before streams are built")
+    }
+
+    /// The value at an input that may be left open.
+    #[must_use]
+    pub fn optional_value<T: Data>(&self, port: Port<Option<Value<T>>>) -> Option<Arc<T>> {
+        match self.links[port.index()].first() {
+            Some(LinkShape::Value(Some(value))) => value.shared(),
+            _ => None,
+        }
     }
 
     /// The rate and format of an output.

@@ -1,0 +1,323 @@
+//! The energies of a whole take: what counts as weak, and what as strong.
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use super::histogram::hazen;
+use super::{Crumple, Weight};
+use crate::core::item::Data;
+use crate::core::random::Draw;
+use crate::core::time::{TICKS_PER_SECOND, Tick};
+use crate::plot::{Axis, Line, chart};
+
+/// Version of the fields of [`EnergyCalibration`].
+pub const CALIBRATION_VERSION: u32 = 1;
+/// Energies that are kept one by one; of more, quantiles.
+const MOST: usize = 4096;
+/// Quantiles that are kept of more energies.
+const QUANTILES: usize = 1024;
+
+/// Below which energy events are dropped.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Floor {
+    /// Below this energy.
+    Absolute(f64),
+    /// So many hundredths of all events, the weakest.
+    Percentile(f64),
+    /// All but the strongest that make so many events per second.
+    Rate(f64),
+}
+
+/// Energies of the events of one take, to be matched with those of a bank of samples.
+///
+/// Three takes of one jacket in the paper have floors of 98902, 172875 and 906402: a floor belongs to a mesh and a motion, so it
+/// is measured, and stored with what it was measured on.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct EnergyCalibration {
+    /// [`CALIBRATION_VERSION`].
+    pub version: u32,
+    /// What energies are a sum over; unknown where there was no event.
+    pub weight: Option<Weight>,
+    /// Energy below which events are dropped.
+    pub e_min: f64,
+    /// How it was chosen.
+    pub floor: Floor,
+    /// Energies from `e_min` on, sorted; where there are more than 4096, 1024 quantiles of them.
+    pub energies: Vec<f64>,
+    /// Events from `e_min` on.
+    pub events: u64,
+    /// Events below.
+    pub dropped: u64,
+    /// Length of the take, s.
+    pub seconds: f64,
+    /// Events from `e_min` on per second.
+    pub rate: f64,
+    /// Frames per second of the motion; 0 where there was no event.
+    pub fps: f64,
+    /// Digest of the mesh; 0 where there was no event.
+    pub mesh: u32,
+    /// Digest of what the numbers above depend on: version, weight, floor, frames per second and mesh.
+    pub conventions: String,
+}
+
+/// Why a calibration cannot be used.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum CalibrationError {
+    /// Written by other code.
+    #[error("`version` is {found}; this reads {CALIBRATION_VERSION}: measure it again")]
+    Version {
+        /// The version found.
+        found: u32,
+    },
+    /// A number that cannot be.
+    #[error("`{field}` is {found}; {wanted}")]
+    Number {
+        /// Field.
+        field: &'static str,
+        /// What it holds.
+        found: f64,
+        /// What it must be.
+        wanted: &'static str,
+    },
+    /// An energy out of order.
+    #[error("energy {index} is {found}; they have to be finite, at least `e_min` and sorted")]
+    Energy {
+        /// Its place.
+        index: usize,
+        /// Its value.
+        found: f64,
+    },
+    /// Fields that were changed by hand.
+    #[error(
+        "`conventions` is {found}, and the fields that it belongs to give {wanted}: they were changed after it was measured"
+    )]
+    Conventions {
+        /// What the file says.
+        found: String,
+        /// What its fields give.
+        wanted: String,
+    },
+    /// Events of another kind.
+    #[error(
+        "`weight` of the calibration is {calibrated:?}, of the events {found:?}: measure it on events of the same kind"
+    )]
+    Weight {
+        /// That of the calibration.
+        calibrated: Weight,
+        /// That of the events.
+        found: Weight,
+    },
+}
+
+/// Collects the energies of a take.
+#[derive(Clone, Debug, Default)]
+pub struct EnergyMeter {
+    energies: Vec<f64>,
+    first: Option<Crumple>,
+}
+
+impl EnergyMeter {
+    /// Adds an event.
+    ///
+    /// # Errors
+    /// An event whose energy is a sum over something else than that of the first.
+    pub fn add(&mut self, event: &Crumple) -> Result<(), CalibrationError> {
+        let first = self.first.get_or_insert(*event);
+        if first.weight != event.weight {
+            return Err(CalibrationError::Weight { calibrated: first.weight, found: event.weight });
+        }
+        self.energies.push(event.energy);
+        Ok(())
+    }
+
+    /// The calibration of a take of `seconds`.
+    ///
+    /// # Complexity
+    /// O(n log n) for n events.
+    #[must_use]
+    pub fn finish(mut self, seconds: f64, floor: Floor) -> EnergyCalibration {
+        self.energies.sort_unstable_by(f64::total_cmp);
+        let all = self.energies.len();
+        let e_min = match floor {
+            Floor::Absolute(e) => e,
+            Floor::Percentile(p) => hazen(&self.energies, 0.01 * p),
+            Floor::Rate(rate) => {
+                let wanted = (rate * seconds).round().max(1.0) as usize;
+                if wanted < all { self.energies[all - wanted] } else { 0.0 }
+            }
+        };
+        let dropped = self.energies.partition_point(|e| *e < e_min);
+        let kept = self.energies.split_off(dropped);
+        let events = kept.len() as u64;
+        let at = |k: usize| hazen(&kept, (k as f64 + 0.5) / QUANTILES as f64);
+        let energies = if kept.len() > MOST { (0..QUANTILES).map(at).collect() } else { kept };
+        let fps = |event: &Crumple| TICKS_PER_SECOND as f64 / (event.interval.max(1) as f64);
+        let mut calibration = EnergyCalibration {
+            version: CALIBRATION_VERSION,
+            weight: self.first.map(|event| event.weight),
+            e_min,
+            floor,
+            energies,
+            events,
+            dropped: dropped as u64,
+            seconds,
+            rate: if seconds > 0.0 { events as f64 / seconds } else { 0.0 },
+            // Intervals are whole ticks, so a millionth is all that they know.
+            fps: self.first.as_ref().map_or(0.0, |event| (fps(event) * 1e4).round() / 1e4),
+            mesh: self.first.map_or(0, |event| event.mesh),
+            conventions: String::new(),
+        };
+        calibration.conventions = calibration.digest();
+        calibration
+    }
+}
+
+impl EnergyCalibration {
+    fn digest(&self) -> String {
+        let text = format!("{} {:?} {:?} {} {}", self.version, self.weight, self.floor, self.fps, self.mesh);
+        blake3::hash(text.as_bytes()).to_hex()[..16].to_owned()
+    }
+
+    /// Whether all of it can be what a measurement gives.
+    ///
+    /// # Errors
+    /// Names the field.
+    pub fn validate(&self) -> Result<(), CalibrationError> {
+        if self.version != CALIBRATION_VERSION {
+            return Err(CalibrationError::Version { found: self.version });
+        }
+        for (field, found) in
+            [("e_min", self.e_min), ("seconds", self.seconds), ("rate", self.rate), ("fps", self.fps)]
+        {
+            if !(found.is_finite() && found >= 0.0) {
+                return Err(CalibrationError::Number {
+                    field,
+                    found,
+                    wanted: "it must be finite and not below 0",
+                });
+            }
+        }
+        let mut last = self.e_min;
+        for (index, &found) in self.energies.iter().enumerate() {
+            if !(found.is_finite() && found >= last) {
+                return Err(CalibrationError::Energy { index, found });
+            }
+            last = found;
+        }
+        if self.energies.len() as u64 > self.events {
+            let found = self.events as f64;
+            return Err(CalibrationError::Number {
+                field: "events",
+                found,
+                wanted: "there are more energies",
+            });
+        }
+        let wanted = self.digest();
+        if self.conventions != wanted {
+            return Err(CalibrationError::Conventions {
+                found: self.conventions.chars().take(40).collect(),
+                wanted,
+            });
+        }
+        Ok(())
+    }
+
+    /// Refuses events whose energies are no match for these.
+    ///
+    /// # Errors
+    /// Names the field that differs.
+    pub fn accepts(&self, weight: Weight) -> Result<(), CalibrationError> {
+        match self.weight {
+            Some(calibrated) if calibrated != weight => {
+                Err(CalibrationError::Weight { calibrated, found: weight })
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+impl Data for EnergyCalibration {
+    const NAME: &'static str = "energy calibration";
+
+    fn trial(draw: &mut Draw) -> Self {
+        let mut meter = EnergyMeter::default();
+        for _ in 0..draw.below(50) {
+            let event = <Crumple as crate::core::item::Event>::trial(draw);
+            let interval: Tick = 11_760_000;
+            meter.add(&Crumple { interval, weight: Weight::Area, ..event }).ok();
+        }
+        meter.finish(2.0, Floor::Percentile(draw.between(0.0, 90.0)))
+    }
+
+    /// Share of events against energy.
+    fn plot(&self) -> Option<String> {
+        let (low, high) = (self.energies.first()?.max(1e-300), self.energies.last()?.max(1e-300));
+        let n = self.energies.len() as f64;
+        let points = self.energies.iter().zip(1..).map(|(e, k)| [*e, f64::from(k) / n]).collect();
+        let unit = if self.weight == Some(Weight::None) { "1/m²" } else { "m²" };
+        let x = Axis { label: format!("energy, {unit}"), range: [0.9 * low, 1.1 * high], log: true };
+        let y = Axis { label: "share of events".into(), range: [0.0, 1.0], log: false };
+        let title = format!("{} events in {:.1} s", self.events, self.seconds);
+        Some(chart(&title, &x, &y, &[Line { label: format!("from {:.3e}", self.e_min), points }]))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::core::item::Event;
+
+    fn meter(energies: &[f64]) -> EnergyMeter {
+        let mut draw = Draw::new(1);
+        let mut meter = EnergyMeter::default();
+        for &energy in energies {
+            meter.add(&Crumple { energy, interval: 11_760_000, ..Crumple::trial(&mut draw) }).unwrap();
+        }
+        meter
+    }
+
+    #[test]
+    fn floors_are_a_number_a_share_or_a_rate() {
+        let energies: Vec<f64> = (0..100).map(|k| f64::from((k * 37) % 100)).collect();
+        let of = |floor| {
+            let c = meter(&energies).finish(10.0, floor);
+            c.validate().unwrap();
+            (c.e_min, c.events, c.dropped)
+        };
+        assert_eq!(of(Floor::Absolute(30.0)), (30.0, 70, 30));
+        assert_eq!(of(Floor::Percentile(90.0)), (89.5, 10, 90));
+        assert_eq!(of(Floor::Rate(2.0)), (80.0, 20, 80));
+        assert_eq!(of(Floor::Rate(20.0)), (0.0, 100, 0));
+        let c = meter(&energies).finish(10.0, Floor::Rate(2.0));
+        assert_eq!((c.rate, c.fps, c.energies.len()), (2.0, 60.0, 20));
+        assert!(c.plot().unwrap().contains("20 events in 10.0 s"));
+    }
+
+    #[test]
+    fn many_energies_become_quantiles_and_none_are_a_calibration_too() {
+        let energies: Vec<f64> = (0..10_240).map(f64::from).collect();
+        let c = meter(&energies).finish(1.0, Floor::Absolute(0.0));
+        assert_eq!((c.energies.len(), c.events), (1024, 10_240));
+        assert!((c.energies[512] - 5124.5).abs() < 1e-9, "{}", c.energies[512]);
+        let none = EnergyMeter::default().finish(3.0, Floor::Percentile(50.0));
+        none.validate().unwrap();
+        assert_eq!((none.events, none.weight, none.plot()), (0, None, None));
+    }
+
+    #[test]
+    fn what_was_changed_or_does_not_fit_is_named() {
+        let good = meter(&[1.0, 2.0]).finish(1.0, Floor::Absolute(0.5));
+        let told = |c: EnergyCalibration| c.validate().unwrap_err().to_string();
+        assert!(told(EnergyCalibration { version: 9, ..good.clone() }).contains("`version` is 9"));
+        assert!(told(EnergyCalibration { fps: 30.0, ..good.clone() }).contains("`conventions`"));
+        assert!(
+            told(EnergyCalibration { energies: vec![2.0, 1.0], ..good.clone() }).contains("energy 1 is 1")
+        );
+        assert!(told(EnergyCalibration { e_min: 1.5, ..good.clone() }).contains("energy 0 is 1"));
+        assert!(told(EnergyCalibration { seconds: f64::NAN, ..good.clone() }).contains("`seconds`"));
+        assert!(good.accepts(Weight::None).unwrap_err().to_string().contains("`weight`"));
+        assert!(good.accepts(Weight::Area).is_ok());
+    }
+}

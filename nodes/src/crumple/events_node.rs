@@ -1,0 +1,188 @@
+//! The node around [`CrumpleEvents`](super::CrumpleEvents).
+
+use super::events::{self, CrumpleParams};
+use super::{Buckles, Crumple, Weight};
+use crate::core::fault::{Fault, Reject};
+use crate::core::files::MemoryFiles;
+use crate::core::node::{Class, Node, Summary};
+use crate::core::params::Params;
+use crate::core::ports::{Events, Stream};
+use crate::core::random::Draw;
+use crate::core::shape::{Build, Shape};
+use crate::core::time::Rate;
+use crate::{choices, params, ports};
+
+choices! { @param Weight {
+    /// Vertices: the paper's sum, which grows with the density of the mesh; its values of `e_min` belong to it.
+    None,
+    /// Area: about the same for every mesh of one cloth.
+    Area,
+} }
+
+params! {
+    /// Joins the vertices of a cloth that snap together to events: where, when, how strongly and to which side.
+    ///
+    /// Neighbours that snap to the same side in the same frame are one event. Its energy is the square of the sum of their changes of
+    /// mean curvature, each times its area unless `weight` is `None`. Of many events most are too weak to be heard: `e_min` drops
+    /// them by a number, `EnergyCalibration` finds that number from a share or a rate.
+    ///
+    /// # Source
+    /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 3 and equation 4; area
+    /// weights and merging over time are additions.
+    pub struct CrumpleEventsParams {
+        /// What energies are a sum over.
+        weight: Weight = Weight::Area;
+        /// Energy below which an event is dropped, in m^2, or in 1/m^2 without weights. No constant of a material: it depends on mesh and motion.
+        e_min: f64 = 0.0, unit "m^2", range 0.0..=1e12;
+        /// How long one snap may last over several frames; 0 leaves every frame on its own, 0.033 is good for 120 frames a second and more. Adds as
+        /// much latency.
+        merge_window: f64 = 0.0, unit "s", range 0.0..=1.0;
+        /// Number of the cloth's material, which its events carry.
+        material: u16 = 0, unit "", range 0..=65_535_u16;
+    }
+}
+ports! {
+    pub struct CrumpleEventsPorts / CrumpleEventsIo {
+        in {
+            /// Vertices that snap.
+            buckles: Stream<Buckles>,
+        }
+        out {
+            /// The events.
+            events: Events<Crumple>,
+        }
+    }
+}
+
+/// The node `CrumpleEvents`.
+pub struct CrumpleEventsNode {
+    events: events::CrumpleEvents,
+    merge: i64,
+    material: u16,
+    /// Next frame to take.
+    next: Option<i64>,
+    /// The last frame, where there is one.
+    end: Option<i64>,
+    given: u64,
+    weakest: f64,
+    strongest: f64,
+}
+
+/// Frames after the first within a merge window.
+fn merge_frames(p: &CrumpleEventsParams, rate: Rate) -> usize {
+    (p.merge_window * rate.as_f64() + 1e-6).floor() as usize
+}
+
+impl Node for CrumpleEventsNode {
+    type Params = CrumpleEventsParams;
+    type Ports = CrumpleEventsPorts;
+    const NAME: &'static str = "CrumpleEvents";
+    const CLASS: Class = Class::Worker;
+    const COST: f64 = 1000.0;
+
+    fn shape(p: &CrumpleEventsParams, s: &mut Shape<'_, '_, CrumpleEventsPorts>) -> Result<(), Reject> {
+        let buckles = s.input(CrumpleEventsPorts::buckles);
+        s.reach(CrumpleEventsPorts::buckles, 0, merge_frames(p, buckles.rate));
+        Ok(())
+    }
+
+    fn build(p: &CrumpleEventsParams, cx: &Build<'_>) -> Result<Self, Fault> {
+        let buckles = cx.input(CrumpleEventsPorts::buckles);
+        let merge_frames = merge_frames(p, buckles.rate);
+        let params = CrumpleParams { weight: p.weight, merge_frames, e_min: p.e_min };
+        let events = events::CrumpleEvents::new(&buckles.format.topology, &[], params)
+            .map_err(|e| Fault::new("F110", e.to_string()).at("buckles"))?;
+        Ok(Self {
+            events,
+            merge: merge_frames as i64,
+            material: p.material,
+            next: None,
+            end: buckles.items(),
+            given: 0,
+            weakest: f64::INFINITY,
+            strongest: 0.0,
+        })
+    }
+
+    fn run(&mut self, mut io: CrumpleEventsIo<'_>) -> Result<(), Fault> {
+        let (first, rate) = (io.buckles.first(), io.buckles.rate());
+        let last = first + io.buckles.len() as i64;
+        for frame in self.next.unwrap_or(first)..last + self.merge {
+            if self.end.is_none_or(|end| frame < end) {
+                self.events.take(frame, io.buckles.item((frame - first) as isize));
+            } else {
+                self.events.finish();
+            }
+        }
+        self.next = Some(last + self.merge);
+        while let Some((frame, mut event)) = self.events.next_before(last) {
+            event.interval = rate.tick(frame + 1) - rate.tick(frame);
+            event.material = self.material;
+            self.given += 1;
+            self.weakest = self.weakest.min(event.energy);
+            self.strongest = self.strongest.max(event.energy);
+            io.events.push(rate.tick(frame), event);
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self, _: CrumpleEventsIo<'_>) -> Result<Summary, Fault> {
+        let mut told: Summary =
+            vec![("events", self.given.into()), ("dropped", self.events.dropped().into())];
+        if self.given > 0 {
+            told.push(("weakest", self.weakest.into()));
+            told.push(("strongest", self.strongest.into()));
+        }
+        Ok(told)
+    }
+
+    fn trial(draw: &mut Draw) -> (CrumpleEventsParams, MemoryFiles) {
+        // One frame, or two, at the rates of trials: events that last longer hardly ever hang on their last frame.
+        let merge_window = [0.0, 0.018, 0.03, 0.045][draw.below(4)];
+        let e_min = [0.0, draw.between(0.0, 1e-6)][draw.below(2)];
+        (
+            CrumpleEventsParams { merge_window, e_min, ..CrumpleEventsParams::trial(draw) },
+            MemoryFiles::default(),
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::core::solo::Solo;
+    use crate::core::time::ticks;
+    use crate::crumple::Buckle;
+    use crate::curvature::scenes::grid;
+    use crate::mesh::MeshFormat;
+
+    #[test]
+    fn events_carry_the_time_of_their_frame_for_any_window_and_merging_joins_frames() {
+        let scene = grid(6, 2, false, |u, v| [u, v, 0.0]);
+        let frame = |column: usize, delta: f64| {
+            let mut labels = vec![Buckle::default(); 12];
+            if delta != 0.0 {
+                labels[column] =
+                    Buckle { label: delta.signum() as i8, delta, area: 0.5, ..Buckle::default() };
+            }
+            labels
+        };
+        let frames = [frame(0, 0.0), frame(1, 1.0), frame(2, 3.0), frame(0, 0.0), frame(4, -2.0)].concat();
+        let run = |merge_window, window| {
+            let p = CrumpleEventsParams { weight: Weight::Area, e_min: 0.0, merge_window, material: 4 };
+            let solo = Solo::new::<CrumpleEventsNode>(p).input(
+                CrumpleEventsPorts::buckles,
+                Rate::hz(120),
+                MeshFormat::moving(scene.topology()),
+                frames.clone(),
+            );
+            let run = solo.window(ticks(window)).run().unwrap();
+            let found = run.events(CrumpleEventsPorts::events).into_iter();
+            found.map(|(tick, e)| (Rate::hz(120).first_at(tick), e.energy, e.material)).collect::<Vec<_>>()
+        };
+        for window in [0.001, 0.02, 1.0] {
+            assert_eq!(run(0.0, window), [(1, 0.25, 4), (2, 2.25, 4), (4, 1.0, 4)]);
+            assert_eq!(run(0.033, window), [(2, 4.0, 4), (4, 1.0, 4)]);
+        }
+    }
+}

@@ -1,0 +1,251 @@
+use super::*;
+use crate::crumple::BuckleDetector;
+use crate::curvature::scenes::{Scene, crumpled, grid, moved, paraboloid};
+use crate::curvature::{Curvature, MeanCurvature, Method};
+use proptest::prelude::*;
+
+fn events_of(
+    scene: &Scene,
+    frames: &[Vec<[f64; 3]>],
+    materials: &[u16],
+    params: CrumpleParams,
+) -> Vec<(i64, Crumple)> {
+    let n = scene.points.len();
+    let mut measure = MeanCurvature::new(&scene.topology(), Method::Cotan).unwrap();
+    let mut detector = BuckleDetector::new(n, 0.0);
+    let mut events = CrumpleEvents::new(&scene.topology(), materials, params).unwrap();
+    let (mut bent, mut labels) = (vec![Curvature::default(); n], vec![Buckle::default(); n]);
+    for (frame, points) in (0..).zip(frames) {
+        measure.measure(points, &mut bent).unwrap();
+        detector.detect(&bent, &mut labels);
+        events.take(frame, &labels);
+    }
+    events.finish();
+    std::iter::from_fn(|| events.next_before(i64::MAX)).collect()
+}
+
+const PAPER: CrumpleParams = CrumpleParams { weight: Weight::None, merge_frames: 0, e_min: 0.0 };
+const AREA: CrumpleParams = CrumpleParams { weight: Weight::Area, ..PAPER };
+
+#[test]
+fn a_bowl_that_pops_is_one_event_of_known_energy() {
+    let (bowl, dome) = (paraboloid(1.3), paraboloid(-1.3));
+    let frames = [bowl.points.clone(), dome.points];
+    let found = events_of(&bowl, &frames, &[], PAPER);
+    assert_eq!(found.len(), 1);
+    let (frame, event) = found[0];
+    assert_eq!((frame, event.vertices, event.sign, event.id), (1, 1521, -1, 42));
+    assert!((event.energy / 1.026_419e7 - 1.0).abs() < 1e-6, "{}", event.energy);
+    let found = events_of(&bowl, &frames, &[], AREA);
+    assert!((found[0].1.energy - 4.961_31).abs() < 1e-5, "{}", found[0].1.energy);
+    // It sits over the middle, faces up, and at frame t the sheet is a dome of the other sign.
+    let event = found[0].1;
+    assert!(event.position[0].abs() < 1e-6 && event.position[1].abs() < 1e-6 && event.position[2] > 0.0);
+    assert!((event.normal[2] - 1.0).abs() < 1e-6);
+}
+
+#[test]
+fn area_weights_do_not_feel_the_density_of_the_mesh() {
+    let bowl = |n: usize, q: f64| {
+        grid(n, n, true, |u, v| [u - 0.5, v - 0.5, -0.5 * q * ((u - 0.5).powi(2) + (v - 0.5).powi(2))])
+    };
+    let energy = |n, params| {
+        let scene = bowl(n, 1.3);
+        events_of(&scene, &[scene.points.clone(), bowl(n, -1.3).points], &[], params)[0].1.energy
+    };
+    let (coarse, fine) = (energy(41, PAPER), energy(81, PAPER));
+    assert!((16.0..17.5).contains(&(fine / coarse)), "{}", fine / coarse);
+    let (coarse, fine) = (energy(41, AREA), energy(81, AREA));
+    assert!((coarse - 4.961).abs() < 1e-3 && (fine - 5.200).abs() < 1e-3, "{coarse} {fine}");
+}
+
+#[test]
+fn a_sine_sheet_that_inverts_snaps_twice_outwards_and_three_times_inwards() {
+    let sheet = |sign: f64| {
+        grid(81, 41, true, |u, v| [u, v, sign * 0.01 * (4.0 * std::f64::consts::PI * u + 0.3).sin()])
+    };
+    let found = events_of(&sheet(1.0), &[sheet(1.0).points, sheet(-1.0).points], &[], AREA);
+    let count = |sign| found.iter().filter(|(_, e)| e.sign == sign).count();
+    assert_eq!((count(1), count(-1)), (2, 3), "{found:?}");
+}
+
+#[test]
+fn components_stay_within_their_material_and_weak_events_are_dropped() {
+    let (bowl, dome) = (paraboloid(1.3), paraboloid(-1.3));
+    let frames = [bowl.points.clone(), dome.points];
+    let materials: Vec<u16> = (0..41 * 41).map(|v| if v % 41 < 20 { 3 } else { 5 }).collect();
+    let found = events_of(&bowl, &frames, &materials, PAPER);
+    let of: Vec<_> = found.iter().map(|(_, e)| (e.material, e.vertices)).collect();
+    assert_eq!(of, [(3, 19 * 39), (5, 20 * 39)]);
+    assert!(events_of(&bowl, &frames, &[], CrumpleParams { e_min: 1.1e7, ..PAPER }).is_empty());
+    assert_eq!(events_of(&bowl, &frames, &[], CrumpleParams { e_min: 1.0e7, ..PAPER }).len(), 1);
+}
+
+/// Labels on a strip of `n` squares, two rows of vertices; one list of columns per frame.
+fn strip(frames: &[&[(usize, i8)]], merge_frames: usize) -> Vec<(i64, Crumple)> {
+    let n = 12;
+    let scene = grid(n, 2, false, |u, v| [u, v, 0.0]);
+    let params = CrumpleParams { merge_frames, ..PAPER };
+    let mut events = CrumpleEvents::new(&scene.topology(), &[], params).unwrap();
+    for (frame, columns) in (0..).zip(frames) {
+        let mut labels = vec![Buckle { area: 1.0, ..Buckle::default() }; 2 * n];
+        for &(column, size) in *columns {
+            let (label, delta) = (size.signum(), f64::from(size));
+            labels[column] = Buckle { label, delta, area: 1.0, ..Buckle::default() };
+        }
+        events.take(frame, &labels);
+    }
+    events.finish();
+    std::iter::from_fn(|| events.next_before(i64::MAX)).collect()
+}
+
+fn told(found: &[(i64, Crumple)]) -> Vec<(i64, u32, f64, u32)> {
+    found.iter().map(|(frame, e)| (*frame, e.id, e.energy, e.vertices)).collect()
+}
+
+#[test]
+fn one_snap_that_runs_over_frames_becomes_one_event() {
+    let frames: [&[(usize, i8)]; 6] = [&[(2, 1)], &[(3, 2), (8, 1)], &[(4, 1)], &[], &[(5, 1)], &[(6, -1)]];
+    // The paper: every frame on its own.
+    assert_eq!(told(&strip(&frames, 0)).len(), 6);
+    // Frames 0 to 2 are one event at its strongest frame; the gap in frame 3 ends it; signs do not mix.
+    let want = [(1, 2, 16.0, 3), (1, 8, 1.0, 1), (4, 5, 1.0, 1), (5, 6, 1.0, 1)];
+    assert_eq!(told(&strip(&frames, 5)), want);
+    // A window of one more frame ends the first event after frame 1.
+    let want = [(1, 2, 9.0, 2), (1, 8, 1.0, 1), (2, 4, 1.0, 1), (4, 5, 1.0, 1), (5, 6, 1.0, 1)];
+    assert_eq!(told(&strip(&frames, 1)), want);
+}
+
+#[test]
+fn events_that_meet_become_one() {
+    let frames: [&[(usize, i8)]; 3] = [&[(2, 1), (6, 1)], &[(3, 1), (5, 1)], &[(4, 3)]];
+    assert_eq!(told(&strip(&frames, 4)), [(2, 2, 49.0, 5)]);
+    let apart: [&[(usize, i8)]; 2] = [&[(2, 1), (8, 1)], &[(3, 1)]];
+    assert_eq!(told(&strip(&apart, 4)), [(0, 2, 4.0, 2), (0, 8, 1.0, 1)]);
+}
+
+/// Frames of a sheet whose folds wander, so that much snaps.
+fn wandering(seed: u64, n: usize, frames: usize) -> (Scene, Vec<Vec<[f64; 3]>>) {
+    let (a, b) = (crumpled(n, seed), crumpled(n, seed + 1));
+    let blend = |k: usize| {
+        let w = k as f64 / (frames - 1) as f64;
+        let at = |(p, q): (&[f64; 3], &[f64; 3])| [p[0], p[1], (1.0 - w) * p[2] + w * q[2]];
+        a.points.iter().zip(&b.points).map(at).collect()
+    };
+    let frames = (0..frames).map(blend).collect();
+    (a, frames)
+}
+
+#[test]
+fn components_are_those_of_a_plain_search() {
+    let (scene, frames) = wandering(3, 30, 3);
+    let n = scene.points.len();
+    let mut measure = MeanCurvature::new(&scene.topology(), Method::Cotan).unwrap();
+    let (mut detector, mut bent) = (BuckleDetector::new(n, 0.0), vec![Curvature::default(); n]);
+    let mut labels = vec![Buckle::default(); n];
+    let mut events = CrumpleEvents::new(&scene.topology(), &[], PAPER).unwrap();
+    let neighbours = Neighbours::new(&scene.topology()).unwrap();
+    for (frame, points) in (0..).zip(&frames) {
+        measure.measure(points, &mut bent).unwrap();
+        detector.detect(&bent, &mut labels);
+        events.take(frame, &labels);
+        let mut seen = vec![false; n];
+        let mut plain = Vec::new();
+        for start in 0..n as u32 {
+            if labels[start as usize].label == 0 || std::mem::replace(&mut seen[start as usize], true) {
+                continue;
+            }
+            let (mut stack, mut sum, mut count) = (vec![start], 0.0, 0);
+            while let Some(v) = stack.pop() {
+                sum += labels[v as usize].delta;
+                count += 1;
+                for &w in neighbours.of(v) {
+                    let same = labels[w as usize].label == labels[start as usize].label;
+                    if same && !std::mem::replace(&mut seen[w as usize], true) {
+                        stack.push(w);
+                    }
+                }
+            }
+            plain.push((start, count, sum * sum));
+        }
+        let found: Vec<_> = std::iter::from_fn(|| events.next_before(i64::MAX)).map(|e| e.1).collect();
+        assert_eq!(found.len(), plain.len());
+        for (a, (id, count, energy)) in found.iter().zip(plain) {
+            assert!((a.id, a.vertices) == (id, count) && (a.energy - energy).abs() <= 1e-9 * energy);
+        }
+    }
+}
+
+/// What of events may not change, to about nine digits.
+fn same(a: &[(i64, Crumple)], b: &[(i64, Crumple)], scale: f64, sign: i8) -> Result<(), String> {
+    if a.len() != b.len() {
+        return Err(format!("{} events against {}", a.len(), b.len()));
+    }
+    for ((f, a), (g, b)) in a.iter().zip(b) {
+        let near = (a.energy - scale * b.energy).abs() <= 1e-8 * a.energy.max(1e-3);
+        if (f, a.id, a.vertices, a.sign) != (g, b.id, b.vertices, sign * b.sign) || !near {
+            return Err(format!("{a:?} against {b:?}"));
+        }
+    }
+    Ok(())
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(16))]
+
+    #[test]
+    fn motion_and_winding_leave_events_and_scale_changes_their_energy(
+        seed in 0_u64..500, turn in -3.0..3.0, shift in prop::array::uniform3(-2.0..2.0), k in 0.2..5.0,
+    ) {
+        let (scene, frames) = wandering(seed, 16, 6);
+        // A rigid motion of its own in every frame: what snaps is a matter of shape.
+        let rigid: Vec<Vec<[f64; 3]>> = (0..).zip(&frames)
+            .map(|(t, f): (i32, _)| f.iter().map(|p| moved(*p, turn * f64::from(t), shift)).collect()).collect();
+        let large: Vec<Vec<[f64; 3]>> = frames.iter().map(|f| f.iter().map(|p| p.map(|x| k * x)).collect()).collect();
+        for params in [PAPER, CrumpleParams { merge_frames: 2, ..PAPER }, AREA] {
+            let base = events_of(&scene, &frames, &[], params);
+            prop_assert!(!base.is_empty());
+            prop_assert_eq!(same(&base, &events_of(&scene, &rigid, &[], params), 1.0, 1), Ok(()));
+            prop_assert_eq!(same(&base, &events_of(&scene.flipped(), &frames, &[], params), 1.0, -1), Ok(()));
+            // E / k^2 for sums over vertices, E k^2 for sums over area.
+            let scale = if params.weight == Weight::None { k * k } else { 1.0 / (k * k) };
+            prop_assert_eq!(same(&base, &events_of(&scene, &large, &[], params), scale, 1), Ok(()));
+        }
+    }
+
+    #[test]
+    fn merging_keeps_all_changes(seed in 0_u64..500, merge_frames in 1_usize..5) {
+        let (scene, frames) = wandering(seed, 12, 10);
+        let total = |params| -> (f64, u32) {
+            let found = events_of(&scene, &frames, &[], params);
+            (found.iter().map(|(_, e)| f64::from(e.sign) * e.energy.sqrt()).sum(), found.iter().map(|(_, e)| e.vertices).sum())
+        };
+        let (single, merged) = (total(PAPER), total(CrumpleParams { merge_frames, ..PAPER }));
+        prop_assert!((single.0 - merged.0).abs() < 1e-6 * (1.0 + single.0.abs()));
+        prop_assert_eq!(single.1, merged.1);
+    }
+
+    #[test]
+    fn events_come_in_order_and_in_time(seed in 0_u64..500, merge_frames in 0_usize..5) {
+        let (scene, frames) = wandering(seed, 12, 10);
+        let params = CrumpleParams { merge_frames, ..PAPER };
+        let late = events_of(&scene, &frames, &[], params);
+        prop_assert!(late.windows(2).all(|w| (w[0].0, w[0].1.id) <= (w[1].0, w[1].1.id)));
+        // Asked as soon as they are promised, the same come.
+        let n = scene.points.len();
+        let mut measure = MeanCurvature::new(&scene.topology(), Method::Cotan).unwrap();
+        let mut detector = BuckleDetector::new(n, 0.0);
+        let mut events = CrumpleEvents::new(&scene.topology(), &[], params).unwrap();
+        let (mut bent, mut labels) = (vec![Curvature::default(); n], vec![Buckle::default(); n]);
+        let mut early = Vec::new();
+        for (frame, points) in (0..).zip(&frames) {
+            measure.measure(points, &mut bent).unwrap();
+            detector.detect(&bent, &mut labels);
+            events.take(frame, &labels);
+            early.extend(std::iter::from_fn(|| events.next_before(frame - merge_frames as i64 + 1)));
+        }
+        events.finish();
+        early.extend(std::iter::from_fn(|| events.next_before(i64::MAX)));
+        prop_assert_eq!(early, late);
+    }
+}

@@ -1,0 +1,299 @@
+//! The node around [`EnergyMap`] and [`Rolling`].
+
+use super::calibration::EnergyCalibration;
+use super::matching::{EnergyMap, Mapping, Nearest, Rolling};
+use super::{Crumple, CrumpleBank, MatchedCrumple};
+use crate::core::fault::{Fault, Reject};
+use crate::core::files::MemoryFiles;
+use crate::core::node::{Class, Node, Summary};
+use crate::core::params::Params;
+use crate::core::ports::{Events, Value};
+use crate::core::random::{Draw, Random};
+use crate::core::shape::{Build, Shape};
+use crate::core::time::{Tick, seconds};
+use crate::{choices, params, ports};
+
+choices! { @param Mapping {
+    /// The rank of an energy among all.
+    Ecdf,
+    /// 20 equal bins between the least and the greatest energy: the paper. Nearly all energies fall into the first.
+    Linear20,
+    /// 20 equal bins of the logarithm of energy.
+    Log20,
+} }
+
+params! {
+    /// Gives every crumple a recorded sample of matching energy.
+    ///
+    /// What is as strong among the events as a sample among the samples belongs together: the energy of an event has a rank in the
+    /// calibration, that rank has an energy in the bank, and the sample of the nearest energy is taken. Events below the
+    /// calibration's `e_min` are dropped; above its strongest, the bank's strongest is taken. A calibration on energies that are summed otherwise
+    /// is refused.
+    ///
+    /// With `adapt` the ranks are those among the events of late, each event judged by what came before it, for live use and
+    /// for motion that is unlike any calibration; then a calibration is only a start, and may be left out.
+    ///
+    /// # Randomness
+    /// With `k_nearest` above 1, the choice follows from the seed, the time of the event and its lowest vertex.
+    ///
+    /// # Source
+    /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 3, after Heeger and Bergen
+    /// (1995) for the matching of histograms; ranks and adaption are additions.
+    pub struct HistogramMatcherParams {
+        /// How energies of events and of samples are compared.
+        mapping: Mapping = Mapping::Ecdf;
+        /// How many samples of nearest energy to choose from, never the last one again.
+        k_nearest: usize = 1, unit "samples", range 1..=1000;
+        /// Whether ranks are those of late.
+        adapt: bool = false;
+        /// How long until an event counts half, with `adapt`.
+        half_life: f64 = 60.0, unit "s", range 0.1..=86_400.0;
+        /// Events per second above which the weakest of late are dropped, with `adapt`.
+        max_rate: Option<f64> = None, unit "1/s", range 0.001..=100_000.0;
+    }
+}
+ports! {
+    pub struct HistogramMatcherPorts / HistogramMatcherIo {
+        in {
+            /// The events.
+            events: Events<Crumple>,
+            /// The samples.
+            bank: Value<CrumpleBank>,
+            /// Energies of a whole take.
+            calibration: Option<Value<EnergyCalibration>>,
+        }
+        out {
+            /// The same events with the numbers of their samples.
+            matched: Events<MatchedCrumple>,
+        }
+    }
+}
+
+/// The node `HistogramMatcher`.
+pub struct HistogramMatcher {
+    map: EnergyMap,
+    nearest: Nearest,
+    rolling: Option<Rolling>,
+    calibration: Option<std::sync::Arc<EnergyCalibration>>,
+    bank: u32,
+    random: Random,
+    params: HistogramMatcherParams,
+    count: [u64; 3],
+}
+
+/// Events matched, dropped as too weak, and outside of the calibration: places in `count`.
+const MATCHED: usize = 0;
+const DROPPED: usize = 1;
+const OUTSIDE: usize = 2;
+
+impl HistogramMatcher {
+    /// Rank of an event, `None` where it is too weak.
+    fn rank(&mut self, tick: Tick, energy: f64) -> Option<f64> {
+        let e_min = self.calibration.as_ref().map_or(0.0, |c| c.e_min);
+        if energy < e_min {
+            return None;
+        }
+        let Some(rolling) = &mut self.rolling else { return Some(self.map.rank(energy)) };
+        let (time, most) = (seconds(tick), self.params.max_rate);
+        let rank = rolling.add(time, energy);
+        let share = most.map_or(1.0, |most| most / rolling.rate(time).max(1e-12));
+        (1.0 - rank < share).then_some(rank)
+    }
+
+    fn matched(&mut self, tick: Tick, event: &Crumple) -> Option<MatchedCrumple> {
+        let Some(rank) = self.rank(tick, event.energy) else {
+            self.count[DROPPED] += 1;
+            return None;
+        };
+        let known = self.calibration.as_ref().map(|c| &c.energies).filter(|_| self.rolling.is_none());
+        let outside = known.is_some_and(|known| known.last().is_none_or(|most| event.energy > *most));
+        self.count[OUTSIDE] += u64::from(outside);
+        let wanted = self.map.wanted(rank);
+        let draw = self.random.uniform(event.id, tick as u64, 0);
+        let sample = self.nearest.pick(wanted, self.params.k_nearest, draw)?;
+        self.count[MATCHED] += 1;
+        Some(MatchedCrumple::new(event, sample as u32, wanted, self.bank))
+    }
+}
+
+impl Node for HistogramMatcher {
+    type Params = HistogramMatcherParams;
+    type Ports = HistogramMatcherPorts;
+    const NAME: &'static str = "HistogramMatcher";
+    const CLASS: Class = Class::Worker;
+    const COST: f64 = 1000.0;
+
+    fn shape(p: &HistogramMatcherParams, s: &mut Shape<'_, '_, HistogramMatcherPorts>) -> Result<(), Reject> {
+        if !p.adapt && !s.linked(HistogramMatcherPorts::calibration) {
+            let message = "without a calibration nothing says which events are strong";
+            let help = "link an EnergyCalibration, or set `adapt: true`";
+            return Err(Reject::new("F111", message).at("calibration").help(help));
+        }
+        if !p.adapt && p.max_rate.is_some() {
+            let message = "`max_rate` works with `adapt: true` only";
+            let help = "give the rate to EnergyCalibration, or set `adapt: true`";
+            return Err(Reject::new("F111", message).at("max_rate").help(help));
+        }
+        Ok(())
+    }
+
+    fn build(p: &HistogramMatcherParams, cx: &Build<'_>) -> Result<Self, Fault> {
+        let bank = cx.value(HistogramMatcherPorts::bank);
+        bank.validate().map_err(|e| Fault::new("F111", e.to_string()).at("bank"))?;
+        let calibration = cx.optional_value(HistogramMatcherPorts::calibration);
+        if let Some(c) = &calibration {
+            c.validate().map_err(|e| Fault::new("F111", e.to_string()).at("calibration"))?;
+        }
+        let energies = calibration.as_ref().map_or(&[][..], |c| &c.energies);
+        let rolling = p.adapt.then(|| {
+            let mut rolling = Rolling::new(p.half_life);
+            rolling.seed(energies, calibration.as_ref().map_or(0.0, |c| c.rate));
+            rolling
+        });
+        Ok(Self {
+            map: EnergyMap::new(energies, &bank.energies, p.mapping),
+            nearest: Nearest::new(&bank),
+            rolling,
+            calibration,
+            bank: bank.id(),
+            random: cx.random,
+            params: p.clone(),
+            count: [0; 3],
+        })
+    }
+
+    fn run(&mut self, mut io: HistogramMatcherIo<'_>) -> Result<(), Fault> {
+        for (tick, event) in io.events.events() {
+            if !(event.energy.is_finite() && event.energy >= 0.0) {
+                let message =
+                    format!("an event has the energy {}; it must be finite and not below 0", event.energy);
+                return Err(Fault::new("F111", message).at("events").when(*tick));
+            }
+            if let Some(c) = &self.calibration {
+                c.accepts(event.weight)
+                    .map_err(|e| Fault::new("F111", e.to_string()).at("calibration").when(*tick))?;
+            }
+            if let Some(matched) = self.matched(*tick, event) {
+                io.matched.push(*tick, matched);
+            }
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self, _: HistogramMatcherIo<'_>) -> Result<Summary, Fault> {
+        let [matched, dropped, outside] = self.count;
+        Ok(vec![
+            ("matched", matched.into()),
+            ("dropped", dropped.into()),
+            ("above_calibration", outside.into()),
+        ])
+    }
+
+    fn adopt(&mut self, old: &mut Self) {
+        if let (Some(new), Some(old)) = (&mut self.rolling, &old.rolling) {
+            new.take_state(old);
+        }
+        self.count = old.count;
+    }
+
+    fn trial(draw: &mut Draw) -> (HistogramMatcherParams, MemoryFiles) {
+        let p = HistogramMatcherParams::trial(draw);
+        let max_rate = p.max_rate.filter(|_| p.adapt).map(|_| draw.between(5.0, 200.0));
+        let k_nearest = 1 + draw.below(4);
+        (
+            HistogramMatcherParams { k_nearest, max_rate, half_life: draw.between(0.1, 2.0), ..p },
+            MemoryFiles::default(),
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::core::item::{AnyValue, Event};
+    use crate::core::solo::{Feed, Solo};
+    use crate::core::time::ticks;
+    use crate::crumple::Weight;
+    use crate::crumple::calibration::{EnergyMeter, Floor};
+
+    fn event(energy: f64) -> Crumple {
+        Crumple { energy, ..Crumple::trial(&mut Draw::new(1)) }
+    }
+
+    fn calibration(energies: &[f64], floor: Floor) -> EnergyCalibration {
+        let mut meter = EnergyMeter::default();
+        energies.iter().for_each(|e| meter.add(&event(*e)).unwrap());
+        meter.finish(10.0, floor)
+    }
+
+    fn defaults() -> HistogramMatcherParams {
+        HistogramMatcherParams::read(&|_| None).unwrap()
+    }
+
+    fn solo(p: HistogramMatcherParams, energies: &[f64], c: Option<EnergyCalibration>) -> Solo {
+        let events = energies.iter().enumerate().map(|(k, e)| (ticks(0.01 * k as f64), event(*e))).collect();
+        let solo = Solo::new::<HistogramMatcher>(p)
+            .events(HistogramMatcherPorts::events, events, ticks(0.01 * energies.len() as f64))
+            .value(HistogramMatcherPorts::bank, CrumpleBank::testing(&[0.1, 0.2, 0.4, 0.8, 1.6]));
+        match c {
+            Some(c) => solo.feed(2, Feed::value(AnyValue::new(c))),
+            None => solo,
+        }
+    }
+
+    fn samples(solo: &Solo) -> Vec<u32> {
+        let run = solo.run().unwrap();
+        run.events(HistogramMatcherPorts::matched).into_iter().map(|(_, m)| m.sample).collect()
+    }
+
+    #[test]
+    fn strong_events_get_strong_samples_and_weak_ones_none() {
+        let c = calibration(&[1.0, 2.0, 3.0, 4.0, 5.0, 60.0], Floor::Absolute(2.0));
+        let run = solo(defaults(), &[2.0, 4.0, 1.0, 60.0, 999.0, 3.0], Some(c));
+        assert_eq!(samples(&run), [0, 2, 4, 4, 1]);
+        let told = run.run().unwrap().summary;
+        assert_eq!(told.iter().map(|(_, v)| v.as_u64().unwrap()).collect::<Vec<_>>(), [5, 1, 1]);
+    }
+
+    #[test]
+    fn what_is_missing_or_measured_otherwise_is_refused() {
+        let reject = solo(defaults(), &[1.0], None).shape().unwrap_err();
+        assert!(reject.code == "F111" && reject.field.as_deref() == Some("calibration"), "{reject}");
+        let p = HistogramMatcherParams { max_rate: Some(3.0), ..defaults() };
+        let c = calibration(&[1.0], Floor::Absolute(0.0));
+        assert_eq!(solo(p, &[1.0], Some(c)).shape().unwrap_err().field.as_deref(), Some("max_rate"));
+        let mut meter = EnergyMeter::default();
+        meter.add(&Crumple { weight: Weight::None, ..event(1.0) }).unwrap();
+        let other = meter.finish(1.0, Floor::Absolute(0.0));
+        let fault = solo(defaults(), &[1.0], Some(other)).run().err().unwrap();
+        assert!(fault.message.contains("`weight`") && fault.time == Some(0), "{fault}");
+        let c = calibration(&[1.0], Floor::Absolute(0.0));
+        assert!(solo(defaults(), &[f64::NAN], Some(c)).run().err().unwrap().message.contains("NaN"));
+    }
+
+    #[test]
+    fn without_calibration_ranks_are_those_of_the_past() {
+        let p = HistogramMatcherParams { adapt: true, ..defaults() };
+        let energies: Vec<f64> = (0..200).map(|k| f64::from((k * 37) % 101) + 1.0).collect();
+        let found = samples(&solo(p.clone(), &energies, None));
+        let late: Vec<(f64, u32)> = energies.iter().copied().zip(found).skip(100).collect();
+        assert!(late.iter().all(|(e, s)| (*e > 90.0) <= (*s >= 3) && (*e < 10.0) <= (*s <= 1)), "{late:?}");
+        // A motion a thousand times as strong is matched alike, once the past is forgotten.
+        let seed = calibration(&[0.001, 0.002], Floor::Absolute(0.0));
+        let adapted =
+            samples(&solo(HistogramMatcherParams { half_life: 0.1, ..p.clone() }, &energies, Some(seed)));
+        assert!(adapted.iter().skip(120).any(|s| *s < 2));
+        // A limit on the rate keeps the strongest.
+        let p = HistogramMatcherParams { max_rate: Some(20.0), ..p };
+        let run = solo(p, &energies, None).run().unwrap();
+        let kept = run.events(HistogramMatcherPorts::matched);
+        assert!((30..50).contains(&kept.len()), "{} in 2 s", kept.len());
+        assert!(kept.iter().skip(10).all(|(_, m)| m.energy > 70.0));
+    }
+
+    #[test]
+    fn a_take_without_events_calibrates_what_comes_later_to_the_middle() {
+        let none = EnergyMeter::default().finish(2.0, Floor::Rate(5.0));
+        assert_eq!(samples(&solo(defaults(), &[7.0], Some(none))), [2]);
+    }
+}

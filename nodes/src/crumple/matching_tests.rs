@@ -1,0 +1,132 @@
+use super::*;
+use crate::core::random::Draw;
+use proptest::prelude::*;
+
+/// Log-normal numbers, sorted.
+fn log_normal(n: usize, sigma: f64, mean: f64, seed: u64) -> Vec<f64> {
+    let mut draw = Draw::new(seed);
+    let mut normal = || (0..12).map(|_| draw.unit()).sum::<f64>() - 6.0;
+    let mut all: Vec<f64> = (0..n).map(|_| (mean + sigma * normal()).exp()).collect();
+    all.sort_unstable_by(f64::total_cmp);
+    all
+}
+
+fn bank(energies: &[f64]) -> CrumpleBank {
+    CrumpleBank::testing(energies)
+}
+
+const ALL: [Mapping; 3] = [Mapping::Ecdf, Mapping::Linear20, Mapping::Log20];
+
+#[test]
+fn a_set_is_mapped_onto_itself_by_ranks() {
+    let energies = log_normal(500, 2.0, 0.0, 1);
+    let map = EnergyMap::new(&energies, &energies, Mapping::Ecdf);
+    let mut nearest = Nearest::new(&bank(&energies));
+    for (k, &e) in energies.iter().enumerate() {
+        assert_eq!(nearest.pick(map.wanted(map.rank(e)), 1, 0.0), Some(k));
+    }
+}
+
+#[test]
+fn ranks_match_heavy_tails_where_equal_bins_do_not() {
+    let (events, bank) = (log_normal(2000, 2.0, 3.0, 2), log_normal(300, 1.2, -4.0, 3));
+    // The largest difference between the shares of the mapped energies and of the bank's.
+    let distance = |mapping| {
+        let map = EnergyMap::new(&events, &bank, mapping);
+        let mut mapped: Vec<f64> = events.iter().map(|e| map.wanted(map.rank(*e))).collect();
+        mapped.sort_unstable_by(f64::total_cmp);
+        bank.iter().map(|e| (rank(&mapped, *e) - rank(&bank, *e)).abs()).fold(0.0, f64::max)
+    };
+    let [ecdf, linear, log] = ALL.map(distance);
+    assert!(ecdf < 0.005 && log < 0.06 && linear > 0.08 && log < linear, "{ecdf} {linear} {log}");
+    let binned = Binned::new(&events, false);
+    let first = binned.rank(events[0] + (events[1999] - events[0]) / 20.0);
+    assert!(first > 0.9, "most of the mass in the first bin: {first}");
+}
+
+#[test]
+fn nearest_goes_by_ratio_and_does_not_repeat_itself() {
+    let mut nearest = Nearest::new(&bank(&[1.0, 10.0, 100.0, 1000.0]));
+    assert_eq!(nearest.pick(4.0, 1, 0.0), Some(1));
+    assert_eq!(nearest.pick(3.0, 1, 0.0), Some(0));
+    assert_eq!(nearest.range(0.0, 1), 0..1);
+    assert_eq!(nearest.range(1e9, 2), 2..4);
+    assert_eq!(nearest.range(50.0, 9), 0..4);
+    let mut draw = Draw::new(4);
+    let mut last = None;
+    let mut seen = [0; 4];
+    for _ in 0..300 {
+        let pick = nearest.pick(30.0, 3, draw.unit()).unwrap();
+        assert!(pick != 3 && last != Some(pick));
+        last = Some(pick);
+        seen[pick] += 1;
+    }
+    assert!(seen[..3].iter().all(|n| *n > 80), "{seen:?}");
+    let mut single = Nearest::new(&bank(&[1.0]));
+    assert_eq!([single.pick(5.0, 4, 0.9), single.pick(0.0, 4, 0.9)], [Some(0), Some(0)]);
+}
+
+#[test]
+fn the_rolling_estimate_forgets_and_knows_its_rate() {
+    let mut rolling = Rolling::new(10.0);
+    // A hundred seconds of weak events, then strong ones.
+    let weak = log_normal(1000, 1.0, 0.0, 5);
+    let shuffled = |k: usize, set: &[f64]| set[k * 617 % set.len()];
+    for k in 0..1000 {
+        rolling.add(0.1 * k as f64, shuffled(k, &weak));
+    }
+    assert!((rolling.rate(100.0) - 10.0).abs() < 0.3, "{}", rolling.rate(100.0));
+    let middle = weak[500];
+    assert!((rolling.clone().add(100.0, middle) - 0.5).abs() < 0.05);
+    assert!(rolling.clone().add(100.0, 1e6 * middle) > 0.99);
+    for k in 0..1000 {
+        rolling.add(100.0 + 0.1 * k as f64, 1e6 * shuffled(k, &weak));
+    }
+    assert!((rolling.clone().add(200.0, 1e6 * middle) - 0.5).abs() < 0.05);
+    // Far later the weights are scaled anew, and all is forgotten.
+    let p = rolling.add(1e5, 1.0);
+    assert!((p - 0.5).abs() < 1e-6, "{p}");
+}
+
+#[test]
+fn a_seed_is_a_past_and_a_short_past_tells_the_rate_at_once() {
+    let energies = log_normal(400, 1.0, 0.0, 6);
+    let mut seeded = Rolling::new(60.0);
+    seeded.seed(&energies, 25.0);
+    assert!((seeded.rate(0.0) - 25.0).abs() < 1e-6);
+    assert!((seeded.add(0.0, energies[100]) - 0.25).abs() < 0.03);
+    let mut fresh = Rolling::new(60.0);
+    assert_eq!(fresh.add(0.05, 3.0), 0.5);
+    for k in 1..40 {
+        fresh.add(0.05 * f64::from(k), 1.0);
+    }
+    assert!((fresh.rate(2.0) - 20.0).abs() < 1.0, "{}", fresh.rate(2.0));
+}
+
+proptest! {
+    #[test]
+    fn matching_is_monotone_and_stays_in_the_bank(
+        seed in 0_u64..1000, n in 1_usize..60, m in 1_usize..60, a in -9.0..9.0, b in -9.0..9.0,
+    ) {
+        let (events, energies) = (log_normal(n, 2.0, 0.0, seed), log_normal(m, 1.0, 2.0, seed + 1));
+        let (low, high) = if a < b { (f64::exp(a), f64::exp(b)) } else { (f64::exp(b), f64::exp(a)) };
+        for mapping in ALL {
+            let map = EnergyMap::new(&events, &energies, mapping);
+            let mut nearest = Nearest::new(&bank(&energies));
+            let mut pick = |e: f64| nearest.pick(map.wanted(map.rank(e)), 1, 0.0).unwrap();
+            let (low, high) = (pick(low), pick(high));
+            prop_assert!(low <= high && high < m, "{:?} {} {}", mapping, low, high);
+        }
+    }
+
+    #[test]
+    fn ranks_do_not_feel_an_increasing_transform(seed in 0_u64..1000, power in 0.3..3.0, e in -4.0..4.0) {
+        let (events, energies) = (log_normal(40, 1.5, 0.0, seed), log_normal(30, 1.0, 2.0, seed + 1));
+        let other: Vec<f64> = events.iter().map(|e| 7.0 * e.powf(power)).collect();
+        let e = f64::exp(e);
+        let map = EnergyMap::new(&events, &energies, Mapping::Ecdf);
+        let same = EnergyMap::new(&other, &energies, Mapping::Ecdf);
+        prop_assert_eq!(map.wanted(map.rank(e)), same.wanted(same.rank(7.0 * e.powf(power))));
+        prop_assert_eq!(map.wanted(map.rank(events[7])), same.wanted(same.rank(other[7])));
+    }
+}

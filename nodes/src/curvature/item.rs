@@ -1,0 +1,71 @@
+//! Curvatures that travel between nodes.
+
+use serde::{Deserialize, Serialize};
+
+use crate::core::item::Item;
+use crate::core::random::Draw;
+use crate::mesh::{Mesh, MeshFormat};
+
+/// How a surface bends at one vertex in one frame, and where that vertex is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Curvature {
+    /// Signed mean curvature, 1/m: above 0 where it bulges towards its outside.
+    pub h: f64,
+    /// Area that the vertex stands for, m^2.
+    pub area: f64,
+    /// Unit normal.
+    pub normal: [f32; 3],
+    /// Position, m.
+    pub position: [f32; 3],
+    /// Whether the curvature has a meaning: not at a hem, a fin or a lone vertex.
+    pub valid: bool,
+}
+
+/// The curvature of a mesh that moves, frame by frame: one [`Curvature`] per vertex.
+#[derive(Debug)]
+pub struct Curvatures;
+
+impl Item for Curvatures {
+    type Elem = Curvature;
+    type Format = MeshFormat;
+    const NAME: &'static str = "curvature";
+    const COLUMNS: &'static [&'static str] = &["h", "area", "nx", "ny", "nz", "x", "y", "z", "valid"];
+
+    fn width(format: &MeshFormat) -> usize {
+        Mesh::width(format)
+    }
+
+    fn describe(format: &MeshFormat) -> String {
+        Mesh::describe(format)
+    }
+
+    fn trial_format(draw: &mut Draw) -> MeshFormat {
+        Mesh::trial_format(draw)
+    }
+
+    fn trial(format: &MeshFormat, place: usize, draw: &mut Draw) -> Curvature {
+        let h = if draw.below(6) == 0 { 0.0 } else { draw.between(-5.0, 5.0) };
+        let position = Mesh::trial(format, place, draw);
+        Curvature {
+            h,
+            area: draw.between(1e-5, 1e-3),
+            normal: [0.0, 0.0, 1.0],
+            position,
+            valid: draw.below(8) > 0,
+        }
+    }
+
+    fn finite(c: &Curvature) -> bool {
+        let places = c.normal.into_iter().chain(c.position);
+        c.h.is_finite() && c.area.is_finite() && places.into_iter().all(f32::is_finite)
+    }
+
+    fn poison() -> Curvature {
+        Curvature { h: f64::NAN, area: f64::NAN, valid: true, ..Curvature::default() }
+    }
+
+    fn numbers(c: &Curvature, out: &mut Vec<f32>) {
+        let Curvature { h, area, normal: [nx, ny, nz], position: [x, y, z], valid } = *c;
+        out.extend([h as f32, area as f32, nx, ny, nz, x, y, z, f32::from(u8::from(valid))]);
+    }
+}

@@ -1,0 +1,258 @@
+//! Signed mean curvature of a triangle mesh, at every vertex.
+
+use super::Curvature;
+use super::fans::closed_fans;
+use crate::contact::vector::{Vec3, add, cross, dot, norm, scale, sub, widen};
+use crate::mesh::{MeshError, MeshPrepare, Topology};
+
+/// How curvature is measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Method {
+    /// Cotangent Laplacian over mixed areas, projected on the normal.
+    Cotan,
+    /// Angles between the triangles at each edge, over mixed areas.
+    Dihedral,
+}
+
+/// A position in single or double precision.
+pub trait Point: Copy {
+    /// In double precision.
+    fn wide(self) -> [f64; 3];
+    /// In single precision.
+    fn narrow(self) -> [f32; 3];
+}
+
+impl Point for [f32; 3] {
+    #[inline]
+    fn wide(self) -> [f64; 3] {
+        widen(self)
+    }
+
+    #[inline]
+    fn narrow(self) -> [f32; 3] {
+        self
+    }
+}
+
+impl Point for [f64; 3] {
+    #[inline]
+    fn wide(self) -> [f64; 3] {
+        self
+    }
+
+    #[inline]
+    fn narrow(self) -> [f32; 3] {
+        self.map(|x| x as f32)
+    }
+}
+
+/// Area below which a vertex has no curvature, m^2.
+const LEAST_AREA: f64 = 1e-14;
+/// Cotangent of one degree: needles count as triangles of that angle.
+const MOST_COT: f64 = 57.289_961_630_759_42;
+
+/// What triangles add up to at a vertex.
+#[derive(Clone, Copy, Default)]
+struct Sums {
+    /// Cotangent sum, or for dihedral angles its first number alone: the sum of length times angle.
+    bend: Vec3,
+    normal: Vec3,
+    area: f64,
+}
+
+/// An edge between two triangles: its ends as the first triangle runs it, and the corner opposite in each.
+#[derive(Clone, Copy, Debug)]
+struct Hinge {
+    ends: [u32; 2],
+    wings: [u32; 2],
+}
+
+/// Measures the mean curvature of one mesh, frame after frame.
+///
+/// With `K_v = 1/(2 A_v) sum (cot a + cot b)(x_v - x_w)` and the angle-weighted normal `n_v`, `H_v = K_v . n_v / 2`: projected, since
+/// near `H = 0` the length of `K_v` is mostly tangential noise of the mesh. A sphere of radius `R` wound outwards has
+/// `H = 1/R`. The areas `A_v` are mixed ones, so that they add up to the mesh's area.
+///
+/// Winding is made consistent first, as [`MeshPrepare`] does.
+///
+/// # Limits
+/// Where the valence alternates (a grid with alternating diagonals) the pointwise value keeps an error of some per cent however fine
+/// the mesh; its integral converges. Positions in single precision 100 m away from the origin cost 0.01 1/m on edges of 25 mm.
+///
+/// # Source
+/// Meyer, Desbrun, Schröder and Barr, "Discrete Differential-Geometry Operators for Triangulated 2-Manifolds" (2003); used by An,
+/// James and Marschner (SIGGRAPH 2012), section 3, who leave the discretisation open.
+pub struct MeanCurvature {
+    triangles: Vec<[u32; 3]>,
+    hinges: Vec<Hinge>,
+    valid: Vec<bool>,
+    sums: Vec<Sums>,
+    method: Method,
+}
+
+impl MeanCurvature {
+    /// Prepares for a mesh.
+    ///
+    /// # Errors
+    /// A mesh that cannot be oriented, or a triangle outside of it.
+    pub fn new(topology: &Topology, method: Method) -> Result<Self, MeshError> {
+        let mesh = MeshPrepare::new(topology)?;
+        let vertices = topology.vertex_count();
+        let valid = closed_fans(&mesh, vertices);
+        let hinges = match method {
+            Method::Cotan => Vec::new(),
+            Method::Dihedral => hinges(&mesh),
+        };
+        let triangles = mesh.triangles().to_vec();
+        Ok(Self { triangles, hinges, valid, sums: vec![Sums::default(); vertices], method })
+    }
+
+    /// Per vertex: whether curvature can have a meaning there.
+    #[must_use]
+    pub fn valid(&self) -> &[bool] {
+        &self.valid
+    }
+
+    /// Measures one frame.
+    ///
+    /// # Shapes
+    /// `positions` and `out`: one per vertex; what is missing on either side is left out.
+    ///
+    /// # Errors
+    /// The first vertex whose position is not finite.
+    ///
+    /// # Complexity
+    /// O(V + T), nothing allocated.
+    pub fn measure<P: Point>(&mut self, positions: &[P], out: &mut [Curvature]) -> Result<(), usize> {
+        if positions.len() < self.sums.len() {
+            return Err(positions.len());
+        }
+        if let Some(v) = positions.iter().position(|p| !p.wide().iter().all(|x| x.is_finite())) {
+            return Err(v);
+        }
+        self.sums.fill(Sums::default());
+        match self.method {
+            Method::Cotan => {
+                self.triangles.iter().for_each(|t| add_triangle::<P, true>(*t, positions, &mut self.sums))
+            }
+            Method::Dihedral => {
+                self.triangles.iter().for_each(|t| add_triangle::<P, false>(*t, positions, &mut self.sums));
+                self.hinges.iter().for_each(|hinge| add_hinge(*hinge, positions, &mut self.sums));
+            }
+        }
+        let vertices = self.sums.iter().zip(&self.valid).zip(positions);
+        for (((sums, &valid), position), out) in vertices.zip(out) {
+            *out = self.method.curvature(sums, valid, position.narrow());
+        }
+        Ok(())
+    }
+}
+
+impl Method {
+    fn curvature(self, sums: &Sums, valid: bool, position: [f32; 3]) -> Curvature {
+        let length = norm(sums.normal);
+        let normal = if length > 0.0 { scale(sums.normal, 1.0 / length) } else { [0.0; 3] };
+        let valid = valid && sums.area >= LEAST_AREA && length > 0.0;
+        let h = match self {
+            _ if !valid => 0.0,
+            Self::Cotan => 0.25 * dot(sums.bend, normal) / sums.area,
+            Self::Dihedral => 0.25 * sums.bend[0] / sums.area,
+        };
+        let valid = valid && h.is_finite();
+        let h = if valid { h } else { 0.0 };
+        Curvature { h, area: sums.area, normal: normal.map(|x| x as f32), position, valid }
+    }
+}
+
+/// The angle whose sine and cosine are in the ratio `y : x`, with `y >= 0`.
+#[inline]
+fn angle(y: f64, x: f64) -> f64 {
+    y.atan2(x)
+}
+
+/// Cotangents of the three angles of a triangle, its mixed areas, and its part of the normals.
+#[inline]
+fn add_triangle<P: Point, const COTAN: bool>(t: [u32; 3], positions: &[P], sums: &mut [Sums]) {
+    let t = t.map(|v| v as usize);
+    let p = t.map(|v| positions[v].wide());
+    // Side k is opposite to corner k.
+    let sides = [sub(p[2], p[1]), sub(p[0], p[2]), sub(p[1], p[0])];
+    let normal = cross(sides[2], scale(sides[1], -1.0));
+    let double = norm(normal);
+    let dots = [-dot(sides[2], sides[1]), -dot(sides[0], sides[2]), -dot(sides[1], sides[0])];
+    if double > 0.0 {
+        let unit = scale(normal, 1.0 / double);
+        let first = angle(double, dots[0]);
+        let second = angle(double, dots[1]);
+        let angles = [first, second, std::f64::consts::PI - first - second];
+        let areas = mixed_areas(double, dots, &sides);
+        for k in 0..3 {
+            let sums = &mut sums[t[k]];
+            sums.normal = add(sums.normal, scale(unit, angles[k]));
+            sums.area += areas[k];
+        }
+    }
+    if COTAN {
+        for k in 0..3 {
+            let (j, l) = ((k + 1) % 3, (k + 2) % 3);
+            let pull = scale(sides[k], cotangent(dots[k], double));
+            sums[t[j]].bend = sub(sums[t[j]].bend, pull);
+            sums[t[l]].bend = add(sums[t[l]].bend, pull);
+        }
+    }
+}
+
+#[inline]
+fn cotangent(dot: f64, double: f64) -> f64 {
+    let cot = dot / double;
+    if cot.is_nan() { 0.0 } else { cot.clamp(-MOST_COT, MOST_COT) }
+}
+
+/// Shares of a triangle's area: of Voronoi where no angle is obtuse, half to the obtuse corner and a quarter to the others.
+#[inline]
+fn mixed_areas(double: f64, dots: [f64; 3], sides: &[Vec3; 3]) -> [f64; 3] {
+    let area = 0.5 * double;
+    if let Some(obtuse) = dots.iter().position(|d| *d < 0.0) {
+        let mut areas = [0.25 * area; 3];
+        areas[obtuse] = 0.5 * area;
+        return areas;
+    }
+    let shares = [0, 1, 2].map(|k| dot(sides[k], sides[k]) * dots[k] / double / 8.0);
+    [shares[1] + shares[2], shares[2] + shares[0], shares[0] + shares[1]]
+}
+
+/// Length times angle of an edge, which is above 0 where the surface is convex.
+#[inline]
+fn add_hinge<P: Point>(hinge: Hinge, positions: &[P], sums: &mut [Sums]) {
+    let at = |v: u32| positions[v as usize].wide();
+    let [a, b] = hinge.ends.map(at);
+    let [c, d] = hinge.wings.map(at);
+    let edge = sub(b, a);
+    let (n, m) = (cross(edge, sub(c, a)), cross(sub(d, a), edge));
+    let length = norm(edge);
+    let bend = dot(cross(n, m), edge).atan2(length * dot(n, m)) * length;
+    for v in hinge.ends {
+        sums[v as usize].bend[0] += bend;
+    }
+}
+
+/// All edges with a triangle on either side.
+fn hinges(mesh: &MeshPrepare) -> Vec<Hinge> {
+    let mut sides: Vec<([u32; 2], bool, u32)> = Vec::with_capacity(3 * mesh.triangles().len());
+    for t in mesh.triangles() {
+        for k in 0..3 {
+            let (a, b) = (t[k], t[(k + 1) % 3]);
+            sides.push(([a.min(b), a.max(b)], a < b, t[(k + 2) % 3]));
+        }
+    }
+    sides.sort_unstable();
+    let pairs = sides.chunk_by(|a, b| a.0 == b.0).filter_map(|group| match *group {
+        [(ends, false, down), (_, true, up)] => Some(Hinge { ends, wings: [up, down] }),
+        _ => None,
+    });
+    pairs.collect()
+}
+
+#[cfg(test)]
+#[path = "mean_tests.rs"]
+mod tests;

@@ -1,0 +1,191 @@
+use super::*;
+use crate::curvature::scenes::{Scene, crumpled, grid, icosphere, moved, paraboloid};
+use proptest::prelude::*;
+
+fn curvature_of(scene: &Scene, points: &[[f64; 3]], method: Method) -> Vec<Curvature> {
+    let mut out = vec![Curvature::default(); points.len()];
+    MeanCurvature::new(&scene.topology(), method).unwrap().measure(points, &mut out).unwrap();
+    out
+}
+
+fn curvature(scene: &Scene) -> Vec<Curvature> {
+    curvature_of(scene, &scene.points, Method::Cotan)
+}
+
+#[test]
+fn a_sphere_has_one_over_its_radius_everywhere() {
+    let sphere = icosphere(4);
+    for radius in [0.5, 2.0] {
+        let points = sphere.map(|p| p.map(|x| x * radius));
+        let worst = |method| {
+            let found = curvature_of(&sphere, &points, method);
+            assert!(found.iter().all(|c| c.valid));
+            found.iter().map(|c| (c.h * radius - 1.0).abs()).fold(0.0, f64::max)
+        };
+        let (cotan, dihedral) = (worst(Method::Cotan), worst(Method::Dihedral));
+        assert!(cotan < 1e-5, "{cotan}");
+        assert!((6e-4..1e-3).contains(&dihedral), "{dihedral}");
+    }
+}
+
+#[test]
+fn a_cylinder_has_half_of_one_over_its_radius() {
+    let radius = 0.3;
+    let patch = grid(21, 17, false, |u, v| [radius * (2.0 * u).sin(), 0.8 * v, radius * (2.0 * u).cos()]);
+    let found = curvature(&patch);
+    let inner: Vec<f64> = found.iter().filter(|c| c.valid).map(|c| 2.0 * radius * c.h).collect();
+    assert_eq!(inner.len(), 19 * 15);
+    // The chords of the grid, not the arc: the polygon's own curvature is off by (angle/2)/tan(angle/2) and like terms.
+    assert!(inner.iter().all(|x| (x - 1.0).abs() < 1e-9), "{inner:?}");
+}
+
+#[test]
+fn a_saddle_is_flat_on_average_at_its_apex() {
+    let saddle = grid(41, 41, true, |u, v| {
+        let (x, y) = (u - 0.5, v - 0.5);
+        [x, y, 0.7 * (x * x - y * y)]
+    });
+    for method in [Method::Cotan, Method::Dihedral] {
+        assert!(curvature_of(&saddle, &saddle.points, method)[20 * 41 + 20].h.abs() < 1e-12);
+    }
+}
+
+#[test]
+fn the_apex_of_a_paraboloid_has_the_known_value() {
+    let found = curvature(&paraboloid(1.3));
+    assert!((found[20 * 41 + 20].h - 1.299_313_8).abs() < 5e-8, "{}", found[20 * 41 + 20].h);
+    assert_eq!(found.iter().filter(|c| c.valid).count(), 1521);
+}
+
+#[test]
+fn flipped_winding_turns_the_sign() {
+    let sheet = crumpled(15, 3);
+    let (a, b) = (curvature(&sheet), curvature(&sheet.flipped()));
+    assert!(a.iter().zip(&b).all(|(a, b)| (a.h + b.h).abs() < 1e-13 * (1.0 + a.h.abs())));
+    assert!(a.iter().any(|c| c.h.abs() > 0.1));
+}
+
+#[test]
+fn areas_add_up_to_the_mesh_and_a_flat_sheet_is_flat_inside() {
+    let sheet = crumpled(20, 1);
+    let found = curvature(&sheet);
+    let corner = |t: &[u32; 3]| t.map(|v| sheet.points[v as usize]);
+    let area = |[a, b, c]: [[f64; 3]; 3]| 0.5 * norm(cross(sub(b, a), sub(c, a)));
+    let whole: f64 = sheet.triangles.iter().map(|t| area(corner(t))).sum();
+    let sum: f64 = found.iter().map(|c| c.area).sum();
+    assert!((sum / whole - 1.0).abs() < 1e-13, "{sum} {whole}");
+    let flat = grid(11, 11, true, |u, v| [u, v, 0.0]);
+    let found = curvature(&flat);
+    assert!(found.iter().all(|c| c.h.abs() < 1e-12), "nor do its hems buckle: they are invalid");
+    assert_eq!(found.iter().filter(|c| c.valid).count(), 81);
+}
+
+#[test]
+fn degenerate_triangles_and_collapsed_vertices_stay_finite() {
+    let mut sheet = grid(6, 6, true, |u, v| [u, v, 0.1 * u * v]);
+    sheet.points[8] = sheet.points[7];
+    sheet.points[20] = sheet.points[14].map(|x| x + 1e-13);
+    for method in [Method::Cotan, Method::Dihedral] {
+        assert!(
+            curvature_of(&sheet, &sheet.points, method).iter().all(|c| c.h.is_finite() && c.area.is_finite())
+        );
+        let heap = vec![[1.0; 3]; 36];
+        assert!(curvature_of(&sheet, &heap, method).iter().all(|c| !c.valid && c.h == 0.0));
+    }
+}
+
+#[test]
+fn a_position_that_is_no_number_is_named() {
+    let mut sheet = grid(4, 4, true, |u, v| [u, v, 0.0]);
+    let mut measure = MeanCurvature::new(&sheet.topology(), Method::Cotan).unwrap();
+    sheet.points[9][1] = f64::NAN;
+    assert_eq!(measure.measure(&sheet.points, &mut [Curvature::default(); 16]), Err(9));
+    assert_eq!(measure.measure(&sheet.points[..5], &mut [Curvature::default(); 16]), Err(5));
+}
+
+/// The definition, vertex by vertex, with angles: slow and plain.
+fn by_definition(scene: &Scene, v: usize) -> f64 {
+    let p = |k: u32| scene.points[k as usize];
+    let (mut k, mut n, mut area) = ([0.0; 3], [0.0; 3], 0.0);
+    for t in &scene.triangles {
+        let Some(at) = t.iter().position(|c| *c as usize == v) else { continue };
+        let [a, b, c] = [p(t[at]), p(t[(at + 1) % 3]), p(t[(at + 2) % 3])];
+        let corner = |a: [f64; 3], b: [f64; 3], c: [f64; 3]| {
+            let (u, w) = (sub(b, a), sub(c, a));
+            (dot(u, w) / norm(u) / norm(w)).acos()
+        };
+        let (at_a, at_b, at_c) = (corner(a, b, c), corner(b, c, a), corner(c, a, b));
+        k = add(k, scale(sub(a, b), 1.0 / at_c.tan()));
+        k = add(k, scale(sub(a, c), 1.0 / at_b.tan()));
+        let face = cross(sub(b, a), sub(c, a));
+        n = add(n, scale(face, at_a / norm(face)));
+        let right = std::f64::consts::FRAC_PI_2;
+        let square = |x: [f64; 3]| dot(x, x);
+        area += if at_a > right {
+            0.25 * norm(face)
+        } else if at_b > right || at_c > right {
+            0.125 * norm(face)
+        } else {
+            (square(sub(a, c)) / at_b.tan() + square(sub(a, b)) / at_c.tan()) / 8.0
+        };
+    }
+    0.5 * dot(scale(k, 1.0 / (2.0 * area)), scale(n, 1.0 / norm(n)))
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    #[test]
+    fn it_is_the_definition(seed in 0_u64..1000) {
+        let sheet = crumpled(9, seed);
+        let found = curvature(&sheet);
+        for (v, c) in found.iter().enumerate().filter(|(_, c)| c.valid) {
+            let slow = by_definition(&sheet, v);
+            prop_assert!((c.h - slow).abs() < 1e-9 * (1.0 + slow.abs()), "{} {}", c.h, slow);
+        }
+    }
+
+    #[test]
+    fn both_methods_agree_on_smooth_sheets_in_the_integral(seed in 0_u64..1000) {
+        let sheet = crumpled(41, seed);
+        let total = |method| -> f64 {
+            let found = curvature_of(&sheet, &sheet.points, method);
+            found.iter().filter(|c| c.valid).map(|c| c.h * c.area).sum()
+        };
+        let (cotan, dihedral) = (total(Method::Cotan), total(Method::Dihedral));
+        prop_assert!((cotan - dihedral).abs() < 0.01 * (0.5 + cotan.abs()), "{} {}", cotan, dihedral);
+    }
+
+    #[test]
+    fn motion_leaves_it_and_scale_divides_it(
+        seed in 0_u64..1000, turn in -3.0..3.0, shift in prop::array::uniform3(-2.0..2.0), k in 0.1..20.0_f64,
+    ) {
+        let sheet = crumpled(12, seed);
+        for method in [Method::Cotan, Method::Dihedral] {
+            let base = curvature_of(&sheet, &sheet.points, method);
+            let rigid = curvature_of(&sheet, &sheet.map(|p| moved(p, turn, shift)), method);
+            let large = curvature_of(&sheet, &sheet.map(|p| p.map(|x| k * x)), method);
+            for ((a, b), c) in base.iter().zip(&rigid).zip(&large) {
+                prop_assert!((a.h - b.h).abs() < 1e-9 * (1.0 + a.h.abs()), "{} {}", a.h, b.h);
+                prop_assert!((a.h - k * c.h).abs() < 1e-9 * (1.0 + a.h.abs()), "{} {}", a.h, c.h);
+            }
+        }
+    }
+
+    #[test]
+    fn other_numbers_of_vertices_permute_it(seed in 0_u64..1000, step in 1_usize..80) {
+        let sheet = crumpled(9, seed);
+        // A multiplication by a unit modulo 83 that skips numbers beyond the last.
+        let order: Vec<usize> = (1..83).map(|k| k * step % 83).filter(|k| *k <= 81).map(|k| k - 1).collect();
+        let mut place = vec![0_u32; 81];
+        order.iter().enumerate().for_each(|(new, &old)| place[old] = new as u32);
+        let points = order.iter().map(|&old| sheet.points[old]).collect();
+        let triangles = sheet.triangles.iter().rev().map(|t| [t[1], t[2], t[0]].map(|v| place[v as usize])).collect();
+        let (a, b) = (curvature(&sheet), curvature(&Scene { points, triangles }));
+        for (v, a) in a.iter().enumerate() {
+            let b = b[place[v] as usize];
+            prop_assert_eq!(a.valid, b.valid);
+            prop_assert!((a.h - b.h).abs() < 1e-10 * (1.0 + a.h.abs()));
+        }
+    }
+}

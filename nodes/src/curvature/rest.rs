@@ -1,0 +1,230 @@
+//! How much the curvature of a still cloth trembles: the dead band that keeps noise from buckling.
+
+use serde::{Deserialize, Serialize};
+
+use super::{Curvature, Curvatures};
+use crate::core::fault::{Fault, Reject};
+use crate::core::files::MemoryFiles;
+use crate::core::item::Data;
+use crate::core::node::{Class, Node, Summary};
+use crate::core::params::Params;
+use crate::core::ports::{Fold, Stream};
+use crate::core::random::Draw;
+use crate::core::shape::{Build, Shape};
+use crate::core::time::ticks;
+use crate::{params, ports};
+
+/// Noise of the curvature of a cloth that hangs still, and the dead band that follows.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct RestNoise {
+    /// Standard deviation over time, averaged over the vertices, 1/m.
+    pub deviation: f64,
+    /// Dead band: a multiple of it, 1/m.
+    pub h_eps: f64,
+    /// Frames that were looked at.
+    pub frames: u64,
+}
+
+impl Data for RestNoise {
+    const NAME: &'static str = "rest noise";
+
+    fn trial(draw: &mut Draw) -> Self {
+        let deviation = draw.between(0.0, 0.5);
+        Self { deviation, h_eps: 3.0 * deviation, frames: 30 }
+    }
+}
+
+/// Mean and square deviation of every vertex, frame by frame (Welford).
+#[derive(Clone, Debug, Default)]
+pub struct RestMeter {
+    /// Count, mean and sum of squares.
+    vertices: Vec<(f64, f64, f64)>,
+    frames: u64,
+}
+
+impl RestMeter {
+    /// A meter for this many vertices.
+    #[must_use]
+    pub fn new(vertices: usize) -> Self {
+        Self { vertices: vec![(0.0, 0.0, 0.0); vertices], frames: 0 }
+    }
+
+    /// Adds a frame.
+    pub fn add(&mut self, frame: &[Curvature]) {
+        self.frames += 1;
+        for ((n, mean, square), c) in self.vertices.iter_mut().zip(frame).filter(|(_, c)| c.valid) {
+            *n += 1.0;
+            let off = c.h - *mean;
+            *mean += off / *n;
+            *square += off * (c.h - *mean);
+        }
+    }
+
+    /// The noise so far; 0 where fewer than two frames were seen.
+    #[must_use]
+    pub fn noise(&self, factor: f64) -> RestNoise {
+        let usable = self.vertices.iter().filter(|v| v.0 > 1.0);
+        let (sum, degrees) = usable.fold((0.0, 0.0), |(sum, n), v| (sum + v.2, n + v.0 - 1.0));
+        let deviation = if degrees > 0.0 { f64::sqrt(sum / degrees) } else { 0.0 };
+        RestNoise { deviation, h_eps: factor * deviation, frames: self.frames }
+    }
+}
+
+params! {
+    /// Measures how much the curvature of a cloth trembles while it rests, for the dead band of `BuckleDetector`.
+    ///
+    /// Link its output to `h_eps` there. The interval has to be one in which the cloth does not move: what moves in it counts as
+    /// noise. One tenth of a millimetre of jitter on edges of 25 mm gives a deviation of 0.2 1/m, and hundreds of false buckles
+    /// in each frame. Two frames at least are needed; with fewer the dead band is 0.
+    ///
+    /// # Source
+    /// An addition: An, James and Marschner (SIGGRAPH 2012), section 3, test signs alone.
+    pub struct RestParams {
+        /// Where the still interval begins.
+        from: f64 = 0.0, unit "s", range 0.0..=86_400.0;
+        /// Where it ends.
+        to: f64 = 0.25, unit "s", range 0.0..=86_400.0;
+        /// Dead band in deviations.
+        factor: f64 = 3.0, unit "", range 0.0..=100.0;
+    }
+}
+ports! {
+    pub struct RestPorts / RestIo {
+        in {
+            /// Curvature of the cloth.
+            curvature: Stream<Curvatures>,
+        }
+        out {
+            /// Its noise.
+            noise: Fold<RestNoise>,
+        }
+    }
+}
+
+/// The node over [`RestMeter`].
+pub struct RestNoiseNode {
+    meter: RestMeter,
+    frames: std::ops::Range<i64>,
+    factor: f64,
+}
+
+impl Node for RestNoiseNode {
+    type Params = RestParams;
+    type Ports = RestPorts;
+    const NAME: &'static str = "RestNoise";
+    const CLASS: Class = Class::Offline;
+
+    fn shape(p: &RestParams, s: &mut Shape<'_, '_, RestPorts>) -> Result<(), Reject> {
+        if p.to < p.from {
+            let message = format!("`to` is {} s, `from` {} s", p.to, p.from);
+            return Err(Reject::new("F110", message).at("to").help("it must not be less"));
+        }
+        if s.input(RestPorts::curvature).end.is_none() {
+            return Err(Reject::new("F075", "`curvature` does not end").at("curvature"));
+        }
+        Ok(())
+    }
+
+    fn build(p: &RestParams, cx: &Build<'_>) -> Result<Self, Fault> {
+        let curvature = cx.input(RestPorts::curvature);
+        // After the end of a cloth that is cut short nothing is measured.
+        let last = curvature.items().unwrap_or(i64::MAX);
+        let at = |seconds: f64| curvature.rate.first_at(ticks(seconds)).min(last);
+        let meter = RestMeter::new(curvature.format.topology.vertex_count());
+        Ok(Self { meter, frames: at(p.from)..at(p.to), factor: p.factor })
+    }
+
+    fn run(&mut self, io: RestIo<'_>) -> Result<(), Fault> {
+        let frames = io.curvature.items().chunks_exact(io.curvature.width().max(1));
+        for (_, frame) in (io.curvature.first()..).zip(frames).filter(|(k, _)| self.frames.contains(k)) {
+            self.meter.add(frame);
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self, mut io: RestIo<'_>) -> Result<Summary, Fault> {
+        let noise = self.meter.noise(self.factor);
+        let mut told: Summary = vec![
+            ("frames", noise.frames.into()),
+            ("deviation_per_m", noise.deviation.into()),
+            ("h_eps_per_m", noise.h_eps.into()),
+        ];
+        if noise.frames < 2 {
+            told.push((
+                "warning",
+                "the still interval holds fewer than two frames: the dead band is 0".into(),
+            ));
+        }
+        io.noise.set(noise);
+        Ok(told)
+    }
+
+    fn trial(draw: &mut Draw) -> (RestParams, MemoryFiles) {
+        let from = draw.between(0.0, 0.1);
+        let params = RestParams { from, to: from + draw.between(0.0, 0.5), ..RestParams::trial(draw) };
+        (params, MemoryFiles::default())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::core::solo::Solo;
+    use crate::core::time::Rate;
+    use crate::curvature::scenes::{crumpled, grid};
+    use crate::curvature::{MeanCurvature, Method};
+    use crate::mesh::MeshFormat;
+
+    #[test]
+    fn jitter_of_a_tenth_of_a_millimetre_gives_the_known_noise() {
+        let (n, frames) = (21, 40);
+        let flat = grid(n, n, true, |u, v| [0.5 * u, 0.5 * v, 0.0]);
+        let random = crate::core::random::Random::new(5, "jitter");
+        let normal = |k: u64| (0..12).map(|lane| random.uniform(1, k, lane)).sum::<f64>() - 6.0;
+        let mut measure = MeanCurvature::new(&flat.topology(), Method::Cotan).unwrap();
+        let mut meter = RestMeter::new(n * n);
+        let mut out = vec![Curvature::default(); n * n];
+        for frame in 0..frames {
+            let mut k = frame * 10_000;
+            let jitter = |x: f64| {
+                k += 1;
+                x + 1e-4 * normal(k)
+            };
+            let jitter = std::cell::RefCell::new(jitter);
+            let points = flat.map(|p| p.map(|x| (jitter.borrow_mut())(x)));
+            measure.measure(&points, &mut out).unwrap();
+            meter.add(&out);
+        }
+        let noise = meter.noise(3.0);
+        assert!((0.1..0.5).contains(&noise.deviation), "{noise:?}");
+        assert!((noise.h_eps - 3.0 * noise.deviation).abs() < 1e-12);
+    }
+
+    #[test]
+    fn only_the_interval_counts_and_stillness_is_no_noise() {
+        let sheet = crumpled(5, 1);
+        let n = sheet.points.len();
+        let still: Vec<Curvature> =
+            (0..n).map(|v| Curvature { h: v as f64, valid: true, ..Curvature::default() }).collect();
+        let mut frames: Vec<Curvature> = still.repeat(20);
+        frames[15 * n..].iter_mut().enumerate().for_each(|(k, c)| c.h = (k % 3) as f64);
+        let solo = |to| {
+            Solo::new::<RestNoiseNode>(RestParams { from: 0.0, to, factor: 2.0 })
+                .input(
+                    RestPorts::curvature,
+                    Rate::hz(60),
+                    MeshFormat::moving(sheet.topology()),
+                    frames.clone(),
+                )
+                .run()
+                .unwrap()
+        };
+        let run = solo(0.25);
+        assert_eq!(
+            run.value(0).unwrap().get::<RestNoise>(),
+            Some(&RestNoise { deviation: 0.0, h_eps: 0.0, frames: 15 })
+        );
+        assert!(solo(0.4).value(0).unwrap().get::<RestNoise>().unwrap().deviation > 0.5);
+        assert!(solo(0.01).summary.iter().any(|(k, _)| *k == "warning"));
+    }
+}
