@@ -2,7 +2,8 @@
 //!
 //! Every algorithm is ordinary Rust on slices; a node is a thin typed description around it.
 //! The families follow the field: [`io`] and [`dsp`] for audio, [`mesh`] for motion,
-//! [`contact`] and [`friction`] for cloth that slides, [`modal`] for things that are struck. [`core`] says what a node is.
+//! [`contact`] and [`friction`] for cloth that slides, [`modal`] for things that are struck,
+//! [`spatial`] for where they are heard. [`core`] says what a node is.
 #![forbid(unsafe_code)]
 
 pub mod contact;
@@ -15,3 +16,4 @@ pub mod mesh;
 pub mod modal;
 pub mod plot;
 pub mod registry;
+pub mod spatial;

@@ -3,6 +3,7 @@
 use crate::contact::detector_node::ContactDetector;
 use crate::contact::speed_nodes::{SlidingSpeed, SpeedMapNode};
 use crate::core::node::NodeType;
+use crate::friction::binaural_node::BinauralIftNoise;
 use crate::friction::builder_node::FrictionModelBuilder;
 use crate::friction::ift_noise_node::IftNoiseNode;
 use crate::friction::model_nodes::{FrictionModelFile, FrictionModelFromClips};
@@ -13,6 +14,11 @@ use crate::modal::force_node::ImpactForce;
 use crate::modal::from_recording::ModalFromRecording;
 use crate::modal::impact_file_node::ImpactFile;
 use crate::modal::modes_file::ModesFile;
+use crate::spatial::distance_node::DistanceGain;
+use crate::spatial::hrtf_node::StructuralHrtf;
+use crate::spatial::orbit_node::Orbit;
+use crate::spatial::pose_file_node::PoseFile;
+use crate::spatial::vertex_pose::VertexPose;
 use crate::{dsp, io, live};
 
 /// Every node type, one line each, by family.
@@ -49,6 +55,7 @@ pub fn all() -> Vec<NodeType> {
         NodeType::of::<SlidingSpeed>("contact"),
         NodeType::each::<SpeedMapNode>("contact"),
         NodeType::of::<IftNoiseNode>("friction"),
+        NodeType::of::<BinauralIftNoise>("friction"),
         NodeType::of::<FrictionModelBuilder>("friction"),
         NodeType::func::<FrictionModelFromClips>("friction"),
         NodeType::func::<FrictionModelFile>("friction"),
@@ -57,6 +64,11 @@ pub fn all() -> Vec<NodeType> {
         NodeType::of::<ModalBankNode>("modal"),
         NodeType::func::<ModalFromRecording>("modal"),
         NodeType::func::<ModesFile>("modal"),
+        NodeType::of::<StructuralHrtf>("spatial"),
+        NodeType::of::<DistanceGain>("spatial"),
+        NodeType::of::<Orbit>("spatial"),
+        NodeType::of::<PoseFile>("spatial"),
+        NodeType::each::<VertexPose>("spatial"),
         NodeType::of::<live::LiveControl>("live"),
         NodeType::of::<live::LiveImpacts>("live"),
     ]

@@ -20,7 +20,7 @@ pub mod speed_nodes;
 pub mod spline;
 pub mod tree;
 pub mod triangle;
-mod vector;
+pub(crate) mod vector;
 
 #[cfg(test)]
 mod tests;
