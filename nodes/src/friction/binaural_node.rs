@@ -17,7 +17,7 @@ use crate::core::time::{Rate, Tick};
 use crate::dsp;
 use crate::mesh::Mesh;
 use crate::spatial::hrtf_node::Pinna;
-use crate::spatial::track::{self, listener, pose_at};
+use crate::spatial::track::{listener, pose_at};
 use crate::spatial::{Distance, Head, HeadReceiver, Pose, Poses};
 use crate::{params, ports};
 
@@ -146,7 +146,8 @@ impl Node for BinauralIftNoise {
         s.when_ended(Port::mesh, Ends::Hold);
         if let Some(poses) = s.optional(Port::listener) {
             let near = frames_of(speeds.rate, poses.rate);
-            s.reach(Port::listener, near + track::PAST, near + track::AHEAD);
+            // Poses lie on a cubic, which needs one frame more than a line.
+            s.reach(Port::listener, near + 1, near + 1);
         }
         s.when_ended(Port::listener, Ends::Hold);
         s.output(Port::audio, p.rate, Channels(2));
