@@ -19,6 +19,8 @@ use crate::spatial::hrtf_node::StructuralHrtf;
 use crate::spatial::orbit_node::Orbit;
 use crate::spatial::pose_file_node::PoseFile;
 use crate::spatial::vertex_pose::VertexPose;
+use crate::warp::fit_node::TpsFit;
+use crate::warp::nodes::{Correspondences, TpsWarp, WarpFile};
 use crate::{dsp, io, live};
 
 /// Every node type, one line each, by family.
@@ -69,6 +71,10 @@ pub fn all() -> Vec<NodeType> {
         NodeType::of::<Orbit>("spatial"),
         NodeType::of::<PoseFile>("spatial"),
         NodeType::each::<VertexPose>("spatial"),
+        NodeType::func::<Correspondences>("warp"),
+        NodeType::of::<TpsFit>("warp"),
+        NodeType::of::<TpsWarp>("warp"),
+        NodeType::func::<WarpFile>("warp"),
         NodeType::of::<live::LiveControl>("live"),
         NodeType::of::<live::LiveImpacts>("live"),
     ]

@@ -65,16 +65,25 @@ impl WarpMap {
     ///
     /// # Errors
     /// As [`fit`].
-    pub fn fit(pairs: &[Pair], d: usize, stiffness: Stiffness, target: &[f32], database: &[f32]) -> Result<Self, FitError> {
+    pub fn fit(
+        pairs: &[Pair],
+        d: usize,
+        stiffness: Stiffness,
+        target: &[f32],
+        database: &[f32],
+    ) -> Result<Self, FitError> {
         let (spline, report) = fit(pairs, d, stiffness)?;
-        let mut this = Self { spline, report, cloud: Cloud::new(pairs, target, database, d, DRAWN), ..Self::default() };
+        let mut this =
+            Self { spline, report, cloud: Cloud::new(pairs, target, database, d, DRAWN), ..Self::default() };
         this.survey(target);
         Ok(this)
     }
 
     fn survey(&mut self, target: &[f32]) {
         let (d, tps) = (self.spline.dims, &self.spline);
-        let way = |x: &mut dyn Iterator<Item = f64>| x.zip(&tps.centre).map(|(x, c)| (x - c).powi(2)).sum::<f64>().sqrt();
+        let way = |x: &mut dyn Iterator<Item = f64>| {
+            x.zip(&tps.centre).map(|(x, c)| (x - c).powi(2)).sum::<f64>().sqrt()
+        };
         self.radius = tps.nodes.chunks_exact(d).map(|x| way(&mut x.iter().copied())).fold(0.0, f64::max);
         let mut warper = Warper::new(tps);
         let (mut units, mut folds, mut outside) = (0_usize, 0_usize, 0_usize);
@@ -82,7 +91,9 @@ impl WarpMap {
             let Some(unit) = target.get(k * d..(k + 1) * d) else { continue };
             units += 1;
             folds += usize::from(warper.determinant(unit) <= 0.0);
-            outside += usize::from(!tps.is_empty() && way(&mut unit.iter().map(|x| f64::from(*x))) > FAR * self.radius);
+            outside += usize::from(
+                !tps.is_empty() && way(&mut unit.iter().map(|x| f64::from(*x))) > FAR * self.radius,
+            );
         }
         self.folds = folds as f64 / units.max(1) as f64;
         self.outside = outside as f64 / units.max(1) as f64;
@@ -94,7 +105,10 @@ impl Warp {
     #[must_use]
     pub fn fault(&self) -> Option<String> {
         if self.version != WARP_VERSION {
-            return Some(format!("the warp has version {}; this reads version {WARP_VERSION}: fit it again", self.version));
+            return Some(format!(
+                "the warp has version {}; this reads version {WARP_VERSION}: fit it again",
+                self.version
+            ));
         }
         let d = self.conventions.dims();
         if self.maps.is_empty() {
@@ -138,7 +152,13 @@ impl Data for Warp {
         let count = draw.below(pairs.len() + 1);
         // A stiff fit of scattered pairs always exists.
         let map = WarpMap::fit(&pairs[..count], d, Stiffness::Lambda(1.0), &[], &[]).unwrap_or_default();
-        Self { version: WARP_VERSION, conventions, maps: vec![map], correspondences: String::new(), recordings: Vec::new() }
+        Self {
+            version: WARP_VERSION,
+            conventions,
+            maps: vec![map],
+            correspondences: String::new(),
+            recordings: Vec::new(),
+        }
     }
 
     fn plot(&self) -> Option<String> {

@@ -99,7 +99,8 @@ pub(crate) fn draw(map: &WarpMap) -> String {
             })
             .collect::<Vec<_>>()
     };
-    let (database, before, after) = (rows(&map.cloud.database), rows(&map.cloud.target), warped(&map.cloud.target));
+    let (database, before, after) =
+        (rows(&map.cloud.database), rows(&map.cloud.target), warped(&map.cloud.target));
     let ends = rows(&map.cloud.pairs);
     let moved = warped(&map.cloud.pairs);
     let all: Vec<[f64; 2]> = [&database, &before, &after, &ends].into_iter().flatten().copied().collect();
@@ -147,7 +148,8 @@ mod tests {
     #[test]
     fn the_figure_has_both_panels_and_a_dot_per_vector() {
         let pair = Pair { from: vec![0.0, 1.0], to: vec![2.0, 1.0], weight: 1.0 };
-        let map = WarpMap::fit(&[pair], 2, Stiffness::Lambda(0.0), &[0.0, 1.0, 3.0, 3.0], &[2.0, 2.0]).unwrap();
+        let map =
+            WarpMap::fit(&[pair], 2, Stiffness::Lambda(0.0), &[0.0, 1.0, 3.0, 3.0], &[2.0, 2.0]).unwrap();
         let svg = draw(&map);
         assert_eq!(svg.matches("<circle").count(), 2 * (2 + 1));
         assert_eq!(svg.matches("<line").count(), 2);

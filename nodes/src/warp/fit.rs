@@ -191,7 +191,10 @@ impl Nodes {
     /// Mean distance of two nodes, in plain units.
     fn mean_distance(&self, d: usize) -> f64 {
         let n = self.len();
-        let all: f64 = (0..n).flat_map(|i| (0..i).map(move |j| (i, j))).map(|(i, j)| self.distance(d, i, j).sqrt()).sum();
+        let all: f64 = (0..n)
+            .flat_map(|i| (0..i).map(move |j| (i, j)))
+            .map(|(i, j)| self.distance(d, i, j).sqrt())
+            .sum();
         self.scale * all / (n * n.saturating_sub(1) / 2).max(1) as f64
     }
 }
@@ -315,7 +318,11 @@ impl Problem {
             all.extend(g);
             self.unreflected(all)
         });
-        Some(Solution { scaled: scaled.collect(), freedom: n as f64 - scaled_lambda * trace, lambda: scaled_lambda })
+        Some(Solution {
+            scaled: scaled.collect(),
+            freedom: n as f64 - scaled_lambda * trace,
+            lambda: scaled_lambda,
+        })
     }
 
     /// Weighted sum of squares of what is left at the nodes, over all outputs.

@@ -128,13 +128,17 @@ impl Tridiagonal {
 pub(crate) fn principal(points: &[f64], d: usize) -> Vec<(f64, Vec<f64>)> {
     let n = points.len() / d.max(1);
     let mut columns: Vec<Vec<f64>> = (0..d).map(|k| (0..n).map(|i| points[i * d + k]).collect()).collect();
-    let mut vectors: Vec<Vec<f64>> = (0..d).map(|k| (0..d).map(|i| f64::from(u8::from(i == k))).collect()).collect();
+    let mut vectors: Vec<Vec<f64>> =
+        (0..d).map(|k| (0..d).map(|i| f64::from(u8::from(i == k))).collect()).collect();
     for _ in 0..30 {
         let mut turned = false;
         for p in 0..d {
             for q in p + 1..d {
-                let (a, b, c) =
-                    (dot(&columns[p], &columns[p]), dot(&columns[q], &columns[q]), dot(&columns[p], &columns[q]));
+                let (a, b, c) = (
+                    dot(&columns[p], &columns[p]),
+                    dot(&columns[q], &columns[q]),
+                    dot(&columns[p], &columns[q]),
+                );
                 if c.abs() <= 1e-15 * (a * b).sqrt() {
                     continue;
                 }
@@ -166,9 +170,8 @@ pub(crate) fn principal(points: &[f64], d: usize) -> Vec<(f64, Vec<f64>)> {
 pub(crate) fn solve_dense(matrix: &mut [f64], m: usize, right: &mut [Vec<f64>]) -> f64 {
     let mut determinant = 1.0;
     for k in 0..m {
-        let pivot = (k..m).fold(k, |best, i| {
-            if matrix[i * m + k].abs() > matrix[best * m + k].abs() { i } else { best }
-        });
+        let pivot = (k..m)
+            .fold(k, |best, i| if matrix[i * m + k].abs() > matrix[best * m + k].abs() { i } else { best });
         if matrix[pivot * m + k] == 0.0 {
             return 0.0;
         }

@@ -75,7 +75,12 @@ fn within(segment: &Segment, start: f64, length: f64) -> Option<Range<usize>> {
     fits.then(|| first + units.start..first + units.end)
 }
 
-fn of_source(c: &Correspondence, name: &SourceName, vector: usize, db: &UnitDatabase) -> Result<Range<usize>, String> {
+fn of_source(
+    c: &Correspondence,
+    name: &SourceName,
+    vector: usize,
+    db: &UnitDatabase,
+) -> Result<Range<usize>, String> {
     let index = match name {
         SourceName::Index(index) => *index as usize,
         SourceName::Provenance(text) => {
@@ -135,7 +140,11 @@ fn of_units(c: &Correspondence, db: &UnitDatabase) -> Result<Range<usize>, Strin
 /// # Errors
 /// Names file, line and column of one that lies outside of the target or the recordings, runs across a join, names a channel
 /// that is not there, or holds no whole unit.
-pub fn stretches(set: &CorrespondenceSet, target: Target, db: &UnitDatabase) -> Result<Vec<Stretch>, SetError> {
+pub fn stretches(
+    set: &CorrespondenceSet,
+    target: Target,
+    db: &UnitDatabase,
+) -> Result<Vec<Stretch>, SetError> {
     let mut all = Vec::new();
     for (index, c) in set.pairs.iter().enumerate().filter(|(_, c)| c.enabled) {
         let wrong = |message: String| SetError {
@@ -144,14 +153,20 @@ pub fn stretches(set: &CorrespondenceSet, target: Target, db: &UnitDatabase) -> 
             message: format!("{}: {message}", c.name(index)),
         };
         if let Some(channel) = c.channel.filter(|channel| *channel as usize >= target.vectors) {
-            let message = format!("there is no channel {channel}; the features have {}, counted from 0", target.vectors);
+            let message = format!(
+                "there is no channel {channel}; the features have {}, counted from 0",
+                target.vectors
+            );
             return Err(wrong(message));
         }
         let units = whole_units(c.target * target.rate, c.duration * target.rate);
         if units.end > target.units {
             let end = target.units as f64 / target.rate;
-            let message =
-                format!("{:.3} to {:.3} s is outside of the target, which lasts {end:.3} s", c.target, c.target + c.duration);
+            let message = format!(
+                "{:.3} to {:.3} s is outside of the target, which lasts {end:.3} s",
+                c.target,
+                c.target + c.duration
+            );
             return Err(wrong(message));
         }
         for vector in (0..target.vectors).filter(|v| c.channel.is_none_or(|channel| channel as usize == *v)) {
@@ -162,7 +177,8 @@ pub fn stretches(set: &CorrespondenceSet, target: Target, db: &UnitDatabase) -> 
             let database = database.map_err(wrong)?;
             if units.is_empty() || database.is_empty() {
                 let side = if units.is_empty() { "target" } else { "database" };
-                let message = format!("{} s hold no whole unit of the {side}; a longer duration is needed", c.duration);
+                let message =
+                    format!("{} s hold no whole unit of the {side}; a longer duration is needed", c.duration);
                 return Err(wrong(message));
             }
             all.push(Stretch { correspondence: index, vector, target: units.clone(), database });
@@ -242,11 +258,14 @@ pub fn pairs(
         let from: Vec<&[f32]> = stretch.target.clone().map(target).collect();
         let to: Vec<&[f32]> = stretch.database.clone().map(|unit| db.feature(unit)).collect();
         let wide = |x: &[f32]| x.iter().map(|x| f64::from(*x)).collect::<Vec<_>>();
-        let mut add = |from: Vec<f64>, to: Vec<f64>| all.push((stretch.correspondence, Pair { from, to, weight }));
+        let mut add =
+            |from: Vec<f64>, to: Vec<f64>| all.push((stretch.correspondence, Pair { from, to, weight }));
         match pairing {
             Pairing::InOrder => from.iter().zip(&to).for_each(|(a, b)| add(wide(a), wide(b))),
             Pairing::Centroid => add(mean(from.iter().copied(), d), mean(to.iter().copied(), d)),
-            Pairing::Dtw => time_warp(&from, &to, d).into_iter().for_each(|(i, j)| add(wide(from[i]), wide(to[j]))),
+            Pairing::Dtw => {
+                time_warp(&from, &to, d).into_iter().for_each(|(i, j)| add(wide(from[i]), wide(to[j])))
+            }
         }
     }
     all
@@ -271,7 +290,9 @@ mod tests {
             conventions,
             floor_energy: 1e-10,
             segments: vec![segment(0, 240, 0, 0), segment(240, 120, 1, 0), segment(360, 120, 1, 1)],
-            sources: ["drag.wav", "crumple.wav"].map(|p| UnitSource { provenance: p.into(), ..UnitSource::default() }).into(),
+            sources: ["drag.wav", "crumple.wav"]
+                .map(|p| UnitSource { provenance: p.into(), ..UnitSource::default() })
+                .into(),
             audio: Vec::new(),
             unfiltered: features.clone(),
             features,
@@ -289,8 +310,14 @@ mod tests {
     #[test]
     fn an_unaligned_tenth_of_a_second_holds_23_units_and_an_aligned_one_24() {
         let count = |at: f64, seconds: f64, rate: f64| whole_units(at * rate, seconds * rate).len();
-        assert_eq!((count(0.1234, 0.1, 240.0), count(0.1234, 0.2, 240.0), count(0.123, 0.1, 60.0)), (23, 47, 5));
-        assert_eq!((count(0.5, 0.1, 240.0), count(0.0, 0.1, 240.0), count(1.0 / 3.0, 0.1, 240.0)), (24, 24, 24));
+        assert_eq!(
+            (count(0.1234, 0.1, 240.0), count(0.1234, 0.2, 240.0), count(0.123, 0.1, 60.0)),
+            (23, 47, 5)
+        );
+        assert_eq!(
+            (count(0.5, 0.1, 240.0), count(0.0, 0.1, 240.0), count(1.0 / 3.0, 0.1, 240.0)),
+            (24, 24, 24)
+        );
         // Node counts of the paper's table.
         assert_eq!((2 * 23 + 3 * 47, 7 * 23 + 47, 3 * 5), (187, 208, 15));
     }
@@ -300,7 +327,8 @@ mod tests {
         let all = found("(target: 0.5, source: 1, database: 0.25, duration: 0.1)").unwrap();
         assert_eq!((all[0].vector, all[0].target.clone(), all[0].database.clone()), (0, 120..144, 300..324));
         assert_eq!((all[1].vector, all[1].database.clone()), (1, 420..444));
-        let one = found("(target: 0.5, source: \"drag.wav\", database: 0.0, duration: 0.1, channel: 1)").unwrap();
+        let one =
+            found("(target: 0.5, source: \"drag.wav\", database: 0.0, duration: 0.1, channel: 1)").unwrap();
         assert_eq!((one.len(), one[0].vector, one[0].database.clone()), (1, 1, 0..24));
         let unit = found("(target: 0.0, database: 1.25, duration: 0.1, channel: 0)").unwrap();
         assert_eq!(unit[0].database, 300..324);
@@ -319,14 +347,19 @@ mod tests {
             ("(target: 0.001, database: 0, duration: 0.004)", "no whole unit of the target"),
             ("(target: 0, database: 0, duration: 0.1, channel: 2)", "no channel 2"),
         ] {
-            let e = found(&format!("(target: 0, database: 0, duration: 0.1),\n  {pair}")).unwrap_err().to_string();
+            let e = found(&format!("(target: 0, database: 0, duration: 0.1),\n  {pair}"))
+                .unwrap_err()
+                .to_string();
             assert!(e.starts_with("set.ron:3:3: correspondence 1: ") && e.contains(part), "{pair}: {e}");
         }
     }
 
     #[test]
     fn units_are_paired_in_order_by_their_means_or_along_the_cheapest_way() {
-        let set = read_correspondences("(pairs: [(target: 0, source: 0, database: 0.002, duration: 0.05, weight: 2)])").unwrap();
+        let set = read_correspondences(
+            "(pairs: [(target: 0, source: 0, database: 0.002, duration: 0.05, weight: 2)])",
+        )
+        .unwrap();
         let target = Target { vectors: 1, ..TARGET };
         let db = database();
         let all = stretches(&set, target, &db).unwrap();

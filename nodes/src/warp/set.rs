@@ -11,7 +11,8 @@ use crate::core::random::Draw;
 pub const MAX_CORRESPONDENCES: usize = 10_000;
 /// Latest time, in s.
 const LATEST: f64 = 86_400.0;
-const FIELDS: [&str; 8] = ["target", "database", "source", "duration", "channel", "label", "weight", "enabled"];
+const FIELDS: [&str; 8] =
+    ["target", "database", "source", "duration", "channel", "label", "weight", "enabled"];
 
 /// How a recording of a database is named.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -62,7 +63,11 @@ impl Correspondence {
     /// What people know it by: number, label and place.
     #[must_use]
     pub fn name(&self, index: usize) -> String {
-        if self.label.is_empty() { format!("correspondence {index}") } else { format!("correspondence {index} ({:?})", self.label) }
+        if self.label.is_empty() {
+            format!("correspondence {index}")
+        } else {
+            format!("correspondence {index} ({:?})", self.label)
+        }
     }
 }
 
@@ -81,7 +86,8 @@ fn whole(datum: &Datum, what: &str) -> Result<u32, TextError> {
 
 fn correspondence(datum: &Datum) -> Result<Correspondence, TextError> {
     let fields = datum.record("a correspondence", &FIELDS)?;
-    let seconds = |name: &str, low: f64| need(fields, name, datum.place)?.number(&format!("`{name}`"), low, LATEST);
+    let seconds =
+        |name: &str, low: f64| need(fields, name, datum.place)?.number(&format!("`{name}`"), low, LATEST);
     let source = match find(fields, "source") {
         None => None,
         Some(d) => Some(match d.text("`source`") {
@@ -137,7 +143,8 @@ pub fn read_correspondences(text: &str) -> Result<CorrespondenceSet, TextError> 
 /// Writes correspondences as [`read_correspondences`] reads them, one a line.
 #[must_use]
 pub fn write_correspondences(set: &CorrespondenceSet) -> String {
-    let quoted = |text: &str| format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\"").replace('\n', "\\n"));
+    let quoted =
+        |text: &str| format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\"").replace('\n', "\\n"));
     let mut out = String::from("Correspondences(\n");
     for (name, text) in [("target", &set.target), ("database", &set.database)] {
         if !text.is_empty() {
@@ -153,7 +160,11 @@ pub fn write_correspondences(set: &CorrespondenceSet) -> String {
             Some(SourceName::Provenance(text)) => format!("source: {}, ", quoted(text)),
         };
         let label = if c.label.is_empty() { String::new() } else { format!("label: {}, ", quoted(&c.label)) };
-        let _ = write!(out, "        ({label}target: {:?}, {source}database: {:?}, duration: {:?}", c.target, c.database, c.duration);
+        let _ = write!(
+            out,
+            "        ({label}target: {:?}, {source}database: {:?}, duration: {:?}",
+            c.target, c.database, c.duration
+        );
         if let Some(channel) = c.channel {
             let _ = write!(out, ", channel: {channel}");
         }
@@ -198,7 +209,9 @@ mod tests {
             let mut set = CorrespondenceSet::trial(&mut draw);
             set.target = "render \"7\"".into();
             for (k, c) in set.pairs.iter_mut().enumerate() {
-                c.source = [None, Some(SourceName::Index(3)), Some(SourceName::Provenance("a\\b".into()))][k % 3].clone();
+                c.source = [None, Some(SourceName::Index(3)), Some(SourceName::Provenance("a\\b".into()))]
+                    [k % 3]
+                    .clone();
                 c.channel = [None, Some(1)][k % 2];
                 c.label = ["", "two\nlines"][k % 2].into();
             }

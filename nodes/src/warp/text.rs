@@ -127,7 +127,8 @@ impl Datum {
         };
         for (k, field) in fields.iter().enumerate() {
             if !known.contains(&field.name.as_str()) {
-                let message = format!("{what} has no field `{}`; fields are {}", field.name, known.join(", "));
+                let message =
+                    format!("{what} has no field `{}`; fields are {}", field.name, known.join(", "));
                 return Err(TextError::new(field.place, message));
             }
             if let Some(first) = fields[..k].iter().find(|f| f.name == field.name) {
@@ -141,7 +142,8 @@ impl Datum {
 
 /// Reads a whole text.
 pub(crate) fn read(text: &str) -> Result<Datum, TextError> {
-    let mut reader = Reader { rest: text.strip_prefix('\u{feff}').unwrap_or(text), place: Place { line: 1, column: 1 } };
+    let mut reader =
+        Reader { rest: text.strip_prefix('\u{feff}').unwrap_or(text), place: Place { line: 1, column: 1 } };
     reader.skip()?;
     while reader.rest.starts_with("#![") {
         let end = reader.rest.find(']').ok_or_else(|| reader.error("an attribute has no end"))?;
@@ -247,7 +249,10 @@ impl Reader<'_> {
         let digits = plain.chars().all(|c| c.is_ascii_digit() || matches!(c, '-' | '+' | '.' | 'e' | 'E'));
         let value = plain.parse::<f64>().ok().filter(|x| digits && x.is_finite());
         let value = value.ok_or_else(|| {
-            TextError::new(self.place, format!("{:?} is no number", text.chars().take(40).collect::<String>()))
+            TextError::new(
+                self.place,
+                format!("{:?} is no number", text.chars().take(40).collect::<String>()),
+            )
         })?;
         self.advance(text.len());
         Ok(Kind::Number(value))
@@ -337,7 +342,9 @@ impl Reader<'_> {
                         'n' => '\n',
                         't' => '\t',
                         '"' | '\\' | '\'' => escaped,
-                        _ => return Err(self.error("only \\n, \\t, \\\" and \\\\ are read after a backslash")),
+                        _ => {
+                            return Err(self.error("only \\n, \\t, \\\" and \\\\ are read after a backslash"));
+                        }
                     };
                     text.push(plain);
                     self.advance(1 + escaped.len_utf8());
@@ -360,7 +367,10 @@ mod tests {
         let text = "#![schema = \"x\"]\n// a comment\nSet(\n  pairs: [\n    (at: 1_0.5e0, name: \"\u{fc}b\\\"er\", on: true), /* b /* c */ */\n  ],\n  gap: Some(-2),\n)\n";
         let datum = read(text).unwrap();
         let fields = datum.record("set", &["pairs", "gap"]).unwrap();
-        assert_eq!((datum.place, fields[1].place), (Place { line: 3, column: 1 }, Place { line: 7, column: 3 }));
+        assert_eq!(
+            (datum.place, fields[1].place),
+            (Place { line: 3, column: 1 }, Place { line: 7, column: 3 })
+        );
         let pair = fields[0].value.list("pairs").unwrap()[0].record("pair", &["at", "name", "on"]).unwrap();
         assert_eq!(pair[0].value.number("at", 0.0, 20.0), Ok(10.5));
         assert_eq!(pair[1].value.text("name").unwrap(), "\u{fc}b\"er");
@@ -393,7 +403,27 @@ mod tests {
 
     #[test]
     fn any_text_is_survived() {
-        let pieces = ["(", ")", "[", "]", "a", ":", ",", "\"", "\\", "1.5", "//", "/*", "*/", "\n", " ", "Some", "-", "\u{1F600}", "#!["];
+        let pieces = [
+            "(",
+            ")",
+            "[",
+            "]",
+            "a",
+            ":",
+            ",",
+            "\"",
+            "\\",
+            "1.5",
+            "//",
+            "/*",
+            "*/",
+            "\n",
+            " ",
+            "Some",
+            "-",
+            "\u{1F600}",
+            "#![",
+        ];
         let mut state = 1_u32;
         for _ in 0..3000 {
             let mut text = String::new();

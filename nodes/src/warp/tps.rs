@@ -110,9 +110,8 @@ impl Warper {
             let group = |g: usize| std::array::from_fn(|k| value(g / d * GROUP + k, g % d));
             (0..groups).map(group).collect()
         };
-        let node = |k: usize, i: usize| {
-            tps.nodes.get(k * d + i).map_or(0.0, |x| (x - tps.centre[i]) * inverse)
-        };
+        let node =
+            |k: usize, i: usize| tps.nodes.get(k * d + i).map_or(0.0, |x| (x - tps.centre[i]) * inverse);
         Self {
             dims: d,
             centre: tps.centre.clone(),

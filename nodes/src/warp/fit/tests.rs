@@ -33,15 +33,30 @@ fn numbers(count: usize, seed: usize) -> Vec<f64> {
 
 fn scattered(n: usize, d: usize, seed: usize) -> Vec<Pair> {
     let (a, b) = (numbers(n * d, seed), numbers(n * d, seed + 1));
-    a.chunks(d).zip(b.chunks(d)).map(|(a, b)| pair(&a.iter().map(|x| 5.0 * x).collect::<Vec<_>>(), b)).collect()
+    a.chunks(d)
+        .zip(b.chunks(d))
+        .map(|(a, b)| pair(&a.iter().map(|x| 5.0 * x).collect::<Vec<_>>(), b))
+        .collect()
 }
 
 #[test]
 fn golden_vectors_are_met() {
     let rows = [
-        (0.0, [0.842_722_753_6, 0.431_656_305_8, 0.689_012_751_9], [3.684_422_275_7, -0.713_083_546_1, -0.118_066_49]),
-        (1.0, [0.831_056_790_3, 0.466_242_293_1, 0.666_230_028_7], [3.704_373_417_7, -0.758_991_720_9, -0.096_757_874_2]),
-        (1e6, [0.775_000_332_5, 0.618_749_166_5, 0.575_000_446_2], [3.807_142_211_5, -0.969_641_659_3, -0.021_428_877_4]),
+        (
+            0.0,
+            [0.842_722_753_6, 0.431_656_305_8, 0.689_012_751_9],
+            [3.684_422_275_7, -0.713_083_546_1, -0.118_066_49],
+        ),
+        (
+            1.0,
+            [0.831_056_790_3, 0.466_242_293_1, 0.666_230_028_7],
+            [3.704_373_417_7, -0.758_991_720_9, -0.096_757_874_2],
+        ),
+        (
+            1e6,
+            [0.775_000_332_5, 0.618_749_166_5, 0.575_000_446_2],
+            [3.807_142_211_5, -0.969_641_659_3, -0.021_428_877_4],
+        ),
     ];
     for (lambda, inside, outside) in rows {
         let (tps, _) = fit(&golden(), 3, Stiffness::Lambda(lambda)).unwrap();
@@ -172,7 +187,11 @@ fn scaling_everything_scales_lambda_with_the_square() {
     let pairs = scattered(15, 3, 3);
     let scaled: Vec<Pair> = pairs
         .iter()
-        .map(|p| Pair { from: p.from.iter().map(|x| 10.0 * x).collect(), to: p.to.iter().map(|x| 10.0 * x).collect(), weight: 1.0 })
+        .map(|p| Pair {
+            from: p.from.iter().map(|x| 10.0 * x).collect(),
+            to: p.to.iter().map(|x| 10.0 * x).collect(),
+            weight: 1.0,
+        })
         .collect();
     let (a, _) = fit(&pairs, 3, Stiffness::Lambda(2.0)).unwrap();
     let (b, _) = fit(&scaled, 3, Stiffness::Lambda(200.0)).unwrap();
@@ -198,12 +217,15 @@ fn cross_validation_finds_the_noise() {
             })
             .collect()
     };
-    let (quiet, loud) = (fit(&with(0.0), 3, Stiffness::Auto).unwrap(), fit(&with(1.0), 3, Stiffness::Auto).unwrap());
+    let (quiet, loud) =
+        (fit(&with(0.0), 3, Stiffness::Auto).unwrap(), fit(&with(1.0), 3, Stiffness::Auto).unwrap());
     assert!(quiet.1.lambda < loud.1.lambda && loud.1.freedom < 60.0, "{:?} {:?}", quiet.1, loud.1);
     let error = |tps: &Tps| {
-        numbers(300, 8).chunks(3).map(|x| x.iter().map(|x| 3.0 * x).collect::<Vec<_>>()).map(|x| {
-            at(tps, &x).iter().zip(smooth(&x)).map(|(a, b)| (a - b).powi(2)).sum::<f64>()
-        }).sum::<f64>()
+        numbers(300, 8)
+            .chunks(3)
+            .map(|x| x.iter().map(|x| 3.0 * x).collect::<Vec<_>>())
+            .map(|x| at(tps, &x).iter().zip(smooth(&x)).map(|(a, b)| (a - b).powi(2)).sum::<f64>())
+            .sum::<f64>()
     };
     let through = fit(&with(1.0), 3, Stiffness::Lambda(0.0)).unwrap().0;
     assert!(error(&loud.0) < 0.5 * error(&through));
@@ -226,7 +248,8 @@ fn the_jacobian_is_that_of_differences_and_tells_folds() {
             assert!((slope - found[row * 3 + column]).abs() < 1e-7, "{row} {column}");
         }
     }
-    let mirror: Vec<Pair> = scattered(10, 2, 1).iter().map(|p| pair(&p.from, &[-p.from[0], p.from[1]])).collect();
+    let mirror: Vec<Pair> =
+        scattered(10, 2, 1).iter().map(|p| pair(&p.from, &[-p.from[0], p.from[1]])).collect();
     let (tps, _) = fit(&mirror, 2, Stiffness::Lambda(0.0)).unwrap();
     assert!((Warper::new(&tps).determinant(&[1.0, 2.0]) + 1.0).abs() < 1e-6);
 }
