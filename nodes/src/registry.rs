@@ -19,6 +19,7 @@ use crate::spatial::hrtf_node::StructuralHrtf;
 use crate::spatial::orbit_node::Orbit;
 use crate::spatial::pose_file_node::PoseFile;
 use crate::spatial::vertex_pose::VertexPose;
+use crate::warp::diagnostics_node::CorrespondenceDiagnostics;
 use crate::warp::fit_node::TpsFit;
 use crate::warp::nodes::{Correspondences, TpsWarp, WarpFile};
 use crate::{dsp, io, live};
@@ -72,6 +73,7 @@ pub fn all() -> Vec<NodeType> {
         NodeType::of::<PoseFile>("spatial"),
         NodeType::each::<VertexPose>("spatial"),
         NodeType::func::<Correspondences>("warp"),
+        NodeType::of::<CorrespondenceDiagnostics>("warp"),
         NodeType::of::<TpsFit>("warp"),
         NodeType::of::<TpsWarp>("warp"),
         NodeType::func::<WarpFile>("warp"),

@@ -220,8 +220,8 @@ mod tests {
         let right: Vec<f32> = out.iter().skip(1).step_by(2).copied().collect();
         assert_eq!(left, right);
         let peak = (0..left.len()).max_by(|a, b| left[*a].total_cmp(&left[*b])).unwrap();
-        // Ears at 100 degrees are reached a cosine of 100 degrees after the middle.
-        let expected = 1000.0 - 0.0875 / 343.0 * (-(100_f64.to_radians().cos() * -1.0)) * 48_000.0;
+        // Ears at 100 degrees are reached 10 degrees around the head after the middle.
+        let expected = 1000.0 + 0.0875 / 343.0 * 10_f64.to_radians() * 48_000.0;
         assert!((peak as f64 - expected).abs() <= 1.0, "{peak} {expected}");
         assert!(left[..900].iter().all(|x| *x == 0.0));
     }

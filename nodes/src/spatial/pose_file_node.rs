@@ -5,7 +5,7 @@ use super::pose_file::{PoseTrack, read_poses};
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::node::{Class, Node};
-use crate::core::params::{AssetPath, Params};
+use crate::core::params::AssetPath;
 use crate::core::ports::Stream;
 use crate::core::random::Draw;
 use crate::core::shape::{Build, Shape};
@@ -81,7 +81,7 @@ impl Node for PoseFile {
         }
         files.insert("way.csv", text);
         let rate = Rate::hz([25, 60, 1000][draw.below(3)]);
-        (PoseFileParams { path: "way.csv".into(), rate, ..PoseFileParams::trial(draw) }, files)
+        (PoseFileParams { path: "way.csv".into(), rate }, files)
     }
 }
 

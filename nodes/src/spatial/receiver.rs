@@ -117,16 +117,16 @@ impl HeadReceiver {
 fn add_turning(level: f64, step: f64, sum: &mut [Vec<f32>; 2]) {
     let turn = |angle: f64| [libm::cos(angle), libm::sin(angle)];
     let one = turn(step);
-    let (mut table, mut z) = ([[0.0_f32; BLOCK]; 2], [1.0, 0.0]);
-    for k in 0..BLOCK {
-        (table[0][k], table[1][k]) = (z[0] as f32, z[1] as f32);
+    let (mut cos, mut sin, mut z) = ([0.0_f32; BLOCK], [0.0_f32; BLOCK], [1.0, 0.0]);
+    for (cos, sin) in cos.iter_mut().zip(&mut sin) {
+        (*cos, *sin) = (z[0] as f32, z[1] as f32);
         z = times(z, one);
     }
     let mut base = [level, 0.0];
     let [re, im] = sum;
     for (re, im) in re.chunks_mut(BLOCK).zip(im.chunks_mut(BLOCK)) {
         let (br, bi) = (base[0] as f32, base[1] as f32);
-        for ((re, im), (tr, ti)) in re.iter_mut().zip(im).zip(table[0].iter().zip(&table[1])) {
+        for ((re, im), (tr, ti)) in re.iter_mut().zip(im).zip(cos.iter().zip(&sin)) {
             *re += br * tr - bi * ti;
             *im += br * ti + bi * tr;
         }

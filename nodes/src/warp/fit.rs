@@ -118,7 +118,8 @@ fn check(pairs: &[Pair], d: usize) -> Result<(), FitError> {
 }
 
 impl Nodes {
-    fn of(pairs: &[Pair], d: usize) -> Self {
+    /// Centred and scaled pairs; those that start in one place become one where `merge` says so.
+    fn of(pairs: &[Pair], d: usize, merge: bool) -> Self {
         let n = pairs.len().max(1) as f64;
         let centre: Vec<f64> = (0..d).map(|i| pairs.iter().map(|p| p.from[i]).sum::<f64>() / n).collect();
         let square = pairs.iter().flat_map(|p| p.from.iter().zip(&centre)).map(|(x, c)| (x - c).powi(2));
@@ -135,7 +136,7 @@ impl Nodes {
             of_pair: Vec::new(),
             conflict: 0.0,
         };
-        pairs.iter().for_each(|p| this.add(p, d));
+        pairs.iter().for_each(|p| this.add(p, d, merge));
         this.conflict = pairs.iter().zip(&this.of_pair).fold(0.0, |most, (p, node)| {
             let mean = &this.moves[node * d..(node + 1) * d];
             let way = p.from.iter().zip(&p.to).zip(mean).map(|((x, u), m)| (u - x - m).powi(2)).sum::<f64>();
@@ -144,11 +145,12 @@ impl Nodes {
         this
     }
 
-    fn add(&mut self, pair: &Pair, d: usize) {
+    fn add(&mut self, pair: &Pair, d: usize, merge: bool) {
         let point: Vec<f64> = pair.from.iter().zip(&self.centre).map(|(x, c)| (x - c) / self.scale).collect();
         let near = |p: &[f64]| p.iter().zip(&point).map(|(a, b)| (a - b).powi(2)).sum::<f64>() <= SAME * SAME;
         let moved = pair.to.iter().zip(&pair.from).map(|(u, x)| u - x);
-        match self.points.chunks_exact(d).position(near) {
+        let known = if merge { self.points.chunks_exact(d).position(near) } else { None };
+        match known {
             Some(node) => {
                 let total = self.weights[node] + pair.weight;
                 for (mean, v) in self.moves[node * d..].iter_mut().zip(moved) {
@@ -233,8 +235,33 @@ pub(crate) struct Solution {
 
 impl Problem {
     pub fn new(pairs: &[Pair], d: usize) -> Result<Self, FitError> {
+        Self::of(pairs, d, true)
+    }
+
+    /// One node per pair, for those who leave pairs out.
+    pub fn unmerged(pairs: &[Pair], d: usize) -> Result<Self, FitError> {
+        Self::of(pairs, d, false)
+    }
+
+    /// Square of the unit of the scaled coordinates.
+    pub fn squared_scale(&self) -> f64 {
+        self.nodes.scale * self.nodes.scale
+    }
+
+    /// `M = Q2 (Q2^T (K + lambda) Q2)^-1 Q2^T`, `[n, n]`, and `M v` for each output.
+    pub fn inverse(&self, lambda: f64) -> Option<(Vec<f64>, Vec<Vec<f64>>)> {
+        let (n, p) = (self.nodes.len(), self.triangle.len());
+        let axis = |k: usize| (0..n).map(|i| f64::from(u8::from(i == k))).collect();
+        let mut rest: Vec<Vec<f64>> = (0..n).map(|k| self.reflected(axis(k)).split_off(p)).collect();
+        self.form.solve(self.scaled_lambda(lambda), &mut rest)?;
+        let row = |g: Vec<f64>| self.unreflected(std::iter::repeat_n(0.0, p).chain(g).collect());
+        let matrix = rest.into_iter().flat_map(row).collect();
+        Some((matrix, self.solve(lambda)?.scaled))
+    }
+
+    fn of(pairs: &[Pair], d: usize, merge: bool) -> Result<Self, FitError> {
         check(pairs, d)?;
-        let nodes = Nodes::of(pairs, d);
+        let nodes = Nodes::of(pairs, d, merge);
         let n = nodes.len();
         if n > MAX_NODES {
             return Err(FitError::TooMany { found: n });

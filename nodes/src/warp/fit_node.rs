@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::artefact::{WARP_VERSION, Warp, WarpMap};
-use super::fit::Stiffness;
+use super::fit::{Pair, Stiffness};
 use super::pairing::{Pairing, Stretch, Target, pairs, stretches};
 use super::set::CorrespondenceSet;
 use crate::core::fault::{Fault, Reject};
@@ -64,15 +64,21 @@ ports! {
     }
 }
 
+/// A target that has been heard to its end, with what it is compared with.
+#[derive(Debug)]
+pub(super) struct Heard {
+    pub format: FeatureFormat,
+    pub rate: f64,
+    units: usize,
+    pub features: Vec<f32>,
+    pub database: Arc<UnitDatabase>,
+    pub pairs: Arc<CorrespondenceSet>,
+}
+
 /// The node over [`WarpMap::fit`].
 #[derive(Debug)]
 pub struct TpsFit {
-    format: FeatureFormat,
-    rate: f64,
-    units: usize,
-    features: Vec<f32>,
-    database: Arc<UnitDatabase>,
-    pairs: Arc<CorrespondenceSet>,
+    heard: Heard,
     params: TpsFitParams,
 }
 
@@ -103,26 +109,27 @@ fn check(
     stretches(set, target, db).map_err(|e| Reject::new("F110", e.to_string()).at("pairs"))
 }
 
-impl Node for TpsFit {
-    type Params = TpsFitParams;
-    type Ports = TpsFitPorts;
-    const NAME: &'static str = "TpsFit";
-    const CLASS: Class = Class::Offline;
-
-    fn shape(_: &TpsFitParams, s: &mut Shape<'_, '_, TpsFitPorts>) -> Result<(), Reject> {
-        let features = s.input(TpsFitPorts::features);
-        let target = target(&features)?;
-        if let (Some(db), Some(set)) = (s.value(TpsFitPorts::database), s.value(TpsFitPorts::pairs)) {
-            check(&set, target, &features.format, &db)?;
-        }
-        s.when_ended(TpsFitPorts::features, Ends::Stop);
-        Ok(())
+/// Checks what a fit needs before anything runs.
+pub(super) fn checked(
+    features: &Incoming<Features>,
+    database: Option<Arc<UnitDatabase>>,
+    pairs: Option<Arc<CorrespondenceSet>>,
+) -> Result<(), Reject> {
+    let target = target(features)?;
+    if let (Some(database), Some(pairs)) = (database, pairs) {
+        check(&pairs, target, &features.format, &database)?;
     }
+    Ok(())
+}
 
-    fn build(p: &TpsFitParams, cx: &Build<'_>) -> Result<Self, Fault> {
-        let features = cx.input(TpsFitPorts::features);
+impl Heard {
+    /// Room for a target.
+    pub fn new(
+        features: Incoming<Features>,
+        database: Arc<UnitDatabase>,
+        pairs: Arc<CorrespondenceSet>,
+    ) -> Result<Self, Reject> {
         let target = target(&features)?;
-        let (database, pairs) = (cx.value(TpsFitPorts::database), cx.value(TpsFitPorts::pairs));
         check(&pairs, target, &features.format, &database)?;
         Ok(Self {
             rate: target.rate,
@@ -131,14 +138,63 @@ impl Node for TpsFit {
             format: features.format,
             database,
             pairs,
-            params: p.clone(),
         })
     }
 
-    fn run(&mut self, io: TpsFitIo<'_>) -> Result<(), Fault> {
+    /// Adds a window, without what stands after the end of the target.
+    pub fn add(&mut self, items: &[f32]) {
         let most = self.units * self.format.vectors * self.format.dims();
         let left = most - self.features.len().min(most);
-        self.features.extend(io.features.items().iter().take(left));
+        self.features.extend(items.iter().take(left));
+    }
+
+    /// The pairs of every vector, each with its correspondence.
+    pub fn pairs(&self, pairing: Pairing) -> Result<Vec<Vec<(usize, Pair)>>, Fault> {
+        let (vectors, d) = (self.format.vectors, self.format.dims().max(1));
+        if let Some(bad) = self.features.iter().position(|x| !x.is_finite()) {
+            let message =
+                format!("features of unit {} hold {}", bad / (vectors * d).max(1), self.features[bad]);
+            return Err(Fault::new("F111", message).at("features"));
+        }
+        let units = self.features.len() / (vectors * d).max(1);
+        let target = Target { units, vectors, rate: self.rate };
+        let found = check(&self.pairs, target, &self.format, &self.database)?;
+        let of =
+            |vector| pairs(&found, vector, pairing, &self.pairs, (&self.features, vectors), &self.database);
+        Ok((0..vectors).map(of).collect())
+    }
+
+    /// Features of one vector of all units, `[units, d]`.
+    pub fn vector(&self, vector: usize) -> Vec<f32> {
+        let (vectors, d) = (self.format.vectors.max(1), self.format.dims().max(1));
+        self.features.chunks_exact(d).skip(vector).step_by(vectors).flatten().copied().collect()
+    }
+}
+
+impl Node for TpsFit {
+    type Params = TpsFitParams;
+    type Ports = TpsFitPorts;
+    const NAME: &'static str = "TpsFit";
+    const CLASS: Class = Class::Offline;
+
+    fn shape(_: &TpsFitParams, s: &mut Shape<'_, '_, TpsFitPorts>) -> Result<(), Reject> {
+        checked(
+            &s.input(TpsFitPorts::features),
+            s.value(TpsFitPorts::database),
+            s.value(TpsFitPorts::pairs),
+        )?;
+        s.when_ended(TpsFitPorts::features, Ends::Stop);
+        Ok(())
+    }
+
+    fn build(p: &TpsFitParams, cx: &Build<'_>) -> Result<Self, Fault> {
+        let features = cx.input(TpsFitPorts::features);
+        let heard = Heard::new(features, cx.value(TpsFitPorts::database), cx.value(TpsFitPorts::pairs))?;
+        Ok(Self { heard, params: p.clone() })
+    }
+
+    fn run(&mut self, io: TpsFitIo<'_>) -> Result<(), Fault> {
+        self.heard.add(io.features.items());
         Ok(())
     }
 
@@ -150,36 +206,35 @@ impl Node for TpsFit {
     }
 }
 
+/// The stiffness that parameters ask for.
+pub(super) fn stiffness(lambda: Option<f64>, scale_free: bool) -> Stiffness {
+    match (lambda, scale_free) {
+        (None, _) => Stiffness::Auto,
+        (Some(lambda), false) => Stiffness::Lambda(lambda),
+        (Some(lambda), true) => Stiffness::ScaleFree(lambda),
+    }
+}
+
 impl TpsFit {
     fn warp(&self) -> Result<Warp, Fault> {
-        let (vectors, d) = (self.format.vectors, self.format.dims().max(1));
-        let units = self.features.len() / (vectors * d).max(1);
-        if let Some(bad) = self.features.iter().position(|x| !x.is_finite()) {
-            let message = format!("features of unit {} hold {}", bad / (vectors * d), self.features[bad]);
-            return Err(Fault::new("F111", message).at("features"));
-        }
-        let target = Target { units, vectors, rate: self.rate };
-        let found = check(&self.pairs, target, &self.format, &self.database)?;
-        let stiffness = match (self.params.lambda, self.params.scale_free) {
-            (None, _) => Stiffness::Auto,
-            (Some(lambda), false) => Stiffness::Lambda(lambda),
-            (Some(lambda), true) => Stiffness::ScaleFree(lambda),
-        };
-        let map = |vector: usize| {
-            let features = (&self.features[..], vectors);
-            let pairs = pairs(&found, vector, self.params.pairing, &self.pairs, features, &self.database);
-            let pairs: Vec<_> = pairs.into_iter().map(|(_, pair)| pair).collect();
-            let own: Vec<f32> =
-                self.features.chunks_exact(d).skip(vector).step_by(vectors).flatten().copied().collect();
-            WarpMap::fit(&pairs, d, stiffness, &own, &self.database.features)
+        let (heard, d) = (&self.heard, self.heard.format.dims());
+        let stiffness = stiffness(self.params.lambda, self.params.scale_free);
+        let map = |(vector, pairs): (usize, Vec<_>)| {
+            let pairs: Vec<Pair> = pairs.into_iter().map(|(_, pair)| pair).collect();
+            WarpMap::fit(&pairs, d, stiffness, &heard.vector(vector), &heard.database.features)
                 .map_err(|e| Fault::new("F111", e.to_string()).at("pairs"))
         };
         Ok(Warp {
             version: WARP_VERSION,
-            conventions: self.database.conventions.clone(),
-            maps: (0..vectors).map(map).collect::<Result<_, _>>()?,
-            correspondences: self.pairs.file.clone(),
-            recordings: self.database.sources.iter().map(|s| s.provenance.clone()).collect(),
+            conventions: heard.database.conventions.clone(),
+            maps: heard
+                .pairs(self.params.pairing)?
+                .into_iter()
+                .enumerate()
+                .map(map)
+                .collect::<Result<_, _>>()?,
+            correspondences: heard.pairs.file.clone(),
+            recordings: heard.database.sources.iter().map(|s| s.provenance.clone()).collect(),
         })
     }
 }

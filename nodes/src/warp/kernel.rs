@@ -45,7 +45,7 @@ mod tests {
             assert!((ln(x) - x.ln()).abs() < 1e-12 * x.ln().abs().max(1.0), "{x}: {} {}", ln(x), x.ln());
         }
         assert_eq!(ln(1.0), 0.0);
-        for x in [0.5, 2.0, 0.707_106_781, 0.707_106_782, 1e-300, 1e300, f64::MIN_POSITIVE, f64::MAX] {
+        for x in [0.5, 2.0, 0.7, 1.4, 1.42, 1e-300, 1e300, f64::MIN_POSITIVE, f64::MAX] {
             assert!((ln(x) / x.ln() - 1.0).abs() < 1e-12, "{x}");
         }
     }

@@ -4,6 +4,8 @@
 //! ([`pairing`]), and a thin-plate spline through them ([`fit`](fit()), [`Tps`]) warps all others ([`Warp`]).
 
 pub mod artefact;
+pub mod diagnostics;
+pub mod diagnostics_node;
 pub mod figure;
 pub mod fit;
 pub mod fit_node;
@@ -16,6 +18,7 @@ pub mod text;
 pub mod tps;
 
 pub use artefact::{WARP_VERSION, Warp, WarpMap};
+pub use diagnostics::{Suspicion, moved_ranges, suspicions, without};
 pub use fit::{FitError, FitReport, MAX_NODES, Pair, Stiffness, fit};
 pub use pairing::{Pairing, SetError, Stretch, Target, pairs, stretches, whole_units};
 pub use set::{Correspondence, CorrespondenceSet, SourceName, read_correspondences, write_correspondences};

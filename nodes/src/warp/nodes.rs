@@ -7,7 +7,7 @@ use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::item::Data;
 use crate::core::node::{Class, Func, Node, Summary};
-use crate::core::params::{AssetPath, Params};
+use crate::core::params::AssetPath;
 use crate::core::ports::{Stream, Value};
 use crate::core::random::Draw;
 use crate::core::shape::{Build, Ends, Shape};
@@ -40,7 +40,7 @@ ports! {
     }
 }
 
-/// The node `Correspondences`.
+/// The node `CorrespondenceSet`.
 #[derive(Debug)]
 pub struct Correspondences;
 
@@ -54,7 +54,7 @@ fn read_set(path: &str, bytes: &[u8]) -> Result<CorrespondenceSet, Reject> {
 impl Func for Correspondences {
     type Params = CorrespondencesParams;
     type Ports = CorrespondencesPorts;
-    const NAME: &'static str = "Correspondences";
+    const NAME: &'static str = "CorrespondenceSet";
     const TELLS_PATHS: bool = true;
 
     fn check(p: &CorrespondencesParams, s: &mut Shape<'_, '_, CorrespondencesPorts>) -> Result<(), Reject> {

