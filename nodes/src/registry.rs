@@ -22,6 +22,7 @@ use crate::spatial::vertex_pose::VertexPose;
 use crate::warp::diagnostics_node::CorrespondenceDiagnostics;
 use crate::warp::fit_node::TpsFit;
 use crate::warp::nodes::{Correspondences, TpsWarp, WarpFile};
+use crate::warp::suggest_node::CorrespondenceSuggester;
 use crate::{dsp, io, live};
 
 /// Every node type, one line each, by family.
@@ -74,6 +75,7 @@ pub fn all() -> Vec<NodeType> {
         NodeType::each::<VertexPose>("spatial"),
         NodeType::func::<Correspondences>("warp"),
         NodeType::of::<CorrespondenceDiagnostics>("warp"),
+        NodeType::of::<CorrespondenceSuggester>("warp"),
         NodeType::of::<TpsFit>("warp"),
         NodeType::of::<TpsWarp>("warp"),
         NodeType::func::<WarpFile>("warp"),

@@ -14,6 +14,8 @@ mod linear;
 pub mod nodes;
 pub mod pairing;
 pub mod set;
+pub mod suggest;
+pub mod suggest_node;
 pub mod text;
 pub mod tps;
 
@@ -22,5 +24,6 @@ pub use diagnostics::{Suspicion, moved_ranges, suspicions, without};
 pub use fit::{FitError, FitReport, MAX_NODES, Pair, Stiffness, fit};
 pub use pairing::{Pairing, SetError, Stretch, Target, pairs, stretches, whole_units};
 pub use set::{Correspondence, CorrespondenceSet, SourceName, read_correspondences, write_correspondences};
+pub use suggest::{Proposal, SuggestParams, sliced_wasserstein, suggest};
 pub use text::{Place, TextError};
 pub use tps::{Tps, Warper};

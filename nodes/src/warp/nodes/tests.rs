@@ -195,3 +195,23 @@ fn a_correspondence_that_leads_astray_is_named_first_with_its_place_and_times() 
     assert!(suspect.ranges.iter().any(|[from, to]| *from <= 1.8 && *to >= 1.9), "{:?}", suspect.ranges);
     assert!(found.text()[0].contains("\"slip\" at set.ron:1:"), "{:?}", found.text());
 }
+
+#[test]
+fn proposals_are_written_so_that_they_can_be_read_and_fitted() {
+    use crate::warp::suggest_node::{
+        CorrespondenceSuggester, CorrespondenceSuggesterParams, CorrespondenceSuggesterPorts,
+    };
+    let p = CorrespondenceSuggesterParams { path: "new.ron".into(), count: 5, window: 24, lambda: 100.0 };
+    let features = (0..UNITS).flat_map(target).collect();
+    let solo = Solo::new::<CorrespondenceSuggester>(p)
+        .input(CorrespondenceSuggesterPorts::features, Rate::hz(240), format(1), features)
+        .value(CorrespondenceSuggesterPorts::database, database());
+    solo.run().unwrap();
+    let text = String::from_utf8(solo.outputs.get("new.ron").unwrap()).unwrap();
+    let set = set(&text);
+    assert!((2..=5).contains(&set.pairs.len()) && set.pairs[0].label.starts_with("gain"), "{text}");
+    let warp = fit(TpsFitParams { lambda: Some(100.0), ..params() }, set, 1).run().unwrap().value(0).unwrap();
+    let before: Vec<f32> = (0..UNITS).flat_map(target).collect();
+    let after = apply(warp.get::<Warp>().unwrap().clone(), 1, TICKS_PER_SECOND);
+    assert!(error(&after, 1) < 0.5 * error(&before, 1), "{} {text}", error(&after, 1));
+}
