@@ -3,6 +3,8 @@
 use crate::contact::detector_node::ContactDetector;
 use crate::contact::speed_nodes::{SlidingSpeed, SpeedMapNode};
 use crate::core::node::NodeType;
+use crate::feature::gaussian_node::TemporalGaussian;
+use crate::feature::mfcc_node::Mfcc;
 use crate::friction::binaural_node::BinauralIftNoise;
 use crate::friction::builder_node::FrictionModelBuilder;
 use crate::friction::ift_noise_node::IftNoiseNode;
@@ -19,6 +21,10 @@ use crate::spatial::hrtf_node::StructuralHrtf;
 use crate::spatial::orbit_node::Orbit;
 use crate::spatial::pose_file_node::PoseFile;
 use crate::spatial::vertex_pose::VertexPose;
+use crate::unit::concatenator_node::UnitConcatenator;
+use crate::unit::database_node::UnitDatabaseNode;
+use crate::unit::report::SelectionReportNode;
+use crate::unit::selector_node::UnitSelector;
 use crate::warp::diagnostics_node::CorrespondenceDiagnostics;
 use crate::warp::fit_node::TpsFit;
 use crate::warp::nodes::{Correspondences, TpsWarp, WarpFile};
@@ -63,6 +69,12 @@ pub fn all() -> Vec<NodeType> {
         NodeType::of::<FrictionModelBuilder>("friction"),
         NodeType::func::<FrictionModelFromClips>("friction"),
         NodeType::func::<FrictionModelFile>("friction"),
+        NodeType::of::<Mfcc>("feature"),
+        NodeType::of::<TemporalGaussian>("feature"),
+        NodeType::func::<UnitDatabaseNode>("unit"),
+        NodeType::of::<UnitSelector>("unit"),
+        NodeType::of::<UnitConcatenator>("unit"),
+        NodeType::of::<SelectionReportNode>("unit"),
         NodeType::of::<ImpactFile>("modal"),
         NodeType::of::<ImpactForce>("modal"),
         NodeType::of::<ModalBankNode>("modal"),
