@@ -2,7 +2,9 @@
 //!
 //! Every algorithm is ordinary Rust on slices; a node is a thin typed description around it.
 //! The families follow the field: [`io`] and [`dsp`] for audio, [`mesh`] for motion,
-//! [`contact`] and [`friction`] for cloth that slides, [`curvature`] and [`crumple`] for cloth that crumples, [`modal`] for things that are struck. [`core`] says what a node is.
+//! [`contact`] and [`friction`] for cloth that slides, [`curvature`] and [`crumple`] for cloth that crumples, [`modal`] for
+//! things that are struck, [`spatial`] for where they are heard, [`feature`], [`warp`] and [`unit`] for sounds put together
+//! from recordings. [`core`] says what a node is.
 #![forbid(unsafe_code)]
 
 pub mod contact;
@@ -10,6 +12,7 @@ pub mod core;
 pub mod crumple;
 pub mod curvature;
 pub mod dsp;
+pub mod feature;
 pub mod friction;
 pub mod io;
 pub mod live;
@@ -17,3 +20,6 @@ pub mod mesh;
 pub mod modal;
 pub mod plot;
 pub mod registry;
+pub mod spatial;
+pub mod unit;
+pub mod warp;

@@ -13,6 +13,9 @@ use crate::crumple::picture::BuckleFigure;
 use crate::crumple::player_node::CrumplePlayer;
 use crate::curvature::mean_node::MeanCurvatureNode;
 use crate::curvature::rest::RestNoiseNode;
+use crate::feature::gaussian_node::TemporalGaussian;
+use crate::feature::mfcc_node::Mfcc;
+use crate::friction::binaural_node::BinauralIftNoise;
 use crate::friction::builder_node::FrictionModelBuilder;
 use crate::friction::ift_noise_node::IftNoiseNode;
 use crate::friction::model_nodes::{FrictionModelFile, FrictionModelFromClips};
@@ -24,6 +27,19 @@ use crate::modal::force_node::ImpactForce;
 use crate::modal::from_recording::ModalFromRecording;
 use crate::modal::impact_file_node::ImpactFile;
 use crate::modal::modes_file::ModesFile;
+use crate::spatial::distance_node::DistanceGain;
+use crate::spatial::hrtf_node::StructuralHrtf;
+use crate::spatial::orbit_node::Orbit;
+use crate::spatial::pose_file_node::PoseFile;
+use crate::spatial::vertex_pose::VertexPose;
+use crate::unit::concatenator_node::UnitConcatenator;
+use crate::unit::database_node::UnitDatabaseNode;
+use crate::unit::report::SelectionReportNode;
+use crate::unit::selector_node::UnitSelector;
+use crate::warp::diagnostics_node::CorrespondenceDiagnostics;
+use crate::warp::fit_node::TpsFit;
+use crate::warp::nodes::{Correspondences, TpsWarp, WarpFile};
+use crate::warp::suggest_node::CorrespondenceSuggester;
 use crate::{dsp, io, live};
 
 /// Every node type, one line each, by family.
@@ -61,6 +77,7 @@ pub fn all() -> Vec<NodeType> {
         NodeType::of::<SlidingSpeed>("contact"),
         NodeType::each::<SpeedMapNode>("contact"),
         NodeType::of::<IftNoiseNode>("friction"),
+        NodeType::of::<BinauralIftNoise>("friction"),
         NodeType::of::<FrictionModelBuilder>("friction"),
         NodeType::func::<FrictionModelFromClips>("friction"),
         NodeType::func::<FrictionModelFile>("friction"),
@@ -76,11 +93,28 @@ pub fn all() -> Vec<NodeType> {
         NodeType::func::<CrumpleBankFile>("crumple"),
         NodeType::of::<HistogramMatcher>("crumple"),
         NodeType::of::<CrumplePlayer>("crumple"),
+        NodeType::of::<Mfcc>("feature"),
+        NodeType::of::<TemporalGaussian>("feature"),
+        NodeType::func::<UnitDatabaseNode>("unit"),
+        NodeType::of::<UnitSelector>("unit"),
+        NodeType::of::<UnitConcatenator>("unit"),
+        NodeType::of::<SelectionReportNode>("unit"),
         NodeType::of::<ImpactFile>("modal"),
         NodeType::of::<ImpactForce>("modal"),
         NodeType::of::<ModalBankNode>("modal"),
         NodeType::func::<ModalFromRecording>("modal"),
         NodeType::func::<ModesFile>("modal"),
+        NodeType::of::<StructuralHrtf>("spatial"),
+        NodeType::of::<DistanceGain>("spatial"),
+        NodeType::of::<Orbit>("spatial"),
+        NodeType::of::<PoseFile>("spatial"),
+        NodeType::each::<VertexPose>("spatial"),
+        NodeType::func::<Correspondences>("warp"),
+        NodeType::of::<CorrespondenceDiagnostics>("warp"),
+        NodeType::of::<CorrespondenceSuggester>("warp"),
+        NodeType::of::<TpsFit>("warp"),
+        NodeType::of::<TpsWarp>("warp"),
+        NodeType::func::<WarpFile>("warp"),
         NodeType::of::<live::LiveControl>("live"),
         NodeType::of::<live::LiveImpacts>("live"),
     ]

@@ -154,7 +154,7 @@ impl Func for CrumpleExtractor {
         }
         if !(1000.0..=768_000.0).contains(&p.rate.as_f64()) {
             let message = format!("samples at {} cannot be played; 1000 to 768000 Hz are", p.rate);
-            return Err(Reject::new("F111", message).at("rate"));
+            return Err(Reject::new("F106", message).at("rate"));
         }
         for path in &p.recordings {
             reader(&path.0, s.open("recordings", &path.0)?)?;
@@ -277,7 +277,7 @@ ports! {
 pub struct CrumpleBankFile;
 
 fn parse(path: &str, bytes: &[u8]) -> Result<CrumpleBank, Reject> {
-    let wrong = |what: String| Reject::new("F111", format!("{path:?}: {what}")).at("path");
+    let wrong = |what: String| Reject::new("F106", format!("{path:?}: {what}")).at("path");
     let bank: CrumpleBank = serde_json::from_slice(bytes)
         .map_err(|e| wrong(format!("this is no bank of crumple samples: {e}")))?;
     bank.validate().map_err(|e| wrong(e.to_string()))?;

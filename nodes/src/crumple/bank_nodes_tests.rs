@@ -61,7 +61,7 @@ fn recordings_become_a_bank_that_survives_its_file() {
     ] {
         file.files.insert("b.json", json.replace(from, to));
         let reject = file.shape().unwrap_err();
-        assert!(reject.code == "F111" && reject.message.contains(part), "{reject}");
+        assert!(reject.code == "F106" && reject.message.contains(part), "{reject}");
     }
 }
 
@@ -100,7 +100,7 @@ fn what_cannot_be_extracted_is_named() {
     assert!(reject.code == "F077" && reject.message.contains("text.wav"), "{reject}");
     assert_eq!(solo(params(&[], &[])).shape().unwrap_err().code, "F077");
     assert_eq!(solo(params(&["gone.wav"], &[])).shape().unwrap_err().code, "F060");
-    assert_eq!(solo(params(&["many.wav"], &[("rate", Datum::Int(10))])).shape().unwrap_err().code, "F111");
+    assert_eq!(solo(params(&["many.wav"], &[("rate", Datum::Int(10))])).shape().unwrap_err().code, "F106");
     let fault = solo(params(&["few.wav"], &[("threshold", Datum::Float(0.5))])).run().err().unwrap();
     assert!(fault.code == "F077" && fault.message.contains("the loudest has"), "{fault}");
 }

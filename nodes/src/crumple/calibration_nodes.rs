@@ -102,7 +102,7 @@ impl Node for EnergyCalibrationNode {
 
     fn run(&mut self, io: EnergyCalibrationIo<'_>) -> Result<(), Fault> {
         for (tick, event) in io.events.events() {
-            self.meter.add(event).map_err(|e| Fault::new("F111", e.to_string()).at("events").when(*tick))?;
+            self.meter.add(event).map_err(|e| Fault::new("F106", e.to_string()).at("events").when(*tick))?;
         }
         Ok(())
     }
@@ -153,7 +153,7 @@ ports! {
 pub struct EnergyCalibrationFile;
 
 fn parse(path: &str, bytes: &[u8]) -> Result<EnergyCalibration, Reject> {
-    let wrong = |what: String| Reject::new("F111", format!("{path:?}: {what}")).at("path");
+    let wrong = |what: String| Reject::new("F106", format!("{path:?}: {what}")).at("path");
     let calibration: EnergyCalibration =
         serde_json::from_slice(bytes).map_err(|e| wrong(format!("this is no energy calibration: {e}")))?;
     calibration.validate().map_err(|e| wrong(e.to_string()))?;
@@ -235,12 +235,12 @@ mod tests {
         assert_eq!(file.run().unwrap().value(0).unwrap().get::<EnergyCalibration>(), Some(found));
         file.files.insert("c", json.replace("\"fps\":60", "\"fps\":30"));
         let reject = file.shape().unwrap_err();
-        assert!(reject.code == "F111" && reject.message.contains("conventions"), "{reject}");
+        assert!(reject.code == "F106" && reject.message.contains("conventions"), "{reject}");
     }
 
     #[test]
     fn energies_of_two_kinds_are_refused() {
         let fault = solo([Weight::Area, Weight::None]).run().err().unwrap();
-        assert!(fault.code == "F111" && fault.message.contains("`weight`"), "{fault}");
+        assert!(fault.code == "F106" && fault.message.contains("`weight`"), "{fault}");
     }
 }

@@ -91,7 +91,7 @@ impl Node for CrumpleEventsNode {
         let merge_frames = merge_frames(p, buckles.rate);
         let params = CrumpleParams { weight: p.weight, merge_frames, e_min: p.e_min };
         let events = events::CrumpleEvents::new(&buckles.format.topology, &[], params)
-            .map_err(|e| Fault::new("F110", e.to_string()).at("buckles"))?;
+            .map_err(|e| Fault::new("F105", e.to_string()).at("buckles"))?;
         Ok(Self {
             events,
             merge: merge_frames as i64,

@@ -127,22 +127,22 @@ impl Node for HistogramMatcher {
         if !p.adapt && !s.linked(HistogramMatcherPorts::calibration) {
             let message = "without a calibration nothing says which events are strong";
             let help = "link an EnergyCalibration, or set `adapt: true`";
-            return Err(Reject::new("F111", message).at("calibration").help(help));
+            return Err(Reject::new("F106", message).at("calibration").help(help));
         }
         if !p.adapt && p.max_rate.is_some() {
             let message = "`max_rate` works with `adapt: true` only";
             let help = "give the rate to EnergyCalibration, or set `adapt: true`";
-            return Err(Reject::new("F111", message).at("max_rate").help(help));
+            return Err(Reject::new("F106", message).at("max_rate").help(help));
         }
         Ok(())
     }
 
     fn build(p: &HistogramMatcherParams, cx: &Build<'_>) -> Result<Self, Fault> {
         let bank = cx.value(HistogramMatcherPorts::bank);
-        bank.validate().map_err(|e| Fault::new("F111", e.to_string()).at("bank"))?;
+        bank.validate().map_err(|e| Fault::new("F106", e.to_string()).at("bank"))?;
         let calibration = cx.optional_value(HistogramMatcherPorts::calibration);
         if let Some(c) = &calibration {
-            c.validate().map_err(|e| Fault::new("F111", e.to_string()).at("calibration"))?;
+            c.validate().map_err(|e| Fault::new("F106", e.to_string()).at("calibration"))?;
         }
         let energies = calibration.as_ref().map_or(&[][..], |c| &c.energies);
         let rolling = p.adapt.then(|| {
@@ -167,11 +167,11 @@ impl Node for HistogramMatcher {
             if !(event.energy.is_finite() && event.energy >= 0.0) {
                 let message =
                     format!("an event has the energy {}; it must be finite and not below 0", event.energy);
-                return Err(Fault::new("F111", message).at("events").when(*tick));
+                return Err(Fault::new("F106", message).at("events").when(*tick));
             }
             if let Some(c) = &self.calibration {
                 c.accepts(event.weight)
-                    .map_err(|e| Fault::new("F111", e.to_string()).at("calibration").when(*tick))?;
+                    .map_err(|e| Fault::new("F106", e.to_string()).at("calibration").when(*tick))?;
             }
             if let Some(matched) = self.matched(*tick, event) {
                 io.matched.push(*tick, matched);
@@ -258,7 +258,7 @@ mod tests {
     #[test]
     fn what_is_missing_or_measured_otherwise_is_refused() {
         let reject = solo(defaults(), &[1.0], None).shape().unwrap_err();
-        assert!(reject.code == "F111" && reject.field.as_deref() == Some("calibration"), "{reject}");
+        assert!(reject.code == "F106" && reject.field.as_deref() == Some("calibration"), "{reject}");
         let p = HistogramMatcherParams { max_rate: Some(3.0), ..defaults() };
         let c = calibration(&[1.0], Floor::Absolute(0.0));
         assert_eq!(solo(p, &[1.0], Some(c)).shape().unwrap_err().field.as_deref(), Some("max_rate"));

@@ -149,7 +149,7 @@ impl Node for CrumplePlayer {
     }
 
     fn build(p: &CrumplePlayerParams, cx: &Build<'_>) -> Result<Self, Fault> {
-        let wrong = |e: super::BankError| Fault::new("F111", e.to_string()).at("bank");
+        let wrong = |e: super::BankError| Fault::new("F106", e.to_string()).at("bank");
         let bank = cx.value(CrumplePlayerPorts::bank);
         bank.validate().map_err(wrong)?;
         let id = bank.id();
@@ -176,7 +176,7 @@ impl Node for CrumplePlayer {
             if event.bank != self.bank {
                 let message = "the events were matched with another bank than the one that is to be played";
                 let help = "link the same bank to HistogramMatcher and to CrumplePlayer";
-                return Err(Fault::new("F111", message).at("bank").help(help).when(*tick));
+                return Err(Fault::new("F106", message).at("bank").help(help).when(*tick));
             }
             let now = rate.first_at(*tick - self.ahead).clamp(at, at + out.len() as i64);
             let (before, after) = out.split_at_mut((now - at) as usize);

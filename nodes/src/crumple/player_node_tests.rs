@@ -136,7 +136,7 @@ fn another_bank_than_the_matched_one_is_refused_and_another_rate_is_not() {
             .value(CrumplePlayerPorts::bank, bank.clone())
     };
     let fault = solo(event(&click_bank(), 0, 60)).run().err().unwrap();
-    assert!(fault.code == "F111" && fault.message.contains("another bank"), "{fault}");
+    assert!(fault.code == "F106" && fault.message.contains("another bank"), "{fault}");
     let out = solo(MatchedCrumple { sample: 2, ..event(&bank, 0, 60) })
         .run()
         .unwrap()

@@ -66,7 +66,7 @@ impl Node for MeanCurvatureNode {
     fn build(p: &MeanCurvatureParams, cx: &Build<'_>) -> Result<Self, Fault> {
         let topology = cx.input(MeanCurvaturePorts::mesh).format.topology;
         let measure = mean::MeanCurvature::new(&topology, p.method)
-            .map_err(|e| Fault::new("F110", e.to_string()).at("mesh"))?;
+            .map_err(|e| Fault::new("F105", e.to_string()).at("mesh"))?;
         Ok(Self { measure, strongest: 0.0 })
     }
 
@@ -76,7 +76,7 @@ impl Node for MeanCurvatureNode {
             self.measure.measure(io.mesh.item(k as isize), out).map_err(|vertex| {
                 let message =
                     format!("vertex {vertex} of frame {} has a position that is no number", first + k);
-                Fault::new("F110", message).at("mesh").when(rate.tick(first + k))
+                Fault::new("F105", message).at("mesh").when(rate.tick(first + k))
             })?;
             self.strongest = out.iter().fold(self.strongest, |most, c| most.max(c.h.abs()));
         }
@@ -125,7 +125,7 @@ mod tests {
         let mut frames = topology.rest.repeat(3);
         frames[16 + 9][1] = f32::NAN;
         let fault = solo(topology.clone(), frames).run().err().unwrap();
-        assert!(fault.code == "F110" && fault.message.contains("vertex 9 of frame 1"), "{fault}");
+        assert!(fault.code == "F105" && fault.message.contains("vertex 9 of frame 1"), "{fault}");
         // A Moebius strip.
         topology.rest = (0..10).map(|k| [k as f32, (k * k % 7) as f32, (k % 3) as f32]).collect();
         topology.triangles = (0..5)
@@ -136,6 +136,6 @@ mod tests {
             })
             .collect();
         let fault = solo(topology, vec![[0.0; 3]; 10]).run().err().unwrap();
-        assert!(fault.code == "F110" && fault.message.contains("component 0"), "{fault}");
+        assert!(fault.code == "F105" && fault.message.contains("component 0"), "{fault}");
     }
 }

@@ -68,41 +68,61 @@ impl<R: Receiver> ClipStream<R> {
         out: &mut [f32],
         mut input: impl FnMut(u64) -> ClipInput<'a>,
     ) -> Result<(), NoiseError> {
-        let (hop, channels) = (self.hop(), self.noise.channels().max(1));
+        let (hop, channels) = (self.hop() as u64, self.noise.channels().max(1));
         let len = out.len() / channels;
         let mut done = 0;
         while done < len {
             let at = from + done as u64;
-            let (clip, offset) = (at / hop as u64, (at % hop as u64) as usize);
-            let count = (hop - offset).min(len - done);
-            let old = self.ready(clip, &mut input)?;
-            let new = self.ready(clip + 1, &mut input)?;
+            let count = ((hop - at % hop) as usize).min(len - done);
+            for clip in [at / hop, at / hop + 1] {
+                if !self.holds(clip) {
+                    self.prepare(clip, input(clip))?;
+                }
+            }
             for channel in 0..channels {
-                let start = channel * 2 * hop + offset;
-                let tail = &self.clips[old].1[start + hop..start + hop + count];
-                let head = &self.clips[new].1[start..start + count];
-                let out = &mut out[channel * len + done..channel * len + done + count];
-                out.iter_mut().zip(tail.iter().zip(head)).for_each(|(o, (a, b))| *o = a + b);
+                self.overlap(channel, at, &mut out[channel * len + done..channel * len + done + count]);
             }
             done += count;
         }
         Ok(())
     }
 
-    /// Place of clip `clip` among the two kept ones, rendering it when it is not there.
-    ///
-    /// Neighbouring clips differ in parity and so never displace each other.
-    fn ready<'a>(
-        &mut self,
-        clip: u64,
-        input: &mut impl FnMut(u64) -> ClipInput<'a>,
-    ) -> Result<usize, NoiseError> {
-        let place = (clip % 2) as usize;
-        if self.clips[place].0 != Some(clip) {
-            self.clips[place].0 = None;
-            self.noise.clip(clip, input(clip), &mut self.clips[place].1)?;
-            self.clips[place].0 = Some(clip);
-        }
-        Ok(place)
+    /// Whether clip `clip` is one of the two that are kept.
+    #[must_use]
+    pub fn holds(&self, clip: u64) -> bool {
+        self.clips[place(clip)].0 == Some(clip)
     }
+
+    /// Renders clip `clip` and keeps it until the next but one; for callers that move the receiver from clip to clip.
+    ///
+    /// # Errors
+    /// As [`IftNoise::clip`].
+    pub fn prepare(&mut self, clip: u64, input: ClipInput<'_>) -> Result<(), NoiseError> {
+        let (held, samples) = &mut self.clips[place(clip)];
+        *held = None;
+        self.noise.clip(clip, input, samples)?;
+        *held = Some(clip);
+        Ok(())
+    }
+
+    /// Writes one channel from sample `from` on, at most up to the end of its segment, out of clips that are prepared.
+    ///
+    /// What is not prepared is silent.
+    pub fn overlap(&self, channel: usize, from: u64, out: &mut [f32]) {
+        let hop = self.hop();
+        let (clip, offset) = (from / hop as u64, (from % hop as u64) as usize);
+        let start = channel * 2 * hop + offset;
+        out.fill(0.0);
+        for (clip, start) in [(clip, start + hop), (clip + 1, start)] {
+            if self.holds(clip) {
+                let samples = self.clips[place(clip)].1[start..].iter().take(hop - offset);
+                out.iter_mut().zip(samples).for_each(|(out, x)| *out += x);
+            }
+        }
+    }
+}
+
+/// Place of a clip among the two kept ones: neighbours differ in parity and so never displace each other.
+fn place(clip: u64) -> usize {
+    (clip % 2) as usize
 }

@@ -118,7 +118,7 @@ pub struct IftNoiseNode {
 }
 
 /// Samples from one speed to the next.
-fn hop(audio: Rate, speeds: Rate) -> Result<usize, Reject> {
+pub(super) fn hop(audio: Rate, speeds: Rate) -> Result<usize, Reject> {
     let exact = audio.num() as f64 * speeds.den() as f64 / (audio.den() as f64 * speeds.num() as f64);
     let most = MAX_CLIP_SAMPLES as f64 / 2.0;
     let nearest = exact.round().clamp(1.0, most) as u64;

@@ -90,6 +90,11 @@ pub fn accepted(node: usize, level: Level, wanted: usize) -> Vec<Trial> {
     )
 }
 
+/// All trials that a node accepts, one after the other: maybe few.
+pub fn possible(node: usize, level: Level) -> impl Iterator<Item = Trial> {
+    (0..TRIES).filter_map(move |number| Trial::new(node, number, level).ok())
+}
+
 /// Trials that a node accepts and that do not depend on its place in the registry.
 ///
 /// # Panics

@@ -1,0 +1,149 @@
+//! Cloth between two ears: sides, delays, movement and windows.
+
+use super::*;
+use crate::core::solo::Solo;
+use crate::core::time::{TICKS_PER_SECOND, ticks};
+use crate::friction::testing::bump_model;
+use crate::mesh::{MeshFormat, Topology};
+use crate::spatial::Ear;
+
+type Port = BinauralIftNoisePorts;
+
+fn params() -> BinauralIftNoiseParams {
+    let p = BinauralIftNoiseParams::read(&|_| None).expect("every parameter has a default");
+    BinauralIftNoiseParams { pinna: Pinna::Off, ..p }
+}
+
+/// Broad noise, so that the ears can be compared in time.
+fn model() -> FrictionModel {
+    bump_model(&[(0.1, 6000.0), (1.0, 8000.0)], 4000.0, 48_000.0, 2400)
+}
+
+/// Two vertices that slide at a place per frame, 60 frames per second.
+fn solo(p: BinauralIftNoiseParams, seconds: usize, way: impl Fn(f32) -> [f32; 3]) -> Solo {
+    let frames: Vec<[f32; 3]> = (0..60 * seconds)
+        .flat_map(|k| {
+            let at = way(k as f32 / 60.0);
+            [at, [at[0], at[1], at[2] + 0.001]]
+        })
+        .collect();
+    let rest = frames[..2].to_vec();
+    let areas: std::sync::Arc<[f32]> = vec![1e-4; 2].into();
+    Solo::new::<BinauralIftNoise>(p)
+        .input(Port::speeds, Rate::hz(40), areas, vec![0.5; 2 * 40 * seconds])
+        .value(Port::model, model())
+        .input(Port::mesh, Rate::hz(60), MeshFormat::moving(Topology { rest, triangles: vec![] }), frames)
+}
+
+fn ears(out: &[f32]) -> [Vec<f64>; 2] {
+    [0, 1].map(|ear| out.iter().skip(ear).step_by(2).map(|x| f64::from(*x)).collect())
+}
+
+fn at_azimuth(degrees: f32, distance: f32) -> [f32; 3] {
+    let a = degrees.to_radians();
+    [distance * a.cos(), -distance * a.sin(), 0.0]
+}
+
+/// Samples by which the left ear is later: the peak of the cross-correlation.
+fn lag(left: &[f64], right: &[f64]) -> i64 {
+    let middle = 200..left.len() - 200;
+    let correlation =
+        |lag: i64| middle.clone().map(|n| left[(n as i64 + lag) as usize] * right[n]).sum::<f64>();
+    (-60..=60).max_by(|a, b| correlation(*a).total_cmp(&correlation(*b))).unwrap_or_default()
+}
+
+#[test]
+fn the_interaural_cross_correlation_peaks_at_the_delay_of_the_model() {
+    let head = Head::default();
+    for degrees in [30.0, -60.0, 90.0] {
+        let out = solo(params(), 3, |_| at_azimuth(degrees, 3.0)).run().unwrap().stream(Port::audio);
+        let [left, right] = ears(&out);
+        let d = at_azimuth(degrees, 1.0).map(f64::from);
+        let [l, r] = [Ear::Left, Ear::Right].map(|ear| head.delay(head.incidence(ear, d)));
+        let expected = (l - r) * 48_000.0;
+        assert!(
+            (lag(&left, &right) as f64 - expected).abs() <= 1.0,
+            "{degrees}: {} {expected}",
+            lag(&left, &right)
+        );
+    }
+}
+
+#[test]
+fn both_ears_hear_one_draw_of_phases() {
+    let out = solo(params(), 2, |_| [2.0, 0.0, 0.0]).run().unwrap().stream(Port::audio);
+    let [left, right] = ears(&out);
+    assert!(left == right, "in front of the head both ears hear the same");
+    let out = solo(params(), 2, |_| at_azimuth(20.0, 2.0)).run().unwrap().stream(Port::audio);
+    let [left, right] = ears(&out);
+    let shift = lag(&left, &right) as usize;
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let (l, r) = (&left[shift + 200..], &right[200..right.len() - shift]);
+    assert!(dot(l, r) / (dot(l, l) * dot(r, r)).sqrt() > 0.7);
+}
+
+#[test]
+fn mirrored_cloth_swaps_the_ears_and_a_turned_head_hears_it_elsewhere() {
+    let run = |p, degrees| ears(&solo(p, 1, |_| at_azimuth(degrees, 1.0)).run().unwrap().stream(Port::audio));
+    let ([a, b], [c, d]) = (run(params(), 50.0), run(params(), -50.0));
+    assert!(a == d && b == c);
+    let power = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>();
+    assert!(power(&b) > 4.0 * power(&a), "right of the head");
+    let turned = BinauralIftNoiseParams { look: [-1.0, 0.0, 0.0], ..params() };
+    let [a, b] = run(turned, 50.0);
+    assert!(power(&a) > 2.0 * power(&b), "left of a head that looks back");
+}
+
+#[test]
+fn the_level_in_front_is_that_of_the_model_at_the_distance() {
+    let power = |distance: f32, p| {
+        let out = solo(p, 3, |_| [distance, 0.0, 0.0]).run().unwrap().stream(Port::audio);
+        ears(&out)[0].iter().skip(2400).map(|x| x * x).sum::<f64>() / (out.len() / 2 - 2400) as f64
+    };
+    let near = power(1.0, params());
+    let far = power(4.0, params());
+    assert!((near / far / 16.0 - 1.0).abs() < 0.01, "{}", near / far);
+    let without = power(4.0, BinauralIftNoiseParams { reference: None, ..params() });
+    assert!((without / near - 1.0).abs() < 0.01);
+    // Ears at 100 degrees hear the front with a gain between 1 and that of high frequencies.
+    let head = Head::default();
+    let gain = head.high_gain(100_f64.to_radians()).powi(2);
+    let mono = 2.0 * model().power(0.5);
+    assert!(near < mono && near > gain * mono, "{near} {mono}");
+}
+
+#[test]
+fn windows_of_any_length_give_the_same_bits_while_cloth_and_head_move() {
+    let way = |t: f32| at_azimuth(360.0 * t, 1.0 + t);
+    let poses: Vec<Pose> = (0..25).map(|k| Pose::at([0.0, 0.02 * k as f32, 0.0])).collect();
+    let run = |window: Tick| {
+        let p = BinauralIftNoiseParams { pinna: Pinna::Set1, ..params() };
+        let mut solo =
+            solo(p, 1, way).optional(Port::listener, Rate::hz(25), (), poses.clone()).window(window);
+        solo.poison = true;
+        let run = solo.run().unwrap();
+        (run.stream(Port::audio), run.summary)
+    };
+    let whole = run(2 * TICKS_PER_SECOND);
+    assert!(whole.0.len() == 96_000 && whole.0.iter().all(|x| x.is_finite()));
+    for window in [ticks(0.001), ticks(0.0371), Rate::hz(48_000).span(64), ticks(0.2)] {
+        assert!(run(window) == whole, "{window}");
+    }
+    let [left, right] = ears(&whole.0);
+    let power = |x: &[f64], from: usize| x[from..from + 4800].iter().map(|x| x * x).sum::<f64>();
+    assert!(power(&right, 9_600) > 2.0 * power(&left, 9_600));
+    assert!(power(&left, 33_600) > 2.0 * power(&right, 33_600));
+}
+
+#[test]
+fn another_mesh_is_refused() {
+    let rest = vec![[0.0; 3]; 3];
+    let format = MeshFormat::moving(Topology { rest: rest.clone(), triangles: vec![] });
+    let areas: std::sync::Arc<[f32]> = vec![1e-4; 2].into();
+    let solo = Solo::new::<BinauralIftNoise>(params())
+        .input(Port::speeds, Rate::hz(40), areas, vec![0.0; 2])
+        .value(Port::model, model())
+        .input(Port::mesh, Rate::hz(60), format, rest);
+    let reject = solo.shape().unwrap_err();
+    assert!(reject.code == "F067" && reject.message.contains("2 vertices, `mesh` has 3"), "{reject}");
+}

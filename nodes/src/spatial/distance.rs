@@ -1,0 +1,165 @@
+//! How sound fades, and arrives later, with the way that it has gone.
+
+use super::binaural::block;
+use super::head::SPEED_OF_SOUND;
+use super::line::Line;
+use crate::contact::vector::{Vec3, norm};
+
+/// The level of a point source over its distance: `reference / max(distance, nearest)`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Distance {
+    /// Distance at which a source is as loud as it is, in metres.
+    pub reference: f64,
+    /// Distance below which it gets no louder, in metres.
+    pub nearest: f64,
+}
+
+impl Default for Distance {
+    fn default() -> Self {
+        Self { reference: 1.0, nearest: 0.1 }
+    }
+}
+
+impl Distance {
+    /// Gain at a distance in metres.
+    #[must_use]
+    pub fn gain(&self, distance: f64) -> f64 {
+        self.reference / distance.max(self.nearest)
+    }
+
+    /// Gain for a source at a place relative to the listener.
+    #[must_use]
+    pub fn gain_of(&self, place: Vec3) -> f64 {
+        self.gain(norm(place))
+    }
+}
+
+/// Gain and, where wanted, delay of a source whose distance moves.
+///
+/// The distance is asked for once per [`block`]; gain and delay move on straight lines in between.
+/// The delay is read between samples, so an even approach is heard as a steady Doppler shift.
+#[derive(Clone, Debug)]
+pub struct DistanceLine {
+    distance: Distance,
+    fs: f64,
+    block: u64,
+    /// One line per channel where sound takes its time.
+    lines: Vec<Line>,
+    farthest: f64,
+    channels: usize,
+    /// Gain and delay in samples, at both ends of a block.
+    from: [f64; 2],
+    to: [f64; 2],
+    begun: bool,
+}
+
+impl DistanceLine {
+    /// A silent line; with `farthest` in metres sound arrives later by its way, at most that of `farthest`.
+    #[must_use]
+    pub fn new(distance: Distance, farthest: Option<f64>, channels: usize, fs: f64) -> Self {
+        let longest = farthest.unwrap_or(0.0) / SPEED_OF_SOUND * fs;
+        let lines = if farthest.is_some() { vec![Line::new(longest); channels] } else { Vec::new() };
+        Self {
+            distance,
+            fs,
+            block: block(fs),
+            lines,
+            farthest: farthest.unwrap_or(0.0),
+            channels,
+            from: [0.0; 2],
+            to: [0.0; 2],
+            begun: false,
+        }
+    }
+
+    /// Changes the law of the level from the next block on.
+    pub fn set_distance(&mut self, distance: Distance) {
+        self.distance = distance;
+    }
+
+    fn aim(&mut self, metres: f64) {
+        // A delay of one sample is the least that is read between samples: 7 mm at 48 kHz.
+        let delay = (metres.min(self.farthest) / SPEED_OF_SOUND * self.fs).max(1.0);
+        let to = [self.distance.gain(metres), delay];
+        self.from = if self.begun { self.to } else { to };
+        self.to = to;
+        self.begun = true;
+    }
+
+    /// Processes samples from number `first` of the signal on; `metres` gives the distance at the sample it is asked for.
+    ///
+    /// # Shapes
+    /// `input` and `out`: `[T * channels]`, interleaved.
+    pub fn process(
+        &mut self,
+        first: u64,
+        input: &[f32],
+        out: &mut [f32],
+        mut metres: impl FnMut(u64) -> f64,
+    ) {
+        let width = self.channels.max(1);
+        for ((n, x), out) in (first..).zip(input.chunks_exact(width)).zip(out.chunks_exact_mut(width)) {
+            let place = n % self.block;
+            if place == 0 || !self.begun {
+                self.aim(metres(n));
+            }
+            let t = (place + 1) as f64 / self.block as f64;
+            let [gain, delay] = std::array::from_fn(|k| self.from[k] + t * (self.to[k] - self.from[k]));
+            if self.lines.is_empty() {
+                out.iter_mut().zip(x).for_each(|(out, x)| *out = gain as f32 * x);
+            }
+            for ((out, x), line) in out.iter_mut().zip(x).zip(&mut self.lines) {
+                line.push(*x);
+                *out = gain as f32 * line.read(delay);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::PI;
+
+    use super::*;
+
+    #[test]
+    fn twice_as_far_is_half_as_loud_and_nothing_is_louder_than_at_the_nearest() {
+        let law = Distance::default();
+        assert_eq!([0.0, 0.1, 0.5, 1.0, 2.0, 10.0].map(|d| law.gain(d)), [10.0, 10.0, 2.0, 1.0, 0.5, 0.1]);
+        assert_eq!(law.gain_of([0.0, 3.0, 4.0]), 0.2);
+    }
+
+    #[test]
+    fn an_even_approach_raises_the_pitch_by_its_share_of_the_speed_of_sound() {
+        let (fs, tone, speed) = (48_000.0, 1000.0, 10.0);
+        let x: Vec<f32> = (0..48_000).map(|n| (2.0 * PI * tone * f64::from(n) / fs).sin() as f32).collect();
+        let mut line = DistanceLine::new(Distance { reference: 1.0, nearest: 1e9 }, Some(50.0), 1, fs);
+        let mut y = vec![0.0; x.len()];
+        line.process(0, &x, &mut y, |n| 20.0 - speed * n as f64 / fs);
+        // The phase between two times gives the pitch.
+        let phase = |at: usize| {
+            let f = tone * (1.0 + speed / SPEED_OF_SOUND);
+            let sum = (0..4800).fold([0.0; 2], |s, k| {
+                let (a, w) =
+                    (2.0 * PI * f * (at + k) as f64 / fs, 0.5 - 0.5 * (2.0 * PI * k as f64 / 4800.0).cos());
+                let y = w * f64::from(y[at + k]);
+                [s[0] + y * a.cos(), s[1] + y * a.sin()]
+            });
+            sum[1].atan2(sum[0])
+        };
+        let drift = (phase(40_000) - phase(10_000) + PI).rem_euclid(2.0 * PI) - PI;
+        assert!(drift.abs() < 0.01, "off by {} Hz", drift / (2.0 * PI) * fs / 30_000.0);
+    }
+
+    #[test]
+    fn the_delay_is_that_of_the_way() {
+        let fs = 34_300.0;
+        let mut line = DistanceLine::new(Distance::default(), Some(20.0), 2, fs);
+        let mut x = vec![0.0; 1000];
+        (x[0], x[1]) = (1.0, -1.0);
+        let mut y = vec![0.0; 1000];
+        line.process(0, &x, &mut y, |_| 2.0);
+        assert!((y[400] - 0.5).abs() < 1e-6 && (y[401] + 0.5).abs() < 1e-6);
+        assert_eq!(y.iter().filter(|y| y.abs() > 1e-6).count(), 2);
+    }
+}

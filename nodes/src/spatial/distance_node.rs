@@ -1,0 +1,163 @@
+//! Loudness and delay by distance, as a node.
+
+use super::distance::{Distance, DistanceLine};
+use super::head::SPEED_OF_SOUND;
+use super::item::Poses;
+use super::track::{AHEAD, PAST, pose_at};
+use crate::contact::vector::{norm, sub};
+use crate::core::fault::{Fault, Reject};
+use crate::core::node::{Class, Node, Retune};
+use crate::core::ports::Stream;
+use crate::core::shape::{Build, Ends, Shape};
+use crate::core::time::ticks;
+use crate::{params, ports};
+
+params! {
+    /// Makes a source softer the farther it is from the listener: a gain of `reference / distance`.
+    ///
+    /// Source and listener stand still where the parameters say, or move with a link to `position` or `listener`; only the way
+    /// between them counts. The gain moves on a straight line from one set of 64 samples to the next.
+    ///
+    /// With `delay` the sound also arrives later by the time that it takes at 343 m/s, at least one sample, and a source that
+    /// moves has a Doppler shift. That is off by default because it makes far pictures and their sound fall apart. Beyond
+    /// `farthest` the delay grows no more.
+    ///
+    /// # Source
+    /// A point source in free air; Laakso et al., "Splitting the Unit Delay" (IEEE SPM 13(1), 1996) for delays between samples.
+    pub struct DistanceGainParams {
+        /// Place of the source, where no link gives it.
+        position: [f64; 3] = [1.0, 0.0, 0.0], unit "m", range -100_000.0..=100_000.0;
+        /// Place of the listener, where no link gives it.
+        listener: [f64; 3] = [0.0; 3], unit "m", range -100_000.0..=100_000.0;
+        /// Distance at which a source is as loud as it is.
+        reference: f64 = 1.0, unit "m", range 0.001..=10_000.0;
+        /// Distance below which it gets no louder.
+        nearest: f64 = 0.1, unit "m", range 0.001..=10_000.0;
+        /// Whether the sound takes its time.
+        delay: bool = false;
+        /// Distance up to which it does.
+        farthest: f64 = 100.0, unit "m", range 1.0..=10_000.0;
+    }
+}
+ports! {
+    /// Ports of `DistanceGain`.
+    pub struct DistanceGainPorts / DistanceGainIo {
+        in {
+            /// Audio with any number of channels.
+            audio: Stream<f32>,
+            /// Where the source is, in place of the parameter.
+            position: Option<Stream<Poses>>,
+            /// Where the listener is, in place of the parameter.
+            listener: Option<Stream<Poses>>,
+        }
+        out {
+            /// The audio as loud as it is over there.
+            out: Stream<f32>,
+        }
+    }
+}
+
+/// The node over [`DistanceLine`].
+#[derive(Debug)]
+pub struct DistanceGain {
+    line: DistanceLine,
+    params: DistanceGainParams,
+}
+
+fn law(p: &DistanceGainParams) -> Distance {
+    Distance { reference: p.reference, nearest: p.nearest }
+}
+
+impl Node for DistanceGain {
+    type Params = DistanceGainParams;
+    type Ports = DistanceGainPorts;
+    const NAME: &'static str = "DistanceGain";
+    const CLASS: Class = Class::Audio;
+    const COST: f64 = 5.0;
+
+    fn shape(p: &DistanceGainParams, s: &mut Shape<'_, '_, DistanceGainPorts>) -> Result<(), Reject> {
+        type Port = DistanceGainPorts;
+        let audio = s.input(Port::audio);
+        s.when_ended(Port::audio, Ends::Stop);
+        s.reach(Port::position, PAST, AHEAD);
+        s.when_ended(Port::position, Ends::Hold);
+        s.reach(Port::listener, PAST, AHEAD);
+        s.when_ended(Port::listener, Ends::Hold);
+        if p.delay {
+            s.tail(ticks(p.farthest / SPEED_OF_SOUND) + audio.rate.span(3));
+        }
+        s.output(Port::out, audio.rate, audio.format);
+        Ok(())
+    }
+
+    fn build(p: &DistanceGainParams, cx: &Build<'_>) -> Result<Self, Fault> {
+        let audio = cx.input(DistanceGainPorts::audio);
+        let farthest = p.delay.then_some(p.farthest);
+        let line = DistanceLine::new(law(p), farthest, audio.format.0.into(), audio.rate.as_f64());
+        Ok(Self { line, params: p.clone() })
+    }
+
+    fn run(&mut self, mut io: DistanceGainIo<'_>) -> Result<(), Fault> {
+        let (first, rate) = (io.out.first().max(0) as u64, io.out.rate());
+        let DistanceGainParams { position, listener, .. } = self.params;
+        self.line.process(first, io.audio.items(), io.out.items(), |n| {
+            let tick = rate.tick(n as i64);
+            let place = |link: &Option<_>, fixed| {
+                link.as_ref().map_or(fixed, |poses| pose_at(poses, tick).position.map(f64::from))
+            };
+            norm(sub(place(&io.position, position), place(&io.listener, listener)))
+        });
+        Ok(())
+    }
+
+    fn retune(&mut self, new: &DistanceGainParams) -> Retune {
+        if (new.delay, new.farthest) != (self.params.delay, self.params.farthest) {
+            return Retune::Rebuild;
+        }
+        self.line.set_distance(law(new));
+        self.params = new.clone();
+        Retune::Done
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Pose;
+    use super::*;
+    use crate::core::item::Channels;
+    use crate::core::params::Params;
+    use crate::core::solo::Solo;
+    use crate::core::time::Rate;
+
+    fn params() -> DistanceGainParams {
+        DistanceGainParams::read(&|_| None).unwrap()
+    }
+
+    fn solo(p: DistanceGainParams, audio: Vec<f32>) -> Solo {
+        Solo::new::<DistanceGain>(p).input(DistanceGainPorts::audio, Rate::hz(48_000), Channels(2), audio)
+    }
+
+    #[test]
+    fn four_metres_are_a_quarter_and_a_walk_there_has_no_steps() {
+        let p = DistanceGainParams { position: [0.0, 4.0, 0.0], ..params() };
+        let out = solo(p, vec![1.0; 200]).run().unwrap().stream(DistanceGainPorts::out);
+        assert_eq!(out, vec![0.25; 200]);
+        let walk = (0..60).map(|k| Pose::at([1.0 + k as f32 * 0.05, 0.0, 0.0])).collect();
+        let solo =
+            solo(params(), vec![1.0; 96_000]).optional(DistanceGainPorts::position, Rate::hz(60), (), walk);
+        let out = solo.run().unwrap().stream(DistanceGainPorts::out);
+        assert!(out.windows(3).all(|w| (w[2] - w[0]).abs() < 1e-4), "steps");
+        assert!((out[48_000] - 1.0 / 2.5).abs() < 0.001 && out.len() == 96_000);
+    }
+
+    #[test]
+    fn with_delay_the_sound_comes_after_its_way_and_is_not_cut_off() {
+        let p = DistanceGainParams { position: [34.3, 0.0, 0.0], delay: true, ..params() };
+        let mut audio = vec![0.0; 200];
+        (audio[198], audio[199]) = (1.0, -1.0);
+        let out = solo(p, audio).run().unwrap().stream(DistanceGainPorts::out);
+        let at = 2 * (99 + 4800);
+        assert!((out[at] * 34.3 - 1.0).abs() < 1e-3 && (out[at + 1] * 34.3 + 1.0).abs() < 1e-3);
+        assert!(out[..at - 4].iter().all(|x| *x == 0.0));
+    }
+}

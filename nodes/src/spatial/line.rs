@@ -1,0 +1,78 @@
+//! A delay line that is read between its samples.
+
+/// The last samples of a signal, read at any delay by 4-point Lagrange interpolation.
+///
+/// # Source
+/// Laakso, Valimaki, Karjalainen and Laine, "Splitting the Unit Delay" (IEEE SPM 13(1), 1996), section 3.
+#[derive(Clone, Debug)]
+pub(crate) struct Line {
+    samples: Vec<f32>,
+    /// Place of the newest sample.
+    at: usize,
+}
+
+impl Line {
+    /// A silent line for delays from 1 to `longest` samples.
+    pub fn new(longest: f64) -> Self {
+        let needed = longest.max(1.0).ceil() as usize + 4;
+        Self { samples: vec![0.0; needed.next_power_of_two()], at: 0 }
+    }
+
+    #[inline]
+    fn mask(&self) -> usize {
+        self.samples.len() - 1
+    }
+
+    /// Adds the newest sample.
+    #[inline]
+    pub fn push(&mut self, x: f32) {
+        self.at = (self.at + 1) & self.mask();
+        self.samples[self.at] = x;
+    }
+
+    /// The sample `back` samples before the newest.
+    #[inline]
+    pub fn whole(&self, back: usize) -> f32 {
+        self.samples[self.at.wrapping_sub(back) & self.mask()]
+    }
+
+    /// The signal `delay` samples before the newest, at least 1 (the cubic needs a later neighbour) and at most the longest.
+    #[inline]
+    pub fn read(&self, delay: f64) -> f32 {
+        let most = self.samples.len() as f64 - 4.0;
+        // Not `clamp`, which would let NaN through.
+        let delay = delay.max(1.0).min(most);
+        let whole = delay as usize;
+        let f = (delay - whole as f64) as f32;
+        let [a, b, c, d] = [0, 1, 2, 3].map(|k| self.whole(whole - 1 + k));
+        // Products that the weights share.
+        let (p, m, n) = (f + 1.0, f - 1.0, f - 2.0);
+        let (mn, pf) = (m * n, p * f);
+        -f * mn / 6.0 * a + p * mn / 2.0 * b - pf * n / 2.0 * c + pf * m / 6.0 * d
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cubics_are_read_exactly_between_samples() {
+        let cubic = |t: f64| 1.0 + 0.1 * t - 0.02 * t * t + 0.001 * t * t * t;
+        let mut line = Line::new(20.0);
+        (0..100).for_each(|n| line.push(cubic(f64::from(n)) as f32));
+        for delay in [1.0, 1.25, 2.5, 7.999, 13.0, 20.0] {
+            let (found, expected) = (f64::from(line.read(delay)), cubic(99.0 - delay));
+            assert!((found / expected - 1.0).abs() < 1e-6, "{delay}: {found} {expected}");
+        }
+        assert_eq!(line.read(1.0), line.whole(1));
+    }
+
+    #[test]
+    fn delays_out_of_range_are_read_at_the_ends() {
+        let mut line = Line::new(3.0);
+        (0..50).for_each(|n| line.push(n as f32));
+        assert_eq!(line.read(-5.0), 48.0);
+        assert!(line.read(1e9).is_finite() && line.read(f64::NAN).is_finite());
+    }
+}

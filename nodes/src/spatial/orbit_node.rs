@@ -1,0 +1,140 @@
+//! A body that circles a point, as a node.
+
+use std::f64::consts::TAU;
+
+use super::item::Poses;
+use super::pose::{Pose, unit};
+use crate::contact::vector::{add, cross, scale};
+use crate::core::fault::{Fault, Reject};
+use crate::core::files::MemoryFiles;
+use crate::core::node::{Class, Node};
+use crate::core::params::Params;
+use crate::core::ports::Stream;
+use crate::core::random::Draw;
+use crate::core::shape::{Build, Shape};
+use crate::core::time::{Rate, ticks};
+use crate::{params, ports};
+
+params! {
+    /// A body that circles a point at an even speed and looks at it: a source or a listener with known motion.
+    ///
+    /// It starts in the direction of the scene's x as seen along the axis (of y, where the axis is x), and turns as a right hand's
+    /// fingers do whose thumb is the axis: to the left of a listener who looks along x with z above.
+    pub struct OrbitParams {
+        /// The point that is circled.
+        centre: [f64; 3] = [0.0; 3], unit "m", range -100_000.0..=100_000.0;
+        /// Distance from it.
+        radius: f64 = 1.0, unit "m", range 0.0..=100_000.0;
+        /// Turns per second.
+        frequency: f64 = 0.25, unit "Hz", range -100.0..=100.0;
+        /// Angle at time zero.
+        start: f64 = 0.0, unit "degrees", range -360.0..=360.0;
+        /// Axis of the circle: a direction of any length.
+        axis: [f64; 3] = [0.0, 0.0, 1.0], unit "", range -100_000.0..=100_000.0;
+        /// Poses per second.
+        rate: Rate = Rate::hz(60);
+        /// Length; None goes on for ever.
+        duration: Option<f64> = None, unit "s", range 0.0..=86_400.0;
+    }
+}
+ports! {
+    pub struct OrbitPorts / OrbitIo {
+        in {}
+        out {
+            /// The poses.
+            pose: Stream<Poses>,
+        }
+    }
+}
+
+/// The node `Orbit`.
+#[derive(Debug)]
+pub struct Orbit {
+    /// Axis, direction of the start, and a quarter turn further.
+    axes: [[f64; 3]; 3],
+    params: OrbitParams,
+}
+
+fn axes(p: &OrbitParams) -> Result<[[f64; 3]; 3], Reject> {
+    let reject = || {
+        let message = format!("`axis` is {:?}, which has no direction", p.axis);
+        Reject::new("F067", message).at("axis").help("write [0, 0, 1] for a circle in the plane of x and y")
+    };
+    let axis = unit(p.axis).ok_or_else(reject)?;
+    let aside = if axis[0].abs() < 0.99 { [1.0, 0.0, 0.0] } else { [0.0, 1.0, 0.0] };
+    let next = unit(cross(axis, aside)).ok_or_else(reject)?;
+    Ok([axis, cross(next, axis), next])
+}
+
+impl Node for Orbit {
+    type Params = OrbitParams;
+    type Ports = OrbitPorts;
+    const NAME: &'static str = "Orbit";
+    const CLASS: Class = Class::Audio;
+
+    fn shape(p: &OrbitParams, s: &mut Shape<'_, '_, OrbitPorts>) -> Result<(), Reject> {
+        axes(p)?;
+        s.ends(p.duration.map(ticks));
+        s.output(OrbitPorts::pose, p.rate, ());
+        Ok(())
+    }
+
+    fn build(p: &OrbitParams, _: &Build<'_>) -> Result<Self, Fault> {
+        Ok(Self { axes: axes(p)?, params: p.clone() })
+    }
+
+    fn run(&mut self, mut io: OrbitIo<'_>) -> Result<(), Fault> {
+        let (first, period) = (io.pose.first(), 1.0 / io.pose.rate().as_f64());
+        let (p, [axis, from, next]) = (&self.params, self.axes);
+        for (k, out) in (first..).zip(io.pose.items()) {
+            // Whole turns are taken off first, so that hours later the angle is as exact as now.
+            let turns = (p.frequency * k as f64 * period).fract();
+            let angle = TAU * turns + p.start.to_radians();
+            let away = add(scale(from, libm::cos(angle)), scale(next, libm::sin(angle)));
+            let at = add(p.centre, scale(away, p.radius));
+            *out = Pose::looking(at, scale(away, -1.0), axis).unwrap_or_default();
+        }
+        Ok(())
+    }
+
+    fn trial(draw: &mut Draw) -> (OrbitParams, MemoryFiles) {
+        let duration = [None, Some(draw.between(0.0, 0.5))][draw.below(2)];
+        let rate = Rate::hz([25, 60, 1000][draw.below(3)]);
+        (OrbitParams { duration, rate, ..OrbitParams::trial(draw) }, MemoryFiles::default())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::core::solo::Solo;
+
+    fn params() -> OrbitParams {
+        OrbitParams::read(&|_| None).unwrap()
+    }
+
+    #[test]
+    fn a_quarter_turn_later_it_is_to_the_left_and_looks_at_the_centre() {
+        let p = OrbitParams { centre: [1.0, 2.0, 3.0], radius: 2.0, duration: Some(4.0), ..params() };
+        let poses = Solo::new::<Orbit>(p.clone()).run().unwrap().stream(OrbitPorts::pose);
+        assert_eq!(poses.len(), 240);
+        assert_eq!(poses[0].position, [3.0, 2.0, 3.0]);
+        assert!(poses[60].position.iter().zip([1.0, 4.0, 3.0]).all(|(a, b)| (a - b).abs() < 1e-6));
+        for pose in poses {
+            let centre = pose.toward(p.centre);
+            assert!((centre[0] - 2.0).abs() < 1e-5 && centre[1].abs() < 1e-5 && centre[2].abs() < 1e-5);
+        }
+    }
+
+    #[test]
+    fn other_axes_start_where_the_text_says_and_none_is_refused() {
+        let at = |axis| {
+            let p = OrbitParams { axis, duration: Some(0.1), ..params() };
+            Solo::new::<Orbit>(p).run().unwrap().stream(OrbitPorts::pose)[0].position
+        };
+        assert_eq!(at([0.0, 5.0, 0.0]), [1.0, 0.0, 0.0]);
+        assert_eq!(at([-1.0, 0.0, 0.0]), [0.0, 1.0, 0.0]);
+        let reject = Solo::new::<Orbit>(OrbitParams { axis: [0.0; 3], ..params() }).shape().unwrap_err();
+        assert_eq!((reject.code, reject.field.as_deref()), ("F067", Some("axis")));
+    }
+}

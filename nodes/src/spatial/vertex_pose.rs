@@ -1,0 +1,138 @@
+//! The pose of a place on a moving mesh: the head of a character, or what sounds on it.
+
+use super::item::Poses;
+use super::pose::Pose;
+use crate::contact::vector::{sub, widen};
+use crate::core::fault::Reject;
+use crate::core::node::Each;
+use crate::core::params::Params;
+use crate::core::random::Draw;
+use crate::mesh::{Mesh, MeshFormat};
+use crate::params;
+
+params! {
+    /// The pose of a vertex of a moving mesh: the ears of a character, or a source that moves with a body.
+    ///
+    /// The place is the vertex `origin`, moved by `offset` in own axes. Two more vertices turn it: from the origin, `front` lies in front
+    /// and `up` above, as far as that is at right angles to the front. Without them the pose keeps the axes of the scene. Where
+    /// the three fall on one line the pose keeps its last turn.
+    pub struct VertexPoseParams {
+        /// Vertex at the place.
+        origin: usize = 0, unit "vertices", range 0..=100_000_000;
+        /// Vertex in front of it; None with `up` keeps the axes of the scene.
+        front: Option<usize> = None, unit "vertices", range 0..=100_000_000;
+        /// Vertex above it.
+        up: Option<usize> = None, unit "vertices", range 0..=100_000_000;
+        /// Place in own axes (front, left, up) relative to the vertex: the middle of a head behind a nose.
+        offset: [f64; 3] = [0.0; 3], unit "m", range -1000.0..=1000.0;
+    }
+}
+
+/// The node `VertexPose`.
+#[derive(Debug)]
+pub struct VertexPose {
+    origin: usize,
+    turn: Option<[usize; 2]>,
+    offset: [f64; 3],
+    last: Pose,
+}
+
+impl Each for VertexPose {
+    type Params = VertexPoseParams;
+    type In = Mesh;
+    type Out = Poses;
+    const NAME: &'static str = "VertexPose";
+    const INPUT: (&'static str, &'static str) = ("mesh", "The moving mesh.");
+    const OUTPUT: (&'static str, &'static str) = ("pose", "The pose, frame by frame.");
+
+    fn format(p: &VertexPoseParams, mesh: &MeshFormat) -> Result<(), Reject> {
+        let count = mesh.topology.vertex_count();
+        let given = [("origin", Some(p.origin)), ("front", p.front), ("up", p.up)];
+        for (field, vertex) in given.into_iter().filter_map(|(field, v)| Some((field, v?))) {
+            if vertex >= count {
+                let message = format!("there is no vertex {vertex}; the mesh has {count}, counted from 0");
+                return Err(Reject::new("F067", message).at(field));
+            }
+        }
+        if p.front.is_some() != p.up.is_some() {
+            let (has, needs) = if p.front.is_some() { ("front", "up") } else { ("up", "front") };
+            let message = format!("`{has}` alone leaves open how the body is turned");
+            return Err(Reject::new("F067", message).at(has).help(format!("give `{needs}` too, or neither")));
+        }
+        Ok(())
+    }
+
+    fn new(p: &VertexPoseParams, _: &MeshFormat) -> Self {
+        let turn = p.front.zip(p.up).map(|(front, up)| [front, up]);
+        Self { origin: p.origin, turn, offset: p.offset, last: Pose::default() }
+    }
+
+    fn each(&mut self, mesh: &[[f32; 3]], out: &mut [Pose]) {
+        let at = |k: usize| mesh.get(k).copied().map(widen).unwrap_or_default();
+        let origin = at(self.origin);
+        let turned = self
+            .turn
+            .and_then(|[front, up]| Pose::looking(origin, sub(at(front), origin), sub(at(up), origin)));
+        let rotation = turned.map_or(self.last.rotation, |pose| pose.rotation);
+        let base = Pose { position: origin.map(|x| x as f32), rotation };
+        self.last = Pose { position: base.point(self.offset).map(|x| x as f32), rotation };
+        out.fill(self.last);
+    }
+
+    fn trial(draw: &mut Draw) -> VertexPoseParams {
+        let turn = [[None; 2], [Some(1), Some(2)]][draw.below(2)];
+        let [front, up] = turn;
+        VertexPoseParams { origin: draw.below(2) * 3, front, up, ..VertexPoseParams::trial(draw) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::core::node::PerItem;
+    use crate::core::ports::{Port, Stream};
+    use crate::core::solo::Solo;
+    use crate::core::time::Rate;
+    use crate::mesh::Topology;
+
+    fn solo(p: VertexPoseParams, frames: Vec<[f32; 3]>) -> Solo {
+        let rest = frames[..3].to_vec();
+        let format = MeshFormat::moving(Topology { rest, triangles: vec![[0, 1, 2]] });
+        Solo::new::<PerItem<VertexPose>>(p).input(Port::<Stream<Mesh>>::new(0), Rate::hz(60), format, frames)
+    }
+
+    fn params() -> VertexPoseParams {
+        VertexPoseParams { front: Some(1), up: Some(2), ..VertexPoseParams::read(&|_| None).unwrap() }
+    }
+
+    #[test]
+    fn the_pose_goes_and_turns_with_its_triangle_and_keeps_its_turn_where_that_collapses() {
+        let frames = vec![
+            // Front x, up z; then front y, up z, moved; then all in one place.
+            [0.0, 0.0, 0.0],
+            [1.0, 0.0, 0.0],
+            [0.3, 0.0, 1.0],
+            [0.0, 0.0, 5.0],
+            [0.0, 2.0, 5.0],
+            [0.0, 0.5, 6.0],
+            [1.0, 1.0, 1.0],
+            [1.0, 1.0, 1.0],
+            [1.0, 1.0, 1.0],
+        ];
+        let p = VertexPoseParams { offset: [-0.1, 0.0, 0.0], ..params() };
+        let poses = solo(p, frames).run().unwrap().stream(Port::<Stream<Poses>>::new(0));
+        assert_eq!(poses[0].position, [-0.1, 0.0, 0.0]);
+        let near = |a: [f64; 3], b: [f64; 3]| a.iter().zip(b).all(|(x, y)| (x - y).abs() < 1e-6);
+        assert!(near(poses[1].position.map(f64::from), [0.0, -0.1, 5.0]));
+        assert!(near(poses[1].toward([-1.0, -0.1, 5.0]), [0.0, 1.0, 0.0]));
+        assert_eq!(poses[2].rotation, poses[1].rotation);
+        assert!(near(poses[2].position.map(f64::from), [1.0, 0.9, 1.0]));
+    }
+
+    #[test]
+    fn vertices_that_are_not_there_and_half_a_turn_are_refused() {
+        let reject = |p| solo(p, vec![[0.0; 3]; 3]).shape().unwrap_err();
+        assert_eq!(reject(VertexPoseParams { origin: 3, ..params() }).field.as_deref(), Some("origin"));
+        assert!(reject(VertexPoseParams { up: None, ..params() }).help.unwrap().contains("`up`"));
+    }
+}

@@ -1,0 +1,277 @@
+//! Which correspondence hurts: every one is left out in turn.
+//!
+//! # Source
+//! Wahba, "Spline Models for Observational Data" (1990), section 4.2, for residuals of what is left out, here of whole blocks.
+
+use serde::{Deserialize, Serialize};
+
+use super::fit::{FitError, Pair, Problem, Stiffness};
+use super::linear::solve_dense;
+use super::tps::{Tps, Warper};
+
+/// lambda that stands for 0 where pairs may start in one place, relative to the squared spread of the nodes.
+const LEAST: f64 = 1e-9;
+
+/// What leaving a correspondence out does.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Suspicion {
+    /// Index in the set.
+    pub correspondence: usize,
+    /// By how much the squared errors of predicting the others from each other fall without it; the largest is the suspect.
+    pub score: f64,
+    /// Place by score, from 1.
+    pub rank: usize,
+    /// How far its own mean is predicted wrong by all others.
+    pub surprise: f64,
+    /// Correspondences that start near it and lead elsewhere.
+    pub conflicts: Vec<usize>,
+}
+
+/// Mean of the columns of a block, and its squared length.
+fn squared_mean(block: &[Vec<f64>], rows: std::ops::Range<usize>) -> f64 {
+    let count = rows.len().max(1) as f64;
+    block.iter().map(|output| (output[rows.clone()].iter().sum::<f64>() / count).powi(2)).sum()
+}
+
+/// Everything that is needed to leave blocks out: `M = Q2 (Q2^T K Q2 + lambda)^-1 Q2^T` and `M v`.
+///
+/// Without the rows B the fit predicts them wrong by `M_BB^-1 (M v)_B`, for any lambda.
+struct LeaveOut {
+    n: usize,
+    matrix: Vec<f64>,
+    /// `M v` per output.
+    moved: Vec<Vec<f64>>,
+    roots: Vec<f64>,
+    /// Nodes per correspondence, with its index in the set.
+    blocks: Vec<(usize, Vec<usize>)>,
+}
+
+impl LeaveOut {
+    fn new(pairs: &[(usize, Pair)], d: usize, lambda: f64) -> Result<Self, FitError> {
+        let plain: Vec<Pair> = pairs.iter().map(|(_, pair)| pair.clone()).collect();
+        let problem = Problem::unmerged(&plain, d)?;
+        let lambda = lambda.max(LEAST * problem.squared_scale());
+        let (matrix, moved) = problem.inverse(lambda).ok_or(FitError::Singular { lambda })?;
+        let mut blocks: Vec<(usize, Vec<usize>)> = Vec::new();
+        for (row, (correspondence, _)) in pairs.iter().enumerate() {
+            match blocks.iter_mut().find(|(index, _)| index == correspondence) {
+                Some((_, rows)) => rows.push(row),
+                None => blocks.push((*correspondence, vec![row])),
+            }
+        }
+        Ok(Self {
+            n: pairs.len(),
+            matrix,
+            moved,
+            roots: plain.iter().map(|p| p.weight.sqrt()).collect(),
+            blocks,
+        })
+    }
+
+    /// Errors of predicting the rows of `blocks` from all others, per output; `None` where the others are too few.
+    fn errors(&self, blocks: &[usize], d: usize) -> Option<Vec<Vec<f64>>> {
+        let rows: Vec<usize> = blocks.iter().flat_map(|b| &self.blocks[*b].1).copied().collect();
+        if self.n < rows.len() + d + 1 {
+            return None;
+        }
+        let mut matrix: Vec<f64> =
+            rows.iter().flat_map(|i| rows.iter().map(move |j| self.matrix[i * self.n + j])).collect();
+        let mut right: Vec<Vec<f64>> =
+            self.moved.iter().map(|moved| rows.iter().map(|row| moved[*row]).collect()).collect();
+        let determinant = solve_dense(&mut matrix, rows.len(), &mut right);
+        for output in &mut right {
+            output.iter_mut().zip(&rows).for_each(|(e, row)| *e /= self.roots[*row]);
+        }
+        let usable = determinant.is_finite() && right.iter().flatten().all(|x| x.is_finite());
+        usable.then_some(right)
+    }
+}
+
+fn middles(pairs: &[(usize, Pair)], correspondence: usize, d: usize) -> [Vec<f64>; 2] {
+    let own: Vec<&Pair> =
+        pairs.iter().filter(|(index, _)| *index == correspondence).map(|(_, p)| p).collect();
+    let middle = |side: fn(&Pair) -> &Vec<f64>| {
+        (0..d).map(|i| own.iter().map(|p| side(p)[i]).sum::<f64>() / own.len().max(1) as f64).collect()
+    };
+    [middle(|p| &p.from), middle(|p| &p.to)]
+}
+
+fn way(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt()
+}
+
+/// Ranks correspondences by how much better the others predict each other without each.
+///
+/// A bad pair spoils the predictions of its neighbours, so what it is predicted wrong by itself says less than what its absence
+/// mends. Two correspondences are in conflict if their middles start nearer than `near` and lead farther apart than `3 near`.
+///
+/// # Errors
+/// As [`fit`](super::fit()).
+///
+/// # Complexity
+/// O(n^3) once for all, then two small systems per pair of correspondences.
+pub fn suspicions(
+    pairs: &[(usize, Pair)],
+    d: usize,
+    lambda: f64,
+    near: f64,
+) -> Result<Vec<Suspicion>, FitError> {
+    let all = LeaveOut::new(pairs, d, lambda)?;
+    let count = all.blocks.len();
+    let rows = |block: usize| all.blocks[block].1.len();
+    let alone: Vec<Option<f64>> =
+        (0..count).map(|q| Some(squared_mean(&all.errors(&[q], d)?, 0..rows(q)))).collect();
+    let total: f64 = alone.iter().flatten().sum();
+    let ends: Vec<[Vec<f64>; 2]> = all.blocks.iter().map(|(index, _)| middles(pairs, *index, d)).collect();
+    let mut found: Vec<Suspicion> = (0..count)
+        .map(|k| {
+            let without = |q: usize| Some(squared_mean(&all.errors(&[q, k], d)?, 0..rows(q)));
+            let others = (0..count).filter(|q| *q != k);
+            let left: Option<f64> = others.clone().map(without).sum();
+            let conflicts = others.filter(|q| {
+                way(&ends[*q][0], &ends[k][0]) < near && way(&ends[*q][1], &ends[k][1]) > 3.0 * near
+            });
+            Suspicion {
+                correspondence: all.blocks[k].0,
+                score: left.map_or(0.0, |left| total - left),
+                rank: 0,
+                surprise: alone[k].map_or(0.0, f64::sqrt),
+                conflicts: conflicts.map(|q| all.blocks[q].0).collect(),
+            }
+        })
+        .collect();
+    let mut order: Vec<usize> = (0..count).collect();
+    order.sort_by(|a, b| found[*b].score.total_cmp(&found[*a].score));
+    for (place, k) in order.into_iter().enumerate() {
+        found[k].rank = place + 1;
+    }
+    Ok(found)
+}
+
+/// The warp without one correspondence.
+///
+/// # Errors
+/// As [`fit`](super::fit()).
+pub fn without(
+    pairs: &[(usize, Pair)],
+    correspondence: usize,
+    d: usize,
+    lambda: f64,
+) -> Result<Tps, FitError> {
+    let rest: Vec<Pair> =
+        pairs.iter().filter(|(index, _)| *index != correspondence).map(|(_, pair)| pair.clone()).collect();
+    super::fit(&rest, d, Stiffness::Lambda(lambda)).map(|(tps, _)| tps)
+}
+
+/// Stretches of units, from and to, whose warps by two splines differ by more than `least`; shorter gaps than `gap` units are closed.
+///
+/// # Shapes
+/// `features: [units, d]`.
+#[must_use]
+pub fn moved_ranges(features: &[f32], a: &Tps, b: &Tps, least: f64, gap: usize) -> Vec<[usize; 2]> {
+    let (mut a, mut b) = (Warper::new(a), Warper::new(b));
+    let mut ranges: Vec<[usize; 2]> = Vec::new();
+    for (unit, x) in features.chunks_exact(a.dims().max(1)).enumerate() {
+        let wide = || x.iter().map(|x| f64::from(*x));
+        if way(a.displacement(wide()), b.displacement(wide())) <= least {
+            continue;
+        }
+        match ranges.last_mut() {
+            Some(last) if unit <= last[1] + gap => last[1] = unit + 1,
+            _ => ranges.push([unit, unit + 1]),
+        }
+    }
+    ranges
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::core::random::Draw;
+    use crate::warp::fit;
+
+    /// Twelve correspondences of ten units along a smooth distortion, one of which leads elsewhere.
+    fn planted(draw: &mut Draw, bad: usize) -> Vec<(usize, Pair)> {
+        let mut pairs = Vec::new();
+        for k in 0..12 {
+            let middle = [0; 3].map(|_| draw.between(-8.0, 8.0));
+            let wrong = [0; 3].map(|_| draw.between(-1.0, 1.0) * if k == bad { 8.0 } else { 0.0 });
+            for _ in 0..10 {
+                let from = middle.map(|m| m + draw.between(-0.7, 0.7));
+                let noise = [0; 3].map(|_| draw.between(-0.4, 0.4));
+                let [x, y, z] = from;
+                let smooth = [1.2 * x + 3.0 + 0.03 * y * y, 0.8 * y + 1.5 * (0.3 * x).sin(), z + 0.1 * x];
+                let to = (0..3).map(|i| smooth[i] + noise[i] + wrong[i]).collect();
+                pairs.push((k, Pair { from: from.into(), to, weight: 1.0 }));
+            }
+        }
+        pairs
+    }
+
+    #[test]
+    fn errors_of_blocks_left_out_are_those_of_fits_without_them() {
+        let mut pairs = planted(&mut Draw::new(3), 4);
+        pairs[7].1.weight = 3.0;
+        for lambda in [0.5, 100.0] {
+            let all = LeaveOut::new(&pairs, 3, lambda).unwrap();
+            for blocks in [vec![2], vec![2, 9]] {
+                let errors = all.errors(&blocks, 3).unwrap();
+                let rest: Vec<Pair> =
+                    pairs.iter().filter(|(k, _)| !blocks.contains(k)).map(|(_, p)| p.clone()).collect();
+                let mut warper = Warper::new(&fit(&rest, 3, Stiffness::Lambda(lambda)).unwrap().0);
+                let rows = blocks.iter().flat_map(|b| 10 * b..10 * b + 10);
+                for (row, place) in rows.zip(0..) {
+                    let pair = &pairs[row].1;
+                    let moved = warper.displacement(pair.from.iter().copied()).to_vec();
+                    for i in 0..3 {
+                        let expected: f64 = pair.to[i] - pair.from[i] - moved[i];
+                        assert!((errors[i][place] - expected).abs() < 1e-8, "{lambda} {row} {i}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_planted_bad_pair_is_the_suspect() {
+        let mut first = 0;
+        for trial in 0..20 {
+            let mut draw = Draw::new(100 + trial);
+            let bad = draw.below(12);
+            let pairs = planted(&mut draw, bad);
+            let found = suspicions(&pairs, 3, 10.0, 2.0).unwrap();
+            assert_eq!(found.len(), 12);
+            first += usize::from(found[bad].rank == 1);
+        }
+        assert!(first >= 19, "{first} of 20");
+    }
+
+    #[test]
+    fn pairs_that_start_alike_and_lead_apart_are_in_conflict() {
+        let mut pairs = planted(&mut Draw::new(1), 99);
+        for k in 0..10 {
+            let mut twin = pairs[k].1.clone();
+            twin.to[0] += 20.0;
+            pairs.push((12, twin));
+        }
+        // Twins start in one place, which lambda 0 must survive.
+        let found = suspicions(&pairs, 3, 0.0, 2.0).unwrap();
+        assert_eq!((found[0].conflicts.clone(), found[12].conflicts.clone()), (vec![12], vec![0]));
+        assert!(found[0].rank <= 2 || found[12].rank <= 2, "{found:?}");
+        assert!(
+            suspicions(&pairs[..20], 3, 1.0, 2.0).is_ok() && suspicions(&[], 3, 1.0, 2.0).unwrap().is_empty()
+        );
+    }
+
+    #[test]
+    fn only_units_near_a_pair_move_when_it_goes() {
+        let pairs = planted(&mut Draw::new(8), 5);
+        let plain: Vec<Pair> = pairs.iter().map(|(_, p)| p.clone()).collect();
+        let all = fit(&plain, 3, Stiffness::Lambda(1.0)).unwrap().0;
+        let rest = without(&pairs, 5, 3, 1.0).unwrap();
+        let features: Vec<f32> = plain.iter().flat_map(|p| &p.from).map(|x| *x as f32).collect();
+        let ranges = moved_ranges(&features, &all, &rest, 1.0, 3);
+        assert!(ranges.iter().any(|[from, to]| *from <= 50 && *to >= 60), "{ranges:?}");
+        assert_eq!(moved_ranges(&features, &all, &all, 0.0, 3), Vec::<[usize; 2]>::new());
+    }
+}

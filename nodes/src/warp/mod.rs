@@ -1,0 +1,29 @@
+//! Bending the features of a target to where a database has the like.
+//!
+//! Somebody marks moments that should sound alike ([`CorrespondenceSet`]); their units become pairs of feature vectors
+//! ([`pairing`]), and a thin-plate spline through them ([`fit`](fit()), [`Tps`]) warps all others ([`Warp`]).
+
+pub mod artefact;
+pub mod diagnostics;
+pub mod diagnostics_node;
+pub mod figure;
+pub mod fit;
+pub mod fit_node;
+mod kernel;
+mod linear;
+pub mod nodes;
+pub mod pairing;
+pub mod set;
+pub mod suggest;
+pub mod suggest_node;
+pub mod text;
+pub mod tps;
+
+pub use artefact::{WARP_VERSION, Warp, WarpMap};
+pub use diagnostics::{Suspicion, moved_ranges, suspicions, without};
+pub use fit::{FitError, FitReport, MAX_NODES, Pair, Stiffness, fit};
+pub use pairing::{Pairing, SetError, Stretch, Target, pairs, stretches, whole_units};
+pub use set::{Correspondence, CorrespondenceSet, SourceName, read_correspondences, write_correspondences};
+pub use suggest::{Proposal, SuggestParams, sliced_wasserstein, suggest};
+pub use text::{Place, TextError};
+pub use tps::{Tps, Warper};

@@ -1,0 +1,217 @@
+//! Files of correspondences and of warps, and the warp itself, as nodes.
+
+use super::artefact::Warp;
+use super::set::{CorrespondenceSet, read_correspondences, write_correspondences};
+use super::tps::Warper;
+use crate::core::fault::{Fault, Reject};
+use crate::core::files::MemoryFiles;
+use crate::core::item::Data;
+use crate::core::node::{Class, Func, Node, Summary};
+use crate::core::params::AssetPath;
+use crate::core::ports::{Stream, Value};
+use crate::core::random::Draw;
+use crate::core::shape::{Build, Ends, Shape};
+use crate::feature::{FeatureFormat, Features};
+use crate::{params, ports};
+
+params! {
+    /// Moments of a target and of a database that should sound alike, from a file that people write.
+    ///
+    /// The file is RON: `Correspondences(pairs: [(label: "slow drag", target: 1.25, source: 0, database: 3.4, duration: 0.1)])`. `target` is
+    /// the start in the target and `database` that in the recording `source` (its number, or its path in quotes), or without
+    /// one in the database, whose units stand one after the other; all in seconds. Further there may be `channel` (from 0; all
+    /// where none is given), `weight` (1), `enabled` (true) and `label`. Mark 0.1 or 0.2 s; 5 to 15 pairs are usual, silence being
+    /// one. What does not fit the target or the database is named with line and column where they meet, in `TpsFit`.
+    ///
+    /// # Source
+    /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 4.3.
+    pub struct CorrespondencesParams {
+        /// The file.
+        path: AssetPath;
+    }
+}
+ports! {
+    pub struct CorrespondencesPorts / CorrespondencesIo {
+        in {}
+        out {
+            /// The correspondences.
+            pairs: Value<CorrespondenceSet>,
+        }
+    }
+}
+
+/// The node `CorrespondenceSet`.
+#[derive(Debug)]
+pub struct Correspondences;
+
+fn read_set(path: &str, bytes: &[u8]) -> Result<CorrespondenceSet, Reject> {
+    let wrong = |message: String| Reject::new("F110", message).at("path");
+    let text = std::str::from_utf8(bytes).map_err(|_| wrong(format!("{path:?} is not UTF-8 text")))?;
+    let set = read_correspondences(text).map_err(|e| wrong(format!("{path}:{e}")))?;
+    Ok(CorrespondenceSet { file: path.to_owned(), ..set })
+}
+
+impl Func for Correspondences {
+    type Params = CorrespondencesParams;
+    type Ports = CorrespondencesPorts;
+    const NAME: &'static str = "CorrespondenceSet";
+    const TELLS_PATHS: bool = true;
+
+    fn check(p: &CorrespondencesParams, s: &mut Shape<'_, '_, CorrespondencesPorts>) -> Result<(), Reject> {
+        read_set(&p.path.0, &s.bytes("path", &p.path.0)?).map(|_| ())
+    }
+
+    fn eval(
+        p: &CorrespondencesParams,
+        cx: &Build<'_>,
+        mut io: CorrespondencesIo<'_>,
+    ) -> Result<Summary, Fault> {
+        let set = read_set(&p.path.0, &cx.bytes("path", &p.path.0)?)?;
+        let enabled = set.pairs.iter().filter(|c| c.enabled).count();
+        let summary = vec![("correspondences", set.pairs.len().into()), ("enabled", enabled.into())];
+        io.pairs.set(set);
+        Ok(summary)
+    }
+
+    fn trial(draw: &mut Draw) -> (CorrespondencesParams, MemoryFiles) {
+        let mut files = MemoryFiles::default();
+        files.insert("set.ron", write_correspondences(&CorrespondenceSet::trial(draw)));
+        (CorrespondencesParams { path: "set.ron".into() }, files)
+    }
+}
+
+params! {
+    /// A warp from a file: JSON as a tap of `TpsFit` writes it.
+    pub struct WarpFileParams {
+        /// The file.
+        path: AssetPath;
+    }
+}
+ports! {
+    pub struct WarpFilePorts / WarpFileIo {
+        in {}
+        out {
+            /// The warp.
+            warp: Value<Warp>,
+        }
+    }
+}
+
+/// The node `WarpFile`.
+#[derive(Debug)]
+pub struct WarpFile;
+
+fn read_warp(path: &str, bytes: &[u8]) -> Result<Warp, Reject> {
+    let wrong = |message: String| Reject::new("F111", format!("{path:?}: {message}")).at("path");
+    let warp: Warp = serde_json::from_slice(bytes).map_err(|e| wrong(format!("this is no warp: {e}")))?;
+    warp.fault().map_or(Ok(warp), |fault| Err(wrong(fault)))
+}
+
+impl Func for WarpFile {
+    type Params = WarpFileParams;
+    type Ports = WarpFilePorts;
+    const NAME: &'static str = "WarpFile";
+
+    fn check(p: &WarpFileParams, s: &mut Shape<'_, '_, WarpFilePorts>) -> Result<(), Reject> {
+        read_warp(&p.path.0, &s.bytes("path", &p.path.0)?).map(|_| ())
+    }
+
+    fn eval(p: &WarpFileParams, cx: &Build<'_>, mut io: WarpFileIo<'_>) -> Result<Summary, Fault> {
+        let warp = read_warp(&p.path.0, &cx.bytes("path", &p.path.0)?)?;
+        let summary = warp.summary();
+        io.warp.set(warp);
+        Ok(summary)
+    }
+
+    fn trial(draw: &mut Draw) -> (WarpFileParams, MemoryFiles) {
+        let mut files = MemoryFiles::default();
+        // Writing to a vector does not fail.
+        files.insert("trial.warp", serde_json::to_vec(&<Warp as Data>::trial(draw)).unwrap_or_default());
+        (WarpFileParams { path: "trial.warp".into() }, files)
+    }
+}
+
+params! {
+    /// Warps features of a target to where a database has the like.
+    ///
+    /// The warp comes from `TpsFit` or `WarpFile`, and must have been made for features of the same conventions: after the same
+    /// `TemporalGaussian`. It has one map for all channels, or one each.
+    ///
+    /// # Source
+    /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 4.3, eq. 8.
+    pub struct TpsWarpParams {}
+}
+ports! {
+    pub struct TpsWarpPorts / TpsWarpIo {
+        in {
+            /// Features of the target.
+            features: Stream<Features>,
+            /// The warp.
+            warp: Value<Warp>,
+        }
+        out {
+            /// Features where the database has them.
+            warped: Stream<Features>,
+        }
+    }
+}
+
+/// The node over [`Warper`].
+#[derive(Debug)]
+pub struct TpsWarp {
+    maps: Vec<Warper>,
+    dims: usize,
+}
+
+fn check(warp: &Warp, features: &FeatureFormat) -> Result<(), Reject> {
+    if let Some(fault) = warp.fault() {
+        return Err(Reject::new("F111", fault).at("warp"));
+    }
+    features.conventions.check("features", &warp.conventions, "warp")?;
+    if ![1, features.vectors].contains(&warp.maps.len()) {
+        let message = format!(
+            "the warp has maps for {} channels; the features have {} vectors per unit",
+            warp.maps.len(),
+            features.vectors
+        );
+        return Err(Reject::new("F111", message).at("warp").help("fit it with features of as many channels"));
+    }
+    Ok(())
+}
+
+impl Node for TpsWarp {
+    type Params = TpsWarpParams;
+    type Ports = TpsWarpPorts;
+    const NAME: &'static str = "TpsWarp";
+    const CLASS: Class = Class::Worker;
+    const COST: f64 = 3000.0;
+
+    fn shape(_: &TpsWarpParams, s: &mut Shape<'_, '_, TpsWarpPorts>) -> Result<(), Reject> {
+        let features = s.input(TpsWarpPorts::features);
+        if let Some(warp) = s.value(TpsWarpPorts::warp) {
+            check(&warp, &features.format)?;
+        }
+        s.when_ended(TpsWarpPorts::features, Ends::Stop);
+        s.output(TpsWarpPorts::warped, features.rate, features.format);
+        Ok(())
+    }
+
+    fn build(_: &TpsWarpParams, cx: &Build<'_>) -> Result<Self, Fault> {
+        let (features, warp) = (cx.input(TpsWarpPorts::features).format, cx.value(TpsWarpPorts::warp));
+        check(&warp, &features)?;
+        let map = |k: usize| warp.maps.get(k).or(warp.maps.first()).map(|map| Warper::new(&map.spline));
+        Ok(Self { maps: (0..features.vectors).filter_map(map).collect(), dims: features.dims() })
+    }
+
+    fn run(&mut self, mut io: TpsWarpIo<'_>) -> Result<(), Fault> {
+        let d = self.dims.max(1);
+        let vectors = io.features.items().chunks_exact(d).zip(io.warped.items().chunks_exact_mut(d));
+        for ((from, to), place) in vectors.zip((0..self.maps.len()).cycle()) {
+            self.maps[place].warp(from, to);
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,217 @@
+//! From files to warped features.
+
+use super::*;
+use crate::core::params::Params;
+use crate::core::solo::Solo;
+use crate::core::time::{Rate, TICKS_PER_SECOND, ticks};
+use crate::feature::FeatureConventions;
+use crate::unit::database::DATABASE_VERSION;
+use crate::unit::{Segment, UnitDatabase, UnitSource};
+use crate::warp::fit_node::{TpsFit, TpsFitParams, TpsFitPorts};
+use crate::warp::{Pairing, Place};
+use std::sync::Arc;
+
+const UNITS: usize = 960;
+
+fn conventions() -> FeatureConventions {
+    FeatureConventions::cloth(Rate::hz(96_000), 400)
+}
+
+fn format(vectors: usize) -> FeatureFormat {
+    FeatureFormat { vectors, conventions: Arc::new(conventions()) }
+}
+
+/// A gesture of features, and what the database makes of it: another level and colour.
+fn target(unit: usize) -> [f32; 3] {
+    let t = unit as f32 / 240.0;
+    [10.0 * (1.3 * t).sin() - 20.0, 3.0 * (2.9 * t).cos(), 2.0 * (4.1 * t).sin()]
+}
+
+fn planted([a, b, c]: [f32; 3]) -> [f32; 3] {
+    [1.2 * a + 5.0 + 0.05 * b * b, 0.8 * b - 1.0, c + 0.3 * b]
+}
+
+fn database() -> UnitDatabase {
+    let features: Vec<f32> = (0..UNITS).flat_map(|unit| planted(target(unit))).collect();
+    UnitDatabase {
+        version: DATABASE_VERSION,
+        conventions: conventions(),
+        floor_energy: 1e-10,
+        segments: vec![Segment { start: 0, units: UNITS as u32, source: 0, channel: 0, offset: 0 }],
+        sources: vec![UnitSource { provenance: "drag.wav".into(), ..UnitSource::default() }],
+        audio: vec![0.0; UNITS * 400],
+        unfiltered: features.clone(),
+        features,
+    }
+}
+
+fn set(text: &str) -> CorrespondenceSet {
+    CorrespondenceSet { file: "set.ron".into(), ..read_correspondences(text).unwrap() }
+}
+
+fn marked() -> CorrespondenceSet {
+    let pairs: Vec<String> = (0..12)
+        .map(|k| format!("(target: {t}, database: {t}, source: 0, duration: 0.1)", t = 0.3 * f64::from(k)))
+        .collect();
+    set(&format!("(pairs: [{}])", pairs.join(",")))
+}
+
+fn fit(p: TpsFitParams, set: CorrespondenceSet, vectors: usize) -> Solo {
+    let features = (0..UNITS).flat_map(|unit| vec![target(unit); vectors]).flatten().collect();
+    Solo::new::<TpsFit>(p)
+        .input(TpsFitPorts::features, Rate::hz(240), format(vectors), features)
+        .value(TpsFitPorts::database, database())
+        .value(TpsFitPorts::pairs, set)
+}
+
+fn params() -> TpsFitParams {
+    TpsFitParams::read(&|_| None).unwrap()
+}
+
+fn warp(p: TpsFitParams, vectors: usize) -> Warp {
+    fit(p, marked(), vectors).run().unwrap().value(0).unwrap().get::<Warp>().unwrap().clone()
+}
+
+fn apply(warp: Warp, vectors: usize, window: i64) -> Vec<f32> {
+    let features = (0..UNITS).flat_map(|unit| vec![target(unit); vectors]).flatten().collect();
+    let solo = Solo::new::<TpsWarp>(TpsWarpParams {})
+        .input(TpsWarpPorts::features, Rate::hz(240), format(vectors), features)
+        .value(TpsWarpPorts::warp, warp)
+        .window(window);
+    solo.run().unwrap().stream(TpsWarpPorts::warped)
+}
+
+fn error(warped: &[f32], vectors: usize) -> f64 {
+    let wanted = (0..UNITS).flat_map(|unit| vec![planted(target(unit)); vectors]).flatten();
+    let square: f64 = warped.iter().zip(wanted).map(|(a, b)| f64::from(a - b).powi(2)).sum();
+    (square / (UNITS * vectors) as f64).sqrt()
+}
+
+#[test]
+fn a_planted_distortion_is_undone_with_a_lambda_that_the_fit_finds() {
+    let warp = warp(params(), 1);
+    let report = &warp.maps[0].report;
+    assert!(report.pairs == 12 * 24 && report.freedom > 4.0 && report.warnings.is_empty(), "{report:?}");
+    let before: Vec<f32> = (0..UNITS).flat_map(target).collect();
+    let out = apply(warp.clone(), 1, TICKS_PER_SECOND);
+    assert!(error(&out, 1) < 0.04 * error(&before, 1), "{} {}", error(&out, 1), error(&before, 1));
+    assert!(warp.maps[0].folds == 0.0 && warp.maps[0].outside == 0.0);
+    for window in [ticks(0.0042), ticks(0.5), Rate::hz(240).span(7)] {
+        assert!(apply(warp.clone(), 1, window) == out);
+    }
+    let stiff = self::warp(TpsFitParams { lambda: Some(1e9), ..params() }, 1);
+    assert!(stiff.maps[0].report.freedom < 4.01);
+    assert!(error(&apply(stiff, 1, TICKS_PER_SECOND), 1) > 2.0 * error(&out, 1));
+}
+
+#[test]
+fn channels_have_maps_of_their_own_and_one_map_serves_all() {
+    let two = warp(TpsFitParams { lambda: Some(0.0), pairing: Pairing::Centroid, ..params() }, 2);
+    assert_eq!((two.maps.len(), two.maps[0].report.pairs), (2, 12));
+    assert_eq!(two.maps[0].spline, two.maps[1].spline);
+    let one = Warp { maps: two.maps[..1].to_vec(), ..two.clone() };
+    let out = apply(two, 2, TICKS_PER_SECOND);
+    assert!(apply(one.clone(), 2, TICKS_PER_SECOND) == out);
+    assert_eq!(out[..3], apply(one, 1, TICKS_PER_SECOND)[..3]);
+}
+
+#[test]
+fn without_correspondences_nothing_changes() {
+    let warp =
+        fit(params(), set("(pairs: [])"), 1).run().unwrap().value(0).unwrap().get::<Warp>().unwrap().clone();
+    assert_eq!(warp.maps[0].report.warnings.len(), 1);
+    let plain: Vec<f32> = (0..UNITS).flat_map(target).collect();
+    assert!(apply(warp, 1, TICKS_PER_SECOND) == plain);
+}
+
+#[test]
+fn what_does_not_fit_is_named_before_the_run() {
+    let late = set("(pairs: [\n  (target: 0, database: 99, duration: 0.1),\n])");
+    let reject = fit(params(), late, 1).shape().unwrap_err();
+    assert_eq!((reject.code, reject.field.as_deref()), ("F110", Some("pairs")));
+    assert!(reject.message.starts_with("set.ron:2:3: correspondence 0: 99.000 to"), "{reject}");
+    let mut other = warp(TpsFitParams { lambda: Some(1.0), pairing: Pairing::Centroid, ..params() }, 1);
+    other.conventions.f_hi = 8000.0;
+    let solo = Solo::new::<TpsWarp>(TpsWarpParams {})
+        .input(TpsWarpPorts::features, Rate::hz(240), format(1), vec![0.0; 3])
+        .value(TpsWarpPorts::warp, other.clone());
+    assert!(solo.shape().unwrap_err().message.contains("`f_hi`"));
+    let maps = Warp { maps: vec![other.maps[0].clone(); 3], conventions: conventions(), ..other };
+    let solo = Solo::new::<TpsWarp>(TpsWarpParams {})
+        .input(TpsWarpPorts::features, Rate::hz(240), format(2), vec![0.0; 6])
+        .value(TpsWarpPorts::warp, maps);
+    assert!(solo.shape().unwrap_err().message.contains("3 channels"));
+}
+
+#[test]
+fn files_are_read_and_what_is_wrong_in_them_is_named() {
+    let correspondences = |text: &str| {
+        let mut solo = Solo::func::<Correspondences>(CorrespondencesParams { path: "set.ron".into() });
+        solo.files.insert("set.ron", text);
+        solo
+    };
+    let set = correspondences("(pairs: [(target: 0, database: 1, duration: 0.1)])").run().unwrap();
+    let set = set.value(0).unwrap().get::<CorrespondenceSet>().unwrap().clone();
+    assert_eq!((set.file.as_str(), set.pairs[0].place), ("set.ron", Place { line: 1, column: 10 }));
+    let reject = correspondences("(pairs: [\n(target: 0)])").shape().unwrap_err();
+    assert!(
+        reject.code == "F110" && reject.message.starts_with("set.ron:2:1: `database` is missing"),
+        "{reject}"
+    );
+
+    let warp = warp(TpsFitParams { lambda: Some(1.0), pairing: Pairing::Centroid, ..params() }, 1);
+    let file = |bytes: Vec<u8>| {
+        let mut solo = Solo::func::<WarpFile>(WarpFileParams { path: "cotton.warp".into() });
+        solo.files.insert("cotton.warp", bytes);
+        solo
+    };
+    let read = file(serde_json::to_vec(&warp).unwrap()).run().unwrap().value(0).unwrap();
+    assert!(read.get::<Warp>() == Some(&warp));
+    let old = Warp { version: 9, ..warp };
+    let reject = file(serde_json::to_vec(&old).unwrap()).shape().unwrap_err();
+    assert!(reject.code == "F111" && reject.message.contains("version 9"), "{reject}");
+}
+
+#[test]
+fn a_correspondence_that_leads_astray_is_named_first_with_its_place_and_times() {
+    use crate::warp::diagnostics_node::{
+        CorrespondenceDiagnostics, CorrespondenceDiagnosticsParams, CorrespondenceDiagnosticsPorts, Diagnosis,
+    };
+    let mut set = marked();
+    // The wrong moment of the recording.
+    set.pairs[6].database = 0.1;
+    set.pairs[6].label = "slip".into();
+    let features = (0..UNITS).flat_map(target).collect();
+    let p = CorrespondenceDiagnosticsParams::read(&|_| None).unwrap();
+    let solo =
+        Solo::new::<CorrespondenceDiagnostics>(CorrespondenceDiagnosticsParams { lambda: Some(1.0), ..p })
+            .input(CorrespondenceDiagnosticsPorts::features, Rate::hz(240), format(1), features)
+            .value(CorrespondenceDiagnosticsPorts::database, database())
+            .value(CorrespondenceDiagnosticsPorts::pairs, set);
+    let run = solo.run().unwrap();
+    let found = run.value(0).unwrap().get::<Diagnosis>().unwrap().clone();
+    let suspect = &found.channels[0].verdicts[0];
+    assert_eq!((suspect.label.as_str(), suspect.suspicion.rank), ("slip", 1), "{found:?}");
+    assert!(suspect.ranges.iter().any(|[from, to]| *from <= 1.8 && *to >= 1.9), "{:?}", suspect.ranges);
+    assert!(found.text()[0].contains("\"slip\" at set.ron:1:"), "{:?}", found.text());
+}
+
+#[test]
+fn proposals_are_written_so_that_they_can_be_read_and_fitted() {
+    use crate::warp::suggest_node::{
+        CorrespondenceSuggester, CorrespondenceSuggesterParams, CorrespondenceSuggesterPorts,
+    };
+    let p = CorrespondenceSuggesterParams { path: "new.ron".into(), count: 5, window: 24, lambda: 100.0 };
+    let features = (0..UNITS).flat_map(target).collect();
+    let solo = Solo::new::<CorrespondenceSuggester>(p)
+        .input(CorrespondenceSuggesterPorts::features, Rate::hz(240), format(1), features)
+        .value(CorrespondenceSuggesterPorts::database, database());
+    solo.run().unwrap();
+    let text = String::from_utf8(solo.outputs.get("new.ron").unwrap()).unwrap();
+    let set = set(&text);
+    assert!((2..=5).contains(&set.pairs.len()) && set.pairs[0].label.starts_with("gain"), "{text}");
+    let warp = fit(TpsFitParams { lambda: Some(100.0), ..params() }, set, 1).run().unwrap().value(0).unwrap();
+    let before: Vec<f32> = (0..UNITS).flat_map(target).collect();
+    let after = apply(warp.get::<Warp>().unwrap().clone(), 1, TICKS_PER_SECOND);
+    assert!(error(&after, 1) < 0.5 * error(&before, 1), "{} {text}", error(&after, 1));
+}

@@ -1,0 +1,240 @@
+//! Marked moments of a target and of a database that should sound alike.
+
+use serde::{Deserialize, Serialize};
+use std::fmt::Write;
+
+use super::text::{Datum, Field, Place, TextError, read};
+use crate::core::item::Data;
+use crate::core::random::Draw;
+
+/// Most correspondences of one file.
+pub const MAX_CORRESPONDENCES: usize = 10_000;
+/// Latest time, in s.
+const LATEST: f64 = 86_400.0;
+const FIELDS: [&str; 8] =
+    ["target", "database", "source", "duration", "channel", "label", "weight", "enabled"];
+
+/// How a recording of a database is named.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum SourceName {
+    /// By its number, from 0.
+    Index(u32),
+    /// By what the database says of it: its path, where nothing else was said.
+    Provenance(String),
+}
+
+/// A stretch of the target and one of the database that should sound alike.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Correspondence {
+    /// What it is, for people.
+    pub label: String,
+    /// Start in the target, s.
+    pub target: f64,
+    /// Start in the database, s: inside of `source`, or without one of the units put one after the other.
+    pub database: f64,
+    /// Recording that `database` is counted in.
+    pub source: Option<SourceName>,
+    /// Length of both, s.
+    pub duration: f64,
+    /// Channel that it is for; all where none is given.
+    pub channel: Option<u32>,
+    /// How much it counts.
+    pub weight: f64,
+    /// Whether it counts at all.
+    pub enabled: bool,
+    /// Where it stands in its file.
+    pub place: Place,
+}
+
+/// Correspondences with the file that they stand in.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct CorrespondenceSet {
+    /// Path of the file, for messages.
+    pub file: String,
+    /// The render that the times of targets are of, for people.
+    pub target: String,
+    /// The database, for people.
+    pub database: String,
+    /// All of them, also those that do not count.
+    pub pairs: Vec<Correspondence>,
+}
+
+impl Correspondence {
+    /// What people know it by: number, label and place.
+    #[must_use]
+    pub fn name(&self, index: usize) -> String {
+        if self.label.is_empty() {
+            format!("correspondence {index}")
+        } else {
+            format!("correspondence {index} ({:?})", self.label)
+        }
+    }
+}
+
+fn find<'a>(fields: &'a [Field], name: &str) -> Option<&'a Datum> {
+    fields.iter().find(|field| field.name == name).and_then(|field| field.value.given())
+}
+
+fn need<'a>(fields: &'a [Field], name: &str, place: Place) -> Result<&'a Datum, TextError> {
+    find(fields, name).ok_or_else(|| TextError::new(place, format!("`{name}` is missing")))
+}
+
+fn whole(datum: &Datum, what: &str) -> Result<u32, TextError> {
+    let value = datum.number(what, 0.0, 1e9)?;
+    if value.fract() == 0.0 { Ok(value as u32) } else { Err(datum.wrong(what, "a whole number from 0 on")) }
+}
+
+fn correspondence(datum: &Datum) -> Result<Correspondence, TextError> {
+    let fields = datum.record("a correspondence", &FIELDS)?;
+    let seconds =
+        |name: &str, low: f64| need(fields, name, datum.place)?.number(&format!("`{name}`"), low, LATEST);
+    let source = match find(fields, "source") {
+        None => None,
+        Some(d) => Some(match d.text("`source`") {
+            Ok(text) => SourceName::Provenance(text),
+            Err(_) => SourceName::Index(whole(d, "`source`")?),
+        }),
+    };
+    Ok(Correspondence {
+        target: seconds("target", 0.0)?,
+        database: seconds("database", 0.0)?,
+        duration: seconds("duration", 1e-6)?,
+        source,
+        channel: find(fields, "channel").map(|d| whole(d, "`channel`")).transpose()?,
+        label: find(fields, "label").map(|d| d.text("`label`")).transpose()?.unwrap_or_default(),
+        weight: find(fields, "weight").map_or(Ok(1.0), |d| d.number("`weight`", 1e-6, 1e6))?,
+        enabled: find(fields, "enabled").map_or(Ok(true), |d| d.truth("`enabled`"))?,
+        place: datum.place,
+    })
+}
+
+/// Reads correspondences.
+///
+/// # Errors
+/// Says line and column, what was found and what would be right.
+///
+/// # Example
+/// ```
+/// let text = r#"Correspondences(pairs: [
+///     (label: "slow drag", target: 1.25, source: 0, database: 3.4, duration: 0.1),
+///     (target: 2.0, database: 12.5, duration: 0.2, weight: 2.0, enabled: false),
+/// ])"#;
+/// let set = foley_nodes::warp::read_correspondences(text)?;
+/// assert_eq!((set.pairs.len(), set.pairs[0].label.as_str()), (2, "slow drag"));
+/// # Ok::<(), foley_nodes::warp::TextError>(())
+/// ```
+pub fn read_correspondences(text: &str) -> Result<CorrespondenceSet, TextError> {
+    let datum = read(text)?;
+    let fields = datum.record("the file", &["target", "database", "pairs"])?;
+    let name = |field: &str| find(fields, field).map_or(Ok(String::new()), |d| d.text(&format!("`{field}`")));
+    let pairs = need(fields, "pairs", datum.place)?.list("`pairs`")?;
+    if pairs.len() > MAX_CORRESPONDENCES {
+        let message = format!("{} correspondences; at most {MAX_CORRESPONDENCES} are read", pairs.len());
+        return Err(TextError::new(datum.place, message));
+    }
+    Ok(CorrespondenceSet {
+        file: String::new(),
+        target: name("target")?,
+        database: name("database")?,
+        pairs: pairs.iter().map(correspondence).collect::<Result<_, _>>()?,
+    })
+}
+
+/// Writes correspondences as [`read_correspondences`] reads them, one a line.
+#[must_use]
+pub fn write_correspondences(set: &CorrespondenceSet) -> String {
+    let quoted =
+        |text: &str| format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\"").replace('\n', "\\n"));
+    let mut out = String::from("Correspondences(\n");
+    for (name, text) in [("target", &set.target), ("database", &set.database)] {
+        if !text.is_empty() {
+            // Writing to a string does not fail.
+            let _ = writeln!(out, "    {name}: {},", quoted(text));
+        }
+    }
+    out.push_str("    pairs: [\n");
+    for c in &set.pairs {
+        let source = match &c.source {
+            None => String::new(),
+            Some(SourceName::Index(k)) => format!("source: {k}, "),
+            Some(SourceName::Provenance(text)) => format!("source: {}, ", quoted(text)),
+        };
+        let label = if c.label.is_empty() { String::new() } else { format!("label: {}, ", quoted(&c.label)) };
+        let _ = write!(
+            out,
+            "        ({label}target: {:?}, {source}database: {:?}, duration: {:?}",
+            c.target, c.database, c.duration
+        );
+        if let Some(channel) = c.channel {
+            let _ = write!(out, ", channel: {channel}");
+        }
+        if c.weight != 1.0 {
+            let _ = write!(out, ", weight: {:?}", c.weight);
+        }
+        out.push_str(if c.enabled { "),\n" } else { ", enabled: false),\n" });
+    }
+    out.push_str("    ],\n)\n");
+    out
+}
+
+impl Data for CorrespondenceSet {
+    const NAME: &'static str = "correspondences";
+
+    fn trial(draw: &mut Draw) -> Self {
+        // Short times, most of which fit the targets and databases of trials.
+        let pair = |draw: &mut Draw| Correspondence {
+            label: String::new(),
+            target: draw.between(0.0, 0.004),
+            database: draw.between(0.0, 0.004),
+            source: None,
+            duration: draw.between(0.001, 0.003),
+            channel: None,
+            weight: draw.between(0.5, 2.0),
+            enabled: draw.below(4) > 0,
+            place: Place::default(),
+        };
+        let pairs = (0..draw.below(4)).map(|_| pair(draw)).collect();
+        Self { pairs, ..Self::default() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_written_is_read_again() {
+        let mut draw = Draw::new(4);
+        for _ in 0..20 {
+            let mut set = CorrespondenceSet::trial(&mut draw);
+            set.target = "render \"7\"".into();
+            for (k, c) in set.pairs.iter_mut().enumerate() {
+                c.source = [None, Some(SourceName::Index(3)), Some(SourceName::Provenance("a\\b".into()))]
+                    [k % 3]
+                    .clone();
+                c.channel = [None, Some(1)][k % 2];
+                c.label = ["", "two\nlines"][k % 2].into();
+            }
+            let text = write_correspondences(&set);
+            let mut found = read_correspondences(&text).unwrap();
+            found.pairs.iter_mut().for_each(|c| c.place = Place::default());
+            assert_eq!(found, set, "{text}");
+        }
+    }
+
+    #[test]
+    fn errors_say_line_and_column() {
+        for (text, place, part) in [
+            ("(pairs: [\n(target: 1, duration: 0.1)])", "2:1", "`database` is missing"),
+            ("(pairs: [(target: -1, database: 1, duration: 0.1)])", "1:19", "from 0 to"),
+            ("(pairs: [(target: 1, database: 1, duration: 0)])", "1:45", "`duration`"),
+            ("(pairs: [(target: 1, database: 1, duration: 1, source: 1.5)])", "1:56", "whole number"),
+            ("(pairs: [(target: 1, database: 1, duration: 1, enabled: 1)])", "1:57", "true or false"),
+            ("(pairs: [(target: 1, database: 1, duration: 1, gain: 1)])", "1:48", "no field `gain`"),
+            ("(target: \"a\")", "1:1", "`pairs` is missing"),
+        ] {
+            let e = read_correspondences(text).unwrap_err();
+            assert!(e.place.to_string() == place && e.message.contains(part), "{text}: {e}");
+        }
+    }
+}

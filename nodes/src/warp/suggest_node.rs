@@ -1,0 +1,148 @@
+//! Proposals of correspondences, as a node.
+
+use super::fit_node::Heard;
+use super::set::{Correspondence, CorrespondenceSet, SourceName, write_correspondences};
+use super::suggest::{Proposal, SuggestParams, suggest};
+use super::text::Place;
+use crate::core::fault::{Fault, Reject};
+use crate::core::files::WriteSeek;
+use crate::core::node::{Class, Node, Summary};
+use crate::core::params::OutPath;
+use crate::core::ports::{Stream, Value};
+use crate::core::shape::{Build, Ends, Shape};
+use crate::feature::Features;
+use crate::unit::UnitDatabase;
+use crate::{params, ports};
+use std::fmt;
+use std::ops::Range;
+use std::sync::Arc;
+
+params! {
+    /// Writes a file of correspondences that somebody might want, for `CorrespondenceSet` to read once they are accepted.
+    ///
+    /// Windows of both worlds are compared by the ranks of their features, laid on each other by optimal transport, and moments of
+    /// the target that lie far apart are proposed with what lies there in the database: silence first, then what brings the two
+    /// worlds nearest, until one more gains less than 1 %. A label tells the gain, and other places of other recordings to
+    /// try. Nothing is applied: listen, then keep, move or disable each.
+    ///
+    /// # Source
+    /// Cuturi, "Sinkhorn distances" (NIPS 2013); Bonneel et al., "Sliced and Radon Wasserstein barycenters of measures" (2015).
+    pub struct CorrespondenceSuggesterParams {
+        /// Where the file is written.
+        path: OutPath;
+        /// Most proposals.
+        count: usize = 12, unit "proposals", range 1..=50;
+        /// Length of a proposal.
+        window: usize = 24, unit "units", range 1..=1000;
+        /// lambda of the warp that ranks them.
+        lambda: f64 = 1000.0, unit "", range 0.0001..=1e12;
+    }
+}
+ports! {
+    pub struct CorrespondenceSuggesterPorts / CorrespondenceSuggesterIo {
+        in {
+            /// Features of the target, filtered as those of the database.
+            features: Stream<Features>,
+            /// The database.
+            database: Value<UnitDatabase>,
+        }
+        out {}
+    }
+}
+
+/// The node over [`suggest`].
+pub struct CorrespondenceSuggester {
+    heard: Heard,
+    file: Box<dyn WriteSeek>,
+    params: CorrespondenceSuggesterParams,
+}
+
+impl fmt::Debug for CorrespondenceSuggester {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "CorrespondenceSuggester({:?})", self.params)
+    }
+}
+
+/// Recording of a unit of the database, and when it begins there.
+fn place(db: &UnitDatabase, unit: usize) -> (u32, f64) {
+    let Some(segment) = db.segment_of(unit).and_then(|k| db.segments.get(k)) else { return (0, 0.0) };
+    let samples = segment.offset as f64 + ((unit - segment.start as usize) * db.unit()) as f64;
+    (segment.source, samples / db.conventions.rate.as_f64())
+}
+
+impl CorrespondenceSuggester {
+    fn correspondence(&self, proposal: &Proposal, channel: Option<u32>) -> Correspondence {
+        let db = &self.heard.database;
+        let (source, database) = place(db, proposal.database);
+        let others = proposal.alternatives.iter().map(|unit| {
+            let (source, seconds) = place(db, *unit);
+            format!(", or {seconds:.3} s of recording {source}")
+        });
+        Correspondence {
+            label: format!("gain {:.0} %{}", 100.0 * proposal.gain, others.collect::<String>()),
+            target: proposal.target as f64 / self.heard.rate,
+            database,
+            source: Some(SourceName::Index(source)),
+            duration: self.params.window as f64 / self.heard.rate,
+            channel,
+            weight: 1.0,
+            enabled: true,
+            place: Place::default(),
+        }
+    }
+}
+
+impl Node for CorrespondenceSuggester {
+    type Params = CorrespondenceSuggesterParams;
+    type Ports = CorrespondenceSuggesterPorts;
+    const NAME: &'static str = "CorrespondenceSuggester";
+    const CLASS: Class = Class::Offline;
+
+    fn shape(
+        _: &CorrespondenceSuggesterParams,
+        s: &mut Shape<'_, '_, CorrespondenceSuggesterPorts>,
+    ) -> Result<(), Reject> {
+        type Port = CorrespondenceSuggesterPorts;
+        let none = Some(Arc::new(CorrespondenceSet::default()));
+        super::fit_node::checked(&s.input(Port::features), s.value(Port::database), none)?;
+        s.when_ended(Port::features, Ends::Stop);
+        Ok(())
+    }
+
+    fn build(p: &CorrespondenceSuggesterParams, cx: &Build<'_>) -> Result<Self, Fault> {
+        type Port = CorrespondenceSuggesterPorts;
+        let none = Arc::new(CorrespondenceSet::default());
+        let heard = Heard::new(cx.input(Port::features), cx.value(Port::database), none)?;
+        Ok(Self { heard, file: cx.create("path", &p.path.0)?, params: p.clone() })
+    }
+
+    fn run(&mut self, io: CorrespondenceSuggesterIo<'_>) -> Result<(), Fault> {
+        self.heard.add(io.features.items());
+        Ok(())
+    }
+
+    fn finish(&mut self, _: CorrespondenceSuggesterIo<'_>) -> Result<Summary, Fault> {
+        let (heard, p) = (&self.heard, &self.params);
+        let segments: Vec<Range<usize>> = heard.database.segments.iter().map(|s| s.range()).collect();
+        let params = SuggestParams {
+            window: p.window,
+            hop: (p.window / 2).max(1),
+            count: p.count,
+            lambda: p.lambda,
+            ..SuggestParams::default()
+        };
+        let mut pairs = Vec::new();
+        for vector in 0..heard.format.vectors {
+            let own = heard.vector(vector);
+            let found = suggest(&own, &heard.database.features, &segments, heard.format.dims(), &params)
+                .map_err(|e| Fault::new("F111", e.to_string()).at("features"))?;
+            let channel = (heard.format.vectors > 1).then_some(vector as u32);
+            pairs.extend(found.iter().map(|proposal| self.correspondence(proposal, channel)));
+        }
+        let set = CorrespondenceSet { pairs, ..CorrespondenceSet::default() };
+        let written =
+            self.file.write_all(write_correspondences(&set).as_bytes()).and_then(|()| self.file.flush());
+        written.map_err(|e| Fault::new("F080", format!("cannot write {:?}: {e}", p.path.0)).at("path"))?;
+        Ok(vec![("path", p.path.0.as_str().into()), ("proposals", set.pairs.len().into())])
+    }
+}
