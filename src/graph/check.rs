@@ -568,7 +568,7 @@ fn shortest_loop(first: usize, below: &[Vec<usize>], members: &[usize]) -> Vec<u
     vec![first]
 }
 
-/// Warns of nodes that no output file needs.
+/// Warns of nodes that no output file needs. Those of sub-graphs are on offer: who uses one may leave others alone.
 fn unused(raw: &[RawNode], halves: &[Option<Half>], links: &[Vec<Vec<Link>>], found: &mut Vec<Diagnostic>) {
     let mut used = vec![false; raw.len()];
     let sink = |n: usize| halves[n].as_ref().is_none_or(|h| h.ty.outputs.is_empty());
@@ -585,7 +585,7 @@ fn unused(raw: &[RawNode], halves: &[Option<Half>], links: &[Vec<Vec<Link>>], fo
     let mut feeds = vec![false; raw.len()];
     links.iter().flatten().flatten().for_each(|l| feeds[l.node] = true);
     for (n, node) in raw.iter().enumerate() {
-        if !used[n] && !feeds[n] {
+        if !used[n] && !feeds[n] && node.place.file == 0 {
             let warning =
                 Diagnostic::warning("F026", format!("nothing uses `{}`", node.id), node.place.clone());
             found.push(warning.node(&node.id).help("link it to a node that writes a file, or remove it"));
