@@ -2,12 +2,14 @@
 //!
 //! Every algorithm is ordinary Rust on slices; a node is a thin typed description around it.
 //! The families follow the field: [`io`] and [`dsp`] for audio, [`mesh`] for motion,
-//! [`contact`] and [`friction`] for cloth that slides, [`modal`] for things that are struck. [`core`] says what a node is.
+//! [`contact`] and [`friction`] for cloth that slides, [`modal`] for things that are struck, [`feature`] and [`unit`] for
+//! sounds put together from recordings. [`core`] says what a node is.
 #![forbid(unsafe_code)]
 
 pub mod contact;
 pub mod core;
 pub mod dsp;
+pub mod feature;
 pub mod friction;
 pub mod io;
 pub mod live;
@@ -15,3 +17,4 @@ pub mod mesh;
 pub mod modal;
 pub mod plot;
 pub mod registry;
+pub mod unit;

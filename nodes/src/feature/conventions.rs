@@ -1,0 +1,310 @@
+//! How features were made: whoever compares features of two makes has to know that they were made alike.
+
+use serde::{Deserialize, Serialize};
+
+use crate::choices;
+use crate::core::fault::Reject;
+use crate::core::time::Rate;
+
+/// Window over one unit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum FeatureWindow {
+    /// Half a sine of two units' length: its square tiles to one, so that unit energies add up to the signal's.
+    Sine2,
+    /// No window: the unit alone.
+    Rect,
+    /// Raised cosine.
+    Hann,
+}
+
+choices! { @param FeatureWindow {
+    /// Half a sine of two units' length, centred on the unit: the energies of units add up to the signal's.
+    Sine2,
+    /// The unit alone, without any window.
+    Rect,
+    /// Raised cosine; as long as a unit it is blind to a pop on a unit's edge.
+    Hann,
+} }
+
+/// Shape of the frequency bands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum BandShape {
+    /// Disjoint bands that count every frequency once.
+    Rectangular,
+    /// Overlapping triangles with a peak of one.
+    Triangular,
+    /// Overlapping triangles of equal area (Slaney's normalisation).
+    TriangularArea,
+}
+
+choices! { @param BandShape {
+    /// Disjoint bands that count every frequency once, as a histogram does.
+    Rectangular,
+    /// Triangles that overlap by half, with a peak of one.
+    Triangular,
+    /// Triangles that overlap by half, each of area two over its width.
+    TriangularArea,
+} }
+
+/// The scale on which bands are equally wide.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum MelScale {
+    /// 2595 log10(1 + f / 700).
+    Htk,
+    /// Linear below 1 kHz, logarithmic above.
+    Slaney,
+}
+
+choices! { @param MelScale {
+    /// 2595 log10(1 + f / 700).
+    Htk,
+    /// Linear below 1 kHz and logarithmic above, as in Slaney's Auditory Toolbox.
+    Slaney,
+} }
+
+/// The logarithm of band energies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum LogScale {
+    /// Natural: 1 dB is 0.23.
+    Natural,
+    /// Ten times the decimal logarithm.
+    Decibel,
+}
+
+choices! { @param LogScale {
+    /// Natural logarithm: one decibel is 0.23.
+    Natural,
+    /// Decibels.
+    Decibel,
+} }
+
+/// Least energy of a band.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum FloorRule {
+    /// This many decibels, as mean square of full scale.
+    Level(f64),
+    /// The 5th percentile of the band energies of the database.
+    Database,
+}
+
+/// Everything that decides what the numbers of a feature vector mean.
+///
+/// # Source
+/// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 4.2, which leaves most of
+/// it open; since distances between features depend on every one, none may differ between what is compared.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FeatureConventions {
+    /// Sample rate of the audio.
+    pub rate: Rate,
+    /// Length of a unit in samples; one feature vector each.
+    pub unit: u32,
+    /// Window over one unit.
+    pub window: FeatureWindow,
+    /// Length of the window in samples, centred on the unit.
+    pub frame: u32,
+    /// Shape of the bands.
+    pub shape: BandShape,
+    /// Scale on which they are equally wide.
+    pub mel: MelScale,
+    /// How many there are.
+    pub bands: u32,
+    /// Lower end of the lowest, Hz.
+    pub f_lo: f64,
+    /// Upper end of the highest, Hz.
+    pub f_hi: f64,
+    /// Logarithm of the energies.
+    pub log: LogScale,
+    /// Least energy of a band.
+    pub floor: FloorRule,
+    /// Cepstral coefficients per channel.
+    pub n: u32,
+    /// The first of them: 0 keeps the one that tells loudness.
+    pub first: u32,
+    /// Cut-off of the Butterworth high-pass on the audio, Hz; 0 for none.
+    pub high_pass: f64,
+    /// Its order.
+    pub high_pass_order: u32,
+    /// Channels whose coefficients stand behind each other in one vector: 1, or all for joint features.
+    pub joined: u32,
+    /// Widths in units of the Gaussian over time, per dimension or one for all; empty where there is none.
+    pub widths: Vec<f64>,
+    /// Whether that Gaussian only looks back.
+    pub causal: bool,
+}
+
+/// A field in which two conventions differ.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Difference {
+    /// Name of the field.
+    pub field: &'static str,
+    /// What was found.
+    pub found: String,
+    /// What is wanted.
+    pub wanted: String,
+}
+
+impl std::fmt::Display for Difference {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "`{}` is {}, not {}", self.field, self.found, self.wanted)
+    }
+}
+
+impl FeatureConventions {
+    /// The convention of the cloth paper as its gaps are filled here: three rectangular mel bands to 20 kHz, natural logarithm, floor
+    /// at -100 dB, coefficient 0 kept, audio without what lies below 100 Hz, no Gaussian yet.
+    #[must_use]
+    pub fn cloth(rate: Rate, unit: u32) -> Self {
+        Self {
+            rate,
+            unit,
+            window: FeatureWindow::Sine2,
+            frame: 2 * unit,
+            shape: BandShape::Rectangular,
+            mel: MelScale::Htk,
+            bands: 3,
+            f_lo: 0.0,
+            f_hi: 20_000.0,
+            log: LogScale::Natural,
+            floor: FloorRule::Level(-100.0),
+            n: 3,
+            first: 0,
+            high_pass: 100.0,
+            high_pass_order: 5,
+            joined: 1,
+            widths: Vec::new(),
+            causal: false,
+        }
+    }
+
+    /// Numbers in one feature vector.
+    #[must_use]
+    pub fn dims(&self) -> usize {
+        self.n as usize * self.joined.max(1) as usize
+    }
+
+    /// Units per second.
+    #[must_use]
+    pub fn unit_rate(&self) -> Option<Rate> {
+        self.rate.divided_by(u64::from(self.unit))
+    }
+
+    /// Width of the Gaussian over dimension `dim`, units; 0 where there is none.
+    #[must_use]
+    pub fn width(&self, dim: usize) -> f64 {
+        match self.widths.as_slice() {
+            [] => 0.0,
+            [one] => *one,
+            widths => widths.get(dim % self.n.max(1) as usize).copied().unwrap_or(0.0),
+        }
+    }
+
+    /// Every field by name, as text that differs wherever the field does.
+    fn fields(&self) -> Vec<(&'static str, String)> {
+        let text = |x: &dyn std::fmt::Debug| format!("{x:?}");
+        vec![
+            ("rate", self.rate.to_string()),
+            ("unit", format!("{} samples", self.unit)),
+            ("window", text(&self.window)),
+            ("frame", format!("{} samples", self.frame)),
+            ("shape", text(&self.shape)),
+            ("mel", text(&self.mel)),
+            ("bands", self.bands.to_string()),
+            ("f_lo", format!("{} Hz", self.f_lo)),
+            ("f_hi", format!("{} Hz", self.f_hi)),
+            ("log", text(&self.log)),
+            (
+                "floor",
+                match self.floor {
+                    FloorRule::Level(db) => format!("{db} dB"),
+                    FloorRule::Database => "that of the database".into(),
+                },
+            ),
+            ("n", self.n.to_string()),
+            ("first", self.first.to_string()),
+            ("high_pass", format!("{} Hz", self.high_pass)),
+            ("high_pass_order", self.high_pass_order.to_string()),
+            (
+                "channels",
+                if self.joined > 1 { format!("{} joined", self.joined) } else { "one by one".into() },
+            ),
+            ("widths", text(&(0..self.dims()).map(|dim| self.width(dim)).collect::<Vec<_>>())),
+            ("causal", self.causal.to_string()),
+        ]
+    }
+
+    /// The first field in which these differ from what a consumer wants.
+    ///
+    /// Widths are compared as they act: none at all and widths of 0 are the same, and so are one width and the same for every
+    /// dimension. Without any Gaussian it does not matter whether it would only look back.
+    #[must_use]
+    pub fn differs_from(&self, wanted: &Self) -> Option<Difference> {
+        let smooth = |c: &Self| (0..c.dims()).any(|dim| c.width(dim) > 1.0);
+        let either = smooth(self) || smooth(wanted);
+        let pairs = self.fields().into_iter().zip(wanted.fields());
+        pairs
+            .filter(|((field, _), _)| either || !matches!(*field, "widths" | "causal"))
+            .find(|((_, found), (_, wanted))| found != wanted)
+            .map(|((field, found), (_, wanted))| Difference { field, found, wanted })
+    }
+
+    /// A digest of all fields.
+    #[must_use]
+    pub fn hash(&self) -> [u8; 32] {
+        let mut hasher = blake3::Hasher::new();
+        for (field, value) in self.fields() {
+            hasher.update(field.as_bytes()).update(&[0]).update(value.as_bytes()).update(&[0]);
+        }
+        *hasher.finalize().as_bytes()
+    }
+
+    /// Refuses features at input `port` that were made in another way than what they meet, `what`.
+    ///
+    /// # Errors
+    /// Names the first field that differs.
+    pub fn check(&self, port: &str, wanted: &Self, what: &str) -> Result<(), Reject> {
+        let Some(difference) = self.differs_from(wanted) else { return Ok(()) };
+        let Difference { field, found, wanted } = difference;
+        let message = format!("`{field}` of the features is {found}, that of the {what} {wanted}");
+        let help = match field {
+            "widths" | "causal" => "give TemporalGaussian the same as UnitDatabase".to_owned(),
+            _ => format!("give Mfcc and UnitDatabase the same `{field}`"),
+        };
+        Err(Reject::new("F100", message).at(port).help(help))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cloth() -> FeatureConventions {
+        FeatureConventions::cloth(Rate::hz(96_000), 400)
+    }
+
+    #[test]
+    fn the_first_field_that_differs_is_named() {
+        assert_eq!(cloth().differs_from(&cloth()), None);
+        let other = FeatureConventions { f_hi: 24_000.0, ..cloth() };
+        let difference = cloth().differs_from(&other).unwrap();
+        assert_eq!(difference.to_string(), "`f_hi` is 20000 Hz, not 24000 Hz");
+        assert_ne!(cloth().hash(), other.hash());
+        let reject = cloth().check("features", &other, "database").unwrap_err();
+        assert!(reject.code == "F100" && reject.message.contains("`f_hi`"), "{reject}");
+        let floors = FeatureConventions { floor: FloorRule::Level(-99.0), ..cloth() };
+        assert_eq!(cloth().differs_from(&floors).unwrap().field, "floor");
+    }
+
+    #[test]
+    fn widths_count_as_they_act() {
+        let with = |widths: &[f64], causal| FeatureConventions { widths: widths.to_vec(), causal, ..cloth() };
+        assert_eq!(with(&[20.0], false).differs_from(&with(&[20.0; 3], false)), None);
+        assert_eq!(with(&[], false).differs_from(&with(&[0.0], true)), None);
+        assert_eq!(with(&[20.0], true).differs_from(&with(&[20.0], false)).unwrap().field, "causal");
+        assert_eq!(
+            with(&[20.0, 50.0, 10.0], false).differs_from(&with(&[20.0], false)).unwrap().field,
+            "widths"
+        );
+        let joint = FeatureConventions { joined: 2, ..with(&[20.0, 50.0, 10.0], false) };
+        assert_eq!((joint.dims(), joint.width(4)), (6, 50.0));
+    }
+}

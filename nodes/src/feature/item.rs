@@ -1,0 +1,107 @@
+//! Feature vectors that travel between nodes.
+
+use std::sync::Arc;
+
+use super::conventions::{BandShape, FeatureConventions, FeatureWindow, FloorRule, LogScale, MelScale};
+use crate::core::item::Item;
+use crate::core::random::Draw;
+use crate::core::time::Rate;
+
+/// One or more feature vectors per unit of sound.
+///
+/// # Shapes
+/// An item holds `vectors` vectors of `conventions.dims()` numbers, one after the other: one per channel where channels are
+/// treated one by one, otherwise one.
+#[derive(Debug)]
+pub struct Features;
+
+/// What is fixed about a stream of features.
+///
+/// The conventions travel with the stream, so that a database or a warp made under others is refused where it meets it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FeatureFormat {
+    /// Vectors per unit.
+    pub vectors: usize,
+    /// How they were made.
+    pub conventions: Arc<FeatureConventions>,
+}
+
+impl FeatureFormat {
+    /// The same with other conventions of as many dimensions.
+    #[must_use]
+    pub fn with(&self, conventions: FeatureConventions) -> Self {
+        Self { vectors: self.vectors, conventions: Arc::new(conventions) }
+    }
+
+    /// Numbers in one vector.
+    #[must_use]
+    pub fn dims(&self) -> usize {
+        self.conventions.dims()
+    }
+}
+
+impl FeatureConventions {
+    /// Conventions for trials, the same in every stream and artefact, so that those of one trial fit each other.
+    #[must_use]
+    pub fn trial() -> Self {
+        Self {
+            rate: Rate::hz(8000),
+            unit: 4,
+            window: FeatureWindow::Sine2,
+            frame: 8,
+            shape: BandShape::Rectangular,
+            mel: MelScale::Htk,
+            bands: 3,
+            f_lo: 0.0,
+            f_hi: 4000.0,
+            log: LogScale::Natural,
+            floor: FloorRule::Level(-100.0),
+            n: 3,
+            first: 0,
+            high_pass: 0.0,
+            high_pass_order: 5,
+            joined: 1,
+            widths: Vec::new(),
+            causal: false,
+        }
+    }
+}
+
+impl Item for Features {
+    type Elem = f32;
+    type Format = FeatureFormat;
+    const NAME: &'static str = "features";
+    const COLUMNS: &'static [&'static str] = &[""];
+
+    fn width(format: &FeatureFormat) -> usize {
+        format.vectors * format.dims()
+    }
+
+    fn describe(format: &FeatureFormat) -> String {
+        let dims = format.dims();
+        match format.vectors {
+            1 => format!("vectors of {dims}"),
+            n => format!("{n} channels of vectors of {dims}"),
+        }
+    }
+
+    fn trial_format(draw: &mut Draw) -> FeatureFormat {
+        FeatureFormat { vectors: 1 + draw.below(2), conventions: Arc::new(FeatureConventions::trial()) }
+    }
+
+    fn trial(_: &FeatureFormat, _: usize, draw: &mut Draw) -> f32 {
+        draw.between(-3.0, 3.0) as f32
+    }
+
+    fn finite(elem: &f32) -> bool {
+        elem.is_finite()
+    }
+
+    fn poison() -> f32 {
+        f32::NAN
+    }
+
+    fn numbers(elem: &f32, out: &mut Vec<f32>) {
+        out.push(*elem);
+    }
+}
