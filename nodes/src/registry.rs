@@ -3,6 +3,8 @@
 use crate::contact::detector_node::ContactDetector;
 use crate::contact::speed_nodes::{SlidingSpeed, SpeedMapNode};
 use crate::core::node::NodeType;
+use crate::feature::gaussian_node::TemporalGaussian;
+use crate::feature::mfcc_node::Mfcc;
 use crate::friction::builder_node::FrictionModelBuilder;
 use crate::friction::ift_noise_node::IftNoiseNode;
 use crate::friction::model_nodes::{FrictionModelFile, FrictionModelFromClips};
@@ -13,6 +15,10 @@ use crate::modal::force_node::ImpactForce;
 use crate::modal::from_recording::ModalFromRecording;
 use crate::modal::impact_file_node::ImpactFile;
 use crate::modal::modes_file::ModesFile;
+use crate::unit::concatenator_node::UnitConcatenator;
+use crate::unit::database_node::UnitDatabaseNode;
+use crate::unit::report::SelectionReportNode;
+use crate::unit::selector_node::UnitSelector;
 use crate::{dsp, io, live};
 
 /// Every node type, one line each, by family.
@@ -52,6 +58,12 @@ pub fn all() -> Vec<NodeType> {
         NodeType::of::<FrictionModelBuilder>("friction"),
         NodeType::func::<FrictionModelFromClips>("friction"),
         NodeType::func::<FrictionModelFile>("friction"),
+        NodeType::of::<Mfcc>("feature"),
+        NodeType::of::<TemporalGaussian>("feature"),
+        NodeType::func::<UnitDatabaseNode>("unit"),
+        NodeType::of::<UnitSelector>("unit"),
+        NodeType::of::<UnitConcatenator>("unit"),
+        NodeType::of::<SelectionReportNode>("unit"),
         NodeType::of::<ImpactFile>("modal"),
         NodeType::of::<ImpactForce>("modal"),
         NodeType::of::<ModalBankNode>("modal"),

@@ -1,0 +1,125 @@
+//! Concatenative synthesis at the size of the cloth paper's takes: features, database, selection.
+//!
+//! Run with `cargo bench -p foley-nodes --bench unit`. The paper's own figures (eight cores of 2.9 GHz) stand beside each.
+
+use foley_nodes::core::random::Draw;
+use foley_nodes::core::time::Rate;
+use foley_nodes::feature::{FeatureConventions, MelCepstrum, TemporalFilter};
+use foley_nodes::unit::{Blend, Concatenator, SelectorParams, Take, Units, build, selector};
+use std::error::Error;
+use std::hint::black_box;
+use std::time::Instant;
+
+const RATE: Rate = Rate::hz(96_000);
+const UNIT: u32 = 400;
+
+/// Peak memory of this process in megabytes, where the system tells.
+fn peak() -> f64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+    line.and_then(|line| line.split_whitespace().next()?.parse::<f64>().ok()).unwrap_or(0.0) / 1024.0
+}
+
+fn noise(seed: u64, samples: usize) -> Vec<f32> {
+    let mut draw = Draw::new(seed);
+    let mut swell = 0.0;
+    (0..samples)
+        .map(|i| {
+            if i % 4000 == 0 {
+                swell = draw.unit() * draw.unit();
+            }
+            (swell * draw.between(-0.5, 0.5)) as f32
+        })
+        .collect()
+}
+
+/// Smooth features of the spread of cloth recordings: three dimensions, through the paper's Gaussian.
+fn features(seed: u64, units: usize) -> Vec<f32> {
+    let mut draw = Draw::new(seed);
+    let mut slow = [0.0; 3];
+    let spread = [9.0, 3.0, 2.0];
+    let mut out = Vec::with_capacity(3 * units);
+    for _ in 0..units {
+        for (slow, spread) in slow.iter_mut().zip(spread) {
+            *slow += 0.02 * (spread * 6.0 * draw.between(-1.0, 1.0) - *slow);
+            out.push((*slow + draw.between(-1.0, 1.0)) as f32);
+        }
+    }
+    TemporalFilter::new(&[20.0, 50.0, 10.0], false).stretch(&out)
+}
+
+fn of_units() {
+    let c = FeatureConventions::cloth(RATE, UNIT);
+    let (mut cepstrum, x, mut out) = (MelCepstrum::new(&c, 1e-10), noise(1, 400_000), [0.0; 3]);
+    let best = (0..10).map(|_| {
+        let start = Instant::now();
+        let units =
+            x.windows(800).step_by(400).map(|frame| cepstrum.process(black_box(frame), &mut out)).count();
+        start.elapsed().as_secs_f64() / units as f64
+    });
+    let best = best.fold(f64::INFINITY, f64::min);
+    println!(
+        "features              {:>8.2} us per unit and channel, H = 400   (aim 10; paper 24,000)",
+        best * 1e6
+    );
+}
+
+fn of_database() -> Result<(), Box<dyn Error>> {
+    let mut c = FeatureConventions::cloth(RATE, UNIT);
+    c.widths = vec![20.0, 50.0, 10.0];
+    let samples = 240 * 96_000;
+    let takes = [Take { channels: vec![noise(2, samples), noise(3, samples)], ..Take::default() }];
+    let start = Instant::now();
+    let db = build(&takes, &c, None)?;
+    let seconds = start.elapsed().as_secs_f64();
+    println!(
+        "database              {seconds:>8.2} s for 4 min of stereo at 96 kHz, {} units   (aim 5; paper 1051 to 1392)",
+        db.len()
+    );
+    let mut draw = Draw::new(4);
+    let picks: Vec<u32> = (0..14_400).map(|_| draw.below(db.len()) as u32).collect();
+    let start = Instant::now();
+    black_box(Concatenator::new(&db, Blend::EqualPower).whole(0, &picks));
+    println!(
+        "concatenation         {:>8.2} s for a minute of mono that joins at every unit",
+        start.elapsed().as_secs_f64()
+    );
+    Ok(())
+}
+
+fn of_selection() -> Result<(), Box<dyn Error>> {
+    let (targets, units) = (144_000, 57_600);
+    let (target, database) = (features(5, targets), features(6, units));
+    for (look, d_max) in [(10, 2.0), (5, 2.0), (10, 8.0)] {
+        let before = peak();
+        let start = Instant::now();
+        let set =
+            Units { features: &database, dims: 3, segments: vec![(0, units)], allowed: vec![true; units] };
+        let params = SelectorParams { look, d_max, cool_off: 20, loop_guard: 0, causal: false };
+        let mut selector = selector(&set, params).ok_or("no unit")?;
+        let (mut fallbacks, mut runs, mut last) = (0, 0, u32::MAX);
+        for i in 0..targets {
+            let to = (i + look + 1).min(targets);
+            let choice = selector.choose(&target[3 * i..3 * to]).map_err(|e| format!("{e:?}"))?;
+            fallbacks += usize::from(choice.fallback);
+            runs += usize::from(choice.unit == last.wrapping_add(1));
+            last = choice.unit;
+        }
+        let share = |n: usize| 100.0 * n as f64 / targets as f64;
+        println!(
+            "selection             {:>8.2} s for 144,000 targets, 57,600 units, L = {look}, d_max = {d_max}, one thread: {:.1} % fallbacks, \
+             {:.1} % run on, {:.0} MB more at the peak   (aim 10 s, 200 MB; paper 25 to 197 s)",
+            start.elapsed().as_secs_f64(),
+            share(fallbacks),
+            share(runs),
+            peak() - before
+        );
+    }
+    Ok(())
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    of_units();
+    of_selection()?;
+    of_database()
+}

@@ -1,0 +1,175 @@
+//! A Gaussian over time, with a width of its own for every dimension.
+
+/// Taps of one dimension, from the farthest back to the farthest ahead.
+#[derive(Clone, Debug, PartialEq)]
+struct Taps {
+    past: usize,
+    ahead: usize,
+    weights: Vec<f64>,
+}
+
+impl Taps {
+    /// The standard deviation is a quarter of the width, and the kernel ends half a width away.
+    fn new(width: f64, causal: bool) -> Self {
+        if width <= 1.0 {
+            return Self { past: 0, ahead: 0, weights: vec![1.0] };
+        }
+        let (sigma, radius) = (width / 4.0, (width / 2.0 + 0.5).floor() as usize);
+        let ahead = if causal { 0 } else { radius };
+        let weight = |k: usize| (-0.5 * ((k as f64 - radius as f64) / sigma).powi(2)).exp();
+        let weights: Vec<f64> = (0..=radius + ahead).map(weight).collect();
+        let sum: f64 = weights.iter().sum();
+        Self { past: radius, ahead, weights: weights.iter().map(|w| w / sum).collect() }
+    }
+}
+
+/// Filters vectors over time: per dimension a normalised Gaussian of standard deviation `width / 4`, cut off at `width / 2`.
+///
+/// The causal form is the half of it that looks back; it lags by 0.18 widths.
+///
+/// # Shapes
+/// Items are `vectors` vectors of as many dimensions as there are widths.
+///
+/// # Source
+/// An, James and Marschner (SIGGRAPH 2012), section 4.2. The symmetric form equals
+/// `scipy.ndimage.gaussian_filter1d(x, width / 4, truncate=2.0, mode='nearest')`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TemporalFilter {
+    taps: Vec<Taps>,
+    past: usize,
+    ahead: usize,
+}
+
+impl TemporalFilter {
+    /// One width per dimension, in units; widths of up to 1 leave their dimension as it is.
+    #[must_use]
+    pub fn new(widths: &[f64], causal: bool) -> Self {
+        let taps: Vec<Taps> = widths.iter().map(|&width| Taps::new(width, causal)).collect();
+        let past = taps.iter().map(|t| t.past).max().unwrap_or(0);
+        let ahead = taps.iter().map(|t| t.ahead).max().unwrap_or(0);
+        Self { taps, past, ahead }
+    }
+
+    /// Items before an item that it depends on.
+    #[must_use]
+    pub fn past(&self) -> usize {
+        self.past
+    }
+
+    /// Items after an item that it depends on.
+    #[must_use]
+    pub fn ahead(&self) -> usize {
+        self.ahead
+    }
+
+    /// Filters the items of `around` that have `past` items before and `ahead` after them.
+    ///
+    /// # Shapes
+    /// `around`: `[past + len + ahead, vectors, dims]`; `out`: `[len, vectors, dims]`.
+    pub fn process(&self, around: &[f32], vectors: usize, out: &mut [f32]) {
+        let dims = self.taps.len();
+        let width = (vectors * dims).max(1);
+        for (i, item) in out.chunks_exact_mut(width).enumerate() {
+            for (place, out) in item.iter_mut().enumerate() {
+                let taps = &self.taps[place % dims];
+                let first = (i + self.past - taps.past) * width + place;
+                let values = around.iter().skip(first).step_by(width);
+                *out = values.zip(&taps.weights).map(|(&x, w)| f64::from(x) * w).sum::<f64>() as f32;
+            }
+        }
+    }
+
+    /// Filters one gap-free stretch, whose first and last item stand for what is beyond its ends.
+    ///
+    /// # Shapes
+    /// `items` and the result: `[len, dims]`.
+    #[must_use]
+    pub fn stretch(&self, items: &[f32]) -> Vec<f32> {
+        let dims = self.taps.len().max(1);
+        let (Some(first), Some(last)) = (items.get(..dims), items.len().checked_sub(dims)) else {
+            return Vec::new();
+        };
+        let mut around = first.repeat(self.past);
+        around.extend_from_slice(items);
+        around.extend(items[last..].repeat(self.ahead));
+        let mut out = vec![0.0; items.len()];
+        self.process(&around, 1, &mut out);
+        out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::core::random::Draw;
+    use proptest::prelude::*;
+
+    #[test]
+    fn widths_have_the_taps_of_the_paper() {
+        for (width, taps) in [(10.0, 11), (20.0, 21), (30.0, 31), (50.0, 51), (1.0, 1), (0.0, 1)] {
+            assert_eq!(Taps::new(width, false).weights.len(), taps);
+        }
+    }
+
+    /// `gaussian_filter1d([0, 0, 1, 0, 2, 5, -1, 3], w / 4, truncate=2.0, mode='nearest')` for w = 4 and 10.
+    #[test]
+    fn it_equals_the_reference_at_edges_too() {
+        let x = [0.0, 0.0, 1.0, 0.0, 2.0, 5.0, -1.0, 3.0];
+        for (width, wanted) in [(4.0, REFERENCE_4), (10.0, REFERENCE_10)] {
+            let found = TemporalFilter::new(&[width], false).stretch(&x);
+            for (f, w) in found.iter().zip(wanted) {
+                assert!((f64::from(*f) - w).abs() < 1e-6, "{width}: {found:?}");
+            }
+        }
+    }
+
+    const REFERENCE_4: [f64; 8] = [
+        0.05448868454964294,
+        0.24420134200323332,
+        0.5115973159935333,
+        1.0050474487579146,
+        2.0262466038046614,
+        2.4207671301233993,
+        1.823434211879834,
+        2.1321720010863525,
+    ];
+    const REFERENCE_10: [f64; 8] = [
+        0.3211953719988713,
+        0.5167380765918699,
+        0.8221361545014112,
+        1.1729328154567773,
+        1.527511333295526,
+        1.850975015753078,
+        2.1306042889144026,
+        2.371726516640441,
+    ];
+
+    #[test]
+    fn the_causal_half_lags_by_less_than_a_fifth_of_its_width() {
+        let taps = Taps::new(50.0, true);
+        let lag: f64 = taps.weights.iter().enumerate().map(|(k, w)| w * (taps.past - k) as f64).sum();
+        // Two standard deviations of it; the whole half would lag by 0.2 widths.
+        assert!((lag / 50.0 - 0.176).abs() < 0.001 && taps.ahead == 0, "{lag}");
+    }
+
+    proptest! {
+        /// However a stream is cut, and through each dimension alone.
+        #[test]
+        fn dimensions_and_vectors_do_not_mix(seed in 0_u64..1000, len in 1_usize..40) {
+            let mut draw = Draw::new(seed);
+            let x: Vec<f32> = (0..len * 4).map(|_| draw.between(-1.0, 1.0) as f32).collect();
+            let filter = TemporalFilter::new(&[6.0, 0.0], false);
+            let single = |place: usize| -> Vec<f32> { x.iter().skip(place).step_by(4).copied().collect() };
+            let mut around = x[..4].repeat(filter.past());
+            around.extend(&x);
+            around.extend(x[x.len() - 4..].repeat(filter.ahead()));
+            let mut out = vec![0.0; x.len()];
+            filter.process(&around, 2, &mut out);
+            for place in 0..4 {
+                let alone = TemporalFilter::new(&[[6.0, 0.0][place % 2]], false).stretch(&single(place));
+                let found: Vec<f32> = out.iter().skip(place).step_by(4).copied().collect();
+                prop_assert_eq!(found, alone);
+            }
+        }
+    }
+}

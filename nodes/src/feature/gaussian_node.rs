@@ -1,0 +1,135 @@
+//! The Gaussian over time as a node.
+
+use super::gaussian::TemporalFilter;
+use super::item::Features;
+use crate::core::fault::{Fault, Reject};
+use crate::core::files::MemoryFiles;
+use crate::core::node::{Class, Node};
+use crate::core::ports::Stream;
+use crate::core::random::Draw;
+use crate::core::shape::{Build, Ends, Shape};
+use crate::{params, ports};
+
+params! {
+    /// Smooths features over time: a Gaussian with a width of its own for each coefficient.
+    ///
+    /// Its standard deviation is a quarter of the width, and it ends half a width away. At the ends of the stream the first and
+    /// the last item go on. The database that the features are compared with must have been made with the same widths.
+    ///
+    /// # Source
+    /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 4.2; the causal
+    /// half is an addition, for live use.
+    pub struct TemporalGaussianParams {
+        /// Width for each coefficient, or one for all; up to 1 leaves a coefficient as it is.
+        widths: Vec<f64> = vec![20.0, 50.0, 10.0], unit "units", range 0.0..=10_000.0;
+        /// Look back only: no delay to the planner, but features lag by a fifth of the width.
+        causal: bool = false;
+    }
+}
+
+ports! {
+    pub struct TemporalGaussianPorts / TemporalGaussianIo {
+        in {
+            /// Features as they were made.
+            features: Stream<Features>,
+        }
+        out {
+            /// Features that change slowly.
+            smooth: Stream<Features>,
+        }
+    }
+}
+
+/// The node over [`TemporalFilter`].
+#[derive(Debug)]
+pub struct TemporalGaussian {
+    filter: TemporalFilter,
+    vectors: usize,
+}
+
+/// Refuses lists of widths that are neither one for all nor one each.
+pub(crate) fn check_widths(widths: &[f64], n: usize) -> Result<(), Reject> {
+    if widths.len() <= 1 || widths.len() == n {
+        return Ok(());
+    }
+    let message = format!("{} widths for {n} coefficients", widths.len());
+    Err(Reject::new("F051", message).at("widths").help(format!("give {n}, or one for all")))
+}
+
+impl Node for TemporalGaussian {
+    type Params = TemporalGaussianParams;
+    type Ports = TemporalGaussianPorts;
+    const NAME: &'static str = "TemporalGaussian";
+    const CLASS: Class = Class::Audio;
+    const COST: f64 = 50.0;
+
+    fn shape(p: &TemporalGaussianParams, s: &mut Shape<'_, '_, TemporalGaussianPorts>) -> Result<(), Reject> {
+        let features = s.input(TemporalGaussianPorts::features);
+        let mut c = (*features.format.conventions).clone();
+        check_widths(&p.widths, c.n as usize)?;
+        if !c.widths.is_empty() {
+            let message = "these features have been through a Gaussian already";
+            return Err(Reject::new("F051", message)
+                .at("features")
+                .help("use one node with the widths wanted"));
+        }
+        (c.widths, c.causal) = (p.widths.clone(), p.causal);
+        let filter = filter(&c);
+        s.reach(TemporalGaussianPorts::features, filter.past(), filter.ahead());
+        s.when_ended(TemporalGaussianPorts::features, Ends::Hold);
+        s.ends(features.end);
+        s.output(TemporalGaussianPorts::smooth, features.rate, features.format.with(c));
+        Ok(())
+    }
+
+    fn build(_: &TemporalGaussianParams, cx: &Build<'_>) -> Result<Self, Fault> {
+        let format = cx.output(TemporalGaussianPorts::smooth).format;
+        Ok(Self { filter: filter(&format.conventions), vectors: format.vectors })
+    }
+
+    fn run(&mut self, mut io: TemporalGaussianIo<'_>) -> Result<(), Fault> {
+        self.filter.process(io.features.around(), self.vectors, io.smooth.items());
+        Ok(())
+    }
+
+    fn trial(draw: &mut Draw) -> (TemporalGaussianParams, MemoryFiles) {
+        let widths = (0..[0, 1, 3][draw.below(3)]).map(|_| draw.between(0.0, 9.0)).collect();
+        (TemporalGaussianParams { widths, causal: draw.below(2) == 0 }, MemoryFiles::default())
+    }
+}
+
+fn filter(c: &super::FeatureConventions) -> TemporalFilter {
+    TemporalFilter::new(&(0..c.dims()).map(|dim| c.width(dim)).collect::<Vec<_>>(), c.causal)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::core::solo::Solo;
+    use crate::core::time::Rate;
+    use crate::feature::{FeatureConventions, FeatureFormat};
+    use std::sync::Arc;
+
+    fn solo(widths: &[f64], conventions: FeatureConventions) -> Solo {
+        let format = FeatureFormat { vectors: 1, conventions: Arc::new(conventions) };
+        let features = (0..90).map(|i| (i % 7) as f32).collect();
+        Solo::new::<TemporalGaussian>(TemporalGaussianParams { widths: widths.to_vec(), causal: false })
+            .input(TemporalGaussianPorts::features, Rate::hz(240), format, features)
+    }
+
+    #[test]
+    fn a_stream_is_smoothed_as_a_stretch_is() {
+        let features: Vec<f32> = (0..90).map(|i| (i % 7) as f32).collect();
+        let run = solo(&[5.0, 8.0, 0.0], FeatureConventions::trial()).run().unwrap();
+        let wanted = TemporalFilter::new(&[5.0, 8.0, 0.0], false).stretch(&features);
+        assert_eq!(run.stream(TemporalGaussianPorts::smooth), wanted);
+    }
+
+    #[test]
+    fn widths_that_do_not_fit_and_a_second_gaussian_are_refused() {
+        let refused = |widths: &[f64], c| solo(widths, c).shape().unwrap_err().field;
+        assert_eq!(refused(&[1.0, 2.0], FeatureConventions::trial()).as_deref(), Some("widths"));
+        let smooth = FeatureConventions { widths: vec![4.0], ..FeatureConventions::trial() };
+        assert_eq!(refused(&[4.0], smooth).as_deref(), Some("features"));
+    }
+}

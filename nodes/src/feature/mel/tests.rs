@@ -1,0 +1,120 @@
+use super::*;
+use crate::core::random::Draw;
+use crate::core::time::Rate;
+
+fn cloth() -> FeatureConventions {
+    FeatureConventions::cloth(Rate::hz(48_000), 200)
+}
+
+/// The signal of the stored values, made in the same way by the script that made them.
+fn signal() -> Vec<f32> {
+    let at = |i: u32| {
+        let x = f64::from(i);
+        0.3 * (0.1 * x).sin() + 0.2 * (1.3 * x).cos() + 0.01 * (f64::from(i * 7919 % 101) / 101.0 - 0.5)
+    };
+    (0..400).map(|i| at(i) as f32).collect()
+}
+
+fn features(c: &FeatureConventions, frame: &[f32]) -> Vec<f32> {
+    let mut out = vec![0.0; c.n as usize];
+    MelCepstrum::new(c, 1e-10).process(frame, &mut out);
+    out
+}
+
+fn assert_close(found: &[f32], wanted: &[f64], tolerance: f64) {
+    assert_eq!(found.len(), wanted.len());
+    for (f, w) in found.iter().zip(wanted) {
+        assert!((f64::from(*f) - w).abs() < tolerance, "{found:?}, not {wanted:?}");
+    }
+}
+
+#[test]
+fn edges_are_those_of_the_paper() {
+    for (high, inner) in
+        [(20_000.0, [1464.66, 5993.91]), (24_000.0, [1595.96, 6830.62]), (48_000.0, [2179.0, 11_140.92])]
+    {
+        let edges = MelScale::Htk.edges(0.0, high, 3);
+        assert!((edges[1] - inner[0]).abs() < 0.005 && (edges[2] - inner[1]).abs() < 0.005, "{edges:?}");
+    }
+    for f in [30.0, 999.0, 1000.0, 8000.0] {
+        assert!((MelScale::Slaney.hz(MelScale::Slaney.mel(f)) - f).abs() < 1e-9 * f);
+    }
+    assert!((MelScale::Slaney.mel(1000.0) - 15.0).abs() < 1e-12);
+}
+
+/// `scipy.fft.dct(log(E), type=2, norm='ortho')` over band energies summed from `numpy.fft.rfft`.
+#[test]
+fn both_kinds_of_cepstrum_equal_the_reference() {
+    assert_close(
+        &features(&cloth(), &signal()),
+        &[-11.500697963350191, 0.5734569619570178, 7.674596259727256],
+        1e-5,
+    );
+    let usual = FeatureConventions {
+        shape: BandShape::Triangular,
+        bands: 5,
+        first: 1,
+        log: LogScale::Decibel,
+        ..cloth()
+    };
+    let wanted = [3.513884241841211, 32.01126662916578, -1.1405423820282348];
+    assert_close(&features(&usual, &signal()), &wanted, 1e-4);
+}
+
+#[test]
+fn the_cosines_for_three_bands_are_the_written_ones() {
+    let wanted = [0.57735, 0.57735, 0.57735, 0.70711, 0.0, -0.70711, 0.40825, -0.81650, 0.40825];
+    for (found, wanted) in cosines(0, 3, 3).iter().zip(wanted) {
+        assert!((found - wanted).abs() < 5e-6);
+    }
+}
+
+#[test]
+fn unit_energies_add_up_to_the_signals() {
+    let mut draw = Draw::new(3);
+    let c = FeatureConventions { bands: 1, n: 1, f_hi: 24_000.0, ..cloth() };
+    let x: Vec<f32> = (0..2000).map(|_| draw.between(-1.0, 1.0) as f32).collect();
+    let mut padded = vec![0.0; 300];
+    padded.extend(&x);
+    padded.extend([0.0; 500]);
+    let mut cepstrum = MelCepstrum::new(&c, 0.0);
+    // From the unit before the first to the one after the last.
+    let units = (0..12).map(|k| 200.0 * cepstrum.energies(&padded[k * 200..k * 200 + 400])[0]);
+    let (sum, wanted): (f64, f64) = (units.sum(), x.iter().map(|&x| f64::from(x).powi(2)).sum());
+    assert!((sum / wanted - 1.0).abs() < 1e-9, "{sum} {wanted}");
+}
+
+#[test]
+fn a_gain_moves_the_first_coefficient_and_nothing_else() {
+    let c = cloth();
+    let base = features(&c, &signal());
+    for gain in [0.25_f32, 1.9, 8.0] {
+        let loud: Vec<f32> = signal().iter().map(|x| x * gain).collect();
+        let found = features(&c, &loud);
+        let step = 3f64.sqrt() * f64::from(gain * gain).ln();
+        assert!((f64::from(found[0] - base[0]) - step).abs() < 2e-5, "{gain}");
+        assert!((1..3).all(|k| (found[k] - base[k]).abs() < 1e-5), "{gain}");
+    }
+    // One decibel is 0.3988.
+    assert!((3f64.sqrt() * 10f64.powf(0.1).ln() - 0.3988).abs() < 5e-5);
+}
+
+#[test]
+fn silence_is_one_point() {
+    let c = cloth();
+    let quiet = features(&c, &[0.0; 400]);
+    assert_close(&quiet, &[3f64.sqrt() * 1e-10f64.ln(), 0.0, 0.0], 1e-5);
+    assert_eq!(features(&c, &[1e-9; 400]), quiet);
+}
+
+#[test]
+fn a_bin_on_an_edge_counts_in_both_bands_in_proportion() {
+    let c = FeatureConventions { bands: 2, n: 2, ..cloth() };
+    let found = bands(&c, 512);
+    let total: f64 = found.iter().flat_map(|b| &b.weights).sum();
+    // From 0 to 20 kHz in bins of 93.75 Hz, where that at 0 is half as wide and counts wholly.
+    assert!((total - (20_000.0 / 93.75 + 0.5)).abs() < 1e-9, "{total}");
+    let edge = found[1].first;
+    let shared = found[0].weights[edge - found[0].first] + found[1].weights[0];
+    assert!((shared - 1.0).abs() < 1e-12 && found[1].weights[0] < 1.0);
+}

@@ -1,0 +1,246 @@
+//! Mel cepstra as a node.
+
+use std::sync::Arc;
+
+use super::conventions::FloorRule;
+use super::item::{FeatureFormat, Features};
+use super::mel::MelCepstrum;
+use crate::core::fault::{Fault, Reject};
+use crate::core::files::MemoryFiles;
+use crate::core::node::{Class, Node};
+use crate::core::params::Params;
+use crate::core::ports::{Stream, Value};
+use crate::core::random::Draw;
+use crate::core::shape::{Build, Shape};
+use crate::dsp::{Band, Butterworth, Cascade};
+use crate::unit::UnitDatabase;
+use crate::{choices, feature_params, ports};
+
+choices! {
+    /// What becomes of several channels.
+    pub enum FeatureChannels {
+        /// A vector for each: whatever comes after treats them one by one.
+        Independent,
+        /// One vector of the coefficients of all, one after the other.
+        Joint,
+        /// One vector, of the mean of all; their levels stand in `balance`.
+        SharedMid,
+    }
+}
+
+feature_params! {
+    /// Mel cepstrum of every unit of a sound: a few numbers that tell how loud it is and what colour it has.
+    ///
+    /// The defaults are those of cloth sounds: three disjoint bands, natural logarithm, coefficient 0 kept. The usual MFCC of
+    /// speech and music are `n: 13, bands: 40, shape: TriangularArea, mel: Slaney, log: Decibel, window: Hann`, a `frame` of
+    /// 2048 samples and a `unit` of "512 samples", without a high-pass; `first: 1` drops the coefficient that tells loudness.
+    ///
+    /// Unit `i` covers the samples from `i` times its length on, and its window is centred on it. All parameters travel with
+    /// the features; what meets them is refused where it was made with others.
+    ///
+    /// # Source
+    /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 4.2; Davis and
+    /// Mermelstein (1980).
+    pub struct MfccParams {
+        /// What becomes of several channels.
+        channels: FeatureChannels = FeatureChannels::Independent;
+    }
+}
+
+ports! {
+    pub struct MfccPorts / MfccIo {
+        in {
+            /// The sound.
+            audio: Stream<f32>,
+            /// Where the least energy comes from with `floor_from: Database`.
+            database: Option<Value<UnitDatabase>>,
+        }
+        out {
+            /// Features, one item per unit.
+            features: Stream<Features>,
+            /// Level of each channel relative to their mean, per unit, within 12 dB; 1 unless the channels are `SharedMid`.
+            balance: Stream<f32>,
+        }
+    }
+}
+
+/// The node over [`MelCepstrum`].
+pub struct Mfcc {
+    cepstrum: MelCepstrum,
+    high_pass: Option<Cascade>,
+    mode: FeatureChannels,
+    /// Coefficients per channel.
+    n: usize,
+    unit: i64,
+    /// Samples by which a window begins before its unit.
+    lead: i64,
+    from_database: bool,
+    /// Filtered samples per channel, and of their mean where that is wanted, from sample `start` on.
+    heard: Vec<Vec<f32>>,
+    start: i64,
+    /// Interleaved samples on their way through the high-pass.
+    fresh: Vec<f32>,
+    spare: Vec<f32>,
+}
+
+/// Farthest that a channel's level may be from the mean.
+const MOST_BALANCE: f64 = 4.0;
+
+fn lead(frame: u32, unit: u32) -> i64 {
+    (i64::from(frame) - i64::from(unit)).div_euclid(2)
+}
+
+impl Mfcc {
+    /// Filters and keeps what was not heard before.
+    fn hear(&mut self, around: &[f32], first: i64, channels: usize) {
+        let known = self.start + self.heard[0].len() as i64;
+        if self.heard[0].is_empty() {
+            self.start = first;
+        }
+        let skip = if self.heard[0].is_empty() { 0 } else { (known - first).max(0) as usize * channels };
+        self.fresh.clear();
+        self.fresh.extend(around.get(skip..).unwrap_or_default());
+        if let Some(filter) = &mut self.high_pass {
+            filter.process(&mut self.fresh);
+        }
+        for frame in self.fresh.chunks_exact(channels) {
+            for (heard, &x) in self.heard.iter_mut().zip(frame) {
+                heard.push(x);
+            }
+            if let Some(mid) = self.heard.get_mut(channels) {
+                mid.push(frame.iter().sum::<f32>() / channels as f32);
+            }
+        }
+    }
+
+    /// Forgets what no later unit needs.
+    fn forget(&mut self, before: i64) {
+        let count =
+            usize::try_from(before - self.start).unwrap_or(0).min(self.heard[0].len().saturating_sub(1));
+        self.heard.iter_mut().for_each(|heard| drop(heard.drain(..count)));
+        self.start += count as i64;
+    }
+
+    /// Features of one unit, and the levels of its channels.
+    fn unit(&mut self, unit: i64, out: &mut [f32], balance: &mut [f32]) {
+        let from = (unit * self.unit - self.lead - self.start).max(0) as usize;
+        let to = from + self.cepstrum.frame();
+        let channels = balance.len();
+        balance.fill(1.0);
+        if self.mode != FeatureChannels::SharedMid {
+            for (heard, out) in self.heard.iter().zip(out.chunks_exact_mut(self.n)) {
+                self.cepstrum.process(heard.get(from..to).unwrap_or_default(), out);
+            }
+            return;
+        }
+        let [sounds @ .., mid] = &self.heard[..] else { return };
+        self.cepstrum.process(mid.get(from..to).unwrap_or_default(), out);
+        let level = self.cepstrum.level();
+        for (heard, balance) in sounds.iter().take(channels).zip(balance) {
+            self.cepstrum.process(heard.get(from..to).unwrap_or_default(), &mut self.spare);
+            let gain = (0.5 * (self.cepstrum.level() - level)).exp();
+            *balance = gain.clamp(1.0 / MOST_BALANCE, MOST_BALANCE) as f32;
+        }
+    }
+}
+
+impl Node for Mfcc {
+    type Params = MfccParams;
+    type Ports = MfccPorts;
+    const NAME: &'static str = "Mfcc";
+    const CLASS: Class = Class::Worker;
+    const COST: f64 = 1000.0;
+
+    fn shape(p: &MfccParams, s: &mut Shape<'_, '_, MfccPorts>) -> Result<(), Reject> {
+        let audio = s.input(MfccPorts::audio);
+        let channels = u32::from(audio.format.0);
+        let joined = if p.channels == FeatureChannels::Joint { channels } else { 1 };
+        let c = p.given(&[], false).conventions(audio.rate, joined)?;
+        if c.f_hi > audio.rate.as_f64() / 2.0 + 1.0 {
+            s.note(format!(
+                "the bands reach to {} Hz, the audio at {} only half as far as its rate",
+                c.f_hi, audio.rate
+            ));
+        }
+        let lead = lead(c.frame, c.unit);
+        let ahead = (i64::from(c.frame) - lead - 1).max(0);
+        s.reach(MfccPorts::audio, lead.max(0) as usize, ahead as usize);
+        let vectors = if p.channels == FeatureChannels::Independent { channels as usize } else { 1 };
+        let too_long = || Reject::new("F051", format!("units of {} samples are too long", c.unit)).at("unit");
+        let rate = c.unit_rate().ok_or_else(too_long)?;
+        s.output(MfccPorts::features, rate, FeatureFormat { vectors, conventions: Arc::new(c) });
+        s.output(MfccPorts::balance, rate, audio.format);
+        Ok(())
+    }
+
+    fn build(p: &MfccParams, cx: &Build<'_>) -> Result<Self, Fault> {
+        let channels = usize::from(cx.input(MfccPorts::audio).format.0);
+        let c = cx.output(MfccPorts::features).format.conventions;
+        let floor = match c.floor {
+            FloorRule::Level(db) => 10f64.powf(db / 10.0),
+            FloorRule::Database => 1e-10,
+        };
+        let high_pass = match c.high_pass > 0.0 {
+            true => {
+                let order = c.high_pass_order as usize;
+                let design = Butterworth::design(Band::HighPass, order, c.high_pass, c.rate.as_f64());
+                Some(Cascade::new(&design.map_err(|e| Reject::from(e).at("high_pass"))?, channels))
+            }
+            false => None,
+        };
+        let mid = usize::from(p.channels == FeatureChannels::SharedMid);
+        Ok(Self {
+            cepstrum: MelCepstrum::new(&c, floor),
+            high_pass,
+            mode: p.channels,
+            n: c.n as usize,
+            unit: i64::from(c.unit),
+            lead: lead(c.frame, c.unit),
+            from_database: c.floor == FloorRule::Database,
+            heard: vec![Vec::new(); channels + mid],
+            start: 0,
+            fresh: Vec::new(),
+            spare: vec![0.0; c.n as usize],
+        })
+    }
+
+    fn run(&mut self, mut io: MfccIo<'_>) -> Result<(), Fault> {
+        if self.from_database {
+            let missing =
+                || Fault::new("F051", "`floor_from` is Database, and `database` has no link").at("database");
+            self.cepstrum.set_floor(io.database.ok_or_else(missing)?.floor_energy);
+        }
+        let channels = io.audio.width().max(1);
+        let first = io.audio.first() - io.audio.past() as i64;
+        self.hear(io.audio.around(), first, channels);
+        let (unit, width) = (io.features.first(), io.features.width().max(1));
+        let balance = io.balance.items().chunks_exact_mut(channels);
+        for ((unit, out), balance) in (unit..).zip(io.features.items().chunks_exact_mut(width)).zip(balance) {
+            self.unit(unit, out, balance);
+        }
+        let next = io.audio.first() + io.audio.len() as i64;
+        self.forget(next - self.lead.max(0));
+        Ok(())
+    }
+
+    fn trial(draw: &mut Draw) -> (MfccParams, MemoryFiles) {
+        let p = MfccParams::trial(draw);
+        let first = p.first % 3;
+        let n = 1 + p.n % 4;
+        let params = MfccParams {
+            first,
+            n,
+            bands: p.bands.map(|bands| first + n + bands % 5),
+            f_lo: p.f_lo % 10.0,
+            f_hi: 15.0 + p.f_hi % 400.0,
+            frame: p.frame.map(|frame| 1 + frame % 12),
+            floor_from: super::FloorFrom::Level,
+            high_pass: p.high_pass % 10.0,
+            ..p
+        };
+        (params, MemoryFiles::default())
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,154 @@
+use super::*;
+use crate::core::item::AnyValue;
+use crate::core::params::{Datum, Params};
+use crate::core::random::Draw;
+use crate::core::solo::Solo;
+use crate::core::time::{Rate, ticks};
+use crate::feature::gaussian_node::{TemporalGaussian, TemporalGaussianParams, TemporalGaussianPorts};
+use crate::feature::mfcc_node::{Mfcc, MfccParams, MfccPorts};
+use crate::feature::{FeatureConventions, FeatureFormat};
+use crate::unit::selector_node::{UnitSelector, UnitSelectorParams, UnitSelectorPorts};
+use crate::unit::{Pick, Take, build};
+
+const RATE: Rate = Rate::hz(48_000);
+
+fn noise(seed: u64, n: usize) -> Vec<f32> {
+    let mut draw = Draw::new(seed);
+    (0..n).map(|i| draw.between(-0.5, 0.5) as f32 * (0.1 + (i as f32 * 3e-4).sin().abs())).collect()
+}
+
+fn conventions() -> FeatureConventions {
+    FeatureConventions { widths: vec![20.0, 50.0, 10.0], ..FeatureConventions::cloth(RATE, 200) }
+}
+
+fn read<P: Params>() -> P {
+    P::read(&|_| None).unwrap()
+}
+
+/// Features of a sound through the nodes.
+fn features(audio: &[f32]) -> Vec<f32> {
+    let made =
+        Solo::new::<Mfcc>(read::<MfccParams>()).input(MfccPorts::audio, RATE, Channels(1), audio.to_vec());
+    let format = FeatureFormat { vectors: 1, conventions: Arc::new(FeatureConventions::cloth(RATE, 200)) };
+    let smooth = Solo::new::<TemporalGaussian>(read::<TemporalGaussianParams>()).input(
+        TemporalGaussianPorts::features,
+        Rate::hz(240),
+        format,
+        made.run().unwrap().stream(MfccPorts::features),
+    );
+    smooth.run().unwrap().stream(TemporalGaussianPorts::smooth)
+}
+
+fn selection(db: &UnitDatabase, features: Vec<f32>, cool_off: usize, c: FeatureConventions) -> Solo {
+    let params = UnitSelectorParams { cool_off, ..read() };
+    let format = FeatureFormat { vectors: 1, conventions: Arc::new(c) };
+    Solo::new::<UnitSelector>(params)
+        .input(UnitSelectorPorts::features, Rate::hz(240), format, features)
+        .value(UnitSelectorPorts::database, db.clone())
+}
+
+fn concatenation(db: &UnitDatabase, picks: Vec<Pick>, window: f64) -> Solo {
+    let format = PickFormat { channels: 1, conventions: Arc::new(conventions()) };
+    Solo::new::<UnitConcatenator>(read())
+        .input(UnitConcatenatorPorts::picks, Rate::hz(240), format, picks)
+        .value(UnitConcatenatorPorts::database, db.clone())
+        .window(ticks(window))
+}
+
+#[test]
+fn a_recording_put_together_from_itself_is_itself_bit_for_bit() {
+    let recording = noise(1, 200 * 300);
+    let take = Take { channels: vec![recording.clone()], ..Take::default() };
+    let db = build(&[take], &conventions(), None).unwrap();
+    for cool_off in [0, 20, 1000] {
+        let run = selection(&db, features(&recording), cool_off, conventions()).run().unwrap();
+        let picks = run.stream(UnitSelectorPorts::picks);
+        assert!(picks.iter().enumerate().all(|(i, pick)| pick.unit == i as i32 && !pick.fallback));
+        for window in [0.01, 0.37] {
+            let run = concatenation(&db, picks.clone(), window).run().unwrap();
+            assert!(run.stream(UnitConcatenatorPorts::audio) == db.channel(0));
+        }
+    }
+}
+
+#[test]
+fn windows_do_not_change_what_the_whole_is() {
+    let takes = [1, 2].map(|seed| Take { channels: vec![noise(seed, 200 * 40)], ..Take::default() });
+    let db = build(&takes, &conventions(), None).unwrap();
+    let mut draw = Draw::new(4);
+    let units: Vec<u32> = (0..100).map(|_| draw.below(80) as u32).collect();
+    let picks: Vec<Pick> = units.iter().map(|&unit| Pick { unit: unit as i32, ..Pick::default() }).collect();
+    let whole = Concatenator::new(&db, Blend::EqualPower).whole(0, &units);
+    for window in [0.0001, 0.0037, 0.2] {
+        let run = concatenation(&db, picks.clone(), window).run().unwrap();
+        assert!(run.stream(UnitConcatenatorPorts::audio) == whole, "{window}");
+    }
+}
+
+#[test]
+fn a_silent_target_sends_it_to_sleep_and_a_balance_makes_channels() {
+    let db = build(&[Take { channels: vec![noise(1, 200 * 300)], ..Take::default() }], &conventions(), None)
+        .unwrap();
+    let picks: Vec<Pick> = (0..240).map(|unit| Pick { unit, ..Pick::default() }).collect();
+    let run = concatenation(&db, picks.clone(), 0.1)
+        .optional(UnitConcatenatorPorts::target, RATE, Channels(1), vec![0.0; 48_000])
+        .run()
+        .unwrap();
+    let out = run.stream(UnitConcatenatorPorts::audio);
+    assert!(out[..24_000] == db.channel(0)[..24_000]);
+    assert!(out[26_500..].iter().all(|x| *x == 0.0));
+    let run = concatenation(&db, picks, 0.1)
+        .optional(UnitConcatenatorPorts::balance, Rate::hz(240), Channels(2), [1.0, 0.5].repeat(240))
+        .run()
+        .unwrap();
+    let out = run.stream(UnitConcatenatorPorts::audio);
+    assert!(out.chunks(2).zip(db.channel(0)).all(|(frame, &x)| frame[0] == x && frame[1] == 0.5 * x));
+}
+
+#[test]
+fn features_of_other_conventions_are_refused_by_the_field() {
+    let db =
+        build(&[Take { channels: vec![noise(1, 8000)], ..Take::default() }], &conventions(), None).unwrap();
+    let refused = |c| selection(&db, vec![0.0; 30], 20, c).shape().unwrap_err();
+    let reject = refused(FeatureConventions { f_hi: 24_000.0, ..conventions() });
+    assert!(reject.code == "F100" && reject.message.contains("`f_hi`"), "{reject}");
+    let reject = refused(FeatureConventions { widths: vec![20.0], ..conventions() });
+    assert!(
+        reject.message.contains("`widths`") && reject.to_string().contains("TemporalGaussian"),
+        "{reject}"
+    );
+}
+
+#[test]
+fn a_feature_that_is_no_number_is_named_by_its_unit() {
+    let db =
+        build(&[Take { channels: vec![noise(1, 8000)], ..Take::default() }], &conventions(), None).unwrap();
+    let mut features = vec![0.0; 60];
+    features[33] = f32::NAN;
+    let fault = selection(&db, features, 20, conventions()).run().err().unwrap();
+    // Unit 11, first seen five units ahead.
+    assert!(fault.code == "F102" && fault.message.contains("unit 6"), "{fault}");
+}
+
+#[test]
+fn tags_leave_only_their_recordings_to_choose_from() {
+    let tagged = |seed, tag: &str| Take {
+        channels: vec![noise(seed, 8000)],
+        source: crate::unit::UnitSource { tag: tag.into(), ..Default::default() },
+    };
+    let db = build(&[tagged(1, "friction"), tagged(2, "crumple")], &conventions(), None).unwrap();
+    let run = |tag: &str| {
+        let params = UnitSelectorParams { tags: vec![tag.into()], ..read() };
+        let format = FeatureFormat { vectors: 1, conventions: Arc::new(conventions()) };
+        Solo::new::<UnitSelector>(params)
+            .input(UnitSelectorPorts::features, Rate::hz(240), format, features(&noise(1, 8000)))
+            .value(UnitSelectorPorts::database, db.clone())
+            .run()
+            .map(|run| run.stream(UnitSelectorPorts::picks))
+    };
+    assert!(run("crumple").unwrap().iter().all(|pick| pick.unit >= 40));
+    assert!(run("friction").unwrap().iter().all(|pick| pick.unit < 40));
+    let fault = run("silk").unwrap_err();
+    assert!(fault.code == "F101" && fault.to_string().contains("crumple"), "{fault}");
+    let _ = (AnyValue::new(db), Datum::Unit);
+}

@@ -1,0 +1,51 @@
+use super::*;
+use crate::core::params::Datum;
+use crate::core::solo::Solo;
+
+fn solo(files: &[&str]) -> Solo {
+    let list = Datum::List(files.iter().map(|f| Datum::Text((*f).into())).collect());
+    let tags = Datum::List(vec![Datum::Text("cotton".into())]);
+    let get = |name: &str| match name {
+        "recordings" => Some(list.clone()),
+        "tags" => Some(tags.clone()),
+        _ => None,
+    };
+    let mut solo = Solo::func::<UnitDatabaseNode>(UnitDatabaseParams::read(&get).unwrap());
+    let wave = |i: usize| (0.05 * i as f32).sin() * 0.5;
+    solo.files.insert("a.wav", trial_wav(&(0..24_000).map(wave).collect::<Vec<_>>(), 48_000));
+    solo.files.insert("half.wav", trial_wav(&(0..12_000).map(|i| wave(2 * i)).collect::<Vec<_>>(), 24_000));
+    solo.files.insert("short.wav", trial_wav(&[0.1; 50], 48_000));
+    solo.files.insert("text.wav", "no audio");
+    solo
+}
+
+#[test]
+fn recordings_of_any_rate_become_units_and_survive_their_file() {
+    let value = solo(&["a.wav", "half.wav"]).run().unwrap().value(0).unwrap();
+    let db = value.get::<UnitDatabase>().unwrap();
+    assert_eq!((db.len(), db.segments.len(), db.sources[1].tag.as_str()), (240, 2, "cotton"));
+    // The same wave at either rate.
+    let (a, b) = db.channel(0).split_at(24_000);
+    assert!((5000..20_000).all(|i| (a[i] - b[i]).abs() < 1e-3));
+    let bytes = db.to_bytes().unwrap();
+    assert_eq!(&UnitDatabase::from_bytes(&bytes).unwrap(), db);
+    let mut other = bytes.clone();
+    other[MARK.len()] = 9;
+    assert!(UnitDatabase::from_bytes(&other).unwrap_err().contains("version 9"));
+    let mut other = bytes.clone();
+    other[MARK.len() + 10] ^= 1;
+    assert!(UnitDatabase::from_bytes(&other).unwrap_err().contains("hash"));
+    assert!(
+        UnitDatabase::from_bytes(&bytes[..bytes.len() - 9]).is_err()
+            && UnitDatabase::from_bytes(b"x").is_err()
+    );
+}
+
+#[test]
+fn what_is_no_recording_or_holds_no_unit_is_named() {
+    let reject = solo(&["a.wav", "text.wav"]).shape().unwrap_err();
+    assert!(reject.code == "F101" && reject.message.contains("text.wav"), "{reject}");
+    assert_eq!(solo(&[]).shape().unwrap_err().code, "F101");
+    let fault = solo(&["short.wav"]).run().err().unwrap();
+    assert!(fault.code == "F101" && fault.message.contains("200 samples"), "{fault}");
+}

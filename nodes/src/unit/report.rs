@@ -1,0 +1,340 @@
+//! What a selection came to: how often nothing fitted, how long recordings run through, what is repeated.
+
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+use super::UnitDatabase;
+use super::item::{Pick, PickFormat, Picks};
+use crate::core::fault::{Fault, Reject};
+use crate::core::item::Data;
+use crate::core::node::{Class, Node, Summary};
+use crate::core::ports::{Fold, Stream, Value};
+use crate::core::random::Draw;
+use crate::core::shape::{Build, Shape};
+use crate::feature::Features;
+use crate::plot::{Axis, Line, chart};
+use crate::{params, ports};
+
+/// Window over which fallbacks are counted, seconds.
+const WINDOW: f64 = 0.5;
+/// Share of fallbacks in a window from which on it is listed.
+const MANY: f64 = 0.2;
+
+/// One channel of a selection.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ChannelReport {
+    /// All picks in order.
+    pub picks: Vec<Pick>,
+    /// Share of picks for which nothing was near enough.
+    pub fallback_share: f64,
+    /// Mean distance between target and pick.
+    pub mean_d1: f64,
+    /// How many runs of each length there are: units that follow each other in their recording.
+    pub runs: BTreeMap<u32, u32>,
+    /// Picks of a unit that was chosen before.
+    pub repeats: u64,
+    /// Different units chosen.
+    pub distinct: u64,
+    /// Share of the database's units that were chosen.
+    pub coverage: f64,
+    /// Stretches of time, in seconds, in which more than a fifth of the picks of half a second are fallbacks.
+    pub poor: Vec<[f64; 2]>,
+}
+
+/// What a whole selection came to.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SelectionReport {
+    /// Units per second.
+    pub rate: f64,
+    /// Units of the database.
+    pub units: u64,
+    /// Each channel.
+    pub channels: Vec<ChannelReport>,
+    /// Numbers in a feature vector, where the features of the target were given.
+    pub dims: usize,
+    /// Features of the target's first vector, `[picks, dims]`; may be empty.
+    pub target: Vec<f32>,
+    /// Features of the first channel's picks, `[picks, dims]`; may be empty.
+    pub chosen: Vec<f32>,
+}
+
+impl ChannelReport {
+    /// Counts the picks of one channel.
+    #[must_use]
+    pub fn new(picks: Vec<Pick>, db: &UnitDatabase, rate: f64) -> Self {
+        let mut chosen = vec![0_u32; db.len()];
+        let mut runs = BTreeMap::new();
+        let (mut length, mut last) = (0_u32, None);
+        for pick in &picks {
+            let unit = pick.unit.max(0) as usize;
+            if let Some(count) = chosen.get_mut(unit) {
+                *count += 1;
+            }
+            let follows =
+                last.is_some_and(|last| last + 1 == unit && db.segment_of(last) == db.segment_of(unit));
+            if !follows && length > 0 {
+                *runs.entry(length).or_insert(0) += 1;
+                length = 0;
+            }
+            (length, last) = (length + 1, Some(unit));
+        }
+        if length > 0 {
+            *runs.entry(length).or_insert(0) += 1;
+        }
+        let count = picks.len().max(1) as f64;
+        let distinct = chosen.iter().filter(|&&count| count > 0).count() as u64;
+        Self {
+            fallback_share: picks.iter().filter(|pick| pick.fallback).count() as f64 / count,
+            mean_d1: picks.iter().map(|pick| f64::from(pick.d1)).sum::<f64>() / count,
+            runs,
+            repeats: chosen.iter().map(|&count| u64::from(count.saturating_sub(1))).sum(),
+            distinct,
+            coverage: distinct as f64 / db.len().max(1) as f64,
+            poor: poor(&picks, rate),
+            picks,
+        }
+    }
+}
+
+/// Where windows hold many fallbacks; overlapping ones are joined.
+fn poor(picks: &[Pick], rate: f64) -> Vec<[f64; 2]> {
+    let window = ((WINDOW * rate).round() as usize).clamp(1, picks.len().max(1));
+    let (mut stretches, mut fallbacks): (Vec<[usize; 2]>, usize) = (Vec::new(), 0);
+    for (i, pick) in picks.iter().enumerate() {
+        fallbacks += usize::from(pick.fallback);
+        if let Some(left) = i.checked_sub(window) {
+            fallbacks -= usize::from(picks[left].fallback);
+        }
+        let from = (i + 1).saturating_sub(window);
+        if i + 1 >= window && fallbacks as f64 > MANY * window as f64 {
+            match stretches.last_mut() {
+                Some(last) if last[1] >= from => last[1] = i + 1,
+                _ => stretches.push([from, i + 1]),
+            }
+        }
+    }
+    stretches.into_iter().map(|ends| ends.map(|k| k as f64 / rate)).collect()
+}
+
+impl Data for SelectionReport {
+    const NAME: &'static str = "selection report";
+
+    fn trial(draw: &mut Draw) -> Self {
+        let db = UnitDatabase::trial(draw);
+        let format = <Picks as crate::core::item::Item>::trial_format(draw);
+        let picks = (0..9).map(|k| <Picks as crate::core::item::Item>::trial(&format, k, draw)).collect();
+        let channels = vec![ChannelReport::new(picks, &db, 240.0)];
+        Self {
+            rate: 240.0,
+            units: db.len() as u64,
+            channels,
+            dims: 0,
+            target: Vec::new(),
+            chosen: Vec::new(),
+        }
+    }
+
+    /// The features of target and picks against time, as in figure 10 of An, James and Marschner (2012); without the target's
+    /// features, the distance between both.
+    fn plot(&self) -> Option<String> {
+        let count = self.channels.first().map_or(0, |channel| channel.picks.len());
+        let seconds = |i: usize| i as f64 / self.rate;
+        let line = |label: String, values: &mut dyn Iterator<Item = f64>| Line {
+            label,
+            points: values.enumerate().map(|(i, y)| [seconds(i), y]).collect(),
+        };
+        let dims = self.dims;
+        let row = |x: &[f32], dim: usize| -> Vec<f64> {
+            x.iter().skip(dim).step_by(dims.max(1)).map(|&x| f64::from(x)).collect()
+        };
+        let lines: Vec<Line> = if self.target.is_empty() {
+            let d1 =
+                |channel: &ChannelReport| -> Vec<f64> { channel.picks.iter().map(|p| p.d1.into()).collect() };
+            let named = self.channels.iter().enumerate();
+            named.map(|(c, channel)| line(format!("D1, channel {c}"), &mut d1(channel).into_iter())).collect()
+        } else {
+            let pair = |dim| {
+                let target = line(format!("target {dim}"), &mut row(&self.target, dim).into_iter());
+                [target, line(format!("chosen {dim}"), &mut row(&self.chosen, dim).into_iter())]
+            };
+            (0..dims.min(6)).flat_map(pair).collect()
+        };
+        let ys = || lines.iter().flat_map(|line| &line.points).map(|p| p[1]);
+        let (low, high) = (ys().fold(f64::INFINITY, f64::min), ys().fold(f64::NEG_INFINITY, f64::max));
+        if count < 2 || !(low.is_finite() && high.is_finite()) {
+            return None;
+        }
+        let room = 0.05 * (high - low).max(1e-3);
+        let x = Axis { label: "time, s".into(), range: [0.0, seconds(count - 1)], log: false };
+        let label = if self.target.is_empty() { "distance of features" } else { "features" };
+        let y = Axis { label: label.into(), range: [low - room, high + room], log: false };
+        Some(chart("Target and chosen units", &x, &y, &lines))
+    }
+}
+
+params! {
+    /// Tells what a selection of units came to: tap it as JSON, or as a drawing of the features against time.
+    ///
+    /// It counts the picks for which nothing was near enough and lists where they are many, how long recordings run through,
+    /// which units are repeated, and how much of the database was used. A fallback is no success: where many are listed, the
+    /// database lacks a sound, or the warp sends the features somewhere else.
+    ///
+    /// # Source
+    /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), figure 10, for the drawing.
+    pub struct SelectionReportParams {}
+}
+
+ports! {
+    pub struct SelectionReportPorts / SelectionReportIo {
+        in {
+            /// The chosen units.
+            picks: Stream<Picks>,
+            /// The database that they are of.
+            database: Value<UnitDatabase>,
+            /// Features that they were chosen for, for the drawing.
+            features: Option<Stream<Features>>,
+        }
+        out {
+            /// The report, once the target has ended.
+            report: Fold<SelectionReport>,
+        }
+    }
+}
+
+/// Longest target, in units: four hours of milliseconds.
+const LONGEST: i64 = 14_400_000;
+
+/// The node over [`ChannelReport`].
+pub struct SelectionReportNode {
+    picks: Vec<Vec<Pick>>,
+    target: Vec<f32>,
+    rate: f64,
+    length: usize,
+    dims: usize,
+}
+
+fn length(picks: Option<i64>) -> Result<usize, Reject> {
+    match picks {
+        Some(n) if n <= LONGEST => Ok(n.max(0) as usize),
+        found => {
+            let found = found.map_or("does not end".into(), |n| format!("has {n} units"));
+            let message = format!("`picks` {found}; a report is made of at most {LONGEST}");
+            Err(Reject::new("F075", message).at("picks").help("cut the target with Trim"))
+        }
+    }
+}
+
+impl Node for SelectionReportNode {
+    type Params = SelectionReportParams;
+    type Ports = SelectionReportPorts;
+    const NAME: &'static str = "SelectionReport";
+    const CLASS: Class = Class::Offline;
+
+    fn shape(_: &SelectionReportParams, s: &mut Shape<'_, '_, SelectionReportPorts>) -> Result<(), Reject> {
+        let picks = s.input(SelectionReportPorts::picks);
+        length(picks.items())?;
+        if let Some(features) = s.optional(SelectionReportPorts::features) {
+            crate::core::node::same_rate("features", picks.rate, features.rate)?;
+        }
+        s.ends(picks.end);
+        Ok(())
+    }
+
+    fn build(_: &SelectionReportParams, cx: &Build<'_>) -> Result<Self, Fault> {
+        let picks = cx.input(SelectionReportPorts::picks);
+        let PickFormat { channels, conventions } = &picks.format;
+        let db = cx.value(SelectionReportPorts::database);
+        conventions.check("picks", &db.conventions, "database")?;
+        db.validate().map_err(|e| Fault::new("F101", e.to_string()).at("database"))?;
+        let length = length(picks.items())?;
+        let dims = cx.optional(SelectionReportPorts::features).map_or(0, |f| f.format.dims());
+        let target = Vec::with_capacity(length * dims);
+        let picks_of = vec![Vec::with_capacity(length); *channels];
+        Ok(Self { picks: picks_of, target, rate: picks.rate.as_f64(), length, dims })
+    }
+
+    fn run(&mut self, io: SelectionReportIo<'_>) -> Result<(), Fault> {
+        let left = self.length.saturating_sub(self.picks.first().map_or(0, Vec::len));
+        for item in io.picks.items().chunks_exact(io.picks.width().max(1)).take(left) {
+            self.picks.iter_mut().zip(item).for_each(|(channel, pick)| channel.push(*pick));
+        }
+        if let Some(features) = &io.features {
+            let items = features.items().chunks_exact(features.width().max(1));
+            items.take(left).for_each(|item| self.target.extend(item.iter().take(self.dims)));
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self, mut io: SelectionReportIo<'_>) -> Result<Summary, Fault> {
+        let db = io.database;
+        let dims = if self.dims == db.dims() { self.dims } else { 0 };
+        let picks = std::mem::take(&mut self.picks);
+        let channels: Vec<ChannelReport> =
+            picks.into_iter().map(|picks| ChannelReport::new(picks, db, self.rate)).collect();
+        let first = channels.first().map_or(&[][..], |channel| &channel.picks);
+        let zero = vec![0.0; dims];
+        let feature = |pick: &Pick| {
+            let found = db.feature(pick.unit.max(0) as usize);
+            if found.is_empty() { zero.clone() } else { found.to_vec() }
+        };
+        let chosen = if dims > 0 { first.iter().flat_map(feature).collect() } else { Vec::new() };
+        let target = if dims > 0 { std::mem::take(&mut self.target) } else { Vec::new() };
+        let summary = told(&channels);
+        io.report.set(SelectionReport {
+            rate: self.rate,
+            units: db.len() as u64,
+            channels,
+            dims,
+            target,
+            chosen,
+        });
+        Ok(summary)
+    }
+}
+
+/// The report in a few words.
+fn told(channels: &[ChannelReport]) -> Summary {
+    let mean = |get: &dyn Fn(&ChannelReport) -> f64| {
+        channels.iter().map(get).sum::<f64>() / channels.len().max(1) as f64
+    };
+    let longest = channels.iter().filter_map(|c| c.runs.keys().last()).max().copied().unwrap_or(0);
+    let poor: f64 = channels.iter().flat_map(|c| &c.poor).map(|[from, to]| to - from).sum();
+    vec![
+        ("fallback_share", mean(&|c| c.fallback_share).into()),
+        ("mean_d1", mean(&|c| c.mean_d1).into()),
+        ("longest_run", longest.into()),
+        ("coverage", mean(&|c| c.coverage).into()),
+        ("repeats", channels.iter().map(|c| c.repeats).sum::<u64>().into()),
+        ("poor_seconds", poor.into()),
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn runs_repeats_and_poor_stretches_are_counted() {
+        let mut db = UnitDatabase::trial(&mut Draw::new(1));
+        let units = db.len() as u32;
+        db.segments = vec![super::super::Segment { start: 0, units, source: 0, channel: 0, offset: 0 }];
+        let pick = |unit, fallback| Pick { unit, fallback, d1: 0.5, d2: 1.0 };
+        let mut picks: Vec<Pick> = [0, 1, 2, 0, 1, 5].map(|unit| pick(unit, false)).to_vec();
+        picks.extend(vec![pick(3, true); 6]);
+        let report = ChannelReport::new(picks, &db, 8.0);
+        assert_eq!(report.runs, BTreeMap::from([(1, 7), (2, 1), (3, 1)]));
+        assert_eq!((report.repeats, report.distinct, report.fallback_share), (7, 5, 0.5));
+        // Windows of four units: the first with one fallback ends after the seventh pick.
+        assert_eq!(report.poor, [[3.0 / 8.0, 12.0 / 8.0]]);
+        assert_eq!(report.mean_d1, 0.5);
+    }
+
+    #[test]
+    fn the_drawing_shows_distances_or_features() {
+        let mut report = SelectionReport::trial(&mut Draw::new(2));
+        assert_eq!(report.plot().unwrap().matches("<polyline").count(), 1);
+        (report.dims, report.target, report.chosen) = (2, vec![0.5; 18], vec![0.0; 18]);
+        let svg = report.plot().unwrap();
+        assert!(svg.matches("<polyline").count() == 4 && svg.contains("chosen 1") && svg.contains("time, s"));
+    }
+}

@@ -1,0 +1,400 @@
+//! Which unit of a database sounds most like each unit of a target: exact search in bounded memory.
+
+use super::kdtree::{KdTree, Search, squared};
+use std::collections::VecDeque;
+
+/// How units are chosen.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SelectorParams {
+    /// Units after the present one that are compared too.
+    pub look: usize,
+    /// Distance beyond which a unit does not sound like the target.
+    pub d_max: f64,
+    /// Units for which a chosen one is not chosen again.
+    pub cool_off: usize,
+    /// Units within which the last picks are not repeated exactly; 0 to allow it.
+    pub loop_guard: usize,
+    /// Whether units before the present one are compared in place of those after it.
+    pub causal: bool,
+}
+
+/// One choice.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Choice {
+    /// The unit.
+    pub unit: u32,
+    /// Whether nothing was near enough, and this is only the nearest.
+    pub fallback: bool,
+    /// Distance to the target.
+    pub d1: f64,
+    /// Sum of distances over the units compared; 0 for a fallback, which has none.
+    pub d2: f64,
+}
+
+/// Names a unit of the target whose features are not finite.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct NotFinite(pub u64);
+
+/// Chooses a unit of a database for each unit of a target.
+///
+/// # Complexity
+/// O(log m) expected per target for features of few dimensions; O(m) memory.
+///
+/// # Source
+/// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), algorithm 1, whose table of all
+/// distances is replaced by a search in the order of a lower bound: the sum of distances over a window is at least its length times
+/// the distance of the means.
+pub trait Selector: Send + Sync {
+    /// Chooses for the next unit of the target.
+    ///
+    /// `window` holds the vectors that are compared, in the order of time: the present one first or, where the selector looks back,
+    /// last.
+    ///
+    /// # Errors
+    /// A feature that is not finite.
+    fn choose(&mut self, window: &[f32]) -> Result<Choice, NotFinite>;
+}
+
+/// Features and gap-free stretches of a database.
+#[derive(Clone, Debug)]
+pub struct Units<'a> {
+    /// `[units * dims]`.
+    pub features: &'a [f32],
+    /// Numbers in a vector.
+    pub dims: usize,
+    /// First unit and number of units of each stretch.
+    pub segments: Vec<(usize, usize)>,
+    /// Whether a unit may be chosen.
+    pub allowed: Vec<bool>,
+}
+
+/// Most dimensions of a vector.
+pub const MOST_DIMS: usize = 64;
+
+/// A selector for vectors of `units.dims` dimensions; `None` where they are more than [`MOST_DIMS`] or no unit is allowed.
+#[must_use]
+pub fn selector(units: &Units<'_>, params: SelectorParams) -> Option<Box<dyn Selector>> {
+    if units.dims == 0 || !units.allowed.contains(&true) {
+        return None;
+    }
+    Some(match units.dims {
+        // Zeros in place of missing dimensions change no distance.
+        ..=4 => Box::new(Exact::<4>::new(units, params)),
+        ..=8 => Box::new(Exact::<8>::new(units, params)),
+        ..=16 => Box::new(Exact::<16>::new(units, params)),
+        ..=MOST_DIMS => Box::new(Exact::<MOST_DIMS>::new(units, params)),
+        _ => return None,
+    })
+}
+
+struct Exact<const P: usize> {
+    params: SelectorParams,
+    dims: usize,
+    features: Vec<[f64; P]>,
+    /// Segment of each unit, with its first unit and the one after its last.
+    segment: Vec<(u32, u32)>,
+    allowed: Vec<bool>,
+    /// How many are allowed.
+    choosable: usize,
+    /// Every unit that may be chosen, by its features.
+    near: KdTree<P>,
+    /// Every unit with room for a whole window, by the mean of its window.
+    means: KdTree<P>,
+    search: Search,
+    window: Vec<[f64; P]>,
+    past: Past,
+}
+
+/// Nearest units that are looked at before those of a low bound.
+const SEEDS: usize = 16;
+
+/// One search for the unit of one target.
+struct Running<const P: usize> {
+    /// The unit that may be chosen although it is barred.
+    rested: Option<usize>,
+    /// The unit after the last pick.
+    next: Option<usize>,
+    /// Mean of the target's window.
+    mean: [f64; P],
+    best: Option<Found>,
+}
+
+/// A unit that may be chosen.
+#[derive(Clone, Copy)]
+struct Found {
+    choice: Choice,
+    continues: bool,
+    /// Squared distance of the means.
+    bound: f64,
+}
+
+impl Found {
+    /// What decides between two, the lesser first.
+    fn key(&self) -> (f64, bool, f64, u32) {
+        (self.choice.d2, !self.continues, self.bound, self.choice.unit)
+    }
+}
+
+/// What was chosen so far.
+struct Past {
+    /// One more than the target for which a unit was last chosen; 0 where it never was.
+    used: Vec<u64>,
+    /// Targets so far.
+    now: u64,
+    /// The last picks, the latest first.
+    picks: VecDeque<u32>,
+    /// Units that would repeat the last picks.
+    guarded: Vec<u32>,
+    cool_off: u64,
+    loop_guard: usize,
+}
+
+impl Past {
+    fn new(units: usize, params: &SelectorParams) -> Self {
+        Self {
+            used: vec![0; units],
+            now: 0,
+            picks: VecDeque::with_capacity(params.loop_guard + 5),
+            guarded: Vec::new(),
+            cool_off: params.cool_off as u64,
+            loop_guard: params.loop_guard,
+        }
+    }
+
+    /// Whether a unit was chosen for one of the last targets.
+    fn cooling(&self, unit: usize) -> bool {
+        let used = self.used[unit];
+        used > 0 && self.now + 1 - used <= self.cool_off
+    }
+
+    fn barred(&self, unit: usize) -> bool {
+        self.cooling(unit) || self.guarded.contains(&(unit as u32))
+    }
+
+    /// Finds the units that would go on with an exact repeat of the last picks.
+    fn guard(&mut self) {
+        self.guarded.clear();
+        let picks = &self.picks;
+        // `picks[k - 1]` was chosen k targets ago.
+        for lag in 1..=self.loop_guard.min(picks.len().saturating_sub(3)) {
+            if (0..3).all(|k| picks.get(lag + k) == picks.get(k)) {
+                self.guarded.extend(picks.get(lag - 1));
+            }
+        }
+    }
+
+    fn note(&mut self, unit: u32) {
+        self.now += 1;
+        self.used[unit as usize] = self.now;
+        if self.picks.len() == self.loop_guard + 4 {
+            self.picks.pop_back();
+        }
+        self.picks.push_front(unit);
+    }
+}
+
+impl<const P: usize> Exact<P> {
+    fn new(units: &Units<'_>, params: SelectorParams) -> Self {
+        let features: Vec<[f64; P]> = units.features.chunks_exact(units.dims).map(padded).collect();
+        let mut segment = vec![(0, 0); features.len()];
+        for &(from, count) in &units.segments {
+            segment[from..from + count].fill((from as u32, (from + count) as u32));
+        }
+        let all = (0..features.len()).filter(|&j| units.allowed[j]);
+        let near = KdTree::new(all.clone().map(|j| (j as u32, features[j])).collect());
+        let mut exact = Self {
+            past: Past::new(features.len(), &params),
+            window: Vec::with_capacity(params.look + 1),
+            params,
+            dims: units.dims,
+            features,
+            segment,
+            choosable: units.allowed.iter().filter(|&&a| a).count(),
+            allowed: units.allowed.clone(),
+            near,
+            means: KdTree::new(Vec::new()),
+            search: Search::default(),
+        };
+        let look = exact.params.look;
+        let whole =
+            all.filter_map(|j| Some((j as u32, mean(&exact.features[exact.start(j, look)?..][..=look]))));
+        exact.means = KdTree::new(whole.collect());
+        exact
+    }
+
+    /// First unit of the window of `look + 1` units at unit `j`; `None` where it would leave the segment.
+    fn start(&self, j: usize, look: usize) -> Option<usize> {
+        let (from, to) = self.segment[j];
+        if self.params.causal {
+            j.checked_sub(look).filter(|&start| start >= from as usize)
+        } else {
+            (j + look < to as usize).then_some(j)
+        }
+    }
+
+    /// The unit after the last pick, in the same segment.
+    fn continuation(&self) -> Option<usize> {
+        let last = *self.past.picks.front()? as usize;
+        let next = last + 1;
+        (next < self.segment[last].1 as usize && self.allowed[next]).then_some(next)
+    }
+
+    fn present(&self) -> &[f64; P] {
+        if self.params.causal { &self.window[self.window.len() - 1] } else { &self.window[0] }
+    }
+
+    /// Distance between the target and unit `j`.
+    fn d1(&self, j: usize) -> f64 {
+        squared(&self.features[j], self.present()).sqrt()
+    }
+
+    /// Unit `j` as a choice, where it may be chosen and is better than `best`.
+    fn better(&self, j: usize, bound: Option<f64>, search: &Running<P>) -> Option<Found> {
+        if search.rested != Some(j) && self.past.barred(j) {
+            return None;
+        }
+        let start = self.start(j, self.window.len() - 1)?;
+        let d1 = self.d1(j);
+        if d1 > self.params.d_max {
+            return None;
+        }
+        let best = search.best.as_ref().map_or(f64::INFINITY, |best| best.choice.d2);
+        let mut d2 = 0.0;
+        let units = &self.features[start..start + self.window.len()];
+        for (target, unit) in self.window.iter().zip(units) {
+            d2 += squared(target, unit).sqrt();
+            if d2 > best {
+                return None;
+            }
+        }
+        let bound = bound.unwrap_or_else(|| squared(&mean(units), &search.mean));
+        let choice = Choice { unit: j as u32, fallback: false, d1, d2 };
+        let found = Found { choice, continues: search.next == Some(j), bound };
+        (search.best.as_ref().is_none_or(|best| found.key() < best.key())).then_some(found)
+    }
+
+    /// The best admissible unit.
+    fn best(&mut self, rested: Option<usize>) -> Option<Choice> {
+        let mut running = Running { rested, next: self.continuation(), mean: mean(&self.window), best: None };
+        if self.window.len() <= self.params.look {
+            // Windows that an end of the target cuts short have no tree of means.
+            for j in 0..self.features.len() {
+                let found = if self.allowed[j] { self.better(j, None, &running) } else { None };
+                running.best = found.or(running.best);
+            }
+            return running.best.map(|found| found.choice);
+        }
+        if let Some(j) = running.next {
+            running.best = self.better(j, None, &running);
+        }
+        let mut memory = std::mem::take(&mut self.search);
+        let all = running.best.is_none() && self.seed(&mut running, &mut memory);
+        if !all {
+            self.by_bound(&mut running, &mut memory);
+        }
+        self.search = memory;
+        running.best.map(|found| found.choice)
+    }
+
+    /// Looks at the nearest units until one may be chosen and some more were seen; true where all within `d_max` were seen.
+    fn seed(&self, running: &mut Running<P>, memory: &mut Search) -> bool {
+        let (mut seen, mut all) = (0, true);
+        // The distance as compared with `d_max` is rounded once more.
+        let within = (self.params.d_max * (1.0 + 1e-9)).powi(2);
+        self.near.nearest(self.present(), within, memory, |_, label| {
+            running.best = self.better(label as usize, None, running).or(running.best);
+            seen += 1;
+            all = running.best.is_none() || seen < SEEDS;
+            if all { within } else { -1.0 }
+        });
+        all
+    }
+
+    /// Looks at units in the order of the bound until none can be better.
+    fn by_bound(&self, running: &mut Running<P>, memory: &mut Search) {
+        let units = self.window.len() as f64;
+        // No window whose mean is further away than this can sum to less.
+        let reach = |best: &Option<Found>| {
+            best.as_ref().map_or(f64::INFINITY, |best| (best.choice.d2 / units / (1.0 - 1e-9)).powi(2))
+        };
+        let mean = running.mean;
+        self.means.nearest(&mean, reach(&running.best), memory, |bound, label| {
+            running.best = self.better(label as usize, Some(bound), running).or(running.best);
+            reach(&running.best)
+        });
+    }
+
+    /// The nearest unit that is not barred, whatever follows it.
+    fn nearest(&mut self, least_recent: Option<usize>) -> Option<Choice> {
+        let next = self.continuation();
+        let present = *self.present();
+        let mut found: Option<(f64, u32)> = None;
+        let mut search = std::mem::take(&mut self.search);
+        self.near.nearest(&present, f64::INFINITY, &mut search, |distance, label| {
+            let j = label as usize;
+            let free = least_recent == Some(j) || !self.past.barred(j);
+            if free && (found.is_none() || next == Some(j)) {
+                found = Some((distance, label));
+            }
+            // Those equally near may hold the one that follows the last pick.
+            found.map_or(f64::INFINITY, |(distance, _)| distance)
+        });
+        self.search = search;
+        found.map(|(distance, unit)| Choice { unit, fallback: true, d1: distance.sqrt(), d2: 0.0 })
+    }
+
+    /// Where every unit is barred, the one that has rested longest.
+    fn least_recent(&mut self) -> Option<usize> {
+        let free = |past: &Past| (0..past.used.len()).any(|j| self.allowed[j] && !past.barred(j));
+        // No more units are barred than targets bar one each.
+        if self.choosable > self.params.cool_off + self.past.guarded.len() || free(&self.past) {
+            return None;
+        }
+        self.past.guarded.clear();
+        if free_without_guard(&self.past, &self.allowed) {
+            return None;
+        }
+        (0..self.past.used.len()).filter(|&j| self.allowed[j]).min_by_key(|&j| self.past.used[j])
+    }
+}
+
+fn free_without_guard(past: &Past, allowed: &[bool]) -> bool {
+    (0..past.used.len()).any(|j| allowed[j] && !past.cooling(j))
+}
+
+impl<const P: usize> Selector for Exact<P> {
+    fn choose(&mut self, window: &[f32]) -> Result<Choice, NotFinite> {
+        if window.iter().any(|x| !x.is_finite()) || window.len() < self.dims {
+            return Err(NotFinite(self.past.now));
+        }
+        self.window.clear();
+        self.window.extend(window.chunks_exact(self.dims).map(padded::<P>));
+        self.past.guard();
+        let rested = self.least_recent();
+        let chosen = self.best(rested);
+        let chosen = chosen.or_else(|| self.nearest(rested)).ok_or(NotFinite(self.past.now))?;
+        self.past.note(chosen.unit);
+        Ok(chosen)
+    }
+}
+
+fn padded<const P: usize>(vector: &[f32]) -> [f64; P] {
+    let mut out = [0.0; P];
+    for (out, &x) in out.iter_mut().zip(vector) {
+        *out = f64::from(x);
+    }
+    out
+}
+
+fn mean<const P: usize>(vectors: &[[f64; P]]) -> [f64; P] {
+    let mut out = [0.0; P];
+    for vector in vectors {
+        for d in 0..P {
+            out[d] += vector[d];
+        }
+    }
+    out.map(|x| x / vectors.len().max(1) as f64)
+}
+
+#[cfg(test)]
+mod tests;

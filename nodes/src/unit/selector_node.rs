@@ -1,0 +1,266 @@
+//! Unit selection as a node.
+
+use std::sync::Arc;
+
+use super::UnitDatabase;
+use super::item::{Pick, PickFormat, Picks};
+use super::selector::{self, MOST_DIMS, Selector, SelectorParams, Units};
+use crate::core::fault::{Fault, Reject};
+use crate::core::files::MemoryFiles;
+use crate::core::node::{Class, Node, Summary};
+use crate::core::params::{Params, Text};
+use crate::core::ports::{In, Stream, Value};
+use crate::core::random::Draw;
+use crate::core::shape::{Build, Shape};
+use crate::feature::Features;
+use crate::{params, ports};
+
+params! {
+    /// Chooses, for each unit of a target, the unit of a database that sounds most like it and goes on most like it.
+    ///
+    /// Of all units within `d_max` it takes the one with the least sum of distances over itself and the next `look` units.
+    /// Where there is none, it takes the nearest and marks it as a fallback: the summary tells their share, and more than a few
+    /// mean that target and database do not speak of the same sounds. The search is exact, needs no table of distances, and of
+    /// equally good units prefers the one that follows the last pick. Every channel chooses alone.
+    ///
+    /// # Source
+    /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), algorithm 1, mended
+    /// where it is undefined: units in their rest are left out before the nearest are looked for, windows never leave a
+    /// recording and shorten at the end of the target, and where every unit rests, the one that has rested longest is taken.
+    /// `causal`, `loop_guard` and `tags` are additions.
+    pub struct UnitSelectorParams {
+        /// Units after the present one that are compared too.
+        look: usize = 5, unit "units", range 0..=1000_usize;
+        /// Greatest distance of features that sound alike; with the default features 2.0 is 5 dB.
+        d_max: f64 = 2.0, unit "", range 0.0..=1_000_000.0;
+        /// Targets for which a chosen unit is not chosen again.
+        cool_off: usize = 20, unit "units", range 0..=1_000_000_usize;
+        /// Time within which the last four picks are not repeated in order; 0 allows it, 0.5 is a good guard.
+        loop_guard: f64 = 0.0, unit "s", range 0.0..=60.0;
+        /// Compare the past in place of the future: nothing has to be waited for.
+        causal: bool = false;
+        /// Choose only from recordings with one of these tags; empty for all.
+        tags: Vec<Text> = Vec::new();
+    }
+}
+
+ports! {
+    pub struct UnitSelectorPorts / UnitSelectorIo {
+        in {
+            /// Features of the target, made as those of the database.
+            features: Stream<Features>,
+            /// Units to choose from.
+            database: Value<UnitDatabase>,
+        }
+        out {
+            /// The chosen units.
+            picks: Stream<Picks>,
+        }
+    }
+}
+
+/// The node over [`Selector`].
+pub struct UnitSelector {
+    channels: Vec<Channel>,
+    look: usize,
+    causal: bool,
+    dims: usize,
+    /// Units of the target, where it ends.
+    length: Option<i64>,
+}
+
+struct Channel {
+    selector: Box<dyn Selector>,
+    window: Vec<f32>,
+    picks: Vec<Pick>,
+    counts: Counts,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Counts {
+    picks: u64,
+    fallbacks: u64,
+    runs: u64,
+    sum_d1: f64,
+    last: Option<i32>,
+}
+
+impl Counts {
+    fn note(&mut self, pick: &Pick) {
+        self.picks += 1;
+        self.fallbacks += u64::from(pick.fallback);
+        self.runs += u64::from(self.last.is_some_and(|last| last + 1 == pick.unit));
+        self.sum_d1 += f64::from(pick.d1);
+        self.last = Some(pick.unit);
+    }
+}
+
+impl Channel {
+    /// Chooses for all items of a window.
+    fn choose(&mut self, vector: usize, features: &In<'_, Features>, node: &Facts) -> Result<(), Fault> {
+        self.picks.clear();
+        let around = features.around();
+        for k in 0..features.len() {
+            let at = features.first() + k as i64;
+            let most = if node.causal { at } else { node.length.map_or(i64::MAX, |n| n - 1 - at) };
+            let look = node.look.min(usize::try_from(most).unwrap_or(0));
+            let here = features.past() + k;
+            let first = if node.causal { here - look } else { here };
+            self.window.clear();
+            for item in first..=first + look {
+                let from = item * features.width() + vector * node.dims;
+                self.window.extend_from_slice(around.get(from..from + node.dims).unwrap_or_default());
+            }
+            let chosen = self.selector.choose(&self.window).map_err(|_| {
+                Fault::new("F102", format!("a feature near unit {at} of the target is not a finite number"))
+                    .at("features")
+                    .when(features.rate().tick(at))
+            })?;
+            let pick = Pick {
+                unit: chosen.unit as i32,
+                fallback: chosen.fallback,
+                d1: chosen.d1 as f32,
+                d2: chosen.d2 as f32,
+            };
+            self.counts.note(&pick);
+            self.picks.push(pick);
+        }
+        Ok(())
+    }
+}
+
+struct Facts {
+    look: usize,
+    causal: bool,
+    dims: usize,
+    length: Option<i64>,
+}
+
+/// Which units the tags allow.
+fn allowed(db: &UnitDatabase, tags: &[Text]) -> Vec<bool> {
+    let allows = |tag: &str| tags.is_empty() || tags.iter().any(|allowed| allowed.0 == tag);
+    let mut out = vec![false; db.len()];
+    for segment in &db.segments {
+        if db.sources.get(segment.source as usize).is_some_and(|source| allows(&source.tag)) {
+            out[segment.range()].fill(true);
+        }
+    }
+    out
+}
+
+fn check_tags(db: &UnitDatabase, tags: &[Text]) -> Result<Vec<bool>, Reject> {
+    let allowed = allowed(db, tags);
+    if allowed.contains(&true) {
+        return Ok(allowed);
+    }
+    let mut known: Vec<&str> = db.sources.iter().map(|source| source.tag.as_str()).collect();
+    known.sort_unstable();
+    known.dedup();
+    let wanted: Vec<&str> = tags.iter().map(|tag| tag.0.as_str()).collect();
+    let message = format!("no recording of the database has a tag of {wanted:?}");
+    Err(Reject::new("F101", message).at("tags").help(format!("it has {known:?}")))
+}
+
+impl Node for UnitSelector {
+    type Params = UnitSelectorParams;
+    type Ports = UnitSelectorPorts;
+    const NAME: &'static str = "UnitSelector";
+    const CLASS: Class = Class::Worker;
+    const COST: f64 = 50_000.0;
+
+    fn shape(p: &UnitSelectorParams, s: &mut Shape<'_, '_, UnitSelectorPorts>) -> Result<(), Reject> {
+        let features = s.input(UnitSelectorPorts::features);
+        let format = &features.format;
+        if format.dims() > MOST_DIMS {
+            let message =
+                format!("feature vectors of {} numbers; at most {MOST_DIMS} are searched", format.dims());
+            return Err(Reject::new("F051", message).at("features"));
+        }
+        if let Some(db) = s.value(UnitSelectorPorts::database) {
+            format.conventions.check("features", &db.conventions, "database")?;
+            check_tags(&db, &p.tags)?;
+        }
+        if format.vectors > 1 {
+            s.note("each channel chooses alone: a sound in the middle may wander; Mfcc(channels: SharedMid) or Joint keep it");
+        }
+        let (past, ahead) = if p.causal { (p.look, 0) } else { (0, p.look) };
+        s.reach(UnitSelectorPorts::features, past, ahead);
+        let format = PickFormat { channels: format.vectors, conventions: Arc::clone(&format.conventions) };
+        s.output(UnitSelectorPorts::picks, features.rate, format);
+        Ok(())
+    }
+
+    fn build(p: &UnitSelectorParams, cx: &Build<'_>) -> Result<Self, Fault> {
+        let features = cx.input(UnitSelectorPorts::features);
+        let db = cx.value(UnitSelectorPorts::database);
+        features.format.conventions.check("features", &db.conventions, "database")?;
+        db.validate().map_err(|e| Fault::new("F101", e.to_string()).at("database"))?;
+        let units = Units {
+            features: &db.features,
+            dims: db.dims(),
+            segments: db.segments.iter().map(|s| (s.start as usize, s.units as usize)).collect(),
+            allowed: check_tags(&db, &p.tags)?,
+        };
+        let params = SelectorParams {
+            look: p.look,
+            d_max: p.d_max,
+            cool_off: p.cool_off,
+            loop_guard: (p.loop_guard * features.rate.as_f64()).round() as usize,
+            causal: p.causal,
+        };
+        let channel = |_| {
+            let selector = selector::selector(&units, params.clone())?;
+            Some(Channel { selector, window: Vec::new(), picks: Vec::new(), counts: Counts::default() })
+        };
+        let channels: Option<Vec<Channel>> = (0..features.format.vectors).map(channel).collect();
+        let none = || Fault::new("F101", "there is no unit to choose from").at("database");
+        Ok(Self {
+            channels: channels.ok_or_else(none)?,
+            look: p.look,
+            causal: p.causal,
+            dims: db.dims(),
+            length: features.items(),
+        })
+    }
+
+    fn run(&mut self, mut io: UnitSelectorIo<'_>) -> Result<(), Fault> {
+        let facts = Facts { look: self.look, causal: self.causal, dims: self.dims, length: self.length };
+        let features = &io.features;
+        for (vector, channel) in self.channels.iter_mut().enumerate() {
+            channel.choose(vector, features, &facts)?;
+        }
+        let width = self.channels.len();
+        let out = io.picks.items();
+        for (vector, channel) in self.channels.iter().enumerate() {
+            for (out, pick) in out.iter_mut().skip(vector).step_by(width).zip(&channel.picks) {
+                *out = *pick;
+            }
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self, _: UnitSelectorIo<'_>) -> Result<Summary, Fault> {
+        let sum = |get: fn(&Counts) -> f64| self.channels.iter().map(|c| get(&c.counts)).sum::<f64>();
+        let picks = sum(|c| c.picks as f64);
+        let share = |x: f64| if picks > 0.0 { x / picks } else { 0.0 };
+        Ok(vec![
+            ("picks", (picks as u64).into()),
+            ("fallback_share", share(sum(|c| c.fallbacks as f64)).into()),
+            ("run_share", share(sum(|c| c.runs as f64)).into()),
+            ("mean_d1", share(sum(|c| c.sum_d1)).into()),
+        ])
+    }
+
+    fn trial(draw: &mut Draw) -> (UnitSelectorParams, MemoryFiles) {
+        let p = UnitSelectorParams::trial(draw);
+        let params = UnitSelectorParams {
+            look: p.look % 6,
+            d_max: draw.between(0.0, 9.0),
+            cool_off: p.cool_off % 40,
+            loop_guard: p.loop_guard % 0.5,
+            tags: Vec::new(),
+            ..p
+        };
+        (params, MemoryFiles::default())
+    }
+}

@@ -1,0 +1,68 @@
+//! Concatenative synthesis through whole graphs: a recording put together from itself is itself.
+
+mod common;
+
+use foley::graph::{DirFiles, Limits, Root, load_text};
+use foley::plan::PlanOptions;
+use foley_nodes::core::time::{Rate, ticks};
+use foley_nodes::feature::FeatureConventions;
+use foley_nodes::io::AudioReader;
+use foley_nodes::unit::{Take, build};
+use std::fs::{self, File};
+use std::path::Path;
+
+fn samples(path: &Path) -> Vec<f32> {
+    AudioReader::open(Box::new(File::open(path).unwrap())).unwrap().read_mono().unwrap()
+}
+
+fn graph_text(recording: &Path, own: &str) -> String {
+    format!(
+        r#"#![schema = "foley:graph/1"]
+Graph(
+    nodes: {{
+        "database": UnitDatabase(recordings: ["{0}"], rate: 44100),
+        "target": WavIn(path: "{0}"),
+        "mfcc": Mfcc(audio: "target"{own}),
+        "smooth": TemporalGaussian(features: "mfcc.features"),
+        "selector": UnitSelector(features: "smooth", database: "database"),
+        "units": UnitConcatenator(picks: "selector", database: "database"),
+        "out": WavOut(audio: "units", path: "out.wav", format: Float32),
+    }},
+)
+"#,
+        recording.file_name().unwrap().to_string_lossy()
+    )
+}
+
+fn run(own: &str, window: f64) -> Result<Vec<f32>, String> {
+    let dir = tempfile::tempdir().unwrap();
+    let recording = dir.path().join("rustle.flac");
+    fs::copy(common::graphs().join("assets/recordings/clothing_rustle_2.flac"), &recording).unwrap();
+    let file = dir.path().join("units.ron");
+    let loaded = load_text("units.ron", &graph_text(&recording, own), &file, &[]);
+    let graph = loaded.graph.ok_or_else(|| format!("{:?}", loaded.diagnostics))?;
+    let files = DirFiles::new(Root::of(&file), Limits::default());
+    let options = PlanOptions { window: ticks(window), ..PlanOptions::default() };
+    common::run_graph(&graph, &files, &options, dir.path())?;
+    Ok(samples(&dir.path().join("out.wav")))
+}
+
+#[test]
+fn a_recording_put_together_from_itself_is_itself_bit_for_bit() {
+    let recording = samples(&common::graphs().join("assets/recordings/clothing_rustle_2.flac"));
+    let c = FeatureConventions::cloth(Rate::hz(44_100), 184);
+    let db = build(&[Take { channels: vec![recording.clone()], ..Take::default() }], &c, None).unwrap();
+    for window in [0.02, 0.0031] {
+        let out = run("", window).unwrap();
+        assert_eq!(out.len(), recording.len());
+        // The last, broken unit has no counterpart, and fades in just before it begins.
+        let whole = (db.len() - 1) * 184;
+        assert!(out[..whole] == db.audio[..whole], "window {window}");
+    }
+}
+
+#[test]
+fn features_of_another_make_are_refused_by_the_name_of_the_parameter() {
+    let message = run(", f_hi: 16000", 0.02).unwrap_err();
+    assert!(message.contains("f_hi") && message.contains("F100"), "{message}");
+}
