@@ -191,7 +191,7 @@ fn check(take: &Take, joined: usize) -> Result<(), BuildError> {
 /// Stretches between silences.
 fn spans(channels: &[Vec<f32>], gap: Option<Gap>) -> Vec<Range<usize>> {
     let len = channels.iter().map(Vec::len).min().unwrap_or(0);
-    let Some(gap) = gap else { return vec![0..len] };
+    let Some(gap) = gap else { return std::iter::once(0..len).collect() };
     let silent = |i: usize| channels.iter().all(|x| x[i].abs() < gap.level);
     let (mut spans, mut from, mut quiet) = (Vec::new(), 0, 0);
     for i in 0..len {

@@ -176,9 +176,9 @@ fn bounds<const P: usize>(items: &[(u32, [f64; P])], from: usize) -> Node<P> {
     };
     for (label, point) in items {
         node.least = node.least.min(*label);
-        for d in 0..P {
-            node.low[d] = node.low[d].min(point[d]);
-            node.high[d] = node.high[d].max(point[d]);
+        for ((low, high), x) in node.low.iter_mut().zip(&mut node.high).zip(point) {
+            *low = low.min(*x);
+            *high = high.max(*x);
         }
     }
     node

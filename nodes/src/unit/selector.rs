@@ -79,10 +79,10 @@ pub fn selector(units: &Units<'_>, params: SelectorParams) -> Option<Box<dyn Sel
     }
     Some(match units.dims {
         // Zeros in place of missing dimensions change no distance.
-        ..=4 => Box::new(Exact::<4>::new(units, params)),
-        ..=8 => Box::new(Exact::<8>::new(units, params)),
-        ..=16 => Box::new(Exact::<16>::new(units, params)),
-        ..=MOST_DIMS => Box::new(Exact::<MOST_DIMS>::new(units, params)),
+        1..=4 => Box::new(Exact::<4>::new(units, params)),
+        5..=8 => Box::new(Exact::<8>::new(units, params)),
+        9..=16 => Box::new(Exact::<16>::new(units, params)),
+        17..=MOST_DIMS => Box::new(Exact::<MOST_DIMS>::new(units, params)),
         _ => return None,
     })
 }
