@@ -118,7 +118,9 @@ fn main() {
         let (kept, computed) = (report.nodes.iter().filter(|n| n.cached).count(), report.computed());
         println!("{what:<44} {seconds:>7.3} s  {kept} kept, computed: {}", computed.join(", "));
     };
-    println!("60 s at 96 kHz, 14400 targets, 225 s of recordings, two threads; from load to the written file");
+    println!(
+        "60 s at 96 kHz, 14400 targets, 225 s of recordings, two threads; from load to the written file"
+    );
     told("cold", run_once(folder, 100.0, &fresh()));
     told("another lambda, cache on disk", run_once(folder, 1000.0, &fresh()));
     std::fs::write(folder.join("pairs.ron"), pairs(5)).expect("the folder can be written");

@@ -15,6 +15,7 @@ use crate::curvature::mean_node::MeanCurvatureNode;
 use crate::curvature::rest::RestNoiseNode;
 use crate::feature::gaussian_node::TemporalGaussian;
 use crate::feature::mfcc_node::Mfcc;
+use crate::friction::between::InterpolatedSpectra;
 use crate::friction::binaural_node::BinauralIftNoise;
 use crate::friction::builder_node::FrictionModelBuilder;
 use crate::friction::ift_noise_node::IftNoiseNode;
@@ -81,6 +82,7 @@ pub fn all() -> Vec<NodeType> {
         NodeType::of::<FrictionModelBuilder>("friction"),
         NodeType::func::<FrictionModelFromClips>("friction"),
         NodeType::func::<FrictionModelFile>("friction"),
+        NodeType::func::<InterpolatedSpectra>("friction"),
         NodeType::func::<PairFrictionModel>("friction"),
         NodeType::of::<MeanCurvatureNode>("curvature"),
         NodeType::of::<RestNoiseNode>("curvature"),

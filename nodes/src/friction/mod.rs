@@ -3,6 +3,7 @@
 //! A [`FrictionModel`] holds one power density per speed, made from a roller recording ([`builder`]) or from plain
 //! cloth recordings ([`mod@from_clips`]); [`interpolate`] gives the spectrum at any speed and [`ift_noise`] its sound.
 
+pub mod between;
 pub mod binaural_node;
 pub mod builder;
 pub mod builder_node;
