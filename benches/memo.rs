@@ -41,7 +41,7 @@ fn text(edit: &Edit) -> String {
         );
     }
     let _ = writeln!(text, "\"f0\": Mix(inputs: [\"sound0\", \"sound1\"]),");
-    for k in 1..=16 {
+    for k in 1..=17 {
         let frequency = 100.0 * f64::from(k);
         let _ = writeln!(
             text,
@@ -49,8 +49,8 @@ fn text(edit: &Edit) -> String {
             k - 1
         );
     }
-    text += "\"level\": Loudness(audio: \"f16\"),\n";
-    let _ = writeln!(text, "\"even\": Normalize(audio: \"f16\", level: \"level\", peak_db: {last:?}),");
+    text += "\"level\": Loudness(audio: \"f17\"),\n";
+    let _ = writeln!(text, "\"even\": Normalize(audio: \"f17\", level: \"level\", peak_db: {last:?}),");
     text += "\"out\": WavOut(audio: \"even\", path: \"out.wav\"),\n})\n";
     text
 }

@@ -475,3 +475,21 @@ fn after_a_node_has_failed_the_next_load_plays_again() {
     assert!(!failed(&told) && loudest > 0.1, "{told:?}, {loudest}");
     assert!(!player.is_busy());
 }
+
+#[test]
+fn a_node_that_runs_offline_only_is_refused_where_it_stands() {
+    let text =
+        graph("\"a\": Tone(frequency: 100.0, rate: 48000), \"o\": WavOut(audio: \"a\", path: \"o.wav\")");
+    let mut material = material(&text);
+    let tone = material.graph.nodes.iter_mut().find(|n| n.id == "a").unwrap();
+    let mut all = foley_nodes::registry::all().into_iter();
+    let mut heavy = all.find(|ty| ty.name == "Tone").unwrap();
+    heavy.class = foley_nodes::core::node::Class::Offline;
+    tone.ty = Box::leak(Box::new(heavy));
+    let Err(refused) = Player::start(material, Options::default()) else { panic!("an offline node plays") };
+    let [only] = refused.as_slice() else { panic!("{refused:?}") };
+    assert_eq!((only.code, only.node.as_deref()), ("F053", Some("a")));
+    assert!(only.help.iter().any(|help| help.contains("foley run")), "{only:?}");
+    let place = only.place.as_ref().unwrap();
+    assert_eq!(&text[place.span.clone()], "\"a\"", "{only:?}");
+}

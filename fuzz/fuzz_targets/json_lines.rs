@@ -1,0 +1,17 @@
+//! JSON lines from standard input: counted as malformed, or brought on.
+#![no_main]
+
+use foley::live::input::{Hub, take_lines};
+use foley_nodes::core::input::Inputs;
+use libfuzzer_sys::fuzz_target;
+use std::sync::atomic::Ordering::Relaxed;
+
+fuzz_target!(|bytes: &[u8]| {
+    let (sets, told) = crossbeam_channel::unbounded();
+    let hub = Hub::new(sets);
+    let inbox = hub.open("hits");
+    let mut said = 0_u64;
+    take_lines(bytes, &hub, |_, _| said += 1);
+    assert_eq!(said, hub.malformed.load(Relaxed));
+    drop((inbox, told));
+});

@@ -1,0 +1,14 @@
+//! OSC packets from a socket: counted as malformed, or brought on. A packet is at most one datagram.
+#![no_main]
+
+use foley::live::input::{Hub, read_packet};
+use foley_nodes::core::input::Inputs;
+use libfuzzer_sys::fuzz_target;
+
+fuzz_target!(|bytes: &[u8]| {
+    let (sets, told) = crossbeam_channel::unbounded();
+    let hub = Hub::new(sets);
+    let inbox = hub.open("hits");
+    read_packet(bytes, &hub);
+    drop((inbox, told));
+});
