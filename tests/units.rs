@@ -6,13 +6,20 @@ use foley::graph::{DirFiles, Limits, Root, load_text};
 use foley::plan::PlanOptions;
 use foley_nodes::core::time::{Rate, ticks};
 use foley_nodes::feature::FeatureConventions;
-use foley_nodes::io::AudioReader;
+use foley_nodes::io::{AudioReader, AudioWriter, WriteFormat, WriteSpec};
 use foley_nodes::unit::{Take, build};
-use std::fs::{self, File};
+use std::fs::File;
 use std::path::Path;
 
 fn samples(path: &Path) -> Vec<f32> {
     AudioReader::open(Box::new(File::open(path).unwrap())).unwrap().read_mono().unwrap()
+}
+
+/// A recording that ships, as far as it has whole units.
+fn rustle() -> Vec<f32> {
+    let mut all = samples(&common::graphs().join("assets/recordings/clothing_rustle_2.flac"));
+    all.truncate(all.len() / 184 * 184);
+    all
 }
 
 fn graph_text(recording: &Path, own: &str) -> String {
@@ -36,8 +43,11 @@ Graph(
 
 fn run(own: &str, window: f64) -> Result<Vec<f32>, String> {
     let dir = tempfile::tempdir().unwrap();
-    let recording = dir.path().join("rustle.flac");
-    fs::copy(common::graphs().join("assets/recordings/clothing_rustle_2.flac"), &recording).unwrap();
+    let recording = dir.path().join("rustle.wav");
+    let spec = WriteSpec::new(44_100, 1, WriteFormat::Float32);
+    let mut writer = AudioWriter::new(File::create(&recording).unwrap(), spec).unwrap();
+    writer.write(&rustle()).unwrap();
+    writer.finish().unwrap();
     let file = dir.path().join("units.ron");
     let loaded = load_text("units.ron", &graph_text(&recording, own), &file, &[]);
     let graph = loaded.graph.ok_or_else(|| format!("{:?}", loaded.diagnostics))?;
@@ -49,15 +59,12 @@ fn run(own: &str, window: f64) -> Result<Vec<f32>, String> {
 
 #[test]
 fn a_recording_put_together_from_itself_is_itself_bit_for_bit() {
-    let recording = samples(&common::graphs().join("assets/recordings/clothing_rustle_2.flac"));
+    let recording = rustle();
     let c = FeatureConventions::cloth(Rate::hz(44_100), 184);
     let db = build(&[Take { channels: vec![recording.clone()], ..Take::default() }], &c, None).unwrap();
     for window in [0.02, 0.0031] {
         let out = run("", window).unwrap();
-        assert_eq!(out.len(), recording.len());
-        // The last, broken unit has no counterpart, and fades in just before it begins.
-        let whole = (db.len() - 1) * 184;
-        assert!(out[..whole] == db.audio[..whole], "window {window}");
+        assert!(recording.len() > 70 * 184 && out == db.audio, "window {window}");
     }
 }
 
