@@ -34,7 +34,7 @@ use crate::spatial::orbit_node::Orbit;
 use crate::spatial::pose_file_node::PoseFile;
 use crate::spatial::vertex_pose::VertexPose;
 use crate::unit::concatenator_node::UnitConcatenator;
-use crate::unit::database_node::UnitDatabaseNode;
+use crate::unit::database_node::{UnitDatabaseFile, UnitDatabaseNode};
 use crate::unit::report::SelectionReportNode;
 use crate::unit::selector_node::UnitSelector;
 use crate::warp::diagnostics_node::CorrespondenceDiagnostics;
@@ -98,6 +98,7 @@ pub fn all() -> Vec<NodeType> {
         NodeType::of::<Mfcc>("feature"),
         NodeType::of::<TemporalGaussian>("feature"),
         NodeType::func::<UnitDatabaseNode>("unit"),
+        NodeType::func::<UnitDatabaseFile>("unit"),
         NodeType::of::<UnitSelector>("unit"),
         NodeType::of::<UnitConcatenator>("unit"),
         NodeType::of::<SelectionReportNode>("unit"),

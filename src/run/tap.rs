@@ -1,4 +1,5 @@
-//! Writes any output of any node to a file: audio as WAV, numbers as NPY, events as CSV or JSON lines, values as JSON.
+//! Writes any output of any node to a file: audio as WAV, numbers as NPY, events as CSV or JSON lines, values as JSON,
+//! as SVG or as files of their own kind.
 
 use super::{Job, Values};
 use crate::diag::Diagnostic;
@@ -61,7 +62,7 @@ pub fn check(graph: &Graph, text: &str) -> Result<Tap, Diagnostic> {
         PortKind::Stream(item) if item.wave => &["wav", "npy"],
         PortKind::Stream(_) => &["npy"],
         PortKind::Events(_) => &["csv", "jsonl"],
-        PortKind::Value(_) | PortKind::Fold(_) => &["json", "svg"],
+        PortKind::Value(_) | PortKind::Fold(_) => &["json", "svg", "bin"],
     };
     if !fits.contains(&ending.as_str()) {
         let what = graph.nodes[node].ty.outputs[port].kind.name();
@@ -108,14 +109,16 @@ pub fn write_values(job: &Job<'_>, values: &Values) -> Result<(), Vec<Diagnostic
     for tap in job.taps {
         let Some(value) = values.get(&(tap.node, tap.port)) else { continue };
         let kind = value.kind();
-        let text = if tap.path.extension().is_some_and(|e| e == "svg") {
-            (kind.plot)(value).ok_or_else(|| format!("a {} has no drawing; write it as .json", kind.name))
-        } else {
-            serde_json::to_string_pretty(&(kind.json)(value)).map_err(|e| e.to_string())
+        let ending = tap.path.extension().and_then(|e| e.to_str()).unwrap_or_default();
+        let bytes = match ending {
+            "svg" => (kind.plot)(value).map(String::into_bytes).ok_or("drawing"),
+            "bin" => (kind.file)(value).ok_or("file of its own kind"),
+            _ => Ok(serde_json::to_vec_pretty(&(kind.json)(value)).unwrap_or_default()),
         };
-        let written = text.and_then(|text| {
+        let bytes = bytes.map_err(|what| format!("a {} has no {what}; write it as .json", kind.name));
+        let written = bytes.and_then(|bytes| {
             let mut file = job.outputs.create_at(&tap.path).map_err(|e| e.message)?;
-            file.write_all(text.as_bytes()).and_then(|()| file.flush()).map_err(|e| e.to_string())
+            file.write_all(&bytes).and_then(|()| file.flush()).map_err(|e| e.to_string())
         });
         if let Err(message) = written {
             errors.push(Diagnostic::general("F080", format!("--tap {}: {message}", tap.path.display())));

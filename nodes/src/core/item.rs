@@ -102,6 +102,10 @@ pub trait Data: Debug + PartialEq + Serialize + DeserializeOwned + Send + Sync +
     fn plot(&self) -> Option<String> {
         None
     }
+    /// Its file, for types that would be too large as text.
+    fn file(&self) -> Option<Vec<u8>> {
+        None
+    }
 }
 
 /// The runtime's view of an [`Item`] type.
@@ -285,7 +289,9 @@ pub struct DataType {
     pub json: fn(&AnyValue) -> serde_json::Value,
     /// The value drawn as SVG.
     pub plot: fn(&AnyValue) -> Option<String>,
-    /// The value as bytes, for the disk.
+    /// The value as a file of its own kind.
+    pub file: fn(&AnyValue) -> Option<Vec<u8>>,
+    /// The value as bytes, for the memo.
     pub encode: fn(&AnyValue) -> Option<Vec<u8>>,
     /// The value from its bytes.
     pub decode: fn(&[u8]) -> Option<AnyValue>,
@@ -300,6 +306,7 @@ impl<T: Data> Described for OfData<T> {
         id: TypeId::of::<T>,
         json: |value| value.get::<T>().and_then(|v| serde_json::to_value(v).ok()).unwrap_or_default(),
         plot: |value| value.get::<T>().and_then(T::plot),
+        file: |value| value.get::<T>().and_then(T::file),
         encode: |value| value.get::<T>().and_then(|v| postcard::to_allocvec(v).ok()),
         decode: |bytes| postcard::from_bytes::<T>(bytes).ok().map(AnyValue::new),
         trial: |draw| AnyValue::new(T::trial(draw)),

@@ -218,6 +218,11 @@ impl UnitDatabase {
 impl Data for UnitDatabase {
     const NAME: &'static str = "unit database";
 
+    /// As [`UnitDatabase::to_bytes`].
+    fn file(&self) -> Option<Vec<u8>> {
+        self.to_bytes().ok()
+    }
+
     fn trial(draw: &mut Draw) -> Self {
         let conventions = FeatureConventions::trial();
         let mut segments = Vec::new();

@@ -13,7 +13,8 @@ use crate::core::time::Rate;
 use crate::dsp::{Quality, Resampler};
 use crate::feature::FeatureConventions;
 use crate::io::{AudioReader, trial_wav};
-use crate::{feature_params, ports};
+use crate::{feature_params, params, ports};
+use std::io::Read;
 
 feature_params! {
     /// Cuts recordings into short units and measures the features of each: what `UnitSelector` chooses from.
@@ -208,6 +209,67 @@ impl Func for UnitDatabaseNode {
             ..p
         };
         (params, files)
+    }
+}
+
+params! {
+    /// A unit database from a file, as a tap of `UnitDatabase` wrote it: `--tap database=cotton.bin`.
+    ///
+    /// It holds audio, features and how they were made, so that recordings need not be at hand. A file of another version, or a
+    /// damaged one, is refused.
+    pub struct UnitDatabaseFileParams {
+        /// The database.
+        path: AssetPath;
+    }
+}
+
+ports! {
+    pub struct UnitDatabaseFilePorts / UnitDatabaseFileIo {
+        in {}
+        out {
+            /// The units.
+            database: Value<UnitDatabase>,
+        }
+    }
+}
+
+/// Reads a [`UnitDatabase`] from its file.
+#[derive(Debug)]
+pub struct UnitDatabaseFile;
+
+impl Func for UnitDatabaseFile {
+    type Params = UnitDatabaseFileParams;
+    type Ports = UnitDatabaseFilePorts;
+    const NAME: &'static str = "UnitDatabaseFile";
+
+    fn check(p: &UnitDatabaseFileParams, s: &mut Shape<'_, '_, UnitDatabaseFilePorts>) -> Result<(), Reject> {
+        // The first bytes tell; all of them are read when it runs.
+        let mut head = [0; MARK.len()];
+        let read = s.open("path", &p.path.0)?.read_exact(&mut head);
+        if read.is_ok() && head == MARK {
+            return Ok(());
+        }
+        let message = format!("{:?} is no unit database", p.path.0);
+        Err(Reject::new("F101", message).at("path").help("write one with --tap database=FILE.bin"))
+    }
+
+    fn eval(
+        p: &UnitDatabaseFileParams,
+        cx: &Build<'_>,
+        mut io: UnitDatabaseFileIo<'_>,
+    ) -> Result<Summary, Fault> {
+        let bytes = cx.bytes("path", &p.path.0)?;
+        let db = UnitDatabase::from_bytes(&bytes).map_err(|e| Fault::new("F101", e).at("path"))?;
+        let summary = told(&db);
+        io.database.set(db);
+        Ok(summary)
+    }
+
+    fn trial(draw: &mut Draw) -> (UnitDatabaseFileParams, MemoryFiles) {
+        let mut files = MemoryFiles::default();
+        let db = <UnitDatabase as crate::core::item::Data>::trial(draw);
+        files.insert("units.bin", db.to_bytes().unwrap_or_default());
+        (UnitDatabaseFileParams { path: "units.bin".into() }, files)
     }
 }
 

@@ -42,6 +42,21 @@ fn recordings_of_any_rate_become_units_and_survive_their_file() {
 }
 
 #[test]
+fn a_database_from_its_file_is_the_one_that_was_built() {
+    let value = solo(&["a.wav"]).run().unwrap().value(0).unwrap();
+    let mut file = Solo::func::<UnitDatabaseFile>(UnitDatabaseFileParams { path: "a.bin".into() });
+    let bytes = (value.kind().file)(&value).unwrap();
+    file.files.insert("a.bin", bytes.clone());
+    let again = file.run().unwrap().value(0).unwrap();
+    assert_eq!((again.hash(), again.get::<UnitDatabase>()), (value.hash(), value.get::<UnitDatabase>()));
+    file.files.insert("a.bin", bytes[..bytes.len() - 100].to_vec());
+    assert!(file.run().err().unwrap().message.contains("damaged"));
+    file.files.insert("a.bin", "RIFF or whatever".to_owned());
+    let reject = file.shape().unwrap_err();
+    assert!(reject.code == "F101" && reject.message.contains("a.bin"), "{reject}");
+}
+
+#[test]
 fn what_is_no_recording_or_holds_no_unit_is_named() {
     let reject = solo(&["a.wav", "text.wav"]).shape().unwrap_err();
     assert!(reject.code == "F101" && reject.message.contains("text.wav"), "{reject}");
