@@ -7,8 +7,16 @@ use foley::plan::PlanOptions;
 use foley_nodes::io::AudioReader;
 use std::path::Path;
 
-/// A sheet that slides over two floors, slowly and then fast; what is heard of each pair, one file each.
-fn scene(left: &str, right: &str) -> String {
+/// What a scene holds besides the sheet: nodes for each pair of materials.
+type PairNodes = fn(&str) -> String;
+
+/// Friction noise of a pair, as a file.
+fn noise(id: &str) -> String {
+    format!("\"{id}_out\": WavOut(audio: \"{id}_sound\", path: \"{id}.wav\"),")
+}
+
+/// A sheet that slides over two floors, one after the other; what is heard of each pair.
+fn scene(left: &str, right: &str, heard: PairNodes) -> String {
     let model = |id: &str, name: &str| {
         format!(
             "\"{id}\": FrictionModelFromClips(recordings: [\"clothing_rustle_{name}.flac\"], materials: [\"{id}\", \"{id}\"]),"
@@ -18,8 +26,9 @@ fn scene(left: &str, right: &str) -> String {
         format!(
             "\"{id}\": MaterialRouter(contacts: \"contacts\", between: [\"cotton\", \"{id}\"]),
             \"{id}_speed\": SlidingSpeed(contacts: \"{id}\"),
-            \"{id}_sound\": IftNoise(speeds: \"{id}_speed\", model: \"{id}_model\", rate: 16000),
-            \"{id}_out\": WavOut(audio: \"{id}_sound\", path: \"{id}.wav\"),"
+            \"{id}_sound\": IftNoise(speeds: \"{id}_speed\", model: \"{id}_model\", rate: 48000),
+            {}",
+            heard(id)
         )
     };
     let floor = |id: &str, material: &str, x: f64| {
@@ -52,6 +61,15 @@ fn heard(folder: &Path, name: &str) -> Vec<u32> {
 }
 
 fn run(text: &str) -> [Vec<u32>; 2] {
+    let folder = run_in_folder(text);
+    ["wool.wav", "nylon.wav"].map(|name| heard(folder.path(), name))
+}
+
+fn run_one(text: &str) -> Vec<u32> {
+    heard(run_in_folder(text).path(), "wool.wav")
+}
+
+fn run_in_folder(text: &str) -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let path = common::graphs().join("assets/recordings/test.ron");
     let loaded = load_text("test.ron", text, &path, &[]);
@@ -59,7 +77,7 @@ fn run(text: &str) -> [Vec<u32>; 2] {
     let graph = loaded.graph.unwrap_or_else(|| panic!("{shown}"));
     let files = DirFiles::new(loaded.root, Limits::default());
     common::run_graph(&graph, &files, &PlanOptions::default(), folder.path()).unwrap();
-    ["wool.wav", "nylon.wav"].map(|name| heard(folder.path(), name))
+    folder
 }
 
 /// First and last sample that is not silent.
@@ -70,15 +88,82 @@ fn sounding(samples: &[u32]) -> Option<(usize, usize)> {
 
 #[test]
 fn each_pair_is_heard_only_while_it_slides_and_swapped_materials_swap_places() {
-    let [wool, nylon] = run(&scene("wool", "nylon"));
+    let [wool, nylon] = run(&scene("wool", "nylon", noise));
     // The floors are 1 m wide and 2 m apart: the sheet leaves the left one before it comes to the right one.
     let (first, second) = (sounding(&wool).unwrap(), sounding(&nylon).unwrap());
     assert!(first.1 < second.0, "{first:?} {second:?}");
-    let [wool, nylon] = run(&scene("nylon", "wool"));
+    let [wool, nylon] = run(&scene("nylon", "wool", noise));
     let (later, earlier) = (sounding(&wool).unwrap(), sounding(&nylon).unwrap());
-    assert!(earlier.0.abs_diff(first.0) < 20 && later.0.abs_diff(second.0) < 20, "{earlier:?} {later:?}");
+    assert!(earlier.0.abs_diff(first.0) < 60 && later.0.abs_diff(second.0) < 60, "{earlier:?} {later:?}");
     // The same material on both sides is one material.
-    let one = scene("wool", "wool").replace("\"cotton\", \"nylon\"", "\"cotton\", \"wool\"");
+    let one = scene("wool", "wool", noise).replace("\"cotton\", \"nylon\"", "\"cotton\", \"wool\"");
     let [both, _] = run(&one);
     assert_eq!(sounding(&both), Some((first.0, later.1)));
+}
+
+/// Units of recordings in place of the noise of a pair: those of all recordings that have its name as their tag.
+fn units(id: &str) -> String {
+    chosen(id, "all", &format!(", tags: [\"{id}\"]"))
+}
+
+/// As `units`, from a database that holds nothing else.
+fn own_units(id: &str) -> String {
+    chosen(id, &format!("{id}_alone"), "")
+}
+
+fn chosen(id: &str, database: &str, tags: &str) -> String {
+    format!(
+        "\"{id}_mfcc\": Mfcc(audio: \"{id}_sound\"),
+        \"{id}_features\": TemporalGaussian(features: \"{id}_mfcc.features\"),
+        \"{id}_picks\": UnitSelector(features: \"{id}_features\", database: \"{database}\", d_max: 6.0{tags}),
+        \"{id}_units\": UnitConcatenator(picks: \"{id}_picks\", database: \"{database}\", target: \"{id}_sound\"),
+        \"{id}_out\": WavOut(audio: \"{id}_units\", path: \"{id}.wav\"),"
+    )
+}
+
+/// The scene with recordings: of wool, of nylon, and of both with tags.
+fn with_databases(scene: &str) -> String {
+    let database = |id: &str, names: &[&str], tags: &str| {
+        let files: Vec<_> = names.iter().map(|n| format!("\"clothing_rustle_{n}.flac\"")).collect();
+        format!("\"{id}\": UnitDatabase(recordings: [{}], tags: [{tags}]),\n", files.join(", "))
+    };
+    let all = database("all", &["2", "3"], "\"wool\", \"nylon\"");
+    let (wool, nylon) = (database("wool_alone", &["2"], ""), database("nylon_alone", &["3"], ""));
+    scene.replacen("nodes: {", &format!("nodes: {{ {all} {wool} {nylon}"), 1)
+}
+
+#[test]
+fn a_pair_is_made_of_its_own_recordings_and_sleeps_where_it_is_silent() {
+    let of = |heard| run(&with_databases(&scene("wool", "nylon", heard)));
+    let [wool, nylon] = of(units);
+    let (first, second) = (sounding(&wool).unwrap(), sounding(&nylon).unwrap());
+    // Half a second after its noise has ended a pair has faded out; it wakes with its noise.
+    assert!(first.1 < second.0, "{first:?} {second:?}");
+    assert!(second.0 > 48_000 && first.1 < 60_000);
+    // The same bits as from a database that holds its recordings only, and others than from all of them.
+    assert!(of(own_units) == [wool.clone(), nylon.clone()]);
+    let [free_wool, free_nylon] = of(|id| chosen(id, "all", ""));
+    assert!(free_wool != wool || free_nylon != nylon);
+}
+
+#[test]
+fn swapped_materials_swap_the_units_that_are_heard() {
+    let [wool, nylon] = run(&with_databases(&scene("wool", "nylon", units)));
+    let [later, earlier] = run(&with_databases(&scene("nylon", "wool", units)));
+    let starts = |samples: &[u32]| sounding(samples).unwrap().0;
+    assert!(starts(&earlier).abs_diff(starts(&wool)) < 480 && starts(&later).abs_diff(starts(&nylon)) < 480);
+    assert!(starts(&nylon) > starts(&wool) + 48_000);
+}
+
+#[test]
+fn one_material_is_heard_as_without_any_routing() {
+    let text = |contacts: &str| {
+        let scene =
+            with_databases(&scene("wool", "wool", |id| if id == "wool" { units(id) } else { String::new() }));
+        let nylon = scene.find("\"nylon\": MaterialRouter").unwrap();
+        let scene = format!("{} }})", &scene[..nylon]);
+        scene.replace("SlidingSpeed(contacts: \"wool\")", &format!("SlidingSpeed(contacts: \"{contacts}\")"))
+    };
+    let (routed, plain) = (run_one(&text("wool")), run_one(&text("contacts")));
+    assert!(sounding(&routed).is_some() && routed == plain);
 }

@@ -5,6 +5,7 @@ use crate::contact::router::MaterialRouter;
 use crate::contact::speed_nodes::{SlidingSpeed, SpeedMapNode};
 use crate::core::node::NodeType;
 use crate::crumple::bank_nodes::{CrumpleBankFile, CrumpleExtractor};
+use crate::crumple::binaural_player_node::BinauralCrumplePlayer;
 use crate::crumple::buckle_node::BuckleDetectorNode;
 use crate::crumple::calibration_nodes::{EnergyCalibrationFile, EnergyCalibrationNode};
 use crate::crumple::events_node::CrumpleEventsNode;
@@ -95,6 +96,7 @@ pub fn all() -> Vec<NodeType> {
         NodeType::func::<CrumpleBankFile>("crumple"),
         NodeType::of::<HistogramMatcher>("crumple"),
         NodeType::of::<CrumplePlayer>("crumple"),
+        NodeType::of::<BinauralCrumplePlayer>("crumple"),
         NodeType::of::<Mfcc>("feature"),
         NodeType::of::<TemporalGaussian>("feature"),
         NodeType::func::<UnitDatabaseNode>("unit"),

@@ -15,6 +15,8 @@ pub struct CrumpleParams {
     pub merge_frames: usize,
     /// Energy below which an event is dropped.
     pub e_min: f64,
+    /// The only material whose events are given, where not all are.
+    pub only: Option<u16>,
 }
 
 /// An event under way: what each frame since its first has added.
@@ -31,7 +33,8 @@ struct Group {
 
 /// Turns the labels of frame after frame into events.
 ///
-/// Neighbours along an edge that snap to the same side in the same frame are one event; a lone vertex is one too. Its energy is
+/// Neighbours along an edge that snap to the same side in the same frame are one event, unless they are of two materials; a lone
+/// vertex is one too. Its energy is
 /// `E = (sum dH)^2`, or with [`Weight::Area`] `(sum A dH)^2`. Since all terms of one component have one sign, the paper's other form,
 /// the squared 1-norm, is the same number.
 ///
@@ -110,7 +113,7 @@ impl CrumpleEvents {
         (self.ready.front()?.0 < frame).then(|| self.ready.pop_front()).flatten()
     }
 
-    /// Events that were too weak.
+    /// Events that were too weak, of the material that counts.
     #[must_use]
     pub fn dropped(&self) -> u64 {
         self.dropped
@@ -200,6 +203,9 @@ impl CrumpleEvents {
 
     /// Gives an event of this frame, unless it is too weak: its energy from `all`, its place from `peak`.
     fn give(&mut self, frame: i64, id: u32, sign: i8, material: u16, all: &Sums, peak: &Sums) {
+        if self.params.only.is_some_and(|only| only != material) {
+            return;
+        }
         debug_assert!((all.change.abs() - all.length).abs() <= 1e-9 * all.length, "one component, one sign");
         let weight = self.params.weight;
         let area = match weight {

@@ -5,11 +5,12 @@ use super::{Buckles, Crumple, Weight};
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::node::{Class, Node, Summary};
-use crate::core::params::Params;
+use crate::core::params::{Params, Text};
 use crate::core::ports::{Events, Stream};
 use crate::core::random::Draw;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
+use crate::mesh::MeshFormat;
 use crate::{choices, params, ports};
 
 choices! { @param Weight {
@@ -22,7 +23,9 @@ choices! { @param Weight {
 params! {
     /// Joins the vertices of a cloth that snap together to events: where, when, how strongly and to which side.
     ///
-    /// Neighbours that snap to the same side in the same frame are one event. Its energy is the square of the sum of their changes of
+    /// Neighbours that snap to the same side in the same frame are one event, unless a border of materials lies between them. Materials come
+    /// with the mesh (`MeshSequence`, parameter `material`, and `usemtl` of an OBJ); with one such node per material each has its own
+    /// events, and so its own bank and level. The energy of an event is the square of the sum of their changes of
     /// mean curvature, each times its area unless `weight` is `None`. Of many events most are too weak to be heard: `e_min` drops
     /// them by a number, `EnergyCalibration` finds that number from a share or a rate.
     ///
@@ -37,8 +40,8 @@ params! {
         /// How long one snap may last over several frames; 0 leaves every frame on its own, 0.033 is good for 120 frames a second and more. Adds as
         /// much latency.
         merge_window: f64 = 0.0, unit "s", range 0.0..=1.0;
-        /// Number of the cloth's material, which its events carry.
-        material: u16 = 0, unit "", range 0..=65_535_u16;
+        /// Name of the material whose events are given; None gives those of all.
+        material: Option<Text> = None;
     }
 }
 ports! {
@@ -58,7 +61,6 @@ ports! {
 pub struct CrumpleEventsNode {
     events: events::CrumpleEvents,
     merge: i64,
-    material: u16,
     /// Next frame to take.
     next: Option<i64>,
     /// The last frame, where there is one.
@@ -73,15 +75,34 @@ fn merge_frames(p: &CrumpleEventsParams, rate: Rate) -> usize {
     (p.merge_window * rate.as_f64() + 1e-6).floor() as usize
 }
 
+/// The material that is asked for, by its place among those of the cloth.
+fn only(p: &CrumpleEventsParams, format: &MeshFormat) -> Result<Option<u16>, Reject> {
+    let Some(Text(name)) = &p.material else { return Ok(None) };
+    let names = format.materials.names();
+    if let Some(place) = names.iter().position(|known| known == name) {
+        return Ok(Some(place as u16));
+    }
+    let known: Vec<_> = names.iter().map(|n| if n.is_empty() { "(unnamed)" } else { n }).collect();
+    let help = match known.len() {
+        0 => "give the cloth one by `material` of MeshSequence, or leave `material` out".to_owned(),
+        _ => format!("it is of {}", known.join(", ")),
+    };
+    Err(Reject::new("F107", format!("nothing of the cloth is of the material `{name}`"))
+        .at("material")
+        .help(help))
+}
+
 impl Node for CrumpleEventsNode {
     type Params = CrumpleEventsParams;
     type Ports = CrumpleEventsPorts;
     const NAME: &'static str = "CrumpleEvents";
+    const VERSION: u32 = 2;
     const CLASS: Class = Class::Worker;
     const COST: f64 = 1000.0;
 
     fn shape(p: &CrumpleEventsParams, s: &mut Shape<'_, '_, CrumpleEventsPorts>) -> Result<(), Reject> {
         let buckles = s.input(CrumpleEventsPorts::buckles);
+        only(p, &buckles.format)?;
         s.reach(CrumpleEventsPorts::buckles, 0, merge_frames(p, buckles.rate));
         Ok(())
     }
@@ -89,13 +110,14 @@ impl Node for CrumpleEventsNode {
     fn build(p: &CrumpleEventsParams, cx: &Build<'_>) -> Result<Self, Fault> {
         let buckles = cx.input(CrumpleEventsPorts::buckles);
         let merge_frames = merge_frames(p, buckles.rate);
-        let params = CrumpleParams { weight: p.weight, merge_frames, e_min: p.e_min };
-        let events = events::CrumpleEvents::new(&buckles.format.topology, &[], params)
+        let only = only(p, &buckles.format)?;
+        let params = CrumpleParams { weight: p.weight, merge_frames, e_min: p.e_min, only };
+        let MeshFormat { topology, materials, .. } = &buckles.format;
+        let events = events::CrumpleEvents::new(topology, &materials.of_vertices(topology), params)
             .map_err(|e| Fault::new("F105", e.to_string()).at("buckles"))?;
         Ok(Self {
             events,
             merge: merge_frames as i64,
-            material: p.material,
             next: None,
             end: buckles.items(),
             given: 0,
@@ -117,7 +139,6 @@ impl Node for CrumpleEventsNode {
         self.next = Some(last + self.merge);
         while let Some((frame, mut event)) = self.events.next_before(last) {
             event.interval = rate.tick(frame + 1) - rate.tick(frame);
-            event.material = self.material;
             self.given += 1;
             self.weakest = self.weakest.min(event.energy);
             self.strongest = self.strongest.max(event.energy);
@@ -141,48 +162,12 @@ impl Node for CrumpleEventsNode {
         let merge_window = [0.0, 0.018, 0.03, 0.045][draw.below(4)];
         let e_min = [0.0, draw.between(0.0, 1e-6)][draw.below(2)];
         (
-            CrumpleEventsParams { merge_window, e_min, ..CrumpleEventsParams::trial(draw) },
+            CrumpleEventsParams { merge_window, e_min, material: None, ..CrumpleEventsParams::trial(draw) },
             MemoryFiles::default(),
         )
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::core::solo::Solo;
-    use crate::core::time::ticks;
-    use crate::crumple::Buckle;
-    use crate::curvature::scenes::grid;
-    use crate::mesh::MeshFormat;
-
-    #[test]
-    fn events_carry_the_time_of_their_frame_for_any_window_and_merging_joins_frames() {
-        let scene = grid(6, 2, false, |u, v| [u, v, 0.0]);
-        let frame = |column: usize, delta: f64| {
-            let mut labels = vec![Buckle::default(); 12];
-            if delta != 0.0 {
-                labels[column] =
-                    Buckle { label: delta.signum() as i8, delta, area: 0.5, ..Buckle::default() };
-            }
-            labels
-        };
-        let frames = [frame(0, 0.0), frame(1, 1.0), frame(2, 3.0), frame(0, 0.0), frame(4, -2.0)].concat();
-        let run = |merge_window, window| {
-            let p = CrumpleEventsParams { weight: Weight::Area, e_min: 0.0, merge_window, material: 4 };
-            let solo = Solo::new::<CrumpleEventsNode>(p).input(
-                CrumpleEventsPorts::buckles,
-                Rate::hz(120),
-                MeshFormat::moving(scene.topology()),
-                frames.clone(),
-            );
-            let run = solo.window(ticks(window)).run().unwrap();
-            let found = run.events(CrumpleEventsPorts::events).into_iter();
-            found.map(|(tick, e)| (Rate::hz(120).first_at(tick), e.energy, e.material)).collect::<Vec<_>>()
-        };
-        for window in [0.001, 0.02, 1.0] {
-            assert_eq!(run(0.0, window), [(1, 0.25, 4), (2, 2.25, 4), (4, 1.0, 4)]);
-            assert_eq!(run(0.033, window), [(2, 4.0, 4), (4, 1.0, 4)]);
-        }
-    }
-}
+#[path = "events_node_tests.rs"]
+mod tests;

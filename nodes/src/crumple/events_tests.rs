@@ -24,7 +24,7 @@ fn events_of(
     std::iter::from_fn(|| events.next_before(i64::MAX)).collect()
 }
 
-const PAPER: CrumpleParams = CrumpleParams { weight: Weight::None, merge_frames: 0, e_min: 0.0 };
+const PAPER: CrumpleParams = CrumpleParams { weight: Weight::None, merge_frames: 0, e_min: 0.0, only: None };
 const AREA: CrumpleParams = CrumpleParams { weight: Weight::Area, ..PAPER };
 
 #[test]

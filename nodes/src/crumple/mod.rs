@@ -4,6 +4,7 @@
 
 pub mod bank;
 pub mod bank_nodes;
+pub mod binaural_player_node;
 pub mod buckle;
 pub mod buckle_node;
 pub mod calibration;
@@ -18,6 +19,7 @@ mod item;
 pub mod matcher_node;
 pub mod matching;
 pub mod picture;
+mod playback;
 pub mod player;
 pub mod player_node;
 

@@ -7,39 +7,109 @@ const FADE: i64 = 64;
 /// Samples between two entries of the table of energies.
 const BLOCK: usize = 64;
 
-/// One sample that sounds, or is about to.
+/// What becomes of a sample on its way to the output.
+pub trait Hearing: Clone {
+    /// Channels of the output.
+    const CHANNELS: usize;
+
+    /// Factor that it puts on the level.
+    fn level(&self) -> f32;
+
+    /// Adds frames of a sample to the output, from frame `at` on, which counts from the sample's beginning and may lie before it.
+    ///
+    /// Frames come one after the other, and each is asked for once.
+    ///
+    /// # Shapes
+    /// `out: [T * CHANNELS]`, interleaved.
+    fn add(&mut self, sample: &[f32], at: i64, level: Level, out: &mut [f32]);
+}
+
+/// Heard as recorded, in one channel.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Mono;
+
+impl Hearing for Mono {
+    const CHANNELS: usize = 1;
+
+    fn level(&self) -> f32 {
+        1.0
+    }
+
+    fn add(&mut self, sample: &[f32], at: i64, level: Level, out: &mut [f32]) {
+        let samples = sample.iter().skip(at.max(0) as usize);
+        for ((y, x), frame) in out.iter_mut().zip(samples).zip(at..) {
+            *y += level.of(*x, frame);
+        }
+    }
+}
+
+/// How loud a voice is, and when it has faded out.
 #[derive(Clone, Copy, Debug)]
-struct Voice {
-    /// Its place among all samples of the bank, and its length.
-    from: usize,
-    len: usize,
-    /// Frame of the output at which it begins.
-    start: i64,
+pub struct Level {
     gain: f32,
-    /// Frame at which it has faded out, for one that was stolen.
+    /// Frame at which it has faded out, for a voice that was stolen.
     stop: Option<i64>,
 }
 
-/// Adds samples up as they begin, go on and end.
+impl Level {
+    /// A sample as loud as it is at a frame.
+    #[inline]
+    #[must_use]
+    pub fn of(&self, x: f32, frame: i64) -> f32 {
+        let x = self.gain * x;
+        self.stop.map_or(x, |stop| x * ((stop - frame) as f32 / FADE as f32).min(1.0))
+    }
+}
+
+/// A sample that is to sound.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Onset {
+    /// Its number in the bank.
+    pub sample: usize,
+    /// Frame of the output at which it begins.
+    pub start: i64,
+    /// Factor of its level.
+    pub gain: f32,
+    /// Where it sounds, m.
+    pub place: [f32; 3],
+}
+
+/// One sample that sounds, or is about to.
+#[derive(Clone, Copy, Debug)]
+struct Voice<H> {
+    /// Its place among all samples of the bank, and its length.
+    from: usize,
+    len: usize,
+    onset: Onset,
+    /// Frame at which it has faded out, for one that was stolen.
+    stop: Option<i64>,
+    heard: H,
+}
+
+/// Adds samples up as they begin, go on and end, each heard in its own way.
 ///
 /// Frame numbers are absolute, and voices are added in the order in which they came, so that blocks of any length give the same bits.
 /// Memory is fixed: nothing is allocated while it plays.
 #[derive(Clone, Debug)]
-pub struct Player {
+pub struct Player<H> {
     samples: Vec<f32>,
     offsets: Vec<u32>,
     /// Sum of squares of all samples before each block.
     energy: Vec<f64>,
-    voices: Vec<Voice>,
+    voices: Vec<Voice<H>>,
     most: usize,
+    /// Frames in which a sample is heard before its beginning and after its end.
+    lead: i64,
+    ring: i64,
     stolen: u64,
     at_once: usize,
 }
 
-impl Player {
-    /// A player of a bank with at most `voices` voices at once.
+impl<H: Hearing> Player<H> {
+    /// A player of a bank with at most `voices` voices at once, each heard from `lead` frames before its beginning to `ring` frames
+    /// after its end.
     #[must_use]
-    pub fn new(bank: &CrumpleBank, voices: usize) -> Self {
+    pub fn new(bank: &CrumpleBank, voices: usize, [lead, ring]: [usize; 2]) -> Self {
         let mut energy = vec![0.0];
         let mut sum = 0.0;
         for block in bank.samples.chunks(BLOCK) {
@@ -54,6 +124,8 @@ impl Player {
             // As many again may be fading out.
             voices: Vec::with_capacity(2 * most),
             most,
+            lead: lead as i64,
+            ring: ring as i64,
             stolen: 0,
             at_once: 0,
         }
@@ -69,29 +141,31 @@ impl Player {
     pub fn take_state(&mut self, old: &Self) {
         if self.offsets == old.offsets {
             self.voices.clear();
-            self.voices.extend(old.voices.iter().take(2 * self.most));
+            self.voices.extend(old.voices.iter().take(2 * self.most).cloned());
             (self.stolen, self.at_once) = (old.stolen, old.at_once);
         }
     }
 
     /// About the energy that a voice still has to give at frame `now`.
-    fn remaining(&self, voice: &Voice, now: i64) -> f64 {
-        let done = (now - voice.start).clamp(0, voice.len as i64) as usize;
+    fn remaining(&self, voice: &Voice<H>, now: i64) -> f64 {
+        let done = (now - voice.onset.start).clamp(0, voice.len as i64) as usize;
         let at = |place: usize| self.energy[place.div_ceil(BLOCK).min(self.energy.len() - 1)];
-        (at(voice.from + voice.len) - at(voice.from + done)).max(0.0) * f64::from(voice.gain).powi(2)
+        let level = f64::from(voice.onset.gain * voice.heard.level());
+        (at(voice.from + voice.len) - at(voice.from + done)).max(0.0) * level.powi(2)
     }
 
-    /// Lets sample `k` begin at frame `start`, decided at frame `now`, up to which all has been read.
+    /// Lets a sample begin, as decided at frame `now`, up to which all has been read.
     ///
     /// When too many sound, the one with the least energy left gives way, be it this one.
-    pub fn begin(&mut self, k: usize, start: i64, gain: f32, now: i64) {
-        let (Some(from), Some(to)) = (self.offsets.get(k), self.offsets.get(k + 1)) else { return };
+    pub fn begin(&mut self, onset: Onset, now: i64, heard: H) {
+        let Onset { sample, start, .. } = onset;
+        let (Some(from), Some(to)) = (self.offsets.get(sample), self.offsets.get(sample + 1)) else { return };
         let voice = Voice {
             from: *from as usize,
             len: (to - from) as usize,
-            start: start.max(now),
-            gain,
+            onset: Onset { start: start.max(now), ..onset },
             stop: None,
+            heard,
         };
         let sounding = self.voices.iter().filter(|v| v.stop.is_none()).count();
         if sounding >= self.most {
@@ -102,7 +176,7 @@ impl Player {
                 .min_by(|a, b| a.0.total_cmp(&b.0));
             match quietest {
                 Some((energy, j)) if energy <= self.remaining(&voice, now) => {
-                    if self.voices[j].start >= now {
+                    if self.voices[j].onset.start - self.lead >= now {
                         self.voices.remove(j);
                     } else {
                         self.voices[j].stop = Some(now + FADE);
@@ -120,31 +194,34 @@ impl Player {
         self.at_once = self.at_once.max(self.voices.iter().filter(|v| v.stop.is_none()).count());
     }
 
-    /// Adds the frames from `first` on to `out`.
+    /// Adds the frames from `first` on to `out`; of a voice that begins among them, `heard` tells how it is heard from its place when
+    /// its sample begins.
+    ///
+    /// # Shapes
+    /// `out: [T * CHANNELS]`, interleaved.
     ///
     /// # Complexity
     /// O(voices) and O(1) per frame of each voice.
-    pub fn read(&mut self, first: i64, out: &mut [f32]) {
-        let end = first + out.len() as i64;
-        for voice in &self.voices {
-            let last = voice.stop.unwrap_or(i64::MAX).min(voice.start + voice.len as i64).min(end);
-            let begin = voice.start.max(first);
+    pub fn read(&mut self, first: i64, out: &mut [f32], heard: impl Fn([f32; 3], i64) -> H) {
+        let end = first + (out.len() / H::CHANNELS) as i64;
+        for voice in &mut self.voices {
+            let Onset { start, gain, place, .. } = voice.onset;
+            let over = voice.stop.unwrap_or(i64::MAX).min(start + voice.len as i64 + self.ring);
+            let (begin, last) = ((start - self.lead).max(first), over.min(end));
             if begin >= last {
                 continue;
             }
-            let from = voice.from + (begin - voice.start) as usize;
-            let samples = &self.samples[from..from + (last - begin) as usize];
-            let out = &mut out[(begin - first) as usize..(last - first) as usize];
-            match voice.stop {
-                None => out.iter_mut().zip(samples).for_each(|(y, x)| *y += voice.gain * x),
-                Some(stop) => {
-                    for ((y, x), frame) in out.iter_mut().zip(samples).zip(begin..) {
-                        *y += voice.gain * x * ((stop - frame) as f32 / FADE as f32).min(1.0);
-                    }
-                }
+            if begin == start - self.lead {
+                voice.heard = heard(place, start);
             }
+            let sample = &self.samples[voice.from..voice.from + voice.len];
+            let out = &mut out[(begin - first) as usize * H::CHANNELS..(last - first) as usize * H::CHANNELS];
+            let level = Level { gain, stop: voice.stop.map(|stop| stop - start) };
+            voice.heard.add(sample, begin - start, level, out);
         }
-        self.voices.retain(|v| v.start + v.len as i64 > end && v.stop.is_none_or(|stop| stop > end));
+        let ring = self.ring;
+        self.voices
+            .retain(|v| v.onset.start + v.len as i64 + ring > end && v.stop.is_none_or(|stop| stop > end));
     }
 }
 
@@ -161,20 +238,20 @@ mod tests {
         CrumpleBank::new("", 48e3, cuts, vec![Recorded::default()], Extraction::default())
     }
 
-    fn play(voices: usize, blows: &[(usize, i64, f32)], n: usize, block: usize) -> (Vec<f32>, Player) {
-        let mut player = Player::new(&bank(), voices);
+    fn play(voices: usize, blows: &[(usize, i64, f32)], n: usize, block: usize) -> (Vec<f32>, Player<Mono>) {
+        let mut player = Player::new(&bank(), voices, [0; 2]);
         let mut out = vec![0.0; n];
         let mut at = 0;
-        let mut read = |player: &mut Player, to: usize| {
+        let mut read = |player: &mut Player<Mono>, to: usize| {
             while at < to {
                 let end = to.min(at + block);
-                player.read(at as i64, &mut out[at..end]);
+                player.read(at as i64, &mut out[at..end], |_, _| Mono);
                 at = end;
             }
         };
         for &(sample, frame, gain) in blows {
             read(&mut player, frame as usize);
-            player.begin(sample, frame, gain, frame);
+            player.begin(Onset { sample, start: frame, gain, ..Onset::default() }, frame, Mono);
         }
         read(&mut player, n);
         (out, player)
@@ -223,11 +300,12 @@ mod tests {
 
     #[test]
     fn what_waits_may_begin_later_and_what_is_no_sample_is_silent() {
-        let mut player = Player::new(&bank(), 4);
-        player.begin(1, 100, 1.0, 0);
-        player.begin(77, 0, 1.0, 0);
+        let mut player = Player::new(&bank(), 4, [0; 2]);
+        let onset = Onset { gain: 1.0, ..Onset::default() };
+        player.begin(Onset { sample: 1, start: 100, ..onset }, 0, Mono);
+        player.begin(Onset { sample: 77, ..onset }, 0, Mono);
         let mut out = vec![0.0; 200];
-        player.read(0, &mut out);
+        player.read(0, &mut out, |_, _| Mono);
         assert_eq!((out[99], out[100]), (0.0, 0.2));
     }
 }

@@ -1,6 +1,8 @@
 use super::*;
 use crate::core::item::Event;
+use crate::core::random::Random;
 use crate::core::solo::Solo;
+use crate::core::time::Tick;
 use crate::crumple::bank::{Cut, Origin, Recorded, trial_bank};
 use crate::crumple::extract::Extraction;
 
@@ -47,7 +49,9 @@ fn without_jitter_samples_begin_to_the_sample_inside_of_any_window() {
 
 #[test]
 fn jitter_is_whole_frames_of_the_motion() {
-    let at = |fps: u32, jitter| spread(&CrumplePlayerParams { jitter, ..defaults() }, Rate::hz(fps).tick(1));
+    let at = |fps: u32, jitter| {
+        timing(&CrumplePlayerParams { jitter, ..defaults() }).spread(Rate::hz(fps).tick(1))
+    };
     let third = |fps: u32, frames: i64| Rate::hz(fps).tick(1) * frames;
     for (fps, frames) in [(24, 1), (25, 1), (30, 1), (50, 2), (60, 2), (120, 4)] {
         assert_eq!(at(fps, Jitter::WholeFrames), third(fps, frames), "{fps}");

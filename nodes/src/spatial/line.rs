@@ -45,11 +45,18 @@ impl Line {
         let whole = delay as usize;
         let f = (delay - whole as f64) as f32;
         let [a, b, c, d] = [0, 1, 2, 3].map(|k| self.whole(whole - 1 + k));
-        // Products that the weights share.
-        let (p, m, n) = (f + 1.0, f - 1.0, f - 2.0);
-        let (mn, pf) = (m * n, p * f);
-        -f * mn / 6.0 * a + p * mn / 2.0 * b - pf * n / 2.0 * c + pf * m / 6.0 * d
+        let [wa, wb, wc, wd] = lagrange(f);
+        wa * a + wb * b + wc * c + wd * d
     }
+}
+
+/// Weights of four neighbours, newest first, for a delay that lies a part `f` of the way from the second to the third.
+#[inline]
+pub(crate) fn lagrange(f: f32) -> [f32; 4] {
+    // Products that the weights share.
+    let (p, m, n) = (f + 1.0, f - 1.0, f - 2.0);
+    let (mn, pf) = (m * n, p * f);
+    [-f * mn / 6.0, p * mn / 2.0, -(pf * n / 2.0), pf * m / 6.0]
 }
 
 #[cfg(test)]

@@ -1,7 +1,8 @@
 //! Where things are and how that sounds: poses, a head with two ears, distance.
 //!
 //! A [`Pose`] is a place and a direction; own axes are x to the front, y to the left and z up, as in AES69. [`head`] is the
-//! structural model of Brown and Duda, [`binaural`] plays it over audio, [`receiver`] puts it on spectra, and [`distance`] fades
+//! structural model of Brown and Duda, [`binaural`] plays it over audio, [`receiver`] puts it on spectra, [`still`] plays
+//! short sounds each from a place of its own, and [`distance`] fades
 //! with the way.
 
 pub mod binaural;
@@ -16,6 +17,7 @@ pub mod pose;
 pub mod pose_file;
 pub mod pose_file_node;
 pub mod receiver;
+pub mod still;
 pub(crate) mod track;
 pub mod vertex_pose;
 
@@ -26,3 +28,4 @@ pub use item::Poses;
 pub use pose::Pose;
 pub use pose_file::{PoseFileError, PoseTrack, read_poses};
 pub use receiver::HeadReceiver;
+pub use still::StillSource;

@@ -1,0 +1,100 @@
+use super::*;
+use crate::core::solo::Solo;
+use crate::core::time::{TICKS_PER_SECOND, ticks};
+use crate::crumple::Buckle;
+use crate::curvature::scenes::{Scene, grid};
+use crate::mesh::Materials;
+
+/// 6 by 2 vertices.
+fn strip() -> Scene {
+    grid(6, 2, false, |u, v| [u, v, 0.0])
+}
+
+fn snap(vertices: &[usize], delta: f64) -> Vec<Buckle> {
+    let mut labels = vec![Buckle::default(); 12];
+    for &v in vertices {
+        labels[v] = Buckle { label: delta.signum() as i8, delta, area: 0.5, ..Buckle::default() };
+    }
+    labels
+}
+
+fn solo(p: CrumpleEventsParams, materials: Materials, frames: &[Vec<Buckle>]) -> Solo {
+    let format = MeshFormat { materials: materials.into(), ..MeshFormat::moving(strip().topology()) };
+    Solo::new::<CrumpleEventsNode>(p).input(
+        CrumpleEventsPorts::buckles,
+        Rate::hz(120),
+        format,
+        frames.concat(),
+    )
+}
+
+fn params() -> CrumpleEventsParams {
+    CrumpleEventsParams { weight: Weight::Area, e_min: 0.0, merge_window: 0.0, material: None }
+}
+
+#[test]
+fn events_carry_the_time_of_their_frame_for_any_window_and_merging_joins_frames() {
+    let frames = [snap(&[], 0.0), snap(&[1], 1.0), snap(&[2], 3.0), snap(&[], 0.0), snap(&[4], -2.0)];
+    let run = |merge_window, window| {
+        let p = CrumpleEventsParams { merge_window, ..params() };
+        let run = solo(p, Materials::default(), &frames).window(ticks(window)).run().unwrap();
+        let found = run.events(CrumpleEventsPorts::events).into_iter();
+        found.map(|(tick, e)| (Rate::hz(120).first_at(tick), e.energy, e.material)).collect::<Vec<_>>()
+    };
+    for window in [0.001, 0.02, 1.0] {
+        assert_eq!(run(0.0, window), [(1, 0.25, 0), (2, 2.25, 0), (4, 1.0, 0)]);
+        assert_eq!(run(0.033, window), [(2, 4.0, 0), (4, 1.0, 0)]);
+    }
+}
+
+/// The two halves of the strip, of a material each: columns 0 to 2, and 3 to 5 but for the border.
+fn halves(left: &str, right: &str) -> Materials {
+    let scene = strip();
+    let mut materials = Materials::default();
+    for t in &scene.triangles {
+        let x: f64 = t.iter().map(|&v| scene.points[v as usize][0]).sum::<f64>() / 3.0;
+        materials.push(if x < 0.5 { left } else { right });
+    }
+    materials
+}
+
+#[test]
+fn one_snap_across_two_materials_is_two_events_and_swapped_names_swap_them() {
+    // Every vertex snaps to one side; those of the right half twice as far.
+    let mut frame = snap(&(0..12).collect::<Vec<_>>(), 1.0);
+    (0..12).filter(|v| v % 6 >= 3).for_each(|v| frame[v].delta = 2.0);
+    for merge_window in [0.0, 0.033] {
+        let events = |materials: Materials, name: Option<&str>| {
+            let material = name.map(Text::from);
+            let p = CrumpleEventsParams { material, merge_window, ..params() };
+            let run = solo(p, materials.clone(), std::slice::from_ref(&frame)).window(TICKS_PER_SECOND).run();
+            let found = run.unwrap().events(CrumpleEventsPorts::events).into_iter();
+            found
+                .map(|(_, e)| (e.id, materials.name(e.material).to_owned(), e.vertices, e.energy))
+                .collect::<Vec<_>>()
+        };
+        let event = |id, name: &str, vertices, energy| (id, name.to_owned(), vertices, energy);
+        let there = events(halves("cotton", "silk"), None);
+        assert_eq!(there, [event(0, "cotton", 6, 9.0), event(3, "silk", 6, 36.0)]);
+        assert_eq!(events(halves("cotton", "silk"), Some("cotton")), there[..1]);
+        assert_eq!(events(halves("cotton", "silk"), Some("silk")), there[1..]);
+        let swapped = events(halves("silk", "cotton"), None);
+        assert_eq!(swapped, [event(0, "silk", 6, 9.0), event(3, "cotton", 6, 36.0)]);
+        assert_eq!(events(halves("silk", "cotton"), Some("silk")), swapped[..1]);
+        // One material is one event.
+        assert_eq!(events(halves("silk", "silk"), Some("silk")), [event(0, "silk", 12, 81.0)]);
+    }
+}
+
+#[test]
+fn a_material_that_is_not_there_is_refused_with_those_that_are() {
+    let of = |materials| {
+        let p = CrumpleEventsParams { material: Some("woll".into()), ..params() };
+        solo(p, materials, &[snap(&[], 0.0)]).shape().unwrap_err()
+    };
+    let reject = of(halves("wool", ""));
+    assert!(reject.code == "F107" && reject.message.contains("`woll`"), "{reject}");
+    assert_eq!(reject.field.as_deref(), Some("material"));
+    assert_eq!(reject.help.as_deref(), Some("it is of wool, (unnamed)"));
+    assert!(of(Materials::default()).help.unwrap().contains("MeshSequence"));
+}
