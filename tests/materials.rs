@@ -12,7 +12,7 @@ type PairNodes = fn(&str) -> String;
 
 /// Friction noise of a pair, as a file.
 fn noise(id: &str) -> String {
-    format!("\"{id}_out\": WavOut(audio: \"{id}_sound\", path: \"{id}.wav\"),")
+    format!("\"{id}_out\": WavOut(audio: \"{id}_sound\", path: \"{id}.wav\", format: Float32),")
 }
 
 /// A sheet that slides over two floors, one after the other; what is heard of each pair.
@@ -117,7 +117,7 @@ fn chosen(id: &str, database: &str, tags: &str) -> String {
         \"{id}_features\": TemporalGaussian(features: \"{id}_mfcc.features\"),
         \"{id}_picks\": UnitSelector(features: \"{id}_features\", database: \"{database}\", d_max: 6.0{tags}),
         \"{id}_units\": UnitConcatenator(picks: \"{id}_picks\", database: \"{database}\", target: \"{id}_sound\"),
-        \"{id}_out\": WavOut(audio: \"{id}_units\", path: \"{id}.wav\"),"
+        \"{id}_out\": WavOut(audio: \"{id}_units\", path: \"{id}.wav\", format: Float32),"
     )
 }
 
