@@ -1,10 +1,11 @@
 //! Concatenative synthesis at the size of the cloth paper's takes: features, database, selection.
 //!
-//! Run with `cargo bench -p foley-nodes --bench unit`. The paper's own figures (eight cores of 2.9 GHz) stand beside each.
+//! Run with `cargo bench -p foley-nodes --bench unit`, or with `-- global` for global selection only. The paper's own figures (eight cores of 2.9 GHz) stand beside each.
 
 use foley_nodes::core::random::Draw;
 use foley_nodes::core::time::Rate;
 use foley_nodes::feature::{FeatureConventions, MelCepstrum, TemporalFilter};
+use foley_nodes::unit::global::{BeamParams, FixedLag, GlobalParams, Joins, Table, beam, difference, exact};
 use foley_nodes::unit::{Blend, Concatenator, SelectorParams, Take, Units, build, selector};
 use std::error::Error;
 use std::hint::black_box;
@@ -118,8 +119,65 @@ fn of_selection() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
+/// The best path, with and without rest of units, the beam, and what a decision after 50 ms loses.
+fn of_global_selection() -> Result<(), Box<dyn Error>> {
+    let (targets, units) = (144_000, 57_600);
+    let (target, database) = (features(5, targets), features(6, units));
+    let set = Units { features: &database, dims: 3, segments: vec![(0, units)], allowed: vec![true; units] };
+    let finite = |e| format!("{e:?}");
+    let table = Table::new(&set).ok_or("no unit")?;
+    let free = GlobalParams { switch_cost: 0.5, cap: f64::INFINITY, cool_off: 0 };
+    let best = {
+        let (before, start) = (peak(), Instant::now());
+        let path = exact(&table, &target, &free, None).map_err(finite)?;
+        println!(
+            "global selection      {:>8.2} s for 144,000 targets, 57,600 units, exact, {} threads: cost {:.0}, {:.0} MB more at the \
+             peak   (aim 120 s, 300 MB)",
+            start.elapsed().as_secs_f64(),
+            rayon::current_num_threads(),
+            path.cost,
+            peak() - before
+        );
+        path
+    };
+    let params = GlobalParams { cool_off: 20, ..free };
+    let start = Instant::now();
+    let path = exact(&table, &target, &params, None).map_err(finite)?;
+    println!(
+        "  with a rest of 20   {:>8.2} s: cost {:.0}, {} came back too early, {} rounds, {} replaced",
+        start.elapsed().as_secs_f64(),
+        path.cost,
+        path.repeats,
+        path.rounds,
+        path.replaced
+    );
+    let beam_params = BeamParams { path: params, candidates: 64, feature: 0.3, level: 0.0, crossing: 0.0 };
+    let (before, start) = (peak(), Instant::now());
+    let path = beam(&table, &Joins::default(), &target, &[], &beam_params).map_err(finite)?;
+    println!(
+        "  beam of 64          {:>8.2} s: cost {:.0}, {:.0} MB more",
+        start.elapsed().as_secs_f64(),
+        path.cost,
+        peak() - before
+    );
+    let mut online = FixedLag::new(table, free, 12);
+    let (part, start) = (14_400, Instant::now());
+    let chosen: Result<Vec<u32>, _> =
+        (0..part).map(|i| Ok(online.choose(&target[3 * i..3 * (i + 13)])?.unit)).collect();
+    println!(
+        "  after 50 ms         {:>8.1} us per unit, one thread; {:.2} % of a minute differ from the best path",
+        start.elapsed().as_secs_f64() / part as f64 * 1e6,
+        100.0 * difference(&chosen.map_err(finite)?, best.units.get(..part).unwrap_or_default())
+    );
+    Ok(())
+}
+
 fn main() -> Result<(), Box<dyn Error>> {
+    if std::env::args().any(|arg| arg == "global") {
+        return of_global_selection();
+    }
     of_units();
+    of_global_selection()?;
     of_selection()?;
     of_database()
 }

@@ -36,6 +36,8 @@ use crate::spatial::pose_file_node::PoseFile;
 use crate::spatial::vertex_pose::VertexPose;
 use crate::unit::concatenator_node::UnitConcatenator;
 use crate::unit::database_node::{UnitDatabaseFile, UnitDatabaseNode};
+use crate::unit::global_node::GlobalUnitSelector;
+use crate::unit::online_node::OnlineUnitSelector;
 use crate::unit::report::SelectionReportNode;
 use crate::unit::selector_node::UnitSelector;
 use crate::warp::diagnostics_node::CorrespondenceDiagnostics;
@@ -102,6 +104,8 @@ pub fn all() -> Vec<NodeType> {
         NodeType::func::<UnitDatabaseNode>("unit"),
         NodeType::func::<UnitDatabaseFile>("unit"),
         NodeType::of::<UnitSelector>("unit"),
+        NodeType::of::<GlobalUnitSelector>("unit"),
+        NodeType::of::<OnlineUnitSelector>("unit"),
         NodeType::of::<UnitConcatenator>("unit"),
         NodeType::of::<SelectionReportNode>("unit"),
         NodeType::of::<ImpactFile>("modal"),

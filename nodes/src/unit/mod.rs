@@ -1,15 +1,18 @@
 //! Concatenative synthesis: a sound is put together from short units of recordings that sound most like it.
 //!
 //! A [`UnitDatabase`] holds the units and their features ([`mod@builder`]), a [`Selector`] chooses among them for each unit
-//! of a target, and a [`Concatenator`] joins what was chosen.
+//! of a target, or [`mod@global`] for all of them together, and a [`Concatenator`] joins what was chosen.
 
 pub mod builder;
 pub mod concatenator;
 pub mod concatenator_node;
 pub mod database;
 pub mod database_node;
+pub mod global;
+pub mod global_node;
 pub mod item;
 pub mod kdtree;
+pub mod online_node;
 pub mod report;
 pub mod selector;
 pub mod selector_node;

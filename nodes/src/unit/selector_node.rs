@@ -12,7 +12,7 @@ use crate::core::params::{Params, Text};
 use crate::core::ports::{In, Stream, Value};
 use crate::core::random::Draw;
 use crate::core::shape::{Build, Shape};
-use crate::feature::Features;
+use crate::feature::{FeatureFormat, Features};
 use crate::{params, ports};
 
 params! {
@@ -76,8 +76,9 @@ struct Channel {
     counts: Counts,
 }
 
+/// What is told of the picks of a channel.
 #[derive(Clone, Copy, Debug, Default)]
-struct Counts {
+pub(super) struct Counts {
     picks: u64,
     fallbacks: u64,
     runs: u64,
@@ -86,12 +87,25 @@ struct Counts {
 }
 
 impl Counts {
-    fn note(&mut self, pick: &Pick) {
+    pub fn note(&mut self, pick: &Pick) {
         self.picks += 1;
         self.fallbacks += u64::from(pick.fallback);
         self.runs += u64::from(self.last.is_some_and(|last| last + 1 == pick.unit));
         self.sum_d1 += f64::from(pick.d1);
         self.last = Some(pick.unit);
+    }
+
+    /// The counters of all channels, for the report.
+    pub fn summary(channels: impl Iterator<Item = Self> + Clone) -> Summary {
+        let sum = |get: fn(&Self) -> f64| channels.clone().map(|c| get(&c)).sum::<f64>();
+        let picks = sum(|c| c.picks as f64);
+        let share = |x: f64| if picks > 0.0 { x / picks } else { 0.0 };
+        vec![
+            ("picks", (picks as u64).into()),
+            ("fallback_share", share(sum(|c| c.fallbacks as f64)).into()),
+            ("run_share", share(sum(|c| c.runs as f64)).into()),
+            ("mean_d1", share(sum(|c| c.sum_d1)).into()),
+        ]
     }
 }
 
@@ -111,11 +125,7 @@ impl Channel {
                 let from = item * features.width() + vector * node.dims;
                 self.window.extend_from_slice(around.get(from..from + node.dims).unwrap_or_default());
             }
-            let chosen = self.selector.choose(&self.window).map_err(|_| {
-                Fault::new("F102", format!("a feature near unit {at} of the target is not a finite number"))
-                    .at("features")
-                    .when(features.rate().tick(at))
-            })?;
+            let chosen = self.selector.choose(&self.window).map_err(|_| not_finite(features, at))?;
             let pick = Pick {
                 unit: chosen.unit as i32,
                 fallback: chosen.fallback,
@@ -148,7 +158,8 @@ fn allowed(db: &UnitDatabase, tags: &[Text]) -> Vec<bool> {
     out
 }
 
-fn check_tags(db: &UnitDatabase, tags: &[Text]) -> Result<Vec<bool>, Reject> {
+/// Units that the tags allow, or what tags there are.
+pub(super) fn check_tags(db: &UnitDatabase, tags: &[Text]) -> Result<Vec<bool>, Reject> {
     let allowed = allowed(db, tags);
     if allowed.contains(&true) {
         return Ok(allowed);
@@ -161,6 +172,47 @@ fn check_tags(db: &UnitDatabase, tags: &[Text]) -> Result<Vec<bool>, Reject> {
     Err(Reject::new("F101", message).at("tags").help(format!("it has {known:?}")))
 }
 
+/// Refuses features that cannot be compared with a database.
+pub(super) fn comparable(
+    format: &FeatureFormat,
+    db: Option<Arc<UnitDatabase>>,
+    tags: &[Text],
+) -> Result<(), Reject> {
+    if format.dims() > MOST_DIMS {
+        let message =
+            format!("feature vectors of {} numbers; at most {MOST_DIMS} are searched", format.dims());
+        return Err(Reject::new("F051", message).at("features"));
+    }
+    if let Some(db) = db {
+        format.conventions.check("features", &db.conventions, "database")?;
+        check_tags(&db, tags)?;
+    }
+    Ok(())
+}
+
+/// The units of a valid database that was made as the features were.
+pub(super) fn units<'a>(
+    format: &FeatureFormat,
+    db: &'a UnitDatabase,
+    tags: &[Text],
+) -> Result<Units<'a>, Fault> {
+    format.conventions.check("features", &db.conventions, "database")?;
+    db.validate().map_err(|e| Fault::new("F101", e.to_string()).at("database"))?;
+    Ok(Units {
+        features: &db.features,
+        dims: db.dims(),
+        segments: db.segments.iter().map(|s| (s.start as usize, s.units as usize)).collect(),
+        allowed: check_tags(db, tags)?,
+    })
+}
+
+/// The fault of a target with a number that is not finite.
+pub(super) fn not_finite(features: &In<'_, Features>, at: i64) -> Fault {
+    Fault::new("F102", format!("a feature near unit {at} of the target is not a finite number"))
+        .at("features")
+        .when(features.rate().tick(at))
+}
+
 impl Node for UnitSelector {
     type Params = UnitSelectorParams;
     type Ports = UnitSelectorPorts;
@@ -171,15 +223,7 @@ impl Node for UnitSelector {
     fn shape(p: &UnitSelectorParams, s: &mut Shape<'_, '_, UnitSelectorPorts>) -> Result<(), Reject> {
         let features = s.input(UnitSelectorPorts::features);
         let format = &features.format;
-        if format.dims() > MOST_DIMS {
-            let message =
-                format!("feature vectors of {} numbers; at most {MOST_DIMS} are searched", format.dims());
-            return Err(Reject::new("F051", message).at("features"));
-        }
-        if let Some(db) = s.value(UnitSelectorPorts::database) {
-            format.conventions.check("features", &db.conventions, "database")?;
-            check_tags(&db, &p.tags)?;
-        }
+        comparable(format, s.value(UnitSelectorPorts::database), &p.tags)?;
         if format.vectors > 1 {
             s.note("each channel chooses alone: a sound in the middle may wander; Mfcc(channels: SharedMid) or Joint keep it");
         }
@@ -193,14 +237,7 @@ impl Node for UnitSelector {
     fn build(p: &UnitSelectorParams, cx: &Build<'_>) -> Result<Self, Fault> {
         let features = cx.input(UnitSelectorPorts::features);
         let db = cx.value(UnitSelectorPorts::database);
-        features.format.conventions.check("features", &db.conventions, "database")?;
-        db.validate().map_err(|e| Fault::new("F101", e.to_string()).at("database"))?;
-        let units = Units {
-            features: &db.features,
-            dims: db.dims(),
-            segments: db.segments.iter().map(|s| (s.start as usize, s.units as usize)).collect(),
-            allowed: check_tags(&db, &p.tags)?,
-        };
+        let units = units(&features.format, &db, &p.tags)?;
         let params = SelectorParams {
             look: p.look,
             d_max: p.d_max,
@@ -240,15 +277,7 @@ impl Node for UnitSelector {
     }
 
     fn finish(&mut self, _: UnitSelectorIo<'_>) -> Result<Summary, Fault> {
-        let sum = |get: fn(&Counts) -> f64| self.channels.iter().map(|c| get(&c.counts)).sum::<f64>();
-        let picks = sum(|c| c.picks as f64);
-        let share = |x: f64| if picks > 0.0 { x / picks } else { 0.0 };
-        Ok(vec![
-            ("picks", (picks as u64).into()),
-            ("fallback_share", share(sum(|c| c.fallbacks as f64)).into()),
-            ("run_share", share(sum(|c| c.runs as f64)).into()),
-            ("mean_d1", share(sum(|c| c.sum_d1)).into()),
-        ])
+        Ok(Counts::summary(self.channels.iter().map(|channel| channel.counts)))
     }
 
     fn trial(draw: &mut Draw) -> (UnitSelectorParams, MemoryFiles) {

@@ -1,0 +1,336 @@
+//! Global unit selection as a node.
+
+use std::sync::Arc;
+
+use super::UnitDatabase;
+use super::global::{
+    BeamParams, FixedLag, GlobalParams, Joins, MOST_SWITCH_COST, Path, Table, beam, difference, exact,
+};
+use super::item::{Pick, PickFormat, Picks};
+use super::selector::{self, NotFinite, SelectorParams, Units};
+use super::selector_node::{Counts, comparable, not_finite, units};
+use crate::core::fault::{Fault, Reject};
+use crate::core::files::MemoryFiles;
+use crate::core::node::{Class, Node, Summary};
+use crate::core::params::{Params, Text};
+use crate::core::ports::{In, Stream, Value};
+use crate::core::random::Draw;
+use crate::core::shape::{Build, Shape};
+use crate::feature::Features;
+use crate::{choices, params, ports};
+
+choices! {
+    /// How the path through the units is found.
+    pub enum Method {
+        /// The best path of all, where every jump costs the same.
+        Exact,
+        /// The best among the likeliest, where a join also costs what is heard of it.
+        Beam,
+        /// What `OnlineUnitSelector` would choose while the target comes; the summary tells how often that is not the best path.
+        FixedLag,
+    }
+}
+
+params! {
+    /// Chooses the units of a database that together sound most like a whole target and go on most like it.
+    ///
+    /// A path costs the distance of each unit from the target, and `switch_cost` for each unit that does not follow the one
+    /// before it in its recording. Where `UnitSelector` looks a few units ahead, this finds the cheapest path through the whole take,
+    /// so it reads all features first, the take has to end, and it does not run live. Distances beyond `d_max` are marked as
+    /// fallbacks. The rest of units (`cool_off`) is no part of the search: what comes back too early is made dearer and searched
+    /// again in at most 20 rounds, then replaced. The summary tells what the path costs, and what it would cost without rest.
+    /// Every channel chooses alone.
+    ///
+    /// # Source
+    /// Viterbi (1967); Grice, Hughey and Speck, "Reduced space sequence alignment" (1997) for the memory; Hunt and Black, "Unit
+    /// selection in a concatenative speech synthesis system using a large speech database" (1996) for `Beam`. In place of
+    /// algorithm 1 of An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012).
+    pub struct GlobalUnitSelectorParams {
+        /// How the path is found.
+        method: Method = Method::Exact;
+        /// Price of a jump, in distances of features.
+        switch_cost: f64 = 0.5, unit "", range 0.0..=1000.0;
+        /// Greatest distance of features that sound alike.
+        d_max: f64 = 2.0, unit "", range 0.0..=1_000_000.0;
+        /// A unit beyond `d_max` costs no more than `d_max` and this; 0 sets no limit.
+        penalty: f64 = 0.0, unit "", range 0.0..=1_000_000.0;
+        /// Targets for which a chosen unit is not chosen again; 0 allows it.
+        cool_off: usize = 20, unit "units", range 0..=1_000_000_usize;
+        /// Choose only from recordings with one of these tags; empty for all.
+        tags: Vec<Text> = Vec::new();
+        /// Nearest units that `Beam` tries for each target.
+        candidates: usize = 64, unit "units", range 1..=1024_usize;
+        /// What `Beam` asks for a feature distance of 1 between what would have come after a join and what comes.
+        feature_cost: f64 = 0.3, unit "", range 0.0..=1000.0;
+        /// What `Beam` asks for a step of level by a factor of e at a join.
+        level_cost: f64 = 0.2, unit "", range 0.0..=1000.0;
+        /// What `Beam` asks for a join without a zero crossing near it.
+        crossing_cost: f64 = 0.2, unit "", range 0.0..=1000.0;
+        /// How long after a unit `FixedLag` chooses it.
+        lag: f64 = 0.05, unit "s", range 0.0..=10.0;
+    }
+}
+
+ports! {
+    pub struct GlobalUnitSelectorPorts / GlobalUnitSelectorIo {
+        in {
+            /// Features of the target, made as those of the database.
+            features: Stream<Features>,
+            /// Units to choose from.
+            database: Value<UnitDatabase>,
+        }
+        out {
+            /// The chosen units.
+            picks: Stream<Picks>,
+        }
+    }
+}
+
+/// Units after the present one that the choice compares from which [`Method::Beam`] starts.
+const GREEDY_LOOK: usize = 5;
+
+/// Distances that costs are limited to.
+pub(super) fn cap(d_max: f64, penalty: f64) -> f64 {
+    if penalty > 0.0 { d_max + penalty } else { f64::INFINITY }
+}
+
+/// The node over [`exact()`], [`beam()`] and [`FixedLag`].
+pub struct GlobalUnitSelector {
+    params: GlobalUnitSelectorParams,
+    path: GlobalParams,
+    db: Arc<UnitDatabase>,
+    table: Table,
+    vectors: usize,
+    /// Units that `FixedLag` looks ahead.
+    lag: usize,
+    length: i64,
+    /// The first unit of the target that it has seen, once it has.
+    first: Option<i64>,
+    /// The choices for the whole take, channel after channel for each unit.
+    picks: Vec<Pick>,
+    counts: Vec<Counts>,
+    totals: Totals,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Totals {
+    cost: f64,
+    free_cost: f64,
+    repeats: usize,
+    rounds: usize,
+    replaced: usize,
+    differs: f64,
+}
+
+/// What joins between units are judged by: their levels, and where the sound crosses zero.
+fn joins(db: &UnitDatabase, table: &Table) -> Joins {
+    let (unit, near) = (db.unit(), db.unit() / 2);
+    let crosses = |from: usize, to: usize| {
+        (0..db.channels()).all(|channel| {
+            let x = db.channel(channel).get(from..to).unwrap_or_default();
+            x.windows(2).any(|pair| (pair[0] < 0.0) != (pair[1] < 0.0))
+        })
+    };
+    let mut joins = Joins::default();
+    for j in (0..table.count()).map(|column| table.unit(column) as usize) {
+        let segment = db.segment_of(j).and_then(|k| db.segments.get(k)).map_or(0..0, |s| s.range());
+        let (start, end) = (j * unit, (j + 1) * unit);
+        let samples = (0..db.channels()).flat_map(|c| db.channel(c).get(start..end).unwrap_or_default());
+        let energy: f64 = samples.map(|&x| f64::from(x).powi(2)).sum();
+        let level = (energy / (unit * db.channels()) as f64).max(1e-10).ln() / 2.0;
+        joins.levels.push(level as f32);
+        joins.leaves.push(crosses(end.saturating_sub(1), (end + near).min(segment.end * unit)));
+        joins.enters.push(crosses(start.saturating_sub(near).max(segment.start * unit), start + 1));
+    }
+    joins
+}
+
+impl GlobalUnitSelector {
+    /// Reads the whole take and chooses for all of it.
+    fn solve(&mut self, features: &In<'_, Features>) -> Result<(), Fault> {
+        let first = features.first();
+        let items = usize::try_from(self.length - first).unwrap_or(0);
+        let (width, dims) = (features.width(), self.table.dims());
+        let take = features.around().get(features.past() * width..).unwrap_or_default();
+        self.picks = vec![Pick::default(); items * self.vectors];
+        for vector in 0..self.vectors {
+            let own = take.chunks_exact(width).take(items).filter_map(|item| item.get(vector * dims..));
+            let target: Vec<f32> = own.flat_map(|item| item.iter().take(dims).copied()).collect();
+            let path = self.path(&target);
+            let path = path.map_err(|NotFinite(k)| not_finite(features, first + k as i64))?;
+            self.totals.cost += path.cost;
+            self.totals.free_cost += path.free_cost;
+            self.totals.repeats += path.repeats;
+            self.totals.rounds += path.rounds;
+            self.totals.replaced += path.replaced;
+            self.write(vector, &target, &path.units);
+        }
+        self.first = Some(first);
+        Ok(())
+    }
+
+    fn write(&mut self, vector: usize, target: &[f32], units: &[u32]) {
+        let picks = self.picks.iter_mut().skip(vector).step_by(self.vectors);
+        for ((out, features), &unit) in picks.zip(target.chunks_exact(self.table.dims())).zip(units) {
+            let column = self.table.column(unit).unwrap_or(0);
+            *out = pick(self.table.distance(features, column), unit, self.params.d_max);
+            if let Some(counts) = self.counts.get_mut(vector) {
+                counts.note(out);
+            }
+        }
+    }
+
+    fn path(&mut self, target: &[f32]) -> Result<Path, NotFinite> {
+        match self.params.method {
+            Method::Exact => exact(&self.table, target, &self.path, None),
+            Method::Beam => self.beam(target),
+            Method::FixedLag => self.rehearse(target),
+        }
+    }
+
+    fn beam(&self, target: &[f32]) -> Result<Path, NotFinite> {
+        let p = &self.params;
+        let params = BeamParams {
+            path: self.path,
+            candidates: p.candidates,
+            feature: p.feature_cost,
+            level: p.level_cost,
+            crossing: p.crossing_cost,
+        };
+        let greedy = SelectorParams {
+            look: GREEDY_LOOK,
+            d_max: p.d_max,
+            cool_off: p.cool_off,
+            loop_guard: 0,
+            causal: false,
+        };
+        let dims = self.table.dims();
+        let mut choices = Vec::new();
+        // Only what the tags allow is in the table.
+        let allowed = (0..self.db.len()).map(|unit| self.table.column(unit as u32).is_some()).collect();
+        let set = Units {
+            features: &self.db.features,
+            dims,
+            segments: self.db.segments.iter().map(|s| (s.start as usize, s.units as usize)).collect(),
+            allowed,
+        };
+        if let Some(mut selector) = selector::selector(&set, greedy) {
+            for from in (0..target.len()).step_by(dims) {
+                let to = (from + (GREEDY_LOOK + 1) * dims).min(target.len());
+                let chosen = selector.choose(target.get(from..to).unwrap_or_default())?;
+                choices.push(chosen.unit);
+            }
+        }
+        beam(&self.table, &joins(&self.db, &self.table), target, &choices, &params)
+    }
+
+    /// Chooses as if the target were still coming.
+    fn rehearse(&mut self, target: &[f32]) -> Result<Path, NotFinite> {
+        let best = exact(&self.table, target, &self.path, None)?;
+        let dims = self.table.dims();
+        let mut online = FixedLag::new(self.table.clone(), self.path, self.lag);
+        let mut columns = Vec::new();
+        for from in (0..target.len()).step_by(dims) {
+            let to = (from + (self.lag + 1) * dims).min(target.len());
+            let unit = online.choose(target.get(from..to).unwrap_or_default())?.unit;
+            columns.push(self.table.column(unit).unwrap_or(0));
+        }
+        let units: Vec<u32> = columns.iter().map(|&column| self.table.unit(column)).collect();
+        self.totals.differs += difference(&units, &best.units) / self.vectors as f64;
+        let cost = self.table.cost(target, &columns, &self.path);
+        Ok(Path { units, cost, free_cost: best.free_cost, replaced: online.replaced(), ..Path::default() })
+    }
+}
+
+/// A choice as it travels.
+pub(super) fn pick(d1: f64, unit: u32, d_max: f64) -> Pick {
+    let fallback = d1 > d_max;
+    Pick { unit: unit as i32, fallback, d1: d1 as f32, d2: if fallback { 0.0 } else { d1 as f32 } }
+}
+
+impl Node for GlobalUnitSelector {
+    type Params = GlobalUnitSelectorParams;
+    type Ports = GlobalUnitSelectorPorts;
+    const NAME: &'static str = "GlobalUnitSelector";
+    const CLASS: Class = Class::Offline;
+    const COST: f64 = 100_000.0;
+
+    fn shape(
+        p: &GlobalUnitSelectorParams,
+        s: &mut Shape<'_, '_, GlobalUnitSelectorPorts>,
+    ) -> Result<(), Reject> {
+        let features = s.input(GlobalUnitSelectorPorts::features);
+        comparable(&features.format, s.value(GlobalUnitSelectorPorts::database), &p.tags)?;
+        let Some(items) = features.items() else {
+            let message = "the best path needs the whole take, and `features` does not end";
+            return Err(Reject::new("F075", message)
+                .at("features")
+                .help("use OnlineUnitSelector, which decides a little after the target, or UnitSelector"));
+        };
+        s.reach(GlobalUnitSelectorPorts::features, 0, items.max(0) as usize);
+        let vectors = features.format.vectors;
+        let format = PickFormat { channels: vectors, conventions: Arc::clone(&features.format.conventions) };
+        s.output(GlobalUnitSelectorPorts::picks, features.rate, format);
+        Ok(())
+    }
+
+    fn build(p: &GlobalUnitSelectorParams, cx: &Build<'_>) -> Result<Self, Fault> {
+        let features = cx.input(GlobalUnitSelectorPorts::features);
+        let db = cx.value(GlobalUnitSelectorPorts::database);
+        let none = || Fault::new("F101", "there is no unit to choose from").at("database");
+        let table = Table::new(&units(&features.format, &db, &p.tags)?).ok_or_else(none)?;
+        let switch_cost = p.switch_cost.min(MOST_SWITCH_COST);
+        Ok(Self {
+            path: GlobalParams { switch_cost, cap: cap(p.d_max, p.penalty), cool_off: p.cool_off },
+            db,
+            table,
+            vectors: features.format.vectors,
+            lag: (p.lag * features.rate.as_f64()).round() as usize,
+            length: features.items().unwrap_or(0),
+            first: None,
+            picks: Vec::new(),
+            counts: vec![Counts::default(); features.format.vectors],
+            totals: Totals::default(),
+            params: p.clone(),
+        })
+    }
+
+    fn run(&mut self, mut io: GlobalUnitSelectorIo<'_>) -> Result<(), Fault> {
+        if self.first.is_none() {
+            self.solve(&io.features)?;
+        }
+        let skipped = usize::try_from(io.features.first() - self.first.unwrap_or(0)).unwrap_or(0);
+        let picks = self.picks.get(skipped * self.vectors..).unwrap_or_default();
+        io.picks.items().iter_mut().zip(picks).for_each(|(out, pick)| *out = *pick);
+        Ok(())
+    }
+
+    fn finish(&mut self, _: GlobalUnitSelectorIo<'_>) -> Result<Summary, Fault> {
+        let mut summary = Counts::summary(self.counts.iter().copied());
+        summary.extend([
+            ("cost", self.totals.cost.into()),
+            ("free_cost", self.totals.free_cost.into()),
+            ("repeats", self.totals.repeats.into()),
+            ("rounds", self.totals.rounds.into()),
+            ("replaced", self.totals.replaced.into()),
+        ]);
+        if self.params.method == Method::FixedLag {
+            summary.push(("differs", self.totals.differs.into()));
+        }
+        Ok(summary)
+    }
+
+    fn trial(draw: &mut Draw) -> (GlobalUnitSelectorParams, MemoryFiles) {
+        let p = GlobalUnitSelectorParams::trial(draw);
+        let params = GlobalUnitSelectorParams {
+            switch_cost: draw.between(0.0, 2.0),
+            d_max: draw.between(0.0, 9.0),
+            cool_off: p.cool_off % 40,
+            candidates: 1 + p.candidates % 30,
+            lag: p.lag % 0.2,
+            tags: Vec::new(),
+            ..p
+        };
+        (params, MemoryFiles::default())
+    }
+}

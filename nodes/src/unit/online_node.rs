@@ -1,0 +1,157 @@
+//! Unit selection by the best path to the latest known unit, as a node.
+
+use std::sync::Arc;
+
+use super::UnitDatabase;
+use super::global::{FixedLag, GlobalParams, Table};
+use super::global_node::{cap, pick};
+use super::item::{PickFormat, Picks};
+use super::selector_node::{Counts, comparable, not_finite, units};
+use crate::core::fault::{Fault, Reject};
+use crate::core::files::MemoryFiles;
+use crate::core::node::{Class, Node, Summary};
+use crate::core::params::{Params, Text};
+use crate::core::ports::{Stream, Value};
+use crate::core::random::Draw;
+use crate::core::shape::{Build, Shape};
+use crate::core::time::Rate;
+use crate::feature::Features;
+use crate::{params, ports};
+
+params! {
+    /// Chooses units as `GlobalUnitSelector` does, but a little after the target in place of after all of it: for live use.
+    ///
+    /// Each unit is chosen as the best path to the latest known unit has it. What is chosen is not taken back, so that the path is
+    /// not quite the best: `GlobalUnitSelector(method: FixedLag)` tells how often it differs over a take. Units that rest are
+    /// replaced. One step costs the same for every unit of the target, in proportion to the size of the database.
+    ///
+    /// # Source
+    /// Forney, "The Viterbi algorithm" (1973), section III.
+    pub struct OnlineUnitSelectorParams {
+        /// How long after a unit it is chosen.
+        lag: f64 = 0.05, unit "s", range 0.0..=10.0;
+        /// Price of a jump, in distances of features.
+        switch_cost: f64 = 0.5, unit "", range 0.0..=1000.0;
+        /// Greatest distance of features that sound alike.
+        d_max: f64 = 2.0, unit "", range 0.0..=1_000_000.0;
+        /// A unit beyond `d_max` costs no more than `d_max` and this; 0 sets no limit.
+        penalty: f64 = 0.0, unit "", range 0.0..=1_000_000.0;
+        /// Targets for which a chosen unit is not chosen again; 0 allows it.
+        cool_off: usize = 20, unit "units", range 0..=1_000_000_usize;
+        /// Choose only from recordings with one of these tags; empty for all.
+        tags: Vec<Text> = Vec::new();
+    }
+}
+
+ports! {
+    pub struct OnlineUnitSelectorPorts / OnlineUnitSelectorIo {
+        in {
+            /// Features of the target, made as those of the database.
+            features: Stream<Features>,
+            /// Units to choose from.
+            database: Value<UnitDatabase>,
+        }
+        out {
+            /// The chosen units.
+            picks: Stream<Picks>,
+        }
+    }
+}
+
+/// The node over [`FixedLag`].
+pub struct OnlineUnitSelector {
+    channels: Vec<(FixedLag, Counts)>,
+    window: Vec<f32>,
+    lag: usize,
+    dims: usize,
+    d_max: f64,
+    /// Units of the target, where it ends.
+    length: Option<i64>,
+}
+
+fn lag(p: &OnlineUnitSelectorParams, rate: Rate) -> usize {
+    (p.lag * rate.as_f64()).round() as usize
+}
+
+impl Node for OnlineUnitSelector {
+    type Params = OnlineUnitSelectorParams;
+    type Ports = OnlineUnitSelectorPorts;
+    const NAME: &'static str = "OnlineUnitSelector";
+    const CLASS: Class = Class::Worker;
+    const COST: f64 = 50_000.0;
+
+    fn shape(
+        p: &OnlineUnitSelectorParams,
+        s: &mut Shape<'_, '_, OnlineUnitSelectorPorts>,
+    ) -> Result<(), Reject> {
+        let features = s.input(OnlineUnitSelectorPorts::features);
+        comparable(&features.format, s.value(OnlineUnitSelectorPorts::database), &p.tags)?;
+        s.reach(OnlineUnitSelectorPorts::features, 0, lag(p, features.rate));
+        let vectors = features.format.vectors;
+        let format = PickFormat { channels: vectors, conventions: Arc::clone(&features.format.conventions) };
+        s.output(OnlineUnitSelectorPorts::picks, features.rate, format);
+        Ok(())
+    }
+
+    fn build(p: &OnlineUnitSelectorParams, cx: &Build<'_>) -> Result<Self, Fault> {
+        let features = cx.input(OnlineUnitSelectorPorts::features);
+        let db = cx.value(OnlineUnitSelectorPorts::database);
+        let none = || Fault::new("F101", "there is no unit to choose from").at("database");
+        let table = Table::new(&units(&features.format, &db, &p.tags)?).ok_or_else(none)?;
+        let path =
+            GlobalParams { switch_cost: p.switch_cost, cap: cap(p.d_max, p.penalty), cool_off: p.cool_off };
+        let (lag, dims) = (lag(p, features.rate), db.dims());
+        let channel = |_| (FixedLag::new(table.clone(), path, lag), Counts::default());
+        Ok(Self {
+            channels: (0..features.format.vectors).map(channel).collect(),
+            window: Vec::with_capacity((lag + 1) * dims),
+            lag,
+            dims,
+            d_max: p.d_max,
+            length: features.items(),
+        })
+    }
+
+    fn run(&mut self, mut io: OnlineUnitSelectorIo<'_>) -> Result<(), Fault> {
+        let features = &io.features;
+        let around = features.around();
+        let vectors = self.channels.len().max(1);
+        for (k, out) in io.picks.items().chunks_exact_mut(vectors).enumerate() {
+            let at = features.first() + k as i64;
+            let left = self.length.map_or(i64::MAX, |n| n - 1 - at);
+            let known = self.lag.min(usize::try_from(left).unwrap_or(0));
+            let here = features.past() + k;
+            for (vector, ((channel, counts), out)) in self.channels.iter_mut().zip(out).enumerate() {
+                self.window.clear();
+                for item in here..=here + known {
+                    let from = item * features.width() + vector * self.dims;
+                    self.window.extend_from_slice(around.get(from..from + self.dims).unwrap_or_default());
+                }
+                let chosen = channel.choose(&self.window).map_err(|_| not_finite(features, at))?;
+                *out = pick(chosen.d1, chosen.unit, self.d_max);
+                counts.note(out);
+            }
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self, _: OnlineUnitSelectorIo<'_>) -> Result<Summary, Fault> {
+        let mut summary = Counts::summary(self.channels.iter().map(|(_, counts)| *counts));
+        let replaced: usize = self.channels.iter().map(|(channel, _)| channel.replaced()).sum();
+        summary.push(("replaced", replaced.into()));
+        Ok(summary)
+    }
+
+    fn trial(draw: &mut Draw) -> (OnlineUnitSelectorParams, MemoryFiles) {
+        let p = OnlineUnitSelectorParams::trial(draw);
+        let params = OnlineUnitSelectorParams {
+            lag: draw.between(0.0, 0.1),
+            switch_cost: draw.between(0.0, 2.0),
+            d_max: draw.between(0.0, 9.0),
+            cool_off: p.cool_off % 40,
+            tags: Vec::new(),
+            ..p
+        };
+        (params, MemoryFiles::default())
+    }
+}
