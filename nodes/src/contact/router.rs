@@ -64,7 +64,7 @@ impl Each for MaterialRouter {
     type Out = Contacts;
     const NAME: &'static str = "MaterialRouter";
     const INPUT: (&'static str, &'static str) = ("contacts", "Contacts of a cloth with anything.");
-    const OUTPUT: (&'static str, &'static str) = ("between", "Those between the two materials.");
+    const OUTPUT: (&'static str, &'static str) = ("routed", "Those between the two materials.");
 
     fn format(p: &MaterialRouterParams, format: &ContactsFormat) -> Result<ContactsFormat, Reject> {
         impossible(format, &p.between).map_or_else(|| Ok(format.clone()), Err)
