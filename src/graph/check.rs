@@ -582,10 +582,13 @@ fn unused(raw: &[RawNode], halves: &[Option<Half>], links: &[Vec<Vec<Link>>], fo
             stack.extend(links[n].iter().flatten().map(|l| l.node));
         }
     }
+    // What only folds a take is a report: it is there for taps.
+    let folds = |ty: &NodeType| ty.outputs.iter().all(|o| matches!(o.kind, PortKind::Fold(_)));
+    let tells = |n: usize| halves[n].as_ref().is_some_and(|h| folds(h.ty));
     let mut feeds = vec![false; raw.len()];
     links.iter().flatten().flatten().for_each(|l| feeds[l.node] = true);
     for (n, node) in raw.iter().enumerate() {
-        if !used[n] && !feeds[n] && node.place.file == 0 {
+        if !used[n] && !feeds[n] && node.place.file == 0 && !tells(n) {
             let warning =
                 Diagnostic::warning("F026", format!("nothing uses `{}`", node.id), node.place.clone());
             found.push(warning.node(&node.id).help("link it to a node that writes a file, or remove it"));
