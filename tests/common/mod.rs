@@ -22,7 +22,7 @@ pub fn all_graphs() -> Vec<PathBuf> {
     while let Some(folder) = folders.pop() {
         for entry in std::fs::read_dir(folder).unwrap() {
             let path = entry.unwrap().path();
-            if path.is_dir() {
+            if path.is_dir() && !path.ends_with("assets") {
                 folders.push(path);
             } else if path.extension().is_some_and(|e| e == "ron") {
                 found.push(path);

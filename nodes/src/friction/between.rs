@@ -86,7 +86,7 @@ impl Func for InterpolatedSpectra {
         mut io: InterpolatedSpectraIo<'_>,
     ) -> Result<Summary, Fault> {
         let between =
-            at_speeds(&io.model, &p.speeds, p.gain).map_err(|e| Fault::new("F076", e.to_string()))?;
+            at_speeds(io.model, &p.speeds, p.gain).map_err(|e| Fault::new("F076", e.to_string()))?;
         let summary = told(&between);
         io.between.set(between);
         Ok(summary)

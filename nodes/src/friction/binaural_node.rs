@@ -112,9 +112,15 @@ fn positions_at(mesh: &In<'_, Mesh>, tick: Tick, out: &mut [[f32; 3]]) {
     }
 }
 
-/// Frames of another stream within one period of the speeds, and one more to interpolate.
+/// Frames of another stream within one period of the speeds.
 fn frames_of(speeds: Rate, other: Rate) -> usize {
-    other.first_at(speeds.span(1)) as usize + 1
+    other.first_at(speeds.span(1)) as usize
+}
+
+/// Whether every speed comes at the time of a frame of another stream, so that nothing lies between frames.
+fn on_frames(speeds: Rate, other: Rate) -> bool {
+    let product = |a: Rate, b: Rate| i128::from(a.num()) * i128::from(b.den());
+    product(other, speeds) % product(speeds, other) == 0
 }
 
 impl Node for BinauralIftNoise {
@@ -142,12 +148,15 @@ impl Node for BinauralIftNoise {
         s.reach(Port::speeds, 1, 1);
         s.when_ended(Port::speeds, Ends::Stop);
         let near = frames_of(speeds.rate, mesh.rate);
-        s.reach(Port::mesh, near, near);
+        // Between frames the cloth lies on a line to the next one.
+        let next = usize::from(!on_frames(speeds.rate, mesh.rate));
+        s.reach(Port::mesh, near + 1, near + next);
         s.when_ended(Port::mesh, Ends::Hold);
         if let Some(poses) = s.optional(Port::listener) {
             let near = frames_of(speeds.rate, poses.rate);
-            // Poses lie on a cubic, which needs one frame more than a line.
-            s.reach(Port::listener, near + 1, near + 1);
+            // Poses lie on a cubic through two more.
+            let next = if on_frames(speeds.rate, poses.rate) { 0 } else { 2 };
+            s.reach(Port::listener, near + 2, near + next);
         }
         s.when_ended(Port::listener, Ends::Hold);
         s.output(Port::audio, p.rate, Channels(2));

@@ -50,7 +50,7 @@ impl Func for PairFrictionModel {
         _: &Build<'_>,
         mut io: PairFrictionModelIo<'_>,
     ) -> Result<Summary, Fault> {
-        let model = inferred_pair(&io.first, &io.second).map_err(|e| Fault::new("F076", e.to_string()))?;
+        let model = inferred_pair(io.first, io.second).map_err(|e| Fault::new("F076", e.to_string()))?;
         let summary = told(&model);
         io.model.set(model);
         Ok(summary)
