@@ -23,7 +23,7 @@ fn files(folder: &Path) -> Vec<(String, Vec<u8>)> {
 fn every_example_graph_gives_the_same_bits_for_any_window_and_threads() {
     for path in common::all_graphs().iter().filter(|p| common::is_whole(p)) {
         // Two seconds hold every kind of event in the examples; `.ci/run` runs the main one whole.
-        let until = Some(ticks(2.0));
+        let until = common::cut(path, 2.0);
         let run = |window: f64, threads| {
             let dir = tempfile::tempdir().unwrap();
             let options = PlanOptions { window: ticks(window), threads, until, ..PlanOptions::default() };

@@ -265,13 +265,13 @@ fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
 fn every_example_is_the_same_with_all_its_streams_kept() {
     for path in common::all_graphs().into_iter().filter(|path| common::is_whole(path)) {
         let dir = tempfile::tempdir().unwrap();
+        let until = common::cut(&path, 0.6);
         let runs: Vec<_> = (0..3)
             .map(|k| {
                 let loaded = load(&path, &[], &[], Limits::default());
                 let graph = loaded.graph.unwrap();
                 let files_of = DirFiles::new(loaded.root, Limits::default());
-                let options =
-                    PlanOptions { until: Some(ticks(0.6)), threads: 2, worth: 1e4, ..PlanOptions::default() };
+                let options = PlanOptions { until, threads: 2, worth: 1e4, ..PlanOptions::default() };
                 let plan = Plan::new(&graph, &files_of, &options).unwrap();
                 let out = dir.path().join(format!("out{k}"));
                 let memo = Memo::new(dir.path().join("cache"), 1 << 30, &path).with_rule(ALL);

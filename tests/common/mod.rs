@@ -7,6 +7,7 @@ use foley::diag::{Diagnostic, render};
 use foley::graph::{DirFiles, Graph, Limits, load, load_text};
 use foley::plan::{Plan, PlanOptions};
 use foley::run::{DirOutputs, Job, Progress, Report, run};
+use foley_nodes::core::time::{Tick, ticks};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -37,6 +38,13 @@ pub fn all_graphs() -> Vec<PathBuf> {
 /// Sub-graphs under `lib` are run by the graphs that use them.
 pub fn is_whole(path: &Path) -> bool {
     !path.components().any(|c| c.as_os_str() == "lib")
+}
+
+/// Where a run of an example may be cut, to be quick; marked moments lie anywhere in a piece, which then runs whole.
+pub fn cut(path: &Path, seconds: f64) -> Option<Tick> {
+    let graph = load(path, &[], &[], Limits::default()).graph?;
+    let marked = graph.nodes.iter().any(|node| node.ty.name == "CorrespondenceSet");
+    (!marked).then(|| ticks(seconds))
 }
 
 /// A graph of a text, or all that is wrong with it.

@@ -154,7 +154,7 @@ impl Node for BinauralIftNoise {
         s.when_ended(Port::mesh, Ends::Hold);
         if let Some(poses) = s.optional(Port::listener) {
             let near = frames_of(speeds.rate, poses.rate);
-            // Poses lie on a cubic through two more.
+            // Between frames poses lie on a cubic through two more.
             let next = if on_frames(speeds.rate, poses.rate) { 0 } else { 2 };
             s.reach(Port::listener, near + 2, near + next);
         }

@@ -22,7 +22,8 @@ pub(crate) fn pose_at(poses: &In<'_, Poses>, tick: Tick) -> Pose {
         let k = (at + k - poses.first()).clamp(-past, last.max(-past));
         poses.item(k as isize).first().copied().unwrap_or_default()
     };
-    Pose::between([-1, 0, 1, 2].map(frame), t)
+    // On a frame its neighbours count for nothing, and need not be there.
+    if tick == from { frame(0) } else { Pose::between([-1, 0, 1, 2].map(frame), t) }
 }
 
 /// The pose of a listener from parameters.
