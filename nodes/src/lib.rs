@@ -3,7 +3,7 @@
 //! Every algorithm is ordinary Rust on slices; a node is a thin typed description around it.
 //! The families follow the field: [`io`] and [`dsp`] for audio, [`mesh`] for motion,
 //! [`contact`] and [`friction`] for cloth that slides, [`curvature`] and [`crumple`] for cloth that crumples, [`modal`] for
-//! things that are struck, [`spatial`] for where they are heard, [`feature`], [`warp`] and [`unit`] for sounds put together
+//! things that are struck, [`spatial`] for where they are heard, [`feature`], [`warp`] and [`mod@unit`] for sounds put together
 //! from recordings. [`core`] says what a node is.
 #![forbid(unsafe_code)]
 

@@ -1,5 +1,5 @@
 //! How a cloth bends: signed mean curvature at every vertex of a mesh that moves.
-//! [`mean`] is the measure itself, [`fans`] says where it has a meaning, [`rest`] how much of it is noise.
+//! [`mean`] is the measure itself, `fans` says where it has a meaning, [`rest`] how much of it is noise.
 
 mod fans;
 mod item;
