@@ -137,13 +137,13 @@ fn declared_look_ahead_is_needed() {
             for port in 0..trial.ty().inputs.len() {
                 let ahead = shape.reach[port].ahead as i64;
                 // Who reads a whole take before its first item looks ahead by as much as there is.
-                let Some(items) = trial.input_items(port).filter(|&items| ahead > 0 && items > ahead) else {
+                let Some(items) = trial.input_items(port).filter(|&items| ahead > 0 && items != ahead) else {
                     continue;
                 };
                 let needed = seen.entry(port).or_default();
                 let mut draw = Draw::new(trial.seed);
                 for _ in 0..10 {
-                    if *needed {
+                    if *needed || items < ahead {
                         break;
                     }
                     let item = ahead as usize + draw.below((items - ahead) as usize);
