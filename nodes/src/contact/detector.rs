@@ -314,7 +314,8 @@ impl<'a> Frame<'a> {
     #[inline]
     pub(super) fn triangle(&self, surface: usize, corners: [u32; 3]) -> [[f32; 3]; 3] {
         let positions = self.surface(surface);
-        corners.map(|c| positions[c as usize])
+        let [a, b, c] = corners;
+        [positions[a as usize], positions[b as usize], positions[c as usize]]
     }
 }
 
@@ -329,7 +330,10 @@ fn measure(
 ) -> Contact {
     detection.contacts += 1;
     let surface = candidate.surface as usize;
-    let at = |frame: Frame<'_>| (widen(frame.vertex(v)), frame.triangle(surface, corners).map(widen));
+    let at = |frame: Frame<'_>| {
+        let [a, b, c] = frame.triangle(surface, corners);
+        (widen(frame.vertex(v)), [widen(a), widen(b), widen(c)])
+    };
     let (x, triangle) = at(now);
     let moved = next.map(|next| {
         let (x_next, triangle_next) = at(next);

@@ -28,10 +28,20 @@ impl Candidate {
     }
 }
 
+/// A vertex of a cluster and a lowest node with triangles that may be near it.
+#[derive(Clone, Copy, Debug)]
+struct Pair {
+    node: u32,
+    point: u16,
+    /// One bit for each of its triangles.
+    lanes: u16,
+}
+
 /// Memory of one cluster's search.
 #[derive(Clone, Debug)]
 pub(super) struct Scratch {
     leaves: Vec<Leaf>,
+    pairs: Vec<Pair>,
     last: Vec<Candidate>,
     /// The nodes of the cloth's own tree that a search leaves out; all false between searches.
     covered: Vec<bool>,
@@ -43,7 +53,12 @@ impl Scratch {
         let leaves = trees.iter().map(Tree::leaves).max().unwrap_or(0);
         let own = trees.first().map_or(0, Tree::nodes);
         let last = vec![Candidate::NONE; slots];
-        Self { leaves: Vec::with_capacity(leaves), last, covered: vec![false; own] }
+        Self {
+            leaves: Vec::with_capacity(leaves),
+            pairs: Vec::with_capacity(CLUSTER * leaves),
+            last,
+            covered: vec![false; own],
+        }
     }
 }
 
@@ -51,6 +66,14 @@ impl Scratch {
 struct Points {
     columns: [[f32; CLUSTER]; 3],
     reaches: [f32; CLUSTER],
+}
+
+impl Points {
+    #[inline]
+    fn at(&self, i: usize) -> [f32; 3] {
+        let [x, y, z] = &self.columns;
+        [x[i], y[i], z[i]]
+    }
 }
 
 /// Everything that stays the same during one frame.
@@ -96,7 +119,7 @@ impl Scene<'_> {
             points.reaches[i] = self.reach(kept);
         }
         let all = everyone(vertices.len());
-        let Scratch { leaves, covered, .. } = scratch;
+        let Scratch { leaves, covered, pairs, .. } = scratch;
         for (surface, tree) in self.trees.iter().enumerate() {
             leaves.clear();
             let near = Ball { lo, hi, squared_radius: points.reaches.iter().copied().fold(0.0, larger) };
@@ -109,41 +132,61 @@ impl Scene<'_> {
             } else {
                 tree.gather(&near, all, |_| false, leaves);
             }
-            self.visit(surface, leaves, &mut points, found, slots);
+            self.visit(surface, leaves, pairs, &mut points, found, slots);
         }
     }
 
     /// Offers the triangles of some lowest nodes to the vertices of a cluster that they are near to.
+    ///
+    /// In three passes, so that none waits for the branches of another: boxes, distances in single precision, exact distances.
     #[inline]
     fn visit(
         &self,
         surface: usize,
         leaves: &[Leaf],
+        pairs: &mut Vec<Pair>,
         points: &mut Points,
         found: &mut [Candidate],
         slots: usize,
     ) {
         let tree = &self.trees[surface];
+        pairs.clear();
         for leaf in leaves {
             // Of most leaves that were found the cluster's box is near, but none of the vertices allowed.
-            if let Some((above, lane)) = tree.above(leaf)
-                && leaf.anyone() & above.points_within(lane, &points.columns, &points.reaches) == 0
-            {
-                continue;
+            let mut near = leaf.anyone();
+            if let Some((above, lane)) = tree.above(leaf) {
+                near &= above.points_within(lane, &points.columns, &points.reaches);
             }
-            let node = tree.leaf(leaf);
-            for lane in (0..LANES).filter(|&lane| leaf.allowed[lane] != 0) {
-                let mut near =
-                    leaf.allowed[lane] & node.points_within(lane, &points.columns, &points.reaches);
-                let slot = leaf.node as usize * LANES + lane;
-                while near != 0 {
-                    let i = near.trailing_zeros() as usize;
-                    near &= near - 1;
-                    let p = points.columns.map(|column| column[i]);
-                    let kept = &mut found[i * slots..(i + 1) * slots];
-                    if self.offer(p, tree.corners(slot), surface as u32, tree.order()[slot], kept) {
-                        points.reaches[i] = self.reach(kept);
-                    }
+            let (node, _) = tree.leaf(leaf.node);
+            while near != 0 {
+                let point = near.trailing_zeros() as usize;
+                near &= near - 1;
+                let p = points.at(point);
+                let lanes = leaf.lanes(point) & node.lanes_within(&p, &p, points.reaches[point]);
+                pairs.push(Pair { node: leaf.node, point: point as u16, lanes: lanes as u16 });
+            }
+        }
+        let mut kept = 0;
+        for k in 0..pairs.len() {
+            pairs[kept] = pairs[k];
+            kept += usize::from(pairs[k].lanes != 0);
+        }
+        pairs.truncate(kept);
+        for pair in pairs.iter_mut() {
+            let p = points.at(pair.point as usize);
+            let (_, corners) = tree.leaf(pair.node);
+            pair.lanes &= !corners.beyond(&p, points.reaches[pair.point as usize]) as u16;
+        }
+        for pair in pairs.iter() {
+            let mut lanes = pair.lanes;
+            let i = pair.point as usize;
+            while lanes != 0 {
+                let slot = pair.node as usize * LANES + lanes.trailing_zeros() as usize;
+                lanes &= lanes - 1;
+                let p = points.at(i);
+                let kept = &mut found[i * slots..(i + 1) * slots];
+                if self.offer(p, tree.corners(slot), surface as u32, tree.order()[slot], kept) {
+                    points.reaches[i] = self.reach(kept);
                 }
             }
         }
@@ -166,7 +209,8 @@ impl Scene<'_> {
         triangle: u32,
         kept: &mut [Candidate],
     ) -> bool {
-        let (p, corners) = (widen(p), corners.map(widen));
+        let [a, b, c] = corners;
+        let (p, corners) = (widen(p), [widen(a), widen(b), widen(c)]);
         let squared_distance = closest_point(p, corners).squared_distance;
         let candidate = Candidate { squared_distance, surface, triangle };
         let Some(worst) = kept.last() else { return false };

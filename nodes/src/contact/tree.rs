@@ -3,7 +3,7 @@
 //! Triangles are sorted so that each aligned group of 4, 16, 64 ... is compact; the tree is that order. Node j of a level
 //! holds the boxes of children 4j .. 4j + 4 side by side, so one test serves four boxes and no child pointers exist.
 
-use super::boxes::{LANES, Node, larger, smaller};
+use super::boxes::{Corners, LANES, Node, larger, smaller};
 use super::triangle::closest_point;
 use super::vector::widen;
 
@@ -25,6 +25,16 @@ impl Leaf {
     #[inline]
     pub fn anyone(&self) -> u16 {
         self.allowed.iter().fold(0, |any, allowed| any | allowed)
+    }
+
+    /// One bit for each of its triangles: whether a vertex may touch it.
+    #[inline]
+    pub fn lanes(&self, vertex: usize) -> u32 {
+        let mut lanes = 0;
+        for (lane, allowed) in self.allowed.iter().enumerate() {
+            lanes |= u32::from(allowed >> vertex & 1) << lane;
+        }
+        lanes
     }
 }
 
@@ -72,8 +82,8 @@ pub struct Tree {
     /// The order that the rest shape gave.
     home: Vec<u32>,
     at_home: bool,
-    /// Corner positions of each slot's triangle.
-    corners: Vec<[[f32; 3]; 3]>,
+    /// Corner positions of the triangles of each lowest node.
+    corners: Vec<Corners>,
     centroids: Vec<[f32; 3]>,
     nodes: Vec<Node>,
     /// Where each level starts in `nodes`, lowest level first, and where the last ends.
@@ -102,7 +112,7 @@ impl Tree {
             order: (0..count as u32).collect(),
             home: Vec::new(),
             at_home: true,
-            corners: vec![[[0.0; 3]; 3]; count],
+            corners: vec![Corners::default(); count.div_ceil(LANES)],
             centroids: vec![[0.0; 3]; count],
             nodes,
             levels,
@@ -157,8 +167,9 @@ impl Tree {
     /// O(F).
     pub fn refit(&mut self, positions: &[[f32; 3]]) {
         for (slot, &triangle) in self.order.iter().enumerate() {
-            let t = self.triangles[triangle as usize].map(|v| positions[v as usize]);
-            self.corners[slot] = t;
+            let [a, b, c] = self.triangles[triangle as usize];
+            let t = [positions[a as usize], positions[b as usize], positions[c as usize]];
+            self.corners[slot / LANES].set(slot % LANES, t);
             let mut lo = t[0];
             let mut hi = t[0];
             for axis in 0..3 {
@@ -207,7 +218,7 @@ impl Tree {
                     stack.push(level - 1, child);
                 } else if accept(self.order[child]) {
                     let triangle = self.order[child];
-                    let found = closest_point(widen(p), self.corners[child].map(widen)).squared_distance;
+                    let found = closest_point(widen(p), self.corners(child).map(widen)).squared_distance;
                     let better = best.is_none_or(|b| (found, triangle) < (b.squared_distance, b.triangle));
                     if found <= limit && better {
                         best = Some(Hit { triangle, squared_distance: found });
@@ -229,7 +240,11 @@ impl Tree {
             return;
         }
         let visit = |node: usize, found: &mut Vec<Leaf>| {
-            found.extend(near.part_of(&self.nodes[node], Leaf { node: node as u32, allowed: [all; LANES] }));
+            if let Some(leaf) =
+                near.part_of(&self.nodes[node], Leaf { node: node as u32, allowed: [all; LANES] })
+            {
+                found.push(leaf);
+            }
         };
         if root == 0 {
             return visit(root, found);
@@ -255,7 +270,7 @@ impl Tree {
     /// Collects those of some lowest nodes with a triangle box near a cluster of vertices.
     #[inline]
     pub(crate) fn sift(&self, near: &Ball, leaves: &[Leaf], found: &mut Vec<Leaf>) {
-        found.extend(leaves.iter().filter_map(|leaf| near.part_of(self.leaf(leaf), *leaf)));
+        found.extend(leaves.iter().filter_map(|leaf| near.part_of(&self.nodes[leaf.node as usize], *leaf)));
     }
 
     /// Replaces an ascending list of lowest nodes by the fewest nodes that hold just these. Returns how many there are.
@@ -286,8 +301,8 @@ impl Tree {
 
     /// A lowest node, as named by [`Tree::gather`].
     #[inline]
-    pub(crate) fn leaf(&self, leaf: &Leaf) -> &Node {
-        &self.nodes[leaf.node as usize]
+    pub(crate) fn leaf(&self, leaf: u32) -> (&Node, &Corners) {
+        (&self.nodes[leaf as usize], &self.corners[leaf as usize])
     }
 
     /// The node and the lane with the box around a lowest node, unless that is the root.
@@ -309,7 +324,7 @@ impl Tree {
 
     #[inline]
     pub(crate) fn corners(&self, slot: usize) -> [[f32; 3]; 3] {
-        self.corners[slot]
+        self.corners[slot / LANES].of(slot % LANES)
     }
 
     /// Triangle of each slot.
