@@ -3,14 +3,12 @@
 //!
 //! `cargo bench --bench memo`
 
-use foley::graph::{DirFiles, Limits, load};
+mod common;
+
 use foley::memo::{MEMORY, Memo};
-use foley::plan::{Plan, PlanOptions};
-use foley::run::{DirOutputs, Job, Progress, Report, run};
+use foley::run::Report;
 use std::fmt::Write as _;
 use std::path::Path;
-use std::sync::Arc;
-use std::time::Instant;
 
 /// The parameters that are edited.
 #[derive(Clone, Copy)]
@@ -56,28 +54,7 @@ fn text(edit: &Edit) -> String {
 }
 
 fn run_once(folder: &Path, edit: &Edit, memo: Option<&Memo>) -> (f64, Report, Vec<u8>) {
-    let path = folder.join("graph.ron");
-    std::fs::write(&path, text(edit)).expect("the folder can be written");
-    let start = Instant::now();
-    let loaded = load(&path, &[], &[], Limits::default());
-    let graph = loaded.graph.unwrap_or_else(|| panic!("{:?}", loaded.diagnostics));
-    let files = DirFiles::new(loaded.root, Limits::default());
-    let options = PlanOptions { threads: 2, ..PlanOptions::default() };
-    let plan = Plan::new(&graph, &files, &options).expect("the graph can be planned");
-    let outputs = DirOutputs::new(folder.join("out"));
-    let job = Job {
-        graph: &graph,
-        plan: &plan,
-        files: &files,
-        outputs: &outputs,
-        taps: &[],
-        threads: 2,
-        seed: graph.seed,
-        memo,
-        progress: Arc::new(Progress::default()),
-    };
-    let report = run(&job).expect("the graph runs");
-    let seconds = start.elapsed().as_secs_f64();
+    let (seconds, report) = common::run_text(folder, &text(edit), memo);
     (seconds, report, std::fs::read(folder.join("out/out.wav")).unwrap_or_default())
 }
 

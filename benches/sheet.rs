@@ -3,14 +3,12 @@
 //!
 //! `cargo bench --bench sheet`
 
-use foley::graph::{DirFiles, Limits, load};
+mod common;
+
 use foley::memo::{MEMORY, Memo};
-use foley::plan::{Plan, PlanOptions};
-use foley::run::{DirOutputs, Job, Progress, Report, run};
+use foley::run::Report;
 use foley_nodes::core::random::Random;
 use std::path::Path;
-use std::sync::Arc;
-use std::time::Instant;
 
 const RATE: u32 = 96_000;
 
@@ -80,28 +78,7 @@ fn pairs(moved: usize) -> String {
 }
 
 fn run_once(folder: &Path, lambda: f64, memo: &Memo) -> (f64, Report) {
-    let path = folder.join("graph.ron");
-    std::fs::write(&path, text(lambda)).expect("the folder can be written");
-    let start = Instant::now();
-    let loaded = load(&path, &[], &[], Limits::default());
-    let graph = loaded.graph.unwrap_or_else(|| panic!("{:?}", loaded.diagnostics));
-    let files = DirFiles::new(loaded.root, Limits::default());
-    let options = PlanOptions { threads: 2, ..PlanOptions::default() };
-    let plan = Plan::new(&graph, &files, &options).expect("the graph can be planned");
-    let outputs = DirOutputs::new(folder.join("out"));
-    let job = Job {
-        graph: &graph,
-        plan: &plan,
-        files: &files,
-        outputs: &outputs,
-        taps: &[],
-        threads: 2,
-        seed: graph.seed,
-        memo: Some(memo),
-        progress: Arc::new(Progress::default()),
-    };
-    let report = run(&job).expect("the graph runs");
-    (start.elapsed().as_secs_f64(), report)
+    common::run_text(folder, &text(lambda), Some(memo))
 }
 
 fn main() {

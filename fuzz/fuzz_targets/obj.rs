@@ -1,23 +1,11 @@
 //! Any bytes as an OBJ sequence of one file, prepared when it can be read.
 #![no_main]
 
+mod meshes;
+
 use foley_nodes::mesh::*;
 use libfuzzer_sys::fuzz_target;
-
-fn options() -> ReadOptions {
-    let limits =
-        MeshLimits { max_vertices: 100_000, max_faces: 100_000, max_frames: 10_000, max_bytes: 1 << 24 };
-    ReadOptions { metres_per_unit: 1.0, limits }
-}
-
-fn read_ends(stream: Result<MeshStream, MeshError>) {
-    if let Ok(mut stream) = stream {
-        let mut out = vec![[0.0; 3]; stream.clip.vertex_count()];
-        for frame in [0, stream.clip.frame_count() - 1] {
-            let _ = stream.frames.read_frame(frame, &mut out);
-        }
-    }
-}
+use meshes::{options, read_ends};
 
 fuzz_target!(|data: &[u8]| {
     let bytes = data.to_vec();

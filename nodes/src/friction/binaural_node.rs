@@ -1,7 +1,7 @@
 //! Friction noise as two ears hear it, as a node.
 
 use super::ift_noise::{AreaWeight, ClipInput, Emitters, IftNoise, IftNoiseParams, Magnitude};
-use super::ift_noise_node::{EmitterKind, hop};
+use super::ift_noise_node::{EmitterKind, hop, told};
 use super::interpolate::Gain;
 use super::{ClipStream, FrictionModel, Window};
 use crate::contact::Speeds;
@@ -252,13 +252,7 @@ impl Node for BinauralIftNoise {
     }
 
     fn finish(&mut self, _: BinauralIftNoiseIo<'_>) -> Result<Summary, Fault> {
-        let coverage = self.clips.noise().coverage();
-        Ok(vec![
-            ("emitter_clips", coverage.sliding.into()),
-            ("share_above", coverage.share_above().into()),
-            ("share_below", coverage.share_below().into()),
-            ("peak", self.peak.into()),
-        ])
+        Ok(told(self.clips.noise().coverage(), self.peak))
     }
 
     fn trial(draw: &mut Draw) -> (BinauralIftNoiseParams, MemoryFiles) {

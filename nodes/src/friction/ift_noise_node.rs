@@ -1,6 +1,6 @@
 //! Friction noise as a node.
 
-use super::ift_noise::{AreaWeight, ClipInput, Emitters, IftNoise, IftNoiseParams, Magnitude};
+use super::ift_noise::{AreaWeight, ClipInput, Emitters, IftNoise, IftNoiseParams, Magnitude, SpeedCoverage};
 use super::interpolate::Gain;
 use super::model::MAX_CLIP_SAMPLES;
 use super::{ClipStream, FrictionModel, Window};
@@ -117,6 +117,16 @@ pub struct IftNoiseNode {
     params: IftNoiseNodeParams,
 }
 
+/// What is told of friction noise in the end.
+pub(super) fn told(coverage: SpeedCoverage, peak: f32) -> Summary {
+    vec![
+        ("emitter_clips", coverage.sliding.into()),
+        ("share_above", coverage.share_above().into()),
+        ("share_below", coverage.share_below().into()),
+        ("peak", peak.into()),
+    ]
+}
+
 /// Samples from one speed to the next.
 pub(super) fn hop(audio: Rate, speeds: Rate) -> Result<usize, Reject> {
     let exact = audio.num() as f64 * speeds.den() as f64 / (audio.den() as f64 * speeds.num() as f64);
@@ -202,13 +212,7 @@ impl Node for IftNoiseNode {
     }
 
     fn finish(&mut self, _: IftNoiseIo<'_>) -> Result<Summary, Fault> {
-        let coverage = self.clips.noise().coverage();
-        Ok(vec![
-            ("emitter_clips", coverage.sliding.into()),
-            ("share_above", coverage.share_above().into()),
-            ("share_below", coverage.share_below().into()),
-            ("peak", self.peak.into()),
-        ])
+        Ok(told(self.clips.noise().coverage(), self.peak))
     }
 
     fn trial(draw: &mut Draw) -> (IftNoiseNodeParams, MemoryFiles) {

@@ -1,0 +1,36 @@
+//! What the benches of whole graphs share.
+
+use foley::graph::{DirFiles, Limits, load};
+use foley::memo::Memo;
+use foley::plan::{Plan, PlanOptions};
+use foley::run::{DirOutputs, Job, Progress, Report, run};
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Writes a graph as `graph.ron` into a folder and runs it on two threads into `out` there. Returns the seconds from reading it to the
+/// written files, and the report.
+pub fn run_text(folder: &Path, text: &str, memo: Option<&Memo>) -> (f64, Report) {
+    let path = folder.join("graph.ron");
+    std::fs::write(&path, text).expect("the folder can be written");
+    let start = Instant::now();
+    let loaded = load(&path, &[], &[], Limits::default());
+    let graph = loaded.graph.unwrap_or_else(|| panic!("{:?}", loaded.diagnostics));
+    let files = DirFiles::new(loaded.root, Limits::default());
+    let options = PlanOptions { threads: 2, ..PlanOptions::default() };
+    let plan = Plan::new(&graph, &files, &options).expect("the graph can be planned");
+    let outputs = DirOutputs::new(folder.join("out"));
+    let job = Job {
+        graph: &graph,
+        plan: &plan,
+        files: &files,
+        outputs: &outputs,
+        taps: &[],
+        threads: 2,
+        seed: graph.seed,
+        memo,
+        progress: Arc::new(Progress::default()),
+    };
+    let report = run(&job).expect("the graph runs");
+    (start.elapsed().as_secs_f64(), report)
+}
