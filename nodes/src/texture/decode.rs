@@ -156,6 +156,7 @@ pub fn header(bytes: &[u8]) -> Result<Header, ImageError> {
         }
         Format::Tiff => {
             let mut tiff = Tiff::new(Cursor::new(bytes)).map_err(|e| tiff_error(&e))?;
+            tiff_channels(&mut tiff)?;
             let (width, height) = tiff.dimensions().map_err(|e| tiff_error(&e))?;
             (u64::from(width), u64::from(height))
         }
@@ -279,19 +280,27 @@ fn tiff_samples(bytes: &[u8]) -> Result<(usize, Samples), ImageError> {
     let mut limits = Limits::default();
     (limits.decoding_buffer_size, limits.intermediate_buffer_size) = (most, most);
     let mut tiff = Tiff::new(Cursor::new(bytes)).map_err(bad)?.with_limits(limits);
-    let colour = tiff.colortype().map_err(bad)?;
-    let other = |found: String| ImageError::Unsupported { format: Format::Tiff, found };
-    let channels = match colour {
-        TiffColour::Gray(8 | 16) => 1,
-        TiffColour::GrayA(8 | 16) | TiffColour::Multiband { bit_depth: 8 | 16, num_samples: 2 } => 2,
-        TiffColour::RGB(8 | 16) => 3,
-        TiffColour::RGBA(8 | 16) => 4,
-        found => return Err(other(format!("{found:?}"))),
-    };
+    let channels = tiff_channels(&mut tiff)?;
     match tiff.read_image().map_err(bad)? {
         DecodingResult::U8(samples) => Ok((channels, Samples::Bytes(samples))),
         DecodingResult::U16(samples) => Ok((channels, Samples::Words(samples))),
-        _ => Err(other("numbers that are not unsigned 8 or 16 bits".into())),
+        _ => Err(not_read("numbers that are not unsigned".into())),
+    }
+}
+
+fn not_read(found: String) -> ImageError {
+    ImageError::Unsupported { format: Format::Tiff, found }
+}
+
+/// Channels of a TIFF, where they are such as are read.
+fn tiff_channels(tiff: &mut Tiff<Cursor<&[u8]>>) -> Result<usize, ImageError> {
+    let colour = tiff.colortype().map_err(|e| tiff_error(&e))?;
+    match colour {
+        TiffColour::Gray(8 | 16) => Ok(1),
+        TiffColour::GrayA(8 | 16) | TiffColour::Multiband { bit_depth: 8 | 16, num_samples: 2 } => Ok(2),
+        TiffColour::RGB(8 | 16) => Ok(3),
+        TiffColour::RGBA(8 | 16) => Ok(4),
+        found => Err(not_read(format!("{found:?}"))),
     }
 }
 

@@ -75,9 +75,9 @@ params! {
     /// "Real-time video abstraction" (SIGGRAPH 2006). The root of 1.6 is the square root; the printed cube root gives thinner lines.
     pub struct DogFeaturesParams {
         /// Standard deviation of the narrow Gaussian.
-        sigma_e: f64 = 1.0, unit "px", range 0.1..=30.0;
+        sigma_e: f64 = 1.0, unit "px", range 0.1..=10.0;
         /// The wide one over the narrow one.
-        ratio: f64 = 1.264_911_064_067_351_8, unit "", range 1.01..=8.0;
+        ratio: f64 = 1.264_911_064_067_351_8, unit "", range 1.01..=4.0;
         /// Weight of the wide one: the nearer to 1, the more is a feature.
         tau: f64 = 0.998, unit "", range 0.0..=1.0;
         /// How sharply features set in.

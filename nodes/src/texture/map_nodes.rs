@@ -20,7 +20,7 @@ params! {
     /// Picard, Tsingos and Faure (VRIPHYS 2008), section 4.1 and figure 3.
     pub struct SobelMapParams {
         /// Standard deviation of a Gaussian before the operator, for grainy images.
-        pre_blur: f64 = 0.0, unit "px", range 0.0..=50.0;
+        pre_blur: f64 = 0.0, unit "px", range 0.0..=20.0;
     }
 }
 

@@ -6,8 +6,11 @@ use super::profile::{PROFILE, profile, variance};
 use super::spectrum::NoiseModel;
 use super::split::statistics;
 use crate::core::fault::Fault;
+use crate::core::files::MemoryFiles;
 use crate::core::node::{Func, Summary};
+use crate::core::params::Params;
 use crate::core::ports::Value;
+use crate::core::random::Draw;
 use crate::core::shape::Build;
 use crate::{choices, params, ports};
 
@@ -94,14 +97,19 @@ impl Func for NoiseProfileNode {
         io.profile.set(fine);
         Ok(summary)
     }
+
+    fn trial(draw: &mut Draw) -> (NoiseProfileParams, MemoryFiles) {
+        // Only high speeds, whose profiles are short.
+        let p = NoiseProfileParams { v_max: draw.between(50.0, 1000.0), ..NoiseProfileParams::trial(draw) };
+        (p, MemoryFiles::default())
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::core::item::Data;
-    use crate::core::params::{Datum, Params};
-    use crate::core::random::Draw;
+    use crate::core::params::Datum;
     use crate::core::solo::Solo;
     use crate::texture::item::{Grid, Surface};
 
