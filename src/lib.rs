@@ -29,3 +29,6 @@ pub mod book_impact {}
 #[cfg(doctest)]
 #[doc = include_str!("../docs/src/crumple.md")]
 pub mod book_crumple {}
+#[cfg(doctest)]
+#[doc = include_str!("../docs/src/texture.md")]
+pub mod book_texture {}

@@ -1,0 +1,46 @@
+//! Time of the filters of textures, on smooth images of 512 and 4096 pixels square.
+//!
+//! Run with `cargo bench -p foley-nodes --bench image`. Budgets: all preprocessing within 0.5 s and 30 s.
+
+use foley_nodes::texture::bilateral::{BilateralParams, bilateral};
+use foley_nodes::texture::dog::{DogParams, difference, features};
+use foley_nodes::texture::sobel::{gradient, magnitude};
+use foley_nodes::texture::{Grid, Pyramid, Wrap};
+use std::hint::black_box;
+use std::time::Instant;
+
+/// Prints the median and the best time of some runs.
+fn time<T>(what: &str, size: usize, runs: usize, mut work: impl FnMut() -> T) {
+    black_box(work());
+    let mut ms: Vec<f64> = (0..runs)
+        .map(|_| {
+            let start = Instant::now();
+            black_box(work());
+            start.elapsed().as_secs_f64() * 1e3
+        })
+        .collect();
+    ms.sort_by(f64::total_cmp);
+    let (best, median) = (ms[0], ms[runs / 2]);
+    println!("{what} {size} x {size}: median {median:.2} ms, best {best:.2} ms");
+}
+
+fn main() {
+    for (size, runs) in [(512, 21), (4096, 5)] {
+        let image = Grid::from_fn(size, size, |x, y| {
+            let (x, y) = (x as f32, y as f32);
+            50.0 + 50.0 * (0.05 * x).sin() * (0.031 * y + 0.01 * x).cos()
+        });
+        time("Sobel magnitude", size, runs, || magnitude(&image, Wrap::Clamp));
+        time("Sobel gradient", size, runs, || gradient(&image, Wrap::Clamp));
+        let widths = DogParams { ratio: 1.6, tau: 1.0, ..DogParams::default() };
+        time("difference of Gaussians 1.0, 1.6", size, runs, || difference(&image, widths, Wrap::Clamp));
+        time("features", size, runs, || features(&image, DogParams::default(), Wrap::Clamp));
+        let few = if size > 1000 { 1 } else { runs };
+        for (sigma_d, sigma_r) in [(2.0, 10.0), (3.0, 4.25)] {
+            let params = BilateralParams { sigma_d, sigma_r };
+            let what = format!("bilateral, radius {}", params.radius());
+            time(&what, size, few, || bilateral(&image, params, Wrap::Clamp));
+        }
+        time("pyramid, with its copy of the image", size, runs, || Pyramid::new(image.clone(), Wrap::Repeat));
+    }
+}
