@@ -29,6 +29,8 @@ use crate::modal::force_node::ImpactForce;
 use crate::modal::from_recording::ModalFromRecording;
 use crate::modal::impact_file_node::ImpactFile;
 use crate::modal::modes_file::ModesFile;
+use crate::rigid::classify_node::ContactClassifier;
+use crate::rigid::log_node::ContactLog;
 use crate::spatial::distance_node::DistanceGain;
 use crate::spatial::hrtf_node::StructuralHrtf;
 use crate::spatial::orbit_node::Orbit;
@@ -113,6 +115,8 @@ pub fn all() -> Vec<NodeType> {
         NodeType::of::<ModalBankNode>("modal"),
         NodeType::func::<ModalFromRecording>("modal"),
         NodeType::func::<ModesFile>("modal"),
+        NodeType::of::<ContactClassifier>("rigid"),
+        NodeType::of::<ContactLog>("rigid"),
         NodeType::of::<StructuralHrtf>("spatial"),
         NodeType::of::<DistanceGain>("spatial"),
         NodeType::of::<Orbit>("spatial"),
