@@ -128,6 +128,7 @@ pub fn all() -> Vec<NodeType> {
         NodeType::of::<TpsFit>("warp"),
         NodeType::of::<TpsWarp>("warp"),
         NodeType::func::<WarpFile>("warp"),
+        NodeType::of::<live::LiveContacts>("live"),
         NodeType::of::<live::LiveControl>("live"),
         NodeType::of::<live::LiveImpacts>("live"),
     ]

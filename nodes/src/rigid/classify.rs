@@ -37,6 +37,8 @@ pub struct Rules {
     pub frame: f64,
     /// Where within its frame a force stands: 0 at its start, 1 at its end.
     pub moment: f64,
+    /// Time over which force is averaged before it is judged.
+    pub blend: f64,
     pub impact_force: f64,
     pub impact_memory: f64,
     pub impact_median: f64,
@@ -71,6 +73,7 @@ impl Default for Rules {
         Self {
             frame: 1.0 / 60.0,
             moment: 0.5,
+            blend: 1.0 / 60.0,
             impact_force: 0.5,
             impact_memory: 0.1,
             impact_median: 0.25,
@@ -311,14 +314,17 @@ impl Classifier {
             tick,
             step,
             force: f64::from(frame.force).max(0.0),
+            mean: 0.0,
             approach,
             normal: approach.max(along.abs()),
             speed: norm(widen(frame.velocity)).max(approach),
             along: sliding.max(rolling),
         };
         known.history.push(sample);
+        let mean = known.history.mean_force(self.rules.blend);
+        known.history.set_mean(mean);
         if known.waits {
-            self.judge(known, Some(sample));
+            self.judge(known, Some(Sample { mean, ..sample }));
         }
         known.latest = *frame;
         known.last = tick;
@@ -411,11 +417,13 @@ impl Classifier {
         }
         // Before the contact began nothing pressed.
         let young = here.tick - known.begun < ticks(rules.impact_memory);
-        let least = if young { 0.0 } else { known.history.least_force(age, rules.impact_memory).unwrap_or(0.0) };
+        let least = known.history.least_force(age, rules.impact_memory).filter(|_| !young);
+        let (least, least_mean) = least.unwrap_or_default();
         if !first {
             let median = known.history.median_force(age, rules.impact_median).unwrap_or(0.0);
             let peak = here.force > f_before && here.force >= f_next;
-            let stands_out = here.force - least >= rules.impact_force.max(median);
+            let mean = here.mean.max(next.map_or(0.0, |s| s.mean));
+            let stands_out = mean - least_mean >= rules.impact_force.max(median);
             if !peak || !stands_out || !known.history.speed_peaks(age) {
                 return;
             }

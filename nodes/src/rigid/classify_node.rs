@@ -38,6 +38,8 @@ params! {
         frame: f64 = 0.0166666666667, unit "s", range 0.0001..=0.2;
         /// Where within its frame a force stands: 0.5 for one that is a mean over the frame, 1 for one of its last moment.
         moment: f64 = 0.5, unit "", range 0.0..=1.0;
+        /// Time over which force is averaged before it is judged: engines with short frames let bodies tremble that lie still on longer ones.
+        blend: f64 = 0.0166666666667, unit "s", range 0.0..=1.0;
         /// Force by which a blow stands out at least.
         impact_force: f64 = 0.5, unit "N", range 0.0..=1.0e9_f64;
         /// Time within which it stands out from the least force.
@@ -126,6 +128,7 @@ fn rules(p: &ContactClassifierParams) -> Rules {
     Rules {
         frame: p.frame,
         moment: p.moment,
+        blend: p.blend,
         impact_force: p.impact_force,
         impact_memory: p.impact_memory,
         impact_median: p.impact_median,
@@ -285,8 +288,8 @@ mod tests {
     #[test]
     fn defaults_are_those_of_the_rules() {
         let (a, b) = (rules(&params()), Rules::default());
-        assert!((a.frame - b.frame).abs() < 1e-9);
-        assert_eq!(Rules { frame: b.frame, ..a }, b);
+        assert!((a.frame - b.frame).abs() + (a.blend - b.blend).abs() < 1e-9);
+        assert_eq!(Rules { frame: b.frame, blend: b.blend, ..a }, b);
     }
 
     #[test]

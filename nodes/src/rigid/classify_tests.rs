@@ -38,7 +38,7 @@ fn clock(rate: f64, jitter: bool, seconds: f64) -> Vec<(f64, f64)> {
 type Judged = (Vec<(f64, ContactState)>, Vec<(f64, Impact)>);
 
 fn judge(rules: Rules, frames: &[(f64, ContactFrame)]) -> Judged {
-    let mut classifier = Classifier::new(rules, 8);
+    let mut classifier = Classifier::new(rules, 64);
     let states = frames.iter().filter_map(|(t, f)| Some((*t, classifier.take(ticks(*t), f)?))).collect();
     classifier.pass(Tick::MAX);
     let mut blows = Vec::new();
@@ -290,9 +290,11 @@ fn a_logged_ball_bounces_alike_at_60_and_240_frames_a_second_and_then_rolls() {
         assert!((one.energy / other.energy - 1.0).abs() < 0.02, "{one:?} {other:?}");
         assert!((one.impulse / other.impulse - 1.0).abs() < 0.05, "{one:?} {other:?}");
     }
-    for (t, s) in slow_states.iter().filter(|(t, _)| *t > 3.35) {
-        assert!(s.state == State::Rolling && (s.rolling - 0.27).abs() < 0.06, "{t}: {s:?}");
-    }
+    let late: Vec<_> = slow_states.iter().filter(|(t, _)| *t > 3.35).collect();
+    assert!(late.iter().all(|(_, s)| s.state == State::Rolling), "after the last rod it rolls");
+    // The log tells places of other moments of a frame now and then, so single speeds are off.
+    let mean = late.iter().map(|(_, s)| f64::from(s.rolling)).sum::<f64>() / late.len() as f64;
+    assert!((mean - 0.25).abs() < 0.02, "{mean} m/s");
     let rolled = slow_states.iter().filter(|(t, s)| *t > 1.7 && *t < 3.2 && s.state == State::Rolling).count();
     println!("rolls in {rolled} frames between the rods");
     assert!(rolled > 20, "between the rods it rolls, too: {rolled}");

@@ -12,6 +12,8 @@ pub(super) struct Sample {
     /// Length of the frame, s.
     pub step: f64,
     pub force: f64,
+    /// Mean force over the last while, which is the same at any rate of frames.
+    pub mean: f64,
     /// Speed of approach, m/s.
     pub approach: f64,
     /// Largest speed along the normal, either way.
@@ -51,17 +53,41 @@ impl History {
         (age..).map_while(|k| self.back(k)).take_while(move |s| s.tick >= from)
     }
 
-    /// Least force within a time before a frame, that frame left out.
-    pub fn least_force(&self, age: usize, time: f64) -> Option<f64> {
-        self.since(age, time).skip(1).map(|s| s.force).reduce(f64::min)
+    /// Mean force over a time that ends with the latest frame; before the contact began it is 0.
+    pub fn mean_force(&self, time: f64) -> f64 {
+        let (mut left, mut sum) = (time, 0.0);
+        for sample in (0..).map_while(|k| self.back(k)) {
+            let part = sample.step.min(left);
+            sum += sample.force * part;
+            left -= part;
+            if left <= 0.0 {
+                break;
+            }
+        }
+        let step = self.back(0).map_or(time, |s| s.step);
+        // A frame that is longer counts whole.
+        if step >= time { self.back(0).map_or(0.0, |s| s.force) } else { sum / time }
     }
 
-    /// Median force within a time before a frame, that frame left out.
+    /// Tells the latest frame its mean force.
+    pub fn set_mean(&mut self, mean: f64) {
+        if let Some(last) = self.count.checked_sub(1) {
+            self.samples[last % DEPTH].mean = mean;
+        }
+    }
+
+    /// Least force and least mean force within a time before a frame, that frame left out.
+    pub fn least_force(&self, age: usize, time: f64) -> Option<(f64, f64)> {
+        let before = self.since(age, time).skip(1);
+        before.map(|s| (s.force, s.mean)).reduce(|a, b| (a.0.min(b.0), a.1.min(b.1)))
+    }
+
+    /// Median of the mean force within a time before a frame, that frame left out.
     pub fn median_force(&self, age: usize, time: f64) -> Option<f64> {
         let mut forces = [0.0; DEPTH];
         let mut n = 0;
         for (place, sample) in forces.iter_mut().zip(self.since(age, time).skip(1)) {
-            *place = sample.force;
+            *place = sample.mean;
             n += 1;
         }
         let forces = &mut forces[..n];
@@ -81,7 +107,7 @@ impl History {
             let square = values().map(|x| (x - mean) * (x - mean)).sum::<f64>() / n as f64;
             square.sqrt() / mean.max(least)
         };
-        Some([of(|s| s.force, least[0]), of(|s| s.along, least[1])])
+        Some([of(|s| s.mean, least[0]), of(|s| s.along, least[1])])
     }
 
     /// Whether speed, along the normal or at all, is at a peak in the frame `age` frames ago or next to it.

@@ -24,7 +24,7 @@ const SAME_CONTACT: f64 = 0.7;
 const TRAVEL: f64 = 0.02;
 /// Most frames that stand in for missing ones, whatever the step.
 const MOST_MISSING: f64 = 64.0;
-/// Time within which a contact forgets how wide it was, s.
+/// Time for which a contact counts as wide, s.
 const WIDTH: f64 = 0.25;
 
 /// How points become contacts.
@@ -67,6 +67,8 @@ struct Lasting {
     anchor: Vec3,
     /// How far its points lie apart.
     width: f64,
+    /// Time for which nothing has shown it.
+    wide_for: f64,
     travel: Option<[Vec3; 2]>,
 }
 
@@ -216,6 +218,7 @@ impl<'a> Joiner<'a> {
             normal: new.row.normal,
             anchor: new.row.point,
             width: new.extent,
+            wide_for: 0.0,
             travel: None,
         };
         self.next += 1;
@@ -333,23 +336,37 @@ impl Lasting {
     /// Therefore the contact is taken along by the body that moves, and a string as long as the points lie apart draws it to
     /// where they are. A single point, as of a ball, has a string of length 0.
     fn advance(&mut self, new: &Measured, time: f64, jump: f64) {
-        let material = new.motion.map(|motion| motion.at(self.anchor));
+        let material = new.motion.map(|motion| motion.at(new.row.point));
         let carried = if norm(material[0]) > norm(material[1]) { material[0] } else { material[1] };
         let hop = norm(sub(new.row.point, add(self.point, scale(carried, time))));
         let hop = if hop > jump + 2.0 * norm(new.velocity) * time { hop } else { 0.0 };
-        self.width = (self.width * (-time / WIDTH).exp()).max(new.extent).max(hop);
+        let now = new.extent.max(hop);
+        if now >= 0.7 * self.width {
+            self.wide_for = 0.0;
+        }
+        self.width = self.width.max(now);
         let moved = add(self.anchor, scale(carried, time));
-        let off = sub(new.row.point, moved);
-        let far = norm(off);
-        let pull = if far > self.width { 1.0 - self.width / far } else { 0.0 };
-        let anchor = add(moved, scale(off, pull));
-        let speed = scale(sub(anchor, self.anchor), 1.0 / time);
+        let drawn = |width: f64| {
+            let off = sub(new.row.point, moved);
+            let far = norm(off);
+            add(moved, scale(off, if far > width { 1.0 - width / far } else { 0.0 }))
+        };
+        let speed = scale(sub(drawn(self.width), self.anchor), 1.0 / time);
         let part = 1.0 - (-time / TRAVEL).exp();
-        let now = material.map(|m| sub(speed, m));
+        let over = |k: usize| {
+            let travel = sub(speed, material[k]);
+            sub(travel, scale(new.row.normal, dot(travel, new.row.normal)))
+        };
         self.travel = Some(match self.travel {
-            None => now,
-            Some(old) => [0, 1].map(|k| add(old[k], scale(sub(now[k], old[k]), part))),
+            None => [over(0), over(1)],
+            Some(old) => [0, 1].map(|k| add(old[k], scale(sub(over(k), old[k]), part))),
         });
+        // A contact that has not hopped for a while was no face: the string shortens, and that is no way of the contact.
+        self.wide_for += time;
+        if self.wide_for > WIDTH {
+            self.width *= (-time / TRAVEL).exp();
+        }
+        let anchor = drawn(self.width);
         self.anchor = anchor;
         self.point = new.row.point;
         self.normal = new.row.normal;

@@ -89,7 +89,7 @@ fn points_are_followed_or_joined() {
 fn a_face_whose_points_hop_slides_evenly() {
     // A face 0.2 m wide: one of its corners is told in each frame.
     let mut draw = Draw::new(5);
-    let points: Vec<_> = (0..100)
+    let points: Vec<_> = (0..300)
         .map(|k| {
             let t = 0.01 * f64::from(k);
             (t, t + [-0.1, 0.1][draw.below(2)], [-0.1, 0.1][draw.below(2)], 4.0)
@@ -97,7 +97,7 @@ fn a_face_whose_points_hop_slides_evenly() {
         .collect();
     let track = read(&rows(&points)).unwrap();
     assert_eq!(track.contacts, 1);
-    let late = || track.frames.iter().skip(30);
+    let late = || track.frames.iter().skip(100);
     for (_, frame) in late() {
         let over = frame.travel[0].unwrap();
         assert!((over[0] - 1.0).abs() < 0.05 && over[1].abs() < 0.05, "{frame:?}");

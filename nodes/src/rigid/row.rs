@@ -91,7 +91,7 @@ fn missing(columns: &Columns, poses: bool) -> Option<&'static str> {
 
 fn body(cells: &Cells<'_>, name: Field, number: Field, bodies: &mut Bodies) -> Result<u32, LogFault> {
     let (named, own) = (cells.text(name)?, cells.text(number)?);
-    let field = if named.is_some() { name } else { number };
+    let field = if cells.columns.has(name) { name } else { number };
     let own_number = own.and_then(|t| t.parse().ok());
     let Some(text) = named.or(own) else {
         return Err(cells.fault(field, "nothing is there; a name or a number is needed"));
