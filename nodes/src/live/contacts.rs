@@ -276,7 +276,7 @@ impl Gathering {
         }
         let old = place.and_then(|k| self.held.get(k)).copied();
         // Who tells how long its frames are is not disturbed by when messages arrive.
-        let passed = old.map_or(self.frame, |(last, _)| (tick - last).max(1));
+        let passed = old.map_or(self.frame, |(last, _)| (tick - last).max(self.frame / 4).max(1));
         let interval = sent.step.filter(|s| *s > 0.0).map_or(passed, |s| ticks(s.min(1.0)).max(1));
         let sign = if sent.bodies[0] > sent.bodies[1] { -1.0 } else { 1.0 };
         let turned = |v: Vec3| v.map(|x| (x * sign) as f32);
@@ -304,13 +304,13 @@ impl Gathering {
             frame.bodies.swap(0, 1);
             frame.travel.swap(0, 1);
         }
-        match place.and_then(|k| self.held.get_mut(k)) {
-            Some(held) => *held = (tick, frame),
-            None if self.held.len() < self.most => self.held.push((tick, frame)),
-            None => {
-                self.left_out += 1;
-                return None;
-            }
+        if let Some(held) = place.and_then(|k| self.held.get_mut(k)) {
+            *held = (tick, frame);
+        } else if self.held.len() < self.most {
+            self.held.push((tick, frame));
+        } else {
+            self.left_out += 1;
+            return None;
         }
         Some(frame)
     }
