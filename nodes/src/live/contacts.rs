@@ -144,8 +144,8 @@ impl Sent {
     /// The key, what was found and what would be right.
     pub fn from_json(object: &Map<String, Value>) -> Result<Self, String> {
         const KEYS: [&str; 13] = [
-            "id", "a", "b", "point", "normal", "force", "impulse", "velocity", "approach", "mass", "travel_a", "step",
-            "ends",
+            "id", "a", "b", "point", "normal", "force", "impulse", "velocity", "approach", "mass",
+            "travel_a", "step", "ends",
         ];
         if let Some(key) = object.keys().find(|key| !KEYS.contains(&key.as_str())) {
             return Err(format!("there is no key `{key}`; known are {}", KEYS.join(", ")));
@@ -171,11 +171,10 @@ impl Sent {
         let vector = |key: &str| {
             let list = object.get(key).and_then(Value::as_array);
             let list: Option<Vec<f64>> = list.and_then(|list| list.iter().map(Value::as_f64).collect());
-            list.and_then(|list| Vec3::try_from(list).ok()).ok_or_else(|| wrong(key, "a list of three numbers is"))
+            list.and_then(|list| Vec3::try_from(list).ok())
+                .ok_or_else(|| wrong(key, "a list of three numbers is"))
         };
-        let body = |key: &str| {
-            u32::try_from(whole(key)?).map_err(|_| wrong(key, "the number of a body is"))
-        };
+        let body = |key: &str| u32::try_from(whole(key)?).map_err(|_| wrong(key, "the number of a body is"));
         let step = maybe("step")?;
         let force = match (maybe("force")?, maybe("impulse")?, step.filter(|step| *step > 0.0)) {
             (Some(force), ..) => force,
@@ -377,7 +376,10 @@ impl Node for LiveContacts {
     fn trial(draw: &mut Draw) -> (LiveContactsParams, MemoryFiles) {
         let params = LiveContactsParams::trial(draw);
         let duration = params.duration.map(|_| draw.between(0.0, 0.5));
-        (LiveContactsParams { duration, contacts: 1 + draw.below(64) as u16, ..params }, MemoryFiles::default())
+        (
+            LiveContactsParams { duration, contacts: 1 + draw.below(64) as u16, ..params },
+            MemoryFiles::default(),
+        )
     }
 }
 
@@ -454,7 +456,10 @@ mod tests {
         let mut gathering = Gathering::new(ticks(0.01), ticks(0.05), 2);
         let sent = Sent { bodies: [2, 0], ..Sent::from_numbers(&NUMBERS).unwrap() };
         let frame = gathering.take(0, &sent).unwrap();
-        assert_eq!((frame.bodies, frame.normal, frame.velocity), ([0, 2], [-0.0, -0.0, -1.0], [-0.3, -0.0, 0.1]));
+        assert_eq!(
+            (frame.bodies, frame.normal, frame.velocity),
+            ([0, 2], [-0.0, -0.0, -1.0], [-0.3, -0.0, 0.1])
+        );
         assert_eq!(frame.travel[1], Some([0.4, 0.0, 0.0]));
     }
 }

@@ -104,11 +104,7 @@ impl Node for LiveControl {
 
     fn shape(p: &LiveControlParams, s: &mut Shape<'_, '_, LiveControlPorts>) -> Result<(), Reject> {
         if p.initial.is_empty() || p.initial.len() > MOST {
-            let message = format!(
-                "`initial` has {} numbers; 1 to {} are needed",
-                p.initial.len(),
-                MOST
-            );
+            let message = format!("`initial` has {} numbers; 1 to {} are needed", p.initial.len(), MOST);
             return Err(Reject::new("F051", message).at("initial"));
         }
         s.ends(p.duration.map(ticks));

@@ -7,7 +7,8 @@ mod control;
 mod impacts;
 
 pub use contacts::{
-    Gathering, LiveContacts, LiveContactsParams, LiveContactsPorts, Sent, contact_from_message, contact_to_message,
+    Gathering, LiveContacts, LiveContactsParams, LiveContactsPorts, Sent, contact_from_message,
+    contact_to_message,
 };
 pub use control::{Glide, LiveControl, LiveControlParams, LiveControlPorts};
 pub use impacts::{LiveImpacts, LiveImpactsParams, LiveImpactsPorts, from_message, to_message};

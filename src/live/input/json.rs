@@ -164,7 +164,11 @@ mod tests {
         let mut inbox = hub.open("ball").unwrap();
         let one = "\"id\": 1, \"a\": 0, \"b\": 1, \"point\": [0,0,0], \"normal\": [0,0,1], \"force\": 2, \"velocity\": [1,0,0]";
         read_line(&format!("{{\"contact\": \"ball\", {one}}}"), &hub).unwrap();
-        read_line(&format!("{{\"contact\": \"ball\", \"contacts\": [{{{one}}}, {{\"id\": 2, \"ends\": true}}]}}"), &hub).unwrap();
+        read_line(
+            &format!("{{\"contact\": \"ball\", \"contacts\": [{{{one}}}, {{\"id\": 2, \"ends\": true}}]}}"),
+            &hub,
+        )
+        .unwrap();
         let ids: Vec<_> = std::iter::from_fn(|| inbox.next(1))
             .filter_map(|(_, m)| foley_nodes::live::contact_from_message(&m))
             .map(|sent| (sent.id, sent.ends))
