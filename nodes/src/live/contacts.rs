@@ -27,7 +27,7 @@ params! {
         /// Time without a message after which a contact has ended: two frames, and what messages may be late.
         silence: f64 = 0.05, unit "s", range 0.001..=10.0;
         /// Contacts at a time; messages of more are left out.
-        contacts: u16 = 64, unit "contacts", range 1..=1024_u16;
+        room: u16 = 64, unit "contacts", range 1..=1024_u16;
         /// How long to listen; None listens for ever.
         duration: Option<f64> = None, unit "s", range 0.0..=1.0e6_f64;
     }
@@ -347,7 +347,7 @@ impl Node for LiveContacts {
 
     fn build(p: &LiveContactsParams, cx: &Build<'_>) -> Result<Self, Fault> {
         let silence = ticks(p.silence).max(2 * ticks(p.frame));
-        let gathering = Gathering::new(ticks(p.frame), silence, p.contacts.into());
+        let gathering = Gathering::new(ticks(p.frame), silence, p.room.into());
         Ok(Self { inbox: cx.inputs.open(&p.channel.0), gathering, frames: 0 })
     }
 
@@ -376,10 +376,7 @@ impl Node for LiveContacts {
     fn trial(draw: &mut Draw) -> (LiveContactsParams, MemoryFiles) {
         let params = LiveContactsParams::trial(draw);
         let duration = params.duration.map(|_| draw.between(0.0, 0.5));
-        (
-            LiveContactsParams { duration, contacts: 1 + draw.below(64) as u16, ..params },
-            MemoryFiles::default(),
-        )
+        (LiveContactsParams { duration, room: 1 + draw.below(64) as u16, ..params }, MemoryFiles::default())
     }
 }
 

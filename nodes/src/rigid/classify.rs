@@ -229,24 +229,17 @@ impl Classifier {
             self.wrong += 1;
             return None;
         }
+        // What is due is judged now, so that nothing hangs on how time is cut into windows.
+        self.pass(tick);
         let place = self.known.iter().position(|k| k.contact == frame.contact);
-        let silence = self.rules.silence();
-        let mut known = match place {
-            Some(k) => {
-                let mut known = self.known.swap_remove(k);
-                if known.waits && tick > known.last + self.rules.patience() {
-                    self.judge(&mut known, None);
+        let mut known = match place.map(|k| self.known.swap_remove(k)) {
+            Some(known) if !frame.begins => known,
+            old => {
+                if let Some(mut old) = old.filter(|old| old.waits) {
+                    self.judge(&mut old, None);
                 }
-                if frame.begins || tick - known.last > silence {
-                    if known.waits {
-                        self.judge(&mut known, None);
-                    }
-                    Known::new(tick, frame)
-                } else {
-                    known
-                }
+                Known::new(tick, frame)
             }
-            None => Known::new(tick, frame),
         };
         let state = self.advance(&mut known, tick, frame);
         if frame.ends {
@@ -275,18 +268,24 @@ impl Classifier {
     pub fn pass(&mut self, now: Tick) {
         let (patience, silence) = (self.rules.patience(), self.rules.silence());
         let mut k = 0;
-        while let Some(mut known) = self.known.get(k).copied() {
-            if known.waits && known.last + patience < now {
-                self.judge(&mut known, None);
-                if let Some(place) = self.known.get_mut(k) {
-                    *place = known;
-                }
+        while let Some((waits, last)) = self.known.get(k).map(|known| (known.waits, known.last)) {
+            if waits && last + patience < now {
+                self.judge_at(k);
             }
-            if known.last + silence < now {
+            if last + silence < now {
                 self.known.swap_remove(k);
             } else {
                 k += 1;
             }
+        }
+    }
+
+    /// Judges the latest frame of a contact as one that none follows.
+    fn judge_at(&mut self, k: usize) {
+        let Some(mut known) = self.known.get(k).copied() else { return };
+        self.judge(&mut known, None);
+        if let Some(place) = self.known.get_mut(k) {
+            *place = known;
         }
     }
 

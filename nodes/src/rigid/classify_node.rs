@@ -93,7 +93,7 @@ params! {
         /// Least and greatest amplitude.
         range: [f64; 2] = [-60.0, 12.0], unit "dB", range -200.0..=60.0;
         /// Contacts at a time; of more, the one that was silent for the longest time is forgotten.
-        contacts: u16 = 64, unit "contacts", range 1..=1024_u16;
+        room: u16 = 64, unit "contacts", range 1..=1024_u16;
     }
 }
 ports! {
@@ -200,8 +200,8 @@ impl Node for ContactClassifier {
     fn build(p: &ContactClassifierParams, _: &Build<'_>) -> Result<Self, Fault> {
         let rules = rules(p);
         Ok(Self {
-            fixed: (rules.latency(), p.contacts),
-            classifier: Classifier::new(rules, p.contacts.into()),
+            fixed: (rules.latency(), p.room),
+            classifier: Classifier::new(rules, p.room.into()),
             states: VecDeque::with_capacity(ROOM),
             dropped: 0,
         })
@@ -244,7 +244,7 @@ impl Node for ContactClassifier {
 
     fn retune(&mut self, new: &ContactClassifierParams) -> Retune {
         let rules = rules(new);
-        if self.fixed != (rules.latency(), new.contacts) {
+        if self.fixed != (rules.latency(), new.room) {
             return Retune::Rebuild;
         }
         self.classifier.set_rules(&rules);
@@ -269,7 +269,7 @@ impl Node for ContactClassifier {
             sliding_speed: high,
             sliding_leave: low,
             range: [-60.0, 12.0],
-            contacts: 1 + draw.below(3) as u16,
+            room: 1 + draw.below(3) as u16,
             ..given
         };
         (params, MemoryFiles::default())

@@ -177,6 +177,9 @@ impl Node for ContactLog {
             poses: [None, Some("poses.csv".into())][draw.below(2)].clone(),
             bodies: [Vec::new(), vec!["box".into(), "ball".into(), "world".into()]][draw.below(2)].clone(),
             masses: vec![0.0, 0.2],
+            // More would be filled in than a window's events have room for.
+            rate: [None, Some(120.0)][draw.below(2)],
+            hold: draw.between(0.0, 0.1),
             ..ContactLogParams::trial(draw)
         };
         (params, files)
