@@ -99,7 +99,8 @@ fn send(to: &mut To, contacts: &[Contact], step: f64, time: f64) -> Result<(), B
             let timetag = rosc::OscTime { seconds: 0, fractional: 1 };
             let content = contacts.iter().map(|c| as_osc(c, step)).collect();
             let bundle = rosc::OscPacket::Bundle(rosc::OscBundle { timetag, content });
-            socket.send_to(&rosc::encoder::encode(&bundle)?, address.as_str())?;
+            let bytes = rosc::encoder::encode(&bundle).map_err(|e| format!("{e:?}"))?;
+            socket.send_to(&bytes, address.as_str())?;
         }
         To::Log(file) => {
             for contact in contacts.iter().filter(|c| !c.ends) {

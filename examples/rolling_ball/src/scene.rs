@@ -10,8 +10,8 @@ const GAP: f32 = 0.004;
 const TILES: i32 = 12;
 /// Seconds from one kick to the next.
 const KICK: f32 = 6.0;
-/// Steel, kg/m^3.
-const DENSITY: f32 = 7800.0;
+/// Marble, kg/m^3.
+const DENSITY: f32 = 2700.0;
 
 /// One contact in one frame; body 0 is the floor, 1 the ball, 2 the walls.
 #[derive(Clone, Copy, Debug)]
