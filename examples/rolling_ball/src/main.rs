@@ -1,7 +1,7 @@
 //! A ball on a tiled floor between four walls, kicked every few seconds. Its contacts go out as `foley live` hears them.
 //!
 //! ```text
-//! rolling_ball [--seconds S] [--rate HZ] [--osc ADDRESS:PORT | --offline FILE]
+//! rolling_ball [--seconds S] [--wait S] [--rate HZ] [--osc ADDRESS:PORT | --offline FILE]
 //! ```
 
 mod scene;
@@ -24,17 +24,20 @@ enum To {
 
 struct Options {
     seconds: f64,
+    /// Before the first frame: what is sent while the listener starts would all happen at once.
+    wait: f64,
     rate: f64,
     to: To,
 }
 
 fn options() -> Result<Options, String> {
-    let mut options = Options { seconds: f64::INFINITY, rate: 120.0, to: To::Lines };
+    let mut options = Options { seconds: f64::INFINITY, wait: 3.0, rate: 120.0, to: To::Lines };
     let mut words = std::env::args().skip(1);
     while let Some(word) = words.next() {
         let mut next = || words.next().ok_or(format!("{word} needs a value"));
         match word.as_str() {
             "--seconds" => options.seconds = number(&next()?)?,
+            "--wait" => options.wait = number(&next()?)?,
             "--rate" => options.rate = number(&next()?)?,
             "--osc" => {
                 let socket = UdpSocket::bind("0.0.0.0:0").map_err(|e| e.to_string())?;
@@ -45,7 +48,11 @@ fn options() -> Result<Options, String> {
                 options.to = To::Log(std::io::BufWriter::new(file));
                 options.seconds = options.seconds.min(10.0);
             }
-            other => return Err(format!("{other:?} is there; --seconds, --rate, --osc and --offline are known")),
+            other => {
+                return Err(format!(
+                    "{other:?} is there; --seconds, --wait, --rate, --osc and --offline are known"
+                ));
+            }
         }
     }
     Ok(options)
@@ -79,8 +86,15 @@ fn as_osc(contact: &Contact, step: f64) -> rosc::OscPacket {
         args.extend(contact.bodies.map(rosc::OscType::Int));
         let force = [contact.impulse / step as f32];
         let known = [contact.approach, contact.mass];
-        let rest: [&[f32]; 7] =
-            [&contact.point, &contact.normal, &force, &contact.velocity, &known, &contact.travel, &[step as f32]];
+        let rest: [&[f32]; 7] = [
+            &contact.point,
+            &contact.normal,
+            &force,
+            &contact.velocity,
+            &known,
+            &contact.travel,
+            &[step as f32],
+        ];
         args.extend(rest.concat().into_iter().map(rosc::OscType::Float));
     }
     rosc::OscPacket::Message(rosc::OscMessage { addr: "/foley/contact/ball".into(), args })
@@ -112,9 +126,12 @@ fn send(to: &mut To, contacts: &[Contact], step: f64, time: f64) -> Result<(), B
 }
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let Options { seconds, rate, mut to } = options()?;
+    let Options { seconds, wait, rate, mut to } = options()?;
     let step = 1.0 / rate;
     let mut scene = Scene::new(step as f32);
+    if !matches!(to, To::Log(_)) {
+        std::thread::sleep(Duration::from_secs_f64(wait));
+    }
     let start = Instant::now();
     for frame in 1_u64.. {
         let time = frame as f64 * step;
