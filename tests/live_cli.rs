@@ -71,9 +71,66 @@ fn blows_from_lines_and_from_osc_are_heard_in_the_file_that_was_played() {
 }
 
 #[test]
+fn contacts_from_lines_and_from_osc_strike_and_end_when_their_sender_stalls() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = "#![schema = \"foley:graph/1\"]\nGraph(nodes: {
+        \"sent\": LiveContacts(channel: \"ball\"),
+        \"contacts\": ContactClassifier(contacts: \"sent\", struck: B),
+        \"force\": ImpactForce(impacts: \"contacts.impacts\", rate: 44100),
+        \"out\": WavOut(audio: \"force\", path: \"o.wav\") })";
+    std::fs::write(folder.path().join("main.ron"), text).unwrap();
+    let port = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+    let args =
+        ["live", "main.ron", "--device", "file:played.wav", "--for", "3", "--report", "r.json", "--osc"];
+    let mut command = foley(&args, folder.path());
+    let mut child =
+        command.arg(port.to_string()).stdin(Stdio::piped()).stdout(Stdio::null()).spawn().unwrap();
+    let mut lines = child.stdin.take().unwrap();
+    std::thread::sleep(Duration::from_millis(700));
+    // Two bodies land in one frame.
+    let body = |id: u32| {
+        format!(
+            "{{\"id\": {id}, \"a\": 0, \"b\": {id}, \"point\": [0,0,0], \"normal\": [0,0,1], \"force\": 60, \
+             \"velocity\": [0,0,0.5], \"approach\": 1, \"mass\": 0.5, \"step\": 0.0166}}"
+        )
+    };
+    let line = format!("{{\"contact\": \"ball\", \"contacts\": [{}, {}]}}\nwrong\n", body(1), body(2));
+    lines.write_all(line.as_bytes()).unwrap();
+    lines.flush().unwrap();
+    // They are silent from now on, so they have ended: a later message of the first begins another contact, and strikes again.
+    std::thread::sleep(Duration::from_millis(600));
+    let mut args = vec![1, 0, 1].into_iter().map(rosc::OscType::Int).collect::<Vec<_>>();
+    let numbers = [0.0_f32, 0.0, 0.0, 0.0, 0.0, 1.0, 60.0, 0.0, 0.0, 0.5, 1.0];
+    args.extend(numbers.map(rosc::OscType::Float));
+    let message = rosc::OscMessage { addr: "/foley/contact/ball".into(), args };
+    let packet = rosc::encoder::encode(&rosc::OscPacket::Message(message)).unwrap();
+    let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+    socket.send_to(&packet, ("127.0.0.1", port)).unwrap();
+    assert!(child.wait().unwrap().success());
+    let (heard, _) = samples(&folder.path().join("played.wav"));
+    let mut blows: Vec<f32> = Vec::new();
+    let mut quiet = 1000;
+    for x in &heard {
+        if *x > 0.0 && quiet >= 1000 {
+            blows.push(0.0);
+        }
+        quiet = if *x == 0.0 { quiet + 1 } else { 0 };
+        if let Some(peak) = blows.last_mut() {
+            *peak = peak.max(*x);
+        }
+    }
+    assert_eq!(blows.len(), 2, "two at once, and one later: {blows:?}");
+    assert!((blows[0] / blows[1] - 2.0).abs() < 0.1, "{blows:?}");
+    let report = std::fs::read_to_string(folder.path().join("r.json")).unwrap();
+    let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+    let messages = &report["messages"];
+    assert_eq!((&messages["delivered"], &messages["malformed"]), (&3.into(), &1.into()));
+}
+
+#[test]
 fn the_examples_that_play_play_without_a_gap() {
     let folder = tempfile::tempdir().unwrap();
-    for name in ["impact/live.ron", "cloth/friction_live.ron"] {
+    for name in ["impact/live.ron", "texture/live.ron", "cloth/friction_live.ron"] {
         let path = graph(name);
         let args =
             ["live", path.to_str().unwrap(), "--device", "null", "--osc", "off", "--for", "2", "--no-cache"];

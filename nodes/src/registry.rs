@@ -29,6 +29,8 @@ use crate::modal::force_node::ImpactForce;
 use crate::modal::from_recording::ModalFromRecording;
 use crate::modal::impact_file_node::ImpactFile;
 use crate::modal::modes_file::ModesFile;
+use crate::rigid::classify_node::ContactClassifier;
+use crate::rigid::log_node::ContactLog;
 use crate::spatial::distance_node::DistanceGain;
 use crate::spatial::hrtf_node::StructuralHrtf;
 use crate::spatial::orbit_node::Orbit;
@@ -128,6 +130,8 @@ pub fn all() -> Vec<NodeType> {
         NodeType::func::<FeatureNoiseSplit>("texture"),
         NodeType::func::<NoiseProfileNode>("texture"),
         NodeType::func::<MapSizes>("texture"),
+        NodeType::of::<ContactClassifier>("rigid"),
+        NodeType::of::<ContactLog>("rigid"),
         NodeType::of::<StructuralHrtf>("spatial"),
         NodeType::of::<DistanceGain>("spatial"),
         NodeType::of::<Orbit>("spatial"),
@@ -139,6 +143,7 @@ pub fn all() -> Vec<NodeType> {
         NodeType::of::<TpsFit>("warp"),
         NodeType::of::<TpsWarp>("warp"),
         NodeType::func::<WarpFile>("warp"),
+        NodeType::of::<live::LiveContacts>("live"),
         NodeType::of::<live::LiveControl>("live"),
         NodeType::of::<live::LiveImpacts>("live"),
     ]

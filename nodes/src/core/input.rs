@@ -3,7 +3,7 @@
 use super::time::Tick;
 
 /// Most numbers of one message.
-pub const MOST: usize = 16;
+pub const MOST: usize = 24;
 
 /// One message: up to [`MOST`] numbers, whose meaning the node that reads them knows.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -12,6 +12,9 @@ use crate::core::shape::{Build, Shape};
 use crate::core::time::{Rate, Tick, ticks};
 use crate::{params, ports};
 
+/// Most numbers of one message.
+const MOST: usize = 16;
+
 params! {
     /// Numbers that come in while the graph plays, such as a position, a speed or a level, as a stream.
     ///
@@ -100,12 +103,8 @@ impl Node for LiveControl {
     const CLASS: Class = Class::Audio;
 
     fn shape(p: &LiveControlParams, s: &mut Shape<'_, '_, LiveControlPorts>) -> Result<(), Reject> {
-        if p.initial.is_empty() || p.initial.len() > crate::core::input::MOST {
-            let message = format!(
-                "`initial` has {} numbers; 1 to {} are needed",
-                p.initial.len(),
-                crate::core::input::MOST
-            );
+        if p.initial.is_empty() || p.initial.len() > MOST {
+            let message = format!("`initial` has {} numbers; 1 to {} are needed", p.initial.len(), MOST);
             return Err(Reject::new("F051", message).at("initial"));
         }
         s.ends(p.duration.map(ticks));

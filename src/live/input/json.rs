@@ -2,7 +2,7 @@
 
 use super::hub::Hub;
 use foley_nodes::core::input::Message;
-use foley_nodes::live::to_message;
+use foley_nodes::live::{Sent, contact_to_message, to_message};
 use foley_nodes::modal::{Body, Defaults, read_impacts};
 use serde_json::{Map, Value};
 use std::io::BufRead;
@@ -36,6 +36,7 @@ fn ron(value: &Value) -> Option<String> {
 /// Takes one line:
 ///
 /// - `{"impact": CHANNEL, "velocity": 2.0, ...}`: a blow, with the keys of an impact file; `in` seconds from now.
+/// - `{"contact": CHANNEL, "id": 1, "a": 0, ...}`: one frame of a contact, or `"contacts": [...]` with all of a frame.
 /// - `{"control": CHANNEL, "values": [...]}`: numbers for a `LiveControl`.
 /// - `{"set": NAME, "value": VALUE}`: a parameter, as with `--set`.
 ///
@@ -66,11 +67,14 @@ pub fn read_line(line: &str, hub: &Hub) -> Result<(), String> {
         }
         return Ok(());
     }
+    if let Some(channel) = text(&mut object, "contact")? {
+        return contacts(&channel, object, wait, hub);
+    }
     if let Some(channel) = text(&mut object, "control")? {
         let values = object.remove("values");
         let list = values.as_ref().and_then(Value::as_array);
         let numbers: Option<Vec<f64>> = list.and_then(|list| list.iter().map(Value::as_f64).collect());
-        let message = numbers.as_deref().and_then(Message::new);
+        let message = numbers.as_deref().filter(|list| list.len() <= 16).and_then(Message::new);
         hub.deliver(&channel, message.ok_or("`values` has to be a list of up to 16 numbers")?, wait);
         return Ok(());
     }
@@ -79,7 +83,30 @@ pub fn read_line(line: &str, hub: &Hub) -> Result<(), String> {
         hub.set(target, value.ok_or("`value` has to be a number, a text, true, false or a list")?);
         return Ok(());
     }
-    Err("one of `impact`, `control` and `set` is needed".to_owned())
+    Err("one of `impact`, `contact`, `control` and `set` is needed".to_owned())
+}
+
+/// One contact, or a list of them.
+fn contacts(channel: &str, mut object: Map<String, Value>, wait: Duration, hub: &Hub) -> Result<(), String> {
+    let one = |object: &Map<String, Value>| {
+        let sent = Sent::from_json(object)?;
+        contact_to_message(&sent).ok_or_else(|| "its numbers are too large".to_owned())
+    };
+    let Some(list) = object.remove("contacts") else {
+        hub.deliver(channel, one(&object)?, wait);
+        return Ok(());
+    };
+    if let Some(key) = object.keys().next() {
+        return Err(format!("`{key}` stands beside `contacts`; it belongs to each of them"));
+    }
+    let Value::Array(list) = list else { return Err("`contacts` has to be a list".to_owned()) };
+    // All or none: half a frame would end the contacts of the other half.
+    let messages: Result<Vec<_>, _> = list
+        .iter()
+        .map(|item| one(item.as_object().ok_or("`contacts` has to be a list of objects")?))
+        .collect();
+    messages?.into_iter().for_each(|message| hub.deliver(channel, message, wait));
+    Ok(())
 }
 
 /// Takes lines until there are no more; tells of those that are wrong.
@@ -127,8 +154,29 @@ mod tests {
         assert!((blow.energy - 1.0).abs() < 1e-6);
         assert_eq!(numbers.next(1).unwrap().1.numbers(), [1.0, 2.5, -3.0]);
         assert_eq!(set.recv().unwrap(), super::super::Set { target: "level".into(), value: "0.5".into() });
-        assert_eq!(wrong, ["5: one of `impact`, `control` and `set` is needed"]);
+        assert_eq!(wrong, ["5: one of `impact`, `contact`, `control` and `set` is needed"]);
         assert_eq!((hub.delivered.load(Relaxed), hub.malformed.load(Relaxed)), (3, 1));
+    }
+
+    #[test]
+    fn contacts_come_alone_or_all_of_a_frame_at_once() {
+        let hub = Hub::new(unbounded().0);
+        let mut inbox = hub.open("ball").unwrap();
+        let one = "\"id\": 1, \"a\": 0, \"b\": 1, \"point\": [0,0,0], \"normal\": [0,0,1], \"force\": 2, \"velocity\": [1,0,0]";
+        read_line(&format!("{{\"contact\": \"ball\", {one}}}"), &hub).unwrap();
+        read_line(
+            &format!("{{\"contact\": \"ball\", \"contacts\": [{{{one}}}, {{\"id\": 2, \"ends\": true}}]}}"),
+            &hub,
+        )
+        .unwrap();
+        let ids: Vec<_> = std::iter::from_fn(|| inbox.next(1))
+            .filter_map(|(_, m)| foley_nodes::live::contact_from_message(&m))
+            .map(|sent| (sent.id, sent.ends))
+            .collect();
+        assert_eq!(ids, [(1, false), (1, false), (2, true)]);
+        let wrong = format!("{{\"contact\": \"ball\", \"contacts\": [{{{one}}}, {{\"id\": 2}}]}}");
+        assert!(read_line(&wrong, &hub).unwrap_err().contains("`force` is nothing"));
+        assert!(inbox.next(1).is_none(), "all or none");
     }
 
     #[test]

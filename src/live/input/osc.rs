@@ -3,6 +3,7 @@
 //! | address | arguments |
 //! |---|---|
 //! | `/foley/impact/CHANNEL` | energy in J, then as far as wanted hardness, object, point, x, y, z |
+//! | `/foley/contact/CHANNEL` | id, a, b, point (3), normal (3), force, velocity (3), then as far as wanted approach, mass, travel over a (3), step; or an id alone, which ends it |
 //! | `/foley/control/CHANNEL` | up to 16 numbers |
 //! | `/foley/set/NAME` | a number, text or truth value; `/foley/set/NODE/PARAM` for a node's own |
 //!
@@ -10,7 +11,7 @@
 
 use super::hub::Hub;
 use foley_nodes::core::input::Message;
-use foley_nodes::live::to_message;
+use foley_nodes::live::{Sent, contact_to_message, to_message};
 use foley_nodes::modal::{Body, Impact};
 use rosc::{OscPacket, OscTime, OscType};
 use std::net::{SocketAddr, UdpSocket};
@@ -78,6 +79,11 @@ fn impact(numbers: &[f64]) -> Option<Impact> {
     impact.is_valid().then_some(impact)
 }
 
+/// The numbers of a control.
+fn control(numbers: &[f64]) -> Option<Message> {
+    Message::new(numbers).filter(|_| numbers.len() <= 16)
+}
+
 fn message(message: &rosc::OscMessage, wait: Duration, hub: &Hub) -> Option<()> {
     let path = message.addr.strip_prefix("/foley/")?;
     let (kind, name) = path.split_once('/')?;
@@ -87,7 +93,8 @@ fn message(message: &rosc::OscMessage, wait: Duration, hub: &Hub) -> Option<()> 
     let numbers = || message.args.iter().map(number).collect::<Option<Vec<f64>>>();
     match kind {
         "impact" => hub.deliver(name, to_message(&impact(&numbers()?)?)?, wait),
-        "control" => hub.deliver(name, Message::new(&numbers()?)?, wait),
+        "contact" => hub.deliver(name, contact_to_message(&Sent::from_numbers(&numbers()?)?)?, wait),
+        "control" => hub.deliver(name, control(&numbers()?)?, wait),
         "set" => hub.set(name.replace('/', "."), ron(message.args.first()?)?),
         _ => return None,
     }
@@ -195,6 +202,29 @@ mod tests {
             super::super::Set { target: "bell.gain".into(), value: "0.25".into() }
         );
         assert_eq!(hub.malformed.load(Relaxed), 4);
+    }
+
+    #[test]
+    fn a_bundle_brings_all_contacts_of_a_frame() {
+        let hub = Hub::new(unbounded().0);
+        let mut inbox = hub.open("ball").unwrap();
+        let contact = |id: i32| {
+            let numbers = [0.5_f32, 0.0, 0.0, 0.0, 0.0, 1.0, 9.5, 0.3, 0.0, -0.1];
+            let mut args = vec![OscType::Int(id), OscType::Int(0), OscType::Int(1)];
+            args.extend(numbers.map(OscType::Float));
+            OscPacket::Message(OscMessage { addr: "/foley/contact/ball".into(), args })
+        };
+        let timetag = OscTime { seconds: 0, fractional: 1 };
+        let bundle = OscBundle { timetag, content: (0..40).map(contact).collect() };
+        read_packet(&encode(&OscPacket::Bundle(bundle)).unwrap(), &hub);
+        read_packet(&bytes("/foley/contact/ball", vec![OscType::Int(7)]), &hub);
+        let ids: Vec<_> = std::iter::from_fn(|| inbox.next(1))
+            .filter_map(|(_, m)| foley_nodes::live::contact_from_message(&m))
+            .map(|sent| (sent.id, sent.ends))
+            .collect();
+        assert_eq!(ids.len(), 41);
+        assert_eq!((ids[39], ids[40]), ((39, false), (7, true)));
+        assert_eq!(hub.malformed.load(Relaxed), 0);
     }
 
     #[test]

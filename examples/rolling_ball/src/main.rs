@@ -1,0 +1,155 @@
+//! A ball on a tiled floor between four walls, kicked every few seconds. Its contacts go out as `foley live` hears them.
+//!
+//! ```text
+//! rolling_ball [--seconds S] [--wait S] [--rate HZ] [--osc ADDRESS:PORT | --offline FILE]
+//! ```
+
+mod scene;
+
+use scene::{Contact, Scene};
+use serde_json::{Value, json};
+use std::io::Write;
+use std::net::UdpSocket;
+use std::time::{Duration, Instant};
+
+/// Where contacts go.
+enum To {
+    /// JSON lines, a frame each, as they happen.
+    Lines,
+    /// OSC bundles, a frame each, as they happen.
+    Osc(UdpSocket, String),
+    /// A log for `ContactLog`, as fast as the machine goes.
+    Log(std::io::BufWriter<std::fs::File>),
+}
+
+struct Options {
+    seconds: f64,
+    /// Before the first frame: what is sent while the listener starts would all happen at once.
+    wait: f64,
+    rate: f64,
+    to: To,
+}
+
+fn options() -> Result<Options, String> {
+    let mut options = Options { seconds: f64::INFINITY, wait: 3.0, rate: 120.0, to: To::Lines };
+    let mut words = std::env::args().skip(1);
+    while let Some(word) = words.next() {
+        let mut next = || words.next().ok_or(format!("{word} needs a value"));
+        match word.as_str() {
+            "--seconds" => options.seconds = number(&next()?)?,
+            "--wait" => options.wait = number(&next()?)?,
+            "--rate" => options.rate = number(&next()?)?,
+            "--osc" => {
+                let socket = UdpSocket::bind("0.0.0.0:0").map_err(|e| e.to_string())?;
+                options.to = To::Osc(socket, next()?);
+            }
+            "--offline" => {
+                let file = std::fs::File::create(next()?).map_err(|e| e.to_string())?;
+                options.to = To::Log(std::io::BufWriter::new(file));
+                options.seconds = options.seconds.min(10.0);
+            }
+            other => {
+                return Err(format!(
+                    "{other:?} is there; --seconds, --wait, --rate, --osc and --offline are known"
+                ));
+            }
+        }
+    }
+    Ok(options)
+}
+
+fn number(text: &str) -> Result<f64, String> {
+    let number = text.parse::<f64>().ok().filter(|x| *x > 0.0);
+    number.ok_or(format!("{text:?} is there; a number above 0 is needed"))
+}
+
+/// One contact as foley's JSON has it.
+fn as_json(contact: &Contact, step: f64, time: Option<f64>) -> Value {
+    if contact.ends {
+        return json!({ "id": contact.id, "ends": true });
+    }
+    let mut value = json!({
+        "id": contact.id, "a": contact.bodies[0], "b": contact.bodies[1],
+        "point": contact.point, "normal": contact.normal, "impulse": contact.impulse, "velocity": contact.velocity,
+        "approach": contact.approach, "mass": contact.mass, "travel_a": contact.travel, "step": step,
+    });
+    if let Some(time) = time {
+        value["time_s"] = json!(time);
+    }
+    value
+}
+
+/// One contact as foley's OSC has it.
+fn as_osc(contact: &Contact, step: f64) -> rosc::OscPacket {
+    let mut args = vec![rosc::OscType::Int(contact.id)];
+    if !contact.ends {
+        args.extend(contact.bodies.map(rosc::OscType::Int));
+        let force = [contact.impulse / step as f32];
+        let known = [contact.approach, contact.mass];
+        let rest: [&[f32]; 7] = [
+            &contact.point,
+            &contact.normal,
+            &force,
+            &contact.velocity,
+            &known,
+            &contact.travel,
+            &[step as f32],
+        ];
+        args.extend(rest.concat().into_iter().map(rosc::OscType::Float));
+    }
+    rosc::OscPacket::Message(rosc::OscMessage { addr: "/foley/contact/ball".into(), args })
+}
+
+fn send(to: &mut To, contacts: &[Contact], step: f64, time: f64) -> Result<(), Box<dyn std::error::Error>> {
+    match to {
+        To::Lines => {
+            let list: Vec<Value> = contacts.iter().map(|c| as_json(c, step, None)).collect();
+            let mut out = std::io::stdout().lock();
+            writeln!(out, "{}", json!({ "contact": "ball", "contacts": list }))?;
+            out.flush()?;
+        }
+        To::Osc(socket, address) => {
+            // A time of 1 in the fraction alone means at once.
+            let timetag = rosc::OscTime { seconds: 0, fractional: 1 };
+            let content = contacts.iter().map(|c| as_osc(c, step)).collect();
+            let bundle = rosc::OscPacket::Bundle(rosc::OscBundle { timetag, content });
+            let bytes = rosc::encoder::encode(&bundle).map_err(|e| format!("{e:?}"))?;
+            socket.send_to(&bytes, address.as_str())?;
+        }
+        To::Log(file) => {
+            for contact in contacts.iter().filter(|c| !c.ends) {
+                writeln!(file, "{}", as_json(contact, step, Some(time)))?;
+            }
+        }
+    }
+    Ok(())
+}
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let Options { seconds, wait, rate, mut to } = options()?;
+    let step = 1.0 / rate;
+    let mut scene = Scene::new(step as f32);
+    if !matches!(to, To::Log(_)) {
+        std::thread::sleep(Duration::from_secs_f64(wait));
+    }
+    let start = Instant::now();
+    for frame in 1_u64.. {
+        let time = frame as f64 * step;
+        if time > seconds {
+            break;
+        }
+        let contacts = scene.step();
+        if !matches!(to, To::Log(_)) {
+            let due = Duration::from_secs_f64(time);
+            std::thread::sleep(due.saturating_sub(start.elapsed()));
+        }
+        if !contacts.is_empty() {
+            match send(&mut to, &contacts, step, time) {
+                // Whoever listened has stopped.
+                Err(e) if e.to_string().contains("Broken pipe") => break,
+                other => other?,
+            }
+        }
+    }
+    Ok(())
+}
