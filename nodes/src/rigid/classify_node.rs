@@ -1,0 +1,321 @@
+//! The node around [`Classifier`].
+
+use super::classify::{Classifier, PowerLaw, Rules, Struck};
+use super::item::{ContactFrame, ContactState};
+use crate::core::fault::{Fault, Reject};
+use crate::core::files::MemoryFiles;
+use crate::core::node::{Class, Node, Retune, Summary};
+use crate::core::params::Params;
+use crate::core::ports::Events;
+use crate::core::random::Draw;
+use crate::core::shape::{Build, Shape};
+use crate::core::time::Tick;
+use crate::modal::Impact;
+use crate::{params, ports};
+use std::collections::VecDeque;
+
+params! {
+    /// Tells blows from contacts that last, and says of these whether they rest, slide or roll.
+    ///
+    /// A blow is a peak of the normal force that stands out from what was before, with a peak of speed beside it and an approach that is fast enough; the
+    /// first frame of a contact needs the approach only. Its energy is that of the effective mass at the speed of
+    /// approach; its impulse is the force of the frames that belong to it. Where the mass is unknown it follows from impulse and approach.
+    ///
+    /// A contact that is held and whose force and speed hardly vary is continuous. Then slip and the speed of the
+    /// contact point over the surface tell what it is: with neither it rests and is silent, without slip it rolls, otherwise it slides. Every state has an own limit to enter and
+    /// to leave, and lasts for `dwell` at least.
+    ///
+    /// Its power is that of friction: force times slip, and where it rolls a small share of force times speed. The amplitude is its root.
+    ///
+    /// The latency is two frames: whether a force was a peak shows in the next frame, or when that is overdue, and a blow falls up to half a frame before the
+    /// middle of its own.
+    ///
+    /// # Source
+    /// Picard, Tsingos and Faure, "Retargetting Example Sounds to Interactive Physics-Driven Animations" (AES 35, 2009), section 4.2. They name the
+    /// signs of each kind; the numbers, and powers that do not vanish for ideal sliding and rolling, are choices of this project.
+    pub struct ContactClassifierParams {
+        /// Longest time from one frame to the next; the latency is twice as much.
+        frame: f64 = 0.0166666666667, unit "s", range 0.0001..=0.2;
+        /// Where within its frame a force stands: 0.5 for one that is a mean over the frame, 1 for one of its last moment.
+        moment: f64 = 0.5, unit "", range 0.0..=1.0;
+        /// Force by which a blow stands out at least.
+        impact_force: f64 = 0.5, unit "N", range 0.0..=1.0e9_f64;
+        /// Time within which it stands out from the least force.
+        impact_memory: f64 = 0.1, unit "s", range 0.0..=10.0;
+        /// Time over which the median force is taken, by which it stands out at least as well.
+        impact_median: f64 = 0.25, unit "s", range 0.0..=10.0;
+        /// Speed of approach of a blow at least.
+        impact_approach: f64 = 0.05, unit "m/s", range 0.001..=1000.0;
+        /// Time after a blow in which the contact strikes no other.
+        refractory: f64 = 0.03, unit "s", range 0.0..=10.0;
+        /// Speed after a blow over speed before, where no mass is known.
+        restitution: f64 = 0.5, unit "", range 0.0..=1.0;
+        /// Stiffness of the pair relative to steel on stone.
+        hardness: f64 = 1.0, unit "", range 0.000001..=1000.0;
+        /// Which bodies sound when they strike each other; blows have the number of the body as their object.
+        struck: Struck = Struck::Both;
+        /// How long a contact lasts before it is continuous.
+        held: f64 = 0.05, unit "s", range 0.0..=10.0;
+        /// How many frames it lasts before.
+        held_frames: u16 = 3, unit "frames", range 1..=64_u16;
+        /// Time over which force and speed are looked at; four frames at least.
+        steady_window: f64 = 0.1, unit "s", range 0.0..=10.0;
+        /// Standard deviation over mean of force and speed below which a contact becomes continuous.
+        steady_enter: f64 = 0.35, unit "", range 0.0..=100.0;
+        /// The same above which it is so no longer.
+        steady_leave: f64 = 0.6, unit "", range 0.0..=100.0;
+        /// Greatest slip of rolling.
+        rolling_slip: f64 = 0.02, unit "m/s", range 0.0..=100.0;
+        /// The same as a share of the speed over the surface; the greater of both counts.
+        rolling_share: f64 = 0.05, unit "", range 0.0..=1.0;
+        /// Least speed over the surface of rolling.
+        rolling_speed: f64 = 0.02, unit "m/s", range 0.0..=100.0;
+        /// Speed below which it no longer rolls.
+        rolling_leave: f64 = 0.01, unit "m/s", range 0.0..=100.0;
+        /// Least slip of sliding.
+        sliding_speed: f64 = 0.05, unit "m/s", range 0.0..=100.0;
+        /// Slip below which it no longer slides.
+        sliding_leave: f64 = 0.03, unit "m/s", range 0.0..=100.0;
+        /// Slip and speed below which a contact rests.
+        static_speed: f64 = 0.02, unit "m/s", range 0.000001..=100.0;
+        /// Shortest time between two changes of state.
+        dwell: f64 = 0.1, unit "s", range 0.0..=10.0;
+        /// Friction over normal force, where friction is not told.
+        friction: f64 = 0.4, unit "", range 0.0..=10.0;
+        /// Rolling resistance over normal force.
+        rolling_resistance: f64 = 0.02, unit "", range 0.0..=10.0;
+        /// How amplitude follows from power.
+        law: PowerLaw = PowerLaw::Sqrt;
+        /// Power at which the amplitude is 1.
+        power_ref: f64 = 1.0, unit "W", range 0.000000001..=1.0e9_f64;
+        /// Least and greatest amplitude.
+        range: [f64; 2] = [-60.0, 12.0], unit "dB", range -200.0..=60.0;
+        /// Contacts at a time; of more, the one that was silent for the longest time is forgotten.
+        contacts: u16 = 64, unit "contacts", range 1..=1024_u16;
+    }
+}
+ports! {
+    pub struct ContactClassifierPorts / ContactClassifierIo {
+        in {
+            /// The contacts.
+            contacts: Events<ContactFrame>,
+        }
+        out {
+            /// Every frame with what was found of it.
+            states: Events<ContactState>,
+            /// The blows.
+            impacts: Events<Impact>,
+        }
+    }
+}
+
+/// Frames that can wait to be given.
+const ROOM: usize = 8192;
+
+/// The node `ContactClassifier`.
+#[derive(Debug)]
+pub struct ContactClassifier {
+    classifier: Classifier,
+    states: VecDeque<(Tick, ContactState)>,
+    /// What it cannot be retuned in.
+    fixed: (Tick, u16),
+    dropped: u64,
+}
+
+fn rules(p: &ContactClassifierParams) -> Rules {
+    Rules {
+        frame: p.frame,
+        moment: p.moment,
+        impact_force: p.impact_force,
+        impact_memory: p.impact_memory,
+        impact_median: p.impact_median,
+        impact_approach: p.impact_approach,
+        refractory: p.refractory,
+        restitution: p.restitution,
+        hardness: p.hardness,
+        struck: p.struck,
+        held: p.held,
+        held_frames: p.held_frames.into(),
+        steady_window: p.steady_window,
+        steady_enter: p.steady_enter,
+        steady_leave: p.steady_leave,
+        rolling_slip: p.rolling_slip,
+        rolling_share: p.rolling_share,
+        rolling_speed: p.rolling_speed,
+        rolling_leave: p.rolling_leave,
+        sliding_speed: p.sliding_speed,
+        sliding_leave: p.sliding_leave,
+        static_speed: p.static_speed,
+        dwell: p.dwell,
+        friction: p.friction,
+        rolling_resistance: p.rolling_resistance,
+        law: p.law,
+        power_ref: p.power_ref,
+        range: p.range,
+    }
+}
+
+/// Pairs of parameters whose order matters.
+fn check(p: &ContactClassifierParams) -> Result<(), Reject> {
+    let pairs = [
+        ("steady_leave", p.steady_leave, "steady_enter", p.steady_enter),
+        ("rolling_speed", p.rolling_speed, "rolling_leave", p.rolling_leave),
+        ("sliding_speed", p.sliding_speed, "sliding_leave", p.sliding_leave),
+        ("range", p.range[1], "range", p.range[0]),
+    ];
+    for (high, above, low, below) in pairs {
+        if above < below {
+            let message = if high == low {
+                format!("`{high}` is {below} to {above}; the least comes first")
+            } else {
+                format!("`{high}` is {above}, less than `{low}`, which is {below}: states would change in every frame")
+            };
+            return Err(Reject::new("F134", message).at(high));
+        }
+    }
+    Ok(())
+}
+
+impl Node for ContactClassifier {
+    type Params = ContactClassifierParams;
+    type Ports = ContactClassifierPorts;
+    const NAME: &'static str = "ContactClassifier";
+    const CLASS: Class = Class::Audio;
+    const COST: f64 = 1000.0;
+
+    fn shape(
+        p: &ContactClassifierParams,
+        s: &mut Shape<'_, '_, ContactClassifierPorts>,
+    ) -> Result<(), Reject> {
+        check(p)?;
+        s.lag(rules(p).latency());
+        Ok(())
+    }
+
+    fn build(p: &ContactClassifierParams, _: &Build<'_>) -> Result<Self, Fault> {
+        let rules = rules(p);
+        Ok(Self {
+            fixed: (rules.latency(), p.contacts),
+            classifier: Classifier::new(rules, p.contacts.into()),
+            states: VecDeque::with_capacity(ROOM),
+            dropped: 0,
+        })
+    }
+
+    fn run(&mut self, mut io: ContactClassifierIo<'_>) -> Result<(), Fault> {
+        let (_, now) = io.contacts.window();
+        for (tick, frame) in io.contacts.events() {
+            let Some(state) = self.classifier.take(*tick, frame) else { continue };
+            if self.states.len() == ROOM {
+                self.dropped += 1;
+            } else {
+                self.states.push_back((*tick, state));
+            }
+        }
+        self.classifier.pass(now);
+        let (_, to) = io.states.window();
+        while let Some((tick, state)) = self.states.pop_front_if(|(tick, _)| *tick < to) {
+            io.states.push(tick, state);
+        }
+        while let Some((tick, impact)) = self.classifier.next_impact(to) {
+            io.impacts.push(tick, impact);
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self, _: ContactClassifierIo<'_>) -> Result<Summary, Fault> {
+        let c = &self.classifier;
+        let names = ["unsteady", "static", "sliding", "rolling", "mixed"];
+        let mut told: Summary = vec![("impacts", c.struck.into())];
+        told.extend(names.into_iter().zip(c.frames).map(|(name, frames)| (name, frames.into())));
+        if c.wrong > 0 {
+            told.push(("not_finite", c.wrong.into()));
+        }
+        if c.dropped + self.dropped > 0 {
+            told.push(("dropped", (c.dropped + self.dropped).into()));
+        }
+        Ok(told)
+    }
+
+    fn retune(&mut self, new: &ContactClassifierParams) -> Retune {
+        let rules = rules(new);
+        if self.fixed != (rules.latency(), new.contacts) {
+            return Retune::Rebuild;
+        }
+        self.classifier.set_rules(&rules);
+        Retune::Done
+    }
+
+    fn adopt(&mut self, old: &mut Self) {
+        self.classifier.take_state(&old.classifier);
+        self.states.clear();
+        self.states.extend(old.states.iter().copied());
+    }
+
+    fn trial(draw: &mut Draw) -> (ContactClassifierParams, MemoryFiles) {
+        let given = ContactClassifierParams::trial(draw);
+        let [low, high] = [draw.between(0.0, 0.5), draw.between(0.5, 1.0)];
+        let params = ContactClassifierParams {
+            frame: [1.0 / 60.0, 0.004, 0.05][draw.below(3)],
+            steady_enter: low,
+            steady_leave: high,
+            rolling_speed: high,
+            rolling_leave: low,
+            sliding_speed: high,
+            sliding_leave: low,
+            range: [-60.0, 12.0],
+            contacts: 1 + draw.below(3) as u16,
+            ..given
+        };
+        (params, MemoryFiles::default())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::core::item::Event;
+    use crate::core::solo::Solo;
+    use crate::core::time::ticks;
+
+    fn params() -> ContactClassifierParams {
+        ContactClassifierParams::read(&|_| None).unwrap()
+    }
+
+    #[test]
+    fn defaults_are_those_of_the_rules() {
+        let (a, b) = (rules(&params()), Rules::default());
+        assert!((a.frame - b.frame).abs() < 1e-9);
+        assert_eq!(Rules { frame: b.frame, ..a }, b);
+    }
+
+    #[test]
+    fn a_blow_and_its_frame_come_two_frames_late_and_at_their_own_times() {
+        let mut frame = ContactFrame::trial(&mut Draw::new(3));
+        (frame.begins, frame.ends, frame.approach, frame.force) = (true, true, Some(2.0), 30.0);
+        frame.interval = ticks(1.0 / 60.0);
+        let solo = Solo::new::<ContactClassifier>(params()).events(
+            ContactClassifierPorts::contacts,
+            vec![(ticks(0.1), frame)],
+            ticks(0.2),
+        );
+        let shape = solo.shape().unwrap();
+        assert!((shape.lag - ticks(2.0 / 60.0)).abs() <= 4);
+        let run = solo.window(ticks(0.001)).run().unwrap();
+        let states = run.events(ContactClassifierPorts::states);
+        assert_eq!((states.len(), states[0].0), (1, ticks(0.1)));
+        let blows = run.events(ContactClassifierPorts::impacts);
+        let objects: Vec<u32> = blows.iter().map(|(_, blow)| blow.object).collect();
+        assert_eq!(objects, frame.bodies);
+        // The force of a frame is its mean: it stands in the middle of the frame.
+        assert!((blows[0].0 - ticks(0.1 - 1.0 / 120.0)).abs() < 10, "{}", blows[0].0);
+    }
+
+    #[test]
+    fn limits_that_overlap_are_refused() {
+        let p = ContactClassifierParams { sliding_leave: 0.1, ..params() };
+        let solo = Solo::new::<ContactClassifier>(p).events(ContactClassifierPorts::contacts, Vec::new(), 1);
+        let reject = solo.shape().unwrap_err();
+        assert!(reject.code == "F134" && reject.message.contains("`sliding_speed` is 0.05"), "{reject}");
+    }
+}

@@ -1,0 +1,339 @@
+//! Contacts whose course is known in closed form, and logs of a physics engine.
+
+use super::*;
+use crate::core::random::Draw;
+use crate::rigid::{LogOptions, read_contacts};
+
+const G: f64 = 9.81;
+
+/// A frame of contact 1 between bodies 0 and 1 on a level floor.
+fn frame(step: f64) -> ContactFrame {
+    ContactFrame {
+        contact: 1,
+        bodies: [0, 1],
+        interval: ticks(step),
+        point: [0.0; 3],
+        local: [[0.0; 3]; 2],
+        normal: [0.0, 0.0, 1.0],
+        force: 0.0,
+        friction: None,
+        velocity: [0.0; 3],
+        travel: [None; 2],
+        approach: None,
+        mass: None,
+        begins: false,
+        ends: false,
+    }
+}
+
+/// Times of frames: even, or with a jitter of a fifth of a frame.
+fn clock(rate: f64, jitter: bool, seconds: f64) -> Vec<(f64, f64)> {
+    let mut draw = Draw::new(9);
+    let count = (seconds * rate) as usize;
+    let off = |draw: &mut Draw| if jitter { draw.between(-0.2, 0.2) } else { 0.0 };
+    let times: Vec<f64> = (1..=count).map(|k| (k as f64 + off(&mut draw)) / rate).collect();
+    (0..count).map(|k| (times[k], times[k] - if k > 0 { times[k - 1] } else { 0.0 })).collect()
+}
+
+type Judged = (Vec<(f64, ContactState)>, Vec<(f64, Impact)>);
+
+fn judge(rules: Rules, frames: &[(f64, ContactFrame)]) -> Judged {
+    let mut classifier = Classifier::new(rules, 8);
+    let states = frames.iter().filter_map(|(t, f)| Some((*t, classifier.take(ticks(*t), f)?))).collect();
+    classifier.pass(Tick::MAX);
+    let mut blows = Vec::new();
+    while let Some((tick, blow)) = classifier.next_impact(Tick::MAX) {
+        blows.push((seconds(tick), blow));
+    }
+    (states, blows)
+}
+
+fn rules(rate: f64) -> Rules {
+    Rules { frame: 1.3 / rate, struck: Struck::B, ..Rules::default() }
+}
+
+/// What happens at 30 to 240 frames a second, even or jittered.
+fn each_clock(seconds: f64, test: impl Fn(f64, &[(f64, f64)])) {
+    for rate in [30.0, 60.0, 120.0, 240.0] {
+        for jitter in [false, true] {
+            test(rate, &clock(rate, jitter, seconds));
+        }
+    }
+}
+
+#[test]
+fn a_bouncing_ball_strikes_once_per_bounce_with_energies_that_fall_by_the_square_of_its_restitution() {
+    let (mass, e) = (0.2, 0.7);
+    // Bounces of a ball let go 1 m above the floor.
+    let (mut time, mut speed) = ((2.0 / G).sqrt(), (2.0 * G).sqrt());
+    let mut bounces = Vec::new();
+    while bounces.len() < 7 {
+        bounces.push((time, speed));
+        speed *= e;
+        time += 2.0 * speed / G;
+    }
+    each_clock(time + 0.1, |rate, clock| {
+        for known in [false, true] {
+            let frames: Vec<_> = bounces
+                .iter()
+                .map(|(time, speed)| {
+                    let (t, step) = *clock.iter().find(|(t, _)| t >= time).unwrap();
+                    let impulse = mass * speed * (1.0 + e);
+                    let frame = ContactFrame {
+                        force: (impulse / step) as f32,
+                        velocity: [0.3, 0.0, (speed * e) as f32],
+                        approach: Some(*speed as f32),
+                        mass: known.then_some(mass as f32),
+                        begins: true,
+                        ends: true,
+                        ..frame(step)
+                    };
+                    (t, frame)
+                })
+                .collect();
+            let (_, blows) = judge(Rules { restitution: e, ..rules(rate) }, &frames);
+            assert_eq!(blows.len(), bounces.len(), "{rate} Hz");
+            for ((at, blow), (time, speed)) in blows.iter().zip(&bounces) {
+                assert!((at - time).abs() <= 0.62 / rate, "{at} for {time} at {rate} Hz");
+                let energy = 0.5 * mass * speed * speed;
+                assert!((f64::from(blow.energy) / energy - 1.0).abs() < 1e-4, "{blow:?}");
+            }
+            for pair in blows.windows(2) {
+                let ratio = pair[1].1.energy / pair[0].1.energy;
+                assert!((ratio - 0.49).abs() < 1e-3, "{ratio}");
+            }
+        }
+    });
+}
+
+#[test]
+fn a_ball_launched_sliding_rolls_when_its_slip_has_gone() {
+    let (v0, mu, mass) = (2.0, 0.3, 0.5);
+    let rolls = 2.0 * v0 / (7.0 * mu * G);
+    each_clock(1.0, |rate, clock| {
+        let frames: Vec<_> = clock
+            .iter()
+            .enumerate()
+            .map(|(k, (t, step))| {
+                let slip = (v0 - 3.5 * mu * G * t).max(0.0);
+                let speed = v0 - mu * G * t.min(rolls);
+                let frame = ContactFrame {
+                    force: (mass * G) as f32,
+                    velocity: [slip as f32, 0.0, 0.0],
+                    travel: [Some([speed as f32, 0.0, 0.0]), None],
+                    begins: k == 0,
+                    ..frame(*step)
+                };
+                (*t, frame)
+            })
+            .collect();
+        let (states, blows) = judge(rules(rate), &frames);
+        assert!(blows.is_empty(), "it was set down: {blows:?}");
+        let first = |state| states.iter().find(|(_, s)| s.state == state).map(|(t, _)| *t);
+        let (slid, rolled) = (first(State::Sliding).unwrap(), first(State::Rolling).unwrap());
+        // Four frames are needed to know anything, and a state lasts for a while.
+        assert!(slid <= (5.5 / rate).max(0.13), "slides from {slid} at {rate} Hz");
+        let earliest = rolls.max(slid + 0.1);
+        assert!((rolled - earliest).abs() <= 2.5 / rate + 0.005, "rolls from {rolled}, not {earliest}, at {rate} Hz");
+        assert!(states.iter().filter(|(t, _)| *t > rolled).all(|(_, s)| s.state == State::Rolling));
+        let (_, end) = states.last().unwrap();
+        assert!((f64::from(end.rolling) - 5.0 / 7.0 * v0).abs() < 1e-5 && end.slip == 0.0, "{end:?}");
+        let wanted = 0.02 * mass * G * 5.0 / 7.0 * v0;
+        assert!((f64::from(end.power) / wanted - 1.0).abs() < 1e-5, "{end:?}");
+    });
+}
+
+/// A contact that was set down and keeps its force and velocity, with noise as a share of each.
+fn constant(clock: &[(f64, f64)], force: f64, slip: f64, speed: f64, noise: f64) -> Vec<(f64, ContactFrame)> {
+    let mut draw = Draw::new(17);
+    // Twelve uniform numbers: near enough to a normal distribution of variance 1.
+    let mut gauss = || (0..12).map(|_| draw.between(-0.5, 0.5)).sum::<f64>();
+    let mut noisy = |x: f64, size: f64| (x + noise * size * gauss()) as f32;
+    let made = clock.iter().enumerate().map(|(k, (t, step))| {
+        let frame = ContactFrame {
+            force: noisy(force, force),
+            velocity: [noisy(slip, 0.05), 0.0, noisy(0.0, 0.05)],
+            travel: [Some([noisy(speed, 0.02), 0.0, 0.0]), None],
+            approach: Some(0.0),
+            begins: k == 0,
+            ..frame(*step)
+        };
+        (*t, frame)
+    });
+    made.collect()
+}
+
+#[test]
+fn a_box_at_rest_is_static_and_silent() {
+    each_clock(1.0, |rate, clock| {
+        for speed in [0.0, 1e-4, 0.01] {
+            let (states, blows) = judge(rules(rate), &constant(clock, 12.0, speed, speed, 0.0));
+            assert!(blows.is_empty());
+            assert!(states.iter().all(|(_, s)| s.gain == 0.0), "{speed} m/s at {rate} Hz");
+            let late = states.iter().filter(|(t, _)| *t > 0.25);
+            assert!(late.clone().count() > 5 && late.clone().all(|(_, s)| s.state == State::Static && s.power == 0.0));
+        }
+    });
+}
+
+#[test]
+fn a_box_that_is_pushed_slides_and_power_follows_force_and_slip() {
+    each_clock(1.0, |rate, clock| {
+        let (states, blows) = judge(rules(rate), &constant(clock, 12.0, 0.3, 0.3, 0.0));
+        assert!(blows.is_empty());
+        let last = states.last().unwrap().1;
+        assert!(states.iter().filter(|(t, _)| *t > 0.2).all(|(_, s)| s.state == State::Sliding), "{rate} Hz");
+        assert!((last.power - 0.4 * 12.0 * 0.3).abs() < 1e-5 && (last.gain - last.power.sqrt()).abs() < 1e-6);
+        let linear = Rules { law: PowerLaw::Linear, ..rules(rate) };
+        let (states, _) = judge(linear, &constant(clock, 12.0, 0.3, 0.3, 0.0));
+        assert!((states.last().unwrap().1.gain - last.power).abs() < 1e-6);
+    });
+}
+
+#[test]
+fn four_times_the_power_is_twice_the_amplitude_within_its_range() {
+    let rules = Rules::default();
+    assert!((rules.gain(4.0) / rules.gain(1.0) - 2.0).abs() < 1e-12);
+    assert_eq!((rules.gain(1e-12), rules.gain(0.0)), (1e-3, 0.0));
+    assert!((rules.gain(1e9) - 10_f64.powf(0.6)).abs() < 1e-9);
+}
+
+#[test]
+fn noise_of_a_fifth_of_each_limit_changes_the_state_at_most_once_in_a_tenth_of_a_second() {
+    each_clock(4.0, |rate, clock| {
+        for (slip, speed) in [(0.05, 0.05), (0.02, 0.02), (0.03, 0.3), (0.02, 1.0), (0.04, 0.04)] {
+            let (states, _) = judge(rules(rate), &constant(clock, 5.0, slip, speed, 0.2));
+            let changes: Vec<f64> =
+                states.windows(2).filter(|w| w[0].1.state != w[1].1.state).map(|w| w[1].0).collect();
+            let close = changes.windows(2).filter(|w| w[1] - w[0] < 0.0999).count();
+            assert_eq!(close, 0, "{slip} m/s of slip, {speed} m/s at {rate} Hz: {changes:?}");
+        }
+    });
+}
+
+#[test]
+fn a_blow_on_top_of_a_lasting_contact_is_found_at_its_vertex() {
+    let clock = clock(120.0, false, 1.0);
+    let mut frames = constant(&clock, 5.0, 0.3, 0.3, 0.0);
+    // A step in the floor: force and approach rise in three frames.
+    for (k, force, approach) in [(60, 8.0, 0.1), (61, 30.0, 0.4), (62, 12.0, 0.1)] {
+        (frames[k].1.force, frames[k].1.approach) = (force, Some(approach));
+    }
+    let (_, blows) = judge(rules(120.0), &frames);
+    assert_eq!(blows.len(), 1, "{blows:?}");
+    let (at, blow) = blows[0];
+    assert!((at - (clock[61].0 - 0.5 / 120.0)).abs() < 0.5 / 120.0, "{at}");
+    let impulse = (30.0 - 5.0 + 8.0 - 5.0 + 12.0 - 5.0) / 120.0;
+    assert!((f64::from(blow.impulse) - impulse).abs() < 0.04, "{blow:?} for {impulse}");
+}
+
+#[test]
+fn a_force_that_only_swings_is_no_blow() {
+    let clock = clock(60.0, false, 2.0);
+    let mut frames = constant(&clock, 5.0, 0.3, 0.3, 0.0);
+    for (k, (_, frame)) in frames.iter_mut().enumerate() {
+        frame.force += 3.0 * (k as f32 * 0.7).sin();
+    }
+    assert!(judge(rules(60.0), &frames).1.is_empty());
+}
+
+#[test]
+fn frames_that_are_not_numbers_are_counted_and_passed_over() {
+    let mut classifier = Classifier::new(Rules::default(), 4);
+    for bad in [
+        ContactFrame { force: f32::NAN, ..frame(0.01) },
+        ContactFrame { velocity: [0.0, f32::INFINITY, 0.0], ..frame(0.01) },
+        ContactFrame { point: [f64::NAN; 3], ..frame(0.01) },
+    ] {
+        assert!(classifier.take(0, &bad).is_none());
+    }
+    assert_eq!(classifier.wrong, 3);
+}
+
+#[test]
+fn more_contacts_than_there_is_room_for_are_forgotten_in_order() {
+    let mut classifier = Classifier::new(Rules::default(), 2);
+    for contact in 0..5 {
+        assert!(classifier.take(10 * contact as Tick, &ContactFrame { contact, ..frame(0.01) }).is_some());
+    }
+    assert_eq!((classifier.known.len(), classifier.dropped), (2, 3));
+    assert!(classifier.known.iter().all(|k| k.contact >= 3));
+}
+
+/// Frames of a log of the shared scenes; `None` where they are not there.
+fn log(scene: &str, rate: u32, masses: &[f64]) -> Option<Vec<(f64, ContactFrame)>> {
+    let file = |name: &str| std::fs::read(format!("/work/shared/data/contacts/{scene}.{name}.csv")).ok();
+    let Some((contacts, poses)) = file(&format!("contacts_{rate}hz")).zip(file("poses")) else {
+        println!("skipped: the log {scene} is not there");
+        return None;
+    };
+    let options = LogOptions { masses: masses.to_vec(), ..LogOptions::default() };
+    let track = read_contacts(&contacts, Some(&poses), &options).unwrap();
+    Some(track.frames.iter().map(|(t, f)| (seconds(*t), *f)).collect())
+}
+
+#[test]
+fn a_logged_ball_bounces_alike_at_60_and_240_frames_a_second_and_then_rolls() {
+    let both: Vec<Judged> = [60, 240]
+        .iter()
+        .filter_map(|rate| Some(judge(rules(60.0), &log("ball_bounce_roll", *rate, &[0.0, 0.26])?)))
+        .collect();
+    let [(slow_states, slow), (_, fast)] = both.as_slice() else { return };
+    let early = |blows: &[(f64, Impact)]| blows.iter().filter(|(t, _)| *t < 1.65).copied().collect::<Vec<_>>();
+    let (a, b) = (early(slow), early(fast));
+    println!("60 Hz: {:?}", a.iter().map(|(t, i)| (*t, i.energy, i.impulse)).collect::<Vec<_>>());
+    println!("240 Hz: {:?}", b.iter().map(|(t, i)| (*t, i.energy, i.impulse)).collect::<Vec<_>>());
+    println!("all: {} and {} blows", slow.len(), fast.len());
+    assert_eq!((a.len(), b.len()), (6, 6), "six bounces before the ball meets a rod");
+    for ((ta, one), (tb, other)) in a.iter().zip(&b) {
+        assert!((ta - tb).abs() < 0.5 / 60.0 + 1e-9, "{ta} and {tb}");
+        assert!((one.energy / other.energy - 1.0).abs() < 0.02, "{one:?} {other:?}");
+        assert!((one.impulse / other.impulse - 1.0).abs() < 0.05, "{one:?} {other:?}");
+    }
+    for (t, s) in slow_states.iter().filter(|(t, _)| *t > 3.35) {
+        assert!(s.state == State::Rolling && (s.rolling - 0.27).abs() < 0.06, "{t}: {s:?}");
+    }
+    let rolled = slow_states.iter().filter(|(t, s)| *t > 1.7 && *t < 3.2 && s.state == State::Rolling).count();
+    println!("rolls in {rolled} frames between the rods");
+    assert!(rolled > 20, "between the rods it rolls, too: {rolled}");
+}
+
+#[test]
+fn a_logged_box_slides_down_its_slope_then_falls_and_rests() {
+    for rate in [60, 240] {
+        let Some(frames) = log("box_slide_slope", rate, &[0.0, 0.0, 1.2]) else { return };
+        let (states, blows) = judge(rules(60.0), &frames);
+        let slope: Vec<_> = states.iter().filter(|(t, s)| (0.4..2.2).contains(t) && s.frame.bodies == [1, 2]).collect();
+        let sliding = slope.iter().filter(|(_, s)| s.state == State::Sliding).count();
+        println!("{rate} Hz: {sliding} of {} frames slide; blows {:?}", slope.len(), blows.iter().map(|(t, i)| (*t, i.energy)).collect::<Vec<_>>());
+        assert!(sliding * 10 >= slope.len() * 9, "{sliding} of {}", slope.len());
+        let (_, end) = states.last().unwrap();
+        assert!(end.state == State::Static && end.gain == 0.0, "{end:?}");
+        assert!(blows.iter().any(|(t, _)| (2.4..2.7).contains(t)), "it falls off the slope");
+    }
+}
+
+#[test]
+fn logged_dominoes_strike_one_after_the_other() {
+    let mut found = Vec::new();
+    for rate in [60, 240] {
+        let Some(frames) = log("dominoes", rate, &[]) else { return };
+        let (_, blows) = judge(Rules { struck: Struck::Both, ..rules(60.0) }, &frames);
+        // The first blow on each domino by its neighbour.
+        let mut first = [f64::INFINITY; 11];
+        let mut last = None;
+        for pair in blows.chunks_exact(2) {
+            let (a, b) = (pair[0].1.object, pair[1].1.object);
+            if a >= 1 && b == a + 1 {
+                first[b as usize] = first[b as usize].min(pair[0].0);
+                last = Some(pair[0].0);
+            }
+        }
+        println!("{rate} Hz: {} blows, first hits {:?}, last {last:?}", blows.len() / 2, &first[2..]);
+        assert!(first[2..].windows(2).all(|w| w[0] < w[1] && w[1].is_finite()), "{first:?}");
+        found.push(first);
+    }
+    for (a, b) in found[0][2..].iter().zip(&found[1][2..]) {
+        assert!((a - b).abs() < 1.0 / 60.0, "{a} at 60 Hz, {b} at 240 Hz");
+    }
+}

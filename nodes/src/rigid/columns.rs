@@ -1,0 +1,284 @@
+//! Columns of contact logs: what engines call them, what they mean, in which unit.
+
+/// What a column holds; three of a kind stand in the order x, y, z.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[allow(missing_docs)]
+pub(super) enum Field {
+    Time,
+    Id,
+    BodyA,
+    BodyB,
+    NameA,
+    NameB,
+    Px,
+    Py,
+    Pz,
+    OnAx,
+    OnAy,
+    OnAz,
+    OnBx,
+    OnBy,
+    OnBz,
+    Nx,
+    Ny,
+    Nz,
+    BackNx,
+    BackNy,
+    BackNz,
+    Force,
+    Impulse,
+    Fx,
+    Fy,
+    Fz,
+    Tangent1,
+    Tangent2,
+    TangentImpulse,
+    Friction1,
+    F1x,
+    F1y,
+    F1z,
+    Friction2,
+    F2x,
+    F2y,
+    F2z,
+    Vx,
+    Vy,
+    Vz,
+    NormalSpeed,
+    SlipX,
+    SlipY,
+    SlipZ,
+    SlipSpeed,
+    Approach,
+    FastestIn,
+    Mass,
+    TravelAx,
+    TravelAy,
+    TravelAz,
+    TravelBx,
+    TravelBy,
+    TravelBz,
+    Qw,
+    Qx,
+    Qy,
+    Qz,
+    Wx,
+    Wy,
+    Wz,
+    /// Read over.
+    Other,
+}
+
+/// What a number is measured in, and so which suffixes its column may have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Unit {
+    Second,
+    Metre,
+    Speed,
+    Force,
+    Impulse,
+    Mass,
+    None,
+}
+
+impl Unit {
+    /// Suffixes with what they are in SI units.
+    fn suffixes(self) -> &'static [(&'static str, f64)] {
+        match self {
+            Self::Second => &[("_s", 1.0), ("_ms", 1e-3)],
+            Self::Metre => &[("_m", 1.0), ("_cm", 1e-2), ("_mm", 1e-3)],
+            Self::Speed => &[("_m_s", 1.0), ("_cm_s", 1e-2), ("_mm_s", 1e-3)],
+            Self::Force => &[("_n", 1.0), ("_mn", 1e-3), ("_kn", 1e3)],
+            Self::Impulse => &[("_ns", 1.0), ("_mns", 1e-3)],
+            Self::Mass => &[("_kg", 1.0), ("_g", 1e-3)],
+            Self::None => &[],
+        }
+    }
+}
+
+type Name = (&'static str, Field, Unit);
+
+/// Columns of contact logs: foley's own, then what MuJoCo logs and Bullet's manifolds call them.
+pub(super) const CONTACT: &[Name] = &[
+    ("time", Field::Time, Unit::Second),
+    ("id", Field::Id, Unit::None),
+    ("a", Field::NameA, Unit::None),
+    ("b", Field::NameB, Unit::None),
+    ("px", Field::Px, Unit::Metre),
+    ("py", Field::Py, Unit::Metre),
+    ("pz", Field::Pz, Unit::Metre),
+    ("nx", Field::Nx, Unit::None),
+    ("ny", Field::Ny, Unit::None),
+    ("nz", Field::Nz, Unit::None),
+    ("force", Field::Force, Unit::Force),
+    ("impulse", Field::Impulse, Unit::Impulse),
+    ("fx", Field::Fx, Unit::Force),
+    ("fy", Field::Fy, Unit::Force),
+    ("fz", Field::Fz, Unit::Force),
+    ("vx", Field::Vx, Unit::Speed),
+    ("vy", Field::Vy, Unit::Speed),
+    ("vz", Field::Vz, Unit::Speed),
+    ("approach", Field::Approach, Unit::Speed),
+    ("mass", Field::Mass, Unit::Mass),
+    ("tax", Field::TravelAx, Unit::Speed),
+    ("tay", Field::TravelAy, Unit::Speed),
+    ("taz", Field::TravelAz, Unit::Speed),
+    ("tbx", Field::TravelBx, Unit::Speed),
+    ("tby", Field::TravelBy, Unit::Speed),
+    ("tbz", Field::TravelBz, Unit::Speed),
+    ("comment", Field::Other, Unit::None),
+    ("body1", Field::BodyA, Unit::None),
+    ("body2", Field::BodyB, Unit::None),
+    ("name1", Field::NameA, Unit::None),
+    ("name2", Field::NameB, Unit::None),
+    ("force_normal", Field::Force, Unit::Force),
+    ("force_tangent1", Field::Tangent1, Unit::Force),
+    ("force_tangent2", Field::Tangent2, Unit::Force),
+    ("impulse_normal", Field::Impulse, Unit::Impulse),
+    ("impulse_tangent", Field::TangentImpulse, Unit::Impulse),
+    ("depth", Field::Other, Unit::Metre),
+    ("vel_normal", Field::NormalSpeed, Unit::Speed),
+    ("vel_tangent", Field::SlipSpeed, Unit::Speed),
+    ("vt_x", Field::SlipX, Unit::Speed),
+    ("vt_y", Field::SlipY, Unit::Speed),
+    ("vt_z", Field::SlipZ, Unit::Speed),
+    ("vel_normal_in", Field::FastestIn, Unit::Speed),
+    ("step", Field::Other, Unit::None),
+    ("bodyA", Field::BodyA, Unit::None),
+    ("bodyB", Field::BodyB, Unit::None),
+    ("nameA", Field::NameA, Unit::None),
+    ("nameB", Field::NameB, Unit::None),
+    ("posA_x", Field::OnAx, Unit::Metre),
+    ("posA_y", Field::OnAy, Unit::Metre),
+    ("posA_z", Field::OnAz, Unit::Metre),
+    ("posB_x", Field::OnBx, Unit::Metre),
+    ("posB_y", Field::OnBy, Unit::Metre),
+    ("posB_z", Field::OnBz, Unit::Metre),
+    ("normalOnB_x", Field::BackNx, Unit::None),
+    ("normalOnB_y", Field::BackNy, Unit::None),
+    ("normalOnB_z", Field::BackNz, Unit::None),
+    ("distance", Field::Other, Unit::Metre),
+    ("normalForce", Field::Force, Unit::Force),
+    ("friction1", Field::Friction1, Unit::Force),
+    ("f1_x", Field::F1x, Unit::None),
+    ("f1_y", Field::F1y, Unit::None),
+    ("f1_z", Field::F1z, Unit::None),
+    ("friction2", Field::Friction2, Unit::Force),
+    ("f2_x", Field::F2x, Unit::None),
+    ("f2_y", Field::F2y, Unit::None),
+    ("f2_z", Field::F2z, Unit::None),
+    ("relvel_n", Field::NormalSpeed, Unit::Speed),
+    ("relvel_t", Field::SlipSpeed, Unit::Speed),
+];
+
+/// Columns of the poses of bodies.
+pub(super) const POSES: &[Name] = &[
+    ("time", Field::Time, Unit::Second),
+    ("body", Field::BodyA, Unit::None),
+    ("name", Field::NameA, Unit::None),
+    ("px", Field::Px, Unit::Metre),
+    ("py", Field::Py, Unit::Metre),
+    ("pz", Field::Pz, Unit::Metre),
+    ("qw", Field::Qw, Unit::None),
+    ("qx", Field::Qx, Unit::None),
+    ("qy", Field::Qy, Unit::None),
+    ("qz", Field::Qz, Unit::None),
+    ("vx", Field::Vx, Unit::Speed),
+    ("vy", Field::Vy, Unit::Speed),
+    ("vz", Field::Vz, Unit::Speed),
+    ("wx", Field::Wx, Unit::None),
+    ("wy", Field::Wy, Unit::None),
+    ("wz", Field::Wz, Unit::None),
+    ("comment", Field::Other, Unit::None),
+];
+
+/// The field of a column's name, and what its numbers are multiplied by.
+fn known(table: &[Name], name: &str) -> Option<(Field, f64)> {
+    let find = |name: &str| table.iter().find(|(known, ..)| *known == name);
+    if let Some((_, field, _)) = find(name) {
+        return Some((*field, 1.0));
+    }
+    table.iter().find_map(|(known, field, unit)| {
+        let suffix = name.strip_prefix(known)?;
+        let (_, factor) = unit.suffixes().iter().find(|(s, _)| *s == suffix)?;
+        Some((*field, *factor))
+    })
+}
+
+/// Where each field stands in a row.
+#[derive(Clone, Debug)]
+pub(super) struct Columns {
+    places: [Option<(usize, f64)>; Field::Other as usize],
+    pub names: Vec<String>,
+}
+
+impl Columns {
+    /// Reads a header.
+    ///
+    /// # Errors
+    /// A column that is not known, or a field that stands there twice: its name and what would be right.
+    pub fn of(table: &[Name], names: Vec<String>) -> Result<Self, (String, String)> {
+        let mut places = [None; Field::Other as usize];
+        for (k, name) in names.iter().enumerate() {
+            let Some((field, factor)) = known(table, name) else {
+                let own: Vec<&str> = table.iter().map(|(known, ..)| *known).collect();
+                return Err((name.clone(), format!("there is no such column; known are {}", own.join(", "))));
+            };
+            if let Some(place) = places.get_mut(field as usize) {
+                if let Some((other, _)) = *place {
+                    let other: &str = names.get(other).map_or("", String::as_str);
+                    return Err((name.clone(), format!("it says the same as column `{other}`; keep one of them")));
+                }
+                *place = Some((k, factor));
+            }
+        }
+        Ok(Self { places, names })
+    }
+
+    /// Where a field stands, and its factor.
+    pub fn place(&self, field: Field) -> Option<(usize, f64)> {
+        self.places.get(field as usize).copied().flatten()
+    }
+
+    /// Whether a field is there.
+    pub fn has(&self, field: Field) -> bool {
+        self.place(field).is_some()
+    }
+
+    /// Whether all fields are there.
+    pub fn all(&self, fields: &[Field]) -> bool {
+        fields.iter().all(|f| self.has(*f))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn header(text: &str) -> Result<Columns, (String, String)> {
+        Columns::of(CONTACT, text.split(',').map(str::to_owned).collect())
+    }
+
+    #[test]
+    fn units_are_told_by_suffixes_that_fit() {
+        let columns = header("time_ms,px_mm,force_kn,vx_cm_s,impulse_mns,mass_g").unwrap();
+        let factor = |f| columns.place(f).unwrap().1;
+        assert_eq!([factor(Field::Time), factor(Field::Px), factor(Field::Force)], [1e-3, 1e-3, 1e3]);
+        assert_eq!([factor(Field::Vx), factor(Field::Impulse), factor(Field::Mass)], [1e-2, 1e-3, 1e-3]);
+        assert_eq!(header("time,px_kg").unwrap_err().0, "px_kg");
+    }
+
+    #[test]
+    fn one_thing_is_said_once() {
+        let (name, message) = header("time,impulse,impulse_normal").unwrap_err();
+        assert!(name == "impulse_normal" && message.contains("`impulse`"), "{message}");
+    }
+
+    #[test]
+    fn every_name_means_what_the_table_says() {
+        for (name, field, _) in CONTACT.iter().chain(POSES) {
+            let table = if CONTACT.iter().any(|(n, ..)| n == name) { CONTACT } else { POSES };
+            assert_eq!(known(table, name), Some((*field, 1.0)), "{name}");
+        }
+    }
+}

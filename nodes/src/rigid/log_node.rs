@@ -1,0 +1,225 @@
+//! Contacts of a physics engine from a file, as a node.
+
+use super::error::LogError;
+use super::item::ContactFrame;
+use super::join::Manifold;
+use super::log::{ContactTrack, LogOptions, read_contacts};
+use crate::core::fault::{Fault, Reject};
+use crate::core::files::MemoryFiles;
+use crate::core::node::{Class, Node, Summary};
+use crate::core::params::{AssetPath, Params, Text};
+use crate::core::ports::Events;
+use crate::core::random::Draw;
+use crate::core::shape::{Build, Shape};
+use crate::core::time::seconds;
+use crate::{params, ports};
+use std::sync::Arc;
+
+params! {
+    /// Contacts of rigid bodies that a physics engine logged: CSV under a header, or one JSON object in each line.
+    ///
+    /// Columns are known by their names; the page on contacts of the book lists foley's own and those of MuJoCo and of Bullet. A suffix tells the
+    /// unit where it is no SI unit, as in `time_ms` or `px_mm`. Every point of contact is one row, with the time, the
+    /// two bodies, place, normal, force or impulse, and the velocity of b relative to a. Poses of the bodies, in a file of their own, give places on the
+    /// bodies themselves, velocities that the log does not have, and how fast bodies met.
+    ///
+    /// Body a of a pair is always the one with the smaller number. Which contact a point belongs to is found by following it; a
+    /// contact that is missing for up to `hold` goes on without force, and one that is missing for longer has ended.
+    pub struct ContactLogParams {
+        /// The file of contacts.
+        path: AssetPath;
+        /// The file of poses; quaternions are read by the names of their columns, in either order.
+        poses: Option<AssetPath> = None;
+        /// Names of the bodies, the first being body 0. Without names the log's own numbers count, and `world` is 0.
+        bodies: Vec<Text> = Vec::new();
+        /// Masses of the bodies, by number; 0 for one that does not move.
+        masses: Vec<f64> = Vec::new(), unit "kg", range 0.0..=1.0e12_f64;
+        /// What one contact is.
+        manifold: Manifold = Manifold::Centroid;
+        /// Frames per second of the engine; None finds them.
+        rate: Option<f64> = None, unit "Hz", range 1.0..=100_000.0;
+        /// Longest time for which a contact may be missing without having ended; two frames at least.
+        hold: f64 = 0.03, unit "s", range 0.0..=1.0;
+        /// How far a point may go from one frame to the next beyond what its slip explains, where every point is a contact.
+        jump: f64 = 0.02, unit "m", range 0.0..=1000.0;
+    }
+}
+ports! {
+    pub struct ContactLogPorts / ContactLogIo {
+        in {}
+        out {
+            /// The contacts, one event each in every frame.
+            contacts: Events<ContactFrame>,
+        }
+    }
+}
+
+/// The node `ContactLog`.
+#[derive(Debug)]
+pub struct ContactLog {
+    track: Arc<ContactTrack>,
+}
+
+fn options(p: &ContactLogParams) -> LogOptions {
+    LogOptions {
+        bodies: p.bodies.iter().map(|name| name.0.clone()).collect(),
+        masses: p.masses.clone(),
+        manifold: p.manifold,
+        rate: p.rate,
+        hold: p.hold,
+        jump: p.jump,
+    }
+}
+
+fn read(p: &ContactLogParams, contacts: &[u8], poses: Option<&[u8]>) -> Result<ContactTrack, Reject> {
+    if let Some((_, name)) = p.bodies.iter().enumerate().find(|(k, name)| p.bodies[..*k].contains(name)) {
+        return Err(Reject::new("F133", format!("the body {:?} is named twice", name.0)).at("bodies"));
+    }
+    if !p.bodies.is_empty() && p.masses.len() > p.bodies.len() {
+        let message = format!("{} masses for {} bodies; one each is needed", p.masses.len(), p.bodies.len());
+        return Err(Reject::new("F133", message).at("masses"));
+    }
+    read_contacts(contacts, poses, &options(p)).map_err(|e| match e {
+        LogError::Contacts(e) => Reject::new("F131", format!("{:?}, {e}", p.path.0)).at("path"),
+        LogError::Poses(e) => {
+            let path = p.poses.as_ref().map_or("", |path| &path.0);
+            Reject::new("F132", format!("{path:?}, {e}")).at("poses")
+        }
+    })
+}
+
+/// What people should know of a log.
+fn notes(p: &ContactLogParams, track: &ContactTrack) -> Vec<String> {
+    let path = &p.path.0;
+    let mut notes = Vec::new();
+    let (uneven, steps) = track.uneven;
+    if uneven * 10 > steps {
+        let ms = seconds(track.step) * 1e3;
+        notes.push(format!("{path:?}: {uneven} of {steps} steps are no whole number of frames of {ms:.3} ms; `rate` says what a frame is"));
+    }
+    for name in &track.unseen {
+        notes.push(format!("{path:?}: nothing touches the body {name:?}"));
+    }
+    if !p.bodies.is_empty() && !track.unlisted.is_empty() {
+        let names: Vec<String> = track.unlisted.iter().map(|(k, name)| format!("{name} is {k}")).collect();
+        notes.push(format!("{path:?}: bodies that `bodies` does not name: {}", names.join(", ")));
+    }
+    notes
+}
+
+impl Node for ContactLog {
+    type Params = ContactLogParams;
+    type Ports = ContactLogPorts;
+    const NAME: &'static str = "ContactLog";
+    const CLASS: Class = Class::Audio;
+
+    fn shape(p: &ContactLogParams, s: &mut Shape<'_, '_, ContactLogPorts>) -> Result<(), Reject> {
+        let contacts = s.bytes("path", &p.path.0)?;
+        let poses = p.poses.as_ref().map(|path| s.bytes("poses", &path.0)).transpose()?;
+        let track = read(p, &contacts, poses.as_deref())?;
+        for note in notes(p, &track) {
+            s.note(note);
+        }
+        s.ends(Some(track.frames.last().map_or(0, |(tick, _)| tick + 1)));
+        s.keep(track);
+        Ok(())
+    }
+
+    fn build(p: &ContactLogParams, cx: &Build<'_>) -> Result<Self, Fault> {
+        if let Some(track) = cx.kept::<ContactTrack>() {
+            return Ok(Self { track });
+        }
+        let contacts = cx.bytes("path", &p.path.0)?;
+        let poses = p.poses.as_ref().map(|path| cx.bytes("poses", &path.0)).transpose()?;
+        Ok(Self { track: Arc::new(read(p, &contacts, poses.as_deref())?) })
+    }
+
+    fn run(&mut self, mut io: ContactLogIo<'_>) -> Result<(), Fault> {
+        let (from, to) = io.contacts.window();
+        let frames = &self.track.frames;
+        let first = frames.partition_point(|(tick, _)| *tick < from);
+        for (tick, frame) in frames.iter().skip(first).take_while(|(tick, _)| *tick < to) {
+            io.contacts.push(*tick, *frame);
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self, _: ContactLogIo<'_>) -> Result<Summary, Fault> {
+        let track = &self.track;
+        Ok(vec![
+            ("rows", track.rows.into()),
+            ("frames", track.frames.len().into()),
+            ("contacts", track.contacts.into()),
+            ("bridged", track.bridged.into()),
+            ("frame_ms", (seconds(track.step) * 1e3).into()),
+        ])
+    }
+
+    fn trial(draw: &mut Draw) -> (ContactLogParams, MemoryFiles) {
+        let mut files = MemoryFiles::default();
+        let mut text = String::from("time,a,b,px,py,pz,nx,ny,nz,force,vx,vy,vz\n");
+        let mut poses = String::from("time,name,px,py,pz,qw,qx,qy,qz\n");
+        let mut time = 0.0;
+        for _ in 0..1 + draw.below(20) {
+            time += [1.0, 1.0, 1.0, 2.0, 5.0][draw.below(5)] / 120.0;
+            poses += &format!("{time},ball,{},0,0,1,0,0,0\n", time * 0.5);
+            for _ in 0..1 + draw.below(3) {
+                let [x, y] = [(); 2].map(|()| draw.between(-0.1, 0.1));
+                let force = draw.between(0.0, 20.0);
+                let body = ["ball", "box"][draw.below(2)];
+                text += &format!("{time},world,{body},{x},{y},0,0,0,1,{force},{x},0.2,{y}\n");
+            }
+        }
+        files.insert("contacts.csv", text);
+        files.insert("poses.csv", poses);
+        let params = ContactLogParams {
+            path: "contacts.csv".into(),
+            poses: [None, Some("poses.csv".into())][draw.below(2)].clone(),
+            bodies: [Vec::new(), vec!["box".into(), "ball".into(), "world".into()]][draw.below(2)].clone(),
+            masses: vec![0.0, 0.2],
+            ..ContactLogParams::trial(draw)
+        };
+        (params, files)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::core::params::Datum;
+    use crate::core::solo::Solo;
+    use crate::core::time::{Tick, ticks};
+
+    const LOG: &str = "time,a,b,px,py,pz,nx,ny,nz,force,vx,vy,vz\n\
+        0,world,box,0,0,0,0,0,1,2,0.5,0,0\n0.01,world,box,0.005,0,0,0,0,1,2,0.5,0,0\n0.2,world,box,0.1,0,0,0,0,1,2,0.5,0,0\n";
+
+    fn solo(text: &str, masses: &str) -> Solo {
+        let (path, bodies) = (Datum::Text("log.csv".into()), vec![Datum::Text("world".into())]);
+        let masses: Vec<Datum> = masses.split_whitespace().map(|m| Datum::Float(m.parse().unwrap())).collect();
+        let p = ContactLogParams::read(&|name| match name {
+            "path" => Some(path.clone()),
+            "bodies" => Some(Datum::List(bodies.clone())),
+            "masses" => Some(Datum::List(masses.clone())),
+            _ => None,
+        });
+        let mut solo = Solo::new::<ContactLog>(p.unwrap());
+        solo.files.insert("log.csv", text);
+        solo
+    }
+
+    #[test]
+    fn frames_come_at_their_times_in_any_windows() {
+        let run = solo(LOG, "0").window(ticks(0.007)).run().unwrap();
+        let frames = run.events(ContactLogPorts::contacts);
+        let times: Vec<(Tick, bool, bool)> = frames.iter().map(|(t, f)| (*t, f.begins, f.ends)).collect();
+        assert_eq!(times, [(0, true, false), (ticks(0.01), false, true), (ticks(0.2), true, true)]);
+    }
+
+    #[test]
+    fn what_is_wrong_is_refused_before_the_run() {
+        let reject = solo(&LOG.replace("0.005", "far"), "0").shape().unwrap_err();
+        assert!(reject.code == "F131" && reject.message.contains("line 3, column `px`"), "{reject}");
+        let reject = solo(LOG, "0 1").shape().unwrap_err();
+        assert!(reject.code == "F133" && reject.message.contains("2 masses for 1"), "{reject}");
+    }
+}

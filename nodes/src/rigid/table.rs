@@ -1,0 +1,85 @@
+//! A CSV file under a header of known columns, read row by row.
+
+use super::columns::{Columns, Field};
+use super::error::{LogFault, csv_fault, shown};
+use crate::contact::vector::Vec3;
+
+/// Largest number that any field may hold.
+const MOST: f64 = 1e12;
+
+/// One row of a file.
+pub(super) struct Cells<'a> {
+    pub columns: &'a Columns,
+    pub record: &'a csv::ByteRecord,
+    pub line: u64,
+}
+
+impl Cells<'_> {
+    fn name(&self, k: usize) -> &str {
+        self.columns.names.get(k).map_or("", String::as_str)
+    }
+
+    pub fn fault(&self, field: Field, message: impl Into<String>) -> LogFault {
+        let column = self.columns.place(field).map_or("", |(k, _)| self.name(k));
+        LogFault::at(self.line, column, message)
+    }
+
+    /// The text of a field; `None` where there is no such column or nothing in it.
+    pub fn text(&self, field: Field) -> Result<Option<&str>, LogFault> {
+        let Some((k, _)) = self.columns.place(field) else { return Ok(None) };
+        let bytes = self.record.get(k).unwrap_or_default();
+        let text = std::str::from_utf8(bytes).map_err(|_| self.fault(field, "not UTF-8 text"))?;
+        Ok(Some(text.trim_ascii()).filter(|t| !t.is_empty()))
+    }
+
+    /// A number, in SI units; `None` where there is no such column or nothing in it.
+    pub fn maybe(&self, field: Field) -> Result<Option<f64>, LogFault> {
+        let Some(text) = self.text(field)? else { return Ok(None) };
+        let factor = self.columns.place(field).map_or(1.0, |(_, factor)| factor);
+        let number = text.parse::<f64>().ok().map(|x| x * factor).filter(|x| x.abs() <= MOST);
+        let wrong = || self.fault(field, format!("{:?} is there; a finite number is needed", shown(text)));
+        number.map(Some).ok_or_else(wrong)
+    }
+
+    /// A number that has to be there.
+    pub fn number(&self, field: Field) -> Result<f64, LogFault> {
+        self.maybe(field)?.ok_or_else(|| self.fault(field, "nothing is there; a finite number is needed"))
+    }
+
+    /// Three numbers that have to be there.
+    pub fn vector(&self, fields: [Field; 3]) -> Result<Vec3, LogFault> {
+        let [x, y, z] = fields;
+        Ok([self.number(x)?, self.number(y)?, self.number(z)?])
+    }
+
+    /// Three numbers; `None` where a column is missing or empty.
+    pub fn maybe_vector(&self, fields: [Field; 3]) -> Result<Option<Vec3>, LogFault> {
+        let [x, y, z] = fields;
+        let Some(x) = self.maybe(x)? else { return Ok(None) };
+        Ok(self.maybe(y)?.zip(self.maybe(z)?).map(|(y, z)| [x, y, z]))
+    }
+}
+
+/// Reads a header, and gives each row after it.
+pub(super) fn read_table(
+    bytes: &[u8],
+    table: &[(&'static str, Field, super::columns::Unit)],
+    check: impl FnOnce(&Columns, u64) -> Result<(), LogFault>,
+    mut each: impl FnMut(&Cells<'_>) -> Result<(), LogFault>,
+) -> Result<(), LogFault> {
+    if bytes.iter().all(u8::is_ascii_whitespace) {
+        return Err(LogFault::new(1, "the file is empty; a header and rows under it are needed"));
+    }
+    let mut csv = csv::ReaderBuilder::new().trim(csv::Trim::Headers).comment(Some(b'#')).from_reader(bytes);
+    let header = csv.headers().map_err(|e| csv_fault(&e))?;
+    let line = header.position().map_or(1, csv::Position::line);
+    let columns = Columns::of(table, header.iter().map(str::to_owned).collect())
+        .map_err(|(column, message)| LogFault::at(line, &column, message))?;
+    check(&columns, line)?;
+    let mut record = csv::ByteRecord::new();
+    while csv.read_byte_record(&mut record).map_err(|e| csv_fault(&e))? {
+        let line = record.position().map_or(0, csv::Position::line);
+        each(&Cells { columns: &columns, record: &record, line })?;
+    }
+    Ok(())
+}
