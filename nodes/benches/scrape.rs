@@ -7,8 +7,8 @@ use foley_nodes::core::random::Draw;
 use foley_nodes::core::time::{Rate, Tick, ticks};
 use foley_nodes::modal::{Bank, Modes};
 use foley_nodes::scrape::{
-    Heading, Interp, Law, MapForce, MapVoice, NoiseBands, NoiseForce, NoiseVoice, PairForce, PathPiece, PathRules, Queue,
-    Relief, Sample, Stretch, SurfaceMap, Tracker, Voices, ball_map,
+    Heading, Interp, Law, MapForce, MapVoice, NoiseBands, NoiseForce, NoiseVoice, PairForce, PathPiece,
+    PathRules, Queue, Relief, Sample, Stretch, SurfaceMap, Tracker, Voices, ball_map,
 };
 use foley_nodes::texture::{DiscontinuityMap, FeatureMap, Grid, NoiseProfile, Surface};
 use std::error::Error;
@@ -59,14 +59,21 @@ fn time<S: Clone>(
     let mut events: Vec<_> = (0..count).flat_map(|k| contact(k, speed)).collect();
     events.sort_by_key(|(tick, _)| *tick);
     let mut out = [0.0; BLOCK];
-    let turn = |sound: &mut dyn FnMut(&mut S, &Stretch, &mut [f32])| {
+    let mut turn = |sound: &mut dyn FnMut(&mut S, &Stretch, &mut [f32])| {
         let mut voices = Voices::new(64, rate, blank.clone());
         let start = Instant::now();
         for block in 0..BLOCKS as i64 {
             let first = block * BLOCK as i64;
             let part = |item: i64| events.partition_point(|(tick, _)| *tick < rate.tick(item));
             let now = &events[part(first)..part(first + BLOCK as i64)];
-            voices.play(now, None, first, &mut out, |_| blank.clone(), |s, stretch, out| sound(s, stretch, out));
+            voices.play(
+                now,
+                None,
+                first,
+                &mut out,
+                |_| blank.clone(),
+                |s, stretch, out| sound(s, stretch, out),
+            );
             black_box(&out);
         }
         start.elapsed().as_secs_f64() * 1e6 / BLOCKS as f64 / count as f64
@@ -153,7 +160,9 @@ fn main() -> Result<(), Box<dyn Error>> {
 
     line("way between frames", paths(), 15.0);
     let slope = SurfaceMap::slope(&map);
-    for (name, interp) in [("linear", Interp::Linear), ("catmull", Interp::Catmull), ("b-spline", Interp::Bspline3)] {
+    for (name, interp) in
+        [("linear", Interp::Linear), ("catmull", Interp::Catmull), ("b-spline", Interp::Bspline3)]
+    {
         let mut force = map_force(interp);
         let us = time(1, 0.5, MapVoice::default(), |s, stretch, out| force.add(&slope, s, stretch, out));
         line(&format!("map, slope, {name}"), us, 15.0);
@@ -165,7 +174,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     ];
     for (name, map) in &maps {
         let mut force = map_force(Interp::Bspline3);
-        line(name, time(1, 0.5, MapVoice::default(), |s, stretch, out| force.add(map, s, stretch, out)), 15.0);
+        line(
+            name,
+            time(1, 0.5, MapVoice::default(), |s, stretch, out| force.add(map, s, stretch, out)),
+            15.0,
+        );
     }
     let mut force = map_force(Interp::Bspline3);
     let us = time(1, 90.0, MapVoice::default(), |s, stretch, out| force.add(&slope, s, stretch, out));
@@ -200,7 +213,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     let banks = objects(8)?;
     let all = 64.0 * (each + paths()) + banks;
     let block = BLOCK as f64 / f64::from(FS) * 1e6;
-    println!("64 contacts and 8 objects of 32 modes: {all:.0} us of {block:.0}, {:.1} % of a core", 100.0 * all / block);
+    println!(
+        "64 contacts and 8 objects of 32 modes: {all:.0} us of {block:.0}, {:.1} % of a core",
+        100.0 * all / block
+    );
     println!("  of which 8 objects {banks:.0} us, a contact among 64 {each:.2} us");
     Ok(())
 }

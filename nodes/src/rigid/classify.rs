@@ -211,15 +211,18 @@ impl Classifier {
         self.known.extend(old.known.iter().take(self.most).copied());
         self.impacts.clear();
         self.impacts.extend_from_slice(&old.impacts);
-        (self.struck, self.wrong, self.dropped, self.frames) = (old.struck, old.wrong, old.dropped, old.frames);
+        (self.struck, self.wrong, self.dropped, self.frames) =
+            (old.struck, old.wrong, old.dropped, old.frames);
     }
 
     /// Takes the next frame of a contact; frames come in the order of time. `None` for one that is not finite.
     pub fn take(&mut self, tick: Tick, frame: &ContactFrame) -> Option<ContactState> {
         let numbers = [frame.force, frame.approach.unwrap_or(0.0), frame.mass.unwrap_or(0.0)];
-        let vectors = frame.normal.iter().chain(&frame.velocity).chain(frame.travel.iter().flatten().flatten());
+        let vectors =
+            frame.normal.iter().chain(&frame.velocity).chain(frame.travel.iter().flatten().flatten());
         let vectors = vectors.chain(frame.friction.iter().flatten());
-        if !numbers.iter().chain(vectors).all(|x| x.is_finite()) || !frame.point.iter().all(|x| x.is_finite()) {
+        if !numbers.iter().chain(vectors).all(|x| x.is_finite()) || !frame.point.iter().all(|x| x.is_finite())
+        {
             self.wrong += 1;
             return None;
         }
@@ -380,7 +383,8 @@ impl Classifier {
             State::Mixed | State::Unsteady => share,
         };
         let force = f64::from(frame.force);
-        let rubbing = frame.friction.map_or(self.rules.friction * force * sliding, |f| dot(widen(f), slipping).abs());
+        let rubbing =
+            frame.friction.map_or(self.rules.friction * force * sliding, |f| dot(widen(f), slipping).abs());
         let turning = self.rules.rolling_resistance * force * rolling;
         let power = if known.state == State::Static { 0.0 } else { slip * rubbing + (1.0 - slip) * turning };
         let sounds = matches!(known.state, State::Sliding | State::Rolling | State::Mixed);
@@ -411,7 +415,8 @@ impl Classifier {
         }
         // Before the contact began nothing pressed.
         let young = here.tick - known.begun < ticks(rules.impact_memory);
-        let least = if young { 0.0 } else { known.history.least_force(age, rules.impact_memory).unwrap_or(0.0) };
+        let least =
+            if young { 0.0 } else { known.history.least_force(age, rules.impact_memory).unwrap_or(0.0) };
         if !first {
             let median = known.history.median_force(age, rules.impact_median).unwrap_or(0.0);
             let peak = here.force > f_before && here.force >= f_next;
@@ -426,7 +431,8 @@ impl Classifier {
         let earliest = here.tick - ticks(rules.frame) / 2;
         let at = (here.tick + ticks(late)).max(earliest).max(0);
         // Neighbours that still press much belong to the same blow.
-        let part = |s: Sample| if s.force >= 0.25 * here.force { (s.force - least).max(0.0) * s.step } else { 0.0 };
+        let part =
+            |s: Sample| if s.force >= 0.25 * here.force { (s.force - least).max(0.0) * s.step } else { 0.0 };
         let impulse = (here.force - least) * here.step + before.map_or(0.0, part) + next.map_or(0.0, part);
         known.struck = Some(here.tick);
         let blow = self.blow(&known.latest, impulse, approach);

@@ -168,7 +168,9 @@ fn check(p: &ContactClassifierParams) -> Result<(), Reject> {
             let message = if high == low {
                 format!("`{high}` is {below} to {above}; the least comes first")
             } else {
-                format!("`{high}` is {above}, less than `{low}`, which is {below}: states would change in every frame")
+                format!(
+                    "`{high}` is {above}, less than `{low}`, which is {below}: states would change in every frame"
+                )
             };
             return Err(Reject::new("F134", message).at(high));
         }

@@ -134,7 +134,10 @@ fn a_ball_launched_sliding_rolls_when_its_slip_has_gone() {
         // Four frames are needed to know anything, and a state lasts for a while.
         assert!(slid <= (5.5 / rate).max(0.13), "slides from {slid} at {rate} Hz");
         let earliest = rolls.max(slid + 0.1);
-        assert!((rolled - earliest).abs() <= 2.5 / rate + 0.005, "rolls from {rolled}, not {earliest}, at {rate} Hz");
+        assert!(
+            (rolled - earliest).abs() <= 2.5 / rate + 0.005,
+            "rolls from {rolled}, not {earliest}, at {rate} Hz"
+        );
         assert!(states.iter().filter(|(t, _)| *t > rolled).all(|(_, s)| s.state == State::Rolling));
         let (_, end) = states.last().unwrap();
         assert!((f64::from(end.rolling) - 5.0 / 7.0 * v0).abs() < 1e-5 && end.slip == 0.0, "{end:?}");
@@ -171,7 +174,10 @@ fn a_box_at_rest_is_static_and_silent() {
             assert!(blows.is_empty());
             assert!(states.iter().all(|(_, s)| s.gain == 0.0), "{speed} m/s at {rate} Hz");
             let late = states.iter().filter(|(t, _)| *t > 0.25);
-            assert!(late.clone().count() > 5 && late.clone().all(|(_, s)| s.state == State::Static && s.power == 0.0));
+            assert!(
+                late.clone().count() > 5
+                    && late.clone().all(|(_, s)| s.state == State::Static && s.power == 0.0)
+            );
         }
     });
 }
@@ -279,7 +285,8 @@ fn a_logged_ball_bounces_alike_at_60_and_240_frames_a_second_and_then_rolls() {
         .filter_map(|rate| Some(judge(rules(60.0), &log("ball_bounce_roll", *rate, &[0.0, 0.26])?)))
         .collect();
     let [(slow_states, slow), (_, fast)] = both.as_slice() else { return };
-    let early = |blows: &[(f64, Impact)]| blows.iter().filter(|(t, _)| *t < 1.65).copied().collect::<Vec<_>>();
+    let early =
+        |blows: &[(f64, Impact)]| blows.iter().filter(|(t, _)| *t < 1.65).copied().collect::<Vec<_>>();
     let (a, b) = (early(slow), early(fast));
     println!("60 Hz: {:?}", a.iter().map(|(t, i)| (*t, i.energy, i.impulse)).collect::<Vec<_>>());
     println!("240 Hz: {:?}", b.iter().map(|(t, i)| (*t, i.energy, i.impulse)).collect::<Vec<_>>());
@@ -293,7 +300,8 @@ fn a_logged_ball_bounces_alike_at_60_and_240_frames_a_second_and_then_rolls() {
     for (t, s) in slow_states.iter().filter(|(t, _)| *t > 3.35) {
         assert!(s.state == State::Rolling && (s.rolling - 0.27).abs() < 0.06, "{t}: {s:?}");
     }
-    let rolled = slow_states.iter().filter(|(t, s)| *t > 1.7 && *t < 3.2 && s.state == State::Rolling).count();
+    let rolled =
+        slow_states.iter().filter(|(t, s)| *t > 1.7 && *t < 3.2 && s.state == State::Rolling).count();
     println!("rolls in {rolled} frames between the rods");
     assert!(rolled > 20, "between the rods it rolls, too: {rolled}");
 }
@@ -303,9 +311,14 @@ fn a_logged_box_slides_down_its_slope_then_falls_and_rests() {
     for rate in [60, 240] {
         let Some(frames) = log("box_slide_slope", rate, &[0.0, 0.0, 1.2]) else { return };
         let (states, blows) = judge(rules(60.0), &frames);
-        let slope: Vec<_> = states.iter().filter(|(t, s)| (0.4..2.2).contains(t) && s.frame.bodies == [1, 2]).collect();
+        let slope: Vec<_> =
+            states.iter().filter(|(t, s)| (0.4..2.2).contains(t) && s.frame.bodies == [1, 2]).collect();
         let sliding = slope.iter().filter(|(_, s)| s.state == State::Sliding).count();
-        println!("{rate} Hz: {sliding} of {} frames slide; blows {:?}", slope.len(), blows.iter().map(|(t, i)| (*t, i.energy)).collect::<Vec<_>>());
+        println!(
+            "{rate} Hz: {sliding} of {} frames slide; blows {:?}",
+            slope.len(),
+            blows.iter().map(|(t, i)| (*t, i.energy)).collect::<Vec<_>>()
+        );
         assert!(sliding * 10 >= slope.len() * 9, "{sliding} of {}", slope.len());
         let (_, end) = states.last().unwrap();
         assert!(end.state == State::Static && end.gain == 0.0, "{end:?}");

@@ -227,7 +227,10 @@ impl Columns {
             if let Some(place) = places.get_mut(field as usize) {
                 if let Some((other, _)) = *place {
                     let other: &str = names.get(other).map_or("", String::as_str);
-                    return Err((name.clone(), format!("it says the same as column `{other}`; keep one of them")));
+                    return Err((
+                        name.clone(),
+                        format!("it says the same as column `{other}`; keep one of them"),
+                    ));
                 }
                 *place = Some((k, factor));
             }

@@ -27,7 +27,14 @@ pub struct LogOptions {
 
 impl Default for LogOptions {
     fn default() -> Self {
-        Self { bodies: Vec::new(), masses: Vec::new(), manifold: Manifold::Centroid, rate: None, hold: 0.03, jump: 0.02 }
+        Self {
+            bodies: Vec::new(),
+            masses: Vec::new(),
+            manifold: Manifold::Centroid,
+            rate: None,
+            hold: 0.03,
+            jump: 0.02,
+        }
     }
 }
 

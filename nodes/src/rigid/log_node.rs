@@ -195,7 +195,8 @@ mod tests {
 
     fn solo(text: &str, masses: &str) -> Solo {
         let (path, bodies) = (Datum::Text("log.csv".into()), vec![Datum::Text("world".into())]);
-        let masses: Vec<Datum> = masses.split_whitespace().map(|m| Datum::Float(m.parse().unwrap())).collect();
+        let masses: Vec<Datum> =
+            masses.split_whitespace().map(|m| Datum::Float(m.parse().unwrap())).collect();
         let p = ContactLogParams::read(&|name| match name {
             "path" => Some(path.clone()),
             "bodies" => Some(Datum::List(bodies.clone())),

@@ -75,7 +75,8 @@ fn points_are_followed_or_joined() {
     let options = LogOptions { manifold: Manifold::Points, ..LogOptions::default() };
     let apart = read_contacts(text.as_bytes(), None, &options).unwrap();
     assert_eq!((apart.contacts, apart.frames.len()), (2, 40));
-    let own: Vec<f64> = apart.frames.iter().filter(|(_, f)| f.contact == 0).map(|(_, f)| f.point[1]).collect();
+    let own: Vec<f64> =
+        apart.frames.iter().filter(|(_, f)| f.contact == 0).map(|(_, f)| f.point[1]).collect();
     assert!(own.iter().all(|y| *y == own[0]), "{own:?}");
     let joined = read(&text).unwrap();
     assert_eq!((joined.contacts, joined.frames.len()), (1, 20));
@@ -174,13 +175,19 @@ fn errors_name_line_and_column_and_what_would_be_right() {
     for (text, part) in [
         (String::new(), "line 1: the file is empty"),
         (head.to_owned(), "no contact under the header"),
-        (with("0,w,x,0,nan,0,0,0,1,1,0,0,0\n"), "line 2, column `py`: \"nan\" is there; a finite number is needed"),
+        (
+            with("0,w,x,0,nan,0,0,0,1,1,0,0,0\n"),
+            "line 2, column `py`: \"nan\" is there; a finite number is needed",
+        ),
         (with("0,w,x,0,0,0,0,0,1,inf,0,0,0\n"), "line 2, column `force`: \"inf\""),
         (with("0,w,x,0,0,0,0,0,1,-1,0,0,0\n"), "column `force`: -1 is there; a number from 0 on"),
         (with("0,w,x,0,0,0,0,0,1,,0,0,0\n"), "line 2: how hard do they press"),
         (with("0,w,x,0,0,0,0,0,9,1,0,0,0\n"), "line 2, column `nx`: the normal has length 9"),
         (with("0,w,x,0,0,0,0,0,1,1,0,0\n"), "line 2: 12 field(s) where the header has 13"),
-        (with(&format!("{}{good}", good.replace("0,w", "2,w"))), "line 3, column `time`: time goes back from 2 to 0 s"),
+        (
+            with(&format!("{}{good}", good.replace("0,w", "2,w"))),
+            "line 3, column `time`: time goes back from 2 to 0 s",
+        ),
         (with("0,w,w,0,0,0,0,0,1,1,0,0,0\n"), "touches itself"),
         (with("-1,w,x,0,0,0,0,0,1,1,0,0,0\n"), "line 2, column `time`: -1 s"),
         (with("0,,x,0,0,0,0,0,1,1,0,0,0\n"), "line 2, column `a`: nothing is there"),

@@ -170,7 +170,8 @@ pub(super) fn read_poses(bytes: &[u8], bodies: &mut Bodies) -> Result<Poses, Log
         let track = poses.tracks.entry(body).or_default();
         let tick = ticks(time);
         if track.last().is_some_and(|(last, _)| tick <= *last) {
-            let message = format!("time does not go on at {time} s for `{text}`; rows of a body stand in order");
+            let message =
+                format!("time does not go on at {time} s for `{text}`; rows of a body stand in order");
             return Err(cells.fault(Field::Time, message));
         }
         rows += 1;
@@ -220,9 +221,15 @@ mod tests {
         for (text, part) in [
             ("time,body,px,py\n0,1,0,0\n", "line 1: there is no column for where"),
             ("time,body,px,py,pz,qw\n", "line 1: there is no column for all of the rotation"),
-            ("time,body,px,py,pz,qw,qx,qy,qz\n0,1,0,0,0,0.5,0,0,0\n", "line 2, column `qw`: the quaternion has length 0.5"),
+            (
+                "time,body,px,py,pz,qw,qx,qy,qz\n0,1,0,0,0,0.5,0,0,0\n",
+                "line 2, column `qw`: the quaternion has length 0.5",
+            ),
             ("time,body,px,py,pz\n0,1,0,0,inf\n", "line 2, column `pz`: \"inf\" is there"),
-            ("time,body,px,py,pz\n1,1,0,0,0\n1,2,0,0,0\n1,1,0,0,0\n", "line 4, column `time`: time does not go on"),
+            (
+                "time,body,px,py,pz\n1,1,0,0,0\n1,2,0,0,0\n1,1,0,0,0\n",
+                "line 4, column `time`: time does not go on",
+            ),
             ("time,body,px,py,pz\n", "no pose"),
             ("time,body,px,py,pz,roll\n", "column `roll`: there is no such column"),
         ] {

@@ -140,10 +140,8 @@ fn from_cells(cells: &Cells<'_>, bodies: &mut Bodies) -> Result<Row, LogFault> {
     if !(0.0..=LATEST).contains(&time) {
         return Err(cells.fault(Field::Time, format!("{time} s is there; 0 to {LATEST} s are needed")));
     }
-    let pair = [
-        body(cells, Field::NameA, Field::BodyA, bodies)?,
-        body(cells, Field::NameB, Field::BodyB, bodies)?,
-    ];
+    let pair =
+        [body(cells, Field::NameA, Field::BodyA, bodies)?, body(cells, Field::NameB, Field::BodyB, bodies)?];
     let back = cells.columns.has(Field::BackNx);
     let field = if back { Field::BackNx } else { Field::Nx };
     let normal = if back {
@@ -216,8 +214,8 @@ fn finished(row: Row) -> Result<Row, String> {
 
 /// Keys of a contact as JSON.
 pub const KEYS: [&str; 15] = [
-    "time_s", "id", "a", "b", "point", "normal", "force", "impulse", "friction", "velocity", "approach", "mass",
-    "travel_a", "travel_b", "step",
+    "time_s", "id", "a", "b", "point", "normal", "force", "impulse", "friction", "velocity", "approach",
+    "mass", "travel_a", "travel_b", "step",
 ];
 
 /// One contact as a JSON object.
@@ -301,7 +299,8 @@ pub(super) fn read_rows(bytes: &[u8], poses: bool, bodies: &mut Bodies) -> Resul
     let mut rows: Vec<Row> = Vec::new();
     let mut take = |line: u64, row: Row| {
         if let Some(before) = rows.last().filter(|last| row.time < last.time) {
-            let message = format!("time goes back from {} to {} s; rows stand in order", before.time, row.time);
+            let message =
+                format!("time goes back from {} to {} s; rows stand in order", before.time, row.time);
             return Err(LogFault::at(line, "time", message));
         }
         if rows.len() == MAX_ROWS {

@@ -6,15 +6,15 @@ use super::queue::Queue;
 use crate::contact::vector::{norm, sub};
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
+use crate::core::item::Item;
 use crate::core::node::{Class, Node, Retune, Summary};
 use crate::core::params::Params;
-use crate::core::ports::{Events, Stream};
+use crate::core::ports::{Events, In, Stream};
 use crate::core::random::Draw;
 use crate::core::shape::{Build, Ends, Shape};
 use crate::core::time::Tick;
 use crate::rigid::ContactState;
 use crate::spatial::Poses;
-use crate::spatial::track::{AHEAD, PAST, pose_at};
 use crate::{params, ports};
 
 /// Parts of pieces that may wait for their time on one level, per contact.
@@ -111,20 +111,20 @@ impl LodSelect {
     fn distance(&self, io: &LodSelectIo<'_>, tick: Tick, contact: u64) -> f64 {
         let place = self.places.iter().find(|(c, _)| *c == contact).filter(|_| io.contacts_at.is_some());
         if let Some((_, place)) = place {
-            let listener = io.listener.as_ref();
-            let at = listener.map_or(self.params.listener, |p| pose_at(p, tick).position.map(f64::from));
+            let at = io.listener.as_ref().and_then(|poses| latest(poses, tick));
+            let at = at.map_or(self.params.listener, |pose| pose.position.map(f64::from));
             return norm(sub(*place, at));
         }
-        let Some(distance) = &io.distance else { return self.params.distance };
-        let k = (distance.rate().first_at(tick + 1) - 1 - distance.first())
-            .clamp(-(distance.past() as i64), distance.len() as i64 - 1);
-        let metres = if distance.past() == 0 && distance.is_empty() {
-            None
-        } else {
-            distance.item(k as isize).first()
-        };
-        metres.map_or(self.params.distance, |d| f64::from(*d).max(0.0))
+        let metres = io.distance.as_ref().and_then(|distance| latest(distance, tick));
+        metres.map_or(self.params.distance, |d| f64::from(d).max(0.0))
     }
+}
+
+/// The last item of a stream up to a time in the window, by its first element.
+fn latest<T: Item>(stream: &In<'_, T>, tick: Tick) -> Option<T::Elem> {
+    let at = stream.rate().first_at(tick + 1) - 1 - stream.first();
+    let at = at.clamp(-(stream.past() as i64), stream.len() as i64 - 1);
+    (at >= -(stream.past() as i64)).then(|| stream.item(at as isize).first().copied()).flatten()
 }
 
 impl Node for LodSelect {
@@ -141,7 +141,7 @@ impl Node for LodSelect {
             return Err(Reject::new("F130", message).at("distances").help(help));
         }
         s.when_ended(LodSelectPorts::paths, Ends::Stop);
-        s.reach(LodSelectPorts::listener, PAST, AHEAD);
+        s.reach(LodSelectPorts::listener, 1, 0);
         s.when_ended(LodSelectPorts::listener, Ends::Hold);
         s.reach(LodSelectPorts::distance, 1, 0);
         s.when_ended(LodSelectPorts::distance, Ends::Hold);

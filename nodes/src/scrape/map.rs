@@ -32,6 +32,8 @@ enum Reading {
 pub struct SurfaceMap {
     reading: Reading,
     surface: Surface,
+    /// Factors of changes along x and y, where these are per metre in place of per pixel.
+    per_metre: Option<[f32; 2]>,
 }
 
 fn levels(grid: &Grid, surface: &Surface) -> Vec<(Grid, [f64; 2])> {
@@ -52,7 +54,7 @@ impl SurfaceMap {
         let both = levels(&map.gx, &surface).into_iter().zip(levels(&map.gy, &surface));
         let along = [[true, false], [false, true]];
         let laid = both.map(|((x, scale), (y, _))| (Plane::new([&x, &y], along, surface.wrap), scale));
-        Self { reading: Reading::Slope(laid.collect()), surface }
+        Self { reading: Reading::Slope(laid.collect()), surface, per_metre: None }
     }
 
     /// The size of the gradient of a map.
@@ -60,25 +62,34 @@ impl SurfaceMap {
     pub fn size(map: &DiscontinuityMap) -> Self {
         let samples = map.gx.samples.iter().zip(&map.gy.samples).map(|(x, y)| x.hypot(*y)).collect();
         let size = Grid { width: map.gx.width, height: map.gx.height, samples };
-        Self { reading: Reading::Value(scalar(&size, &map.surface)), surface: map.surface }
+        Self { reading: Reading::Value(scalar(&size, &map.surface)), surface: map.surface, per_metre: None }
     }
 
     /// How features change along the way of a contact, per pixel.
     #[must_use]
     pub fn feature_change(map: &FeatureMap) -> Self {
-        Self::change(&map.grid, map.surface)
+        Self {
+            reading: Reading::Change(scalar(&map.grid, &map.surface)),
+            surface: map.surface,
+            per_metre: None,
+        }
     }
 
-    /// How any map changes along the way of a contact, per pixel.
+    /// How heights in m change along the way of a contact, m/m.
     #[must_use]
-    pub fn change(grid: &Grid, surface: Surface) -> Self {
-        Self { reading: Reading::Change(scalar(grid, &surface)), surface }
+    pub fn height_change(heights: &Grid, surface: Surface) -> Self {
+        let per_metre = Some(surface.density.map(|d| d as f32));
+        Self { reading: Reading::Change(scalar(heights, &surface)), surface, per_metre }
     }
 
     /// The strength of features.
     #[must_use]
     pub fn feature(map: &FeatureMap) -> Self {
-        Self { reading: Reading::Value(scalar(&map.grid, &map.surface)), surface: map.surface }
+        Self {
+            reading: Reading::Value(scalar(&map.grid, &map.surface)),
+            surface: map.surface,
+            per_metre: None,
+        }
     }
 
     /// How it lies on the surface.
@@ -117,9 +128,10 @@ impl SurfaceMap {
                 })
             }
             Reading::Change(levels) => {
+                let unit = self.per_metre.unwrap_or([1.0; 2]);
                 each(levels, base, x, y, footprints, range, out, |plane, base, n, x, y, scale| {
                     let [gx, gy] = plane.gradient(interp, base, x, y);
-                    gx * tx[n] * scale[0] + gy * ty[n] * scale[1]
+                    gx * tx[n] * (scale[0] * unit[0]) + gy * ty[n] * (scale[1] * unit[1])
                 });
             }
         }
@@ -221,7 +233,9 @@ impl MapForce {
     fn stretch(&mut self, map: &SurfaceMap, voice: &mut MapVoice, stretch: &Stretch, out: &mut [f32]) {
         let way = stretch.way();
         let [dx, dy] = map.surface.density;
-        let aspect = [(dx / dy).sqrt() as f32, (dy / dx).sqrt() as f32];
+        // Directions are those of pixels where changes are per pixel.
+        let aspect =
+            if map.per_metre.is_some() { [1.0; 2] } else { [dx / dy, dy / dx].map(|r| r.sqrt() as f32) };
         self.moves.follow(stretch, &way, aspect, &mut voice.heading);
         let base = self.place(stretch, &way, [dx, dy]);
         let range = [stretch.from, stretch.to];

@@ -42,7 +42,8 @@ fn force(p: MapExcitationParams, map: DiscontinuityMap, paths: Vec<(Tick, PathPi
 fn a_grating_sounds_at_its_frequency_and_its_images_stay_low() {
     // 40 cycles a metre at 512 pixels a metre: 0.08 of a pixel's frequency.
     for v in [0.1, 0.5, 2.0, 10.0, 20.0] {
-        let out = force(params(), grating(40.0, 512.0), vec![(0, piece([0.03, 0.0], [v, 0.0], 3.0))], 3.0);
+        let time = if v < 0.2 { 3.0 } else { 0.6 };
+        let out = force(params(), grating(40.0, 512.0), vec![(0, piece([0.03, 0.0], [v, 0.0], time))], time);
         let out = &out[4410..];
         let f = peak(out, 40.0 * v, FS);
         assert!((f / (40.0 * v) - 1.0).abs() < 1e-3, "{v} m/s: {f} Hz");

@@ -100,12 +100,6 @@ fn law(p: &TwoTexturesParams, ball: bool) -> [f64; 3] {
 
 fn check(field: &'static str, luma: &Luma) -> Result<(), Reject> {
     check_grid(field, &luma.grid, &luma.surface)?;
-    let [x, y] = luma.surface.density;
-    if (x / y - 1.0).abs() > 1e-6 {
-        let message = format!("`{field}` has {x} pixels per metre along x and {y} along y");
-        let help = "a relief needs the same density along both: resize the image";
-        return Err(Reject::new("F128", message).at(field).help(help));
-    }
     if (0.0..=1.0).contains(&luma.surface.depth) {
         return Ok(());
     }
@@ -305,10 +299,27 @@ mod tests {
     }
 
     #[test]
-    fn a_relief_of_uneven_density_is_an_error() {
-        let mut uneven = luma(1000.0, 1e-4, 16, |_| 1.0);
-        uneven.surface.density[1] = 500.0;
-        let error = solo(uneven, None, vec![], 0.1).run().map(|_| ()).unwrap_err();
-        assert!(error.code == "F128" && error.to_string().contains("500 along y"), "{error}");
+    fn a_relief_of_any_density_is_the_same_relief() {
+        let tiles = |density: [f64; 2]| {
+            let at = |x: usize, y: usize| {
+                let (x, y) = (x as f64 / density[0], y as f64 / density[1]);
+                if (x * 20.0).fract() < 0.1 || (y * 16.0).fract() < 0.1 { 0.0 } else { 100.0 }
+            };
+            let size = density.map(|d| (0.5 * d) as usize);
+            let surface = Surface { density, depth: 1e-3, ..Surface::default() };
+            Luma { grid: Grid::from_fn(size[0], size[1], at), surface, ..luma(1.0, 1e-3, 1, |_| 0.0) }
+        };
+        let path = vec![(0, piece([0.01, 0.01], [0.3, 0.2], 0.3))];
+        let even = force(tiles([4000.0; 2]), None, path.clone(), 0.3);
+        let uneven = force(tiles([4000.0, 2000.0]), None, path, 0.3);
+        let ratio = rms(&uneven) / rms(&even);
+        assert!((ratio - 1.0).abs() < 0.1, "{ratio}");
+    }
+
+    #[test]
+    fn a_relief_of_no_numbers_is_an_error() {
+        let broken = luma(1000.0, 1e-4, 16, |_| f32::NAN);
+        let error = solo(broken, None, vec![], 0.1).run().map(|_| ()).unwrap_err();
+        assert!(error.code == "F128" && error.to_string().contains("none at all"), "{error}");
     }
 }

@@ -11,14 +11,14 @@ use crate::core::shape::{Build, Shape};
 use crate::texture::{DiscontinuityMap, FeatureMap, Grid, Luma, NoiseMap, Surface};
 use crate::{params, ports};
 
-/// Ways beyond which a figure shows no more.
+/// Ways of one link beyond which a figure shows no more.
 const WAYS: usize = 24;
 
 params! {
     /// Shows what contacts meet along their ways over a map: the ways over a picture of it, and a profile for each.
     ///
     /// Link one of `luma`, `map` (the size of its gradient), `features` and `noise`, and tap `profile` as .svg for the figure or
-    /// as .json for its numbers. The first 24 ways are shown.
+    /// as .json for its numbers. The first 24 ways of each link are shown.
     ///
     /// # Source
     /// Figure 6 of Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008): three
@@ -117,7 +117,7 @@ impl Node for PathProfileNode {
                 let ways = &mut profile.ways;
                 let known = ways.iter().position(|m| (m.link, m.contact) == (link, piece.contact));
                 let k = known.unwrap_or(ways.len());
-                if known.is_none() && ways.len() < WAYS {
+                if known.is_none() && ways.iter().filter(|m| m.link == link).count() < WAYS {
                     ways.push(Met { link, contact: piece.contact, ..Met::default() });
                 }
                 if let Some(met) = ways.get_mut(k) {

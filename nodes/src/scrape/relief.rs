@@ -151,11 +151,7 @@ impl Envelope {
 /// The change of the way of a rolling ball per metre, as a map to be read.
 #[must_use]
 pub fn ball_map(heights: &Grid, surface: &Surface, radius: f64) -> SurfaceMap {
-    let mut rolled = rolled_over(heights, surface, radius);
-    // The change is read per pixel.
-    let density = surface.density[0] as f32;
-    rolled.samples.iter_mut().for_each(|z| *z *= density);
-    SurfaceMap::change(&rolled, *surface)
+    SurfaceMap::height_change(&rolled_over(heights, surface, radius), *surface)
 }
 
 #[cfg(test)]

@@ -168,10 +168,10 @@ impl Node for Stroke {
             [time, draw.between(-0.1, 0.1), draw.between(-0.1, 0.1), draw.between(0.0, 5.0)]
         };
         let points = (0..4).map(point).collect();
-        let laps = draw.between(0.1, 5.0);
-        let radius = draw.between(0.001, 0.2);
-        let (from, to) = ([draw.between(-0.2, 0.2), 0.0], [0.1, draw.between(-0.2, 0.2)]);
-        let (speed, start, width) = (draw.between(0.2, 2.0), draw.between(0.0, 0.2), draw.between(0.0, 0.1));
+        let laps = draw.between(0.1, 2.5);
+        let radius = draw.between(0.001, 0.02);
+        let (from, to) = ([draw.between(-0.1, 0.1), 0.0], [0.1, draw.between(-0.1, 0.1)]);
+        let (speed, start, width) = (draw.between(0.5, 2.0), draw.between(0.0, 0.1), draw.between(0.0, 0.05));
         (
             StrokeParams { points, laps, radius, from, to, speed, start, width, ..params },
             MemoryFiles::default(),
