@@ -18,9 +18,9 @@ use std::time::Instant;
 const FS: u32 = 44_100;
 const BLOCK: usize = 1024;
 /// Each figure is the best of this many turns: other programs only take time away.
-const TURNS: usize = 12;
+const TURNS: usize = 300;
 /// Blocks of one turn.
-const BLOCKS: usize = 400;
+const BLOCKS: usize = 16;
 
 /// A contact that circles at a speed over places of its own, in frames of 1/60 s.
 fn contact(number: u64, speed: f64) -> Vec<(Tick, PathPiece)> {
@@ -29,7 +29,7 @@ fn contact(number: u64, speed: f64) -> Vec<(Tick, PathPiece)> {
         let (sin, cos) = (t * speed / radius + number as f64).sin_cos();
         [radius * cos, radius * sin]
     };
-    (0..800)
+    (0..60)
         .map(|k| {
             let [a, b] = [k, k + 1].map(|k| place(f64::from(k) * frame));
             let gap = [b[0] - a[0], b[1] - a[1]];
@@ -99,7 +99,7 @@ fn paths() -> f64 {
         object: 0,
         smooth: 0.0,
     };
-    let (contacts, frames) = (64, 600);
+    let (contacts, frames) = (64, 40);
     let turn = || {
         let (mut tracker, mut queue, mut pieces) = (Tracker::new(rules, 64), Queue::new(512), 0);
         let start = Instant::now();

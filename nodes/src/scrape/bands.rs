@@ -116,7 +116,7 @@ impl NoiseBands {
         }
         let last = self.bands.len() - 1;
         let depth = (log2(step * (1.0 / WHOLE as f32)) * OCTAVE as f32).clamp(0.0, last as f32);
-        let below = depth.floor() as usize;
+        let below = depth as usize;
         let near = self.band(below, place);
         near + (depth - below as f32) * (self.band((below + 1).min(last), place) - near)
     }
@@ -125,13 +125,13 @@ impl NoiseBands {
     fn band(&self, k: usize, place: f64) -> f32 {
         let Some(band) = self.bands.get(k) else { return 0.0 };
         let place = place * band.density;
-        let whole = place.floor();
-        let phase = (place - whole) * PHASES as f64;
-        let row = phase.floor();
-        let between = (phase - row) as f32;
-        let row = row as usize;
+        // Places are never negative: a cast is their floor.
+        let whole = place as usize;
+        let phase = (place - whole as f64) * PHASES as f64;
+        let row = phase as usize;
+        let between = (phase - row as f64) as f32;
         // The first tap stands 15 samples before the place; the seam is padded by 16.
-        let at = whole as usize + 1;
+        let at = whole + 1;
         let samples = band.samples.get(at..at + TAPS).and_then(|s| <&[f32; TAPS]>::try_from(s).ok());
         let (Some(samples), Some(a), Some(b)) = (samples, self.weights.get(row), self.weights.get(row + 1))
         else {

@@ -117,22 +117,44 @@ impl SurfaceMap {
     ) {
         let Places { base, x, y, tx, ty } = *places;
         match &self.reading {
-            Reading::Slope(levels) => {
-                each(levels, base, x, y, footprints, range, out, |plane, base, n, x, y, _| {
-                    plane.along(interp, base, x, y, [tx[n], ty[n]])
-                })
-            }
-            Reading::Value(levels) => {
-                each(levels, base, x, y, footprints, range, out, |plane, base, _, x, y, _| {
-                    plane.value(interp, base, x, y)
-                })
-            }
+            Reading::Slope(levels) => each(
+                levels,
+                base,
+                x,
+                y,
+                footprints,
+                range,
+                out,
+                #[inline(always)]
+                |plane, base, n, x, y, _| plane.along(interp, base, x, y, [tx[n], ty[n]]),
+            ),
+            Reading::Value(levels) => each(
+                levels,
+                base,
+                x,
+                y,
+                footprints,
+                range,
+                out,
+                #[inline(always)]
+                |plane, base, _, x, y, _| plane.value(interp, base, x, y),
+            ),
             Reading::Change(levels) => {
                 let unit = self.per_metre.unwrap_or([1.0; 2]);
-                each(levels, base, x, y, footprints, range, out, |plane, base, n, x, y, scale| {
-                    let [gx, gy] = plane.gradient(interp, base, x, y);
-                    gx * tx[n] * (scale[0] * unit[0]) + gy * ty[n] * (scale[1] * unit[1])
-                });
+                each(
+                    levels,
+                    base,
+                    x,
+                    y,
+                    footprints,
+                    range,
+                    out,
+                    #[inline(always)]
+                    |plane, base, n, x, y, scale| {
+                        let [gx, gy] = plane.gradient(interp, base, x, y);
+                        gx * tx[n] * (scale[0] * unit[0]) + gy * ty[n] * (scale[1] * unit[1])
+                    },
+                );
             }
         }
     }
@@ -180,7 +202,7 @@ fn each<const C: usize>(
     };
     for n in from..to.min(CELL) {
         let depth = (1.0 + log2(footprints[n].max(0.5))).clamp(0.0, last as f32);
-        let level = depth.floor() as usize;
+        let level = depth as usize;
         let way = depth - level as f32;
         let near = coarse(level, n);
         out[n] = if way > 0.0 { near + way * (coarse((level + 1).min(last), n) - near) } else { near };

@@ -9,7 +9,7 @@ use fearless_simd::{Level, dispatch};
 /// Most points along the line of contact.
 pub const MOST_TAPS: usize = 129;
 /// Samples that share one reading of both surfaces.
-const GROUP: usize = 16;
+const GROUP: usize = 32;
 /// Most points of such a reading.
 const PROFILE: usize = 512;
 
@@ -28,7 +28,7 @@ struct Line {
 /// `z(t) = max over xi of (hA(uA + xi t) + hB(uB - xi t) - xi^2/2R)` is how far they hold each other apart.
 ///
 /// The change of a maximum is that of what is highest: slopes are read at the highest point, which lies between three points of
-/// the line by the parabola through them. To find it both reliefs are read once for 16 samples, along the direction in
+/// the line by the parabola through them. To find it both reliefs are read once for 32 samples, along the direction in
 /// the middle of these.
 ///
 /// # Complexity
@@ -155,12 +155,10 @@ impl PairForce {
         let counts = [points(reach_a), points(reach_b)];
         let shared = counts.iter().all(|n| *n <= PROFILE);
         if shared {
-            for (k, x) in self.profiles[0][..counts[0]].iter_mut().enumerate() {
-                *x = a.height(along(centres[0], t, low - half + k as f64 * step));
-            }
-            for (k, x) in self.profiles[1][..counts[1]].iter_mut().enumerate() {
-                *x = b.height(along(centres[1], t, high + half - k as f64 * step));
-            }
+            let forth = t.map(|t| t * step);
+            let [pa, pb] = &mut self.profiles;
+            a.line(along(centres[0], t, low - half), forth, &mut pa[..counts[0]]);
+            b.line(along(centres[1], t, high + half), forth.map(|x| -x), &mut pb[..counts[1]]);
         }
         for n in from..to.min(CELL) {
             let (ua, ub) = (place(&ways.a, n as f64), place(&ways.b, n as f64));

@@ -43,8 +43,19 @@ impl Relief {
     #[inline(always)]
     fn pixel(&self, place: [f64; 2]) -> ([i64; 2], [f32; 2]) {
         let at = [place[0] * self.density[0], place[1] * self.density[1]];
-        let whole = at.map(f64::floor);
-        (whole.map(|x| x as i64), [(at[0] - whole[0]) as f32, (at[1] - whole[1]) as f32])
+        let whole = [below(at[0]), below(at[1])];
+        (whole, [(at[0] - whole[0] as f64) as f32, (at[1] - whole[1] as f64) as f32])
+    }
+
+    /// Heights at places in m from `start` on, `step` m from one to the next.
+    #[inline(always)]
+    pub fn line(&self, start: [f64; 2], step: [f64; 2], out: &mut [f32]) {
+        let (base, [x, y]) = self.pixel(start);
+        let [dx, dy] = [0, 1].map(|k| (step[k] * self.density[k]) as f32);
+        for (k, out) in out.iter_mut().enumerate() {
+            let k = k as f32;
+            *out = self.plane.value(Interp::Bspline3, base, x + k * dx, y + k * dy);
+        }
     }
 
     /// Height at a place in m.
@@ -63,6 +74,13 @@ impl Relief {
         let [gx, gy] = self.plane.gradient(Interp::Bspline3, base, x, y);
         [gx * self.density[0] as f32, gy * self.density[1] as f32]
     }
+}
+
+/// The whole number at or below a place.
+#[inline(always)]
+fn below(x: f64) -> i64 {
+    let toward_zero = x as i64;
+    toward_zero - i64::from(toward_zero as f64 > x)
 }
 
 /// Where the centre of a ball of radius `radius` m goes that rolls over heights in m: their dilation by its paraboloid.
