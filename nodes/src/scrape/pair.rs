@@ -143,11 +143,11 @@ impl PairForce {
             let at = place(c, n as f64);
             (at[0] - centre[0]) * t[0] + (at[1] - centre[1]) * t[1]
         };
-        let all = first..first + GROUP;
-        let low = all.clone().map(|n| come(&ways.a, centres[0], n)).fold(f64::MAX, f64::min);
-        let high = all.clone().map(|n| come(&ways.b, centres[1], n)).fold(f64::MIN, f64::max);
-        let reach_a = all.clone().map(|n| come(&ways.a, centres[0], n)).fold(f64::MIN, f64::max) - low;
-        let reach_b = high - all.map(|n| come(&ways.b, centres[1], n)).fold(f64::MAX, f64::min);
+        let ca: [f64; GROUP] = std::array::from_fn(|k| come(&ways.a, centres[0], first + k));
+        let cb: [f64; GROUP] = std::array::from_fn(|k| come(&ways.b, centres[1], first + k));
+        let ends = |c: &[f64; GROUP]| c.iter().fold((f64::MAX, f64::MIN), |(l, h), x| (l.min(*x), h.max(*x)));
+        let ((low, far), (near, high)) = (ends(&ca), ends(&cb));
+        let (reach_a, reach_b) = (far - low, high - near);
         let Line { offsets, step, .. } = &self.line;
         let (taps, step) = (offsets.len(), *step);
         let half = offsets.last().copied().unwrap_or(0.0);
@@ -164,10 +164,7 @@ impl PairForce {
             let (ua, ub) = (place(&ways.a, n as f64), place(&ways.b, n as f64));
             let mut z = [f32::MIN; MOST_TAPS];
             if shared {
-                let behind = [
-                    (come(&ways.a, centres[0], n) - low) / step,
-                    (high - come(&ways.b, centres[1], n)) / step,
-                ];
+                let behind = [(ca[n - first] - low) / step, (high - cb[n - first]) / step];
                 self.between(behind, &mut z[..taps]);
             } else {
                 for ((z, xi), gap) in z.iter_mut().zip(offsets).zip(&self.line.gaps) {
