@@ -17,7 +17,10 @@ fn log(rows: usize) -> String {
         let (body, x, slip) = if point < 4 { (1, 0.3 * t, 0.3) } else { (point - 2, 0.5 * t, 0.0) };
         let y = 0.1 * point as f64 + 0.001 * (frame % 7) as f64;
         let force = 9.81 + 0.1 * (frame % 11) as f64;
-        let _ = writeln!(text, "{t:.6},0,{body},{x:.6},{y:.6},0.000123,0,0,1,{force:.5},{slip},0,0.000345,0.001234");
+        let _ = writeln!(
+            text,
+            "{t:.6},0,{body},{x:.6},{y:.6},0.000123,0,0,1,{force:.5},{slip},0,0.000345,0.001234"
+        );
     }
     text
 }
@@ -57,5 +60,9 @@ fn main() {
     });
     let length = track.frames.last().map_or(0, |(tick, _)| *tick) as f64 / TICKS_PER_SECOND as f64;
     let each = time / track.frames.len() as f64;
-    println!("classified: {:.0} ns per frame of a contact; {length:.0} s in {:.1} ms", each * 1e9, time * 1e3);
+    println!(
+        "classified: {:.0} ns per frame of a contact; {length:.0} s in {:.1} ms",
+        each * 1e9,
+        time * 1e3
+    );
 }
