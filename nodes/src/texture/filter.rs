@@ -6,6 +6,7 @@ use super::item::{Grid, Wrap};
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch, f32x16};
 use rayon::prelude::*;
+use std::f32::consts::LN_2;
 use std::ops::Range;
 
 /// Pixels that are treated together.
@@ -291,13 +292,13 @@ fn load_block<S: Simd>(simd: S, row: &[f32], at: usize) -> [f32x16<S>; 4] {
 fn store_block<S: Simd>(pixels: [f32x16<S>; 4], row: &mut [f32], at: usize) {
     match row.get_mut(at..at + BLOCK) {
         Some(block) => {
-            for k in 0..4 {
-                pixels[k].store_slice(&mut block[k * LANES..(k + 1) * LANES]);
+            for (pixels, out) in pixels.iter().zip(block.chunks_exact_mut(LANES)) {
+                pixels.store_slice(out);
             }
         }
         None => {
-            for k in 0..4 {
-                store(pixels[k], row, (at + k * LANES).min(row.len()));
+            for (k, pixels) in pixels.into_iter().enumerate() {
+                store(pixels, row, (at + k * LANES).min(row.len()));
             }
         }
     }
@@ -321,7 +322,7 @@ pub(super) fn exp2<S: Simd>(simd: S, x: f32x16<S>) -> f32x16<S> {
 }
 
 /// Coefficients of [`exp2`].
-const EXP2: [f32; 6] = [1.0, 0.693_147, 0.240_222_42, 0.055_507_34, 0.009_671_513, 0.001_326_472_7];
+const EXP2: [f32; 6] = [1.0, LN_2, 0.240_222_42, 0.055_507_34, 0.009_671_513, 0.001_326_472_7];
 
 #[cfg(test)]
 mod tests {

@@ -47,7 +47,7 @@ params! {
         /// The image.
         path: AssetPath;
         /// What luminance means. Features and bilateral filters are tuned to lightness.
-        luma: LumaKind = LumaKind::Lstar;
+        kind: LumaKind = LumaKind::Lstar;
         /// Pixels per metre on the surface, along x.
         density: f64 = 512.0, unit "px/m", range 0.001..=10_000_000.0;
         /// Pixels per metre along y, where they differ.
@@ -91,7 +91,7 @@ impl Func for ImageLuma {
     fn eval(p: &ImageLumaParams, cx: &Build<'_>, mut io: ImageLumaIo<'_>) -> Result<Summary, Fault> {
         let path = &p.path.0;
         let picture = decode(&cx.bytes("path", path)?).map_err(|e| wrong(path, &e))?;
-        let (grid, holes) = luminance(&picture, p.luma, p.invert).map_err(|e| wrong(path, &e))?;
+        let (grid, holes) = luminance(&picture, p.kind, p.invert).map_err(|e| wrong(path, &e))?;
         let density = [p.density, p.density_y.unwrap_or(p.density)];
         let mut summary: Summary = vec![
             ("width", grid.width.into()),
@@ -111,7 +111,7 @@ impl Func for ImageLuma {
         io.luma.set(Luma {
             grid,
             holes,
-            kind: p.luma,
+            kind: p.kind,
             surface: Surface { density, depth: p.depth, wrap: p.wrap },
         });
         Ok(summary)
@@ -150,7 +150,7 @@ mod tests {
 
     #[test]
     fn the_surface_is_as_told() {
-        let others = [("density_y", Datum::Float(100.0)), ("luma", Datum::Name("Rec601".into()))];
+        let others = [("density_y", Datum::Float(100.0)), ("kind", Datum::Name("Rec601".into()))];
         let run = solo(shipped("tiles.png"), &others).run().unwrap();
         let value = run.value(0).unwrap();
         let luma = value.get::<Luma>().unwrap();

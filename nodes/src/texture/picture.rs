@@ -14,7 +14,7 @@ pub(super) fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;")
 }
 
-/// A map in grey, `low` black and `high` white, with a bar for its scale.
+/// A map in grey, the first of its ends black and the second white, with a bar for its scale.
 pub(super) fn picture(title: &str, map: &Grid, [low, high]: [f32; 2], surface: &Surface) -> Option<String> {
     let mut small = map.clone();
     while small.width.max(small.height) > LONGEST {
@@ -24,7 +24,8 @@ pub(super) fn picture(title: &str, map: &Grid, [low, high]: [f32; 2], surface: &
             soft.samples.get(2 * y * soft.width + 2 * x).copied().unwrap_or_default()
         });
     }
-    let scale = 255.0 / (high - low).max(f32::MIN_POSITIVE);
+    // The ends may change places: dark on white.
+    let scale = if high == low { 0.0 } else { 255.0 / (high - low) };
     let bytes: Vec<u8> =
         small.samples.iter().map(|x| ((x - low) * scale).round().clamp(0.0, 255.0) as u8).collect();
     let png = encoded(&small, &bytes)?;
@@ -112,6 +113,9 @@ mod tests {
         // 1 m across: the bar is 0.2 m, a fifth of 640.
         assert!(svg.contains("a &lt; b") && svg.contains("width=\"128.0\" height=\"4\""), "{svg}");
         assert!(svg.contains(">0.2 m<") && svg.contains("base64,iVBORw0KGgo"));
+        let inverted = picture("a < b", &map, [511.0, 0.0], &Surface::default()).unwrap();
+        let white = picture("a < b", &map, [-2.0, -1.0], &Surface::default()).unwrap();
+        assert!(inverted != svg && inverted != white);
         let large = Grid::from_fn(3000, 10, |x, _| x as f32);
         assert!(picture("", &large, [0.0, 1.0], &Surface::default()).unwrap().len() < 20_000);
     }

@@ -37,6 +37,9 @@ params! {
     ///
     /// A tap as `.bin` writes the samples as they are stored, in 16 bits each; as SVG it draws them.
     ///
+    /// # Randomness
+    /// Noise that is synthesised, and detail that is added, depend on the seed.
+    ///
     /// # Source
     /// Picard, Tsingos and Faure (VRIPHYS 2008), section 4.2; van den Doel, Kry and Pai, "FoleyAutomatic" (SIGGRAPH 2001), for the spacing.
     pub struct NoiseProfileParams {
