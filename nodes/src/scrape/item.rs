@@ -2,7 +2,7 @@
 
 use crate::core::item::Event;
 use crate::core::random::Draw;
-use crate::core::time::{Tick, ticks};
+use crate::core::time::{Tick, seconds, ticks};
 use serde::{Deserialize, Serialize};
 
 /// The way of one contact over a surface between two frames of the physics.
@@ -30,6 +30,67 @@ pub struct PathPiece {
     pub gain: [f32; 2],
 }
 
+impl PathPiece {
+    /// The place at `s` from 0 to 1 of its duration, m.
+    #[must_use]
+    pub fn place_at(&self, s: f64) -> [f64; 2] {
+        place(&self.place, s)
+    }
+
+    /// Velocity over the surface at `s`, m/s.
+    #[must_use]
+    pub fn velocity_at(&self, s: f64) -> [f64; 2] {
+        let [_, b, c, d] = self.place;
+        let time = seconds(self.duration.max(1));
+        std::array::from_fn(|k| (b[k] + s * (2.0 * c[k] + s * 3.0 * d[k])) / time)
+    }
+
+    /// Normal force at `s`, at least 0, N.
+    #[must_use]
+    pub fn force_at(&self, s: f64) -> f64 {
+        let [a, b] = self.force.map(f64::from);
+        (a + s * (b - a)).max(0.0)
+    }
+
+    /// Amplitude at `s`.
+    #[must_use]
+    pub fn gain_at(&self, s: f64) -> f64 {
+        let [a, b] = self.gain.map(f64::from);
+        a + s * (b - a)
+    }
+
+    /// The part of it from `s` to `t` of its duration as a piece of its own that lasts `duration`.
+    #[must_use]
+    pub fn part(&self, s: f64, t: f64, duration: Tick) -> Self {
+        let cut = |c: &[[f64; 2]; 4]| shifted(c, s, t - s);
+        Self {
+            duration,
+            place: cut(&self.place),
+            other: self.other.as_ref().map(cut),
+            force: [s, t].map(|s| self.force_at(s) as f32),
+            gain: [s, t].map(|s| self.gain_at(s) as f32),
+            ..*self
+        }
+    }
+}
+
+/// The place at `s` of a polynomial.
+pub(crate) fn place(c: &[[f64; 2]; 4], s: f64) -> [f64; 2] {
+    let [a, b, c, d] = c;
+    std::array::from_fn(|k| a[k] + s * (b[k] + s * (c[k] + s * d[k])))
+}
+
+/// The coefficients of `p(s + t scale)` as a polynomial of `t`.
+pub(crate) fn shifted([a, b, c, d]: &[[f64; 2]; 4], s: f64, scale: f64) -> [[f64; 2]; 4] {
+    let part = |f: &dyn Fn(usize) -> f64| [f(0), f(1)];
+    [
+        part(&|k| a[k] + s * (b[k] + s * (c[k] + s * d[k]))),
+        part(&|k| scale * (b[k] + s * (2.0 * c[k] + s * 3.0 * d[k]))),
+        part(&|k| scale * scale * (c[k] + 3.0 * s * d[k])),
+        part(&|k| scale.powi(3) * d[k]),
+    ]
+}
+
 impl Event for PathPiece {
     const NAME: &'static str = "path";
 
@@ -45,6 +106,25 @@ impl Event for PathPiece {
             other: (draw.below(2) == 0).then_some(place),
             force: [draw.between(0.0, 20.0) as f32, draw.between(0.0, 20.0) as f32],
             gain: [draw.unit() as f32, draw.unit() as f32],
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_part_goes_the_same_way() {
+        let whole = PathPiece::trial(&mut Draw::new(3));
+        let part = whole.part(0.25, 0.75, whole.duration / 2);
+        for t in [0.0, 0.3, 1.0] {
+            let s = 0.25 + 0.5 * t;
+            let near = |a: [f64; 2], b: [f64; 2], tol: f64| (0..2).all(|k| (a[k] - b[k]).abs() < tol);
+            assert!(near(part.place_at(t), whole.place_at(s), 1e-14));
+            assert!(near(part.velocity_at(t), whole.velocity_at(s), 1e-9));
+            assert!((part.force_at(t) - whole.force_at(s)).abs() < 1e-5);
+            assert!((part.gain_at(t) - whole.gain_at(s)).abs() < 1e-6);
         }
     }
 }

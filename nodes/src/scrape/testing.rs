@@ -1,0 +1,53 @@
+//! Paths and figures for tests.
+
+use super::item::PathPiece;
+use crate::core::time::ticks;
+
+/// Even motion from a place in m at a velocity in m/s under 1 N.
+pub(crate) fn piece(from: [f64; 2], velocity: [f64; 2], duration: f64) -> PathPiece {
+    PathPiece {
+        contact: 1,
+        jump: 0,
+        object: 0,
+        duration: ticks(duration),
+        place: [from, velocity.map(|v| v * duration), [0.0; 2], [0.0; 2]],
+        other: None,
+        force: [1.0; 2],
+        gain: [1.0; 2],
+    }
+}
+
+/// Amplitude of a frequency in a signal, under a Blackman-Harris window (side lobes at -92 dB).
+pub(crate) fn amplitude(x: &[f32], f: f64, rate: f64) -> f64 {
+    use std::f64::consts::TAU;
+    let n = x.len() as f64;
+    let (mut sum, mut weight) = ([0.0; 2], 0.0);
+    for (k, x) in x.iter().enumerate() {
+        let p = TAU * k as f64 / n;
+        let w = 0.35875 - 0.48829 * p.cos() + 0.14128 * (2.0 * p).cos() - 0.01168 * (3.0 * p).cos();
+        let a = TAU * f * k as f64 / rate;
+        sum = [sum[0] + w * f64::from(*x) * a.cos(), sum[1] + w * f64::from(*x) * a.sin()];
+        weight += w;
+    }
+    2.0 * sum[0].hypot(sum[1]) / weight
+}
+
+/// The frequency near `f` at which the amplitude is highest, by steps of `step` times `f`.
+pub(crate) fn peak(x: &[f32], f: f64, rate: f64) -> f64 {
+    let around = |middle: f64, reach: f64| {
+        let tried = (-20..=20).map(|k| middle * (1.0 + reach * f64::from(k) / 20.0));
+        let rated = tried.map(|f| (amplitude(x, f, rate), f));
+        rated.fold((0.0, middle), |best, now| if now.0 > best.0 { now } else { best }).1
+    };
+    around(around(f, 0.02), 0.001)
+}
+
+/// Root of the mean square.
+pub(crate) fn rms(x: &[f32]) -> f64 {
+    (x.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>() / x.len().max(1) as f64).sqrt()
+}
+
+/// Level of a factor, dB.
+pub(crate) fn db(x: f64) -> f64 {
+    20.0 * x.max(1e-30).log10()
+}
