@@ -1,0 +1,287 @@
+//! Separable filters over images: symmetric kernels along columns, then along rows.
+//!
+//! Rows are made in parallel, each from the image alone, so that the bits do not depend on how many threads there are.
+
+use super::item::{Grid, Wrap};
+use fearless_simd::prelude::*;
+use fearless_simd::{Level, dispatch, f32x16};
+use rayon::prelude::*;
+
+/// Pixels that are treated together.
+pub(super) const LANES: usize = 16;
+/// Rows that one task makes: enough to pay for the task, few enough to stay in the cache.
+const STRIP: usize = 32;
+
+/// A symmetric kernel of odd length, as its weights from the middle outwards.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Kernel(Vec<f32>);
+
+impl Kernel {
+    /// A Gaussian of standard deviation `sigma` pixels, cut off at `reach` deviations, of sum 1.
+    ///
+    /// The kernel is that of `scipy.ndimage.gaussian_filter` with `truncate = reach`. A `sigma` of 0 leaves the image as it is.
+    #[must_use]
+    pub fn gaussian(sigma: f64, reach: f64) -> Self {
+        let radius = (reach * sigma + 0.5).clamp(0.0, 4096.0) as usize;
+        let weights: Vec<f64> = (0..=radius)
+            .map(|t| if t == 0 { 1.0 } else { (-0.5 * (t as f64 / sigma).powi(2)).exp() })
+            .collect();
+        let sum = 2.0 * weights.iter().sum::<f64>() - 1.0;
+        Self(weights.iter().map(|w| (w / sum) as f32).collect())
+    }
+
+    /// The binomial kernel 1 4 6 4 1, of sum 1.
+    #[must_use]
+    pub fn binomial() -> Self {
+        Self(vec![6.0 / 16.0, 4.0 / 16.0, 1.0 / 16.0])
+    }
+
+    /// Pixels to either side of the middle.
+    #[must_use]
+    pub fn radius(&self) -> usize {
+        self.0.len() - 1
+    }
+
+    /// Weights from the middle outwards.
+    #[must_use]
+    pub fn weights(&self) -> &[f32] {
+        &self.0
+    }
+}
+
+/// Blurs an image by the same kernel along both axes.
+///
+/// # Complexity
+/// `O(pixels * radius)`, with one row of memory for each thread beside the result.
+#[must_use]
+pub fn smooth(image: &Grid, kernel: &Kernel, wrap: Wrap) -> Grid {
+    if kernel.radius() == 0 {
+        return image.clone();
+    }
+    let filter = RowFilter::new(image, kernel, wrap);
+    map_rows(image.width, image.height, Vec::new, |line, y, out| filter.row(y as i64, line, out))
+}
+
+/// Makes a grid row by row, in parallel; `state` makes what one task needs for its rows.
+pub(super) fn map_rows<T>(
+    width: usize,
+    height: usize,
+    state: impl Fn() -> T + Sync,
+    row: impl Fn(&mut T, usize, &mut [f32]) + Sync,
+) -> Grid {
+    let mut samples = vec![0.0; width * height];
+    if width > 0 {
+        samples.par_chunks_mut(width * STRIP).enumerate().for_each(|(strip, rows)| {
+            let mut state = state();
+            for (k, out) in rows.chunks_exact_mut(width).enumerate() {
+                row(&mut state, strip * STRIP + k, out);
+            }
+        });
+    }
+    Grid { width, height, samples }
+}
+
+/// Makes two grids row by row, as [`map_rows`].
+pub(super) fn map_row_pairs<T>(
+    width: usize,
+    height: usize,
+    state: impl Fn() -> T + Sync,
+    row: impl Fn(&mut T, usize, &mut [f32], &mut [f32]) + Sync,
+) -> [Grid; 2] {
+    let (mut first, mut second) = (vec![0.0; width * height], vec![0.0; width * height]);
+    if width > 0 {
+        let strips = first.par_chunks_mut(width * STRIP).zip(second.par_chunks_mut(width * STRIP));
+        strips.enumerate().for_each(|(strip, (a, b))| {
+            let mut state = state();
+            for (k, (a, b)) in a.chunks_exact_mut(width).zip(b.chunks_exact_mut(width)).enumerate() {
+                row(&mut state, strip * STRIP + k, a, b);
+            }
+        });
+    }
+    [first, second].map(|samples| Grid { width, height, samples })
+}
+
+impl Grid {
+    /// Row `y` of the endless image.
+    pub(super) fn row(&self, y: i64, wrap: Wrap) -> &[f32] {
+        let y = wrap.place(y, self.height);
+        self.samples.get(y * self.width..(y + 1) * self.width).unwrap_or_default()
+    }
+}
+
+/// One kernel over one image, a row at a time.
+pub(super) struct RowFilter<'a> {
+    image: &'a Grid,
+    weights: &'a [f32],
+    wrap: Wrap,
+    level: Level,
+}
+
+impl<'a> RowFilter<'a> {
+    pub(super) fn new(image: &'a Grid, kernel: &'a Kernel, wrap: Wrap) -> Self {
+        Self { image, weights: kernel.weights(), wrap, level: Level::new() }
+    }
+
+    /// Writes the filtered row `y`; `line` is memory to work in.
+    pub(super) fn row(&self, y: i64, line: &mut Vec<f32>, out: &mut [f32]) {
+        let (radius, width) = (self.weights.len() - 1, self.image.width);
+        line.resize(width + 2 * radius + LANES, 0.0);
+        let r = radius as i64;
+        let rows: Vec<&[f32]> = (-r..=r).map(|t| self.image.row(y + t, self.wrap)).collect();
+        let (level, weights) = (self.level, self.weights);
+        dispatch!(level, simd => down(simd, &rows, weights, line.get_mut(radius..).unwrap_or_default()));
+        extend(line, radius, width, self.wrap);
+        dispatch!(level, simd => along(simd, line, weights, out));
+    }
+}
+
+/// Fills `radius` places before and after a line of `width` pixels with what lies beyond its ends.
+pub(super) fn extend(line: &mut [f32], radius: usize, width: usize, wrap: Wrap) {
+    for t in 0..radius {
+        let before = line[radius + wrap.place(t as i64 - radius as i64, width)];
+        line[t] = before;
+        let after = line[radius + wrap.place((width + t) as i64, width)];
+        line[radius + width + t] = after;
+    }
+}
+
+/// Sixteen pixels of a row; zeros beyond its end.
+#[inline(always)]
+pub(super) fn load<S: Simd>(simd: S, row: &[f32], at: usize) -> f32x16<S> {
+    match row.get(at..at + LANES) {
+        Some(full) => f32x16::from_slice(simd, full),
+        None => {
+            let mut part = [0.0; LANES];
+            part.iter_mut().zip(row.get(at..).unwrap_or_default()).for_each(|(p, x)| *p = *x);
+            f32x16::from_slice(simd, &part)
+        }
+    }
+}
+
+/// Writes sixteen pixels of a row, or those before its end.
+#[inline(always)]
+pub(super) fn store<S: Simd>(pixels: f32x16<S>, row: &mut [f32], at: usize) {
+    match row.get_mut(at..at + LANES) {
+        Some(full) => pixels.store_slice(full),
+        None => {
+            let mut part = [0.0; LANES];
+            pixels.store_slice(&mut part);
+            row.get_mut(at..).unwrap_or_default().iter_mut().zip(part).for_each(|(p, x)| *p = x);
+        }
+    }
+}
+
+/// One row of the column filter, from the `2 radius + 1` rows around it.
+#[inline(always)]
+fn down<S: Simd>(simd: S, rows: &[&[f32]], weights: &[f32], out: &mut [f32]) {
+    let Some((&middle, outer)) = weights.split_first() else { return };
+    let radius = outer.len();
+    let Some((above, &[row, ref below @ ..])) = rows.split_at_checked(radius) else { return };
+    let out = out.get_mut(..row.len()).unwrap_or_default();
+    for at in (0..row.len()).step_by(LANES) {
+        let mut sum = load(simd, row, at) * middle;
+        for ((&weight, above), below) in outer.iter().zip(above.iter().rev()).zip(below) {
+            let pair = load(simd, above, at) + load(simd, below, at);
+            sum = pair.mul_add(f32x16::splat(simd, weight), sum);
+        }
+        store(sum, out, at);
+    }
+}
+
+/// The row filter, over a line that goes `radius` pixels beyond both ends of `out`.
+#[inline(always)]
+fn along<S: Simd>(simd: S, line: &[f32], weights: &[f32], out: &mut [f32]) {
+    let Some((&middle, outer)) = weights.split_first() else { return };
+    let radius = outer.len();
+    for at in (0..out.len()).step_by(LANES) {
+        let mut sum = load(simd, line, at + radius) * middle;
+        for (t, &weight) in outer.iter().enumerate() {
+            let pair = load(simd, line, at + radius - t - 1) + load(simd, line, at + radius + t + 1);
+            sum = pair.mul_add(f32x16::splat(simd, weight), sum);
+        }
+        store(sum, out, at);
+    }
+}
+
+/// `2^x` of sixteen numbers up to 0, to 2 parts in 10^7; those below -126 give `2^-126`.
+#[inline(always)]
+pub(super) fn exp2<S: Simd>(simd: S, x: f32x16<S>) -> f32x16<S> {
+    // Adding this number rounds to a whole number, which then stands in the lowest bits.
+    const ROUND: f32 = 12_582_912.0;
+    let x = x.max(f32x16::splat(simd, -126.0));
+    let whole = x + ROUND;
+    let part = x - (whole - ROUND);
+    // Fit of least relative error over -0.5 to 0.5 that is exact at 0.
+    let mut y = f32x16::splat(simd, EXP2[5]);
+    for k in (0..5).rev() {
+        y = y.mul_add(part, f32x16::splat(simd, EXP2[k]));
+    }
+    // The whole number is added to the exponent.
+    (y.bitcast::<fearless_simd::i32x16<S>>() + (whole.bitcast::<fearless_simd::i32x16<S>>() << 23)).bitcast()
+}
+
+/// Coefficients of [`exp2`].
+const EXP2: [f32; 6] = [1.0, 0.693_147, 0.240_222_42, 0.055_507_34, 0.009_671_513, 0.001_326_472_7];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::core::random::Draw;
+
+    /// The filter by its definition, in double precision.
+    fn naive(image: &Grid, kernel: &Kernel, wrap: Wrap) -> Vec<f64> {
+        let r = kernel.radius() as i64;
+        let weight = |t: i64| f64::from(kernel.weights()[t.unsigned_abs() as usize]);
+        let at = |x: i64, y: i64| f64::from(image.row(y, wrap)[wrap.place(x, image.width)]);
+        let mut out = Vec::new();
+        for y in 0..image.height as i64 {
+            for x in 0..image.width as i64 {
+                let sum = (-r..=r).flat_map(|v| (-r..=r).map(move |u| (u, v)));
+                out.push(sum.map(|(u, v)| weight(u) * weight(v) * at(x + u, y + v)).sum());
+            }
+        }
+        out
+    }
+
+    #[test]
+    fn the_separable_filter_is_the_sum_that_defines_it() {
+        let mut draw = Draw::new(3);
+        for (width, height) in [(1, 1), (1, 9), (5, 3), (16, 2), (17, 40), (70, 33)] {
+            let image = Grid::from_fn(width, height, |_, _| draw.between(0.0, 100.0) as f32);
+            for wrap in [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp] {
+                for kernel in [Kernel::binomial(), Kernel::gaussian(1.26, 4.0), Kernel::gaussian(0.0, 4.0)] {
+                    let fast = smooth(&image, &kernel, wrap);
+                    for (a, b) in fast.samples.iter().zip(naive(&image, &kernel, wrap)) {
+                        assert!((f64::from(*a) - b).abs() < 4e-5, "{width}x{height} {wrap:?}: {a} {b}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn gaussians_sum_to_one_and_fall_as_they_should() {
+        let kernel = Kernel::gaussian(1.0, 4.0);
+        assert_eq!(kernel.radius(), 4);
+        let w = kernel.weights();
+        assert!((w[0] + 2.0 * w[1..].iter().sum::<f32>() - 1.0).abs() < 1e-6);
+        assert!((w[1] / w[0] - (-0.5_f32).exp()).abs() < 1e-6);
+        assert_eq!(Kernel::gaussian(0.0, 4.0).weights(), [1.0]);
+    }
+
+    #[test]
+    fn powers_of_two_are_near_enough() {
+        let x: Vec<f32> = (0..16 * 900).map(|k| -(k as f32) * 0.01).collect();
+        let mut out = vec![0.0; x.len()];
+        dispatch!(Level::new(), simd => {
+            for at in (0..x.len()).step_by(LANES) {
+                store(exp2(simd, load(simd, &x, at)), &mut out, at);
+            }
+        });
+        for (x, y) in x.iter().zip(out) {
+            let right = f64::from(x.max(-126.0)).exp2();
+            assert!((f64::from(y) / right - 1.0).abs() < 4e-7, "2^{x} = {y}");
+        }
+        dispatch!(Level::new(), simd => assert_eq!(exp2(simd, f32x16::splat(simd, 0.0))[0], 1.0));
+    }
+}

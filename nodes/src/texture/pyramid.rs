@@ -1,0 +1,168 @@
+//! Images at half, a quarter, an eighth of their density: what a fast contact reads, so that nothing folds down.
+
+use super::filter::{Kernel, RowFilter, map_rows};
+use super::item::{Grid, Wrap};
+
+/// One level of a [`Pyramid`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct PyramidLevel {
+    /// The image.
+    pub grid: Grid,
+    /// Pixels of the full image from one pixel of this one to the next, along x and y: pixel `i` lies at `i * scale`.
+    pub scale: [f64; 2],
+}
+
+/// An image and its halvings, down to a single pixel.
+///
+/// Pixel 0 lies in the same place on every level, so that place `u` of the full image is `u / scale` of a level. An image that
+/// repeats has the same period on all levels: where a side is odd, the scale is a little below 2 instead.
+///
+/// # Source
+/// Burt and Adelson, "The Laplacian pyramid as a compact image code" (1983), for the filter 1 4 6 4 1 along both axes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pyramid {
+    /// The full image first.
+    pub levels: Vec<PyramidLevel>,
+    /// What lies beyond the border, of all levels.
+    pub wrap: Wrap,
+}
+
+impl Pyramid {
+    /// All levels of an image.
+    ///
+    /// # Complexity
+    /// `O(pixels)`; a third more memory than the image.
+    #[must_use]
+    pub fn new(image: Grid, wrap: Wrap) -> Self {
+        let mut levels = vec![PyramidLevel { grid: image, scale: [1.0; 2] }];
+        while let Some(last) = levels.last() {
+            if last.grid.width <= 1 && last.grid.height <= 1 {
+                break;
+            }
+            let level = halved(last, wrap);
+            levels.push(level);
+        }
+        Self { levels, wrap }
+    }
+
+    /// Which level to read for steps of `footprint` pixels: `log2(2 footprint)`, 0 up to half a pixel, at most the last level.
+    ///
+    /// The part behind the point says how far to go over to the next level.
+    #[must_use]
+    pub fn level_for(&self, footprint: f64) -> f64 {
+        level_for(footprint, self.levels.len())
+    }
+}
+
+/// The level of `count` for steps of `footprint` pixels or samples: see [`Pyramid::level_for`].
+pub(super) fn level_for(footprint: f64, count: usize) -> f64 {
+    let last = count.saturating_sub(1) as f64;
+    // Not a number reads the full image.
+    if footprint > 0.5 { (2.0 * footprint).log2().min(last) } else { 0.0 }
+}
+
+/// How many pixels half of a side has, and the step between them: just under 2 where an odd side repeats.
+fn half(len: usize, wrap: Wrap) -> (usize, f64) {
+    let half = len.div_ceil(2).max(1);
+    let step = match wrap {
+        _ if len <= 1 => 1.0,
+        Wrap::Repeat => len as f64 / half as f64,
+        Wrap::Mirror | Wrap::Clamp => 2.0,
+    };
+    (half, step)
+}
+
+fn halved(above: &PyramidLevel, wrap: Wrap) -> PyramidLevel {
+    let image = &above.grid;
+    let ((width, step_x), (height, step_y)) = (half(image.width, wrap), half(image.height, wrap));
+    let kernel = Kernel::binomial();
+    let filter = RowFilter::new(image, &kernel, wrap);
+    let memory = || (Vec::new(), vec![0.0; image.width], vec![0.0; image.width]);
+    let grid = map_rows(width, height, memory, |(line, low, high), y, out| {
+        let (row, part) = split(y, step_y);
+        filter.row(row, line, low);
+        if part > 0.0 {
+            filter.row(row + 1, line, high);
+            low.iter_mut().zip(&*high).for_each(|(a, b)| *a += part * (b - *a));
+        }
+        for (x, out) in out.iter_mut().enumerate() {
+            let (x, part) = split(x, step_x);
+            let at = |x: i64| low.get(wrap.place(x, image.width)).copied().unwrap_or_default();
+            *out = if part > 0.0 { at(x) + part * (at(x + 1) - at(x)) } else { at(x) };
+        }
+    });
+    PyramidLevel { grid, scale: [above.scale[0] * step_x, above.scale[1] * step_y] }
+}
+
+/// The place of pixel `k` among pixels `step` times as dense: the one before it, and how far beyond that it lies.
+fn split(k: usize, step: f64) -> (i64, f32) {
+    let place = k as f64 * step;
+    (place.floor() as i64, place.fract() as f32)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::TAU;
+
+    #[test]
+    fn every_level_halves_down_to_one_pixel() {
+        let pyramid = Pyramid::new(Grid::from_fn(512, 64, |x, y| (x * y) as f32), Wrap::Repeat);
+        let sizes: Vec<_> = pyramid.levels.iter().map(|l| (l.grid.width, l.grid.height)).collect();
+        assert_eq!(sizes[..3], [(512, 64), (256, 32), (128, 16)]);
+        assert_eq!((sizes.len(), sizes[9]), (10, (1, 1)));
+        assert_eq!(pyramid.levels[3].scale, [8.0, 8.0]);
+        assert_eq!(pyramid.levels[9].scale, [512.0, 64.0]);
+    }
+
+    #[test]
+    fn the_mean_of_an_image_that_repeats_is_kept() {
+        let image = Grid::from_fn(64, 32, |x, y| ((x * 7 + y * 13) % 31) as f32);
+        let mean = |grid: &Grid| grid.samples.iter().sum::<f32>() / grid.samples.len() as f32;
+        let pyramid = Pyramid::new(image, Wrap::Repeat);
+        let right = mean(&pyramid.levels[0].grid);
+        for level in &pyramid.levels {
+            assert!((mean(&level.grid) - right).abs() < 1e-3, "{} against {right}", mean(&level.grid));
+        }
+    }
+
+    #[test]
+    fn a_wave_keeps_its_place_and_loses_what_the_filter_takes() {
+        // Three waves over an odd width that repeats: every level shows the same three.
+        for width in [64, 63, 61] {
+            let wave = |x: f64| (TAU * 3.0 * x / width as f64 + 0.4).cos();
+            let image = Grid::from_fn(width, 8, |x, _| wave(x as f64) as f32);
+            let pyramid = Pyramid::new(image, Wrap::Repeat);
+            let mut height = 1.0;
+            for level in &pyramid.levels[..3] {
+                assert!((level.scale[0] * level.grid.width as f64 - width as f64).abs() < 1e-9);
+                for (x, value) in level.grid.samples[..level.grid.width].iter().enumerate() {
+                    let right = height * wave(x as f64 * level.scale[0]);
+                    let allowed = if width % 2 == 0 { 1e-5 } else { 0.06 };
+                    assert!((f64::from(*value) - right).abs() < allowed, "{width}: {x}: {value} {right}");
+                }
+                let w = TAU * 3.0 / width as f64 * level.scale[0];
+                height *= ((1.0 + w.cos()) / 2.0).powi(2);
+            }
+        }
+    }
+
+    #[test]
+    fn a_constant_stays_whatever_lies_beyond_the_border() {
+        for wrap in [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp] {
+            let pyramid = Pyramid::new(Grid::from_fn(37, 21, |_, _| 5.0), wrap);
+            let flat = |level: &PyramidLevel| level.grid.samples.iter().all(|x| (x - 5.0).abs() < 1e-5);
+            assert!(pyramid.levels.iter().all(flat), "{wrap:?}");
+        }
+    }
+
+    #[test]
+    fn the_level_follows_the_footprint() {
+        let pyramid = Pyramid::new(Grid::from_fn(16, 16, |_, _| 0.0), Wrap::Repeat);
+        for (footprint, level) in
+            [(0.01, 0.0), (0.5, 0.0), (1.0, 1.0), (2.0, 2.0), (1e9, 4.0), (f64::NAN, 0.0)]
+        {
+            assert_eq!(pyramid.level_for(footprint), level);
+        }
+    }
+}
