@@ -1,0 +1,228 @@
+//! The node around [`MapForce`].
+
+use super::item::PathPiece;
+use super::law::Law;
+use super::map::{MapForce, MapVoice, SurfaceMap};
+use super::meter::Meter;
+use super::plane::Interp;
+use super::voices::Voices;
+use crate::core::fault::{Fault, Reject};
+use crate::core::files::MemoryFiles;
+use crate::core::item::Channels;
+use crate::core::node::{Class, Node, Retune, Summary};
+use crate::core::params::Params;
+use crate::core::ports::{Events, Stream, Value};
+use crate::core::random::Draw;
+use crate::core::shape::{Build, Shape};
+use crate::core::time::Rate;
+use crate::texture::{DiscontinuityMap, FeatureMap, Grid, Surface};
+use crate::{choices, params, ports};
+
+choices! {
+    /// What of a map is turned into force.
+    pub enum MapValue {
+        /// The slope along the way: it turns its sign with the direction.
+        Directional,
+        /// The size of the gradient, or the strength of a feature, without its mean (high-pass at 20 Hz).
+        Magnitude,
+    }
+}
+
+choices! { @param Interp {
+    /// Straight lines between pixels: 25 dB above what the map cannot hold.
+    Linear,
+    /// A cubic through the pixels: 43 dB.
+    Catmull,
+    /// A cubic B-spline: 52 dB, and half of what is finest in the map.
+    Bspline3,
+} }
+
+params! {
+    /// Turns the ways of contacts over a map of a surface into the force that they meet.
+    ///
+    /// The map is a discontinuity map or a feature map: link one of them. With `m` for what is read of it under a contact,
+    /// the force is `gain kappa (f/1 N)^a (v/1 m/s)^b m`, added up over all contacts. A contact at rest fades out in 5 ms. Where a
+    /// contact passes more than half a pixel from one sample to the next, a halving of the map is read instead, so that
+    /// nothing folds down.
+    ///
+    /// `gain`, `kappa`, `a`, `b` and `scale` can be changed while it sounds: they are reached in 20 ms. The summary says how strong
+    /// the force was, and how many contacts sounded at once. This node makes audio from something that is none, so it
+    /// has a sample rate of its own.
+    ///
+    /// # Source
+    /// Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section 4.1; the
+    /// exponents and the slope along the way are choices.
+    pub struct MapExcitationParams {
+        /// What of the map is turned into force.
+        value: MapValue = MapValue::Directional;
+        /// How the map is read between its pixels.
+        interp: Interp = Interp::Bspline3;
+        /// Force in N that a map of 1 gives at 1 N and 1 m/s.
+        kappa: f64 = 1.0, unit "N", range -1_000_000.0..=1_000_000.0;
+        /// Exponent of the normal force.
+        a: f64 = 1.0, unit "", range 0.0..=2.0;
+        /// Exponent of the speed.
+        b: f64 = 0.0, unit "", range 0.0..=2.0;
+        /// Factor of the force.
+        gain: f64 = 1.0, unit "", range -1000.0..=1000.0;
+        /// Size of the surface: with 2 all that is on it is twice as large.
+        scale: f64 = 1.0, unit "", range 0.001..=1000.0;
+        /// Number of the object whose contacts are taken; None takes all.
+        object: Option<u32> = None, unit "", range 0..=4_294_967_295_u32;
+        /// Contacts that can sound at once.
+        contacts: u16 = 64, unit "contacts", range 1..=1024_u16;
+        /// Samples per second.
+        rate: Rate = Rate::hz(48_000);
+    }
+}
+ports! {
+    pub struct MapExcitationPorts / MapExcitationIo {
+        in {
+            /// The ways of the contacts over the surface.
+            paths: Events<PathPiece>,
+            /// Where the surface changes.
+            map: Option<Value<DiscontinuityMap>>,
+            /// The features of the surface, in place of that.
+            features: Option<Value<FeatureMap>>,
+        }
+        out {
+            /// Force, mono, N.
+            force: Stream<f32>,
+        }
+    }
+}
+
+/// The node `MapExcitation`.
+#[derive(Debug)]
+pub struct MapExcitation {
+    params: MapExcitationParams,
+    map: SurfaceMap,
+    force: MapForce,
+    voices: Voices<MapVoice>,
+    meter: Meter,
+    /// The sample after the last one made.
+    now: i64,
+}
+
+/// Refuses grids that do not hold what they say.
+pub(super) fn check_grid(field: &'static str, grid: &Grid, surface: &Surface) -> Result<(), Reject> {
+    let problem = if grid.width == 0 || grid.samples.len() != grid.width.saturating_mul(grid.height) {
+        format!("`{field}` has {} numbers for {} x {} pixels", grid.samples.len(), grid.width, grid.height)
+    } else if !grid.samples.iter().all(|x| x.abs() < 1e9) {
+        format!("`{field}` holds numbers beyond 1e9 or none at all")
+    } else if !surface.density.iter().all(|d| (1e-3..1e9).contains(d)) {
+        format!("`{field}` has {:?} pixels per metre; 0.001 to 1e9 can be read", surface.density)
+    } else {
+        return Ok(());
+    };
+    Err(Reject::new("F128", problem).at(field))
+}
+
+fn surface_map(
+    value: MapValue,
+    map: Option<&DiscontinuityMap>,
+    features: Option<&FeatureMap>,
+) -> Result<SurfaceMap, Reject> {
+    if let Some(map) = map {
+        check_grid("map", &map.gx, &map.surface)?;
+        check_grid("map", &map.gy, &map.surface)?;
+    }
+    if let Some(features) = features {
+        check_grid("features", &features.grid, &features.surface)?;
+    }
+    match (map, features, value) {
+        (Some(map), None, MapValue::Directional) => Ok(SurfaceMap::slope(map)),
+        (Some(map), None, MapValue::Magnitude) => Ok(SurfaceMap::size(map)),
+        (None, Some(features), MapValue::Directional) => Ok(SurfaceMap::feature_change(features)),
+        (None, Some(features), MapValue::Magnitude) => Ok(SurfaceMap::feature(features)),
+        (map, ..) => Err(one_of(map.is_some())),
+    }
+}
+
+fn one_of(both: bool) -> Reject {
+    let message = if both { "`map` and `features` are both linked" } else { "neither `map` nor `features` is linked" };
+    Reject::new("F128", message).at("map").help("link one of them: map takes a SobelMap, features what DogFeatures gives")
+}
+
+fn law(p: &MapExcitationParams) -> [f64; 3] {
+    [p.kappa * p.gain, p.a, p.b]
+}
+
+impl Node for MapExcitation {
+    type Params = MapExcitationParams;
+    type Ports = MapExcitationPorts;
+    const NAME: &'static str = "MapExcitation";
+    const CLASS: Class = Class::Audio;
+    const COST: f64 = 15.0;
+
+    fn shape(p: &MapExcitationParams, s: &mut Shape<'_, '_, MapExcitationPorts>) -> Result<(), Reject> {
+        let [map, features] = [s.linked(MapExcitationPorts::map), s.linked(MapExcitationPorts::features)];
+        if map == features {
+            return Err(one_of(map));
+        }
+        s.output(MapExcitationPorts::force, p.rate, Channels(1));
+        Ok(())
+    }
+
+    fn build(p: &MapExcitationParams, cx: &Build<'_>) -> Result<Self, Fault> {
+        let (map, features) = (
+            cx.optional_value(MapExcitationPorts::map),
+            cx.optional_value(MapExcitationPorts::features),
+        );
+        let map = surface_map(p.value, map.as_deref(), features.as_deref())?;
+        let rate = p.rate.as_f64();
+        Ok(Self {
+            map,
+            force: MapForce::new(Law::new(law(p), rate), p.scale, p.interp, rate),
+            voices: Voices::new(p.contacts.into(), p.rate, MapVoice::default()),
+            meter: Meter::default(),
+            now: 0,
+            params: p.clone(),
+        })
+    }
+
+    fn run(&mut self, mut io: MapExcitationIo<'_>) -> Result<(), Fault> {
+        let (first, out) = (io.force.first(), io.force.items());
+        let Self { map, force, voices, .. } = self;
+        voices.play(
+            io.paths.events(),
+            self.params.object,
+            first,
+            out,
+            |_| MapVoice::default(),
+            |voice, stretch, out| force.add(map, voice, stretch, out),
+        );
+        self.meter.add(out);
+        self.now = first + out.len() as i64;
+        Ok(())
+    }
+
+    fn finish(&mut self, _: MapExcitationIo<'_>) -> Result<Summary, Fault> {
+        Ok(self.meter.summary(&self.voices))
+    }
+
+    fn retune(&mut self, new: &MapExcitationParams) -> Retune {
+        let old = &self.params;
+        let fixed = |p: &MapExcitationParams| (p.value, p.interp, p.object, p.contacts, p.rate);
+        if fixed(new) != fixed(old) {
+            return Retune::Rebuild;
+        }
+        self.force.law.go_to(law(new), self.now);
+        self.force.scale.go_to(new.scale, self.now);
+        self.params = new.clone();
+        Retune::Done
+    }
+
+    fn adopt(&mut self, old: &mut Self) {
+        self.voices.take_state(&old.voices);
+        self.meter = old.meter;
+        self.now = old.now;
+    }
+
+    fn trial(draw: &mut Draw) -> (MapExcitationParams, MemoryFiles) {
+        let params = MapExcitationParams::trial(draw);
+        let object = params.object.map(|_| draw.below(2) as u32);
+        let contacts = 1 + draw.below(5) as u16;
+        (MapExcitationParams { object, contacts, ..params }, MemoryFiles::default())
+    }
+}
