@@ -143,9 +143,10 @@ impl Moves {
         };
         let (Some(x), Some(y)) = (tx.first(), ty.first()) else { return true };
         let moving = speed.iter().fold(true, |all, v| all & (*v >= AT_REST));
-        let turns = tx.windows(2).zip(ty.windows(2)).fold(false, |any, (x, y)| {
-            any | (x[0] * x[1] + y[0] * y[1] < 0.0)
-        });
+        let turns = tx
+            .windows(2)
+            .zip(ty.windows(2))
+            .fold(false, |any, (x, y)| any | (x[0] * x[1] + y[0] * y[1] < 0.0));
         moving && !turns && direction[0] * x + direction[1] * y >= 0.0
     }
 
@@ -267,12 +268,19 @@ mod tests {
         let events: Vec<_> = (0..).map(|k| rate.tick(1000 * k)).zip(pieces.iter().copied()).collect();
         let mut out = vec![0.0; 1000 * pieces.len()];
         let mut moves = Moves::new();
-        voices.play(&events, None, 0, &mut out, |_| Heading::default(), |heading, stretch, out| {
-            moves.follow(stretch, &stretch.way(), [1.0; 2], heading);
-            let mut cell = [1.0; CELL];
-            law.apply(stretch, &moves, &mut cell);
-            out.iter_mut().zip(stretch.part(&mut cell)).for_each(|(out, x)| *out += *x);
-        });
+        voices.play(
+            &events,
+            None,
+            0,
+            &mut out,
+            |_| Heading::default(),
+            |heading, stretch, out| {
+                moves.follow(stretch, &stretch.way(), [1.0; 2], heading);
+                let mut cell = [1.0; CELL];
+                law.apply(stretch, &moves, &mut cell);
+                out.iter_mut().zip(stretch.part(&mut cell)).for_each(|(out, x)| *out += *x);
+            },
+        );
         out
     }
 
@@ -313,10 +321,17 @@ mod tests {
         let (mut signs, mut moves) = (Vec::new(), Moves::new());
         let all = circle.into_iter().chain([back]);
         let events: Vec<_> = (0..).map(|k| rate.tick(1000 * k)).zip(all).collect();
-        voices.play(&events, None, 0, &mut [0.0; 9000], |_| Heading::default(), |heading, stretch, _| {
-            moves.follow(stretch, &stretch.way(), [1.0; 2], heading);
-            signs.extend_from_slice(stretch.part(&mut moves.sign));
-        });
+        voices.play(
+            &events,
+            None,
+            0,
+            &mut [0.0; 9000],
+            |_| Heading::default(),
+            |heading, stretch, _| {
+                moves.follow(stretch, &stretch.way(), [1.0; 2], heading);
+                signs.extend_from_slice(stretch.part(&mut moves.sign));
+            },
+        );
         assert!(signs[..8000].iter().all(|s| *s == 1.0) && signs[8000..].iter().all(|s| *s == -1.0));
     }
 }

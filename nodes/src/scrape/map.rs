@@ -96,15 +96,26 @@ impl SurfaceMap {
     /// Reads it at places of pixels from pixel `base`; `footprints` are pixels from one sample to the next, where any is
     /// above a half.
     #[inline(always)]
-    fn read(&self, interp: Interp, places: &Places, footprints: Option<&Cell>, range: [usize; 2], out: &mut Cell) {
+    fn read(
+        &self,
+        interp: Interp,
+        places: &Places,
+        footprints: Option<&Cell>,
+        range: [usize; 2],
+        out: &mut Cell,
+    ) {
         let Places { base, x, y, tx, ty } = *places;
         match &self.reading {
-            Reading::Slope(levels) => each(levels, base, x, y, footprints, range, out, |plane, base, n, x, y, _| {
-                plane.along(interp, base, x, y, [tx[n], ty[n]])
-            }),
-            Reading::Value(levels) => each(levels, base, x, y, footprints, range, out, |plane, base, _, x, y, _| {
-                plane.value(interp, base, x, y)
-            }),
+            Reading::Slope(levels) => {
+                each(levels, base, x, y, footprints, range, out, |plane, base, n, x, y, _| {
+                    plane.along(interp, base, x, y, [tx[n], ty[n]])
+                })
+            }
+            Reading::Value(levels) => {
+                each(levels, base, x, y, footprints, range, out, |plane, base, _, x, y, _| {
+                    plane.value(interp, base, x, y)
+                })
+            }
             Reading::Change(levels) => {
                 each(levels, base, x, y, footprints, range, out, |plane, base, n, x, y, scale| {
                     let [gx, gy] = plane.gradient(interp, base, x, y);

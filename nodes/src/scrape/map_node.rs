@@ -140,8 +140,11 @@ fn surface_map(
 }
 
 fn one_of(both: bool) -> Reject {
-    let message = if both { "`map` and `features` are both linked" } else { "neither `map` nor `features` is linked" };
-    Reject::new("F128", message).at("map").help("link one of them: map takes a SobelMap, features what DogFeatures gives")
+    let message =
+        if both { "`map` and `features` are both linked" } else { "neither `map` nor `features` is linked" };
+    Reject::new("F128", message)
+        .at("map")
+        .help("link one of them: map takes a SobelMap, features what DogFeatures gives")
 }
 
 fn law(p: &MapExcitationParams) -> [f64; 3] {
@@ -165,10 +168,8 @@ impl Node for MapExcitation {
     }
 
     fn build(p: &MapExcitationParams, cx: &Build<'_>) -> Result<Self, Fault> {
-        let (map, features) = (
-            cx.optional_value(MapExcitationPorts::map),
-            cx.optional_value(MapExcitationPorts::features),
-        );
+        let (map, features) =
+            (cx.optional_value(MapExcitationPorts::map), cx.optional_value(MapExcitationPorts::features));
         let map = surface_map(p.value, map.as_deref(), features.as_deref())?;
         let rate = p.rate.as_f64();
         Ok(Self {

@@ -3,21 +3,42 @@
 //! Contacts arrive a few dozen times a second. A [`PathPiece`] is the way from one arrival to the next as a formula, which the
 //! excitations evaluate at every audio sample; any number of contacts travels on one link.
 
+mod bands;
 mod item;
 mod law;
 mod map;
 pub mod map_node;
+#[cfg(test)]
+mod map_tests;
 mod meter;
+mod noise;
+pub mod noise_node;
+mod pair;
+pub mod path_node;
 mod plane;
+mod queue;
+mod relief;
 mod slew;
+mod stroke;
+pub mod stroke_node;
 #[cfg(test)]
 mod testing;
+mod track;
+#[cfg(test)]
+mod track_tests;
 mod voices;
 
+pub use bands::NoiseBands;
 pub use item::PathPiece;
 pub use law::{AT_REST, FADE, Heading, Law, Moves};
 pub use map::{MapForce, MapVoice, SurfaceMap};
 pub use meter::Meter;
+pub use noise::{NoiseForce, NoiseVoice};
+pub use pair::PairForce;
 pub use plane::{Interp, Plane};
+pub use queue::Queue;
+pub use relief::{Relief, ball_map, heights, rolled_over};
 pub use slew::{SLEW, Slew};
+pub use stroke::{Knot, Pen, circle, lines, pieces, through};
+pub use track::{JUMP, LOST, PathRules, Sample, Tracker};
 pub use voices::{CELL, Cell, Stretch, Voices};

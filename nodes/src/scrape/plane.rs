@@ -22,7 +22,12 @@ impl Interp {
             Self::Linear => [0.0, 1.0 - t, t, 0.0],
             Self::Catmull => {
                 let r = 1.0 - t;
-                [-0.5 * t * r * r, 1.0 - t * t * (2.5 - 1.5 * t), 1.0 - r * r * (2.5 - 1.5 * r), -0.5 * r * t * t]
+                [
+                    -0.5 * t * r * r,
+                    1.0 - t * t * (2.5 - 1.5 * t),
+                    1.0 - r * r * (2.5 - 1.5 * r),
+                    -0.5 * r * t * t,
+                ]
             }
             Self::Bspline3 => {
                 let r = 1.0 - t;

@@ -223,9 +223,7 @@ fn is_sound(piece: &PathPiece) -> bool {
     let places = piece.place.iter().chain(piece.other.iter().flatten()).flatten();
     let small = |x: &f64| x.abs() < 1e9;
     let fits = |x: &f32| x.abs() < 1e12;
-    piece.duration > 0
-        && places.into_iter().all(small)
-        && piece.force.iter().chain(&piece.gain).all(fits)
+    piece.duration > 0 && places.into_iter().all(small) && piece.force.iter().chain(&piece.gain).all(fits)
 }
 
 #[cfg(test)]
@@ -242,12 +240,19 @@ mod tests {
             let from = Rate::hz(1000).tick(first);
             let now: Vec<_> = pieces.iter().filter(|(t, _)| (from..to).contains(t)).copied().collect();
             let mut out = vec![9.0; *n];
-            voices.play(&now, None, first, &mut out, |_| 0, |count, stretch, out| {
-                for (k, x) in out.iter_mut().enumerate() {
-                    *count += 1;
-                    *x += stretch.place((stretch.from + k) as f64)[0] as f32;
-                }
-            });
+            voices.play(
+                &now,
+                None,
+                first,
+                &mut out,
+                |_| 0,
+                |count, stretch, out| {
+                    for (k, x) in out.iter_mut().enumerate() {
+                        *count += 1;
+                        *x += stretch.place((stretch.from + k) as f64)[0] as f32;
+                    }
+                },
+            );
             all.extend(out);
             first += *n as i64;
         }
@@ -283,14 +288,21 @@ mod tests {
         let piece = piece([3.7, -2.0], [1.3, 0.7], 0.016);
         let mut worst = 0.0_f64;
         let mut voices = Voices::new(1, Rate::hz(44_100), ());
-        voices.play(&[(0, piece)], None, 0, &mut [0.0; 700], |_| (), |(), stretch, _| {
-            let way = stretch.way();
-            for n in stretch.from..stretch.to {
-                let t = (stretch.anchor + n as i64) as f64 / 44_100.0;
-                let found = place(&way, n as f64);
-                worst = worst.max((found[0] - 3.7 - 1.3 * t).abs()).max((found[1] + 2.0 - 0.7 * t).abs());
-            }
-        });
+        voices.play(
+            &[(0, piece)],
+            None,
+            0,
+            &mut [0.0; 700],
+            |_| (),
+            |(), stretch, _| {
+                let way = stretch.way();
+                for n in stretch.from..stretch.to {
+                    let t = (stretch.anchor + n as i64) as f64 / 44_100.0;
+                    let found = place(&way, n as f64);
+                    worst = worst.max((found[0] - 3.7 - 1.3 * t).abs()).max((found[1] + 2.0 - 0.7 * t).abs());
+                }
+            },
+        );
         assert!(worst < 1e-9, "{worst}");
     }
 }

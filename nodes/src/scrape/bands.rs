@@ -1,0 +1,272 @@
+//! A loop of noise that can be read at any speed, forwards and backwards, without images and without anything folding down.
+
+use super::law::log2;
+use crate::texture::NoiseProfile;
+use rustfft::FftPlanner;
+use rustfft::num_complex::Complex;
+use std::f64::consts::{FRAC_PI_2, PI};
+
+/// Samples that one reading weighs.
+pub const TAPS: usize = 32;
+/// Places between two samples for which weights are stored.
+const PHASES: usize = 256;
+/// Bands to the octave.
+const OCTAVE: f64 = 8.0;
+/// Step in samples up to which the loop is read as it is.
+const WHOLE: f64 = 0.9;
+/// What of the rate of the sound is kept whole, and what is kept out.
+const KEPT: [f64; 2] = [0.4, 0.5];
+/// Most bands: steps of 2^12 samples.
+const MOST: usize = 96;
+/// Samples of the shortest band.
+const SHORTEST: usize = 64;
+/// Where the content of a stored band may end, in parts of its density.
+const CONTENT: f64 = 0.3;
+
+/// One band-limited form of a loop: its samples with those around the seam, and samples of it per sample of the whole.
+#[derive(Clone, Debug, PartialEq)]
+struct Band {
+    samples: Vec<f32>,
+    density: f64,
+}
+
+/// A loop of noise with what is left of it below each eighth of an octave.
+///
+/// Between two samples a sinc of 32 taps under a squared cosine is read, of which 256 places are stored and what is between
+/// them is interpolated. Steps of more than a sample read a form of the loop that holds nothing above half of the rate of the sound: for
+/// steps between two forms, a mixture of both. All of it up to 0.4 of the rate stays.
+///
+/// # Complexity
+/// `O(n log n)` and 17 times the memory of the loop to make; 32 products a reading, 64 for steps of more than a sample.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NoiseBands {
+    bands: Vec<Band>,
+    weights: Vec<[f32; TAPS]>,
+    /// Samples of one round.
+    len: f64,
+    /// Metres from one sample to the next.
+    spacing: f64,
+}
+
+fn weights() -> Vec<[f32; TAPS]> {
+    let weight = |x: f64| {
+        let sinc = if x == 0.0 { 1.0 } else { libm::sin(PI * x) / (PI * x) };
+        let reach = TAPS as f64 / 2.0;
+        if x.abs() >= reach { 0.0 } else { sinc * libm::cos(FRAC_PI_2 * x / reach).powi(2) }
+    };
+    let row = |phase: usize| {
+        let place = phase as f64 / PHASES as f64;
+        let taps: [f64; TAPS] = std::array::from_fn(|t| weight(t as f64 - (TAPS / 2 - 1) as f64 - place));
+        taps.map(|w| w as f32)
+    };
+    (0..=PHASES).map(row).collect()
+}
+
+/// A band with the samples that a reading needs beyond its seam.
+fn closed(samples: &[f32], density: f64) -> Band {
+    let n = samples.len() as i64;
+    let around = -(TAPS as i64 / 2)..n + TAPS as i64 / 2 + 2;
+    let sample = |k: i64| samples.get(k.rem_euclid(n) as usize).copied().unwrap_or_default();
+    Band { samples: around.map(sample).collect(), density }
+}
+
+impl NoiseBands {
+    /// All bands of a loop of at least one sample.
+    #[must_use]
+    pub fn new(profile: &NoiseProfile) -> Self {
+        let n = profile.samples.len().max(1);
+        let mut planner = FftPlanner::<f64>::new();
+        let mut spectrum: Vec<_> = profile.samples.iter().map(|x| Complex::new(f64::from(*x), 0.0)).collect();
+        spectrum.resize(n, Complex::default());
+        planner.plan_fft_forward(n).process(&mut spectrum);
+        let mut bands = vec![closed(profile.samples.get(..n).unwrap_or(&[0.0]), 1.0)];
+        let ratio = 2_f64.powf(1.0 / OCTAVE);
+        for k in 1..MOST {
+            let step = WHOLE * ratio.powi(k as i32);
+            // It is mixed in from the step before it, and is still read at the next.
+            let [pass, stop] = [KEPT[0] * ratio / step, KEPT[1] / (ratio * step)];
+            let halvings = (CONTENT / stop).log2().floor().max(0.0);
+            let len = (n as f64 / halvings.exp2()).ceil() as usize;
+            if len < SHORTEST.min(n) {
+                break;
+            }
+            bands.push(band(&spectrum, [pass, stop], len, &mut planner));
+        }
+        Self { bands, weights: weights(), len: n as f64, spacing: profile.spacing }
+    }
+
+    /// Samples of one round.
+    #[must_use]
+    pub fn round(&self) -> f64 {
+        self.len
+    }
+
+    /// Metres from one sample to the next.
+    #[must_use]
+    pub fn spacing(&self) -> f64 {
+        self.spacing
+    }
+
+    /// What stands at `place` (0 to [`round`](Self::round)) for steps of `step` samples.
+    #[inline(always)]
+    #[must_use]
+    pub fn read(&self, place: f64, step: f32) -> f32 {
+        if step <= WHOLE as f32 {
+            return self.band(0, place);
+        }
+        let last = self.bands.len() - 1;
+        let depth = (log2(step * (1.0 / WHOLE as f32)) * OCTAVE as f32).clamp(0.0, last as f32);
+        let below = depth.floor() as usize;
+        let near = self.band(below, place);
+        near + (depth - below as f32) * (self.band((below + 1).min(last), place) - near)
+    }
+
+    #[inline(always)]
+    fn band(&self, k: usize, place: f64) -> f32 {
+        let Some(band) = self.bands.get(k) else { return 0.0 };
+        let place = place * band.density;
+        let whole = place.floor();
+        let phase = (place - whole) * PHASES as f64;
+        let row = phase.floor();
+        let between = (phase - row) as f32;
+        let row = row as usize;
+        // The first tap stands 15 samples before the place; the seam is padded by 16.
+        let at = whole as usize + 1;
+        let samples = band.samples.get(at..at + TAPS).and_then(|s| <&[f32; TAPS]>::try_from(s).ok());
+        let (Some(samples), Some(a), Some(b)) = (samples, self.weights.get(row), self.weights.get(row + 1)) else {
+            return 0.0;
+        };
+        weigh(samples, a, b, between)
+    }
+}
+
+/// The sum of samples times weights between two rows, in eight sums side by side.
+#[inline(always)]
+fn weigh(samples: &[f32; TAPS], a: &[f32; TAPS], b: &[f32; TAPS], between: f32) -> f32 {
+    let mut sum = [0.0_f32; 8];
+    for group in 0..TAPS / 8 {
+        for k in 0..8 {
+            let t = group * 8 + k;
+            sum[k] += samples[t] * (a[t] + between * (b[t] - a[t]));
+        }
+    }
+    ((sum[0] + sum[4]) + (sum[1] + sum[5])) + ((sum[2] + sum[6]) + (sum[3] + sum[7]))
+}
+
+/// What a loop holds up to `pass`, and less and less of it up to `stop`, both in cycles per sample, as `len` samples.
+fn band(spectrum: &[Complex<f64>], [pass, stop]: [f64; 2], len: usize, planner: &mut FftPlanner<f64>) -> Band {
+    let n = spectrum.len();
+    let mut part = vec![Complex::default(); len];
+    for cycles in 0..=(len / 2).min(n / 2) {
+        let f = cycles as f64 / n as f64;
+        let way = ((f - pass) / (stop - pass)).clamp(0.0, 1.0);
+        let gain = 0.5 + 0.5 * libm::cos(PI * way);
+        let mirror = (n - cycles) % n;
+        if let (Some(a), Some(b)) = (spectrum.get(cycles), spectrum.get(mirror)) {
+            part[cycles] = *a * gain;
+            part[(len - cycles) % len] = *b * gain;
+        }
+    }
+    planner.plan_fft_inverse(len).process(&mut part);
+    let samples: Vec<f32> = part.iter().map(|z| (z.re / n as f64) as f32).collect();
+    closed(&samples, len as f64 / n as f64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scrape::testing::{amplitude, db, peak, rms};
+    use std::f64::consts::TAU;
+
+    fn wave(cycles: usize, n: usize) -> NoiseBands {
+        let samples = (0..n).map(|k| (TAU * (cycles * k) as f64 / n as f64).sin() as f32).collect();
+        NoiseBands::new(&NoiseProfile { samples, spacing: 1e-3 })
+    }
+
+    /// What is heard of a loop that is passed at `step` samples a sample.
+    fn heard(bands: &NoiseBands, step: f64) -> Vec<f32> {
+        let place = |k: usize| (k as f64 * step).rem_euclid(bands.round());
+        (0..44_100).map(|k| bands.read(place(k), step as f32)).collect()
+    }
+
+    #[test]
+    fn a_grating_keeps_frequency_and_level_up_to_four_tenths_of_the_rate_and_then_is_gone() {
+        let (n, fs) = (4096, 44_100.0);
+        for cycles in [40, 210, 800, 1500] {
+            let bands = wave(cycles, n);
+            let k = cycles as f64 / n as f64;
+            for part in [0.001, 0.01, 0.05, 0.12, 0.2, 0.29, 0.35, 0.399, 0.52, 0.7, 1.1, 2.3] {
+                let step = part / k;
+                let out = heard(&bands, step);
+                let whole = rms(&out) * 2_f64.sqrt();
+                if part < 0.4 {
+                    assert!(db(whole).abs() < 0.5, "{cycles} at {part}: {} dB", db(whole));
+                    let f = peak(&out, part * fs, fs);
+                    assert!((f / (part * fs) - 1.0).abs() < 1e-3, "{cycles} at {part}: {f}");
+                    // All that is not the line.
+                    let line = amplitude(&out, part * fs, fs);
+                    let rest = (whole * whole - line * line).max(0.0).sqrt();
+                    assert!(part < 0.01 || db(rest / line) < -34.0, "{cycles} at {part}");
+                } else {
+                    assert!(db(whole) < -60.0, "{cycles} at {part}: {} dB", db(whole));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn images_and_aliases_stay_below_60_db() {
+        let (n, fs) = (4096, 44_100.0);
+        // Cycles per sample and steps; the images lie around each multiple of the density.
+        for (cycles, step) in [(300, 0.05), (800, 0.3), (1400, 0.21), (300, 1.7), (1200, 1.1), (100, 6.3)] {
+            let bands = wave(cycles, n);
+            let k = cycles as f64 / n as f64;
+            let out = heard(&bands, step);
+            let line = amplitude(&out, k * step * fs, fs);
+            for image in [1.0 - k, 1.0 + k, 2.0 - k, 2.0 + k, 0.5 - k, 0.5 + k] {
+                let f = (image * step).rem_euclid(1.0);
+                let f = if f > 0.5 { 1.0 - f } else { f };
+                if (f - k * step).abs() > 0.002 {
+                    let level = db(amplitude(&out, f * fs, fs) / line);
+                    assert!(level < -60.0, "{cycles} at {step}: {level} dB at {f}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_white_profile_keeps_97_percent_and_has_no_images() {
+        let mut state = 7_u32;
+        let samples: Vec<f32> = (0..8192)
+            .map(|_| {
+                state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                (f64::from(state >> 8) / f64::from(1 << 24) - 0.5) as f32
+            })
+            .collect();
+        let drawn = rms(&samples);
+        let bands = NoiseBands::new(&NoiseProfile { samples, spacing: 1e-3 });
+        let step = 4000.0 / 44_100.0;
+        let out = heard(&bands, step);
+        let kept = (rms(&out) / drawn).powi(2);
+        assert!((kept - 0.97).abs() < 0.03, "{kept}");
+        let n = out.len();
+        let mut buffer: Vec<_> = (0..n)
+            .map(|k| Complex::new(f64::from(out[k]) * (0.5 - 0.5 * (TAU * k as f64 / n as f64).cos()), 0.0))
+            .collect();
+        FftPlanner::new().plan_fft_forward(n).process(&mut buffer);
+        let energy = |from: usize, to: usize| buffer[from..to].iter().map(Complex::norm_sqr).sum::<f64>();
+        let level = 10.0 * (energy(4000, n / 2) / energy(0, n / 2)).log10();
+        assert!(level < -95.0, "{level} dB above 4 kHz");
+    }
+
+    #[test]
+    fn any_length_closes_to_a_loop() {
+        for n in [1, 2, 63, 100, 1021] {
+            let bands = wave(1, n);
+            for step in [0.1_f32, 1.3, 40.0] {
+                let seam = bands.read(bands.round() - 1e-7, step) - bands.read(0.0, step);
+                assert!(seam.abs() < 1e-4, "{n} at {step}: {seam}");
+            }
+        }
+    }
+}

@@ -1,0 +1,238 @@
+//! Forces of maps: frequencies, images and aliases, signs, silence, and edits while it sounds.
+
+use super::item::PathPiece;
+use super::map_node::*;
+use super::plane::Interp;
+use super::stroke::{Pen, pieces, through};
+use super::testing::{amplitude, db, peak, piece, rms};
+use crate::core::node::Retune;
+use crate::core::params::Params;
+use crate::core::solo::Solo;
+use crate::core::time::{Rate, Tick, ticks};
+use crate::texture::{DiscontinuityMap, FeatureMap, Grid, Surface};
+use std::f64::consts::TAU;
+
+const FS: f64 = 44_100.0;
+
+fn params() -> MapExcitationParams {
+    MapExcitationParams { rate: Rate::hz(44_100), ..MapExcitationParams::read(&|_| None).unwrap() }
+}
+
+/// A grating of `cycles` over 512 pixels along x, as the gradient of a cosine.
+fn grating(cycles: f64, density: f64) -> DiscontinuityMap {
+    let k = TAU * cycles / 512.0;
+    DiscontinuityMap {
+        gx: Grid::from_fn(512, 4, |x, _| (-k * (k * x as f64).sin()) as f32),
+        gy: Grid::from_fn(512, 4, |_, _| 0.0),
+        surface: Surface { density: [density; 2], ..Surface::default() },
+    }
+}
+
+fn solo(p: MapExcitationParams, map: DiscontinuityMap, paths: Vec<(Tick, PathPiece)>, end: f64) -> Solo {
+    let value = crate::core::solo::Feed::value(crate::core::item::AnyValue::new(map));
+    let solo = Solo::new::<MapExcitation>(p).events(MapExcitationPorts::paths, paths, ticks(end));
+    solo.feed(MapExcitationPorts::map.index(), value)
+}
+
+fn force(p: MapExcitationParams, map: DiscontinuityMap, paths: Vec<(Tick, PathPiece)>, end: f64) -> Vec<f32> {
+    solo(p, map, paths, end).run().unwrap().stream(MapExcitationPorts::force)
+}
+
+#[test]
+fn a_grating_sounds_at_its_frequency_and_its_images_stay_low() {
+    // 40 cycles a metre at 512 pixels a metre: 0.08 of a pixel's frequency.
+    for v in [0.1, 0.5, 2.0, 10.0, 20.0] {
+        let out = force(params(), grating(40.0, 512.0), vec![(0, piece([0.03, 0.0], [v, 0.0], 3.0))], 3.0);
+        let out = &out[4410..];
+        let f = peak(out, 40.0 * v, FS);
+        assert!((f / (40.0 * v) - 1.0).abs() < 1e-3, "{v} m/s: {f} Hz");
+        let whole = amplitude(out, 40.0 * v, FS);
+        for image in [512.0 - 40.0, 512.0 + 40.0, 1024.0 - 40.0] {
+            let image = (image * v) % FS;
+            let heard = if image > FS / 2.0 { FS - image } else { image };
+            let level = db(amplitude(out, heard, FS) / whole);
+            assert!(level < -60.0, "{v} m/s: {level} dB at {heard} Hz");
+        }
+        // The spline takes sinc^4 of what is drawn.
+        let x = TAU * 40.0 / 512.0 / 2.0;
+        let right = TAU * 40.0 / 512.0 * (x.sin() / x).powi(4);
+        assert!(db(whole / right).abs() < 0.5, "{v} m/s: {} dB", db(whole / right));
+    }
+}
+
+#[test]
+fn fast_contacts_read_coarser_maps_and_nothing_folds_down() {
+    // 1.2 pixels a sample and 0.4 cycles a pixel: 0.48 of the rate, far above what the level holds.
+    let density = 4096.0;
+    for (cycles, step) in [(205.0, 1.2), (205.0, 2.3), (128.0, 3.1), (230.0, 1.7)] {
+        let v = step * FS / density;
+        let out = force(params(), grating(cycles, density), vec![(0, piece([0.0; 2], [v, 0.0], 1.0))], 1.0);
+        let plain = TAU * cycles / 512.0 / 2_f64.sqrt();
+        let level = db(rms(&out[4410..]) / plain);
+        assert!(level < -38.0, "{cycles} cycles, {step} pixels: {level} dB");
+    }
+}
+
+#[test]
+fn interpolators_leave_the_images_of_the_table() {
+    // A white profile at 4000 px/s, as a feature map: energy above 4 kHz.
+    let mut state = 1_u32;
+    let noise = Grid::from_fn(4096, 4, |_, y| {
+        if y > 0 {
+            return 0.0;
+        }
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        f64::from(state >> 8) as f32 / (1 << 24) as f32 - 0.5
+    });
+    let rows = Grid::from_fn(4096, 4, |x, _| noise.samples[x]);
+    for (interp, images, kept) in
+        [(Interp::Linear, -25.0, 0.66), (Interp::Catmull, -43.0, 0.81), (Interp::Bspline3, -52.0, 0.48)]
+    {
+        let plane = super::plane::Plane::<1>::new([&rows], [[false; 2]], crate::texture::Wrap::Repeat);
+        let n = 44_100;
+        let x: Vec<f64> = (0..n)
+            .map(|k| {
+                let at = k as f64 * 4000.0 / FS;
+                let whole = at.floor();
+                f64::from(plane.value(interp, [whole as i64, 0], (at - whole) as f32, 0.0))
+            })
+            .collect();
+        let mean = x.iter().sum::<f64>() / x.len() as f64;
+        let variance = x.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / x.len() as f64;
+        let drawn = rows.samples[..4096].iter().map(|x| f64::from(*x).powi(2)).sum::<f64>() / 4096.0;
+        assert!((variance / drawn - kept).abs() < 0.04, "{interp:?}: {}", variance / drawn);
+        // What is above 4 kHz, by a transform of the whole.
+        let mut planner = rustfft::FftPlanner::<f64>::new();
+        let window = |k: usize| 0.5 - 0.5 * (TAU * k as f64 / n as f64).cos();
+        let mut buffer: Vec<_> = x
+            .iter()
+            .enumerate()
+            .map(|(k, x)| rustfft::num_complex::Complex::new((x - mean) * window(k), 0.0))
+            .collect();
+        planner.plan_fft_forward(n).process(&mut buffer);
+        let energy = |from: usize, to: usize| buffer[from..to].iter().map(|z| z.norm_sqr()).sum::<f64>();
+        let level = 10.0 * (energy(4000, n / 2) / energy(1, n / 2)).log10();
+        assert!((level - images).abs() < 3.0, "{interp:?}: {level} dB");
+    }
+}
+
+#[test]
+fn the_slope_turns_its_sign_with_the_direction() {
+    let there = force(params(), grating(8.0, 512.0), vec![(0, piece([0.1, 0.0], [0.5, 0.0], 0.2))], 0.2);
+    let back = force(params(), grating(8.0, 512.0), vec![(0, piece([0.2, 0.0], [-0.5, 0.0], 0.2))], 0.2);
+    let n = 8820;
+    for k in (10..n - 10).step_by(50) {
+        assert!((there[k] + back[n - k]).abs() < 2e-4, "{k}: {} {}", there[k], back[n - k]);
+    }
+    assert!(rms(&there) > 0.02);
+}
+
+#[test]
+fn rest_and_no_force_are_silent() {
+    let rest = piece([0.1, 0.0], [0.0; 2], 0.5);
+    assert!(force(params(), grating(8.0, 512.0), vec![(0, rest)], 0.5).iter().all(|x| *x == 0.0));
+    let lifted = PathPiece { force: [0.0; 2], ..piece([0.1, 0.0], [1.0, 0.0], 0.5) };
+    let p = MapExcitationParams { a: 0.0, ..params() };
+    assert!(force(p, grating(8.0, 512.0), vec![(0, lifted)], 0.5).iter().all(|x| *x == 0.0));
+}
+
+#[test]
+fn a_positive_map_gives_no_constant_force() {
+    let p = MapExcitationParams { value: MapValue::Magnitude, ..params() };
+    let out = force(p, grating(40.0, 512.0), vec![(0, piece([0.1, 0.0], [1.0, 0.0], 2.0))], 2.0);
+    let mean = out[22_050..].iter().sum::<f32>() / (out.len() - 22_050) as f32;
+    assert!(f64::from(mean.abs()) < 0.01 * rms(&out[22_050..]), "{mean}");
+    // The size of a sine has twice its frequency.
+    let f = peak(&out[22_050..], 80.0, FS);
+    assert!((f / 80.0 - 1.0).abs() < 1e-3, "{f}");
+}
+
+#[test]
+fn the_force_is_the_same_at_twice_the_rate() {
+    let features = |rate: u32| {
+        let map = FeatureMap {
+            grid: Grid::from_fn(256, 256, |x, y| if (x / 9 + y / 7) % 5 == 0 { 1.0 } else { 0.0 }),
+            surface: Surface::default(),
+        };
+        let value = crate::core::solo::Feed::value(crate::core::item::AnyValue::new(map));
+        let p = MapExcitationParams { rate: Rate::hz(rate), ..params() };
+        let path = vec![(0, piece([0.1, 0.2], [0.6, 0.13], 1.0))];
+        let solo = Solo::new::<MapExcitation>(p).events(MapExcitationPorts::paths, path, ticks(1.0));
+        let solo = solo.feed(MapExcitationPorts::features.index(), value);
+        solo.run().unwrap().stream(MapExcitationPorts::force)
+    };
+    let (slow, fast) = (features(44_100), features(88_200));
+    let every: Vec<f32> = fast.iter().step_by(2).copied().collect();
+    let error: Vec<f32> = slow.iter().zip(&every).map(|(a, b)| a - b).collect();
+    assert!(rms(&slow) > 0.01 && db(rms(&error) / rms(&slow)) < -60.0, "{}", db(rms(&error) / rms(&slow)));
+}
+
+fn zigzag() -> Vec<(Tick, PathPiece)> {
+    let points: Vec<[f64; 4]> = (0..12)
+        .map(|k| [0.05 * f64::from(k), 0.03 * f64::from(k % 4), 0.05 * f64::from((k * k) % 5), 1.0])
+        .collect();
+    let mut all = pieces(&through(&points), Pen { contact: 1, object: 0, other: None });
+    let two = pieces(&through(&points[3..]), Pen { contact: 2, object: 0, other: None });
+    all.extend(two.into_iter().map(|(t, p)| (t - ticks(0.1234), p)));
+    all.sort_by_key(|(tick, _)| *tick);
+    all
+}
+
+#[test]
+fn windows_change_no_bit() {
+    let map = grating(40.0, 512.0);
+    for value in [MapValue::Directional, MapValue::Magnitude] {
+        let p = MapExcitationParams { value, b: 0.7, ..params() };
+        let run = |n: usize| {
+            let solo = solo(p.clone(), map.clone(), zigzag(), 0.6).window(Rate::hz(44_100).span(n));
+            solo.run().unwrap().stream(MapExcitationPorts::force)
+        };
+        let whole = run(30_000);
+        assert!(rms(&whole) > 1e-3);
+        for n in [32, 64, 100, 1024, 4096] {
+            assert!(run(n) == whole, "{n}");
+        }
+    }
+}
+
+#[test]
+fn edits_while_it_sounds_do_not_click() {
+    let path = vec![(0, piece([0.0, 0.0], [0.4, 0.0], 2.0))];
+    let edits = [
+        MapExcitationParams { kappa: 4.0, ..params() },
+        MapExcitationParams { a: 0.2, b: 0.8, ..params() },
+        MapExcitationParams { gain: 0.0, ..params() },
+        MapExcitationParams { scale: 1.02, ..params() },
+    ];
+    for edit in edits {
+        let solo = solo(params(), grating(8.0, 512.0), path.clone(), 1.0).window(Rate::hz(44_100).span(256));
+        let mut run = solo.start().unwrap();
+        let mut count = 0;
+        while run.step().unwrap() {
+            count += 1;
+            if count == 60 {
+                assert_eq!(run.node().retune(&edit), Retune::Done);
+            }
+        }
+        let out = run.stream(MapExcitationPorts::force);
+        let step = |x: &[f32]| x.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f32::max);
+        let (before, during) = (step(&out[2000..15_000]), step(&out[15_000..17_000]));
+        let after = step(&out[18_000..]).max(before);
+        assert!(during < 4.0 * after, "{edit:?}: {during} against {before} and {after}");
+    }
+    let solo = solo(params(), grating(8.0, 512.0), path, 1.0);
+    let mut run = solo.start().unwrap();
+    let other = MapExcitationParams { interp: Interp::Linear, ..params() };
+    assert_eq!(run.node().retune(&other), Retune::Rebuild);
+}
+
+#[test]
+fn one_map_and_no_more_has_to_be_linked() {
+    let solo = Solo::new::<MapExcitation>(params()).events::<PathPiece>(MapExcitationPorts::paths, vec![], 1);
+    let error = solo.run().map(|_| ()).unwrap_err();
+    assert!(error.code == "F128" && error.to_string().contains("neither"), "{error}");
+    let mut broken = grating(8.0, 512.0);
+    broken.gy.samples.pop();
+    let error = self::solo(params(), broken, vec![], 0.1).run().map(|_| ()).unwrap_err();
+    assert!(error.code == "F128" && error.to_string().contains("2047 numbers for 512 x 4"), "{error}");
+}

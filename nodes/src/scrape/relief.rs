@@ -1,0 +1,212 @@
+//! Heights of a surface, what a ball feels of them, and what two of them make of each other.
+
+use super::map::SurfaceMap;
+use super::plane::{Interp, Plane};
+use crate::texture::{Grid, Luma, LumaKind, Surface, Wrap};
+
+/// The heights of a surface in m, for reading at places in m.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Relief {
+    plane: Plane<1>,
+    density: [f64; 2],
+    /// Highest less lowest, m.
+    range: f64,
+}
+
+/// Heights of an image in m: `depth` for the full range of its luminance.
+#[must_use]
+pub fn heights(luma: &Luma) -> Grid {
+    let full = match luma.kind {
+        LumaKind::Lstar => 100.0,
+        LumaKind::Rec601 => 255.0,
+    };
+    let scale = (luma.surface.depth / full) as f32;
+    Grid { samples: luma.grid.samples.iter().map(|l| l * scale).collect(), ..luma.grid }
+}
+
+impl Relief {
+    /// The relief of heights in m.
+    #[must_use]
+    pub fn new(heights: &Grid, surface: &Surface) -> Self {
+        let ends = |(low, high): (f32, f32), h: &f32| (low.min(*h), high.max(*h));
+        let (low, high) = heights.samples.iter().fold((f32::MAX, f32::MIN), ends);
+        let range = f64::from(high - low).max(0.0);
+        Self { plane: Plane::new([heights], [[false; 2]], surface.wrap), density: surface.density, range }
+    }
+
+    /// Highest less lowest, m.
+    #[must_use]
+    pub fn range(&self) -> f64 {
+        self.range
+    }
+
+    #[inline(always)]
+    fn pixel(&self, place: [f64; 2]) -> ([i64; 2], [f32; 2]) {
+        let at = [place[0] * self.density[0], place[1] * self.density[1]];
+        let whole = at.map(f64::floor);
+        (whole.map(|x| x as i64), [(at[0] - whole[0]) as f32, (at[1] - whole[1]) as f32])
+    }
+
+    /// Height at a place in m.
+    #[inline(always)]
+    #[must_use]
+    pub fn height(&self, place: [f64; 2]) -> f32 {
+        let (base, [x, y]) = self.pixel(place);
+        self.plane.value(Interp::Bspline3, base, x, y)
+    }
+
+    /// Slope at a place, m/m.
+    #[inline(always)]
+    #[must_use]
+    pub fn slope(&self, place: [f64; 2]) -> [f32; 2] {
+        let (base, [x, y]) = self.pixel(place);
+        let [gx, gy] = self.plane.gradient(Interp::Bspline3, base, x, y);
+        [gx * self.density[0] as f32, gy * self.density[1] as f32]
+    }
+}
+
+/// Where the centre of a ball of radius `radius` m goes that rolls over heights in m: their dilation by its paraboloid.
+///
+/// # Complexity
+/// `O(pixels)`: rows and then columns, each by the upper envelope of its parabolas.
+///
+/// # Source
+/// Felzenszwalb and Huttenlocher, "Distance transforms of sampled functions" (2012), turned upside down.
+#[must_use]
+pub fn rolled_over(heights: &Grid, surface: &Surface, radius: f64) -> Grid {
+    let bend = |density: f64| 1.0 / (2.0 * radius * density * density);
+    let [bx, by] = surface.density.map(bend);
+    let ends = |(low, high): (f32, f32), h: &f32| (low.min(*h), high.max(*h));
+    let (low, high) = heights.samples.iter().fold((f32::MAX, f32::MIN), ends);
+    let range = f64::from(high - low).max(0.0);
+    let reach = |bend: f64, len: usize| ((range / bend).sqrt().ceil() as usize + 1).min(len);
+    let (w, h) = (heights.width, heights.height);
+    let mut envelope = Envelope::default();
+    let mut out = heights.clone();
+    for row in out.samples.chunks_exact_mut(w.max(1)) {
+        envelope.over(row, bx, reach(bx, w), surface.wrap);
+    }
+    let mut column = vec![0.0; h];
+    for x in 0..w {
+        let from = |y: usize| out.samples.get(y * w + x).copied().unwrap_or_default();
+        column.iter_mut().enumerate().for_each(|(y, c)| *c = from(y));
+        envelope.over(&mut column, by, reach(by, h), surface.wrap);
+        for (y, c) in column.iter().enumerate() {
+            if let Some(place) = out.samples.get_mut(y * w + x) {
+                *place = *c;
+            }
+        }
+    }
+    out
+}
+
+/// The highest of parabolas that open downwards, one on each sample of a line.
+#[derive(Debug, Default)]
+struct Envelope {
+    line: Vec<f64>,
+    /// Parabolas that are highest somewhere, from left to right.
+    tops: Vec<usize>,
+    /// Where each of them takes over.
+    from: Vec<f64>,
+}
+
+impl Envelope {
+    fn over(&mut self, row: &mut [f32], bend: f64, reach: usize, wrap: Wrap) {
+        let n = row.len();
+        let sample = |k: usize| row.get(wrap.place(k as i64 - reach as i64, n)).copied().unwrap_or_default();
+        self.line.clear();
+        self.line.extend((0..n + 2 * reach).map(|k| f64::from(sample(k))));
+        self.tops.clear();
+        self.from.clear();
+        for (q, f) in self.line.iter().enumerate() {
+            let q_bent = q as f64 * q as f64 * bend;
+            let mut at = f64::NEG_INFINITY;
+            while let (Some(&p), Some(&from)) = (self.tops.last(), self.from.last()) {
+                // Where the parabola on q rises above that on p.
+                let p_bent = p as f64 * p as f64 * bend;
+                at = ((self.line[p] - p_bent) - (f - q_bent)) / (2.0 * bend * (q - p) as f64);
+                if at > from {
+                    break;
+                }
+                self.tops.pop();
+                self.from.pop();
+                at = f64::NEG_INFINITY;
+            }
+            self.tops.push(q);
+            self.from.push(at);
+        }
+        let mut k = 0;
+        for (x, out) in row.iter_mut().enumerate() {
+            let x = (x + reach) as f64;
+            while self.from.get(k + 1).is_some_and(|from| *from < x) {
+                k += 1;
+            }
+            if let Some(&p) = self.tops.get(k) {
+                *out = (self.line[p] - bend * (x - p as f64).powi(2)) as f32;
+            }
+        }
+    }
+}
+
+/// The change of the way of a rolling ball per metre, as a map to be read.
+#[must_use]
+pub fn ball_map(heights: &Grid, surface: &Surface, radius: f64) -> SurfaceMap {
+    let mut rolled = rolled_over(heights, surface, radius);
+    // The change is read per pixel.
+    let density = surface.density[0] as f32;
+    rolled.samples.iter_mut().for_each(|z| *z *= density);
+    SurfaceMap::change(&rolled, *surface)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn surface(density: f64) -> Surface {
+        Surface { density: [density; 2], ..Surface::default() }
+    }
+
+    #[test]
+    fn the_envelope_is_the_highest_of_all_parabolas() {
+        let mut state = 5_u32;
+        let heights = Grid::from_fn(19, 13, |_, _| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 8) as f32 / (1 << 24) as f32 * 1e-4
+        });
+        for wrap in [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp] {
+            let surface = Surface { density: [1000.0, 1500.0], wrap, ..Surface::default() };
+            let fast = rolled_over(&heights, &surface, 0.02);
+            for y in 0..13_i64 {
+                for x in 0..19_i64 {
+                    let mut best = f64::MIN;
+                    for dy in -12..=12_i64 {
+                        for dx in -18..=18_i64 {
+                            let [x, y] = [wrap.place(x + dx, 19), wrap.place(y + dy, 13)];
+                            let (mx, my) = (dx as f64 / 1000.0, dy as f64 / 1500.0);
+                            let h = f64::from(heights.samples[y * 19 + x]);
+                            best = best.max(h - (mx * mx + my * my) / 0.04);
+                        }
+                    }
+                    let found = f64::from(fast.samples[(y * 19 + x) as usize]);
+                    assert!((found - best).abs() < 1e-9, "{wrap:?} {x} {y}: {found} {best}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_ball_dips_into_a_gap_by_its_square_over_eight_radii() {
+        // 4 mm under 20 mm: 1e-4 m, with a jump of the slope by g/R in the middle.
+        let density = 4000.0;
+        let gap = 16;
+        let heights = Grid::from_fn(400, 1, |x, _| if (200 - gap / 2..200 + gap / 2).contains(&x) { 0.0 } else { 0.01 });
+        let z = rolled_over(&heights, &surface(density), 0.02).samples;
+        let dip = 0.01 - f64::from(z[200]);
+        // The tiles end at pixel centres: the gap is one pixel wider.
+        let wide = 17.0 / density;
+        assert!((dip - wide * wide / (8.0 * 0.02)).abs() < 3e-6, "{dip}");
+        let slope = |x: usize| f64::from(z[x + 1] - z[x]) * density;
+        let jump = slope(201) - slope(197);
+        assert!((jump / (wide / 0.02) - 1.0).abs() < 0.2, "{jump}");
+    }
+}

@@ -1,0 +1,544 @@
+//! The way of contacts over a plane, from frames of a physics engine to pieces of path.
+//!
+//! # Source
+//! Picard, Tsingos and Faure (VRIPHYS 2008), section 4, follow contacts at the rate of the physics; how the way between two frames
+//! is found, and what happens where there is none, are choices.
+
+use super::item::PathPiece;
+use super::queue::Queue;
+use crate::core::time::{Tick, seconds, ticks};
+
+/// Cross-fade where a contact jumps, and fade at its start, s.
+pub const JUMP: f64 = 0.002;
+/// Fade of a contact that is lost, s.
+pub const LOST: f64 = 0.005;
+/// Distances of a jump that a contact of unknown velocity may go in one frame.
+const UNKNOWN: f64 = 16.0;
+
+/// A contact at one frame, seen on a plane.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sample {
+    /// Which contact.
+    pub contact: u64,
+    /// When.
+    pub tick: Tick,
+    /// Place, m.
+    pub place: [f64; 2],
+    /// Velocity over the surface, where it is known, m/s.
+    pub velocity: Option<[f64; 2]>,
+    /// Place on the other surface, where it is wanted, m.
+    pub other: Option<[f64; 2]>,
+    /// Normal force, N.
+    pub force: f32,
+    /// Amplitude by the kind of contact.
+    pub gain: f32,
+    /// The first frame of a contact.
+    pub begins: bool,
+    /// The contact has ended.
+    pub ends: bool,
+}
+
+/// How the way between frames is found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PathRules {
+    /// Time from one frame to the next that is expected.
+    pub frame: Tick,
+    /// Whether a way is known before its end: otherwise it is predicted and corrected over the next frame.
+    pub look_ahead: bool,
+    /// Whether velocities come from the places before and after, one frame later, in place of those given.
+    pub differences: bool,
+    /// Whether a way whose velocities are too large for it is straight.
+    pub guard: bool,
+    /// Distance from the expected place beyond which a contact has jumped, m.
+    pub teleport: f64,
+    /// Number of the object that pieces carry.
+    pub object: u32,
+    /// Time constant of a low-pass over places and velocities, s; 0 for none.
+    pub smooth: f64,
+}
+
+impl PathRules {
+    /// How long after a frame its way must be known.
+    #[must_use]
+    pub fn latency(&self) -> Tick {
+        // A hundredth for frames that come a little late.
+        let frames = i64::from(self.look_ahead) * (1 + i64::from(self.differences));
+        frames * (self.frame + self.frame / 100)
+    }
+
+    /// How long after the last frame a contact that hears no more of itself falls silent.
+    #[must_use]
+    pub fn stall(&self) -> Tick {
+        2 * self.frame
+    }
+}
+
+/// One contact that is followed.
+#[derive(Clone, Copy, Debug)]
+struct Track {
+    jump: u32,
+    /// The last frame.
+    last: Sample,
+    /// The place of the one before.
+    before: Option<(Tick, [f64; 2])>,
+    /// A frame whose velocity is not known yet.
+    waiting: Option<Sample>,
+    /// The piece under way and its start.
+    path: Option<(Tick, PathPiece)>,
+    /// Until when the way is known.
+    known: Tick,
+    /// Place, velocity, and velocity on the other surface at that time.
+    at: [[f64; 2]; 2],
+    other: Option<[[f64; 2]; 2]>,
+    force: f32,
+    gain: f32,
+    /// Whether it still has to fade in.
+    fresh: bool,
+    /// Whether what is known last was predicted.
+    guessed: bool,
+    /// Whether it has been lost: its number may come again.
+    lost: bool,
+    /// Whether it has ever begun.
+    begun: bool,
+    /// Time and place of the last frame as it came.
+    raw: (Tick, [f64; 2]),
+    /// Place and velocity in the low-pass.
+    smooth: [[f64; 2]; 2],
+}
+
+/// Follows all contacts of one plane.
+#[derive(Clone, Debug)]
+pub struct Tracker {
+    rules: PathRules,
+    tracks: Vec<Track>,
+    room: usize,
+    /// Pieces made so far.
+    pub pieces: u64,
+    /// Jumps so far.
+    pub jumps: u64,
+    /// Frames that came after their way was needed.
+    pub late: u64,
+    /// Contacts that heard no more of themselves.
+    pub stalls: u64,
+    /// Frames of contacts for which there was no room.
+    pub left_out: u64,
+}
+
+impl Tracker {
+    /// Room for `room` contacts at once.
+    #[must_use]
+    pub fn new(rules: PathRules, room: usize) -> Self {
+        let tracks = Vec::with_capacity(room);
+        Self { rules, tracks, room, pieces: 0, jumps: 0, late: 0, stalls: 0, left_out: 0 }
+    }
+
+    /// Changes what does not change the latency.
+    pub fn set_rules(&mut self, rules: PathRules) {
+        self.rules = rules;
+    }
+
+    /// Takes a frame; all that was due before it must have been done by [`due`](Self::due).
+    pub fn frame(&mut self, sample: &Sample, out: &mut Queue) {
+        let known = self.tracks.iter().position(|t| t.last.contact == sample.contact);
+        let Some(k) = known.or_else(|| self.room_for(sample)) else {
+            self.left_out += 1;
+            return;
+        };
+        let Some(mut track) = self.tracks.get(k).copied() else { return };
+        if known.is_some() && sample.tick <= track.raw.0 {
+            // Of two frames of one contact at one time the first is taken.
+            return;
+        }
+        let sample = self.smooth(&mut track, sample, known.is_some());
+        if self.rules.differences && self.rules.look_ahead {
+            self.wait(&mut track, &sample, out);
+        } else {
+            self.take(&mut track, &sample, out);
+        }
+        self.put(k, track);
+    }
+
+    /// The frame as the low-pass leaves it.
+    fn smooth(&self, track: &mut Track, sample: &Sample, known: bool) -> Sample {
+        let time = sample.tick - track.raw.0;
+        let far = |v: [f64; 2]| self.parted(track.raw.1, sample.place, Some(v), None, time);
+        let anew = !known || track.lost || sample.begins || sample.velocity.is_some_and(far);
+        let mut smooth = *sample;
+        if self.rules.smooth > 0.0 && !anew {
+            let share = 1.0 - libm::exp(-seconds(time) / self.rules.smooth);
+            let toward =
+                |from: [f64; 2], to: [f64; 2]| std::array::from_fn(|k| from[k] + share * (to[k] - from[k]));
+            smooth.place = toward(track.smooth[0], sample.place);
+            smooth.velocity = sample.velocity.map(|v| toward(track.smooth[1], v));
+        }
+        track.raw = (sample.tick, sample.place);
+        track.smooth = [smooth.place, smooth.velocity.unwrap_or_default()];
+        smooth
+    }
+
+    fn room_for(&mut self, sample: &Sample) -> Option<usize> {
+        if self.tracks.len() >= self.room {
+            let lost = self.tracks.iter().position(|t| t.lost)?;
+            self.tracks.swap_remove(lost);
+        }
+        let blank = Track {
+            jump: 0,
+            last: *sample,
+            before: None,
+            waiting: None,
+            path: None,
+            known: sample.tick,
+            at: [sample.place, [0.0; 2]],
+            other: None,
+            force: 0.0,
+            gain: 0.0,
+            fresh: true,
+            guessed: false,
+            lost: true,
+            begun: false,
+            raw: (Tick::MIN / 2, [0.0; 2]),
+            smooth: [[0.0; 2]; 2],
+        };
+        self.tracks.push(blank);
+        Some(self.tracks.len() - 1)
+    }
+
+    fn put(&mut self, k: usize, track: Track) {
+        if let Some(place) = self.tracks.get_mut(k) {
+            *place = track;
+        }
+    }
+
+    /// Keeps a frame until the next tells its velocity, and takes the one before.
+    fn wait(&mut self, track: &mut Track, sample: &Sample, out: &mut Queue) {
+        if let Some(mut waiting) = track.waiting.take() {
+            let back = track.before.map(|(tick, place)| rate(place, waiting.place, waiting.tick - tick));
+            let time = sample.tick - waiting.tick;
+            let parted = sample.begins || self.parted(waiting.place, sample.place, back, None, time);
+            waiting.velocity = if parted { back } else { Some(central(track.before, &waiting, sample)) };
+            self.take(track, &waiting, out);
+            track.before = (!parted).then_some((waiting.tick, waiting.place));
+        }
+        if sample.ends {
+            self.take(track, sample, out);
+            track.before = None;
+        } else {
+            track.waiting = Some(*sample);
+        }
+    }
+
+    /// Takes a frame with all that is known of it.
+    fn take(&mut self, track: &mut Track, sample: &Sample, out: &mut Queue) {
+        if track.lost {
+            if !sample.ends {
+                self.start(track, sample, out);
+            }
+            return;
+        }
+        let (mut sample, last) = (*sample, track.last);
+        let time = sample.tick - last.tick;
+        let velocity = track.known_velocity();
+        if sample.ends && sample.place == last.place {
+            // Engines repeat what they knew last of a contact that has ended.
+            let velocity = velocity.unwrap_or_default();
+            sample.place = std::array::from_fn(|k| last.place[k] + velocity[k] * seconds(time));
+        }
+        if sample.begins || self.parted(last.place, sample.place, velocity, sample.velocity, time) {
+            self.leap(track, &sample, out);
+            return;
+        }
+        if self.rules.look_ahead {
+            self.reach(track, &sample, out);
+        } else if sample.ends {
+            track.cut(sample.tick);
+        } else {
+            self.predict(track, &sample, out);
+        }
+        if sample.ends {
+            self.lose(track, out);
+        }
+        track.last = sample;
+    }
+
+    /// Whether a contact is not where its velocity would have brought it; where no velocity is known, only whether it is very
+    /// far away.
+    fn parted(
+        &self,
+        from: [f64; 2],
+        to: [f64; 2],
+        velocity: Option<[f64; 2]>,
+        after: Option<[f64; 2]>,
+        time: Tick,
+    ) -> bool {
+        let step = seconds(time);
+        let length = |v: [f64; 2]| v[0].hypot(v[1]);
+        let gap: [f64; 2] = std::array::from_fn(|k| to[k] - from[k]);
+        let Some(way) = velocity.or(after).map(|v| v.map(|v| v * step)) else {
+            return length(gap) > UNKNOWN * self.rules.teleport;
+        };
+        let fastest = length(way).max(after.map_or(0.0, length) * step);
+        length([gap[0] - way[0], gap[1] - way[1]]) > self.rules.teleport + 2.0 * fastest
+    }
+
+    /// A way begins at a frame.
+    fn start(&mut self, track: &mut Track, sample: &Sample, out: &mut Queue) {
+        let jump = if track.begun { track.jump.wrapping_add(1) } else { 0 };
+        *track = Track {
+            jump,
+            last: *sample,
+            before: None,
+            path: None,
+            known: sample.tick,
+            // Without a known velocity it sets off at the mean pace of its first way.
+            at: [sample.place, sample.velocity.unwrap_or([f64::NAN; 2])],
+            other: sample.other.map(|place| [place, [f64::NAN; 2]]),
+            force: sample.force,
+            gain: sample.gain,
+            fresh: true,
+            guessed: false,
+            lost: false,
+            begun: true,
+            ..*track
+        };
+        if !self.rules.look_ahead {
+            self.predict(track, sample, out);
+        }
+    }
+
+    /// The old way fades out where a new one begins.
+    fn leap(&mut self, track: &mut Track, sample: &Sample, out: &mut Queue) {
+        self.jumps += 1;
+        if track.known < sample.tick {
+            self.straight(track, sample.tick, track.gain, out);
+        } else {
+            track.cut(sample.tick);
+        }
+        self.straight(track, track.known + ticks(JUMP), 0.0, out);
+        track.lost = true;
+        if !sample.ends {
+            self.start(track, sample, out);
+        }
+    }
+
+    /// A contact is gone: what is left of it fades.
+    fn lose(&mut self, track: &mut Track, out: &mut Queue) {
+        if track.force > 0.0 && track.gain != 0.0 {
+            self.straight(track, track.known + ticks(LOST), 0.0, out);
+        }
+        track.lost = true;
+    }
+
+    /// Goes on along a straight line until a time.
+    fn straight(&mut self, track: &mut Track, to: Tick, gain: f32, out: &mut Queue) {
+        let step = seconds(to - track.known);
+        let velocity = track.known_velocity().unwrap_or_default();
+        let end = Sample {
+            tick: to,
+            place: std::array::from_fn(|k| track.at[0][k] + velocity[k] * step),
+            velocity: Some(velocity),
+            other: track.other.map(|[p, v]| {
+                std::array::from_fn(|k| if v[k].is_finite() { p[k] + v[k] * step } else { p[k] })
+            }),
+            force: track.force,
+            gain,
+            ..track.last
+        };
+        self.join(track, &end, out);
+    }
+
+    /// The way up to a frame that has come.
+    fn reach(&mut self, track: &mut Track, sample: &Sample, out: &mut Queue) {
+        let now = sample.tick - self.rules.latency();
+        if track.guessed {
+            // What was predicted from here on is replaced.
+            self.late += 1;
+            track.cut(now);
+            track.guessed = false;
+        }
+        let end = if sample.ends { Sample { gain: track.gain, ..*sample } } else { *sample };
+        self.join(track, &end, out);
+    }
+
+    /// From where the prediction of the last frame has come to, over to that of this one, within a frame.
+    fn predict(&mut self, track: &mut Track, sample: &Sample, out: &mut Queue) {
+        if track.known > sample.tick {
+            track.cut(sample.tick);
+        }
+        let step = seconds(self.rules.frame);
+        let velocity = sample.velocity.unwrap_or_else(|| {
+            let time = sample.tick - track.last.tick;
+            if time > 0 { rate(track.last.place, sample.place, time) } else { [0.0; 2] }
+        });
+        let other = sample.other.map(|place| {
+            let time = sample.tick - track.last.tick;
+            let before = track.last.other.filter(|_| time > 0);
+            let v = before.map_or([0.0; 2], |before| rate(before, place, time));
+            std::array::from_fn(|k| place[k] + v[k] * step)
+        });
+        let end = Sample {
+            tick: sample.tick + self.rules.frame,
+            place: std::array::from_fn(|k| sample.place[k] + velocity[k] * step),
+            velocity: Some(velocity),
+            other,
+            ..*sample
+        };
+        self.join(track, &end, out);
+    }
+
+    /// Makes the piece from the end of what is known to another place.
+    fn join(&mut self, track: &mut Track, end: &Sample, out: &mut Queue) {
+        let duration = end.tick - track.known;
+        if duration <= 0 {
+            return;
+        }
+        let time = seconds(duration);
+        let velocity = end.velocity.unwrap_or_else(|| onward(track.at, end.place, time));
+        if !track.at[1][0].is_finite() {
+            track.at[1] = end.velocity.unwrap_or_else(|| rate(track.at[0], end.place, duration));
+        }
+        let place = cubic(track.at, [end.place, velocity], time, self.rules.guard);
+        let other = track.other.zip(end.other).map(|([from, v], place)| {
+            let v = if v[0].is_finite() { v } else { rate(from, place, duration) };
+            let at = [from, v];
+            let v = onward(at, place, time);
+            (cubic(at, [place, v], time, self.rules.guard), [place, v])
+        });
+        let piece = PathPiece {
+            contact: end.contact,
+            jump: track.jump,
+            object: self.rules.object,
+            duration,
+            place,
+            other: other.map(|o| o.0),
+            force: [track.force.max(0.0), end.force.max(0.0)],
+            gain: [track.gain, end.gain],
+        };
+        self.pieces += 1;
+        track.path = Some((track.known, piece));
+        let fade = ticks(JUMP);
+        let silent = (track.gain == 0.0 && end.gain == 0.0) || piece.force == [0.0; 2];
+        if silent {
+            // Nothing to hear of it.
+        } else if track.fresh && duration > fade {
+            let s = fade as f64 / duration as f64;
+            let first = piece.part(0.0, s, fade);
+            out.push(track.known, PathPiece { gain: [0.0, first.gain[1]], ..first });
+            out.push(track.known + fade, piece.part(s, 1.0, duration - fade));
+        } else {
+            let from = if track.fresh { 0.0 } else { track.gain };
+            out.push(track.known, PathPiece { gain: [from, end.gain], ..piece });
+        }
+        track.fresh = false;
+        track.known = end.tick;
+        track.at = [end.place, velocity];
+        track.other = other.map(|o| o.1).or(end.other.map(|place| [place, [f64::NAN; 2]]));
+        (track.force, track.gain) = (end.force.max(0.0), end.gain);
+    }
+
+    /// When the next contact has to be gone on with although no frame has come, and which.
+    fn next_due(&self) -> Option<(Tick, usize)> {
+        let live = self.tracks.iter().enumerate().filter(|(_, t)| !t.lost || t.waiting.is_some());
+        live.map(|(k, track)| (self.due_of(track), k)).min()
+    }
+
+    fn due_of(&self, track: &Track) -> Tick {
+        match track.waiting {
+            Some(waiting) => waiting.tick + self.rules.latency() / 2,
+            None => track.known + self.rules.latency(),
+        }
+    }
+
+    /// Goes on with contacts whose next frame has not come, as of `until`.
+    pub fn due(&mut self, until: Tick, out: &mut Queue) {
+        while let Some((_, k)) = self.next_due().filter(|(due, _)| *due < until) {
+            let Some(mut track) = self.tracks.get(k).copied() else { return };
+            self.overdue(&mut track, out);
+            self.put(k, track);
+        }
+    }
+
+    fn overdue(&mut self, track: &mut Track, out: &mut Queue) {
+        if let Some(mut waiting) = track.waiting.take() {
+            waiting.velocity =
+                track.before.map(|(tick, place)| rate(place, waiting.place, waiting.tick - tick));
+            self.take(track, &waiting, out);
+            return;
+        }
+        let end = track.last.tick + self.rules.stall();
+        if track.known < end {
+            track.guessed = true;
+            self.straight(track, end, track.gain, out);
+        } else {
+            self.stalls += 1;
+            self.straight(track, track.known + ticks(LOST), 0.0, out);
+            track.lost = true;
+        }
+    }
+
+    /// Takes over what another one follows.
+    pub fn take_state(&mut self, old: &Self) {
+        if old.room == self.room && old.rules.latency() == self.rules.latency() {
+            self.tracks.clone_from(&old.tracks);
+        }
+        (self.pieces, self.jumps, self.late) = (old.pieces, old.jumps, old.late);
+        (self.stalls, self.left_out) = (old.stalls, old.left_out);
+    }
+}
+
+impl Track {
+    fn known_velocity(&self) -> Option<[f64; 2]> {
+        self.at[1].iter().all(|v| v.is_finite()).then_some(self.at[1])
+    }
+
+    /// Forgets what is known beyond a time.
+    fn cut(&mut self, tick: Tick) {
+        let Some((start, piece)) = self.path.filter(|_| tick < self.known) else { return };
+        let tick = tick.max(start);
+        let s = (tick - start) as f64 / piece.duration.max(1) as f64;
+        self.at = [piece.place_at(s), piece.velocity_at(s)];
+        if let Some(other) = piece.other {
+            let way = PathPiece { place: other, ..piece };
+            self.other = Some([way.place_at(s), way.velocity_at(s)]);
+        }
+        self.force = piece.force_at(s) as f32;
+        self.gain = piece.gain_at(s) as f32;
+        self.known = tick;
+    }
+}
+
+/// Velocity from one place to another, m/s.
+fn rate(from: [f64; 2], to: [f64; 2], time: Tick) -> [f64; 2] {
+    let time = seconds(time.max(1));
+    std::array::from_fn(|k| (to[k] - from[k]) / time)
+}
+
+/// Velocity at a frame from those around it (Catmull and Rom).
+fn central(before: Option<(Tick, [f64; 2])>, at: &Sample, after: &Sample) -> [f64; 2] {
+    let (tick, place) = before.unwrap_or((at.tick, at.place));
+    rate(place, after.place, after.tick - tick)
+}
+
+/// Velocity at the end of a way of which only the start is known: half of what keeps the acceleration even, which does not
+/// swing.
+fn onward([from, velocity]: [[f64; 2]; 2], to: [f64; 2], time: f64) -> [f64; 2] {
+    std::array::from_fn(|k| {
+        let mean = (to[k] - from[k]) / time;
+        if velocity[k].is_finite() { mean + 0.5 * (mean - velocity[k]) } else { mean }
+    })
+}
+
+/// The cubic of Hermite between two places with velocities.
+fn cubic([p, v]: [[f64; 2]; 2], [q, w]: [[f64; 2]; 2], time: f64, guard: bool) -> [[f64; 2]; 4] {
+    let gap: [f64; 2] = std::array::from_fn(|k| q[k] - p[k]);
+    let fastest = v[0].hypot(v[1]).max(w[0].hypot(w[1]));
+    if guard && fastest * time > 3.0 * gap[0].hypot(gap[1]) {
+        return [p, gap, [0.0; 2], [0.0; 2]];
+    }
+    let part = |f: &dyn Fn(usize) -> f64| [f(0), f(1)];
+    [
+        p,
+        part(&|k| v[k] * time),
+        part(&|k| 3.0 * gap[k] - (2.0 * v[k] + w[k]) * time),
+        part(&|k| (v[k] + w[k]) * time - 2.0 * gap[k]),
+    ]
+}

@@ -1,0 +1,256 @@
+//! Ways between frames: exact where they must be, smooth elsewhere, and what happens at jumps, losses and stalls.
+
+use super::item::PathPiece;
+use super::queue::Queue;
+use super::testing::{amplitude, db};
+use super::track::{JUMP, LOST, PathRules, Sample, Tracker};
+use crate::core::time::{Tick, seconds, ticks};
+use std::f64::consts::TAU;
+
+type Pieces = Vec<(Tick, PathPiece)>;
+
+fn rules(frame: f64) -> PathRules {
+    PathRules {
+        frame: ticks(frame),
+        look_ahead: true,
+        differences: false,
+        guard: true,
+        teleport: 8.0 / 512.0,
+        object: 3,
+        smooth: 0.0,
+    }
+}
+
+fn sample(time: f64, place: [f64; 2], velocity: [f64; 2]) -> Sample {
+    Sample {
+        contact: 1,
+        tick: ticks(time),
+        place,
+        velocity: Some(velocity),
+        other: None,
+        force: 2.0,
+        gain: 1.0,
+        begins: false,
+        ends: false,
+    }
+}
+
+/// The pieces that frames make, in windows of a length, until a time.
+fn follow(rules: PathRules, frames: &[Sample], window: f64, until: f64) -> (Pieces, Tracker) {
+    let (mut tracker, mut queue, mut pieces) = (Tracker::new(rules, 64), Queue::new(512), Vec::new());
+    let (mut next, mut to) = (0, 0);
+    while to < ticks(until) {
+        to += ticks(window);
+        let known = to + rules.latency();
+        while let Some(frame) = frames.get(next).filter(|f| f.tick < known) {
+            tracker.due(frame.tick, &mut queue);
+            tracker.frame(frame, &mut queue);
+            next += 1;
+        }
+        tracker.due(known, &mut queue);
+        queue.give(to, |tick, piece| {
+            assert!(tick >= to - ticks(window), "a piece comes after its time");
+            pieces.push((tick, piece));
+        });
+    }
+    (pieces, tracker)
+}
+
+/// The piece of the newest way at a time and the place in it.
+fn at(pieces: &Pieces, time: f64) -> Option<(PathPiece, f64)> {
+    let tick = ticks(time);
+    let under_way = |(start, p): &&(Tick, PathPiece)| (*start..start + p.duration).contains(&tick);
+    let (start, piece) = pieces.iter().rev().find(under_way)?;
+    Some((*piece, (tick - start) as f64 / piece.duration as f64))
+}
+
+#[test]
+fn even_motion_is_exact_at_any_even_or_uneven_frames() {
+    let way = |t: f64| [0.3 + 0.7 * t, -0.2 * t];
+    for (frame, uneven) in [(1.0 / 60.0, 0.0), (1.0 / 30.0, 0.0), (1.0 / 240.0, 0.0), (1.0 / 60.0, 0.009)] {
+        for differences in [false, true] {
+            let times = (0..40).map(|k| frame * f64::from(k) + uneven * f64::from((k * 7) % 5) / 5.0);
+            let frames: Vec<_> = times.map(|t| sample(t, way(t), [0.7, -0.2])).collect();
+            let rules = PathRules { differences, ..rules(frame) };
+            let (pieces, tracker) = follow(rules, &frames, 0.003, 20.0 * frame);
+            assert_eq!((tracker.stalls, tracker.jumps), (0, 0));
+            for k in 0..500 {
+                let t = 0.02 + f64::from(k) * frame * 19.0 / 500.0;
+                let Some((piece, s)) = at(&pieces, t) else { continue };
+                let [x, y] = piece.place_at(s);
+                let right = way(t);
+                assert!((x - right[0]).abs() < 2e-9 && (y - right[1]).abs() < 2e-9, "{frame} {t}: {x} {y}");
+            }
+        }
+    }
+}
+
+fn turning(frame: f64, turn: f64, radius: f64, until: f64) -> Vec<Sample> {
+    let w = TAU / turn;
+    let count = (until / frame).ceil() as i32;
+    (0..count)
+        .map(|k| {
+            let t = f64::from(k) * frame;
+            let (sin, cos) = (w * t).sin_cos();
+            sample(t, [radius * cos, radius * sin], [-radius * w * sin, radius * w * cos])
+        })
+        .collect()
+}
+
+#[test]
+fn a_circle_of_twelve_frames_is_round_within_half_a_percent() {
+    let frame = 1.0 / 60.0;
+    for differences in [false, true] {
+        let frames = turning(frame, 12.0 * frame, 0.05, 1.0);
+        let (pieces, _) = follow(PathRules { differences, ..rules(frame) }, &frames, 0.01, 0.8);
+        for k in 0..700 {
+            let (piece, s) = at(&pieces, 0.05 + f64::from(k) * 0.001).expect("a piece");
+            let [x, y] = piece.place_at(s);
+            assert!((x.hypot(y) / 0.05 - 1.0).abs() < 0.005, "{differences}: {}", x.hypot(y));
+        }
+    }
+}
+
+#[test]
+fn the_frames_cannot_be_heard_on_an_even_slope() {
+    // Direction along x of a contact that circles at 2 Hz over frames at 60 Hz.
+    let (frame, fs) = (1.0 / 60.0, 4000.0);
+    for look_ahead in [true, false] {
+        let frames = turning(frame, 0.5, 0.1, 3.0);
+        let (pieces, _) = follow(PathRules { look_ahead, ..rules(frame) }, &frames, 0.01, 2.9);
+        let slope = |k: u32| {
+            let (piece, s) = at(&pieces, 0.5 + f64::from(k) / fs).expect("a piece");
+            let [x, y] = piece.velocity_at(s);
+            (x / x.hypot(y)) as f32
+        };
+        let signal: Vec<f32> = (0..8000).map(slope).collect();
+        let whole = amplitude(&signal, 2.0, fs);
+        for line in [56.0, 58.0, 60.0, 62.0, 64.0, 120.0, 122.0] {
+            let level = db(amplitude(&signal, line, fs) / whole);
+            assert!(level < -60.0, "{look_ahead}: {line} Hz at {level} dB");
+        }
+    }
+}
+
+#[test]
+fn a_jump_is_a_new_way_and_crossfades() {
+    let frame = 1.0 / 60.0;
+    let frames: Vec<_> = (0..20)
+        .map(|k| {
+            let t = f64::from(k) * frame;
+            sample(t, [0.1 * t + if k >= 10 { 0.08 } else { 0.0 }, 0.0], [0.1, 0.0])
+        })
+        .collect();
+    let (pieces, tracker) = follow(rules(frame), &frames, 0.005, 0.3);
+    assert_eq!(tracker.jumps, 1);
+    let out: Vec<_> = pieces.iter().filter(|(_, p)| p.gain == [1.0, 0.0]).collect();
+    assert_eq!((out.len(), out[0].0, out[0].1.duration), (1, frames[10].tick, ticks(JUMP)));
+    let into: Vec<_> = pieces.iter().filter(|(_, p)| p.gain == [0.0, 1.0]).collect();
+    assert_eq!((into.len(), into[1].0, into[1].1.jump), (2, frames[10].tick, 1));
+    assert!(pieces.iter().all(|(_, p)| p.object == 3 && p.contact == 1));
+}
+
+#[test]
+fn a_number_that_begins_again_is_a_new_way() {
+    let frame = 1.0 / 60.0;
+    let frames: Vec<_> = (0..20)
+        .map(|k| {
+            let t = f64::from(k) * frame;
+            Sample { begins: k == 0 || k == 10, ends: k == 6, ..sample(t, [0.1 * t, 0.0], [0.1, 0.0]) }
+        })
+        .filter(|s| !(ticks(6.5 * frame)..ticks(9.5 * frame)).contains(&s.tick))
+        .collect();
+    let (pieces, tracker) = follow(rules(frame), &frames, 0.005, 0.3);
+    let jumps: Vec<u32> = pieces.iter().map(|(_, p)| p.jump).collect();
+    assert!(jumps.contains(&0) && jumps.contains(&1) && tracker.stalls == 0);
+    // It ended under force: 5 ms more.
+    let (tick, last) = pieces.iter().rfind(|(_, p)| p.jump == 0).unwrap();
+    assert_eq!((*tick, last.duration, last.gain), (frames[6].tick, ticks(LOST), [1.0, 0.0]));
+    assert!(at(&pieces, 7.5 * frame).is_none());
+}
+
+#[test]
+fn a_physics_that_stalls_fades_out_after_two_frames() {
+    let frame = 1.0 / 60.0;
+    for look_ahead in [true, false] {
+        let mut frames: Vec<_> =
+            (0..6).map(|k| sample(f64::from(k) * frame, [0.0, f64::from(k) * 0.01], [0.0, 0.6])).collect();
+        frames.push(sample(20.0 * frame, [0.0, 0.2], [0.0, 0.6]));
+        frames.push(sample(21.0 * frame, [0.0, 0.21], [0.0, 0.6]));
+        let (pieces, tracker) = follow(PathRules { look_ahead, ..rules(frame) }, &frames, 0.004, 0.33);
+        assert_eq!(tracker.stalls, 1);
+        let (piece, s) = at(&pieces, 6.9 * frame).expect("it goes on");
+        assert!((piece.place_at(s)[1] - 0.069).abs() < 1e-6 && piece.gain_at(s) == 1.0);
+        let (piece, s) = at(&pieces, 7.0 * frame + 0.0025).expect("it fades");
+        assert!((piece.gain_at(s) - 0.5).abs() < 0.01);
+        assert!(at(&pieces, 7.0 * frame + 0.0055).is_none(), "and is gone");
+        let (piece, _) = at(&pieces, 20.5 * frame).expect("it is back");
+        assert_eq!(piece.jump, 1);
+    }
+}
+
+#[test]
+fn a_late_frame_is_reached_smoothly() {
+    let frame = 1.0 / 60.0;
+    let times = [0.0, 1.0, 2.0, 3.0, 4.6, 5.0, 6.0, 7.0, 8.0].map(|k| k * frame);
+    let place = |t: f64| [0.3 * t + 2.0 * t * t, 0.0];
+    let frames: Vec<_> = times.iter().map(|t| sample(*t, place(*t), [0.3 + 4.0 * t, 0.0])).collect();
+    let (pieces, tracker) = follow(rules(frame), &frames, 0.002, 0.12);
+    assert_eq!((tracker.late, tracker.stalls, tracker.jumps), (1, 0, 0));
+    let mut before: Option<([f64; 2], [f64; 2])> = None;
+    for k in 0..1100 {
+        let (piece, s) = at(&pieces, 0.005 + f64::from(k) * 1e-4).expect("no gap");
+        let now = (piece.place_at(s), piece.velocity_at(s));
+        if let Some((p, v)) = before {
+            assert!((now.0[0] - p[0] - 1e-4 * v[0]).abs() < 2e-6, "{k}: no step");
+            assert!((now.1[0] - v[0]).abs() < 0.02, "{k}: no kink");
+        }
+        before = Some(now);
+    }
+}
+
+#[test]
+fn dozens_of_contacts_keep_apart_and_windows_change_nothing() {
+    let frame = 1.0 / 60.0;
+    let mut frames: Vec<Sample> = (0..30)
+        .flat_map(|k| {
+            (0..48).map(move |c| {
+                let t = f64::from(k) * frame + f64::from((k * 5) % 3) * 0.002;
+                Sample { contact: c, ..sample(t, [c as f64 + 0.1 * t, 0.0], [0.1, 0.0]) }
+            })
+        })
+        .collect();
+    frames.sort_by_key(|f| f.tick);
+    let (pieces, tracker) = follow(rules(frame), &frames, 0.4, 0.4);
+    assert_eq!(tracker.left_out, 0);
+    for (_, p) in &pieces {
+        assert!((p.place[0][0] - p.contact as f64).abs() < 0.1);
+    }
+    for window in [0.001, 0.0213] {
+        let (mut same, _) = follow(rules(frame), &frames, window, 0.4);
+        same.retain(|(tick, _)| *tick < ticks(0.4));
+        let key = |(tick, p): &(Tick, PathPiece)| (*tick, p.contact, p.jump);
+        let mut whole = pieces.clone();
+        same.sort_by_key(key);
+        whole.sort_by_key(key);
+        assert!(same == whole, "{window}");
+    }
+}
+
+#[test]
+fn a_low_pass_calms_points_that_hop_about() {
+    let frame = 1.0 / 60.0;
+    let hop = |k: u32| if k % 2 == 0 { 0.002 } else { -0.002 };
+    let frames: Vec<_> = (0..60)
+        .map(|k| {
+            let t = f64::from(k) * frame;
+            sample(t, [0.2 * t, hop(k)], [0.2, 0.0])
+        })
+        .collect();
+    let spread = |smooth: f64| {
+        let (pieces, _) = follow(PathRules { smooth, ..rules(frame) }, &frames, 0.01, 0.9);
+        let late = pieces.iter().filter(|(tick, _)| seconds(*tick) > 0.4);
+        late.map(|(_, p)| p.place[0][1].abs()).fold(0.0, f64::max)
+    };
+    assert!((spread(0.0) - 0.002).abs() < 1e-9 && spread(0.02) < 0.0009, "{}", spread(0.02));
+}
