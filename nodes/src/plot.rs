@@ -1,5 +1,6 @@
 //! Small line charts as SVG, for the figures that values draw of themselves.
 
+use crate::texture::Grid;
 use std::fmt::Write;
 
 /// Width and height of a chart, and the margins left, top, right and bottom of its frame.
@@ -122,7 +123,7 @@ pub fn chart(title: &str, x: &Axis, y: &Axis, lines: &[Line]) -> String {
 }
 
 /// From blue to red.
-fn colour(k: usize, count: usize) -> String {
+pub(crate) fn colour(k: usize, count: usize) -> String {
     let along = k as f64 / (count.max(2) - 1) as f64;
     // As hexadecimal, which every reader of SVG understands; the hue goes from blue to red.
     let hue = 4.0 * (1.0 - along);
@@ -131,6 +132,29 @@ fn colour(k: usize, count: usize) -> String {
         ((0.08 + 0.68 * near) * 255.0).round() as u8
     };
     format!("#{:02x}{:02x}{:02x}", channel(0.0), channel(2.0), channel(4.0))
+}
+
+/// A grid of numbers from 0 to 1 as grey rectangles over `size`, runs of one shade as one.
+pub(crate) fn shades(grid: &Grid, [width, height]: [f64; 2]) -> String {
+    let mut svg = String::from("<g shape-rendering=\"crispEdges\">\n");
+    let (dx, dy) = (width / grid.width.max(1) as f64, height / grid.height.max(1) as f64);
+    for (y, row) in grid.samples.chunks_exact(grid.width.max(1)).enumerate() {
+        let shade = |x: &f32| (x.clamp(0.0, 1.0) * 31.0).round() as u32 * 8;
+        let mut from = 0;
+        for run in row.chunk_by(|a, b| shade(a) == shade(b)) {
+            let grey = run.first().map_or(0, shade);
+            let (x, y) = (from as f64 * dx, y as f64 * dy);
+            // Writing to a string does not fail.
+            let _ = writeln!(
+                svg,
+                "<rect x=\"{x:.1}\" y=\"{y:.1}\" width=\"{:.1}\" height=\"{dy:.1}\" fill=\"#{grey:02x}{grey:02x}{grey:02x}\"/>",
+                run.len() as f64 * dx,
+            );
+            from += run.len();
+        }
+    }
+    svg.push_str("</g>\n");
+    svg
 }
 
 /// A number without needless digits.

@@ -133,7 +133,8 @@ impl NoiseBands {
         // The first tap stands 15 samples before the place; the seam is padded by 16.
         let at = whole as usize + 1;
         let samples = band.samples.get(at..at + TAPS).and_then(|s| <&[f32; TAPS]>::try_from(s).ok());
-        let (Some(samples), Some(a), Some(b)) = (samples, self.weights.get(row), self.weights.get(row + 1)) else {
+        let (Some(samples), Some(a), Some(b)) = (samples, self.weights.get(row), self.weights.get(row + 1))
+        else {
             return 0.0;
         };
         weigh(samples, a, b, between)
@@ -154,7 +155,12 @@ fn weigh(samples: &[f32; TAPS], a: &[f32; TAPS], b: &[f32; TAPS], between: f32) 
 }
 
 /// What a loop holds up to `pass`, and less and less of it up to `stop`, both in cycles per sample, as `len` samples.
-fn band(spectrum: &[Complex<f64>], [pass, stop]: [f64; 2], len: usize, planner: &mut FftPlanner<f64>) -> Band {
+fn band(
+    spectrum: &[Complex<f64>],
+    [pass, stop]: [f64; 2],
+    len: usize,
+    planner: &mut FftPlanner<f64>,
+) -> Band {
     let n = spectrum.len();
     let mut part = vec![Complex::default(); len];
     for cycles in 0..=(len / 2).min(n / 2) {

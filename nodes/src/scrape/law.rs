@@ -49,7 +49,8 @@ impl Law {
         let settled = [self.kappa, self.a, self.b].map(|slew| slew.settled(from));
         if let [Some(kappa), Some(a), Some(b)] = settled {
             raise(&mut force, a as f32);
-            let mut speed = moves.speed;
+            // At rest it is the gate that falls.
+            let mut speed = if b == 0.0 { [1.0; CELL] } else { moves.speed };
             raise(&mut speed, b as f32);
             let kappa = kappa as f32;
             for n in 0..CELL {
@@ -60,7 +61,8 @@ impl Law {
         for n in stretch.from..stretch.to.min(CELL) {
             let at = from + n as i64;
             let [kappa, a, b] = [self.kappa, self.a, self.b].map(|slew| slew.at(at) as f32);
-            out[n] *= kappa * gain[n] * power(force[n], a) * power(moves.speed[n], b) * moves.gate[n];
+            let speed = if b == 0.0 { 1.0 } else { power(moves.speed[n], b) };
+            out[n] *= kappa * gain[n] * power(force[n], a) * speed * moves.gate[n];
         }
     }
 }

@@ -162,7 +162,7 @@ impl Node for NoiseExcitation {
     }
 
     fn adopt(&mut self, old: &mut Self) {
-        // Places on the loop are kept even where another loop has come: they are brought into it when it is read.
+        // A place on a loop of another length means nothing.
         if self.noise.round() == old.noise.round() {
             self.voices.take_state(&old.voices);
         }
@@ -191,7 +191,10 @@ mod tests {
 
     fn white(n: usize) -> NoiseProfile {
         let mut draw = Draw::new(4);
-        NoiseProfile { samples: (0..n).map(|_| draw.between(-1.0, 1.0) as f32).collect(), spacing: 1.0 / 4096.0 }
+        NoiseProfile {
+            samples: (0..n).map(|_| draw.between(-1.0, 1.0) as f32).collect(),
+            spacing: 1.0 / 4096.0,
+        }
     }
 
     fn solo(p: NoiseExcitationParams, paths: Vec<(Tick, PathPiece)>, end: f64) -> Solo {
@@ -251,10 +254,18 @@ mod tests {
     fn windows_change_no_bit() {
         let there = piece([0.0; 2], [0.5, 0.0], 0.11);
         let back = piece([0.05, 0.0], [-40.5, 0.1], 0.09);
-        let paths = vec![(ticks(0.0123), there), (ticks(0.05), PathPiece { contact: 5, ..back }), (ticks(0.1223), back)];
+        let paths = vec![
+            (ticks(0.0123), there),
+            (ticks(0.05), PathPiece { contact: 5, ..back }),
+            (ticks(0.1223), back),
+        ];
         let run = |n: usize| {
             let window = Rate::hz(44_100).span(n);
-            solo(params(), paths.clone(), 0.3).window(window).run().unwrap().stream(NoiseExcitationPorts::force)
+            solo(params(), paths.clone(), 0.3)
+                .window(window)
+                .run()
+                .unwrap()
+                .stream(NoiseExcitationPorts::force)
         };
         let whole = run(20_000);
         for n in [32, 100, 1024, 4096] {
@@ -265,7 +276,11 @@ mod tests {
     #[test]
     fn the_wall_of_a_loop_without_samples_is_an_error() {
         let empty = NoiseProfile { samples: Vec::new(), spacing: 1.0 };
-        let solo = Solo::new::<NoiseExcitation>(params()).events::<PathPiece>(NoiseExcitationPorts::paths, vec![], 1);
+        let solo = Solo::new::<NoiseExcitation>(params()).events::<PathPiece>(
+            NoiseExcitationPorts::paths,
+            vec![],
+            1,
+        );
         let error = solo.value(NoiseExcitationPorts::noise, empty).run().map(|_| ()).unwrap_err();
         assert!(error.code == "F128" && error.to_string().contains("0 samples"), "{error}");
     }

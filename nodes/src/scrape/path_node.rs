@@ -303,12 +303,15 @@ impl Node for ContactPath {
         let (_, to) = io.paths.window();
         let events = io.contacts.events();
         let mut fresh = &events[events.partition_point(|(tick, _)| *tick < self.seen)..];
+        let latency = rules(&self.params).latency();
         while let Some((tick, _)) = fresh.first() {
+            // Nothing that starts before that is changed any more: the queue stays short in windows of any length.
+            self.queue.give(to.min(tick - latency), |tick, piece| io.paths.push(tick, piece));
             let (now, later) = fresh.split_at(fresh.partition_point(|(t, _)| t <= tick));
             self.take(now);
             fresh = later;
         }
-        self.seen = to + rules(&self.params).latency();
+        self.seen = to + latency;
         self.tracker.due(self.seen, &mut self.queue);
         self.queue.give(to, |tick, piece| io.paths.push(tick, piece));
         Ok(())

@@ -23,14 +23,19 @@ impl Queue {
     ///
     /// What was to come of the same way from then on is replaced.
     pub fn push(&mut self, tick: Tick, piece: PathPiece) {
-        let way = |p: &PathPiece| (p.contact, p.jump);
-        self.pieces.retain(|(t, p)| *t < tick || way(p) != way(&piece));
+        self.cut(tick, &piece);
         if self.pieces.len() >= self.room {
             self.left_out += 1;
             return;
         }
         let at = self.pieces.partition_point(|(t, _)| *t <= tick);
         self.pieces.insert(at, (tick, piece));
+    }
+
+    /// Forgets what was to come from a time on of the way of a piece.
+    pub fn cut(&mut self, tick: Tick, piece: &PathPiece) {
+        let way = |p: &PathPiece| (p.contact, p.jump);
+        self.pieces.retain(|(t, p)| *t < tick || way(p) != way(piece));
     }
 
     /// Gives away those that start before a time.

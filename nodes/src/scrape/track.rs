@@ -369,6 +369,7 @@ impl Tracker {
             let time = sample.tick - track.last.tick;
             if time > 0 { rate(track.last.place, sample.place, time) } else { [0.0; 2] }
         });
+        let bend = track.bend(sample);
         let other = sample.other.map(|place| {
             let time = sample.tick - track.last.tick;
             let before = track.last.other.filter(|_| time > 0);
@@ -377,8 +378,8 @@ impl Tracker {
         });
         let end = Sample {
             tick: sample.tick + self.rules.frame,
-            place: std::array::from_fn(|k| sample.place[k] + velocity[k] * step),
-            velocity: Some(velocity),
+            place: std::array::from_fn(|k| sample.place[k] + step * (velocity[k] + 0.5 * step * bend[k])),
+            velocity: Some(std::array::from_fn(|k| velocity[k] + step * bend[k])),
             other,
             ..*sample
         };
@@ -442,10 +443,8 @@ impl Tracker {
     }
 
     fn due_of(&self, track: &Track) -> Tick {
-        match track.waiting {
-            Some(waiting) => waiting.tick + self.rules.latency() / 2,
-            None => track.known + self.rules.latency(),
-        }
+        let own = if track.lost { Tick::MAX } else { track.known + self.rules.latency() };
+        track.waiting.map_or(own, |waiting| own.min(waiting.tick + self.rules.latency() / 2))
     }
 
     /// Goes on with contacts whose next frame has not come, as of `until`.
@@ -462,6 +461,7 @@ impl Tracker {
             waiting.velocity =
                 track.before.map(|(tick, place)| rate(place, waiting.place, waiting.tick - tick));
             self.take(track, &waiting, out);
+            track.before = Some((waiting.tick, waiting.place));
             return;
         }
         let end = track.last.tick + self.rules.stall();
@@ -488,6 +488,15 @@ impl Tracker {
 impl Track {
     fn known_velocity(&self) -> Option<[f64; 2]> {
         self.at[1].iter().all(|v| v.is_finite()).then_some(self.at[1])
+    }
+
+    /// Acceleration since the last frame, where it is small enough to be one.
+    fn bend(&self, sample: &Sample) -> [f64; 2] {
+        let time = sample.tick - self.last.tick;
+        let (Some(v), Some(w)) = (self.last.velocity, sample.velocity) else { return [0.0; 2] };
+        let change = [w[0] - v[0], w[1] - v[1]];
+        let small = change[0].hypot(change[1]) < 0.5 * w[0].hypot(w[1]);
+        if time > 0 && small { change.map(|c| c / seconds(time)) } else { [0.0; 2] }
     }
 
     /// Forgets what is known beyond a time.
