@@ -34,6 +34,12 @@ use crate::spatial::hrtf_node::StructuralHrtf;
 use crate::spatial::orbit_node::Orbit;
 use crate::spatial::pose_file_node::PoseFile;
 use crate::spatial::vertex_pose::VertexPose;
+use crate::texture::class_node::HistogramClass;
+use crate::texture::feature_nodes::{Bilateral, DogFeatures, FeatureNoiseSplit};
+use crate::texture::image_node::ImageLuma;
+use crate::texture::map_nodes::{MapCoder, SobelMap};
+use crate::texture::profile_node::NoiseProfileNode;
+use crate::texture::sizes::MapSizes;
 use crate::unit::concatenator_node::UnitConcatenator;
 use crate::unit::database_node::{UnitDatabaseFile, UnitDatabaseNode};
 use crate::unit::global_node::GlobalUnitSelector;
@@ -113,6 +119,15 @@ pub fn all() -> Vec<NodeType> {
         NodeType::of::<ModalBankNode>("modal"),
         NodeType::func::<ModalFromRecording>("modal"),
         NodeType::func::<ModesFile>("modal"),
+        NodeType::func::<ImageLuma>("texture"),
+        NodeType::func::<HistogramClass>("texture"),
+        NodeType::func::<SobelMap>("texture"),
+        NodeType::func::<MapCoder>("texture"),
+        NodeType::func::<Bilateral>("texture"),
+        NodeType::func::<DogFeatures>("texture"),
+        NodeType::func::<FeatureNoiseSplit>("texture"),
+        NodeType::func::<NoiseProfileNode>("texture"),
+        NodeType::func::<MapSizes>("texture"),
         NodeType::of::<StructuralHrtf>("spatial"),
         NodeType::of::<DistanceGain>("spatial"),
         NodeType::of::<Orbit>("spatial"),

@@ -6,9 +6,17 @@ use super::item::{Grid, Wrap};
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch, f32x16};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Pixels that are treated together.
 pub(super) const LANES: usize = 16;
+/// Pixels of a row that are blurred together, and rows that one task blurs.
+pub(super) const TILE: usize = 256;
+const BLUR_STRIP: usize = 128;
+/// Places from one line of a ring to the next: no power of two, or all lines would fall into the same part of the cache.
+const PITCH: usize = TILE + LANES;
+/// Pixels that are under way at once.
+const BLOCK: usize = 4 * LANES;
 /// Rows that one task makes: enough to pay for the task, few enough to stay in the cache.
 const STRIP: usize = 32;
 
@@ -52,14 +60,13 @@ impl Kernel {
 /// Blurs an image by the same kernel along both axes.
 ///
 /// # Complexity
-/// `O(pixels * radius)`, with one row of memory for each thread beside the result.
+/// `O(pixels * radius)`, with a few rows of memory for each thread beside the result.
 #[must_use]
 pub fn smooth(image: &Grid, kernel: &Kernel, wrap: Wrap) -> Grid {
     if kernel.radius() == 0 {
         return image.clone();
     }
-    let filter = RowFilter::new(image, kernel, wrap);
-    map_rows(image.width, image.height, Vec::new, |line, y, out| filter.row(y as i64, line, out))
+    blur(image, [kernel], wrap, |_, [row], out| out.iter_mut().zip(row).for_each(|(out, x)| *out = *x))
 }
 
 /// Makes a grid row by row, in parallel; `state` makes what one task needs for its rows.
@@ -109,29 +116,129 @@ impl Grid {
     }
 }
 
-/// One kernel over one image, a row at a time.
-pub(super) struct RowFilter<'a> {
-    image: &'a Grid,
-    weights: &'a [f32],
+/// Blurs an image by several kernels at once, and joins what they give piece by piece of a row.
+///
+/// The image is gone through in tiles that stay in the nearest cache: along the rows into a ring of lines, then down that ring.
+pub(super) fn blur<const N: usize>(
+    image: &Grid,
+    kernels: [&Kernel; N],
     wrap: Wrap,
-    level: Level,
+    join: impl Fn(Level, &[[f32; TILE]; N], &mut [f32]) + Sync,
+) -> Grid {
+    let (width, height, level) = (image.width, image.height, Level::new());
+    let radius = kernels.iter().map(|kernel| kernel.radius()).max().unwrap_or_default();
+    let weight = |kernel: &Kernel, t: usize| kernel.weights().get(t).copied().unwrap_or_default();
+    let weights: Vec<[f32; N]> = (0..=radius).map(|t| kernels.map(|kernel| weight(kernel, t))).collect();
+    let mut samples = vec![0.0; width * height];
+    if width == 0 {
+        return Grid { width, height, samples };
+    }
+    samples.par_chunks_mut(width * BLUR_STRIP).enumerate().for_each(|(strip, out)| {
+        let mut ring = Ring::new(&weights);
+        for from in (0..width).step_by(TILE) {
+            let tile = from..(from + TILE).min(width);
+            for k in 0..out.len() / width + 2 * radius {
+                let row = image.row((strip * BLUR_STRIP + k) as i64 - radius as i64, wrap);
+                ring.cut(row, tile.clone(), wrap);
+                dispatch!(level, simd => ring.along(simd, k));
+                let Some(done) = k.checked_sub(2 * radius) else { continue };
+                dispatch!(level, simd => ring.down(simd, k));
+                let piece = out.get_mut(done * width + tile.start..done * width + tile.end);
+                join(level, &ring.done, piece.unwrap_or_default());
+            }
+        }
+    });
+    Grid { width, height, samples }
 }
 
-impl<'a> RowFilter<'a> {
-    pub(super) fn new(image: &'a Grid, kernel: &'a Kernel, wrap: Wrap) -> Self {
-        Self { image, weights: kernel.weights(), wrap, level: Level::new() }
+/// The lines of a tile that the column filters need at once.
+struct Ring<'a, const N: usize> {
+    /// Weights of all kernels from the middle outwards; zeros where one is shorter.
+    weights: &'a [[f32; N]],
+    /// A piece of a row, with what lies before and after it.
+    line: Vec<f32>,
+    /// Filtered pieces, of row `k` at place `k` modulo their count.
+    rows: Vec<[[f32; PITCH]; N]>,
+    /// One filtered row.
+    done: [[f32; TILE]; N],
+}
+
+impl<'a, const N: usize> Ring<'a, N> {
+    fn new(weights: &'a [[f32; N]]) -> Self {
+        let places = 2 * weights.len() - 1;
+        let line = vec![0.0; TILE + places];
+        Self { weights, line, rows: vec![[[0.0; PITCH]; N]; places], done: [[0.0; TILE]; N] }
     }
 
-    /// Writes the filtered row `y`; `line` is memory to work in.
-    pub(super) fn row(&self, y: i64, line: &mut Vec<f32>, out: &mut [f32]) {
-        let (radius, width) = (self.weights.len() - 1, self.image.width);
-        line.resize(width + 2 * radius + LANES, 0.0);
-        let r = radius as i64;
-        let rows: Vec<&[f32]> = (-r..=r).map(|t| self.image.row(y + t, self.wrap)).collect();
-        let (level, weights) = (self.level, self.weights);
-        dispatch!(level, simd => down(simd, &rows, weights, line.get_mut(radius..).unwrap_or_default()));
-        extend(line, radius, width, self.wrap);
-        dispatch!(level, simd => along(simd, line, weights, out));
+    /// Takes up a piece of a row, with what lies to both sides of it.
+    fn cut(&mut self, row: &[f32], tile: Range<usize>, wrap: Wrap) {
+        let radius = self.weights.len() - 1;
+        let (from, to) = (tile.start.saturating_sub(radius), (tile.end + radius).min(row.len()));
+        let before = radius + from - tile.start;
+        let inside = self.line.get_mut(before..before + to - from).unwrap_or_default();
+        inside.copy_from_slice(row.get(from..to).unwrap_or_default());
+        let after = before + to - from..tile.len() + 2 * radius;
+        for k in (0..before).chain(after) {
+            self.line[k] = row[wrap.place((tile.start + k) as i64 - radius as i64, row.len())];
+        }
+    }
+
+    /// The row filters of all kernels, of row `k`.
+    #[inline(always)]
+    fn along<S: Simd>(&mut self, simd: S, k: usize) {
+        let radius = self.weights.len() - 1;
+        let place = k % self.rows.len();
+        let (Some((middle, outer)), Some(out)) = (self.weights.split_first(), self.rows.get_mut(place))
+        else {
+            return;
+        };
+        for at in (0..TILE).step_by(BLOCK) {
+            let own = load_block(simd, &self.line, at + radius);
+            let mut sums: [[f32x16<S>; 4]; N] = std::array::from_fn(|n| own.map(|x| x * middle[n]));
+            for (t, weights) in outer.iter().enumerate() {
+                let a = load_block(simd, &self.line, at + radius - t - 1);
+                let b = load_block(simd, &self.line, at + radius + t + 1);
+                add_pair(simd, a, b, weights, &mut sums);
+            }
+            for n in 0..N {
+                store_block(sums[n], &mut out[n], at);
+            }
+        }
+    }
+
+    /// The column filters of all kernels, with row `k` as the last that they need.
+    #[inline(always)]
+    fn down<S: Simd>(&mut self, simd: S, k: usize) {
+        let (radius, count) = (self.weights.len() - 1, self.rows.len());
+        let Some((middle, outer)) = self.weights.split_first() else { return };
+        let k = k + count - radius;
+        for n in 0..N {
+            let row = |k: usize| self.rows.get(k % count).map_or(&[][..], |rows| &rows[n]);
+            for at in (0..TILE).step_by(BLOCK) {
+                let mut sums = [load_block(simd, row(k), at).map(|x| x * middle[n])];
+                for (t, weights) in outer.iter().enumerate() {
+                    let (a, b) = (load_block(simd, row(k - t - 1), at), load_block(simd, row(k + t + 1), at));
+                    add_pair(simd, a, b, &[weights[n]], &mut sums);
+                }
+                store_block(sums[0], &mut self.done[n], at);
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn add_pair<S: Simd, const N: usize>(
+    simd: S,
+    a: [f32x16<S>; 4],
+    b: [f32x16<S>; 4],
+    weights: &[f32; N],
+    sums: &mut [[f32x16<S>; 4]; N],
+) {
+    for k in 0..4 {
+        let pair = a[k] + b[k];
+        for n in 0..N {
+            sums[n][k] = pair.mul_add(f32x16::splat(simd, weights[n]), sums[n][k]);
+        }
     }
 }
 
@@ -171,35 +278,28 @@ pub(super) fn store<S: Simd>(pixels: f32x16<S>, row: &mut [f32], at: usize) {
     }
 }
 
-/// One row of the column filter, from the `2 radius + 1` rows around it.
+/// [`BLOCK`] pixels of a row; zeros beyond its end.
 #[inline(always)]
-fn down<S: Simd>(simd: S, rows: &[&[f32]], weights: &[f32], out: &mut [f32]) {
-    let Some((&middle, outer)) = weights.split_first() else { return };
-    let radius = outer.len();
-    let Some((above, &[row, ref below @ ..])) = rows.split_at_checked(radius) else { return };
-    let out = out.get_mut(..row.len()).unwrap_or_default();
-    for at in (0..row.len()).step_by(LANES) {
-        let mut sum = load(simd, row, at) * middle;
-        for ((&weight, above), below) in outer.iter().zip(above.iter().rev()).zip(below) {
-            let pair = load(simd, above, at) + load(simd, below, at);
-            sum = pair.mul_add(f32x16::splat(simd, weight), sum);
-        }
-        store(sum, out, at);
+fn load_block<S: Simd>(simd: S, row: &[f32], at: usize) -> [f32x16<S>; 4] {
+    match row.get(at..at + BLOCK) {
+        Some(block) => std::array::from_fn(|k| f32x16::from_slice(simd, &block[k * LANES..(k + 1) * LANES])),
+        None => std::array::from_fn(|k| load(simd, row, (at + k * LANES).min(row.len()))),
     }
 }
 
-/// The row filter, over a line that goes `radius` pixels beyond both ends of `out`.
 #[inline(always)]
-fn along<S: Simd>(simd: S, line: &[f32], weights: &[f32], out: &mut [f32]) {
-    let Some((&middle, outer)) = weights.split_first() else { return };
-    let radius = outer.len();
-    for at in (0..out.len()).step_by(LANES) {
-        let mut sum = load(simd, line, at + radius) * middle;
-        for (t, &weight) in outer.iter().enumerate() {
-            let pair = load(simd, line, at + radius - t - 1) + load(simd, line, at + radius + t + 1);
-            sum = pair.mul_add(f32x16::splat(simd, weight), sum);
+fn store_block<S: Simd>(pixels: [f32x16<S>; 4], row: &mut [f32], at: usize) {
+    match row.get_mut(at..at + BLOCK) {
+        Some(block) => {
+            for k in 0..4 {
+                pixels[k].store_slice(&mut block[k * LANES..(k + 1) * LANES]);
+            }
         }
-        store(sum, out, at);
+        None => {
+            for k in 0..4 {
+                store(pixels[k], row, (at + k * LANES).min(row.len()));
+            }
+        }
     }
 }
 

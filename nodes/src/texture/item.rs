@@ -1,5 +1,6 @@
 //! What travels between the nodes of textures.
 
+use super::half::to_half;
 use crate::core::item::Data;
 use crate::core::random::Draw;
 use serde::{Deserialize, Serialize};
@@ -131,8 +132,9 @@ impl Default for Surface {
     }
 }
 
+/// All trials are of one size, for nodes that take two maps of one image.
 fn trial_grid(draw: &mut Draw, low: f64, high: f64) -> Grid {
-    let (width, height) = (2 + draw.below(30), 2 + draw.below(30));
+    let (width, height) = (29, 22);
     Grid::from_fn(width, height, |_, _| draw.between(low, high) as f32)
 }
 
@@ -152,6 +154,10 @@ impl Data for Luma {
             surface: trial_surface(draw),
         }
     }
+
+    fn plot(&self) -> Option<String> {
+        super::figure::luma(self)
+    }
 }
 
 impl Data for DiscontinuityMap {
@@ -162,6 +168,10 @@ impl Data for DiscontinuityMap {
         let gy = Grid::from_fn(gx.width, gx.height, |_, _| draw.between(-20.0, 20.0) as f32);
         Self { gx, gy, surface: trial_surface(draw) }
     }
+
+    fn plot(&self) -> Option<String> {
+        super::figure::discontinuities(self)
+    }
 }
 
 impl Data for FeatureMap {
@@ -169,6 +179,10 @@ impl Data for FeatureMap {
 
     fn trial(draw: &mut Draw) -> Self {
         Self { grid: trial_grid(draw, 0.0, 1.0), surface: trial_surface(draw) }
+    }
+
+    fn plot(&self) -> Option<String> {
+        super::figure::features(self)
     }
 }
 
@@ -178,6 +192,10 @@ impl Data for NoiseMap {
     fn trial(draw: &mut Draw) -> Self {
         Self { grid: trial_grid(draw, -5.0, 5.0), surface: trial_surface(draw) }
     }
+
+    fn plot(&self) -> Option<String> {
+        super::figure::noise(self)
+    }
 }
 
 impl Data for NoiseProfile {
@@ -186,6 +204,15 @@ impl Data for NoiseProfile {
     fn trial(draw: &mut Draw) -> Self {
         let samples = (0..64 + draw.below(200)).map(|_| draw.between(-5.0, 5.0) as f32).collect();
         Self { samples, spacing: 1.0 / draw.between(500.0, 20_000.0) }
+    }
+
+    fn plot(&self) -> Option<String> {
+        super::figure::profile(self)
+    }
+
+    /// The samples in 16 bits each, the lower byte first.
+    fn file(&self) -> Option<Vec<u8>> {
+        Some(self.samples.iter().flat_map(|x| to_half(*x).to_le_bytes()).collect())
     }
 }
 

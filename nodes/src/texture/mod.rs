@@ -1,11 +1,34 @@
 //! Images of surfaces, and what of them can be heard: maps of discontinuities, isophotes, features and noise.
 //!
 //! A [`Luma`] image is the start of everything; each map keeps its density, so that a place in metres means the same on all.
+//! [`decode`] and [`luma`] read images, [`histogram`] tells simple from complex ones; [`sobel`] and [`code`] make the maps of simple
+//! ones, [`bilateral`], [`dog`] and [`split`] part complex ones into features and noise, [`profile`], [`spectrum`] and [`detail`]
+//! make one line of that noise.
 
+pub mod bilateral;
+pub mod class_node;
+pub mod code;
+pub mod decode;
+pub mod detail;
+pub mod dog;
+pub mod feature_nodes;
+mod figure;
 mod filter;
+pub mod half;
+pub mod histogram;
+pub mod image_node;
 mod item;
+pub mod luma;
+pub mod map_nodes;
 mod mips;
+mod picture;
+pub mod profile;
+pub mod profile_node;
 mod pyramid;
+pub mod sizes;
+pub mod sobel;
+pub mod spectrum;
+pub mod split;
 
 pub use filter::{Kernel, smooth};
 pub use item::{DiscontinuityMap, FeatureMap, Grid, Luma, LumaKind, NoiseMap, NoiseProfile, Surface, Wrap};

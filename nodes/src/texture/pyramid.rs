@@ -1,6 +1,6 @@
 //! Images at half, a quarter, an eighth of their density: what a fast contact reads, so that nothing folds down.
 
-use super::filter::{Kernel, RowFilter, map_rows};
+use super::filter::{Kernel, map_rows, smooth};
 use super::item::{Grid, Wrap};
 
 /// One level of a [`Pyramid`].
@@ -75,22 +75,23 @@ fn half(len: usize, wrap: Wrap) -> (usize, f64) {
 fn halved(above: &PyramidLevel, wrap: Wrap) -> PyramidLevel {
     let image = &above.grid;
     let ((width, step_x), (height, step_y)) = (half(image.width, wrap), half(image.height, wrap));
-    let kernel = Kernel::binomial();
-    let filter = RowFilter::new(image, &kernel, wrap);
-    let memory = || (Vec::new(), vec![0.0; image.width], vec![0.0; image.width]);
-    let grid = map_rows(width, height, memory, |(line, low, high), y, out| {
-        let (row, part) = split(y, step_y);
-        filter.row(row, line, low);
-        if part > 0.0 {
-            filter.row(row + 1, line, high);
-            low.iter_mut().zip(&*high).for_each(|(a, b)| *a += part * (b - *a));
-        }
-        for (x, out) in out.iter_mut().enumerate() {
-            let (x, part) = split(x, step_x);
-            let at = |x: i64| low.get(wrap.place(x, image.width)).copied().unwrap_or_default();
-            *out = if part > 0.0 { at(x) + part * (at(x + 1) - at(x)) } else { at(x) };
-        }
-    });
+    let soft = smooth(image, &Kernel::binomial(), wrap);
+    let grid = map_rows(
+        width,
+        height,
+        || (),
+        |(), y, out| {
+            let (y, down) = split(y, step_y);
+            let (upper, lower) = (soft.row(y, wrap), soft.row(y + 1, wrap));
+            for (x, out) in out.iter_mut().enumerate() {
+                let (x, right) = split(x, step_x);
+                let at =
+                    |row: &[f32], x: i64| row.get(wrap.place(x, image.width)).copied().unwrap_or_default();
+                let along = |row| at(row, x) + right * (at(row, x + 1) - at(row, x));
+                *out = along(upper) + down * (along(lower) - along(upper));
+            }
+        },
+    );
     PyramidLevel { grid, scale: [above.scale[0] * step_x, above.scale[1] * step_y] }
 }
 

@@ -1,0 +1,248 @@
+//! Luminance of images: lightness as CIE defines it from linear light, or the weighted sum of the coded channels.
+//!
+//! # Source
+//! IEC 61966-2-1 (sRGB); CIE 15 (lightness); ITU-R BT.601.
+
+use super::decode::{ImageError, Picture, Samples};
+use super::item::{Grid, LumaKind};
+use rayon::prelude::*;
+
+/// Linear light of a coded value of sRGB, both 0 to 1.
+#[must_use]
+pub fn linear(coded: f64) -> f64 {
+    if coded <= 0.04045 { coded / 12.92 } else { ((coded + 0.055) / 1.055).powf(2.4) }
+}
+
+/// Lightness of CIE, 0 to 100, of a luminance from 0 to 1.
+#[must_use]
+pub fn lightness(y: f64) -> f64 {
+    if y > 0.008_856 { 116.0 * y.cbrt() - 16.0 } else { 903.3 * y }
+}
+
+/// The greatest luminance of a kind.
+#[must_use]
+pub fn most(kind: LumaKind) -> f32 {
+    match kind {
+        LumaKind::Lstar => 100.0,
+        LumaKind::Rec601 => 255.0,
+    }
+}
+
+/// What turns coded values into luminance: tables for all values that there are.
+struct Tables {
+    kind: LumaKind,
+    /// Of a grey value.
+    grey: Vec<f32>,
+    /// Linear light, or the coded value over 255, of one channel.
+    channel: Vec<f32>,
+    weights: [f32; 3],
+    /// Darkest bright and brightest dark change places.
+    invert: bool,
+}
+
+impl Tables {
+    fn new(values: usize, kind: LumaKind, invert: bool) -> Self {
+        let coded = |k: usize| k as f64 / (values - 1) as f64;
+        let flip = |x: f64| if invert { f64::from(most(kind)) - x } else { x };
+        let grey = (0..values).map(|k| match kind {
+            LumaKind::Lstar => flip(lightness(linear(coded(k)))) as f32,
+            LumaKind::Rec601 => flip(255.0 * coded(k)) as f32,
+        });
+        let channel = (0..values).map(|k| match kind {
+            LumaKind::Lstar => linear(coded(k)) as f32,
+            LumaKind::Rec601 => (255.0 * coded(k)) as f32,
+        });
+        let weights = match kind {
+            LumaKind::Lstar => [0.2126, 0.7152, 0.0722],
+            LumaKind::Rec601 => [0.299, 0.587, 0.114],
+        };
+        Self { kind, grey: grey.collect(), channel: channel.collect(), weights, invert }
+    }
+
+    fn colour(&self, rgb: [usize; 3]) -> f32 {
+        let light = |k: usize| self.channel.get(k).copied().unwrap_or_default();
+        let [r, g, b] = rgb.map(light);
+        let y = self.weights[0] * r + self.weights[1] * g + self.weights[2] * b;
+        let luma = match self.kind {
+            LumaKind::Rec601 => y,
+            // As [`lightness`], in single precision.
+            LumaKind::Lstar if y > 0.008_856 => 116.0 * y.cbrt() - 16.0,
+            LumaKind::Lstar => 903.3 * y,
+        };
+        if self.invert { most(self.kind) - luma } else { luma }
+    }
+
+    /// Luminance of a pixel and whether it is a hole.
+    fn pixel<T: Copy + Into<usize>>(&self, pixel: &[T]) -> (f32, bool) {
+        let grey = |k: T| self.grey.get(k.into()).copied().unwrap_or_default();
+        let hole = |alpha: T| 2 * alpha.into() < self.grey.len() - 1;
+        match *pixel {
+            [g] => (grey(g), false),
+            [g, a] => (grey(g), hole(a)),
+            [r, g, b] => (self.colour([r, g, b].map(Into::into)), false),
+            [r, g, b, a] => (self.colour([r, g, b].map(Into::into)), hole(a)),
+            _ => (0.0, true),
+        }
+    }
+}
+
+/// The luminance of an image, and which pixels are holes: those of an alpha below one half; empty where none is.
+///
+/// Holes have luminance 0. `invert` turns dark into bright, for images whose grooves are the bright parts.
+///
+/// # Errors
+/// When every pixel is a hole.
+///
+/// # Complexity
+/// `O(pixels)`.
+pub fn luminance(picture: &Picture, kind: LumaKind, invert: bool) -> Result<(Grid, Vec<bool>), ImageError> {
+    let values = match picture.samples {
+        Samples::Bytes(_) => 1 << 8,
+        Samples::Words(_) => 1 << 16,
+    };
+    let tables = Tables::new(values, kind, invert);
+    let (samples, holes) = match &picture.samples {
+        Samples::Bytes(samples) => pixels(&tables, samples, picture),
+        Samples::Words(samples) => pixels(&tables, samples, picture),
+    };
+    if !holes.is_empty() && holes.iter().all(|hole| *hole) {
+        return Err(ImageError::Transparent);
+    }
+    let holes = if holes.contains(&true) { holes } else { Vec::new() };
+    Ok((Grid { width: picture.width, height: picture.height, samples }, holes))
+}
+
+fn pixels<T: Copy + Into<usize> + Sync>(
+    tables: &Tables,
+    samples: &[T],
+    of: &Picture,
+) -> (Vec<f32>, Vec<bool>) {
+    let mut luma = vec![0.0; of.width * of.height];
+    let alpha = of.channels == 2 || of.channels == 4;
+    let mut holes = vec![false; if alpha { luma.len() } else { 0 }];
+    let (row, channels) = (of.width.max(1), of.channels.max(1));
+    if alpha {
+        let rows =
+            luma.par_chunks_mut(row).zip(holes.par_chunks_mut(row)).zip(samples.par_chunks(row * channels));
+        rows.for_each(|((luma, holes), samples)| {
+            for ((luma, hole), pixel) in luma.iter_mut().zip(holes).zip(samples.chunks_exact(channels)) {
+                (*luma, *hole) = tables.pixel(pixel);
+                *luma = if *hole { 0.0 } else { *luma };
+            }
+        });
+    } else {
+        let rows = luma.par_chunks_mut(row).zip(samples.par_chunks(row * channels));
+        rows.for_each(|(luma, samples)| {
+            luma.iter_mut()
+                .zip(samples.chunks_exact(channels))
+                .for_each(|(l, pixel)| *l = tables.pixel(pixel).0);
+        });
+    }
+    (luma, holes)
+}
+
+/// How much an image shows blocks of 8 pixels, as JPEG leaves them: 0 not at all, 1 nothing but blocks.
+///
+/// The steps between neighbouring columns, and those between rows, are added up along the other axis and freed of their slow
+/// part; what their autocorrelation at a lag of 8 stands above that at the lags around it is the answer, the greater of both axes.
+///
+/// # Complexity
+/// `O(pixels)`.
+#[must_use]
+pub fn blockiness(image: &Grid) -> f32 {
+    let (mut across, mut down) = (vec![0.0_f64; image.width.saturating_sub(1)], Vec::new());
+    let rows: Vec<&[f32]> = image.samples.chunks_exact(image.width.max(1)).collect();
+    for (k, row) in rows.iter().enumerate() {
+        for (sum, pair) in across.iter_mut().zip(row.windows(2)) {
+            *sum += f64::from((pair[1] - pair[0]).abs());
+        }
+        if let Some(next) = rows.get(k + 1) {
+            down.push(row.iter().zip(*next).map(|(a, b)| f64::from((b - a).abs())).sum());
+        }
+    }
+    block_peak(&across).max(block_peak(&down)) as f32
+}
+
+fn block_peak(steps: &[f64]) -> f64 {
+    const BLOCK: usize = 8;
+    if steps.len() < 8 * BLOCK {
+        return 0.0;
+    }
+    // Less the mean over one block around each step.
+    let free: Vec<f64> = steps
+        .windows(BLOCK + 1)
+        .map(|w| w[BLOCK / 2] - (w[1..BLOCK].iter().sum::<f64>() + 0.5 * (w[0] + w[BLOCK])) / BLOCK as f64)
+        .collect();
+    let at = |lag: usize| free.iter().zip(free.iter().skip(lag)).map(|(a, b)| a * b).sum::<f64>();
+    let power = at(0);
+    if power <= 1e-12 {
+        return 0.0;
+    }
+    let around = [5, 6, 7, 9, 10, 11].map(at).into_iter().fold(f64::NEG_INFINITY, f64::max);
+    ((at(BLOCK) - around.max(0.0)) / power).clamp(0.0, 1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::core::random::Draw;
+    use crate::texture::decode::Format;
+
+    fn picture(channels: usize, samples: Samples) -> Picture {
+        let count = match &samples {
+            Samples::Bytes(s) => s.len(),
+            Samples::Words(s) => s.len(),
+        };
+        Picture { width: count / channels, height: 1, channels, samples, format: Format::Png }
+    }
+
+    #[test]
+    fn the_middle_grey_of_srgb_has_a_lightness_of_50() {
+        let bytes = picture(1, Samples::Bytes(vec![119, 0, 255]));
+        let (grid, holes) = luminance(&bytes, LumaKind::Lstar, false).unwrap();
+        assert!((grid.samples[0] - 50.0).abs() < 0.1, "{}", grid.samples[0]);
+        assert!(grid.samples[1] == 0.0 && (grid.samples[2] - 100.0).abs() < 1e-4 && holes.is_empty());
+        let words = picture(1, Samples::Words(vec![119 * 257]));
+        assert_eq!(luminance(&words, LumaKind::Lstar, false).unwrap().0.samples[0], grid.samples[0]);
+        let grey = picture(3, Samples::Bytes(vec![119; 3]));
+        let colour = luminance(&grey, LumaKind::Lstar, false).unwrap().0.samples[0];
+        assert!((colour - grid.samples[0]).abs() < 1e-4);
+    }
+
+    #[test]
+    fn rec601_weighs_the_coded_channels() {
+        let rgb = picture(3, Samples::Bytes(vec![200, 100, 50]));
+        let (grid, _) = luminance(&rgb, LumaKind::Rec601, false).unwrap();
+        assert!((grid.samples[0] - (0.299 * 200.0 + 58.7 + 5.7)).abs() < 1e-4);
+        let (flipped, _) = luminance(&rgb, LumaKind::Rec601, true).unwrap();
+        assert!((flipped.samples[0] + grid.samples[0] - 255.0).abs() < 1e-4);
+    }
+
+    #[test]
+    fn pixels_of_an_alpha_below_one_half_are_holes() {
+        let image = picture(2, Samples::Bytes(vec![200, 127, 200, 128, 0, 0]));
+        let (grid, holes) = luminance(&image, LumaKind::Lstar, true).unwrap();
+        assert_eq!(holes, [true, false, true]);
+        assert!(grid.samples[0] == 0.0 && grid.samples[1] > 0.0 && grid.samples[2] == 0.0);
+        let clear = picture(4, Samples::Words(vec![9, 9, 9, 32_767]));
+        assert_eq!(luminance(&clear, LumaKind::Lstar, false), Err(ImageError::Transparent));
+        let solid = picture(4, Samples::Words(vec![9, 9, 9, 32_768]));
+        assert!(luminance(&solid, LumaKind::Lstar, false).unwrap().1.is_empty());
+    }
+
+    #[test]
+    fn blocks_of_8_are_seen_and_other_textures_are_not() {
+        let mut draw = Draw::new(9);
+        let noise = Grid::from_fn(200, 200, |_, _| draw.between(0.0, 20.0) as f32);
+        assert!(blockiness(&noise) < 0.2, "{}", blockiness(&noise));
+        // The mean of each block instead, with a little of the noise.
+        let blocks = Grid::from_fn(200, 200, |x, y| {
+            let of = |x: usize, y: usize| noise.samples[200 * y + x];
+            3.0 * of(x / 8 * 8, y / 8 * 8) + 0.3 * of(x, y)
+        });
+        assert!(blockiness(&blocks) > 0.5, "{}", blockiness(&blocks));
+        let waves = Grid::from_fn(200, 200, |x, y| ((x as f32 * 0.3).sin() + (y as f32 * 0.17).cos()) * 30.0);
+        assert!(blockiness(&waves) < 0.1, "{}", blockiness(&waves));
+        assert_eq!(blockiness(&Grid::from_fn(300, 300, |_, _| 5.0)), 0.0);
+    }
+}

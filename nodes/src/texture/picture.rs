@@ -1,0 +1,126 @@
+//! Maps as pictures: SVG with the pixels embedded as a PNG.
+
+use super::filter::{Kernel, smooth};
+use super::item::{Grid, Surface, Wrap};
+use std::fmt::Write;
+
+/// Longest side of a picture in pixels; larger maps are shown at half their size, or a quarter.
+const LONGEST: usize = 1024;
+/// Width of the drawing.
+const WIDTH: f64 = 640.0;
+
+/// Text that may stand in SVG.
+pub(super) fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;")
+}
+
+/// A map in grey, `low` black and `high` white, with a bar for its scale.
+pub(super) fn picture(title: &str, map: &Grid, [low, high]: [f32; 2], surface: &Surface) -> Option<String> {
+    let mut small = map.clone();
+    while small.width.max(small.height) > LONGEST {
+        let soft = smooth(&small, &Kernel::binomial(), Wrap::Clamp);
+        let (width, height) = (small.width.div_ceil(2), small.height.div_ceil(2));
+        small = Grid::from_fn(width, height, |x, y| {
+            soft.samples.get(2 * y * soft.width + 2 * x).copied().unwrap_or_default()
+        });
+    }
+    let scale = 255.0 / (high - low).max(f32::MIN_POSITIVE);
+    let bytes: Vec<u8> =
+        small.samples.iter().map(|x| ((x - low) * scale).round().clamp(0.0, 255.0) as u8).collect();
+    let png = encoded(&small, &bytes)?;
+    let metres = [map.width as f64 / surface.density[0], map.height as f64 / surface.density[1]];
+    let height = WIDTH * metres[1] / metres[0];
+    // The longest of 1, 2 and 5 times a power of ten that a quarter of the width holds.
+    let power = 10_f64.powf((metres[0] / 4.0).log10().floor());
+    let bar = [5.0, 2.0, 1.0].into_iter().map(|k| k * power).find(|bar| *bar <= metres[0] / 4.0)?;
+    let mut svg = format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {w:.1} {h:.1}\" font-family=\"sans-serif\" \
+         font-size=\"12\">\n<rect width=\"{w:.1}\" height=\"{h:.1}\" fill=\"white\"/>\n",
+        w = WIDTH + 20.0,
+        h = height + 70.0
+    );
+    // Writing to a string does not fail.
+    let _ = writeln!(
+        svg,
+        "<text x=\"10\" y=\"20\" font-weight=\"bold\">{}</text>\n\
+         <image x=\"10\" y=\"30\" width=\"{WIDTH}\" height=\"{height:.1}\" preserveAspectRatio=\"none\" \
+         href=\"data:image/png;base64,{}\"/>\n\
+         <rect x=\"10\" y=\"{:.1}\" width=\"{:.1}\" height=\"4\" fill=\"black\"/>\n\
+         <text x=\"10\" y=\"{:.1}\">{} m</text>\n</svg>",
+        escaped(title),
+        base64(&png),
+        height + 38.0,
+        WIDTH * bar / metres[0],
+        height + 58.0,
+        (bar * 1e6).round() / 1e6
+    );
+    Some(svg)
+}
+
+/// A grey PNG of as many columns and rows as the map has.
+pub(super) fn encoded(map: &Grid, bytes: &[u8]) -> Option<Vec<u8>> {
+    let mut out = Vec::new();
+    let (width, height) = (u32::try_from(map.width).ok()?, u32::try_from(map.height).ok()?);
+    let mut encoder = png::Encoder::new(&mut out, width, height);
+    encoder.set_color(png::ColorType::Grayscale);
+    encoder.write_header().ok()?.write_image_data(bytes).ok()?;
+    Some(out)
+}
+
+/// Bytes as text of 64 letters.
+fn base64(bytes: &[u8]) -> String {
+    const LETTERS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let mut out = String::with_capacity(bytes.len().div_ceil(3) * 4);
+    for part in bytes.chunks(3) {
+        let word =
+            (0..3).fold(0_u32, |word, k| word << 8 | u32::from(part.get(k).copied().unwrap_or_default()));
+        for k in 0..4 {
+            let letter = LETTERS[(word >> (18 - 6 * k)) as usize & 63];
+            out.push(if k <= part.len() { char::from(letter) } else { '=' });
+        }
+    }
+    out
+}
+
+/// The value that the part `part` of all values does not exceed, by size.
+pub(super) fn percentile(values: impl Iterator<Item = f32>, part: f64) -> f32 {
+    let mut values: Vec<f32> = values.collect();
+    let at = ((values.len() as f64 - 1.0) * part).round().max(0.0) as usize;
+    if at >= values.len() {
+        return 0.0;
+    }
+    *values.select_nth_unstable_by(at, f32::total_cmp).1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn letters_are_those_of_the_standard() {
+        for (text, letters) in
+            [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("foobar", "Zm9vYmFy")]
+        {
+            assert_eq!(base64(text.as_bytes()), letters);
+        }
+    }
+
+    #[test]
+    fn a_picture_holds_the_pixels_and_a_bar_of_the_right_length() {
+        let map = Grid::from_fn(512, 256, |x, _| x as f32);
+        let svg = picture("a < b", &map, [0.0, 511.0], &Surface::default()).unwrap();
+        // 1 m across: the bar is 0.2 m, a fifth of 640.
+        assert!(svg.contains("a &lt; b") && svg.contains("width=\"128.0\" height=\"4\""), "{svg}");
+        assert!(svg.contains(">0.2 m<") && svg.contains("base64,iVBORw0KGgo"));
+        let large = Grid::from_fn(3000, 10, |x, _| x as f32);
+        assert!(picture("", &large, [0.0, 1.0], &Surface::default()).unwrap().len() < 20_000);
+    }
+
+    #[test]
+    fn percentiles_are_values_of_their_rank() {
+        let values = || (0..1001).map(|k| ((k * 10) % 1001) as f32);
+        assert_eq!(percentile(values(), 0.999), 999.0);
+        assert_eq!(percentile(values(), 0.0), 0.0);
+        assert_eq!(percentile(std::iter::empty(), 0.5), 0.0);
+    }
+}

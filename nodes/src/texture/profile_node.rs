@@ -1,0 +1,143 @@
+//! The code of a noise map, as a value node.
+
+use super::detail::{extend, factor_for};
+use super::item::{NoiseMap, NoiseProfile};
+use super::profile::{PROFILE, profile, variance};
+use super::spectrum::NoiseModel;
+use super::split::statistics;
+use crate::core::fault::Fault;
+use crate::core::node::{Func, Summary};
+use crate::core::ports::Value;
+use crate::core::shape::Build;
+use crate::{choices, params, ports};
+
+/// Most samples of synthesised noise before it is refined, and least.
+const TABLE: usize = 1 << 16;
+const SHORTEST: usize = 4096;
+
+choices! {
+    /// How noise is stored.
+    pub enum NoiseCode {
+        /// 8192 samples along rows of the map: the paper.
+        Profile,
+        /// Its spectrum as 16 poles, its variance and, where it is spiky, its distribution: other noise of the same kind.
+        Spectrum,
+    }
+}
+
+params! {
+    /// One line of noise that stands for a noise map, closed to a loop at a known spacing.
+    ///
+    /// `Profile` reads rows of the map to and fro and joins them; `Spectrum` makes other noise of the same spectrum. An image holds nothing
+    /// finer than two pixels; `extend` goes on above that with the slope that the spectrum has in its upper two octaves, adding a
+    /// quarter of the variance at most, until one sample of audio at `v_max` is one sample of the profile.
+    ///
+    /// A tap as `.bin` writes the samples as they are stored, in 16 bits each; as SVG it draws them.
+    ///
+    /// # Source
+    /// Picard, Tsingos and Faure (VRIPHYS 2008), section 4.2; van den Doel, Kry and Pai, "FoleyAutomatic" (SIGGRAPH 2001), for the spacing.
+    pub struct NoiseProfileParams {
+        /// How the noise is stored.
+        code: NoiseCode = NoiseCode::Profile;
+        /// Whether detail is added that the image does not hold.
+        extend: bool = true;
+        /// Highest speed that detail is made for.
+        v_max: f64 = 2.0, unit "m/s", range 0.001..=1000.0;
+    }
+}
+
+ports! {
+    pub struct NoiseProfilePorts / NoiseProfileIo {
+        in {
+            /// The noise map.
+            noise: Value<NoiseMap>,
+        }
+        out {
+            /// The line of noise.
+            profile: Value<NoiseProfile>,
+        }
+    }
+}
+
+/// The node over [`profile`], [`NoiseModel`] and [`extend`].
+#[derive(Debug)]
+pub struct NoiseProfileNode;
+
+impl Func for NoiseProfileNode {
+    type Params = NoiseProfileParams;
+    type Ports = NoiseProfilePorts;
+    const NAME: &'static str = "NoiseProfile";
+
+    fn eval(p: &NoiseProfileParams, cx: &Build<'_>, mut io: NoiseProfileIo<'_>) -> Result<Summary, Fault> {
+        let finest = |profile: &NoiseProfile| if p.extend { factor_for(profile, p.v_max) } else { 1 };
+        let (base, bytes) = match p.code {
+            NoiseCode::Profile => (profile(io.noise, PROFILE), 2 * PROFILE),
+            NoiseCode::Spectrum => {
+                let model = NoiseModel::new(io.noise, statistics(&io.noise.grid).kurtosis);
+                let spacing = 1.0 / io.noise.surface.density[0];
+                // The finer the detail, the shorter the loop: together they keep to one size.
+                let coarse = NoiseProfile { samples: vec![0.0; SHORTEST], spacing };
+                let count = (super::detail::MOST / finest(&coarse)).clamp(SHORTEST, TABLE);
+                (NoiseProfile { samples: model.synthesize(count, &cx.random), spacing }, model.bytes())
+            }
+        };
+        let (fine, told) = extend(&base, finest(&base), &cx.random);
+        let summary = vec![
+            ("bytes", bytes.into()),
+            ("samples", fine.samples.len().into()),
+            ("spacing_m", fine.spacing.into()),
+            ("loop_m", (fine.spacing * fine.samples.len() as f64).into()),
+            ("variance", variance(&fine.samples).into()),
+            ("added_variance", told.added.into()),
+            ("slope_db_per_octave", told.slope_db.into()),
+        ];
+        io.profile.set(fine);
+        Ok(summary)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::core::item::Data;
+    use crate::core::params::{Datum, Params};
+    use crate::core::random::Draw;
+    use crate::core::solo::Solo;
+    use crate::texture::item::{Grid, Surface};
+
+    fn made(code: &str, extend: bool) -> NoiseProfile {
+        let mut draw = Draw::new(4);
+        let grid = Grid::from_fn(256, 256, |_, _| draw.between(-3.0, 3.0) as f32);
+        let get = |name: &str| match name {
+            "code" => Some(Datum::Name(code.into())),
+            "extend" => Some(Datum::Bool(extend)),
+            _ => None,
+        };
+        let solo = Solo::func::<NoiseProfileNode>(NoiseProfileParams::read(&get).unwrap());
+        let map = NoiseMap { grid, surface: Surface::default() };
+        let run = solo.value(NoiseProfilePorts::noise, map).run().unwrap();
+        run.value(0).unwrap().get::<NoiseProfile>().unwrap().clone()
+    }
+
+    #[test]
+    fn stored_profiles_take_16_kb_and_lose_nothing_in_16_bits() {
+        let paper = made("Profile", false);
+        assert_eq!((paper.samples.len(), paper.spacing), (8192, 1.0 / 512.0));
+        let bytes = paper.file().unwrap();
+        assert_eq!(bytes.len(), 16_384);
+        let back = |pair: &[u8; 2]| crate::texture::half::from_half(u16::from_le_bytes(*pair));
+        assert!(bytes.as_chunks().0.iter().map(back).eq(paper.samples.iter().copied()));
+    }
+
+    #[test]
+    fn detail_is_as_fine_as_audio_at_the_highest_speed() {
+        for code in ["Profile", "Spectrum"] {
+            let fine = made(code, true);
+            assert!(fine.spacing <= 2.0 / 44_100.0, "{code}: {}", fine.spacing);
+            assert!(fine.samples.len() <= 1 << 20 && (variance(&fine.samples) / 3.0 - 1.0).abs() < 0.3);
+        }
+        let plain = made("Spectrum", false);
+        assert_eq!(plain.samples.len(), 1 << 16);
+        assert!((variance(&plain.samples) / 3.0 - 1.0).abs() < 0.02);
+    }
+}

@@ -1,0 +1,144 @@
+//! How many bytes the codes of a texture take.
+//!
+//! # Source
+//! Picard, Tsingos and Faure (VRIPHYS 2008), section 4, who give 786 kB for an image of 512 x 512 pixels, 1.09 MB for its isophotes and
+//! 544 kB for features and noise.
+
+use super::code::{CodedMap, Coding, pack};
+use super::item::{DiscontinuityMap, FeatureMap, NoiseMap};
+use super::profile::PROFILE;
+use super::spectrum::NoiseModel;
+use super::split::statistics;
+use crate::core::fault::Fault;
+use crate::core::item::Data;
+use crate::core::node::{Func, Summary};
+use crate::core::ports::Value;
+use crate::core::random::Draw;
+use crate::core::shape::Build;
+use crate::{params, ports};
+use serde::{Deserialize, Serialize};
+
+/// One way to store a part of a texture.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SizeEntry {
+    /// What is stored, and how.
+    pub what: String,
+    /// Bytes that it takes.
+    pub bytes: u64,
+}
+
+/// The bytes of every way to store a texture.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SizeReport {
+    /// Columns and rows.
+    pub pixels: [usize; 2],
+    /// Bytes of the image in 8 bits of red, green and blue.
+    pub image: u64,
+    /// The ways.
+    pub entries: Vec<SizeEntry>,
+}
+
+impl SizeReport {
+    /// A report on an image that has no entry yet.
+    #[must_use]
+    pub fn new(pixels: [usize; 2]) -> Self {
+        Self { pixels, image: 3 * pixels[0] as u64 * pixels[1] as u64, entries: Vec::new() }
+    }
+
+    /// Adds a way.
+    pub fn add(&mut self, what: &str, bytes: usize) {
+        self.entries.push(SizeEntry { what: what.into(), bytes: bytes as u64 });
+    }
+}
+
+impl Data for SizeReport {
+    const NAME: &'static str = "size report";
+
+    fn trial(draw: &mut Draw) -> Self {
+        let mut report = Self::new([1 + draw.below(100), 1 + draw.below(100)]);
+        report.add("trial", draw.below(1000));
+        report
+    }
+}
+
+params! {
+    /// The bytes that each code of a texture takes.
+    ///
+    /// Bits, bytes and signed pairs of the map of discontinuities; features as bits with the noise beside them, as a stored
+    /// profile or as statistics. A tap as `.json` lists them.
+    ///
+    /// # Source
+    /// Picard, Tsingos and Faure (VRIPHYS 2008), section 4.
+    pub struct MapSizesParams {}
+}
+
+ports! {
+    pub struct MapSizesPorts / MapSizesIo {
+        in {
+            /// The gradient.
+            map: Value<DiscontinuityMap>,
+            /// The features.
+            features: Value<FeatureMap>,
+            /// The noise.
+            noise: Value<NoiseMap>,
+        }
+        out {
+            /// The bytes.
+            sizes: Value<SizeReport>,
+        }
+    }
+}
+
+/// The node over [`SizeReport`].
+#[derive(Debug)]
+pub struct MapSizes;
+
+impl Func for MapSizes {
+    type Params = MapSizesParams;
+    type Ports = MapSizesPorts;
+    const NAME: &'static str = "MapSizes";
+
+    fn eval(_: &MapSizesParams, _: &Build<'_>, mut io: MapSizesIo<'_>) -> Result<Summary, Fault> {
+        let mut report = SizeReport::new([io.map.gx.width, io.map.gx.height]);
+        let mut summary: Summary = vec![("image", report.image.into())];
+        let map = |coding| CodedMap::new(io.map, coding, None).bytes.len();
+        let features = pack(io.features.grid.samples.iter().map(|f| *f > 0.5)).len();
+        let model = NoiseModel::new(io.noise, statistics(&io.noise.grid).kurtosis).bytes();
+        for (key, what, bytes) in [
+            ("map_bit", "map, one bit", map(Coding::Bit)),
+            ("map_byte", "map, one byte", map(Coding::Byte)),
+            ("map_signed", "map, signed pairs", map(Coding::Signed)),
+            ("features_and_profile", "features as bits, noise as a profile", features + 2 * PROFILE),
+            ("features_and_spectrum", "features as bits, noise as a spectrum", features + model),
+        ] {
+            report.add(what, bytes);
+            summary.push((key, bytes.into()));
+        }
+        io.sizes.set(report);
+        Ok(summary)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::core::params::Params;
+    use crate::core::solo::Solo;
+    use crate::texture::item::{Grid, Surface};
+
+    #[test]
+    fn codes_of_512_by_512_pixels_keep_to_their_targets() {
+        let (grid, surface) = (Grid::from_fn(512, 512, |x, y| ((x * y) % 7) as f32), Surface::default());
+        let map = DiscontinuityMap { gx: grid.clone(), gy: grid.clone(), surface };
+        let solo = Solo::func::<MapSizes>(MapSizesParams::read(&|_| None).unwrap())
+            .value(MapSizesPorts::map, map)
+            .value(MapSizesPorts::features, FeatureMap { grid: grid.clone(), surface })
+            .value(MapSizesPorts::noise, NoiseMap { grid, surface });
+        let run = solo.run().unwrap();
+        let value = run.value(0).unwrap();
+        let report = value.get::<SizeReport>().unwrap();
+        let bytes: Vec<u64> = report.entries.iter().map(|entry| entry.bytes).collect();
+        assert_eq!((report.image, &bytes[..4]), (786_432, &[32_768, 262_144, 524_288, 49_152][..]));
+        assert!(bytes[3] <= 60_000 && bytes[4] < bytes[3], "{bytes:?}");
+    }
+}

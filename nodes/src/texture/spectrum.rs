@@ -1,0 +1,225 @@
+//! Noise by its statistics alone: an all-pole model of its spectrum, its variance and, where it is spiky, its distribution.
+//!
+//! # Source
+//! Burg, "Maximum entropy spectral analysis" (1975); the statistical code of Picard, Tsingos and Faure (VRIPHYS 2008), section 4.2,
+//! made concrete.
+
+use super::item::NoiseMap;
+use super::profile::{level, variance};
+use crate::core::random::Random;
+use std::f64::consts::TAU;
+
+/// Order of the all-pole model.
+pub const ORDER: usize = 16;
+/// Kurtosis above which the distribution is kept too.
+const SPIKY: f64 = 4.0;
+/// Values that describe a distribution.
+const QUANTILES: usize = 256;
+/// Most rows that a model is fitted to.
+const ROWS: usize = 128;
+
+/// What the noise of a map is, in few numbers.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NoiseModel {
+    /// `x[n] = w[n] - sum a[k] x[n - 1 - k]`.
+    pub poles: Vec<f64>,
+    /// Mean square.
+    pub variance: f64,
+    /// Quantiles of the values, evenly spaced; empty for noise that is near to normal.
+    pub quantiles: Vec<f32>,
+}
+
+impl NoiseModel {
+    /// Fits a model to rows of a map; `kurtosis` is that of the map.
+    ///
+    /// # Complexity
+    /// `O(pixels * order)`, of 128 rows at most.
+    #[must_use]
+    pub fn new(noise: &NoiseMap, kurtosis: f64) -> Self {
+        let map = &noise.grid;
+        let step = map.height.div_ceil(ROWS).max(1);
+        let rows: Vec<&[f32]> = map.samples.chunks_exact(map.width.max(1)).step_by(step).collect();
+        let mut quantiles = Vec::new();
+        if kurtosis > SPIKY {
+            let mut sorted = map.samples.clone();
+            sorted.sort_unstable_by(f32::total_cmp);
+            let at = |k: usize| (k * 2 + 1) * sorted.len() / (2 * QUANTILES);
+            quantiles = (0..QUANTILES).filter_map(|k| sorted.get(at(k)).copied()).collect();
+        }
+        Self { poles: burg(&rows, ORDER), variance: variance(&map.samples), quantiles }
+    }
+
+    /// Bytes that it takes in 32 bits a number.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        4 * (self.poles.len() + 1 + self.quantiles.len())
+    }
+
+    /// A loop of `count` samples of such noise.
+    ///
+    /// # Complexity
+    /// `O(count * order)`, and `O(count log count)` for spiky noise.
+    #[must_use]
+    pub fn synthesize(&self, count: usize, random: &Random) -> Vec<f32> {
+        let white: Vec<f64> = (0..count).map(|k| normal(random, k as u64)).collect();
+        let mut past = [0.0; ORDER];
+        let mut line = vec![0.0_f32; count];
+        // Twice round: the second time the filter has forgotten its start, and the loop is closed.
+        for _ in 0..2 {
+            for (out, w) in line.iter_mut().zip(&white) {
+                let x = w - self.poles.iter().zip(&past).map(|(a, x)| a * x).sum::<f64>();
+                past.rotate_right(1);
+                past[0] = x;
+                *out = x as f32;
+            }
+        }
+        if !self.quantiles.is_empty() {
+            self.match_ranks(&mut line);
+        }
+        level(&mut line, self.variance);
+        line
+    }
+
+    /// Gives each sample the value of its rank in the distribution.
+    fn match_ranks(&self, line: &mut [f32]) {
+        let mut order: Vec<usize> = (0..line.len()).collect();
+        order.sort_by(|a, b| line[*a].total_cmp(&line[*b]));
+        let last = self.quantiles.len() - 1;
+        for (rank, at) in order.into_iter().enumerate() {
+            let place = (rank as f32 + 0.5) / line.len() as f32 * self.quantiles.len() as f32 - 0.5;
+            let place = place.clamp(0.0, last as f32);
+            let low = (place as usize).min(last);
+            let (a, b) = (self.quantiles[low], self.quantiles[(low + 1).min(last)]);
+            line[at] = a + (b - a) * (place - low as f32);
+        }
+    }
+}
+
+/// A normal number of variance 1.
+pub(super) fn normal(random: &Random, index: u64) -> f64 {
+    let (u, v) = (random.uniform(0, index, 0), random.uniform(0, index, 1));
+    (-2.0 * (1.0 - u).ln()).sqrt() * (TAU * v).cos()
+}
+
+/// Coefficients of the all-pole model of several lines at once, by Burg's method: always a stable one.
+#[must_use]
+pub fn burg(lines: &[&[f32]], order: usize) -> Vec<f64> {
+    let mut forward: Vec<Vec<f64>> =
+        lines.iter().map(|line| line.iter().map(|x| f64::from(*x)).collect()).collect();
+    let mut backward = forward.clone();
+    let mut poles: Vec<f64> = Vec::new();
+    for m in 0..order {
+        let (mut product, mut power) = (0.0, 0.0);
+        for (f, b) in forward.iter().zip(&backward) {
+            for (f, b) in f.iter().skip(m + 1).zip(b.iter().skip(m)) {
+                product += f * b;
+                power += f * f + b * b;
+            }
+        }
+        // Just below 1, so that a line which repeats itself exactly does not ring for ever.
+        let k = if power > 0.0 { (-2.0 * product / power).clamp(-0.9999, 0.9999) } else { 0.0 };
+        let reversed: Vec<f64> = poles.iter().rev().copied().collect();
+        poles.iter_mut().zip(reversed).for_each(|(a, r)| *a += k * r);
+        poles.push(k);
+        for (f, b) in forward.iter_mut().zip(&mut backward) {
+            // From the end, for the sample before is needed as it was.
+            for n in (m + 1..f.len()).rev() {
+                let (x, y) = (f[n], b[n - 1]);
+                (f[n], b[n]) = (x + k * y, y + k * x);
+            }
+        }
+    }
+    poles
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::texture::item::{Grid, Surface};
+    use crate::texture::split::statistics;
+    use rustfft::{FftPlanner, num_complex::Complex};
+
+    /// A resonance at a tenth of the rate and a fall towards high frequencies.
+    const TRUE: [f64; 3] = [-1.9, 1.42, -0.36];
+
+    fn map(spiky: bool) -> NoiseMap {
+        let random = Random::new(5, "map");
+        let mut past = [0.0; 3];
+        let mut k = 0;
+        let grid = Grid::from_fn(512, 256, |_, _| {
+            k += 1;
+            let x = normal(&random, k) - TRUE.iter().zip(past).map(|(a, x)| a * x).sum::<f64>();
+            past = [x, past[0], past[1]];
+            (if spiky { x * x * x * 0.1 } else { x }) as f32
+        });
+        NoiseMap { grid, surface: Surface::default() }
+    }
+
+    fn density(poles: &[f64], w: f64) -> f64 {
+        let terms = poles.iter().enumerate().map(|(k, a)| Complex::from_polar(*a, -w * (k + 1) as f64));
+        1.0 / (Complex::new(1.0, 0.0) + terms.sum::<Complex<f64>>()).norm_sqr()
+    }
+
+    #[test]
+    fn burg_finds_the_poles_that_made_the_noise() {
+        let map = map(false);
+        let rows: Vec<&[f32]> = map.grid.samples.chunks(512).collect();
+        for (a, b) in burg(&rows, 3).iter().zip(TRUE) {
+            assert!((a - b).abs() < 0.01, "{a} {b}");
+        }
+        assert_eq!(burg(&[&[0.0; 100]], 4), [0.0; 4]);
+        assert_eq!(burg(&[&[1.0]], 4), [0.0; 4]);
+    }
+
+    #[test]
+    fn synthesised_noise_has_the_spectrum_within_1_db_per_band_and_the_variance() {
+        let map = map(false);
+        let model = NoiseModel::new(&map, statistics(&map.grid).kurtosis);
+        assert!(model.quantiles.is_empty() && model.bytes() == 68);
+        let n = 1 << 16;
+        let line = model.synthesize(n, &Random::new(1, "n"));
+        assert!((variance(&line) / model.variance - 1.0).abs() < 0.01);
+        let mut bins: Vec<Complex<f64>> = line.iter().map(|x| Complex::new(f64::from(*x), 0.0)).collect();
+        FftPlanner::new().plan_fft_forward(n).process(&mut bins);
+        // Half-octave bands up to half of the rate, each against the density that made the map.
+        let whole: f64 = (1..n).map(|k| density(&TRUE, TAU * k as f64 / n as f64)).sum::<f64>() / n as f64;
+        let mut high = n / 2;
+        while high > 256 {
+            let low = (high as f64 / 2_f64.sqrt()) as usize;
+            let ours: f64 = (low..high).map(|k| bins[k].norm_sqr() / n as f64).sum::<f64>() / model.variance;
+            let right: f64 =
+                (low..high).map(|k| density(&TRUE, TAU * k as f64 / n as f64)).sum::<f64>() / whole;
+            let db = 10.0 * (ours / right).log10();
+            assert!(db.abs() < 1.0, "{low} to {high}: {db} dB");
+            high = low;
+        }
+    }
+
+    #[test]
+    fn spiky_noise_keeps_its_distribution() {
+        let map = map(true);
+        let kurtosis = statistics(&map.grid).kurtosis;
+        assert!(kurtosis > 10.0, "{kurtosis}");
+        let model = NoiseModel::new(&map, kurtosis);
+        let line = model.synthesize(1 << 15, &Random::new(1, "n"));
+        assert!((variance(&line) / model.variance - 1.0).abs() < 0.01);
+        let tall = Grid { width: line.len(), height: 1, samples: line };
+        assert!(statistics(&tall).kurtosis > 6.0, "{}", statistics(&tall).kurtosis);
+    }
+
+    #[test]
+    fn the_loop_is_closed_and_the_seed_decides() {
+        let model = NoiseModel::new(&map(false), 3.0);
+        let line = model.synthesize(4096, &Random::new(1, "n"));
+        assert_eq!(line, model.synthesize(4096, &Random::new(1, "n")));
+        assert_ne!(line, model.synthesize(4096, &Random::new(2, "n")));
+        let n = line.len();
+        // What the model predicts of the first sample from the last is as near as elsewhere.
+        let predicted = |k: usize| -> f64 {
+            model.poles.iter().enumerate().map(|(j, a)| -a * f64::from(line[(k + n - 1 - j) % n])).sum()
+        };
+        let error = |k: usize| (f64::from(line[k]) - predicted(k)).powi(2);
+        let mean = (0..n).map(error).sum::<f64>() / n as f64;
+        assert!((0..16).map(error).sum::<f64>() / 16.0 < 3.0 * mean);
+    }
+}

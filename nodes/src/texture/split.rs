@@ -1,0 +1,165 @@
+//! What is left of an image without its main features: noise, and whether it is spread as evenly as noise should be.
+//!
+//! # Source
+//! Picard, Tsingos and Faure (VRIPHYS 2008), section 4.2.
+
+use super::item::Grid;
+
+/// Figures of a noise map.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct NoiseStatistics {
+    /// Mean square, in luminance squared.
+    pub variance: f64,
+    /// Power of the change along rows over that along columns: 1 where no direction is preferred.
+    pub isotropy: f64,
+    /// Greatest variance over least of 8 by 8 tiles: 1 where the noise is everywhere alike.
+    pub stationarity: f64,
+    /// Fourth moment over the squared second: 3 for normal noise.
+    pub kurtosis: f64,
+}
+
+impl NoiseStatistics {
+    /// Why the noise should not stand for the surface, where it should not: one sentence.
+    #[must_use]
+    pub fn warning(&self) -> Option<String> {
+        let uneven = self.stationarity > 4.0;
+        let directed = !(0.5..=2.0).contains(&self.isotropy) && self.variance > 0.0;
+        let what = match (uneven, directed) {
+            (false, false) => return None,
+            (true, false) => {
+                format!("its variance differs by a factor of {:.1} over the image", self.stationarity)
+            }
+            (false, true) => format!("it has a direction: {:.2} times the power along rows", self.isotropy),
+            (true, true) => format!(
+                "its variance differs by a factor of {:.1} over the image, and it has a direction: {:.2} times the power along rows",
+                self.stationarity, self.isotropy
+            ),
+        };
+        Some(format!("the noise is not the same everywhere, as one line of it assumes: {what}"))
+    }
+}
+
+/// `(luma - smooth) (1 - features)`, without its mean; 0 in holes.
+///
+/// All grids are of one size; `features` may be left out.
+#[must_use]
+pub fn noise(luma: &Grid, smooth: &Grid, features: Option<&Grid>, holes: &[bool]) -> Grid {
+    let mut samples: Vec<f32> = luma.samples.iter().zip(&smooth.samples).map(|(l, s)| l - s).collect();
+    if let Some(features) = features {
+        samples.iter_mut().zip(&features.samples).for_each(|(n, f)| *n *= 1.0 - f);
+    }
+    let hole = |k: usize| holes.get(k) == Some(&true);
+    let solid = samples.iter().enumerate().filter(|(k, _)| !hole(*k));
+    let (sum, count) = solid.fold((0.0, 0_usize), |(sum, n), (_, x)| (sum + f64::from(*x), n + 1));
+    let mean = (sum / count.max(1) as f64) as f32;
+    for (k, x) in samples.iter_mut().enumerate() {
+        *x = if hole(k) { 0.0 } else { *x - mean };
+    }
+    Grid { samples, ..*luma }
+}
+
+fn mean_square(values: impl Iterator<Item = f32>) -> f64 {
+    let (sum, count) = values.fold((0.0, 0_usize), |(sum, n), x| (sum + f64::from(x) * f64::from(x), n + 1));
+    sum / count.max(1) as f64
+}
+
+/// Variance, isotropy, stationarity and kurtosis of a noise map.
+///
+/// # Complexity
+/// `O(pixels)`.
+#[must_use]
+pub fn statistics(map: &Grid) -> NoiseStatistics {
+    let (width, height) = (map.width.max(1), map.height);
+    let variance = mean_square(map.samples.iter().copied());
+    let along =
+        mean_square(map.samples.chunks_exact(width).flat_map(|row| row.windows(2)).map(|w| w[1] - w[0]));
+    let down = mean_square(map.samples.iter().zip(map.samples.iter().skip(width)).map(|(a, b)| b - a));
+    let fourth =
+        map.samples.iter().map(|x| f64::from(*x).powi(4)).sum::<f64>() / map.samples.len().max(1) as f64;
+    let tiles = (0..64).map(|k| (k % 8, k / 8)).filter_map(|(i, j)| {
+        let (x, y) = (width * i / 8..width * (i + 1) / 8, height * j / 8..height * (j + 1) / 8);
+        let rows = y.filter_map(|y| map.samples.get(y * width + x.start..y * width + x.end));
+        let part: Vec<f32> = rows.flatten().copied().collect();
+        (!part.is_empty()).then(|| mean_square(part.into_iter()))
+    });
+    let (least, most) = tiles.fold((f64::INFINITY, 0.0_f64), |(least, most), v| (least.min(v), most.max(v)));
+    // Silence is even and has no direction.
+    let ratio = |a: f64, b: f64| if a <= 0.0 && b <= 0.0 { 1.0 } else { (a / b.max(1e-9 * a)).min(1e9) };
+    NoiseStatistics {
+        variance,
+        isotropy: ratio(along, down),
+        stationarity: ratio(most, least),
+        kurtosis: if variance > 0.0 { fourth / (variance * variance) } else { 3.0 },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::core::random::Draw;
+    use crate::texture::bilateral::{BilateralParams, bilateral};
+    use crate::texture::dog::{DogParams, features};
+    use crate::texture::item::Wrap;
+
+    fn white(seed: u64, width: usize, height: usize) -> Grid {
+        let mut draw = Draw::new(seed);
+        let mut normal = || (0..12).map(|_| draw.unit()).sum::<f64>() - 6.0;
+        Grid::from_fn(width, height, |_, _| normal() as f32)
+    }
+
+    #[test]
+    fn smooth_part_features_and_noise_make_the_image_again() {
+        let mut draw = Draw::new(12);
+        let image = Grid::from_fn(60, 50, |x, _| {
+            (if x % 20 < 3 { 20.0 } else { 70.0 }) + draw.between(-3.0, 3.0) as f32
+        });
+        let params = BilateralParams { sigma_d: 3.0, sigma_r: 4.25 };
+        let soft = bilateral(&image, params, Wrap::Repeat);
+        let f = features(&image, DogParams::default(), Wrap::Repeat);
+        let n = noise(&image, &soft, Some(&f), &[]);
+        let mean = n.samples.iter().sum::<f32>() / n.samples.len() as f32;
+        assert!(mean.abs() < 1e-5, "{mean}");
+        // What the mean took is the same everywhere.
+        let rest: Vec<f32> = (0..image.samples.len())
+            .map(|k| {
+                let masked = f.samples[k] * (image.samples[k] - soft.samples[k]);
+                image.samples[k] - (soft.samples[k] + masked + n.samples[k])
+            })
+            .collect();
+        assert!(rest.iter().all(|r| (r - rest[0]).abs() < 2e-5), "{rest:?}");
+        let bare = noise(&image, &soft, None, &[]);
+        assert_eq!(bare.samples.len(), n.samples.len());
+    }
+
+    #[test]
+    fn holes_are_silent_and_do_not_count_for_the_mean() {
+        let luma = Grid { width: 4, height: 1, samples: vec![5.0, 7.0, 0.0, 6.0] };
+        let soft = Grid { width: 4, height: 1, samples: vec![4.0, 4.0, 90.0, 4.0] };
+        let n = noise(&luma, &soft, None, &[false, false, true, false]);
+        assert_eq!(n.samples, [-1.0, 1.0, 0.0, 0.0]);
+    }
+
+    #[test]
+    fn white_noise_is_even_and_has_no_direction() {
+        let s = statistics(&white(1, 256, 256));
+        assert!((s.variance - 1.0).abs() < 0.02 && (s.isotropy - 1.0).abs() < 0.03, "{s:?}");
+        assert!(s.stationarity < 1.4 && (s.kurtosis - 2.9).abs() < 0.1, "{s:?}");
+        assert_eq!(s.warning(), None);
+    }
+
+    #[test]
+    fn uneven_or_directed_noise_is_warned_of() {
+        let mut loud = white(2, 128, 128);
+        loud.samples[..128 * 16].iter_mut().for_each(|x| *x *= 3.0);
+        let s = statistics(&loud);
+        assert!(s.stationarity > 7.0 && s.warning().unwrap().contains("factor of"), "{s:?}");
+        let grain = white(3, 128, 128);
+        let lines =
+            Grid::from_fn(128, 128, |x, y| (0..8).map(|t| grain.samples[128 * y + (x + t) % 128]).sum());
+        let s = statistics(&lines);
+        assert!(s.isotropy < 0.2 && s.warning().unwrap().contains("direction"), "{s:?}");
+        let flat = statistics(&Grid::from_fn(9, 9, |_, _| 0.0));
+        assert!(flat.warning().is_none() && flat.kurtosis == 3.0);
+        assert!(statistics(&Grid::default()).variance == 0.0);
+    }
+}
