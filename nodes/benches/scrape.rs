@@ -1,1 +1,206 @@
-fn main() {}
+//! Microseconds that a contact takes in a block of 1024 samples at 44.1 kHz, for each kind of excitation, on one core.
+//!
+//! Run with `cargo bench -p foley-nodes --bench scrape`. The aims are 15 us for a continuous contact and 100 us for two textures;
+//! 64 contacts on 8 objects of 32 modes are to take a tenth of a core at most.
+
+use foley_nodes::core::random::Draw;
+use foley_nodes::core::time::{Rate, Tick, ticks};
+use foley_nodes::modal::{Bank, Modes};
+use foley_nodes::scrape::{
+    Heading, Interp, Law, MapForce, MapVoice, NoiseBands, NoiseForce, NoiseVoice, PairForce, PathPiece, PathRules, Queue,
+    Relief, Sample, Stretch, SurfaceMap, Tracker, Voices, ball_map,
+};
+use foley_nodes::texture::{DiscontinuityMap, FeatureMap, Grid, NoiseProfile, Surface};
+use std::error::Error;
+use std::hint::black_box;
+use std::time::Instant;
+
+const FS: u32 = 44_100;
+const BLOCK: usize = 1024;
+/// Each figure is the best of this many turns: other programs only take time away.
+const TURNS: usize = 12;
+/// Blocks of one turn.
+const BLOCKS: usize = 400;
+
+/// A contact that circles at a speed over places of its own, in frames of 1/60 s.
+fn contact(number: u64, speed: f64) -> Vec<(Tick, PathPiece)> {
+    let (frame, radius) = (1.0 / 60.0, 0.08);
+    let place = |t: f64| {
+        let (sin, cos) = (t * speed / radius + number as f64).sin_cos();
+        [radius * cos, radius * sin]
+    };
+    (0..800)
+        .map(|k| {
+            let [a, b] = [k, k + 1].map(|k| place(f64::from(k) * frame));
+            let gap = [b[0] - a[0], b[1] - a[1]];
+            let piece = PathPiece {
+                contact: number,
+                jump: 0,
+                object: 0,
+                duration: ticks(frame),
+                place: [a, gap, [1e-6, 0.0], [0.0; 2]],
+                other: Some([[0.1, 0.2], gap.map(|x| 0.5 * x), [0.0; 2], [0.0; 2]]),
+                force: [1.0, 2.0],
+                gain: [1.0; 2],
+            };
+            (Rate::hz(60).tick(k.into()), piece)
+        })
+        .collect()
+}
+
+/// Microseconds for a contact and a block, with `count` of them at a speed.
+fn time<S: Clone>(
+    count: u64,
+    speed: f64,
+    blank: S,
+    mut sound: impl FnMut(&mut S, &Stretch, &mut [f32]),
+) -> f64 {
+    let rate = Rate::hz(FS);
+    let mut events: Vec<_> = (0..count).flat_map(|k| contact(k, speed)).collect();
+    events.sort_by_key(|(tick, _)| *tick);
+    let mut out = [0.0; BLOCK];
+    let turn = |sound: &mut dyn FnMut(&mut S, &Stretch, &mut [f32])| {
+        let mut voices = Voices::new(64, rate, blank.clone());
+        let start = Instant::now();
+        for block in 0..BLOCKS as i64 {
+            let first = block * BLOCK as i64;
+            let part = |item: i64| events.partition_point(|(tick, _)| *tick < rate.tick(item));
+            let now = &events[part(first)..part(first + BLOCK as i64)];
+            voices.play(now, None, first, &mut out, |_| blank.clone(), |s, stretch, out| sound(s, stretch, out));
+            black_box(&out);
+        }
+        start.elapsed().as_secs_f64() * 1e6 / BLOCKS as f64 / count as f64
+    };
+    (0..TURNS).map(|_| turn(&mut sound)).fold(f64::MAX, f64::min)
+}
+
+fn law(b: f64) -> Law {
+    Law::new([1.0, 1.0, b], FS.into())
+}
+
+fn map_force(interp: Interp) -> MapForce {
+    MapForce::new(law(0.0), 1.0, interp, FS.into())
+}
+
+fn paths() -> f64 {
+    let rules = PathRules {
+        frame: ticks(1.0 / 60.0),
+        look_ahead: true,
+        differences: false,
+        guard: true,
+        teleport: 0.015,
+        object: 0,
+        smooth: 0.0,
+    };
+    let (contacts, frames) = (64, 600);
+    let turn = || {
+        let (mut tracker, mut queue, mut pieces) = (Tracker::new(rules, 64), Queue::new(512), 0);
+        let start = Instant::now();
+        for k in 0..frames {
+            let tick = Rate::hz(60).tick(k);
+            for contact in 0..contacts {
+                let at = 0.01 * k as f64;
+                let sample = Sample {
+                    contact,
+                    tick,
+                    place: [at, 0.0],
+                    velocity: Some([0.6, 0.0]),
+                    other: None,
+                    force: 1.0,
+                    gain: 1.0,
+                    begins: false,
+                    ends: false,
+                };
+                tracker.due(tick, &mut queue);
+                tracker.frame(&sample, &mut queue);
+            }
+            queue.give(tick, |_, piece| pieces += black_box(piece).jump + 1);
+        }
+        black_box(pieces);
+        let blocks = frames as f64 / 60.0 * f64::from(FS) / BLOCK as f64;
+        start.elapsed().as_secs_f64() * 1e6 / blocks / contacts as f64
+    };
+    (0..TURNS).map(|_| turn()).fold(f64::MAX, f64::min)
+}
+
+fn objects(count: usize) -> Result<f64, Box<dyn Error>> {
+    let frequencies = (0..32).map(|k| 150.0 * 1.14_f64.powi(k)).collect();
+    let modes = Modes::new("bench", frequencies, vec![4.0; 32], vec![1e-3; 32])?;
+    let mut bank = Bank::new(&modes, FS.into())?;
+    let mut draw = Draw::new(1);
+    let force: Vec<f32> = (0..BLOCK).map(|_| draw.between(-1.0, 1.0) as f32).collect();
+    let mut sound = vec![0.0; BLOCK];
+    let mut turn = || {
+        let start = Instant::now();
+        for _ in 0..BLOCKS {
+            bank.process(&force, &mut sound);
+            black_box(&sound);
+        }
+        start.elapsed().as_secs_f64() * 1e6 / BLOCKS as f64
+    };
+    Ok((0..TURNS).map(|_| turn()).fold(f64::MAX, f64::min) * count as f64)
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let mut draw = Draw::new(3);
+    let grid = Grid::from_fn(512, 512, |_, _| draw.between(-1.0, 1.0) as f32);
+    let other = Grid { samples: grid.samples.iter().rev().copied().collect(), ..grid };
+    let surface = Surface::default();
+    let map = DiscontinuityMap { gx: grid.clone(), gy: other.clone(), surface };
+    let features = FeatureMap { grid: grid.clone(), surface };
+    println!("us for a contact and 1024 samples, 44.1 kHz     aim");
+    let line = |name: &str, us: f64, aim: f64| println!("  {name:<44} {us:7.2}   {aim:5.0}");
+
+    line("way between frames", paths(), 15.0);
+    let slope = SurfaceMap::slope(&map);
+    for (name, interp) in [("linear", Interp::Linear), ("catmull", Interp::Catmull), ("b-spline", Interp::Bspline3)] {
+        let mut force = map_force(interp);
+        let us = time(1, 0.5, MapVoice::default(), |s, stretch, out| force.add(&slope, s, stretch, out));
+        line(&format!("map, slope, {name}"), us, 15.0);
+    }
+    let maps = [
+        ("map, size", SurfaceMap::size(&map)),
+        ("features, change", SurfaceMap::feature_change(&features)),
+        ("features, strength", SurfaceMap::feature(&features)),
+    ];
+    for (name, map) in &maps {
+        let mut force = map_force(Interp::Bspline3);
+        line(name, time(1, 0.5, MapVoice::default(), |s, stretch, out| force.add(map, s, stretch, out)), 15.0);
+    }
+    let mut force = map_force(Interp::Bspline3);
+    let us = time(1, 90.0, MapVoice::default(), |s, stretch, out| force.add(&slope, s, stretch, out));
+    line("map, slope, a pixel a sample", us, 15.0);
+
+    let samples = (0..8192).map(|_| draw.between(-1.0, 1.0) as f32).collect();
+    let noise = NoiseBands::new(&NoiseProfile { samples, spacing: 2.0 / f64::from(FS) });
+    for (name, speed) in [("noise, 0.5 m/s", 0.5), ("noise, 6 m/s, three samples a sample", 6.0)] {
+        let mut force = NoiseForce::new(Law::new([1.0, 0.5, 0.5], FS.into()), 1.0, FS.into());
+        let us = time(1, speed, NoiseVoice::default(), |s, stretch, out| force.add(&noise, s, stretch, out));
+        line(name, us, 15.0);
+    }
+
+    let heights = |grid: &Grid| Grid { samples: grid.samples.iter().map(|x| x * 5e-5).collect(), ..*grid };
+    let (a, b) = (heights(&grid), heights(&other));
+    let ball = ball_map(&a, &surface, 0.02);
+    let mut force = MapForce::new(law(1.0), 1.0, Interp::Bspline3, FS.into());
+    let us = time(1, 0.5, MapVoice::default(), |s, stretch, out| force.add(&ball, s, stretch, out));
+    line("ball on a relief", us, 15.0);
+    let reliefs = [Relief::new(&a, &surface), Relief::new(&b, &surface)];
+    for speed in [0.5, 5.0] {
+        let range = reliefs[0].range() + reliefs[1].range();
+        let mut force = PairForce::new(law(0.0), 33, 0.02, range);
+        let us = time(1, speed, Heading::default(), |s, stretch, out| {
+            force.add([&reliefs[0], &reliefs[1]], s, stretch, out);
+        });
+        line(&format!("two reliefs, 33 points, {speed} m/s"), us, 100.0);
+    }
+
+    let mut force = map_force(Interp::Bspline3);
+    let each = time(64, 0.5, MapVoice::default(), |s, stretch, out| force.add(&slope, s, stretch, out));
+    let banks = objects(8)?;
+    let all = 64.0 * (each + paths()) + banks;
+    let block = BLOCK as f64 / f64::from(FS) * 1e6;
+    println!("64 contacts and 8 objects of 32 modes: {all:.0} us of {block:.0}, {:.1} % of a core", 100.0 * all / block);
+    println!("  of which 8 objects {banks:.0} us, a contact among 64 {each:.2} us");
+    Ok(())
+}

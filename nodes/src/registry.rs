@@ -29,6 +29,13 @@ use crate::modal::force_node::ImpactForce;
 use crate::modal::from_recording::ModalFromRecording;
 use crate::modal::impact_file_node::ImpactFile;
 use crate::modal::modes_file::ModesFile;
+use crate::scrape::lod_node::LodSelect;
+use crate::scrape::map_node::MapExcitation;
+use crate::scrape::noise_node::NoiseExcitation;
+use crate::scrape::pair_node::TwoTextures;
+use crate::scrape::path_node::ContactPath;
+use crate::scrape::profile_node::PathProfileNode;
+use crate::scrape::stroke_node::Stroke;
 use crate::spatial::distance_node::DistanceGain;
 use crate::spatial::hrtf_node::StructuralHrtf;
 use crate::spatial::orbit_node::Orbit;
@@ -128,6 +135,13 @@ pub fn all() -> Vec<NodeType> {
         NodeType::func::<FeatureNoiseSplit>("texture"),
         NodeType::func::<NoiseProfileNode>("texture"),
         NodeType::func::<MapSizes>("texture"),
+        NodeType::of::<ContactPath>("scrape"),
+        NodeType::of::<LodSelect>("scrape"),
+        NodeType::of::<MapExcitation>("scrape"),
+        NodeType::of::<NoiseExcitation>("scrape"),
+        NodeType::of::<PathProfileNode>("scrape"),
+        NodeType::of::<Stroke>("scrape"),
+        NodeType::of::<TwoTextures>("scrape"),
         NodeType::of::<StructuralHrtf>("spatial"),
         NodeType::of::<DistanceGain>("spatial"),
         NodeType::of::<Orbit>("spatial"),
