@@ -47,6 +47,7 @@ use crate::texture::image_node::ImageLuma;
 use crate::texture::map_nodes::{MapCoder, SobelMap};
 use crate::texture::profile_node::NoiseProfileNode;
 use crate::texture::sizes::MapSizes;
+use crate::texture::isophotes_node::{IsophotesFile, IsophotesNode};
 use crate::unit::concatenator_node::UnitConcatenator;
 use crate::unit::database_node::{UnitDatabaseFile, UnitDatabaseNode};
 use crate::unit::global_node::GlobalUnitSelector;
@@ -147,6 +148,8 @@ pub fn all() -> Vec<NodeType> {
         NodeType::of::<Orbit>("spatial"),
         NodeType::of::<PoseFile>("spatial"),
         NodeType::each::<VertexPose>("spatial"),
+        NodeType::func::<IsophotesFile>("texture"),
+        NodeType::func::<IsophotesNode>("texture"),
         NodeType::func::<Correspondences>("warp"),
         NodeType::of::<CorrespondenceDiagnostics>("warp"),
         NodeType::of::<CorrespondenceSuggester>("warp"),
