@@ -36,6 +36,7 @@ use crate::scrape::pair_node::TwoTextures;
 use crate::scrape::path_node::ContactPath;
 use crate::scrape::profile_node::PathProfileNode;
 use crate::scrape::stroke_node::Stroke;
+use crate::scrape::isophote_node::IsophoteExcitation;
 use crate::spatial::distance_node::DistanceGain;
 use crate::spatial::hrtf_node::StructuralHrtf;
 use crate::spatial::orbit_node::Orbit;
@@ -143,6 +144,7 @@ pub fn all() -> Vec<NodeType> {
         NodeType::of::<PathProfileNode>("scrape"),
         NodeType::of::<Stroke>("scrape"),
         NodeType::of::<TwoTextures>("scrape"),
+        NodeType::of::<IsophoteExcitation>("scrape"),
         NodeType::of::<StructuralHrtf>("spatial"),
         NodeType::of::<DistanceGain>("spatial"),
         NodeType::of::<Orbit>("spatial"),
