@@ -16,8 +16,11 @@ const OCTAVE: f64 = 8.0;
 const TURN: f64 = 128.0;
 /// Size of a gradient, in eighths of an octave, from which down it is 0.
 const FLAT: i64 = -160;
-/// Most pixels along a side and most points of a file that is read.
+/// Most pixels along a side, and of an image, of a file that is read.
 const MOST: u64 = 1 << 27;
+const MOST_PIXELS: u64 = 1 << 28;
+/// Longest step from one point to the next along an axis, px: curves are simplified 256 points at a time.
+const LONGEST: u64 = 512;
 
 /// Writes bits, the lowest first.
 #[derive(Debug, Default)]
@@ -284,7 +287,7 @@ fn read_head(from: &mut Reader<'_>) -> Option<Isophotes> {
     let [width, height, levels, curves, points] = numbers;
     // A point takes four bits at least, so that no number is believed before its bytes are there.
     let left = 2 * (from.bytes.len() - from.at) as u64;
-    let sound = width.max(height) < MOST && levels <= 65_535 && curves <= points && points <= left;
+    let sound = width.max(height) < MOST && width * height <= MOST_PIXELS && levels <= 65_535 && curves <= points && points <= left;
     if !sound || !floats.iter().all(|x| x.is_finite() && *x > 0.0) {
         return None;
     }
@@ -328,7 +331,8 @@ fn read_curves(from: &mut Reader<'_>, mut all: Isophotes) -> Option<Isophotes> {
         for _ in 1..told {
             let mut next = *points.last()?;
             for (code, x) in codes.step.iter_mut().zip(&mut next) {
-                *x = x.checked_add(code.read(from)?).filter(|x| x.unsigned_abs() < MOST * 64)?;
+                let step = code.read(from).filter(|step| step.unsigned_abs() <= LONGEST * 64)?;
+                *x = x.checked_add(step).filter(|x| x.unsigned_abs() < MOST * 64)?;
             }
             points.push(next);
         }
