@@ -45,10 +45,11 @@ use crate::spatial::vertex_pose::VertexPose;
 use crate::texture::class_node::HistogramClass;
 use crate::texture::feature_nodes::{Bilateral, DogFeatures, FeatureNoiseSplit};
 use crate::texture::image_node::ImageLuma;
+use crate::texture::isophotes_node::{IsophotesFile, IsophotesNode};
 use crate::texture::map_nodes::{MapCoder, SobelMap};
 use crate::texture::profile_node::NoiseProfileNode;
 use crate::texture::sizes::MapSizes;
-use crate::texture::isophotes_node::{IsophotesFile, IsophotesNode};
+use crate::texture::texture_report::TextureReport;
 use crate::unit::concatenator_node::UnitConcatenator;
 use crate::unit::database_node::{UnitDatabaseFile, UnitDatabaseNode};
 use crate::unit::global_node::GlobalUnitSelector;
@@ -144,14 +145,15 @@ pub fn all() -> Vec<NodeType> {
         NodeType::of::<PathProfileNode>("scrape"),
         NodeType::of::<Stroke>("scrape"),
         NodeType::of::<TwoTextures>("scrape"),
+        NodeType::func::<IsophotesNode>("texture"),
+        NodeType::func::<IsophotesFile>("texture"),
+        NodeType::func::<TextureReport>("texture"),
         NodeType::of::<IsophoteExcitation>("scrape"),
         NodeType::of::<StructuralHrtf>("spatial"),
         NodeType::of::<DistanceGain>("spatial"),
         NodeType::of::<Orbit>("spatial"),
         NodeType::of::<PoseFile>("spatial"),
         NodeType::each::<VertexPose>("spatial"),
-        NodeType::func::<IsophotesFile>("texture"),
-        NodeType::func::<IsophotesNode>("texture"),
         NodeType::func::<Correspondences>("warp"),
         NodeType::of::<CorrespondenceDiagnostics>("warp"),
         NodeType::of::<CorrespondenceSuggester>("warp"),
