@@ -3,6 +3,7 @@
 //! Run with `cargo bench -p foley-nodes --bench isophotes`. The images are random numbers on every 16th pixel with cubics between,
 //! as in most comparisons of contour tracers: one level at 0.5, and eight at quantiles.
 
+use foley_nodes::core::params::Params;
 use foley_nodes::core::random::Draw;
 use foley_nodes::core::solo::Solo;
 use foley_nodes::core::time::{Rate, ticks};
@@ -10,7 +11,6 @@ use foley_nodes::scrape::isophote_node::{
     IsophoteExcitation, IsophoteExcitationParams, IsophoteExcitationPorts,
 };
 use foley_nodes::scrape::{IsophoteIndex, PathPiece, Reading};
-use foley_nodes::core::params::Params;
 use foley_nodes::texture::{
     Drawing, Field, Grid, Isophotes, Kernel, Levels, Luma, LumaKind, Saddle, Surface, Wrap, contours,
     encode_isophotes, isophotes, smooth,
@@ -55,7 +55,12 @@ fn curves() -> Result<(), Box<dyn Error>> {
         let grid = image(n);
         let field = Field { width: n, samples: &grid.samples, torus: false };
         let one = best(runs, || contours(&field, &[0.5], Saddle::Decider));
-        let luma = Luma { grid: grid.clone(), holes: Vec::new(), kind: LumaKind::Lstar, surface: Surface::default() };
+        let luma = Luma {
+            grid: grid.clone(),
+            holes: Vec::new(),
+            kind: LumaKind::Lstar,
+            surface: Surface::default(),
+        };
         let drawn = isophotes(&luma, &Drawing::default())?;
         let eight = best(runs, || contours(&field, &drawn.levels, Saddle::Decider));
         let all = best(runs, || isophotes(&luma, &Drawing::default()));
@@ -120,7 +125,10 @@ fn force(all: &Isophotes) -> Result<(), Box<dyn Error>> {
             });
             let time = time.collect::<Result<Vec<_>, _>>()?.into_iter().fold(f64::INFINITY, f64::min);
             let blocks = SECONDS * 44_100.0 / 1024.0 * contacts as f64;
-            println!("{reading:?} at {speed:4} m/s: {:6.2} us for each contact and block of 1024", 1e6 * time / blocks);
+            println!(
+                "{reading:?} at {speed:4} m/s: {:6.2} us for each contact and block of 1024",
+                1e6 * time / blocks
+            );
         }
     }
     Ok(())

@@ -29,6 +29,7 @@ use crate::modal::force_node::ImpactForce;
 use crate::modal::from_recording::ModalFromRecording;
 use crate::modal::impact_file_node::ImpactFile;
 use crate::modal::modes_file::ModesFile;
+use crate::scrape::isophote_node::IsophoteExcitation;
 use crate::scrape::lod_node::LodSelect;
 use crate::scrape::map_node::MapExcitation;
 use crate::scrape::noise_node::NoiseExcitation;
@@ -36,7 +37,6 @@ use crate::scrape::pair_node::TwoTextures;
 use crate::scrape::path_node::ContactPath;
 use crate::scrape::profile_node::PathProfileNode;
 use crate::scrape::stroke_node::Stroke;
-use crate::scrape::isophote_node::IsophoteExcitation;
 use crate::spatial::distance_node::DistanceGain;
 use crate::spatial::hrtf_node::StructuralHrtf;
 use crate::spatial::orbit_node::Orbit;
@@ -138,17 +138,17 @@ pub fn all() -> Vec<NodeType> {
         NodeType::func::<FeatureNoiseSplit>("texture"),
         NodeType::func::<NoiseProfileNode>("texture"),
         NodeType::func::<MapSizes>("texture"),
+        NodeType::func::<IsophotesNode>("texture"),
+        NodeType::func::<IsophotesFile>("texture"),
+        NodeType::func::<TextureReport>("texture"),
         NodeType::of::<ContactPath>("scrape"),
+        NodeType::of::<IsophoteExcitation>("scrape"),
         NodeType::of::<LodSelect>("scrape"),
         NodeType::of::<MapExcitation>("scrape"),
         NodeType::of::<NoiseExcitation>("scrape"),
         NodeType::of::<PathProfileNode>("scrape"),
         NodeType::of::<Stroke>("scrape"),
         NodeType::of::<TwoTextures>("scrape"),
-        NodeType::func::<IsophotesNode>("texture"),
-        NodeType::func::<IsophotesFile>("texture"),
-        NodeType::func::<TextureReport>("texture"),
-        NodeType::of::<IsophoteExcitation>("scrape"),
         NodeType::of::<StructuralHrtf>("spatial"),
         NodeType::of::<DistanceGain>("spatial"),
         NodeType::of::<Orbit>("spatial"),

@@ -178,7 +178,9 @@ impl IsophoteForce {
     pub fn add(&mut self, voice: &mut IsophoteVoice, stretch: &Stretch, out: &mut [f32]) {
         self.walk(voice, stretch);
         match self.reading {
-            Reading::Crossing => self.each_box(stretch, |force, from, to| force.cross(voice, stretch, from, to)),
+            Reading::Crossing => {
+                self.each_box(stretch, |force, from, to| force.cross(voice, stretch, from, to))
+            }
             Reading::Proximity => {
                 self.each_box(stretch, |force, from, to| force.approach(stretch, from, to));
                 self.feel(voice, stretch, out);
@@ -305,7 +307,13 @@ impl IsophoteForce {
     }
 
     /// Adds the pulse of a crossing.
-    fn sound(&mut self, voice: &mut IsophoteVoice, stretch: &Stretch, crossing: &Crossing, [f, gain]: [f64; 2]) {
+    fn sound(
+        &mut self,
+        voice: &mut IsophoteVoice,
+        stretch: &Stretch,
+        crossing: &Crossing,
+        [f, gain]: [f64; 2],
+    ) {
         let n = crossing.chord;
         let sample = stretch.anchor + n as i64;
         let step = [0, 1].map(|k| self.places[n + 1][k] - self.places[n][k]);

@@ -195,9 +195,8 @@ impl IsophoteIndex {
             let to = self.starts[cell + 1] as usize;
             for entry in &self.entries[from..to] {
                 let ends = entry.ends.map(|p| [0, 1].map(|k| f64::from(p[k]) + shift[k]));
-                let apart = (0..2).any(|k| {
-                    ends[0][k].max(ends[1][k]) < low[k] || ends[0][k].min(ends[1][k]) > high[k]
-                });
+                let apart = (0..2)
+                    .any(|k| ends[0][k].max(ends[1][k]) < low[k] || ends[0][k].min(ends[1][k]) > high[k]);
                 if !apart {
                     let Entry { number, point, part, .. } = *entry;
                     take(Piece { number, point, part, ends });
@@ -210,7 +209,8 @@ impl IsophoteIndex {
     #[must_use]
     pub fn gradient(&self, piece: &Piece, along: f64) -> [f64; 2] {
         let k = piece.point as usize;
-        let [from, to] = [k, k + 1].map(|k| self.gradients.get(k).copied().unwrap_or_default().map(f64::from));
+        let [from, to] =
+            [k, k + 1].map(|k| self.gradients.get(k).copied().unwrap_or_default().map(f64::from));
         let t = (f64::from(piece.part[0]) + along) / f64::from(piece.part[1]);
         [0, 1].map(|i| from[i] + t.clamp(0.0, 1.0) * (to[i] - from[i]))
     }

@@ -134,8 +134,7 @@ impl Node for IsophoteExcitation {
         let all = cx.value(IsophoteExcitationPorts::isophotes);
         check(&all)?;
         let rate = p.rate.as_f64();
-        let mut force =
-            IsophoteForce::new(&all, p.reading, Law::new(law(p), rate), rate, p.contacts.into());
+        let mut force = IsophoteForce::new(&all, p.reading, Law::new(law(p), rate), rate, p.contacts.into());
         force.set(p.width, p.radius, p.scale);
         let voices = Voices::new(p.contacts.into(), p.rate, IsophoteVoice::default());
         Ok(Self { params: p.clone(), force, voices, meter: Meter::default(), now: 0 })

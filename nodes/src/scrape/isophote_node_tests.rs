@@ -148,13 +148,16 @@ fn even_ground_sounds_once_and_a_way_along_a_curve_never() {
 #[test]
 fn nearness_has_its_form_and_change_is_taken_over_a_pixel() {
     // One straight curve on ground whose slope grows by 0.2 per pixel: L = 0.1 x^2.
-    let all = curves([100, 40], Wrap::Clamp, vec![0.1 * 50.5 * 50.5 + 0.025], |x, _| 0.1 * (x as f32).powi(2));
+    let all =
+        curves([100, 40], Wrap::Clamp, vec![0.1 * 50.5 * 50.5 + 0.025], |x, _| 0.1 * (x as f32).powi(2));
     let p = IsophoteExcitationParams { reading: Reading::Proximity, ..params() };
     // It is met at 50.5 px, at a slope of 10.1, and nowhere else is another slope.
     let out = play(p, &all, &[(0, straight([40.0, 20.0], [1.0, 0.0], 0.04))], 0.05);
     let at = |px: f64| f64::from(out[((px - 40.0) / 512.0 * RATE).round() as usize]);
     let near = |d: f64| (1.0 - (d / 2.0_f64).powi(2)).powi(2);
-    for (px, wanted) in [(48.0, 0.0), (48.8, 10.1 * near(1.7)), (49.3, 10.1 * near(1.2)), (50.5, 0.0), (53.0, 0.0)] {
+    for (px, wanted) in
+        [(48.0, 0.0), (48.8, 10.1 * near(1.7)), (49.3, 10.1 * near(1.2)), (50.5, 0.0), (53.0, 0.0)]
+    {
         assert!((at(px) - wanted).abs() < 0.25, "{px}: {} for {wanted}", at(px));
     }
 }
@@ -184,7 +187,8 @@ fn seams_mirrors_and_borders_are_those_of_the_larger_image() {
         }
     }
     // Beyond the border the image goes on as its border.
-    let wide = curves([120, 120], Wrap::Clamp, levels(), tiled(&samples, n, |x| x.saturating_sub(40).min(39)));
+    let wide =
+        curves([120, 120], Wrap::Clamp, levels(), tiled(&samples, n, |x| x.saturating_sub(40).min(39)));
     let moved: Vec<_> = way
         .iter()
         .map(|(t, one)| {
@@ -270,18 +274,23 @@ fn blocks_of_any_length_give_the_same_bits() {
         assert!(rms(&whole) > 0.01);
         for block in [1, 32, 64, 100, 256, 1024, 4096] {
             let window = p.rate.span(block);
-            assert!(play_in(p.clone(), &all, &way, 0.35, window) == whole, "{reading:?} in blocks of {block}");
+            assert!(
+                play_in(p.clone(), &all, &way, 0.35, window) == whole,
+                "{reading:?} in blocks of {block}"
+            );
         }
     }
 }
 
 #[test]
 fn law_gain_and_scale_do_what_they_say() {
-    let one = |p: IsophoteExcitationParams, piece: PathPiece| pulses(&play(p, &bowl(), &[(0, piece)], 0.3))[0];
+    let one =
+        |p: IsophoteExcitationParams, piece: PathPiece| pulses(&play(p, &bowl(), &[(0, piece)], 0.3))[0];
     let go = straight([64.0, 64.0], [0.25, 0.0], 0.1);
     let (plain, _) = one(params(), go);
     let heavy = PathPiece { force: [4.0; 2], gain: [0.5; 2], ..go };
-    let (area, _) = one(IsophoteExcitationParams { a: 0.5, b: 0.5, kappa: 3.0, gain: 2.0, ..params() }, heavy);
+    let (area, _) =
+        one(IsophoteExcitationParams { a: 0.5, b: 0.5, kappa: 3.0, gain: 2.0, ..params() }, heavy);
     assert!((area / plain - 3.0 * 2.0 * 2.0 * 0.5 * 0.5).abs() < 1e-3, "{}", area / plain);
     // Twice the size is half the pixels at the same speed: from the corner that stays where it is.
     let far = straight([128.0, 128.0], [0.5, 0.0], 0.1);

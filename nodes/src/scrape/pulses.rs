@@ -62,7 +62,8 @@ impl Pulses {
         let count = ((start + length).ceil() - first).max(1.0);
         // The sum of 1 - cos over them, in closed form.
         let sum = count
-            - libm::sin(0.5 * count * step) / libm::sin(0.5 * step) * libm::cos(phase + 0.5 * (count - 1.0) * step);
+            - libm::sin(0.5 * count * step) / libm::sin(0.5 * step)
+                * libm::cos(phase + 0.5 * (count - 1.0) * step);
         let key = Key { first: sample + first as i64, contact: owner.0, jump: owner.1 };
         let turn = |x: f64| [libm::cos(x), libm::sin(x)];
         let scale = area * self.rate / sum;
@@ -117,7 +118,9 @@ mod tests {
     #[test]
     fn a_pulse_has_its_area_and_its_middle_wherever_it_begins() {
         for rate in [8000.0, 44_100.0, 96_000.0] {
-            for (start, time) in [(0.0, 0.002), (7.3, 0.00195), (12.99, 0.005), (3.5, 0.0), (2.0, 0.0), (5.0, 9.0)] {
+            for (start, time) in
+                [(0.0, 0.002), (7.3, 0.00195), (12.99, 0.005), (3.5, 0.0), (2.0, 0.0), (5.0, 9.0)]
+            {
                 let x = drawn(rate, &[(start, time, 0.3)], &[1000]);
                 let area: f64 = x.iter().map(|x| f64::from(*x)).sum::<f64>() / rate;
                 assert!((area - 0.3).abs() < 1e-7, "{rate} {start} {time}: {area}");

@@ -275,7 +275,8 @@ fn march_strip(field: &Field<'_>, levels: &[f32], saddle: Saddle, [from, to]: [u
 /// Joins the strips of one level to vertices and the vertex that follows on each.
 fn join(parts: &[&Part], ends: &[usize]) -> (Vec<[f64; 2]>, Vec<u32>, Vec<bool>) {
     let count = parts.iter().map(|part| part.points.len()).sum();
-    let (mut points, mut next, mut led_to) = (Vec::with_capacity(count), vec![NONE; count], vec![false; count]);
+    let (mut points, mut next, mut led_to) =
+        (Vec::with_capacity(count), vec![NONE; count], vec![false; count]);
     // The strip above the first is the last, if any.
     let starts: Vec<u32> = parts
         .iter()

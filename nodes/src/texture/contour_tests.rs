@@ -117,7 +117,8 @@ fn a_circle_is_round_and_a_plane_is_straight() {
     for (radius, error, vertices, long) in [(20.0, 0.0046, 149, 0.999_85), (40.5, 0.0027, 325, 0.999_96)] {
         let ring = one(&field(n, &distance), radius, Saddle::Decider);
         assert_eq!((ring.lines.len(), ring.lines[0].closed), (1, true));
-        let off = ring.points.iter().map(|p| ((p[0] - centre).hypot(p[1] - centre) - f64::from(radius)).abs());
+        let off =
+            ring.points.iter().map(|p| ((p[0] - centre).hypot(p[1] - centre) - f64::from(radius)).abs());
         assert!(off.fold(0.0, f64::max) < error);
         assert_eq!(ring.points.len(), vertices);
         let round = length(&ring.points) / (std::f64::consts::TAU * f64::from(radius));
@@ -241,9 +242,8 @@ fn lines_of_different_levels_do_not_cross() {
             spans.map(move |p| (k, [p[0], p[1]]))
         })
         .collect();
-    let side = |a: [f64; 2], b: [f64; 2], p: [f64; 2]| {
-        (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0])
-    };
+    let side =
+        |a: [f64; 2], b: [f64; 2], p: [f64; 2]| (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0]);
     for (i, (k, [a, b])) in pieces.iter().enumerate() {
         for (l, [c, d]) in &pieces[i + 1..] {
             let apart = (0..2).any(|x| a[x].max(b[x]) < c[x].min(d[x]) || c[x].max(d[x]) < a[x].min(b[x]));

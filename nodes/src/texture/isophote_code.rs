@@ -287,7 +287,11 @@ fn read_head(from: &mut Reader<'_>) -> Option<Isophotes> {
     let [width, height, levels, curves, points] = numbers;
     // A point takes four bits at least, so that no number is believed before its bytes are there.
     let left = 2 * (from.bytes.len() - from.at) as u64;
-    let sound = width.max(height) < MOST && width * height <= MOST_PIXELS && levels <= 65_535 && curves <= points && points <= left;
+    let sound = width.max(height) < MOST
+        && width * height <= MOST_PIXELS
+        && levels <= 65_535
+        && curves <= points
+        && points <= left;
     if !sound || !floats.iter().all(|x| x.is_finite() && *x > 0.0) {
         return None;
     }

@@ -31,7 +31,8 @@ fn points_come_back_exactly_and_gradients_within_a_twentieth() {
         assert!((wrong / sum).sqrt() < 0.033, "{}", (wrong / sum).sqrt());
         let again = decode_isophotes(&encode_isophotes(&back)).unwrap();
         assert_eq!((again.points, again.curves), (all.points.clone(), all.curves.clone()));
-        let moved = |(a, b): (&[f32; 2], &[f32; 2])| (a[0] - b[0]).hypot(a[1] - b[1]) > 1e-3 * a[0].hypot(a[1]);
+        let moved =
+            |(a, b): (&[f32; 2], &[f32; 2])| (a[0] - b[0]).hypot(a[1] - b[1]) > 1e-3 * a[0].hypot(a[1]);
         assert!(!back.gradients.iter().zip(&again.gradients).any(moved), "what has been coded once stays");
         let each = bytes.len() as f64 / all.points.len() as f64;
         assert!(each < 3.6, "{each} bytes per point");
@@ -82,8 +83,18 @@ fn damaged_files_are_refused_and_never_panic() {
     let levels = encode_isophotes(&Isophotes { levels: vec![f32::NAN], ..Isophotes::default() });
     assert!(decode_isophotes(&levels).is_err());
     // A step that no curve makes, and sizes without their bytes.
-    let far = Isophotes { width: 9, height: 9, levels: vec![1.0], points: vec![[0.0; 2], [900.0, 0.0]], ..Isophotes::default() };
-    let far = Isophotes { curves: vec![Curve { level: 0, closed: false, len: 2 }], gradients: vec![[1.0; 2]; 2], ..far };
+    let far = Isophotes {
+        width: 9,
+        height: 9,
+        levels: vec![1.0],
+        points: vec![[0.0; 2], [900.0, 0.0]],
+        ..Isophotes::default()
+    };
+    let far = Isophotes {
+        curves: vec![Curve { level: 0, closed: false, len: 2 }],
+        gradients: vec![[1.0; 2]; 2],
+        ..far
+    };
     assert!(decode_isophotes(&encode_isophotes(&far)).unwrap_err().contains("damaged"));
     let wide = Isophotes { width: 1 << 20, height: 1 << 20, ..Isophotes::default() };
     assert!(decode_isophotes(&encode_isophotes(&wide)).unwrap_err().contains("head"));

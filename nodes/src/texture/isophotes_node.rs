@@ -114,8 +114,7 @@ impl Func for IsophotesNode {
         };
         let drawing = Drawing { levels, pre_blur: p.pre_blur, saddle: p.saddle, simplify: p.simplify };
         let field = if p.levels.is_empty() { "luma" } else { "levels" };
-        let found =
-            isophotes(io.luma, &drawing).map_err(|e| Fault::new("F125", e.to_string()).at(field))?;
+        let found = isophotes(io.luma, &drawing).map_err(|e| Fault::new("F125", e.to_string()).at(field))?;
         let told = told(&found);
         io.isophotes.set(found);
         Ok(told)
@@ -124,8 +123,7 @@ impl Func for IsophotesNode {
     fn trial(draw: &mut Draw) -> (IsophotesParams, MemoryFiles) {
         let (count, pre_blur) = (1 + draw.below(9) as u16, draw.between(0.0, 3.0));
         // Levels that are given may lie outside of the luminance, which is an error.
-        let params =
-            IsophotesParams { count, pre_blur, levels: Vec::new(), ..IsophotesParams::trial(draw) };
+        let params = IsophotesParams { count, pre_blur, levels: Vec::new(), ..IsophotesParams::trial(draw) };
         (params, MemoryFiles::default())
     }
 }
@@ -211,7 +209,8 @@ mod tests {
             run(IsophotesParams { spacing: Spacing::Uniform, count: 3, ..params() }, luma(40, 30)).unwrap();
         let [a, b, c] = uniform.levels[..] else { panic!("{:?}", uniform.levels) };
         assert!((b - a - (c - b)).abs() < 1e-4);
-        let given = run(IsophotesParams { levels: vec![60.0, 20.0, 400.0], ..params() }, luma(40, 30)).unwrap();
+        let given =
+            run(IsophotesParams { levels: vec![60.0, 20.0, 400.0], ..params() }, luma(40, 30)).unwrap();
         assert_eq!(given.levels, [20.0, 60.0]);
         let all = run(IsophotesParams { simplify: 0.0, ..params() }, luma(40, 30)).unwrap();
         assert!(all.points.len() > found.points.len());

@@ -63,7 +63,8 @@ fn a_repeated_image_has_no_seam() {
     let tile = isophotes(&luma(32, 32, Wrap::Repeat, wave), &Drawing::default()).unwrap();
     assert!(tile.is_torus() && tile.curves.iter().all(|curve| curve.closed));
     // The same surface from another corner has the same curves.
-    let moved = isophotes(&luma(32, 32, Wrap::Repeat, |x, y| wave(x + 13, y + 7)), &Drawing::default()).unwrap();
+    let moved =
+        isophotes(&luma(32, 32, Wrap::Repeat, |x, y| wave(x + 13, y + 7)), &Drawing::default()).unwrap();
     let long = |all: &Isophotes| {
         let length = |p: &[[f32; 2]]| f64::from((p[1][0] - p[0][0]).hypot(p[1][1] - p[0][1]));
         all.iter().flat_map(|(_, points, _)| points.windows(2)).map(length).sum::<f64>()
@@ -74,7 +75,8 @@ fn a_repeated_image_has_no_seam() {
 #[test]
 fn holes_have_no_curves_and_do_not_darken_their_surroundings() {
     let mut image = luma(32, 32, Wrap::Clamp, |x, _| 50.0 + x as f32);
-    image.holes = (0..32 * 32).map(|k| (12..20).contains(&(k % 32)) && (12..20).contains(&(k / 32))).collect();
+    image.holes =
+        (0..32 * 32).map(|k| (12..20).contains(&(k % 32)) && (12..20).contains(&(k / 32))).collect();
     for (x, hole) in image.grid.samples.iter_mut().zip(&image.holes) {
         *x = if *hole { 0.0 } else { *x };
     }

@@ -43,7 +43,8 @@ fn worst(points: &[[f64; 2]], gradients: &[[f32; 2]], [a, b]: [usize; 2], limits
     let (mut most, mut found) = (1.0, None);
     for k in a + 1..b {
         let off = [points[k][0] - p[0], points[k][1] - p[1]];
-        let along = if long > 0.0 { ((off[0] * step[0] + off[1] * step[1]) / long).clamp(0.0, 1.0) } else { 0.0 };
+        let along =
+            if long > 0.0 { ((off[0] * step[0] + off[1] * step[1]) / long).clamp(0.0, 1.0) } else { 0.0 };
         let miss = [0, 1].map(|i| off[i] - along * step[i]);
         let other = [0, 1].map(|i| from[i] + along * (to[i] - from[i]) - f64::from(gradients[k][i]));
         let square = |v: [f64; 2], limit: f64| (v[0] * v[0] + v[1] * v[1]) / (limit * limit);

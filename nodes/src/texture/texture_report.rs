@@ -46,8 +46,7 @@ impl Func for TextureReport {
     fn eval(_: &TextureReportParams, _: &Build<'_>, mut io: TextureReportIo<'_>) -> Result<Summary, Fault> {
         let curves = io.isophotes;
         let bytes = encode_isophotes(curves).len();
-        let mut report =
-            io.sizes.cloned().unwrap_or_else(|| SizeReport::new([curves.width, curves.height]));
+        let mut report = io.sizes.cloned().unwrap_or_else(|| SizeReport::new([curves.width, curves.height]));
         report.add("isophotes", bytes);
         let each = bytes as f64 / curves.points.len().max(1) as f64;
         io.report.set(report);
