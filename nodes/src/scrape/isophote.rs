@@ -7,6 +7,7 @@
 
 use super::isophote_index::{IsophoteIndex, Piece, Tile};
 use super::law::{AT_REST, Heading, Law, Moves};
+use super::past::Past;
 use super::pulses::{LONGEST, Pulses};
 use super::slew::Slew;
 use super::voices::{CELL, Stretch};
@@ -20,9 +21,6 @@ const MOST: usize = 32;
 const BOX: f64 = 8.0;
 /// How far the place of a contact may jump between two pieces that touch, px.
 const JOINT: f64 = 0.5;
-/// Way over which gradients are compared, px, and places on it.
-const APART: f64 = 1.0;
-const STEPS: usize = 32;
 /// Pieces of curves that are compared at once.
 const NEAR: usize = 512;
 
@@ -46,47 +44,6 @@ pub struct IsophoteVoice {
     /// Cell of samples, and crossings in it.
     quota: (i64, usize),
     past: Past,
-}
-
-/// Slopes that a contact met, at even steps of its way.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Past {
-    slopes: [f64; STEPS + 3],
-    newest: usize,
-    /// Way since the newest of them, px.
-    since: f64,
-    last: f64,
-}
-
-impl Default for Past {
-    fn default() -> Self {
-        Self { slopes: [0.0; STEPS + 3], newest: 0, since: 0.0, last: 0.0 }
-    }
-}
-
-impl Past {
-    /// Goes on by a way in px to a place of another slope, and gives the slope one pixel before that place.
-    fn go(&mut self, way: f64, slope: f64) -> f64 {
-        let step = APART / STEPS as f64;
-        let mut next = step - self.since;
-        // Only the last pixel counts.
-        let skip = ((way - next) / step).floor() - (self.slopes.len() as f64);
-        if skip > 0.0 {
-            next += skip * step;
-        }
-        while next <= way {
-            self.newest = (self.newest + 1) % self.slopes.len();
-            self.slopes[self.newest] = self.last + (slope - self.last) * (next / way.max(f64::MIN_POSITIVE));
-            next += step;
-        }
-        self.since = (way - (next - step)).max(0.0);
-        self.last = slope;
-        let back = (APART - self.since) / step;
-        let whole = back.floor();
-        let at = |k: usize| self.slopes[(self.newest + self.slopes.len() - k) % self.slopes.len()];
-        let (a, b) = (at(whole as usize), at(whole as usize + 1));
-        a + (b - a) * (back - whole)
-    }
 }
 
 /// A curve that is crossed.
@@ -390,7 +347,7 @@ impl IsophoteForce {
             let radius = self.radius.at(stretch.anchor + n as i64);
             let near = (1.0 - nearest.square / (radius * radius)).max(0.0);
             let slope = if nearest.piece.number == NOWHERE.number {
-                voice.past.last
+                voice.past.last()
             } else {
                 let (_, steps) = self.index.on_image(&self.index.tile(from), from);
                 let g = self.index.gradient(&nearest.piece, nearest.along);

@@ -1,25 +1,6 @@
 use super::*;
 
 #[test]
-fn the_past_is_one_pixel_behind() {
-    for way in [0.001, 0.0116, 0.03125, 0.2, 0.7] {
-        let (mut past, mut x) = (Past::default(), 0.0);
-        for n in 0..4000 {
-            x += way;
-            let before = past.go(way, 3.0 * x);
-            if x > 1.2 && n > 3 {
-                assert!((before - 3.0 * (x - 1.0)).abs() < 1e-9, "{way} {x}: {before}");
-            }
-        }
-        assert_eq!(past.go(0.0, 3.0 * x), past.go(0.0, 3.0 * x), "at rest nothing changes");
-    }
-    // A step of many pixels: only its end counts.
-    let mut past = Past::default();
-    past.go(100.0, 50.0);
-    assert!((past.go(0.5, 50.25) - 49.75).abs() < 1e-9);
-}
-
-#[test]
 fn each_point_of_a_curve_is_crossed_once() {
     // Two pieces that meet on the chord's line.
     let chord = [[0.0, 1.0], [2.0, 1.0]];

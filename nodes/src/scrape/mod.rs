@@ -20,6 +20,7 @@ mod noise;
 pub mod noise_node;
 mod pair;
 pub mod pair_node;
+mod past;
 pub mod path_node;
 mod plane;
 mod profile;
