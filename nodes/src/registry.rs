@@ -31,6 +31,7 @@ use crate::modal::impact_file_node::ImpactFile;
 use crate::modal::modes_file::ModesFile;
 use crate::rigid::classify_node::ContactClassifier;
 use crate::rigid::log_node::ContactLog;
+use crate::scrape::isophote_node::IsophoteExcitation;
 use crate::scrape::lod_node::LodSelect;
 use crate::scrape::map_node::MapExcitation;
 use crate::scrape::noise_node::NoiseExcitation;
@@ -46,9 +47,11 @@ use crate::spatial::vertex_pose::VertexPose;
 use crate::texture::class_node::HistogramClass;
 use crate::texture::feature_nodes::{Bilateral, DogFeatures, FeatureNoiseSplit};
 use crate::texture::image_node::ImageLuma;
+use crate::texture::isophotes_node::{IsophotesFile, IsophotesNode};
 use crate::texture::map_nodes::{MapCoder, SobelMap};
 use crate::texture::profile_node::NoiseProfileNode;
 use crate::texture::sizes::MapSizes;
+use crate::texture::texture_report::TextureReport;
 use crate::unit::concatenator_node::UnitConcatenator;
 use crate::unit::database_node::{UnitDatabaseFile, UnitDatabaseNode};
 use crate::unit::global_node::GlobalUnitSelector;
@@ -138,6 +141,10 @@ pub fn all() -> Vec<NodeType> {
         NodeType::func::<NoiseProfileNode>("texture"),
         NodeType::func::<MapSizes>("texture"),
         NodeType::of::<ContactPath>("scrape"),
+        NodeType::func::<IsophotesNode>("texture"),
+        NodeType::func::<IsophotesFile>("texture"),
+        NodeType::func::<TextureReport>("texture"),
+        NodeType::of::<IsophoteExcitation>("scrape"),
         NodeType::of::<LodSelect>("scrape"),
         NodeType::of::<MapExcitation>("scrape"),
         NodeType::of::<NoiseExcitation>("scrape"),

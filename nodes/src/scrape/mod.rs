@@ -4,6 +4,9 @@
 //! excitations evaluate at every audio sample; any number of contacts travels on one link.
 
 mod bands;
+mod isophote;
+mod isophote_index;
+pub mod isophote_node;
 mod item;
 mod law;
 mod lod;
@@ -17,10 +20,12 @@ mod noise;
 pub mod noise_node;
 mod pair;
 pub mod pair_node;
+mod past;
 pub mod path_node;
 mod plane;
 mod profile;
 pub mod profile_node;
+mod pulses;
 mod queue;
 mod relief;
 mod slew;
@@ -34,6 +39,8 @@ mod track_tests;
 mod voices;
 
 pub use bands::NoiseBands;
+pub use isophote::{IsophoteForce, IsophoteVoice, PULSE, Reading};
+pub use isophote_index::{IsophoteIndex, Piece, Tile};
 pub use item::PathPiece;
 pub use law::{AT_REST, FADE, Heading, Law, Moves};
 pub use lod::{Chooser, LodRules};
@@ -43,6 +50,7 @@ pub use noise::{NoiseForce, NoiseVoice};
 pub use pair::PairForce;
 pub use plane::{Interp, Plane};
 pub use profile::{Met, PathProfile};
+pub use pulses::Pulses;
 pub use queue::Queue;
 pub use relief::{Relief, ball_map, heights, rolled_over};
 pub use slew::{SLEW, Slew};

@@ -3,11 +3,12 @@
 //! A [`Luma`] image is the start of everything; each map keeps its density, so that a place in metres means the same on all.
 //! [`decode`] and [`luma`] read images, [`histogram`] tells simple from complex ones; [`sobel`] and [`code`] make the maps of simple
 //! ones, [`bilateral`], [`dog`] and [`split`] part complex ones into features and noise, [`profile`], [`spectrum`] and [`detail`]
-//! make one line of that noise.
+//! make one line of that noise. [`isophotes()`] draws curves of equal luminance through them.
 
 pub mod bilateral;
 pub mod class_node;
 pub mod code;
+mod contour;
 pub mod decode;
 pub mod detail;
 pub mod dog;
@@ -17,6 +18,10 @@ mod filter;
 pub mod half;
 pub mod histogram;
 pub mod image_node;
+mod isophote_code;
+mod isophote_value;
+mod isophotes;
+pub mod isophotes_node;
 mod item;
 pub mod luma;
 pub mod map_nodes;
@@ -25,12 +30,18 @@ mod picture;
 pub mod profile;
 pub mod profile_node;
 mod pyramid;
+mod simplify;
 pub mod sizes;
 pub mod sobel;
 pub mod spectrum;
 pub mod split;
+pub mod texture_report;
 
+pub use contour::{Field, Line, Lines, Saddle, contours};
 pub use filter::{Kernel, smooth};
+pub use isophote_code::{decode_isophotes, encode_isophotes};
+pub use isophotes::{Curve, Drawing, Isophotes, IsophotesError, Levels, isophotes};
 pub use item::{DiscontinuityMap, FeatureMap, Grid, Luma, LumaKind, NoiseMap, NoiseProfile, Surface, Wrap};
 pub use mips::ProfileMips;
 pub use pyramid::{Pyramid, PyramidLevel};
+pub use simplify::simplify;

@@ -1,0 +1,140 @@
+//! Isophotes of images of 512 and 4096 pixels a side, and microseconds per block and contact of the force drawn from them.
+//!
+//! Run with `cargo bench -p foley-nodes --bench isophotes`. The images are random numbers on every 16th pixel with cubics between,
+//! as in most comparisons of contour tracers: one level at 0.5, and eight at quantiles.
+
+use foley_nodes::core::params::Params;
+use foley_nodes::core::random::Draw;
+use foley_nodes::core::solo::Solo;
+use foley_nodes::core::time::{Rate, ticks};
+use foley_nodes::scrape::isophote_node::{
+    IsophoteExcitation, IsophoteExcitationParams, IsophoteExcitationPorts,
+};
+use foley_nodes::scrape::{IsophoteIndex, PathPiece, Reading};
+use foley_nodes::texture::{
+    Drawing, Field, Grid, Isophotes, Kernel, Levels, Luma, LumaKind, Saddle, Surface, Wrap, contours,
+    encode_isophotes, isophotes, smooth,
+};
+use std::error::Error;
+use std::hint::black_box;
+use std::time::Instant;
+
+/// The best time of some runs, in ms: other programs only take time away.
+fn best<T>(runs: usize, mut work: impl FnMut() -> T) -> f64 {
+    let one = |work: &mut dyn FnMut() -> T| {
+        let start = Instant::now();
+        black_box(work());
+        start.elapsed().as_secs_f64() * 1e3
+    };
+    (0..runs).map(|_| one(&mut work)).fold(f64::INFINITY, f64::min)
+}
+
+/// Smooth noise between 0 and 1.
+fn image(n: usize) -> Grid {
+    let (mut draw, m) = (Draw::new(9), n / 16 + 4);
+    let coarse = Grid::from_fn(m, m, |_, _| draw.unit() as f32);
+    let weights = |x: usize| {
+        let t = (x % 16) as f32 / 16.0;
+        // Catmull and Rom.
+        [
+            t * (-0.5 + t * (1.0 - 0.5 * t)),
+            1.0 + t * t * (1.5 * t - 2.5),
+            t * (0.5 + t * (2.0 - 1.5 * t)),
+            t * t * (0.5 * t - 0.5),
+        ]
+    };
+    Grid::from_fn(n, n, |x, y| {
+        let (wx, wy) = (weights(x), weights(y));
+        let at = |i: usize, j: usize| wx[i] * wy[j] * coarse.samples[(y / 16 + j) * m + x / 16 + i];
+        (0..16).map(|k| at(k % 4, k / 4)).sum()
+    })
+}
+
+fn curves() -> Result<(), Box<dyn Error>> {
+    for (n, runs) in [(512, 11), (4096, 3)] {
+        let grid = image(n);
+        let field = Field { width: n, samples: &grid.samples, torus: false };
+        let one = best(runs, || contours(&field, &[0.5], Saddle::Decider));
+        let luma = Luma {
+            grid: grid.clone(),
+            holes: Vec::new(),
+            kind: LumaKind::Lstar,
+            surface: Surface::default(),
+        };
+        let drawn = isophotes(&luma, &Drawing::default())?;
+        let eight = best(runs, || contours(&field, &drawn.levels, Saddle::Decider));
+        let all = best(runs, || isophotes(&luma, &Drawing::default()));
+        let index = best(runs, || IsophoteIndex::new(&drawn));
+        let bytes = encode_isophotes(&drawn).len();
+        println!(
+            "{n:4} x {n}: {one:7.2} ms for one level, {eight:7.2} ms for eight; blurred, with gradients and simplified {all:7.2} ms; \
+             index {index:6.2} ms; {} points in {:.1} kB, {:.2} bytes each",
+            drawn.points.len(),
+            bytes as f64 / 1e3,
+            bytes as f64 / drawn.points.len() as f64
+        );
+    }
+    Ok(())
+}
+
+/// Isophotes of a rough texture: about one crossing per pixel and a half.
+fn rough() -> Result<Isophotes, Box<dyn Error>> {
+    let mut draw = Draw::new(4);
+    let grid = Grid::from_fn(512, 512, |_, _| draw.between(0.0, 100.0) as f32);
+    let grid = smooth(&grid, &Kernel::gaussian(1.5, 4.0), Wrap::Repeat);
+    let luma = Luma { grid, holes: Vec::new(), kind: LumaKind::Lstar, surface: Surface::default() };
+    let levels = Levels::Quantiles(8);
+    Ok(isophotes(&luma, &Drawing { levels, ..Drawing::default() })?)
+}
+
+fn force(all: &Isophotes) -> Result<(), Box<dyn Error>> {
+    const SECONDS: f64 = 2.0;
+    for reading in [Reading::Crossing, Reading::Proximity] {
+        for speed in [0.1, 1.0, 10.0] {
+            let contacts = 8;
+            let mut pieces = Vec::new();
+            let frames = (SECONDS * 60.0) as i64;
+            for (k, contact) in (0..frames).flat_map(|k| (0..contacts).map(move |c| (k, c))) {
+                let t = k as f64 / 60.0;
+                let angle = 0.3 + 0.5 * contact as f64;
+                let v = [speed * f64::cos(angle) / 60.0, speed * f64::sin(angle) / 60.0];
+                let from = [v[0] * t * 60.0 + 0.1 * contact as f64, v[1] * t * 60.0];
+                let piece = PathPiece {
+                    contact: contact as u64,
+                    jump: 0,
+                    object: 0,
+                    duration: ticks(1.0 / 60.0),
+                    place: [from, v, [0.0; 2], [0.0; 2]],
+                    other: None,
+                    force: [1.0; 2],
+                    gain: [1.0; 2],
+                };
+                pieces.push((ticks(1.0 / 60.0) * k, piece));
+            }
+            let p = IsophoteExcitationParams::read(&|_| None).map_err(|e| format!("{e:?}"))?;
+            let rate = Rate::hz(44_100);
+            let solo = Solo::new::<IsophoteExcitation>(IsophoteExcitationParams { reading, rate, ..p })
+                .events(IsophoteExcitationPorts::paths, pieces, ticks(SECONDS))
+                .value(IsophoteExcitationPorts::isophotes, all.clone())
+                .window(rate.span(1024));
+            let time = (0..5).map(|_| {
+                let mut run = solo.start()?;
+                let start = Instant::now();
+                while run.step()? {}
+                Ok::<_, Box<dyn Error>>(start.elapsed().as_secs_f64())
+            });
+            let time = time.collect::<Result<Vec<_>, _>>()?.into_iter().fold(f64::INFINITY, f64::min);
+            let blocks = SECONDS * 44_100.0 / 1024.0 * contacts as f64;
+            println!(
+                "{reading:?} at {speed:4} m/s: {:6.2} us for each contact and block of 1024",
+                1e6 * time / blocks
+            );
+        }
+    }
+    Ok(())
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    curves()?;
+    force(&rough()?)
+}

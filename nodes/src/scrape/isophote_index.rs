@@ -1,0 +1,221 @@
+//! Isophotes that a moving contact can ask for what is near.
+
+use crate::texture::{Isophotes, Wrap};
+
+/// Side of a grid cell at most, and length of a piece at most, px.
+const CELL: f64 = 4.0;
+/// How far curves go on beyond the border of an image that is not repeated, px.
+const MARGIN: f64 = 1.0;
+
+/// A straight piece of a curve, in the pixels of the image or of one of its repetitions.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Piece {
+    /// Its number.
+    pub number: u32,
+    /// The point of the isophotes that the segment begins with of which it is a part.
+    pub point: u32,
+    /// Which part, of how many.
+    pub part: [u16; 2],
+    /// Both ends.
+    pub ends: [[f64; 2]; 2],
+}
+
+/// A piece as the cells keep it.
+#[derive(Clone, Copy, Debug)]
+struct Entry {
+    number: u32,
+    point: u32,
+    part: [u16; 2],
+    ends: [[f32; 2]; 2],
+}
+
+/// A uniform grid over isophotes, whose cells list the pieces of curves in them.
+///
+/// # Complexity
+/// O(pieces) to make. A question looks at the cells of its box, with a few pieces each, whatever the size of the image.
+#[derive(Clone, Debug)]
+pub struct IsophoteIndex {
+    wrap: Wrap,
+    torus: bool,
+    /// Columns and rows of the image.
+    size: [f64; 2],
+    /// Cells along each axis, and their sides.
+    cells: [usize; 2],
+    side: [f64; 2],
+    /// First entry of each cell, and the end.
+    starts: Vec<u32>,
+    entries: Vec<Entry>,
+    gradients: Vec<[f32; 2]>,
+}
+
+/// Where a place of the endless surface lies on the image.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tile {
+    base: f64,
+    /// 1, or -1 where the image lies mirrored.
+    sign: f64,
+}
+
+impl IsophoteIndex {
+    /// Sorts the pieces of all curves into cells.
+    #[must_use]
+    pub fn new(all: &Isophotes) -> Self {
+        let torus = all.is_torus();
+        let size = [all.width, all.height].map(|n| n.max(1) as f64);
+        let extent = size.map(|n| if torus { n } else { n + 2.0 * MARGIN });
+        let cells = extent.map(|n| (n / CELL).ceil().max(1.0) as usize);
+        let side = [0, 1].map(|k| extent[k] / cells[k] as f64);
+        let mut index = Self {
+            wrap: all.surface.wrap,
+            torus,
+            size,
+            cells,
+            side,
+            starts: vec![0; cells[0] * cells[1] + 1],
+            entries: Vec::new(),
+            gradients: all.gradients.clone(),
+        };
+        // Counted, then sorted in.
+        let mut counts = vec![0_u32; cells[0] * cells[1]];
+        index.each_entry(all, |cell, _| counts[cell] += 1);
+        let mut sum = 0;
+        for (start, count) in index.starts.iter_mut().zip(counts.iter().chain([&0])) {
+            *start = sum;
+            sum += count;
+        }
+        let mut next = index.starts.clone();
+        let blank = Entry { number: 0, point: 0, part: [0, 1], ends: [[0.0; 2]; 2] };
+        let mut entries = vec![blank; sum as usize];
+        index.each_entry(all, |cell, entry| {
+            entries[next[cell] as usize] = entry;
+            next[cell] += 1;
+        });
+        index.entries = entries;
+        index
+    }
+
+    /// Every piece in every cell that its box touches, in order.
+    fn each_entry(&self, all: &Isophotes, mut take: impl FnMut(usize, Entry)) {
+        let (mut number, mut point) = (0, 0_u32);
+        // Pieces of a torus stay short against it, so that none meets itself.
+        let longest = if self.torus { CELL.min(self.size[0] / 4.0).min(self.size[1] / 4.0) } else { CELL };
+        for (_, points, _) in all.iter() {
+            for (pair, point) in points.windows(2).zip(point..) {
+                let [a, b] = [pair[0], pair[1]].map(|p| p.map(f64::from));
+                let parts = ((b[0] - a[0]).hypot(b[1] - a[1]) / longest).ceil().clamp(1.0, 65_535.0);
+                let at = |part: f64| [0, 1].map(|k| a[k] + (b[k] - a[k]) * (part / parts));
+                for part in 0..parts as u16 {
+                    let end = if part + 1 == parts as u16 { b } else { at(f64::from(part) + 1.0) };
+                    let part = [part, parts as u16];
+                    let start = if part[0] == 0 { a } else { at(part[0].into()) };
+                    self.spread([start, end], |cell, ends| take(cell, Entry { number, point, part, ends }));
+                    number += 1;
+                }
+            }
+            point += points.len() as u32;
+        }
+    }
+
+    /// The cells that the box of a piece touches, with the piece as it lies in each.
+    fn spread(&self, ends: [[f64; 2]; 2], mut take: impl FnMut(usize, [[f32; 2]; 2])) {
+        let span = |k: usize| {
+            let (low, high) = (ends[0][k].min(ends[1][k]), ends[0][k].max(ends[1][k]));
+            [self.cell(k, low), self.cell(k, high)]
+        };
+        let ([left, right], [top, bottom]) = (span(0), span(1));
+        for (x, y) in (top..=bottom).flat_map(|y| (left..=right).map(move |x| (x, y))) {
+            if let Some((cell, shift)) = self.wrapped([x, y]) {
+                take(cell, ends.map(|p| [0, 1].map(|k| (p[k] - shift[k]) as f32)));
+            }
+        }
+    }
+
+    /// Column or row of the endless grid in which a coordinate lies.
+    fn cell(&self, axis: usize, x: f64) -> i64 {
+        let origin = if self.torus { 0.0 } else { MARGIN };
+        ((x + origin) / self.side[axis]).floor() as i64
+    }
+
+    /// The number of a cell of the endless grid, and how far it lies from the one of the image; `None` beyond an image that is
+    /// not repeated.
+    fn wrapped(&self, at: [i64; 2]) -> Option<(usize, [f64; 2])> {
+        let n = self.cells.map(|n| n as i64);
+        let turn = [0, 1].map(|k| at[k].div_euclid(n[k]));
+        if !self.torus && turn != [0, 0] {
+            return None;
+        }
+        let inside = [0, 1].map(|k| at[k] - turn[k] * n[k]);
+        Some(((inside[1] * n[0] + inside[0]) as usize, [0, 1].map(|k| turn[k] as f64 * self.size[k])))
+    }
+
+    /// The tile around a place.
+    #[must_use]
+    pub fn tile(&self, place: [f64; 2]) -> [Tile; 2] {
+        [0, 1].map(|k| {
+            let (x, n) = (place[k], self.size[k]);
+            match self.wrap {
+                Wrap::Repeat => Tile { base: (x / n).floor() * n, sign: 1.0 },
+                Wrap::Clamp => Tile { base: 0.0, sign: 1.0 },
+                Wrap::Mirror => {
+                    // Mirrors lie half a pixel beyond the first and the last pixel.
+                    let tile = ((x + 0.5) / n).floor();
+                    let odd = tile.rem_euclid(2.0) == 1.0;
+                    if odd {
+                        Tile { base: (tile + 1.0) * n - 1.0, sign: -1.0 }
+                    } else {
+                        Tile { base: tile * n, sign: 1.0 }
+                    }
+                }
+            }
+        })
+    }
+
+    /// A place on the image, and what steps along each axis count there: 1, -1 where it is mirrored, 0 beyond its border.
+    #[must_use]
+    pub fn on_image(&self, tile: &[Tile; 2], place: [f64; 2]) -> ([f64; 2], [f64; 2]) {
+        let mut steps = tile.map(|tile| tile.sign);
+        let mut local = [0, 1].map(|k| (place[k] - tile[k].base) * tile[k].sign);
+        if self.wrap == Wrap::Clamp {
+            for k in 0..2 {
+                let inside = local[k].clamp(-0.5, self.size[k] - 0.5);
+                steps[k] = if inside == local[k] { 1.0 } else { 0.0 };
+                local[k] = inside;
+            }
+        }
+        (local, steps)
+    }
+
+    /// Gives `take` each piece that may touch a box on the image; some come more than once.
+    pub fn near(&self, low: [f64; 2], high: [f64; 2], mut take: impl FnMut(Piece)) {
+        let span = |k: usize| [self.cell(k, low[k]), self.cell(k, high[k])];
+        let ([left, right], [top, bottom]) = (span(0), span(1));
+        for (x, y) in (top..=bottom).flat_map(|y| (left..=right).map(move |x| (x, y))) {
+            let Some((cell, shift)) = self.wrapped([x, y]) else { continue };
+            let from = self.starts[cell] as usize;
+            let to = self.starts[cell + 1] as usize;
+            for entry in &self.entries[from..to] {
+                let ends = entry.ends.map(|p| [0, 1].map(|k| f64::from(p[k]) + shift[k]));
+                let apart = (0..2)
+                    .any(|k| ends[0][k].max(ends[1][k]) < low[k] || ends[0][k].min(ends[1][k]) > high[k]);
+                if !apart {
+                    let Entry { number, point, part, .. } = *entry;
+                    take(Piece { number, point, part, ends });
+                }
+            }
+        }
+    }
+
+    /// The gradient on a piece, `along` from 0 to 1 of its length.
+    #[must_use]
+    pub fn gradient(&self, piece: &Piece, along: f64) -> [f64; 2] {
+        let k = piece.point as usize;
+        let [from, to] =
+            [k, k + 1].map(|k| self.gradients.get(k).copied().unwrap_or_default().map(f64::from));
+        let t = (f64::from(piece.part[0]) + along) / f64::from(piece.part[1]);
+        [0, 1].map(|i| from[i] + t.clamp(0.0, 1.0) * (to[i] - from[i]))
+    }
+}
+
+#[cfg(test)]
+#[path = "isophote_index_tests.rs"]
+mod tests;

@@ -1,0 +1,75 @@
+//! What a contact met a little while ago, measured along its way.
+
+/// Way over which slopes are compared, px, and places on it.
+const APART: f64 = 1.0;
+const STEPS: usize = 32;
+
+/// Slopes that a contact met, at even steps of its way.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Past {
+    slopes: [f64; STEPS + 3],
+    newest: usize,
+    /// Way since the newest of them, px.
+    since: f64,
+    last: f64,
+}
+
+impl Default for Past {
+    fn default() -> Self {
+        Self { slopes: [0.0; STEPS + 3], newest: 0, since: 0.0, last: 0.0 }
+    }
+}
+
+impl Past {
+    /// Goes on by a way in px to a place of another slope, and gives the slope one pixel before that place.
+    pub fn go(&mut self, way: f64, slope: f64) -> f64 {
+        let step = APART / STEPS as f64;
+        let mut next = step - self.since;
+        // Only the last pixel counts.
+        let skip = ((way - next) / step).floor() - (self.slopes.len() as f64);
+        if skip > 0.0 {
+            next += skip * step;
+        }
+        while next <= way {
+            self.newest = (self.newest + 1) % self.slopes.len();
+            self.slopes[self.newest] = self.last + (slope - self.last) * (next / way.max(f64::MIN_POSITIVE));
+            next += step;
+        }
+        self.since = (way - (next - step)).max(0.0);
+        self.last = slope;
+        let back = (APART - self.since) / step;
+        let whole = back.floor();
+        let at = |k: usize| self.slopes[(self.newest + self.slopes.len() - k) % self.slopes.len()];
+        let (a, b) = (at(whole as usize), at(whole as usize + 1));
+        a + (b - a) * (back - whole)
+    }
+
+    /// The slope that it met last.
+    pub fn last(&self) -> f64 {
+        self.last
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_past_is_one_pixel_behind() {
+        for way in [0.001, 0.0116, 0.03125, 0.2, 0.7] {
+            let (mut past, mut x) = (Past::default(), 0.0);
+            for n in 0..4000 {
+                x += way;
+                let before = past.go(way, 3.0 * x);
+                if x > 1.2 && n > 3 {
+                    assert!((before - 3.0 * (x - 1.0)).abs() < 1e-9, "{way} {x}: {before}");
+                }
+            }
+            assert_eq!(past.go(0.0, 3.0 * x), past.go(0.0, 3.0 * x), "at rest nothing changes");
+        }
+        // A step of many pixels: only its end counts.
+        let mut past = Past::default();
+        past.go(100.0, 50.0);
+        assert!((past.go(0.5, 50.25) - 49.75).abs() < 1e-9);
+    }
+}

@@ -1,0 +1,315 @@
+//! Lines of equal luminance through an image, with the slope that a tip meets on each.
+
+use super::contour::{Field, Line, Lines, MOST_LEVELS, Saddle, contours};
+use super::filter::{Kernel, smooth};
+use super::item::{Grid, Luma, Surface, Wrap};
+use super::simplify::simplify;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// Parts of a pixel in which points are kept where lines are simplified.
+pub(super) const STEPS: f64 = 64.0;
+/// Bins from which quantiles of luminance are read.
+const BINS: usize = 1 << 16;
+/// Error of gradients that simplified lines may have, for each pixel that their points may be off, over the root mean square of all:
+/// it makes an error of 5 % in the root mean square at a quarter of a pixel.
+const SLACK: f64 = 0.6;
+
+/// One isocurve.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Curve {
+    /// Number of its level.
+    pub level: u16,
+    /// Whether it comes back to its first point, which is then also its last.
+    pub closed: bool,
+    /// Points on it.
+    pub len: u32,
+}
+
+/// Lines of equal luminance of an image, with its gradient along them.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Isophotes {
+    /// Columns of the image.
+    pub width: usize,
+    /// Rows of the image.
+    pub height: usize,
+    /// How the image lies on the surface.
+    pub surface: Surface,
+    /// Luminance of each level, rising.
+    pub levels: Vec<f32>,
+    /// The curves, by level; their points follow one after the other.
+    pub curves: Vec<Curve>,
+    /// Points in pixels, with the high side on the left where y points down.
+    ///
+    /// Curves of a repeated image go on beyond its size; those of any other reach one pixel beyond its border.
+    pub points: Vec<[f32; 2]>,
+    /// Gradient of the luminance at each point, per pixel.
+    pub gradients: Vec<[f32; 2]>,
+}
+
+/// Which levels of luminance curves are drawn at.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Levels {
+    /// As many as said, at quantiles: each between two of them has as many pixels.
+    Quantiles(usize),
+    /// As many as said, evenly from the 2nd percentile to the 98th.
+    Uniform(usize),
+    /// These.
+    These(Vec<f32>),
+}
+
+/// How isophotes are made.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Drawing {
+    /// Where.
+    pub levels: Levels,
+    /// Standard deviation in pixels of the blur before.
+    pub pre_blur: f64,
+    /// How cells with two opposite high corners are read.
+    pub saddle: Saddle,
+    /// Pixels that a curve may be off to have fewer points; 0 keeps all.
+    pub simplify: f64,
+}
+
+impl Default for Drawing {
+    fn default() -> Self {
+        Self { levels: Levels::Quantiles(8), pre_blur: 1.0, saddle: Saddle::Decider, simplify: 0.25 }
+    }
+}
+
+/// Why an image has no isophotes.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum IsophotesError {
+    /// There is nothing between four pixels.
+    #[error("the image has {0} x {1} pixels; isophotes need 2 x 2")]
+    TooSmall(usize, usize),
+    /// The rows are not what they should be.
+    #[error("the image says {0} x {1} pixels, and has {2}")]
+    Damaged(usize, usize, usize),
+    /// No level lies where the luminance does.
+    #[error("none of the {count} levels lies in the luminance of the image, {low} to {high}")]
+    Outside {
+        /// Levels that were asked for.
+        count: usize,
+        /// Lowest luminance after the blur.
+        low: f32,
+        /// Highest luminance after the blur.
+        high: f32,
+    },
+}
+
+impl Isophotes {
+    /// The curves with their points and gradients.
+    pub fn iter(&self) -> impl Iterator<Item = (Curve, &[[f32; 2]], &[[f32; 2]])> {
+        let mut at = 0;
+        self.curves.iter().map_while(move |curve| {
+            let span = at..at + curve.len as usize;
+            at = span.end;
+            Some((*curve, self.points.get(span.clone())?, self.gradients.get(span)?))
+        })
+    }
+
+    /// Whether curves go on across the seam of the image.
+    #[must_use]
+    pub fn is_torus(&self) -> bool {
+        self.surface.wrap == Wrap::Repeat && self.width >= 3 && self.height >= 3
+    }
+}
+
+/// The isophotes of an image.
+///
+/// Holes have none, and do not darken what is around them. Fewer levels come back than were asked for where several are the same,
+/// and none for an image of one luminance.
+///
+/// # Errors
+/// When the image has no cell, or none of the levels that were given lies in its luminance.
+///
+/// # Complexity
+/// O(pixels x levels + points log points), two images of memory beside the result.
+///
+/// # Source
+/// Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section 4.2.
+pub fn isophotes(luma: &Luma, drawing: &Drawing) -> Result<Isophotes, IsophotesError> {
+    let Grid { width, height, ref samples } = luma.grid;
+    if width < 2 || height < 2 {
+        return Err(IsophotesError::TooSmall(width, height));
+    }
+    if samples.len() != width * height || !(luma.holes.is_empty() || luma.holes.len() == samples.len()) {
+        return Err(IsophotesError::Damaged(width, height, samples.len()));
+    }
+    let wrap = luma.surface.wrap;
+    let blurred = blur_around_holes(luma, drawing.pre_blur);
+    let levels = levels(&blurred, &drawing.levels)?;
+    let mut all = Isophotes { width, height, surface: luma.surface, levels, ..Isophotes::default() };
+    let found = if wrap == Wrap::Repeat {
+        let field = Field { width, samples: &blurred.samples, torus: true };
+        contours(&field, &all.levels, drawing.saddle)
+    } else {
+        // One pixel more on each side, so that paths along the border meet curves that go on.
+        let place = |at: usize, len| wrap.place(at as i64 - 1, len);
+        let wide = Grid::from_fn(width + 2, height + 2, |x, y| {
+            blurred.samples[place(y, height) * width + place(x, width)]
+        });
+        let field = Field { width: width + 2, samples: &wide.samples, torus: false };
+        let mut found = contours(&field, &all.levels, drawing.saddle);
+        found.iter_mut().flat_map(|lines| &mut lines.points).flatten().for_each(|x| *x -= 1.0);
+        found
+    };
+    let slopes = |lines: &Lines| lines.points.iter().map(|p| slope(&blurred, wrap, *p)).collect();
+    let gradients: Vec<Vec<[f32; 2]>> = found.par_iter().map(slopes).collect();
+    let limits = [drawing.simplify, drawing.simplify * SLACK * rms(&gradients)];
+    let parts: Vec<_> = found.par_iter().zip(&gradients).map(|(l, g)| keep(l, g, limits)).collect();
+    for ((curves, points, gradients), level) in parts.into_iter().zip(0..) {
+        all.curves.extend(curves.iter().map(|curve| Curve { level, ..*curve }));
+        all.points.extend(points);
+        all.gradients.extend(gradients);
+    }
+    Ok(all)
+}
+
+/// The root mean square of all gradients.
+fn rms(gradients: &[Vec<[f32; 2]>]) -> f64 {
+    let all = || gradients.iter().flatten();
+    let sum: f64 = all().flatten().map(|g| f64::from(*g).powi(2)).sum();
+    (sum / all().count().max(1) as f64).sqrt()
+}
+
+/// The curves of one level, simplified where that is wanted.
+fn keep(
+    lines: &Lines,
+    gradients: &[[f32; 2]],
+    [reach, slack]: [f64; 2],
+) -> (Vec<Curve>, Vec<[f32; 2]>, Vec<[f32; 2]>) {
+    let (mut curves, mut points, mut slopes) = (Vec::new(), Vec::new(), Vec::new());
+    for Line { from, to, closed } in &lines.lines {
+        let (all, steep) = (&lines.points[*from..*to], &gradients[*from..*to]);
+        let start = points.len();
+        for k in simplify(all, steep, reach, slack) {
+            let snap = |x: f64| if reach > 0.0 { (x * STEPS).round() / STEPS } else { x };
+            let point = all[k].map(|x| snap(x) as f32);
+            if points.get(start..).is_some_and(|own: &[_]| own.last() != Some(&point)) {
+                points.push(point);
+                slopes.push(steep[k]);
+            }
+        }
+        // What is left of a ring smaller than the tolerance is no line.
+        let least = if *closed { 3 } else { 2 };
+        if points.len() < start + least {
+            points.truncate(start);
+            slopes.truncate(start);
+        } else {
+            curves.push(Curve { level: 0, closed: *closed, len: (points.len() - start) as u32 });
+        }
+    }
+    (curves, points, slopes)
+}
+
+/// The blurred luminance; not a number in holes, which do not count around them.
+fn blur_around_holes(luma: &Luma, sigma: f64) -> Grid {
+    let kernel = Kernel::gaussian(sigma, 4.0);
+    let hole = |k: usize, x: f32| luma.holes.get(k).copied().unwrap_or(false) || !x.is_finite();
+    let grid = &luma.grid;
+    if !grid.samples.iter().enumerate().any(|(k, x)| hole(k, *x)) {
+        return smooth(grid, &kernel, luma.surface.wrap);
+    }
+    let each = |f: &dyn Fn(usize, f32) -> f32| Grid {
+        samples: grid.samples.iter().enumerate().map(|(k, x)| f(k, *x)).collect(),
+        ..*grid
+    };
+    let inside = each(&|k, x| f32::from(u8::from(!hole(k, x))));
+    let filled = each(&|k, x| if hole(k, x) { 0.0 } else { x });
+    let [mut sums, weights] = [filled, inside].map(|grid| smooth(&grid, &kernel, luma.surface.wrap));
+    for (k, (sum, weight)) in sums.samples.iter_mut().zip(&weights.samples).enumerate() {
+        *sum = if hole(k, grid.samples[k]) { f32::NAN } else { *sum / weight };
+    }
+    sums
+}
+
+/// Levels in rising order, each once.
+fn levels(grid: &Grid, wanted: &Levels) -> Result<Vec<f32>, IsophotesError> {
+    let finite = || grid.samples.iter().copied().filter(|x| x.is_finite());
+    let (low, high) = finite().fold((f32::INFINITY, f32::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
+    let mut levels: Vec<f32> = match wanted {
+        Levels::These(levels) => {
+            let inside: Vec<f32> = levels.iter().copied().filter(|l| (low..high).contains(l)).collect();
+            if inside.is_empty() {
+                return Err(IsophotesError::Outside { count: levels.len(), low, high });
+            }
+            inside
+        }
+        _ if low >= high => Vec::new(),
+        Levels::Quantiles(n) => {
+            let at: Vec<f64> = (0..*n).map(|k| (k as f64 + 0.5) / *n as f64).collect();
+            quantiles(grid, [low, high], &at)
+        }
+        Levels::Uniform(n) => {
+            let ends = quantiles(grid, [low, high], &[0.02, 0.98]);
+            let along = |k: usize| if *n > 1 { k as f32 / (n - 1) as f32 } else { 0.5 };
+            (0..*n).map(|k| ends[0] + (ends[1] - ends[0]) * along(k)).collect()
+        }
+    };
+    levels.sort_by(f32::total_cmp);
+    levels.dedup();
+    levels.truncate(MOST_LEVELS);
+    Ok(levels)
+}
+
+/// Values below which these parts of all samples lie, to 1/65536 of their range.
+fn quantiles(grid: &Grid, [low, high]: [f32; 2], at: &[f64]) -> Vec<f32> {
+    let scale = BINS as f32 / (high - low);
+    let mut bins = vec![0_u32; BINS];
+    for x in grid.samples.iter().filter(|x| x.is_finite()) {
+        bins[(((x - low) * scale) as usize).min(BINS - 1)] += 1;
+    }
+    let count: f64 = bins.iter().map(|n| f64::from(*n)).sum();
+    let (mut below, mut bin) = (0.0, 0);
+    let mut found = Vec::with_capacity(at.len());
+    for part in at {
+        let wanted = part * count;
+        while bin + 1 < BINS && below + f64::from(bins[bin]) < wanted {
+            below += f64::from(bins[bin]);
+            bin += 1;
+        }
+        let within = ((wanted - below) / f64::from(bins[bin]).max(1.0)).clamp(0.0, 1.0);
+        found.push(low + ((bin as f64 + within) / f64::from(scale)) as f32);
+    }
+    found
+}
+
+/// The gradient of an image at a place: Sobel's at the pixels around it, in straight lines between.
+fn slope(grid: &Grid, wrap: Wrap, [x, y]: [f64; 2]) -> [f32; 2] {
+    let (i, j) = (x.floor(), y.floor());
+    let (u, v) = ((x - i) as f32, (y - j) as f32);
+    let (i, j) = (i as i64, j as i64);
+    let mix = |a: [f32; 2], b: [f32; 2], t: f32| [0, 1].map(|k| a[k] + (b[k] - a[k]) * t);
+    let row = |j: i64| {
+        let left = sobel(grid, wrap, i, j);
+        if u > 0.0 { mix(left, sobel(grid, wrap, i + 1, j), u) } else { left }
+    };
+    let upper = row(j);
+    if v > 0.0 { mix(upper, row(j + 1), v) } else { upper }
+}
+
+/// Sobel's gradient at a pixel, 1 for a ramp of 1 per pixel; what is missing around it counts as the pixel itself.
+fn sobel(grid: &Grid, wrap: Wrap, x: i64, y: i64) -> [f32; 2] {
+    let (w, h) = (grid.width, grid.height);
+    let inside = x > 0 && y > 0 && x + 1 < w as i64 && y + 1 < h as i64;
+    let at = |dx: i64, dy: i64| {
+        let (x, y) = (x + dx, y + dy);
+        let (x, y) = if inside { (x as usize, y as usize) } else { (wrap.place(x, w), wrap.place(y, h)) };
+        grid.samples[y * w + x]
+    };
+    let middle = at(0, 0);
+    let get = |dx, dy| {
+        let x = at(dx, dy);
+        if x.is_finite() { x } else { middle }
+    };
+    let [a, b, c] = [-1, 0, 1].map(|dx| get(dx, -1));
+    let [d, e] = [-1, 1].map(|dx| get(dx, 0));
+    let [f, g, i] = [-1, 0, 1].map(|dx| get(dx, 1));
+    [(c - a + 2.0 * (e - d) + i - f) / 8.0, (f - a + 2.0 * (g - b) + i - c) / 8.0]
+}
+
+#[cfg(test)]
+#[path = "isophotes_tests.rs"]
+mod tests;
