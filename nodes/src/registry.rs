@@ -32,6 +32,7 @@ use crate::modal::impact_file_node::ImpactFile;
 use crate::modal::modes_file::ModesFile;
 use crate::spatial::distance_node::DistanceGain;
 use crate::spatial::hrtf_node::StructuralHrtf;
+use crate::spatial::occlusion_node::Occlusion;
 use crate::spatial::orbit_node::Orbit;
 use crate::spatial::pose_file_node::PoseFile;
 use crate::spatial::vertex_pose::VertexPose;
@@ -132,6 +133,7 @@ pub fn all() -> Vec<NodeType> {
         NodeType::func::<MapSizes>("texture"),
         NodeType::of::<StructuralHrtf>("spatial"),
         NodeType::of::<DistanceGain>("spatial"),
+        NodeType::of::<Occlusion>("spatial"),
         NodeType::of::<Orbit>("spatial"),
         NodeType::of::<PoseFile>("spatial"),
         NodeType::each::<VertexPose>("spatial"),
