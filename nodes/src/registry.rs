@@ -2,6 +2,7 @@
 
 use crate::contact::detector_node::ContactDetector;
 use crate::contact::router::MaterialRouter;
+use crate::contact::skinned_node::SkinnedSlip;
 use crate::contact::speed_nodes::{SlidingSpeed, SpeedMapNode};
 use crate::core::node::NodeType;
 use crate::crumple::bank_nodes::{CrumpleBankFile, CrumpleExtractor};
@@ -41,6 +42,7 @@ use crate::scrape::profile_node::PathProfileNode;
 use crate::scrape::stroke_node::Stroke;
 use crate::spatial::distance_node::DistanceGain;
 use crate::spatial::hrtf_node::StructuralHrtf;
+use crate::spatial::occlusion_node::Occlusion;
 use crate::spatial::orbit_node::Orbit;
 use crate::spatial::pose_file_node::PoseFile;
 use crate::spatial::vertex_pose::VertexPose;
@@ -97,6 +99,7 @@ pub fn all() -> Vec<NodeType> {
         NodeType::of::<ContactDetector>("contact"),
         NodeType::each::<MaterialRouter>("contact"),
         NodeType::of::<SlidingSpeed>("contact"),
+        NodeType::of::<SkinnedSlip>("contact"),
         NodeType::each::<SpeedMapNode>("contact"),
         NodeType::of::<IftNoiseNode>("friction"),
         NodeType::of::<BinauralIftNoise>("friction"),
@@ -155,6 +158,7 @@ pub fn all() -> Vec<NodeType> {
         NodeType::of::<ContactLog>("rigid"),
         NodeType::of::<StructuralHrtf>("spatial"),
         NodeType::of::<DistanceGain>("spatial"),
+        NodeType::of::<Occlusion>("spatial"),
         NodeType::of::<Orbit>("spatial"),
         NodeType::of::<PoseFile>("spatial"),
         NodeType::each::<VertexPose>("spatial"),
