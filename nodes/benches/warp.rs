@@ -1,10 +1,15 @@
-//! Time to fit a thin-plate warp of 420 nodes and to warp ten minutes of units, and the cost of a head.
+//! Time to fit a thin-plate warp of 420 nodes and to warp ten minutes of units, to tell which of 15 correspondences hurts, to
+//! suggest some, and the cost of a head.
 //!
-//! Run with `cargo bench -p foley-nodes --bench warp`. Budgets: 50 ms and 1 s on one core.
+//! Run with `cargo bench -p foley-nodes --bench warp`. Budgets: 50 ms and 1 s on one core, and 1 s from an edit to a new ranking.
 
+use foley_nodes::core::random::Draw;
 use foley_nodes::friction::Receiver;
 use foley_nodes::spatial::{Binaural, Head, HeadReceiver, PinnaSet};
-use foley_nodes::warp::{FitError, Pair, Stiffness, Warper, fit};
+use foley_nodes::unit::{SelectorParams, Units};
+use foley_nodes::warp::{
+    Baseline, FitError, LeaveOut, Pair, Stiffness, SuggestParams, Tps, Warper, fit, suggest,
+};
 use std::hint::black_box;
 use std::time::Instant;
 
@@ -40,7 +45,84 @@ fn pairs() -> Vec<Pair> {
         .collect()
 }
 
+/// Smooth features with the spread of cloth.
+fn features(seed: u64, units: usize) -> Vec<f32> {
+    let mut draw = Draw::new(seed);
+    let (mut slow, mut out) = ([0.0; DIMS], Vec::with_capacity(DIMS * units));
+    for _ in 0..units {
+        for (slow, spread) in slow.iter_mut().zip([9.0, 3.0, 2.0]) {
+            *slow += 0.02 * (spread * 6.0 * draw.between(-1.0, 1.0) - *slow);
+            out.push((*slow + 0.3 * draw.between(-1.0, 1.0)) as f32);
+        }
+    }
+    out
+}
+
+/// A minute of target, four of recordings, 15 correspondences of 24 or 48 units, one of which is wrong.
+fn diagnosis() -> Result<(), FitError> {
+    let (target, database) = (features(5, 14_400), features(6, 57_600));
+    let row =
+        |unit: usize| -> Vec<f64> { target[DIMS * unit..][..DIMS].iter().map(|x| f64::from(*x)).collect() };
+    let mut pairs = Vec::new();
+    for k in 0..15_usize {
+        for unit in 900 * k..900 * k + 24 * (1 + k % 2) {
+            let from = row(unit);
+            let wrong = if k == 7 { 8.0 } else { 0.0 };
+            let to = from.iter().map(|x| 1.1 * x + wrong + 0.3 * number(unit)).collect();
+            pairs.push((k, Pair { from, to, weight: 1.0 }));
+        }
+    }
+    let plain: Vec<Pair> = pairs.iter().map(|(_, pair)| pair.clone()).collect();
+    for lambda in [100.0, 1e5] {
+        let start = Instant::now();
+        let (all, _) = fit(&plain, DIMS, Stiffness::Lambda(lambda))?;
+        let out = LeaveOut::new(&pairs, DIMS, lambda)?;
+        let found = out.suspicions(2.0);
+        let ranked = start.elapsed().as_secs_f64();
+        let rest: Vec<Tps> = (0..15).map(|k| out.without(k)).collect::<Result<_, _>>()?;
+        let dropped = start.elapsed().as_secs_f64();
+        let n = database.len() / DIMS;
+        let units = Units { features: &database, dims: DIMS, segments: vec![(0, n)], allowed: vec![true; n] };
+        let params = SelectorParams { look: 5, d_max: 2.0, cool_off: 20, loop_guard: 0, causal: false };
+        let Ok(Some(baseline)) = Baseline::new(target.clone(), &all, &units, params) else { return Ok(()) };
+        let chosen = start.elapsed().as_secs_f64();
+        let effects = baseline.effects(&rest).unwrap_or_default();
+        let total = start.elapsed().as_secs_f64();
+        let moved = effects.iter().map(|e| e.moved).sum::<f64>() / 15.0;
+        println!(
+            "diagnosis, lambda {lambda}, {} nodes: ranking after {:.2} s, without each {:.2} s, target chosen {:.2} s, effects {total:.2} s \
+             ({:.0} % of units moved on average); the wrong one is ranked {}   (aim 1 s)",
+            pairs.len(),
+            ranked,
+            dropped,
+            chosen,
+            100.0 * moved,
+            found[7].rank
+        );
+    }
+    Ok(())
+}
+
+/// Suggestions for ten minutes of target and of recordings, 12,000 windows a side.
+fn suggestions() -> Result<(), FitError> {
+    let (target, database) = (features(7, UNITS), features(8, UNITS));
+    for most in [600, 2000] {
+        let p = SuggestParams { most, ..SuggestParams::default() };
+        let start = Instant::now();
+        let all = 0..UNITS;
+        let found = suggest(&target, &database, std::slice::from_ref(&all), DIMS, &p, &[])?;
+        println!(
+            "suggestions, 12,000 windows a side in {most} clusters: {:.2} s, {} proposals",
+            start.elapsed().as_secs_f64(),
+            found.len()
+        );
+    }
+    Ok(())
+}
+
 fn main() -> Result<(), FitError> {
+    diagnosis()?;
+    suggestions()?;
     let pairs = pairs();
     let (warp, report) = fit(&pairs, DIMS, Stiffness::Lambda(100.0))?;
     let fixed = best(|| fit(&pairs, DIMS, Stiffness::Lambda(100.0)));

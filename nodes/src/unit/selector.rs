@@ -53,6 +53,12 @@ pub trait Selector: Send + Sync {
     /// # Errors
     /// A feature that is not finite.
     fn choose(&mut self, window: &[f32]) -> Result<Choice, NotFinite>;
+
+    /// Goes on as if `picks`, the latest last, were all that has been chosen so far.
+    fn recall(&mut self, picks: &[u32]);
+
+    /// Another one over the same units.
+    fn another(&self) -> Box<dyn Selector>;
 }
 
 /// Features and gap-free stretches of a database.
@@ -87,6 +93,7 @@ pub fn selector(units: &Units<'_>, params: SelectorParams) -> Option<Box<dyn Sel
     })
 }
 
+#[derive(Clone)]
 struct Exact<const P: usize> {
     params: SelectorParams,
     dims: usize,
@@ -136,6 +143,7 @@ impl Found {
 }
 
 /// What was chosen so far.
+#[derive(Clone)]
 struct Past {
     /// One more than the target for which a unit was last chosen; 0 where it never was.
     used: Vec<u64>,
@@ -181,6 +189,12 @@ impl Past {
                 self.guarded.extend(picks.get(lag - 1));
             }
         }
+    }
+
+    /// Lets every unit rest for long enough.
+    fn forget(&mut self) {
+        self.now += self.cool_off + 1;
+        self.picks.clear();
     }
 
     fn note(&mut self, unit: u32) {
@@ -375,6 +389,15 @@ impl<const P: usize> Selector for Exact<P> {
         let chosen = chosen.or_else(|| self.nearest(rested)).ok_or(NotFinite(self.past.now))?;
         self.past.note(chosen.unit);
         Ok(chosen)
+    }
+
+    fn recall(&mut self, picks: &[u32]) {
+        self.past.forget();
+        picks.iter().for_each(|unit| self.past.note(*unit));
+    }
+
+    fn another(&self) -> Box<dyn Selector> {
+        Box::new(self.clone())
     }
 }
 

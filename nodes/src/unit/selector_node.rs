@@ -173,7 +173,7 @@ pub(super) fn check_tags(db: &UnitDatabase, tags: &[Text]) -> Result<Vec<bool>, 
 }
 
 /// Refuses features that cannot be compared with a database.
-pub(super) fn comparable(
+pub(crate) fn comparable(
     format: &FeatureFormat,
     db: Option<Arc<UnitDatabase>>,
     tags: &[Text],
@@ -191,7 +191,7 @@ pub(super) fn comparable(
 }
 
 /// The units of a valid database that was made as the features were.
-pub(super) fn units<'a>(
+pub(crate) fn units<'a>(
     format: &FeatureFormat,
     db: &'a UnitDatabase,
     tags: &[Text],

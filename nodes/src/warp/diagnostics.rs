@@ -3,11 +3,12 @@
 //! # Source
 //! Wahba, "Spline Models for Observational Data" (1990), section 4.2, for residuals of what is left out, here of whole blocks.
 
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::fit::{FitError, Pair, Problem, Stiffness};
+use super::fit::{FitError, Pair, Problem, Stiffness, rank};
 use super::linear::solve_dense;
-use super::tps::{Tps, Warper};
+use super::tps::Tps;
 
 /// lambda that stands for 0 where pairs may start in one place, relative to the squared spread of the nodes.
 const LEAST: f64 = 1e-9;
@@ -36,7 +37,14 @@ fn squared_mean(block: &[Vec<f64>], rows: std::ops::Range<usize>) -> f64 {
 /// Everything that is needed to leave blocks out: `M = Q2 (Q2^T K Q2 + lambda)^-1 Q2^T` and `M v`.
 ///
 /// Without the rows B the fit predicts them wrong by `M_BB^-1 (M v)_B`, for any lambda.
-struct LeaveOut {
+#[derive(Debug)]
+pub struct LeaveOut<'a> {
+    pairs: &'a [(usize, Pair)],
+    d: usize,
+    /// lambda asked for, and the one that is used.
+    lambda: f64,
+    used: f64,
+    problem: Problem,
     n: usize,
     matrix: Vec<f64>,
     /// `M v` per output.
@@ -46,12 +54,16 @@ struct LeaveOut {
     blocks: Vec<(usize, Vec<usize>)>,
 }
 
-impl LeaveOut {
-    fn new(pairs: &[(usize, Pair)], d: usize, lambda: f64) -> Result<Self, FitError> {
+impl<'a> LeaveOut<'a> {
+    /// Takes the problem of all pairs, each with its correspondence, apart.
+    ///
+    /// # Errors
+    /// As [`fit`](super::fit()).
+    pub fn new(pairs: &'a [(usize, Pair)], d: usize, lambda: f64) -> Result<Self, FitError> {
         let plain: Vec<Pair> = pairs.iter().map(|(_, pair)| pair.clone()).collect();
         let problem = Problem::unmerged(&plain, d)?;
-        let lambda = lambda.max(LEAST * problem.squared_scale());
-        let (matrix, moved) = problem.inverse(lambda).ok_or(FitError::Singular { lambda })?;
+        let used = lambda.max(LEAST * problem.squared_scale());
+        let (matrix, moved) = problem.inverse(used).ok_or(FitError::Singular { lambda: used })?;
         let mut blocks: Vec<(usize, Vec<usize>)> = Vec::new();
         for (row, (correspondence, _)) in pairs.iter().enumerate() {
             match blocks.iter_mut().find(|(index, _)| index == correspondence) {
@@ -60,6 +72,11 @@ impl LeaveOut {
             }
         }
         Ok(Self {
+            pairs,
+            d,
+            lambda,
+            used,
+            problem,
             n: pairs.len(),
             matrix,
             moved,
@@ -68,10 +85,23 @@ impl LeaveOut {
         })
     }
 
+    fn rows(&self, blocks: &[usize]) -> Vec<usize> {
+        blocks.iter().flat_map(|b| &self.blocks[*b].1).copied().collect()
+    }
+
     /// Errors of predicting the rows of `blocks` from all others, per output; `None` where the others are too few.
-    fn errors(&self, blocks: &[usize], d: usize) -> Option<Vec<Vec<f64>>> {
-        let rows: Vec<usize> = blocks.iter().flat_map(|b| &self.blocks[*b].1).copied().collect();
-        if self.n < rows.len() + d + 1 {
+    fn errors(&self, blocks: &[usize]) -> Option<Vec<Vec<f64>>> {
+        let rows = self.rows(blocks);
+        let mut errors = self.scaled_errors(&rows)?;
+        for output in &mut errors {
+            output.iter_mut().zip(&rows).for_each(|(e, row)| *e /= self.roots[*row]);
+        }
+        Some(errors)
+    }
+
+    /// The same times the roots of the weights.
+    fn scaled_errors(&self, rows: &[usize]) -> Option<Vec<Vec<f64>>> {
+        if self.n < rows.len() + self.d + 1 {
             return None;
         }
         let mut matrix: Vec<f64> =
@@ -79,11 +109,60 @@ impl LeaveOut {
         let mut right: Vec<Vec<f64>> =
             self.moved.iter().map(|moved| rows.iter().map(|row| moved[*row]).collect()).collect();
         let determinant = solve_dense(&mut matrix, rows.len(), &mut right);
-        for output in &mut right {
-            output.iter_mut().zip(&rows).for_each(|(e, row)| *e /= self.roots[*row]);
-        }
         let usable = determinant.is_finite() && right.iter().flatten().all(|x| x.is_finite());
         usable.then_some(right)
+    }
+
+    /// The warp without one correspondence, in O(n^2) where its nodes do not hold a direction of their own.
+    ///
+    /// # Errors
+    /// As [`fit`](super::fit()).
+    pub fn without(&self, correspondence: usize) -> Result<Tps, FitError> {
+        let quick = || {
+            let block = self.blocks.iter().position(|(index, _)| *index == correspondence)?;
+            let rows = self.rows(&[block]);
+            let others = self.pairs.iter().filter(|(index, _)| *index != correspondence);
+            let rest: Vec<Pair> = others.map(|(_, pair)| pair.clone()).collect();
+            if rank(&rest, self.d) < self.problem.rank() {
+                return None;
+            }
+            let errors = self.scaled_errors(&rows)?;
+            Some(self.problem.without(&rows, &errors, (&self.matrix, &self.moved), self.used))
+        };
+        quick().map_or_else(|| without(self.pairs, correspondence, self.d, self.lambda), Ok)
+    }
+
+    /// Ranks correspondences; see [`suspicions`].
+    #[must_use]
+    pub fn suspicions(&self, near: f64) -> Vec<Suspicion> {
+        let count = self.blocks.len();
+        let rows = |block: usize| self.blocks[block].1.len();
+        let left_out = |q: usize, with: &[usize]| Some(squared_mean(&self.errors(with)?, 0..rows(q)));
+        let alone: Vec<Option<f64>> = (0..count).map(|q| left_out(q, &[q])).collect();
+        let total: f64 = alone.iter().flatten().sum();
+        let ends: Vec<[Vec<f64>; 2]> =
+            self.blocks.iter().map(|(index, _)| middles(self.pairs, *index, self.d)).collect();
+        let suspicion = |k: usize| {
+            let others = (0..count).filter(|q| *q != k);
+            let left: Option<f64> = others.clone().map(|q| left_out(q, &[q, k])).sum();
+            let conflicts = others.filter(|q| {
+                way(&ends[*q][0], &ends[k][0]) < near && way(&ends[*q][1], &ends[k][1]) > 3.0 * near
+            });
+            Suspicion {
+                correspondence: self.blocks[k].0,
+                score: left.map_or(0.0, |left| total - left),
+                rank: 0,
+                surprise: alone[k].map_or(0.0, f64::sqrt),
+                conflicts: conflicts.map(|q| self.blocks[q].0).collect(),
+            }
+        };
+        let mut found: Vec<Suspicion> = (0..count).into_par_iter().map(suspicion).collect();
+        let mut order: Vec<usize> = (0..count).collect();
+        order.sort_by(|a, b| found[*b].score.total_cmp(&found[*a].score));
+        for (place, k) in order.into_iter().enumerate() {
+            found[k].rank = place + 1;
+        }
+        found
     }
 }
 
@@ -116,36 +195,7 @@ pub fn suspicions(
     lambda: f64,
     near: f64,
 ) -> Result<Vec<Suspicion>, FitError> {
-    let all = LeaveOut::new(pairs, d, lambda)?;
-    let count = all.blocks.len();
-    let rows = |block: usize| all.blocks[block].1.len();
-    let alone: Vec<Option<f64>> =
-        (0..count).map(|q| Some(squared_mean(&all.errors(&[q], d)?, 0..rows(q)))).collect();
-    let total: f64 = alone.iter().flatten().sum();
-    let ends: Vec<[Vec<f64>; 2]> = all.blocks.iter().map(|(index, _)| middles(pairs, *index, d)).collect();
-    let mut found: Vec<Suspicion> = (0..count)
-        .map(|k| {
-            let without = |q: usize| Some(squared_mean(&all.errors(&[q, k], d)?, 0..rows(q)));
-            let others = (0..count).filter(|q| *q != k);
-            let left: Option<f64> = others.clone().map(without).sum();
-            let conflicts = others.filter(|q| {
-                way(&ends[*q][0], &ends[k][0]) < near && way(&ends[*q][1], &ends[k][1]) > 3.0 * near
-            });
-            Suspicion {
-                correspondence: all.blocks[k].0,
-                score: left.map_or(0.0, |left| total - left),
-                rank: 0,
-                surprise: alone[k].map_or(0.0, f64::sqrt),
-                conflicts: conflicts.map(|q| all.blocks[q].0).collect(),
-            }
-        })
-        .collect();
-    let mut order: Vec<usize> = (0..count).collect();
-    order.sort_by(|a, b| found[*b].score.total_cmp(&found[*a].score));
-    for (place, k) in order.into_iter().enumerate() {
-        found[k].rank = place + 1;
-    }
-    Ok(found)
+    Ok(LeaveOut::new(pairs, d, lambda)?.suspicions(near))
 }
 
 /// The warp without one correspondence.
@@ -163,32 +213,11 @@ pub fn without(
     super::fit(&rest, d, Stiffness::Lambda(lambda)).map(|(tps, _)| tps)
 }
 
-/// Stretches of units, from and to, whose warps by two splines differ by more than `least`; shorter gaps than `gap` units are closed.
-///
-/// # Shapes
-/// `features: [units, d]`.
-#[must_use]
-pub fn moved_ranges(features: &[f32], a: &Tps, b: &Tps, least: f64, gap: usize) -> Vec<[usize; 2]> {
-    let (mut a, mut b) = (Warper::new(a), Warper::new(b));
-    let mut ranges: Vec<[usize; 2]> = Vec::new();
-    for (unit, x) in features.chunks_exact(a.dims().max(1)).enumerate() {
-        let wide = || x.iter().map(|x| f64::from(*x));
-        if way(a.displacement(wide()), b.displacement(wide())) <= least {
-            continue;
-        }
-        match ranges.last_mut() {
-            Some(last) if unit <= last[1] + gap => last[1] = unit + 1,
-            _ => ranges.push([unit, unit + 1]),
-        }
-    }
-    ranges
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::core::random::Draw;
-    use crate::warp::fit;
+    use crate::warp::{Warper, fit};
 
     /// Twelve correspondences of ten units along a smooth distortion, one of which leads elsewhere.
     fn planted(draw: &mut Draw, bad: usize) -> Vec<(usize, Pair)> {
@@ -215,7 +244,7 @@ mod tests {
         for lambda in [0.5, 100.0] {
             let all = LeaveOut::new(&pairs, 3, lambda).unwrap();
             for blocks in [vec![2], vec![2, 9]] {
-                let errors = all.errors(&blocks, 3).unwrap();
+                let errors = all.errors(&blocks).unwrap();
                 let rest: Vec<Pair> =
                     pairs.iter().filter(|(k, _)| !blocks.contains(k)).map(|(_, p)| p.clone()).collect();
                 let mut warper = Warper::new(&fit(&rest, 3, Stiffness::Lambda(lambda)).unwrap().0);
@@ -230,6 +259,30 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn the_quick_warp_without_a_correspondence_is_the_fitted_one() {
+        let mut pairs = planted(&mut Draw::new(6), 2);
+        pairs[24].1.weight = 0.5;
+        pairs[31].1.weight = 2.0;
+        for lambda in [0.3, 50.0, 1e6] {
+            let all = LeaveOut::new(&pairs, 3, lambda).unwrap();
+            for k in [0, 2, 3, 11] {
+                let (quick, slow) = (all.without(k).unwrap(), without(&pairs, k, 3, lambda).unwrap());
+                let (mut quick, mut slow) = (Warper::new(&quick), Warper::new(&slow));
+                for point in [[0.0, 0.0, 0.0], [5.0, -7.0, 3.0], [-20.0, 1.0, 15.0]] {
+                    let moved = quick.displacement(point.into_iter()).to_vec();
+                    let wanted = slow.displacement(point.into_iter());
+                    assert!(way(&moved, wanted) < 1e-7, "{lambda} {k}: {moved:?}, not {wanted:?}");
+                }
+            }
+        }
+        // Without the other one, silence is left, which lies in one place: that is fitted anew.
+        let mut two = pairs[..20].to_vec();
+        two[..10].iter_mut().for_each(|(_, pair)| pair.from = vec![-20.0, 0.0, 0.0]);
+        let all = LeaveOut::new(&two, 3, 1.0).unwrap();
+        assert_eq!(all.without(1), without(&two, 1, 3, 1.0));
     }
 
     #[test]
@@ -261,17 +314,5 @@ mod tests {
         assert!(
             suspicions(&pairs[..20], 3, 1.0, 2.0).is_ok() && suspicions(&[], 3, 1.0, 2.0).unwrap().is_empty()
         );
-    }
-
-    #[test]
-    fn only_units_near_a_pair_move_when_it_goes() {
-        let pairs = planted(&mut Draw::new(8), 5);
-        let plain: Vec<Pair> = pairs.iter().map(|(_, p)| p.clone()).collect();
-        let all = fit(&plain, 3, Stiffness::Lambda(1.0)).unwrap().0;
-        let rest = without(&pairs, 5, 3, 1.0).unwrap();
-        let features: Vec<f32> = plain.iter().flat_map(|p| &p.from).map(|x| *x as f32).collect();
-        let ranges = moved_ranges(&features, &all, &rest, 1.0, 3);
-        assert!(ranges.iter().any(|[from, to]| *from <= 50 && *to >= 60), "{ranges:?}");
-        assert_eq!(moved_ranges(&features, &all, &all, 0.0, 3), Vec::<[usize; 2]>::new());
     }
 }

@@ -12,7 +12,10 @@ pub const MAX_NODES: usize = 3000;
 /// Nodes nearer than this, relative to the scale of all, are one.
 const SAME: f64 = 1e-9;
 /// Directions whose spread is below this, relative to the widest, are not there.
-const FLAT: f64 = 1e-8;
+///
+/// Loudness spreads over some twenty units of feature space, and features of one sound differ by tenths: what is thinner than a
+/// hundredth of the widest is noise, and a slope fitted to it would throw everything beside the nodes anywhere.
+const FLAT: f64 = 1e-2;
 
 /// How stiff the spline is.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -90,6 +93,7 @@ pub enum FitError {
 }
 
 /// Merged nodes in centred and scaled coordinates, `[n, d]` each.
+#[derive(Debug)]
 struct Nodes {
     centre: Vec<f64>,
     scale: f64,
@@ -99,6 +103,8 @@ struct Nodes {
     /// Node of each pair.
     of_pair: Vec<usize>,
     conflict: f64,
+    /// Directions in which the nodes spread, `[rank][d]`; they lie in no other.
+    directions: Vec<Vec<f64>>,
 }
 
 fn check(pairs: &[Pair], d: usize) -> Result<(), FitError> {
@@ -115,6 +121,15 @@ fn check(pairs: &[Pair], d: usize) -> Result<(), FitError> {
         }
     }
     Ok(())
+}
+
+/// Directions in which scaled points spread, the widest first.
+fn spread_directions(points: &[f64], d: usize) -> Vec<Vec<f64>> {
+    let found = principal(points, d);
+    let widest = found.first().map_or(0.0, |(s, _)| *s);
+    // Points in one place are not scaled, and spread by rounding alone.
+    let least = SAME * (points.len() as f64 / d.max(1) as f64).sqrt();
+    found.into_iter().filter(|(s, _)| *s > FLAT * widest && *s > least).map(|(_, v)| v).collect()
 }
 
 impl Nodes {
@@ -135,7 +150,10 @@ impl Nodes {
             weights: Vec::new(),
             of_pair: Vec::new(),
             conflict: 0.0,
+            directions: Vec::new(),
         };
+        let all: Vec<f64> = pairs.iter().flat_map(|p| this.scaled(p)).collect();
+        this.directions = spread_directions(&all, d);
         pairs.iter().for_each(|p| this.add(p, d, merge));
         this.conflict = pairs.iter().zip(&this.of_pair).fold(0.0, |most, (p, node)| {
             let mean = &this.moves[node * d..(node + 1) * d];
@@ -145,8 +163,25 @@ impl Nodes {
         this
     }
 
+    fn scaled(&self, pair: &Pair) -> Vec<f64> {
+        pair.from.iter().zip(&self.centre).map(|(x, c)| (x - c) / self.scale).collect()
+    }
+
+    /// A point without its part along directions that are not there: the kernels need side conditions along all others.
+    fn flattened(&self, point: Vec<f64>) -> Vec<f64> {
+        if self.directions.len() == point.len() {
+            return point;
+        }
+        let mut flat = vec![0.0; point.len()];
+        for direction in &self.directions {
+            let along: f64 = point.iter().zip(direction).map(|(x, v)| x * v).sum();
+            flat.iter_mut().zip(direction).for_each(|(x, v)| *x += along * v);
+        }
+        flat
+    }
+
     fn add(&mut self, pair: &Pair, d: usize, merge: bool) {
-        let point: Vec<f64> = pair.from.iter().zip(&self.centre).map(|(x, c)| (x - c) / self.scale).collect();
+        let point = self.flattened(self.scaled(pair));
         let near = |p: &[f64]| p.iter().zip(&point).map(|(a, b)| (a - b).powi(2)).sum::<f64>() <= SAME * SAME;
         let moved = pair.to.iter().zip(&pair.from).map(|(u, x)| u - x);
         let known = if merge { self.points.chunks_exact(d).position(near) } else { None };
@@ -209,14 +244,13 @@ impl Nodes {
 /// # Source
 /// Wahba, "Spline Models for Observational Data" (1990), sections 1.4 and 2.4, for the null-space form; Golub and Van Loan,
 /// section 8.3, for the tridiagonal form.
+#[derive(Debug)]
 pub(crate) struct Problem {
     d: usize,
     nodes: Nodes,
     /// Roots of the weights.
     roots: Vec<f64>,
     kernels: Vec<f64>,
-    /// Directions in which the nodes spread, `[rank][d]`.
-    directions: Vec<Vec<f64>>,
     reflections: Vec<Reflection>,
     /// Upper triangle of the reflected P, column by column.
     triangle: Vec<Vec<f64>>,
@@ -243,6 +277,11 @@ impl Problem {
         Self::of(pairs, d, false)
     }
 
+    /// Directions in which the nodes spread.
+    pub fn rank(&self) -> usize {
+        self.nodes.directions.len()
+    }
+
     /// Square of the unit of the scaled coordinates.
     pub fn squared_scale(&self) -> f64 {
         self.nodes.scale * self.nodes.scale
@@ -266,10 +305,6 @@ impl Problem {
         if n > MAX_NODES {
             return Err(FitError::TooMany { found: n });
         }
-        let found = principal(&nodes.points, d);
-        let widest = found.first().map_or(0.0, |(s, _)| *s);
-        let spreads = |s: f64| s > FLAT * widest && s > FLAT * (n as f64).sqrt();
-        let directions: Vec<_> = found.into_iter().filter(|(s, _)| spreads(*s)).map(|(_, v)| v).collect();
         let roots: Vec<f64> = nodes.weights.iter().map(|w| w.sqrt()).collect();
         let kernels = nodes.kernels(d, &roots);
         let mut this = Self {
@@ -278,7 +313,6 @@ impl Problem {
             triangle: Vec::new(),
             form: Tridiagonal::default(),
             reflections: Vec::new(),
-            directions,
             kernels,
             roots,
             nodes,
@@ -302,11 +336,11 @@ impl Problem {
 
     /// Columns of P: a constant and the directions.
     fn polynomials(&self) -> usize {
-        if self.nodes.len() == 0 { 0 } else { 1 + self.directions.len() }
+        if self.nodes.len() == 0 { 0 } else { 1 + self.rank() }
     }
 
     fn polynomial(&self, k: usize) -> Vec<f64> {
-        let along = |point: &[f64]| match k.checked_sub(1).and_then(|k| self.directions.get(k)) {
+        let along = |point: &[f64]| match k.checked_sub(1).and_then(|k| self.nodes.directions.get(k)) {
             Some(direction) => point.iter().zip(direction).map(|(x, v)| x * v).sum(),
             None => 1.0,
         };
@@ -380,12 +414,15 @@ impl Problem {
         if lambda >= 0.0 && lambda.is_finite() { Ok(lambda) } else { Err(FitError::Lambda { found: lambda }) }
     }
 
-    /// Constant and linear part: R A = Q1^T (v - (K + lambda) w), in coordinates of the vectors.
-    fn affine(&self, solution: &Solution) -> Vec<f64> {
+    /// Constant and linear part: R A = Q1^T (v - e - (K + lambda) w), in coordinates of the vectors; `errors` is e at `rows`.
+    fn affine(&self, solution: &Solution, rows: &[usize], errors: &[Vec<f64>]) -> Vec<f64> {
         let (d, n, p) = (self.d, self.nodes.len(), self.triangle.len());
         let mut affine = vec![0.0; (d + 1) * d];
         for (i, w) in solution.scaled.iter().enumerate() {
             let mut left = self.scaled_moves(i);
+            for (row, e) in rows.iter().zip(errors.get(i).into_iter().flatten()) {
+                left[*row] -= e;
+            }
             for (k, left) in left.iter_mut().enumerate() {
                 let row = &self.kernels[k * n..(k + 1) * n];
                 *left -= row.iter().zip(w).map(|(k, w)| k * w).sum::<f64>() + solution.lambda * w[k];
@@ -396,7 +433,7 @@ impl Problem {
                 a[k] = (a[k] - known) / self.triangle[k][k];
             }
             for (k, &a) in a.iter().enumerate().take(p) {
-                match k.checked_sub(1).and_then(|k| self.directions.get(k)) {
+                match k.checked_sub(1).and_then(|k| self.nodes.directions.get(k)) {
                     None => affine[i] += a,
                     Some(v) => v.iter().enumerate().for_each(|(j, v)| affine[(j + 1) * d + i] += a * v),
                 }
@@ -405,7 +442,35 @@ impl Problem {
         affine
     }
 
-    fn spline(&self, solution: &Solution) -> Tps {
+    /// The spline that is fitted to all but the nodes `rows`.
+    ///
+    /// With `(w, e)` such that `w = M (v - e)` is 0 at the rows and `e` elsewhere, w solves the problem without them.
+    ///
+    /// # Shapes
+    /// `matrix: [n, n]` and `moved: [d][n]` as of [`Problem::inverse`]; `errors: [d][rows]`, `M_BB^-1 (M v)_B`.
+    pub fn without(
+        &self,
+        rows: &[usize],
+        errors: &[Vec<f64>],
+        (matrix, moved): (&[f64], &[Vec<f64>]),
+        lambda: f64,
+    ) -> Tps {
+        let n = self.nodes.len();
+        let scaled = moved.iter().zip(errors).map(|(moved, errors)| {
+            let mut w = moved.clone();
+            for (row, e) in rows.iter().zip(errors) {
+                let column = matrix.iter().skip(row * n).take(n);
+                w.iter_mut().zip(column).for_each(|(w, m)| *w -= m * e);
+            }
+            rows.iter().for_each(|row| w[*row] = 0.0);
+            w
+        });
+        let solution =
+            Solution { scaled: scaled.collect(), freedom: 0.0, lambda: self.scaled_lambda(lambda) };
+        self.spline(&solution, rows, errors)
+    }
+
+    fn spline(&self, solution: &Solution, rows: &[usize], errors: &[Vec<f64>]) -> Tps {
         let (d, n) = (self.d, self.nodes.len());
         let mut weights = vec![0.0; n * d];
         for (i, scaled) in solution.scaled.iter().enumerate() {
@@ -420,20 +485,28 @@ impl Problem {
             scale: self.nodes.scale,
             nodes: self.nodes.points.iter().enumerate().map(back).collect(),
             weights,
-            affine: self.affine(solution),
+            affine: self.affine(solution, rows, errors),
         }
     }
 
     fn warnings(&self, lambda: f64) -> Vec<String> {
-        let (n, rank) = (self.nodes.len(), self.directions.len());
+        let (n, rank) = (self.nodes.len(), self.rank());
         let mut warnings = Vec::new();
         match n {
             0 => warnings.push("there is no pair: the warp changes nothing".to_owned()),
             1 => warnings.push("there is one node: the warp shifts everything alike".to_owned()),
-            _ if rank < self.d => warnings.push(format!(
-                "the {n} nodes spread in {rank} of {} directions: the warp is not stretched along the others",
-                self.d
-            )),
+            _ if rank < self.d => {
+                let on = match rank {
+                    1 => "a line",
+                    2 => "a plane",
+                    _ => "a flat",
+                };
+                warnings.push(format!(
+                    "the {n} nodes lie on {on}, or nearly so: they spread in {rank} of {} directions, and the affine part of the warp, \
+                     of rank {rank}, leaves the others alone",
+                    self.d
+                ));
+            }
             _ => {}
         }
         if lambda == 0.0 && self.nodes.conflict > 0.0 {
@@ -458,22 +531,28 @@ impl Problem {
         let report = FitReport {
             pairs: self.nodes.of_pair.len(),
             nodes: n,
-            rank: self.directions.len(),
+            rank: self.rank(),
             lambda,
             freedom: solution.freedom,
             residual: (self.left(&solution) / total).sqrt(),
             conflict: self.nodes.conflict,
             warnings: self.warnings(lambda),
         };
-        Ok((self.spline(&solution), report))
+        Ok((self.spline(&solution, &[], &[]), report))
     }
+}
+
+/// In how many directions the starts of pairs spread.
+pub(super) fn rank(pairs: &[Pair], d: usize) -> usize {
+    Nodes::of(pairs, d, false).directions.len()
 }
 
 /// Fits a warp of `d` dimensions to pairs: it minimises `sum weight |W(from) - to|^2 + lambda` times the bending energy.
 ///
 /// Pairs that start in one place (nearer than 1e-9 of the spread) become one node at their mean, which changes nothing for
-/// lambda above 0. Where the nodes do not spread in all directions, the affine part leaves the others alone. No pair gives the
-/// identity, one a shift.
+/// lambda above 0. Directions in which the nodes spread less than a hundredth of the widest are taken as noise: the nodes are
+/// put on the line or plane of the others, and the affine part leaves those directions alone. No pair gives the identity, one a
+/// shift.
 ///
 /// # Errors
 /// Numbers that are not finite, weights or lambda out of range, more than [`MAX_NODES`] nodes, or nodes that double precision

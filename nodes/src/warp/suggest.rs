@@ -7,11 +7,18 @@
 //! Cuturi, "Sinkhorn distances" (NIPS 2013), for the transport; Bonneel, Rabin, Peyre and Pfister, "Sliced and Radon Wasserstein
 //! barycenters" (2015), for the score.
 
-use std::f64::consts::TAU;
+use rayon::prelude::*;
 use std::ops::Range;
 
 use super::fit::{FitError, Pair, Stiffness, fit};
+use super::sliced::sliced_wasserstein;
 use super::tps::Warper;
+use super::transport::{Points, clustered, squared, transported};
+
+/// Most windows of either side; more are thinned out evenly before anything else.
+const MOST_WINDOWS: usize = 20_000;
+/// Distance of two windows whose causes have nothing in common, where ranks spread by 1.
+const CAUSE: f64 = 2.0;
 
 /// How proposals are looked for.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,13 +31,13 @@ pub struct SuggestParams {
     pub count: usize,
     /// lambda of the warp that scores them.
     pub lambda: f64,
-    /// Most windows of either side; more are thinned out evenly.
+    /// Most windows of either side that are laid on each other; more go into as many clusters.
     pub most: usize,
 }
 
 impl Default for SuggestParams {
     fn default() -> Self {
-        Self { window: 24, hop: 12, count: 12, lambda: 1e3, most: 600 }
+        Self { window: 24, hop: 12, count: 12, lambda: 1e3, most: 2000 }
     }
 }
 
@@ -43,8 +50,17 @@ pub struct Proposal {
     pub database: usize,
     /// Other windows of the database to try, from other segments.
     pub alternatives: Vec<usize>,
-    /// Share of the distance between the worlds that it takes away after those before it.
+    /// Share of the distance between the worlds that it takes away after those before it; the first one, silence, after all others.
     pub gain: f64,
+}
+
+/// What a part of the target's sound comes from, known exactly where it is synthetic.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Cause {
+    /// Its power in each unit of the target.
+    pub power: Vec<f64>,
+    /// For each segment of the database whether it comes from this alone, where that is known.
+    pub segments: Vec<Option<bool>>,
 }
 
 /// A stretch of units with the mean and the spread of its features.
@@ -73,12 +89,12 @@ fn windows(features: &[f32], segments: &[Range<usize>], d: usize, p: &SuggestPar
             all.push(Window { start, segment, mean, variance });
         }
     }
-    let count = all.len().min(p.most);
+    let count = all.len().min(MOST_WINDOWS);
     (0..count).map(|k| all[k * all.len() / count.max(1)].clone()).collect()
 }
 
 /// The normal distribution's quantile, off by at most 5e-4: Abramowitz and Stegun, 26.2.23.
-fn probit(p: f64) -> f64 {
+pub(super) fn probit(p: f64) -> f64 {
     let tail = p.min(1.0 - p).max(1e-300);
     let t = (-2.0 * libm::log(tail)).sqrt();
     let x = t
@@ -88,9 +104,9 @@ fn probit(p: f64) -> f64 {
 }
 
 /// Each dimension by the normal quantile of its rank, ties at their middle: what no monotone distortion changes.
-fn ranked(windows: &[Window], d: usize) -> Vec<Vec<f64>> {
-    let n = windows.len();
-    let mut out = vec![vec![0.0; d]; n];
+fn ranked(windows: &[Window], d: usize, causes: usize) -> Points {
+    let (n, dims) = (windows.len(), d + causes);
+    let mut out = Points { dims, at: vec![0.0; n * dims] };
     for i in 0..d {
         let value = |k: usize| windows[k].mean[i];
         let mut order: Vec<usize> = (0..n).collect();
@@ -103,7 +119,7 @@ fn ranked(windows: &[Window], d: usize) -> Vec<Vec<f64>> {
             }
             let middle = probit((from + to) as f64 / (2 * n) as f64);
             for k in &order[from..to] {
-                if let Some(x) = out[*k].get_mut(i) {
+                if let Some(x) = out.at.get_mut(k * dims + i) {
                     *x = middle;
                 }
             }
@@ -113,61 +129,43 @@ fn ranked(windows: &[Window], d: usize) -> Vec<Vec<f64>> {
     out
 }
 
-fn squared(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum()
-}
-
-/// Where entropic optimal transport takes each point of `a` among those of `b`, all points alike.
-fn transported(a: &[Vec<f64>], b: &[Vec<f64>]) -> Vec<Vec<f64>> {
-    const ROUNDS: usize = 300;
-    let (n, m) = (a.len(), b.len());
-    let cost: Vec<f64> = a.iter().flat_map(|x| b.iter().map(move |y| squared(x, y))).collect();
-    let mut sorted = cost.clone();
-    let middle = sorted.len() / 2;
-    let median = *sorted.select_nth_unstable_by(middle, f64::total_cmp).1;
-    let epsilon = (0.05 * median).max(1e-9);
-    // Potentials over epsilon; sums of exponentials are taken from their largest, so that none is lost.
-    let scaled: Vec<f64> = cost.iter().map(|c| -c / epsilon).collect();
-    let (mut f, mut g) = (vec![0.0; n], vec![0.0; m]);
-    let potential = |values: &mut dyn Iterator<Item = f64>, count: usize| {
-        let values: Vec<f64> = values.collect();
-        let largest = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        -(largest + libm::log(values.iter().map(|v| libm::exp(v - largest)).sum::<f64>()))
-            - libm::log(count as f64)
-    };
-    for _ in 0..ROUNDS {
-        for (i, f) in f.iter_mut().enumerate() {
-            *f = potential(&mut scaled[i * m..(i + 1) * m].iter().zip(&g).map(|(s, g)| s + g), n);
+/// Adds the shares of causes to windows of both sides; segments whose cause nobody knows lie in the middle of the target's.
+fn add_causes(
+    causes: &[Cause],
+    d: usize,
+    window: usize,
+    ours: (&[Window], &mut Points),
+    theirs: (&[Window], &mut Points),
+) {
+    let power = |cause: &Cause, start: usize| -> f64 { cause.power.iter().skip(start).take(window).sum() };
+    let most: f64 = causes.iter().flat_map(|cause| &cause.power).fold(0.0, |most, x| most.max(*x));
+    for (c, cause) in causes.iter().enumerate() {
+        let dims = ours.1.dims;
+        let mut sum = 0.0;
+        for (w, at) in ours.0.iter().zip(ours.1.at.chunks_exact_mut(dims)) {
+            let all: f64 = causes.iter().map(|cause| power(cause, w.start)).sum();
+            // What is 100 dB below the loudest unit has no cause.
+            let share = if all > 1e-10 * most * window as f64 { power(cause, w.start) / all } else { 0.0 };
+            sum += share;
+            at[d + c] = CAUSE * share;
         }
-        let before = g.clone();
-        for (j, g) in g.iter_mut().enumerate() {
-            *g = potential(&mut (0..n).map(|i| scaled[i * m + j] + f[i]), m);
-        }
-        let change = before.iter().zip(&g).fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
-        if change < 1e-6 {
-            break;
+        let mean = sum / ours.0.len().max(1) as f64;
+        for (w, at) in theirs.0.iter().zip(theirs.1.at.chunks_exact_mut(dims)) {
+            let known = cause.segments.get(w.segment).copied().flatten();
+            at[d + c] = CAUSE * known.map_or(mean, |of_this| f64::from(u8::from(of_this)));
         }
     }
-    (0..n)
-        .map(|i| {
-            let weights: Vec<f64> = (0..m).map(|j| libm::exp(scaled[i * m + j] + f[i] + g[j])).collect();
-            let total: f64 = weights.iter().sum::<f64>().max(f64::MIN_POSITIVE);
-            (0..b[0].len())
-                .map(|k| weights.iter().zip(b).map(|(w, y)| w * y[k]).sum::<f64>() / total)
-                .collect()
-        })
-        .collect()
 }
 
 /// Points that lie far from each other, the quietest first; steady ones are preferred.
-fn farthest(windows: &[Window], at: &[Vec<f64>], count: usize) -> Vec<usize> {
+fn farthest(windows: &[Window], at: &Points, count: usize) -> Vec<usize> {
     let n = windows.len();
     let mean = windows.iter().map(|w| w.variance).sum::<f64>() / n.max(1) as f64;
     let steady = |k: usize| 1.0 / (1.0 + windows[k].variance / mean.max(1e-12));
     let loudness = |k: &usize| windows[*k].mean.first().copied().unwrap_or(0.0);
     let Some(first) = (0..n).min_by(|a, b| loudness(a).total_cmp(&loudness(b))) else { return Vec::new() };
     let mut chosen = vec![first];
-    let mut nearest: Vec<f64> = (0..n).map(|k| squared(&at[k], &at[first])).collect();
+    let mut nearest: Vec<f64> = (0..n).map(|k| squared(at.row(k), at.row(first))).collect();
     while chosen.len() < count.min(n) {
         let score = |k: &usize| nearest[*k] * steady(*k);
         let Some(next) = (0..n).max_by(|a, b| score(a).total_cmp(&score(b))) else { break };
@@ -175,53 +173,12 @@ fn farthest(windows: &[Window], at: &[Vec<f64>], count: usize) -> Vec<usize> {
             break;
         }
         chosen.push(next);
-        nearest.iter_mut().enumerate().for_each(|(k, near)| *near = near.min(squared(&at[k], &at[next])));
+        nearest
+            .iter_mut()
+            .enumerate()
+            .for_each(|(k, near)| *near = near.min(squared(at.row(k), at.row(next))));
     }
     chosen
-}
-
-/// Sliced Wasserstein distance of two clouds: root mean square over 64 directions of the distance between 199 quantiles of each.
-///
-/// # Shapes
-/// `a` and `b`: `[n, d]`.
-#[must_use]
-pub fn sliced_wasserstein(a: &[f32], b: &[f32], d: usize) -> f64 {
-    const DIRECTIONS: usize = 64;
-    const QUANTILES: usize = 199;
-    let quantiles = |x: &[f32], direction: &[f64]| -> Vec<f64> {
-        let along = |row: &[f32]| row.iter().zip(direction).map(|(x, v)| f64::from(*x) * v).sum::<f64>();
-        let mut all: Vec<f64> = x.chunks_exact(d).map(along).collect();
-        all.sort_unstable_by(f64::total_cmp);
-        let quantile = |q: usize| {
-            let place = (q + 1) as f64 / (QUANTILES + 1) as f64 * all.len().saturating_sub(1) as f64;
-            let (low, t) = (place as usize, place.fract());
-            let at = |k: usize| all.get(k).or(all.last()).copied().unwrap_or(0.0);
-            at(low) + t * (at(low + 1) - at(low))
-        };
-        (0..QUANTILES).map(quantile).collect()
-    };
-    let total: f64 = (0..DIRECTIONS)
-        .map(|k| {
-            let direction = direction(k, d);
-            let pairs = quantiles(a, &direction).into_iter().zip(quantiles(b, &direction));
-            pairs.map(|(a, b)| (a - b).powi(2)).sum::<f64>() / QUANTILES as f64
-        })
-        .sum();
-    (total / DIRECTIONS as f64).sqrt()
-}
-
-/// Direction `k` of an even spread over the sphere: normal quantiles of a sequence whose steps are powers of one irrational number.
-fn direction(k: usize, d: usize) -> Vec<f64> {
-    // The root of x^(d + 1) = x + 1 spreads points evenly in d dimensions.
-    let mut root = 1.5_f64;
-    for _ in 0..40 {
-        root = libm::pow(1.0 + root, 1.0 / (d + 1) as f64);
-    }
-    let v: Vec<f64> = (1..=d)
-        .map(|i| probit(((k + 1) as f64 * libm::pow(root, -(i as f64))).fract().clamp(1e-6, 1.0 - 1e-6)))
-        .collect();
-    let length = v.iter().map(|x| x * x).sum::<f64>().sqrt();
-    if length > 0.0 { v.iter().map(|x| x / length).collect() } else { vec![libm::cos(TAU * k as f64); d] }
 }
 
 /// Both worlds as a search sees them.
@@ -236,7 +193,24 @@ struct Worlds<'a> {
 }
 
 impl Worlds<'_> {
-    fn pairs(&self, proposals: &[(usize, usize)]) -> Vec<Pair> {
+    /// A pair of means for each proposal: within a window the two sides have nothing to do with each other, and slopes fitted to
+    /// what one window holds by chance would throw everything else anywhere.
+    fn means(&self, proposals: &[(usize, usize)]) -> Vec<Pair> {
+        let mean = |x: &[f32], unit: usize| {
+            let rows = x.get(unit * self.d..(unit + self.window) * self.d).unwrap_or_default();
+            super::pairing::mean(rows.chunks_exact(self.d), self.d)
+        };
+        let pair = |(t, b): &(usize, usize)| Pair {
+            from: mean(self.target, *t),
+            to: mean(self.database, *b),
+            weight: self.window as f64,
+        };
+        proposals.iter().map(pair).collect()
+    }
+
+    /// The pairs of units that somebody who accepts proposals gets.
+    #[cfg(test)]
+    fn units(&self, proposals: &[(usize, usize)]) -> Vec<Pair> {
         let row = |x: &[f32], unit: usize| {
             let row = x.get(unit * self.d..(unit + 1) * self.d).unwrap_or_default();
             row.iter().map(|x| f64::from(*x)).collect::<Vec<f64>>()
@@ -248,9 +222,9 @@ impl Worlds<'_> {
     }
 
     /// Distance of the warped target to the database, and the share of it that folds.
-    fn score(&self, proposals: &[(usize, usize)]) -> Result<(f64, f64), FitError> {
+    fn score(&self, pairs: &[Pair]) -> Result<(f64, f64), FitError> {
         let [target, database] = &self.some;
-        let (tps, _) = fit(&self.pairs(proposals), self.d, Stiffness::Lambda(self.lambda))?;
+        let (tps, _) = fit(pairs, self.d, Stiffness::Lambda(self.lambda))?;
         let mut warper = Warper::new(&tps);
         let mut warped = vec![0.0; target.len()];
         for (x, y) in target.chunks_exact(self.d).zip(warped.chunks_exact_mut(self.d)) {
@@ -272,6 +246,45 @@ fn thinned(x: &[f32], d: usize, most: usize) -> Vec<f32> {
     (0..some).flat_map(|k| x[k * units / some * d..][..d].iter().copied()).collect()
 }
 
+/// Windows of the target with what lies where transport takes them.
+fn candidates(
+    (target, database): (&[f32], &[f32]),
+    segments: &[Range<usize>],
+    d: usize,
+    p: &SuggestParams,
+    causes: &[Cause],
+) -> Vec<Proposal> {
+    let whole = 0..target.len() / d.max(1);
+    let (ours, theirs) =
+        (windows(target, std::slice::from_ref(&whole), d, p), windows(database, segments, d, p));
+    if ours.is_empty() || theirs.is_empty() {
+        return Vec::new();
+    }
+    let (mut from, mut to) = (ranked(&ours, d, causes.len()), ranked(&theirs, d, causes.len()));
+    add_causes(causes, d, p.window, (&ours, &mut from), (&theirs, &mut to));
+    let chosen = farthest(&ours, &from, p.count);
+    let from = clustered(from, p.most);
+    let goals = transported(&from, &clustered(to.clone(), p.most));
+    let proposal = |k: usize| {
+        let goal = goals.row(from.of.get(k).copied().unwrap_or(0));
+        let far: Vec<f64> = (0..theirs.len()).map(|j| squared(to.row(j), goal)).collect();
+        let mut near: Vec<usize> = (0..theirs.len()).collect();
+        near.sort_by(|a, b| far[*a].total_cmp(&far[*b]));
+        let mut used: Vec<usize> = Vec::new();
+        near.retain(|j| {
+            let other = used.len() < 3 && !used.contains(&theirs[*j].segment);
+            if other {
+                used.push(theirs[*j].segment);
+            }
+            other
+        });
+        let mut starts = near.into_iter().map(|j| theirs[j].start);
+        let database = starts.next().unwrap_or(0);
+        Proposal { target: ours[k].start, database, alternatives: starts.collect(), gain: 0.0 }
+    };
+    chosen.into_iter().map(proposal).collect()
+}
+
 /// Proposes correspondences, best first, until one more brings the worlds less than 1 % nearer. Nothing is applied.
 ///
 /// # Shapes
@@ -281,65 +294,52 @@ fn thinned(x: &[f32], d: usize, most: usize) -> Vec<f32> {
 /// As [`fit`]: numbers that are not finite.
 ///
 /// # Complexity
-/// O(most^2) per round of transport, of which there are at most 300, and count^2 / 2 fits of up to count windows.
+/// O(most^2) per round of transport, of which there are at most 300, and count^2 / 2 fits of up to count nodes.
 pub fn suggest(
     target: &[f32],
     database: &[f32],
     segments: &[Range<usize>],
     d: usize,
     p: &SuggestParams,
+    causes: &[Cause],
 ) -> Result<Vec<Proposal>, FitError> {
-    let whole = 0..target.len() / d.max(1);
-    let (ours, theirs) =
-        (windows(target, std::slice::from_ref(&whole), d, p), windows(database, segments, d, p));
-    if ours.is_empty() || theirs.is_empty() {
-        return Ok(Vec::new());
+    if let Some(pair) = target.iter().chain(database).position(|x| !x.is_finite()) {
+        let message = "its features are not finite".to_owned();
+        return Err(FitError::Pair { pair: pair / d.max(1), message });
     }
-    let (from, to) = (ranked(&ours, d), ranked(&theirs, d));
-    let goals = transported(&from, &to);
-    let mut open: Vec<Proposal> = farthest(&ours, &from, p.count)
-        .into_iter()
-        .map(|k| {
-            let mut near: Vec<usize> = (0..theirs.len()).collect();
-            near.sort_by(|a, b| squared(&to[*a], &goals[k]).total_cmp(&squared(&to[*b], &goals[k])));
-            let best = near[0];
-            let mut used = vec![theirs[best].segment];
-            let mut alternatives = Vec::new();
-            for other in near {
-                if alternatives.len() < 2 && !used.contains(&theirs[other].segment) {
-                    used.push(theirs[other].segment);
-                    alternatives.push(theirs[other].start);
-                }
-            }
-            Proposal { target: ours[k].start, database: theirs[best].start, alternatives, gain: 0.0 }
-        })
-        .collect();
+    let mut open = candidates((target, database), segments, d, p, causes);
     let some = [thinned(target, d, 1500), thinned(database, d, 1500)];
     let worlds = Worlds { target, database, d, window: p.window, lambda: p.lambda, some };
     let mut listed: Vec<Proposal> = Vec::new();
     let start = worlds.score(&[])?.0;
-    let (mut now, mut place) = (start, listed.len());
-    // Silence is always offered first.
+    let mut now = start;
     while !open.is_empty() {
-        let candidates = if place == 0 { 0..1 } else { 0..open.len() };
-        let mut best: Option<(usize, f64, f64)> = None;
-        for k in candidates {
-            let with: Vec<(usize, usize)> =
-                listed.iter().chain(std::iter::once(&open[k])).map(|p| (p.target, p.database)).collect();
-            let (distance, folds) = worlds.score(&with)?;
-            let score = distance + 0.1 * folds * start;
-            if best.is_none_or(|(_, least, _)| score < least) {
-                best = Some((k, score, distance));
-            }
-        }
-        let Some((k, _, distance)) = best else { break };
+        // Silence is always offered first.
+        let tried = if listed.is_empty() { 1 } else { open.len() };
+        let score = |proposal: &Proposal| {
+            let all = listed.iter().chain(std::iter::once(proposal));
+            let with: Vec<(usize, usize)> = all.map(|p| (p.target, p.database)).collect();
+            let (distance, folds) = worlds.score(&worlds.means(&with))?;
+            Ok((distance + 0.1 * folds * start, distance))
+        };
+        let scores: Vec<(f64, f64)> = open[..tried].par_iter().map(score).collect::<Result<_, FitError>>()?;
+        let best = scores.iter().enumerate().min_by(|a, b| a.1.0.total_cmp(&b.1.0));
+        let Some((k, (_, distance))) = best else { break };
         let gain = (now - distance) / start.max(f64::MIN_POSITIVE);
-        if place > 1 && gain < 0.01 {
+        if listed.len() > 1 && gain < 0.01 {
             break;
         }
         let proposal = open.remove(k);
         listed.push(Proposal { gain, ..proposal });
-        (now, place) = (distance, listed.len());
+        now = *distance;
+    }
+    // Silence alone only shifts everything: what it is worth shows once the others are there.
+    if let [first, others @ ..] = &mut listed[..]
+        && !others.is_empty()
+    {
+        let others: Vec<(usize, usize)> = others.iter().map(|p| (p.target, p.database)).collect();
+        let gain = (worlds.score(&worlds.means(&others))?.0 - now) / start.max(f64::MIN_POSITIVE);
+        first.gain = gain.clamp(-1.0, 1.0);
     }
     Ok(listed)
 }
@@ -393,7 +393,7 @@ mod tests {
         let before = sliced_wasserstein(&target, &database, 3);
         let segments = [0..1000, 1000..2000];
         let p = SuggestParams { most: 160, ..SuggestParams::default() };
-        let found = suggest(&target, &database, &segments, 3, &p).unwrap();
+        let found = suggest(&target, &database, &segments, 3, &p, &[]).unwrap();
         assert!(found.len() >= 3 && found.iter().all(|p| p.alternatives.len() == 1), "{found:?}");
         let quiet = found[0].target;
         assert!(target[3 * quiet] < -18.0, "silence is offered first");
@@ -401,7 +401,7 @@ mod tests {
             let some = [target.clone(), database.clone()];
             let worlds = Worlds { target: &target, database: &database, d: 3, window: 24, lambda, some };
             let with: Vec<_> = found.iter().map(|p| (p.target, p.database)).collect();
-            worlds.score(&with).unwrap().0
+            worlds.score(&worlds.units(&with)).unwrap().0
         });
         let after = left.into_iter().fold(f64::INFINITY, f64::min);
         println!("{} proposals: {before:.2} -> {after:.2}, floor {floor:.2}", found.len());
@@ -428,7 +428,7 @@ mod tests {
     fn ranks_are_what_no_monotone_distortion_changes() {
         let x = gestures(600, 4);
         let p = SuggestParams { window: 1, hop: 5, ..SuggestParams::default() };
-        let of = |x: &[f32]| ranked(&windows(x, std::slice::from_ref(&(0..600)), 3, &p), 3);
+        let of = |x: &[f32]| ranked(&windows(x, std::slice::from_ref(&(0..600)), 3, &p), 3, 0);
         assert_eq!(of(&x), of(&distorted(&x, |x| x.map(|x| 3.0 * x + 0.01 * x.powi(3)))));
         assert!(
             probit(0.5).abs() < 5e-4
@@ -449,8 +449,72 @@ mod tests {
     #[test]
     fn nothing_is_proposed_where_there_is_no_window() {
         let p = SuggestParams::default();
-        assert_eq!(suggest(&[0.0; 30], &[0.0; 300], std::slice::from_ref(&(0..100)), 3, &p), Ok(vec![]));
-        let found = suggest(&[0.0; 300], &[1.0; 300], std::slice::from_ref(&(0..100)), 3, &p).unwrap();
+        assert_eq!(suggest(&[0.0; 30], &[0.0; 300], std::slice::from_ref(&(0..100)), 3, &p, &[]), Ok(vec![]));
+        let found = suggest(&[0.0; 300], &[1.0; 300], std::slice::from_ref(&(0..100)), 3, &p, &[]).unwrap();
         assert!(found.len() <= 1, "all alike: {found:?}");
+    }
+
+    /// Distance that some proposals leave, by their means and by their units, over that without any.
+    fn left(target: &[f32], database: &[f32], lambda: f64, found: &[Proposal]) -> [f64; 2] {
+        let some = [target.to_vec(), database.to_vec()];
+        let worlds = Worlds { target, database, d: 3, window: 24, lambda, some };
+        let with: Vec<_> = found.iter().map(|p| (p.target, p.database)).collect();
+        let start = worlds.score(&[]).unwrap().0;
+        [worlds.means(&with), worlds.units(&with)].map(|pairs| worlds.score(&pairs).unwrap().0 / start)
+    }
+
+    #[test]
+    fn a_short_take_has_no_gain_beyond_what_there_is_to_gain() {
+        let mut wild = 0.0_f64;
+        for seed in 1..6 {
+            // A third of a second of target: some five windows, nearly on a line.
+            let target = gestures(84, seed);
+            let database = distorted(&gestures(600, 9), |[x, y, z]| [1.2 * x + 6.0, y, z + 1.0]);
+            let p = SuggestParams { lambda: 100.0, ..SuggestParams::default() };
+            let found = suggest(&target, &database, &[0..300, 300..600], 3, &p, &[]).unwrap();
+            let gains: Vec<f64> = found.iter().map(|p| p.gain).collect();
+            assert!(gains.iter().all(|gain| (-1.0..=1.0).contains(gain)), "{seed}: {gains:?}");
+            let all = left(&target, &database, 100.0, &found);
+            assert!(all[0] < 1.0, "{seed}: {all:?}");
+            wild = wild.max(left(&target, &database, 100.0, &found[..1])[1]);
+        }
+        assert!(wild > 1.5, "slopes within the only window throw everything anywhere: {wild}");
+    }
+
+    #[test]
+    fn clusters_stand_for_many_windows() {
+        let law = |[x, y, z]: [f64; 3]| [x + 6.0, 1.4 * y, 0.5 * z];
+        let (target, other) = (gestures(3000, 1), distorted(&gestures(3000, 2), law));
+        let after = |most: usize| {
+            let p = SuggestParams { most, ..SuggestParams::default() };
+            let found = suggest(&target, &other, &[0..1500, 1500..3000], 3, &p, &[]).unwrap();
+            left(&target, &other, 1e3, &found)[0]
+        };
+        let (all, few) = (after(2000), after(60));
+        assert!(all < 0.4 && few < 1.25 * all, "{all} {few}");
+    }
+
+    #[test]
+    fn causes_keep_what_sounds_alike_apart() {
+        // Two causes that sound the same: only their shares tell which recording belongs to which.
+        let target = gestures(1200, 3);
+        let database = gestures(1200, 4);
+        let loud = |of: bool| (0..1200).map(|k| f64::from(u8::from((k / 300 % 2 == 0) == of))).collect();
+        let causes = [true, false].map(|of| Cause { power: loud(of), segments: vec![Some(of), Some(!of)] });
+        let segments = [0..600, 600..1200];
+        let p = SuggestParams { most: 400, ..SuggestParams::default() };
+        let right = |causes: &[Cause]| {
+            let all = candidates((&target, &database), &segments, 3, &p, causes);
+            let whole = all.iter().filter(|p| p.target % 300 <= 276);
+            let (right, count) = whole.fold((0, 0), |(right, count), p| {
+                let of = p.target / 300 % 2 == 0;
+                (right + usize::from((p.database < 600) == of), count + 1)
+            });
+            right as f64 / f64::from(count)
+        };
+        assert!(right(&causes) > 0.95, "{}", right(&causes));
+        assert!(right(&[]) < 0.9, "{}", right(&[]));
+        let unknown = causes.clone().map(|cause| Cause { segments: vec![None, None], ..cause });
+        assert!(right(&unknown) < 0.9, "no recording is known to be of a cause");
     }
 }

@@ -2,13 +2,13 @@
 
 use super::fit_node::Heard;
 use super::set::{Correspondence, CorrespondenceSet, SourceName, write_correspondences};
-use super::suggest::{Proposal, SuggestParams, suggest};
+use super::suggest::{Cause, Proposal, SuggestParams, suggest};
 use super::text::Place;
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::WriteSeek;
-use crate::core::node::{Class, Node, Summary};
+use crate::core::node::{Class, Node, Summary, same_rate};
 use crate::core::params::OutPath;
-use crate::core::ports::{Stream, Value};
+use crate::core::ports::{In, Stream, Value};
 use crate::core::shape::{Build, Ends, Shape};
 use crate::feature::Features;
 use crate::unit::UnitDatabase;
@@ -24,6 +24,9 @@ params! {
     /// the target that lie far apart are proposed with what lies there in the database: silence first, then what brings the two
     /// worlds nearest, until one more gains less than 1 %. A label tells the gain, and other places of other recordings to
     /// try. Nothing is applied: listen, then keep, move or disable each.
+    ///
+    /// Where the parts of a synthetic target are given at `friction` and `crumple`, moments of either are proposed, and recordings
+    /// with the tags `friction`, `crumple` and `silence` are taken for what they are.
     ///
     /// # Source
     /// Cuturi, "Sinkhorn distances" (NIPS 2013); Bonneel et al., "Sliced and Radon Wasserstein barycenters of measures" (2015).
@@ -45,6 +48,10 @@ ports! {
             features: Stream<Features>,
             /// The database.
             database: Value<UnitDatabase>,
+            /// The part of the target's sound that is friction.
+            friction: Option<Stream<f32>>,
+            /// The part of it that is crumpling.
+            crumple: Option<Stream<f32>>,
         }
         out {}
     }
@@ -55,6 +62,47 @@ pub struct CorrespondenceSuggester {
     heard: Heard,
     file: Box<dyn WriteSeek>,
     params: CorrespondenceSuggesterParams,
+    /// What is known of the causes named in [`CAUSES`].
+    causes: [Option<Heat>; 2],
+}
+
+/// Tags of recordings that come of the cause at the input of the same name, and that of those of none.
+const CAUSES: [&str; 2] = ["friction", "crumple"];
+const NONE: &str = "silence";
+
+/// Power of a sound per unit.
+struct Heat {
+    unit: usize,
+    power: Vec<f64>,
+    most: usize,
+}
+
+impl Heat {
+    fn add(&mut self, audio: &In<'_, f32>) {
+        let first = usize::try_from(audio.first()).unwrap_or(0);
+        for (sample, frame) in (first..).zip(audio.items().chunks_exact(audio.width().max(1))) {
+            let unit = sample / self.unit.max(1);
+            if unit >= self.most {
+                break;
+            }
+            if unit >= self.power.len() {
+                self.power.resize(unit + 1, 0.0);
+            }
+            if let Some(power) = self.power.get_mut(unit) {
+                *power += frame.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>();
+            }
+        }
+    }
+}
+
+/// Whether each segment of a database comes of a cause, where its tag tells.
+fn tagged(db: &UnitDatabase, cause: &str) -> Vec<Option<bool>> {
+    let known = |tag: &str| CAUSES.contains(&tag) || tag == NONE;
+    let segment = |s: &crate::unit::Segment| {
+        let tag = db.sources.get(s.source as usize)?.tag.as_str();
+        known(tag).then_some(tag == cause)
+    };
+    db.segments.iter().map(segment).collect()
 }
 
 impl fmt::Debug for CorrespondenceSuggester {
@@ -106,6 +154,14 @@ impl Node for CorrespondenceSuggester {
         let none = Some(Arc::new(CorrespondenceSet::default()));
         super::fit_node::checked(&s.input(Port::features), s.value(Port::database), none)?;
         s.when_ended(Port::features, Ends::Stop);
+        let features = s.input(Port::features);
+        for (name, port) in [("friction", Port::friction), ("crumple", Port::crumple)] {
+            if let Some(audio) = s.optional(port) {
+                let unit = u64::from(features.format.conventions.unit);
+                let needed = features.rate.times(unit).unwrap_or(audio.rate);
+                same_rate(name, needed, audio.rate)?;
+            }
+        }
         Ok(())
     }
 
@@ -113,11 +169,20 @@ impl Node for CorrespondenceSuggester {
         type Port = CorrespondenceSuggesterPorts;
         let none = Arc::new(CorrespondenceSet::default());
         let heard = Heard::new(cx.input(Port::features), cx.value(Port::database), none)?;
-        Ok(Self { heard, file: cx.create("path", &p.path.0)?, params: p.clone() })
+        let unit = heard.format.conventions.unit as usize;
+        let most = usize::try_from(cx.input(Port::features).items().unwrap_or(0)).unwrap_or(0);
+        let heat = |port| cx.optional(port).map(|_| Heat { unit, power: Vec::new(), most });
+        let causes = [heat(Port::friction), heat(Port::crumple)];
+        Ok(Self { heard, file: cx.create("path", &p.path.0)?, params: p.clone(), causes })
     }
 
     fn run(&mut self, io: CorrespondenceSuggesterIo<'_>) -> Result<(), Fault> {
         self.heard.add(io.features.items());
+        for (cause, audio) in self.causes.iter_mut().zip([&io.friction, &io.crumple]) {
+            if let (Some(cause), Some(audio)) = (cause, audio) {
+                cause.add(audio);
+            }
+        }
         Ok(())
     }
 
@@ -131,10 +196,15 @@ impl Node for CorrespondenceSuggester {
             lambda: p.lambda,
             ..SuggestParams::default()
         };
+        let known = self.causes.iter().zip(CAUSES).filter_map(|(heat, name)| {
+            Some(Cause { power: heat.as_ref()?.power.clone(), segments: tagged(&heard.database, name) })
+        });
+        let causes: Vec<Cause> = known.collect();
         let mut pairs = Vec::new();
         for vector in 0..heard.format.vectors {
             let own = heard.vector(vector);
-            let found = suggest(&own, &heard.database.features, &segments, heard.format.dims(), &params)
+            let (database, d) = (&heard.database.features, heard.format.dims());
+            let found = suggest(&own, database, &segments, d, &params, &causes)
                 .map_err(|e| Fault::new("F111", e.to_string()).at("features"))?;
             let channel = (heard.format.vectors > 1).then_some(vector as u32);
             pairs.extend(found.iter().map(|proposal| self.correspondence(proposal, channel)));

@@ -180,3 +180,24 @@ fn a_feature_that_is_not_finite_is_named_by_its_unit() {
     selector.choose(&[0.5]).unwrap();
     assert_eq!(selector.choose(&[f32::NAN]), Err(NotFinite(1)));
 }
+
+#[test]
+fn what_is_recalled_is_all_that_is_known() {
+    let mut rng = Draw::new(11);
+    let (features, target) = (wander(&mut rng, 80, 2, false), wander(&mut rng, 60, 2, false));
+    let units = Units { features: &features, dims: 2, segments: vec![(0, 80)], allowed: vec![true; 80] };
+    let p = SelectorParams { look: 3, d_max: 2.0, cool_off: 12, loop_guard: 0, causal: false };
+    let picks = run(&target, &units, &p);
+    let mut again = selector(&units, p).unwrap();
+    let window = |i: usize| &target[2 * i..2 * (i + 4).min(60)];
+    let mut differs = 0;
+    // In any order: each choice follows from the picks of its rest alone.
+    for i in (0..60_usize).rev() {
+        let past: Vec<u32> = picks[i.saturating_sub(12)..i].iter().map(|c| c.unit).collect();
+        again.recall(&past);
+        assert_eq!(again.another().choose(window(i)), Ok(picks[i]), "{i}");
+        again.recall(&[]);
+        differs += usize::from(again.choose(window(i)).unwrap().unit != picks[i].unit);
+    }
+    assert!(differs > 0, "the rest of units matters here");
+}

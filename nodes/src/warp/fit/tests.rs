@@ -183,6 +183,31 @@ fn clouds_that_are_flat_leave_the_other_directions_alone() {
 }
 
 #[test]
+fn nodes_that_are_nearly_on_a_line_do_not_throw_what_lies_beside_it() {
+    // Three moments along the loudness, apart by noise in colour, that should be a little louder.
+    let nearly = |noise: f64| -> Vec<Pair> {
+        [(-9.0, 0.03), (0.0, -0.04), (8.0, 0.02)]
+            .map(|(x, y)| pair(&[x, noise * y, -noise * y], &[1.1 * x + 2.0, 0.3 * x.sin(), 0.4 * x.cos()]))
+            .to_vec()
+    };
+    for lambda in [0.0, 1.0, 1e3] {
+        let (tps, report) = fit(&nearly(1.0), 3, Stiffness::Lambda(lambda)).unwrap();
+        assert_eq!(report.rank, 1);
+        assert!(report.warnings[0].contains("on a line") && report.warnings[0].contains("of rank 1"));
+        let beside = at(&tps, &[2.0, 5.0, -4.0]);
+        assert!(near(&beside, &[2.0, 5.0, -4.0], 6.0), "{lambda}: {beside:?}");
+        // Noise that is a hundred times less gives the same warp.
+        let (less, _) = fit(&nearly(0.01), 3, Stiffness::Lambda(lambda)).unwrap();
+        assert!(near(&at(&less, &[2.0, 5.0, -4.0]), &beside, 0.1), "{lambda}");
+    }
+    let (_, report) = fit(&nearly(100.0), 3, Stiffness::Lambda(1.0)).unwrap();
+    assert!(
+        report.rank == 2 && report.warnings[0].contains("on a plane"),
+        "three nodes make a plane: {report:?}"
+    );
+}
+
+#[test]
 fn scaling_everything_scales_lambda_with_the_square() {
     let pairs = scattered(15, 3, 3);
     let scaled: Vec<Pair> = pairs

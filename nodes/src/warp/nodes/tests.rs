@@ -7,8 +7,11 @@ use crate::core::time::{Rate, TICKS_PER_SECOND, ticks};
 use crate::feature::FeatureConventions;
 use crate::unit::database::DATABASE_VERSION;
 use crate::unit::{Segment, UnitDatabase, UnitSource};
+use crate::warp::diagnostics_node::{
+    CorrespondenceDiagnostics, CorrespondenceDiagnosticsParams, CorrespondenceDiagnosticsPorts, Diagnosis,
+};
 use crate::warp::fit_node::{TpsFit, TpsFitParams, TpsFitPorts};
-use crate::warp::{Pairing, Place};
+use crate::warp::{Pairing, Place, SourceName};
 use std::sync::Arc;
 
 const UNITS: usize = 960;
@@ -172,28 +175,76 @@ fn files_are_read_and_what_is_wrong_in_them_is_named() {
     assert!(reject.code == "F111" && reject.message.contains("version 9"), "{reject}");
 }
 
-#[test]
-fn a_correspondence_that_leads_astray_is_named_first_with_its_place_and_times() {
-    use crate::warp::diagnostics_node::{
-        CorrespondenceDiagnostics, CorrespondenceDiagnosticsParams, CorrespondenceDiagnosticsPorts, Diagnosis,
-    };
+/// A set whose seventh correspondence is the wrong moment of the recording.
+fn slipped() -> CorrespondenceSet {
     let mut set = marked();
-    // The wrong moment of the recording.
     set.pairs[6].database = 0.1;
     set.pairs[6].label = "slip".into();
+    set
+}
+
+fn diagnosed(p: CorrespondenceDiagnosticsParams, db: UnitDatabase, set: CorrespondenceSet) -> Solo {
     let features = (0..UNITS).flat_map(target).collect();
+    Solo::new::<CorrespondenceDiagnostics>(p)
+        .input(CorrespondenceDiagnosticsPorts::features, Rate::hz(240), format(1), features)
+        .value(CorrespondenceDiagnosticsPorts::database, db)
+        .value(CorrespondenceDiagnosticsPorts::pairs, set)
+}
+
+fn diagnostics() -> CorrespondenceDiagnosticsParams {
     let p = CorrespondenceDiagnosticsParams::read(&|_| None).unwrap();
-    let solo =
-        Solo::new::<CorrespondenceDiagnostics>(CorrespondenceDiagnosticsParams { lambda: Some(1.0), ..p })
-            .input(CorrespondenceDiagnosticsPorts::features, Rate::hz(240), format(1), features)
-            .value(CorrespondenceDiagnosticsPorts::database, database())
-            .value(CorrespondenceDiagnosticsPorts::pairs, set);
+    CorrespondenceDiagnosticsParams { lambda: Some(1.0), ..p }
+}
+
+#[test]
+fn a_correspondence_that_leads_astray_is_named_first_with_its_place_and_times() {
+    let run = diagnosed(diagnostics(), database(), slipped()).run().unwrap();
+    let found = run.value(0).unwrap().get::<Diagnosis>().unwrap().clone();
+    let channel = &found.channels[0];
+    let suspect = &channel.verdicts[0];
+    assert_eq!((suspect.label.as_str(), suspect.rank, suspect.correspondence), ("slip", 1, 6), "{found:?}");
+    assert!(suspect.ranges.iter().any(|[from, to]| *from <= 1.82 && *to >= 1.88), "{:?}", suspect.ranges);
+    assert!(suspect.delta_fallback < 0.0 || suspect.delta_folds < 0.0, "{suspect:?}");
+    assert!(channel.verdicts.len() == 12 && channel.degrees_of_freedom > 4.0);
+    let text = &found.text()[0];
+    assert!(text.contains("\"slip\" at set.ron:1:") && text.contains("move it"), "{text}");
+    // One flat record of each, as programs read it.
+    let json = serde_json::to_value(suspect).unwrap();
+    for field in ["label", "score", "rank", "conflicts", "ranges", "delta_fallback", "delta_folds"] {
+        assert!(json.get(field).is_some(), "{field}");
+    }
+    let good = diagnosed(diagnostics(), database(), marked()).run().unwrap();
+    let good = good.value(0).unwrap().get::<Diagnosis>().unwrap().clone();
+    assert!(good.channels[0].verdicts[0].score < 0.1 * suspect.score, "{good:?}");
+}
+
+#[test]
+fn the_worst_range_is_written_with_and_without_the_suspect() {
+    let mut db = database();
+    db.audio = (0..UNITS * 400).map(|k| (k / 400) as f32 / UNITS as f32).collect();
+    let paths = |p| CorrespondenceDiagnosticsParams {
+        with: Some("with.wav".into()),
+        without: Some("without.wav".into()),
+        ..p
+    };
+    let solo = diagnosed(paths(diagnostics()), db.clone(), slipped());
     let run = solo.run().unwrap();
     let found = run.value(0).unwrap().get::<Diagnosis>().unwrap().clone();
-    let suspect = &found.channels[0].verdicts[0];
-    assert_eq!((suspect.label.as_str(), suspect.suspicion.rank), ("slip", 1), "{found:?}");
-    assert!(suspect.ranges.iter().any(|[from, to]| *from <= 1.8 && *to >= 1.9), "{:?}", suspect.ranges);
-    assert!(found.text()[0].contains("\"slip\" at set.ron:1:"), "{:?}", found.text());
+    let length = |[from, to]: &[f64; 2]| to - from;
+    let longest = found.channels[0].verdicts[0].ranges.iter().map(length).fold(0.0, f64::max);
+    let clip = |solo: &Solo, path: &str| -> Vec<f32> {
+        let bytes = solo.outputs.get(path).unwrap();
+        let mut reader = hound::WavReader::new(std::io::Cursor::new(bytes)).unwrap();
+        reader.samples::<f32>().map(Result::unwrap).collect()
+    };
+    let (with, without) = (clip(&solo, "with.wav"), clip(&solo, "without.wav"));
+    assert!(with.len() == without.len() && with.len() as f64 >= longest * 96_000.0, "{longest}");
+    let differs = with.iter().zip(&without).filter(|(a, b)| a != b).count();
+    assert!(differs * 3 > with.len(), "{differs} of {}", with.len());
+    // Nobody to suspect: nothing to hear.
+    let solo = diagnosed(paths(diagnostics()), db, set("(pairs: [])"));
+    solo.run().unwrap();
+    assert_eq!(clip(&solo, "with.wav").len(), 0);
 }
 
 #[test]
@@ -214,4 +265,49 @@ fn proposals_are_written_so_that_they_can_be_read_and_fitted() {
     let before: Vec<f32> = (0..UNITS).flat_map(target).collect();
     let after = apply(warp.get::<Warp>().unwrap().clone(), 1, TICKS_PER_SECOND);
     assert!(error(&after, 1) < 0.5 * error(&before, 1), "{} {text}", error(&after, 1));
+}
+
+#[test]
+fn causes_of_a_target_are_heard_at_the_rate_of_its_units_alone() {
+    use crate::core::item::Channels;
+    use crate::warp::suggest_node::{
+        CorrespondenceSuggester, CorrespondenceSuggesterParams, CorrespondenceSuggesterPorts,
+    };
+    // The first half of the target is friction, the second crumpling; so are two recordings.
+    let mut db = database();
+    db.sources =
+        ["friction", "crumple"].map(|tag| UnitSource { tag: tag.into(), ..UnitSource::default() }).into();
+    let half = UNITS as u32 / 2;
+    db.segments =
+        [0, 1].map(|k| Segment { start: k * half, units: half, source: k, channel: 0, offset: 0 }).into();
+    let suggested = |rate: u32, window: i64| {
+        let p = CorrespondenceSuggesterParams { path: "new.ron".into(), count: 8, window: 24, lambda: 100.0 };
+        let features = (0..UNITS).flat_map(|unit| target(unit % (UNITS / 2))).collect();
+        let part = |first: bool| {
+            (0..UNITS * 400).map(|k| f32::from(u8::from((k < UNITS * 200) == first))).collect::<Vec<_>>()
+        };
+        Solo::new::<CorrespondenceSuggester>(p)
+            .input(CorrespondenceSuggesterPorts::features, Rate::hz(240), format(1), features)
+            .value(CorrespondenceSuggesterPorts::database, db.clone())
+            .optional(CorrespondenceSuggesterPorts::friction, Rate::hz(rate), Channels(1), part(true))
+            .optional(CorrespondenceSuggesterPorts::crumple, Rate::hz(rate), Channels(1), part(false))
+            .window(window)
+    };
+    let of = |window: i64| {
+        let solo = suggested(96_000, window);
+        solo.run().unwrap();
+        String::from_utf8(solo.outputs.get("new.ron").unwrap()).unwrap()
+    };
+    let text = of(TICKS_PER_SECOND);
+    let set = set(&text);
+    assert!(set.pairs.len() >= 2);
+    for pair in &set.pairs {
+        // What is half of each may go either way.
+        let mixed = (pair.target - 2.0).abs() < 0.11;
+        let source = SourceName::Index(u32::from(pair.target >= 2.0));
+        assert!(mixed || pair.source == Some(source), "{text}");
+    }
+    assert_eq!(of(ticks(0.0137)), text, "windows change nothing");
+    let reject = suggested(48_000, TICKS_PER_SECOND).shape().unwrap_err();
+    assert!(reject.field.as_deref() == Some("friction") || reject.message.contains("friction"), "{reject}");
 }
