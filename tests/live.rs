@@ -493,3 +493,22 @@ fn a_node_that_runs_offline_only_is_refused_where_it_stands() {
     let place = only.place.as_ref().unwrap();
     assert_eq!(&text[place.span.clone()], "\"a\"", "{only:?}");
 }
+
+#[test]
+fn a_search_over_the_whole_take_is_refused_while_it_plays_and_the_online_one_is_not() {
+    let start = |name: &str| {
+        let text = std::fs::read_to_string(common::graphs().join("cloth").join(name)).unwrap();
+        // A report of the whole take is for files as well.
+        let text = match text.find("        // How well that went") {
+            Some(at) => format!("{}    }},\n)\n", &text[..at]),
+            None => text,
+        };
+        Player::start(material(&text), Options::default()).map(|_| ())
+    };
+    let refused = start("units_global.ron").unwrap_err();
+    let found: Vec<_> = refused.iter().map(|d| (d.code, d.node.as_deref())).collect();
+    assert_eq!(found, [("F053", Some("selector"))], "{refused:?}");
+    if let Err(refused) = start("units_online.ron") {
+        assert!(refused.iter().all(|d| d.code != "F053"), "{refused:?}");
+    }
+}

@@ -334,3 +334,6 @@ impl Node for GlobalUnitSelector {
         (params, MemoryFiles::default())
     }
 }
+
+#[cfg(test)]
+mod tests;
