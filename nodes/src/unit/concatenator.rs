@@ -177,10 +177,16 @@ impl<'a> Concatenator<'a> {
     }
 }
 
+/// Magnitude up to which a target is silent: -100 dBFS, the floor under which features cannot tell sounds apart.
+pub const SILENT: f32 = 1e-5;
+/// Silence before the output fades, and the length of that, s.
+const PATIENCE: f64 = 0.5;
+const FADE: f64 = 0.05;
+
 /// Fades out while there is nothing to follow, and in again when there is.
 ///
-/// Room tone that goes on for ever under a silent target is not wanted: after half a second of exact silence in the target the
-/// output fades to exact zero in 50 ms, and comes back in 5 ms.
+/// Room tone that goes on for ever under a silent target is not wanted: after half a second of silence in the target the output
+/// fades to exact zero in 50 ms, and comes back in 5 ms.
 #[derive(Clone, Debug)]
 pub struct Sleep {
     /// Samples of silence before the fade.
@@ -198,8 +204,8 @@ impl Sleep {
     pub fn new(rate: f64) -> Self {
         let samples = |seconds: f64| (seconds * rate).round().max(1.0);
         Self {
-            patience: samples(0.5) as u64,
-            down: (1.0 / samples(0.05)) as f32,
+            patience: samples(PATIENCE) as u64,
+            down: (1.0 / samples(FADE)) as f32,
             up: (1.0 / samples(0.005)) as f32,
             silent: 0,
             level: 1.0,
@@ -212,6 +218,28 @@ impl Sleep {
         let step = if self.silent > self.patience { -self.down } else { self.up };
         self.level = (self.level + step).clamp(0.0, 1.0);
         self.level
+    }
+}
+
+/// Counts silent units, to tell when nothing that is chosen is heard any more.
+#[derive(Clone, Debug)]
+pub struct Doze {
+    patience: usize,
+    silent: usize,
+}
+
+impl Doze {
+    /// Awake, for units that come at a rate per second.
+    #[must_use]
+    pub fn new(rate: f64) -> Self {
+        // The last sound may lie at the end of its unit, and the unit that is faded out last has to be whole.
+        Self { patience: ((PATIENCE + FADE) * rate - 1e-9).ceil() as usize + 2, silent: 0 }
+    }
+
+    /// Whether the output is asleep all through the next unit, for whether the target is silent in it.
+    pub fn next(&mut self, silent: bool) -> bool {
+        self.silent = if silent { self.silent.saturating_add(1) } else { 0 };
+        self.silent > self.patience
     }
 }
 

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::UnitDatabase;
-use super::concatenator::{Blend, Concatenator, Join, Sleep};
+use super::concatenator::{Blend, Concatenator, Join, SILENT, Sleep};
 use super::item::{PickFormat, Picks};
 use crate::core::fault::{Fault, Reject};
 use crate::core::item::Channels;
@@ -28,8 +28,8 @@ params! {
     /// unit away at most; in between both are mixed. Where a pick follows the one before it in its recording, the recording runs
     /// through bit for bit.
     ///
-    /// With the sound of the target at `target` the output falls asleep: half a second after the target has gone exactly silent
-    /// it fades out in 50 ms to exact zeros, and comes back in 5 ms.
+    /// With the sound of the target at `target` the output falls asleep: half a second after the target has gone silent (below
+    /// -100 dBFS) it fades out in 50 ms to exact zeros, and comes back in 5 ms.
     ///
     /// # Source
     /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 4.4. The paper
@@ -200,7 +200,7 @@ impl Node for UnitConcatenator {
         if let (Some(sleep), Some(target)) = (&mut self.sleep, &io.target) {
             let frames = io.audio.items().chunks_exact_mut(width);
             for (frame, heard) in frames.zip(target.items().chunks_exact(target.width().max(1))) {
-                let gain = sleep.next(heard.iter().all(|x| *x == 0.0));
+                let gain = sleep.next(heard.iter().all(|x| x.abs() <= SILENT));
                 self.asleep += u64::from(gain == 0.0);
                 if gain < 1.0 {
                     frame.iter_mut().for_each(|x| *x *= gain);

@@ -18,7 +18,7 @@ pub mod selector;
 pub mod selector_node;
 
 pub use builder::{BuildError, Gap, Take, build};
-pub use concatenator::{Blend, Concatenator, Join, Sleep, join};
+pub use concatenator::{Blend, Concatenator, Doze, Join, SILENT, Sleep, join};
 pub use database::{DatabaseError, Segment, UnitDatabase, UnitSource};
 pub use item::{Pick, PickFormat, Picks};
 pub use report::{ChannelReport, SelectionReport};

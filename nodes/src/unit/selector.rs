@@ -2,6 +2,7 @@
 
 use super::kdtree::{KdTree, Search, squared};
 use std::collections::VecDeque;
+use std::sync::Arc;
 
 /// How units are chosen.
 #[derive(Clone, Debug, PartialEq)]
@@ -57,7 +58,7 @@ pub trait Selector: Send + Sync {
     /// Goes on as if `picks`, the latest last, were all that has been chosen so far.
     fn recall(&mut self, picks: &[u32]);
 
-    /// Another one over the same units.
+    /// Another one over the same units, which share the memory of this one.
     fn another(&self) -> Box<dyn Selector>;
 }
 
@@ -96,6 +97,14 @@ pub fn selector(units: &Units<'_>, params: SelectorParams) -> Option<Box<dyn Sel
 #[derive(Clone)]
 struct Exact<const P: usize> {
     params: SelectorParams,
+    index: Arc<Index<P>>,
+    search: Search,
+    window: Vec<[f64; P]>,
+    past: Past,
+}
+
+/// What is known of the units, whoever chooses among them.
+struct Index<const P: usize> {
     dims: usize,
     features: Vec<[f64; P]>,
     /// Segment of each unit, with its first unit and the one after its last.
@@ -107,9 +116,6 @@ struct Exact<const P: usize> {
     near: KdTree<P>,
     /// Every unit with room for a whole window, by the mean of its window.
     means: KdTree<P>,
-    search: Search,
-    window: Vec<[f64; P]>,
-    past: Past,
 }
 
 /// Nearest units that are looked at before those of a low bound.
@@ -207,8 +213,8 @@ impl Past {
     }
 }
 
-impl<const P: usize> Exact<P> {
-    fn new(units: &Units<'_>, params: SelectorParams) -> Self {
+impl<const P: usize> Index<P> {
+    fn new(units: &Units<'_>, params: &SelectorParams) -> Self {
         let features: Vec<[f64; P]> = units.features.chunks_exact(units.dims).map(padded).collect();
         let mut segment = vec![(0, 0); features.len()];
         for &(from, count) in &units.segments {
@@ -216,10 +222,7 @@ impl<const P: usize> Exact<P> {
         }
         let all = (0..features.len()).filter(|&j| units.allowed[j]);
         let near = KdTree::new(all.clone().map(|j| (j as u32, features[j])).collect());
-        let mut exact = Self {
-            past: Past::new(features.len(), &params),
-            window: Vec::with_capacity(params.look + 1),
-            params,
+        let mut index = Self {
             dims: units.dims,
             features,
             segment,
@@ -227,22 +230,35 @@ impl<const P: usize> Exact<P> {
             allowed: units.allowed.clone(),
             near,
             means: KdTree::new(Vec::new()),
-            search: Search::default(),
         };
-        let look = exact.params.look;
-        let whole =
-            all.filter_map(|j| Some((j as u32, mean(&exact.features[exact.start(j, look)?..][..=look]))));
-        exact.means = KdTree::new(whole.collect());
-        exact
+        let whole = all.filter_map(|j| {
+            let start = index.start(j, params.look, params.causal)?;
+            Some((j as u32, mean(&index.features[start..][..=params.look])))
+        });
+        index.means = KdTree::new(whole.collect());
+        index
     }
 
     /// First unit of the window of `look + 1` units at unit `j`; `None` where it would leave the segment.
-    fn start(&self, j: usize, look: usize) -> Option<usize> {
+    fn start(&self, j: usize, look: usize, causal: bool) -> Option<usize> {
         let (from, to) = self.segment[j];
-        if self.params.causal {
+        if causal {
             j.checked_sub(look).filter(|&start| start >= from as usize)
         } else {
             (j + look < to as usize).then_some(j)
+        }
+    }
+}
+
+impl<const P: usize> Exact<P> {
+    fn new(units: &Units<'_>, params: SelectorParams) -> Self {
+        let index = Arc::new(Index::new(units, &params));
+        Self {
+            past: Past::new(index.features.len(), &params),
+            window: Vec::with_capacity(params.look + 1),
+            search: Search::default(),
+            index,
+            params,
         }
     }
 
@@ -250,7 +266,7 @@ impl<const P: usize> Exact<P> {
     fn continuation(&self) -> Option<usize> {
         let last = *self.past.picks.front()? as usize;
         let next = last + 1;
-        (next < self.segment[last].1 as usize && self.allowed[next]).then_some(next)
+        (next < self.index.segment[last].1 as usize && self.index.allowed[next]).then_some(next)
     }
 
     fn present(&self) -> &[f64; P] {
@@ -259,7 +275,7 @@ impl<const P: usize> Exact<P> {
 
     /// Distance between the target and unit `j`.
     fn d1(&self, j: usize) -> f64 {
-        squared(&self.features[j], self.present()).sqrt()
+        squared(&self.index.features[j], self.present()).sqrt()
     }
 
     /// Unit `j` as a choice, where it may be chosen and is better than `best`.
@@ -267,14 +283,14 @@ impl<const P: usize> Exact<P> {
         if search.rested != Some(j) && self.past.barred(j) {
             return None;
         }
-        let start = self.start(j, self.window.len() - 1)?;
+        let start = self.index.start(j, self.window.len() - 1, self.params.causal)?;
         let d1 = self.d1(j);
         if d1 > self.params.d_max {
             return None;
         }
         let best = search.best.as_ref().map_or(f64::INFINITY, |best| best.choice.d2);
         let mut d2 = 0.0;
-        let units = &self.features[start..start + self.window.len()];
+        let units = &self.index.features[start..start + self.window.len()];
         for (target, unit) in self.window.iter().zip(units) {
             d2 += squared(target, unit).sqrt();
             if d2 > best {
@@ -292,8 +308,8 @@ impl<const P: usize> Exact<P> {
         let mut running = Running { rested, next: self.continuation(), mean: mean(&self.window), best: None };
         if self.window.len() <= self.params.look {
             // Windows that an end of the target cuts short have no tree of means.
-            for j in 0..self.features.len() {
-                let found = if self.allowed[j] { self.better(j, None, &running) } else { None };
+            for j in 0..self.index.features.len() {
+                let found = if self.index.allowed[j] { self.better(j, None, &running) } else { None };
                 running.best = found.or(running.best);
             }
             return running.best.map(|found| found.choice);
@@ -315,7 +331,7 @@ impl<const P: usize> Exact<P> {
         let (mut seen, mut all) = (0, true);
         // The distance as compared with `d_max` is rounded once more.
         let within = (self.params.d_max * (1.0 + 1e-9)).powi(2);
-        self.near.nearest(self.present(), within, memory, |_, label| {
+        self.index.near.nearest(self.present(), within, memory, |_, label| {
             running.best = self.better(label as usize, None, running).or(running.best);
             seen += 1;
             all = running.best.is_none() || seen < SEEDS;
@@ -332,7 +348,7 @@ impl<const P: usize> Exact<P> {
             best.as_ref().map_or(f64::INFINITY, |best| (best.choice.d2 / units / (1.0 - 1e-9)).powi(2))
         };
         let mean = running.mean;
-        self.means.nearest(&mean, reach(&running.best), memory, |bound, label| {
+        self.index.means.nearest(&mean, reach(&running.best), memory, |bound, label| {
             running.best = self.better(label as usize, Some(bound), running).or(running.best);
             reach(&running.best)
         });
@@ -344,7 +360,7 @@ impl<const P: usize> Exact<P> {
         let present = *self.present();
         let mut found: Option<(f64, u32)> = None;
         let mut search = std::mem::take(&mut self.search);
-        self.near.nearest(&present, f64::INFINITY, &mut search, |distance, label| {
+        self.index.near.nearest(&present, f64::INFINITY, &mut search, |distance, label| {
             let j = label as usize;
             let free = least_recent == Some(j) || !self.past.barred(j);
             if free && (found.is_none() || next == Some(j)) {
@@ -359,16 +375,16 @@ impl<const P: usize> Exact<P> {
 
     /// Where every unit is barred, the one that has rested longest.
     fn least_recent(&mut self) -> Option<usize> {
-        let free = |past: &Past| (0..past.used.len()).any(|j| self.allowed[j] && !past.barred(j));
+        let free = |past: &Past| (0..past.used.len()).any(|j| self.index.allowed[j] && !past.barred(j));
         // No more units are barred than targets bar one each.
-        if self.choosable > self.params.cool_off + self.past.guarded.len() || free(&self.past) {
+        if self.index.choosable > self.params.cool_off + self.past.guarded.len() || free(&self.past) {
             return None;
         }
         self.past.guarded.clear();
-        if free_without_guard(&self.past, &self.allowed) {
+        if free_without_guard(&self.past, &self.index.allowed) {
             return None;
         }
-        (0..self.past.used.len()).filter(|&j| self.allowed[j]).min_by_key(|&j| self.past.used[j])
+        (0..self.past.used.len()).filter(|&j| self.index.allowed[j]).min_by_key(|&j| self.past.used[j])
     }
 }
 
@@ -378,11 +394,11 @@ fn free_without_guard(past: &Past, allowed: &[bool]) -> bool {
 
 impl<const P: usize> Selector for Exact<P> {
     fn choose(&mut self, window: &[f32]) -> Result<Choice, NotFinite> {
-        if window.iter().any(|x| !x.is_finite()) || window.len() < self.dims {
+        if window.iter().any(|x| !x.is_finite()) || window.len() < self.index.dims {
             return Err(NotFinite(self.past.now));
         }
         self.window.clear();
-        self.window.extend(window.chunks_exact(self.dims).map(padded::<P>));
+        self.window.extend(window.chunks_exact(self.index.dims).map(padded::<P>));
         self.past.guard();
         let rested = self.least_recent();
         let chosen = self.best(rested);

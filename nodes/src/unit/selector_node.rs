@@ -3,11 +3,12 @@
 use std::sync::Arc;
 
 use super::UnitDatabase;
+use super::concatenator::{Doze, SILENT};
 use super::item::{Pick, PickFormat, Picks};
 use super::selector::{self, MOST_DIMS, Selector, SelectorParams, Units};
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
-use crate::core::node::{Class, Node, Summary};
+use crate::core::node::{Class, Node, Summary, same_rate};
 use crate::core::params::{Params, Text};
 use crate::core::ports::{In, Stream, Value};
 use crate::core::random::Draw;
@@ -21,7 +22,14 @@ params! {
     /// Of all units within `d_max` it takes the one with the least sum of distances over itself and the next `look` units.
     /// Where there is none, it takes the nearest and marks it as a fallback: the summary tells their share, and more than a few
     /// mean that target and database do not speak of the same sounds. The search is exact, needs no table of distances, and of
-    /// equally good units prefers the one that follows the last pick. Every channel chooses alone.
+    /// equally good units prefers the one that follows the last pick.
+    ///
+    /// Every channel of the target chooses alone: from the same channel of the recordings where these have as many, or else all
+    /// from the same units, which makes what lies in the middle wander; a note tells so.
+    ///
+    /// With the sound of the target at `target` a channel falls asleep with the output of `UnitConcatenator`: once that has faded
+    /// out nothing is chosen, until the target sounds again, and the choice goes on from where it was. The summary tells the
+    /// share of units that this saved.
     ///
     /// # Source
     /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), algorithm 1, mended
@@ -41,6 +49,10 @@ params! {
         causal: bool = false;
         /// Choose only from recordings with one of these tags; empty for all.
         tags: Vec<Text> = Vec::new();
+        /// Each channel chooses from the same channel of the recordings alone; None does so where they have as many channels.
+        own_channels: Option<bool> = None;
+        /// Go on choosing while the target is silent; None does so for joint (binaural) units alone, as `UnitConcatenator`.
+        keep_room_tone: Option<bool> = None;
     }
 }
 
@@ -51,6 +63,8 @@ ports! {
             features: Stream<Features>,
             /// Units to choose from.
             database: Value<UnitDatabase>,
+            /// The target, which sends the choice to sleep where it is silent.
+            target: Option<Stream<f32>>,
         }
         out {
             /// The chosen units.
@@ -65,6 +79,8 @@ pub struct UnitSelector {
     look: usize,
     causal: bool,
     dims: usize,
+    /// Samples in a unit.
+    unit: usize,
     /// Units of the target, where it ends.
     length: Option<i64>,
 }
@@ -74,6 +90,10 @@ struct Channel {
     window: Vec<f32>,
     picks: Vec<Pick>,
     counts: Counts,
+    /// Where a silent target sends it to sleep.
+    doze: Option<Doze>,
+    /// Units for which nothing had to be chosen.
+    asleep: u64,
 }
 
 /// What is told of the picks of a channel.
@@ -111,11 +131,25 @@ impl Counts {
 
 impl Channel {
     /// Chooses for all items of a window.
-    fn choose(&mut self, vector: usize, features: &In<'_, Features>, node: &Facts) -> Result<(), Fault> {
+    fn choose(
+        &mut self,
+        vector: usize,
+        features: &In<'_, Features>,
+        target: Option<&In<'_, f32>>,
+        node: &Facts,
+    ) -> Result<(), Fault> {
         self.picks.clear();
         let around = features.around();
         for k in 0..features.len() {
             let at = features.first() + k as i64;
+            let silent = |target: &In<'_, f32>| silent(target, at, vector, node);
+            if let (Some(doze), Some(target)) = (&mut self.doze, target)
+                && doze.next(silent(target))
+            {
+                self.asleep += 1;
+                self.picks.push(Pick { unit: self.counts.last.unwrap_or(0), ..Pick::default() });
+                continue;
+            }
             let most = if node.causal { at } else { node.length.map_or(i64::MAX, |n| n - 1 - at) };
             let look = node.look.min(usize::try_from(most).unwrap_or(0));
             let here = features.past() + k;
@@ -143,7 +177,45 @@ struct Facts {
     look: usize,
     causal: bool,
     dims: usize,
+    unit: usize,
+    /// Vectors of the features.
+    vectors: usize,
     length: Option<i64>,
+}
+
+/// Whether the target is silent all through unit `at`: in the channel of a vector where it has one for each.
+fn silent(target: &In<'_, f32>, at: i64, vector: usize, node: &Facts) -> bool {
+    let width = target.width().max(1);
+    let first = usize::try_from(at * node.unit as i64 - target.first()).unwrap_or(0) + target.past();
+    let unit = target.around().get(first * width..).unwrap_or_default();
+    let heard = |frame: &[f32]| match frame.get(vector) {
+        Some(x) if width == node.vectors => x.abs() > SILENT,
+        _ => frame.iter().any(|x| x.abs() > SILENT),
+    };
+    !unit.chunks_exact(width).take(node.unit).any(heard)
+}
+
+/// Units that a channel of the target may choose from.
+fn own(db: &UnitDatabase, allowed: &[bool], vector: usize) -> Vec<bool> {
+    let mut out = vec![false; allowed.len()];
+    for segment in db.segments.iter().filter(|s| s.channel as usize == vector) {
+        out[segment.range()].copy_from_slice(&allowed[segment.range()]);
+    }
+    out
+}
+
+/// Whether channels choose from the same channel of recordings each.
+fn own_channels(p: &UnitSelectorParams, db: &UnitDatabase, vectors: usize) -> Result<bool, Reject> {
+    let has = |vector: usize| db.segments.iter().any(|s| s.channel as usize == vector);
+    let missing = (0..vectors).find(|vector| !has(*vector));
+    match (p.own_channels, missing) {
+        (Some(true), Some(vector)) => {
+            let message = format!("no recording of the database has a channel {vector}, counted from 0");
+            let help = "give recordings of as many channels, or `own_channels: false`";
+            Err(Reject::new("F101", message).at("own_channels").help(help))
+        }
+        (wanted, _) => Ok(vectors > 1 && wanted.unwrap_or(missing.is_none())),
+    }
 }
 
 /// Which units the tags allow.
@@ -224,9 +296,20 @@ impl Node for UnitSelector {
         let features = s.input(UnitSelectorPorts::features);
         let format = &features.format;
         comparable(format, s.value(UnitSelectorPorts::database), &p.tags)?;
-        if format.vectors > 1 {
-            s.note("each channel chooses alone: a sound in the middle may wander; Mfcc(channels: SharedMid) or Joint keep it");
+        let own = match s.value(UnitSelectorPorts::database) {
+            Some(db) => own_channels(p, &db, format.vectors)?,
+            None => false,
+        };
+        if format.vectors > 1 && !own {
+            s.note("all channels choose from the same units: a sound in the middle may wander; Mfcc(channels: SharedMid) or Joint keep it");
         }
+        let unit = format.conventions.unit;
+        if let Some(target) = s.optional(UnitSelectorPorts::target) {
+            let needed = features.rate.times(u64::from(unit)).unwrap_or(target.rate);
+            same_rate("target", needed, target.rate)?;
+        }
+        s.reach(UnitSelectorPorts::target, 0, unit.saturating_sub(1) as usize);
+        s.ends(features.end);
         let (past, ahead) = if p.causal { (p.look, 0) } else { (0, p.look) };
         s.reach(UnitSelectorPorts::features, past, ahead);
         let format = PickFormat { channels: format.vectors, conventions: Arc::clone(&format.conventions) };
@@ -245,26 +328,52 @@ impl Node for UnitSelector {
             loop_guard: (p.loop_guard * features.rate.as_f64()).round() as usize,
             causal: p.causal,
         };
-        let channel = |_| {
-            let selector = selector::selector(&units, params.clone())?;
-            Some(Channel { selector, window: Vec::new(), picks: Vec::new(), counts: Counts::default() })
+        let vectors = features.format.vectors;
+        let selectors = if own_channels(p, &db, vectors)? {
+            let of = |vector| {
+                let own = Units { allowed: own(&db, &units.allowed, vector), ..units.clone() };
+                selector::selector(&own, params.clone())
+            };
+            (0..vectors).map(of).collect::<Option<Vec<_>>>()
+        } else {
+            let one = selector::selector(&units, params);
+            one.map(|one| (1..vectors).map(|_| one.another()).chain([one.another()]).collect())
         };
-        let channels: Option<Vec<Channel>> = (0..features.format.vectors).map(channel).collect();
+        let keep = p.keep_room_tone.unwrap_or(db.conventions.joined > 1);
+        let sleeps = !keep && cx.optional(UnitSelectorPorts::target).is_some();
+        let channel = |selector| Channel {
+            selector,
+            window: Vec::new(),
+            picks: Vec::new(),
+            counts: Counts::default(),
+            doze: sleeps.then(|| Doze::new(features.rate.as_f64())),
+            asleep: 0,
+        };
+        let channels: Option<Vec<Channel>> =
+            selectors.map(|selectors| selectors.into_iter().map(channel).collect());
         let none = || Fault::new("F101", "there is no unit to choose from").at("database");
         Ok(Self {
             channels: channels.ok_or_else(none)?,
             look: p.look,
             causal: p.causal,
             dims: db.dims(),
+            unit: db.unit(),
             length: features.items(),
         })
     }
 
     fn run(&mut self, mut io: UnitSelectorIo<'_>) -> Result<(), Fault> {
-        let facts = Facts { look: self.look, causal: self.causal, dims: self.dims, length: self.length };
+        let facts = Facts {
+            look: self.look,
+            causal: self.causal,
+            dims: self.dims,
+            unit: self.unit,
+            vectors: self.channels.len(),
+            length: self.length,
+        };
         let features = &io.features;
         for (vector, channel) in self.channels.iter_mut().enumerate() {
-            channel.choose(vector, features, &facts)?;
+            channel.choose(vector, features, io.target.as_ref(), &facts)?;
         }
         let width = self.channels.len();
         let out = io.picks.items();
@@ -277,7 +386,11 @@ impl Node for UnitSelector {
     }
 
     fn finish(&mut self, _: UnitSelectorIo<'_>) -> Result<Summary, Fault> {
-        Ok(Counts::summary(self.channels.iter().map(|channel| channel.counts)))
+        let mut summary = Counts::summary(self.channels.iter().map(|channel| channel.counts));
+        let asleep: u64 = self.channels.iter().map(|channel| channel.asleep).sum();
+        let all = asleep + self.channels.iter().map(|channel| channel.counts.picks).sum::<u64>();
+        summary.push(("asleep_share", (asleep as f64 / all.max(1) as f64).into()));
+        Ok(summary)
     }
 
     fn trial(draw: &mut Draw) -> (UnitSelectorParams, MemoryFiles) {
@@ -288,8 +401,12 @@ impl Node for UnitSelector {
             cool_off: p.cool_off % 40,
             loop_guard: p.loop_guard % 0.5,
             tags: Vec::new(),
+            own_channels: None,
             ..p
         };
         (params, MemoryFiles::default())
     }
 }
+
+#[cfg(test)]
+mod tests;

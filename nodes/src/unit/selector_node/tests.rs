@@ -1,0 +1,169 @@
+//! Channels of a target, and sleep while it is silent.
+
+use super::*;
+use crate::core::item::Channels;
+use crate::core::solo::Solo;
+use crate::core::time::{Rate, ticks};
+use crate::feature::FeatureConventions;
+use crate::unit::{Segment, UnitSource};
+
+/// 100 units of 80 samples per second.
+const RATE: Rate = Rate::hz(100);
+const AUDIO: Rate = Rate::hz(8000);
+const UNIT: usize = 80;
+
+fn walk(seed: u64, count: usize) -> Vec<f32> {
+    let mut draw = Draw::new(seed);
+    let mut at = 0.0;
+    let step = |_| {
+        at = 0.9 * at + draw.between(-1.0, 1.0);
+        at as f32
+    };
+    (0..count).map(step).collect()
+}
+
+/// Recordings of 60 units in each of some channels.
+fn database(channels: &[u32]) -> UnitDatabase {
+    let conventions = FeatureConventions { unit: UNIT as u32, ..FeatureConventions::trial() };
+    let units = 60 * channels.len();
+    let features = walk(9, units * 3);
+    let segment = |(k, &channel): (usize, &u32)| Segment {
+        start: 60 * k as u32,
+        units: 60,
+        source: 0,
+        channel,
+        offset: 0,
+    };
+    UnitDatabase {
+        version: crate::unit::database::DATABASE_VERSION,
+        floor_energy: 1e-10,
+        segments: channels.iter().enumerate().map(segment).collect(),
+        sources: vec![UnitSource::default()],
+        audio: vec![0.1; units * UNIT],
+        unfiltered: features.clone(),
+        features,
+        conventions,
+    }
+}
+
+fn selection(p: &UnitSelectorParams, db: &UnitDatabase, vectors: usize, features: &[f32]) -> Solo {
+    let format = FeatureFormat { vectors, conventions: Arc::new(db.conventions.clone()) };
+    Solo::new::<UnitSelector>(p.clone())
+        .input(UnitSelectorPorts::features, RATE, format, features.to_vec())
+        .value(UnitSelectorPorts::database, db.clone())
+}
+
+fn params() -> UnitSelectorParams {
+    UnitSelectorParams::read(&|_| None).unwrap()
+}
+
+fn picks(solo: &Solo) -> (Vec<Pick>, f64) {
+    let run = solo.run().unwrap();
+    let share = run.summary.iter().find(|(name, _)| *name == "asleep_share").unwrap().1.as_f64();
+    (run.stream(UnitSelectorPorts::picks), share.unwrap())
+}
+
+/// A target of 600 units that sounds in the first 1.3 s and from 4 s on, in every channel that `sounds`.
+fn target(sounds: &[bool]) -> Vec<f32> {
+    let sample = |k: usize| if (130 * UNIT..400 * UNIT).contains(&k) { 0.5e-5 } else { 0.1 };
+    (0..600 * UNIT).flat_map(|k| sounds.iter().map(move |own| if *own { 0.1 } else { sample(k) })).collect()
+}
+
+#[test]
+fn while_the_target_is_silent_nothing_is_chosen_and_then_it_goes_on() {
+    let (db, features) = (database(&[0]), walk(1, 600 * 3));
+    for causal in [false, true] {
+        let p = UnitSelectorParams { causal, ..params() };
+        let with = |window| {
+            selection(&p, &db, 1, &features)
+                .optional(UnitSelectorPorts::target, AUDIO, Channels(1), target(&[false]))
+                .window(window)
+        };
+        let ((all, none), (found, share)) =
+            (picks(&selection(&p, &db, 1, &features)), picks(&with(ticks(1.0))));
+        // Asleep from 0.55 s and two units after the last sound on.
+        let asleep = 130 + 57..400;
+        assert_eq!((none, share), (0.0, asleep.len() as f64 / 600.0));
+        assert!(found[..187] == all[..187], "awake it chooses as ever");
+        let frozen = found[187].unit;
+        assert!(frozen == found[186].unit && found[asleep].iter().all(|p| p.unit == frozen && !p.fallback));
+        // Awake again at the unit with the first sound, with the rests of before.
+        assert!(found[400..].iter().all(|p| p.d1 > 0.0), "chosen, not frozen");
+        for (k, pick) in found[400..420].iter().enumerate() {
+            let rests = &found[187 - 20 + k.min(20)..187];
+            assert!(rests.iter().all(|rest| rest.unit != pick.unit), "unit {}: the rest goes on", 400 + k);
+        }
+        for window in [RATE.span(1), ticks(0.0173), ticks(10.0)] {
+            assert!(picks(&with(window)).0 == found, "{window}");
+        }
+    }
+    let keep = UnitSelectorParams { keep_room_tone: Some(true), ..params() };
+    let solo = selection(&keep, &db, 1, &features);
+    let solo = solo.optional(UnitSelectorPorts::target, AUDIO, Channels(1), target(&[false]));
+    assert_eq!(picks(&solo).1, 0.0);
+    let solo = selection(&params(), &db, 1, &features);
+    let solo = solo.optional(UnitSelectorPorts::target, Rate::hz(44_100), Channels(1), target(&[false]));
+    assert!(solo.shape().is_err(), "a target of another rate");
+}
+
+#[test]
+fn what_is_chosen_asleep_is_never_heard() {
+    use crate::unit::concatenator_node::{UnitConcatenator, UnitConcatenatorParams, UnitConcatenatorPorts};
+    let (mut db, features) = (database(&[0]), walk(1, 600 * 3));
+    db.audio = walk(5, 60 * UNIT);
+    let played = |picks: Vec<Pick>| {
+        let format = PickFormat { channels: 1, conventions: Arc::new(db.conventions.clone()) };
+        let solo = Solo::new::<UnitConcatenator>(UnitConcatenatorParams::read(&|_| None).unwrap())
+            .input(UnitConcatenatorPorts::picks, RATE, format, picks)
+            .value(UnitConcatenatorPorts::database, db.clone())
+            .optional(UnitConcatenatorPorts::target, AUDIO, Channels(1), target(&[false]));
+        solo.run().unwrap().stream(UnitConcatenatorPorts::audio)
+    };
+    let solo = selection(&params(), &db, 1, &features);
+    let asleep = solo.optional(UnitSelectorPorts::target, AUDIO, Channels(1), target(&[false]));
+    let (all, some) = (picks(&selection(&params(), &db, 1, &features)).0, picks(&asleep).0);
+    let (all, some) = (played(all), played(some));
+    assert!(
+        all[..395 * UNIT] == some[..395 * UNIT] && some[186 * UNIT..395 * UNIT].iter().all(|x| *x == 0.0)
+    );
+}
+
+#[test]
+fn channels_sleep_alone() {
+    let (db, features) = (database(&[0]), walk(1, 600 * 6));
+    let solo = selection(&params(), &db, 2, &features);
+    let both = solo.optional(UnitSelectorPorts::target, AUDIO, Channels(2), target(&[true, false]));
+    let (found, share) = picks(&both);
+    assert!((share - 213.0 / 1200.0).abs() < 1e-12, "{share}");
+    let (all, _) = picks(&selection(&params(), &db, 2, &features));
+    assert!(found.iter().step_by(2).eq(all.iter().step_by(2)), "the first channel sounds on");
+    // One channel of sound for both vectors sends both to sleep.
+    let solo = selection(&params(), &db, 2, &features);
+    let one = solo.optional(UnitSelectorPorts::target, AUDIO, Channels(1), target(&[false]));
+    assert_eq!(picks(&one).1, 213.0 / 600.0);
+}
+
+#[test]
+fn channels_choose_from_their_own_recordings_or_share_those_of_one() {
+    let features = walk(3, 200 * 6);
+    let stereo = database(&[0, 1, 0, 1]);
+    let solo = selection(&params(), &stereo, 2, &features);
+    assert!(solo.shape().unwrap().notes.is_empty(), "{:?}", solo.shape().unwrap().notes);
+    let (found, _) = picks(&solo);
+    for (k, pick) in found.iter().enumerate() {
+        assert_eq!(pick.unit as usize / 60 % 2, k % 2, "{k}");
+    }
+    let shared = UnitSelectorParams { own_channels: Some(false), ..params() };
+    let any = picks(&selection(&shared, &stereo, 2, &features)).0;
+    assert!(any.iter().step_by(2).any(|pick| pick.unit as usize / 60 % 2 == 1));
+    // One channel of recordings for both: a note tells what that costs, and each chooses as if alone.
+    let mono = database(&[0, 0]);
+    let solo = selection(&params(), &mono, 2, &features);
+    assert!(solo.shape().unwrap().notes[0].contains("the same units"));
+    let (both, _) = picks(&solo);
+    let one: Vec<f32> = features.chunks(6).flat_map(|unit| unit[3..].to_vec()).collect();
+    assert!(both.iter().skip(1).step_by(2).eq(picks(&selection(&params(), &mono, 1, &one)).0.iter()));
+    let own = UnitSelectorParams { own_channels: Some(true), ..params() };
+    let reject = selection(&own, &mono, 2, &features).shape().unwrap_err();
+    assert!(reject.code == "F101" && reject.message.contains("channel 1"), "{reject}");
+}
