@@ -2,6 +2,7 @@
 
 use crate::contact::detector_node::ContactDetector;
 use crate::contact::router::MaterialRouter;
+use crate::contact::skinned_node::SkinnedSlip;
 use crate::contact::speed_nodes::{SlidingSpeed, SpeedMapNode};
 use crate::core::node::NodeType;
 use crate::crumple::bank_nodes::{CrumpleBankFile, CrumpleExtractor};
@@ -97,6 +98,7 @@ pub fn all() -> Vec<NodeType> {
         NodeType::of::<ContactDetector>("contact"),
         NodeType::each::<MaterialRouter>("contact"),
         NodeType::of::<SlidingSpeed>("contact"),
+        NodeType::of::<SkinnedSlip>("contact"),
         NodeType::each::<SpeedMapNode>("contact"),
         NodeType::of::<IftNoiseNode>("friction"),
         NodeType::of::<BinauralIftNoise>("friction"),

@@ -14,6 +14,8 @@ mod neighbourhood;
 mod query;
 pub mod reference;
 pub mod router;
+pub mod skinned;
+pub mod skinned_node;
 pub mod sliding;
 pub mod slip;
 pub mod speed;

@@ -273,7 +273,7 @@ fn unite(open: &mut [Group], a: usize, b: usize) -> usize {
 }
 
 /// A short digest of a mesh: its triangles and rest pose.
-fn digest(topology: &Topology) -> u32 {
+pub(crate) fn digest(topology: &Topology) -> u32 {
     let mut hasher = blake3::Hasher::new();
     for p in &topology.rest {
         for x in p {

@@ -26,5 +26,6 @@ pub mod player_node;
 pub use bank::{BankError, CrumpleBank};
 pub use buckle::{Buckle, BuckleDetector};
 pub use calibration::{EnergyCalibration, Floor};
+pub(crate) use events::digest as mesh_digest;
 pub use events::{CrumpleEvents, CrumpleParams};
 pub use item::{Buckles, Crumple, MatchedCrumple, Weight};

@@ -1,0 +1,192 @@
+//! Sliding and crumpling of a garment that was never simulated, as a node.
+
+use std::sync::Arc;
+
+use super::Speeds;
+use super::skinned::{Bend, Bends, Lag};
+use super::vector::Vec3;
+use crate::core::fault::{Fault, Reject};
+use crate::core::files::MemoryFiles;
+use crate::core::node::{Class, Node, Summary};
+use crate::core::params::Params;
+use crate::core::ports::{Events, Stream};
+use crate::core::random::Draw;
+use crate::core::shape::{Build, Shape};
+use crate::core::time::{Rate, Tick};
+use crate::crumple::{Crumple, Weight, mesh_digest};
+use crate::mesh::{Mesh, Topology, vertex_areas};
+use crate::{params, ports};
+
+params! {
+    /// Approximate sliding and crumpling of a garment that follows its skeleton and was never simulated.
+    ///
+    /// Skinned cloth neither slides nor snaps, so `ContactDetector` and `BuckleDetector` find nothing in it. This lets the cloth lag
+    /// behind each skinned vertex on a damped spring: the speed of that lag along the surface stands for sliding over the body.
+    /// Where edges of a part of the garment change their lengths fast, as they do at a joint that bends, stands a crumple; the next one
+    /// comes after the bending has slowed to half the threshold. Both are plausible, not physical: energies of such crumples go
+    /// through `EnergyCalibration` of the same events alone.
+    ///
+    /// # Source
+    /// An addition to An, James and Marschner (SIGGRAPH 2012), whose cloth is simulated.
+    pub struct SkinnedSlipParams {
+        /// Frequency of the spring.
+        frequency: f64 = 3.0, unit "Hz", range 0.1..=30.0;
+        /// Damping of the spring; at 1 it would swing no more.
+        damping: f64 = 0.5, unit "", range 0.01..=0.99;
+        /// Speed of the lag that a vertex has to exceed to be heard.
+        threshold: f32 = 0.02, unit "m/s", range 0.0..=100.0;
+        /// Size of the parts that bend as one.
+        region: f64 = 0.05, unit "m", range 0.001..=10.0;
+        /// Change of the mean strain of a part from which on it crumples.
+        bend_rate: f64 = 0.5, unit "1/s", range 0.001..=1000.0;
+    }
+}
+ports! {
+    pub struct SkinnedSlipPorts / SkinnedSlipIo {
+        in {
+            /// The garment as it is skinned.
+            mesh: Stream<Mesh>,
+        }
+        out {
+            /// Sliding speed per vertex, once per frame.
+            speeds: Stream<Speeds>,
+            /// Joints that begin to bend fast.
+            crumples: Events<Crumple>,
+        }
+    }
+}
+
+/// The node over [`Lag`] and [`Bends`].
+pub struct SkinnedSlip {
+    lag: Lag,
+    bends: Bends,
+    topology: Arc<Topology>,
+    normals: Vec<Vec3>,
+    found: Vec<Bend>,
+    threshold: f32,
+    digest: u32,
+    fastest: f32,
+    crumples: u64,
+}
+
+fn crumple(bend: &Bend, interval: Tick, mesh: u32) -> Crumple {
+    Crumple {
+        id: bend.id,
+        sign: if bend.rate > 0.0 { 1 } else { -1 },
+        energy: (bend.rate * bend.area).powi(2),
+        weight: Weight::Area,
+        vertices: bend.vertices,
+        area: bend.area as f32,
+        material: 0,
+        position: bend.position,
+        normal: [0.0; 3],
+        interval,
+        mesh,
+    }
+}
+
+impl Node for SkinnedSlip {
+    type Params = SkinnedSlipParams;
+    type Ports = SkinnedSlipPorts;
+    const NAME: &'static str = "SkinnedSlip";
+    const CLASS: Class = Class::Worker;
+    const COST: f64 = 50.0;
+
+    fn shape(_: &SkinnedSlipParams, s: &mut Shape<'_, '_, SkinnedSlipPorts>) -> Result<(), Reject> {
+        let mesh = s.input(SkinnedSlipPorts::mesh);
+        let topology = &mesh.format.topology;
+        let areas: Arc<[f32]> = vertex_areas(&topology.rest, &topology.triangles).into();
+        s.output(SkinnedSlipPorts::speeds, mesh.rate, areas);
+        Ok(())
+    }
+
+    fn build(p: &SkinnedSlipParams, cx: &Build<'_>) -> Result<Self, Fault> {
+        let mesh = cx.input(SkinnedSlipPorts::mesh);
+        let (topology, rate) = (mesh.format.topology, mesh.rate.as_f64());
+        let areas = vertex_areas(&topology.rest, &topology.triangles);
+        let n = topology.vertex_count();
+        Ok(Self {
+            lag: Lag::new(n, rate, p.frequency, p.damping),
+            bends: Bends::new(&topology, &areas, p.region, p.bend_rate, rate),
+            normals: vec![[0.0; 3]; n],
+            found: Vec::new(),
+            threshold: p.threshold,
+            digest: mesh_digest(&topology),
+            topology,
+            fastest: 0.0,
+            crumples: 0,
+        })
+    }
+
+    fn run(&mut self, mut io: SkinnedSlipIo<'_>) -> Result<(), Fault> {
+        let (width, rate): (usize, Rate) = (io.mesh.width().max(1), io.mesh.rate());
+        let frames = io.mesh.items().chunks_exact(width).zip(io.speeds.items().chunks_exact_mut(width));
+        for (frame, (places, out)) in (io.mesh.first()..).zip(frames) {
+            self.lag.take(places);
+            self.lag.slip(&self.topology.triangles, &mut self.normals, out);
+            for speed in out {
+                *speed = if *speed > self.threshold { *speed } else { 0.0 };
+                self.fastest = self.fastest.max(*speed);
+            }
+            let found = &mut self.found;
+            found.clear();
+            self.bends.take(places, |bend| found.push(bend));
+            self.crumples += self.found.len() as u64;
+            for bend in &self.found {
+                let interval = rate.tick(frame + 1) - rate.tick(frame);
+                io.crumples.push(rate.tick(frame), crumple(bend, interval, self.digest));
+            }
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self, _: SkinnedSlipIo<'_>) -> Result<Summary, Fault> {
+        Ok(vec![("fastest", self.fastest.into()), ("crumples", self.crumples.into())])
+    }
+
+    fn trial(draw: &mut Draw) -> (SkinnedSlipParams, MemoryFiles) {
+        let params = SkinnedSlipParams {
+            threshold: draw.between(0.0, 0.1) as f32,
+            region: draw.between(0.02, 0.2),
+            ..SkinnedSlipParams::trial(draw)
+        };
+        (params, MemoryFiles::default())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::core::solo::Solo;
+    use crate::core::time::ticks;
+    use crate::mesh::MeshFormat;
+    use crate::mesh::generate::{FlatSheet, Synthetic};
+
+    #[test]
+    fn a_sleeve_that_stops_slides_on_and_its_joint_crumples_in_windows_of_any_size() {
+        let sheet = FlatSheet { vertices: [5, 4], size: [0.4, 0.3], velocity: [0.0; 3] }.topology();
+        let rate = Rate::hz(60);
+        // It goes on for half a second, is squeezed as it stops, and rests.
+        let frames = (0..90).flat_map(|k| {
+            let (x, by) = ((k.min(30) as f32) / 60.0, 1.0 - 0.02 * (k.clamp(30, 36) - 30) as f32);
+            sheet.rest.iter().map(move |p| [x + by * p[0], p[1], p[2]]).collect::<Vec<_>>()
+        });
+        let frames: Vec<[f32; 3]> = frames.collect();
+        let run = |window: f64| {
+            let p = SkinnedSlipParams { region: 0.2, ..SkinnedSlipParams::read(&|_| None).unwrap() };
+            let solo = Solo::new::<SkinnedSlip>(p)
+                .input(SkinnedSlipPorts::mesh, rate, MeshFormat::moving(sheet.clone()), frames.clone())
+                .window(ticks(window));
+            let run = solo.run().unwrap();
+            (run.stream(SkinnedSlipPorts::speeds), run.events(SkinnedSlipPorts::crumples))
+        };
+        let (speeds, crumples) = run(1.0);
+        assert!(speeds[..30 * 20].iter().all(|s| *s == 0.0), "even motion is silent");
+        assert!(speeds[31 * 20..40 * 20].iter().any(|s| *s > 0.3));
+        assert!(speeds[85 * 20..].iter().all(|s| *s < 0.05));
+        assert!(!crumples.is_empty() && crumples.iter().all(|(t, c)| *t == rate.tick(31) && c.energy > 0.0));
+        for window in [1.0 / 60.0, 0.037, 9.0] {
+            assert!(run(window) == (speeds.clone(), crumples.clone()), "{window}");
+        }
+    }
+}
