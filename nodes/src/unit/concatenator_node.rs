@@ -136,6 +136,7 @@ impl Node for UnitConcatenator {
     type Params = UnitConcatenatorParams;
     type Ports = UnitConcatenatorPorts;
     const NAME: &'static str = "UnitConcatenator";
+    const VERSION: u32 = 2;
     const CLASS: Class = Class::Audio;
     const COST: f64 = 4.0;
 

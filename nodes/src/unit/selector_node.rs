@@ -289,6 +289,7 @@ impl Node for UnitSelector {
     type Params = UnitSelectorParams;
     type Ports = UnitSelectorPorts;
     const NAME: &'static str = "UnitSelector";
+    const VERSION: u32 = 2;
     const CLASS: Class = Class::Worker;
     const COST: f64 = 50_000.0;
 
