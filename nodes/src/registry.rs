@@ -42,6 +42,7 @@ use crate::scrape::profile_node::PathProfileNode;
 use crate::scrape::stroke_node::Stroke;
 use crate::spatial::distance_node::DistanceGain;
 use crate::spatial::hrtf_node::StructuralHrtf;
+use crate::spatial::occlusion_node::Occlusion;
 use crate::spatial::orbit_node::Orbit;
 use crate::spatial::pose_file_node::PoseFile;
 use crate::spatial::vertex_pose::VertexPose;
@@ -157,6 +158,7 @@ pub fn all() -> Vec<NodeType> {
         NodeType::of::<ContactLog>("rigid"),
         NodeType::of::<StructuralHrtf>("spatial"),
         NodeType::of::<DistanceGain>("spatial"),
+        NodeType::of::<Occlusion>("spatial"),
         NodeType::of::<Orbit>("spatial"),
         NodeType::of::<PoseFile>("spatial"),
         NodeType::each::<VertexPose>("spatial"),

@@ -12,6 +12,8 @@ pub mod head;
 pub mod hrtf_node;
 pub mod item;
 mod line;
+pub mod occlusion;
+pub mod occlusion_node;
 pub mod orbit_node;
 pub mod pose;
 pub mod pose_file;

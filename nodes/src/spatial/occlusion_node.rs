@@ -1,0 +1,219 @@
+//! Sound behind bodies, as a node.
+
+use std::sync::Arc;
+
+use super::head::Head;
+use super::item::Poses;
+use super::occlusion::{Muffle, blocked};
+use super::pose::Pose;
+use super::track::{AHEAD, PAST, pose_at};
+use crate::contact::vector::Vec3;
+use crate::core::fault::{Fault, Reject};
+use crate::core::node::{Class, Node, Summary};
+use crate::core::ports::{In, Many, Stream};
+use crate::core::shape::{Build, Ends, Shape};
+use crate::core::time::Tick;
+use crate::mesh::{Mesh, Topology};
+use crate::{params, ports};
+
+/// Samples from one look at the ways to the next.
+const LOOK: i64 = 64;
+
+params! {
+    /// Makes a sound softer and duller while a body stands between its source and the listener.
+    ///
+    /// A straight way leads from the source to each ear, or to the middle of the head for audio that is not stereo; where it passes
+    /// through a triangle of any body, the ear hears the sound through a low-pass of first order, and softer. The change
+    /// takes `time`. Sound that bends around edges is not modelled: this is approximate. Put it before `StructuralHrtf` for one
+    /// source, or behind it for its two ears.
+    ///
+    /// # Source
+    /// An addition to An, James and Marschner (SIGGRAPH 2012).
+    pub struct OcclusionParams {
+        /// Place of the source, where no link gives it.
+        position: [f64; 3] = [1.0, 0.0, 0.0], unit "m", range -100_000.0..=100_000.0;
+        /// Place of the listener, looking along x with z above, where no link gives it.
+        listener: [f64; 3] = [0.0; 3], unit "m", range -100_000.0..=100_000.0;
+        /// Cutoff of what is heard around a body.
+        cutoff: f64 = 1500.0, unit "Hz", range 10.0..=20_000.0;
+        /// Level of what is heard around a body.
+        gain_db: f64 = -6.0, unit "dB", range -60.0..=0.0;
+        /// Time for two thirds of the way between free and blocked.
+        time: f64 = 0.05, unit "s", range 0.001..=2.0;
+    }
+}
+ports! {
+    pub struct OcclusionPorts / OcclusionIo {
+        in {
+            /// Audio of the source; two channels are a left and a right ear.
+            audio: Stream<f32>,
+            /// Bodies that may stand in the way.
+            bodies: Many<Stream<Mesh>>,
+            /// Where the source is, in place of the parameter.
+            position: Option<Stream<Poses>>,
+            /// Where the listener's head is and looks, in place of the parameter.
+            listener: Option<Stream<Poses>>,
+        }
+        out {
+            /// What is heard of it.
+            out: Stream<f32>,
+        }
+    }
+}
+
+/// The node over [`blocked`] and [`Muffle`].
+pub struct Occlusion {
+    bodies: Vec<Arc<Topology>>,
+    /// One per channel, with whether its way is blocked.
+    ears: Vec<(Muffle, bool)>,
+    /// Whether the ways have been looked at.
+    looked: bool,
+    params: OcclusionParams,
+    samples: u64,
+    behind: u64,
+}
+
+/// The latest frame of a mesh at a time of the window.
+fn frame<'a>(mesh: &'a In<'_, Mesh>, tick: Tick) -> &'a [[f32; 3]] {
+    let at = mesh.rate().first_at(tick + 1) - 1 - mesh.first();
+    let last = (mesh.around().len() / mesh.width().max(1)) as i64 - mesh.past() as i64 - 1;
+    mesh.item(at.clamp(-(mesh.past() as i64), last.max(-(mesh.past() as i64))) as isize)
+}
+
+impl Occlusion {
+    fn look(&mut self, io: &OcclusionIo<'_>, tick: Tick) {
+        let from: Vec3 = match &io.position {
+            Some(poses) => pose_at(poses, tick).position.map(f64::from),
+            None => self.params.position,
+        };
+        let head = match &io.listener {
+            Some(poses) => pose_at(poses, tick),
+            None => Pose::at(self.params.listener.map(|x| x as f32)),
+        };
+        let radius = Head::default().radius;
+        let count = self.ears.len();
+        for (channel, (_, behind)) in self.ears.iter_mut().enumerate() {
+            let side = match (count, channel) {
+                (2, 0) => radius,
+                (2, _) => -radius,
+                _ => 0.0,
+            };
+            let ear = head.point([0.0, side, 0.0]);
+            let mut bodies = io.bodies.iter().zip(&self.bodies);
+            *behind = bodies.any(|(mesh, body)| blocked(from, ear, frame(&mesh, tick), &body.triangles));
+        }
+        self.looked = true;
+    }
+}
+
+impl Node for Occlusion {
+    type Params = OcclusionParams;
+    type Ports = OcclusionPorts;
+    const NAME: &'static str = "Occlusion";
+    const CLASS: Class = Class::Worker;
+    const COST: f64 = 100.0;
+
+    fn shape(_: &OcclusionParams, s: &mut Shape<'_, '_, OcclusionPorts>) -> Result<(), Reject> {
+        type Port = OcclusionPorts;
+        let audio = s.input(Port::audio);
+        s.when_ended(Port::audio, Ends::Stop);
+        s.reach(Port::bodies, 1, 0);
+        s.when_ended(Port::bodies, Ends::Hold);
+        s.reach(Port::position, PAST, AHEAD);
+        s.when_ended(Port::position, Ends::Hold);
+        s.reach(Port::listener, PAST, AHEAD);
+        s.when_ended(Port::listener, Ends::Hold);
+        s.output(Port::out, audio.rate, audio.format);
+        Ok(())
+    }
+
+    fn build(p: &OcclusionParams, cx: &Build<'_>) -> Result<Self, Fault> {
+        let audio = cx.input(OcclusionPorts::audio);
+        let gain = libm::pow(10.0, p.gain_db / 20.0);
+        let muffle = Muffle::new(p.cutoff, gain, p.time, audio.rate.as_f64());
+        Ok(Self {
+            bodies: cx.many(OcclusionPorts::bodies).into_iter().map(|body| body.format.topology).collect(),
+            ears: vec![(muffle, false); audio.format.0.into()],
+            looked: false,
+            params: p.clone(),
+            samples: 0,
+            behind: 0,
+        })
+    }
+
+    fn run(&mut self, mut io: OcclusionIo<'_>) -> Result<(), Fault> {
+        let (first, rate, width) = (io.audio.first(), io.audio.rate(), io.audio.width().max(1));
+        let mut done = 0;
+        while done < io.audio.len() {
+            let at = first + done as i64;
+            if at % LOOK == 0 || !self.looked {
+                self.look(&io, rate.tick(at));
+            }
+            let count = ((LOOK - at.rem_euclid(LOOK)) as usize).min(io.audio.len() - done);
+            let samples = done * width..(done + count) * width;
+            let input = io.audio.items().get(samples.clone()).unwrap_or_default();
+            let out = io.out.items().get_mut(samples).unwrap_or_default();
+            for (from, to) in input.chunks_exact(width).zip(out.chunks_exact_mut(width)) {
+                for ((x, y), (muffle, behind)) in from.iter().zip(to).zip(&mut self.ears) {
+                    *y = muffle.next(*x, *behind);
+                }
+            }
+            self.samples += (count * width) as u64;
+            self.behind += count as u64 * self.ears.iter().filter(|(_, behind)| *behind).count() as u64;
+            done += count;
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self, _: OcclusionIo<'_>) -> Result<Summary, Fault> {
+        Ok(vec![("behind_share", (self.behind as f64 / self.samples.max(1) as f64).into())])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::core::item::Channels;
+    use crate::core::params::Params;
+    use crate::core::solo::Solo;
+    use crate::core::time::{Rate, ticks};
+    use crate::mesh::MeshFormat;
+
+    /// A board across the way to the source at x = 1, on the left of the head alone from 0.5 s on.
+    fn heard(channels: u16, window: f64) -> (Vec<f32>, f64) {
+        let board = [[0.5, 0.02, -1.0], [0.5, 2.0, -1.0], [0.5, 0.02, 2.0]];
+        let topology = Topology { rest: board.to_vec(), triangles: vec![[0, 1, 2]] };
+        let places = |k: i32| board.map(|[x, y, z]: [f32; 3]| [x, y + if k < 5 { 5.0 } else { 0.0 }, z]);
+        let p = OcclusionParams::read(&|_| None).unwrap();
+        let solo = Solo::new::<Occlusion>(p)
+            .input(
+                OcclusionPorts::audio,
+                Rate::hz(8000),
+                Channels(channels),
+                vec![1.0; 8000 * channels as usize],
+            )
+            .also(
+                OcclusionPorts::bodies,
+                Rate::hz(10),
+                MeshFormat::moving(topology),
+                (0..10).flat_map(places).collect(),
+            )
+            .window(ticks(window));
+        let run = solo.run().unwrap();
+        let share = run.summary.iter().find(|(name, _)| *name == "behind_share").unwrap().1.as_f64();
+        (run.stream(OcclusionPorts::out), share.unwrap())
+    }
+
+    #[test]
+    fn a_body_on_the_left_muffles_the_left_ear_alone_in_windows_of_any_size() {
+        let (out, share) = heard(2, 1.0);
+        let (left, right): (Vec<f32>, Vec<f32>) = out.chunks(2).map(|ears| (ears[0], ears[1])).unzip();
+        assert!(right.iter().all(|x| *x == 1.0) && left[..3900].iter().all(|x| *x == 1.0));
+        assert!((left[7999] - 0.501).abs() < 0.01, "{}", left[7999]);
+        assert!((share - 0.25).abs() < 0.01, "{share}");
+        for window in [0.000_125, 0.0037, 0.1, 5.0] {
+            assert!(heard(2, window).0 == out, "{window}");
+        }
+        assert!(heard(1, 1.0).0.iter().all(|x| *x == 1.0), "the middle of the head is free");
+    }
+}
