@@ -4,6 +4,7 @@
 //! Run with `cargo bench -p foley-nodes --bench warp`. Budgets: 50 ms and 1 s on one core, and 1 s from an edit to a new ranking.
 
 use foley_nodes::core::random::Draw;
+use foley_nodes::feature::TemporalFilter;
 use foley_nodes::friction::Receiver;
 use foley_nodes::spatial::{Binaural, Head, HeadReceiver, PinnaSet};
 use foley_nodes::unit::{SelectorParams, Units};
@@ -45,17 +46,17 @@ fn pairs() -> Vec<Pair> {
         .collect()
 }
 
-/// Smooth features with the spread of cloth.
+/// Features with the spread of cloth recordings, through the paper's Gaussian.
 fn features(seed: u64, units: usize) -> Vec<f32> {
     let mut draw = Draw::new(seed);
     let (mut slow, mut out) = ([0.0; DIMS], Vec::with_capacity(DIMS * units));
     for _ in 0..units {
         for (slow, spread) in slow.iter_mut().zip([9.0, 3.0, 2.0]) {
             *slow += 0.02 * (spread * 6.0 * draw.between(-1.0, 1.0) - *slow);
-            out.push((*slow + 0.3 * draw.between(-1.0, 1.0)) as f32);
+            out.push((*slow + draw.between(-1.0, 1.0)) as f32);
         }
     }
-    out
+    TemporalFilter::new(&[20.0, 50.0, 10.0], false).stretch(&out)
 }
 
 /// A minute of target, four of recordings, 15 correspondences of 24 or 48 units, one of which is wrong.
