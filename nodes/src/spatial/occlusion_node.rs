@@ -6,9 +6,9 @@ use super::head::Head;
 use super::item::Poses;
 use super::occlusion::{Muffle, blocked};
 use super::pose::Pose;
-use super::track::{AHEAD, PAST, pose_at};
 use crate::contact::vector::Vec3;
 use crate::core::fault::{Fault, Reject};
+use crate::core::item::Item;
 use crate::core::node::{Class, Node, Summary};
 use crate::core::ports::{In, Many, Stream};
 use crate::core::shape::{Build, Ends, Shape};
@@ -73,21 +73,26 @@ pub struct Occlusion {
     behind: u64,
 }
 
-/// The latest frame of a mesh at a time of the window.
-fn frame<'a>(mesh: &'a In<'_, Mesh>, tick: Tick) -> &'a [[f32; 3]] {
-    let at = mesh.rate().first_at(tick + 1) - 1 - mesh.first();
-    let last = (mesh.around().len() / mesh.width().max(1)) as i64 - mesh.past() as i64 - 1;
-    mesh.item(at.clamp(-(mesh.past() as i64), last.max(-(mesh.past() as i64))) as isize)
+/// The latest frame of a stream at a time of the window: what follows it is smoothed anyway.
+fn frame<'a, T: Item>(frames: &'a In<'_, T>, tick: Tick) -> &'a [T::Elem] {
+    let (at, past) = (frames.rate().first_at(tick + 1) - 1 - frames.first(), frames.past() as i64);
+    let last = (frames.around().len() / frames.width().max(1)) as i64 - past - 1;
+    frames.item(at.clamp(-past, last.max(-past)) as isize)
+}
+
+/// The latest pose at a time of the window.
+fn pose(poses: &In<'_, Poses>, tick: Tick) -> Pose {
+    frame(poses, tick).first().copied().unwrap_or_default()
 }
 
 impl Occlusion {
     fn look(&mut self, io: &OcclusionIo<'_>, tick: Tick) {
         let from: Vec3 = match &io.position {
-            Some(poses) => pose_at(poses, tick).position.map(f64::from),
+            Some(poses) => pose(poses, tick).position.map(f64::from),
             None => self.params.position,
         };
         let head = match &io.listener {
-            Some(poses) => pose_at(poses, tick),
+            Some(poses) => pose(poses, tick),
             None => Pose::at(self.params.listener.map(|x| x as f32)),
         };
         let radius = Head::default().radius;
@@ -119,9 +124,9 @@ impl Node for Occlusion {
         s.when_ended(Port::audio, Ends::Stop);
         s.reach(Port::bodies, 1, 0);
         s.when_ended(Port::bodies, Ends::Hold);
-        s.reach(Port::position, PAST, AHEAD);
+        s.reach(Port::position, 1, 0);
         s.when_ended(Port::position, Ends::Hold);
-        s.reach(Port::listener, PAST, AHEAD);
+        s.reach(Port::listener, 1, 0);
         s.when_ended(Port::listener, Ends::Hold);
         s.output(Port::out, audio.rate, audio.format);
         Ok(())
