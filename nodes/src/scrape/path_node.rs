@@ -121,7 +121,7 @@ params! {
         /// Number of the object that is excited.
         object: u32 = 0, unit "", range 0..=4_294_967_295_u32;
         /// Contacts that can be followed at once.
-        contacts: u16 = 256, unit "contacts", range 1..=4096_u16;
+        most: u16 = 256, unit "contacts", range 1..=4096_u16;
     }
 }
 ports! {
@@ -222,7 +222,7 @@ impl ContactPath {
         let sample = Sample { contact, ..sample };
         let weight = f64::from(sample.force) + 1e-9;
         let Some((pair, total)) = self.pairs.iter_mut().find(|(pair, _)| pair.contact == contact) else {
-            if self.pairs.len() < usize::from(self.params.contacts) {
+            if self.pairs.len() < usize::from(self.params.most) {
                 self.pairs.push((sample, weight));
             } else {
                 self.tracker.left_out += 1;
@@ -288,7 +288,7 @@ impl Node for ContactPath {
     }
 
     fn build(p: &ContactPathParams, _: &Build<'_>) -> Result<Self, Fault> {
-        let room = usize::from(p.contacts);
+        let room = usize::from(p.most);
         Ok(Self {
             axes: axes(p)?,
             tracker: Tracker::new(rules(p), room),
@@ -327,8 +327,7 @@ impl Node for ContactPath {
     }
 
     fn retune(&mut self, new: &ContactPathParams) -> Retune {
-        let same =
-            rules(new).latency() == rules(&self.params).latency() && new.contacts == self.params.contacts;
+        let same = rules(new).latency() == rules(&self.params).latency() && new.most == self.params.most;
         match axes(new) {
             Ok(axes) if same && (new.frame_of, new.join) == (self.params.frame_of, self.params.join) => {
                 self.axes = axes;
@@ -355,7 +354,7 @@ impl Node for ContactPath {
         let teleport = draw.between(0.01, 2.0);
         let u = [1.0, draw.between(-0.4, 0.4), 0.3];
         let v = [draw.between(-0.4, 0.4), 1.0, 0.1];
-        let contacts = 1 + draw.below(6) as u16;
-        (ContactPathParams { a, b, frame, teleport, u, v, contacts, ..params }, MemoryFiles::default())
+        let most = 1 + draw.below(6) as u16;
+        (ContactPathParams { a, b, frame, teleport, u, v, most, ..params }, MemoryFiles::default())
     }
 }
