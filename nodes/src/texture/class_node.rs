@@ -45,7 +45,7 @@ ports! {
         }
         out {
             /// The class, the bandwidth and the histogram.
-            class: Value<TextureClass>,
+            found: Value<TextureClass>,
         }
     }
 }
@@ -68,7 +68,7 @@ impl Func for HistogramClass {
         let class = classify(io.luma, p.threshold, told);
         let name = format!("{:?}", class.class).to_lowercase();
         let summary = vec![("class", name.into()), ("bandwidth", class.bandwidth.into())];
-        io.class.set(class);
+        io.found.set(class);
         Ok(summary)
     }
 }
