@@ -341,7 +341,7 @@ impl IsophoteForce {
         let aspect = self.density.map(|d| (d / most) as f32);
         self.moves.follow(stretch, &stretch.way(), aspect, &mut voice.heading);
         let mut cell = [0.0; CELL];
-        for n in stretch.from..stretch.to.min(CELL) {
+        for (n, made) in cell.iter_mut().enumerate().take(stretch.to).skip(stretch.from) {
             let nearest = self.nearest[n];
             let (from, to) = (self.places[n], self.places[n + 1]);
             let radius = self.radius.at(stretch.anchor + n as i64);
@@ -355,7 +355,7 @@ impl IsophoteForce {
                 g[0] * steps[0] * t[0] + g[1] * steps[1] * t[1]
             };
             let before = voice.past.go((to[0] - from[0]).hypot(to[1] - from[1]), slope);
-            cell[n] = (near * near * (slope - before)) as f32;
+            *made = (near * near * (slope - before)) as f32;
         }
         self.law.apply(stretch, &self.moves, &mut cell);
         out.iter_mut().zip(stretch.part(&mut cell)).for_each(|(out, x)| *out += *x);

@@ -228,8 +228,8 @@ pub fn encode_isophotes(all: &Isophotes) -> Vec<u8> {
             turns.iter().for_each(|turns| codes.turns.write(&mut out, *turns));
         }
         for pair in points[..told].windows(2) {
-            for axis in 0..2 {
-                codes.step[axis].write(&mut out, pair[1][axis] - pair[0][axis]);
+            for (axis, code) in codes.step.iter_mut().enumerate() {
+                code.write(&mut out, pair[1][axis] - pair[0][axis]);
             }
         }
         let mut before = 0;
