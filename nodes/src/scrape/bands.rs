@@ -146,9 +146,9 @@ impl NoiseBands {
 fn weigh(samples: &[f32; TAPS], a: &[f32; TAPS], b: &[f32; TAPS], between: f32) -> f32 {
     let mut sum = [0.0_f32; 8];
     for group in 0..TAPS / 8 {
-        for k in 0..8 {
+        for (k, sum) in sum.iter_mut().enumerate() {
             let t = group * 8 + k;
-            sum[k] += samples[t] * (a[t] + between * (b[t] - a[t]));
+            *sum += samples[t] * (a[t] + between * (b[t] - a[t]));
         }
     }
     ((sum[0] + sum[4]) + (sum[1] + sum[5])) + ((sum[2] + sum[6]) + (sum[3] + sum[7]))

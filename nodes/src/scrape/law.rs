@@ -237,8 +237,8 @@ fn exp2(y: f32) -> f32 {
     let f = y - whole;
     // Taylor's series; half a power of two to either side.
     let series = 1.0
-        + f * (0.693_147_2
-            + f * (0.240_226_51
+        + f * (std::f32::consts::LN_2
+            + f * (0.240_226_5
                 + f * (0.055_504_11 + f * (0.009_618_13 + f * (0.001_333_356 + f * 0.000_154_035)))));
     series * f32::from_bits(((whole as i32 + 127) as u32) << 23)
 }

@@ -56,10 +56,11 @@ impl NoiseForce {
         let settled = self.scale.settled(stretch.anchor);
         let round = noise.round();
         let mut made = [0.0; CELL];
-        for n in stretch.from..stretch.to.min(CELL) {
+        let (from, to) = (stretch.from, stretch.to.min(CELL));
+        for (n, made) in made.iter_mut().enumerate().take(to).skip(from) {
             let size = settled.unwrap_or_else(|| self.scale.at(stretch.anchor + n as i64));
             let step = f64::from(self.moves.speed[n]) * dense / size;
-            made[n] = noise.read(voice.place, step as f32);
+            *made = noise.read(voice.place, step as f32);
             let next = voice.place + f64::from(self.moves.sign[n]) * step;
             voice.place = if next >= 0.0 && next < round { next } else { wrapped(next, round) };
         }

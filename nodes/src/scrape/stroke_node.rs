@@ -103,7 +103,8 @@ fn knots(p: &StrokeParams) -> Result<Vec<Knot>, Reject> {
         }
         StrokeShape::Line => {
             let laps = p.laps.ceil().max(1.0) as usize;
-            let mut places: Vec<_> = (0..=laps).map(|k| if k % 2 == 0 { p.from } else { p.to }).collect();
+            let mut places: Vec<_> =
+                (0..=laps).map(|k| if k.is_multiple_of(2) { p.from } else { p.to }).collect();
             // The last passage may be a part of one.
             if let [.., a, b] = places.as_mut_slice() {
                 let part = p.laps - (laps as f64 - 1.0);
@@ -128,7 +129,7 @@ fn zigzag(p: &StrokeParams) -> Vec<[f64; 2]> {
     let strokes = p.laps.ceil().max(1.0) as usize;
     let corner = |k: usize| {
         let along = k as f64 / strokes as f64;
-        let sign = if k % 2 == 0 { -1.0 } else { 1.0 };
+        let sign = if k.is_multiple_of(2) { -1.0 } else { 1.0 };
         [0, 1].map(|i| p.from[i] + along * way[i] + sign * side[i])
     };
     (0..=strokes).map(corner).collect()

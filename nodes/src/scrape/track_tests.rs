@@ -244,7 +244,7 @@ fn dozens_of_contacts_keep_apart_and_windows_change_nothing() {
 #[test]
 fn a_low_pass_calms_points_that_hop_about() {
     let frame = 1.0 / 60.0;
-    let hop = |k: u32| if k % 2 == 0 { 0.002 } else { -0.002 };
+    let hop = |k: u32| if k.is_multiple_of(2) { 0.002 } else { -0.002 };
     let frames: Vec<_> = (0..60)
         .map(|k| {
             let t = f64::from(k) * frame;

@@ -302,7 +302,7 @@ mod tests {
         let (heard, _) = effects(&world(Some(1)), 2.0);
         let plain: Vec<Pair> = world(Some(1)).pairs.into_iter().map(|(_, pair)| pair).collect();
         let (all, _) = fit(&plain, 2, Stiffness::Lambda(300.0)).unwrap();
-        let same = heard.effects(&[all.clone()]).unwrap().remove(0);
+        let same = heard.effects(std::slice::from_ref(&all)).unwrap().remove(0);
         assert_eq!(same, Effect::default());
         assert_eq!(heard.audition(&all, 30..90).unwrap(), heard.picks()[30..90]);
         // A warp that folds everything over is told.
