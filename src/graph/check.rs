@@ -148,14 +148,18 @@ fn fields(node: &RawNode, loader: &mut Loader) -> Option<Half> {
             half.origins.insert(name.clone(), given.place.clone());
         }
         half.fields.insert(name.clone(), place);
-        let is_link =
-            |v: &Value| matches!(v.value, ValueKind::Str(_) | ValueKind::List(_) | ValueKind::Option(None));
+        // A list is of links, unless it is one of numbers for a parameter of the same name.
+        let is_link = |v: &Value, spec: &ParamSpec| match v.value {
+            ValueKind::Str(_) | ValueKind::Option(None) => true,
+            ValueKind::List(_) => !matches!(spec.kind, ParamKind::List(..)),
+            _ => false,
+        };
         match (port, param) {
             (Some(port), None) => {
                 linked[port] = true;
                 half.links[port] = links_of(&given, &ty.inputs[port], node, loader);
             }
-            (Some(port), Some(_)) if is_link(&given.value) => {
+            (Some(port), Some(spec)) if is_link(&given.value, spec) => {
                 half.links[port] = links_of(&given, &ty.inputs[port], node, loader);
             }
             (_, Some(spec)) => match datum(&given, spec, loader) {
