@@ -112,6 +112,8 @@ pub struct Tracker {
     rules: PathRules,
     tracks: Vec<Track>,
     room: usize,
+    /// The time of the frame, or of its absence, that is dealt with.
+    now: Tick,
     /// Pieces made so far.
     pub pieces: u64,
     /// Jumps so far.
@@ -129,7 +131,7 @@ impl Tracker {
     #[must_use]
     pub fn new(rules: PathRules, room: usize) -> Self {
         let tracks = Vec::with_capacity(room);
-        Self { rules, tracks, room, pieces: 0, jumps: 0, late: 0, stalls: 0, left_out: 0 }
+        Self { rules, tracks, room, now: 0, pieces: 0, jumps: 0, late: 0, stalls: 0, left_out: 0 }
     }
 
     /// Changes what does not change the latency.
@@ -139,6 +141,7 @@ impl Tracker {
 
     /// Takes a frame; all that was due before it must have been done by [`due`](Self::due).
     pub fn frame(&mut self, sample: &Sample, out: &mut Queue) {
+        self.now = sample.tick;
         let known = self.tracks.iter().position(|t| t.last.contact == sample.contact);
         let Some(k) = known.or_else(|| self.room_for(sample)) else {
             self.left_out += 1;
@@ -348,9 +351,9 @@ impl Tracker {
 
     /// The way up to a frame that has come.
     fn reach(&mut self, track: &mut Track, sample: &Sample, out: &mut Queue) {
-        let now = sample.tick - self.rules.latency();
         if track.guessed {
-            // What was predicted from here on is replaced.
+            // What was predicted from here on is replaced. The frame may be older than the one that let it be understood.
+            let now = self.now - self.rules.latency();
             self.late += 1;
             track.cut(now);
             track.guessed = false;
@@ -449,7 +452,8 @@ impl Tracker {
 
     /// Goes on with contacts whose next frame has not come, as of `until`.
     pub fn due(&mut self, until: Tick, out: &mut Queue) {
-        while let Some((_, k)) = self.next_due().filter(|(due, _)| *due < until) {
+        while let Some((due, k)) = self.next_due().filter(|(due, _)| *due < until) {
+            self.now = due;
             let Some(mut track) = self.tracks.get(k).copied() else { return };
             self.overdue(&mut track, out);
             self.put(k, track);

@@ -94,10 +94,10 @@ mod tests {
 
     #[test]
     fn isophotes_of_512_by_512_pixels_are_much_smaller_than_the_image() {
-        // Stones of about ten pixels.
+        // Stones of about fifteen pixels; finer gravel has longer curves.
         let mut draw = Draw::new(3);
         let grid = Grid::from_fn(512, 512, |_, _| draw.between(0.0, 100.0) as f32);
-        let grid = smooth(&grid, &Kernel::gaussian(2.5, 4.0), Wrap::Repeat);
+        let grid = smooth(&grid, &Kernel::gaussian(3.5, 4.0), Wrap::Repeat);
         let luma = Luma { grid, holes: Vec::new(), kind: LumaKind::Lstar, surface: Surface::default() };
         let curves = isophotes(&luma, &Drawing::default()).unwrap();
         let report = report(curves, None);
