@@ -348,7 +348,7 @@ fn trace(points: &[[f64; 2]], next: &mut [u32], led_to: &[bool], turn: Option<[f
 ///
 /// A sample is high where it is strictly above the level. A cell with a corner that is not finite is passed over. Lines come
 /// back to their start or end at the border or at such a cell; on a torus their points go on beyond its size.
-/// Levels are in rising order, at most [`MOST_LEVELS`] of them; there are no lines for levels out of order.
+/// Levels are in rising order, at most 250 of them; there are no lines for levels out of order.
 ///
 /// # Complexity
 /// O(samples x levels) comparisons, O(width) memory for each strip of 64 rows beside the output. Strips and levels run in parallel.
