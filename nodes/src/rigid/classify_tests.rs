@@ -268,7 +268,8 @@ fn more_contacts_than_there_is_room_for_are_forgotten_in_order() {
 
 /// Frames of a log of the shared scenes; `None` where they are not there.
 fn log(scene: &str, rate: u32, masses: &[f64]) -> Option<Vec<(f64, ContactFrame)>> {
-    let file = |name: &str| std::fs::read(format!("/work/shared/data/contacts/{scene}.{name}.csv")).ok();
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data/contacts");
+    let file = |name: &str| std::fs::read(format!("{folder}/{scene}.{name}.csv")).ok();
     let Some((contacts, poses)) = file(&format!("contacts_{rate}hz")).zip(file("poses")) else {
         println!("skipped: the log {scene} is not there");
         return None;
