@@ -1,6 +1,5 @@
 //! Small line charts as SVG, for the figures that values draw of themselves.
 
-use crate::texture::Grid;
 use std::fmt::Write;
 
 /// Width and height of a chart, and the margins left, top, right and bottom of its frame.
@@ -68,7 +67,7 @@ pub fn chart(title: &str, x: &Axis, y: &Axis, lines: &[Line]) -> String {
          font-size=\"12\">\n<rect width=\"{width}\" height=\"{height}\" fill=\"white\"/>\n"
     );
     let mut text = |x: f64, y: f64, anchor: &str, extra: &str, text: &str| {
-        let text = text.replace('&', "&amp;").replace('<', "&lt;");
+        let text = escaped(text);
         // Writing to a string does not fail.
         let _ =
             writeln!(svg, "<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"{anchor}\"{extra}>{text}</text>");
@@ -134,27 +133,9 @@ pub(crate) fn colour(k: usize, count: usize) -> String {
     format!("#{:02x}{:02x}{:02x}", channel(0.0), channel(2.0), channel(4.0))
 }
 
-/// A grid of numbers from 0 to 1 as grey rectangles over `size`, runs of one shade as one.
-pub(crate) fn shades(grid: &Grid, [width, height]: [f64; 2]) -> String {
-    let mut svg = String::from("<g shape-rendering=\"crispEdges\">\n");
-    let (dx, dy) = (width / grid.width.max(1) as f64, height / grid.height.max(1) as f64);
-    for (y, row) in grid.samples.chunks_exact(grid.width.max(1)).enumerate() {
-        let shade = |x: &f32| (x.clamp(0.0, 1.0) * 31.0).round() as u32 * 8;
-        let mut from = 0;
-        for run in row.chunk_by(|a, b| shade(a) == shade(b)) {
-            let grey = run.first().map_or(0, shade);
-            let (x, y) = (from as f64 * dx, y as f64 * dy);
-            // Writing to a string does not fail.
-            let _ = writeln!(
-                svg,
-                "<rect x=\"{x:.1}\" y=\"{y:.1}\" width=\"{:.1}\" height=\"{dy:.1}\" fill=\"#{grey:02x}{grey:02x}{grey:02x}\"/>",
-                run.len() as f64 * dx,
-            );
-            from += run.len();
-        }
-    }
-    svg.push_str("</g>\n");
-    svg
+/// Text that may stand in SVG.
+pub(crate) fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;")
 }
 
 /// A number without needless digits.

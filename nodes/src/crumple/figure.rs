@@ -1,5 +1,6 @@
 //! The figure of a bank: its samples in the waveforms of the recordings.
 
+use crate::plot::escaped;
 use std::fmt::Write;
 
 use super::CrumpleBank;
@@ -21,7 +22,6 @@ pub(super) fn plot(bank: &CrumpleBank) -> Option<String> {
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {height}\" font-family=\"sans-serif\" \
          font-size=\"12\">\n<rect width=\"{WIDTH}\" height=\"{height}\" fill=\"white\"/>\n"
     );
-    let escaped = |text: &str| text.replace('&', "&amp;").replace('<', "&lt;");
     // Writing to a string does not fail.
     let _ = writeln!(
         svg,

@@ -15,6 +15,12 @@ use crate::{params, ports};
 /// Most numbers of one message.
 const MOST: usize = 16;
 
+/// The numbers of a control as a message; `None` where they are more than it takes, or not finite.
+#[must_use]
+pub fn control_to_message(numbers: &[f64]) -> Option<Message> {
+    (numbers.len() <= MOST).then(|| Message::new(numbers))?
+}
+
 params! {
     /// Numbers that come in while the graph plays, such as a position, a speed or a level, as a stream.
     ///

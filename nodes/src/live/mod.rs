@@ -10,5 +10,5 @@ pub use contacts::{
     Gathering, LiveContacts, LiveContactsParams, LiveContactsPorts, Sent, contact_from_message,
     contact_to_message,
 };
-pub use control::{Glide, LiveControl, LiveControlParams, LiveControlPorts};
+pub use control::{Glide, LiveControl, LiveControlParams, LiveControlPorts, control_to_message};
 pub use impacts::{LiveImpacts, LiveImpactsParams, LiveImpactsPorts, from_message, to_message};

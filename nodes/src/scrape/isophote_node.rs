@@ -3,7 +3,6 @@
 use super::isophote::{IsophoteForce, IsophoteVoice, Reading};
 use super::item::PathPiece;
 use super::law::Law;
-use super::meter::Meter;
 use super::pulses::LONGEST;
 use super::voices::{CELL, Voices};
 use crate::core::fault::{Fault, Reject};
@@ -90,9 +89,6 @@ pub struct IsophoteExcitation {
     params: IsophoteExcitationParams,
     force: IsophoteForce,
     voices: Voices<IsophoteVoice>,
-    meter: Meter,
-    /// The sample after the last one made.
-    now: i64,
 }
 
 fn law(p: &IsophoteExcitationParams) -> [f64; 3] {
@@ -137,13 +133,12 @@ impl Node for IsophoteExcitation {
         let mut force = IsophoteForce::new(&all, p.reading, Law::new(law(p), rate), rate, p.contacts.into());
         force.set(p.width, p.radius, p.scale);
         let voices = Voices::new(p.contacts.into(), p.rate, IsophoteVoice::default());
-        Ok(Self { params: p.clone(), force, voices, meter: Meter::default(), now: 0 })
+        Ok(Self { params: p.clone(), force, voices })
     }
 
     fn run(&mut self, mut io: IsophoteExcitationIo<'_>) -> Result<(), Fault> {
         let (mut first, mut events) = (io.force.first(), io.paths.events());
         let mut left = io.force.items();
-        self.now = first + left.len() as i64;
         // Cell by cell, so that only the pulses of one are waiting at a time.
         loop {
             let stop = (first.div_euclid(CELL as i64) + 1) * CELL as i64;
@@ -164,7 +159,7 @@ impl Node for IsophoteExcitation {
                 |voice, stretch, out| force.add(voice, stretch, out),
             );
             force.ring_out(first, out);
-            self.meter.add(out);
+            self.voices.made(first, out);
             (first, left, events) = (stop, rest, later);
             if left.is_empty() {
                 return Ok(());
@@ -173,7 +168,7 @@ impl Node for IsophoteExcitation {
     }
 
     fn finish(&mut self, _: IsophoteExcitationIo<'_>) -> Result<Summary, Fault> {
-        let mut summary = self.meter.summary(&self.voices);
+        let mut summary = self.voices.summary();
         if self.params.reading == Reading::Crossing {
             summary.push(("crossings", self.force.crossings.into()));
         }
@@ -188,9 +183,9 @@ impl Node for IsophoteExcitation {
         if fixed(new) != fixed(&self.params) {
             return Retune::Rebuild;
         }
-        self.force.law.go_to(law(new), self.now);
-        self.force.scale.go_to(new.scale, self.now);
-        self.force.radius.go_to(new.radius, self.now);
+        self.force.law.go_to(law(new), self.voices.now());
+        self.force.scale.go_to(new.scale, self.voices.now());
+        self.force.radius.go_to(new.radius, self.voices.now());
         self.force.width = new.width;
         self.params = new.clone();
         Retune::Done
@@ -199,8 +194,6 @@ impl Node for IsophoteExcitation {
     fn adopt(&mut self, old: &mut Self) {
         self.voices.take_state(&old.voices);
         self.force.take_state(&old.force);
-        self.meter = old.meter;
-        self.now = old.now;
     }
 
     fn trial(draw: &mut Draw) -> (IsophoteExcitationParams, MemoryFiles) {

@@ -3,7 +3,6 @@
 use super::item::PathPiece;
 use super::law::Law;
 use super::map::{MapForce, MapVoice, SurfaceMap};
-use super::meter::Meter;
 use super::plane::Interp;
 use super::voices::Voices;
 use crate::core::fault::{Fault, Reject};
@@ -99,9 +98,6 @@ pub struct MapExcitation {
     map: SurfaceMap,
     force: MapForce,
     voices: Voices<MapVoice>,
-    meter: Meter,
-    /// The sample after the last one made.
-    now: i64,
 }
 
 /// Refuses grids that do not hold what they say.
@@ -176,8 +172,6 @@ impl Node for MapExcitation {
             map,
             force: MapForce::new(Law::new(law(p), rate), p.scale, p.interp, rate),
             voices: Voices::new(p.contacts.into(), p.rate, MapVoice::default()),
-            meter: Meter::default(),
-            now: 0,
             params: p.clone(),
         })
     }
@@ -193,13 +187,12 @@ impl Node for MapExcitation {
             |_| MapVoice::default(),
             |voice, stretch, out| force.add(map, voice, stretch, out),
         );
-        self.meter.add(out);
-        self.now = first + out.len() as i64;
+        self.voices.made(first, out);
         Ok(())
     }
 
     fn finish(&mut self, _: MapExcitationIo<'_>) -> Result<Summary, Fault> {
-        Ok(self.meter.summary(&self.voices))
+        Ok(self.voices.summary())
     }
 
     fn retune(&mut self, new: &MapExcitationParams) -> Retune {
@@ -208,16 +201,14 @@ impl Node for MapExcitation {
         if fixed(new) != fixed(old) {
             return Retune::Rebuild;
         }
-        self.force.law.go_to(law(new), self.now);
-        self.force.scale.go_to(new.scale, self.now);
+        self.force.law.go_to(law(new), self.voices.now());
+        self.force.scale.go_to(new.scale, self.voices.now());
         self.params = new.clone();
         Retune::Done
     }
 
     fn adopt(&mut self, old: &mut Self) {
         self.voices.take_state(&old.voices);
-        self.meter = old.meter;
-        self.now = old.now;
     }
 
     fn trial(draw: &mut Draw) -> (MapExcitationParams, MemoryFiles) {

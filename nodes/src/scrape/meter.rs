@@ -1,6 +1,5 @@
 //! How strong a force was, for the summary of a run.
 
-use super::voices::Voices;
 use crate::core::node::Summary;
 
 /// Peak and root of the mean square of a force.
@@ -23,16 +22,8 @@ impl Meter {
 
     /// What to tell at the end.
     #[must_use]
-    pub fn summary<S>(&self, voices: &Voices<S>) -> Summary {
+    pub fn summary(&self) -> Summary {
         let rms = (self.squares / self.samples.max(1) as f64).sqrt();
-        let mut summary = vec![
-            ("peak_n", f64::from(self.peak).into()),
-            ("rms_n", rms.into()),
-            ("contacts_at_once", voices.most.into()),
-        ];
-        if voices.left_out > 0 {
-            summary.push(("left_out", voices.left_out.into()));
-        }
-        summary
+        vec![("peak_n", f64::from(self.peak).into()), ("rms_n", rms.into())]
     }
 }

@@ -45,7 +45,6 @@ pub use item::PathPiece;
 pub use law::{AT_REST, FADE, Heading, Law, Moves};
 pub use lod::{Chooser, LodRules};
 pub use map::{MapForce, MapVoice, SurfaceMap};
-pub use meter::Meter;
 pub use noise::{NoiseForce, NoiseVoice};
 pub use pair::PairForce;
 pub use plane::{Interp, Plane};

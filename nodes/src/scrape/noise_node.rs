@@ -3,7 +3,6 @@
 use super::bands::NoiseBands;
 use super::item::PathPiece;
 use super::law::Law;
-use super::meter::Meter;
 use super::noise::{NoiseForce, NoiseVoice};
 use super::voices::Voices;
 use crate::core::fault::{Fault, Reject};
@@ -81,9 +80,6 @@ pub struct NoiseExcitation {
     random: Random,
     force: NoiseForce,
     voices: Voices<NoiseVoice>,
-    meter: Meter,
-    /// The sample after the last one made.
-    now: i64,
 }
 
 fn law(p: &NoiseExcitationParams) -> [f64; 3] {
@@ -125,8 +121,6 @@ impl Node for NoiseExcitation {
             random: cx.random,
             force: NoiseForce::new(Law::new(law(p), rate), p.scale, rate),
             voices: Voices::new(p.contacts.into(), p.rate, NoiseVoice::default()),
-            meter: Meter::default(),
-            now: 0,
             params: p.clone(),
         })
     }
@@ -141,13 +135,12 @@ impl Node for NoiseExcitation {
         voices.play(io.paths.events(), self.params.object, first, out, start, |voice, stretch, out| {
             force.add(noise, voice, stretch, out);
         });
-        self.meter.add(out);
-        self.now = first + out.len() as i64;
+        self.voices.made(first, out);
         Ok(())
     }
 
     fn finish(&mut self, _: NoiseExcitationIo<'_>) -> Result<Summary, Fault> {
-        Ok(self.meter.summary(&self.voices))
+        Ok(self.voices.summary())
     }
 
     fn retune(&mut self, new: &NoiseExcitationParams) -> Retune {
@@ -155,8 +148,8 @@ impl Node for NoiseExcitation {
         if (new.object, new.contacts, new.rate) != (old.object, old.contacts, old.rate) {
             return Retune::Rebuild;
         }
-        self.force.law.go_to(law(new), self.now);
-        self.force.scale.go_to(new.scale, self.now);
+        self.force.law.go_to(law(new), self.voices.now());
+        self.force.scale.go_to(new.scale, self.voices.now());
         self.params = new.clone();
         Retune::Done
     }
@@ -166,8 +159,6 @@ impl Node for NoiseExcitation {
         if self.noise.round() == old.noise.round() {
             self.voices.take_state(&old.voices);
         }
-        self.meter = old.meter;
-        self.now = old.now;
     }
 
     fn trial(draw: &mut Draw) -> (NoiseExcitationParams, MemoryFiles) {

@@ -4,7 +4,6 @@ use super::item::PathPiece;
 use super::law::{Heading, Law};
 use super::map::{MapForce, MapVoice, SurfaceMap};
 use super::map_node::check_grid;
-use super::meter::Meter;
 use super::pair::PairForce;
 use super::plane::Interp;
 use super::relief::{Relief, ball_map, heights};
@@ -88,9 +87,6 @@ pub struct TwoTextures {
     params: TwoTexturesParams,
     way: Way,
     voices: Voices<(Heading, MapVoice)>,
-    meter: Meter,
-    /// The sample after the last one made.
-    now: i64,
 }
 
 fn law(p: &TwoTexturesParams, ball: bool) -> [f64; 3] {
@@ -136,7 +132,7 @@ impl Node for TwoTextures {
         };
         let blank = (Heading::default(), MapVoice::default());
         let voices = Voices::new(p.contacts.into(), p.rate, blank);
-        Ok(Self { way, voices, meter: Meter::default(), now: 0, params: p.clone() })
+        Ok(Self { way, voices, params: p.clone() })
     }
 
     fn run(&mut self, mut io: TwoTexturesIo<'_>) -> Result<(), Fault> {
@@ -156,13 +152,12 @@ impl Node for TwoTextures {
                 }
             },
         );
-        self.meter.add(out);
-        self.now = first + out.len() as i64;
+        self.voices.made(first, out);
         Ok(())
     }
 
     fn finish(&mut self, _: TwoTexturesIo<'_>) -> Result<Summary, Fault> {
-        Ok(self.meter.summary(&self.voices))
+        Ok(self.voices.summary())
     }
 
     fn retune(&mut self, new: &TwoTexturesParams) -> Retune {
@@ -171,8 +166,8 @@ impl Node for TwoTextures {
             return Retune::Rebuild;
         }
         match &mut self.way {
-            Way::Ball(ball) => ball.1.law.go_to(law(new, true), self.now),
-            Way::Pair(pair) => pair.1.law.go_to(law(new, false), self.now),
+            Way::Ball(ball) => ball.1.law.go_to(law(new, true), self.voices.now()),
+            Way::Pair(pair) => pair.1.law.go_to(law(new, false), self.voices.now()),
         }
         self.params = new.clone();
         Retune::Done
@@ -180,8 +175,6 @@ impl Node for TwoTextures {
 
     fn adopt(&mut self, old: &mut Self) {
         self.voices.take_state(&old.voices);
-        self.meter = old.meter;
-        self.now = old.now;
     }
 
     fn trial(draw: &mut Draw) -> (TwoTexturesParams, MemoryFiles) {

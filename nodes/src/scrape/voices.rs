@@ -5,6 +5,8 @@
 //! precision, and the same however the samples are cut into calls.
 
 use super::item::{PathPiece, place, shifted};
+use super::meter::Meter;
+use crate::core::node::Summary;
 use crate::core::time::{Rate, TICKS_PER_SECOND, Tick};
 
 /// Samples from one anchor to the next.
@@ -113,6 +115,9 @@ pub struct Voices<S> {
     pub most: usize,
     /// Pieces that found no voice.
     pub left_out: u64,
+    meter: Meter,
+    /// The sample after the last one made.
+    now: i64,
 }
 
 impl<S: Clone> Voices<S> {
@@ -130,7 +135,8 @@ impl<S: Clone> Voices<S> {
             gain: [0.0; 2],
         };
         let voice = Voice { start: Tick::MIN, end: Tick::MIN, piece, state: blank };
-        Self { voices: vec![voice; count.max(1)], rate, most: 0, left_out: 0 }
+        let voices = vec![voice; count.max(1)];
+        Self { voices, rate, most: 0, left_out: 0, meter: Meter::default(), now: 0 }
     }
 
     /// Takes a piece; `fresh` makes the state of one that does not go on from another.
@@ -179,6 +185,29 @@ impl<S: Clone> Voices<S> {
         self.sweep(first, (next, last), out, &mut sound);
     }
 
+    /// Notes the samples from `first` on as they leave the node.
+    pub fn made(&mut self, first: i64, out: &[f32]) {
+        self.meter.add(out);
+        self.now = first + out.len() as i64;
+    }
+
+    /// The sample from which on a change of parameters is heard.
+    #[must_use]
+    pub fn now(&self) -> i64 {
+        self.now
+    }
+
+    /// What to tell of a run: how strong the force was, and how many contacts made it.
+    #[must_use]
+    pub fn summary(&self) -> Summary {
+        let mut summary = self.meter.summary();
+        summary.push(("contacts_at_once", self.most.into()));
+        if self.left_out > 0 {
+            summary.push(("left_out", self.left_out.into()));
+        }
+        summary
+    }
+
     /// The samples of all voices between two beginnings.
     fn sweep(
         &mut self,
@@ -209,12 +238,13 @@ impl<S: Clone> Voices<S> {
         }
     }
 
-    /// Takes over the contacts under way of another set of the same size.
+    /// Takes over the contacts under way of another set of the same size, and what is told of both.
     pub fn take_state(&mut self, old: &Self) {
         if (old.voices.len(), old.rate) == (self.voices.len(), self.rate) {
             self.voices.clone_from_slice(&old.voices);
             (self.most, self.left_out) = (old.most, old.left_out);
         }
+        (self.meter, self.now) = (old.meter, old.now);
     }
 }
 

@@ -8,9 +8,9 @@
 
 use super::item::Luma;
 use super::luma::most;
-use super::picture::escaped;
 use crate::core::item::Data;
 use crate::core::random::Draw;
+use crate::plot::escaped;
 use serde::{Deserialize, Serialize};
 use std::fmt::Write;
 

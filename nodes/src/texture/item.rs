@@ -1,6 +1,6 @@
 //! What travels between the nodes of textures.
 
-use super::half::to_half;
+use super::profile::stored;
 use crate::core::item::Data;
 use crate::core::random::Draw;
 use serde::{Deserialize, Serialize};
@@ -212,7 +212,7 @@ impl Data for NoiseProfile {
 
     /// The samples in 16 bits each, the lower byte first.
     fn file(&self) -> Option<Vec<u8>> {
-        Some(self.samples.iter().flat_map(|x| to_half(*x).to_le_bytes()).collect())
+        Some(self.samples.iter().flat_map(|x| stored(*x).to_le_bytes()).collect())
     }
 }
 

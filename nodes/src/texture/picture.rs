@@ -2,17 +2,15 @@
 
 use super::filter::{Kernel, smooth};
 use super::item::{Grid, Surface, Wrap};
+use crate::plot::escaped;
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
 use std::fmt::Write;
 
 /// Longest side of a picture in pixels; larger maps are shown at half their size, or a quarter.
 const LONGEST: usize = 1024;
 /// Width of the drawing.
 const WIDTH: f64 = 640.0;
-
-/// Text that may stand in SVG.
-pub(super) fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;")
-}
 
 /// A map in grey, the first of its ends black and the second white, with a bar for its scale.
 pub(super) fn picture(title: &str, map: &Grid, [low, high]: [f32; 2], surface: &Surface) -> Option<String> {
@@ -24,11 +22,6 @@ pub(super) fn picture(title: &str, map: &Grid, [low, high]: [f32; 2], surface: &
             soft.samples.get(2 * y * soft.width + 2 * x).copied().unwrap_or_default()
         });
     }
-    // The ends may change places: dark on white.
-    let scale = if high == low { 0.0 } else { 255.0 / (high - low) };
-    let bytes: Vec<u8> =
-        small.samples.iter().map(|x| ((x - low) * scale).round().clamp(0.0, 255.0) as u8).collect();
-    let png = encoded(&small, &bytes)?;
     let metres = [map.width as f64 / surface.density[0], map.height as f64 / surface.density[1]];
     let height = WIDTH * metres[1] / metres[0];
     // The longest of 1, 2 and 5 times a power of ten that a quarter of the width holds.
@@ -44,12 +37,11 @@ pub(super) fn picture(title: &str, map: &Grid, [low, high]: [f32; 2], surface: &
     let _ = writeln!(
         svg,
         "<text x=\"10\" y=\"20\" font-weight=\"bold\">{}</text>\n\
-         <image x=\"10\" y=\"30\" width=\"{WIDTH}\" height=\"{height:.1}\" preserveAspectRatio=\"none\" \
-         href=\"data:image/png;base64,{}\"/>\n\
+         {}\n\
          <rect x=\"10\" y=\"{:.1}\" width=\"{:.1}\" height=\"4\" fill=\"black\"/>\n\
          <text x=\"10\" y=\"{:.1}\">{} m</text>\n</svg>",
         escaped(title),
-        base64(&png),
+        image(&small, [low, high], [10.0, 30.0, WIDTH, height])?,
         height + 38.0,
         WIDTH * bar / metres[0],
         height + 58.0,
@@ -68,19 +60,20 @@ pub(super) fn encoded(map: &Grid, bytes: &[u8]) -> Option<Vec<u8>> {
     Some(out)
 }
 
-/// Bytes as text of 64 letters.
-fn base64(bytes: &[u8]) -> String {
-    const LETTERS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut out = String::with_capacity(bytes.len().div_ceil(3) * 4);
-    for part in bytes.chunks(3) {
-        let word =
-            (0..3).fold(0_u32, |word, k| word << 8 | u32::from(part.get(k).copied().unwrap_or_default()));
-        for k in 0..4 {
-            let letter = LETTERS[(word >> (18 - 6 * k)) as usize & 63];
-            out.push(if k <= part.len() { char::from(letter) } else { '=' });
-        }
-    }
-    out
+/// A map in grey as an element of SVG at `[left, top, width, height]`; the ends may change places: dark on white.
+pub(crate) fn image(
+    map: &Grid,
+    [low, high]: [f32; 2],
+    [left, top, width, height]: [f64; 4],
+) -> Option<String> {
+    let scale = if high == low { 0.0 } else { 255.0 / (high - low) };
+    let bytes: Vec<u8> =
+        map.samples.iter().map(|x| ((x - low) * scale).round().clamp(0.0, 255.0) as u8).collect();
+    let png = STANDARD.encode(encoded(map, &bytes)?);
+    Some(format!(
+        "<image x=\"{left}\" y=\"{top}\" width=\"{width}\" height=\"{height:.1}\" preserveAspectRatio=\"none\" \
+         href=\"data:image/png;base64,{png}\"/>"
+    ))
 }
 
 /// The value that the part `part` of all values does not exceed, by size.
@@ -96,15 +89,6 @@ pub(super) fn percentile(values: impl Iterator<Item = f32>, part: f64) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn letters_are_those_of_the_standard() {
-        for (text, letters) in
-            [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("foobar", "Zm9vYmFy")]
-        {
-            assert_eq!(base64(text.as_bytes()), letters);
-        }
-    }
 
     #[test]
     fn a_picture_holds_the_pixels_and_a_bar_of_the_right_length() {

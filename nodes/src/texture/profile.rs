@@ -3,8 +3,8 @@
 //! # Source
 //! Picard, Tsingos and Faure (VRIPHYS 2008), section 4.2: a stored excitation profile of known velocity and scale.
 
-use super::half::{from_half, to_half};
 use super::item::{Grid, NoiseMap, NoiseProfile};
+use half::f16;
 use std::f32::consts::FRAC_PI_2;
 
 /// Samples of a stored profile: 16 kB in 16 bits.
@@ -31,8 +31,13 @@ pub fn profile(noise: &NoiseMap, count: usize) -> NoiseProfile {
     close(&mut line, join);
     line.truncate(count);
     level(&mut line, variance(&map.samples));
-    line.iter_mut().for_each(|x| *x = from_half(to_half(*x)));
+    line.iter_mut().for_each(|x| *x = stored(*x).to_f32());
     NoiseProfile { samples: line, spacing }
+}
+
+/// A sample as it is stored, in 16 bits; those too large become the greatest finite one.
+pub(super) fn stored(x: f32) -> f16 {
+    f16::from_f32(x.clamp(f16::MIN.to_f32(), f16::MAX.to_f32()))
 }
 
 /// At least `count` samples of rows that are read to and fro.

@@ -136,7 +136,7 @@ mod tests {
         assert_eq!((paper.samples.len(), paper.spacing), (8192, 1.0 / 512.0));
         let bytes = paper.file().unwrap();
         assert_eq!(bytes.len(), 16_384);
-        let back = |pair: &[u8; 2]| crate::texture::half::from_half(u16::from_le_bytes(*pair));
+        let back = |pair: &[u8; 2]| half::f16::from_le_bytes(*pair).to_f32();
         assert!(bytes.as_chunks().0.iter().map(back).eq(paper.samples.iter().copied()));
     }
 

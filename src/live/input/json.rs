@@ -1,8 +1,7 @@
 //! Messages as JSON, one object in each line.
 
 use super::hub::Hub;
-use foley_nodes::core::input::Message;
-use foley_nodes::live::{Sent, contact_to_message, to_message};
+use foley_nodes::live::{Sent, contact_to_message, control_to_message, to_message};
 use foley_nodes::modal::{Body, Defaults, read_impacts};
 use serde_json::{Map, Value};
 use std::io::BufRead;
@@ -74,7 +73,7 @@ pub fn read_line(line: &str, hub: &Hub) -> Result<(), String> {
         let values = object.remove("values");
         let list = values.as_ref().and_then(Value::as_array);
         let numbers: Option<Vec<f64>> = list.and_then(|list| list.iter().map(Value::as_f64).collect());
-        let message = numbers.as_deref().filter(|list| list.len() <= 16).and_then(Message::new);
+        let message = numbers.as_deref().and_then(control_to_message);
         hub.deliver(&channel, message.ok_or("`values` has to be a list of up to 16 numbers")?, wait);
         return Ok(());
     }

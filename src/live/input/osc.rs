@@ -10,8 +10,7 @@
 //! The time of a bundle is kept: what it holds happens then, or at once where that has passed.
 
 use super::hub::Hub;
-use foley_nodes::core::input::Message;
-use foley_nodes::live::{Sent, contact_to_message, to_message};
+use foley_nodes::live::{Sent, contact_to_message, control_to_message, to_message};
 use foley_nodes::modal::{Body, Impact};
 use rosc::{OscPacket, OscTime, OscType};
 use std::net::{SocketAddr, UdpSocket};
@@ -79,11 +78,6 @@ fn impact(numbers: &[f64]) -> Option<Impact> {
     impact.is_valid().then_some(impact)
 }
 
-/// The numbers of a control.
-fn control(numbers: &[f64]) -> Option<Message> {
-    Message::new(numbers).filter(|_| numbers.len() <= 16)
-}
-
 fn message(message: &rosc::OscMessage, wait: Duration, hub: &Hub) -> Option<()> {
     let path = message.addr.strip_prefix("/foley/")?;
     let (kind, name) = path.split_once('/')?;
@@ -94,7 +88,7 @@ fn message(message: &rosc::OscMessage, wait: Duration, hub: &Hub) -> Option<()> 
     match kind {
         "impact" => hub.deliver(name, to_message(&impact(&numbers()?)?)?, wait),
         "contact" => hub.deliver(name, contact_to_message(&Sent::from_numbers(&numbers()?)?)?, wait),
-        "control" => hub.deliver(name, control(&numbers()?)?, wait),
+        "control" => hub.deliver(name, control_to_message(&numbers()?)?, wait),
         "set" => hub.set(name.replace('/', "."), ron(message.args.first()?)?),
         _ => return None,
     }
