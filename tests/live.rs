@@ -407,7 +407,12 @@ fn a_swap_that_comes_too_late_is_tried_again() {
         }
         (callback, loudest)
     });
-    for k in 1..40 {
+    let late = |player: &Player| player.shared().meter.late_swaps.load(std::sync::atomic::Ordering::Relaxed);
+    // How often one comes late depends on the machine: there are as many as it takes.
+    for k in 1..4000 {
+        if k > 40 && late(&player) > 0 {
+            break;
+        }
         while player.is_busy() {
             player.tick();
             std::thread::sleep(std::time::Duration::from_micros(100));
@@ -423,8 +428,7 @@ fn a_swap_that_comes_too_late_is_tried_again() {
     callback.fill(&mut block);
     let loudest = block.iter().fold(0.0_f32, |m, x| m.max(x.abs()));
     assert!((loudest - 0.5).abs() < 0.01, "{loudest}");
-    let late = player.shared().meter.late_swaps.load(std::sync::atomic::Ordering::Relaxed);
-    assert!(late > 0, "all swaps came in time, so nothing was tried");
+    assert!(late(&player) > 0, "all swaps came in time, so nothing was tried");
 }
 
 #[test]
