@@ -2,6 +2,8 @@
 
 use super::law::log2;
 use crate::texture::NoiseProfile;
+use fearless_simd::f32x8;
+use fearless_simd::prelude::*;
 use rustfft::FftPlanner;
 use rustfft::num_complex::Complex;
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -110,19 +112,19 @@ impl NoiseBands {
     /// What stands at `place` (0 to [`round`](Self::round)) for steps of `step` samples.
     #[inline(always)]
     #[must_use]
-    pub fn read(&self, place: f64, step: f32) -> f32 {
+    pub(super) fn read(&self, simd: impl Simd, place: f64, step: f32) -> f32 {
         if step <= WHOLE as f32 {
-            return self.band(0, place);
+            return self.band(simd, 0, place);
         }
         let last = self.bands.len() - 1;
         let depth = (log2(step * (1.0 / WHOLE as f32)) * OCTAVE as f32).clamp(0.0, last as f32);
         let below = depth as usize;
-        let near = self.band(below, place);
-        near + (depth - below as f32) * (self.band((below + 1).min(last), place) - near)
+        let near = self.band(simd, below, place);
+        near + (depth - below as f32) * (self.band(simd, (below + 1).min(last), place) - near)
     }
 
     #[inline(always)]
-    fn band(&self, k: usize, place: f64) -> f32 {
+    fn band(&self, simd: impl Simd, k: usize, place: f64) -> f32 {
         let Some(band) = self.bands.get(k) else { return 0.0 };
         let place = place * band.density;
         // Places are never negative: a cast is their floor.
@@ -137,21 +139,23 @@ impl NoiseBands {
         else {
             return 0.0;
         };
-        weigh(samples, a, b, between)
+        weigh(simd, samples, a, b, between)
     }
 }
 
 /// The sum of samples times weights between two rows, in eight sums side by side.
 #[inline(always)]
-fn weigh(samples: &[f32; TAPS], a: &[f32; TAPS], b: &[f32; TAPS], between: f32) -> f32 {
-    let mut sum = [0.0_f32; 8];
-    for group in 0..TAPS / 8 {
-        for (k, sum) in sum.iter_mut().enumerate() {
-            let t = group * 8 + k;
-            *sum += samples[t] * (a[t] + between * (b[t] - a[t]));
-        }
-    }
-    ((sum[0] + sum[4]) + (sum[1] + sum[5])) + ((sum[2] + sum[6]) + (sum[3] + sum[7]))
+fn weigh<S: Simd>(simd: S, samples: &[f32; TAPS], a: &[f32; TAPS], b: &[f32; TAPS], between: f32) -> f32 {
+    let eight = |all: &[f32; TAPS], group: usize| f32x8::from_slice(simd, &all[8 * group..8 * group + 8]);
+    let between = f32x8::splat(simd, between);
+    let part = |group: usize| {
+        let (a, b) = (eight(a, group), eight(b, group));
+        eight(samples, group) * (a + between * (b - a))
+    };
+    let sum = (part(0) + part(1)) + (part(2) + part(3));
+    let (low, high) = simd.split_f32x8(sum);
+    let sum: [f32; 4] = (low + high).into();
+    (sum[0] + sum[1]) + (sum[2] + sum[3])
 }
 
 /// What a loop holds up to `pass`, and less and less of it up to `stop`, both in cycles per sample, as `len` samples.
@@ -182,6 +186,7 @@ fn band(
 mod tests {
     use super::*;
     use crate::scrape::testing::{amplitude, db, peak, rms};
+    use fearless_simd::{Level, dispatch};
     use std::f64::consts::TAU;
 
     fn wave(cycles: usize, n: usize) -> NoiseBands {
@@ -189,10 +194,15 @@ mod tests {
         NoiseBands::new(&NoiseProfile { samples, spacing: 1e-3 })
     }
 
+    fn read(bands: &NoiseBands, place: f64, step: f32) -> f32 {
+        let level = Level::new();
+        dispatch!(level, simd => bands.read(simd, place, step))
+    }
+
     /// What is heard of a loop that is passed at `step` samples a sample.
     fn heard(bands: &NoiseBands, step: f64, samples: usize) -> Vec<f32> {
         let place = |k: usize| (k as f64 * step).rem_euclid(bands.round());
-        (0..samples).map(|k| bands.read(place(k), step as f32)).collect()
+        (0..samples).map(|k| read(bands, place(k), step as f32)).collect()
     }
 
     #[test]
@@ -266,7 +276,7 @@ mod tests {
         for n in [1, 2, 63, 100, 1021] {
             let bands = wave(1, n);
             for step in [0.1_f32, 1.3, 40.0] {
-                let seam = bands.read(bands.round() - 1e-7, step) - bands.read(0.0, step);
+                let seam = read(&bands, bands.round() - 1e-7, step) - read(&bands, 0.0, step);
                 assert!(seam.abs() < 1e-4, "{n} at {step}: {seam}");
             }
         }

@@ -6,12 +6,14 @@
 //! hundred thousandth of a pixel at any speed that is heard.
 
 use super::isophote_index::{IsophoteIndex, Piece, Tile};
+use super::isophote_near::Near;
 use super::law::{AT_REST, Heading, Law, Moves};
 use super::past::Past;
 use super::pulses::{LONGEST, Pulses};
 use super::slew::Slew;
 use super::voices::{CELL, Stretch};
 use crate::texture::Isophotes;
+use fearless_simd::{Level, dispatch};
 
 /// Area of a pulse over its amplitude, s: a crossing of 1 per pixel is 1 N for 1 ms.
 pub const PULSE: f64 = 1e-3;
@@ -21,8 +23,6 @@ const MOST: usize = 32;
 const BOX: f64 = 8.0;
 /// How far the place of a contact may jump between two pieces that touch, px.
 const JOINT: f64 = 0.5;
-/// Pieces of curves that are compared at once.
-const NEAR: usize = 512;
 
 /// What of isophotes is turned into force.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -59,22 +59,10 @@ struct Crossing {
     steps: [f64; 2],
 }
 
-/// The nearest point of the curves.
-#[derive(Clone, Copy, Debug)]
-struct Nearest {
-    /// Square of its distance, px.
-    square: f64,
-    piece: Piece,
-    along: f64,
-}
-
-const NOWHERE: Piece = Piece { number: u32::MAX, point: u32::MAX, part: [0, 1], ends: [[0.0; 2]; 2] };
-
-const NOTHING: Nearest = Nearest { square: f64::INFINITY, piece: NOWHERE, along: 0.0 };
-
 /// Isophotes that contacts move over, and how they answer.
 #[derive(Clone, Debug)]
 pub struct IsophoteForce {
+    simd: Level,
     index: IsophoteIndex,
     density: [f64; 2],
     rate: f64,
@@ -94,8 +82,7 @@ pub struct IsophoteForce {
     pulses: Pulses,
     places: [[f64; 2]; CELL + 1],
     found: Vec<Crossing>,
-    near: Vec<(f64, Piece)>,
-    nearest: [Nearest; CELL],
+    near: Near,
     moves: Moves,
 }
 
@@ -106,6 +93,7 @@ impl IsophoteForce {
         let cells = (LONGEST * rate / CELL as f64).ceil() as usize + 2;
         let room = if reading == Reading::Crossing { contacts * MOST * cells } else { 0 };
         Self {
+            simd: Level::new(),
             index: IsophoteIndex::new(all),
             density: all.surface.density,
             rate,
@@ -119,8 +107,7 @@ impl IsophoteForce {
             pulses: Pulses::new(room, rate),
             places: [[0.0; 2]; CELL + 1],
             found: Vec::with_capacity(MOST + 1),
-            near: Vec::with_capacity(NEAR),
-            nearest: [NOTHING; CELL],
+            near: Near::new(),
             moves: Moves::new(),
         }
     }
@@ -133,15 +120,20 @@ impl IsophoteForce {
 
     /// Adds what one contact draws over a stretch; `out` holds the samples of the stretch.
     pub fn add(&mut self, voice: &mut IsophoteVoice, stretch: &Stretch, out: &mut [f32]) {
+        let simd = self.simd;
+        dispatch!(simd, _simd => self.stretch(voice, stretch, out));
+    }
+
+    #[inline(always)]
+    fn stretch(&mut self, voice: &mut IsophoteVoice, stretch: &Stretch, out: &mut [f32]) {
         self.walk(voice, stretch);
         match self.reading {
-            Reading::Crossing => {
-                self.each_box(stretch, |force, from, to| force.cross(voice, stretch, from, to))
-            }
-            Reading::Proximity => {
-                self.each_box(stretch, |force, from, to| force.approach(stretch, from, to));
-                self.feel(voice, stretch, out);
-            }
+            Reading::Crossing => self.each_box(
+                stretch,
+                #[inline(always)]
+                |force, from, to| force.cross(voice, stretch, from, to),
+            ),
+            Reading::Proximity => self.feel(voice, stretch, out),
         }
         if let Some(place) = self.places.get(stretch.to) {
             voice.trace = Some((stretch.anchor + stretch.to as i64, *place));
@@ -166,6 +158,7 @@ impl IsophoteForce {
     }
 
     /// The places at the samples of a stretch and at the one after, px.
+    #[inline(always)]
     fn walk(&mut self, voice: &IsophoteVoice, stretch: &Stretch) {
         let [a, b, c, d] = stretch.way();
         let settled = self.scale.settled(stretch.anchor);
@@ -186,6 +179,7 @@ impl IsophoteForce {
     }
 
     /// Cuts a stretch into parts that lie in small boxes on one tile.
+    #[inline(always)]
     fn each_box(&mut self, stretch: &Stretch, mut take: impl FnMut(&mut Self, usize, usize)) {
         let (mut from, end) = (stretch.from, stretch.to.min(CELL));
         while from < end {
@@ -195,7 +189,7 @@ impl IsophoteForce {
             while to < end {
                 let next = self.places[to + 1];
                 let wide = |k: usize| next[k].max(high[k]) - next[k].min(low[k]) > BOX;
-                if to > from && (wide(0) || wide(1) || self.index.tile(self.places[to]) != tile) {
+                if to > from && (wide(0) || wide(1) || !self.index.holds(&tile, self.places[to])) {
                     break;
                 }
                 for k in 0..2 {
@@ -206,9 +200,6 @@ impl IsophoteForce {
             if (0..2).any(|k| high[k] - low[k] > BOX) {
                 // Faster than anything that could be told apart.
                 self.left_out += 1;
-                if self.reading == Reading::Proximity {
-                    self.nearest[from] = NOTHING;
-                }
             } else {
                 take(self, from, to);
             }
@@ -217,6 +208,7 @@ impl IsophoteForce {
     }
 
     /// The box of the places `[from, to]` on the image.
+    #[inline(always)]
     fn bounds(&self, tile: &[Tile; 2], from: usize, to: usize, margin: f64) -> [[f64; 2]; 2] {
         let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         for place in &self.places[from..=to] {
@@ -229,27 +221,33 @@ impl IsophoteForce {
     }
 
     /// Finds the curves that the chords `[from, to)` cross, and adds a pulse for each.
+    #[inline(always)]
     fn cross(&mut self, voice: &mut IsophoteVoice, stretch: &Stretch, from: usize, to: usize) {
         let tile = self.index.tile(self.places[from]);
         let [low, high] = self.bounds(&tile, from, to, 0.0);
         let (index, places, found) = (&self.index, &self.places, &mut self.found);
         found.clear();
-        index.near(low, high, |piece| {
-            let mut before = index.on_image(&tile, places[from]).0;
-            let mut side = across(&piece.ends, before);
-            for n in from..to {
-                let (next, steps) = index.on_image(&tile, places[n + 1]);
-                let other = across(&piece.ends, next);
-                if (side >= 0.0) != (other >= 0.0) {
-                    let [a, b] = piece.ends.map(|p| across(&[before, next], p));
-                    if (a >= 0.0) != (b >= 0.0) {
-                        let time = n as f64 + side / (side - other);
-                        put(found, Crossing { time, chord: n, piece, along: a / (a - b), steps });
+        index.near(
+            low,
+            high,
+            #[inline(always)]
+            |piece| {
+                let mut before = index.on_image(&tile, places[from]).0;
+                let mut side = across(&piece.ends, before);
+                for n in from..to {
+                    let (next, steps) = index.on_image(&tile, places[n + 1]);
+                    let other = across(&piece.ends, next);
+                    if (side >= 0.0) != (other >= 0.0) {
+                        let [a, b] = piece.ends.map(|p| across(&[before, next], p));
+                        if (a >= 0.0) != (b >= 0.0) {
+                            let time = n as f64 + side / (side - other);
+                            put(found, Crossing { time, chord: n, piece, along: a / (a - b), steps });
+                        }
                     }
+                    (before, side) = (next, other);
                 }
-                (before, side) = (next, other);
-            }
-        });
+            },
+        );
         if found.is_empty() {
             return;
         }
@@ -299,62 +297,43 @@ impl IsophoteForce {
     }
 
     /// Finds the nearest point of all curves within reach for the samples `[from, to)`.
+    #[inline(always)]
     fn approach(&mut self, stretch: &Stretch, from: usize, to: usize) {
         let reach = self.radius.at(stretch.anchor).max(self.radius.at(stretch.anchor + CELL as i64));
         let tile = self.index.tile(self.places[from]);
-        let [low, high] = self.bounds(&tile, from, to, reach);
-        for nearest in &mut self.nearest[from..to] {
-            *nearest = Nearest { square: reach * reach, piece: NOWHERE, along: 0.0 };
-        }
-        let middle = [0, 1].map(|k| 0.5 * (low[k] + high[k]));
-        let half = (0.5 * (high[0] - low[0]) - reach).hypot(0.5 * (high[1] - low[1]) - reach);
-        let (index, places, nearest) = (&self.index, &self.places, &mut self.nearest[from..to]);
-        let near = &mut self.near;
-        near.clear();
-        let mut best = f64::INFINITY;
-        let mut compare = |near: &mut Vec<(f64, Piece)>, best: f64| {
-            // What is further from the middle than the nearest by a whole box is nowhere the nearest.
-            for (_, piece) in near.iter().filter(|(far, _)| far - half <= best + half) {
-                for (nearest, place) in nearest.iter_mut().zip(&places[from..to]) {
-                    let (square, along) = distance(&piece.ends, index.on_image(&tile, *place).0);
-                    if (square, piece.number) < (nearest.square, nearest.piece.number) {
-                        *nearest = Nearest { square, piece: *piece, along };
-                    }
-                }
-            }
-            near.clear();
-        };
-        index.near(low, high, |piece| {
-            if near.len() == NEAR {
-                compare(near, f64::INFINITY);
-            }
-            let far = distance(&piece.ends, middle).0.sqrt();
-            best = best.min(far);
-            near.push((far, piece));
-        });
-        compare(near, best);
+        let bounds = self.bounds(&tile, from, to, reach);
+        // Counted from the anchor, whatever the windows, places need no double precision.
+        let scale = self.scale.at(stretch.anchor);
+        let start = stretch.way()[0];
+        let anchor = [0, 1].map(|k| start[k] * (self.density[k] / scale));
+        let (origin, _) = self.index.on_image(&tile, anchor);
+        self.near.place(origin, [from, to], |n| self.index.on_image(&tile, self.places[n]));
+        self.near.find(&self.index, bounds, reach);
     }
 
     /// The force of the nearest curve over a stretch.
+    #[inline(always)]
     fn feel(&mut self, voice: &mut IsophoteVoice, stretch: &Stretch, out: &mut [f32]) {
+        self.near.clear();
+        self.each_box(
+            stretch,
+            #[inline(always)]
+            |force, from, to| force.approach(stretch, from, to),
+        );
         let most = self.density[0].max(self.density[1]);
         let aspect = self.density.map(|d| (d / most) as f32);
         self.moves.follow(stretch, &stretch.way(), aspect, &mut voice.heading);
+        let settled = self.radius.settled(stretch.anchor);
         let mut cell = [0.0; CELL];
         for (n, made) in cell.iter_mut().enumerate().take(stretch.to).skip(stretch.from) {
-            let nearest = self.nearest[n];
             let (from, to) = (self.places[n], self.places[n + 1]);
-            let radius = self.radius.at(stretch.anchor + n as i64);
-            let near = (1.0 - nearest.square / (radius * radius)).max(0.0);
-            let slope = if nearest.piece.number == NOWHERE.number {
-                voice.past.last()
-            } else {
-                let (_, steps) = self.index.on_image(&self.index.tile(from), from);
-                let g = self.index.gradient(&nearest.piece, nearest.along);
-                let t = [self.moves.tx[n], self.moves.ty[n]].map(f64::from);
-                g[0] * steps[0] * t[0] + g[1] * steps[1] * t[1]
-            };
-            let before = voice.past.go((to[0] - from[0]).hypot(to[1] - from[1]), slope);
+            let radius = settled.unwrap_or_else(|| self.radius.at(stretch.anchor + n as i64));
+            let nearest = self.near.at(n);
+            let near = nearest.map_or(0.0, |(square, _)| (1.0 - square / (radius * radius)).max(0.0));
+            let t = [self.moves.tx[n], self.moves.ty[n]].map(f64::from);
+            let slope = nearest.map_or(voice.past.last(), |(_, g)| g[0] * t[0] + g[1] * t[1]);
+            let step = [to[0] - from[0], to[1] - from[1]];
+            let before = voice.past.go((step[0] * step[0] + step[1] * step[1]).sqrt(), slope);
             *made = (near * near * (slope - before)) as f32;
         }
         self.law.apply(stretch, &self.moves, &mut cell);
@@ -365,15 +344,6 @@ impl IsophoteForce {
 /// On which side of a line a place lies: 0 on it.
 fn across([a, b]: &[[f64; 2]; 2], p: [f64; 2]) -> f64 {
     (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0])
-}
-
-/// Square of the distance of a place from a piece, and where on it the nearest point lies.
-fn distance([a, b]: &[[f64; 2]; 2], p: [f64; 2]) -> (f64, f64) {
-    let (step, off) = ([b[0] - a[0], b[1] - a[1]], [p[0] - a[0], p[1] - a[1]]);
-    let long = step[0] * step[0] + step[1] * step[1];
-    let along = if long > 0.0 { ((off[0] * step[0] + off[1] * step[1]) / long).clamp(0.0, 1.0) } else { 0.0 };
-    let miss = [off[0] - along * step[0], off[1] - along * step[1]];
-    (miss[0] * miss[0] + miss[1] * miss[1], along)
 }
 
 /// Sorts a crossing in by its time, once; of more than there may be the earliest stay.

@@ -51,6 +51,9 @@ pub struct IsophoteIndex {
 /// Where a place of the endless surface lies on the image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tile {
+    /// Where it begins and ends, counted from what lies before the first pixel.
+    start: f64,
+    end: f64,
     base: f64,
     /// 1, or -1 where the image lies mirrored.
     sign: f64,
@@ -131,6 +134,7 @@ impl IsophoteIndex {
     }
 
     /// Column or row of the endless grid in which a coordinate lies.
+    #[inline(always)]
     fn cell(&self, axis: usize, x: f64) -> i64 {
         let origin = if self.torus { 0.0 } else { MARGIN };
         ((x + origin) / self.side[axis]).floor() as i64
@@ -138,6 +142,7 @@ impl IsophoteIndex {
 
     /// The number of a cell of the endless grid, and how far it lies from the one of the image; `None` beyond an image that is
     /// not repeated.
+    #[inline(always)]
     fn wrapped(&self, at: [i64; 2]) -> Option<(usize, [f64; 2])> {
         let n = self.cells.map(|n| n as i64);
         let turn = [0, 1].map(|k| at[k].div_euclid(n[k]));
@@ -149,28 +154,41 @@ impl IsophoteIndex {
     }
 
     /// The tile around a place.
+    #[inline(always)]
     #[must_use]
     pub fn tile(&self, place: [f64; 2]) -> [Tile; 2] {
         [0, 1].map(|k| {
-            let (x, n) = (place[k], self.size[k]);
-            match self.wrap {
-                Wrap::Repeat => Tile { base: (x / n).floor() * n, sign: 1.0 },
-                Wrap::Clamp => Tile { base: 0.0, sign: 1.0 },
-                Wrap::Mirror => {
-                    // Mirrors lie half a pixel beyond the first and the last pixel.
-                    let tile = ((x + 0.5) / n).floor();
-                    let odd = tile.rem_euclid(2.0) == 1.0;
-                    if odd {
-                        Tile { base: (tile + 1.0) * n - 1.0, sign: -1.0 }
-                    } else {
-                        Tile { base: tile * n, sign: 1.0 }
-                    }
-                }
+            let (x, n) = (place[k] + self.before(), self.size[k]);
+            if self.wrap == Wrap::Clamp {
+                return Tile { start: f64::NEG_INFINITY, end: f64::INFINITY, base: 0.0, sign: 1.0 };
+            }
+            let number = (x / n).floor();
+            // A quotient may be rounded up to the next whole number.
+            let number = if x < number * n { number - 1.0 } else { number };
+            let [start, end] = [number * n, (number + 1.0) * n];
+            if self.wrap == Wrap::Mirror && number.rem_euclid(2.0) == 1.0 {
+                Tile { start, end, base: (number + 1.0) * n - 1.0, sign: -1.0 }
+            } else {
+                Tile { start, end, base: number * n, sign: 1.0 }
             }
         })
     }
 
+    /// What lies before the first pixel on its tile: mirrors stand half a pixel beyond the first and the last pixel.
+    #[inline(always)]
+    fn before(&self) -> f64 {
+        if self.wrap == Wrap::Mirror { 0.5 } else { 0.0 }
+    }
+
+    /// Whether a tile is that around a place.
+    #[inline(always)]
+    #[must_use]
+    pub fn holds(&self, tile: &[Tile; 2], place: [f64; 2]) -> bool {
+        (0..2).all(|k| (tile[k].start..tile[k].end).contains(&(place[k] + self.before())))
+    }
+
     /// A place on the image, and what steps along each axis count there: 1, -1 where it is mirrored, 0 beyond its border.
+    #[inline(always)]
     #[must_use]
     pub fn on_image(&self, tile: &[Tile; 2], place: [f64; 2]) -> ([f64; 2], [f64; 2]) {
         let mut steps = tile.map(|tile| tile.sign);
@@ -186,6 +204,7 @@ impl IsophoteIndex {
     }
 
     /// Gives `take` each piece that may touch a box on the image; some come more than once.
+    #[inline(always)]
     pub fn near(&self, low: [f64; 2], high: [f64; 2], mut take: impl FnMut(Piece)) {
         let span = |k: usize| [self.cell(k, low[k]), self.cell(k, high[k])];
         let ([left, right], [top, bottom]) = (span(0), span(1));
@@ -206,6 +225,7 @@ impl IsophoteIndex {
     }
 
     /// The gradient on a piece, `along` from 0 to 1 of its length.
+    #[inline(always)]
     #[must_use]
     pub fn gradient(&self, piece: &Piece, along: f64) -> [f64; 2] {
         let k = piece.point as usize;

@@ -17,12 +17,3 @@ fn each_point_of_a_curve_is_crossed_once() {
     let touch = [[[0.5, 2.0], [1.0, 1.0]], [[1.0, 1.0], [1.5, 2.0]]];
     assert_eq!(crosses(touch[0]), crosses(touch[1]));
 }
-
-#[test]
-fn distances_end_at_the_ends() {
-    let ends = [[0.0, 0.0], [4.0, 0.0]];
-    assert_eq!(distance(&ends, [1.0, 2.0]), (4.0, 0.25));
-    assert_eq!(distance(&ends, [-3.0, 4.0]), (25.0, 0.0));
-    assert_eq!(distance(&ends, [5.0, 0.0]), (1.0, 1.0));
-    assert_eq!(distance(&[[1.0; 2]; 2], [1.0, 2.0]), (1.0, 0.0));
-}

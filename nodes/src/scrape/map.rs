@@ -1,7 +1,7 @@
 //! The force that a contact draws from a map of a surface.
 
 use super::law::{Heading, Law, Moves, log2};
-use super::plane::{Interp, Plane};
+use super::plane::{Interp, Lanes, Patch, Plane};
 use super::slew::Slew;
 use super::voices::{CELL, Cell, Stretch};
 use crate::texture::{DiscontinuityMap, FeatureMap, Grid, Pyramid, Surface};
@@ -115,47 +115,53 @@ impl SurfaceMap {
         range: [usize; 2],
         out: &mut Cell,
     ) {
-        let Places { base, x, y, tx, ty } = *places;
+        let mut both = [[0.0; CELL]; 2];
         match &self.reading {
-            Reading::Slope(levels) => each(
-                levels,
-                base,
-                x,
-                y,
-                footprints,
-                range,
-                out,
-                #[inline(always)]
-                |plane, base, n, x, y, _| plane.along(interp, base, x, y, [tx[n], ty[n]]),
-            ),
-            Reading::Value(levels) => each(
-                levels,
-                base,
-                x,
-                y,
-                footprints,
-                range,
-                out,
-                #[inline(always)]
-                |plane, base, _, x, y, _| plane.value(interp, base, x, y),
-            ),
-            Reading::Change(levels) => {
-                let unit = self.per_metre.unwrap_or([1.0; 2]);
+            Reading::Value(levels) => {
+                let mut one = [[0.0; CELL]];
                 each(
                     levels,
-                    base,
-                    x,
-                    y,
+                    places,
                     footprints,
                     range,
-                    out,
+                    &mut one,
                     #[inline(always)]
-                    |plane, base, n, x, y, scale| {
-                        let [gx, gy] = plane.gradient(interp, base, x, y);
-                        gx * tx[n] * (scale[0] * unit[0]) + gy * ty[n] * (scale[1] * unit[1])
-                    },
+                    |patch, t| patch.values(interp, t),
+                    #[inline(always)]
+                    |patch, t, _| patch.values(interp, t),
                 );
+                *out = one[0];
+                return;
             }
+            Reading::Slope(levels) => each(
+                levels,
+                places,
+                footprints,
+                range,
+                &mut both,
+                #[inline(always)]
+                |patch, t| patch.values(interp, t),
+                #[inline(always)]
+                |patch, t, _| patch.values(interp, t),
+            ),
+            Reading::Change(levels) => each(
+                levels,
+                places,
+                footprints,
+                range,
+                &mut both,
+                #[inline(always)]
+                |patch, t| patch.gradient(interp, t),
+                #[inline(always)]
+                |patch, t, scale| {
+                    let [x, y] = patch.gradient(interp, t);
+                    [[x[0] * scale[0]], [y[0] * scale[1]]]
+                },
+            ),
+        }
+        let ([x, y], [ux, uy]) = (&both, self.per_metre.unwrap_or([1.0; 2]));
+        for n in 0..CELL {
+            out[n] = x[n] * (ux * places.tx[n]) + y[n] * (uy * places.ty[n]);
         }
     }
 }
@@ -168,44 +174,46 @@ struct Places<'a> {
     ty: &'a Cell,
 }
 
-/// Reads the samples of a range, each between the two levels that suit its step.
+/// Reads the samples of a range, each between the two levels that suit its step: `full` reads many places of the map
+/// itself, `one` a place of a level whose pixels are as much smaller as it is told.
 #[inline(always)]
-#[allow(clippy::too_many_arguments)]
-fn each<const C: usize>(
+fn each<const C: usize, const D: usize>(
     levels: &[Scaled<C>],
-    base: [i64; 2],
-    x: &Cell,
-    y: &Cell,
+    places: &Places,
     footprints: Option<&Cell>,
     [from, to]: [usize; 2],
-    out: &mut Cell,
-    read: impl Fn(&Plane<C>, [i64; 2], usize, f32, f32, [f32; 2]) -> f32,
+    out: &mut [Cell; D],
+    full: impl Fn(&Patch<C>, &[Lanes; 2]) -> [Lanes; D],
+    one: impl Fn(&Patch<C>, &[Lanes<1>; 2], [f32; 2]) -> [Lanes<1>; D],
 ) {
-    let Some((full, _)) = levels.first() else { return };
+    let Some((map, _)) = levels.first() else { return };
+    let Places { base, x, y, .. } = *places;
     let Some(footprints) = footprints else {
-        for n in from..to.min(CELL) {
-            out[n] = read(full, base, n, x[n], y[n], [1.0; 2]);
-        }
+        map.read(base, [x, y], [from, to], out, full);
         return;
     };
     let last = levels.len() - 1;
     // A coarser level has a scale of its own; its places are found in double precision.
     let coarse = |level: usize, n: usize| {
         let Some((plane, scale)) = levels.get(level).filter(|_| level > 0) else {
-            return read(full, base, n, x[n], y[n], [1.0; 2]);
+            return map.at(base, [x[n], y[n]], |patch, t| one(patch, t, [1.0; 2]));
         };
         let at = [(base[0], x[n]), (base[1], y[n])].map(|(base, x)| base as f64 + f64::from(x));
         let at = [at[0] / scale[0], at[1] / scale[1]];
         let whole = at.map(f64::floor);
-        let [px, py] = [0, 1].map(|k| (at[k] - whole[k]) as f32);
-        read(plane, whole.map(|x| x as i64), n, px, py, scale.map(|s| (1.0 / s) as f32))
+        let part = [0, 1].map(|k| (at[k] - whole[k]) as f32);
+        let smaller = scale.map(|s| (1.0 / s) as f32);
+        plane.at(whole.map(|x| x as i64), part, |patch, t| one(patch, t, smaller))
     };
     for n in from..to.min(CELL) {
         let depth = (1.0 + log2(footprints[n].max(0.5))).clamp(0.0, last as f32);
         let level = depth as usize;
         let way = depth - level as f32;
         let near = coarse(level, n);
-        out[n] = if way > 0.0 { near + way * (coarse((level + 1).min(last), n) - near) } else { near };
+        let far = if way > 0.0 { coarse((level + 1).min(last), n) } else { near };
+        for (out, (near, far)) in out.iter_mut().zip(near.into_iter().zip(far)) {
+            out[n] = near + way * (far - near);
+        }
     }
 }
 

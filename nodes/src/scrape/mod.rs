@@ -6,6 +6,7 @@
 mod bands;
 mod isophote;
 mod isophote_index;
+mod isophote_near;
 pub mod isophote_node;
 mod item;
 mod law;

@@ -4,6 +4,7 @@ use super::bands::NoiseBands;
 use super::law::{Heading, Law, Moves};
 use super::slew::Slew;
 use super::voices::{CELL, Stretch};
+use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch};
 
 /// What one contact leaves behind in a [`NoiseForce`].
@@ -46,11 +47,18 @@ impl NoiseForce {
     /// Adds the force of one contact over one stretch, N.
     pub fn add(&mut self, noise: &NoiseBands, voice: &mut NoiseVoice, stretch: &Stretch, out: &mut [f32]) {
         let simd = self.simd;
-        dispatch!(simd, _simd => self.stretch(noise, voice, stretch, out));
+        dispatch!(simd, simd => self.stretch(simd, noise, voice, stretch, out));
     }
 
     #[inline(always)]
-    fn stretch(&mut self, noise: &NoiseBands, voice: &mut NoiseVoice, stretch: &Stretch, out: &mut [f32]) {
+    fn stretch(
+        &mut self,
+        simd: impl Simd,
+        noise: &NoiseBands,
+        voice: &mut NoiseVoice,
+        stretch: &Stretch,
+        out: &mut [f32],
+    ) {
         self.moves.follow(stretch, &stretch.way(), [1.0; 2], &mut voice.heading);
         let dense = 1.0 / (noise.spacing() * stretch.rate);
         let settled = self.scale.settled(stretch.anchor);
@@ -60,7 +68,7 @@ impl NoiseForce {
         for (n, made) in made.iter_mut().enumerate().take(to).skip(from) {
             let size = settled.unwrap_or_else(|| self.scale.at(stretch.anchor + n as i64));
             let step = f64::from(self.moves.speed[n]) * dense / size;
-            *made = noise.read(voice.place, step as f32);
+            *made = noise.read(simd, voice.place, step as f32);
             let next = voice.place + f64::from(self.moves.sign[n]) * step;
             voice.place = if next >= 0.0 && next < round { next } else { wrapped(next, round) };
         }

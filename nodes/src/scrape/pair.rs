@@ -2,7 +2,7 @@
 
 use super::law::{AT_REST, Heading, Law, Moves};
 use super::relief::Relief;
-use super::voices::{CELL, Stretch};
+use super::voices::{CELL, Cell, Stretch};
 use crate::scrape::item::place;
 use fearless_simd::{Level, dispatch};
 
@@ -115,7 +115,7 @@ impl PairForce {
         // What rests on one side may slip on the other.
         for n in stretch.from..last {
             let v = velocity(&ways.b, n as f64, ways.rate);
-            if v[0].hypot(v[1]) >= f64::from(AT_REST) {
+            if v[0] * v[0] + v[1] * v[1] >= f64::from(AT_REST).powi(2) {
                 self.moves.gate[n] = 1.0;
             }
         }
@@ -160,9 +160,10 @@ impl PairForce {
             a.line(along(centres[0], t, low - half), forth, &mut pa[..counts[0]]);
             b.line(along(centres[1], t, high + half), forth.map(|x| -x), &mut pb[..counts[1]]);
         }
+        let mut z = [f32::MIN; MOST_TAPS];
+        let (mut at_a, mut at_b) = ([[0.0; 2]; CELL], [[0.0; 2]; CELL]);
         for n in from..to.min(CELL) {
             let (ua, ub) = (place(&ways.a, n as f64), place(&ways.b, n as f64));
-            let mut z = [f32::MIN; MOST_TAPS];
             if shared {
                 let behind = [(ca[n - first] - low) / step, (high - cb[n - first]) / step];
                 self.between(behind, &mut z[..taps]);
@@ -172,10 +173,15 @@ impl PairForce {
                 }
             }
             let xi = self.line.highest(&z[..taps]);
+            (at_a[n], at_b[n]) = (along(ua, t, xi), along(ub, t, -xi));
+        }
+        let (mut slopes_a, mut slopes_b) = ([[0.0; CELL]; 2], [[0.0; CELL]; 2]);
+        a.slopes(centres[0], &at_a, [from, to], &mut slopes_a);
+        b.slopes(centres[1], &at_b, [from, to], &mut slopes_b);
+        for n in from..to.min(CELL) {
             let (va, vb) = (velocity(&ways.a, n as f64, ways.rate), velocity(&ways.b, n as f64, ways.rate));
-            let (ga, gb) = (a.slope(along(ua, t, xi)), b.slope(along(ub, t, -xi)));
-            let change = |g: [f32; 2], v: [f64; 2]| g[0] * v[0] as f32 + g[1] * v[1] as f32;
-            out[n] = change(ga, va) + change(gb, vb);
+            let change = |g: &[Cell; 2], v: [f64; 2]| g[0][n] * v[0] as f32 + g[1][n] * v[1] as f32;
+            out[n] = change(&slopes_a, va) + change(&slopes_b, vb);
         }
     }
 
@@ -196,19 +202,29 @@ impl PairForce {
     }
 }
 
+/// The greater of two numbers, one of which may not be a NaN: one instruction, unlike `max`.
+#[inline(always)]
+fn higher(a: f32, b: f32) -> f32 {
+    if b > a { b } else { a }
+}
+
 impl Line {
     /// Offset at which `z` is highest, by the parabola through the highest point and its neighbours.
     #[inline(always)]
     fn highest(&self, z: &[f32]) -> f64 {
         let mut best = [f32::MIN; 8];
-        let mut groups = z.chunks_exact(8);
-        for group in &mut groups {
+        let (groups, rest) = z.as_chunks::<8>();
+        for group in groups {
             for k in 0..8 {
-                best[k] = best[k].max(group[k]);
+                best[k] = higher(best[k], group[k]);
             }
         }
-        let top = groups.remainder().iter().chain(&best).fold(f32::MIN, |m, x| m.max(*x));
-        let j = z.iter().position(|x| *x >= top).unwrap_or(0);
+        let [a, b, c, d, e, f, g, h] = best;
+        let best = higher(higher(higher(a, e), higher(b, f)), higher(higher(c, g), higher(d, h)));
+        let top = rest.iter().fold(best, |m, x| higher(m, *x));
+        let has = |group: &[f32; 8]| group.iter().fold(false, |any, x| any | (*x >= top));
+        let past = 8 * groups.iter().position(has).unwrap_or(groups.len());
+        let j = past + z[past..].iter().position(|x| *x >= top).unwrap_or(0);
         let offset = self.offsets.get(j).copied().unwrap_or(0.0);
         let (Some(before), Some(after)) = (j.checked_sub(1).and_then(|j| z.get(j)), z.get(j + 1)) else {
             return offset;

@@ -3,11 +3,13 @@
 /// Way over which slopes are compared, px, and places on it.
 const APART: f64 = 1.0;
 const STEPS: usize = 32;
+/// Places that are kept: more than a pixel and a power of two.
+const KEPT: usize = 64;
 
 /// Slopes that a contact met, at even steps of its way.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Past {
-    slopes: [f64; STEPS + 3],
+    slopes: [f64; KEPT],
     newest: usize,
     /// Way since the newest of them, px.
     since: f64,
@@ -16,32 +18,33 @@ pub(super) struct Past {
 
 impl Default for Past {
     fn default() -> Self {
-        Self { slopes: [0.0; STEPS + 3], newest: 0, since: 0.0, last: 0.0 }
+        Self { slopes: [0.0; KEPT], newest: 0, since: 0.0, last: 0.0 }
     }
 }
 
 impl Past {
     /// Goes on by a way in px to a place of another slope, and gives the slope one pixel before that place.
+    #[inline(always)]
     pub fn go(&mut self, way: f64, slope: f64) -> f64 {
         let step = APART / STEPS as f64;
         let mut next = step - self.since;
         // Only the last pixel counts.
-        let skip = ((way - next) / step).floor() - (self.slopes.len() as f64);
-        if skip > 0.0 {
-            next += skip * step;
+        if way > next + KEPT as f64 * step {
+            next += (((way - next) / step).floor() - KEPT as f64) * step;
         }
         while next <= way {
-            self.newest = (self.newest + 1) % self.slopes.len();
+            self.newest = (self.newest + 1) % KEPT;
             self.slopes[self.newest] = self.last + (slope - self.last) * (next / way.max(f64::MIN_POSITIVE));
             next += step;
         }
         self.since = (way - (next - step)).max(0.0);
         self.last = slope;
         let back = (APART - self.since) / step;
-        let whole = back.floor();
-        let at = |k: usize| self.slopes[(self.newest + self.slopes.len() - k) % self.slopes.len()];
-        let (a, b) = (at(whole as usize), at(whole as usize + 1));
-        a + (b - a) * (back - whole)
+        // Never negative: a cast is the floor.
+        let whole = back as usize;
+        let at = |k: usize| self.slopes[(self.newest + KEPT - k) % KEPT];
+        let (a, b) = (at(whole), at(whole + 1));
+        a + (b - a) * (back - whole as f64)
     }
 
     /// The slope that it met last.

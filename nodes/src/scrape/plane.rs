@@ -1,5 +1,6 @@
 //! Maps laid out for reading between pixels: four by four neighbours without a question about borders.
 
+use super::voices::{CELL, Cell};
 use crate::texture::{Grid, Wrap};
 
 /// How a map is read between its pixels.
@@ -58,6 +59,38 @@ impl Interp {
             }
         }
     }
+
+    /// The weights of several places.
+    #[inline(always)]
+    fn all_weights<const L: usize>(self, t: &Lanes<L>) -> [Lanes<L>; 4] {
+        match self {
+            Self::Linear => each(t, |t| Self::Linear.weights(t)),
+            Self::Catmull => each(t, |t| Self::Catmull.weights(t)),
+            Self::Bspline3 => each(t, |t| Self::Bspline3.weights(t)),
+        }
+    }
+
+    /// Their derivatives.
+    #[inline(always)]
+    fn all_slopes<const L: usize>(self, t: &Lanes<L>) -> [Lanes<L>; 4] {
+        match self {
+            Self::Linear => each(t, |t| Self::Linear.slopes(t)),
+            Self::Catmull => each(t, |t| Self::Catmull.slopes(t)),
+            Self::Bspline3 => each(t, |t| Self::Bspline3.slopes(t)),
+        }
+    }
+}
+
+#[inline(always)]
+fn each<const L: usize>(t: &Lanes<L>, weights: impl Fn(f32) -> [f32; 4]) -> [Lanes<L>; 4] {
+    let mut all = [[0.0; L]; 4];
+    for l in 0..L {
+        let w = weights(t[l]);
+        for k in 0..4 {
+            all[k][l] = w[k];
+        }
+    }
+    all
 }
 
 /// Pixels kept beyond the low and the high border.
@@ -70,7 +103,22 @@ pub struct Plane<const C: usize> {
     period: [i64; 2],
     clamped: bool,
     stride: usize,
-    data: Vec<f32>,
+    data: Vec<[f32; C]>,
+}
+
+/// Places that are read at once.
+pub const LANES: usize = 16;
+
+/// One number for each of `L` places.
+pub type Lanes<const L: usize = LANES> = [f32; L];
+
+/// What is around the places on one pixel.
+#[derive(Clone, Copy, Debug)]
+pub struct Patch<const C: usize> {
+    /// Four rows of four pixels.
+    rows: [[[f32; C]; 4]; 4],
+    /// 1 where a place counts, 0 beyond a clamped border.
+    free: [f32; 2],
 }
 
 impl<const C: usize> Plane<C> {
@@ -81,53 +129,147 @@ impl<const C: usize> Plane<C> {
         let size = maps.first().map_or([1; 2], |map| [map.width.max(1), map.height.max(1)]);
         let [w, h] = if wrap == Wrap::Mirror { size.map(|n| 2 * n) } else { size };
         let stride = w + PAD[0] + PAD[1];
-        let mut data = Vec::with_capacity(stride * (h + PAD[0] + PAD[1]) * C);
+        let mut data = Vec::with_capacity(stride * (h + PAD[0] + PAD[1]));
         for y in -(PAD[0] as i64)..(h + PAD[1]) as i64 {
             for x in -(PAD[0] as i64)..(w + PAD[1]) as i64 {
                 let place = [x, y];
                 let at = [0, 1].map(|k| wrap.place(place[k], size[k]));
                 let turn = [0, 1].map(|k| turn(place[k], size[k], wrap));
-                for (map, along) in maps.iter().zip(along) {
-                    let sign: f32 = (0..2).map(|k| if along[k] { turn[k] } else { 1.0 }).product();
-                    let pixel = map.samples.get(at[1] * map.width + at[0]).copied().unwrap_or_default();
-                    data.push(sign * pixel);
-                }
+                data.push(std::array::from_fn(|c| {
+                    let sign: f32 = (0..2).map(|k| if along[c][k] { turn[k] } else { 1.0 }).product();
+                    let pixel = maps[c].samples.get(at[1] * maps[c].width + at[0]);
+                    sign * pixel.copied().unwrap_or_default()
+                }));
             }
         }
         Self { period: [w as i64, h as i64], clamped: wrap == Wrap::Clamp, stride, data }
     }
 
-    /// A pixel `whole` and the way beyond it, brought into the map.
+    /// A pixel brought into the map, and whether the way beyond it counts.
     #[inline(always)]
-    fn inside(&self, axis: usize, whole: i64, part: f32) -> (usize, f32) {
+    fn inside(&self, axis: usize, whole: i64) -> (usize, f32) {
         let n = self.period[axis];
-        if (0..n).contains(&whole) {
-            return ((whole + PAD[0] as i64 - 1) as usize, part);
-        }
-        let (whole, part) = if !self.clamped {
-            (whole.rem_euclid(n), part)
+        let (whole, free) = if (0..n).contains(&whole) {
+            (whole, 1.0)
+        } else if !self.clamped {
+            (whole.rem_euclid(n), 1.0)
         } else if whole < -2 {
             (-2, 0.0)
         } else if whole > n + 1 {
             (n + 1, 0.0)
         } else {
-            (whole, part)
+            (whole, 1.0)
         };
-        ((whole + PAD[0] as i64 - 1) as usize, part)
+        ((whole + PAD[0] as i64 - 1) as usize, free)
     }
 
-    /// The four rows of four pixels around a place, and how far it is beyond the second of them.
+    /// What is around the places on a pixel.
     #[inline(always)]
-    fn around<const N: usize>(&self, base: [i64; 2], x: f32, y: f32) -> ([&[f32; N]; 4], f32, f32) {
-        let ((fx, tx), (fy, ty)) = (split(x), split(y));
-        let (i, tx) = self.inside(0, base[0] + i64::from(fx), tx);
-        let (j, ty) = self.inside(1, base[1] + i64::from(fy), ty);
-        let at = (j * self.stride + i) * C;
+    fn patch(&self, pixel: [i64; 2]) -> Patch<C> {
+        let ((i, x), (j, y)) = (self.inside(0, pixel[0]), self.inside(1, pixel[1]));
+        let at = j * self.stride + i;
         let row = |k: usize| {
-            let at = at + k * self.stride * C;
-            self.data.get(at..at + N).and_then(|row| <&[f32; N]>::try_from(row).ok()).unwrap_or(&[0.0; N])
+            let at = at + k * self.stride;
+            self.data.get(at..at + 4).and_then(|row| row.try_into().ok()).unwrap_or([[0.0; C]; 4])
         };
-        ([row(0), row(1), row(2), row(3)], tx, ty)
+        Patch { rows: [row(0), row(1), row(2), row(3)], free: [x, y] }
+    }
+
+    /// Reads `D` numbers at the places `[from, to)`, given in pixels from pixel `base`.
+    ///
+    /// # Complexity
+    /// Places one after the other on the same pixel are read together.
+    #[inline(always)]
+    pub fn read<const D: usize>(
+        &self,
+        base: [i64; 2],
+        [x, y]: [&Cell; 2],
+        [from, to]: [usize; 2],
+        out: &mut [Cell; D],
+        reading: impl Fn(&Patch<C>, &[Lanes; 2]) -> [Lanes; D],
+    ) {
+        let mut whole = [[0_i32; CELL]; 2];
+        for n in 0..CELL {
+            whole[0][n] = split(x[n]).0;
+            whole[1][n] = split(y[n]).0;
+        }
+        let [wx, wy] = &whole;
+        let (mut n, to) = (from, to.min(CELL));
+        while n < to {
+            let same = |k: &usize| (wx[*k], wy[*k]) == (wx[n], wy[n]);
+            let end = (n + 1..to).take_while(same).last().map_or(n + 1, |k| k + 1);
+            let patch = self.patch([base[0] + i64::from(wx[n]), base[1] + i64::from(wy[n])]);
+            let pixel = [wx[n] as f32, wy[n] as f32];
+            while n < end {
+                // Whole lanes, some of which may lie on other pixels and are left alone.
+                let first = n.min(CELL - LANES);
+                let last = end.min(first + LANES);
+                let mut part = [[0.0; LANES]; 2];
+                for l in 0..LANES {
+                    part[0][l] = patch.free[0] * (x[first + l] - pixel[0]);
+                    part[1][l] = patch.free[1] * (y[first + l] - pixel[1]);
+                }
+                let made = reading(&patch, &part);
+                for (out, made) in out.iter_mut().zip(&made) {
+                    out[n..last].copy_from_slice(&made[n - first..last - first]);
+                }
+                n = last;
+            }
+        }
+    }
+
+    /// Reads at one place `(x, y)` pixels from pixel `base`.
+    #[inline(always)]
+    #[must_use]
+    pub fn at<const D: usize>(
+        &self,
+        base: [i64; 2],
+        [x, y]: [f32; 2],
+        reading: impl Fn(&Patch<C>, &[Lanes<1>; 2]) -> [Lanes<1>; D],
+    ) -> [f32; D] {
+        let ((fx, tx), (fy, ty)) = (split(x), split(y));
+        let patch = self.patch([base[0] + i64::from(fx), base[1] + i64::from(fy)]);
+        reading(&patch, &[[patch.free[0] * tx], [patch.free[1] * ty]]).map(|x| x[0])
+    }
+}
+
+impl<const C: usize> Patch<C> {
+    /// The numbers at places on the pixel.
+    #[inline(always)]
+    #[must_use]
+    pub fn values<const L: usize>(&self, interp: Interp, [x, y]: &[Lanes<L>; 2]) -> [Lanes<L>; C] {
+        let (x, y) = (interp.all_weights(x), interp.all_weights(y));
+        let mut all = [[0.0; L]; C];
+        for (c, all) in all.iter_mut().enumerate() {
+            *all = self.weighted(c, &x, &y);
+        }
+        all
+    }
+
+    /// Number `c` of the pixels, weighted along x and along y.
+    #[inline(always)]
+    fn weighted<const L: usize>(&self, c: usize, x: &[Lanes<L>; 4], y: &[Lanes<L>; 4]) -> Lanes<L> {
+        let mut sum = [0.0; L];
+        for l in 0..L {
+            let column = |i: usize| {
+                let p = |j: usize| y[j][l] * self.rows[j][i][c];
+                (p(0) + p(1)) + (p(2) + p(3))
+            };
+            let p = |i: usize| x[i][l] * column(i);
+            sum[l] = (p(0) + p(1)) + (p(2) + p(3));
+        }
+        sum
+    }
+}
+
+impl Patch<1> {
+    /// The gradient at places on the pixel, per pixel: the derivative of the same surface.
+    #[inline(always)]
+    #[must_use]
+    pub fn gradient<const L: usize>(&self, interp: Interp, [x, y]: &[Lanes<L>; 2]) -> [Lanes<L>; 2] {
+        let along = self.weighted(0, &interp.all_slopes(x), &interp.all_weights(y));
+        let across = self.weighted(0, &interp.all_weights(x), &interp.all_slopes(y));
+        [along, across]
     }
 }
 
@@ -151,51 +293,13 @@ fn turn(at: i64, len: usize, wrap: Wrap) -> f32 {
     }
 }
 
-#[inline(always)]
-fn dot(a: [f32; 4], b: [f32; 4]) -> f32 {
-    (a[0] * b[0] + a[1] * b[1]) + (a[2] * b[2] + a[3] * b[3])
-}
-
-/// The rows weighted and added.
-#[inline(always)]
-fn blend<const N: usize>(rows: [&[f32; N]; 4], w: [f32; 4]) -> [f32; N] {
-    let mut sum = [0.0; N];
-    for k in 0..N {
-        sum[k] = (w[0] * rows[0][k] + w[1] * rows[1][k]) + (w[2] * rows[2][k] + w[3] * rows[3][k]);
-    }
-    sum
-}
-
 impl Plane<1> {
     /// The value at `(x, y)` pixels from pixel `base`.
     #[inline(always)]
     #[must_use]
     pub fn value(&self, interp: Interp, base: [i64; 2], x: f32, y: f32) -> f32 {
-        let (rows, tx, ty) = self.around::<4>(base, x, y);
-        dot(blend(rows, interp.weights(ty)), interp.weights(tx))
-    }
-
-    /// Its gradient there, per pixel: the derivative of the same surface.
-    #[inline(always)]
-    #[must_use]
-    pub fn gradient(&self, interp: Interp, base: [i64; 2], x: f32, y: f32) -> [f32; 2] {
-        let (rows, tx, ty) = self.around::<4>(base, x, y);
-        let along = blend(rows, interp.weights(ty));
-        let across = blend(rows, interp.slopes(ty));
-        [dot(along, interp.slopes(tx)), dot(across, interp.weights(tx))]
-    }
-}
-
-impl Plane<2> {
-    /// The inner product of both numbers at a place with a direction.
-    #[inline(always)]
-    #[must_use]
-    pub fn along(&self, interp: Interp, base: [i64; 2], x: f32, y: f32, t: [f32; 2]) -> f32 {
-        let (rows, tx, ty) = self.around::<8>(base, x, y);
-        let sum = blend(rows, interp.weights(ty));
-        let w = interp.weights(tx);
-        let part = |k: usize| w[k] * (t[0] * sum[2 * k] + t[1] * sum[2 * k + 1]);
-        (part(0) + part(1)) + (part(2) + part(3))
+        let [value] = self.at(base, [x, y], |patch, t| patch.values(interp, t));
+        value
     }
 }
 
@@ -228,7 +332,7 @@ mod tests {
             assert!((value(3.3, 2.6) - (6.6 - 7.8)).abs() < 1e-5);
             assert!((value(-50.0, 2.0) - value(-9.0, 2.0)).abs() < 1e-5);
             assert!((value(900.0, 2.0) - 8.0).abs() < 1e-5, "{}", value(900.0, 2.0));
-            let [gx, gy] = plane.gradient(interp, [1, 1], 2.3, 1.6);
+            let [gx, gy] = plane.at([1, 1], [2.3, 1.6], |patch, t| patch.gradient(interp, t));
             assert!((gx - 2.0).abs() < 1e-5 && (gy + 3.0).abs() < 1e-5);
             let repeat = Plane::<1>::new([&ramp], [[false; 2]], Wrap::Repeat);
             let at = |i: i64, j: i64| repeat.value(interp, [i, j], 0.4, 0.7);
@@ -243,12 +347,34 @@ mod tests {
     fn changes_turn_in_a_mirror_and_vanish_beyond_a_clamped_border() {
         let one = Grid::from_fn(4, 4, |_, _| 1.0);
         let maps = |wrap| Plane::<2>::new([&one, &one], [[true, false], [false, true]], wrap);
-        let at = |plane: &Plane<2>, x: f32, t| plane.along(Interp::Linear, [0, 0], x, 1.0, t);
+        let at = |plane: &Plane<2>, x: f32, t: [f32; 2]| {
+            let both = plane.at([0, 0], [x, 1.0], |patch, t| patch.values(Interp::Linear, t));
+            both[0] * t[0] + both[1] * t[1]
+        };
         let mirror = maps(Wrap::Mirror);
         assert_eq!([-2.0, 1.0, 5.0, 9.0].map(|x| at(&mirror, x, [1.0, 0.0])), [-1.0, 1.0, -1.0, 1.0]);
         assert_eq!(at(&mirror, -2.0, [0.0, 1.0]), 1.0);
         let clamp = maps(Wrap::Clamp);
         assert_eq!([-3.0, 2.0, 70.0].map(|x| at(&clamp, x, [1.0, 0.0])), [0.0, 1.0, 0.0]);
         assert_eq!(at(&clamp, 70.0, [0.0, 1.0]), 1.0);
+    }
+
+    #[test]
+    fn a_line_of_places_is_read_as_each_of_them_is() {
+        let noise = Grid::from_fn(7, 5, |x, y| ((x * 31 + y * 17) % 11) as f32);
+        for wrap in [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp] {
+            let plane = Plane::<1>::new([&noise], [[false; 2]], wrap);
+            for (dx, dy) in [(0.01, 0.003), (-0.2, 0.31), (1.7, -0.9), (0.0, 0.0)] {
+                let x: Cell = std::array::from_fn(|n| 3.3 + dx * n as f32);
+                let y: Cell = std::array::from_fn(|n| 1.9 + dy * n as f32);
+                let mut out = [[9.0; CELL]];
+                let read = |patch: &Patch<1>, t: &_| patch.values(Interp::Bspline3, t);
+                plane.read([4, -3], [&x, &y], [5, 61], &mut out, read);
+                for n in 0..CELL {
+                    let want = plane.value(Interp::Bspline3, [4, -3], x[n], y[n]);
+                    assert_eq!(out[0][n], if (5..61).contains(&n) { want } else { 9.0 }, "{wrap:?} {dx} {n}");
+                }
+            }
+        }
     }
 }

@@ -2,6 +2,7 @@
 
 use super::map::SurfaceMap;
 use super::plane::{Interp, Plane};
+use super::voices::{CELL, Cell};
 use crate::texture::{Grid, Luma, LumaKind, Surface, Wrap};
 
 /// The heights of a surface in m, for reading at places in m.
@@ -52,9 +53,22 @@ impl Relief {
     pub fn line(&self, start: [f64; 2], step: [f64; 2], out: &mut [f32]) {
         let (base, [x, y]) = self.pixel(start);
         let [dx, dy] = [0, 1].map(|k| (step[k] * self.density[k]) as f32);
-        for (k, out) in out.iter_mut().enumerate() {
-            let k = k as f32;
-            *out = self.plane.value(Interp::Bspline3, base, x + k * dx, y + k * dy);
+        let (mut px, mut py, mut heights) = ([0.0; CELL], [0.0; CELL], [[0.0; CELL]]);
+        for (part, out) in out.chunks_mut(CELL).enumerate() {
+            for n in 0..CELL {
+                let k = (part * CELL + n) as f32;
+                (px[n], py[n]) = (x + k * dx, y + k * dy);
+            }
+            let range = [0, out.len()];
+            self.plane.read(
+                base,
+                [&px, &py],
+                range,
+                &mut heights,
+                #[inline(always)]
+                |patch, t| patch.values(Interp::Bspline3, t),
+            );
+            out.copy_from_slice(&heights[0][..out.len()]);
         }
     }
 
@@ -66,13 +80,34 @@ impl Relief {
         self.plane.value(Interp::Bspline3, base, x, y)
     }
 
-    /// Slope at a place, m/m.
+    /// Slopes along x and y at the places of a range in m, m/m; these are near `centre`.
     #[inline(always)]
-    #[must_use]
-    pub fn slope(&self, place: [f64; 2]) -> [f32; 2] {
-        let (base, [x, y]) = self.pixel(place);
-        let [gx, gy] = self.plane.gradient(Interp::Bspline3, base, x, y);
-        [gx * self.density[0] as f32, gy * self.density[1] as f32]
+    pub fn slopes(
+        &self,
+        centre: [f64; 2],
+        places: &[[f64; 2]; CELL],
+        range: [usize; 2],
+        out: &mut [Cell; 2],
+    ) {
+        let (base, _) = self.pixel(centre);
+        let [dx, dy] = self.density;
+        let (mut x, mut y) = ([0.0; CELL], [0.0; CELL]);
+        for n in 0..CELL {
+            x[n] = (places[n][0] * dx - base[0] as f64) as f32;
+            y[n] = (places[n][1] * dy - base[1] as f64) as f32;
+        }
+        self.plane.read(
+            base,
+            [&x, &y],
+            range,
+            out,
+            #[inline(always)]
+            |patch, t| patch.gradient(Interp::Bspline3, t),
+        );
+        for n in 0..CELL {
+            out[0][n] *= dx as f32;
+            out[1][n] *= dy as f32;
+        }
     }
 }
 
