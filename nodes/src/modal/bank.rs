@@ -1,10 +1,10 @@
 //! The resonator bank: many modes, several excitations, damping that varies in time.
 
-use super::coefficients::{Mode, audible};
+use super::coefficients::{Group, audible};
 use super::kernel::{self, Forces, GRID, LANES, Lanes, Push};
 use super::modes::{Modes, ModesError};
 use crate::dsp::{Gain, db_to_linear};
-use fearless_simd::Level;
+use fearless_simd::{Level, dispatch};
 
 /// Squared size below which a mode is silenced even while a force is on it: far above the denormal numbers, which would
 /// slow it down a hundredfold.
@@ -44,7 +44,9 @@ const LOUDEST: f32 = 1e30;
 #[derive(Debug)]
 pub struct Bank {
     level: Level,
-    modes: Vec<(usize, Mode)>,
+    /// Places of the modes among those of the object.
+    places: Vec<usize>,
+    groups: Vec<Group>,
     /// Modes of the object, those left out included.
     total: usize,
     lanes: Vec<Lanes>,
@@ -61,8 +63,6 @@ pub struct Bank {
     floor: f32,
     damping: Gain,
     pitch: Gain,
-    /// Damping factors per mode or one for all, as they were last asked for.
-    factors: Vec<f32>,
     /// Whether the coefficients are behind what is asked for.
     stale: bool,
     runaways: u64,
@@ -77,10 +77,10 @@ impl Bank {
     /// As [`Modes::validate`].
     pub fn new(modes: &Modes, rate: f64) -> Result<Self, ModesError> {
         modes.validate()?;
-        let heard = audible(modes, rate);
-        let (vectors, points) = (heard.len().div_ceil(LANES), modes.points());
+        let (places, groups) = audible(modes, rate);
+        let (vectors, points) = (groups.len(), modes.points());
         let mut pushes = vec![Push { re: [0.0; LANES], im: [0.0; LANES] }; vectors * points];
-        for (k, (i, _)) in heard.iter().enumerate() {
+        for (k, i) in places.iter().enumerate() {
             let phase = f64::from(modes.phases.get(*i).copied().unwrap_or(0.0));
             let (sin, cos) = (libm::sin(phase), libm::cos(phase));
             for point in 0..points {
@@ -102,10 +102,10 @@ impl Bank {
             floor: 0.0,
             damping: Gain::new(1.0, 0, 1),
             pitch: Gain::new(1.0, 0, 1),
-            factors: vec![1.0; modes.len()],
             stale: true,
             runaways: 0,
-            modes: heard,
+            places,
+            groups,
         };
         bank.set_floor(-140.0);
         Ok(bank)
@@ -114,7 +114,7 @@ impl Bank {
     /// Modes that do not sound at this rate.
     #[must_use]
     pub fn dropped(&self) -> usize {
-        self.total - self.modes.len()
+        self.total - self.places.len()
     }
 
     /// Contact points.
@@ -158,12 +158,20 @@ impl Bank {
     /// Factors of the dampings from the next grid point on, beside those of [`start`](Self::start): one for all modes, or one
     /// for each mode of the object. What is negative or not a number counts as 0, which lets a mode ring on.
     pub fn damp(&mut self, factors: &[f32]) {
-        let asked = factors.iter().chain(std::iter::repeat(factors.last().unwrap_or(&1.0)));
-        for (old, new) in self.factors.iter_mut().zip(asked) {
-            let new = if *new > 0.0 { *new } else { 0.0 };
-            self.stale |= *old != new;
-            *old = new;
+        let Some(last) = factors.last() else { return };
+        let mut stale = false;
+        for (group, places) in self.groups.iter_mut().zip(self.places.chunks(LANES)) {
+            let mut asked = [*last; LANES];
+            if factors.len() > 1 {
+                asked.iter_mut().zip(places).for_each(|(a, i)| *a = *factors.get(*i).unwrap_or(last));
+            }
+            for (old, new) in group.factors.iter_mut().zip(asked) {
+                let new = if new > 0.0 { new } else { 0.0 };
+                stale |= *old != new;
+                *old = new;
+            }
         }
+        self.stale |= stale;
     }
 
     /// Samples until the next grid point: the longest stretch that [`advance`](Self::advance) takes.
@@ -232,7 +240,7 @@ impl Bank {
 
     /// Takes over the ringing of another bank, where it has as many modes.
     pub fn take_state(&mut self, old: &Self) {
-        if old.modes.len() != self.modes.len() || old.total != self.total {
+        if old.places.len() != self.places.len() || old.total != self.total {
             return;
         }
         for (new, old) in self.lanes.iter_mut().zip(&old.lanes) {
@@ -279,18 +287,17 @@ impl Bank {
 
     fn set_pitches(&mut self) {
         let pitch = self.pitch.current();
-        self.modes.iter_mut().for_each(|(_, mode)| mode.set_pitch(pitch));
+        self.groups.iter_mut().for_each(|group| group.set_pitch(pitch));
     }
 
     fn set_steps(&mut self) {
-        let damping = self.damping.current();
-        for (lanes, modes) in self.lanes.iter_mut().zip(self.modes.chunks(LANES)) {
-            let places = lanes.less_one.iter_mut().zip(&mut lanes.sin);
-            for ((less_one, sin), (i, mode)) in places.zip(modes) {
-                let factor = f64::from(self.factors.get(*i).copied().unwrap_or(1.0));
-                (*less_one, *sin) = mode.step(damping * factor);
+        let (level, damping) = (self.level, self.damping.current());
+        let Self { lanes, groups, .. } = self;
+        dispatch!(level, _simd => {
+            for (lanes, group) in lanes.iter_mut().zip(&*groups) {
+                group.steps(damping, &mut lanes.less_one, &mut lanes.sin);
             }
-        }
+        });
     }
 }
 

@@ -86,6 +86,8 @@ pub struct ForceRing {
     points: usize,
     /// Frame of the ring that is read next.
     head: usize,
+    /// Heights of the pulse that is added.
+    pulse: Vec<f64>,
 }
 
 impl ForceRing {
@@ -94,7 +96,7 @@ impl ForceRing {
     pub fn new(rate: f64, points: usize, longest: f64) -> Self {
         let points = points.max(1);
         let frames = (longest * rate).ceil() as usize + IMPULSE as usize + 2;
-        Self { rate, ring: vec![0.0; frames * points], points, head: 0 }
+        Self { rate, ring: vec![0.0; frames * points], points, head: 0, pulse: Vec::with_capacity(frames) }
     }
 
     /// Adds a pulse that starts `start` samples after the next sample to be read, or less than one before it, and lasts `time`
@@ -114,15 +116,16 @@ impl ForceRing {
         let height = |x: f64| if blunt { impulse(x) } else { shape.at(x) };
         let first = start.ceil().max(0.0) as usize;
         let last = ((start + length).ceil() as usize).min(frames).max(first);
-        let area: f64 = (first..last).map(|n| height((n as f64 - start) / length)).sum();
-        let scale = impulse_ns * self.rate / area;
+        self.pulse.clear();
+        self.pulse.extend((first..last).map(|n| height((n as f64 - start) / length)));
+        let scale = impulse_ns * self.rate / self.pulse.iter().sum::<f64>();
         if !scale.is_finite() {
             return;
         }
         let point = point.min(self.points - 1);
-        for n in first..last {
+        for (n, height) in (first..).zip(&self.pulse) {
             let at = (self.head + n) % frames * self.points + point;
-            self.ring[at] += scale * height((n as f64 - start) / length);
+            self.ring[at] += scale * height;
         }
     }
 

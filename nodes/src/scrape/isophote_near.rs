@@ -27,11 +27,11 @@ pub(super) struct Near {
     best: Best,
     /// Gradient of the curve at the nearest point, as the sample meets it.
     gradients: [[f64; 2]; CELL],
-    /// Whether there is one within reach.
-    found: [bool; CELL],
+    /// Square of its distance, px, where there is one within reach.
+    found: [Option<f32>; CELL],
 }
 
-/// The nearest point of what has been compared.
+/// The nearest point of what has been compared, for all samples; only those of the range mean something.
 #[derive(Clone, Debug)]
 struct Best {
     /// Square of its distance, px.
@@ -56,13 +56,13 @@ impl Near {
             pieces: Vec::with_capacity(MOST),
             best: Best { square: zero, along: zero, number: [NONE; CELL], place: [NONE; CELL] },
             gradients: [[0.0; 2]; CELL],
-            found: [false; CELL],
+            found: [None; CELL],
         }
     }
 
     /// Forgets what was found.
     pub fn clear(&mut self) {
-        self.found = [false; CELL];
+        self.found = [None; CELL];
     }
 
     /// Takes the places of the samples `[from, to)` on the image, and what steps count there.
@@ -119,7 +119,7 @@ impl Near {
             if let Some((_, piece)) = self.pieces.get(self.best.place[n] as usize) {
                 let [gx, gy] = index.gradient(piece, f64::from(self.best.along[n]));
                 let [sx, sy] = self.steps[n];
-                (self.gradients[n], self.found[n]) = ([gx * sx, gy * sy], true);
+                (self.gradients[n], self.found[n]) = ([gx * sx, gy * sy], Some(self.best.square[n]));
             }
         }
         self.best.place = [NONE; CELL];
@@ -129,8 +129,8 @@ impl Near {
     /// Square of the distance of sample `n` from the nearest curve in px, and the gradient there as the sample meets it.
     #[inline(always)]
     pub fn at(&self, n: usize) -> Option<(f64, [f64; 2])> {
-        let found = self.found.get(n).copied()?;
-        found.then(|| (f64::from(self.best.square[n]), self.gradients[n]))
+        let square = self.found.get(n).copied().flatten()?;
+        Some((f64::from(square), *self.gradients.get(n)?))
     }
 }
 
