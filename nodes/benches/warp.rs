@@ -73,11 +73,10 @@ fn diagnosis() -> Result<(), FitError> {
             pairs.push((k, Pair { from, to, weight: 1.0 }));
         }
     }
-    let plain: Vec<Pair> = pairs.iter().map(|(_, pair)| pair.clone()).collect();
     for lambda in [100.0, 1e5] {
         let start = Instant::now();
-        let (all, _) = fit(&plain, DIMS, Stiffness::Lambda(lambda))?;
-        let out = LeaveOut::new(&pairs, DIMS, lambda)?;
+        let out = LeaveOut::as_stiff(&pairs, DIMS, Stiffness::Lambda(lambda))?;
+        let (all, _) = out.all()?;
         let found = out.suspicions(2.0);
         let ranked = start.elapsed().as_secs_f64();
         let rest: Vec<Tps> = (0..15).map(|k| out.without(k)).collect::<Result<_, _>>()?;
