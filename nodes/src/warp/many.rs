@@ -117,17 +117,11 @@ impl<'a> Shared<'a> {
     fn kernels(&self, unit: &[f32], place: usize, at: &mut [[f64; TOGETHER]], kernels: &mut [f64]) {
         let first = self.splines[0];
         kernels.fill(0.0);
-        let axes =
-            at.iter_mut().zip(unit).zip(&first.centre).zip(self.nodes.chunks_exact(self.padded.max(1)));
-        for (((at, x), centre), nodes) in axes {
+        for (i, ((at, x), centre)) in at.iter_mut().zip(unit).zip(&first.centre).enumerate() {
             let x = (f64::from(*x) - centre) / first.scale;
             at[place] = x;
+            let nodes = &self.nodes[i * self.padded..(i + 1) * self.padded];
             kernels.iter_mut().zip(nodes).for_each(|(sum, node)| *sum += (x - node) * (x - node));
-        }
-        if self.padded == 0 {
-            at.iter_mut().zip(unit).zip(&first.centre).for_each(|((at, x), c)| {
-                at[place] = (f64::from(*x) - c) / first.scale;
-            });
         }
         kernels.iter_mut().for_each(|u| *u = thin_plate(*u));
     }
