@@ -319,7 +319,7 @@ impl Node for CorrespondenceDiagnostics {
     type Params = CorrespondenceDiagnosticsParams;
     type Ports = CorrespondenceDiagnosticsPorts;
     const NAME: &'static str = "CorrespondenceDiagnostics";
-    const VERSION: u33 = 2;
+    const VERSION: u32 = 3;
     const CLASS: Class = Class::Offline;
 
     fn shape(
