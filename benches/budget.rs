@@ -84,7 +84,9 @@ fn spline(t: f32) -> [f32; 4] {
 
 fn obj(rest: &Frame) -> String {
     let mut text = String::new();
-    rest.iter().for_each(|[x, y, z]| drop(writeln!(text, "v {x} {y} {z}")));
+    for [x, y, z] in rest {
+        let _ = writeln!(text, "v {x} {y} {z}");
+    }
     for k in (0..FINE * (FINE - 1)).filter(|k| k % FINE < FINE - 1) {
         let _ = writeln!(text, "f {} {} {} {}", k + 1, k + FINE + 1, k + FINE + 2, k + 2);
     }
