@@ -5,6 +5,7 @@
 
 mod common;
 
+use foley::graph::Override;
 use foley::memo::{MEMORY, Memo};
 use foley::run::Report;
 use foley_nodes::core::random::Random;
@@ -107,4 +108,29 @@ fn main() {
     told("another lambda, watching", run_once(folder, 10.0, &held));
     std::fs::write(folder.join("pairs.ron"), pairs(7)).expect("the folder can be written");
     told("a correspondence moved, watching", run_once(folder, 10.0, &held));
+    sleep(folder);
+}
+
+/// What sleep saves on a take that ships: two materials, of which one is silent for a while.
+fn sleep(folder: &Path) {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("graphs/cloth/two_materials.ron");
+    for id in ["itself_units", "cover_units"] {
+        let run = |keep: bool| {
+            let sets = [("selector", keep), ("audio", keep)].map(|(node, keep)| Override {
+                target: format!("{id}.{node}.keep_room_tone"),
+                value: keep.to_string(),
+            });
+            let (_, report) = common::run_file(&path, &sets, folder, None);
+            let node = report.nodes.iter().find(|n| n.id == format!("{id}.selector"));
+            node.map_or((0.0, 0.0), |n| {
+                let share = n.summary.get("asleep_share").and_then(serde_json::Value::as_f64);
+                (n.time.as_secs_f64() * 1e3, share.unwrap_or(0.0))
+            })
+        };
+        let ((awake, _), (asleep, share)) = (run(true), run(false));
+        println!(
+            "two_materials.ron, choice for {id}: {asleep:.1} ms with sleep ({:.0} % of the units), {awake:.1} ms without",
+            100.0 * share
+        );
+    }
 }

@@ -1,6 +1,6 @@
 //! What the benches of whole graphs share.
 
-use foley::graph::{DirFiles, Limits, load};
+use foley::graph::{DirFiles, Limits, Override, load};
 use foley::memo::Memo;
 use foley::plan::{Plan, PlanOptions};
 use foley::run::{DirOutputs, Job, Progress, Report, run};
@@ -13,8 +13,14 @@ use std::time::Instant;
 pub fn run_text(folder: &Path, text: &str, memo: Option<&Memo>) -> (f64, Report) {
     let path = folder.join("graph.ron");
     std::fs::write(&path, text).expect("the folder can be written");
+    run_file(&path, &[], folder, memo)
+}
+
+/// The same for a graph that is there.
+#[allow(dead_code, reason = "not every bench runs graphs that ship")]
+pub fn run_file(path: &Path, sets: &[Override], folder: &Path, memo: Option<&Memo>) -> (f64, Report) {
     let start = Instant::now();
-    let loaded = load(&path, &[], &[], Limits::default());
+    let loaded = load(path, sets, &[], Limits::default());
     let graph = loaded.graph.unwrap_or_else(|| panic!("{:?}", loaded.diagnostics));
     let files = DirFiles::new(loaded.root, Limits::default());
     let options = PlanOptions { threads: 2, ..PlanOptions::default() };

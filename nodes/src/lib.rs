@@ -2,8 +2,8 @@
 //!
 //! Every algorithm is ordinary Rust on slices; a node is a thin typed description around it.
 //! The families follow the field: [`io`] and [`dsp`] for audio, [`mesh`] for motion,
-//! [`contact`] and [`friction`] for cloth that slides, [`curvature`] and [`crumple`] for cloth that crumples, [`modal`] for
-//! things that are struck, [`rigid`], [`texture`] and [`scrape`] for bodies that roll and scrape over surfaces, [`spatial`] for
+//! [`contact`] and [`friction`] for cloth that slides, [`curvature`] and [`crumple`] for cloth that crumples, [`tension`] for cloth
+//! that is pulled tight, [`modal`] for things that are struck, [`rigid`], [`texture`] and [`scrape`] for bodies that roll and scrape over surfaces, [`spatial`] for
 //! where they are heard, [`feature`], [`warp`] and [`mod@unit`] for sounds put together from recordings. [`core`] says what a
 //! node is.
 #![forbid(unsafe_code)]
@@ -24,6 +24,7 @@ pub mod registry;
 pub mod rigid;
 pub mod scrape;
 pub mod spatial;
+pub mod tension;
 pub mod texture;
 pub mod unit;
 pub mod warp;

@@ -29,6 +29,7 @@ use crate::modal::bank_node::ModalBankNode;
 use crate::modal::force_node::ImpactForce;
 use crate::modal::from_recording::ModalFromRecording;
 use crate::modal::impact_file_node::ImpactFile;
+use crate::modal::membrane_node::MembraneModes;
 use crate::modal::modes_file::ModesFile;
 use crate::rigid::classify_node::ContactClassifier;
 use crate::rigid::log_node::ContactLog;
@@ -46,6 +47,7 @@ use crate::spatial::occlusion_node::Occlusion;
 use crate::spatial::orbit_node::Orbit;
 use crate::spatial::pose_file_node::PoseFile;
 use crate::spatial::vertex_pose::VertexPose;
+use crate::tension::node::TensionImpact;
 use crate::texture::class_node::HistogramClass;
 use crate::texture::feature_nodes::{Bilateral, DogFeatures, FeatureNoiseSplit};
 use crate::texture::image_node::ImageLuma;
@@ -131,9 +133,11 @@ pub fn all() -> Vec<NodeType> {
         NodeType::of::<SelectionReportNode>("unit"),
         NodeType::of::<ImpactFile>("modal"),
         NodeType::of::<ImpactForce>("modal"),
+        NodeType::func::<MembraneModes>("modal"),
         NodeType::of::<ModalBankNode>("modal"),
         NodeType::func::<ModalFromRecording>("modal"),
         NodeType::func::<ModesFile>("modal"),
+        NodeType::of::<TensionImpact>("tension"),
         NodeType::func::<ImageLuma>("texture"),
         NodeType::func::<HistogramClass>("texture"),
         NodeType::func::<SobelMap>("texture"),

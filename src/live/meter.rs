@@ -13,6 +13,7 @@ pub struct Histogram {
     buckets: [AtomicU32; FINE * DOUBLINGS],
     worst: AtomicU64,
     calls: AtomicU64,
+    total: AtomicU64,
 }
 
 impl Default for Histogram {
@@ -21,6 +22,7 @@ impl Default for Histogram {
             buckets: [const { AtomicU32::new(0) }; FINE * DOUBLINGS],
             worst: AtomicU64::new(0),
             calls: AtomicU64::new(0),
+            total: AtomicU64::new(0),
         }
     }
 }
@@ -33,12 +35,19 @@ impl Histogram {
         self.buckets[bucket.min(FINE * DOUBLINGS - 1)].fetch_add(1, Relaxed);
         self.worst.fetch_max(ns, Relaxed);
         self.calls.fetch_add(1, Relaxed);
+        self.total.fetch_add(ns, Relaxed);
     }
 
     /// Calls counted.
     #[must_use]
     pub fn calls(&self) -> u64 {
         self.calls.load(Relaxed)
+    }
+
+    /// All of them together.
+    #[must_use]
+    pub fn total(&self) -> Duration {
+        Duration::from_nanos(self.total.load(Relaxed))
     }
 
     /// The longest.
@@ -69,6 +78,7 @@ impl Histogram {
         self.buckets.iter().for_each(|b| b.store(0, Relaxed));
         self.worst.store(0, Relaxed);
         self.calls.store(0, Relaxed);
+        self.total.store(0, Relaxed);
     }
 }
 
@@ -114,6 +124,8 @@ pub struct NodeMeter {
     pub p99: Duration,
     /// The longest.
     pub worst: Duration,
+    /// All calls together.
+    pub total: Duration,
 }
 
 impl NodeMeter {
@@ -126,6 +138,7 @@ impl NodeMeter {
             median: times.quantile(0.5),
             p99: times.quantile(0.99),
             worst: times.worst(),
+            total: times.total(),
         }
     }
 }
@@ -142,6 +155,7 @@ mod tests {
         assert!(near(times.quantile(0.5), 50_000.0), "{:?}", times.quantile(0.5));
         assert!(near(times.quantile(0.99), 99_000.0));
         assert_eq!((times.worst(), times.calls()), (Duration::from_nanos(100_000), 1000));
+        assert_eq!(times.total(), Duration::from_nanos(100 * 500_500));
         times.clear();
         assert_eq!((times.quantile(0.5), times.calls()), (Duration::ZERO, 0));
     }

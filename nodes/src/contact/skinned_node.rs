@@ -35,7 +35,7 @@ params! {
         damping: f64 = 0.5, unit "", range 0.01..=0.99;
         /// Speed of the lag that a vertex has to exceed to be heard.
         threshold: f32 = 0.02, unit "m/s", range 0.0..=100.0;
-        /// Size of the parts that bend as one.
+        /// Largest size of the parts that bend as one.
         region: f64 = 0.05, unit "m", range 0.001..=10.0;
         /// Change of the mean strain of a part from which on it crumples.
         bend_rate: f64 = 0.5, unit "1/s", range 0.001..=1000.0;
@@ -89,6 +89,7 @@ impl Node for SkinnedSlip {
     type Params = SkinnedSlipParams;
     type Ports = SkinnedSlipPorts;
     const NAME: &'static str = "SkinnedSlip";
+    const VERSION: u32 = 2;
     const CLASS: Class = Class::Worker;
     const COST: f64 = 50.0;
 

@@ -1,7 +1,7 @@
 //! Things that are struck: impacts, the forces they make, and the modes that ring.
 //!
 //! An [`Impact`] is one blow; [`force`] turns blows into force at audio rate; a [`Bank`] rings [`Modes`], which come from a
-//! file or from a recording of one blow ([`mod@extract`]).
+//! file, from a recording of one blow ([`mod@extract`]), or from a sheet that is pulled tight ([`Membrane`]).
 
 pub mod bank;
 pub mod bank_node;
@@ -14,6 +14,8 @@ pub mod impact;
 pub mod impact_file;
 pub mod impact_file_node;
 mod kernel;
+pub mod membrane;
+pub mod membrane_node;
 pub mod modes;
 pub mod modes_file;
 
@@ -22,5 +24,6 @@ pub use extract::{ExtractError, ExtractParams, Extracted, Partial, extract};
 pub use force::{ForceRing, Law, PulseShape, contact_time};
 pub use impact::{Body, Impact};
 pub use impact_file::{Defaults, ImpactError, read_impacts};
+pub use membrane::Membrane;
 pub use modes::{Modes, ModesError};
 pub use modes_file::read_modes;

@@ -9,6 +9,7 @@ use super::global::{
 use super::item::{Pick, PickFormat, Picks};
 use super::selector::{self, NotFinite, SelectorParams, Units};
 use super::selector_node::{Counts, comparable, not_finite, units};
+use super::sleep::{self, Sleepers};
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::node::{Class, Node, Summary};
@@ -39,7 +40,8 @@ params! {
     /// so it reads all features first, the take has to end, and it does not run live. Distances beyond `d_max` are marked as
     /// fallbacks. The rest of units (`cool_off`) is no part of the search: what comes back too early is made dearer and searched
     /// again in at most 20 rounds, then replaced. The summary tells what the path costs, and what it would cost without rest.
-    /// Every channel chooses alone.
+    /// Every channel chooses alone, and with the sound of the target at `target` sleeps through its silence as in `UnitSelector`: the path
+    /// leads on from where it was.
     ///
     /// # Source
     /// Viterbi (1967); Grice, Hughey and Speck, "Reduced space sequence alignment" (1997) for the memory; Hunt and Black, "Unit
@@ -68,6 +70,8 @@ params! {
         crossing_cost: f64 = 0.2, unit "", range 0.0..=1000.0;
         /// How long after a unit `FixedLag` chooses it.
         lag: f64 = 0.05, unit "s", range 0.0..=10.0;
+        /// Go on choosing while the target is silent; None does so for joint (binaural) units alone, as `UnitConcatenator`.
+        keep_room_tone: Option<bool> = None;
     }
 }
 
@@ -78,6 +82,8 @@ ports! {
             features: Stream<Features>,
             /// Units to choose from.
             database: Value<UnitDatabase>,
+            /// The target, which sends the choice to sleep where it is silent.
+            target: Option<Stream<f32>>,
         }
         out {
             /// The chosen units.
@@ -103,6 +109,8 @@ pub struct GlobalUnitSelector {
     vectors: usize,
     /// Units that `FixedLag` looks ahead.
     lag: usize,
+    /// Where a silent target sends channels to sleep.
+    sleepers: Option<Sleepers>,
     length: i64,
     /// The first unit of the target that it has seen, once it has.
     first: Option<i64>,
@@ -146,37 +154,45 @@ fn joins(db: &UnitDatabase, table: &Table) -> Joins {
 }
 
 impl GlobalUnitSelector {
-    /// Reads the whole take and chooses for all of it.
-    fn solve(&mut self, features: &In<'_, Features>) -> Result<(), Fault> {
+    /// Reads the whole take and chooses for all of it that is not slept through.
+    fn solve(&mut self, features: &In<'_, Features>, target: Option<&In<'_, f32>>) -> Result<(), Fault> {
         let first = features.first();
         let items = usize::try_from(self.length - first).unwrap_or(0);
         let (width, dims) = (features.width(), self.table.dims());
         let take = features.around().get(features.past() * width..).unwrap_or_default();
         self.picks = vec![Pick::default(); items * self.vectors];
         for vector in 0..self.vectors {
-            let own = take.chunks_exact(width).take(items).filter_map(|item| item.get(vector * dims..));
-            let target: Vec<f32> = own.flat_map(|item| item.iter().take(dims).copied()).collect();
-            let path = self.path(&target);
-            let path = path.map_err(|NotFinite(k)| not_finite(features, first + k as i64))?;
+            let mut sleepers = self.sleepers.as_mut().zip(target);
+            let mut sleeps = |at| sleepers.as_mut().is_some_and(|(s, target)| s.sleeps(target, vector, at));
+            let awake: Vec<usize> = (0..items).filter(|k| !sleeps(first + *k as i64)).collect();
+            let own = awake.iter().filter_map(|k| take.get(k * width + vector * dims..)?.get(..dims));
+            let target: Vec<f32> = own.flatten().copied().collect();
+            let path = self.path(&target).map_err(|NotFinite(k)| {
+                not_finite(features, first + awake.get(k as usize).map_or(0, |k| *k as i64))
+            })?;
             self.totals.cost += path.cost;
             self.totals.free_cost += path.free_cost;
             self.totals.repeats += path.repeats;
             self.totals.rounds += path.rounds;
             self.totals.replaced += path.replaced;
-            self.write(vector, &target, &path.units);
+            self.write(vector, &awake, &target, &path.units);
         }
         self.first = Some(first);
         Ok(())
     }
 
-    fn write(&mut self, vector: usize, target: &[f32], units: &[u32]) {
-        let picks = self.picks.iter_mut().skip(vector).step_by(self.vectors);
-        for ((out, features), &unit) in picks.zip(target.chunks_exact(self.table.dims())).zip(units) {
+    /// Notes the units for those of the target that are awake; `target` are their features.
+    fn write(&mut self, vector: usize, awake: &[usize], target: &[f32], units: &[u32]) {
+        let Some(counts) = self.counts.get_mut(vector) else { return };
+        let mut chosen = awake.iter().zip(target.chunks_exact(self.table.dims())).zip(units).peekable();
+        for (k, out) in self.picks.iter_mut().skip(vector).step_by(self.vectors).enumerate() {
+            let Some(((_, features), &unit)) = chosen.next_if(|((at, _), _)| **at == k) else {
+                *out = counts.asleep();
+                continue;
+            };
             let column = self.table.column(unit).unwrap_or(0);
             *out = pick(self.table.distance(features, column), unit, self.params.d_max);
-            if let Some(counts) = self.counts.get_mut(vector) {
-                counts.note(out);
-            }
+            counts.note(out);
         }
     }
 
@@ -267,7 +283,11 @@ impl Node for GlobalUnitSelector {
                 .at("features")
                 .help("use OnlineUnitSelector, which decides a little after the target, or UnitSelector"));
         };
-        s.reach(GlobalUnitSelectorPorts::features, 0, items.max(0) as usize);
+        sleep::check(&features, s.optional(GlobalUnitSelectorPorts::target).as_ref())?;
+        let items = items.max(0) as usize;
+        s.reach(GlobalUnitSelectorPorts::features, 0, items);
+        s.reach(GlobalUnitSelectorPorts::target, 0, sleep::reach(features.format.conventions.unit, items));
+        s.ends(features.end);
         let vectors = features.format.vectors;
         let format = PickFormat { channels: vectors, conventions: Arc::clone(&features.format.conventions) };
         s.output(GlobalUnitSelectorPorts::picks, features.rate, format);
@@ -280,16 +300,19 @@ impl Node for GlobalUnitSelector {
         let none = || Fault::new("F101", "there is no unit to choose from").at("database");
         let table = Table::new(&units(&features.format, &db, &p.tags)?).ok_or_else(none)?;
         let switch_cost = p.switch_cost.min(MOST_SWITCH_COST);
+        let target = cx.optional(GlobalUnitSelectorPorts::target);
+        let vectors = features.format.vectors;
         Ok(Self {
+            sleepers: target.and_then(|_| Sleepers::new(&db, features.rate, vectors, p.keep_room_tone, 0)),
             path: GlobalParams { switch_cost, cap: cap(p.d_max, p.penalty), cool_off: p.cool_off },
             db,
             table,
-            vectors: features.format.vectors,
+            vectors,
             lag: (p.lag * features.rate.as_f64()).round() as usize,
             length: features.items().unwrap_or(0),
             first: None,
             picks: Vec::new(),
-            counts: vec![Counts::default(); features.format.vectors],
+            counts: vec![Counts::default(); vectors],
             totals: Totals::default(),
             params: p.clone(),
         })
@@ -297,7 +320,7 @@ impl Node for GlobalUnitSelector {
 
     fn run(&mut self, mut io: GlobalUnitSelectorIo<'_>) -> Result<(), Fault> {
         if self.first.is_none() {
-            self.solve(&io.features)?;
+            self.solve(&io.features, io.target.as_ref())?;
         }
         let skipped = usize::try_from(io.features.first() - self.first.unwrap_or(0)).unwrap_or(0);
         let picks = self.picks.get(skipped * self.vectors..).unwrap_or_default();
@@ -314,6 +337,8 @@ impl Node for GlobalUnitSelector {
             ("rounds", self.totals.rounds.into()),
             ("replaced", self.totals.replaced.into()),
         ]);
+        let picked = Counts::picked(self.counts.iter().copied());
+        summary.push(("asleep_share", sleep::share(self.sleepers.as_ref(), picked).into()));
         if self.params.method == Method::FixedLag {
             summary.push(("differs", self.totals.differs.into()));
         }

@@ -64,7 +64,7 @@ impl PartialOrd for Waiting {
 
 /// Memory of searches, to be used again.
 #[derive(Clone, Debug, Default)]
-pub struct Search(BinaryHeap<Waiting>);
+pub struct Search(BinaryHeap<Waiting>, Vec<(f64, u32)>);
 
 /// Squared distance of two points.
 #[inline]
@@ -153,6 +153,44 @@ impl<const P: usize> KdTree<P> {
     }
 }
 
+impl<const P: usize> KdTree<P> {
+    /// Visits all points within a squared distance of `query`, in no order but those likely near first.
+    ///
+    /// `visit` gets the squared distance and the label, and gives the squared distance beyond which nothing interests it any more. Where
+    /// all near points are wanted this is quicker than [`nearest`](Self::nearest), which has to keep every one in order.
+    pub fn within(
+        &self,
+        query: &[f64; P],
+        within: f64,
+        search: &mut Search,
+        mut visit: impl FnMut(f64, u32) -> f64,
+    ) {
+        let stack = &mut search.1;
+        stack.clear();
+        let mut within = within;
+        stack.extend(self.nodes.first().map(|root| (root.distance(query), 0)));
+        while let Some((squared, node)) = stack.pop() {
+            if squared > within {
+                continue;
+            }
+            let node = &self.nodes[node as usize];
+            if node.child > 0 {
+                let [a, b] =
+                    [node.child, node.child + 1].map(|k| (self.nodes[k as usize].distance(query), k));
+                let (near, far) = if a.0 <= b.0 { (a, b) } else { (b, a) };
+                stack.extend([far, near].into_iter().filter(|(squared, _)| *squared <= within));
+                continue;
+            }
+            for at in node.from as usize..node.to as usize {
+                let squared = self::squared(&self.points[at], query);
+                if squared <= within {
+                    within = visit(squared, self.labels[at]);
+                }
+            }
+        }
+    }
+}
+
 impl<const P: usize> Node<P> {
     /// Squared distance from a point to the box; never above that to any point in it.
     #[inline]
@@ -182,4 +220,46 @@ fn bounds<const P: usize>(items: &[(u32, [f64; P])], from: usize) -> Node<P> {
         }
     }
     node
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::core::random::Draw;
+
+    #[test]
+    fn both_searches_find_what_lies_within_a_distance() {
+        let mut draw = Draw::new(7);
+        let mut point = || [0; 3].map(|_| draw.between(-1.0, 1.0));
+        let points: Vec<(u32, [f64; 3])> = (0..700).map(|label| (label, point())).collect();
+        let (tree, mut search) = (KdTree::new(points.clone()), Search::default());
+        for within in [0.0, 0.01, 0.3, 20.0] {
+            let query = point();
+            let mut wanted: Vec<(f64, u32)> =
+                points.iter().map(|(label, p)| (squared(p, &query), *label)).collect();
+            wanted.retain(|(distance, _)| *distance <= within);
+            wanted.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            let (mut sorted, mut any) = (Vec::new(), Vec::new());
+            tree.nearest(&query, within, &mut search, |distance, label| {
+                sorted.push((distance, label));
+                within
+            });
+            tree.within(&query, within, &mut search, |distance, label| {
+                any.push((distance, label));
+                within
+            });
+            assert_eq!(sorted, wanted);
+            any.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            assert_eq!(any, wanted);
+        }
+        // A search that narrows ends with the nearest.
+        let query = point();
+        let mut best = (f64::INFINITY, 0);
+        tree.within(&query, f64::INFINITY, &mut search, |distance, label| {
+            best = if distance < best.0 { (distance, label) } else { best };
+            best.0
+        });
+        let nearest = points.iter().map(|(label, p)| (squared(p, &query), *label));
+        assert_eq!(Some(best), nearest.min_by(|a, b| a.0.total_cmp(&b.0)));
+    }
 }

@@ -16,6 +16,7 @@ pub mod online_node;
 pub mod report;
 pub mod selector;
 pub mod selector_node;
+mod sleep;
 
 pub use builder::{BuildError, Gap, Take, build};
 pub use concatenator::{Blend, Concatenator, Doze, Join, SILENT, Sleep, join};

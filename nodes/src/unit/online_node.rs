@@ -7,6 +7,7 @@ use super::global::{FixedLag, GlobalParams, Table};
 use super::global_node::{cap, pick};
 use super::item::{PickFormat, Picks};
 use super::selector_node::{Counts, comparable, not_finite, units};
+use super::sleep::{self, Sleepers};
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::node::{Class, Node, Summary};
@@ -23,7 +24,8 @@ params! {
     ///
     /// Each unit is chosen as the best path to the latest known unit has it. What is chosen is not taken back, so that the path is
     /// not quite the best: `GlobalUnitSelector(method: FixedLag)` tells how often it differs over a take. Units that rest are
-    /// replaced. One step costs the same for every unit of the target, in proportion to the size of the database.
+    /// replaced. One step costs the same for every unit of the target, in proportion to the size of the database; with the sound of the
+    /// target at `target` a channel sleeps through its silence, as in `UnitSelector`, at no cost.
     ///
     /// # Source
     /// Forney, "The Viterbi algorithm" (1973), section III.
@@ -40,6 +42,8 @@ params! {
         cool_off: usize = 20, unit "units", range 0..=1_000_000_usize;
         /// Choose only from recordings with one of these tags; empty for all.
         tags: Vec<Text> = Vec::new();
+        /// Go on choosing while the target is silent; None does so for joint (binaural) units alone, as `UnitConcatenator`.
+        keep_room_tone: Option<bool> = None;
     }
 }
 
@@ -50,6 +54,8 @@ ports! {
             features: Stream<Features>,
             /// Units to choose from.
             database: Value<UnitDatabase>,
+            /// The target, which sends the choice to sleep where it is silent.
+            target: Option<Stream<f32>>,
         }
         out {
             /// The chosen units.
@@ -65,6 +71,8 @@ pub struct OnlineUnitSelector {
     lag: usize,
     dims: usize,
     d_max: f64,
+    /// Where a silent target sends channels to sleep.
+    sleepers: Option<Sleepers>,
     /// Units of the target, where it ends.
     length: Option<i64>,
 }
@@ -86,7 +94,11 @@ impl Node for OnlineUnitSelector {
     ) -> Result<(), Reject> {
         let features = s.input(OnlineUnitSelectorPorts::features);
         comparable(&features.format, s.value(OnlineUnitSelectorPorts::database), &p.tags)?;
-        s.reach(OnlineUnitSelectorPorts::features, 0, lag(p, features.rate));
+        sleep::check(&features, s.optional(OnlineUnitSelectorPorts::target).as_ref())?;
+        let lag = lag(p, features.rate);
+        s.reach(OnlineUnitSelectorPorts::features, 0, lag);
+        s.reach(OnlineUnitSelectorPorts::target, 0, sleep::reach(features.format.conventions.unit, lag));
+        s.ends(features.end);
         let vectors = features.format.vectors;
         let format = PickFormat { channels: vectors, conventions: Arc::clone(&features.format.conventions) };
         s.output(OnlineUnitSelectorPorts::picks, features.rate, format);
@@ -102,8 +114,10 @@ impl Node for OnlineUnitSelector {
             GlobalParams { switch_cost: p.switch_cost, cap: cap(p.d_max, p.penalty), cool_off: p.cool_off };
         let (lag, dims) = (lag(p, features.rate), db.dims());
         let channel = |_| (FixedLag::new(table.clone(), path, lag), Counts::default());
+        let (vectors, target) = (features.format.vectors, cx.optional(OnlineUnitSelectorPorts::target));
         Ok(Self {
-            channels: (0..features.format.vectors).map(channel).collect(),
+            sleepers: target.and_then(|_| Sleepers::new(&db, features.rate, vectors, p.keep_room_tone, lag)),
+            channels: (0..vectors).map(channel).collect(),
             window: Vec::with_capacity((lag + 1) * dims),
             lag,
             dims,
@@ -122,9 +136,17 @@ impl Node for OnlineUnitSelector {
             let known = self.lag.min(usize::try_from(left).unwrap_or(0));
             let here = features.past() + k;
             for (vector, ((channel, counts), out)) in self.channels.iter_mut().zip(out).enumerate() {
+                let mut sleepers = self.sleepers.as_mut().zip(io.target.as_ref());
+                let mut sleeps =
+                    |at| sleepers.as_mut().is_some_and(|(s, target)| s.sleeps(target, vector, at));
+                if sleeps(at) {
+                    *out = counts.asleep();
+                    continue;
+                }
                 self.window.clear();
-                for item in here..=here + known {
-                    let from = item * features.width() + vector * self.dims;
+                // What will be slept through is no part of the path.
+                for item in (0..=known).filter(|k| *k == 0 || !sleeps(at + *k as i64)) {
+                    let from = (here + item) * features.width() + vector * self.dims;
                     self.window.extend_from_slice(around.get(from..from + self.dims).unwrap_or_default());
                 }
                 let chosen = channel.choose(&self.window).map_err(|_| not_finite(features, at))?;
@@ -139,6 +161,8 @@ impl Node for OnlineUnitSelector {
         let mut summary = Counts::summary(self.channels.iter().map(|(_, counts)| *counts));
         let replaced: usize = self.channels.iter().map(|(channel, _)| channel.replaced()).sum();
         summary.push(("replaced", replaced.into()));
+        let picked = Counts::picked(self.channels.iter().map(|(_, counts)| *counts));
+        summary.push(("asleep_share", sleep::share(self.sleepers.as_ref(), picked).into()));
         Ok(summary)
     }
 

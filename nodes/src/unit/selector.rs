@@ -340,7 +340,7 @@ impl<const P: usize> Exact<P> {
         all
     }
 
-    /// Looks at units in the order of the bound until none can be better.
+    /// Looks at units until no bound is low enough to be better.
     fn by_bound(&self, running: &mut Running<P>, memory: &mut Search) {
         let units = self.window.len() as f64;
         // No window whose mean is further away than this can sum to less.
@@ -348,7 +348,7 @@ impl<const P: usize> Exact<P> {
             best.as_ref().map_or(f64::INFINITY, |best| (best.choice.d2 / units / (1.0 - 1e-9)).powi(2))
         };
         let mean = running.mean;
-        self.index.means.nearest(&mean, reach(&running.best), memory, |bound, label| {
+        self.index.means.within(&mean, reach(&running.best), memory, |bound, label| {
             running.best = self.better(label as usize, Some(bound), running).or(running.best);
             reach(&running.best)
         });

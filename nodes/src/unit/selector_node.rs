@@ -3,12 +3,12 @@
 use std::sync::Arc;
 
 use super::UnitDatabase;
-use super::concatenator::{Doze, SILENT};
 use super::item::{Pick, PickFormat, Picks};
 use super::selector::{self, MOST_DIMS, Selector, SelectorParams, Units};
+use super::sleep::{self, Sleepers};
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
-use crate::core::node::{Class, Node, Summary, same_rate};
+use crate::core::node::{Class, Node, Summary};
 use crate::core::params::{Params, Text};
 use crate::core::ports::{In, Stream, Value};
 use crate::core::random::Draw;
@@ -79,8 +79,8 @@ pub struct UnitSelector {
     look: usize,
     causal: bool,
     dims: usize,
-    /// Samples in a unit.
-    unit: usize,
+    /// Where a silent target sends channels to sleep.
+    sleepers: Option<Sleepers>,
     /// Units of the target, where it ends.
     length: Option<i64>,
 }
@@ -90,10 +90,6 @@ struct Channel {
     window: Vec<f32>,
     picks: Vec<Pick>,
     counts: Counts,
-    /// Where a silent target sends it to sleep.
-    doze: Option<Doze>,
-    /// Units for which nothing had to be chosen.
-    asleep: u64,
 }
 
 /// What is told of the picks of a channel.
@@ -107,12 +103,22 @@ pub(super) struct Counts {
 }
 
 impl Counts {
+    /// What is given where nothing is chosen: the last pick, which is not heard.
+    pub fn asleep(&self) -> Pick {
+        Pick { unit: self.last.unwrap_or(0), ..Pick::default() }
+    }
+
     pub fn note(&mut self, pick: &Pick) {
         self.picks += 1;
         self.fallbacks += u64::from(pick.fallback);
         self.runs += u64::from(self.last.is_some_and(|last| last + 1 == pick.unit));
         self.sum_d1 += f64::from(pick.d1);
         self.last = Some(pick.unit);
+    }
+
+    /// Units that were chosen for.
+    pub fn picked(channels: impl Iterator<Item = Self>) -> u64 {
+        channels.map(|c| c.picks).sum()
     }
 
     /// The counters of all channels, for the report.
@@ -135,19 +141,15 @@ impl Channel {
         &mut self,
         vector: usize,
         features: &In<'_, Features>,
-        target: Option<&In<'_, f32>>,
+        mut asleep: impl FnMut(i64) -> bool,
         node: &Facts,
     ) -> Result<(), Fault> {
         self.picks.clear();
         let around = features.around();
         for k in 0..features.len() {
             let at = features.first() + k as i64;
-            let silent = |target: &In<'_, f32>| silent(target, at, vector, node);
-            if let (Some(doze), Some(target)) = (&mut self.doze, target)
-                && doze.next(silent(target))
-            {
-                self.asleep += 1;
-                self.picks.push(Pick { unit: self.counts.last.unwrap_or(0), ..Pick::default() });
+            if asleep(at) {
+                self.picks.push(self.counts.asleep());
                 continue;
             }
             let most = if node.causal { at } else { node.length.map_or(i64::MAX, |n| n - 1 - at) };
@@ -177,22 +179,7 @@ struct Facts {
     look: usize,
     causal: bool,
     dims: usize,
-    unit: usize,
-    /// Vectors of the features.
-    vectors: usize,
     length: Option<i64>,
-}
-
-/// Whether the target is silent all through unit `at`: in the channel of a vector where it has one for each.
-fn silent(target: &In<'_, f32>, at: i64, vector: usize, node: &Facts) -> bool {
-    let width = target.width().max(1);
-    let first = usize::try_from(at * node.unit as i64 - target.first()).unwrap_or(0) + target.past();
-    let unit = target.around().get(first * width..).unwrap_or_default();
-    let heard = |frame: &[f32]| match frame.get(vector) {
-        Some(x) if width == node.vectors => x.abs() > SILENT,
-        _ => frame.iter().any(|x| x.abs() > SILENT),
-    };
-    !unit.chunks_exact(width).take(node.unit).any(heard)
 }
 
 /// Units that a channel of the target may choose from.
@@ -304,12 +291,8 @@ impl Node for UnitSelector {
         if format.vectors > 1 && !own {
             s.note("all channels choose from the same units: a sound in the middle may wander; Mfcc(channels: SharedMid) or Joint keep it");
         }
-        let unit = format.conventions.unit;
-        if let Some(target) = s.optional(UnitSelectorPorts::target) {
-            let needed = features.rate.times(u64::from(unit)).unwrap_or(target.rate);
-            same_rate("target", needed, target.rate)?;
-        }
-        s.reach(UnitSelectorPorts::target, 0, unit.saturating_sub(1) as usize);
+        sleep::check(&features, s.optional(UnitSelectorPorts::target).as_ref())?;
+        s.reach(UnitSelectorPorts::target, 0, sleep::reach(format.conventions.unit, 0));
         s.ends(features.end);
         let (past, ahead) = if p.causal { (p.look, 0) } else { (0, p.look) };
         s.reach(UnitSelectorPorts::features, past, ahead);
@@ -340,16 +323,9 @@ impl Node for UnitSelector {
             let one = selector::selector(&units, params);
             one.map(|one| (1..vectors).map(|_| one.another()).chain([one.another()]).collect())
         };
-        let keep = p.keep_room_tone.unwrap_or(db.conventions.joined > 1);
-        let sleeps = !keep && cx.optional(UnitSelectorPorts::target).is_some();
-        let channel = |selector| Channel {
-            selector,
-            window: Vec::new(),
-            picks: Vec::new(),
-            counts: Counts::default(),
-            doze: sleeps.then(|| Doze::new(features.rate.as_f64())),
-            asleep: 0,
-        };
+        let target = cx.optional(UnitSelectorPorts::target);
+        let channel =
+            |selector| Channel { selector, window: Vec::new(), picks: Vec::new(), counts: Counts::default() };
         let channels: Option<Vec<Channel>> =
             selectors.map(|selectors| selectors.into_iter().map(channel).collect());
         let none = || Fault::new("F101", "there is no unit to choose from").at("database");
@@ -358,23 +334,18 @@ impl Node for UnitSelector {
             look: p.look,
             causal: p.causal,
             dims: db.dims(),
-            unit: db.unit(),
+            sleepers: target.and_then(|_| Sleepers::new(&db, features.rate, vectors, p.keep_room_tone, 0)),
             length: features.items(),
         })
     }
 
     fn run(&mut self, mut io: UnitSelectorIo<'_>) -> Result<(), Fault> {
-        let facts = Facts {
-            look: self.look,
-            causal: self.causal,
-            dims: self.dims,
-            unit: self.unit,
-            vectors: self.channels.len(),
-            length: self.length,
-        };
-        let features = &io.features;
+        let facts = Facts { look: self.look, causal: self.causal, dims: self.dims, length: self.length };
+        let (features, target) = (&io.features, io.target.as_ref());
         for (vector, channel) in self.channels.iter_mut().enumerate() {
-            channel.choose(vector, features, io.target.as_ref(), &facts)?;
+            let mut sleepers = self.sleepers.as_mut().zip(target);
+            let asleep = |at| sleepers.as_mut().is_some_and(|(s, target)| s.sleeps(target, vector, at));
+            channel.choose(vector, features, asleep, &facts)?;
         }
         let width = self.channels.len();
         let out = io.picks.items();
@@ -388,9 +359,8 @@ impl Node for UnitSelector {
 
     fn finish(&mut self, _: UnitSelectorIo<'_>) -> Result<Summary, Fault> {
         let mut summary = Counts::summary(self.channels.iter().map(|channel| channel.counts));
-        let asleep: u64 = self.channels.iter().map(|channel| channel.asleep).sum();
-        let all = asleep + self.channels.iter().map(|channel| channel.counts.picks).sum::<u64>();
-        summary.push(("asleep_share", (asleep as f64 / all.max(1) as f64).into()));
+        let picked = Counts::picked(self.channels.iter().map(|channel| channel.counts));
+        summary.push(("asleep_share", sleep::share(self.sleepers.as_ref(), picked).into()));
         Ok(summary)
     }
 

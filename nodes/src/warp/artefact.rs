@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::figure::{self, Cloud};
 use super::fit::{FitError, FitReport, Pair, Stiffness, fit};
-use super::tps::{Tps, Warper};
+use super::tps::{Tps, fold_share, spread};
 use crate::core::item::Data;
 use crate::core::node::Summary;
 use crate::core::random::Draw;
@@ -51,12 +51,6 @@ pub struct Warp {
     pub recordings: Vec<String>,
 }
 
-/// At most `most` indices below `count`, evenly spread.
-pub(crate) fn spread(count: usize, most: usize) -> impl Iterator<Item = usize> {
-    let some = count.min(most);
-    (0..some).map(move |k| k * count / some.max(1))
-}
-
 impl WarpMap {
     /// Fits a map and looks at what it does to the target.
     ///
@@ -85,18 +79,14 @@ impl WarpMap {
             x.zip(&tps.centre).map(|(x, c)| (x - c).powi(2)).sum::<f64>().sqrt()
         };
         self.radius = tps.nodes.chunks_exact(d).map(|x| way(&mut x.iter().copied())).fold(0.0, f64::max);
-        let mut warper = Warper::new(tps);
-        let (mut units, mut folds, mut outside) = (0_usize, 0_usize, 0_usize);
-        for k in spread(target.len() / d, SURVEYED) {
-            let Some(unit) = target.get(k * d..(k + 1) * d) else { continue };
-            units += 1;
-            folds += usize::from(warper.determinant(unit) <= 0.0);
-            outside += usize::from(
-                !tps.is_empty() && way(&mut unit.iter().map(|x| f64::from(*x))) > FAR * self.radius,
-            );
-        }
-        self.folds = folds as f64 / units.max(1) as f64;
-        self.outside = outside as f64 / units.max(1) as f64;
+        let units: Vec<usize> = spread(target.len() / d, SURVEYED).collect();
+        let far = |k: &&usize| {
+            let unit = target.get(*k * d..(*k + 1) * d).unwrap_or_default();
+            way(&mut unit.iter().map(|x| f64::from(*x))) > FAR * self.radius
+        };
+        let outside = if tps.is_empty() { 0 } else { units.iter().filter(far).count() };
+        self.folds = fold_share(target, tps, &units);
+        self.outside = outside as f64 / units.len().max(1) as f64;
     }
 }
 

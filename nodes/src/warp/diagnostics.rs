@@ -6,8 +6,10 @@
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::fit::{FitError, Pair, Problem, Stiffness, rank};
+use super::fit::{FitError, Pair, Stiffness};
 use super::linear::solve_dense;
+use super::merged::rank;
+use super::problem::Problem;
 use super::tps::Tps;
 
 /// lambda that stands for 0 where pairs may start in one place, relative to the squared spread of the nodes.
@@ -85,6 +87,16 @@ impl<'a> LeaveOut<'a> {
         })
     }
 
+    /// The same with the lambda that a fit of all pairs would have.
+    ///
+    /// # Errors
+    /// As [`fit`](super::fit()).
+    pub fn as_stiff(pairs: &'a [(usize, Pair)], d: usize, stiffness: Stiffness) -> Result<Self, FitError> {
+        let plain: Vec<Pair> = pairs.iter().map(|(_, pair)| pair.clone()).collect();
+        let lambda = Problem::new(&plain, d)?.lambda(stiffness)?;
+        Self::new(pairs, d, lambda)
+    }
+
     fn rows(&self, blocks: &[usize]) -> Vec<usize> {
         blocks.iter().flat_map(|b| &self.blocks[*b].1).copied().collect()
     }
@@ -132,31 +144,72 @@ impl<'a> LeaveOut<'a> {
         quick().map_or_else(|| without(self.pairs, correspondence, self.d, self.lambda), Ok)
     }
 
+    /// The warp through all, and its degrees of freedom.
+    ///
+    /// # Errors
+    /// As [`fit`](super::fit()).
+    pub fn all(&self) -> Result<(Tps, f64), FitError> {
+        if self.used == self.lambda {
+            // Nothing is left out, in each of the outputs.
+            let none = vec![Vec::new(); self.d];
+            let tps = self.problem.without(&[], &none, (&self.matrix, &self.moved), self.used);
+            return Ok((tps, self.problem.freedom(&self.matrix, self.used)));
+        }
+        let plain: Vec<Pair> = self.pairs.iter().map(|(_, pair)| pair.clone()).collect();
+        super::fit(&plain, self.d, Stiffness::Lambda(self.lambda)).map(|(tps, report)| (tps, report.freedom))
+    }
+
+    /// lambda as asked for.
+    #[must_use]
+    pub fn lambda(&self) -> f64 {
+        self.lambda
+    }
+
+    /// How far the mean of each of two blocks is predicted wrong, squared, where both are left out.
+    fn both_left_out(&self, [a, b]: [usize; 2]) -> Option<[f64; 2]> {
+        let errors = self.errors(&[a, b])?;
+        let (first, all) = (self.blocks[a].1.len(), self.blocks[a].1.len() + self.blocks[b].1.len());
+        Some([squared_mean(&errors, 0..first), squared_mean(&errors, first..all)])
+    }
+
+    /// Sum of the squared errors of all others, each predicted without block `k` as well; `None` where they are too few.
+    fn left_without_each(&self) -> Vec<Option<f64>> {
+        let count = self.blocks.len();
+        let pairs: Vec<[usize; 2]> = (0..count).flat_map(|a| (a + 1..count).map(move |b| [a, b])).collect();
+        let found: Vec<Option<[f64; 2]>> = pairs.par_iter().map(|pair| self.both_left_out(*pair)).collect();
+        let mut sums = vec![Some(0.0); count];
+        for ([a, b], found) in pairs.into_iter().zip(found) {
+            // The first is an error of a without b, so it counts for b.
+            for (k, own) in [(b, 0), (a, 1)] {
+                sums[k] = sums[k].zip(found).map(|(sum, found)| sum + found[own]);
+            }
+        }
+        sums
+    }
+
     /// Ranks correspondences; see [`suspicions`].
     #[must_use]
     pub fn suspicions(&self, near: f64) -> Vec<Suspicion> {
         let count = self.blocks.len();
-        let rows = |block: usize| self.blocks[block].1.len();
-        let left_out = |q: usize, with: &[usize]| Some(squared_mean(&self.errors(with)?, 0..rows(q)));
-        let alone: Vec<Option<f64>> = (0..count).map(|q| left_out(q, &[q])).collect();
+        let left_out = |q: usize| Some(squared_mean(&self.errors(&[q])?, 0..self.blocks[q].1.len()));
+        let alone: Vec<Option<f64>> = (0..count).into_par_iter().map(left_out).collect();
         let total: f64 = alone.iter().flatten().sum();
+        let left = self.left_without_each();
         let ends: Vec<[Vec<f64>; 2]> =
             self.blocks.iter().map(|(index, _)| middles(self.pairs, *index, self.d)).collect();
         let suspicion = |k: usize| {
-            let others = (0..count).filter(|q| *q != k);
-            let left: Option<f64> = others.clone().map(|q| left_out(q, &[q, k])).sum();
-            let conflicts = others.filter(|q| {
+            let conflicts = (0..count).filter(|q| *q != k).filter(|q| {
                 way(&ends[*q][0], &ends[k][0]) < near && way(&ends[*q][1], &ends[k][1]) > 3.0 * near
             });
             Suspicion {
                 correspondence: self.blocks[k].0,
-                score: left.map_or(0.0, |left| total - left),
+                score: left[k].map_or(0.0, |left| total - left),
                 rank: 0,
                 surprise: alone[k].map_or(0.0, f64::sqrt),
                 conflicts: conflicts.map(|q| self.blocks[q].0).collect(),
             }
         };
-        let mut found: Vec<Suspicion> = (0..count).into_par_iter().map(suspicion).collect();
+        let mut found: Vec<Suspicion> = (0..count).map(suspicion).collect();
         let mut order: Vec<usize> = (0..count).collect();
         order.sort_by(|a, b| found[*b].score.total_cmp(&found[*a].score));
         for (place, k) in order.into_iter().enumerate() {
@@ -188,7 +241,7 @@ fn way(a: &[f64], b: &[f64]) -> f64 {
 /// As [`fit`](super::fit()).
 ///
 /// # Complexity
-/// O(n^3) once for all, then two small systems per pair of correspondences.
+/// O(n^3) once for all, then one small system per pair of correspondences.
 pub fn suspicions(
     pairs: &[(usize, Pair)],
     d: usize,
@@ -257,6 +310,52 @@ mod tests {
                         assert!((errors[i][place] - expected).abs() < 1e-8, "{lambda} {row} {i}");
                     }
                 }
+            }
+        }
+    }
+
+    #[test]
+    fn the_warp_through_all_is_the_fitted_one_also_where_pairs_start_in_one_place() {
+        let mut pairs = planted(&mut Draw::new(8), 2);
+        for k in 0..7 {
+            let twin = pairs[k].1.from.clone();
+            pairs[k + 30].1.from = twin;
+        }
+        pairs[4].1.weight = 2.5;
+        let plain: Vec<Pair> = pairs.iter().map(|(_, pair)| pair.clone()).collect();
+        for lambda in [0.0, 0.5, 100.0, 1e5] {
+            let (quick, freedom) = LeaveOut::new(&pairs, 3, lambda).unwrap().all().unwrap();
+            let (slow, report) = fit(&plain, 3, Stiffness::Lambda(lambda)).unwrap();
+            assert!((freedom - report.freedom).abs() < 1e-6 * report.freedom, "{lambda}: {freedom}");
+            let (mut quick, mut slow) = (Warper::new(&quick), Warper::new(&slow));
+            for point in [[0.0, 0.0, 0.0], [5.0, -7.0, 3.0], [-20.0, 1.0, 15.0]] {
+                let moved = quick.displacement(point.into_iter()).to_vec();
+                let wanted = slow.displacement(point.into_iter());
+                assert!(way(&moved, wanted) < 1e-7, "{lambda}: {moved:?}, not {wanted:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_warp_through_few_is_the_fitted_one() {
+        let mut draw = Draw::new(5);
+        for n in 0..12 {
+            for lambda in [1e-3, 1.0, 1e6] {
+                let mut vector = || [0; 3].map(|_| draw.between(-3.0, 3.0)).to_vec();
+                let mut pairs: Vec<(usize, Pair)> = (0..n)
+                    .map(|k| (k / 3, Pair { from: vector(), to: vector(), weight: 1.0 + k as f64 }))
+                    .collect();
+                if n > 6 {
+                    pairs[5].1.from = pairs[0].1.from.clone();
+                }
+                let plain: Vec<Pair> = pairs.iter().map(|(_, pair)| pair.clone()).collect();
+                let (quick, freedom) = LeaveOut::new(&pairs, 3, lambda).unwrap().all().unwrap();
+                let (slow, report) = fit(&plain, 3, Stiffness::Lambda(lambda)).unwrap();
+                assert!((freedom - report.freedom).abs() < 1e-6, "{n} {lambda}: {freedom} {report:?}");
+                let (mut quick, mut slow) = (Warper::new(&quick), Warper::new(&slow));
+                let moved = quick.displacement([1.0, -2.0, 0.5].into_iter()).to_vec();
+                let wanted = slow.displacement([1.0, -2.0, 0.5].into_iter());
+                assert!(way(&moved, wanted) < 1e-6, "{n} {lambda}: {moved:?} {wanted:?}");
             }
         }
     }

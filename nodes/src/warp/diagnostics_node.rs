@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::Tps;
 use super::diagnostics::{LeaveOut, Suspicion};
 use super::effect::{Baseline, Effect};
 use super::fit::Pair;
@@ -9,7 +10,6 @@ use super::fit_node::{Heard, checked, stiffness};
 use super::pairing::Pairing;
 use super::set::CorrespondenceSet;
 use super::text::Place;
-use super::{Tps, fit};
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::{MemoryFiles, WriteSeek};
 use crate::core::item::Data;
@@ -246,10 +246,9 @@ impl CorrespondenceDiagnostics {
     ) -> Result<(ChannelDiagnosis, Option<Audition>), Fault> {
         let d = self.heard.format.dims();
         let wrong = |e: super::FitError| Fault::new("F111", e.to_string()).at("pairs");
-        let plain: Vec<Pair> = pairs.iter().map(|(_, pair)| pair.clone()).collect();
-        let (all, report) =
-            fit(&plain, d, stiffness(self.params.lambda, self.params.scale_free)).map_err(wrong)?;
-        let out = LeaveOut::new(pairs, d, report.lambda).map_err(wrong)?;
+        let stiffness = stiffness(self.params.lambda, self.params.scale_free);
+        let out = LeaveOut::as_stiff(pairs, d, stiffness).map_err(wrong)?;
+        let (all, freedom) = out.all().map_err(wrong)?;
         let mut found = out.suspicions(self.params.d_max);
         found.sort_by_key(|suspicion| suspicion.rank);
         let rest = found.iter().map(|s| out.without(s.correspondence));
@@ -267,8 +266,8 @@ impl CorrespondenceDiagnostics {
         };
         let verdicts = found.into_iter().zip(effects).map(|(s, e)| Verdict::new(s, e, &self.heard));
         let diagnosis = ChannelDiagnosis {
-            lambda: report.lambda,
-            degrees_of_freedom: report.freedom,
+            lambda: out.lambda(),
+            degrees_of_freedom: freedom,
             fallback_share: baseline.fallback_share(),
             fold_share: baseline.fold_share(),
             verdicts: verdicts.collect(),
@@ -320,7 +319,7 @@ impl Node for CorrespondenceDiagnostics {
     type Params = CorrespondenceDiagnosticsParams;
     type Ports = CorrespondenceDiagnosticsPorts;
     const NAME: &'static str = "CorrespondenceDiagnostics";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     const CLASS: Class = Class::Offline;
 
     fn shape(

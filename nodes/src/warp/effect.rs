@@ -3,8 +3,8 @@
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::artefact::spread;
-use super::tps::{Tps, Warper};
+use super::many::warped;
+use super::tps::{Tps, fold_share, spread};
 use crate::unit::{Choice, NotFinite, Selector, SelectorParams, Units, selector};
 
 /// Units that move less than this in feature space are as good as unmoved.
@@ -15,8 +15,6 @@ const GAP: usize = 24;
 const CHOSEN_AGAIN: usize = 16_000;
 /// Most units whose warp is looked at for folds.
 const SURVEYED: usize = 1024;
-/// Units of the target in a part that is warped at once.
-const PART: usize = 1024;
 
 /// What leaving a correspondence out changes.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -39,32 +37,10 @@ pub struct Baseline {
     choices: Vec<Choice>,
     picks: Vec<u32>,
     folds: f64,
+    /// Units that are looked at for folds.
+    surveyed: Vec<usize>,
     params: SelectorParams,
     selector: Box<dyn Selector>,
-}
-
-/// Warped features, `[units, d]`.
-fn warp(features: &[f32], tps: &Tps) -> Vec<f32> {
-    let d = tps.dims.max(1);
-    let mut out = vec![0.0; features.len()];
-    let parts = out.par_chunks_mut(PART * d).zip(features.par_chunks(PART * d));
-    parts.for_each(|(out, x)| {
-        let mut warper = Warper::new(tps);
-        out.chunks_exact_mut(d).zip(x.chunks_exact(d)).for_each(|(out, x)| warper.warp(x, out));
-    });
-    out
-}
-
-/// Share of units where a warp folds over.
-fn folds(features: &[f32], tps: &Tps) -> f64 {
-    let d = tps.dims.max(1);
-    let units: Vec<usize> = spread(features.len() / d, SURVEYED).collect();
-    let folded = units.par_chunks(64).map(|units| {
-        let mut warper = Warper::new(tps);
-        let unit = |k: &usize| features.get(k * d..(k + 1) * d).unwrap_or_default();
-        units.iter().map(unit).filter(|x| x.len() == d && warper.determinant(x) <= 0.0).count()
-    });
-    folded.sum::<usize>() as f64 / units.len().max(1) as f64
 }
 
 /// Ranges of units, each of `step` from those given; gaps up to [`GAP`] are closed.
@@ -95,9 +71,11 @@ impl Baseline {
         params: SelectorParams,
     ) -> Result<Option<Self>, NotFinite> {
         let Some(selector) = selector(units, params.clone()) else { return Ok(None) };
-        let (dims, warped) = (units.dims, warp(&target, all));
-        let folds = folds(&target, all);
-        let mut this = Self { dims, target, warped, choices: vec![], picks: vec![], folds, params, selector };
+        let (dims, warped) = (units.dims, warped(&target, &[all]).concat());
+        let surveyed: Vec<usize> = spread(target.len() / dims.max(1), SURVEYED).collect();
+        let folds = fold_share(&target, all, &surveyed);
+        let (choices, picks) = (Vec::new(), Vec::new());
+        let mut this = Self { dims, target, warped, choices, picks, folds, surveyed, params, selector };
         let all = 0..this.len();
         this.choices = this.run(&this.warped, all, &[])?;
         this.picks = this.choices.iter().map(|choice| choice.unit).collect();
@@ -175,7 +153,7 @@ impl Baseline {
     /// # Complexity
     /// O(units) kernels per node and warp, and at most 16,000 choices; on all cores.
     pub fn effects(&self, rest: &[Tps]) -> Result<Vec<Effect>, NotFinite> {
-        let warped: Vec<Vec<f32>> = rest.iter().map(|tps| warp(&self.target, tps)).collect();
+        let warped = warped(&self.target, &rest.iter().collect::<Vec<_>>());
         let moved: Vec<Vec<usize>> = warped.par_iter().map(|warped| self.moved(warped)).collect();
         let total: usize = moved.iter().map(Vec::len).sum();
         let step = total.div_ceil(CHOSEN_AGAIN).max(1);
@@ -185,7 +163,7 @@ impl Baseline {
             let per = moved.len() as f64 / some.len().max(1) as f64 / self.len().max(1) as f64;
             Ok(Effect {
                 delta_fallback: fallbacks as f64 * per,
-                delta_folds: folds(&self.target, tps) - self.folds,
+                delta_folds: fold_share(&self.target, tps, &self.surveyed) - self.folds,
                 moved: moved.len() as f64 / self.len().max(1) as f64,
                 ranges: ranges(&changed, step, self.len()),
             })
@@ -224,7 +202,7 @@ impl Baseline {
     /// # Errors
     /// Names a unit whose warped features are not finite.
     pub fn audition(&self, rest: &Tps, stretch: std::ops::Range<usize>) -> Result<Vec<u32>, NotFinite> {
-        let warped = warp(&self.target, rest);
+        let warped = warped(&self.target, &[rest]).concat();
         let before = self.resting(stretch.start);
         let chosen = self.run(&warped, stretch.start..stretch.end.min(self.len()), before)?;
         Ok(chosen.into_iter().map(|choice| choice.unit).collect())

@@ -3,9 +3,9 @@
 use serde::{Deserialize, Serialize};
 use std::fmt::Write;
 
-use super::artefact::{WarpMap, spread};
+use super::artefact::WarpMap;
 use super::fit::Pair;
-use super::tps::Warper;
+use super::tps::{Warper, spread};
 
 const SIDE: f64 = 360.0;
 const MARGIN: f64 = 44.0;

@@ -1,4 +1,6 @@
-//! The little linear algebra that a thin-plate fit needs: reflections, a tridiagonal form, singular values, determinants.
+//! The little linear algebra that a thin-plate fit needs: reflections, a tridiagonal form, inverses, singular values, determinants.
+
+use rayon::prelude::*;
 
 /// A reflection `1 - tau v v^T` that acts on the coordinates from `start` on.
 #[derive(Clone, Debug)]
@@ -8,7 +10,8 @@ pub(crate) struct Reflection {
     tau: f64,
 }
 
-fn dot(a: &[f64], b: &[f64]) -> f64 {
+/// Sum of products.
+pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     // Four sums, which a processor adds at once.
     let mut sums = [0.0; 4];
     let (a4, a_rest) = a.as_chunks::<4>();
@@ -96,7 +99,7 @@ impl Tridiagonal {
     pub fn solve(&self, lambda: f64, right: &mut [Vec<f64>]) -> Option<f64> {
         let m = self.diagonal.len();
         let scale = self.diagonal.iter().fold(0.0_f64, |s, d| s.max(d.abs())) + lambda;
-        let usable = |pivot: f64| (pivot > 1e-14 * scale).then_some(pivot);
+        let usable = |pivot: f64| (pivot > PIVOT * scale).then_some(pivot);
         // Pivots of the elimination from above and from below.
         let (mut down, mut up) = (vec![0.0; m], vec![0.0; m]);
         for k in 0..m {
@@ -118,6 +121,49 @@ impl Tridiagonal {
         }
         Some((0..m).map(|k| 1.0 / (down[k] + up[k] - self.diagonal[k] - lambda)).sum())
     }
+}
+
+/// Pivots below this, relative to the largest diagonal entry, are zero but for rounding.
+const PIVOT: f64 = 1e-14;
+
+/// Inverse of a symmetric positive definite matrix of `n` rows, of which the lower triangle is read; `None` where it is not.
+///
+/// # Complexity
+/// n^3 operations, two thirds of them on all cores.
+pub(crate) fn inverse_of_positive(mut matrix: Vec<f64>, n: usize) -> Option<Vec<f64>> {
+    let largest = (0..n).fold(0.0_f64, |most, k| most.max(matrix[k * n + k].abs()));
+    // Rows of L, where L L^T is the matrix.
+    for i in 0..n {
+        let (above, rest) = matrix.split_at_mut(i * n);
+        let row = &mut rest[..n];
+        for (j, other) in above.chunks_exact(n).enumerate() {
+            row[j] = (row[j] - dot(&row[..j], &other[..j])) / other[j];
+        }
+        let pivot = row[i] - dot(&row[..i], &row[..i]);
+        if pivot.is_nan() || pivot <= PIVOT * largest {
+            return None;
+        }
+        row[i] = pivot.sqrt();
+    }
+    // Columns of its inverse, each in a row, so that all sums run along rows.
+    let mut columns = vec![0.0; n * n];
+    columns.par_chunks_exact_mut(n.max(1)).enumerate().for_each(|(i, x)| {
+        for (k, row) in matrix.chunks_exact(n).enumerate().skip(i) {
+            let left = f64::from(u8::from(k == i)) - dot(&row[i..k], &x[i..k]);
+            x[k] = left / row[k];
+        }
+    });
+    matrix.par_chunks_exact_mut(n.max(1)).enumerate().for_each(|(i, out)| {
+        for (out, other) in out.iter_mut().zip(columns.chunks_exact(n)).take(i + 1) {
+            *out = dot(&columns[i * n + i..(i + 1) * n], &other[i..]);
+        }
+    });
+    for i in 0..n {
+        for j in i + 1..n {
+            matrix[i * n + j] = matrix[j * n + i];
+        }
+    }
+    Some(matrix)
 }
 
 /// Directions in which points spread, by one-sided Jacobi rotations: right singular vectors, each with its singular value, largest
@@ -242,6 +288,24 @@ mod tests {
             .sum();
         assert!((trace - inverse).abs() < 1e-12);
         assert_eq!(form.solve(-1e3, &mut []), None);
+    }
+
+    #[test]
+    fn the_inverse_of_a_positive_matrix_is_that_of_elimination() {
+        for n in [1, 2, 9, 40] {
+            let a = positive(n);
+            let found = inverse_of_positive(a.clone(), n).unwrap();
+            for k in 0..n {
+                let mut axis = [(0..n).map(|i| f64::from(u8::from(i == k))).collect::<Vec<_>>()];
+                solve_dense(&mut a.clone(), n, &mut axis);
+                let row = &found[k * n..(k + 1) * n];
+                assert!(row.iter().zip(&axis[0]).all(|(x, y)| (x - y).abs() < 1e-9), "{n} {k}");
+                assert!((0..n).all(|i| row[i] == found[i * n + k]), "symmetric to the bit");
+            }
+        }
+        assert_eq!(inverse_of_positive(vec![], 0), Some(vec![]));
+        assert_eq!(inverse_of_positive(vec![1.0, 2.0, 2.0, 1.0], 2), None, "not positive");
+        assert_eq!(inverse_of_positive(vec![1.0, 1.0, 1.0, 1.0], 2), None, "singular");
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use super::suggest::probit;
+use super::windows::probit;
 
 /// Sliced Wasserstein distance of two clouds: root mean square over 64 directions of the distance between 199 quantiles of each.
 ///

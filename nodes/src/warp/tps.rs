@@ -1,5 +1,6 @@
 //! A thin-plate spline in any number of dimensions: evaluation and Jacobian.
 
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::kernel::thin_plate;
@@ -210,4 +211,26 @@ fn total(a: &[f64; GROUP], b: &[f64; GROUP]) -> f64 {
         lanes.iter_mut().zip(a.iter().zip(b)).for_each(|(sum, (a, b))| *sum += a * b);
     }
     ((lanes[0] + lanes[4]) + (lanes[1] + lanes[5])) + ((lanes[2] + lanes[6]) + (lanes[3] + lanes[7]))
+}
+/// Units of which one thread judges the folds at a time.
+const JUDGED: usize = 64;
+
+/// Share of some units of a target where a warp folds over; on all cores.
+///
+/// # Shapes
+/// `features: [units, d]`; `units` are those that are looked at.
+pub(crate) fn fold_share(features: &[f32], tps: &Tps, units: &[usize]) -> f64 {
+    let d = tps.dims.max(1);
+    let folded = units.par_chunks(JUDGED).map(|units| {
+        let mut warper = Warper::new(tps);
+        let vectors = units.iter().filter_map(|k| features.get(k * d..(k + 1) * d));
+        vectors.filter(|x| warper.determinant(x) <= 0.0).count()
+    });
+    folded.sum::<usize>() as f64 / units.len().max(1) as f64
+}
+
+/// At most `most` indices below `count`, evenly spread.
+pub(crate) fn spread(count: usize, most: usize) -> impl Iterator<Item = usize> {
+    let some = count.min(most);
+    (0..some).map(move |k| k * count / some.max(1))
 }

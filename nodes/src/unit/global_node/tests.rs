@@ -1,7 +1,7 @@
 //! Both global selectors as nodes: windows, channels, ends, and where they are refused.
 
 use super::*;
-use crate::core::item::{AnyValue, StreamShape};
+use crate::core::item::{AnyValue, Channels, StreamShape};
 use crate::core::node::NodeType;
 use crate::core::shape::{LinkShape, RawShape};
 use crate::core::solo::Solo;
@@ -225,6 +225,7 @@ fn a_target_without_end_is_for_the_one_that_decides_online() {
     let links = [
         vec![LinkShape::Stream(StreamShape::new::<Features>(RATE, format(&db, 1), None))],
         vec![LinkShape::Value(Some(AnyValue::new(db)))],
+        Vec::new(),
     ];
     let files = MemoryFiles::default();
     let ty = NodeType::of::<GlobalUnitSelector>("");
@@ -248,4 +249,75 @@ fn a_number_that_is_not_finite_is_told_with_its_unit() {
     assert!(fault.code == "F102" && message(fault.clone()).contains("unit 17"), "{fault}");
     let fault = of_online(&online(0.0), &db, 1, &target).run().map(|_| ()).unwrap_err();
     assert!(fault.code == "F102" && message(fault.clone()).contains("unit 17"), "{fault}");
+}
+
+/// A target that is silent from its 60th unit to its 300th, of 360, and the units that are slept through for it.
+fn resting(db: &UnitDatabase) -> (Vec<f32>, std::ops::Range<usize>) {
+    let unit = db.unit();
+    let sample = |k: usize| if (60 * unit..300 * unit).contains(&k) { 1e-6 } else { 0.1 };
+    // Asleep from 0.55 s and two units after the last sound on.
+    ((0..360 * unit).map(sample).collect(), 60 + 134..300)
+}
+
+#[test]
+fn silence_of_the_target_is_slept_through_and_the_path_leads_on_from_where_it_was() {
+    let (db, features) = (database(1), walk(5, 360, DIMS));
+    let (target, asleep) = resting(&db);
+    let audio = RATE.times(u64::from(db.conventions.unit)).unwrap();
+    let awake = [&features[..asleep.start * DIMS], &features[asleep.end * DIMS..]].concat();
+    for method in [Method::Exact, Method::Beam] {
+        let with = |p: &GlobalUnitSelectorParams| {
+            let port = GlobalUnitSelectorPorts::target;
+            of_global(p, &db, 1, &features).optional(port, audio, Channels(1), target.clone())
+        };
+        let found = picks(with(&global(method)));
+        let frozen = found[asleep.start - 1].unit;
+        assert!(found[asleep.clone()].iter().all(|p| p.unit == frozen && p.d1 == 0.0), "{method:?}");
+        let alone = picks(of_global(&global(method), &db, 1, &awake));
+        let rest: Vec<Pick> = [&found[..asleep.start], &found[asleep.end..]].concat();
+        assert!(rest == alone, "{method:?}: as if there were no silence");
+        for window in [RATE.span(3), ticks(0.0173)] {
+            assert!(picks(with(&global(method)).window(window)) == found, "{method:?}, windows of {window}");
+        }
+        let run = with(&global(method)).run().unwrap();
+        let share = run.summary.iter().find(|(name, _)| *name == "asleep_share").unwrap().1.as_f64();
+        assert_eq!(share, Some(asleep.len() as f64 / 360.0));
+        let keep = GlobalUnitSelectorParams { keep_room_tone: Some(true), ..global(method) };
+        assert!(
+            picks(with(&keep)) == picks(of_global(&keep, &db, 1, &features)),
+            "{method:?}: awake all the time"
+        );
+    }
+}
+
+#[test]
+fn what_decides_online_sleeps_as_well_and_looks_at_nothing_that_is_slept_through() {
+    let (db, features) = (database(1), walk(5, 360, DIMS));
+    let (target, asleep) = resting(&db);
+    let audio = RATE.times(u64::from(db.conventions.unit)).unwrap();
+    let with = |lag| {
+        let port = OnlineUnitSelectorPorts::target;
+        of_online(&online(lag), &db, 1, &features).optional(port, audio, Channels(1), target.clone())
+    };
+    for lag in [0.0, 0.05] {
+        let found = picks(with(lag));
+        let units = (lag * 240.0).round() as usize;
+        let table = Table::new(&self::units(&format(&db, 1), &db, &[]).unwrap()).unwrap();
+        let path = GlobalParams { switch_cost: 0.5, cap: f64::INFINITY, cool_off: 7 };
+        let mut choice = FixedLag::new(table, path, units);
+        for at in (0..360).filter(|at| !asleep.contains(at)) {
+            let known = (at..=(at + units).min(359)).filter(|k| !asleep.contains(k));
+            let window: Vec<f32> = known.flat_map(|k| features[k * DIMS..(k + 1) * DIMS].to_vec()).collect();
+            assert_eq!(found[at].unit, choice.choose(&window).unwrap().unit as i32, "{lag} {at}");
+        }
+        let frozen = found[asleep.start - 1].unit;
+        assert!(found[asleep.clone()].iter().all(|p| p.unit == frozen && p.d1 == 0.0));
+        for window in [RATE.span(1), ticks(0.0173), ticks(9.0)] {
+            assert!(picks(with(lag).window(window)) == found, "{lag}, windows of {window}");
+        }
+    }
+    let port = OnlineUnitSelectorPorts::target;
+    let other =
+        of_online(&online(0.0), &db, 1, &features).optional(port, Rate::hz(44_100), Channels(1), target);
+    assert!(other.shape().is_err(), "a target of another rate");
 }
