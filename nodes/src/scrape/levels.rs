@@ -103,14 +103,18 @@ impl StandardStroke {
     }
 }
 
-/// What is heard of a force where it rings modes at a pitch; the force itself where there are none.
+/// What is heard of a force where it rings modes of other dampings and frequencies; the force itself where there are none.
 ///
 /// # Errors
 /// As [`Modes::validate`].
-pub fn heard(force: Vec<f32>, modes: Option<&Modes>, pitch: f64) -> Result<Vec<f32>, ModesError> {
+pub fn heard(
+    force: Vec<f32>,
+    modes: Option<&Modes>,
+    [damping, pitch]: [f64; 2],
+) -> Result<Vec<f32>, ModesError> {
     let Some(modes) = modes else { return Ok(force) };
     let mut bank = Bank::new(modes, f64::from(RATE))?;
-    bank.start(1.0, pitch, 0);
+    bank.start(damping, pitch, 0);
     let mut sound = vec![0.0; force.len()];
     bank.process(&force, &mut sound);
     Ok(sound)

@@ -37,7 +37,7 @@ params! {
     /// map, or one half where `rest` has no link; `gain` of the excitations changes that by ear.
     ///
     /// A map holds low tones and fine noise holds high ones: equal forces ring high modes differently. With a link to `modes`
-    /// what is compared is the sound of these modes at `pitch` in place of the force.
+    /// what is compared is the sound of these modes at `pitch` and `damping`, in place of the force.
     ///
     /// Excitations follow force and speed by their own exponents, `map_law` and `noise_law` here, so levels are equally loud where
     /// force and speed are those of the stroke; with the same exponents for all, everywhere.
@@ -66,6 +66,8 @@ params! {
         radius: f64 = 2.0, unit "px", range 0.1..=8.0;
         /// Factor of the frequencies of `modes`.
         pitch: f64 = 1.0, unit "", range 0.01..=100.0;
+        /// Factor of the dampings of `modes`.
+        damping: f64 = 1.0, unit "", range 0.001..=1000.0;
     }
 }
 ports! {
@@ -124,7 +126,7 @@ impl Trial<'_> {
     }
 
     fn heard(&self, force: Vec<f32>) -> Result<Vec<f32>, Fault> {
-        heard(force, self.modes, self.p.pitch)
+        heard(force, self.modes, [self.p.damping, self.p.pitch])
             .map_err(|e| Reject::new("F078", e.to_string()).at("modes").into())
     }
 

@@ -17,6 +17,26 @@ const MOST: usize = 32;
 /// Most pixels along which lines are looked for at once.
 const LONG: usize = 256;
 
+/// What is remembered of one contact.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct MeetVoice {
+    /// Cell of samples, and meetings in it.
+    quota: (i64, usize),
+}
+
+/// Two lines that meet.
+#[derive(Clone, Copy, Debug)]
+struct Meeting {
+    /// Samples since the anchor.
+    time: f64,
+    pieces: [u32; 2],
+    sample: usize,
+    /// Product of both slopes.
+    slopes: f64,
+    /// Speed at which they approach each other, m/s.
+    speed: f64,
+}
+
 /// A line that crosses the line of contact.
 #[derive(Clone, Copy, Debug)]
 struct Crossed {
@@ -54,6 +74,7 @@ pub struct MeetForce {
     pub left_out: u64,
     pulses: Pulses,
     found: [Vec<Crossed>; 2],
+    met: Vec<Meeting>,
     /// How far the contact has come over both at each sample, m from the middle of the cell.
     come: [[f64; CELL + 1]; 2],
 }
@@ -74,13 +95,14 @@ impl MeetForce {
             left_out: 0,
             pulses: Pulses::new(contacts * MOST * cells, rate),
             found: [(); 2].map(|()| Vec::with_capacity(MOST)),
+            met: Vec::with_capacity(MOST + 1),
             come: [[0.0; CELL + 1]; 2],
         }
     }
 
     /// Adds the meetings of one contact over a stretch, of which `out` holds the samples; they are heard by
     /// [`ring_out`](Self::ring_out).
-    pub fn add(&mut self, _: &mut (), stretch: &Stretch, _: &mut [f32]) {
+    pub fn add(&mut self, voice: &mut MeetVoice, stretch: &Stretch, _: &mut [f32]) {
         let ways = [stretch.way(), stretch.other_way().unwrap_or([[0.0; 2]; 4])];
         let Some(direction) = direction(&ways, self.rate) else { return };
         let middle = CELL as f64 / 2.0;
@@ -92,11 +114,15 @@ impl MeetForce {
             }
         }
         let size = self.scale.at(stretch.anchor);
-        for side in 0..2 {
+        for (side, base) in bases.into_iter().enumerate() {
             let ends = self.come[side].iter().fold((f64::MAX, f64::MIN), |(l, h), x| (l.min(*x), h.max(*x)));
-            self.cross(side, bases[side], direction, [ends.0 - self.reach, ends.1 + self.reach], size);
+            self.cross(side, base, direction, [ends.0 - self.reach, ends.1 + self.reach], size);
         }
-        self.meet(stretch, size);
+        self.meet(stretch);
+        for k in 0..self.met.len() {
+            let meeting = self.met[k];
+            self.sound(voice, stretch, &meeting, size);
+        }
     }
 
     /// Adds what is left of pulses to the samples from `first` on.
@@ -160,14 +186,11 @@ impl MeetForce {
         });
     }
 
-    /// Adds a pulse for each pair of lines that meets within a stretch.
-    fn meet(&mut self, stretch: &Stretch, size: f64) {
-        let sum: [f64; CELL + 1] = std::array::from_fn(|n| self.come[0][n] + self.come[1][n]);
-        let (mut force, mut gain) = ([0.0; CELL], [0.0; CELL]);
-        stretch.force(&mut force);
-        stretch.gain(&mut gain);
-        let mut left = MOST;
-        let [found_a, found_b] = &self.found;
+    /// Finds the pairs of lines that meet within a stretch, the earliest first.
+    fn meet(&mut self, stretch: &Stretch) {
+        let Self { come, found: [found_a, found_b], met, .. } = self;
+        let sum: [f64; CELL + 1] = std::array::from_fn(|n| come[0][n] + come[1][n]);
+        met.clear();
         for (a, b) in found_a.iter().flat_map(|a| found_b.iter().map(move |b| (a, b))) {
             let wanted = a.at + b.at;
             for n in stretch.from..stretch.to.min(CELL) {
@@ -176,27 +199,57 @@ impl MeetForce {
                     continue;
                 }
                 let part = before / (before - after);
-                let off = a.at - self.come[0][n] - part * (self.come[0][n + 1] - self.come[0][n]);
-                let speed = (after - before).abs() * self.rate;
-                if off.abs() > self.reach || speed < f64::from(AT_REST) || force[n] <= 0.0 {
-                    continue;
+                let off = a.at - come[0][n] - part * (come[0][n + 1] - come[0][n]);
+                if off.abs() <= self.reach {
+                    let speed = (after - before).abs() * self.rate;
+                    let pieces = [a.piece, b.piece];
+                    let time = n as f64 + part;
+                    put(met, Meeting { time, pieces, sample: n, slopes: a.slope * b.slope, speed });
                 }
-                if left == 0 {
-                    self.left_out += 1;
-                    continue;
-                }
-                left -= 1;
-                self.meetings += 1;
-                let sample = stretch.anchor + n as i64;
-                let [kappa, p, q] = [self.law.kappa, self.law.a, self.law.b].map(|slew| slew.at(sample));
-                let strength = libm::pow(force[n].into(), p) * libm::pow(speed, q) * f64::from(gain[n]);
-                let area = PULSE * kappa * strength * a.slope * b.slope;
-                let density = self.surfaces[0].1;
-                let time = self.width * size / (density[0] * density[1]).sqrt() / speed;
-                let owner = (stretch.piece.contact, stretch.piece.jump);
-                self.pulses.add(stretch.anchor, n as f64 + part, time, area, owner);
             }
         }
+    }
+
+    /// Adds the pulse of a meeting.
+    fn sound(&mut self, voice: &mut MeetVoice, stretch: &Stretch, meeting: &Meeting, size: f64) {
+        let (mut force, mut gain) = ([0.0; CELL], [0.0; CELL]);
+        stretch.force(&mut force);
+        stretch.gain(&mut gain);
+        let [force, gain] = [force, gain].map(|x| f64::from(x[meeting.sample]));
+        let Meeting { speed, .. } = *meeting;
+        if speed < f64::from(AT_REST) || force <= 0.0 {
+            return;
+        }
+        let sample = stretch.anchor + meeting.sample as i64;
+        let cell = sample.div_euclid(CELL as i64);
+        let count = if voice.quota.0 == cell { voice.quota.1 } else { 0 };
+        if count == MOST {
+            self.left_out += 1;
+            return;
+        }
+        voice.quota = (cell, count + 1);
+        self.meetings += 1;
+        let [kappa, a, b] = [self.law.kappa, self.law.a, self.law.b].map(|slew| slew.at(sample));
+        let strength = libm::pow(force, a) * libm::pow(speed, b) * gain;
+        let density = self.surfaces[0].1;
+        let time = self.width * size / (density[0] * density[1]).sqrt() / speed;
+        let area = PULSE * kappa * strength * meeting.slopes;
+        self.pulses.add(
+            stretch.anchor,
+            meeting.time,
+            time,
+            area,
+            (stretch.piece.contact, stretch.piece.jump),
+        );
+    }
+}
+
+/// Sorts a meeting in by its time; of more than there may be the earliest stay.
+fn put(met: &mut Vec<Meeting>, new: Meeting) {
+    let place = met.partition_point(|old| (old.time, old.pieces) <= (new.time, new.pieces));
+    if place < MOST {
+        met.truncate(MOST - 1);
+        met.insert(place, new);
     }
 }
 

@@ -3,7 +3,7 @@
 use super::isophote_node::check;
 use super::item::PathPiece;
 use super::law::Law;
-use super::meet::MeetForce;
+use super::meet::{MeetForce, MeetVoice};
 use super::pulses::LONGEST;
 use super::slew::Slew;
 use super::voices::Voices;
@@ -81,7 +81,7 @@ ports! {
 pub struct FeatureCrossings {
     params: FeatureCrossingsParams,
     force: MeetForce,
-    voices: Voices<()>,
+    voices: Voices<MeetVoice>,
 }
 
 fn law(p: &FeatureCrossingsParams) -> [f64; 3] {
@@ -108,7 +108,7 @@ impl Node for FeatureCrossings {
         let rate = p.rate.as_f64();
         let mut force = MeetForce::new([&a, &b], Law::new(law(p), rate), rate, p.contacts.into());
         (force.reach, force.width, force.scale) = (p.reach, p.width, Slew::new(p.scale, rate));
-        let voices = Voices::new(p.contacts.into(), p.rate, ());
+        let voices = Voices::new(p.contacts.into(), p.rate, MeetVoice::default());
         Ok(Self { params: p.clone(), force, voices })
     }
 
@@ -116,7 +116,8 @@ impl Node for FeatureCrossings {
         let (first, events, out) = (io.force.first(), io.paths.events(), io.force.items());
         let object = self.params.object;
         let Self { force, voices, .. } = self;
-        voices.play_cells(events, object, first, out, force, |_| (), MeetForce::add, MeetForce::ring_out);
+        let fresh = |_: &PathPiece| MeetVoice::default();
+        voices.play_cells(events, object, first, out, force, fresh, MeetForce::add, MeetForce::ring_out);
         voices.made(first, out);
         Ok(())
     }

@@ -68,7 +68,7 @@ fn lines_meet_when_both_ways_add_up_to_their_places_and_within_reach() {
                 right.add(0, time * RATE, width, PULSE * 3.0 * 2.0 * 0.5, (1, 0));
             }
         }
-        assert!(meetings == expected && expected > 4, "{first} {second}: {meetings} for {expected}");
+        assert!(meetings == expected && expected >= 2, "{first} {second}: {meetings} for {expected}");
         let mut wanted = vec![0.0; out.len()];
         right.read(0, &mut wanted);
         let miss: Vec<f32> = out.iter().zip(&wanted).map(|(a, b)| a - b).collect();
@@ -80,10 +80,10 @@ fn lines_meet_when_both_ways_add_up_to_their_places_and_within_reach() {
 fn even_lines_meet_as_often_as_their_densities_say() {
     // Both repeat: pairs of lines per square metre, times the area that the line of contact sweeps.
     let even = |step: usize| {
-        let grid = Grid::from_fn(120, 8, |x, _| (x % step) as f32);
+        let grid = Grid::from_fn(120, 40, |x, _| (x % step) as f32);
         let luma = Luma { grid, holes: Vec::new(), kind: LumaKind::Lstar, surface: Surface::default() };
         let levels = Levels::These(vec![1.25]);
-        isophotes(&luma, &Drawing { levels, pre_blur: 0.0, ..Drawing::default() }).unwrap()
+        isophotes(&luma, &Drawing { levels, pre_blur: 0.0, simplify: 0.0, ..Drawing::default() }).unwrap()
     };
     let (time, reach) = (0.4, 0.02);
     let path = PathPiece {

@@ -52,7 +52,7 @@ pub use law::{AT_REST, FADE, Heading, Law, Moves};
 pub use levels::StandardStroke;
 pub use lod::{Chooser, LodRules};
 pub use map::{MapForce, MapVoice, SurfaceMap};
-pub use meet::MeetForce;
+pub use meet::{MeetForce, MeetVoice};
 pub use noise::{NoiseForce, NoiseVoice};
 pub use pair::PairForce;
 pub use plane::{Interp, Plane};
