@@ -187,7 +187,11 @@ impl MeetForce {
     }
 
     /// Finds the pairs of lines that meet within a stretch, the earliest first.
+    ///
+    /// Those that make no sound do not count: then it makes no difference how a cell is cut.
     fn meet(&mut self, stretch: &Stretch) {
+        let mut force = [0.0; CELL];
+        stretch.force(&mut force);
         let Self { come, found: [found_a, found_b], met, .. } = self;
         let sum: [f64; CELL + 1] = std::array::from_fn(|n| come[0][n] + come[1][n]);
         met.clear();
@@ -200,8 +204,9 @@ impl MeetForce {
                 }
                 let part = before / (before - after);
                 let off = a.at - come[0][n] - part * (come[0][n + 1] - come[0][n]);
-                if off.abs() <= self.reach {
-                    let speed = (after - before).abs() * self.rate;
+                let speed = (after - before).abs() * self.rate;
+                let sounds = speed >= f64::from(AT_REST) && force[n] > 0.0;
+                if sounds && off.abs() <= self.reach {
                     let pieces = [a.piece, b.piece];
                     let time = n as f64 + part;
                     put(met, Meeting { time, pieces, sample: n, slopes: a.slope * b.slope, speed });
@@ -217,9 +222,6 @@ impl MeetForce {
         stretch.gain(&mut gain);
         let [force, gain] = [force, gain].map(|x| f64::from(x[meeting.sample]));
         let Meeting { speed, .. } = *meeting;
-        if speed < f64::from(AT_REST) || force <= 0.0 {
-            return;
-        }
         let sample = stretch.anchor + meeting.sample as i64;
         let cell = sample.div_euclid(CELL as i64);
         let count = if voice.quota.0 == cell { voice.quota.1 } else { 0 };
