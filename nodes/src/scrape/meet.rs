@@ -14,6 +14,8 @@ use crate::texture::Isophotes;
 
 /// Most lines of one surface within reach, and most meetings in a cell of samples.
 const MOST: usize = 32;
+/// Least room for pulses: at low sample rates many contacts begin within one cell.
+const ROOM: usize = 8192;
 /// Most pixels along which lines are looked for at once.
 const LONG: usize = 256;
 
@@ -70,7 +72,7 @@ pub struct MeetForce {
     pub width: f64,
     /// Meetings so far.
     pub meetings: u64,
-    /// Meetings too many for their time, and lines too many or too far to be found.
+    /// Meetings too many for their time, and samples that are too fast for lines to be told apart.
     pub left_out: u64,
     pulses: Pulses,
     found: [Vec<Crossed>; 2],
@@ -93,7 +95,7 @@ impl MeetForce {
             width: 1.0,
             meetings: 0,
             left_out: 0,
-            pulses: Pulses::new(contacts * MOST * cells, rate),
+            pulses: Pulses::new((contacts * MOST * cells).max(ROOM), rate),
             found: [(); 2].map(|()| Vec::with_capacity(MOST)),
             met: Vec::with_capacity(MOST + 1),
             come: [[0.0; CELL + 1]; 2],
@@ -114,9 +116,15 @@ impl MeetForce {
             }
         }
         let size = self.scale.at(stretch.anchor);
+        let mut near = true;
         for (side, base) in bases.into_iter().enumerate() {
             let ends = self.come[side].iter().fold((f64::MAX, f64::MIN), |(l, h), x| (l.min(*x), h.max(*x)));
-            self.cross(side, base, direction, [ends.0 - self.reach, ends.1 + self.reach], size);
+            near &= self.cross(side, base, direction, [ends.0 - self.reach, ends.1 + self.reach], size);
+        }
+        if !near {
+            // Faster than lines could be told apart.
+            self.left_out += (stretch.to - stretch.from) as u64;
+            return;
         }
         self.meet(stretch);
         for k in 0..self.met.len() {
@@ -142,8 +150,16 @@ impl MeetForce {
         self.left_out + self.pulses.left_out
     }
 
-    /// Finds the lines of one surface that cross the straight line through `base`, between two places on it in m.
-    fn cross(&mut self, side: usize, base: [f64; 2], direction: [f64; 2], [low, high]: [f64; 2], size: f64) {
+    /// Finds the lines of one surface that cross the straight line through `base`, between two places on it in m; says whether
+    /// these are near enough.
+    fn cross(
+        &mut self,
+        side: usize,
+        base: [f64; 2],
+        direction: [f64; 2],
+        [low, high]: [f64; 2],
+        size: f64,
+    ) -> bool {
         let (index, density) = &self.surfaces[side];
         let found = &mut self.found[side];
         found.clear();
@@ -151,9 +167,7 @@ impl MeetForce {
         let per_metre = pixels[0].hypot(pixels[1]);
         let steps = ((high - low) * per_metre).ceil().max(1.0);
         if steps > LONG as f64 {
-            // Faster than lines could be told apart.
-            self.left_out += 1;
-            return;
+            return false;
         }
         let at = |k: f64| {
             let way = low + (high - low) * k / steps;
@@ -184,6 +198,7 @@ impl MeetForce {
         found.sort_by(|a, b| {
             (a.at, a.piece).partial_cmp(&(b.at, b.piece)).unwrap_or(std::cmp::Ordering::Equal)
         });
+        true
     }
 
     /// Finds the pairs of lines that meet within a stretch, the earliest first.
@@ -209,6 +224,7 @@ impl MeetForce {
                 if sounds && off.abs() <= self.reach {
                     let pieces = [a.piece, b.piece];
                     let time = n as f64 + part;
+                    self.left_out += u64::from(met.len() == MOST);
                     put(met, Meeting { time, pieces, sample: n, slopes: a.slope * b.slope, speed });
                 }
             }
