@@ -99,16 +99,22 @@ fn errors_name_file_line_and_column() {
 #[test]
 fn taps_write_audio_and_numbers() {
     let dir = project(TONE);
-    let run =
-        foley(dir.path(), &["run", "tone.ron", "--tap", "tone.audio=taps/a.wav", "--tap", "tone=taps/a.npy"]);
+    let taps = ["--tap", "tone.audio=taps/a.wav", "--tap", "tone=taps/a.npy", "--tap", "tone=taps/a.csv"];
+    let run = foley(dir.path(), &[&["run", "tone.ron"][..], &taps].concat());
     assert_eq!(code(&run), 0, "{}", stderr(&run));
+    let csv = fs::read_to_string(dir.path().join("taps/a.csv")).unwrap();
     let npy = fs::read(dir.path().join("taps/a.npy")).unwrap();
     assert_eq!(&npy[..6], b"\x93NUMPY");
     assert_eq!(npy.len(), 128 + 4 * 24000);
     assert!(String::from_utf8_lossy(&npy[..128]).contains("'shape': (24000, 1)"));
     let wav = fs::read(dir.path().join("taps/a.wav")).unwrap();
     assert_eq!(&wav[wav.len() - 4 * 24000..], &npy[128..]);
-    let wrong = foley(dir.path(), &["run", "tone.ron", "--tap", "tone.audio=a.csv"]);
+    let lines: Vec<&str> = csv.lines().collect();
+    assert_eq!((lines.len(), lines[0]), (24001, "time,0"));
+    let (time, x) = lines[12001].split_once(',').unwrap();
+    assert_eq!(time.parse(), Ok(0.25));
+    assert_eq!(x.parse(), Ok(f32::from_le_bytes(npy[128 + 48000..][..4].try_into().unwrap())));
+    let wrong = foley(dir.path(), &["run", "tone.ron", "--tap", "tone.audio=a.jsonl"]);
     assert_eq!(code(&wrong), 2);
 }
 

@@ -208,6 +208,38 @@ fn one_sound_fades_into_another_without_a_step() {
 }
 
 #[test]
+fn a_surface_takes_another_image_size_strength_and_material_without_a_click() {
+    let with = |image: &str, scale: f64, kappa: f64, recording: &str| {
+        graph(&format!(
+            "\"s\": ImageLuma(path: \"../assets/images/{image}.png\"), \"m\": SobelMap(luma: \"s\"), \
+             \"k\": LevelMatcher(map: \"m\", kappa: {kappa}), \
+             \"w\": Stroke(shape: Circle, from: (0.3, 0.3), radius: 0.1, laps: 40.0, speed: 0.5), \
+             \"f\": MapExcitation(paths: \"w\", map: \"m\", kappa: \"k.full\", scale: {scale}, rate: 44100), \
+             \"r\": ModalFromRecording(recording: \"../assets/recordings/{recording}.flac\"), \
+             \"last\": ModalBank(forces: [\"f\"], modes: \"r\", gain: 10.0), {OUT}"
+        ))
+    };
+    let edits = [
+        with("sk_brick", 1.3, 1.0, "drum_cowbell"),
+        with("sk_brick", 1.3, 0.4, "drum_cowbell"),
+        with("sk_gravel", 1.3, 0.4, "drum_cowbell"),
+        with("sk_gravel", 1.3, 0.4, "glass_hit_a1"),
+    ];
+    let mut stand = Stand::new(&with("sk_brick", 1.0, 1.0, "drum_cowbell"), 128);
+    stand.play(22_050, 128);
+    for edit in &edits {
+        let at = stand.heard.len();
+        let Reloaded::Edit(_) = stand.load(edit) else { panic!("nothing changed") };
+        stand.settle();
+        let settled = stand.heard.len();
+        stand.play(22_050, 128);
+        let around = greatest_step(&stand.heard[at - 20_000..at]).max(greatest_step(&stand.heard[settled..]));
+        let during = greatest_step(&stand.heard[at - 128..settled + 128]);
+        assert!(around > 0.0 && during < 4.0 * around, "{during} against {around}\n{edit}");
+    }
+}
+
+#[test]
 fn what_is_read_ahead_goes_on_over_an_edit() {
     let with = |cutoff: f64, start: f64| {
         graph(&format!(

@@ -7,10 +7,13 @@ use foley_nodes::core::random::Draw;
 use foley_nodes::core::time::{Rate, Tick, ticks};
 use foley_nodes::modal::{Bank, ForceRing, Modes, PulseShape};
 use foley_nodes::scrape::{
-    Heading, Interp, Law, MapForce, MapVoice, NoiseBands, NoiseForce, NoiseVoice, PairForce, PathPiece,
-    PathRules, Queue, Relief, Sample, Stretch, SurfaceMap, Tracker, Voices, ball_map,
+    Heading, Interp, Law, MapForce, MapVoice, MeetForce, MeetVoice, NoiseBands, NoiseForce, NoiseVoice,
+    PairForce, PathPiece, PathRules, Queue, Relief, Sample, Stretch, SurfaceMap, Tracker, Voices, ball_map,
 };
-use foley_nodes::texture::{DiscontinuityMap, FeatureMap, Grid, NoiseProfile, Surface};
+use foley_nodes::texture::{
+    DiscontinuityMap, Drawing, FeatureMap, Grid, Kernel, Levels, Luma, LumaKind, NoiseProfile, Surface,
+    isophotes, smooth,
+};
 use std::error::Error;
 use std::hint::black_box;
 use std::time::Instant;
@@ -227,6 +230,13 @@ fn main() -> Result<(), Box<dyn Error>> {
         });
         line(&format!("two reliefs, 33 points, {speed} m/s"), us, 100.0);
     }
+
+    let soft = smooth(&grid, &Kernel::gaussian(3.0, 4.0), surface.wrap);
+    let luma = Luma { grid: soft, holes: Vec::new(), kind: LumaKind::Lstar, surface };
+    let curves = isophotes(&luma, &Drawing { levels: Levels::Quantiles(2), ..Drawing::default() })?;
+    let mut force = MeetForce::new([&curves; 2], law(0.0), FS.into(), 1);
+    let us = time(1, 0.5, MeetVoice::default(), |s, stretch, out| force.add(s, stretch, out));
+    line("two sets of lines, 2 levels, 2 mm, 0.5 m/s", us, 25.0);
 
     let mut force = map_force(Interp::Bspline3);
     let each = time(64, 0.5, MapVoice::default(), |s, stretch, out| force.add(&slope, s, stretch, out));

@@ -34,9 +34,12 @@ use crate::modal::modes_file::ModesFile;
 use crate::rigid::classify_node::ContactClassifier;
 use crate::rigid::log_node::ContactLog;
 use crate::scrape::isophote_node::IsophoteExcitation;
+use crate::scrape::levels_node::LevelMatcher;
 use crate::scrape::lod_node::LodSelect;
 use crate::scrape::map_node::MapExcitation;
+use crate::scrape::meet_node::FeatureCrossings;
 use crate::scrape::noise_node::NoiseExcitation;
+use crate::scrape::other_node::OtherSurface;
 use crate::scrape::pair_node::TwoTextures;
 use crate::scrape::path_node::ContactPath;
 use crate::scrape::profile_node::PathProfileNode;
@@ -84,6 +87,7 @@ pub fn all() -> Vec<NodeType> {
         NodeType::of::<dsp::nodes::GainNode>("dsp"),
         NodeType::of::<dsp::nodes::HighPassNode>("dsp"),
         NodeType::of::<dsp::nodes::ImpulsesNode>("dsp"),
+        NodeType::of::<dsp::nodes::LevelMeterNode>("dsp"),
         NodeType::of::<dsp::nodes::LoudnessNode>("dsp"),
         NodeType::of::<dsp::nodes::LowPassNode>("dsp"),
         NodeType::of::<dsp::nodes::MetronomeNode>("dsp"),
@@ -151,10 +155,13 @@ pub fn all() -> Vec<NodeType> {
         NodeType::func::<IsophotesNode>("texture"),
         NodeType::func::<IsophotesFile>("texture"),
         NodeType::func::<TextureReport>("texture"),
+        NodeType::of::<FeatureCrossings>("scrape"),
         NodeType::of::<IsophoteExcitation>("scrape"),
+        NodeType::func::<LevelMatcher>("scrape"),
         NodeType::of::<LodSelect>("scrape"),
         NodeType::of::<MapExcitation>("scrape"),
         NodeType::of::<NoiseExcitation>("scrape"),
+        NodeType::of::<OtherSurface>("scrape"),
         NodeType::of::<PathProfileNode>("scrape"),
         NodeType::of::<Stroke>("scrape"),
         NodeType::of::<TwoTextures>("scrape"),

@@ -1,4 +1,4 @@
-//! Writes any output of any node to a file: audio as WAV, numbers as NPY, events as CSV or JSON lines, values as JSON,
+//! Writes any output of any node to a file: audio as WAV, numbers as NPY or CSV, events as CSV or JSON lines, values as JSON,
 //! as SVG or as files of their own kind.
 
 use super::{Job, Values};
@@ -10,7 +10,7 @@ use foley_nodes::core::item::{EventType, ItemType};
 use foley_nodes::core::node::{DynNode, Summary};
 use foley_nodes::core::ports::PortKind;
 use foley_nodes::core::stage::Cx;
-use foley_nodes::core::time::seconds;
+use foley_nodes::core::time::{Rate, seconds};
 use foley_nodes::io::{AudioWriter, WriteFormat, WriteSpec};
 use std::any::Any;
 use std::io::{self, SeekFrom, Write};
@@ -59,8 +59,8 @@ pub fn check(graph: &Graph, text: &str) -> Result<Tap, Diagnostic> {
     let path = PathBuf::from(path);
     let ending = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_lowercase();
     let fits: &[&str] = match graph.nodes[node].ty.outputs[port].kind {
-        PortKind::Stream(item) if item.wave => &["wav", "npy"],
-        PortKind::Stream(_) => &["npy"],
+        PortKind::Stream(item) if item.wave => &["wav", "npy", "csv"],
+        PortKind::Stream(_) => &["npy", "csv"],
         PortKind::Events(_) => &["csv", "jsonl"],
         PortKind::Value(_) | PortKind::Fold(_) => &["json", "svg", "bin"],
     };
@@ -89,6 +89,10 @@ pub fn writer(job: &Job<'_>, k: usize) -> Result<Box<dyn DynNode>, Diagnostic> {
             let spec = WriteSpec::new(rate, stream.width, WriteFormat::Float32);
             let writer = AudioWriter::new(file, spec).map_err(|e| general("F080", e.to_string()))?;
             Ok(Box::new(Wave { item, writer: Some(writer), numbers: Vec::new() }))
+        }
+        (PortKind::Stream(item), Some(stream)) if csv => {
+            let rows = Rows::start(file, item, stream.width, stream.rate);
+            Ok(Box::new(rows.map_err(|e| general("F080", e.to_string()))?))
         }
         (PortKind::Stream(item), Some(stream)) => {
             let file =
@@ -215,6 +219,61 @@ impl DynNode for Numbers {
     fn finish(&mut self, _: &Cx<'_>) -> Result<Summary, Fault> {
         let rewind = self.file.seek(SeekFrom::Start(0)).map(|_| ());
         rewind.and_then(|()| self.header()).and_then(|()| self.file.flush()).map_err(|e| failed(&e))?;
+        Ok(Summary::new())
+    }
+
+    plain_node!();
+}
+
+/// Items, one a line: its time in seconds, then its numbers.
+struct Rows {
+    file: Box<dyn WriteSeek>,
+    item: &'static ItemType,
+    /// Numbers in a line.
+    width: usize,
+    rate: Rate,
+    numbers: Vec<f32>,
+}
+
+impl Rows {
+    fn start(
+        mut file: Box<dyn WriteSeek>,
+        item: &'static ItemType,
+        width: usize,
+        rate: Rate,
+    ) -> io::Result<Self> {
+        let name = |k: usize, column: &str| match (column, width) {
+            ("", _) => format!("{k}"),
+            (_, 1) => column.to_owned(),
+            _ => format!("{k}.{column}"),
+        };
+        let names = (0..width).flat_map(|k| item.columns.iter().map(move |column| name(k, column)));
+        writeln!(file, "time,{}", names.collect::<Vec<_>>().join(","))?;
+        Ok(Self { file, item, width: width * item.columns.len(), rate, numbers: Vec::new() })
+    }
+
+    fn lines(&mut self, first: i64) -> io::Result<()> {
+        for (k, numbers) in (first..).zip(self.numbers.chunks_exact(self.width.max(1))) {
+            write!(self.file, "{}", seconds(self.rate.tick(k)))?;
+            numbers.iter().try_for_each(|x| write!(self.file, ",{x}"))?;
+            writeln!(self.file)?;
+        }
+        Ok(())
+    }
+}
+
+impl DynNode for Rows {
+    fn run(&mut self, cx: &Cx<'_>) -> Result<(), Fault> {
+        self.numbers.clear();
+        let first = cx.raw_input(0, |track, span| {
+            (self.item.numbers)(track, span.from, span.to, &mut self.numbers);
+            span.from
+        });
+        self.lines(first.unwrap_or(0)).map_err(|e| failed(&e))
+    }
+
+    fn finish(&mut self, _: &Cx<'_>) -> Result<Summary, Fault> {
+        self.file.flush().map_err(|e| failed(&e))?;
         Ok(Summary::new())
     }
 

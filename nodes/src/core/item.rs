@@ -108,6 +108,15 @@ pub trait Data: Debug + PartialEq + Serialize + DeserializeOwned + Send + Sync +
     }
 }
 
+/// A number that was found before streams start, such as a gain.
+impl Data for f64 {
+    const NAME: &'static str = "number";
+
+    fn trial(draw: &mut Draw) -> Self {
+        draw.between(-10.0, 10.0)
+    }
+}
+
 /// The runtime's view of an [`Item`] type.
 #[derive(Debug)]
 pub struct ItemType {

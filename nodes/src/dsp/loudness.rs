@@ -41,11 +41,16 @@ pub struct LevelMeter {
 impl LevelMeter {
     /// Takes in samples, one after the other, so that blocks do not change a bit.
     pub fn process(&mut self, samples: &[f32]) {
+        self.process_each(samples);
+    }
+
+    /// The same of any samples, such as those of one channel.
+    pub fn process_each<'a>(&mut self, samples: impl IntoIterator<Item = &'a f32>) {
         for &x in samples {
             self.peak = self.peak.max(x.abs());
             self.sum_squares += f64::from(x) * f64::from(x);
+            self.samples += 1;
         }
-        self.samples += samples.len() as u64;
     }
 
     /// The level of everything so far; that of silence where there was nothing.

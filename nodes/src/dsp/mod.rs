@@ -14,6 +14,7 @@ mod delay;
 mod dropout;
 mod fade;
 mod feedback;
+mod frames;
 mod gain;
 mod loudness;
 mod mix;
@@ -59,6 +60,7 @@ pub mod nodes {
     pub use super::delay::{DelayIo, DelayNode, DelayParams, DelayPorts};
     pub use super::fade::{FadeIo, FadeNode, FadeParams, FadePorts};
     pub use super::feedback::{FeedbackIo, FeedbackNode, FeedbackParams, FeedbackPorts};
+    pub use super::frames::{LevelMeterIo, LevelMeterNode, LevelMeterParams, LevelMeterPorts};
     pub use super::gain::{GainIo, GainNode, GainParams, GainPorts};
     pub use super::loudness::{
         LoudnessIo, LoudnessNode, LoudnessParams, LoudnessPorts, NormalizeIo, NormalizeNode, NormalizeParams,

@@ -4,7 +4,8 @@ use super::isophote::{IsophoteForce, IsophoteVoice, Reading};
 use super::item::PathPiece;
 use super::law::Law;
 use super::pulses::LONGEST;
-use super::voices::{CELL, Voices};
+use super::strength::linked;
+use super::voices::Voices;
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::item::Channels;
@@ -35,7 +36,8 @@ params! {
     /// it has gone after 5 ms. Evenly sloped ground is silent but for its first curve, and so is a way along a curve. A way back turns
     /// the sign of slopes, and so of the first pulse; changes of slopes are the same both ways.
     ///
-    /// `gain`, `kappa`, `a`, `b`, `scale`, `width` and `radius` can be changed while it sounds. A contact has at most 32 crossings in 64
+    /// `gain`, `kappa`, `a`, `b`, `scale`, `width` and `radius` can be changed while it sounds; a link to `kappa` takes the place of
+    /// the number. A contact has at most 32 crossings in 64
     /// samples; the summary counts crossings, and those that were left out. This node makes audio from something that is
     /// none, so it has a sample rate of its own.
     ///
@@ -75,6 +77,8 @@ ports! {
             paths: Events<PathPiece>,
             /// The curves of the surface.
             isophotes: Value<Isophotes>,
+            /// Strength in place of the number, as LevelMatcher finds it.
+            kappa: Option<Value<f64>>,
         }
         out {
             /// Force, mono, N.
@@ -87,24 +91,28 @@ ports! {
 #[derive(Debug)]
 pub struct IsophoteExcitation {
     params: IsophoteExcitationParams,
+    /// Strength that is linked.
+    kappa: Option<f64>,
     force: IsophoteForce,
     voices: Voices<IsophoteVoice>,
 }
 
-fn law(p: &IsophoteExcitationParams) -> [f64; 3] {
-    [p.kappa * p.gain, p.a, p.b]
+/// The law of the parameters, with the strength that is linked in place of the number.
+fn law(p: &IsophoteExcitationParams, kappa: Option<f64>) -> [f64; 3] {
+    [kappa.unwrap_or(p.kappa) * p.gain, p.a, p.b]
 }
 
-fn check(all: &Isophotes) -> Result<(), Reject> {
+/// Refuses isophotes that cannot be read.
+pub(super) fn check(field: &'static str, all: &Isophotes) -> Result<(), Reject> {
     let density = all.surface.density;
     let message = if !density.iter().all(|d| (1e-3..1e9).contains(d)) {
-        format!("the isophotes have {density:?} pixels per metre; 0.001 to 1e9 can be read")
+        format!("`{field}` has {density:?} pixels per metre; 0.001 to 1e9 can be read")
     } else if all.points.len() != all.gradients.len() {
-        format!("the isophotes have {} points and {} gradients", all.points.len(), all.gradients.len())
+        format!("`{field}` has {} points and {} gradients", all.points.len(), all.gradients.len())
     } else {
         return Ok(());
     };
-    Err(Reject::new("F127", message).at("isophotes"))
+    Err(Reject::new("F127", message).at(field))
 }
 
 impl Node for IsophoteExcitation {
@@ -119,7 +127,7 @@ impl Node for IsophoteExcitation {
         s: &mut Shape<'_, '_, IsophoteExcitationPorts>,
     ) -> Result<(), Reject> {
         if let Some(all) = s.value(IsophoteExcitationPorts::isophotes) {
-            check(&all)?;
+            check("isophotes", &all)?;
         }
         s.tail(ticks(LONGEST) + p.rate.span(3));
         s.output(IsophoteExcitationPorts::force, p.rate, Channels(1));
@@ -128,43 +136,30 @@ impl Node for IsophoteExcitation {
 
     fn build(p: &IsophoteExcitationParams, cx: &Build<'_>) -> Result<Self, Fault> {
         let all = cx.value(IsophoteExcitationPorts::isophotes);
-        check(&all)?;
+        check("isophotes", &all)?;
+        let kappa = linked(cx.optional_value(IsophoteExcitationPorts::kappa))?;
         let rate = p.rate.as_f64();
-        let mut force = IsophoteForce::new(&all, p.reading, Law::new(law(p), rate), rate, p.contacts.into());
+        let mut force =
+            IsophoteForce::new(&all, p.reading, Law::new(law(p, kappa), rate), rate, p.contacts.into());
         force.set(p.width, p.radius, p.scale);
         let voices = Voices::new(p.contacts.into(), p.rate, IsophoteVoice::default());
-        Ok(Self { params: p.clone(), force, voices })
+        Ok(Self { params: p.clone(), kappa, force, voices })
     }
 
     fn run(&mut self, mut io: IsophoteExcitationIo<'_>) -> Result<(), Fault> {
-        let (mut first, mut events) = (io.force.first(), io.paths.events());
-        let mut left = io.force.items();
-        // Cell by cell, so that only the pulses of one are waiting at a time.
-        loop {
-            let stop = (first.div_euclid(CELL as i64) + 1) * CELL as i64;
-            let (out, rest) = left.split_at_mut(((stop - first) as usize).min(left.len()));
-            let count = if rest.is_empty() {
-                events.len()
-            } else {
-                events.partition_point(|(tick, _)| self.params.rate.first_at(*tick) < stop)
-            };
-            let (now, later) = events.split_at(count);
-            let force = &mut self.force;
-            self.voices.play(
-                now,
-                self.params.object,
-                first,
-                out,
-                |_| IsophoteVoice::default(),
-                |voice, stretch, out| force.add(voice, stretch, out),
-            );
-            force.ring_out(first, out);
-            self.voices.made(first, out);
-            (first, left, events) = (stop, rest, later);
-            if left.is_empty() {
-                return Ok(());
-            }
-        }
+        let (first, events, out) = (io.force.first(), io.paths.events(), io.force.items());
+        self.voices.play_cells(
+            events,
+            self.params.object,
+            first,
+            out,
+            &mut self.force,
+            |_| IsophoteVoice::default(),
+            IsophoteForce::add,
+            IsophoteForce::ring_out,
+        );
+        self.voices.made(first, out);
+        Ok(())
     }
 
     fn finish(&mut self, _: IsophoteExcitationIo<'_>) -> Result<Summary, Fault> {
@@ -183,7 +178,7 @@ impl Node for IsophoteExcitation {
         if fixed(new) != fixed(&self.params) {
             return Retune::Rebuild;
         }
-        self.force.law.go_to(law(new), self.voices.now());
+        self.force.law.go_to(law(new, self.kappa), self.voices.now());
         self.force.scale.go_to(new.scale, self.voices.now());
         self.force.radius.go_to(new.radius, self.voices.now());
         self.force.width = new.width;

@@ -286,6 +286,7 @@ mod tests {
         let (parts, chooser) = parts(rules(None), &way);
         assert_eq!(chooser.changes, 4);
         let mut before: Option<[f64; LEVELS]> = None;
+        let (mut cost, mut fading) = (f64::INFINITY, false);
         for k in 0..2_900 {
             let tick = ticks(f64::from(k) * 0.001);
             let now: [f64; LEVELS] = std::array::from_fn(|level| gain(&parts[level], tick));
@@ -293,6 +294,15 @@ mod tests {
             if k < 2000 {
                 assert!((power - 1.0).abs() < 0.02, "{k} ms: {power}");
             }
+            // What sounds costs; in a cross-fade both levels do, for 50 ms.
+            let paid = (0..LEVELS).filter(|level| now[*level] > 0.0);
+            let both = paid.clone().count() > 1;
+            let paid: f64 = paid.map(|level| chooser.rules.costs[level]).sum();
+            if !both {
+                assert!(paid <= cost, "{k} ms: {paid} after {cost}");
+                cost = paid;
+            }
+            fading |= both;
             if let Some(before) = before {
                 let step = now.iter().zip(before).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
                 assert!(step < 0.05, "{k} ms: {step}");
@@ -300,6 +310,7 @@ mod tests {
             before = Some(now);
         }
         assert!(parts.iter().all(|p| !p.is_empty()) && before == Some([0.0; LEVELS]));
+        assert!(fading && cost == 0.0);
     }
 
     #[test]

@@ -4,6 +4,7 @@ use super::item::PathPiece;
 use super::law::Law;
 use super::map::{MapForce, MapVoice, SurfaceMap};
 use super::plane::Interp;
+use super::strength::linked;
 use super::voices::Voices;
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
@@ -44,7 +45,8 @@ params! {
     /// contact passes more than half a pixel from one sample to the next, a halving of the map is read instead, so that
     /// nothing folds down.
     ///
-    /// `gain`, `kappa`, `a`, `b` and `scale` can be changed while it sounds: they are reached in 20 ms. The summary says how strong
+    /// `gain`, `kappa`, `a`, `b` and `scale` can be changed while it sounds: they are reached in 20 ms. A link to `kappa` takes the place
+    /// of the number. The summary says how strong
     /// the force was, and how many contacts sounded at once. This node makes audio from something that is none, so it
     /// has a sample rate of its own.
     ///
@@ -83,6 +85,8 @@ ports! {
             map: Option<Value<DiscontinuityMap>>,
             /// The features of the surface, in place of that.
             features: Option<Value<FeatureMap>>,
+            /// Strength in place of the number, as LevelMatcher finds it.
+            kappa: Option<Value<f64>>,
         }
         out {
             /// Force, mono, N.
@@ -95,6 +99,8 @@ ports! {
 #[derive(Debug)]
 pub struct MapExcitation {
     params: MapExcitationParams,
+    /// Strength that is linked.
+    kappa: Option<f64>,
     map: SurfaceMap,
     force: MapForce,
     voices: Voices<MapVoice>,
@@ -143,8 +149,9 @@ fn one_of(both: bool) -> Reject {
         .help("link one of them: map takes a SobelMap, features what DogFeatures gives")
 }
 
-fn law(p: &MapExcitationParams) -> [f64; 3] {
-    [p.kappa * p.gain, p.a, p.b]
+/// The law of the parameters, with the strength that is linked in place of the number.
+fn law(p: &MapExcitationParams, kappa: Option<f64>) -> [f64; 3] {
+    [kappa.unwrap_or(p.kappa) * p.gain, p.a, p.b]
 }
 
 impl Node for MapExcitation {
@@ -167,10 +174,12 @@ impl Node for MapExcitation {
         let (map, features) =
             (cx.optional_value(MapExcitationPorts::map), cx.optional_value(MapExcitationPorts::features));
         let map = surface_map(p.value, map.as_deref(), features.as_deref())?;
+        let kappa = linked(cx.optional_value(MapExcitationPorts::kappa))?;
         let rate = p.rate.as_f64();
         Ok(Self {
+            kappa,
             map,
-            force: MapForce::new(Law::new(law(p), rate), p.scale, p.interp, rate),
+            force: MapForce::new(Law::new(law(p, kappa), rate), p.scale, p.interp, rate),
             voices: Voices::new(p.contacts.into(), p.rate, MapVoice::default()),
             params: p.clone(),
         })
@@ -201,7 +210,7 @@ impl Node for MapExcitation {
         if fixed(new) != fixed(old) {
             return Retune::Rebuild;
         }
-        self.force.law.go_to(law(new), self.voices.now());
+        self.force.law.go_to(law(new, self.kappa), self.voices.now());
         self.force.scale.go_to(new.scale, self.voices.now());
         self.params = new.clone();
         Retune::Done

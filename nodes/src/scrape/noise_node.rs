@@ -4,6 +4,7 @@ use super::bands::NoiseBands;
 use super::item::PathPiece;
 use super::law::Law;
 use super::noise::{NoiseForce, NoiseVoice};
+use super::strength::linked;
 use super::voices::Voices;
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
@@ -28,7 +29,8 @@ params! {
     /// amplitude goes with the square root of the power of friction. A contact at rest fades out in 5 ms. At any speed
     /// all is there up to 0.4 of the sample rate, and nothing folds down from above half of it.
     ///
-    /// `gain`, `kappa`, `a`, `b` and `scale` can be changed while it sounds: they are reached in 20 ms. This node makes audio from
+    /// `gain`, `kappa`, `a`, `b` and `scale` can be changed while it sounds: they are reached in 20 ms. A link to
+    /// `kappa` takes the place of the number. This node makes audio from
     /// something that is none, so it has a sample rate of its own.
     ///
     /// # Randomness
@@ -64,6 +66,8 @@ ports! {
             paths: Events<PathPiece>,
             /// The noise of the surface.
             noise: Value<NoiseProfile>,
+            /// Strength in place of the number, as LevelMatcher finds it.
+            kappa: Option<Value<f64>>,
         }
         out {
             /// Force, mono, N.
@@ -76,17 +80,20 @@ ports! {
 #[derive(Debug)]
 pub struct NoiseExcitation {
     params: NoiseExcitationParams,
+    /// Strength that is linked.
+    kappa: Option<f64>,
     noise: NoiseBands,
     random: Random,
     force: NoiseForce,
     voices: Voices<NoiseVoice>,
 }
 
-fn law(p: &NoiseExcitationParams) -> [f64; 3] {
-    [p.kappa * p.gain, p.a, p.b]
+/// The law of the parameters, with the strength that is linked in place of the number.
+fn law(p: &NoiseExcitationParams, kappa: Option<f64>) -> [f64; 3] {
+    [kappa.unwrap_or(p.kappa) * p.gain, p.a, p.b]
 }
 
-fn check(noise: &NoiseProfile) -> Result<(), Reject> {
+pub(super) fn check(noise: &NoiseProfile) -> Result<(), Reject> {
     let count = noise.samples.len();
     let message = if count == 0 || count > LONGEST {
         format!("`noise` has {count} samples; 1 to {LONGEST} can be read")
@@ -115,11 +122,13 @@ impl Node for NoiseExcitation {
     fn build(p: &NoiseExcitationParams, cx: &Build<'_>) -> Result<Self, Fault> {
         let noise = cx.value(NoiseExcitationPorts::noise);
         check(&noise)?;
+        let kappa = linked(cx.optional_value(NoiseExcitationPorts::kappa))?;
         let rate = p.rate.as_f64();
         Ok(Self {
+            kappa,
             noise: NoiseBands::new(&noise),
             random: cx.random,
-            force: NoiseForce::new(Law::new(law(p), rate), p.scale, rate),
+            force: NoiseForce::new(Law::new(law(p, kappa), rate), p.scale, rate),
             voices: Voices::new(p.contacts.into(), p.rate, NoiseVoice::default()),
             params: p.clone(),
         })
@@ -148,7 +157,7 @@ impl Node for NoiseExcitation {
         if (new.object, new.contacts, new.rate) != (old.object, old.contacts, old.rate) {
             return Retune::Rebuild;
         }
-        self.force.law.go_to(law(new), self.voices.now());
+        self.force.law.go_to(law(new, self.kappa), self.voices.now());
         self.force.scale.go_to(new.scale, self.voices.now());
         self.params = new.clone();
         Retune::Done
@@ -265,7 +274,35 @@ mod tests {
     }
 
     #[test]
-    fn the_wall_of_a_loop_without_samples_is_an_error() {
+    fn edits_while_it_sounds_do_not_click() {
+        let path = vec![(0, piece([0.0; 2], [0.1, 0.0], 1.0))];
+        let edits = [
+            NoiseExcitationParams { kappa: 5.0, ..params() },
+            NoiseExcitationParams { gain: 0.0, ..params() },
+            NoiseExcitationParams { a: 1.5, b: 0.0, ..params() },
+            NoiseExcitationParams { scale: 0.5, ..params() },
+            NoiseExcitationParams { scale: 9.0, ..params() },
+        ];
+        for edit in edits {
+            let solo = solo(params(), path.clone(), 1.0).window(Rate::hz(44_100).span(256));
+            let mut run = solo.start().unwrap();
+            let mut count = 0;
+            while run.step().unwrap() {
+                count += 1;
+                if count == 60 {
+                    assert_eq!(run.node().retune(&edit), Retune::Done);
+                }
+            }
+            let out = run.stream(NoiseExcitationPorts::force);
+            let step = |x: &[f32]| x.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f32::max);
+            let before = step(&out[2000..15_000]).max(step(&out[18_000..]));
+            let during = step(&out[15_000..17_000]);
+            assert!(before > 0.0 && during < 4.0 * before, "{edit:?}: {during} against {before}");
+        }
+    }
+
+    #[test]
+    fn a_loop_without_samples_is_an_error() {
         let empty = NoiseProfile { samples: Vec::new(), spacing: 1.0 };
         let solo = Solo::new::<NoiseExcitation>(params()).events::<PathPiece>(
             NoiseExcitationPorts::paths,

@@ -5,9 +5,9 @@
 //! precision, and the same however the samples are cut into calls.
 
 use super::item::{PathPiece, place, shifted};
-use super::meter::Meter;
 use crate::core::node::Summary;
 use crate::core::time::{Rate, TICKS_PER_SECOND, Tick};
+use crate::dsp::LevelMeter;
 
 /// Samples from one anchor to the next.
 pub const CELL: usize = 64;
@@ -115,7 +115,7 @@ pub struct Voices<S> {
     pub most: usize,
     /// Pieces that found no voice.
     pub left_out: u64,
-    meter: Meter,
+    meter: LevelMeter,
     /// The sample after the last one made.
     now: i64,
 }
@@ -136,7 +136,7 @@ impl<S: Clone> Voices<S> {
         };
         let voice = Voice { start: Tick::MIN, end: Tick::MIN, piece, state: blank };
         let voices = vec![voice; count.max(1)];
-        Self { voices, rate, most: 0, left_out: 0, meter: Meter::default(), now: 0 }
+        Self { voices, rate, most: 0, left_out: 0, meter: LevelMeter::default(), now: 0 }
     }
 
     /// Takes a piece; `fresh` makes the state of one that does not go on from another.
@@ -185,9 +185,38 @@ impl<S: Clone> Voices<S> {
         self.sweep(first, (next, last), out, &mut sound);
     }
 
+    /// As [`play`](Self::play), cell by cell: `after` adds to each cell what goes on by itself, such as pulses that have begun, so
+    /// that only those of one cell are waiting at a time.
+    #[allow(clippy::too_many_arguments)]
+    pub fn play_cells<F>(
+        &mut self,
+        events: &[(Tick, PathPiece)],
+        object: Option<u32>,
+        first: i64,
+        out: &mut [f32],
+        force: &mut F,
+        mut fresh: impl FnMut(&PathPiece) -> S,
+        mut sound: impl FnMut(&mut F, &mut S, &Stretch, &mut [f32]),
+        mut after: impl FnMut(&mut F, i64, &mut [f32]),
+    ) {
+        let (mut first, mut events, mut left) = (first, events, out);
+        while !left.is_empty() {
+            let stop = (first.div_euclid(CELL as i64) + 1) * CELL as i64;
+            let (out, rest) = left.split_at_mut(((stop - first) as usize).min(left.len()));
+            let now = |(tick, _): &(Tick, PathPiece)| self.rate.first_at(*tick) < stop;
+            let count = if rest.is_empty() { events.len() } else { events.partition_point(now) };
+            let (now, later) = events.split_at(count);
+            self.play(now, object, first, out, &mut fresh, |voice, stretch, out| {
+                sound(force, voice, stretch, out);
+            });
+            after(force, first, out);
+            (first, left, events) = (stop, rest, later);
+        }
+    }
+
     /// Notes the samples from `first` on as they leave the node.
     pub fn made(&mut self, first: i64, out: &[f32]) {
-        self.meter.add(out);
+        self.meter.process(out);
         self.now = first + out.len() as i64;
     }
 
@@ -200,8 +229,12 @@ impl<S: Clone> Voices<S> {
     /// What to tell of a run: how strong the force was, and how many contacts made it.
     #[must_use]
     pub fn summary(&self) -> Summary {
-        let mut summary = self.meter.summary();
-        summary.push(("contacts_at_once", self.most.into()));
+        let level = self.meter.level();
+        let mut summary: Summary = vec![
+            ("peak_n", level.peak.into()),
+            ("rms_n", level.rms.into()),
+            ("contacts_at_once", self.most.into()),
+        ];
         if self.left_out > 0 {
             summary.push(("left_out", self.left_out.into()));
         }

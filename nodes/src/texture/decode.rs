@@ -1,8 +1,10 @@
 //! Reads PNG, JPEG and TIFF images into plain samples; nothing that a header claims is believed before it is plausible.
 
+use super::palette::{self, Palette};
 use std::io::Cursor;
 use thiserror::Error;
 use tiff::decoder::{Decoder as Tiff, DecodingResult, Limits};
+use tiff::tags::{PhotometricInterpretation, Tag};
 use tiff::{ColorType as TiffColour, TiffError};
 use zune_jpeg::JpegDecoder;
 use zune_jpeg::errors::DecodeErrors;
@@ -156,7 +158,7 @@ pub fn header(bytes: &[u8]) -> Result<Header, ImageError> {
         }
         Format::Tiff => {
             let mut tiff = Tiff::new(Cursor::new(bytes)).map_err(|e| tiff_error(&e))?;
-            tiff_channels(&mut tiff)?;
+            tiff_kind(&mut tiff)?;
             let (width, height) = tiff.dimensions().map_err(|e| tiff_error(&e))?;
             (u64::from(width), u64::from(height))
         }
@@ -266,7 +268,7 @@ fn jpeg_samples(bytes: &[u8]) -> Result<(usize, Samples), ImageError> {
     Ok((channels, Samples::Bytes(data)))
 }
 
-fn tiff_error(e: &TiffError) -> ImageError {
+pub(super) fn tiff_error(e: &TiffError) -> ImageError {
     let format = Format::Tiff;
     match e {
         TiffError::UnsupportedError(what) => ImageError::Unsupported { format, found: what.to_string() },
@@ -275,33 +277,66 @@ fn tiff_error(e: &TiffError) -> ImageError {
 }
 
 fn tiff_samples(bytes: &[u8]) -> Result<(usize, Samples), ImageError> {
-    let bad = |e: TiffError| tiff_error(&e);
+    let mut tiff = tiff_reader(bytes)?;
+    let read = |tiff: &mut Tiff<Cursor<&[u8]>>| tiff.read_image().map_err(|e| tiff_error(&e));
+    match tiff_kind(&mut tiff)? {
+        TiffKind::Channels(channels) => match read(&mut tiff)? {
+            DecodingResult::U8(samples) => Ok((channels, Samples::Bytes(samples))),
+            DecodingResult::U16(samples) => Ok((channels, Samples::Words(samples))),
+            _ => Err(not_read("numbers that are not unsigned".into())),
+        },
+        TiffKind::Palette(bits) => {
+            let colours = Palette::new(&mut tiff, bits)?;
+            let width = tiff.dimensions().map_err(|e| tiff_error(&e))?.0;
+            let grey = palette::as_grey(bytes).ok_or_else(|| not_read(PALETTE.into()))?;
+            match read(&mut tiff_reader(&grey)?)? {
+                DecodingResult::U8(packed) => Ok((3, Samples::Words(colours.paint(&packed, width as usize)))),
+                _ => Err(not_read(PALETTE.into())),
+            }
+        }
+    }
+}
+
+fn tiff_reader(bytes: &[u8]) -> Result<Tiff<Cursor<&[u8]>>, ImageError> {
     let most = MAX_PIXELS as usize * 8;
     let mut limits = Limits::default();
     (limits.decoding_buffer_size, limits.intermediate_buffer_size) = (most, most);
-    let mut tiff = Tiff::new(Cursor::new(bytes)).map_err(bad)?.with_limits(limits);
-    let channels = tiff_channels(&mut tiff)?;
-    match tiff.read_image().map_err(bad)? {
-        DecodingResult::U8(samples) => Ok((channels, Samples::Bytes(samples))),
-        DecodingResult::U16(samples) => Ok((channels, Samples::Words(samples))),
-        _ => Err(not_read("numbers that are not unsigned".into())),
-    }
+    Ok(Tiff::new(Cursor::new(bytes)).map_err(|e| tiff_error(&e))?.with_limits(limits))
 }
 
 fn not_read(found: String) -> ImageError {
     ImageError::Unsupported { format: Format::Tiff, found }
 }
 
-/// Channels of a TIFF, where they are such as are read.
-fn tiff_channels(tiff: &mut Tiff<Cursor<&[u8]>>) -> Result<usize, ImageError> {
-    let colour = tiff.colortype().map_err(|e| tiff_error(&e))?;
-    match colour {
-        TiffColour::Gray(8 | 16) => Ok(1),
-        TiffColour::GrayA(8 | 16) | TiffColour::Multiband { bit_depth: 8 | 16, num_samples: 2 } => Ok(2),
-        TiffColour::RGB(8 | 16) => Ok(3),
-        TiffColour::RGBA(8 | 16) => Ok(4),
-        found => Err(not_read(format!("{found:?}"))),
+/// What the samples of a TIFF are.
+enum TiffKind {
+    /// So many channels.
+    Channels(usize),
+    /// Numbers of colours, of so many bits.
+    Palette(u8),
+}
+
+/// A palette that is not read, and what to do.
+const PALETTE: &str = "colours of a palette in a way that is not read (convert it to RGB, such as by `magick in.tif -type TrueColor out.png`)";
+
+/// The kind of a TIFF, where it is one that is read.
+fn tiff_kind(tiff: &mut Tiff<Cursor<&[u8]>>) -> Result<TiffKind, ImageError> {
+    let bad = |e: TiffError| tiff_error(&e);
+    let photometric = tiff.find_tag_unsigned::<u16>(Tag::PhotometricInterpretation).map_err(bad)?;
+    if photometric == Some(PhotometricInterpretation::RGBPalette.to_u16()) {
+        let bits = tiff.find_tag_unsigned_vec::<u8>(Tag::BitsPerSample).map_err(bad)?.unwrap_or_default();
+        return match bits[..] {
+            [bits @ (1 | 2 | 4 | 8)] => Ok(TiffKind::Palette(bits)),
+            _ => Err(not_read(PALETTE.into())),
+        };
     }
+    Ok(TiffKind::Channels(match tiff.colortype().map_err(bad)? {
+        TiffColour::Gray(8 | 16) => 1,
+        TiffColour::GrayA(8 | 16) | TiffColour::Multiband { bit_depth: 8 | 16, num_samples: 2 } => 2,
+        TiffColour::RGB(8 | 16) => 3,
+        TiffColour::RGBA(8 | 16) => 4,
+        found => return Err(not_read(format!("{found:?}"))),
+    }))
 }
 
 #[cfg(test)]
@@ -431,6 +466,8 @@ pub(super) mod tests {
             JPEG.to_vec(),
             COLOUR.to_vec(),
             tiff(1, &[1, 2, 3, 4, 5, 6]),
+            palette::tests::tiff(4, true),
+            palette::tests::tiff(8, false),
         ];
         let mut draw = Draw::new(120);
         let (mut read, mut refused) = (0, 0);

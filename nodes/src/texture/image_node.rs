@@ -35,7 +35,7 @@ choices! { @param Wrap {
 params! {
     /// The luminance of an image of a surface, and how the image lies on it.
     ///
-    /// PNG, JPEG and TIFF are read, of 8 or 16 bits, grey, colour or (PNG) palette, at most 16384 pixels along a side and 67 million in
+    /// PNG, JPEG and TIFF are read, of 8 or 16 bits, grey, colour or palette, at most 16384 pixels along a side and 67 million in
     /// all. Pixels of an alpha below one half are holes: their luminance is 0 and they do not count in statistics.
     ///
     /// What is heard ends at half the density times the speed: `highest_hz_at_1_m_s` of the report says where. The blocks of strongly

@@ -192,8 +192,9 @@ fn keep(
                 slopes.push(steep[k]);
             }
         }
-        // What is left of a ring smaller than the tolerance is no line.
-        let least = if *closed { 3 } else { 2 };
+        // What is left of a ring smaller than the tolerance is no line; a straight line around a repeated image is one.
+        let ring = *closed && all.first() == all.last();
+        let least = if ring { 3 } else { 2 };
         if points.len() < start + least {
             points.truncate(start);
             slopes.truncate(start);

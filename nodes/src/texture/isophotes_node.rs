@@ -90,6 +90,7 @@ impl Func for IsophotesNode {
     type Params = IsophotesParams;
     type Ports = IsophotesPorts;
     const NAME: &'static str = "Isophotes";
+    const VERSION: u32 = 2;
 
     fn check(p: &IsophotesParams, s: &mut Shape<'_, '_, IsophotesPorts>) -> Result<(), Reject> {
         if p.levels.len() > 64 {

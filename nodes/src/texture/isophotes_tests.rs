@@ -1,6 +1,6 @@
 use super::*;
 use crate::core::random::Draw;
-use crate::texture::LumaKind;
+use crate::texture::{LumaKind, decode_isophotes, encode_isophotes};
 
 fn luma(width: usize, height: usize, wrap: Wrap, f: impl FnMut(usize, usize) -> f32) -> Luma {
     let surface = Surface { wrap, ..Surface::default() };
@@ -70,6 +70,18 @@ fn a_repeated_image_has_no_seam() {
         all.iter().flat_map(|(_, points, _)| points.windows(2)).map(length).sum::<f64>()
     };
     assert!((long(&tile) / long(&moved) - 1.0).abs() < 0.005);
+}
+
+#[test]
+fn a_straight_line_around_a_repeated_image_stays() {
+    let joints = luma(40, 24, Wrap::Repeat, |x, _| if x % 20 < 3 { 20.0 } else { 70.0 });
+    let drawing = Drawing { levels: Levels::These(vec![45.0]), ..Drawing::default() };
+    let found = isophotes(&joints, &drawing).unwrap();
+    assert_eq!((found.curves.len(), found.points.len()), (4, 8), "{:?}", found.curves);
+    for (curve, points, _) in found.iter() {
+        assert!(curve.closed && points[0][0] == points[1][0] && (points[1][1] - points[0][1]).abs() == 24.0);
+    }
+    assert_eq!(decode_isophotes(&encode_isophotes(&found)).unwrap().points, found.points);
 }
 
 #[test]

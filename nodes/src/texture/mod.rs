@@ -2,7 +2,7 @@
 //!
 //! A [`Luma`] image is the start of everything; each map keeps its density, so that a place in metres means the same on all.
 //! [`decode`] and [`luma`] read images, [`histogram`] tells simple from complex ones; [`sobel`] and [`code`] make the maps of simple
-//! ones, [`bilateral`], [`dog`] and [`split`] part complex ones into features and noise, [`profile`], [`spectrum`] and [`detail`]
+//! ones, [`bilateral`], [`dog`] and [`split`] part complex ones into features and noise, [`profile`], [`spectrum`], [`psd`] and [`detail`]
 //! make one line of that noise. [`isophotes()`] draws curves of equal luminance through them.
 
 pub mod bilateral;
@@ -24,9 +24,11 @@ pub mod isophotes_node;
 mod item;
 pub mod luma;
 pub mod map_nodes;
+mod palette;
 mod picture;
 pub mod profile;
 pub mod profile_node;
+pub mod psd;
 mod pyramid;
 mod simplify;
 pub mod sizes;

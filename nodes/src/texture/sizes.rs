@@ -103,13 +103,16 @@ impl Func for MapSizes {
         let mut summary: Summary = vec![("image", report.image.into())];
         let map = |coding| CodedMap::new(io.map, coding, None).bytes.len();
         let features = pack(io.features.grid.samples.iter().map(|f| *f > 0.5)).len();
-        let model = NoiseModel::new(io.noise, statistics(&io.noise.grid).kurtosis).bytes();
+        let kurtosis = statistics(&io.noise.grid).kurtosis;
+        let model = NoiseModel::poles(io.noise, kurtosis).bytes();
+        let bands = NoiseModel::bands(io.noise, kurtosis).bytes();
         for (key, what, bytes) in [
             ("map_bit", "map, one bit", map(Coding::Bit)),
             ("map_byte", "map, one byte", map(Coding::Byte)),
             ("map_signed", "map, signed pairs", map(Coding::Signed)),
             ("features_and_profile", "features as bits, noise as a profile", features + 2 * PROFILE),
             ("features_and_spectrum", "features as bits, noise as a spectrum", features + model),
+            ("features_and_bands", "features as bits, noise as bands of a spectrum", features + bands),
         ] {
             report.add(what, bytes);
             summary.push((key, bytes.into()));
@@ -139,6 +142,6 @@ mod tests {
         let report = value.get::<SizeReport>().unwrap();
         let bytes: Vec<u64> = report.entries.iter().map(|entry| entry.bytes).collect();
         assert_eq!((report.image, &bytes[..4]), (786_432, &[32_768, 262_144, 524_288, 49_152][..]));
-        assert!(bytes[3] <= 60_000 && bytes[4] < bytes[3], "{bytes:?}");
+        assert!(bytes[3] <= 60_000 && bytes[4] < bytes[5] && bytes[5] < bytes[3], "{bytes:?}");
     }
 }

@@ -1,4 +1,4 @@
-//! Noise by its statistics alone: an all-pole model of its spectrum, its variance and, where it is spiky, its distribution.
+//! Noise by its statistics alone: its spectrum as poles or bands, its variance and, where it is spiky, its distribution.
 //!
 //! # Source
 //! Burg, "Maximum entropy spectral analysis" (1975); the statistical code of Picard, Tsingos and Faure (VRIPHYS 2008), section 4.2,
@@ -6,6 +6,7 @@
 
 use super::item::NoiseMap;
 use super::profile::{level, variance};
+use super::psd;
 use crate::core::random::Random;
 use std::f64::consts::TAU;
 
@@ -15,14 +16,23 @@ pub const ORDER: usize = 16;
 const SPIKY: f64 = 4.0;
 /// Values that describe a distribution.
 const QUANTILES: usize = 256;
-/// Most rows that a model is fitted to.
-const ROWS: usize = 128;
+/// Most rows that poles are fitted to, and that bands are measured in.
+const ROWS: [usize; 2] = [128, 512];
+
+/// The spectrum of noise, in few numbers.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Spectrum {
+    /// `x[n] = w[n] - sum a[k] x[n - 1 - k]`.
+    Poles(Vec<f64>),
+    /// Power density in each of 32 bands: see [`psd`].
+    Bands(Vec<f64>),
+}
 
 /// What the noise of a map is, in few numbers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NoiseModel {
-    /// `x[n] = w[n] - sum a[k] x[n - 1 - k]`.
-    pub poles: Vec<f64>,
+    /// Its spectrum.
+    pub spectrum: Spectrum,
     /// Mean square.
     pub variance: f64,
     /// Quantiles of the values, evenly spaced; empty for noise that is near to normal.
@@ -30,15 +40,26 @@ pub struct NoiseModel {
 }
 
 impl NoiseModel {
-    /// Fits a model to rows of a map; `kurtosis` is that of the map.
+    /// Fits poles to rows of a map; `kurtosis` is that of the map.
     ///
     /// # Complexity
     /// `O(pixels * order)`, of 128 rows at most.
     #[must_use]
-    pub fn new(noise: &NoiseMap, kurtosis: f64) -> Self {
+    pub fn poles(noise: &NoiseMap, kurtosis: f64) -> Self {
+        Self::new(noise, kurtosis, Spectrum::Poles(burg(&rows(noise, ROWS[0]), ORDER)))
+    }
+
+    /// Measures the bands of rows of a map; `kurtosis` is that of the map.
+    ///
+    /// # Complexity
+    /// As [`psd::densities`], of 512 rows at most.
+    #[must_use]
+    pub fn bands(noise: &NoiseMap, kurtosis: f64) -> Self {
+        Self::new(noise, kurtosis, Spectrum::Bands(psd::densities(&rows(noise, ROWS[1]))))
+    }
+
+    fn new(noise: &NoiseMap, kurtosis: f64, spectrum: Spectrum) -> Self {
         let map = &noise.grid;
-        let step = map.height.div_ceil(ROWS).max(1);
-        let rows: Vec<&[f32]> = map.samples.chunks_exact(map.width.max(1)).step_by(step).collect();
         let mut quantiles = Vec::new();
         if kurtosis > SPIKY {
             let mut sorted = map.samples.clone();
@@ -46,33 +67,26 @@ impl NoiseModel {
             let at = |k: usize| (k * 2 + 1) * sorted.len() / (2 * QUANTILES);
             quantiles = (0..QUANTILES).filter_map(|k| sorted.get(at(k)).copied()).collect();
         }
-        Self { poles: burg(&rows, ORDER), variance: variance(&map.samples), quantiles }
+        Self { spectrum, variance: variance(&map.samples), quantiles }
     }
 
     /// Bytes that it takes in 32 bits a number.
     #[must_use]
     pub fn bytes(&self) -> usize {
-        4 * (self.poles.len() + 1 + self.quantiles.len())
+        let (Spectrum::Poles(numbers) | Spectrum::Bands(numbers)) = &self.spectrum;
+        4 * (numbers.len() + 1 + self.quantiles.len())
     }
 
     /// A loop of `count` samples of such noise.
     ///
     /// # Complexity
-    /// `O(count * order)`, and `O(count log count)` for spiky noise.
+    /// `O(count * order)` for poles, `O(count log count)` for bands and for spiky noise.
     #[must_use]
     pub fn synthesize(&self, count: usize, random: &Random) -> Vec<f32> {
-        let white: Vec<f64> = (0..count).map(|k| normal(random, k as u64)).collect();
-        let mut past = [0.0; ORDER];
-        let mut line = vec![0.0_f32; count];
-        // Twice round: the second time the filter has forgotten its start, and the loop is closed.
-        for _ in 0..2 {
-            for (out, w) in line.iter_mut().zip(&white) {
-                let x = w - self.poles.iter().zip(&past).map(|(a, x)| a * x).sum::<f64>();
-                past.rotate_right(1);
-                past[0] = x;
-                *out = x as f32;
-            }
-        }
+        let mut line = match &self.spectrum {
+            Spectrum::Poles(poles) => filtered(poles, count, random),
+            Spectrum::Bands(densities) => psd::line(densities, count, random),
+        };
         if !self.quantiles.is_empty() {
             self.match_ranks(&mut line);
         }
@@ -93,6 +107,30 @@ impl NoiseModel {
             line[at] = a + (b - a) * (place - low as f32);
         }
     }
+}
+
+/// Rows of a map, `most` of them, evenly spread.
+fn rows(noise: &NoiseMap, most: usize) -> Vec<&[f32]> {
+    let map = &noise.grid;
+    let step = map.height.div_ceil(most).max(1);
+    map.samples.chunks_exact(map.width.max(1)).step_by(step).collect()
+}
+
+/// White noise through an all-pole filter, closed to a loop.
+fn filtered(poles: &[f64], count: usize, random: &Random) -> Vec<f32> {
+    let white: Vec<f64> = (0..count).map(|k| normal(random, k as u64)).collect();
+    let mut past = [0.0; ORDER];
+    let mut line = vec![0.0_f32; count];
+    // Twice round: the second time the filter has forgotten its start, and the loop is closed.
+    for _ in 0..2 {
+        for (out, w) in line.iter_mut().zip(&white) {
+            let x = w - poles.iter().zip(&past).map(|(a, x)| a * x).sum::<f64>();
+            past.rotate_right(1);
+            past[0] = x;
+            *out = x as f32;
+        }
+    }
+    line
 }
 
 /// A normal number of variance 1.
@@ -174,7 +212,7 @@ mod tests {
     #[test]
     fn synthesised_noise_has_the_spectrum_within_1_db_per_band_and_the_variance() {
         let map = map(false);
-        let model = NoiseModel::new(&map, statistics(&map.grid).kurtosis);
+        let model = NoiseModel::poles(&map, statistics(&map.grid).kurtosis);
         assert!(model.quantiles.is_empty() && model.bytes() == 68);
         let n = 1 << 16;
         let line = model.synthesize(n, &Random::new(1, "n"));
@@ -196,27 +234,54 @@ mod tests {
     }
 
     #[test]
+    fn bands_have_the_density_within_1_db_each_and_the_variance_within_1_percent() {
+        let map = map(false);
+        let model = NoiseModel::bands(&map, statistics(&map.grid).kurtosis);
+        assert!(model.quantiles.is_empty() && model.bytes() == 132);
+        let n = 1 << 16;
+        let line = model.synthesize(n, &Random::new(1, "n"));
+        assert!((variance(&line) / model.variance - 1.0).abs() < 0.01);
+        let mut bins: Vec<Complex<f64>> = line.iter().map(|x| Complex::new(f64::from(*x), 0.0)).collect();
+        FftPlanner::new().plan_fft_forward(n).process(&mut bins);
+        let Spectrum::Bands(measured) = &model.spectrum else { panic!("bands were asked for") };
+        let whole: f64 = (1..n).map(|k| density(&TRUE, TAU * k as f64 / n as f64)).sum::<f64>() / n as f64;
+        for (k, measured) in measured.iter().enumerate() {
+            let [low, high] = [k, k + 1].map(|k| (psd::edge(k) * n as f64).ceil() as usize);
+            let mean = |f: &dyn Fn(usize) -> f64| (low..high).map(f).sum::<f64>() / (high - low) as f64;
+            let ours = mean(&|k| bins[k].norm_sqr() / n as f64);
+            let db = 10.0 * (ours / measured).log10();
+            assert!(db.abs() < 1.0, "band {k} against the map: {db} dB");
+            let right = model.variance * mean(&|k| density(&TRUE, TAU * k as f64 / n as f64)) / whole;
+            let db = 10.0 * (ours / right).log10();
+            // The lowest bands of one map are a few waves.
+            assert!(db.abs() < if k < 12 { 2.5 } else { 1.0 }, "band {k} against what made the map: {db} dB");
+        }
+    }
+
+    #[test]
     fn spiky_noise_keeps_its_distribution() {
         let map = map(true);
         let kurtosis = statistics(&map.grid).kurtosis;
         assert!(kurtosis > 10.0, "{kurtosis}");
-        let model = NoiseModel::new(&map, kurtosis);
-        let line = model.synthesize(1 << 15, &Random::new(1, "n"));
-        assert!((variance(&line) / model.variance - 1.0).abs() < 0.01);
-        let tall = Grid { width: line.len(), height: 1, samples: line };
-        assert!(statistics(&tall).kurtosis > 6.0, "{}", statistics(&tall).kurtosis);
+        for model in [NoiseModel::poles(&map, kurtosis), NoiseModel::bands(&map, kurtosis)] {
+            let line = model.synthesize(1 << 15, &Random::new(1, "n"));
+            assert!((variance(&line) / model.variance - 1.0).abs() < 0.01);
+            let tall = Grid { width: line.len(), height: 1, samples: line };
+            assert!(statistics(&tall).kurtosis > 6.0, "{}", statistics(&tall).kurtosis);
+        }
     }
 
     #[test]
     fn the_loop_is_closed_and_the_seed_decides() {
-        let model = NoiseModel::new(&map(false), 3.0);
+        let model = NoiseModel::poles(&map(false), 3.0);
+        let Spectrum::Poles(poles) = &model.spectrum else { panic!("poles were asked for") };
         let line = model.synthesize(4096, &Random::new(1, "n"));
         assert_eq!(line, model.synthesize(4096, &Random::new(1, "n")));
         assert_ne!(line, model.synthesize(4096, &Random::new(2, "n")));
         let n = line.len();
         // What the model predicts of the first sample from the last is as near as elsewhere.
         let predicted = |k: usize| -> f64 {
-            model.poles.iter().enumerate().map(|(j, a)| -a * f64::from(line[(k + n - 1 - j) % n])).sum()
+            poles.iter().enumerate().map(|(j, a)| -a * f64::from(line[(k + n - 1 - j) % n])).sum()
         };
         let error = |k: usize| (f64::from(line[k]) - predicted(k)).powi(2);
         let mean = (0..n).map(error).sum::<f64>() / n as f64;

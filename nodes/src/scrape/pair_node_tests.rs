@@ -1,0 +1,192 @@
+use super::*;
+use crate::core::item::AnyValue;
+use crate::core::solo::{Feed, Solo};
+use crate::core::time::{Tick, ticks};
+use crate::scrape::testing::{db, piece, rms};
+use crate::texture::{Grid, LumaKind, Surface};
+
+const FS: f64 = 44_100.0;
+
+fn params() -> TwoTexturesParams {
+    TwoTexturesParams { rate: Rate::hz(44_100), ..TwoTexturesParams::read(&|_| None).unwrap() }
+}
+
+fn luma(density: f64, depth: f64, width: usize, at: impl Fn(usize) -> f32) -> Luma {
+    Luma {
+        grid: Grid::from_fn(width, 6, |x, _| at(x)),
+        holes: Vec::new(),
+        kind: LumaKind::Lstar,
+        surface: Surface { density: [density; 2], depth, ..Surface::default() },
+    }
+}
+
+fn solo(a: Luma, b: Option<Luma>, paths: Vec<(Tick, PathPiece)>, end: f64) -> Solo {
+    solo_of(params(), a, b, paths, end)
+}
+
+fn solo_of(p: TwoTexturesParams, a: Luma, b: Option<Luma>, paths: Vec<(Tick, PathPiece)>, end: f64) -> Solo {
+    let solo = Solo::new::<TwoTextures>(p).events(TwoTexturesPorts::paths, paths, ticks(end));
+    let solo = solo.value(TwoTexturesPorts::a, a);
+    match b {
+        Some(b) => solo.feed(TwoTexturesPorts::b.index(), Feed::value(AnyValue::new(b))),
+        None => solo,
+    }
+}
+
+fn force(a: Luma, b: Option<Luma>, paths: Vec<(Tick, PathPiece)>, end: f64) -> Vec<f32> {
+    solo(a, b, paths, end).run().unwrap().stream(TwoTexturesPorts::force)
+}
+
+#[test]
+fn a_flat_partner_is_the_same_as_none() {
+    let rough =
+        || luma(2000.0, 1e-4, 512, |x| 50.0 + 50.0 * (x as f32 * std::f32::consts::TAU * 24.0 / 512.0).cos());
+    let flat = luma(2000.0, 1e-4, 512, |_| 0.0);
+    let path = vec![(0, piece([0.01, 0.0], [0.3, 0.0], 0.3))];
+    let one = force(rough(), None, path.clone(), 0.3);
+    let two = force(rough(), Some(flat), path, 0.3);
+    let difference: Vec<f32> = one.iter().zip(&two).skip(200).map(|(a, b)| a - b).collect();
+    let level = db(rms(&difference) / rms(&two));
+    assert!(level < -15.0, "{level} dB");
+}
+
+/// Times between knocks: the first peak of the autocorrelation of the envelope, s.
+fn period(x: &[f32], around: [f64; 2]) -> f64 {
+    let hop = 44;
+    let envelope: Vec<f64> = x.chunks(hop).map(|c| c.iter().map(|x| f64::from(x.abs())).sum()).collect();
+    let mean = envelope.iter().sum::<f64>() / envelope.len() as f64;
+    let at = |lag: usize| {
+        let pairs = envelope.iter().zip(&envelope[lag..]);
+        pairs.map(|(a, b)| (a - mean) * (b - mean)).sum::<f64>()
+    };
+    let lags = around.map(|t| (t * FS / hop as f64) as usize);
+    let best = (lags[0]..lags[1]).max_by(|a, b| at(*a).total_cmp(&at(*b))).unwrap();
+    best as f64 * hop as f64 / FS
+}
+
+#[test]
+fn a_ball_over_tiles_knocks_at_each_joint() {
+    // Tiles of 0.1 m with joints of 4 mm, at 1000 pixels a metre.
+    let tiles = || luma(1000.0, 1e-3, 400, |x| if x % 100 < 4 { 0.0 } else { 100.0 });
+    for (v, time) in [(0.5, 0.2), (1.0, 0.1)] {
+        let x = force(tiles(), None, vec![(0, piece([0.05, 0.0], [v, 0.0], 2.0))], 2.0);
+        let found = period(&x, [0.5 * time, 1.6 * time]);
+        assert!((found - time).abs() < 0.002, "{v} m/s: {found} s");
+        // As many knocks as joints: 30 ms of quiet between them.
+        let loud = x.iter().fold(0.0_f32, |m, x| m.max(x.abs())) * 0.5;
+        let (mut knocks, mut last) = (0, -FS);
+        for (n, _) in x.iter().enumerate().filter(|(_, x)| x.abs() > loud) {
+            knocks += i32::from(n as f64 - last > 0.03 * FS);
+            last = n as f64;
+        }
+        assert_eq!(knocks, (2.0 / time) as i32, "{v} m/s");
+    }
+}
+
+#[test]
+fn windows_change_no_bit() {
+    let rough = |k: usize| luma(2000.0, 1e-4, 256, move |x| ((x * k * x) % 101) as f32);
+    let one = PathPiece {
+        other: Some([[0.1, 0.0], [0.02, 0.01], [0.0; 2], [0.01, 0.0]]),
+        ..piece([0.0; 2], [0.4, 0.1], 0.1)
+    };
+    let two = PathPiece { contact: 9, ..piece([0.0; 2], [-0.8, 0.1], 0.12) };
+    let paths = vec![(ticks(0.0111), one), (ticks(0.05), two)];
+    for b in [None, Some(rough(5))] {
+        let run = |n: usize| {
+            let solo = solo(rough(3), b.clone(), paths.clone(), 0.2).window(Rate::hz(44_100).span(n));
+            solo.run().unwrap().stream(TwoTexturesPorts::force)
+        };
+        let whole = run(10_000);
+        assert!(rms(&whole) > 0.0);
+        for n in [32, 100, 1024, 4096] {
+            assert!(run(n) == whole, "{n}");
+        }
+    }
+}
+
+#[test]
+fn a_relief_of_any_density_is_the_same_relief() {
+    let tiles = |density: [f64; 2]| {
+        let at = |x: usize, y: usize| {
+            let (x, y) = (x as f64 / density[0], y as f64 / density[1]);
+            if (x * 20.0).fract() < 0.1 || (y * 16.0).fract() < 0.1 { 0.0 } else { 100.0 }
+        };
+        let size = density.map(|d| (0.5 * d) as usize);
+        let surface = Surface { density, depth: 1e-3, ..Surface::default() };
+        Luma { grid: Grid::from_fn(size[0], size[1], at), surface, ..luma(1.0, 1e-3, 1, |_| 0.0) }
+    };
+    let path = vec![(0, piece([0.01, 0.01], [0.3, 0.2], 0.3))];
+    let even = force(tiles([4000.0; 2]), None, path.clone(), 0.3);
+    let uneven = force(tiles([4000.0, 2000.0]), None, path, 0.3);
+    let ratio = rms(&uneven) / rms(&even);
+    assert!((ratio - 1.0).abs() < 0.1, "{ratio}");
+}
+
+#[test]
+fn a_relief_of_no_numbers_is_an_error() {
+    let broken = luma(1000.0, 1e-4, 16, |_| f32::NAN);
+    let error = solo(broken, None, vec![], 0.1).run().map(|_| ()).unwrap_err();
+    assert!(error.code == "F128" && error.to_string().contains("none at all"), "{error}");
+}
+
+fn ripple(density: f64, depth: f64, cycles: f32) -> Luma {
+    luma(density, depth, 512, move |x| {
+        50.0 + 50.0 * (x as f32 * std::f32::consts::TAU * cycles / 512.0).cos()
+    })
+}
+
+#[test]
+fn a_scale_is_that_of_places_heights_and_the_radius() {
+    let both = [None, Some(40.0)];
+    for cycles in both {
+        let at = |density: f64, depth: f64, p: TwoTexturesParams| {
+            let other = cycles.map(|cycles| ripple(density, depth, cycles));
+            let path = PathPiece {
+                other: Some(piece([0.2, 0.0], [-0.1, 0.0], 0.3).place),
+                ..piece([0.01, 0.0], [0.3, 0.0], 0.3)
+            };
+            let solo = solo_of(p, ripple(density, depth, 24.0), other, vec![(0, path)], 0.3);
+            solo.run().unwrap().stream(TwoTexturesPorts::force)
+        };
+        let one = at(2000.0, 1e-4, TwoTexturesParams { scale: 2.5, ..params() });
+        let two = at(800.0, 2.5e-4, TwoTexturesParams { radius: 2.5 * params().radius, ..params() });
+        let difference: Vec<f32> = one.iter().zip(&two).map(|(a, b)| a - b).collect();
+        assert!(rms(&two) > 1e-3 && db(rms(&difference) / rms(&two)) < -50.0, "{cycles:?}: {}", rms(&two));
+    }
+}
+
+#[test]
+fn edits_while_it_sounds_do_not_click() {
+    let path = PathPiece {
+        other: Some(piece([0.2, 0.0], [-0.1, 0.0], 1.0).place),
+        ..piece([0.5, 0.0], [0.3, 0.0], 1.0)
+    };
+    let edits = [
+        TwoTexturesParams { kappa: 3.0, ..params() },
+        TwoTexturesParams { gain: 0.0, ..params() },
+        TwoTexturesParams { a_exponent: 0.3, ..params() },
+        TwoTexturesParams { scale: 1.02, ..params() },
+        TwoTexturesParams { scale: 1.7, ..params() },
+    ];
+    for (edit, b) in edits.iter().flat_map(|edit| [(edit, None), (edit, Some(ripple(2000.0, 1e-4, 7.0)))]) {
+        // Far from the corner a size on its way would sweep a ball over many ripples: that is a sound of its own, not a click.
+        if b.is_none() && edit.scale > 1.5 {
+            continue;
+        }
+        let solo = solo(ripple(2000.0, 1e-4, 8.0), b.clone(), vec![(0, path)], 1.0);
+        let mut run = solo.window(Rate::hz(44_100).span(256)).start().unwrap();
+        let mut count = 0;
+        while run.step().unwrap() {
+            count += 1;
+            if count == 60 {
+                assert_eq!(run.node().retune(edit), Retune::Done);
+            }
+        }
+        let out = run.stream(TwoTexturesPorts::force);
+        let step = |x: &[f32]| x.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f32::max);
+        let (before, during) = (step(&out[2000..15_000]), step(&out[15_000..17_000]));
+        let after = step(&out[18_000..]).max(before);
+        assert!(during < 4.0 * after, "{edit:?} {}: {during} against {before} and {after}", b.is_some());
+    }
+}

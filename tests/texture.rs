@@ -1,0 +1,82 @@
+//! What surfaces promise, from graphs to sound.
+
+mod common;
+
+use foley::graph::{DirFiles, Limits, Override, load};
+use foley::plan::PlanOptions;
+use foley_nodes::core::time::{Rate, ticks};
+use foley_nodes::io::AudioReader;
+use std::fs::File;
+
+const FS: f64 = 44_100.0;
+
+/// The sound of an example with other numbers, in windows of so many samples.
+fn sound(name: &str, numbers: &[(&str, &str)], seconds: f64, window: usize) -> Vec<f32> {
+    let path = common::graphs().join(format!("texture/{name}.ron"));
+    let given: Vec<Override> = numbers
+        .iter()
+        .map(|(key, value)| Override { target: (*key).into(), value: (*value).into() })
+        .collect();
+    let loaded = load(&path, &given, &[], Limits::default());
+    let shown = foley::diag::render(&loaded.diagnostics, &loaded.sources, false);
+    let graph = loaded.graph.unwrap_or_else(|| panic!("{shown}"));
+    let window = Rate::hz(44_100).span(window);
+    let options = PlanOptions { window, until: Some(ticks(seconds)), ..PlanOptions::default() };
+    let dir = tempfile::tempdir().unwrap();
+    let files = DirFiles::new(loaded.root, Limits::default());
+    common::run_graph(&graph, &files, &options, dir.path()).unwrap();
+    let file = File::open(dir.path().join(format!("{name}.wav"))).unwrap();
+    let mut reader = AudioReader::open(Box::new(std::io::BufReader::new(file))).unwrap();
+    let mut samples = vec![0.0; reader.info().frames as usize * reader.info().channels];
+    reader.read(&mut samples).unwrap();
+    samples
+}
+
+#[test]
+fn a_surface_sounds_the_same_in_windows_of_32_to_4096_samples() {
+    // Noise as coarse as the image, which is quick to make; between two levels of detail, where there are any.
+    let graphs: [(&str, &[(&str, &str)]); 3] = [
+        ("brick_slide", &[("brick.extend", "false"), ("scale", "1.1")]),
+        ("trajectories", &[("profile.extend", "false"), ("alike.extend", "false"), ("distance", "14.0")]),
+        (
+            "two_textures",
+            &[("floor_noise.extend", "false"), ("block_noise.extend", "false"), ("distance", "5.2")],
+        ),
+    ];
+    for (name, numbers) in graphs {
+        let whole = sound(name, numbers, 0.7, 44_100);
+        assert!(whole.iter().any(|x| x.abs() > 1e-3), "{name} sounds");
+        for window in [32, 64, 128, 256, 512, 1024, 2048, 4096] {
+            assert!(sound(name, numbers, 0.7, window) == whole, "{name} in windows of {window}");
+        }
+    }
+}
+
+/// Correlation of a level with itself at a lag, about its mean.
+fn alike(levels: &[f64], lag: usize) -> f64 {
+    let mean = levels.iter().sum::<f64>() / levels.len() as f64;
+    levels.iter().zip(&levels[lag..]).map(|(a, b)| (a - mean) * (b - mean)).sum()
+}
+
+#[test]
+fn a_ball_over_tiles_clicks_once_for_each() {
+    for (speed, period) in [("0.5", 0.2), ("1.0", 0.1)] {
+        let x = sound("tiles_ball", &[("speed", speed)], 1.4, 1024);
+        // Milliseconds; a click is a rise of the level.
+        let levels: Vec<f64> =
+            x.chunks(44).map(|x| x.iter().map(|x| f64::from(x.abs())).sum::<f64>()).collect();
+        let rises: Vec<f64> = levels.windows(2).map(|w| (w[1] - w[0]).max(0.0)).collect();
+        let lags = [0.5 * period, 1.5 * period].map(|t| (t * FS / 44.0) as usize);
+        let best = (lags[0]..lags[1]).max_by(|a, b| alike(&rises, *a).total_cmp(&alike(&rises, *b))).unwrap();
+        let found = best as f64 * 44.0 / FS;
+        assert!((found - period).abs() <= 0.002, "{speed} m/s: every {found} s");
+        let loud = 0.3 * rises.iter().fold(0.0_f64, |m, x| m.max(*x));
+        let (mut clicks, mut last) = (0, 0);
+        for (k, _) in rises.iter().enumerate().filter(|(_, x)| **x > loud) {
+            clicks += i32::from(clicks == 0 || k > last + 40);
+            last = k;
+        }
+        let right = (1.4 / period).round() as i32;
+        assert!((clicks - right).abs() <= 1, "{speed} m/s: {clicks} clicks");
+    }
+}
