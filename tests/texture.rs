@@ -61,7 +61,7 @@ fn alike(levels: &[f64], lag: usize) -> f64 {
 #[test]
 fn a_ball_over_tiles_clicks_once_for_each() {
     for (speed, period) in [("0.5", 0.2), ("1.0", 0.1)] {
-        let x = sound("tiles_ball", &[("speed", speed)], 1.4, 1024);
+        let x = sound("tiles_stroke", &[("speed", speed)], 1.4, 1024);
         // Milliseconds; a click is a rise of the level.
         let levels: Vec<f64> =
             x.chunks(44).map(|x| x.iter().map(|x| f64::from(x.abs())).sum::<f64>()).collect();
