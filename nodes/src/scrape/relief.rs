@@ -104,9 +104,8 @@ impl Relief {
             #[inline(always)]
             |patch, t| patch.gradient(Interp::Bspline3, t),
         );
-        for n in 0..CELL {
-            out[0][n] *= dx as f32;
-            out[1][n] *= dy as f32;
+        for (out, density) in out.iter_mut().zip(self.density) {
+            out.iter_mut().for_each(|slope| *slope *= density as f32);
         }
     }
 }
