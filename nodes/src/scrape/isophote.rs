@@ -342,7 +342,7 @@ impl IsophoteForce {
 }
 
 /// On which side of a line a place lies: 0 on it.
-fn across([a, b]: &[[f64; 2]; 2], p: [f64; 2]) -> f64 {
+pub(super) fn across([a, b]: &[[f64; 2]; 2], p: [f64; 2]) -> f64 {
     (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0])
 }
 

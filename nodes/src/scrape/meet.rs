@@ -4,8 +4,10 @@
 //! line `y` of the second lie at the same place when the contact has come `a` over the one and `b` over the other with
 //! `a + b = x + y`: so the meetings of two even gratings come at the sum of their frequencies, as in their joint envelope.
 
+use super::isophote::across;
 use super::isophote_index::{IsophoteIndex, Piece};
 use super::law::{AT_REST, Law};
+use super::pair::velocity;
 use super::pulses::{LONGEST, Pulses};
 use super::slew::Slew;
 use super::voices::{CELL, Stretch};
@@ -275,18 +277,16 @@ fn put(met: &mut Vec<Meeting>, new: Meeting) {
 fn direction(ways: &[[[f64; 2]; 4]; 2], rate: f64) -> Option<[f64; 2]> {
     let n = CELL as f64 / 2.0;
     ways.iter().find_map(|c| {
-        let v: [f64; 2] = std::array::from_fn(|k| rate * (c[1][k] + n * (2.0 * c[2][k] + n * 3.0 * c[3][k])));
+        let v = velocity(c, n, rate);
         let speed = v[0].hypot(v[1]);
         (speed >= f64::from(AT_REST)).then(|| v.map(|v| v / speed))
     })
 }
 
 /// Where a piece crosses a chord, as shares of the chord and of the piece.
-fn crossing(piece: &Piece, [a, b]: [[f64; 2]; 2]) -> Option<(f64, f64)> {
-    let across =
-        |[p, q]: [[f64; 2]; 2], r: [f64; 2]| (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]);
-    let (before, after) = (across(piece.ends, a), across(piece.ends, b));
-    let [low, high] = piece.ends.map(|p| across([a, b], p));
+fn crossing(piece: &Piece, chord: [[f64; 2]; 2]) -> Option<(f64, f64)> {
+    let [before, after] = chord.map(|p| across(&piece.ends, p));
+    let [low, high] = piece.ends.map(|p| across(&chord, p));
     let crosses = (before >= 0.0) != (after >= 0.0) && (low >= 0.0) != (high >= 0.0);
     crosses.then(|| (before / (before - after), low / (low - high)))
 }

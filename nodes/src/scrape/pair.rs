@@ -51,7 +51,8 @@ struct Ways {
     rate: f64,
 }
 
-fn velocity(c: &[[f64; 2]; 4], n: f64, rate: f64) -> [f64; 2] {
+/// Velocity on a way, `n` samples after its anchor, m/s.
+pub(super) fn velocity(c: &[[f64; 2]; 4], n: f64, rate: f64) -> [f64; 2] {
     std::array::from_fn(|k| rate * (c[1][k] + n * (2.0 * c[2][k] + n * 3.0 * c[3][k])))
 }
 
