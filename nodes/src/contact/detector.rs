@@ -1,5 +1,6 @@
 //! Finds the triangles that cloth vertices touch, frame by frame.
 
+use fearless_simd::Level;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -243,6 +244,7 @@ impl Detector {
             neighbourhoods: &self.neighbourhoods,
             squared_radius: f64::from(self.params.radius).powi(2),
             two_sided: self.params.two_sided,
+            level: Level::new(),
             extent: self.trees.iter().map(Tree::extent).fold(0.0, f64::max),
         };
         let clusters = self.order.chunks(CLUSTER).zip(self.warm.chunks_mut(CLUSTER * slots));

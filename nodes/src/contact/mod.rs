@@ -14,6 +14,7 @@ mod neighbourhood;
 mod query;
 pub mod reference;
 pub mod router;
+mod sieve;
 pub mod skinned;
 pub mod skinned_node;
 pub mod sliding;

@@ -3,9 +3,12 @@
 //! A cluster walks each tree once for all of its vertices, and drops what is excluded for all of them on the way; the few
 //! lowest nodes that remain are then tested against each vertex.
 
+use fearless_simd::Level;
+
 use super::boxes::{CLUSTER, LANES, larger, smaller};
 use super::detector::Frame;
 use super::neighbourhood::{Neighbourhoods, everyone};
+use super::sieve::{Pair, Points, drop_far_boxes, drop_far_triangles, points_within};
 use super::tree::{Ball, Leaf, Tree, reach};
 use super::triangle::closest_point;
 use super::vector::{cross, dot, sub, widen};
@@ -26,15 +29,6 @@ impl Candidate {
     pub fn is_some(&self) -> bool {
         self.surface != u32::MAX
     }
-}
-
-/// A vertex of a cluster and a lowest node with triangles that may be near it.
-#[derive(Clone, Copy, Debug)]
-struct Pair {
-    node: u32,
-    point: u16,
-    /// One bit for each of its triangles.
-    lanes: u16,
 }
 
 /// Memory of one cluster's search.
@@ -62,20 +56,6 @@ impl Scratch {
     }
 }
 
-/// The vertices of a cluster, and for each the squared distance beyond which no box matters to it.
-struct Points {
-    columns: [[f32; CLUSTER]; 3],
-    reaches: [f32; CLUSTER],
-}
-
-impl Points {
-    #[inline]
-    fn at(&self, i: usize) -> [f32; 3] {
-        let [x, y, z] = &self.columns;
-        [x[i], y[i], z[i]]
-    }
-}
-
 /// Everything that stays the same during one frame.
 pub(super) struct Scene<'a> {
     pub now: Frame<'a>,
@@ -85,6 +65,7 @@ pub(super) struct Scene<'a> {
     pub squared_radius: f64,
     pub two_sided: bool,
     pub extent: f64,
+    pub level: Level,
 }
 
 impl Scene<'_> {
@@ -155,28 +136,22 @@ impl Scene<'_> {
             // Of most leaves that were found the cluster's box is near, but none of the vertices allowed.
             let mut near = leaf.anyone();
             if let Some((above, lane)) = tree.above(leaf) {
-                near &= above.points_within(lane, &points.columns, &points.reaches);
+                near &= points_within(self.level, above, lane, points);
             }
-            let (node, _) = tree.leaf(leaf.node);
             while near != 0 {
                 let point = near.trailing_zeros() as usize;
                 near &= near - 1;
-                let p = points.at(point);
-                let lanes = leaf.lanes(point) & node.lanes_within(&p, &p, points.reaches[point]);
-                pairs.push(Pair { node: leaf.node, point: point as u16, lanes: lanes as u16 });
+                pairs.push(Pair { node: leaf.node, point: point as u16, lanes: leaf.lanes(point) as u16 });
             }
         }
+        drop_far_boxes(self.level, tree.lowest(), points, pairs);
         let mut kept = 0;
         for k in 0..pairs.len() {
             pairs[kept] = pairs[k];
             kept += usize::from(pairs[k].lanes != 0);
         }
         pairs.truncate(kept);
-        for pair in pairs.iter_mut() {
-            let p = points.at(pair.point as usize);
-            let (_, corners) = tree.leaf(pair.node);
-            pair.lanes &= !corners.beyond(&p, points.reaches[pair.point as usize]) as u16;
-        }
+        drop_far_triangles(self.level, tree.all_corners(), points, pairs);
         for pair in pairs.iter() {
             let mut lanes = pair.lanes;
             let i = pair.point as usize;

@@ -58,7 +58,7 @@ impl Ball {
     fn part_of(&self, node: &Node, mut leaf: Leaf) -> Option<Leaf> {
         let lanes = self.lanes(node);
         for (lane, allowed) in leaf.allowed.iter_mut().enumerate() {
-            *allowed = if lanes >> lane & 1 == 1 { *allowed } else { 0 };
+            *allowed &= ((lanes >> lane & 1) as u16).wrapping_neg();
         }
         (lanes != 0).then_some(leaf)
     }
@@ -270,7 +270,11 @@ impl Tree {
     /// Collects those of some lowest nodes with a triangle box near a cluster of vertices.
     #[inline]
     pub(crate) fn sift(&self, near: &Ball, leaves: &[Leaf], found: &mut Vec<Leaf>) {
-        found.extend(leaves.iter().filter_map(|leaf| near.part_of(&self.nodes[leaf.node as usize], *leaf)));
+        for leaf in leaves {
+            if let Some(part) = near.part_of(&self.nodes[leaf.node as usize], *leaf) {
+                found.push(part);
+            }
+        }
     }
 
     /// Replaces an ascending list of lowest nodes by the fewest nodes that hold just these. Returns how many there are.
@@ -299,10 +303,16 @@ impl Tree {
         kept
     }
 
-    /// A lowest node, as named by [`Tree::gather`].
+    /// The lowest nodes, as numbered by [`Tree::gather`].
     #[inline]
-    pub(crate) fn leaf(&self, leaf: u32) -> (&Node, &Corners) {
-        (&self.nodes[leaf as usize], &self.corners[leaf as usize])
+    pub(crate) fn lowest(&self) -> &[Node] {
+        &self.nodes[..self.corners.len()]
+    }
+
+    /// The corners of the triangles of each lowest node.
+    #[inline]
+    pub(crate) fn all_corners(&self) -> &[Corners] {
+        &self.corners
     }
 
     /// The node and the lane with the box around a lowest node, unless that is the root.
