@@ -498,11 +498,14 @@ impl<T: Item> OutKind for Stream<T> {
         let OutWire::Stream { track, clock, width, rate } = &cx.outputs[port] else { cx.miswired("stream") };
         let span = cx.span(*clock);
         let n = (span.to - span.from) as usize;
-        let mut buffer = cx.shared.tracks[*track].borrow_mut();
-        let Some(track) = buffer.typed_mut::<Track<T::Elem>>() else { cx.miswired(T::NAME) };
-        let fresh = track.extend(n);
-        // Two steps, so that `map` is small enough to become part of its caller.
-        let mut items = RefMut::map(buffer, |buffer| buffer.elements_mut(fresh));
+        let mut items = RefMut::map(
+            cx.shared.tracks[*track].borrow_mut(),
+            #[inline(always)]
+            |buffer| match buffer.typed_mut::<Track<T::Elem>>() {
+                Some(track) => track.append(n),
+                None => cx.miswired(T::NAME),
+            },
+        );
         if cx.shared.poison {
             spoil::<T>(&mut items);
         }

@@ -2,7 +2,6 @@
 
 use super::time::Tick;
 use std::any::Any;
-use std::ops::Range;
 
 /// What stands in a stream before its first and after its last item.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -95,13 +94,6 @@ impl<E: Copy + Default + Send + 'static> Track<E> {
         (item - self.origin) as usize * self.width
     }
 
-    /// Adds `n` items and gives them to be filled; they hold stale values.
-    #[inline]
-    pub fn append(&mut self, n: usize) -> &mut [E] {
-        let fresh = self.extend(n);
-        &mut self.data[fresh]
-    }
-
     /// Adds items; `None`, and nothing is added, where the elements do not make whole items.
     pub fn append_elements(&mut self, elements: &[E]) -> Option<()> {
         let items = if elements.is_empty() { 0 } else { elements.len().checked_div(self.width)? };
@@ -112,9 +104,9 @@ impl<E: Copy + Default + Send + 'static> Track<E> {
         Some(())
     }
 
-    /// Adds `n` items and tells where in the storage they stand.
+    /// Adds `n` items and gives them to be filled; they hold stale values.
     #[inline(always)]
-    pub(super) fn extend(&mut self, n: usize) -> Range<usize> {
+    pub fn append(&mut self, n: usize) -> &mut [E] {
         if n >= self.span {
             // Nothing before these items is read again: the same memory serves every window and stays in the cache.
             self.origin = self.end;
@@ -126,7 +118,7 @@ impl<E: Copy + Default + Send + 'static> Track<E> {
             at = self.make_room(n);
         }
         self.end += n as i64;
-        at..at + count
+        &mut self.data[at..at + count]
     }
 
     /// Moves what is still read to the front of the storage, and tells where the next `n` items go.
@@ -215,18 +207,6 @@ impl Buffer {
         match self {
             Self::Samples(track) => (track as &dyn Any).downcast_ref(),
             Self::Other(track) => other(&**track),
-        }
-    }
-
-    /// A part of the storage, as [`Track::extend`] told it; empty where the buffer holds something else.
-    #[inline(always)]
-    pub(super) fn elements_mut<E: Copy + Default + Send + 'static>(
-        &mut self,
-        range: Range<usize>,
-    ) -> &mut [E] {
-        match self.typed_mut::<Track<E>>() {
-            Some(track) => &mut track.data[range],
-            None => &mut [],
         }
     }
 
@@ -472,7 +452,7 @@ mod tests {
         let mut track = Track::<f32>::new(1, 4, 0, Pad::Hold);
         for k in 0..5 {
             track.append(4).fill(k as f32);
-            assert_eq!(track.extend(0), 4..4, "window {k} fills the front");
+            assert_eq!(track.at(track.end), 4, "window {k} fills the front");
             assert_eq!(track.view(4 * k, 4 * k + 4), [k as f32; 4]);
         }
         track.pad_to(23);
