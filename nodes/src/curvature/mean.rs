@@ -1,6 +1,9 @@
 //! Signed mean curvature of a triangle mesh, at every vertex.
 
+use fearless_simd::Level;
+
 use super::Curvature;
+use super::angle::angles;
 use super::fans::closed_fans;
 use crate::contact::vector::{Vec3, add, cross, dot, norm, scale, sub, widen};
 use crate::mesh::{MeshError, MeshPrepare, Topology};
@@ -88,7 +91,11 @@ pub struct MeanCurvature {
     valid: Vec<bool>,
     sums: Vec<Sums>,
     method: Method,
+    level: Level,
 }
+
+/// Triangles whose angles are taken together.
+const BATCH: usize = 32;
 
 impl MeanCurvature {
     /// Prepares for a mesh.
@@ -104,7 +111,14 @@ impl MeanCurvature {
             Method::Dihedral => hinges(&mesh),
         };
         let triangles = mesh.triangles().to_vec();
-        Ok(Self { triangles, hinges, valid, sums: vec![Sums::default(); vertices], method })
+        Ok(Self {
+            triangles,
+            hinges,
+            valid,
+            sums: vec![Sums::default(); vertices],
+            method,
+            level: Level::new(),
+        })
     }
 
     /// Per vertex: whether curvature can have a meaning there.
@@ -131,14 +145,18 @@ impl MeanCurvature {
             return Err(v);
         }
         self.sums.fill(Sums::default());
-        match self.method {
-            Method::Cotan => {
-                self.triangles.iter().for_each(|t| add_triangle::<P, true>(*t, positions, &mut self.sums))
+        let mut corners = Corners::default();
+        for triangles in self.triangles.chunks(BATCH) {
+            let parts = triangles.iter().enumerate().map(|(k, t)| corners.enter(k, *t, positions));
+            let mut batch = [Triangle::default(); BATCH];
+            batch.iter_mut().zip(parts).for_each(|(place, part)| *place = part);
+            let [first, second] = corners.dots.map(|dots| angles(self.level, &corners.doubles, &dots));
+            for (k, (t, part)) in triangles.iter().zip(&batch).enumerate() {
+                part.add(*t, [first[k], second[k]], self.method == Method::Cotan, &mut self.sums);
             }
-            Method::Dihedral => {
-                self.triangles.iter().for_each(|t| add_triangle::<P, false>(*t, positions, &mut self.sums));
-                self.hinges.iter().for_each(|hinge| add_hinge(*hinge, positions, &mut self.sums));
-            }
+        }
+        for hinges in self.hinges.chunks(BATCH) {
+            add_hinges(self.level, hinges, positions, &mut self.sums);
         }
         let vertices = self.sums.iter().zip(&self.valid).zip(positions);
         for (((sums, &valid), position), out) in vertices.zip(out) {
@@ -164,40 +182,68 @@ impl Method {
     }
 }
 
-/// The angle whose sine and cosine are in the ratio `y : x`, with `y >= 0`.
-#[inline]
-fn angle(y: f64, x: f64) -> f64 {
-    y.atan2(x)
+/// Twice the areas of a batch of triangles, and the products of the sides at their first two corners.
+struct Corners {
+    doubles: [f64; BATCH],
+    dots: [[f64; BATCH]; 2],
 }
 
-/// Cotangents of the three angles of a triangle, its mixed areas, and its part of the normals.
-#[inline]
-fn add_triangle<P: Point, const COTAN: bool>(t: [u32; 3], positions: &[P], sums: &mut [Sums]) {
-    let t = t.map(|v| v as usize);
-    let p = t.map(|v| positions[v].wide());
-    // Side k is opposite to corner k.
-    let sides = [sub(p[2], p[1]), sub(p[0], p[2]), sub(p[1], p[0])];
-    let normal = cross(sides[2], scale(sides[1], -1.0));
-    let double = norm(normal);
-    let dots = [-dot(sides[2], sides[1]), -dot(sides[0], sides[2]), -dot(sides[1], sides[0])];
-    if double > 0.0 {
-        let unit = scale(normal, 1.0 / double);
-        let first = angle(double, dots[0]);
-        let second = angle(double, dots[1]);
-        let angles = [first, second, std::f64::consts::PI - first - second];
-        let areas = mixed_areas(double, dots, &sides);
-        for k in 0..3 {
-            let sums = &mut sums[t[k]];
-            sums.normal = add(sums.normal, scale(unit, angles[k]));
-            sums.area += areas[k];
-        }
+impl Default for Corners {
+    fn default() -> Self {
+        Self { doubles: [1.0; BATCH], dots: [[0.0; BATCH]; 2] }
     }
-    if COTAN {
-        for k in 0..3 {
-            let (j, l) = ((k + 1) % 3, (k + 2) % 3);
-            let pull = scale(sides[k], cotangent(dots[k], double));
-            sums[t[j]].bend = sub(sums[t[j]].bend, pull);
-            sums[t[l]].bend = add(sums[t[l]].bend, pull);
+}
+
+impl Corners {
+    /// Measures a triangle and puts it in place `k`.
+    #[inline]
+    fn enter<P: Point>(&mut self, k: usize, t: [u32; 3], positions: &[P]) -> Triangle {
+        let [a, b, c] = t.map(|v| positions[v as usize].wide());
+        let sides = [sub(c, b), sub(a, c), sub(b, a)];
+        let normal = cross(sides[2], scale(sides[1], -1.0));
+        let double = norm(normal);
+        let dots = [-dot(sides[2], sides[1]), -dot(sides[0], sides[2]), -dot(sides[1], sides[0])];
+        self.doubles[k] = double;
+        self.dots[0][k] = dots[0];
+        self.dots[1][k] = dots[1];
+        Triangle { sides, normal, double, dots }
+    }
+}
+
+/// One triangle; side `k` is opposite to corner `k`.
+#[derive(Clone, Copy, Default)]
+struct Triangle {
+    sides: [Vec3; 3],
+    /// As long as twice the area.
+    normal: Vec3,
+    double: f64,
+    /// Products of the sides at each corner.
+    dots: [f64; 3],
+}
+
+impl Triangle {
+    /// Adds its cotangents on request, its mixed areas and its part of the normals, by its first two angles.
+    #[inline]
+    fn add(&self, t: [u32; 3], [first, second]: [f64; 2], cotan: bool, sums: &mut [Sums]) {
+        let Self { sides, normal, double, dots } = self;
+        let t = t.map(|v| v as usize);
+        if *double > 0.0 {
+            let unit = scale(*normal, 1.0 / double);
+            let angles = [first, second, std::f64::consts::PI - first - second];
+            let areas = mixed_areas(*double, *dots, sides);
+            for k in 0..3 {
+                let sums = &mut sums[t[k]];
+                sums.normal = add(sums.normal, scale(unit, angles[k]));
+                sums.area += areas[k];
+            }
+        }
+        if cotan {
+            for k in 0..3 {
+                let (j, l) = ((k + 1) % 3, (k + 2) % 3);
+                let pull = scale(sides[k], cotangent(dots[k], *double));
+                sums[t[j]].bend = sub(sums[t[j]].bend, pull);
+                sums[t[l]].bend = add(sums[t[l]].bend, pull);
+            }
         }
     }
 }
@@ -221,18 +267,26 @@ fn mixed_areas(double: f64, dots: [f64; 3], sides: &[Vec3; 3]) -> [f64; 3] {
     [shares[1] + shares[2], shares[2] + shares[0], shares[0] + shares[1]]
 }
 
-/// Length times angle of an edge, which is above 0 where the surface is convex.
-#[inline]
-fn add_hinge<P: Point>(hinge: Hinge, positions: &[P], sums: &mut [Sums]) {
+/// Adds length times angle of up to [`BATCH`] edges, which is above 0 where the surface is convex.
+fn add_hinges<P: Point>(level: Level, hinges: &[Hinge], positions: &[P], sums: &mut [Sums]) {
     let at = |v: u32| positions[v as usize].wide();
-    let [a, b] = hinge.ends.map(at);
-    let [c, d] = hinge.wings.map(at);
-    let edge = sub(b, a);
-    let (n, m) = (cross(edge, sub(c, a)), cross(sub(d, a), edge));
-    let length = norm(edge);
-    let bend = dot(cross(n, m), edge).atan2(length * dot(n, m)) * length;
-    for v in hinge.ends {
-        sums[v as usize].bend[0] += bend;
+    let (mut lengths, mut sines, mut cosines) = ([0.0; BATCH], [0.0; BATCH], [1.0; BATCH]);
+    for (k, hinge) in hinges.iter().enumerate() {
+        let [a, b] = hinge.ends.map(at);
+        let [c, d] = hinge.wings.map(at);
+        let edge = sub(b, a);
+        let (n, m) = (cross(edge, sub(c, a)), cross(sub(d, a), edge));
+        lengths[k] = norm(edge);
+        sines[k] = dot(cross(n, m), edge);
+        cosines[k] = lengths[k] * dot(n, m);
+    }
+    let angles = angles(level, &sines.map(f64::abs), &cosines);
+    for (k, hinge) in hinges.iter().enumerate() {
+        // Triangles without area have no angle between them.
+        let bend = if angles[k].is_nan() { 0.0 } else { angles[k].copysign(sines[k]) * lengths[k] };
+        for v in hinge.ends {
+            sums[v as usize].bend[0] += bend;
+        }
     }
 }
 

@@ -1,6 +1,7 @@
 //! How a cloth bends: signed mean curvature at every vertex of a mesh that moves.
 //! [`mean`] is the measure itself, `fans` says where it has a meaning, [`rest`] how much of it is noise.
 
+mod angle;
 mod fans;
 mod item;
 pub mod mean;

@@ -1,0 +1,11 @@
+//! Isophotes as `IsophotesFile` reads them: refused, or such that they can be written and read again.
+#![no_main]
+
+use foley_nodes::texture::{decode_isophotes, encode_isophotes};
+use libfuzzer_sys::fuzz_target;
+
+fuzz_target!(|bytes: &[u8]| {
+    if let Ok(found) = decode_isophotes(bytes) {
+        assert!(decode_isophotes(&encode_isophotes(&found)).is_ok());
+    }
+});
