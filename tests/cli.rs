@@ -125,6 +125,11 @@ fn outputs_stay_in_their_folder() {
     assert_ne!(code(&run), 0);
     assert!(stderr(&run).contains("F082"), "{}", stderr(&run));
     assert!(!dir.path().join("tone.wav").exists());
+    // A folder is no file, whether it is there or not.
+    let dir = project(&TONE.replace("path: \"tone.wav\"", "path: \"tones/\""));
+    let run = foley(dir.path(), &["run", "tone.ron", "--out", "out"]);
+    assert_ne!(code(&run), 0);
+    assert!(stderr(&run).contains("F082") && stderr(&run).contains("tone.ron:"), "{}", stderr(&run));
 }
 
 #[test]

@@ -480,7 +480,8 @@ impl Loader {
             }
             first.insert(id.to_owned(), key.clone());
             if self.nodes.len() >= self.limits.nodes {
-                self.error("F009", format!("more than {} nodes", self.limits.nodes), key);
+                let found = Diagnostic::error("F009", format!("more than {} nodes", self.limits.nodes), key);
+                self.found.push(found.help("--max-nodes allows more"));
                 return;
             }
             self.node(id, key, &entry.value, file, folder, scope);

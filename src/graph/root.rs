@@ -34,6 +34,8 @@ impl Default for Limits {
 pub struct Root {
     folders: Vec<PathBuf>,
     files: Vec<PathBuf>,
+    /// Numbered sequences whose folders may be listed for them alone.
+    patterns: Vec<PathBuf>,
     /// Shared by all copies, so that what nodes open is known as well.
     asked: Arc<Mutex<Asked>>,
 }
@@ -112,6 +114,7 @@ impl Root {
         if file.to_string_lossy().contains('#') {
             let frames = matching(&file.to_string_lossy()).unwrap_or_default();
             self.files.extend(frames.into_iter().filter_map(|(_, frame)| fs::canonicalize(frame).ok()));
+            self.patterns.push(file.to_owned());
         }
         let beside = ["obj", "bin"].map(|ending| file.with_extension(ending));
         let all = std::iter::once(file.to_owned()).chain(beside);
@@ -249,7 +252,11 @@ impl Files for DirFiles {
             message: format!("cannot list the files of {pattern:?}: {what}"),
         };
         let text = folder.to_str().ok_or_else(|| failed("F061", &"the folder's name is no text"))?;
-        let real = self.root.real(text).map_err(|e| failed(e.code, &e.message))?;
+        let real = if self.root.patterns.iter().any(|named| named == path) {
+            fs::canonicalize(text).map_err(|e| failed("F061", &e))?
+        } else {
+            self.root.real(text).map_err(|e| failed(e.code, &e.message))?
+        };
         let entries = fs::read_dir(real).map_err(|e| failed("F061", &e))?;
         let found = entries.flatten().filter_map(|entry| {
             let file = entry.file_name().into_string().ok()?;
@@ -347,6 +354,14 @@ mod tests {
         assert_eq!(list("cloth/none/f_#.obj"), Err("F060"));
         assert_eq!(list("cloth/g_#.obj"), Err("F060"));
         assert!(files.opened().is_empty());
+        // What somebody names on the command line may lie anywhere.
+        let mut root = Root::of(&base.join("cloth/graph.ron"));
+        root.allow_named(&base.join("other/f_#.obj"));
+        let named = DirFiles::new(root, Limits::default());
+        let found_there = named.sequence(base.join("other/f_#.obj").to_str().unwrap()).unwrap();
+        assert_eq!(found_there.len(), 2);
+        assert_eq!(named.bytes(&found_there[1].1).unwrap(), b"x");
+        assert!(named.sequence(base.join("other/#.obj").to_str().unwrap()).is_err());
         assert_eq!(files.kept().unwrap().bytes(&found[0].1).unwrap(), b"x");
         assert_eq!(files.opened().len(), 1);
     }

@@ -35,6 +35,9 @@ pub(super) fn lex(text: &str) -> Lexed {
     if by_line.open_strings == 1 { by_line.into() } else { whole.into() }
 }
 
+/// What some editors put in front of UTF-8.
+const BYTE_ORDER_MARK: char = '\u{feff}';
+
 struct Lexer<'t> {
     text: &'t str,
     at: usize,
@@ -127,6 +130,13 @@ impl<'t> Lexer<'t> {
         use SyntaxKind::*;
         let rest = self.rest();
         match c {
+            // Alone it is one error, and the text behind it is read as if it were not there.
+            BYTE_ORDER_MARK if self.at == 0 => {
+                let message = "the text begins with a byte order mark".to_owned();
+                let expected = Some("UTF-8 without one, as editors can save it");
+                self.error(0, c.len_utf8(), ErrorKind::UnknownCharacter, message, expected);
+                (Whitespace, c.len_utf8())
+            }
             c if is_whitespace(c) => (Whitespace, self.while_len(is_whitespace)),
             '/' if rest.starts_with("//") => (LineComment, rest.find('\n').unwrap_or(rest.len())),
             '/' if rest.starts_with("/*") => (BlockComment, self.block_comment()),

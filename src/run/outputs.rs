@@ -86,7 +86,8 @@ impl Outputs for DirOutputs {
     fn create(&self, path: &str) -> Result<Box<dyn WriteSeek>, FileError> {
         let plain =
             Path::new(path).components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir));
-        if path.is_empty() || !plain || Path::new(path).file_name().is_none() {
+        let folder = path.ends_with(std::path::is_separator);
+        if path.is_empty() || !plain || folder || Path::new(path).file_name().is_none() {
             let message = format!("{path:?} does not name a file below the output folder");
             return Err(FileError { code: "F082", message });
         }

@@ -172,6 +172,13 @@ impl Node for ContactDetector {
         s.when_ended(ContactDetectorPorts::mesh, Ends::Hold);
         s.when_ended(ContactDetectorPorts::others, Ends::Hold);
         let topology = &mesh.format.topology;
+        let (cut, all) = (topology.coincident(), topology.vertex_count());
+        if 2 * cut > all {
+            s.note(format!(
+                "{cut} of {all} vertices of `mesh` lie where another one does, so that the faces beside each other touch: \
+                 merge vertices by distance before the export"
+            ));
+        }
         let areas: Arc<[f32]> = vertex_areas(&topology.rest, &topology.triangles).into();
         let others = s.many(ContactDetectorPorts::others);
         let surfaces = std::iter::once(&mesh.format).chain(others.iter().map(|other| &other.format));

@@ -162,18 +162,68 @@ pub fn number_in(pattern: &str, name: &str) -> Option<u64> {
     plain.then(|| digits.parse().ok()).flatten()
 }
 
-/// Orders the files of a sequence, or says that there are none.
+/// Orders the files of a sequence, or says that there are none or that one is missing.
+///
+/// Numbers go up in equal steps: by 1, or by 2 where every other frame was written.
 ///
 /// # Errors
-/// When `found` is empty.
+/// When `found` is empty, a number stands twice, or one is left out: a motion would go on too early behind the hole.
 pub fn sorted_sequence(
     pattern: &str,
     mut found: Vec<(u64, String)>,
 ) -> Result<Vec<(u64, String)>, FileError> {
+    let error = |message| Err(FileError { code: "F060", message });
     if found.is_empty() {
-        let message = format!("no file matches {pattern:?}; each # run stands for the frame number");
-        return Err(FileError { code: "F060", message });
+        return error(format!("no file matches {pattern:?}; each # run stands for the frame number"));
     }
     found.sort();
-    Ok(found)
+    let pairs = || found.iter().zip(found.iter().skip(1));
+    let step = pairs().map(|(a, b)| b.0 - a.0).min().unwrap_or(1);
+    let Some(((before, first), (after, second))) = pairs().find(|(a, b)| {
+        let gap = b.0 - a.0;
+        gap == 0 || (gap != step && step > 0)
+    }) else {
+        return Ok(found);
+    };
+    error(if before == after {
+        format!(
+            "{first:?} and {second:?} of the sequence {pattern:?} are both number {before}; keep one of them"
+        )
+    } else {
+        let missing = before + step;
+        format!(
+            "number {missing} of the sequence {pattern:?} is missing: {before} is followed by {after}; write it again"
+        )
+    })
+}
+
+/// A text file without the byte order mark that some editors put in front of UTF-8.
+#[must_use]
+pub fn without_mark(bytes: &[u8]) -> &[u8] {
+    bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sorted(numbers: &[u64]) -> Result<Vec<u64>, String> {
+        let found = numbers.iter().enumerate().map(|(k, n)| (*n, format!("f_{n}_{k}.obj"))).collect();
+        let sorted = sorted_sequence("f_#.obj", found).map_err(|e| e.message)?;
+        Ok(sorted.into_iter().map(|(n, _)| n).collect())
+    }
+
+    #[test]
+    fn sequences_go_up_in_equal_steps() {
+        assert_eq!(sorted(&[10, 9, 11]).unwrap(), [9, 10, 11]);
+        assert_eq!(sorted(&[1, 5, 3]).unwrap(), [1, 3, 5]);
+        assert_eq!(sorted(&[7]).unwrap(), [7]);
+        let missing = sorted(&[1, 2, 3, 5, 6]).unwrap_err();
+        assert!(missing.contains("number 4") && missing.contains("3 is followed by 5"), "{missing}");
+        let missing = sorted(&[2, 4, 8]).unwrap_err();
+        assert!(missing.contains("number 6"), "{missing}");
+        let twice = sorted(&[1, 2, 2]).unwrap_err();
+        assert!(twice.contains("both number 2"), "{twice}");
+        assert!(sorted(&[]).unwrap_err().contains("no file matches"));
+    }
 }

@@ -435,7 +435,13 @@ impl<P: Param> Param for Option<P> {
         match datum {
             Datum::Name(n) if n == "None" => Ok(None),
             other => P::read(other, bounds).map(Some).map_err(|e| match e {
-                Mismatch::Type { found, .. } => Mismatch::Type { expected: Self::KIND.to_string(), found },
+                // The items of a list are not what is optional.
+                Mismatch::Type { found, .. } if matches!(P::KIND, ParamKind::List(..)) => {
+                    Mismatch::Type { expected: Self::KIND.to_string(), found }
+                }
+                Mismatch::Type { expected, found } => {
+                    Mismatch::Type { expected: format!("{expected}, or None"), found }
+                }
                 e => e,
             }),
         }
@@ -634,4 +640,23 @@ macro_rules! choices {
             }
         }
     };
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_optional_says_what_it_takes() {
+        let expected = |e: Mismatch| match e {
+            Mismatch::Type { expected, .. } => expected,
+            e => panic!("{e:?}"),
+        };
+        let rate = expected(Option::<Rate>::read(&Datum::Int(0), None).unwrap_err());
+        assert!(rate.contains("a number above zero") && rate.ends_with("or None"), "{rate}");
+        let number = expected(Option::<f64>::read(&Datum::Text("x".into()), None).unwrap_err());
+        assert_eq!(number, "number, or None");
+        let list = expected(Option::<Vec<f64>>::read(&Datum::Text("x".into()), None).unwrap_err());
+        assert_eq!(list, "list of number, or None");
+    }
 }

@@ -11,7 +11,7 @@ use crate::core::random::Draw;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
 use crate::dsp::{Quality, Resampler};
-use crate::io::{AudioReader, trial_wav};
+use crate::io::{AudioReader, oddities, trial_wav};
 use crate::{params, ports};
 
 params! {
@@ -88,12 +88,14 @@ fn reader<'a>(path: &str, file: Box<dyn ReadSeek + 'a>) -> Result<AudioReader<'a
 struct Take {
     samples: Vec<f32>,
     told: Recorded,
+    odd: Summary,
 }
 
 impl Take {
     fn read(p: &CrumpleExtractorParams, cx: &Build<'_>, path: &str) -> Result<Self, Fault> {
         let mut reader = reader(path, cx.open("recordings", path)?)?;
         let samples = reader.read_mono().map_err(|e| unusable(path, e))?;
+        let odd = oddities(path, reader.info(), &samples);
         if let Some(at) = samples.iter().position(|x| !x.is_finite()) {
             return Err(unusable(path, format!("sample {at} is not finite")).into());
         }
@@ -114,7 +116,7 @@ impl Take {
             gain: 1.0,
             outline: Vec::new(),
         };
-        Ok(Self { samples, told })
+        Ok(Self { samples, told, odd })
     }
 
     /// Sum of squares in the loudest window.
@@ -157,7 +159,8 @@ impl Func for CrumpleExtractor {
             return Err(Reject::new("F106", message).at("rate"));
         }
         for path in &p.recordings {
-            reader(&path.0, s.open("recordings", &path.0)?)?;
+            let reader = reader(&path.0, s.open("recordings", &path.0)?)?;
+            reader.info().odd(&path.0).for_each(|text| s.note(text));
         }
         Ok(())
     }
@@ -198,10 +201,11 @@ impl Func for CrumpleExtractor {
                 .help("lower it, or give louder recordings"));
         }
         let whole: usize = takes.iter().map(|take| take.samples.len()).sum();
+        let odd: Summary = takes.iter().flat_map(|take| take.odd.clone()).collect();
         let recordings = takes.into_iter().map(|take| take.told).collect();
         let bank = CrumpleBank::new(&p.material.0, fs, cuts, recordings, how);
         bank.validate().map_err(|e| Fault::new("F077", e.to_string()).at("recordings"))?;
-        let mut told = told(&bank);
+        let mut told = [told(&bank), odd].concat();
         told.push(("share_of_recordings", (bank.samples.len() as f64 / whole.max(1) as f64).into()));
         if longest as f64 > TOO_LONG * whole as f64 {
             let share = 100.0 * longest as f64 / whole as f64;

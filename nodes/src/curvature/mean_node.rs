@@ -84,8 +84,17 @@ impl Node for MeanCurvatureNode {
     }
 
     fn finish(&mut self, _: MeanCurvatureIo<'_>) -> Result<Summary, Fault> {
-        let valid = self.measure.valid().iter().filter(|v| **v).count();
-        Ok(vec![("valid_vertices", valid.into()), ("strongest_per_m", self.strongest.into())])
+        let (valid, all) = (self.measure.valid().iter().filter(|v| **v).count(), self.measure.valid().len());
+        let mut told: Summary =
+            vec![("valid_vertices", valid.into()), ("strongest_per_m", self.strongest.into())];
+        if 2 * valid < all {
+            let text = format!(
+                "{valid} of {all} vertices lie inside of a surface, and only there it bends: where the mesh is cut into \
+                 faces of their own, merge vertices by distance before the export"
+            );
+            told.push(("warning", text.into()));
+        }
+        Ok(told)
     }
 }
 
@@ -117,6 +126,21 @@ mod tests {
         for (k, h) in [1.0, 0.5, 0.25].into_iter().enumerate() {
             assert!(found[k * n..(k + 1) * n].iter().all(|c| (c.h - h).abs() < 0.02 * h));
         }
+    }
+
+    #[test]
+    fn faces_that_hang_apart_do_not_bend_and_that_is_told() {
+        let mesh = grid(6, 6, true, |u, v| [u, v, 0.0]).topology();
+        let warned = |mesh: Topology| {
+            let rest = mesh.rest.clone();
+            let run = solo(mesh, rest).run().unwrap();
+            run.summary.iter().any(|(k, _)| *k == "warning")
+        };
+        let rest: Vec<_> = mesh.triangles.iter().flatten().map(|v| mesh.rest[*v as usize]).collect();
+        let triangles = (0..rest.len() as u32 / 3).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
+        assert!(warned(Topology { rest, triangles }));
+        let mesh = grid(12, 12, true, |u, v| [u, v, 0.0]).topology();
+        assert!(!warned(mesh));
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! The roller measurement as a node: a whole recording in, a friction model out.
 
 use super::builder::{BuildError, BuilderParams, build, checked_params, hop_samples};
-use super::encoder::EncoderTrack;
+use super::encoder::{EncoderError, EncoderTrack};
 use super::model::{FrictionModel, Source};
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
@@ -141,6 +141,15 @@ fn check_enough(port: &str, audio: &Incoming<f32>, least: usize, why: &str) -> R
     Err(Reject::new("F077", message).at(port).help("give a longer recording, or a shorter `clip`"))
 }
 
+/// The track of the encoder, where its times and readings can be used.
+fn track(p: &FrictionModelBuilderParams, bytes: &[u8]) -> Result<EncoderTrack, Reject> {
+    let track = EncoderTrack::from_csv(bytes).and_then(|track| track.motion(p.roller_radius).map(|_| track));
+    track.map_err(|e| {
+        let field = if matches!(e, EncoderError::Radius { .. }) { "roller_radius" } else { "encoder" };
+        Reject::new("F077", format!("{:?}: {e}", p.encoder.0)).at(field)
+    })
+}
+
 impl Node for FrictionModelBuilder {
     type Params = FrictionModelBuilderParams;
     type Ports = FrictionModelBuilderPorts;
@@ -168,17 +177,15 @@ impl Node for FrictionModelBuilder {
             crate::core::node::same_rate("rest", recording.rate, rest.rate)?;
             check_enough("rest", &rest, clip, "one clip, to measure the floor,")?;
         }
-        let bytes = s.bytes("encoder", &p.encoder.0)?;
-        EncoderTrack::from_csv(&bytes).map_err(|e| Reject::new("F077", e.to_string()).at("encoder"))?;
+        track(p, &s.bytes("encoder", &p.encoder.0)?)?;
         Ok(())
     }
 
     fn build(p: &FrictionModelBuilderParams, cx: &Build<'_>) -> Result<Self, Fault> {
         let recording = cx.input(FrictionModelBuilderPorts::recording);
-        let encoder = EncoderTrack::from_csv(&cx.bytes("encoder", &p.encoder.0)?);
         Ok(Self {
             fs: recording.rate.as_f64(),
-            encoder: encoder.map_err(|e| Fault::new("F077", e.to_string()).at("encoder"))?,
+            encoder: track(p, &cx.bytes("encoder", &p.encoder.0)?)?,
             params: builder_params(p),
             recording: Take::new(&recording),
             rest: cx.optional(FrictionModelBuilderPorts::rest).map(|rest| Take::new(&rest)),
@@ -281,6 +288,10 @@ mod tests {
         solo.files.insert("encoder.csv", "t,v\n0,1\n");
         let reject = solo.shape().unwrap_err();
         assert_eq!((reject.code, reject.field.as_deref()), ("F077", Some("encoder")));
+        solo.files.insert("encoder.csv", "time_s,speed_m_s\n0,0.2\n1,0.2\n0.5,0.4\n");
+        let reject = solo.shape().unwrap_err();
+        assert_eq!((reject.code, reject.field.as_deref()), ("F077", Some("encoder")));
+        assert!(reject.message.contains("encoder.csv") && reject.message.contains("sample 2"), "{reject}");
     }
 
     #[test]

@@ -11,7 +11,7 @@ use crate::core::params::{AssetPath, Params, Text};
 use crate::core::ports::Value;
 use crate::core::random::Draw;
 use crate::core::shape::{Build, Shape};
-use crate::io::{AudioReader, trial_wav};
+use crate::io::{AudioReader, oddities, trial_wav};
 use crate::{choices, params, ports};
 
 choices! {
@@ -123,7 +123,8 @@ impl Func for FrictionModelFromClips {
             return Err(Reject::new("F077", message).at("fastest").help("it must be at least 0.1 % more"));
         }
         for path in &p.recordings {
-            reader(&path.0, s.open("recordings", &path.0)?)?;
+            let reader = reader(&path.0, s.open("recordings", &path.0)?)?;
+            reader.info().odd(&path.0).for_each(|text| s.note(text));
         }
         Ok(())
     }
@@ -133,14 +134,12 @@ impl Func for FrictionModelFromClips {
         cx: &Build<'_>,
         mut io: FrictionModelFromClipsIo<'_>,
     ) -> Result<Summary, Fault> {
-        let mut takes = Vec::with_capacity(p.recordings.len());
+        let (mut takes, mut odd) = (Vec::with_capacity(p.recordings.len()), Summary::new());
         for path in &p.recordings {
             let mut reader = reader(&path.0, cx.open("recordings", &path.0)?)?;
-            takes.push((
-                reader.read_mono().map_err(|e| unusable(&path.0, e))?,
-                f64::from(reader.info().rate),
-                &path.0,
-            ));
+            let samples = reader.read_mono().map_err(|e| unusable(&path.0, e))?;
+            odd.extend(oddities(&path.0, reader.info(), &samples));
+            takes.push((samples, f64::from(reader.info().rate), &path.0));
         }
         let recordings: Vec<Recording<'_>> = takes
             .iter()
@@ -170,7 +169,7 @@ impl Func for FrictionModelFromClips {
         };
         let model = from_clips(&recordings, &params)
             .map_err(|e| Fault::new("F077", e.to_string()).at("recordings"))?;
-        let summary = told(&model);
+        let summary = [told(&model), odd].concat();
         io.model.set(model);
         Ok(summary)
     }

@@ -7,6 +7,7 @@ use super::wav_header::WavHeader;
 use super::wav_read::WavReader;
 use super::{AudioError, AudioWarning};
 use crate::core::files::ReadSeek;
+use crate::core::node::Summary;
 
 /// Container and codec of an audio file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -71,6 +72,17 @@ pub struct AudioInfo {
 }
 
 impl AudioInfo {
+    /// What is odd about the file, each after its name.
+    pub fn odd<'a>(&'a self, path: &'a str) -> impl Iterator<Item = String> + 'a {
+        self.warnings.iter().map(move |warning| format!("{path:?}: {warning}"))
+    }
+
+    /// What became odd only while the file was read.
+    #[must_use]
+    pub fn corrupt(&self) -> Option<&AudioWarning> {
+        self.warnings.iter().find(|warning| matches!(warning, AudioWarning::CorruptPackets { .. }))
+    }
+
     /// Length in seconds.
     #[must_use]
     pub fn seconds(&self) -> f64 {
@@ -277,6 +289,26 @@ impl<'s> AudioReader<'s> {
     }
 }
 
+/// Share of the power of a recording in its mean, above which it is said.
+const CONSTANT: f64 = 0.1;
+
+/// What is odd about a recording once it has been read: packets that do not decode, and a part that does not move.
+pub(crate) fn oddities(path: &str, info: &AudioInfo, samples: &[f32]) -> Summary {
+    let n = samples.len().max(1) as f64;
+    let mean = samples.iter().map(|&x| f64::from(x)).sum::<f64>() / n;
+    let power = samples.iter().map(|&x| f64::from(x) * f64::from(x)).sum::<f64>() / n;
+    let share = if power > 0.0 { mean * mean / power } else { 0.0 };
+    let constant = (share > CONSTANT).then(|| {
+        let percent = 100.0 * share;
+        format!(
+            "{path:?}: {percent:.0} % of its power is a constant of {mean:.3}, which nobody hears but everything here measures: \
+             take it out first (remove DC)"
+        )
+    });
+    let corrupt = info.corrupt().map(|warning| format!("{path:?}: {warning}"));
+    corrupt.into_iter().chain(constant).map(|text| ("warning", text.into())).collect()
+}
+
 pub(super) fn check_finite(samples: &[f32], channels: usize, first: u64) -> Result<(), AudioError> {
     match samples.iter().position(|x| !x.is_finite()) {
         None => Ok(()),
@@ -333,4 +365,33 @@ fn head_at(source: &mut (impl Read + Seek), at: u64) -> Result<Vec<u8>, AudioErr
     let mut head = Vec::with_capacity(12);
     source.by_ref().take(12).read_to_end(&mut head)?;
     Ok(head)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_constant_and_lost_packets_are_told_of_a_recording() {
+        let info = AudioInfo {
+            format: FileFormat::Flac,
+            rate: 8000,
+            channels: 1,
+            frames: 4,
+            sample_format: SampleFormat::Int { bits: 16 },
+            channel_mask: None,
+            warnings: vec![AudioWarning::NoEnd],
+        };
+        let texts = |info: &AudioInfo, samples: &[f32]| -> Vec<String> {
+            oddities("a.flac", info, samples).iter().map(|(_, text)| text.to_string()).collect()
+        };
+        assert!(texts(&info, &[0.5, -0.5, 0.5, -0.4]).is_empty());
+        assert!(texts(&info, &[]).is_empty() && texts(&info, &[0.0; 4]).is_empty());
+        let told = texts(&info, &[0.3, 0.3, 0.3, 0.3]);
+        assert!(told.len() == 1 && told[0].contains("100 %") && told[0].contains("0.300"), "{told:?}");
+        let lost = AudioInfo { warnings: vec![AudioWarning::CorruptPackets { packets: 2 }], ..info };
+        let told = texts(&lost, &[0.5, -0.5]);
+        assert!(told.len() == 1 && told[0].contains("2 packets"), "{told:?}");
+        assert_eq!(lost.odd("a.flac").count(), 1);
+    }
 }

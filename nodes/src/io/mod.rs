@@ -14,6 +14,7 @@ mod wav_samples;
 mod wav_write;
 
 pub use crate::core::files::ReadSeek;
+pub(crate) use audio::oddities;
 pub use audio::{AudioInfo, AudioReader, FileFormat, ReadLimits, SampleFormat, probe, probe_with};
 pub use error::{AudioError, AudioWarning};
 pub use wav_write::{AudioWriter, Dither, WriteFormat, WriteSpec, WrittenInfo};

@@ -72,9 +72,7 @@ impl Node for WavInNode {
 
     fn shape(p: &WavInParams, s: &mut Shape<'_, '_, WavInPorts>) -> Result<(), Reject> {
         let info = super::probe(s.open("path", &p.path.0)?).map_err(|e| unreadable(&p.path, &e))?;
-        for warning in &info.warnings {
-            s.note(format!("{:?}: {warning}", p.path.0));
-        }
+        info.odd(&p.path.0).for_each(|text| s.note(text));
         let (start, end) = cut(p, &info)?;
         let rate = Rate::new(info.rate.into(), 1);
         let (Some(rate), Ok(channels)) = (rate, u16::try_from(info.channels)) else {
@@ -112,8 +110,11 @@ impl Node for WavInNode {
     }
 
     fn finish(&mut self, _: WavInIo<'_>) -> Result<Summary, Fault> {
-        let warnings: Vec<String> = self.reader.info().warnings.iter().map(ToString::to_string).collect();
-        Ok(vec![("frames", self.played.into()), ("warnings", warnings.into())])
+        let info = self.reader.info();
+        let warnings: Vec<String> = info.warnings.iter().map(ToString::to_string).collect();
+        let mut told: Summary = vec![("frames", self.played.into()), ("warnings", warnings.into())];
+        told.extend(info.corrupt().map(|warning| ("warning", warning.to_string().into())));
+        Ok(told)
     }
 
     fn trial(draw: &mut Draw) -> (WavInParams, MemoryFiles) {

@@ -77,6 +77,10 @@ impl Node for WavOutNode {
 
     fn shape(p: &WavOutParams, s: &mut Shape<'_, '_, WavOutPorts>) -> Result<(), Reject> {
         spec(p, &s.input(WavOutPorts::audio), Dither::None)?;
+        let ending = p.path.0.rsplit_once('.').map(|(_, ending)| ending.to_ascii_lowercase());
+        if !matches!(ending.as_deref(), Some("wav" | "wave" | "rf64" | "bw64")) {
+            s.note(format!("{:?} is written as WAV, whatever its name says: end it in .wav", p.path.0));
+        }
         Ok(())
     }
 

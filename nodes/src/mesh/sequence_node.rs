@@ -316,6 +316,12 @@ impl Node for MeshSequence {
         let rate = rate(p, times)?;
         let (first, last) = (times[0], times[times.len() - 1]);
         let hz = rate.as_f64();
+        if let (Some(start), None) = (p.start.filter(|start| *start > last && times.len() > 1), p.duration) {
+            let message = format!("the animation lasts from {first} to {last} s, `start` is {start} s");
+            return Err(Reject::new("F051", message)
+                .at("start")
+                .help("begin earlier, or give a `duration` for which the last frame stands still"));
+        }
         // A frame that is only just inside, by rounding of its time, still counts.
         let to_last = || ((last - p.start.unwrap_or(first)) * hz + 1e-3).floor() + 1.0;
         let within = p.duration.map(|duration| (duration * hz - 1e-6).ceil());
@@ -366,6 +372,8 @@ impl Node for MeshSequence {
         params.fps = Some(params.fps.unwrap_or(Rate::hz(30)));
         params.start = params.start.map(|start| (start / 1e5).abs());
         params.duration = params.duration.map(|duration| duration % 1.0);
+        // Without a duration it has to start before the last frame.
+        params.start = params.duration.and(params.start);
         (params, files)
     }
 }

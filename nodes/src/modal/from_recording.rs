@@ -10,7 +10,7 @@ use crate::core::params::{AssetPath, Params};
 use crate::core::ports::Value;
 use crate::core::random::Draw;
 use crate::core::shape::{Build, Shape};
-use crate::io::{AudioReader, trial_wav};
+use crate::io::{AudioReader, oddities, trial_wav};
 use crate::{params, ports};
 
 params! {
@@ -57,6 +57,8 @@ ports! {
 #[derive(Debug)]
 pub struct ModalFromRecording;
 
+/// What may be left unexplained of a recording without a word: half of its energy.
+const HALF_DB: f64 = -3.0;
 /// Longest recording, in seconds.
 const LONGEST: u64 = 60;
 
@@ -89,7 +91,9 @@ impl Func for ModalFromRecording {
             return Err(Reject::new("F077", message).at("highest").help("it must be more"));
         }
         let path = &p.recording.0;
-        reader(path, s.open("recording", path)?).map(|_| ())
+        let reader = reader(path, s.open("recording", path)?)?;
+        reader.info().odd(path).for_each(|text| s.note(text));
+        Ok(())
     }
 
     fn eval(
@@ -113,6 +117,14 @@ impl Func for ModalFromRecording {
         let mut summary = told(&modes);
         summary.push(("onset_s", (found.onset as f64 / rate).into()));
         summary.push(("unexplained_db", found.residual_db.into()));
+        if found.residual_db > HALF_DB {
+            let share = 100.0 * 10.0_f64.powf(found.residual_db / 10.0);
+            let text = format!(
+                "{share:.0} % of the recording's energy belongs to none of the modes: it should be one blow alone, that rings out"
+            );
+            summary.push(("warning", text.into()));
+        }
+        summary.extend(oddities(path, reader.info(), &samples));
         io.modes.set(modes);
         Ok(summary)
     }
@@ -162,6 +174,21 @@ mod tests {
             assert!(left.1.as_f64().unwrap() < -least, "{name}");
             assert!(run.value(0).unwrap().get::<Modes>().unwrap().len() > 3, "{name}");
         }
+    }
+
+    #[test]
+    fn what_is_no_single_blow_is_warned_of() {
+        let ring = |n: usize| {
+            let t = n as f64 / 8000.0;
+            0.5 * (-6.0 * t).exp() * (std::f64::consts::TAU * 440.0 * t).sin()
+        };
+        let warned = |samples: Vec<f32>| {
+            let run = run(trial_wav(&samples, 8000)).unwrap();
+            run.summary.iter().any(|(k, text)| *k == "warning" && text.to_string().contains("one blow alone"))
+        };
+        assert!(!warned((0..8000).map(|n| ring(n) as f32).collect()));
+        let mut draw = Draw::new(4);
+        assert!(warned((0..8000).map(|_| draw.between(-0.5, 0.5) as f32).collect()));
     }
 
     #[test]

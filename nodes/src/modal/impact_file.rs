@@ -174,6 +174,7 @@ impl Reader<'_> {
 /// # Ok::<(), foley_nodes::modal::ImpactError>(())
 /// ```
 pub fn read_impacts(bytes: &[u8], defaults: &Defaults) -> Result<Vec<(Tick, Impact)>, ImpactError> {
+    let bytes = crate::core::files::without_mark(bytes);
     let mut reader = Reader { defaults, impacts: Vec::new(), latest: 0.0 };
     match bytes.iter().find(|b| !b.is_ascii_whitespace()) {
         Some(b'{') => json_lines(bytes, &mut reader)?,
@@ -286,6 +287,8 @@ mod tests {
         let blows = read_impacts(json.as_bytes(), &defaults()).unwrap();
         assert_eq!(blows[0], read_impacts(CSV.as_bytes(), &defaults()).unwrap()[0]);
         assert!((blows[1].1.energy - 0.2).abs() < 1e-6 && blows[1].1.hardness == 0.5);
+        let marked = read_impacts(format!("\u{feff}{json}").as_bytes(), &defaults()).unwrap();
+        assert_eq!(marked, blows);
     }
 
     #[test]

@@ -25,6 +25,7 @@ use crate::{params, ports};
 /// # Ok::<(), String>(())
 /// ```
 pub fn read_modes(bytes: &[u8]) -> Result<Modes, String> {
+    let bytes = crate::core::files::without_mark(bytes);
     let json = bytes.iter().find(|b| !b.is_ascii_whitespace()) == Some(&b'{');
     let modes = if json {
         serde_json::from_slice(bytes).map_err(|e| format!("these are no modes: {e}"))?

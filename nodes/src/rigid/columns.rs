@@ -218,6 +218,15 @@ impl Columns {
     /// # Errors
     /// A column that is not known, or a field that stands there twice: its name and what would be right.
     pub fn of(table: &[Name], names: Vec<String>) -> Result<Self, (String, String)> {
+        if let [all] = &names[..]
+            && let Some(mark) = [';', '\t'].into_iter().find(|mark| all.contains(*mark))
+        {
+            let first = all.split(mark).next().unwrap_or_default().to_owned();
+            return Err((
+                first,
+                format!("columns are separated by {mark:?}; commas are needed, and points in numbers"),
+            ));
+        }
         let mut places = [None; Field::Other as usize];
         for (k, name) in names.iter().enumerate() {
             let Some((field, factor)) = known(table, name) else {
@@ -269,6 +278,15 @@ mod tests {
         assert_eq!([factor(Field::Time), factor(Field::Px), factor(Field::Force)], [1e-3, 1e-3, 1e3]);
         assert_eq!([factor(Field::Vx), factor(Field::Impulse), factor(Field::Mass)], [1e-2, 1e-3, 1e-3]);
         assert_eq!(header("time,px_kg").unwrap_err().0, "px_kg");
+    }
+
+    #[test]
+    fn other_separators_are_named() {
+        for mark in [';', '\t'] {
+            let (name, message) = header(&format!("time{mark}a{mark}b")).unwrap_err();
+            assert!(name == "time" && message.contains(&format!("{mark:?}")), "{name}: {message}");
+            assert!(message.contains("commas"), "{message}");
+        }
     }
 
     #[test]

@@ -168,6 +168,15 @@ fn poses_give_places_on_bodies_velocities_and_approach() {
 }
 
 #[test]
+fn a_byte_order_mark_is_passed_over() {
+    let json = r#"{"time_s": 0.1, "a": "w", "b": "x", "point": [0,0,0], "normal": [0,0,1], "force": 1, "velocity": [0,0,0]}"#;
+    for text in [OWN, json] {
+        let (plain, marked) = (read(text).unwrap(), read(&format!("\u{feff}{text}")).unwrap());
+        assert_eq!(plain.frames, marked.frames);
+    }
+}
+
+#[test]
 fn errors_name_line_and_column_and_what_would_be_right() {
     let head = "time,a,b,px,py,pz,nx,ny,nz,force,vx,vy,vz\n";
     let good = "0,w,x,0,0,0,0,0,1,1,0,0,0\n";
@@ -201,6 +210,12 @@ fn errors_name_line_and_column_and_what_would_be_right() {
         ("{\"time_s\": 0, \"a\": 0}".into(), "line 1, column `b`: nothing is there; a body's name"),
         ("{\"time_s\": 0, \"loud\": 0}".into(), "line 1, column `loud`: there is no such key"),
         ("{\"time_s\": 0,".into(), "line 1: this is no JSON object"),
+        ("[{\"time_s\": 0}]".into(), "line 1: a JSON list begins here; one object in each line"),
+        (head.replace(',', ";"), "line 1, column `time`: columns are separated by ';'; commas"),
+        (
+            with("0,w,x,0,0,0,0,0,1,1e30,0,0,0\n"),
+            "column `force`: \"1e30\" is there; a number of at most 1e12",
+        ),
     ] {
         let e = read(&text).unwrap_err().to_string();
         assert!(e.contains(part), "{text:?}: {e}");

@@ -5,6 +5,7 @@ use super::columns::{CONTACT, Columns, Field};
 use super::error::{LogFault, shown};
 use super::table::{Cells, read_table};
 use crate::contact::vector::{Vec3, add, dot, norm, scale, sub};
+use crate::core::files::without_mark;
 use serde_json::{Map, Value};
 
 /// Most rows that a log may have.
@@ -296,6 +297,7 @@ pub(super) fn from_json(
 
 /// Reads all rows: CSV under a header, or JSON lines.
 pub(super) fn read_rows(bytes: &[u8], poses: bool, bodies: &mut Bodies) -> Result<Vec<Row>, LogFault> {
+    let bytes = without_mark(bytes);
     let mut rows: Vec<Row> = Vec::new();
     let mut take = |line: u64, row: Row| {
         if let Some(before) = rows.last().filter(|last| row.time < last.time) {
@@ -309,7 +311,14 @@ pub(super) fn read_rows(bytes: &[u8], poses: bool, bodies: &mut Bodies) -> Resul
         rows.push(row);
         Ok(())
     };
-    if bytes.iter().find(|b| !b.is_ascii_whitespace()) == Some(&b'{') {
+    let begin = bytes.iter().find(|b| !b.is_ascii_whitespace());
+    if begin == Some(&b'[') {
+        return Err(LogFault::new(
+            1,
+            "a JSON list begins here; one object in each line is needed, without brackets around",
+        ));
+    }
+    if begin == Some(&b'{') {
         for (k, text) in bytes.split(|b| *b == b'\n').enumerate() {
             let line = k as u64 + 1;
             if text.trim_ascii().is_empty() {

@@ -36,9 +36,14 @@ impl Cells<'_> {
     pub fn maybe(&self, field: Field) -> Result<Option<f64>, LogFault> {
         let Some(text) = self.text(field)? else { return Ok(None) };
         let factor = self.columns.place(field).map_or(1.0, |(_, factor)| factor);
-        let number = text.parse::<f64>().ok().map(|x| x * factor).filter(|x| x.abs() <= MOST);
-        let wrong = || self.fault(field, format!("{:?} is there; a finite number is needed", shown(text)));
-        number.map(Some).ok_or_else(wrong)
+        let wrong =
+            |needed: &str| self.fault(field, format!("{:?} is there; {needed} is needed", shown(text)));
+        let number = text.parse::<f64>().ok().filter(|x| x.is_finite()).map(|x| x * factor);
+        let number = number.ok_or_else(|| wrong("a finite number"))?;
+        if number.abs() > MOST {
+            return Err(wrong("a number of at most 1e12 in SI units"));
+        }
+        Ok(Some(number))
     }
 
     /// A number that has to be there.

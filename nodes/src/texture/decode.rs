@@ -1,10 +1,11 @@
 //! Reads PNG, JPEG and TIFF images into plain samples; nothing that a header claims is believed before it is plausible.
 
+use super::orientation::Orientation;
 use super::palette::{self, Palette};
 use std::io::Cursor;
 use thiserror::Error;
 use tiff::decoder::{Decoder as Tiff, DecodingResult, Limits};
-use tiff::tags::{PhotometricInterpretation, Tag};
+use tiff::tags::{PhotometricInterpretation, PlanarConfiguration, Tag};
 use tiff::{ColorType as TiffColour, TiffError};
 use zune_jpeg::JpegDecoder;
 use zune_jpeg::errors::DecodeErrors;
@@ -111,7 +112,7 @@ pub enum Samples {
     Words(Vec<u16>),
 }
 
-/// An image as it stands in its file.
+/// An image as it is looked at: turned where its file says how the camera was held.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Picture {
     /// Columns, at least 1.
@@ -126,7 +127,7 @@ pub struct Picture {
     pub format: Format,
 }
 
-/// What the header of an image says.
+/// What the header of an image says; columns and rows as they are stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Header {
     /// Its format.
@@ -185,7 +186,7 @@ pub fn header(bytes: &[u8]) -> Result<Header, ImageError> {
 /// Memory for the samples, and no more than a few times that while they are unpacked.
 pub fn decode(bytes: &[u8]) -> Result<Picture, ImageError> {
     let header = header(bytes)?;
-    let (channels, samples) = match header.format {
+    let (channels, samples, held) = match header.format {
         Format::Png => png_samples(bytes)?,
         Format::Jpeg => jpeg_samples(bytes)?,
         Format::Tiff => tiff_samples(bytes)?,
@@ -199,6 +200,11 @@ pub fn decode(bytes: &[u8]) -> Result<Picture, ImageError> {
         let reason = format!("{count} samples where {width} x {height} x {channels} were announced");
         return Err(ImageError::Damaged { format, reason });
     }
+    let samples = match samples {
+        Samples::Bytes(samples) => Samples::Bytes(held.turned(samples, width, height, channels)),
+        Samples::Words(samples) => Samples::Words(held.turned(samples, width, height, channels)),
+    };
+    let (width, height) = held.size(width, height);
     Ok(Picture { width, height, channels, samples, format })
 }
 
@@ -216,7 +222,10 @@ fn png_limits() -> png::Limits {
     png::Limits { bytes: 1 << 26 }
 }
 
-fn png_samples(bytes: &[u8]) -> Result<(usize, Samples), ImageError> {
+/// Channels, samples as stored, and how they are turned.
+type Read = (usize, Samples, Orientation);
+
+fn png_samples(bytes: &[u8]) -> Result<Read, ImageError> {
     let format = Format::Png;
     let damaged = |e: png::DecodingError| ImageError::Damaged { format, reason: e.to_string() };
     let mut decoder = png::Decoder::new_with_limits(Cursor::new(bytes), png_limits());
@@ -237,7 +246,8 @@ fn png_samples(bytes: &[u8]) -> Result<(usize, Samples), ImageError> {
         }
         _ => Samples::Bytes(data),
     };
-    Ok((frame.color_type.samples(), samples))
+    let held = reader.info().exif_metadata.as_deref().map(Orientation::in_exif).unwrap_or_default();
+    Ok((frame.color_type.samples(), samples, held))
 }
 
 fn jpeg_options() -> DecoderOptions {
@@ -256,7 +266,7 @@ fn jpeg_error(e: &DecodeErrors) -> ImageError {
     }
 }
 
-fn jpeg_samples(bytes: &[u8]) -> Result<(usize, Samples), ImageError> {
+fn jpeg_samples(bytes: &[u8]) -> Result<Read, ImageError> {
     let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), jpeg_options());
     decoder.decode_headers().map_err(|e| jpeg_error(&e))?;
     let (channels, space) = match decoder.input_colorspace() {
@@ -265,7 +275,8 @@ fn jpeg_samples(bytes: &[u8]) -> Result<(usize, Samples), ImageError> {
     };
     decoder.set_options(jpeg_options().jpeg_set_out_colorspace(space));
     let data = decoder.decode().map_err(|e| jpeg_error(&e))?;
-    Ok((channels, Samples::Bytes(data)))
+    let held = decoder.exif().map(|exif| Orientation::in_exif(exif)).unwrap_or_default();
+    Ok((channels, Samples::Bytes(data), held))
 }
 
 pub(super) fn tiff_error(e: &TiffError) -> ImageError {
@@ -276,13 +287,15 @@ pub(super) fn tiff_error(e: &TiffError) -> ImageError {
     }
 }
 
-fn tiff_samples(bytes: &[u8]) -> Result<(usize, Samples), ImageError> {
+fn tiff_samples(bytes: &[u8]) -> Result<Read, ImageError> {
     let mut tiff = tiff_reader(bytes)?;
+    let held = tiff.find_tag_unsigned::<u16>(Tag::Orientation).map_err(|e| tiff_error(&e))?;
+    let held = Orientation::of(held.unwrap_or(1));
     let read = |tiff: &mut Tiff<Cursor<&[u8]>>| tiff.read_image().map_err(|e| tiff_error(&e));
     match tiff_kind(&mut tiff)? {
         TiffKind::Channels(channels) => match read(&mut tiff)? {
-            DecodingResult::U8(samples) => Ok((channels, Samples::Bytes(samples))),
-            DecodingResult::U16(samples) => Ok((channels, Samples::Words(samples))),
+            DecodingResult::U8(samples) => Ok((channels, Samples::Bytes(samples), held)),
+            DecodingResult::U16(samples) => Ok((channels, Samples::Words(samples), held)),
             _ => Err(not_read("numbers that are not unsigned".into())),
         },
         TiffKind::Palette(bits) => {
@@ -290,7 +303,9 @@ fn tiff_samples(bytes: &[u8]) -> Result<(usize, Samples), ImageError> {
             let width = tiff.dimensions().map_err(|e| tiff_error(&e))?.0;
             let grey = palette::as_grey(bytes).ok_or_else(|| not_read(PALETTE.into()))?;
             match read(&mut tiff_reader(&grey)?)? {
-                DecodingResult::U8(packed) => Ok((3, Samples::Words(colours.paint(&packed, width as usize)))),
+                DecodingResult::U8(packed) => {
+                    Ok((3, Samples::Words(colours.paint(&packed, width as usize)), held))
+                }
                 _ => Err(not_read(PALETTE.into())),
             }
         }
@@ -330,7 +345,14 @@ fn tiff_kind(tiff: &mut Tiff<Cursor<&[u8]>>) -> Result<TiffKind, ImageError> {
             _ => Err(not_read(PALETTE.into())),
         };
     }
-    Ok(TiffKind::Channels(match tiff.colortype().map_err(bad)? {
+    let planes = tiff.find_tag_unsigned::<u16>(Tag::PlanarConfiguration).map_err(bad)?;
+    let colour = tiff.colortype().map_err(bad)?;
+    if planes == Some(PlanarConfiguration::Planar.to_u16()) && colour.num_samples() > 1 {
+        return Err(not_read(
+            "each channel as a plane of its own (save it with interleaved channels)".into(),
+        ));
+    }
+    Ok(TiffKind::Channels(match colour {
         TiffColour::Gray(8 | 16) => 1,
         TiffColour::GrayA(8 | 16) | TiffColour::Multiband { bit_depth: 8 | 16, num_samples: 2 } => 2,
         TiffColour::RGB(8 | 16) => 3,
@@ -412,6 +434,35 @@ pub(super) mod tests {
         assert_eq!((grey.width, grey.height, grey.channels, grey.format), (3, 2, 1, Format::Tiff));
         assert_eq!(grey.samples, Samples::Bytes(data.to_vec()));
         assert_eq!(decode(&tiff(3, &data)).unwrap().channels, 3);
+    }
+
+    /// The JPEG with an Exif block behind its first two bytes.
+    fn turned_jpeg(orientation: u8) -> Vec<u8> {
+        let exif: &[u8] =
+            &[b'M', b'M', 0, 42, 0, 0, 0, 8, 0, 1, 1, 18, 0, 3, 0, 0, 0, 1, 0, orientation, 0, 0, 0, 0, 0, 0];
+        [&COLOUR[..2], &[0xff, 0xe1, 0, exif.len() as u8 + 8], b"Exif\0\0", exif, &COLOUR[2..]].concat()
+    }
+
+    #[test]
+    fn photographs_are_turned_as_the_camera_was_held() {
+        let plain = decode(COLOUR).unwrap();
+        assert_eq!(decode(&turned_jpeg(1)).unwrap(), plain);
+        let turned = decode(&turned_jpeg(6)).unwrap();
+        assert_eq!((turned.width, turned.height), (9, 16));
+        let (Samples::Bytes(before), Samples::Bytes(after)) = (&plain.samples, &turned.samples) else {
+            panic!("8 bits")
+        };
+        // What was on the left lies on top, and what was at the bottom on the left.
+        assert_eq!(after[..3], before[8 * 16 * 3..][..3]);
+        assert_eq!(after[8 * 3..][..3], before[..3]);
+        assert_ne!(after[..3], after[8 * 3..][..3], "one corner is blue");
+    }
+
+    #[test]
+    fn a_tiff_of_separate_planes_is_told_from_a_damaged_one() {
+        // Two pixels of red, then of green, then of blue, as tifffile writes them.
+        let text = code(include_bytes!("testdata/planes.tif"));
+        assert!(text.0 == "F123" && text.1.contains("plane of its own"), "{text:?}");
     }
 
     fn code(bytes: &[u8]) -> (&'static str, String) {

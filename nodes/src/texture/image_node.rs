@@ -83,6 +83,7 @@ impl Func for ImageLuma {
     type Params = ImageLumaParams;
     type Ports = ImageLumaPorts;
     const NAME: &'static str = "ImageLuma";
+    const VERSION: u32 = 2;
 
     fn check(p: &ImageLumaParams, s: &mut Shape<'_, '_, ImageLumaPorts>) -> Result<(), Reject> {
         header(&s.bytes("path", &p.path.0)?).map_err(|e| wrong(&p.path.0, &e)).map(|_| ())

@@ -24,6 +24,7 @@ pub mod isophotes_node;
 mod item;
 pub mod luma;
 pub mod map_nodes;
+mod orientation;
 mod palette;
 mod picture;
 pub mod profile;

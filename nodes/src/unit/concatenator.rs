@@ -186,7 +186,8 @@ const FADE: f64 = 0.05;
 /// Fades out while there is nothing to follow, and in again when there is.
 ///
 /// Room tone that goes on for ever under a silent target is not wanted: after half a second of silence in the target the output
-/// fades to exact zero in 50 ms, and comes back in 5 ms.
+/// fades to exact zero in 50 ms, and comes back in 5 ms. Before the first sound of the target there is nothing at all: a target
+/// that never sounds gives silence.
 #[derive(Clone, Debug)]
 pub struct Sleep {
     /// Samples of silence before the fade.
@@ -195,20 +196,22 @@ pub struct Sleep {
     down: f32,
     up: f32,
     silent: u64,
-    level: f32,
+    /// None before the first sample.
+    level: Option<f32>,
 }
 
 impl Sleep {
-    /// Awake.
+    /// Awake if the target begins with sound, asleep if it begins with silence.
     #[must_use]
     pub fn new(rate: f64) -> Self {
         let samples = |seconds: f64| (seconds * rate).round().max(1.0);
+        let patience = samples(PATIENCE) as u64;
         Self {
-            patience: samples(PATIENCE) as u64,
+            patience,
             down: (1.0 / samples(FADE)) as f32,
             up: (1.0 / samples(0.005)) as f32,
-            silent: 0,
-            level: 1.0,
+            silent: patience,
+            level: None,
         }
     }
 
@@ -216,8 +219,10 @@ impl Sleep {
     pub fn next(&mut self, silent: bool) -> f32 {
         self.silent = if silent { self.silent.saturating_add(1) } else { 0 };
         let step = if self.silent > self.patience { -self.down } else { self.up };
-        self.level = (self.level + step).clamp(0.0, 1.0);
-        self.level
+        let before = self.level.unwrap_or(if silent { 0.0 } else { 1.0 });
+        let level = (before + step).clamp(0.0, 1.0);
+        self.level = Some(level);
+        level
     }
 }
 
@@ -229,11 +234,12 @@ pub struct Doze {
 }
 
 impl Doze {
-    /// Awake, for units that come at a rate per second.
+    /// For units that come at a rate per second; asleep until the first that is not silent.
     #[must_use]
     pub fn new(rate: f64) -> Self {
         // The last sound may lie at the end of its unit, and the unit that is faded out last has to be whole.
-        Self { patience: ((PATIENCE + FADE) * rate - 1e-9).ceil() as usize + 2, silent: 0 }
+        let patience = ((PATIENCE + FADE) * rate - 1e-9).ceil() as usize + 2;
+        Self { patience, silent: patience }
     }
 
     /// Whether the output is asleep all through the next unit, for whether the target is silent in it.

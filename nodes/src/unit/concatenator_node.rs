@@ -29,7 +29,7 @@ params! {
     /// through bit for bit.
     ///
     /// With the sound of the target at `target` the output falls asleep: half a second after the target has gone silent (below
-    /// -100 dBFS) it fades out in 50 ms to exact zeros, and comes back in 5 ms.
+    /// -100 dBFS) it fades out in 50 ms to exact zeros, and comes back in 5 ms. It sleeps as well until the target sounds first.
     ///
     /// # Source
     /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 4.4. The paper
@@ -136,7 +136,7 @@ impl Node for UnitConcatenator {
     type Params = UnitConcatenatorParams;
     type Ports = UnitConcatenatorPorts;
     const NAME: &'static str = "UnitConcatenator";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     const CLASS: Class = Class::Audio;
     const COST: f64 = 4.0;
 

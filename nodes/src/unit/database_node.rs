@@ -12,8 +12,9 @@ use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
 use crate::dsp::{Quality, Resampler};
 use crate::feature::FeatureConventions;
-use crate::io::{AudioReader, trial_wav};
+use crate::io::{AudioReader, oddities, trial_wav};
 use crate::{feature_params, params, ports};
+use rayon::prelude::*;
 use std::io::Read;
 
 feature_params! {
@@ -94,6 +95,7 @@ fn read(reader: &mut AudioReader<'_>, from: Rate, to: Rate) -> Result<Vec<Vec<f3
     samples.truncate(frames * channels);
     let resampler = Resampler::new(from, to, Quality::High).map_err(|e| failed(&e))?;
     (0..channels)
+        .into_par_iter()
         .map(|channel| {
             let x: Vec<f32> = samples.iter().skip(channel).step_by(channels).copied().collect();
             if from == to { Ok(x) } else { resampled(&resampler, &x, from, to).map_err(|e| failed(&e)) }
@@ -157,19 +159,22 @@ impl Func for UnitDatabaseNode {
         }
         conventions(p, 1)?;
         for path in &p.recordings {
-            reader(&path.0, s.open("recordings", &path.0)?)?;
+            let (reader, _) = reader(&path.0, s.open("recordings", &path.0)?)?;
+            reader.info().odd(&path.0).for_each(|text| s.note(text));
         }
         Ok(())
     }
 
     fn eval(p: &UnitDatabaseParams, cx: &Build<'_>, mut io: UnitDatabaseIo<'_>) -> Result<Summary, Fault> {
-        let mut takes = Vec::with_capacity(p.recordings.len());
+        let (mut takes, mut odd) = (Vec::with_capacity(p.recordings.len()), Summary::new());
         for (k, path) in p.recordings.iter().enumerate() {
             let (mut file, rate) = reader(&path.0, cx.open("recordings", &path.0)?)?;
             let channels = read(&mut file, rate, p.rate).map_err(|e| Reject {
                 message: format!("{:?}{}", path.0, e.message.trim_start_matches("\"\"")),
                 ..e
             })?;
+            // Its mean is taken out on the way into the database.
+            odd.extend(oddities(&path.0, file.info(), &[]));
             takes.push(Take { channels, source: source(p, k) });
         }
         let joined = if p.joint { takes.first().map_or(1, |take| take.channels.len()) } else { 1 };
@@ -180,7 +185,10 @@ impl Func for UnitDatabaseNode {
         });
         let db = build(&takes, &conventions, gap);
         let db = db.map_err(|e| Fault::new("F101", e.to_string()).at("recordings"))?;
-        let summary = told(&db);
+        if db.audio.iter().all(|x| *x == 0.0) {
+            odd.push(("warning", "all recordings are silent, and so is everything made of them".into()));
+        }
+        let summary = [told(&db), odd].concat();
         io.database.set(db);
         Ok(summary)
     }

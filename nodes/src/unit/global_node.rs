@@ -268,6 +268,7 @@ impl Node for GlobalUnitSelector {
     type Params = GlobalUnitSelectorParams;
     type Ports = GlobalUnitSelectorPorts;
     const NAME: &'static str = "GlobalUnitSelector";
+    const VERSION: u32 = 2;
     const CLASS: Class = Class::Offline;
     const COST: f64 = 100_000.0;
 

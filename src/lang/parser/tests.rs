@@ -164,3 +164,14 @@ fn a_map_keeps_duplicate_keys_in_order() {
         .collect();
     assert_eq!(keys, [("b", 1), ("a", 2), ("b", 3)]);
 }
+
+#[test]
+fn a_byte_order_mark_is_one_error_and_the_rest_is_read() {
+    let text = format!("\u{feff}{GRAPH}");
+    let parsed = parse(&text);
+    assert_eq!(parsed.syntax().text().to_string(), text);
+    let [error] = parsed.errors() else { panic!("{:?}", parsed.errors()) };
+    assert!(error.span == (0..3) && error.message.contains("byte order mark"), "{error:?}");
+    assert_eq!(ids(&parsed), ids(&parse(GRAPH)));
+    assert!(!parse(&format!("{GRAPH}\u{feff}")).errors().is_empty());
+}

@@ -103,3 +103,24 @@ fn a_cloth_alone_touches_itself() {
     };
     assert_eq!((touching(true), touching(false)), (3 * 32, 0));
 }
+
+#[test]
+fn faces_that_hang_apart_are_told() {
+    let scene = SlidingPlanes { vertices: [4, 4], size: [0.2, 0.2], gap: 0.01, speed: 0.1 };
+    let (topology, _) = frames(&scene, Rate::hz(60), 1);
+    let notes = |topology: Topology| {
+        let (format, rest) = (MeshFormat::moving(topology.clone()), topology.rest);
+        let solo = Solo::new::<ContactDetector>(params()).input(
+            ContactDetectorPorts::mesh,
+            Rate::hz(60),
+            format,
+            rest,
+        );
+        solo.shape().unwrap().notes
+    };
+    assert!(notes(topology.clone()).is_empty());
+    let rest: Vec<_> = topology.triangles.iter().flatten().map(|v| topology.rest[*v as usize]).collect();
+    let triangles = (0..rest.len() as u32 / 3).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
+    let told = notes(Topology { rest, triangles });
+    assert!(told.len() == 1 && told[0].contains("merge vertices"), "{told:?}");
+}

@@ -71,3 +71,25 @@ fn a_fractional_rate_is_no_wav_file() {
     let solo = Solo::new::<WavOutNode>(params).input(WavOutPorts::audio, rate, Channels(1), vec![0.0]);
     assert!(solo.shape().unwrap_err().help.unwrap().contains("Resample"));
 }
+
+#[test]
+fn what_is_odd_about_files_is_told() {
+    let notes = |path: &str| {
+        let params = WavOutParams { path: path.into(), format: WriteFormat::Pcm16, dither: false };
+        let solo = Solo::new::<WavOutNode>(params);
+        solo.input(WavOutPorts::audio, Rate::hz(8000), Channels(1), vec![0.0]).shape().unwrap().notes
+    };
+    assert!(notes("a.wav").is_empty() && notes("A.WAV").is_empty());
+    for other in ["a", "a.mp3", "b.wav/a"] {
+        let told = notes(other);
+        assert!(told.len() == 1 && told[0].contains("end it in .wav"), "{other}: {told:?}");
+    }
+    let warned = |bytes: &[u8]| {
+        let run = play(bytes, 0.0, None).run().unwrap();
+        run.summary.iter().any(|(k, text)| *k == "warning" && text.to_string().contains("do not decode"))
+    };
+    let mut damaged = super::FLAC.to_vec();
+    let middle = damaged.len() / 2;
+    damaged[middle..middle + 40].fill(0x55);
+    assert!(warned(&damaged) && !warned(super::FLAC));
+}

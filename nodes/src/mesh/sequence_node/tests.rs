@@ -127,6 +127,15 @@ fn what_is_missing_is_named_with_what_to_write() {
     assert!(e.field.as_deref() == Some("object") && e.to_string().contains("`object: \"sheet\"`"), "{e}");
     assert_eq!(reject(params("frame_##.obj")).code, "F071");
     assert_eq!(reject(params("none_##.obj")).code, "F060");
+    let late = MeshSequenceParams { fps: Some(Rate::hz(10)), start: Some(0.31), ..params("frame_##.obj") };
+    let e = reject(late.clone());
+    assert!(e.code == "F051" && e.field.as_deref() == Some("start") && e.message.contains("0.3 s"), "{e}");
+    let still = solo(MeshSequenceParams { duration: Some(0.2), ..late }).shape().unwrap();
+    assert_eq!(still.end.map(seconds), Some(0.2));
+    let mut gap = solo(MeshSequenceParams { fps: Some(Rate::hz(10)), ..params("frame_##.obj") });
+    gap.files.insert("frame_13.obj", TRIANGLE);
+    let e = gap.shape().unwrap_err();
+    assert!(e.code == "F060" && e.message.contains("number 12"), "{e}");
 }
 
 #[test]

@@ -118,6 +118,18 @@ fn sleep_comes_after_half_a_second_and_ends_at_once() {
     assert_eq!(gains(6, false)[4..], [1.0, 1.0]);
 }
 
+#[test]
+fn nothing_is_heard_before_the_first_sound() {
+    let mut sleep = Sleep::new(1000.0);
+    let mut gains = |n: usize, silent| (0..n).map(|_| sleep.next(silent)).collect::<Vec<_>>();
+    assert!(gains(20, true).iter().all(|&g| g == 0.0));
+    let woken = gains(6, false);
+    assert!(woken[0] > 0.0 && woken[0] < 1.0 && woken[5] == 1.0, "{woken:?}");
+    assert!(gains(500, true).iter().all(|&g| g == 1.0));
+    let mut doze = Doze::new(240.0);
+    assert!(doze.next(true) && doze.next(true) && !doze.next(false) && !doze.next(true));
+}
+
 proptest! {
     #[test]
     fn output_is_linear_in_the_audio_for_the_same_crossings(seed in 0_u64..500, n in 1_usize..12) {

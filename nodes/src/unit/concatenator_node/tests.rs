@@ -90,13 +90,19 @@ fn a_silent_target_sends_it_to_sleep_and_a_balance_makes_channels() {
     let db = build(&[Take { channels: vec![noise(1, 200 * 300)], ..Take::default() }], &conventions(), None)
         .unwrap();
     let picks: Vec<Pick> = (0..240).map(|unit| Pick { unit, ..Pick::default() }).collect();
-    let run = concatenation(&db, picks.clone(), 0.1)
-        .optional(UnitConcatenatorPorts::target, RATE, Channels(1), vec![0.0; 48_000])
-        .run()
-        .unwrap();
-    let out = run.stream(UnitConcatenatorPorts::audio);
+    let followed = |target: Vec<f32>| {
+        let solo = concatenation(&db, picks.clone(), 0.1);
+        let solo = solo.optional(UnitConcatenatorPorts::target, RATE, Channels(1), target);
+        solo.run().unwrap().stream(UnitConcatenatorPorts::audio)
+    };
+    // One click, and then nothing.
+    let mut target = vec![0.0; 48_000];
+    target[0] = 0.5;
+    let out = followed(target);
     assert!(out[..24_000] == db.channel(0)[..24_000]);
     assert!(out[26_500..].iter().all(|x| *x == 0.0));
+    // Nothing at all.
+    assert!(followed(vec![0.0; 48_000]).iter().all(|x| *x == 0.0));
     let run = concatenation(&db, picks, 0.1)
         .optional(UnitConcatenatorPorts::balance, Rate::hz(240), Channels(2), [1.0, 0.5].repeat(240))
         .run()

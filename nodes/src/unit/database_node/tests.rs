@@ -64,3 +64,24 @@ fn what_is_no_recording_or_holds_no_unit_is_named() {
     let fault = solo(&["short.wav"]).run().err().unwrap();
     assert!(fault.code == "F101" && fault.message.contains("200 samples"), "{fault}");
 }
+
+#[test]
+fn what_is_odd_about_recordings_is_told() {
+    let mut cut = solo(&["a.wav"]);
+    let whole = trial_wav(&[0.25; 24_000], 48_000);
+    cut.files.insert("a.wav", whole[..whole.len() / 2].to_vec());
+    let notes = cut.shape().unwrap().notes;
+    assert!(
+        !notes.is_empty() && notes[0].contains("a.wav") && notes[0].contains("the header says"),
+        "{notes:?}"
+    );
+    let warned = |solo: &Solo| {
+        let run = solo.run().unwrap();
+        run.summary.iter().filter(|(k, _)| *k == "warning").map(|(_, v)| v.to_string()).collect::<Vec<_>>()
+    };
+    assert!(warned(&solo(&["a.wav"])).is_empty());
+    let mut silent = solo(&["a.wav"]);
+    silent.files.insert("a.wav", trial_wav(&[0.0; 24_000], 48_000));
+    let told = warned(&silent);
+    assert!(told.len() == 1 && told[0].contains("silent"), "{told:?}");
+}
