@@ -61,6 +61,15 @@ fn a_run_writes_its_file_and_a_report() {
 }
 
 #[test]
+fn a_report_without_a_place_is_told_before_the_run() {
+    let dir = project(TONE);
+    let run = foley(dir.path(), &["run", "tone.ron", "--report", "tone.ron/report.json"]);
+    assert_ne!(code(&run), 0);
+    assert!(stderr(&run).contains("tone.ron/report.json"), "{}", stderr(&run));
+    assert!(!dir.path().join("out").exists(), "nothing was rendered");
+}
+
+#[test]
 fn set_changes_a_parameter_and_a_node() {
     let dir = project(TONE);
     let args =

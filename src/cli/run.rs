@@ -111,9 +111,12 @@ fn plan(found: Graph, engine: &EngineArgs, files: &DirFiles) -> Result<Planned, 
 /// Runs a graph.
 ///
 /// # Errors
-/// When the report cannot be written.
+/// When the report cannot be written, which is known before the run but for a disk that fills up.
 pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
     let Some(ready) = prepare(&args.graph, &args.engine, args.quiet) else { return Ok(Exit::Wrong) };
+    if let Some(path) = &args.report {
+        try_place(path)?;
+    }
     let progress = Arc::new(Progress::default());
     let stop = Arc::clone(&progress);
     // Only the first handler of a process can be set; a second run in the same process keeps the first.
@@ -174,6 +177,11 @@ pub fn tell(report: &Report, ready: &Ready, args: &RunArgs) -> anyhow::Result<()
         write_whole(path, &format!("{:#}\n", report.json()))?;
     }
     Ok(())
+}
+
+/// Finds out whether a file can be put in its place before the work that it tells of is done.
+fn try_place(path: &std::path::Path) -> anyhow::Result<()> {
+    DirOutputs::new(".").create_at(path).map(drop).map_err(|e| anyhow::anyhow!(e.message))
 }
 
 /// Writes a file under a temporary name and moves it to its place.

@@ -59,7 +59,7 @@ pub enum MeshError {
         what: String,
     },
     /// A caller's limit is exceeded.
-    #[error("the file has {found} {what}, the limit is {limit}: raise `{field}` to read it")]
+    #[error("the file has {found} {what}; at most {limit} are read (`MeshLimits::{field}`)")]
     Limit {
         /// What there is too much of.
         what: &'static str,

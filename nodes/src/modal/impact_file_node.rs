@@ -65,6 +65,9 @@ impl Node for ImpactFile {
 
     fn shape(p: &ImpactFileParams, s: &mut Shape<'_, '_, ImpactFilePorts>) -> Result<(), Reject> {
         let impacts = read(p, &s.bytes("path", &p.path.0)?)?;
+        if impacts.is_empty() {
+            s.note(format!("{:?} holds no blow", p.path.0));
+        }
         s.ends(Some(impacts.last().map_or(0, |(tick, _)| tick + 1)));
         Ok(())
     }
@@ -122,6 +125,11 @@ mod tests {
         let times: Vec<Tick> = blows.iter().map(|(tick, _)| *tick).collect();
         assert_eq!(times, [0.0, 0.1, 0.1, 0.25].map(ticks));
         assert!((blows[2].1.energy - 0.45).abs() < 1e-6, "0.1 kg at 3 m/s");
+    }
+
+    #[test]
+    fn a_list_without_blows_is_told() {
+        assert_eq!(solo("time_s,velocity\n").shape().unwrap().notes, [r#""hits.csv" holds no blow"#]);
     }
 
     #[test]
