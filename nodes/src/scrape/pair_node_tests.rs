@@ -164,6 +164,23 @@ fn a_relief_of_any_density_is_the_same_relief() {
 }
 
 #[test]
+fn a_linked_strength_takes_the_place_of_the_number() {
+    let rough = || luma(2000.0, 1e-4, 256, |x| ((x * 7) % 101) as f32);
+    let path = vec![(0, piece([0.01, 0.0], [0.3, 0.0], 0.1))];
+    for b in [None, Some(rough())] {
+        let linked = |kappa: f64| {
+            let solo = solo(rough(), b.clone(), path.clone(), 0.1);
+            solo.feed(TwoTexturesPorts::kappa.index(), Feed::value(AnyValue::new(kappa)))
+        };
+        let plain = force(rough(), b.clone(), path.clone(), 0.1);
+        let strong = linked(4.0).run().unwrap().stream(TwoTexturesPorts::force);
+        assert!(rms(&plain) > 0.0 && plain.iter().zip(&strong).all(|(a, b)| 4.0 * a == *b));
+        let error = linked(f64::NAN).run().map(|_| ()).unwrap_err();
+        assert!(error.code == "F128" && error.to_string().contains("`kappa`"), "{error}");
+    }
+}
+
+#[test]
 fn a_relief_of_no_numbers_is_an_error() {
     let broken = luma(1000.0, 1e-4, 16, |_| f32::NAN);
     let error = solo(broken, None, vec![], 0.1).run().map(|_| ()).unwrap_err();
