@@ -5,8 +5,9 @@
 //! curve. So each crossing counts once, also at the points of curves and of chords. A chord leaves the cubic by less than a
 //! hundred thousandth of a pixel at any speed that is heard.
 
-use super::isophote_index::{IsophoteIndex, Piece};
+use super::isophote_index::IsophoteIndex;
 use super::isophote_near::Near;
+use super::isophote_piece::Piece;
 use super::isophote_trail::{LINE, Part, Trail, norm};
 use super::law::{AT_REST, Heading, Law, Moves};
 use super::past::Past;
@@ -181,8 +182,8 @@ impl IsophoteForce {
             &strip,
             #[inline(always)]
             |piece| {
-                for n in 0..LINE {
-                    sides[n] = across(&piece.ends, trail.on_image(n));
+                for (n, side) in sides.iter_mut().enumerate() {
+                    *side = across(&piece.ends, trail.on_image(n));
                 }
                 for n in 0..CELL {
                     turns[n] = u8::from((sides[n] >= 0.0) != (sides[n + 1] >= 0.0));

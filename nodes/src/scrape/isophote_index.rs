@@ -1,6 +1,7 @@
 //! Isophotes that a moving contact can ask for what is near.
 
 use super::isophote_ends::{Ends, LANES, Strip};
+use super::isophote_piece::{Entry, Piece, Slopes};
 use super::isophote_trail::{LINE, Line};
 use crate::texture::{Isophotes, Wrap};
 use std::ops::Range;
@@ -9,30 +10,6 @@ use std::ops::Range;
 const CELL: f64 = 4.0;
 /// How far curves go on beyond the border of an image that is not repeated, px.
 const MARGIN: f64 = 1.0;
-
-/// A straight piece of a curve, in the pixels of the image or of one of its repetitions.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Piece {
-    /// Its number.
-    pub number: u32,
-    /// The point of the isophotes that the segment begins with of which it is a part.
-    pub point: u32,
-    /// Which part, of how many.
-    pub part: [u16; 2],
-    /// Both ends.
-    pub ends: [[f64; 2]; 2],
-}
-
-/// A piece as the cells keep it.
-#[derive(Clone, Copy, Debug)]
-struct Entry {
-    number: u32,
-    point: u32,
-    part: [u16; 2],
-    ends: [[f32; 2]; 2],
-    /// Whether the cell before it, along x and along y, has it too.
-    again: [bool; 2],
-}
 
 /// A uniform grid over isophotes, whose cells list the pieces of curves in them.
 ///
@@ -276,7 +253,7 @@ impl IsophoteIndex {
         bounds: [[f64; 2]; 2],
         limit: f32,
         far: impl Fn(usize, [f64; 2]) -> [f32; LANES],
-        mut take: impl FnMut(Piece, f32),
+        mut take: impl FnMut(Piece),
     ) {
         self.rows(
             bounds,
@@ -294,7 +271,7 @@ impl IsophoteIndex {
                         let Some(entry) = self.entries.get(k) else { continue };
                         let again = (entry.again[0] && k >= fresh) || (entry.again[1] && below);
                         if !again {
-                            take(entry.piece(shift), far);
+                            take(entry.piece(shift));
                         }
                     }
                 }
@@ -309,7 +286,7 @@ impl IsophoteIndex {
             [low, high],
             0.0,
             |_, _| [0.0; LANES],
-            |piece, _| {
+            |piece| {
                 let [a, b] = piece.ends;
                 let apart = (0..2).any(|k| a[k].max(b[k]) < low[k] || a[k].min(b[k]) > high[k]);
                 if !apart {
@@ -321,7 +298,7 @@ impl IsophoteIndex {
 
     /// Gives `take` each piece that may touch a strip, which lies in a box on the image.
     #[inline(always)]
-    pub fn beside(&self, bounds: [[f64; 2]; 2], strip: &Strip, mut take: impl FnMut(Piece)) {
+    pub fn beside(&self, bounds: [[f64; 2]; 2], strip: &Strip, take: impl FnMut(Piece)) {
         // Places are rounded to single precision.
         let slack = self.slack(strip.middle);
         self.select(
@@ -329,8 +306,7 @@ impl IsophoteIndex {
             slack,
             #[inline(always)]
             |k, shift| self.ends.apart(k, less(strip.middle, shift), strip),
-            #[inline(always)]
-            |piece, _| take(piece),
+            take,
         );
     }
 
@@ -342,7 +318,7 @@ impl IsophoteIndex {
         bounds: [[f64; 2]; 2],
         place: [f64; 2],
         [most, wide]: [f64; 2],
-        mut take: impl FnMut(Piece),
+        take: impl FnMut(Piece),
     ) {
         let mut nearest = [f32::INFINITY; LANES];
         self.rows(
@@ -367,8 +343,7 @@ impl IsophoteIndex {
             (limit * limit) as f32,
             #[inline(always)]
             |k, shift| self.ends.squares(k, less(place, shift)),
-            #[inline(always)]
-            |piece, _| take(piece),
+            take,
         );
     }
 
@@ -397,39 +372,6 @@ impl IsophoteIndex {
         let ([ax, ay], [bx, by]) = (at(k), at(k + 1));
         let [part, parts] = [f64::from(piece.part[0]), f64::from(piece.part[1])];
         Slopes { start: [ax, ay], step: [bx - ax, by - ay], part, parts }
-    }
-}
-
-/// How the gradient goes along a piece.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Slopes {
-    /// At the start of its segment, and how much further it is at the end.
-    start: [f64; 2],
-    step: [f64; 2],
-    /// Which part of the segment the piece is, of how many.
-    part: f64,
-    parts: f64,
-}
-
-impl Slopes {
-    /// The gradient `along` from 0 to 1 of the piece.
-    #[inline(always)]
-    pub fn at(&self, along: f64) -> [f64; 2] {
-        let t = (self.part + along) / self.parts;
-        let t = if t > 0.0 { t } else { 0.0 };
-        let t = if t < 1.0 { t } else { 1.0 };
-        [self.start[0] + t * self.step[0], self.start[1] + t * self.step[1]]
-    }
-}
-
-impl Entry {
-    /// The piece, in a repetition of the image.
-    #[inline(always)]
-    fn piece(&self, shift: [f64; 2]) -> Piece {
-        let Self { number, point, part, .. } = *self;
-        let [a, b] = self.ends;
-        let at = |p: [f32; 2]| [f64::from(p[0]) + shift[0], f64::from(p[1]) + shift[1]];
-        Piece { number, point, part, ends: [at(a), at(b)] }
     }
 }
 

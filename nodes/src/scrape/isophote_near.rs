@@ -1,6 +1,7 @@
 //! Which curve is nearest to each sample of a stretch.
 
-use super::isophote_index::{IsophoteIndex, Piece};
+use super::isophote_index::IsophoteIndex;
+use super::isophote_piece::Piece;
 use super::isophote_trail::{Part, Trail};
 use super::voices::{CELL, Cell};
 
