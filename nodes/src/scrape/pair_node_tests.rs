@@ -115,7 +115,7 @@ fn a_capsule_over_tiles_knocks_at_each_joint() {
         let miss: Vec<f32> = straight.iter().zip(&ball).map(|(a, b)| a - b).collect();
         assert!(db(rms(&miss) / rms(&ball)) < -60.0, "{}", db(rms(&miss) / rms(&ball)));
         // Askew they knock one after the other, 30 mm apart, as often each.
-        let askew = force(tiles(), None, capsule(v, 0.5236), 2.0);
+        let askew = force(tiles(), None, capsule(v, std::f64::consts::FRAC_PI_6), 2.0);
         let found = period(&askew, [0.6 * time, 1.6 * time]);
         assert!((found - time).abs() < 0.002, "{v} m/s: {found} s");
         let half = |x: &[f32]| x.iter().fold(0.0_f32, |m, x| m.max(x.abs()));
