@@ -257,19 +257,14 @@ impl Bank {
     /// What happens every 64th sample: modes that have died away go to sleep, and coefficients catch up.
     fn grid_point(&mut self) {
         let floor = if self.quiet { self.floor } else { FAINTEST };
-        for (lanes, awake) in self.lanes.iter_mut().zip(&mut self.awake).filter(|(_, awake)| **awake) {
-            *awake = false;
-            for (re, im) in lanes.re.iter_mut().zip(&mut lanes.im) {
-                let size = *re * *re + *im * *im;
-                if size > floor && size < LOUDEST {
-                    *awake = true;
-                } else {
-                    // Not a number is also not below the loudest.
-                    self.runaways += u64::from(size.is_nan() || size >= LOUDEST);
-                    (*re, *im) = (0.0, 0.0);
-                }
+        let (level, runaways) = (self.level, &mut self.runaways);
+        let all = self.lanes.iter_mut().zip(&mut self.awake);
+        dispatch!(level, _simd => {
+            for (lanes, awake) in all {
+                // Mostly all of them sound.
+                *awake = *awake && (lanes.all_within(floor, LOUDEST) || silence(lanes, floor, runaways));
             }
-        }
+        });
         self.quiet = true;
         if self.pitch.is_moving() {
             self.pitch.advance();
@@ -299,6 +294,22 @@ impl Bank {
             }
         });
     }
+}
+
+/// Sets modes to zero that have died away or run away, and says whether any goes on.
+fn silence(lanes: &mut Lanes, floor: f32, runaways: &mut u64) -> bool {
+    let mut awake = false;
+    for (re, im) in lanes.re.iter_mut().zip(&mut lanes.im) {
+        let size = *re * *re + *im * *im;
+        if size > floor && size < LOUDEST {
+            awake = true;
+        } else {
+            // Not a number is also not below the loudest.
+            *runaways += u64::from(size.is_nan() || size >= LOUDEST);
+            (*re, *im) = (0.0, 0.0);
+        }
+    }
+    awake
 }
 
 #[cfg(test)]

@@ -50,16 +50,65 @@ pub enum PulseShape {
     Gaussian,
 }
 
+/// Samples of a pulse that are drawn together.
+const LANES: usize = 8;
+
 impl PulseShape {
-    /// Height at place `x` of the pulse's length, 0 to 1.
-    fn at(self, x: f64) -> f64 {
-        if !(0.0..1.0).contains(&x) {
-            return 0.0;
-        }
+    /// Draws heights at the places `first`, `first + step`, ... of the pulse's length, 0 to 1.
+    ///
+    /// # Complexity
+    /// A few sums and products for each: a sine goes on by a turn, a bell by a factor that itself has an even factor.
+    fn draw(self, first: f64, step: f64, heights: &mut [[f64; LANES]]) {
         match self {
-            Self::Cosine => 1.0 - libm::cos(TAU * x),
-            Self::HalfSine => libm::sin(PI * x),
-            Self::Gaussian => libm::exp(-0.5 * (6.0 * x - 3.0).powi(2)),
+            Self::Cosine => wave(TAU * first, TAU * step, heights, |cos, _| 1.0 - cos),
+            Self::HalfSine => wave(PI * first, PI * step, heights, |_, sin| sin),
+            Self::Gaussian => bell(6.0 * first - 3.0, 6.0 * step, heights),
+        }
+    }
+}
+
+/// A point of the circle further on by another.
+fn turned([c, s]: [f64; 2], [dc, ds]: [f64; 2]) -> [f64; 2] {
+    [c * dc - s * ds, c * ds + s * dc]
+}
+
+/// Heights made of cosine and sine at even phases.
+fn wave(phase: f64, step: f64, heights: &mut [[f64; LANES]], height: impl Fn(f64, f64) -> f64) {
+    let point = |x: f64| {
+        let (sin, cos) = libm::sincos(x);
+        [cos, sin]
+    };
+    let one = point(step);
+    let eight = (0..3).fold(one, |turn, _| turned(turn, turn));
+    let (mut cos, mut sin, mut at) = ([0.0; LANES], [0.0; LANES], point(phase));
+    for l in 0..LANES {
+        (cos[l], sin[l]) = (at[0], at[1]);
+        at = turned(at, one);
+    }
+    for heights in heights {
+        for l in 0..LANES {
+            heights[l] = height(cos[l], sin[l]);
+            [cos[l], sin[l]] = turned([cos[l], sin[l]], eight);
+        }
+    }
+}
+
+/// `exp(-u^2/2)` at even places.
+fn bell(u: f64, step: f64, heights: &mut [[f64; LANES]]) {
+    // From one place to the eighth after it, and how that factor changes from place to place.
+    let long = step * LANES as f64;
+    let (mut at, mut factor) = ([0.0; LANES], [0.0; LANES]);
+    for l in 0..LANES {
+        let u = u + l as f64 * step;
+        at[l] = libm::exp(-0.5 * u * u);
+        factor[l] = libm::exp(-long * (u + 0.5 * long));
+    }
+    let change = libm::exp(-long * long);
+    for heights in heights {
+        *heights = at;
+        for l in 0..LANES {
+            at[l] *= factor[l];
+            factor[l] *= change;
         }
     }
 }
@@ -74,6 +123,17 @@ fn impulse(x: f64) -> f64 {
     sinc * (1.0 - libm::cos(TAU * x))
 }
 
+/// The sum of all heights.
+fn sum(pulse: &[[f64; LANES]]) -> f64 {
+    let mut sums = [0.0; LANES];
+    for heights in pulse {
+        for l in 0..LANES {
+            sums[l] += heights[l];
+        }
+    }
+    sums.iter().sum()
+}
+
 /// Adds force pulses up, ahead of the samples that are read.
 ///
 /// Any number of blows may overlap: each is drawn into a ring of samples as it comes, so a sample costs the same whatever is
@@ -81,13 +141,13 @@ fn impulse(x: f64) -> f64 {
 #[derive(Clone, Debug)]
 pub struct ForceRing {
     rate: f64,
-    /// `[frames, points]`.
+    /// `[points, frames]`.
     ring: Vec<f64>,
     points: usize,
     /// Frame of the ring that is read next.
     head: usize,
     /// Heights of the pulse that is added.
-    pulse: Vec<f64>,
+    pulse: Vec<[f64; LANES]>,
 }
 
 impl ForceRing {
@@ -96,7 +156,8 @@ impl ForceRing {
     pub fn new(rate: f64, points: usize, longest: f64) -> Self {
         let points = points.max(1);
         let frames = (longest * rate).ceil() as usize + IMPULSE as usize + 2;
-        Self { rate, ring: vec![0.0; frames * points], points, head: 0, pulse: Vec::with_capacity(frames) }
+        let pulse = vec![[0.0; LANES]; frames.div_ceil(LANES)];
+        Self { rate, ring: vec![0.0; frames * points], points, head: 0, pulse }
     }
 
     /// Adds a pulse that starts `start` samples after the next sample to be read, or less than one before it, and lasts `time`
@@ -113,31 +174,48 @@ impl ForceRing {
         }
         let blunt = (time * self.rate).is_nan() || time * self.rate < BLUNTEST;
         let length = if blunt { IMPULSE } else { time * self.rate };
-        let height = |x: f64| if blunt { impulse(x) } else { shape.at(x) };
         let first = start.ceil().max(0.0) as usize;
         let last = ((start + length).ceil() as usize).min(frames).max(first);
-        self.pulse.clear();
-        self.pulse.extend((first..last).map(|n| height((n as f64 - start) / length)));
-        let scale = impulse_ns * self.rate / self.pulse.iter().sum::<f64>();
+        let count = last - first;
+        let Some(pulse) = self.pulse.get_mut(..count.div_ceil(LANES)) else { return };
+        let (place, step) = ((first as f64 - start) / length, 1.0 / length);
+        if blunt {
+            let place = |n: usize| place + n as f64 * step;
+            pulse.as_flattened_mut().iter_mut().enumerate().for_each(|(n, x)| *x = impulse(place(n)));
+        } else {
+            shape.draw(place, step, pulse);
+        }
+        pulse.as_flattened_mut().iter_mut().skip(count).for_each(|x| *x = 0.0);
+        let scale = impulse_ns * self.rate / sum(pulse);
         if !scale.is_finite() {
             return;
         }
+        // Up to the end of the ring, and on from its start.
         let point = point.min(self.points - 1);
-        for (n, height) in (first..).zip(&self.pulse) {
-            let at = (self.head + n) % frames * self.points + point;
-            self.ring[at] += scale * height;
+        let at = (self.head + first) % frames;
+        let heights = &pulse.as_flattened()[..count];
+        let (now, later) = heights.split_at(count.min(frames - at));
+        let ring = &mut self.ring[point * frames..(point + 1) * frames];
+        let (start, end) = ring.split_at_mut(at);
+        for (ring, heights) in [(end, now), (start, later)] {
+            ring.iter_mut().zip(heights).for_each(|(force, height)| *force += scale * height);
         }
     }
 
     /// Reads the next samples, interleaved by contact point, into `out`.
     pub fn read(&mut self, out: &mut [f32]) {
-        let frames = self.ring.len() / self.points;
-        for frame in out.chunks_exact_mut(self.points) {
-            let at = self.head * self.points;
-            for (out, force) in frame.iter_mut().zip(&mut self.ring[at..at + self.points]) {
-                *out = std::mem::take(force) as f32;
+        let (frames, points) = (self.ring.len() / self.points, self.points);
+        let mut out = out;
+        while out.len() >= points {
+            let count = (out.len() / points).min(frames - self.head);
+            let (now, later) = out.split_at_mut(count * points);
+            for (point, ring) in self.ring.chunks_exact_mut(frames).enumerate() {
+                let ring = &mut ring[self.head..self.head + count];
+                let out = now.iter_mut().skip(point).step_by(points);
+                out.zip(ring).for_each(|(out, force)| *out = std::mem::take(force) as f32);
             }
-            self.head = (self.head + 1) % frames;
+            self.head = (self.head + count) % frames;
+            out = later;
         }
     }
 
@@ -161,6 +239,33 @@ mod tests {
         let mut out = vec![0.0; (0.05 * rate) as usize];
         ring.read(&mut out);
         out
+    }
+
+    /// The formulas.
+    fn height(shape: PulseShape, x: f64) -> f64 {
+        match shape {
+            PulseShape::Cosine => 1.0 - (TAU * x).cos(),
+            PulseShape::HalfSine => (PI * x).sin(),
+            PulseShape::Gaussian => (-0.5 * (6.0 * x - 3.0).powi(2)).exp(),
+        }
+    }
+
+    #[test]
+    fn drawn_heights_are_those_of_the_formulas() {
+        for shape in [PulseShape::Cosine, PulseShape::HalfSine, PulseShape::Gaussian] {
+            for length in [4.0, 5.3, 44.1, 882.0, 3840.0, 7679.9] {
+                for early in [0.0, 0.3, 0.999] {
+                    let (first, step) = (early / length, 1.0 / length);
+                    let mut heights = vec![[0.0; LANES]; (length as usize).div_ceil(LANES)];
+                    shape.draw(first, step, &mut heights);
+                    let heights = &heights.as_flattened()[..length as usize];
+                    for (n, found) in heights.iter().enumerate() {
+                        let right = height(shape, first + n as f64 * step);
+                        assert!((found - right).abs() < 1e-9, "{shape:?} {length} {n}: {found} {right}");
+                    }
+                }
+            }
+        }
     }
 
     #[test]

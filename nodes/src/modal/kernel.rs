@@ -4,7 +4,7 @@
 //! registers for a whole stretch, and four vectors of modes are under way at once, for the result of a multiplication is late.
 
 use fearless_simd::prelude::*;
-use fearless_simd::{Level, dispatch, f32x16};
+use fearless_simd::{Level, dispatch, f32x4, f32x16};
 
 /// Modes in one vector.
 pub(crate) const LANES: usize = 16;
@@ -29,6 +29,17 @@ impl Lanes {
     /// Modes that do nothing.
     pub const SILENT: Self =
         Self { less_one: [0.0; LANES], sin: [0.0; LANES], re: [0.0; LANES], im: [0.0; LANES] };
+
+    /// Whether the squares of the sizes of all states lie between two numbers.
+    #[inline(always)]
+    pub fn all_within(&self, low: f32, high: f32) -> bool {
+        let mut within = [false; LANES];
+        for ((within, re), im) in within.iter_mut().zip(&self.re).zip(&self.im) {
+            let size = re * re + im * im;
+            *within = (size > low) & (size < high);
+        }
+        within == [true; LANES]
+    }
 }
 
 /// What a force does to sixteen modes.
@@ -198,8 +209,34 @@ fn turn<S: Simd, const U: usize>(
 /// Adds up the lanes of each sample, always in the same order.
 pub(crate) fn collect(level: Level, sums: &[[f32; LANES]], out: &mut [f32]) {
     dispatch!(level, simd => {
-        for (sums, out) in sums.iter().zip(out.iter_mut()) {
+        let (fours, rest) = sums.as_chunks::<4>();
+        let (now, later) = out.split_at_mut((4 * fours.len()).min(out.len()));
+        for (sums, out) in fours.iter().zip(now.chunks_exact_mut(4)) {
+            four(simd, sums).store_slice(out);
+        }
+        for (sums, out) in rest.iter().zip(later) {
             *out = load(simd, sums).reduce_sum();
         }
     });
+}
+
+/// The sums of the lanes of four samples: what is left of each is turned into columns and added at once.
+#[inline(always)]
+fn four<S: Simd>(simd: S, [a, b, c, d]: &[[f32; LANES]; 4]) -> f32x4<S> {
+    let (ab, cd) = (pair(quarter(simd, a), quarter(simd, b)), pair(quarter(simd, c), quarter(simd, d)));
+    pair(ab, cd)
+}
+
+/// Sixteen lanes folded twice, as `reduce_sum` does.
+#[inline(always)]
+fn quarter<S: Simd>(simd: S, lanes: &[f32; LANES]) -> f32x4<S> {
+    let (quarters, _) = lanes.as_chunks::<4>();
+    let at = |k: usize| f32x4::simd_from(simd, quarters[k]);
+    (at(0) + at(2)) + (at(1) + at(3))
+}
+
+/// Sums of neighbours.
+#[inline(always)]
+fn pair<S: Simd>(a: f32x4<S>, b: f32x4<S>) -> f32x4<S> {
+    a.unzip_low(b) + a.unzip_high(b)
 }

@@ -5,8 +5,10 @@
 //! curve. So each crossing counts once, also at the points of curves and of chords. A chord leaves the cubic by less than a
 //! hundred thousandth of a pixel at any speed that is heard.
 
-use super::isophote_index::{IsophoteIndex, Piece, Tile};
+use super::isophote_index::IsophoteIndex;
 use super::isophote_near::Near;
+use super::isophote_piece::Piece;
+use super::isophote_trail::{LINE, Part, Trail, norm};
 use super::law::{AT_REST, Heading, Law, Moves};
 use super::past::Past;
 use super::pulses::{LONGEST, Pulses};
@@ -19,10 +21,6 @@ use fearless_simd::{Level, dispatch};
 pub const PULSE: f64 = 1e-3;
 /// Most crossings that a contact has in a cell of samples.
 const MOST: usize = 32;
-/// Longest box of a stretch that is asked for at once, and longest chord, px.
-const BOX: f64 = 8.0;
-/// How far the place of a contact may jump between two pieces that touch, px.
-const JOINT: f64 = 0.5;
 
 /// What of isophotes is turned into force.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -55,8 +53,6 @@ struct Crossing {
     piece: Piece,
     /// Where on the piece, 0 to 1.
     along: f64,
-    /// What steps along the axes count on the image.
-    steps: [f64; 2],
 }
 
 /// Isophotes that contacts move over, and how they answer.
@@ -80,7 +76,7 @@ pub struct IsophoteForce {
     /// Crossings too many for their time, and chords too long.
     pub left_out: u64,
     pulses: Pulses,
-    places: [[f64; 2]; CELL + 1],
+    trail: Trail,
     found: Vec<Crossing>,
     near: Near,
     moves: Moves,
@@ -105,7 +101,7 @@ impl IsophoteForce {
             crossings: 0,
             left_out: 0,
             pulses: Pulses::new(room, rate),
-            places: [[0.0; 2]; CELL + 1],
+            trail: Trail::new(),
             found: Vec::with_capacity(MOST + 1),
             near: Near::new(),
             moves: Moves::new(),
@@ -126,17 +122,32 @@ impl IsophoteForce {
 
     #[inline(always)]
     fn stretch(&mut self, voice: &mut IsophoteVoice, stretch: &Stretch, out: &mut [f32]) {
-        self.walk(voice, stretch);
+        self.trail.walk(stretch, self.density, &self.scale, voice.trace);
         match self.reading {
-            Reading::Crossing => self.each_box(
+            Reading::Crossing => self.each_part(
                 stretch,
                 #[inline(always)]
-                |force, from, to| force.cross(voice, stretch, from, to),
+                |force, part| force.cross(voice, stretch, part),
             ),
             Reading::Proximity => self.feel(voice, stretch, out),
         }
-        if let Some(place) = self.places.get(stretch.to) {
-            voice.trace = Some((stretch.anchor + stretch.to as i64, *place));
+        let to = stretch.to.min(CELL);
+        voice.trace = Some((stretch.anchor + to as i64, self.trail.place(to)));
+    }
+
+    /// Cuts a stretch into parts that lie in small boxes on one tile.
+    #[inline(always)]
+    fn each_part(&mut self, stretch: &Stretch, mut take: impl FnMut(&mut Self, &Part)) {
+        let (mut from, end) = (stretch.from, stretch.to.min(CELL));
+        while from < end {
+            let part = self.trail.part(&self.index, from, end);
+            if part.long {
+                // Faster than anything that could be told apart.
+                self.left_out += 1;
+            } else {
+                take(self, &part);
+            }
+            from = part.range[1];
         }
     }
 
@@ -157,94 +168,42 @@ impl IsophoteForce {
         self.left_out + self.pulses.left_out
     }
 
-    /// The places at the samples of a stretch and at the one after, px.
+    /// Finds the curves that the chords of a part cross, and adds a pulse for each.
     #[inline(always)]
-    fn walk(&mut self, voice: &IsophoteVoice, stretch: &Stretch) {
-        let [a, b, c, d] = stretch.way();
-        let settled = self.scale.settled(stretch.anchor);
-        for n in stretch.from..=stretch.to.min(CELL) {
-            let t = n as f64;
-            let scale = settled.unwrap_or_else(|| self.scale.at(stretch.anchor + n as i64));
-            self.places[n] =
-                [0, 1].map(|k| (a[k] + t * (b[k] + t * (c[k] + t * d[k]))) * (self.density[k] / scale));
-        }
-        // A chord begins where the one before has ended, to the bit.
-        let first = &mut self.places[stretch.from.min(CELL)];
-        if let Some((sample, place)) = voice.trace
-            && sample == stretch.anchor + stretch.from as i64
-            && (place[0] - first[0]).hypot(place[1] - first[1]) < JOINT
-        {
-            *first = place;
-        }
-    }
-
-    /// Cuts a stretch into parts that lie in small boxes on one tile.
-    #[inline(always)]
-    fn each_box(&mut self, stretch: &Stretch, mut take: impl FnMut(&mut Self, usize, usize)) {
-        let (mut from, end) = (stretch.from, stretch.to.min(CELL));
-        while from < end {
-            let tile = self.index.tile(self.places[from]);
-            let (mut low, mut high) = (self.places[from], self.places[from]);
-            let mut to = from;
-            while to < end {
-                let next = self.places[to + 1];
-                let wide = |k: usize| next[k].max(high[k]) - next[k].min(low[k]) > BOX;
-                if to > from && (wide(0) || wide(1) || !self.index.holds(&tile, self.places[to])) {
-                    break;
-                }
-                for k in 0..2 {
-                    (low[k], high[k]) = (low[k].min(next[k]), high[k].max(next[k]));
-                }
-                to += 1;
-            }
-            if (0..2).any(|k| high[k] - low[k] > BOX) {
-                // Faster than anything that could be told apart.
-                self.left_out += 1;
-            } else {
-                take(self, from, to);
-            }
-            from = to;
-        }
-    }
-
-    /// The box of the places `[from, to]` on the image.
-    #[inline(always)]
-    fn bounds(&self, tile: &[Tile; 2], from: usize, to: usize, margin: f64) -> [[f64; 2]; 2] {
-        let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
-        for place in &self.places[from..=to] {
-            let (local, _) = self.index.on_image(tile, *place);
-            for k in 0..2 {
-                (low[k], high[k]) = (low[k].min(local[k] - margin), high[k].max(local[k] + margin));
-            }
-        }
-        [low, high]
-    }
-
-    /// Finds the curves that the chords `[from, to)` cross, and adds a pulse for each.
-    #[inline(always)]
-    fn cross(&mut self, voice: &mut IsophoteVoice, stretch: &Stretch, from: usize, to: usize) {
-        let tile = self.index.tile(self.places[from]);
-        let [low, high] = self.bounds(&tile, from, to, 0.0);
-        let (index, places, found) = (&self.index, &self.places, &mut self.found);
+    fn cross(&mut self, voice: &mut IsophoteVoice, stretch: &Stretch, part: &Part) {
+        let Self { index, trail, found, .. } = self;
         found.clear();
-        index.near(
-            low,
-            high,
+        let strip = trail.strip(part);
+        let mut sides = [0.0; LINE];
+        let mut turns = [0_u8; CELL];
+        let [from, to] = part.range;
+        index.beside(
+            part.bounds,
+            &strip,
             #[inline(always)]
             |piece| {
-                let mut before = index.on_image(&tile, places[from]).0;
-                let mut side = across(&piece.ends, before);
-                for n in from..to {
-                    let (next, steps) = index.on_image(&tile, places[n + 1]);
-                    let other = across(&piece.ends, next);
-                    if (side >= 0.0) != (other >= 0.0) {
-                        let [a, b] = piece.ends.map(|p| across(&[before, next], p));
+                for (n, side) in sides.iter_mut().enumerate() {
+                    *side = across(&piece.ends, trail.on_image(n));
+                }
+                for n in 0..CELL {
+                    turns[n] = u8::from((sides[n] >= 0.0) != (sides[n + 1] >= 0.0));
+                }
+                // Most chords pass by.
+                for (word, turns) in turns.chunks_exact(8).enumerate() {
+                    if turns.iter().fold(0, |any, x| any | x) == 0 {
+                        continue;
+                    }
+                    for n in (8 * word).max(from)..(8 * word + 8).min(to) {
+                        if turns[n % 8] == 0 {
+                            continue;
+                        }
+                        let chord = [trail.on_image(n), trail.on_image(n + 1)];
+                        let (a, b) = (across(&chord, piece.ends[0]), across(&chord, piece.ends[1]));
                         if (a >= 0.0) != (b >= 0.0) {
-                            let time = n as f64 + side / (side - other);
-                            put(found, Crossing { time, chord: n, piece, along: a / (a - b), steps });
+                            let time = n as f64 + sides[n] / (sides[n] - sides[n + 1]);
+                            put(found, Crossing { time, chord: n, piece, along: a / (a - b) });
                         }
                     }
-                    (before, side) = (next, other);
                 }
             },
         );
@@ -257,7 +216,7 @@ impl IsophoteForce {
         for k in 0..self.found.len() {
             let crossing = self.found[k];
             let n = crossing.chord;
-            self.sound(voice, stretch, &crossing, [force[n], gain[n]].map(f64::from));
+            self.sound(voice, stretch, part, &crossing, [force[n], gain[n]].map(f64::from));
         }
     }
 
@@ -266,19 +225,21 @@ impl IsophoteForce {
         &mut self,
         voice: &mut IsophoteVoice,
         stretch: &Stretch,
+        part: &Part,
         crossing: &Crossing,
         [f, gain]: [f64; 2],
     ) {
         let n = crossing.chord;
         let sample = stretch.anchor + n as i64;
-        let step = [0, 1].map(|k| self.places[n + 1][k] - self.places[n][k]);
-        let long = step[0].hypot(step[1]);
+        let step = self.trail.step(n);
+        let (_, steps) = self.index.on_image(&part.tile, self.trail.place(n + 1));
+        let long = norm(step);
         let g = self.index.gradient(&crossing.piece, crossing.along);
-        let slope = (g[0] * crossing.steps[0] * step[0] + g[1] * crossing.steps[1] * step[1]) / long;
+        let slope = (g[0] * steps[0] * step[0] + g[1] * steps[1] * step[1]) / long;
         let amplitude = slope - voice.met.unwrap_or(0.0);
         voice.met = Some(slope);
         let scale = self.scale.at(sample);
-        let speed = (step[0] / self.density[0]).hypot(step[1] / self.density[1]) * scale * self.rate;
+        let speed = norm([step[0] / self.density[0], step[1] / self.density[1]]) * scale * self.rate;
         if speed < f64::from(AT_REST) || f <= 0.0 {
             return;
         }
@@ -296,45 +257,46 @@ impl IsophoteForce {
         self.pulses.add(stretch.anchor, crossing.time, self.width / (long * self.rate), area, owner);
     }
 
-    /// Finds the nearest point of all curves within reach for the samples `[from, to)`.
+    /// Finds the nearest point of all curves within reach for the samples of a part.
     #[inline(always)]
-    fn approach(&mut self, stretch: &Stretch, from: usize, to: usize) {
+    fn approach(&mut self, stretch: &Stretch, part: &Part) {
         let reach = self.radius.at(stretch.anchor).max(self.radius.at(stretch.anchor + CELL as i64));
-        let tile = self.index.tile(self.places[from]);
-        let bounds = self.bounds(&tile, from, to, reach);
         // Counted from the anchor, whatever the windows, places need no double precision.
         let scale = self.scale.at(stretch.anchor);
         let start = stretch.way()[0];
-        let anchor = [0, 1].map(|k| start[k] * (self.density[k] / scale));
-        let (origin, _) = self.index.on_image(&tile, anchor);
-        self.near.place(origin, [from, to], |n| self.index.on_image(&tile, self.places[n]));
-        self.near.find(&self.index, bounds, reach);
+        let anchor = [start[0] * (self.density[0] / scale), start[1] * (self.density[1] / scale)];
+        let (origin, _) = self.index.on_image(&part.tile, anchor);
+        self.near.find(&self.index, &self.trail, part, origin, reach);
     }
 
     /// The force of the nearest curve over a stretch.
     #[inline(always)]
     fn feel(&mut self, voice: &mut IsophoteVoice, stretch: &Stretch, out: &mut [f32]) {
         self.near.clear();
-        self.each_box(
+        self.each_part(
             stretch,
             #[inline(always)]
-            |force, from, to| force.approach(stretch, from, to),
+            |force, part| force.approach(stretch, part),
         );
         let most = self.density[0].max(self.density[1]);
         let aspect = self.density.map(|d| (d / most) as f32);
         self.moves.follow(stretch, &stretch.way(), aspect, &mut voice.heading);
+        let Self { near, moves, trail, .. } = self;
+        let (mut ways, mut slopes, mut cell) = ([0.0; CELL], [0.0; CELL], [0.0; CELL]);
+        for n in 0..CELL {
+            ways[n] = norm(trail.step(n));
+            slopes[n] = near.x[n] * f64::from(moves.tx[n]) + near.y[n] * f64::from(moves.ty[n]);
+        }
         let settled = self.radius.settled(stretch.anchor);
-        let mut cell = [0.0; CELL];
-        for (n, made) in cell.iter_mut().enumerate().take(stretch.to).skip(stretch.from) {
-            let (from, to) = (self.places[n], self.places[n + 1]);
+        for n in stretch.from..stretch.to.min(CELL) {
+            let slope = if near.found[n] { slopes[n] } else { voice.past.last() };
+            slopes[n] = slope - voice.past.go(ways[n], slope);
+        }
+        for n in 0..CELL {
             let radius = settled.unwrap_or_else(|| self.radius.at(stretch.anchor + n as i64));
-            let nearest = self.near.at(n);
-            let near = nearest.map_or(0.0, |(square, _)| (1.0 - square / (radius * radius)).max(0.0));
-            let t = [self.moves.tx[n], self.moves.ty[n]].map(f64::from);
-            let slope = nearest.map_or(voice.past.last(), |(_, g)| g[0] * t[0] + g[1] * t[1]);
-            let step = [to[0] - from[0], to[1] - from[1]];
-            let before = voice.past.go((step[0] * step[0] + step[1] * step[1]).sqrt(), slope);
-            *made = (near * near * (slope - before)) as f32;
+            let close = 1.0 - f64::from(near.squares[n]) / (radius * radius);
+            let close = if close > 0.0 && near.found[n] { close } else { 0.0 };
+            cell[n] = (close * close * slopes[n]) as f32;
         }
         self.law.apply(stretch, &self.moves, &mut cell);
         out.iter_mut().zip(stretch.part(&mut cell)).for_each(|(out, x)| *out += *x);
@@ -342,19 +304,13 @@ impl IsophoteForce {
 }
 
 /// On which side of a line a place lies: 0 on it.
+#[inline(always)]
 pub(super) fn across([a, b]: &[[f64; 2]; 2], p: [f64; 2]) -> f64 {
     (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0])
 }
 
-/// Sorts a crossing in by its time, once; of more than there may be the earliest stay.
+/// Sorts a crossing in by its time; of more than there may be the earliest stay.
 fn put(found: &mut Vec<Crossing>, new: Crossing) {
-    // A piece that lies in several cells comes several times.
-    let same = |old: &Crossing| {
-        (old.chord, old.piece.number) == (new.chord, new.piece.number) && (old.time - new.time).abs() < 1e-6
-    };
-    if found.iter().any(same) {
-        return;
-    }
     let later = |old: &Crossing| (old.time, old.piece.number) <= (new.time, new.piece.number);
     let place = found.partition_point(later);
     if place < MOST {

@@ -1,33 +1,15 @@
 //! Isophotes that a moving contact can ask for what is near.
 
+use super::isophote_ends::{Ends, LANES, Strip};
+use super::isophote_piece::{Entry, Piece, Slopes};
+use super::isophote_trail::{LINE, Line};
 use crate::texture::{Isophotes, Wrap};
+use std::ops::Range;
 
 /// Side of a grid cell at most, and length of a piece at most, px.
 const CELL: f64 = 4.0;
 /// How far curves go on beyond the border of an image that is not repeated, px.
 const MARGIN: f64 = 1.0;
-
-/// A straight piece of a curve, in the pixels of the image or of one of its repetitions.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Piece {
-    /// Its number.
-    pub number: u32,
-    /// The point of the isophotes that the segment begins with of which it is a part.
-    pub point: u32,
-    /// Which part, of how many.
-    pub part: [u16; 2],
-    /// Both ends.
-    pub ends: [[f64; 2]; 2],
-}
-
-/// A piece as the cells keep it.
-#[derive(Clone, Copy, Debug)]
-struct Entry {
-    number: u32,
-    point: u32,
-    part: [u16; 2],
-    ends: [[f32; 2]; 2],
-}
 
 /// A uniform grid over isophotes, whose cells list the pieces of curves in them.
 ///
@@ -45,6 +27,7 @@ pub struct IsophoteIndex {
     /// First entry of each cell, and the end.
     starts: Vec<u32>,
     entries: Vec<Entry>,
+    ends: Ends,
     gradients: Vec<[f32; 2]>,
 }
 
@@ -76,6 +59,7 @@ impl IsophoteIndex {
             side,
             starts: vec![0; cells[0] * cells[1] + 1],
             entries: Vec::new(),
+            ends: Ends::default(),
             gradients: all.gradients.clone(),
         };
         // Counted, then sorted in.
@@ -87,12 +71,13 @@ impl IsophoteIndex {
             sum += count;
         }
         let mut next = index.starts.clone();
-        let blank = Entry { number: 0, point: 0, part: [0, 1], ends: [[0.0; 2]; 2] };
+        let blank = Entry { number: 0, point: 0, part: [0, 1], ends: [[0.0; 2]; 2], again: [false; 2] };
         let mut entries = vec![blank; sum as usize];
         index.each_entry(all, |cell, entry| {
             entries[next[cell] as usize] = entry;
             next[cell] += 1;
         });
+        index.ends = Ends::new(entries.iter().map(|entry| entry.ends));
         index.entries = entries;
         index
     }
@@ -111,7 +96,9 @@ impl IsophoteIndex {
                     let end = if part + 1 == parts as u16 { b } else { at(f64::from(part) + 1.0) };
                     let part = [part, parts as u16];
                     let start = if part[0] == 0 { a } else { at(part[0].into()) };
-                    self.spread([start, end], |cell, ends| take(cell, Entry { number, point, part, ends }));
+                    self.spread([start, end], |cell, ends, again| {
+                        take(cell, Entry { number, point, part, ends, again });
+                    });
                     number += 1;
                 }
             }
@@ -120,15 +107,18 @@ impl IsophoteIndex {
     }
 
     /// The cells that the box of a piece touches, with the piece as it lies in each.
-    fn spread(&self, ends: [[f64; 2]; 2], mut take: impl FnMut(usize, [[f32; 2]; 2])) {
+    fn spread(&self, ends: [[f64; 2]; 2], mut take: impl FnMut(usize, [[f32; 2]; 2], [bool; 2])) {
         let span = |k: usize| {
             let (low, high) = (ends[0][k].min(ends[1][k]), ends[0][k].max(ends[1][k]));
             [self.cell(k, low), self.cell(k, high)]
         };
         let ([left, right], [top, bottom]) = (span(0), span(1));
+        // Beyond an image that is not repeated there are no cells.
+        let first = |least: i64| if self.torus { least } else { least.max(0) };
         for (x, y) in (top..=bottom).flat_map(|y| (left..=right).map(move |x| (x, y))) {
             if let Some((cell, shift)) = self.wrapped([x, y]) {
-                take(cell, ends.map(|p| [0, 1].map(|k| (p[k] - shift[k]) as f32)));
+                let ends = ends.map(|p| [0, 1].map(|k| (p[k] - shift[k]) as f32));
+                take(cell, ends, [x > first(left), y > first(top)]);
             }
         }
     }
@@ -203,37 +193,192 @@ impl IsophoteIndex {
         (local, steps)
     }
 
-    /// Gives `take` each piece that may touch a box on the image; some come more than once.
+    /// The places of a line along one axis, on the image.
     #[inline(always)]
-    pub fn near(&self, low: [f64; 2], high: [f64; 2], mut take: impl FnMut(Piece)) {
-        let span = |k: usize| [self.cell(k, low[k]), self.cell(k, high[k])];
-        let ([left, right], [top, bottom]) = (span(0), span(1));
-        for (x, y) in (top..=bottom).flat_map(|y| (left..=right).map(move |x| (x, y))) {
-            let Some((cell, shift)) = self.wrapped([x, y]) else { continue };
-            let from = self.starts[cell] as usize;
-            let to = self.starts[cell + 1] as usize;
-            for entry in &self.entries[from..to] {
-                let ends = entry.ends.map(|p| [0, 1].map(|k| f64::from(p[k]) + shift[k]));
-                let apart = (0..2)
-                    .any(|k| ends[0][k].max(ends[1][k]) < low[k] || ends[0][k].min(ends[1][k]) > high[k]);
-                if !apart {
-                    let Entry { number, point, part, .. } = *entry;
-                    take(Piece { number, point, part, ends });
-                }
+    pub(super) fn line_on_image(&self, tile: &[Tile; 2], axis: usize, line: &Line, out: &mut Line) {
+        let Tile { base, sign, .. } = tile[axis];
+        for (x, out) in line.iter().zip(out.iter_mut()) {
+            *out = (x - base) * sign;
+        }
+        if self.wrap == Wrap::Clamp {
+            let (low, high) = (-0.5, self.size[axis] - 0.5);
+            for x in out {
+                *x = if *x < low { low } else { *x };
+                *x = if *x > high { high } else { *x };
             }
         }
+    }
+
+    /// What steps along one axis count at the places of a line.
+    #[inline(always)]
+    pub(super) fn line_steps(&self, tile: &[Tile; 2], axis: usize, line: &Line) -> Line {
+        let mut steps = [tile[axis].sign; LINE];
+        if self.wrap == Wrap::Clamp {
+            for (x, step) in line.iter().zip(&mut steps) {
+                *step = if *x >= -0.5 && *x <= self.size[axis] - 0.5 { 1.0 } else { 0.0 };
+            }
+        }
+        steps
+    }
+
+    /// Gives `take` the entries of the cells that a box on the image touches, a row of cells at a time, with how far these lie from
+    /// those of the image, and which of them are new: those from a number on that do not lie in the cell before, and all that do
+    /// not lie in the row before where there is one.
+    #[inline(always)]
+    fn rows(&self, [low, high]: [[f64; 2]; 2], mut take: impl FnMut(Range<usize>, [f64; 2], usize, bool)) {
+        let span = |k: usize| [self.cell(k, low[k]), self.cell(k, high[k])];
+        let ([left, right], [top, bottom]) = (span(0), span(1));
+        for y in top..=bottom {
+            let mut x = left;
+            while x <= right {
+                // Up to the end of this repetition of the image.
+                let turn = x.div_euclid(self.cells[0] as i64);
+                let last = right.min((turn + 1) * self.cells[0] as i64 - 1);
+                if let Some((cell, shift)) = self.wrapped([x, y]) {
+                    let start = |k: usize| self.starts.get(k).copied().unwrap_or_default() as usize;
+                    let entries = start(cell)..start(cell + (last - x) as usize + 1);
+                    let fresh = if x > left { entries.start } else { start(cell + 1) };
+                    take(entries, shift, fresh, y > top);
+                }
+                x = last + 1;
+            }
+        }
+    }
+
+    /// Gives `take` those entries of a box which come near enough, each once: `far` says how far sixteen entries from a number
+    /// on are, with the repetition of the image in which they lie.
+    #[inline(always)]
+    fn select(
+        &self,
+        bounds: [[f64; 2]; 2],
+        limit: f32,
+        far: impl Fn(usize, [f64; 2]) -> [f32; LANES],
+        mut take: impl FnMut(Piece),
+    ) {
+        self.rows(
+            bounds,
+            #[inline(always)]
+            |entries, shift, fresh, below| {
+                for k in entries.clone().step_by(LANES) {
+                    let far = far(k, shift);
+                    if !far.iter().fold(false, |any, far| any | (*far <= limit)) {
+                        continue;
+                    }
+                    for (k, far) in (k..entries.end).zip(far) {
+                        if far > limit {
+                            continue;
+                        }
+                        let Some(entry) = self.entries.get(k) else { continue };
+                        let again = (entry.again[0] && k >= fresh) || (entry.again[1] && below);
+                        if !again {
+                            take(entry.piece(shift));
+                        }
+                    }
+                }
+            },
+        );
+    }
+
+    /// Gives `take` each piece that may touch a box on the image.
+    #[inline(always)]
+    pub fn near(&self, low: [f64; 2], high: [f64; 2], mut take: impl FnMut(Piece)) {
+        self.select(
+            [low, high],
+            0.0,
+            |_, _| [0.0; LANES],
+            |piece| {
+                let [a, b] = piece.ends;
+                let apart = (0..2).any(|k| a[k].max(b[k]) < low[k] || a[k].min(b[k]) > high[k]);
+                if !apart {
+                    take(piece);
+                }
+            },
+        );
+    }
+
+    /// Gives `take` each piece that may touch a strip, which lies in a box on the image.
+    #[inline(always)]
+    pub fn beside(&self, bounds: [[f64; 2]; 2], strip: &Strip, take: impl FnMut(Piece)) {
+        // Places are rounded to single precision.
+        let slack = self.slack(strip.middle);
+        self.select(
+            bounds,
+            slack,
+            #[inline(always)]
+            |k, shift| self.ends.apart(k, less(strip.middle, shift), strip),
+            take,
+        );
+    }
+
+    /// Gives `take` each piece in a box that is nearer to a place than `most`, and not further than the nearest by more than
+    /// `wide`, about.
+    #[inline(always)]
+    pub fn around(
+        &self,
+        bounds: [[f64; 2]; 2],
+        place: [f64; 2],
+        [most, wide]: [f64; 2],
+        take: impl FnMut(Piece),
+    ) {
+        let mut nearest = [f32::INFINITY; LANES];
+        self.rows(
+            bounds,
+            #[inline(always)]
+            |entries, shift, _, _| {
+                let place = less(place, shift);
+                // Entries of the next row of cells do no harm: they are no nearer than they are.
+                for k in entries.step_by(LANES) {
+                    let squares = self.ends.squares(k, place);
+                    for l in 0..LANES {
+                        nearest[l] = if squares[l] < nearest[l] { squares[l] } else { nearest[l] };
+                    }
+                }
+            },
+        );
+        let nearest = nearest.iter().fold(f32::INFINITY, |a, b| if *b < a { *b } else { a });
+        let slack = f64::from(self.slack(place));
+        let limit = most.min(f64::from(nearest).sqrt() + wide) + slack;
+        self.select(
+            bounds,
+            (limit * limit) as f32,
+            #[inline(always)]
+            |k, shift| self.ends.squares(k, less(place, shift)),
+            take,
+        );
+    }
+
+    /// By how much distances from a place may be wrong in single precision, px.
+    #[inline(always)]
+    fn slack(&self, place: [f64; 2]) -> f32 {
+        let far = self.size[0] + self.size[1] + place[0].abs() + place[1].abs();
+        (1e-4 + 4.0 * f64::from(f32::EPSILON) * far) as f32
     }
 
     /// The gradient on a piece, `along` from 0 to 1 of its length.
     #[inline(always)]
     #[must_use]
     pub fn gradient(&self, piece: &Piece, along: f64) -> [f64; 2] {
-        let k = piece.point as usize;
-        let [from, to] =
-            [k, k + 1].map(|k| self.gradients.get(k).copied().unwrap_or_default().map(f64::from));
-        let t = (f64::from(piece.part[0]) + along) / f64::from(piece.part[1]);
-        [0, 1].map(|i| from[i] + t.clamp(0.0, 1.0) * (to[i] - from[i]))
+        self.slopes(piece).at(along)
     }
+
+    /// How the gradient goes along a piece.
+    #[inline(always)]
+    pub(super) fn slopes(&self, piece: &Piece) -> Slopes {
+        let k = piece.point as usize;
+        let at = |k: usize| {
+            let [x, y] = self.gradients.get(k).copied().unwrap_or_default();
+            [f64::from(x), f64::from(y)]
+        };
+        let ([ax, ay], [bx, by]) = (at(k), at(k + 1));
+        let [part, parts] = [f64::from(piece.part[0]), f64::from(piece.part[1])];
+        Slopes { start: [ax, ay], step: [bx - ax, by - ay], part, parts }
+    }
+}
+
+/// A place in a repetition of the image, as it lies on the image.
+#[inline(always)]
+fn less(place: [f64; 2], shift: [f64; 2]) -> [f32; 2] {
+    [(place[0] - shift[0]) as f32, (place[1] - shift[1]) as f32]
 }
 
 #[cfg(test)]

@@ -1,6 +1,8 @@
 //! Which curve is nearest to each sample of a stretch.
 
-use super::isophote_index::{IsophoteIndex, Piece};
+use super::isophote_index::IsophoteIndex;
+use super::isophote_piece::Piece;
+use super::isophote_trail::{Part, Trail};
 use super::voices::{CELL, Cell};
 
 /// Pieces of curves that are compared at once.
@@ -8,32 +10,31 @@ const MOST: usize = 512;
 /// A place without a curve within reach.
 const NONE: u32 = u32::MAX;
 
-/// The nearest point of all curves for each sample of a stretch, and the place of the sample.
+/// The nearest point of all curves for each sample of a stretch.
 ///
 /// # Complexity
 /// The distances of all samples from a piece of a curve are found together; a piece that is further from the middle of the samples
 /// than another by more than they are apart is passed over.
 #[derive(Clone, Debug)]
 pub(super) struct Near {
-    /// What the places are counted from, px.
-    origin: [f64; 2],
-    range: [usize; 2],
-    x: Cell,
-    y: Cell,
-    /// What steps along the axes count on the image.
-    steps: [[f64; 2]; CELL],
-    /// Pieces that may be the nearest, with their distance from the middle.
-    pieces: Vec<(f64, Piece)>,
+    /// Pieces that may be the nearest.
+    pieces: Vec<Piece>,
     best: Best,
-    /// Gradient of the curve at the nearest point, as the sample meets it.
-    gradients: [[f64; 2]; CELL],
-    /// Square of its distance, px, where there is one within reach.
-    found: [Option<f32>; CELL],
+    /// Gradient of the curve at the nearest point as the sample meets it, along x and along y.
+    pub x: [f64; CELL],
+    pub y: [f64; CELL],
+    /// Square of its distance, px.
+    pub squares: Cell,
+    /// Whether there is one within reach.
+    pub found: [bool; CELL],
 }
 
 /// The nearest point of what has been compared, for all samples; only those of the range mean something.
 #[derive(Clone, Debug)]
 struct Best {
+    /// Places of the samples, px.
+    x: Cell,
+    y: Cell,
     /// Square of its distance, px.
     square: Cell,
     /// Where on the piece it lies, 0 to 1.
@@ -46,104 +47,98 @@ struct Best {
 impl Near {
     /// Without any sample.
     pub fn new() -> Self {
-        let zero = [0.0; CELL];
+        let (zero, none) = ([0.0; CELL], [NONE; CELL]);
         Self {
-            origin: [0.0; 2],
-            range: [0; 2],
-            x: zero,
-            y: zero,
-            steps: [[0.0; 2]; CELL],
             pieces: Vec::with_capacity(MOST),
-            best: Best { square: zero, along: zero, number: [NONE; CELL], place: [NONE; CELL] },
-            gradients: [[0.0; 2]; CELL],
-            found: [None; CELL],
+            best: Best { x: zero, y: zero, square: zero, along: zero, number: none, place: none },
+            x: [0.0; CELL],
+            y: [0.0; CELL],
+            squares: zero,
+            found: [false; CELL],
         }
     }
 
     /// Forgets what was found.
     pub fn clear(&mut self) {
-        self.found = [None; CELL];
+        self.found = [false; CELL];
     }
 
-    /// Takes the places of the samples `[from, to)` on the image, and what steps count there.
+    /// Finds what is nearest within `reach` of the samples of a part, whose places are counted from `origin`.
     #[inline(always)]
-    pub fn place(
-        &mut self,
-        origin: [f64; 2],
-        [from, to]: [usize; 2],
-        on_image: impl Fn(usize) -> ([f64; 2], [f64; 2]),
-    ) {
-        (self.origin, self.range) = (origin, [from, to]);
-        for n in from..to.min(CELL) {
-            let (place, steps) = on_image(n);
-            (self.x[n], self.y[n]) = ((place[0] - origin[0]) as f32, (place[1] - origin[1]) as f32);
-            self.steps[n] = steps;
+    pub fn find(&mut self, index: &IsophoteIndex, trail: &Trail, part: &Part, origin: [f64; 2], reach: f64) {
+        let best = &mut self.best;
+        for n in 0..CELL {
+            let place = trail.on_image(n);
+            (best.x[n], best.y[n]) = ((place[0] - origin[0]) as f32, (place[1] - origin[1]) as f32);
         }
-    }
-
-    /// Finds what is nearest within `reach`, of all that touches a box around the samples and their reach.
-    #[inline(always)]
-    pub fn find(&mut self, index: &IsophoteIndex, [low, high]: [[f64; 2]; 2], reach: f64) {
-        let range = self.range[0]..self.range[1].min(CELL);
-        self.best.square[range].fill((reach * reach) as f32);
-        (self.best.number, self.best.place) = ([NONE; CELL], [NONE; CELL]);
-        let middle = [0, 1].map(|k| 0.5 * (low[k] + high[k]));
-        let half = (0.5 * (high[0] - low[0]) - reach).hypot(0.5 * (high[1] - low[1]) - reach);
-        let mut nearest = f64::INFINITY;
+        best.square = [(reach * reach) as f32; CELL];
+        (best.number, best.place) = ([NONE; CELL], [NONE; CELL]);
+        let [low, high] = part.bounds;
+        let middle = [0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1])];
+        let (dx, dy) = (high[0] - middle[0], high[1] - middle[1]);
+        let half = (dx * dx + dy * dy).sqrt();
+        let bounds = [[low[0] - reach, low[1] - reach], [high[0] + reach, high[1] + reach]];
         self.pieces.clear();
-        index.near(
-            low,
-            high,
+        // What is further from the middle than the nearest by a whole box is nowhere the nearest.
+        index.around(
+            bounds,
+            middle,
+            [reach + half, 2.0 * half],
             #[inline(always)]
             |piece| {
                 if self.pieces.len() == MOST {
-                    self.compare(index, f64::INFINITY);
+                    self.compare(index, trail, part, origin);
                 }
-                let far = distance(&piece.ends, middle);
-                nearest = nearest.min(far);
-                self.pieces.push((far, piece));
+                self.pieces.push(piece);
             },
         );
-        // What is further from the middle than the nearest by a whole box is nowhere the nearest.
-        self.compare(index, nearest + 2.0 * half);
+        self.compare(index, trail, part, origin);
     }
 
-    /// Compares all pieces of the list that are no further from the middle than `reach`, and begins another.
+    /// Compares all pieces of the list, and begins another.
     #[inline(always)]
-    fn compare(&mut self, index: &IsophoteIndex, reach: f64) {
-        let Self { origin, x, y, pieces, best, .. } = self;
-        for (place, (_, piece)) in (0..).zip(&*pieces).filter(|(_, (far, _))| *far <= reach) {
-            best.take(*origin, (place, piece), x, y);
+    fn compare(&mut self, index: &IsophoteIndex, trail: &Trail, part: &Part, origin: [f64; 2]) {
+        let Self { pieces, best, .. } = self;
+        for (place, piece) in (0..).zip(&*pieces) {
+            best.take(origin, (place, piece));
         }
-        for n in self.range[0]..self.range[1].min(CELL) {
-            if let Some((_, piece)) = self.pieces.get(self.best.place[n] as usize) {
-                let [gx, gy] = index.gradient(piece, f64::from(self.best.along[n]));
-                let [sx, sy] = self.steps[n];
-                (self.gradients[n], self.found[n]) = ([gx * sx, gy * sy], Some(self.best.square[n]));
+        let steps_x = index.line_steps(&part.tile, 0, &trail.places[0]);
+        let steps_y = index.line_steps(&part.tile, 1, &trail.places[1]);
+        let [mut from, to] = part.range;
+        while from < to {
+            // Neighbours mostly lie near the same piece.
+            let place = best.place[from];
+            let mut end = from + 1;
+            while end < to && best.place[end] == place {
+                end += 1;
             }
+            if let Some(piece) = pieces.get(place as usize) {
+                let slopes = index.slopes(piece);
+                for n in from..end {
+                    let [gx, gy] = slopes.at(f64::from(best.along[n]));
+                    (self.x[n], self.y[n]) = (gx * steps_x[n], gy * steps_y[n]);
+                    (self.found[n], self.squares[n]) = (true, best.square[n]);
+                }
+            }
+            from = end;
         }
-        self.best.place = [NONE; CELL];
-        self.pieces.clear();
-    }
-
-    /// Square of the distance of sample `n` from the nearest curve in px, and the gradient there as the sample meets it.
-    #[inline(always)]
-    pub fn at(&self, n: usize) -> Option<(f64, [f64; 2])> {
-        let square = self.found.get(n).copied().flatten()?;
-        Some((f64::from(square), *self.gradients.get(n)?))
+        best.place = [NONE; CELL];
+        pieces.clear();
     }
 }
 
 impl Best {
     /// Compares the distances of all samples from one more piece; of equal ones the piece of lower number counts.
     #[inline(always)]
-    fn take(&mut self, origin: [f64; 2], (place, piece): (u32, &Piece), x: &Cell, y: &Cell) {
-        let [a, b] = piece.ends.map(|p| [(p[0] - origin[0]) as f32, (p[1] - origin[1]) as f32]);
+    fn take(&mut self, origin: [f64; 2], (place, piece): (u32, &Piece)) {
+        let [a, b] = piece.ends;
+        let a = [(a[0] - origin[0]) as f32, (a[1] - origin[1]) as f32];
+        let b = [(b[0] - origin[0]) as f32, (b[1] - origin[1]) as f32];
         let step = [b[0] - a[0], b[1] - a[1]];
         let long = step[0] * step[0] + step[1] * step[1];
         let part = if long > 0.0 { 1.0 / long } else { 0.0 };
         for n in 0..CELL {
-            let off = [x[n] - a[0], y[n] - a[1]];
+            let off = [self.x[n] - a[0], self.y[n] - a[1]];
             let along = (off[0] * step[0] + off[1] * step[1]) * part;
             let along = if along > 0.0 { along } else { 0.0 };
             let along = if along < 1.0 { along } else { 1.0 };
@@ -159,19 +154,19 @@ impl Best {
     }
 }
 
-/// Distance of a place from a piece.
-#[inline(always)]
-fn distance([a, b]: &[[f64; 2]; 2], p: [f64; 2]) -> f64 {
-    let (step, off) = ([b[0] - a[0], b[1] - a[1]], [p[0] - a[0], p[1] - a[1]]);
-    let long = step[0] * step[0] + step[1] * step[1];
-    let along = if long > 0.0 { ((off[0] * step[0] + off[1] * step[1]) / long).clamp(0.0, 1.0) } else { 0.0 };
-    let miss = [off[0] - along * step[0], off[1] - along * step[1]];
-    (miss[0] * miss[0] + miss[1] * miss[1]).sqrt()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Distance of a place from a piece.
+    fn distance([a, b]: &[[f64; 2]; 2], p: [f64; 2]) -> f64 {
+        let (step, off) = ([b[0] - a[0], b[1] - a[1]], [p[0] - a[0], p[1] - a[1]]);
+        let long = step[0] * step[0] + step[1] * step[1];
+        let along =
+            if long > 0.0 { ((off[0] * step[0] + off[1] * step[1]) / long).clamp(0.0, 1.0) } else { 0.0 };
+        let miss = [off[0] - along * step[0], off[1] - along * step[1]];
+        (miss[0] * miss[0] + miss[1] * miss[1]).sqrt()
+    }
 
     #[test]
     fn distances_are_to_the_piece_and_not_to_its_line() {
@@ -197,8 +192,8 @@ mod tests {
         let (mut x, mut y) = ([0.0; CELL], [0.0; CELL]);
         (0..CELL).for_each(|n| (x[n], y[n]) = (draw() as f32, draw() as f32));
         let mut best = Near::new().best;
-        best.square = [1.0; CELL];
-        (0..).zip(&pieces).for_each(|(place, piece)| best.take([0.0; 2], (place, piece), &x, &y));
+        (best.x, best.y, best.square) = (x, y, [1.0; CELL]);
+        (0..).zip(&pieces).for_each(|(place, piece)| best.take([0.0; 2], (place, piece)));
         for n in 0..CELL {
             let at = [x[n], y[n]].map(f64::from);
             let least = pieces.iter().map(|p| distance(&p.ends, at)).fold(1.0, f64::min);

@@ -195,6 +195,7 @@ impl Func for LevelMatcher {
     type Params = LevelMatcherParams;
     type Ports = LevelMatcherPorts;
     const NAME: &'static str = "LevelMatcher";
+    const VERSION: u32 = 2;
 
     fn eval(p: &LevelMatcherParams, _: &Build<'_>, mut io: LevelMatcherIo<'_>) -> Result<Summary, Fault> {
         let map = whole(p, io.map)?;

@@ -11,7 +11,7 @@ use std::f64::consts::TAU;
 /// Corner of the high-pass that takes the mean from a map that is never negative, Hz.
 const CORNER: f64 = 20.0;
 /// Most levels of a pyramid: steps of 2048 pixels.
-const LEVELS: usize = 12;
+const LEVELS: usize = 13;
 
 /// One level of a map: the map, and what one of its pixels is of a full one along x and y.
 type Scaled<const C: usize> = (Plane<C>, [f64; 2]);

@@ -158,6 +158,7 @@ impl Node for MapExcitation {
     type Params = MapExcitationParams;
     type Ports = MapExcitationPorts;
     const NAME: &'static str = "MapExcitation";
+    const VERSION: u32 = 2;
     const CLASS: Class = Class::Audio;
     const COST: f64 = 15.0;
 

@@ -5,7 +5,8 @@
 //! `a + b = x + y`: so the meetings of two even gratings come at the sum of their frequencies, as in their joint envelope.
 
 use super::isophote::across;
-use super::isophote_index::{IsophoteIndex, Piece};
+use super::isophote_index::IsophoteIndex;
+use super::isophote_piece::Piece;
 use super::law::{AT_REST, Law};
 use super::pair::velocity;
 use super::pulses::{LONGEST, Pulses};

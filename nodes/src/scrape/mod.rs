@@ -5,9 +5,12 @@
 
 mod bands;
 mod isophote;
+mod isophote_ends;
 mod isophote_index;
 mod isophote_near;
 pub mod isophote_node;
+mod isophote_piece;
+mod isophote_trail;
 mod item;
 mod law;
 mod levels;
@@ -47,7 +50,9 @@ mod voices;
 
 pub use bands::NoiseBands;
 pub use isophote::{IsophoteForce, IsophoteVoice, PULSE, Reading};
-pub use isophote_index::{IsophoteIndex, Piece, Tile};
+pub use isophote_ends::Strip;
+pub use isophote_index::{IsophoteIndex, Tile};
+pub use isophote_piece::Piece;
 pub use item::PathPiece;
 pub use law::{AT_REST, FADE, Heading, Law, Moves};
 pub use levels::StandardStroke;

@@ -8,6 +8,7 @@ use super::pair::PairForce;
 use super::plane::Interp;
 use super::relief::{Relief, ball_map, heights};
 use super::resize::Resize;
+use super::strength::linked;
 use super::voices::Voices;
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
@@ -34,7 +35,7 @@ params! {
     /// MapExcitation.
     ///
     /// Where ways do not tell of the other surface, the same place of it touches all the time. `gain`, `kappa`, `a_exponent` and `scale` can
-    /// be changed while it sounds: they are reached in 20 ms.
+    /// be changed while it sounds: they are reached in 20 ms. A link to `kappa` takes the place of the number.
     ///
     /// # Source
     /// Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section 6, leave two
@@ -69,6 +70,8 @@ ports! {
             a: Value<Luma>,
             /// The relief of the other.
             b: Option<Value<Luma>>,
+            /// Strength in place of the number, as LevelMatcher finds it.
+            kappa: Option<Value<f64>>,
         }
         out {
             /// Force, mono, N.
@@ -88,13 +91,16 @@ enum Way {
 #[derive(Debug)]
 pub struct TwoTextures {
     params: TwoTexturesParams,
+    /// Strength that is linked.
+    kappa: Option<f64>,
     way: Way,
     voices: Voices<(Heading, MapVoice)>,
 }
 
-fn law(p: &TwoTexturesParams, ball: bool) -> [f64; 3] {
+/// The law of the parameters, with the strength that is linked in place of the number.
+fn law(p: &TwoTexturesParams, kappa: Option<f64>, ball: bool) -> [f64; 3] {
     // The map of a ball holds changes per metre, which its speed turns into changes in time.
-    [p.kappa * p.gain, p.a_exponent, if ball { 1.0 } else { 0.0 }]
+    [kappa.unwrap_or(p.kappa) * p.gain, p.a_exponent, if ball { 1.0 } else { 0.0 }]
 }
 
 fn check(field: &'static str, luma: &Luma) -> Result<(), Reject> {
@@ -110,7 +116,7 @@ impl Node for TwoTextures {
     type Params = TwoTexturesParams;
     type Ports = TwoTexturesPorts;
     const NAME: &'static str = "TwoTextures";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     const CLASS: Class = Class::Audio;
     const COST: f64 = 100.0;
 
@@ -123,7 +129,8 @@ impl Node for TwoTextures {
         let (a, b) = (cx.value(TwoTexturesPorts::a), cx.optional_value(TwoTexturesPorts::b));
         check("a", &a)?;
         let rate = p.rate.as_f64();
-        let law = Law::new(law(p, b.is_none()), rate);
+        let kappa = linked(cx.optional_value(TwoTexturesPorts::kappa))?;
+        let law = Law::new(law(p, kappa, b.is_none()), rate);
         let way = if let Some(b) = b {
             check("b", &b)?;
             let reliefs = [&a, &b].map(|luma| Relief::new(&heights(luma), &luma.surface));
@@ -136,7 +143,7 @@ impl Node for TwoTextures {
         };
         let blank = (Heading::default(), MapVoice::default());
         let voices = Voices::new(p.contacts.into(), p.rate, blank);
-        Ok(Self { way, voices, params: p.clone() })
+        Ok(Self { kappa, way, voices, params: p.clone() })
     }
 
     fn run(&mut self, mut io: TwoTexturesIo<'_>) -> Result<(), Fault> {
@@ -175,11 +182,11 @@ impl Node for TwoTextures {
         }
         match &mut self.way {
             Way::Ball(ball) => {
-                ball.1.law.go_to(law(new, true), self.voices.now());
+                ball.1.law.go_to(law(new, self.kappa, true), self.voices.now());
                 ball.1.scale.go_to(new.scale, self.voices.now());
             }
             Way::Pair(pair) => {
-                pair.1.law.go_to(law(new, false), self.voices.now());
+                pair.1.law.go_to(law(new, self.kappa, false), self.voices.now());
                 pair.2.go_to(new.scale, self.voices.now());
             }
         }

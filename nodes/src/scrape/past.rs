@@ -27,17 +27,11 @@ impl Past {
     #[inline(always)]
     pub fn go(&mut self, way: f64, slope: f64) -> f64 {
         let step = APART / STEPS as f64;
-        let mut next = step - self.since;
-        // Only the last pixel counts.
-        if way > next + KEPT as f64 * step {
-            next += (((way - next) / step).floor() - KEPT as f64) * step;
+        let mut since = self.since + way;
+        if since >= step {
+            since = self.pass(way, slope);
         }
-        while next <= way {
-            self.newest = (self.newest + 1) % KEPT;
-            self.slopes[self.newest] = self.last + (slope - self.last) * (next / way.max(f64::MIN_POSITIVE));
-            next += step;
-        }
-        self.since = (way - (next - step)).max(0.0);
+        self.since = since;
         self.last = slope;
         let back = (APART - self.since) / step;
         // Never negative: a cast is the floor.
@@ -45,6 +39,24 @@ impl Past {
         let at = |k: usize| self.slopes[(self.newest + KEPT - k) % KEPT];
         let (a, b) = (at(whole), at(whole + 1));
         a + (b - a) * (back - whole as f64)
+    }
+
+    /// Keeps the slopes at the steps on a way, and gives what is left of it after the last.
+    #[inline(always)]
+    fn pass(&mut self, way: f64, slope: f64) -> f64 {
+        let step = APART / STEPS as f64;
+        let mut next = step - self.since;
+        // Only the last pixel counts.
+        if way > next + KEPT as f64 * step {
+            next += (((way - next) / step).floor() - KEPT as f64) * step;
+        }
+        let rise = (slope - self.last) / way;
+        while next <= way {
+            self.newest = (self.newest + 1) % KEPT;
+            self.slopes[self.newest] = self.last + rise * next;
+            next += step;
+        }
+        (way - (next - step)).max(0.0)
     }
 
     /// The slope that it met last.

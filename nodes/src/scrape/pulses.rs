@@ -56,18 +56,17 @@ impl Pulses {
         }
         let length = (time * self.rate).clamp(SHORTEST, (LONGEST * self.rate).max(SHORTEST));
         let first = start.ceil();
-        let step = TAU / length;
-        let phase = (first - start) * step;
+        let half = 0.5 * TAU / length;
+        let phase = (first - start) * 2.0 * half;
         // The samples strictly inside.
         let count = ((start + length).ceil() - first).max(1.0);
+        let ((sin_half, cos_half), (sin, cos)) = (libm::sincos(half), libm::sincos(phase));
         // The sum of 1 - cos over them, in closed form.
-        let sum = count
-            - libm::sin(0.5 * count * step) / libm::sin(0.5 * step)
-                * libm::cos(phase + 0.5 * (count - 1.0) * step);
+        let sum = count - libm::sin(count * half) / sin_half * libm::cos(phase + (count - 1.0) * half);
         let key = Key { first: sample + first as i64, contact: owner.0, jump: owner.1 };
-        let turn = |x: f64| [libm::cos(x), libm::sin(x)];
+        let step = [1.0 - 2.0 * sin_half * sin_half, 2.0 * sin_half * cos_half];
         let scale = area * self.rate / sum;
-        let pulse = Pulse { key, left: count as u32, scale, at: turn(phase), step: turn(step) };
+        let pulse = Pulse { key, left: count as u32, scale, at: [cos, sin], step };
         let place = self.pulses.partition_point(|other| other.key <= key);
         self.pulses.insert(place, pulse);
     }

@@ -7,6 +7,7 @@ use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch, f32x16};
 use rayon::prelude::*;
 use std::f32::consts::LN_2;
+use std::f64::consts::{PI, TAU};
 use std::ops::Range;
 
 /// Pixels that are treated together.
@@ -45,6 +46,26 @@ impl Kernel {
         Self(vec![6.0 / 16.0, 4.0 / 16.0, 1.0 / 16.0])
     }
 
+    /// A low-pass that keeps waves of up to 0.13 cycles per pixel within 0.5 dB, takes 6 dB at 0.16 and at least 63 dB from 0.21 on:
+    /// what is left can be halved, and read by a cubic spline whose images are then 63 dB below it.
+    ///
+    /// # Source
+    /// Kaiser, "Nonrecursive digital filter design using the I0-sinh window function" (1974).
+    #[must_use]
+    pub fn low_pass() -> Self {
+        const RADIUS: usize = 20;
+        const CORNER: f64 = 0.16;
+        const BETA: f64 = 6.0;
+        let weight = |t: usize| {
+            let x = t as f64;
+            let sinc = if t == 0 { 2.0 * CORNER } else { (TAU * CORNER * x).sin() / (PI * x) };
+            sinc * bessel(BETA * (1.0 - (x / RADIUS as f64).powi(2)).sqrt())
+        };
+        let weights: Vec<f64> = (0..=RADIUS).map(weight).collect();
+        let sum = 2.0 * weights.iter().sum::<f64>() - weight(0);
+        Self(weights.iter().map(|w| (w / sum) as f32).collect())
+    }
+
     /// Pixels to either side of the middle.
     #[must_use]
     pub fn radius(&self) -> usize {
@@ -56,6 +77,15 @@ impl Kernel {
     pub fn weights(&self) -> &[f32] {
         &self.0
     }
+}
+
+/// The modified Bessel function of the first kind and order 0, by its series.
+fn bessel(x: f64) -> f64 {
+    let term = |sum: (f64, f64), k: u32| {
+        let next = sum.1 * (0.5 * x / f64::from(k)).powi(2);
+        (sum.0 + next, next)
+    };
+    (1..30).fold((1.0, 1.0), term).0
 }
 
 /// Blurs an image by the same kernel along both axes.

@@ -42,6 +42,7 @@ impl Func for TextureReport {
     type Params = TextureReportParams;
     type Ports = TextureReportPorts;
     const NAME: &'static str = "TextureReport";
+    const VERSION: u32 = 2;
 
     fn eval(_: &TextureReportParams, _: &Build<'_>, mut io: TextureReportIo<'_>) -> Result<Summary, Fault> {
         let curves = io.isophotes;
