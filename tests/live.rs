@@ -76,11 +76,14 @@ impl Stand {
 }
 
 fn offline(text: &str, seconds: f64) -> Vec<f32> {
-    let dir = tempfile::tempdir().unwrap();
     let until = Some(foley_nodes::core::time::ticks(seconds));
-    let options = PlanOptions { until, ..PlanOptions::default() };
+    offline_with(text, &PlanOptions { until, ..PlanOptions::default() })
+}
+
+fn offline_with(text: &str, options: &PlanOptions) -> Vec<f32> {
+    let dir = tempfile::tempdir().unwrap();
     let Material { graph, files, .. } = material(text);
-    if let Err(e) = common::run_graph(&graph, &files, &options, dir.path()) {
+    if let Err(e) = common::run_graph(&graph, &files, options, dir.path()) {
         panic!("{e}\n{text}");
     }
     let file = File::open(dir.path().join("o.wav")).unwrap();
@@ -129,6 +132,55 @@ fn a_graph_that_plays_gives_the_bits_of_an_offline_run() {
             assert!(first.is_none_or(|k| k >= wanted.len()), "sample {first:?}, quantum {quantum}\n{text}");
             assert_eq!(stand.player.shared().meter.missed.load(std::sync::atomic::Ordering::Relaxed), 0);
         }
+    }
+}
+
+/// Two planes that slide and a bowl that snaps, from motion to sound, in the forms that wait for nothing.
+fn cloth() -> String {
+    graph(&format!(
+        "\"planes\": MeshGenerator(kind: Planes, speed: 0.8, duration: 0.5, size: [0.3, 0.3], vertices: (9, 9)), \
+         \"contacts\": ContactDetector(mesh: \"planes\", radius: 0.02), \
+         \"speed\": SlidingSpeed(contacts: \"contacts\", gate: Causal, between: Linear), \
+         \"cotton\": FrictionModelFile(path: \"../assets/cloth/cotton.friction.json\"), \
+         \"friction\": IftNoise(speeds: \"speed\", model: \"cotton\", rate: 48000), \
+         \"bowl\": MeshGenerator(kind: Bowl, frequency: 5.0, duration: 0.5, vertices: (9, 9)), \
+         \"curvature\": MeanCurvature(mesh: \"bowl\"), \"buckles\": BuckleDetector(curvature: \"curvature\"), \
+         \"events\": CrumpleEvents(buckles: \"buckles\"), \
+         \"energies\": EnergyCalibrationFile(path: \"../assets/cloth/cotton_sheet.energies.json\"), \
+         \"bank\": CrumpleBankFile(path: \"../assets/cloth/clothing.crumple.json\"), \
+         \"match\": HistogramMatcher(events: \"events\", bank: \"bank\", calibration: \"energies\", adapt: true), \
+         \"crumple\": CrumplePlayer(matched: \"match\", bank: \"bank\", max_voices: 64, rate: 48000), \
+         \"both\": Mix(inputs: [\"friction\", \"crumple\"]), \
+         \"last\": HighPass(audio: \"both\", cutoff: 100.0), {OUT}"
+    ))
+}
+
+#[test]
+fn cloth_gives_the_same_bits_in_blocks_of_1_37_64_and_4096_samples_offline_and_while_it_plays() {
+    let text = cloth();
+    let at = |samples: usize, threads| {
+        let window = foley_nodes::core::time::Rate::hz(48_000).tick(samples as i64);
+        offline_with(&text, &PlanOptions { window, threads, ..PlanOptions::default() })
+    };
+    let wanted = at(1, 1);
+    let loudest = |part: &[f32]| part.iter().fold(0.0_f32, |m, x| m.max(x.abs()));
+    assert!(wanted.len() >= 24_000 && loudest(&wanted) > 0.01, "{} {}", wanted.len(), loudest(&wanted));
+    // Both are in it: neither alone is the sound.
+    for one in ["friction", "crumple"] {
+        let alone = text.replace("[\"friction\", \"crumple\"]", &format!("[\"{one}\"]"));
+        let heard = offline(&alone, 0.5);
+        assert!(alone != text && heard[..24_000] != wanted[..24_000], "{one} is all");
+    }
+    for (block, threads) in [(37, 1), (64, 2), (4096, 2)] {
+        assert!(at(block, threads) == wanted, "windows of {block}");
+    }
+    for block in [1, 37, 64, 4096] {
+        let mut stand = Stand::new(&text, block);
+        let late = stand.callback.rate().first_at(stand.player.plan().latency) as usize;
+        stand.play(wanted.len() + late, block);
+        let heard = &stand.heard[late..];
+        let first = heard.iter().zip(&wanted).position(|(a, b)| a != b);
+        assert_eq!(first, None, "of {}, blocks of {block}", heard.len());
     }
 }
 

@@ -130,7 +130,7 @@ fn contacts_from_lines_and_from_osc_strike_and_end_when_their_sender_stalls() {
 #[test]
 fn the_examples_that_play_play_without_a_gap() {
     let folder = tempfile::tempdir().unwrap();
-    for name in ["impact/live.ron", "texture/live.ron", "cloth/friction_live.ron"] {
+    for name in ["impact/live.ron", "texture/live.ron", "cloth/friction_live.ron", "cloth/live.ron"] {
         let path = graph(name);
         let args =
             ["live", path.to_str().unwrap(), "--device", "null", "--osc", "off", "--for", "2", "--no-cache"];

@@ -210,13 +210,82 @@ mod tests {
         );
     }
 
+    /// The same spline in other terms: Brodlie's form of the slopes, and the four textbook weights.
+    fn by_the_book(t: &[f64], s: &[f64], k: usize, u: f64) -> f64 {
+        let h: Vec<f64> = t.windows(2).map(|t| t[1] - t[0]).collect();
+        let d: Vec<f64> = s.windows(2).zip(&h).map(|(s, h)| (s[1] - s[0]) / h).collect();
+        let end = |k: usize, next: usize| {
+            let m = d[k] + h[k] * (d[k] - d[next]) / (h[k] + h[next]);
+            match () {
+                () if m * d[k] <= 0.0 => 0.0,
+                () if d[k] * d[next] <= 0.0 && m.abs() > 3.0 * d[k].abs() => 3.0 * d[k],
+                () => m,
+            }
+        };
+        let last = h.len();
+        let slope = |k: usize| match k {
+            0 => end(0, 1),
+            k if k == last => end(last - 1, last - 2),
+            k if d[k - 1] * d[k] <= 0.0 => 0.0,
+            k => {
+                let a = (h[k - 1] + 2.0 * h[k]) / (3.0 * (h[k - 1] + h[k]));
+                d[k - 1] * d[k] / (a * d[k] + (1.0 - a) * d[k - 1])
+            }
+        };
+        let v = 1.0 - u;
+        let (m0, m1) = (h[k] * slope(k), h[k] * slope(k + 1));
+        (1.0 + 2.0 * u) * v * v * s[k] + u * v * v * m0 + u * u * (3.0 - 2.0 * u) * s[k + 1] - u * u * v * m1
+    }
+
+    #[test]
+    fn two_hundred_uneven_series_equal_the_formula_to_2e_15() {
+        let mut draw = crate::core::random::Draw::new(3);
+        for _ in 0..200 {
+            let n = 3 + draw.below(20);
+            let t: Vec<f64> = (0..n)
+                .scan(0.0, |t, _| {
+                    *t += draw.between(0.01, 2.0);
+                    Some(*t)
+                })
+                .collect();
+            // With rests and plateaus, as speeds have them.
+            let s: Vec<f64> = (0..n).map(|_| draw.between(-1.0, 3.0).clamp(0.0, 2.5)).collect();
+            let largest = s.iter().copied().fold(1e-300, f64::max);
+            let f = spline(&t, &s);
+            for k in 0..n - 1 {
+                for _ in 0..8 {
+                    let at = t[k] + draw.unit() * (t[k + 1] - t[k]);
+                    let expected = by_the_book(&t, &s, k, (at - t[k]) / (t[k + 1] - t[k]));
+                    assert!(
+                        (f(at) - expected).abs() <= 2e-15 * largest,
+                        "{} for {expected} at {at}: {t:?} {s:?}",
+                        f(at)
+                    );
+                }
+            }
+        }
+    }
+
     #[test]
     fn a_step_does_not_overshoot_where_catmull_rom_does() {
-        let s = spline(&[0.0, 1.0, 2.0, 3.0, 4.0, 5.0], &[0.0, 0.0, 0.0, 1.0, 1.0, 1.0]);
-        for i in 0..=500 {
+        let steps = [0.0, 0.0, 0.0, 1.0, 1.0, 1.0];
+        let s = spline(&[0.0, 1.0, 2.0, 3.0, 4.0, 5.0], &steps);
+        let catmull_rom = |k: usize, u: f64| {
+            let slope = |k: usize| 0.5 * (steps[k + 1] - steps[k - 1]);
+            hermite(u, steps[k], slope(k), steps[k + 1], slope(k + 1))
+        };
+        let (mut least, mut most) = (0.0_f64, 0.0_f64);
+        for i in 0..500 {
             let value = s(f64::from(i) * 0.01);
             assert!((0.0..=1.0).contains(&value), "{value} at {i}");
+            if (100..400).contains(&i) {
+                let other = catmull_rom(i as usize / 100, f64::from(i % 100) * 0.01);
+                (least, most) = (least.min(other), most.max(other));
+            }
         }
+        // Two thirds of the way to the step, and a third behind it.
+        assert!((least + 0.074).abs() < 1e-4 && (most - 1.074).abs() < 1e-4, "{least} {most}");
+        assert!((catmull_rom(1, 2.0 / 3.0) + 2.0 / 27.0).abs() < 1e-15);
         assert_eq!((s(2.0), s(2.5), s(3.0)), (0.0, 0.5, 1.0));
     }
 
@@ -252,6 +321,25 @@ mod tests {
                     let values: Vec<f64> = s[..n].iter().map(|&x| f64::from(x)).collect();
                     let expected = spline(&times, &values)(k as f64 + u);
                     prop_assert!((f64::from(found) - expected).abs() < 1e-6, "{} against {}", found, expected);
+                }
+            }
+        }
+
+        #[test]
+        fn every_piece_only_rises_or_only_falls(
+            values in prop::collection::vec(prop_oneof![Just(0.0), 0.0..3.0f64], 7), steps in prop::collection::vec(0.01..2.0f64, 7),
+        ) {
+            let times: Vec<f64> = steps.iter().scan(0.0, |t, h| { *t += h; Some(*t) }).collect();
+            let s = spline(&times, &values);
+            for k in 0..6 {
+                let way = (values[k + 1] - values[k]).signum();
+                let mut last = values[k];
+                for i in 1..=200 {
+                    let value = if i == 200 { values[k + 1] } else { s(times[k] + f64::from(i) * 0.005 * (times[k + 1] - times[k])) };
+                    // The last bits may go the other way, and where both ends are one value there is no way at all.
+                    prop_assert!(way * (value - last) >= -2e-15, "{} after {} in piece {}", value, last, k);
+                    prop_assert!(values[k] != values[k + 1] || value == values[k]);
+                    last = value;
                 }
             }
         }

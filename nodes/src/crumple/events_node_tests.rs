@@ -19,10 +19,14 @@ fn snap(vertices: &[usize], delta: f64) -> Vec<Buckle> {
 }
 
 fn solo(p: CrumpleEventsParams, materials: Materials, frames: &[Vec<Buckle>]) -> Solo {
+    solo_at(120, p, materials, frames)
+}
+
+fn solo_at(fps: u32, p: CrumpleEventsParams, materials: Materials, frames: &[Vec<Buckle>]) -> Solo {
     let format = MeshFormat { materials: materials.into(), ..MeshFormat::moving(strip().topology()) };
     Solo::new::<CrumpleEventsNode>(p).input(
         CrumpleEventsPorts::buckles,
-        Rate::hz(120),
+        Rate::hz(fps),
         format,
         frames.concat(),
     )
@@ -44,6 +48,32 @@ fn events_carry_the_time_of_their_frame_for_any_window_and_merging_joins_frames(
     for window in [0.001, 0.02, 1.0] {
         assert_eq!(run(0.0, window), [(1, 0.25, 0), (2, 2.25, 0), (4, 1.0, 0)]);
         assert_eq!(run(0.033, window), [(2, 4.0, 0), (4, 1.0, 0)]);
+    }
+}
+
+#[test]
+fn twice_the_time_between_frames_changes_the_times_of_events_and_nothing_else() {
+    let frames = [
+        snap(&[], 0.0),
+        snap(&[1, 2], 1.0),
+        snap(&[3], 3.0),
+        snap(&[], 0.0),
+        snap(&[4], -2.0),
+        snap(&[5], -1.0),
+    ];
+    let run = |fps: u32, merge_window| {
+        let p = CrumpleEventsParams { merge_window, ..params() };
+        let run = solo_at(fps, p, Materials::default(), &frames).window(ticks(0.02)).run().unwrap();
+        let found = run.events(CrumpleEventsPorts::events).into_iter();
+        // Frames in place of times.
+        found
+            .map(|(tick, e)| (Rate::hz(fps).first_at(tick), Crumple { interval: 0, ..e }))
+            .collect::<Vec<_>>()
+    };
+    for merge_window in [0.0, 0.02] {
+        let fast = run(120, merge_window);
+        assert_eq!(fast.len(), if merge_window == 0.0 { 4 } else { 2 });
+        assert_eq!(fast, run(60, 2.0 * merge_window));
     }
 }
 

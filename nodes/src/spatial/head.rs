@@ -260,6 +260,35 @@ mod tests {
     }
 
     #[test]
+    fn the_levels_at_the_ears_differ_as_the_law_of_the_shadow_has_it_to_a_hundredth_of_a_decibel() {
+        // The law in degrees, with the angle between two unit vectors by its cosine.
+        let alpha = |azimuth: f64, elevation: f64, ear: f64| {
+            let cosine = elevation.to_radians().cos() * (azimuth - ear).to_radians().cos();
+            let theta = cosine.acos().to_degrees();
+            1.05 + 0.95 * (1.2 * theta).to_radians().cos()
+        };
+        let decibels = |near: f64, far: f64| 20.0 * (near / far).log10();
+        let mut greatest = 0.0_f64;
+        for azimuth in (-180..180).step_by(5).map(f64::from) {
+            for elevation in [-40.0, 0.0, 25.0, 70.0] {
+                let expected = decibels(alpha(azimuth, elevation, 100.0), alpha(azimuth, elevation, -100.0));
+                let [right, left] = [Ear::Right, Ear::Left]
+                    .map(|ear| Head::default().ear(ear, toward(azimuth, elevation), 96_000.0));
+                // What the filters do at half the rate.
+                let high = |f: EarFilter| (f.shadow[0] - f.shadow[1]) / (1.0 - f.shadow[2]);
+                let found = decibels(high(right), high(left));
+                assert!((found - expected).abs() < 0.01, "{azimuth}, {elevation}: {found} for {expected}");
+                greatest = greatest.max(found);
+            }
+        }
+        assert!(greatest > 20.0, "{greatest}");
+        for (azimuth, level) in [(30.0, 16.0), (60.0, 22.9), (90.0, 20.7)] {
+            let found = decibels(alpha(azimuth, 0.0, 100.0), alpha(azimuth, 0.0, -100.0));
+            assert!((found - level).abs() < 0.05, "{azimuth}: {found}");
+        }
+    }
+
+    #[test]
     fn mirrored_directions_give_the_other_ear_bit_for_bit_and_the_front_gives_both_the_same() {
         let head = Head { pinna: Some(PinnaSet::Set0), shoulder: 0.2, ..Head::default() };
         for k in 0..400 {

@@ -1,8 +1,9 @@
 use super::grid;
 use crate::contact::reference::{Surfaces, excluded, key, sliding_speeds};
-use crate::contact::vector::widen;
+use crate::contact::vector::{add, cross, dot, norm, scale, widen};
 use crate::contact::{Contact, ContactError, Detector, DetectorParams, Exclude};
 use crate::mesh::Topology;
+use proptest::prelude::*;
 
 /// Lengths in these scenes are sums of few powers of two, so that single precision holds them exactly.
 const EDGE: f32 = 0.0625;
@@ -50,26 +51,39 @@ fn two_parallel_planes_slide_at_their_relative_speed_whatever_the_approach() {
     }
 }
 
-#[test]
-fn a_common_rotation_and_translation_leave_the_relative_speed_of_two_planes() {
+const DT: f64 = 1.0 / 60.0;
+const SPEED: f64 = 0.37;
+
+/// A sheet that slides at [`SPEED`] over a floor while both turn at 5 rad/s and fly off.
+fn carried_planes() -> (Topology, Topology, Vec<Surfaces>) {
     let (sheet, floor) = (grid(5, EDGE, 0.03), grid(9, EDGE, 0.0));
-    let (dt, speed, params) = (1.0 / 60.0, 0.37, params(0.05));
-    let frames: Vec<Surfaces> = (0..6)
+    let frames = (0..6)
         .map(|i| {
-            let t = f64::from(i) * dt;
+            let t = f64::from(i) * DT;
             let (s, c) = (1.0 + 5.0 * t).sin_cos();
             let carried = |x: [f64; 3]| {
                 let x = [x[0], c * x[1] - s * x[2], s * x[1] + c * x[2]];
                 [0.6 * x[0] + 0.8 * x[1] + 2.0 * t, 0.6 * x[1] - 0.8 * x[0], x[2] - 9.0 * t]
             };
             let slid =
-                |x: [f64; 3]| carried([x[0] + 0.11 + 0.6 * speed * t, x[1] + 0.07 + 0.8 * speed * t, x[2]]);
+                |x: [f64; 3]| carried([x[0] + 0.11 + 0.6 * SPEED * t, x[1] + 0.07 + 0.8 * SPEED * t, x[2]]);
             vec![
                 sheet.rest.iter().map(|&p| slid(widen(p))).collect(),
                 floor.rest.iter().map(|&p| carried(widen(p))).collect(),
             ]
         })
         .collect();
+    (sheet, floor, frames)
+}
+
+fn narrow(points: &[[f64; 3]]) -> Vec<[f32; 3]> {
+    points.iter().map(|p| p.map(|x| x as f32)).collect()
+}
+
+#[test]
+fn a_common_rotation_and_translation_leave_the_relative_speed_of_two_planes() {
+    let (dt, speed, params) = (DT, SPEED, params(0.05));
+    let (sheet, floor, frames) = carried_planes();
     let times: Vec<f64> = (0..6).map(|i| f64::from(i) * dt).collect();
     let speeds = sliding_speeds(&[&sheet, &floor], &frames, &times, &params).unwrap();
     assert_eq!(speeds.len(), 5);
@@ -86,6 +100,123 @@ fn a_common_rotation_and_translation_leave_the_relative_speed_of_two_planes() {
         assert_eq!(fast.contact, slow.contact);
         for (f, s) in fast.tangential.iter().zip(&slow.tangential) {
             assert!((f - 2.0 * s).abs() < 1e-12);
+        }
+    }
+}
+
+#[test]
+fn in_single_precision_a_common_motion_costs_the_rounding_of_positions_and_no_more() {
+    let params = params(0.05);
+    let (sheet, floor, frames) = carried_planes();
+    let mut detector = Detector::new(&sheet, &[&floor], params).unwrap();
+    let mut out = slots(&sheet, &params);
+    // Coordinates below 1 m are off by half of 2^-24 m each, a point by the root of 3 times that. The vertex and the triangle's
+    // corners, in two frames, make four points; a tilt of the triangle counts half as much, for the gap is half an edge.
+    let off = 3.0_f64.sqrt() * 0.5 * 2.0_f64.powi(-24);
+    let bound = (4.0 + 2.0 * 0.5) * off;
+    for pair in frames.windows(2) {
+        let [now, under, next, under_next] =
+            [&pair[0][0], &pair[0][1], &pair[1][0], &pair[1][1]].map(|points| narrow(points));
+        let largest = pair.iter().flatten().flatten().flatten().fold(0.0_f64, |m, x| m.max(x.abs()));
+        assert!(largest < 1.0, "{largest}");
+        let found = detector.detect_and_slide(&now, &next, &[&under], &[&under_next], &mut out).unwrap();
+        assert_eq!(found.contacts, 25);
+        for contact in &out {
+            let error = f64::from(contact.slide) - SPEED * DT;
+            assert!(error.abs() < bound, "{error} of {}, allowed {bound}", contact.slide);
+            assert!(f64::from(contact.approach).abs() < bound);
+        }
+    }
+}
+
+#[test]
+fn quarter_turns_and_flights_of_both_planes_leave_the_speed_to_a_millionth() {
+    // Turns and ways that single precision holds exactly, another in each frame: what is left is the detector's own error.
+    let turns: [fn([f32; 3]) -> [f32; 3]; 4] =
+        [|p| p, |[x, y, z]| [-y, x, z], |[x, y, z]| [z, x, y], |[x, y, z]| [x, -z, y]];
+    let (sheet, floor, params) = (grid(9, EDGE, 0.03125), grid(21, 0.125, 0.0), params(0.05));
+    let mut detector = Detector::new(&sheet, &[&floor], params).unwrap();
+    let mut out = slots(&sheet, &params);
+    let step = (3.0f32 / 512.0).hypot(12.0 / 512.0);
+    let at = |frame: usize, points: &[[f32; 3]], slid: f32| -> Vec<[f32; 3]> {
+        let k = frame as f32;
+        let away = [0.25 * k, -0.125 * k, 0.5 * k];
+        let place = |[x, y, z]: [f32; 3]| [x + slid * 3.0 / 512.0, y + slid * 12.0 / 512.0, z];
+        moved(&points.iter().map(|&p| turns[frame % 4](place(p))).collect::<Vec<_>>(), away)
+    };
+    let inner = moved(&sheet.rest, [0.5, 0.5, 0.0]);
+    for frame in 0..8 {
+        let k = frame as f32;
+        let (now, next) = (at(frame, &inner, k), at(frame + 1, &inner, k + 1.0));
+        let (under, under_next) = (at(frame, &floor.rest, 0.0), at(frame + 1, &floor.rest, 0.0));
+        let found = detector.detect_and_slide(&now, &next, &[&under], &[&under_next], &mut out).unwrap();
+        assert_eq!(found.contacts, 81);
+        for contact in &out {
+            assert!((contact.slide - step).abs() <= 1e-6 * step, "{frame}: {} for {step}", contact.slide);
+            assert!(contact.approach.abs() < 1e-9);
+        }
+    }
+}
+
+/// Any turn about an axis, then a flight.
+fn rigid(p: [f32; 3], axis: [f64; 3], angle: f64, shift: [f64; 3]) -> [f64; 3] {
+    let (s, c) = angle.sin_cos();
+    let x = widen(p);
+    let turned = add(add(scale(x, c), scale(cross(axis, x), s)), scale(axis, dot(axis, x) * (1.0 - c)));
+    add(turned, shift)
+}
+
+fn rough_scene() -> (Topology, Topology) {
+    let mut sheet = grid(12, EDGE, 0.0);
+    for (v, p) in sheet.rest.iter_mut().enumerate() {
+        p[2] = 0.02 + 0.11 * (0.5 + 0.5 * (v as f32 * 12.9898).sin());
+        p[0] += 0.01 * (v as f32 * 78.233).sin();
+    }
+    (sheet, grid(9, 0.1, 0.0))
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    #[test]
+    fn any_rigid_motion_of_the_scene_leaves_contacts_and_slides(
+        axis in prop::array::uniform3(-1.0..1.0_f64), angle in -3.0..3.0_f64, shift in prop::array::uniform3(-1.0..1.0_f64),
+        step in prop::array::uniform3(-0.02..0.02_f32),
+    ) {
+        prop_assume!(norm(axis) > 0.1);
+        let axis = scale(axis, 1.0 / norm(axis));
+        let (sheet, floor) = rough_scene();
+        let params = DetectorParams { self_contact: false, ..params(0.09375) };
+        let next = moved(&sheet.rest, step);
+        let carry = |points: &[[f32; 3]]| points.iter().map(|&p| rigid(p, axis, angle, shift)).collect::<Vec<_>>();
+        // In double precision, by brute force: to a billionth.
+        let wide = |points: &[[f32; 3]]| points.iter().map(|&p| widen(p)).collect::<Vec<_>>();
+        let still = [vec![wide(&sheet.rest), wide(&floor.rest)], vec![wide(&next), wide(&floor.rest)]];
+        let turned = [vec![carry(&sheet.rest), carry(&floor.rest)], vec![carry(&next), carry(&floor.rest)]];
+        let run = |frames: &[Surfaces]| sliding_speeds(&[&sheet, &floor], frames, &[0.0, 1.0], &params).unwrap().remove(0);
+        let (a, b) = (run(&still), run(&turned));
+        prop_assert!(a.contact.iter().flatten().count() > 50);
+        for v in 0..sheet.vertex_count() {
+            prop_assert_eq!(a.contact[v].is_some(), b.contact[v].is_some());
+            prop_assert!((a.tangential[v] - b.tangential[v]).abs() < 1e-9 * a.tangential[v] + 1e-13);
+            prop_assert!((a.normal[v] - b.normal[v]).abs() < 1e-9 * a.normal[v].abs() + 1e-13);
+        }
+        // In single precision: to the rounding of positions, which are below 4 m; near the radius either side is right.
+        let mut detector = Detector::new(&sheet, &[&floor], params).unwrap();
+        let (mut plain, mut found) = (slots(&sheet, &params), slots(&sheet, &params));
+        detector.detect_and_slide(&sheet.rest, &next, &[&floor.rest], &[&floor.rest], &mut plain).unwrap();
+        let [cloth, cloth_next, under] = [carry(&sheet.rest), carry(&next), carry(&floor.rest)].map(|p| narrow(&p));
+        detector.detect_and_slide(&cloth, &cloth_next, &[&under], &[&under], &mut found).unwrap();
+        // The gap is nearly as long as an edge, so that a tilt of the triangle counts whole.
+        let bound = (4.0 + 2.0) * 3.0_f32.sqrt() * 0.5 * 2.0_f32.powi(-22);
+        for (a, b) in plain.iter().zip(&found) {
+            let at_the_radius = a.distance.max(b.distance) > params.radius - bound;
+            prop_assert!(a.is_some() == b.is_some() || at_the_radius, "{:?} {:?}", a, b);
+            if a.is_some() && b.is_some() {
+                prop_assert!((a.distance - b.distance).abs() < bound, "{:?} {:?}", a, b);
+                prop_assert!((a.slide - b.slide).abs() < bound, "{:?} {:?}", a, b);
+                prop_assert!((a.approach - b.approach).abs() < bound, "{:?} {:?}", a, b);
+            }
         }
     }
 }
