@@ -85,9 +85,11 @@ fn a_target_shorter_than_a_unit_is_silence_of_its_length() {
     // Units of 200 samples.
     write(&dir.path().join("rustle.wav"), 48_000, &sound);
     let selector = |name: &str| {
-        format!("\"{name}\": {name}(features: \"smooth\", database: \"database\"),
+        format!(
+            "\"{name}\": {name}(features: \"smooth\", database: \"database\"),
             \"{name}_units\": UnitConcatenator(picks: \"{name}\", database: \"database\"),
-            \"{name}_out\": WavOut(audio: \"{name}_units\", path: \"{name}.wav\", format: Float32),")
+            \"{name}_out\": WavOut(audio: \"{name}_units\", path: \"{name}.wav\", format: Float32),"
+        )
     };
     let names = ["UnitSelector", "OnlineUnitSelector", "GlobalUnitSelector"];
     let text = format!(

@@ -104,7 +104,7 @@ pub struct WarpFile;
 fn read_warp(path: &str, bytes: &[u8]) -> Result<Warp, Reject> {
     let wrong = |message: String| Reject::new("F111", format!("{path:?}: {message}")).at("path");
     let warp: Warp = serde_json::from_slice(bytes).map_err(|e| wrong(format!("this is no warp: {e}")))?;
-    warp.fault().map_or(Ok(warp), |fault| Err(wrong(fault)))
+    warp.fault().or_else(|| warp.altered()).map_or(Ok(warp), |fault| Err(wrong(fault)))
 }
 
 impl Func for WarpFile {

@@ -80,7 +80,12 @@ fn where_nothing_crosses_zero_the_blend_is_sixteen_samples() {
 fn soft(units: usize, low: f64, poles: usize) -> UnitDatabase {
     let mut draw = Draw::new(17);
     let mut y = vec![0.0; poles];
-    let mut next = || y.iter_mut().fold(draw.between(-1.0, 1.0), |x, y| { *y += low * (x - *y); *y });
+    let mut next = || {
+        y.iter_mut().fold(draw.between(-1.0, 1.0), |x, y| {
+            *y += low * (x - *y);
+            *y
+        })
+    };
     let sound = (0..units * 400).map(|_| next() as f32).collect();
     let c = FeatureConventions { frame: 100, ..FeatureConventions::cloth(Rate::hz(96_000), 400) };
     build(&[Take { channels: vec![sound], ..Take::default() }], &c, None).unwrap()

@@ -253,7 +253,8 @@ fn a_heavy_tag_dimension_is_the_mask_and_a_light_one_is_a_wish() {
             let allowed = (0..360).map(|j| second(j) == tag).collect();
             let masked = Units { features: &features, dims: 3, segments: segments.clone(), allowed };
             let both = tagged(&features, weight, second);
-            let soft = Units { features: &both, dims: 4, segments: segments.clone(), allowed: vec![true; 360] };
+            let soft =
+                Units { features: &both, dims: 4, segments: segments.clone(), allowed: vec![true; 360] };
             let (hard, soft) = (run(&target, &masked, &p), run(&tagged(&target, weight, |_| tag), &soft, &p));
             let wrong = soft.iter().filter(|pick| second(pick.unit as usize) != tag).count();
             assert!(wrong > 0 || soft == hard, "{weight}: allowed, but not what the mask says");
