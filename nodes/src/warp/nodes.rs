@@ -21,7 +21,8 @@ params! {
     /// the start in the target and `database` that in the recording `source` (its number, or its path in quotes), or without
     /// one in the database, whose units stand one after the other; all in seconds. Further there may be `channel` (from 0; all
     /// where none is given), `weight` (1), `enabled` (true) and `label`. Mark 0.1 or 0.2 s; 5 to 15 pairs are usual, silence being
-    /// one. What does not fit the target or the database is named with line and column where they meet, in `TpsFit`. The file may say `version`, which is 1.
+    /// one. What does not fit the target or the database is named with line and column where they meet, in `TpsFit`. The file
+    /// may say `version`, which is 1.
     ///
     /// # Source
     /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 4.3.
