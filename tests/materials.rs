@@ -214,7 +214,7 @@ fn pairs_that_slide_at_once_are_made_of_their_own_recordings_alone() {
     assert!(together > 60_000, "{both:?}");
     assert!(itself != other && of(own_units) == [itself.clone(), other.clone()]);
     let [free, free_other] = of(|id| chosen(id, "all", ""));
-    assert!(free != itself && free_other != other, "tags leave something out");
+    assert!(free != itself || free_other != other, "tags leave something out");
 }
 
 #[test]
