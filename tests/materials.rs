@@ -186,3 +186,47 @@ fn one_material_is_heard_as_without_any_routing() {
     let (routed, plain) = (run_one(&text("wool")), run_one(&text("contacts")));
     assert!(sounding(&routed).is_some() && routed == plain);
 }
+
+/// A cotton sheet that lies on both floors and slides over them at once; pairs of cotton with `pairs` sound as wool and as nylon.
+fn at_once(floors: [&str; 2], pairs: [&str; 2], heard: PairNodes) -> String {
+    let changes = [
+        ("speed: 0.8", "speed: 0.2".to_owned()),
+        ("duration: 3.0", "duration: 1.5".to_owned()),
+        ("size: [0.5, 0.5], place: [-1.0,", "size: [0.8, 0.5], place: [-0.2,".to_owned()),
+        ("place: [-1.5,", "place: [-0.5,".to_owned()),
+        ("place: [1.5,", "place: [0.5,".to_owned()),
+        ("[\"cotton\", \"wool\"]", format!("[\"cotton\", \"{}\"]", pairs[0])),
+        ("[\"cotton\", \"nylon\"]", format!("[\"cotton\", \"{}\"]", pairs[1])),
+    ];
+    changes.iter().fold(scene(floors[0], floors[1], heard), |text, (from, to)| {
+        assert!(text.contains(from), "{from}");
+        text.replace(from, to)
+    })
+}
+
+#[test]
+fn pairs_that_slide_at_once_are_made_of_their_own_recordings_alone() {
+    let materials = ["cotton", "polyester"];
+    let of = |heard| run(&with_databases(&at_once(materials, materials, heard)));
+    let [itself, other] = of(units);
+    let both = [sounding(&itself).unwrap(), sounding(&other).unwrap()];
+    let together = both[0].1.min(both[1].1).saturating_sub(both[0].0.max(both[1].0));
+    assert!(together > 60_000, "{both:?}");
+    assert!(itself != other && of(own_units) == [itself.clone(), other.clone()]);
+    let [free, free_other] = of(|id| chosen(id, "all", ""));
+    assert!(free != itself || free_other != other, "tags leave something out");
+}
+
+#[test]
+fn swapped_materials_swap_what_is_heard_of_them_bit_for_bit() {
+    for heard in [noise, units] as [PairNodes; 2] {
+        let of = |floors, pairs| run(&with_databases(&at_once(floors, pairs, heard)));
+        let (order, swapped) = (["cotton", "polyester"], ["polyester", "cotton"]);
+        let [one, two] = of(order, order);
+        let [other_one, other_two] = of(swapped, order);
+        assert!(one != other_one && two != other_two, "they slide over other floors");
+        // The same as if each were told to listen to the other's pair.
+        assert!(of(order, swapped) == [other_one, other_two]);
+        assert!(of(swapped, swapped) == [one, two]);
+    }
+}

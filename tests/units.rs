@@ -41,20 +41,30 @@ Graph(
     )
 }
 
+/// Writes a sound as a file.
+fn write(path: &Path, rate: u32, samples: &[f32]) {
+    let spec = WriteSpec::new(rate, 1, WriteFormat::Float32);
+    let mut writer = AudioWriter::new(File::create(path).unwrap(), spec).unwrap();
+    writer.write(samples).unwrap();
+    writer.finish().unwrap();
+}
+
 fn run(own: &str, window: f64) -> Result<Vec<f32>, String> {
     let dir = tempfile::tempdir().unwrap();
     let recording = dir.path().join("rustle.wav");
-    let spec = WriteSpec::new(44_100, 1, WriteFormat::Float32);
-    let mut writer = AudioWriter::new(File::create(&recording).unwrap(), spec).unwrap();
-    writer.write(&rustle()).unwrap();
-    writer.finish().unwrap();
-    let file = dir.path().join("units.ron");
-    let loaded = load_text("units.ron", &graph_text(&recording, own), &file, &[]);
+    write(&recording, 44_100, &rustle());
+    run_in(dir.path(), &graph_text(&recording, own), window)?;
+    Ok(samples(&dir.path().join("out.wav")))
+}
+
+/// Runs a graph whose files lie in a folder.
+fn run_in(dir: &Path, text: &str, window: f64) -> Result<(), String> {
+    let file = dir.join("units.ron");
+    let loaded = load_text("units.ron", text, &file, &[]);
     let graph = loaded.graph.ok_or_else(|| format!("{:?}", loaded.diagnostics))?;
     let files = DirFiles::new(Root::of(&file), Limits::default());
     let options = PlanOptions { window: ticks(window), ..PlanOptions::default() };
-    common::run_graph(&graph, &files, &options, dir.path())?;
-    Ok(samples(&dir.path().join("out.wav")))
+    common::run_graph(&graph, &files, &options, dir).map(|_| ())
 }
 
 #[test]
@@ -65,6 +75,45 @@ fn a_recording_put_together_from_itself_is_itself_bit_for_bit() {
     for window in [0.02, 0.0031] {
         let out = run("", window).unwrap();
         assert!(recording.len() > 70 * 184 && out == db.audio, "window {window}");
+    }
+}
+
+#[test]
+fn a_target_shorter_than_a_unit_is_silence_of_its_length() {
+    let dir = tempfile::tempdir().unwrap();
+    let sound = rustle();
+    // Units of 200 samples.
+    write(&dir.path().join("rustle.wav"), 48_000, &sound);
+    let selector = |name: &str| {
+        format!(
+            "\"{name}\": {name}(features: \"smooth\", database: \"database\"),
+            \"{name}_units\": UnitConcatenator(picks: \"{name}\", database: \"database\"),
+            \"{name}_out\": WavOut(audio: \"{name}_units\", path: \"{name}.wav\", format: Float32),"
+        )
+    };
+    let names = ["UnitSelector", "OnlineUnitSelector", "GlobalUnitSelector"];
+    let text = format!(
+        "#![schema = \"foley:graph/1\"]
+        Graph(nodes: {{
+            \"database\": UnitDatabase(recordings: [\"rustle.wav\"], rate: 48000),
+            \"target\": WavIn(path: \"target.wav\"),
+            \"mfcc\": Mfcc(audio: \"target\"),
+            \"smooth\": TemporalGaussian(features: \"mfcc.features\"),
+            {}
+        }})",
+        names.map(selector).concat()
+    );
+    for length in [0, 100, 199, 200, 300] {
+        write(&dir.path().join("target.wav"), 48_000, &sound[4000..4000 + length]);
+        for window in [0.02, 0.001] {
+            run_in(dir.path(), &text, window).unwrap();
+            for name in names {
+                let out = samples(&dir.path().join(format!("{name}.wav")));
+                assert_eq!(out.len(), length, "{name}, {window}");
+                let sounds = out.iter().any(|x| *x != 0.0);
+                assert_eq!(sounds, length >= 200, "{name}, {length} samples, {window}");
+            }
+        }
     }
 }
 

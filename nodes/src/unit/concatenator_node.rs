@@ -30,6 +30,7 @@ params! {
     ///
     /// With the sound of the target at `target` the output falls asleep: half a second after the target has gone silent (below
     /// -100 dBFS) it fades out in 50 ms to exact zeros, and comes back in 5 ms. It sleeps as well until the target sounds first.
+    /// A target that is shorter than one unit gives silence of its length.
     ///
     /// # Source
     /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 4.4. The paper
@@ -68,6 +69,8 @@ pub struct UnitConcatenator {
     sleep: Option<Sleep>,
     /// Units of the target, where it ends.
     length: Option<i64>,
+    /// Whether the target ends within its first unit, which then is none.
+    short: bool,
     /// The unit whose joins are known, and they per channel.
     known: Option<i64>,
     joins: Vec<[Join; 2]>,
@@ -136,7 +139,7 @@ impl Node for UnitConcatenator {
     type Params = UnitConcatenatorParams;
     type Ports = UnitConcatenatorPorts;
     const NAME: &'static str = "UnitConcatenator";
-    const VERSION: u32 = 3;
+    const VERSION: u32 = 4;
     const CLASS: Class = Class::Audio;
     const COST: f64 = 4.0;
 
@@ -177,6 +180,7 @@ impl Node for UnitConcatenator {
             blend: p.blend,
             sleep: (target && !keep).then(|| Sleep::new(audio.rate.as_f64())),
             length: picks.items(),
+            short: picks.end.is_some_and(|end| end < picks.rate.tick(1)),
             known: None,
             joins: vec![Default::default(); audio.format.0.into()],
             outside: 0,
@@ -186,6 +190,10 @@ impl Node for UnitConcatenator {
     }
 
     fn run(&mut self, mut io: UnitConcatenatorIo<'_>) -> Result<(), Fault> {
+        if self.short {
+            io.audio.items().fill(0.0);
+            return Ok(());
+        }
         let (unit, width) = (self.db.unit(), io.audio.width().max(1));
         let (mut at, mut out) = (io.audio.first().max(0), io.audio.items());
         while !out.is_empty() {

@@ -233,7 +233,8 @@ impl GlobalUnitSelector {
         if let Some(mut selector) = selector::selector(&set, greedy) {
             for from in (0..target.len()).step_by(dims) {
                 let to = (from + (GREEDY_LOOK + 1) * dims).min(target.len());
-                let chosen = selector.choose(target.get(from..to).unwrap_or_default())?;
+                let window = target.get(from..to).unwrap_or_default();
+                let chosen = selector.choose(window).map_err(|k| k.after(from / dims))?;
                 choices.push(chosen.unit);
             }
         }
@@ -248,7 +249,8 @@ impl GlobalUnitSelector {
         let mut columns = Vec::new();
         for from in (0..target.len()).step_by(dims) {
             let to = (from + (self.lag + 1) * dims).min(target.len());
-            let unit = online.choose(target.get(from..to).unwrap_or_default())?.unit;
+            let window = target.get(from..to).unwrap_or_default();
+            let unit = online.choose(window).map_err(|k| k.after(from / dims))?.unit;
             columns.push(self.table.column(unit).unwrap_or(0));
         }
         let units: Vec<u32> = columns.iter().map(|&column| self.table.unit(column)).collect();

@@ -107,6 +107,12 @@ impl<const P: usize> KdTree<P> {
         Self { nodes, points, labels }
     }
 
+    /// Its points with their labels, in no order that means anything.
+    #[cfg(test)]
+    pub(super) fn items(&self) -> Vec<(u32, [f64; P])> {
+        self.labels.iter().copied().zip(self.points.iter().copied()).collect()
+    }
+
     /// Visits points by increasing distance from `query`, equally near ones by increasing label, until `visit` says that it has
     /// seen enough.
     ///

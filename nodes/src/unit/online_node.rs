@@ -6,6 +6,7 @@ use super::UnitDatabase;
 use super::global::{FixedLag, GlobalParams, Table};
 use super::global_node::{cap, pick};
 use super::item::{PickFormat, Picks};
+use super::selector::NotFinite;
 use super::selector_node::{Counts, comparable, not_finite, units};
 use super::sleep::{self, Sleepers};
 use crate::core::fault::{Fault, Reject};
@@ -68,6 +69,8 @@ ports! {
 pub struct OnlineUnitSelector {
     channels: Vec<(FixedLag, Counts)>,
     window: Vec<f32>,
+    /// How far after the present unit those of the window are.
+    ahead: Vec<usize>,
     lag: usize,
     dims: usize,
     d_max: f64,
@@ -120,6 +123,7 @@ impl Node for OnlineUnitSelector {
             sleepers: target.and_then(|_| Sleepers::new(&db, features.rate, vectors, p.keep_room_tone, lag)),
             channels: (0..vectors).map(channel).collect(),
             window: Vec::with_capacity((lag + 1) * dims),
+            ahead: Vec::with_capacity(lag + 1),
             lag,
             dims,
             d_max: p.d_max,
@@ -145,12 +149,17 @@ impl Node for OnlineUnitSelector {
                     continue;
                 }
                 self.window.clear();
+                self.ahead.clear();
                 // What will be slept through is no part of the path.
-                for item in (0..=known).filter(|k| *k == 0 || !sleeps(at + *k as i64)) {
+                self.ahead.extend((0..=known).filter(|k| *k == 0 || !sleeps(at + *k as i64)));
+                for item in &self.ahead {
                     let from = (here + item) * features.width() + vector * self.dims;
                     self.window.extend_from_slice(around.get(from..from + self.dims).unwrap_or_default());
                 }
-                let chosen = channel.choose(&self.window).map_err(|_| not_finite(features, at))?;
+                let chosen = channel.choose(&self.window).map_err(|NotFinite(k)| {
+                    let ahead = self.ahead.get(k as usize).copied().unwrap_or(0);
+                    not_finite(features, at + ahead as i64)
+                })?;
                 *out = pick(chosen.d1, chosen.unit, self.d_max);
                 counts.note(out);
             }

@@ -41,9 +41,16 @@ pub struct ChannelReport {
     pub poor: Vec<[f64; 2]>,
 }
 
+/// Format of [`SelectionReport`] that this code writes.
+pub const REPORT_VERSION: u32 = 1;
+
 /// What a whole selection came to.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SelectionReport {
+    /// [`REPORT_VERSION`].
+    pub version: u32,
+    /// Digest of the conventions that the features were made by and of the units of the database.
+    pub content: String,
     /// Units per second.
     pub rate: f64,
     /// Units of the database.
@@ -116,6 +123,16 @@ fn poor(picks: &[Pick], rate: f64) -> Vec<[f64; 2]> {
     stretches.into_iter().map(|ends| ends.map(|k| k as f64 / rate)).collect()
 }
 
+/// What tells that a report is of a database: its conventions and features, which picks are numbers of.
+fn digest(db: &UnitDatabase) -> String {
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(format!("{:?} {:?}", db.conventions, db.segments).as_bytes());
+    db.features.iter().for_each(|x| {
+        hasher.update(&x.to_le_bytes());
+    });
+    hasher.finalize().to_hex()[..16].to_owned()
+}
+
 impl Data for SelectionReport {
     const NAME: &'static str = "selection report";
 
@@ -125,6 +142,8 @@ impl Data for SelectionReport {
         let picks = (0..9).map(|k| <Picks as crate::core::item::Item>::trial(&format, k, draw)).collect();
         let channels = vec![ChannelReport::new(picks, &db, 240.0)];
         Self {
+            version: REPORT_VERSION,
+            content: digest(&db),
             rate: 240.0,
             units: db.len() as u64,
             channels,
@@ -228,6 +247,7 @@ impl Node for SelectionReportNode {
     type Params = SelectionReportParams;
     type Ports = SelectionReportPorts;
     const NAME: &'static str = "SelectionReport";
+    const VERSION: u32 = 2;
     const CLASS: Class = Class::Offline;
 
     fn shape(_: &SelectionReportParams, s: &mut Shape<'_, '_, SelectionReportPorts>) -> Result<(), Reject> {
@@ -281,6 +301,8 @@ impl Node for SelectionReportNode {
         let target = if dims > 0 { std::mem::take(&mut self.target) } else { Vec::new() };
         let summary = told(&channels);
         io.report.set(SelectionReport {
+            version: REPORT_VERSION,
+            content: digest(db),
             rate: self.rate,
             units: db.len() as u64,
             channels,
@@ -312,6 +334,15 @@ fn told(channels: &[ChannelReport]) -> Summary {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_report_tells_its_version_and_the_database_that_it_is_of() {
+        let (report, other) =
+            (SelectionReport::trial(&mut Draw::new(1)), SelectionReport::trial(&mut Draw::new(2)));
+        let json = serde_json::to_value(&report).unwrap();
+        assert_eq!((json["version"].as_u64(), json["content"].as_str()), (Some(1), Some(&*report.content)));
+        assert!(report.content.len() == 16 && report.content != other.content);
+    }
 
     #[test]
     fn runs_repeats_and_poor_stretches_are_counted() {

@@ -32,9 +32,26 @@ pub struct Choice {
     pub d2: f64,
 }
 
-/// Names a unit of the target whose features are not finite.
+/// Names the first vector that is not finite, counted from 0 in what was given.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct NotFinite(pub u64);
+
+impl NotFinite {
+    /// Refuses vectors with a number that is not finite, and no vector at all.
+    pub(super) fn check(window: &[f32], dims: usize) -> Result<(), Self> {
+        match window.iter().position(|x| !x.is_finite()) {
+            Some(at) => Err(Self((at / dims.max(1)) as u64)),
+            None if window.len() < dims => Err(Self(0)),
+            None => Ok(()),
+        }
+    }
+
+    /// The same vector, counted with `before` others that come first.
+    #[must_use]
+    pub fn after(self, before: usize) -> Self {
+        Self(self.0 + before as u64)
+    }
+}
 
 /// Chooses a unit of a database for each unit of a target.
 ///
@@ -394,15 +411,13 @@ fn free_without_guard(past: &Past, allowed: &[bool]) -> bool {
 
 impl<const P: usize> Selector for Exact<P> {
     fn choose(&mut self, window: &[f32]) -> Result<Choice, NotFinite> {
-        if window.iter().any(|x| !x.is_finite()) || window.len() < self.index.dims {
-            return Err(NotFinite(self.past.now));
-        }
+        NotFinite::check(window, self.index.dims)?;
         self.window.clear();
         self.window.extend(window.chunks_exact(self.index.dims).map(padded::<P>));
         self.past.guard();
         let rested = self.least_recent();
         let chosen = self.best(rested);
-        let chosen = chosen.or_else(|| self.nearest(rested)).ok_or(NotFinite(self.past.now))?;
+        let chosen = chosen.or_else(|| self.nearest(rested)).ok_or(NotFinite(0))?;
         self.past.note(chosen.unit);
         Ok(chosen)
     }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::UnitDatabase;
 use super::item::{Pick, PickFormat, Picks};
-use super::selector::{self, MOST_DIMS, Selector, SelectorParams, Units};
+use super::selector::{self, MOST_DIMS, NotFinite, Selector, SelectorParams, Units};
 use super::sleep::{self, Sleepers};
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
@@ -161,7 +161,10 @@ impl Channel {
                 let from = item * features.width() + vector * node.dims;
                 self.window.extend_from_slice(around.get(from..from + node.dims).unwrap_or_default());
             }
-            let chosen = self.selector.choose(&self.window).map_err(|_| not_finite(features, at))?;
+            let chosen = self.selector.choose(&self.window).map_err(|NotFinite(k)| {
+                let before = if node.causal { look as i64 } else { 0 };
+                not_finite(features, at - before + k as i64)
+            })?;
             let pick = Pick {
                 unit: chosen.unit as i32,
                 fallback: chosen.fallback,
@@ -267,7 +270,7 @@ pub(crate) fn units<'a>(
 
 /// The fault of a target with a number that is not finite.
 pub(super) fn not_finite(features: &In<'_, Features>, at: i64) -> Fault {
-    Fault::new("F102", format!("a feature near unit {at} of the target is not a finite number"))
+    Fault::new("F102", format!("a feature of unit {at} of the target is not a finite number"))
         .at("features")
         .when(features.rate().tick(at))
 }

@@ -49,6 +49,9 @@ pub struct Warp {
     pub correspondences: String,
     /// Recordings of the database.
     pub recordings: Vec<String>,
+    /// Digest of all of the above, so that a change by hand is seen; empty where none was written.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub content: String,
 }
 
 impl WarpMap {
@@ -112,6 +115,32 @@ impl Warp {
         })
     }
 
+    fn digest(&self) -> String {
+        let plain = Self { content: String::new(), ..self.clone() };
+        // Numbers are written so that they are read as the same ones again.
+        let text = serde_json::to_vec(&plain).unwrap_or_default();
+        blake3::hash(&text).to_hex()[..16].to_owned()
+    }
+
+    /// The same with the digest of what it holds.
+    #[must_use]
+    pub fn sealed(self) -> Self {
+        Self { content: self.digest(), ..self }
+    }
+
+    /// What tells that a warp of a file is not the one that was written, if anything.
+    #[must_use]
+    pub fn altered(&self) -> Option<String> {
+        let wanted = self.digest();
+        (!self.content.is_empty() && self.content != wanted).then(|| {
+            let found: String = self.content.chars().take(40).collect();
+            format!(
+                "`content` is {found:?}, and the digest of what the warp holds is {wanted:?}: it was changed by hand; fit \
+                 it again, or leave `content` out"
+            )
+        })
+    }
+
     /// What a report says of it, of its first map where there are more.
     #[must_use]
     pub fn summary(&self) -> Summary {
@@ -148,7 +177,9 @@ impl Data for Warp {
             maps: vec![map],
             correspondences: String::new(),
             recordings: Vec::new(),
+            content: String::new(),
         }
+        .sealed()
     }
 
     fn plot(&self) -> Option<String> {

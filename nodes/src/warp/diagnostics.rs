@@ -294,6 +294,7 @@ mod tests {
     fn errors_of_blocks_left_out_are_those_of_fits_without_them() {
         let mut pairs = planted(&mut Draw::new(3), 4);
         pairs[7].1.weight = 3.0;
+        let mut worst = 0.0_f64;
         for lambda in [0.5, 100.0] {
             let all = LeaveOut::new(&pairs, 3, lambda).unwrap();
             for blocks in [vec![2], vec![2, 9]] {
@@ -307,11 +308,13 @@ mod tests {
                     let moved = warper.displacement(pair.from.iter().copied()).to_vec();
                     for i in 0..3 {
                         let expected: f64 = pair.to[i] - pair.from[i] - moved[i];
-                        assert!((errors[i][place] - expected).abs() < 1e-8, "{lambda} {row} {i}");
+                        worst = worst.max((errors[i][place] - expected).abs());
                     }
                 }
             }
         }
+        // As near as two ways to solve systems of this condition can come, for errors of a few units.
+        assert!(worst < 2e-11, "{worst:e}");
     }
 
     #[test]
@@ -386,16 +389,18 @@ mod tests {
 
     #[test]
     fn a_planted_bad_pair_is_the_suspect() {
-        let mut first = 0;
-        for trial in 0..20 {
+        let (mut first, mut by_surprise) = (0, 0);
+        for trial in 0..40 {
             let mut draw = Draw::new(100 + trial);
             let bad = draw.below(12);
             let pairs = planted(&mut draw, bad);
             let found = suspicions(&pairs, 3, 10.0, 2.0).unwrap();
             assert_eq!(found.len(), 12);
             first += usize::from(found[bad].rank == 1);
+            by_surprise += usize::from(found.iter().all(|s| s.surprise <= found[bad].surprise));
         }
-        assert!(first >= 19, "{first} of 20");
+        // What a pair is predicted wrong by itself names the culprit less often.
+        assert!(first == 40 && by_surprise < first, "{first} and {by_surprise} of 40");
     }
 
     #[test]

@@ -112,13 +112,16 @@ impl Baseline {
         self.folds
     }
 
+    /// The first unit that the choice for a unit compares.
+    fn window_start(&self, unit: usize) -> usize {
+        if self.params.causal { unit.saturating_sub(self.params.look) } else { unit }
+    }
+
     /// The vectors that the choice for a unit compares.
     fn window<'a>(&self, warped: &'a [f32], unit: usize) -> &'a [f32] {
-        let (look, last) = (self.params.look, self.len().saturating_sub(1));
-        let (from, to) = match self.params.causal {
-            true => (unit.saturating_sub(look), unit),
-            false => (unit, (unit + look).min(last)),
-        };
+        let last = self.len().saturating_sub(1);
+        let to = if self.params.causal { unit } else { (unit + self.params.look).min(last) };
+        let from = self.window_start(unit);
         warped.get(from * self.dims..(to + 1) * self.dims).unwrap_or_default()
     }
 
@@ -131,8 +134,9 @@ impl Baseline {
     ) -> Result<Vec<Choice>, NotFinite> {
         let mut selector = self.selector.another();
         selector.recall(before);
-        let choose =
-            |unit: usize| selector.choose(self.window(warped, unit)).map_err(|_| NotFinite(unit as u64));
+        let choose = |unit: usize| {
+            selector.choose(self.window(warped, unit)).map_err(|k| k.after(self.window_start(unit)))
+        };
         units.map(choose).collect()
     }
 
@@ -187,7 +191,8 @@ impl Baseline {
         let (mut changed, mut fallbacks) = (Vec::new(), 0);
         for &unit in some {
             selector.recall(self.resting(unit));
-            let choice = selector.choose(self.window(warped, unit)).map_err(|_| NotFinite(unit as u64))?;
+            let window = self.window(warped, unit);
+            let choice = selector.choose(window).map_err(|k| k.after(self.window_start(unit)))?;
             let Some(before) = self.choices.get(unit) else { continue };
             fallbacks += i64::from(choice.fallback) - i64::from(before.fallback);
             if choice.unit != before.unit {

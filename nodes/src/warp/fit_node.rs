@@ -175,7 +175,7 @@ impl Node for TpsFit {
     type Params = TpsFitParams;
     type Ports = TpsFitPorts;
     const NAME: &'static str = "TpsFit";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     const CLASS: Class = Class::Offline;
 
     fn shape(_: &TpsFitParams, s: &mut Shape<'_, '_, TpsFitPorts>) -> Result<(), Reject> {
@@ -236,6 +236,8 @@ impl TpsFit {
                 .collect::<Result<_, _>>()?,
             correspondences: heard.pairs.file.clone(),
             recordings: heard.database.sources.iter().map(|s| s.provenance.clone()).collect(),
-        })
+            content: String::new(),
+        }
+        .sealed())
     }
 }

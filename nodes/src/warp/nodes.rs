@@ -21,7 +21,8 @@ params! {
     /// the start in the target and `database` that in the recording `source` (its number, or its path in quotes), or without
     /// one in the database, whose units stand one after the other; all in seconds. Further there may be `channel` (from 0; all
     /// where none is given), `weight` (1), `enabled` (true) and `label`. Mark 0.1 or 0.2 s; 5 to 15 pairs are usual, silence being
-    /// one. What does not fit the target or the database is named with line and column where they meet, in `TpsFit`.
+    /// one. What does not fit the target or the database is named with line and column where they meet, in `TpsFit`. The file
+    /// may say `version`, which is 1.
     ///
     /// # Source
     /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 4.3.
@@ -82,6 +83,9 @@ impl Func for Correspondences {
 
 params! {
     /// A warp from a file: JSON as a tap of `TpsFit` writes it.
+    ///
+    /// Its `content` is a digest of all else that it holds; a warp that was changed by hand under it is refused, one without it is
+    /// taken as it is.
     pub struct WarpFileParams {
         /// The file.
         path: AssetPath;
@@ -104,7 +108,7 @@ pub struct WarpFile;
 fn read_warp(path: &str, bytes: &[u8]) -> Result<Warp, Reject> {
     let wrong = |message: String| Reject::new("F111", format!("{path:?}: {message}")).at("path");
     let warp: Warp = serde_json::from_slice(bytes).map_err(|e| wrong(format!("this is no warp: {e}")))?;
-    warp.fault().map_or(Ok(warp), |fault| Err(wrong(fault)))
+    warp.fault().or_else(|| warp.altered()).map_or(Ok(warp), |fault| Err(wrong(fault)))
 }
 
 impl Func for WarpFile {

@@ -9,6 +9,8 @@ use crate::core::random::Draw;
 
 /// Most correspondences of one file.
 pub const MAX_CORRESPONDENCES: usize = 10_000;
+/// Format of a file of correspondences that this code reads and writes.
+pub const CORRESPONDENCES_VERSION: u32 = 1;
 /// Latest time, in s.
 const LATEST: f64 = 86_400.0;
 const FIELDS: [&str; 8] =
@@ -125,7 +127,16 @@ fn correspondence(datum: &Datum) -> Result<Correspondence, TextError> {
 /// ```
 pub fn read_correspondences(text: &str) -> Result<CorrespondenceSet, TextError> {
     let datum = read(text)?;
-    let fields = datum.record("the file", &["target", "database", "pairs"])?;
+    let fields = datum.record("the file", &["version", "target", "database", "pairs"])?;
+    if let Some(found) = find(fields, "version") {
+        let version = whole(found, "`version`")?;
+        if version != CORRESPONDENCES_VERSION {
+            let message = format!(
+                "the correspondences have version {version}; this reads version {CORRESPONDENCES_VERSION}"
+            );
+            return Err(TextError::new(found.place, message));
+        }
+    }
     let name = |field: &str| find(fields, field).map_or(Ok(String::new()), |d| d.text(&format!("`{field}`")));
     let pairs = need(fields, "pairs", datum.place)?.list("`pairs`")?;
     if pairs.len() > MAX_CORRESPONDENCES {
@@ -145,7 +156,7 @@ pub fn read_correspondences(text: &str) -> Result<CorrespondenceSet, TextError> 
 pub fn write_correspondences(set: &CorrespondenceSet) -> String {
     let quoted =
         |text: &str| format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\"").replace('\n', "\\n"));
-    let mut out = String::from("Correspondences(\n");
+    let mut out = format!("Correspondences(\n    version: {CORRESPONDENCES_VERSION},\n");
     for (name, text) in [("target", &set.target), ("database", &set.database)] {
         if !text.is_empty() {
             // Writing to a string does not fail.
@@ -232,6 +243,7 @@ mod tests {
             ("(pairs: [(target: 1, database: 1, duration: 1, enabled: 1)])", "1:57", "true or false"),
             ("(pairs: [(target: 1, database: 1, duration: 1, gain: 1)])", "1:48", "no field `gain`"),
             ("(target: \"a\")", "1:1", "`pairs` is missing"),
+            ("(version: 2, pairs: [])", "1:11", "have version 2; this reads version 1"),
         ] {
             let e = read_correspondences(text).unwrap_err();
             assert!(e.place.to_string() == place && e.message.contains(part), "{text}: {e}");

@@ -144,7 +144,7 @@ impl Node for CorrespondenceSuggester {
     type Params = CorrespondenceSuggesterParams;
     type Ports = CorrespondenceSuggesterPorts;
     const NAME: &'static str = "CorrespondenceSuggester";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     const CLASS: Class = Class::Offline;
 
     fn shape(

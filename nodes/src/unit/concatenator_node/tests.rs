@@ -5,7 +5,7 @@ use crate::core::random::Draw;
 use crate::core::solo::Solo;
 use crate::core::time::{Rate, ticks};
 use crate::feature::gaussian_node::{TemporalGaussian, TemporalGaussianParams, TemporalGaussianPorts};
-use crate::feature::mfcc_node::{Mfcc, MfccParams, MfccPorts};
+use crate::feature::mfcc_node::{FeatureChannels, Mfcc, MfccParams, MfccPorts};
 use crate::feature::{FeatureConventions, FeatureFormat};
 use crate::unit::selector_node::{UnitSelector, UnitSelectorParams, UnitSelectorPorts};
 use crate::unit::{Pick, Take, build};
@@ -48,8 +48,12 @@ fn selection(db: &UnitDatabase, features: Vec<f32>, cool_off: usize, c: FeatureC
 }
 
 fn concatenation(db: &UnitDatabase, picks: Vec<Pick>, window: f64) -> Solo {
+    concatenation_with(read(), db, picks, window)
+}
+
+fn concatenation_with(p: UnitConcatenatorParams, db: &UnitDatabase, picks: Vec<Pick>, window: f64) -> Solo {
     let format = PickFormat { channels: 1, conventions: Arc::new(conventions()) };
-    Solo::new::<UnitConcatenator>(read())
+    Solo::new::<UnitConcatenator>(p)
         .input(UnitConcatenatorPorts::picks, Rate::hz(240), format, picks)
         .value(UnitConcatenatorPorts::database, db.clone())
         .window(ticks(window))
@@ -69,6 +73,81 @@ fn a_recording_put_together_from_itself_is_itself_bit_for_bit() {
             assert!(run.stream(UnitConcatenatorPorts::audio) == db.channel(0));
         }
     }
+}
+
+#[test]
+fn two_recordings_are_themselves_but_for_a_window_before_their_join() {
+    let takes = [1, 2].map(|seed| Take { channels: vec![noise(seed, 200 * 150)], ..Take::default() });
+    let db = build(&takes, &conventions(), None).unwrap();
+    let (look, join) = (read::<UnitSelectorParams>().look, 150);
+    let run = selection(&db, db.features.clone(), 0, conventions()).run().unwrap();
+    let picks = run.stream(UnitSelectorPorts::picks);
+    for (i, pick) in picks.iter().enumerate() {
+        let near = (join - look..join).contains(&i);
+        assert_eq!(pick.unit == i as i32, !near, "unit {i}: {pick:?}");
+    }
+    // Half a unit before what differs, and half a unit after the join, the sound is the recordings again.
+    let out = concatenation(&db, picks, 0.03).run().unwrap().stream(UnitConcatenatorPorts::audio);
+    let (from, to) = ((join - look) * 200 - 100, join * 200 + 100);
+    let x = db.channel(0);
+    assert!(out[..from] == x[..from] && out[to..] == x[to..] && out[from..to] != x[from..to]);
+}
+
+/// Features of both channels of a sound joined to one vector, through the nodes.
+fn joint_features(audio: &[Vec<f32>; 2]) -> (Vec<f32>, FeatureFormat) {
+    let frames: Vec<f32> = audio[0].iter().zip(&audio[1]).flat_map(|(a, b)| [*a, *b]).collect();
+    let params = MfccParams { channels: FeatureChannels::Joint, ..read() };
+    let made = Solo::new::<Mfcc>(params).input(MfccPorts::audio, RATE, Channels(2), frames);
+    let c = FeatureConventions { joined: 2, ..FeatureConventions::cloth(RATE, 200) };
+    let format = FeatureFormat { vectors: 1, conventions: Arc::new(c) };
+    let smooth = Solo::new::<TemporalGaussian>(read::<TemporalGaussianParams>()).input(
+        TemporalGaussianPorts::features,
+        Rate::hz(240),
+        format,
+        made.run().unwrap().stream(MfccPorts::features),
+    );
+    let c = FeatureConventions { joined: 2, ..conventions() };
+    let format = FeatureFormat { vectors: 1, conventions: Arc::new(c) };
+    (smooth.run().unwrap().stream(TemporalGaussianPorts::smooth), format)
+}
+
+#[test]
+fn joint_channels_share_their_picks_and_cross_where_each_of_them_does() {
+    let sound = [noise(1, 200 * 200), noise(2, 200 * 200)];
+    let other = [noise(3, 200 * 120), noise(4, 200 * 120)];
+    let (_, format) = joint_features(&sound);
+    let take = Take { channels: sound.to_vec(), ..Take::default() };
+    let db = build(&[take], &format.conventions, None).unwrap();
+    let chosen = |target: &[Vec<f32>; 2]| {
+        let (features, format) = joint_features(target);
+        let solo = Solo::new::<UnitSelector>(read())
+            .input(UnitSelectorPorts::features, Rate::hz(240), format, features)
+            .value(UnitSelectorPorts::database, db.clone());
+        solo.run().unwrap().stream::<Picks>(UnitSelectorPorts::picks)
+    };
+    let heard = |picks: Vec<Pick>| {
+        let format = PickFormat { channels: 1, conventions: Arc::clone(&format.conventions) };
+        let solo = Solo::new::<UnitConcatenator>(read())
+            .input(UnitConcatenatorPorts::picks, Rate::hz(240), format, picks)
+            .value(UnitConcatenatorPorts::database, db.clone());
+        let frames = solo.run().unwrap().stream(UnitConcatenatorPorts::audio);
+        [0, 1].map(|channel| frames.iter().skip(channel).step_by(2).copied().collect::<Vec<f32>>())
+    };
+    // One pick a unit; a recording chooses itself, and both its channels come back.
+    let own = chosen(&sound);
+    assert!(own.len() == 200 && own.iter().enumerate().all(|(i, pick)| pick.unit == i as i32));
+    assert!(heard(own) == [0, 1].map(|channel| db.channel(channel).to_vec()));
+    // The second channel has a say.
+    let picks = chosen(&other);
+    assert!(picks.len() == 120 && picks != chosen(&[other[0].clone(), noise(5, 200 * 120)]));
+    let units: Vec<u32> = picks.iter().map(|pick| pick.unit as u32).collect();
+    let c = Concatenator::new(&db, Blend::EqualPower);
+    assert!(heard(picks) == [0, 1].map(|channel| c.whole(channel, &units)));
+    let joins: Vec<[Join; 2]> =
+        units.windows(2).map(|u| [0, 1].map(|channel| c.join(channel, (Some(u[0]), Some(u[1]))))).collect();
+    let cut = joins.iter().filter(|[a, b]| !a.is_empty() || !b.is_empty()).count();
+    let apart = joins.iter().filter(|[a, b]| a != b).count();
+    assert!(cut > 10 && 2 * apart > cut, "{apart} of {cut} joins cross at places of their own");
 }
 
 #[test]
@@ -101,6 +180,15 @@ fn a_silent_target_sends_it_to_sleep_and_a_balance_makes_channels() {
     let out = followed(target);
     assert!(out[..24_000] == db.channel(0)[..24_000]);
     assert!(out[26_500..].iter().all(|x| *x == 0.0));
+    // Room tone goes on after a click, and where there never is a sound.
+    let mut click = vec![0.0; 48_000];
+    click[0] = 0.5;
+    for target in [click, vec![0.0; 48_000]] {
+        let params = UnitConcatenatorParams { keep_room_tone: Some(true), ..read() };
+        let solo = concatenation_with(params, &db, picks.clone(), 0.1);
+        let solo = solo.optional(UnitConcatenatorPorts::target, RATE, Channels(1), target);
+        assert!(solo.run().unwrap().stream(UnitConcatenatorPorts::audio) == db.channel(0)[..48_000]);
+    }
     // Nothing at all.
     assert!(followed(vec![0.0; 48_000]).iter().all(|x| *x == 0.0));
     let run = concatenation(&db, picks, 0.1)
@@ -129,11 +217,20 @@ fn features_of_other_conventions_are_refused_by_the_field() {
 fn a_feature_that_is_no_number_is_named_by_its_unit() {
     let db =
         build(&[Take { channels: vec![noise(1, 8000)], ..Take::default() }], &conventions(), None).unwrap();
-    let mut features = vec![0.0; 60];
-    features[33] = f32::NAN;
-    let fault = selection(&db, features, 20, conventions()).run().err().unwrap();
-    // Unit 11, first seen five units ahead.
-    assert!(fault.code == "F102" && fault.message.contains("unit 6"), "{fault}");
+    let format = FeatureFormat { vectors: 1, conventions: Arc::new(conventions()) };
+    // Whether what comes is looked at, and the bad unit is first seen five units ahead, or what has been.
+    for causal in [false, true] {
+        let mut features = vec![0.0; 60];
+        features[33] = f32::NAN;
+        let fault = Solo::new::<UnitSelector>(UnitSelectorParams { causal, ..read() })
+            .input(UnitSelectorPorts::features, Rate::hz(240), format.clone(), features)
+            .value(UnitSelectorPorts::database, db.clone())
+            .run()
+            .err()
+            .unwrap();
+        assert!(fault.code == "F102" && fault.message.contains("unit 11 of"), "{fault}");
+        assert_eq!(fault.time, Some(Rate::hz(240).tick(11)));
+    }
 }
 
 #[test]

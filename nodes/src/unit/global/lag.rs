@@ -64,9 +64,7 @@ impl FixedLag {
     /// A feature that is not finite, or no unit at all.
     pub fn choose(&mut self, window: &[f32]) -> Result<Choice, NotFinite> {
         let dims = self.table.dims();
-        if window.len() < dims || window.iter().any(|x| !x.is_finite()) {
-            return Err(NotFinite(self.decided as u64));
-        }
+        NotFinite::check(window, dims)?;
         for features in window.chunks_exact(dims).take(self.kept).skip(self.known - self.decided) {
             self.learn(features);
         }

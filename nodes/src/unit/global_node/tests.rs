@@ -244,11 +244,22 @@ fn a_number_that_is_not_finite_is_told_with_its_unit() {
     let db = database(1);
     let mut target = walk(8, 30, DIMS);
     target[DIMS * 17 + 1] = f32::NAN;
-    let message = |fault: Fault| format!("{fault}");
-    let fault = of_global(&global(Method::Exact), &db, 1, &target).run().map(|_| ()).unwrap_err();
-    assert!(fault.code == "F102" && message(fault.clone()).contains("unit 17"), "{fault}");
-    let fault = of_online(&online(0.0), &db, 1, &target).run().map(|_| ()).unwrap_err();
-    assert!(fault.code == "F102" && message(fault.clone()).contains("unit 17"), "{fault}");
+    let global = METHODS.map(|method| of_global(&global(method), &db, 1, &target));
+    // First seen zero, twelve and all units ahead.
+    let online = [0.0, 0.05, 9.0].map(|lag| of_online(&online(lag), &db, 1, &target));
+    for solo in global.into_iter().chain(online) {
+        let fault = solo.run().map(|_| ()).unwrap_err();
+        assert!(fault.code == "F102" && fault.message.contains("unit 17 of"), "{fault}");
+    }
+    // Where units before it are slept through, they are counted as well.
+    let (sound, asleep) = resting(&db);
+    let mut target = walk(5, 360, DIMS);
+    target[DIMS * (asleep.end + 3)] = f32::NAN;
+    let audio = RATE.times(u64::from(db.conventions.unit)).unwrap();
+    let port = OnlineUnitSelectorPorts::target;
+    let solo = of_online(&self::online(0.5), &db, 1, &target).optional(port, audio, Channels(1), sound);
+    let fault = solo.run().map(|_| ()).unwrap_err();
+    assert!(fault.message.contains(&format!("unit {} of", asleep.end + 3)), "{fault}");
 }
 
 /// A target that is silent from its 60th unit to its 300th, of 360, and the units that are slept through for it.
@@ -320,4 +331,27 @@ fn what_decides_online_sleeps_as_well_and_looks_at_nothing_that_is_slept_through
     let other =
         of_online(&online(0.0), &db, 1, &features).optional(port, Rate::hz(44_100), Channels(1), target);
     assert!(other.shape().is_err(), "a target of another rate");
+}
+
+#[test]
+fn the_report_tells_how_often_a_fixed_lag_departs_from_the_best_path() {
+    let (db, target) = (database(1), walk(3, 70, DIMS));
+    let differs = |method: Method, lag: f64, cool_off: usize| {
+        let p = GlobalUnitSelectorParams { lag, cool_off, ..global(method) };
+        let run = of_global(&p, &db, 1, &target).run().unwrap();
+        let told = run.summary.iter().find(|(name, _)| *name == "differs").and_then(|(_, x)| x.as_f64());
+        (told, chosen(&run.stream(GlobalUnitSelectorPorts::picks)))
+    };
+    for cool_off in [0, 7] {
+        let (none, best) = differs(Method::Exact, 0.0, cool_off);
+        assert_eq!(none, None);
+        for lag in [0.0, 0.0125, 0.05, 1.0] {
+            let (told, found) = differs(Method::FixedLag, lag, cool_off);
+            let others = found.iter().zip(&best).filter(|(a, b)| a != b).count() as f64 / 70.0;
+            assert_eq!(told, Some(others), "lag {lag}");
+            // One unit known is less than the path needs; all of them are all that it needs.
+            assert!(others > 0.0 || lag > 0.0, "{cool_off}");
+            assert!(others == 0.0 || lag < 1.0 || cool_off > 0, "{cool_off}");
+        }
+    }
 }

@@ -157,6 +157,116 @@ fn a_database_chooses_itself_and_never_repeats_within_the_cool_off() {
     assert!(picks.iter().any(|pick| pick.fallback) && picks.iter().any(|pick| !pick.fallback));
 }
 
+/// Targets within `look` units of a join, which have no room for a window, and others that do not choose themselves.
+#[track_caller]
+fn itself_but_near_joins(picks: &[u32], segments: &[(usize, usize)], look: usize, cool_off: usize) -> usize {
+    let mut others = 0;
+    for &(from, count) in segments {
+        // The target ends with the last recording: there windows shorten on both sides.
+        let room = if from + count == picks.len() { 0 } else { look };
+        for i in from..from + count - room {
+            // Only where a unit near a join had to take this one is it at rest.
+            let rests = picks[i.saturating_sub(cool_off)..i].contains(&(i as u32));
+            assert!(picks[i] as usize == i || rests, "target {i} chose {}", picks[i]);
+            others += usize::from(rests);
+        }
+    }
+    others
+}
+
+#[test]
+fn recordings_choose_themselves_but_for_a_window_before_each_join() {
+    let mut rng = Draw::new(12);
+    let features = wander(&mut rng, 240, 3, false);
+    let segments = vec![(0, 90), (90, 4), (94, 80), (174, 66)];
+    let units = Units { features: &features, dims: 3, segments: segments.clone(), allowed: vec![true; 240] };
+    for look in [0, 5, 9] {
+        for cool_off in [0, 20, 500] {
+            let p = SelectorParams { look, d_max: 2.0, cool_off, loop_guard: 0, causal: false };
+            let picks: Vec<u32> = run(&features, &units, &p).iter().map(|pick| pick.unit).collect();
+            let whole: Vec<_> = segments.iter().copied().filter(|(_, count)| *count > look).collect();
+            let others = itself_but_near_joins(&picks, &whole, look, cool_off);
+            // A unit that was taken early makes its own target take another one early.
+            assert!(cool_off * look > 0 || others == 0, "{look} {cool_off}: {others}");
+            // Before a join no unit has room for a window of its own.
+            assert_eq!(picks[89] == 89, look == 0);
+        }
+    }
+}
+
+#[test]
+fn neither_threads_nor_the_order_of_the_index_change_a_choice() {
+    let mut rng = Draw::new(21);
+    for grid in [false, true] {
+        let (features, target) = (wander(&mut rng, 300, 3, grid), wander(&mut rng, 200, 3, grid));
+        let segments = vec![(0, 130), (130, 170)];
+        let units = Units { features: &features, dims: 3, segments, allowed: vec![true; 300] };
+        let p = SelectorParams { look: 4, d_max: 2.0, cool_off: 10, loop_guard: 0, causal: false };
+        let wanted = run(&target, &units, &p);
+        for threads in [1, 2, 7] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            assert!(pool.install(|| run(&target, &units, &p)) == wanted, "{threads} threads");
+        }
+        for seed in 0..8 {
+            let mut other = Exact::<4>::new(&units, p.clone());
+            let index = Index::new(&units, &p);
+            let mut draw = Draw::new(seed);
+            let mut mixed = |tree: &KdTree<4>| {
+                let mut points = tree.items();
+                for k in (1..points.len()).rev() {
+                    points.swap(k, draw.below(k + 1));
+                }
+                KdTree::new(points)
+            };
+            let (near, means) = (mixed(&index.near), mixed(&index.means));
+            other.index = Arc::new(Index { near, means, ..index });
+            let chosen = (0..200).map(|i| other.choose(&target[3 * i..3 * (i + 5).min(200)]).unwrap());
+            assert!(chosen.eq(wanted.iter().copied()), "{seed}");
+        }
+    }
+}
+
+/// Features with one number more, which is 0 or `weight` as a unit has the first or the second tag.
+fn tagged(features: &[f32], weight: f32, second: impl Fn(usize) -> bool) -> Vec<f32> {
+    let unit = |(j, f): (usize, &[f32])| [f[0], f[1], f[2], if second(j) { weight } else { 0.0 }];
+    features.chunks_exact(3).enumerate().flat_map(unit).collect()
+}
+
+#[test]
+fn a_heavy_tag_dimension_is_the_mask_and_a_light_one_is_a_wish() {
+    let mut rng = Draw::new(31);
+    for round in 0..20 {
+        let grid = round % 2 == 0;
+        let (features, target) = (wander(&mut rng, 360, 3, grid), wander(&mut rng, 150, 3, grid));
+        let segments: Vec<_> = (0..4).map(|k| (90 * k, 90)).collect();
+        let second = |j: usize| j / 90 % 2 == 1;
+        let length = |f: &[f32]| f.iter().map(|x| x * x).sum::<f32>().sqrt();
+        let most = features.chunks(3).chain(target.chunks(3)).map(length).fold(0.0, f32::max);
+        let p = SelectorParams {
+            look: [0, 5][round % 2],
+            d_max: [0.5, 2.0, 100.0][round % 3],
+            cool_off: 20,
+            loop_guard: [0, 30][round % 2],
+            causal: round % 4 == 3,
+        };
+        let wrong = |weight: f32, tag: bool| {
+            let allowed = (0..360).map(|j| second(j) == tag).collect();
+            let masked = Units { features: &features, dims: 3, segments: segments.clone(), allowed };
+            let both = tagged(&features, weight, second);
+            let soft =
+                Units { features: &both, dims: 4, segments: segments.clone(), allowed: vec![true; 360] };
+            let (hard, soft) = (run(&target, &masked, &p), run(&tagged(&target, weight, |_| tag), &soft, &p));
+            let wrong = soft.iter().filter(|pick| second(pick.unit as usize) != tag).count();
+            assert!(wrong > 0 || soft == hard, "{weight}: allowed, but not what the mask says");
+            wrong
+        };
+        for tag in [false, true] {
+            assert_eq!(wrong(2.01 * most, tag), 0, "round {round}");
+            assert!(wrong(0.05 * most, tag) > 0, "round {round}");
+        }
+    }
+}
+
 #[test]
 fn a_loop_guard_ends_exact_repeats() {
     // The target stays where 25 units lie: without a guard they take turns for ever.
@@ -174,11 +284,18 @@ fn a_loop_guard_ends_exact_repeats() {
 
 #[test]
 fn a_feature_that_is_not_finite_is_named_by_its_unit() {
-    let units = Units { features: &[0.0, 1.0], dims: 1, segments: vec![(0, 2)], allowed: vec![true; 2] };
-    let p = SelectorParams { look: 0, d_max: 1.0, cool_off: 0, loop_guard: 0, causal: false };
+    let features = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0];
+    let units = Units { features: &features, dims: 2, segments: vec![(0, 3)], allowed: vec![true; 3] };
+    let p = SelectorParams { look: 2, d_max: 1.0, cool_off: 0, loop_guard: 0, causal: false };
     let mut selector = selector(&units, p).unwrap();
-    selector.choose(&[0.5]).unwrap();
-    assert_eq!(selector.choose(&[f32::NAN]), Err(NotFinite(1)));
+    selector.choose(&features).unwrap();
+    for (at, unit) in [(0, 0), (1, 0), (4, 2), (5, 2)] {
+        let mut window = features;
+        window[at] = f32::NAN;
+        assert_eq!(selector.choose(&window), Err(NotFinite(unit)));
+        assert_eq!(NotFinite(unit).after(7), NotFinite(unit + 7));
+    }
+    assert_eq!(selector.choose(&[]), Err(NotFinite(0)));
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! Known answers, limits of lambda, duplicates and flat clouds.
 
+use super::super::linear::solve_dense;
 use super::super::tps::Warper;
 use super::*;
 
@@ -154,6 +155,82 @@ fn pairs_from_one_place_count_as_their_mean() {
     let (tps, report) = fit(&silence, 3, Stiffness::Lambda(100.0)).unwrap();
     assert!(near(&at(&tps, &[4.0, 5.0, 6.0]), &[14.0, 6.0, 6.0], 1e-12));
     assert_eq!((report.nodes, report.rank), (1, 0));
+}
+
+/// What the whole system of all pairs says at a point, twins and all: `[K + lambda / weights, P; P^T, 0]` in plain coordinates.
+fn unmerged(pairs: &[Pair], lambda: f64, point: &[f64]) -> Vec<f64> {
+    let (n, d) = (pairs.len(), point.len());
+    let m = n + d + 1;
+    let kernel = |a: &[f64], b: &[f64]| {
+        let square: f64 = a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum();
+        if square > 0.0 { square * square.ln() } else { 0.0 }
+    };
+    let along = |x: &[f64], j: usize| if j == 0 { 1.0 } else { x[j - 1] };
+    let mut matrix = vec![0.0; m * m];
+    for (k, a) in pairs.iter().enumerate() {
+        for (l, b) in pairs.iter().enumerate() {
+            matrix[k * m + l] = kernel(&a.from, &b.from) + if k == l { lambda / a.weight } else { 0.0 };
+        }
+        for j in 0..=d {
+            matrix[k * m + n + j] = along(&a.from, j);
+            matrix[(n + j) * m + k] = along(&a.from, j);
+        }
+    }
+    let moved = |i: usize| pairs.iter().map(|p| p.to[i] - p.from[i]).chain(vec![0.0; d + 1]).collect();
+    let mut right: Vec<Vec<f64>> = (0..d).map(moved).collect();
+    assert!(solve_dense(&mut matrix, m, &mut right) != 0.0);
+    let weighed: Vec<f64> =
+        pairs.iter().map(|p| kernel(&p.from, point)).chain((0..=d).map(|j| along(point, j))).collect();
+    let sum = |x: &Vec<f64>| x.iter().zip(&weighed).map(|(x, w)| x * w).sum::<f64>();
+    right.iter().zip(point).map(|(x, f)| f + sum(x)).collect()
+}
+
+/// The greatest difference of two points.
+fn apart(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+}
+
+#[test]
+fn twins_that_count_once_with_their_weights_solve_the_system_of_all() {
+    let mut worst = 0.0_f64;
+    for seed in 0..6 {
+        let mut pairs = scattered(14, 3, seed + 3);
+        for (k, of) in [(0, 5), (1, 5), (2, 8), (3, 5)] {
+            pairs.push(Pair { to: scattered(9, 3, seed + 40)[k].to.clone(), ..pairs[of].clone() });
+        }
+        pairs[15].weight = 2.5;
+        for lambda in [2.0, 10.0, 1e3] {
+            let (tps, report) = fit(&pairs, 3, Stiffness::Lambda(lambda)).unwrap();
+            assert_eq!((report.pairs, report.nodes), (18, 14));
+            for point in [[0.4, 1.0, -2.0], [4.0, -3.0, 0.0], [-2.0, 3.0, 1.0]] {
+                worst = worst.max(apart(&at(&tps, &point), &unmerged(&pairs, lambda, &point)));
+            }
+        }
+    }
+    assert!(worst < 5e-13, "{worst:e}");
+}
+
+#[test]
+fn the_order_of_the_pairs_does_not_matter() {
+    let mut worst = 0.0_f64;
+    for (n, d, lambda) in [(30, 3, 0.0), (30, 3, 1.0), (30, 3, 1e4), (40, 6, 0.5), (5, 1, 0.1)] {
+        let mut pairs = scattered(n, d, 11);
+        pairs[2].weight = 3.0;
+        let twin = Pair { to: pairs[1].to.clone(), ..pairs[n - 1].clone() };
+        pairs.push(twin);
+        let (wanted, report) = fit(&pairs, d, Stiffness::Lambda(lambda)).unwrap();
+        for step in [1, 7, 11] {
+            // Steps that share no factor with the number of pairs visit all of them, here backwards.
+            let order = (0..=n).map(|k| (n - k) * step % (n + 1));
+            let other: Vec<Pair> = order.map(|k| pairs[k].clone()).collect();
+            let (found, told) = fit(&other, d, Stiffness::Lambda(lambda)).unwrap();
+            assert_eq!((told.pairs, told.nodes, told.rank), (report.pairs, report.nodes, report.rank));
+            for point in numbers(6 * d, 5).chunks(d).map(|x| x.iter().map(|x| 8.0 * x).collect::<Vec<_>>()) {
+                worst = worst.max(apart(&at(&wanted, &point), &at(&found, &point)));
+            }
+        }
+    }
+    assert!(worst < 1e-12, "{worst:e}");
 }
 
 #[test]

@@ -170,6 +170,19 @@ fn files_are_read_and_what_is_wrong_in_them_is_named() {
     };
     let read = file(serde_json::to_vec(&warp).unwrap()).run().unwrap().value(0).unwrap();
     assert!(read.get::<Warp>() == Some(&warp));
+    // One without a digest is taken as it is; what was changed under one is told.
+    let open = Warp { content: String::new(), ..warp.clone() };
+    assert!(!warp.content.is_empty());
+    let read = file(serde_json::to_vec(&open).unwrap()).run().unwrap().value(0).unwrap();
+    assert!(read.get::<Warp>() == Some(&open));
+    let mut bent = warp.clone();
+    bent.maps[0].spline.affine[2] += 1e-9;
+    for changed in [bent, Warp { recordings: vec!["other.wav".into()], ..warp.clone() }] {
+        let reject = file(serde_json::to_vec(&changed).unwrap()).shape().unwrap_err();
+        let named = format!("`content` is {:?}", warp.content);
+        assert!(reject.code == "F111" && reject.message.contains(&named), "{reject}");
+        assert!(file(serde_json::to_vec(&changed.sealed()).unwrap()).shape().is_ok());
+    }
     let old = Warp { version: 9, ..warp };
     let reject = file(serde_json::to_vec(&old).unwrap()).shape().unwrap_err();
     assert!(reject.code == "F111" && reject.message.contains("version 9"), "{reject}");
