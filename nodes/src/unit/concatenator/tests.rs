@@ -116,7 +116,7 @@ fn joins_click_less_than_cuts() {
     };
     let cut: Vec<f32> = picks.iter().flat_map(|&p| x[p as usize * 400..][..400].to_vec()).collect();
     // One cut lies in each region; where sounds are mixed, one begins and one ends.
-    let cut = share(&|r| step(&cut, (r.start + 399) / 400 * 400) > limit);
+    let cut = share(&|r| step(&cut, r.start.div_ceil(400) * 400) > limit);
     let with = |blend| {
         let out = Concatenator::new(&db, blend).whole(0, &picks);
         let ends = share(&|r| step(&out, r.start) > limit || step(&out, r.end) > limit);
