@@ -1,11 +1,17 @@
-//! A progress bar on a terminal, nothing elsewhere.
+//! A progress bar on a terminal, a plain line now and then elsewhere.
 
 use crate::run::Progress;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use std::io::Write as _;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
-use std::time::Duration;
+use std::time::{Duration, Instant};
+
+/// How often a run looks how far it is.
+const LOOK: Duration = Duration::from_millis(100);
+/// Least time from one plain line to the next, and from the start to the first.
+const PAUSE: Duration = Duration::from_secs(5);
 
 /// Shows how far a run is until it ends.
 pub struct Watch {
@@ -18,8 +24,13 @@ impl Watch {
     pub fn start(title: &str, progress: Arc<Progress>, quiet: bool) -> Self {
         let over = Arc::new(AtomicBool::new(false));
         let target = ProgressDrawTarget::stderr();
-        if quiet || target.is_hidden() {
+        if quiet {
             return Self { over, thread: None };
+        }
+        if target.is_hidden() {
+            let (title, watched) = (title.to_owned(), Arc::clone(&over));
+            let thread = std::thread::spawn(move || write_lines(&title, &progress, &watched));
+            return Self { over, thread: Some(thread) };
         }
         let bar = ProgressBar::with_draw_target(None, target).with_message(title.to_owned());
         if let Ok(style) = ProgressStyle::with_template("{msg} {wide_bar} {percent:>3} % {eta}") {
@@ -30,7 +41,7 @@ impl Watch {
             while !watched.load(Ordering::Relaxed) {
                 bar.set_length(progress.total.load(Ordering::Relaxed).max(1));
                 bar.set_position(progress.done.load(Ordering::Relaxed));
-                std::thread::park_timeout(Duration::from_millis(100));
+                std::thread::park_timeout(LOOK);
             }
             bar.finish_and_clear();
         });
@@ -44,5 +55,54 @@ impl Watch {
             thread.thread().unpark();
             let _ = thread.join();
         }
+    }
+}
+
+/// Writes a line now and then until the run is over.
+fn write_lines(title: &str, progress: &Progress, over: &AtomicBool) {
+    let (start, mut lines) = (Instant::now(), Lines::default());
+    while !over.load(Ordering::Relaxed) {
+        let (done, total) = (progress.done.load(Ordering::Relaxed), progress.total.load(Ordering::Relaxed));
+        if let Some(line) = lines.due(start.elapsed(), done, total) {
+            // A run goes on though nobody can be told of it.
+            let _ = writeln!(std::io::stderr(), "{title}: {line}");
+        }
+        std::thread::park_timeout(LOOK);
+    }
+}
+
+/// Which lines have been written.
+#[derive(Debug, Default)]
+struct Lines {
+    last: Duration,
+    told: u64,
+}
+
+impl Lines {
+    /// The line that is due after some time: never two within [`PAUSE`], nor two of the same.
+    fn due(&mut self, spent: Duration, done: u64, total: u64) -> Option<String> {
+        let percent = 100 * done.min(total) / total.max(1);
+        if spent < self.last + PAUSE || percent == self.told {
+            return None;
+        }
+        (self.last, self.told) = (spent, percent);
+        Some(format!("{percent} % after {:.0} s", spent.as_secs_f64()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_come_now_and_then_and_only_where_there_is_something_new() {
+        let mut lines = Lines::default();
+        let mut due = |seconds, done| lines.due(Duration::from_secs(seconds), done, 200);
+        assert_eq!(due(4, 100), None, "too early");
+        assert_eq!(due(5, 100).as_deref(), Some("50 % after 5 s"));
+        assert_eq!(due(9, 150), None, "too soon");
+        assert_eq!(due(11, 101), None, "the same");
+        assert_eq!(due(12, 300).as_deref(), Some("100 % after 12 s"));
+        assert_eq!(Lines::default().due(PAUSE, 0, 0), None, "nothing to do yet");
     }
 }

@@ -50,7 +50,7 @@ pub struct Warp {
     /// Recordings of the database.
     pub recordings: Vec<String>,
     /// Digest of all of the above, so that a change by hand is seen; empty where none was written.
-    #[serde(default, skip_serializing_if = "String::is_empty")]
+    #[serde(default)]
     pub content: String,
 }
 
