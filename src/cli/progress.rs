@@ -48,7 +48,7 @@ impl Watch {
         Self { over, thread: Some(thread) }
     }
 
-    /// Takes the bar away.
+    /// Takes the bar away, or writes no more lines.
     pub fn end(mut self) {
         self.over.store(true, Ordering::Relaxed);
         if let Some(thread) = self.thread.take() {

@@ -4,6 +4,7 @@
 pub(crate) const LANES: usize = 4;
 /// Points that are tested against one box together: one per bit of a mask.
 pub(crate) const CLUSTER: usize = 16;
+
 /// Four boxes, axis by axis.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Node {

@@ -126,7 +126,7 @@ fn poor(picks: &[Pick], rate: f64) -> Vec<[f64; 2]> {
 /// What tells that a report is of a database: its conventions and features, which picks are numbers of.
 fn digest(db: &UnitDatabase) -> String {
     let mut hasher = blake3::Hasher::new();
-    hasher.update(format!("{:?} {:?}", db.conventions, db.segments).as_bytes());
+    hasher.update(&db.conventions.hash()).update(format!("{:?}", db.segments).as_bytes());
     db.features.iter().for_each(|x| {
         hasher.update(&x.to_le_bytes());
     });
