@@ -1,13 +1,14 @@
-//! What the engine itself costs: nanoseconds per call of a node, in chains of gains, and one thread against two.
+//! What the engine itself costs: nanoseconds per call of a node in chains of gains, planned memory against what was there, and
+//! one thread against two.
 //!
-//! `cargo bench --bench engine`, or `cargo bench --bench engine -- chain` for the chains alone.
+//! `cargo bench --bench engine`, or one part of it: `cargo bench --bench engine -- chain`, `memory` or `threads`.
 
 use foley::graph::{DirFiles, Graph, Limits, Root, load, load_text};
 use foley::plan::{Plan, PlanOptions};
-use foley::run::{DirOutputs, Job, Progress, Values, run, stage};
+use foley::run::{DirOutputs, Job, Progress, Report, Values, run, stage};
 use foley_nodes::core::time::Rate;
 use std::fmt::Write as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -72,39 +73,74 @@ fn per_step(nodes: usize, block: i64) -> f64 {
     best
 }
 
-/// Seconds to run an example graph on one and on two threads, in turn: a machine that is slower for a while is so for both.
-fn seconds(path: &Path) -> Option<[f64; 2]> {
+/// A run of an example graph, a minute of it at most.
+fn played(path: &Path, threads: usize) -> Option<Report> {
     let loaded = load(path, &[], &[], Limits::default());
     let graph = loaded.graph?;
     let files = DirFiles::new(loaded.root, Limits::default());
     let out = tempfile::tempdir().ok()?;
+    let options = PlanOptions { threads, until: Some(Rate::hz(1).tick(60)), ..PlanOptions::default() };
+    let plan = Plan::new(&graph, &files, &options).ok()?;
+    let outputs = DirOutputs::new(out.path());
+    let job = Job {
+        graph: &graph,
+        plan: &plan,
+        files: &files,
+        outputs: &outputs,
+        taps: &[],
+        threads,
+        seed: graph.seed,
+        memo: None,
+        progress: Arc::new(Progress::default()),
+    };
+    run(&job).ok()
+}
+
+/// Seconds to run an example graph on one and on two threads, in turn: a machine that is slower for a while is so for both.
+fn seconds(path: &Path) -> Option<[f64; 2]> {
     let mut best = [f64::INFINITY; 2];
     for _ in 0..5 {
         for (threads, best) in (1..).zip(&mut best) {
-            let options =
-                PlanOptions { threads, until: Some(Rate::hz(1).tick(60)), ..PlanOptions::default() };
-            let plan = Plan::new(&graph, &files, &options).ok()?;
-            let outputs = DirOutputs::new(out.path());
-            let job = Job {
-                graph: &graph,
-                plan: &plan,
-                files: &files,
-                outputs: &outputs,
-                taps: &[],
-                threads,
-                seed: graph.seed,
-                memo: None,
-                progress: Arc::new(Progress::default()),
-            };
-            let start = Instant::now();
-            run(&job).ok()?;
-            *best = best.min(start.elapsed().as_secs_f64());
+            *best = best.min(played(path, threads)?.wall.as_secs_f64());
         }
     }
     Some(best)
 }
 
-fn main() {
+/// Bytes of a run: planned for buffers, there in buffers, and of the whole process with all values, files and code.
+///
+/// The most that a process has taken never falls: every graph has a process of its own.
+fn memory_in_child(path: &Path) -> Option<String> {
+    let bench = std::env::current_exe().ok()?;
+    let child = std::process::Command::new(bench).arg(ONE).arg(path).output().ok()?;
+    let text = String::from_utf8(child.stdout).ok()?;
+    (!text.is_empty()).then_some(text)
+}
+
+/// The argument that asks for the memory of one graph.
+const ONE: &str = "memory-of";
+
+fn memory(path: &Path) {
+    let Some(report) = played(path, 2) else { return };
+    let megabytes = |bytes: usize| bytes as f64 / 1e6;
+    let [planned, there] = [report.planned_bytes, report.buffer_bytes].map(megabytes);
+    let process = report.peak_process_bytes.map_or(f64::NAN, megabytes);
+    print!("{planned:>10.2} {there:>10.2} {process:>10.1}");
+}
+
+/// The example graphs, but those for playing alone.
+fn examples(root: &Path) -> Vec<PathBuf> {
+    let folders = std::fs::read_dir(root).into_iter().flatten().flatten().map(|e| e.path());
+    let mut graphs: Vec<_> = folders
+        .filter(|f| !f.ends_with("assets") && !f.ends_with("lib"))
+        .flat_map(|f| std::fs::read_dir(f).into_iter().flatten().flatten().map(|e| e.path()))
+        .filter(|p| p.extension().is_some_and(|e| e == "ron"))
+        .collect();
+    graphs.sort();
+    graphs
+}
+
+fn chains() {
     println!("nanoseconds per node and block, mono, one core (a gain multiplies each sample)");
     println!("{:>8} {:>10} {:>10} {:>10}", "nodes", "block 64", "256", "1024");
     for nodes in [10, 100, 1000] {
@@ -112,22 +148,36 @@ fn main() {
             [64, 256, 1024].iter().map(|b| format!("{:>10.1}", per_node(nodes, *b))).collect();
         println!("{nodes:>8} {}", figures.join(" "));
     }
-    if std::env::args().any(|arg| arg == "chain") {
-        return;
+}
+
+fn main() {
+    let args: Vec<String> = std::env::args().skip(1).collect();
+    if let Some(at) = args.iter().position(|arg| arg == ONE) {
+        return args.get(at + 1).map_or((), |path| memory(Path::new(path)));
     }
-    println!("\nseconds per example graph, best of five: 1 thread, 2 threads");
+    let only = ["chain", "memory", "threads"].into_iter().find(|part| args.iter().any(|arg| arg == part));
+    let wanted = |part| only.is_none_or(|only| only == part);
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("graphs");
-    let folders = std::fs::read_dir(&root).into_iter().flatten().flatten().map(|e| e.path());
-    let mut graphs: Vec<_> = folders
-        .filter(|f| !f.ends_with("assets") && !f.ends_with("lib"))
-        .flat_map(|f| std::fs::read_dir(f).into_iter().flatten().flatten().map(|e| e.path()))
-        .filter(|p| p.extension().is_some_and(|e| e == "ron"))
-        .collect();
-    graphs.sort();
-    for path in graphs {
-        if let Some([one, two]) = seconds(&path) {
-            let name = path.strip_prefix(&root).unwrap_or(&path).display();
-            println!("{name:<32} {one:>8.3} {two:>8.3}  ({:.2} times)", one / two);
+    let name = |path: &Path| path.strip_prefix(&root).unwrap_or(path).display().to_string();
+    if wanted("chain") {
+        chains();
+    }
+    if wanted("memory") {
+        println!(
+            "\nmegabytes per example graph, 2 threads: planned for buffers, there in buffers, the whole process"
+        );
+        for path in examples(&root) {
+            if let Some(figures) = memory_in_child(&path) {
+                println!("{:<32} {figures}", name(&path));
+            }
+        }
+    }
+    if wanted("threads") {
+        println!("\nseconds per example graph, best of five: 1 thread, 2 threads");
+        for path in examples(&root) {
+            if let Some([one, two]) = seconds(&path) {
+                println!("{:<32} {one:>8.3} {two:>8.3}  ({:.2} times)", name(&path), one / two);
+            }
         }
     }
 }

@@ -2,93 +2,99 @@
 
 mod common;
 
-use foley::plan::PlanOptions;
-use foley_nodes::core::random::Draw;
+use common::grown;
+use foley::graph::{DirFiles, Limits, Root};
+use foley::plan::{Plan, PlanOptions};
 use foley_nodes::core::time::{Tick, ticks};
-use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
-/// A random graph: sources of several rates, look-ahead up to a second, delays, loops, rate changes, unequal ends.
-fn random_graph(seed: u64) -> String {
-    let mut draw = Draw::new(seed);
-    let rates = [8000, 11_025, 16_000, 22_050, 44_100];
-    let mut nodes = String::new();
-    // Every stream so far, with its rate.
-    let mut streams: Vec<(String, usize)> = Vec::new();
-    for k in 0..1 + draw.below(3) {
-        let rate = rates[draw.below(rates.len())];
-        let duration = draw.between(0.05, 0.6);
-        let _ = writeln!(nodes, "\"s{k}\": Noise(rate: {rate}, duration: Some({duration:.4}), level: 0.2),");
-        streams.push((format!("s{k}"), rate));
-    }
-    for k in 0..3 + draw.below(10) {
-        let (from, rate) = streams[draw.below(streams.len())].clone();
-        let id = format!("n{k}");
-        let mut made = rate;
-        let text = match draw.below(8) {
-            0 => format!("Gain(audio: \"{from}\", gain: {:.3})", draw.between(-1.0, 1.0)),
-            1 => format!("Delay(audio: \"{from}\", seconds: {:.5})", draw.between(0.0, 0.3)),
-            2 => format!("Advance(audio: \"{from}\", seconds: {:.5})", draw.between(0.0, 1.0)),
-            3 => format!("HighPass(audio: \"{from}\", cutoff: {:.1})", draw.between(30.0, 2000.0)),
-            4 => {
-                made = rates[draw.below(rates.len())];
-                if made == rate {
-                    format!("Gain(audio: \"{from}\", gain: 0.5)")
-                } else {
-                    format!("Resample(audio: \"{from}\", rate: {made})")
-                }
-            }
-            5 => {
-                // A loop: what comes in, mixed with its own past.
-                let seconds = draw.between(0.003, 0.1);
-                let _ = writeln!(
-                    nodes,
-                    "\"back{k}\": Feedback(audio: \"{id}\", like: \"{from}\", delay: {seconds:.4}, gain: 0.5, tail: 0.1),"
-                );
-                format!("Mix(inputs: [\"{from}\", \"back{k}\"])")
-            }
-            _ => {
-                let same: Vec<String> =
-                    streams.iter().filter(|(_, r)| *r == rate).map(|(s, _)| format!("\"{s}\"")).collect();
-                format!("Mix(inputs: [{}])", same.join(", "))
-            }
-        };
-        let _ = writeln!(nodes, "\"{id}\": {text},");
-        streams.push((id, made));
-    }
-    for (k, (stream, _)) in streams.iter().rev().take(1 + draw.below(3)).enumerate() {
-        let _ =
-            writeln!(nodes, "\"out{k}\": WavOut(audio: \"{stream}\", path: \"{k}.wav\", format: Float32),");
-    }
-    format!("#![schema = \"foley:graph/1\"]\nGraph(seed: {seed}, nodes: {{\n{nodes}}})")
-}
-
-fn outputs(text: &str, window: Tick, threads: usize) -> Vec<Vec<u8>> {
+/// Every file that a run leaves, by name. Cut into as many parts as can be, so that hand-overs are tried too.
+fn outputs(text: &str, taps: &[String], window: Tick, threads: usize) -> Vec<(String, Vec<u8>)> {
     let dir = tempfile::tempdir().unwrap();
-    // Cut into as many parts as can be, so that hand-overs are tried too.
     let options = PlanOptions { window, threads, worth: 0.0, ..PlanOptions::default() };
-    if let Err(e) = common::run_text(text, &options, dir.path()) {
+    let run = common::graph(text).and_then(|graph| {
+        let files = DirFiles::new(Root::of(Path::new("test.ron")), Limits::default());
+        common::run_tapped(&graph, &files, &options, taps, dir.path())
+    });
+    if let Err(e) = run {
         panic!("{e}\n{text}");
     }
     let mut files: Vec<_> = fs::read_dir(dir.path()).unwrap().map(|e| e.unwrap().path()).collect();
     files.sort();
-    assert!(files.iter().all(|f| f.extension().is_some_and(|e| e == "wav")), "{files:?}");
-    files.iter().map(|f| fs::read(f).unwrap()).collect()
+    let name = |path: &Path| path.file_name().unwrap().to_str().unwrap().to_owned();
+    files.iter().map(|f| (name(f), fs::read(f).unwrap())).collect()
 }
 
 /// Any window and any thread count give the same bits; nothing hangs; buffers stay within the plan.
-#[test]
-fn random_graphs_end_with_the_same_bits_for_any_window_and_threads() {
-    for seed in 0..120 {
-        let text = random_graph(seed);
-        let whole = outputs(&text, ticks(5.0), 1);
-        assert!(whole.iter().any(|file| file.len() > 200), "nothing was written\n{text}");
-        for (ms, threads) in [(1.0, 1), (10.0, 2), (100.0, 2), (7.3, 3)] {
-            let other = outputs(&text, ticks(ms * 1e-3), threads);
-            assert!(other == whole, "window {ms} ms, {threads} threads differ\n{text}");
+fn same_for_any_window_and_threads(text: &str, taps: &[String]) -> Vec<(String, Vec<u8>)> {
+    let whole = outputs(text, taps, ticks(5.0), 1);
+    for ms in [1.0, 7.3, 10.0, 100.0, 5000.0] {
+        for threads in [1, 2, 3] {
+            let other = outputs(text, taps, ticks(ms * 1e-3), threads);
+            for (one, same) in other.iter().zip(&whole) {
+                assert!(one == same, "window {ms} ms, {threads} threads: {} differs\n{text}", one.0);
+            }
+            assert_eq!(other.len(), whole.len());
         }
     }
+    whole
+}
+
+#[test]
+fn random_graphs_end_with_the_same_bits_for_any_window_and_threads() {
+    for seed in 0..40 {
+        let (text, taps) = grown::audio_graph(seed);
+        let whole = same_for_any_window_and_threads(&text, &taps);
+        assert!(whole.iter().any(|(_, file)| file.len() > 200), "nothing was written\n{text}");
+    }
+}
+
+#[test]
+fn random_graphs_of_frames_units_events_and_folds_do_too() {
+    let (mut kinds, mut bytes) = (std::collections::BTreeSet::new(), 0);
+    for seed in 0..40 {
+        let (text, taps) = grown::mixed_graph(seed);
+        let whole = same_for_any_window_and_threads(&text, &taps);
+        for (name, file) in whole.iter().filter(|(_, file)| file.len() > 300) {
+            kinds.insert(name.trim_start_matches(|c: char| c.is_ascii_digit()).to_owned());
+            bytes += file.len();
+        }
+    }
+    // What is compared says something: each kind of output was met, and more than headers.
+    let met: Vec<&str> = kinds.iter().map(String::as_str).collect();
+    assert_eq!(
+        met,
+        ["beats.jsonl", "curvature.npy", "events.jsonl", "features.npy", "levels.csv", "out.wav"]
+    );
+    assert!(bytes > 1_000_000, "{bytes}");
+}
+
+#[test]
+fn more_events_than_were_planned_come_out_of_the_memory_that_is_left() {
+    let text = "#![schema = \"foley:graph/1\"]\nGraph(nodes: {
+        \"beats\": Metronome(interval: 0.001, duration: Some(200.0)),
+        \"clicks\": Impulses(events: \"beats\", rate: 1000),
+        \"out\": WavOut(audio: \"clicks\", path: \"a.wav\", format: Float32),
+    })";
+    let graph = common::graph(text).unwrap();
+    let files = DirFiles::new(Root::of(Path::new("test.ron")), Limits::default());
+    let planned = |memory| PlanOptions { window: ticks(100.0), memory, ..PlanOptions::default() };
+    let plan = Plan::new(&graph, &files, &planned(1 << 30)).unwrap();
+    let run = |memory| {
+        let dir = tempfile::tempdir().unwrap();
+        let ran = common::run_graph(&graph, &files, &planned(memory), dir.path());
+        (ran, fs::read(dir.path().join("a.wav")).ok())
+    };
+    let (enough, whole) = run(plan.bytes + (8 << 20));
+    let report = enough.unwrap();
+    // 100,000 beats of 16 bytes in a window.
+    assert!(report.buffer_bytes > plan.bytes + 1_000_000, "{} of {}", report.buffer_bytes, plan.bytes);
+    assert!(whole.is_some_and(|file| file.len() > 800_000));
+    let (little, nothing) = run(plan.bytes + (1 << 20));
+    let error = little.unwrap_err();
+    assert!(error.contains("F050") && error.contains("beats") && error.contains("--memory"), "{error}");
+    assert_eq!(nothing, None);
 }
 
 /// Fan-out, one branch with 100,000 samples of look-ahead, join: schedulers that pass tokens hang here.
@@ -104,7 +110,7 @@ fn a_branch_that_looks_far_ahead_joins_its_sibling() {
     })";
     for threads in [1, 2] {
         for window in [ticks(64.0 / 48_000.0), ticks(0.02)] {
-            let file = &outputs(text, window, threads)[0];
+            let file = &outputs(text, &[], window, threads)[0].1;
             let samples: Vec<f32> = file[file.len() - 4 * 100_000..]
                 .chunks_exact(4)
                 .map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]))
@@ -127,6 +133,33 @@ fn a_run_beyond_the_memory_limit_is_refused_before_it_starts() {
     let error = common::run_text(text, &options, dir.path()).unwrap_err();
     assert!(error.contains("F050") && error.contains("in.audio"), "{error}");
     assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 0);
+}
+
+#[test]
+fn recordings_and_models_beyond_the_memory_limit_are_refused_before_they_are_read() {
+    let text = "#![schema = \"foley:graph/1\"]\nGraph(nodes: {
+        \"units\": UnitDatabase(recordings: [
+            \"graphs/assets/recordings/clothing_rustle_1.flac\", \"graphs/assets/recordings/clothing_rustle_2.flac\",
+        ]),
+        \"model\": FrictionModelFile(path: \"graphs/assets/cloth/cotton.friction.json\"),
+    })";
+    let graph = common::graph(text).unwrap();
+    let refused = |memory| {
+        let files = DirFiles::new(Root::of(Path::new("test.ron")), Limits { memory, ..Limits::default() });
+        let plan = Plan::new(&graph, &files, &PlanOptions::default());
+        plan.err().unwrap_or_default().iter().map(|e| format!("{} {}", e.code, e.message)).collect::<Vec<_>>()
+    };
+    assert_eq!(refused(4 << 30), [""; 0]);
+    let found = refused(20_000);
+    assert_eq!(found.len(), 2, "{found:?}");
+    assert!(
+        found.iter().all(|e| e.starts_with("F063") && e.ends_with("the memory limit is 20000")),
+        "{found:?}"
+    );
+    // The first recording fits alone, both do not.
+    let one = found[0].split(" takes ").nth(1).and_then(|rest| rest.split(' ').next()).unwrap();
+    let one = one.parse::<usize>().unwrap();
+    assert!(refused(one).iter().any(|e| e.contains("clothing_rustle_2")), "{:?}", refused(one));
 }
 
 #[test]

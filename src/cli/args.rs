@@ -62,6 +62,9 @@ pub struct GraphArgs {
     /// Seed of all randomness, instead of the graph's own
     #[arg(long)]
     pub seed: Option<u64>,
+    /// Most memory for buffers, and for a file that is held as a whole, such as 512M
+    #[arg(long, value_name = "SIZE", default_value = "4G", value_parser = parse_size)]
+    pub memory: usize,
     /// Most bytes of one input file
     #[arg(long, value_name = "SIZE", value_parser = parse_size, default_value = "64G")]
     pub max_file: usize,
@@ -74,7 +77,8 @@ impl GraphArgs {
     /// The limits that the arguments set.
     #[must_use]
     pub fn limits(&self) -> Limits {
-        Limits { file_bytes: self.max_file as u64, nodes: self.max_nodes, ..Limits::default() }
+        let (file_bytes, memory, nodes) = (self.max_file as u64, self.memory, self.max_nodes);
+        Limits { file_bytes, memory, nodes, ..Limits::default() }
     }
 }
 
@@ -87,9 +91,6 @@ pub struct EngineArgs {
     /// Length of one window; it never changes the result
     #[arg(long, value_name = "SECONDS", default_value_t = 0.02, value_parser = parse_seconds)]
     pub window: f64,
-    /// Most memory for buffers, such as 512M
-    #[arg(long, value_name = "SIZE", default_value = "4G", value_parser = parse_size)]
-    pub memory: usize,
     /// Stop here at the latest; needed for graphs without end
     #[arg(long, value_name = "SECONDS", value_parser = parse_seconds)]
     pub until: Option<f64>,

@@ -94,7 +94,7 @@ fn plan(found: Graph, engine: &EngineArgs, files: &DirFiles) -> Result<Planned, 
         window: ticks(engine.window),
         threads,
         until: engine.until.map(ticks),
-        memory: engine.memory,
+        memory: files.limits().memory,
         taps: taps.iter().map(|t| (t.node, t.port)).collect(),
         ..PlanOptions::default()
     };

@@ -15,6 +15,8 @@ pub struct Limits {
     pub graph_bytes: u64,
     /// Bytes of one input file.
     pub file_bytes: u64,
+    /// Bytes of all buffers, and of a file that is held as a whole.
+    pub memory: usize,
     /// Nodes of a graph, sub-graphs included.
     pub nodes: usize,
     /// Links of a graph.
@@ -25,7 +27,14 @@ pub struct Limits {
 
 impl Default for Limits {
     fn default() -> Self {
-        Self { graph_bytes: 16 << 20, file_bytes: 64 << 30, nodes: 20_000, links: 200_000, depth: 16 }
+        Self {
+            graph_bytes: 16 << 20,
+            file_bytes: 64 << 30,
+            memory: 4 << 30,
+            nodes: 20_000,
+            links: 200_000,
+            depth: 16,
+        }
     }
 }
 
@@ -207,6 +216,12 @@ impl DirFiles {
         Self { root, limits, opened: Arc::default() }
     }
 
+    /// What they may cost.
+    #[must_use]
+    pub fn limits(&self) -> Limits {
+        self.limits
+    }
+
     /// Everything that was asked for so far, by the graph's texts and by its nodes.
     #[must_use]
     pub fn asked(&self) -> Asked {
@@ -227,6 +242,10 @@ impl DirFiles {
 }
 
 impl Files for DirFiles {
+    fn room(&self) -> u64 {
+        self.limits.memory as u64
+    }
+
     fn open(&self, path: &str) -> Result<Box<dyn ReadSeek>, FileError> {
         let real = self.root.resolve(path)?;
         let file = File::open(&real)

@@ -11,6 +11,7 @@ use crate::run::{self, Site, Values};
 use foley_nodes::core::fault::Fault;
 use foley_nodes::core::node::DynNode;
 use foley_nodes::core::stage::{Cx, Stage};
+use foley_nodes::core::track::Budget;
 use foley_nodes::dsp::Dropout;
 use std::any::Any;
 use std::collections::{BTreeMap, HashMap};
@@ -83,9 +84,10 @@ impl Layout<'_> {
     ) -> Result<(Act, Vec<Gang>), Vec<Diagnostic>> {
         let mut errors = Vec::new();
         let mut stages = Vec::new();
+        let budget = Budget::new(self.plan.limit.saturating_sub(self.plan.bytes));
         for region in &self.plan.regions {
             let values = self.values;
-            match run::assemble(region, values, |job| self.make(job)) {
+            match run::assemble(region, values, &budget, |job| self.make(job)) {
                 Ok(mut stage) => {
                     stage.set_timed(self.metered);
                     stages.push(stage);

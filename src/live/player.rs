@@ -135,7 +135,7 @@ impl Player {
         let shared = Arc::new(Shared::default());
         let window = tick(rate, quantum, 1);
         let graph = &ready.material.graph;
-        let draft = Draft::of_shapes(graph, ready.draft.prelude.shapes.clone())?;
+        let draft = Draft::of_shapes(graph, ready.draft.prelude.shapes.clone(), ready.draft.prelude.limit)?;
         let plan = draft.plan(graph, window, &Resume::default(), &SinksResume::default())?;
         let ids: Vec<String> = graph.nodes.iter().map(|n| n.id.clone()).collect();
         let channels = options.channels.unwrap_or(plan.channels);
@@ -473,7 +473,7 @@ impl Player {
             delay: old.taps.iter().map(|t| t.delay).max().unwrap_or(0),
             kept: sinks.map(|(h, t)| (h.id.clone(), reached(t.delay, t.from))).collect(),
         };
-        Draft::of_shapes(graph, shapes)?.plan(graph, window, &resume, &sinks)
+        Draft::of_shapes(graph, shapes, next.draft.prelude.limit)?.plan(graph, window, &resume, &sinks)
     }
 
     /// Whether all that runs ahead of the callback can go on as it is.

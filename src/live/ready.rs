@@ -85,7 +85,7 @@ impl Ready {
     /// # Errors
     /// All that is wrong with it.
     pub fn new(material: Material) -> Result<Self, Vec<Diagnostic>> {
-        let draft = Draft::new(&material.graph, &material.files)?;
+        let draft = Draft::new(&material.graph, &material.files, material.files.limits().memory)?;
         let outputs = DirOutputs::new(".");
         let job = Job {
             graph: &material.graph,

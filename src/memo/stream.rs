@@ -13,7 +13,7 @@ use foley_nodes::core::ports::PortKind;
 use foley_nodes::core::shape::NodeShape;
 use foley_nodes::core::stage::{Cx, Span};
 use foley_nodes::core::time::Tick;
-use foley_nodes::core::track::{AnyTrack, Pad};
+use foley_nodes::core::track::{AnyTrack, Budget, Pad};
 use std::any::Any;
 use std::fs::{self, File};
 use std::io::{self, BufReader, BufWriter, Cursor, Read, Seek, SeekFrom, Write};
@@ -95,7 +95,7 @@ impl Codec {
                 }
                 (item.track)(*width, items, 0, Pad::Silence)
             }
-            Self::Events(event, _) => (event.track)(Tick::MAX / 4),
+            Self::Events(event, _) => (event.track)(Tick::MAX / 4, &Budget::default()),
         };
         track.restart(block.from);
         let (Self::Items(ItemType { decode, .. }, ..) | Self::Events(EventType { decode, .. }, _)) = self;

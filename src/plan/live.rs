@@ -6,6 +6,7 @@
 
 use super::layout::{self, Parts, Region, TapPlan, What};
 use super::schedule::{self, Delays, Resume};
+use super::show;
 use super::{Phase, Plan, PlanOptions, WINDOW, phases};
 use crate::diag::Diagnostic;
 use crate::graph::{Graph, Link};
@@ -65,6 +66,8 @@ pub struct LivePlan {
     pub end: Option<Tick>,
     /// Bytes in buffers.
     pub bytes: usize,
+    /// Most bytes that they may take.
+    pub limit: usize,
 }
 
 impl LivePlan {
@@ -113,19 +116,19 @@ fn heard(graph: &Graph) -> Vec<Heard> {
 }
 
 impl Draft {
-    /// Shapes a graph that is to play.
+    /// Shapes a graph that is to play with buffers of at most `memory` bytes.
     ///
     /// # Errors
     /// Every reason found why it cannot: as [`Plan::new`], nothing to hear, several rates, nodes that run offline only.
-    pub fn new(graph: &Graph, files: &dyn Files) -> Result<Self, Vec<Diagnostic>> {
-        Self::of_shapes(graph, schedule::shape_all(graph, files)?)
+    pub fn new(graph: &Graph, files: &dyn Files, memory: usize) -> Result<Self, Vec<Diagnostic>> {
+        Self::of_shapes(graph, schedule::shape_all(graph, files)?, memory)
     }
 
     /// As [`Draft::new`], for a graph whose shapes are known.
     ///
     /// # Errors
     /// As [`Draft::new`], but for those of the shapes.
-    pub fn of_shapes(graph: &Graph, shapes: Vec<NodeShape>) -> Result<Self, Vec<Diagnostic>> {
+    pub fn of_shapes(graph: &Graph, shapes: Vec<NodeShape>, memory: usize) -> Result<Self, Vec<Diagnostic>> {
         let heard = heard(graph);
         let mut errors = Vec::new();
         let Some(first) = heard.first() else {
@@ -144,7 +147,7 @@ impl Draft {
         let ends: Vec<usize> = heard.iter().map(|h| h.link.node).collect();
         let split = phases::split_live(graph, &ends);
         errors.extend(offline_only(graph, &split.nodes));
-        let prelude = prelude(graph, shapes, &split)?;
+        let prelude = prelude(graph, shapes, &split, memory)?;
         if !errors.is_empty() {
             return Err(errors);
         }
@@ -156,7 +159,7 @@ impl Draft {
     /// Lays the graph out in windows of `window` ticks, from where it takes over.
     ///
     /// # Errors
-    /// A loop shorter than the window.
+    /// A loop shorter than the window, buffers beyond the memory limit.
     ///
     /// # Complexity
     /// O(nodes + links).
@@ -192,7 +195,9 @@ impl Draft {
         let mut regions = layout::regions(&parts, &region_of);
         regions.resize_with(count, Region::default);
         let bytes = regions.iter().map(Region::bytes).sum();
+        show::within(prelude.limit, bytes, graph, shapes, regions.iter())?;
         Ok(LivePlan {
+            limit: prelude.limit,
             prelude,
             nodes,
             delays,
@@ -223,8 +228,9 @@ fn prelude(
     graph: &Graph,
     shapes: Vec<NodeShape>,
     split: &phases::LiveSplit,
+    memory: usize,
 ) -> Result<Plan, Vec<Diagnostic>> {
-    let options = PlanOptions::default();
+    let options = PlanOptions { memory, ..PlanOptions::default() };
     let mut window = WINDOW;
     for nodes in &split.prelude {
         window = window.min(schedule::longest_window(graph, &shapes, nodes)?);
@@ -234,6 +240,7 @@ fn prelude(
         passes.push(Phase::new(graph, &shapes, nodes.clone(), &[], window, &options)?);
     }
     let bytes = passes.iter().map(|p| p.bytes).max().unwrap_or(0);
+    show::within(memory, bytes, graph, &shapes, passes.iter().flat_map(|p| &p.regions))?;
     Ok(Plan {
         shapes,
         values: split.values.clone(),

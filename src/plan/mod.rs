@@ -110,7 +110,7 @@ pub struct Plan {
     pub window: Tick,
     /// Bytes in buffers, at most, at one time.
     pub bytes: usize,
-    /// Most bytes that buffers may take.
+    /// Most bytes that buffers may take: what the plan leaves of it is there for more events than were planned.
     pub limit: usize,
     /// Nodes that nothing uses.
     pub idle: Vec<usize>,
@@ -159,9 +159,8 @@ impl Plan {
             limit: options.memory,
             idle: split.idle,
         };
-        if bytes > options.memory {
-            return Err(vec![show::too_much_memory(graph, &plan, options.memory)]);
-        }
+        let regions = plan.phases.iter().flat_map(|p| &p.regions);
+        show::within(options.memory, bytes, graph, &plan.shapes, regions)?;
         Ok(plan)
     }
 

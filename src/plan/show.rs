@@ -1,8 +1,9 @@
 //! A plan as text and JSON.
 
-use super::Plan;
+use super::{Plan, Region};
 use crate::diag::Diagnostic;
 use crate::graph::Graph;
+use foley_nodes::core::shape::NodeShape;
 use foley_nodes::core::time::{Tick, seconds};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
@@ -22,18 +23,7 @@ impl Plan {
     /// Bytes that the buffers behind each output take, largest first: node, port, bytes.
     #[must_use]
     pub fn bytes_by_output(&self) -> Vec<(usize, usize, usize)> {
-        let mut all = Vec::new();
-        for (n, shape) in self.shapes.iter().enumerate() {
-            for (port, stream) in shape.outputs.iter().enumerate() {
-                let bytes: usize =
-                    self.phases.iter().flat_map(|p| &p.regions).map(|region| region.bytes_of(n, port)).sum();
-                if stream.is_some() && bytes > 0 {
-                    all.push((n, port, bytes));
-                }
-            }
-        }
-        all.sort_by_key(|(n, port, bytes)| (usize::MAX - bytes, *n, *port));
-        all
+        bytes_by_output(&self.shapes, self.phases.iter().flat_map(|p| &p.regions))
     }
 
     /// How late the outputs of a node are in a live run, ticks.
@@ -194,23 +184,49 @@ impl Plan {
     }
 }
 
-/// Buffers beyond the limit, with those that need most.
-pub fn too_much_memory(graph: &Graph, plan: &Plan, limit: usize) -> Diagnostic {
-    let largest: Vec<String> = plan
-        .bytes_by_output()
-        .into_iter()
-        .take(3)
-        .map(|(n, port, bytes)| {
-            let node = &graph.nodes[n];
-            format!("`{}.{}` {}", node.id, node.ty.outputs[port].name, size(bytes))
-        })
-        .collect();
-    let message = format!("buffers need {}, the limit is {}", size(plan.bytes), size(limit));
-    let most = plan.bytes_by_output().first().map(|(n, _, _)| graph.nodes[*n].place.clone());
+/// Bytes per output with a stream, most first: node, port, bytes.
+fn bytes_by_output<'r>(
+    shapes: &[NodeShape],
+    regions: impl Iterator<Item = &'r Region> + Clone,
+) -> Vec<(usize, usize, usize)> {
+    let mut all = Vec::new();
+    for (n, shape) in shapes.iter().enumerate() {
+        for (port, stream) in shape.outputs.iter().enumerate() {
+            let bytes: usize = regions.clone().map(|region| region.bytes_of(n, port)).sum();
+            if stream.is_some() && bytes > 0 {
+                all.push((n, port, bytes));
+            }
+        }
+    }
+    all.sort_by_key(|(n, port, bytes)| (usize::MAX - bytes, *n, *port));
+    all
+}
+
+/// Refuses buffers of `bytes` bytes beyond the limit, and names those that need most.
+///
+/// # Errors
+/// F050.
+pub fn within<'r>(
+    limit: usize,
+    bytes: usize,
+    graph: &Graph,
+    shapes: &[NodeShape],
+    regions: impl Iterator<Item = &'r Region> + Clone,
+) -> Result<(), Vec<Diagnostic>> {
+    if bytes <= limit {
+        return Ok(());
+    }
+    let most = bytes_by_output(shapes, regions);
+    let name = |&(n, port, bytes): &(usize, usize, usize)| {
+        let node = &graph.nodes[n];
+        format!("`{}.{}` {}", node.id, node.ty.outputs[port].name, size(bytes))
+    };
+    let largest: Vec<String> = most.iter().take(3).map(name).collect();
+    let message = format!("buffers need {}, the limit is {}", size(bytes), size(limit));
     let mut diagnostic = Diagnostic::general("F050", message).help(format!(
         "most is for {}; allow more with --memory, or use a shorter --window or less look-ahead",
         largest.join(", ")
     ));
-    diagnostic.place = most;
-    diagnostic
+    diagnostic.place = most.first().map(|(n, _, _)| graph.nodes[*n].place.clone());
+    Err(vec![diagnostic])
 }

@@ -13,7 +13,7 @@ use foley_nodes::core::fault::Fault;
 use foley_nodes::core::node::Summary;
 use foley_nodes::core::stage::{Spent, Stage, StageFault};
 use foley_nodes::core::time::Tick;
-use foley_nodes::core::track::AnyTrack;
+use foley_nodes::core::track::{AnyTrack, Budget};
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::SeqCst};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -75,8 +75,9 @@ pub fn run_phase(
 ) -> Result<(), Vec<Diagnostic>> {
     let mut stages = Vec::new();
     let mut errors = Vec::new();
+    let budget = Budget::new(job.plan.limit.saturating_sub(phase.bytes));
     for region in &phase.regions {
-        match stages::stage_with(job, region, values, streams) {
+        match stages::stage_with(job, region, values, streams, &budget) {
             Ok(stage) => stages.push(stage),
             Err(e) => errors.extend(e),
         }
@@ -84,7 +85,6 @@ pub fn run_phase(
     if !errors.is_empty() {
         return Err(errors);
     }
-    let bytes: usize = stages.iter().map(Stage::bytes).sum();
     // A thread without a region of its own would only look for work, on a core that another thread could use.
     let parts = phase.regions.iter().filter(|r| !r.io).count();
     let pool = rayon::ThreadPoolBuilder::new()
@@ -107,8 +107,7 @@ pub fn run_phase(
         })
         .collect();
     drop(io_tasks);
-    let shared = Arc::new(Shared::new(job, phase, stages, outcomes, pool, io));
-    report.note_bytes(bytes + shared.slot_bytes());
+    let shared = Arc::new(Shared::new(job, phase, stages, &budget, outcomes, pool, io));
     // One task stands for this loop, so that the run is not quiet before all regions have been looked at.
     shared.tasks.fetch_add(1, SeqCst);
     for r in 0..shared.cells.len() {
@@ -116,6 +115,8 @@ pub fn run_phase(
     }
     shared.end_task();
     let result = collect(job, &shared, &received, values, report, streams);
+    // Buffers never shrink: what they hold at the end is the most that they held.
+    report.note_bytes(shared.bytes());
     drop(shared);
     for thread in threads {
         let _ = thread.join();
@@ -198,6 +199,7 @@ impl Shared {
         job: &Job<'_>,
         phase: &Phase,
         stages: Vec<Stage>,
+        budget: &Budget,
         outcomes: Sender<Outcome>,
         pool: rayon::ThreadPool,
         io: Sender<Task>,
@@ -220,7 +222,7 @@ impl Shared {
                 cells[import.from].below.push(r);
             }
             for export in &region.exports {
-                let model = stages::track(&region.tracks[export.track]);
+                let model = stages::track(&region.tracks[export.track], budget);
                 let make = |_| Mutex::new(model.sibling(export.items));
                 slots.insert(export.link, (0..DEPTH).map(make).collect());
             }
@@ -247,11 +249,12 @@ impl Shared {
         }
     }
 
-    /// Bytes in what is on its way between regions.
-    fn slot_bytes(&self) -> usize {
-        let bytes =
+    /// Bytes in all buffers: of the regions, and of what is on its way between them.
+    fn bytes(&self) -> usize {
+        let way =
             |slot: &Mutex<Box<dyn AnyTrack>>| slot.lock().unwrap_or_else(PoisonError::into_inner).bytes();
-        self.slots.values().flatten().map(bytes).sum()
+        let own = |cell: &Cell| cell.stage.lock().unwrap_or_else(PoisonError::into_inner).bytes();
+        self.slots.values().flatten().map(way).sum::<usize>() + self.cells.iter().map(own).sum::<usize>()
     }
 
     fn halted(&self) -> bool {

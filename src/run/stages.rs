@@ -14,7 +14,7 @@ use foley_nodes::core::random::Random;
 use foley_nodes::core::shape::{Build, LinkShape, NodeShape};
 use foley_nodes::core::stage::{InWire, OutWire, Stage, StageNode};
 use foley_nodes::core::time::Tick;
-use foley_nodes::core::track::AnyTrack;
+use foley_nodes::core::track::{AnyTrack, Budget};
 use std::cell::RefCell;
 
 /// What nodes are built from.
@@ -89,13 +89,13 @@ impl<'a> Site<'a> {
     }
 }
 
-/// Makes a buffer.
-pub fn track(plan: &TrackPlan) -> Box<dyn AnyTrack> {
+/// Makes a buffer; events grow as far as the budget goes.
+pub fn track(plan: &TrackPlan, budget: &Budget) -> Box<dyn AnyTrack> {
     let (mut track, at) = match plan {
         TrackPlan::Items { item, width, span, front, pad, at } => {
             ((item.track)(*width, *span, *front, *pad), *at)
         }
-        TrackPlan::Events { event, span, at } => ((event.track)(*span), *at),
+        TrackPlan::Events { event, span, at } => ((event.track)(*span, budget), *at),
     };
     track.begin(at);
     track
@@ -106,7 +106,7 @@ pub fn track(plan: &TrackPlan) -> Box<dyn AnyTrack> {
 /// # Errors
 /// The faults of all nodes that could not be built.
 pub fn stage(job: &Job<'_>, region: &Region, values: &Values) -> Result<Stage, Vec<Diagnostic>> {
-    stage_with(job, region, values, &Streams::default())
+    stage_with(job, region, values, &Streams::default(), &Budget::default())
 }
 
 /// The same, with streams that are read and written in place of nodes and taps.
@@ -118,9 +118,10 @@ pub(super) fn stage_with(
     region: &Region,
     values: &Values,
     streams: &Streams,
+    budget: &Budget,
 ) -> Result<Stage, Vec<Diagnostic>> {
     let site = Site::of(job);
-    assemble(region, values, |what| match what {
+    assemble(region, values, budget, |what| match what {
         What::Node(n) => match streams.reader(n) {
             Some(reader) => reader.map_err(|fault| site.told(n, fault)),
             None => site.build(n, values),
@@ -136,6 +137,7 @@ pub(super) fn stage_with(
 pub fn assemble(
     region: &Region,
     values: &Values,
+    budget: &Budget,
     mut make: impl FnMut(What) -> Result<Box<dyn DynNode>, Diagnostic>,
 ) -> Result<Stage, Vec<Diagnostic>> {
     let mut nodes = Vec::new();
@@ -149,7 +151,11 @@ pub fn assemble(
     if !errors.is_empty() {
         return Err(errors);
     }
-    let mut stage = Stage::new(region.tracks.iter().map(track).collect(), region.clocks.clone(), nodes);
+    let mut stage = Stage::new(
+        region.tracks.iter().map(|plan| track(plan, budget)).collect(),
+        region.clocks.clone(),
+        nodes,
+    );
     stage.set_timed(true);
     Ok(stage)
 }

@@ -41,17 +41,34 @@ pub trait Files: Send + Sync {
         None
     }
 
+    /// Most bytes that one node may hold of files.
+    fn room(&self) -> u64 {
+        u64::MAX
+    }
+
     /// The whole content of a file.
     ///
     /// # Errors
-    /// As [`Files::open`], and when reading fails.
+    /// As [`Files::open`], when reading fails, and when there are more than [`Files::room`] bytes.
     fn bytes(&self, path: &str) -> Result<Vec<u8>, FileError> {
         let mut all = Vec::new();
+        let room = self.room();
         self.open(path)?
+            .take(room.saturating_add(1))
             .read_to_end(&mut all)
             .map_err(|e| FileError { code: "F061", message: format!("cannot read {path:?}: {e}") })?;
+        if all.len() as u64 > room {
+            return Err(no_room(path, all.len() as u64, room));
+        }
         Ok(all)
     }
+}
+
+/// What is said of files that take more memory than there is.
+pub(super) fn no_room(path: &str, bytes: u64, room: u64) -> FileError {
+    let message =
+        format!("{path:?} is held as a whole and takes {bytes} bytes or more; the memory limit is {room}");
+    FileError { code: "F063", message }
 }
 
 /// Where outputs go; they appear under their names only once the run has succeeded.

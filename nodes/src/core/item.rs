@@ -3,7 +3,7 @@
 use super::random::Draw;
 use super::solo::Feed;
 use super::time::{Rate, Tick};
-use super::track::{AnyTrack, EventTrack, Pad, Track};
+use super::track::{AnyTrack, Budget, EventTrack, Pad, Track};
 use serde::{Serialize, de::DeserializeOwned};
 use std::any::{Any, TypeId};
 use std::fmt::{self, Debug};
@@ -240,8 +240,8 @@ pub struct EventType {
     pub name: &'static str,
     /// Identity.
     pub id: fn() -> TypeId,
-    /// Makes a buffer for a span of ticks.
-    pub track: fn(Tick) -> Box<dyn AnyTrack>,
+    /// Makes a buffer for a span of ticks that grows as far as the budget goes.
+    pub track: fn(Tick, &Budget) -> Box<dyn AnyTrack>,
     /// Bytes of such a buffer before it grows.
     pub track_bytes: fn() -> usize,
     /// Events of `[from, to)` as JSON.
@@ -259,7 +259,7 @@ impl<T: Event> Described for OfEvent<T> {
     const INFO: &'static EventType = &EventType {
         name: T::NAME,
         id: TypeId::of::<T>,
-        track: |span| Box::new(EventTrack::<T>::new(span)),
+        track: |span, budget| Box::new(EventTrack::<T>::new(span, budget)),
         track_bytes: || EventTrack::<T>::ROOM * size_of::<(Tick, T)>(),
         json: |track, from, to| {
             let Some(track) = track.typed::<EventTrack<T>>() else { return Vec::new() };

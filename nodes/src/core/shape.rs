@@ -1,7 +1,7 @@
 //! What a node declares before anything runs: rates, formats, how far it looks, when it ends.
 
 use super::fault::{Fault, Reject};
-use super::files::{FileError, Files, Outputs, ReadSeek, WriteSeek};
+use super::files::{FileError, Files, Outputs, ReadSeek, WriteSeek, no_room};
 use super::input::Inputs;
 use super::item::{AnyValue, Data, Item, StreamShape};
 use super::ports::{Events, Late, Many, Port, Stream, Value};
@@ -78,6 +78,8 @@ pub struct RawShape<'a> {
     pub shape: NodeShape,
     tail: Tick,
     end: Option<Option<Tick>>,
+    /// Bytes that the node will hold of files.
+    held: u64,
 }
 
 impl<'a> RawShape<'a> {
@@ -89,7 +91,7 @@ impl<'a> RawShape<'a> {
             outputs: vec![None; outputs],
             ..NodeShape::default()
         };
-        Self { links, files, shape, tail: 0, end: None }
+        Self { links, files, shape, tail: 0, end: None, held: 0 }
     }
 
     /// Ends the declaration: when the node ends follows from its inputs unless it said so.
@@ -271,6 +273,19 @@ impl<'s, 'a, P> Shape<'s, 'a, P> {
     pub fn open(&mut self, field: &str, path: &str) -> Result<Box<dyn ReadSeek>, Reject> {
         self.raw.shape.opened.push(path.to_owned());
         self.raw.files.open(path).map_err(|e| reject(field, &e))
+    }
+
+    /// Says that the node will hold so many bytes of an asset, as samples or whatever it makes of it.
+    ///
+    /// # Errors
+    /// When all that it holds is more than the memory limit; the error names `field`.
+    pub fn hold(&mut self, field: &str, path: &str, bytes: u64) -> Result<(), Reject> {
+        self.raw.held = self.raw.held.saturating_add(bytes);
+        let room = self.raw.files.room();
+        if self.raw.held > room {
+            return Err(reject(field, &no_room(path, self.raw.held, room)));
+        }
+        Ok(())
     }
 
     /// Reads a whole asset.

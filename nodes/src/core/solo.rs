@@ -11,7 +11,7 @@ use super::random::{Draw, Random};
 use super::shape::{Build, Ends, LinkShape, NodeShape, RawShape, Reach};
 use super::stage::{Clock, Cx, InWire, OutWire, Stage, StageNode};
 use super::time::{Rate, TICKS_PER_SECOND, Tick};
-use super::track::{EventTrack, Pad, Track};
+use super::track::{Budget, EventTrack, Pad, Track};
 use std::any::Any;
 use std::cell::RefCell;
 use std::sync::Arc;
@@ -391,7 +391,7 @@ impl Wiring {
                 OutWire::Stream { track, clock, width: stream.width, rate: stream.rate }
             }
             (PortKind::Events(event), _) => {
-                let track = self.track((event.track)(Tick::MAX / 4));
+                let track = self.track((event.track)(Tick::MAX / 4, &Budget::default()));
                 OutWire::Events { track, clock: self.own_clock(None, delay + lag, Some(end), lag) }
             }
             _ => OutWire::Value(RefCell::default()),
@@ -417,7 +417,8 @@ impl Wiring {
             LinkShape::Events(stop) => {
                 let event = feed.source.as_ref().and_then(|source| source.events);
                 let event = event.expect("a feed of events knows their type");
-                let track = self.track((event.track)(delay + window + past as Tick + ahead as Tick));
+                let span = delay + window + past as Tick + ahead as Tick;
+                let track = self.track((event.track)(span, &Budget::default()));
                 let write = self.clock(None, 0, *stop);
                 let clock = self.own_clock(None, delay, Some(end), 0);
                 self.play(player, *stop, OutWire::Events { track, clock: write });

@@ -230,6 +230,8 @@ pub struct Stage {
     poison: bool,
     /// Whether no clock has anything to pad in the present window.
     steady: bool,
+    /// The buffers whose size depends on what comes in.
+    growing: Vec<usize>,
 }
 
 impl Stage {
@@ -243,8 +245,9 @@ impl Stage {
         };
         let spans = clocks.iter().map(begin).collect();
         let spent = vec![Spent::default(); nodes.len()];
+        let growing = (0..tracks.len()).filter(|&k| tracks[k].grows()).collect();
         let tracks = tracks.into_iter().map(|track| RefCell::new(Buffer::new(track))).collect();
-        Self { tracks, clocks, spans, nodes, spent, timed: false, poison: false, steady: false }
+        Self { tracks, clocks, spans, nodes, spent, timed: false, poison: false, steady: false, growing }
     }
 
     /// Measures the time in each node from now on.
@@ -297,9 +300,10 @@ impl Stage {
     /// Runs every node for the present window.
     ///
     /// # Errors
-    /// The first fault of a node; the stage is of no use afterwards.
+    /// The first fault of a node, or F050 where a buffer of events has outgrown its [`Budget`](super::track::Budget); the
+    /// stage is of no use afterwards.
     pub fn run(&mut self) -> Result<(), StageFault> {
-        let Self { tracks, spans, nodes, spent, timed, poison, steady, .. } = self;
+        let Self { tracks, spans, nodes, spent, timed, poison, steady, growing, .. } = self;
         let shared = Shared { tracks, spans, poison: *poison, closing: false };
         for (k, (stage_node, spent)) in nodes.iter_mut().zip(spent).enumerate() {
             let StageNode { node, clock, inputs, outputs, copies } = stage_node;
@@ -319,7 +323,10 @@ impl Stage {
                 complete(&cx, copies);
             }
         }
-        Ok(())
+        match growing.iter().find(|track| tracks[**track].get_mut().any().overrun()) {
+            Some(track) => Err(outgrown(nodes, *track, tracks[*track].get_mut().any().bytes())),
+            None => Ok(()),
+        }
     }
 
     /// Tells every node that its streams have ended, in order.
@@ -421,6 +428,23 @@ impl Stage {
     pub fn nodes_mut(&mut self) -> &mut [StageNode] {
         &mut self.nodes
     }
+}
+
+/// What is said of a buffer of events that found no more memory, at the node that writes it, or else at one that reads it.
+#[cold]
+fn outgrown(nodes: &[StageNode], track: usize, bytes: usize) -> StageFault {
+    let of = |link: &InWire| matches!(link, InWire::Events { track: t, .. } if *t == track);
+    let writes = |n: &StageNode| {
+        n.outputs.iter().any(|o| matches!(o, OutWire::Events { track: t, .. } if *t == track))
+    };
+    let reads = |n: &StageNode| n.inputs.iter().flatten().any(of);
+    let place = nodes.iter().position(writes).or_else(|| nodes.iter().position(reads));
+    let message =
+        format!("a buffer of events has grown to {bytes} bytes, and the memory limit leaves no more for it");
+    (
+        place.unwrap_or(0),
+        Fault::new("F050", message).help("allow more with --memory, or use a shorter --window"),
+    )
 }
 
 /// Pads what a node has written, and copies it where another rule of padding holds.

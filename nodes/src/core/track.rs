@@ -2,6 +2,8 @@
 
 use super::time::Tick;
 use std::any::Any;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// What stands in a stream before its first and after its last item.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -40,6 +42,14 @@ pub trait AnyTrack: Any + Send {
     fn settle(&mut self) {}
     /// Bytes that the buffer holds in memory.
     fn bytes(&self) -> usize;
+    /// Whether its size depends on what comes in.
+    fn grows(&self) -> bool {
+        false
+    }
+    /// Whether something was left out because the [`Budget`] was spent.
+    fn overrun(&self) -> bool {
+        false
+    }
     /// An empty buffer of the same type for `items` items.
     fn sibling(&self, items: usize) -> Box<dyn AnyTrack>;
 }
@@ -338,19 +348,47 @@ impl<E: Copy + Default + Send + 'static> AnyTrack for Track<E> {
     }
 }
 
+/// Bytes by which all buffers of a run together may still grow.
+///
+/// How many events will come is known to nobody before the run; this is what keeps them within the memory limit.
+#[derive(Clone, Debug)]
+pub struct Budget(Arc<AtomicUsize>);
+
+impl Default for Budget {
+    /// As good as no limit.
+    fn default() -> Self {
+        Self::new(usize::MAX)
+    }
+}
+
+impl Budget {
+    /// A budget of so many bytes; clones share it.
+    #[must_use]
+    pub fn new(bytes: usize) -> Self {
+        Self(Arc::new(AtomicUsize::new(bytes)))
+    }
+
+    /// Takes bytes, or nothing where fewer are left.
+    fn take(&self, bytes: usize) -> bool {
+        self.0.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |left| left.checked_sub(bytes)).is_ok()
+    }
+}
+
 /// Events of one port, sorted by time, complete up to the watermark `end`.
 #[derive(Debug)]
 pub struct EventTrack<E> {
     events: Vec<(Tick, E)>,
     span: Tick,
     end: Tick,
+    budget: Budget,
+    overrun: bool,
 }
 
 impl<E: Clone + Send + 'static> EventTrack<E> {
-    /// A track that keeps the events of the last `span` ticks before its watermark.
+    /// A track that keeps the events of the last `span` ticks before its watermark, and grows as far as the budget goes.
     #[must_use]
-    pub fn new(span: Tick) -> Self {
-        Self { events: Vec::with_capacity(Self::ROOM), span, end: 0 }
+    pub fn new(span: Tick, budget: &Budget) -> Self {
+        Self { events: Vec::with_capacity(Self::ROOM), span, end: 0, budget: budget.clone(), overrun: false }
     }
 
     /// Events that fit without growing.
@@ -364,8 +402,28 @@ impl<E: Clone + Send + 'static> EventTrack<E> {
         &self.events[at..stop.max(at)]
     }
 
-    /// Adds one event; events come in the order of their times.
+    /// Makes room for `more` events; says whether there is.
+    fn grow(&mut self, more: usize) -> bool {
+        let (len, held) = (self.events.len(), self.events.capacity());
+        if len + more <= held {
+            return true;
+        }
+        let bytes = |room: usize| (room - held).saturating_mul(size_of::<(Tick, E)>());
+        let rooms = [(2 * held).max(len + more), len + more];
+        let found = rooms.into_iter().find(|room| self.budget.take(bytes(*room)));
+        if let Some(room) = found {
+            self.events.reserve_exact(room - len);
+        }
+        self.overrun |= found.is_none();
+        found.is_some()
+    }
+
+    /// Adds one event; events come in the order of their times. Without room it is left out, which
+    /// [`AnyTrack::overrun`] tells from then on.
     pub fn push(&mut self, tick: Tick, event: E) {
+        if !self.grow(1) {
+            return;
+        }
         let at = self.events.partition_point(|(t, _)| *t <= tick);
         self.events.insert(at, (tick, event));
     }
@@ -393,7 +451,11 @@ impl<E: Clone + Send + 'static> AnyTrack for EventTrack<E> {
 
     fn append_from(&mut self, other: &dyn AnyTrack, from: i64, to: i64) {
         if let Some(other) = other.typed::<Self>() {
-            self.events.extend_from_slice(other.view(from, to));
+            let more = other.view(from, to);
+            if self.grow(more.len()) {
+                self.events.extend_from_slice(more);
+            }
+            self.overrun |= other.overrun;
             self.advance(to);
         }
     }
@@ -422,8 +484,16 @@ impl<E: Clone + Send + 'static> AnyTrack for EventTrack<E> {
         self.events.capacity() * size_of::<(Tick, E)>()
     }
 
+    fn grows(&self) -> bool {
+        true
+    }
+
+    fn overrun(&self) -> bool {
+        self.overrun
+    }
+
     fn sibling(&self, _items: usize) -> Box<dyn AnyTrack> {
-        Box::new(Self::new(Tick::MAX / 4))
+        Box::new(Self::new(Tick::MAX / 4, &self.budget))
     }
 }
 
@@ -474,7 +544,7 @@ mod tests {
         let samples = Buffer::new(Box::new(Track::<f32>::new(1, 4, 0, Pad::Silence)));
         assert!(matches!(samples, Buffer::Samples(_)) && samples.typed::<Track<f32>>().is_some());
         assert!(samples.typed::<Track<u32>>().is_none());
-        let other = Buffer::new(Box::new(EventTrack::<u32>::new(10)));
+        let other = Buffer::new(Box::new(EventTrack::<u32>::new(10, &Budget::default())));
         assert!(matches!(other, Buffer::Other(_)) && other.typed::<EventTrack<u32>>().is_some());
     }
 
@@ -510,17 +580,17 @@ mod tests {
         seeded.begin(102);
         seeded.seed(&old);
         assert_eq!(seeded.view(97, 102), [1.0, 1.0, 1.0, 1.0, 2.0]);
-        let mut events = EventTrack::new(50);
+        let mut events = EventTrack::new(50, &Budget::default());
         events.push(3, 'a');
         events.advance(10);
-        let mut next = EventTrack::new(90);
+        let mut next = EventTrack::new(90, &Budget::default());
         next.take_over(&mut events);
         assert_eq!((next.view(0, 10), next.end()), (&[(3, 'a')][..], 10));
     }
 
     #[test]
     fn events_stay_sorted_and_leave_after_the_span() {
-        let mut track = EventTrack::new(100);
+        let mut track = EventTrack::new(100, &Budget::default());
         for t in [5, 1, 9, 5] {
             track.push(t, t * 10);
         }
@@ -528,5 +598,25 @@ mod tests {
         assert_eq!(track.view(0, 9), [(1, 10), (5, 50), (5, 50)]);
         track.advance(1000);
         assert!(track.view(0, 1000).is_empty());
+    }
+
+    #[test]
+    fn events_grow_until_the_budget_is_spent_and_then_say_so() {
+        const EACH: usize = size_of::<(Tick, u64)>();
+        let budget = Budget::new(1500 * EACH);
+        let mut track = EventTrack::<u64>::new(Tick::MAX / 4, &budget);
+        let planned = track.bytes();
+        let mut other = track.sibling(0);
+        for k in 0..2000 {
+            track.push(k, 0);
+        }
+        assert!(!track.overrun() && track.bytes() == planned + 1024 * EACH);
+        other.append_from(&track, 0, 1200);
+        assert!(!other.overrun() && other.bytes() == planned + 176 * EACH);
+        for k in 2000..4000 {
+            track.push(k, 0);
+        }
+        assert!(track.overrun() && track.view(0, 4000).len() == 2048 + 300);
+        assert_eq!(track.bytes() + other.bytes(), 2 * planned + 1500 * EACH);
     }
 }

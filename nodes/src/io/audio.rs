@@ -83,6 +83,12 @@ impl AudioInfo {
         self.warnings.iter().find(|warning| matches!(warning, AudioWarning::CorruptPackets { .. }))
     }
 
+    /// Bytes of all its samples in memory.
+    #[must_use]
+    pub fn bytes(&self) -> u64 {
+        self.frames.saturating_mul(self.channels as u64 * size_of::<f32>() as u64)
+    }
+
     /// Length in seconds.
     #[must_use]
     pub fn seconds(&self) -> f64 {

@@ -92,6 +92,7 @@ impl Func for ModalFromRecording {
         }
         let path = &p.recording.0;
         let reader = reader(path, s.open("recording", path)?)?;
+        s.hold("recording", path, reader.info().bytes())?;
         reader.info().odd(path).for_each(|text| s.note(text));
         Ok(())
     }
