@@ -1,5 +1,5 @@
-//! From an edit of the warp to a new file: a minute of cloth at 96 kHz over almost four minutes of recordings, as in the paper's
-//! cotton sheet, with everything before the edit kept by the memo.
+//! From an edit of the warp to a new file, with everything before the edit kept by the memo: of a minute of cloth at 96 kHz over
+//! almost four minutes of recordings, as in the paper's cotton sheet, and of `graphs/cloth/sheet.ron` with a minute of motion.
 //!
 //! `cargo bench --bench sheet`
 
@@ -9,7 +9,7 @@ use foley::graph::Override;
 use foley::memo::{MEMORY, Memo};
 use foley::run::Report;
 use foley_nodes::core::random::Random;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 const RATE: u32 = 96_000;
 
@@ -108,7 +108,73 @@ fn main() {
     told("another lambda, watching", run_once(folder, 10.0, &held));
     std::fs::write(folder.join("pairs.ron"), pairs(7)).expect("the folder can be written");
     told("a correspondence moved, watching", run_once(folder, 10.0, &held));
+    shipped(&folder.join("shipped"));
     sleep(folder);
+}
+
+/// Frames of a minute.
+const FRAMES: usize = 3600;
+
+/// Plays a point cache to and fro until it is long enough; its mesh lies beside it.
+fn longer(name: &str, folder: &Path) -> PathBuf {
+    let from = Path::new(env!("CARGO_MANIFEST_DIR")).join("graphs/assets/cloth").join(name);
+    let cache = std::fs::read(from.with_extension("pc2")).expect("the animation ships");
+    let (head, frames) = cache.split_at(32);
+    let points = i32::from_le_bytes(head[16..20].try_into().expect("four bytes")) as usize;
+    let frames: Vec<&[u8]> = frames.chunks_exact(12 * points).collect();
+    let turn = 2 * (frames.len() - 1);
+    let mut long = head[..28].to_vec();
+    long.extend((FRAMES as i32).to_le_bytes());
+    for k in 0..FRAMES {
+        let at = k % turn;
+        long.extend(frames[at.min(turn - at)]);
+    }
+    let to = folder.join(name).with_extension("pc2");
+    std::fs::write(&to, long).expect("the folder can be written");
+    std::fs::copy(from.with_extension("obj"), to.with_extension("obj")).expect("the folder can be written");
+    to
+}
+
+/// The graph that ships, over a minute of its own animation, to and fro.
+fn shipped(folder: &Path) {
+    std::fs::create_dir_all(folder).expect("the folder can be written");
+    let graphs = Path::new(env!("CARGO_MANIFEST_DIR")).join("graphs");
+    let marked = std::fs::read_to_string(graphs.join("assets/cloth/sheet.correspondences.ron"));
+    let marked = marked.expect("the correspondences ship");
+    let pairs = folder.join("pairs.ron");
+    let mark = |seconds: &str| {
+        let text = marked.replacen("duration: 0.1", &format!("duration: {seconds}"), 1);
+        std::fs::write(&pairs, text).expect("the folder can be written");
+    };
+    let path = |of: &str, path: &Path| Override {
+        target: format!("{of}.path"),
+        value: format!("{:?}", path.display().to_string()),
+    };
+    let of = |body: &str| longer(&format!("cotton_sheet_drag_drop_crumple{body}"), folder);
+    let mut sets = vec![
+        path("sheet", &of("")),
+        path("wall1", &of(".body_wall1")),
+        path("wall2", &of(".body_wall2")),
+        path("cotton.recomposed.pairs", &pairs),
+        Override { target: "lambda".into(), value: "100.0".into() },
+    ];
+    let graph = graphs.join("cloth/sheet.ron");
+    let memo = || Memo::new(folder.join("cache"), 2 << 30, &graph);
+    let mut run = |what: &str, lambda: &str, seconds: &str| {
+        mark(seconds);
+        if let Some(last) = sets.last_mut() {
+            last.value = lambda.into();
+        }
+        let (seconds, report) = common::run_file(&graph, &sets, folder, Some(&memo()));
+        let kept = report.nodes.iter().filter(|n| n.cached).count();
+        println!(
+            "sheet.ron over {FRAMES} frames, {what:<28} {seconds:>7.3} s  {kept} of {} nodes kept",
+            report.nodes.len()
+        );
+    };
+    run("cold", "100.0", "0.1");
+    run("another lambda", "1000.0", "0.1");
+    run("a correspondence changed", "1000.0", "0.15");
 }
 
 /// What sleep saves on a take that ships: two materials, of which one is silent for a while.

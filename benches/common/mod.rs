@@ -16,11 +16,11 @@ pub fn run_text(folder: &Path, text: &str, memo: Option<&Memo>) -> (f64, Report)
     run_file(&path, &[], folder, memo)
 }
 
-/// The same for a graph that is there.
+/// The same for a graph that is there, and that may read what lies in `folder` too.
 #[allow(dead_code, reason = "not every bench runs graphs that ship")]
 pub fn run_file(path: &Path, sets: &[Override], folder: &Path, memo: Option<&Memo>) -> (f64, Report) {
     let start = Instant::now();
-    let loaded = load(path, sets, &[], Limits::default());
+    let loaded = load(path, sets, &[folder.to_owned()], Limits::default());
     let graph = loaded.graph.unwrap_or_else(|| panic!("{:?}", loaded.diagnostics));
     let files = DirFiles::new(loaded.root, Limits::default());
     let options = PlanOptions { threads: 2, ..PlanOptions::default() };

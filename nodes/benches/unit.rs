@@ -139,7 +139,7 @@ fn of_selection() -> Result<(), Box<dyn Error>> {
         let start = Instant::now();
         let set =
             Units { features: &database, dims: 3, segments: vec![(0, units)], allowed: vec![true; units] };
-        let params = SelectorParams { look, d_max, cool_off: 20, loop_guard: 0, causal: false };
+        let params = SelectorParams { look, d_max, cool_off: 20, loop_guard: 0, causal: false, effort: None };
         let mut selector = selector(&set, params).ok_or("no unit")?;
         let (mut fallbacks, mut runs, mut last) = (0, 0, u32::MAX);
         for i in 0..targets {

@@ -83,7 +83,8 @@ fn diagnosis() -> Result<(), FitError> {
         let dropped = start.elapsed().as_secs_f64();
         let n = database.len() / DIMS;
         let units = Units { features: &database, dims: DIMS, segments: vec![(0, n)], allowed: vec![true; n] };
-        let params = SelectorParams { look: 5, d_max: 2.0, cool_off: 20, loop_guard: 0, causal: false };
+        let params =
+            SelectorParams { look: 5, d_max: 2.0, cool_off: 20, loop_guard: 0, causal: false, effort: None };
         let Ok(Some(baseline)) = Baseline::new(target.clone(), &all, &units, params) else { return Ok(()) };
         let chosen = start.elapsed().as_secs_f64();
         let effects = baseline.effects(&rest).unwrap_or_default();

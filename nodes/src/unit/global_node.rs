@@ -219,6 +219,7 @@ impl GlobalUnitSelector {
             cool_off: p.cool_off,
             loop_guard: 0,
             causal: false,
+            effort: None,
         };
         let dims = self.table.dims();
         let mut choices = Vec::new();

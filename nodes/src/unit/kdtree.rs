@@ -62,9 +62,25 @@ impl PartialOrd for Waiting {
     }
 }
 
-/// Memory of searches, to be used again.
+/// Memory of searches, to be used again, and how far they may go.
 #[derive(Clone, Debug, Default)]
-pub struct Search(BinaryHeap<Waiting>, Vec<(f64, u32)>);
+pub struct Search {
+    queue: BinaryHeap<Waiting>,
+    stack: Vec<(f64, u32)>,
+    /// Nodes and points that may still be looked at; `None` for all.
+    pub left: Option<usize>,
+}
+
+/// Counts one node or point; false where none is left.
+#[inline]
+fn spend(left: &mut Option<usize>) -> bool {
+    match left {
+        Some(0) => return false,
+        Some(left) => *left -= 1,
+        None => {}
+    }
+    true
+}
 
 /// Squared distance of two points.
 #[inline]
@@ -114,7 +130,7 @@ impl<const P: usize> KdTree<P> {
     }
 
     /// Visits points by increasing distance from `query`, equally near ones by increasing label, until `visit` says that it has
-    /// seen enough.
+    /// seen enough, or `search.left` is used up.
     ///
     /// `visit` gets the squared distance and the label, and gives the squared distance beyond which nothing interests it any more.
     pub fn nearest(
@@ -124,14 +140,14 @@ impl<const P: usize> KdTree<P> {
         search: &mut Search,
         mut visit: impl FnMut(f64, u32) -> f64,
     ) {
-        let queue = &mut search.0;
+        let Search { queue, left, .. } = search;
         queue.clear();
         let mut within = within;
         if let Some(root) = self.nodes.first() {
             queue.push(Waiting { squared: root.distance(query), label: root.least, node: 0 });
         }
         while let Some(first) = queue.pop() {
-            if first.squared > within {
+            if first.squared > within || !spend(left) {
                 break;
             }
             if first.node == POINT {
@@ -160,7 +176,7 @@ impl<const P: usize> KdTree<P> {
 }
 
 impl<const P: usize> KdTree<P> {
-    /// Visits all points within a squared distance of `query`, in no order but those likely near first.
+    /// Visits all points within a squared distance of `query`, in no order but those likely near first, until `search.left` is used up.
     ///
     /// `visit` gets the squared distance and the label, and gives the squared distance beyond which nothing interests it any more. Where
     /// all near points are wanted this is quicker than [`nearest`](Self::nearest), which has to keep every one in order.
@@ -171,13 +187,16 @@ impl<const P: usize> KdTree<P> {
         search: &mut Search,
         mut visit: impl FnMut(f64, u32) -> f64,
     ) {
-        let stack = &mut search.1;
+        let Search { stack, left, .. } = search;
         stack.clear();
         let mut within = within;
         stack.extend(self.nodes.first().map(|root| (root.distance(query), 0)));
         while let Some((squared, node)) = stack.pop() {
             if squared > within {
                 continue;
+            }
+            if !spend(left) {
+                break;
             }
             let node = &self.nodes[node as usize];
             if node.child > 0 {
@@ -189,7 +208,7 @@ impl<const P: usize> KdTree<P> {
             }
             for at in node.from as usize..node.to as usize {
                 let squared = self::squared(&self.points[at], query);
-                if squared <= within {
+                if squared <= within && spend(left) {
                     within = visit(squared, self.labels[at]);
                 }
             }

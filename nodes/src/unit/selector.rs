@@ -17,6 +17,8 @@ pub struct SelectorParams {
     pub loop_guard: usize,
     /// Whether units before the present one are compared in place of those after it.
     pub causal: bool,
+    /// Most nodes of a tree and units that are looked at for one choice; `None` looks at all that matter.
+    pub effort: Option<usize>,
 }
 
 /// One choice.
@@ -30,6 +32,8 @@ pub struct Choice {
     pub d1: f64,
     /// Sum of distances over the units compared; 0 for a fallback, which has none.
     pub d2: f64,
+    /// Whether the search was given up before it had seen all that matter.
+    pub cut: bool,
 }
 
 /// Names the first vector that is not finite, counted from 0 in what was given.
@@ -61,7 +65,7 @@ impl NotFinite {
 /// # Source
 /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), algorithm 1, whose table of all
 /// distances is replaced by a search in the order of a lower bound: the sum of distances over a window is at least its length times
-/// the distance of the means.
+/// the distance of the means. A search that is longer than `effort` goes on with the run of units: an addition, for live use.
 pub trait Selector: Send + Sync {
     /// Chooses for the next unit of the target.
     ///
@@ -315,7 +319,7 @@ impl<const P: usize> Exact<P> {
             }
         }
         let bound = bound.unwrap_or_else(|| squared(&mean(units), &search.mean));
-        let choice = Choice { unit: j as u32, fallback: false, d1, d2 };
+        let choice = Choice { unit: j as u32, d1, d2, ..Choice::default() };
         let found = Found { choice, continues: search.next == Some(j), bound };
         (search.best.as_ref().is_none_or(|best| found.key() < best.key())).then_some(found)
     }
@@ -325,7 +329,11 @@ impl<const P: usize> Exact<P> {
         let mut running = Running { rested, next: self.continuation(), mean: mean(&self.window), best: None };
         if self.window.len() <= self.params.look {
             // Windows that an end of the target cuts short have no tree of means.
-            for j in 0..self.index.features.len() {
+            let most = self.params.effort.unwrap_or(usize::MAX);
+            if self.index.features.len() > most {
+                self.search.left = Some(0);
+            }
+            for j in 0..self.index.features.len().min(most) {
                 let found = if self.index.allowed[j] { self.better(j, None, &running) } else { None };
                 running.best = found.or(running.best);
             }
@@ -371,6 +379,13 @@ impl<const P: usize> Exact<P> {
         });
     }
 
+    /// The unit after the last pick, whatever it sounds like, unless it is barred.
+    fn run_on(&self) -> Option<Choice> {
+        let next = self.continuation().filter(|next| !self.past.barred(*next))?;
+        let d1 = self.d1(next);
+        Some(Choice { unit: next as u32, fallback: d1 > self.params.d_max, d1, ..Choice::default() })
+    }
+
     /// The nearest unit that is not barred, whatever follows it.
     fn nearest(&mut self, least_recent: Option<usize>) -> Option<Choice> {
         let next = self.continuation();
@@ -387,7 +402,12 @@ impl<const P: usize> Exact<P> {
             found.map_or(f64::INFINITY, |(distance, _)| distance)
         });
         self.search = search;
-        found.map(|(distance, unit)| Choice { unit, fallback: true, d1: distance.sqrt(), d2: 0.0 })
+        found.map(|(distance, unit)| Choice {
+            unit,
+            fallback: true,
+            d1: distance.sqrt(),
+            ..Choice::default()
+        })
     }
 
     /// Where every unit is barred, the one that has rested longest.
@@ -416,10 +436,17 @@ impl<const P: usize> Selector for Exact<P> {
         self.window.extend(window.chunks_exact(self.index.dims).map(padded::<P>));
         self.past.guard();
         let rested = self.least_recent();
-        let chosen = self.best(rested);
+        self.search.left = self.params.effort;
+        let mut chosen = self.best(rested);
+        let cut = self.search.left == Some(0);
+        if cut {
+            chosen = self.run_on().or(chosen);
+        }
+        // No more units lie before the nearest free one than are barred: that search is short without a limit.
+        self.search.left = None;
         let chosen = chosen.or_else(|| self.nearest(rested)).ok_or(NotFinite(0))?;
         self.past.note(chosen.unit);
-        Ok(chosen)
+        Ok(Choice { cut, ..chosen })
     }
 
     fn recall(&mut self, picks: &[u32]) {

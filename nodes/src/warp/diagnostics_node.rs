@@ -233,6 +233,7 @@ impl CorrespondenceDiagnostics {
             cool_off: p.cool_off,
             loop_guard: 0,
             causal: heard.database.conventions.causal,
+            effort: None,
         };
         let units = units(&heard.format, &heard.database, &p.tags)?;
         let found = Baseline::new(heard.vector(vector), all, &units, params).map_err(strayed)?;

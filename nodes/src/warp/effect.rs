@@ -259,7 +259,8 @@ mod tests {
         let n = world.database.len() / 2;
         let units =
             Units { features: &world.database, dims: 2, segments: vec![(0, n)], allowed: vec![true; n] };
-        let params = SelectorParams { look: 2, d_max, cool_off: 5, loop_guard: 0, causal: false };
+        let params =
+            SelectorParams { look: 2, d_max, cool_off: 5, loop_guard: 0, causal: false, effort: None };
         let heard = Baseline::new(world.target.clone(), &all, &units, params).unwrap().unwrap();
         let effects = heard.effects(&rest).unwrap();
         (heard, effects)

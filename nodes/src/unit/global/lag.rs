@@ -80,7 +80,7 @@ impl FixedLag {
         self.decided += 1;
         self.last = Some(column);
         let d1 = self.table.distance(features, column);
-        Ok(Choice { unit: self.table.unit(column), fallback: false, d1, d2: d1 })
+        Ok(Choice { unit: self.table.unit(column), d1, d2: d1, ..Choice::default() })
     }
 
     /// Units that the best path had and that rested.

@@ -44,7 +44,7 @@ fn full(target: &[f32], table: &Table, cost: impl Fn(usize, usize) -> f64, cap: 
 }
 
 fn greedy(target: &[f32], set: &Units<'_>, cool_off: usize) -> Vec<u32> {
-    let params = SelectorParams { look: 5, d_max: 2.0, cool_off, loop_guard: 0, causal: false };
+    let params = SelectorParams { look: 5, d_max: 2.0, cool_off, loop_guard: 0, causal: false, effort: None };
     let mut selector = selector(set, params).unwrap();
     let n = target.len() / 3;
     (0..n).map(|i| selector.choose(&target[3 * i..3 * (i + 6).min(n)]).unwrap().unit).collect()

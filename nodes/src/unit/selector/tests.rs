@@ -52,14 +52,14 @@ fn algorithm_1(target: &[f32], units: &Units<'_>, p: &SelectorParams) -> Vec<Cho
             let d2 = (0..=look).map(|k| d1(offsets(i, k), offsets(j, k))).sum::<f64>();
             let key = (d2, next != Some(j), dist(&mean(&t, i), &mean(&u, j)), j);
             if best.is_none_or(|(least, _)| key < least) {
-                best = Some((key, Choice { unit: j as u32, fallback: false, d1: d1(i, j), d2 }));
+                best = Some((key, Choice { unit: j as u32, d1: d1(i, j), d2, ..Choice::default() }));
             }
         }
         let chosen = best.map(|(_, choice)| choice).unwrap_or_else(|| {
             let all = (0..m).filter(|&j| units.allowed[j] && free(j));
             let key = |j: usize| (d1(i, j), next != Some(j), j);
             let j = all.min_by(|&a, &b| key(a).partial_cmp(&key(b)).unwrap()).unwrap();
-            Choice { unit: j as u32, fallback: true, d1: d1(i, j), d2: 0.0 }
+            Choice { unit: j as u32, fallback: true, d1: d1(i, j), ..Choice::default() }
         });
         picks.push(chosen);
     }
@@ -117,6 +117,7 @@ fn the_search_finds_what_the_whole_table_says() {
             cool_off: [0, 3, 20, 200][rng.below(4)],
             loop_guard: [0, 0, 30][rng.below(3)],
             causal: rng.below(2) == 0,
+            effort: None,
         };
         let (found, wanted) = (run(&target, &units, &p), algorithm_1(&target, &units, &p));
         for (i, (f, w)) in found.iter().zip(&wanted).enumerate() {
@@ -138,7 +139,7 @@ fn a_database_chooses_itself_and_never_repeats_within_the_cool_off() {
     let segments = vec![(0, 300)];
     let units = Units { features: &features, dims: 3, segments, allowed: vec![true; 300] };
     for (cool_off, causal) in [(0, false), (20, false), (500, false), (20, true)] {
-        let p = SelectorParams { look: 5, d_max: 2.0, cool_off, loop_guard: 0, causal };
+        let p = SelectorParams { look: 5, d_max: 2.0, cool_off, loop_guard: 0, causal, effort: None };
         let picks = run(&features, &units, &p);
         assert!(
             picks
@@ -147,7 +148,7 @@ fn a_database_chooses_itself_and_never_repeats_within_the_cool_off() {
                 .all(|(i, pick)| pick.unit as usize == i && !pick.fallback && pick.d2 == 0.0)
         );
     }
-    let p = SelectorParams { look: 3, d_max: 1.5, cool_off: 20, loop_guard: 0, causal: false };
+    let p = SelectorParams { look: 3, d_max: 1.5, cool_off: 20, loop_guard: 0, causal: false, effort: None };
     let other = wander(&mut rng, 400, 3, false);
     let picks = run(&other, &units, &p);
     for (i, pick) in picks.iter().enumerate() {
@@ -182,7 +183,7 @@ fn recordings_choose_themselves_but_for_a_window_before_each_join() {
     let units = Units { features: &features, dims: 3, segments: segments.clone(), allowed: vec![true; 240] };
     for look in [0, 5, 9] {
         for cool_off in [0, 20, 500] {
-            let p = SelectorParams { look, d_max: 2.0, cool_off, loop_guard: 0, causal: false };
+            let p = SelectorParams { look, d_max: 2.0, cool_off, loop_guard: 0, causal: false, effort: None };
             let picks: Vec<u32> = run(&features, &units, &p).iter().map(|pick| pick.unit).collect();
             let whole: Vec<_> = segments.iter().copied().filter(|(_, count)| *count > look).collect();
             let others = itself_but_near_joins(&picks, &whole, look, cool_off);
@@ -201,7 +202,8 @@ fn neither_threads_nor_the_order_of_the_index_change_a_choice() {
         let (features, target) = (wander(&mut rng, 300, 3, grid), wander(&mut rng, 200, 3, grid));
         let segments = vec![(0, 130), (130, 170)];
         let units = Units { features: &features, dims: 3, segments, allowed: vec![true; 300] };
-        let p = SelectorParams { look: 4, d_max: 2.0, cool_off: 10, loop_guard: 0, causal: false };
+        let p =
+            SelectorParams { look: 4, d_max: 2.0, cool_off: 10, loop_guard: 0, causal: false, effort: None };
         let wanted = run(&target, &units, &p);
         for threads in [1, 2, 7] {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
@@ -248,6 +250,7 @@ fn a_heavy_tag_dimension_is_the_mask_and_a_light_one_is_a_wish() {
             cool_off: 20,
             loop_guard: [0, 30][round % 2],
             causal: round % 4 == 3,
+            effort: None,
         };
         let wrong = |weight: f32, tag: bool| {
             let allowed = (0..360).map(|j| second(j) == tag).collect();
@@ -274,7 +277,7 @@ fn a_loop_guard_ends_exact_repeats() {
         (0..200).map(|j| if j < 25 { 0.01 * j as f32 } else { 0.5 + 0.001 * j as f32 }).collect();
     let units = Units { features: &features, dims: 1, segments: vec![(0, 200)], allowed: vec![true; 200] };
     let repeats = |loop_guard| {
-        let p = SelectorParams { look: 0, d_max: 9.0, cool_off: 20, loop_guard, causal: false };
+        let p = SelectorParams { look: 0, d_max: 9.0, cool_off: 20, loop_guard, causal: false, effort: None };
         let picks: Vec<u32> = run(&[0.0; 300], &units, &p).iter().map(|c| c.unit).collect();
         (120..300).filter(|&i| (1..100).any(|lag| (0..4).all(|k| picks[i - k] == picks[i - k - lag]))).count()
     };
@@ -286,7 +289,7 @@ fn a_loop_guard_ends_exact_repeats() {
 fn a_feature_that_is_not_finite_is_named_by_its_unit() {
     let features = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0];
     let units = Units { features: &features, dims: 2, segments: vec![(0, 3)], allowed: vec![true; 3] };
-    let p = SelectorParams { look: 2, d_max: 1.0, cool_off: 0, loop_guard: 0, causal: false };
+    let p = SelectorParams { look: 2, d_max: 1.0, cool_off: 0, loop_guard: 0, causal: false, effort: None };
     let mut selector = selector(&units, p).unwrap();
     selector.choose(&features).unwrap();
     for (at, unit) in [(0, 0), (1, 0), (4, 2), (5, 2)] {
@@ -303,7 +306,7 @@ fn what_is_recalled_is_all_that_is_known() {
     let mut rng = Draw::new(11);
     let (features, target) = (wander(&mut rng, 80, 2, false), wander(&mut rng, 60, 2, false));
     let units = Units { features: &features, dims: 2, segments: vec![(0, 80)], allowed: vec![true; 80] };
-    let p = SelectorParams { look: 3, d_max: 2.0, cool_off: 12, loop_guard: 0, causal: false };
+    let p = SelectorParams { look: 3, d_max: 2.0, cool_off: 12, loop_guard: 0, causal: false, effort: None };
     let picks = run(&target, &units, &p);
     let mut again = selector(&units, p).unwrap();
     let window = |i: usize| &target[2 * i..2 * (i + 4).min(60)];
@@ -317,4 +320,41 @@ fn what_is_recalled_is_all_that_is_known() {
         differs += usize::from(again.choose(window(i)).unwrap().unit != picks[i].unit);
     }
     assert!(differs > 0, "the rest of units matters here");
+}
+
+/// Noise in `segments` stretches of 500 units.
+fn noise(segments: usize, draw: &mut Draw) -> Vec<f32> {
+    (0..segments * 500 * 3).map(|_| draw.between(-3.0, 3.0) as f32).collect()
+}
+
+#[test]
+fn a_search_that_takes_too_much_goes_on_with_the_run_and_a_short_one_is_left_alone() {
+    let mut draw = Draw::new(11);
+    let features = noise(4, &mut draw);
+    let segments: Vec<_> = (0..4).map(|k| (500 * k, 500)).collect();
+    let units = Units { features: &features, dims: 3, segments, allowed: vec![true; 2000] };
+    let target = noise(1, &mut draw);
+    let look = 3;
+    let choose = |effort| {
+        let p = SelectorParams { look, d_max: 9.0, cool_off: 20, loop_guard: 0, causal: false, effort };
+        let mut selector = selector(&units, p).unwrap();
+        let windows = (0..500 - look).map(|i| &target[3 * i..][..3 * (look + 1)]);
+        windows.map(|window| selector.choose(window).unwrap()).collect::<Vec<Choice>>()
+    };
+    let all = choose(None);
+    assert!(all.iter().all(|c| !c.cut));
+    assert_eq!(choose(Some(1_000_000)), all);
+    // Windows of noise have no near mean: most searches look at most of the units.
+    let some = choose(Some(600));
+    let cut = some.iter().filter(|c| c.cut).count();
+    assert!((100..490).contains(&cut), "{cut} of {} searches were cut", some.len());
+    let few = choose(Some(10));
+    assert!(few.iter().all(|c| c.cut));
+    for pair in few.windows(2).chain(some.windows(2)) {
+        let [before, after] = [pair[0].unit, pair[1].unit];
+        let may_go_on = (before + 1) % 500 != 0;
+        assert!(!pair[1].cut || !may_go_on || after == before + 1, "{pair:?}");
+    }
+    // The end of a stretch is no end of the search for a unit: the nearest is taken.
+    assert!(few.windows(2).any(|pair| pair[1].unit != pair[0].unit + 1 && pair[1].unit < 2000));
 }
