@@ -1,5 +1,6 @@
 //! How sound fades, and arrives later, with the way that it has gone.
 
+use super::air::Air;
 use super::binaural::block;
 use super::head::SPEED_OF_SOUND;
 use super::line::Line;
@@ -34,7 +35,7 @@ impl Distance {
     }
 }
 
-/// Gain and, where wanted, delay of a source whose distance moves.
+/// Gain and, where wanted, delay and loss in air of a source whose distance moves.
 ///
 /// The distance is asked for once per [`block`]; gain and delay move on straight lines in between.
 /// The delay is read between samples, so an even approach is heard as a steady Doppler shift.
@@ -46,17 +47,20 @@ pub struct DistanceLine {
     /// One line per channel where sound takes its time.
     lines: Vec<Line>,
     farthest: f64,
+    /// Where air counts.
+    air: Option<Air>,
     channels: usize,
-    /// Gain and delay in samples, at both ends of a block.
-    from: [f64; 2],
-    to: [f64; 2],
+    /// Gain, delay in samples and pole of the air, at both ends of a block.
+    from: [f64; 3],
+    to: [f64; 3],
     begun: bool,
 }
 
 impl DistanceLine {
-    /// A silent line; with `farthest` in metres sound arrives later by its way, at most that of `farthest`.
+    /// A silent line; with `farthest` in metres sound arrives later by its way, at most that of `farthest`; with `air` it loses
+    /// high frequencies on it.
     #[must_use]
-    pub fn new(distance: Distance, farthest: Option<f64>, channels: usize, fs: f64) -> Self {
+    pub fn new(distance: Distance, farthest: Option<f64>, air: bool, channels: usize, fs: f64) -> Self {
         let longest = farthest.unwrap_or(0.0) / SPEED_OF_SOUND * fs;
         let lines = if farthest.is_some() { vec![Line::new(longest); channels] } else { Vec::new() };
         Self {
@@ -65,9 +69,10 @@ impl DistanceLine {
             block: block(fs),
             lines,
             farthest: farthest.unwrap_or(0.0),
+            air: air.then(|| Air::new(channels, fs)),
             channels,
-            from: [0.0; 2],
-            to: [0.0; 2],
+            from: [0.0; 3],
+            to: [0.0; 3],
             begun: false,
         }
     }
@@ -80,7 +85,8 @@ impl DistanceLine {
     fn aim(&mut self, metres: f64) {
         // A delay of one sample is the least that is read between samples: 7 mm at 48 kHz.
         let delay = (metres.min(self.farthest) / SPEED_OF_SOUND * self.fs).max(1.0);
-        let to = [self.distance.gain(metres), delay];
+        let pole = self.air.as_ref().map_or(0.0, |air| air.pole(metres));
+        let to = [self.distance.gain(metres), delay, pole];
         self.from = if self.begun { self.to } else { to };
         self.to = to;
         self.begun = true;
@@ -104,13 +110,16 @@ impl DistanceLine {
                 self.aim(metres(n));
             }
             let t = (place + 1) as f64 / self.block as f64;
-            let [gain, delay] = std::array::from_fn(|k| self.from[k] + t * (self.to[k] - self.from[k]));
+            let [gain, delay, pole] = std::array::from_fn(|k| self.from[k] + t * (self.to[k] - self.from[k]));
             if self.lines.is_empty() {
                 out.iter_mut().zip(x).for_each(|(out, x)| *out = gain as f32 * x);
             }
             for ((out, x), line) in out.iter_mut().zip(x).zip(&mut self.lines) {
                 line.push(*x);
                 *out = gain as f32 * line.read(delay);
+            }
+            if let Some(air) = &mut self.air {
+                out.iter_mut().enumerate().for_each(|(channel, out)| *out = air.next(channel, *out, pole));
             }
         }
     }
@@ -133,7 +142,7 @@ mod tests {
     fn an_even_approach_raises_the_pitch_by_its_share_of_the_speed_of_sound() {
         let (fs, tone, speed) = (48_000.0, 1000.0, 10.0);
         let x: Vec<f32> = (0..48_000).map(|n| (2.0 * PI * tone * f64::from(n) / fs).sin() as f32).collect();
-        let mut line = DistanceLine::new(Distance { reference: 1.0, nearest: 1e9 }, Some(50.0), 1, fs);
+        let mut line = DistanceLine::new(Distance { reference: 1.0, nearest: 1e9 }, Some(50.0), false, 1, fs);
         let mut y = vec![0.0; x.len()];
         line.process(0, &x, &mut y, |n| 20.0 - speed * n as f64 / fs);
         // The phase between two times gives the pitch.
@@ -154,7 +163,7 @@ mod tests {
     #[test]
     fn the_delay_is_that_of_the_way() {
         let fs = 34_300.0;
-        let mut line = DistanceLine::new(Distance::default(), Some(20.0), 2, fs);
+        let mut line = DistanceLine::new(Distance::default(), Some(20.0), false, 2, fs);
         let mut x = vec![0.0; 1000];
         (x[0], x[1]) = (1.0, -1.0);
         let mut y = vec![0.0; 1000];

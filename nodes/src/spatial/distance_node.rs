@@ -22,8 +22,10 @@ params! {
     /// moves has a Doppler shift. That is off by default because it makes far pictures and their sound fall apart. Beyond
     /// `farthest` the delay grows no more.
     ///
+    /// With `air` it also gets duller on its way: at 20 m it loses 2 dB at 8 kHz, at 100 m 10. Pictures are mostly nearer.
+    ///
     /// # Source
-    /// A point source in free air; Laakso et al., "Splitting the Unit Delay" (IEEE SPM 13(1), 1996) for delays between samples.
+    /// A point source in free air; ISO 9613-1 at 20 °C, 50 % relative humidity and sea level for what air takes; Laakso et al., "Splitting the Unit Delay" (IEEE SPM 13(1), 1996) for delays between samples.
     pub struct DistanceGainParams {
         /// Place of the source, where no link gives it.
         position: [f64; 3] = [1.0, 0.0, 0.0], unit "m", range -100_000.0..=100_000.0;
@@ -37,6 +39,8 @@ params! {
         delay: bool = false;
         /// Distance up to which it does.
         farthest: f64 = 100.0, unit "m", range 1.0..=10_000.0;
+        /// Whether air takes high frequencies of the sound on its way.
+        air: bool = false;
     }
 }
 ports! {
@@ -64,6 +68,9 @@ pub struct DistanceGain {
     params: DistanceGainParams,
 }
 
+/// How long the filter of the air rings, s.
+const RINGS: f64 = 0.005;
+
 fn law(p: &DistanceGainParams) -> Distance {
     Distance { reference: p.reference, nearest: p.nearest }
 }
@@ -85,6 +92,8 @@ impl Node for DistanceGain {
         s.when_ended(Port::listener, Ends::Hold);
         if p.delay {
             s.tail(ticks(p.farthest / SPEED_OF_SOUND) + audio.rate.span(3));
+        } else if p.air {
+            s.tail(ticks(RINGS));
         }
         s.output(Port::out, audio.rate, audio.format);
         Ok(())
@@ -93,7 +102,7 @@ impl Node for DistanceGain {
     fn build(p: &DistanceGainParams, cx: &Build<'_>) -> Result<Self, Fault> {
         let audio = cx.input(DistanceGainPorts::audio);
         let farthest = p.delay.then_some(p.farthest);
-        let line = DistanceLine::new(law(p), farthest, audio.format.0.into(), audio.rate.as_f64());
+        let line = DistanceLine::new(law(p), farthest, p.air, audio.format.0.into(), audio.rate.as_f64());
         Ok(Self { line, params: p.clone() })
     }
 
@@ -111,7 +120,8 @@ impl Node for DistanceGain {
     }
 
     fn retune(&mut self, new: &DistanceGainParams) -> Retune {
-        if (new.delay, new.farthest) != (self.params.delay, self.params.farthest) {
+        let fixed = |p: &DistanceGainParams| (p.delay, p.farthest, p.air);
+        if fixed(new) != fixed(&self.params) {
             return Retune::Rebuild;
         }
         self.line.set_distance(law(new));
@@ -148,6 +158,24 @@ mod tests {
         let out = solo.run().unwrap().stream(DistanceGainPorts::out);
         assert!(out.windows(3).all(|w| (w[2] - w[0]).abs() < 1e-4), "steps");
         assert!((out[48_000] - 1.0 / 2.5).abs() < 0.001 && out.len() == 96_000);
+    }
+
+    #[test]
+    fn air_takes_high_frequencies_and_leaves_the_level_of_low_ones() {
+        let p = DistanceGainParams { position: [50.0, 0.0, 0.0], reference: 50.0, ..params() };
+        let tone = |f: f64| -> Vec<f32> {
+            let x = (0..9600).map(|n| (std::f64::consts::TAU * f * f64::from(n) / 48_000.0).sin() as f32);
+            x.flat_map(|x| [x, x]).collect()
+        };
+        let level = |air: bool, f: f64| {
+            let out = solo(DistanceGainParams { air, ..p.clone() }, tone(f)).run().unwrap();
+            let out = out.stream(DistanceGainPorts::out);
+            10.0 * (out[4800..19_200].iter().map(|y| f64::from(y * y)).sum::<f64>() / 14_400.0).log10()
+        };
+        let taken = |f: f64| level(false, f) - level(true, f);
+        assert!(taken(250.0) < 0.1, "{}", taken(250.0));
+        let wanted = 50.0 * crate::spatial::air::loss(8000.0);
+        assert!((taken(8000.0) - wanted).abs() < 0.05, "{} dB, wanted {wanted}", taken(8000.0));
     }
 
     #[test]

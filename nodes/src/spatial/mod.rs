@@ -2,9 +2,10 @@
 //!
 //! A [`Pose`] is a place and a direction; own axes are x to the front, y to the left and z up, as in AES69. [`head`] is the
 //! structural model of Brown and Duda, [`binaural`] plays it over audio, [`receiver`] puts it on spectra, [`still`] plays
-//! short sounds each from a place of its own, and [`distance`] fades
-//! with the way.
+//! short sounds each from a place of its own, [`distance`] fades
+//! with the way, and [`air`] dulls.
 
+pub mod air;
 pub mod binaural;
 pub mod distance;
 pub mod distance_node;
