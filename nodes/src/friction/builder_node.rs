@@ -154,6 +154,7 @@ impl Node for FrictionModelBuilder {
     type Params = FrictionModelBuilderParams;
     type Ports = FrictionModelBuilderPorts;
     const NAME: &'static str = "FrictionModelBuilder";
+    const VERSION: u32 = 2;
     const CLASS: Class = Class::Offline;
 
     fn shape(

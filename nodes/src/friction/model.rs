@@ -25,7 +25,10 @@ pub enum Origin {
 }
 
 /// What was done to the spectra, so that a reader can tell whether two models may be compared.
+///
+/// In a file its digest stands beside it (`hash`), so that a change by hand is seen; a file without one is taken as it is.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(into = "Written", try_from = "Written")]
 pub struct Conventions {
     /// How the spectra came about.
     pub origin: Origin,
@@ -42,6 +45,11 @@ pub struct Conventions {
 }
 
 impl Conventions {
+    /// The start of [`hash`](Self::hash), as files have it.
+    fn digest(&self) -> String {
+        blake3::Hash::from_bytes(self.hash()).to_hex()[..16].to_owned()
+    }
+
     /// A digest of all fields.
     #[must_use]
     pub fn hash(&self) -> [u8; 32] {
@@ -52,6 +60,43 @@ impl Conventions {
             hasher.update(&x.to_bits().to_le_bytes());
         }
         *hasher.finalize().as_bytes()
+    }
+}
+
+/// [`Conventions`] as they are written.
+#[derive(Serialize, Deserialize)]
+struct Written {
+    origin: Origin,
+    clip_samples: u32,
+    hop: f64,
+    high_pass: f64,
+    floor_subtracted: bool,
+    contact_area: f64,
+    #[serde(default)]
+    hash: String,
+}
+
+impl From<Conventions> for Written {
+    fn from(c: Conventions) -> Self {
+        let hash = c.digest();
+        let Conventions { origin, clip_samples, hop, high_pass, floor_subtracted, contact_area } = c;
+        Self { origin, clip_samples, hop, high_pass, floor_subtracted, contact_area, hash }
+    }
+}
+
+impl TryFrom<Written> for Conventions {
+    type Error = String;
+
+    fn try_from(written: Written) -> Result<Self, String> {
+        let Written { origin, clip_samples, hop, high_pass, floor_subtracted, contact_area, hash } = written;
+        let conventions = Self { origin, clip_samples, hop, high_pass, floor_subtracted, contact_area };
+        let own = conventions.digest();
+        if !hash.is_empty() && hash != own {
+            return Err(format!(
+                "the conventions have the hash {own}, and not {hash:?}: they were changed under it"
+            ));
+        }
+        Ok(conventions)
     }
 }
 
@@ -455,5 +500,13 @@ mod tests {
         let b = Conventions { high_pass: 20.0, ..a.clone() };
         assert_ne!(a.hash(), b.hash());
         assert_eq!(a.hash(), a.clone().hash());
+        let text = serde_json::to_string(&a).unwrap();
+        assert_eq!(serde_json::from_str::<Conventions>(&text).unwrap(), a);
+        let changed = text.replace("\"high_pass\":0.0", "\"high_pass\":20.0");
+        assert_ne!(changed, text);
+        let refused = serde_json::from_str::<Conventions>(&changed).unwrap_err().to_string();
+        assert!(refused.contains("changed under it"), "{refused}");
+        let bare = text.split(",\"hash\"").next().unwrap().to_owned() + "}";
+        assert_eq!(serde_json::from_str::<Conventions>(&bare).unwrap(), a);
     }
 }

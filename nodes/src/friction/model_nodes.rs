@@ -108,6 +108,7 @@ impl Func for FrictionModelFromClips {
     type Params = FrictionModelFromClipsParams;
     type Ports = FrictionModelFromClipsPorts;
     const NAME: &'static str = "FrictionModelFromClips";
+    const VERSION: u32 = 2;
     // They are the provenance of the model's sources.
     const TELLS_PATHS: bool = true;
 
@@ -235,6 +236,7 @@ impl Func for FrictionModelFile {
     type Params = FrictionModelFileParams;
     type Ports = FrictionModelFilePorts;
     const NAME: &'static str = "FrictionModelFile";
+    const VERSION: u32 = 2;
 
     fn check(
         p: &FrictionModelFileParams,

@@ -44,6 +44,7 @@ impl Func for PairFrictionModel {
     type Params = PairFrictionModelParams;
     type Ports = PairFrictionModelPorts;
     const NAME: &'static str = "PairFrictionModel";
+    const VERSION: u32 = 2;
 
     fn eval(
         _: &PairFrictionModelParams,
