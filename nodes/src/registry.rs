@@ -1,5 +1,6 @@
 //! The plain list of all node types.
 
+use crate::contact::analytic_node::AnalyticCollider;
 use crate::contact::detector_node::ContactDetector;
 use crate::contact::router::MaterialRouter;
 use crate::contact::skinned_node::SkinnedSlip;
@@ -25,6 +26,7 @@ use crate::friction::model_nodes::{FrictionModelFile, FrictionModelFromClips};
 use crate::friction::pair_node::PairFrictionModel;
 use crate::mesh::generate_node::MeshGenerator;
 use crate::mesh::sequence_node::MeshSequence;
+use crate::mesh::subdivide_node::MeshSubdivide;
 use crate::modal::bank_node::ModalBankNode;
 use crate::modal::force_node::ImpactForce;
 use crate::modal::from_recording::ModalFromRecording;
@@ -102,7 +104,9 @@ pub fn all() -> Vec<NodeType> {
         NodeType::of::<dsp::nodes::TrimNode>("dsp"),
         NodeType::of::<MeshSequence>("mesh"),
         NodeType::of::<MeshGenerator>("mesh"),
+        NodeType::of::<MeshSubdivide>("mesh"),
         NodeType::of::<ContactDetector>("contact"),
+        NodeType::of::<AnalyticCollider>("contact"),
         NodeType::each::<MaterialRouter>("contact"),
         NodeType::of::<SlidingSpeed>("contact"),
         NodeType::of::<SkinnedSlip>("contact"),

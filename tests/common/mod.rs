@@ -115,3 +115,42 @@ pub fn run_file(path: &Path, options: &PlanOptions, out: &Path) -> Result<Report
     let graph = loaded.graph.ok_or_else(|| render(&loaded.diagnostics, &loaded.sources, false))?;
     run_graph(&graph, &DirFiles::new(loaded.root, Limits::default()), options, out)
 }
+
+/// A file or folder of the data beside the repository, where it is there; `FOLEY_DATA` names another place.
+pub fn shared(path: &str) -> Option<PathBuf> {
+    let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data");
+    let folder = std::env::var_os("FOLEY_DATA").map_or_else(beside, PathBuf::from);
+    let found = folder.join(path).canonicalize().ok();
+    if found.is_none() {
+        eprintln!("skipped: there is no {}", folder.join(path).display());
+    }
+    found
+}
+
+/// A numeric stream of a NPY file: the numbers of each item.
+pub fn npy(bytes: &[u8]) -> Vec<Vec<f32>> {
+    let head = 10 + usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
+    let shape = std::str::from_utf8(&bytes[10..head]).unwrap();
+    let shape = shape.split_once("'shape': (").unwrap().1.split_once(')').unwrap().0;
+    let width: usize = shape.split(',').skip(1).filter_map(|n| n.trim().parse::<usize>().ok()).product();
+    let all: Vec<f32> =
+        bytes[head..].chunks_exact(4).map(|b| f32::from_le_bytes(b.try_into().unwrap())).collect();
+    all.chunks(width.max(1)).map(<[f32]>::to_vec).collect()
+}
+
+/// The samples of a WAV file, channels averaged.
+pub fn wav(path: &Path) -> Vec<f32> {
+    let file = std::fs::File::open(path).unwrap();
+    foley_nodes::io::AudioReader::open(Box::new(file)).unwrap().read_mono().unwrap()
+}
+
+/// The program, run in a folder, whose error output is shown where it fails.
+pub fn foley(folder: &Path, arguments: &[&str]) -> serde_json::Value {
+    let report = folder.join("report.json");
+    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_foley"));
+    command.current_dir(env!("CARGO_MANIFEST_DIR")).args(arguments);
+    command.args(["--no-cache", "--quiet", "--out"]).arg(folder).arg("--report").arg(&report);
+    let ran = command.output().unwrap();
+    assert!(ran.status.success(), "{arguments:?}\n{}", String::from_utf8_lossy(&ran.stderr));
+    serde_json::from_slice(&std::fs::read(report).unwrap()).unwrap()
+}

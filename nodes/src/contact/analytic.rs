@@ -2,9 +2,11 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::detector::Contact;
+use super::detector::{Contact, check_finite, narrow};
 use super::error::ContactError;
 use super::vector::{Vec3, add, cross, dot, norm, scale, sub, widen};
+use crate::spatial;
+use crate::spatial::pose::unit;
 
 /// A collider in its own frame.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -40,7 +42,31 @@ impl Default for Pose {
     }
 }
 
+impl From<spatial::Pose> for Pose {
+    fn from(pose: spatial::Pose) -> Self {
+        let rotation = pose.rotation.map(f64::from);
+        // In double precision the quaternion of a stream is not quite of length 1, which would make the body breathe.
+        let length = rotation.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let rotation = if length > 0.0 { rotation.map(|x| x / length) } else { Self::default().rotation };
+        Self { rotation, position: widen(pose.position) }
+    }
+}
+
 impl Pose {
+    /// A collider at a place whose own z points along `axis`, by the shortest turn; `None` where that has no direction.
+    #[must_use]
+    pub fn along(position: [f64; 3], axis: [f64; 3]) -> Option<Self> {
+        let [x, y, z] = unit(axis)?;
+        let rotation = if z > -1.0 + 1e-9 {
+            // The quaternion half-way between no turn and twice the turn from z to the axis.
+            let length = (2.0 * (1.0 + z)).sqrt();
+            [1.0 + z, -y, x, 0.0].map(|part| part / length)
+        } else {
+            [0.0, 1.0, 0.0, 0.0]
+        };
+        Some(Self { rotation, position })
+    }
+
     /// A world point in the collider's frame.
     #[must_use]
     pub fn to_local(self, x: [f64; 3]) -> [f64; 3] {
@@ -104,7 +130,7 @@ pub struct Moving {
 /// One position per vertex in `cloth` and `next`; `out` holds the same number of slots for each, nearest first.
 ///
 /// # Errors
-/// [`ContactError::Length`] when the lengths don't fit.
+/// [`ContactError`] when the lengths don't fit, and for positions that are not finite.
 ///
 /// # Complexity
 /// O(V colliders slots). Never allocates.
@@ -128,6 +154,8 @@ pub fn merge(
         let expected = slots.max(1) * cloth.len();
         return Err(ContactError::Length { what: "the output", found: out.len(), expected });
     }
+    check_finite(0, cloth)?;
+    check_finite(0, next)?;
     let mut added = 0;
     for ((x0, x1), kept) in cloth.iter().zip(next).zip(out.chunks_mut(slots)) {
         let (x0, x1) = (widen(*x0), widen(*x1));
@@ -135,7 +163,7 @@ pub fn merge(
             let Some((height, _)) = collider.shape.distance_and_normal(collider.pose.to_local(x0)) else {
                 continue;
             };
-            let distance = height.abs() as f32;
+            let distance = narrow(height.abs());
             let nearer = |c: &Contact| c.is_some() && c.distance <= distance;
             let place = kept.partition_point(nearer);
             if distance > radius || place == kept.len() {
@@ -149,8 +177,8 @@ pub fn merge(
                 triangle: 0,
                 distance,
                 beta: [0.0; 2],
-                slide: slide as f32,
-                approach: approach as f32,
+                slide: narrow(slide),
+                approach: narrow(approach),
             };
             added += 1;
         }
@@ -194,6 +222,17 @@ mod tests {
         let pose = turned(0, std::f64::consts::FRAC_PI_2, [1.0, 2.0, 0.0]);
         let (slid, approach) = capsule.slide(x, &Pose::default(), carried, &pose).unwrap();
         assert!(slid < 1e-15 && approach.abs() < 1e-15);
+    }
+
+    #[test]
+    fn an_axis_is_where_the_own_z_points() {
+        for axis in [[0.0, 0.0, 2.0], [1.0, 0.0, 0.0], [0.3, -0.5, -0.4], [0.0, 0.0, -1.0], [1e-6, 0.0, -1.0]]
+        {
+            let tip = add([1.0, 2.0, 3.0], unit(axis).unwrap());
+            let local = Pose::along([1.0, 2.0, 3.0], axis).unwrap().to_local(tip);
+            assert!(norm(sub(local, [0.0, 0.0, 1.0])) < 1e-5, "{axis:?}: {local:?}");
+        }
+        assert_eq!(Pose::along([0.0; 3], [0.0; 3]), None);
     }
 
     #[test]

@@ -9,7 +9,7 @@ use super::error::ContactError;
 use super::exclusion::Exclusion;
 use super::neighbourhood::Neighbourhoods;
 use super::query::{Candidate, Scene, Scratch};
-use super::slip::{in_plane, slide};
+use super::slip::{SlipMode, in_plane, naive, slide};
 use super::tree::{Tree, sort_by_locality};
 use super::triangle::closest_point;
 use super::vector::widen;
@@ -75,11 +75,20 @@ pub struct DetectorParams {
     pub two_sided: bool,
     /// Whether the cloth touches itself.
     pub self_contact: bool,
+    /// How a slide is measured.
+    pub slip: SlipMode,
 }
 
 impl Default for DetectorParams {
     fn default() -> Self {
-        Self { radius: 0.05, exclude: Exclude::Auto, max_contacts: 1, two_sided: true, self_contact: true }
+        Self {
+            radius: 0.05,
+            exclude: Exclude::Auto,
+            max_contacts: 1,
+            two_sided: true,
+            self_contact: true,
+            slip: SlipMode::Exact,
+        }
     }
 }
 
@@ -255,7 +264,7 @@ impl Detector {
                 for (slot, candidate) in out[v * slots..].iter_mut().zip(found) {
                     *slot = if candidate.is_some() {
                         let corners = scene.corners(candidate);
-                        measure(v, candidate, corners, now, next, &mut detection)
+                        measure(v, candidate, corners, (now, next), self.params.slip, &mut detection)
                     } else {
                         Contact::default()
                     };
@@ -326,8 +335,8 @@ fn measure(
     v: usize,
     candidate: &Candidate,
     corners: [u32; 3],
-    now: Frame<'_>,
-    next: Option<Frame<'_>>,
+    (now, next): (Frame<'_>, Option<Frame<'_>>),
+    mode: SlipMode,
     detection: &mut Detection,
 ) -> Contact {
     detection.contacts += 1;
@@ -339,7 +348,11 @@ fn measure(
     let (x, triangle) = at(now);
     let moved = next.map(|next| {
         let (x_next, triangle_next) = at(next);
-        slide(x, triangle, x_next, triangle_next)
+        let mut moved = slide(x, triangle, x_next, triangle_next);
+        if mode == SlipMode::Naive && !moved.degenerate {
+            moved.tangential = naive(x, triangle, x_next, triangle_next);
+        }
+        moved
     });
     let beta = moved.filter(|m| !m.degenerate).map(|m| m.beta).or_else(|| in_plane(x, triangle));
     detection.degenerate += usize::from(beta.is_none() || moved.is_some_and(|m| m.degenerate));
@@ -359,7 +372,7 @@ fn measure(
 }
 
 /// Single precision, finite also for motions across all of its range.
-fn narrow(x: f64) -> f32 {
+pub(super) fn narrow(x: f64) -> f32 {
     x.clamp(f64::from(f32::MIN), f64::from(f32::MAX)) as f32
 }
 
@@ -394,7 +407,7 @@ fn check_topology(surface: usize, topology: &Topology) -> Result<(), ContactErro
     check_finite(surface, &topology.rest)
 }
 
-fn check_finite(surface: usize, positions: &[[f32; 3]]) -> Result<(), ContactError> {
+pub(super) fn check_finite(surface: usize, positions: &[[f32; 3]]) -> Result<(), ContactError> {
     // Zero times a number is 0 only if the number is finite; one comparison serves three coordinates.
     match positions.iter().position(|p| p[0] * 0.0 + p[1] * 0.0 + p[2] * 0.0 != 0.0) {
         Some(vertex) => Err(ContactError::NotFinite { surface, vertex }),

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use super::slip::SlipMode;
 use super::{ContactError, Contacts, ContactsFormat, Detection, Detector, DetectorParams, Exclude};
 use crate::core::fault::{Fault, Reject};
 use crate::core::node::{Class, Node, Summary};
@@ -9,7 +10,15 @@ use crate::core::ports::{In, Many, Stream};
 use crate::core::shape::{Build, Ends, Incoming, Shape};
 use crate::core::time::Rate;
 use crate::mesh::{Mesh, MeshFormat, vertex_areas};
-use crate::{params, ports};
+use crate::{choices, params, ports};
+
+choices! { @param SlipMode {
+    /// Along the triangle, and exactly zero under any rigid motion of the pair.
+    Exact,
+    /// The displacement against the closest point, as the paper can be read: it keeps the part along the normal, and hears
+    /// a rotation of the pair as sliding at the angle per second times the gap. For comparison.
+    Naive,
+} }
 
 params! {
     /// Which triangles the vertices of a cloth touch, and how far they slide along them until the next frame.
@@ -36,6 +45,8 @@ params! {
         two_sided: bool = true;
         /// Whether the cloth touches itself.
         self_contact: bool = true;
+        /// How a slide is measured.
+        slip: SlipMode = SlipMode::Exact;
     }
 }
 
@@ -120,11 +131,12 @@ fn detector_params(p: &ContactDetectorParams) -> DetectorParams {
         max_contacts: p.max_contacts,
         two_sided: p.two_sided,
         self_contact: p.self_contact,
+        slip: p.slip,
     }
 }
 
-/// The field that an error of the detector is about.
-fn fault(error: &ContactError) -> Fault {
+/// The field that an error of the contacts is about.
+pub(super) fn fault(error: &ContactError) -> Fault {
     let field = match error {
         ContactError::Corner { surface, .. }
         | ContactError::Size { surface, .. }

@@ -3,6 +3,7 @@
 //! them, [`gate`], [`spline`] and [`speed`] turn the measurements into the sliding speed that a friction sound follows.
 
 pub mod analytic;
+pub mod analytic_node;
 mod boxes;
 pub mod detector;
 pub mod detector_node;

@@ -1,7 +1,19 @@
 //! How far a vertex slides over the triangle that it touches, from one frame to the next.
 
+use serde::{Deserialize, Serialize};
+
 use super::triangle::{closest_point, is_degenerate};
 use super::vector::{Vec3, add, cross, dot, norm, scale, sub};
+
+/// How the slide of a contact is measured.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum SlipMode {
+    /// Along the triangle, exactly 0 under any rigid motion of the pair: [`slide`].
+    #[default]
+    Exact,
+    /// The displacement against the closest point: [`naive`].
+    Naive,
+}
 
 /// Motion of a vertex relative to one triangle between two frames, metres.
 ///

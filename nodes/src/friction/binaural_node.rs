@@ -1,7 +1,7 @@
 //! Friction noise as two ears hear it, as a node.
 
 use super::ift_noise::{AreaWeight, ClipInput, Emitters, IftNoise, IftNoiseParams, Magnitude};
-use super::ift_noise_node::{EmitterKind, hop, told};
+use super::ift_noise_node::{EmitterKind, MotionAt, hop, told};
 use super::interpolate::Gain;
 use super::{ClipStream, FrictionModel, Window};
 use crate::contact::Speeds;
@@ -17,17 +17,17 @@ use crate::core::time::{Rate, Tick};
 use crate::dsp;
 use crate::mesh::Mesh;
 use crate::spatial::hrtf_node::Pinna;
-use crate::spatial::track::{listener, pose_at};
+use crate::spatial::track::{frames_of, listener, on_frames, pose_at};
 use crate::spatial::{Distance, Head, HeadReceiver, Pose, Poses};
 use crate::{params, ports};
 
 params! {
     /// The sound of sliding cloth at the two ears of a listener: as `IftNoise`, with every patch of cloth where it is.
     ///
-    /// `mesh` is the cloth whose vertices slide. Vertices in one cell of 0.1 m share phases, and there are at most 64 such patches; each
-    /// is heard from its own direction and distance as in `StructuralHrtf` and `DistanceGain`, at the middle of a clip. Both ears get
-    /// the same phases of a patch: independent ones would destroy all cues. The gains of the ears are laid on spectra, so delays wrap
-    /// around within a clip, which is not heard; the middle of the head hears the cloth at its time.
+    /// `mesh` is the cloth whose vertices slide. Vertices in one cell of a grid share phases: such a cluster is heard from its own
+    /// direction and distance as in `StructuralHrtf` and `DistanceGain`. Both ears get the same phases of a cluster: independent ones
+    /// would destroy all cues. The gains of the ears are laid on spectra, so delays wrap around within a clip, which is not heard; the
+    /// middle of the head hears the cloth at its time.
     ///
     /// # Randomness
     /// A phase follows from the seed, the emitter, the clip and the bin alone.
@@ -58,6 +58,12 @@ params! {
         magnitude: Magnitude = Magnitude::Fixed;
         /// How vertices become sound sources.
         emitters: EmitterKind = EmitterKind::Clustered;
+        /// Most clusters of `Clustered`: beyond them the weakest join the nearest of the others.
+        clusters: usize = 64, unit "clusters", range 1..=4096;
+        /// Edge of a cluster's cell.
+        cell: f32 = 0.1, unit "m", range 0.001..=1000.0;
+        /// When in a clip speeds, places and the listener are taken.
+        motion_at: MotionAt = MotionAt::Centre;
         /// How loud a vertex is for its area.
         area_weight: AreaWeight = AreaWeight::Sqrt;
         /// Level of spectra between measured speeds.
@@ -112,17 +118,6 @@ fn positions_at(mesh: &In<'_, Mesh>, tick: Tick, out: &mut [[f32; 3]]) {
     }
 }
 
-/// Frames of another stream within one period of the speeds.
-fn frames_of(speeds: Rate, other: Rate) -> usize {
-    other.first_at(speeds.span(1)) as usize
-}
-
-/// Whether every speed comes at the time of a frame of another stream, so that nothing lies between frames.
-fn on_frames(speeds: Rate, other: Rate) -> bool {
-    let product = |a: Rate, b: Rate| i128::from(a.num()) * i128::from(b.den());
-    product(other, speeds) % product(speeds, other) == 0
-}
-
 impl Node for BinauralIftNoise {
     type Params = BinauralIftNoiseParams;
     type Ports = BinauralIftNoisePorts;
@@ -145,18 +140,19 @@ impl Node for BinauralIftNoise {
                 .at("mesh")
                 .help("link the mesh whose contacts give the speeds"));
         }
-        s.reach(Port::speeds, 1, 1);
+        let [past, ahead] = p.motion_at.reach();
+        s.reach(Port::speeds, past, ahead);
         s.when_ended(Port::speeds, Ends::Stop);
         let near = frames_of(speeds.rate, mesh.rate);
         // Between frames the cloth lies on a line to the next one.
         let next = usize::from(!on_frames(speeds.rate, mesh.rate));
-        s.reach(Port::mesh, near + 1, near + next);
+        s.reach(Port::mesh, past * near + 1, ahead * near + next);
         s.when_ended(Port::mesh, Ends::Hold);
         if let Some(poses) = s.optional(Port::listener) {
             let near = frames_of(speeds.rate, poses.rate);
             // Between frames poses lie on a cubic through two more.
             let next = if on_frames(speeds.rate, poses.rate) { 0 } else { 2 };
-            s.reach(Port::listener, near + 2, near + next);
+            s.reach(Port::listener, past * near + 2, ahead * near + next);
         }
         s.when_ended(Port::listener, Ends::Hold);
         s.output(Port::audio, p.rate, Channels(2));
@@ -172,7 +168,7 @@ impl Node for BinauralIftNoise {
             window: p.window,
             magnitude: p.magnitude,
             emitters: match p.emitters {
-                EmitterKind::Clustered => Emitters::default(),
+                EmitterKind::Clustered => Emitters::Clustered { max: p.clusters, cell: p.cell },
                 EmitterKind::PerVertex => Emitters::PerVertex,
             },
             area_weight: p.area_weight,
@@ -208,12 +204,13 @@ impl Node for BinauralIftNoise {
                 if self.clips.holds(clip) {
                     continue;
                 }
-                let tick = rate.tick(clip as i64);
+                let item = self.params.motion_at.item(clip);
+                let tick = rate.tick(item);
                 positions_at(&io.mesh, tick, &mut self.positions);
                 let head = io.listener.as_ref().map_or(self.listener, |poses| pose_at(poses, tick));
                 self.clips.noise_mut().receiver_mut().set_listener(head);
                 let input = ClipInput {
-                    speeds: speeds.item((clip as i64 - first) as isize),
+                    speeds: speeds.item((item - first) as isize),
                     positions: Some(&self.positions),
                 };
                 self.clips

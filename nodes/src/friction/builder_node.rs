@@ -1,7 +1,9 @@
 //! The roller measurement as a node: a whole recording in, a friction model out.
 
+use std::borrow::Cow;
+
 use super::builder::{BuildError, BuilderParams, build, checked_params, hop_samples};
-use super::encoder::{EncoderError, EncoderTrack};
+use super::encoder::{EncoderError, EncoderTrack, Signal};
 use super::model::{FrictionModel, Source};
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
@@ -10,10 +12,22 @@ use crate::core::params::{AssetPath, Params, Text};
 use crate::core::ports::{Fold, In, Stream};
 use crate::core::random::Draw;
 use crate::core::shape::{Build, Incoming, Shape};
-use crate::{params, ports};
+use crate::core::time::TICKS_PER_SECOND;
+use crate::{choices, params, ports};
+
+choices! { @param Signal {
+    /// Speed of the surface; either sign is a speed.
+    Speed,
+    /// Angle of the roller, going on or wrapped at whole turns; less than half a turn in a millisecond.
+    Angle,
+} }
 
 params! {
     /// Measures a friction model: cloth turns on a roller against cloth while an encoder notes its speed.
+    ///
+    /// The encoder is a CSV, or a signal that was recorded beside the sound: a second channel, or a file of its own at any
+    /// rate, linked at `turning`. About a thousand samples a second of it are used. One that is noisy goes through a
+    /// `LowPass` first.
     ///
     /// Cuts the recording into clips under a triangular window, drops those on the seam, at rest or changing speed, and
     /// averages the power of clips of like speed. The channels of the recording are averaged first. The sound of the
@@ -24,8 +38,13 @@ params! {
     /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 2. The
     /// paper keeps one spectrum per clip, whose bins scatter by 100 %: `raw` does that.
     pub struct FrictionModelBuilderParams {
-        /// CSV of the encoder with the header `time_s,speed_m_s` or `time_s,angle_rad`; time 0 is the first sample.
-        encoder: AssetPath;
+        /// CSV of the encoder with the header `time_s,speed_m_s` or `time_s,angle_rad`; time 0 is the first sample. None where
+        /// `turning` is linked.
+        encoder: Option<AssetPath> = None;
+        /// What `turning` tells.
+        signal: Signal = Signal::Speed;
+        /// What a sample of 1 of `turning` stands for, in m/s or radians: 6.2832 for a channel that goes from 0 to 1 each turn.
+        full_scale: f64 = 1.0, unit "m/s or rad", range 0.000001..=1000000.0;
         /// Radius of the roller with the cloth on it, for angles and seams.
         roller_radius: f64 = 0.0, unit "m", range 0.0..=100.0;
         /// Angles that the seam covers, from and to.
@@ -62,6 +81,8 @@ ports! {
             recording: Stream<f32>,
             /// The same roller at rest, at the same rate: the noise floor.
             rest: Option<Stream<f32>>,
+            /// What the encoder told while the roller was recorded, in place of its CSV; begins with the recording.
+            turning: Option<Stream<f32>>,
         }
         out {
             /// The friction model, once the recording has ended.
@@ -73,33 +94,63 @@ ports! {
 /// The node over [`build`].
 pub struct FrictionModelBuilder {
     fs: f64,
-    encoder: EncoderTrack,
+    encoder: Encoder,
     params: BuilderParams,
     recording: Take,
     rest: Option<Take>,
+}
+
+/// Where the turning of the roller is known from.
+enum Encoder {
+    Table(EncoderTrack),
+    Signal { take: Take, rate: f64, signal: Signal, full_scale: f64 },
+}
+
+impl Encoder {
+    fn track(&self) -> Cow<'_, EncoderTrack> {
+        match self {
+            Self::Table(track) => Cow::Borrowed(track),
+            Self::Signal { take, rate, signal, full_scale } => {
+                let rate = rate / take.step as f64;
+                Cow::Owned(EncoderTrack::from_signal(&take.samples, rate, *signal, *full_scale))
+            }
+        }
+    }
+
+    /// The field that it comes from.
+    fn field(&self) -> &'static str {
+        if matches!(self, Self::Table(_)) { "encoder" } else { "turning" }
+    }
 }
 
 /// A whole recording, mono.
 struct Take {
     samples: Vec<f32>,
     length: usize,
+    /// One of so many samples is kept.
+    step: usize,
 }
 
 /// Longest recording, in samples: half an hour at 192 kHz.
 const LONGEST: i64 = 1800 * 192_000;
 
+/// Readings of the encoder per second that are enough for clips of tens of milliseconds.
+const READINGS: f64 = 1000.0;
+
 impl Take {
-    fn new(audio: &Incoming<f32>) -> Self {
+    fn new(audio: &Incoming<f32>, step: usize) -> Self {
         let length = audio.items().unwrap_or(0).clamp(0, LONGEST) as usize;
-        Self { samples: Vec::with_capacity(length), length }
+        Self { samples: Vec::with_capacity(length.div_ceil(step)), length, step }
     }
 
     /// Adds a window, without what stands after the end of the recording.
     fn add(&mut self, audio: &In<'_, f32>) {
-        let width = audio.width().max(1);
-        let left = self.length.saturating_sub(self.samples.len());
+        let (width, first) = (audio.width().max(1), audio.first().max(0) as usize);
+        let left = self.length.saturating_sub(first);
         let mean = |frame: &[f32]| frame.iter().sum::<f32>() / width as f32;
-        self.samples.extend(audio.items().chunks_exact(width).take(left).map(mean));
+        let frames = audio.items().chunks_exact(width).take(left);
+        let next = first.next_multiple_of(self.step) - first;
+        self.samples.extend(frames.skip(next).step_by(self.step).map(mean));
     }
 }
 
@@ -141,13 +192,39 @@ fn check_enough(port: &str, audio: &Incoming<f32>, least: usize, why: &str) -> R
     Err(Reject::new("F077", message).at(port).help("give a longer recording, or a shorter `clip`"))
 }
 
-/// The track of the encoder, where its times and readings can be used.
-fn track(p: &FrictionModelBuilderParams, bytes: &[u8]) -> Result<EncoderTrack, Reject> {
+/// The track of an encoder's table, where its times and readings can be used.
+fn table(p: &FrictionModelBuilderParams, path: &str, bytes: &[u8]) -> Result<EncoderTrack, Reject> {
     let track = EncoderTrack::from_csv(bytes).and_then(|track| track.motion(p.roller_radius).map(|_| track));
-    track.map_err(|e| {
-        let field = if matches!(e, EncoderError::Radius { .. }) { "roller_radius" } else { "encoder" };
-        Reject::new("F077", format!("{:?}: {e}", p.encoder.0)).at(field)
-    })
+    track.map_err(|e| Reject::new("F077", format!("{path:?}: {e}")).at(encoder_field(&e, "encoder")))
+}
+
+/// The field that an error of the encoder is about.
+fn encoder_field(e: &EncoderError, from: &'static str) -> &'static str {
+    if matches!(e, EncoderError::Radius { .. }) { "roller_radius" } else { from }
+}
+
+/// Refuses a signal that does not end, is too short, or lacks a radius.
+fn check_turning(p: &FrictionModelBuilderParams, turning: &Incoming<f32>) -> Result<(), Reject> {
+    check_length("turning", turning)?;
+    // Two samples show all that can be wrong before the samples are known.
+    let found = turning.items().unwrap_or(0).clamp(0, 2) as usize;
+    let track = EncoderTrack::from_signal(&[0.0; 2][..found], turning.rate.as_f64(), p.signal, p.full_scale);
+    match track.motion(p.roller_radius) {
+        Ok(_) => Ok(()),
+        Err(e) => Err(Reject::new("F077", e.to_string()).at(encoder_field(&e, "turning"))),
+    }
+}
+
+/// Refuses a signal that ends before the recording, but for its last sample.
+fn check_lasts(recording: &Incoming<f32>, turning: &Incoming<f32>) -> Result<(), Reject> {
+    let (Some(recorded), Some(told)) = (recording.end, turning.end) else { return Ok(()) };
+    if told + turning.rate.span(1) >= recorded {
+        return Ok(());
+    }
+    let [told, recorded] = [told, recorded].map(|end| end as f64 / TICKS_PER_SECOND as f64);
+    let message = format!("`turning` ends after {told:.3} s, `recording` after {recorded:.3} s");
+    let help = "cut the recording with Trim, or link a signal that lasts as long";
+    Err(Reject::new("F047", message).at("turning").help(help))
 }
 
 impl Node for FrictionModelBuilder {
@@ -178,18 +255,42 @@ impl Node for FrictionModelBuilder {
             crate::core::node::same_rate("rest", recording.rate, rest.rate)?;
             check_enough("rest", &rest, clip, "one clip, to measure the floor,")?;
         }
-        track(p, &s.bytes("encoder", &p.encoder.0)?)?;
-        Ok(())
+        match (&p.encoder, s.optional(FrictionModelBuilderPorts::turning)) {
+            (Some(path), None) => table(p, &path.0, &s.bytes("encoder", &path.0)?).map(drop),
+            (None, Some(turning)) => {
+                check_turning(p, &turning)?;
+                check_lasts(&recording, &turning)
+            }
+            (Some(_), Some(_)) => {
+                let message =
+                    "both `encoder` and `turning` are given; one of them tells how the roller turned";
+                Err(Reject::new("F077", message).at("encoder").help("leave out one of them"))
+            }
+            (None, None) => {
+                let help = "give `encoder`, a CSV, or link the recorded signal of the encoder to `turning`";
+                Err(Reject::new("F077", "nothing tells how the roller turned").at("encoder").help(help))
+            }
+        }
     }
 
     fn build(p: &FrictionModelBuilderParams, cx: &Build<'_>) -> Result<Self, Fault> {
         let recording = cx.input(FrictionModelBuilderPorts::recording);
+        let encoder = match (&p.encoder, cx.optional(FrictionModelBuilderPorts::turning)) {
+            (Some(path), _) => Encoder::Table(table(p, &path.0, &cx.bytes("encoder", &path.0)?)?),
+            (None, turning) => {
+                let turning =
+                    turning.ok_or_else(|| Fault::new("F077", "nothing tells how the roller turned"))?;
+                let rate = turning.rate.as_f64();
+                let take = Take::new(&turning, ((rate / READINGS) as usize).max(1));
+                Encoder::Signal { take, rate, signal: p.signal, full_scale: p.full_scale }
+            }
+        };
         Ok(Self {
             fs: recording.rate.as_f64(),
-            encoder: track(p, &cx.bytes("encoder", &p.encoder.0)?)?,
+            encoder,
             params: builder_params(p),
-            recording: Take::new(&recording),
-            rest: cx.optional(FrictionModelBuilderPorts::rest).map(|rest| Take::new(&rest)),
+            recording: Take::new(&recording, 1),
+            rest: cx.optional(FrictionModelBuilderPorts::rest).map(|rest| Take::new(&rest, 1)),
         })
     }
 
@@ -198,13 +299,22 @@ impl Node for FrictionModelBuilder {
         if let (Some(take), Some(audio)) = (&mut self.rest, &io.rest) {
             take.add(audio);
         }
+        if let (Encoder::Signal { take, .. }, Some(turning)) = (&mut self.encoder, &io.turning) {
+            take.add(turning);
+        }
         Ok(())
     }
 
     fn finish(&mut self, mut io: FrictionModelBuilderIo<'_>) -> Result<Summary, Fault> {
         let rest = self.rest.as_ref().map(|take| &take.samples[..]);
-        let model = build(&self.recording.samples, self.fs, &self.encoder, rest, &self.params)
-            .map_err(|e| Fault::new("F077", e.to_string()).at("recording"))?;
+        let track = self.encoder.track();
+        let model = build(&self.recording.samples, self.fs, &track, rest, &self.params).map_err(|e| {
+            let field = match &e {
+                BuildError::Encoder(e) => encoder_field(e, self.encoder.field()),
+                _ => "recording",
+            };
+            Fault::new("F077", e.to_string()).at(field)
+        })?;
         let summary = told(&model);
         io.model.set(model);
         Ok(summary)
@@ -214,7 +324,7 @@ impl Node for FrictionModelBuilder {
         let mut files = MemoryFiles::default();
         files.insert("encoder.csv", "time_s,speed_m_s\n0,0.1\n0.05,0.3\n0.5,1.0\n10,1.2\n1000,9.0\n");
         let params = FrictionModelBuilderParams {
-            encoder: "encoder.csv".into(),
+            encoder: Some("encoder.csv".into()),
             clip: draw.between(0.06, 0.2),
             hop: draw.between(0.03, 0.06),
             speed_change: 10.0,
@@ -252,22 +362,24 @@ mod tests {
     use crate::core::time::{Rate, ticks};
 
     fn all_params() -> FrictionModelBuilderParams {
-        let text = crate::core::params::Datum::Text("encoder.csv".into());
-        let p = FrictionModelBuilderParams::read(&|name| (name == "encoder").then(|| text.clone())).unwrap();
-        FrictionModelBuilderParams { high_pass: 0.0, ..p }
+        let p = FrictionModelBuilderParams::read(&|_| None).unwrap();
+        FrictionModelBuilderParams { high_pass: 0.0, encoder: Some("encoder.csv".into()), ..p }
     }
 
     /// Noise twice as loud in the second half, where the encoder says that the roller turns twice as fast.
     fn solo(window: f64) -> Solo {
+        let mut solo = recorded(all_params()).window(ticks(window));
+        solo.files.insert("encoder.csv", "time_s,speed_m_s\n0,0.2\n0.99,0.2\n1.01,0.4\n2,0.4\n");
+        solo
+    }
+
+    fn recorded(p: FrictionModelBuilderParams) -> Solo {
         let random = Random::new(1, "roller");
         let noise = |i: u64| (random.uniform(0, i, 0) - 0.5) as f32 * if i < 8000 { 0.1 } else { 0.2 };
         let stereo = (0..16_000).flat_map(|i| [noise(i), noise(i)]).collect();
-        let mut solo = Solo::new::<FrictionModelBuilder>(all_params())
+        Solo::new::<FrictionModelBuilder>(p)
             .input(FrictionModelBuilderPorts::recording, Rate::hz(8000), Channels(2), stereo)
             .optional(FrictionModelBuilderPorts::rest, Rate::hz(8000), Channels(1), vec![0.0; 4000])
-            .window(ticks(window));
-        solo.files.insert("encoder.csv", "time_s,speed_m_s\n0,0.2\n0.99,0.2\n1.01,0.4\n2,0.4\n");
-        solo
     }
 
     #[test]
@@ -281,6 +393,67 @@ mod tests {
         for window in [0.001, 0.0177] {
             assert_eq!(model(window), whole);
         }
+    }
+
+    /// The take of `solo` with a signal in place of its table.
+    fn with_signal(p: FrictionModelBuilderParams, rate: u32, turning: Vec<f32>) -> Solo {
+        let port = FrictionModelBuilderPorts::turning;
+        let mut solo = recorded(p).optional(port, Rate::hz(rate), Channels(1), turning).window(ticks(0.0377));
+        solo.files.insert("encoder.csv", "time_s,speed_m_s\n0,0.2\n2,0.4\n");
+        solo
+    }
+
+    #[test]
+    fn a_signal_of_the_encoder_gives_the_model_of_its_table() {
+        let model =
+            |solo: Solo| solo.run().unwrap().value(0).unwrap().get::<FrictionModel>().unwrap().clone();
+        // A ramp of quarters of a thousandth, which single precision and text both hold exactly.
+        let speed = |i: usize| 0.25 + i as f32 / 4096.0;
+        let mut tabled = solo(3.0);
+        let rows: String =
+            (0..2048).map(|i| format!("{},{}\n", i as f64 / 1000.0, f64::from(speed(i)))).collect();
+        tabled.files.insert("encoder.csv", format!("time_s,speed_m_s\n{rows}"));
+        let wanted = model(tabled);
+        assert!(wanted.speeds.len() > 5);
+        let p = FrictionModelBuilderParams { encoder: None, ..all_params() };
+        assert!(model(with_signal(p.clone(), 1000, (0..2048).map(speed).collect())) == wanted);
+        // At 8 kHz and backwards, with full scale at 2 m/s: every eighth sample counts.
+        let half = FrictionModelBuilderParams { full_scale: 2.0, ..p.clone() };
+        let fine = (0..2048 * 8).map(|i| if i % 8 == 0 { -0.5 * speed(i / 8) } else { 9.0 }).collect();
+        assert!(model(with_signal(half, 8000, fine)) == wanted);
+        // As an angle that wraps each turn, on a roller of 0.1 m; its speed is a difference and so not the same bits.
+        let angle = FrictionModelBuilderParams {
+            signal: Signal::Angle,
+            full_scale: std::f64::consts::TAU,
+            roller_radius: 0.1,
+            ..p
+        };
+        let turned = |i: usize| {
+            let t = i as f64 / 1000.0;
+            ((0.25 * t + 0.5 * t * t * 1000.0 / 4096.0) / 0.1 / std::f64::consts::TAU).fract() as f32
+        };
+        let found = model(with_signal(angle, 1000, (0..2048).map(turned).collect()));
+        assert_eq!(found.clips, wanted.clips);
+        assert!(found.speeds.iter().zip(&wanted.speeds).all(|(a, b)| (a / b - 1.0).abs() < 1e-3));
+    }
+
+    #[test]
+    fn no_encoder_two_of_them_and_one_that_cannot_be_used_are_refused() {
+        let p = FrictionModelBuilderParams { encoder: None, ..all_params() };
+        let refused = |solo: Solo| solo.shape().err().map(|reject| reject.field.unwrap_or_default());
+        let signal = || vec![0.3; 2000];
+        assert_eq!(refused(with_signal(p.clone(), 1000, signal())), None);
+        assert_eq!(refused(with_signal(all_params(), 1000, signal())), Some("encoder".into()));
+        assert_eq!(refused(recorded(p.clone())), Some("encoder".into()));
+        assert_eq!(refused(with_signal(p.clone(), 1000, vec![0.3])), Some("turning".into()));
+        // The recording lasts 2 s.
+        assert_eq!(refused(with_signal(p.clone(), 1000, vec![0.3; 1999])), None);
+        let short = with_signal(p.clone(), 1000, vec![0.3; 1900]).shape().unwrap_err();
+        assert_eq!((short.code, short.field.as_deref()), ("F047", Some("turning")));
+        let angle = FrictionModelBuilderParams { signal: Signal::Angle, ..p.clone() };
+        assert_eq!(refused(with_signal(angle, 1000, signal())), Some("roller_radius".into()));
+        let fault = with_signal(p, 1000, vec![f32::NAN; 2000]).run().err().unwrap();
+        assert_eq!((fault.code, fault.field.as_deref()), ("F077", Some("turning")));
     }
 
     #[test]

@@ -50,17 +50,46 @@ choices! { @param Gain {
 choices! {
     /// How vertices become sound sources.
     pub enum EmitterKind {
-        /// The powers of all vertices are added before phases are drawn: one transform per clip.
+        /// The powers of vertices that are heard from one place are added before phases are drawn: one transform per clip. For
+        /// `IftNoise`, which knows no places, that is all of them.
         Clustered,
         /// Every vertex has phases of its own: the reference, and slow.
         PerVertex,
     }
 }
 
+choices! {
+    /// When in a clip the motion is taken that it sounds of.
+    pub enum MotionAt {
+        /// At its middle: in time on average, though the start of a slide is heard half a clip early.
+        Centre,
+        /// At its start: nothing is heard early and nothing waited for, for live use; all is heard half a clip later.
+        Start,
+    }
+}
+
+impl MotionAt {
+    /// Speeds before and after those of a window that its clips are made of.
+    pub(super) fn reach(self) -> [usize; 2] {
+        match self {
+            Self::Centre => [1, 1],
+            Self::Start => [2, 0],
+        }
+    }
+
+    /// The speed that a clip is made of; each is the middle of one clip and the start of the next.
+    pub(super) fn item(self, clip: u64) -> i64 {
+        match self {
+            Self::Centre => clip as i64,
+            Self::Start => clip as i64 - 1,
+        }
+    }
+}
+
 params! {
     /// The sound of sliding cloth: noise with the friction model's spectrum at the speed of every vertex.
     ///
-    /// Each item of `speeds` is the middle of one clip; clips overlap by half and so are two items long: 50 ms at 40
+    /// Each item of `speeds` is the middle of one clip, or its start (`motion_at`); clips overlap by half and so are two items long: 50 ms at 40
     /// speeds per second. A clip has the model's amplitudes and random phases and is made by an inverse Fourier transform.
     /// Speeds outside of the model are clamped above and fall off in level below; the summary tells their shares. Vertices
     /// that do not slide cost nothing, and where none slides the output is exactly zero.
@@ -84,6 +113,8 @@ params! {
         magnitude: Magnitude = Magnitude::Fixed;
         /// How vertices become sound sources.
         emitters: EmitterKind = EmitterKind::Clustered;
+        /// When in a clip speeds are taken.
+        motion_at: MotionAt = MotionAt::Centre;
         /// How loud a vertex is for its area.
         area_weight: AreaWeight = AreaWeight::Sqrt;
         /// Level of spectra between measured speeds.
@@ -158,7 +189,8 @@ impl Node for IftNoiseNode {
         if let Some(model) = s.value(IftNoisePorts::model) {
             model.validate().map_err(|e| Reject::new("F076", e.to_string()).at("model"))?;
         }
-        s.reach(IftNoisePorts::speeds, 1, 1);
+        let [past, ahead] = p.motion_at.reach();
+        s.reach(IftNoisePorts::speeds, past, ahead);
         s.output(IftNoisePorts::audio, p.rate, Channels(1));
         Ok(())
     }
@@ -190,8 +222,11 @@ impl Node for IftNoiseNode {
         let (speeds, first) = (&io.speeds, io.speeds.first());
         let from = io.audio.first().max(0) as u64;
         let out = io.audio.items();
-        let clip =
-            |clip: u64| ClipInput { speeds: speeds.item((clip as i64 - first) as isize), positions: None };
+        let motion_at = self.params.motion_at;
+        let clip = |clip: u64| ClipInput {
+            speeds: speeds.item((motion_at.item(clip) - first) as isize),
+            positions: None,
+        };
         self.clips.fill(from, out, clip).map_err(|e| Fault::new("F076", e.to_string()).at("speeds"))?;
         self.level.process(out);
         self.peak = out.iter().fold(self.peak, |peak, x| peak.max(x.abs()));

@@ -29,7 +29,7 @@ pub mod window;
 
 pub use builder::{BuildError, BuilderParams, build};
 pub use clip_stream::ClipStream;
-pub use encoder::{EncoderError, EncoderTrack, Reading};
+pub use encoder::{EncoderError, EncoderTrack, Reading, Signal};
 pub use from_clips::{ClipModelParams, Recording, SpeedLaw, from_clips};
 pub use ift_noise::{
     AreaWeight, ClipInput, Emitters, IftNoise, IftNoiseParams, Magnitude, Mono, NoiseError, Receiver,

@@ -24,6 +24,8 @@ mod prepare;
 mod regions;
 mod sampler;
 pub mod sequence_node;
+pub mod subdivide;
+pub mod subdivide_node;
 mod topology;
 
 pub use crate::core::files::ReadSeek;

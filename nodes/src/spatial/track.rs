@@ -4,11 +4,22 @@ use super::item::Poses;
 use super::pose::Pose;
 use crate::core::fault::Reject;
 use crate::core::ports::In;
-use crate::core::time::Tick;
+use crate::core::time::{Rate, Tick};
 
 /// Frames that [`pose_at`] needs before and after the times that it is asked for.
 pub(crate) const PAST: usize = 2;
 pub(crate) const AHEAD: usize = 2;
+
+/// Frames of another stream within one period of a stream.
+pub(crate) fn frames_of(stream: Rate, other: Rate) -> usize {
+    other.first_at(stream.span(1)) as usize
+}
+
+/// Whether every item of a stream comes at the time of a frame of another one, so that nothing lies between frames.
+pub(crate) fn on_frames(stream: Rate, other: Rate) -> bool {
+    let product = |a: Rate, b: Rate| i128::from(a.num()) * i128::from(b.den());
+    product(other, stream) % product(stream, other) == 0
+}
 
 /// The pose at a time of the window, between frames on a smooth way.
 pub(crate) fn pose_at(poses: &In<'_, Poses>, tick: Tick) -> Pose {

@@ -105,6 +105,29 @@ fn a_cloth_alone_touches_itself() {
 }
 
 #[test]
+fn the_naive_slip_hears_a_turn_of_the_pair_as_sliding_and_the_exact_one_does_not() {
+    // Two sheets 10 mm apart that turn together about y, by 0.1 rad a frame.
+    let scene = SlidingPlanes { vertices: [4, 4], size: [0.2, 0.2], gap: 0.01, speed: 0.0 };
+    let (topology, still) = frames(&scene, Rate::hz(60), 1);
+    let turned = |angle: f32| {
+        let (sin, cos) = angle.sin_cos();
+        still.iter().map(move |&[x, y, z]| [cos * x + sin * z, y, cos * z - sin * x])
+    };
+    let all: Vec<[f32; 3]> = (0..3).flat_map(|k| turned(0.1 * k as f32)).collect();
+    let slides = |slip| {
+        let p = ContactDetectorParams { radius: 0.02, slip, ..params() };
+        let port = ContactDetectorPorts::mesh;
+        let format = MeshFormat::moving(topology.clone());
+        let run = Solo::new::<ContactDetector>(p).input(port, Rate::hz(60), format, all.clone()).run();
+        let contacts = run.unwrap().stream(ContactDetectorPorts::contacts);
+        contacts[..2 * 32].iter().map(|c| c.slide).fold((f32::MAX, 0.0_f32), |(a, b), s| (a.min(s), b.max(s)))
+    };
+    let (least, most) = slides(SlipMode::Naive);
+    assert!(least > 0.9e-3 && most < 1.1e-3, "0.1 rad times 10 mm: {least} to {most}");
+    assert!(slides(SlipMode::Exact).1 < 1e-6);
+}
+
+#[test]
 fn faces_that_hang_apart_are_told() {
     let scene = SlidingPlanes { vertices: [4, 4], size: [0.2, 0.2], gap: 0.01, speed: 0.1 };
     let (topology, _) = frames(&scene, Rate::hz(60), 1);

@@ -60,6 +60,7 @@ fn the_trees_find_what_brute_force_finds_on_1000_soups() {
             max_contacts: 1 + dice.below(4) as usize,
             two_sided: dice.below(2) == 0,
             self_contact: dice.below(4) > 0,
+            ..DetectorParams::default()
         };
         let own: Vec<_> =
             (0..cloth.vertex_count()).map(|v| excluded(&cloth, v, params.radius, params.exclude)).collect();

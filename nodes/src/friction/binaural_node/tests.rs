@@ -147,3 +147,50 @@ fn another_mesh_is_refused() {
     let reject = solo.shape().unwrap_err();
     assert!(reject.code == "F067" && reject.message.contains("2 vertices, `mesh` has 3"), "{reject}");
 }
+
+#[test]
+fn one_cluster_is_heard_from_one_place_and_many_from_theirs() {
+    // A vertex on either side of the head: together they are in the middle.
+    let sides = |clusters| {
+        let frames: Vec<[f32; 3]> = (0..60).flat_map(|_| [[2.0, 1.0, 0.0], [2.0, -1.0, 0.0]]).collect();
+        let rest = frames[..2].to_vec();
+        let areas: std::sync::Arc<[f32]> = vec![1e-4; 2].into();
+        let p = BinauralIftNoiseParams { clusters, reference: None, ..params() };
+        let out = Solo::new::<BinauralIftNoise>(p)
+            .input(Port::speeds, Rate::hz(40), areas, vec![0.5; 2 * 40])
+            .value(Port::model, model())
+            .input(Port::mesh, Rate::hz(60), MeshFormat::moving(Topology { rest, triangles: vec![] }), frames)
+            .run()
+            .unwrap()
+            .stream(Port::audio);
+        ears(&out)
+    };
+    let [left, right] = sides(1);
+    assert!(left == right, "one place, in front");
+    let [left, right] = sides(2);
+    assert!(left != right);
+}
+
+#[test]
+fn motion_at_the_start_of_a_clip_sounds_as_at_its_middle_half_a_clip_later() {
+    let way = |t: f32| [2.0, 1.5 - 3.0 * t, 0.0];
+    let run = |motion_at| {
+        let p = BinauralIftNoiseParams { motion_at, ..params() };
+        let solo = solo(p, 1, way);
+        (solo.shape().unwrap().reach[0].ahead, solo.run().unwrap().stream(Port::audio))
+    };
+    let ((ahead, start), (_, centre)) = (run(MotionAt::Start), run(MotionAt::Centre));
+    assert_eq!(ahead, 0);
+    // Phases belong to the clip and not to what it is made of, so that only levels can be compared.
+    let level = |out: &[f32], from: usize, ear: usize| {
+        let part = out[2 * from..2 * (from + 9600)].iter().skip(ear).step_by(2);
+        part.map(|x| f64::from(*x).powi(2)).sum::<f64>()
+    };
+    for from in [0, 9600, 24_000] {
+        for ear in [0, 1] {
+            let (a, b) = (level(&start, from + 1200, ear), level(&centre, from, ear));
+            let decibels = 10.0 * (a / b).log10();
+            assert!(decibels.abs() < 0.6, "from {from}, ear {ear}: {decibels} dB");
+        }
+    }
+}

@@ -41,6 +41,26 @@ fn rest_is_exactly_silent_and_audio_lasts_as_long_as_the_speeds() {
 }
 
 #[test]
+fn motion_taken_at_the_start_of_a_clip_is_heard_from_then_on_and_not_before() {
+    let mut speeds = vec![0.0; 40 * VERTICES];
+    speeds[20 * VERTICES] = 0.4;
+    let p = IftNoiseNodeParams { motion_at: MotionAt::Start, ..params() };
+    let run = |window| {
+        let solo = solo(p.clone(), Rate::hz(40), speeds.clone()).window(window);
+        assert_eq!(solo.shape().unwrap().reach[0].ahead, 0, "nothing is waited for");
+        solo.run().unwrap().stream(IftNoisePorts::audio)
+    };
+    let audio = run(TICKS_PER_SECOND);
+    let sounds = 24_000..24_000 + 2400;
+    assert!(audio[..sounds.start].iter().all(|x| *x == 0.0));
+    assert!(audio[sounds.start..sounds.start + 100].iter().any(|x| *x != 0.0));
+    assert!(audio[sounds.end..].iter().all(|x| *x == 0.0));
+    for window in [ticks(0.0011), ticks(0.0173), ticks(0.025)] {
+        assert!(run(window) == audio);
+    }
+}
+
+#[test]
 fn the_level_is_that_of_the_model_at_the_speed_and_follows_it() {
     let level = |speed: f32| {
         let audio = solo(params(), Rate::hz(40), vec![speed; 200 * VERTICES])

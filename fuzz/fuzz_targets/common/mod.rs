@@ -1,0 +1,29 @@
+//! What the targets of value files share.
+
+use foley_nodes::core::item::AnyValue;
+use foley_nodes::core::node::Func;
+use foley_nodes::core::params::{Datum, Params};
+use foley_nodes::core::solo::Solo;
+
+/// The value that a node makes of a file, which can then be shown in every way that it can be tapped, and goes through the
+/// cache unchanged; `None` where it is refused with a reason.
+pub fn value_of<F: Func>(bytes: &[u8]) -> Option<AnyValue> {
+    let path = |name: &str| (name == "path").then(|| Datum::Text("file".into()));
+    let params = F::Params::read(&path).ok()?;
+    let mut solo = Solo::func::<F>(params);
+    solo.files.insert("file", bytes);
+    match solo.run() {
+        Ok(run) => {
+            let value = run.value(0)?;
+            let kind = value.kind();
+            let _ = ((kind.json)(&value).to_string(), (kind.plot)(&value), (kind.file)(&value));
+            let kept = (kind.encode)(&value).and_then(|bytes| (kind.decode)(&bytes));
+            assert!(kept.is_some(), "a value that was read cannot be kept");
+            Some(value)
+        }
+        Err(fault) => {
+            assert!(fault.code != "F099" && !fault.message.is_empty(), "{fault}");
+            None
+        }
+    }
+}

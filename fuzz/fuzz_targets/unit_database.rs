@@ -1,0 +1,11 @@
+//! Databases of units from their own files: refused, or such that they can be shown and kept.
+#![no_main]
+
+mod common;
+
+use foley_nodes::unit::database_node::UnitDatabaseFile;
+use libfuzzer_sys::fuzz_target;
+
+fuzz_target!(|bytes: &[u8]| {
+    let _ = common::value_of::<UnitDatabaseFile>(bytes);
+});

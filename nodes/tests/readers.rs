@@ -1,0 +1,175 @@
+//! A fixed-seed fuzzer of every node that reads a file: damaged files end in an error that names what is wrong or in a usable
+//! value, never in a panic, in numbers that are not finite, or in memory without bound.
+
+use foley_nodes::core::item::AnyValue;
+use foley_nodes::core::ports::Arity;
+use foley_nodes::core::random::Draw;
+use foley_nodes::core::solo::{Solo, SoloRun};
+use foley_nodes::core::time::ticks;
+use foley_nodes::friction::{EncoderTrack, FrictionModel};
+use foley_nodes::registry::all;
+
+/// Damaged files per node type.
+const ROUNDS: u64 = 400;
+
+/// What a number of a text may have become: nothing, the ends of what is possible, and what is none.
+const EXTREMES: [&str; 9] =
+    ["0", "-1", "1e300", "1e-300", "1e39", "18446744073709551615", "null", "NaN", "0.5"];
+
+/// One change to a file: bytes flipped, cut off, cut out, doubled or put elsewhere, and numbers of a text made extreme.
+fn damage(file: &mut Vec<u8>, draw: &mut Draw) {
+    if file.is_empty() {
+        return;
+    }
+    let at = draw.below(file.len());
+    let end = (at + 1 + draw.below(40)).min(file.len());
+    match draw.below(8) {
+        0 | 1 => file[at] ^= 1 << draw.below(8),
+        2 => file[at] = [0, 1, 0x7f, 0x80, 0xff, b'-', b'9', b','][draw.below(8)],
+        3 => drop(file.drain(at..end)),
+        4 => {
+            let piece = file[at..end].to_vec();
+            let to = if draw.below(2) == 0 { at } else { draw.below(file.len()) };
+            file.splice(to..to, piece);
+        }
+        5 if draw.below(4) == 0 => file.truncate(at),
+        _ => {
+            let digit = (0..file.len()).cycle().skip(at).take(file.len()).find(|&k| file[k].is_ascii_digit());
+            let Some(start) = digit else { return };
+            let number = |b: &u8| b.is_ascii_digit() || b".eE+-".contains(b);
+            let end = start + file[start..].iter().take_while(|b| number(b)).count();
+            file.splice(start..end, EXTREMES[draw.below(EXTREMES.len())].bytes());
+        }
+    }
+}
+
+/// Takes the digest out of a JSON file that has one, so that damage reaches what it guards.
+fn without_digest(file: &mut Vec<u8>) {
+    let Ok(serde_json::Value::Object(mut fields)) = serde_json::from_slice(file) else { return };
+    if fields.remove("content").is_some() {
+        *file = serde_json::Value::Object(fields).to_string().into_bytes();
+    }
+}
+
+/// Everything that a run gives can be shown, and its streams hold numbers.
+fn check(run: &SoloRun, outputs: usize, told: &str) {
+    for port in 0..outputs {
+        if let Some(value) = run.value(port) {
+            let kind = value.kind();
+            let _ = ((kind.json)(&value).to_string(), (kind.plot)(&value), (kind.file)(&value));
+        }
+        assert!(run.numbers(port).1, "{told}: not finite");
+    }
+}
+
+/// A quarter of a second of what a damaged file gives, or why it gives nothing.
+fn read(solo: &Solo, streams: bool) -> Result<SoloRun, foley_nodes::core::fault::Fault> {
+    if !streams {
+        return solo.run();
+    }
+    // The rate may be anything, so that the announced length may be hours.
+    solo.shape()?;
+    let mut run = solo.start()?;
+    for _ in 0..5 {
+        if !run.step()? {
+            run.finish()?;
+            break;
+        }
+    }
+    Ok(run)
+}
+
+#[test]
+fn damaged_files_are_refused_by_name_or_give_something_usable() {
+    let mut readers = 0;
+    for k in 0..all().len() {
+        let ty = all().swap_remove(k);
+        let fed = ty.inputs.iter().any(|port| port.arity != Arity::Optional);
+        let (name, outputs) = (ty.name, ty.outputs);
+        let streams = ty.eval.is_none();
+        if fed || (ty.trial)(&mut Draw::new(0)).1.paths().next().is_none() {
+            continue;
+        }
+        readers += 1;
+        let (mut taken, mut refused) = (0, 0);
+        for round in 0..ROUNDS {
+            let mut draw = Draw::new(round);
+            let ty = all().swap_remove(k);
+            let (params, files) = (ty.trial)(&mut draw);
+            let mut solo = Solo::of_type(ty, params).window(ticks(0.05));
+            solo.until = ticks(0.25);
+            let paths: Vec<String> = files.paths().map(str::to_owned).collect();
+            solo.files = files;
+            if let Some(path) = paths.get(draw.below(paths.len().max(1))) {
+                let mut file = solo.files.bytes(path).unwrap_or_default().to_vec();
+                if round % 2 == 0 {
+                    without_digest(&mut file);
+                }
+                (0..1 + draw.below(3)).for_each(|_| damage(&mut file, &mut draw));
+                solo.files.insert(path.clone(), file);
+            }
+            match read(&solo, streams) {
+                Ok(run) => {
+                    check(&run, outputs.len(), &format!("{name}, round {round}"));
+                    taken += 1;
+                }
+                Err(fault) => {
+                    assert!(
+                        fault.code != "F099" && !fault.message.is_empty(),
+                        "{name}, round {round}: {fault}"
+                    );
+                    refused += 1;
+                }
+            }
+        }
+        println!("{name}: {taken} taken, {refused} refused");
+        assert!(refused > 10 && taken > 0, "{name}: {taken} taken, {refused} refused");
+    }
+    assert!(readers >= 14, "{readers} readers");
+}
+
+#[test]
+fn damaged_tables_of_an_encoder_are_refused_or_tell_a_motion() {
+    let speeds: String =
+        (0..40).map(|k| format!("{:.2},{:.3}\n", 0.02 * f64::from(k), 0.1 + 0.01 * f64::from(k))).collect();
+    let angles: String =
+        (0..40).map(|k| format!("{:.2},{:.3}\n", 0.02 * f64::from(k), 0.3 * f64::from(k))).collect();
+    let (mut taken, mut refused) = (0, 0);
+    for round in 0..4000 {
+        let mut draw = Draw::new(round);
+        let (header, rows) = [("time_s,speed_m_s", &speeds), ("time_s,angle_rad", &angles)][draw.below(2)];
+        let mut table = format!("{header}\n{rows}").into_bytes();
+        (0..1 + draw.below(3)).for_each(|_| damage(&mut table, &mut draw));
+        match EncoderTrack::from_csv(&table).and_then(|track| track.motion(0.05)) {
+            Ok(motion) => {
+                taken += 1;
+                for t in [-1.0, 0.0, 0.31, 0.5, 1e9] {
+                    let (low, high) = motion.speed_range(t, t + 0.05);
+                    assert!(low <= high && motion.speed_at(t) >= 0.0, "round {round} at {t}");
+                }
+            }
+            Err(error) => {
+                refused += 1;
+                assert!(!error.to_string().is_empty());
+            }
+        }
+    }
+    assert!(taken > 200 && refused > 200, "{taken} taken, {refused} refused");
+}
+
+#[test]
+fn damaged_friction_models_that_are_taken_have_finite_power() {
+    let mut draw = Draw::new(5);
+    let mut taken = 0;
+    for _ in 0..3000 {
+        let value = AnyValue::new(<FrictionModel as foley_nodes::core::item::Data>::trial(&mut draw));
+        let mut text = (value.kind().json)(&value).to_string().into_bytes();
+        (0..1 + draw.below(3)).for_each(|_| damage(&mut text, &mut draw));
+        let Ok(model) = serde_json::from_slice::<FrictionModel>(&text) else { continue };
+        if model.validate().is_ok() {
+            assert!(model.power(0.5).is_finite() && model.power(1e9).is_finite());
+            taken += 1;
+        }
+    }
+    assert!(taken > 50, "{taken} taken");
+}
