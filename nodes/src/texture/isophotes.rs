@@ -1,7 +1,8 @@
 //! Lines of equal luminance through an image, with the slope that a tip meets on each.
 
 use super::contour::{Field, Line, Lines, MOST_LEVELS, Saddle, contours};
-use super::filter::{Kernel, smooth};
+use super::filter::Kernel;
+use super::holes::smooth_around;
 use super::item::{Grid, Luma, Surface, Wrap};
 use super::simplify::simplify;
 use rayon::prelude::*;
@@ -138,7 +139,8 @@ pub fn isophotes(luma: &Luma, drawing: &Drawing) -> Result<Isophotes, IsophotesE
         return Err(IsophotesError::Damaged(width, height, samples.len()));
     }
     let wrap = luma.surface.wrap;
-    let blurred = blur_around_holes(luma, drawing.pre_blur);
+    let kernel = Kernel::gaussian(drawing.pre_blur, 4.0);
+    let blurred = smooth_around(&luma.grid, &luma.holes, &kernel, wrap);
     let levels = levels(&blurred, &drawing.levels)?;
     let mut all = Isophotes { width, height, surface: luma.surface, levels, ..Isophotes::default() };
     let found = if wrap == Wrap::Repeat {
@@ -203,27 +205,6 @@ fn keep(
         }
     }
     (curves, points, slopes)
-}
-
-/// The blurred luminance; not a number in holes, which do not count around them.
-fn blur_around_holes(luma: &Luma, sigma: f64) -> Grid {
-    let kernel = Kernel::gaussian(sigma, 4.0);
-    let hole = |k: usize, x: f32| luma.holes.get(k).copied().unwrap_or(false) || !x.is_finite();
-    let grid = &luma.grid;
-    if !grid.samples.iter().enumerate().any(|(k, x)| hole(k, *x)) {
-        return smooth(grid, &kernel, luma.surface.wrap);
-    }
-    let each = |f: &dyn Fn(usize, f32) -> f32| Grid {
-        samples: grid.samples.iter().enumerate().map(|(k, x)| f(k, *x)).collect(),
-        ..*grid
-    };
-    let inside = each(&|k, x| f32::from(u8::from(!hole(k, x))));
-    let filled = each(&|k, x| if hole(k, x) { 0.0 } else { x });
-    let [mut sums, weights] = [filled, inside].map(|grid| smooth(&grid, &kernel, luma.surface.wrap));
-    for (k, (sum, weight)) in sums.samples.iter_mut().zip(&weights.samples).enumerate() {
-        *sum = if hole(k, grid.samples[k]) { f32::NAN } else { *sum / weight };
-    }
-    sums
 }
 
 /// Levels in rising order, each once.

@@ -16,6 +16,7 @@ pub mod feature_nodes;
 mod figure;
 mod filter;
 pub mod histogram;
+pub mod holes;
 pub mod image_node;
 mod isophote_code;
 mod isophote_value;

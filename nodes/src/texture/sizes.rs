@@ -97,13 +97,14 @@ impl Func for MapSizes {
     type Params = MapSizesParams;
     type Ports = MapSizesPorts;
     const NAME: &'static str = "MapSizes";
+    const VERSION: u32 = 2;
 
     fn eval(_: &MapSizesParams, _: &Build<'_>, mut io: MapSizesIo<'_>) -> Result<Summary, Fault> {
         let mut report = SizeReport::new([io.map.gx.width, io.map.gx.height]);
         let mut summary: Summary = vec![("image", report.image.into())];
         let map = |coding| CodedMap::new(io.map, coding, None).bytes.len();
         let features = pack(io.features.grid.samples.iter().map(|f| *f > 0.5)).len();
-        let kurtosis = statistics(&io.noise.grid).kurtosis;
+        let kurtosis = statistics(&io.noise.grid, &io.noise.holes).kurtosis;
         let model = NoiseModel::poles(io.noise, kurtosis).bytes();
         let bands = NoiseModel::bands(io.noise, kurtosis).bytes();
         for (key, what, bytes) in [
@@ -136,7 +137,7 @@ mod tests {
         let solo = Solo::func::<MapSizes>(MapSizesParams::read(&|_| None).unwrap())
             .value(MapSizesPorts::map, map)
             .value(MapSizesPorts::features, FeatureMap { grid: grid.clone(), surface })
-            .value(MapSizesPorts::noise, NoiseMap { grid, surface });
+            .value(MapSizesPorts::noise, NoiseMap { grid, holes: Vec::new(), surface });
         let run = solo.run().unwrap();
         let value = run.value(0).unwrap();
         let report = value.get::<SizeReport>().unwrap();
