@@ -243,3 +243,7 @@ impl Node for ModalBankNode {
         (ModalBankParams { points, tail, ..params }, MemoryFiles::default())
     }
 }
+
+#[cfg(test)]
+#[path = "bank_node_tests.rs"]
+mod tests;

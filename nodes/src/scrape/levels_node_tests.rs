@@ -284,3 +284,25 @@ fn a_strength_that_is_none_is_refused() {
     let error = solo.run().map(|_| ()).unwrap_err();
     assert!(error.code == "F128" && error.to_string().contains("2000000"), "{error}");
 }
+
+#[test]
+fn a_class_chooses_between_map_and_isophotes() {
+    use crate::texture::histogram::classify;
+    let floor = floor(2.0);
+    let grid = Grid::from_fn(8, 8, |x, y| (x * y) as f32);
+    let luma = Luma { grid, holes: Vec::new(), kind: LumaKind::Lstar, surface: Surface::default() };
+    let given = |class, curves: bool| {
+        let mut solo = Solo::func::<LevelMatcher>(params())
+            .feed(LevelMatcherPorts::map.index(), value(&floor.map))
+            .feed(LevelMatcherPorts::class.index(), value(&classify(&luma, 0.2, Some(class))));
+        if curves {
+            solo = solo.feed(LevelMatcherPorts::isophotes.index(), value(&floor.isophotes));
+        }
+        let run = solo.run().unwrap();
+        [kappa(&run, 0), kappa(&run, 1)]
+    };
+    assert_eq!(given(Class::Simple, true), [1.0, 0.0]);
+    let [map, curves] = given(Class::Complex, true);
+    assert!(map == 0.0 && curves > 0.0, "{map} {curves}");
+    assert_eq!(given(Class::Complex, false), [1.0, 0.0]);
+}
