@@ -12,7 +12,7 @@ fn gains(parts: &[Vec<(Tick, PathPiece)>; LEVELS], time: f64) -> [f64; LEVELS] {
     let tick = ticks(time);
     std::array::from_fn(|level| {
         let now = parts[level].iter().rev().find(|(from, p)| (*from..from + p.duration).contains(&tick));
-        now.map_or(0.0, |(from, p)| f64::from(p.gain_at((tick - from) as f64 / p.duration as f64)))
+        now.map_or(0.0, |(from, p)| p.gain_at((tick - from) as f64 / p.duration as f64))
     })
 }
 

@@ -181,7 +181,7 @@ fn edits_while_it_sounds_do_not_move_the_way() {
         for k in 0..8000 {
             let t = 0.05 + f64::from(k) * 1e-4;
             let (piece, s) = at(&pieces, t).expect("no gap");
-            let now = (piece.place_at(s), f64::from(piece.gain_at(s)));
+            let now = (piece.place_at(s), piece.gain_at(s));
             if let Some((place, gain)) = before {
                 let step = (now.0[0] - place[0]).hypot(now.0[1] - place[1]);
                 assert!(step < 2.5 * 1.2e-4, "{edit:?} {t}: {step} m");

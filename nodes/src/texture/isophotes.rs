@@ -12,8 +12,6 @@ use serde::{Deserialize, Serialize};
 pub(super) const STEPS: f64 = 64.0;
 /// Bins from which quantiles of luminance are read.
 const BINS: usize = 1 << 16;
-/// Levels that are drawn at once: lines with all of their points are many times as large as what is left of them.
-const TOGETHER: usize = 2;
 /// Lines that one task simplifies.
 const LINES: usize = 64;
 /// Share of the root mean square of all gradients below which a gradient counts as so large when lines are simplified.
@@ -137,8 +135,8 @@ impl Isophotes {
 /// When the image has no cell, or none of the levels that were given lies in its luminance.
 ///
 /// # Complexity
-/// O(pixels x levels + points log points). Memory of one image beside the result (two where it does not repeat), and of two levels with
-/// all of their points.
+/// O(pixels x levels + points log points). Memory of one image beside the result (two where it does not repeat), and of one level with
+/// all of its points.
 ///
 /// # Source
 /// Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section 4.2.
@@ -173,9 +171,9 @@ pub fn isophotes(luma: &Luma, drawing: &Drawing) -> Result<Isophotes, IsophotesE
         samples: wide.as_ref().map_or(&blurred.samples, |wide| &wide.samples),
         torus: margin == 0,
     };
-    let levels = all.levels.clone();
-    for (part, first) in levels.chunks(TOGETHER).zip((0..).step_by(TOGETHER)) {
-        for (lines, level) in contours(&field, part, drawing.saddle).into_iter().zip(first..) {
+    // One level after the other: with all of their points, lines are many times as large as what is left of them.
+    for (height, level) in all.levels.clone().into_iter().zip(0..) {
+        for lines in contours(&field, &[height], drawing.saddle) {
             let origin = margin as f64;
             let shorter =
                 |some: &[Line]| keep(&lines, some, |p| p.map(|x| x - origin), &blurred, wrap, tolerance);
