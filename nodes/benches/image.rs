@@ -1,11 +1,19 @@
 //! Time of the filters of textures, on smooth images of 512 and 4096 pixels square.
 //!
-//! Run with `cargo bench -p foley-nodes --bench image`. Budgets: all preprocessing within 0.5 s and 30 s.
+//! Run with `cargo bench -p foley-nodes --bench image`. Budgets: all preprocessing within 0.5 s and 30 s, which the last line of each size
+//! sums up. `benches/peers/textures.py` times the same filters of OpenCV and scikit-image on the same images.
 
+use foley_nodes::scrape::SurfaceMap;
 use foley_nodes::texture::bilateral::{BilateralParams, bilateral};
 use foley_nodes::texture::dog::{DogParams, difference, features};
+use foley_nodes::texture::histogram::classify;
+use foley_nodes::texture::profile::{PROFILE, profile};
 use foley_nodes::texture::sobel::{gradient, magnitude};
-use foley_nodes::texture::{Grid, Pyramid, Wrap};
+use foley_nodes::texture::split::noise;
+use foley_nodes::texture::{
+    DiscontinuityMap, Drawing, FeatureMap, Grid, Luma, LumaKind, NoiseMap, Pyramid, Surface, Wrap, isophotes,
+};
+use std::error::Error;
 use std::hint::black_box;
 use std::time::Instant;
 
@@ -24,7 +32,28 @@ fn time<T>(what: &str, size: usize, runs: usize, mut work: impl FnMut() -> T) {
     println!("{what} {size} x {size}: median {median:.2} ms, best {best:.2} ms");
 }
 
-fn main() {
+/// All that is made of an image before anything moves, ms.
+fn whole(luma: &Luma) -> Result<f64, Box<dyn Error>> {
+    let (image, wrap) = (&luma.grid, luma.surface.wrap);
+    let start = Instant::now();
+    let class = classify(luma, 0.2, None);
+    let map = SurfaceMap::slope(&{
+        let [gx, gy] = gradient(image, wrap);
+        DiscontinuityMap { gx, gy, surface: luma.surface }
+    });
+    let curves = isophotes(luma, &Drawing::default())?;
+    let soft = bilateral(image, BilateralParams { sigma_d: 3.0, sigma_r: 4.25 }, wrap);
+    let lines = features(&soft, DogParams::default(), wrap);
+    let rest = noise(image, &soft, Some(&lines), &[]);
+    let rest = NoiseMap { grid: rest, holes: Vec::new(), surface: luma.surface };
+    let line = profile(&rest, PROFILE);
+    let change = SurfaceMap::feature_change(&FeatureMap { grid: lines, surface: luma.surface });
+    let ms = start.elapsed().as_secs_f64() * 1e3;
+    black_box((class, map, curves, line, change));
+    Ok(ms)
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
     for (size, runs) in [(512, 21), (4096, 5)] {
         let image = Grid::from_fn(size, size, |x, y| {
             let (x, y) = (x as f32, y as f32);
@@ -42,5 +71,10 @@ fn main() {
             time(&what, size, few, || bilateral(&image, params, Wrap::Clamp));
         }
         time("pyramid, with its copy of the image", size, runs, || Pyramid::new(image.clone(), Wrap::Repeat));
+        let luma =
+            Luma { grid: image, holes: Vec::new(), kind: LumaKind::Lstar, surface: Surface::default() };
+        let (ms, aim) = (whole(&luma)?, if size == 512 { 500 } else { 30_000 });
+        println!("all that is made of an image {size} x {size}: {ms:.0} ms, aim {aim} ms");
     }
+    Ok(())
 }

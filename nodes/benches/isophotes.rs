@@ -1,7 +1,8 @@
 //! Isophotes of images of 512 and 4096 pixels a side, and microseconds per block and contact of the force drawn from them.
 //!
 //! Run with `cargo bench -p foley-nodes --bench isophotes`. The images are random numbers on every 16th pixel with cubics between,
-//! as in most comparisons of contour tracers: one level at 0.5, and eight at quantiles.
+//! as in most comparisons of contour tracers: one level at 0.5, and eight at quantiles. `FOLEY_BENCH_IMAGES=DIR` writes them there,
+//! for `benches/peers/textures.py`. On Linux the most memory that the isophotes of the larger one take is printed beside them.
 
 use foley_nodes::core::params::Params;
 use foley_nodes::core::random::Draw;
@@ -29,6 +30,22 @@ fn best<T>(runs: usize, mut work: impl FnMut() -> T) -> f64 {
     (0..runs).map(|_| one(&mut work)).fold(f64::INFINITY, f64::min)
 }
 
+/// A figure of this process in bytes, where the system tells.
+fn memory(what: &str) -> Option<f64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix(what))?;
+    line.trim_start_matches(':').trim().trim_end_matches(" kB").parse::<f64>().ok().map(|kb| 1024.0 * kb)
+}
+
+/// Most memory while some work is done, and what there was before it.
+fn peak_of(work: impl FnOnce()) -> Option<(f64, f64)> {
+    // The highest mark is set back to what is there.
+    std::fs::write("/proc/self/clear_refs", "5").ok()?;
+    let before = memory("VmRSS")?;
+    work();
+    Some((memory("VmHWM")?, before))
+}
+
 /// Smooth noise between 0 and 1.
 fn image(n: usize) -> Grid {
     let (mut draw, m) = (Draw::new(9), n / 16 + 4);
@@ -53,6 +70,10 @@ fn image(n: usize) -> Grid {
 fn curves() -> Result<(), Box<dyn Error>> {
     for (n, runs) in [(512, 11), (4096, 3)] {
         let grid = image(n);
+        if let Some(dir) = std::env::var_os("FOLEY_BENCH_IMAGES") {
+            let bytes: Vec<u8> = grid.samples.iter().flat_map(|x| x.to_le_bytes()).collect();
+            std::fs::write(std::path::Path::new(&dir).join(format!("isophotes_{n}.f32")), bytes)?;
+        }
         let field = Field { width: n, samples: &grid.samples, torus: false };
         let one = best(runs, || contours(&field, &[0.5], Saddle::Decider));
         let luma = Luma {
@@ -66,6 +87,14 @@ fn curves() -> Result<(), Box<dyn Error>> {
         let all = best(runs, || isophotes(&luma, &Drawing::default()));
         let index = best(runs, || IsophoteIndex::new(&drawn));
         let bytes = encode_isophotes(&drawn).len();
+        let image = (n * n * size_of::<f32>()) as f64;
+        if let Some((peak, before)) = peak_of(|| drop(black_box(isophotes(&luma, &Drawing::default())))) {
+            println!(
+                "{n:4} x {n}: at most {:.1} times the image in memory, its own {:.1} among them",
+                (peak - before) / image + 1.0,
+                1.0
+            );
+        }
         println!(
             "{n:4} x {n}: {one:7.2} ms for one level, {eight:7.2} ms for eight; blurred, with gradients and simplified {all:7.2} ms; \
              index {index:6.2} ms; {} points in {:.1} kB, {:.2} bytes each",
@@ -126,8 +155,9 @@ fn force(all: &Isophotes) -> Result<(), Box<dyn Error>> {
             let time = time.collect::<Result<Vec<_>, _>>()?.into_iter().fold(f64::INFINITY, f64::min);
             let blocks = SECONDS * 44_100.0 / 1024.0 * contacts as f64;
             println!(
-                "{reading:?} at {speed:4} m/s: {:6.2} us for each contact and block of 1024",
-                1e6 * time / blocks
+                "{reading:?} at {speed:4} m/s: {:6.2} us for each contact and block of 1024, {:.3} us for each of its milliseconds",
+                1e6 * time / blocks,
+                1e6 * time / (1000.0 * SECONDS * contacts as f64)
             );
         }
     }

@@ -176,11 +176,16 @@ fn main() -> Result<(), Box<dyn Error>> {
     let surface = Surface::default();
     let map = DiscontinuityMap { gx: grid.clone(), gy: other.clone(), surface };
     let features = FeatureMap { grid: grid.clone(), surface };
-    println!("us for a blow, or for a contact and 1024 samples, 44.1 kHz     aim");
-    let line = |name: &str, us: f64, aim: f64| println!("  {name:<44} {us:7.2}   {aim:5.0}");
+    println!("us per impact                                          us            aim");
+    let blow = |name: &str, us: f64| println!("  {name:<44} {us:7.2}             2");
+    blow("blow of 1 ms", impact(1e-3));
+    blow("blow of 20 ms", impact(2e-2));
+    println!("us per continuous contact, 44.1 kHz          1024 samples   1 ms     aim");
+    let per_ms = f64::from(FS) / 1000.0 / BLOCK as f64;
+    let line = |name: &str, us: f64, aim: f64| {
+        println!("  {name:<44} {us:7.2} {:8.3}   {aim:5.0}", us * per_ms);
+    };
 
-    line("blow of 1 ms", impact(1e-3), 2.0);
-    line("blow of 20 ms", impact(2e-2), 2.0);
     line("way between frames", paths(), 15.0);
     let slope = SurfaceMap::slope(&map);
     for (name, interp) in

@@ -57,6 +57,7 @@ use crate::texture::class_node::HistogramClass;
 use crate::texture::feature_nodes::{Bilateral, DogFeatures, FeatureNoiseSplit};
 use crate::texture::image_node::ImageLuma;
 use crate::texture::isophotes_node::{IsophotesFile, IsophotesNode};
+use crate::texture::map_file_node::MapFile;
 use crate::texture::map_nodes::{MapCoder, SobelMap};
 use crate::texture::profile_node::NoiseProfileNode;
 use crate::texture::sizes::MapSizes;
@@ -150,6 +151,7 @@ pub fn all() -> Vec<NodeType> {
         NodeType::func::<HistogramClass>("texture"),
         NodeType::func::<SobelMap>("texture"),
         NodeType::func::<MapCoder>("texture"),
+        NodeType::func::<MapFile>("texture"),
         NodeType::func::<Bilateral>("texture"),
         NodeType::func::<DogFeatures>("texture"),
         NodeType::func::<FeatureNoiseSplit>("texture"),

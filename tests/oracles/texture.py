@@ -37,8 +37,9 @@ g = skimage.filters.sobel(image)
 write("sobel_skimage.in", f"[{listed(g[0])}, {listed(g[2])}]")
 
 x, y = np.meshgrid(np.arange(9), np.arange(7))
-image = ((37 * x + 11 * x * y + 5 * y * y) % 29).astype(np.float32)
-write("bilateral.in", listed(cv2.bilateralFilter(image, 13, 4.25, 3, borderType=cv2.BORDER_REPLICATE)))
+image = ((37 * x + 11 * x * y + 5 * y * y) % 29 / 32).astype(np.float32)
+smooth = cv2.bilateralFilter(image, 13, 0.15, 3, borderType=cv2.BORDER_REPLICATE)
+write("bilateral.in", "[" + ", ".join(f"{x:.9f}" for x in smooth.ravel()) + "]")
 
 g = (np.arange(1000) % 10) ** 2 / 9
 write("otsu.in", f"{skimage.filters.threshold_otsu(np.log1p(g)):.9f}")

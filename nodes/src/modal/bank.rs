@@ -1,6 +1,6 @@
 //! The resonator bank: many modes, several excitations, damping that varies in time.
 
-use super::coefficients::{Group, audible};
+use super::coefficients::{Group, HIGHEST, audible};
 use super::kernel::{self, Forces, GRID, LANES, Lanes, Push};
 use super::modes::{Modes, ModesError};
 use crate::dsp::{Gain, db_to_linear};
@@ -49,6 +49,8 @@ pub struct Bank {
     groups: Vec<Group>,
     /// Modes of the object, those left out included.
     total: usize,
+    /// Those of them that are too high to sound.
+    high: usize,
     lanes: Vec<Lanes>,
     awake: Vec<bool>,
     /// `[vectors, points]`.
@@ -76,8 +78,18 @@ impl Bank {
     /// # Errors
     /// As [`Modes::validate`].
     pub fn new(modes: &Modes, rate: f64) -> Result<Self, ModesError> {
+        Self::culled(modes, rate, f64::NEG_INFINITY)
+    }
+
+    /// The same without the modes that are more than `-cull` dB weaker than the strongest, at every contact point.
+    ///
+    /// # Errors
+    /// As [`Modes::validate`].
+    pub fn culled(modes: &Modes, rate: f64, cull: f64) -> Result<Self, ModesError> {
         modes.validate()?;
-        let (places, groups) = audible(modes, rate);
+        let faintest = db_to_linear(cull);
+        let high = modes.frequencies.iter().filter(|f| **f >= HIGHEST * rate).count();
+        let (places, groups) = audible(modes, rate, faintest);
         let (vectors, points) = (groups.len(), modes.points());
         let mut pushes = vec![Push { re: [0.0; LANES], im: [0.0; LANES] }; vectors * points];
         for (k, i) in places.iter().enumerate() {
@@ -92,6 +104,7 @@ impl Bank {
         let mut bank = Self {
             level: Level::new(),
             total: modes.len(),
+            high,
             lanes: vec![Lanes::SILENT; vectors],
             awake: vec![false; vectors],
             pushes,
@@ -114,7 +127,13 @@ impl Bank {
     /// Modes that do not sound at this rate.
     #[must_use]
     pub fn dropped(&self) -> usize {
-        self.total - self.places.len()
+        self.high
+    }
+
+    /// Modes that are left out because they are too weak beside the strongest.
+    #[must_use]
+    pub fn faint(&self) -> usize {
+        self.total - self.high - self.places.len()
     }
 
     /// Contact points.
@@ -238,15 +257,20 @@ impl Bank {
         }
     }
 
-    /// Takes over the ringing of another bank, where it has as many modes.
+    /// Takes over the ringing of another bank of an object of as many modes: of those that sound in both.
     pub fn take_state(&mut self, old: &Self) {
-        if old.places.len() != self.places.len() || old.total != self.total {
+        if old.total != self.total {
             return;
         }
-        for (new, old) in self.lanes.iter_mut().zip(&old.lanes) {
-            (new.re, new.im) = (old.re, old.im);
+        let mut others = old.places.iter().enumerate().peekable();
+        for (k, place) in self.places.iter().enumerate() {
+            while others.next_if(|(_, other)| *other < place).is_some() {}
+            let Some((j, _)) = others.next_if(|(_, other)| *other == place) else { continue };
+            let from = &old.lanes[j / LANES];
+            let to = &mut self.lanes[k / LANES];
+            (to.re[k % LANES], to.im[k % LANES]) = (from.re[j % LANES], from.im[j % LANES]);
+            self.awake[k / LANES] |= old.awake[j / LANES];
         }
-        self.awake.copy_from_slice(&old.awake);
         (self.phase, self.quiet) = (old.phase, old.quiet);
         self.damping.start_from(old.damping.current());
         self.pitch.start_from(old.pitch.current());

@@ -22,7 +22,9 @@ params! {
     /// acts at the contact point that `points` gives it, point 0 where it gives none; a force of several channels acts with
     /// channel 0 at point 0, and so on. All forces add up.
     ///
-    /// Modes at or above 0.49 of the sample rate are left out, and the summary says how many. A mode that has fallen below `floor` is
+    /// Modes at or above 0.49 of the sample rate are left out, and so are those that are weaker than the strongest by more than
+    /// `cull`, wherever the object is touched; the summary says how many. A second bank with a `cull` of -40 dB is what an object
+    /// needs that is far away. A mode that has fallen below `floor` is
     /// silent until it is struck again. `gain`, `damping` and `pitch` can be changed while it rings: they are reached in 10 ms.
     /// A link to `damping` multiplies the dampings in time, by one factor for all modes or by one channel for each mode; it
     /// is read at every 64th sample and may have any rate, and takes the place of the number.
@@ -43,6 +45,8 @@ params! {
         points: Vec<u16> = Vec::new(), unit "", range 0..=65_535_u16;
         /// Level below which a mode is silent.
         floor: f64 = -140.0, unit "dB", range -300.0..=-60.0;
+        /// Strength beside that of the strongest mode below which a mode is left out.
+        cull: f64 = -80.0, unit "dB", range -300.0..=0.0;
         /// How long it rings on after the last force has ended.
         tail: f64 = 3.0, unit "s", range 0.0..=3600.0;
     }
@@ -124,6 +128,7 @@ impl Node for ModalBankNode {
     type Params = ModalBankParams;
     type Ports = ModalBankPorts;
     const NAME: &'static str = "ModalBank";
+    const VERSION: u32 = 2;
     const CLASS: Class = Class::Audio;
     const COST: f64 = 10.0;
 
@@ -137,7 +142,7 @@ impl Node for ModalBankNode {
         }
         if let Some(modes) = s.value(ModalBankPorts::modes) {
             check(p, &forces, s.optional(ModalBankPorts::damping).as_ref(), &modes)?;
-            let dropped = Bank::new(&modes, first.rate.as_f64()).map_err(reject)?.dropped();
+            let dropped = Bank::culled(&modes, first.rate.as_f64(), p.cull).map_err(reject)?.dropped();
             if dropped > 0 {
                 let (n, rate) = (modes.len(), first.rate);
                 s.note(format!("{dropped} of {n} modes lie above 0.49 of {rate} and are left out"));
@@ -158,7 +163,7 @@ impl Node for ModalBankNode {
         let (forces, damping) = (cx.many(ModalBankPorts::forces), cx.optional(ModalBankPorts::damping));
         check(p, &forces, damping.as_ref(), &modes)?;
         let rate = cx.output(ModalBankPorts::audio).rate;
-        let mut bank = Bank::new(&modes, rate.as_f64()).map_err(reject)?;
+        let mut bank = Bank::culled(&modes, rate.as_f64(), p.cull).map_err(reject)?;
         let linked = damping.is_some();
         bank.start(if linked { 1.0 } else { p.damping }, p.pitch, ramp(rate));
         let gain = Gain::new(factor(p), ramp(rate), 1);
@@ -200,9 +205,12 @@ impl Node for ModalBankNode {
     }
 
     fn finish(&mut self, _: ModalBankIo<'_>) -> Result<Summary, Fault> {
-        let mut summary = vec![("modes", (self.modes - self.bank.dropped()).into())];
+        let mut summary = vec![("modes", (self.modes - self.bank.dropped() - self.bank.faint()).into())];
         if self.bank.dropped() > 0 {
             summary.push(("modes_left_out", self.bank.dropped().into()));
+        }
+        if self.bank.faint() > 0 {
+            summary.push(("modes_too_weak", self.bank.faint().into()));
         }
         if self.bank.runaways() > 0 {
             summary.push(("modes_stopped_that_grew_beyond_bounds", self.bank.runaways().into()));
@@ -211,7 +219,8 @@ impl Node for ModalBankNode {
     }
 
     fn retune(&mut self, new: &ModalBankParams) -> Retune {
-        if new.points != self.params.points || new.tail != self.params.tail {
+        let same = (new.tail, new.cull) == (self.params.tail, self.params.cull);
+        if new.points != self.params.points || !same {
             return Retune::Rebuild;
         }
         // A copy of the list would be allocated.
@@ -234,3 +243,7 @@ impl Node for ModalBankNode {
         (ModalBankParams { points, tail, ..params }, MemoryFiles::default())
     }
 }
+
+#[cfg(test)]
+#[path = "bank_node_tests.rs"]
+mod tests;

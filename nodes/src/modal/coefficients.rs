@@ -84,11 +84,18 @@ fn short_expm1(x: f64) -> f64 {
     INVERSE.iter().fold(1.0, |sum, k| 1.0 + x * k * sum) * x
 }
 
-/// The places of the modes of an object that can sound at a rate, and these by sixteens.
-pub(crate) fn audible(modes: &Modes, rate: f64) -> (Vec<usize>, Vec<Group>) {
-    let all = modes.frequencies.iter().zip(&modes.dampings);
+/// The places of the modes of an object that can sound at a rate and whose gain, at the contact point where it is greatest, is
+/// at least the share `faintest` of the greatest of all; and these modes by sixteens.
+pub(crate) fn audible(modes: &Modes, rate: f64, faintest: f64) -> (Vec<usize>, Vec<Group>) {
+    let mut loudness = vec![0.0_f32; modes.len()];
+    for point in 0..modes.points() {
+        loudness.iter_mut().zip(modes.row(point)).for_each(|(most, gain)| *most = most.max(gain.abs()));
+    }
+    let least = faintest * f64::from(loudness.iter().copied().fold(0.0, f32::max));
+    let all = modes.frequencies.iter().zip(&loudness);
+    let sounds = |f: f64, gain: f32| f < HIGHEST * rate && f64::from(gain) >= least;
     let places: Vec<usize> =
-        (0..).zip(all).filter(|(_, (f, _))| **f < HIGHEST * rate).map(|(i, _)| i).collect();
+        (0..).zip(all).filter(|(_, (f, gain))| sounds(**f, **gain)).map(|(i, _)| i).collect();
     let mode = |i: &usize| (modes.frequencies[*i], modes.dampings[*i]);
     let groups = places.chunks(LANES).map(|group| Group::new(group.iter().map(mode), rate));
     let groups = groups.collect();

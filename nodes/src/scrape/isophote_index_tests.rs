@@ -8,7 +8,11 @@ fn curves(width: usize, height: usize, wrap: Wrap) -> Isophotes {
     let grid = Grid::from_fn(width, height, |_, _| draw.between(0.0, 100.0) as f32);
     let surface = Surface { wrap, ..Surface::default() };
     let luma = Luma { grid, holes: Vec::new(), kind: LumaKind::Lstar, surface };
-    isophotes(&luma, &Drawing { levels: Levels::Quantiles(3), simplify: 1.0, ..Drawing::default() }).unwrap()
+    isophotes(
+        &luma,
+        &Drawing { levels: Levels::Quantiles(3), simplify: 1.0, gradient_error: 0.6, ..Drawing::default() },
+    )
+    .unwrap()
 }
 
 /// Length of all pieces in a box that contains them, each once.

@@ -148,6 +148,10 @@ impl Node for IsophoteExcitation {
 
     fn run(&mut self, mut io: IsophoteExcitationIo<'_>) -> Result<(), Fault> {
         let (first, events, out) = (io.force.first(), io.paths.events(), io.force.items());
+        if self.kappa == Some(0.0) {
+            out.fill(0.0);
+            return Ok(());
+        }
         self.voices.play_cells(
             events,
             self.params.object,

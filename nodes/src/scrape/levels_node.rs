@@ -17,6 +17,7 @@ use crate::core::ports::Value;
 use crate::core::random::Draw;
 use crate::core::shape::Build;
 use crate::modal::Modes;
+use crate::texture::histogram::{Class, TextureClass};
 use crate::texture::sobel::gradient;
 use crate::texture::{DiscontinuityMap, FeatureMap, Isophotes, NoiseMap, NoiseProfile};
 use crate::{params, ports};
@@ -35,6 +36,9 @@ params! {
     ///
     /// Of the power of features and noise together the noise has the share that the slopes of its map `rest` have in those of the whole
     /// map, or one half where `rest` has no link; `gain` of the excitations changes that by ear.
+    ///
+    /// Simple surfaces sound best by their map from near, complex ones by their isophotes: with a link to `class` that of `full` and
+    /// `full_isophotes` which does not suit is 0, and an excitation whose `kappa` is linked to 0 costs nothing.
     ///
     /// A map holds low tones and fine noise holds high ones: equal forces ring high modes differently. With a link to `modes`
     /// what is compared is the sound of these modes at `pitch` and `damping`, in place of the force.
@@ -75,6 +79,8 @@ ports! {
         in {
             /// Where the whole surface changes: what all others are compared with.
             map: Value<DiscontinuityMap>,
+            /// Whether it is simple or complex: only the finest level of its class is then above 0.
+            class: Option<Value<TextureClass>>,
             /// Its isophotes.
             isophotes: Option<Value<Isophotes>>,
             /// Its features.
@@ -195,7 +201,7 @@ impl Func for LevelMatcher {
     type Params = LevelMatcherParams;
     type Ports = LevelMatcherPorts;
     const NAME: &'static str = "LevelMatcher";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
 
     fn eval(p: &LevelMatcherParams, _: &Build<'_>, mut io: LevelMatcherIo<'_>) -> Result<Summary, Fault> {
         let map = whole(p, io.map)?;
@@ -208,6 +214,12 @@ impl Func for LevelMatcher {
         let curves = io.isophotes.map(|all| trial.isophotes(all)).transpose()?.unwrap_or_default();
         let alike = io.spectrum.map(|profile| trial.noise(profile)).transpose()?.unwrap_or_default();
         let alone = |drawn: &[f32]| factor(wanted, rms(drawn));
+        // A complex surface without isophotes has only its map.
+        let finest = match io.class.map(|found| found.class) {
+            Some(Class::Simple) => [p.kappa, 0.0],
+            Some(Class::Complex) if !curves.is_empty() => [0.0, alone(&curves)],
+            _ => [p.kappa, alone(&curves)],
+        };
         let split = if lines.is_empty() || noise.is_empty() {
             [alone(&lines), alone(&noise)]
         } else {
@@ -220,8 +232,8 @@ impl Func for LevelMatcher {
             ("noise_share", (power[1] / (power[0] + power[1]).max(f64::MIN_POSITIVE)).into()),
         ];
         for (key, slot, value) in [
-            ("full", &mut io.full, p.kappa),
-            ("full_isophotes", &mut io.full_isophotes, alone(&curves)),
+            ("full", &mut io.full, finest[0]),
+            ("full_isophotes", &mut io.full_isophotes, finest[1]),
             ("split_features", &mut io.split_features, split[0]),
             ("split_noise", &mut io.split_noise, split[1]),
             ("only_noise", &mut io.only_noise, alone(&noise)),

@@ -10,11 +10,13 @@ use crate::scrape::isophote_node::{IsophoteExcitation, IsophoteExcitationParams,
 use crate::scrape::lod_node::{LodSelect, LodSelectParams, LodSelectPorts};
 use crate::scrape::map_node::{MapExcitation, MapExcitationParams, MapExcitationPorts};
 use crate::scrape::noise_node::{NoiseExcitation, NoiseExcitationParams, NoiseExcitationPorts};
-use crate::scrape::stroke::{Pen, pieces, through};
+use crate::scrape::stroke::{Pen, circle, pieces, through};
 use crate::scrape::testing::db;
 use crate::texture::bilateral::{BilateralParams, bilateral};
+use crate::texture::decode::decode;
 use crate::texture::detail::extend;
 use crate::texture::dog::{DogParams, features as lines_of};
+use crate::texture::luma::luminance;
 use crate::texture::profile::{PROFILE, profile};
 use crate::texture::spectrum::NoiseModel;
 use crate::texture::split::{noise as noise_of, statistics};
@@ -31,16 +33,22 @@ struct Floor {
 }
 
 fn floor(grain: f64) -> Floor {
-    let surface = Surface::default();
     let mut draw = Draw::new(17);
     let grid = Grid::from_fn(192, 192, |x, y| {
         let joint = (x + 16 * (y / 24 % 2)) % 32 < 3 || y % 24 < 3;
         (if joint { 30.0 } else { 65.0 }) + (grain * draw.between(-1.0, 1.0)) as f32
     });
+    made_of(grid)
+}
+
+/// A floor that looks like an image.
+fn made_of(grid: Grid) -> Floor {
+    let surface = Surface::default();
     let smooth = bilateral(&grid, BilateralParams { sigma_d: 3.0, sigma_r: 4.25 }, Wrap::Repeat);
     let features = lines_of(&smooth, DogParams::default(), Wrap::Repeat);
-    let rest = NoiseMap { grid: noise_of(&grid, &smooth, Some(&features), &[]), surface };
-    let model = NoiseModel::poles(&rest, statistics(&rest.grid).kurtosis);
+    let grid_of_rest = noise_of(&grid, &smooth, Some(&features), &[]);
+    let rest = NoiseMap { grid: grid_of_rest, holes: Vec::new(), surface };
+    let model = NoiseModel::poles(&rest, statistics(&rest.grid, &[]).kurtosis);
     let spacing = 1.0 / surface.density[0];
     let samples = model.synthesize(PROFILE, &Random::new(3, "spectrum"));
     let [gx, gy] = gradient(&grid, Wrap::Repeat);
@@ -152,6 +160,23 @@ fn all_levels_of_detail_are_equally_strong_within_two_db() {
     }
 }
 
+/// The way of `graphs/lib/levels.ron`: a circle that has nothing to do with those of the standard stroke.
+#[test]
+fn surfaces_of_the_examples_are_equally_strong_on_all_levels() {
+    for name in ["tiles", "sk_brick", "sk_gravel"] {
+        let path = format!("{}/../graphs/assets/images/{name}.png", env!("CARGO_MANIFEST_DIR"));
+        let picture = decode(&std::fs::read(path).unwrap()).unwrap();
+        let floor = made_of(luminance(&picture, LumaKind::Lstar, false).unwrap().0);
+        let run = matched(LevelMatcherParams { speed: 0.8, ..params() }, &floor, None);
+        let pen = Pen { contact: 0, object: 0, other: None };
+        let way = pieces(&circle([0.5; 2], 0.3, 1.0, 0.0, 0.8, 1.0).unwrap(), pen);
+        let all = levels(&floor, &run, &way).map(|x| rms(&x));
+        let levels = all.map(|level| db(level / all[0]));
+        println!("{name}: {levels:.1?} dB");
+        assert!(levels.iter().all(|level| level.abs() < 2.0), "{name}: {levels:?} dB");
+    }
+}
+
 #[test]
 fn who_walks_away_hears_no_click_and_no_level_louder_than_another() {
     let floor = floor(4.0);
@@ -258,4 +283,26 @@ fn a_strength_that_is_none_is_refused() {
         .feed(MapExcitationPorts::kappa.index(), value(&2e6));
     let error = solo.run().map(|_| ()).unwrap_err();
     assert!(error.code == "F128" && error.to_string().contains("2000000"), "{error}");
+}
+
+#[test]
+fn a_class_chooses_between_map_and_isophotes() {
+    use crate::texture::histogram::classify;
+    let floor = floor(2.0);
+    let grid = Grid::from_fn(8, 8, |x, y| (x * y) as f32);
+    let luma = Luma { grid, holes: Vec::new(), kind: LumaKind::Lstar, surface: Surface::default() };
+    let given = |class, curves: bool| {
+        let mut solo = Solo::func::<LevelMatcher>(params())
+            .feed(LevelMatcherPorts::map.index(), value(&floor.map))
+            .feed(LevelMatcherPorts::class.index(), value(&classify(&luma, 0.2, Some(class))));
+        if curves {
+            solo = solo.feed(LevelMatcherPorts::isophotes.index(), value(&floor.isophotes));
+        }
+        let run = solo.run().unwrap();
+        [kappa(&run, 0), kappa(&run, 1)]
+    };
+    assert_eq!(given(Class::Simple, true), [1.0, 0.0]);
+    let [map, curves] = given(Class::Complex, true);
+    assert!(map == 0.0 && curves > 0.0, "{map} {curves}");
+    assert_eq!(given(Class::Complex, false), [1.0, 0.0]);
 }

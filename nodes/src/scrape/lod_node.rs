@@ -236,3 +236,7 @@ impl LodSelect {
         spectrum.give(until, |tick, piece| io.spectrum.push(tick, piece));
     }
 }
+
+#[cfg(test)]
+#[path = "lod_node_tests.rs"]
+mod tests;

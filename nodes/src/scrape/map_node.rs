@@ -15,6 +15,7 @@ use crate::core::ports::{Events, Stream, Value};
 use crate::core::random::Draw;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
+use crate::texture::code::{CodedMap, Coding};
 use crate::texture::{DiscontinuityMap, FeatureMap, Grid, Surface};
 use crate::{choices, params, ports};
 
@@ -40,7 +41,8 @@ choices! { @param Interp {
 params! {
     /// Turns the ways of contacts over a map of a surface into the force that they meet.
     ///
-    /// The map is a discontinuity map or a feature map: link one of them. With `m` for what is read of it under a contact,
+    /// The map is a discontinuity map, a feature map, or the code of a map: link one of them. Of codes only signed pairs know directions;
+    /// of bytes and bits the change along the way is read, as of features. With `m` for what is read of it under a contact,
     /// the force is `gain kappa (f/1 N)^a (v/1 m/s)^b m`, added up over all contacts. A contact at rest fades out in 5 ms. Where a
     /// contact passes more than half a pixel from one sample to the next, a halving of the map is read instead, so that
     /// nothing folds down.
@@ -85,6 +87,8 @@ ports! {
             map: Option<Value<DiscontinuityMap>>,
             /// The features of the surface, in place of that.
             features: Option<Value<FeatureMap>>,
+            /// The code of a map, in place of both.
+            coded: Option<Value<CodedMap>>,
             /// Strength in place of the number, as LevelMatcher finds it.
             kappa: Option<Value<f64>>,
         }
@@ -120,33 +124,73 @@ pub(super) fn check_grid(field: &'static str, grid: &Grid, surface: &Surface) ->
     Err(Reject::new("F128", problem).at(field))
 }
 
+/// What a contact reads: of one map, of features, or of a code.
+enum Source<'a> {
+    Map(&'a DiscontinuityMap),
+    Features(&'a FeatureMap),
+}
+
+impl Source<'_> {
+    fn read(&self, value: MapValue, field: &'static str) -> Result<SurfaceMap, Reject> {
+        match self {
+            Source::Map(map) => {
+                check_grid(field, &map.gx, &map.surface)?;
+                check_grid(field, &map.gy, &map.surface)?;
+                Ok(match value {
+                    MapValue::Directional => SurfaceMap::slope(map),
+                    MapValue::Magnitude => SurfaceMap::size(map),
+                })
+            }
+            Source::Features(features) => {
+                check_grid(field, &features.grid, &features.surface)?;
+                Ok(match value {
+                    MapValue::Directional => SurfaceMap::feature_change(features),
+                    MapValue::Magnitude => SurfaceMap::feature(features),
+                })
+            }
+        }
+    }
+}
+
+/// A code as it is read back: signed pairs know directions, bytes the length of the gradient, bits where there is an edge.
+fn coded_map(value: MapValue, coded: &CodedMap) -> Result<SurfaceMap, Reject> {
+    if let Some(map) = coded.gradient() {
+        return Source::Map(&map).read(value, "coded");
+    }
+    let mut grid = coded.magnitude();
+    if coded.coding == Coding::Byte {
+        grid.samples.iter_mut().for_each(|x| *x *= coded.scale);
+    }
+    Source::Features(&FeatureMap { grid, surface: coded.surface }).read(value, "coded")
+}
+
 fn surface_map(
     value: MapValue,
     map: Option<&DiscontinuityMap>,
     features: Option<&FeatureMap>,
+    coded: Option<&CodedMap>,
 ) -> Result<SurfaceMap, Reject> {
-    if let Some(map) = map {
-        check_grid("map", &map.gx, &map.surface)?;
-        check_grid("map", &map.gy, &map.surface)?;
-    }
-    if let Some(features) = features {
-        check_grid("features", &features.grid, &features.surface)?;
-    }
-    match (map, features, value) {
-        (Some(map), None, MapValue::Directional) => Ok(SurfaceMap::slope(map)),
-        (Some(map), None, MapValue::Magnitude) => Ok(SurfaceMap::size(map)),
-        (None, Some(features), MapValue::Directional) => Ok(SurfaceMap::feature_change(features)),
-        (None, Some(features), MapValue::Magnitude) => Ok(SurfaceMap::feature(features)),
-        (map, ..) => Err(one_of(map.is_some())),
+    match (map, features, coded) {
+        (Some(map), None, None) => Source::Map(map).read(value, "map"),
+        (None, Some(features), None) => Source::Features(features).read(value, "features"),
+        (None, None, Some(coded)) => coded_map(value, coded),
+        _ => Err(one_of([map.is_some(), features.is_some(), coded.is_some()])),
     }
 }
 
-fn one_of(both: bool) -> Reject {
-    let message =
-        if both { "`map` and `features` are both linked" } else { "neither `map` nor `features` is linked" };
-    Reject::new("F128", message)
-        .at("map")
-        .help("link one of them: map takes a SobelMap, features what DogFeatures gives")
+/// Refuses none of the maps, and more than one.
+fn one_of(linked: [bool; 3]) -> Reject {
+    let names = ["`map`", "`features`", "`coded`"];
+    let given: Vec<&str> =
+        names.into_iter().zip(linked).filter(|(_, on)| *on).map(|(name, _)| name).collect();
+    let message = if given.is_empty() {
+        "neither `map` nor `features` nor `coded` is linked".into()
+    } else {
+        format!("{} are linked at once", given.join(" and "))
+    };
+    Reject::new("F128", message).at("map").help(
+        "link one of them: map takes a SobelMap, features what DogFeatures gives, coded what MapCoder or MapFile gives",
+    )
 }
 
 /// The law of the parameters, with the strength that is linked in place of the number.
@@ -158,14 +202,18 @@ impl Node for MapExcitation {
     type Params = MapExcitationParams;
     type Ports = MapExcitationPorts;
     const NAME: &'static str = "MapExcitation";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     const CLASS: Class = Class::Audio;
     const COST: f64 = 15.0;
 
     fn shape(p: &MapExcitationParams, s: &mut Shape<'_, '_, MapExcitationPorts>) -> Result<(), Reject> {
-        let [map, features] = [s.linked(MapExcitationPorts::map), s.linked(MapExcitationPorts::features)];
-        if map == features {
-            return Err(one_of(map));
+        let linked = [
+            s.linked(MapExcitationPorts::map),
+            s.linked(MapExcitationPorts::features),
+            s.linked(MapExcitationPorts::coded),
+        ];
+        if linked.iter().filter(|on| **on).count() != 1 {
+            return Err(one_of(linked));
         }
         s.output(MapExcitationPorts::force, p.rate, Channels(1));
         Ok(())
@@ -174,7 +222,8 @@ impl Node for MapExcitation {
     fn build(p: &MapExcitationParams, cx: &Build<'_>) -> Result<Self, Fault> {
         let (map, features) =
             (cx.optional_value(MapExcitationPorts::map), cx.optional_value(MapExcitationPorts::features));
-        let map = surface_map(p.value, map.as_deref(), features.as_deref())?;
+        let coded = cx.optional_value(MapExcitationPorts::coded);
+        let map = surface_map(p.value, map.as_deref(), features.as_deref(), coded.as_deref())?;
         let kappa = linked(cx.optional_value(MapExcitationPorts::kappa))?;
         let rate = p.rate.as_f64();
         Ok(Self {
@@ -188,6 +237,10 @@ impl Node for MapExcitation {
 
     fn run(&mut self, mut io: MapExcitationIo<'_>) -> Result<(), Fault> {
         let (first, out) = (io.force.first(), io.force.items());
+        if self.kappa == Some(0.0) {
+            out.fill(0.0);
+            return Ok(());
+        }
         let Self { map, force, voices, .. } = self;
         voices.play(
             io.paths.events(),

@@ -279,3 +279,42 @@ fn one_map_and_no_more_has_to_be_linked() {
     let error = self::solo(params(), broken, vec![], 0.1).run().map(|_| ()).unwrap_err();
     assert!(error.code == "F128" && error.to_string().contains("2047 numbers for 512 x 4"), "{error}");
 }
+
+#[test]
+fn the_code_of_a_map_is_played_as_the_map_itself() {
+    use crate::texture::code::{CodedMap, Coding};
+    let path = || vec![(0, piece([0.1, 0.0], [0.5, 0.0], 0.4))];
+    let played = |p: MapExcitationParams, code: CodedMap| {
+        let value = crate::core::solo::Feed::value(crate::core::item::AnyValue::new(code));
+        let solo = Solo::new::<MapExcitation>(p).events(MapExcitationPorts::paths, path(), ticks(0.4));
+        solo.feed(MapExcitationPorts::coded.index(), value).run().unwrap().stream(MapExcitationPorts::force)
+    };
+    let miss = |a: &[f32], b: &[f32]| {
+        let off: Vec<f32> = a.iter().zip(b).map(|(a, b)| a - b).collect();
+        db(rms(&off) / rms(b))
+    };
+    let map = grating(9.0, 512.0);
+    for value in [MapValue::Directional, MapValue::Magnitude] {
+        let p = || MapExcitationParams { value, ..params() };
+        let plain = force(p(), map.clone(), path(), 0.4);
+        // Seven bits and a sign: half a step of 1/127.
+        let signed = played(p(), CodedMap::new(&map, Coding::Signed, None));
+        assert!(miss(&signed, &plain) < -40.0, "{value:?}: {} dB", miss(&signed, &plain));
+    }
+    let p = || MapExcitationParams { value: MapValue::Magnitude, ..params() };
+    let plain = force(p(), map.clone(), path(), 0.4);
+    let bytes = played(p(), CodedMap::new(&map, Coding::Byte, None));
+    assert!(miss(&bytes, &plain) < -40.0, "{} dB", miss(&bytes, &plain));
+    let bits = played(p(), CodedMap::new(&map, Coding::Bit, None));
+    assert!(rms(&bits) > 0.1, "edges are 1: {}", rms(&bits));
+}
+
+#[test]
+fn a_code_beside_a_map_is_refused() {
+    use crate::core::item::Data;
+    let code = crate::texture::code::CodedMap::trial(&mut crate::core::random::Draw::new(1));
+    let value = crate::core::solo::Feed::value(crate::core::item::AnyValue::new(code));
+    let solo = solo(params(), grating(8.0, 512.0), vec![], 0.1);
+    let error = solo.feed(MapExcitationPorts::coded.index(), value).run().map(|_| ()).unwrap_err();
+    assert!(error.code == "F128" && error.to_string().contains("`map` and `coded` are linked"), "{error}");
+}

@@ -48,7 +48,7 @@ mod track;
 mod track_tests;
 mod voices;
 
-pub use bands::NoiseBands;
+pub use bands::{NoiseBands, NoiseInterp};
 pub use isophote::{IsophoteForce, IsophoteVoice, PULSE, Reading};
 pub use isophote_ends::Strip;
 pub use isophote_index::{IsophoteIndex, Tile};

@@ -116,7 +116,7 @@ impl Node for TwoTextures {
     type Params = TwoTexturesParams;
     type Ports = TwoTexturesPorts;
     const NAME: &'static str = "TwoTextures";
-    const VERSION: u32 = 3;
+    const VERSION: u32 = 4;
     const CLASS: Class = Class::Audio;
     const COST: f64 = 100.0;
 

@@ -47,7 +47,8 @@ fn a_flat_partner_is_the_same_as_none() {
     let two = force(rough(), Some(flat), path, 0.3);
     let difference: Vec<f32> = one.iter().zip(&two).skip(200).map(|(a, b)| a - b).collect();
     let level = db(rms(&difference) / rms(&two));
-    assert!(level < -15.0, "{level} dB");
+    println!("a flat partner and none: {level:.1} dB apart");
+    assert!(level < -30.0, "{level} dB");
 }
 
 /// Times between knocks: the first peak of the autocorrelation of the envelope, s.

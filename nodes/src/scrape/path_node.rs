@@ -8,12 +8,13 @@ use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::node::{Class, Node, Retune, Summary};
 use crate::core::params::Params;
-use crate::core::ports::Events;
+use crate::core::ports::{Events, Value};
 use crate::core::random::Draw;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::{Tick, ticks};
 use crate::rigid::{ContactFrame, ContactState, State};
 use crate::spatial::pose::unit;
+use crate::texture::Luma;
 use crate::{choices, params, ports};
 
 /// Pieces that may wait for their time, per contact.
@@ -67,7 +68,7 @@ params! {
     /// known one frame after it begins (two with `Differences`, at once with `Extrapolate`): a constant latency that the plan
     /// shows.
     ///
-    /// A contact begins within 2 ms. One that is further from where its velocity would bring it than `teleport` and twice the way
+    /// A contact begins within 2 ms. One that is further from where its velocity would bring it than `teleport` pixels and twice the way
     /// that it goes in a frame has jumped: the old way goes on and fades out in 2 ms while a new one fades in, and so with a
     /// number that begins again. One that hears nothing of itself goes straight on for two frames and then fades out in 5 ms,
     /// and so does one that ends with a force still on it.
@@ -114,8 +115,10 @@ params! {
         join: bool = false;
         /// Time constant of a low-pass over the places, against the same; 0 for none, 0.02 for rough engines.
         smooth: f64 = 0.0, unit "s", range 0.0..=1.0;
-        /// Distance from the expected place beyond which a contact has jumped: 8 pixels at 512 a metre.
-        teleport: f64 = 0.015_625, unit "m", range 0.000001..=1000.0;
+        /// Distance from the expected place beyond which a contact has jumped, in pixels of the map that it moves over.
+        teleport: f64 = 8.0, unit "px", range 0.01..=1_000_000.0;
+        /// Pixels per metre of that map, where no image is linked.
+        density: f64 = 512.0, unit "px/m", range 0.1..=1_000_000.0;
         /// Time from one frame of the physics to the next.
         frame: f64 = 1.0 / 60.0, unit "s", range 0.0005..=0.5;
         /// Number of the object that is excited.
@@ -129,6 +132,8 @@ ports! {
         in {
             /// Contacts and of what kind they are.
             contacts: Events<ContactState>,
+            /// The image of the surface, for the size of its pixels in place of `density`.
+            image: Option<Value<Luma>>,
         }
         out {
             /// Their ways over the surface.
@@ -148,15 +153,17 @@ pub struct ContactPath {
     pairs: Vec<(Sample, f64)>,
     /// All that came before has been taken.
     seen: Tick,
+    /// Pixels per metre of the image that is linked.
+    density: Option<f64>,
 }
 
-fn rules(p: &ContactPathParams) -> PathRules {
+fn rules(p: &ContactPathParams, density: Option<f64>) -> PathRules {
     PathRules {
         frame: ticks(p.frame),
         look_ahead: p.mode == PathMode::Hermite,
         differences: p.velocities == Velocities::Differences || p.frame_of == Axes::Body,
         guard: p.guard,
-        teleport: p.teleport,
+        teleport: p.teleport / density.unwrap_or(p.density),
         object: p.object,
         smooth: p.smooth,
     }
@@ -276,26 +283,34 @@ impl Node for ContactPath {
     type Params = ContactPathParams;
     type Ports = ContactPathPorts;
     const NAME: &'static str = "ContactPath";
+    const VERSION: u32 = 2;
     const CLASS: Class = Class::Audio;
     const COST: f64 = 50.0;
 
     fn shape(p: &ContactPathParams, s: &mut Shape<'_, '_, ContactPathPorts>) -> Result<(), Reject> {
         axes(p)?;
-        let rules = rules(p);
+        let rules = rules(p, None);
         s.reach(ContactPathPorts::contacts, 0, rules.latency() as usize);
         s.tail(rules.stall() + rules.latency() + 2 * ticks(LOST));
         Ok(())
     }
 
-    fn build(p: &ContactPathParams, _: &Build<'_>) -> Result<Self, Fault> {
+    fn build(p: &ContactPathParams, cx: &Build<'_>) -> Result<Self, Fault> {
         let room = usize::from(p.most);
+        // Where pixels are longer one way than the other, the mean of both.
+        let density = cx.optional_value(ContactPathPorts::image).map(|image| {
+            let [x, y] = image.surface.density;
+            (x * y).sqrt()
+        });
+        let density = density.filter(|d| d.is_finite() && *d > 0.0);
         Ok(Self {
             axes: axes(p)?,
-            tracker: Tracker::new(rules(p), room),
+            tracker: Tracker::new(rules(p, density), room),
             queue: Queue::new(WAITING * room),
             pairs: Vec::with_capacity(room),
             params: p.clone(),
             seen: Tick::MIN,
+            density,
         })
     }
 
@@ -303,7 +318,7 @@ impl Node for ContactPath {
         let (_, to) = io.paths.window();
         let events = io.contacts.events();
         let mut fresh = &events[events.partition_point(|(tick, _)| *tick < self.seen)..];
-        let latency = rules(&self.params).latency();
+        let latency = rules(&self.params, None).latency();
         while let Some((tick, _)) = fresh.first() {
             // Nothing that starts before that is changed any more: the queue stays short in windows of any length.
             self.queue.give(to.min(tick - latency), |tick, piece| io.paths.push(tick, piece));
@@ -327,11 +342,12 @@ impl Node for ContactPath {
     }
 
     fn retune(&mut self, new: &ContactPathParams) -> Retune {
-        let same = rules(new).latency() == rules(&self.params).latency() && new.most == self.params.most;
+        let latency = |p: &ContactPathParams| rules(p, None).latency();
+        let same = latency(new) == latency(&self.params) && new.most == self.params.most;
         match axes(new) {
             Ok(axes) if same && (new.frame_of, new.join) == (self.params.frame_of, self.params.join) => {
                 self.axes = axes;
-                self.tracker.set_rules(rules(new));
+                self.tracker.set_rules(rules(new, self.density));
                 self.params = new.clone();
                 Retune::Done
             }
@@ -342,7 +358,7 @@ impl Node for ContactPath {
     fn adopt(&mut self, old: &mut Self) {
         self.tracker.take_state(&old.tracker);
         self.queue.take_state(&old.queue);
-        if rules(&old.params).latency() == rules(&self.params).latency() {
+        if rules(&old.params, None).latency() == rules(&self.params, None).latency() {
             self.seen = old.seen;
         }
     }
@@ -351,10 +367,14 @@ impl Node for ContactPath {
         let params = ContactPathParams::trial(draw);
         let (a, b) = (params.a.map(|_| 0), params.b.map(|_| draw.below(3) as u32));
         let frame = [1.0 / 30.0, 1.0 / 60.0, 1.0 / 240.0][draw.below(3)];
-        let teleport = draw.between(0.01, 2.0);
+        let teleport = draw.between(5.0, 1000.0);
         let u = [1.0, draw.between(-0.4, 0.4), 0.3];
         let v = [draw.between(-0.4, 0.4), 1.0, 0.1];
         let most = 1 + draw.below(6) as u16;
         (ContactPathParams { a, b, frame, teleport, u, v, most, ..params }, MemoryFiles::default())
     }
 }
+
+#[cfg(test)]
+#[path = "path_node_tests.rs"]
+mod tests;

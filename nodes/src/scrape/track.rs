@@ -372,7 +372,9 @@ impl Tracker {
             let time = sample.tick - track.last.tick;
             if time > 0 { rate(track.last.place, sample.place, time) } else { [0.0; 2] }
         });
-        let bend = track.bend(sample);
+        let turn = track.turn(sample);
+        let half = turned(velocity, turn, 0.5 * step);
+        let last = turned(velocity, turn, step);
         let other = sample.other.map(|place| {
             let time = sample.tick - track.last.tick;
             let before = track.last.other.filter(|_| time > 0);
@@ -381,8 +383,11 @@ impl Tracker {
         });
         let end = Sample {
             tick: sample.tick + self.rules.frame,
-            place: std::array::from_fn(|k| sample.place[k] + step * (velocity[k] + 0.5 * step * bend[k])),
-            velocity: Some(std::array::from_fn(|k| velocity[k] + step * bend[k])),
+            // Simpson's rule: the way is as long as its velocities say.
+            place: std::array::from_fn(|k| {
+                sample.place[k] + step / 6.0 * (velocity[k] + 4.0 * half[k] + last[k])
+            }),
+            velocity: Some(last),
             other,
             ..*sample
         };
@@ -494,13 +499,18 @@ impl Track {
         self.at[1].iter().all(|v| v.is_finite()).then_some(self.at[1])
     }
 
-    /// Acceleration since the last frame, where it is small enough to be one.
-    fn bend(&self, sample: &Sample) -> [f64; 2] {
+    /// How fast the velocity has turned since the last frame, and by which share of its size it has grown, 1/s, where the change is
+    /// small enough to go on.
+    fn turn(&self, sample: &Sample) -> [f64; 2] {
         let time = sample.tick - self.last.tick;
         let (Some(v), Some(w)) = (self.last.velocity, sample.velocity) else { return [0.0; 2] };
-        let change = [w[0] - v[0], w[1] - v[1]];
-        let small = change[0].hypot(change[1]) < 0.5 * w[0].hypot(w[1]);
-        if time > 0 && small { change.map(|c| c / seconds(time)) } else { [0.0; 2] }
+        let small = (w[0] - v[0]).hypot(w[1] - v[1]) < 0.5 * w[0].hypot(w[1]);
+        if time <= 0 || !small {
+            return [0.0; 2];
+        }
+        let angle = libm::atan2(v[0] * w[1] - v[1] * w[0], v[0] * w[0] + v[1] * w[1]);
+        let before = (v[0] * v[0] + v[1] * v[1]).sqrt() / (w[0] * w[0] + w[1] * w[1]).sqrt();
+        [angle, 1.0 - before].map(|x| x / seconds(time))
     }
 
     /// Forgets what is known beyond a time.
@@ -523,6 +533,13 @@ impl Track {
 fn rate(from: [f64; 2], to: [f64; 2], time: Tick) -> [f64; 2] {
     let time = seconds(time.max(1));
     std::array::from_fn(|k| (to[k] - from[k]) / time)
+}
+
+/// A velocity that goes on turning and growing for a time.
+fn turned(velocity: [f64; 2], [turn, growth]: [f64; 2], time: f64) -> [f64; 2] {
+    let (sin, cos) = libm::sincos(turn * time);
+    let size = (1.0 + growth * time).max(0.0);
+    [size * (velocity[0] * cos - velocity[1] * sin), size * (velocity[0] * sin + velocity[1] * cos)]
 }
 
 /// Velocity at a frame from those around it (Catmull and Rom).

@@ -181,7 +181,7 @@ impl Data for CodedMap {
     }
 
     fn file(&self) -> Option<Vec<u8>> {
-        Some(self.bytes.clone())
+        Some(super::map_code::encode_map(self))
     }
 }
 

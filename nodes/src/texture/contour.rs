@@ -272,8 +272,8 @@ fn march_strip(field: &Field<'_>, levels: &[f32], saddle: Saddle, [from, to]: [u
     parts
 }
 
-/// Joins the strips of one level to vertices and the vertex that follows on each.
-fn join(parts: &[&Part], ends: &[usize]) -> (Vec<[f64; 2]>, Vec<u32>, Vec<bool>) {
+/// Joins the strips of one level to vertices and the vertex that follows on each, and lets go of each strip on the way.
+fn join(mut parts: Vec<Part>, ends: &[usize]) -> (Vec<[f64; 2]>, Vec<u32>, Vec<bool>) {
     let count = parts.iter().map(|part| part.points.len()).sum();
     let (mut points, mut next, mut led_to) =
         (Vec::with_capacity(count), vec![NONE; count], vec![false; count]);
@@ -282,8 +282,9 @@ fn join(parts: &[&Part], ends: &[usize]) -> (Vec<[f64; 2]>, Vec<u32>, Vec<bool>)
         .iter()
         .scan(0, |start, part| Some(std::mem::replace(start, *start + part.points.len() as u32)))
         .collect();
-    for (k, part) in parts.iter().enumerate() {
-        points.extend_from_slice(&part.points);
+    for k in 0..parts.len() {
+        points.append(&mut std::mem::take(&mut parts[k].points));
+        let links = std::mem::take(&mut parts[k].links);
         let above = if k == 0 { parts.len() - 1 } else { k - 1 };
         let number = |vertex: u32| match vertex & ABOVE {
             0 => vertex + starts[k],
@@ -292,7 +293,7 @@ fn join(parts: &[&Part], ends: &[usize]) -> (Vec<[f64; 2]>, Vec<u32>, Vec<bool>)
                 _ => NONE,
             },
         };
-        for [from, to] in part.links.iter().map(|link| link.map(number)) {
+        for [from, to] in links.iter().map(|link| link.map(number)) {
             if let Some(next) = next.get_mut(from as usize) {
                 *next = to;
             }
@@ -374,11 +375,14 @@ fn contours_by(field: &Field<'_>, levels: &[f32], saddle: Saddle, strip: usize) 
     let strips: Vec<Vec<Part>> =
         spans.par_iter().map(|span| march_strip(field, levels, saddle, *span)).collect();
     let turn = field.is_torus().then(|| [field.width, field.height()].map(|n| n as f64));
-    (0..levels.len())
+    let mut by_level: Vec<Vec<Part>> = levels.iter().map(|_| Vec::with_capacity(strips.len())).collect();
+    for strip in strips {
+        by_level.iter_mut().zip(strip).for_each(|(parts, part)| parts.push(part));
+    }
+    by_level
         .into_par_iter()
-        .map(|k| {
-            let parts: Vec<&Part> = strips.iter().filter_map(|parts| parts.get(k)).collect();
-            let (points, mut next, led_to) = join(&parts, &ends);
+        .map(|parts| {
+            let (points, mut next, led_to) = join(parts, &ends);
             trace(&points, &mut next, &led_to, turn)
         })
         .collect()

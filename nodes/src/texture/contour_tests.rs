@@ -86,6 +86,55 @@ fn contours_of_twenty_images_are_those_of_scikit_image() {
     assert!(differ >= 5, "the rules make a difference in {differ} images only");
 }
 
+/// Lines of points in pixels, as `tests/oracles/contours.py` stores them.
+fn stored(numbers: &mut impl Iterator<Item = u16>) -> Vec<Vec<[f64; 2]>> {
+    let count = numbers.next().unwrap();
+    let line = |numbers: &mut dyn Iterator<Item = u16>| {
+        let len = numbers.next().unwrap();
+        let mut coordinate = || f64::from(numbers.next().unwrap()) / 1024.0;
+        (0..len).map(|_| [coordinate(), coordinate()]).collect()
+    };
+    (0..count).map(|_| line(numbers)).collect()
+}
+
+/// Whether two lines have the same points in the same order, from any point of a loop on, and if so whether in the same direction.
+fn same_line(ours: &[[f64; 2]], theirs: &[[f64; 2]]) -> Option<bool> {
+    let near = |a: [f64; 2], b: [f64; 2]| (0..2).all(|k| (a[k] - b[k]).abs() < 0.501 / 1024.0);
+    let closed = ours.first() == ours.last();
+    let n = ours.len() - usize::from(closed);
+    if ours.len() != theirs.len() {
+        return None;
+    }
+    let starts = if closed { 0..n } else { 0..1 };
+    let forth = |from: usize| (0..n).all(|k| near(ours[(from + k) % n], theirs[k]));
+    let back = |from: usize| (0..n).all(|k| near(ours[(from + n - 1 - k) % n], theirs[k]));
+    if starts.clone().any(forth) { Some(true) } else { starts.clone().any(back).then_some(false) }
+}
+
+#[test]
+fn every_vertex_of_twenty_images_is_that_of_scikit_image() {
+    let bytes = include_bytes!("../../tests/data/contours.bin").as_chunks().0;
+    let mut numbers = bytes.iter().map(|pair| u16::from_le_bytes(*pair));
+    let mut count = 0;
+    for seed in 1..=20 {
+        let samples = image(seed, 37, 29);
+        for saddle in [Saddle::Low, Saddle::High] {
+            let theirs = stored(&mut numbers);
+            let found = one(&field(37, &samples), LEVEL, saddle);
+            let mut ours: Vec<_> = found.lines.iter().map(|line| span(&found, *line)).collect();
+            assert_eq!(ours.len(), theirs.len());
+            for line in &theirs {
+                let met = ours.iter().position(|own| same_line(own, line).is_some());
+                let own = ours.swap_remove(met.unwrap_or_else(|| panic!("{seed} {saddle:?}: {line:?}")));
+                // Theirs have the low side on the left.
+                assert_eq!(same_line(own, line), Some(false), "{seed} {saddle:?}");
+                count += line.len();
+            }
+        }
+    }
+    assert!(numbers.next().is_none() && count > 10_000, "{count} vertices");
+}
+
 #[test]
 fn opposite_corners_are_joined_as_said() {
     let samples = [1.0, 0.0, 0.0, 1.0];

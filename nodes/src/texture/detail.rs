@@ -166,7 +166,7 @@ mod tests {
         for slope in [0.0, -0.5, -2.0, 1.0] {
             let base = noise(slope);
             let (fine, told) = extend(&base, 8, &Random::new(1, "n"));
-            let grown = variance(&fine.samples) / variance(&base.samples) - 1.0;
+            let grown = variance(fine.samples.iter().copied()) / variance(base.samples.iter().copied()) - 1.0;
             assert!((grown - told.added).abs() < 0.01 && told.added <= 0.2501, "{slope}: {grown} {told:?}");
         }
     }

@@ -8,6 +8,7 @@
 //! video abstraction" (SIGGRAPH 2006).
 
 use super::filter::{Kernel, LANES, blur, exp2, load, store};
+use super::holes::smooth_around;
 use super::item::{Grid, Wrap};
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch, f32x16};
@@ -60,6 +61,22 @@ pub fn features(image: &Grid, params: DogParams, wrap: Wrap) -> Grid {
             soften(simd, steep, out);
         });
     })
+}
+
+/// The same around holes, which count for nothing and have no features.
+///
+/// # Complexity
+/// As [`difference`], twice.
+#[must_use]
+pub fn features_around(image: &Grid, holes: &[bool], params: DogParams, wrap: Wrap) -> Grid {
+    let [mut narrow, wide] = [1.0, params.ratio]
+        .map(|r| smooth_around(image, holes, &Kernel::gaussian(r * params.sigma_e, REACH), wrap));
+    for (n, w) in narrow.samples.iter_mut().zip(&wide.samples) {
+        let d = *n - params.tau as f32 * w;
+        // Not a number, in a hole, is no feature either.
+        *n = if d < 0.0 { (-params.phi_e as f32 * d).tanh() } else { 0.0 };
+    }
+    narrow
 }
 
 /// Both Gaussians, joined piece by piece.
@@ -165,5 +182,20 @@ mod tests {
         let f = features(&step(0.0, 1.0), DogParams::default(), Wrap::Clamp);
         let most = f.samples.iter().copied().fold(0.0, f32::max);
         assert!((most - 0.21).abs() < 0.01, "{most}");
+    }
+
+    #[test]
+    fn around_holes_features_are_those_of_the_image_and_none_follow_the_hole() {
+        let image = Grid::from_fn(64, 48, |x, _| if x % 16 < 3 { 20.0 } else { 70.0 });
+        let none = vec![false; 64 * 48];
+        let plain = features(&image, DogParams::default(), Wrap::Repeat);
+        let same = features_around(&image, &none, DogParams::default(), Wrap::Repeat);
+        for (a, b) in plain.samples.iter().zip(&same.samples) {
+            assert!((a - b).abs() < 1e-4, "{a} {b}");
+        }
+        let flat = Grid::from_fn(64, 48, |x, _| if x < 30 { 0.0 } else { 70.0 });
+        let holes: Vec<bool> = (0..64 * 48).map(|k| k % 64 < 30).collect();
+        let found = features_around(&flat, &holes, DogParams::default(), Wrap::Clamp);
+        assert!(found.samples.iter().all(|f| *f == 0.0), "the edge of a hole is none");
     }
 }

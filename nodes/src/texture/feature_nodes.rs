@@ -1,7 +1,8 @@
 //! Smoothing, main features and noise of textures, as value nodes.
 
 use super::bilateral::{BilateralParams as Widths, bilateral};
-use super::dog::{DogParams, features};
+use super::dog::{DogParams, features, features_around};
+use super::holes::apart;
 use super::item::{FeatureMap, Grid, Luma, NoiseMap};
 use super::luma::most;
 use super::split::{noise, statistics};
@@ -50,16 +51,19 @@ impl Func for Bilateral {
     type Params = BilateralParams;
     type Ports = BilateralPorts;
     const NAME: &'static str = "Bilateral";
+    const VERSION: u32 = 2;
 
     fn eval(p: &BilateralParams, _: &Build<'_>, mut io: BilateralIo<'_>) -> Result<Summary, Fault> {
         let widths = Widths { sigma_d: p.sigma_d, sigma_r: p.sigma_r };
         let wrap = io.luma.surface.wrap;
-        let mut grid = bilateral(&io.luma.grid, widths, wrap);
-        for _ in 1..p.passes {
-            grid = bilateral(&grid, widths, wrap);
+        let holes = &io.luma.holes;
+        let mut grid = io.luma.grid.clone();
+        for _ in 0..p.passes {
+            let image = if holes.is_empty() { grid } else { apart(&grid, holes) };
+            grid = bilateral(&image, widths, wrap);
         }
-        grid.samples.iter_mut().zip(&io.luma.holes).for_each(|(x, hole)| *x = if *hole { 0.0 } else { *x });
-        io.smooth.set(Luma { grid, holes: io.luma.holes.clone(), ..*io.luma });
+        grid.samples.iter_mut().zip(holes).for_each(|(x, hole)| *x = if *hole { 0.0 } else { *x });
+        io.smooth.set(Luma { grid, holes: holes.clone(), ..*io.luma });
         Ok(Summary::new())
     }
 }
@@ -106,6 +110,7 @@ impl Func for DogFeatures {
     type Params = DogFeaturesParams;
     type Ports = DogFeaturesPorts;
     const NAME: &'static str = "DogFeatures";
+    const VERSION: u32 = 2;
 
     fn eval(p: &DogFeaturesParams, _: &Build<'_>, mut io: DogFeaturesIo<'_>) -> Result<Summary, Fault> {
         let params = DogParams { sigma_e: p.sigma_e, ratio: p.ratio, tau: p.tau, phi_e: p.phi_e };
@@ -118,8 +123,11 @@ impl Func for DogFeatures {
             &scaled
         };
         let brightest = grid.samples.iter().copied().fold(0.0, f32::max);
-        let mut grid = features(grid, params, luma.surface.wrap);
-        grid.samples.iter_mut().zip(&luma.holes).for_each(|(f, hole)| *f = if *hole { 0.0 } else { *f });
+        let grid = if luma.holes.is_empty() {
+            features(grid, params, luma.surface.wrap)
+        } else {
+            features_around(grid, &luma.holes, params, luma.surface.wrap)
+        };
         let share =
             grid.samples.iter().filter(|f| **f > 0.5).count() as f64 / grid.samples.len().max(1) as f64;
         let mut summary: Summary = vec![("share", share.into())];
@@ -190,6 +198,7 @@ impl Func for FeatureNoiseSplit {
     type Params = FeatureNoiseSplitParams;
     type Ports = FeatureNoiseSplitPorts;
     const NAME: &'static str = "FeatureNoiseSplit";
+    const VERSION: u32 = 2;
 
     fn eval(
         p: &FeatureNoiseSplitParams,
@@ -201,7 +210,7 @@ impl Func for FeatureNoiseSplit {
         same_size("features", &luma.grid, &io.features.grid)?;
         let mask = p.mask_features.then_some(&io.features.grid);
         let grid = noise(&luma.grid, &io.smooth.grid, mask, &luma.holes);
-        let found = statistics(&grid);
+        let found = statistics(&grid, &luma.holes);
         let mut summary: Summary = vec![
             ("variance", found.variance.into()),
             ("isotropy", found.isotropy.into()),
@@ -211,7 +220,7 @@ impl Func for FeatureNoiseSplit {
         if let Some(warning) = found.warning() {
             summary.push(("warning", warning.into()));
         }
-        io.noise.set(NoiseMap { grid, surface: luma.surface });
+        io.noise.set(NoiseMap { grid, holes: luma.holes.clone(), surface: luma.surface });
         Ok(summary)
     }
 }
@@ -259,5 +268,51 @@ mod tests {
             solo.value(FeatureNoiseSplitPorts::luma, image).value(FeatureNoiseSplitPorts::smooth, other);
         let fault = solo.value(FeatureNoiseSplitPorts::features, features).run().err().unwrap();
         assert!(fault.code == "F124" && fault.message.contains("39 x 20"), "{fault}");
+    }
+
+    fn split(luma: &Luma) -> (NoiseMap, Summary) {
+        let p = BilateralParams::read(&|_| None).unwrap();
+        let run = Solo::func::<Bilateral>(p).value(BilateralPorts::luma, luma.clone()).run().unwrap();
+        let smooth = run.value(0).unwrap().get::<Luma>().unwrap().clone();
+        let (features, _) = dog(smooth.clone());
+        let p = FeatureNoiseSplitParams::read(&|_| None).unwrap();
+        let run = Solo::func::<FeatureNoiseSplit>(p)
+            .value(FeatureNoiseSplitPorts::luma, luma.clone())
+            .value(FeatureNoiseSplitPorts::smooth, smooth)
+            .value(FeatureNoiseSplitPorts::features, features)
+            .run()
+            .unwrap();
+        (run.value(0).unwrap().get::<NoiseMap>().unwrap().clone(), run.summary.clone())
+    }
+
+    #[test]
+    fn half_a_hole_gives_the_noise_of_the_other_half() {
+        // Dark stones: a hole of luminance 0 looks like them.
+        let mut draw = crate::core::random::Draw::new(31);
+        let tone = |x: usize, draw: &mut crate::core::random::Draw| {
+            (if x % 32 < 4 { 3.0 } else { 12.0 }) + draw.between(-2.0, 2.0) as f32
+        };
+        let half = Grid::from_fn(128, 128, |x, _| tone(x, &mut draw));
+        let wide = Grid::from_fn(256, 128, |x, y| if x < 128 { half.samples[128 * y + x] } else { 0.0 });
+        let surface = Surface { wrap: crate::texture::Wrap::Clamp, ..Surface::default() };
+        let luma = |grid, holes| Luma { grid, holes, kind: LumaKind::Lstar, surface };
+        let (right, told) = split(&luma(half, Vec::new()));
+        let holes: Vec<bool> = (0..256 * 128).map(|k| k % 256 >= 128).collect();
+        let (ours, ours_told) = split(&luma(wide, holes.clone()));
+        assert_eq!(ours.holes, holes);
+        for key in ["variance", "kurtosis", "isotropy"] {
+            let of = |told: &Summary| told.iter().find(|(k, _)| *k == key).unwrap().1.as_f64().unwrap();
+            assert!(
+                (of(&ours_told) / of(&told) - 1.0).abs() < 0.02,
+                "{key}: {} {}",
+                of(&ours_told),
+                of(&told)
+            );
+        }
+        // Away from the border of the hole it is the same noise.
+        for (k, x) in right.grid.samples.iter().enumerate().filter(|(k, _)| k % 128 < 110) {
+            let other = ours.grid.samples[k / 128 * 256 + k % 128];
+            assert!((x - other).abs() < 0.05, "{k}: {x} {other}");
+        }
     }
 }

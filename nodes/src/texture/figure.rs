@@ -1,5 +1,6 @@
 //! The figures that maps of textures draw of themselves: those of Picard, Tsingos and Faure (VRIPHYS 2008).
 
+use super::holes::solid;
 use super::item::{DiscontinuityMap, FeatureMap, Luma, LumaKind, NoiseMap, NoiseProfile};
 use super::luma::most;
 use super::picture::{percentile, picture};
@@ -34,7 +35,7 @@ pub(super) fn features(map: &FeatureMap) -> Option<String> {
 
 /// Noise in grey, three deviations to black and white: figure 5.
 pub(super) fn noise(map: &NoiseMap) -> Option<String> {
-    let deviation = variance(&map.grid.samples).sqrt() as f32;
+    let deviation = variance(solid(&map.grid, &map.holes)).sqrt() as f32;
     let ends = [-3.0 * deviation, 3.0 * deviation];
     picture(&format!("Noise: standard deviation {deviation:.3}"), &map.grid, ends, &map.surface)
 }

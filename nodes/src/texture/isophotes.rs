@@ -1,9 +1,10 @@
 //! Lines of equal luminance through an image, with the slope that a tip meets on each.
 
 use super::contour::{Field, Line, Lines, MOST_LEVELS, Saddle, contours};
-use super::filter::{Kernel, smooth};
+use super::filter::Kernel;
+use super::holes::smooth_around;
 use super::item::{Grid, Luma, Surface, Wrap};
-use super::simplify::simplify;
+use super::simplify::{Tolerance, simplify};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -11,9 +12,10 @@ use serde::{Deserialize, Serialize};
 pub(super) const STEPS: f64 = 64.0;
 /// Bins from which quantiles of luminance are read.
 const BINS: usize = 1 << 16;
-/// Error of gradients that simplified lines may have, for each pixel that their points may be off, over the root mean square of all:
-/// it makes an error of 5 % in the root mean square at a quarter of a pixel.
-const SLACK: f64 = 0.6;
+/// Lines that one task simplifies.
+const LINES: usize = 64;
+/// Share of the root mean square of all gradients below which a gradient counts as so large when lines are simplified.
+const FAINT: f64 = 0.3;
 
 /// One isocurve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -69,11 +71,19 @@ pub struct Drawing {
     pub saddle: Saddle,
     /// Pixels that a curve may be off to have fewer points; 0 keeps all.
     pub simplify: f64,
+    /// Share of a gradient by which the one of such a curve may be off.
+    pub gradient_error: f64,
 }
 
 impl Default for Drawing {
     fn default() -> Self {
-        Self { levels: Levels::Quantiles(8), pre_blur: 1.0, saddle: Saddle::Decider, simplify: 0.25 }
+        Self {
+            levels: Levels::Quantiles(8),
+            pre_blur: 1.0,
+            saddle: Saddle::Decider,
+            simplify: 0.25,
+            gradient_error: 0.05,
+        }
     }
 }
 
@@ -125,7 +135,8 @@ impl Isophotes {
 /// When the image has no cell, or none of the levels that were given lies in its luminance.
 ///
 /// # Complexity
-/// O(pixels x levels + points log points), two images of memory beside the result.
+/// O(pixels x levels + points log points). Memory of one image beside the result (two where it does not repeat), and of one level with
+/// all of its points.
 ///
 /// # Source
 /// Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section 4.2.
@@ -138,54 +149,77 @@ pub fn isophotes(luma: &Luma, drawing: &Drawing) -> Result<Isophotes, IsophotesE
         return Err(IsophotesError::Damaged(width, height, samples.len()));
     }
     let wrap = luma.surface.wrap;
-    let blurred = blur_around_holes(luma, drawing.pre_blur);
+    let kernel = Kernel::gaussian(drawing.pre_blur, 4.0);
+    let blurred = smooth_around(&luma.grid, &luma.holes, &kernel, wrap);
     let levels = levels(&blurred, &drawing.levels)?;
     let mut all = Isophotes { width, height, surface: luma.surface, levels, ..Isophotes::default() };
-    let found = if wrap == Wrap::Repeat {
-        let field = Field { width, samples: &blurred.samples, torus: true };
-        contours(&field, &all.levels, drawing.saddle)
-    } else {
-        // One pixel more on each side, so that paths along the border meet curves that go on.
-        let place = |at: usize, len| wrap.place(at as i64 - 1, len);
-        let wide = Grid::from_fn(width + 2, height + 2, |x, y| {
-            blurred.samples[place(y, height) * width + place(x, width)]
-        });
-        let field = Field { width: width + 2, samples: &wide.samples, torus: false };
-        let mut found = contours(&field, &all.levels, drawing.saddle);
-        found.iter_mut().flat_map(|lines| &mut lines.points).flatten().for_each(|x| *x -= 1.0);
-        found
+    let tolerance = Tolerance {
+        reach: drawing.simplify,
+        share: drawing.gradient_error,
+        least: if drawing.simplify > 0.0 { FAINT * steepness(&blurred, wrap) } else { 0.0 },
     };
-    let slopes = |lines: &Lines| lines.points.iter().map(|p| slope(&blurred, wrap, *p)).collect();
-    let gradients: Vec<Vec<[f32; 2]>> = found.par_iter().map(slopes).collect();
-    let limits = [drawing.simplify, drawing.simplify * SLACK * rms(&gradients)];
-    let parts: Vec<_> = found.par_iter().zip(&gradients).map(|(l, g)| keep(l, g, limits)).collect();
-    for ((curves, points, gradients), level) in parts.into_iter().zip(0..) {
-        all.curves.extend(curves.iter().map(|curve| Curve { level, ..*curve }));
-        all.points.extend(points);
-        all.gradients.extend(gradients);
+    // One pixel more on each side of what does not repeat, so that paths along the border meet curves that go on.
+    let margin = usize::from(wrap != Wrap::Repeat);
+    let wide = (margin > 0).then(|| {
+        let place = |at: usize, len| wrap.place(at as i64 - 1, len);
+        Grid::from_fn(width + 2, height + 2, |x, y| {
+            blurred.samples[place(y, height) * width + place(x, width)]
+        })
+    });
+    let field = Field {
+        width: width + 2 * margin,
+        samples: wide.as_ref().map_or(&blurred.samples, |wide| &wide.samples),
+        torus: margin == 0,
+    };
+    // One level after the other: with all of their points, lines are many times as large as what is left of them.
+    for (height, level) in all.levels.clone().into_iter().zip(0..) {
+        for lines in contours(&field, &[height], drawing.saddle) {
+            let origin = margin as f64;
+            let shorter =
+                |some: &[Line]| keep(&lines, some, |p| p.map(|x| x - origin), &blurred, wrap, tolerance);
+            let kept: Vec<_> = lines.lines.par_chunks(LINES).map(shorter).collect();
+            for (curves, points, gradients) in kept {
+                all.curves.extend(curves.iter().map(|curve| Curve { level, ..*curve }));
+                all.points.extend(points);
+                all.gradients.extend(gradients);
+            }
+        }
     }
     Ok(all)
 }
 
-/// The root mean square of all gradients.
-fn rms(gradients: &[Vec<[f32; 2]>]) -> f64 {
-    let all = || gradients.iter().flatten();
-    let sum: f64 = all().flatten().map(|g| f64::from(*g).powi(2)).sum();
-    (sum / all().count().max(1) as f64).sqrt()
+/// The root mean square of the gradients of an image.
+fn steepness(grid: &Grid, wrap: Wrap) -> f64 {
+    let row = |y: usize| {
+        let squares = (0..grid.width).filter_map(|x| {
+            let own = grid.samples.get(y * grid.width + x).filter(|own| own.is_finite());
+            own.map(|_| sobel(grid, wrap, x as i64, y as i64).map(|g| f64::from(g).powi(2)).iter().sum())
+        });
+        squares.fold((0.0, 0_usize), |(sum, count), square: f64| (sum + square, count + 1))
+    };
+    let rows: Vec<(f64, usize)> = (0..grid.height).into_par_iter().map(row).collect();
+    let (sum, count) = rows.iter().fold((0.0, 0), |(sum, n), row| (sum + row.0, n + row.1));
+    (sum / count.max(1) as f64).sqrt()
 }
 
-/// The curves of one level, simplified where that is wanted.
+type Kept = (Vec<Curve>, Vec<[f32; 2]>, Vec<[f32; 2]>);
+
+/// Some lines of one level as curves, with the gradient along them, simplified where that is wanted.
 fn keep(
     lines: &Lines,
-    gradients: &[[f32; 2]],
-    [reach, slack]: [f64; 2],
-) -> (Vec<Curve>, Vec<[f32; 2]>, Vec<[f32; 2]>) {
+    some: &[Line],
+    place: impl Fn([f64; 2]) -> [f64; 2],
+    blurred: &Grid,
+    wrap: Wrap,
+    tolerance: Tolerance,
+) -> Kept {
     let (mut curves, mut points, mut slopes) = (Vec::new(), Vec::new(), Vec::new());
-    for Line { from, to, closed } in &lines.lines {
-        let (all, steep) = (&lines.points[*from..*to], &gradients[*from..*to]);
+    for Line { from, to, closed } in some {
+        let all: Vec<[f64; 2]> = lines.points[*from..*to].iter().map(|p| place(*p)).collect();
+        let steep: Vec<[f32; 2]> = all.iter().map(|p| slope(blurred, wrap, *p)).collect();
         let start = points.len();
-        for k in simplify(all, steep, reach, slack) {
-            let snap = |x: f64| if reach > 0.0 { (x * STEPS).round() / STEPS } else { x };
+        for k in simplify(&all, &steep, tolerance) {
+            let snap = |x: f64| if tolerance.reach > 0.0 { (x * STEPS).round() / STEPS } else { x };
             let point = all[k].map(|x| snap(x) as f32);
             if points.get(start..).is_some_and(|own: &[_]| own.last() != Some(&point)) {
                 points.push(point);
@@ -203,27 +237,6 @@ fn keep(
         }
     }
     (curves, points, slopes)
-}
-
-/// The blurred luminance; not a number in holes, which do not count around them.
-fn blur_around_holes(luma: &Luma, sigma: f64) -> Grid {
-    let kernel = Kernel::gaussian(sigma, 4.0);
-    let hole = |k: usize, x: f32| luma.holes.get(k).copied().unwrap_or(false) || !x.is_finite();
-    let grid = &luma.grid;
-    if !grid.samples.iter().enumerate().any(|(k, x)| hole(k, *x)) {
-        return smooth(grid, &kernel, luma.surface.wrap);
-    }
-    let each = |f: &dyn Fn(usize, f32) -> f32| Grid {
-        samples: grid.samples.iter().enumerate().map(|(k, x)| f(k, *x)).collect(),
-        ..*grid
-    };
-    let inside = each(&|k, x| f32::from(u8::from(!hole(k, x))));
-    let filled = each(&|k, x| if hole(k, x) { 0.0 } else { x });
-    let [mut sums, weights] = [filled, inside].map(|grid| smooth(&grid, &kernel, luma.surface.wrap));
-    for (k, (sum, weight)) in sums.samples.iter_mut().zip(&weights.samples).enumerate() {
-        *sum = if hole(k, grid.samples[k]) { f32::NAN } else { *sum / weight };
-    }
-    sums
 }
 
 /// Levels in rising order, each once.

@@ -38,7 +38,7 @@ params! {
     ///
     /// The image is blurred a little; then lines are drawn between pixels where the luminance passes a level, with the gradient of the
     /// luminance at each of their points. An image that repeats has lines across its seam; holes have none. `simplify` leaves out points
-    /// that change a line by no more than it says, and that change the gradients by no more than 5 % on the whole at a quarter of a pixel.
+    /// that change a line by no more than it says and its gradient by no more than the share `gradient_error`.
     /// The summary tells how many curves and points there are, and the size of their file.
     ///
     /// # Source
@@ -57,6 +57,8 @@ params! {
         saddle: Saddle = Saddle::Decider;
         /// How far a curve may be off to have fewer points; 0 keeps all points.
         simplify: f64 = 0.25, unit "px", range 0.0..=8.0;
+        /// Share of its gradient by which a point that is left out may be off; of gradients below 0.3 of the root mean square, of that.
+        gradient_error: f64 = 0.05, unit "", range 0.001..=10.0;
     }
 }
 ports! {
@@ -90,7 +92,7 @@ impl Func for IsophotesNode {
     type Params = IsophotesParams;
     type Ports = IsophotesPorts;
     const NAME: &'static str = "Isophotes";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
 
     fn check(p: &IsophotesParams, s: &mut Shape<'_, '_, IsophotesPorts>) -> Result<(), Reject> {
         if p.levels.len() > 64 {
@@ -113,7 +115,13 @@ impl Func for IsophotesNode {
             Spacing::Quantile => Levels::Quantiles(p.count.into()),
             Spacing::Uniform => Levels::Uniform(p.count.into()),
         };
-        let drawing = Drawing { levels, pre_blur: p.pre_blur, saddle: p.saddle, simplify: p.simplify };
+        let drawing = Drawing {
+            levels,
+            pre_blur: p.pre_blur,
+            saddle: p.saddle,
+            simplify: p.simplify,
+            gradient_error: p.gradient_error,
+        };
         let field = if p.levels.is_empty() { "luma" } else { "levels" };
         let found = isophotes(io.luma, &drawing).map_err(|e| Fault::new("F125", e.to_string()).at(field))?;
         let told = told(&found);

@@ -116,9 +116,12 @@ fn simplified_curves_keep_their_gradients() {
     let drawing = Drawing { pre_blur: 2.5, ..Drawing::default() };
     let all = isophotes(&image, &Drawing { simplify: 0.0, ..drawing.clone() }).unwrap();
     let short = isophotes(&image, &drawing).unwrap();
-    assert!(short.points.len() * 2 < all.points.len(), "{} of {}", short.points.len(), all.points.len());
+    assert!(short.points.len() * 4 < all.points.len() * 3, "{} of {}", short.points.len(), all.points.len());
     // Where a point was left out, its gradient is that of the line in its place.
-    let (mut wrong, mut sum) = (0.0, 0.0);
+    let (mut wrong, mut most, mut count) = (0, 0.0_f32, 0);
+    let mean = (all.gradients.iter().flatten().map(|g| f64::from(*g).powi(2)).sum::<f64>()
+        / all.gradients.len() as f64)
+        .sqrt() as f32;
     let pieces: Vec<_> = short
         .iter()
         .flat_map(|(curve, p, g)| p.windows(2).zip(g.windows(2)).map(move |(p, g)| (curve.level, p, g)))
@@ -135,13 +138,16 @@ fn simplified_curves_keep_their_gradients() {
             });
             if let Some((far, miss)) = near.min_by(|a, b| a.0.total_cmp(&b.0)).filter(|(far, _)| *far < 0.3) {
                 assert!(far < 0.27, "{far}");
-                wrong += f64::from(miss[0] * miss[0] + miss[1] * miss[1]);
-                sum += f64::from(g[0] * g[0] + g[1] * g[1]);
+                let error = miss[0].hypot(miss[1]) / g[0].hypot(g[1]).max(0.3 * mean);
+                most = most.max(error);
+                wrong += usize::from(error > 0.055);
+                count += 1;
             }
         }
     }
-    let error = (wrong / sum).sqrt();
-    assert!(error < 0.07, "gradients are off by {error}");
+    // Points are kept on 64ths of a pixel, and another curve may be nearer than a point's own.
+    println!("{wrong} of {count} gradients are off by more than 5.5 %, at most by {:.1} %", 100.0 * most);
+    assert!(wrong * 500 < count, "{wrong} of {count} gradients are off");
 }
 
 #[test]

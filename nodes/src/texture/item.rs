@@ -85,8 +85,10 @@ pub struct FeatureMap {
 /// What is left of an image without its features: noise of mean 0.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct NoiseMap {
-    /// In units of luminance.
+    /// In units of luminance, 0 in holes.
     pub grid: Grid,
+    /// Which pixels are holes and no part of the noise; empty where none is.
+    pub holes: Vec<bool>,
     /// How it lies on the surface.
     pub surface: Surface,
 }
@@ -190,7 +192,13 @@ impl Data for NoiseMap {
     const NAME: &'static str = "noise map";
 
     fn trial(draw: &mut Draw) -> Self {
-        Self { grid: trial_grid(draw, -5.0, 5.0), surface: trial_surface(draw) }
+        let mut grid = trial_grid(draw, -5.0, 5.0);
+        let mut holes = Vec::new();
+        if draw.below(2) == 0 {
+            holes = grid.samples.iter().map(|_| draw.below(4) == 0).collect();
+            grid.samples.iter_mut().zip(&holes).for_each(|(x, hole)| *x = if *hole { 0.0 } else { *x });
+        }
+        Self { grid, holes, surface: trial_surface(draw) }
     }
 
     fn plot(&self) -> Option<String> {

@@ -68,7 +68,8 @@ choices! { @param Coding {
 params! {
     /// A map of discontinuities as it is stored: a bit, a byte or a pair of signed bytes to a pixel.
     ///
-    /// `coded` is the code, which a tap as `.bin` writes as it is; `magnitude` is what is read back: the length of the gradient, 1 at most.
+    /// `coded` is the code, which `MapExcitation` plays and a tap as `.bin` writes for `MapFile`; `magnitude` is what is read back: the
+    /// length of the gradient, 1 at most.
     /// Bits are read through a Gaussian of 0.7 pixels, for unblurred they would tie the sound to the rate of audio.
     ///
     /// # Source

@@ -3,7 +3,8 @@
 //! # Source
 //! Picard, Tsingos and Faure (VRIPHYS 2008), section 4.2: a stored excitation profile of known velocity and scale.
 
-use super::item::{Grid, NoiseMap, NoiseProfile};
+use super::holes::{solid, stretches};
+use super::item::{NoiseMap, NoiseProfile};
 use half::f16;
 use std::f32::consts::FRAC_PI_2;
 
@@ -11,26 +12,29 @@ use std::f32::consts::FRAC_PI_2;
 pub const PROFILE: usize = 8192;
 /// Samples over which one line goes over into the next.
 const JOIN: usize = 32;
+/// Most by which a part of a line is amplified so that all are alike: what is fainter by far is hardly noise.
+const MOST_EVEN: f64 = 8.0;
 
 /// A profile of `count` samples at the spacing of the map's columns, of the variance of the map, to 16 bits.
 ///
-/// Rows evenly spread over the map are read to and fro. Each goes over into the next, and the last into the first, by cross-fades
-/// of equal power: the parts have nothing to do with each other.
+/// Rows evenly spread over the map are read to and fro. All are made equally strong, for where on the line a contact is says nothing of
+/// where it is on the surface: a row along a joint of tiles would be a metre of other noise. Each goes over into the next, and the last into the first, by cross-fades
+/// of equal power: the parts have nothing to do with each other. Holes are passed over: what lies between two of them is a part.
 ///
 /// # Complexity
 /// `O(count)`.
 #[must_use]
 pub fn profile(noise: &NoiseMap, count: usize) -> NoiseProfile {
     let spacing = 1.0 / noise.surface.density[0];
-    let map = &noise.grid;
-    let join = JOIN.min(map.width / 4);
-    if map.samples.is_empty() || count == 0 {
+    let rows = Rows::new(noise);
+    if rows.lines.is_empty() || count == 0 {
         return NoiseProfile { samples: vec![0.0; count], spacing };
     }
-    let mut line = zigzag(map, count + join, join);
-    close(&mut line, join);
+    let power = variance(solid(&noise.grid, &noise.holes));
+    let mut line = rows.zigzag(count + rows.join, power);
+    close(&mut line, rows.join);
     line.truncate(count);
-    level(&mut line, variance(&map.samples));
+    level(&mut line, power);
     line.iter_mut().for_each(|x| *x = stored(*x).to_f32());
     NoiseProfile { samples: line, spacing }
 }
@@ -40,26 +44,56 @@ pub(super) fn stored(x: f32) -> f16 {
     f16::from_f32(x.clamp(f16::MIN.to_f32(), f16::MAX.to_f32()))
 }
 
-/// At least `count` samples of rows that are read to and fro.
-fn zigzag(map: &Grid, count: usize, join: usize) -> Vec<f32> {
-    let each = (map.width - join).max(1);
-    let rows = count.div_ceil(each).max(1);
-    let mut line: Vec<f32> = Vec::with_capacity(count + map.width);
-    for k in 0..=rows {
-        // Spread evenly; where more rows are needed than there are, they come again in between.
-        let y = ((2 * k + 1) * map.height / (2 * rows + 2)).min(map.height - 1);
-        let row = map.samples.get(y * map.width..(y + 1) * map.width).unwrap_or_default();
-        let mut row: Vec<f32> = row.to_vec();
-        if k % 2 == 1 {
-            row.reverse();
-        }
-        append(&mut line, &row, join);
-        if line.len() >= count {
-            break;
-        }
+/// The rows of a map that have anything to read: of each its stretches between holes, but those too short to join.
+struct Rows<'a> {
+    lines: Vec<Vec<&'a [f32]>>,
+    /// Samples over which one stretch goes over into the next.
+    join: usize,
+}
+
+impl<'a> Rows<'a> {
+    fn new(noise: &'a NoiseMap) -> Self {
+        let mut lines: Vec<_> =
+            (0..noise.grid.height).map(|y| stretches(&noise.grid, &noise.holes, y)).collect();
+        let longest = lines.iter().flatten().map(|line| line.len()).max().unwrap_or(0);
+        let join = JOIN.min(longest / 4);
+        lines.iter_mut().for_each(|line| line.retain(|part| part.len() > 2 * join));
+        lines.retain(|line| !line.is_empty());
+        Self { lines, join }
     }
-    line.truncate(count);
-    line
+
+    /// `count` samples of rows that are read to and fro, each of a mean square.
+    fn zigzag(&self, count: usize, power: f64) -> Vec<f32> {
+        let each: usize = self.lines.iter().flatten().map(|part| part.len() - self.join).sum();
+        let rows = (count * self.lines.len()).div_ceil(each.max(1)).max(1);
+        let mut line: Vec<f32> = Vec::with_capacity(count + JOIN);
+        for k in (0..=rows).cycle() {
+            // Spread evenly; where more rows are needed than there are, they come again in between.
+            let y = ((2 * k + 1) * self.lines.len() / (2 * rows + 2)).min(self.lines.len() - 1);
+            let row = self.lines.get(y).map(Vec::as_slice).unwrap_or_default();
+            for j in 0..row.len() {
+                let back = k % 2 == 1;
+                let mut part = row[if back { row.len() - 1 - j } else { j }].to_vec();
+                if back {
+                    part.reverse();
+                }
+                even(&mut part, power);
+                append(&mut line, &part, self.join);
+            }
+            if line.len() >= count {
+                break;
+            }
+        }
+        line.truncate(count);
+        line
+    }
+}
+
+/// Gives a part a mean square, as far as [`MOST_EVEN`] goes.
+fn even(part: &mut [f32], power: f64) {
+    let own = part.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>() / part.len().max(1) as f64;
+    let gain = if own > 0.0 { (power / own).sqrt().min(MOST_EVEN) as f32 } else { 0.0 };
+    part.iter_mut().for_each(|x| *x *= gain);
 }
 
 /// Adds a row, the first `join` samples of which fade in while the last of the line fade out.
@@ -89,16 +123,16 @@ fn cross(from: f32, into: f32, k: usize, join: usize) -> f32 {
 
 /// Mean square about the mean.
 #[must_use]
-pub fn variance(samples: &[f32]) -> f64 {
-    let n = samples.len().max(1) as f64;
-    let mean = samples.iter().map(|x| f64::from(*x)).sum::<f64>() / n;
-    samples.iter().map(|x| (f64::from(*x) - mean).powi(2)).sum::<f64>() / n
+pub fn variance(samples: impl Iterator<Item = f32> + Clone) -> f64 {
+    let n = samples.clone().count().max(1) as f64;
+    let mean = samples.clone().map(f64::from).sum::<f64>() / n;
+    samples.map(|x| (f64::from(x) - mean).powi(2)).sum::<f64>() / n
 }
 
 /// Takes the mean away and scales to a variance.
 pub(super) fn level(line: &mut [f32], wanted: f64) {
     let mean = (line.iter().map(|x| f64::from(*x)).sum::<f64>() / line.len().max(1) as f64) as f32;
-    let found = variance(line);
+    let found = variance(line.iter().copied());
     let gain = if found > 0.0 { (wanted / found).sqrt() as f32 } else { 0.0 };
     line.iter_mut().for_each(|x| *x = (*x - mean) * gain);
 }
@@ -107,7 +141,7 @@ pub(super) fn level(line: &mut [f32], wanted: f64) {
 mod tests {
     use super::*;
     use crate::core::random::Draw;
-    use crate::texture::item::Surface;
+    use crate::texture::item::{Grid, Surface};
 
     fn map(width: usize, height: usize) -> NoiseMap {
         let mut draw = Draw::new(13);
@@ -117,7 +151,7 @@ mod tests {
             x = 0.9 * x + draw.between(-1.0, 1.0);
             x as f32
         });
-        NoiseMap { grid, surface: Surface::default() }
+        NoiseMap { grid, holes: Vec::new(), surface: Surface::default() }
     }
 
     #[test]
@@ -126,7 +160,8 @@ mod tests {
             let map = map(width, height);
             let profile = profile(&map, PROFILE);
             assert_eq!((profile.samples.len(), profile.spacing), (PROFILE, 1.0 / 512.0));
-            let (ours, right) = (variance(&profile.samples), variance(&map.grid.samples));
+            let (ours, right) =
+                (variance(profile.samples.iter().copied()), variance(map.grid.samples.iter().copied()));
             assert!((ours - right).abs() <= 0.02 * right, "{width}x{height}: {ours} {right}");
         }
     }
@@ -164,7 +199,41 @@ mod tests {
     #[test]
     fn silence_stays_silent() {
         let grid = Grid::from_fn(64, 64, |_, _| 0.0);
-        let quiet = profile(&NoiseMap { grid, surface: Surface::default() }, 256);
+        let quiet = profile(&NoiseMap { grid, holes: Vec::new(), surface: Surface::default() }, 256);
         assert!(quiet.samples.iter().all(|x| *x == 0.0));
+    }
+
+    #[test]
+    fn holes_are_no_part_of_the_line() {
+        let half = map(256, 256);
+        let grid = Grid::from_fn(512, 256, |x, y| if x < 256 { half.grid.samples[256 * y + x] } else { 0.0 });
+        let holes: Vec<bool> = (0..512 * 256).map(|k| k % 512 >= 256).collect();
+        let wide = NoiseMap { grid, holes: holes.clone(), surface: half.surface };
+        assert_eq!(profile(&wide, PROFILE), profile(&half, PROFILE), "half a hole is the other half");
+        let all = NoiseMap { holes: vec![true; 512 * 256], ..wide.clone() };
+        assert_eq!(profile(&all, 100).samples, vec![0.0; 100]);
+        // Lace: only short stretches, some of them too short to join, and rows without any.
+        let lace: Vec<bool> = (0..512 * 256).map(|k| k / 512 % 3 == 0 || k % 23 < 1 + k / 512 % 20).collect();
+        let lace = NoiseMap { holes: lace, ..map(512, 256) };
+        let line = profile(&lace, PROFILE).samples;
+        let right = variance(solid(&lace.grid, &lace.holes));
+        assert!(line.len() == PROFILE && (variance(line.iter().copied()) / right - 1.0).abs() < 0.02);
+    }
+
+    #[test]
+    fn every_metre_of_the_line_is_as_strong_as_all_of_it() {
+        // Tiles: noise mostly along their joints, and rows of the map meet them or do not.
+        let mut draw = Draw::new(14);
+        let grid = Grid::from_fn(512, 512, |x, y| {
+            let joint = x % 64 < 3 || y % 32 == 15;
+            (if joint { 4.0 } else { 0.5 }) * draw.between(-1.0, 1.0) as f32
+        });
+        let line =
+            profile(&NoiseMap { grid, holes: Vec::new(), surface: Surface::default() }, PROFILE).samples;
+        let whole = variance(line.iter().copied());
+        for part in line.chunks_exact(512) {
+            let level = 10.0 * (variance(part.iter().copied()) / whole).log10();
+            assert!(level.abs() < 1.5, "{level} dB");
+        }
     }
 }

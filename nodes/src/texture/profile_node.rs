@@ -21,7 +21,7 @@ const SHORTEST: usize = 4096;
 choices! {
     /// How noise is stored.
     pub enum NoiseCode {
-        /// 8192 samples along rows of the map: the paper.
+        /// Samples along rows of the map: the paper.
         Profile,
         /// Its spectrum as 16 poles, its variance and, where it is spiky, its distribution: other noise of the same kind.
         Spectrum,
@@ -47,6 +47,8 @@ params! {
     pub struct NoiseProfileParams {
         /// How the noise is stored.
         code: NoiseCode = NoiseCode::Profile;
+        /// Samples of a stored line, before detail is added: more of them repeat later.
+        samples: usize = PROFILE, unit "samples", range 256..=262_144;
         /// Whether detail is added that the image does not hold.
         extend: bool = true;
         /// Highest speed that detail is made for.
@@ -75,13 +77,14 @@ impl Func for NoiseProfileNode {
     type Params = NoiseProfileParams;
     type Ports = NoiseProfilePorts;
     const NAME: &'static str = "NoiseProfile";
+    const VERSION: u32 = 2;
 
     fn eval(p: &NoiseProfileParams, cx: &Build<'_>, mut io: NoiseProfileIo<'_>) -> Result<Summary, Fault> {
         let finest = |profile: &NoiseProfile| if p.extend { factor_for(profile, p.v_max) } else { 1 };
         let (base, bytes) = match p.code {
-            NoiseCode::Profile => (profile(io.noise, PROFILE), 2 * PROFILE),
+            NoiseCode::Profile => (profile(io.noise, p.samples), 2 * p.samples),
             code => {
-                let kurtosis = statistics(&io.noise.grid).kurtosis;
+                let kurtosis = statistics(&io.noise.grid, &io.noise.holes).kurtosis;
                 let fit = if code == NoiseCode::Bands { NoiseModel::bands } else { NoiseModel::poles };
                 let model = fit(io.noise, kurtosis);
                 let spacing = 1.0 / io.noise.surface.density[0];
@@ -97,7 +100,7 @@ impl Func for NoiseProfileNode {
             ("samples", fine.samples.len().into()),
             ("spacing_m", fine.spacing.into()),
             ("loop_m", (fine.spacing * fine.samples.len() as f64).into()),
-            ("variance", variance(&fine.samples).into()),
+            ("variance", variance(fine.samples.iter().copied()).into()),
             ("added_variance", told.added.into()),
             ("slope_db_per_octave", told.slope_db.into()),
         ];
@@ -107,7 +110,8 @@ impl Func for NoiseProfileNode {
 
     fn trial(draw: &mut Draw) -> (NoiseProfileParams, MemoryFiles) {
         // Only high speeds, whose profiles are short.
-        let p = NoiseProfileParams { v_max: draw.between(50.0, 1000.0), ..NoiseProfileParams::trial(draw) };
+        let (v_max, samples) = (draw.between(50.0, 1000.0), 256 + draw.below(9000));
+        let p = NoiseProfileParams { v_max, samples, ..NoiseProfileParams::trial(draw) };
         (p, MemoryFiles::default())
     }
 }
@@ -121,15 +125,20 @@ mod tests {
     use crate::texture::item::{Grid, Surface};
 
     fn made(code: &str, extend: bool) -> NoiseProfile {
+        made_of(code, extend, PROFILE)
+    }
+
+    fn made_of(code: &str, extend: bool, samples: usize) -> NoiseProfile {
         let mut draw = Draw::new(4);
         let grid = Grid::from_fn(256, 256, |_, _| draw.between(-3.0, 3.0) as f32);
         let get = |name: &str| match name {
+            "samples" => Some(Datum::Int(samples as i64)),
             "code" => Some(Datum::Name(code.into())),
             "extend" => Some(Datum::Bool(extend)),
             _ => None,
         };
         let solo = Solo::func::<NoiseProfileNode>(NoiseProfileParams::read(&get).unwrap());
-        let map = NoiseMap { grid, surface: Surface::default() };
+        let map = NoiseMap { grid, holes: Vec::new(), surface: Surface::default() };
         let run = solo.value(NoiseProfilePorts::noise, map).run().unwrap();
         run.value(0).unwrap().get::<NoiseProfile>().unwrap().clone()
     }
@@ -149,10 +158,21 @@ mod tests {
         for code in ["Profile", "Spectrum", "Bands"] {
             let fine = made(code, true);
             assert!(fine.spacing <= 2.0 / 44_100.0, "{code}: {}", fine.spacing);
-            assert!(fine.samples.len() <= 1 << 20 && (variance(&fine.samples) / 3.0 - 1.0).abs() < 0.3);
+            assert!(
+                fine.samples.len() <= 1 << 20
+                    && (variance(fine.samples.iter().copied()) / 3.0 - 1.0).abs() < 0.3
+            );
         }
         let plain = made("Spectrum", false);
         assert_eq!(plain.samples.len(), 1 << 16);
-        assert!((variance(&plain.samples) / 3.0 - 1.0).abs() < 0.02);
+        assert!((variance(plain.samples.iter().copied()) / 3.0 - 1.0).abs() < 0.02);
+    }
+
+    #[test]
+    fn a_longer_line_repeats_later() {
+        let long = made_of("Profile", false, 50_000);
+        assert_eq!((long.samples.len(), long.spacing), (50_000, 1.0 / 512.0));
+        assert!((variance(long.samples.iter().copied()) / 3.0 - 1.0).abs() < 0.02);
+        assert_eq!(made_of("Profile", false, 256).samples.len(), 256);
     }
 }

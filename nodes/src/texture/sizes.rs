@@ -27,7 +27,22 @@ pub struct SizeEntry {
     pub bytes: u64,
 }
 
-/// The bytes of every way to store a texture.
+/// What one way to play a texture takes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CostEntry {
+    /// What is played.
+    pub what: String,
+    /// Microseconds for each millisecond of a contact at 1 m/s, at 44.1 kHz on a core of a server: a figure, no measurement, so that
+    /// the same comes out everywhere.
+    pub us_per_ms: f64,
+}
+
+/// Microseconds for each millisecond of a contact, as `benches/scrape.rs` finds them: what is read of a map, and a line of noise.
+pub const MAP_COST: f64 = 0.4;
+/// The same of noise.
+pub const NOISE_COST: f64 = 0.6;
+
+/// The bytes of every way to store a texture, and what it takes to play.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SizeReport {
     /// Columns and rows.
@@ -36,18 +51,30 @@ pub struct SizeReport {
     pub image: u64,
     /// The ways.
     pub entries: Vec<SizeEntry>,
+    /// What a contact costs.
+    pub costs: Vec<CostEntry>,
 }
 
 impl SizeReport {
     /// A report on an image that has no entry yet.
     #[must_use]
     pub fn new(pixels: [usize; 2]) -> Self {
-        Self { pixels, image: 3 * pixels[0] as u64 * pixels[1] as u64, entries: Vec::new() }
+        Self {
+            pixels,
+            image: 3 * pixels[0] as u64 * pixels[1] as u64,
+            entries: Vec::new(),
+            costs: Vec::new(),
+        }
     }
 
     /// Adds a way.
     pub fn add(&mut self, what: &str, bytes: usize) {
         self.entries.push(SizeEntry { what: what.into(), bytes: bytes as u64 });
+    }
+
+    /// Adds a way to play it.
+    pub fn add_cost(&mut self, what: &str, us_per_ms: f64) {
+        self.costs.push(CostEntry { what: what.into(), us_per_ms });
     }
 }
 
@@ -62,7 +89,7 @@ impl Data for SizeReport {
 }
 
 params! {
-    /// The bytes that each code of a texture takes.
+    /// The bytes that each code of a texture takes, and the time that a contact on it does.
     ///
     /// Bits, bytes and signed pairs of the map of discontinuities; features as bits with the noise beside them, as a stored
     /// profile or as statistics. A tap as `.json` lists them.
@@ -97,13 +124,14 @@ impl Func for MapSizes {
     type Params = MapSizesParams;
     type Ports = MapSizesPorts;
     const NAME: &'static str = "MapSizes";
+    const VERSION: u32 = 3;
 
     fn eval(_: &MapSizesParams, _: &Build<'_>, mut io: MapSizesIo<'_>) -> Result<Summary, Fault> {
         let mut report = SizeReport::new([io.map.gx.width, io.map.gx.height]);
         let mut summary: Summary = vec![("image", report.image.into())];
         let map = |coding| CodedMap::new(io.map, coding, None).bytes.len();
         let features = pack(io.features.grid.samples.iter().map(|f| *f > 0.5)).len();
-        let kurtosis = statistics(&io.noise.grid).kurtosis;
+        let kurtosis = statistics(&io.noise.grid, &io.noise.holes).kurtosis;
         let model = NoiseModel::poles(io.noise, kurtosis).bytes();
         let bands = NoiseModel::bands(io.noise, kurtosis).bytes();
         for (key, what, bytes) in [
@@ -117,6 +145,9 @@ impl Func for MapSizes {
             report.add(what, bytes);
             summary.push((key, bytes.into()));
         }
+        report.add_cost("map", MAP_COST);
+        report.add_cost("features and noise", MAP_COST + NOISE_COST);
+        report.add_cost("noise", NOISE_COST);
         io.sizes.set(report);
         Ok(summary)
     }
@@ -136,12 +167,13 @@ mod tests {
         let solo = Solo::func::<MapSizes>(MapSizesParams::read(&|_| None).unwrap())
             .value(MapSizesPorts::map, map)
             .value(MapSizesPorts::features, FeatureMap { grid: grid.clone(), surface })
-            .value(MapSizesPorts::noise, NoiseMap { grid, surface });
+            .value(MapSizesPorts::noise, NoiseMap { grid, holes: Vec::new(), surface });
         let run = solo.run().unwrap();
         let value = run.value(0).unwrap();
         let report = value.get::<SizeReport>().unwrap();
         let bytes: Vec<u64> = report.entries.iter().map(|entry| entry.bytes).collect();
         assert_eq!((report.image, &bytes[..4]), (786_432, &[32_768, 262_144, 524_288, 49_152][..]));
+        assert_eq!(report.costs.len(), 3);
         assert!(bytes[3] <= 60_000 && bytes[4] < bytes[5] && bytes[5] < bytes[3], "{bytes:?}");
     }
 }

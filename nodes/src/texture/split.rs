@@ -3,6 +3,7 @@
 //! # Source
 //! Picard, Tsingos and Faure (VRIPHYS 2008), section 4.2.
 
+use super::holes::{is_hole, solid};
 use super::item::Grid;
 
 /// Figures of a noise map.
@@ -48,14 +49,11 @@ pub fn noise(luma: &Grid, smooth: &Grid, features: Option<&Grid>, holes: &[bool]
     if let Some(features) = features {
         samples.iter_mut().zip(&features.samples).for_each(|(n, f)| *n *= 1.0 - f);
     }
-    let hole = |k: usize| holes.get(k) == Some(&true);
-    let solid = samples.iter().enumerate().filter(|(k, _)| !hole(*k));
-    let (sum, count) = solid.fold((0.0, 0_usize), |(sum, n), (_, x)| (sum + f64::from(*x), n + 1));
+    let grid = Grid { samples, ..*luma };
+    let (sum, count) = solid(&grid, holes).fold((0.0, 0_usize), |(sum, n), x| (sum + f64::from(x), n + 1));
     let mean = (sum / count.max(1) as f64) as f32;
-    for (k, x) in samples.iter_mut().enumerate() {
-        *x = if hole(k) { 0.0 } else { *x - mean };
-    }
-    Grid { samples, ..*luma }
+    let level = |(k, x): (usize, &f32)| if is_hole(holes, k) { 0.0 } else { *x - mean };
+    Grid { samples: grid.samples.iter().enumerate().map(level).collect(), ..grid }
 }
 
 fn mean_square(values: impl Iterator<Item = f32>) -> f64 {
@@ -63,26 +61,33 @@ fn mean_square(values: impl Iterator<Item = f32>) -> f64 {
     sum / count.max(1) as f64
 }
 
-/// Variance, isotropy, stationarity and kurtosis of a noise map.
+/// Variance, isotropy, stationarity and kurtosis of a noise map, of what is no hole.
+///
+/// Changes are those between two pixels that are there, and tiles count of which half is.
 ///
 /// # Complexity
 /// `O(pixels)`.
 #[must_use]
-pub fn statistics(map: &Grid) -> NoiseStatistics {
+pub fn statistics(map: &Grid, holes: &[bool]) -> NoiseStatistics {
     let (width, height) = (map.width.max(1), map.height);
-    let variance = mean_square(map.samples.iter().copied());
-    let along =
-        mean_square(map.samples.chunks_exact(width).flat_map(|row| row.windows(2)).map(|w| w[1] - w[0]));
-    let down = mean_square(map.samples.iter().zip(map.samples.iter().skip(width)).map(|(a, b)| b - a));
-    let fourth =
-        map.samples.iter().map(|x| f64::from(*x).powi(4)).sum::<f64>() / map.samples.len().max(1) as f64;
+    let variance = mean_square(solid(map, holes));
+    let change = |k: usize, step: usize| {
+        let both = !is_hole(holes, k) && !is_hole(holes, k + step);
+        both.then(|| map.samples.get(k + step).map(|next| next - map.samples[k]))?
+    };
+    let all = 0..map.samples.len();
+    let along = mean_square(all.clone().filter(|k| (k + 1) % width != 0).filter_map(|k| change(k, 1)));
+    let down = mean_square(all.filter_map(|k| change(k, width)));
+    let fourth = mean_square(solid(map, holes).map(|x| x * x));
     let tiles = (0..64).map(|k| (k % 8, k / 8)).filter_map(|(i, j)| {
         let (x, y) = (width * i / 8..width * (i + 1) / 8, height * j / 8..height * (j + 1) / 8);
-        let rows = y.filter_map(|y| map.samples.get(y * width + x.start..y * width + x.end));
-        let part: Vec<f32> = rows.flatten().copied().collect();
-        (!part.is_empty()).then(|| mean_square(part.into_iter()))
+        let places = y.flat_map(|y| x.clone().map(move |x| y * width + x));
+        let part = places.clone().filter(|k| !is_hole(holes, *k)).filter_map(|k| map.samples.get(k));
+        let (there, all) = (part.clone().count(), places.count());
+        (there > 0 && 2 * there >= all).then(|| mean_square(part.copied()))
     });
     let (least, most) = tiles.fold((f64::INFINITY, 0.0_f64), |(least, most), v| (least.min(v), most.max(v)));
+    let least = least.min(most);
     // Silence is even and has no direction.
     let ratio = |a: f64, b: f64| if a <= 0.0 && b <= 0.0 { 1.0 } else { (a / b.max(1e-9 * a)).min(1e9) };
     NoiseStatistics {
@@ -141,7 +146,7 @@ mod tests {
 
     #[test]
     fn white_noise_is_even_and_has_no_direction() {
-        let s = statistics(&white(1, 256, 256));
+        let s = statistics(&white(1, 256, 256), &[]);
         assert!((s.variance - 1.0).abs() < 0.02 && (s.isotropy - 1.0).abs() < 0.03, "{s:?}");
         assert!(s.stationarity < 1.4 && (s.kurtosis - 2.9).abs() < 0.1, "{s:?}");
         assert_eq!(s.warning(), None);
@@ -151,15 +156,32 @@ mod tests {
     fn uneven_or_directed_noise_is_warned_of() {
         let mut loud = white(2, 128, 128);
         loud.samples[..128 * 16].iter_mut().for_each(|x| *x *= 3.0);
-        let s = statistics(&loud);
+        let s = statistics(&loud, &[]);
         assert!(s.stationarity > 7.0 && s.warning().unwrap().contains("factor of"), "{s:?}");
         let grain = white(3, 128, 128);
         let lines =
             Grid::from_fn(128, 128, |x, y| (0..8).map(|t| grain.samples[128 * y + (x + t) % 128]).sum());
-        let s = statistics(&lines);
+        let s = statistics(&lines, &[]);
         assert!(s.isotropy < 0.2 && s.warning().unwrap().contains("direction"), "{s:?}");
-        let flat = statistics(&Grid::from_fn(9, 9, |_, _| 0.0));
+        let flat = statistics(&Grid::from_fn(9, 9, |_, _| 0.0), &[]);
         assert!(flat.warning().is_none() && flat.kurtosis == 3.0);
-        assert!(statistics(&Grid::default()).variance == 0.0);
+        assert!(statistics(&Grid::default(), &[]).variance == 0.0);
+    }
+
+    #[test]
+    fn half_a_hole_has_the_statistics_of_the_other_half() {
+        let half = white(5, 128, 256);
+        let wide = Grid::from_fn(256, 256, |x, y| if x < 128 { half.samples[128 * y + x] } else { 0.0 });
+        let holes: Vec<bool> = (0..256 * 256).map(|k| k % 256 >= 128).collect();
+        let (ours, right) = (statistics(&wide, &holes), statistics(&half, &[]));
+        assert_eq!(
+            [ours.variance, ours.isotropy, ours.kurtosis],
+            [right.variance, right.isotropy, right.kurtosis]
+        );
+        assert!(ours.stationarity < 1.4 && ours.warning().is_none(), "{ours:?}");
+        let blind = statistics(&wide, &[]);
+        assert!(blind.kurtosis > 5.0 && blind.stationarity > 1e3, "zeros would count: {blind:?}");
+        let none = statistics(&wide, &vec![true; 256 * 256]);
+        assert!(none.variance == 0.0 && none.warning().is_none(), "{none:?}");
     }
 }

@@ -8,9 +8,17 @@ use crate::core::node::{Func, Summary};
 use crate::core::ports::Value;
 use crate::core::shape::Build;
 use crate::{params, ports};
+use std::f64::consts::PI;
+
+/// Microseconds for each millisecond of a contact over isophotes, and for each crossing, as `benches/isophotes.rs` finds them.
+const ISOPHOTES_COST: f64 = 0.4;
+const CROSSING_COST: f64 = 0.8;
 
 params! {
-    /// The bytes that the isophotes of a texture take, beside its image and all else.
+    /// The bytes that the isophotes of a texture take, beside its image and all else, and the time that a contact on them does.
+    ///
+    /// How often a way meets a curve follows from their length: a straight way of any direction crosses `2/pi` of the length of all curves on
+    /// an area, over that area. Each crossing takes its share of the time of a contact.
     ///
     /// Link what `MapSizes` gives to have everything in one list: a tap as `.json` writes it, and so does a report of the run.
     ///
@@ -42,21 +50,39 @@ impl Func for TextureReport {
     type Params = TextureReportParams;
     type Ports = TextureReportPorts;
     const NAME: &'static str = "TextureReport";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
 
     fn eval(_: &TextureReportParams, _: &Build<'_>, mut io: TextureReportIo<'_>) -> Result<Summary, Fault> {
         let curves = io.isophotes;
         let bytes = encode_isophotes(curves).len();
         let mut report = io.sizes.cloned().unwrap_or_else(|| SizeReport::new([curves.width, curves.height]));
         report.add("isophotes", bytes);
+        let crossings = crossings_per_metre(curves);
+        report.add_cost("isophotes", ISOPHOTES_COST + CROSSING_COST * crossings / 1000.0);
         let each = bytes as f64 / curves.points.len().max(1) as f64;
         io.report.set(report);
         Ok(vec![
             ("isophotes", bytes.into()),
             ("points", curves.points.len().into()),
             ("bytes_per_point", each.into()),
+            ("crossings_per_m", crossings.into()),
         ])
     }
+}
+
+/// Curves that a straight way meets on the mean, over all directions.
+///
+/// # Source
+/// Buffon's needle, for curves (Barbier 1860).
+fn crossings_per_metre(curves: &Isophotes) -> f64 {
+    let density = curves.surface.density;
+    let length = |p: &[[f32; 2]]| {
+        let step: [f64; 2] = std::array::from_fn(|k| f64::from(p[1][k] - p[0][k]) / density[k]);
+        step[0].hypot(step[1])
+    };
+    let long: f64 = curves.iter().flat_map(|(_, points, _)| points.windows(2)).map(length).sum();
+    let area = curves.width as f64 / density[0] * (curves.height as f64 / density[1]);
+    if area > 0.0 { 2.0 / PI * long / area } else { 0.0 }
 }
 
 #[cfg(test)]
@@ -91,6 +117,22 @@ mod tests {
         let all = report(curves, Some(others));
         let list: Vec<_> = all.entries.iter().map(|e| (e.what.as_str(), e.bytes)).collect();
         assert_eq!((all.image, &list[..]), (105, &[("map", 35), ("isophotes", bytes)][..]));
+    }
+
+    #[test]
+    fn straight_ways_cross_as_many_curves_as_is_told() {
+        // Rings of radius 20 px: counted on rows.
+        let grid = Grid::from_fn(64, 64, |x, y| (x as f32 - 32.0).hypot(y as f32 - 32.0));
+        let surface = Surface { density: [100.0; 2], ..Surface::default() };
+        let luma = Luma { grid, holes: Vec::new(), kind: LumaKind::Lstar, surface };
+        let levels = crate::texture::Levels::These(vec![20.0]);
+        let curves = isophotes(&luma, &Drawing { levels, pre_blur: 0.0, ..Drawing::default() }).unwrap();
+        // A ring of 0.2 m radius on 0.64 m squared.
+        let right = 2.0 / PI * (2.0 * PI * 0.2) / (0.64 * 0.64);
+        let found = crossings_per_metre(&curves);
+        assert!((found / right - 1.0).abs() < 0.01, "{found} for {right}");
+        let told = report(curves, None);
+        assert!(told.costs.len() == 1 && told.costs[0].us_per_ms > ISOPHOTES_COST, "{:?}", told.costs);
     }
 
     #[test]

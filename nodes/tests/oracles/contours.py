@@ -1,9 +1,14 @@
 """Contours of twenty images by scikit-image's find_contours, for `nodes/src/texture/contour_tests.rs`.
 
-    python3 nodes/tests/oracles/contours.py > nodes/tests/data/contours.csv
+    python3 nodes/tests/oracles/contours.py nodes/tests/data/contours.bin > nodes/tests/data/contours.csv
+
+The second file holds all vertices: for each image and rule the number of lines, and of each line the number of its points and then
+x and y of each in 1024ths of a pixel, in 16 bits, the lower byte first.
 
 scikit-image 0.26, NumPy 2.4. The images are made of whole numbers, so that both sides have the same ones.
 """
+import sys
+
 import numpy as np
 from skimage.measure import find_contours
 
@@ -36,9 +41,13 @@ def image(seed, w=37, h=29):
 
 
 print("seed,rule,lines,closed,points,length,sum_xy,area")
+vertices = []
 for seed in range(1, 21):
     for rule in ("low", "high"):
         lines = find_contours(image(seed), 0.5 + 2.0**-19, fully_connected=rule)
+        vertices.append(np.array([len(lines)]))
+        for line in lines:
+            vertices += [np.array([len(line)]), np.rint(1024 * line[:, ::-1]).ravel()]
         closed = [np.array_equal(c[0], c[-1]) for c in lines]
         length = sum(np.hypot(*np.diff(c, axis=0).T).sum() for c in lines)
         # The point that a loop begins and ends at counts once.
@@ -46,3 +55,5 @@ for seed in range(1, 21):
         area = sum(abs((c[:-1, 0] * c[1:, 1] - c[1:, 0] * c[:-1, 1]).sum()) / 2
                    for c, k in zip(lines, closed) if k)
         print(f"{seed},{rule},{len(lines)},{sum(closed)},{sum(map(len, lines))},{length:.9f},{moment:.6f},{area:.9f}")
+with open(sys.argv[1], "wb") as out:
+    out.write(np.concatenate(vertices).astype("<u2").tobytes())

@@ -247,3 +247,58 @@ fn a_silent_minute_after_a_blow_costs_no_more_than_its_first_second() {
     }
     assert!(bank.sounding() == 0 && smallest > 1e-20, "{smallest}: denormal numbers are near");
 }
+
+/// Modes of which each is some dB weaker than the strongest.
+fn graded(levels: &[f64]) -> Modes {
+    let n = levels.len();
+    let frequencies = (0..n).map(|k| 300.0 + 137.0 * k as f64).collect();
+    let gains = levels.iter().map(|db| db_to_linear(*db) as f32).collect();
+    Modes::new("graded", frequencies, vec![6.0; n], gains).unwrap()
+}
+
+#[test]
+fn modes_80_db_below_the_strongest_are_left_out_and_hardly_missed() {
+    let levels: Vec<f64> = (0..40).map(|k| -3.0 * f64::from(k)).collect();
+    let modes = graded(&levels);
+    let force: Vec<f32> = (0..40_000).map(|n| if n == 0 { 1.0 } else { 0.0 }).collect();
+    let ring = |mut bank: Bank| {
+        let mut out = vec![0.0; force.len()];
+        bank.process(&force, &mut out);
+        out
+    };
+    let all = ring(Bank::new(&modes, 44_100.0).unwrap());
+    let rms = |x: &[f32]| x.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>().sqrt();
+    // What is above is kept: what is missed is as strong as the strongest mode that is left out, and a little more.
+    for (cull, kept) in [(-80.0, 27), (-40.0, 14), (0.0, 1)] {
+        let bank = Bank::culled(&modes, 44_100.0, cull).unwrap();
+        assert_eq!((bank.faint(), bank.dropped()), (40 - kept, 0), "{cull}");
+        let less = ring(bank);
+        let missed: Vec<f32> = all.iter().zip(&less).map(|(a, b)| a - b).collect();
+        let level = 20.0 * (rms(&missed) / rms(&all)).log10();
+        let first = levels[kept];
+        println!("cull {cull} dB: {} of 40 modes, {level:.1} dB missed", kept);
+        assert!((first - 5.0..first + 3.1).contains(&level), "{cull}: {level}");
+    }
+    assert_eq!(Bank::new(&modes, 44_100.0).unwrap().faint(), 0);
+    // A mode that is strong anywhere is kept.
+    let two = Modes { gains: vec![1.0, 1e-5, 1e-5, 1.0], ..graded(&[0.0, 0.0]) };
+    assert_eq!(Bank::culled(&two, 44_100.0, -80.0).unwrap().faint(), 0);
+}
+
+#[test]
+fn another_cull_goes_on_with_what_rings_in_both() {
+    let levels: Vec<f64> = (0..40).map(|k| -2.0 * f64::from((k * 7) % 40)).collect();
+    let modes = graded(&levels);
+    let (mut force, mut out) = ([0.0; 640], [0.0; 640]);
+    force[0] = 1.0;
+    let mut full = Bank::new(&modes, 44_100.0).unwrap();
+    full.process(&force, &mut out);
+    let mut less = Bank::culled(&modes, 44_100.0, -40.0).unwrap();
+    less.take_state(&full);
+    let mut alone = Bank::culled(&modes, 44_100.0, -40.0).unwrap();
+    alone.process(&force, &mut out);
+    let (mut a, mut b) = ([0.0; 640], [0.0; 640]);
+    less.process(&[], &mut a);
+    alone.process(&[], &mut b);
+    assert!(a == b && a.iter().any(|x| x.abs() > 0.1));
+}

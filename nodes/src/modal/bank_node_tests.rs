@@ -1,0 +1,80 @@
+use super::*;
+use crate::core::solo::Solo;
+
+const FS: u32 = 44_100;
+
+fn params() -> ModalBankParams {
+    ModalBankParams::read(&|_| None).unwrap()
+}
+
+/// Twenty modes, each 6 dB weaker than the one before.
+fn modes() -> Modes {
+    let frequencies = (0..20).map(|k| 200.0 + 97.0 * f64::from(k)).collect();
+    let gains = (0..20).map(|k| 0.5_f32.powi(k)).collect();
+    Modes::new("graded", frequencies, vec![3.0; 20], gains).unwrap()
+}
+
+/// Noise that scrapes.
+fn scraping(samples: usize) -> Vec<f32> {
+    let mut draw = Draw::new(8);
+    (0..samples).map(|_| draw.between(-100.0, 100.0) as f32).collect()
+}
+
+fn solo(p: ModalBankParams, samples: usize) -> Solo {
+    Solo::new::<ModalBankNode>(p)
+        .also(ModalBankPorts::forces, Rate::hz(FS), Channels(1), scraping(samples))
+        .value(ModalBankPorts::modes, modes())
+        .window(Rate::hz(FS).span(256))
+}
+
+fn rms(x: &[f32]) -> f64 {
+    (x.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>() / x.len().max(1) as f64).sqrt()
+}
+
+#[test]
+fn edits_while_it_rings_do_not_click() {
+    let edits = [
+        ModalBankParams { gain: 4.0, ..params() },
+        ModalBankParams { db: -60.0, ..params() },
+        ModalBankParams { damping: 20.0, ..params() },
+        ModalBankParams { pitch: 1.5, ..params() },
+        ModalBankParams { floor: -60.0, ..params() },
+    ];
+    for edit in edits {
+        let mut run = solo(params(), FS as usize).start().unwrap();
+        let mut count = 0;
+        while run.step().unwrap() {
+            count += 1;
+            if count == 60 {
+                assert_eq!(run.node().retune(&edit), Retune::Done);
+            }
+        }
+        let out = run.stream(ModalBankPorts::audio);
+        let step = |x: &[f32]| x.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f32::max);
+        let before = step(&out[4000..15_000]).max(step(&out[18_000..44_000]));
+        let during = step(&out[15_000..17_000]);
+        assert!(before > 0.0 && during < 2.0 * before, "{edit:?}: {during} against {before}");
+    }
+    let mut run = solo(params(), 1000).start().unwrap();
+    assert_eq!(run.node().retune(&ModalBankParams { cull: -40.0, ..params() }), Retune::Rebuild);
+}
+
+#[test]
+fn an_object_far_away_needs_only_the_modes_within_40_db_of_the_strongest() {
+    let told = |run: &crate::core::solo::SoloRun, key: &str| {
+        run.summary.iter().find(|(k, _)| *k == key).and_then(|(_, v)| v.as_f64())
+    };
+    let all = solo(ModalBankParams { cull: -300.0, ..params() }, 22_050).run().unwrap();
+    let sound = all.stream(ModalBankPorts::audio);
+    for (cull, kept) in [(-80.0, 14.0), (-40.0, 7.0)] {
+        let run = solo(ModalBankParams { cull, ..params() }, 22_050).run().unwrap();
+        assert_eq!((told(&run, "modes"), told(&run, "modes_too_weak")), (Some(kept), Some(20.0 - kept)));
+        let less = run.stream(ModalBankPorts::audio);
+        let missed: Vec<f32> = sound.iter().zip(&less).map(|(a, b)| a - b).collect();
+        let level = 20.0 * (rms(&missed) / rms(&sound)).log10();
+        println!("cull {cull} dB: {kept} modes, what is missed is at {level:.1} dB");
+        assert!(level < cull + 2.0 && level > cull - 12.0, "{cull}: {level} dB");
+    }
+    assert_eq!((told(&all, "modes"), told(&all, "modes_too_weak")), (Some(20.0), None));
+    assert_eq!(solo(params(), 22_050).run().unwrap().stream(ModalBankPorts::audio).len(), sound.len());
+}

@@ -1,0 +1,193 @@
+use super::*;
+use crate::core::item::AnyValue;
+use crate::core::solo::{Feed, Solo};
+use crate::texture::{Grid, LumaKind, Surface};
+use std::f64::consts::TAU;
+
+const FRAME: f64 = 1.0 / 60.0;
+
+type Pieces = Vec<(Tick, PathPiece)>;
+
+fn params() -> ContactPathParams {
+    ContactPathParams::read(&|_| None).unwrap()
+}
+
+fn contact(place: [f64; 2], velocity: [f64; 2]) -> ContactState {
+    let point = [place[0], place[1], 0.0];
+    let travel = [velocity[0] as f32, velocity[1] as f32, 0.0];
+    ContactState {
+        frame: ContactFrame {
+            contact: 1,
+            bodies: [0, 1],
+            interval: ticks(FRAME),
+            point,
+            local: [point; 2],
+            normal: [0.0, 0.0, 1.0],
+            force: 2.0,
+            friction: None,
+            velocity: travel,
+            travel: [Some(travel), None],
+            approach: None,
+            mass: None,
+            begins: false,
+            ends: false,
+        },
+        state: State::Sliding,
+        slip: 1.0,
+        power: 1.0,
+        gain: 1.0,
+        sliding: 1.0,
+        rolling: 0.0,
+    }
+}
+
+/// Contacts on a way, at 60 frames a second.
+fn along(way: impl Fn(f64) -> [f64; 4], count: u32) -> Vec<(Tick, ContactState)> {
+    let frame = |k: u32| {
+        let t = f64::from(k) * FRAME;
+        let [x, y, vx, vy] = way(t);
+        (ticks(t), contact([x, y], [vx, vy]))
+    };
+    (0..count).map(frame).collect()
+}
+
+fn solo(p: ContactPathParams, contacts: Vec<(Tick, ContactState)>) -> Solo {
+    let end = contacts.last().map_or(0, |(tick, _)| tick + 1);
+    Solo::new::<ContactPath>(p).events(ContactPathPorts::contacts, contacts, end).window(ticks(0.007))
+}
+
+fn follow(p: ContactPathParams, contacts: Vec<(Tick, ContactState)>) -> Pieces {
+    solo(p, contacts).run().unwrap().events(ContactPathPorts::paths)
+}
+
+fn at(pieces: &Pieces, time: f64) -> Option<(PathPiece, f64)> {
+    let tick = ticks(time);
+    let now = pieces.iter().rev().find(|(from, p)| (*from..from + p.duration).contains(&tick))?;
+    Some((now.1, (tick - now.0) as f64 / now.1.duration as f64))
+}
+
+#[test]
+fn even_motion_is_exact_to_a_nanometre() {
+    // Velocities travel in single precision.
+    let way = |t: f64| [0.3 + 0.75 * t, -0.1875 * t, 0.75, -0.1875];
+    for (mode, velocities) in [
+        (PathMode::Hermite, Velocities::Given),
+        (PathMode::Hermite, Velocities::Differences),
+        (PathMode::Extrapolate, Velocities::Given),
+    ] {
+        let pieces = follow(ContactPathParams { mode, velocities, ..params() }, along(way, 40));
+        for k in 0..500 {
+            let t = 0.06 + f64::from(k) * 1e-3;
+            let (piece, s) = at(&pieces, t).expect("a piece");
+            let ([x, y], right) = (piece.place_at(s), way(t));
+            assert!((x - right[0]).abs() < 1e-9 && (y - right[1]).abs() < 1e-9, "{mode:?} {t}: {x} {y}");
+        }
+    }
+}
+
+#[test]
+fn a_circle_of_twelve_frames_is_round_within_half_a_percent() {
+    let (w, r) = (TAU / (12.0 * FRAME), 0.05);
+    let way = |t: f64| {
+        let (sin, cos) = (w * t).sin_cos();
+        [r * cos, r * sin, -r * w * sin, r * w * cos]
+    };
+    for velocities in [Velocities::Given, Velocities::Differences] {
+        let pieces = follow(ContactPathParams { velocities, ..params() }, along(way, 60));
+        for k in 0..800 {
+            let (piece, s) = at(&pieces, 0.06 + f64::from(k) * 1e-3).expect("a piece");
+            let [x, y] = piece.place_at(s);
+            assert!((x.hypot(y) / r - 1.0).abs() < 0.005, "{velocities:?}: {}", x.hypot(y));
+        }
+    }
+}
+
+#[test]
+fn the_guard_goes_straight_where_velocities_do_not_fit_the_way() {
+    // Four times as fast as the places say, across: a cubic would swing far out.
+    let way = |t: f64| [0.2 * t, 0.0, 0.0, 0.8];
+    let swing = |guard: bool| {
+        let p = ContactPathParams { guard, teleport: 1e6, ..params() };
+        let pieces = follow(p, along(way, 30));
+        let mut out = 0.0_f64;
+        for k in 0..300 {
+            let t = 0.05 + f64::from(k) * 1e-3;
+            let (piece, s) = at(&pieces, t).expect("a piece");
+            let [x, y] = piece.place_at(s);
+            if guard {
+                assert!((x - 0.2 * t).abs() < 1e-9, "{t}: even along the way");
+            }
+            out = out.max(y.abs());
+        }
+        out
+    };
+    assert!(swing(true) < 1e-12 && swing(false) > 1e-3, "{} {}", swing(true), swing(false));
+    // Just below three times the way nothing is cut off.
+    let fits = |t: f64| [0.2 * t, 0.0, 0.0, 0.59];
+    let pieces = follow(params(), along(fits, 30));
+    assert!(pieces.iter().any(|(_, p)| p.place[2] != [0.0; 2]));
+}
+
+#[test]
+fn a_jump_is_measured_in_pixels_of_the_map() {
+    // 20 mm aside after ten frames: more than 8 pixels at 512 px/m (15.6 mm), less at 256 px/m (31 mm).
+    let way = |t: f64| [0.1 * t, if t > 9.5 * FRAME { 0.02 } else { 0.0 }, 0.1, 0.0];
+    let image = |density: f64| Luma {
+        grid: Grid::from_fn(4, 4, |_, _| 0.0),
+        holes: Vec::new(),
+        kind: LumaKind::Lstar,
+        surface: Surface { density: [density; 2], ..Surface::default() },
+    };
+    let jumps = |p: ContactPathParams, linked: Option<f64>| {
+        let mut solo = solo(p, along(way, 20));
+        if let Some(density) = linked {
+            let feed = Feed::value(AnyValue::new(image(density)));
+            solo = solo.feed(ContactPathPorts::image.index(), feed);
+        }
+        let run = solo.run().unwrap();
+        run.events(ContactPathPorts::paths).iter().any(|(_, p)| p.jump > 0)
+    };
+    assert!(jumps(params(), None) && !jumps(ContactPathParams { density: 256.0, ..params() }, None));
+    assert!(!jumps(ContactPathParams { teleport: 16.0, ..params() }, None));
+    assert!(jumps(params(), Some(2000.0)) && !jumps(params(), Some(256.0)));
+    let both = ContactPathParams { density: 2000.0, ..params() };
+    assert!(!jumps(both, Some(256.0)), "the image decides");
+}
+
+#[test]
+fn edits_while_it_sounds_do_not_move_the_way() {
+    let way = |t: f64| {
+        let (sin, cos) = (4.0 * t).sin_cos();
+        [0.3 * cos, 0.3 * sin, -1.2 * sin, 1.2 * cos]
+    };
+    let edits = [
+        ContactPathParams { smooth: 0.02, ..params() },
+        ContactPathParams { guard: false, teleport: 30.0, ..params() },
+        ContactPathParams { sliding: 0.2, ..params() },
+        ContactPathParams { density: 100.0, ..params() },
+    ];
+    for edit in edits {
+        let mut run = solo(params(), along(way, 60)).start().unwrap();
+        let mut count = 0;
+        while run.step().unwrap() {
+            count += 1;
+            if count == 60 {
+                assert_eq!(run.node().retune(&edit), Retune::Done);
+            }
+        }
+        let pieces = run.events(ContactPathPorts::paths);
+        assert!(pieces.iter().all(|(_, p)| p.jump == 0), "{edit:?}");
+        let mut before: Option<([f64; 2], f64)> = None;
+        for k in 0..8000 {
+            let t = 0.05 + f64::from(k) * 1e-4;
+            let (piece, s) = at(&pieces, t).expect("no gap");
+            let now = (piece.place_at(s), piece.gain_at(s));
+            if let Some((place, gain)) = before {
+                let step = (now.0[0] - place[0]).hypot(now.0[1] - place[1]);
+                assert!(step < 2.5 * 1.2e-4, "{edit:?} {t}: {step} m");
+                assert!((now.1 - gain).abs() < 0.02, "{edit:?} {t}: {gain} to {}", now.1);
+            }
+            before = Some(now);
+        }
+    }
+}
