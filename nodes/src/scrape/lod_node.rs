@@ -133,6 +133,7 @@ impl Node for LodSelect {
     type Params = LodSelectParams;
     type Ports = LodSelectPorts;
     const NAME: &'static str = "LodSelect";
+    const VERSION: u32 = 2;
     const CLASS: Class = Class::Audio;
     const COST: f64 = 50.0;
 
