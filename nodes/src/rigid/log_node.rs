@@ -97,6 +97,12 @@ fn notes(p: &ContactLogParams, track: &ContactTrack) -> Vec<String> {
         let ms = seconds(track.step) * 1e3;
         notes.push(format!("{path:?}: {uneven} of {steps} steps are no whole number of frames of {ms:.3} ms; `rate` says what a frame is"));
     }
+    if track.bridged * 10 > track.frames.len() as u64 {
+        let (missing, all) = (track.bridged, track.frames.len());
+        notes.push(format!(
+            "{path:?}: {missing} of {all} frames of contacts are missing and taken for silent; `rate` says what a frame is where the log is slower"
+        ));
+    }
     for name in &track.unseen {
         notes.push(format!("{path:?}: nothing touches the body {name:?}"));
     }
@@ -217,6 +223,21 @@ mod tests {
         let frames = run.events(ContactLogPorts::contacts);
         let times: Vec<(Tick, bool, bool)> = frames.iter().map(|(t, f)| (*t, f.begins, f.ends)).collect();
         assert_eq!(times, [(0, true, false), (ticks(0.01), false, true), (ticks(0.2), true, true)]);
+    }
+
+    #[test]
+    fn a_log_that_grows_slower_says_what_is_silent_in_it() {
+        let line = |time: f64| format!("{time},world,box,{},0,0,0,0,1,2,0.5,0,0\n", 0.5 * time);
+        let header = LOG.split('\n').next().unwrap();
+        let even: String = (0..60).map(|k| line(0.01 * f64::from(k))).collect();
+        let slower: String = (0..30).map(|k| line(0.6 + 0.02 * f64::from(k))).collect();
+        let notes = |text: &str| solo(&format!("{header}\n{text}"), "0").shape().unwrap().notes;
+        assert_eq!(notes(&even), [""; 0]);
+        let found = notes(&(even + &slower));
+        assert!(
+            found.len() == 1 && found[0].contains("29 of 119 frames of contacts are missing"),
+            "{found:?}"
+        );
     }
 
     #[test]

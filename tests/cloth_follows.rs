@@ -1,0 +1,62 @@
+//! The sounds that the cloth graphs put together from recordings follow the motion: where the target is loud they are loud, and
+//! where it is soft they are soft.
+
+mod common;
+
+use foley::graph::{DirFiles, Limits, load};
+use foley::plan::PlanOptions;
+use foley_nodes::io::AudioReader;
+use std::fs::File;
+use std::path::Path;
+
+/// Levels of pieces of 50 ms, dB.
+fn levels(path: &Path) -> Vec<f64> {
+    let mut reader = AudioReader::open(Box::new(File::open(path).unwrap())).unwrap();
+    let piece = reader.info().rate as usize / 20;
+    let samples = reader.read_mono().unwrap();
+    let level = |piece: &[f32]| {
+        let energy: f64 = piece.iter().map(|x| f64::from(x * x)).sum();
+        10.0 * (energy / piece.len() as f64 + 1e-12).log10()
+    };
+    samples.chunks_exact(piece).map(level).collect()
+}
+
+/// Correlation of the levels of two sounds where the first is heard, and dB of the second for each dB of the first.
+fn follows(target: &Path, sound: &Path) -> (f64, f64, usize) {
+    let pairs: Vec<(f64, f64)> =
+        levels(target).into_iter().zip(levels(sound)).filter(|(target, _)| *target > -60.0).collect();
+    let count = pairs.len() as f64;
+    let mean = |of: &dyn Fn(&(f64, f64)) -> f64| pairs.iter().map(of).sum::<f64>() / count;
+    let (a, b) = (mean(&|p| p.0), mean(&|p| p.1));
+    let [aa, bb, ab] = [
+        mean(&|p| (p.0 - a) * (p.0 - a)),
+        mean(&|p| (p.1 - b) * (p.1 - b)),
+        mean(&|p| (p.0 - a) * (p.1 - b)),
+    ];
+    (ab / (aa * bb).sqrt(), ab / aa, pairs.len())
+}
+
+#[test]
+fn what_is_put_together_from_recordings_is_as_loud_as_its_target_asks() {
+    // Graph, its target, what it writes, least correlation. One second of trousers hardly changes its level.
+    let cases = [
+        ("sheet", "cotton.target.sound.out", "sheet.wav", 0.9),
+        ("couch", "cotton.target.sound.out", "couch.wav", 0.75),
+        ("live", "target.out", "live.wav", 0.8),
+        ("first_person", "ears.sound.out", "first_person.wav", 0.9),
+        ("windbreaker", "windbreaker.target.sound.out", "windbreaker.wav", 0.85),
+        ("corduroy", "corduroy.friction.audio", "corduroy.wav", 0.6),
+    ];
+    for (name, target, file, least) in cases {
+        let out = tempfile::tempdir().unwrap();
+        let loaded = load(&common::graphs().join(format!("cloth/{name}.ron")), &[], &[], Limits::default());
+        let files = DirFiles::new(loaded.root, Limits::default());
+        let options = PlanOptions { threads: 2, ..PlanOptions::default() };
+        let tap = format!("{target}=target.wav");
+        common::run_tapped(&loaded.graph.unwrap(), &files, &options, &[tap], out.path()).unwrap();
+        let (correlation, slope, pieces) = follows(&out.path().join("target.wav"), &out.path().join(file));
+        println!("{name}: {correlation:.3}, {slope:.2} dB for each dB, over {pieces} pieces");
+        assert!(correlation > least, "{name}: {correlation}");
+        assert!((0.35..1.8).contains(&slope), "{name}: {slope}");
+    }
+}
