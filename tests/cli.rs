@@ -61,6 +61,44 @@ fn a_run_writes_its_file_and_a_report() {
 }
 
 #[test]
+fn threads_window_and_memory_leave_the_sound_as_it_is_and_a_seed_changes_noise() {
+    let noise = "#![schema = \"foley:graph/1\"]
+Graph(nodes: {
+    \"noise\": Noise(rate: 48000, duration: Some(0.3), level: 0.1),
+    \"late\": Advance(audio: \"noise\", seconds: 0.05),
+    \"out\": WavOut(audio: \"late\", path: \"tone.wav\"),
+})";
+    let dir = project(noise);
+    let sound = |args: &[&str]| {
+        let run = foley(dir.path(), &[&["run", "tone.ron", "--no-cache"], args].concat());
+        assert_eq!(code(&run), 0, "{args:?}: {}", stderr(&run));
+        fs::read(dir.path().join("out/tone.wav")).unwrap()
+    };
+    let plain = sound(&[]);
+    for args in [
+        &["--threads", "1"][..],
+        &["--threads", "3"],
+        &["--window", "0.001"],
+        &["--window", "10"],
+        &["--memory", "1M"],
+        &["--seed", "0"],
+    ] {
+        assert!(sound(args) == plain, "{args:?}");
+    }
+    assert!(sound(&["--seed", "1"]) != plain && sound(&["--seed", "1"]) == sound(&["--seed", "1"]));
+    let refused = foley(dir.path(), &["run", "tone.ron", "--memory", "10K"]);
+    assert_eq!(code(&refused), 2);
+    assert!(stderr(&refused).contains("F050"), "{}", stderr(&refused));
+    for (argument, value) in
+        [("--window", "0"), ("--window", "soon"), ("--memory", "much"), ("--threads", "two")]
+    {
+        let refused = foley(dir.path(), &["run", "tone.ron", argument, value]);
+        assert_eq!(code(&refused), 2, "{argument} {value}");
+        assert!(stderr(&refused).contains(argument), "{}", stderr(&refused));
+    }
+}
+
+#[test]
 fn a_report_without_a_place_is_told_before_the_run() {
     let dir = project(TONE);
     let run = foley(dir.path(), &["run", "tone.ron", "--report", "tone.ron/report.json"]);

@@ -109,3 +109,32 @@ fn the_level_of_friction_is_that_of_the_model_for_the_area_that_slides() {
     println!("level against the model: {low:.1} to {high:.1} dB, {middle:.2} dB in the middle");
     assert!(low > -3.0 && high < 3.0 && middle.abs() < 0.4, "{low} {middle} {high}");
 }
+
+/// Level of two sheets that slide on each other at 0.3 m/s, dB, with so many vertices to a side.
+fn planes(vertices: usize) -> f64 {
+    let folder = tempfile::tempdir().unwrap();
+    let side = vertices.to_string();
+    let graph = format!(
+        "#![schema = \"foley:graph/1\"]
+Graph(seed: 1, nodes: {{
+    \"planes\": MeshGenerator(kind: Planes, vertices: ({side}, {side}), speed: 0.3, duration: 2.0),
+    \"contacts\": ContactDetector(mesh: \"planes\", radius: 0.02),
+    \"speed\": SlidingSpeed(contacts: \"contacts\", rate: 40),
+    \"model\": FrictionModelFile(path: \"cotton.friction.json\"),
+    \"friction\": IftNoise(speeds: \"speed\", model: \"model\", rate: 48000),
+    \"out\": WavOut(audio: \"friction\", path: \"planes.wav\", format: Float32),
+}})"
+    );
+    std::fs::write(folder.path().join("planes.ron"), graph).unwrap();
+    std::fs::copy("graphs/assets/cloth/cotton.friction.json", folder.path().join("cotton.friction.json"))
+        .unwrap();
+    foley(folder.path(), &["run", folder.path().join("planes.ron").to_str().unwrap()]);
+    let audio = wav(&folder.path().join("planes.wav"));
+    10.0 * power(&audio[4800..audio.len() - 4800]).log10()
+}
+
+#[test]
+fn a_mesh_of_four_times_as_many_vertices_is_as_loud() {
+    let [coarse, fine] = [planes(21), planes(41)];
+    assert!((coarse - fine).abs() < 0.5, "{coarse} dB, refined {fine} dB");
+}

@@ -14,11 +14,7 @@ use std::sync::Arc;
 const CASES: &str = "tests/diagnostics";
 
 /// Codes without a case, and why there can be none.
-const WITHOUT_A_CASE: [(&str, &str); 4] = [
-    (
-        "F073",
-        "readers and generators give finite positions of the right number; only nodes of other crates may not",
-    ),
+const WITHOUT_A_CASE: [(&str, &str); 3] = [
     ("F090", "the system has to refuse a thread"),
     ("F092", "the file system has to lack events; `watch` looks once a second then, which its own tests do"),
     ("F099", "a defect in foley"),

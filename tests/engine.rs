@@ -79,7 +79,7 @@ fn more_events_than_were_planned_come_out_of_the_memory_that_is_left() {
     })";
     let graph = common::graph(text).unwrap();
     let files = DirFiles::new(Root::of(Path::new("test.ron")), Limits::default());
-    let planned = |memory| PlanOptions { window: ticks(100.0), memory, ..PlanOptions::default() };
+    let planned = |memory| PlanOptions { window: common::DENSE, memory, ..PlanOptions::default() };
     let plan = Plan::new(&graph, &files, &planned(1 << 30)).unwrap();
     let run = |memory| {
         let dir = tempfile::tempdir().unwrap();

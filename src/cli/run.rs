@@ -120,7 +120,13 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
     let progress = Arc::new(Progress::default());
     let stop = Arc::clone(&progress);
     // Only the first handler of a process can be set; a second run in the same process keeps the first.
-    let _ = ctrlc::set_handler(move || stop.stop.store(true, Ordering::SeqCst));
+    let _ = ctrlc::set_handler(move || {
+        // The first waits for what is being computed, so that nothing half written stays; who asks twice does not.
+        if stop.stop.swap(true, Ordering::SeqCst) {
+            eprintln!("stopped at once: what was begun may lie in the output folder as `.part`");
+            std::process::exit(75);
+        }
+    });
     let memo = args.memo.memo(&args.graph.graph);
     match render_files(&ready, args, memo.as_ref(), &progress) {
         Ok(report) => {

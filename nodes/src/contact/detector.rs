@@ -131,7 +131,8 @@ impl Detector {
     ///
     /// # Errors
     /// [`ContactError`] for a radius that is not positive and finite, no contacts per vertex, a negative exclusion
-    /// distance, triangles that name absent vertices, and rest positions that are not finite.
+    /// distance, triangles that name absent vertices, rest positions that are not finite, and exclusion patches as large as
+    /// a cloth of many vertices.
     ///
     /// # Complexity
     /// O(F log F + V p log p) for exclusion patches of p vertices; memory O(V + F) plus the runs of the patches.
@@ -150,6 +151,7 @@ impl Detector {
             })
             .collect();
         let exclusion = if params.self_contact {
+            Exclusion::check(cloth, params.radius, params.exclude)?;
             Exclusion::new(cloth, trees[0].order(), params.radius, params.exclude)
         } else {
             Exclusion::new(

@@ -147,9 +147,16 @@ pub(super) fn fault(error: &ContactError) -> Fault {
             "others"
         }
         ContactError::Parameter { name, .. } => name,
+        ContactError::Patches { .. } => "radius",
         _ => "mesh",
     };
-    Fault::new("F073", error.to_string()).at(field)
+    let fault = Fault::new("F073", error.to_string()).at(field);
+    match error {
+        ContactError::Patches { .. } => {
+            fault.help("make `radius` small beside the cloth, or set `exclude`, in metres along it")
+        }
+        _ => fault,
+    }
 }
 
 fn same_rate(rate: Rate, others: &[Incoming<Mesh>]) -> Result<(), Reject> {

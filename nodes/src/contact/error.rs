@@ -39,6 +39,16 @@ pub enum ContactError {
         /// The largest count possible.
         limit: usize,
     },
+    /// What a vertex may not touch of its own cloth is most of the cloth.
+    #[error(
+        "each of {vertices} vertices is kept from touching about {patch} others around it, which takes too long to work out"
+    )]
+    Patches {
+        /// Vertices of the cloth.
+        vertices: usize,
+        /// Vertices in the neighbourhood of one of them, on average.
+        patch: usize,
+    },
     /// A slice has the wrong length.
     #[error("{what} has length {found}; it must have {expected}")]
     Length {

@@ -9,11 +9,27 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::detector::Exclude;
+use super::error::ContactError;
 use super::vector::{norm, sub, widen};
 use crate::mesh::Topology;
 
 /// Vertices that one parallel piece of work handles.
 const PIECE: usize = 512;
+
+/// Most vertices in all patches together: some ten seconds of work.
+const MOST: usize = 100_000_000;
+
+/// Vertices whose patches stand for all.
+const SAMPLES: usize = 16;
+
+/// How far from a vertex its triangles are excluded.
+fn reach(graph: &EdgeGraph, v: usize, radius: f32, exclude: Exclude) -> f64 {
+    match exclude {
+        Exclude::Auto => graph.longest_edge(v).max(2.0 * f64::from(radius)),
+        Exclude::Distance(d) => f64::from(d),
+        Exclude::IncidentOnly => 0.0,
+    }
+}
 
 /// For each cloth vertex the set of its excluded triangles, as runs of ranks.
 ///
@@ -53,12 +69,7 @@ impl Exclusion {
                 |walk, piece| {
                     let (mut ends, mut runs) = (Vec::new(), Vec::new());
                     for v in piece * PIECE..((piece + 1) * PIECE).min(vertices) {
-                        let distance = match exclude {
-                            Exclude::Auto => graph.longest_edge(v).max(2.0 * f64::from(radius)),
-                            Exclude::Distance(d) => f64::from(d),
-                            Exclude::IncidentOnly => 0.0,
-                        };
-                        walk.patch(&graph, v, distance);
+                        walk.patch(&graph, v, reach(&graph, v, radius, exclude));
                         walk.runs(&graph, &rank, &mut runs);
                         ends.push(runs.len() as u32);
                     }
@@ -73,6 +84,28 @@ impl Exclusion {
             table.runs.extend(runs);
         }
         table
+    }
+
+    /// Refuses patches that hold so many vertices of so many that finding them would take minutes.
+    ///
+    /// # Errors
+    /// [`ContactError::Patches`].
+    pub fn check(cloth: &Topology, radius: f32, exclude: Exclude) -> Result<(), ContactError> {
+        let vertices = cloth.vertex_count();
+        let (graph, mut walk) = (EdgeGraph::new(cloth), Walk::new(vertices));
+        let step = vertices.div_ceil(SAMPLES).max(1);
+        let samples: Vec<usize> = (0..vertices)
+            .step_by(step)
+            .map(|v| {
+                walk.patch(&graph, v, reach(&graph, v, radius, exclude));
+                walk.touched.len()
+            })
+            .collect();
+        let patch = samples.iter().sum::<usize>() / samples.len().max(1);
+        if patch.saturating_mul(vertices) > MOST {
+            return Err(ContactError::Patches { vertices, patch });
+        }
+        Ok(())
     }
 
     /// Whether a vertex may not touch a triangle.

@@ -1,0 +1,11 @@
+//! Coded maps: refused, or such that they can be shown and kept.
+#![no_main]
+
+mod common;
+
+use foley_nodes::texture::map_file_node::MapFile;
+use libfuzzer_sys::fuzz_target;
+
+fuzz_target!(|bytes: &[u8]| {
+    let _ = common::value_of::<MapFile>(bytes);
+});
