@@ -7,6 +7,7 @@ use foley::graph::{DirFiles, Limits, load};
 use foley::memo::{Memo, Session, Store, beside, changes};
 use foley::plan::{Plan, PlanOptions};
 use foley::run::Report;
+use foley_nodes::core::random::Draw;
 use std::collections::HashSet;
 use std::fs;
 use std::path::Path;
@@ -163,6 +164,50 @@ fn unusable_entries_are_computed_again_with_a_warning() {
         let report = project.run();
         assert!(cached(&report, "model") && !warned(&report, "F084"), "{what}");
     }
+}
+
+/// Nobody but this program writes entries; one that was made up all the same, with a hash that fits, ends no run.
+#[test]
+fn made_up_entries_with_fitting_hashes_are_told_or_taken_and_never_panic() {
+    let project = Project::new(MODEL);
+    project.run();
+    let path = &project.entries()[0];
+    let key = path.file_stem().unwrap().to_str().unwrap().to_owned();
+    let whole = fs::read(path).unwrap();
+    let header = u32::from_le_bytes(whole[12..16].try_into().unwrap()) as usize;
+    let (mut taken, mut refused) = (0, 0);
+    for round in 0..400 {
+        let mut draw = Draw::new(round);
+        let mut bytes = whole.clone();
+        // In the header where there is one, and in the values behind it.
+        let at = 48 + if round % 2 == 0 { draw.below(header) } else { draw.below(bytes.len() - 48) };
+        bytes[at] = draw.below(256) as u8;
+        if round % 5 == 0 {
+            bytes.truncate(48 + draw.below(bytes.len() - 48));
+        }
+        if round % 7 == 0 {
+            bytes[12..16].copy_from_slice(&(draw.below(1 << 20) as u32).to_le_bytes());
+        }
+        let hash = blake3::hash(&bytes[48..]);
+        bytes[16..48].copy_from_slice(hash.as_bytes());
+        fs::write(path, &bytes).unwrap();
+        match project.store().read(&key) {
+            Ok(entry) => {
+                taken += usize::from(entry.is_some());
+                // It may hold another value: the run ends with a file or with an error.
+                if round % 4 == 1 {
+                    let _ = project.try_run();
+                }
+            }
+            Err(why) => {
+                refused += 1;
+                assert!(!why.to_string().is_empty());
+            }
+        }
+    }
+    assert!(taken > 20 && refused > 20, "{taken} taken, {refused} refused");
+    fs::write(path, vec![0; 4096]).unwrap();
+    assert!(Store::new(path.parent().unwrap(), 4095).read(&key).is_err_and(|e| e.0.contains("larger")));
 }
 
 #[test]

@@ -2,10 +2,11 @@
 //! value, never in a panic, in numbers that are not finite, or in memory without bound.
 
 use foley_nodes::core::item::AnyValue;
-use foley_nodes::core::ports::Arity;
+use foley_nodes::core::ports::{Arity, PortKind};
 use foley_nodes::core::random::Draw;
 use foley_nodes::core::solo::{Solo, SoloRun};
 use foley_nodes::core::time::ticks;
+use foley_nodes::core::track::{Budget, Pad};
 use foley_nodes::friction::{EncoderTrack, FrictionModel};
 use foley_nodes::registry::all;
 
@@ -172,4 +173,51 @@ fn damaged_friction_models_that_are_taken_have_finite_power() {
         }
     }
     assert!(taken > 50, "{taken} taken");
+}
+
+#[test]
+fn damaged_values_and_items_of_the_cache_are_refused_or_decoded_in_bounds() {
+    let (mut kinds, mut taken, mut refused) = (std::collections::BTreeSet::new(), 0, 0);
+    for output in all().iter().flat_map(|ty| ty.outputs.clone()) {
+        let mut draw = Draw::new(kinds.len() as u64);
+        match output.kind {
+            PortKind::Value(kind) | PortKind::Fold(kind) if kinds.insert(kind.name) => {
+                for _ in 0..100 {
+                    let whole = (kind.encode)(&(kind.trial)(&mut draw)).unwrap();
+                    assert!((kind.decode)(&whole).is_some(), "{}", kind.name);
+                    let mut bytes = whole;
+                    (0..1 + draw.below(3)).for_each(|_| damage(&mut bytes, &mut draw));
+                    match (kind.decode)(&bytes) {
+                        Some(value) => {
+                            taken += 1;
+                            assert!((kind.encode)(&value).is_some(), "{}", kind.name);
+                        }
+                        None => refused += 1,
+                    }
+                }
+            }
+            PortKind::Stream(item) if kinds.insert(item.name) => {
+                for _ in 0..100 {
+                    let bytes: Vec<u8> = (0..draw.below(200)).map(|_| draw.below(256) as u8).collect();
+                    let mut track = (item.track)(1 + draw.below(4), 16, 0, Pad::Silence);
+                    match (item.decode)(&mut *track, &bytes) {
+                        Some(()) => taken += 1,
+                        None => refused += 1,
+                    }
+                    assert!(track.bytes() < 1 << 20, "{}", item.name);
+                }
+            }
+            PortKind::Events(event) if kinds.insert(event.name) => {
+                for _ in 0..100 {
+                    let bytes: Vec<u8> = (0..draw.below(200)).map(|_| draw.below(256) as u8).collect();
+                    let mut track = (event.track)(ticks(1.0), &Budget::new(1 << 16));
+                    let _ = (event.decode)(&mut *track, &bytes);
+                    assert!(track.bytes() < 4 << 20, "{}", event.name);
+                }
+            }
+            _ => {}
+        }
+    }
+    println!("{} types: {taken} taken, {refused} refused", kinds.len());
+    assert!(kinds.len() > 30 && taken > 100 && refused > 100, "{} types", kinds.len());
 }

@@ -153,7 +153,7 @@ impl Store {
     pub fn read(&self, key: &str) -> Result<Option<(Entry, Vec<u8>)>, Unusable> {
         let path = self.path(key);
         let unusable = |what: &str| Err(Unusable(what.to_owned()));
-        let bytes = match fs::read(&path) {
+        let bytes = match File::open(&path).and_then(|file| within(file, self.cap)) {
             Ok(bytes) => bytes,
             Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(None),
             Err(e) => return Err(Unusable(format!("it cannot be read: {e}"))),
@@ -272,6 +272,16 @@ impl Store {
             }
         }
     }
+}
+
+/// A whole file, where it takes no more than all entries may.
+fn within(file: File, cap: u64) -> io::Result<Vec<u8>> {
+    if file.metadata()?.len() > cap {
+        return Err(io::Error::new(io::ErrorKind::FileTooLarge, "it is larger than the whole cache may be"));
+    }
+    let mut bytes = Vec::new();
+    file.take(cap).read_to_end(&mut bytes)?;
+    Ok(bytes)
 }
 
 fn number(bytes: &[u8], at: usize) -> u32 {

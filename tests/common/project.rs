@@ -1,5 +1,6 @@
 //! A folder with a graph that is run again and again, with and without a memo.
 
+use foley::diag::Diagnostic;
 use foley::graph::{DirFiles, Graph, Limits, load};
 use foley::memo::{Memo, Rule, Store, beside};
 use foley::plan::{Plan, PlanOptions};
@@ -95,6 +96,20 @@ impl Project {
         Memo::new(beside(&path), self.cap, &path).with_rule(self.rule)
     }
     pub fn run_over(&self, memo: Option<&Memo>, options: &PlanOptions, tap: Option<&str>) -> Report {
+        self.try_over(memo, options, tap).unwrap()
+    }
+
+    /// A run that may fail.
+    pub fn try_run(&self) -> Result<Report, Vec<Diagnostic>> {
+        self.try_over(Some(&self.memo()), &PlanOptions::default(), None)
+    }
+
+    fn try_over(
+        &self,
+        memo: Option<&Memo>,
+        options: &PlanOptions,
+        tap: Option<&str>,
+    ) -> Result<Report, Vec<Diagnostic>> {
         let path = self.path("graph.ron");
         let loaded = load(&path, &[], &[], Limits::default());
         let graph = loaded.graph.expect("the graph is right");
@@ -121,7 +136,7 @@ impl Project {
             memo,
             progress: Arc::new(Progress::default()),
         };
-        run(&job).unwrap()
+        run(&job)
     }
 
     pub fn store(&self) -> Store {
