@@ -7,7 +7,7 @@ use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|bytes: &[u8]| {
     let Some((&which, rest)) = bytes.split_first() else { return };
-    let outputs = all().into_iter().flat_map(|ty| ty.outputs.clone());
+    let outputs = all().into_iter().flat_map(|ty| ty.outputs);
     let kinds: Vec<_> = outputs
         .filter_map(|output| match output.kind {
             PortKind::Value(kind) | PortKind::Fold(kind) => Some(kind),

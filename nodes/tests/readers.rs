@@ -178,7 +178,7 @@ fn damaged_friction_models_that_are_taken_have_finite_power() {
 #[test]
 fn damaged_values_and_items_of_the_cache_are_refused_or_decoded_in_bounds() {
     let (mut kinds, mut taken, mut refused) = (std::collections::BTreeSet::new(), 0, 0);
-    for output in all().iter().flat_map(|ty| ty.outputs.clone()) {
+    for output in all().iter().flat_map(|ty| ty.outputs) {
         let mut draw = Draw::new(kinds.len() as u64);
         match output.kind {
             PortKind::Value(kind) | PortKind::Fold(kind) if kinds.insert(kind.name) => {
