@@ -3,9 +3,11 @@
 //!
 //! `cargo bench --bench engine`, or one part of it: `cargo bench --bench engine -- chain`, `memory` or `threads`.
 
-use foley::graph::{DirFiles, Graph, Limits, Root, load, load_text};
+mod common;
+
+use foley::graph::{DirFiles, Graph, Limits, Root, load_text};
 use foley::plan::{Plan, PlanOptions};
-use foley::run::{DirOutputs, Job, Progress, Report, Values, run, stage};
+use foley::run::{DirOutputs, Job, Progress, Report, Values, stage};
 use foley_nodes::core::time::Rate;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -74,37 +76,21 @@ fn per_step(nodes: usize, block: i64) -> f64 {
 }
 
 /// A run of an example graph, a minute of it at most.
-fn played(path: &Path, threads: usize) -> Option<Report> {
-    let loaded = load(path, &[], &[], Limits::default());
-    let graph = loaded.graph?;
-    let files = DirFiles::new(loaded.root, Limits::default());
-    let out = tempfile::tempdir().ok()?;
+fn played(path: &Path, threads: usize) -> Report {
+    let out = tempfile::tempdir().expect("a folder for the bench");
     let options = PlanOptions { threads, until: Some(Rate::hz(1).tick(60)), ..PlanOptions::default() };
-    let plan = Plan::new(&graph, &files, &options).ok()?;
-    let outputs = DirOutputs::new(out.path());
-    let job = Job {
-        graph: &graph,
-        plan: &plan,
-        files: &files,
-        outputs: &outputs,
-        taps: &[],
-        threads,
-        seed: graph.seed,
-        memo: None,
-        progress: Arc::new(Progress::default()),
-    };
-    run(&job).ok()
+    common::run_by(path, &[], out.path(), None, &options).1
 }
 
 /// Seconds to run an example graph on one and on two threads, in turn: a machine that is slower for a while is so for both.
-fn seconds(path: &Path) -> Option<[f64; 2]> {
+fn seconds(path: &Path) -> [f64; 2] {
     let mut best = [f64::INFINITY; 2];
     for _ in 0..5 {
         for (threads, best) in (1..).zip(&mut best) {
-            *best = best.min(played(path, threads)?.wall.as_secs_f64());
+            *best = best.min(played(path, threads).wall.as_secs_f64());
         }
     }
-    Some(best)
+    best
 }
 
 /// Bytes of a run: planned for buffers, there in buffers, and of the whole process with all values, files and code.
@@ -121,7 +107,7 @@ fn memory_in_child(path: &Path) -> Option<String> {
 const ONE: &str = "memory-of";
 
 fn memory(path: &Path) {
-    let Some(report) = played(path, 2) else { return };
+    let report = played(path, 2);
     let megabytes = |bytes: usize| bytes as f64 / 1e6;
     let [planned, there] = [report.planned_bytes, report.buffer_bytes].map(megabytes);
     let process = report.peak_process_bytes.map_or(f64::NAN, megabytes);
@@ -175,9 +161,8 @@ fn main() {
     if wanted("threads") {
         println!("\nseconds per example graph, best of five: 1 thread, 2 threads");
         for path in examples(&root) {
-            if let Some([one, two]) = seconds(&path) {
-                println!("{:<32} {one:>8.3} {two:>8.3}  ({:.2} times)", name(&path), one / two);
-            }
+            let [one, two] = seconds(&path);
+            println!("{:<32} {one:>8.3} {two:>8.3}  ({:.2} times)", name(&path), one / two);
         }
     }
 }

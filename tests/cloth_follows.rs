@@ -5,20 +5,15 @@ mod common;
 
 use foley::graph::{DirFiles, Limits, load};
 use foley::plan::PlanOptions;
-use foley_nodes::io::AudioReader;
-use std::fs::File;
 use std::path::Path;
 
-/// Levels of pieces of 50 ms, dB.
+/// Levels of pieces of 50 ms at 48 kHz, dB.
 fn levels(path: &Path) -> Vec<f64> {
-    let mut reader = AudioReader::open(Box::new(File::open(path).unwrap())).unwrap();
-    let piece = reader.info().rate as usize / 20;
-    let samples = reader.read_mono().unwrap();
     let level = |piece: &[f32]| {
         let energy: f64 = piece.iter().map(|x| f64::from(x * x)).sum();
         10.0 * (energy / piece.len() as f64 + 1e-12).log10()
     };
-    samples.chunks_exact(piece).map(level).collect()
+    common::wav(path).chunks_exact(2400).map(level).collect()
 }
 
 /// Correlation of the levels of two sounds where the first is heard, and dB of the second for each dB of the first.

@@ -1,14 +1,12 @@
 //! Every preset of a material plays a cloth from end to end: those of table 2 of the paper for a first animation make a warp, those for
 //! another one take it over.
 
+mod common;
+
+use common::graphs;
 use serde_json::Value;
 use std::fs;
-use std::path::{Path, PathBuf};
-use std::process::Command;
-
-fn graphs() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("graphs")
-}
+use std::path::Path;
 
 fn presets() -> Vec<String> {
     let entries = fs::read_dir(graphs().join("lib/presets")).unwrap().map(|e| e.unwrap().path());
@@ -41,16 +39,13 @@ Graph(seed: 3, use: {{
     )
 }
 
-/// A run that has to succeed, with what it tells of `a.wav`.
-fn run(dir: &Path, text: &str, taps: &[&str]) -> Value {
-    fs::write(dir.join("g.ron"), text).unwrap();
-    let read = graphs().display().to_string();
-    let mut args = vec!["run", "g.ron", "--quiet", "--no-cache", "--allow-read", &read, "--report", "r.json"];
-    taps.iter().for_each(|tap| args.extend(["--tap", tap]));
-    let ran = Command::new(env!("CARGO_BIN_EXE_foley")).args(args).current_dir(dir).output().unwrap();
-    assert!(ran.status.success(), "{}\n{text}", String::from_utf8_lossy(&ran.stderr));
-    let report: Value = serde_json::from_slice(&fs::read(dir.join("r.json")).unwrap()).unwrap();
-    report["outputs"][0].clone()
+/// A run that has to succeed, with what it tells of `a.wav`; the warp goes to a file of that name where one is given.
+fn run(dir: &Path, text: &str, warp: Option<&str>) -> Value {
+    let [graph, read] = [dir.join("g.ron"), graphs()].map(|path| path.display().to_string());
+    fs::write(&graph, text).unwrap();
+    let tap = warp.map(|file| format!("cloth.recomposed.fit.warp={}", dir.join(file).display()));
+    let tap: Vec<&str> = tap.iter().flat_map(|tap| ["--tap", tap]).collect();
+    common::foley(dir, &[&["run", &graph, "--allow-read", &read], &tap[..]].concat())["outputs"][0].clone()
 }
 
 /// What the ears of somebody might have heard: clicks and noise, another level in each ear.
@@ -93,8 +88,7 @@ fn every_preset_plays_a_cloth() {
     assert!(names.len() >= 10, "{names:?}");
     let (first, later): (Vec<_>, Vec<_>) = names.iter().partition(|name| first_of(name) == *name);
     for name in first {
-        let tap = format!("cloth.recomposed.fit.warp={name}.warp.json");
-        let told = run(dir.path(), &graph(name, marked), &[&tap]);
+        let told = run(dir.path(), &graph(name, marked), Some(&format!("{name}.warp.json")));
         assert!(told["peak"].as_f64().unwrap() > 1e-3, "{name}: {told}");
         assert_eq!(told["channels"], 1);
     }
@@ -105,7 +99,7 @@ fn every_preset_plays_a_cloth() {
         } else {
             graph(name, &format!("\"warp\": \"{}.warp.json\"", first_of(name)))
         };
-        let told = run(dir.path(), &text, &[]);
+        let told = run(dir.path(), &text, None);
         assert!(told["peak"].as_f64().unwrap() > 1e-3, "{name}: {told}");
         assert_eq!(told["channels"], if name.ends_with("first_person") { 2 } else { 1 }, "{name}");
     }

@@ -1,4 +1,5 @@
 //! What the benches of whole graphs share.
+#![allow(dead_code, reason = "no bench runs graphs in every way")]
 
 use foley::graph::{DirFiles, Limits, Override, load};
 use foley::memo::Memo;
@@ -17,14 +18,23 @@ pub fn run_text(folder: &Path, text: &str, memo: Option<&Memo>) -> (f64, Report)
 }
 
 /// The same for a graph that is there, and that may read what lies in `folder` too.
-#[allow(dead_code, reason = "not every bench runs graphs that ship")]
 pub fn run_file(path: &Path, sets: &[Override], folder: &Path, memo: Option<&Memo>) -> (f64, Report) {
+    run_by(path, sets, folder, memo, &PlanOptions { threads: 2, ..PlanOptions::default() })
+}
+
+/// The same, planned otherwise.
+pub fn run_by(
+    path: &Path,
+    sets: &[Override],
+    folder: &Path,
+    memo: Option<&Memo>,
+    options: &PlanOptions,
+) -> (f64, Report) {
     let start = Instant::now();
     let loaded = load(path, sets, &[folder.to_owned()], Limits::default());
     let graph = loaded.graph.unwrap_or_else(|| panic!("{:?}", loaded.diagnostics));
     let files = DirFiles::new(loaded.root, Limits::default());
-    let options = PlanOptions { threads: 2, ..PlanOptions::default() };
-    let plan = Plan::new(&graph, &files, &options).expect("the graph can be planned");
+    let plan = Plan::new(&graph, &files, options).expect("the graph can be planned");
     let outputs = DirOutputs::new(folder.join("out"));
     let job = Job {
         graph: &graph,
@@ -32,7 +42,7 @@ pub fn run_file(path: &Path, sets: &[Override], folder: &Path, memo: Option<&Mem
         files: &files,
         outputs: &outputs,
         taps: &[],
-        threads: 2,
+        threads: options.threads,
         seed: graph.seed,
         memo,
         progress: Arc::new(Progress::default()),

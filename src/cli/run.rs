@@ -124,7 +124,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
         // The first waits for what is being computed, so that nothing half written stays; who asks twice does not.
         if stop.stop.swap(true, Ordering::SeqCst) {
             eprintln!("stopped at once: what was begun may lie in the output folder as `.part`");
-            std::process::exit(75);
+            std::process::exit(Exit::Again.code().into());
         }
     });
     let memo = args.memo.memo(&args.graph.graph);

@@ -151,15 +151,14 @@ impl Detector {
             })
             .collect();
         let exclusion = if params.self_contact {
-            Exclusion::check(cloth, params.radius, params.exclude)?;
-            Exclusion::new(cloth, trees[0].order(), params.radius, params.exclude)
+            Exclusion::new(cloth, trees[0].order(), params.radius, params.exclude)?
         } else {
             Exclusion::new(
                 &Topology { rest: cloth.rest.clone(), triangles: Vec::new() },
                 &[],
                 0.0,
                 params.exclude,
-            )
+            )?
         };
         let mut order: Vec<u32> = (0..cloth.vertex_count() as u32).collect();
         sort_by_locality(&mut order, &cloth.rest);

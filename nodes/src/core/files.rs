@@ -99,7 +99,7 @@ impl MemoryFiles {
 
     /// The bytes of a file.
     #[must_use]
-    pub fn bytes(&self, path: &str) -> Option<&[u8]> {
+    pub fn get(&self, path: &str) -> Option<&[u8]> {
         self.files.get(path).map(|bytes| &**bytes)
     }
 }
