@@ -303,7 +303,8 @@ pub fn regions(parts: &Parts<'_>, region_of: &HashMap<What, usize>) -> Vec<Regio
     layout.regions
 }
 
-/// Cuts the topological order into parts of about equal work; readers and writers of files stand alone.
+/// Cuts the topological order into parts of about equal work, none of them less than `worth`; readers and writers of files
+/// stand alone.
 pub fn cut(parts: &Parts<'_>, threads: usize, worth: f64) -> HashMap<What, usize> {
     let Parts { graph, shapes, nodes, taps, window, .. } = *parts;
     let work = |n: usize| {
@@ -322,11 +323,13 @@ pub fn cut(parts: &Parts<'_>, threads: usize, worth: f64) -> HashMap<What, usize
     // A loop must not be cut: no boundary between the node that closes it and the end of the loop.
     let mut open_until = 0;
     let mut region_of = HashMap::new();
-    let (mut region, mut sum) = (0, 0.0);
+    let (mut region, mut sum, mut begin) = (0, 0.0, 0.0);
     for (k, &n) in inner.iter().enumerate() {
         let w = work(n);
-        if k > open_until && k > 0 && sum + w / 2.0 > total * (region + 1) as f64 / parts {
+        let due = sum + w / 2.0 > total * (region + 1) as f64 / parts;
+        if due && k > open_until && sum - begin >= worth && total - sum >= worth {
             region += 1;
+            begin = sum;
         }
         sum += w;
         region_of.insert(What::Node(n), region);

@@ -117,7 +117,7 @@ impl Node for SlidingSpeed {
     type Ports = SlidingSpeedPorts;
     const NAME: &'static str = "SlidingSpeed";
     const CLASS: Class = Class::Worker;
-    const COST: f64 = 30.0;
+    const COST: f64 = 10.0;
 
     fn shape(p: &SlidingSpeedParams, s: &mut Shape<'_, '_, SlidingSpeedPorts>) -> Result<(), Reject> {
         let contacts = s.input(SlidingSpeedPorts::contacts);

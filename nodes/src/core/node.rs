@@ -71,7 +71,7 @@ pub trait Node: Sized + Send + 'static {
     const VERSION: u32 = 1;
     /// Where it may run.
     const CLASS: Class;
-    /// Rough nanoseconds per output element, from which offline runs cut a graph into parallel parts.
+    /// Rough nanoseconds per element of its widest input or output, from which offline runs cut a graph into parallel parts.
     const COST: f64 = 1.0;
 
     /// Declares rates, formats and reach.

@@ -122,7 +122,7 @@ impl Node for BinauralCrumplePlayer {
     type Ports = BinauralCrumplePlayerPorts;
     const NAME: &'static str = "BinauralCrumplePlayer";
     const CLASS: Class = Class::Audio;
-    const COST: f64 = 60.0;
+    const COST: f64 = 6.0;
 
     fn shape(
         p: &BinauralCrumplePlayerParams,

@@ -98,7 +98,7 @@ impl Node for CrumpleEventsNode {
     const NAME: &'static str = "CrumpleEvents";
     const VERSION: u32 = 2;
     const CLASS: Class = Class::Worker;
-    const COST: f64 = 1000.0;
+    const COST: f64 = 5.0;
 
     fn shape(p: &CrumpleEventsParams, s: &mut Shape<'_, '_, CrumpleEventsPorts>) -> Result<(), Reject> {
         let buckles = s.input(CrumpleEventsPorts::buckles);

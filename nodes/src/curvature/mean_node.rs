@@ -55,7 +55,7 @@ impl Node for MeanCurvatureNode {
     type Ports = MeanCurvaturePorts;
     const NAME: &'static str = "MeanCurvature";
     const CLASS: Class = Class::Worker;
-    const COST: f64 = 150.0;
+    const COST: f64 = 120.0;
 
     fn shape(_: &MeanCurvatureParams, s: &mut Shape<'_, '_, MeanCurvaturePorts>) -> Result<(), Reject> {
         let mesh = s.input(MeanCurvaturePorts::mesh);

@@ -70,7 +70,7 @@ impl Node for BiquadNode {
     type Ports = FilterPorts;
     const NAME: &'static str = "Biquad";
     const CLASS: Class = Class::Audio;
-    const COST: f64 = 4.0;
+    const COST: f64 = 6.0;
 
     fn shape(p: &BiquadParams, s: &mut Shape<'_, '_, FilterPorts>) -> Result<(), Reject> {
         let audio = s.input(FilterPorts::audio);

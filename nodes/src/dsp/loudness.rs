@@ -89,6 +89,7 @@ impl Node for LoudnessNode {
     type Ports = LoudnessPorts;
     const NAME: &'static str = "Loudness";
     const CLASS: Class = Class::Audio;
+    const COST: f64 = 3.0;
 
     fn shape(_: &LoudnessParams, s: &mut Shape<'_, '_, LoudnessPorts>) -> Result<(), Reject> {
         let _ = s.input(LoudnessPorts::audio);

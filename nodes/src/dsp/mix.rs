@@ -54,6 +54,7 @@ impl Node for MixNode {
     type Ports = MixPorts;
     const NAME: &'static str = "Mix";
     const CLASS: Class = Class::Audio;
+    const COST: f64 = 2.5;
 
     fn shape(p: &MixParams, s: &mut Shape<'_, '_, MixPorts>) -> Result<(), Reject> {
         let inputs = s.many(MixPorts::inputs);

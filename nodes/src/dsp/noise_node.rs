@@ -71,7 +71,7 @@ impl Node for NoiseNode {
     type Ports = SourcePorts;
     const NAME: &'static str = "Noise";
     const CLASS: Class = Class::Audio;
-    const COST: f64 = 15.0;
+    const COST: f64 = 20.0;
 
     fn shape(p: &NoiseParams, s: &mut Shape<'_, '_, SourcePorts>) -> Result<(), Reject> {
         s.ends(ends_after(p.duration));

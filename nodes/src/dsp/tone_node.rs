@@ -76,7 +76,7 @@ impl Node for ToneNode {
     type Ports = SourcePorts;
     const NAME: &'static str = "Tone";
     const CLASS: Class = Class::Audio;
-    const COST: f64 = 15.0;
+    const COST: f64 = 8.0;
 
     fn shape(p: &ToneParams, s: &mut Shape<'_, '_, SourcePorts>) -> Result<(), Reject> {
         Generator::new(p)?;

@@ -149,7 +149,7 @@ impl Node for Mfcc {
     type Ports = MfccPorts;
     const NAME: &'static str = "Mfcc";
     const CLASS: Class = Class::Worker;
-    const COST: f64 = 1000.0;
+    const COST: f64 = 15.0;
 
     fn shape(p: &MfccParams, s: &mut Shape<'_, '_, MfccPorts>) -> Result<(), Reject> {
         let audio = s.input(MfccPorts::audio);

@@ -123,7 +123,7 @@ impl Node for BinauralIftNoise {
     type Ports = BinauralIftNoisePorts;
     const NAME: &'static str = "BinauralIftNoise";
     const CLASS: Class = Class::Worker;
-    const COST: f64 = 200.0;
+    const COST: f64 = 400.0;
 
     fn shape(p: &BinauralIftNoiseParams, s: &mut Shape<'_, '_, BinauralIftNoisePorts>) -> Result<(), Reject> {
         type Port = BinauralIftNoisePorts;

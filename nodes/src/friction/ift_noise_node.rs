@@ -181,7 +181,7 @@ impl Node for IftNoiseNode {
     type Ports = IftNoisePorts;
     const NAME: &'static str = "IftNoise";
     const CLASS: Class = Class::Worker;
-    const COST: f64 = 50.0;
+    const COST: f64 = 20.0;
 
     fn shape(p: &IftNoiseNodeParams, s: &mut Shape<'_, '_, IftNoisePorts>) -> Result<(), Reject> {
         let speeds = s.input(IftNoisePorts::speeds);

@@ -76,7 +76,7 @@ impl Node for MeshSubdivide {
     type Ports = MeshSubdividePorts;
     const NAME: &'static str = "MeshSubdivide";
     const CLASS: Class = Class::Worker;
-    const COST: f64 = 30.0;
+    const COST: f64 = 10.0;
 
     fn shape(p: &MeshSubdivideParams, s: &mut Shape<'_, '_, MeshSubdividePorts>) -> Result<(), Reject> {
         let mesh = s.input(MeshSubdividePorts::mesh);

@@ -130,7 +130,7 @@ impl Node for ModalBankNode {
     const NAME: &'static str = "ModalBank";
     const VERSION: u32 = 2;
     const CLASS: Class = Class::Audio;
-    const COST: f64 = 10.0;
+    const COST: f64 = 3.0;
 
     fn shape(p: &ModalBankParams, s: &mut Shape<'_, '_, ModalBankPorts>) -> Result<(), Reject> {
         let forces = s.many(ModalBankPorts::forces);

@@ -118,7 +118,7 @@ impl Node for TwoTextures {
     const NAME: &'static str = "TwoTextures";
     const VERSION: u32 = 4;
     const CLASS: Class = Class::Audio;
-    const COST: f64 = 100.0;
+    const COST: f64 = 50.0;
 
     fn shape(p: &TwoTexturesParams, s: &mut Shape<'_, '_, TwoTexturesPorts>) -> Result<(), Reject> {
         s.output(TwoTexturesPorts::force, p.rate, Channels(1));

@@ -80,7 +80,7 @@ impl Node for DistanceGain {
     type Ports = DistanceGainPorts;
     const NAME: &'static str = "DistanceGain";
     const CLASS: Class = Class::Audio;
-    const COST: f64 = 5.0;
+    const COST: f64 = 7.0;
 
     fn shape(p: &DistanceGainParams, s: &mut Shape<'_, '_, DistanceGainPorts>) -> Result<(), Reject> {
         type Port = DistanceGainPorts;

@@ -116,7 +116,7 @@ impl Node for Occlusion {
     type Ports = OcclusionPorts;
     const NAME: &'static str = "Occlusion";
     const CLASS: Class = Class::Worker;
-    const COST: f64 = 100.0;
+    const COST: f64 = 500.0;
 
     fn shape(_: &OcclusionParams, s: &mut Shape<'_, '_, OcclusionPorts>) -> Result<(), Reject> {
         type Port = OcclusionPorts;

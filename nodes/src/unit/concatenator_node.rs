@@ -141,7 +141,7 @@ impl Node for UnitConcatenator {
     const NAME: &'static str = "UnitConcatenator";
     const VERSION: u32 = 4;
     const CLASS: Class = Class::Audio;
-    const COST: f64 = 4.0;
+    const COST: f64 = 10.0;
 
     fn shape(p: &UnitConcatenatorParams, s: &mut Shape<'_, '_, UnitConcatenatorPorts>) -> Result<(), Reject> {
         let picks = s.input(UnitConcatenatorPorts::picks);

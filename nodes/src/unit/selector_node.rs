@@ -288,7 +288,7 @@ impl Node for UnitSelector {
     const NAME: &'static str = "UnitSelector";
     const VERSION: u32 = 3;
     const CLASS: Class = Class::Worker;
-    const COST: f64 = 50_000.0;
+    const COST: f64 = 500.0;
 
     fn shape(p: &UnitSelectorParams, s: &mut Shape<'_, '_, UnitSelectorPorts>) -> Result<(), Reject> {
         let features = s.input(UnitSelectorPorts::features);

@@ -189,7 +189,7 @@ impl Node for TpsWarp {
     type Ports = TpsWarpPorts;
     const NAME: &'static str = "TpsWarp";
     const CLASS: Class = Class::Worker;
-    const COST: f64 = 3000.0;
+    const COST: f64 = 250.0;
 
     fn shape(_: &TpsWarpParams, s: &mut Shape<'_, '_, TpsWarpPorts>) -> Result<(), Reject> {
         let features = s.input(TpsWarpPorts::features);
