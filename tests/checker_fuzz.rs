@@ -2,7 +2,7 @@
 
 use foley::diag::{any_error, json, render};
 use foley::draw::{Drawing, svg};
-use foley::graph::load_text;
+use foley::graph::{Override, load_text};
 use foley::lang::parse;
 use foley_nodes::core::random::Draw;
 use std::fs;
@@ -74,7 +74,11 @@ fn damage(tokens: &[String], pool: &[String], draw: &mut Draw) -> String {
 }
 
 fn judge(text: &str) -> bool {
-    let loaded = load_text("graph.ron", text, Path::new("tests/diagnostics/graph.ron"), &[]);
+    judge_with(text, &[])
+}
+
+fn judge_with(text: &str, sets: &[Override]) -> bool {
+    let loaded = load_text("graph.ron", text, Path::new("tests/diagnostics/graph.ron"), sets);
     assert_eq!(loaded.graph.is_none(), any_error(&loaded.diagnostics), "{text}");
     let told = render(&loaded.diagnostics, &loaded.sources, false);
     assert_eq!(told.is_empty(), loaded.diagnostics.is_empty());
@@ -107,6 +111,43 @@ fn damaged_graphs_are_graphs_or_have_errors() {
         }
     }
     // Damage of both kinds: that which matters, and that which does not.
+    assert!(right > 20 && wrong > 1000, "{right} right, {wrong} wrong");
+}
+
+#[test]
+fn damaged_settings_are_taken_or_refused() {
+    let text = foley::cli::template("a")[0].1.clone();
+    assert!(judge(&text));
+    // Names of parameters, nodes and fields are all among the words of the graph.
+    let is_word = |t: &&String| t.starts_with(|c: char| c == '"' || c.is_alphabetic());
+    let words: Vec<String> =
+        tokens(&text).iter().filter(is_word).map(|t| t.trim_matches('"').to_owned()).collect();
+    let pool = tokens(&text);
+    let mut draw = Draw::new(12);
+    let (mut right, mut wrong) = (0, 0);
+    for _ in 0..4000 {
+        let sets: Vec<Override> = (0..1 + draw.below(2))
+            .map(|_| {
+                let word = |draw: &mut Draw| words[draw.below(words.len())].clone();
+                let target = match draw.below(3) {
+                    0 => word(&mut draw),
+                    1 => damage(&[word(&mut draw), ".".into(), word(&mut draw)], &pool, &mut draw),
+                    _ => format!("{}.{}", word(&mut draw), word(&mut draw)),
+                };
+                let value = match draw.below(3) {
+                    0 => "0.5".to_owned(),
+                    1 => PIECES[draw.below(PIECES.len())].to_owned(),
+                    _ => damage(&pool[draw.below(pool.len())..], &pool, &mut draw),
+                };
+                Override { target, value }
+            })
+            .collect();
+        if judge_with(&text, &sets) {
+            right += 1;
+        } else {
+            wrong += 1;
+        }
+    }
     assert!(right > 20 && wrong > 1000, "{right} right, {wrong} wrong");
 }
 

@@ -124,3 +124,27 @@ fn a_closed_pipe_ends_the_command_in_silence() {
         assert_eq!(output.status.code(), Some(0), "{args:?}");
     }
 }
+
+#[test]
+fn limits_are_said_with_the_flag_that_raises_them() {
+    let dir = tempfile::tempdir().unwrap();
+    let inner = "#![schema = \"foley:graph/1\"]\nGraph(nodes: { \"tone\": Tone(frequency: 100.0, rate: 8000, duration: Some(0.1)) })";
+    let middle = "#![schema = \"foley:graph/1\"]\nGraph(use: { \"in\": (path: \"inner.ron\") }, nodes: {
+        \"louder\": Gain(audio: \"in.tone\", gain: 2.0),
+    })";
+    let outer = "#![schema = \"foley:graph/1\"]\nGraph(use: { \"mid\": (path: \"middle.ron\") }, nodes: {
+        \"out\": WavOut(audio: \"mid.louder\", path: \"a.wav\"),
+    })";
+    for (name, text) in [("inner.ron", inner), ("middle.ron", middle), ("outer.ron", outer)] {
+        fs::write(dir.path().join(name), text).unwrap();
+    }
+    for command in ["check", "run"] {
+        for (flag, enough) in [("--max-depth", 2), ("--max-nodes", 3), ("--max-links", 2)] {
+            let refused = foley(dir.path(), &[command, "outer.ron", flag, &(enough - 1).to_string()]);
+            let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+            assert_eq!(refused.status.code(), Some(2), "{command} {flag}: {said}");
+            assert!(said.contains("F009") && said.contains(flag), "{command} {flag}: {said}");
+            stdout(&foley(dir.path(), &[command, "outer.ron", flag, &enough.to_string()]));
+        }
+    }
+}

@@ -137,12 +137,13 @@ fn a_run_beyond_the_memory_limit_is_refused_before_it_starts() {
 }
 
 #[test]
-fn recordings_and_models_beyond_the_memory_limit_are_refused_before_they_are_read() {
+fn recordings_models_and_images_beyond_the_memory_limit_are_refused_before_they_are_read() {
     let text = "#![schema = \"foley:graph/1\"]\nGraph(nodes: {
         \"units\": UnitDatabase(recordings: [
             \"graphs/assets/recordings/clothing_rustle_1.flac\", \"graphs/assets/recordings/clothing_rustle_2.flac\",
         ]),
         \"model\": FrictionModelFile(path: \"graphs/assets/cloth/cotton.friction.json\"),
+        \"floor\": ImageLuma(path: \"graphs/assets/images/tiles.png\"),
     })";
     let graph = common::graph(text).unwrap();
     let refused = |memory| {
@@ -152,7 +153,7 @@ fn recordings_and_models_beyond_the_memory_limit_are_refused_before_they_are_rea
     };
     assert_eq!(refused(4 << 30), [""; 0]);
     let found = refused(20_000);
-    assert_eq!(found.len(), 2, "{found:?}");
+    assert_eq!(found.len(), 3, "{found:?}");
     assert!(
         found.iter().all(|e| e.starts_with("F063") && e.ends_with("the memory limit is 20000")),
         "{found:?}"

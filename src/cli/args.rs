@@ -62,6 +62,13 @@ pub struct GraphArgs {
     /// Seed of all randomness, instead of the graph's own
     #[arg(long)]
     pub seed: Option<u64>,
+    #[command(flatten)]
+    pub limits: LimitArgs,
+}
+
+/// What a graph and its files may cost.
+#[derive(Clone, Debug, ClapArgs)]
+pub struct LimitArgs {
     /// Most memory for buffers, and for a file that is held as a whole, such as 512M
     #[arg(long, value_name = "SIZE", default_value = "4G", value_parser = parse_size)]
     pub memory: usize,
@@ -71,14 +78,26 @@ pub struct GraphArgs {
     /// Most nodes of a graph
     #[arg(long, value_name = "COUNT", default_value_t = 20_000)]
     pub max_nodes: usize,
+    /// Most links of a graph
+    #[arg(long, value_name = "COUNT", default_value_t = 200_000)]
+    pub max_links: usize,
+    /// Most sub-graphs inside each other
+    #[arg(long, value_name = "COUNT", default_value_t = 16, value_parser = clap::value_parser!(u8).range(1..=64))]
+    pub max_depth: u8,
 }
 
-impl GraphArgs {
+impl LimitArgs {
     /// The limits that the arguments set.
     #[must_use]
     pub fn limits(&self) -> Limits {
-        let (file_bytes, memory, nodes) = (self.max_file as u64, self.memory, self.max_nodes);
-        Limits { file_bytes, memory, nodes, ..Limits::default() }
+        Limits {
+            file_bytes: self.max_file as u64,
+            memory: self.memory,
+            nodes: self.max_nodes,
+            links: self.max_links,
+            depth: usize::from(self.max_depth),
+            ..Limits::default()
+        }
     }
 }
 
@@ -290,6 +309,8 @@ pub struct CheckArgs {
     /// Let the graphs read below this folder too
     #[arg(long, value_name = "DIR")]
     pub allow_read: Vec<PathBuf>,
+    #[command(flatten)]
+    pub limits: LimitArgs,
     /// Print an array of findings as JSON
     #[arg(long)]
     pub json: bool,

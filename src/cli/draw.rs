@@ -14,10 +14,10 @@ use std::io::{Write as _, stdout};
 /// When the drawing cannot be written.
 pub fn draw(args: &DrawArgs) -> anyhow::Result<Exit> {
     let graph = &args.graph;
-    let loaded = load(&graph.graph, &graph.sets, &graph.allow_read, graph.limits());
+    let loaded = load(&graph.graph, &graph.sets, &graph.allow_read, graph.limits.limits());
     show(&loaded.diagnostics, &loaded.sources);
     let Some(found) = loaded.graph else { return Ok(Exit::Wrong) };
-    let files = DirFiles::new(loaded.root, graph.limits());
+    let files = DirFiles::new(loaded.root, graph.limits.limits());
     // A graph without end is planned up to some end: its rates are the same.
     let options = PlanOptions {
         until: Some(foley_nodes::core::time::TICKS_PER_SECOND),

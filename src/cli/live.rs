@@ -125,10 +125,10 @@ struct Found {
 fn look(asking: &Asking<'_>, overrides: &[Override], hub: &Arc<Hub>, memo: Option<&Arc<Memo>>) -> Found {
     let args = asking.graph;
     let sets: Vec<Override> = args.sets.iter().chain(overrides).cloned().collect();
-    let loaded = load(&args.graph, &sets, &args.allow_read, args.limits());
+    let loaded = load(&args.graph, &sets, &args.allow_read, args.limits.limits());
     let mut found = loaded.diagnostics;
     found.retain(|d| !asking.quiet || d.severity == Severity::Error);
-    let files = DirFiles::new(loaded.root, args.limits());
+    let files = DirFiles::new(loaded.root, args.limits.limits());
     let asked = files.asked();
     let material = loaded.graph.map(|graph| Material {
         seed: args.seed.unwrap_or(graph.seed),

@@ -56,10 +56,10 @@ pub fn prepare(graph: &GraphArgs, engine: &EngineArgs, quiet: bool) -> Option<Re
 
 /// Loads, checks and plans a graph.
 pub fn look(graph: &GraphArgs, engine: &EngineArgs, quiet: bool) -> Prepared {
-    let loaded = load(&graph.graph, &graph.sets, &graph.allow_read, graph.limits());
+    let loaded = load(&graph.graph, &graph.sets, &graph.allow_read, graph.limits.limits());
     let mut found = loaded.diagnostics;
     found.retain(|d| !quiet || d.severity == Severity::Error);
-    let files = DirFiles::new(loaded.root, graph.limits());
+    let files = DirFiles::new(loaded.root, graph.limits.limits());
     let planned = loaded.graph.map(|g| plan(g, engine, &files));
     let asked = files.asked();
     let ready = match planned {

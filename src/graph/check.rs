@@ -58,7 +58,8 @@ pub(super) fn check(mut loader: Loader) -> (Option<Graph>, Vec<Diagnostic>, Sour
         count += half.links.iter().map(Vec::len).sum::<usize>();
     }
     if count > loader.link_limit() {
-        found.push(Diagnostic::general("F009", format!("more than {} links", loader.link_limit())));
+        let message = format!("more than {} links", loader.link_limit());
+        found.push(Diagnostic::general("F009", message).help("--max-links allows more"));
     }
     let order = order(&raw, &halves, &links, &mut found);
     // What is wrong can be why something seems to be unused.

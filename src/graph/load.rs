@@ -424,11 +424,8 @@ impl Loader {
             return;
         }
         if chain.len() > self.limits.depth {
-            self.error(
-                "F009",
-                format!("more than {} sub-graphs inside each other", self.limits.depth),
-                place,
-            );
+            let message = format!("more than {} sub-graphs inside each other", self.limits.depth);
+            self.found.push(Diagnostic::error("F009", message, place).help("--max-depth allows more"));
             return;
         }
         match read_text(&real, path, self.limits.graph_bytes) {

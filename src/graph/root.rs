@@ -318,6 +318,9 @@ pub fn join(folder: &Path, path: &str) -> String {
             part => out.push(part),
         }
     }
+    if out.as_os_str().is_empty() {
+        out.push(Component::CurDir);
+    }
     out.to_string_lossy().into_owned()
 }
 
@@ -330,6 +333,8 @@ mod tests {
         assert_eq!(join(Path::new("graphs/cloth"), "../assets/a.wav"), "graphs/assets/a.wav");
         assert_eq!(join(Path::new(""), "a.wav"), "a.wav");
         assert_eq!(join(Path::new("."), "../../a.wav"), "../../a.wav");
+        assert_eq!(join(Path::new("cloth"), ".."), ".");
+        assert_eq!(join(Path::new(""), "."), ".");
     }
 
     #[test]

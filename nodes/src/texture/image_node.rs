@@ -15,6 +15,8 @@ use crate::{choices, params, ports};
 
 /// Blockiness above which JPEG is heard.
 const BLOCKY: f32 = 0.25;
+/// Bytes that a pixel takes while an image is read: four channels of 16 bits, its luminance, and whether it is a hole.
+const PIXEL_BYTES: u64 = 13;
 
 choices! { @param LumaKind {
     /// Lightness of CIE, 0 to 100, from linear light.
@@ -86,7 +88,9 @@ impl Func for ImageLuma {
     const VERSION: u32 = 2;
 
     fn check(p: &ImageLumaParams, s: &mut Shape<'_, '_, ImageLumaPorts>) -> Result<(), Reject> {
-        header(&s.bytes("path", &p.path.0)?).map_err(|e| wrong(&p.path.0, &e)).map(|_| ())
+        let path = &p.path.0;
+        let header = header(&s.bytes("path", path)?).map_err(|e| wrong(path, &e))?;
+        s.hold("path", path, (header.width * header.height) as u64 * PIXEL_BYTES)
     }
 
     fn eval(p: &ImageLumaParams, cx: &Build<'_>, mut io: ImageLumaIo<'_>) -> Result<Summary, Fault> {
