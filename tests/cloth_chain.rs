@@ -203,7 +203,8 @@ fn every_cause_is_followed_by_its_own_recordings_in_time() {
 
     // The warp holds for another target of the same kind.
     write(folder, "target.wav", &target(7));
-    fs::write(folder.join("graph.ron"), graph("", RECORDED, "\"warp\": WarpFile(path: \"known.json\"),")).unwrap();
+    fs::write(folder.join("graph.ron"), graph("", RECORDED, "\"warp\": WarpFile(path: \"known.json\"),"))
+        .unwrap();
     let report = run(folder, &[]);
     let fallbacks = report["nodes"]["selector"]["summary"]["fallback_share"].as_f64().unwrap();
     assert!(fallbacks < 0.1, "{fallbacks}");
@@ -279,10 +280,8 @@ fn a_motion_is_heard_when_it_slips_and_snaps_as_loud_as_it_is_fast_and_not_at_al
     fs::write(folder.join("pairs.ron"), SCENE_PAIRS).unwrap();
     fs::write(folder.join("graph.ron"), scene_graph()).unwrap();
     let graphs = common::graphs();
-    let report = run(
-        folder,
-        &["--set", "moved.crumple.jitter=Off", "--allow-read", graphs.to_str().unwrap()],
-    );
+    let report =
+        run(folder, &["--set", "moved.crumple.jitter=Off", "--allow-read", graphs.to_str().unwrap()]);
     let [slides, snaps, out] = ["slides.wav", "snaps.wav", "out.wav"].map(|file| wav(&folder.join(file)));
 
     // Nothing but the slide is friction, and nothing but snaps is crumples. A clip of 50 ms is taken at its middle.

@@ -235,7 +235,8 @@ fn swapped_materials_swap_what_is_heard_of_them_bit_for_bit() {
 fn every_class_of_the_example_finds_what_it_needs_by_a_warp_of_its_own() {
     let folder = tempfile::tempdir().unwrap();
     let fallbacks = |set: &[&str]| {
-        let report = common::foley(folder.path(), &[&["run", "graphs/cloth/two_materials.ron"], set].concat());
+        let report =
+            common::foley(folder.path(), &[&["run", "graphs/cloth/two_materials.ron"], set].concat());
         ["itself", "cover", "crumple"].map(|class| {
             let told = &report["nodes"][format!("{class}_units.selector")]["summary"];
             told["fallback_share"].as_f64().unwrap()
