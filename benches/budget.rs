@@ -170,7 +170,7 @@ fn main() {
     let sum = |of: bool| nodes.iter().filter(|(id, _)| motion(id) == of).map(|(_, time)| *time).sum();
     let meter = &shared.meter;
     println!(
-        "{} vertices, {RATE} Hz in windows of {QUANTUM}, {played:.0} s on a clock without a card:",
+        "{} vertices, {RATE} Hz in windows of {QUANTUM}, {played:.0} s on a clock without a card (the paper ran nothing live):",
         FINE * FINE
     );
     println!(

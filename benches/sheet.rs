@@ -97,7 +97,8 @@ fn main() {
         println!("{what:<44} {seconds:>7.3} s  {kept} kept, computed: {}", computed.join(", "));
     };
     println!(
-        "60 s at 96 kHz, 14400 targets, 225 s of recordings, two threads; from load to the written file"
+        "60 s at 96 kHz, 14400 targets, 225 s of recordings, two threads; from load to the written file. An edit may take 2 s (paper: 5 to \
+         197 s to choose units again, and up to 3 hours of edits for a warp)"
     );
     told("cold", run_once(folder, 100.0, &fresh()));
     told("another lambda, cache on disk", run_once(folder, 1000.0, &fresh()));

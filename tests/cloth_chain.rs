@@ -1,12 +1,15 @@
-//! The chain from a target to recorded units on synthetic sounds whose causes are known: friction gets friction, crumples get
-//! crumples, silence gets silence, in time, and a warp holds for another target of the same kind.
+//! The chain from a target to recorded units on sounds whose causes are known: friction gets friction, crumples get
+//! crumples, silence gets silence, in time, and a warp holds for another target of the same kind. The targets are synthetic sounds, and
+//! that of a motion whose slips and snaps are known.
 
+mod common;
+
+use common::{npy, scene, wav};
 use foley_nodes::core::random::Random;
-use foley_nodes::io::AudioReader;
+use foley_nodes::friction::FrictionModel;
 use std::f64::consts::TAU;
 use std::fs;
 use std::path::Path;
-use std::process::Command;
 
 const RATE: u32 = 48_000;
 const UNIT: usize = 200;
@@ -30,19 +33,25 @@ fn friction(seed: u64, seconds: f64, gain: f64, colour: f64) -> Vec<f32> {
         .collect()
 }
 
+/// A bright burst of 12.5 ms.
+fn burst(random: &Random, number: u64, gain: f64) -> impl Iterator<Item = f32> {
+    let noise = move |k: u64| random.uniform(2, number * 1000 + k, 0) - 0.5;
+    let mut last = 0.0;
+    (0..600).map(move |k| {
+        let step = noise(k) - last;
+        last += step;
+        (gain * (-0.012 * k as f64).exp() * step) as f32
+    })
+}
+
 /// Bright bursts, about thirty a second, few of them strong.
 fn crumples(seed: u64, seconds: f64, gain: f64) -> Vec<f32> {
     let random = Random::new(seed, "crumples");
     let mut out = vec![0.0; samples(seconds)];
-    for burst in 0..(30.0 * seconds) as u64 {
-        let start = (random.uniform(1, burst, 0) * out.len() as f64) as usize;
-        let energy = (1.0 - random.uniform(1, burst, 1)).powf(-0.4).min(6.0);
-        let mut last = 0.0;
-        for (k, x) in out.iter_mut().skip(start).take(600).enumerate() {
-            let noise = random.uniform(2, burst * 1000 + k as u64, 0) - 0.5;
-            *x += (gain * energy * (-0.012 * k as f64).exp() * (noise - last)) as f32;
-            last = noise;
-        }
+    for number in 0..(30.0 * seconds) as u64 {
+        let start = (random.uniform(1, number, 0) * out.len() as f64) as usize;
+        let energy = (1.0 - random.uniform(1, number, 1)).powf(-0.4).min(6.0);
+        out.iter_mut().skip(start).zip(burst(&random, number, gain * energy)).for_each(|(x, y)| *x += y);
     }
     out
 }
@@ -70,16 +79,17 @@ fn target(seed: u64) -> Vec<f32> {
     [friction(seed, 1.6, 3.0, 0.12), silence.clone(), crumples(seed, 1.6, 0.1), silence].concat()
 }
 
-fn graph(warp: &str) -> String {
+/// A graph whose target some nodes make, between other parts of it.
+fn graph(subs: &str, target: &str, warp: &str) -> String {
     format!(
         "#![schema = \"foley:graph/1\"]
-        Graph(nodes: {{
+        Graph(use: {{ {subs} }}, nodes: {{
             \"database\": UnitDatabase(
                 recordings: [\"friction.wav\", \"crumple.wav\", \"silence.wav\"],
                 tags: [\"friction\", \"crumple\", \"silence\"],
                 widths: [10, 10, 10],
             ),
-            \"target\": WavIn(path: \"target.wav\"),
+            {target}
             \"mfcc\": Mfcc(audio: \"target\"),
             \"features\": TemporalGaussian(features: \"mfcc.features\", widths: [10, 10, 10]),
             {warp}
@@ -90,6 +100,8 @@ fn graph(warp: &str) -> String {
         }})"
     )
 }
+
+const RECORDED: &str = "\"target\": WavIn(path: \"target.wav\"),";
 
 const FITTED: &str = "\"pairs\": CorrespondenceSet(path: \"pairs.ron\"),
     \"warp\": TpsFit(features: \"features\", database: \"database\", pairs: \"pairs\", lambda: 100.0),";
@@ -104,27 +116,27 @@ const PAIRS: &str = "Correspondences(pairs: [
     (target: 2.0, source: 2, database: 0.5, duration: 0.1),
 ])";
 
+/// Runs `graph.ron` of a folder, which gets the picks as `picks.npy`.
 fn run(folder: &Path, more: &[&str]) -> serde_json::Value {
-    let report = folder.join("report.json");
-    let mut command = Command::new(env!("CARGO_BIN_EXE_foley"));
-    command.current_dir(folder).args(["run", "graph.ron", "--out", ".", "--no-cache", "--quiet"]);
-    command.args(["--report", "report.json", "--tap", "selector=picks.npy"]).args(more);
-    let ran = command.output().unwrap();
-    assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stderr));
-    serde_json::from_slice(&fs::read(report).unwrap()).unwrap()
+    let graph = folder.join("graph.ron").display().to_string();
+    let picks = format!("selector={}", folder.join("picks.npy").display());
+    common::foley(folder, &[&["run", &graph, "--tap", &picks], more].concat())
 }
 
-/// The chosen units: the first of four numbers of each item of a NPY file.
+/// The chosen units: the first of the numbers of each item.
 fn picks(folder: &Path) -> Vec<usize> {
-    let bytes = fs::read(folder.join("picks.npy")).unwrap();
-    let head = 10 + usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
-    let number = |item: &[u8]| f32::from_le_bytes([item[0], item[1], item[2], item[3]]) as usize;
-    bytes[head..].chunks_exact(16).map(number).collect()
+    npy(&fs::read(folder.join("picks.npy")).unwrap()).iter().map(|item| item[0] as usize).collect()
 }
 
 fn heard(folder: &Path) -> Vec<f32> {
-    let file = fs::File::open(folder.join("out.wav")).unwrap();
-    AudioReader::open(Box::new(file)).unwrap().read_mono().unwrap()
+    wav(&folder.join("out.wav"))
+}
+
+/// The recordings of both causes and of silence: 720, 720 and 360 units.
+fn record(folder: &Path) {
+    write(folder, "friction.wav", &friction(1, 3.0, 0.6, 0.2));
+    write(folder, "crumple.wav", &crumples(1, 3.0, 0.03));
+    write(folder, "silence.wav", &hush(1, 1.5));
 }
 
 fn decibels(x: &[f32]) -> f64 {
@@ -159,16 +171,14 @@ fn lag(target: &[f32], out: &[f32]) -> f64 {
 fn every_cause_is_followed_by_its_own_recordings_in_time() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    write(folder, "friction.wav", &friction(1, 3.0, 0.6, 0.2));
-    write(folder, "crumple.wav", &crumples(1, 3.0, 0.03));
-    write(folder, "silence.wav", &hush(1, 1.5));
+    record(folder);
     write(folder, "target.wav", &target(1));
     fs::write(folder.join("pairs.ron"), PAIRS).unwrap();
-    fs::write(folder.join("graph.ron"), graph(FITTED)).unwrap();
-    let report = run(folder, &["--tap", "warp=known.json", "--threads", "1"]);
+    fs::write(folder.join("graph.ron"), graph("", RECORDED, FITTED)).unwrap();
+    let known = format!("warp={}", folder.join("known.json").display());
+    let report = run(folder, &["--tap", &known, "--threads", "1"]);
     let (chosen, out) = (picks(folder), heard(folder));
 
-    // 720 units of friction, 720 of crumples, 360 of silence.
     let told = format!("{report:#}");
     let right = [
         share(&target(1), &chosen, [0.05, 1.55], -60.0, 0..720),
@@ -193,7 +203,8 @@ fn every_cause_is_followed_by_its_own_recordings_in_time() {
 
     // The warp holds for another target of the same kind.
     write(folder, "target.wav", &target(7));
-    fs::write(folder.join("graph.ron"), graph("\"warp\": WarpFile(path: \"known.json\"),")).unwrap();
+    fs::write(folder.join("graph.ron"), graph("", RECORDED, "\"warp\": WarpFile(path: \"known.json\"),"))
+        .unwrap();
     let report = run(folder, &[]);
     let fallbacks = report["nodes"]["selector"]["summary"]["fallback_share"].as_f64().unwrap();
     assert!(fallbacks < 0.1, "{fallbacks}");
@@ -203,4 +214,111 @@ fn every_cause_is_followed_by_its_own_recordings_in_time() {
         share(&target(7), &chosen, [2.55, 4.05], -40.0, 720..1440),
     ];
     assert!(right.iter().all(|share| *share >= 0.9), "{right:?}");
+}
+
+/// What the motion says, with both of its parts as files of their own; crumples begin with their frame.
+fn scene_graph() -> String {
+    let graphs = common::graphs().display().to_string();
+    let subs = format!(
+        "\"moved\": Sub(path: \"{graphs}/lib/target.ron\", params: {{
+            \"mesh\": \"cloth\", \"bodies\": [\"floor\"], \"model\": \"model\", \"bank\": \"bank\", \"radius\": 0.016,
+        }}),"
+    );
+    let target = format!(
+        "\"cloth\": MeshSequence(path: \"cloth.pc2\", fps: 60),
+        \"floor\": MeshSequence(path: \"floor.obj\"),
+        \"model\": FrictionModelFile(path: \"{graphs}/assets/cloth/cotton.friction.json\"),
+        \"bank\": CrumpleExtractor(recordings: [\"clicks.wav\"], threshold: 0.00001, window: 0.002),
+        \"target\": Mix(inputs: [\"moved.sound\"]),
+        \"slides\": WavOut(audio: \"moved.friction\", path: \"slides.wav\", format: Float32),
+        \"snaps\": WavOut(audio: \"moved.crumple\", path: \"snaps.wav\", format: Float32),"
+    );
+    graph(&subs, &target, FITTED)
+}
+
+/// Moments of the scene: the three speeds, snaps, and stillness.
+const SCENE_PAIRS: &str = "Correspondences(pairs: [
+    (target: 0.65, source: 0, database: 0.33, duration: 0.1),
+    (target: 1.05, source: 0, database: 0.2, duration: 0.1),
+    (target: 1.45, source: 0, database: 0.08, duration: 0.1),
+    (target: 2.8, source: 1, database: 0.5, duration: 0.2),
+    (target: 3.4, source: 1, database: 1.5, duration: 0.2),
+    (target: 2.1, source: 2, database: 0.5, duration: 0.1),
+])";
+
+/// Eight bursts, apart, each stronger than the last.
+fn clicks() -> Vec<f32> {
+    let random = Random::new(1, "clicks");
+    let apart = |k: u64| burst(&random, k, 0.05 * 1.3_f64.powi(k as i32)).chain(vec![0.0; samples(0.1)]);
+    (0..8).flat_map(apart).collect()
+}
+
+/// Seconds at which something is heard after 5 ms of nothing.
+fn onsets(x: &[f32]) -> Vec<f64> {
+    let (mut found, mut silent) = (Vec::new(), usize::MAX);
+    for (n, x) in x.iter().enumerate() {
+        if *x != 0.0 && silent >= samples(0.005) {
+            found.push(n as f64 / f64::from(RATE));
+        }
+        silent = if *x == 0.0 { silent.saturating_add(1) } else { 0 };
+    }
+    found
+}
+
+/// A part of a sound.
+fn between(x: &[f32], from: f64, to: f64) -> &[f32] {
+    &x[samples(from)..samples(to).min(x.len())]
+}
+
+#[test]
+fn a_motion_is_heard_when_it_slips_and_snaps_as_loud_as_it_is_fast_and_not_at_all_while_it_is_still() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    scene::write(folder);
+    record(folder);
+    write(folder, "clicks.wav", &clicks());
+    fs::write(folder.join("pairs.ron"), SCENE_PAIRS).unwrap();
+    fs::write(folder.join("graph.ron"), scene_graph()).unwrap();
+    let graphs = common::graphs();
+    let report =
+        run(folder, &["--set", "moved.crumple.jitter=Off", "--allow-read", graphs.to_str().unwrap()]);
+    let [slides, snaps, out] = ["slides.wav", "snaps.wav", "out.wav"].map(|file| wav(&folder.join(file)));
+
+    // Nothing but the slide is friction, and nothing but snaps is crumples. A clip of 50 ms is taken at its middle.
+    let still = |x: &[f32], from: f64, to: f64| between(x, from, to).iter().all(|x| *x == 0.0);
+    assert!(still(&slides, 0.0, 0.45) && still(&slides, 1.75, 5.0));
+    let times: Vec<f64> = scene::snaps().iter().map(|frame| *frame as f64 / scene::FPS).collect();
+    let found = onsets(&snaps);
+    assert_eq!(found.len(), times.len(), "{found:?}, {times:?}");
+    let late = found.iter().zip(&times).map(|(found, time)| 1e3 * (found - time));
+    let late = late.fold([f64::MAX, f64::MIN], |[low, high], x| [low.min(x), high.max(x)]);
+    println!("{} snaps are heard {:.2} to {:.2} ms late", times.len(), late[0], late[1]);
+    assert!(late.iter().all(|ms| ms.abs() <= 10.0), "{late:?}");
+
+    // Friction is as loud as the model has the area of the patch at each speed.
+    let model = fs::read(graphs.join("assets/cloth/cotton.friction.json")).unwrap();
+    let model: FrictionModel = serde_json::from_slice(&model).unwrap();
+    for ([from, to], speed) in scene::SLIDES {
+        let level = decibels(between(&slides, from + 0.05, to - 0.05));
+        let wanted = 10.0 * (scene::AREA / 1e-4 * model.power(speed)).log10();
+        println!("at {speed} m/s {level:.2} dB, the model has {wanted:.2} dB");
+        assert!((level - wanted).abs() < 1.0, "{speed} m/s: {level} dB, not {wanted} dB");
+    }
+
+    // What is put together of it: each cause has its own recordings, in time.
+    let chosen = picks(folder);
+    let right = [
+        share(&slides, &chosen, [0.1, 4.9], -60.0, 0..720),
+        share(&snaps, &chosen, [0.1, 4.9], -50.0, 720..1440),
+    ];
+    let lags = [(&slides, 0.3, 1.9), (&snaps, 2.4, 4.4)]
+        .map(|(cause, from, to)| lag(between(cause, from, to), between(&out, from, to)));
+    println!("shares of their own recordings {right:.3?}, late by {lags:?} ms");
+    assert!(right.iter().all(|share| *share >= 0.9), "{right:?}\n{report:#}");
+    assert!(lags.iter().all(|ms| ms.abs() <= 10.0), "{lags:?}");
+
+    // Stillness has the level of the recordings' own at first, and is nothing at all after half a second.
+    assert!(still(&out, 0.1, 0.4) && still(&out, 2.28, 2.5) && still(&out, 4.9, 5.0));
+    let (early, floor) = (decibels(between(&out, 1.9, 2.15)), decibels(&hush(1, 1.5)));
+    assert!((early - floor).abs() < 6.0, "{early} dB, the recordings have {floor} dB");
 }

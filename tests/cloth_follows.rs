@@ -40,6 +40,7 @@ fn what_is_put_together_from_recordings_is_as_loud_as_its_target_asks() {
         ("live", "target.out", "live.wav", 0.8),
         ("first_person", "ears.sound.out", "first_person.wav", 0.9),
         ("windbreaker", "windbreaker.target.sound.out", "windbreaker.wav", 0.85),
+        ("two_materials", "target.out", "two_materials.wav", 0.8),
         ("corduroy", "corduroy.friction.audio", "corduroy.wav", 0.6),
     ];
     for (name, target, file, least) in cases {

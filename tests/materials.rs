@@ -230,3 +230,24 @@ fn swapped_materials_swap_what_is_heard_of_them_bit_for_bit() {
         assert!(of(swapped, swapped) == [one, two]);
     }
 }
+
+#[test]
+fn every_class_of_the_example_finds_what_it_needs_by_a_warp_of_its_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let fallbacks = |set: &[&str]| {
+        let report =
+            common::foley(folder.path(), &[&["run", "graphs/cloth/two_materials.ron"], set].concat());
+        ["itself", "cover", "crumple"].map(|class| {
+            let told = &report["nodes"][format!("{class}_units.selector")]["summary"];
+            told["fallback_share"].as_f64().unwrap()
+        })
+    };
+    let warped = fallbacks(&[]);
+    println!("fallbacks of each class: {warped:.3?}");
+    assert!(warped.iter().all(|share| *share < 0.02), "{warped:?}");
+    // Without the moments that somebody marked, most of what snaps has no like among the recordings.
+    let none = "graphs/assets/cloth/none.correspondences.ron";
+    let sets = ["itself", "cover", "crumple"].map(|class| format!("{class}_units.correspondences={none}"));
+    let plain = fallbacks(&sets.each_ref().map(|set| ["--set", set]).concat());
+    assert!(plain.iter().zip(warped).all(|(plain, warped)| *plain > warped + 0.05), "{plain:?}");
+}

@@ -4,6 +4,8 @@
 mod common;
 
 use common::graphs;
+use foley::graph::Graph;
+use foley_nodes::core::params::Datum;
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
@@ -21,6 +23,9 @@ fn first_of(name: &str) -> &str {
     name.split('_').next().unwrap_or(name)
 }
 
+/// What the sleeve needs, which is smaller and slower than the paper's clothes.
+const OURS: &str = "\"radius\": 0.01, \"threshold\": 0.02, \"d_max\": 4.0,";
+
 /// A graph in which a sleeve is of this material; `more` is given to the preset.
 fn graph(name: &str, more: &str) -> String {
     let graphs = graphs().display().to_string();
@@ -28,7 +33,7 @@ fn graph(name: &str, more: &str) -> String {
         "#![schema = \"foley:graph/1\"]
 Graph(seed: 3, use: {{
     \"cloth\": Sub(path: \"{graphs}/lib/presets/{name}.ron\", params: {{
-        \"mesh\": \"sleeve\", \"bodies\": [\"arm\"], \"radius\": 0.01, \"threshold\": 0.02, \"d_max\": 4.0, {more}
+        \"mesh\": \"sleeve\", \"bodies\": [\"arm\"], {more}
     }}),
 }}, nodes: {{
     \"sleeve\": MeshSequence(path: \"{graphs}/assets/cloth/nylon_sleeve_elbow.pc2\", fps: 30),
@@ -88,19 +93,169 @@ fn every_preset_plays_a_cloth() {
     assert!(names.len() >= 10, "{names:?}");
     let (first, later): (Vec<_>, Vec<_>) = names.iter().partition(|name| first_of(name) == *name);
     for name in first {
-        let told = run(dir.path(), &graph(name, marked), Some(&format!("{name}.warp.json")));
+        let told =
+            run(dir.path(), &graph(name, &format!("{OURS} {marked}")), Some(&format!("{name}.warp.json")));
         assert!(told["peak"].as_f64().unwrap() > 1e-3, "{name}: {told}");
         assert_eq!(told["channels"], 1);
     }
     for name in later {
         let text = if name.ends_with("first_person") {
             let own = "\"listener\": \"head\", \"recordings\": [\"ears.wav\"], \"correspondences\": \"ears.correspondences.ron\"";
-            graph(name, own)
+            graph(name, &format!("{OURS} {own}"))
         } else {
-            graph(name, &format!("\"warp\": \"{}.warp.json\"", first_of(name)))
+            graph(name, &format!("{OURS} \"warp\": \"{}.warp.json\"", first_of(name)))
         };
         let told = run(dir.path(), &text, None);
         assert!(told["peak"].as_f64().unwrap() > 1e-3, "{name}: {told}");
         assert_eq!(told["channels"], if name.ends_with("first_person") { 2 } else { 1 }, "{name}");
+    }
+}
+
+/// A row of table 2: radius, threshold, factor and power of the speed; energies of events and of extracted samples, the latter a sum over
+/// 1920 samples; length of a unit, d_max, L, widths, and lambda where the warp is fitted.
+struct Row {
+    preset: &'static str,
+    contact: [f64; 2],
+    map: [f64; 2],
+    energies: Option<[f64; 2]>,
+    unit: &'static str,
+    select: [f64; 2],
+    widths: [f64; 3],
+    lambda: Option<f64>,
+}
+
+fn table_2() -> Vec<Row> {
+    let row = |preset, contact, map, energies, unit, select, widths, lambda| Row {
+        preset,
+        contact,
+        map,
+        energies,
+        unit,
+        select,
+        widths,
+        lambda,
+    };
+    let (plain, slow) = ([1.0, 1.0], [0.25, 1.5]);
+    let (short, long) = ("1/240", "1/60");
+    let (cotton, polyester, others) = ([20.0, 50.0, 10.0], [10.0, 50.0, 20.0], [20.0, 30.0, 10.0]);
+    vec![
+        row("cotton", [0.05, 0.02], plain, Some([4878.0, 0.5]), short, [2.0, 5.0], cotton, Some(1e2)),
+        row("cotton_known", [0.2, 0.02], plain, Some([4878.0, 0.5]), short, [2.0, 5.0], cotton, None),
+        row("polyester", [0.05, 0.02], plain, Some([528.0, 0.25]), short, [2.0, 10.0], polyester, Some(1e5)),
+        row("polyester_known", [0.2, 0.02], plain, Some([528.0, 0.25]), short, [2.0, 10.0], polyester, None),
+        row("windbreaker", [0.05, 0.0], slow, Some([98902.0, 0.025]), short, [2.0, 5.0], others, Some(1e5)),
+        row(
+            "windbreaker_boxing",
+            [0.05, 1.0],
+            slow,
+            Some([172_875.0, 0.025]),
+            short,
+            [2.0, 5.0],
+            others,
+            None,
+        ),
+        row(
+            "windbreaker_jogging",
+            [0.05, 0.0],
+            slow,
+            Some([906_402.0, 0.025]),
+            short,
+            [2.0, 5.0],
+            others,
+            None,
+        ),
+        row(
+            "windbreaker_first_person",
+            [0.05, 1.0],
+            slow,
+            Some([172_875.0, 0.025]),
+            short,
+            [2.0, 5.0],
+            others,
+            Some(1e5),
+        ),
+        row("corduroy", [0.05, 2.0], plain, None, long, [3.0, 10.0], others, Some(0.0)),
+        row("corduroy_known", [0.05, 1.0], plain, None, long, [3.0, 10.0], others, None),
+    ]
+}
+
+/// A parameter of all nodes of a type, which agree.
+fn parameter(graph: &Graph, ty: &str, name: &str) -> Option<Datum> {
+    let own = graph.nodes.iter().filter(|node| node.ty.name == ty);
+    let mut found = own.map(|node| {
+        let all = node.params.write();
+        all.into_iter().find(|(param, _)| *param == name).unwrap_or_else(|| panic!("{ty}.{name}")).1
+    });
+    let first = found.next()?;
+    assert!(found.all(|other| other == first), "{ty}.{name}");
+    Some(first)
+}
+
+fn numbers(datum: &Datum) -> Vec<f64> {
+    match datum {
+        Datum::Int(x) => vec![*x as f64],
+        Datum::Float(x) => vec![*x],
+        Datum::List(all) => all.iter().flat_map(numbers).collect(),
+        other => panic!("{other:?} is no number"),
+    }
+}
+
+#[test]
+fn presets_hold_the_values_of_table_2_where_their_nodes_read_them() {
+    let table = table_2();
+    let rows: Vec<&str> = table.iter().map(|row| row.preset).collect();
+    assert!(presets().iter().all(|name| rows.contains(&name.as_str())), "a preset without a row");
+    let assets = graphs().join("assets/cloth").display().to_string();
+    for row in table {
+        let name = row.preset;
+        let more = format!(
+            "\"listener\": \"head\", \"correspondences\": \"{assets}/none.correspondences.ron\", \"warp\": \"{assets}/cotton.warp.json\""
+        );
+        let own = fs::read_to_string(graphs().join(format!("lib/presets/{name}.ron"))).unwrap();
+        let taken =
+            more.split(", ").filter(|param| own.contains(&format!("{}:", param.split(':').next().unwrap())));
+        let graph = common::graph(&graph(name, &taken.collect::<Vec<_>>().join(", "))).unwrap();
+        let number = |ty: &str, name: &str| parameter(&graph, ty, name).map(|datum| numbers(&datum));
+        let is = |ty: &str, param: &str, wanted: &[f64]| {
+            let found = number(ty, param).unwrap_or_else(|| panic!("{name} has no {ty}"));
+            let near = found.iter().zip(wanted).all(|(a, b)| (a - b).abs() <= 0.005 * b.abs());
+            assert!(
+                near && found.len() == wanted.len(),
+                "{name}: {ty}.{param} is {found:?}, the table has {wanted:?}"
+            );
+        };
+        is("ContactDetector", "radius", &row.contact[..1]);
+        is("SlidingSpeed", "threshold", &row.contact[1..]);
+        is("SlidingSpeed", "factor", &row.map[..1]);
+        is("SlidingSpeed", "power", &row.map[1..]);
+        match row.energies {
+            Some([event, sample]) => {
+                is("EnergyCalibration", "e_min", &[event]);
+                is("CrumpleExtractor", "threshold", &[sample / 1920.0]);
+                is("CrumpleExtractor", "window", &[0.02]);
+                let ears = parameter(&graph, "BinauralCrumplePlayer", "jitter_time").is_some();
+                is(
+                    if ears { "BinauralCrumplePlayer" } else { "CrumplePlayer" },
+                    "jitter_time",
+                    &[1.0 / 30.0],
+                );
+            }
+            None => assert!(number("CrumpleExtractor", "threshold").is_none(), "{name} does not crumple"),
+        }
+        for ty in ["Mfcc", "UnitDatabase"] {
+            assert_eq!(parameter(&graph, ty, "unit"), Some(Datum::Text(row.unit.into())), "{name}: {ty}");
+            is(ty, "n", &[3.0]);
+            is(ty, "high_pass", &[100.0]);
+        }
+        for ty in ["TemporalGaussian", "UnitDatabase"] {
+            is(ty, "widths", &row.widths);
+        }
+        is("UnitSelector", "d_max", &row.select[..1]);
+        is("UnitSelector", "look", &row.select[1..]);
+        is("UnitSelector", "cool_off", &[20.0]);
+        match row.lambda {
+            Some(lambda) => is("TpsFit", "lambda", &[lambda]),
+            None => assert!(number("TpsFit", "lambda").is_none(), "{name} takes over a warp"),
+        }
     }
 }

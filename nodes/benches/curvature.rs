@@ -14,6 +14,8 @@ use foley_nodes::mesh::Topology;
 
 const N: usize = 142;
 const FRAMES: usize = 60;
+/// Frames of a minute.
+const MINUTE: f64 = 3600.0;
 
 fn sheet() -> Topology {
     let at = |k: usize| k as f32 / (N - 1) as f32;
@@ -80,8 +82,10 @@ fn main() {
         let whole = curvature.iter().zip(&rest).map(|(a, b)| a + b).collect();
         let ((c, _), (r, _), (all, worst)) = (median(curvature), median(rest), median(whole));
         println!(
-            "{name:<28} curvature {c:.2} ms + buckles and events {r:.2} ms = {all:.2} ms a frame (worst {worst:.2}, budget 4); prepared in \
-             {prepared:.0} ms; {} vertices snap and {} events a frame",
+            "{name:<28} curvature {c:.2} ms + buckles and events {r:.2} ms = {all:.2} ms a frame (worst {worst:.2}, budget 4), {:.1} s for a \
+             take of a minute (paper 12 to 120 s for takes of unknown size); prepared in {prepared:.0} ms; {} vertices snap and {} events \
+             a frame",
+            all * MINUTE / 1e3,
             snaps / FRAMES,
             found / FRAMES
         );

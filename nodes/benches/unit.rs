@@ -175,7 +175,7 @@ fn of_global_selection() -> Result<(), Box<dyn Error>> {
         let path = exact(&table, &target, &free, None).map_err(finite)?;
         println!(
             "global selection      {:>8.2} s for 144,000 targets, 57,600 units, exact, {} threads: cost {:.0}, {:.0} MB more at the \
-             peak   (aim 120 s, 300 MB)",
+             peak   (aim 120 s, 300 MB; not in the paper)",
             start.elapsed().as_secs_f64(),
             rayon::current_num_threads(),
             path.cost,

@@ -3,6 +3,7 @@
 
 pub mod grown;
 pub mod project;
+pub mod scene;
 
 use foley::diag::{Diagnostic, render};
 use foley::graph::{DirFiles, Graph, Limits, load, load_text};

@@ -16,6 +16,19 @@ pub enum Between {
     Pchip,
     /// A straight line, which needs one frame ahead.
     Linear,
+    /// The speed of the two frames between which a moment lies, which needs no frame ahead.
+    Hold,
+}
+
+impl Between {
+    /// Frames ahead that it needs.
+    fn ahead(self) -> usize {
+        match self {
+            Self::Pchip => 2,
+            Self::Linear => 1,
+            Self::Hold => 0,
+        }
+    }
 }
 
 /// When a forward difference from frame to frame holds.
@@ -54,7 +67,7 @@ impl SlidingParams {
     /// Frames after those of a window that its speeds depend on, the first pass of [`GateMode::Ever`] left aside.
     #[must_use]
     pub fn ahead(&self) -> usize {
-        self.gate_delay() + if self.between == Between::Pchip { 2 } else { 1 }
+        self.gate_delay() + self.between.ahead()
     }
 }
 
@@ -224,12 +237,12 @@ impl Sliding {
     /// O(V). Never allocates.
     pub fn give(&mut self, item: i64, out: &mut [f32]) -> bool {
         let (piece, u) = self.place(item);
-        let reach = if self.params.between == Between::Pchip { 2 } else { 1 };
-        if self.ready <= piece + reach {
+        let held = self.params.between == Between::Hold;
+        if self.ready <= piece + self.params.between.ahead() as i64 {
             return false;
         }
         let exists = |k: i64| k >= 0 && self.samples.is_none_or(|samples| k < samples);
-        if exists(piece) && (exists(piece + 1) || u == 0.0) {
+        if exists(piece) && (held || exists(piece + 1) || u == 0.0) {
             let row = |k: i64| {
                 let at = k.rem_euclid(KEPT as i64) as usize * self.vertices;
                 &self.rows[at..at + self.vertices]
@@ -241,6 +254,7 @@ impl Sliding {
                     eval_uniform([-1, 0, 1, 2].map(|k| row(piece + k)), neighbours, u, out);
                 }
                 Between::Linear => eval_linear(row(piece), row(piece + 1), u as f32, out),
+                Between::Hold => out.copy_from_slice(row(piece)),
             }
         } else {
             out.fill(0.0);
@@ -258,7 +272,8 @@ impl Sliding {
         let wide = |rate: Rate| (i128::from(rate.num()), i128::from(rate.den()));
         let ((frames, frames_den), (rate, rate_den)) = (wide(self.params.frames), wide(self.params.rate));
         let step = 2 * rate * frames_den;
-        let half = if self.params.stamp == Stamp::Midpoint { rate * frames_den } else { 0 };
+        let early = self.params.stamp == Stamp::Start || self.params.between == Between::Hold;
+        let half = if early { 0 } else { rate * frames_den };
         let at = 2 * i128::from(item) * rate_den * frames - half;
         (at.div_euclid(step) as i64, at.rem_euclid(step) as f64 / step as f64)
     }

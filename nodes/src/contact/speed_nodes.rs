@@ -32,8 +32,10 @@ choices! {
 choices! { @param Between {
     /// The shape-preserving cubic of Fritsch and Butland (PCHIP), which needs two frames ahead.
     Pchip,
-    /// A straight line, which needs one frame ahead: for live use.
+    /// A straight line, which needs one frame ahead.
     Linear,
+    /// The speed of the two frames between which a moment lies, whatever `stamp` says. It needs no frame ahead: for live use.
+    Hold,
 } }
 
 choices! { @param Stamp {

@@ -4,7 +4,7 @@ use fearless_simd::Level;
 
 use super::Curvature;
 use super::angle::angles;
-use super::fans::closed_fans;
+use super::fans::{Fan, fans};
 use crate::contact::vector::{Vec3, add, cross, dot, norm, scale, sub, widen};
 use crate::mesh::{MeshError, MeshPrepare, Topology};
 
@@ -88,6 +88,7 @@ struct Hinge {
 pub struct MeanCurvature {
     triangles: Vec<[u32; 3]>,
     hinges: Vec<Hinge>,
+    fans: Vec<Fan>,
     valid: Vec<bool>,
     sums: Vec<Sums>,
     method: Method,
@@ -105,7 +106,8 @@ impl MeanCurvature {
     pub fn new(topology: &Topology, method: Method) -> Result<Self, MeshError> {
         let mesh = MeshPrepare::new(topology)?;
         let vertices = topology.vertex_count();
-        let valid = closed_fans(&mesh, vertices);
+        let fans = fans(&mesh, vertices);
+        let valid = fans.iter().map(|fan| *fan == Fan::Closed).collect();
         let hinges = match method {
             Method::Cotan => Vec::new(),
             Method::Dihedral => hinges(&mesh),
@@ -114,6 +116,7 @@ impl MeanCurvature {
         Ok(Self {
             triangles,
             hinges,
+            fans,
             valid,
             sums: vec![Sums::default(); vertices],
             method,
@@ -125,6 +128,12 @@ impl MeanCurvature {
     #[must_use]
     pub fn valid(&self) -> &[bool] {
         &self.valid
+    }
+
+    /// Per vertex: how its triangles lie, which tells why it has no curvature.
+    #[must_use]
+    pub fn fans(&self) -> &[Fan] {
+        &self.fans
     }
 
     /// Measures one frame.

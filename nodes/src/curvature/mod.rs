@@ -10,6 +10,7 @@ pub mod rest;
 #[cfg(test)]
 pub(crate) mod scenes;
 
+pub use fans::Fan;
 pub use item::{Curvature, Curvatures};
 pub use mean::{MeanCurvature, Method, Point};
 pub use rest::{RestNoise, RestParams};

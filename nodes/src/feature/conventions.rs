@@ -150,6 +150,18 @@ impl std::fmt::Display for Difference {
 }
 
 impl FeatureConventions {
+    /// What 1 dB in all bands does to the first number of a vector, and that number of bands that hold a mean square of `energy`; None
+    /// where the coefficient that tells loudness is left out.
+    #[must_use]
+    pub fn loudness(&self, energy: f64) -> Option<(f64, f64)> {
+        let decibel = match self.log {
+            LogScale::Natural => std::f64::consts::LN_10 / 10.0,
+            LogScale::Decibel => 1.0,
+        };
+        let step = f64::from(self.bands).sqrt() * decibel;
+        (self.first == 0).then(|| (step, step * 10.0 * energy.max(f64::MIN_POSITIVE).log10()))
+    }
+
     /// The convention of the cloth paper as its gaps are filled here: three rectangular mel bands to 20 kHz, natural logarithm, floor
     /// at -100 dB, coefficient 0 kept, audio without what lies below 100 Hz, no Gaussian yet.
     #[must_use]

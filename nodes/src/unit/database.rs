@@ -127,6 +127,14 @@ impl UnitDatabase {
         self.len() == 0
     }
 
+    /// What it is of, for people and to tell it from others: the file names of its recordings in order.
+    #[must_use]
+    pub fn recordings(&self) -> String {
+        let name = |path: &str| path.rsplit(['/', '\\']).next().unwrap_or_default().to_owned();
+        let names: Vec<String> = self.sources.iter().map(|s| name(&s.provenance)).collect();
+        names.join(", ")
+    }
+
     /// Numbers in a feature vector.
     #[must_use]
     pub fn dims(&self) -> usize {

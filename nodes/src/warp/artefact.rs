@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::figure::{self, Cloud};
 use super::fit::{FitError, FitReport, Pair, Stiffness, fit};
-use super::tps::{Tps, fold_share, spread};
+use super::tps::{Tps, Turns, spread};
 use crate::core::item::Data;
 use crate::core::node::Summary;
 use crate::core::random::Draw;
@@ -28,8 +28,11 @@ pub struct WarpMap {
     pub report: FitReport,
     /// Largest distance of a node from the middle of all.
     pub radius: f64,
-    /// Share of the target's units where the warp folds over.
+    /// Share of the target's units where the warp folds over: those that it lays another way round than most.
     pub folds: f64,
+    /// Whether it lays most of them the other way round, as a mirror does, which folds nothing.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub mirrored: bool,
     /// Share of the target's units farther than two radii from the middle of the nodes.
     pub outside: f64,
     /// Some vectors of both worlds, for the figure.
@@ -88,7 +91,8 @@ impl WarpMap {
             way(&mut unit.iter().map(|x| f64::from(*x))) > FAR * self.radius
         };
         let outside = if tps.is_empty() { 0 } else { units.iter().filter(far).count() };
-        self.folds = fold_share(target, tps, &units);
+        let turns = Turns::new(target, tps, &units);
+        (self.folds, self.mirrored) = (turns.folds(), turns.mirrored());
         self.outside = outside as f64 / units.len().max(1) as f64;
     }
 }
@@ -154,6 +158,7 @@ impl Warp {
             ("residual", map.report.residual.into()),
             ("conflict", map.report.conflict.into()),
             ("folds", map.folds.into()),
+            ("mirrored", map.mirrored.into()),
             ("outside", map.outside.into()),
             ("warnings", serde_json::json!(warnings)),
         ]

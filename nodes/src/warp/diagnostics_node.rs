@@ -320,7 +320,7 @@ impl Node for CorrespondenceDiagnostics {
     type Params = CorrespondenceDiagnosticsParams;
     type Ports = CorrespondenceDiagnosticsPorts;
     const NAME: &'static str = "CorrespondenceDiagnostics";
-    const VERSION: u32 = 3;
+    const VERSION: u32 = 4;
     const CLASS: Class = Class::Offline;
 
     fn shape(
@@ -357,7 +357,8 @@ impl Node for CorrespondenceDiagnostics {
         let suspect = auditions.into_iter().flatten().max_by(|a, b| a.score.total_cmp(&b.score));
         self.write(suspect)?;
         let diagnosis = Diagnosis { file: self.heard.pairs.file.clone(), channels };
-        let summary = vec![("suspects", serde_json::json!(diagnosis.text()))];
+        let mut summary = vec![("suspects", serde_json::json!(diagnosis.text()))];
+        summary.extend(self.heard.strange());
         io.diagnosis.set(diagnosis);
         Ok(summary)
     }

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::many::warped;
-use super::tps::{Tps, fold_share, spread};
+use super::tps::{Tps, Turns, spread};
 use crate::unit::{Choice, NotFinite, Selector, SelectorParams, Units, selector};
 
 /// Units that move less than this in feature space are as good as unmoved.
@@ -73,7 +73,7 @@ impl Baseline {
         let Some(selector) = selector(units, params.clone()) else { return Ok(None) };
         let (dims, warped) = (units.dims, warped(&target, &[all]).concat());
         let surveyed: Vec<usize> = spread(target.len() / dims.max(1), SURVEYED).collect();
-        let folds = fold_share(&target, all, &surveyed);
+        let folds = Turns::new(&target, all, &surveyed).folds();
         let (choices, picks) = (Vec::new(), Vec::new());
         let mut this = Self { dims, target, warped, choices, picks, folds, surveyed, params, selector };
         let all = 0..this.len();
@@ -167,7 +167,7 @@ impl Baseline {
             let per = moved.len() as f64 / some.len().max(1) as f64 / self.len().max(1) as f64;
             Ok(Effect {
                 delta_fallback: fallbacks as f64 * per,
-                delta_folds: fold_share(&self.target, tps, &self.surveyed) - self.folds,
+                delta_folds: Turns::new(&self.target, tps, &self.surveyed).folds() - self.folds,
                 moved: moved.len() as f64 / self.len().max(1) as f64,
                 ranges: ranges(&changed, step, self.len()),
             })
@@ -289,10 +289,12 @@ mod tests {
         let same = heard.effects(std::slice::from_ref(&all)).unwrap().remove(0);
         assert_eq!(same, Effect::default());
         assert_eq!(heard.audition(&all, 30..90).unwrap(), heard.picks()[30..90]);
-        // A warp that folds everything over is told.
-        let mut mirror = Tps::identity(2);
-        mirror.affine[2] = -2.0;
-        assert_eq!(heard.effects(&[mirror]).unwrap()[0].delta_folds, 1.0 - heard.fold_share());
+        // A warp that mirrors everything folds nothing; one that flattens everything folds it all.
+        let mut other = Tps::identity(2);
+        other.affine[2] = -2.0;
+        assert_eq!(heard.effects(&[other.clone()]).unwrap()[0].delta_folds, -heard.fold_share());
+        other.affine[2] = -1.0;
+        assert_eq!(heard.effects(&[other]).unwrap()[0].delta_folds, 1.0 - heard.fold_share());
     }
 
     #[test]

@@ -31,9 +31,11 @@ params! {
     /// cross-validation. The paper's cotton has 1e2, its polyester and windbreaker 1e5, its corduroy 0.
     ///
     /// The summary tells the degrees of freedom (from the number of nodes down to the dimensions and one), what is left at the
-    /// nodes, the share of the target where the warp folds over, and the share that is farther from the middle of the nodes than
-    /// twice their radius, where the warp is a guess. A tap of `warp` as SVG draws both worlds before and after. No correspondence
-    /// gives a warp that changes nothing. Which ones do not fit is told before the run where the database is known by then.
+    /// nodes, the share of the target where the warp folds over, whether it mirrors most of the target, which alone folds nothing
+    /// (few correspondences often turn round what they do not tell apart), and the share that is farther from the middle of the nodes
+    /// than twice their radius, where the warp is a guess. A tap of `warp` as SVG draws both worlds before and after. No correspondence
+    /// gives a warp that changes nothing. Which ones do not fit is told before the run where the database is known by then; a warning
+    /// tells of a file that was marked in another target or in other recordings.
     ///
     /// # Source
     /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 4.3, eqs. 7 and 8; Wahba,
@@ -164,6 +166,37 @@ impl Heard {
         Ok((0..vectors).map(of).collect())
     }
 
+    /// Length of the target, s.
+    pub fn seconds(&self) -> f64 {
+        self.units as f64 / self.rate
+    }
+
+    /// Warnings of correspondences that were marked in another target or in other recordings.
+    pub fn strange(&self) -> Summary {
+        let (set, mut told) = (&*self.pairs, Summary::new());
+        // Two units: how many the end of a sound makes depends on its rate.
+        if let Some(length) = set.length.filter(|length| (length - self.seconds()).abs() * self.rate > 2.0) {
+            let text = format!(
+                "{} was marked in {:?}, which lasts {length:.3} s; this target lasts {:.3} s: other moments may be marked. Mark \
+                 them anew, or change `length` there",
+                set.file,
+                set.target,
+                self.seconds()
+            );
+            told.push(("warning", text.into()));
+        }
+        let recordings = self.database.recordings();
+        if !set.database.is_empty() && set.database != recordings {
+            let text = format!(
+                "{} was marked in the recordings {:?}; the database has {recordings:?}: other moments may be marked. Mark them anew, \
+                 or change `database` there",
+                set.file, set.database
+            );
+            told.push(("warning", text.into()));
+        }
+        told
+    }
+
     /// Features of one vector of all units, `[units, d]`.
     pub fn vector(&self, vector: usize) -> Vec<f32> {
         let (vectors, d) = (self.format.vectors.max(1), self.format.dims().max(1));
@@ -175,7 +208,7 @@ impl Node for TpsFit {
     type Params = TpsFitParams;
     type Ports = TpsFitPorts;
     const NAME: &'static str = "TpsFit";
-    const VERSION: u32 = 3;
+    const VERSION: u32 = 4;
     const CLASS: Class = Class::Offline;
 
     fn shape(_: &TpsFitParams, s: &mut Shape<'_, '_, TpsFitPorts>) -> Result<(), Reject> {
@@ -201,7 +234,8 @@ impl Node for TpsFit {
 
     fn finish(&mut self, mut io: TpsFitIo<'_>) -> Result<Summary, Fault> {
         let warp = self.warp()?;
-        let summary = warp.summary();
+        let mut summary = warp.summary();
+        summary.extend(self.heard.strange());
         io.warp.set(warp);
         Ok(summary)
     }

@@ -33,6 +33,6 @@ pub use fit::{FitError, FitReport, MAX_NODES, Pair, Stiffness, fit};
 pub use pairing::{Pairing, SetError, Stretch, Target, pairs, stretches, whole_units};
 pub use set::{Correspondence, CorrespondenceSet, SourceName, read_correspondences, write_correspondences};
 pub use sliced::sliced_wasserstein;
-pub use suggest::{Cause, Proposal, SuggestParams, suggest};
+pub use suggest::{Cause, Proposal, Silence, SuggestParams, suggest};
 pub use text::{Place, TextError};
 pub use tps::{Tps, Warper};

@@ -22,7 +22,9 @@ params! {
     /// one in the database, whose units stand one after the other; all in seconds. Further there may be `channel` (from 0; all
     /// where none is given), `weight` (1), `enabled` (true) and `label`. Mark 0.1 or 0.2 s; 5 to 15 pairs are usual, silence being
     /// one. What does not fit the target or the database is named with line and column where they meet, in `TpsFit`. The file
-    /// may say `version`, which is 1.
+    /// may say `version`, which is 1, the `target` in words with its `length` in s, and the file names of the recordings of the
+    /// `database`, as `CorrespondenceSuggester` writes them: `length: 7.6, database: "drag.wav, fold.wav"`. Where the target or the
+    /// recordings are others when the warp is fitted, a warning says so.
     ///
     /// # Source
     /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 4.3.

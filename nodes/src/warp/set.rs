@@ -55,7 +55,10 @@ pub struct CorrespondenceSet {
     pub file: String,
     /// The render that the times of targets are of, for people.
     pub target: String,
-    /// The database, for people.
+    /// How long that is, s, where it is said: what tells it from another.
+    pub length: Option<f64>,
+    /// The database, by the file names of its recordings as [`UnitDatabase::recordings`](crate::unit::UnitDatabase::recordings) gives
+    /// them; empty where it is not said.
     pub database: String,
     /// All of them, also those that do not count.
     pub pairs: Vec<Correspondence>,
@@ -127,7 +130,7 @@ fn correspondence(datum: &Datum) -> Result<Correspondence, TextError> {
 /// ```
 pub fn read_correspondences(text: &str) -> Result<CorrespondenceSet, TextError> {
     let datum = read(text)?;
-    let fields = datum.record("the file", &["version", "target", "database", "pairs"])?;
+    let fields = datum.record("the file", &["version", "target", "length", "database", "pairs"])?;
     if let Some(found) = find(fields, "version") {
         let version = whole(found, "`version`")?;
         if version != CORRESPONDENCES_VERSION {
@@ -146,6 +149,7 @@ pub fn read_correspondences(text: &str) -> Result<CorrespondenceSet, TextError> 
     Ok(CorrespondenceSet {
         file: String::new(),
         target: name("target")?,
+        length: find(fields, "length").map(|d| d.number("`length`", 0.0, LATEST)).transpose()?,
         database: name("database")?,
         pairs: pairs.iter().map(correspondence).collect::<Result<_, _>>()?,
     })
@@ -157,10 +161,16 @@ pub fn write_correspondences(set: &CorrespondenceSet) -> String {
     let quoted =
         |text: &str| format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\"").replace('\n', "\\n"));
     let mut out = format!("Correspondences(\n    version: {CORRESPONDENCES_VERSION},\n");
-    for (name, text) in [("target", &set.target), ("database", &set.database)] {
-        if !text.is_empty() {
+    let text = |text: &str| (!text.is_empty()).then(|| quoted(text));
+    let head = [
+        ("target", text(&set.target)),
+        ("length", set.length.map(|length| format!("{length:?}"))),
+        ("database", text(&set.database)),
+    ];
+    for (name, value) in head {
+        if let Some(value) = value {
             // Writing to a string does not fail.
-            let _ = writeln!(out, "    {name}: {},", quoted(text));
+            let _ = writeln!(out, "    {name}: {value},");
         }
     }
     out.push_str("    pairs: [\n");
@@ -219,6 +229,7 @@ mod tests {
         for _ in 0..20 {
             let mut set = CorrespondenceSet::trial(&mut draw);
             set.target = "render \"7\"".into();
+            set.length = Some(7.6);
             for (k, c) in set.pairs.iter_mut().enumerate() {
                 c.source = [None, Some(SourceName::Index(3)), Some(SourceName::Provenance("a\\b".into()))]
                     [k % 3]
@@ -243,6 +254,7 @@ mod tests {
             ("(pairs: [(target: 1, database: 1, duration: 1, enabled: 1)])", "1:57", "true or false"),
             ("(pairs: [(target: 1, database: 1, duration: 1, gain: 1)])", "1:48", "no field `gain`"),
             ("(target: \"a\")", "1:1", "`pairs` is missing"),
+            ("(length: \"a\", pairs: [])", "1:10", "`length` is \"a\"; a number from 0 to"),
             ("(version: 2, pairs: [])", "1:11", "have version 2; this reads version 1"),
         ] {
             let e = read_correspondences(text).unwrap_err();

@@ -12,9 +12,9 @@ use std::ops::Range;
 
 use super::fit::{FitError, Pair, Stiffness, fit};
 use super::sliced::sliced_wasserstein;
-use super::tps::{Warper, fold_share};
+use super::tps::{Turns, Warper};
 use super::transport::{clustered, squared, transported};
-use super::windows::{add_causes, farthest, ranked, windows};
+use super::windows::{Window, add_causes, farthest, ranked, windows};
 
 /// How proposals are looked for.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,11 +29,24 @@ pub struct SuggestParams {
     pub lambda: f64,
     /// Most windows of either side that are laid on each other; more go into as many clusters.
     pub most: usize,
+    /// What silence is, where that is known; otherwise the quietest moment of the target is taken for it.
+    pub silence: Option<Silence>,
+}
+
+/// What tells silence by the first feature, which is that of loudness.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Silence {
+    /// A window of the target that is not louder on average is silent.
+    pub target: f64,
+    /// A window of the database is silent that is as much below the loudest one,
+    pub below: f64,
+    /// and no more than this above the quietest one.
+    pub within: f64,
 }
 
 impl Default for SuggestParams {
     fn default() -> Self {
-        Self { window: 24, hop: 12, count: 12, lambda: 1e3, most: 2000 }
+        Self { window: 24, hop: 12, count: 12, lambda: 1e3, most: 2000, silence: None }
     }
 }
 
@@ -46,7 +59,8 @@ pub struct Proposal {
     pub database: usize,
     /// Other windows of the database to try, from other segments.
     pub alternatives: Vec<usize>,
-    /// Share of the distance between the worlds that it takes away after those before it; the first one, silence, after all others.
+    /// Share of the distance between the unwarped worlds that it takes away after those before it, at most all that there is:
+    /// where those before it made the distance larger than that, only what it takes off that. The first as if it came last.
     pub gain: f64,
 }
 
@@ -99,7 +113,7 @@ impl Worlds<'_> {
             .collect()
     }
 
-    /// Distance of the warped target to the database, and the share of it that folds.
+    /// Distance of the warped target to the database, and the share of it that is not the right way round.
     fn score(&self, pairs: &[Pair]) -> Result<(f64, f64), FitError> {
         let [target, database] = &self.some;
         let (tps, _) = fit(pairs, self.d, Stiffness::Lambda(self.lambda))?;
@@ -109,7 +123,7 @@ impl Worlds<'_> {
             warper.warp(x, y);
         }
         let units: Vec<usize> = (0..target.len() / self.d).step_by(8).collect();
-        Ok((sliced_wasserstein(&warped, database, self.d), fold_share(target, &tps, &units)))
+        Ok((sliced_wasserstein(&warped, database, self.d), 1.0 - Turns::new(target, &tps, &units).upright))
     }
 }
 
@@ -119,43 +133,77 @@ fn thinned(x: &[f32], d: usize, most: usize) -> Vec<f32> {
     (0..some).flat_map(|k| x[k * units / some * d..][..d].iter().copied()).collect()
 }
 
-/// Windows of the target with what lies where transport takes them.
+/// The nearest of some windows, and up to two more from other segments.
+fn proposed(target: &Window, theirs: &[Window], far: impl Fn(usize) -> f64) -> Proposal {
+    let far: Vec<f64> = (0..theirs.len()).map(far).collect();
+    let mut near: Vec<usize> = (0..theirs.len()).collect();
+    near.sort_by(|a, b| far[*a].total_cmp(&far[*b]));
+    let mut used: Vec<usize> = Vec::new();
+    near.retain(|j| {
+        let other = used.len() < 3 && !used.contains(&theirs[*j].segment);
+        if other {
+            used.push(theirs[*j].segment);
+        }
+        other
+    });
+    let mut starts = near.into_iter().map(|j| theirs[j].start);
+    let database = starts.next().unwrap_or(0);
+    Proposal { target: target.start, database, alternatives: starts.collect(), gain: 0.0 }
+}
+
+/// Takes silence out of both sides, and what falls silent half-way: the proposal for it, if both have any.
+///
+/// Digital silence has no colour, so that its ranks would lead it anywhere; it belongs to what is quietest, or to nothing.
+fn hushed(ours: &mut Vec<Window>, theirs: &mut Vec<Window>, silence: Silence) -> Option<Proposal> {
+    let (silent, mut sounding): (Vec<_>, Vec<_>) =
+        ours.drain(..).partition(|w| w.loudness() <= silence.target);
+    sounding.retain(|w| w.softest > silence.target);
+    *ours = sounding;
+    let quietest = silent.iter().min_by(|a, b| a.loudness().total_cmp(&b.loudness()))?;
+    let levels = || theirs.iter().map(Window::loudness);
+    let (low, high) = (levels().fold(f64::INFINITY, f64::min), levels().fold(f64::NEG_INFINITY, f64::max));
+    let most = (high - silence.below).min(low + silence.within);
+    let (hush, heard): (Vec<_>, Vec<_>) = theirs.drain(..).partition(|w| w.loudness() <= most);
+    *theirs = heard;
+    (!hush.is_empty()).then(|| proposed(quietest, &hush, |j| hush[j].loudness()))
+}
+
+/// Windows of the target with what lies where transport takes them, the quietest first, and whether that is silence.
 fn candidates(
     (target, database): (&[f32], &[f32]),
     segments: &[Range<usize>],
     d: usize,
     p: &SuggestParams,
     causes: &[Cause],
-) -> Vec<Proposal> {
+) -> (Vec<Proposal>, bool) {
     let whole = 0..target.len() / d.max(1);
-    let (ours, theirs) =
+    let (mut ours, mut theirs) =
         (windows(target, std::slice::from_ref(&whole), d, p), windows(database, segments, d, p));
+    let hush = p.silence.and_then(|silence| hushed(&mut ours, &mut theirs, silence));
+    let silent = hush.is_some();
+    let mut all = Vec::from_iter(hush);
     if ours.is_empty() || theirs.is_empty() {
-        return Vec::new();
+        return (all, silent);
     }
     let (mut from, mut to) = (ranked(&ours, d, causes.len()), ranked(&theirs, d, causes.len()));
     add_causes(causes, d, p.window, (&ours, &mut from), (&theirs, &mut to));
-    let chosen = farthest(&ours, &from, p.count);
+    let chosen = farthest(&ours, &from, p.count - all.len().min(p.count));
     let from = clustered(from, p.most);
     let goals = transported(&from, &clustered(to.clone(), p.most));
-    let proposal = |k: usize| {
+    all.extend(chosen.into_iter().map(|k| {
         let goal = goals.row(from.of.get(k).copied().unwrap_or(0));
-        let far: Vec<f64> = (0..theirs.len()).map(|j| squared(to.row(j), goal)).collect();
-        let mut near: Vec<usize> = (0..theirs.len()).collect();
-        near.sort_by(|a, b| far[*a].total_cmp(&far[*b]));
-        let mut used: Vec<usize> = Vec::new();
-        near.retain(|j| {
-            let other = used.len() < 3 && !used.contains(&theirs[*j].segment);
-            if other {
-                used.push(theirs[*j].segment);
-            }
-            other
-        });
-        let mut starts = near.into_iter().map(|j| theirs[j].start);
-        let database = starts.next().unwrap_or(0);
-        Proposal { target: ours[k].start, database, alternatives: starts.collect(), gain: 0.0 }
-    };
-    chosen.into_iter().map(proposal).collect()
+        proposed(&ours[k], &theirs, |j| squared(to.row(j), goal))
+    }));
+    (all, silent)
+}
+
+/// Whether a target is silent somewhere, and nothing is proposed for that.
+pub(super) fn leaves_silence_out(found: &[Proposal], target: &[f32], d: usize, p: &SuggestParams) -> bool {
+    let Some(silence) = p.silence else { return false };
+    let whole = 0..target.len() / d.max(1);
+    let mut silent = windows(target, std::slice::from_ref(&whole), d, p);
+    silent.retain(|w| w.loudness() <= silence.target);
+    !silent.is_empty() && !found.iter().any(|p| silent.iter().any(|w| w.start == p.target))
 }
 
 /// Proposes correspondences, best first, until one more brings the worlds less than 1 % nearer. Nothing is applied.
@@ -180,14 +228,24 @@ pub fn suggest(
         let message = "its features are not finite".to_owned();
         return Err(FitError::Pair { pair: pair / d.max(1), message });
     }
-    let mut open = candidates((target, database), segments, d, p, causes);
-    let some = [thinned(target, d, 1500), thinned(database, d, 1500)];
+    let (mut open, silent) = candidates((target, database), segments, d, p, causes);
+    if open.is_empty() {
+        return Ok(open);
+    }
+    // Silence that is left out is not to be brought nearer to anything either.
+    let left_out = p.silence.filter(|_| !silent);
+    let least = left_out.map_or(f64::NEG_INFINITY, |silence| silence.target);
+    let heard = target.chunks_exact(d.max(1)).filter(|x| x.first().is_some_and(|x| f64::from(*x) > least));
+    let heard: Vec<f32> = heard.flatten().copied().collect();
+    let some = [thinned(&heard, d, 1500), thinned(database, d, 1500)];
     let worlds = Worlds { target, database, d, window: p.window, lambda: p.lambda, some };
     let mut listed: Vec<Proposal> = Vec::new();
     let start = worlds.score(&[])?.0;
+    // What makes up for a distance that other proposals have made has gained nothing yet.
+    let gain = |before: f64, after: f64| (before.min(start) - after) / start.max(f64::MIN_POSITIVE);
     let mut now = start;
     while !open.is_empty() {
-        // Silence is always offered first.
+        // The quietest is always offered first.
         let tried = if listed.is_empty() { 1 } else { open.len() };
         let score = |proposal: &Proposal| {
             let all = listed.iter().chain(std::iter::once(proposal));
@@ -198,21 +256,19 @@ pub fn suggest(
         let scores: Vec<(f64, f64)> = open[..tried].par_iter().map(score).collect::<Result<_, FitError>>()?;
         let best = scores.iter().enumerate().min_by(|a, b| a.1.0.total_cmp(&b.1.0));
         let Some((k, (_, distance))) = best else { break };
-        let gain = (now - distance) / start.max(f64::MIN_POSITIVE);
-        if listed.len() > 1 && gain < 0.01 {
+        if listed.len() > 1 && now - distance < 0.01 * start {
             break;
         }
         let proposal = open.remove(k);
-        listed.push(Proposal { gain, ..proposal });
+        listed.push(Proposal { gain: gain(now, *distance), ..proposal });
         now = *distance;
     }
-    // Silence alone only shifts everything: what it is worth shows once the others are there.
+    // One alone only shifts everything: what it is worth shows once the others are there.
     if let [first, others @ ..] = &mut listed[..]
         && !others.is_empty()
     {
         let others: Vec<(usize, usize)> = others.iter().map(|p| (p.target, p.database)).collect();
-        let gain = (worlds.score(&worlds.means(&others))?.0 - now) / start.max(f64::MIN_POSITIVE);
-        first.gain = gain.clamp(-1.0, 1.0);
+        first.gain = gain(worlds.score(&worlds.means(&others))?.0, now);
     }
     Ok(listed)
 }

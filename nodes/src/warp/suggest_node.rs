@@ -2,7 +2,7 @@
 
 use super::fit_node::Heard;
 use super::set::{Correspondence, CorrespondenceSet, SourceName, write_correspondences};
-use super::suggest::{Cause, Proposal, SuggestParams, suggest};
+use super::suggest::{Cause, Proposal, Silence, SuggestParams, leaves_silence_out, suggest};
 use super::text::Place;
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::WriteSeek;
@@ -21,9 +21,12 @@ params! {
     /// Writes a file of correspondences that somebody might want, for `CorrespondenceSet` to read once they are accepted.
     ///
     /// Windows of both worlds are compared by the ranks of their features, laid on each other by optimal transport, and moments of
-    /// the target that lie far apart are proposed with what lies there in the database: silence first, then what brings the two
-    /// worlds nearest, until one more gains less than 1 %. A label tells the gain, and other places of other recordings to
-    /// try. Nothing is applied: listen, then keep, move or disable each.
+    /// the target that lie far apart are proposed with what lies there in the database: the quietest first, then what brings the two worlds
+    /// nearest, until one more gains less than 1 %. A label tells the gain, as a share of the distance that there is without a warp, and other
+    /// places of other recordings to try. Nothing is applied: listen, then keep, move or disable each.
+    ///
+    /// Silence of the target is proposed with the quietest moment of recordings that fall 30 dB below their loudest. Where none does, it
+    /// is left out and a warning says so: no recording sounds like it.
     ///
     /// Where the parts of a synthetic target are given at `friction` and `crumple`, moments of either are proposed, and recordings
     /// with the tags `friction`, `crumple` and `silence` are taken for what they are.
@@ -69,6 +72,12 @@ pub struct CorrespondenceSuggester {
 /// Tags of recordings that come of the cause at the input of the same name, and that of those of none.
 const CAUSES: [&str; 2] = ["friction", "crumple"];
 const NONE: &str = "silence";
+
+/// A target is silent up to so far above the floor of its features, and a recording so far below the loudest of all and so near to the
+/// quietest; dB.
+const ABOVE: f64 = 10.0;
+const BELOW: f64 = 30.0;
+const WITHIN: f64 = 6.0;
 
 /// Power of a sound per unit.
 struct Heat {
@@ -144,7 +153,7 @@ impl Node for CorrespondenceSuggester {
     type Params = CorrespondenceSuggesterParams;
     type Ports = CorrespondenceSuggesterPorts;
     const NAME: &'static str = "CorrespondenceSuggester";
-    const VERSION: u32 = 3;
+    const VERSION: u32 = 4;
     const CLASS: Class = Class::Offline;
 
     fn shape(
@@ -190,30 +199,52 @@ impl Node for CorrespondenceSuggester {
     fn finish(&mut self, _: CorrespondenceSuggesterIo<'_>) -> Result<Summary, Fault> {
         let (heard, p) = (&self.heard, &self.params);
         let segments: Vec<Range<usize>> = heard.database.segments.iter().map(|s| s.range()).collect();
+        let db = &heard.database;
+        let silence = |(step, floor): (f64, f64)| Silence {
+            target: floor + ABOVE * step,
+            below: BELOW * step,
+            within: WITHIN * step,
+        };
         let params = SuggestParams {
             window: p.window,
             hop: (p.window / 2).max(1),
             count: p.count,
             lambda: p.lambda,
+            silence: db.conventions.loudness(db.floor_energy).map(silence),
             ..SuggestParams::default()
         };
         let known = self.causes.iter().zip(CAUSES).filter_map(|(heat, name)| {
             Some(Cause { power: heat.as_ref()?.power.clone(), segments: tagged(&heard.database, name) })
         });
         let causes: Vec<Cause> = known.collect();
-        let mut pairs = Vec::new();
+        let (mut pairs, mut silent) = (Vec::new(), false);
         for vector in 0..heard.format.vectors {
             let own = heard.vector(vector);
             let (database, d) = (&heard.database.features, heard.format.dims());
             let found = suggest(&own, database, &segments, d, &params, &causes)
                 .map_err(|e| Fault::new("F111", e.to_string()).at("features"))?;
+            silent |= leaves_silence_out(&found, &own, d, &params);
             let channel = (heard.format.vectors > 1).then_some(vector as u32);
             pairs.extend(found.iter().map(|proposal| self.correspondence(proposal, channel)));
         }
-        let set = CorrespondenceSet { pairs, ..CorrespondenceSet::default() };
+        let set = CorrespondenceSet {
+            length: Some(heard.seconds()),
+            database: db.recordings(),
+            pairs,
+            ..CorrespondenceSet::default()
+        };
         let written =
             self.file.write_all(write_correspondences(&set).as_bytes()).and_then(|()| self.file.flush());
         written.map_err(|e| Fault::new("F080", format!("cannot write {:?}: {e}", p.path.0)).at("path"))?;
-        Ok(vec![("path", p.path.0.as_str().into()), ("proposals", set.pairs.len().into())])
+        let mut told: Summary =
+            vec![("path", p.path.0.as_str().into()), ("proposals", set.pairs.len().into())];
+        if silent {
+            let text = format!(
+                "the target falls silent, and no recording is {BELOW} dB softer than the loudest: silence is left out; record some, or \
+                 let the units sleep (`target` of UnitSelector)"
+            );
+            told.push(("warning", text.into()));
+        }
+        Ok(told)
     }
 }

@@ -168,7 +168,7 @@ impl Warper {
         }
     }
 
-    /// Determinant of the Jacobian at a vector: at or below 0 the warp folds over there.
+    /// Determinant of the Jacobian at a vector: below 0 the warp turns what lies around it inside out, as a mirror does.
     #[must_use]
     pub fn determinant(&mut self, point: &[f32]) -> f64 {
         solve_dense(&mut self.jacobian(point), self.dims, &mut [])
@@ -215,18 +215,44 @@ fn total(a: &[f64; GROUP], b: &[f64; GROUP]) -> f64 {
 /// Units of which one thread judges the folds at a time.
 const JUDGED: usize = 64;
 
-/// Share of some units of a target where a warp folds over; on all cores.
-///
-/// # Shapes
-/// `features: [units, d]`; `units` are those that are looked at.
-pub(crate) fn fold_share(features: &[f32], tps: &Tps, units: &[usize]) -> f64 {
-    let d = tps.dims.max(1);
-    let folded = units.par_chunks(JUDGED).map(|units| {
-        let mut warper = Warper::new(tps);
-        let vectors = units.iter().filter_map(|k| features.get(k * d..(k + 1) * d));
-        vectors.filter(|x| warper.determinant(x) <= 0.0).count()
-    });
-    folded.sum::<usize>() as f64 / units.len().max(1) as f64
+/// Which way round a warp lays the units of a target.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Turns {
+    /// Share of the units around which it keeps the sense of rotation.
+    pub upright: f64,
+    /// Share of those around which it turns it over. The rest is flattened.
+    pub over: f64,
+}
+
+impl Turns {
+    /// On all cores.
+    ///
+    /// # Shapes
+    /// `features: [units, d]`; `units` are those that are looked at.
+    pub fn new(features: &[f32], tps: &Tps, units: &[usize]) -> Self {
+        let d = tps.dims.max(1);
+        let counted = units.par_chunks(JUDGED).map(|units| {
+            let mut warper = Warper::new(tps);
+            let vectors = units.iter().filter_map(|k| features.get(k * d..(k + 1) * d));
+            vectors.fold([0_usize; 2], |[upright, over], x| {
+                let way = warper.determinant(x);
+                [upright + usize::from(way > 0.0), over + usize::from(way < 0.0)]
+            })
+        });
+        let sum = counted.reduce(|| [0; 2], |a, b| [a[0] + b[0], a[1] + b[1]]);
+        let [upright, over] = sum.map(|count| count as f64 / units.len().max(1) as f64);
+        if units.is_empty() { Self { upright: 1.0, over: 0.0 } } else { Self { upright, over } }
+    }
+
+    /// Whether most of the target is turned over. A mirror alone folds nothing: neighbours stay neighbours.
+    pub fn mirrored(self) -> bool {
+        self.over > self.upright
+    }
+
+    /// Share of the units that are laid another way round than most: there the warp folds over.
+    pub fn folds(self) -> f64 {
+        1.0 - self.upright.max(self.over)
+    }
 }
 
 /// At most `most` indices below `count`, evenly spread.

@@ -17,6 +17,15 @@ pub(super) struct Window {
     pub segment: usize,
     mean: Vec<f64>,
     variance: f64,
+    /// Least of the first feature.
+    pub softest: f64,
+}
+
+impl Window {
+    /// Mean of the first feature, which tells loudness.
+    pub fn loudness(&self) -> f64 {
+        self.mean.first().copied().unwrap_or(0.0)
+    }
 }
 
 /// Windows of all segments, at most [`MOST_WINDOWS`].
@@ -31,15 +40,16 @@ pub(super) fn windows(
         for start in units.clone().step_by(p.hop.max(1)).take_while(|start| start + p.window <= units.end) {
             let rows = features.get(start * d..(start + p.window) * d).unwrap_or_default();
             let mut mean = vec![0.0; d];
-            let mut square = 0.0;
+            let (mut square, mut softest) = (0.0, f64::INFINITY);
             for row in rows.chunks_exact(d) {
+                softest = row.first().map_or(softest, |x| softest.min(f64::from(*x)));
                 for (m, x) in mean.iter_mut().zip(row) {
                     *m += f64::from(*x) / p.window as f64;
                     square += f64::from(*x).powi(2) / p.window as f64;
                 }
             }
             let variance = (square - mean.iter().map(|m| m * m).sum::<f64>()).max(0.0);
-            all.push(Window { start, segment, mean, variance });
+            all.push(Window { start, segment, mean, variance, softest });
         }
     }
     let count = all.len().min(MOST_WINDOWS);
@@ -115,8 +125,9 @@ pub(super) fn farthest(windows: &[Window], at: &Points, count: usize) -> Vec<usi
     let n = windows.len();
     let mean = windows.iter().map(|w| w.variance).sum::<f64>() / n.max(1) as f64;
     let steady = |k: usize| 1.0 / (1.0 + windows[k].variance / mean.max(1e-12));
-    let loudness = |k: &usize| windows[*k].mean.first().copied().unwrap_or(0.0);
-    let Some(first) = (0..n).min_by(|a, b| loudness(a).total_cmp(&loudness(b))) else { return Vec::new() };
+    let Some(first) = (0..n).min_by(|a, b| windows[*a].loudness().total_cmp(&windows[*b].loudness())) else {
+        return Vec::new();
+    };
     let mut chosen = vec![first];
     let mut nearest: Vec<f64> = (0..n).map(|k| squared(at.row(k), at.row(first))).collect();
     while chosen.len() < count.min(n) {

@@ -77,6 +77,14 @@ fn midpoints_of_known_samples_have_the_known_values() {
     let found = speeds(late, Rate::hz(10), sliding(&slides));
     let expected = [0.0, 0.0, 0.0, 0.0, 1.0, 2.0, 2.5, 3.0, 3.0, 3.0, 1.5, 0.0, 0.0, 0.0];
     assert!(found.iter().zip(expected).all(|(f, e)| (f - e).abs() < 1e-6), "{found:?}");
+    // Held from the first frame of each difference to the second, without a frame ahead.
+    let held = SlidingSpeedParams { rate: Rate::hz(20), between: Between::Hold, ..params() };
+    assert_eq!(sliding_params(&held, Rate::hz(10)).ahead(), 5, "the gate alone looks ahead");
+    let live = SlidingSpeedParams { gate: SpeedGate::Causal, ..held.clone() };
+    assert_eq!(sliding_params(&live, Rate::hz(10)).ahead(), 0);
+    let found = speeds(held, Rate::hz(10), sliding(&slides));
+    let expected = [0.0, 0.0, 0.0, 0.0, 2.0, 2.0, 3.0, 3.0, 3.0, 3.0, 0.0, 0.0, 0.0, 0.0];
+    assert!(found.iter().zip(expected).all(|(f, e)| (f - e).abs() < 1e-6), "{found:?}");
 }
 
 #[test]
@@ -112,7 +120,9 @@ fn windows_of_any_length_give_the_same_speeds_for_every_gate_and_rate() {
     let format = ContactsFormat::plain(vec![1e-4; 3].into(), 2);
     let contacts: Vec<Contact> = (0..70 * 6).map(|k| Contacts::trial(&format, k % 6, &mut draw)).collect();
     for gate in [SpeedGate::Interval, SpeedGate::Ever, SpeedGate::Causal] {
-        for (rate, between) in [(40, Between::Pchip), (7, Between::Pchip), (1000, Between::Linear)] {
+        for (rate, between) in
+            [(40, Between::Pchip), (7, Between::Pchip), (1000, Between::Linear), (90, Between::Hold)]
+        {
             let p = SlidingSpeedParams {
                 gate,
                 between,

@@ -1,5 +1,6 @@
 //! Known answers, limits of lambda, duplicates and flat clouds.
 
+use super::super::artefact::WarpMap;
 use super::super::linear::solve_dense;
 use super::super::tps::Warper;
 use super::*;
@@ -354,6 +355,24 @@ fn the_jacobian_is_that_of_differences_and_tells_folds() {
         scattered(10, 2, 1).iter().map(|p| pair(&p.from, &[-p.from[0], p.from[1]])).collect();
     let (tps, _) = fit(&mirror, 2, Stiffness::Lambda(0.0)).unwrap();
     assert!((Warper::new(&tps).determinant(&[1.0, 2.0]) + 1.0).abs() < 1e-6);
+}
+
+#[test]
+fn a_mirror_is_told_from_a_fold() {
+    let square: Vec<[f64; 2]> = (0..81).map(|k| [f64::from(k % 9) - 4.0, f64::from(k / 9) - 4.0]).collect();
+    let target: Vec<f32> = square.iter().flatten().map(|x| 0.9 * *x as f32 + 0.05).collect();
+    let of = |law: &dyn Fn(f64) -> f64| {
+        let pairs: Vec<Pair> = square.iter().map(|[x, y]| pair(&[*x, *y], &[law(*x), *y])).collect();
+        let map = WarpMap::fit(&pairs, 2, Stiffness::Lambda(0.0), &target, &target).unwrap();
+        (map.folds, map.mirrored)
+    };
+    assert_eq!(of(&|x| x + 1.0), (0.0, false));
+    assert_eq!(of(&|x| -x), (0.0, true));
+    // Folded along a line with a third of the target beyond it, and with two thirds.
+    let (folds, mirrored) = of(&|x| (x - 1.5).abs());
+    assert!((0.3..0.4).contains(&folds) && mirrored, "{folds}");
+    let (folds, mirrored) = of(&|x| (x + 1.5).abs());
+    assert!((0.3..0.4).contains(&folds) && !mirrored, "{folds}");
 }
 
 #[test]

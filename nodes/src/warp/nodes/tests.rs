@@ -128,6 +128,27 @@ fn without_correspondences_nothing_changes() {
 }
 
 #[test]
+fn a_set_that_was_marked_elsewhere_is_told_and_used() {
+    let told = |head: &str| {
+        let set = set(&format!("({head}pairs: [(target: 0, database: 0, source: 0, duration: 0.1)])"));
+        let run = fit(params(), set, 1).run().unwrap();
+        let texts = run.summary.iter().filter(|(k, _)| *k == "warning");
+        texts.map(|(_, text)| text.as_str().unwrap_or_default().to_owned()).collect::<Vec<_>>()
+    };
+    for own in ["", "length: 4.0, database: \"drag.wav\", ", "length: 4.005, "] {
+        assert_eq!(told(own), Vec::<String>::new(), "{own}");
+    }
+    let found = told("target: \"take 7\", length: 7.6, database: \"drag.wav, fold.wav\", ");
+    assert_eq!(found.len(), 2);
+    assert!(
+        found[0]
+            .starts_with("set.ron was marked in \"take 7\", which lasts 7.600 s; this target lasts 4.000 s"),
+        "{found:?}"
+    );
+    assert!(found[1].contains("\"drag.wav, fold.wav\"; the database has \"drag.wav\""), "{found:?}");
+}
+
+#[test]
 fn what_does_not_fit_is_named_before_the_run() {
     let late = set("(pairs: [\n  (target: 0, database: 99, duration: 0.1),\n])");
     let reject = fit(params(), late, 1).shape().unwrap_err();
@@ -273,6 +294,7 @@ fn proposals_are_written_so_that_they_can_be_read_and_fitted() {
     solo.run().unwrap();
     let text = String::from_utf8(solo.outputs.get("new.ron").unwrap()).unwrap();
     let set = set(&text);
+    assert_eq!((set.length, set.database.as_str()), (Some(4.0), "drag.wav"), "what it was made of");
     assert!((2..=5).contains(&set.pairs.len()) && set.pairs[0].label.starts_with("gain"), "{text}");
     let warp = fit(TpsFitParams { lambda: Some(100.0), ..params() }, set, 1).run().unwrap().value(0).unwrap();
     let before: Vec<f32> = (0..UNITS).flat_map(target).collect();

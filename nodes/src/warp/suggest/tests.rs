@@ -136,6 +136,52 @@ fn a_short_take_has_no_gain_beyond_what_there_is_to_gain() {
     assert!(wild > 1.5, "slopes within the only window throw everything anywhere: {wild}");
 }
 
+/// Gestures that never rest, with digital silence after them.
+fn silent_end(units: usize, silent: usize, seed: u64) -> Vec<f32> {
+    let mut all = distorted(&gestures(units, seed), |[x, y, z]| [x.max(-15.0), y, z]);
+    all.extend([-39.9, 0.0, 0.0].repeat(silent));
+    all
+}
+
+#[test]
+fn silence_goes_to_the_quietest_recording_or_is_left_out() {
+    let target = silent_end(900, 300, 5);
+    let loud = distorted(&gestures(600, 6), |[x, y, z]| [x.max(-15.0) + 4.0, y, z]);
+    let p = SuggestParams {
+        silence: Some(Silence { target: -35.0, below: 16.0, within: 2.0 }),
+        ..SuggestParams::default()
+    };
+    let segments = [0..300, 300..600];
+    let found = suggest(&target, &loud, &segments, 3, &p, &[]).unwrap();
+    assert!(found.len() >= 3 && found.iter().all(|p| p.target + 24 <= 900), "{found:?}");
+    assert!(leaves_silence_out(&found, &target, 3, &p));
+    // A recording of the room, whose colours are those of loud moments.
+    let room: Vec<f32> = (0..100).flat_map(|k| [-34.0 + 0.01 * k as f32, 3.0, 1.0]).collect();
+    let database = [loud, room].concat();
+    let found = suggest(&target, &database, &[0..300, 300..600, 600..700], 3, &p, &[]).unwrap();
+    assert!(found[0].target >= 900 && found[0].database == 600, "{found:?}");
+    assert!(found[1..].iter().all(|p| p.target + 24 <= 900 && p.database < 600), "{found:?}");
+    assert!(!leaves_silence_out(&found, &target, 3, &p));
+}
+
+#[test]
+fn no_gain_is_more_than_there_is_between_the_worlds() {
+    let mut thrown = 0;
+    for seed in 1..8 {
+        // Silence alone shifts everything far away, and the next proposal brings it back.
+        let target = silent_end(900, 120, seed);
+        let database = distorted(&gestures(600, 9), |[x, y, z]| [x.max(-15.0) + 4.0, y, z]);
+        let found =
+            suggest(&target, &database, &[0..300, 300..600], 3, &SuggestParams::default(), &[]).unwrap();
+        assert!(found.iter().all(|p| (-1.0..=1.0).contains(&p.gain)), "{seed}: {found:?}");
+        let all = left(&target, &database, 1e3, &found)[0];
+        let taken: f64 = found.iter().skip(1).map(|p| p.gain.max(0.0)).sum();
+        assert!(all < 1.0 && taken <= 1.0 - all + 1e-9, "{seed}: {taken} of {}", 1.0 - all);
+        thrown += u32::from(left(&target, &database, 1e3, &found[..1])[0] > 1.5);
+    }
+    assert!(thrown > 0, "silence alone makes it worse");
+}
+
 #[test]
 fn clusters_stand_for_many_windows() {
     let law = |[x, y, z]: [f64; 3]| [x + 6.0, 1.4 * y, 0.5 * z];
@@ -159,7 +205,7 @@ fn causes_keep_what_sounds_alike_apart() {
     let segments = [0..600, 600..1200];
     let p = SuggestParams { most: 400, ..SuggestParams::default() };
     let right = |causes: &[Cause]| {
-        let all = candidates((&target, &database), &segments, 3, &p, causes);
+        let (all, _) = candidates((&target, &database), &segments, 3, &p, causes);
         let whole = all.iter().filter(|p| p.target % 300 <= 276);
         let (right, count) = whole.fold((0, 0), |(right, count), p| {
             let of = p.target / 300 % 2 == 0;
