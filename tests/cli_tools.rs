@@ -148,3 +148,27 @@ fn limits_are_said_with_the_flag_that_raises_them() {
         }
     }
 }
+
+/// Writes graphs that each use the next one three times; `node` stands in each.
+fn nested(dir: &Path, files: usize, node: &str) {
+    for k in 0..files {
+        let uses: String = (0..3).map(|n| format!("\"s{n}\": \"g{}.ron\", ", k + 1)).collect();
+        let uses = if k + 1 < files { uses } else { String::new() };
+        let text = format!("#![schema = \"foley:graph/1\"]\nGraph(use: {{ {uses} }}, nodes: {{ {node} }})");
+        fs::write(dir.join(format!("g{k}.ron")), text).unwrap();
+    }
+}
+
+#[test]
+fn small_files_that_stand_for_millions_of_nodes_are_refused_once() {
+    let dir = tempfile::tempdir().unwrap();
+    for node in ["", "\"t\": Tone(frequency: 100.0, rate: 8000, duration: Some(0.1))"] {
+        nested(dir.path(), 14, node);
+        let refused = foley(dir.path(), &["check", "g0.ron"]);
+        let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+        assert_eq!(refused.status.code(), Some(2), "{said}");
+        assert_eq!(said.matches("F009").count(), 1, "{said}");
+    }
+    nested(dir.path(), 4, "\"t\": Tone(frequency: 100.0, rate: 8000, duration: Some(0.1))");
+    stdout(&foley(dir.path(), &["check", "g0.ron"]));
+}

@@ -191,3 +191,18 @@ fn a_fault_leaves_no_file_behind() {
     let names: Vec<_> = fs::read_dir(dir.path()).unwrap().map(|e| e.unwrap().file_name()).collect();
     assert_eq!(names, ["taken.wav"]);
 }
+
+#[test]
+fn a_window_longer_than_the_take_costs_no_more_than_the_take() {
+    let text = "#![schema = \"foley:graph/1\"]\nGraph(nodes: {
+        \"tone\": Tone(frequency: 100.0, rate: 8000, duration: Some(2.0)),
+        \"out\": WavOut(audio: \"tone\", path: \"tone.wav\"),
+    })";
+    let dir = tempfile::tempdir().unwrap();
+    let planned = |seconds: i32| {
+        let options = PlanOptions { window: ticks(f64::from(seconds)), ..PlanOptions::default() };
+        common::run_text(text, &options, dir.path()).unwrap().planned_bytes
+    };
+    assert_eq!(planned(1_000_000), planned(2));
+    assert!(planned(1) < planned(2));
+}

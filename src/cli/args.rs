@@ -409,7 +409,7 @@ fn parse_set(text: &str) -> Result<Override, String> {
 
 fn parse_seconds(text: &str) -> Result<f64, String> {
     let seconds: f64 = text.parse().map_err(|_| "a number of seconds".to_owned())?;
-    if seconds.is_finite() && seconds > 1e-6 && seconds < 1e7 {
+    if (1e-6..=1e7).contains(&seconds) {
         Ok(seconds)
     } else {
         Err("from 0.000001 to 10000000 seconds".into())

@@ -3,17 +3,44 @@
 use super::{Diagnostic, Place, Severity, Sources};
 use annotate_snippets::{AnnotationKind, Group, Level, Renderer, Snippet};
 use serde_json::{Value, json};
+use std::ops::Range;
 
-/// Text for people: message, the lines in question, help.
+/// Most diagnostics that are shown to a person.
+const MOST_SHOWN: usize = 100;
+/// Most further places of one diagnostic that are shown.
+const MOST_LABELS: usize = 24;
+/// Most characters of a message.
+const LONGEST_TITLE: usize = 2000;
+
+/// Text for people: message, the lines in question, help; of very many the first hundred, errors before warnings.
 #[must_use]
 pub fn render(diagnostics: &[Diagnostic], sources: &Sources, colour: bool) -> String {
     let renderer = if colour { Renderer::styled() } else { Renderer::plain() };
-    let texts = diagnostics.iter().map(|d| renderer.render(&groups(d, sources)));
-    let mut all: String = texts.collect::<Vec<_>>().join("\n\n");
+    // What is not shown is never an error in favour of a warning.
+    let cut = diagnostics.len() > MOST_SHOWN;
+    let of = |severity| diagnostics.iter().filter(move |d| !cut || d.severity == severity);
+    let warnings = of(Severity::Warning).take(if cut { MOST_SHOWN } else { 0 });
+    let shown = of(Severity::Error).chain(warnings).take(MOST_SHOWN);
+    let mut texts: Vec<String> = shown.map(|d| renderer.render(&groups(d, sources))).collect();
+    if cut {
+        texts.push(format!("... and {} more", diagnostics.len() - MOST_SHOWN));
+    }
+    let mut all = texts.join("\n\n");
     if !all.is_empty() {
         all.push('\n');
     }
     all
+}
+
+/// The lines that a diagnostic speaks of, so that the rest of a long file costs nothing: their bytes, and the number of the first.
+fn lines<'t>(text: &'t str, spans: &[Range<usize>]) -> (Range<usize>, usize, &'t str) {
+    let first = spans.iter().map(|s| s.start).min().unwrap_or(0);
+    let last = spans.iter().map(|s| s.end).max().unwrap_or(0);
+    let start = text[..first].rfind('\n').map_or(0, |at| at + 1);
+    // The line after the last one too: a span may end behind a line break.
+    let end = text[last..].find('\n').map_or(text.len(), |at| last + at + 1);
+    let number = 1 + text.as_bytes()[..start].iter().filter(|b| **b == b'\n').count();
+    (start..end, number, &text[start..end])
 }
 
 fn groups<'a>(d: &'a Diagnostic, sources: &'a Sources) -> Vec<Group<'a>> {
@@ -25,18 +52,25 @@ fn groups<'a>(d: &'a Diagnostic, sources: &'a Sources) -> Vec<Group<'a>> {
         Some(node) if !d.message.contains(&format!("`{node}`")) => format!("node `{node}`: {}", d.message),
         _ => d.message.clone(),
     };
+    let title = shortened(title);
     let mut group = Group::with_title(level.primary_title(title).id(d.code));
     if let Some(place) = &d.place {
         for file in files_of(d, place) {
             let Some(source) = sources.get(file) else { continue };
-            let mut snippet = Snippet::source(&*source.text).path(&*source.name).fold(true);
-            if place.file == file {
-                let primary = AnnotationKind::Primary.span(clip(place, &source.text));
+            let labels: Vec<_> = d.labels.iter().filter(|l| l.place.file == file).take(MOST_LABELS).collect();
+            let own = (place.file == file).then(|| clip(place, &source.text));
+            let others = labels.iter().map(|l| clip(&l.place, &source.text));
+            let spans: Vec<Range<usize>> = own.clone().into_iter().chain(others).collect();
+            let (range, number, text) = lines(&source.text, &spans);
+            let within = |span: Range<usize>| span.start - range.start..span.end - range.start;
+            let mut snippet = Snippet::source(text).line_start(number).path(&*source.name).fold(true);
+            if let Some(own) = own {
+                let primary = AnnotationKind::Primary.span(within(own));
                 snippet =
                     snippet.annotation(if d.note.is_empty() { primary } else { primary.label(&*d.note) });
             }
-            for label in d.labels.iter().filter(|l| l.place.file == file) {
-                let span = clip(&label.place, &source.text);
+            for label in labels {
+                let span = within(clip(&label.place, &source.text));
                 snippet = snippet.annotation(AnnotationKind::Context.span(span).label(&*label.text));
             }
             group = group.element(snippet);
@@ -46,6 +80,17 @@ fn groups<'a>(d: &'a Diagnostic, sources: &'a Sources) -> Vec<Group<'a>> {
         group = group.element(Level::HELP.message(&**help));
     }
     vec![group]
+}
+
+/// A text of which the middle is left out where it is very long, such as a loop of thousands of nodes.
+fn shortened(text: String) -> String {
+    let length = text.chars().count();
+    if length <= LONGEST_TITLE {
+        return text;
+    }
+    let start: String = text.chars().take(LONGEST_TITLE / 2).collect();
+    let end: String = text.chars().skip(length - LONGEST_TITLE / 2).collect();
+    format!("{start} ... {end}")
 }
 
 fn files_of(d: &Diagnostic, place: &Place) -> Vec<usize> {
@@ -59,7 +104,7 @@ fn files_of(d: &Diagnostic, place: &Place) -> Vec<usize> {
 }
 
 /// The span, kept inside the text and on character boundaries.
-fn clip(place: &Place, text: &str) -> std::ops::Range<usize> {
+fn clip(place: &Place, text: &str) -> Range<usize> {
     let floor = |mut at: usize| {
         at = at.min(text.len());
         while !text.is_char_boundary(at) {
@@ -93,4 +138,38 @@ pub fn json(diagnostics: &[Diagnostic], sources: &Sources) -> Value {
         })
     };
     Value::Array(diagnostics.iter().map(one).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_far_down_are_shown_by_their_numbers_alone() {
+        let mut sources = Sources::default();
+        let text: String = (1..=5000).map(|k| format!("line {k}\n")).collect();
+        let at = |k: usize| text.find(&format!("line {k}\n")).unwrap();
+        let place = |k: usize| Place { file: 0, span: at(k)..at(k) + 4 };
+        let found = Diagnostic::error("F001", "wrong", place(4000)).label(place(3990), "see here");
+        sources.add("a.ron", text.clone());
+        let told = render(&[found], &sources, false);
+        assert!(told.contains("--> a.ron:4000:1") && told.contains("4000 | line 4000"), "{told}");
+        assert!(told.contains("3990 | line 3990") && told.lines().count() < 12, "{told}");
+        let end = Diagnostic::error("F001", "cut off", Place { file: 0, span: text.len()..text.len() });
+        assert!(render(&[end], &sources, false).contains("cut off"));
+    }
+
+    #[test]
+    fn of_very_many_the_errors_are_shown_first_and_the_rest_is_counted() {
+        let mut sources = Sources::default();
+        sources.add("a.ron", "text");
+        let at = || Place { file: 0, span: 0..4 };
+        let mut all: Vec<_> = (0..300).map(|_| Diagnostic::warning("F026", "odd", at())).collect();
+        all.push(Diagnostic::error("F025", format!("a loop: {}", "node -> ".repeat(4000)), at()));
+        let told = render(&all, &sources, false);
+        assert!(told.starts_with("error[F025]: a loop: node") && told.contains(" ... "), "{told}");
+        assert!(told.ends_with("\n\n... and 201 more\n") && told.matches("odd").count() == 99);
+        assert!(told.len() < 20_000, "{}", told.len());
+        assert_eq!(render(&all[..100], &sources, false).matches("odd").count(), 100);
+    }
 }

@@ -223,12 +223,7 @@ fn links_of(given: &Given, spec: &PortSpec, node: &RawNode, loader: &mut Loader)
         (ValueKind::List(items), Arity::Many) => {
             let mut links = Vec::new();
             for item in items {
-                let one = Given {
-                    value: item.clone(),
-                    place: Place { file: given.place.file, span: item.span() },
-                    ..given.clone()
-                };
-                match loader.resolve(one) {
+                match loader.resolve(given.inside(item)) {
                     Some(Given { value: Value { value: ValueKind::Str(text), .. }, scope, .. }) => {
                         let place = Place { file: given.place.file, span: item.span() };
                         links.push(RawLink { text, scope: scope.prefix, place });
@@ -272,8 +267,7 @@ fn convert(value: &Value, given: &Given, path: bool, loader: &mut Loader) -> Opt
         let items: Option<Vec<Datum>> = items
             .iter()
             .map(|item| {
-                let place = Place { file: given.place.file, span: item.span() };
-                let inner = loader.resolve(Given { value: item.clone(), place, ..given.clone() })?;
+                let inner = loader.resolve(given.inside(item))?;
                 convert(&inner.value, &inner, path, loader)
             })
             .collect();
@@ -291,8 +285,7 @@ fn convert(value: &Value, given: &Given, path: bool, loader: &mut Loader) -> Opt
         ValueKind::Name(name) => Datum::Name(name.value.clone()),
         ValueKind::Option(None) => Datum::Name("None".into()),
         ValueKind::Option(Some(inner)) => {
-            let place = Place { file: given.place.file, span: inner.span() };
-            let inner = loader.resolve(Given { value: (**inner).clone(), place, ..given.clone() })?;
+            let inner = loader.resolve(given.inside(inner))?;
             return convert(&inner.value, &inner, path, loader);
         }
         ValueKind::Error => return None,

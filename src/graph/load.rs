@@ -35,6 +35,14 @@ pub struct Given {
     pub scope: Scope,
 }
 
+impl Given {
+    /// A value that stands inside this one, without a copy of all of this one.
+    pub fn inside(&self, value: &Value) -> Self {
+        let place = Place { file: self.place.file, span: value.span() };
+        Self { value: value.clone(), place, folder: self.folder.clone(), scope: self.scope.clone() }
+    }
+}
+
 /// Where names in a text are looked up.
 #[derive(Clone, Debug, Default)]
 pub struct Scope {
@@ -86,6 +94,11 @@ pub(super) struct Loader {
     all_params: Vec<(String, Place)>,
     root: Root,
     limits: Limits,
+    /// How often sub-graphs were used, and the bytes that all of them had.
+    uses: usize,
+    text_bytes: u64,
+    /// Whether a limit was met: it is said once, and nothing more is read.
+    full: bool,
 }
 
 /// Reads and checks the graph at `path`.
@@ -412,6 +425,9 @@ impl Loader {
         given: Vec<(String, Given)>,
         chain: &mut Vec<PathBuf>,
     ) {
+        if self.full {
+            return;
+        }
         let real = match self.root.resolve(path) {
             Ok(real) => real,
             Err(e) => {
@@ -428,14 +444,37 @@ impl Loader {
             self.found.push(Diagnostic::error("F009", message, place).help("--max-depth allows more"));
             return;
         }
+        self.uses += 1;
+        if self.uses > self.limits.nodes {
+            let message = format!("more than {} uses of sub-graphs", self.limits.nodes);
+            self.stop(Diagnostic::error("F009", message, place).help("--max-nodes allows more"));
+            return;
+        }
         match read_text(&real, path, self.limits.graph_bytes) {
             Ok(text) => {
+                self.text_bytes += text.len() as u64;
+                if self.text_bytes > self.limits.graph_bytes {
+                    let most = self.limits.graph_bytes;
+                    let message = format!(
+                        "the sub-graphs have more than {most} bytes, each counted as often as it is used"
+                    );
+                    self.stop(Diagnostic::error("F009", message, place));
+                    return;
+                }
                 chain.push(real);
                 self.file(path, text, Path::new(path), prefix, given, chain);
                 chain.pop();
             }
             Err(message) => self.error("F030", message, place),
         }
+    }
+
+    /// Says that a limit was met, and reads nothing more.
+    fn stop(&mut self, found: Diagnostic) {
+        if !self.full {
+            self.found.push(found);
+        }
+        self.full = true;
     }
 
     fn bad_id(&mut self, id: &str, place: Place) {
@@ -478,7 +517,7 @@ impl Loader {
             first.insert(id.to_owned(), key.clone());
             if self.nodes.len() >= self.limits.nodes {
                 let found = Diagnostic::error("F009", format!("more than {} nodes", self.limits.nodes), key);
-                self.found.push(found.help("--max-nodes allows more"));
+                self.stop(found.help("--max-nodes allows more"));
                 return;
             }
             self.node(id, key, &entry.value, file, folder, scope);

@@ -11,7 +11,7 @@ use std::time::SystemTime;
 /// What files may cost.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limits {
-    /// Bytes of one graph file.
+    /// Bytes of one graph file, and of all its sub-graphs, each as often as it is used.
     pub graph_bytes: u64,
     /// Bytes of one input file.
     pub file_bytes: u64,
@@ -28,7 +28,7 @@ pub struct Limits {
 impl Default for Limits {
     fn default() -> Self {
         Self {
-            graph_bytes: 16 << 20,
+            graph_bytes: 4 << 20,
             file_bytes: 64 << 30,
             memory: 4 << 30,
             nodes: 20_000,

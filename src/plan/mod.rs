@@ -131,7 +131,8 @@ impl Plan {
             schedule::cut(&mut shapes, until);
         }
         let split = phases::split(graph, &options.taps);
-        let mut window = options.window.max(1);
+        let longest = shapes.iter().filter_map(|s| s.end).max().unwrap_or(Tick::MAX);
+        let mut window = options.window.min(longest).max(1);
         for stream_nodes in &split.phases {
             window = window.min(schedule::longest_window(graph, &shapes, stream_nodes)?);
         }

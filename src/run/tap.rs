@@ -13,7 +13,7 @@ use foley_nodes::core::stage::Cx;
 use foley_nodes::core::time::{Rate, seconds};
 use foley_nodes::io::{AudioWriter, WriteFormat, WriteSpec};
 use std::any::Any;
-use std::io::{self, SeekFrom, Write};
+use std::io::{self, BufWriter, SeekFrom, Write};
 use std::path::PathBuf;
 
 /// One output to write to a file.
@@ -115,14 +115,18 @@ pub fn write_values(job: &Job<'_>, values: &Values) -> Result<(), Vec<Diagnostic
         let kind = value.kind();
         let ending = tap.path.extension().and_then(|e| e.to_str()).unwrap_or_default();
         let bytes = match ending {
-            "svg" => (kind.plot)(value).map(String::into_bytes).ok_or("drawing"),
-            "bin" => (kind.file)(value).ok_or("file of its own kind"),
-            _ => Ok(serde_json::to_vec_pretty(&(kind.json)(value)).unwrap_or_default()),
+            "svg" => (kind.plot)(value).map(String::into_bytes).ok_or("drawing").map(Some),
+            "bin" => (kind.file)(value).ok_or("file of its own kind").map(Some),
+            _ => Ok(None),
         };
         let bytes = bytes.map_err(|what| format!("a {} has no {what}; write it as .json", kind.name));
         let written = bytes.and_then(|bytes| {
-            let mut file = job.outputs.create_at(&tap.path).map_err(|e| e.message)?;
-            file.write_all(&bytes).and_then(|()| file.flush()).map_err(|e| e.to_string())
+            let mut file = BufWriter::new(job.outputs.create_at(&tap.path).map_err(|e| e.message)?);
+            let done = match bytes {
+                Some(bytes) => file.write_all(&bytes),
+                None => (kind.text)(value, &mut file),
+            };
+            done.and_then(|()| file.flush()).map_err(|e| e.to_string())
         });
         if let Err(message) = written {
             errors.push(Diagnostic::general("F080", format!("--tap {}: {message}", tap.path.display())));

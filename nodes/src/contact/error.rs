@@ -69,8 +69,8 @@ pub enum ContactError {
         /// Vertices of the topology.
         expected: usize,
     },
-    /// A position is NaN or infinite.
-    #[error("vertex {vertex} of surface {surface} has a position that is not finite")]
+    /// A position is NaN, infinite or too far.
+    #[error("vertex {vertex} of surface {surface} has a position that is not finite, or farther than 1e15 m")]
     NotFinite {
         /// Surface: 0 is the cloth, 1 and up the others.
         surface: usize,

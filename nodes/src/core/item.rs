@@ -7,6 +7,7 @@ use super::track::{AnyTrack, Budget, EventTrack, Pad, Track};
 use serde::{Serialize, de::DeserializeOwned};
 use std::any::{Any, TypeId};
 use std::fmt::{self, Debug};
+use std::io;
 use std::sync::Arc;
 
 /// What one item of a stream is made of.
@@ -296,6 +297,8 @@ pub struct DataType {
     pub id: fn() -> TypeId,
     /// The value as JSON.
     pub json: fn(&AnyValue) -> serde_json::Value,
+    /// The same as text, written as it goes: of a large value the tree would take many times its memory.
+    pub text: fn(&AnyValue, &mut dyn io::Write) -> io::Result<()>,
     /// The value drawn as SVG.
     pub plot: fn(&AnyValue) -> Option<String>,
     /// The value as a file of its own kind.
@@ -314,6 +317,10 @@ impl<T: Data> Described for OfData<T> {
         name: T::NAME,
         id: TypeId::of::<T>,
         json: |value| value.get::<T>().and_then(|v| serde_json::to_value(v).ok()).unwrap_or_default(),
+        text: |value, to| match value.get::<T>() {
+            Some(v) => Ok(serde_json::to_writer_pretty(to, v)?),
+            None => Ok(()),
+        },
         plot: |value| value.get::<T>().and_then(T::plot),
         file: |value| value.get::<T>().and_then(T::file),
         encode: |value| value.get::<T>().and_then(|v| postcard::to_allocvec(v).ok()),

@@ -339,7 +339,7 @@ pub struct NodeType {
     pub tells_paths: bool,
     /// Where it may run.
     pub class: Class,
-    /// Rough nanoseconds per output element.
+    /// Rough nanoseconds per element of its widest input or output.
     pub cost: f64,
     /// What it does; the first line is its summary.
     pub doc: &'static str,

@@ -160,7 +160,7 @@ impl Func for CrumpleExtractor {
         }
         for path in &p.recordings {
             let reader = reader(&path.0, s.open("recordings", &path.0)?)?;
-            s.hold("recordings", &path.0, reader.info().bytes())?;
+            s.hold("recordings", &path.0, reader.info().worked())?;
             reader.info().odd(&path.0).for_each(|text| s.note(text));
         }
         Ok(())

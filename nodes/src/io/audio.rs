@@ -89,6 +89,13 @@ impl AudioInfo {
         self.frames.saturating_mul(self.channels as u64 * size_of::<f32>() as u64)
     }
 
+    /// Bytes that making something of the whole recording takes at its most: the samples as they are read, by channel, filtered, and
+    /// in what is made, five times [`AudioInfo::bytes`] at most by measurement.
+    #[must_use]
+    pub fn worked(&self) -> u64 {
+        self.bytes().saturating_mul(5)
+    }
+
     /// Length in seconds.
     #[must_use]
     pub fn seconds(&self) -> f64 {

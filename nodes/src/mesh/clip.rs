@@ -275,10 +275,13 @@ pub(super) fn check_request(
     Ok(())
 }
 
-/// Scales one position to metres, refusing what is not finite before or after.
+/// Farthest coordinate of a vertex, m: squares of distances stay far from infinity in single precision.
+const FARTHEST: f32 = 1e9;
+
+/// Scales one position to metres, refusing what is not finite or farther than [`FARTHEST`].
 pub(super) fn metres(p: [f64; 3], scale: f64, frame: usize, vertex: usize) -> Result<[f32; 3], MeshError> {
     let q = p.map(|x| (x * scale) as f32);
-    if q.iter().all(|x| x.is_finite()) {
+    if q.iter().all(|x| x.abs() <= FARTHEST) {
         Ok(q)
     } else {
         Err(MeshError::NotFinite { frame, vertex, position: p })
@@ -297,6 +300,15 @@ mod tests {
         assert_eq!(q[0], [1.0, -3.0, 2.0]);
         UpAxis::Z.convert(UpAxis::Y, &mut q);
         assert_eq!(q, p);
+    }
+
+    #[test]
+    fn positions_that_no_scene_has_are_refused() {
+        assert!(metres([1e9, -1e9, 0.0], 1.0, 0, 0).is_ok() && metres([1e12, 0.0, 0.0], 1e-3, 0, 0).is_ok());
+        for far in [1.1e9, 1e37, 1e60, f64::NAN, f64::NEG_INFINITY] {
+            let e = metres([0.0, far, 0.0], 1.0, 3, 4).unwrap_err();
+            assert!(matches!(e, MeshError::NotFinite { frame: 3, vertex: 4, .. }), "{far}: {e}");
+        }
     }
 
     #[test]

@@ -130,8 +130,8 @@ pub enum MeshError {
         /// What differs.
         what: String,
     },
-    /// A position is NaN or infinite.
-    #[error("vertex {vertex} of frame {frame} is at ({}, {}, {}): positions must be finite", .position[0], .position[1], .position[2])]
+    /// A position is NaN, infinite or too far to be one.
+    #[error("vertex {vertex} of frame {frame} is at ({}, {}, {}): positions must be finite and within 1e9 m", .position[0], .position[1], .position[2])]
     NotFinite {
         /// Frame number, from 0.
         frame: usize,

@@ -391,3 +391,17 @@ fn an_empty_scene_is_valid_and_silent() {
     assert_eq!(detector.detect(&[], &[&[]], &mut []).unwrap().contacts, 0);
     assert_eq!(sliding_speeds(&[], &[], &[], &params(0.05)), Ok(Vec::new()));
 }
+
+#[test]
+fn positions_whose_squares_are_no_numbers_are_refused_and_those_below_are_searched() {
+    let sheet = grid(12, EDGE, 0.0);
+    let params = params(2.0 * EDGE);
+    let mut detector = Detector::new(&sheet, &[], params).unwrap();
+    let mut out = slots(&sheet, &params);
+    for (far, fine) in [(1e9, true), (1e15, true), (1e16, false), (1e37, false), (f32::NAN, false)] {
+        let mut rest = sheet.rest.clone();
+        rest[17][1] = far;
+        let found = detector.detect(&rest, &[], &mut out);
+        assert_eq!(found.is_ok(), fine, "{far}");
+    }
+}
