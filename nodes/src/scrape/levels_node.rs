@@ -317,7 +317,7 @@ impl Func for LevelMatcher {
 
     fn trial(draw: &mut Draw) -> (LevelMatcherParams, MemoryFiles) {
         // Fast strokes, which are short, and mostly one.
-        let (speed, by_speed) = (draw.between(50.0, 100.0), draw.below(4) == 0);
+        let (speed, by_speed) = (draw.between(50.0, 100.0), draw.below(32) == 0);
         let p = LevelMatcherParams { speed, by_speed, ..LevelMatcherParams::trial(draw) };
         (p, MemoryFiles::default())
     }
