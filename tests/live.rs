@@ -381,15 +381,17 @@ fn level(heard: &[f32], from: f64, to: f64) -> f64 {
 
 #[test]
 fn contacts_that_come_in_scrape_from_their_first_to_their_last_and_by_their_speed() {
-    let heard = scraped(slide(&[(0.5, 0.15), (1.5, 0.9)], 2.5), "1.0", 4.0);
+    let heard = scraped(slide(&[(0.5, 0.15)], 1.0), "1.0", 1.0);
     let first = heard.iter().position(|x| x.abs() > 1e-5).unwrap() as f64 / 44_100.0;
     println!("begins at {first} s");
     // A contact scrapes when it is known to slide: after four frames and 50 ms.
     assert!((0.5..0.64).contains(&first), "{first}");
-    let levels = [(0.7, 1.4), (1.6, 2.4), (3.0, 3.5), (3.5, 4.0)].map(|(a, b)| level(&heard, a, b));
+    // Noise grows with the root of the speed; the joints of the tiles only come faster.
+    let heard = scraped(slide(&[(0.5, 0.15), (1.5, 0.9)], 2.5), "20.0", 3.5);
+    let levels = [(0.7, 1.4), (1.6, 2.4), (3.0, 3.5)].map(|(a, b)| level(&heard, a, b));
     println!("levels {levels:?}");
     assert!(levels[1] > 1.5 * levels[0] && levels[0] > 1e-4, "faster is louder: {levels:?}");
-    assert!(levels[2] < 0.1 * levels[1] && levels[3] < 0.5 * levels[2], "it only rings on: {levels:?}");
+    assert!(levels[2] < 1e-2 * levels[1], "it only rings on: {levels:?}");
     // Whoever rests is not heard.
     let heard = scraped(slide(&[(0.5, 0.5), (1.5, 0.0)], 3.0), "1.0", 3.0);
     assert!(level(&heard, 2.5, 3.0) < 0.05 * level(&heard, 0.7, 1.4));
