@@ -2,12 +2,14 @@
 
 mod common;
 
-use foley::graph::{DirFiles, Limits, load_text};
+use foley::graph::{DirFiles, Limits, Override, load, load_text};
 use foley::live::{Callback, Material, Options, Player, Reloaded};
 use foley::plan::PlanOptions;
-use foley_nodes::core::input::NoInputs;
+use foley_nodes::core::input::{Inbox, Inputs, Message, NoInputs};
 use foley_nodes::core::random::Draw;
+use foley_nodes::core::time::{Tick, ticks};
 use foley_nodes::io::AudioReader;
+use foley_nodes::live::{Sent, contact_to_message};
 use std::fs::File;
 
 fn graph(nodes: &str) -> String {
@@ -289,6 +291,122 @@ fn a_surface_takes_another_image_size_strength_and_material_without_a_click() {
         let during = greatest_step(&stand.heard[at - 128..settled + 128]);
         assert!(around > 0.0 && during < 4.0 * around, "{during} against {around}\n{edit}");
     }
+}
+
+/// Messages of one channel whose times are known, as if they came then.
+struct Script(&'static str, Vec<(Tick, Message)>);
+
+struct Told(std::vec::IntoIter<(Tick, Message)>);
+
+impl Inbox for Told {
+    fn next(&mut self, before: Tick) -> Option<(Tick, Message)> {
+        let due = self.0.as_slice().first().is_some_and(|(tick, _)| *tick < before);
+        if due { self.0.next() } else { None }
+    }
+}
+
+impl Inputs for Script {
+    fn open(&self, channel: &str) -> Option<Box<dyn Inbox>> {
+        (channel == self.0).then(|| Box::new(Told(self.1.clone().into_iter())) as Box<dyn Inbox>)
+    }
+}
+
+/// A body that slides over the floor in x at speeds in m/s from times in s on, and is lifted at a last time: 60 frames a second.
+fn slide(speeds: &[(f64, f64)], end: f64) -> Vec<(Tick, Message)> {
+    // It sets off just before a joint of the tiles.
+    let (frame, mut x) = (1.0 / 60.0, 0.034);
+    let start = speeds[0].0;
+    let frames = ((end - start) / frame).round() as usize;
+    let mut all: Vec<_> = (0..frames)
+        .map(|k| {
+            let time = start + k as f64 * frame;
+            let speed = speeds.iter().rev().find(|(from, _)| *from <= time + 1e-9).map_or(0.0, |s| s.1);
+            x += speed * frame;
+            let sent = Sent {
+                id: 7,
+                bodies: [0, 1],
+                point: [x, 0.03, 0.0],
+                normal: [0.0, 0.0, 1.0],
+                force: 2.5,
+                velocity: [speed, 0.0, 0.0],
+                approach: Some(0.0),
+                mass: None,
+                travel: Some([speed, 0.0, 0.0]),
+                step: Some(frame),
+                ends: false,
+            };
+            (ticks(time), contact_to_message(&sent).unwrap())
+        })
+        .collect();
+    let last = Sent::from_numbers(&[7.0]).unwrap();
+    all.push((ticks(end), contact_to_message(&last).unwrap()));
+    all
+}
+
+/// What `graphs/texture/live.ron` plays of messages, without what it plays by itself, from the time on at which they are heard.
+fn scraped(messages: Vec<(Tick, Message)>, distance: &str, seconds: f64) -> Vec<f32> {
+    // Noise as coarse as the image, and levels at one speed, which are quick to make.
+    let numbers = [
+        ("bell.gain", "0.0"),
+        ("level", "1.0"),
+        ("distance", distance),
+        ("profile.extend", "false"),
+        ("alike.extend", "false"),
+        ("equal.by_speed", "false"),
+    ];
+    let given = numbers.map(|(key, value)| Override { target: key.into(), value: value.into() });
+    let loaded = load(&common::graphs().join("texture/live.ron"), &given, &[], Limits::default());
+    let shown = foley::diag::render(&loaded.diagnostics, &loaded.sources, false);
+    let graph = loaded.graph.unwrap_or_else(|| panic!("{shown}"));
+    let material = Material {
+        seed: graph.seed,
+        graph,
+        files: DirFiles::new(loaded.root, Limits::default()),
+        memo: None,
+        inputs: std::sync::Arc::new(Script("ball", messages)),
+    };
+    let options = Options { quantum: 128, threads: 0, metered: true, ..Options::default() };
+    let (player, callback) = Player::start(material, options).unwrap();
+    let mut stand = Stand { player, callback, heard: Vec::new() };
+    let late = stand.callback.rate().first_at(stand.player.plan().latency) as usize;
+    stand.play((seconds * 44_100.0) as usize + late, 128);
+    let channels = stand.callback.channels();
+    stand.heard[late * channels..].iter().step_by(channels).copied().collect()
+}
+
+fn level(heard: &[f32], from: f64, to: f64) -> f64 {
+    let part = &heard[(from * 44_100.0) as usize..(to * 44_100.0) as usize];
+    (part.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>() / part.len() as f64).sqrt()
+}
+
+#[test]
+fn contacts_that_come_in_scrape_from_their_first_to_their_last_and_by_their_speed() {
+    let heard = scraped(slide(&[(0.5, 0.15)], 1.0), "1.0", 1.0);
+    let first = heard.iter().position(|x| x.abs() > 1e-5).unwrap() as f64 / 44_100.0;
+    println!("begins at {first} s");
+    // A contact scrapes when it is known to slide: after four frames and 50 ms.
+    assert!((0.5..0.64).contains(&first), "{first}");
+    // Noise grows with the root of the speed; the joints of the tiles only come faster.
+    let heard = scraped(slide(&[(0.5, 0.15), (1.5, 0.9)], 2.5), "20.0", 3.5);
+    let levels = [(0.7, 1.4), (1.6, 2.4), (3.0, 3.5)].map(|(a, b)| level(&heard, a, b));
+    println!("levels {levels:?}");
+    assert!(levels[1] > 1.5 * levels[0] && levels[0] > 1e-4, "faster is louder: {levels:?}");
+    assert!(levels[2] < 1e-2 * levels[1], "it only rings on: {levels:?}");
+    // Whoever rests is not heard.
+    let heard = scraped(slide(&[(0.5, 0.5), (1.5, 0.0)], 3.0), "1.0", 3.0);
+    assert!(level(&heard, 2.5, 3.0) < 0.05 * level(&heard, 0.7, 1.4));
+    assert!(scraped(Vec::new(), "1.0", 0.5).iter().all(|x| *x == 0.0), "nobody touches the floor");
+}
+
+#[test]
+fn contacts_that_come_in_are_as_fine_as_their_own_distance_says() {
+    // The same slide near the listener, at the level of noise, and beyond all levels.
+    let [near, far, away] =
+        ["1.0", "20.0", "300.0"].map(|distance| scraped(slide(&[(0.3, 0.5)], 1.5), distance, 1.5));
+    let [a, b, c] = [&near, &far, &away].map(|heard| level(heard, 0.5, 1.4));
+    println!("near {a}, at the level of noise {b}, away {c}");
+    assert!(c == 0.0 && a > 1e-4 && (0.5..2.0).contains(&(b / a)), "{a} {b} {c}");
+    assert_ne!(near, far);
 }
 
 #[test]

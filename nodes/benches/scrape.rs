@@ -8,7 +8,8 @@ use foley_nodes::core::time::{Rate, Tick, ticks};
 use foley_nodes::modal::{Bank, ForceRing, Modes, PulseShape};
 use foley_nodes::scrape::{
     Heading, Interp, Law, MapForce, MapVoice, MeetForce, MeetVoice, NoiseBands, NoiseForce, NoiseVoice,
-    PairForce, PathPiece, PathRules, Queue, Relief, Sample, Stretch, SurfaceMap, Tracker, Voices, ball_map,
+    PairForce, PathPiece, PathRules, Queue, Relief, Sample, SpeedCurve, Stretch, SurfaceMap, Tracker, Voices,
+    ball_map,
 };
 use foley_nodes::texture::{
     DiscontinuityMap, Drawing, FeatureMap, Grid, Kernel, Levels, Luma, LumaKind, NoiseProfile, Surface,
@@ -195,6 +196,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         let us = time(1, 0.5, MapVoice::default(), |s, stretch, out| force.add(&slope, s, stretch, out));
         line(&format!("map, slope, {name}"), us, 15.0);
     }
+    let mut force = map_force(Interp::Bspline3);
+    force.law.curve = Some(SpeedCurve::new(0.4, std::array::from_fn(|k| 1.0 + 0.1 * k as f64)));
+    let us = time(1, 0.5, MapVoice::default(), |s, stretch, out| force.add(&slope, s, stretch, out));
+    line("map, slope, b-spline, matched by speed", us, 15.0);
     let maps = [
         ("map, size", SurfaceMap::size(&map)),
         ("features, change", SurfaceMap::feature_change(&features)),

@@ -49,3 +49,12 @@ colour = np.zeros((9, 16, 3), np.uint8)
 colour[:] = (230, 140, 20)
 colour[:4, :4] = (20, 40, 200)
 Image.fromarray(colour).save(OUT + "colour.jpg", quality=85, optimize=True, subsampling=2)
+
+x, y = np.meshgrid(np.arange(11), np.arange(9))
+image = ((7 * x * x + 3 * x * y + 5 * y) % 11).astype(float)
+rows = []
+for wrap, mode in (("Repeat", "wrap"), ("Mirror", "reflect"), ("Clamp", "nearest")):
+    for sigma in (1.0, 1.26491):
+        blurred = scipy.ndimage.gaussian_filter(image, sigma, mode=mode, truncate=4)
+        rows.append(f"(Wrap::{wrap}, {sigma}, {listed(blurred)})")
+write("gaussian.in", "[\n" + ",\n".join(rows) + ",\n]")

@@ -331,12 +331,24 @@ impl Classifier {
         known.latest = *frame;
         known.last = tick;
         known.waits = true;
-        self.settle(known, tick, sliding, rolling);
-        self.state(known, frame, slipping, rolling)
+        let variation = self.settle(known, tick, sliding, rolling);
+        let before =
+            known.history.least_force(0, self.rules.impact_memory).filter(|_| !self.young(known, tick));
+        ContactState {
+            variation: variation.unwrap_or_default().map(|x| x as f32),
+            prominence: (mean - before.unwrap_or_default().1) as f32,
+            median: known.history.median_force(0, self.rules.impact_median).unwrap_or(0.0) as f32,
+            ..self.state(known, frame, slipping, rolling)
+        }
     }
 
-    /// The state of a contact after its latest frame.
-    fn settle(&mut self, known: &mut Known, tick: Tick, sliding: f64, rolling: f64) {
+    /// Whether a contact is so young that nothing pressed within the memory.
+    fn young(&self, known: &Known, tick: Tick) -> bool {
+        tick - known.begun < ticks(self.rules.impact_memory)
+    }
+
+    /// The state of a contact after its latest frame; tells how much force and speed vary, where that is known.
+    fn settle(&mut self, known: &mut Known, tick: Tick, sliding: f64, rolling: f64) -> Option<[f64; 2]> {
         let rules = &self.rules;
         let held = tick - known.begun >= ticks(rules.held) && known.history.count >= rules.held_frames;
         let limit = if known.steady { rules.steady_leave } else { rules.steady_enter };
@@ -353,6 +365,7 @@ impl Classifier {
         if let Some(count) = self.frames.get_mut(known.state as usize) {
             *count += 1;
         }
+        variation
     }
 
     /// What kind of steady contact these speeds make, after a state.
@@ -401,6 +414,9 @@ impl Classifier {
             gain: if sounds { self.rules.gain(power) as f32 } else { 0.0 },
             sliding: sliding as f32,
             rolling: rolling as f32,
+            variation: [0.0; 2],
+            prominence: 0.0,
+            median: 0.0,
         }
     }
 
@@ -419,8 +435,8 @@ impl Classifier {
             return;
         }
         // Before the contact began nothing pressed.
-        let young = here.tick - known.begun < ticks(rules.impact_memory);
-        let least = known.history.least_force(age, rules.impact_memory).filter(|_| !young);
+        let least =
+            known.history.least_force(age, rules.impact_memory).filter(|_| !self.young(known, here.tick));
         let (least, least_mean) = least.unwrap_or_default();
         if !first {
             let median = known.history.median_force(age, rules.impact_median).unwrap_or(0.0);

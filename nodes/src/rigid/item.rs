@@ -73,6 +73,12 @@ pub struct ContactState {
     pub sliding: f32,
     /// Speed of the contact point over surface a, m/s.
     pub rolling: f32,
+    /// Standard deviation over mean of force and of speed, by which it is steady or not; 0 in the first frames, in which they are not known.
+    pub variation: [f32; 2],
+    /// How far its mean force stands out from the least before, N, by which it is a blow or not.
+    pub prominence: f32,
+    /// Median of its mean force before, by which it has to stand out at least, N.
+    pub median: f32,
 }
 
 impl Event for ContactFrame {
@@ -114,6 +120,9 @@ impl Event for ContactState {
             gain: draw.unit() as f32,
             sliding: draw.between(0.0, 2.0) as f32,
             rolling: draw.between(0.0, 2.0) as f32,
+            variation: [(); 2].map(|()| draw.unit() as f32),
+            prominence: draw.between(0.0, 50.0) as f32,
+            median: draw.between(0.0, 50.0) as f32,
         }
     }
 }

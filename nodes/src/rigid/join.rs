@@ -31,8 +31,6 @@ const WIDTH: f64 = 0.25;
 #[derive(Clone, Debug)]
 pub(super) struct Joining {
     pub manifold: Manifold,
-    /// Time between two frames of the engine.
-    pub step: Tick,
     /// Longest time for which a contact may be missing, s.
     pub hold: f64,
     /// How far a point may go beyond what its slip explains, m.
@@ -77,6 +75,8 @@ pub(super) struct Joiner<'a> {
     how: Joining,
     poses: &'a Poses,
     lasting: Vec<Lasting>,
+    /// How long the frame that is taken lasts.
+    step: Tick,
     next: u64,
     frames: Vec<(Tick, ContactFrame)>,
     /// Frames in which a contact was missing.
@@ -89,7 +89,7 @@ fn narrow(v: Vec3) -> [f32; 3] {
 
 impl<'a> Joiner<'a> {
     pub fn new(how: Joining, poses: &'a Poses) -> Self {
-        Self { how, poses, lasting: Vec::new(), next: 0, frames: Vec::new(), bridged: 0 }
+        Self { how, poses, lasting: Vec::new(), step: 1, next: 0, frames: Vec::new(), bridged: 0 }
     }
 
     /// Contacts so far.
@@ -99,7 +99,7 @@ impl<'a> Joiner<'a> {
 
     /// Force, velocity and motion of the bodies of a row.
     fn measured(&self, row: &Row, tick: Tick) -> Measured {
-        let step = seconds(self.how.step);
+        let step = seconds(self.step);
         let pose = |k: usize, tick| self.poses.at(row.bodies[k], tick);
         let poses = [pose(0, tick), pose(1, tick)];
         let force = row.impulse.map(|j| j / step).or(row.force).unwrap_or(0.0);
@@ -111,7 +111,7 @@ impl<'a> Joiner<'a> {
         }
         if row.approach.is_none() && poses.iter().any(Option::is_some) {
             // How fast they came together just before: an engine tells what has become of it.
-            let before = tick - self.how.step;
+            let before = tick - self.step;
             let [a, b] = [0, 1].map(|k| pose(k, before).unwrap_or_default().at(row.point));
             row.approach = Some((-dot(sub(b, a), row.normal)).max(0.0));
         }
@@ -141,12 +141,13 @@ impl<'a> Joiner<'a> {
         groups.iter().filter_map(|group| centroid(group)).collect()
     }
 
-    /// Takes the rows of one frame.
-    pub fn frame(&mut self, rows: &[Row]) {
+    /// Takes the rows of one frame that lasts `step`.
+    pub fn frame(&mut self, rows: &[Row], step: Tick) {
+        self.step = step.max(1);
         let Some(tick) = rows.first().map(|row| ticks(row.time)) else { return };
         let mut measured: Vec<Measured> = rows.iter().map(|row| self.measured(row, tick)).collect();
         measured.sort_by_key(|m| m.row.bodies);
-        let oldest = tick - ticks(self.how.hold).max(2 * self.how.step) - self.how.step / 2;
+        let oldest = tick - ticks(self.how.hold).max(2 * self.step) - self.step / 2;
         self.finish(oldest);
         while let Some(pair) = measured.first().map(|m| m.row.bodies) {
             let rest = measured.split_off(measured.partition_point(|m| m.row.bodies <= pair));
@@ -222,7 +223,7 @@ impl<'a> Joiner<'a> {
             travel: None,
         };
         self.next += 1;
-        let frame = self.contact_frame(&contact, new, self.how.step);
+        let frame = self.contact_frame(&contact, new, self.step);
         contact.index = self.frames.len();
         self.frames.push((tick, ContactFrame { begins: true, ..frame }));
         self.lasting.push(contact);
@@ -231,7 +232,7 @@ impl<'a> Joiner<'a> {
     fn goes_on(&mut self, k: usize, tick: Tick, new: &Measured) {
         let Some(mut contact) = self.lasting.get(k).cloned() else { return };
         let gap = tick - contact.last;
-        let missing = (gap as f64 / self.how.step as f64).round().clamp(1.0, MOST_MISSING) as i64 - 1;
+        let missing = (gap as f64 / self.step as f64).round().clamp(1.0, MOST_MISSING) as i64 - 1;
         let step = gap / (missing + 1);
         // What was missing for a frame or two did not press.
         if let Some((at, old)) = self.frames.get(contact.index).copied() {

@@ -4,6 +4,7 @@ use super::bodies::Bodies;
 use super::error::LogError;
 use super::item::ContactFrame;
 use super::join::{Joiner, Joining, Manifold};
+use super::pace::Pace;
 use super::poses::{Poses, read_poses};
 use super::row::{Row, read_rows};
 use crate::core::time::{Tick, ticks};
@@ -17,7 +18,7 @@ pub struct LogOptions {
     pub masses: Vec<f64>,
     /// What one contact is.
     pub manifold: Manifold,
-    /// Frames per second of the engine; `None` finds them.
+    /// Frames per second of the engine; `None` finds them, all along the log.
     pub rate: Option<f64>,
     /// Longest time for which a contact may be missing, s; at least two frames.
     pub hold: f64,
@@ -43,7 +44,7 @@ impl Default for LogOptions {
 pub struct ContactTrack {
     /// Frames of contacts, in the order of time and then of contacts.
     pub frames: Vec<(Tick, ContactFrame)>,
-    /// Time between two frames of the engine.
+    /// Time between two frames of the engine in most of the log.
     pub step: Tick,
     /// Rows of the file.
     pub rows: usize,
@@ -64,13 +65,6 @@ fn times(rows: &[Row]) -> Vec<Tick> {
     let mut times: Vec<Tick> = rows.iter().map(|row| ticks(row.time)).collect();
     times.dedup();
     times
-}
-
-/// The lower quartile of the steps: what is longer passed without any contact.
-fn found_step(times: &[Tick]) -> Tick {
-    let mut steps: Vec<Tick> = times.windows(2).map(|w| w[1] - w[0]).filter(|d| *d > 0).collect();
-    steps.sort_unstable();
-    steps.get(steps.len() / 4).copied().unwrap_or(ticks(1.0 / 60.0)).max(1)
 }
 
 /// Reads a log of contacts, and the poses of the bodies where there are any.
@@ -107,22 +101,17 @@ pub fn read_contacts(
     };
     let rows = read_rows(contacts, poses.is_some(), &mut bodies).map_err(LogError::Contacts)?;
     let times = times(&rows);
-    let step = options.rate.map_or_else(|| found_step(&times), |rate| ticks(1.0 / rate).max(1));
-    let off = |d: Tick| {
-        let frames = d as f64 / step as f64;
-        (frames - frames.round()).abs() > 0.25 || frames < 0.75
-    };
-    let uneven = times.windows(2).filter(|w| off(w[1] - w[0])).count();
+    let pace = Pace::new(&times, options.rate);
     let how = Joining {
         manifold: options.manifold,
-        step,
         hold: options.hold,
         jump: options.jump,
         masses: options.masses.clone(),
     };
     let mut joiner = Joiner::new(how, &poses_read);
-    for frame in rows.chunk_by(|a, b| ticks(a.time) == ticks(b.time)) {
-        joiner.frame(frame);
+    let frames = rows.chunk_by(|a, b| ticks(a.time) == ticks(b.time));
+    for (frame, step) in frames.zip(&pace.steps) {
+        joiner.frame(frame, *step);
     }
     let (contacts, bridged) = (joiner.contacts(), joiner.bridged);
     let frames = joiner.close();
@@ -132,11 +121,11 @@ pub fn read_contacts(
         unseen: unseen.collect(),
         unlisted: bodies.unlisted().to_vec(),
         frames,
-        step,
+        step: pace.step,
         rows: rows.len(),
         contacts,
         bridged,
-        uneven: (uneven, times.len().saturating_sub(1)),
+        uneven: (pace.uneven, times.len().saturating_sub(1)),
     })
 }
 

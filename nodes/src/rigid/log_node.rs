@@ -36,7 +36,7 @@ params! {
         masses: Vec<f64> = Vec::new(), unit "kg", range 0.0..=1.0e12_f64;
         /// What one contact is.
         manifold: Manifold = Manifold::Centroid;
-        /// Frames per second of the engine; None finds them.
+        /// Frames per second of the engine; None finds them, also where they change.
         rate: Option<f64> = None, unit "Hz", range 1.0..=100_000.0;
         /// Longest time for which a contact may be missing without having ended; two frames at least.
         hold: f64 = 0.03, unit "s", range 0.0..=1.0;
@@ -100,7 +100,7 @@ fn notes(p: &ContactLogParams, track: &ContactTrack) -> Vec<String> {
     if track.bridged * 10 > track.frames.len() as u64 {
         let (missing, all) = (track.bridged, track.frames.len());
         notes.push(format!(
-            "{path:?}: {missing} of {all} frames of contacts are missing and taken for silent; `rate` says what a frame is where the log is slower"
+            "{path:?}: {missing} of {all} frames of contacts are missing and taken for silent; `rate` says what a frame is where it is another one"
         ));
     }
     for name in &track.unseen {
@@ -117,6 +117,7 @@ impl Node for ContactLog {
     type Params = ContactLogParams;
     type Ports = ContactLogPorts;
     const NAME: &'static str = "ContactLog";
+    const VERSION: u32 = 2;
     const CLASS: Class = Class::Audio;
 
     fn shape(p: &ContactLogParams, s: &mut Shape<'_, '_, ContactLogPorts>) -> Result<(), Reject> {
@@ -226,7 +227,7 @@ mod tests {
     }
 
     #[test]
-    fn a_log_that_grows_slower_says_what_is_silent_in_it() {
+    fn a_log_that_grows_slower_is_no_log_that_misses_frames_and_one_that_does_says_so() {
         let line = |time: f64| format!("{time},world,box,{},0,0,0,0,1,2,0.5,0,0\n", 0.5 * time);
         let header = LOG.split('\n').next().unwrap();
         let even: String = (0..60).map(|k| line(0.01 * f64::from(k))).collect();
@@ -237,9 +238,12 @@ mod tests {
             notes
         };
         assert_eq!(notes(&even), [""; 0]);
-        let found = notes(&(even + &slower));
+        assert_eq!(notes(&(even.clone() + &slower)), [""; 0]);
+        // Two frames, then one without contact.
+        let holes: String = (0..60).filter(|k| k % 3 != 2).map(|k| line(0.01 * f64::from(k))).collect();
+        let found = notes(&holes);
         assert!(
-            found.len() == 1 && found[0].contains("29 of 119 frames of contacts are missing"),
+            found.len() == 1 && found[0].contains("19 of 59 frames of contacts are missing"),
             "{found:?}"
         );
     }

@@ -3,6 +3,7 @@
 use super::*;
 use crate::core::random::Draw;
 use crate::core::time::{TICKS_PER_SECOND, seconds};
+use crate::rigid::testing::{shipped, thinned};
 
 fn read(text: &str) -> Result<ContactTrack, LogError> {
     read_contacts(text.as_bytes(), None, &LogOptions::default())
@@ -256,6 +257,46 @@ fn damaged_logs_give_contacts_or_an_error() {
         }
     }
     assert!(good > 300 && bad > 1000, "{good} read, {bad} refused");
+}
+
+#[test]
+fn a_log_that_goes_on_at_another_rate_is_read_alike() {
+    for (scene, from) in [("box_slide_slope", 1.2), ("ball_bounce_roll", 2.0)] {
+        let [contacts, poses] = shipped(scene);
+        let read = |text: &str| {
+            read_contacts(text.as_bytes(), Some(poses.as_bytes()), &LogOptions::default()).unwrap()
+        };
+        let (whole, slower) = (read(&contacts), read(&thinned(&contacts, from)));
+        // A box has contacts in every frame; a ball that rolls over rods has not.
+        let bridged = |track: &ContactTrack| {
+            track.frames.iter().filter(|(t, f)| seconds(*t) > from && f.force == 0.0 && !f.ends).count()
+        };
+        println!("{scene}: {} and {} frames without force", bridged(&whole), bridged(&slower));
+        assert!(bridged(&slower) <= bridged(&whole), "{scene}");
+        let long = slower.frames.iter().filter(|(t, _)| seconds(*t) > from + 0.1);
+        let of_two =
+            long.clone().filter(|(_, f)| (f.interval - ticks(1.0 / 30.0)).abs() < ticks(1e-4)).count();
+        assert!(of_two * 10 >= long.clone().count() * 8, "{scene}: {of_two} of {}", long.count());
+    }
+    // And from slow to fast.
+    let point = |t: f64| (t, t, 0.0, 2.0);
+    let slow = (0..30).map(|k| point(0.02 * f64::from(k)));
+    let text = rows(&slow.chain((0..60).map(|k| point(0.6 + 0.01 * f64::from(k)))).collect::<Vec<_>>());
+    let track = read(&text).unwrap();
+    assert_eq!((track.frames.len(), track.bridged, track.contacts, track.uneven.0), (90, 0, 1, 0));
+    let steps: Vec<i64> = track.frames.iter().map(|(_, f)| f.interval / ticks(0.0099)).collect();
+    assert!(steps[..31].iter().all(|s| *s == 2) && steps[31..].iter().all(|s| *s == 1), "{steps:?}");
+}
+
+#[test]
+fn shipped_logs_are_read_whole() {
+    for (scene, rows) in [("box_slide_slope", 325), ("ball_bounce_roll", 136)] {
+        let [contacts, poses] = shipped(scene);
+        let track =
+            read_contacts(contacts.as_bytes(), Some(poses.as_bytes()), &LogOptions::default()).unwrap();
+        assert_eq!((track.rows, contacts.lines().count()), (rows, rows + 1));
+        assert!((TICKS_PER_SECOND as f64 / track.step as f64 / 60.0 - 1.0).abs() < 0.01);
+    }
 }
 
 #[test]

@@ -13,9 +13,12 @@ mod item;
 mod join;
 mod log;
 pub mod log_node;
+mod pace;
 mod poses;
 mod row;
 mod table;
+#[cfg(test)]
+pub(crate) mod testing;
 
 pub use bodies::{Bodies, MAX_BODIES};
 pub use classify::{Classifier, PowerLaw, Rules, Struck};

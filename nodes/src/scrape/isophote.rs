@@ -252,7 +252,8 @@ impl IsophoteForce {
         voice.quota = (cell, count + 1);
         self.crossings += 1;
         let [kappa, a, b] = [self.law.kappa, self.law.a, self.law.b].map(|slew| slew.at(sample));
-        let area = PULSE * kappa * gain * libm::pow(f, a) * libm::pow(speed, b) * amplitude;
+        let bend = f64::from(self.law.bend(speed as f32, scale, sample));
+        let area = PULSE * kappa * bend * gain * libm::pow(f, a) * libm::pow(speed, b) * amplitude;
         let owner = (stretch.piece.contact, stretch.piece.jump);
         self.pulses.add(stretch.anchor, crossing.time, self.width / (long * self.rate), area, owner);
     }
@@ -298,7 +299,8 @@ impl IsophoteForce {
             let close = if close > 0.0 && near.found[n] { close } else { 0.0 };
             cell[n] = (close * close * slopes[n]) as f32;
         }
-        self.law.apply(stretch, &self.moves, &mut cell);
+        let sizes = self.scale.ends(stretch.anchor);
+        self.law.apply(stretch, &self.moves, sizes, &mut cell);
         out.iter_mut().zip(stretch.part(&mut cell)).for_each(|(out, x)| *out += *x);
     }
 }

@@ -2,9 +2,8 @@
 
 use super::isophote::{IsophoteForce, IsophoteVoice, Reading};
 use super::item::PathPiece;
-use super::law::Law;
 use super::pulses::LONGEST;
-use super::strength::linked;
+use super::strength::{self, Strength, linked, silent};
 use super::voices::Voices;
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
@@ -78,7 +77,7 @@ ports! {
             /// The curves of the surface.
             isophotes: Value<Isophotes>,
             /// Strength in place of the number, as LevelMatcher finds it.
-            kappa: Option<Value<f64>>,
+            kappa: Option<Value<Strength>>,
         }
         out {
             /// Force, mono, N.
@@ -92,14 +91,14 @@ ports! {
 pub struct IsophoteExcitation {
     params: IsophoteExcitationParams,
     /// Strength that is linked.
-    kappa: Option<f64>,
+    kappa: Option<Strength>,
     force: IsophoteForce,
     voices: Voices<IsophoteVoice>,
 }
 
 /// The law of the parameters, with the strength that is linked in place of the number.
-fn law(p: &IsophoteExcitationParams, kappa: Option<f64>) -> [f64; 3] {
-    [kappa.unwrap_or(p.kappa) * p.gain, p.a, p.b]
+fn law(p: &IsophoteExcitationParams, kappa: Option<Strength>) -> [f64; 3] {
+    [kappa.map_or(p.kappa, |s| s.kappa) * p.gain, p.a, p.b]
 }
 
 /// Refuses isophotes that cannot be read.
@@ -119,6 +118,7 @@ impl Node for IsophoteExcitation {
     type Params = IsophoteExcitationParams;
     type Ports = IsophoteExcitationPorts;
     const NAME: &'static str = "IsophoteExcitation";
+    const VERSION: u32 = 2;
     const CLASS: Class = Class::Audio;
     const COST: f64 = 15.0;
 
@@ -139,8 +139,13 @@ impl Node for IsophoteExcitation {
         check("isophotes", &all)?;
         let kappa = linked(cx.optional_value(IsophoteExcitationPorts::kappa))?;
         let rate = p.rate.as_f64();
-        let mut force =
-            IsophoteForce::new(&all, p.reading, Law::new(law(p, kappa), rate), rate, p.contacts.into());
+        let mut force = IsophoteForce::new(
+            &all,
+            p.reading,
+            strength::law(law(p, kappa), kappa, rate),
+            rate,
+            p.contacts.into(),
+        );
         force.set(p.width, p.radius, p.scale);
         let voices = Voices::new(p.contacts.into(), p.rate, IsophoteVoice::default());
         Ok(Self { params: p.clone(), kappa, force, voices })
@@ -148,8 +153,7 @@ impl Node for IsophoteExcitation {
 
     fn run(&mut self, mut io: IsophoteExcitationIo<'_>) -> Result<(), Fault> {
         let (first, events, out) = (io.force.first(), io.paths.events(), io.force.items());
-        if self.kappa == Some(0.0) {
-            out.fill(0.0);
+        if silent(self.kappa, out) {
             return Ok(());
         }
         self.voices.play_cells(

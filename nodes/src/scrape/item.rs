@@ -31,6 +31,12 @@ pub struct PathPiece {
 }
 
 impl PathPiece {
+    /// The number of all contacts of two bodies together, where these are joined: beyond all that contacts have.
+    #[must_use]
+    pub fn pair([a, b]: [u32; 2]) -> u64 {
+        1 << 63 | u64::from(a) << 32 | u64::from(b)
+    }
+
     /// The place at `s` from 0 to 1 of its duration, m.
     #[must_use]
     pub fn place_at(&self, s: f64) -> [f64; 2] {

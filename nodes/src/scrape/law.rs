@@ -1,6 +1,7 @@
 //! How strongly a surface answers: the law of force and speed that all excitations share, and the motion it is fed with.
 
 use super::slew::Slew;
+use super::strength::SpeedCurve;
 use super::voices::{CELL, Cell, Stretch};
 
 /// Speed below which a contact counts as at rest, m/s.
@@ -23,13 +24,15 @@ pub struct Law {
     pub a: Slew,
     /// Exponent of the speed.
     pub b: Slew,
+    /// What the factor is worth at each speed, where that is known.
+    pub curve: Option<SpeedCurve>,
 }
 
 impl Law {
     /// A law at rest.
     #[must_use]
     pub fn new([kappa, a, b]: [f64; 3], rate: f64) -> Self {
-        Self { kappa: Slew::new(kappa, rate), a: Slew::new(a, rate), b: Slew::new(b, rate) }
+        Self { kappa: Slew::new(kappa, rate), a: Slew::new(a, rate), b: Slew::new(b, rate), curve: None }
     }
 
     /// Sets off for another law at a sample.
@@ -39,9 +42,29 @@ impl Law {
         self.b.go_to(b, sample);
     }
 
-    /// Multiplies `out` by the amplitude over a stretch: law, amplitude of the piece, and rest.
+    /// What the curve makes of a speed on a surface of a size: what is twice as large is met half as fast, and then the law, which
+    /// knows nothing of that, counts the whole speed.
+    #[inline]
+    #[must_use]
+    pub fn bend(&self, speed: f32, size: f64, sample: i64) -> f32 {
+        let Some(curve) = &self.curve else { return 1.0 };
+        let size = size as f32;
+        curve.at(speed / size) * power(size, -self.b.at(sample) as f32)
+    }
+
+    /// Multiplies `out` by the amplitude over a stretch: law, amplitude of the piece, and rest. `sizes` are those of the surface at
+    /// the first and the last sample of the cell.
     #[inline(always)]
-    pub fn apply(&self, stretch: &Stretch, moves: &Moves, out: &mut Cell) {
+    pub fn apply(&self, stretch: &Stretch, moves: &Moves, sizes: [f64; 2], out: &mut Cell) {
+        if self.curve.is_some() {
+            // Within 64 samples a speed changes so little that a straight line will do.
+            let [a, b] = [(0, sizes[0]), (CELL - 1, sizes[1])]
+                .map(|(n, size)| self.bend(moves.speed[n], size, stretch.anchor + n as i64));
+            let step = (b - a) / (CELL - 1) as f32;
+            for (n, out) in out.iter_mut().enumerate() {
+                *out *= a + n as f32 * step;
+            }
+        }
         let (mut force, mut gain) = ([0.0; CELL], [0.0; CELL]);
         stretch.force(&mut force);
         stretch.gain(&mut gain);
@@ -279,7 +302,7 @@ mod tests {
             |heading, stretch, out| {
                 moves.follow(stretch, &stretch.way(), [1.0; 2], heading);
                 let mut cell = [1.0; CELL];
-                law.apply(stretch, &moves, &mut cell);
+                law.apply(stretch, &moves, [1.0; 2], &mut cell);
                 out.iter_mut().zip(stretch.part(&mut cell)).for_each(|(out, x)| *out += *x);
             },
         );

@@ -13,12 +13,12 @@ use crate::texture::{Grid, Surface, Wrap};
 use std::f64::consts::{PI, TAU};
 
 /// Samples per second of what is compared.
-const RATE: u32 = 44_100;
+pub const RATE: u32 = 44_100;
 /// Circles of a stroke, and the way along each, px.
 const CIRCLES: usize = 8;
 const WAY: f64 = 512.0;
 /// Shortest and longest time for a circle, samples.
-const SAMPLES: [f64; 2] = [8192.0, 65_536.0];
+const SAMPLES: [f64; 2] = [8192.0, 32_768.0];
 /// Share of a circle over which it fades in, and out.
 const FADE: f64 = 0.2;
 /// Steps of the best even spread over a plane: powers of the plastic number.
@@ -87,7 +87,7 @@ impl StandardStroke {
     /// `after` ends each cell of samples.
     ///
     /// # Complexity
-    /// 8 times 512 pixels at the speed of the stroke, and half a million samples at most.
+    /// 8 times 512 pixels at the speed of the stroke, and a quarter of a million samples at most.
     pub fn draw<F, S: Clone>(
         &self,
         excitation: &mut F,
@@ -209,7 +209,7 @@ mod tests {
                 }
             }
             assert!((along / across - 1.0).abs() < 0.5 || speed < 0.01, "{along} {across}");
-            assert!(stroke.samples <= 8 * 65_536 + 1);
+            assert!(stroke.samples <= 8 * 32_768 + 1);
         }
     }
 

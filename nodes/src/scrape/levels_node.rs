@@ -3,11 +3,12 @@
 use super::bands::NoiseBands;
 use super::isophote::{IsophoteForce, IsophoteVoice, Reading};
 use super::law::Law;
-use super::levels::{StandardStroke, factor, heard, parts, rms, share, sum};
+use super::levels::{RATE, StandardStroke, factor, heard, parts, rms, share, sum};
 use super::map::{MapForce, MapVoice, SurfaceMap};
 use super::map_node::{MapValue, check_grid};
 use super::noise::{NoiseForce, NoiseVoice};
 use super::plane::Interp;
+use super::strength::{POINTS, SpeedCurve, Strength};
 use super::{isophote_node, noise_node};
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
@@ -19,9 +20,12 @@ use crate::core::shape::Build;
 use crate::modal::Modes;
 use crate::texture::histogram::{Class, TextureClass};
 use crate::texture::sobel::gradient;
-use crate::texture::{DiscontinuityMap, FeatureMap, Isophotes, NoiseMap, NoiseProfile};
+use crate::texture::{DiscontinuityMap, FeatureMap, Isophotes, NoiseMap, NoiseProfile, Surface};
 use crate::{params, ports};
+use rayon::prelude::*;
 
+/// Samples per second of what is compared.
+const FS: f64 = RATE as f64;
 /// Share of the noise where there is no noise map to tell it.
 const HALF: f64 = 0.5;
 
@@ -43,8 +47,10 @@ params! {
     /// A map holds low tones and fine noise holds high ones: equal forces ring high modes differently. With a link to `modes`
     /// what is compared is the sound of these modes at `pitch` and `damping`, in place of the force.
     ///
-    /// Excitations follow force and speed by their own exponents, `map_law` and `noise_law` here, so levels are equally loud where
-    /// force and speed are those of the stroke; with the same exponents for all, everywhere.
+    /// What is heard of a surface changes with speed as its waves pass the modes, and of each level otherwise: so a strength is found
+    /// for each quarter of an octave up to two octaves below and above `speed`, and the excitations read it at the speed of the
+    /// contact. All levels then follow the whole map, whatever their exponents of speed; without `by_speed` they do so at `speed`
+    /// alone. With force levels change by their own exponents, `map_law` and `noise_law` here, and are equally loud under `force`.
     ///
     /// # Source
     /// Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section 4.2, add features
@@ -54,6 +60,8 @@ params! {
         kappa: f64 = 1.0, unit "N", range 0.0..=1_000_000.0;
         /// Speed of the stroke.
         speed: f64 = 1.0, unit "m/s", range 0.001..=100.0;
+        /// Whether strengths follow the speed of the contact.
+        by_speed: bool = true;
         /// Normal force of the stroke.
         force: f64 = 1.0, unit "N", range 0.001..=100_000.0;
         /// Exponents of force and speed of maps, features and isophotes.
@@ -96,17 +104,17 @@ ports! {
         }
         out {
             /// Strength of the whole map.
-            full: Value<f64>,
+            full: Value<Strength>,
             /// Strength of the isophotes in place of it.
-            full_isophotes: Value<f64>,
+            full_isophotes: Value<Strength>,
             /// Strength of the features, with noise beside them.
-            split_features: Value<f64>,
+            split_features: Value<Strength>,
             /// Strength of the noise beside features.
-            split_noise: Value<f64>,
+            split_noise: Value<Strength>,
             /// Strength of the noise alone.
-            only_noise: Value<f64>,
+            only_noise: Value<Strength>,
             /// Strength of noise from a spectrum alone.
-            only_spectrum: Value<f64>,
+            only_spectrum: Value<Strength>,
         }
     }
 }
@@ -115,20 +123,57 @@ ports! {
 #[derive(Debug)]
 pub struct LevelMatcher;
 
-/// What is drawn from a stroke, and by which laws.
-struct Trial<'a> {
-    p: &'a LevelMatcherParams,
-    stroke: StandardStroke,
+/// All that is made of a surface before anything moves over it.
+struct Surfaces<'a> {
+    p: LevelMatcherParams,
     modes: Option<&'a Modes>,
+    map: SurfaceMap,
+    place: Surface,
+    size: [usize; 2],
+    features: Option<SurfaceMap>,
+    noise: Option<NoiseBands>,
+    alike: Option<NoiseBands>,
+    curves: Option<&'a Isophotes>,
+    /// Share of the noise in the power of features and noise.
+    share: f64,
 }
 
-impl Trial<'_> {
-    fn rate(&self) -> f64 {
-        self.stroke.rate().as_f64()
-    }
+/// What is found at one speed.
+struct Found {
+    /// How strong the whole map is.
+    wanted: f64,
+    /// Strengths: of the whole map, of isophotes, features, noise beside them, noise alone, noise from a spectrum alone.
+    strengths: [f64; 6],
+    /// How strong features and noise are together, and which share the noise has in their power.
+    split: [f64; 2],
+}
 
-    fn law(&self, [a, b]: [f64; 2]) -> Law {
-        Law::new([1.0, a, b], self.rate())
+/// The law of exponents of force and speed.
+fn law([a, b]: [f64; 2]) -> Law {
+    Law::new([1.0, a, b], FS)
+}
+
+fn bands(profile: &NoiseProfile) -> Result<NoiseBands, Reject> {
+    noise_node::check(profile)?;
+    Ok(NoiseBands::new(profile))
+}
+
+impl<'a> Surfaces<'a> {
+    fn new(p: &LevelMatcherParams, io: &LevelMatcherIo<'a>) -> Result<Self, Reject> {
+        // The finest level of a simple surface is its map.
+        let simple = io.class.is_some_and(|found| found.class == Class::Simple);
+        Ok(Self {
+            p: p.clone(),
+            modes: io.modes,
+            map: whole(p, io.map)?,
+            place: io.map.surface,
+            size: [io.map.gx.width, io.map.gx.height],
+            features: io.features.map(|f| features(p, f)).transpose()?,
+            noise: io.noise.map(bands).transpose()?,
+            alike: io.spectrum.map(bands).transpose()?,
+            curves: io.isophotes.filter(|_| !simple),
+            share: share_of(io.map, io.rest)?,
+        })
     }
 
     fn heard(&self, force: Vec<f32>) -> Result<Vec<f32>, Fault> {
@@ -136,9 +181,9 @@ impl Trial<'_> {
             .map_err(|e| Reject::new("F078", e.to_string()).at("modes").into())
     }
 
-    fn map(&self, map: &SurfaceMap) -> Result<Vec<f32>, Fault> {
-        let mut force = MapForce::new(self.law(self.p.map_law), 1.0, Interp::Bspline3, self.rate());
-        self.heard(self.stroke.draw(
+    fn map(&self, stroke: &StandardStroke, map: &SurfaceMap) -> Result<Vec<f32>, Fault> {
+        let mut force = MapForce::new(law(self.p.map_law), 1.0, Interp::Bspline3, FS);
+        self.heard(stroke.draw(
             &mut force,
             |_| MapVoice::default(),
             |force, voice, stretch, out| force.add(map, voice, stretch, out),
@@ -146,31 +191,70 @@ impl Trial<'_> {
         ))
     }
 
-    fn noise(&self, profile: &NoiseProfile) -> Result<Vec<f32>, Fault> {
-        noise_node::check(profile)?;
-        let bands = NoiseBands::new(profile);
-        let mut force = NoiseForce::new(self.law(self.p.noise_law), 1.0, self.rate());
-        self.heard(self.stroke.draw(
+    fn noise(&self, stroke: &StandardStroke, bands: &NoiseBands) -> Result<Vec<f32>, Fault> {
+        let mut force = NoiseForce::new(law(self.p.noise_law), 1.0, FS);
+        self.heard(stroke.draw(
             &mut force,
             // Each circle begins elsewhere on the loop.
             |k| NoiseVoice::at(bands.round() * (k as f64 * 0.618_034).fract()),
-            |force, voice, stretch, out| force.add(&bands, voice, stretch, out),
+            |force, voice, stretch, out| force.add(bands, voice, stretch, out),
             |_, _, _| {},
         ))
     }
 
-    fn isophotes(&self, all: &Isophotes) -> Result<Vec<f32>, Fault> {
+    fn isophotes(&self, stroke: &StandardStroke, all: &Isophotes) -> Result<Vec<f32>, Fault> {
         isophote_node::check("isophotes", all)?;
-        let law = self.law(self.p.map_law);
-        let mut force = IsophoteForce::new(all, self.p.reading, law, self.rate(), 2);
+        let mut force = IsophoteForce::new(all, self.p.reading, law(self.p.map_law), FS, 2);
         force.set(self.p.width, self.p.radius, 1.0);
-        self.heard(self.stroke.draw(
+        self.heard(stroke.draw(
             &mut force,
             |_| IsophoteVoice::default(),
             IsophoteForce::add,
             IsophoteForce::ring_out,
         ))
     }
+
+    /// How strong each excitation has to be at a speed, m/s.
+    fn at(&self, speed: f64) -> Result<Found, Fault> {
+        let stroke = StandardStroke::new(&self.place, self.size, speed, self.p.force);
+        let of_map = |map: &Option<SurfaceMap>| map.as_ref().map(|map| self.map(&stroke, map)).transpose();
+        let of_noise =
+            |noise: &Option<NoiseBands>| noise.as_ref().map(|n| self.noise(&stroke, n)).transpose();
+        let wanted = self.p.kappa * rms(&self.map(&stroke, &self.map)?);
+        let lines = of_map(&self.features)?.unwrap_or_default();
+        let noise = of_noise(&self.noise)?.unwrap_or_default();
+        let curves = self.curves.map(|c| self.isophotes(&stroke, c)).transpose()?.unwrap_or_default();
+        let alone = |drawn: &[f32]| factor(wanted, rms(drawn));
+        let [features, beside] = if lines.is_empty() || noise.is_empty() {
+            [alone(&lines), alone(&noise)]
+        } else {
+            parts(wanted, [&lines, &noise], self.share)
+        };
+        let power = [features * rms(&lines), beside * rms(&noise)].map(|x| x * x);
+        let alike = alone(&of_noise(&self.alike)?.unwrap_or_default());
+        Ok(Found {
+            wanted,
+            strengths: [self.p.kappa, alone(&curves), features, beside, alone(&noise), alike],
+            split: [
+                rms(&sum([&lines, &noise], [features, beside])),
+                power[1] / (power[0] + power[1]).max(f64::MIN_POSITIVE),
+            ],
+        })
+    }
+
+    /// The same at all speeds of a curve around that of the stroke.
+    fn at_all(&self) -> Result<Vec<Found>, Fault> {
+        SpeedCurve::speeds(self.p.speed).into_par_iter().map(|speed| self.at(speed)).collect()
+    }
+}
+
+/// A strength that is what was found at each speed; where nothing was found at one, as in the middle.
+fn strength(speed: f64, found: &[Found], level: usize) -> Strength {
+    let of = |k: usize| found.get(k).and_then(|found| found.strengths.get(level)).copied().unwrap_or(0.0);
+    let kappa = of(found.len() / 2);
+    let factors = std::array::from_fn(|k| if of(k) > 0.0 && kappa > 0.0 { of(k) / kappa } else { 1.0 });
+    let bent = factors != [1.0; POINTS];
+    Strength { kappa, curve: bent.then(|| SpeedCurve::new(speed, factors)) }
 }
 
 fn whole(p: &LevelMatcherParams, map: &DiscontinuityMap) -> Result<SurfaceMap, Reject> {
@@ -201,53 +285,40 @@ impl Func for LevelMatcher {
     type Params = LevelMatcherParams;
     type Ports = LevelMatcherPorts;
     const NAME: &'static str = "LevelMatcher";
-    const VERSION: u32 = 3;
+    const VERSION: u32 = 4;
 
     fn eval(p: &LevelMatcherParams, _: &Build<'_>, mut io: LevelMatcherIo<'_>) -> Result<Summary, Fault> {
-        let map = whole(p, io.map)?;
-        let size = [io.map.gx.width, io.map.gx.height];
-        let stroke = StandardStroke::new(&io.map.surface, size, p.speed, p.force);
-        let trial = Trial { p, stroke, modes: io.modes };
-        let wanted = p.kappa * rms(&trial.map(&map)?);
-        let lines = io.features.map(|f| trial.map(&features(p, f)?)).transpose()?.unwrap_or_default();
-        let noise = io.noise.map(|profile| trial.noise(profile)).transpose()?.unwrap_or_default();
-        let curves = io.isophotes.map(|all| trial.isophotes(all)).transpose()?.unwrap_or_default();
-        let alike = io.spectrum.map(|profile| trial.noise(profile)).transpose()?.unwrap_or_default();
-        let alone = |drawn: &[f32]| factor(wanted, rms(drawn));
+        let surfaces = Surfaces::new(p, &io)?;
+        let all = if p.by_speed { surfaces.at_all()? } else { vec![surfaces.at(p.speed)?] };
+        let Some(Found { wanted, split, .. }) = all.get(all.len() / 2) else { return Ok(Vec::new()) };
+        let mut told: Summary =
+            vec![("rms", (*wanted).into()), ("split_rms", split[0].into()), ("noise_share", split[1].into())];
         // A complex surface without isophotes has only its map.
-        let finest = match io.class.map(|found| found.class) {
-            Some(Class::Simple) => [p.kappa, 0.0],
-            Some(Class::Complex) if !curves.is_empty() => [0.0, alone(&curves)],
-            _ => [p.kappa, alone(&curves)],
-        };
-        let split = if lines.is_empty() || noise.is_empty() {
-            [alone(&lines), alone(&noise)]
-        } else {
-            parts(wanted, [&lines, &noise], share_of(io.map, io.rest)?)
-        };
-        let power = [split[0] * rms(&lines), split[1] * rms(&noise)].map(|x| x * x);
-        let mut told: Summary = vec![
-            ("rms", wanted.into()),
-            ("split_rms", rms(&sum([&lines, &noise], split)).into()),
-            ("noise_share", (power[1] / (power[0] + power[1]).max(f64::MIN_POSITIVE)).into()),
-        ];
-        for (key, slot, value) in [
-            ("full", &mut io.full, finest[0]),
-            ("full_isophotes", &mut io.full_isophotes, finest[1]),
-            ("split_features", &mut io.split_features, split[0]),
-            ("split_noise", &mut io.split_noise, split[1]),
-            ("only_noise", &mut io.only_noise, alone(&noise)),
-            ("only_spectrum", &mut io.only_spectrum, alone(&alike)),
-        ] {
+        let complex = io.class.is_some_and(|found| found.class == Class::Complex);
+        let only_curves = complex && io.isophotes.is_some();
+        for (level, (key, slot)) in [
+            ("full", &mut io.full),
+            ("full_isophotes", &mut io.full_isophotes),
+            ("split_features", &mut io.split_features),
+            ("split_noise", &mut io.split_noise),
+            ("only_noise", &mut io.only_noise),
+            ("only_spectrum", &mut io.only_spectrum),
+        ]
+        .into_iter()
+        .enumerate()
+        {
+            let none = level == 0 && only_curves;
+            let value = if none { Strength::even(0.0) } else { strength(p.speed, &all, level) };
             slot.set(value);
-            told.push((key, value.into()));
+            told.push((key, value.kappa.into()));
         }
         Ok(told)
     }
 
     fn trial(draw: &mut Draw) -> (LevelMatcherParams, MemoryFiles) {
-        // Fast strokes, which are short.
-        let p = LevelMatcherParams { speed: draw.between(50.0, 100.0), ..LevelMatcherParams::trial(draw) };
+        // Fast strokes, which are short, and mostly one.
+        let (speed, by_speed) = (draw.between(50.0, 100.0), draw.below(32) == 0);
+        let p = LevelMatcherParams { speed, by_speed, ..LevelMatcherParams::trial(draw) };
         (p, MemoryFiles::default())
     }
 }

@@ -41,6 +41,13 @@ fn floor(grain: f64) -> Floor {
     made_of(grid)
 }
 
+/// A floor that looks like an image of the examples.
+fn picture(name: &str) -> Floor {
+    let path = format!("{}/../graphs/assets/images/{name}.png", env!("CARGO_MANIFEST_DIR"));
+    let picture = decode(&std::fs::read(path).unwrap()).unwrap();
+    made_of(luminance(&picture, LumaKind::Lstar, false).unwrap().0)
+}
+
 /// A floor that looks like an image.
 fn made_of(grid: Grid) -> Floor {
     let surface = Surface::default();
@@ -64,7 +71,8 @@ fn made_of(grid: Grid) -> Floor {
 }
 
 fn params() -> LevelMatcherParams {
-    LevelMatcherParams::read(&|_| None).unwrap()
+    // At one speed, where a test is of nothing else: it is quicker.
+    LevelMatcherParams { by_speed: false, ..LevelMatcherParams::read(&|_| None).unwrap() }
 }
 
 fn value<T: crate::core::item::Data + Clone>(value: &T) -> Feed {
@@ -85,15 +93,19 @@ fn matched(p: LevelMatcherParams, floor: &Floor, modes: Option<&Modes>) -> SoloR
     solo.run().unwrap()
 }
 
+fn strength_of(run: &SoloRun, port: usize) -> Strength {
+    *run.value(port).unwrap().get::<Strength>().unwrap()
+}
+
 fn kappa(run: &SoloRun, port: usize) -> f64 {
-    *run.value(port).unwrap().get::<f64>().unwrap()
+    strength_of(run, port).kappa
 }
 
 /// A way that has nothing to do with the standard stroke, at about a speed.
 fn way(speed: f64, force: f64) -> Vec<(Tick, PathPiece)> {
     let mut draw = Draw::new(5);
     let (mut place, mut angle, mut time) = ([0.3, 0.2], 0.4, 0.0);
-    let points: Vec<[f64; 4]> = (0..120)
+    let points: Vec<[f64; 4]> = (0..200)
         .map(|_| {
             let point = [time, place[0], place[1], force];
             let step = 0.04;
@@ -119,21 +131,21 @@ fn levels(floor: &Floor, run: &SoloRun, way: &[(Tick, PathPiece)]) -> [Vec<f32>;
     let rate = Rate::hz(44_100);
     let map = |feed: (usize, Feed), port: usize| {
         let p = MapExcitationParams { rate, ..MapExcitationParams::read(&|_| None).unwrap() };
-        let feeds = vec![feed, (MapExcitationPorts::kappa.index(), value(&kappa(run, port)))];
+        let feeds = vec![feed, (MapExcitationPorts::kappa.index(), value(&strength_of(run, port)))];
         drawn::<MapExcitation>(p, way, feeds)
     };
     let noise = |profile: &NoiseProfile, port: usize| {
         let p = NoiseExcitationParams { rate, ..NoiseExcitationParams::read(&|_| None).unwrap() };
         let feeds = vec![
             (NoiseExcitationPorts::noise.index(), value(profile)),
-            (NoiseExcitationPorts::kappa.index(), value(&kappa(run, port))),
+            (NoiseExcitationPorts::kappa.index(), value(&strength_of(run, port))),
         ];
         drawn::<NoiseExcitation>(p, way, feeds)
     };
     let p = IsophoteExcitationParams { rate, ..IsophoteExcitationParams::read(&|_| None).unwrap() };
     let feeds = vec![
         (IsophoteExcitationPorts::isophotes.index(), value(&floor.isophotes)),
-        (IsophoteExcitationPorts::kappa.index(), value(&kappa(run, 1))),
+        (IsophoteExcitationPorts::kappa.index(), value(&strength_of(run, 1))),
     ];
     let lines = map((MapExcitationPorts::features.index(), value(&floor.features)), 2);
     let both = sum([&lines, &noise(&floor.noise, 3)], [1.0; 2]);
@@ -164,9 +176,7 @@ fn all_levels_of_detail_are_equally_strong_within_two_db() {
 #[test]
 fn surfaces_of_the_examples_are_equally_strong_on_all_levels() {
     for name in ["tiles", "sk_brick", "sk_gravel"] {
-        let path = format!("{}/../graphs/assets/images/{name}.png", env!("CARGO_MANIFEST_DIR"));
-        let picture = decode(&std::fs::read(path).unwrap()).unwrap();
-        let floor = made_of(luminance(&picture, LumaKind::Lstar, false).unwrap().0);
+        let floor = picture(name);
         let run = matched(LevelMatcherParams { speed: 0.8, ..params() }, &floor, None);
         let pen = Pen { contact: 0, object: 0, other: None };
         let way = pieces(&circle([0.5; 2], 0.3, 1.0, 0.0, 0.8, 1.0).unwrap(), pen);
@@ -249,6 +259,68 @@ fn with_modes_it_is_their_sound_that_is_equally_loud() {
     }
 }
 
+/// The slope of bricks and the box of `graphs/texture/brick_slide.ron`, and gravel, which is not matched by its map alone.
+#[test]
+fn with_modes_all_levels_follow_the_whole_map_from_half_to_four_times_the_speed() {
+    // Narrow modes would hear but a few waves of noise on a short way.
+    let dampings = vec![40.0, 50.0, 60.0, 80.0];
+    let modes = Modes::new("box", vec![271.0, 410.0, 663.0, 1190.0], dampings, vec![1.0; 4]).unwrap();
+    for (name, extend_by) in [("sk_brick", 16), ("sk_gravel", 1)] {
+        let mut floor = picture(name);
+        if extend_by > 1 {
+            floor.noise = extend(&floor.noise, extend_by, &Random::new(3, "fine")).0;
+            floor.spectrum = extend(&floor.spectrum, extend_by, &Random::new(4, "fine")).0;
+        }
+        let p = LevelMatcherParams { speed: 1.2, force: 2.0, by_speed: true, ..params() };
+        let run = matched(p.clone(), &floor, Some(&modes));
+        let still = matched(LevelMatcherParams { by_speed: false, ..p }, &floor, Some(&modes));
+        let mut worst = [0.0_f64; 2];
+        for times in [0.5, 1.0, 2.0, 4.0] {
+            let way = way(1.2 * times, 2.0);
+            let ring = |force: Vec<f32>| rms(&heard(force, Some(&modes), [1.0; 2]).unwrap());
+            for (run, worst) in [&run, &still].into_iter().zip(&mut worst) {
+                let all = levels(&floor, run, &way).map(ring);
+                let miss = all.map(|level| db(level / all[0]));
+                println!("{name} at {times} x: {miss:.1?} dB");
+                *worst = miss.iter().fold(*worst, |w, miss| w.max(miss.abs()));
+            }
+        }
+        assert!(worst[0] < 2.0, "{name}: {} dB", worst[0]);
+        assert!(worst[1] > 4.0, "{name}: matched at one speed it is {} dB off", worst[1]);
+    }
+}
+
+#[test]
+fn a_surface_of_twice_the_size_is_matched_as_well() {
+    let floor = floor(4.0);
+    let modes = Modes::new("bar", vec![271.0, 663.0], vec![9.0, 15.0], vec![1.0; 2]).unwrap();
+    let p = LevelMatcherParams { by_speed: true, ..params() };
+    let run = matched(p, &floor, Some(&modes));
+    let sized = |map: bool| {
+        let way = way(1.6, 1.0);
+        let drawn = if map {
+            let p = MapExcitationParams::read(&|_| None).unwrap();
+            let feeds = vec![
+                (MapExcitationPorts::map.index(), value(&floor.map)),
+                (MapExcitationPorts::kappa.index(), value(&strength_of(&run, 0))),
+            ];
+            let p = MapExcitationParams { rate: Rate::hz(44_100), scale: 2.0, ..p };
+            drawn::<MapExcitation>(p, &way, feeds)
+        } else {
+            let p = NoiseExcitationParams::read(&|_| None).unwrap();
+            let feeds = vec![
+                (NoiseExcitationPorts::noise.index(), value(&floor.noise)),
+                (NoiseExcitationPorts::kappa.index(), value(&strength_of(&run, 4))),
+            ];
+            let p = NoiseExcitationParams { rate: Rate::hz(44_100), scale: 2.0, ..p };
+            drawn::<NoiseExcitation>(p, &way, feeds)
+        };
+        rms(&heard(drawn, Some(&modes), [1.0; 2]).unwrap())
+    };
+    let miss = db(sized(false) / sized(true));
+    assert!(miss.abs() < 2.0, "{miss} dB");
+}
+
 #[test]
 fn the_noise_has_the_share_that_its_slopes_have() {
     let shares = [0.5, 8.0].map(|grain| {
@@ -280,7 +352,7 @@ fn a_strength_that_is_none_is_refused() {
     let solo = Solo::new::<MapExcitation>(p)
         .events::<PathPiece>(MapExcitationPorts::paths, vec![], 1)
         .feed(MapExcitationPorts::map.index(), value(&floor(1.0).map))
-        .feed(MapExcitationPorts::kappa.index(), value(&2e6));
+        .feed(MapExcitationPorts::kappa.index(), value(&Strength::even(2e6)));
     let error = solo.run().map(|_| ()).unwrap_err();
     assert!(error.code == "F128" && error.to_string().contains("2000000"), "{error}");
 }

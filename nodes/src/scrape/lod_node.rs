@@ -32,8 +32,9 @@ params! {
     /// room, each at most twice a second. Costs are figures, not measurements, so that the same bits come out
     /// everywhere.
     ///
-    /// The distance is that of the contacts' points from the listener where `contacts` is linked, otherwise one for all: a
-    /// stream, such as a LiveControl, or the parameter.
+    /// Where `contacts_at` is linked each contact has the distance of its own point from the listener, and those that ContactPath
+    /// joins that of the one that was told last; otherwise there is one distance for all: a stream, such as a LiveControl, or the
+    /// parameter.
     ///
     /// # Source
     /// Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section 4.2, with two
@@ -98,11 +99,18 @@ fn rules(p: &LodSelectParams) -> LodRules {
 
 impl LodSelect {
     fn see(&mut self, contact: &ContactState) {
-        let (number, point) = (contact.frame.contact, contact.frame.point);
+        let frame = &contact.frame;
+        // The way that is heard may be that of all contacts of two bodies.
+        for number in [frame.contact, PathPiece::pair(frame.bodies)] {
+            self.see_at(number, frame.point);
+        }
+    }
+
+    fn see_at(&mut self, number: u64, point: [f64; 3]) {
         if let Some(place) = self.places.iter_mut().find(|(c, _)| *c == number) {
             place.1 = point;
         } else {
-            if self.places.len() >= usize::from(self.params.contacts) {
+            if self.places.len() >= 2 * usize::from(self.params.contacts) {
                 // The oldest gives way.
                 self.places.remove(0);
             }
@@ -133,7 +141,7 @@ impl Node for LodSelect {
     type Params = LodSelectParams;
     type Ports = LodSelectPorts;
     const NAME: &'static str = "LodSelect";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     const CLASS: Class = Class::Audio;
     const COST: f64 = 50.0;
 
@@ -156,7 +164,7 @@ impl Node for LodSelect {
         Ok(Self {
             chooser: Chooser::new(rules(p), room),
             queues: [(); LEVELS].map(|()| Queue::new(WAITING * room)),
-            places: Vec::with_capacity(room),
+            places: Vec::with_capacity(2 * room),
             params: p.clone(),
         })
     }

@@ -1,5 +1,5 @@
 use super::*;
-use crate::core::solo::Solo;
+use crate::core::solo::{Feed, Solo};
 use crate::core::time::ticks;
 use crate::scrape::testing::piece;
 
@@ -61,4 +61,50 @@ fn edits_while_it_sounds_cross_fade() {
             before = now;
         }
     }
+}
+
+/// The levels on which a contact is heard one second after it began.
+fn heard(solo: Solo, contact: u64) -> [bool; LEVELS] {
+    let run = solo.window(ticks(0.01)).run().unwrap();
+    let all = [LodSelectPorts::full, LodSelectPorts::split, LodSelectPorts::noise, LodSelectPorts::spectrum];
+    all.map(|port| {
+        let late = ticks(1.0);
+        run.events(port).iter().any(|(from, p)| *from > late && p.contact == contact && p.gain[0] == 1.0)
+    })
+}
+
+#[test]
+fn a_nearer_contact_has_the_finer_level() {
+    let frame = 1.0 / 60.0;
+    // Contacts 1 and 2 with bodies 3 and 4, one near the listener and one 20 m away; a third of both bodies is told of by nobody.
+    let far = |contact: u64| if contact == 2 { 20.0 } else { 1.0 };
+    let mut draw = Draw::new(4);
+    let blank = <ContactState as crate::core::item::Event>::trial(&mut draw);
+    let (mut states, mut pieces) = (Vec::new(), Vec::new());
+    for k in 0..90 {
+        let t = f64::from(k) * frame;
+        for contact in [1, 2] {
+            let (bodies, point) = ([0, 2 + contact as u32], [far(contact), t, 0.0]);
+            let frame = crate::rigid::ContactFrame { contact, bodies, point, ..blank.frame };
+            states.push((ticks(t), ContactState { frame, ..blank }));
+        }
+        for contact in [1, 2, 9, PathPiece::pair([0, 3]), PathPiece::pair([0, 4])] {
+            pieces.push((ticks(t), PathPiece { contact, ..piece([t, 0.0], [1.0, 0.0], frame) }));
+        }
+    }
+    let solo = |listener: [f64; 3]| {
+        let p = LodSelectParams { listener, distance: 8.0, ..params() };
+        Solo::new::<LodSelect>(p)
+            .events(LodSelectPorts::paths, pieces.clone(), ticks(1.5))
+            .feed(LodSelectPorts::contacts_at.index(), Feed::events(states.clone(), ticks(1.5)))
+    };
+    let (full, split, noise) =
+        ([true, false, false, false], [false, true, false, false], [false, false, true, false]);
+    for (near, away) in [(1, 2), (PathPiece::pair([0, 3]), PathPiece::pair([0, 4]))] {
+        assert_eq!(heard(solo([0.0; 3]), near), full);
+        assert_eq!(heard(solo([0.0; 3]), away), noise);
+        // Who stands beside the other one hears that one in full.
+        assert_eq!([near, away].map(|c| heard(solo([20.0, 0.0, 0.0]), c)), [noise, full]);
+    }
+    assert_eq!(heard(solo([0.0; 3]), 9), split, "of whom no place is known has the distance of all");
 }

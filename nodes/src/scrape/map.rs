@@ -4,7 +4,7 @@ use super::law::{Heading, Law, Moves, log2};
 use super::plane::{Interp, Lanes, Patch, Plane};
 use super::slew::Slew;
 use super::voices::{CELL, Cell, Stretch};
-use crate::texture::{DiscontinuityMap, FeatureMap, Grid, Pyramid, Surface};
+use crate::texture::{DiscontinuityMap, FeatureMap, Grid, Pyramid, Surface, level_for};
 use fearless_simd::{Level, dispatch};
 use std::f64::consts::TAU;
 
@@ -206,7 +206,7 @@ fn each<const C: usize, const D: usize>(
         plane.at(whole.map(|x| x as i64), part, |patch, t| one(patch, t, smaller))
     };
     for n in from..to.min(CELL) {
-        let depth = (1.0 + log2(footprints[n].max(0.5))).clamp(0.0, last as f32);
+        let depth = level_for(log2(footprints[n].max(0.5))).min(last as f32);
         let level = depth as usize;
         let way = depth - level as f32;
         let near = coarse(level, n);
@@ -281,7 +281,8 @@ impl MapForce {
         if !map.directional() {
             high_pass(self.feedback, &mut voice.high, stretch.part(&mut made));
         }
-        self.law.apply(stretch, &self.moves, &mut made);
+        let sizes = self.scale.ends(stretch.anchor);
+        self.law.apply(stretch, &self.moves, sizes, &mut made);
         out.iter_mut().zip(stretch.part(&mut made)).for_each(|(out, x)| *out += *x);
     }
 

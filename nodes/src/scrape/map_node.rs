@@ -1,10 +1,9 @@
 //! The node around [`MapForce`].
 
 use super::item::PathPiece;
-use super::law::Law;
 use super::map::{MapForce, MapVoice, SurfaceMap};
 use super::plane::Interp;
-use super::strength::linked;
+use super::strength::{self, Strength, linked, silent};
 use super::voices::Voices;
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
@@ -90,7 +89,7 @@ ports! {
             /// The code of a map, in place of both.
             coded: Option<Value<CodedMap>>,
             /// Strength in place of the number, as LevelMatcher finds it.
-            kappa: Option<Value<f64>>,
+            kappa: Option<Value<Strength>>,
         }
         out {
             /// Force, mono, N.
@@ -104,7 +103,7 @@ ports! {
 pub struct MapExcitation {
     params: MapExcitationParams,
     /// Strength that is linked.
-    kappa: Option<f64>,
+    kappa: Option<Strength>,
     map: SurfaceMap,
     force: MapForce,
     voices: Voices<MapVoice>,
@@ -124,7 +123,7 @@ pub(super) fn check_grid(field: &'static str, grid: &Grid, surface: &Surface) ->
     Err(Reject::new("F128", problem).at(field))
 }
 
-/// What a contact reads: of one map, of features, or of a code.
+/// What a contact reads: a map, or features. A code is read back as one of them.
 enum Source<'a> {
     Map(&'a DiscontinuityMap),
     Features(&'a FeatureMap),
@@ -194,15 +193,15 @@ fn one_of(linked: [bool; 3]) -> Reject {
 }
 
 /// The law of the parameters, with the strength that is linked in place of the number.
-fn law(p: &MapExcitationParams, kappa: Option<f64>) -> [f64; 3] {
-    [kappa.unwrap_or(p.kappa) * p.gain, p.a, p.b]
+fn law(p: &MapExcitationParams, kappa: Option<Strength>) -> [f64; 3] {
+    [kappa.map_or(p.kappa, |s| s.kappa) * p.gain, p.a, p.b]
 }
 
 impl Node for MapExcitation {
     type Params = MapExcitationParams;
     type Ports = MapExcitationPorts;
     const NAME: &'static str = "MapExcitation";
-    const VERSION: u32 = 3;
+    const VERSION: u32 = 4;
     const CLASS: Class = Class::Audio;
     const COST: f64 = 15.0;
 
@@ -229,7 +228,7 @@ impl Node for MapExcitation {
         Ok(Self {
             kappa,
             map,
-            force: MapForce::new(Law::new(law(p, kappa), rate), p.scale, p.interp, rate),
+            force: MapForce::new(strength::law(law(p, kappa), kappa, rate), p.scale, p.interp, rate),
             voices: Voices::new(p.contacts.into(), p.rate, MapVoice::default()),
             params: p.clone(),
         })
@@ -237,8 +236,7 @@ impl Node for MapExcitation {
 
     fn run(&mut self, mut io: MapExcitationIo<'_>) -> Result<(), Fault> {
         let (first, out) = (io.force.first(), io.force.items());
-        if self.kappa == Some(0.0) {
-            out.fill(0.0);
+        if silent(self.kappa, out) {
             return Ok(());
         }
         let Self { map, force, voices, .. } = self;

@@ -68,6 +68,7 @@ pub use queue::Queue;
 pub use relief::{Relief, ball_map, heights, rolled_over};
 pub use resize::Resize;
 pub use slew::{SLEW, Slew};
+pub use strength::{SpeedCurve, Strength};
 pub use stroke::{Knot, Pen, circle, lines, pieces, through};
 pub use track::{JUMP, LOST, PathRules, Sample, Tracker};
 pub use voices::{CELL, Cell, Stretch, Voices};

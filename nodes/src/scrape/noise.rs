@@ -72,7 +72,8 @@ impl NoiseForce {
             let next = voice.place + f64::from(self.moves.sign[n]) * step;
             voice.place = if next >= 0.0 && next < round { next } else { wrapped(next, round) };
         }
-        self.law.apply(stretch, &self.moves, &mut made);
+        let sizes = self.scale.ends(stretch.anchor);
+        self.law.apply(stretch, &self.moves, sizes, &mut made);
         out.iter_mut().zip(stretch.part(&mut made)).for_each(|(out, x)| *out += *x);
     }
 }

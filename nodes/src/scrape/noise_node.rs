@@ -2,9 +2,8 @@
 
 use super::bands::{NoiseBands, NoiseInterp};
 use super::item::PathPiece;
-use super::law::Law;
 use super::noise::{NoiseForce, NoiseVoice};
-use super::strength::linked;
+use super::strength::{self, Strength, linked, silent};
 use super::voices::Voices;
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
@@ -80,7 +79,7 @@ ports! {
             /// The noise of the surface.
             noise: Value<NoiseProfile>,
             /// Strength in place of the number, as LevelMatcher finds it.
-            kappa: Option<Value<f64>>,
+            kappa: Option<Value<Strength>>,
         }
         out {
             /// Force, mono, N.
@@ -94,7 +93,7 @@ ports! {
 pub struct NoiseExcitation {
     params: NoiseExcitationParams,
     /// Strength that is linked.
-    kappa: Option<f64>,
+    kappa: Option<Strength>,
     noise: NoiseBands,
     random: Random,
     force: NoiseForce,
@@ -102,8 +101,8 @@ pub struct NoiseExcitation {
 }
 
 /// The law of the parameters, with the strength that is linked in place of the number.
-fn law(p: &NoiseExcitationParams, kappa: Option<f64>) -> [f64; 3] {
-    [kappa.unwrap_or(p.kappa) * p.gain, p.a, p.b]
+fn law(p: &NoiseExcitationParams, kappa: Option<Strength>) -> [f64; 3] {
+    [kappa.map_or(p.kappa, |s| s.kappa) * p.gain, p.a, p.b]
 }
 
 pub(super) fn check(noise: &NoiseProfile) -> Result<(), Reject> {
@@ -124,7 +123,7 @@ impl Node for NoiseExcitation {
     type Params = NoiseExcitationParams;
     type Ports = NoiseExcitationPorts;
     const NAME: &'static str = "NoiseExcitation";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     const CLASS: Class = Class::Audio;
     const COST: f64 = 15.0;
 
@@ -142,7 +141,7 @@ impl Node for NoiseExcitation {
             kappa,
             noise: NoiseBands::read_by(&noise, p.interp),
             random: cx.random,
-            force: NoiseForce::new(Law::new(law(p, kappa), rate), p.scale, rate),
+            force: NoiseForce::new(strength::law(law(p, kappa), kappa, rate), p.scale, rate),
             voices: Voices::new(p.contacts.into(), p.rate, NoiseVoice::default()),
             params: p.clone(),
         })
@@ -150,8 +149,7 @@ impl Node for NoiseExcitation {
 
     fn run(&mut self, mut io: NoiseExcitationIo<'_>) -> Result<(), Fault> {
         let (first, out) = (io.force.first(), io.force.items());
-        if self.kappa == Some(0.0) {
-            out.fill(0.0);
+        if silent(self.kappa, out) {
             return Ok(());
         }
         let Self { noise, force, voices, random, .. } = self;

@@ -122,7 +122,7 @@ impl PairForce {
         }
         // The speed is in the change of the gap already.
         self.moves.speed = [1.0; CELL];
-        self.law.apply(stretch, &self.moves, &mut made);
+        self.law.apply(stretch, &self.moves, [1.0; 2], &mut made);
         out.iter_mut().zip(stretch.part(&mut made)).for_each(|(out, x)| *out += *x);
     }
 

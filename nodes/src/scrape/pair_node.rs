@@ -8,7 +8,7 @@ use super::pair::PairForce;
 use super::plane::Interp;
 use super::relief::{Relief, ball_map, heights};
 use super::resize::Resize;
-use super::strength::linked;
+use super::strength::{self, Strength, linked};
 use super::voices::Voices;
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
@@ -71,7 +71,7 @@ ports! {
             /// The relief of the other.
             b: Option<Value<Luma>>,
             /// Strength in place of the number, as LevelMatcher finds it.
-            kappa: Option<Value<f64>>,
+            kappa: Option<Value<Strength>>,
         }
         out {
             /// Force, mono, N.
@@ -92,15 +92,15 @@ enum Way {
 pub struct TwoTextures {
     params: TwoTexturesParams,
     /// Strength that is linked.
-    kappa: Option<f64>,
+    kappa: Option<Strength>,
     way: Way,
     voices: Voices<(Heading, MapVoice)>,
 }
 
 /// The law of the parameters, with the strength that is linked in place of the number.
-fn law(p: &TwoTexturesParams, kappa: Option<f64>, ball: bool) -> [f64; 3] {
+fn law(p: &TwoTexturesParams, kappa: Option<Strength>, ball: bool) -> [f64; 3] {
     // The map of a ball holds changes per metre, which its speed turns into changes in time.
-    [kappa.unwrap_or(p.kappa) * p.gain, p.a_exponent, if ball { 1.0 } else { 0.0 }]
+    [kappa.map_or(p.kappa, |s| s.kappa) * p.gain, p.a_exponent, if ball { 1.0 } else { 0.0 }]
 }
 
 fn check(field: &'static str, luma: &Luma) -> Result<(), Reject> {
@@ -116,7 +116,7 @@ impl Node for TwoTextures {
     type Params = TwoTexturesParams;
     type Ports = TwoTexturesPorts;
     const NAME: &'static str = "TwoTextures";
-    const VERSION: u32 = 4;
+    const VERSION: u32 = 5;
     const CLASS: Class = Class::Audio;
     const COST: f64 = 50.0;
 
@@ -130,11 +130,13 @@ impl Node for TwoTextures {
         check("a", &a)?;
         let rate = p.rate.as_f64();
         let kappa = linked(cx.optional_value(TwoTexturesPorts::kappa))?;
-        let law = Law::new(law(p, kappa, b.is_none()), rate);
+        let law = strength::law(law(p, kappa, b.is_none()), kappa, rate);
         let way = if let Some(b) = b {
             check("b", &b)?;
             let reliefs = [&a, &b].map(|luma| Relief::new(&heights(luma), &luma.surface));
             let range = reliefs[0].range() + reliefs[1].range();
+            // Of two surfaces no speed is known at which one of them alone is matched.
+            let law = Law { curve: None, ..law };
             let force = PairForce::new(law, p.taps.into(), p.radius, range);
             Way::Pair(Box::new((reliefs, force, Resize::new(p.scale, rate))))
         } else {

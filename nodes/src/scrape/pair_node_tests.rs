@@ -48,7 +48,8 @@ fn a_flat_partner_is_the_same_as_none() {
     let difference: Vec<f32> = one.iter().zip(&two).skip(200).map(|(a, b)| a - b).collect();
     let level = db(rms(&difference) / rms(&two));
     println!("a flat partner and none: {level:.1} dB apart");
-    assert!(level < -30.0, "{level} dB");
+    // A ball is worked out in each pixel, 0.5 mm wide, and the line of contact, 4 mm long, is read at 33 points.
+    assert!(level < -42.0, "{level} dB");
 }
 
 /// Times between knocks: the first peak of the autocorrelation of the envelope, s.
@@ -171,7 +172,7 @@ fn a_linked_strength_takes_the_place_of_the_number() {
     for b in [None, Some(rough())] {
         let linked = |kappa: f64| {
             let solo = solo(rough(), b.clone(), path.clone(), 0.1);
-            solo.feed(TwoTexturesPorts::kappa.index(), Feed::value(AnyValue::new(kappa)))
+            solo.feed(TwoTexturesPorts::kappa.index(), Feed::value(AnyValue::new(Strength::even(kappa))))
         };
         let plain = force(rough(), b.clone(), path.clone(), 0.1);
         let strong = linked(4.0).run().unwrap().stream(TwoTexturesPorts::force);

@@ -225,7 +225,7 @@ impl ContactPath {
 
     /// Adds a contact to the one of its pair.
     fn gather(&mut self, sample: Sample, bodies: [u32; 2]) {
-        let contact = u64::from(bodies[0]) << 32 | u64::from(bodies[1]);
+        let contact = PathPiece::pair(bodies);
         let sample = Sample { contact, ..sample };
         let weight = f64::from(sample.force) + 1e-9;
         let Some((pair, total)) = self.pairs.iter_mut().find(|(pair, _)| pair.contact == contact) else {
@@ -283,7 +283,7 @@ impl Node for ContactPath {
     type Params = ContactPathParams;
     type Ports = ContactPathPorts;
     const NAME: &'static str = "ContactPath";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     const CLASS: Class = Class::Audio;
     const COST: f64 = 50.0;
 

@@ -4,6 +4,9 @@ use crate::core::solo::{Feed, Solo};
 use crate::texture::{Grid, LumaKind, Surface};
 use std::f64::consts::TAU;
 
+use crate::rigid::testing::{shipped, thinned};
+use crate::rigid::{Classifier, LogOptions, Rules, read_contacts};
+
 const FRAME: f64 = 1.0 / 60.0;
 
 type Pieces = Vec<(Tick, PathPiece)>;
@@ -38,6 +41,9 @@ fn contact(place: [f64; 2], velocity: [f64; 2]) -> ContactState {
         gain: 1.0,
         sliding: 1.0,
         rolling: 0.0,
+        variation: [0.0; 2],
+        prominence: 0.0,
+        median: 0.0,
     }
 }
 
@@ -126,6 +132,33 @@ fn the_guard_goes_straight_where_velocities_do_not_fit_the_way() {
     let fits = |t: f64| [0.2 * t, 0.0, 0.0, 0.59];
     let pieces = follow(params(), along(fits, 30));
     assert!(pieces.iter().any(|(_, p)| p.place[2] != [0.0; 2]));
+}
+
+/// Weighted force of the box along its way, N, from 1.2 s to 2.2 s in steps of 1 ms.
+fn slid(contacts: &str, poses: &str) -> Vec<f64> {
+    let options = LogOptions { masses: vec![0.0, 0.0, 1.2], ..LogOptions::default() };
+    let track = read_contacts(contacts.as_bytes(), Some(poses.as_bytes()), &options).unwrap();
+    let mut classifier = Classifier::new(Rules::default(), 16);
+    let states: Vec<_> = track
+        .frames
+        .iter()
+        .filter_map(|(tick, frame)| Some((*tick, classifier.take(*tick, frame)?)))
+        .collect();
+    let down = ContactPathParams { a: Some(1), b: Some(2), u: [0.927, 0.0, -0.375], join: true, ..params() };
+    let pieces = follow(down, states);
+    let force = |time: f64| at(&pieces, time).map_or(0.0, |(piece, s)| piece.force_at(s) * piece.gain_at(s));
+    (0..1000).map(|k| force(1.2 + 0.001 * f64::from(k))).collect()
+}
+
+#[test]
+fn a_box_whose_log_goes_on_at_half_the_rate_presses_on_its_way_as_before() {
+    let [contacts, poses] = shipped("box_slide_slope");
+    let [whole, slower] = [contacts.clone(), thinned(&contacts, 1.0)].map(|text| slid(&text, &poses));
+    let mean = |x: &[f64]| x.iter().sum::<f64>() / x.len() as f64;
+    let silent = |x: &[f64]| x.iter().filter(|f| **f < 1.0).count();
+    println!("{} N and {} N; {} ms are silent", mean(&whole), mean(&slower), silent(&slower));
+    assert!((mean(&slower) / mean(&whole) - 1.0).abs() < 0.1 && mean(&whole) > 8.0);
+    assert!(silent(&slower) <= silent(&whole) + 20, "{} of {}", silent(&slower), silent(&whole));
 }
 
 #[test]

@@ -1,5 +1,7 @@
 //! Numbers that move to new values on a straight line, so that turning a knob does not click.
 
+use super::voices::CELL;
+
 /// How long a changed parameter takes to its new value, s.
 pub const SLEW: f64 = 0.02;
 
@@ -29,6 +31,12 @@ impl Slew {
     pub fn at(&self, sample: i64) -> f64 {
         let way = ((sample - self.start) as f64 / self.samples).clamp(0.0, 1.0);
         if way >= 1.0 { self.to } else { self.from + way * (self.to - self.from) }
+    }
+
+    /// The values at the first and the last sample of a cell.
+    #[must_use]
+    pub fn ends(&self, anchor: i64) -> [f64; 2] {
+        [self.at(anchor), self.at(anchor + CELL as i64 - 1)]
     }
 
     /// The value from a sample on, where it has arrived.

@@ -390,6 +390,20 @@ mod tests {
         }
     }
 
+    /// `scipy.ndimage.gaussian_filter` with `truncate = 4` of 11 x 9 pixels, by border and sigma: `tests/oracles/texture.py`.
+    const GAUSSIAN: [(Wrap, f64, [f64; 99]); 6] = include!("testdata/gaussian.in");
+
+    #[test]
+    fn gaussians_are_those_of_scipy() {
+        let image = Grid::from_fn(11, 9, |x, y| ((7 * x * x + 3 * x * y + 5 * y) % 11) as f32);
+        for (wrap, sigma, right) in GAUSSIAN {
+            let found = smooth(&image, &Kernel::gaussian(sigma, 4.0), wrap);
+            for (k, (a, b)) in found.samples.iter().zip(right).enumerate() {
+                assert!((f64::from(*a) - b).abs() < 5e-6, "{wrap:?}, {sigma}: pixel {k} is {a} for {b}");
+            }
+        }
+    }
+
     #[test]
     fn gaussians_sum_to_one_and_fall_as_they_should() {
         let kernel = Kernel::gaussian(1.0, 4.0);

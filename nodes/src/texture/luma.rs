@@ -186,7 +186,7 @@ fn block_peak(steps: &[f64]) -> f64 {
 mod tests {
     use super::*;
     use crate::core::random::Draw;
-    use crate::texture::decode::Format;
+    use crate::texture::decode::{Format, decode};
 
     fn picture(channels: usize, samples: Samples) -> Picture {
         let count = match &samples {
@@ -228,6 +228,40 @@ mod tests {
         assert_eq!(luminance(&clear, LumaKind::Lstar, false), Err(ImageError::Transparent));
         let solid = picture(4, Samples::Words(vec![9, 9, 9, 32_768]));
         assert!(luminance(&solid, LumaKind::Lstar, false).unwrap().1.is_empty());
+    }
+
+    #[test]
+    fn tiffs_of_16_bits_and_with_alpha_are_read_as_their_pixels() {
+        use tiff::encoder::{TiffEncoder, colortype};
+        let written = |write: &dyn Fn(&mut TiffEncoder<&mut std::io::Cursor<Vec<u8>>>)| {
+            let mut file = std::io::Cursor::new(Vec::new());
+            write(&mut TiffEncoder::new(&mut file).unwrap());
+            luminance(&decode(&file.into_inner()).unwrap(), LumaKind::Rec601, false).unwrap()
+        };
+        let near = |found: &Grid, right: [f64; 2]| {
+            let off = |(a, b): (&f32, f64)| (f64::from(*a) - b).abs();
+            found.samples.iter().zip(right).all(|pair| off(pair) < 1e-4)
+        };
+        // Of 65,535 a weighted sum, as of 255.
+        let sum = |r: f64, g: f64, b: f64| (0.299 * r + 0.587 * g + 0.114 * b) / 257.0;
+        let (grey, holes) = written(&|out| {
+            out.write_image::<colortype::Gray16>(2, 1, &[257, 40_000]).unwrap();
+        });
+        assert!(near(&grey, [1.0, 40_000.0 / 257.0]) && holes.is_empty(), "{grey:?}");
+        let (colour, holes) = written(&|out| {
+            out.write_image::<colortype::RGB16>(2, 1, &[65_535, 0, 300, 1, 40_000, 2]).unwrap();
+        });
+        assert!(near(&colour, [sum(65_535.0, 0.0, 300.0), sum(1.0, 40_000.0, 2.0)]) && holes.is_empty());
+        let (colour, holes) = written(&|out| {
+            out.write_image::<colortype::RGBA8>(2, 1, &[10, 20, 30, 127, 10, 20, 30, 128]).unwrap();
+        });
+        let right = 257.0 * sum(10.0, 20.0, 30.0);
+        assert!(near(&colour, [0.0, right]) && holes == [true, false], "{colour:?} {holes:?}");
+        let (colour, holes) = written(&|out| {
+            let pixels = [9000, 8000, 7000, 32_768, 1, 2, 3, 32_767];
+            out.write_image::<colortype::RGBA16>(2, 1, &pixels).unwrap();
+        });
+        assert!(near(&colour, [sum(9000.0, 8000.0, 7000.0), 0.0]) && holes == [false, true], "{holes:?}");
     }
 
     #[test]

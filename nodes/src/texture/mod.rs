@@ -49,5 +49,6 @@ pub use isophote_code::{decode_isophotes, encode_isophotes};
 pub use isophotes::{Curve, Drawing, Isophotes, IsophotesError, Levels, isophotes};
 pub use item::{DiscontinuityMap, FeatureMap, Grid, Luma, LumaKind, NoiseMap, NoiseProfile, Surface, Wrap};
 pub use map_code::{decode_map, encode_map};
+pub(crate) use pyramid::level_for;
 pub use pyramid::{Pyramid, PyramidLevel};
 pub use simplify::{Tolerance, simplify};

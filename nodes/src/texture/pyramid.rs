@@ -3,6 +3,9 @@
 use super::filter::{Kernel, map_rows, smooth};
 use super::item::{Grid, Wrap};
 
+/// Octaves over which a level takes over from the one before: from steps of two of that one's pixels to two and a half.
+const TAKE_OVER: f32 = 0.321_928_1;
+
 /// One level of a [`Pyramid`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct PyramidLevel {
@@ -15,7 +18,7 @@ pub struct PyramidLevel {
 /// An image, the same without what is finest in it, and halvings of that, down to a single pixel.
 ///
 /// Levels but the first hold nothing above a fifth of a cycle per pixel: 63 dB below what it was. So none folds down when it is
-/// read in steps of up to two of its pixels, and what a cubic spline draws between the pixels has no images above -60 dB. Waves
+/// read in steps of up to two and a half of its pixels, and what a cubic spline draws between the pixels has no images above -60 dB. Waves
 /// keep their size within 0.5 dB up to 0.13 cycles per pixel of the level.
 ///
 /// Pixel 0 lies in the same place on every level, so that place `u` of the full image is `u / scale` of a level. An image that
@@ -50,21 +53,21 @@ impl Pyramid {
         }
         Self { levels, wrap }
     }
-
-    /// Which level to read for steps of `footprint` pixels: `log2(2 footprint)`, 0 up to half a pixel, at most the last level.
-    ///
-    /// The part behind the point says how far to go over to the next level.
-    #[must_use]
-    pub fn level_for(&self, footprint: f64) -> f64 {
-        level_for(footprint, self.levels.len())
-    }
 }
 
-/// The level of `count` for steps of `footprint` pixels or samples: see [`Pyramid::level_for`].
-pub(super) fn level_for(footprint: f64, count: usize) -> f64 {
-    let last = count.saturating_sub(1) as f64;
-    // Not a number reads the full image.
-    if footprint > 0.5 { (2.0 * footprint).log2().min(last) } else { 0.0 }
+/// Which level to read where the binary logarithm of a step in pixels is `octaves`: 0 up to half a pixel, 1 from one to two pixels. The
+/// part behind the point says how far to go over to the next level.
+///
+/// A level is read alone for as long as the next one would lack what it still holds, up to steps of two of its pixels; it is gone at
+/// two and a half, where it would begin to fold.
+#[inline(always)]
+pub(crate) fn level_for(octaves: f32) -> f32 {
+    if octaves <= 0.0 {
+        return (1.0 + octaves).max(0.0);
+    }
+    let beyond = (octaves - 1.0).max(0.0);
+    let whole = beyond.floor();
+    1.0 + whole + ((beyond - whole) / TAKE_OVER).min(1.0)
 }
 
 /// How many pixels half of a side has, and the step between them: just under 2 where an odd side repeats.
@@ -186,12 +189,30 @@ mod tests {
     }
 
     #[test]
-    fn the_level_follows_the_footprint() {
-        let pyramid = Pyramid::new(Grid::from_fn(16, 16, |_, _| 0.0), Wrap::Repeat);
-        for (footprint, level) in
-            [(0.01, 0.0), (0.5, 0.0), (1.0, 1.0), (2.0, 2.0), (1e9, 5.0), (f64::NAN, 0.0)]
-        {
-            assert_eq!(pyramid.level_for(footprint), level);
+    fn the_level_follows_the_step() {
+        for (step, level) in [
+            (0.01, 0.0),
+            (0.5, 0.0),
+            (1.0, 1.0),
+            (1.9, 1.0),
+            (2.0, 1.0),
+            (2.5, 2.0),
+            (4.0, 2.0),
+            (5.0, 3.0),
+            (7.9, 3.0),
+            (10.0, 4.0),
+        ] {
+            let found = level_for(f32::log2(step));
+            assert!((found - level).abs() < 1e-4, "{step}: {found}");
+        }
+        let half = level_for(f32::log2(2.0 * 1.25_f32.sqrt()));
+        assert!((half - 1.5).abs() < 1e-4, "{half}");
+        // It never goes back, and never jumps.
+        let mut before = 0.0;
+        for k in -300..1000 {
+            let now = level_for(0.01 * k as f32);
+            assert!(now >= before && now - before < 0.04, "{k}: {before} {now}");
+            before = now;
         }
     }
 }

@@ -136,6 +136,20 @@ mod tests {
     }
 
     #[test]
+    fn the_shipped_images_take_the_bytes_that_the_book_says() {
+        for (name, most) in [("tiles", 36_000), ("sk_brick", 200_000), ("sk_gravel", 500_000)] {
+            let path = format!("{}/../graphs/assets/images/{name}.png", env!("CARGO_MANIFEST_DIR"));
+            let picture = crate::texture::decode::decode(&std::fs::read(path).unwrap()).unwrap();
+            let (grid, holes) = crate::texture::luma::luminance(&picture, LumaKind::Lstar, false).unwrap();
+            let luma = Luma { grid, holes, kind: LumaKind::Lstar, surface: Surface::default() };
+            let report = report(isophotes(&luma, &Drawing::default()).unwrap(), None);
+            let bytes = report.entries[0].bytes;
+            println!("{name}: {bytes}");
+            assert!((most / 2..=most).contains(&bytes), "{name}: {bytes}");
+        }
+    }
+
+    #[test]
     fn isophotes_of_512_by_512_pixels_are_much_smaller_than_the_image() {
         // Stones of about fifteen pixels; finer gravel has longer curves.
         let mut draw = Draw::new(3);

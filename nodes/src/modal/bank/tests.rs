@@ -50,6 +50,24 @@ fn a_struck_mode_is_a_damped_sine_also_where_it_is_slow() {
     }
 }
 
+/// What `scipy.signal.lfilter` makes of a force by the two-pole form of three modes, every 40th sample: `tests/oracles/modal.py`.
+const LFILTER: [f64; 50] = include!("lfilter.in");
+
+#[test]
+fn a_force_rings_modes_as_the_filters_of_scipy_do() {
+    let (f, d) = (vec![220.0, 1500.0, 9000.0], vec![3.0, 12.0, 40.0]);
+    let modes = Modes::new("three", f, d, vec![1.0, 0.5, 0.25]).unwrap();
+    let force: Vec<f32> = (0..2000_i32)
+        .map(|n| if n < 700 { ((37 * n + 11 * n * n) % 33 - 16) as f32 / 16.0 } else { 0.0 })
+        .collect();
+    let mut out = vec![0.0; force.len()];
+    Bank::new(&modes, 44_100.0).unwrap().process(&force, &mut out);
+    for (k, (found, right)) in out.iter().step_by(40).zip(LFILTER).enumerate() {
+        assert!((f64::from(*found) - right).abs() < 1e-4, "sample {}: {found} for {right}", 40 * k);
+    }
+    assert!(LFILTER.iter().any(|x| x.abs() > 3.0));
+}
+
 #[test]
 fn neither_frequency_nor_damping_moves_in_ten_seconds() {
     let modes = one(20.0, 0.5);
