@@ -110,6 +110,8 @@ fn inputs(folder: &Path, seconds: f64) -> Vec<Override> {
     // The same warp for features of another rate: their bands are given in hertz, their units in seconds.
     let warp = std::fs::read_to_string(assets.join("cotton_live.warp.json")).expect("a warp that ships");
     let mut warp: serde_json::Value = serde_json::from_str(&warp).expect("it is JSON");
+    // It is not the warp that its digest was made of any more.
+    warp.as_object_mut().expect("an object").remove("content");
     let conventions = &mut warp["conventions"];
     conventions["rate"]["num"] = RATE.into();
     for length in ["unit", "frame"] {

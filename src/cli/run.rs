@@ -204,7 +204,7 @@ pub(super) fn write_whole(path: &std::path::Path, text: &str) -> anyhow::Result<
 
 fn print_report(report: &Report, ready: &Ready) -> std::io::Result<()> {
     let mut out = std::io::stdout().lock();
-    for (id, note) in &report.notes {
+    for (id, note) in report.warnings() {
         writeln!(out, "note: {id}: {note}")?;
     }
     let fact = |facts: &serde_json::Map<String, serde_json::Value>, key: &str| {

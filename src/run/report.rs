@@ -6,6 +6,7 @@ use crate::plan::Plan;
 use foley_nodes::core::node::Summary;
 use foley_nodes::core::time::seconds;
 use serde_json::{Map, Value, json};
+use std::collections::HashSet;
 use std::time::Duration;
 
 /// What one node took.
@@ -103,6 +104,12 @@ impl Report {
         self.notes.extend(warnings.into_iter().map(|warning| (node.id.clone(), warning)));
     }
 
+    /// Nodes with what they warned of, once each: a node that runs in several phases finds the same each time.
+    pub fn warnings(&self) -> impl Iterator<Item = &(String, String)> {
+        let mut seen = HashSet::new();
+        self.notes.iter().filter(move |note| seen.insert(*note))
+    }
+
     /// What a node has warned of since there were `since` notes.
     pub(super) fn warned(&self, n: usize, since: usize) -> Vec<String> {
         let own = self.notes.iter().skip(since).filter(|(id, _)| *id == self.nodes[n].id);
@@ -180,7 +187,7 @@ impl Report {
             "peak_process_bytes": self.peak_process_bytes,
             "nodes": nodes,
             "outputs": outputs,
-            "warnings": self.notes.iter().map(|(id, note)| json!({"node": id, "message": note})).collect::<Vec<_>>(),
+            "warnings": self.warnings().map(|(id, note)| json!({"node": id, "message": note})).collect::<Vec<_>>(),
         })
     }
 }

@@ -203,7 +203,9 @@ fn own(db: &UnitDatabase, allowed: &[bool], vector: usize) -> Vec<bool> {
 
 /// Whether channels choose from the same channel of recordings each.
 fn own_channels(p: &UnitSelectorParams, db: &UnitDatabase, vectors: usize) -> Result<bool, Reject> {
-    let has = |vector: usize| db.segments.iter().any(|s| s.channel as usize == vector);
+    let allowed = allowed(db, &p.tags);
+    let open = |unit: u32| allowed.get(unit as usize).copied().unwrap_or(false);
+    let has = |vector: usize| db.segments.iter().any(|s| s.channel as usize == vector && open(s.start));
     let missing = (0..vectors).find(|vector| !has(*vector));
     match (p.own_channels, missing) {
         (Some(true), Some(vector)) => {
@@ -294,9 +296,10 @@ impl Node for UnitSelector {
         let features = s.input(UnitSelectorPorts::features);
         let format = &features.format;
         comparable(format, s.value(UnitSelectorPorts::database), &p.tags)?;
+        // What is made of recordings is not known yet, and may have as many channels.
         let own = match s.value(UnitSelectorPorts::database) {
             Some(db) => own_channels(p, &db, format.vectors)?,
-            None => false,
+            None => p.own_channels != Some(false),
         };
         if format.vectors > 1 && !own {
             s.note("all channels choose from the same units: a sound in the middle may wander; Mfcc(channels: SharedMid) or Joint keep it");
