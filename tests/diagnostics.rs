@@ -3,9 +3,9 @@
 //! A case is a graph; its first lines may hold arguments, such as `// --set wind.level=3`. `FOLEY_BLESS=1` writes the
 //! texts anew: look at the difference before it is committed.
 
-use foley::diag::{Diagnostic, Severity, Sources, any_error, codes, json, render};
+use foley::diag::{Diagnostic, Severity, Sources, any_error, codes, json, render, sort};
 use foley::graph::{DirFiles, Limits, Override, load, load_text};
-use foley::plan::{Plan, PlanOptions};
+use foley::plan::{Plan, PlanOptions, faults};
 use foley::run::{DirOutputs, Job, Progress, run};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -46,8 +46,12 @@ fn findings(path: &Path) -> (Vec<Diagnostic>, Sources) {
     }
     let loaded = load(path, &sets, &[], limits);
     let mut found = loaded.diagnostics;
-    let Some(graph) = loaded.graph else { return (found, loaded.sources) };
     let files = DirFiles::new(loaded.root, limits);
+    let Some(graph) = loaded.graph else {
+        found.extend(faults(&loaded.sound.unwrap(), &files, &options));
+        sort(&mut found);
+        return (found, loaded.sources);
+    };
     match Plan::new(&graph, &files, &options) {
         Err(errors) => found.extend(errors),
         Ok(plan) => {
@@ -145,6 +149,50 @@ fn all_errors_of_a_file_come_in_one_pass() {
     for code in ["F001", "F004", "F007", "F010", "F011", "F013", "F014", "F015", "F017", "F020", "F023"] {
         assert!(codes.contains(&code), "{code} is not in {codes:?}");
     }
+}
+
+#[test]
+fn errors_of_the_text_and_of_the_plan_come_in_one_pass_and_what_follows_from_them_is_not_told() {
+    let (found, _) = findings(&Path::new(CASES).join("text_and_plan_at_once.ron"));
+    let told: Vec<_> = found.iter().map(|d| (d.code, d.node.as_deref().unwrap_or_default())).collect();
+    let wanted = [
+        ("F060", "gone"),
+        ("F011", "typo"),
+        ("F025", "x"),
+        ("F045", "rates"),
+        ("F046", "beside_gone"),
+        ("F046", "beside_typo"),
+        ("F049", "back"),
+        ("F082", "o2"),
+        ("F081", "o3"),
+    ];
+    assert_eq!(told, wanted);
+}
+
+#[test]
+fn a_slip_inside_one_node_leaves_the_others_planned_and_one_outside_of_all_does_not() {
+    let text = |inside: &str, outside: &str| {
+        format!(
+            "#![schema = \"foley:graph/1\"]
+Graph({outside}
+    nodes: {{
+        \"one\": Noise(rate: 48000, duration: Some(1.0)),
+        \"other\": Noise(rate: 44100, duration: Some(1.0)),
+        \"slip\": Gain(audio: \"one\"{inside}),
+        \"both\": Mix(inputs: [\"one\", \"other\"]),
+        \"out\": WavOut(audio: \"both\", path: \"a.wav\"),
+    }},
+)"
+        )
+    };
+    let codes = |text: &str| -> Vec<&str> {
+        let loaded = load_text("a.ron", text, Path::new("a.ron"), &[]);
+        let files = DirFiles::new(loaded.root, Limits::default());
+        let more = faults(&loaded.sound.unwrap(), &files, &PlanOptions::default());
+        loaded.diagnostics.iter().chain(&more).map(|d| d.code).collect()
+    };
+    assert_eq!(codes(&text(" gain: 0.5", "")), ["F001", "F045"]);
+    assert!(codes(&text("", "title: ],")).iter().all(|code| *code == "F001"));
 }
 
 #[test]

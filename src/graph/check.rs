@@ -1,10 +1,12 @@
 //! From nodes as they stand in the text to a checked graph.
 
-use super::load::{Given, Loader, RawNode};
-use super::root::{Root, join};
+use super::load::{Given, Loaded, Loader, RawNode};
+use super::outputs;
+use super::root::join;
+use super::sound::{self, Checked};
 use super::suggest::{help, nearest};
-use super::{Graph, GraphNode, Link, node_type, node_types};
-use crate::diag::{Diagnostic, Place, Sources, any_error};
+use super::{Graph, Link, node_type, node_types};
+use crate::diag::{Diagnostic, Place, any_error, sort};
 use crate::lang::{Value, ValueKind};
 use foley_nodes::core::node::NodeType;
 use foley_nodes::core::params::{AnyParams, Datum, FieldError, Mismatch, ParamKind, ParamSpec};
@@ -15,26 +17,32 @@ use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 
 /// A link as it stands in the text: the text, and where.
-struct RawLink {
+pub(super) struct RawLink {
     text: String,
     scope: String,
     place: Place,
 }
 
 /// A node whose own fields are checked.
-struct Half {
-    ty: &'static NodeType,
-    params: Option<Box<dyn AnyParams>>,
+pub(super) struct Half {
+    pub ty: &'static NodeType,
+    pub params: Option<Box<dyn AnyParams>>,
     links: Vec<Vec<RawLink>>,
-    fields: BTreeMap<String, Place>,
+    pub fields: BTreeMap<String, Place>,
     /// Where the value was given, for fields that stand for a parameter of the graph.
     origins: BTreeMap<String, Place>,
 }
 
 /// Checks everything that was read.
-pub(super) fn check(mut loader: Loader) -> (Option<Graph>, Vec<Diagnostic>, Sources, Root) {
+pub(super) fn check(mut loader: Loader) -> Loaded {
     let raw = std::mem::take(&mut loader.nodes);
-    let halves: Vec<Option<Half>> = raw.iter().map(|node| fields(node, &mut loader)).collect();
+    let mut good = sound::readable(&raw, &loader.found);
+    let mut halves: Vec<Option<Half>> = Vec::new();
+    for (node, good) in raw.iter().zip(&mut good) {
+        let before = loader.found.len();
+        halves.push(fields(node, &mut loader));
+        *good &= loader.found.len() == before;
+    }
     let mut found = std::mem::take(&mut loader.found);
     let by_id: HashMap<&str, usize> = raw.iter().enumerate().map(|(k, n)| (n.id.as_str(), k)).collect();
     let mut links: Vec<Vec<Vec<Link>>> = Vec::new();
@@ -49,55 +57,58 @@ pub(super) fn check(mut loader: Loader) -> (Option<Graph>, Vec<Diagnostic>, Sour
                 Ok(link) => link,
                 Err(diagnostic) => {
                     found.push(diagnostic.node(&raw[k].id));
+                    good[k] = false;
                     None
                 }
             };
             texts.iter().filter_map(one).collect()
         });
-        links.push(per_port.collect());
-        count += half.links.iter().map(Vec::len).sum::<usize>();
+        let resolved: Vec<Vec<Link>> = per_port.collect();
+        let all = half.links.iter().map(Vec::len).sum::<usize>();
+        good[k] &= resolved.iter().map(Vec::len).sum::<usize>() == all;
+        links.push(resolved);
+        count += all;
     }
     if count > loader.link_limit() {
         let message = format!("more than {} links", loader.link_limit());
         found.push(Diagnostic::general("F009", message).help("--max-links allows more"));
+        good.fill(false);
     }
+    outputs::check(&raw, &halves, &mut found);
     let order = order(&raw, &halves, &links, &mut found);
     // What is wrong can be why something seems to be unused.
     if !any_error(&found) {
         unused(&raw, &halves, &links, &mut found);
         found.extend(loader.unused_params());
     }
-    found.sort_by_key(|d| (d.place.as_ref().map(|p| (p.file, p.span.start)), d.code));
+    sort(&mut found);
     let sources = std::mem::take(&mut loader.sources);
     let root = loader.take_root();
-    if any_error(&found) {
-        return (None, found, sources, root);
-    }
-    if raw.is_empty() {
+    if raw.is_empty() && !any_error(&found) {
         found.push(Diagnostic::warning("F026", "the graph has no nodes", Place::default()));
     }
     let mut nodes = Vec::new();
-    for ((raw, half), links) in raw.into_iter().zip(halves).zip(links) {
-        let Some(Half { ty, params: Some(params), fields, .. }) = half else {
-            let message = format!("node `{}` was not checked: a defect in foley", raw.id);
-            found.push(Diagnostic::error("F099", message, raw.place));
-            return (None, found, sources, root);
-        };
-        nodes.push(GraphNode { id: raw.id, ty, params, links, place: raw.place, fields });
+    for (((raw, half), links), good) in raw.into_iter().zip(halves).zip(links).zip(good) {
+        nodes.push(match half {
+            Some(Half { ty, params: Some(params), fields, .. }) if good => {
+                Some(Checked { id: raw.id, ty, params, links, place: raw.place, fields })
+            }
+            _ => None,
+        });
     }
-    let mut rank = vec![0; nodes.len()];
-    for (at, &n) in order.iter().enumerate() {
-        rank[n] = at;
-    }
-    let graph = Graph {
+    let count = nodes.len();
+    let sound = Graph {
         title: loader.title.unwrap_or_default(),
         seed: loader.seed.unwrap_or(0),
-        nodes,
-        order,
-        rank,
         sources: sources.clone(),
+        ..sound::graph(nodes, &order)
     };
-    (Some(graph), found, sources, root)
+    let whole = sound.nodes.iter().filter(|node| node.whole).count() == count;
+    if !whole && !any_error(&found) {
+        found.push(Diagnostic::general("F099", "a node was not checked: a defect in foley"));
+    }
+    let (graph, sound) = if any_error(&found) { (None, Some(sound)) } else { (Some(sound), None) };
+    Loaded { graph, sound, diagnostics: found, sources, root }
 }
 
 /// Checks type, parameters and presence of inputs of one node.

@@ -55,6 +55,8 @@ pub struct RawNode {
     pub type_place: Place,
     /// Where its id stands.
     pub place: Place,
+    /// Where its text ends in that file.
+    pub end: usize,
     /// Its fields in order: name, place of the name, value.
     pub fields: Vec<(String, Place, Given)>,
     /// Whether its text is complete enough to check.
@@ -66,6 +68,8 @@ pub struct RawNode {
 pub struct Loaded {
     /// The graph, if it can run.
     pub graph: Option<Graph>,
+    /// Otherwise the nodes that are right, and read only such: what else is wrong with them can be found in the same pass.
+    pub sound: Option<Graph>,
     /// Errors and warnings.
     pub diagnostics: Vec<Diagnostic>,
     /// The texts that they point into.
@@ -111,8 +115,7 @@ pub fn load(path: &Path, overrides: &[Override], allow_read: &[PathBuf], limits:
         }
         Err(message) => loader.found.push(Diagnostic::general("F060", message)),
     }
-    let (graph, diagnostics, sources, root) = check::check(loader);
-    Loaded { graph, diagnostics, sources, root }
+    check::check(loader)
 }
 
 /// Reads and checks a graph from a text, for editors and tests; `path` is what paths in it are relative to.
@@ -121,8 +124,7 @@ pub fn load_text(name: &str, text: &str, path: &Path, overrides: &[Override]) ->
     let mut loader = Loader { root: Root::of(path), ..Loader::default() };
     let given = loader.overrides(overrides);
     loader.file(name, text.to_owned(), path, "", given, &mut vec![path.to_owned()]);
-    let (graph, diagnostics, sources, root) = check::check(loader);
-    Loaded { graph, diagnostics, sources, root }
+    check::check(loader)
 }
 
 /// The text at a path; `show` is its name for people.
@@ -522,6 +524,7 @@ impl Loader {
                     type_name: String::new(),
                     type_place: at(value.span()),
                     place,
+                    end: value.span().end,
                     fields: Vec::new(),
                     whole: false,
                 });
@@ -551,7 +554,8 @@ impl Loader {
             read.push((field_name.to_owned(), key, given));
         }
         let (type_name, type_place) = (name.value.clone(), at(name.span()));
-        self.nodes.push(RawNode { id, type_name, type_place, place, fields: read, whole });
+        let end = value.span().end;
+        self.nodes.push(RawNode { id, type_name, type_place, place, end, fields: read, whole });
     }
 
     /// Follows `"$name"` to the parameter that it stands for.
