@@ -514,7 +514,10 @@ fn order(
     order
 }
 
-/// Prints each loop once, whole.
+/// How often loops are looked for again without the links that close those already found.
+const ROUNDS: usize = 20;
+
+/// Prints loops, each once and whole: one of each knot, then those that do not need the link that closes it.
 fn report_loops(
     raw: &[RawNode],
     below: &[Vec<usize>],
@@ -522,49 +525,68 @@ fn report_loops(
     links: &[Vec<Vec<Link>>],
     found: &mut Vec<Diagnostic>,
 ) {
-    let stuck: Vec<bool> = above.iter().map(|&a| a > 0).collect();
-    let mut graph = DiGraph::<usize, ()>::new();
-    let index: HashMap<usize, _> =
-        (0..raw.len()).filter(|&n| stuck[n]).map(|n| (n, graph.add_node(n))).collect();
-    for (&n, &at) in &index {
-        for v in below[n].iter().filter(|v| stuck[**v]) {
-            graph.update_edge(at, index[v], ());
+    let mut below = below.to_vec();
+    for _ in 0..ROUNDS {
+        let loops = loops(&below, above);
+        if loops.is_empty() {
+            return;
         }
-    }
-    for members in tarjan_scc(&graph) {
-        let mut members: Vec<usize> = members.iter().map(|n| graph[*n]).collect();
-        members.sort_unstable();
-        let first = members[0];
-        if members.len() == 1 && !below[first].contains(&first) {
-            continue;
-        }
-        let path = shortest_loop(first, below, &members);
-        let names: Vec<&str> = path.iter().chain([&first]).map(|&n| raw[n].id.as_str()).collect();
-        let closing = *path.last().unwrap_or(&first);
-        let place = links[first].iter().flatten().find(|l| l.node == closing).map(|l| l.place.clone());
-        let mut diagnostic = Diagnostic::error(
-            "F025",
-            format!("these nodes feed each other in a loop: {}", names.join(" -> ")),
-            place.unwrap_or_else(|| raw[first].place.clone()),
-        )
-        .node(&raw[first].id)
-        .help("a loop has to go through a Feedback node, which says how long it takes");
-        for pair in path.windows(2) {
-            if let Some(link) = links[pair[1]].iter().flatten().find(|l| l.node == pair[0]) {
-                diagnostic = diagnostic
-                    .label(link.place.clone(), format!("`{}` needs `{}`", raw[pair[1]].id, raw[pair[0]].id));
+        for path in loops {
+            if let (Some(first), Some(closing)) = (path.first(), path.last()) {
+                below[*closing].retain(|v| v != first);
             }
+            found.push(loop_error(raw, links, &path));
         }
-        found.push(diagnostic);
     }
 }
 
-/// The shortest way from a node back to itself inside a set of nodes, without the closing step.
+/// One loop of each set of nodes that all reach each other: the shortest through its first node.
+fn loops(below: &[Vec<usize>], above: &[usize]) -> Vec<Vec<usize>> {
+    let mut graph = DiGraph::<usize, ()>::new();
+    let index: BTreeMap<usize, _> =
+        (0..above.len()).filter(|&n| above[n] > 0).map(|n| (n, graph.add_node(n))).collect();
+    for (&n, &at) in &index {
+        for to in below[n].iter().filter_map(|v| index.get(v)) {
+            graph.update_edge(at, *to, ());
+        }
+    }
+    let knots = tarjan_scc(&graph).into_iter().filter_map(|members| {
+        let mut members: Vec<usize> = members.iter().map(|n| graph[*n]).collect();
+        members.sort_unstable();
+        let first = members[0];
+        let knot = members.len() > 1 || below[first].contains(&first);
+        knot.then(|| shortest_loop(first, below, &members))
+    });
+    knots.collect()
+}
+
+fn loop_error(raw: &[RawNode], links: &[Vec<Vec<Link>>], path: &[usize]) -> Diagnostic {
+    let first = path[0];
+    let names: Vec<&str> = path.iter().chain([&first]).map(|&n| raw[n].id.as_str()).collect();
+    let closing = *path.last().unwrap_or(&first);
+    let link = |to: usize, from: usize| links[to].iter().flatten().find(|l| l.node == from);
+    let mut diagnostic = Diagnostic::error(
+        "F025",
+        format!("these nodes feed each other in a loop: {}", names.join(" -> ")),
+        link(first, closing).map_or_else(|| raw[first].place.clone(), |l| l.place.clone()),
+    )
+    .node(&raw[first].id)
+    .help("a loop has to go through a Feedback node, which says how long it takes");
+    for pair in path.windows(2) {
+        if let Some(link) = link(pair[1], pair[0]) {
+            let text = format!("`{}` needs `{}`", raw[pair[1]].id, raw[pair[0]].id);
+            diagnostic = diagnostic.label(link.place.clone(), text);
+        }
+    }
+    diagnostic
+}
+
+/// The shortest way from a node back to itself inside a sorted set of nodes, without the closing step.
 fn shortest_loop(first: usize, below: &[Vec<usize>], members: &[usize]) -> Vec<usize> {
     let mut from: HashMap<usize, usize> = HashMap::new();
     let mut queue = std::collections::VecDeque::from([first]);
     while let Some(n) = queue.pop_front() {
-        for &v in below[n].iter().filter(|v| members.contains(v)) {
+        for &v in below[n].iter().filter(|v| members.binary_search(v).is_ok()) {
             if v == first {
                 let mut path = vec![n];
                 let mut at = n;
