@@ -170,6 +170,39 @@ fn errors_of_the_text_and_of_the_plan_come_in_one_pass_and_what_follows_from_the
 }
 
 #[test]
+fn loops_that_share_a_node_are_told_each() {
+    let (found, _) = findings(&Path::new(CASES).join("f025_knot.ron"));
+    let mut told: Vec<&str> = found.iter().filter_map(|d| d.message.rsplit(": ").next()).collect();
+    told.sort();
+    assert_eq!(told, ["sum -> left -> sum", "sum -> right -> sum", "sum -> sum"]);
+    assert!(found.iter().all(|d| d.code == "F025"));
+}
+
+#[test]
+fn a_bare_word_on_the_command_line_is_text_where_a_path_or_a_text_is_taken() {
+    let text = "#![schema = \"foley:graph/1\"]
+Graph(params: {\"name\": \"a.wav\"}, nodes: {
+    \"in\": Noise(duration: Some(1.0)),
+    \"out\": WavOut(audio: \"in\", path: \"$name\"),
+})";
+    let path = |target: &str, value: &str| {
+        let sets = [Override { target: target.into(), value: value.into() }];
+        let loaded = load_text("a.ron", text, Path::new("a.ron"), &sets);
+        let Some(graph) = loaded.graph else { return loaded.diagnostics[0].code.to_owned() };
+        let written = graph.nodes[graph.find("out").unwrap()].params.write();
+        format!("{:?}", written.iter().find(|(name, _)| *name == "path").unwrap().1)
+    };
+    for value in ["foo", "take/foo.wav", "7", "None", "Some(7)", "\"foo\"", "true"] {
+        let wanted = format!("Text({:?})", value.trim_matches('"'));
+        assert_eq!(path("name", value), wanted);
+        assert_eq!(path("out.path", value), wanted);
+    }
+    // What takes no text is read as before.
+    assert_eq!(path("out.dither", "foo"), "F014");
+    assert_eq!(path("in.duration", "foo"), "F014");
+}
+
+#[test]
 fn a_slip_inside_one_node_leaves_the_others_planned_and_one_outside_of_all_does_not() {
     let text = |inside: &str, outside: &str| {
         format!(

@@ -275,7 +275,22 @@ fn links_of(given: &Given, spec: &PortSpec, node: &RawNode, loader: &mut Loader)
 /// The value as a parameter reads it; paths are made relative to the working folder.
 fn datum(given: &Given, spec: &ParamSpec, loader: &mut Loader) -> Option<Datum> {
     let path = matches!(spec.kind.innermost(), ParamKind::Asset);
-    convert(&given.value, given, path, loader)
+    let value = bare_text(given, &spec.kind, loader).unwrap_or_else(|| given.value.clone());
+    convert(&value, given, path, loader)
+}
+
+/// What the command line gives for a text or a path, as it was typed: what has to be in quotes in a file may be bare there.
+fn bare_text(given: &Given, kind: &ParamKind, loader: &Loader) -> Option<Value> {
+    let text = loader.argument(given)?;
+    let quoted = matches!(given.value.value, ValueKind::Str(_));
+    let kind = match (kind, &given.value.value) {
+        (ParamKind::Maybe(_), ValueKind::Option(_)) => return None,
+        (ParamKind::Maybe(inner), _) => *inner,
+        (kind, _) => kind,
+    };
+    let takes = matches!(kind, ParamKind::Text | ParamKind::Asset | ParamKind::Output);
+    let value = || Value { span: given.place.span.clone(), value: ValueKind::Str(text.to_owned()) };
+    (takes && !quoted).then(value)
 }
 
 fn convert(value: &Value, given: &Given, path: bool, loader: &mut Loader) -> Option<Datum> {
@@ -313,8 +328,7 @@ fn convert(value: &Value, given: &Given, path: bool, loader: &mut Loader) -> Opt
 
 /// The path of an asset. One that was given on the command line may be read wherever it is, unless it is absolute.
 fn asset(text: &str, given: &Given, loader: &mut Loader) -> String {
-    let command_line = given.folder.as_os_str().is_empty()
-        && loader.sources.get(given.place.file).is_some_and(|s| s.name.starts_with("--set"));
+    let command_line = loader.argument(given).is_some();
     let joined = join(&given.folder, text);
     if command_line && !Path::new(text).is_absolute() {
         loader.allow_named(Path::new(&joined));

@@ -602,6 +602,12 @@ impl Loader {
         self.root.allow_named(path);
     }
 
+    /// The text of the argument of the command that gave a value, where one did.
+    pub(super) fn argument(&self, given: &Given) -> Option<&str> {
+        let source = self.sources.get(given.place.file).filter(|s| s.name.starts_with("--set"))?;
+        given.folder.as_os_str().is_empty().then_some(&*source.text)
+    }
+
     pub(super) fn link_limit(&self) -> usize {
         self.limits.links
     }
