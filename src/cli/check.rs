@@ -3,7 +3,7 @@
 use super::Exit;
 use super::args::CheckArgs;
 use super::run::{read, show};
-use crate::diag::{any_error, json};
+use crate::diag::{any_error, json, sort};
 use crate::plan::{Plan, PlanOptions};
 use serde_json::Value;
 use std::io::{Write as _, stdout};
@@ -25,6 +25,7 @@ pub fn check(args: &CheckArgs) -> anyhow::Result<Exit> {
         }
         // A graph without end is no mistake: it may be meant to be played live.
         found.retain(|d| d.code != "F048");
+        sort(&mut found);
         wrong |= any_error(&found);
         if args.json {
             let Value::Array(items) = json(&found, &loaded.sources) else { continue };

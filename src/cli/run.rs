@@ -88,6 +88,7 @@ pub fn look(graph: &GraphArgs, engine: &EngineArgs, quiet: bool) -> Prepared {
         }
         Some(Err(errors)) => {
             found.extend(errors);
+            sort(&mut found);
             None
         }
         None => None,
