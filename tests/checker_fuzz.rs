@@ -2,8 +2,9 @@
 
 use foley::diag::{any_error, json, render};
 use foley::draw::{Drawing, svg};
-use foley::graph::{Override, load_text};
+use foley::graph::{DirFiles, Limits, Override, load_text};
 use foley::lang::parse;
+use foley::plan::{PlanOptions, faults};
 use foley_nodes::core::random::Draw;
 use std::fs;
 use std::path::Path;
@@ -89,6 +90,12 @@ fn judge_with(text: &str, sets: &[Override]) -> bool {
     for place in loaded.diagnostics.iter().filter_map(|d| d.place.as_ref()) {
         let source = loaded.sources.get(place.file).unwrap_or_else(|| panic!("{text}"));
         assert!(source.text.get(place.span.clone()).is_some(), "{place:?} in\n{text}");
+    }
+    // What is left of a damaged graph can be shaped, and says where it is wrong.
+    assert_eq!(loaded.graph.is_none(), loaded.sound.is_some());
+    let files = DirFiles::new(loaded.root, Limits::default());
+    for d in loaded.sound.iter().flat_map(|sound| faults(sound, &files, &PlanOptions::default())) {
+        assert!(d.place.is_some() && d.node.is_some(), "{d:?} in\n{text}");
     }
     if let Some(graph) = &loaded.graph {
         assert!(svg(&Drawing::of(graph, None)).ends_with("</svg>\n"));

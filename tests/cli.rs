@@ -169,13 +169,17 @@ fn taps_write_audio_and_numbers() {
 fn outputs_stay_in_their_folder() {
     let dir = project(&TONE.replace("path: \"tone.wav\"", "path: \"../tone.wav\""));
     let run = foley(dir.path(), &["run", "tone.ron", "--out", "out"]);
-    assert_ne!(code(&run), 0);
+    assert_eq!(code(&run), 2);
     assert!(stderr(&run).contains("F082"), "{}", stderr(&run));
     assert!(!dir.path().join("tone.wav").exists());
+    // Nobody has to run it to be told.
+    let check = foley(dir.path(), &["check", "tone.ron"]);
+    assert_eq!(code(&check), 2);
+    assert!(stderr(&check).contains("F082") && stderr(&check).contains("tone.ron:"), "{}", stderr(&check));
     // A folder is no file, whether it is there or not.
     let dir = project(&TONE.replace("path: \"tone.wav\"", "path: \"tones/\""));
     let run = foley(dir.path(), &["run", "tone.ron", "--out", "out"]);
-    assert_ne!(code(&run), 0);
+    assert_eq!(code(&run), 2);
     assert!(stderr(&run).contains("F082") && stderr(&run).contains("tone.ron:"), "{}", stderr(&run));
 }
 

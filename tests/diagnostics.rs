@@ -3,9 +3,9 @@
 //! A case is a graph; its first lines may hold arguments, such as `// --set wind.level=3`. `FOLEY_BLESS=1` writes the
 //! texts anew: look at the difference before it is committed.
 
-use foley::diag::{Diagnostic, Severity, Sources, any_error, codes, json, render};
+use foley::diag::{Diagnostic, Severity, Sources, any_error, codes, json, render, sort};
 use foley::graph::{DirFiles, Limits, Override, load, load_text};
-use foley::plan::{Plan, PlanOptions};
+use foley::plan::{Plan, PlanOptions, faults};
 use foley::run::{DirOutputs, Job, Progress, run};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -46,8 +46,12 @@ fn findings(path: &Path) -> (Vec<Diagnostic>, Sources) {
     }
     let loaded = load(path, &sets, &[], limits);
     let mut found = loaded.diagnostics;
-    let Some(graph) = loaded.graph else { return (found, loaded.sources) };
     let files = DirFiles::new(loaded.root, limits);
+    let Some(graph) = loaded.graph else {
+        found.extend(faults(&loaded.sound.unwrap(), &files, &options));
+        sort(&mut found);
+        return (found, loaded.sources);
+    };
     match Plan::new(&graph, &files, &options) {
         Err(errors) => found.extend(errors),
         Ok(plan) => {
@@ -145,6 +149,83 @@ fn all_errors_of_a_file_come_in_one_pass() {
     for code in ["F001", "F004", "F007", "F010", "F011", "F013", "F014", "F015", "F017", "F020", "F023"] {
         assert!(codes.contains(&code), "{code} is not in {codes:?}");
     }
+}
+
+#[test]
+fn errors_of_the_text_and_of_the_plan_come_in_one_pass_and_what_follows_from_them_is_not_told() {
+    let (found, _) = findings(&Path::new(CASES).join("text_and_plan_at_once.ron"));
+    let told: Vec<_> = found.iter().map(|d| (d.code, d.node.as_deref().unwrap_or_default())).collect();
+    let wanted = [
+        ("F060", "gone"),
+        ("F011", "typo"),
+        ("F025", "x"),
+        ("F045", "rates"),
+        ("F046", "beside_gone"),
+        ("F046", "beside_typo"),
+        ("F049", "back"),
+        ("F082", "o2"),
+        ("F081", "o3"),
+    ];
+    assert_eq!(told, wanted);
+}
+
+#[test]
+fn loops_that_share_a_node_are_told_each() {
+    let (found, _) = findings(&Path::new(CASES).join("f025_knot.ron"));
+    let mut told: Vec<&str> = found.iter().filter_map(|d| d.message.rsplit(": ").next()).collect();
+    told.sort();
+    assert_eq!(told, ["sum -> left -> sum", "sum -> right -> sum", "sum -> sum"]);
+    assert!(found.iter().all(|d| d.code == "F025"));
+}
+
+#[test]
+fn a_bare_word_on_the_command_line_is_text_where_a_path_or_a_text_is_taken() {
+    let text = "#![schema = \"foley:graph/1\"]
+Graph(params: {\"name\": \"a.wav\"}, nodes: {
+    \"in\": Noise(duration: Some(1.0)),
+    \"out\": WavOut(audio: \"in\", path: \"$name\"),
+})";
+    let path = |target: &str, value: &str| {
+        let sets = [Override { target: target.into(), value: value.into() }];
+        let loaded = load_text("a.ron", text, Path::new("a.ron"), &sets);
+        let Some(graph) = loaded.graph else { return loaded.diagnostics[0].code.to_owned() };
+        let written = graph.nodes[graph.find("out").unwrap()].params.write();
+        format!("{:?}", written.iter().find(|(name, _)| *name == "path").unwrap().1)
+    };
+    for value in ["foo", "take/foo.wav", "7", "None", "Some(7)", "\"foo\"", "true"] {
+        let wanted = format!("Text({:?})", value.trim_matches('"'));
+        assert_eq!(path("name", value), wanted);
+        assert_eq!(path("out.path", value), wanted);
+    }
+    // What takes no text is read as before.
+    assert_eq!(path("out.dither", "foo"), "F014");
+    assert_eq!(path("in.duration", "foo"), "F014");
+}
+
+#[test]
+fn a_slip_inside_one_node_leaves_the_others_planned_and_one_outside_of_all_does_not() {
+    let text = |inside: &str, outside: &str| {
+        format!(
+            "#![schema = \"foley:graph/1\"]
+Graph({outside}
+    nodes: {{
+        \"one\": Noise(rate: 48000, duration: Some(1.0)),
+        \"other\": Noise(rate: 44100, duration: Some(1.0)),
+        \"slip\": Gain(audio: \"one\"{inside}),
+        \"both\": Mix(inputs: [\"one\", \"other\"]),
+        \"out\": WavOut(audio: \"both\", path: \"a.wav\"),
+    }},
+)"
+        )
+    };
+    let codes = |text: &str| -> Vec<&str> {
+        let loaded = load_text("a.ron", text, Path::new("a.ron"), &[]);
+        let files = DirFiles::new(loaded.root, Limits::default());
+        let more = faults(&loaded.sound.unwrap(), &files, &PlanOptions::default());
+        loaded.diagnostics.iter().chain(&more).map(|d| d.code).collect()
+    };
+    assert_eq!(codes(&text(" gain: 0.5", "")), ["F001", "F045"]);
+    assert!(codes(&text("", "title: ],")).iter().all(|code| *code == "F001"));
 }
 
 #[test]

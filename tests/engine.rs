@@ -184,10 +184,10 @@ fn a_fault_leaves_no_file_behind() {
     let text = "#![schema = \"foley:graph/1\"]\nGraph(nodes: {
         \"in\": Noise(rate: 48000, duration: Some(1.0)),
         \"a\": WavOut(audio: \"in\", path: \"a.wav\"),
-        \"b\": WavOut(audio: \"in\", path: \"a.wav\"),
+        \"b\": WavOut(audio: \"in\", path: \"taken.wav/b.wav\"),
     })";
     let error = common::run_text(text, &PlanOptions::default(), dir.path()).unwrap_err();
-    assert!(error.contains("F081"), "{error}");
+    assert!(error.contains("F080"), "{error}");
     let names: Vec<_> = fs::read_dir(dir.path()).unwrap().map(|e| e.unwrap().file_name()).collect();
     assert_eq!(names, ["taken.wav"]);
 }

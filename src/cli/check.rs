@@ -2,9 +2,8 @@
 
 use super::Exit;
 use super::args::CheckArgs;
-use super::run::show;
-use crate::diag::{any_error, json};
-use crate::graph::{DirFiles, load};
+use super::run::{read, show};
+use crate::diag::{any_error, json, sort};
 use crate::plan::{Plan, PlanOptions};
 use serde_json::Value;
 use std::io::{Write as _, stdout};
@@ -19,15 +18,14 @@ pub fn check(args: &CheckArgs) -> anyhow::Result<Exit> {
     let mut wrong = false;
     let mut all = Vec::new();
     for path in &args.graphs {
-        let loaded = load(path, &args.sets, &args.allow_read, limits);
+        let (loaded, files) = read(path, &args.sets, &args.allow_read, limits, None);
         let mut found = loaded.diagnostics;
         if let Some(graph) = &loaded.graph {
-            let files = DirFiles::new(loaded.root, limits);
-            // A graph without end is no mistake: it may be meant to be played live.
-            if let Err(errors) = Plan::new(graph, &files, &options) {
-                found.extend(errors.into_iter().filter(|e| e.code != "F048"));
-            }
+            found.extend(Plan::new(graph, &files, &options).err().into_iter().flatten());
         }
+        // A graph without end is no mistake: it may be meant to be played live.
+        found.retain(|d| d.code != "F048");
+        sort(&mut found);
         wrong |= any_error(&found);
         if args.json {
             let Value::Array(items) = json(&found, &loaded.sources) else { continue };

@@ -2,17 +2,17 @@
 
 use super::Exit;
 use super::args::{DeviceArgs, GraphArgs, LiveArgs, MemoArgs, WatchArgs};
-use super::run::{show, write_whole};
+use super::run::{read, show, write_whole};
 use super::watch::{SETTLE, no_events, say};
 use crate::diag::{Diagnostic, Severity, Sources};
-use crate::graph::{Asked, DirFiles, Override, load};
+use crate::graph::{Asked, Override};
 use crate::live::device::{self, Device, Running};
 use crate::live::input::{Hub, Listening, Set, listen, take_lines};
 use crate::live::{Histogram, Material, Options, Player, Reloaded, Told};
 use crate::memo::{MEMORY, Memo};
 use crate::watch::Eyes;
 use crossbeam_channel::{Receiver, RecvTimeoutError, unbounded};
-use foley_nodes::core::time::seconds;
+use foley_nodes::core::time::{TICKS_PER_SECOND, seconds};
 use serde_json::json;
 use std::io::{IsTerminal, Write as _};
 use std::net::{Ipv4Addr, SocketAddr};
@@ -125,10 +125,10 @@ struct Found {
 fn look(asking: &Asking<'_>, overrides: &[Override], hub: &Arc<Hub>, memo: Option<&Arc<Memo>>) -> Found {
     let args = asking.graph;
     let sets: Vec<Override> = args.sets.iter().chain(overrides).cloned().collect();
-    let loaded = load(&args.graph, &sets, &args.allow_read, args.limits.limits());
+    let limits = args.limits.limits();
+    let (loaded, files) = read(&args.graph, &sets, &args.allow_read, limits, Some(TICKS_PER_SECOND));
     let mut found = loaded.diagnostics;
     found.retain(|d| !asking.quiet || d.severity == Severity::Error);
-    let files = DirFiles::new(loaded.root, args.limits.limits());
     let asked = files.asked();
     let material = loaded.graph.map(|graph| Material {
         seed: args.seed.unwrap_or(graph.seed),

@@ -3,13 +3,14 @@
 use super::Exit;
 use super::args::{EngineArgs, GraphArgs, RunArgs};
 use super::progress::Watch;
-use crate::diag::{Diagnostic, Severity, Sources, render};
-use crate::graph::{Asked, DirFiles, Graph, load};
+use crate::diag::{Diagnostic, Severity, Sources, render, sort};
+use crate::graph::{Asked, DirFiles, Graph, Limits, Loaded, Override, load};
 use crate::memo::Memo;
-use crate::plan::{Plan, PlanOptions};
+use crate::plan::{Plan, PlanOptions, faults};
 use crate::run::{self, DirOutputs, Job, Progress, Report, Tap, check_tap};
-use foley_nodes::core::time::ticks;
+use foley_nodes::core::time::{Tick, ticks};
 use std::io::{IsTerminal, Write};
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
@@ -54,12 +55,30 @@ pub fn prepare(graph: &GraphArgs, engine: &EngineArgs, quiet: bool) -> Option<Re
     prepared.ready
 }
 
+/// Reads a graph; of one that cannot run, what is wrong with its sound part is told with the rest.
+pub fn read(
+    path: &Path,
+    sets: &[Override],
+    allow_read: &[PathBuf],
+    limits: Limits,
+    until: Option<Tick>,
+) -> (Loaded, DirFiles) {
+    let mut loaded = load(path, sets, allow_read, limits);
+    let files = DirFiles::new(std::mem::take(&mut loaded.root), limits);
+    if let Some(sound) = &loaded.sound {
+        let options = PlanOptions { until, ..PlanOptions::default() };
+        loaded.diagnostics.extend(faults(sound, &files, &options));
+        sort(&mut loaded.diagnostics);
+    }
+    (loaded, files)
+}
+
 /// Loads, checks and plans a graph.
 pub fn look(graph: &GraphArgs, engine: &EngineArgs, quiet: bool) -> Prepared {
-    let loaded = load(&graph.graph, &graph.sets, &graph.allow_read, graph.limits.limits());
+    let (limits, until) = (graph.limits.limits(), engine.until.map(ticks));
+    let (loaded, files) = read(&graph.graph, &graph.sets, &graph.allow_read, limits, until);
     let mut found = loaded.diagnostics;
     found.retain(|d| !quiet || d.severity == Severity::Error);
-    let files = DirFiles::new(loaded.root, graph.limits.limits());
     let planned = loaded.graph.map(|g| plan(g, engine, &files));
     let asked = files.asked();
     let ready = match planned {
@@ -69,6 +88,7 @@ pub fn look(graph: &GraphArgs, engine: &EngineArgs, quiet: bool) -> Prepared {
         }
         Some(Err(errors)) => {
             found.extend(errors);
+            sort(&mut found);
             None
         }
         None => None,

@@ -183,6 +183,11 @@ impl Sources {
     }
 }
 
+/// Puts diagnostics in the order of the texts that they point into.
+pub fn sort(diagnostics: &mut [Diagnostic]) {
+    diagnostics.sort_by_key(|d| (d.place.as_ref().map(|p| (p.file, p.span.start)), d.code));
+}
+
 /// Whether any of these stops the run.
 #[must_use]
 pub fn any_error(diagnostics: &[Diagnostic]) -> bool {

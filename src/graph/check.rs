@@ -1,10 +1,12 @@
 //! From nodes as they stand in the text to a checked graph.
 
-use super::load::{Given, Loader, RawNode};
-use super::root::{Root, join};
+use super::load::{Given, Loaded, Loader, RawNode};
+use super::outputs;
+use super::root::join;
+use super::sound::{self, Checked};
 use super::suggest::{help, nearest};
-use super::{Graph, GraphNode, Link, node_type, node_types};
-use crate::diag::{Diagnostic, Place, Sources, any_error};
+use super::{Graph, Link, node_type, node_types};
+use crate::diag::{Diagnostic, Place, any_error, sort};
 use crate::lang::{Value, ValueKind};
 use foley_nodes::core::node::NodeType;
 use foley_nodes::core::params::{AnyParams, Datum, FieldError, Mismatch, ParamKind, ParamSpec};
@@ -15,26 +17,32 @@ use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 
 /// A link as it stands in the text: the text, and where.
-struct RawLink {
+pub(super) struct RawLink {
     text: String,
     scope: String,
     place: Place,
 }
 
 /// A node whose own fields are checked.
-struct Half {
-    ty: &'static NodeType,
-    params: Option<Box<dyn AnyParams>>,
+pub(super) struct Half {
+    pub ty: &'static NodeType,
+    pub params: Option<Box<dyn AnyParams>>,
     links: Vec<Vec<RawLink>>,
-    fields: BTreeMap<String, Place>,
+    pub fields: BTreeMap<String, Place>,
     /// Where the value was given, for fields that stand for a parameter of the graph.
     origins: BTreeMap<String, Place>,
 }
 
 /// Checks everything that was read.
-pub(super) fn check(mut loader: Loader) -> (Option<Graph>, Vec<Diagnostic>, Sources, Root) {
+pub(super) fn check(mut loader: Loader) -> Loaded {
     let raw = std::mem::take(&mut loader.nodes);
-    let halves: Vec<Option<Half>> = raw.iter().map(|node| fields(node, &mut loader)).collect();
+    let mut good = sound::readable(&raw, &loader.found);
+    let mut halves: Vec<Option<Half>> = Vec::new();
+    for (node, good) in raw.iter().zip(&mut good) {
+        let before = loader.found.len();
+        halves.push(fields(node, &mut loader));
+        *good &= loader.found.len() == before;
+    }
     let mut found = std::mem::take(&mut loader.found);
     let by_id: HashMap<&str, usize> = raw.iter().enumerate().map(|(k, n)| (n.id.as_str(), k)).collect();
     let mut links: Vec<Vec<Vec<Link>>> = Vec::new();
@@ -49,55 +57,58 @@ pub(super) fn check(mut loader: Loader) -> (Option<Graph>, Vec<Diagnostic>, Sour
                 Ok(link) => link,
                 Err(diagnostic) => {
                     found.push(diagnostic.node(&raw[k].id));
+                    good[k] = false;
                     None
                 }
             };
             texts.iter().filter_map(one).collect()
         });
-        links.push(per_port.collect());
-        count += half.links.iter().map(Vec::len).sum::<usize>();
+        let resolved: Vec<Vec<Link>> = per_port.collect();
+        let all = half.links.iter().map(Vec::len).sum::<usize>();
+        good[k] &= resolved.iter().map(Vec::len).sum::<usize>() == all;
+        links.push(resolved);
+        count += all;
     }
     if count > loader.link_limit() {
         let message = format!("more than {} links", loader.link_limit());
         found.push(Diagnostic::general("F009", message).help("--max-links allows more"));
+        good.fill(false);
     }
+    outputs::check(&raw, &halves, &mut found);
     let order = order(&raw, &halves, &links, &mut found);
     // What is wrong can be why something seems to be unused.
     if !any_error(&found) {
         unused(&raw, &halves, &links, &mut found);
         found.extend(loader.unused_params());
     }
-    found.sort_by_key(|d| (d.place.as_ref().map(|p| (p.file, p.span.start)), d.code));
+    sort(&mut found);
     let sources = std::mem::take(&mut loader.sources);
     let root = loader.take_root();
-    if any_error(&found) {
-        return (None, found, sources, root);
-    }
-    if raw.is_empty() {
+    if raw.is_empty() && !any_error(&found) {
         found.push(Diagnostic::warning("F026", "the graph has no nodes", Place::default()));
     }
     let mut nodes = Vec::new();
-    for ((raw, half), links) in raw.into_iter().zip(halves).zip(links) {
-        let Some(Half { ty, params: Some(params), fields, .. }) = half else {
-            let message = format!("node `{}` was not checked: a defect in foley", raw.id);
-            found.push(Diagnostic::error("F099", message, raw.place));
-            return (None, found, sources, root);
-        };
-        nodes.push(GraphNode { id: raw.id, ty, params, links, place: raw.place, fields });
+    for (((raw, half), links), good) in raw.into_iter().zip(halves).zip(links).zip(good) {
+        nodes.push(match half {
+            Some(Half { ty, params: Some(params), fields, .. }) if good => {
+                Some(Checked { id: raw.id, ty, params, links, place: raw.place, fields })
+            }
+            _ => None,
+        });
     }
-    let mut rank = vec![0; nodes.len()];
-    for (at, &n) in order.iter().enumerate() {
-        rank[n] = at;
-    }
-    let graph = Graph {
+    let count = nodes.len();
+    let sound = Graph {
         title: loader.title.unwrap_or_default(),
         seed: loader.seed.unwrap_or(0),
-        nodes,
-        order,
-        rank,
         sources: sources.clone(),
+        ..sound::graph(nodes, &order)
     };
-    (Some(graph), found, sources, root)
+    let whole = sound.nodes.iter().filter(|node| node.whole).count() == count;
+    if !whole && !any_error(&found) {
+        found.push(Diagnostic::general("F099", "a node was not checked: a defect in foley"));
+    }
+    let (graph, sound) = if any_error(&found) { (None, Some(sound)) } else { (Some(sound), None) };
+    Loaded { graph, sound, diagnostics: found, sources, root }
 }
 
 /// Checks type, parameters and presence of inputs of one node.
@@ -259,7 +270,22 @@ fn links_of(given: &Given, spec: &PortSpec, node: &RawNode, loader: &mut Loader)
 /// The value as a parameter reads it; paths are made relative to the working folder.
 fn datum(given: &Given, spec: &ParamSpec, loader: &mut Loader) -> Option<Datum> {
     let path = matches!(spec.kind.innermost(), ParamKind::Asset);
-    convert(&given.value, given, path, loader)
+    let value = bare_text(given, &spec.kind, loader).unwrap_or_else(|| given.value.clone());
+    convert(&value, given, path, loader)
+}
+
+/// What the command line gives for a text or a path, as it was typed: what has to be in quotes in a file may be bare there.
+fn bare_text(given: &Given, kind: &ParamKind, loader: &Loader) -> Option<Value> {
+    let text = loader.argument(given)?;
+    let quoted = matches!(given.value.value, ValueKind::Str(_));
+    let kind = match (kind, &given.value.value) {
+        (ParamKind::Maybe(_), ValueKind::Option(_)) => return None,
+        (ParamKind::Maybe(inner), _) => *inner,
+        (kind, _) => kind,
+    };
+    let takes = matches!(kind, ParamKind::Text | ParamKind::Asset | ParamKind::Output);
+    let value = || Value { span: given.place.span.clone(), value: ValueKind::Str(text.to_owned()) };
+    (takes && !quoted).then(value)
 }
 
 fn convert(value: &Value, given: &Given, path: bool, loader: &mut Loader) -> Option<Datum> {
@@ -295,8 +321,7 @@ fn convert(value: &Value, given: &Given, path: bool, loader: &mut Loader) -> Opt
 
 /// The path of an asset. One that was given on the command line may be read wherever it is, unless it is absolute.
 fn asset(text: &str, given: &Given, loader: &mut Loader) -> String {
-    let command_line = given.folder.as_os_str().is_empty()
-        && loader.sources.get(given.place.file).is_some_and(|s| s.name.starts_with("--set"));
+    let command_line = loader.argument(given).is_some();
     let joined = join(&given.folder, text);
     if command_line && !Path::new(text).is_absolute() {
         loader.allow_named(Path::new(&joined));
@@ -496,7 +521,10 @@ fn order(
     order
 }
 
-/// Prints each loop once, whole.
+/// How often loops are looked for again without the links that close those already found.
+const ROUNDS: usize = 20;
+
+/// Prints loops, each once and whole: one of each knot, then those that do not need the link that closes it.
 fn report_loops(
     raw: &[RawNode],
     below: &[Vec<usize>],
@@ -504,49 +532,68 @@ fn report_loops(
     links: &[Vec<Vec<Link>>],
     found: &mut Vec<Diagnostic>,
 ) {
-    let stuck: Vec<bool> = above.iter().map(|&a| a > 0).collect();
-    let mut graph = DiGraph::<usize, ()>::new();
-    let index: HashMap<usize, _> =
-        (0..raw.len()).filter(|&n| stuck[n]).map(|n| (n, graph.add_node(n))).collect();
-    for (&n, &at) in &index {
-        for v in below[n].iter().filter(|v| stuck[**v]) {
-            graph.update_edge(at, index[v], ());
+    let mut below = below.to_vec();
+    for _ in 0..ROUNDS {
+        let loops = loops(&below, above);
+        if loops.is_empty() {
+            return;
         }
-    }
-    for members in tarjan_scc(&graph) {
-        let mut members: Vec<usize> = members.iter().map(|n| graph[*n]).collect();
-        members.sort_unstable();
-        let first = members[0];
-        if members.len() == 1 && !below[first].contains(&first) {
-            continue;
-        }
-        let path = shortest_loop(first, below, &members);
-        let names: Vec<&str> = path.iter().chain([&first]).map(|&n| raw[n].id.as_str()).collect();
-        let closing = *path.last().unwrap_or(&first);
-        let place = links[first].iter().flatten().find(|l| l.node == closing).map(|l| l.place.clone());
-        let mut diagnostic = Diagnostic::error(
-            "F025",
-            format!("these nodes feed each other in a loop: {}", names.join(" -> ")),
-            place.unwrap_or_else(|| raw[first].place.clone()),
-        )
-        .node(&raw[first].id)
-        .help("a loop has to go through a Feedback node, which says how long it takes");
-        for pair in path.windows(2) {
-            if let Some(link) = links[pair[1]].iter().flatten().find(|l| l.node == pair[0]) {
-                diagnostic = diagnostic
-                    .label(link.place.clone(), format!("`{}` needs `{}`", raw[pair[1]].id, raw[pair[0]].id));
+        for path in loops {
+            if let (Some(first), Some(closing)) = (path.first(), path.last()) {
+                below[*closing].retain(|v| v != first);
             }
+            found.push(loop_error(raw, links, &path));
         }
-        found.push(diagnostic);
     }
 }
 
-/// The shortest way from a node back to itself inside a set of nodes, without the closing step.
+/// One loop of each set of nodes that all reach each other: the shortest through its first node.
+fn loops(below: &[Vec<usize>], above: &[usize]) -> Vec<Vec<usize>> {
+    let mut graph = DiGraph::<usize, ()>::new();
+    let index: BTreeMap<usize, _> =
+        (0..above.len()).filter(|&n| above[n] > 0).map(|n| (n, graph.add_node(n))).collect();
+    for (&n, &at) in &index {
+        for to in below[n].iter().filter_map(|v| index.get(v)) {
+            graph.update_edge(at, *to, ());
+        }
+    }
+    let knots = tarjan_scc(&graph).into_iter().filter_map(|members| {
+        let mut members: Vec<usize> = members.iter().map(|n| graph[*n]).collect();
+        members.sort_unstable();
+        let first = members[0];
+        let knot = members.len() > 1 || below[first].contains(&first);
+        knot.then(|| shortest_loop(first, below, &members))
+    });
+    knots.collect()
+}
+
+fn loop_error(raw: &[RawNode], links: &[Vec<Vec<Link>>], path: &[usize]) -> Diagnostic {
+    let first = path[0];
+    let names: Vec<&str> = path.iter().chain([&first]).map(|&n| raw[n].id.as_str()).collect();
+    let closing = *path.last().unwrap_or(&first);
+    let link = |to: usize, from: usize| links[to].iter().flatten().find(|l| l.node == from);
+    let mut diagnostic = Diagnostic::error(
+        "F025",
+        format!("these nodes feed each other in a loop: {}", names.join(" -> ")),
+        link(first, closing).map_or_else(|| raw[first].place.clone(), |l| l.place.clone()),
+    )
+    .node(&raw[first].id)
+    .help("a loop has to go through a Feedback node, which says how long it takes");
+    for pair in path.windows(2) {
+        if let Some(link) = link(pair[1], pair[0]) {
+            let text = format!("`{}` needs `{}`", raw[pair[1]].id, raw[pair[0]].id);
+            diagnostic = diagnostic.label(link.place.clone(), text);
+        }
+    }
+    diagnostic
+}
+
+/// The shortest way from a node back to itself inside a sorted set of nodes, without the closing step.
 fn shortest_loop(first: usize, below: &[Vec<usize>], members: &[usize]) -> Vec<usize> {
     let mut from: HashMap<usize, usize> = HashMap::new();
     let mut queue = std::collections::VecDeque::from([first]);
     while let Some(n) = queue.pop_front() {
-        for &v in below[n].iter().filter(|v| members.contains(v)) {
+        for &v in below[n].iter().filter(|v| members.binary_search(v).is_ok()) {
             if v == first {
                 let mut path = vec![n];
                 let mut at = n;

@@ -63,6 +63,8 @@ pub struct RawNode {
     pub type_place: Place,
     /// Where its id stands.
     pub place: Place,
+    /// Where its text ends in that file.
+    pub end: usize,
     /// Its fields in order: name, place of the name, value.
     pub fields: Vec<(String, Place, Given)>,
     /// Whether its text is complete enough to check.
@@ -74,6 +76,8 @@ pub struct RawNode {
 pub struct Loaded {
     /// The graph, if it can run.
     pub graph: Option<Graph>,
+    /// Otherwise the nodes that are right, and read only such: what else is wrong with them can be found in the same pass.
+    pub sound: Option<Graph>,
     /// Errors and warnings.
     pub diagnostics: Vec<Diagnostic>,
     /// The texts that they point into.
@@ -124,8 +128,7 @@ pub fn load(path: &Path, overrides: &[Override], allow_read: &[PathBuf], limits:
         }
         Err(message) => loader.found.push(Diagnostic::general("F060", message)),
     }
-    let (graph, diagnostics, sources, root) = check::check(loader);
-    Loaded { graph, diagnostics, sources, root }
+    check::check(loader)
 }
 
 /// Reads and checks a graph from a text, for editors and tests; `path` is what paths in it are relative to.
@@ -134,8 +137,7 @@ pub fn load_text(name: &str, text: &str, path: &Path, overrides: &[Override]) ->
     let mut loader = Loader { root: Root::of(path), ..Loader::default() };
     let given = loader.overrides(overrides);
     loader.file(name, text.to_owned(), path, "", given, &mut vec![path.to_owned()]);
-    let (graph, diagnostics, sources, root) = check::check(loader);
-    Loaded { graph, diagnostics, sources, root }
+    check::check(loader)
 }
 
 /// The text at a path; `show` is its name for people.
@@ -561,6 +563,7 @@ impl Loader {
                     type_name: String::new(),
                     type_place: at(value.span()),
                     place,
+                    end: value.span().end,
                     fields: Vec::new(),
                     whole: false,
                 });
@@ -590,7 +593,8 @@ impl Loader {
             read.push((field_name.to_owned(), key, given));
         }
         let (type_name, type_place) = (name.value.clone(), at(name.span()));
-        self.nodes.push(RawNode { id, type_name, type_place, place, fields: read, whole });
+        let end = value.span().end;
+        self.nodes.push(RawNode { id, type_name, type_place, place, end, fields: read, whole });
     }
 
     /// Follows `"$name"` to the parameter that it stands for.
@@ -635,6 +639,12 @@ impl Loader {
 
     pub(super) fn allow_named(&mut self, path: &Path) {
         self.root.allow_named(path);
+    }
+
+    /// The text of the argument of the command that gave a value, where one did.
+    pub(super) fn argument(&self, given: &Given) -> Option<&str> {
+        let source = self.sources.get(given.place.file).filter(|s| s.name.starts_with("--set"))?;
+        given.folder.as_os_str().is_empty().then_some(&*source.text)
     }
 
     pub(super) fn link_limit(&self) -> usize {

@@ -4,10 +4,13 @@
 
 mod check;
 mod load;
+mod outputs;
 mod root;
+mod sound;
 mod suggest;
 
 pub use load::{Loaded, Override, SCHEMA, load, load_text};
+pub use outputs::output_path;
 pub use root::{Asked, DirFiles, Limits, Root, Stamp, matching};
 pub use suggest::nearest;
 
@@ -30,7 +33,7 @@ pub fn node_type(name: &str) -> Option<&'static NodeType> {
 }
 
 /// A graph in which every node has a type, parameters and links.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Graph {
     /// What it is called.
     pub title: String,
@@ -61,6 +64,8 @@ pub struct GraphNode {
     pub place: Place,
     /// Where its fields stand: the values of parameters and inputs.
     pub fields: BTreeMap<String, Place>,
+    /// Whether all of its links are what the text says, as in every graph that can run.
+    pub whole: bool,
 }
 
 /// One link, seen from its input.
@@ -123,6 +128,7 @@ impl Graph {
             },
             place: node.place.clone(),
             fields: node.fields.clone(),
+            whole: node.whole,
         };
         Self {
             title: self.title.clone(),

@@ -74,6 +74,7 @@ fn copy(node: &GraphNode) -> GraphNode {
         links: node.links.clone(),
         place: node.place.clone(),
         fields: node.fields.clone(),
+        whole: node.whole,
     }
 }
 
@@ -260,6 +261,7 @@ impl Weaver<'_> {
             links: links.into_iter().map(|l| l.into_iter().collect()).collect(),
             place: place.clone(),
             fields: Default::default(),
+            whole: true,
         });
         let shape = one.clone();
         let end = match (&old, &new) {

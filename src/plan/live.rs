@@ -121,7 +121,11 @@ impl Draft {
     /// # Errors
     /// Every reason found why it cannot: as [`Plan::new`], nothing to hear, several rates, nodes that run offline only.
     pub fn new(graph: &Graph, files: &dyn Files, memory: usize) -> Result<Self, Vec<Diagnostic>> {
-        Self::of_shapes(graph, schedule::shape_all(graph, files)?, memory)
+        let shaped = schedule::shape_all(graph, files);
+        if !shaped.errors.is_empty() {
+            return Err(shaped.errors);
+        }
+        Self::of_shapes(graph, shaped.shapes, memory)
     }
 
     /// As [`Draft::new`], for a graph whose shapes are known.

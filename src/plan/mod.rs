@@ -97,6 +97,42 @@ impl Phase {
     }
 }
 
+/// What is known of a graph before its passes are laid out.
+struct Look {
+    shapes: Vec<NodeShape>,
+    split: phases::Split,
+    window: Tick,
+    errors: Vec<Diagnostic>,
+}
+
+impl Look {
+    /// Shapes a graph; a node that fails hides nothing that does not depend on it.
+    fn at(graph: &Graph, files: &dyn Files, options: &PlanOptions) -> Self {
+        let schedule::Shaped { mut shapes, failed, mut errors } = schedule::shape_all(graph, files);
+        if let Some(until) = options.until {
+            schedule::cut(&mut shapes, until);
+        }
+        let split = phases::split(graph, &options.taps);
+        // What is longer than the take would only be buffers that nothing fills.
+        let longest = shapes.iter().filter_map(|s| s.end).max().unwrap_or(Tick::MAX);
+        let mut window = options.window.min(longest).max(1);
+        for nodes in &split.phases {
+            let sound: Vec<usize> = nodes.iter().copied().filter(|&n| !failed[n]).collect();
+            match schedule::longest_window(graph, &shapes, &sound) {
+                Ok(longest) => window = window.min(longest),
+                Err(short) => errors.extend(short),
+            }
+            errors.extend(schedule::endless(graph, &shapes, &sound, options));
+        }
+        Self { shapes, split, window, errors }
+    }
+}
+
+/// What else is wrong with a graph whose text is: with the [sound part](crate::graph::Loaded::sound) of it.
+pub fn faults(sound: &Graph, files: &dyn Files, options: &PlanOptions) -> Vec<Diagnostic> {
+    Look::at(sound, files, options).errors
+}
+
 /// All that is known of a run before it starts.
 #[derive(Debug)]
 pub struct Plan {
@@ -106,7 +142,7 @@ pub struct Plan {
     pub values: Vec<(usize, usize)>,
     /// Passes over the streams.
     pub phases: Vec<Phase>,
-    /// Length of one window; shorter than asked for where a feedback loop needs it.
+    /// Length of one window; shorter than asked for where a feedback loop needs it, or the take is shorter.
     pub window: Tick,
     /// Bytes in buffers, at most, at one time.
     pub bytes: usize,
@@ -126,15 +162,9 @@ impl Plan {
     /// # Complexity
     /// O(nodes + links).
     pub fn new(graph: &Graph, files: &dyn Files, options: &PlanOptions) -> Result<Self, Vec<Diagnostic>> {
-        let mut shapes = schedule::shape_all(graph, files)?;
-        if let Some(until) = options.until {
-            schedule::cut(&mut shapes, until);
-        }
-        let split = phases::split(graph, &options.taps);
-        let longest = shapes.iter().filter_map(|s| s.end).max().unwrap_or(Tick::MAX);
-        let mut window = options.window.min(longest).max(1);
-        for stream_nodes in &split.phases {
-            window = window.min(schedule::longest_window(graph, &shapes, stream_nodes)?);
+        let Look { shapes, split, window, errors } = Look::at(graph, files, options);
+        if !errors.is_empty() {
+            return Err(errors);
         }
         let mut phases = Vec::new();
         for (k, nodes) in split.phases.iter().enumerate() {

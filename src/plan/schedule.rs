@@ -5,7 +5,7 @@ use crate::diag::Diagnostic;
 use crate::graph::{Graph, Link};
 use foley_nodes::core::files::Files;
 use foley_nodes::core::item::StreamShape;
-use foley_nodes::core::ports::PortKind;
+use foley_nodes::core::ports::{Arity, PortKind, PortSpec};
 use foley_nodes::core::shape::{LinkShape, NodeShape, RawShape, Reach};
 use foley_nodes::core::time::{Tick, seconds};
 use std::collections::HashMap;
@@ -34,33 +34,44 @@ pub struct Delays {
     pub cause: Vec<Option<Cause>>,
 }
 
-/// The shapes of all links of a node.
-pub fn link_shapes(graph: &Graph, shapes: &[NodeShape], node: usize) -> Vec<Vec<LinkShape>> {
-    let shape = |link: &Link| match graph.nodes[link.node].ty.outputs[link.port].kind {
+/// What is known of a link; nothing of a stream that closes a loop.
+fn link_shape(graph: &Graph, shapes: &[NodeShape], link: &Link) -> Option<LinkShape> {
+    match graph.nodes[link.node].ty.outputs[link.port].kind {
         PortKind::Stream(_) => {
-            // Behind a link that closes a loop there is no shape yet.
             shapes[link.node].outputs.get(link.port).cloned().flatten().map(LinkShape::Stream)
         }
         PortKind::Events(_) => Some(LinkShape::Events(shapes[link.node].end)),
         PortKind::Value(_) | PortKind::Fold(_) => Some(LinkShape::Value(None)),
-    };
-    graph.nodes[node].links.iter().map(|links| links.iter().filter_map(shape).collect()).collect()
+    }
+}
+
+/// What shaping a graph has come to.
+pub struct Shaped {
+    /// Shape of each node; empty for those that failed.
+    pub shapes: Vec<NodeShape>,
+    /// Nodes that failed, or read from one that did.
+    pub failed: Vec<bool>,
+    /// What is wrong with them.
+    pub errors: Vec<Diagnostic>,
 }
 
 /// Shapes every node, in topological order; nodes behind one that failed are passed over in silence.
-pub fn shape_all(graph: &Graph, files: &dyn Files) -> Result<Vec<NodeShape>, Vec<Diagnostic>> {
+///
+/// Where an input takes many and only some of them failed, the others are still compared.
+pub fn shape_all(graph: &Graph, files: &dyn Files) -> Shaped {
     let mut shapes: Vec<NodeShape> = graph.nodes.iter().map(|_| NodeShape::default()).collect();
     let mut failed = vec![false; graph.nodes.len()];
     let mut errors = Vec::new();
     for &n in &graph.order {
         let node = &graph.nodes[n];
-        if node.links.iter().flatten().any(|link| failed[link.node] && !closes_loop(graph, n, link)) {
-            failed[n] = true;
-            continue;
-        }
-        let links = link_shapes(graph, &shapes, n);
+        let lost = |link: &Link| failed[link.node] && !closes_loop(graph, n, link);
+        let links = known_shapes(graph, &shapes, n, &lost);
+        let partly = !node.whole || node.links.iter().flatten().any(lost);
+        failed[n] = partly;
+        let Some(links) = links else { continue };
         let raw = RawShape::new(&links, node.ty.outputs.len(), files);
         match node.ty.shape(&*node.params, raw) {
+            Ok(_) if partly => {}
             Ok(shape) => shapes[n] = shape,
             Err(reject) => {
                 failed[n] = true;
@@ -70,7 +81,25 @@ pub fn shape_all(graph: &Graph, files: &dyn Files) -> Result<Vec<NodeShape>, Vec
         }
     }
     errors.extend(late_inputs(graph, &shapes, &failed));
-    if errors.is_empty() { Ok(shapes) } else { Err(errors) }
+    Shaped { shapes, failed, errors }
+}
+
+/// The shapes of a node's links where some are lost: where an input takes many, the first that is known stands for those.
+fn known_shapes(
+    graph: &Graph,
+    shapes: &[NodeShape],
+    node: usize,
+    lost: &dyn Fn(&Link) -> bool,
+) -> Option<Vec<Vec<LinkShape>>> {
+    let node = &graph.nodes[node];
+    let of_port = |(links, spec): (&Vec<Link>, &PortSpec)| {
+        if !links.iter().any(lost) {
+            return Some(links.iter().filter_map(|link| link_shape(graph, shapes, link)).collect());
+        }
+        let first = links.iter().find(|link| !lost(link)).filter(|_| spec.arity == Arity::Many)?;
+        links.iter().map(|link| link_shape(graph, shapes, if lost(link) { first } else { link })).collect()
+    };
+    node.links.iter().zip(node.ty.inputs).map(of_port).collect()
 }
 
 /// Whether a link comes from a node that stands later in the topological order.
@@ -234,25 +263,35 @@ pub fn duration(
     delays: &Delays,
     options: &PlanOptions,
 ) -> Result<Tick, Vec<Diagnostic>> {
-    let mut last = 1;
-    let mut errors = Vec::new();
-    for &n in nodes {
-        let tapped = options.taps.iter().any(|(t, _)| *t == n);
-        let ty = graph.nodes[n].ty;
-        let folds = ty.outputs.iter().any(|o| matches!(o.kind, PortKind::Fold(_)));
-        if !(tapped || folds || ty.outputs.is_empty()) {
-            continue;
-        }
-        let Some(end) = shapes[n].end else {
-            let id = &graph.nodes[n].id;
-            errors.push(
-                Diagnostic::error("F048", format!("`{id}` never ends"), graph.nodes[n].place.clone())
-                    .node(id)
-                    .help("give a source in front of it a duration, or run with --until SECONDS"),
-            );
-            continue;
-        };
-        last = last.max(end + delays.of[n] + shapes[n].lag);
+    let errors = endless(graph, shapes, nodes, options);
+    if !errors.is_empty() {
+        return Err(errors);
     }
-    if errors.is_empty() { Ok(last) } else { Err(errors) }
+    let until = |n: usize| Some(shapes[n].end? + delays.of[n] + shapes[n].lag);
+    let ends = nodes.iter().filter(|&&n| matters(graph, n, options)).filter_map(|&n| until(n));
+    Ok(ends.max().unwrap_or(1).max(1))
+}
+
+/// Whether a phase goes on until a node has ended.
+fn matters(graph: &Graph, node: usize, options: &PlanOptions) -> bool {
+    let outputs = graph.nodes[node].ty.outputs;
+    let folds = outputs.iter().any(|o| matches!(o.kind, PortKind::Fold(_)));
+    folds || outputs.is_empty() || options.taps.iter().any(|(t, _)| *t == node)
+}
+
+/// What is said of the nodes that would have to end, and never do.
+pub fn endless(
+    graph: &Graph,
+    shapes: &[NodeShape],
+    nodes: &[usize],
+    options: &PlanOptions,
+) -> Vec<Diagnostic> {
+    let never = nodes.iter().filter(|&&n| matters(graph, n, options) && shapes[n].end.is_none());
+    let tell = |&n: &usize| {
+        let id = &graph.nodes[n].id;
+        Diagnostic::error("F048", format!("`{id}` never ends"), graph.nodes[n].place.clone())
+            .node(id)
+            .help("give a source in front of it a duration, or run with --until SECONDS")
+    };
+    never.map(tell).collect()
 }

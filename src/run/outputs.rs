@@ -1,9 +1,10 @@
 //! Output files: written under temporary names, and moved to their places all at once when the run has succeeded.
 
+use crate::graph::output_path;
 use foley_nodes::core::files::{FileError, Outputs, WriteSeek};
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 /// Outputs below one folder.
@@ -84,14 +85,7 @@ impl DirOutputs {
 
 impl Outputs for DirOutputs {
     fn create(&self, path: &str) -> Result<Box<dyn WriteSeek>, FileError> {
-        let plain =
-            Path::new(path).components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir));
-        let folder = path.ends_with(std::path::is_separator);
-        if path.is_empty() || !plain || folder || Path::new(path).file_name().is_none() {
-            let message = format!("{path:?} does not name a file below the output folder");
-            return Err(FileError { code: "F082", message });
-        }
-        let full = self.root.join(path);
+        let full = self.root.join(output_path(path)?);
         // A link that leads out of the folder must not be followed, also where it is in the middle of the path.
         if let (Ok(root), Some(folder)) = (fs::canonicalize(&self.root), full.parent().and_then(existing))
             && !folder.starts_with(&root)

@@ -1,0 +1,54 @@
+//! The files that a graph writes: where they may lie, and that no two are one.
+
+use super::check::Half;
+use super::load::RawNode;
+use crate::diag::{Diagnostic, Place};
+use foley_nodes::core::files::FileError;
+use foley_nodes::core::params::{Datum, ParamKind};
+use std::collections::HashMap;
+use std::path::{Component, Path, PathBuf};
+
+/// The path of an output below the output folder, without detours.
+///
+/// # Errors
+/// When it does not name a file below that folder.
+pub fn output_path(path: &str) -> Result<PathBuf, FileError> {
+    let plain = Path::new(path).components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir));
+    let folder = path.ends_with(std::path::is_separator);
+    if path.is_empty() || !plain || folder || Path::new(path).file_name().is_none() {
+        let message = format!("{path:?} does not name a file below the output folder");
+        return Err(FileError { code: "F082", message });
+    }
+    Ok(Path::new(path).components().filter(|c| matches!(c, Component::Normal(_))).collect())
+}
+
+/// Finds output paths that lead elsewhere, and those that are given twice.
+pub(super) fn check(raw: &[RawNode], halves: &[Option<Half>], found: &mut Vec<Diagnostic>) {
+    let mut first: HashMap<PathBuf, Place> = HashMap::new();
+    for (node, half) in raw.iter().zip(halves) {
+        let Some(Half { ty, params: Some(params), fields, .. }) = half else { continue };
+        let specs = (ty.params)();
+        let written = |name| specs.iter().any(|s| s.name == name && *s.kind.innermost() == ParamKind::Output);
+        for (name, value) in params.write() {
+            let Datum::Text(path) = value else { continue };
+            if !written(name) {
+                continue;
+            }
+            let place = fields.get(name).unwrap_or(&node.place).clone();
+            let full = match output_path(&path) {
+                Ok(full) => full,
+                Err(e) => {
+                    found.push(Diagnostic::error(e.code, e.message, place).node(&node.id));
+                    continue;
+                }
+            };
+            if let Some(earlier) = first.get(&full) {
+                let message = format!("two outputs have the path {}", full.display());
+                let told = Diagnostic::error("F081", message, place).node(&node.id);
+                found.push(told.label(earlier.clone(), "first here"));
+            } else {
+                first.insert(full, place);
+            }
+        }
+    }
+}

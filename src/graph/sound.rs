@@ -1,0 +1,112 @@
+//! The sound part of a graph: the nodes that can be shaped although others are wrong, so that what is wrong with them is
+//! told in the same pass.
+
+use super::load::RawNode;
+use super::{Graph, GraphNode, Link};
+use crate::diag::{Diagnostic, Place, Severity};
+use foley_nodes::core::node::NodeType;
+use foley_nodes::core::params::AnyParams;
+use foley_nodes::core::ports::Arity;
+use std::collections::BTreeMap;
+
+/// A node whose text has been checked, whatever came of it.
+pub(super) struct Checked {
+    pub id: String,
+    pub ty: &'static NodeType,
+    pub params: Box<dyn AnyParams>,
+    pub links: Vec<Vec<Link>>,
+    pub place: Place,
+    pub fields: BTreeMap<String, Place>,
+}
+
+/// How much of a node is known.
+#[derive(Clone, Copy, PartialEq)]
+enum Known {
+    /// It is wrong, or reads something that is.
+    Nothing,
+    /// Some of the links of an input that takes many are known: enough to compare them.
+    Inputs,
+    /// All of it, with all above it.
+    All,
+}
+
+/// Which nodes stand in the text as they were meant, as far as reading it has told; none of a text that cannot be understood.
+pub(super) fn readable(raw: &[RawNode], found: &[Diagnostic]) -> Vec<bool> {
+    let mut good: Vec<bool> = raw.iter().map(|node| node.whole).collect();
+    for d in found.iter().filter(|d| d.severity == Severity::Error) {
+        let places = || d.place.iter().chain(d.labels.iter().map(|l| &l.place));
+        let touches = |node: &RawNode| {
+            let meets = |p: &Place| {
+                p.file == node.place.file && p.span.start <= node.end && node.place.span.start <= p.span.end
+            };
+            d.node.as_ref() == Some(&node.id) || places().any(meets)
+        };
+        let mut one = false;
+        for (node, good) in raw.iter().zip(&mut good) {
+            if touches(node) {
+                (one, *good) = (true, false);
+            }
+        }
+        // A slip outside of all nodes may have swallowed any of them; what is beyond a limit is not looked into.
+        if (d.code == "F001" && !one) || d.code == "F009" {
+            return vec![false; raw.len()];
+        }
+    }
+    good
+}
+
+/// The graph of all nodes that are given, and of no link to another; `order` is topological.
+///
+/// A link to a missing node, at an input that takes many, becomes one to the first node of that input: so the others can
+/// be compared. Such a node is not [`whole`](GraphNode::whole).
+pub(super) fn graph(nodes: Vec<Option<Checked>>, order: &[usize]) -> Graph {
+    let known = known(&nodes, order);
+    let mut at = vec![0; nodes.len()];
+    for (count, n) in (0..nodes.len()).filter(|&n| known[n] != Known::Nothing).enumerate() {
+        at[n] = count;
+    }
+    let moved = |links: Vec<Link>| -> Vec<Link> {
+        let stand_in = links.iter().find(|l| known[l.node] == Known::All).cloned();
+        let one = |link: Link| if known[link.node] == Known::All { Some(link) } else { stand_in.clone() };
+        links.into_iter().filter_map(one).map(|l| Link { node: at[l.node], ..l }).collect()
+    };
+    let mut graph = Graph::default();
+    for (node, known) in nodes.into_iter().zip(&known) {
+        let Some(Checked { id, ty, params, links, place, fields }) = node else { continue };
+        if *known == Known::Nothing {
+            continue;
+        }
+        let links = links.into_iter().map(moved).collect();
+        graph.nodes.push(GraphNode { id, ty, params, links, place, fields, whole: *known == Known::All });
+    }
+    graph.order = order.iter().filter(|&&n| known[n] != Known::Nothing).map(|&n| at[n]).collect();
+    graph.rank = vec![0; graph.nodes.len()];
+    for (place, &n) in graph.order.iter().enumerate() {
+        graph.rank[n] = place;
+    }
+    graph
+}
+
+/// How much of each node is known; a broken node takes with it all that reads it.
+fn known(nodes: &[Option<Checked>], order: &[usize]) -> Vec<Known> {
+    let mut known = vec![Known::Nothing; nodes.len()];
+    order.iter().filter(|&&n| nodes[n].is_some()).for_each(|&n| known[n] = Known::All);
+    // One round is enough but for links that are read late, which come from further down.
+    loop {
+        let before = known.clone();
+        for &n in order {
+            let Some(node) = nodes[n].as_ref().filter(|_| known[n] != Known::Nothing) else { continue };
+            for (spec, links) in node.ty.inputs.iter().zip(&node.links) {
+                let sound = links.iter().filter(|l| known[l.node] == Known::All).count();
+                known[n] = match spec.arity {
+                    _ if sound == links.len() => known[n],
+                    Arity::Many if sound > 0 && known[n] != Known::Nothing => Known::Inputs,
+                    _ => Known::Nothing,
+                };
+            }
+        }
+        if known == before {
+            return known;
+        }
+    }
+}
