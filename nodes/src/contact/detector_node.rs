@@ -181,7 +181,7 @@ impl Node for ContactDetector {
     type Ports = ContactDetectorPorts;
     const NAME: &'static str = "ContactDetector";
     const CLASS: Class = Class::Worker;
-    const COST: f64 = 400.0;
+    const COST: f64 = 1000.0;
 
     fn shape(p: &ContactDetectorParams, s: &mut Shape<'_, '_, ContactDetectorPorts>) -> Result<(), Reject> {
         let mesh = s.input(ContactDetectorPorts::mesh);

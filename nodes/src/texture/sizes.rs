@@ -38,9 +38,9 @@ pub struct CostEntry {
 }
 
 /// Microseconds for each millisecond of a contact, as `benches/scrape.rs` finds them: what is read of a map, and a line of noise.
-pub const MAP_COST: f64 = 0.4;
+pub const MAP_COST: f64 = 0.42;
 /// The same of noise.
-pub const NOISE_COST: f64 = 0.6;
+pub const NOISE_COST: f64 = 0.69;
 
 /// The bytes of every way to store a texture, and what it takes to play.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

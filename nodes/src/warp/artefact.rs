@@ -31,7 +31,7 @@ pub struct WarpMap {
     /// Share of the target's units where the warp folds over: those that it lays another way round than most.
     pub folds: f64,
     /// Whether it lays most of them the other way round, as a mirror does, which folds nothing.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    #[serde(default)]
     pub mirrored: bool,
     /// Share of the target's units farther than two radii from the middle of the nodes.
     pub outside: f64,

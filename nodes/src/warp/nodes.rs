@@ -58,6 +58,7 @@ impl Func for Correspondences {
     type Params = CorrespondencesParams;
     type Ports = CorrespondencesPorts;
     const NAME: &'static str = "CorrespondenceSet";
+    const VERSION: u32 = 2;
     const TELLS_PATHS: bool = true;
 
     fn check(p: &CorrespondencesParams, s: &mut Shape<'_, '_, CorrespondencesPorts>) -> Result<(), Reject> {
@@ -117,7 +118,7 @@ impl Func for WarpFile {
     type Params = WarpFileParams;
     type Ports = WarpFilePorts;
     const NAME: &'static str = "WarpFile";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
 
     fn check(p: &WarpFileParams, s: &mut Shape<'_, '_, WarpFilePorts>) -> Result<(), Reject> {
         read_warp(&p.path.0, &s.bytes("path", &p.path.0)?).map(|_| ())
