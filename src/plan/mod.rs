@@ -113,9 +113,9 @@ impl Look {
             schedule::cut(&mut shapes, until);
         }
         let split = phases::split(graph, &options.taps);
-        // What is longer than the take would only be buffers that nothing fills.
+        // What is longer than the take would only be buffers that nothing fills; a take of next to nothing still has a tail.
         let longest = shapes.iter().filter_map(|s| s.end).max().unwrap_or(Tick::MAX);
-        let mut window = options.window.min(longest).max(1);
+        let mut window = options.window.min(longest.max(WINDOW)).max(1);
         for nodes in &split.phases {
             let sound: Vec<usize> = nodes.iter().copied().filter(|&n| !failed[n]).collect();
             match schedule::longest_window(graph, &shapes, &sound) {
