@@ -206,3 +206,16 @@ fn a_window_longer_than_the_take_costs_no_more_than_the_take() {
     assert_eq!(planned(1_000_000), planned(2));
     assert!(planned(1) < planned(2));
 }
+
+#[test]
+fn a_take_of_next_to_nothing_runs_its_tail_in_windows_of_the_usual_length() {
+    let text = "#![schema = \"foley:graph/1\"]\nGraph(nodes: {
+        \"tone\": Tone(frequency: 100.0, rate: 8000, duration: Some(0.000001)),
+        \"late\": Delay(audio: \"tone\", seconds: 1.0),
+        \"out\": WavOut(audio: \"late\", path: \"tone.wav\"),
+    })";
+    let (graph, files) =
+        (common::graph(text).unwrap(), DirFiles::new(Root::of(Path::new("test.ron")), Limits::default()));
+    let plan = Plan::new(&graph, &files, &PlanOptions::default()).unwrap();
+    assert_eq!(plan.window, PlanOptions::default().window);
+}

@@ -111,7 +111,10 @@ fn outcome(trial: &Trial) -> BTreeMap<String, Vec<f64>> {
                 events.iter().for_each(|(_, event)| leaves(name, event, &mut lists));
             }
             PortKind::Value(_) | PortKind::Fold(_) => {
-                let json = run.value(port).map(|value| (value.kind().json)(&value)).unwrap_or_default();
+                let json = run
+                    .value(port)
+                    .and_then(|value| serde_json::from_str(&value.json()).ok())
+                    .unwrap_or_default();
                 leaves(name, &json, &mut lists);
             }
         }

@@ -57,7 +57,7 @@ fn check(run: &SoloRun, outputs: usize, told: &str) {
     for port in 0..outputs {
         if let Some(value) = run.value(port) {
             let kind = value.kind();
-            let _ = ((kind.json)(&value).to_string(), (kind.plot)(&value), (kind.file)(&value));
+            let _ = (value.json(), (kind.plot)(&value), (kind.file)(&value));
         }
         assert!(run.numbers(port).1, "{told}: not finite");
     }
@@ -164,7 +164,7 @@ fn damaged_friction_models_that_are_taken_have_finite_power() {
     let mut taken = 0;
     for _ in 0..3000 {
         let value = AnyValue::new(<FrictionModel as foley_nodes::core::item::Data>::trial(&mut draw));
-        let mut text = (value.kind().json)(&value).to_string().into_bytes();
+        let mut text = value.json().into_bytes();
         (0..1 + draw.below(3)).for_each(|_| damage(&mut text, &mut draw));
         let Ok(model) = serde_json::from_slice::<FrictionModel>(&text) else { continue };
         if model.validate().is_ok() {

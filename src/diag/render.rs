@@ -16,14 +16,16 @@ const LONGEST_TITLE: usize = 2000;
 #[must_use]
 pub fn render(diagnostics: &[Diagnostic], sources: &Sources, colour: bool) -> String {
     let renderer = if colour { Renderer::styled() } else { Renderer::plain() };
-    // What is not shown is never an error in favour of a warning.
-    let cut = diagnostics.len() > MOST_SHOWN;
-    let of = |severity| diagnostics.iter().filter(move |d| !cut || d.severity == severity);
-    let warnings = of(Severity::Warning).take(if cut { MOST_SHOWN } else { 0 });
-    let shown = of(Severity::Error).chain(warnings).take(MOST_SHOWN);
-    let mut texts: Vec<String> = shown.map(|d| renderer.render(&groups(d, sources))).collect();
-    if cut {
-        texts.push(format!("... and {} more", diagnostics.len() - MOST_SHOWN));
+    let mut shown: Vec<&Diagnostic> = diagnostics.iter().collect();
+    if shown.len() > MOST_SHOWN {
+        // No warning takes the place of an error.
+        shown.sort_by_key(|d| d.severity == Severity::Warning);
+        shown.truncate(MOST_SHOWN);
+    }
+    let left = diagnostics.len() - shown.len();
+    let mut texts: Vec<String> = shown.into_iter().map(|d| renderer.render(&groups(d, sources))).collect();
+    if left > 0 {
+        texts.push(format!("... and {left} more"));
     }
     let mut all = texts.join("\n\n");
     if !all.is_empty() {
@@ -33,14 +35,14 @@ pub fn render(diagnostics: &[Diagnostic], sources: &Sources, colour: bool) -> St
 }
 
 /// The lines that a diagnostic speaks of, so that the rest of a long file costs nothing: their bytes, and the number of the first.
-fn lines<'t>(text: &'t str, spans: &[Range<usize>]) -> (Range<usize>, usize, &'t str) {
+fn lines(text: &str, spans: &[Range<usize>]) -> (Range<usize>, usize) {
     let first = spans.iter().map(|s| s.start).min().unwrap_or(0);
     let last = spans.iter().map(|s| s.end).max().unwrap_or(0);
     let start = text[..first].rfind('\n').map_or(0, |at| at + 1);
     // The line after the last one too: a span may end behind a line break.
     let end = text[last..].find('\n').map_or(text.len(), |at| last + at + 1);
     let number = 1 + text.as_bytes()[..start].iter().filter(|b| **b == b'\n').count();
-    (start..end, number, &text[start..end])
+    (start..end, number)
 }
 
 fn groups<'a>(d: &'a Diagnostic, sources: &'a Sources) -> Vec<Group<'a>> {
@@ -61,9 +63,12 @@ fn groups<'a>(d: &'a Diagnostic, sources: &'a Sources) -> Vec<Group<'a>> {
             let own = (place.file == file).then(|| clip(place, &source.text));
             let others = labels.iter().map(|l| clip(&l.place, &source.text));
             let spans: Vec<Range<usize>> = own.clone().into_iter().chain(others).collect();
-            let (range, number, text) = lines(&source.text, &spans);
+            let (range, number) = lines(&source.text, &spans);
             let within = |span: Range<usize>| span.start - range.start..span.end - range.start;
-            let mut snippet = Snippet::source(text).line_start(number).path(&*source.name).fold(true);
+            let mut snippet = Snippet::source(&source.text[range.clone()])
+                .line_start(number)
+                .path(&*source.name)
+                .fold(true);
             if let Some(own) = own {
                 let primary = AnnotationKind::Primary.span(within(own));
                 snippet =

@@ -3,9 +3,9 @@
 use super::load::{Given, Loaded, Loader, RawNode};
 use super::outputs;
 use super::root::join;
-use super::sound::{self, Checked};
+use super::sound;
 use super::suggest::{help, nearest};
-use super::{Graph, Link, node_type, node_types};
+use super::{Graph, GraphNode, Link, node_type, node_types};
 use crate::diag::{Diagnostic, Place, any_error, sort};
 use crate::lang::{Value, ValueKind};
 use foley_nodes::core::node::NodeType;
@@ -91,7 +91,7 @@ pub(super) fn check(mut loader: Loader) -> Loaded {
     for (((raw, half), links), good) in raw.into_iter().zip(halves).zip(links).zip(good) {
         nodes.push(match half {
             Some(Half { ty, params: Some(params), fields, .. }) if good => {
-                Some(Checked { id: raw.id, ty, params, links, place: raw.place, fields })
+                Some(GraphNode { id: raw.id, ty, params, links, place: raw.place, fields, whole: true })
             }
             _ => None,
         });

@@ -4,20 +4,7 @@
 use super::load::RawNode;
 use super::{Graph, GraphNode, Link};
 use crate::diag::{Diagnostic, Place, Severity};
-use foley_nodes::core::node::NodeType;
-use foley_nodes::core::params::AnyParams;
 use foley_nodes::core::ports::Arity;
-use std::collections::BTreeMap;
-
-/// A node whose text has been checked, whatever came of it.
-pub(super) struct Checked {
-    pub id: String,
-    pub ty: &'static NodeType,
-    pub params: Box<dyn AnyParams>,
-    pub links: Vec<Vec<Link>>,
-    pub place: Place,
-    pub fields: BTreeMap<String, Place>,
-}
 
 /// How much of a node is known.
 #[derive(Clone, Copy, PartialEq)]
@@ -59,7 +46,7 @@ pub(super) fn readable(raw: &[RawNode], found: &[Diagnostic]) -> Vec<bool> {
 ///
 /// A link to a missing node, at an input that takes many, becomes one to the first node of that input: so the others can
 /// be compared. Such a node is not [`whole`](GraphNode::whole).
-pub(super) fn graph(nodes: Vec<Option<Checked>>, order: &[usize]) -> Graph {
+pub(super) fn graph(nodes: Vec<Option<GraphNode>>, order: &[usize]) -> Graph {
     let known = known(&nodes, order);
     let mut at = vec![0; nodes.len()];
     for (count, n) in (0..nodes.len()).filter(|&n| known[n] != Known::Nothing).enumerate() {
@@ -72,12 +59,9 @@ pub(super) fn graph(nodes: Vec<Option<Checked>>, order: &[usize]) -> Graph {
     };
     let mut graph = Graph::default();
     for (node, known) in nodes.into_iter().zip(&known) {
-        let Some(Checked { id, ty, params, links, place, fields }) = node else { continue };
-        if *known == Known::Nothing {
-            continue;
-        }
-        let links = links.into_iter().map(moved).collect();
-        graph.nodes.push(GraphNode { id, ty, params, links, place, fields, whole: *known == Known::All });
+        let Some(node) = node.filter(|_| *known != Known::Nothing) else { continue };
+        let links = node.links.into_iter().map(moved).collect();
+        graph.nodes.push(GraphNode { links, whole: *known == Known::All, ..node });
     }
     graph.order = order.iter().filter(|&&n| known[n] != Known::Nothing).map(|&n| at[n]).collect();
     graph.rank = vec![0; graph.nodes.len()];
@@ -88,7 +72,7 @@ pub(super) fn graph(nodes: Vec<Option<Checked>>, order: &[usize]) -> Graph {
 }
 
 /// How much of each node is known; a broken node takes with it all that reads it.
-fn known(nodes: &[Option<Checked>], order: &[usize]) -> Vec<Known> {
+fn known(nodes: &[Option<GraphNode>], order: &[usize]) -> Vec<Known> {
     let mut known = vec![Known::Nothing; nodes.len()];
     order.iter().filter(|&&n| nodes[n].is_some()).for_each(|&n| known[n] = Known::All);
     // One round is enough but for links that are read late, which come from further down.

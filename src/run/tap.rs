@@ -124,7 +124,7 @@ pub fn write_values(job: &Job<'_>, values: &Values) -> Result<(), Vec<Diagnostic
             let mut file = BufWriter::new(job.outputs.create_at(&tap.path).map_err(|e| e.message)?);
             let done = match bytes {
                 Some(bytes) => file.write_all(&bytes),
-                None => (kind.text)(value, &mut file),
+                None => (kind.json)(value, &mut file),
             };
             done.and_then(|()| file.flush()).map_err(|e| e.to_string())
         });

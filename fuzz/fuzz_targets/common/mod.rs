@@ -16,7 +16,7 @@ pub fn value_of<F: Func>(bytes: &[u8]) -> Option<AnyValue> {
         Ok(run) => {
             let value = run.value(0)?;
             let kind = value.kind();
-            let _ = ((kind.json)(&value).to_string(), (kind.plot)(&value), (kind.file)(&value));
+            let _ = (value.json(), (kind.plot)(&value), (kind.file)(&value));
             let kept = (kind.encode)(&value).and_then(|bytes| (kind.decode)(&bytes));
             assert!(kept.is_some(), "a value that was read cannot be kept");
             Some(value)

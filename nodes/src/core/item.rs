@@ -295,10 +295,8 @@ pub struct DataType {
     pub name: &'static str,
     /// Identity.
     pub id: fn() -> TypeId,
-    /// The value as JSON.
-    pub json: fn(&AnyValue) -> serde_json::Value,
-    /// The same as text, written as it goes: of a large value the tree would take many times its memory.
-    pub text: fn(&AnyValue, &mut dyn io::Write) -> io::Result<()>,
+    /// The value as JSON, written as it goes: of a large value the tree would take many times its memory.
+    pub json: fn(&AnyValue, &mut dyn io::Write) -> io::Result<()>,
     /// The value drawn as SVG.
     pub plot: fn(&AnyValue) -> Option<String>,
     /// The value as a file of its own kind.
@@ -316,8 +314,7 @@ impl<T: Data> Described for OfData<T> {
     const INFO: &'static DataType = &DataType {
         name: T::NAME,
         id: TypeId::of::<T>,
-        json: |value| value.get::<T>().and_then(|v| serde_json::to_value(v).ok()).unwrap_or_default(),
-        text: |value, to| match value.get::<T>() {
+        json: |value, to| match value.get::<T>() {
             Some(v) => Ok(serde_json::to_writer_pretty(to, v)?),
             None => Ok(()),
         },
@@ -357,6 +354,15 @@ impl AnyValue {
     #[must_use]
     pub fn shared<T: Data>(&self) -> Option<Arc<T>> {
         Arc::clone(&self.data).downcast().ok()
+    }
+
+    /// The value as JSON text.
+    #[must_use]
+    pub fn json(&self) -> String {
+        let mut text = Vec::new();
+        // Writing to memory cannot fail; what has no JSON gives none.
+        let _ = (self.kind.json)(self, &mut text);
+        String::from_utf8(text).unwrap_or_default()
     }
 
     /// Hash of the content: equal values have equal hashes.

@@ -50,7 +50,7 @@ fn recordings_become_a_bank_that_survives_its_file() {
     assert!(warnings(&run).is_empty(), "{:?}", run.summary);
     assert!(crate::core::item::Data::plot(&found).unwrap().contains("45 samples"));
     let value = run.value(0).unwrap();
-    let json = (value.kind().json)(&value).to_string();
+    let json = value.json();
     let mut file = Solo::func::<CrumpleBankFile>(CrumpleBankFileParams { path: "b.json".into() });
     file.files.insert("b.json", json.clone());
     assert_eq!(bank(&file.run().unwrap()), found);

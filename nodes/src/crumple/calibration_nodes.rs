@@ -229,7 +229,7 @@ mod tests {
         let found = value.get::<EnergyCalibration>().unwrap();
         assert_eq!((found.e_min, found.events, found.seconds, found.fps), (80.0, 20, 5.0, 60.0));
         assert_eq!(of(0.013).get::<EnergyCalibration>(), Some(found));
-        let json = (value.kind().json)(&value).to_string();
+        let json = value.json();
         let mut file = Solo::func::<EnergyCalibrationFile>(EnergyCalibrationFileParams { path: "c".into() });
         file.files.insert("c", json.clone());
         assert_eq!(file.run().unwrap().value(0).unwrap().get::<EnergyCalibration>(), Some(found));

@@ -292,13 +292,10 @@ mod tests {
         assert!(model.power(0.9) > 4.0 * model.power(0.1));
         assert_eq!(model.sources[0].provenance, "swell.wav");
         let mut file = Solo::func::<FrictionModelFile>(FrictionModelFileParams { path: "m.json".into() });
-        file.files.insert("m.json", (value.kind().json)(&value).to_string());
+        file.files.insert("m.json", value.json());
         let again = file.run().unwrap().value(0).unwrap();
         assert_eq!(again.get::<FrictionModel>(), Some(model));
-        file.files.insert(
-            "m.json",
-            (value.kind().json)(&value).to_string().replace("\"version\":1", "\"version\":9"),
-        );
+        file.files.insert("m.json", value.json().replace("\"version\": 1", "\"version\": 9"));
         let reject = file.shape().unwrap_err();
         assert!(reject.code == "F076" && reject.message.contains("version 9"), "{reject}");
     }

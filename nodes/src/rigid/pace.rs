@@ -65,7 +65,7 @@ fn even(gaps: &[Tick]) -> Option<Tick> {
 fn pace(gap: Tick, around: [Option<Tick>; 2]) -> Option<Tick> {
     match around.map(|pace| pace.filter(|pace| gap >= pace - pace / 4)) {
         // Nothing touched in between: the frame belongs to those after it.
-        [Some(before), Some(after)] if gap / 7 >= before.max(after) / 4 => Some(after),
+        [Some(before), Some(after)] if 4 * gap >= 7 * before.max(after) => Some(after),
         [before, after] => before.max(after),
     }
 }
