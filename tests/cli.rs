@@ -184,6 +184,88 @@ fn outputs_stay_in_their_folder() {
 }
 
 #[test]
+fn nothing_is_written_over_what_the_run_reads_or_twice() {
+    let copy = "#![schema = \"foley:graph/1\"]
+Graph(nodes: {
+    \"in\": WavIn(path: \"take.wav\"),
+    \"soft\": Gain(audio: \"in\", gain: 0.5),
+    \"out\": WavOut(audio: \"soft\", path: \"take.wav\"),
+})
+";
+    let dir = project(copy);
+    fs::write(dir.path().join("source.ron"), TONE.replace("tone.wav", "take.wav")).unwrap();
+    assert_eq!(code(&foley(dir.path(), &["run", "source.ron", "--out", "."])), 0);
+    let take = fs::read(dir.path().join("take.wav")).unwrap();
+    let refused = |args: &[&str], found: &str, words: &str| {
+        let run = foley(dir.path(), args);
+        assert_eq!(code(&run), 2, "{}", stderr(&run));
+        assert!(stderr(&run).contains(found) && stderr(&run).contains(words), "{}", stderr(&run));
+        assert_eq!(fs::read(dir.path().join("take.wav")).unwrap(), take, "the recording is as it was");
+        assert_eq!(fs::read_to_string(dir.path().join("tone.ron")).unwrap(), copy, "the graph is as it was");
+        assert!(!dir.path().join("out").exists(), "nothing is left");
+    };
+    refused(&["run", "tone.ron", "--out", "."], "F085", "tone.ron:5:40");
+    refused(&["run", "tone.ron", "--report", "tone.ron"], "F085", "--report");
+    refused(&["run", "tone.ron", "--tap", "in.audio=./take.wav"], "F085", "--tap");
+    refused(&["run", "tone.ron", "--report", "out/take.wav"], "F081", "`out`");
+    refused(&["run", "tone.ron", "--tap", "in.audio=out/take.wav"], "F081", "tone.ron:5:40");
+    #[cfg(unix)]
+    {
+        // Neither by another way to the same folder.
+        std::os::unix::fs::symlink(dir.path(), dir.path().join("here")).unwrap();
+        refused(&["run", "tone.ron", "--out", "here"], "F085", "take.wav");
+    }
+    assert_eq!(code(&foley(dir.path(), &["run", "tone.ron"])), 0);
+}
+
+#[test]
+fn what_plays_is_not_recorded_over_what_it_reads() {
+    let dir = project(
+        "#![schema = \"foley:graph/1\"]\nGraph(nodes: {
+    \"in\": WavIn(path: \"take.wav\"),
+    \"out\": WavOut(audio: \"in\", path: \"heard.wav\"),
+})\n",
+    );
+    fs::write(dir.path().join("source.ron"), TONE.replace("tone.wav", "take.wav")).unwrap();
+    assert_eq!(code(&foley(dir.path(), &["run", "source.ron", "--out", "."])), 0);
+    let take = fs::read(dir.path().join("take.wav")).unwrap();
+    let live = ["live", "tone.ron", "--osc", "off", "--for", "0.1", "--device", "file:./take.wav"];
+    let run = foley(dir.path(), &live);
+    assert_eq!(code(&run), 2, "{}", stderr(&run));
+    assert!(stderr(&run).contains("F085") && stderr(&run).contains("--device"), "{}", stderr(&run));
+    assert_eq!(fs::read(dir.path().join("take.wav")).unwrap(), take);
+}
+
+/// Buffers are most of what a run with a long look-ahead holds: the process is compared with the plan.
+#[test]
+fn a_process_takes_the_memory_that_was_planned() {
+    let dir = project("");
+    let measured = |name: &str, seconds: f64| {
+        let graph = format!(
+            "#![schema = \"foley:graph/1\"]\nGraph(nodes: {{
+    \"in\": Noise(rate: 96000, channels: 2, duration: Some(70.0)),
+    \"early\": Advance(audio: \"in\", seconds: {seconds:?}),
+    \"out\": WavOut(audio: \"early\", path: \"out.wav\"),
+}})\n"
+        );
+        fs::write(dir.path().join(name), graph).unwrap();
+        let run = foley(dir.path(), &["run", name, "--no-cache", "--threads", "1", "--report", "r.json"]);
+        assert_eq!(code(&run), 0, "{}", stderr(&run));
+        let report = fs::read(dir.path().join("r.json")).unwrap();
+        let report: serde_json::Value = serde_json::from_slice(&report).unwrap();
+        let bytes = |key: &str| report[key].as_f64();
+        Some((bytes("planned_bytes").unwrap(), bytes("peak_process_bytes")?))
+    };
+    let Some((little, base)) = measured("short.ron", 0.01) else {
+        return eprintln!("skipped: this system does not tell the memory of a process");
+    };
+    let (planned, process) = measured("long.ron", 60.0).unwrap();
+    assert!(planned - little > 50e6, "{planned} bytes are planned");
+    let ratio = (process - base) / (planned - little);
+    assert!((0.9..1.1).contains(&ratio), "{} bytes of {planned} planned", process - base);
+}
+
+#[test]
 fn an_endless_graph_needs_an_end() {
     let dir = project(&TONE.replace("duration: Some(0.5), ", ""));
     let run = foley(dir.path(), &["run", "tone.ron"]);

@@ -143,6 +143,21 @@ fn f083_a_tap_of_what_is_not_there() {
 }
 
 #[test]
+fn f085_an_output_over_an_input() {
+    let folder = folder(
+        "#![schema = \"foley:graph/1\"]\nGraph(nodes: {
+    \"in\": WavIn(path: \"take.wav\"),
+    \"out\": WavOut(audio: \"in\", path: \"take.wav\"),
+})\n",
+    );
+    fs::write(folder.path().join("short.ron"), SHORT.replace("tone.wav", "take.wav")).unwrap();
+    assert!(foley(folder.path(), &["run", "short.ron", "--out", "."]).output().unwrap().status.success());
+    let arguments = ["run", "main.ron", "--no-cache", "--out", ".", "--report", "take.wav"];
+    let told = foley(folder.path(), &arguments).output().unwrap();
+    case("F085", 2, &told, folder.path(), &[]);
+}
+
+#[test]
 fn f084_a_damaged_entry_of_the_cache_is_made_anew() {
     let folder = folder(LOUD);
     let run = || {

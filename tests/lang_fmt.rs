@@ -100,6 +100,17 @@ fn every_valid_document_of_the_table_can_be_formatted() {
 }
 
 #[test]
+fn lines_end_as_they_did() {
+    let unix = "Graph(\n    nodes: {\n        \"a\": Tone(), // c\n    },\n)\n";
+    let windows = unix.replace('\n', "\r\n");
+    assert_eq!(format(&windows).unwrap(), windows);
+    assert_eq!(format(&windows.replace("    ", " ")).unwrap(), windows);
+    // A text keeps its own; they are part of the value.
+    let mixed = "[\r\n    \"two\nlines\", // c\r\n]\r\n";
+    assert_eq!(format(mixed).unwrap(), mixed);
+}
+
+#[test]
 fn a_text_with_errors_is_not_formatted() {
     assert_eq!(format("[1 2").unwrap_err().len(), 2);
 }

@@ -105,7 +105,7 @@ impl LimitArgs {
 #[derive(Clone, Debug, ClapArgs)]
 pub struct EngineArgs {
     /// Threads that compute [default: all cores]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = parse_threads)]
     pub threads: Option<usize>,
     /// Length of one window; it never changes the result
     #[arg(long, value_name = "SECONDS", default_value_t = 0.02, value_parser = parse_seconds)]
@@ -416,6 +416,11 @@ fn parse_seconds(text: &str) -> Result<f64, String> {
     }
 }
 
+fn parse_threads(text: &str) -> Result<usize, String> {
+    let found = text.parse().ok().filter(|n| (1..=1024).contains(n));
+    found.ok_or_else(|| "from 1 to 1024 threads".to_owned())
+}
+
 fn parse_quantum(text: &str) -> Result<usize, String> {
     let found = text.parse().ok().filter(|n| (16..=8192).contains(n));
     found.ok_or_else(|| "from 16 to 8192 frames".to_owned())
@@ -440,7 +445,7 @@ pub(super) fn parse_size(text: &str) -> Result<usize, String> {
     };
     let number: f64 = digits.parse().map_err(|_| "a size such as 512M".to_owned())?;
     let bytes = number * scale as f64;
-    if (1.0..9e15).contains(&bytes) { Ok(bytes as usize) } else { Err("a size above zero".into()) }
+    if (1.0..9e15).contains(&bytes) { Ok(bytes as usize) } else { Err("a size from 1 byte to 8191T".into()) }
 }
 
 #[cfg(test)]

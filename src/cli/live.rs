@@ -10,6 +10,7 @@ use crate::live::device::{self, Device, Running};
 use crate::live::input::{Hub, Listening, Set, listen, take_lines};
 use crate::live::{Histogram, Material, Options, Player, Reloaded, Told};
 use crate::memo::{MEMORY, Memo};
+use crate::run::check_given;
 use crate::watch::Eyes;
 use crossbeam_channel::{Receiver, RecvTimeoutError, unbounded};
 use foley_nodes::core::time::{TICKS_PER_SECOND, seconds};
@@ -176,6 +177,13 @@ fn play(asking: &Asking<'_>) -> anyhow::Result<Exit> {
     }
     hub.set_clock(Arc::clone(player.shared()), callback.rate(), callback.quantum());
     let wanted = Device::parse(asking.device.device.as_deref());
+    let sound = if let Device::File(path) = &wanted { Some(("--device", path.as_path())) } else { None };
+    let given: Vec<_> = sound.into_iter().chain(asking.report.map(|path| ("--report", path))).collect();
+    let errors = check_given(&given, &files.asked());
+    if !errors.is_empty() {
+        show(&errors, &sources);
+        return Ok(Exit::Wrong);
+    }
     let running = match device::start(&wanted, callback) {
         Ok(running) => running,
         Err((_, e)) => {

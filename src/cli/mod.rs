@@ -20,6 +20,7 @@ pub use new::template;
 pub use nodes::{describe, param_words, plain, port_words};
 pub use schema::schema;
 
+use crate::diag::Diagnostic;
 use args::Command;
 use std::process::ExitCode;
 
@@ -37,6 +38,13 @@ pub enum Exit {
 }
 
 impl Exit {
+    /// What a run came to that ended with these errors: it failed if the machine did, or foley; all else is the graph's or an input's.
+    #[must_use]
+    pub fn of(errors: &[Diagnostic]) -> Self {
+        let failed = |d: &Diagnostic| d.code == "F080" || d.code.starts_with("F09");
+        if errors.iter().any(failed) { Self::Failed } else { Self::Wrong }
+    }
+
     /// The number that the process ends with.
     #[must_use]
     pub const fn code(self) -> u8 {

@@ -7,7 +7,7 @@ use crate::diag::{Diagnostic, Severity, Sources, render, sort};
 use crate::graph::{Asked, DirFiles, Graph, Limits, Loaded, Override, load};
 use crate::memo::Memo;
 use crate::plan::{Plan, PlanOptions, faults};
-use crate::run::{self, DirOutputs, Job, Progress, Report, Tap, check_tap};
+use crate::run::{self, DirOutputs, Job, Progress, Report, Tap, check_tap, check_targets};
 use foley_nodes::core::time::{Tick, ticks};
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
@@ -134,9 +134,6 @@ fn plan(found: Graph, engine: &EngineArgs, files: &DirFiles) -> Result<Planned, 
 /// When the report cannot be written, which is known before the run but for a disk that fills up.
 pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
     let Some(ready) = prepare(&args.graph, &args.engine, args.quiet) else { return Ok(Exit::Wrong) };
-    if let Some(path) = &args.report {
-        try_place(path)?;
-    }
     let progress = Arc::new(Progress::default());
     let stop = Arc::clone(&progress);
     // Only the first handler of a process can be set; a second run in the same process keeps the first.
@@ -155,7 +152,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
         }
         Err(errors) => {
             show(&errors, &ready.graph.sources);
-            Ok(if progress.stop.load(Ordering::SeqCst) { Exit::Again } else { Exit::Failed })
+            Ok(if progress.stop.load(Ordering::SeqCst) { Exit::Again } else { Exit::of(&errors) })
         }
     }
 }
@@ -171,6 +168,16 @@ pub fn render_files(
     progress: &Arc<Progress>,
 ) -> Result<Report, Vec<Diagnostic>> {
     let outputs = DirOutputs::new(&args.out);
+    let asked = ready.files.asked();
+    let errors = check_targets(&ready.graph, &ready.taps, args.report.as_deref(), &outputs, &asked);
+    if !errors.is_empty() {
+        return Err(errors);
+    }
+    if let Some(path) = &args.report {
+        // Whether it can be put in its place is known before the work that it tells of is done.
+        let told = DirOutputs::new(".").create_at(path).map(drop);
+        told.map_err(|e| vec![Diagnostic::general(e.code, e.message)])?;
+    }
     let watch = Watch::start(&ready.graph.title, Arc::clone(progress), args.quiet);
     let job = Job {
         graph: &ready.graph,
@@ -203,11 +210,6 @@ pub fn tell(report: &Report, ready: &Ready, args: &RunArgs) -> anyhow::Result<()
         write_whole(path, &format!("{:#}\n", report.json()))?;
     }
     Ok(())
-}
-
-/// Finds out whether a file can be put in its place before the work that it tells of is done.
-fn try_place(path: &std::path::Path) -> anyhow::Result<()> {
-    DirOutputs::new(".").create_at(path).map(drop).map_err(|e| anyhow::anyhow!(e.message))
 }
 
 /// Writes a file under a temporary name and moves it to its place.

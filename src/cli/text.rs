@@ -2,7 +2,7 @@
 
 use super::Exit;
 use super::args::{Args, CompletionsArgs, ExplainArgs, FmtArgs};
-use super::run::show;
+use super::run::{show, write_whole};
 use crate::diag::{Diagnostic, Place, Sources, codes};
 use crate::graph::nearest;
 use crate::lang::fmt::format;
@@ -27,10 +27,9 @@ pub fn fmt(args: &FmtArgs) -> anyhow::Result<Exit> {
                 exit = Exit::Failed;
             }
             Ok(laid_out) => {
-                // Written beside and moved over, so that the file is never half there.
-                let part = path.with_extension("ron.part");
-                fs::write(&part, laid_out).with_context(|| name.clone())?;
-                fs::rename(&part, path).with_context(|| name.clone())?;
+                // A link stays a link.
+                let real = fs::canonicalize(path).with_context(|| name.clone())?;
+                write_whole(&real, &laid_out)?;
                 writeln!(stdout(), "laid out {name}")?;
             }
             Err(errors) => {

@@ -1,7 +1,7 @@
 //! Diagnostics as text for people and as JSON for programs.
 
-use super::{Diagnostic, Place, Severity, Sources};
-use annotate_snippets::{AnnotationKind, Group, Level, Renderer, Snippet};
+use super::{Diagnostic, Place, Severity, Source, Sources};
+use annotate_snippets::{AnnotationKind, Group, Level, Origin, Renderer, Snippet};
 use serde_json::{Value, json};
 use std::ops::Range;
 
@@ -11,6 +11,9 @@ const MOST_SHOWN: usize = 100;
 const MOST_LABELS: usize = 24;
 /// Most characters of a message.
 const LONGEST_TITLE: usize = 2000;
+
+/// Bytes of a line that is shown; of a longer one the place is told, which is what a program that wrote it can use.
+const LONGEST_LINE: usize = 4000;
 
 /// Text for people: message, the lines in question, help; of very many the first hundred, errors before warnings.
 #[must_use]
@@ -64,6 +67,10 @@ fn groups<'a>(d: &'a Diagnostic, sources: &'a Sources) -> Vec<Group<'a>> {
             let others = labels.iter().map(|l| clip(&l.place, &source.text));
             let spans: Vec<Range<usize>> = own.clone().into_iter().chain(others).collect();
             let (range, number) = lines(&source.text, &spans);
+            if source.text[range.clone()].lines().any(|line| line.len() > LONGEST_LINE) {
+                group = group.elements(spans.iter().map(|span| origin(source, span.start)));
+                continue;
+            }
             let within = |span: Range<usize>| span.start - range.start..span.end - range.start;
             let mut snippet = Snippet::source(&source.text[range.clone()])
                 .line_start(number)
@@ -85,6 +92,14 @@ fn groups<'a>(d: &'a Diagnostic, sources: &'a Sources) -> Vec<Group<'a>> {
         group = group.element(Level::HELP.message(&**help));
     }
     vec![group]
+}
+
+/// The place alone, of what stands in a line that is too long to be shown.
+fn origin(source: &Source, at: usize) -> Origin<'_> {
+    let before = &source.text[..at];
+    let line = before.rfind('\n').map_or(before, |end| &before[end + 1..]);
+    let number = 1 + before.bytes().filter(|b| *b == b'\n').count();
+    Origin::path(&*source.name).line(number).char_column(1 + line.chars().count())
 }
 
 /// A text of which the middle is left out where it is very long, such as a loop of thousands of nodes.
@@ -162,6 +177,17 @@ mod tests {
         assert!(told.contains("3990 | line 3990") && told.lines().count() < 12, "{told}");
         let end = Diagnostic::error("F001", "cut off", Place { file: 0, span: text.len()..text.len() });
         assert!(render(&[end], &sources, false).contains("cut off"));
+    }
+
+    #[test]
+    fn of_a_very_long_line_the_place_is_told() {
+        let mut sources = Sources::default();
+        sources.add("a.ron", format!("first\nä{}", "x".repeat(200_000)));
+        let at = |k: usize| Place { file: 0, span: 6 + k..7 + k };
+        let found = Diagnostic::error("F001", "wrong", at(150_000)).label(at(2), "see here").help("mend it");
+        let told = render(&[found], &sources, false);
+        assert!(told.contains("--> a.ron:2:150000") && told.contains("a.ron:2:2"), "{told}");
+        assert!(told.contains("mend it") && told.len() < 300, "{told}");
     }
 
     #[test]

@@ -53,7 +53,7 @@ pub(super) fn check(mut loader: Loader) -> Loaded {
             continue;
         };
         let per_port = half.ty.inputs.iter().zip(&half.links).map(|(spec, texts)| {
-            let one = |text: &RawLink| match link(text, spec, &raw, &halves, &by_id) {
+            let one = |text: &RawLink| match link(text, spec, &raw, &halves, &by_id, &loader.lost) {
                 Ok(link) => link,
                 Err(diagnostic) => {
                     found.push(diagnostic.node(&raw[k].id));
@@ -158,6 +158,12 @@ fn fields(node: &RawNode, loader: &mut Loader) -> Option<Half> {
         };
         if given.place != place {
             half.origins.insert(name.clone(), given.place.clone());
+        } else if let ValueKind::List(items) = &given.value.value {
+            let texts = items.iter().enumerate().filter(|(_, item)| matches!(item.value, ValueKind::Str(_)));
+            let placed = |(k, item): (usize, &Value)| {
+                (format!("{name}[{k}]"), Place { file: place.file, span: item.span() })
+            };
+            half.fields.extend(texts.map(placed));
         }
         half.fields.insert(name.clone(), place);
         // A list is of links, unless it is one of numbers for a parameter of the same name.
@@ -374,13 +380,14 @@ fn field_error(
     .node(&node.id)
 }
 
-/// Follows a link to the output that it names. `None` where the other node has errors of its own.
+/// Follows a link to the output that it names. `None` where the other node, or its whole sub-graph, has errors of its own.
 fn link(
     raw: &RawLink,
     input: &PortSpec,
     nodes: &[RawNode],
     halves: &[Option<Half>],
     by_id: &HashMap<&str, usize>,
+    lost: &[String],
 ) -> Result<Option<Link>, Diagnostic> {
     let error = |code, message: String| Diagnostic::error(code, message, raw.place.clone());
     let full = format!("{}{}", raw.scope, raw.text);
@@ -388,6 +395,7 @@ fn link(
         Some(&node) => (node, None),
         None => match full.rsplit_once('.').and_then(|(id, port)| Some((*by_id.get(id)?, port))) {
             Some((node, port)) => (node, Some(port.to_owned())),
+            None if lost.iter().any(|prefix| full.starts_with(prefix)) => return Ok(None),
             None => {
                 let id = raw.text.split('.').next().unwrap_or_default();
                 let names = nodes.iter().filter_map(|n| n.id.strip_prefix(raw.scope.as_str()));

@@ -4,7 +4,7 @@ use super::Graph;
 use super::check;
 use super::root::{Limits, Root, join};
 use super::suggest::help;
-use crate::diag::{Diagnostic, Place, Sources};
+use crate::diag::{Diagnostic, Place, Sources, any_error};
 use crate::lang::{self, Value, ValueKind};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -101,6 +101,8 @@ pub(super) struct Loader {
     /// How often sub-graphs were used, and the bytes that all of them had.
     uses: usize,
     text_bytes: u64,
+    /// What the ids of sub-graphs begin with that could not be read.
+    pub lost: Vec<String>,
     /// Whether a limit was met: it is said once, and nothing more is read.
     full: bool,
 }
@@ -364,7 +366,7 @@ impl Loader {
         sets: &[(String, Given)],
         chain: &mut Vec<PathBuf>,
     ) -> Vec<String> {
-        let mut names = Vec::new();
+        let (mut names, start) = (Vec::new(), self.found.len());
         for entry in self.entries(value, file, "use") {
             let Some(name) = entry.key.as_str() else { continue };
             let key = Place { file, span: entry.key.span() };
@@ -415,6 +417,11 @@ impl Loader {
                 }
             }
             self.sub_graph(&join(folder, &path), place, &format!("{}{own}", scope.prefix), given, chain);
+        }
+        if any_error(&self.found[start..]) {
+            let prefixes = names.iter().map(|name| format!("{}{name}.", scope.prefix));
+            let lost = prefixes.filter(|prefix| !self.nodes.iter().any(|n| n.id.starts_with(prefix)));
+            self.lost.extend(lost.collect::<Vec<_>>());
         }
         names
     }

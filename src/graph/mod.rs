@@ -10,7 +10,7 @@ mod sound;
 mod suggest;
 
 pub use load::{Loaded, Override, SCHEMA, load, load_text};
-pub use outputs::output_path;
+pub use outputs::{output_path, written};
 pub use root::{Asked, DirFiles, Limits, Root, Stamp, matching};
 pub use suggest::nearest;
 
@@ -62,7 +62,7 @@ pub struct GraphNode {
     pub links: Vec<Vec<Link>>,
     /// Where it stands.
     pub place: Place,
-    /// Where its fields stand: the values of parameters and inputs.
+    /// Where its fields stand: the values of parameters and inputs, and each link or path of a list, as `inputs[2]`.
     pub fields: BTreeMap<String, Place>,
     /// Whether all of its links are what the text says, as in every graph that can run.
     pub whole: bool,
@@ -144,6 +144,9 @@ impl Graph {
     #[must_use]
     pub fn place(&self, node: usize, field: Option<&str>) -> Place {
         let node = &self.nodes[node];
-        field.and_then(|f| node.fields.get(f)).unwrap_or(&node.place).clone()
+        // What is not given link by link or path by path is meant as a whole.
+        let whole = |field: &str| node.fields.get(field.split('[').next().unwrap_or(field));
+        let of = |field: &str| node.fields.get(field).or_else(|| whole(field));
+        field.and_then(of).unwrap_or(&node.place).clone()
     }
 }

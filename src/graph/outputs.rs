@@ -4,7 +4,8 @@ use super::check::Half;
 use super::load::RawNode;
 use crate::diag::{Diagnostic, Place};
 use foley_nodes::core::files::FileError;
-use foley_nodes::core::params::{Datum, ParamKind};
+use foley_nodes::core::node::NodeType;
+use foley_nodes::core::params::{AnyParams, Datum, ParamKind};
 use std::collections::HashMap;
 use std::path::{Component, Path, PathBuf};
 
@@ -22,18 +23,22 @@ pub fn output_path(path: &str) -> Result<PathBuf, FileError> {
     Ok(Path::new(path).components().filter(|c| matches!(c, Component::Normal(_))).collect())
 }
 
+/// The paths of a node's output files, with the fields that name them.
+pub fn written(ty: &NodeType, params: &dyn AnyParams) -> impl Iterator<Item = (&'static str, String)> {
+    let specs = (ty.params)();
+    let output = move |name| specs.iter().any(|s| s.name == name && *s.kind.innermost() == ParamKind::Output);
+    params.write().into_iter().filter_map(move |(name, value)| match value {
+        Datum::Text(path) if output(name) => Some((name, path)),
+        _ => None,
+    })
+}
+
 /// Finds output paths that lead elsewhere, and those that are given twice.
 pub(super) fn check(raw: &[RawNode], halves: &[Option<Half>], found: &mut Vec<Diagnostic>) {
     let mut first: HashMap<PathBuf, Place> = HashMap::new();
     for (node, half) in raw.iter().zip(halves) {
         let Some(Half { ty, params: Some(params), fields, .. }) = half else { continue };
-        let specs = (ty.params)();
-        let written = |name| specs.iter().any(|s| s.name == name && *s.kind.innermost() == ParamKind::Output);
-        for (name, value) in params.write() {
-            let Datum::Text(path) = value else { continue };
-            if !written(name) {
-                continue;
-            }
+        for (name, path) in written(ty, &**params) {
             let place = fields.get(name).unwrap_or(&node.place).clone();
             let full = match output_path(&path) {
                 Ok(full) => full,

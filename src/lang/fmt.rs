@@ -2,7 +2,8 @@
 //!
 //! Four spaces for each level. A container that stood on one line and fits 100 columns stays on one line;
 //! otherwise each entry or field gets its own line, and the elements of lists and tuples keep the lines
-//! they were on. All comments are kept, and at most one blank line between two items. The values of
+//! they were on. All comments are kept, and at most one blank line between two items; lines end as the first one does,
+//! in LF or CRLF. The values of
 //! consecutive one-line map entries stay aligned if all of them were.
 
 use super::error::SyntaxError;
@@ -30,23 +31,40 @@ pub fn format(text: &str) -> Result<String, Vec<SyntaxError>> {
     if !parse.is_ok() {
         return Err(parse.errors);
     }
-    let mut printer = Printer { out: String::with_capacity(text.len()) };
-    let inside = gather(&parse.syntax());
+    let root = parse.syntax();
+    let mut printer = Printer { out: String::with_capacity(text.len()), end: line_end(text, &root) };
+    let inside = gather(&root);
     for (nth, item) in inside.items.iter().enumerate() {
         printer.leads(item, nth == 0, 0);
         printer.value(&item.node, 0, 0);
         printer.trailing(&item.trailing);
-        printer.out.push('\n');
+        printer.end_line();
     }
     printer.own_lines(&inside.dangling, inside.items.is_empty(), 0);
     Ok(printer.out)
 }
 
+/// What the lines of a text end in, as the first one does that ends outside of strings and block comments.
+fn line_end(text: &str, root: &SyntaxNode) -> &'static str {
+    let tokens = root.descendants_with_tokens().filter_map(|element| element.into_token());
+    let mut spaces = tokens.filter(|token| token.kind() == Whitespace);
+    let at = |token: SyntaxToken| Some(usize::from(token.text_range().start()) + token.text().find('\n')?);
+    // The return belongs to the comment where one ends the line.
+    let returned = spaces.find_map(at).is_some_and(|at| text[..at].ends_with('\r'));
+    if returned { "\r\n" } else { "\n" }
+}
+
 struct Printer {
     out: String,
+    /// What the text's own lines end in.
+    end: &'static str,
 }
 
 impl Printer {
+    fn end_line(&mut self) {
+        self.out.push_str(self.end);
+    }
+
     fn column(&self) -> usize {
         width(&self.out[self.out.rfind('\n').map_or(0, |at| at + 1)..])
     }
@@ -63,7 +81,7 @@ impl Printer {
 
     fn blank(&mut self, wanted: bool, first: bool) {
         if wanted && !first {
-            self.out.push('\n');
+            self.end_line();
         }
     }
 
@@ -73,7 +91,7 @@ impl Printer {
             self.blank(lead.blank_before, first && nth == 0);
             self.indent(indent);
             self.out.push_str(&lead.text);
-            self.out.push(if lead.ends_line { '\n' } else { ' ' });
+            self.out.push_str(if lead.ends_line { self.end } else { " " });
         }
         self.blank(item.blank_before && self.out.ends_with('\n'), first && item.leads.is_empty());
         self.indent(indent);
@@ -85,7 +103,7 @@ impl Printer {
             self.blank(comment.blank_before, first && nth == 0);
             self.indent(indent);
             self.out.push_str(&comment.text);
-            self.out.push('\n');
+            self.end_line();
         }
     }
 
@@ -174,7 +192,7 @@ impl Printer {
             self.out.push_str(if node.kind() == Tuple && node.first_token() == opener { " " } else { "" });
         } else {
             self.trailing(&inside.after_opener);
-            self.out.push('\n');
+            self.end_line();
             match node.kind() {
                 Map | Struct => self.lines(&inside, indent + 1),
                 // With the brackets of a struct left out, its fields stand in `Some(...)` directly.
@@ -201,7 +219,7 @@ impl Printer {
             self.loose(&item.node, indent, 1, pad);
             self.out.push(',');
             self.trailing(&item.trailing);
-            self.out.push('\n');
+            self.end_line();
         }
     }
 
@@ -218,7 +236,7 @@ impl Printer {
             if joins {
                 self.out.push(' ');
             } else if !fresh {
-                self.out.push('\n');
+                self.end_line();
             }
             self.leads(item, nth == 0, indent);
             let start = self.out.len();
@@ -228,11 +246,11 @@ impl Printer {
             self.trailing(&item.trailing);
             fresh |= item.trailing.last().is_some_and(|comment| comment.starts_with("//"));
             if fresh {
-                self.out.push('\n');
+                self.end_line();
             }
         }
         if !fresh {
-            self.out.push('\n');
+            self.end_line();
         }
     }
 }

@@ -73,10 +73,12 @@ pub fn shape_all(graph: &Graph, files: &dyn Files) -> Shaped {
         match node.ty.shape(&*node.params, raw) {
             Ok(_) if partly => {}
             Ok(shape) => shapes[n] = shape,
-            Err(reject) => {
+            Err(wrong) => {
                 failed[n] = true;
-                let place = graph.place(n, reject.field.as_deref());
-                errors.push(Diagnostic::of_reject(reject, place, &node.id));
+                errors.extend(wrong.into_iter().map(|reject| {
+                    let place = graph.place(n, reject.field.as_deref());
+                    Diagnostic::of_reject(reject, place, &node.id)
+                }));
             }
         }
     }

@@ -9,11 +9,13 @@ mod outputs;
 mod report;
 mod stages;
 mod tap;
+mod targets;
 
 pub use outputs::DirOutputs;
 pub use report::{NodeReport, OutputReport, Report};
 pub use stages::{Site, assemble, stage};
 pub use tap::{Tap, check as check_tap};
+pub use targets::{check as check_targets, check_given};
 
 use crate::diag::Diagnostic;
 use crate::graph::Graph;

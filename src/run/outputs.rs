@@ -77,25 +77,25 @@ impl DirOutputs {
     }
 
     /// Where an output of the graph goes.
-    #[must_use]
-    pub fn path(&self, path: &str) -> PathBuf {
-        self.root.join(path)
-    }
-}
-
-impl Outputs for DirOutputs {
-    fn create(&self, path: &str) -> Result<Box<dyn WriteSeek>, FileError> {
+    ///
+    /// # Errors
+    /// When that is not below the folder.
+    pub fn place(&self, path: &str) -> Result<PathBuf, FileError> {
         let full = self.root.join(output_path(path)?);
         // A link that leads out of the folder must not be followed, also where it is in the middle of the path.
         if let (Ok(root), Some(folder)) = (fs::canonicalize(&self.root), full.parent().and_then(existing))
             && !folder.starts_with(&root)
         {
-            return Err(FileError {
-                code: "F082",
-                message: format!("{path:?} leads out of the output folder"),
-            });
+            let message = format!("{path:?} leads out of the output folder");
+            return Err(FileError { code: "F082", message });
         }
-        self.create_at(&full)
+        Ok(full)
+    }
+}
+
+impl Outputs for DirOutputs {
+    fn create(&self, path: &str) -> Result<Box<dyn WriteSeek>, FileError> {
+        self.create_at(&self.place(path)?)
     }
 }
 

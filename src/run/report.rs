@@ -138,7 +138,7 @@ impl Report {
             let items = first.and_then(|s| Some(s.rate.first_at(s.end?)));
             node.items = items.unwrap_or(0).max(0) as u64;
             if let Some(Value::String(path)) = node.summary.get("path").cloned() {
-                let path = job.outputs.path(&path).display().to_string();
+                let path = job.outputs.place(&path).map_or(path, |p| p.display().to_string());
                 self.outputs.push(OutputReport { path, facts: node.summary.clone() });
             }
         }

@@ -121,18 +121,14 @@ impl Node for AnalyticCollider {
         let (contacts, mesh) = (s.input(Port::contacts), s.input(Port::mesh));
         if mesh.rate != contacts.rate {
             let message = format!("`mesh` has {} frames per second, `contacts` {}", mesh.rate, contacts.rate);
-            return Err(Reject::new("F072", message)
-                .at("mesh")
-                .help("link the mesh that the contacts are of"));
+            s.wrong(Reject::new("F072", message).at("mesh").help("link the mesh that the contacts are of"));
         }
         let (touch, stand) = (contacts.format.areas.len(), mesh.format.topology.vertex_count());
         if touch != stand {
             let message = format!("`contacts` has {touch} vertices, `mesh` has {stand}");
-            return Err(Reject::new("F067", message)
-                .at("mesh")
-                .help("link the mesh that the contacts are of"));
+            s.wrong(Reject::new("F067", message).at("mesh").help("link the mesh that the contacts are of"));
         }
-        still(p)?;
+        s.check(still(p));
         s.when_ended(Port::contacts, Ends::Stop);
         s.reach(Port::mesh, 0, 1);
         s.when_ended(Port::mesh, Ends::Hold);

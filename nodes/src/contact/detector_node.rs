@@ -159,10 +159,10 @@ pub(super) fn fault(error: &ContactError) -> Fault {
     }
 }
 
-fn same_rate(rate: Rate, others: &[Incoming<Mesh>]) -> Result<(), Reject> {
-    let Some(other) = others.iter().find(|other| !other.format.still && other.rate != rate) else {
+fn same_rate(rate: Rate, k: usize, other: &Incoming<Mesh>) -> Result<(), Reject> {
+    if other.format.still || other.rate == rate {
         return Ok(());
-    };
+    }
     let shown = |rate: Rate| crate::core::params::Param::write(&rate).to_string();
     Err(Reject::new(
         "F072",
@@ -172,7 +172,7 @@ fn same_rate(rate: Rate, others: &[Incoming<Mesh>]) -> Result<(), Reject> {
             shown(rate)
         ),
     )
-    .at("others")
+    .at(format!("others[{k}]"))
     .help(format!("set `fps: {}` on the node that gives it", shown(rate))))
 }
 
@@ -185,7 +185,9 @@ impl Node for ContactDetector {
 
     fn shape(p: &ContactDetectorParams, s: &mut Shape<'_, '_, ContactDetectorPorts>) -> Result<(), Reject> {
         let mesh = s.input(ContactDetectorPorts::mesh);
-        same_rate(mesh.rate, &s.many(ContactDetectorPorts::others))?;
+        for (k, other) in s.many(ContactDetectorPorts::others).iter().enumerate() {
+            s.check(same_rate(mesh.rate, k, other));
+        }
         s.reach(ContactDetectorPorts::mesh, 0, 1);
         s.reach(ContactDetectorPorts::others, 0, 1);
         s.when_ended(ContactDetectorPorts::mesh, Ends::Hold);

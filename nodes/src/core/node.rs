@@ -2,7 +2,7 @@
 
 use super::fault::{Fault, Reject};
 use super::files::MemoryFiles;
-use super::item::{Described, Item, OfItem, StreamShape};
+use super::item::{Channels, Described, Item, OfItem};
 use super::params::{AnyParams, Datum, FieldError, ParamSpec, Params};
 use super::ports::{Arity, In, InKind, Out, OutKind, Port, PortKind, PortSpec, Ports, Stream};
 use super::random::Draw;
@@ -421,10 +421,10 @@ impl NodeType {
     /// Declares rates, formats and reach over known links.
     ///
     /// # Errors
-    /// As [`Node::shape`].
-    pub fn shape(&self, params: &dyn AnyParams, mut raw: RawShape<'_>) -> Result<NodeShape, Reject> {
-        (self.shape)(params, &mut raw)?;
-        let shape = raw.close()?;
+    /// As [`Node::shape`], all that can be told at once.
+    pub fn shape(&self, params: &dyn AnyParams, mut raw: RawShape<'_>) -> Result<NodeShape, Vec<Reject>> {
+        let declared = (self.shape)(params, &mut raw);
+        let shape = raw.close(declared)?;
         for (spec, output) in self.outputs.iter().zip(&shape.outputs) {
             debug_assert_eq!(matches!(spec.kind, PortKind::Stream(_)), output.is_some(), "{}", self.name);
         }
@@ -457,28 +457,28 @@ fn known<P: Params>(params: &dyn AnyParams) -> Result<&P, Reject> {
     known.ok_or_else(|| Reject::new("F099", "parameters of another node type: a defect in foley"))
 }
 
-/// Refuses streams whose rates differ, and names the node that would change one.
+/// Refuses a stream whose rate is not that of another input, and names the node that would change it.
 ///
 /// # Errors
 /// When `found` is not `wanted`.
-pub fn same_rate(field: &str, wanted: Rate, found: Rate) -> Result<(), Reject> {
+pub fn same_rate(field: &str, found: Rate, other: &str, wanted: Rate) -> Result<(), Reject> {
     if wanted == found {
         return Ok(());
     }
-    let message = format!("`{field}` runs at {found}, the other input at {wanted}");
+    let message = format!("`{field}` runs at {found}, {other} at {wanted}");
     Err(Reject::new("F045", message)
         .at(field)
         .help(format!("put Resample(rate: {wanted}) before `{field}`").replace(" Hz", "")))
 }
 
-/// Refuses streams of different formats.
+/// Refuses audio of another channel count than another input.
 ///
 /// # Errors
-/// When the widths differ.
-pub fn same_width(field: &str, wanted: &StreamShape, found: &StreamShape) -> Result<(), Reject> {
-    if wanted.width == found.width {
+/// When `found` is not `wanted`.
+pub fn same_channels(field: &str, found: Channels, other: &str, wanted: Channels) -> Result<(), Reject> {
+    if wanted == found {
         return Ok(());
     }
-    let message = format!("`{field}` is {}, the other input {}", found.text, wanted.text);
-    Err(Reject::new("F046", message).at(field))
+    let message = format!("`{field}` has {} channels, {other} {}", found.0, wanted.0);
+    Err(Reject::new("F046", message).at(field).help("put Channels, Mono or Pan before one of them"))
 }

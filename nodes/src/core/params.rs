@@ -335,7 +335,10 @@ impl Param for Rate {
     const KIND: ParamKind = ParamKind::Rate;
     fn read(datum: &Datum, _: Option<Bounds>) -> Result<Self, Mismatch> {
         let expected = || Mismatch::Type {
-            expected: "items per second: a number above zero, or a fraction such as \"24000/1001\"".into(),
+            expected: format!(
+                "items per second: a number above zero, {} at most, or a fraction such as \"24000/1001\"",
+                Self::MAX_HZ
+            ),
             found: datum.describe(),
         };
         let rate = match datum {

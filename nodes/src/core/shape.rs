@@ -80,6 +80,8 @@ pub struct RawShape<'a> {
     end: Option<Option<Tick>>,
     /// Bytes that the node will hold of files.
     held: u64,
+    /// What is wrong so far.
+    wrong: Vec<Reject>,
 }
 
 impl<'a> RawShape<'a> {
@@ -91,14 +93,21 @@ impl<'a> RawShape<'a> {
             outputs: vec![None; outputs],
             ..NodeShape::default()
         };
-        Self { links, files, shape, tail: 0, end: None, held: 0 }
+        Self { links, files, shape, tail: 0, end: None, held: 0, wrong: Vec::new() }
     }
 
     /// Ends the declaration: when the node ends follows from its inputs unless it said so.
     ///
     /// # Errors
-    /// When an input that has to last ends before the others.
-    pub fn close(mut self) -> Result<NodeShape, Reject> {
+    /// All that was found wrong: what the node noted, what it gave up for, and an input that has to last but ends before
+    /// the others.
+    pub fn close(mut self, declared: Result<(), Reject>) -> Result<NodeShape, Vec<Reject>> {
+        let ended = declared.and_then(|()| self.end_with_inputs());
+        self.wrong.extend(ended.err());
+        if self.wrong.is_empty() { Ok(self.shape) } else { Err(self.wrong) }
+    }
+
+    fn end_with_inputs(&mut self) -> Result<(), Reject> {
         let ends = self.links.iter().zip(&self.shape.reach).flat_map(|(links, reach)| {
             links.iter().filter_map(|link| match link {
                 LinkShape::Stream(stream) => Some((reach.ends, stream.end)),
@@ -132,7 +141,7 @@ impl<'a> RawShape<'a> {
         for output in self.shape.outputs.iter_mut().flatten() {
             output.end = self.shape.end;
         }
-        Ok(self.shape)
+        Ok(())
     }
 }
 
@@ -305,6 +314,16 @@ impl<'s, 'a, P> Shape<'s, 'a, P> {
         let found = self.raw.files.sequence(pattern).map_err(|e| reject(field, &e))?;
         self.raw.shape.opened.extend(found.iter().map(|(_, path)| path.clone()));
         Ok(found)
+    }
+
+    /// Notes what is wrong, if anything, and goes on: one look finds all the mistakes of a node.
+    pub fn check<T>(&mut self, found: Result<T, Reject>) -> Option<T> {
+        found.map_err(|reject| self.wrong(reject)).ok()
+    }
+
+    /// Notes something wrong and goes on.
+    pub fn wrong(&mut self, reject: Reject) {
+        self.raw.wrong.push(reject);
     }
 
     /// A warning for people that does not stop the graph.

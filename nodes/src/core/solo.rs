@@ -245,8 +245,16 @@ impl Solo {
     /// What the node declares over these inputs.
     ///
     /// # Errors
-    /// As [`Node::shape`].
+    /// As [`Node::shape`]; the first of several.
     pub fn shape(&self) -> Result<NodeShape, Reject> {
+        self.shape_or_all().map_err(|mut wrong| wrong.remove(0))
+    }
+
+    /// What the node declares over these inputs, or all that is wrong.
+    ///
+    /// # Errors
+    /// As [`Node::shape`].
+    pub fn shape_or_all(&self) -> Result<NodeShape, Vec<Reject>> {
         let links = self.link_shapes();
         self.ty.shape(&*self.params, RawShape::new(&links, self.ty.outputs.len(), &self.files))
     }

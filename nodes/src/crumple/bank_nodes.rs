@@ -11,6 +11,7 @@ use crate::core::random::Draw;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
 use crate::dsp::{Quality, Resampler};
+use crate::io::look_at;
 use crate::io::{AudioReader, oddities, trial_wav};
 use crate::{params, ports};
 
@@ -152,17 +153,13 @@ impl Func for CrumpleExtractor {
 
     fn check(p: &CrumpleExtractorParams, s: &mut Shape<'_, '_, CrumpleExtractorPorts>) -> Result<(), Reject> {
         if p.recordings.is_empty() {
-            return Err(Reject::new("F077", "there is no recording").at("recordings"));
+            s.wrong(Reject::new("F077", "there is no recording").at("recordings"));
         }
         if !(1000.0..=768_000.0).contains(&p.rate.as_f64()) {
             let message = format!("samples at {} cannot be played; 1000 to 768000 Hz are", p.rate);
-            return Err(Reject::new("F106", message).at("rate"));
+            s.wrong(Reject::new("F106", message).at("rate"));
         }
-        for path in &p.recordings {
-            let reader = reader(&path.0, s.open("recordings", &path.0)?)?;
-            s.hold("recordings", &path.0, reader.info().worked())?;
-            reader.info().odd(&path.0).for_each(|text| s.note(text));
-        }
+        look_at(s, "recordings", &p.recordings, |path, file| Ok(reader(path, file)?.info().clone()));
         Ok(())
     }
 

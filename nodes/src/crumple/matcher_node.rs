@@ -127,12 +127,12 @@ impl Node for HistogramMatcher {
         if !p.adapt && !s.linked(HistogramMatcherPorts::calibration) {
             let message = "without a calibration nothing says which events are strong";
             let help = "link an EnergyCalibration, or set `adapt: true`";
-            return Err(Reject::new("F106", message).at("calibration").help(help));
+            s.wrong(Reject::new("F106", message).at("calibration").help(help));
         }
         if !p.adapt && p.max_rate.is_some() {
             let message = "`max_rate` works with `adapt: true` only";
             let help = "give the rate to EnergyCalibration, or set `adapt: true`";
-            return Err(Reject::new("F106", message).at("max_rate").help(help));
+            s.wrong(Reject::new("F106", message).at("max_rate").help(help));
         }
         Ok(())
     }

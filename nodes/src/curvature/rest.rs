@@ -117,10 +117,10 @@ impl Node for RestNoiseNode {
     fn shape(p: &RestParams, s: &mut Shape<'_, '_, RestPorts>) -> Result<(), Reject> {
         if p.to < p.from {
             let message = format!("`to` is {} s, `from` {} s", p.to, p.from);
-            return Err(Reject::new("F105", message).at("to").help("it must not be less"));
+            s.wrong(Reject::new("F105", message).at("to").help("it must not be less"));
         }
         if s.input(RestPorts::curvature).end.is_none() {
-            return Err(Reject::new("F075", "`curvature` does not end").at("curvature"));
+            s.wrong(Reject::new("F075", "`curvature` does not end").at("curvature"));
         }
         Ok(())
     }

@@ -3,7 +3,7 @@
 use super::fade::{Fade, FadeLaw};
 use super::node::nearest_items;
 use crate::core::fault::{Fault, Reject};
-use crate::core::node::{Class, Node, same_rate};
+use crate::core::node::{Class, Node, same_channels, same_rate};
 use crate::core::ports::{In, Stream};
 use crate::core::shape::{Build, Incoming, Shape};
 use crate::{params, ports};
@@ -92,12 +92,8 @@ impl Node for CrossfadeNode {
     fn shape(_: &CrossfadeParams, s: &mut Shape<'_, '_, CrossfadePorts>) -> Result<(), Reject> {
         let (before, after) = (s.optional(CrossfadePorts::before), s.optional(CrossfadePorts::after));
         if let (Some(before), Some(after)) = (&before, &after) {
-            same_rate("after", before.rate, after.rate)?;
-            let (wanted, found) = (before.format.0, after.format.0);
-            if wanted != found {
-                let message = format!("`before` has {wanted} channels, `after` {found}");
-                return Err(Reject::new("F046", message).at("after"));
-            }
+            s.check(same_rate("after", after.rate, "`before`", before.rate));
+            s.check(same_channels("after", after.format, "`before`", before.format));
         }
         let audio = either(before, after)?;
         s.output(CrossfadePorts::out, audio.rate, audio.format);

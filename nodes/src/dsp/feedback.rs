@@ -4,7 +4,7 @@ use super::gain::Gain;
 use super::node::{nearest_items, ramp};
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
-use crate::core::node::{Class, Node, Retune, same_rate};
+use crate::core::node::{Class, Node, Retune, same_channels, same_rate};
 use crate::core::params::Params;
 use crate::core::ports::{Late, Stream};
 use crate::core::random::Draw;
@@ -58,12 +58,8 @@ impl Node for FeedbackNode {
     fn shape(p: &FeedbackParams, s: &mut Shape<'_, '_, FeedbackPorts>) -> Result<(), Reject> {
         let like = s.input(FeedbackPorts::like);
         if let Some(audio) = s.late(FeedbackPorts::audio) {
-            same_rate("audio", like.rate, audio.rate)?;
-            if audio.format != like.format {
-                let (found, wanted) = (audio.format.0, like.format.0);
-                let message = format!("`audio` has {found} channels, `like` has {wanted}");
-                return Err(Reject::new("F046", message).at("audio"));
-            }
+            s.check(same_rate("audio", audio.rate, "`like`", like.rate));
+            s.check(same_channels("audio", audio.format, "`like`", like.format));
         }
         s.delayed(FeedbackPorts::audio, nearest_items(like.rate, p.delay).max(1));
         s.ends(like.end.map(|end| end + ticks(p.tail)));

@@ -68,11 +68,11 @@ impl Node for LevelMeterNode {
         let Channels(channels) = audio.format;
         if p.rate.as_f64() > audio.rate.as_f64() {
             let message = format!("`rate` is {}, above that of the audio, {}", p.rate, audio.rate);
-            return Err(Reject::new("F051", message).at("rate").help("a frame needs a sample at least"));
+            s.wrong(Reject::new("F051", message).at("rate").help("a frame needs a sample at least"));
         }
         if channels > MOST {
             let message = format!("`audio` has {channels} channels; {MOST} at most are measured");
-            return Err(Reject::new("F046", message).at("audio"));
+            s.wrong(Reject::new("F046", message).at("audio"));
         }
         if p.rate.as_f64() * LONGEST < 1.0 {
             let message = format!("a frame at {} lasts longer than {LONGEST} s", p.rate);

@@ -180,7 +180,7 @@ pub(crate) fn check_control(
     audio: &Incoming<f32>,
     control: &Incoming<f32>,
 ) -> Result<(), Reject> {
-    same_rate(field, audio.rate, control.rate)?;
+    same_rate(field, control.rate, "`audio`", audio.rate)?;
     let Channels(width) = control.format;
     if width == 1 || width == audio.format.0 {
         return Ok(());

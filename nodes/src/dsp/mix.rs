@@ -3,7 +3,7 @@
 use super::gain::Gain;
 use super::node::ramp;
 use crate::core::fault::{Fault, Reject};
-use crate::core::node::{Class, Node, Retune, same_rate};
+use crate::core::node::{Class, Node, Retune, same_channels, same_rate};
 use crate::core::ports::{Many, Stream};
 use crate::core::shape::{Build, Shape};
 use crate::{params, ports};
@@ -49,6 +49,14 @@ fn add(gain: &mut Gain, input: &[f32], channels: usize, out: &mut [f32]) {
     }
 }
 
+fn one_gain_each(p: &MixParams, inputs: usize) -> Result<(), Reject> {
+    if p.gains.is_empty() || p.gains.len() == inputs {
+        return Ok(());
+    }
+    let message = format!("`gains` has {} numbers for {inputs} inputs", p.gains.len());
+    Err(Reject::new("F051", message).at("gains").help("one for each input, or an empty list"))
+}
+
 impl Node for MixNode {
     type Params = MixParams;
     type Ports = MixPorts;
@@ -63,20 +71,11 @@ impl Node for MixNode {
                 .at("inputs")
                 .help("link one stream or more"));
         };
-        if !p.gains.is_empty() && p.gains.len() != inputs.len() {
-            let message = format!("`gains` has {} numbers for {} inputs", p.gains.len(), inputs.len());
-            return Err(Reject::new("F051", message)
-                .at("gains")
-                .help("one for each input, or an empty list"));
-        }
+        s.check(one_gain_each(p, inputs.len()));
         for (k, input) in inputs.iter().enumerate() {
-            same_rate(&format!("inputs[{k}]"), first.rate, input.rate).map_err(|e| e.at("inputs"))?;
-            if input.format != first.format {
-                let (wanted, found) = (first.format.0, input.format.0);
-                let message = format!("`inputs[{k}]` has {found} channels, `inputs[0]` has {wanted}");
-                let reject = Reject::new("F046", message).at("inputs");
-                return Err(reject.help("put Channels, Mono or Pan before one of them"));
-            }
+            let field = format!("inputs[{k}]");
+            s.check(same_rate(&field, input.rate, "`inputs[0]`", first.rate));
+            s.check(same_channels(&field, input.format, "`inputs[0]`", first.format));
         }
         s.output(MixPorts::out, first.rate, first.format);
         Ok(())

@@ -115,10 +115,10 @@ impl Node for PanNode {
         let audio = s.input(PanPorts::audio);
         if audio.format != Channels(1) {
             let message = format!("`audio` has {} channels; Pan places mono", audio.format.0);
-            return Err(Reject::new("F046", message).at("audio").help("put Mono before it"));
+            s.wrong(Reject::new("F046", message).at("audio").help("put Mono before it"));
         }
         if let Some(position) = s.optional(PanPorts::position) {
-            check_control("position", &audio, &position)?;
+            s.check(check_control("position", &audio, &position));
         }
         s.when_ended(PanPorts::audio, Ends::Stop);
         s.when_ended(PanPorts::position, Ends::Hold);

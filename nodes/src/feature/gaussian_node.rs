@@ -69,9 +69,7 @@ impl Node for TemporalGaussian {
         check_widths(&p.widths, c.n as usize)?;
         if !c.widths.is_empty() {
             let message = "these features have been through a Gaussian already";
-            return Err(Reject::new("F051", message)
-                .at("features")
-                .help("use one node with the widths wanted"));
+            s.wrong(Reject::new("F051", message).at("features").help("use one node with the widths wanted"));
         }
         (c.widths, c.causal) = (p.widths.clone(), p.causal);
         let filter = filter(&c);

@@ -128,17 +128,17 @@ impl Node for BinauralIftNoise {
     fn shape(p: &BinauralIftNoiseParams, s: &mut Shape<'_, '_, BinauralIftNoisePorts>) -> Result<(), Reject> {
         type Port = BinauralIftNoisePorts;
         let (speeds, mesh) = (s.input(Port::speeds), s.input(Port::mesh));
-        hop(p.rate, speeds.rate)?;
-        listener(p.listener, p.look, p.up)?;
+        s.check(hop(p.rate, speeds.rate));
+        s.check(listener(p.listener, p.look, p.up));
         if let Some(model) = s.value(Port::model) {
-            model.validate().map_err(|e| Reject::new("F076", e.to_string()).at("model"))?;
+            s.check(model.validate().map_err(|e| Reject::new("F076", e.to_string()).at("model")));
         }
         let (slide, stand) = (speeds.format.len(), mesh.format.topology.vertex_count());
         if slide != stand {
             let message = format!("`speeds` has {slide} vertices, `mesh` has {stand}");
-            return Err(Reject::new("F067", message)
-                .at("mesh")
-                .help("link the mesh whose contacts give the speeds"));
+            s.wrong(
+                Reject::new("F067", message).at("mesh").help("link the mesh whose contacts give the speeds"),
+            );
         }
         let [past, ahead] = p.motion_at.reach();
         s.reach(Port::speeds, past, ahead);

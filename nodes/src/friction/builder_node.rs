@@ -249,11 +249,11 @@ impl Node for FrictionModelBuilder {
             Reject::new("F077", format!("at {}: {e}", recording.rate)).at(field)
         })?;
         let two = clip + hop_samples(&params, fs);
-        check_enough("recording", &recording, two, "two clips, the fewest that give two speeds,")?;
+        s.check(check_enough("recording", &recording, two, "two clips, the fewest that give two speeds,"));
         if let Some(rest) = s.optional(FrictionModelBuilderPorts::rest) {
-            check_length("rest", &rest)?;
-            crate::core::node::same_rate("rest", recording.rate, rest.rate)?;
-            check_enough("rest", &rest, clip, "one clip, to measure the floor,")?;
+            s.check(check_length("rest", &rest));
+            s.check(crate::core::node::same_rate("rest", rest.rate, "`recording`", recording.rate));
+            s.check(check_enough("rest", &rest, clip, "one clip, to measure the floor,"));
         }
         match (&p.encoder, s.optional(FrictionModelBuilderPorts::turning)) {
             (Some(path), None) => table(p, &path.0, &s.bytes("encoder", &path.0)?).map(drop),

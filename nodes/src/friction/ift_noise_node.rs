@@ -185,9 +185,9 @@ impl Node for IftNoiseNode {
 
     fn shape(p: &IftNoiseNodeParams, s: &mut Shape<'_, '_, IftNoisePorts>) -> Result<(), Reject> {
         let speeds = s.input(IftNoisePorts::speeds);
-        hop(p.rate, speeds.rate)?;
+        s.check(hop(p.rate, speeds.rate));
         if let Some(model) = s.value(IftNoisePorts::model) {
-            model.validate().map_err(|e| Reject::new("F076", e.to_string()).at("model"))?;
+            s.check(model.validate().map_err(|e| Reject::new("F076", e.to_string()).at("model")));
         }
         let [past, ahead] = p.motion_at.reach();
         s.reach(IftNoisePorts::speeds, past, ahead);

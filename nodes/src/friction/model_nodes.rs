@@ -11,6 +11,7 @@ use crate::core::params::{AssetPath, Params, Text};
 use crate::core::ports::Value;
 use crate::core::random::Draw;
 use crate::core::shape::{Build, Shape};
+use crate::io::look_at;
 use crate::io::{AudioReader, oddities, trial_wav};
 use crate::{choices, params, ports};
 
@@ -117,17 +118,13 @@ impl Func for FrictionModelFromClips {
         s: &mut Shape<'_, '_, FrictionModelFromClipsPorts>,
     ) -> Result<(), Reject> {
         if p.recordings.is_empty() {
-            return Err(Reject::new("F077", "there is no recording").at("recordings"));
+            s.wrong(Reject::new("F077", "there is no recording").at("recordings"));
         }
         if p.fastest < 1.001 * p.slowest {
             let message = format!("`fastest` is {} m/s, `slowest` {} m/s", p.fastest, p.slowest);
-            return Err(Reject::new("F077", message).at("fastest").help("it must be at least 0.1 % more"));
+            s.wrong(Reject::new("F077", message).at("fastest").help("it must be at least 0.1 % more"));
         }
-        for path in &p.recordings {
-            let reader = reader(&path.0, s.open("recordings", &path.0)?)?;
-            s.hold("recordings", &path.0, reader.info().worked())?;
-            reader.info().odd(&path.0).for_each(|text| s.note(text));
-        }
+        look_at(s, "recordings", &p.recordings, |path, file| Ok(reader(path, file)?.info().clone()));
         Ok(())
     }
 

@@ -97,6 +97,17 @@ pub enum AudioWarning {
         /// Samples per second.
         rate: u32,
     },
+    /// A chunk before the samples whose length leads out of the file; the next one was found by its name.
+    FalseChunk {
+        /// Its name.
+        chunk: String,
+        /// Where it begins, bytes.
+        at: u64,
+        /// Bytes that it promises.
+        size: u64,
+        /// Bytes that follow.
+        there: u64,
+    },
     /// A header without a length, as programs write that stream into a pipe; everything to the end is taken.
     OpenLength,
     /// Bytes of an incomplete last frame, dropped.
@@ -129,6 +140,10 @@ impl fmt::Display for AudioWarning {
                     seconds(*frames)
                 )
             }
+            Self::FalseChunk { chunk, at, size, there } => write!(
+                f,
+                "the chunk {chunk:?} at byte {at} says it has {size} bytes, {there} follow: what stands behind it was looked for by name"
+            ),
             Self::OpenLength => f.write_str("the header leaves the length open: read to the end of the file"),
             Self::PartialLastFrame { bytes } => {
                 write!(f, "the last frame is incomplete: its {bytes} bytes are dropped")

@@ -10,6 +10,9 @@ use super::{AudioError, AudioWarning, SampleFormat};
 /// Chunks that a file may hold before this reader gives up on it.
 const MAX_CHUNKS: usize = 10_000;
 
+/// Bytes behind a chunk of a false length in which the next one is looked for.
+const SEARCHED: u64 = 1 << 20;
+
 const KNOWN: [&[u8; 4]; 22] = [
     b"fmt ", b"data", b"fact", b"LIST", b"JUNK", b"junk", b"PAD ", b"FLLR", b"bext", b"ds64", b"cue ",
     b"smpl", b"inst", b"PEAK", b"id3 ", b"ID3 ", b"iXML", b"axml", b"chna", b"acid", b"plst", b"note",
@@ -50,6 +53,7 @@ impl WavHeader {
         let mut data: Option<Data> = None;
         let mut wide_size = None;
         let mut at = 12_u64;
+        let mut false_chunk = None;
         for _ in 0..MAX_CHUNKS {
             if at.saturating_add(8) > len || (format.is_some() && data.is_some()) {
                 break;
@@ -76,13 +80,27 @@ impl WavHeader {
                 }
                 _ => {}
             }
-            at = after_pad(source, next, len)?;
+            if next <= len || data.is_some() {
+                at = after_pad(source, next, len)?;
+                continue;
+            }
+            let chunk = String::from_utf8_lossy(id).into_owned();
+            false_chunk = Some(AudioWarning::FalseChunk { chunk, at, size, there: len - body });
+            match find_needed(source, body, len)? {
+                Some(found) => at = found,
+                None => break,
+            }
         }
-        let missing = |what: &str| AudioError::Malformed { format: "WAV", at, what: what.into() };
+        let missing = |what: &str| {
+            let lie = false_chunk.as_ref().map(|lie| format!("{lie}; ")).unwrap_or_default();
+            AudioError::Malformed { format: "WAV", at: at.min(len), what: format!("{lie}{what}") }
+        };
         let format =
             format.ok_or_else(|| missing("no \"fmt \" chunk found; one must say how samples are stored"))?;
         let data = data.ok_or_else(|| missing("no \"data\" chunk found; one must hold the samples"))?;
-        Ok(Self::new(format, &data, len))
+        let mut header = Self::new(format, &data, len);
+        header.warnings.extend(false_chunk);
+        Ok(header)
     }
 
     fn new(format: Format, data: &Data, len: u64) -> Self {
@@ -128,6 +146,14 @@ fn data_chunk(
     };
     let size = if size == 0xFFFF_FFFF { wide_size.unwrap_or(size) } else { size };
     Ok(Data { start, size: if open { len - start } else { size }, open })
+}
+
+/// The first chunk near by that a file cannot do without, behind one whose length leads out of the file.
+fn find_needed(source: &mut (impl Read + Seek), from: u64, len: u64) -> Result<Option<u64>, AudioError> {
+    let mut near = vec![0; len.saturating_sub(from).min(SEARCHED) as usize];
+    read_at(source, from, &mut near)?;
+    let needed = |id: &[u8]| id == b"fmt " || id == b"data";
+    Ok(near.windows(4).position(needed).map(|k| from + k as u64))
 }
 
 /// The next chunk: behind a pad byte when the size was odd, unless the writer forgot to pad.

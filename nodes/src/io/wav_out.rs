@@ -1,6 +1,6 @@
 //! The node that writes a recording.
 
-use super::{AudioError, AudioWriter, Dither, WriteFormat, WriteSpec};
+use super::{AudioError, AudioWriter, Dither, ReadLimits, WriteFormat, WriteSpec};
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::WriteSeek;
 use crate::core::node::{Class, Node, Summary};
@@ -59,6 +59,12 @@ fn spec(p: &WavOutParams, audio: &Incoming<f32>, dither: Dither) -> Result<Write
         let message = format!("a WAV file has a whole number of samples per second, `audio` {}", audio.rate);
         return Err(Reject::new("F045", message).at("audio").help("put Resample before it"));
     };
+    let most = ReadLimits::default().max_rate;
+    if rate > most {
+        let message =
+            format!("a WAV file of {rate} samples per second would not be read again; {most} at most are");
+        return Err(Reject::new("F045", message).at("audio").help("put Resample before it"));
+    }
     let spec = WriteSpec::new(rate, audio.format.0.into(), p.format);
     let whole = if p.dither && p.format != WriteFormat::Float32 { dither } else { Dither::None };
     Ok(WriteSpec { dither: whole, ..spec })

@@ -78,6 +78,14 @@ pub enum MeshError {
         /// The names that would have worked.
         available: Vec<String>,
     },
+    /// No animation of the wanted name.
+    #[error("there is no animation `{wanted}`; the file has: {}", list(.available))]
+    NoSuchAnimation {
+        /// The name asked for.
+        wanted: String,
+        /// The names that would have worked.
+        available: Vec<String>,
+    },
     /// The file holds several meshes, none was named and none has more vertices than all others.
     #[error("the file has {} meshes and no largest one, name one of them: {}", .available.len(), list(.available))]
     AmbiguousMesh {
@@ -200,7 +208,7 @@ pub enum MeshError {
 fn list(names: &[String]) -> String {
     const SHOWN: usize = 12;
     if names.is_empty() {
-        return "no mesh at all".to_owned();
+        return "none".to_owned();
     }
     let mut text = names.iter().take(SHOWN).cloned().collect::<Vec<_>>().join(", ");
     if names.len() > SHOWN {

@@ -160,6 +160,12 @@ fn wrong(field: &str, error: &MeshError) -> Reject {
             let one = available.last().map_or("name", String::as_str);
             reject.at("object").help(format!("set `object`, for example `object: {one:?}`"))
         }
+        MeshError::NoSuchAnimation { available, .. } => {
+            let first = available.first().map(|name| format!("set `animation: {name:?}`, or "));
+            reject
+                .at("animation")
+                .help(format!("{}leave it out to play the first one", first.unwrap_or_default()))
+        }
         _ => reject.at(field),
     }
 }

@@ -90,30 +90,29 @@ fn factor(p: &ModalBankParams) -> f64 {
     f64::from(p.gain) * db_to_linear(p.db.into())
 }
 
-/// Refuses forces and damping that do not fit the modes.
-fn check(
-    p: &ModalBankParams,
-    forces: &[Incoming<f32>],
-    damping: Option<&Incoming<f32>>,
-    modes: &Modes,
-) -> Result<(), Reject> {
-    modes.validate().map_err(reject)?;
+/// Forces and damping that do not fit the modes.
+fn mismatches<'a>(
+    p: &'a ModalBankParams,
+    forces: &'a [Incoming<f32>],
+    damping: Option<&'a Incoming<f32>>,
+    modes: &'a Modes,
+) -> impl Iterator<Item = Reject> + 'a {
     let points = modes.points();
-    for (k, force) in forces.iter().enumerate() {
+    let off_the_modes = move |(k, force): (usize, &Incoming<f32>)| {
         let Channels(channels) = force.format;
         let point = p.points.get(k).copied().unwrap_or(0);
-        let (last, field) = if channels == 1 { (point, "points") } else { (channels - 1, "forces") };
-        if usize::from(last) >= points {
-            let message =
-                format!("force {k} acts at contact point {last}; the modes have {points}, counted from 0");
-            return Err(Reject::new("F078", message).at(field));
-        }
-    }
-    let wide = damping.map(|d| usize::from(d.format.0)).filter(|n| *n != 1 && *n != modes.len());
-    wide.map_or(Ok(()), |n| {
+        let (last, field) =
+            if channels == 1 { (point, "points".into()) } else { (channels - 1, format!("forces[{k}]")) };
+        let message =
+            format!("force {k} acts at contact point {last}; the modes have {points}, counted from 0");
+        (usize::from(last) >= points).then(|| Reject::new("F078", message).at(field))
+    };
+    let width = damping.map(|damping| usize::from(damping.format.0));
+    let wide = width.filter(|n| *n != 1 && *n != modes.len()).map(|n| {
         let message = format!("`damping` has {n} channels for {} modes", modes.len());
-        Err(Reject::new("F046", message).at("damping").help("one channel, or one for each mode"))
-    })
+        Reject::new("F046", message).at("damping").help("one channel, or one for each mode")
+    });
+    forces.iter().enumerate().filter_map(off_the_modes).chain(wide)
 }
 
 impl ModalBankNode {
@@ -137,11 +136,13 @@ impl Node for ModalBankNode {
         let Some(first) = forces.first() else {
             return Err(Reject::new("F078", "there is no force").at("forces"));
         };
-        for force in &forces {
-            same_rate("forces", first.rate, force.rate)?;
+        for (k, force) in forces.iter().enumerate() {
+            s.check(same_rate(&format!("forces[{k}]"), force.rate, "`forces[0]`", first.rate));
         }
         if let Some(modes) = s.value(ModalBankPorts::modes) {
-            check(p, &forces, s.optional(ModalBankPorts::damping).as_ref(), &modes)?;
+            modes.validate().map_err(reject)?;
+            let damping = s.optional(ModalBankPorts::damping);
+            mismatches(p, &forces, damping.as_ref(), &modes).for_each(|found| s.wrong(found));
             let dropped = Bank::culled(&modes, first.rate.as_f64(), p.cull).map_err(reject)?.dropped();
             if dropped > 0 {
                 let (n, rate) = (modes.len(), first.rate);
@@ -161,7 +162,10 @@ impl Node for ModalBankNode {
     fn build(p: &ModalBankParams, cx: &Build<'_>) -> Result<Self, Fault> {
         let modes = cx.value(ModalBankPorts::modes);
         let (forces, damping) = (cx.many(ModalBankPorts::forces), cx.optional(ModalBankPorts::damping));
-        check(p, &forces, damping.as_ref(), &modes)?;
+        modes.validate().map_err(reject)?;
+        if let Some(found) = mismatches(p, &forces, damping.as_ref(), &modes).next() {
+            return Err(found.into());
+        }
         let rate = cx.output(ModalBankPorts::audio).rate;
         let mut bank = Bank::culled(&modes, rate.as_f64(), p.cull).map_err(reject)?;
         let linked = damping.is_some();

@@ -88,7 +88,7 @@ impl Func for ModalFromRecording {
     ) -> Result<(), Reject> {
         if p.highest <= p.lowest {
             let message = format!("`highest` is {} Hz, `lowest` {} Hz", p.highest, p.lowest);
-            return Err(Reject::new("F077", message).at("highest").help("it must be more"));
+            s.wrong(Reject::new("F077", message).at("highest").help("it must be more"));
         }
         let path = &p.recording.0;
         let reader = reader(path, s.open("recording", path)?)?;

@@ -125,9 +125,9 @@ impl Node for StructuralHrtf {
         let audio = s.input(Port::audio);
         if audio.format != Channels(1) {
             let message = format!("`audio` has {} channels; a source is mono", audio.format.0);
-            return Err(Reject::new("F046", message).at("audio").help("put Mono before it"));
+            s.wrong(Reject::new("F046", message).at("audio").help("put Mono before it"));
         }
-        listener(p.listener, p.look, p.up)?;
+        s.check(listener(p.listener, p.look, p.up));
         let fs = audio.rate.as_f64();
         s.reach(Port::audio, 0, Binaural::new(head(p), p.room, fs).lag());
         s.when_ended(Port::audio, Ends::Stop);

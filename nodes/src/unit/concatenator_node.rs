@@ -153,10 +153,10 @@ impl Node for UnitConcatenator {
         let rate = picks.rate.times(u64::from(conventions.unit)).ok_or_else(fast)?;
         let balance = s.optional(UnitConcatenatorPorts::balance);
         if let Some(balance) = &balance {
-            same_rate("balance", picks.rate, balance.rate)?;
+            s.check(same_rate("balance", balance.rate, "`picks`", picks.rate));
         }
         if let Some(target) = s.optional(UnitConcatenatorPorts::target) {
-            same_rate("target", rate, target.rate)?;
+            s.check(same_rate("target", target.rate, "the sound of `picks`", rate));
         }
         let _ = p;
         let width = channels(&picks.format, balance.map(|balance| balance.format))?;

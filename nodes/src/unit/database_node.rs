@@ -12,6 +12,7 @@ use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
 use crate::dsp::{Quality, Resampler};
 use crate::feature::FeatureConventions;
+use crate::io::look_at;
 use crate::io::{AudioReader, oddities, trial_wav};
 use crate::{feature_params, params, ports};
 use rayon::prelude::*;
@@ -153,16 +154,10 @@ impl Func for UnitDatabaseNode {
         }
         if p.tags.len() > 1 && p.tags.len() != p.recordings.len() {
             let message = format!("{} tags for {} recordings", p.tags.len(), p.recordings.len());
-            return Err(Reject::new("F051", message)
-                .at("tags")
-                .help("give one for each, one for all, or none"));
+            s.wrong(Reject::new("F051", message).at("tags").help("give one for each, one for all, or none"));
         }
-        conventions(p, 1)?;
-        for path in &p.recordings {
-            let (reader, _) = reader(&path.0, s.open("recordings", &path.0)?)?;
-            s.hold("recordings", &path.0, reader.info().worked())?;
-            reader.info().odd(&path.0).for_each(|text| s.note(text));
-        }
+        s.check(conventions(p, 1));
+        look_at(s, "recordings", &p.recordings, |path, file| Ok(reader(path, file)?.0.info().clone()));
         Ok(())
     }
 

@@ -254,7 +254,7 @@ impl Node for SelectionReportNode {
         let picks = s.input(SelectionReportPorts::picks);
         length(picks.items())?;
         if let Some(features) = s.optional(SelectionReportPorts::features) {
-            crate::core::node::same_rate("features", picks.rate, features.rate)?;
+            s.check(crate::core::node::same_rate("features", features.rate, "`picks`", picks.rate));
         }
         s.ends(picks.end);
         Ok(())

@@ -35,7 +35,12 @@ struct Sleeper {
 pub(super) fn check(features: &Incoming<Features>, target: Option<&Incoming<f32>>) -> Result<(), Reject> {
     let Some(target) = target else { return Ok(()) };
     let unit = u64::from(features.format.conventions.unit);
-    same_rate("target", features.rate.times(unit).unwrap_or(target.rate), target.rate)
+    same_rate(
+        "target",
+        target.rate,
+        "the sound of `features`",
+        features.rate.times(unit).unwrap_or(target.rate),
+    )
 }
 
 /// Samples after the first of a unit that are looked at to know whether it and `ahead` more are slept through.

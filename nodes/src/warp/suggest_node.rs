@@ -169,7 +169,7 @@ impl Node for CorrespondenceSuggester {
             if let Some(audio) = s.optional(port) {
                 let unit = u64::from(features.format.conventions.unit);
                 let needed = features.rate.times(unit).unwrap_or(audio.rate);
-                same_rate(name, needed, audio.rate)?;
+                s.check(same_rate(name, audio.rate, "the sound of `features`", needed));
             }
         }
         Ok(())

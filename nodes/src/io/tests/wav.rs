@@ -134,6 +134,22 @@ fn a_header_longer_than_the_file_is_not_believed() {
 }
 
 #[test]
+fn a_chunk_whose_length_leads_out_of_the_file_is_passed_over() {
+    let (format, data) = (fmt(1, 1, 2, 16), chunk(b"data", &pcm16(&[1, 2, 3])));
+    let mut list = chunk(b"LIST", b"INFOabcdefgh");
+    list[4..8].copy_from_slice(&1_000_000_000_u32.to_le_bytes());
+    for chunks in [[format.clone(), list.clone(), data.clone()], [list.clone(), format.clone(), data]] {
+        let (info, read) = read_all(&riff(&chunks), 2).unwrap();
+        assert_eq!((info.frames, read.len()), (3, 3));
+        let told = info.warnings.iter().map(ToString::to_string).collect::<String>();
+        assert!(told.contains("\"LIST\"") && told.contains("1000000000 bytes"), "{told}");
+    }
+    let file = riff(&[format, list]);
+    let told = read_all(&file, 2).unwrap_err().to_string();
+    assert!(told.contains("\"LIST\" at byte 36") && told.contains("no \"data\" chunk"), "{told}");
+}
+
+#[test]
 fn rf64_and_bw64_take_their_length_from_ds64() {
     for id in [b"RF64", b"BW64"] {
         let mut sizes = [0; 28];

@@ -320,11 +320,8 @@ impl Pose {
         let chosen = match animation {
             Some(wanted) => {
                 Some(document.animations().find(|a| a.name() == Some(wanted)).ok_or_else(|| {
-                    let names = document.animations().filter_map(|a| a.name().map(str::to_owned)).take(12);
-                    malformed(format!(
-                        "it has no animation `{wanted}`, it has: {}",
-                        names.collect::<Vec<_>>().join(", ")
-                    ))
+                    let names = document.animations().filter_map(|a| a.name().map(str::to_owned));
+                    MeshError::NoSuchAnimation { wanted: wanted.to_owned(), available: names.collect() }
                 })?)
             }
             None => document.animations().next(),

@@ -229,7 +229,7 @@ fn a_target_without_end_is_for_the_one_that_decides_online() {
     ];
     let files = MemoryFiles::default();
     let ty = NodeType::of::<GlobalUnitSelector>("");
-    let reject = ty.shape(&global(Method::Exact), RawShape::new(&links, 1, &files)).unwrap_err();
+    let reject = ty.shape(&global(Method::Exact), RawShape::new(&links, 1, &files)).unwrap_err().remove(0);
     assert_eq!((reject.code, reject.field.as_deref()), ("F075", Some("features")));
     assert!(reject.help.is_some_and(|help| help.contains("OnlineUnitSelector")));
     assert_eq!(GlobalUnitSelector::CLASS, Class::Offline);
