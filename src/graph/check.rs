@@ -1,33 +1,27 @@
 //! From nodes as they stand in the text to a checked graph.
 
-use super::load::{Given, Loaded, Loader, RawNode};
+use super::links::{RawLink, feeders, link, links_of};
+use super::load::{Loaded, Loader, RawNode};
+use super::order::{order, unused};
 use super::outputs;
 use super::root::join;
 use super::sound;
 use super::suggest::{help, nearest};
+use super::values::Given;
 use super::{Graph, GraphNode, Link, node_type, node_types};
 use crate::diag::{Diagnostic, Place, any_error, sort};
 use crate::lang::{Value, ValueKind};
 use foley_nodes::core::node::NodeType;
 use foley_nodes::core::params::{AnyParams, Datum, FieldError, Mismatch, ParamKind, ParamSpec};
-use foley_nodes::core::ports::{Arity, PortKind, PortSpec};
-use petgraph::algo::tarjan_scc;
-use petgraph::graph::DiGraph;
+use foley_nodes::core::ports::Arity;
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
-
-/// A link as it stands in the text: the text, and where.
-pub(super) struct RawLink {
-    text: String,
-    scope: String,
-    place: Place,
-}
 
 /// A node whose own fields are checked.
 pub(super) struct Half {
     pub ty: &'static NodeType,
     pub params: Option<Box<dyn AnyParams>>,
-    links: Vec<Vec<RawLink>>,
+    pub links: Vec<Vec<RawLink>>,
     pub fields: BTreeMap<String, Place>,
     /// Where the value was given, for fields that stand for a parameter of the graph.
     origins: BTreeMap<String, Place>,
@@ -69,8 +63,8 @@ pub(super) fn check(mut loader: Loader) -> Loaded {
         links.push(resolved);
         count += all;
     }
-    if count > loader.link_limit() {
-        let message = format!("more than {} links", loader.link_limit());
+    if count > loader.limits.links {
+        let message = format!("more than {} links", loader.limits.links);
         found.push(Diagnostic::general("F009", message).help("--max-links allows more"));
         good.fill(false);
     }
@@ -83,7 +77,7 @@ pub(super) fn check(mut loader: Loader) -> Loaded {
     }
     sort(&mut found);
     let sources = std::mem::take(&mut loader.sources);
-    let root = loader.take_root();
+    let root = std::mem::take(&mut loader.root);
     if raw.is_empty() && !any_error(&found) {
         found.push(Diagnostic::warning("F026", "the graph has no nodes", Place::default()));
     }
@@ -216,63 +210,6 @@ fn fields(node: &RawNode, loader: &mut Loader) -> Option<Half> {
     Some(half)
 }
 
-/// Node types whose outputs an input takes.
-fn feeders(spec: &PortSpec) -> String {
-    let gives = |ty: &&NodeType| ty.outputs.iter().any(|o| o.kind.feeds(&spec.kind));
-    let names: Vec<&str> = node_types().iter().filter(gives).map(|ty| ty.name).take(12).collect();
-    if names.is_empty() { "no node type gives it".into() } else { names.join(", ") }
-}
-
-fn links_of(given: &Given, spec: &PortSpec, node: &RawNode, loader: &mut Loader) -> Vec<RawLink> {
-    let mut wrong = |value: &Value, what: &str| {
-        let place = Place { file: given.place.file, span: value.span() };
-        let message = format!("input `{}` takes {what}, found {}", spec.name, value.describe());
-        loader.found.push(Diagnostic::error("F018", message, place).node(&node.id));
-    };
-    let raw = |value: &Value, text: &str| RawLink {
-        text: text.to_owned(),
-        scope: given.scope.prefix.clone(),
-        place: Place { file: given.place.file, span: value.span() },
-    };
-    match (&given.value.value, spec.arity) {
-        (ValueKind::Str(text), _) => vec![raw(&given.value, text)],
-        (ValueKind::Option(None), Arity::Optional) | (ValueKind::Error, _) => Vec::new(),
-        (ValueKind::List(items), Arity::Many) => {
-            let mut links = Vec::new();
-            for item in items {
-                match loader.resolve(given.inside(item)) {
-                    Some(Given { value: Value { value: ValueKind::Str(text), .. }, scope, .. }) => {
-                        let place = Place { file: given.place.file, span: item.span() };
-                        links.push(RawLink { text, scope: scope.prefix, place });
-                    }
-                    Some(other) if !other.value.is_error() => {
-                        let place = other.place.clone();
-                        let message =
-                            format!("a link is text such as \"node.port\", found {}", other.value.describe());
-                        loader.found.push(Diagnostic::error("F018", message, place).node(&node.id));
-                    }
-                    _ => {}
-                }
-            }
-            links
-        }
-        (ValueKind::List(items), _) if items.len() != 1 => {
-            let message = format!("input `{}` takes one link, found a list of {}", spec.name, items.len());
-            let found = Diagnostic::error("F024", message, given.place.clone()).node(&node.id);
-            loader.found.push(found.help("put Mix in between to join several"));
-            Vec::new()
-        }
-        (_, Arity::Many) => {
-            wrong(&given.value, "a list of links such as [\"a\", \"b.port\"]");
-            Vec::new()
-        }
-        _ => {
-            wrong(&given.value, "a link such as \"node\" or \"node.port\"");
-            Vec::new()
-        }
-    }
-}
-
 /// The value as a parameter reads it; paths are made relative to the working folder.
 fn datum(given: &Given, spec: &ParamSpec, loader: &mut Loader) -> Option<Datum> {
     let path = matches!(spec.kind.innermost(), ParamKind::Asset);
@@ -330,7 +267,7 @@ fn asset(text: &str, given: &Given, loader: &mut Loader) -> String {
     let command_line = loader.argument(given).is_some();
     let joined = join(&given.folder, text);
     if command_line && !Path::new(text).is_absolute() {
-        loader.allow_named(Path::new(&joined));
+        loader.root.allow_named(Path::new(&joined));
     }
     joined
 }
@@ -378,273 +315,4 @@ fn field_error(
         }
     }
     .node(&node.id)
-}
-
-/// Follows a link to the output that it names. `None` where the other node, or its whole sub-graph, has errors of its own.
-fn link(
-    raw: &RawLink,
-    input: &PortSpec,
-    nodes: &[RawNode],
-    halves: &[Option<Half>],
-    by_id: &HashMap<&str, usize>,
-    lost: &[String],
-) -> Result<Option<Link>, Diagnostic> {
-    let error = |code, message: String| Diagnostic::error(code, message, raw.place.clone());
-    let full = format!("{}{}", raw.scope, raw.text);
-    let (node, port) = match by_id.get(full.as_str()) {
-        Some(&node) => (node, None),
-        None => match full.rsplit_once('.').and_then(|(id, port)| Some((*by_id.get(id)?, port))) {
-            Some((node, port)) => (node, Some(port.to_owned())),
-            None if lost.iter().any(|prefix| full.starts_with(prefix)) => return Ok(None),
-            None => {
-                let id = raw.text.split('.').next().unwrap_or_default();
-                let names = nodes.iter().filter_map(|n| n.id.strip_prefix(raw.scope.as_str()));
-                let message = format!("there is no node `{}`", raw.text);
-                let best: Vec<&str> = names.collect();
-                let found = if best.contains(&id) { raw.text.as_str() } else { id };
-                return Err(error("F020", message).help(help(found, "nodes", best)));
-            }
-        },
-    };
-    let Some(half) = &halves[node] else { return Ok(None) };
-    let ty = half.ty;
-    let ports = ty.outputs;
-    let at = match port {
-        Some(port) => match ports.iter().position(|p| p.name == port) {
-            Some(at) => at,
-            None => {
-                let message = format!("`{}` ({}) has no output `{port}`", nodes[node].id, ty.name);
-                return Err(error("F021", message).help(help(
-                    &port,
-                    "outputs",
-                    ports.iter().map(|p| p.name),
-                )));
-            }
-        },
-        None => match ports.len() {
-            1 => 0,
-            0 => return Err(error("F021", format!("`{}` ({}) has no outputs", nodes[node].id, ty.name))),
-            _ => {
-                let fitting: Vec<usize> =
-                    (0..ports.len()).filter(|&k| ports[k].kind.feeds(&input.kind)).collect();
-                let all: Vec<usize> = (0..ports.len()).collect();
-                let which = if fitting.is_empty() { &all } else { &fitting };
-                let names: Vec<String> =
-                    which.iter().map(|&k| format!("\"{}.{}\"", raw.text, ports[k].name)).collect();
-                let message = format!("`{}` ({}) has {} outputs", nodes[node].id, ty.name, ports.len());
-                return Err(error("F022", message).help(format!("name one: {}", names.join(" or "))));
-            }
-        },
-    };
-    let output = &ports[at];
-    if !output.kind.feeds(&input.kind) {
-        let message = format!(
-            "input `{}` takes {}, `{}.{}` gives {}",
-            input.name,
-            kind_words(&input.kind),
-            nodes[node].id,
-            output.name,
-            kind_words(&output.kind)
-        );
-        let between = between(&output.kind, &input.kind);
-        let found = error("F023", message)
-            .label(nodes[node].place.clone(), format!("gives {}", kind_words(&output.kind)));
-        return Err(match between {
-            Some(name) => found.help(format!("put {name} in between")),
-            None => found.help(format!("nodes that give {}: {}", input.kind.name(), feeders(input))),
-        });
-    }
-    Ok(Some(Link { node, port: at, place: raw.place.clone() }))
-}
-
-fn kind_words(kind: &PortKind) -> String {
-    match kind {
-        PortKind::Stream(t) => format!("a stream of {}", t.name),
-        PortKind::Events(t) => format!("{} events", t.name),
-        PortKind::Value(t) => format!("a {} value", t.name),
-        PortKind::Fold(t) => format!("a {} made of a whole stream", t.name),
-    }
-}
-
-/// A node type that takes what one port gives, alone, and gives what the other takes.
-fn between(from: &PortKind, to: &PortKind) -> Option<&'static str> {
-    let fits = |ty: &&NodeType| {
-        let needed = ty.inputs.iter().filter(|p| p.arity != Arity::Optional).count();
-        needed == 1
-            && ty.inputs.iter().any(|p| p.arity != Arity::Optional && from.feeds(&p.kind))
-            && ty.outputs.iter().any(|o| o.kind.feeds(to))
-    };
-    node_types().iter().find(fits).map(|ty| ty.name)
-}
-
-/// The topological order. A loop is an error unless an input that is read late closes it.
-fn order(
-    raw: &[RawNode],
-    halves: &[Option<Half>],
-    links: &[Vec<Vec<Link>>],
-    found: &mut Vec<Diagnostic>,
-) -> Vec<usize> {
-    let late = |v: usize, port: usize| halves[v].as_ref().is_some_and(|h| h.ty.inputs[port].late);
-    let mut all = DiGraph::<(), ()>::new();
-    let index: Vec<_> = raw.iter().map(|_| all.add_node(())).collect();
-    let edges = || {
-        links.iter().enumerate().flat_map(|(v, ports)| {
-            ports
-                .iter()
-                .enumerate()
-                .flat_map(move |(port, links)| links.iter().map(move |l| (l.node, v, port, l)))
-        })
-    };
-    for (u, v, _, _) in edges() {
-        all.update_edge(index[u], index[v], ());
-    }
-    let mut group = vec![0; raw.len()];
-    for (k, members) in tarjan_scc(&all).iter().enumerate() {
-        members.iter().for_each(|n| group[n.index()] = k);
-    }
-    // Inside a loop, the links that are read late do not count.
-    let mut below: Vec<Vec<usize>> = vec![Vec::new(); raw.len()];
-    let mut above = vec![0_usize; raw.len()];
-    for (u, v, port, _) in edges() {
-        if !(late(v, port) && group[u] == group[v]) {
-            below[u].push(v);
-            above[v] += 1;
-        }
-    }
-    // Last in, first out keeps chains together, so that few buffers cross from one part to another.
-    let mut ready: Vec<usize> = (0..raw.len()).rev().filter(|&n| above[n] == 0).collect();
-    let mut order = Vec::with_capacity(raw.len());
-    while let Some(n) = ready.pop() {
-        order.push(n);
-        for &v in below[n].iter().rev() {
-            above[v] -= 1;
-            if above[v] == 0 {
-                ready.push(v);
-            }
-        }
-    }
-    if order.len() < raw.len() {
-        report_loops(raw, &below, &above, links, found);
-    }
-    order
-}
-
-/// How often loops are looked for again without the links that close those already found.
-const ROUNDS: usize = 20;
-
-/// Prints loops, each once and whole: one of each knot, then those that do not need the link that closes it.
-fn report_loops(
-    raw: &[RawNode],
-    below: &[Vec<usize>],
-    above: &[usize],
-    links: &[Vec<Vec<Link>>],
-    found: &mut Vec<Diagnostic>,
-) {
-    let mut below = below.to_vec();
-    for _ in 0..ROUNDS {
-        let loops = loops(&below, above);
-        if loops.is_empty() {
-            return;
-        }
-        for path in loops {
-            if let (Some(first), Some(closing)) = (path.first(), path.last()) {
-                below[*closing].retain(|v| v != first);
-            }
-            found.push(loop_error(raw, links, &path));
-        }
-    }
-}
-
-/// One loop of each set of nodes that all reach each other: the shortest through its first node.
-fn loops(below: &[Vec<usize>], above: &[usize]) -> Vec<Vec<usize>> {
-    let mut graph = DiGraph::<usize, ()>::new();
-    let index: BTreeMap<usize, _> =
-        (0..above.len()).filter(|&n| above[n] > 0).map(|n| (n, graph.add_node(n))).collect();
-    for (&n, &at) in &index {
-        for to in below[n].iter().filter_map(|v| index.get(v)) {
-            graph.update_edge(at, *to, ());
-        }
-    }
-    let knots = tarjan_scc(&graph).into_iter().filter_map(|members| {
-        let mut members: Vec<usize> = members.iter().map(|n| graph[*n]).collect();
-        members.sort_unstable();
-        let first = members[0];
-        let knot = members.len() > 1 || below[first].contains(&first);
-        knot.then(|| shortest_loop(first, below, &members))
-    });
-    knots.collect()
-}
-
-fn loop_error(raw: &[RawNode], links: &[Vec<Vec<Link>>], path: &[usize]) -> Diagnostic {
-    let first = path[0];
-    let names: Vec<&str> = path.iter().chain([&first]).map(|&n| raw[n].id.as_str()).collect();
-    let closing = *path.last().unwrap_or(&first);
-    let link = |to: usize, from: usize| links[to].iter().flatten().find(|l| l.node == from);
-    let mut diagnostic = Diagnostic::error(
-        "F025",
-        format!("these nodes feed each other in a loop: {}", names.join(" -> ")),
-        link(first, closing).map_or_else(|| raw[first].place.clone(), |l| l.place.clone()),
-    )
-    .node(&raw[first].id)
-    .help("a loop has to go through a Feedback node, which says how long it takes");
-    for pair in path.windows(2) {
-        if let Some(link) = link(pair[1], pair[0]) {
-            let text = format!("`{}` needs `{}`", raw[pair[1]].id, raw[pair[0]].id);
-            diagnostic = diagnostic.label(link.place.clone(), text);
-        }
-    }
-    diagnostic
-}
-
-/// The shortest way from a node back to itself inside a sorted set of nodes, without the closing step.
-fn shortest_loop(first: usize, below: &[Vec<usize>], members: &[usize]) -> Vec<usize> {
-    let mut from: HashMap<usize, usize> = HashMap::new();
-    let mut queue = std::collections::VecDeque::from([first]);
-    while let Some(n) = queue.pop_front() {
-        for &v in below[n].iter().filter(|v| members.binary_search(v).is_ok()) {
-            if v == first {
-                let mut path = vec![n];
-                let mut at = n;
-                while at != first {
-                    at = from[&at];
-                    path.push(at);
-                }
-                path.reverse();
-                return path;
-            }
-            if v != first && !from.contains_key(&v) {
-                from.insert(v, n);
-                queue.push_back(v);
-            }
-        }
-    }
-    vec![first]
-}
-
-/// Warns of nodes that no output file needs. Those of sub-graphs are on offer: who uses one may leave others alone.
-fn unused(raw: &[RawNode], halves: &[Option<Half>], links: &[Vec<Vec<Link>>], found: &mut Vec<Diagnostic>) {
-    let mut used = vec![false; raw.len()];
-    let sink = |n: usize| halves[n].as_ref().is_none_or(|h| h.ty.outputs.is_empty());
-    let mut stack: Vec<usize> = (0..raw.len()).filter(|&n| sink(n)).collect();
-    // A graph that writes nothing at all is meant to be used by others.
-    if stack.is_empty() {
-        return;
-    }
-    while let Some(n) = stack.pop() {
-        if !std::mem::replace(&mut used[n], true) {
-            stack.extend(links[n].iter().flatten().map(|l| l.node));
-        }
-    }
-    // What only folds a take is a report: it is there for taps.
-    let folds = |ty: &NodeType| ty.outputs.iter().all(|o| matches!(o.kind, PortKind::Fold(_)));
-    let tells = |n: usize| halves[n].as_ref().is_some_and(|h| folds(h.ty));
-    let mut feeds = vec![false; raw.len()];
-    links.iter().flatten().flatten().for_each(|l| feeds[l.node] = true);
-    for (n, node) in raw.iter().enumerate() {
-        if !used[n] && !feeds[n] && node.place.file == 0 && !tells(n) {
-            let warning =
-                Diagnostic::warning("F026", format!("nothing uses `{}`", node.id), node.place.clone());
-            found.push(warning.node(&node.id).help("link it to a node that writes a file, or remove it"));
-        }
-    }
 }

@@ -2,55 +2,17 @@
 
 use super::Graph;
 use super::check;
-use super::root::{Limits, Root, join};
+use super::root::{Limits, Root};
 use super::suggest::help;
-use crate::diag::{Diagnostic, Place, Sources, any_error};
-use crate::lang::{self, Value, ValueKind};
+use super::values::{Given, Override, Scope};
+use crate::diag::{Diagnostic, Place, Sources};
+use crate::lang::{self, Value};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// The schema that graph files of this version declare.
 pub const SCHEMA: &str = "foley:graph/1";
-
-/// A value given on the command line for a graph parameter or for `NODE.PARAM`.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Override {
-    /// `NAME` or `NODE.PARAM`.
-    pub target: String,
-    /// A RON value, or text.
-    pub value: String,
-}
-
-/// A value in a text, with what is needed to understand it.
-#[derive(Clone, Debug)]
-pub struct Given {
-    /// The value.
-    pub value: Value,
-    /// Where it stands.
-    pub place: Place,
-    /// What paths in it are relative to.
-    pub folder: PathBuf,
-    /// Prefix of the ids that links in it can name.
-    pub scope: Scope,
-}
-
-impl Given {
-    /// A value that stands inside this one, without a copy of all of this one.
-    pub fn inside(&self, value: &Value) -> Self {
-        let place = Place { file: self.place.file, span: value.span() };
-        Self { value: value.clone(), place, folder: self.folder.clone(), scope: self.scope.clone() }
-    }
-}
-
-/// Where names in a text are looked up.
-#[derive(Clone, Debug, Default)]
-pub struct Scope {
-    /// Prefix of ids, such as `material.`.
-    pub prefix: String,
-    /// The parameters of the graph file.
-    pub params: Arc<BTreeMap<String, Given>>,
-}
 
 /// A node as it stands in the text.
 #[derive(Debug)]
@@ -95,16 +57,16 @@ pub(super) struct Loader {
     pub found: Vec<Diagnostic>,
     pub sources: Sources,
     pub used_params: std::cell::RefCell<std::collections::BTreeSet<String>>,
-    all_params: Vec<(String, Place)>,
-    root: Root,
-    limits: Limits,
+    pub all_params: Vec<(String, Place)>,
+    pub root: Root,
+    pub limits: Limits,
     /// How often sub-graphs were used, and the bytes that all of them had.
-    uses: usize,
-    text_bytes: u64,
+    pub uses: usize,
+    pub text_bytes: u64,
     /// What the ids of sub-graphs begin with that could not be read.
     pub lost: Vec<String>,
     /// Whether a limit was met: it is said once, and nothing more is read.
-    full: bool,
+    pub full: bool,
 }
 
 /// Reads and checks the graph at `path`.
@@ -143,7 +105,7 @@ pub fn load_text(name: &str, text: &str, path: &Path, overrides: &[Override]) ->
 }
 
 /// The text at a path; `show` is its name for people.
-fn read_text(path: &Path, show: &str, limit: u64) -> Result<String, String> {
+pub(super) fn read_text(path: &Path, show: &str, limit: u64) -> Result<String, String> {
     let meta = std::fs::metadata(path).map_err(|e| format!("cannot read {show}: {e}"))?;
     if !meta.is_file() {
         return Err(format!("{show} is not a plain file"));
@@ -156,45 +118,18 @@ fn read_text(path: &Path, show: &str, limit: u64) -> Result<String, String> {
         .map_err(|e| format!("{show} is not UTF-8 from byte {} on", e.utf8_error().valid_up_to()))
 }
 
-fn valid_id(id: &str) -> bool {
+pub(super) fn valid_id(id: &str) -> bool {
     let start = id.chars().next().is_some_and(|c| c.is_alphabetic() || c == '_');
     start && id.chars().all(|c| c.is_alphanumeric() || c == '_' || c == '-')
 }
 
 impl Loader {
-    /// Parses the values given on the command line, each as a text of its own.
-    fn overrides(&mut self, overrides: &[Override]) -> Vec<(String, Given)> {
-        let mut given = Vec::new();
-        for Override { target, value } in overrides {
-            let parsed = lang::parse(value);
-            let document = parsed.document();
-            let text = |file| Place { file, span: 0..value.len() };
-            let file = self.sources.add(format!("--set {target}"), value.as_str());
-            let node = match document.value {
-                // A bare word that no value starts with is text, and so is a path.
-                Some(found)
-                    if parsed.is_ok()
-                        && !matches!(found.value, ValueKind::Struct(..) | ValueKind::NamedTuple(..)) =>
-                {
-                    found
-                }
-                _ => Value { span: 0..value.len(), value: ValueKind::Str(value.clone()) },
-            };
-            let scope = Scope::default();
-            given.push((
-                target.clone(),
-                Given { value: node, place: text(file), folder: PathBuf::new(), scope },
-            ));
-        }
-        given
-    }
-
-    fn error(&mut self, code: &'static str, message: impl Into<String>, place: Place) {
+    pub(super) fn error(&mut self, code: &'static str, message: impl Into<String>, place: Place) {
         self.found.push(Diagnostic::error(code, message, place));
     }
 
     /// Reads one file below the id `prefix`; `given` are values for its parameters and nodes.
-    fn file(
+    pub(super) fn file(
         &mut self,
         name: &str,
         text: String,
@@ -295,49 +230,8 @@ impl Loader {
         }
     }
 
-    /// The graph's parameters with what was given for them, and what was given for nodes.
-    fn params(
-        &mut self,
-        value: Option<&Value>,
-        given: &[(String, Given)],
-        file: usize,
-        folder: &Path,
-        prefix: &str,
-    ) -> (BTreeMap<String, Given>, Vec<(String, Given)>) {
-        let mut params: BTreeMap<String, Given> = BTreeMap::new();
-        for entry in self.entries(value, file, "params") {
-            let Some(name) = entry.key.as_str() else { continue };
-            let place = Place { file, span: entry.value.span() };
-            let scope = Scope { prefix: prefix.to_owned(), ..Scope::default() };
-            let own = Given { value: entry.value.clone(), place, folder: folder.to_owned(), scope };
-            let key = Place { file, span: entry.key.span() };
-            if params.insert(name.to_owned(), own).is_some() {
-                self.error("F005", format!("parameter `{name}` is given twice"), key);
-            } else {
-                self.all_params.push((format!("{prefix}{name}"), key));
-            }
-        }
-        let mut node_sets = Vec::new();
-        for (target, value) in given {
-            if target.contains('.') {
-                node_sets.push((target.clone(), value.clone()));
-            } else if params.contains_key(target) {
-                params.insert(target.clone(), value.clone());
-            } else {
-                let names = params.keys().map(String::as_str);
-                let message = format!("this graph has no parameter `{target}`");
-                let found = Diagnostic::error("F028", message, value.place.clone());
-                self.found.push(found.help(format!(
-                    "{}; a parameter of a node is set as NODE.PARAM=VALUE",
-                    help(target, "parameters", names)
-                )));
-            }
-        }
-        (params, node_sets)
-    }
-
     /// The entries of a map field with text keys, in order; anything else is an error.
-    fn entries<'v>(
+    pub(super) fn entries<'v>(
         &mut self,
         value: Option<&'v Value>,
         file: usize,
@@ -356,137 +250,15 @@ impl Loader {
         map.iter().filter(|e| e.key.as_str().is_some()).collect()
     }
 
-    /// Reads the sub-graphs; gives their names.
-    fn uses(
-        &mut self,
-        value: Option<&Value>,
-        file: usize,
-        folder: &Path,
-        scope: &Scope,
-        sets: &[(String, Given)],
-        chain: &mut Vec<PathBuf>,
-    ) -> Vec<String> {
-        let (mut names, start) = (Vec::new(), self.found.len());
-        for entry in self.entries(value, file, "use") {
-            let Some(name) = entry.key.as_str() else { continue };
-            let key = Place { file, span: entry.key.span() };
-            if !valid_id(name) {
-                self.bad_id(name, key);
-                continue;
-            }
-            if names.contains(&name.to_owned()) {
-                self.error("F006", format!("sub-graph `{name}` exists twice"), key);
-                continue;
-            }
-            names.push(name.to_owned());
-            let place = Place { file, span: entry.value.span() };
-            let inner = |params: Option<&Value>| -> Vec<(String, Given)> {
-                let entries = params.and_then(Value::as_map).unwrap_or_default();
-                let one = |e: &lang::ast::Entry| {
-                    let place = Place { file, span: e.value.span() };
-                    let given = Given {
-                        value: e.value.clone(),
-                        place,
-                        folder: folder.to_owned(),
-                        scope: scope.clone(),
-                    };
-                    Some((e.key.as_str()?.to_owned(), given))
-                };
-                entries.iter().filter_map(one).collect()
-            };
-            let (path, mut given) = match &entry.value.value {
-                ValueKind::Str(path) => (path.clone(), Vec::new()),
-                ValueKind::Struct(..) if entry.value.field("path").and_then(Value::as_str).is_some() => {
-                    let path = entry.value.field("path").and_then(Value::as_str).unwrap_or_default();
-                    (path.to_owned(), inner(entry.value.field("params")))
-                }
-                ValueKind::Error => continue,
-                _ => {
-                    let message = format!(
-                        "a sub-graph is a path, or Sub(path: \"...\", params: {{...}}), found {}",
-                        entry.value.describe()
-                    );
-                    self.error("F030", message, place);
-                    continue;
-                }
-            };
-            let own = format!("{name}.");
-            for (target, value) in sets {
-                if let Some(rest) = target.strip_prefix(&own) {
-                    given.push((rest.to_owned(), value.clone()));
-                }
-            }
-            self.sub_graph(&join(folder, &path), place, &format!("{}{own}", scope.prefix), given, chain);
-        }
-        if any_error(&self.found[start..]) {
-            let prefixes = names.iter().map(|name| format!("{}{name}.", scope.prefix));
-            let lost = prefixes.filter(|prefix| !self.nodes.iter().any(|n| n.id.starts_with(prefix)));
-            self.lost.extend(lost.collect::<Vec<_>>());
-        }
-        names
-    }
-
-    fn sub_graph(
-        &mut self,
-        path: &str,
-        place: Place,
-        prefix: &str,
-        given: Vec<(String, Given)>,
-        chain: &mut Vec<PathBuf>,
-    ) {
-        if self.full {
-            return;
-        }
-        let real = match self.root.resolve(path) {
-            Ok(real) => real,
-            Err(e) => {
-                self.error(e.code, e.message, place);
-                return;
-            }
-        };
-        if chain.contains(&real) {
-            self.error("F031", format!("{path:?} uses itself"), place);
-            return;
-        }
-        if chain.len() > self.limits.depth {
-            let message = format!("more than {} sub-graphs inside each other", self.limits.depth);
-            self.found.push(Diagnostic::error("F009", message, place).help("--max-depth allows more"));
-            return;
-        }
-        self.uses += 1;
-        if self.uses > self.limits.nodes {
-            let message = format!("more than {} uses of sub-graphs", self.limits.nodes);
-            self.stop(Diagnostic::error("F009", message, place).help("--max-nodes allows more"));
-            return;
-        }
-        match read_text(&real, path, self.limits.graph_bytes) {
-            Ok(text) => {
-                self.text_bytes += text.len() as u64;
-                if self.text_bytes > self.limits.graph_bytes {
-                    let most = self.limits.graph_bytes;
-                    let message = format!(
-                        "the sub-graphs have more than {most} bytes, each counted as often as it is used"
-                    );
-                    self.stop(Diagnostic::error("F009", message, place));
-                    return;
-                }
-                chain.push(real);
-                self.file(path, text, Path::new(path), prefix, given, chain);
-                chain.pop();
-            }
-            Err(message) => self.error("F030", message, place),
-        }
-    }
-
     /// Says that a limit was met, and reads nothing more.
-    fn stop(&mut self, found: Diagnostic) {
+    pub(super) fn stop(&mut self, found: Diagnostic) {
         if !self.full {
             self.found.push(found);
         }
         self.full = true;
     }
 
-    fn bad_id(&mut self, id: &str, place: Place) {
+    pub(super) fn bad_id(&mut self, id: &str, place: Place) {
         let found = Diagnostic::error("F007", format!("{id:?} cannot be an id"), place);
         self.found
             .push(found.help("an id starts with a letter and goes on with letters, digits, `_` and `-`"));
@@ -602,72 +374,5 @@ impl Loader {
         let (type_name, type_place) = (name.value.clone(), at(name.span()));
         let end = value.span().end;
         self.nodes.push(RawNode { id, type_name, type_place, place, end, fields: read, whole });
-    }
-
-    /// Follows `"$name"` to the parameter that it stands for.
-    pub(super) fn resolve(&mut self, given: Given) -> Option<Given> {
-        let mut given = given;
-        for _ in 0..=self.limits.depth {
-            let Some(name) = given.value.as_str().and_then(|t| t.strip_prefix('$')).map(str::to_owned) else {
-                return Some(given);
-            };
-            if let Some(literal) = name.strip_prefix('$') {
-                given.value.value = ValueKind::Str(format!("${literal}"));
-                return Some(given);
-            }
-            self.used_params.borrow_mut().insert(format!("{}{name}", given.scope.prefix));
-            match given.scope.params.get(&name).cloned() {
-                Some(mut next) => {
-                    // A parameter may stand for another one of the same file.
-                    if next.scope.params.is_empty() && next.scope.prefix == given.scope.prefix {
-                        next.scope = given.scope;
-                    }
-                    given = next;
-                }
-                None => {
-                    let names: Vec<String> = given.scope.params.keys().cloned().collect();
-                    let found = Diagnostic::error(
-                        "F027",
-                        format!("this graph has no parameter `{name}`"),
-                        given.place,
-                    );
-                    self.found.push(found.help(help(&name, "parameters", names.iter().map(String::as_str))));
-                    return None;
-                }
-            }
-        }
-        self.error("F027", "parameters that stand for each other in a circle", given.place);
-        None
-    }
-
-    pub(super) fn take_root(&mut self) -> Root {
-        std::mem::take(&mut self.root)
-    }
-
-    pub(super) fn allow_named(&mut self, path: &Path) {
-        self.root.allow_named(path);
-    }
-
-    /// The text of the argument of the command that gave a value, where one did.
-    pub(super) fn argument(&self, given: &Given) -> Option<&str> {
-        let source = self.sources.get(given.place.file).filter(|s| s.name.starts_with("--set"))?;
-        given.folder.as_os_str().is_empty().then_some(&*source.text)
-    }
-
-    pub(super) fn link_limit(&self) -> usize {
-        self.limits.links
-    }
-
-    /// Warnings of parameters that nothing used.
-    pub(super) fn unused_params(&self) -> Vec<Diagnostic> {
-        let used = self.used_params.borrow();
-        let unused = self.all_params.iter().filter(|(name, _)| !used.contains(name));
-        let warn = |(name, place): &(String, Place)| {
-            let own = name.rsplit('.').next().unwrap_or(name);
-            let message = format!("nothing uses the parameter `{name}`");
-            Diagnostic::warning("F029", message, place.clone())
-                .help(format!("write \"${own}\" where its value is to stand"))
-        };
-        unused.map(warn).collect()
     }
 }

@@ -3,16 +3,21 @@
 //! [`load`] reads a graph file and its sub-graphs; every error of all of them comes back in one pass.
 
 mod check;
+mod links;
 mod load;
+mod order;
 mod outputs;
 mod root;
 mod sound;
+mod sub_graphs;
 mod suggest;
+mod values;
 
-pub use load::{Loaded, Override, SCHEMA, load, load_text};
+pub use load::{Loaded, SCHEMA, load, load_text};
 pub use outputs::{output_path, written};
 pub use root::{Asked, DirFiles, Limits, Root, Stamp, matching};
 pub use suggest::nearest;
+pub use values::Override;
 
 use crate::diag::{Place, Sources};
 use foley_nodes::core::node::NodeType;

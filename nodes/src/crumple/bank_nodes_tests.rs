@@ -55,8 +55,8 @@ fn recordings_become_a_bank_that_survives_its_file() {
     file.files.insert("b.json", json.clone());
     assert_eq!(bank(&file.run().unwrap()), found);
     for (from, to, part) in [
-        ("\"version\":1", "\"version\":7", "`version` is 7"),
-        ("\"window\":0.02", "\"window\":0.03", "`conventions`"),
+        ("\"version\": 1", "\"version\": 7", "`version` is 7"),
+        ("\"window\": 0.02", "\"window\": 0.03", "`conventions`"),
         ("\"material\"", "\"colour\"", "unknown field"),
     ] {
         file.files.insert("b.json", json.replace(from, to));

@@ -233,7 +233,7 @@ mod tests {
         let mut file = Solo::func::<EnergyCalibrationFile>(EnergyCalibrationFileParams { path: "c".into() });
         file.files.insert("c", json.clone());
         assert_eq!(file.run().unwrap().value(0).unwrap().get::<EnergyCalibration>(), Some(found));
-        file.files.insert("c", json.replace("\"fps\":60", "\"fps\":30"));
+        file.files.insert("c", json.replace("\"fps\": 60", "\"fps\": 30"));
         let reject = file.shape().unwrap_err();
         assert!(reject.code == "F106" && reject.message.contains("conventions"), "{reject}");
     }

@@ -53,7 +53,7 @@ fn a_still_floor_may_have_any_rate_and_a_moving_one_may_not() {
     let contacts = |solo: Solo| solo.run().unwrap().stream(ContactDetectorPorts::contacts);
     assert_eq!(contacts(over_floor(Rate::hz(7), true)), contacts(over_floor(Rate::hz(60), false)));
     let reject = over_floor(Rate::hz(30), false).shape().unwrap_err();
-    assert_eq!((reject.code, reject.field.as_deref()), ("F072", Some("others")));
+    assert_eq!((reject.code, reject.field.as_deref()), ("F072", Some("others[0]")));
     assert!(reject.help.unwrap().contains("`fps: 60`"));
 }
 

@@ -1,0 +1,173 @@
+//! Links: from their text to the output that they name.
+
+use super::check::Half;
+use super::load::{Loader, RawNode};
+use super::suggest::help;
+use super::values::Given;
+use super::{Link, node_types};
+use crate::diag::{Diagnostic, Place};
+use crate::lang::{Value, ValueKind};
+use foley_nodes::core::node::NodeType;
+use foley_nodes::core::ports::{Arity, PortKind, PortSpec};
+use std::collections::HashMap;
+
+/// A link as it stands in the text: the text, and where.
+pub(super) struct RawLink {
+    pub text: String,
+    pub scope: String,
+    pub place: Place,
+}
+
+/// Node types whose outputs an input takes.
+pub(super) fn feeders(spec: &PortSpec) -> String {
+    let gives = |ty: &&NodeType| ty.outputs.iter().any(|o| o.kind.feeds(&spec.kind));
+    let names: Vec<&str> = node_types().iter().filter(gives).map(|ty| ty.name).take(12).collect();
+    if names.is_empty() { "no node type gives it".into() } else { names.join(", ") }
+}
+
+pub(super) fn links_of(given: &Given, spec: &PortSpec, node: &RawNode, loader: &mut Loader) -> Vec<RawLink> {
+    let mut wrong = |value: &Value, what: &str| {
+        let place = Place { file: given.place.file, span: value.span() };
+        let message = format!("input `{}` takes {what}, found {}", spec.name, value.describe());
+        loader.found.push(Diagnostic::error("F018", message, place).node(&node.id));
+    };
+    let raw = |value: &Value, text: &str| RawLink {
+        text: text.to_owned(),
+        scope: given.scope.prefix.clone(),
+        place: Place { file: given.place.file, span: value.span() },
+    };
+    match (&given.value.value, spec.arity) {
+        (ValueKind::Str(text), _) => vec![raw(&given.value, text)],
+        (ValueKind::Option(None), Arity::Optional) | (ValueKind::Error, _) => Vec::new(),
+        (ValueKind::List(items), Arity::Many) => {
+            let mut links = Vec::new();
+            for item in items {
+                match loader.resolve(given.inside(item)) {
+                    Some(Given { value: Value { value: ValueKind::Str(text), .. }, scope, .. }) => {
+                        let place = Place { file: given.place.file, span: item.span() };
+                        links.push(RawLink { text, scope: scope.prefix, place });
+                    }
+                    Some(other) if !other.value.is_error() => {
+                        let place = other.place.clone();
+                        let message =
+                            format!("a link is text such as \"node.port\", found {}", other.value.describe());
+                        loader.found.push(Diagnostic::error("F018", message, place).node(&node.id));
+                    }
+                    _ => {}
+                }
+            }
+            links
+        }
+        (ValueKind::List(items), _) if items.len() != 1 => {
+            let message = format!("input `{}` takes one link, found a list of {}", spec.name, items.len());
+            let found = Diagnostic::error("F024", message, given.place.clone()).node(&node.id);
+            loader.found.push(found.help("put Mix in between to join several"));
+            Vec::new()
+        }
+        (_, Arity::Many) => {
+            wrong(&given.value, "a list of links such as [\"a\", \"b.port\"]");
+            Vec::new()
+        }
+        _ => {
+            wrong(&given.value, "a link such as \"node\" or \"node.port\"");
+            Vec::new()
+        }
+    }
+}
+
+/// Follows a link to the output that it names. `None` where the other node, or its whole sub-graph, has errors of its own.
+pub(super) fn link(
+    raw: &RawLink,
+    input: &PortSpec,
+    nodes: &[RawNode],
+    halves: &[Option<Half>],
+    by_id: &HashMap<&str, usize>,
+    lost: &[String],
+) -> Result<Option<Link>, Diagnostic> {
+    let error = |code, message: String| Diagnostic::error(code, message, raw.place.clone());
+    let full = format!("{}{}", raw.scope, raw.text);
+    let (node, port) = match by_id.get(full.as_str()) {
+        Some(&node) => (node, None),
+        None => match full.rsplit_once('.').and_then(|(id, port)| Some((*by_id.get(id)?, port))) {
+            Some((node, port)) => (node, Some(port.to_owned())),
+            None if lost.iter().any(|prefix| full.starts_with(prefix)) => return Ok(None),
+            None => {
+                let id = raw.text.split('.').next().unwrap_or_default();
+                let names = nodes.iter().filter_map(|n| n.id.strip_prefix(raw.scope.as_str()));
+                let message = format!("there is no node `{}`", raw.text);
+                let best: Vec<&str> = names.collect();
+                let found = if best.contains(&id) { raw.text.as_str() } else { id };
+                return Err(error("F020", message).help(help(found, "nodes", best)));
+            }
+        },
+    };
+    let Some(half) = &halves[node] else { return Ok(None) };
+    let ty = half.ty;
+    let ports = ty.outputs;
+    let at = match port {
+        Some(port) => match ports.iter().position(|p| p.name == port) {
+            Some(at) => at,
+            None => {
+                let message = format!("`{}` ({}) has no output `{port}`", nodes[node].id, ty.name);
+                return Err(error("F021", message).help(help(
+                    &port,
+                    "outputs",
+                    ports.iter().map(|p| p.name),
+                )));
+            }
+        },
+        None => match ports.len() {
+            1 => 0,
+            0 => return Err(error("F021", format!("`{}` ({}) has no outputs", nodes[node].id, ty.name))),
+            _ => {
+                let fitting: Vec<usize> =
+                    (0..ports.len()).filter(|&k| ports[k].kind.feeds(&input.kind)).collect();
+                let all: Vec<usize> = (0..ports.len()).collect();
+                let which = if fitting.is_empty() { &all } else { &fitting };
+                let names: Vec<String> =
+                    which.iter().map(|&k| format!("\"{}.{}\"", raw.text, ports[k].name)).collect();
+                let message = format!("`{}` ({}) has {} outputs", nodes[node].id, ty.name, ports.len());
+                return Err(error("F022", message).help(format!("name one: {}", names.join(" or "))));
+            }
+        },
+    };
+    let output = &ports[at];
+    if !output.kind.feeds(&input.kind) {
+        let message = format!(
+            "input `{}` takes {}, `{}.{}` gives {}",
+            input.name,
+            kind_words(&input.kind),
+            nodes[node].id,
+            output.name,
+            kind_words(&output.kind)
+        );
+        let between = between(&output.kind, &input.kind);
+        let found = error("F023", message)
+            .label(nodes[node].place.clone(), format!("gives {}", kind_words(&output.kind)));
+        return Err(match between {
+            Some(name) => found.help(format!("put {name} in between")),
+            None => found.help(format!("nodes that give {}: {}", input.kind.name(), feeders(input))),
+        });
+    }
+    Ok(Some(Link { node, port: at, place: raw.place.clone() }))
+}
+
+fn kind_words(kind: &PortKind) -> String {
+    match kind {
+        PortKind::Stream(t) => format!("a stream of {}", t.name),
+        PortKind::Events(t) => format!("{} events", t.name),
+        PortKind::Value(t) => format!("a {} value", t.name),
+        PortKind::Fold(t) => format!("a {} made of a whole stream", t.name),
+    }
+}
+
+/// A node type that takes what one port gives, alone, and gives what the other takes.
+fn between(from: &PortKind, to: &PortKind) -> Option<&'static str> {
+    let fits = |ty: &&NodeType| {
+        let needed = ty.inputs.iter().filter(|p| p.arity != Arity::Optional).count();
+        needed == 1
+            && ty.inputs.iter().any(|p| p.arity != Arity::Optional && from.feeds(&p.kind))
+            && ty.outputs.iter().any(|o| o.kind.feeds(to))
+    };
+    node_types().iter().find(fits).map(|ty| ty.name)
+}

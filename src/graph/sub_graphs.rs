@@ -1,0 +1,132 @@
+//! The sub-graphs that a graph file uses.
+
+use super::load::{Loader, read_text, valid_id};
+use super::root::join;
+use super::values::{Given, Scope};
+use crate::diag::{Diagnostic, Place, any_error};
+use crate::lang::{self, Value, ValueKind};
+use std::path::{Path, PathBuf};
+
+impl Loader {
+    /// Reads the sub-graphs; gives their names.
+    pub(super) fn uses(
+        &mut self,
+        value: Option<&Value>,
+        file: usize,
+        folder: &Path,
+        scope: &Scope,
+        sets: &[(String, Given)],
+        chain: &mut Vec<PathBuf>,
+    ) -> Vec<String> {
+        let (mut names, start) = (Vec::new(), self.found.len());
+        for entry in self.entries(value, file, "use") {
+            let Some(name) = entry.key.as_str() else { continue };
+            let key = Place { file, span: entry.key.span() };
+            if !valid_id(name) {
+                self.bad_id(name, key);
+                continue;
+            }
+            if names.contains(&name.to_owned()) {
+                self.error("F006", format!("sub-graph `{name}` exists twice"), key);
+                continue;
+            }
+            names.push(name.to_owned());
+            let place = Place { file, span: entry.value.span() };
+            let inner = |params: Option<&Value>| -> Vec<(String, Given)> {
+                let entries = params.and_then(Value::as_map).unwrap_or_default();
+                let one = |e: &lang::ast::Entry| {
+                    let place = Place { file, span: e.value.span() };
+                    let given = Given {
+                        value: e.value.clone(),
+                        place,
+                        folder: folder.to_owned(),
+                        scope: scope.clone(),
+                    };
+                    Some((e.key.as_str()?.to_owned(), given))
+                };
+                entries.iter().filter_map(one).collect()
+            };
+            let (path, mut given) = match &entry.value.value {
+                ValueKind::Str(path) => (path.clone(), Vec::new()),
+                ValueKind::Struct(..) if entry.value.field("path").and_then(Value::as_str).is_some() => {
+                    let path = entry.value.field("path").and_then(Value::as_str).unwrap_or_default();
+                    (path.to_owned(), inner(entry.value.field("params")))
+                }
+                ValueKind::Error => continue,
+                _ => {
+                    let message = format!(
+                        "a sub-graph is a path, or Sub(path: \"...\", params: {{...}}), found {}",
+                        entry.value.describe()
+                    );
+                    self.error("F030", message, place);
+                    continue;
+                }
+            };
+            let own = format!("{name}.");
+            for (target, value) in sets {
+                if let Some(rest) = target.strip_prefix(&own) {
+                    given.push((rest.to_owned(), value.clone()));
+                }
+            }
+            self.sub_graph(&join(folder, &path), place, &format!("{}{own}", scope.prefix), given, chain);
+        }
+        if any_error(&self.found[start..]) {
+            let prefixes = names.iter().map(|name| format!("{}{name}.", scope.prefix));
+            let lost = prefixes.filter(|prefix| !self.nodes.iter().any(|n| n.id.starts_with(prefix)));
+            self.lost.extend(lost.collect::<Vec<_>>());
+        }
+        names
+    }
+
+    fn sub_graph(
+        &mut self,
+        path: &str,
+        place: Place,
+        prefix: &str,
+        given: Vec<(String, Given)>,
+        chain: &mut Vec<PathBuf>,
+    ) {
+        if self.full {
+            return;
+        }
+        let real = match self.root.resolve(path) {
+            Ok(real) => real,
+            Err(e) => {
+                self.error(e.code, e.message, place);
+                return;
+            }
+        };
+        if chain.contains(&real) {
+            self.error("F031", format!("{path:?} uses itself"), place);
+            return;
+        }
+        if chain.len() > self.limits.depth {
+            let message = format!("more than {} sub-graphs inside each other", self.limits.depth);
+            self.found.push(Diagnostic::error("F009", message, place).help("--max-depth allows more"));
+            return;
+        }
+        self.uses += 1;
+        if self.uses > self.limits.nodes {
+            let message = format!("more than {} uses of sub-graphs", self.limits.nodes);
+            self.stop(Diagnostic::error("F009", message, place).help("--max-nodes allows more"));
+            return;
+        }
+        match read_text(&real, path, self.limits.graph_bytes) {
+            Ok(text) => {
+                self.text_bytes += text.len() as u64;
+                if self.text_bytes > self.limits.graph_bytes {
+                    let most = self.limits.graph_bytes;
+                    let message = format!(
+                        "the sub-graphs have more than {most} bytes, each counted as often as it is used"
+                    );
+                    self.stop(Diagnostic::error("F009", message, place));
+                    return;
+                }
+                chain.push(real);
+                self.file(path, text, Path::new(path), prefix, given, chain);
+                chain.pop();
+            }
+            Err(message) => self.error("F030", message, place),
+        }
+    }
+}
