@@ -70,10 +70,10 @@ pub struct GraphArgs {
 #[derive(Clone, Debug, ClapArgs)]
 pub struct LimitArgs {
     /// Most memory for buffers, and for a file that is held as a whole, such as 512M
-    #[arg(long, value_name = "SIZE", default_value = "4G", value_parser = parse_size)]
+    #[arg(long, value_name = "SIZE", allow_negative_numbers = true, default_value = "4G", value_parser = parse_size)]
     pub memory: usize,
     /// Most bytes of one input file
-    #[arg(long, value_name = "SIZE", value_parser = parse_size, default_value = "64G")]
+    #[arg(long, value_name = "SIZE", allow_negative_numbers = true, value_parser = parse_size, default_value = "64G")]
     pub max_file: usize,
     /// Most nodes of a graph
     #[arg(long, value_name = "COUNT", default_value_t = 20_000)]
@@ -105,13 +105,13 @@ impl LimitArgs {
 #[derive(Clone, Debug, ClapArgs)]
 pub struct EngineArgs {
     /// Threads that compute [default: all cores]
-    #[arg(long, value_name = "N", value_parser = parse_threads)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = parse_threads)]
     pub threads: Option<usize>,
     /// Length of one window; it never changes the result
-    #[arg(long, value_name = "SECONDS", default_value_t = 0.02, value_parser = parse_seconds)]
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, default_value_t = 0.02, value_parser = parse_seconds)]
     pub window: f64,
     /// Stop here at the latest; needed for graphs without end
-    #[arg(long, value_name = "SECONDS", value_parser = parse_seconds)]
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, value_parser = parse_seconds)]
     pub until: Option<f64>,
     /// Write an output to a file: .wav, .npy, .csv, .jsonl, .json or .svg
     #[arg(long = "tap", value_name = "NODE.PORT=FILE")]
@@ -151,7 +151,7 @@ pub struct MemoArgs {
     #[arg(long, conflicts_with = "cache")]
     pub no_cache: bool,
     /// Most bytes of all results that are kept
-    #[arg(long, value_name = "SIZE", value_parser = parse_size, default_value = "1G")]
+    #[arg(long, value_name = "SIZE", allow_negative_numbers = true, value_parser = parse_size, default_value = "1G")]
     pub cache_size: usize,
 }
 
@@ -211,7 +211,7 @@ pub struct GcArgs {
     #[command(flatten)]
     pub dir: CacheDirArgs,
     /// Most bytes that stay
-    #[arg(long, value_name = "SIZE", value_parser = parse_size, default_value = "1G")]
+    #[arg(long, value_name = "SIZE", allow_negative_numbers = true, value_parser = parse_size, default_value = "1G")]
     pub cache_size: usize,
     /// Remove everything
     #[arg(long)]
@@ -241,7 +241,7 @@ pub struct WatchArgs {
     #[command(flatten)]
     pub run: RunArgs,
     /// Look at the files this often, instead of waiting for events; for file systems that have none
-    #[arg(long, value_name = "SECONDS", value_parser = parse_seconds)]
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, value_parser = parse_seconds)]
     pub poll: Option<f64>,
     /// Play the graph and go over to each save of it while it plays, instead of running it
     #[arg(long)]
@@ -261,16 +261,16 @@ pub struct DeviceArgs {
     #[arg(long, value_name = "HZ")]
     pub rate: Option<u32>,
     /// Frames per window
-    #[arg(long, value_name = "N", default_value_t = 128, value_parser = parse_quantum)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 128, value_parser = parse_quantum)]
     pub quantum: usize,
     /// How far nodes that may not run in the audio callback work ahead of it
-    #[arg(long, value_name = "SECONDS", default_value_t = 0.08, value_parser = parse_seconds)]
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, default_value_t = 0.08, value_parser = parse_seconds)]
     pub lead: f64,
     /// Listen for OSC at this port of this machine, or at ADDRESS:PORT; `off` for not at all
     #[arg(long, value_name = "PORT", default_value = "9000", value_parser = parse_osc)]
     pub osc: String,
     /// Stop after this long
-    #[arg(long = "for", value_name = "SECONDS", value_parser = parse_seconds)]
+    #[arg(long = "for", value_name = "SECONDS", allow_negative_numbers = true, value_parser = parse_seconds)]
     pub duration: Option<f64>,
 }
 

@@ -14,7 +14,7 @@ const BEND_GAP: f64 = 12.0;
 /// Room between two layers for links to change height.
 const LANE: f64 = 64.0;
 /// Most characters of a name that are drawn.
-pub(super) const LONGEST: usize = 30;
+pub(super) const LONGEST: usize = 44;
 
 /// A point.
 pub type Point = (f64, f64);

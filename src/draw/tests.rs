@@ -122,7 +122,7 @@ fn texts_are_escaped_and_cut() {
     let text = svg(&drawing);
     assert!(text.contains("&lt;script&gt;&amp;&quot;&#39; "), "{text}");
     assert!(!text.contains("<script>"));
-    assert!(text.contains(&format!(">{}…<", "x".repeat(29))));
+    assert!(text.contains(&format!(">{}…<", "x".repeat(43))));
 }
 
 #[test]

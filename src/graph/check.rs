@@ -14,7 +14,7 @@ use crate::lang::{Value, ValueKind};
 use foley_nodes::core::node::NodeType;
 use foley_nodes::core::params::{AnyParams, Datum, FieldError, Mismatch, ParamKind, ParamSpec};
 use foley_nodes::core::ports::Arity;
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::Path;
 
 /// A node whose own fields are checked.
@@ -22,6 +22,8 @@ pub(super) struct Half {
     pub ty: &'static NodeType,
     pub params: Option<Box<dyn AnyParams>>,
     pub links: Vec<Vec<RawLink>>,
+    /// The files that it writes, with the fields that name them.
+    pub outputs: Vec<(&'static str, String)>,
     pub fields: BTreeMap<String, Place>,
     /// Where the value was given, for fields that stand for a parameter of the graph.
     origins: BTreeMap<String, Place>,
@@ -77,6 +79,12 @@ pub(super) fn check(mut loader: Loader) -> Loaded {
     }
     sort(&mut found);
     let sources = std::mem::take(&mut loader.sources);
+    // What is wrong in a sub-graph is said once, however often it is used.
+    let mut told = HashSet::new();
+    found.retain(|d| {
+        let at = d.place.as_ref().and_then(|p| Some((sources.get(p.file)?.name.clone(), p.span.clone())));
+        at.is_none_or(|at| told.insert((d.code, at, d.message.clone())))
+    });
     let root = std::mem::take(&mut loader.root);
     if raw.is_empty() && !any_error(&found) {
         found.push(Diagnostic::warning("F026", "the graph has no nodes", Place::default()));
@@ -125,6 +133,7 @@ fn fields(node: &RawNode, loader: &mut Loader) -> Option<Half> {
         ty,
         params: None,
         links: ty.inputs.iter().map(|_| Vec::new()).collect(),
+        outputs: Vec::new(),
         fields: BTreeMap::new(),
         origins: BTreeMap::new(),
     };
@@ -191,8 +200,17 @@ fn fields(node: &RawNode, loader: &mut Loader) -> Option<Half> {
         }
     }
     match (ty.read)(&|name| data.get(name).cloned()) {
-        Ok(params) => half.params = Some(params),
+        Ok(params) => {
+            half.outputs = outputs::written(ty, &*params).collect();
+            half.params = Some(params);
+        }
         Err(errors) => {
+            let text = |spec: &ParamSpec| match data.get(spec.name) {
+                Some(Datum::Text(path)) => Some((spec.name, path.clone())),
+                _ => None,
+            };
+            let output = |spec: &&ParamSpec| *spec.kind.innermost() == ParamKind::Output;
+            half.outputs = specs.iter().filter(output).filter_map(text).collect();
             for e in errors {
                 let mut found = field_error(&e, &specs, &half.fields, node);
                 let about = match &e {

@@ -26,6 +26,7 @@ pub(super) fn feeders(spec: &PortSpec) -> String {
 }
 
 pub(super) fn links_of(given: &Given, spec: &PortSpec, node: &RawNode, loader: &mut Loader) -> Vec<RawLink> {
+    let bare = loader.argument(given).is_some();
     let mut wrong = |value: &Value, what: &str| {
         let place = Place { file: given.place.file, span: value.span() };
         let message = format!("input `{}` takes {what}, found {}", spec.name, value.describe());
@@ -39,6 +40,10 @@ pub(super) fn links_of(given: &Given, spec: &PortSpec, node: &RawNode, loader: &
     match (&given.value.value, spec.arity) {
         (ValueKind::Str(text), _) => vec![raw(&given.value, text)],
         (ValueKind::Option(None), Arity::Optional) | (ValueKind::Error, _) => Vec::new(),
+        // What has to be in quotes in a file may be bare on the command line.
+        (ValueKind::Name(name), _) if bare => {
+            vec![raw(&given.value, &name.value)]
+        }
         (ValueKind::List(items), Arity::Many) => {
             let mut links = Vec::new();
             for item in items {

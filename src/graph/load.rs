@@ -7,6 +7,7 @@ use super::suggest::help;
 use super::values::{Given, Override, Scope};
 use crate::diag::{Diagnostic, Place, Sources};
 use crate::lang::{self, Value};
+use foley_nodes::core::files::FileError;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -90,7 +91,7 @@ pub fn load(path: &Path, overrides: &[Override], allow_read: &[PathBuf], limits:
             let mut chain = vec![std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned())];
             loader.file(&path.display().to_string(), text, path, "", given, &mut chain);
         }
-        Err(message) => loader.found.push(Diagnostic::general("F060", message)),
+        Err(e) => loader.found.push(Diagnostic::general(e.code, e.message)),
     }
     check::check(loader)
 }
@@ -105,17 +106,25 @@ pub fn load_text(name: &str, text: &str, path: &Path, overrides: &[Override]) ->
 }
 
 /// The text at a path; `show` is its name for people.
-pub(super) fn read_text(path: &Path, show: &str, limit: u64) -> Result<String, String> {
-    let meta = std::fs::metadata(path).map_err(|e| format!("cannot read {show}: {e}"))?;
+pub(super) fn read_text(path: &Path, show: &str, limit: u64) -> Result<String, FileError> {
+    let error = |code, message: String| FileError { code, message };
+    let unreadable = |e: std::io::Error| {
+        let code = if e.kind() == std::io::ErrorKind::NotFound { "F060" } else { "F061" };
+        error(code, format!("cannot read {show}: {e}"))
+    };
+    let meta = std::fs::metadata(path).map_err(unreadable)?;
     if !meta.is_file() {
-        return Err(format!("{show} is not a plain file"));
+        return Err(error("F064", format!("{show} is not a plain file")));
     }
     if meta.len() > limit {
-        return Err(format!("{show} has {} bytes, a graph file at most {limit}", meta.len()));
+        let message = format!("{show} has {} bytes, a graph file at most {limit}", meta.len());
+        return Err(error("F063", message));
     }
-    let bytes = std::fs::read(path).map_err(|e| format!("cannot read {show}: {e}"))?;
-    String::from_utf8(bytes)
-        .map_err(|e| format!("{show} is not UTF-8 from byte {} on", e.utf8_error().valid_up_to()))
+    let bytes = std::fs::read(path).map_err(unreadable)?;
+    String::from_utf8(bytes).map_err(|e| {
+        let message = format!("{show} is not UTF-8 from byte {} on", e.utf8_error().valid_up_to());
+        error("F061", message)
+    })
 }
 
 pub(super) fn valid_id(id: &str) -> bool {

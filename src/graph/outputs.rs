@@ -37,10 +37,10 @@ pub fn written(ty: &NodeType, params: &dyn AnyParams) -> impl Iterator<Item = (&
 pub(super) fn check(raw: &[RawNode], halves: &[Option<Half>], found: &mut Vec<Diagnostic>) {
     let mut first: HashMap<PathBuf, Place> = HashMap::new();
     for (node, half) in raw.iter().zip(halves) {
-        let Some(Half { ty, params: Some(params), fields, .. }) = half else { continue };
-        for (name, path) in written(ty, &**params) {
-            let place = fields.get(name).unwrap_or(&node.place).clone();
-            let full = match output_path(&path) {
+        let Some(Half { outputs, fields, .. }) = half else { continue };
+        for (name, path) in outputs {
+            let place = fields.get(*name).unwrap_or(&node.place).clone();
+            let full = match output_path(path) {
                 Ok(full) => full,
                 Err(e) => {
                     found.push(Diagnostic::error(e.code, e.message, place).node(&node.id));

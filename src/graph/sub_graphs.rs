@@ -126,7 +126,7 @@ impl Loader {
                 self.file(path, text, Path::new(path), prefix, given, chain);
                 chain.pop();
             }
-            Err(message) => self.error("F030", message, place),
+            Err(e) => self.error("F030", e.message, place),
         }
     }
 }

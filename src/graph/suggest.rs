@@ -10,7 +10,8 @@ pub fn nearest<'a>(found: &str, names: impl IntoIterator<Item = &'a str>) -> Opt
     let near = |name: &str| distance(&lower, &name.to_lowercase());
     let best = names.into_iter().map(|name| (near(name), name)).min()?;
     let room = (found.chars().count() / 3).max(1);
-    (best.0 <= room).then_some(best.1)
+    // Of a name of one letter nothing is left that could be near.
+    (best.0 <= room && best.0 < found.chars().count()).then_some(best.1)
 }
 
 /// `did you mean ...?` with what exists, or only what exists.

@@ -61,9 +61,8 @@ impl DirOutputs {
     pub fn commit(&self) -> io::Result<()> {
         let mut pending = self.pending.lock().unwrap_or_else(PoisonError::into_inner);
         while let Some((part, to)) = pending.first().cloned() {
-            File::open(&part).and_then(|f| f.sync_all())?;
-            fs::rename(&part, &to)
-                .map_err(|e| io::Error::new(e.kind(), format!("cannot write {}: {e}", to.display())))?;
+            let moved = File::open(&part).and_then(|f| f.sync_all()).and_then(|()| fs::rename(&part, &to));
+            moved.map_err(|e| io::Error::new(e.kind(), format!("cannot write {}: {e}", to.display())))?;
             pending.remove(0);
             self.written.lock().unwrap_or_else(PoisonError::into_inner).push(to);
         }

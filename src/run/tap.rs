@@ -51,6 +51,11 @@ pub fn check(graph: &Graph, text: &str) -> Result<Tap, Diagnostic> {
             .flat_map(|n| n.ty.outputs.iter().map(|p| format!("{}.{}", n.id, p.name)))
             .collect();
         let found = error(format!("--tap: there is no output `{name}`"));
+        let own =
+            name.split_once('.').and_then(|(id, _)| all.iter().find(|o| o.starts_with(&format!("{id}."))));
+        if let Some(own) = own {
+            return Err(found.help(format!("did you mean `{own}`?")));
+        }
         return Err(match nearest(name, all.iter().map(String::as_str)) {
             Some(near) => found.help(format!("did you mean `{near}`?")),
             None => found.help(format!("outputs: {}", all.join(", "))),
@@ -62,11 +67,19 @@ pub fn check(graph: &Graph, text: &str) -> Result<Tap, Diagnostic> {
         PortKind::Stream(item) if item.wave => &["wav", "npy", "csv"],
         PortKind::Stream(_) => &["npy", "csv"],
         PortKind::Events(_) => &["csv", "jsonl"],
-        PortKind::Value(_) | PortKind::Fold(_) => &["json", "svg", "bin"],
+        PortKind::Value(data) | PortKind::Fold(data) => match (data.has_plot(), data.has_file()) {
+            (true, true) => &["json", "svg", "bin"],
+            (true, false) => &["json", "svg"],
+            (false, true) => &["json", "bin"],
+            (false, false) => &["json"],
+        },
     };
     if !fits.contains(&ending.as_str()) {
         let what = graph.nodes[node].ty.outputs[port].kind.name();
-        return Err(error(format!("--tap: {what} is written as .{}, not .{ending}", fits.join(" or ."))));
+        return Err(error(format!(
+            "--tap {text}: {what} is written as .{}, not .{ending}",
+            fits.join(" or .")
+        )));
     }
     Ok(Tap { node, port, path })
 }

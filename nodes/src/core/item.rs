@@ -334,6 +334,24 @@ pub struct AnyValue {
     kind: &'static DataType,
 }
 
+impl DataType {
+    /// Whether values of this type have a drawing.
+    #[must_use]
+    pub fn has_plot(&self) -> bool {
+        self.tried(|value| (self.plot)(value).is_some())
+    }
+
+    /// Whether values of this type have a file of their own kind.
+    #[must_use]
+    pub fn has_file(&self) -> bool {
+        self.tried(|value| (self.file)(value).is_some())
+    }
+
+    fn tried(&self, has: impl Fn(&AnyValue) -> bool) -> bool {
+        (0..4).any(|seed| has(&(self.trial)(&mut Draw::new(seed))))
+    }
+}
+
 impl AnyValue {
     /// Shares a value.
     #[must_use]

@@ -139,6 +139,8 @@ fn data_chunk(
     len: u64,
 ) -> Result<Data, AudioError> {
     let open = match size {
+        // As below; there is no wide size, or one that was never filled in.
+        0xFFFF_FFFF if wide_size == Some(0) => start < len && !begins_chunk(source, start, len)?,
         0xFFFF_FFFF => wide_size.is_none(),
         // Nothing, or a stream whose writer never came back to fill in the size: then no chunk follows.
         0 => start < len && !begins_chunk(source, start, len)?,
