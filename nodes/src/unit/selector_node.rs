@@ -230,7 +230,7 @@ fn allowed(db: &UnitDatabase, tags: &[Text]) -> Vec<bool> {
 }
 
 /// Units that the tags allow, or what tags there are.
-pub(super) fn check_tags(db: &UnitDatabase, tags: &[Text]) -> Result<Vec<bool>, Reject> {
+pub(crate) fn check_tags(db: &UnitDatabase, tags: &[Text]) -> Result<Vec<bool>, Reject> {
     let allowed = allowed(db, tags);
     if allowed.contains(&true) {
         return Ok(allowed);
