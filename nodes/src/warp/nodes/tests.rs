@@ -1,11 +1,9 @@
 //! From files to warped features.
 
 use super::*;
-use crate::warp::suggest_node::{
-    CorrespondenceSuggester, CorrespondenceSuggesterParams, CorrespondenceSuggesterPorts,
-};
+use crate::core::item::AnyValue;
 use crate::core::params::Params;
-use crate::core::solo::Solo;
+use crate::core::solo::{Feed, Solo};
 use crate::core::time::{Rate, TICKS_PER_SECOND, ticks};
 use crate::feature::FeatureConventions;
 use crate::unit::database::DATABASE_VERSION;
@@ -14,6 +12,9 @@ use crate::warp::diagnostics_node::{
     CorrespondenceDiagnostics, CorrespondenceDiagnosticsParams, CorrespondenceDiagnosticsPorts, Diagnosis,
 };
 use crate::warp::fit_node::{TpsFit, TpsFitParams, TpsFitPorts};
+use crate::warp::suggest_node::{
+    CorrespondenceSuggester, CorrespondenceSuggesterParams, CorrespondenceSuggesterPorts,
+};
 use crate::warp::{Pairing, Place, SourceName};
 use std::sync::Arc;
 
@@ -149,6 +150,29 @@ fn a_set_that_was_marked_elsewhere_is_told_and_used() {
         "{found:?}"
     );
     assert!(found[1].contains("\"drag.wav, fold.wav\"; the database has \"drag.wav\""), "{found:?}");
+}
+
+#[test]
+fn a_warp_that_was_fitted_in_other_recordings_is_told_and_used() {
+    let warp = warp(TpsFitParams { lambda: Some(1.0), pairing: Pairing::Centroid, ..params() }, 1);
+    let told = |provenance: &str, warp: &Warp| {
+        let sources = vec![UnitSource { provenance: provenance.into(), ..UnitSource::default() }];
+        let solo = Solo::new::<TpsWarp>(TpsWarpParams {})
+            .input(TpsWarpPorts::features, Rate::hz(240), format(1), vec![0.0; 3])
+            .value(TpsWarpPorts::warp, warp.clone())
+            .feed(2, Feed::value(AnyValue::new(UnitDatabase { sources, ..database() })));
+        let summary = solo.run().unwrap().summary;
+        summary.iter().map(|(key, text)| format!("{key}: {text}")).collect::<Vec<_>>()
+    };
+    assert_eq!(told("elsewhere/drag.wav", &warp), Vec::<String>::new(), "the same file in another folder");
+    let found = told("fold.wav", &warp);
+    assert!(found.len() == 1 && found[0].starts_with("warning: \"`recordings` of the warp are"), "{found:?}");
+    assert!(found[0].contains("drag.wav") && found[0].contains("fold.wav"), "{found:?}");
+    assert_eq!(
+        told("fold.wav", &Warp { recordings: vec![], ..warp }),
+        Vec::<String>::new(),
+        "it does not tell"
+    );
 }
 
 #[test]
@@ -311,12 +335,7 @@ fn only_recordings_of_the_tags_are_proposed() {
     db.segments =
         [0, 1].map(|k| Segment { start: k * half, units: half, source: k, channel: 0, offset: 0 }).into();
     let solo = |tag: &str| {
-        let p = CorrespondenceSuggesterParams {
-            count: 4,
-            all: true,
-            tags: vec![tag.into()],
-            ..suggester()
-        };
+        let p = CorrespondenceSuggesterParams { count: 4, all: true, tags: vec![tag.into()], ..suggester() };
         Solo::new::<CorrespondenceSuggester>(p)
             .input(
                 CorrespondenceSuggesterPorts::features,
