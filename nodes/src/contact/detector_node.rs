@@ -186,6 +186,12 @@ impl Node for ContactDetector {
     fn shape(p: &ContactDetectorParams, s: &mut Shape<'_, '_, ContactDetectorPorts>) -> Result<(), Reject> {
         let mesh = s.input(ContactDetectorPorts::mesh);
         same_rate(mesh.rate, &s.many(ContactDetectorPorts::others))?;
+        if mesh.end.is_none() && mesh.format.still {
+            let message = "`mesh` has one frame: it stands still and never ends; an animation of at least two frames is needed";
+            return Err(Reject::new("F075", message).at("mesh").help(
+                "export the motion of the cloth, not a pose of it, or give `duration` to MeshSequence",
+            ));
+        }
         s.reach(ContactDetectorPorts::mesh, 0, 1);
         s.reach(ContactDetectorPorts::others, 0, 1);
         s.when_ended(ContactDetectorPorts::mesh, Ends::Hold);

@@ -120,7 +120,18 @@ impl Node for RestNoiseNode {
             return Err(Reject::new("F105", message).at("to").help("it must not be less"));
         }
         if s.input(RestPorts::curvature).end.is_none() {
-            return Err(Reject::new("F075", "`curvature` does not end").at("curvature"));
+            let mesh = s.input(RestPorts::curvature).format.still;
+            let found = if mesh {
+                "is of a mesh of one frame, which stands still and never ends"
+            } else {
+                "does not end"
+            };
+            return Err(Reject::new(
+                "F075",
+                format!("`curvature` {found}; an animation of at least two frames is needed"),
+            )
+            .at("curvature")
+            .help("export the motion of the cloth, not a pose of it, or give `duration` to MeshSequence"));
         }
         Ok(())
     }
