@@ -80,6 +80,8 @@ fn an_animation_without_contact_or_snap_is_silence_of_its_length_with_a_note_tha
         assert!(notes.iter().any(|note| note.contains("metres_per_unit")), "{graph}: {told}");
         let sound = common::wav(&folder.path().join(file));
         assert_eq!(sound.len(), (seconds * 48_000.0) as usize, "{graph}");
-        assert!(sound.iter().all(|x| *x == 0.0), "{graph}");
+        // The file is dithered.
+        let peak = sound.iter().fold(0.0_f32, |peak, x| peak.max(x.abs()));
+        assert!(peak < 1e-4, "{graph}: {peak}");
     }
 }
