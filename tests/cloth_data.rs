@@ -1,4 +1,4 @@
-//! The cloth graphs on every animation and every recording of cloth in the data beside the repository.
+//! The cloth graphs of the book's examples on every animation and every recording of cloth in the data beside the repository.
 //!
 //! What is not there is skipped. Those that take longer than half a minute run on demand:
 //! `cargo test --release --test cloth_data -- --include-ignored --nocapture`
@@ -38,19 +38,105 @@ fn animations() -> Vec<(PathBuf, Vec<PathBuf>)> {
     cloths.map(|cloth| (cloth.clone(), bodies(cloth))).collect()
 }
 
-/// Nodes of the example graphs that stand for bodies, which other bodies can take the place of.
-const BODIES: [&str; 4] = ["floor", "cylinder", "wall1", "wall2"];
+/// An example graph whose cloth, bodies and correspondences can be replaced.
+#[derive(Clone, Copy)]
+struct Example {
+    graph: &'static str,
+    wav: &'static str,
+    mesh: &'static str,
+    /// Nodes that stand for bodies, which other bodies can take the place of, and the field that lists them.
+    bodies: &'static [&'static str],
+    others: &'static str,
+    /// Frames per second of point caches, which do not tell.
+    fps: u32,
+    /// Fields that name correspondences, which belong to the graph's own animation.
+    marked: &'static [&'static str],
+}
 
-/// Arguments that put another cloth, and its bodies as far as there are nodes for them, into a graph; `others` is the field
-/// that lists bodies.
-fn replaced(cloth: &Path, bodies: &[PathBuf], others: Option<&str>) -> Vec<String> {
-    let mut sets = vec![format!("sheet.path={}", cloth.display())];
-    let Some(others) = others else { return sets };
-    let used: Vec<_> = BODIES.iter().zip(bodies).collect();
+const FRICTION: Example = Example {
+    graph: "friction.ron",
+    wav: "friction.wav",
+    mesh: "sheet",
+    bodies: &["floor", "cylinder", "wall1", "wall2"],
+    others: "contacts.others",
+    fps: 60,
+    marked: &[],
+};
+const SHEET: Example = Example {
+    graph: "sheet.ron",
+    wav: "sheet.wav",
+    others: "cotton.bodies",
+    marked: &["cotton.correspondences"],
+    ..FRICTION
+};
+
+/// The graphs that are run on every animation, `friction.ron` and `sheet.ron` among them.
+const EXAMPLES: [Example; 10] = [
+    FRICTION,
+    Example { graph: "crumple.ron", wav: "crumple.wav", bodies: &[], ..FRICTION },
+    Example { graph: "target.ron", wav: "target.wav", others: "target.bodies", ..FRICTION },
+    SHEET,
+    Example {
+        graph: "couch.ron",
+        wav: "couch.wav",
+        bodies: &["floor", "seat", "back", "left", "right"],
+        fps: 30,
+        marked: &[],
+        ..SHEET
+    },
+    Example {
+        graph: "windbreaker.ron",
+        wav: "windbreaker.wav",
+        mesh: "sleeve",
+        bodies: &["arm"],
+        others: "windbreaker.bodies",
+        fps: 30,
+        marked: &["windbreaker.correspondences"],
+    },
+    Example {
+        graph: "corduroy.ron",
+        wav: "corduroy.wav",
+        mesh: "trousers",
+        bodies: &["left", "right"],
+        others: "corduroy.bodies",
+        fps: 30,
+        marked: &["corduroy.correspondences"],
+    },
+    Example {
+        graph: "first_person.ron",
+        wav: "first_person.wav",
+        others: "ears.bodies",
+        marked: &["recomposed.correspondences"],
+        ..FRICTION
+    },
+    Example {
+        graph: "two_materials.ron",
+        wav: "two_materials.wav",
+        bodies: &["floor", "cylinder"],
+        marked: &[
+            "itself_units.correspondences",
+            "cover_units.correspondences",
+            "crumple_units.correspondences",
+        ],
+        ..FRICTION
+    },
+    Example { graph: "live.ron", wav: "live.wav", bodies: &["floor", "wall1", "wall2"], ..FRICTION },
+];
+
+/// Arguments that put another cloth, and its bodies as far as there are nodes for them, into a graph.
+fn replaced(cloth: &Path, bodies: &[PathBuf], example: &Example) -> Vec<String> {
+    let Example { mesh, fps, others, .. } = example;
+    let mut sets = vec![format!("{mesh}.path={}", cloth.display())];
+    let none = "graphs/assets/cloth/none.correspondences.ron";
+    sets.extend(example.marked.iter().map(|field| format!("{field}={none}")));
+    if example.bodies.is_empty() {
+        return sets;
+    }
+    let used: Vec<_> = example.bodies.iter().zip(bodies).collect();
     for (node, body) in &used {
         sets.push(format!("{node}.path={}", body.display()));
         if body.extension().is_some_and(|e| e == "pc2") {
-            sets.push(format!("{node}.fps=60"));
+            sets.push(format!("{node}.fps={fps}"));
         }
     }
     let list: Vec<String> = used.iter().map(|(node, _)| format!("\"{node}\"")).collect();
@@ -82,7 +168,7 @@ fn sounds(graph: &str, sets: &[String], wanted: &str, told: &str) -> f64 {
 #[test]
 fn friction_sounds_of_every_animation() {
     for (cloth, bodies) in animations() {
-        let mut sets = replaced(&cloth, &bodies, Some("contacts.others"));
+        let mut sets = replaced(&cloth, &bodies, &FRICTION);
         sets.push("levels=0".into());
         let peak = sounds("friction.ron", &sets, "friction.wav", &name(&cloth));
         assert!(peak > 0.0 && peak <= 1.0, "{}: {peak}", cloth.display());
@@ -90,21 +176,23 @@ fn friction_sounds_of_every_animation() {
 }
 
 #[test]
-#[ignore = "a minute: cargo test --release --test cloth_data -- --include-ignored"]
-fn the_chain_sounds_of_every_animation() {
-    let none = "cotton.correspondences=graphs/assets/cloth/none.correspondences.ron".to_owned();
-    for (cloth, bodies) in animations() {
-        let told = name(&cloth);
-        for (graph, others, wav, more) in [
-            ("crumple.ron", None, "crumple.wav", None),
-            ("target.ron", Some("target.bodies"), "target.wav", None),
-            ("sheet.ron", Some("cotton.bodies"), "sheet.wav", Some(none.clone())),
-        ] {
-            let mut sets = replaced(&cloth, &bodies, others);
-            sets.extend(more);
-            let peak = sounds(graph, &sets, wav, &told);
-            assert!(peak > 0.0 && peak <= 1.5, "{graph} {told}: {peak}");
+#[ignore = "minutes: cargo test --release --test cloth_data -- --include-ignored"]
+fn every_example_sounds_of_every_animation() {
+    let all = animations();
+    for example in &EXAMPLES {
+        let mut silent = Vec::new();
+        // Two materials need a body that is of the other one.
+        let alone = example.graph == "two_materials.ron";
+        for (cloth, bodies) in all.iter().filter(|(_, bodies)| !(alone && bodies.is_empty())) {
+            let told = name(cloth);
+            let peak = sounds(example.graph, &replaced(cloth, bodies, example), example.wav, &told);
+            assert!(peak <= 1.5, "{} {told}: {peak}", example.graph);
+            if peak == 0.0 {
+                silent.push(told);
+            }
         }
+        // What belongs to another cloth, such as its radius, may be too little for some.
+        assert!(4 * silent.len() <= all.len(), "{}: silent for {silent:?}", example.graph);
     }
 }
 

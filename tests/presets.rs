@@ -184,7 +184,7 @@ fn presets_hold_the_values_of_table_2_where_their_nodes_read_them() {
     for row in table {
         let name = row.preset;
         let more = format!(
-            "\"listener\": \"head\", \"correspondences\": \"{assets}/none.correspondences.ron\", \"warp\": \"{assets}/cotton.warp.json\""
+            "\"listener\": \"head\", \"correspondences\": \"{assets}/none.correspondences.ron\", \"warp\": \"{assets}/cotton.warp.json\", \"loop_guard\": 0.5"
         );
         let own = fs::read_to_string(graphs().join(format!("lib/presets/{name}.ron"))).unwrap();
         let taken =
@@ -228,6 +228,8 @@ fn presets_hold_the_values_of_table_2_where_their_nodes_read_them() {
         is("UnitSelector", "d_max", &row.select[..1]);
         is("UnitSelector", "look", &row.select[1..]);
         is("UnitSelector", "cool_off", &[20.0]);
+        // Not in the table, and off unless it is asked for.
+        is("UnitSelector", "loop_guard", &[0.5]);
         match row.lambda {
             Some(lambda) => is("TpsFit", "lambda", &[lambda]),
             None => assert!(number("TpsFit", "lambda").is_none(), "{name} takes over a warp"),

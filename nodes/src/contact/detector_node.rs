@@ -188,6 +188,11 @@ impl Node for ContactDetector {
         for (k, other) in s.many(ContactDetectorPorts::others).iter().enumerate() {
             s.check(same_rate(mesh.rate, k, other));
         }
+        if mesh.end.is_none() && mesh.format.still {
+            let message = "`mesh` has one frame: it stands still and never ends; an animation of at least two frames is needed";
+            let help = "export the motion of the cloth, not a pose of it, or give `duration` to MeshSequence";
+            s.wrong(Reject::new("F075", message).at("mesh").help(help));
+        }
         s.reach(ContactDetectorPorts::mesh, 0, 1);
         s.reach(ContactDetectorPorts::others, 0, 1);
         s.when_ended(ContactDetectorPorts::mesh, Ends::Hold);

@@ -186,12 +186,26 @@ impl Node for SlidingSpeed {
     fn finish(&mut self, _: SlidingSpeedIo<'_>) -> Result<Summary, Fault> {
         let report = self.sliding.report();
         let share = 1.0 - report.heard as f64 / report.moving.max(1) as f64;
-        Ok(vec![
+        let mut told: Summary = vec![
             ("fastest", self.map.map(report.fastest).into()),
             ("sliding", (report.sliding as f64 / report.items.max(1) as f64).into()),
             ("sliding_at_most", report.most.into()),
             ("gated_share", if report.moving == 0 { 0.0 } else { share }.into()),
-        ])
+        ];
+        let silent = match (report.moving, report.heard) {
+            (0, _) => Some(
+                "nothing ever slides, and what is made of these speeds is silent: is `radius` of ContactDetector too small, or \
+                 `metres_per_unit` of the mesh not right?"
+                    .to_owned(),
+            ),
+            (_, 0) => Some(format!(
+                "nothing slides faster than `threshold` {} m/s, and what is made of these speeds is silent",
+                self.params.threshold
+            )),
+            _ => None,
+        };
+        told.extend(silent.map(|text| ("warning", text.into())));
+        Ok(told)
     }
 
     fn retune(&mut self, new: &SlidingSpeedParams) -> Retune {

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::extract::Extraction;
+use crate::core::content::{altered_content, content_digest};
 use crate::core::item::Data;
 use crate::core::random::Draw;
 use crate::core::time::Rate;
@@ -68,6 +69,9 @@ pub struct CrumpleBank {
     pub extraction: Extraction,
     /// Digest of version, rate and extraction.
     pub conventions: String,
+    /// Digest of all of the above, so that a change by hand is seen; empty where none was written.
+    #[serde(default)]
+    pub content: String,
 }
 
 /// Why a bank cannot be used.
@@ -163,6 +167,7 @@ impl CrumpleBank {
             recordings,
             extraction,
             conventions: String::new(),
+            content: String::new(),
         };
         for (energy, cut) in cuts {
             bank.samples.extend_from_slice(&cut.samples);
@@ -172,7 +177,7 @@ impl CrumpleBank {
             bank.origins.push(cut.origin);
         }
         bank.conventions = bank.digest();
-        bank
+        bank.sealed()
     }
 
     /// How many samples it holds.
@@ -206,6 +211,20 @@ impl CrumpleBank {
     fn digest(&self) -> String {
         let text = format!("{} {} {:?}", self.version, self.fs, self.extraction);
         blake3::hash(text.as_bytes()).to_hex()[..16].to_owned()
+    }
+
+    /// The same with the digest of what it holds.
+    #[must_use]
+    pub fn sealed(self) -> Self {
+        let plain = Self { content: String::new(), ..self };
+        Self { content: content_digest(&plain), ..plain }
+    }
+
+    /// What tells that a bank of a file is not the one that was written, if anything.
+    #[must_use]
+    pub fn altered(&self) -> Option<String> {
+        let wanted = content_digest(&Self { content: String::new(), ..self.clone() });
+        altered_content(&self.content, &wanted, "extract it")
     }
 
     /// A short digest of its samples, so that a number of a sample is not looked up in another bank.
@@ -296,7 +315,7 @@ impl CrumpleBank {
         }
         bank.energies.iter_mut().for_each(|e| *e *= fs / self.fs);
         bank.conventions = bank.digest();
-        Ok(bank)
+        Ok(bank.sealed())
     }
 }
 
@@ -350,7 +369,7 @@ impl CrumpleBank {
             Extraction::default(),
         );
         bank.energies = energies.to_vec();
-        bank
+        bank.sealed()
     }
 }
 

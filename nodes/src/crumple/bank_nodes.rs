@@ -148,6 +148,7 @@ impl Func for CrumpleExtractor {
     type Params = CrumpleExtractorParams;
     type Ports = CrumpleExtractorPorts;
     const NAME: &'static str = "CrumpleExtractor";
+    const VERSION: u32 = 2;
     // They are the provenance of the bank's recordings.
     const TELLS_PATHS: bool = true;
 
@@ -283,13 +284,14 @@ fn parse(path: &str, bytes: &[u8]) -> Result<CrumpleBank, Reject> {
     let bank: CrumpleBank = serde_json::from_slice(bytes)
         .map_err(|e| wrong(format!("this is no bank of crumple samples: {e}")))?;
     bank.validate().map_err(|e| wrong(e.to_string()))?;
-    Ok(bank)
+    bank.altered().map_or(Ok(bank), |fault| Err(wrong(fault)))
 }
 
 impl Func for CrumpleBankFile {
     type Params = CrumpleBankFileParams;
     type Ports = CrumpleBankFilePorts;
     const NAME: &'static str = "CrumpleBankFile";
+    const VERSION: u32 = 2;
 
     fn check(p: &CrumpleBankFileParams, s: &mut Shape<'_, '_, CrumpleBankFilePorts>) -> Result<(), Reject> {
         parse(&p.path.0, &s.bytes("path", &p.path.0)?).map(|_| ())

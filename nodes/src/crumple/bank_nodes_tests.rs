@@ -66,6 +66,26 @@ fn recordings_become_a_bank_that_survives_its_file() {
 }
 
 #[test]
+fn samples_of_a_file_that_somebody_changed_are_refused() {
+    let bank = crate::crumple::bank::trial_bank();
+    let mut file = Solo::func::<CrumpleBankFile>(CrumpleBankFileParams { path: "b.json".into() });
+    let mut read = |bank: &CrumpleBank| {
+        file.files.insert("b.json", serde_json::to_string(bank).unwrap());
+        file.shape().map(|_| ()).map_err(|reject| (reject.code, reject.message))
+    };
+    assert_eq!(read(&bank), Ok(()));
+    let mut other = bank.clone();
+    other.samples[3] *= 0.5;
+    let (code, message) = read(&other).unwrap_err();
+    assert!(
+        code == "F106" && message.contains("`content`") && message.contains("extract it again"),
+        "{message}"
+    );
+    // One that was made so on purpose.
+    assert_eq!(read(&CrumpleBank { content: String::new(), ..other }), Ok(()));
+}
+
+#[test]
 fn few_samples_and_a_low_threshold_are_warned_of() {
     let run = solo(params(&["hum.wav"], &[])).run().unwrap();
     let told = warnings(&run);

@@ -5,6 +5,7 @@ use thiserror::Error;
 
 use super::histogram::hazen;
 use super::{Crumple, Weight};
+use crate::core::content::{altered_content, content_digest};
 use crate::core::item::Data;
 use crate::core::random::Draw;
 use crate::core::time::{TICKS_PER_SECOND, Tick};
@@ -59,6 +60,9 @@ pub struct EnergyCalibration {
     pub mesh: u32,
     /// Digest of what the numbers above depend on: version, weight, floor, frames per second and mesh.
     pub conventions: String,
+    /// Digest of all of the above, so that a change by hand is seen; empty where none was written.
+    #[serde(default)]
+    pub content: String,
 }
 
 /// Why a calibration cannot be used.
@@ -111,6 +115,11 @@ pub enum CalibrationError {
     },
 }
 
+/// Frames per second of the motion that an event comes from, to a millionth: intervals are whole ticks.
+fn frame_rate(event: &Crumple) -> f64 {
+    (TICKS_PER_SECOND as f64 / (event.interval.max(1) as f64) * 1e4).round() / 1e4
+}
+
 /// Collects the energies of a take.
 #[derive(Clone, Debug, Default)]
 pub struct EnergyMeter {
@@ -153,7 +162,6 @@ impl EnergyMeter {
         let events = kept.len() as u64;
         let at = |k: usize| hazen(&kept, (k as f64 + 0.5) / QUANTILES as f64);
         let energies = if kept.len() > MOST { (0..QUANTILES).map(at).collect() } else { kept };
-        let fps = |event: &Crumple| TICKS_PER_SECOND as f64 / (event.interval.max(1) as f64);
         let mut calibration = EnergyCalibration {
             version: CALIBRATION_VERSION,
             weight: self.first.map(|event| event.weight),
@@ -164,12 +172,13 @@ impl EnergyMeter {
             dropped: dropped as u64,
             seconds,
             rate: if seconds > 0.0 { events as f64 / seconds } else { 0.0 },
-            // Intervals are whole ticks, so a millionth is all that they know.
-            fps: self.first.as_ref().map_or(0.0, |event| (fps(event) * 1e4).round() / 1e4),
+            fps: self.first.as_ref().map_or(0.0, frame_rate),
             mesh: self.first.map_or(0, |event| event.mesh),
             conventions: String::new(),
+            content: String::new(),
         };
         calibration.conventions = calibration.digest();
+        calibration.content = content_digest(&calibration);
         calibration
     }
 }
@@ -178,6 +187,13 @@ impl EnergyCalibration {
     fn digest(&self) -> String {
         let text = format!("{} {:?} {:?} {} {}", self.version, self.weight, self.floor, self.fps, self.mesh);
         blake3::hash(text.as_bytes()).to_hex()[..16].to_owned()
+    }
+
+    /// What tells that a calibration of a file is not the one that was written, if anything.
+    #[must_use]
+    pub fn altered(&self) -> Option<String> {
+        let wanted = content_digest(&Self { content: String::new(), ..self.clone() });
+        altered_content(&self.content, &wanted, "measure it")
     }
 
     /// Whether all of it can be what a measurement gives.
@@ -222,6 +238,20 @@ impl EnergyCalibration {
             });
         }
         Ok(())
+    }
+
+    /// How an event was found otherwise than those of the calibration, where they cannot be told apart by their energies: on another
+    /// mesh, or at another frame rate.
+    #[must_use]
+    pub fn differs(&self, event: &Crumple) -> Option<String> {
+        let fps = frame_rate(event);
+        if self.weight.is_some() && self.mesh != event.mesh {
+            let (found, own) = (event.mesh, self.mesh);
+            return Some(format!("`mesh` of the calibration is {own}, of the events {found}"));
+        }
+        // A millionth is all that whole ticks know.
+        (self.fps > 0.0 && (self.fps - fps).abs() > 2e-4)
+            .then(|| format!("`fps` of the calibration is {}, of the events {fps}", self.fps))
     }
 
     /// Refuses events whose energies are no match for these.

@@ -76,6 +76,7 @@ impl Node for EnergyCalibrationNode {
     type Params = EnergyCalibrationParams;
     type Ports = EnergyCalibrationPorts;
     const NAME: &'static str = "EnergyCalibration";
+    const VERSION: u32 = 2;
     const CLASS: Class = Class::Offline;
 
     fn shape(
@@ -122,9 +123,15 @@ fn told(c: &EnergyCalibration) -> Summary {
         ("e_min", c.e_min.into()),
         ("events_per_second", c.rate.into()),
     ];
-    if c.events == 0 {
-        told.push(("warning", "no event is strong enough: what this calibrates is silent".into()));
-    }
+    let silent = match (c.events, c.dropped) {
+        (0, 0) => Some(
+            "the cloth never snaps, and what this calibrates is silent: is `h_eps` of BuckleDetector too high, or \
+             `metres_per_unit` of the mesh not right?",
+        ),
+        (0, _) => Some("no event is strong enough: what this calibrates is silent"),
+        _ => None,
+    };
+    told.extend(silent.map(|text| ("warning", text.into())));
     told
 }
 
@@ -157,13 +164,14 @@ fn parse(path: &str, bytes: &[u8]) -> Result<EnergyCalibration, Reject> {
     let calibration: EnergyCalibration =
         serde_json::from_slice(bytes).map_err(|e| wrong(format!("this is no energy calibration: {e}")))?;
     calibration.validate().map_err(|e| wrong(e.to_string()))?;
-    Ok(calibration)
+    calibration.altered().map_or(Ok(calibration), |fault| Err(wrong(fault)))
 }
 
 impl Func for EnergyCalibrationFile {
     type Params = EnergyCalibrationFileParams;
     type Ports = EnergyCalibrationFilePorts;
     const NAME: &'static str = "EnergyCalibrationFile";
+    const VERSION: u32 = 2;
 
     fn check(
         p: &EnergyCalibrationFileParams,
@@ -236,6 +244,9 @@ mod tests {
         file.files.insert("c", json.replace("\"fps\": 60", "\"fps\": 30"));
         let reject = file.shape().unwrap_err();
         assert!(reject.code == "F106" && reject.message.contains("conventions"), "{reject}");
+        file.files.insert("c", json.replace("\"dropped\": 80", "\"dropped\": 81"));
+        let reject = file.shape().unwrap_err();
+        assert!(reject.code == "F106" && reject.message.contains("`content`"), "{reject} {json}");
     }
 
     #[test]

@@ -28,7 +28,7 @@ params! {
     /// What is as strong among the events as a sample among the samples belongs together: the energy of an event has a rank in the
     /// calibration, that rank has an energy in the bank, and the sample of the nearest energy is taken. Events below the
     /// calibration's `e_min` are dropped; above its strongest, the bank's strongest is taken. A calibration on energies that are summed otherwise
-    /// is refused.
+    /// is refused; one of another mesh or frame rate is used, and a note says so, since energies depend on both.
     ///
     /// With `adapt` the ranks are those among the events of late, each event judged by what came before it, for live use and
     /// for motion that is unlike any calibration; then a calibration is only a start, and may be left out.
@@ -79,6 +79,8 @@ pub struct HistogramMatcher {
     random: Random,
     params: HistogramMatcherParams,
     count: [u64; 3],
+    /// How events differ from those of the calibration, once any did.
+    odd: Option<String>,
 }
 
 /// Events matched, dropped as too weak, and outside of the calibration: places in `count`.
@@ -159,6 +161,7 @@ impl Node for HistogramMatcher {
             random: cx.random,
             params: p.clone(),
             count: [0; 3],
+            odd: None,
         })
     }
 
@@ -172,6 +175,9 @@ impl Node for HistogramMatcher {
             if let Some(c) = &self.calibration {
                 c.accepts(event.weight)
                     .map_err(|e| Fault::new("F106", e.to_string()).at("calibration").when(*tick))?;
+                if self.odd.is_none() && self.rolling.is_none() {
+                    self.odd = c.differs(event);
+                }
             }
             if let Some(matched) = self.matched(*tick, event) {
                 io.matched.push(*tick, matched);
@@ -182,11 +188,16 @@ impl Node for HistogramMatcher {
 
     fn finish(&mut self, _: HistogramMatcherIo<'_>) -> Result<Summary, Fault> {
         let [matched, dropped, outside] = self.count;
-        Ok(vec![
+        let mut told: Summary = vec![
             ("matched", matched.into()),
             ("dropped", dropped.into()),
             ("above_calibration", outside.into()),
-        ])
+        ];
+        let odd = self.odd.take().map(|text| {
+            format!("{text}: what is strong there may not be strong here; measure it on this motion, or set `adapt: true`")
+        });
+        told.extend(odd.map(|text| ("warning", text.into())));
+        Ok(told)
     }
 
     fn adopt(&mut self, old: &mut Self) {
@@ -269,6 +280,32 @@ mod tests {
         assert!(fault.message.contains("`weight`") && fault.time == Some(0), "{fault}");
         let c = calibration(&[1.0], Floor::Absolute(0.0));
         assert!(solo(defaults(), &[f64::NAN], Some(c)).run().err().unwrap().message.contains("NaN"));
+    }
+
+    #[test]
+    fn a_calibration_of_another_mesh_or_frame_rate_is_told_and_used() {
+        let told = |c: EnergyCalibration, adapt: bool| {
+            let p = HistogramMatcherParams { adapt, ..defaults() };
+            let run = solo(p, &[1.0, 2.0], Some(c)).run().unwrap();
+            let warnings = run.summary.iter().filter(|(key, _)| *key == "warning");
+            warnings.map(|(_, text)| text.to_string()).collect::<Vec<_>>()
+        };
+        let of = |event: Crumple| {
+            let mut meter = EnergyMeter::default();
+            meter.add(&event).unwrap();
+            meter.finish(1.0, Floor::Absolute(0.0))
+        };
+        assert_eq!(told(of(event(1.0)), false), Vec::<String>::new());
+        let mesh = of(Crumple { mesh: 99, ..event(1.0) });
+        let found = told(mesh.clone(), false);
+        assert!(
+            found.len() == 1 && found[0].contains("`mesh` of the calibration is 99, of the events 7"),
+            "{found:?}"
+        );
+        let slow = of(Crumple { interval: 2 * event(1.0).interval, ..event(1.0) });
+        let found = told(slow, false);
+        assert!(found.len() == 1 && found[0].contains("`fps` of the calibration is"), "{found:?}");
+        assert_eq!(told(mesh, true), Vec::<String>::new(), "only where it begins");
     }
 
     #[test]

@@ -120,7 +120,13 @@ impl Node for RestNoiseNode {
             s.wrong(Reject::new("F105", message).at("to").help("it must not be less"));
         }
         if s.input(RestPorts::curvature).end.is_none() {
-            s.wrong(Reject::new("F075", "`curvature` does not end").at("curvature"));
+            let found = match s.input(RestPorts::curvature).format.still {
+                true => "is of a mesh of one frame, which stands still and never ends",
+                false => "does not end",
+            };
+            let message = format!("`curvature` {found}; an animation of at least two frames is needed");
+            let help = "export the motion of the cloth, not a pose of it, or give `duration` to MeshSequence";
+            s.wrong(Reject::new("F075", message).at("curvature").help(help));
         }
         Ok(())
     }

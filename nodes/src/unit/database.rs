@@ -9,7 +9,7 @@ use crate::core::random::Draw;
 use crate::feature::FeatureConventions;
 
 /// Format of [`UnitDatabase`] that this code reads and writes.
-pub const DATABASE_VERSION: u32 = 1;
+pub const DATABASE_VERSION: u32 = 2;
 
 /// A recording without any gap: filters, look-ahead and runs of units never leave it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -114,6 +114,12 @@ pub enum DatabaseError {
     },
 }
 
+/// The file names of some paths, in order.
+pub(crate) fn file_names<'a>(paths: impl Iterator<Item = &'a str>) -> String {
+    let names: Vec<&str> = paths.map(|path| path.rsplit(['/', '\\']).next().unwrap_or_default()).collect();
+    names.join(", ")
+}
+
 impl UnitDatabase {
     /// How many units there are.
     #[must_use]
@@ -130,9 +136,7 @@ impl UnitDatabase {
     /// What it is of, for people and to tell it from others: the file names of its recordings in order.
     #[must_use]
     pub fn recordings(&self) -> String {
-        let name = |path: &str| path.rsplit(['/', '\\']).next().unwrap_or_default().to_owned();
-        let names: Vec<String> = self.sources.iter().map(|s| name(&s.provenance)).collect();
-        names.join(", ")
+        file_names(self.sources.iter().map(|s| s.provenance.as_str()))
     }
 
     /// Numbers in a feature vector.

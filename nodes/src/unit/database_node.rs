@@ -145,6 +145,7 @@ impl Func for UnitDatabaseNode {
     type Params = UnitDatabaseParams;
     type Ports = UnitDatabasePorts;
     const NAME: &'static str = "UnitDatabase";
+    const VERSION: u32 = 2;
     // They are the provenance of the database's sources.
     const TELLS_PATHS: bool = true;
 
@@ -245,6 +246,7 @@ impl Func for UnitDatabaseFile {
     type Params = UnitDatabaseFileParams;
     type Ports = UnitDatabaseFilePorts;
     const NAME: &'static str = "UnitDatabaseFile";
+    const VERSION: u32 = 2;
 
     fn check(p: &UnitDatabaseFileParams, s: &mut Shape<'_, '_, UnitDatabaseFilePorts>) -> Result<(), Reject> {
         // The first bytes tell; all of them are read when it runs.
@@ -278,7 +280,7 @@ impl Func for UnitDatabaseFile {
 }
 
 impl UnitDatabase {
-    /// The database as one file: a mark, the version, the hash of the conventions, and all fields.
+    /// The database as one file: a mark, the version, the hash of the conventions, that of all fields, and these.
     ///
     /// # Errors
     /// When it cannot be encoded.
@@ -286,7 +288,10 @@ impl UnitDatabase {
         let mut out = MARK.to_vec();
         out.extend(self.version.to_le_bytes());
         out.extend(self.conventions.hash());
-        postcard::to_extend(self, out).map_err(|e| e.to_string())
+        let fields = postcard::to_allocvec(self).map_err(|e| e.to_string())?;
+        out.extend(blake3::hash(&fields).as_bytes());
+        out.extend(fields);
+        Ok(out)
     }
 
     /// The database in such a file.
@@ -294,7 +299,7 @@ impl UnitDatabase {
     /// # Errors
     /// Other files, other versions, damaged fields.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, String> {
-        let head = MARK.len() + 4 + 32;
+        let head = MARK.len() + 4 + 2 * 32;
         let (Some(mark), Some(rest)) = (bytes.get(..MARK.len()), bytes.get(head..)) else {
             return Err("this is no unit database: it is too short".into());
         };
@@ -307,10 +312,17 @@ impl UnitDatabase {
         if found != super::database::DATABASE_VERSION {
             return Err(super::DatabaseError::Version { found }.to_string());
         }
+        let (conventions, fields) = bytes[MARK.len() + 4..head].split_at(32);
+        if fields != blake3::hash(rest).as_bytes() {
+            return Err(
+                "the unit database is damaged or was changed: what it holds has another hash; write it again"
+                    .into(),
+            );
+        }
         let db: Self =
             postcard::from_bytes(rest).map_err(|e| format!("the unit database is damaged: {e}"))?;
         db.validate().map_err(|e| e.to_string())?;
-        if bytes[MARK.len() + 4..head] != db.conventions.hash() {
+        if conventions != db.conventions.hash() {
             return Err("the unit database is damaged: its conventions have another hash".into());
         }
         Ok(db)

@@ -8,7 +8,7 @@ use super::global::{
 };
 use super::item::{Pick, PickFormat, Picks};
 use super::selector::{self, NotFinite, SelectorParams, Units};
-use super::selector_node::{Counts, comparable, not_finite, units};
+use super::selector_node::{Counts, comparable, few, not_finite, units};
 use super::sleep::{self, Sleepers};
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
@@ -118,6 +118,8 @@ pub struct GlobalUnitSelector {
     picks: Vec<Pick>,
     counts: Vec<Counts>,
     totals: Totals,
+    /// Where there are hardly more units than are kept from coming again.
+    few: Option<String>,
 }
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -264,14 +266,20 @@ impl GlobalUnitSelector {
 /// A choice as it travels.
 pub(super) fn pick(d1: f64, unit: u32, d_max: f64) -> Pick {
     let fallback = d1 > d_max;
-    Pick { unit: unit as i32, fallback, d1: d1 as f32, d2: if fallback { 0.0 } else { d1 as f32 } }
+    Pick {
+        unit: unit as i32,
+        fallback,
+        asleep: false,
+        d1: d1 as f32,
+        d2: if fallback { 0.0 } else { d1 as f32 },
+    }
 }
 
 impl Node for GlobalUnitSelector {
     type Params = GlobalUnitSelectorParams;
     type Ports = GlobalUnitSelectorPorts;
     const NAME: &'static str = "GlobalUnitSelector";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     const CLASS: Class = Class::Offline;
     const COST: f64 = 100_000.0;
 
@@ -302,7 +310,9 @@ impl Node for GlobalUnitSelector {
         let features = cx.input(GlobalUnitSelectorPorts::features);
         let db = cx.value(GlobalUnitSelectorPorts::database);
         let none = || Fault::new("F101", "there is no unit to choose from").at("database");
-        let table = Table::new(&units(&features.format, &db, &p.tags)?).ok_or_else(none)?;
+        let units = units(&features.format, &db, &p.tags)?;
+        let table = Table::new(&units).ok_or_else(none)?;
+        let few = few(&units, 0, p.cool_off);
         let switch_cost = p.switch_cost.min(MOST_SWITCH_COST);
         let target = cx.optional(GlobalUnitSelectorPorts::target);
         let vectors = features.format.vectors;
@@ -318,6 +328,7 @@ impl Node for GlobalUnitSelector {
             picks: Vec::new(),
             counts: vec![Counts::default(); vectors],
             totals: Totals::default(),
+            few,
             params: p.clone(),
         })
     }
@@ -333,7 +344,8 @@ impl Node for GlobalUnitSelector {
     }
 
     fn finish(&mut self, _: GlobalUnitSelectorIo<'_>) -> Result<Summary, Fault> {
-        let mut summary = Counts::summary(self.counts.iter().copied());
+        let mut summary = Counts::summary(self.counts.iter().copied(), self.params.d_max);
+        summary.extend(self.few.take().map(|text| ("warning", text.into())));
         summary.extend([
             ("cost", self.totals.cost.into()),
             ("free_cost", self.totals.free_cost.into()),

@@ -14,6 +14,8 @@ pub struct Pick {
     pub unit: i32,
     /// Whether nothing was near enough, and this is only the nearest.
     pub fallback: bool,
+    /// Whether nothing was chosen, because the target is silent: `unit` is the one before.
+    pub asleep: bool,
     /// Distance of its features from the target's.
     pub d1: f32,
     /// Sum of distances over the units that were compared; 0 for a fallback.
@@ -37,7 +39,7 @@ impl Item for Picks {
     type Elem = Pick;
     type Format = PickFormat;
     const NAME: &'static str = "picks";
-    const COLUMNS: &'static [&'static str] = &["unit", "fallback", "d1", "d2"];
+    const COLUMNS: &'static [&'static str] = &["unit", "fallback", "asleep", "d1", "d2"];
 
     fn width(format: &PickFormat) -> usize {
         format.channels
@@ -58,7 +60,7 @@ impl Item for Picks {
         // Some of them beyond any small database.
         let (unit, fallback) = (draw.below(70) as i32, draw.below(5) == 0);
         let d1 = draw.between(0.0, 3.0) as f32;
-        Pick { unit, fallback, d1, d2: if fallback { 0.0 } else { 6.0 * d1 } }
+        Pick { unit, fallback, asleep: false, d1, d2: if fallback { 0.0 } else { 6.0 * d1 } }
     }
 
     fn finite(pick: &Pick) -> bool {
@@ -70,6 +72,7 @@ impl Item for Picks {
     }
 
     fn numbers(pick: &Pick, out: &mut Vec<f32>) {
-        out.extend([pick.unit as f32, f32::from(u8::from(pick.fallback)), pick.d1, pick.d2]);
+        let flag = |flag: bool| f32::from(u8::from(flag));
+        out.extend([pick.unit as f32, flag(pick.fallback), flag(pick.asleep), pick.d1, pick.d2]);
     }
 }

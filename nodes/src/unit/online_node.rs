@@ -7,7 +7,7 @@ use super::global::{FixedLag, GlobalParams, Table};
 use super::global_node::{cap, pick};
 use super::item::{PickFormat, Picks};
 use super::selector::NotFinite;
-use super::selector_node::{Counts, comparable, not_finite, units};
+use super::selector_node::{Counts, comparable, few, not_finite, units};
 use super::sleep::{self, Sleepers};
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
@@ -74,6 +74,8 @@ pub struct OnlineUnitSelector {
     lag: usize,
     dims: usize,
     d_max: f64,
+    /// Where there are hardly more units than are kept from coming again.
+    few: Option<String>,
     /// Where a silent target sends channels to sleep.
     sleepers: Option<Sleepers>,
     /// Units of the target, where it ends.
@@ -88,7 +90,7 @@ impl Node for OnlineUnitSelector {
     type Params = OnlineUnitSelectorParams;
     type Ports = OnlineUnitSelectorPorts;
     const NAME: &'static str = "OnlineUnitSelector";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     const CLASS: Class = Class::Worker;
     const COST: f64 = 50_000.0;
 
@@ -113,7 +115,8 @@ impl Node for OnlineUnitSelector {
         let features = cx.input(OnlineUnitSelectorPorts::features);
         let db = cx.value(OnlineUnitSelectorPorts::database);
         let none = || Fault::new("F101", "there is no unit to choose from").at("database");
-        let table = Table::new(&units(&features.format, &db, &p.tags)?).ok_or_else(none)?;
+        let units = units(&features.format, &db, &p.tags)?;
+        let table = Table::new(&units).ok_or_else(none)?;
         let path =
             GlobalParams { switch_cost: p.switch_cost, cap: cap(p.d_max, p.penalty), cool_off: p.cool_off };
         let (lag, dims) = (lag(p, features.rate), db.dims());
@@ -127,6 +130,7 @@ impl Node for OnlineUnitSelector {
             lag,
             dims,
             d_max: p.d_max,
+            few: few(&units, 0, p.cool_off),
             length: features.items(),
         })
     }
@@ -168,7 +172,8 @@ impl Node for OnlineUnitSelector {
     }
 
     fn finish(&mut self, _: OnlineUnitSelectorIo<'_>) -> Result<Summary, Fault> {
-        let mut summary = Counts::summary(self.channels.iter().map(|(_, counts)| *counts));
+        let mut summary = Counts::summary(self.channels.iter().map(|(_, counts)| *counts), self.d_max);
+        summary.extend(self.few.take().map(|text| ("warning", text.into())));
         let replaced: usize = self.channels.iter().map(|(channel, _)| channel.replaced()).sum();
         summary.push(("replaced", replaced.into()));
         let picked = Counts::picked(self.channels.iter().map(|(_, counts)| *counts));

@@ -25,6 +25,8 @@ const MANY: f64 = 0.2;
 pub struct ChannelReport {
     /// All picks in order.
     pub picks: Vec<Pick>,
+    /// Share of all units for which nothing was chosen, because the target is silent; they count in nothing below.
+    pub asleep_share: f64,
     /// Share of picks for which nothing was near enough.
     pub fallback_share: f64,
     /// Mean distance between target and pick.
@@ -42,7 +44,7 @@ pub struct ChannelReport {
 }
 
 /// Format of [`SelectionReport`] that this code writes.
-pub const REPORT_VERSION: u32 = 1;
+pub const REPORT_VERSION: u32 = 2;
 
 /// What a whole selection came to.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -73,6 +75,13 @@ impl ChannelReport {
         let mut runs = BTreeMap::new();
         let (mut length, mut last) = (0_u32, None);
         for pick in &picks {
+            if pick.asleep {
+                if length > 0 {
+                    *runs.entry(length).or_insert(0) += 1;
+                }
+                (length, last) = (0, None);
+                continue;
+            }
             let unit = pick.unit.max(0) as usize;
             if let Some(count) = chosen.get_mut(unit) {
                 *count += 1;
@@ -88,11 +97,13 @@ impl ChannelReport {
         if length > 0 {
             *runs.entry(length).or_insert(0) += 1;
         }
-        let count = picks.len().max(1) as f64;
+        let awake = || picks.iter().filter(|pick| !pick.asleep);
+        let count = awake().count().max(1) as f64;
         let distinct = chosen.iter().filter(|&&count| count > 0).count() as u64;
         Self {
-            fallback_share: picks.iter().filter(|pick| pick.fallback).count() as f64 / count,
-            mean_d1: picks.iter().map(|pick| f64::from(pick.d1)).sum::<f64>() / count,
+            asleep_share: 1.0 - awake().count() as f64 / picks.len().max(1) as f64,
+            fallback_share: awake().filter(|pick| pick.fallback).count() as f64 / count,
+            mean_d1: awake().map(|pick| f64::from(pick.d1)).sum::<f64>() / count,
             runs,
             repeats: chosen.iter().map(|&count| u64::from(count.saturating_sub(1))).sum(),
             distinct,
@@ -194,7 +205,7 @@ impl Data for SelectionReport {
 params! {
     /// Tells what a selection of units came to: tap it as JSON, or as a drawing of the features against time.
     ///
-    /// It counts the picks for which nothing was near enough and lists where they are many, how long recordings run through,
+    /// It counts the picks for which nothing was near enough and lists where they are many, how much was slept through, how long recordings run through,
     /// which units are repeated, and how much of the database was used. A fallback is no success: where many are listed, the
     /// database lacks a sound, or the warp sends the features somewhere else.
     ///
@@ -247,7 +258,7 @@ impl Node for SelectionReportNode {
     type Params = SelectionReportParams;
     type Ports = SelectionReportPorts;
     const NAME: &'static str = "SelectionReport";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     const CLASS: Class = Class::Offline;
 
     fn shape(_: &SelectionReportParams, s: &mut Shape<'_, '_, SelectionReportPorts>) -> Result<(), Reject> {
@@ -322,6 +333,7 @@ fn told(channels: &[ChannelReport]) -> Summary {
     let longest = channels.iter().filter_map(|c| c.runs.keys().last()).max().copied().unwrap_or(0);
     let poor: f64 = channels.iter().flat_map(|c| &c.poor).map(|[from, to]| to - from).sum();
     vec![
+        ("asleep_share", mean(&|c| c.asleep_share).into()),
         ("fallback_share", mean(&|c| c.fallback_share).into()),
         ("mean_d1", mean(&|c| c.mean_d1).into()),
         ("longest_run", longest.into()),
@@ -340,7 +352,7 @@ mod tests {
         let (report, other) =
             (SelectionReport::trial(&mut Draw::new(1)), SelectionReport::trial(&mut Draw::new(2)));
         let json = serde_json::to_value(&report).unwrap();
-        assert_eq!((json["version"].as_u64(), json["content"].as_str()), (Some(1), Some(&*report.content)));
+        assert_eq!((json["version"].as_u64(), json["content"].as_str()), (Some(2), Some(&*report.content)));
         assert!(report.content.len() == 16 && report.content != other.content);
     }
 
@@ -349,7 +361,7 @@ mod tests {
         let mut db = UnitDatabase::trial(&mut Draw::new(1));
         let units = db.len() as u32;
         db.segments = vec![super::super::Segment { start: 0, units, source: 0, channel: 0, offset: 0 }];
-        let pick = |unit, fallback| Pick { unit, fallback, d1: 0.5, d2: 1.0 };
+        let pick = |unit, fallback| Pick { unit, fallback, asleep: false, d1: 0.5, d2: 1.0 };
         let mut picks: Vec<Pick> = [0, 1, 2, 0, 1, 5].map(|unit| pick(unit, false)).to_vec();
         picks.extend(vec![pick(3, true); 6]);
         let report = ChannelReport::new(picks, &db, 8.0);
@@ -358,6 +370,21 @@ mod tests {
         // Windows of four units: the first with one fallback ends after the seventh pick.
         assert_eq!(report.poor, [[3.0 / 8.0, 12.0 / 8.0]]);
         assert_eq!(report.mean_d1, 0.5);
+    }
+
+    #[test]
+    fn units_that_are_slept_through_are_no_good_picks() {
+        let mut db = UnitDatabase::trial(&mut Draw::new(1));
+        let units = db.len() as u32;
+        db.segments = vec![super::super::Segment { start: 0, units, source: 0, channel: 0, offset: 0 }];
+        let pick = |unit, fallback| Pick { unit, fallback, d1: 3.0, ..Pick::default() };
+        let asleep = Pick { unit: 1, asleep: true, ..Pick::default() };
+        let mut picks = vec![pick(0, false), pick(1, true)];
+        picks.extend([asleep; 6]);
+        let report = ChannelReport::new([picks, vec![pick(2, false), pick(3, true)]].concat(), &db, 8.0);
+        assert_eq!((report.asleep_share, report.fallback_share, report.mean_d1), (0.6, 0.5, 3.0));
+        // What comes after the sleep is no run with what was before, and sleeping repeats nothing.
+        assert_eq!((report.runs, report.repeats, report.distinct), (BTreeMap::from([(2, 2)]), 0, 4));
     }
 
     #[test]

@@ -83,6 +83,9 @@ pub struct UnitSelector {
     look: usize,
     causal: bool,
     dims: usize,
+    d_max: f64,
+    /// Where there are hardly more units than are kept from coming again.
+    few: Option<String>,
     /// Where a silent target sends channels to sleep.
     sleepers: Option<Sleepers>,
     /// Units of the target, where it ends.
@@ -95,6 +98,9 @@ struct Channel {
     picks: Vec<Pick>,
     counts: Counts,
 }
+
+/// Share of units for which nothing is near enough from which on it is told.
+const MANY: f64 = 0.2;
 
 /// What is told of the picks of a channel.
 #[derive(Clone, Copy, Debug, Default)]
@@ -111,7 +117,7 @@ pub(super) struct Counts {
 impl Counts {
     /// What is given where nothing is chosen: the last pick, which is not heard.
     pub fn asleep(&self) -> Pick {
-        Pick { unit: self.last.unwrap_or(0), ..Pick::default() }
+        Pick { unit: self.last.unwrap_or(0), asleep: true, ..Pick::default() }
     }
 
     pub fn note(&mut self, pick: &Pick) {
@@ -127,17 +133,27 @@ impl Counts {
         channels.map(|c| c.picks).sum()
     }
 
-    /// The counters of all channels, for the report.
-    pub fn summary(channels: impl Iterator<Item = Self> + Clone) -> Summary {
+    /// The counters of all channels, for the report, and a warning where for many units nothing was near enough.
+    pub fn summary(channels: impl Iterator<Item = Self> + Clone, d_max: f64) -> Summary {
         let sum = |get: fn(&Self) -> f64| channels.clone().map(|c| get(&c)).sum::<f64>();
         let picks = sum(|c| c.picks as f64);
         let share = |x: f64| if picks > 0.0 { x / picks } else { 0.0 };
-        vec![
+        let fallbacks = share(sum(|c| c.fallbacks as f64));
+        let mut told: Summary = vec![
             ("picks", (picks as u64).into()),
-            ("fallback_share", share(sum(|c| c.fallbacks as f64)).into()),
+            ("fallback_share", fallbacks.into()),
             ("run_share", share(sum(|c| c.runs as f64)).into()),
             ("mean_d1", share(sum(|c| c.sum_d1)).into()),
-        ]
+        ];
+        if fallbacks > MANY {
+            let text = format!(
+                "for {:.0} % of the units nothing in the database is within `d_max` {d_max}: add recordings of what is missing, \
+                 mark correspondences or others, or raise `d_max` (SelectionReport tells when)",
+                100.0 * fallbacks
+            );
+            told.push(("warning", text.into()));
+        }
+        told
     }
 }
 
@@ -174,6 +190,7 @@ impl Channel {
             let pick = Pick {
                 unit: chosen.unit as i32,
                 fallback: chosen.fallback,
+                asleep: false,
                 d1: chosen.d1 as f32,
                 d2: chosen.d2 as f32,
             };
@@ -183,6 +200,21 @@ impl Channel {
         }
         Ok(())
     }
+}
+
+/// What is wrong with a database of so few units that nearly all that may begin a comparison are kept from coming again.
+pub(super) fn few(units: &Units<'_>, look: usize, cool_off: usize) -> Option<String> {
+    let open = |start: usize, len: usize| {
+        let inside = units.allowed.get(start..start + len.saturating_sub(look)).unwrap_or_default();
+        inside.iter().filter(|allowed| **allowed).count()
+    };
+    let found: usize = units.segments.iter().map(|(start, len)| open(*start, *len)).sum();
+    (cool_off > 0 && found <= cool_off).then(|| {
+        format!(
+            "{found} units can be chosen, and each is kept from coming again for {cool_off} (`cool_off`), so that they only take \
+             turns: give longer recordings, or lower `cool_off`"
+        )
+    })
 }
 
 struct Facts {
@@ -230,7 +262,7 @@ fn allowed(db: &UnitDatabase, tags: &[Text]) -> Vec<bool> {
 }
 
 /// Units that the tags allow, or what tags there are.
-pub(super) fn check_tags(db: &UnitDatabase, tags: &[Text]) -> Result<Vec<bool>, Reject> {
+pub(crate) fn check_tags(db: &UnitDatabase, tags: &[Text]) -> Result<Vec<bool>, Reject> {
     let allowed = allowed(db, tags);
     if allowed.contains(&true) {
         return Ok(allowed);
@@ -288,7 +320,7 @@ impl Node for UnitSelector {
     type Params = UnitSelectorParams;
     type Ports = UnitSelectorPorts;
     const NAME: &'static str = "UnitSelector";
-    const VERSION: u32 = 3;
+    const VERSION: u32 = 4;
     const CLASS: Class = Class::Worker;
     const COST: f64 = 500.0;
 
@@ -327,9 +359,11 @@ impl Node for UnitSelector {
             effort: (p.effort > 0).then_some(p.effort),
         };
         let vectors = features.format.vectors;
+        let mut few = few(&units, p.look, p.cool_off);
         let selectors = if own_channels(p, &db, vectors)? {
             let of = |vector| {
                 let own = Units { allowed: own(&db, &units.allowed, vector), ..units.clone() };
+                few = few.take().or_else(|| self::few(&own, p.look, p.cool_off));
                 selector::selector(&own, params.clone())
             };
             (0..vectors).map(of).collect::<Option<Vec<_>>>()
@@ -348,6 +382,8 @@ impl Node for UnitSelector {
             look: p.look,
             causal: p.causal,
             dims: db.dims(),
+            d_max: p.d_max,
+            few,
             sleepers: target.and_then(|_| Sleepers::new(&db, features.rate, vectors, p.keep_room_tone, 0)),
             length: features.items(),
         })
@@ -372,7 +408,8 @@ impl Node for UnitSelector {
     }
 
     fn finish(&mut self, _: UnitSelectorIo<'_>) -> Result<Summary, Fault> {
-        let mut summary = Counts::summary(self.channels.iter().map(|channel| channel.counts));
+        let mut summary = Counts::summary(self.channels.iter().map(|channel| channel.counts), self.d_max);
+        summary.extend(self.few.take().map(|text| ("warning", text.into())));
         let picked = Counts::picked(self.channels.iter().map(|channel| channel.counts));
         let cut: u64 = self.channels.iter().map(|channel| channel.counts.cut).sum();
         summary.push(("cut_share", (cut as f64 / picked.max(1) as f64).into()));

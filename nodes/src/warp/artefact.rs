@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::figure::{self, Cloud};
 use super::fit::{FitError, FitReport, Pair, Stiffness, fit};
 use super::tps::{Tps, Turns, spread};
+use crate::core::content::{altered_content, content_digest};
 use crate::core::item::Data;
 use crate::core::node::Summary;
 use crate::core::random::Draw;
@@ -120,10 +121,7 @@ impl Warp {
     }
 
     fn digest(&self) -> String {
-        let plain = Self { content: String::new(), ..self.clone() };
-        // Numbers are written so that they are read as the same ones again.
-        let text = serde_json::to_vec(&plain).unwrap_or_default();
-        blake3::hash(&text).to_hex()[..16].to_owned()
+        content_digest(&Self { content: String::new(), ..self.clone() })
     }
 
     /// The same with the digest of what it holds.
@@ -135,14 +133,7 @@ impl Warp {
     /// What tells that a warp of a file is not the one that was written, if anything.
     #[must_use]
     pub fn altered(&self) -> Option<String> {
-        let wanted = self.digest();
-        (!self.content.is_empty() && self.content != wanted).then(|| {
-            let found: String = self.content.chars().take(40).collect();
-            format!(
-                "`content` is {found:?}, and the digest of what the warp holds is {wanted:?}: it was changed by hand; fit \
-                 it again, or leave `content` out"
-            )
-        })
+        altered_content(&self.content, &self.digest(), "fit it")
     }
 
     /// What a report says of it, of its first map where there are more.

@@ -36,7 +36,7 @@ params! {
     /// The score of a correspondence is how much better the remaining ones predict each other when it is gone: a bad one spoils its
     /// neighbours, so what it is itself predicted wrong tells less. The largest score is the suspect; listen to its ranges, move or
     /// disable it, and look again. A tap of `diagnosis` as JSON holds, for each channel, the degrees of freedom of the warp and a
-    /// record of each correspondence: label, place in the file, score and rank, those that contradict it, the times of the target
+    /// record of each correspondence (a note of the run names the first): label, place in the file, score and rank, those that contradict it, the times of the target
     /// for which another unit is chosen without it, and by how much the shares of fallbacks and of folds change.
     ///
     /// With `with` and `without`, the longest range of the suspect is written as two recordings to compare: as it sounds with all
@@ -200,6 +200,15 @@ impl Diagnosis {
         });
         lines.collect()
     }
+
+    /// The one that hurts most in a line, if the others do better without any.
+    #[must_use]
+    pub fn suspect(&self) -> Option<String> {
+        let firsts = self.channels.iter().enumerate();
+        let firsts = firsts.filter_map(|(channel, found)| Some((channel, found.verdicts.first()?)));
+        let (channel, most) = firsts.max_by(|a, b| a.1.score.total_cmp(&b.1.score))?;
+        (most.score > 0.0).then(|| most.text(channel, &self.file))
+    }
 }
 
 /// A stretch of one channel as two choices of units play it.
@@ -320,7 +329,7 @@ impl Node for CorrespondenceDiagnostics {
     type Params = CorrespondenceDiagnosticsParams;
     type Ports = CorrespondenceDiagnosticsPorts;
     const NAME: &'static str = "CorrespondenceDiagnostics";
-    const VERSION: u32 = 4;
+    const VERSION: u32 = 5;
     const CLASS: Class = Class::Offline;
 
     fn shape(
@@ -358,6 +367,7 @@ impl Node for CorrespondenceDiagnostics {
         self.write(suspect)?;
         let diagnosis = Diagnosis { file: self.heard.pairs.file.clone(), channels };
         let mut summary = vec![("suspects", serde_json::json!(diagnosis.text()))];
+        summary.extend(diagnosis.suspect().map(|text| ("warning", text.into())));
         summary.extend(self.heard.strange());
         io.diagnosis.set(diagnosis);
         Ok(summary)

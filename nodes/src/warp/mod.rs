@@ -30,7 +30,7 @@ pub use artefact::{WARP_VERSION, Warp, WarpMap};
 pub use diagnostics::{LeaveOut, Suspicion, suspicions, without};
 pub use effect::{Baseline, Effect};
 pub use fit::{FitError, FitReport, MAX_NODES, Pair, Stiffness, fit};
-pub use pairing::{Pairing, SetError, Stretch, Target, pairs, stretches, whole_units};
+pub use pairing::{Pairing, SetError, SetErrors, Stretch, Target, pairs, stretches, whole_units};
 pub use set::{Correspondence, CorrespondenceSet, SourceName, read_correspondences, write_correspondences};
 pub use sliced::sliced_wasserstein;
 pub use suggest::{Cause, Proposal, Silence, SuggestParams, suggest};

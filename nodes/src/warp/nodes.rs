@@ -12,6 +12,7 @@ use crate::core::ports::{Stream, Value};
 use crate::core::random::Draw;
 use crate::core::shape::{Build, Ends, Shape};
 use crate::feature::{FeatureFormat, Features};
+use crate::unit::database::{UnitDatabase, file_names};
 use crate::{params, ports};
 
 params! {
@@ -143,7 +144,8 @@ params! {
     /// Warps features of a target to where a database has the like.
     ///
     /// The warp comes from `TpsFit` or `WarpFile`, and must have been made for features of the same conventions: after the same
-    /// `TemporalGaussian`. It has one map for all channels, or one each.
+    /// `TemporalGaussian`. It has one map for all channels, or one each. With the `database` that units are chosen from, a note tells of a
+    /// warp that was fitted in other recordings: it leads to where those have the like.
     ///
     /// # Source
     /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 4.3, eq. 8.
@@ -156,6 +158,8 @@ ports! {
             features: Stream<Features>,
             /// The warp.
             warp: Value<Warp>,
+            /// The database that the features are for.
+            database: Option<Value<UnitDatabase>>,
         }
         out {
             /// Features where the database has them.
@@ -169,6 +173,8 @@ ports! {
 pub struct TpsWarp {
     maps: Vec<Warper>,
     dims: usize,
+    /// In what way the warp is one of another database.
+    strange: Option<String>,
 }
 
 fn check(warp: &Warp, features: &FeatureFormat) -> Result<(), Reject> {
@@ -185,6 +191,17 @@ fn check(warp: &Warp, features: &FeatureFormat) -> Result<(), Reject> {
         return Err(Reject::new("F111", message).at("warp").help("fit it with features of as many channels"));
     }
     Ok(())
+}
+
+/// How a warp is one of other recordings than those of a database, where it tells.
+fn strange(warp: &Warp, db: &UnitDatabase) -> Option<String> {
+    let (fitted, found) = (file_names(warp.recordings.iter().map(String::as_str)), db.recordings());
+    (!warp.recordings.is_empty() && fitted != found).then(|| {
+        format!(
+            "`recordings` of the warp are {fitted:?}; the database has {found:?}: the warp leads elsewhere, fit it to these \
+             recordings (TpsFit)"
+        )
+    })
 }
 
 impl Node for TpsWarp {
@@ -208,7 +225,9 @@ impl Node for TpsWarp {
         let (features, warp) = (cx.input(TpsWarpPorts::features).format, cx.value(TpsWarpPorts::warp));
         check(&warp, &features)?;
         let map = |k: usize| warp.maps.get(k).or(warp.maps.first()).map(|map| Warper::new(&map.spline));
-        Ok(Self { maps: (0..features.vectors).filter_map(map).collect(), dims: features.dims() })
+        let database = cx.optional_value(TpsWarpPorts::database);
+        let strange = database.and_then(|db| strange(&warp, &db));
+        Ok(Self { maps: (0..features.vectors).filter_map(map).collect(), dims: features.dims(), strange })
     }
 
     fn run(&mut self, mut io: TpsWarpIo<'_>) -> Result<(), Fault> {
@@ -218,6 +237,10 @@ impl Node for TpsWarp {
             self.maps[place].warp(from, to);
         }
         Ok(())
+    }
+
+    fn finish(&mut self, _: TpsWarpIo<'_>) -> Result<Summary, Fault> {
+        Ok(self.strange.take().map(|text| ("warning", text.into())).into_iter().collect())
     }
 }
 

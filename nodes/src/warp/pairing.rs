@@ -1,5 +1,6 @@
 //! From marked stretches to pairs of units.
 
+use std::fmt;
 use std::ops::Range;
 
 use super::fit::Pair;
@@ -32,6 +33,26 @@ pub struct SetError {
     /// What was found and what would be right.
     pub message: String,
 }
+
+/// All correspondences of a set that do not fit, in order; never none.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SetErrors(pub Vec<SetError>);
+
+/// The most that are told in words.
+const TOLD: usize = 20;
+
+impl fmt::Display for SetErrors {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let [only] = &self.0[..] {
+            return only.fmt(f);
+        }
+        write!(f, "{} correspondences do not fit", self.0.len())?;
+        self.0.iter().take(TOLD).try_for_each(|e| write!(f, "; {e}"))?;
+        if self.0.len() > TOLD { write!(f, "; and {} more", self.0.len() - TOLD) } else { Ok(()) }
+    }
+}
+
+impl std::error::Error for SetErrors {}
 
 /// The units of a correspondence, for one vector of the target.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -138,51 +159,63 @@ fn of_units(c: &Correspondence, db: &UnitDatabase) -> Result<Range<usize>, Strin
 /// The units of all correspondences that count.
 ///
 /// # Errors
-/// Names file, line and column of one that lies outside of the target or the recordings, runs across a join, names a channel
-/// that is not there, or holds no whole unit.
+/// Names file, line and column of each one that lies outside of the target or the recordings, runs across a join, names a
+/// channel that is not there, or holds no whole unit.
 pub fn stretches(
     set: &CorrespondenceSet,
     target: Target,
     db: &UnitDatabase,
-) -> Result<Vec<Stretch>, SetError> {
-    let mut all = Vec::new();
+) -> Result<Vec<Stretch>, SetErrors> {
+    let (mut all, mut wrong) = (Vec::new(), Vec::new());
     for (index, c) in set.pairs.iter().enumerate().filter(|(_, c)| c.enabled) {
-        let wrong = |message: String| SetError {
-            file: set.file.clone(),
-            place: c.place,
-            message: format!("{}: {message}", c.name(index)),
+        match of_one(index, c, target, db) {
+            Ok(found) => all.extend(found),
+            Err(message) => wrong.push(SetError {
+                file: set.file.clone(),
+                place: c.place,
+                message: format!("{}: {message}", c.name(index)),
+            }),
+        }
+    }
+    if wrong.is_empty() { Ok(all) } else { Err(SetErrors(wrong)) }
+}
+
+/// The units of one correspondence, in each vector of the target that it is for.
+fn of_one(
+    index: usize,
+    c: &Correspondence,
+    target: Target,
+    db: &UnitDatabase,
+) -> Result<Vec<Stretch>, String> {
+    let mut all = Vec::new();
+    if let Some(channel) = c.channel.filter(|channel| *channel as usize >= target.vectors) {
+        let message =
+            format!("there is no channel {channel}; the features have {}, counted from 0", target.vectors);
+        return Err(message);
+    }
+    let units = whole_units(c.target * target.rate, c.duration * target.rate);
+    if units.end > target.units {
+        let end = target.units as f64 / target.rate;
+        let message = format!(
+            "{:.3} to {:.3} s is outside of the target, which lasts {end:.3} s",
+            c.target,
+            c.target + c.duration
+        );
+        return Err(message);
+    }
+    for vector in (0..target.vectors).filter(|v| c.channel.is_none_or(|channel| channel as usize == *v)) {
+        let database = match &c.source {
+            Some(name) => of_source(c, name, vector, db),
+            None => of_units(c, db),
         };
-        if let Some(channel) = c.channel.filter(|channel| *channel as usize >= target.vectors) {
-            let message = format!(
-                "there is no channel {channel}; the features have {}, counted from 0",
-                target.vectors
-            );
-            return Err(wrong(message));
+        let database = database?;
+        if units.is_empty() || database.is_empty() {
+            let side = if units.is_empty() { "target" } else { "database" };
+            let message =
+                format!("{} s hold no whole unit of the {side}; a longer duration is needed", c.duration);
+            return Err(message);
         }
-        let units = whole_units(c.target * target.rate, c.duration * target.rate);
-        if units.end > target.units {
-            let end = target.units as f64 / target.rate;
-            let message = format!(
-                "{:.3} to {:.3} s is outside of the target, which lasts {end:.3} s",
-                c.target,
-                c.target + c.duration
-            );
-            return Err(wrong(message));
-        }
-        for vector in (0..target.vectors).filter(|v| c.channel.is_none_or(|channel| channel as usize == *v)) {
-            let database = match &c.source {
-                Some(name) => of_source(c, name, vector, db),
-                None => of_units(c, db),
-            };
-            let database = database.map_err(wrong)?;
-            if units.is_empty() || database.is_empty() {
-                let side = if units.is_empty() { "target" } else { "database" };
-                let message =
-                    format!("{} s hold no whole unit of the {side}; a longer duration is needed", c.duration);
-                return Err(wrong(message));
-            }
-            all.push(Stretch { correspondence: index, vector, target: units.clone(), database });
-        }
+        all.push(Stretch { correspondence: index, vector, target: units.clone(), database });
     }
     Ok(all)
 }
@@ -302,7 +335,7 @@ mod tests {
 
     const TARGET: Target = Target { units: 480, vectors: 2, rate: 240.0 };
 
-    fn found(pairs: &str) -> Result<Vec<Stretch>, SetError> {
+    fn found(pairs: &str) -> Result<Vec<Stretch>, SetErrors> {
         let mut set = read_correspondences(&format!("(pairs: [\n{pairs}\n])")).unwrap();
         set.file = "set.ron".into();
         stretches(&set, TARGET, &database())
@@ -353,6 +386,27 @@ mod tests {
                 .to_string();
             assert!(e.starts_with("set.ron:3:3: correspondence 1: ") && e.contains(part), "{pair}: {e}");
         }
+    }
+
+    #[test]
+    fn all_that_do_not_fit_are_told_at_once() {
+        let e = found(
+            "(target: 1.95, database: 0, duration: 0.1),\n(target: 0, database: 0, duration: 0.1),\n\
+             (label: \"far\", target: 0, database: 9, duration: 0.1),\n(target: 0, source: 7, database: 0, duration: 0.1)",
+        )
+        .unwrap_err();
+        let indices: Vec<u32> = e.0.iter().map(|e| e.place.line).collect();
+        assert_eq!(indices, [2, 4, 5]);
+        let text = e.to_string();
+        for part in [
+            "3 correspondences do not fit; set.ron:2:1: correspondence 0: 1.950 to 2.050 s is outside of the target",
+            "; set.ron:4:1: correspondence 2 (\"far\"): 9.000 to 9.100 s is outside of the database",
+            "; set.ron:5:1: correspondence 3: the database has no recording 7",
+        ] {
+            assert!(text.contains(part), "{text}");
+        }
+        let many = "(target: 9, database: 0, duration: 0.1),\n".repeat(25);
+        assert!(found(&many).unwrap_err().to_string().ends_with("; and 5 more"));
     }
 
     #[test]

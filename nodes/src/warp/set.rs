@@ -11,6 +11,8 @@ use crate::core::random::Draw;
 pub const MAX_CORRESPONDENCES: usize = 10_000;
 /// Format of a file of correspondences that this code reads and writes.
 pub const CORRESPONDENCES_VERSION: u32 = 1;
+/// Most that are told to be wrong after the first.
+const TOLD: usize = 19;
 /// Latest time, in s.
 const LATEST: f64 = 86_400.0;
 const FIELDS: [&str; 8] =
@@ -113,10 +115,25 @@ fn correspondence(datum: &Datum) -> Result<Correspondence, TextError> {
     })
 }
 
+/// All correspondences of a list, or what is wrong with each that is.
+fn all(list: &[Datum]) -> Result<Vec<Correspondence>, TextError> {
+    let (mut read, mut wrong): (Vec<Correspondence>, Vec<TextError>) = (Vec::new(), Vec::new());
+    for datum in list {
+        match correspondence(datum) {
+            Ok(pair) => read.push(pair),
+            Err(e) => wrong.push(e),
+        }
+    }
+    let mut wrong = wrong.into_iter();
+    let Some(first) = wrong.next() else { return Ok(read) };
+    let others: String = wrong.take(TOLD).map(|e| format!("; {e}")).collect();
+    Err(TextError { message: first.message + &others, ..first })
+}
+
 /// Reads correspondences.
 ///
 /// # Errors
-/// Says line and column, what was found and what would be right.
+/// Says line and column, what was found and what would be right, of every correspondence that is wrong.
 ///
 /// # Example
 /// ```
@@ -151,7 +168,7 @@ pub fn read_correspondences(text: &str) -> Result<CorrespondenceSet, TextError> 
         target: name("target")?,
         length: find(fields, "length").map(|d| d.number("`length`", 0.0, LATEST)).transpose()?,
         database: name("database")?,
-        pairs: pairs.iter().map(correspondence).collect::<Result<_, _>>()?,
+        pairs: all(pairs)?,
     })
 }
 
@@ -256,6 +273,12 @@ mod tests {
             ("(target: \"a\")", "1:1", "`pairs` is missing"),
             ("(length: \"a\", pairs: [])", "1:10", "`length` is \"a\"; a number from 0 to"),
             ("(version: 2, pairs: [])", "1:11", "have version 2; this reads version 1"),
+            // All that are wrong.
+            (
+                "(pairs: [(database: 1, duration: 1),\n(target: 1, database: 1, duration: 1),\n(target: 1, duration: 1)])",
+                "1:10",
+                "`target` is missing; 3:1: `database` is missing",
+            ),
         ] {
             let e = read_correspondences(text).unwrap_err();
             assert!(e.place.to_string() == place && e.message.contains(part), "{text}: {e}");

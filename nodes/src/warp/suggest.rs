@@ -29,9 +29,16 @@ pub struct SuggestParams {
     pub lambda: f64,
     /// Most windows of either side that are laid on each other; more go into as many clusters.
     pub most: usize,
+    /// How much more the first feature, which is that of loudness, counts than each of the others where ranks are compared.
+    pub level: f64,
+    /// Whether all `count` are listed, also where one more gains little: loudness is followed the better the more there are.
+    pub all: bool,
     /// What silence is, where that is known; otherwise the quietest moment of the target is taken for it.
     pub silence: Option<Silence>,
 }
+
+/// Least share of the distance between the worlds that one more proposal gains.
+const LEAST_GAIN: f64 = 0.01;
 
 /// What tells silence by the first feature, which is that of loudness.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,7 +53,16 @@ pub struct Silence {
 
 impl Default for SuggestParams {
     fn default() -> Self {
-        Self { window: 24, hop: 12, count: 12, lambda: 1e3, most: 2000, silence: None }
+        Self {
+            window: 24,
+            hop: 12,
+            count: 12,
+            lambda: 1e3,
+            most: 2000,
+            level: 1.0,
+            all: false,
+            silence: None,
+        }
     }
 }
 
@@ -186,6 +202,7 @@ fn candidates(
         return (all, silent);
     }
     let (mut from, mut to) = (ranked(&ours, d, causes.len()), ranked(&theirs, d, causes.len()));
+    [&mut from, &mut to].into_iter().for_each(|side| side.stretch(0, p.level));
     add_causes(causes, d, p.window, (&ours, &mut from), (&theirs, &mut to));
     let chosen = farthest(&ours, &from, p.count - all.len().min(p.count));
     let from = clustered(from, p.most);
@@ -206,7 +223,8 @@ pub(super) fn leaves_silence_out(found: &[Proposal], target: &[f32], d: usize, p
     !silent.is_empty() && !found.iter().any(|p| silent.iter().any(|w| w.start == p.target))
 }
 
-/// Proposes correspondences, best first, until one more brings the worlds less than 1 % nearer. Nothing is applied.
+/// Proposes correspondences, best first, until one more brings the worlds less than 1 % nearer, or all of them
+/// where `all` says so. Nothing is applied.
 ///
 /// # Shapes
 /// `target` and `database`: `[units, d]`; `segments` are the gap-free stretches of the database.
@@ -237,7 +255,9 @@ pub fn suggest(
     let least = left_out.map_or(f64::NEG_INFINITY, |silence| silence.target);
     let heard = target.chunks_exact(d.max(1)).filter(|x| x.first().is_some_and(|x| f64::from(*x) > least));
     let heard: Vec<f32> = heard.flatten().copied().collect();
-    let some = [thinned(&heard, d, 1500), thinned(database, d, 1500)];
+    let rows = |s: &Range<usize>| database.get(s.start * d..s.end * d).unwrap_or_default();
+    let theirs: Vec<f32> = segments.iter().flat_map(rows).copied().collect();
+    let some = [thinned(&heard, d, 1500), thinned(&theirs, d, 1500)];
     let worlds = Worlds { target, database, d, window: p.window, lambda: p.lambda, some };
     let mut listed: Vec<Proposal> = Vec::new();
     let start = worlds.score(&[])?.0;
@@ -256,7 +276,7 @@ pub fn suggest(
         let scores: Vec<(f64, f64)> = open[..tried].par_iter().map(score).collect::<Result<_, FitError>>()?;
         let best = scores.iter().enumerate().min_by(|a, b| a.1.0.total_cmp(&b.1.0));
         let Some((k, (_, distance))) = best else { break };
-        if listed.len() > 1 && now - distance < 0.01 * start {
+        if !p.all && listed.len() > 1 && now - distance < LEAST_GAIN * start {
             break;
         }
         let proposal = open.remove(k);

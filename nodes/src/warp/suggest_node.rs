@@ -7,11 +7,12 @@ use super::text::Place;
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::WriteSeek;
 use crate::core::node::{Class, Node, Summary, same_rate};
-use crate::core::params::OutPath;
+use crate::core::params::{OutPath, Text};
 use crate::core::ports::{In, Stream, Value};
 use crate::core::shape::{Build, Ends, Shape};
 use crate::feature::Features;
-use crate::unit::UnitDatabase;
+use crate::unit::selector_node::check_tags;
+use crate::unit::{Segment, UnitDatabase};
 use crate::{params, ports};
 use std::fmt;
 use std::ops::Range;
@@ -24,6 +25,9 @@ params! {
     /// the target that lie far apart are proposed with what lies there in the database: the quietest first, then what brings the two worlds
     /// nearest, until one more gains less than 1 %. A label tells the gain, as a share of the distance that there is without a warp, and other
     /// places of other recordings to try. Nothing is applied: listen, then keep, move or disable each.
+    ///
+    /// Gains tell how near the worlds come as a whole, not whether what is loud stays loud. Where it should, give `level: 3.0` and
+    /// `all: true`: then moments are spread over all levels, and each goes to what is as loud among the recordings.
     ///
     /// Silence of the target is proposed with the quietest moment of recordings that fall 30 dB below their loudest. Where none does, it
     /// is left out and a warning says so: no recording sounds like it.
@@ -42,6 +46,12 @@ params! {
         window: usize = 24, unit "units", range 1..=1000;
         /// lambda of the warp that ranks them.
         lambda: f64 = 1000.0, unit "", range 0.0001..=1e12;
+        /// How much more loudness counts than colour where both worlds are laid on each other.
+        level: f64 = 1.0, unit "", range 0.0..=100.0;
+        /// List all `count` proposals, also those that gain little.
+        all: bool = false;
+        /// Propose only recordings with one of these tags; empty for all.
+        tags: Vec<Text> = Vec::new();
     }
 }
 ports! {
@@ -105,13 +115,13 @@ impl Heat {
 }
 
 /// Whether each segment of a database comes of a cause, where its tag tells.
-fn tagged(db: &UnitDatabase, cause: &str) -> Vec<Option<bool>> {
+fn tagged(db: &UnitDatabase, segments: &[&Segment], cause: &str) -> Vec<Option<bool>> {
     let known = |tag: &str| CAUSES.contains(&tag) || tag == NONE;
-    let segment = |s: &crate::unit::Segment| {
+    let segment = |s: &&Segment| {
         let tag = db.sources.get(s.source as usize)?.tag.as_str();
         known(tag).then_some(tag == cause)
     };
-    db.segments.iter().map(segment).collect()
+    segments.iter().map(segment).collect()
 }
 
 impl fmt::Debug for CorrespondenceSuggester {
@@ -136,7 +146,12 @@ impl CorrespondenceSuggester {
             format!(", or {seconds:.3} s of recording {source}")
         });
         Correspondence {
-            label: format!("gain {:.0} %{}", 100.0 * proposal.gain, others.collect::<String>()),
+            // Without the sign of a zero.
+            label: format!(
+                "gain {:.0} %{}",
+                (100.0 * proposal.gain).round() + 0.0,
+                others.collect::<String>()
+            ),
             target: proposal.target as f64 / self.heard.rate,
             database,
             source: Some(SourceName::Index(source)),
@@ -153,16 +168,19 @@ impl Node for CorrespondenceSuggester {
     type Params = CorrespondenceSuggesterParams;
     type Ports = CorrespondenceSuggesterPorts;
     const NAME: &'static str = "CorrespondenceSuggester";
-    const VERSION: u32 = 4;
+    const VERSION: u32 = 5;
     const CLASS: Class = Class::Offline;
 
     fn shape(
-        _: &CorrespondenceSuggesterParams,
+        p: &CorrespondenceSuggesterParams,
         s: &mut Shape<'_, '_, CorrespondenceSuggesterPorts>,
     ) -> Result<(), Reject> {
         type Port = CorrespondenceSuggesterPorts;
         let none = Some(Arc::new(CorrespondenceSet::default()));
         super::fit_node::checked(&s.input(Port::features), s.value(Port::database), none)?;
+        if let Some(db) = s.value(Port::database) {
+            check_tags(&db, &p.tags)?;
+        }
         s.when_ended(Port::features, Ends::Stop);
         let features = s.input(Port::features);
         for (name, port) in [("friction", Port::friction), ("crumple", Port::crumple)] {
@@ -198,8 +216,11 @@ impl Node for CorrespondenceSuggester {
 
     fn finish(&mut self, _: CorrespondenceSuggesterIo<'_>) -> Result<Summary, Fault> {
         let (heard, p) = (&self.heard, &self.params);
-        let segments: Vec<Range<usize>> = heard.database.segments.iter().map(|s| s.range()).collect();
         let db = &heard.database;
+        let allowed = check_tags(db, &p.tags)?;
+        let open = db.segments.iter().filter(|s| allowed.get(s.range().start) == Some(&true));
+        let open: Vec<&Segment> = open.collect();
+        let segments: Vec<Range<usize>> = open.iter().map(|s| s.range()).collect();
         let silence = |(step, floor): (f64, f64)| Silence {
             target: floor + ABOVE * step,
             below: BELOW * step,
@@ -210,11 +231,13 @@ impl Node for CorrespondenceSuggester {
             hop: (p.window / 2).max(1),
             count: p.count,
             lambda: p.lambda,
+            level: p.level,
+            all: p.all,
             silence: db.conventions.loudness(db.floor_energy).map(silence),
             ..SuggestParams::default()
         };
         let known = self.causes.iter().zip(CAUSES).filter_map(|(heat, name)| {
-            Some(Cause { power: heat.as_ref()?.power.clone(), segments: tagged(&heard.database, name) })
+            Some(Cause { power: heat.as_ref()?.power.clone(), segments: tagged(db, &open, name) })
         });
         let causes: Vec<Cause> = known.collect();
         let (mut pairs, mut silent) = (Vec::new(), false);

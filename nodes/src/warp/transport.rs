@@ -37,6 +37,11 @@ impl Points {
         self.at.get(k * self.dims..(k + 1) * self.dims).unwrap_or_default()
     }
 
+    /// Makes one dimension count so many times as much.
+    pub fn stretch(&mut self, dim: usize, factor: f64) {
+        self.at.iter_mut().skip(dim).step_by(self.dims.max(1)).for_each(|x| *x *= factor);
+    }
+
     fn rows(&self) -> std::slice::ChunksExact<'_, f64> {
         self.at.chunks_exact(self.dims.max(1))
     }

@@ -167,3 +167,36 @@ fn channels_choose_from_their_own_recordings_or_share_those_of_one() {
     let reject = selection(&own, &mono, 2, &features).shape().unwrap_err();
     assert!(reject.code == "F101" && reject.message.contains("channel 1"), "{reject}");
 }
+
+fn warnings(solo: &Solo) -> Vec<String> {
+    let summary = solo.run().unwrap().summary;
+    summary.into_iter().filter(|(key, _)| *key == "warning").map(|(_, text)| text.to_string()).collect()
+}
+
+#[test]
+fn many_fallbacks_and_too_few_units_are_told_once() {
+    let (db, features) = (database(&[0]), walk(1, 600 * 3));
+    let near = UnitSelectorParams { d_max: 1000.0, ..params() };
+    assert_eq!(warnings(&selection(&near, &db, 1, &features)), Vec::<String>::new());
+    let far = UnitSelectorParams { d_max: 0.001, ..params() };
+    let told = warnings(&selection(&far, &db, 1, &features).window(ticks(0.1)));
+    assert!(told.len() == 1 && told[0].contains("within `d_max` 0.001"), "{told:?}");
+    // Of 60 units 55 have five more after them.
+    let few = |cool_off| {
+        let p = UnitSelectorParams { cool_off, look: 5, ..near.clone() };
+        warnings(&selection(&p, &db, 1, &features))
+    };
+    assert_eq!(few(54), Vec::<String>::new());
+    let told = few(55);
+    assert!(told.len() == 1 && told[0].contains("55 units can be chosen") && told[0].contains("`cool_off`"));
+}
+
+#[test]
+fn what_is_slept_through_is_marked() {
+    let (db, features) = (database(&[0]), walk(1, 600 * 3));
+    let solo = selection(&params(), &db, 1, &features);
+    let (found, share) =
+        picks(&solo.optional(UnitSelectorPorts::target, AUDIO, Channels(1), target(&[false])));
+    let asleep = found.iter().filter(|pick| pick.asleep).count();
+    assert!(asleep > 200 && (asleep as f64 / 600.0 - share).abs() < 1e-12, "{asleep} {share}");
+}

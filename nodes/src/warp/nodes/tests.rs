@@ -1,8 +1,9 @@
 //! From files to warped features.
 
 use super::*;
+use crate::core::item::AnyValue;
 use crate::core::params::Params;
-use crate::core::solo::Solo;
+use crate::core::solo::{Feed, Solo};
 use crate::core::time::{Rate, TICKS_PER_SECOND, ticks};
 use crate::feature::FeatureConventions;
 use crate::unit::database::DATABASE_VERSION;
@@ -11,6 +12,9 @@ use crate::warp::diagnostics_node::{
     CorrespondenceDiagnostics, CorrespondenceDiagnosticsParams, CorrespondenceDiagnosticsPorts, Diagnosis,
 };
 use crate::warp::fit_node::{TpsFit, TpsFitParams, TpsFitPorts};
+use crate::warp::suggest_node::{
+    CorrespondenceSuggester, CorrespondenceSuggesterParams, CorrespondenceSuggesterPorts,
+};
 use crate::warp::{Pairing, Place, SourceName};
 use std::sync::Arc;
 
@@ -149,6 +153,29 @@ fn a_set_that_was_marked_elsewhere_is_told_and_used() {
 }
 
 #[test]
+fn a_warp_that_was_fitted_in_other_recordings_is_told_and_used() {
+    let warp = warp(TpsFitParams { lambda: Some(1.0), pairing: Pairing::Centroid, ..params() }, 1);
+    let told = |provenance: &str, warp: &Warp| {
+        let sources = vec![UnitSource { provenance: provenance.into(), ..UnitSource::default() }];
+        let solo = Solo::new::<TpsWarp>(TpsWarpParams {})
+            .input(TpsWarpPorts::features, Rate::hz(240), format(1), vec![0.0; 3])
+            .value(TpsWarpPorts::warp, warp.clone())
+            .feed(2, Feed::value(AnyValue::new(UnitDatabase { sources, ..database() })));
+        let summary = solo.run().unwrap().summary;
+        summary.iter().map(|(key, text)| format!("{key}: {text}")).collect::<Vec<_>>()
+    };
+    assert_eq!(told("elsewhere/drag.wav", &warp), Vec::<String>::new(), "the same file in another folder");
+    let found = told("fold.wav", &warp);
+    assert!(found.len() == 1 && found[0].starts_with("warning: \"`recordings` of the warp are"), "{found:?}");
+    assert!(found[0].contains("drag.wav") && found[0].contains("fold.wav"), "{found:?}");
+    assert_eq!(
+        told("fold.wav", &Warp { recordings: vec![], ..warp }),
+        Vec::<String>::new(),
+        "it does not tell"
+    );
+}
+
+#[test]
 fn what_does_not_fit_is_named_before_the_run() {
     let late = set("(pairs: [\n  (target: 0, database: 99, duration: 0.1),\n])");
     let reject = fit(params(), late, 1).shape().unwrap_err();
@@ -283,10 +310,7 @@ fn the_worst_range_is_written_with_and_without_the_suspect() {
 
 #[test]
 fn proposals_are_written_so_that_they_can_be_read_and_fitted() {
-    use crate::warp::suggest_node::{
-        CorrespondenceSuggester, CorrespondenceSuggesterParams, CorrespondenceSuggesterPorts,
-    };
-    let p = CorrespondenceSuggesterParams { path: "new.ron".into(), count: 5, window: 24, lambda: 100.0 };
+    let p = CorrespondenceSuggesterParams { count: 5, lambda: 100.0, ..suggester() };
     let features = (0..UNITS).flat_map(target).collect();
     let solo = Solo::new::<CorrespondenceSuggester>(p)
         .input(CorrespondenceSuggesterPorts::features, Rate::hz(240), format(1), features)
@@ -303,11 +327,38 @@ fn proposals_are_written_so_that_they_can_be_read_and_fitted() {
 }
 
 #[test]
+fn only_recordings_of_the_tags_are_proposed() {
+    let mut db = database();
+    let half = UNITS as u32 / 2;
+    db.sources =
+        ["cotton", "nylon"].map(|tag| UnitSource { tag: tag.into(), ..UnitSource::default() }).into();
+    db.segments =
+        [0, 1].map(|k| Segment { start: k * half, units: half, source: k, channel: 0, offset: 0 }).into();
+    let solo = |tag: &str| {
+        let p = CorrespondenceSuggesterParams { count: 4, all: true, tags: vec![tag.into()], ..suggester() };
+        Solo::new::<CorrespondenceSuggester>(p)
+            .input(
+                CorrespondenceSuggesterPorts::features,
+                Rate::hz(240),
+                format(1),
+                (0..UNITS).flat_map(target).collect(),
+            )
+            .value(CorrespondenceSuggesterPorts::database, db.clone())
+    };
+    for (k, tag) in (0..).zip(["cotton", "nylon"]) {
+        let solo = solo(tag);
+        solo.run().unwrap();
+        let set = set(&String::from_utf8(solo.outputs.get("new.ron").unwrap()).unwrap());
+        assert_eq!(set.pairs.len(), 4);
+        assert!(set.pairs.iter().all(|c| c.source == Some(SourceName::Index(k))), "{tag}: {set:?}");
+    }
+    let reject = solo("linen").shape().unwrap_err();
+    assert!(reject.field.as_deref() == Some("tags") && reject.to_string().contains("linen"), "{reject}");
+}
+
+#[test]
 fn causes_of_a_target_are_heard_at_the_rate_of_its_units_alone() {
     use crate::core::item::Channels;
-    use crate::warp::suggest_node::{
-        CorrespondenceSuggester, CorrespondenceSuggesterParams, CorrespondenceSuggesterPorts,
-    };
     // The first half of the target is friction, the second crumpling; so are two recordings.
     let mut db = database();
     db.sources =
@@ -316,7 +367,7 @@ fn causes_of_a_target_are_heard_at_the_rate_of_its_units_alone() {
     db.segments =
         [0, 1].map(|k| Segment { start: k * half, units: half, source: k, channel: 0, offset: 0 }).into();
     let suggested = |rate: u32, window: i64| {
-        let p = CorrespondenceSuggesterParams { path: "new.ron".into(), count: 8, window: 24, lambda: 100.0 };
+        let p = CorrespondenceSuggesterParams { count: 8, lambda: 100.0, ..suggester() };
         let features = (0..UNITS).flat_map(|unit| target(unit % (UNITS / 2))).collect();
         let part = |first: bool| {
             (0..UNITS * 400).map(|k| f32::from(u8::from((k < UNITS * 200) == first))).collect::<Vec<_>>()
@@ -345,4 +396,11 @@ fn causes_of_a_target_are_heard_at_the_rate_of_its_units_alone() {
     assert_eq!(of(ticks(0.0137)), text, "windows change nothing");
     let reject = suggested(48_000, TICKS_PER_SECOND).shape().unwrap_err();
     assert!(reject.field.as_deref() == Some("friction") || reject.message.contains("friction"), "{reject}");
+}
+
+fn suggester() -> CorrespondenceSuggesterParams {
+    let read = CorrespondenceSuggesterParams::read(&|name| {
+        (name == "path").then(|| crate::core::params::Datum::Text("new.ron".into()))
+    });
+    read.unwrap()
 }

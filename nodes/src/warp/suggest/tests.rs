@@ -218,3 +218,26 @@ fn causes_keep_what_sounds_alike_apart() {
     let unknown = causes.clone().map(|cause| Cause { segments: vec![None, None], ..cause });
     assert!(right(&unknown) < 0.9, "no recording is known to be of a cause");
 }
+
+#[test]
+fn with_more_weight_on_level_what_is_as_loud_is_proposed() {
+    // Colours of the recordings belong to other levels than those of the target.
+    let target = gestures(2000, 1);
+    let database = distorted(&gestures(2000, 2), |[x, y, z]| [x + 6.0, z, 0.5 * y]);
+    let segments = [0..1000, 1000..2000];
+    let of = |level: f64| {
+        let p = SuggestParams { level, all: true, ..SuggestParams::default() };
+        let found = suggest(&target, &database, &segments, 3, &p, &[]).unwrap();
+        assert_eq!(found.len(), p.count, "all of them, whatever they gain");
+        let louder = |x: &[f32], unit: usize| {
+            let mean = |from: usize| (0..24).map(|k| f64::from(x[3 * (from + k)])).sum::<f64>();
+            let here = mean(unit);
+            (0..1976).step_by(12).filter(|from| mean(*from) > here).count() as f64 / 165.0
+        };
+        let off = |p: &Proposal| (louder(&target, p.target) - louder(&database, p.database)).abs();
+        found.iter().map(off).sum::<f64>() / found.len() as f64
+    };
+    let (plain, level) = (of(1.0), of(3.0));
+    println!("ranks of loudness differ by {plain:.3} on average, with the weight by {level:.3}");
+    assert!(level < 0.06 && level < 0.6 * plain, "{plain} {level}");
+}

@@ -1,0 +1,230 @@
+//! What SciPy and libigl give for curvature, the high-pass, features and the warp: made by `tests/oracles/cloth.py`.
+
+use foley_nodes::core::time::Rate;
+use foley_nodes::curvature::{Curvature, MeanCurvature, Method};
+use foley_nodes::dsp::{Band, Butterworth, Cascade};
+use foley_nodes::feature::{FeatureConventions, MelCepstrum, TemporalFilter};
+use foley_nodes::mesh::Topology;
+use foley_nodes::warp::{Pair, Stiffness, Warper, fit};
+
+/// Numbers that are the same everywhere, about zero.
+fn noise(count: usize, a: usize) -> Vec<f64> {
+    (0..count).map(|i| (((i * i * a + 3 * i) % 31) as f64 - 15.0) / 16.0).collect()
+}
+
+fn single(x: &[f64]) -> Vec<f32> {
+    x.iter().map(|x| *x as f32).collect()
+}
+
+fn near(found: impl IntoIterator<Item = f64>, wanted: &[f64], tolerance: f64, what: &str) {
+    let found: Vec<f64> = found.into_iter().collect();
+    assert_eq!(found.len(), wanted.len(), "{what}");
+    let far = found.iter().zip(wanted).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    assert!(far < tolerance, "{what}: {far} away: {found:?}, not {wanted:?}");
+}
+
+#[test]
+fn curvature_is_that_of_libigl() {
+    let n = 5_usize;
+    let at = |k: usize| {
+        let (x, y) = (k % n, k / n);
+        [x as f32, y as f32, ((x * x * 7 + 3 * y * y + x * y) % 11) as f32 / 16.0]
+    };
+    let rest: Vec<[f32; 3]> = (0..n * n).map(at).collect();
+    let step = n as u32;
+    let cells = || (0..(n - 1) * (n - 1)).map(|k| (k % (n - 1) + k / (n - 1) * n) as u32);
+    let triangles = cells()
+        .map(|a| [a, a + 1, a + step + 1])
+        .chain(cells().map(|a| [a, a + step + 1, a + step]))
+        .collect();
+    let mesh = Topology { rest: rest.clone(), triangles };
+    let mut found = vec![Curvature::default(); n * n];
+    MeanCurvature::new(&mesh, Method::Cotan).unwrap().measure(&rest, &mut found).unwrap();
+    let inside = |k: &usize| (1..n - 1).contains(&(k % n)) && (1..n - 1).contains(&(k / n));
+    let inner: Vec<Curvature> = (0..n * n).filter(inside).map(|k| found[k]).collect();
+    assert!(inner.iter().all(|c| c.valid));
+    near(inner.iter().map(|c| c.h), CURVATURE, 1e-9, "curvature");
+    near(inner.iter().map(|c| c.area), AREAS, 1e-9, "areas");
+}
+
+#[test]
+fn the_high_pass_is_that_of_scipy() {
+    for (rate, wanted) in HIGH_PASS {
+        let design = Butterworth::design(Band::HighPass, 5, 100.0, rate).unwrap();
+        let mut x = single(&noise(400, 7));
+        Cascade::new(&design, 1).process(&mut x);
+        near(x.iter().step_by(57).map(|x| f64::from(*x)), wanted, 1e-6, "high-pass");
+    }
+}
+
+#[test]
+fn the_cepstrum_of_a_unit_is_that_of_numpy() {
+    let conventions = FeatureConventions::cloth(Rate::hz(48_000), 200);
+    let mut found = [0.0; 3];
+    MelCepstrum::new(&conventions, 1e-10).process(&single(&noise(400, 5)), &mut found);
+    near(found.map(f64::from), CEPSTRUM, 1e-5, "cepstrum");
+}
+
+#[test]
+fn the_gaussian_over_time_is_that_of_scipy() {
+    for (width, wanted) in GAUSSIAN {
+        let found = TemporalFilter::new(&[width], false).stretch(&single(&noise(40, 11)));
+        near(found.iter().step_by(9).map(|x| f64::from(*x)), wanted, 1e-6, "Gaussian");
+    }
+}
+
+#[test]
+fn the_warp_is_that_of_scipy() {
+    for (d, lambda, wanted) in WARP {
+        let n = if d == 3 { 9 } else { 14 };
+        let (from, off) = (noise(n * d, 13), noise(n * d, 17));
+        let pair = |(from, off): (&[f64], &[f64])| Pair {
+            from: from.iter().map(|x| 3.0 * x).collect(),
+            to: from.iter().zip(off).map(|(x, off)| 3.0 * x + off).collect(),
+            weight: 1.0,
+        };
+        let pairs: Vec<Pair> = from.chunks(d).zip(off.chunks(d)).map(pair).collect();
+        let (warp, _) = fit(&pairs, d, Stiffness::Lambda(lambda)).unwrap();
+        let mut warper = Warper::new(&warp);
+        let ask: Vec<f32> = noise(2 * d, 19).iter().map(|x| 2.0 * *x as f32).collect();
+        let mut found = vec![0.0_f32; 2 * d];
+        for (x, y) in ask.chunks(d).zip(found.chunks_mut(d)) {
+            warper.warp(x, y);
+        }
+        near(found.iter().map(|x| f64::from(*x)), wanted, 2e-6, &format!("warp {d} {lambda}"));
+    }
+}
+
+const CURVATURE: &[f64] = &[
+    -0.450201152309,
+    -0.260629705519,
+    -0.234895713487,
+    0.785005255309,
+    -0.466709951192,
+    0.354788658051,
+    -0.241989855657,
+    0.336432939087,
+    -0.496236173133,
+];
+const AREAS: &[f64] = &[
+    1.17383039468,
+    1.03102065495,
+    1.09337468754,
+    1.14561167202,
+    1.1436054764,
+    1.07811479825,
+    1.06756058863,
+    1.10016936904,
+    1.12030328517,
+];
+const HIGH_PASS: [(f64, &[f64]); 3] = [
+    (
+        44100.0,
+        &[
+            -0.916134729859,
+            -0.514376644922,
+            0.360965137045,
+            -0.106332613532,
+            -0.0299261826853,
+            0.623884782158,
+            -0.196784265794,
+            -0.400662243341,
+        ],
+    ),
+    (
+        48000.0,
+        &[
+            -0.917852365275,
+            -0.511918659106,
+            0.371570937908,
+            -0.100643932053,
+            -0.0336157384381,
+            0.610990582386,
+            -0.205087959893,
+            -0.403001208334,
+        ],
+    ),
+    (
+        96000.0,
+        &[
+            -0.927624230534,
+            -0.528380995189,
+            0.39881657122,
+            -0.0624908623652,
+            -0.00116608559099,
+            0.611708169856,
+            -0.198105023261,
+            -0.41055014333,
+        ],
+    ),
+];
+const CEPSTRUM: &[f64] = &[-4.64071038085, -1.23506762138, -0.880067802359];
+const GAUSSIAN: [(f64, &[f64]); 4] = [
+    (10.0, &[-0.56789222116, -0.26589344413, 0.240622963513, -0.0809866765672, -0.302252773687]),
+    (20.0, &[-0.586745756776, -0.246983469203, 0.150286759626, 0.000540597462103, -0.225074802752]),
+    (30.0, &[-0.594167908982, -0.22510242846, 0.0440361869631, -0.0105766022056, -0.157008792074]),
+    (50.0, &[-0.546872840786, -0.278714045804, -0.0971113788521, -0.047534337044, -0.0713390659005]),
+];
+const WARP: [(usize, f64, &[f64]); 6] = [
+    (3, 0.0, &[-3.18118308177, 1.6155083228, 0.640041180656, 1.27093150295, -0.900216468956, 1.21483487673]),
+    (3, 1.0, &[-3.24752304083, 1.50467601049, 0.696368529989, 1.25218365539, -0.839296696963, 1.25420106357]),
+    (
+        3,
+        1000.0,
+        &[-2.94654099163, 0.575581534025, 0.0618873185502, 1.30377074246, -0.591877780942, 1.31189896032],
+    ),
+    (
+        6,
+        0.0,
+        &[
+            -2.87541959405,
+            0.364993539568,
+            0.911887027988,
+            1.45628046875,
+            -0.946631269091,
+            0.801045766084,
+            -0.0855625054725,
+            0.174928460488,
+            -2.30802098509,
+            0.0799759468199,
+            -0.729814165244,
+            -1.52818245092,
+        ],
+    ),
+    (
+        6,
+        1.0,
+        &[
+            -2.86108630282,
+            0.352702991985,
+            0.927157137502,
+            1.45025315833,
+            -0.941106981581,
+            0.824877887098,
+            -0.0732015934592,
+            0.171222233306,
+            -2.29485043711,
+            0.0915001152291,
+            -0.720214765391,
+            -1.50401190731,
+        ],
+    ),
+    (
+        6,
+        1000.0,
+        &[
+            -2.63893047507,
+            0.221123938568,
+            1.08990644889,
+            1.47930231372,
+            -1.03350010606,
+            1.25842116926,
+            0.171632883748,
+            -0.00673960917948,
+            -2.15102455322,
+            0.35289100326,
+            -0.953657709871,
+            -0.98242959832,
+        ],
+    ),
+];
