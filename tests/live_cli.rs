@@ -132,7 +132,8 @@ fn rolled(osc: bool) -> Vec<f32> {
     let folder = tempfile::tempdir().unwrap();
     let path = graph("texture/live.ron");
     let port = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port().to_string();
-    let args = ["live", path.to_str().unwrap(), "--device", "file:played.wav", "--for", "6", "--report", "r.json"];
+    let args =
+        ["live", path.to_str().unwrap(), "--device", "file:played.wav", "--for", "6", "--report", "r.json"];
     let quick = ["profile.extend=false", "alike.extend=false", "equal.by_speed=false"];
     // Nothing but what scrapes.
     let scrapes = ["bell.gain=0.0", "on_floor.object=99", "on_ball.object=99"];

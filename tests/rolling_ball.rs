@@ -34,7 +34,8 @@ fn log() -> Vec<(f64, [f64; 2])> {
 /// How much the level rises in each millisecond of the time in which the ball rolls, of the most that it does.
 fn rises(x: &[f32]) -> Vec<(f64, f64)> {
     let levels: Vec<f64> = x.chunks(HOP).map(|x| x.iter().map(|x| f64::from(x.abs())).sum()).collect();
-    let all = levels.windows(2).enumerate().map(|(k, w)| (k as f64 * HOP as f64 / FS, (w[1] - w[0]).max(0.0)));
+    let all =
+        levels.windows(2).enumerate().map(|(k, w)| (k as f64 * HOP as f64 / FS, (w[1] - w[0]).max(0.0)));
     let rolling: Vec<(f64, f64)> = all.filter(|(t, _)| (ROLLS[0]..ROLLS[1]).contains(t)).collect();
     let most = rolling.iter().fold(0.0_f64, |most, (_, rise)| most.max(*rise));
     rolling.into_iter().map(|(t, rise)| (t, rise / most)).collect()

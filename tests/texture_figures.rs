@@ -40,8 +40,7 @@ fn correlation(x: &[f64], y: &[f64]) -> f64 {
 #[test]
 fn figure_2_has_a_broad_histogram_of_a_complex_texture_and_a_narrow_one_of_a_simple_one() {
     let drawings = figure("2");
-    let bars: Vec<Vec<f64>> =
-        drawings.iter().map(|svg| numbers(svg, "rect", "#2166ac", " height")).collect();
+    let bars: Vec<Vec<f64>> = drawings.iter().map(|svg| numbers(svg, "rect", "#2166ac", " height")).collect();
     assert!(drawings[0].contains("(complex; simple below 0.2)") && drawings[1].contains("(simple; simple"));
     // How many tones have more than a twentieth of the most frequent one.
     let broad = bars.iter().map(|bars| {
@@ -58,7 +57,8 @@ fn figure_3_has_an_image_and_bright_lines_where_it_changes() {
     let ((image, width), (map, same)) = (picture(&drawings[0]), picture(&drawings[1]));
     assert_eq!((width, image.len()), (same, map.len()));
     // Central differences in the middle of the image.
-    let inside = (0..image.len()).filter(|k| *k > width && *k < image.len() - width && k % width > 0 && k % width < width - 1);
+    let inside = (0..image.len())
+        .filter(|k| *k > width && *k < image.len() - width && k % width > 0 && k % width < width - 1);
     let change = |k: usize| {
         let [x, y] = [image[k + 1] - image[k - 1], image[k + width] - image[k - width]];
         x.hypot(y)
@@ -104,7 +104,8 @@ fn figure_6_has_three_ways_over_an_image_and_what_each_meets() {
     assert!(profiles.len() == 3 && lengths.len() == 3 && lengths.iter().all(|m| *m > 0.5), "{lengths:?}");
     for (k, profile) in profiles.iter().enumerate() {
         let middle = mean(profile);
-        let (above, below) = (profile.iter().filter(|x| **x > middle), profile.iter().filter(|x| **x < middle));
+        let (above, below) =
+            (profile.iter().filter(|x| **x > middle), profile.iter().filter(|x| **x < middle));
         assert!(profile.len() > 200 && above.count() > 50 && below.count() > 50, "profile {k}");
         let next = &profiles[(k + 1) % 3];
         let both = profile.len().min(next.len());
@@ -138,5 +139,8 @@ fn table_7_has_the_bytes_that_the_book_says() {
     assert_eq!(told("isophotes")[3], thousands(bytes("isophotes")));
     assert_eq!(told("features and noise")[3], thousands(bytes("features as bits, noise as a profile")));
     // As in the paper, features and noise take least and the isophotes most of what a complex texture is stored as.
-    assert!(bytes("features as bits, noise as a profile") < bytes("map, one byte") && bytes("isophotes") > bytes("map, one byte"));
+    assert!(
+        bytes("features as bits, noise as a profile") < bytes("map, one byte")
+            && bytes("isophotes") > bytes("map, one byte")
+    );
 }

@@ -18,8 +18,8 @@ use foley_nodes::texture::profile::{PROFILE, profile};
 use foley_nodes::texture::sobel::gradient;
 use foley_nodes::texture::split::noise;
 use foley_nodes::texture::{
-    DiscontinuityMap, Drawing, FeatureMap, Isophotes, Levels, Luma, LumaKind, NoiseMap, NoiseProfile, Surface,
-    isophotes,
+    DiscontinuityMap, Drawing, FeatureMap, Isophotes, Levels, Luma, LumaKind, NoiseMap, NoiseProfile,
+    Surface, isophotes,
 };
 use std::error::Error;
 use std::time::Instant;

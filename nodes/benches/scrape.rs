@@ -259,6 +259,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         "64 contacts and 8 objects of 32 modes: {all:.0} us of {block:.0}, {:.1} % of a core",
         100.0 * all / block
     );
-    println!("  of which 8 objects {banks:.0} us, 64 contacts {:.0} us: {each:.2} us each and their ways", all - banks);
+    println!(
+        "  of which 8 objects {banks:.0} us, 64 contacts {:.0} us: {each:.2} us each and their ways",
+        all - banks
+    );
     Ok(())
 }

@@ -169,7 +169,8 @@ impl NoiseBands {
         }
         // Mixed before they are weighed.
         let spot = Spot::new(place * a.density);
-        let (Some(near), Some(far), Some(row)) = (spot.samples(a), spot.samples(b), self.weights.get(spot.row))
+        let (Some(near), Some(far), Some(row)) =
+            (spot.samples(a), spot.samples(b), self.weights.get(spot.row))
         else {
             return 0.0;
         };

@@ -157,7 +157,8 @@ fn rest_and_no_force_are_silent_and_knobs_make_no_steps() {
 fn the_sample_rate_changes_nothing_that_is_heard() {
     let uneven = |steps: [usize; 4]| {
         let round: usize = steps.iter().sum();
-        let edge = |x: usize| steps.iter().scan(0, |at, s| Some(std::mem::replace(at, *at + s))).any(|at| at == x);
+        let edge =
+            |x: usize| steps.iter().scan(0, |at, s| Some(std::mem::replace(at, *at + s))).any(|at| at == x);
         let grid = Grid::from_fn(round, 40, |x, y| if edge((x + y / 7) % round) { 1.0 } else { 0.0 });
         let luma = Luma { grid, holes: Vec::new(), kind: LumaKind::Lstar, surface: Surface::default() };
         let levels = Levels::These(vec![0.4]);

@@ -272,7 +272,10 @@ impl Func for PairMatcher {
     fn eval(p: &PairMatcherParams, _: &Build<'_>, mut io: PairMatcherIo<'_>) -> Result<Summary, Fault> {
         let pair = Pair::new(p, &io)?;
         let all: Vec<Found> = if p.by_speed {
-            SpeedCurve::speeds(p.speed).into_par_iter().map(|speed| pair.at(speed)).collect::<Result<_, _>>()?
+            SpeedCurve::speeds(p.speed)
+                .into_par_iter()
+                .map(|speed| pair.at(speed))
+                .collect::<Result<_, _>>()?
         } else {
             vec![pair.at(p.speed)?]
         };

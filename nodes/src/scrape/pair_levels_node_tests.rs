@@ -124,8 +124,7 @@ fn levels([a, b]: &[Side; 2], run: &SoloRun, way: &[(Tick, PathPiece)], scale: f
             (FeatureCrossingsPorts::kappa.index(), value(&strength_of(run, 1))),
         ],
     );
-    let turned: Vec<_> =
-        way.iter().filter_map(|(tick, piece)| Some((*tick, exchanged(piece)?))).collect();
+    let turned: Vec<_> = way.iter().filter_map(|(tick, piece)| Some((*tick, exchanged(piece)?))).collect();
     let noise = |side: &Side, way: &[(Tick, PathPiece)], port: usize| {
         let p = NoiseExcitationParams { rate, scale, ..NoiseExcitationParams::read(&|_| None).unwrap() };
         let feeds = vec![
@@ -163,7 +162,8 @@ fn noises_share_their_power_as_their_slopes_do() {
     let mut sides = sides();
     let modes = modes();
     let p = PairMatcherParams { by_speed: false, ..params() };
-    let told = |run: &SoloRun| run.summary.iter().find(|(k, _)| *k == "second_noise_share").unwrap().1.as_f64();
+    let told =
+        |run: &SoloRun| run.summary.iter().find(|(k, _)| *k == "second_noise_share").unwrap().1.as_f64();
     let before = told(&matched(p.clone(), &sides, &modes)).unwrap();
     // Heights twice as large have four times the power.
     sides[1].luma.surface.depth *= 2.0;

@@ -440,7 +440,8 @@ pub(super) mod tests {
     fn grey_and_alpha(bits: u8, samples: &[u8]) -> Vec<u8> {
         let short = |tag: u16, values: [u16; 2], count: u32| {
             let [tag, kind] = [tag, 3].map(u16::to_le_bytes);
-            [&tag[..], &kind, &count.to_le_bytes(), &values[0].to_le_bytes(), &values[1].to_le_bytes()].concat()
+            [&tag[..], &kind, &count.to_le_bytes(), &values[0].to_le_bytes(), &values[1].to_le_bytes()]
+                .concat()
         };
         let bits = u16::from(bits);
         // Width, height, bits, no compression, black is 0, where the samples are, channels, rows, bytes, and that the second is alpha.
