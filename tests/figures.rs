@@ -2,49 +2,12 @@
 
 mod common;
 
-use std::fs;
+use common::figure::{commands, heights, labels, mean, numbers, run, values};
 
 /// The drawing of a figure, by the command beside its number in the book.
 fn figure(number: &str) -> String {
-    let book = include_str!("../docs/src/cloth.md");
-    let row = book.lines().find(|line| line.starts_with(&format!("| {number}, "))).unwrap();
-    let command = row.split('`').nth(1).unwrap();
-    let words: Vec<&str> = command.split_whitespace().collect();
-    let ["foley", "run", graph, "--tap", tap] = words[..] else { panic!("{command}") };
-    let (port, file) = tap.split_once('=').unwrap();
-    let folder = tempfile::tempdir().unwrap();
-    let file = folder.path().join(file);
-    common::foley(folder.path(), &["run", graph, "--tap", &format!("{port}={}", file.display())]);
-    fs::read_to_string(file).unwrap()
-}
-
-/// The values of an attribute, in order, of elements that hold some text.
-fn values<'a>(svg: &'a str, element: &str, holds: &str, attribute: &str) -> Vec<&'a str> {
-    let open = format!("<{element} ");
-    let own = svg.split(&open).skip(1).map(|rest| rest.split('>').next().unwrap_or_default());
-    let own = own.filter(|element| element.contains(holds));
-    own.map(|element| element.split(&format!("{attribute}=\"")).nth(1).unwrap().split('"').next().unwrap())
-        .collect()
-}
-
-fn numbers(svg: &str, element: &str, holds: &str, attribute: &str) -> Vec<f64> {
-    values(svg, element, holds, attribute).iter().map(|text| text.parse().unwrap()).collect()
-}
-
-/// Heights of the points of every line: up is more.
-fn heights(svg: &str) -> Vec<Vec<f64>> {
-    let height = |point: &str| -point.split_once(',').unwrap().1.parse::<f64>().unwrap();
-    values(svg, "polyline", "", "points").iter().map(|line| line.split(' ').map(height).collect()).collect()
-}
-
-fn mean(x: &[f64]) -> f64 {
-    x.iter().sum::<f64>() / x.len() as f64
-}
-
-/// Texts in the drawing that end in some way, without that end.
-fn labels<'a>(svg: &'a str, end: &str) -> Vec<&'a str> {
-    let texts = svg.split("</text>").filter_map(|part| Some(part.rsplit_once('>')?.1));
-    texts.filter_map(|text| text.strip_suffix(end)).collect()
+    let commands = commands(include_str!("../docs/src/cloth.md"), number);
+    run(&commands[0]).swap_remove(0)
 }
 
 /// Spectra of friction: a line for each speed, the faster the louder.

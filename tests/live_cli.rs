@@ -2,7 +2,7 @@
 
 use foley_nodes::io::AudioReader;
 use std::fs::File;
-use std::io::{BufReader, Write};
+use std::io::{BufRead, BufReader, Read, Write};
 use std::net::UdpSocket;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -125,6 +125,91 @@ fn contacts_from_lines_and_from_osc_strike_and_end_when_their_sender_stalls() {
     let report: serde_json::Value = serde_json::from_str(&report).unwrap();
     let messages = &report["messages"];
     assert_eq!((&messages["delivered"], &messages["malformed"]), (&3.into(), &1.into()));
+}
+
+/// What `graphs/texture/live.ron` plays of the log of the demo, without its blows: contact by contact, at their own times.
+fn rolled(osc: bool) -> Vec<f32> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = graph("texture/live.ron");
+    let port = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port().to_string();
+    let args =
+        ["live", path.to_str().unwrap(), "--device", "file:played.wav", "--for", "6", "--report", "r.json"];
+    let quick = ["profile.extend=false", "alike.extend=false", "equal.by_speed=false"];
+    // Nothing but what scrapes.
+    let scrapes = ["bell.gain=0.0", "on_floor.object=99", "on_ball.object=99"];
+    let numbers = quick.iter().chain(&scrapes).flat_map(|number| ["--set", number]);
+    let mut command = foley(&args, folder.path());
+    command.args(numbers).args(["--no-cache", "--osc", if osc { &port } else { "off" }]);
+    let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
+    let mut lines = child.stdin.take().unwrap();
+    let mut told = BufReader::new(child.stdout.take().unwrap());
+    let mut line = String::new();
+    while !line.starts_with("playing") {
+        line.clear();
+        assert!(told.read_line(&mut line).unwrap() > 0, "it never plays");
+    }
+    let text = std::fs::read_to_string(graph("assets/contacts/rolling_ball.jsonl")).unwrap();
+    let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let start = std::time::Instant::now();
+    let mut count = 0;
+    for line in text.lines() {
+        let mut row: serde_json::Map<String, serde_json::Value> = serde_json::from_str(line).unwrap();
+        let number = |value: &serde_json::Value| value.as_f64().unwrap();
+        let time = number(&row.remove("time_s").unwrap());
+        // From shortly before it rolls on.
+        if time < 1.0 {
+            continue;
+        }
+        std::thread::sleep(Duration::from_secs_f64(time - 1.0).saturating_sub(start.elapsed()));
+        count += 1;
+        if osc {
+            let list = |key: &str| row[key].as_array().unwrap().iter().map(number).collect::<Vec<_>>();
+            let step = number(&row["step"]);
+            let rest = [
+                list("point"),
+                list("normal"),
+                vec![number(&row["impulse"]) / step],
+                list("velocity"),
+                vec![number(&row["approach"]), number(&row["mass"])],
+                list("travel_a"),
+                vec![step],
+            ];
+            let ids = ["id", "a", "b"].map(|key| rosc::OscType::Int(row[key].as_i64().unwrap() as i32));
+            let rest = rest.concat().into_iter().map(|x| rosc::OscType::Float(x as f32));
+            let args = ids.into_iter().chain(rest).collect();
+            let message = rosc::OscMessage { addr: "/foley/contact/ball".into(), args };
+            let packet = rosc::encoder::encode(&rosc::OscPacket::Message(message)).unwrap();
+            socket.send_to(&packet, format!("127.0.0.1:{port}")).unwrap();
+        } else {
+            row.insert("contact".into(), "ball".into());
+            writeln!(lines, "{}", serde_json::Value::Object(row)).unwrap();
+            lines.flush().unwrap();
+        }
+    }
+    told.read_to_string(&mut line).unwrap();
+    assert!(child.wait().unwrap().success());
+    let report = std::fs::read_to_string(folder.path().join("r.json")).unwrap();
+    let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+    assert_eq!(report["messages"]["malformed"], 0, "{report}");
+    let delivered = report["messages"]["delivered"].as_u64().unwrap();
+    // Some come after the end where the machine is slow.
+    assert!(delivered > 100 && delivered <= count, "{delivered} of {count}");
+    let (heard, _) = samples(&folder.path().join("played.wav"));
+    heard
+}
+
+#[test]
+fn contacts_from_lines_and_from_osc_scrape_a_playing_surface() {
+    for osc in [false, true] {
+        let heard = rolled(osc);
+        let first = heard.iter().position(|x| x.abs() > 1e-4);
+        // Scraping lasts: of the second after the first sound most hundredths are louder than silence.
+        let first = first.unwrap_or_else(|| panic!("nothing is heard, osc: {osc}"));
+        let after = &heard[first..(first + 44_100).min(heard.len())];
+        let level = |part: &[f32]| part.iter().fold(0.0_f32, |most, x| most.max(x.abs()));
+        let loud = after.chunks(441).filter(|part| level(part) > 1e-4).count();
+        assert!(loud > 50, "osc: {osc}: {loud} of 100 hundredths of a second sound");
+    }
 }
 
 #[test]

@@ -1,9 +1,10 @@
-//! Images from PNG, JPEG and TIFF: refused, or of as many samples as they have pixels.
+//! Images from PNG, JPEG and TIFF: refused, or of as many samples as they have pixels. Begins from those of the tests and of the examples:
+//! `mkdir -p fuzz/corpus/image; cargo +nightly fuzz run image fuzz/corpus/image nodes/src/texture/testdata graphs/assets/images`.
 #![no_main]
 
+use foley_nodes::texture::LumaKind;
 use foley_nodes::texture::decode::decode;
 use foley_nodes::texture::luma::luminance;
-use foley_nodes::texture::LumaKind;
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|bytes: &[u8]| {

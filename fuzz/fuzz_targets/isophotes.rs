@@ -1,4 +1,5 @@
-//! Isophotes as `IsophotesFile` reads them: refused, or such that they can be written and read again.
+//! Isophotes as `IsophotesFile` reads them: refused, or such that they can be written and read again. Begins from those of an example:
+//! `mkdir -p fuzz/corpus/isophotes; cargo +nightly fuzz run isophotes fuzz/corpus/isophotes graphs/assets/images`.
 #![no_main]
 
 use foley_nodes::texture::{decode_isophotes, encode_isophotes};

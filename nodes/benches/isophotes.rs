@@ -119,6 +119,8 @@ fn rough() -> Result<Isophotes, Box<dyn Error>> {
 fn force(all: &Isophotes) -> Result<(), Box<dyn Error>> {
     const SECONDS: f64 = 2.0;
     for reading in [Reading::Crossing, Reading::Proximity] {
+        // Crossings for each contact and second, and microseconds for each of its milliseconds.
+        let mut found = Vec::new();
         for speed in [0.1, 1.0, 10.0] {
             let contacts = 8;
             let mut pieces = Vec::new();
@@ -154,10 +156,23 @@ fn force(all: &Isophotes) -> Result<(), Box<dyn Error>> {
             });
             let time = time.collect::<Result<Vec<_>, _>>()?.into_iter().fold(f64::INFINITY, f64::min);
             let blocks = SECONDS * 44_100.0 / 1024.0 * contacts as f64;
+            let told = solo.run()?.summary;
+            let told = told.iter().find(|(key, _)| *key == "crossings").and_then(|(_, count)| count.as_f64());
+            let crossings = told.unwrap_or(0.0) / SECONDS / contacts as f64;
+            found.push([crossings, 1e6 * time / (1000.0 * SECONDS * contacts as f64)]);
             println!(
                 "{reading:?} at {speed:4} m/s: {:6.2} us for each contact and block of 1024, {:.3} us for each of its milliseconds",
                 1e6 * time / blocks,
                 1e6 * time / (1000.0 * SECONDS * contacts as f64)
+            );
+        }
+        if let ([slow, fast, ..], Reading::Crossing) = (&found[..], reading) {
+            let each = 1000.0 * (fast[1] - slow[1]) / (fast[0] - slow[0]);
+            println!(
+                "  {:.0} and {:.0} crossings a second: {each:.2} us each, beside {:.2} us for each millisecond",
+                slow[0],
+                fast[0],
+                slow[1] - each * slow[0] / 1000.0
             );
         }
     }

@@ -42,6 +42,7 @@ use crate::scrape::map_node::MapExcitation;
 use crate::scrape::meet_node::FeatureCrossings;
 use crate::scrape::noise_node::NoiseExcitation;
 use crate::scrape::other_node::OtherSurface;
+use crate::scrape::pair_levels_node::PairMatcher;
 use crate::scrape::pair_node::TwoTextures;
 use crate::scrape::path_node::ContactPath;
 use crate::scrape::profile_node::PathProfileNode;
@@ -170,6 +171,7 @@ pub fn all() -> Vec<NodeType> {
         NodeType::of::<OtherSurface>("scrape"),
         NodeType::of::<PathProfileNode>("scrape"),
         NodeType::of::<Stroke>("scrape"),
+        NodeType::func::<PairMatcher>("scrape"),
         NodeType::of::<TwoTextures>("scrape"),
         NodeType::of::<ContactClassifier>("rigid"),
         NodeType::of::<ContactLog>("rigid"),

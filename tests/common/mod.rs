@@ -1,6 +1,7 @@
 //! What the tests of whole graphs share.
 #![allow(dead_code)]
 
+pub mod figure;
 pub mod grown;
 pub mod project;
 pub mod scene;

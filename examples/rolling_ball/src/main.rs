@@ -63,6 +63,11 @@ fn number(text: &str) -> Result<f64, String> {
     number.ok_or(format!("{text:?} is there; a number above 0 is needed"))
 }
 
+/// To a millionth: what single precision holds, and no more digits.
+fn short(x: f32) -> f64 {
+    (f64::from(x) * 1e6).round() / 1e6
+}
+
 /// One contact as foley's JSON has it.
 fn as_json(contact: &Contact, step: f64, time: Option<f64>) -> Value {
     if contact.ends {
@@ -70,11 +75,12 @@ fn as_json(contact: &Contact, step: f64, time: Option<f64>) -> Value {
     }
     let mut value = json!({
         "id": contact.id, "a": contact.bodies[0], "b": contact.bodies[1],
-        "point": contact.point, "normal": contact.normal, "impulse": contact.impulse, "velocity": contact.velocity,
-        "approach": contact.approach, "mass": contact.mass, "travel_a": contact.travel, "step": step,
+        "point": contact.point.map(short), "normal": contact.normal.map(short), "impulse": short(contact.impulse),
+        "velocity": contact.velocity.map(short), "approach": short(contact.approach), "mass": short(contact.mass),
+        "travel_a": contact.travel.map(short), "step": short(step as f32),
     });
     if let Some(time) = time {
-        value["time_s"] = json!(time);
+        value["time_s"] = json!((time * 1e6).round() / 1e6);
     }
     value
 }

@@ -3,11 +3,11 @@
 use rapier3d::prelude::*;
 
 const RADIUS: f32 = 0.05;
-/// Length of a tile with its gap, and the gap.
-const TILE: f32 = 0.2;
+/// Length of a tile with its gap, and the gap: those of the image `tiles.png` that `live.ron` sounds by.
+const TILE: f32 = 0.1;
 const GAP: f32 = 0.004;
-/// Tiles along each side.
-const TILES: i32 = 12;
+/// Tiles along each side. An odd number, so that one lies in the middle and gaps at 0.05 m from it and each 0.1 m on, as in the image.
+const TILES: i32 = 23;
 /// Seconds from one kick to the next.
 const KICK: f32 = 6.0;
 /// Marble, kg/m^3.

@@ -43,13 +43,13 @@ impl Law {
     }
 
     /// What the curve makes of a speed on a surface of a size: what is twice as large is met half as fast, and then the law, which
-    /// knows nothing of that, counts the whole speed.
+    /// knows nothing of that, counts the whole speed; a relief is twice as high.
     #[inline]
     #[must_use]
     pub fn bend(&self, speed: f32, size: f64, sample: i64) -> f32 {
         let Some(curve) = &self.curve else { return 1.0 };
         let size = size as f32;
-        curve.at(speed / size) * power(size, -self.b.at(sample) as f32)
+        curve.at(speed / size) * power(size, curve.growth - self.b.at(sample) as f32)
     }
 
     /// Multiplies `out` by the amplitude over a stretch: law, amplitude of the piece, and rest. `sizes` are those of the surface at

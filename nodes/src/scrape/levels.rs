@@ -3,7 +3,11 @@
 //! All are moved along the same way, the [`StandardStroke`], and what they draw from it is compared with what the whole map of
 //! the surface does.
 
+use super::bands::NoiseBands;
 use super::item::PathPiece;
+use super::law::Law;
+use super::noise::{NoiseForce, NoiseVoice};
+use super::other_node::exchanged;
 use super::stroke::{Pen, circle, pieces};
 use super::voices::{Stretch, Voices};
 use crate::core::time::{Rate, Tick, seconds};
@@ -77,6 +81,35 @@ impl StandardStroke {
         Self { pieces: all, samples: (start * fs).ceil() as usize, rate }
     }
 
+    /// The same with a share of the way gone on another surface.
+    #[must_use]
+    pub fn over_both(mut self, share: f64) -> Self {
+        for (_, piece) in &mut self.pieces {
+            piece.other = Some(piece.place.map(|c| c.map(|x| share * x)));
+        }
+        self
+    }
+
+    /// The same as it goes over the other surface.
+    #[must_use]
+    pub fn on_other(&self) -> Self {
+        let pieces = self.pieces.iter().filter_map(|(tick, piece)| Some((*tick, exchanged(piece)?)));
+        Self { pieces: pieces.collect(), ..*self }
+    }
+
+    /// What a line of noise gives on the stroke, by exponents of force and speed, N.
+    #[must_use]
+    pub fn noise(&self, bands: &NoiseBands, law: [f64; 2]) -> Vec<f32> {
+        let mut force = NoiseForce::new(exponents(law), 1.0, self.rate.as_f64());
+        self.draw(
+            &mut force,
+            // Each circle begins elsewhere on the loop.
+            |k| NoiseVoice::at(bands.round() * (k as f64 * 0.618_034).fract()),
+            |force, voice, stretch, out| force.add(bands, voice, stretch, out),
+            |_, _, _| {},
+        )
+    }
+
     /// Samples per second of what is drawn.
     #[must_use]
     pub fn rate(&self) -> Rate {
@@ -101,6 +134,12 @@ impl StandardStroke {
         voices.play_cells(&self.pieces, None, 0, &mut force, excitation, fresh, sound, after);
         force
     }
+}
+
+/// The law of exponents of force and speed, of strength 1.
+#[must_use]
+pub fn exponents([a, b]: [f64; 2]) -> Law {
+    Law::new([1.0, a, b], RATE.into())
 }
 
 /// What is heard of a force where it rings modes of other dampings and frequencies; the force itself where there are none.

@@ -2,11 +2,9 @@
 
 use super::bands::NoiseBands;
 use super::isophote::{IsophoteForce, IsophoteVoice, Reading};
-use super::law::Law;
-use super::levels::{RATE, StandardStroke, factor, heard, parts, rms, share, sum};
+use super::levels::{RATE, StandardStroke, exponents, factor, heard, parts, rms, share, sum};
 use super::map::{MapForce, MapVoice, SurfaceMap};
 use super::map_node::{MapValue, check_grid};
-use super::noise::{NoiseForce, NoiseVoice};
 use super::plane::Interp;
 use super::strength::{POINTS, SpeedCurve, Strength};
 use super::{isophote_node, noise_node};
@@ -148,12 +146,7 @@ struct Found {
     split: [f64; 2],
 }
 
-/// The law of exponents of force and speed.
-fn law([a, b]: [f64; 2]) -> Law {
-    Law::new([1.0, a, b], FS)
-}
-
-fn bands(profile: &NoiseProfile) -> Result<NoiseBands, Reject> {
+pub(super) fn bands(profile: &NoiseProfile) -> Result<NoiseBands, Reject> {
     noise_node::check(profile)?;
     Ok(NoiseBands::new(profile))
 }
@@ -182,7 +175,7 @@ impl<'a> Surfaces<'a> {
     }
 
     fn map(&self, stroke: &StandardStroke, map: &SurfaceMap) -> Result<Vec<f32>, Fault> {
-        let mut force = MapForce::new(law(self.p.map_law), 1.0, Interp::Bspline3, FS);
+        let mut force = MapForce::new(exponents(self.p.map_law), 1.0, Interp::Bspline3, FS);
         self.heard(stroke.draw(
             &mut force,
             |_| MapVoice::default(),
@@ -192,19 +185,12 @@ impl<'a> Surfaces<'a> {
     }
 
     fn noise(&self, stroke: &StandardStroke, bands: &NoiseBands) -> Result<Vec<f32>, Fault> {
-        let mut force = NoiseForce::new(law(self.p.noise_law), 1.0, FS);
-        self.heard(stroke.draw(
-            &mut force,
-            // Each circle begins elsewhere on the loop.
-            |k| NoiseVoice::at(bands.round() * (k as f64 * 0.618_034).fract()),
-            |force, voice, stretch, out| force.add(bands, voice, stretch, out),
-            |_, _, _| {},
-        ))
+        self.heard(stroke.noise(bands, self.p.noise_law))
     }
 
     fn isophotes(&self, stroke: &StandardStroke, all: &Isophotes) -> Result<Vec<f32>, Fault> {
         isophote_node::check("isophotes", all)?;
-        let mut force = IsophoteForce::new(all, self.p.reading, law(self.p.map_law), FS, 2);
+        let mut force = IsophoteForce::new(all, self.p.reading, exponents(self.p.map_law), FS, 2);
         force.set(self.p.width, self.p.radius, 1.0);
         self.heard(stroke.draw(
             &mut force,
@@ -285,7 +271,7 @@ impl Func for LevelMatcher {
     type Params = LevelMatcherParams;
     type Ports = LevelMatcherPorts;
     const NAME: &'static str = "LevelMatcher";
-    const VERSION: u32 = 4;
+    const VERSION: u32 = 5;
 
     fn eval(p: &LevelMatcherParams, _: &Build<'_>, mut io: LevelMatcherIo<'_>) -> Result<Summary, Fault> {
         let surfaces = Surfaces::new(p, &io)?;

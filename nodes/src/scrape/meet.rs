@@ -69,7 +69,7 @@ pub struct MeetForce {
     pub law: Law,
     /// Size of both surfaces.
     pub scale: Slew,
-    /// Half the length of the line of contact, m.
+    /// Half the length of the line of contact on surfaces of size 1, m.
     pub reach: f64,
     /// Way over which a meeting is felt, px of the first surface.
     pub width: f64,
@@ -119,17 +119,18 @@ impl MeetForce {
             }
         }
         let size = self.scale.at(stretch.anchor);
+        let reach = self.reach * size;
         let mut near = true;
         for (side, base) in bases.into_iter().enumerate() {
             let ends = self.come[side].iter().fold((f64::MAX, f64::MIN), |(l, h), x| (l.min(*x), h.max(*x)));
-            near &= self.cross(side, base, direction, [ends.0 - self.reach, ends.1 + self.reach], size);
+            near &= self.cross(side, base, direction, [ends.0 - reach, ends.1 + reach], size);
         }
         if !near {
             // Faster than lines could be told apart.
             self.left_out += (stretch.to - stretch.from) as u64;
             return;
         }
-        self.meet(stretch);
+        self.meet(stretch, reach);
         for k in 0..self.met.len() {
             let meeting = self.met[k];
             self.sound(voice, stretch, &meeting, size);
@@ -207,7 +208,7 @@ impl MeetForce {
     /// Finds the pairs of lines that meet within a stretch, the earliest first.
     ///
     /// Those that make no sound do not count: then it makes no difference how a cell is cut.
-    fn meet(&mut self, stretch: &Stretch) {
+    fn meet(&mut self, stretch: &Stretch, reach: f64) {
         let mut force = [0.0; CELL];
         stretch.force(&mut force);
         let Self { come, found: [found_a, found_b], met, .. } = self;
@@ -224,7 +225,7 @@ impl MeetForce {
                 let off = a.at - come[0][n] - part * (come[0][n + 1] - come[0][n]);
                 let speed = (after - before).abs() * self.rate;
                 let sounds = speed >= f64::from(AT_REST) && force[n] > 0.0;
-                if sounds && off.abs() <= self.reach {
+                if sounds && off.abs() <= reach {
                     let pieces = [a.piece, b.piece];
                     let time = n as f64 + part;
                     self.left_out += u64::from(met.len() == MOST);
@@ -254,7 +255,8 @@ impl MeetForce {
         let strength = libm::pow(force, a) * libm::pow(speed, b) * gain;
         let density = self.surfaces[0].1;
         let time = self.width * size / (density[0] * density[1]).sqrt() / speed;
-        let area = PULSE * kappa * strength * meeting.slopes;
+        let bend = f64::from(self.law.bend(speed as f32, size, sample));
+        let area = PULSE * kappa * bend * strength * meeting.slopes;
         self.pulses.add(
             stretch.anchor,
             meeting.time,

@@ -2,10 +2,10 @@
 
 use super::isophote_node::check;
 use super::item::PathPiece;
-use super::law::Law;
 use super::meet::{MeetForce, MeetVoice};
 use super::pulses::LONGEST;
 use super::slew::Slew;
+use super::strength::{self, Strength, linked, silent};
 use super::voices::Voices;
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
@@ -30,7 +30,7 @@ params! {
     ///
     /// Noise of both surfaces is added by a NoiseExcitation for each, the other one with the ways of OtherSurface. Where
     /// ways do not tell of the other surface, the same place of it touches all the time. `gain`, `kappa`, `a`, `b` and `scale` can be
-    /// changed while it sounds. A contact has at most 32 meetings in 64 samples; the summary counts them and those that were left out. In
+    /// changed while it sounds. A link to `kappa` takes the place of the number. A contact has at most 32 meetings in 64 samples; the summary counts them and those that were left out. In
     /// tight bends a meeting may be missed or counted twice.
     ///
     /// # Source
@@ -49,7 +49,7 @@ params! {
         b: f64 = 0.0, unit "", range 0.0..=2.0;
         /// Factor of the force.
         gain: f64 = 1.0, unit "", range -1000.0..=1000.0;
-        /// Size of the surfaces: with 2 all that is on them is twice as large.
+        /// Size of the surfaces: with 2 all that is on them is twice as large, and `reach` too.
         scale: f64 = 1.0, unit "", range 0.001..=1000.0;
         /// Number of the object whose contacts are taken; None takes all.
         object: Option<u32> = None, unit "", range 0..=4_294_967_295_u32;
@@ -68,6 +68,8 @@ ports! {
             first: Value<Isophotes>,
             /// Lines of the other.
             second: Value<Isophotes>,
+            /// Strength in place of the number, as PairMatcher finds it.
+            kappa: Option<Value<Strength>>,
         }
         out {
             /// Force, mono, N.
@@ -80,18 +82,22 @@ ports! {
 #[derive(Debug)]
 pub struct FeatureCrossings {
     params: FeatureCrossingsParams,
+    /// Strength that is linked.
+    kappa: Option<Strength>,
     force: MeetForce,
     voices: Voices<MeetVoice>,
 }
 
-fn law(p: &FeatureCrossingsParams) -> [f64; 3] {
-    [p.kappa * p.gain, p.a, p.b]
+/// The law of the parameters, with the strength that is linked in place of the number.
+fn law(p: &FeatureCrossingsParams, kappa: Option<Strength>) -> [f64; 3] {
+    [kappa.map_or(p.kappa, |s| s.kappa) * p.gain, p.a, p.b]
 }
 
 impl Node for FeatureCrossings {
     type Params = FeatureCrossingsParams;
     type Ports = FeatureCrossingsPorts;
     const NAME: &'static str = "FeatureCrossings";
+    const VERSION: u32 = 2;
     const CLASS: Class = Class::Audio;
     const COST: f64 = 15.0;
 
@@ -106,14 +112,19 @@ impl Node for FeatureCrossings {
         check("first", &a)?;
         check("second", &b)?;
         let rate = p.rate.as_f64();
-        let mut force = MeetForce::new([&a, &b], Law::new(law(p), rate), rate, p.contacts.into());
+        let kappa = linked(cx.optional_value(FeatureCrossingsPorts::kappa))?;
+        let law = strength::law(law(p, kappa), kappa, rate);
+        let mut force = MeetForce::new([&a, &b], law, rate, p.contacts.into());
         (force.reach, force.width, force.scale) = (p.reach, p.width, Slew::new(p.scale, rate));
         let voices = Voices::new(p.contacts.into(), p.rate, MeetVoice::default());
-        Ok(Self { params: p.clone(), force, voices })
+        Ok(Self { params: p.clone(), kappa, force, voices })
     }
 
     fn run(&mut self, mut io: FeatureCrossingsIo<'_>) -> Result<(), Fault> {
         let (first, events, out) = (io.force.first(), io.paths.events(), io.force.items());
+        if silent(self.kappa, out) {
+            return Ok(());
+        }
         let object = self.params.object;
         let Self { force, voices, .. } = self;
         let fresh = |_: &PathPiece| MeetVoice::default();
@@ -136,7 +147,7 @@ impl Node for FeatureCrossings {
         if fixed(new) != fixed(&self.params) {
             return Retune::Rebuild;
         }
-        self.force.law.go_to(law(new), self.voices.now());
+        self.force.law.go_to(law(new, self.kappa), self.voices.now());
         self.force.scale.go_to(new.scale, self.voices.now());
         (self.force.reach, self.force.width) = (new.reach, new.width);
         self.params = new.clone();

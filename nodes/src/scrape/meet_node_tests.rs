@@ -1,7 +1,7 @@
 use super::*;
 use crate::core::solo::Solo;
 use crate::core::time::Tick;
-use crate::scrape::testing::{piece, rms};
+use crate::scrape::testing::{piece, rates_apart, rms};
 use crate::scrape::{PULSE, Pulses};
 use crate::texture::{Drawing, Grid, Levels, Luma, LumaKind, Surface, Wrap, isophotes};
 
@@ -151,4 +151,58 @@ fn rest_and_no_force_are_silent_and_knobs_make_no_steps() {
         let out = run.stream(FeatureCrossingsPorts::force);
         assert!(step(&out) <= 2.0 * step(&plain), "{edit:?}: {} {}", step(&out), step(&plain));
     }
+}
+
+#[test]
+fn the_sample_rate_changes_nothing_that_is_heard() {
+    let uneven = |steps: [usize; 4]| {
+        let round: usize = steps.iter().sum();
+        let edge =
+            |x: usize| steps.iter().scan(0, |at, s| Some(std::mem::replace(at, *at + s))).any(|at| at == x);
+        let grid = Grid::from_fn(round, 40, |x, y| if edge((x + y / 7) % round) { 1.0 } else { 0.0 });
+        let luma = Luma { grid, holes: Vec::new(), kind: LumaKind::Lstar, surface: Surface::default() };
+        let levels = Levels::These(vec![0.4]);
+        isophotes(&luma, &Drawing { levels, pre_blur: 0.0, simplify: 0.0, ..Drawing::default() }).unwrap()
+    };
+    let path = PathPiece {
+        other: Some(piece([0.1, 0.003], [0.35, 0.01], 1.0).place),
+        ..piece([0.0, 0.003], [0.8, 0.02], 1.0)
+    };
+    let at = |rate: u32| {
+        let p = FeatureCrossingsParams { rate: Rate::hz(rate), width: 0.2, reach: 0.01, ..params() };
+        let solo = Solo::new::<FeatureCrossings>(p)
+            .events(FeatureCrossingsPorts::paths, vec![(0, path)], ticks(1.0))
+            .value(FeatureCrossingsPorts::first, uneven([13, 21, 34, 18]))
+            .value(FeatureCrossingsPorts::second, uneven([17, 29, 11, 40]));
+        count(&solo)
+    };
+    let ((met, low), (too, high)) = (at(44_100), at(88_200));
+    let miss = rates_apart(&low, &high);
+    assert!(met > 30 && met == too && miss < 0.5, "{met} and {too} meetings, {miss} dB");
+}
+
+#[test]
+fn with_a_linked_strength_all_that_is_twice_as_large_and_passed_twice_as_fast_is_twice_as_loud() {
+    use crate::core::item::AnyValue;
+    use crate::core::solo::Feed;
+    use crate::scrape::SpeedCurve;
+    let play = |scale: f64, speed: f64, kappa: Strength| {
+        let p = FeatureCrossingsParams { scale, reach: 0.02, ..params() };
+        let way = passing(0.5 * speed, 0.3 * speed);
+        let big = |c: [[f64; 2]; 4]| [c[0].map(|x| x * scale), c[1], c[2], c[3]];
+        let way = PathPiece { place: big(way.place), other: way.other.map(big), ..way };
+        let kappa = Feed::value(AnyValue::new(kappa));
+        let solo = solo(p, vec![(0, way)], [1.0; 2]).feed(FeatureCrossingsPorts::kappa.index(), kappa);
+        count(&solo)
+    };
+    let curve = Some(SpeedCurve::new(0.8, std::array::from_fn(|k| 1.0 + 0.2 * k as f64)).of_relief());
+    let strength = Strength { kappa: 2.0, curve };
+    let (met, once) = play(1.0, 1.0, strength);
+    let (too, twice) = play(2.0, 2.0, strength);
+    assert!(met > 5 && met == too, "{met} {too}");
+    for (a, b) in once.iter().zip(&twice) {
+        assert!((2.0 * a - b).abs() < 1e-3 * rms(&twice) as f32 + 2e-3 * b.abs(), "{a} {b}");
+    }
+    let (_, none) = play(1.0, 1.0, Strength::even(0.0));
+    assert!(none.iter().all(|x| *x == 0.0));
 }

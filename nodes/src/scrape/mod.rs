@@ -27,6 +27,7 @@ mod noise;
 pub mod noise_node;
 pub mod other_node;
 mod pair;
+pub mod pair_levels_node;
 pub mod pair_node;
 mod past;
 pub mod path_node;

@@ -26,7 +26,7 @@ impl NoiseVoice {
 /// The force of contacts that pass over a loop of noise at their speed; backwards where they turn back.
 ///
 /// # Complexity
-/// 32 products per sample and contact; 64 at speeds at which more than a sample is passed from one sample to the next.
+/// Those of a [`NoiseBands`] per sample and contact.
 #[derive(Clone, Debug)]
 pub struct NoiseForce {
     simd: Level,
@@ -63,14 +63,19 @@ impl NoiseForce {
         let dense = 1.0 / (noise.spacing() * stretch.rate);
         let settled = self.scale.settled(stretch.anchor);
         let round = noise.round();
-        let mut made = [0.0; CELL];
         let (from, to) = (stretch.from, stretch.to.min(CELL));
-        for (n, made) in made.iter_mut().enumerate().take(to).skip(from) {
+        // Where each sample is read, one after the other; then all are read, which need not wait for each other.
+        let mut spots = [(0.0, 0.0); CELL];
+        for (n, spot) in spots.iter_mut().enumerate().take(to).skip(from) {
             let size = settled.unwrap_or_else(|| self.scale.at(stretch.anchor + n as i64));
             let step = f64::from(self.moves.speed[n]) * dense / size;
-            *made = noise.read(simd, voice.place, step as f32);
+            *spot = (voice.place, step as f32);
             let next = voice.place + f64::from(self.moves.sign[n]) * step;
             voice.place = if next >= 0.0 && next < round { next } else { wrapped(next, round) };
+        }
+        let mut made = [0.0; CELL];
+        for (made, (place, step)) in made.iter_mut().zip(spots).take(to).skip(from) {
+            *made = noise.read(simd, place, step);
         }
         let sizes = self.scale.ends(stretch.anchor);
         self.law.apply(stretch, &self.moves, sizes, &mut made);

@@ -123,7 +123,7 @@ impl Node for NoiseExcitation {
     type Params = NoiseExcitationParams;
     type Ports = NoiseExcitationPorts;
     const NAME: &'static str = "NoiseExcitation";
-    const VERSION: u32 = 3;
+    const VERSION: u32 = 4;
     const CLASS: Class = Class::Audio;
     const COST: f64 = 15.0;
 
@@ -200,7 +200,7 @@ mod tests {
     use super::*;
     use crate::core::solo::Solo;
     use crate::core::time::{Tick, ticks};
-    use crate::scrape::testing::{piece, rms};
+    use crate::scrape::testing::{piece, rates_apart, rms};
 
     fn params() -> NoiseExcitationParams {
         NoiseExcitationParams { rate: Rate::hz(44_100), ..NoiseExcitationParams::read(&|_| None).unwrap() }
@@ -316,6 +316,34 @@ mod tests {
             let during = step(&out[15_000..17_000]);
             assert!(before > 0.0 && during < 4.0 * before, "{edit:?}: {during} against {before}");
         }
+    }
+
+    #[test]
+    fn the_sample_rate_changes_nothing_that_is_heard() {
+        // Read as it is, and where it is passed so fast at one rate that less of it is left.
+        for speed in [1.1, 7.0] {
+            let at = |rate: u32| {
+                let p = NoiseExcitationParams { rate: Rate::hz(rate), ..params() };
+                let path = vec![(0, piece([0.0; 2], [speed, 0.0], 1.0))];
+                solo(p, path, 1.0).run().unwrap().stream(NoiseExcitationPorts::force)
+            };
+            let (low, high) = (at(44_100), at(88_200));
+            let heard = rates_apart(&low, &high);
+            assert!(heard < 0.5, "{speed} m/s: {heard} dB");
+        }
+    }
+
+    #[test]
+    fn rest_and_no_force_are_silent() {
+        let p = NoiseExcitationParams { a: 0.0, b: 0.0, ..params() };
+        let play = |paths| solo(p.clone(), paths, 0.4).run().unwrap().stream(NoiseExcitationPorts::force);
+        let go = piece([0.0; 2], [0.5, 0.0], 0.2);
+        let rest = piece([0.1, 0.0], [0.0; 2], 0.2);
+        let out = play(vec![(0, go), (ticks(0.2), rest)]);
+        assert!(rms(&out[..8820]) > 0.1);
+        assert!(out[8820 + 225..].iter().all(|x| *x == 0.0), "it goes on at rest");
+        assert!(play(vec![(0, rest)]).iter().all(|x| *x == 0.0));
+        assert!(play(vec![(0, PathPiece { force: [0.0; 2], ..go })]).iter().all(|x| *x == 0.0));
     }
 
     #[test]

@@ -34,7 +34,7 @@ pub struct OtherSurface {
 }
 
 /// A piece with its surfaces exchanged, where both are known.
-fn exchanged(piece: &PathPiece) -> Option<PathPiece> {
+pub(super) fn exchanged(piece: &PathPiece) -> Option<PathPiece> {
     piece.other.map(|other| PathPiece { place: other, other: Some(piece.place), ..*piece })
 }
 

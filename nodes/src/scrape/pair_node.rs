@@ -103,7 +103,7 @@ fn law(p: &TwoTexturesParams, kappa: Option<Strength>, ball: bool) -> [f64; 3] {
     [kappa.map_or(p.kappa, |s| s.kappa) * p.gain, p.a_exponent, if ball { 1.0 } else { 0.0 }]
 }
 
-fn check(field: &'static str, luma: &Luma) -> Result<(), Reject> {
+pub(super) fn check(field: &'static str, luma: &Luma) -> Result<(), Reject> {
     check_grid(field, &luma.grid, &luma.surface)?;
     if (0.0..=1.0).contains(&luma.surface.depth) {
         return Ok(());

@@ -2,7 +2,7 @@ use super::*;
 use crate::core::item::AnyValue;
 use crate::core::solo::{Feed, Solo};
 use crate::core::time::{Tick, ticks};
-use crate::scrape::testing::{db, piece, rms};
+use crate::scrape::testing::{db, piece, rates_apart, rms};
 use crate::texture::{Grid, LumaKind, Surface};
 
 const FS: f64 = 44_100.0;
@@ -247,5 +247,64 @@ fn edits_while_it_sounds_do_not_click() {
         let (before, during) = (step(&out[2000..15_000]), step(&out[15_000..17_000]));
         let after = step(&out[18_000..]).max(before);
         assert!(during < 4.0 * after, "{edit:?} {}: {during} against {before} and {after}", b.is_some());
+    }
+}
+
+/// A relief of waves that have nothing to do with each other, and the way of two of them over each other.
+fn rough_pair() -> ([Luma; 2], PathPiece) {
+    let rough = |density: f64, seeds: [u64; 8]| {
+        luma(density, 2e-4, 1024, move |x| {
+            let wave = |k: &u64| (x as f32 * std::f32::consts::TAU * *k as f32 / 1024.0).sin();
+            50.0 + 8.0 * seeds.iter().map(wave).sum::<f32>()
+        })
+    };
+    let path = PathPiece {
+        other: Some(piece([0.2, 0.0], [0.31, 0.0], 1.0).place),
+        ..piece([0.01, 0.0], [0.8, 0.0], 1.0)
+    };
+    let pair = [
+        rough(2000.0, [17, 29, 53, 71, 97, 131, 173, 211]),
+        rough(3000.0, [13, 31, 47, 79, 103, 127, 167, 223]),
+    ];
+    (pair, path)
+}
+
+#[test]
+fn the_sample_rate_changes_nothing_that_is_heard() {
+    let ([a, b], path) = rough_pair();
+    for other in [None, Some(b)] {
+        let alone = other.is_none();
+        let at = |rate: u32| {
+            let p = TwoTexturesParams { rate: Rate::hz(rate), ..params() };
+            let solo = solo_of(p, a.clone(), other.clone(), vec![(0, path)], 1.0);
+            solo.run().unwrap().stream(TwoTexturesPorts::force)
+        };
+        let miss = rates_apart(&at(44_100), &at(88_200));
+        assert!(miss < 0.5, "alone: {alone}: {miss} dB");
+    }
+}
+
+#[test]
+fn rest_and_no_force_are_silent() {
+    let ([a, b], go) = rough_pair();
+    let go = go.part(0.0, 0.2, ticks(0.2));
+    let still = |at: [f64; 2]| piece(at, [0.0; 2], 0.3).place;
+    let end = go.place_at(1.0);
+    let other = go.other.map(|c| [0, 1].map(|k| c.iter().map(|c| c[k]).sum::<f64>()));
+    let rest = PathPiece { other: other.map(still), ..piece(end, [0.0; 2], 0.3) };
+    for b in [None, Some(b)] {
+        let p = TwoTexturesParams { a_exponent: 0.0, ..params() };
+        let play = |paths: Vec<(Tick, PathPiece)>| {
+            let solo = solo_of(p.clone(), a.clone(), b.clone(), paths, 0.5);
+            solo.run().unwrap().stream(TwoTexturesPorts::force)
+        };
+        let out = play(vec![(0, go), (ticks(0.2), rest)]);
+        assert!(rms(&out[..8820]) > 0.0);
+        assert!(out[8820 + 225..].iter().all(|x| *x == 0.0), "it goes on at rest");
+        assert!(play(vec![(0, PathPiece { duration: ticks(0.5), ..rest })]).iter().all(|x| *x == 0.0));
+        assert!(play(vec![(0, PathPiece { force: [0.0; 2], ..go })]).iter().all(|x| *x == 0.0));
+        // What rests on one side and slips on the other sounds, where there are two sides.
+        let slips = PathPiece { other: go.other, ..piece(go.place_at(0.0), [0.0; 2], 0.2) };
+        assert_eq!(rms(&play(vec![(0, slips)])) > 0.0, b.is_some());
     }
 }

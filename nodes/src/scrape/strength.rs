@@ -23,6 +23,8 @@ pub struct SpeedCurve {
     lowest: f32,
     /// Factors at each quarter of an octave from there on.
     factors: [f32; POINTS],
+    /// Power of the size of the surface with which it grows.
+    pub growth: f32,
 }
 
 impl SpeedCurve {
@@ -36,7 +38,13 @@ impl SpeedCurve {
     #[must_use]
     pub fn new(middle: f64, factors: [f64; POINTS]) -> Self {
         let [lowest, ..] = Self::speeds(middle);
-        Self { lowest: lowest as f32, factors: factors.map(|x| x as f32) }
+        Self { lowest: lowest as f32, factors: factors.map(|x| x as f32), growth: 0.0 }
+    }
+
+    /// The same for what is compared with a relief: one of twice the size is twice as high as well.
+    #[must_use]
+    pub fn of_relief(self) -> Self {
+        Self { growth: 1.0, ..self }
     }
 
     /// The factor at a speed, m/s.
@@ -53,6 +61,7 @@ impl SpeedCurve {
     fn holds(&self) -> bool {
         self.lowest.is_normal()
             && self.lowest > 0.0
+            && (0.0..=1.0).contains(&self.growth)
             && self.factors.iter().all(|x| (0.0..=MOST as f32).contains(x))
     }
 }
@@ -85,7 +94,10 @@ impl Data for Strength {
 
     fn trial(draw: &mut Draw) -> Self {
         let factors = [(); POINTS].map(|()| draw.between(0.1, 10.0));
-        let curve = (draw.below(2) == 0).then(|| SpeedCurve::new(draw.between(0.1, 2.0), factors));
+        let curve = (draw.below(2) == 0).then(|| {
+            let curve = SpeedCurve::new(draw.between(0.1, 2.0), factors);
+            if draw.below(2) == 0 { curve } else { curve.of_relief() }
+        });
         Self { kappa: draw.between(-10.0, 10.0), curve }
     }
 }

@@ -51,3 +51,27 @@ pub(crate) fn rms(x: &[f32]) -> f64 {
 pub(crate) fn db(x: f64) -> f64 {
     20.0 * x.max(1e-30).log10()
 }
+
+/// Power at each Hz of one second, under a Hann window.
+fn powers(x: &[f32]) -> Vec<f64> {
+    let n = x.len();
+    let turn = |k: usize| std::f64::consts::TAU * k as f64 / n as f64;
+    let mut windowed: Vec<f64> =
+        x.iter().enumerate().map(|(k, x)| f64::from(*x) * (1.0 - turn(k).cos())).collect();
+    let fft = realfft::RealFftPlanner::new().plan_fft_forward(n);
+    let mut out = fft.make_output_vec();
+    fft.process(&mut windowed, &mut out).unwrap();
+    out.iter().map(|z| z.norm_sqr()).collect()
+}
+
+/// How far a second at 44.1 kHz and the same at 88.2 kHz are apart at most, in bands of a third of an octave from 100 Hz to 4 kHz, dB.
+pub(crate) fn rates_apart(low: &[f32], high: &[f32]) -> f64 {
+    let [a, b] = [powers(&low[..44_100]), powers(&high[..88_200])];
+    let miss = (0..16).map(|k| {
+        let f = 100.0 * 2.0_f64.powf(f64::from(k) / 3.0);
+        let band = |powers: &[f64]| powers[f as usize..(1.26 * f) as usize].iter().sum::<f64>();
+        // As many times as there are samples, and as much each: twice the amplitude.
+        (0.5 * db(4.0 * band(&a) / band(&b))).abs()
+    });
+    miss.fold(0.0, f64::max)
+}

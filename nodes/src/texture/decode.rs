@@ -436,6 +436,48 @@ pub(super) mod tests {
         assert_eq!(decode(&tiff(3, &data)).unwrap().channels, 3);
     }
 
+    /// A TIFF of two pixels of grey with alpha, written by hand: its encoder knows none.
+    fn grey_and_alpha(bits: u8, samples: &[u8]) -> Vec<u8> {
+        let short = |tag: u16, values: [u16; 2], count: u32| {
+            let [tag, kind] = [tag, 3].map(u16::to_le_bytes);
+            [&tag[..], &kind, &count.to_le_bytes(), &values[0].to_le_bytes(), &values[1].to_le_bytes()]
+                .concat()
+        };
+        let bits = u16::from(bits);
+        // Width, height, bits, no compression, black is 0, where the samples are, channels, rows, bytes, and that the second is alpha.
+        let tags = [
+            short(256, [2, 0], 1),
+            short(257, [1, 0], 1),
+            short(258, [bits, bits], 2),
+            short(259, [1, 0], 1),
+            short(262, [1, 0], 1),
+            short(273, [134, 0], 1),
+            short(277, [2, 0], 1),
+            short(278, [1, 0], 1),
+            short(279, [samples.len() as u16, 0], 1),
+            short(338, [2, 0], 1),
+        ];
+        [&b"II\x2a\0\x08\0\0\0\x0a\0"[..], &tags.concat(), &[0; 4], samples].concat()
+    }
+
+    #[test]
+    fn a_tiff_of_grey_and_alpha_has_holes_where_it_is_transparent() {
+        use crate::texture::LumaKind;
+        use crate::texture::luma::luminance;
+        let bytes = decode(&grey_and_alpha(8, &[119, 255, 200, 10])).unwrap();
+        assert_eq!((bytes.width, bytes.height, bytes.channels, bytes.format), (2, 1, 2, Format::Tiff));
+        assert_eq!(bytes.samples, Samples::Bytes(vec![119, 255, 200, 10]));
+        let words = [119 * 257_u16, 65_535, 51_400, 2570];
+        let wide: Vec<u8> = words.iter().flat_map(|x| x.to_le_bytes()).collect();
+        let wide = decode(&grey_and_alpha(16, &wide)).unwrap();
+        assert_eq!(wide.samples, Samples::Words(words.to_vec()));
+        for picture in [bytes, wide] {
+            let (luma, holes) = luminance(&picture, LumaKind::Lstar, false).unwrap();
+            assert!((luma.samples[0] - 50.0).abs() < 0.1 && luma.samples[1] == 0.0, "{:?}", luma.samples);
+            assert_eq!(holes, [false, true]);
+        }
+    }
+
     /// The JPEG with an Exif block behind its first two bytes.
     fn turned_jpeg(orientation: u8) -> Vec<u8> {
         let exif: &[u8] =

@@ -1,0 +1,109 @@
+//! Milliseconds that matching all levels of detail takes before a graph sounds: LevelMatcher on an image, PairMatcher on two.
+//!
+//! Run with `cargo bench -p foley-nodes --bench levels`. The aim is a second.
+
+use foley_nodes::core::item::AnyValue;
+use foley_nodes::core::params::Params;
+use foley_nodes::core::random::Random;
+use foley_nodes::core::solo::{Feed, Solo};
+use foley_nodes::modal::Modes;
+use foley_nodes::scrape::levels_node::{LevelMatcher, LevelMatcherParams, LevelMatcherPorts};
+use foley_nodes::scrape::pair_levels_node::{PairMatcher, PairMatcherParams, PairMatcherPorts};
+use foley_nodes::texture::bilateral::{BilateralParams, bilateral};
+use foley_nodes::texture::decode::decode;
+use foley_nodes::texture::detail::extend;
+use foley_nodes::texture::dog::{DogParams, features};
+use foley_nodes::texture::luma::luminance;
+use foley_nodes::texture::profile::{PROFILE, profile};
+use foley_nodes::texture::sobel::gradient;
+use foley_nodes::texture::split::noise;
+use foley_nodes::texture::{
+    DiscontinuityMap, Drawing, FeatureMap, Isophotes, Levels, Luma, LumaKind, NoiseMap, NoiseProfile,
+    Surface, isophotes,
+};
+use std::error::Error;
+use std::time::Instant;
+
+/// All that is made of an image before its levels are matched.
+struct Made {
+    luma: Luma,
+    map: DiscontinuityMap,
+    features: FeatureMap,
+    rest: NoiseMap,
+    noise: NoiseProfile,
+    curves: Isophotes,
+    lines: Isophotes,
+}
+
+fn made(name: &str, density: f64) -> Result<Made, Box<dyn Error>> {
+    let path = format!("{}/../graphs/assets/images/{name}.png", env!("CARGO_MANIFEST_DIR"));
+    let (grid, _) = luminance(&decode(&std::fs::read(path)?)?, LumaKind::Lstar, false)?;
+    let surface = Surface { density: [density; 2], ..Surface::default() };
+    let smooth = bilateral(&grid, BilateralParams { sigma_d: 3.0, sigma_r: 4.25 }, surface.wrap);
+    let lines = features(&smooth, DogParams::default(), surface.wrap);
+    let rest = NoiseMap { grid: noise(&grid, &smooth, Some(&lines), &[]), holes: Vec::new(), surface };
+    let [gx, gy] = gradient(&grid, surface.wrap);
+    let luma = Luma { grid, holes: Vec::new(), kind: LumaKind::Lstar, surface };
+    // As fine as a sample at 2 m/s.
+    let times = (44_100.0 / 2.0 / density).ceil() as usize;
+    Ok(Made {
+        map: DiscontinuityMap { gx, gy, surface },
+        features: FeatureMap { grid: lines, surface },
+        noise: extend(&profile(&rest, PROFILE), times, &Random::new(1, "bench")).0,
+        rest,
+        curves: isophotes(&luma, &Drawing::default())?,
+        lines: isophotes(&luma, &Drawing { levels: Levels::Quantiles(2), ..Drawing::default() })?,
+        luma,
+    })
+}
+
+/// Best of three times, ms.
+fn time(solo: &Solo) -> Result<f64, Box<dyn Error>> {
+    let mut best = f64::MAX;
+    for _ in 0..3 {
+        let start = Instant::now();
+        solo.run()?;
+        best = best.min(start.elapsed().as_secs_f64() * 1e3);
+    }
+    Ok(best)
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let modes = Modes::new("bench", vec![271.0, 410.0, 663.0, 1190.0], vec![9.0; 4], vec![1.0; 4])?;
+    println!("ms to match all levels, on all cores                       ms     aim");
+    for name in ["sk_brick", "sk_gravel", "tiles"] {
+        let made = made(name, 512.0)?;
+        for (what, by_speed) in [("17 speeds", true), ("one speed", false)] {
+            let p = LevelMatcherParams::read(&|_| None).map_err(|e| format!("{e:?}"))?;
+            let p = LevelMatcherParams { speed: 1.2, force: 11.0, by_speed, ..p };
+            type P = LevelMatcherPorts;
+            let solo = Solo::func::<LevelMatcher>(p)
+                .feed(P::map.index(), Feed::value(AnyValue::new(made.map.clone())))
+                .feed(P::isophotes.index(), Feed::value(AnyValue::new(made.curves.clone())))
+                .feed(P::features.index(), Feed::value(AnyValue::new(made.features.clone())))
+                .feed(P::rest.index(), Feed::value(AnyValue::new(made.rest.clone())))
+                .feed(P::noise.index(), Feed::value(AnyValue::new(made.noise.clone())))
+                .feed(P::spectrum.index(), Feed::value(AnyValue::new(made.noise.clone())))
+                .feed(P::modes.index(), Feed::value(AnyValue::new(modes.clone())));
+            println!("  {:<50} {:8.0}    1000", format!("{name}, {what}"), time(&solo)?);
+        }
+    }
+    let (a, b) = (made("sk_gravel", 2048.0)?, made("sk_brick", 4096.0)?);
+    let p = PairMatcherParams::read(&|_| None).map_err(|e| format!("{e:?}"))?;
+    let p = PairMatcherParams { speed: 0.6, other: 0.4, force: 3.0, ..p };
+    type P = PairMatcherPorts;
+    let solo = Solo::func::<PairMatcher>(p)
+        .feed(P::a.index(), Feed::value(AnyValue::new(a.luma)))
+        .feed(P::b.index(), Feed::value(AnyValue::new(b.luma)))
+        .feed(P::lines_a.index(), Feed::value(AnyValue::new(a.lines)))
+        .feed(P::lines_b.index(), Feed::value(AnyValue::new(b.lines)))
+        .feed(P::rest_a.index(), Feed::value(AnyValue::new(a.rest)))
+        .feed(P::rest_b.index(), Feed::value(AnyValue::new(b.rest)))
+        .feed(P::noise_a.index(), Feed::value(AnyValue::new(a.noise.clone())))
+        .feed(P::noise_b.index(), Feed::value(AnyValue::new(b.noise.clone())))
+        .feed(P::spectrum_a.index(), Feed::value(AnyValue::new(a.noise)))
+        .feed(P::spectrum_b.index(), Feed::value(AnyValue::new(b.noise)))
+        .feed(P::modes.index(), Feed::value(AnyValue::new(modes)));
+    println!("  {:<50} {:8.0}    1000", "gravel and bricks on each other, 17 speeds", time(&solo)?);
+    Ok(())
+}
