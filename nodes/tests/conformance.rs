@@ -305,6 +305,25 @@ fn names_follow_the_house() {
     }
 }
 
+/// Taps are refused by this before a run, so a type must not have more than it says.
+#[test]
+fn types_that_have_drawings_and_files_say_so() {
+    let (mut plots, mut files) = (0, 0);
+    for ty in all() {
+        for port in ty.outputs {
+            let (PortKind::Value(kind) | PortKind::Fold(kind)) = port.kind else { continue };
+            for seed in 0..4 {
+                let value = (kind.trial)(&mut Draw::new(seed));
+                let (plot, file) = ((kind.plot)(&value).is_some(), (kind.file)(&value).is_some());
+                assert!((!plot || kind.plots) && (!file || kind.files), "{}", kind.name);
+                plots += usize::from(plot);
+                files += usize::from(file);
+            }
+        }
+    }
+    assert!(plots > 20 && files > 4, "{plots} drawings, {files} files");
+}
+
 #[test]
 fn equal_rates_are_not_taken_for_granted() {
     // The trials do feed streams of several rates: the test of the tests.

@@ -67,7 +67,7 @@ pub fn check(graph: &Graph, text: &str) -> Result<Tap, Diagnostic> {
         PortKind::Stream(item) if item.wave => &["wav", "npy", "csv"],
         PortKind::Stream(_) => &["npy", "csv"],
         PortKind::Events(_) => &["csv", "jsonl"],
-        PortKind::Value(data) | PortKind::Fold(data) => match (data.has_plot(), data.has_file()) {
+        PortKind::Value(data) | PortKind::Fold(data) => match (data.plots, data.files) {
             (true, true) => &["json", "svg", "bin"],
             (true, false) => &["json", "svg"],
             (false, true) => &["json", "bin"],

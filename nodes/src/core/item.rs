@@ -97,6 +97,10 @@ pub trait Event: Clone + PartialEq + Debug + Serialize + DeserializeOwned + Send
 pub trait Data: Debug + PartialEq + Serialize + DeserializeOwned + Send + Sync + 'static {
     /// The name that people see, such as `friction model`.
     const NAME: &'static str;
+    /// Whether its values have drawings, but for some that are empty.
+    const PLOTS: bool = false;
+    /// Whether they have files of their own kind.
+    const FILES: bool = false;
     /// A valid value for trials.
     fn trial(draw: &mut Draw) -> Self;
     /// A drawing of it as SVG, where it has one.
@@ -297,6 +301,10 @@ pub struct DataType {
     pub id: fn() -> TypeId,
     /// The value as JSON, written as it goes: of a large value the tree would take many times its memory.
     pub json: fn(&AnyValue, &mut dyn io::Write) -> io::Result<()>,
+    /// Whether its values have drawings.
+    pub plots: bool,
+    /// Whether they have files of their own kind.
+    pub files: bool,
     /// The value drawn as SVG.
     pub plot: fn(&AnyValue) -> Option<String>,
     /// The value as a file of its own kind.
@@ -318,6 +326,8 @@ impl<T: Data> Described for OfData<T> {
             Some(v) => Ok(serde_json::to_writer_pretty(to, v)?),
             None => Ok(()),
         },
+        plots: T::PLOTS,
+        files: T::FILES,
         plot: |value| value.get::<T>().and_then(T::plot),
         file: |value| value.get::<T>().and_then(T::file),
         encode: |value| value.get::<T>().and_then(|v| postcard::to_allocvec(v).ok()),
@@ -332,24 +342,6 @@ pub struct AnyValue {
     data: Arc<dyn Any + Send + Sync>,
     hash: [u8; 32],
     kind: &'static DataType,
-}
-
-impl DataType {
-    /// Whether values of this type have a drawing.
-    #[must_use]
-    pub fn has_plot(&self) -> bool {
-        self.tried(|value| (self.plot)(value).is_some())
-    }
-
-    /// Whether values of this type have a file of their own kind.
-    #[must_use]
-    pub fn has_file(&self) -> bool {
-        self.tried(|value| (self.file)(value).is_some())
-    }
-
-    fn tried(&self, has: impl Fn(&AnyValue) -> bool) -> bool {
-        (0..4).any(|seed| has(&(self.trial)(&mut Draw::new(seed))))
-    }
 }
 
 impl AnyValue {

@@ -345,6 +345,7 @@ pub(super) fn trial_bank() -> CrumpleBank {
 
 impl Data for CrumpleBank {
     const NAME: &'static str = "crumple bank";
+    const PLOTS: bool = true;
 
     fn trial(_: &mut Draw) -> Self {
         trial_bank()

@@ -270,6 +270,7 @@ impl EnergyCalibration {
 
 impl Data for EnergyCalibration {
     const NAME: &'static str = "energy calibration";
+    const PLOTS: bool = true;
 
     fn trial(draw: &mut Draw) -> Self {
         let mut meter = EnergyMeter::default();

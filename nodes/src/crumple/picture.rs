@@ -67,6 +67,7 @@ const SIZE: f64 = 420.0;
 
 impl Data for BucklePicture {
     const NAME: &'static str = "buckle picture";
+    const PLOTS: bool = true;
 
     fn trial(_: &mut Draw) -> Self {
         let vertices = vec![[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]];

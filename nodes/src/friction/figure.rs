@@ -12,6 +12,7 @@ const FLOOR: f64 = 1e-9;
 
 impl Data for FrictionModel {
     const NAME: &'static str = "friction model";
+    const PLOTS: bool = true;
 
     fn trial(draw: &mut Draw) -> Self {
         let (speeds, bins) = (2 + draw.below(3), 17 + 16 * draw.below(4));

@@ -89,6 +89,7 @@ pub fn meet(met: &mut Met, piece: &PathPiece, plane: &Plane<1>, surface: &Surfac
 
 impl Data for PathProfile {
     const NAME: &'static str = "path profile";
+    const PLOTS: bool = true;
 
     fn trial(draw: &mut Draw) -> Self {
         let picture = Grid::from_fn(3, 2, |_, _| draw.unit() as f32);

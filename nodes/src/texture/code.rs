@@ -169,6 +169,8 @@ pub fn otsu(gradients: &[f32]) -> f32 {
 
 impl Data for CodedMap {
     const NAME: &'static str = "coded map";
+    const PLOTS: bool = true;
+    const FILES: bool = true;
 
     fn trial(draw: &mut Draw) -> Self {
         let coding = [Coding::Signed, Coding::Byte, Coding::Bit][draw.below(3)];

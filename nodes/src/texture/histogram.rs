@@ -72,6 +72,7 @@ pub fn classify(luma: &Luma, threshold: f32, told: Option<Class>) -> TextureClas
 
 impl Data for TextureClass {
     const NAME: &'static str = "texture class";
+    const PLOTS: bool = true;
 
     fn trial(draw: &mut Draw) -> Self {
         let histogram: Vec<u32> = (0..BINS).map(|_| draw.below(500) as u32).collect();

@@ -12,6 +12,8 @@ const DRAWN: usize = 400_000;
 
 impl Data for Isophotes {
     const NAME: &'static str = "isophotes";
+    const PLOTS: bool = true;
+    const FILES: bool = true;
 
     fn trial(draw: &mut Draw) -> Self {
         let luma = Luma::trial(draw);

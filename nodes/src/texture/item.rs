@@ -147,6 +147,7 @@ fn trial_surface(draw: &mut Draw) -> Surface {
 
 impl Data for Luma {
     const NAME: &'static str = "luma";
+    const PLOTS: bool = true;
 
     fn trial(draw: &mut Draw) -> Self {
         Self {
@@ -164,6 +165,7 @@ impl Data for Luma {
 
 impl Data for DiscontinuityMap {
     const NAME: &'static str = "discontinuity map";
+    const PLOTS: bool = true;
 
     fn trial(draw: &mut Draw) -> Self {
         let gx = trial_grid(draw, -20.0, 20.0);
@@ -178,6 +180,7 @@ impl Data for DiscontinuityMap {
 
 impl Data for FeatureMap {
     const NAME: &'static str = "feature map";
+    const PLOTS: bool = true;
 
     fn trial(draw: &mut Draw) -> Self {
         Self { grid: trial_grid(draw, 0.0, 1.0), surface: trial_surface(draw) }
@@ -190,6 +193,7 @@ impl Data for FeatureMap {
 
 impl Data for NoiseMap {
     const NAME: &'static str = "noise map";
+    const PLOTS: bool = true;
 
     fn trial(draw: &mut Draw) -> Self {
         let mut grid = trial_grid(draw, -5.0, 5.0);
@@ -208,6 +212,8 @@ impl Data for NoiseMap {
 
 impl Data for NoiseProfile {
     const NAME: &'static str = "noise profile";
+    const PLOTS: bool = true;
+    const FILES: bool = true;
 
     fn trial(draw: &mut Draw) -> Self {
         let samples = (0..64 + draw.below(200)).map(|_| draw.between(-5.0, 5.0) as f32).collect();

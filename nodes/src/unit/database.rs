@@ -229,6 +229,7 @@ impl UnitDatabase {
 
 impl Data for UnitDatabase {
     const NAME: &'static str = "unit database";
+    const FILES: bool = true;
 
     /// As [`UnitDatabase::to_bytes`].
     fn file(&self) -> Option<Vec<u8>> {

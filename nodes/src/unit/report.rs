@@ -146,6 +146,7 @@ fn digest(db: &UnitDatabase) -> String {
 
 impl Data for SelectionReport {
     const NAME: &'static str = "selection report";
+    const PLOTS: bool = true;
 
     fn trial(draw: &mut Draw) -> Self {
         let db = UnitDatabase::trial(draw);

@@ -158,6 +158,7 @@ impl Warp {
 
 impl Data for Warp {
     const NAME: &'static str = "warp";
+    const PLOTS: bool = true;
 
     fn trial(draw: &mut Draw) -> Self {
         let conventions = FeatureConventions::trial();
