@@ -307,7 +307,9 @@ impl Func for PairMatcher {
     fn trial(draw: &mut Draw) -> (PairMatcherParams, MemoryFiles) {
         // Fast strokes, which are short, and mostly one.
         let (speed, by_speed) = (draw.between(50.0, 100.0), draw.below(32) == 0);
-        let p = PairMatcherParams { speed, by_speed, ..PairMatcherParams::trial(draw) };
+        // A short line of contact, on which few lines of the surfaces meet.
+        let (taps, reach) = (3 + 2 * draw.below(8) as u16, draw.between(0.00001, 0.001));
+        let p = PairMatcherParams { speed, by_speed, taps, reach, ..PairMatcherParams::trial(draw) };
         (p, MemoryFiles::default())
     }
 }
