@@ -100,13 +100,6 @@ fn every_valid_document_of_the_table_can_be_formatted() {
 }
 
 #[test]
-fn a_comment_before_a_comma_stays_with_its_value() {
-    let text = "Tone(\n    duration: Some(1.0) /* one second */, level: 0.1,\n)\n";
-    let laid_out = "Tone(\n    duration: Some(1.0), /* one second */\n    level: 0.1,\n)\n";
-    check_is(text, laid_out);
-}
-
-#[test]
 fn lines_end_as_they_did() {
     let unix = "Graph(\n    nodes: {\n        \"a\": Tone(), // c\n    },\n)\n";
     let windows = unix.replace('\n', "\r\n");

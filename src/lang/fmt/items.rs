@@ -60,8 +60,6 @@ struct Reader {
     newlines: usize,
     /// Whether a line feed has come since the last item.
     broken: bool,
-    /// Whether a comma has.
-    behind_comma: bool,
 }
 
 impl Reader {
@@ -70,7 +68,7 @@ impl Reader {
             rowan::NodeOrToken::Token(token) => match token.kind() {
                 Whitespace => self.whitespace(&token),
                 kind if kind.is_comment() => self.comment(&token),
-                Comma => (self.newlines, self.behind_comma) = (0, true),
+                Comma => self.newlines = 0,
                 _ => {}
             },
             // A struct or tuple without its brackets, in `Some(...)`.
@@ -96,8 +94,7 @@ impl Reader {
 
     fn comment(&mut self, token: &SyntaxToken) {
         let text = comment_text(token);
-        // Before the comma it belongs to the item; behind it, to what follows on the line.
-        let line_goes_on = token.kind() == BlockComment && self.behind_comma && !ends_its_line(token);
+        let line_goes_on = token.kind() == BlockComment && !ends_its_line(token);
         let trails = self.newlines == 0 && self.leads.is_empty() && !line_goes_on;
         match self.inside.items.last_mut() {
             // Nothing can follow a line comment on its line, though a comma on the next line may try.
@@ -126,7 +123,7 @@ impl Reader {
         }
         let item = Item { node, leads, trailing: Vec::new(), blank_before, newline_before: self.broken };
         self.inside.items.push(item);
-        (self.newlines, self.broken, self.behind_comma) = (0, false, false);
+        (self.newlines, self.broken) = (0, false);
     }
 
     fn finish(mut self) -> Inside {
