@@ -49,11 +49,14 @@ fn findings(path: &Path) -> (Vec<Diagnostic>, Sources) {
     let files = DirFiles::new(loaded.root, limits);
     let Some(graph) = loaded.graph else {
         found.extend(faults(&loaded.sound.unwrap(), &files, &options));
-        sort(&mut found);
+        sort(&mut found, &loaded.sources);
         return (found, loaded.sources);
     };
     match Plan::new(&graph, &files, &options) {
-        Err(errors) => found.extend(errors),
+        Err(errors) => {
+            found.extend(errors);
+            sort(&mut found, &loaded.sources);
+        }
         Ok(plan) => {
             let out = tempfile::tempdir().unwrap();
             let outputs = DirOutputs::new(out.path());

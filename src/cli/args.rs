@@ -445,7 +445,7 @@ pub(super) fn parse_size(text: &str) -> Result<usize, String> {
     };
     let number: f64 = digits.parse().map_err(|_| "a size such as 512M".to_owned())?;
     let bytes = number * scale as f64;
-    if (1.0..9e15).contains(&bytes) { Ok(bytes as usize) } else { Err("a size from 1 byte to 8191T".into()) }
+    if (1.0..9e15).contains(&bytes) { Ok(bytes as usize) } else { Err("a size from 1 byte to 8185T".into()) }
 }
 
 #[cfg(test)]

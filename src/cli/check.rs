@@ -25,7 +25,7 @@ pub fn check(args: &CheckArgs) -> anyhow::Result<Exit> {
         }
         // A graph without end is no mistake: it may be meant to be played live.
         found.retain(|d| d.code != "F048");
-        sort(&mut found);
+        sort(&mut found, &loaded.sources);
         wrong |= any_error(&found);
         if args.json {
             let Value::Array(items) = json(&found, &loaded.sources) else { continue };

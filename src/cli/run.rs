@@ -68,7 +68,7 @@ pub fn read(
     if let Some(sound) = &loaded.sound {
         let options = PlanOptions { until, ..PlanOptions::default() };
         loaded.diagnostics.extend(faults(sound, &files, &options));
-        sort(&mut loaded.diagnostics);
+        sort(&mut loaded.diagnostics, &loaded.sources);
     }
     (loaded, files)
 }
@@ -88,7 +88,7 @@ pub fn look(graph: &GraphArgs, engine: &EngineArgs, quiet: bool) -> Prepared {
         }
         Some(Err(errors)) => {
             found.extend(errors);
-            sort(&mut found);
+            sort(&mut found, &loaded.sources);
             None
         }
         None => None,
@@ -109,7 +109,7 @@ fn plan(found: Graph, engine: &EngineArgs, files: &DirFiles) -> Result<Planned, 
         }
     }
     let threads =
-        engine.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from)).max(1);
+        engine.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
     let options = PlanOptions {
         window: ticks(engine.window),
         threads,

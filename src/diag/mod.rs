@@ -7,6 +7,7 @@ pub use render::{json, render};
 
 use foley_nodes::core::fault::{Fault, Reject};
 use foley_nodes::core::time::{Tick, seconds};
+use std::collections::HashSet;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -183,9 +184,14 @@ impl Sources {
     }
 }
 
-/// Puts diagnostics in the order of the texts that they point into.
-pub fn sort(diagnostics: &mut [Diagnostic]) {
+/// Puts diagnostics in the order of the texts that they point into; what a sub-graph says each time that it is used is left once.
+pub fn sort(diagnostics: &mut Vec<Diagnostic>, sources: &Sources) {
     diagnostics.sort_by_key(|d| (d.place.as_ref().map(|p| (p.file, p.span.start)), d.code));
+    let mut told = HashSet::new();
+    diagnostics.retain(|d| {
+        let at = d.place.as_ref().and_then(|p| Some((&sources.get(p.file)?.name, p.span.clone())));
+        at.is_none_or(|at| told.insert((d.code, at, d.message.clone())))
+    });
 }
 
 /// Whether any of these stops the run.

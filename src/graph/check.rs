@@ -14,7 +14,7 @@ use crate::lang::{Value, ValueKind};
 use foley_nodes::core::node::NodeType;
 use foley_nodes::core::params::{AnyParams, Datum, FieldError, Mismatch, ParamKind, ParamSpec};
 use foley_nodes::core::ports::Arity;
-use std::collections::{BTreeMap, HashMap, HashSet};
+use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 
 /// A node whose own fields are checked.
@@ -77,14 +77,8 @@ pub(super) fn check(mut loader: Loader) -> Loaded {
         unused(&raw, &halves, &links, &mut found);
         found.extend(loader.unused_params());
     }
-    sort(&mut found);
     let sources = std::mem::take(&mut loader.sources);
-    // What is wrong in a sub-graph is said once, however often it is used.
-    let mut told = HashSet::new();
-    found.retain(|d| {
-        let at = d.place.as_ref().and_then(|p| Some((sources.get(p.file)?.name.clone(), p.span.clone())));
-        at.is_none_or(|at| told.insert((d.code, at, d.message.clone())))
-    });
+    sort(&mut found, &sources);
     let root = std::mem::take(&mut loader.root);
     if raw.is_empty() && !any_error(&found) {
         found.push(Diagnostic::warning("F026", "the graph has no nodes", Place::default()));

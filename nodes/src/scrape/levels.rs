@@ -8,6 +8,7 @@ use super::item::PathPiece;
 use super::law::Law;
 use super::noise::{NoiseForce, NoiseVoice};
 use super::other_node::exchanged;
+use super::strength::POINTS;
 use super::stroke::{Pen, circle, pieces};
 use super::voices::{Stretch, Voices};
 use crate::core::time::{Rate, Tick, seconds};
@@ -134,6 +135,15 @@ impl StandardStroke {
         voices.play_cells(&self.pieces, None, 0, &mut force, excitation, fresh, sound, after);
         force
     }
+}
+
+/// Of strengths found at each speed of a curve, or at one speed: the one in the middle, and what the others are of it. Where nothing was
+/// found at a speed, it is as in the middle.
+#[must_use]
+pub fn by_speed(found: impl Fn(usize) -> f64, speeds: usize) -> (f64, [f64; POINTS]) {
+    let middle = found(speeds / 2);
+    let at = |k: usize| if k < speeds { found(k) } else { 0.0 };
+    (middle, std::array::from_fn(|k| if at(k) > 0.0 && middle > 0.0 { at(k) / middle } else { 1.0 }))
 }
 
 /// The law of exponents of force and speed, of strength 1.

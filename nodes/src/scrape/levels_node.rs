@@ -2,7 +2,7 @@
 
 use super::bands::NoiseBands;
 use super::isophote::{IsophoteForce, IsophoteVoice, Reading};
-use super::levels::{RATE, StandardStroke, exponents, factor, heard, parts, rms, share, sum};
+use super::levels::{RATE, StandardStroke, by_speed, exponents, factor, heard, parts, rms, share, sum};
 use super::map::{MapForce, MapVoice, SurfaceMap};
 use super::map_node::{MapValue, check_grid};
 use super::plane::Interp;
@@ -234,11 +234,8 @@ impl<'a> Surfaces<'a> {
     }
 }
 
-/// A strength that is what was found at each speed; where nothing was found at one, as in the middle.
 fn strength(speed: f64, found: &[Found], level: usize) -> Strength {
-    let of = |k: usize| found.get(k).and_then(|found| found.strengths.get(level)).copied().unwrap_or(0.0);
-    let kappa = of(found.len() / 2);
-    let factors = std::array::from_fn(|k| if of(k) > 0.0 && kappa > 0.0 { of(k) / kappa } else { 1.0 });
+    let (kappa, factors) = by_speed(|k| found[k].strengths[level], found.len());
     let bent = factors != [1.0; POINTS];
     Strength { kappa, curve: bent.then(|| SpeedCurve::new(speed, factors)) }
 }

@@ -3,7 +3,7 @@
 use super::bands::NoiseBands;
 use super::isophote_node;
 use super::law::Heading;
-use super::levels::{RATE, StandardStroke, exponents, factor, heard, parts, rms, share, sum};
+use super::levels::{RATE, StandardStroke, by_speed, exponents, factor, heard, parts, rms, share, sum};
 use super::levels_node::bands;
 use super::map_node::check_grid;
 use super::meet::{MeetForce, MeetVoice};
@@ -256,11 +256,8 @@ impl<'a> Pair<'a> {
     }
 }
 
-/// A strength that is what was found at each speed around one; where nothing was found at one, as in the middle.
 fn strength(speed: f64, found: &[Found], level: usize) -> Strength {
-    let of = |k: usize| found.get(k).map_or(0.0, |found| found[level]);
-    let kappa = of(found.len() / 2);
-    let factors = std::array::from_fn(|k| if of(k) > 0.0 && kappa > 0.0 { of(k) / kappa } else { 1.0 });
+    let (kappa, factors) = by_speed(|k| found[k][level], found.len());
     Strength { kappa, curve: Some(SpeedCurve::new(speed.max(SLOWEST), factors).of_relief()) }
 }
 

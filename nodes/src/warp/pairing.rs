@@ -207,8 +207,7 @@ fn of_one(
         let database = match &c.source {
             Some(name) => of_source(c, name, vector, db),
             None => of_units(c, db),
-        };
-        let database = database?;
+        }?;
         if units.is_empty() || database.is_empty() {
             let side = if units.is_empty() { "target" } else { "database" };
             let message =

@@ -134,6 +134,16 @@ fn a_header_longer_than_the_file_is_not_believed() {
 }
 
 #[test]
+fn a_wide_length_that_was_never_filled_in_reads_to_the_end() {
+    let mut data = chunk(b"data", &pcm16(&[1, 2, 3]));
+    data[4..8].copy_from_slice(&u32::MAX.to_le_bytes());
+    let file = riff(&[chunk(b"ds64", &[0; 28]), fmt(1, 1, 2, 16), data]);
+    let (info, read) = read_all(&file, 2).unwrap();
+    assert_eq!((info.frames, read.len()), (3, 3));
+    assert!(info.warnings.contains(&AudioWarning::OpenLength), "{:?}", info.warnings);
+}
+
+#[test]
 fn a_chunk_whose_length_leads_out_of_the_file_is_passed_over() {
     let (format, data) = (fmt(1, 1, 2, 16), chunk(b"data", &pcm16(&[1, 2, 3])));
     let mut list = chunk(b"LIST", b"INFOabcdefgh");
