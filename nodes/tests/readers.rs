@@ -52,6 +52,20 @@ fn without_digest(file: &mut Vec<u8>) {
     }
 }
 
+/// Damages what a file's hash covers and puts the new hash in its place, if it has one near its start; tells whether it has.
+fn damage_under_hash(file: &mut Vec<u8>, draw: &mut Draw) -> bool {
+    let hash_of = |file: &[u8], end: usize| *blake3::hash(&file[end..]).as_bytes();
+    let Some(end) = (32..file.len().min(160)).find(|&end| file[end - 32..end] == hash_of(file, end)) else {
+        return false;
+    };
+    let mut fields = file.split_off(end);
+    (0..1 + draw.below(3)).for_each(|_| damage(&mut fields, draw));
+    file.extend(fields);
+    let hash = hash_of(file, end);
+    file[end - 32..end].copy_from_slice(&hash);
+    true
+}
+
 /// Everything that a run gives can be shown, and its streams hold numbers.
 fn check(run: &SoloRun, outputs: usize, told: &str) {
     for port in 0..outputs {
@@ -103,10 +117,13 @@ fn damaged_files_are_refused_by_name_or_give_something_usable() {
             solo.files = files;
             if let Some(path) = paths.get(draw.below(paths.len().max(1))) {
                 let mut file = solo.files.get(path).unwrap_or_default().to_vec();
-                if round % 2 == 0 {
+                let guarded = round % 2 == 1;
+                if !guarded {
                     without_digest(&mut file);
                 }
-                (0..1 + draw.below(3)).for_each(|_| damage(&mut file, &mut draw));
+                if guarded || !damage_under_hash(&mut file, &mut draw) {
+                    (0..1 + draw.below(3)).for_each(|_| damage(&mut file, &mut draw));
+                }
                 solo.files.insert(path.clone(), file);
             }
             match read(&solo, streams) {
