@@ -37,10 +37,13 @@ pub(super) fn check(mut loader: Loader) -> Loaded {
     for (node, good) in raw.iter().zip(&mut good) {
         let before = loader.found.len();
         halves.push(fields(node, &mut loader));
+        let own = loader.found[before..].iter_mut().filter(|d| d.node.is_none());
+        own.for_each(|d| d.node = Some(node.id.clone()));
         *good &= loader.found.len() == before;
     }
     let mut found = std::mem::take(&mut loader.found);
-    let by_id: HashMap<&str, usize> = raw.iter().enumerate().map(|(k, n)| (n.id.as_str(), k)).collect();
+    // Of nodes with one id the first one is meant, so that the others are told once.
+    let by_id: HashMap<&str, usize> = raw.iter().enumerate().rev().map(|(k, n)| (n.id.as_str(), k)).collect();
     let mut links: Vec<Vec<Vec<Link>>> = Vec::new();
     let mut count = 0;
     for (k, half) in halves.iter().enumerate() {
@@ -155,12 +158,8 @@ fn fields(node: &RawNode, loader: &mut Loader) -> Option<Half> {
         };
         if given.place != place {
             half.origins.insert(name.clone(), given.place.clone());
-        } else if let ValueKind::List(items) = &given.value.value {
-            let texts = items.iter().enumerate().filter(|(_, item)| matches!(item.value, ValueKind::Str(_)));
-            let placed = |(k, item): (usize, &Value)| {
-                (format!("{name}[{k}]"), Place { file: place.file, span: item.span() })
-            };
-            half.fields.extend(texts.map(placed));
+        } else {
+            item_places(name, &given.value, place.file, &mut half.fields);
         }
         half.fields.insert(name.clone(), place);
         // A list is of links, unless it is one of numbers for a parameter of the same name.
@@ -205,16 +204,30 @@ fn fields(node: &RawNode, loader: &mut Loader) -> Option<Half> {
             };
             let output = |spec: &&ParamSpec| *spec.kind.innermost() == ParamKind::Output;
             half.outputs = specs.iter().filter(output).filter_map(text).collect();
+            missing_assets(&specs, &data, &half.fields, node, loader);
             for e in errors {
-                let mut found = field_error(&e, &specs, &half.fields, node);
-                let about = match &e {
-                    FieldError::Missing(name) | FieldError::Value(name, _) => *name,
-                };
-                if let Some(origin) = half.origins.get(about) {
-                    found = found.label(origin.clone(), "the value is given here");
-                }
-                if !broken.contains(&about) && (node.whole || !matches!(e, FieldError::Missing(_))) {
-                    loader.found.push(found);
+                match &e {
+                    FieldError::Missing(name) | FieldError::Value(name, _) if broken.contains(name) => {}
+                    FieldError::Missing(_) if !node.whole => {}
+                    FieldError::Missing(name) => {
+                        let kind = specs.iter().find(|s| s.name == *name).map(|s| s.kind.to_string());
+                        let message =
+                            format!("parameter `{name}` ({}) has to be given", kind.unwrap_or_default());
+                        loader.found.push(error("F013", message, &node.place));
+                    }
+                    FieldError::Value(name, mismatch) => {
+                        let spec = specs.iter().find(|s| s.name == *name);
+                        let place = half.fields.get(*name).unwrap_or(&node.place);
+                        for (item, mismatch) in mismatch.each() {
+                            let name = format!("{name}{item}");
+                            let place = half.fields.get(&name).unwrap_or(place).clone();
+                            let mut found = mismatched(&name, mismatch, spec, place).node(&node.id);
+                            if let Some(origin) = half.origins.get(spec.map_or("", |s| s.name)) {
+                                found = found.label(origin.clone(), "the value is given here");
+                            }
+                            loader.found.push(found);
+                        }
+                    }
                 }
             }
         }
@@ -245,14 +258,13 @@ fn bare_text(given: &Given, kind: &ParamKind, loader: &Loader) -> Option<Value> 
 
 fn convert(value: &Value, given: &Given, path: bool, loader: &mut Loader) -> Option<Datum> {
     let list = |items: &[Value], loader: &mut Loader| {
-        let items: Option<Vec<Datum>> = items
-            .iter()
-            .map(|item| {
-                let inner = loader.resolve(given.inside(item))?;
-                convert(&inner.value, &inner, path, loader)
-            })
-            .collect();
-        items.map(Datum::List)
+        let mut one = |item| {
+            let inner = loader.resolve(given.inside(item))?;
+            convert(&inner.value, &inner, path, loader)
+        };
+        // All of them first, so that each tells what is wrong with it.
+        let items: Vec<Option<Datum>> = items.iter().map(&mut one).collect();
+        items.into_iter().collect::<Option<Vec<Datum>>>().map(Datum::List)
     };
     Some(match &value.value {
         ValueKind::Unit => Datum::Unit,
@@ -267,6 +279,9 @@ fn convert(value: &Value, given: &Given, path: bool, loader: &mut Loader) -> Opt
         ValueKind::Option(None) => Datum::Name("None".into()),
         ValueKind::Option(Some(inner)) => {
             let inner = loader.resolve(given.inside(inner))?;
+            if matches!(inner.value.value, ValueKind::Option(_)) {
+                return Some(Datum::Other(format!("{} in `Some`", inner.value.describe())));
+            }
             return convert(&inner.value, &inner, path, loader);
         }
         ValueKind::Error => return None,
@@ -284,47 +299,68 @@ fn asset(text: &str, given: &Given, loader: &mut Loader) -> String {
     joined
 }
 
-fn field_error(
-    e: &FieldError,
+/// Where the items of a list stand, and those of lists in it: `inputs[2]`.
+fn item_places(name: &str, list: &Value, file: usize, places: &mut BTreeMap<String, Place>) {
+    let (ValueKind::List(items) | ValueKind::Tuple(items)) = &list.value else { return };
+    for (k, item) in items.iter().enumerate() {
+        let name = format!("{name}[{k}]");
+        item_places(&name, item, file, places);
+        places.insert(name, Place { file, span: item.span() });
+    }
+}
+
+/// Files that do not exist, named by a node that cannot look for them itself since other fields of it are wrong.
+fn missing_assets(
     specs: &[ParamSpec],
+    data: &BTreeMap<&str, Datum>,
     fields: &BTreeMap<String, Place>,
     node: &RawNode,
-) -> Diagnostic {
-    let at = |name: &str| fields.get(name).unwrap_or(&node.place).clone();
-    let spec = |name: &str| specs.iter().find(|s| s.name == name);
-    let unit = |name: &str| match spec(name).and_then(|s| s.unit) {
-        Some(unit) if !unit.is_empty() => format!(" {unit}"),
-        _ => String::new(),
-    };
-    match e {
-        FieldError::Missing(name) => {
-            let kind = spec(name).map(|s| s.kind.to_string()).unwrap_or_default();
-            Diagnostic::error(
-                "F013",
-                format!("parameter `{name}` ({kind}) has to be given"),
-                node.place.clone(),
-            )
-        }
-        FieldError::Value(name, Mismatch::Type { expected, found }) => {
-            Diagnostic::error("F014", format!("`{name}` takes {expected}, found {found}"), at(name))
-        }
-        FieldError::Value(name, Mismatch::Range { found, bounds }) => {
-            let message = format!("`{name}` is {found}{unit}, out of its range", unit = unit(name));
-            Diagnostic::error("F015", message, at(name)).help(format!(
-                "from {} to {}{}",
-                bounds.min,
-                bounds.max,
-                unit(name)
-            ))
-        }
-        FieldError::Value(name, Mismatch::NotFinite { found }) => {
-            Diagnostic::error("F016", format!("`{name}` is {found}, which is not a finite number"), at(name))
-        }
-        FieldError::Value(name, Mismatch::Choice { found, choices }) => {
-            let names = choices.iter().map(|(n, _)| *n);
-            Diagnostic::error("F017", format!("`{name}` has no choice `{found}`"), at(name))
-                .help(help(found, "choices", names))
+    loader: &mut Loader,
+) {
+    for spec in specs.iter().filter(|spec| *spec.kind.innermost() == ParamKind::Asset) {
+        let paths = match data.get(spec.name) {
+            Some(Datum::List(items)) => {
+                items.iter().enumerate().map(|(k, d)| (format!("[{k}]"), d)).collect()
+            }
+            Some(one) => vec![(String::new(), one)],
+            None => Vec::new(),
+        };
+        for (item, path) in paths {
+            // A numbered sequence is more than one file.
+            let Datum::Text(path) = path else { continue };
+            if path.contains('#') {
+                continue;
+            }
+            if let Err(e) = loader.root.resolve(path) {
+                let whole = fields.get(spec.name).unwrap_or(&node.place);
+                let place = fields.get(&format!("{}{item}", spec.name)).unwrap_or(whole);
+                loader.found.push(Diagnostic::error(e.code, e.message, place.clone()).node(&node.id));
+            }
         }
     }
-    .node(&node.id)
+}
+
+/// What a parameter, or an item of it, does not take; `name` is that of the item.
+fn mismatched(name: &str, mismatch: &Mismatch, spec: Option<&ParamSpec>, place: Place) -> Diagnostic {
+    let unit = spec.and_then(|s| s.unit).filter(|unit| !unit.is_empty());
+    let unit = unit.map(|unit| format!(" {unit}")).unwrap_or_default();
+    match mismatch {
+        Mismatch::Type { expected, found } => {
+            Diagnostic::error("F014", format!("`{name}` takes {expected}, found {found}"), place)
+        }
+        Mismatch::Range { found, bounds } => {
+            let message = format!("`{name}` is {found}{unit}, out of its range");
+            let help = format!("from {} to {}{unit}", bounds.min, bounds.max);
+            Diagnostic::error("F015", message, place).help(help)
+        }
+        Mismatch::NotFinite { found } => {
+            Diagnostic::error("F016", format!("`{name}` is {found}, which is not a finite number"), place)
+        }
+        Mismatch::Choice { found, choices } => {
+            let names = choices.iter().map(|(n, _)| *n);
+            Diagnostic::error("F017", format!("`{name}` has no choice `{found}`"), place)
+                .help(help(found, "choices", names))
+        }
+        Mismatch::Items(_) => Diagnostic::error("F014", format!("`{name}` has wrong items"), place),
+    }
 }

@@ -98,7 +98,9 @@ pub(super) fn link(
             None if lost.iter().any(|prefix| full.starts_with(prefix)) => return Ok(None),
             None => {
                 let id = raw.text.split('.').next().unwrap_or_default();
-                let names = nodes.iter().filter_map(|n| n.id.strip_prefix(raw.scope.as_str()));
+                let first = |(k, n): &(usize, &RawNode)| by_id.get(n.id.as_str()) == Some(k);
+                let nodes = nodes.iter().enumerate().filter(first);
+                let names = nodes.filter_map(|(_, n)| n.id.strip_prefix(raw.scope.as_str()));
                 let message = format!("there is no node `{}`", raw.text);
                 let best: Vec<&str> = names.collect();
                 let found = if best.contains(&id) { raw.text.as_str() } else { id };

@@ -287,24 +287,20 @@ impl Loader {
         for entry in self.entries(value, file, "nodes") {
             let Some(id) = entry.key.as_str() else { continue };
             let key = Place { file, span: entry.key.span() };
+            // A node whose id is wrong is checked like any other.
             if !valid_id(id) {
-                self.bad_id(id, key);
-                continue;
-            }
-            if let Some(earlier) = first.get(id) {
-                let found = Diagnostic::error("F006", format!("the id `{id}` exists twice"), key);
+                self.bad_id(id, key.clone());
+            } else if let Some(earlier) = first.get(id) {
+                let found = Diagnostic::error("F006", format!("the id `{id}` exists twice"), key.clone());
                 self.found.push(
                     found
                         .label(earlier.clone(), "first here")
                         .help("ids are the identity of nodes: give one of them another name"),
                 );
-                continue;
+            } else if uses.iter().any(|u| u == id) {
+                self.error("F006", format!("`{id}` is the name of a sub-graph already"), key.clone());
             }
-            if uses.iter().any(|u| u == id) {
-                self.error("F006", format!("`{id}` is the name of a sub-graph already"), key);
-                continue;
-            }
-            first.insert(id.to_owned(), key.clone());
+            first.entry(id.to_owned()).or_insert_with(|| key.clone());
             if self.nodes.len() >= self.limits.nodes {
                 let found = Diagnostic::error("F009", format!("more than {} nodes", self.limits.nodes), key);
                 self.stop(found.help("--max-nodes allows more"));

@@ -88,6 +88,23 @@ pub enum Mismatch {
         /// The names that exist.
         choices: &'static [(&'static str, &'static str)],
     },
+    /// Items of a list, each with its place from 0 on: as many as [`Self::MOST`].
+    Items(Vec<(usize, Mismatch)>),
+}
+
+impl Mismatch {
+    /// How many items of a list are told.
+    pub const MOST: usize = 100;
+
+    /// What is wrong, with its place in lists of lists: `[2]` for the third item, nothing for the value as a whole.
+    #[must_use]
+    pub fn each(&self) -> Vec<(String, &Self)> {
+        let Self::Items(items) = self else { return vec![(String::new(), self)] };
+        items
+            .iter()
+            .flat_map(|(k, item)| item.each().into_iter().map(move |(at, e)| (format!("[{k}]{at}"), e)))
+            .collect()
+    }
 }
 
 /// A range of numbers.
@@ -405,10 +422,18 @@ text_param!(
 impl<P: Param> Param for Vec<P> {
     const KIND: ParamKind = ParamKind::List(&P::KIND, None);
     fn read(datum: &Datum, bounds: Option<Bounds>) -> Result<Self, Mismatch> {
-        match datum {
-            Datum::List(items) => items.iter().map(|d| P::read(d, bounds)).collect(),
-            other => mismatch(&Self::KIND, other),
+        let Datum::List(items) = datum else { return mismatch(&Self::KIND, datum) };
+        let (mut taken, mut wrong) = (Vec::with_capacity(items.len()), Vec::new());
+        for (k, item) in items.iter().enumerate() {
+            match P::read(item, bounds) {
+                Ok(item) => taken.push(item),
+                Err(e) => wrong.push((k, e)),
+            }
+            if wrong.len() == Mismatch::MOST {
+                break;
+            }
         }
+        if wrong.is_empty() { Ok(taken) } else { Err(Mismatch::Items(wrong)) }
     }
     fn write(&self) -> Datum {
         Datum::List(self.iter().map(Param::write).collect())

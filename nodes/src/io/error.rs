@@ -36,6 +36,14 @@ pub enum AudioError {
         /// What was found and what would be right.
         what: String,
     },
+    /// The file breaks its format somewhere that its decoder does not tell.
+    #[error("the {format} file cannot be decoded: {what}")]
+    Undecodable {
+        /// Which format the file claims to be.
+        format: &'static str,
+        /// What its decoder says.
+        what: String,
+    },
     /// A value beyond the limits of this reader.
     #[error("the file has {found} {what}, above the limit of {limit}")]
     Limit {
@@ -126,6 +134,13 @@ pub enum AudioWarning {
     },
     /// A second stream in the same file, not read.
     ExtraStream,
+    /// Another stream follows behind the end of the first one, not read.
+    Chained {
+        /// Frames of the first one.
+        frames: u64,
+        /// Frames per second.
+        rate: u32,
+    },
 }
 
 impl fmt::Display for AudioWarning {
@@ -156,6 +171,14 @@ impl fmt::Display for AudioWarning {
                 write!(f, "{packets} packets do not decode: silence in their place")
             }
             Self::ExtraStream => f.write_str("the file holds more than one stream: only the first is read"),
+            Self::Chained { frames, rate } => {
+                let seconds = *frames as f64 / f64::from(*rate);
+                write!(
+                    f,
+                    "another stream follows behind the first one, which ends after {frames} frames ({seconds:.3} s): \
+                     only the first is read"
+                )
+            }
         }
     }
 }

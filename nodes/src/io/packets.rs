@@ -80,6 +80,8 @@ struct Timeline {
     frames: u64,
     /// Packets of another stream were there.
     extra: bool,
+    /// Another stream begins behind the last packet, with headers of its own.
+    chained: bool,
 }
 
 /// A packet's place on the timeline.
@@ -154,6 +156,7 @@ impl<'s> Packets<'s> {
         // Without a LAME tag `symphonia` estimates the length of an MP3 from its first frames: no promise to check.
         let tagged = format != FileFormat::Mp3 || track.delay.is_some();
         let promised = match last_page {
+            Some(_) if timeline.chained => None,
             Some(granule) => Some(granule.saturating_sub_unsigned(timeline.origin as u64).max(0) as u64),
             None => track.num_frames.filter(|&n| n > 0 && tagged && format != FileFormat::Ogg),
         };
@@ -174,6 +177,9 @@ impl<'s> Packets<'s> {
         }
         if timeline.extra {
             warnings.push(AudioWarning::ExtraStream);
+        }
+        if timeline.chained {
+            warnings.push(AudioWarning::Chained { frames, rate });
         }
         limits.check(rate, channels, frames)?;
         let info = AudioInfo { format, rate, channels, frames, sample_format, channel_mask: None, warnings };
@@ -284,7 +290,7 @@ impl<'s> Packets<'s> {
         self.decoded.clear();
         self.used = 0;
         while self.decoded.is_empty() && !self.ended {
-            let Some(packet) = self.demuxer.as_mut().and_then(|d| next_packet(&mut **d, self.track)) else {
+            let Some(Ok(packet)) = self.demuxer.as_mut().map(|d| next_packet(&mut **d, self.track)) else {
                 self.ended = true;
                 return;
             };
@@ -362,22 +368,35 @@ fn codec_error(format: FileFormat, error: CodecError) -> AudioError {
             found: format!("this {} file ({what})", format.name()),
             wanted: "FLAC, Vorbis and MPEG layer III are read",
         },
-        other => AudioError::Malformed { format: format.name(), at: 0, what: other.to_string() },
+        CodecError::IoError(_) => {
+            AudioError::Undecodable { format: format.name(), what: "it ends within its header".into() }
+        }
+        other => AudioError::Undecodable { format: format.name(), what: other.to_string() },
     }
 }
 
+/// Why there is no packet any more.
+#[derive(PartialEq)]
+enum End {
+    /// The source ends, or fails.
+    Last,
+    /// Another stream follows, with headers of its own.
+    Chained,
+}
+
 /// The next packet of the track; corrupt stretches are skipped, a failing source is an end.
-fn next_packet(demuxer: &mut dyn FormatReader, track: u32) -> Option<Packet> {
+fn next_packet(demuxer: &mut dyn FormatReader, track: u32) -> Result<Packet, End> {
     let mut errors = 0;
     while errors < MAX_ERRORS {
-        match guarded(|| demuxer.next_packet())? {
-            Ok(Some(packet)) if packet.track_id == track => return Some(packet),
+        match guarded(|| demuxer.next_packet()).ok_or(End::Last)? {
+            Ok(Some(packet)) if packet.track_id == track => return Ok(packet),
             Ok(Some(_)) => {}
-            Ok(None) | Err(CodecError::IoError(_) | CodecError::ResetRequired) => return None,
+            Err(CodecError::ResetRequired) => return Err(End::Chained),
+            Ok(None) | Err(CodecError::IoError(_)) => return Err(End::Last),
             Err(_) => errors += 1,
         }
     }
-    None
+    Err(End::Last)
 }
 
 /// Walks all packets: where the first frame lies, where the last ends, and how many packets there are.
@@ -386,7 +405,14 @@ fn walk(demuxer: &mut dyn FormatReader, track: u32, format: FileFormat, rate: u3
     let mut end = 0_i64;
     let mut blocks = 0;
     let mut first = true;
-    while let Some(packet) = next_packet(demuxer, track) {
+    loop {
+        let packet = match next_packet(demuxer, track) {
+            Ok(packet) => packet,
+            Err(end) => {
+                timeline.chained = end == End::Chained;
+                break;
+            }
+        };
         if first {
             let trim = if format == FileFormat::Ogg { packet.trim_start.get() } else { 0 };
             timeline.origin = packet.pts.get().saturating_add_unsigned(trim).max(0);

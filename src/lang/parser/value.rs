@@ -47,6 +47,13 @@ impl Parser<'_> {
     /// A tuple or a struct with or without a name, `()`, or a name alone.
     fn parenthesised(&mut self) {
         let named = usize::from(!self.at(LParen));
+        if named == 1 && self.fields_in_braces() {
+            return self.node(Struct, |p| {
+                p.bump();
+                p.error_here(ErrorKind::Unexpected, "`(`: fields stand in parentheses");
+                p.enter(Body::Fields);
+            });
+        }
         if self.kind_ahead(named) != Some(LParen) {
             return self.node(Name, Self::bump);
         }
@@ -61,6 +68,12 @@ impl Parser<'_> {
         } else {
             self.bracketed(Tuple, Body::Elements);
         }
+    }
+
+    /// Whether a name stands here with fields in braces, as other languages write them.
+    fn fields_in_braces(&self) -> bool {
+        let braced = self.kind_ahead(1) == Some(LBrace) && self.same_line(1);
+        braced && (self.kind_ahead(2) == Some(RBrace) || self.field_at(2))
     }
 
     /// Whether a named field begins `n` tokens ahead. Only a name with a colon is right; the others are

@@ -148,6 +148,22 @@ fn a_corrupt_packet_becomes_counted_silence_and_the_rest_stays_in_time() {
 
 /// Known limit: the pages behind a page with a broken checksum move forward, but not in silence.
 #[test]
+fn a_second_ogg_stream_behind_the_first_is_reported() {
+    let (info, samples) = read_all(&[OGG, OGG_STEREO].concat(), 333).unwrap();
+    assert_eq!((info.frames, info.channels, samples.len()), (5000, 1, 5000));
+    assert_eq!(info.warnings, [AudioWarning::Chained { frames: 5000, rate: 22_050 }]);
+    assert!(info.warnings[0].to_string().contains("5000 frames (0.227 s)"), "{}", info.warnings[0]);
+}
+
+#[test]
+fn a_file_that_ends_in_its_header_says_so() {
+    for bytes in [&FLAC[..30], &OGG[..60]] {
+        let error = read_all(bytes, 333).unwrap_err().to_string();
+        assert!(error.ends_with("it ends within its header") && !error.contains("byte 0"), "{error}");
+    }
+}
+
+#[test]
 fn a_lost_ogg_page_is_reported() {
     let page = |(i, w): (usize, &[u8])| (w == b"OggS").then_some(i);
     let pages: Vec<usize> = OGG_LONG.windows(4).enumerate().filter_map(page).collect();
