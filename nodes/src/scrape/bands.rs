@@ -1,6 +1,7 @@
 //! A loop of noise that can be read at any speed, forwards and backwards, without images and without anything folding down.
 
 use super::law::log2;
+use super::voices::{CELL, Cell};
 use crate::texture::NoiseProfile;
 use fearless_simd::f32x8;
 use fearless_simd::prelude::*;
@@ -8,6 +9,7 @@ use rayon::prelude::*;
 use realfft::num_complex::Complex;
 use realfft::{ComplexToReal, RealFftPlanner};
 use std::f64::consts::{FRAC_PI_2, PI};
+use std::ops::Range;
 use std::sync::Arc;
 
 /// Samples that one reading weighs.
@@ -190,10 +192,46 @@ impl NoiseBands {
             return 0.0;
         };
         let part = f32x8::splat(simd, part);
-        weigh(simd, row, spot.between, |group| {
+        total(weigh(simd, row, spot.between, |group| {
             let (near, far) = (eight(simd, near, group), eight(simd, far, group));
             near + part * (far - near)
-        })
+        }))
+    }
+
+    /// The same for each sample of `range` in a cell.
+    #[inline(always)]
+    #[must_use]
+    pub(super) fn read_cell(
+        &self,
+        simd: impl Simd,
+        places: &[f64; CELL],
+        steps: &Cell,
+        range: Range<usize>,
+    ) -> Cell {
+        let mut made = [0.0; CELL];
+        let slow = range.clone().all(|n| steps[n] <= WHOLE as f32);
+        let Some(band) = self.bands.first().filter(|_| slow) else {
+            for n in range {
+                made[n] = self.read(simd, places[n], steps[n]);
+            }
+            return made;
+        };
+        // In three loops, in the first and the last of which several samples are treated at once.
+        let (mut wholes, mut rows, mut betweens) = ([0; CELL], [0; CELL], [0.0; CELL]);
+        for n in 0..CELL {
+            (wholes[n], rows[n], betweens[n]) = parts(places[n]);
+        }
+        let mut sums = [[0.0; 4]; CELL];
+        for n in range {
+            let spot = Spot { whole: wholes[n] as usize, row: rows[n] as usize, between: betweens[n] };
+            if let (Some(samples), Some(row)) = (spot.samples(band), self.weights.get(spot.row)) {
+                sums[n] = weigh(simd, row, spot.between, |group| eight(simd, samples, group));
+            }
+        }
+        for n in 0..CELL {
+            made[n] = total(sums[n]);
+        }
+        made
     }
 
     #[inline(always)]
@@ -201,7 +239,7 @@ impl NoiseBands {
         let Some(band) = self.bands.get(k) else { return 0.0 };
         let spot = Spot::new(place * band.density);
         let (Some(samples), Some(row)) = (spot.samples(band), self.weights.get(spot.row)) else { return 0.0 };
-        weigh(simd, row, spot.between, |group| eight(simd, samples, group))
+        total(weigh(simd, row, spot.between, |group| eight(simd, samples, group)))
     }
 }
 
@@ -216,13 +254,10 @@ struct Spot {
 }
 
 impl Spot {
-    /// Places are never negative, and loops so short that a cast to 32 bits, which is quick, is their floor.
     #[inline(always)]
     fn new(place: f64) -> Self {
-        let whole = place as i32;
-        let phase = (place - f64::from(whole)) * PHASES as f64;
-        let row = phase as i32;
-        Self { whole: whole as usize, row: row as usize, between: (phase - f64::from(row)) as f32 }
+        let (whole, row, between) = parts(place);
+        Self { whole: whole as usize, row: row as usize, between }
     }
 
     /// The samples around it: the first stands 15 before the place, and the seam is padded by 16.
@@ -233,22 +268,43 @@ impl Spot {
     }
 }
 
+/// The sample before a place, the stored place before it, and the way from there to the next, 0 to 1.
+///
+/// Places are never negative, and loops so short that a cast to 32 bits, which is quick, is their floor.
+#[inline(always)]
+fn parts(place: f64) -> (i32, i32, f32) {
+    let whole = place as i32;
+    let phase = (place - f64::from(whole)) * PHASES as f64;
+    let row = phase as i32;
+    (whole, row, (phase - f64::from(row)) as f32)
+}
+
 /// Eight of the numbers for all taps.
 #[inline(always)]
 fn eight<S: Simd>(simd: S, all: &[f32; TAPS], group: usize) -> f32x8<S> {
     f32x8::from_slice(simd, &all[8 * group..8 * group + 8])
 }
 
-/// The sum of samples times weights between two rows, in eight sums side by side.
+/// Samples times weights between two rows, in four sums side by side.
 #[inline(always)]
-fn weigh<S: Simd>(simd: S, [here, change]: &Row, between: f32, samples: impl Fn(usize) -> f32x8<S>) -> f32 {
+fn weigh<S: Simd>(
+    simd: S,
+    [here, change]: &Row,
+    between: f32,
+    samples: impl Fn(usize) -> f32x8<S>,
+) -> [f32; 4] {
     let between = f32x8::splat(simd, between);
     let part =
         |group: usize| samples(group) * (eight(simd, here, group) + between * eight(simd, change, group));
     let sum = (part(0) + part(1)) + (part(2) + part(3));
     let (low, high) = simd.split_f32x8(sum);
-    let sum: [f32; 4] = (low + high).into();
-    (sum[0] + sum[1]) + (sum[2] + sum[3])
+    (low + high).into()
+}
+
+/// The sum of four.
+#[inline(always)]
+fn total([a, b, c, d]: [f32; 4]) -> f32 {
+    (a + b) + (c + d)
 }
 
 /// The half of the spectrum of a loop that says it all.
@@ -431,6 +487,23 @@ mod tests {
             for part in [0.1, 0.5, 0.7, 0.93, 0.99, 1.0] {
                 let step = (part * fastest) as f32;
                 assert_eq!(read(&few, 1234.5, step), read(&all, 1234.5, step), "{step} of {fastest}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_cell_is_read_as_its_samples_are() {
+        let mut draw = Draw::new(5);
+        let samples: Vec<f32> = (0..500).map(|_| draw.between(-1.0, 1.0) as f32).collect();
+        let bands = NoiseBands::new(&NoiseProfile { samples, spacing: 1e-3 });
+        for fastest in [0.5, 0.9, 1.8] {
+            let steps: Cell = std::array::from_fn(|_| draw.between(0.0, fastest) as f32);
+            let places = std::array::from_fn(|_| draw.between(0.0, bands.round()));
+            let level = Level::new();
+            let made = dispatch!(level, simd => bands.read_cell(simd, &places, &steps, 3..CELL - 2));
+            for n in 0..CELL {
+                let right = if (3..CELL - 2).contains(&n) { read(&bands, places[n], steps[n]) } else { 0.0 };
+                assert_eq!(made[n], right, "{n} of steps up to {fastest}");
             }
         }
     }
