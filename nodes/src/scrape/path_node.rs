@@ -1,8 +1,9 @@
 //! The node around [`Tracker`].
 
+use super::frame::{PathRules, Sample};
 use super::item::PathPiece;
 use super::queue::Queue;
-use super::track::{LOST, PathRules, Sample, Tracker};
+use super::track::{LOST, Tracker};
 use crate::contact::vector::{Vec3, dot, sub, widen};
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
