@@ -9,7 +9,7 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
-/// A flat sheet of 5 x 5 vertices 20 cm above the floor of the examples, as an OBJ, and as a point cache of some frames.
+/// A flat sheet of 5 x 5 vertices high above the floor of the examples, as an OBJ, and as a point cache of some frames.
 fn sheet(folder: &Path, frames: usize) {
     let vertices: Vec<[f32; 3]> =
         (0..25).map(|k| [0.1 * (k % 5) as f32, 0.1 * (k / 5) as f32, 5.0]).collect();

@@ -46,6 +46,8 @@ pub struct ContactTrack {
     pub frames: Vec<(Tick, ContactFrame)>,
     /// Time between two frames of the engine in most of the log.
     pub step: Tick,
+    /// The longest of all these times, late frames among them.
+    pub longest: Tick,
     /// Rows of the file.
     pub rows: usize,
     /// Contacts.
@@ -122,6 +124,7 @@ pub fn read_contacts(
         unlisted: bodies.unlisted().to_vec(),
         frames,
         step: pace.step,
+        longest: pace.longest,
         rows: rows.len(),
         contacts,
         bridged,

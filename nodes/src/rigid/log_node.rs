@@ -25,6 +25,8 @@ params! {
     ///
     /// Body a of a pair is always the one with the smaller number. Which contact a point belongs to is found by following it; a
     /// contact that is missing for up to `hold` goes on without force, and one that is missing for longer has ended.
+    ///
+    /// The summary has the `frame` that ContactClassifier and ContactPath need, as `longest_frame_ms`: late frames count, missing ones do not.
     pub struct ContactLogParams {
         /// The file of contacts.
         path: AssetPath;
@@ -159,6 +161,7 @@ impl Node for ContactLog {
             ("contacts", track.contacts.into()),
             ("bridged", track.bridged.into()),
             ("frame_ms", (seconds(track.step) * 1e3).into()),
+            ("longest_frame_ms", (seconds(track.longest) * 1e3).into()),
         ])
     }
 

@@ -14,6 +14,8 @@ const SLOWEST: Tick = 4;
 pub(super) struct Pace {
     /// That of most of the log.
     pub step: Tick,
+    /// The longest: the time to wait for the next frame.
+    pub longest: Tick,
     /// That of each frame with contacts.
     pub steps: Vec<Tick>,
     /// Steps of time that are no whole number of frames.
@@ -41,9 +43,12 @@ impl Pace {
             (frames - frames.round()).abs() > 0.25 || frames < 0.75
         };
         let uneven = gaps.iter().zip(&steps).filter(|pair| off(*pair)).count();
+        // A step that is not even a frame and a half is one that came late.
+        let whole = |(gap, step): (&Tick, &Tick)| if 2 * gap < 3 * step { *gap.max(step) } else { *step };
+        let longest = gaps.iter().zip(&steps).map(whole).max().unwrap_or(step);
         // The first frame lasts as long as the one after it.
         steps.insert(0, steps.first().copied().unwrap_or(step));
-        Self { step, steps, uneven }
+        Self { step, longest, steps, uneven }
     }
 }
 
@@ -118,6 +123,18 @@ mod tests {
         // Away for a while, and back at another rate.
         let steps = [rows(&[(1, 20)]), vec![30], rows(&[(2, 20)])].concat();
         assert_eq!(paces(&steps)[19..24], [1, 1, 2, 2, 2]);
+    }
+
+    #[test]
+    fn the_longest_frame_is_none_that_is_missing() {
+        let longest = |steps: &[i64]| {
+            let mut times = vec![0];
+            steps.iter().for_each(|step| times.push(times[times.len() - 1] + step));
+            Pace::new(&times, None).longest
+        };
+        assert_eq!(longest(&rows(&[(10, 40)])), 10);
+        assert_eq!(longest(&[rows(&[(10, 20)]), vec![12, 9, 14, 30], rows(&[(10, 20)])].concat()), 14);
+        assert_eq!(longest(&rows(&[(10, 40), (20, 40)])), 20);
     }
 
     #[test]

@@ -1,12 +1,16 @@
 //! A loop of noise that can be read at any speed, forwards and backwards, without images and without anything folding down.
 
 use super::law::log2;
+use super::voices::{CELL, Cell};
 use crate::texture::NoiseProfile;
 use fearless_simd::f32x8;
 use fearless_simd::prelude::*;
-use rustfft::FftPlanner;
-use rustfft::num_complex::Complex;
+use rayon::prelude::*;
+use realfft::num_complex::Complex;
+use realfft::{ComplexToReal, RealFftPlanner};
 use std::f64::consts::{FRAC_PI_2, PI};
+use std::ops::Range;
+use std::sync::Arc;
 
 /// Samples that one reading weighs.
 pub const TAPS: usize = 32;
@@ -112,29 +116,42 @@ impl NoiseBands {
     /// All bands of a loop of at least one sample.
     #[must_use]
     pub fn new(profile: &NoiseProfile) -> Self {
-        Self::read_by(profile, NoiseInterp::Sinc32)
+        Self::made(profile, NoiseInterp::Sinc32, f64::INFINITY)
     }
 
     /// The same, read in another way.
     #[must_use]
     pub fn read_by(profile: &NoiseProfile, interp: NoiseInterp) -> Self {
+        Self::made(profile, interp, f64::INFINITY)
+    }
+
+    /// Those of the bands that steps of up to `fastest` samples read: they give the same, and slow ones need only the loop itself.
+    #[must_use]
+    pub fn up_to(profile: &NoiseProfile, fastest: f64) -> Self {
+        Self::made(profile, NoiseInterp::Sinc32, fastest)
+    }
+
+    fn made(profile: &NoiseProfile, interp: NoiseInterp, fastest: f64) -> Self {
         let n = profile.samples.len().max(1);
-        let mut planner = FftPlanner::<f64>::new();
-        let mut spectrum: Vec<_> = profile.samples.iter().map(|x| Complex::new(f64::from(*x), 0.0)).collect();
-        spectrum.resize(n, Complex::default());
-        planner.plan_fft_forward(n).process(&mut spectrum);
         let mut bands = vec![closed(profile.samples.get(..n).unwrap_or(&[0.0]), 1.0)];
+        let mut planner = RealFftPlanner::<f64>::new();
         let ratio = 2_f64.powf(1.0 / OCTAVE);
-        for k in 1..MOST {
+        let parts = (1..MOST).map_while(|k| {
             let step = WHOLE * ratio.powi(k as i32);
             // It is mixed in from the step before it, and is still read at the next.
             let [pass, stop] = [KEPT[0] * ratio / step, KEPT[1] / (ratio * step)];
             let halvings = (CONTENT / stop).log2().floor().max(0.0);
             let len = (n as f64 / halvings.exp2()).ceil() as usize;
-            if len < SHORTEST.min(n) {
-                break;
-            }
-            bands.push(band(&spectrum, [pass, stop], len, &mut planner));
+            let read = step <= fastest * ratio && len >= SHORTEST.min(n);
+            read.then(|| ([pass, stop], planner.plan_fft_inverse(len)))
+        });
+        let parts: Vec<_> = parts.collect();
+        if !parts.is_empty() {
+            let spectrum = spectrum(&profile.samples, n, &mut planner);
+            let band = |([pass, stop], inverse): ([f64; 2], Arc<dyn ComplexToReal<f64>>)| {
+                band(&spectrum, n, [pass, stop], &*inverse)
+            };
+            bands.par_extend(parts.into_par_iter().map(band));
         }
         Self { bands, weights: weights(interp), len: n as f64, spacing: profile.spacing }
     }
@@ -175,10 +192,46 @@ impl NoiseBands {
             return 0.0;
         };
         let part = f32x8::splat(simd, part);
-        weigh(simd, row, spot.between, |group| {
+        total(weigh(simd, row, spot.between, |group| {
             let (near, far) = (eight(simd, near, group), eight(simd, far, group));
             near + part * (far - near)
-        })
+        }))
+    }
+
+    /// The same for each sample of `range` in a cell.
+    #[inline(always)]
+    #[must_use]
+    pub(super) fn read_cell(
+        &self,
+        simd: impl Simd,
+        places: &[f64; CELL],
+        steps: &Cell,
+        range: Range<usize>,
+    ) -> Cell {
+        let mut made = [0.0; CELL];
+        let slow = range.clone().all(|n| steps[n] <= WHOLE as f32);
+        let Some(band) = self.bands.first().filter(|_| slow) else {
+            for n in range {
+                made[n] = self.read(simd, places[n], steps[n]);
+            }
+            return made;
+        };
+        // In three loops, in the first and the last of which several samples are treated at once.
+        let (mut wholes, mut rows, mut betweens) = ([0; CELL], [0; CELL], [0.0; CELL]);
+        for n in 0..CELL {
+            (wholes[n], rows[n], betweens[n]) = parts(places[n]);
+        }
+        let mut sums = [[0.0; 4]; CELL];
+        for n in range {
+            let spot = Spot { whole: wholes[n] as usize, row: rows[n] as usize, between: betweens[n] };
+            if let (Some(samples), Some(row)) = (spot.samples(band), self.weights.get(spot.row)) {
+                sums[n] = weigh(simd, row, spot.between, |group| eight(simd, samples, group));
+            }
+        }
+        for n in 0..CELL {
+            made[n] = total(sums[n]);
+        }
+        made
     }
 
     #[inline(always)]
@@ -186,7 +239,7 @@ impl NoiseBands {
         let Some(band) = self.bands.get(k) else { return 0.0 };
         let spot = Spot::new(place * band.density);
         let (Some(samples), Some(row)) = (spot.samples(band), self.weights.get(spot.row)) else { return 0.0 };
-        weigh(simd, row, spot.between, |group| eight(simd, samples, group))
+        total(weigh(simd, row, spot.between, |group| eight(simd, samples, group)))
     }
 }
 
@@ -201,13 +254,10 @@ struct Spot {
 }
 
 impl Spot {
-    /// Places are never negative, and loops so short that a cast to 32 bits, which is quick, is their floor.
     #[inline(always)]
     fn new(place: f64) -> Self {
-        let whole = place as i32;
-        let phase = (place - f64::from(whole)) * PHASES as f64;
-        let row = phase as i32;
-        Self { whole: whole as usize, row: row as usize, between: (phase - f64::from(row)) as f32 }
+        let (whole, row, between) = parts(place);
+        Self { whole: whole as usize, row: row as usize, between }
     }
 
     /// The samples around it: the first stands 15 before the place, and the seam is padded by 16.
@@ -218,46 +268,76 @@ impl Spot {
     }
 }
 
+/// The sample before a place, the stored place before it, and the way from there to the next, 0 to 1.
+///
+/// Places are never negative, and loops so short that a cast to 32 bits, which is quick, is their floor.
+#[inline(always)]
+fn parts(place: f64) -> (i32, i32, f32) {
+    let whole = place as i32;
+    let phase = (place - f64::from(whole)) * PHASES as f64;
+    let row = phase as i32;
+    (whole, row, (phase - f64::from(row)) as f32)
+}
+
 /// Eight of the numbers for all taps.
 #[inline(always)]
 fn eight<S: Simd>(simd: S, all: &[f32; TAPS], group: usize) -> f32x8<S> {
     f32x8::from_slice(simd, &all[8 * group..8 * group + 8])
 }
 
-/// The sum of samples times weights between two rows, in eight sums side by side.
+/// Samples times weights between two rows, in four sums side by side.
 #[inline(always)]
-fn weigh<S: Simd>(simd: S, [here, change]: &Row, between: f32, samples: impl Fn(usize) -> f32x8<S>) -> f32 {
+fn weigh<S: Simd>(
+    simd: S,
+    [here, change]: &Row,
+    between: f32,
+    samples: impl Fn(usize) -> f32x8<S>,
+) -> [f32; 4] {
     let between = f32x8::splat(simd, between);
     let part =
         |group: usize| samples(group) * (eight(simd, here, group) + between * eight(simd, change, group));
     let sum = (part(0) + part(1)) + (part(2) + part(3));
     let (low, high) = simd.split_f32x8(sum);
-    let sum: [f32; 4] = (low + high).into();
-    (sum[0] + sum[1]) + (sum[2] + sum[3])
+    (low + high).into()
 }
 
-/// What a loop holds up to `pass`, and less and less of it up to `stop`, both in cycles per sample, as `len` samples.
+/// The sum of four.
+#[inline(always)]
+fn total([a, b, c, d]: [f32; 4]) -> f32 {
+    (a + b) + (c + d)
+}
+
+/// The half of the spectrum of a loop that says it all.
+fn spectrum(samples: &[f32], n: usize, planner: &mut RealFftPlanner<f64>) -> Vec<Complex<f64>> {
+    let forward = planner.plan_fft_forward(n);
+    let (mut whole, mut bins) = (forward.make_input_vec(), forward.make_output_vec());
+    whole.iter_mut().zip(samples).for_each(|(whole, x)| *whole = f64::from(*x));
+    // The lengths are those of the plan.
+    let _ = forward.process(&mut whole, &mut bins);
+    bins
+}
+
+/// What a loop of `n` samples holds up to `pass`, and less and less of it up to `stop`, both in cycles per sample, in as many samples as
+/// `inverse` gives.
 fn band(
     spectrum: &[Complex<f64>],
+    n: usize,
     [pass, stop]: [f64; 2],
-    len: usize,
-    planner: &mut FftPlanner<f64>,
+    inverse: &dyn ComplexToReal<f64>,
 ) -> Band {
-    let n = spectrum.len();
-    let mut part = vec![Complex::default(); len];
-    for cycles in 0..=(len / 2).min(n / 2) {
+    let (mut bins, mut part) = (inverse.make_input_vec(), inverse.make_output_vec());
+    for (cycles, (bin, whole)) in bins.iter_mut().zip(spectrum).enumerate() {
         let f = cycles as f64 / n as f64;
-        let way = ((f - pass) / (stop - pass)).clamp(0.0, 1.0);
-        let gain = 0.5 + 0.5 * libm::cos(PI * way);
-        let mirror = (n - cycles) % n;
-        if let (Some(a), Some(b)) = (spectrum.get(cycles), spectrum.get(mirror)) {
-            part[cycles] = *a * gain;
-            part[(len - cycles) % len] = *b * gain;
+        if f >= stop {
+            break;
         }
+        let way = ((f - pass) / (stop - pass)).max(0.0);
+        *bin = whole * (0.5 + 0.5 * libm::cos(PI * way));
     }
-    planner.plan_fft_inverse(len).process(&mut part);
-    let samples: Vec<f32> = part.iter().map(|z| (z.re / n as f64) as f32).collect();
-    closed(&samples, len as f64 / n as f64)
+    // The lengths are those of the plan, and nothing stands at half of the density.
+    let _ = inverse.process(&mut bins, &mut part);
+    let samples: Vec<f32> = part.iter().map(|x| (x / n as f64) as f32).collect();
+    closed(&samples, part.len() as f64 / n as f64)
 }
 
 #[cfg(test)]
@@ -266,6 +346,7 @@ mod tests {
     use crate::core::random::Draw;
     use crate::scrape::testing::{amplitude, db, peak, rms};
     use fearless_simd::{Level, dispatch};
+    use rustfft::FftPlanner;
     use std::f64::consts::TAU;
 
     fn wave(cycles: usize, n: usize) -> NoiseBands {
@@ -392,6 +473,39 @@ mod tests {
             }
         }
         assert!(worst < 2e-5, "{worst}");
+    }
+
+    #[test]
+    fn what_slow_steps_need_is_the_same_of_fewer_bands() {
+        let mut draw = Draw::new(4);
+        let samples: Vec<f32> = (0..3000).map(|_| draw.between(-1.0, 1.0) as f32).collect();
+        let profile = NoiseProfile { samples, spacing: 1e-3 };
+        let all = NoiseBands::new(&profile);
+        for (fastest, count) in [(0.0, 1), (0.89, 1), (1.7, 9), (4.0, 19)] {
+            let few = NoiseBands::up_to(&profile, fastest);
+            assert_eq!((few.bands.len(), &few.bands[..]), (count, &all.bands[..count]), "{fastest}");
+            for part in [0.1, 0.5, 0.7, 0.93, 0.99, 1.0] {
+                let step = (part * fastest) as f32;
+                assert_eq!(read(&few, 1234.5, step), read(&all, 1234.5, step), "{step} of {fastest}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_cell_is_read_as_its_samples_are() {
+        let mut draw = Draw::new(5);
+        let samples: Vec<f32> = (0..500).map(|_| draw.between(-1.0, 1.0) as f32).collect();
+        let bands = NoiseBands::new(&NoiseProfile { samples, spacing: 1e-3 });
+        for fastest in [0.5, 0.9, 1.8] {
+            let steps: Cell = std::array::from_fn(|_| draw.between(0.0, fastest) as f32);
+            let places = std::array::from_fn(|_| draw.between(0.0, bands.round()));
+            let level = Level::new();
+            let made = dispatch!(level, simd => bands.read_cell(simd, &places, &steps, 3..CELL - 2));
+            for n in 0..CELL {
+                let right = if (3..CELL - 2).contains(&n) { read(&bands, places[n], steps[n]) } else { 0.0 };
+                assert_eq!(made[n], right, "{n} of steps up to {fastest}");
+            }
+        }
     }
 
     #[test]

@@ -16,6 +16,7 @@ use super::slew::Slew;
 use super::voices::{CELL, Stretch};
 use crate::texture::Isophotes;
 use fearless_simd::{Level, dispatch};
+use std::sync::Arc;
 
 /// Area of a pulse over its amplitude, s: a crossing of 1 per pixel is 1 N for 1 ms.
 pub const PULSE: f64 = 1e-3;
@@ -59,7 +60,8 @@ struct Crossing {
 #[derive(Clone, Debug)]
 pub struct IsophoteForce {
     simd: Level,
-    index: IsophoteIndex,
+    /// Copies share it.
+    index: Arc<IsophoteIndex>,
     density: [f64; 2],
     rate: f64,
     reading: Reading,
@@ -90,7 +92,7 @@ impl IsophoteForce {
         let room = if reading == Reading::Crossing { contacts * MOST * cells } else { 0 };
         Self {
             simd: Level::new(),
-            index: IsophoteIndex::new(all),
+            index: Arc::new(IsophoteIndex::new(all)),
             density: all.surface.density,
             rate,
             reading,

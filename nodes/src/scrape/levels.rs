@@ -8,7 +8,7 @@ use super::item::PathPiece;
 use super::law::Law;
 use super::noise::{NoiseForce, NoiseVoice};
 use super::other_node::exchanged;
-use super::strength::POINTS;
+use super::strength::{POINTS, SpeedCurve};
 use super::stroke::{Pen, circle, pieces};
 use super::voices::{Stretch, Voices};
 use crate::core::time::{Rate, Tick, seconds};
@@ -146,6 +146,13 @@ pub fn by_speed(found: impl Fn(usize) -> f64, speeds: usize) -> (f64, [f64; POIN
     (middle, std::array::from_fn(|k| if at(k) > 0.0 && middle > 0.0 { at(k) / middle } else { 1.0 }))
 }
 
+/// The fastest that a stroke goes to find a strength at a speed, or by speed, m/s: a circle of cubics is a little uneven.
+#[must_use]
+pub fn fastest(speed: f64, by_speed: bool) -> f64 {
+    let [.., highest] = SpeedCurve::speeds(speed);
+    1.05 * if by_speed { highest } else { speed }
+}
+
 /// The law of exponents of force and speed, of strength 1.
 #[must_use]
 pub fn exponents([a, b]: [f64; 2]) -> Law {
@@ -251,6 +258,7 @@ mod tests {
                 for s in [0.0, 0.5, 1.0] {
                     let v = piece.velocity_at(s);
                     assert!((v[0].hypot(v[1]) / speed - 1.0).abs() < 0.02, "{density} {wrap:?}: {v:?}");
+                    assert!(v[0].hypot(v[1]) < fastest(speed, false));
                     (along, across) = (along + v[0] * v[0], across + v[1] * v[1]);
                     let [x, y] = piece.place_at(s).map(|x| x * density);
                     let within = (-0.5..=199.5).contains(&x) && (-0.5..=299.5).contains(&y);

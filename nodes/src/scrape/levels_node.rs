@@ -2,7 +2,9 @@
 
 use super::bands::NoiseBands;
 use super::isophote::{IsophoteForce, IsophoteVoice, Reading};
-use super::levels::{RATE, StandardStroke, by_speed, exponents, factor, heard, parts, rms, share, sum};
+use super::levels::{
+    RATE, StandardStroke, by_speed, exponents, factor, fastest, heard, parts, rms, share, sum,
+};
 use super::map::{MapForce, MapVoice, SurfaceMap};
 use super::map_node::{MapValue, check_grid};
 use super::plane::Interp;
@@ -131,7 +133,7 @@ struct Surfaces<'a> {
     features: Option<SurfaceMap>,
     noise: Option<NoiseBands>,
     alike: Option<NoiseBands>,
-    curves: Option<&'a Isophotes>,
+    curves: Option<IsophoteForce>,
     /// Share of the noise in the power of features and noise.
     share: f64,
 }
@@ -146,15 +148,23 @@ struct Found {
     split: [f64; 2],
 }
 
-pub(super) fn bands(profile: &NoiseProfile) -> Result<NoiseBands, Reject> {
+/// A line of noise for strokes of up to a speed, m/s.
+pub(super) fn bands(profile: &NoiseProfile, fastest: f64) -> Result<NoiseBands, Reject> {
     noise_node::check(profile)?;
-    Ok(NoiseBands::new(profile))
+    Ok(NoiseBands::up_to(profile, fastest / (profile.spacing * FS)))
 }
 
 impl<'a> Surfaces<'a> {
     fn new(p: &LevelMatcherParams, io: &LevelMatcherIo<'a>) -> Result<Self, Reject> {
         // The finest level of a simple surface is its map.
         let simple = io.class.is_some_and(|found| found.class == Class::Simple);
+        let curves = |all: &Isophotes| {
+            isophote_node::check("isophotes", all)?;
+            let mut force = IsophoteForce::new(all, p.reading, exponents(p.map_law), FS, 2);
+            force.set(p.width, p.radius, 1.0);
+            Ok::<_, Reject>(force)
+        };
+        let bands = |profile| bands(profile, fastest(p.speed, p.by_speed));
         Ok(Self {
             p: p.clone(),
             modes: io.modes,
@@ -164,7 +174,7 @@ impl<'a> Surfaces<'a> {
             features: io.features.map(|f| features(p, f)).transpose()?,
             noise: io.noise.map(bands).transpose()?,
             alike: io.spectrum.map(bands).transpose()?,
-            curves: io.isophotes.filter(|_| !simple),
+            curves: io.isophotes.filter(|_| !simple).map(curves).transpose()?,
             share: share_of(io.map, io.rest)?,
         })
     }
@@ -188,12 +198,9 @@ impl<'a> Surfaces<'a> {
         self.heard(stroke.noise(bands, self.p.noise_law))
     }
 
-    fn isophotes(&self, stroke: &StandardStroke, all: &Isophotes) -> Result<Vec<f32>, Fault> {
-        isophote_node::check("isophotes", all)?;
-        let mut force = IsophoteForce::new(all, self.p.reading, exponents(self.p.map_law), FS, 2);
-        force.set(self.p.width, self.p.radius, 1.0);
+    fn isophotes(&self, stroke: &StandardStroke, curves: &IsophoteForce) -> Result<Vec<f32>, Fault> {
         self.heard(stroke.draw(
-            &mut force,
+            &mut curves.clone(),
             |_| IsophoteVoice::default(),
             IsophoteForce::add,
             IsophoteForce::ring_out,
@@ -209,7 +216,8 @@ impl<'a> Surfaces<'a> {
         let wanted = self.p.kappa * rms(&self.map(&stroke, &self.map)?);
         let lines = of_map(&self.features)?.unwrap_or_default();
         let noise = of_noise(&self.noise)?.unwrap_or_default();
-        let curves = self.curves.map(|c| self.isophotes(&stroke, c)).transpose()?.unwrap_or_default();
+        let curves =
+            self.curves.as_ref().map(|c| self.isophotes(&stroke, c)).transpose()?.unwrap_or_default();
         let alone = |drawn: &[f32]| factor(wanted, rms(drawn));
         let [features, beside] = if lines.is_empty() || noise.is_empty() {
             [alone(&lines), alone(&noise)]

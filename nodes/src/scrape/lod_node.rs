@@ -49,9 +49,9 @@ params! {
         /// Place of the listener, where no link gives it.
         listener: [f64; 3] = [0.0; 3], unit "m", range -100_000.0..=100_000.0;
         /// Cost of a contact on each level, in microseconds for 1024 samples. At up to 1 m/s and 44.1 kHz a core of a server takes 10
-        /// for a map, 12 to 21 for isophotes, 10 for features and 16 for noise, however that is stored; `full` counts as much as
-        /// `split`, so that a level down never costs more.
-        costs: [f64; 4] = [26.0, 26.0, 16.0, 16.0], unit "us", range 0.0..=1_000_000.0;
+        /// for a map, 10 to 17 for isophotes, 10 for features and 12 for noise, however that is stored (`cargo bench -p foley-nodes --bench
+        /// scrape`, isophotes by `--bench isophotes`); `full` counts as much as `split`, so that a level down never costs more.
+        costs: [f64; 4] = [22.0, 22.0, 12.0, 12.0], unit "us", range 0.0..=1_000_000.0;
         /// What all contacts may cost together, in microseconds for 1024 samples; None for no end.
         budget: Option<f64> = None, unit "us", range 0.0..=1_000_000.0;
         /// Contacts that can be followed at once.

@@ -14,6 +14,7 @@ use super::slew::Slew;
 use super::voices::{CELL, Stretch};
 use super::{PULSE, item::place};
 use crate::texture::Isophotes;
+use std::sync::Arc;
 
 /// Most lines of one surface within reach, and most meetings in a cell of samples.
 const MOST: usize = 32;
@@ -63,7 +64,8 @@ struct Crossed {
 /// it, are a choice.
 #[derive(Clone, Debug)]
 pub struct MeetForce {
-    surfaces: [(IsophoteIndex, [f64; 2]); 2],
+    /// Lines and their density; copies share them.
+    surfaces: [(Arc<IsophoteIndex>, [f64; 2]); 2],
     rate: f64,
     /// Law of force and speed.
     pub law: Law,
@@ -90,7 +92,7 @@ impl MeetForce {
     pub fn new(surfaces: [&Isophotes; 2], law: Law, rate: f64, contacts: usize) -> Self {
         let cells = (LONGEST * rate / CELL as f64).ceil() as usize + 2;
         Self {
-            surfaces: surfaces.map(|all| (IsophoteIndex::new(all), all.surface.density)),
+            surfaces: surfaces.map(|all| (Arc::new(IsophoteIndex::new(all)), all.surface.density)),
             rate,
             law,
             scale: Slew::new(1.0, rate),

@@ -4,6 +4,8 @@
 //! excitations evaluate at every audio sample; any number of contacts travels on one link.
 
 mod bands;
+mod frame;
+mod hermite;
 mod isophote;
 mod isophote_ends;
 mod isophote_index;
@@ -50,6 +52,7 @@ mod track_tests;
 mod voices;
 
 pub use bands::{NoiseBands, NoiseInterp};
+pub use frame::{PathRules, Sample};
 pub use isophote::{IsophoteForce, IsophoteVoice, PULSE, Reading};
 pub use isophote_ends::Strip;
 pub use isophote_index::{IsophoteIndex, Tile};
@@ -71,5 +74,5 @@ pub use resize::Resize;
 pub use slew::{SLEW, Slew};
 pub use strength::{SpeedCurve, Strength};
 pub use stroke::{Knot, Pen, circle, lines, pieces, through};
-pub use track::{JUMP, LOST, PathRules, Sample, Tracker};
+pub use track::{JUMP, LOST, Tracker};
 pub use voices::{CELL, Cell, Stretch, Voices};

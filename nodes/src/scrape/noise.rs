@@ -64,19 +64,24 @@ impl NoiseForce {
         let settled = self.scale.settled(stretch.anchor);
         let round = noise.round();
         let (from, to) = (stretch.from, stretch.to.min(CELL));
-        // Where each sample is read, one after the other; then all are read, which need not wait for each other.
-        let mut spots = [(0.0, 0.0); CELL];
-        for (n, spot) in spots.iter_mut().enumerate().take(to).skip(from) {
-            let size = settled.unwrap_or_else(|| self.scale.at(stretch.anchor + n as i64));
-            let step = f64::from(self.moves.speed[n]) * dense / size;
-            *spot = (voice.place, step as f32);
-            let next = voice.place + f64::from(self.moves.sign[n]) * step;
+        let mut sizes = [settled.unwrap_or(1.0); CELL];
+        if settled.is_none() {
+            let size = |n: usize| self.scale.at(stretch.anchor + n as i64);
+            sizes = std::array::from_fn(size);
+        }
+        let (mut steps, mut ways, mut places) = ([0.0; CELL], [0.0; CELL], [0.0; CELL]);
+        for n in 0..CELL {
+            let step = f64::from(self.moves.speed[n]) * dense / sizes[n];
+            steps[n] = step as f32;
+            ways[n] = f64::from(self.moves.sign[n]) * step;
+        }
+        // Only where each sample is read has to be found one after the other.
+        for n in from..to {
+            places[n] = voice.place;
+            let next = voice.place + ways[n];
             voice.place = if next >= 0.0 && next < round { next } else { wrapped(next, round) };
         }
-        let mut made = [0.0; CELL];
-        for (made, (place, step)) in made.iter_mut().zip(spots).take(to).skip(from) {
-            *made = noise.read(simd, place, step);
-        }
+        let mut made = noise.read_cell(simd, &places, &steps, from..to);
         let sizes = self.scale.ends(stretch.anchor);
         self.law.apply(stretch, &self.moves, sizes, &mut made);
         out.iter_mut().zip(stretch.part(&mut made)).for_each(|(out, x)| *out += *x);

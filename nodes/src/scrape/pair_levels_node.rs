@@ -3,7 +3,9 @@
 use super::bands::NoiseBands;
 use super::isophote_node;
 use super::law::Heading;
-use super::levels::{RATE, StandardStroke, by_speed, exponents, factor, heard, parts, rms, share, sum};
+use super::levels::{
+    RATE, StandardStroke, by_speed, exponents, factor, fastest, heard, parts, rms, share, sum,
+};
 use super::levels_node::bands;
 use super::map_node::check_grid;
 use super::meet::{MeetForce, MeetVoice};
@@ -139,7 +141,7 @@ struct Pair<'a> {
     a: &'a Luma,
     modes: Option<&'a Modes>,
     reliefs: [Relief; 2],
-    lines: Option<[&'a Isophotes; 2]>,
+    lines: Option<MeetForce>,
     noises: [Option<NoiseBands>; 2],
     alike: [Option<NoiseBands>; 2],
     /// Share of the noises in the power of crossings and noises, and of the second noise in that of both.
@@ -168,16 +170,22 @@ impl<'a> Pair<'a> {
     fn new(p: &PairMatcherParams, io: &PairMatcherIo<'a>) -> Result<Self, Reject> {
         check("a", io.a)?;
         check("b", io.b)?;
-        let lines = io.lines_a.zip(io.lines_b).map(|(a, b)| [a, b]);
-        if let Some([a, b]) = lines {
+        let lines = |(a, b): (&Isophotes, &Isophotes)| {
             isophote_node::check("lines_a", a)?;
             isophote_node::check("lines_b", b)?;
-        }
+            let mut force = MeetForce::new([a, b], exponents(p.crossing_law), FS, 2);
+            (force.reach, force.width) = (p.reach, p.width);
+            Ok::<_, Reject>(force)
+        };
+        let lines = io.lines_a.zip(io.lines_b).map(lines).transpose()?;
         let [first, own_first] = slopes(io.a, io.rest_a, "rest_a")?;
         let [second, own_second] = slopes(io.b, io.rest_b, "rest_b")?;
         // What passes faster changes faster.
         let second = second * p.other.powi(2);
         let noise = [first * own_first, second * own_second];
+        let fastest = fastest(p.speed, p.by_speed);
+        let first_bands = |profile| bands(profile, fastest);
+        let second_bands = |profile| bands(profile, fastest * p.other.abs());
         let part = |x: f64, of: f64| if of > 0.0 { x / of } else { HALF };
         Ok(Self {
             p: p.clone(),
@@ -185,8 +193,11 @@ impl<'a> Pair<'a> {
             modes: io.modes,
             reliefs: [io.a, io.b].map(|luma| Relief::new(&heights(luma), &luma.surface)),
             lines,
-            noises: [io.noise_a.map(bands).transpose()?, io.noise_b.map(bands).transpose()?],
-            alike: [io.spectrum_a.map(bands).transpose()?, io.spectrum_b.map(bands).transpose()?],
+            noises: [io.noise_a.map(first_bands).transpose()?, io.noise_b.map(second_bands).transpose()?],
+            alike: [
+                io.spectrum_a.map(first_bands).transpose()?,
+                io.spectrum_b.map(second_bands).transpose()?,
+            ],
             shares: [part(noise[0] + noise[1], first + second), part(noise[1], noise[0] + noise[1])],
         })
     }
@@ -209,9 +220,7 @@ impl<'a> Pair<'a> {
     }
 
     fn crossings(&self, stroke: &StandardStroke) -> Result<Vec<f32>, Fault> {
-        let Some(lines) = self.lines else { return Ok(Vec::new()) };
-        let mut force = MeetForce::new(lines, exponents(self.p.crossing_law), FS, 2);
-        (force.reach, force.width) = (self.p.reach, self.p.width);
+        let Some(mut force) = self.lines.clone() else { return Ok(Vec::new()) };
         let fresh = |_| MeetVoice::default();
         self.heard(stroke.draw(&mut force, fresh, MeetForce::add, MeetForce::ring_out))
     }

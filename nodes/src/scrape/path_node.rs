@@ -1,8 +1,9 @@
 //! The node around [`Tracker`].
 
+use super::frame::{PathRules, Sample};
 use super::item::PathPiece;
 use super::queue::Queue;
-use super::track::{LOST, PathRules, Sample, Tracker};
+use super::track::{LOST, Tracker};
 use crate::contact::vector::{Vec3, dot, sub, widen};
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
@@ -119,7 +120,7 @@ params! {
         teleport: f64 = 8.0, unit "px", range 0.01..=1_000_000.0;
         /// Pixels per metre of that map, where no image is linked.
         density: f64 = 512.0, unit "px/m", range 0.1..=1_000_000.0;
-        /// Time from one frame of the physics to the next.
+        /// Longest time from one frame of the physics to the next; ContactLog tells it as `longest_frame_ms`.
         frame: f64 = 1.0 / 60.0, unit "s", range 0.0005..=0.5;
         /// Number of the object that is excited.
         object: u32 = 0, unit "", range 0..=4_294_967_295_u32;

@@ -32,6 +32,7 @@ struct Pulse {
 #[derive(Clone, Debug)]
 pub struct Pulses {
     pulses: Vec<Pulse>,
+    room: usize,
     rate: f64,
     /// Pulses that found no room.
     pub left_out: u64,
@@ -41,7 +42,7 @@ impl Pulses {
     /// Room for `room` pulses at once at a sample rate.
     #[must_use]
     pub fn new(room: usize, rate: f64) -> Self {
-        Self { pulses: Vec::with_capacity(room.max(1)), rate, left_out: 0 }
+        Self { pulses: Vec::with_capacity(room), room, rate, left_out: 0 }
     }
 
     /// Adds a pulse that begins `start` samples after `sample`, lasts `time` seconds, held between two samples and 5 ms, and has an area
@@ -50,7 +51,7 @@ impl Pulses {
         if area == 0.0 || !area.is_finite() || !start.is_finite() {
             return;
         }
-        if self.pulses.len() == self.pulses.capacity() {
+        if self.pulses.len() >= self.room {
             self.left_out += 1;
             return;
         }
@@ -90,8 +91,7 @@ impl Pulses {
     pub fn take_state(&mut self, old: &Self) {
         if old.rate == self.rate {
             self.pulses.clear();
-            let room = self.pulses.capacity();
-            self.pulses.extend(old.pulses.iter().take(room));
+            self.pulses.extend(old.pulses.iter().take(self.room));
         }
         self.left_out = old.left_out;
     }
@@ -151,9 +151,9 @@ mod tests {
 
     #[test]
     fn what_finds_no_room_is_counted() {
-        let mut set = Pulses::new(1, 1000.0);
-        let room = set.pulses.capacity();
-        (0..room + 2).for_each(|_| set.add(0, 0.0, 0.002, 1.0, (0, 0)));
+        // A copy has as much.
+        let mut set = Pulses::new(1, 1000.0).clone();
+        (0..3).for_each(|_| set.add(0, 0.0, 0.002, 1.0, (0, 0)));
         assert_eq!(set.left_out, 2);
         set.add(0, f64::NAN, 0.0, 1.0, (0, 0));
         set.add(0, 0.0, 0.0, 0.0, (0, 0));

@@ -4,6 +4,8 @@
 //! Picard, Tsingos and Faure (VRIPHYS 2008), section 4, follow contacts at the rate of the physics; how the way between two frames
 //! is found, and what happens where there is none, are choices.
 
+use super::frame::{PathRules, Sample};
+use super::hermite::{central, cubic, onward, rate, turned};
 use super::item::PathPiece;
 use super::queue::Queue;
 use crate::core::time::{Tick, seconds, ticks};
@@ -14,64 +16,6 @@ pub const JUMP: f64 = 0.002;
 pub const LOST: f64 = 0.005;
 /// Distances of a jump that a contact of unknown velocity may go in one frame.
 const UNKNOWN: f64 = 16.0;
-
-/// A contact at one frame, seen on a plane.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sample {
-    /// Which contact.
-    pub contact: u64,
-    /// When.
-    pub tick: Tick,
-    /// Place, m.
-    pub place: [f64; 2],
-    /// Velocity over the surface, where it is known, m/s.
-    pub velocity: Option<[f64; 2]>,
-    /// Place on the other surface, where it is wanted, m.
-    pub other: Option<[f64; 2]>,
-    /// Normal force, N.
-    pub force: f32,
-    /// Amplitude by the kind of contact.
-    pub gain: f32,
-    /// The first frame of a contact.
-    pub begins: bool,
-    /// The contact has ended.
-    pub ends: bool,
-}
-
-/// How the way between frames is found.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PathRules {
-    /// Time from one frame to the next that is expected.
-    pub frame: Tick,
-    /// Whether a way is known before its end: otherwise it is predicted and corrected over the next frame.
-    pub look_ahead: bool,
-    /// Whether velocities come from the places before and after, one frame later, in place of those given.
-    pub differences: bool,
-    /// Whether a way whose velocities are too large for it is straight.
-    pub guard: bool,
-    /// Distance from the expected place beyond which a contact has jumped, m.
-    pub teleport: f64,
-    /// Number of the object that pieces carry.
-    pub object: u32,
-    /// Time constant of a low-pass over places and velocities, s; 0 for none.
-    pub smooth: f64,
-}
-
-impl PathRules {
-    /// How long after a frame its way must be known.
-    #[must_use]
-    pub fn latency(&self) -> Tick {
-        // A hundredth for frames that come a little late.
-        let frames = i64::from(self.look_ahead) * (1 + i64::from(self.differences));
-        frames * (self.frame + self.frame / 100)
-    }
-
-    /// How long after the last frame a contact that hears no more of itself falls silent.
-    #[must_use]
-    pub fn stall(&self) -> Tick {
-        2 * self.frame
-    }
-}
 
 /// One contact that is followed.
 #[derive(Clone, Copy, Debug)]
@@ -527,48 +471,4 @@ impl Track {
         self.gain = piece.gain_at(s) as f32;
         self.known = tick;
     }
-}
-
-/// Velocity from one place to another, m/s.
-fn rate(from: [f64; 2], to: [f64; 2], time: Tick) -> [f64; 2] {
-    let time = seconds(time.max(1));
-    std::array::from_fn(|k| (to[k] - from[k]) / time)
-}
-
-/// A velocity that goes on turning and growing for a time.
-fn turned(velocity: [f64; 2], [turn, growth]: [f64; 2], time: f64) -> [f64; 2] {
-    let (sin, cos) = libm::sincos(turn * time);
-    let size = (1.0 + growth * time).max(0.0);
-    [size * (velocity[0] * cos - velocity[1] * sin), size * (velocity[0] * sin + velocity[1] * cos)]
-}
-
-/// Velocity at a frame from those around it (Catmull and Rom).
-fn central(before: Option<(Tick, [f64; 2])>, at: &Sample, after: &Sample) -> [f64; 2] {
-    let (tick, place) = before.unwrap_or((at.tick, at.place));
-    rate(place, after.place, after.tick - tick)
-}
-
-/// Velocity at the end of a way of which only the start is known: half of what keeps the acceleration even, which does not
-/// swing.
-fn onward([from, velocity]: [[f64; 2]; 2], to: [f64; 2], time: f64) -> [f64; 2] {
-    std::array::from_fn(|k| {
-        let mean = (to[k] - from[k]) / time;
-        if velocity[k].is_finite() { mean + 0.5 * (mean - velocity[k]) } else { mean }
-    })
-}
-
-/// The cubic of Hermite between two places with velocities.
-fn cubic([p, v]: [[f64; 2]; 2], [q, w]: [[f64; 2]; 2], time: f64, guard: bool) -> [[f64; 2]; 4] {
-    let gap: [f64; 2] = std::array::from_fn(|k| q[k] - p[k]);
-    let fastest = v[0].hypot(v[1]).max(w[0].hypot(w[1]));
-    if guard && fastest * time > 3.0 * gap[0].hypot(gap[1]) {
-        return [p, gap, [0.0; 2], [0.0; 2]];
-    }
-    let part = |f: &dyn Fn(usize) -> f64| [f(0), f(1)];
-    [
-        p,
-        part(&|k| v[k] * time),
-        part(&|k| 3.0 * gap[k] - (2.0 * v[k] + w[k]) * time),
-        part(&|k| (v[k] + w[k]) * time - 2.0 * gap[k]),
-    ]
 }

@@ -1,9 +1,10 @@
 //! Ways between frames: exact where they must be, smooth elsewhere, and what happens at jumps, losses and stalls.
 
+use super::frame::{PathRules, Sample};
 use super::item::PathPiece;
 use super::queue::Queue;
 use super::testing::{amplitude, db};
-use super::track::{JUMP, LOST, PathRules, Sample, Tracker};
+use super::track::{JUMP, LOST, Tracker};
 use crate::core::time::{Tick, seconds, ticks};
 use std::f64::consts::TAU;
 

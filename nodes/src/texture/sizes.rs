@@ -40,7 +40,7 @@ pub struct CostEntry {
 /// Microseconds for each millisecond of a contact, as `benches/scrape.rs` finds them: what is read of a map, and a line of noise.
 pub const MAP_COST: f64 = 0.42;
 /// The same of noise.
-pub const NOISE_COST: f64 = 0.69;
+pub const NOISE_COST: f64 = 0.53;
 
 /// The bytes of every way to store a texture, and what it takes to play.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -124,7 +124,7 @@ impl Func for MapSizes {
     type Params = MapSizesParams;
     type Ports = MapSizesPorts;
     const NAME: &'static str = "MapSizes";
-    const VERSION: u32 = 3;
+    const VERSION: u32 = 4;
 
     fn eval(_: &MapSizesParams, _: &Build<'_>, mut io: MapSizesIo<'_>) -> Result<Summary, Fault> {
         let mut report = SizeReport::new([io.map.gx.width, io.map.gx.height]);

@@ -11,8 +11,8 @@ use crate::{params, ports};
 use std::f64::consts::PI;
 
 /// Microseconds for each millisecond of a contact over isophotes, and for each crossing, as `benches/isophotes.rs` finds them.
-const ISOPHOTES_COST: f64 = 0.4;
-const CROSSING_COST: f64 = 0.8;
+const ISOPHOTES_COST: f64 = 0.39;
+const CROSSING_COST: f64 = 0.89;
 
 params! {
     /// The bytes that the isophotes of a texture take, beside its image and all else, and the time that a contact on them does.
@@ -50,7 +50,7 @@ impl Func for TextureReport {
     type Params = TextureReportParams;
     type Ports = TextureReportPorts;
     const NAME: &'static str = "TextureReport";
-    const VERSION: u32 = 3;
+    const VERSION: u32 = 4;
 
     fn eval(_: &TextureReportParams, _: &Build<'_>, mut io: TextureReportIo<'_>) -> Result<Summary, Fault> {
         let curves = io.isophotes;
