@@ -175,6 +175,7 @@ fn shipped(folder: &Path) {
     };
     run("cold", "100.0", "0.1");
     run("another lambda", "1000.0", "0.1");
+    // Shorter: a longer one may leave its recording.
     run("a correspondence changed", "1000.0", "0.08");
 }
 

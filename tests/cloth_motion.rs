@@ -9,8 +9,9 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
-/// A flat sheet of 5 x 5 vertices high above the floor of the examples, as an OBJ, and as a point cache of some frames.
-fn sheet(folder: &Path, frames: usize) {
+/// A flat sheet of 5 x 5 vertices high above the floor of the examples, as an OBJ, and
+/// `lift` m above it as a point cache of some frames.
+fn sheet(folder: &Path, frames: usize, lift: f32) {
     let vertices: Vec<[f32; 3]> =
         (0..25).map(|k| [0.1 * (k % 5) as f32, 0.1 * (k / 5) as f32, 5.0]).collect();
     let mut obj = String::new();
@@ -28,7 +29,7 @@ fn sheet(folder: &Path, frames: usize) {
     cache.extend(1_f32.to_le_bytes());
     cache.extend((frames as i32).to_le_bytes());
     for _ in 0..frames {
-        vertices.iter().flatten().for_each(|x| cache.extend(x.to_le_bytes()));
+        vertices.iter().flat_map(|[x, y, z]| [*x, *y, z + lift]).for_each(|x| cache.extend(x.to_le_bytes()));
     }
     fs::write(folder.join("sheet.pc2"), cache).unwrap();
 }
@@ -49,10 +50,16 @@ const UNMARKED: &str = "cotton.correspondences=graphs/assets/cloth/none.correspo
 #[test]
 fn an_animation_of_one_frame_is_told_with_what_is_needed() {
     let folder = tempfile::tempdir().unwrap();
-    sheet(folder.path(), 1);
-    for (graph, sets) in
-        [("friction.ron", &[][..]), ("crumple.ron", &[]), ("target.ron", &[]), ("sheet.ron", &[UNMARKED])]
-    {
+    for (graph, sets, lift) in [
+        ("friction.ron", &[][..], 0.0),
+        ("crumple.ron", &[], 0.0),
+        ("target.ron", &[], 0.0),
+        ("sheet.ron", &[UNMARKED], 0.0),
+        // Whatever the pose of its base.
+        ("friction.ron", &[], 0.5),
+        ("crumple.ron", &[], 0.5),
+    ] {
+        sheet(folder.path(), 1, lift);
         let ran = run(graph, folder.path(), sets);
         let told = String::from_utf8_lossy(&ran.stderr).into_owned();
         assert!(!ran.status.success(), "{graph}");
@@ -67,7 +74,7 @@ fn an_animation_of_one_frame_is_told_with_what_is_needed() {
 #[test]
 fn an_animation_without_contact_or_snap_is_silence_of_its_length_with_a_note_that_says_so() {
     let folder = tempfile::tempdir().unwrap();
-    sheet(folder.path(), 30);
+    sheet(folder.path(), 30, 0.0);
     for (graph, file, seconds, part) in [
         ("friction.ron", "friction.wav", 0.5, "nothing ever slides"),
         ("crumple.ron", "crumple.wav", 1.1, "the cloth never snaps"),

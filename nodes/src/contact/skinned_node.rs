@@ -82,6 +82,8 @@ fn crumple(bend: &Bend, interval: Tick, mesh: u32) -> Crumple {
         normal: [0.0; 3],
         interval,
         mesh,
+        method: None,
+        h_eps: 0.0,
     }
 }
 
@@ -89,7 +91,7 @@ impl Node for SkinnedSlip {
     type Params = SkinnedSlipParams;
     type Ports = SkinnedSlipPorts;
     const NAME: &'static str = "SkinnedSlip";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     const CLASS: Class = Class::Worker;
     const COST: f64 = 50.0;
 

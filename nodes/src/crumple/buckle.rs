@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::curvature::Curvature;
+use crate::curvature::{Curvature, Method};
 
 /// Whether one vertex snaps in one frame, and by how much.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -17,6 +17,10 @@ pub struct Buckle {
     pub normal: [f32; 3],
     /// Position, m.
     pub position: [f32; 3],
+    /// Dead band that was passed, 1/m.
+    pub h_eps: f32,
+    /// How the curvature was measured.
+    pub method: Method,
 }
 
 /// What is kept of a vertex.
@@ -97,6 +101,8 @@ impl Side {
             area: 0.5 * (self.area + c.area),
             normal: c.normal,
             position: c.position,
+            h_eps: h_eps as f32,
+            method: c.method,
             ..Buckle::default()
         };
         let sure = match c.h {

@@ -50,6 +50,7 @@ impl Node for BuckleDetectorNode {
     type Params = BuckleDetectorParams;
     type Ports = BuckleDetectorPorts;
     const NAME: &'static str = "BuckleDetector";
+    const VERSION: u32 = 2;
     const CLASS: Class = Class::Worker;
     const COST: f64 = 10.0;
 

@@ -9,6 +9,7 @@ use crate::core::content::{altered_content, content_digest};
 use crate::core::item::Data;
 use crate::core::random::Draw;
 use crate::core::time::{TICKS_PER_SECOND, Tick};
+use crate::curvature::Method;
 use crate::plot::{Axis, Line, chart};
 
 /// Version of the fields of [`EnergyCalibration`].
@@ -58,7 +59,13 @@ pub struct EnergyCalibration {
     pub fps: f64,
     /// Digest of the mesh; 0 where there was no event.
     pub mesh: u32,
-    /// Digest of what the numbers above depend on: version, weight, floor, frames per second and mesh.
+    /// How curvature was measured; unknown where there was no event, where nothing was measured, and in older files.
+    #[serde(default)]
+    pub method: Option<Method>,
+    /// Dead band of the curvature, 1/m; unknown where there was no event and in older files.
+    #[serde(default)]
+    pub h_eps: Option<f32>,
+    /// Digest of what the numbers above depend on: version, weight, floor, frames per second, mesh, method and dead band.
     pub conventions: String,
     /// Digest of all of the above, so that a change by hand is seen; empty where none was written.
     #[serde(default)]
@@ -162,7 +169,7 @@ impl EnergyMeter {
         let events = kept.len() as u64;
         let at = |k: usize| hazen(&kept, (k as f64 + 0.5) / QUANTILES as f64);
         let energies = if kept.len() > MOST { (0..QUANTILES).map(at).collect() } else { kept };
-        let mut calibration = EnergyCalibration {
+        let calibration = EnergyCalibration {
             version: CALIBRATION_VERSION,
             weight: self.first.map(|event| event.weight),
             e_min,
@@ -174,26 +181,42 @@ impl EnergyMeter {
             rate: if seconds > 0.0 { events as f64 / seconds } else { 0.0 },
             fps: self.first.as_ref().map_or(0.0, frame_rate),
             mesh: self.first.map_or(0, |event| event.mesh),
+            method: self.first.and_then(|event| event.method),
+            h_eps: self.first.map(|event| event.h_eps),
             conventions: String::new(),
             content: String::new(),
         };
-        calibration.conventions = calibration.digest();
-        calibration.content = content_digest(&calibration);
-        calibration
+        calibration.sealed()
     }
 }
 
 impl EnergyCalibration {
     fn digest(&self) -> String {
-        let text = format!("{} {:?} {:?} {} {}", self.version, self.weight, self.floor, self.fps, self.mesh);
+        let mut text =
+            format!("{} {:?} {:?} {} {}", self.version, self.weight, self.floor, self.fps, self.mesh);
+        // Older files know neither, and keep their digest.
+        if self.method.is_some() || self.h_eps.is_some() {
+            text += &format!(" {:?} {:?}", self.method, self.h_eps);
+        }
         blake3::hash(text.as_bytes()).to_hex()[..16].to_owned()
+    }
+
+    fn content(&self) -> String {
+        let plain = Self { content: String::new(), ..self.clone() };
+        content_digest(&plain, &["\"method\":null,", "\"h_eps\":null,"])
+    }
+
+    /// The same with the digests of what it holds.
+    pub(super) fn sealed(mut self) -> Self {
+        self.conventions = self.digest();
+        self.content = self.content();
+        self
     }
 
     /// What tells that a calibration of a file is not the one that was written, if anything.
     #[must_use]
     pub fn altered(&self) -> Option<String> {
-        let wanted = content_digest(&Self { content: String::new(), ..self.clone() });
-        altered_content(&self.content, &wanted, "measure it")
+        altered_content(&self.content, &self.content(), "measure it")
     }
 
     /// Whether all of it can be what a measurement gives.
@@ -241,7 +264,8 @@ impl EnergyCalibration {
     }
 
     /// How an event was found otherwise than those of the calibration, where they cannot be told apart by their energies: on another
-    /// mesh, or at another frame rate.
+    /// mesh, at another frame rate, by another kind of curvature, or with a dead band that differs by more than a tenth (one that
+    /// is measured on each take is never quite the same).
     #[must_use]
     pub fn differs(&self, event: &Crumple) -> Option<String> {
         let fps = frame_rate(event);
@@ -250,8 +274,17 @@ impl EnergyCalibration {
             return Some(format!("`mesh` of the calibration is {own}, of the events {found}"));
         }
         // A millionth is all that whole ticks know.
-        (self.fps > 0.0 && (self.fps - fps).abs() > 2e-4)
-            .then(|| format!("`fps` of the calibration is {}, of the events {fps}", self.fps))
+        if self.fps > 0.0 && (self.fps - fps).abs() > 2e-4 {
+            return Some(format!("`fps` of the calibration is {}, of the events {fps}", self.fps));
+        }
+        if let (Some(own), Some(found)) = (self.method, event.method)
+            && own != found
+        {
+            return Some(format!("`method` of the calibration is {own:?}, of the events {found:?}"));
+        }
+        let (own, found) = (self.h_eps?, event.h_eps);
+        ((own - found).abs() > 0.1 * own.max(found))
+            .then(|| format!("`h_eps` of the calibration is {own}, of the events {found}"))
     }
 
     /// Refuses events whose energies are no match for these.

@@ -76,7 +76,7 @@ impl Node for EnergyCalibrationNode {
     type Params = EnergyCalibrationParams;
     type Ports = EnergyCalibrationPorts;
     const NAME: &'static str = "EnergyCalibration";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     const CLASS: Class = Class::Offline;
 
     fn shape(
@@ -171,7 +171,7 @@ impl Func for EnergyCalibrationFile {
     type Params = EnergyCalibrationFileParams;
     type Ports = EnergyCalibrationFilePorts;
     const NAME: &'static str = "EnergyCalibrationFile";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
 
     fn check(
         p: &EnergyCalibrationFileParams,

@@ -4,6 +4,7 @@ use std::collections::VecDeque;
 
 use super::components::{Component, Components, Neighbours, Sums};
 use super::{Buckle, Crumple, Weight};
+use crate::curvature::Method;
 use crate::mesh::{MeshError, Topology};
 
 /// How events are made.
@@ -58,6 +59,9 @@ pub struct CrumpleEvents {
     marked: Vec<u32>,
     ready: VecDeque<(i64, Crumple)>,
     dropped: u64,
+    /// How curvature was measured, and its dead band, in the last frame.
+    method: Method,
+    h_eps: f32,
 }
 
 impl CrumpleEvents {
@@ -78,6 +82,8 @@ impl CrumpleEvents {
             marked: Vec::with_capacity(vertices),
             ready: VecDeque::with_capacity(1024),
             dropped: 0,
+            method: Method::default(),
+            h_eps: 0.0,
             mesh,
         })
     }
@@ -88,6 +94,9 @@ impl CrumpleEvents {
     /// O(V), and O(n) for n vertices that snap; without merging nothing is allocated but room for events.
     pub fn take(&mut self, frame: i64, labels: &[Buckle]) {
         self.components.find(labels, &self.mesh, &self.materials);
+        if let Some(first) = labels.first() {
+            (self.method, self.h_eps) = (first.method, first.h_eps);
+        }
         if self.params.merge_frames == 0 {
             for k in 0..self.components.found.len() {
                 let Component { id, sign, material, sums } = self.components.found[k];
@@ -238,6 +247,8 @@ impl CrumpleEvents {
             normal,
             interval: 0,
             mesh: self.digest,
+            method: Some(self.method),
+            h_eps: self.h_eps,
         };
         let at = self.ready.partition_point(|(f, e)| (*f, e.id, e.sign) < (frame, id, sign));
         self.ready.insert(at, (frame, event));

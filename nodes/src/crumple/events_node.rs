@@ -96,7 +96,7 @@ impl Node for CrumpleEventsNode {
     type Params = CrumpleEventsParams;
     type Ports = CrumpleEventsPorts;
     const NAME: &'static str = "CrumpleEvents";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     const CLASS: Class = Class::Worker;
     const COST: f64 = 5.0;
 

@@ -52,6 +52,28 @@ fn events_carry_the_time_of_their_frame_for_any_window_and_merging_joins_frames(
 }
 
 #[test]
+fn events_carry_how_the_curvature_was_measured_and_its_dead_band() {
+    use crate::curvature::{Curvature, Method};
+    let mut frames = vec![vec![Buckle::default(); 12]; 3];
+    let mut detector = crate::crumple::BuckleDetector::new(12, 0.25);
+    for (h, out) in [-1.0, 1.0, -1.0].into_iter().zip(&mut frames) {
+        let bent = Curvature { h, valid: true, area: 1.0, method: Method::Dihedral, ..Curvature::default() };
+        detector.detect(&[bent; 12], out);
+        detector.set_dead_band(0.5);
+    }
+    for merge_window in [0.0, 0.033] {
+        let p = CrumpleEventsParams { merge_window, ..params() };
+        let run = solo(p, Materials::default(), &frames).run().unwrap();
+        let found = run.events(CrumpleEventsPorts::events);
+        assert!(
+            found.len() == 2 && found.iter().all(|(_, e)| e.method == Some(Method::Dihedral)),
+            "{found:?}"
+        );
+        assert!(found.iter().all(|(_, e)| e.h_eps == 0.5), "{found:?}");
+    }
+}
+
+#[test]
 fn twice_the_time_between_frames_changes_the_times_of_events_and_nothing_else() {
     let frames = [
         snap(&[], 0.0),

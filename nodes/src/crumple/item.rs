@@ -6,6 +6,7 @@ use super::buckle::Buckle;
 use crate::core::item::{Event, Item};
 use crate::core::random::Draw;
 use crate::core::time::{Rate, Tick};
+use crate::curvature::Method;
 use crate::mesh::{Mesh, MeshFormat};
 
 /// The vertices of a cloth that snap from one side to the other, frame by frame.
@@ -38,6 +39,8 @@ impl Item for Buckles {
             area: draw.between(1e-5, 1e-3),
             normal: [0.0, 0.0, 1.0],
             position: Mesh::trial(format, place, draw),
+            h_eps: 0.0,
+            method: Method::default(),
         }
     }
 
@@ -51,7 +54,7 @@ impl Item for Buckles {
     }
 
     fn numbers(b: &Buckle, out: &mut Vec<f32>) {
-        let Buckle { label, delta, area, normal: [nx, ny, nz], position: [x, y, z] } = *b;
+        let Buckle { label, delta, area, normal: [nx, ny, nz], position: [x, y, z], .. } = *b;
         out.extend([f32::from(label), delta as f32, area as f32, nx, ny, nz, x, y, z]);
     }
 }
@@ -91,6 +94,10 @@ pub struct Crumple {
     pub interval: Tick,
     /// Digest of the mesh that it comes from.
     pub mesh: u32,
+    /// How curvature was measured, where it was.
+    pub method: Option<Method>,
+    /// Dead band of the curvature, 1/m.
+    pub h_eps: f32,
 }
 
 impl Event for Crumple {
@@ -109,6 +116,8 @@ impl Event for Crumple {
             normal: [0.0, 0.0, 1.0],
             interval: Rate::hz([24, 30, 60][draw.below(3)]).span(1),
             mesh: 7,
+            method: Some(Method::Cotan),
+            h_eps: 0.4,
         }
     }
 }

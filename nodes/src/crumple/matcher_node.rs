@@ -28,7 +28,8 @@ params! {
     /// What is as strong among the events as a sample among the samples belongs together: the energy of an event has a rank in the
     /// calibration, that rank has an energy in the bank, and the sample of the nearest energy is taken. Events below the
     /// calibration's `e_min` are dropped; above its strongest, the bank's strongest is taken. A calibration on energies that are summed otherwise
-    /// is refused; one of another mesh or frame rate is used, and a note says so, since energies depend on both.
+    /// is refused; one of another mesh or frame rate, of curvature that was measured otherwise, or of a dead band that differs by more
+    /// than a tenth is used, and a note says so, since energies depend on all of them.
     ///
     /// With `adapt` the ranks are those among the events of late, each event judged by what came before it, for live use and
     /// for motion that is unlike any calibration; then a calibration is only a start, and may be left out.
@@ -122,6 +123,7 @@ impl Node for HistogramMatcher {
     type Params = HistogramMatcherParams;
     type Ports = HistogramMatcherPorts;
     const NAME: &'static str = "HistogramMatcher";
+    const VERSION: u32 = 2;
     const CLASS: Class = Class::Worker;
     const COST: f64 = 1000.0;
 
@@ -226,6 +228,7 @@ mod tests {
     use crate::core::time::ticks;
     use crate::crumple::Weight;
     use crate::crumple::calibration::{EnergyMeter, Floor};
+    use crate::curvature::Method;
 
     fn event(energy: f64) -> Crumple {
         Crumple { energy, ..Crumple::trial(&mut Draw::new(1)) }
@@ -283,7 +286,7 @@ mod tests {
     }
 
     #[test]
-    fn a_calibration_of_another_mesh_or_frame_rate_is_told_and_used() {
+    fn a_calibration_of_another_mesh_rate_method_or_dead_band_is_told_and_used() {
         let told = |c: EnergyCalibration, adapt: bool| {
             let p = HistogramMatcherParams { adapt, ..defaults() };
             let run = solo(p, &[1.0, 2.0], Some(c)).run().unwrap();
@@ -305,6 +308,21 @@ mod tests {
         let slow = of(Crumple { interval: 2 * event(1.0).interval, ..event(1.0) });
         let found = told(slow, false);
         assert!(found.len() == 1 && found[0].contains("`fps` of the calibration is"), "{found:?}");
+        let dihedral = of(Crumple { method: Some(Method::Dihedral), ..event(1.0) });
+        let found = told(dihedral, false);
+        let wanted = "`method` of the calibration is Dihedral, of the events Cotan";
+        assert!(found.len() == 1 && found[0].contains(wanted), "{found:?}");
+        let wide = of(Crumple { h_eps: 0.5, ..event(1.0) });
+        let found = told(wide, false);
+        assert!(
+            found.len() == 1 && found[0].contains("`h_eps` of the calibration is 0.5, of the events 0.4"),
+            "{found:?}"
+        );
+        let near = of(Crumple { h_eps: 0.42, ..event(1.0) });
+        let old = EnergyCalibration { method: None, h_eps: None, ..mesh.clone() };
+        for silent in [near, EnergyCalibration { mesh: 7, ..old }.sealed()] {
+            assert_eq!(told(silent, false), Vec::<String>::new());
+        }
         assert_eq!(told(mesh, true), Vec::<String>::new(), "only where it begins");
     }
 

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::Method;
 use crate::core::item::Item;
 use crate::core::random::Draw;
 use crate::mesh::{Mesh, MeshFormat};
@@ -19,6 +20,8 @@ pub struct Curvature {
     pub position: [f32; 3],
     /// Whether the curvature has a meaning: not at a hem, a fin or a lone vertex.
     pub valid: bool,
+    /// How the curvature was measured.
+    pub method: Method,
 }
 
 /// The curvature of a mesh that moves, frame by frame: one [`Curvature`] per vertex.
@@ -52,6 +55,7 @@ impl Item for Curvatures {
             normal: [0.0, 0.0, 1.0],
             position,
             valid: draw.below(8) > 0,
+            method: Method::default(),
         }
     }
 
@@ -65,7 +69,7 @@ impl Item for Curvatures {
     }
 
     fn numbers(c: &Curvature, out: &mut Vec<f32>) {
-        let Curvature { h, area, normal: [nx, ny, nz], position: [x, y, z], valid } = *c;
+        let Curvature { h, area, normal: [nx, ny, nz], position: [x, y, z], valid, .. } = *c;
         out.extend([h as f32, area as f32, nx, ny, nz, x, y, z, f32::from(u8::from(valid))]);
     }
 }

@@ -1,6 +1,7 @@
 //! Signed mean curvature of a triangle mesh, at every vertex.
 
 use fearless_simd::Level;
+use serde::{Deserialize, Serialize};
 
 use super::Curvature;
 use super::angle::angles;
@@ -9,8 +10,9 @@ use crate::contact::vector::{Vec3, add, cross, dot, norm, scale, sub, widen};
 use crate::mesh::{MeshError, MeshPrepare, Topology};
 
 /// How curvature is measured.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Method {
+    #[default]
     /// Cotangent Laplacian over mixed areas, projected on the normal.
     Cotan,
     /// Angles between the triangles at each edge, over mixed areas.
@@ -187,7 +189,7 @@ impl Method {
         };
         let valid = valid && h.is_finite();
         let h = if valid { h } else { 0.0 };
-        Curvature { h, area: sums.area, normal: normal.map(|x| x as f32), position, valid }
+        Curvature { h, area: sums.area, normal: normal.map(|x| x as f32), position, valid, method: self }
     }
 }
 

@@ -55,6 +55,7 @@ impl Node for MeanCurvatureNode {
     type Params = MeanCurvatureParams;
     type Ports = MeanCurvaturePorts;
     const NAME: &'static str = "MeanCurvature";
+    const VERSION: u32 = 2;
     const CLASS: Class = Class::Worker;
     const COST: f64 = 120.0;
 

@@ -300,6 +300,7 @@ impl Node for MeshSequence {
     type Params = MeshSequenceParams;
     type Ports = MeshSequencePorts;
     const NAME: &'static str = "MeshSequence";
+    const VERSION: u32 = 2;
     const CLASS: Class = Class::Io;
     const COST: f64 = 20.0;
 
@@ -332,13 +333,12 @@ impl Node for MeshSequence {
         let to_last = || ((last - p.start.unwrap_or(first)) * hz + 1e-3).floor() + 1.0;
         let within = p.duration.map(|duration| (duration * hz - 1e-6).ceil());
         let items = within.or((times.len() > 1).then(to_last)).map(|items| items.max(0.0) as i64);
-        let mut still = times.len() == 1;
+        let (still, mut topology) = (times.len() == 1, clip.topology().clone());
         if still {
-            let mut frame = vec![[0.0; 3]; clip.vertex_count()];
-            stream.frames.read_frame(0, &mut frame).map_err(|e| wrong("path", &e))?;
-            still = frame == stream.clip.topology().rest;
+            // Where it stands is its rest pose: the file of the faces of a point cache may hold another.
+            stream.frames.read_frame(0, &mut topology.rest).map_err(|e| wrong("path", &e))?;
         }
-        let topology = Arc::new(stream.clip.topology().clone());
+        let topology = Arc::new(topology);
         let materials = Arc::new(stream.clip.materials().clone().or_named(&p.material.0));
         s.output(MeshSequencePorts::mesh, rate, MeshFormat { topology, still, materials });
         s.ends(items.map(|items| rate.tick(items)));

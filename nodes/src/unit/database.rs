@@ -9,7 +9,7 @@ use crate::core::random::Draw;
 use crate::feature::FeatureConventions;
 
 /// Format of [`UnitDatabase`] that this code reads and writes.
-pub const DATABASE_VERSION: u32 = 2;
+pub const DATABASE_VERSION: u32 = 3;
 
 /// A recording without any gap: filters, look-ahead and runs of units never leave it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -43,6 +43,8 @@ pub struct UnitSource {
     pub licence: String,
     /// What it sounds of: a material, or a cause such as `friction`; may be empty.
     pub tag: String,
+    /// Digest of what it holds, whatever its file is called; empty where that is not known.
+    pub content: String,
 }
 
 /// Units of recordings, with their features as made and as filtered over time.

@@ -2,6 +2,7 @@
 
 use super::builder::{Gap, Take, build};
 use super::{UnitDatabase, UnitSource};
+use crate::core::content::audio_digest;
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::{MemoryFiles, ReadSeek};
 use crate::core::node::{Func, Summary};
@@ -87,21 +88,23 @@ fn conventions(p: &UnitDatabaseParams, joined: u32) -> Result<FeatureConventions
     p.given(&p.widths, p.causal).conventions(p.rate, joined)
 }
 
-/// All of a recording at another rate, channel by channel.
-fn read(reader: &mut AudioReader<'_>, from: Rate, to: Rate) -> Result<Vec<Vec<f32>>, Reject> {
+/// All of a recording at another rate, channel by channel, and a digest of what it holds.
+fn read(reader: &mut AudioReader<'_>, from: Rate, to: Rate) -> Result<(Vec<Vec<f32>>, String), Reject> {
     let failed = |e: &dyn std::fmt::Display| unusable("", e);
     let channels = reader.info().channels.max(1);
     let mut samples = vec![0.0; reader.info().frames as usize * channels];
     let frames = reader.read(&mut samples).map_err(|e| failed(&e))?;
     samples.truncate(frames * channels);
+    let digest = audio_digest(reader.info().rate, channels, &samples);
     let resampler = Resampler::new(from, to, Quality::High).map_err(|e| failed(&e))?;
-    (0..channels)
+    let all: Result<_, Reject> = (0..channels)
         .into_par_iter()
         .map(|channel| {
             let x: Vec<f32> = samples.iter().skip(channel).step_by(channels).copied().collect();
             if from == to { Ok(x) } else { resampled(&resampler, &x, from, to).map_err(|e| failed(&e)) }
         })
-        .collect()
+        .collect();
+    Ok((all?, digest))
 }
 
 fn resampled(
@@ -121,12 +124,13 @@ fn resampled(
     Ok(out)
 }
 
-fn source(p: &UnitDatabaseParams, k: usize) -> UnitSource {
+fn source(p: &UnitDatabaseParams, k: usize, content: String) -> UnitSource {
     let tag = p.tags.get(k).or(if p.tags.len() == 1 { p.tags.first() } else { None });
     UnitSource {
         provenance: p.recordings.get(k).map(|path| path.0.clone()).unwrap_or_default(),
         licence: p.licence.0.clone(),
         tag: tag.map(|tag| tag.0.clone()).unwrap_or_default(),
+        content,
     }
 }
 
@@ -145,7 +149,7 @@ impl Func for UnitDatabaseNode {
     type Params = UnitDatabaseParams;
     type Ports = UnitDatabasePorts;
     const NAME: &'static str = "UnitDatabase";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     // They are the provenance of the database's sources.
     const TELLS_PATHS: bool = true;
 
@@ -166,13 +170,13 @@ impl Func for UnitDatabaseNode {
         let (mut takes, mut odd) = (Vec::with_capacity(p.recordings.len()), Summary::new());
         for (k, path) in p.recordings.iter().enumerate() {
             let (mut file, rate) = reader(&path.0, cx.open("recordings", &path.0)?)?;
-            let channels = read(&mut file, rate, p.rate).map_err(|e| Reject {
+            let (channels, content) = read(&mut file, rate, p.rate).map_err(|e| Reject {
                 message: format!("{:?}{}", path.0, e.message.trim_start_matches("\"\"")),
                 ..e
             })?;
             // Its mean is taken out on the way into the database.
             odd.extend(oddities(&path.0, file.info(), &[]));
-            takes.push(Take { channels, source: source(p, k) });
+            takes.push(Take { channels, source: source(p, k, content) });
         }
         let joined = if p.joint { takes.first().map_or(1, |take| take.channels.len()) } else { 1 };
         let conventions = conventions(p, joined as u32)?;
@@ -246,7 +250,7 @@ impl Func for UnitDatabaseFile {
     type Params = UnitDatabaseFileParams;
     type Ports = UnitDatabaseFilePorts;
     const NAME: &'static str = "UnitDatabaseFile";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
 
     fn check(p: &UnitDatabaseFileParams, s: &mut Shape<'_, '_, UnitDatabaseFilePorts>) -> Result<(), Reject> {
         // The first bytes tell; all of them are read when it runs.

@@ -53,6 +53,9 @@ pub struct Warp {
     pub correspondences: String,
     /// Recordings of the database.
     pub recordings: Vec<String>,
+    /// Digest of what each of them holds; nothing in files that were written before there was one.
+    #[serde(default)]
+    pub contents: Vec<String>,
     /// Digest of all of the above, so that a change by hand is seen; empty where none was written.
     #[serde(default)]
     pub content: String,
@@ -121,7 +124,7 @@ impl Warp {
     }
 
     fn digest(&self) -> String {
-        content_digest(&Self { content: String::new(), ..self.clone() })
+        content_digest(&Self { content: String::new(), ..self.clone() }, &["\"contents\":[],"])
     }
 
     /// The same with the digest of what it holds.
@@ -174,6 +177,7 @@ impl Data for Warp {
             maps: vec![map],
             correspondences: String::new(),
             recordings: Vec::new(),
+            contents: Vec::new(),
             content: String::new(),
         }
         .sealed()

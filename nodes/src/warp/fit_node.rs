@@ -208,7 +208,7 @@ impl Node for TpsFit {
     type Params = TpsFitParams;
     type Ports = TpsFitPorts;
     const NAME: &'static str = "TpsFit";
-    const VERSION: u32 = 4;
+    const VERSION: u32 = 5;
     const CLASS: Class = Class::Offline;
 
     fn shape(_: &TpsFitParams, s: &mut Shape<'_, '_, TpsFitPorts>) -> Result<(), Reject> {
@@ -270,6 +270,7 @@ impl TpsFit {
                 .collect::<Result<_, _>>()?,
             correspondences: heard.pairs.file.clone(),
             recordings: heard.database.sources.iter().map(|s| s.provenance.clone()).collect(),
+            contents: heard.database.sources.iter().map(|s| s.content.clone()).collect(),
             content: String::new(),
         }
         .sealed())

@@ -119,7 +119,7 @@ impl Func for WarpFile {
     type Params = WarpFileParams;
     type Ports = WarpFilePorts;
     const NAME: &'static str = "WarpFile";
-    const VERSION: u32 = 3;
+    const VERSION: u32 = 4;
 
     fn check(p: &WarpFileParams, s: &mut Shape<'_, '_, WarpFilePorts>) -> Result<(), Reject> {
         read_warp(&p.path.0, &s.bytes("path", &p.path.0)?).map(|_| ())
@@ -145,7 +145,8 @@ params! {
     ///
     /// The warp comes from `TpsFit` or `WarpFile`, and must have been made for features of the same conventions: after the same
     /// `TemporalGaussian`. It has one map for all channels, or one each. With the `database` that units are chosen from, a note tells of a
-    /// warp that was fitted in other recordings: it leads to where those have the like.
+    /// warp that was fitted in other recordings: it leads to where those have the like. Recordings are known by what they hold,
+    /// whatever their files are called; those of a warp or a database that does not tell, by their names.
     ///
     /// # Source
     /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 4.3, eq. 8.
@@ -193,12 +194,21 @@ fn check(warp: &Warp, features: &FeatureFormat) -> Result<(), Reject> {
     Ok(())
 }
 
-/// How a warp is one of other recordings than those of a database, where it tells.
+/// How a warp is one of other recordings than those of a database, where it tells: by what they hold, in any order, where both know
+/// that, else by their names.
 fn strange(warp: &Warp, db: &UnitDatabase) -> Option<String> {
     let (fitted, found) = (file_names(warp.recordings.iter().map(String::as_str)), db.recordings());
-    (!warp.recordings.is_empty() && fitted != found).then(|| {
+    let (mut then, mut now) =
+        (warp.contents.clone(), Vec::from_iter(db.sources.iter().map(|s| s.content.clone())));
+    then.sort_unstable();
+    now.sort_unstable();
+    let known =
+        then.len() == warp.recordings.len() && then.iter().chain(&now).all(|content| !content.is_empty());
+    let same = if known { then == now } else { fitted == found };
+    let changed = if fitted == found { ", of which some hold other sound than they did" } else { "" };
+    (!warp.recordings.is_empty() && !same).then(|| {
         format!(
-            "`recordings` of the warp are {fitted:?}; the database has {found:?}: the warp leads elsewhere, fit it to these \
+            "`recordings` of the warp are {fitted:?}; the database has {found:?}{changed}: the warp leads elsewhere, fit it to these \
              recordings (TpsFit)"
         )
     })
@@ -208,6 +218,7 @@ impl Node for TpsWarp {
     type Params = TpsWarpParams;
     type Ports = TpsWarpPorts;
     const NAME: &'static str = "TpsWarp";
+    const VERSION: u32 = 2;
     const CLASS: Class = Class::Worker;
     const COST: f64 = 250.0;
 

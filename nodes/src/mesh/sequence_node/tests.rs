@@ -72,6 +72,24 @@ fn a_single_obj_is_still_and_never_ends() {
 }
 
 #[test]
+fn a_point_cache_of_one_frame_is_still_where_it_stands_whatever_the_pose_of_its_base() {
+    for path in ["anim/one.pc2", "anim/one.mdd"] {
+        let fps = path.ends_with("pc2").then_some(Rate::hz(30));
+        let mut solo = solo(MeshSequenceParams { base: Some("base.obj".into()), fps, ..params(path) });
+        solo.files.insert("anim/one.pc2", pc2(1));
+        solo.files.insert("anim/one.mdd", mdd(&[0.5]));
+        let shape = solo.shape().unwrap();
+        assert_eq!(shape.end, None);
+        let stream = shape.outputs[0].clone().unwrap();
+        let format = stream.format::<Mesh>().unwrap();
+        let stands = [[0.0, 1.0, 2.0], [3.0, 4.0, 5.0], [6.0, 7.0, 8.0]];
+        assert!(format.still && format.topology.rest == stands, "{path}: {format:?}");
+        let found = frames(&solo);
+        assert!(found.len() >= 30 * 3 && found.chunks_exact(3).all(|frame| frame == stands), "{path}");
+    }
+}
+
+#[test]
 fn a_numbered_sequence_is_read_in_the_order_of_its_numbers() {
     let p = MeshSequenceParams { fps: Some(Rate::hz(24)), ..params("frame_##.obj") };
     let heights: Vec<f32> = frames(&solo(p)).chunks_exact(3).map(|f| f[0][2]).collect();

@@ -47,6 +47,19 @@ fn recordings_of_any_rate_become_units_and_survive_their_file() {
 }
 
 #[test]
+fn recordings_are_known_by_what_they_hold_and_not_by_their_names() {
+    let mut other = solo(&["a.wav", "copy.wav", "louder.wav", "faster.wav"]);
+    let wave = |gain: f32| (0..24_000).map(|i| gain * (0.05 * i as f32).sin()).collect::<Vec<_>>();
+    other.files.insert("copy.wav", trial_wav(&wave(0.5), 48_000));
+    other.files.insert("louder.wav", trial_wav(&wave(0.6), 48_000));
+    other.files.insert("faster.wav", trial_wav(&wave(0.5), 44_100));
+    let value = other.run().unwrap().value(0).unwrap();
+    let of: Vec<&str> =
+        value.get::<UnitDatabase>().unwrap().sources.iter().map(|s| s.content.as_str()).collect();
+    assert!(of[0].len() == 16 && of[1] == of[0] && of[2] != of[0] && of[3] != of[0], "{of:?}");
+}
+
+#[test]
 fn a_database_from_its_file_is_the_one_that_was_built() {
     let value = solo(&["a.wav"]).run().unwrap().value(0).unwrap();
     let mut file = Solo::func::<UnitDatabaseFile>(UnitDatabaseFileParams { path: "a.bin".into() });

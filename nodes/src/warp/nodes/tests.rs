@@ -155,8 +155,9 @@ fn a_set_that_was_marked_elsewhere_is_told_and_used() {
 #[test]
 fn a_warp_that_was_fitted_in_other_recordings_is_told_and_used() {
     let warp = warp(TpsFitParams { lambda: Some(1.0), pairing: Pairing::Centroid, ..params() }, 1);
-    let told = |provenance: &str, warp: &Warp| {
-        let sources = vec![UnitSource { provenance: provenance.into(), ..UnitSource::default() }];
+    let known = |provenance: &str, content: &str, warp: &Warp| {
+        let (provenance, content) = (provenance.into(), content.into());
+        let sources = vec![UnitSource { provenance, content, ..UnitSource::default() }];
         let solo = Solo::new::<TpsWarp>(TpsWarpParams {})
             .input(TpsWarpPorts::features, Rate::hz(240), format(1), vec![0.0; 3])
             .value(TpsWarpPorts::warp, warp.clone())
@@ -164,15 +165,44 @@ fn a_warp_that_was_fitted_in_other_recordings_is_told_and_used() {
         let summary = solo.run().unwrap().summary;
         summary.iter().map(|(key, text)| format!("{key}: {text}")).collect::<Vec<_>>()
     };
+    let told = |provenance: &str, warp: &Warp| known(provenance, "", warp);
     assert_eq!(told("elsewhere/drag.wav", &warp), Vec::<String>::new(), "the same file in another folder");
     let found = told("fold.wav", &warp);
     assert!(found.len() == 1 && found[0].starts_with("warning: \"`recordings` of the warp are"), "{found:?}");
     assert!(found[0].contains("drag.wav") && found[0].contains("fold.wav"), "{found:?}");
     assert_eq!(
-        told("fold.wav", &Warp { recordings: vec![], ..warp }),
+        told("fold.wav", &Warp { recordings: vec![], ..warp.clone() }),
         Vec::<String>::new(),
         "it does not tell"
     );
+    // Where both know what the recordings hold, names say nothing.
+    let two = |contents: [&str; 1]| Warp { contents: contents.map(String::from).into(), ..warp.clone() };
+    assert_eq!(known("renamed.wav", "a1", &two(["a1"])), Vec::<String>::new());
+    let found = known("drag.wav", "b2", &two(["a1"]));
+    assert!(
+        found.len() == 1 && found[0].contains("of which some hold other sound than they did"),
+        "{found:?}"
+    );
+    assert_eq!(known("fold.wav", "b2", &two(["a1"])).len(), 1);
+    // Where one does not, names decide.
+    for (content, warp) in [("a1", warp.clone()), ("a1", two([""])), ("", two(["a1"]))] {
+        assert_eq!(known("drag.wav", content, &warp), Vec::<String>::new());
+        assert_eq!(known("renamed.wav", content, &warp).len(), 1);
+    }
+}
+
+#[test]
+fn a_warp_from_before_recordings_had_digests_is_read_and_keeps_its_own() {
+    let warp = warp(TpsFitParams { lambda: Some(1.0), pairing: Pairing::Centroid, ..params() }, 1);
+    let old = Warp { contents: Vec::new(), ..warp.clone() }.sealed();
+    let text = serde_json::to_string(&old).unwrap();
+    let before = text.replacen("\"contents\":[],", "", 1);
+    assert_ne!(before, text);
+    assert_eq!(serde_json::from_str::<Warp>(&before).unwrap(), old);
+    // The digest is the one of a file without the field.
+    let plain = before.replace(&old.content, "");
+    assert_eq!(old.content, blake3::hash(plain.as_bytes()).to_hex()[..16]);
+    assert!(old.altered().is_none() && old.content != warp.content);
 }
 
 #[test]
@@ -274,6 +304,14 @@ fn a_correspondence_that_leads_astray_is_named_first_with_its_place_and_times() 
     for field in ["label", "score", "rank", "conflicts", "ranges", "delta_fallback", "delta_folds"] {
         assert!(json.get(field).is_some(), "{field}");
     }
+    // The note of the run names it too, and there is none where nothing can hurt.
+    let noted = |set| {
+        let run = diagnosed(diagnostics(), database(), set).run().unwrap();
+        let notes = run.summary.into_iter().filter(|(key, _)| *key == "warning");
+        notes.map(|(_, text)| text.as_str().unwrap_or_default().to_owned()).collect::<Vec<_>>()
+    };
+    assert_eq!(noted(slipped()), std::slice::from_ref(text));
+    assert_eq!(noted(set("(pairs: [])")), Vec::<String>::new());
     let good = diagnosed(diagnostics(), database(), marked()).run().unwrap();
     let good = good.value(0).unwrap().get::<Diagnosis>().unwrap().clone();
     assert!(good.channels[0].verdicts[0].score < 0.1 * suspect.score, "{good:?}");
