@@ -7,7 +7,7 @@ use super::track::{AnyTrack, Budget, EventTrack, Pad, Track};
 use serde::{Serialize, de::DeserializeOwned};
 use std::any::{Any, TypeId};
 use std::fmt::{self, Debug};
-use std::io;
+use std::io::{self, BufWriter};
 use std::sync::Arc;
 
 /// What one item of a stream is made of.
@@ -348,9 +348,10 @@ impl AnyValue {
     /// Shares a value.
     #[must_use]
     pub fn new<T: Data>(value: T) -> Self {
-        let bytes = postcard::to_allocvec(&value).unwrap_or_default();
         let mut hasher = blake3::Hasher::new();
-        hasher.update(T::NAME.as_bytes()).update(&[0]).update(&bytes);
+        hasher.update(T::NAME.as_bytes()).update(&[0]);
+        // A value may be large: its bytes are never there at once. A hasher takes all that is written.
+        let _ = postcard::to_io(&value, BufWriter::with_capacity(1 << 16, &mut hasher));
         Self { data: Arc::new(value), hash: *hasher.finalize().as_bytes(), kind: OfData::<T>::INFO }
     }
 

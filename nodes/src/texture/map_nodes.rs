@@ -3,7 +3,7 @@
 use super::code::{CodedMap, Coding};
 use super::filter::{Kernel, smooth};
 use super::item::{DiscontinuityMap, FeatureMap, Luma};
-use super::sobel::{gradient, length};
+use super::sobel::gradient;
 use crate::core::fault::Fault;
 use crate::core::node::{Func, Summary};
 use crate::core::ports::Value;
@@ -50,7 +50,8 @@ impl Func for SobelMap {
         let surface = io.luma.surface;
         let soft = smooth(&io.luma.grid, &Kernel::gaussian(p.pre_blur, 4.0), surface.wrap);
         let [gx, gy] = gradient(&soft, surface.wrap);
-        let greatest = length(&gx, &gy).samples.into_iter().fold(0.0, f32::max);
+        let pairs = gx.samples.iter().zip(&gy.samples);
+        let greatest = pairs.fold(0.0_f32, |most, (x, y)| most.max(x * x + y * y)).sqrt();
         io.map.set(DiscontinuityMap { gx, gy, surface });
         Ok(vec![("greatest_per_pixel", greatest.into())])
     }

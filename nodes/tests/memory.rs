@@ -1,0 +1,104 @@
+//! How much memory the nodes that read images take at their worst.
+//!
+//! The counting allocator sees all threads, so this test is a binary of its own with a single test.
+#![allow(unsafe_code)]
+
+use foley_nodes::core::item::Data;
+use foley_nodes::core::node::Func;
+use foley_nodes::core::params::{Datum, Params};
+use foley_nodes::core::random::Draw;
+use foley_nodes::core::solo::{Solo, SoloRun};
+use foley_nodes::texture::class_node::{HistogramClass, HistogramClassPorts};
+use foley_nodes::texture::feature_nodes::{
+    Bilateral, BilateralPorts, DogFeatures, DogFeaturesPorts, FeatureNoiseSplit, FeatureNoiseSplitPorts,
+};
+use foley_nodes::texture::image_node::ImageLuma;
+use foley_nodes::texture::isophotes_node::{IsophotesNode, IsophotesPorts};
+use foley_nodes::texture::map_nodes::{MapCoder, MapCoderPorts, SobelMap, SobelMapPorts};
+use foley_nodes::texture::profile_node::{NoiseProfileNode, NoiseProfilePorts};
+use foley_nodes::texture::{FeatureMap, Grid, Kernel, Luma, NoiseMap, Wrap, smooth};
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+
+static NOW: AtomicUsize = AtomicUsize::new(0);
+static PEAK: AtomicUsize = AtomicUsize::new(0);
+
+struct Counting;
+
+// SAFETY: every call goes to the system's allocator unchanged; the counters are atomic.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        PEAK.fetch_max(NOW.fetch_add(layout.size(), Relaxed) + layout.size(), Relaxed);
+        // SAFETY: the caller keeps the contract of `alloc`.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, at: *mut u8, layout: Layout) {
+        NOW.fetch_sub(layout.size(), Relaxed);
+        // SAFETY: the caller keeps the contract of `dealloc`.
+        unsafe { System.dealloc(at, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// The most bytes that are there at once while something is done, beyond those before.
+fn peak<T>(what: impl FnOnce() -> T) -> (usize, T) {
+    let before = NOW.load(Relaxed);
+    PEAK.store(before, Relaxed);
+    let done = what();
+    (PEAK.load(Relaxed) - before, done)
+}
+
+const SIDE: usize = 1024;
+
+fn node<F: Func>() -> Solo {
+    Solo::func::<F>(F::Params::read(&|_| None).unwrap())
+}
+
+/// A result, where a run keeps to six images of 32 bits a pixel, `held` of them its inputs.
+fn kept<T: Data + Clone>(name: &str, solo: &Solo, held: usize) -> T {
+    let (bytes, run): (usize, SoloRun) = peak(|| solo.run().unwrap());
+    let images = bytes as f64 / (4 * SIDE * SIDE) as f64 + held as f64;
+    println!("{name}: {images:.2} images");
+    assert!(images <= 6.0, "{name} takes {images} images");
+    run.value(0).unwrap().get::<T>().unwrap().clone()
+}
+
+#[test]
+fn nodes_that_read_images_take_six_of_them_at_most() {
+    // Stones of about fifteen pixels, in colour.
+    let mut draw = Draw::new(3);
+    let grain = Grid::from_fn(SIDE, SIDE, |_, _| draw.between(-1.0, 1.0) as f32);
+    let grain = smooth(&grain, &Kernel::gaussian(3.5, 4.0), Wrap::Repeat);
+    let tones: Vec<u8> = grain.samples.iter().flat_map(|x| [128.0 + 900.0 * x; 3].map(|x| x as u8)).collect();
+    let mut file = Vec::new();
+    let mut encoder = png::Encoder::new(&mut file, SIDE as u32, SIDE as u32);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.write_header().unwrap().write_image_data(&tones).unwrap();
+    let path = |name: &str| (name == "path").then(|| Datum::Text("stones.png".into()));
+    let mut image = Solo::func::<ImageLuma>(<ImageLuma as Func>::Params::read(&path).unwrap());
+    image.files.insert("stones.png", file);
+    let luma: Luma = kept("ImageLuma", &image, 0);
+    drop(image);
+    let histogram = node::<HistogramClass>().value(HistogramClassPorts::luma, luma.clone());
+    kept::<foley_nodes::texture::histogram::TextureClass>("HistogramClass", &histogram, 1);
+    let sobel = node::<SobelMap>().value(SobelMapPorts::luma, luma.clone());
+    let map = kept::<foley_nodes::texture::DiscontinuityMap>("SobelMap", &sobel, 1);
+    let coder = node::<MapCoder>().value(MapCoderPorts::map, map);
+    kept::<foley_nodes::texture::code::CodedMap>("MapCoder", &coder, 2);
+    let bilateral = node::<Bilateral>().value(BilateralPorts::luma, luma.clone());
+    let soft: Luma = kept("Bilateral", &bilateral, 1);
+    let dog = node::<DogFeatures>().value(DogFeaturesPorts::luma, soft.clone());
+    let features: FeatureMap = kept("DogFeatures", &dog, 1);
+    let split = node::<FeatureNoiseSplit>()
+        .value(FeatureNoiseSplitPorts::luma, luma.clone())
+        .value(FeatureNoiseSplitPorts::smooth, soft)
+        .value(FeatureNoiseSplitPorts::features, features);
+    let noise: NoiseMap = kept("FeatureNoiseSplit", &split, 3);
+    let profile = node::<NoiseProfileNode>().value(NoiseProfilePorts::noise, noise);
+    kept::<foley_nodes::texture::NoiseProfile>("NoiseProfile", &profile, 1);
+    let isophotes = node::<IsophotesNode>().value(IsophotesPorts::luma, luma);
+    kept::<foley_nodes::texture::Isophotes>("Isophotes", &isophotes, 1);
+}
