@@ -24,11 +24,11 @@ fn points_come_back_exactly_and_gradients_within_a_twentieth() {
         for (a, b) in all.gradients.iter().zip(&back.gradients) {
             let size = a[0].hypot(a[1]);
             let miss = (a[0] - b[0]).hypot(a[1] - b[1]);
-            assert!(miss <= 0.056 * size, "{a:?} {b:?}");
+            assert!(miss <= 0.05 * size, "{a:?} {b:?}");
             wrong += f64::from(miss).powi(2);
             sum += f64::from(size).powi(2);
         }
-        assert!((wrong / sum).sqrt() < 0.033, "{}", (wrong / sum).sqrt());
+        assert!((wrong / sum).sqrt() < 0.03, "{}", (wrong / sum).sqrt());
         let again = decode_isophotes(&encode_isophotes(&back)).unwrap();
         assert_eq!((again.points, again.curves), (all.points.clone(), all.curves.clone()));
         let moved =
@@ -62,6 +62,29 @@ fn trials_come_back() {
 }
 
 #[test]
+fn files_of_the_version_before_are_read() {
+    // A level curve of two points, as version 2 wrote it: the same bits, with sizes in eighths of an octave.
+    let all = Isophotes {
+        width: 9,
+        height: 9,
+        levels: vec![1.0],
+        curves: vec![Curve { level: 0, closed: false, len: 2 }],
+        points: vec![[1.0, 0.5], [2.0, 0.75]],
+        gradients: vec![[0.0, 2.0_f32.powi(9)]; 2],
+        ..Isophotes::default()
+    };
+    let mut bytes = encode_isophotes(&all);
+    assert_eq!(bytes[4], 3);
+    bytes[4] = 2;
+    let old = decode_isophotes(&bytes).unwrap();
+    let (ours, theirs) = (decode_isophotes(&encode_isophotes(&all)).unwrap(), old.gradients[0]);
+    assert_eq!((old.points, old.curves), (all.points, all.curves));
+    // 81 ninths are nine octaves; 81 eighths are an eighth more than ten.
+    let size = |g: [f32; 2]| g[0].hypot(g[1]).log2();
+    assert!((size(ours.gradients[0]) - 9.0).abs() < 1e-5 && (size(theirs) - 81.0 / 8.0).abs() < 1e-5);
+}
+
+#[test]
 fn numbers_of_any_size_are_coded() {
     let numbers = [0, 1, -1, 5, -300, 70_000, i64::from(i32::MAX), i64::from(i32::MIN), 0, 0, 2, -2];
     let (mut out, mut code) = (Writer::default(), Rice::new());
@@ -77,7 +100,7 @@ fn numbers_of_any_size_are_coded() {
 fn damaged_files_are_refused_and_never_panic() {
     assert!(decode_isophotes(b"").unwrap_err().contains("fISO"));
     assert!(decode_isophotes(b"fISO\x09").unwrap_err().contains("version 9"));
-    assert!(decode_isophotes(b"fISO\x02abc").unwrap_err().contains("head"));
+    assert!(decode_isophotes(b"fISO\x03abc").unwrap_err().contains("head"));
     let bytes = encode_isophotes(&Isophotes::trial(&mut Draw::new(1)));
     assert!(decode_isophotes(&bytes[..bytes.len() - 4]).unwrap_err().contains("damaged"));
     let levels = encode_isophotes(&Isophotes { levels: vec![f32::NAN], ..Isophotes::default() });

@@ -178,6 +178,10 @@ pub fn isophotes(luma: &Luma, drawing: &Drawing) -> Result<Isophotes, IsophotesE
             let shorter =
                 |some: &[Line]| keep(&lines, some, |p| p.map(|x| x - origin), &blurred, wrap, tolerance);
             let kept: Vec<_> = lines.lines.par_chunks(LINES).map(shorter).collect();
+            // No more than is needed: there are several images in these.
+            let more = kept.iter().map(|(_, points, _)| points.len()).sum();
+            all.points.reserve_exact(more);
+            all.gradients.reserve_exact(more);
             for (curves, points, gradients) in kept {
                 all.curves.extend(curves.iter().map(|curve| Curve { level, ..*curve }));
                 all.points.extend(points);
@@ -215,16 +219,15 @@ fn keep(
 ) -> Kept {
     let (mut curves, mut points, mut slopes) = (Vec::new(), Vec::new(), Vec::new());
     for Line { from, to, closed } in some {
-        let all: Vec<[f64; 2]> = lines.points[*from..*to].iter().map(|p| place(*p)).collect();
+        // Points lie where they are kept before anything is measured, so that no rounding adds to the tolerance.
+        let snap = |x: f64| if tolerance.reach > 0.0 { (x * STEPS).round() / STEPS } else { x };
+        let mut all: Vec<[f64; 2]> = lines.points[*from..*to].iter().map(|p| place(*p).map(snap)).collect();
+        all.dedup();
         let steep: Vec<[f32; 2]> = all.iter().map(|p| slope(blurred, wrap, *p)).collect();
         let start = points.len();
         for k in simplify(&all, &steep, tolerance) {
-            let snap = |x: f64| if tolerance.reach > 0.0 { (x * STEPS).round() / STEPS } else { x };
-            let point = all[k].map(|x| snap(x) as f32);
-            if points.get(start..).is_some_and(|own: &[_]| own.last() != Some(&point)) {
-                points.push(point);
-                slopes.push(steep[k]);
-            }
+            points.push(all[k].map(|x| x as f32));
+            slopes.push(steep[k]);
         }
         // What is left of a ring smaller than the tolerance is no line; a straight line around a repeated image is one.
         let ring = *closed && all.first() == all.last();

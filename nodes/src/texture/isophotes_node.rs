@@ -92,7 +92,7 @@ impl Func for IsophotesNode {
     type Params = IsophotesParams;
     type Ports = IsophotesPorts;
     const NAME: &'static str = "Isophotes";
-    const VERSION: u32 = 3;
+    const VERSION: u32 = 4;
 
     fn check(p: &IsophotesParams, s: &mut Shape<'_, '_, IsophotesPorts>) -> Result<(), Reject> {
         if p.levels.len() > 64 {
