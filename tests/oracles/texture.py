@@ -34,7 +34,7 @@ for wrap, mode in (("Repeat", "wrap"), ("Mirror", "reflect"), ("Clamp", "nearest
     rows.append(f"(Wrap::{wrap}, [{listed(gx)}, {listed(gy)}])")
 write("sobel.in", "[\n" + ",\n".join(rows) + ",\n]")
 g = skimage.filters.sobel(image)
-write("sobel_skimage.in", f"[{listed(g[0])}, {listed(g[2])}]")
+write("sobel_skimage.in", "[" + ", ".join(listed(row) for row in g) + "]")
 
 x, y = np.meshgrid(np.arange(9), np.arange(7))
 image = ((37 * x + 11 * x * y + 5 * y * y) % 29 / 32).astype(np.float32)
@@ -49,6 +49,12 @@ colour = np.zeros((9, 16, 3), np.uint8)
 colour[:] = (230, 140, 20)
 colour[:4, :4] = (20, 40, 200)
 Image.fromarray(colour).save(OUT + "colour.jpg", quality=85, optimize=True, subsampling=2)
+
+rng = np.random.default_rng(3)
+grain = scipy.ndimage.gaussian_filter(rng.normal(size=(96, 96)), 1.5, mode="wrap")
+grain = np.clip(128 + 40 * grain / grain.std(), 0, 255).astype(np.uint8)
+for name, quality in (("blocks.jpg", 4), ("fine.jpg", 92)):
+    Image.fromarray(grain).save(OUT + name, quality=quality, optimize=True)
 
 x, y = np.meshgrid(np.arange(11), np.arange(9))
 image = ((7 * x * x + 3 * x * y + 5 * y) % 11).astype(float)

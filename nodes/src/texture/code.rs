@@ -259,6 +259,32 @@ mod tests {
         for (m, g) in code.magnitude().samples.iter().zip(&g.samples) {
             assert!((m * code.scale - g.min(code.scale)).abs() <= 0.51 * code.scale / 255.0);
         }
+        // One pixel of a thousand is beyond the scale, which is between the two of that rank.
+        let wide = Grid::from_fn(100, 100, |x, y| ((x * 37 + y * 101) % 9973) as f32);
+        let zero = Grid::from_fn(100, 100, |_, _| 0.0);
+        let map = DiscontinuityMap { gx: wide.clone(), gy: zero, surface: Surface::default() };
+        let code = CodedMap::new(&map, Coding::Byte, None);
+        let mut sorted = wide.samples;
+        sorted.sort_by(f32::total_cmp);
+        assert!((sorted[9988]..=sorted[9990]).contains(&code.scale), "{}", code.scale);
+        assert_eq!(sorted.iter().filter(|g| **g > code.scale).count(), 10);
+    }
+
+    #[test]
+    fn bits_are_read_through_a_gaussian_of_seven_tenths_of_a_pixel() {
+        let code = CodedMap::new(&map(64, 48), Coding::Bit, None);
+        let bits: Vec<bool> = unpack(&code.bytes, 64 * 48).collect();
+        let weight = |d: i64| (-(d * d) as f64 / (2.0 * 0.7 * 0.7)).exp();
+        let all: f64 = (-3..=3).map(weight).sum();
+        for (k, m) in code.magnitude().samples.iter().enumerate() {
+            let (x, y) = ((k % 64) as i64, (k / 64) as i64);
+            let around = (-3..=3).flat_map(|v| (-3..=3).map(move |u| (u, v)));
+            let right: f64 = around
+                .filter(|(u, v)| bits[((y + v).rem_euclid(48) * 64 + (x + u).rem_euclid(64)) as usize])
+                .map(|(u, v)| weight(u) * weight(v) / (all * all))
+                .sum();
+            assert!((f64::from(*m) - right).abs() < 1e-5, "{x} {y}: {m} {right}");
+        }
     }
 
     #[test]

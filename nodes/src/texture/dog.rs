@@ -133,18 +133,29 @@ mod tests {
             let d = difference(&step(dark, bright), params, Wrap::Clamp);
             let f = features(&step(dark, bright), params, Wrap::Clamp);
             let (at, min) = (0..80).map(|x| (x, d.samples[x])).min_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
-            assert!((min - least).abs() < 2e-3, "{ratio} {tau} {dark}: {min} at {at}");
-            assert!((38..40).contains(&at), "on the dark side: {at}");
+            assert!((min - least).abs() < 6e-4, "{ratio} {tau} {dark}: {min} at {at}");
+            assert_eq!(at, 38, "the second pixel on the dark side");
             assert_eq!(
                 f.samples[..80].iter().filter(|f| 1.0 - **f < 0.5).count(),
                 count,
                 "{ratio} {tau} {dark}"
             );
             let e = 1.0 - f.samples[..80].iter().copied().fold(0.0, f32::max);
-            assert!((e - darkest).abs() < 2e-3, "{ratio} {tau} {dark}: {e}");
+            assert!((e - darkest).abs() < 2e-4, "{ratio} {tau} {dark}: {e}");
         }
         let flat = difference(&Grid::from_fn(20, 20, |_, _| 40.0), DogParams::default(), Wrap::Repeat);
         assert!(flat.samples.iter().all(|d| (d - 0.08).abs() < 1e-4));
+    }
+
+    #[test]
+    fn a_narrow_groove_is_one_line_and_a_wide_one_is_two() {
+        for width in 1..=12 {
+            let groove = Grid::from_fn(80, 4, |x, _| if (40..40 + width).contains(&x) { 20.0 } else { 70.0 });
+            let f = features(&groove, DogParams::default(), Wrap::Repeat);
+            let dark: Vec<bool> = f.samples[..80].iter().map(|f| *f > 0.5).collect();
+            let lines = dark.windows(2).filter(|w| !w[0] && w[1]).count();
+            assert_eq!(lines, if width <= 4 { 1 } else { 1 + usize::from(width >= 8) }, "{width} px");
+        }
     }
 
     #[test]

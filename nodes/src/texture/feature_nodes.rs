@@ -255,6 +255,11 @@ mod tests {
         let (_, told) = dog(luma(LumaKind::Lstar, |x| 0.01 * tone(x)));
         let (_, warning) = told.iter().find(|(key, _)| *key == "warning").unwrap();
         assert!(warning.to_string().contains("0.60 of 100"), "{warning}");
+        for (most, warned) in [(1.5, true), (1.6, false)] {
+            let (_, told) = dog(luma(LumaKind::Lstar, |x| if x % 20 < 10 { 0.0 } else { most }));
+            let text = told.iter().find(|(key, _)| *key == "warning").map(|(_, text)| text.to_string());
+            assert_eq!(text.is_some_and(|text| text.contains("of 100")), warned, "{most}");
+        }
     }
 
     #[test]

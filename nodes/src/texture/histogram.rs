@@ -169,7 +169,8 @@ mod tests {
         let image = luma(|x, y| 60.0 + ((x * 31 + y * 17) % 83) as f64);
         let b = classify(&image, 0.2, None).bandwidth;
         let mut other = image.clone();
-        other.grid.samples.reverse();
+        let mut draw = Draw::new(4);
+        (1..other.grid.samples.len()).rev().for_each(|k| other.grid.samples.swap(k, draw.below(k + 1)));
         other.grid.samples.iter_mut().for_each(|x| *x += 40.0);
         assert_eq!(classify(&other, 0.2, None).bandwidth, b);
         let mut pierced = luma(tile);

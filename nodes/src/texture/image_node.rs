@@ -173,6 +173,28 @@ mod tests {
     }
 
     #[test]
+    fn blocks_of_a_strongly_compressed_jpeg_are_warned_of_with_their_tone() {
+        const COARSE: &[u8] = include_bytes!("testdata/blocks.jpg");
+        const FINE: &[u8] = include_bytes!("testdata/fine.jpg");
+        let run = solo(COARSE.to_vec(), &[("density", Datum::Float(800.0))]).run().unwrap();
+        let warning = told(&run, "warning");
+        assert!(warning.contains("blocks of 8 pixels") && warning.contains("100 Hz"), "{warning}");
+        assert_eq!(
+            told(&solo(FINE.to_vec(), &[]).run().unwrap(), "warning"),
+            "",
+            "the same grain, hardly compressed"
+        );
+    }
+
+    #[test]
+    fn an_image_without_any_opaque_pixel_is_refused() {
+        use crate::texture::decode::tests::png;
+        let clear = png(4, 4, png::ColorType::Rgba, false, &[9; 64]);
+        let fault = solo(clear, &[]).run().err().unwrap();
+        assert!(fault.code == "F123" && fault.message.contains("tex.png"), "{fault}");
+    }
+
+    #[test]
     fn errors_name_the_file_and_come_before_the_run_where_the_header_shows_them() {
         for (bytes, code, part) in [
             (Vec::new(), "F120", "\"tex.png\": the file is empty"),

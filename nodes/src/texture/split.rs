@@ -132,8 +132,18 @@ mod tests {
             })
             .collect();
         assert!(rest.iter().all(|r| (r - rest[0]).abs() < 2e-5), "{rest:?}");
+        let left = (0..image.samples.len())
+            .map(|k| f64::from((1.0 - f.samples[k]) * (image.samples[k] - soft.samples[k])))
+            .sum::<f64>()
+            / image.samples.len() as f64;
+        assert!(left.abs() > 1e-3 && (f64::from(rest[0]) - left).abs() < 2e-5, "{left} {}", rest[0]);
         let bare = noise(&image, &soft, None, &[]);
-        assert_eq!(bare.samples.len(), n.samples.len());
+        let [whole, first] =
+            [&image, &soft].map(|grid| grid.samples.iter().map(|x| f64::from(*x)).sum::<f64>());
+        let left = (whole - first) / image.samples.len() as f64;
+        for (n, (image, soft)) in bare.samples.iter().zip(image.samples.iter().zip(&soft.samples)) {
+            assert!((f64::from(image - soft) - left - f64::from(*n)).abs() < 2e-5);
+        }
     }
 
     #[test]
@@ -166,6 +176,30 @@ mod tests {
         let flat = statistics(&Grid::from_fn(9, 9, |_, _| 0.0), &[]);
         assert!(flat.warning().is_none() && flat.kurtosis == 3.0);
         assert!(statistics(&Grid::default(), &[]).variance == 0.0);
+    }
+
+    #[test]
+    fn the_warning_comes_beyond_a_ratio_of_four_and_an_isotropy_of_two() {
+        let even = NoiseStatistics { variance: 1.0, isotropy: 1.0, stationarity: 1.0, kurtosis: 3.0 };
+        for (isotropy, stationarity, warned) in [
+            (1.0, 4.0, false),
+            (1.0, 4.01, true),
+            (2.0, 1.0, false),
+            (2.01, 1.0, true),
+            (0.5, 1.0, false),
+            (0.49, 1.0, true),
+        ] {
+            let s = NoiseStatistics { isotropy, stationarity, ..even };
+            assert_eq!(s.warning().is_some(), warned, "{s:?}");
+        }
+        // Tiles of half of the image one and a half or two and a half times as strong: 2.25 and 6.25 times the power.
+        for (gain, warned) in [(1.5, false), (2.5, true)] {
+            let mut map = white(8, 512, 512);
+            map.samples[..512 * 256].iter_mut().for_each(|x| *x *= gain);
+            let s = statistics(&map, &[]);
+            let right = f64::from(gain * gain);
+            assert!((s.stationarity / right - 1.0).abs() < 0.3 && s.warning().is_some() == warned, "{s:?}");
+        }
     }
 
     #[test]
