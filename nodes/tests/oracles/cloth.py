@@ -1,7 +1,11 @@
-"""Oracle values of nodes/tests/cloth_oracles.rs: curvature, high-pass, cepstrum, Gaussian and warp. Needs numpy, scipy and libigl."""
+"""Oracle values of nodes/tests/cloth_oracles.rs: curvature, components, matching, high-pass, cepstrum, Gaussian and warp.
+
+Needs numpy, scipy, scikit-image and libigl.
+"""
 import igl
 import numpy as np
-from scipy import fft, ndimage, signal
+import skimage.exposure
+from scipy import fft, ndimage, signal, sparse
 from scipy.interpolate import RBFInterpolator
 
 
@@ -29,6 +33,29 @@ def curvature():
     inner = (x > 0) & (x < n - 1) & (y > 0) & (y < n - 1)
     show("curvature", (0.5 * (k * normals).sum(1))[inner])
     show("areas", mass[inner])
+
+
+def components():
+    """Connected parts of equal label on a grid of 20 by 15: lowest vertex, vertices, squared sum of changes."""
+    n, rows = 20, 15
+    delta = noise(n * rows, 23)
+    label = np.where(np.abs(delta) > 0.2, np.sign(delta), 0).astype(int)
+    at = np.arange(n * rows).reshape(rows, n)
+    edges = np.concatenate([np.stack([a.ravel(), b.ravel()], 1) for a, b in (
+        (at[:, :-1], at[:, 1:]), (at[:-1], at[1:]), (at[:-1, :-1], at[1:, 1:]))])
+    a, b = edges[(label[edges[:, 0]] == label[edges[:, 1]]) & (label[edges[:, 0]] != 0)].T
+    graph = sparse.coo_matrix((np.ones(len(a)), (a, b)), shape=(n * rows, n * rows))
+    _, part = sparse.csgraph.connected_components(graph, directed=False)
+    of = [np.flatnonzero(part == k) for k in range(part.max() + 1)]
+    of = sorted((vertices for vertices in of if label[vertices[0]]), key=lambda vertices: vertices[0])
+    show("components", [[v[0], len(v), delta[v].sum() ** 2] for v in of])
+
+
+def matching():
+    """As many energies as samples, none twice: then the upper share of skimage and the middle rank are the same."""
+    k = np.arange(60)
+    events, bank = np.exp(4 * (k * 37 % 61) / 61 - 2), (1 + (k * 23 % 67)) ** 1.5
+    show("matching", skimage.exposure.match_histograms(events, bank))
 
 
 def high_pass():
@@ -70,5 +97,5 @@ def warp():
             show(f"warp {d} {stiff}", f(ask))
 
 
-for make in (curvature, high_pass, cepstrum, gaussian, warp):
+for make in (curvature, components, matching, high_pass, cepstrum, gaussian, warp):
     make()
