@@ -296,6 +296,20 @@ mod tests {
     }
 
     #[test]
+    fn the_book_names_every_column() {
+        let book = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/src/contacts.md");
+        let book = std::fs::read_to_string(book).unwrap();
+        let named = |name: &str| book.contains(&format!("`{name}`"));
+        for (name, ..) in CONTACT.iter().chain(POSES) {
+            // Of several that differ by their axis or their number, the first stands for all.
+            let stem = &name[..name.len() - 1];
+            let first = |end: &&str| named(&format!("{stem}{end}"));
+            let several = name.ends_with(['y', 'z', '2']) && ["x", "1"].iter().any(first);
+            assert!(named(name) || several, "`{name}` is not in the book");
+        }
+    }
+
+    #[test]
     fn every_name_means_what_the_table_says() {
         for (name, field, _) in CONTACT.iter().chain(POSES) {
             let table = if CONTACT.iter().any(|(n, ..)| n == name) { CONTACT } else { POSES };

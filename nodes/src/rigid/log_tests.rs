@@ -182,6 +182,11 @@ fn errors_name_line_and_column_and_what_would_be_right() {
     let head = "time,a,b,px,py,pz,nx,ny,nz,force,vx,vy,vz\n";
     let good = "0,w,x,0,0,0,0,0,1,1,0,0,0\n";
     let with = |rows: &str| format!("{head}{rows}");
+    let json = |time: &str| {
+        let rest =
+            r#""a": "w", "b": "x", "point": [0,0,0], "normal": [0,0,1], "force": 1, "velocity": [0,0,0]}"#;
+        format!("{{\"time_s\": {time}, {rest}\n")
+    };
     for (text, part) in [
         (String::new(), "line 1: the file is empty"),
         (head.to_owned(), "no contact under the header"),
@@ -211,6 +216,13 @@ fn errors_name_line_and_column_and_what_would_be_right() {
         ("{\"time_s\": 0, \"a\": 0}".into(), "line 1, column `b`: nothing is there; a body's name"),
         ("{\"time_s\": 0, \"loud\": 0}".into(), "line 1, column `loud`: there is no such key"),
         ("{\"time_s\": 0,".into(), "line 1: this is no JSON object"),
+        (json("0").replace("\"force\": 1", "\"force\": NaN"), "line 1: this is no JSON object"),
+        (
+            json("0").replace("\"force\": 1", "\"force\": -1"),
+            "line 1, column `force`: -1 is there; a number from 0 on",
+        ),
+        (json("0").replace("[0,0,1]", "[0,0,9]"), "line 1, column `normal`: the normal has length 9"),
+        (json("2") + &json("1"), "line 2, column `time_s`: time goes back from 2 to 1 s"),
         ("[{\"time_s\": 0}]".into(), "line 1: a JSON list begins here; one object in each line"),
         (head.replace(',', ";"), "line 1, column `time`: columns are separated by ';'; commas"),
         (

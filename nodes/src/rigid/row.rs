@@ -299,11 +299,13 @@ pub(super) fn from_json(
 pub(super) fn read_rows(bytes: &[u8], poses: bool, bodies: &mut Bodies) -> Result<Vec<Row>, LogFault> {
     let bytes = without_mark(bytes);
     let mut rows: Vec<Row> = Vec::new();
+    let begin = bytes.iter().find(|b| !b.is_ascii_whitespace());
+    let clock = if begin == Some(&b'{') { "time_s" } else { "time" };
     let mut take = |line: u64, row: Row| {
         if let Some(before) = rows.last().filter(|last| row.time < last.time) {
             let message =
                 format!("time goes back from {} to {} s; rows stand in order", before.time, row.time);
-            return Err(LogFault::at(line, "time", message));
+            return Err(LogFault::at(line, clock, message));
         }
         if rows.len() == MAX_ROWS {
             return Err(LogFault::new(line, format!("at most {MAX_ROWS} rows are read")));
@@ -311,7 +313,6 @@ pub(super) fn read_rows(bytes: &[u8], poses: bool, bodies: &mut Bodies) -> Resul
         rows.push(row);
         Ok(())
     };
-    let begin = bytes.iter().find(|b| !b.is_ascii_whitespace());
     if begin == Some(&b'[') {
         return Err(LogFault::new(
             1,
