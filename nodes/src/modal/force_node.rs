@@ -235,6 +235,33 @@ mod tests {
     }
 
     #[test]
+    fn micro_collisions_are_as_many_as_asked_for_within_15_ms_and_the_seed_says_when() {
+        // Pulses of 0.2 ms, so that they stand apart.
+        let hit = Impact { duration: 2e-4, ..blow(0.1) };
+        let onsets = |micro: u16, seed: u64| {
+            let solo = Solo::new::<ImpactForce>(ImpactForceParams { micro, ..params() });
+            let mut solo = solo.events(ImpactForcePorts::impacts, vec![(ticks(0.02), hit)], ticks(0.1));
+            solo.seed = seed;
+            let force = solo.run().unwrap().stream(ImpactForcePorts::force);
+            let loud = |n: &usize| force[*n] > 1e-3 && force[*n - 1] <= 1e-3;
+            (1..force.len()).filter(loud).map(|n| n as f64 / 44_100.0 - 0.02).collect::<Vec<_>>()
+        };
+        let mut differ = 0;
+        for seed in 0..20 {
+            for micro in 0..=4 {
+                let found = onsets(micro, seed);
+                // Two may fall on each other.
+                assert!((1..=1 + usize::from(micro)).contains(&found.len()), "{micro}: {found:?}");
+                assert!(found.iter().all(|t| (-1e-4..0.0151).contains(t)), "{found:?}");
+                assert_eq!(found, onsets(micro, seed));
+            }
+            differ += usize::from(onsets(4, seed) != onsets(4, seed + 1));
+        }
+        let most = (0..20).map(|seed| onsets(4, seed).len()).max();
+        assert!(differ == 20 && most == Some(5), "{differ} {most:?}");
+    }
+
+    #[test]
     fn a_blow_peaks_in_the_middle_of_its_contact() {
         let hit = Impact { duration: 0.002, ..blow(0.1) };
         let samples = force(params(), vec![(ticks(0.05), hit)], ticks(0.01));

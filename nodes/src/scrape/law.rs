@@ -333,6 +333,36 @@ mod tests {
     }
 
     #[test]
+    fn below_a_tenth_of_a_millimetre_a_second_the_last_direction_is_kept() {
+        let go = piece([0.0; 2], [0.3, 0.4], 0.1);
+        for (back, turned) in [(0.9e-4, false), (1.1e-4, true)] {
+            let creep = piece(go.place_at(1.0), [-back, 0.0], 0.1);
+            let rate = Rate::hz(10_000);
+            let mut voices = Voices::new(2, rate, Heading::default());
+            let (mut moves, mut seen) = (Moves::new(), Vec::new());
+            voices.play(
+                &[(0, go), (rate.tick(1000), creep)],
+                None,
+                0,
+                &mut [0.0; 2000],
+                |_| Heading::default(),
+                |heading, stretch, _| {
+                    moves.follow(stretch, &stretch.way(), [1.0; 2], heading);
+                    let (x, y) = (stretch.part(&mut moves.tx).to_vec(), stretch.part(&mut moves.ty).to_vec());
+                    seen.extend(x.into_iter().zip(y));
+                },
+            );
+            let near = |(x, y): (f32, f32), right: (f32, f32)| (x - right.0).hypot(y - right.1) < 1e-4;
+            assert!(near(seen[500], (0.6, 0.8)));
+            assert!(
+                near(seen[1500], if turned { (-1.0, 0.0) } else { (0.6, 0.8) }),
+                "{back}: {:?}",
+                seen[1500]
+            );
+        }
+    }
+
+    #[test]
     fn a_reversal_turns_the_sign_and_a_bend_does_not() {
         let rate = Rate::hz(10_000);
         let circle: Vec<PathPiece> = (0..8)

@@ -192,6 +192,95 @@ fn a_positive_map_gives_no_constant_force() {
 }
 
 #[test]
+fn the_high_pass_of_a_positive_map_has_its_corner_at_20_hz() {
+    // 2 + cos: nothing below 0, so that its size has the same frequency.
+    let k = TAU * 40.0 / 512.0;
+    let map = || DiscontinuityMap {
+        gx: Grid::from_fn(512, 4, |x, _| 2.0 + (k * x as f64).cos() as f32),
+        ..grating(40.0, 512.0)
+    };
+    let level = |f: f64| {
+        let p = MapExcitationParams { value: MapValue::Magnitude, ..params() };
+        let out = force(p, map(), vec![(0, piece([0.1, 0.0], [f / 40.0, 0.0], 3.0))], 3.0);
+        amplitude(&out[44_100..], f, FS)
+    };
+    let pass = level(400.0);
+    for (f, right) in [(5.0, -12.30), (20.0, -3.01), (80.0, -0.26)] {
+        let found = db(level(f) / pass);
+        assert!((found - right).abs() < 0.1, "{f} Hz: {found} dB");
+    }
+}
+
+#[test]
+fn features_push_by_their_slope_along_the_way() {
+    // 4 cycles over 512 pixels, as features and as the slopes of those.
+    let k = TAU * 4.0 / 512.0;
+    let features = FeatureMap {
+        grid: Grid::from_fn(512, 4, |x, _| 0.5 + 0.5 * (k * x as f64).cos() as f32),
+        surface: Surface::default(),
+    };
+    for velocity in [[0.5, 0.0], [-0.3, 0.4]] {
+        let path = || vec![(0, piece([0.7, 0.0], velocity, 0.5))];
+        let mut slopes = grating(4.0, 512.0);
+        slopes.gx.samples.iter_mut().for_each(|x| *x *= 0.5);
+        let right = force(params(), slopes, path(), 0.5);
+        let value = crate::core::solo::Feed::value(crate::core::item::AnyValue::new(features.clone()));
+        let solo = Solo::new::<MapExcitation>(params()).events(MapExcitationPorts::paths, path(), ticks(0.5));
+        let found = solo.feed(MapExcitationPorts::features.index(), value).run().unwrap();
+        let found = found.stream(MapExcitationPorts::force);
+        let off: Vec<f32> = found.iter().zip(&right).map(|(a, b)| a - b).collect();
+        assert!(
+            rms(&right) > 1e-3 && db(rms(&off) / rms(&right)) < -50.0,
+            "{} dB",
+            db(rms(&off) / rms(&right))
+        );
+    }
+}
+
+#[test]
+fn edges_of_one_bit_sound_alike_at_both_rates_and_hold_grey_where_they_are_passed_fast() {
+    use crate::texture::code::{CodedMap, Coding};
+    let played = |rate: u32, cycles: f64, speed: f64| {
+        let code =
+            CodedMap::new(&grating(cycles, 512.0), Coding::Bit, Some(0.3 * (TAU * cycles / 512.0) as f32));
+        let value = crate::core::solo::Feed::value(crate::core::item::AnyValue::new(code));
+        let p = MapExcitationParams { value: MapValue::Magnitude, rate: Rate::hz(rate), ..params() };
+        let path = vec![(0, piece([0.1, 0.0], [speed, 0.0], 0.5))];
+        let solo = Solo::new::<MapExcitation>(p).events(MapExcitationPorts::paths, path, ticks(0.5));
+        solo.feed(MapExcitationPorts::coded.index(), value).run().unwrap().stream(MapExcitationPorts::force)
+    };
+    let (slow, fast) = (played(44_100, 9.0, 0.5), played(88_200, 9.0, 0.5));
+    let miss: Vec<f32> = slow.iter().zip(fast.iter().step_by(2)).map(|(a, b)| a - b).collect();
+    assert!(rms(&slow) > 0.1 && db(rms(&miss) / rms(&slow)) < -50.0, "{} dB", db(rms(&miss) / rms(&slow)));
+    // Lines of 8 pixels in steps of 16: what bits would give as a beat is the grey of their mean, which the high-pass takes.
+    let quick = played(44_100, 64.0, 16.0 * FS / 512.0);
+    let slow = played(44_100, 64.0, 0.5);
+    assert!(db(rms(&quick[4410..]) / rms(&slow)) < -50.0, "{} dB", db(rms(&quick[4410..]) / rms(&slow)));
+}
+
+#[test]
+fn the_report_has_the_peak_and_the_root_mean_square_of_the_force() {
+    let run = solo(params(), grating(8.0, 512.0), vec![(0, piece([0.1, 0.0], [0.5, 0.0], 0.4))], 0.4)
+        .run()
+        .unwrap();
+    let out = run.stream(MapExcitationPorts::force);
+    let told = |key: &str| run.summary.iter().find(|(k, _)| *k == key).unwrap().1.as_f64().unwrap();
+    let most = out.iter().fold(0.0_f32, |most, x| most.max(x.abs()));
+    assert!((told("peak_n") / f64::from(most) - 1.0).abs() < 1e-6, "{} {most}", told("peak_n"));
+    assert!((told("rms_n") / rms(&out) - 1.0).abs() < 1e-5, "{} {}", told("rms_n"), rms(&out));
+}
+
+#[test]
+fn contacts_of_one_object_add_up() {
+    let path = |contact: u64, x: f64| (0, PathPiece { contact, ..piece([x, 0.0], [0.5, 0.0], 0.4) });
+    let run = |paths: Vec<(Tick, PathPiece)>| force(params(), grating(8.0, 512.0), paths, 0.4);
+    let (one, two) = (run(vec![path(1, 0.1)]), run(vec![path(2, 0.13)]));
+    let both = run(vec![path(1, 0.1), path(2, 0.13)]);
+    assert!(both.iter().zip(one.iter().zip(&two)).all(|(sum, (a, b))| (sum - (a + b)).abs() < 1e-6));
+    assert!(rms(&one) > 0.01 && one != two);
+}
+
+#[test]
 fn the_force_is_the_same_at_twice_the_rate() {
     let features = |rate: u32| {
         let map = FeatureMap {

@@ -134,6 +134,44 @@ fn the_guard_goes_straight_where_velocities_do_not_fit_the_way() {
     assert!(pieces.iter().any(|(_, p)| p.place[2] != [0.0; 2]));
 }
 
+#[test]
+fn the_latency_is_what_the_plan_is_told_and_prediction_has_none() {
+    use PathMode::{Extrapolate, Hermite};
+    for (mode, velocities, frames) in [
+        (Hermite, Velocities::Given, 1),
+        (Hermite, Velocities::Differences, 2),
+        (Extrapolate, Velocities::Given, 0),
+    ] {
+        for frame in [1.0 / 60.0, 1.0 / 30.0] {
+            let solo =
+                solo(ContactPathParams { mode, velocities, frame, ..params() }, along(|_| [0.0; 4], 3));
+            let ahead = solo.shape().unwrap().reach[0].ahead as Tick;
+            assert_eq!(ahead, frames * (ticks(frame) + ticks(frame) / 100), "{mode:?} {velocities:?}");
+        }
+    }
+}
+
+#[test]
+fn without_slip_the_places_on_both_bodies_go_on_together() {
+    // A ball that rolls along x at 0.75 m/s: its own surface passes as fast under the contact, in its own axes.
+    let mut contacts = along(|t| [0.75 * t, 0.1, 0.75, 0.0], 40);
+    for (tick, contact) in &mut contacts {
+        contact.frame.local[1] = [0.2 + 0.75 * crate::core::time::seconds(*tick), -0.3, 0.0];
+        contact.state = State::Rolling;
+    }
+    let pieces = follow(ContactPathParams { both: true, ..params() }, contacts);
+    for k in 0..400 {
+        let t = 0.06 + f64::from(k) * 1e-3;
+        let (piece, s) = at(&pieces, t).expect("a piece");
+        let other = PathPiece { place: piece.other.expect("the other place"), ..piece };
+        let ([x, y], [u, v]) = (piece.place_at(s), other.place_at(s));
+        assert!((x - 0.75 * t).abs() < 1e-9 && (u - 0.2 - 0.75 * t).abs() < 1e-6, "{t}: {x} {u}");
+        assert!((y - 0.1).abs() < 1e-9 && (v + 0.3).abs() < 1e-9);
+        let ([a, b], [c, d]) = (piece.velocity_at(s), other.velocity_at(s));
+        assert!((a - c).abs() < 1e-5 && (b - d).abs() < 1e-5, "{t}: both as fast: {a} {c}");
+    }
+}
+
 /// Weighted force of the box along its way, N, from 1.2 s to 2.2 s in steps of 1 ms.
 fn slid(contacts: &str, poses: &str) -> Vec<f64> {
     let options = LogOptions { masses: vec![0.0, 0.0, 1.2], ..LogOptions::default() };

@@ -2,10 +2,15 @@
 
 use super::frame::{PathRules, Sample};
 use super::item::PathPiece;
+use super::map_node::{MapExcitation, MapExcitationParams, MapExcitationPorts};
 use super::queue::Queue;
 use super::testing::{amplitude, db};
 use super::track::{JUMP, LOST, Tracker};
-use crate::core::time::{Tick, seconds, ticks};
+use crate::core::item::AnyValue;
+use crate::core::params::Params;
+use crate::core::solo::{Feed, Solo};
+use crate::core::time::{Rate, Tick, seconds, ticks};
+use crate::texture::{DiscontinuityMap, Grid, Surface};
 use std::f64::consts::TAU;
 
 type Pieces = Vec<(Tick, PathPiece)>;
@@ -132,6 +137,120 @@ fn the_frames_cannot_be_heard_on_an_even_slope() {
             let level = db(amplitude(&signal, line, fs) / whole);
             assert!(level < -60.0, "{look_ahead}: {line} Hz at {level} dB");
         }
+    }
+}
+
+#[test]
+fn an_even_slope_gives_a_force_without_the_frames_which_straight_lines_do_not() {
+    let (frame, fs) = (1.0 / 60.0, 44_100.0);
+    let map = || DiscontinuityMap {
+        gx: Grid::from_fn(8, 8, |_, _| 1.0),
+        gy: Grid::from_fn(8, 8, |_, _| 0.0),
+        surface: Surface::default(),
+    };
+    let lines = |pieces: Pieces| {
+        let p =
+            MapExcitationParams { rate: Rate::hz(44_100), ..MapExcitationParams::read(&|_| None).unwrap() };
+        let solo = Solo::new::<MapExcitation>(p).events(MapExcitationPorts::paths, pieces, ticks(2.5));
+        let solo = solo.feed(MapExcitationPorts::map.index(), Feed::value(AnyValue::new(map())));
+        let force = solo.run().unwrap().stream(MapExcitationPorts::force);
+        let signal = &force[22_050..22_050 + 88_200];
+        let whole = amplitude(signal, 2.0, fs);
+        [58.0, 60.0, 62.0, 120.0, 122.0]
+            .map(|f| db(amplitude(signal, f, fs) / whole))
+            .into_iter()
+            .fold(f64::MIN, f64::max)
+    };
+    let frames = turning(frame, 0.5, 0.1, 3.0);
+    for look_ahead in [true, false] {
+        let (pieces, _) = follow(PathRules { look_ahead, ..rules(frame) }, &frames, 0.01, 2.9);
+        let level = lines(pieces);
+        assert!(level < -60.0, "{look_ahead}: {level} dB");
+    }
+    let straight = |ends: &[Sample]| {
+        let way = [0, 1].map(|k| ends[1].place[k] - ends[0].place[k]);
+        let duration = ends[1].tick - ends[0].tick;
+        let piece = super::testing::piece(ends[0].place, way, 1.0);
+        (ends[0].tick, PathPiece { duration, ..piece })
+    };
+    let level = lines(frames.windows(2).map(straight).collect());
+    assert!(level > -40.0, "straight lines between the frames are heard: {level} dB");
+}
+
+#[test]
+fn the_way_is_known_one_frame_later_two_without_velocities_and_at_once_where_it_is_predicted() {
+    let frame = 1.0 / 60.0;
+    for (look_ahead, differences, frames) in
+        [(true, false, 1), (true, true, 2), (false, false, 0), (false, true, 0)]
+    {
+        let rules = PathRules { look_ahead, differences, ..rules(frame) };
+        // And a hundredth for frames that come late.
+        assert_eq!(
+            rules.latency(),
+            frames * (ticks(frame) + ticks(frame) / 100),
+            "{look_ahead} {differences}"
+        );
+    }
+}
+
+#[test]
+fn what_was_predicted_goes_over_to_what_was_true_without_a_step_or_a_kink() {
+    let frame = 1.0 / 60.0;
+    // Uneven acceleration, so that every prediction is wrong.
+    let way = |t: f64| [0.3 * t + 0.05 * (9.0 * t).sin(), 0.04 * (7.0 * t).cos()];
+    let pace = |t: f64| [0.3 + 0.45 * (9.0 * t).cos(), -0.28 * (7.0 * t).sin()];
+    let frames: Vec<_> = (0..40).map(|k| f64::from(k) * frame).map(|t| sample(t, way(t), pace(t))).collect();
+    let (pieces, tracker) = follow(PathRules { look_ahead: false, ..rules(frame) }, &frames, 0.004, 0.6);
+    assert_eq!((tracker.stalls, tracker.jumps), (0, 0));
+    let (mut before, mut worst): (Option<([f64; 2], [f64; 2])>, _) = (None, 0.0_f64);
+    for k in 0..5500 {
+        let t = 0.02 + f64::from(k) * 1e-4;
+        let (piece, s) = at(&pieces, t).expect("no gap");
+        let now = (piece.place_at(s), piece.velocity_at(s));
+        if let Some((p, v)) = before {
+            assert!((0..2).all(|i| (now.0[i] - p[i] - 1e-4 * v[i]).abs() < 2e-6), "{t}: no step");
+            assert!((0..2).all(|i| (now.1[i] - v[i]).abs() < 0.02), "{t}: no kink: {v:?} to {:?}", now.1);
+        }
+        let right = way(t);
+        worst = worst.max((now.0[0] - right[0]).hypot(now.0[1] - right[1]));
+        before = Some(now);
+    }
+    assert!(worst > 1e-6 && worst < 1.5e-3, "{worst} m");
+}
+
+#[test]
+fn forces_go_straight_from_frame_to_frame_and_are_never_below_0() {
+    let frame = 1.0 / 60.0;
+    let forces = [1.0, 3.0, 2.0, -4.0, 6.0, 6.0];
+    let frames: Vec<_> = (0..)
+        .zip(forces)
+        .map(|(k, force)| {
+            let t = f64::from(k) * frame;
+            Sample { force, ..sample(t, [0.1 * t, 0.0], [0.1, 0.0]) }
+        })
+        .collect();
+    let (pieces, _) = follow(rules(frame), &frames, 0.004, 0.08);
+    for (time, right) in [(0.25, 1.5), (0.5, 2.0), (1.5, 2.5), (2.5, 1.0), (3.5, 3.0), (4.5, 6.0)] {
+        let (piece, s) = at(&pieces, time * frame).expect("a piece");
+        let force = f64::from(piece.force[0]) * (1.0 - s) + f64::from(piece.force[1]) * s;
+        assert!((force - right).abs() < 1e-3, "{time}: {force}");
+        assert!(piece.force.iter().all(|f| *f >= 0.0));
+    }
+}
+
+#[test]
+fn a_fast_contact_may_be_further_off_than_a_slow_one_before_it_has_jumped() {
+    // 8 pixels at 512 a metre are 15.6 mm; at 1.2 m/s twice the way of a frame are 40 mm more.
+    let frame = 1.0 / 60.0;
+    for (speed, off, jumps) in [(0.0, 0.0150, 0), (0.0, 0.0162, 1), (1.2, 0.0550, 0), (1.2, 0.0562, 1)] {
+        let frames: Vec<_> = (0..20)
+            .map(|k| {
+                let t = f64::from(k) * frame;
+                sample(t, [speed * t, if k >= 10 { off } else { 0.0 }], [speed, 0.0])
+            })
+            .collect();
+        let (_, tracker) = follow(rules(frame), &frames, 0.005, 0.3);
+        assert_eq!(tracker.jumps, jumps, "{off} m aside at {speed} m/s");
     }
 }
 

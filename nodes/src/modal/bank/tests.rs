@@ -216,7 +216,7 @@ fn damping_can_be_given_per_mode() {
 
 #[test]
 fn modes_beyond_half_the_rate_are_left_out() {
-    let modes = Modes::new("high", vec![100.0, 600.0, 489.0], vec![1.0; 3], vec![1.0; 3]).unwrap();
+    let modes = Modes::new("high", vec![100.0, 490.0, 489.0], vec![1.0; 3], vec![1.0; 3]).unwrap();
     let bank = Bank::new(&modes, 1000.0).unwrap();
     assert_eq!((bank.dropped(), bank.points()), (1, 1));
     let mut all_gone = Bank::new(&one(600.0, 1.0), 1000.0).unwrap();
