@@ -46,6 +46,25 @@ fn a_box_of_the_size_of_the_image_holds_all_curves_wherever_it_lies() {
 }
 
 #[test]
+fn a_question_looks_at_a_few_pieces_whatever_the_size_of_the_image() {
+    // The mean over many boxes of a pixel.
+    let looked_at = |side: usize| {
+        let index = IsophoteIndex::new(&curves(side, side, Wrap::Repeat));
+        let mut draw = Draw::new(9);
+        let mut pieces = 0;
+        for _ in 0..2000 {
+            let low = [0; 2].map(|_| draw.between(0.0, side as f64));
+            index.near(low, low.map(|x| x + 1.0), |_| pieces += 1);
+        }
+        f64::from(pieces) / 2000.0
+    };
+    let [small, large] = [48, 384].map(looked_at);
+    println!("{small} and {large} pieces");
+    // Noise, whose curves are as dense as curves can be.
+    assert!((large / small - 1.0).abs() < 0.15 && large < 60.0, "{small} {large}");
+}
+
+#[test]
 fn pieces_are_short_and_know_their_gradients() {
     let all = curves(64, 48, Wrap::Repeat);
     let index = IsophoteIndex::new(&all);
