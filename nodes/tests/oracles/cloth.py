@@ -1,5 +1,7 @@
-"""Oracle values of nodes/tests/cloth_oracles.rs: curvature, high-pass, cepstrum, Gaussian and warp. Needs numpy, scipy and libigl."""
+"""Oracle values of nodes/tests/cloth_oracles.rs: curvature, high-pass, cepstrum, Gaussian and warp. Needs numpy, scipy,
+librosa and libigl."""
 import igl
+import librosa
 import numpy as np
 from scipy import fft, ndimage, signal
 from scipy.interpolate import RBFInterpolator
@@ -51,6 +53,9 @@ def cepstrum():
     share = [np.maximum(np.minimum(high, b) - np.maximum(low, a), 0) / (high - low) for a, b in zip(edges, edges[1:])]
     energy = [(weight * power * s).sum() / (size * (window**2).sum()) for s in share]
     show("cepstrum", fft.dct(np.log(energy), type=2, norm="ortho"))
+    shape = dict(sr=fs, n_fft=size, n_mels=3, fmin=0, fmax=20000, htk=True, norm=None, dtype=np.float64)
+    energy = librosa.filters.mel(**shape) @ (weight * power) / (size * (window**2).sum())
+    show("triangles", fft.dct(np.log(energy), type=2, norm="ortho"))
 
 
 def gaussian():
