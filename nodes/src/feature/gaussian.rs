@@ -144,6 +144,24 @@ mod tests {
         2.371726516640441,
     ];
 
+    /// `scipy.ndimage._filters._gaussian_kernel1d(w / 4, 0, radius)`, some of the first half.
+    #[test]
+    fn taps_are_those_of_scipy_to_the_last_digit() {
+        let (ten, fifty) = (Taps::new(10.0, false).weights, Taps::new(50.0, false).weights);
+        let found = [ten[0], ten[3], fifty[0], fifty[9], fifty[18]];
+        let wanted = [
+            0.022190548492442997,
+            0.11906462996609925,
+            0.004505330132539327,
+            0.014673764476065616,
+            0.028458906504602907,
+        ];
+        assert!(found.iter().zip(wanted).all(|(f, w)| (f - w).abs() < 2e-16), "{found:?}");
+        for taps in [ten, fifty] {
+            assert!(taps.iter().eq(taps.iter().rev()) && (taps.iter().sum::<f64>() - 1.0).abs() < 1e-15);
+        }
+    }
+
     #[test]
     fn the_causal_half_lags_by_less_than_a_fifth_of_its_width() {
         let taps = Taps::new(50.0, true);

@@ -256,12 +256,15 @@ fn energies(stretches: &[Stretch], c: &FeatureConventions) -> Vec<f32> {
     stretches.iter().flat_map(of).collect()
 }
 
+/// Energy of a band, as mean square of full scale, that no recording's noise is below: -120 dB.
+const LEAST: f64 = 1e-12;
+
 fn percentile(values: &[f32], part: f64) -> f64 {
-    // Bands beyond half the rate hold nothing, and digital silence is no noise floor.
-    let mut sorted: Vec<f32> = values.iter().copied().filter(|x| *x > 0.0).collect();
+    // Bands beyond half the rate hold nothing, and digital silence is no noise floor; nor is what the high-pass rings into it.
+    let mut sorted: Vec<f32> = values.iter().copied().filter(|x| f64::from(*x) > LEAST).collect();
     sorted.sort_unstable_by(f32::total_cmp);
     let at = (part * sorted.len().saturating_sub(1) as f64).round() as usize;
-    sorted.get(at).map_or(1e-10, |&x| f64::from(x).max(1e-12))
+    sorted.get(at).map_or(1e-10, |&x| f64::from(x))
 }
 
 #[cfg(test)]

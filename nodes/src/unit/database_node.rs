@@ -149,7 +149,7 @@ impl Func for UnitDatabaseNode {
     type Params = UnitDatabaseParams;
     type Ports = UnitDatabasePorts;
     const NAME: &'static str = "UnitDatabase";
-    const VERSION: u32 = 3;
+    const VERSION: u32 = 4;
     // They are the provenance of the database's sources.
     const TELLS_PATHS: bool = true;
 

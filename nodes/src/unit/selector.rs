@@ -344,7 +344,10 @@ impl<const P: usize> Exact<P> {
         }
         let mut memory = std::mem::take(&mut self.search);
         let all = running.best.is_none() && self.seed(&mut running, &mut memory);
-        if !all {
+        // Nothing is better than no distance at all: it goes on the run, or is the first such unit that the seeds met. In silence, where
+        // thousands of units are alike, their bounds alone would not rule out one of them.
+        let perfect = running.best.is_some_and(|best| best.choice.d2 == 0.0);
+        if !all && !perfect {
             self.by_bound(&mut running, &mut memory);
         }
         self.search = memory;

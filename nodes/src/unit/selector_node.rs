@@ -320,7 +320,7 @@ impl Node for UnitSelector {
     type Params = UnitSelectorParams;
     type Ports = UnitSelectorPorts;
     const NAME: &'static str = "UnitSelector";
-    const VERSION: u32 = 4;
+    const VERSION: u32 = 5;
     const CLASS: Class = Class::Worker;
     const COST: f64 = 500.0;
 

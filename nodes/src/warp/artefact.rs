@@ -56,6 +56,10 @@ pub struct Warp {
     /// Digest of what each of them holds; nothing in files that were written before there was one.
     #[serde(default)]
     pub contents: Vec<String>,
+    /// Digest of the correspondences, as [`CorrespondenceSet::content`](super::CorrespondenceSet::content) gives it, whatever their file is
+    /// called; empty in files that were written before there was one.
+    #[serde(default)]
+    pub correspondences_content: String,
     /// Digest of all of the above, so that a change by hand is seen; empty where none was written.
     #[serde(default)]
     pub content: String,
@@ -124,7 +128,8 @@ impl Warp {
     }
 
     fn digest(&self) -> String {
-        content_digest(&Self { content: String::new(), ..self.clone() }, &["\"contents\":[],"])
+        let later = ["\"contents\":[],", "\"correspondences_content\":\"\","];
+        content_digest(&Self { content: String::new(), ..self.clone() }, &later)
     }
 
     /// The same with the digest of what it holds.
@@ -178,6 +183,7 @@ impl Data for Warp {
             correspondences: String::new(),
             recordings: Vec::new(),
             contents: Vec::new(),
+            correspondences_content: String::new(),
             content: String::new(),
         }
         .sealed()

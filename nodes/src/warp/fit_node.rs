@@ -208,7 +208,7 @@ impl Node for TpsFit {
     type Params = TpsFitParams;
     type Ports = TpsFitPorts;
     const NAME: &'static str = "TpsFit";
-    const VERSION: u32 = 5;
+    const VERSION: u32 = 6;
     const CLASS: Class = Class::Offline;
 
     fn shape(_: &TpsFitParams, s: &mut Shape<'_, '_, TpsFitPorts>) -> Result<(), Reject> {
@@ -271,6 +271,7 @@ impl TpsFit {
             correspondences: heard.pairs.file.clone(),
             recordings: heard.database.sources.iter().map(|s| s.provenance.clone()).collect(),
             contents: heard.database.sources.iter().map(|s| s.content.clone()).collect(),
+            correspondences_content: heard.pairs.content(),
             content: String::new(),
         }
         .sealed())

@@ -119,7 +119,7 @@ impl Func for WarpFile {
     type Params = WarpFileParams;
     type Ports = WarpFilePorts;
     const NAME: &'static str = "WarpFile";
-    const VERSION: u32 = 4;
+    const VERSION: u32 = 5;
 
     fn check(p: &WarpFileParams, s: &mut Shape<'_, '_, WarpFilePorts>) -> Result<(), Reject> {
         read_warp(&p.path.0, &s.bytes("path", &p.path.0)?).map(|_| ())

@@ -369,6 +369,17 @@ mod tests {
     }
 
     #[test]
+    fn stretches_may_overlap_on_both_sides() {
+        let all = found(
+            "(target: 0.5, source: 0, database: 0.25, duration: 0.1, channel: 0),
+            (target: 0.55, source: 0, database: 0.25, duration: 0.2, channel: 0)",
+        )
+        .unwrap();
+        let places: Vec<_> = all.iter().map(|s| (s.target.clone(), s.database.clone())).collect();
+        assert_eq!(places, [(120..144, 60..84), (132..180, 60..108)]);
+    }
+
+    #[test]
     fn what_does_not_fit_is_named_with_file_line_and_column() {
         for (pair, part) in [
             ("(target: 1.95, database: 0, duration: 0.1)", "outside of the target, which lasts 2.000 s"),

@@ -66,6 +66,14 @@ pub struct CorrespondenceSet {
     pub pairs: Vec<Correspondence>,
 }
 
+impl CorrespondenceSet {
+    /// Digest of what it says, whatever its file is called and however it is laid out.
+    #[must_use]
+    pub fn content(&self) -> String {
+        blake3::hash(write_correspondences(self).as_bytes()).to_hex()[..16].to_owned()
+    }
+}
+
 impl Correspondence {
     /// What people know it by: number, label and place.
     #[must_use]
@@ -258,6 +266,22 @@ mod tests {
             let mut found = read_correspondences(&text).unwrap();
             found.pairs.iter_mut().for_each(|c| c.place = Place::default());
             assert_eq!(found, set, "{text}");
+        }
+    }
+
+    #[test]
+    fn a_set_is_known_by_what_it_says_and_not_by_how_it_is_written() {
+        let text = "(pairs: [(label: \"drag\", target: 1, database: 2, duration: 0.1)])";
+        let set = CorrespondenceSet { file: "a.ron".into(), ..read_correspondences(text).unwrap() };
+        let spread = "// Marked by ear.\nCorrespondences(version: 1, pairs: [\n    (target: 1.0, database: 2.0, duration: 0.10, label: \"drag\", \
+                      weight: 1, enabled: true),\n])";
+        let other = CorrespondenceSet { file: "b.ron".into(), ..read_correspondences(spread).unwrap() };
+        assert!(set.content().len() == 16 && set.content() == other.content());
+        for (from, to) in
+            [("1,", "1.001,"), ("0.1", "0.1, weight: 2"), ("0.1", "0.1, enabled: false"), ("drag", "drop")]
+        {
+            let changed = read_correspondences(&text.replacen(from, to, 1)).unwrap();
+            assert_ne!(set.content(), changed.content(), "{to}");
         }
     }
 

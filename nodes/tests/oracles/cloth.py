@@ -1,11 +1,9 @@
-"""Oracle values of nodes/tests/cloth_oracles.rs: curvature, components, matching, high-pass, cepstrum, Gaussian and warp.
-
-Needs numpy, scipy, scikit-image and libigl.
-"""
+"""Oracle values of nodes/tests/cloth_oracles.rs: curvature, high-pass, cepstrum, Gaussian and warp. Needs numpy, scipy,
+librosa and libigl."""
 import igl
+import librosa
 import numpy as np
-import skimage.exposure
-from scipy import fft, ndimage, signal, sparse
+from scipy import fft, ndimage, signal
 from scipy.interpolate import RBFInterpolator
 
 
@@ -35,29 +33,6 @@ def curvature():
     show("areas", mass[inner])
 
 
-def components():
-    """Connected parts of equal label on a grid of 20 by 15: lowest vertex, vertices, squared sum of changes."""
-    n, rows = 20, 15
-    delta = noise(n * rows, 23)
-    label = np.where(np.abs(delta) > 0.2, np.sign(delta), 0).astype(int)
-    at = np.arange(n * rows).reshape(rows, n)
-    edges = np.concatenate([np.stack([a.ravel(), b.ravel()], 1) for a, b in (
-        (at[:, :-1], at[:, 1:]), (at[:-1], at[1:]), (at[:-1, :-1], at[1:, 1:]))])
-    a, b = edges[(label[edges[:, 0]] == label[edges[:, 1]]) & (label[edges[:, 0]] != 0)].T
-    graph = sparse.coo_matrix((np.ones(len(a)), (a, b)), shape=(n * rows, n * rows))
-    _, part = sparse.csgraph.connected_components(graph, directed=False)
-    of = [np.flatnonzero(part == k) for k in range(part.max() + 1)]
-    of = sorted((vertices for vertices in of if label[vertices[0]]), key=lambda vertices: vertices[0])
-    show("components", [[v[0], len(v), delta[v].sum() ** 2] for v in of])
-
-
-def matching():
-    """As many energies as samples, none twice: then the upper share of skimage and the middle rank are the same."""
-    k = np.arange(60)
-    events, bank = np.exp(4 * (k * 37 % 61) / 61 - 2), (1 + (k * 23 % 67)) ** 1.5
-    show("matching", skimage.exposure.match_histograms(events, bank))
-
-
 def high_pass():
     for fs in (44100, 48000, 96000):
         sos = signal.butter(5, 100, "hp", fs=fs, output="sos")
@@ -78,6 +53,9 @@ def cepstrum():
     share = [np.maximum(np.minimum(high, b) - np.maximum(low, a), 0) / (high - low) for a, b in zip(edges, edges[1:])]
     energy = [(weight * power * s).sum() / (size * (window**2).sum()) for s in share]
     show("cepstrum", fft.dct(np.log(energy), type=2, norm="ortho"))
+    shape = dict(sr=fs, n_fft=size, n_mels=3, fmin=0, fmax=20000, htk=True, norm=None, dtype=np.float64)
+    energy = librosa.filters.mel(**shape) @ (weight * power) / (size * (window**2).sum())
+    show("triangles", fft.dct(np.log(energy), type=2, norm="ortho"))
 
 
 def gaussian():
@@ -97,5 +75,5 @@ def warp():
             show(f"warp {d} {stiff}", f(ask))
 
 
-for make in (curvature, components, matching, high_pass, cepstrum, gaussian, warp):
+for make in (curvature, high_pass, cepstrum, gaussian, warp):
     make()

@@ -85,6 +85,54 @@ fn unit_energies_add_up_to_the_signals() {
     assert!((sum / wanted - 1.0).abs() < 1e-9, "{sum} {wanted}");
 }
 
+fn with_window(window: FeatureWindow, frame: u32) -> FeatureConventions {
+    FeatureConventions { window, frame, bands: 1, n: 1, f_hi: 24_000.0, ..cloth() }
+}
+
+#[test]
+fn windows_have_the_energy_of_a_unit_and_hann_is_blind_to_its_edge() {
+    let square = |w: &[f64]| w.iter().map(|w| w * w).sum::<f64>();
+    let (sine, rect) = (FeatureWindow::Sine2.samples(400), FeatureWindow::Rect.samples(200));
+    assert!((square(&sine) - 200.0).abs() < 1e-10 && square(&rect) == 200.0);
+    // Squares of neighbours add up to one at every sample.
+    assert!((0..200).all(|i| (sine[i].powi(2) + sine[i + 200].powi(2) - 1.0).abs() < 1e-12));
+    // Without a window, the energy of a unit is its mean square, transformed with zeros behind it or not.
+    let mut draw = Draw::new(8);
+    for length in [200, 256] {
+        let x: Vec<f32> = (0..length).map(|_| draw.between(-1.0, 1.0) as f32).collect();
+        let found = MelCepstrum::new(&with_window(FeatureWindow::Rect, length), 0.0).energies(&x)[0];
+        let wanted = x.iter().map(|&x| f64::from(x).powi(2)).sum::<f64>() / f64::from(length);
+        assert!((found / wanted - 1.0).abs() < 1e-12, "{length}: {found} {wanted}");
+    }
+    // One sample alone, the first of a unit.
+    let mut pop = vec![0.0; 200];
+    pop[0] = 1.0;
+    let heard = |c: &FeatureConventions, x: &[f32]| MelCepstrum::new(c, 0.0).energies(x)[0];
+    assert_eq!(heard(&with_window(FeatureWindow::Hann, 200), &pop), 0.0);
+    assert!((heard(&with_window(FeatureWindow::Rect, 200), &pop) - 1.0 / 200.0).abs() < 1e-15);
+    let around = [vec![0.0; 100], pop, vec![0.0; 100]].concat();
+    assert!((heard(&with_window(FeatureWindow::Sine2, 400), &around) - 0.5 / 200.0).abs() < 1e-4);
+}
+
+#[test]
+fn the_energy_of_a_band_is_the_mean_square_in_it() {
+    // Tones of whole periods in the transform, one in each band.
+    let c = FeatureConventions { window: FeatureWindow::Rect, frame: 512, f_hi: 24_000.0, ..cloth() };
+    for (bin, band) in [(5, 0), (40, 1), (200, 2)] {
+        let tone = |i: usize| (2.0 * PI * (bin * i) as f64 / 512.0).sin();
+        let x: Vec<f32> = (0..512).map(|i| 0.5 * tone(i) as f32).collect();
+        let found = MelCepstrum::new(&c, 0.0).energies(&x).to_vec();
+        assert!((found[band] - 0.125).abs() < 1e-8, "{found:?}");
+        assert!((0..3).all(|k| k == band || found[k] < 1e-12), "{found:?}");
+    }
+    // A constant and an alternation count once.
+    for (step, band) in [(1.0_f32, 0), (-1.0, 2)] {
+        let x: Vec<f32> = (0..512).map(|i| 0.5 * step.powi(i)).collect();
+        let found = MelCepstrum::new(&c, 0.0).energies(&x).to_vec();
+        assert!((found[band] - 0.25).abs() < 1e-8, "{found:?}");
+    }
+}
+
 #[test]
 fn a_gain_moves_the_first_coefficient_and_nothing_else() {
     let c = cloth();

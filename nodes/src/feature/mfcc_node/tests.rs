@@ -1,7 +1,7 @@
 use super::*;
-use crate::core::item::Channels;
+use crate::core::item::{AnyValue, Channels};
 use crate::core::params::Datum;
-use crate::core::solo::Solo;
+use crate::core::solo::{Feed, Solo};
 use crate::core::time::Rate;
 use crate::unit::{Take, build};
 
@@ -66,6 +66,40 @@ fn channels_are_alone_joined_or_one_with_a_balance() {
     let shape =
         |name: &str| solo(&mode(name), 2, stereo.clone()).shape().unwrap().outputs[0].clone().unwrap().text;
     assert_eq!([shape("Independent"), shape("Joint")], ["2 channels of vectors of 3", "vectors of 6"]);
+}
+
+#[test]
+fn a_sine_window_is_two_units_long_and_the_others_one() {
+    let frame = |window: &str| {
+        let p = params(&[("window", Datum::Name(window.into()))]);
+        p.given(&[], false).conventions(Rate::hz(48_000), 1).unwrap().frame
+    };
+    assert_eq!(["Sine2", "Rect", "Hann"].map(frame), [400, 200, 200]);
+}
+
+#[test]
+fn silence_of_the_target_is_that_of_the_database_where_the_floor_is_its_own() {
+    // A microphone's noise at about -70 dB, and the loud parts of a recording.
+    let hiss: Vec<f32> = noise(5, 48_000).iter().map(|x| 1e-3 * x).collect();
+    let recording = [hiss.clone(), noise(6, 48_000), hiss].concat();
+    let take = || [Take { channels: vec![recording.clone()], ..Take::default() }];
+    let floor = |own: &[(&str, Datum)]| {
+        let p = params(own);
+        let c = p.given(&[], false).conventions(Rate::hz(48_000), 1).unwrap();
+        let db = build(&take(), &c, None).unwrap();
+        let silence = Solo::new::<Mfcc>(p)
+            .input(MfccPorts::audio, Rate::hz(48_000), Channels(1), vec![0.0; 4000])
+            .feed(1, Feed::value(AnyValue::new(db.clone())));
+        let silence = silence.run().unwrap().stream(MfccPorts::features)[..3].to_vec();
+        // The mean of the first second, which is hiss.
+        let mean = |d: usize| (20..220).map(|j| db.unfiltered[3 * j + d]).sum::<f32>() / 200.0;
+        let away = (0..3).map(|d| (silence[d] - mean(d)).powi(2)).sum::<f32>().sqrt();
+        (silence[0] - 3f32.sqrt() * (db.floor_energy as f32).ln(), away)
+    };
+    let (off, near) = floor(&[("floor_from", Datum::Name("Database".into()))]);
+    assert!(off.abs() < 1e-4 && near < 6.0, "{off} {near}");
+    let (off, far) = floor(&[("floor", Datum::Int(-300))]);
+    assert!(off.abs() < 1e-3 && far > 50.0, "{off} {far}");
 }
 
 #[test]

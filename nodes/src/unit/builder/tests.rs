@@ -73,6 +73,16 @@ fn the_floor_can_come_from_the_recordings() {
     let db_level = 10.0 * db.floor_energy.log10();
     // Uniform noise of -70.8 dB in all, less in each band.
     assert!((-95.0..-70.0).contains(&db_level), "{db_level}");
+    // Of 200 band energies ten are lower. Digital silence, and bands above half the rate, are none.
+    let numbers: Vec<f32> = (0..=200).map(|k| ((k * 77) % 201) as f32 * 1e-9).collect();
+    assert!((percentile(&numbers, 0.05) - 11e-9).abs() < 1e-15, "{}", percentile(&numbers, 0.05));
+    assert_eq!(percentile(&[0.0; 7], 0.05), 1e-10);
+    // The high-pass rings on in a pause, ever less.
+    let sound = noise(7, 40_000);
+    let mut with_pause = sound.clone();
+    with_pause[10_000..18_000].fill(0.0);
+    let level = |x: Vec<f32>| build(&[take(vec![x])], &c, None).unwrap().floor_energy;
+    assert!((level(with_pause) / level(sound)).log10().abs() < 0.3);
 }
 
 #[test]

@@ -76,6 +76,22 @@ fn where_nothing_crosses_zero_the_blend_is_sixteen_samples() {
     assert_eq!(join(&x, 200, 600, &(0..605), 1000, &(990..2000)), Join { after: 5, before: 10 });
 }
 
+#[test]
+fn zero_counts_as_positive_and_two_ends_at_zero_are_spliced_hard() {
+    assert!(crosses(&[-1.0, 0.0], 1) && crosses(&[0.0, -1.0], 1) && crosses(&[-1.0, -0.0], 1));
+    assert!(!crosses(&[0.0, 1.0], 1) && !crosses(&[1.0, 0.0], 1) && !crosses(&[-1.0, -2.0], 1));
+    // Two periods a unit: every unit begins and ends with a sign change.
+    let mut db = database(&[20]);
+    let wave = |k: usize| if k % 100 < 50 { 0.5 } else { -0.25 };
+    db.audio = (0..20 * 200).map(|k| wave(k) * (1.0 + (k / 200) as f32)).collect();
+    let x = db.audio.clone();
+    for blend in [Blend::EqualPower, Blend::Linear, Blend::Add] {
+        let c = Concatenator::new(&db, blend);
+        assert!(c.join(0, (Some(3), Some(9))).is_empty());
+        assert!(c.whole(0, &[3, 9]) == [&x[600..800], &x[1800..2000]].concat());
+    }
+}
+
 /// Units of 400 samples at 96 kHz of noise that went `poles` times through a low-pass.
 fn soft(units: usize, low: f64, poles: usize) -> UnitDatabase {
     let mut draw = Draw::new(17);
@@ -221,5 +237,12 @@ proptest! {
         let (one, four) = (c(&db), c(&loud));
         prop_assert_eq!(one.len(), n * 200);
         prop_assert!(one.iter().zip(&four).all(|(a, b)| 4.0 * a == *b));
+        // Any sound whose signs are the same, and the sum of both.
+        let (mut other, mut both) = (db.clone(), db.clone());
+        let mut draw = Draw::new(seed + 1);
+        other.audio.iter_mut().for_each(|x| *x *= draw.between(0.1, 3.0) as f32);
+        both.audio.iter_mut().zip(&other.audio).for_each(|(x, y)| *x += y);
+        let near = |((a, b), sum): ((&f32, &f32), &f32)| (a + b - sum).abs() <= 1e-6 * (a.abs() + b.abs()) + 1e-7;
+        prop_assert!(one.iter().zip(&c(&other)).zip(&c(&both)).all(near));
     }
 }

@@ -200,6 +200,25 @@ fn a_silent_target_sends_it_to_sleep_and_a_balance_makes_channels() {
 }
 
 #[test]
+fn joint_recordings_keep_their_room_tone_where_nothing_else_is_said() {
+    let c = FeatureConventions { joined: 2, ..conventions() };
+    let take = Take { channels: vec![noise(1, 200 * 300), noise(2, 200 * 300)], ..Take::default() };
+    let db = build(&[take], &c, None).unwrap();
+    let format = PickFormat { channels: 1, conventions: Arc::new(c) };
+    let picks: Vec<Pick> = (0..240).map(|unit| Pick { unit, ..Pick::default() }).collect();
+    for (keep_room_tone, heard) in [(None, true), (Some(true), true), (Some(false), false)] {
+        let solo = Solo::new::<UnitConcatenator>(UnitConcatenatorParams { keep_room_tone, ..read() })
+            .input(UnitConcatenatorPorts::picks, Rate::hz(240), format.clone(), picks.clone())
+            .value(UnitConcatenatorPorts::database, db.clone())
+            .optional(UnitConcatenatorPorts::target, RATE, Channels(1), vec![0.0; 48_000]);
+        let out = solo.run().unwrap().stream(UnitConcatenatorPorts::audio);
+        let own = db.channel(0).iter().zip(db.channel(1)).flat_map(|(a, b)| [*a, *b]).take(96_000);
+        let wanted: Vec<f32> = if heard { own.collect() } else { vec![0.0; 96_000] };
+        assert!(out == wanted, "{keep_room_tone:?}");
+    }
+}
+
+#[test]
 fn features_of_other_conventions_are_refused_by_the_field() {
     let db =
         build(&[Take { channels: vec![noise(1, 8000)], ..Take::default() }], &conventions(), None).unwrap();

@@ -195,6 +195,105 @@ fn recordings_choose_themselves_but_for_a_window_before_each_join() {
     }
 }
 
+/// Features that change as slowly as filtered ones do, in one stretch.
+fn smooth(rng: &mut Draw, n: usize) -> Vec<f32> {
+    let mut at = [[0.0; 3]; 3];
+    let mut out = Vec::with_capacity(3 * n);
+    for _ in 0..n {
+        for x in &mut at {
+            x[0] = 0.98 * x[0] + rng.between(-1.0, 1.0);
+            x[1] += 0.2 * (x[0] - x[1]);
+            x[2] += 0.2 * (x[1] - x[2]);
+            out.push(x[2] as f32);
+        }
+    }
+    out
+}
+
+/// For each target the units within `d_max`, and of those the one of the least sum over the window: the plain way to an exact answer.
+fn by_ball(target: &[f32], units: &Units<'_>, p: &SelectorParams) -> Vec<(u32, bool)> {
+    let at = |x: &[f32], i: usize| [0, 1, 2].map(|d| f64::from(x[3 * i + d]));
+    let (a, b): (Vec<_>, Vec<_>) = (
+        (0..target.len() / 3).map(|i| at(target, i)).collect(),
+        (0..units.features.len() / 3).map(|j| at(units.features, j)).collect(),
+    );
+    let mut picks: Vec<(u32, bool)> = Vec::new();
+    for i in 0..a.len() {
+        let look = p.look.min(a.len() - 1 - i);
+        let barred: Vec<u32> = picks.iter().rev().take(p.cool_off).map(|(unit, _)| *unit).collect();
+        let (mut best, mut nearest) = ((f64::INFINITY, 0), (f64::INFINITY, 0));
+        for j in (0..b.len() as u32).filter(|j| !barred.contains(j)) {
+            let d1 = squared(&a[i], &b[j as usize]).sqrt();
+            nearest = if d1 < nearest.0 { (d1, j) } else { nearest };
+            if d1 <= p.d_max && (j as usize) + look < b.len() {
+                let d2 = (0..=look).map(|k| squared(&a[i + k], &b[j as usize + k]).sqrt()).sum::<f64>();
+                best = if d2 < best.0 { (d2, j) } else { best };
+            }
+        }
+        picks.push(if best.0 < f64::INFINITY { (best.1, false) } else { (nearest.1, true) });
+    }
+    picks
+}
+
+#[test]
+fn among_many_units_few_are_looked_at_and_the_best_is_found() {
+    let mut rng = Draw::new(31);
+    let (features, target) = (smooth(&mut rng, 20_000), smooth(&mut rng, 120));
+    let units =
+        Units { features: &features, dims: 3, segments: vec![(0, 20_000)], allowed: vec![true; 20_000] };
+    for d_max in [2.0, 8.0] {
+        let p = SelectorParams { look: 10, d_max, cool_off: 20, loop_guard: 0, causal: false, effort: None };
+        let found = run(&target, &units, &p);
+        let picks: Vec<(u32, bool)> = found.iter().map(|c| (c.unit, c.fallback)).collect();
+        assert_eq!(picks, by_ball(&target, &units, &p), "{d_max}");
+        // But for the last targets, whose windows are shorter than those of the index, groups and units that are as many as one unit in
+        // twenty are enough to know that.
+        let few = run(&target, &units, &SelectorParams { effort: Some(1000), ..p });
+        assert!(few[..110].iter().all(|c| !c.cut), "{}", few.iter().filter(|c| c.cut).count());
+        assert_eq!(few[..110], found[..110], "{d_max}");
+    }
+}
+
+#[test]
+fn units_that_are_all_alike_are_not_looked_at_one_by_one() {
+    // Silence in both: every unit of the first two stretches is at no distance.
+    let features = [vec![0.5; 3 * 9000], vec![4.0; 3 * 1000]].concat();
+    let segments = vec![(0, 4000), (4000, 5000), (9000, 1000)];
+    let units = Units { features: &features, dims: 3, segments, allowed: vec![true; 10_000] };
+    let look = 5;
+    let choose = |effort, picks: &[u32]| {
+        let p = SelectorParams { look, d_max: 2.0, cool_off: 20, loop_guard: 0, causal: false, effort };
+        let mut selector = selector(&units, p).unwrap();
+        selector.recall(picks);
+        (0..50).map(|_| selector.choose(&[0.5; 18]).unwrap()).collect::<Vec<_>>()
+    };
+    // From rest, in a run, and out of one that ends with its stretch.
+    for (picks, first) in [(vec![], 0), (vec![700], 701), (vec![3990], 3991), (vec![8994], 0)] {
+        let found = choose(Some(150), &picks);
+        assert!(found.iter().all(|c| !c.cut && !c.fallback && c.d2 == 0.0), "{picks:?}");
+        assert_eq!(found, choose(None, &picks));
+        assert_eq!(found[0].unit, first, "{picks:?}");
+    }
+}
+
+#[test]
+fn comparing_the_past_keeps_runs_as_long_as_comparing_the_future() {
+    let mut rng = Draw::new(5);
+    let (features, target) = (smooth(&mut rng, 4000), smooth(&mut rng, 600));
+    let units = Units { features: &features, dims: 3, segments: vec![(0, 4000)], allowed: vec![true; 4000] };
+    let of = |look, causal| {
+        let p = SelectorParams { look, d_max: 4.0, cool_off: 20, loop_guard: 0, causal, effort: None };
+        let picks = run(&target, &units, &p);
+        let runs = picks.windows(2).filter(|pair| pair[1].unit == pair[0].unit + 1).count() as f64 / 599.0;
+        (runs, picks.iter().map(|c| c.d1).sum::<f64>() / 600.0)
+    };
+    let (ahead, back, none) = (of(5, false), of(5, true), of(0, false));
+    let all = format!("ahead {ahead:?}, back {back:?}, one unit alone {none:?}");
+    println!("{all}");
+    assert!((ahead.0 - back.0).abs() < 0.08 && (back.1 / ahead.1 - 1.0).abs() < 0.15, "{all}");
+    assert!(none.0 < 0.7 * ahead.0 && none.1 < ahead.1, "{all}");
+}
+
 #[test]
 fn neither_threads_nor_the_order_of_the_index_change_a_choice() {
     let mut rng = Draw::new(21);

@@ -192,14 +192,35 @@ fn a_warp_that_was_fitted_in_other_recordings_is_told_and_used() {
 }
 
 #[test]
+fn a_warp_knows_the_correspondences_that_it_was_fitted_to() {
+    let of = |set: CorrespondenceSet| {
+        let p = TpsFitParams { lambda: Some(1.0), pairing: Pairing::Centroid, ..params() };
+        fit(p, set, 1).run().unwrap().value(0).unwrap().get::<Warp>().unwrap().clone()
+    };
+    let (set, mut other) = (marked(), marked());
+    let warp = of(set.clone());
+    assert_eq!(warp.correspondences_content, set.content());
+    assert_eq!(
+        of(CorrespondenceSet { file: "renamed.ron".into(), ..set }).correspondences_content,
+        warp.correspondences_content
+    );
+    other.pairs[3].enabled = false;
+    assert_ne!(of(other).correspondences_content, warp.correspondences_content);
+    // It is part of what the warp's own digest covers.
+    let bent = Warp { correspondences_content: "0123456789abcdef".into(), ..warp };
+    assert!(bent.altered().is_some());
+}
+
+#[test]
 fn a_warp_from_before_recordings_had_digests_is_read_and_keeps_its_own() {
     let warp = warp(TpsFitParams { lambda: Some(1.0), pairing: Pairing::Centroid, ..params() }, 1);
-    let old = Warp { contents: Vec::new(), ..warp.clone() }.sealed();
+    let old = Warp { contents: Vec::new(), correspondences_content: String::new(), ..warp.clone() }.sealed();
     let text = serde_json::to_string(&old).unwrap();
-    let before = text.replacen("\"contents\":[],", "", 1);
-    assert_ne!(before, text);
+    let later = ["\"contents\":[],", "\"correspondences_content\":\"\","];
+    assert!(later.iter().all(|field| text.contains(field)));
+    let before = later.iter().fold(text, |text, field| text.replacen(field, "", 1));
     assert_eq!(serde_json::from_str::<Warp>(&before).unwrap(), old);
-    // The digest is the one of a file without the field.
+    // The digest is the one of a file without the fields.
     let plain = before.replace(&old.content, "");
     assert_eq!(old.content, blake3::hash(plain.as_bytes()).to_hex()[..16]);
     assert!(old.altered().is_none() && old.content != warp.content);
