@@ -1,11 +1,14 @@
-//! What SciPy, scikit-image, librosa and libigl give for curvature, events, energies, the high-pass, features and the warp: made by
-//! `tests/oracles/cloth.py`.
+//! What SciPy, scikit-image, librosa and libigl give for curvature, events, energies, the head, the high-pass, features and the warp:
+//! made by `tests/oracles/cloth.py`.
 
 use foley_nodes::core::time::Rate;
+use foley_nodes::crumple::matching::{EnergyMap, Mapping};
+use foley_nodes::crumple::{Buckle, CrumpleEvents, CrumpleParams, Weight};
 use foley_nodes::curvature::{Curvature, MeanCurvature, Method};
 use foley_nodes::dsp::{Band, Butterworth, Cascade};
 use foley_nodes::feature::{BandShape, FeatureConventions, MelCepstrum, TemporalFilter};
 use foley_nodes::mesh::Topology;
+use foley_nodes::spatial::Head;
 use foley_nodes::warp::{Pair, Stiffness, Warper, fit};
 
 /// Numbers that are the same everywhere, about zero.
@@ -24,6 +27,13 @@ fn near(found: impl IntoIterator<Item = f64>, wanted: &[f64], tolerance: f64, wh
     assert!(far < tolerance, "{what}: {far} away: {found:?}, not {wanted:?}");
 }
 
+/// A grid of `n` by `rows` vertices whose diagonals all go one way.
+fn triangles(n: usize, rows: usize) -> Vec<[u32; 3]> {
+    let step = n as u32;
+    let cells = || (0..(n - 1) * (rows - 1)).map(|k| (k % (n - 1) + k / (n - 1) * n) as u32);
+    cells().map(|a| [a, a + 1, a + step + 1]).chain(cells().map(|a| [a, a + step + 1, a + step])).collect()
+}
+
 #[test]
 fn curvature_is_that_of_libigl() {
     let n = 5_usize;
@@ -32,13 +42,7 @@ fn curvature_is_that_of_libigl() {
         [x as f32, y as f32, ((x * x * 7 + 3 * y * y + x * y) % 11) as f32 / 16.0]
     };
     let rest: Vec<[f32; 3]> = (0..n * n).map(at).collect();
-    let step = n as u32;
-    let cells = || (0..(n - 1) * (n - 1)).map(|k| (k % (n - 1) + k / (n - 1) * n) as u32);
-    let triangles = cells()
-        .map(|a| [a, a + 1, a + step + 1])
-        .chain(cells().map(|a| [a, a + step + 1, a + step]))
-        .collect();
-    let mesh = Topology { rest: rest.clone(), triangles };
+    let mesh = Topology { rest: rest.clone(), triangles: triangles(n, n) };
     let mut found = vec![Curvature::default(); n * n];
     MeanCurvature::new(&mesh, Method::Cotan).unwrap().measure(&rest, &mut found).unwrap();
     let inside = |k: &usize| (1..n - 1).contains(&(k % n)) && (1..n - 1).contains(&(k / n));
@@ -46,6 +50,58 @@ fn curvature_is_that_of_libigl() {
     assert!(inner.iter().all(|c| c.valid));
     near(inner.iter().map(|c| c.h), CURVATURE, 1e-9, "curvature");
     near(inner.iter().map(|c| c.area), AREAS, 1e-9, "areas");
+}
+
+#[test]
+fn components_are_those_of_scipy() {
+    let (n, rows) = (12_usize, 9_usize);
+    let rest = (0..n * rows).map(|k| [(k % n) as f32, (k / n) as f32, 0.0]).collect();
+    let mesh = Topology { rest, triangles: triangles(n, rows) };
+    let label = |delta: &f64| match delta {
+        d if d.abs() < 0.45 => Buckle::default(),
+        d => Buckle { label: d.signum() as i8, delta: *d, area: 1.0, ..Buckle::default() },
+    };
+    let labels: Vec<Buckle> = noise(n * rows, 13).iter().map(label).collect();
+    let params = CrumpleParams { weight: Weight::None, ..CrumpleParams::default() };
+    let mut events = CrumpleEvents::new(&mesh, &[], params).unwrap();
+    events.take(0, &labels);
+    events.finish();
+    let found: Vec<_> = std::iter::from_fn(|| events.next_before(1)).map(|(_, e)| e).collect();
+    assert_eq!(found.iter().map(|e| (e.id, e.vertices)).collect::<Vec<_>>(), COMPONENTS.map(|c| (c.0, c.1)));
+    for (event, (_, _, sum)) in found.iter().zip(COMPONENTS) {
+        // Sixteenths add up exactly.
+        assert_eq!((event.energy, f64::from(event.sign)), (sum * sum, sum.signum()));
+    }
+}
+
+#[test]
+fn energies_are_matched_as_scikit_image_matches_them() {
+    let sorted = |mut x: Vec<f64>| {
+        x.sort_unstable_by(f64::total_cmp);
+        x
+    };
+    let energies: Vec<f64> = (1..=25).map(|k| f64::from(k).powi(3) / 16.0).collect();
+    // As many of both, none twice: both rules give each the one of its place.
+    let other: Vec<f64> = (0..25).map(|k| (f64::from(k * 7 % 25) / 5.0).exp()).collect();
+    let map = EnergyMap::new(&sorted(other.clone()), &energies, Mapping::Ecdf);
+    near(other.iter().step_by(3).map(|e| map.wanted(map.rank(*e))), MATCHED_AS_MANY, 1e-9, "as many");
+    // Otherwise scikit-image goes by upper shares: equal energies count whole instead of half, and so does the bank's sample.
+    let events: Vec<f64> = noise(40, 7).iter().map(|x| x + 1.0).collect();
+    let map = EnergyMap::new(&sorted(events.clone()), &energies, Mapping::Ecdf);
+    let upper = |e: &f64| {
+        let equal = events.iter().filter(|other| *other == e).count() as f64;
+        map.wanted(map.rank(*e) + 0.5 * equal / 40.0 - 0.5 / 25.0)
+    };
+    near(events.iter().step_by(3).map(upper), MATCHED, 1e-9, "other numbers, some of them equal");
+}
+
+#[test]
+fn the_shadow_of_the_head_is_the_bilinear_transform_of_scipy() {
+    for (fs, wanted) in SHADOWS {
+        for (theta, wanted) in [0.0_f64, 60.0, 90.0, 150.0, 180.0].into_iter().zip(wanted) {
+            near(Head::default().shadow(theta.to_radians(), fs), &wanted, 1e-11, &format!("{fs} {theta}"));
+        }
+    }
 }
 
 #[test]
@@ -127,6 +183,70 @@ const AREAS: &[f64] = &[
     1.06756058863,
     1.10016936904,
     1.12030328517,
+];
+const COMPONENTS: [(u32, u32, f64); 13] = [
+    (0, 9, -6.625),
+    (2, 5, 3.8125),
+    (3, 2, -1.5625),
+    (7, 9, -6.1875),
+    (9, 7, 5.25),
+    (22, 4, -3.125),
+    (24, 3, 2.375),
+    (40, 10, 7.625),
+    (53, 4, -3.125),
+    (71, 3, 2.375),
+    (72, 4, 3.125),
+    (84, 4, -3.125),
+    (102, 3, 2.125),
+];
+const MATCHED: &[f64] = &[
+    1.09375,
+    122.65625,
+    654.6640625,
+    20.4453125,
+    500.0,
+    62.5,
+    976.5625,
+    412.640625,
+    210.9375,
+    42.171875,
+    11.3671875,
+    3.421875,
+    11.3671875,
+    42.171875,
+];
+const MATCHED_AS_MANY: &[f64] = &[0.0625, 665.5, 364.5, 171.5, 62.5, 13.5, 0.5, 760.4375, 428.6875];
+const SHADOWS: [(f64, [[f64; 3]; 5]); 3] = [
+    (
+        44100.0,
+        [
+            [1.91836734694, -1.75510204082, -0.836734693878],
+            [1.31551992877, -1.15225462264, -0.836734693878],
+            [0.776316805928, -0.613051499806, -0.836734693878],
+            [0.173469387755, -0.0102040816327, -0.836734693878],
+            [0.340092316132, -0.17682701001, -0.836734693878],
+        ],
+    ),
+    (
+        48000.0,
+        [
+            [1.92449922958, -1.77349768875, -0.848998459168],
+            [1.31762663605, -1.16662509521, -0.848998459168],
+            [0.774823286913, -0.623821746081, -0.848998459168],
+            [0.167950693374, -0.0169491525424, -0.848998459168],
+            [0.33568615286, -0.184684612028, -0.848998459168],
+        ],
+    ),
+    (
+        96000.0,
+        [
+            [1.96076861489, -1.88230584468, -0.921537229784],
+            [1.33008756893, -1.25162479871, -0.921537229784],
+            [0.765989292564, -0.687526522348, -0.921537229784],
+            [0.135308246597, -0.0568454763811, -0.921537229784],
+            [0.30962420049, -0.231161430274, -0.921537229784],
+        ],
+    ),
 ];
 const HIGH_PASS: [(f64, &[f64]); 3] = [
     (

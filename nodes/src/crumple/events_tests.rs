@@ -67,6 +67,16 @@ fn area_weights_do_not_feel_the_density_of_the_mesh() {
     assert!((16.0..17.5).contains(&(fine / coarse)), "{}", fine / coarse);
     let (coarse, fine) = (energy(41, AREA), energy(81, AREA));
     assert!((coarse - 4.961).abs() < 1e-3 && (fine - 5.200).abs() < 1e-3, "{coarse} {fine}");
+    // The hem that is left out shrinks like the edges: the limit is the square of twice the integral of H over the bowl,
+    // H dA = q (2 + g^2) / (2 (1 + g^2)) dx dy with g = q r.
+    let place = |k: usize| (k as f64 + 0.5) / 400.0 - 0.5;
+    let bent = |k: usize| {
+        let square = 1.69 * (place(k % 400).powi(2) + place(k / 400).powi(2));
+        1.3 * (2.0 + square) / (2.0 * (1.0 + square)) / 160_000.0
+    };
+    let limit = (2.0 * (0..160_000).map(bent).sum::<f64>()).powi(2);
+    let found = (2.0 * fine.sqrt() - coarse.sqrt()).powi(2);
+    assert!((limit - 5.445).abs() < 1e-3 && (found - limit).abs() < 2e-3, "{found} for {limit}");
 }
 
 #[test]

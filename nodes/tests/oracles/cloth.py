@@ -1,10 +1,15 @@
-"""Oracle values of nodes/tests/cloth_oracles.rs: curvature, high-pass, cepstrum, Gaussian and warp. Needs numpy, scipy,
-librosa and libigl."""
+"""Oracle values of nodes/tests/cloth_oracles.rs: curvature, events, energies, the head, high-pass, cepstrum, Gaussian and warp.
+
+Needs numpy, scipy, scikit-image, librosa and libigl.
+"""
 import igl
 import librosa
 import numpy as np
 from scipy import fft, ndimage, signal
 from scipy.interpolate import RBFInterpolator
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from skimage.exposure import match_histograms
 
 
 def show(name, values):
@@ -75,5 +80,39 @@ def warp():
             show(f"warp {d} {stiff}", f(ask))
 
 
-for make in (curvature, high_pass, cepstrum, gaussian, warp):
+def components():
+    """Lowest vertex, number of vertices and energy of each component of equal labels on a grid of 12 by 9 with diagonals."""
+    n, rows = 12, 9
+    delta = noise(n * rows, 13)
+    delta[np.abs(delta) < 0.45] = 0
+    v = np.arange(n * rows)
+    a = v[(v % n < n - 1) & (v < n * (rows - 1))]
+    right = v[v % n < n - 1]
+    edges = np.concatenate([np.stack(e, 1) for e in ((right, right + 1), (v[:-n], v[n:]), (a, a + n + 1))])
+    edges = edges[np.sign(delta[edges[:, 0]]) * np.sign(delta[edges[:, 1]]) > 0]
+    _, of = connected_components(coo_matrix((np.ones(len(edges)), edges.T), shape=(len(v),) * 2), directed=False)
+    for c in np.unique(of[delta != 0]):
+        in_it = v[of == c]
+        print("component", (int(in_it[0]), len(in_it), float(delta[in_it].sum())))
+
+
+def matching():
+    """Energies with ties onto energies without, and as many of both, by the upper distribution functions."""
+    energies = (np.arange(25) + 1.0) ** 3 / 16
+    show("matching", match_histograms(noise(40, 7) + 1, energies)[::3])
+    other = np.exp((np.arange(25) * 7 % 25) / 5)
+    show("matching as many", match_histograms(other, energies)[::3])
+
+
+def head():
+    """Brown and Duda's shadow."""
+    w0 = 343 / 0.0875
+    for fs in (44100, 48000, 96000):
+        for theta in (0, 60, 90, 150, 180):
+            alpha = 1.05 + 0.95 * np.cos(np.radians(180 * theta / 150))
+            b, a = signal.bilinear([alpha, 2 * w0], [1, 2 * w0], fs)
+            show(f"head {fs} {theta}", [*b, a[1]])
+
+
+for make in (curvature, components, matching, head, high_pass, cepstrum, gaussian, warp):
     make()
