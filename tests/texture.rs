@@ -162,6 +162,30 @@ fn two_surfaces_of_any_size_are_as_loud_on_all_levels() {
     }
 }
 
+#[test]
+fn levels_of_detail_are_as_strong_along_another_way_as_along_those_they_were_matched_on() {
+    for image in ["sk_gravel", "sk_brick", "tiles"] {
+        let dir = tempfile::tempdir().unwrap();
+        let file = |name: &str| dir.path().join(format!("{name}.csv"));
+        let mut words = vec!["run".into(), "graphs/lib/levels.ron".into(), "--set".into()];
+        words.push(format!("image=graphs/assets/images/{image}.png"));
+        let names = ["full", "isophotes", "split", "noise", "spectrum"];
+        for name in names {
+            words.extend(["--tap".into(), format!("{name}_levels={}", file(name).display())]);
+        }
+        common::foley(dir.path(), &words.iter().map(String::as_str).collect::<Vec<_>>());
+        // Of each sixtieth of a second: its time, the peak and the root mean square.
+        let levels = names.map(|name| {
+            let text = std::fs::read_to_string(file(name)).unwrap();
+            let rms = |row: &str| row.rsplit(',').next().unwrap().parse::<f64>().unwrap();
+            let squares: Vec<f64> = text.lines().skip(1).map(|row| rms(row).powi(2)).collect();
+            10.0 * (squares.iter().sum::<f64>() / squares.len() as f64).log10()
+        });
+        println!("{image}: {:.1?} dB", levels.map(|level| level - levels[0]));
+        assert!(levels.iter().all(|level| (level - levels[0]).abs() < 2.0), "{image}: {levels:.1?} dB");
+    }
+}
+
 /// Correlation of a level with itself at a lag, about its mean.
 fn alike(levels: &[f64], lag: usize) -> f64 {
     let mean = levels.iter().sum::<f64>() / levels.len() as f64;

@@ -405,6 +405,13 @@ mod tests {
             numbers[place] = number;
             assert_eq!(Sent::from_numbers(&numbers), None, "{number} at {place}");
         }
+        for place in 0..NUMBERS.len() {
+            for number in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+                let mut numbers = NUMBERS;
+                numbers[place] = number;
+                assert_eq!(Sent::from_numbers(&numbers), None, "{number} at {place}");
+            }
+        }
         for len in [0, 2, 12, 16, 17] {
             assert_eq!(Sent::from_numbers(&NUMBERS[..len]), None, "{len} numbers");
         }

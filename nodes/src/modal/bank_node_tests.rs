@@ -60,6 +60,22 @@ fn edits_while_it_rings_do_not_click() {
 }
 
 #[test]
+fn modes_above_049_of_the_rate_are_told_before_the_run() {
+    let high = Modes::new(
+        "high",
+        vec![100.0, 0.49 * f64::from(FS), 0.489 * f64::from(FS)],
+        vec![1.0; 3],
+        vec![1.0; 3],
+    );
+    let solo = Solo::new::<ModalBankNode>(params())
+        .also(ModalBankPorts::forces, Rate::hz(FS), Channels(1), scraping(100))
+        .value(ModalBankPorts::modes, high.unwrap());
+    let notes = solo.shape().unwrap().notes;
+    assert!(notes.len() == 1 && notes[0].contains("1 of 3 modes lie above 0.49 of"), "{notes:?}");
+    assert!(self::solo(params(), 100).shape().unwrap().notes.is_empty());
+}
+
+#[test]
 fn an_object_far_away_needs_only_the_modes_within_40_db_of_the_strongest() {
     let told = |run: &crate::core::solo::SoloRun, key: &str| {
         run.summary.iter().find(|(k, _)| *k == key).and_then(|(_, v)| v.as_f64())

@@ -278,6 +278,13 @@ fn contacts_of_one_object_add_up() {
     let both = run(vec![path(1, 0.1), path(2, 0.13)]);
     assert!(both.iter().zip(one.iter().zip(&two)).all(|(sum, (a, b))| (sum - (a + b)).abs() < 1e-6));
     assert!(rms(&one) > 0.01 && one != two);
+    // Those of another object are for its own excitation.
+    let mut mixed = vec![path(1, 0.1), path(2, 0.13)];
+    mixed[1].1.object = 4;
+    let of =
+        |object| force(MapExcitationParams { object, ..params() }, grating(8.0, 512.0), mixed.clone(), 0.4);
+    assert!(of(Some(0)) == one && of(Some(4)) == two && of(None) == both);
+    assert!(of(Some(9)).iter().all(|x| *x == 0.0));
 }
 
 #[test]
