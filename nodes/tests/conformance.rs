@@ -76,6 +76,26 @@ fn a_node_can_begin_anywhere() {
     });
 }
 
+/// What a node carries is all that the rest of its run depends on: so a run can be gone on with by another process.
+#[test]
+fn a_node_goes_on_where_another_was_saved() {
+    let mut wrong = std::collections::BTreeSet::new();
+    each_trial(Level::Random, |trial| {
+        if trial.ty().eval.is_some() {
+            return;
+        }
+        let window = trial.fastest_rate().span(13);
+        let whole = trial.run(window).bits();
+        let windows = (trial.length() / window) as usize;
+        for cut in [1, windows / 3, windows * 4 / 5, windows + 2] {
+            if trial.interrupted(window, cut).bits() != whole {
+                wrong.insert(format!("{} after {cut} of {windows} windows", trial.ty().name));
+            }
+        }
+    });
+    assert!(wrong.is_empty(), "these do not go on with the same bits: {wrong:#?}");
+}
+
 #[test]
 fn nothing_is_left_unwritten() {
     each_trial(Level::Random, |trial| {

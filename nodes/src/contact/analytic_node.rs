@@ -16,7 +16,7 @@ use crate::core::time::Tick;
 use crate::mesh::{Materials, Mesh};
 use crate::spatial::Poses;
 use crate::spatial::track::{frames_of, on_frames, pose_at};
-use crate::{choices, params, ports};
+use crate::{carries, choices, params, ports};
 
 choices! {
     /// The form of a collider.
@@ -185,6 +185,8 @@ impl Node for AnalyticCollider {
     fn finish(&mut self, _: AnalyticColliderIo<'_>) -> Result<Summary, Fault> {
         Ok(vec![("contacts_per_frame", (self.contacts as f64 / self.frames.max(1) as f64).into())])
     }
+
+    carries!(frames, contacts);
 
     fn trial(draw: &mut Draw) -> (AnalyticColliderParams, MemoryFiles) {
         // Near the small meshes of trials.

@@ -1,5 +1,7 @@
 //! Finds the triangles that cloth vertices touch, frame by frame.
 
+use crate::core::carry::{Carried, Carry};
+use crate::core::fault::Fault;
 use fearless_simd::Level;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -124,6 +126,16 @@ pub struct Detector {
     /// Last frame's contacts in the order of `order`.
     warm: Vec<Candidate>,
     scratch: Scratch,
+}
+
+impl Carried for Detector {
+    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault> {
+        carry.each(&mut self.trees)?;
+        if let Some(own) = self.trees.first().filter(|_| carry.restores()) {
+            self.neighbourhoods.follow(self.order.len(), &self.exclusion, own);
+        }
+        Ok(())
+    }
 }
 
 impl Detector {

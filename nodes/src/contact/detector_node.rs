@@ -1,5 +1,6 @@
 //! The contact detector as a node.
 
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 use super::slip::SlipMode;
@@ -10,7 +11,7 @@ use crate::core::ports::{In, Many, Stream};
 use crate::core::shape::{Build, Ends, Incoming, Shape};
 use crate::core::time::Rate;
 use crate::mesh::{Mesh, MeshFormat, vertex_areas};
-use crate::{choices, params, ports};
+use crate::{carries, choices, params, ports};
 
 choices! { @param SlipMode {
     /// Along the triangle, and exactly zero under any rigid motion of the pair.
@@ -101,7 +102,7 @@ fn emptied<'a>(mut list: Vec<&[[f32; 3]]>) -> Vec<&'a [[f32; 3]]> {
     list.into_iter().map(|_| -> &[[f32; 3]] { &[] }).collect()
 }
 
-#[derive(Default)]
+#[derive(Default, Serialize, Deserialize)]
 struct Total {
     frames: u64,
     contacts: u64,
@@ -259,6 +260,8 @@ impl Node for ContactDetector {
             ("rebuilt", total.rebuilt.into()),
         ])
     }
+
+    carries!(detector, total);
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! Contacts by what meets in them.
 
 use super::{Contact, Contacts, ContactsFormat};
+use crate::carries;
 use crate::core::fault::Reject;
 use crate::core::node::{Each, Summary};
 use crate::core::params::Text;
@@ -95,6 +96,8 @@ impl Each for MaterialRouter {
     fn summary(&self) -> Summary {
         vec![("contacts", self.contacts.into()), ("kept", self.kept.into())]
     }
+
+    carries!(contacts, kept);
 
     fn trial(draw: &mut Draw) -> MaterialRouterParams {
         let other = ["cotton", "wool"][draw.below(2)];

@@ -15,7 +15,7 @@ use crate::core::shape::{Build, Shape};
 use crate::core::time::{Rate, Tick};
 use crate::crumple::{Crumple, Weight, mesh_digest};
 use crate::mesh::{Mesh, Topology, vertex_areas};
-use crate::{params, ports};
+use crate::{carries, params, ports};
 
 params! {
     /// Approximate sliding and crumpling of a garment that follows its skeleton and was never simulated.
@@ -146,6 +146,8 @@ impl Node for SkinnedSlip {
     fn finish(&mut self, _: SkinnedSlipIo<'_>) -> Result<Summary, Fault> {
         Ok(vec![("fastest", self.fastest.into()), ("crumples", self.crumples.into())])
     }
+
+    carries!(lag, bends, fastest, crumples);
 
     fn trial(draw: &mut Draw) -> (SkinnedSlipParams, MemoryFiles) {
         let params = SkinnedSlipParams {

@@ -3,7 +3,11 @@
 use super::Contact;
 use super::gate::{CausalGate, EverGate, GateMode, IntervalGate, hold_frames};
 use super::spline::{Neighbours, eval_linear, eval_uniform};
+use crate::carried;
+use crate::core::carry::{Carried, Carry};
+use crate::core::fault::Fault;
 use crate::core::time::Rate;
+use serde::{Deserialize, Serialize};
 
 /// Frames of gated speeds that are kept: the four around a piece, and those that arrive before a window asks.
 const KEPT: u64 = 8;
@@ -72,7 +76,7 @@ impl SlidingParams {
 }
 
 /// What a [`Sliding`] has seen.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SlidingReport {
     /// Greatest speed given out, m/s.
     pub fastest: f32,
@@ -92,6 +96,16 @@ enum Gate {
     Ever(EverGate),
     Interval(IntervalGate),
     Causal(CausalGate),
+}
+
+impl Carried for Gate {
+    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault> {
+        match self {
+            Self::Ever(gate) => gate.carry(carry),
+            Self::Interval(gate) => gate.carry(carry),
+            Self::Causal(gate) => gate.carry(carry),
+        }
+    }
 }
 
 /// Turns contacts, frame after frame, into the speeds of each vertex at any later grid of times.
@@ -117,6 +131,7 @@ pub struct Sliding {
     taken: i64,
     report: SlidingReport,
 }
+carried!(Sliding { gate, rows, ready, taken, report });
 
 /// The fastest slide of one vertex's contacts, metres; `None` where it touches nothing.
 fn fastest_slide(slots: &[Contact]) -> Option<f32> {

@@ -14,7 +14,7 @@ use crate::core::ports::Stream;
 use crate::core::random::Draw;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
-use crate::{choices, params, ports};
+use crate::{carries, choices, params, ports};
 
 choices! {
     /// Which vertices are silent although they move a little.
@@ -219,6 +219,8 @@ impl Node for SlidingSpeed {
         self.params = new.clone();
         Retune::Done
     }
+
+    carries!(sliding, begun, unseen);
 
     fn trial(draw: &mut Draw) -> (SlidingSpeedParams, MemoryFiles) {
         // Holds short beside the streams of a trial, and a threshold among their speeds.

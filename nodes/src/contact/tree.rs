@@ -6,6 +6,7 @@
 use super::boxes::{Corners, LANES, Node, larger, smaller};
 use super::triangle::closest_point;
 use super::vector::widen;
+use crate::carried;
 
 /// Growth of the summed box areas after which an order is no longer worth keeping.
 const GROWTH: f64 = 1.5;
@@ -91,6 +92,7 @@ pub struct Tree {
     area: f64,
     kept_area: f64,
 }
+carried!(Tree { order, at_home, kept_area });
 
 impl Tree {
     /// Builds a tree over triangles whose corners all lie below `rest.len()`.

@@ -73,7 +73,7 @@ pub(super) fn no_room(path: &str, bytes: u64, room: u64) -> FileError {
 
 /// Where outputs go; they appear under their names only once the run has succeeded.
 pub trait Outputs: Send + Sync {
-    /// Starts an output file.
+    /// Starts an output file, or opens the one that is to be gone on with: at its beginning, with all that it holds.
     ///
     /// # Errors
     /// When the path leaves the output folder or cannot be written.
@@ -129,9 +129,21 @@ type Bytes = Arc<Mutex<Vec<u8>>>;
 #[derive(Clone, Debug, Default)]
 pub struct MemoryOutputs {
     files: Arc<Mutex<BTreeMap<String, Bytes>>>,
+    /// Whether a file that is there already is gone on with.
+    goes_on: bool,
 }
 
 impl MemoryOutputs {
+    /// Copies of what has been written so far, for a run that goes on with it.
+    #[must_use]
+    pub fn to_go_on(&self) -> Self {
+        let copy = |(path, bytes): (&String, &Bytes)| {
+            Some((path.clone(), Arc::new(Mutex::new(bytes.lock().ok()?.clone()))))
+        };
+        let files = self.files.lock().map(|files| files.iter().filter_map(copy).collect());
+        Self { files: Arc::new(Mutex::new(files.unwrap_or_default())), goes_on: true }
+    }
+
     /// What has been written to `path`.
     #[must_use]
     pub fn get(&self, path: &str) -> Option<Vec<u8>> {
@@ -142,9 +154,12 @@ impl MemoryOutputs {
 
 impl Outputs for MemoryOutputs {
     fn create(&self, path: &str) -> Result<Box<dyn WriteSeek>, FileError> {
-        let bytes = Bytes::default();
+        let mut bytes = Bytes::default();
         if let Ok(mut files) = self.files.lock() {
-            files.insert(path.to_owned(), Arc::clone(&bytes));
+            match files.get(path).filter(|_| self.goes_on) {
+                Some(there) => bytes = Arc::clone(there),
+                None => drop(files.insert(path.to_owned(), Arc::clone(&bytes))),
+            }
         }
         Ok(Box::new(SharedBytes { bytes, at: 0 }))
     }

@@ -123,7 +123,6 @@ impl Data for f64 {
 }
 
 /// The runtime's view of an [`Item`] type.
-#[derive(Debug)]
 pub struct ItemType {
     /// The name that people see.
     pub name: &'static str,
@@ -151,6 +150,12 @@ pub struct ItemType {
     pub trial: fn(&mut Draw, Rate, i64) -> Feed,
     /// The same with the rate and the format of another stream of the type.
     pub trial_like: fn(&mut Draw, &StreamShape, i64) -> Option<Feed>,
+}
+
+impl Debug for ItemType {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name)
+    }
 }
 
 /// Gives the runtime's view of a type.
@@ -239,7 +244,6 @@ fn decode<T: DeserializeOwned>(bytes: &mut &[u8]) -> Option<T> {
 }
 
 /// The runtime's view of an [`Event`] type.
-#[derive(Debug)]
 pub struct EventType {
     /// The name that people see.
     pub name: &'static str,
@@ -257,6 +261,12 @@ pub struct EventType {
     pub decode: DecodeTrack,
     /// Valid events until a time, for trials.
     pub trial: fn(&mut Draw, Tick) -> Feed,
+}
+
+impl Debug for EventType {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name)
+    }
 }
 
 impl<T: Event> Described for OfEvent<T> {
@@ -293,7 +303,6 @@ impl<T: Event> Described for OfEvent<T> {
 }
 
 /// The runtime's view of a [`Data`] type.
-#[derive(Debug)]
 pub struct DataType {
     /// The name that people see.
     pub name: &'static str,
@@ -315,6 +324,12 @@ pub struct DataType {
     pub decode: fn(&[u8]) -> Option<AnyValue>,
     /// A valid value for trials.
     pub trial: fn(&mut Draw) -> AnyValue,
+}
+
+impl Debug for DataType {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name)
+    }
 }
 
 impl<T: Data> Described for OfData<T> {

@@ -2,6 +2,7 @@
 //!
 //! A node describes itself once; running, checking, documenting and testing it all follow from that description.
 
+pub mod carry;
 pub mod content;
 pub mod fault;
 pub mod files;

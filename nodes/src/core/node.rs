@@ -1,5 +1,6 @@
 //! The contract between a node and whatever runs it.
 
+use super::carry::Carry;
 use super::fault::{Fault, Reject};
 use super::files::MemoryFiles;
 use super::item::{Channels, Described, Item, OfItem};
@@ -119,6 +120,18 @@ pub trait Node: Sized + Send + 'static {
         let _ = old;
     }
 
+    /// Saves what it carries from one window to the next, or puts it back into a node that was just built, which then goes on
+    /// with the same bits. Most nodes name their fields with [`carries!`](crate::carries).
+    ///
+    /// A node whose windows depend on its inputs and its parameters alone carries nothing.
+    ///
+    /// # Errors
+    /// When what was saved is not of this node.
+    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault> {
+        let _ = carry;
+        Ok(())
+    }
+
     /// Valid parameters and the files they need, for trials.
     fn trial(draw: &mut Draw) -> (Self::Params, MemoryFiles) {
         (Self::Params::trial(draw), MemoryFiles::default())
@@ -200,6 +213,15 @@ pub trait Each: Sized + Send + 'static {
         Summary::new()
     }
 
+    /// As [`Node::carry`].
+    ///
+    /// # Errors
+    /// As [`Node::carry`].
+    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault> {
+        let _ = carry;
+        Ok(())
+    }
+
     /// Valid parameters for trials.
     fn trial(draw: &mut Draw) -> Self::Params {
         Self::Params::trial(draw)
@@ -266,6 +288,10 @@ impl<E: Each> Node for PerItem<E> {
         Ok(self.0.summary())
     }
 
+    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault> {
+        self.0.carry(carry)
+    }
+
     fn trial(draw: &mut Draw) -> (E::Params, MemoryFiles) {
         (E::trial(draw), MemoryFiles::default())
     }
@@ -295,6 +321,14 @@ pub trait DynNode: Send {
     fn adopt(&mut self, old: &mut dyn DynNode) {
         let _ = old;
     }
+    /// Saves what it carries from one window to the next, or puts it back.
+    ///
+    /// # Errors
+    /// As [`Node::carry`].
+    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault> {
+        let _ = carry;
+        Ok(())
+    }
     /// Downcast.
     fn as_any_mut(&mut self) -> &mut dyn Any;
 }
@@ -318,6 +352,10 @@ impl<N: Node> DynNode for Wrap<N> {
         if let Some(old) = old.as_any_mut().downcast_mut::<Self>() {
             self.0.adopt(&mut old.0);
         }
+    }
+
+    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault> {
+        self.0.carry(carry)
     }
 
     fn as_any_mut(&mut self) -> &mut dyn Any {

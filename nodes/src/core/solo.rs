@@ -1,5 +1,6 @@
 //! Runs one node on slices, without any runtime: for programs that want a node as it is, and for tests.
 
+use super::carry::{Carried, Carry};
 use super::fault::{Fault, Reject};
 use super::files::{MemoryFiles, MemoryOutputs};
 use super::input::NoInputs;
@@ -480,6 +481,29 @@ impl SoloRun {
         self.stage.advance(self.now);
         self.stage.run().map_err(|(_, fault)| fault)?;
         Ok(true)
+    }
+
+    /// Saves how far it is.
+    ///
+    /// # Errors
+    /// As [`Node::carry`].
+    pub fn save(&mut self) -> Result<Vec<u8>, Fault> {
+        let mut bytes = Vec::new();
+        self.carry(&mut Carry::save(&mut bytes))?;
+        Ok(bytes)
+    }
+
+    /// Goes on where a run of the same node over the same inputs was saved; this one has not run yet.
+    ///
+    /// # Errors
+    /// As [`Node::carry`].
+    pub fn restore(&mut self, bytes: &[u8]) -> Result<(), Fault> {
+        self.carry(&mut Carry::restore(bytes))
+    }
+
+    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault> {
+        Carried::carry(&mut self.now, carry)?;
+        self.stage.carry(carry).map_err(|(_, fault)| fault)
     }
 
     /// The node itself, to be retuned or to adopt another.

@@ -1,5 +1,6 @@
 //! Runs wired nodes in order, window by window: the one engine under the offline run, the live run and single nodes.
 
+use super::carry::Carry;
 use super::fault::Fault;
 use super::item::AnyValue;
 use super::node::DynNode;
@@ -97,7 +98,7 @@ impl Clock {
 }
 
 /// One window on one clock.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, serde::Serialize, serde::Deserialize)]
 pub struct Span {
     /// First position.
     pub from: i64,
@@ -422,6 +423,20 @@ impl Stage {
         for &(from, to) in tracks {
             self.tracks[to].get_mut().any_mut().take_over(old.tracks[from].get_mut().any_mut());
         }
+    }
+
+    /// Saves all that the next window depends on, or puts it back into a stage of the same plan that has not run yet.
+    ///
+    /// # Errors
+    /// The fault of the node, or [`None`] and that of a buffer, which cannot be saved or does not fit.
+    pub fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), (Option<usize>, Fault)> {
+        let whole = |fault| (None, fault);
+        carry.each(&mut self.spans).map_err(whole)?;
+        for track in &mut self.tracks {
+            track.get_mut().any_mut().carry(carry).map_err(whole)?;
+        }
+        let mut nodes = self.nodes.iter_mut().enumerate();
+        nodes.try_for_each(|(k, n)| n.node.carry(carry).map_err(|fault| (Some(k), fault)))
     }
 
     /// The nodes, for a reload.

@@ -1,6 +1,9 @@
 //! Buffers between nodes: a run of items (or events) whose recent part is one contiguous slice.
 
+use super::carry::{Carried, Carry, misfit};
+use super::fault::Fault;
 use super::time::Tick;
+use serde::{Serialize, de::DeserializeOwned};
 use std::any::Any;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -40,6 +43,11 @@ pub trait AnyTrack: Any + Send {
     }
     /// Fills in what had to wait for the first item.
     fn settle(&mut self) {}
+    /// Saves what it still holds, or puts it back into a buffer of the same plan.
+    ///
+    /// # Errors
+    /// When what was saved is of another type or size.
+    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault>;
     /// Bytes that the buffer holds in memory.
     fn bytes(&self) -> usize;
     /// Whether its size depends on what comes in.
@@ -74,7 +82,7 @@ pub struct Track<E> {
     end: i64,
 }
 
-impl<E: Copy + Default + Send + 'static> Track<E> {
+impl<E: Copy + Default + Serialize + DeserializeOwned + Send + 'static> Track<E> {
     /// A track that keeps `span` items and starts with `front` padded items before item 0.
     #[must_use]
     pub fn new(width: usize, span: usize, front: usize, pad: Pad) -> Self {
@@ -254,7 +262,7 @@ impl dyn AnyTrack {
     }
 }
 
-impl<E: Copy + Default + Send + 'static> AnyTrack for Track<E> {
+impl<E: Copy + Default + Serialize + DeserializeOwned + Send + 'static> AnyTrack for Track<E> {
     fn end(&self) -> i64 {
         self.end
     }
@@ -337,6 +345,23 @@ impl<E: Copy + Default + Send + 'static> AnyTrack for Track<E> {
 
     fn settle(&mut self) {
         self.hold_front();
+    }
+
+    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault> {
+        let mut first = self.first.max(self.end - self.span as i64);
+        let mut held = if carry.restores() { Vec::new() } else { self.view(first, self.end).to_vec() };
+        let (mut start, mut front) = (self.start, self.front);
+        first.carry(carry)?;
+        held.carry(carry)?;
+        start.carry(carry)?;
+        front.carry(carry)?;
+        if carry.restores() {
+            let fits = held.len() <= self.data.len();
+            self.restart(first);
+            fits.then(|| self.append_elements(&held)).flatten().ok_or_else(misfit)?;
+            (self.first, self.start, self.front) = (first, start, front);
+        }
+        Ok(())
     }
 
     fn bytes(&self) -> usize {
@@ -440,7 +465,7 @@ impl<E: Clone + Send + 'static> EventTrack<E> {
     }
 }
 
-impl<E: Clone + Send + 'static> AnyTrack for EventTrack<E> {
+impl<E: Clone + Serialize + DeserializeOwned + Send + 'static> AnyTrack for EventTrack<E> {
     fn end(&self) -> i64 {
         self.end
     }
@@ -478,6 +503,18 @@ impl<E: Clone + Send + 'static> AnyTrack for EventTrack<E> {
             std::mem::swap(&mut self.events, &mut old.events);
             self.end = old.end;
         }
+    }
+
+    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault> {
+        self.end.carry(carry)?;
+        if !carry.restores() {
+            return self.events.carry(carry);
+        }
+        let mut held: Vec<(Tick, E)> = Vec::new();
+        held.carry(carry)?;
+        self.events.clear();
+        held.into_iter().for_each(|(tick, event)| self.push(tick, event));
+        Ok(())
     }
 
     fn bytes(&self) -> usize {

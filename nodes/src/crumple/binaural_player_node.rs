@@ -16,7 +16,7 @@ use crate::core::time::{Rate, ticks};
 use crate::spatial::hrtf_node::Pinna;
 use crate::spatial::track::{AHEAD, PAST, listener, pose_at};
 use crate::spatial::{Distance, Head, Pose, Poses, StillSource};
-use crate::{params, ports};
+use crate::{carries, params, ports};
 
 params! {
     /// Plays a recorded sample for each crumple at the two ears of a listener: as `CrumplePlayer`, with every fold where it is.
@@ -188,6 +188,8 @@ impl Node for BinauralCrumplePlayer {
             self.playback.adopt(&old.playback);
         }
     }
+
+    carries!(playback);
 
     fn trial(draw: &mut Draw) -> (BinauralCrumplePlayerParams, MemoryFiles) {
         let rate = Rate::hz([4000, 8000, 8820][draw.below(3)]);

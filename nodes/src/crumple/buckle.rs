@@ -1,5 +1,6 @@
 //! Which vertices snap from one side to the other between two frames.
 
+use crate::carried;
 use serde::{Deserialize, Serialize};
 
 use crate::curvature::{Curvature, Method};
@@ -24,7 +25,7 @@ pub struct Buckle {
 }
 
 /// What is kept of a vertex.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 struct Side {
     /// 1 or -1; 0 while no side is certain.
     sign: i8,
@@ -64,6 +65,7 @@ pub struct BuckleDetector {
     h_eps: f64,
     sides: Vec<Side>,
 }
+carried!(BuckleDetector { sides });
 
 impl BuckleDetector {
     /// A detector for this many vertices.

@@ -6,7 +6,7 @@ use crate::core::node::{Class, Node, Retune, Summary};
 use crate::core::ports::{Stream, Value};
 use crate::core::shape::{Build, Shape};
 use crate::curvature::{Curvatures, RestNoise};
-use crate::{params, ports};
+use crate::{carries, params, ports};
 
 params! {
     /// Finds the vertices of a cloth that snap from one side to the other.
@@ -101,6 +101,8 @@ impl Node for BuckleDetectorNode {
         self.detector.take_state(&old.detector);
         (self.snaps, self.most) = (old.snaps, old.most);
     }
+
+    carries!(detector, snaps, most);
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! The energies of a whole take: what counts as weak, and what as strong.
 
+use crate::carried;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -133,6 +134,7 @@ pub struct EnergyMeter {
     energies: Vec<f64>,
     first: Option<Crumple>,
 }
+carried!(EnergyMeter { energies, first });
 
 impl EnergyMeter {
     /// Adds an event.

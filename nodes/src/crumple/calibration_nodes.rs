@@ -11,7 +11,7 @@ use crate::core::ports::{Events, Fold, Value};
 use crate::core::random::Draw;
 use crate::core::shape::{Build, LinkShape, Shape};
 use crate::core::time::seconds;
-use crate::{choices, params, ports};
+use crate::{carries, choices, params, ports};
 
 choices! {
     /// Which events are too weak to be heard.
@@ -114,6 +114,8 @@ impl Node for EnergyCalibrationNode {
         io.calibration.set(calibration);
         Ok(told)
     }
+
+    carries!(meter);
 }
 
 fn told(c: &EnergyCalibration) -> Summary {

@@ -2,6 +2,7 @@
 
 use super::buckle::Buckle;
 use crate::mesh::{MeshError, MeshPrepare, Topology};
+use serde::{Deserialize, Serialize};
 
 /// Neighbours of each vertex along the edges of a mesh.
 #[derive(Clone, Debug)]
@@ -39,7 +40,7 @@ impl Neighbours {
 }
 
 /// What the vertices of a component add up to.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Sums {
     /// Change of curvature, 1/m, and its length, which is the same where all have one sign.
     pub change: f64,

@@ -1,5 +1,7 @@
 //! Snapping vertices to events, joined over space and, where asked for, over time.
 
+use crate::carried;
+use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
 use super::components::{Component, Components, Neighbours, Sums};
@@ -21,7 +23,7 @@ pub struct CrumpleParams {
 }
 
 /// An event under way: what each frame since its first has added.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 struct Group {
     id: u32,
     sign: i8,
@@ -63,6 +65,7 @@ pub struct CrumpleEvents {
     method: Method,
     h_eps: f32,
 }
+carried!(CrumpleEvents { open, joined, marked, ready, dropped, method, h_eps });
 
 impl CrumpleEvents {
     /// Prepares for a mesh; `materials` holds the number of each vertex's material, or nothing.

@@ -11,7 +11,7 @@ use crate::core::random::Draw;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
 use crate::mesh::MeshFormat;
-use crate::{choices, params, ports};
+use crate::{carries, choices, params, ports};
 
 choices! { @param Weight {
     /// Vertices: the paper's sum, which grows with the density of the mesh; its values of `e_min` belong to it.
@@ -156,6 +156,8 @@ impl Node for CrumpleEventsNode {
         }
         Ok(told)
     }
+
+    carries!(events, next, given, weakest, strongest);
 
     fn trial(draw: &mut Draw) -> (CrumpleEventsParams, MemoryFiles) {
         // One frame, or two, at the rates of trials: events that last longer hardly ever hang on their last frame.

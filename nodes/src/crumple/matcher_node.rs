@@ -11,7 +11,7 @@ use crate::core::ports::{Events, Value};
 use crate::core::random::{Draw, Random};
 use crate::core::shape::{Build, Shape};
 use crate::core::time::{Tick, seconds};
-use crate::{choices, params, ports};
+use crate::{carries, choices, params, ports};
 
 choices! { @param Mapping {
     /// The rank of an energy among all.
@@ -208,6 +208,8 @@ impl Node for HistogramMatcher {
         }
         self.count = old.count;
     }
+
+    carries!(nearest, each rolling, count, odd);
 
     fn trial(draw: &mut Draw) -> (HistogramMatcherParams, MemoryFiles) {
         let p = HistogramMatcherParams::trial(draw);

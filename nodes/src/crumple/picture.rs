@@ -14,7 +14,7 @@ use crate::core::ports::{Fold, Stream};
 use crate::core::random::Draw;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::ticks;
-use crate::{choices, params, ports};
+use crate::{carries, choices, params, ports};
 
 choices! {
     /// From where a cloth is looked at.
@@ -219,6 +219,8 @@ impl Node for BuckleFigure {
         io.picture.set(BucklePicture { triangles: std::mem::take(&mut self.triangles), panels });
         Ok(told)
     }
+
+    carries!(panels);
 
     fn trial(draw: &mut Draw) -> (BuckleFigureParams, MemoryFiles) {
         let times = (0..draw.below(3)).map(|_| draw.between(0.0, 0.5)).collect();

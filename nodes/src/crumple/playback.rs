@@ -4,11 +4,13 @@ use super::bank::{BankError, CrumpleBank};
 use super::item::MatchedCrumple;
 use super::player::{Hearing, Onset, Player};
 use crate::choices;
+use crate::core::carry::{Carried, Carry};
 use crate::core::fault::Fault;
 use crate::core::node::Summary;
 use crate::core::ports::{EventsIn, Out};
 use crate::core::random::Random;
 use crate::core::time::{Rate, Tick, ticks};
+use serde::{Serialize, de::DeserializeOwned};
 
 choices! {
     /// How much later than its event a sample begins.
@@ -77,6 +79,14 @@ pub(super) struct Playback<H> {
     ahead: Tick,
     next: Option<Tick>,
     played: u64,
+}
+
+impl<H: Serialize + DeserializeOwned> Carried for Playback<H> {
+    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault> {
+        self.player.carry(carry)?;
+        self.next.carry(carry)?;
+        self.played.carry(carry)
+    }
 }
 
 impl<H: Hearing> Playback<H> {

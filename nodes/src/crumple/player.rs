@@ -1,6 +1,10 @@
 //! Plays samples of a bank, each from its own moment on.
 
 use super::CrumpleBank;
+use crate::core::carry::{Carried, Carry};
+use crate::core::fault::Fault;
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
 
 /// Samples over which a stolen voice fades out.
 const FADE: i64 = 64;
@@ -25,7 +29,7 @@ pub trait Hearing: Clone {
 }
 
 /// Heard as recorded, in one channel.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct Mono;
 
 impl Hearing for Mono {
@@ -44,7 +48,7 @@ impl Hearing for Mono {
 }
 
 /// How loud a voice is, and when it has faded out.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Level {
     gain: f32,
     /// Frame at which it has faded out, for a voice that was stolen.
@@ -62,7 +66,7 @@ impl Level {
 }
 
 /// A sample that is to sound.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct Onset {
     /// Its number in the bank.
     pub sample: usize,
@@ -75,7 +79,7 @@ pub struct Onset {
 }
 
 /// One sample that sounds, or is about to.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Voice<H> {
     /// Its place among all samples of the bank, and its length.
     from: usize,
@@ -103,6 +107,14 @@ pub struct Player<H> {
     ring: i64,
     stolen: u64,
     at_once: usize,
+}
+
+impl<H: Serialize + DeserializeOwned> Carried for Player<H> {
+    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault> {
+        self.voices.carry(carry)?;
+        self.stolen.carry(carry)?;
+        self.at_once.carry(carry)
+    }
 }
 
 impl<H: Hearing> Player<H> {

@@ -14,7 +14,7 @@ use crate::core::ports::{Events, Stream, Value};
 use crate::core::random::Draw;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::{Rate, ticks};
-use crate::{params, ports};
+use crate::{carries, params, ports};
 
 params! {
     /// Plays a recorded sample for each crumple.
@@ -113,6 +113,8 @@ impl Node for CrumplePlayer {
     fn adopt(&mut self, old: &mut Self) {
         self.playback.adopt(&old.playback);
     }
+
+    carries!(playback);
 
     fn trial(draw: &mut Draw) -> (CrumplePlayerParams, MemoryFiles) {
         let rate = Rate::hz([4000, 8000, 8820][draw.below(3)]);

@@ -8,7 +8,7 @@ use crate::core::node::{Class, Node, Summary};
 use crate::core::ports::Stream;
 use crate::core::shape::{Build, Shape};
 use crate::mesh::Mesh;
-use crate::{choices, params, ports};
+use crate::{carries, choices, params, ports};
 
 choices! { @param Method {
     /// The cotangent Laplacian over mixed areas, projected on the normal.
@@ -92,6 +92,8 @@ impl Node for MeanCurvatureNode {
         told.extend(flaws(self.measure.fans()).map(|text| ("warning", text.into())));
         Ok(told)
     }
+
+    carries!(strongest);
 }
 
 /// What of a mesh keeps it from bending, from how many vertices on, and what would mend it.

@@ -12,7 +12,7 @@ use crate::core::ports::{Fold, Stream};
 use crate::core::random::Draw;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::ticks;
-use crate::{params, ports};
+use crate::{carried, carries, params, ports};
 
 /// Noise of the curvature of a cloth that hangs still, and the dead band that follows.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -41,6 +41,7 @@ pub struct RestMeter {
     vertices: Vec<(f64, f64, f64)>,
     frames: u64,
 }
+carried!(RestMeter { vertices, frames });
 
 impl RestMeter {
     /// A meter for this many vertices.
@@ -164,6 +165,8 @@ impl Node for RestNoiseNode {
         io.noise.set(noise);
         Ok(told)
     }
+
+    carries!(meter);
 
     fn trial(draw: &mut Draw) -> (RestParams, MemoryFiles) {
         let from = draw.between(0.0, 0.1);

@@ -3,6 +3,7 @@
 //! # Source
 //! R. Bristow-Johnson, "Cookbook formulae for audio EQ biquad filter coefficients".
 
+use crate::carried;
 use std::f64::consts::TAU;
 
 use super::DspError;
@@ -169,6 +170,7 @@ pub struct Biquad {
     section: Section,
     state: Vec<[f64; 2]>,
 }
+carried!(Biquad { state });
 
 impl Biquad {
     /// A section at rest.

@@ -5,7 +5,7 @@ use super::{Biquad, Section};
 use crate::core::fault::{Fault, Reject};
 use crate::core::node::{Class, Node, Retune};
 use crate::core::shape::{Build, Shape};
-use crate::{choices, params};
+use crate::{carries, choices, params};
 use std::f64::consts::FRAC_1_SQRT_2;
 
 choices! {
@@ -105,6 +105,8 @@ impl Node for BiquadNode {
     fn adopt(&mut self, old: &mut Self) {
         self.filter.take_state(&mut old.filter);
     }
+
+    carries!(filter);
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@ use crate::core::fault::{Fault, Reject};
 use crate::core::node::{Class, Node, Retune};
 use crate::core::ports::Stream;
 use crate::core::shape::{Build, Shape};
-use crate::{params, ports};
+use crate::{carried, carries, params, ports};
 
 /// Which side of the cutoff passes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -96,6 +96,7 @@ pub struct Cascade {
     stages: Vec<Biquad>,
     channels: usize,
 }
+carried!(Cascade { each stages });
 
 impl Cascade {
     /// A filter at rest.
@@ -225,6 +226,8 @@ macro_rules! butterworth_node {
             fn adopt(&mut self, old: &mut Self) {
                 self.filter.take_state(&mut old.filter);
             }
+
+            carries!(filter);
         }
     };
 }

@@ -10,7 +10,7 @@ use crate::core::ports::{Events, Stream};
 use crate::core::random::Draw;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::{Rate, seconds, ticks};
-use crate::{params, ports};
+use crate::{carries, params, ports};
 use serde::{Deserialize, Serialize};
 
 /// The start of a sound.
@@ -171,6 +171,8 @@ impl Node for ImpulsesNode {
         let decay = [0.0, draw.between(0.0, 0.3)][draw.below(2)];
         (ImpulsesParams { decay, ..ImpulsesParams::trial(draw) }, MemoryFiles::default())
     }
+
+    carries!(level);
 }
 
 #[cfg(test)]

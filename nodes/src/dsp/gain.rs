@@ -6,7 +6,7 @@ use crate::core::item::Channels;
 use crate::core::node::{Class, Node, Retune, same_rate};
 use crate::core::ports::Stream;
 use crate::core::shape::{Build, Ends, Incoming, Shape};
-use crate::{params, ports};
+use crate::{carried, params, ports};
 
 /// Samples that are multiplied at once.
 const LANES: usize = 32;
@@ -59,6 +59,7 @@ pub struct Gain {
     passed: u64,
     channels: usize,
 }
+carried!(Gain { from, target, passed });
 
 impl Gain {
     /// A gain at rest at `linear`, whose ramps last `ramp` frames (0: at once).

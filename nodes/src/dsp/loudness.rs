@@ -9,7 +9,7 @@ use crate::core::node::{Class, Node, Retune, Summary};
 use crate::core::ports::{Fold, Stream, Value};
 use crate::core::random::Draw;
 use crate::core::shape::{Build, Shape};
-use crate::{params, ports};
+use crate::{carried, carries, params, ports};
 use serde::{Deserialize, Serialize};
 
 /// How loud a whole recording is, all channels together.
@@ -37,6 +37,7 @@ pub struct LevelMeter {
     sum_squares: f64,
     samples: u64,
 }
+carried!(LevelMeter { peak, sum_squares, samples });
 
 impl LevelMeter {
     /// Takes in samples, one after the other, so that blocks do not change a bit.
@@ -110,6 +111,8 @@ impl Node for LoudnessNode {
         io.level.set(level);
         Ok(vec![("peak", level.peak.into()), ("rms", level.rms.into())])
     }
+
+    carries!(0);
 }
 
 params! {

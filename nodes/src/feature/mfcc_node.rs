@@ -1,5 +1,6 @@
 //! Mel cepstra as a node.
 
+use crate::carries;
 use std::sync::Arc;
 
 use super::conventions::FloorRule;
@@ -222,6 +223,8 @@ impl Node for Mfcc {
         self.forget(next - self.lead.max(0));
         Ok(())
     }
+
+    carries!(each high_pass, heard, start);
 
     fn trial(draw: &mut Draw) -> (MfccParams, MemoryFiles) {
         let p = MfccParams::trial(draw);

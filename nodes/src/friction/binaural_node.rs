@@ -19,7 +19,7 @@ use crate::mesh::Mesh;
 use crate::spatial::hrtf_node::Pinna;
 use crate::spatial::track::{frames_of, listener, on_frames, pose_at};
 use crate::spatial::{Distance, Head, HeadReceiver, Pose, Poses};
-use crate::{params, ports};
+use crate::{carries, params, ports};
 
 params! {
     /// The sound of sliding cloth at the two ears of a listener: as `IftNoise`, with every patch of cloth where it is.
@@ -251,6 +251,8 @@ impl Node for BinauralIftNoise {
     fn finish(&mut self, _: BinauralIftNoiseIo<'_>) -> Result<Summary, Fault> {
         Ok(told(self.clips.noise().coverage(), self.peak))
     }
+
+    carries!(clips, peak);
 
     fn trial(draw: &mut Draw) -> (BinauralIftNoiseParams, MemoryFiles) {
         let rate = [6000, 12_000, 24_000][draw.below(3)];

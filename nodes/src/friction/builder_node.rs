@@ -1,5 +1,6 @@
 //! The roller measurement as a node: a whole recording in, a friction model out.
 
+use crate::core::carry::{Carried, Carry};
 use std::borrow::Cow;
 
 use super::builder::{BuildError, BuilderParams, build, checked_params, hop_samples};
@@ -13,7 +14,7 @@ use crate::core::ports::{Fold, In, Stream};
 use crate::core::random::Draw;
 use crate::core::shape::{Build, Incoming, Shape};
 use crate::core::time::TICKS_PER_SECOND;
-use crate::{choices, params, ports};
+use crate::{carried, carries, choices, params, ports};
 
 choices! { @param Signal {
     /// Speed of the surface; either sign is a speed.
@@ -106,6 +107,15 @@ enum Encoder {
     Signal { take: Take, rate: f64, signal: Signal, full_scale: f64 },
 }
 
+impl Carried for Encoder {
+    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault> {
+        match self {
+            Self::Table(_) => Ok(()),
+            Self::Signal { take, .. } => take.carry(carry),
+        }
+    }
+}
+
 impl Encoder {
     fn track(&self) -> Cow<'_, EncoderTrack> {
         match self {
@@ -130,6 +140,7 @@ struct Take {
     /// One of so many samples is kept.
     step: usize,
 }
+carried!(Take { samples });
 
 /// Longest recording, in samples: half an hour at 192 kHz.
 const LONGEST: i64 = 1800 * 192_000;
@@ -319,6 +330,8 @@ impl Node for FrictionModelBuilder {
         io.model.set(model);
         Ok(summary)
     }
+
+    carries!(encoder, recording, each rest);
 
     fn trial(draw: &mut Draw) -> (FrictionModelBuilderParams, MemoryFiles) {
         let mut files = MemoryFiles::default();

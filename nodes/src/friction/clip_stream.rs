@@ -1,5 +1,7 @@
 //! Overlapping clips added up to a signal that can be read in windows of any size.
 
+use crate::core::carry::{Carried, Carry};
+use crate::core::fault::Fault;
 use std::ops::RangeInclusive;
 
 use super::ift_noise::{ClipInput, IftNoise, Mono, NoiseError, Receiver};
@@ -16,6 +18,13 @@ pub struct ClipStream<R = Mono> {
     noise: IftNoise<R>,
     /// The last two clips rendered, each with its index once it is valid.
     clips: [(Option<u64>, Vec<f32>); 2],
+}
+
+impl<R: Receiver> Carried for ClipStream<R> {
+    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault> {
+        self.noise.coverage_mut().carry(carry)?;
+        self.clips.carry(carry)
+    }
 }
 
 impl<R: Receiver> ClipStream<R> {

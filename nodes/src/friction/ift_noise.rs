@@ -378,6 +378,11 @@ impl<R: Receiver> IftNoise<R> {
         &mut self.receiver
     }
 
+    /// The same, to be gone on with.
+    pub(super) fn coverage_mut(&mut self) -> &mut SpeedCoverage {
+        &mut self.coverage
+    }
+
     /// Share of the work so far that lay outside the model's speeds.
     #[must_use]
     pub fn coverage(&self) -> SpeedCoverage {

@@ -15,7 +15,7 @@ use crate::core::random::Draw;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
 use crate::dsp;
-use crate::{choices, params, ports};
+use crate::{carries, choices, params, ports};
 
 choices! { @param Window {
     /// Square root of a triangle: the power of overlapping clips is constant.
@@ -249,6 +249,8 @@ impl Node for IftNoiseNode {
     fn finish(&mut self, _: IftNoiseIo<'_>) -> Result<Summary, Fault> {
         Ok(told(self.clips.noise().coverage(), self.peak))
     }
+
+    carries!(clips, peak);
 
     fn trial(draw: &mut Draw) -> (IftNoiseNodeParams, MemoryFiles) {
         // Rates that every common rate of speeds divides.

@@ -10,7 +10,7 @@ use crate::core::ports::Stream;
 use crate::core::random::Draw;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
-use crate::{params, ports};
+use crate::{carries, params, ports};
 
 params! {
     /// Plays a recording: WAV, FLAC, Ogg Vorbis or MP3, recognised by content.
@@ -116,6 +116,8 @@ impl Node for WavInNode {
         told.extend(info.corrupt().map(|warning| ("warning", warning.to_string().into())));
         Ok(told)
     }
+
+    carries!(played);
 
     fn trial(draw: &mut Draw) -> (WavInParams, MemoryFiles) {
         use super::{AudioWriter, WriteFormat, WriteSpec};

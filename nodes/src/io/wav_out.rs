@@ -8,7 +8,7 @@ use crate::core::params::OutPath;
 use crate::core::ports::Stream;
 use crate::core::shape::{Build, Incoming, Shape};
 use crate::core::time::Rate;
-use crate::{choices, params, ports};
+use crate::{carries, choices, params, ports};
 
 choices!(@param WriteFormat {
     /// 16-bit linear; clips at full scale.
@@ -120,4 +120,6 @@ impl Node for WavOutNode {
             ("clipped", written.clipped.into()),
         ])
     }
+
+    carries!(each writer);
 }

@@ -8,6 +8,8 @@
 //! front left); it has no `fact` chunk for floats; and a file that was not finished says that it is empty. What would be left
 //! to it is the little-endian bytes of an integer. It reads the files back in the tests.
 
+use crate::core::carry::{Carried, Carry, carry_place};
+use crate::core::fault::Fault;
 use std::io::{Seek, SeekFrom, Write};
 
 use super::AudioError;
@@ -107,6 +109,17 @@ pub struct AudioWriter<W> {
     /// Position of the size in the `data` chunk's head.
     data_size_at: u64,
     fact_at: Option<u64>,
+}
+
+impl<W: Write + Seek> Carried for AudioWriter<W> {
+    /// What has been written up to here stands in the sink; a sink that is gone on with holds it.
+    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault> {
+        carry_place(&mut self.sink, carry)?;
+        self.frames.carry(carry)?;
+        self.peak.carry(carry)?;
+        self.sum_squares.carry(carry)?;
+        self.clipped.carry(carry)
+    }
 }
 
 impl<W: Write + Seek> AudioWriter<W> {

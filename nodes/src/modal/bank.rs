@@ -3,6 +3,7 @@
 use super::coefficients::{Group, HIGHEST, audible};
 use super::kernel::{self, Forces, GRID, LANES, Lanes, Push};
 use super::modes::{Modes, ModesError};
+use crate::carried;
 use crate::dsp::{Gain, db_to_linear};
 use fearless_simd::{Level, dispatch};
 
@@ -69,6 +70,7 @@ pub struct Bank {
     stale: bool,
     runaways: u64,
 }
+carried!(Bank { groups, lanes, awake, phase, quiet, damping, pitch, stale, runaways });
 
 impl Bank {
     /// A bank at rest, at a sample rate.

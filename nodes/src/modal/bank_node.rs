@@ -13,7 +13,7 @@ use crate::core::shape::{Build, Ends, Incoming, Shape};
 use crate::core::time::{Rate, ticks};
 use crate::dsp::node::ramp;
 use crate::dsp::{Gain, db_to_linear, linear_to_db};
-use crate::{params, ports};
+use crate::{carries, params, ports};
 
 params! {
     /// Rings the modes of an object under forces.
@@ -239,6 +239,8 @@ impl Node for ModalBankNode {
         self.gain.start_from(old.gain.current());
         self.bank.take_state(&old.bank);
     }
+
+    carries!(bank, gain);
 
     fn trial(draw: &mut Draw) -> (ModalBankParams, MemoryFiles) {
         let params = ModalBankParams::trial(draw);

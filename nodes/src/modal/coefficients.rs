@@ -2,6 +2,7 @@
 
 use super::kernel::LANES;
 use super::modes::Modes;
+use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
 /// Share of the sample rate above which a mode is left out: so near to half the rate it is no tone any more.
@@ -12,7 +13,7 @@ pub(crate) const HIGHEST: f64 = 0.49;
 const SLOWEST: f64 = 3e-7;
 
 /// Sixteen modes at one sample rate.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(crate) struct Group {
     /// Radians per sample.
     angle: [f64; LANES],

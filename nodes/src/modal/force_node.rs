@@ -11,7 +11,7 @@ use crate::core::ports::{Events, Stream};
 use crate::core::random::{Draw, Random};
 use crate::core::shape::{Build, Shape};
 use crate::core::time::{Rate, seconds, ticks};
-use crate::{choices, params, ports};
+use crate::{carries, choices, params, ports};
 
 /// Time after a blow within which its micro-collisions fall, in s.
 const BOUNCES: f64 = 0.015;
@@ -190,6 +190,8 @@ impl Node for ImpactForce {
         self.ring.take_state(&old.ring);
         (self.count, self.astray) = (old.count, old.astray);
     }
+
+    carries!(ring, count, astray);
 
     fn trial(draw: &mut Draw) -> (ImpactForceParams, MemoryFiles) {
         let params = ImpactForceParams::trial(draw);

@@ -5,6 +5,7 @@
 
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch, f32x4, f32x16};
+use serde::{Deserialize, Serialize};
 
 /// Modes in one vector.
 pub(crate) const LANES: usize = 16;
@@ -12,7 +13,7 @@ pub(crate) const LANES: usize = 16;
 pub(crate) const GRID: usize = 64;
 
 /// Sixteen modes: what turns them, and where they are.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 #[repr(align(64))]
 pub(crate) struct Lanes {
     /// Real part of one step, less 1.

@@ -2,10 +2,12 @@
 
 use super::history::{History, Sample};
 use super::item::{ContactFrame, ContactState, State};
+use crate::carried;
 use crate::choices;
 use crate::contact::vector::{Vec3, dot, norm, scale, sub, widen};
 use crate::core::time::{Tick, seconds, ticks};
 use crate::modal::Impact;
+use serde::{Deserialize, Serialize};
 
 choices! {
     /// How amplitude follows from power.
@@ -133,7 +135,7 @@ impl Rules {
 }
 
 /// What is known of one contact.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Known {
     contact: u64,
     latest: ContactFrame,
@@ -176,6 +178,7 @@ pub struct Classifier {
     /// Frames per state.
     pub frames: [u64; 5],
 }
+carried!(Classifier { known, impacts, struck, wrong, dropped, frames });
 
 /// Blows that can wait to be given.
 const ROOM: usize = 1024;

@@ -11,7 +11,7 @@ use crate::core::random::Draw;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::Tick;
 use crate::modal::Impact;
-use crate::{params, ports};
+use crate::{carries, params, ports};
 use std::collections::VecDeque;
 
 params! {
@@ -257,6 +257,8 @@ impl Node for ContactClassifier {
         self.states.clear();
         self.states.extend(old.states.iter().copied());
     }
+
+    carries!(classifier, states, dropped);
 
     fn trial(draw: &mut Draw) -> (ContactClassifierParams, MemoryFiles) {
         let given = ContactClassifierParams::trial(draw);

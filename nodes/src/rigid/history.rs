@@ -1,12 +1,14 @@
 //! The recent past of one contact.
 
+use crate::core::carry::long;
 use crate::core::time::{Tick, ticks};
+use serde::{Deserialize, Serialize};
 
 /// Frames that are remembered.
 pub(super) const DEPTH: usize = 64;
 
 /// What is remembered of one frame.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Sample {
     pub tick: Tick,
     /// Length of the frame, s.
@@ -25,8 +27,9 @@ pub(super) struct Sample {
 }
 
 /// The latest frames of a contact, at most [`DEPTH`].
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct History {
+    #[serde(with = "long")]
     samples: [Sample; DEPTH],
     /// Frames so far.
     pub count: usize,

@@ -1,9 +1,10 @@
 //! A contact at one frame of the physics, and by which rules its way goes on from there.
 
 use crate::core::time::Tick;
+use serde::{Deserialize, Serialize};
 
 /// A contact at one frame, seen on a plane.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Sample {
     /// Which contact.
     pub contact: u64,

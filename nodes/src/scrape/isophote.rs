@@ -14,8 +14,10 @@ use super::past::Past;
 use super::pulses::{LONGEST, Pulses};
 use super::slew::Slew;
 use super::voices::{CELL, Stretch};
+use crate::carried;
 use crate::texture::Isophotes;
 use fearless_simd::{Level, dispatch};
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// Area of a pulse over its amplitude, s: a crossing of 1 per pixel is 1 N for 1 ms.
@@ -33,7 +35,7 @@ pub enum Reading {
 }
 
 /// What is remembered of one contact.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct IsophoteVoice {
     heading: Heading,
     /// Where it was at a sample, px.
@@ -83,6 +85,7 @@ pub struct IsophoteForce {
     near: Near,
     moves: Moves,
 }
+carried!(IsophoteForce { crossings, left_out, pulses });
 
 impl IsophoteForce {
     /// Isophotes read by at most `contacts` contacts at once at a sample rate.

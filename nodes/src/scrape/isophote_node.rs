@@ -15,7 +15,7 @@ use crate::core::random::Draw;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::{Rate, ticks};
 use crate::texture::Isophotes;
-use crate::{choices, params, ports};
+use crate::{carries, choices, params, ports};
 
 choices! { @param Reading {
     /// A pulse for each curve that is crossed: as strong as the slope has changed since the curve before.
@@ -198,6 +198,8 @@ impl Node for IsophoteExcitation {
         self.voices.take_state(&old.voices);
         self.force.take_state(&old.force);
     }
+
+    carries!(force, voices);
 
     fn trial(draw: &mut Draw) -> (IsophoteExcitationParams, MemoryFiles) {
         let params = IsophoteExcitationParams::trial(draw);

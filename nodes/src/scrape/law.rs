@@ -3,6 +3,7 @@
 use super::slew::Slew;
 use super::strength::SpeedCurve;
 use super::voices::{CELL, Cell, Stretch};
+use serde::{Deserialize, Serialize};
 
 /// Speed below which a contact counts as at rest, m/s.
 pub const AT_REST: f32 = 1e-4;
@@ -91,7 +92,7 @@ impl Law {
 }
 
 /// What an excitation remembers of the motion of a contact.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Heading {
     /// Unit vector along which it went last.
     direction: [f32; 2],

@@ -6,8 +6,10 @@
 
 use super::item::PathPiece;
 use super::queue::Queue;
+use crate::carried;
 use crate::core::time::{Tick, ticks};
 use crate::dsp::FadeLaw;
+use serde::{Deserialize, Serialize};
 
 /// Levels that sound.
 pub const LEVELS: usize = 4;
@@ -54,7 +56,7 @@ impl LodRules {
 }
 
 /// A contact and its level.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Chosen {
     contact: u64,
     distance: f64,
@@ -109,6 +111,7 @@ pub struct Chooser {
     /// Highest cost so far.
     pub peak: f64,
 }
+carried!(Chooser { chosen, ordered, changes, left_out, peak });
 
 impl Chooser {
     /// Room for `room` contacts.

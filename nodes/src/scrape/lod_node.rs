@@ -15,7 +15,7 @@ use crate::core::shape::{Build, Ends, Shape};
 use crate::core::time::Tick;
 use crate::rigid::ContactState;
 use crate::spatial::Poses;
-use crate::{params, ports};
+use crate::{carries, params, ports};
 
 /// Parts of pieces that may wait for their time on one level, per contact.
 const WAITING: usize = 24;
@@ -217,6 +217,8 @@ impl Node for LodSelect {
             self.places.clone_from(&old.places);
         }
     }
+
+    carries!(chooser, each queues, places);
 
     fn trial(draw: &mut Draw) -> (LodSelectParams, MemoryFiles) {
         let params = LodSelectParams::trial(draw);

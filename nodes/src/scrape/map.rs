@@ -6,6 +6,7 @@ use super::slew::Slew;
 use super::voices::{CELL, Cell, Stretch};
 use crate::texture::{DiscontinuityMap, FeatureMap, Grid, Pyramid, Surface, level_for};
 use fearless_simd::{Level, dispatch};
+use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
 /// Corner of the high-pass that takes the mean from a map that is never negative, Hz.
@@ -218,7 +219,7 @@ fn each<const C: usize, const D: usize>(
 }
 
 /// What one contact leaves behind in a [`MapForce`].
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct MapVoice {
     heading: Heading,
     /// Last input and output of the high-pass.

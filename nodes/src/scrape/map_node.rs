@@ -16,7 +16,7 @@ use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
 use crate::texture::code::{CodedMap, Coding};
 use crate::texture::{DiscontinuityMap, FeatureMap, Grid, Surface};
-use crate::{choices, params, ports};
+use crate::{carries, choices, params, ports};
 
 choices! {
     /// What of a map is turned into force.
@@ -271,6 +271,8 @@ impl Node for MapExcitation {
     fn adopt(&mut self, old: &mut Self) {
         self.voices.take_state(&old.voices);
     }
+
+    carries!(voices);
 
     fn trial(draw: &mut Draw) -> (MapExcitationParams, MemoryFiles) {
         let params = MapExcitationParams::trial(draw);

@@ -13,7 +13,9 @@ use super::pulses::{LONGEST, Pulses};
 use super::slew::Slew;
 use super::voices::{CELL, Stretch};
 use super::{PULSE, item::place};
+use crate::carried;
 use crate::texture::Isophotes;
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// Most lines of one surface within reach, and most meetings in a cell of samples.
@@ -24,7 +26,7 @@ const ROOM: usize = 8192;
 const LONG: usize = 256;
 
 /// What is remembered of one contact.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct MeetVoice {
     /// Cell of samples, and meetings in it.
     quota: (i64, usize),
@@ -85,6 +87,7 @@ pub struct MeetForce {
     /// How far the contact has come over both at each sample, m from the middle of the cell.
     come: [[f64; CELL + 1]; 2],
 }
+carried!(MeetForce { meetings, left_out, pulses });
 
 impl MeetForce {
     /// Lines met by at most `contacts` contacts at once at a sample rate.

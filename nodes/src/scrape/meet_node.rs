@@ -17,7 +17,7 @@ use crate::core::random::Draw;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::{Rate, ticks};
 use crate::texture::Isophotes;
-use crate::{params, ports};
+use crate::{carries, params, ports};
 
 params! {
     /// Turns the ways of contacts between two surfaces into pulses where a feature of one meets a feature of the other.
@@ -158,6 +158,8 @@ impl Node for FeatureCrossings {
         self.voices.take_state(&old.voices);
         self.force.take_state(&old.force);
     }
+
+    carries!(force, voices);
 
     fn trial(draw: &mut Draw) -> (FeatureCrossingsParams, MemoryFiles) {
         let params = FeatureCrossingsParams::trial(draw);

@@ -6,9 +6,10 @@ use super::slew::Slew;
 use super::voices::{CELL, Stretch};
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch};
+use serde::{Deserialize, Serialize};
 
 /// What one contact leaves behind in a [`NoiseForce`].
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct NoiseVoice {
     heading: Heading,
     /// Place on the loop, in samples.

@@ -15,7 +15,7 @@ use crate::core::random::{Draw, Random};
 use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
 use crate::texture::NoiseProfile;
-use crate::{choices, params, ports};
+use crate::{carries, choices, params, ports};
 
 /// Longest loop that is taken: 17 times its memory is needed.
 const LONGEST: usize = 1 << 21;
@@ -186,6 +186,8 @@ impl Node for NoiseExcitation {
             self.voices.take_state(&old.voices);
         }
     }
+
+    carries!(voices);
 
     fn trial(draw: &mut Draw) -> (NoiseExcitationParams, MemoryFiles) {
         let params = NoiseExcitationParams::trial(draw);

@@ -5,7 +5,7 @@ use crate::core::fault::{Fault, Reject};
 use crate::core::node::{Class, Node, Retune, Summary};
 use crate::core::ports::Events;
 use crate::core::shape::{Build, Shape};
-use crate::{params, ports};
+use crate::{carries, params, ports};
 
 params! {
     /// Gives the ways of contacts as they go over the other of the two surfaces that touch.
@@ -73,6 +73,8 @@ impl Node for OtherSurface {
     fn adopt(&mut self, old: &mut Self) {
         self.left_out = old.left_out;
     }
+
+    carries!(left_out);
 }
 
 #[cfg(test)]

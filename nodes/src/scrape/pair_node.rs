@@ -20,7 +20,7 @@ use crate::core::random::Draw;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
 use crate::texture::Luma;
-use crate::{params, ports};
+use crate::{carries, params, ports};
 
 params! {
     /// Turns the ways of contacts between two surfaces, both with a relief, into the force between them.
@@ -199,6 +199,8 @@ impl Node for TwoTextures {
     fn adopt(&mut self, old: &mut Self) {
         self.voices.take_state(&old.voices);
     }
+
+    carries!(voices);
 
     fn trial(draw: &mut Draw) -> (TwoTexturesParams, MemoryFiles) {
         let params = TwoTexturesParams::trial(draw);

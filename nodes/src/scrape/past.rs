@@ -1,5 +1,8 @@
 //! What a contact met a little while ago, measured along its way.
 
+use crate::core::carry::long;
+use serde::{Deserialize, Serialize};
+
 /// Way over which slopes are compared, px, and places on it.
 const APART: f64 = 1.0;
 const STEPS: usize = 32;
@@ -7,8 +10,9 @@ const STEPS: usize = 32;
 const KEPT: usize = 64;
 
 /// Slopes that a contact met, at even steps of its way.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Past {
+    #[serde(with = "long")]
     slopes: [f64; KEPT],
     newest: usize,
     /// Way since the newest of them, px.

@@ -16,7 +16,7 @@ use crate::core::time::{Tick, ticks};
 use crate::rigid::{ContactFrame, ContactState, State};
 use crate::spatial::pose::unit;
 use crate::texture::Luma;
-use crate::{choices, params, ports};
+use crate::{carries, choices, params, ports};
 
 /// Pieces that may wait for their time, per contact.
 const WAITING: usize = 8;
@@ -363,6 +363,8 @@ impl Node for ContactPath {
             self.seen = old.seen;
         }
     }
+
+    carries!(tracker, queue, pairs, seen);
 
     fn trial(draw: &mut Draw) -> (ContactPathParams, MemoryFiles) {
         let params = ContactPathParams::trial(draw);

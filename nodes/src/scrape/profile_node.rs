@@ -9,7 +9,7 @@ use crate::core::node::{Class, Node, Summary};
 use crate::core::ports::{Events, Fold, Many, Value};
 use crate::core::shape::{Build, Shape};
 use crate::texture::{DiscontinuityMap, FeatureMap, Grid, Luma, NoiseMap, Surface};
-use crate::{params, ports};
+use crate::{carries, params, ports};
 
 /// Ways of one link beyond which a figure shows no more.
 const WAYS: usize = 24;
@@ -135,6 +135,8 @@ impl Node for PathProfileNode {
         io.profile.set(std::mem::take(&mut self.profile));
         Ok(vec![("ways", ways.into())])
     }
+
+    carries!(profile);
 }
 
 #[cfg(test)]

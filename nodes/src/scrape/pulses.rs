@@ -1,5 +1,7 @@
 //! Short pulses of force that begin anywhere between two samples and add up.
 
+use crate::carried;
+use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
 /// Fewest samples that a pulse lasts.
@@ -8,7 +10,7 @@ const SHORTEST: f64 = 2.0;
 pub const LONGEST: f64 = 0.005;
 
 /// Who a pulse belongs to: pulses that begin at the same sample add up in this order.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 struct Key {
     first: i64,
     contact: u64,
@@ -16,7 +18,7 @@ struct Key {
 }
 
 /// A raised cosine under way: `scale (1 - cos)`.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Pulse {
     key: Key,
     left: u32,
@@ -37,6 +39,7 @@ pub struct Pulses {
     /// Pulses that found no room.
     pub left_out: u64,
 }
+carried!(Pulses { pulses, left_out });
 
 impl Pulses {
     /// Room for `room` pulses at once at a sample rate.

@@ -8,7 +8,9 @@ use super::frame::{PathRules, Sample};
 use super::hermite::{central, cubic, onward, rate, turned};
 use super::item::PathPiece;
 use super::queue::Queue;
+use crate::carried;
 use crate::core::time::{Tick, seconds, ticks};
+use serde::{Deserialize, Serialize};
 
 /// Cross-fade where a contact jumps, and fade at its start, s.
 pub const JUMP: f64 = 0.002;
@@ -18,7 +20,7 @@ pub const LOST: f64 = 0.005;
 const UNKNOWN: f64 = 16.0;
 
 /// One contact that is followed.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Track {
     jump: u32,
     /// The last frame.
@@ -69,6 +71,7 @@ pub struct Tracker {
     /// Frames of contacts for which there was no room.
     pub left_out: u64,
 }
+carried!(Tracker { tracks, now, pieces, jumps, late, stalls, left_out });
 
 impl Tracker {
     /// Room for `room` contacts at once.

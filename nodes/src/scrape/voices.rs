@@ -5,9 +5,13 @@
 //! precision, and the same however the samples are cut into calls.
 
 use super::item::{PathPiece, place, shifted};
+use crate::core::carry::{Carried, Carry};
+use crate::core::fault::Fault;
 use crate::core::node::Summary;
 use crate::core::time::{Rate, TICKS_PER_SECOND, Tick};
 use crate::dsp::LevelMeter;
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
 
 /// Samples from one anchor to the next.
 pub const CELL: usize = 64;
@@ -94,7 +98,7 @@ impl Stretch {
     }
 }
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 struct Voice<S> {
     start: Tick,
     /// Where its piece ends; a voice is free from there on.
@@ -118,6 +122,16 @@ pub struct Voices<S> {
     meter: LevelMeter,
     /// The sample after the last one made.
     now: i64,
+}
+
+impl<S: Serialize + DeserializeOwned> Carried for Voices<S> {
+    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault> {
+        self.voices.carry(carry)?;
+        self.most.carry(carry)?;
+        self.left_out.carry(carry)?;
+        self.meter.carry(carry)?;
+        self.now.carry(carry)
+    }
 }
 
 impl<S: Clone> Voices<S> {

@@ -2,7 +2,9 @@
 
 use super::head::{Ear, EarFilter, Head, PINNA_LEVELS, PINNA_LONGEST, SHOULDER_LONGEST};
 use super::line::Line;
+use crate::carried;
 use crate::contact::vector::Vec3;
+use serde::{Deserialize, Serialize};
 
 /// Delay of the echo of the room after the sound, in s.
 pub const ROOM_DELAY: f64 = 0.015;
@@ -20,7 +22,7 @@ pub fn block(fs: f64) -> u64 {
 }
 
 /// An ear's filter with delays in samples.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Coefficients {
     b0: f64,
     b1: f64,
@@ -65,6 +67,7 @@ struct EarState {
     /// What reaches the pinna.
     line: Line,
 }
+carried!(EarState { from, to, u, y, line });
 
 /// Plays mono sound to the two ears of a [`Head`] from a direction that may move.
 ///
@@ -87,6 +90,7 @@ pub struct Binaural {
     ears: [EarState; 2],
     begun: bool,
 }
+carried!(Binaural { input, each ears, begun });
 
 impl Binaural {
     /// A silent renderer for a source in front, at `fs` hertz; `room` is the level of the echo of the room (0 for none).

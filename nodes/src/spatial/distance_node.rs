@@ -10,7 +10,7 @@ use crate::core::node::{Class, Node, Retune};
 use crate::core::ports::Stream;
 use crate::core::shape::{Build, Ends, Shape};
 use crate::core::time::ticks;
-use crate::{params, ports};
+use crate::{carries, params, ports};
 
 params! {
     /// Makes a source softer the farther it is from the listener: a gain of `reference / distance`.
@@ -128,6 +128,8 @@ impl Node for DistanceGain {
         self.params = new.clone();
         Retune::Done
     }
+
+    carries!(line);
 }
 
 #[cfg(test)]

@@ -10,7 +10,7 @@ use crate::core::item::Channels;
 use crate::core::node::{Class, Node, Retune};
 use crate::core::ports::Stream;
 use crate::core::shape::{Build, Ends, Shape};
-use crate::{choices, params, ports};
+use crate::{carries, choices, params, ports};
 
 choices! {
     /// Reflections of the pinna, which tell elevation and front from side.
@@ -180,6 +180,8 @@ impl Node for StructuralHrtf {
         self.params = new.clone();
         Retune::Done
     }
+
+    carries!(binaural, begun, source, listener);
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! Whether something stands between a sound and an ear, and what that does to it.
 
 use crate::contact::vector::{Vec3, cross, dot, sub, widen};
+use serde::{Deserialize, Serialize};
 
 /// Whether the way between two points passes through a triangle; the ends themselves do not count.
 ///
@@ -48,7 +49,7 @@ pub fn blocked(from: Vec3, to: Vec3, places: &[[f32; 3]], triangles: &[[u32; 3]]
 }
 
 /// Sound that reaches an ear around a body: softer and without its highs.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Muffle {
     /// Of the low-pass, and of the way between free and blocked.
     pass: f64,

@@ -14,7 +14,7 @@ use crate::core::ports::{In, Many, Stream};
 use crate::core::shape::{Build, Ends, Shape};
 use crate::core::time::Tick;
 use crate::mesh::{Mesh, Topology};
-use crate::{params, ports};
+use crate::{carries, params, ports};
 
 /// Samples from one look at the ways to the next.
 const LOOK: i64 = 64;
@@ -173,6 +173,8 @@ impl Node for Occlusion {
     fn finish(&mut self, _: OcclusionIo<'_>) -> Result<Summary, Fault> {
         Ok(vec![("behind_share", (self.behind as f64 / self.samples.max(1) as f64).into())])
     }
+
+    carries!(ears, looked, samples, behind);
 }
 
 #[cfg(test)]

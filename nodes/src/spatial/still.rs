@@ -4,6 +4,7 @@ use super::distance::Distance;
 use super::head::{Ear, Head, PINNA_LEVELS, PINNA_LONGEST};
 use super::line::lagrange;
 use crate::contact::vector::Vec3;
+use serde::{Deserialize, Serialize};
 
 /// Samples that are worked on at once.
 const CHUNK: usize = 64;
@@ -11,7 +12,7 @@ const CHUNK: usize = 64;
 const RING: f64 = 7.0;
 
 /// Reads a sound at a delay between its samples.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 struct Tap {
     /// Whole samples of the delay.
     back: i64,
@@ -29,7 +30,7 @@ impl Tap {
     }
 }
 
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct StillEar {
     /// The sound itself and the reflections of the pinna.
     taps: [Tap; 6],
@@ -90,7 +91,7 @@ fn add_from(out: &mut [f32], sound: &[f32], from: i64, weight: f32) {
 ///
 /// # Source
 /// Brown and Duda, "A structural model for binaural sound synthesis" (IEEE Trans. Speech and Audio Processing 6(5), 1998).
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct StillSource {
     ears: [StillEar; 2],
     gain: f32,

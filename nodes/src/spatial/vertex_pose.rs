@@ -2,6 +2,7 @@
 
 use super::item::Poses;
 use super::pose::Pose;
+use crate::carries;
 use crate::contact::vector::{sub, widen};
 use crate::core::fault::Reject;
 use crate::core::node::Each;
@@ -78,6 +79,8 @@ impl Each for VertexPose {
         self.last = Pose { position: base.point(self.offset).map(|x| x as f32), rotation };
         out.fill(self.last);
     }
+
+    carries!(last);
 
     fn trial(draw: &mut Draw) -> VertexPoseParams {
         let turn = [[None; 2], [Some(1), Some(2)]][draw.below(2)];

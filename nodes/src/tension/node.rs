@@ -11,7 +11,8 @@ use crate::core::shape::{Build, Shape};
 use crate::core::time::{Rate, Tick};
 use crate::mesh::{Mesh, vertex_areas};
 use crate::modal::{Body, Impact};
-use crate::{params, ports};
+use crate::{carries, params, ports};
+use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
 params! {
@@ -76,7 +77,7 @@ pub struct TensionImpact {
     told: Told,
 }
 
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 struct Told {
     impacts: u64,
     strongest: f32,
@@ -166,6 +167,8 @@ impl Node for TensionImpact {
             ("fastest_strain_per_s", fastest.into()),
         ])
     }
+
+    carries!(tightness, next, waiting, end, told);
 
     fn trial(draw: &mut Draw) -> (TensionImpactParams, MemoryFiles) {
         // Sheets of trials are 0.1 m wide and tremble by a centimetre.

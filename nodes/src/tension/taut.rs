@@ -1,8 +1,10 @@
 //! When parts of a cloth go from slack to taut, and how fast they went along their normal until then.
 
+use crate::carried;
 use crate::contact::vector::{Vec3, add, cross, dot, norm, scale, sub, widen};
 use crate::mesh::{Regions, Topology};
 use crate::warp::linear::principal;
+use serde::{Deserialize, Serialize};
 
 /// Spread of a part across its longest direction, relative to along it, below which it is a thread.
 const THREAD: f64 = 1e-3;
@@ -49,7 +51,7 @@ struct Part {
 }
 
 /// A part in one frame.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 struct Pose {
     /// Length over length at rest where that is largest, and across.
     stretches: [f64; 2],
@@ -180,6 +182,7 @@ pub struct Tightness {
     rested: Vec<u64>,
     frames: u64,
 }
+carried!(Tightness { past, slack, rested, frames });
 
 impl Tightness {
     /// Cuts a cloth into parts; `areas` are those of its vertices at rest, m^2.

@@ -1,5 +1,7 @@
 //! Units put one after the other, joined where the sound crosses zero.
 
+use crate::carried;
+use serde::{Deserialize, Serialize};
 use std::f64::consts::FRAC_PI_2;
 use std::ops::Range;
 
@@ -20,7 +22,7 @@ pub enum Blend {
 const BLIND: usize = 16;
 
 /// One boundary between two units.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Join {
     /// Samples by which the earlier unit goes on.
     pub after: usize,
@@ -199,6 +201,7 @@ pub struct Sleep {
     /// None before the first sample.
     level: Option<f32>,
 }
+carried!(Sleep { silent, level });
 
 impl Sleep {
     /// Awake if the target begins with sound, asleep if it begins with silence.
@@ -232,6 +235,7 @@ pub struct Doze {
     patience: usize,
     silent: usize,
 }
+carried!(Doze { silent });
 
 impl Doze {
     /// For units that come at a rate per second; asleep until the first that is not silent.

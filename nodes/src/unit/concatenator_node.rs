@@ -10,7 +10,7 @@ use crate::core::item::Channels;
 use crate::core::node::{Class, Node, Summary, same_rate};
 use crate::core::ports::{In, Stream, Value};
 use crate::core::shape::{Build, Shape};
-use crate::{choices, params, ports};
+use crate::{carries, choices, params, ports};
 
 choices! { @param Blend {
     /// Powers add up to one: for sounds that have nothing to do with each other.
@@ -222,6 +222,8 @@ impl Node for UnitConcatenator {
     fn finish(&mut self, _: UnitConcatenatorIo<'_>) -> Result<Summary, Fault> {
         Ok(vec![("outside", self.outside.into()), ("asleep_samples", self.asleep.into())])
     }
+
+    carries!(known, joins, outside, asleep, each sleep);
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! Global unit selection as a node.
 
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 use super::UnitDatabase;
@@ -18,7 +19,7 @@ use crate::core::ports::{In, Stream, Value};
 use crate::core::random::Draw;
 use crate::core::shape::{Build, Shape};
 use crate::feature::Features;
-use crate::{choices, params, ports};
+use crate::{carries, choices, params, ports};
 
 choices! {
     /// How the path through the units is found.
@@ -122,7 +123,7 @@ pub struct GlobalUnitSelector {
     few: Option<String>,
 }
 
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 struct Totals {
     cost: f64,
     free_cost: f64,
@@ -360,6 +361,8 @@ impl Node for GlobalUnitSelector {
         }
         Ok(summary)
     }
+
+    carries!(each sleepers, first, picks, counts, totals);
 
     fn trial(draw: &mut Draw) -> (GlobalUnitSelectorParams, MemoryFiles) {
         let p = GlobalUnitSelectorParams::trial(draw);

@@ -1,5 +1,6 @@
 //! Unit selection by the best path to the latest known unit, as a node.
 
+use crate::carried;
 use std::sync::Arc;
 
 use super::UnitDatabase;
@@ -18,7 +19,7 @@ use crate::core::random::Draw;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
 use crate::feature::Features;
-use crate::{params, ports};
+use crate::{carries, params, ports};
 
 params! {
     /// Chooses units as `GlobalUnitSelector` does, but a little after the target in place of after all of it: for live use.
@@ -67,7 +68,7 @@ ports! {
 
 /// The node over [`FixedLag`].
 pub struct OnlineUnitSelector {
-    channels: Vec<(FixedLag, Counts)>,
+    channels: Vec<Channel>,
     window: Vec<f32>,
     /// How far after the present unit those of the window are.
     ahead: Vec<usize>,
@@ -81,6 +82,13 @@ pub struct OnlineUnitSelector {
     /// Units of the target, where it ends.
     length: Option<i64>,
 }
+
+/// One channel of the target.
+struct Channel {
+    path: FixedLag,
+    counts: Counts,
+}
+carried!(Channel { path, counts });
 
 fn lag(p: &OnlineUnitSelectorParams, rate: Rate) -> usize {
     (p.lag * rate.as_f64()).round() as usize
@@ -120,7 +128,8 @@ impl Node for OnlineUnitSelector {
         let path =
             GlobalParams { switch_cost: p.switch_cost, cap: cap(p.d_max, p.penalty), cool_off: p.cool_off };
         let (lag, dims) = (lag(p, features.rate), db.dims());
-        let channel = |_| (FixedLag::new(table.clone(), path, lag), Counts::default());
+        let channel =
+            |_| Channel { path: FixedLag::new(table.clone(), path, lag), counts: Counts::default() };
         let (vectors, target) = (features.format.vectors, cx.optional(OnlineUnitSelectorPorts::target));
         Ok(Self {
             sleepers: target.and_then(|_| Sleepers::new(&db, features.rate, vectors, p.keep_room_tone, lag)),
@@ -144,7 +153,8 @@ impl Node for OnlineUnitSelector {
             let left = self.length.map_or(i64::MAX, |n| n - 1 - at);
             let known = self.lag.min(usize::try_from(left).unwrap_or(0));
             let here = features.past() + k;
-            for (vector, ((channel, counts), out)) in self.channels.iter_mut().zip(out).enumerate() {
+            for (vector, (channel, out)) in self.channels.iter_mut().zip(out).enumerate() {
+                let Channel { path, counts } = channel;
                 let mut sleepers = self.sleepers.as_mut().zip(io.target.as_ref());
                 let mut sleeps =
                     |at| sleepers.as_mut().is_some_and(|(s, target)| s.sleeps(target, vector, at));
@@ -160,7 +170,7 @@ impl Node for OnlineUnitSelector {
                     let from = (here + item) * features.width() + vector * self.dims;
                     self.window.extend_from_slice(around.get(from..from + self.dims).unwrap_or_default());
                 }
-                let chosen = channel.choose(&self.window).map_err(|NotFinite(k)| {
+                let chosen = path.choose(&self.window).map_err(|NotFinite(k)| {
                     let ahead = self.ahead.get(k as usize).copied().unwrap_or(0);
                     not_finite(features, at + ahead as i64)
                 })?;
@@ -172,14 +182,16 @@ impl Node for OnlineUnitSelector {
     }
 
     fn finish(&mut self, _: OnlineUnitSelectorIo<'_>) -> Result<Summary, Fault> {
-        let mut summary = Counts::summary(self.channels.iter().map(|(_, counts)| *counts), self.d_max);
+        let mut summary = Counts::summary(self.channels.iter().map(|c| c.counts), self.d_max);
         summary.extend(self.few.take().map(|text| ("warning", text.into())));
-        let replaced: usize = self.channels.iter().map(|(channel, _)| channel.replaced()).sum();
+        let replaced: usize = self.channels.iter().map(|c| c.path.replaced()).sum();
         summary.push(("replaced", replaced.into()));
-        let picked = Counts::picked(self.channels.iter().map(|(_, counts)| *counts));
+        let picked = Counts::picked(self.channels.iter().map(|c| c.counts));
         summary.push(("asleep_share", sleep::share(self.sleepers.as_ref(), picked).into()));
         Ok(summary)
     }
+
+    carries!(each channels, each sleepers);
 
     fn trial(draw: &mut Draw) -> (OnlineUnitSelectorParams, MemoryFiles) {
         let p = OnlineUnitSelectorParams::trial(draw);

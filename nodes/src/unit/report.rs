@@ -13,7 +13,7 @@ use crate::core::random::Draw;
 use crate::core::shape::{Build, Shape};
 use crate::feature::Features;
 use crate::plot::{Axis, Line, chart};
-use crate::{params, ports};
+use crate::{carries, params, ports};
 
 /// Window over which fallbacks are counted, seconds.
 const WINDOW: f64 = 0.5;
@@ -324,6 +324,8 @@ impl Node for SelectionReportNode {
         });
         Ok(summary)
     }
+
+    carries!(picks, target);
 }
 
 /// The report in a few words.

@@ -1,6 +1,9 @@
 //! Which unit of a database sounds most like each unit of a target: exact search in bounded memory.
 
 use super::kdtree::{KdTree, Search, squared};
+use crate::carried;
+use crate::core::carry::{Carried, Carry};
+use crate::core::fault::Fault;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
@@ -78,6 +81,12 @@ pub trait Selector: Send + Sync {
 
     /// Goes on as if `picks`, the latest last, were all that has been chosen so far.
     fn recall(&mut self, picks: &[u32]);
+
+    /// Saves what was chosen so far, or puts it back.
+    ///
+    /// # Errors
+    /// When something else was saved.
+    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault>;
 
     /// Another one over the same units, which share the memory of this one.
     fn another(&self) -> Box<dyn Selector>;
@@ -183,6 +192,7 @@ struct Past {
     cool_off: u64,
     loop_guard: usize,
 }
+carried!(Past { used, now, picks });
 
 impl Past {
     fn new(units: usize, params: &SelectorParams) -> Self {
@@ -455,6 +465,10 @@ impl<const P: usize> Selector for Exact<P> {
     fn recall(&mut self, picks: &[u32]) {
         self.past.forget();
         picks.iter().for_each(|unit| self.past.note(*unit));
+    }
+
+    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault> {
+        self.past.carry(carry)
     }
 
     fn another(&self) -> Box<dyn Selector> {

@@ -1,5 +1,7 @@
 //! Unit selection as a node.
 
+use crate::core::carry::{Carried, Carry};
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 use super::UnitDatabase;
@@ -14,7 +16,7 @@ use crate::core::ports::{In, Stream, Value};
 use crate::core::random::Draw;
 use crate::core::shape::{Build, Shape};
 use crate::feature::{FeatureFormat, Features};
-use crate::{params, ports};
+use crate::{carries, params, ports};
 
 params! {
     /// Chooses, for each unit of a target, the unit of a database that sounds most like it and goes on most like it.
@@ -99,11 +101,18 @@ struct Channel {
     counts: Counts,
 }
 
+impl Carried for Channel {
+    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault> {
+        self.selector.carry(carry)?;
+        self.counts.carry(carry)
+    }
+}
+
 /// Share of units for which nothing is near enough from which on it is told.
 const MANY: f64 = 0.2;
 
 /// What is told of the picks of a channel.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Counts {
     picks: u64,
     fallbacks: u64,
@@ -416,6 +425,8 @@ impl Node for UnitSelector {
         summary.push(("asleep_share", sleep::share(self.sleepers.as_ref(), picked).into()));
         Ok(summary)
     }
+
+    carries!(each channels, each sleepers);
 
     fn trial(draw: &mut Draw) -> (UnitSelectorParams, MemoryFiles) {
         let p = UnitSelectorParams::trial(draw);

@@ -2,6 +2,7 @@
 
 use super::UnitDatabase;
 use super::concatenator::{Doze, SILENT};
+use crate::carried;
 use crate::core::fault::Reject;
 use crate::core::node::same_rate;
 use crate::core::ports::In;
@@ -21,6 +22,7 @@ pub(super) struct Sleepers {
     /// Units whose sleep is remembered.
     kept: usize,
 }
+carried!(Sleepers { each channels });
 
 struct Sleeper {
     doze: Doze,
@@ -30,6 +32,7 @@ struct Sleeper {
     next: i64,
     asleep: u64,
 }
+carried!(Sleeper { doze, known, next, asleep });
 
 /// Refuses a target of another rate than the sound that the features are of.
 pub(super) fn check(features: &Incoming<Features>, target: Option<&Incoming<f32>>) -> Result<(), Reject> {

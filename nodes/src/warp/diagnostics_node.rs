@@ -22,7 +22,7 @@ use crate::feature::Features;
 use crate::io::{AudioWriter, Dither, WriteFormat, WriteSpec};
 use crate::unit::selector_node::{comparable, units};
 use crate::unit::{Blend, Concatenator, SelectorParams, UnitDatabase};
-use crate::{params, ports};
+use crate::{carries, params, ports};
 use std::fmt;
 use std::ops::Range;
 
@@ -372,6 +372,8 @@ impl Node for CorrespondenceDiagnostics {
         io.diagnosis.set(diagnosis);
         Ok(summary)
     }
+
+    carries!(heard);
 
     fn trial(draw: &mut Draw) -> (CorrespondenceDiagnosticsParams, MemoryFiles) {
         let p = CorrespondenceDiagnosticsParams::trial(draw);

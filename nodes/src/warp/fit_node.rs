@@ -12,7 +12,7 @@ use crate::core::ports::{Fold, Stream, Value};
 use crate::core::shape::{Build, Ends, Incoming, Shape};
 use crate::feature::{FeatureFormat, Features};
 use crate::unit::UnitDatabase;
-use crate::{choices, params, ports};
+use crate::{carried, carries, choices, params, ports};
 
 choices! { @param Pairing {
     /// The first unit with the first and so on, as in the paper; the longer side loses its end.
@@ -76,6 +76,7 @@ pub(super) struct Heard {
     pub database: Arc<UnitDatabase>,
     pub pairs: Arc<CorrespondenceSet>,
 }
+carried!(Heard { features });
 
 /// The node over [`WarpMap::fit`].
 #[derive(Debug)]
@@ -239,6 +240,8 @@ impl Node for TpsFit {
         io.warp.set(warp);
         Ok(summary)
     }
+
+    carries!(heard);
 }
 
 /// The stiffness that parameters ask for.

@@ -13,7 +13,7 @@ use crate::core::random::Draw;
 use crate::core::shape::{Build, Ends, Shape};
 use crate::feature::{FeatureFormat, Features};
 use crate::unit::database::{UnitDatabase, file_names};
-use crate::{params, ports};
+use crate::{carries, params, ports};
 
 params! {
     /// Moments of a target and of a database that should sound alike, from a file that people write.
@@ -253,6 +253,8 @@ impl Node for TpsWarp {
     fn finish(&mut self, _: TpsWarpIo<'_>) -> Result<Summary, Fault> {
         Ok(self.strange.take().map(|text| ("warning", text.into())).into_iter().collect())
     }
+
+    carries!(strange);
 }
 
 #[cfg(test)]

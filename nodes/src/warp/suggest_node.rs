@@ -4,6 +4,7 @@ use super::fit_node::Heard;
 use super::set::{Correspondence, CorrespondenceSet, SourceName, write_correspondences};
 use super::suggest::{Cause, Proposal, Silence, SuggestParams, leaves_silence_out, suggest};
 use super::text::Place;
+use crate::core::carry::{Carried, Carry};
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::WriteSeek;
 use crate::core::node::{Class, Node, Summary, same_rate};
@@ -13,7 +14,7 @@ use crate::core::shape::{Build, Ends, Shape};
 use crate::feature::Features;
 use crate::unit::selector_node::check_tags;
 use crate::unit::{Segment, UnitDatabase};
-use crate::{params, ports};
+use crate::{carried, params, ports};
 use std::fmt;
 use std::ops::Range;
 use std::sync::Arc;
@@ -95,6 +96,7 @@ struct Heat {
     power: Vec<f64>,
     most: usize,
 }
+carried!(Heat { power, most });
 
 impl Heat {
     fn add(&mut self, audio: &In<'_, f32>) {
@@ -269,5 +271,10 @@ impl Node for CorrespondenceSuggester {
             told.push(("warning", text.into()));
         }
         Ok(told)
+    }
+
+    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault> {
+        self.heard.carry(carry)?;
+        self.causes.iter_mut().try_for_each(|cause| carry.each(cause))
     }
 }

@@ -1,6 +1,7 @@
 //! Random trials of registered nodes: parameters, files and inputs that go together.
 #![allow(dead_code)]
 
+use foley_nodes::core::fault::Fault;
 use foley_nodes::core::files::MemoryFiles;
 use foley_nodes::core::item::{Channels, Described, ItemType, OfItem};
 use foley_nodes::core::node::NodeType;
@@ -284,6 +285,27 @@ impl Trial {
         let solo = self.solo(window);
         let run = solo.run().unwrap_or_else(|fault| panic!("{fault}: {self:?}"));
         Outcome::new(&solo, &run, self)
+    }
+}
+
+impl Trial {
+    /// Runs in windows, the first of them in another node, which is saved and of which nothing else is kept.
+    pub fn interrupted(&self, window: Tick, windows: usize) -> Outcome {
+        let failed = |fault: Fault| -> ! { panic!("{fault}: {self:?}") };
+        let first = self.solo(window);
+        let mut run = first.start().unwrap_or_else(|e| failed(e));
+        for _ in 0..windows {
+            run.step().unwrap_or_else(|e| failed(e));
+        }
+        let saved = run.save().unwrap_or_else(|e| failed(e));
+        drop(run);
+        let mut second = self.solo(window);
+        second.outputs = first.outputs.to_go_on();
+        let mut run = second.start().unwrap_or_else(|e| failed(e));
+        run.restore(&saved).unwrap_or_else(|e| failed(e));
+        while run.step().unwrap_or_else(|e| failed(e)) {}
+        run.finish().unwrap_or_else(|e| failed(e));
+        Outcome::new(&second, &run, self)
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::exact::Programme;
 use super::{GlobalParams, Table};
+use crate::carried;
 
 /// Rounds of a repair.
 const ROUNDS: usize = 20;
@@ -24,6 +25,7 @@ pub(super) struct Rest {
     used: Vec<usize>,
     cool_off: usize,
 }
+carried!(Rest { used });
 
 impl Rest {
     pub fn new(columns: usize, cool_off: usize) -> Self {

@@ -3,9 +3,11 @@
 use super::cool;
 use super::row::{self, Target, WORD};
 use super::{GlobalParams, MOST_SWITCH_COST, Path, Table};
+use crate::carried;
 use crate::unit::selector::NotFinite;
 use fearless_simd::Level;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// Units that are worth a thread of their own in one row.
@@ -55,7 +57,7 @@ pub fn exact(
 }
 
 /// Costs of all columns after a row.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Front {
     /// An infinite one, and then for each column its cost over the least of the row before; infinite where nothing follows.
     pub values: Vec<f32>,
@@ -148,6 +150,7 @@ pub(super) struct Decisions {
     /// Per row, the column that all others jumped from.
     sources: Vec<usize>,
 }
+carried!(Decisions { bits, sources });
 
 impl Decisions {
     pub fn new(columns: usize, rows: usize) -> Self {

@@ -1,0 +1,228 @@
+//! What a node carries from one window to the next, saved, and put back into a node that was just built.
+//!
+//! One description serves both ways: a node names what it carries in [`Node::carry`](super::node::Node::carry), and a
+//! [`Carry`] either writes it to bytes or replaces it by what stands in bytes.
+
+use super::fault::Fault;
+use serde::{Serialize, de::DeserializeOwned};
+use std::io::{Seek, SeekFrom, Write};
+
+/// Saves what it is shown, or puts back what was saved, in the same order.
+#[derive(Debug)]
+pub struct Carry<'a>(Way<'a>);
+
+#[derive(Debug)]
+enum Way<'a> {
+    Save(&'a mut Vec<u8>),
+    Restore(&'a [u8]),
+}
+
+impl<'a> Carry<'a> {
+    /// Saves to the end of these bytes.
+    #[must_use]
+    pub fn save(bytes: &'a mut Vec<u8>) -> Self {
+        Self(Way::Save(bytes))
+    }
+
+    /// Puts back what stands in these bytes.
+    #[must_use]
+    pub fn restore(bytes: &'a [u8]) -> Self {
+        Self(Way::Restore(bytes))
+    }
+
+    /// Whether something is put back.
+    #[must_use]
+    pub fn restores(&self) -> bool {
+        matches!(self.0, Way::Restore(_))
+    }
+
+    /// Whether all that was saved has been put back.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        matches!(self.0, Way::Restore([]))
+    }
+
+    /// Saves or replaces every state of a list, which has to be as long when it is put back as it was when it was saved.
+    ///
+    /// # Errors
+    /// When it is not, or as [`Carried::carry`].
+    pub fn each<'s, S: Carried + 's>(
+        &mut self,
+        states: impl IntoIterator<Item = &'s mut S, IntoIter: ExactSizeIterator>,
+    ) -> Result<(), Fault> {
+        let states = states.into_iter();
+        let (own, mut count) = (states.len(), states.len());
+        count.carry(self)?;
+        if count != own {
+            return Err(misfit());
+        }
+        states.into_iter().try_for_each(|state| state.carry(self))
+    }
+}
+
+/// What is said of bytes that hold something else.
+pub(super) fn misfit() -> Fault {
+    Fault::new("F084", "what was kept of a run does not fit its nodes")
+        .help("run it from its beginning: --checkpoint 0")
+}
+
+/// A state that can be saved and put back.
+pub trait Carried {
+    /// Saves the state, or replaces it.
+    ///
+    /// # Errors
+    /// When what was saved is not of this kind.
+    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault>;
+}
+
+impl<T: Serialize + DeserializeOwned> Carried for T {
+    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault> {
+        match &mut carry.0 {
+            Way::Save(bytes) => postcard::to_io(self, bytes).map(drop).map_err(|_| misfit()),
+            Way::Restore(bytes) => {
+                let (state, rest) = postcard::take_from_bytes(bytes).map_err(|_| misfit())?;
+                *self = state;
+                *bytes = rest;
+                Ok(())
+            }
+        }
+    }
+}
+
+/// Saves how far a sink has been written, or goes on there in one that holds all that came before.
+///
+/// # Errors
+/// When the sink fails.
+pub fn carry_place<W: Write + Seek + ?Sized>(sink: &mut W, carry: &mut Carry<'_>) -> Result<(), Fault> {
+    let failed = |e: std::io::Error| Fault::new("F080", format!("an output cannot be gone on with: {e}"));
+    let mut place = if carry.restores() { 0 } else { sink.stream_position().map_err(failed)? };
+    place.carry(carry)?;
+    sink.flush().map_err(failed)?;
+    if carry.restores() {
+        sink.seek(SeekFrom::Start(place)).map_err(failed)?;
+    }
+    Ok(())
+}
+
+/// Serde for arrays that are longer than serde knows: `#[serde(with = "long")]`.
+pub mod long {
+    use serde::de::{DeserializeOwned, Error};
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    /// Writes the elements, and how many there are.
+    ///
+    /// # Errors
+    /// As the serializer.
+    pub fn serialize<T: Serialize, S: Serializer, const N: usize>(
+        array: &[T; N],
+        to: S,
+    ) -> Result<S::Ok, S::Error> {
+        array.as_slice().serialize(to)
+    }
+
+    /// Reads as many elements as the array has.
+    ///
+    /// # Errors
+    /// As the deserializer, and where there are fewer or more.
+    pub fn deserialize<'de, T: DeserializeOwned, D: Deserializer<'de>, const N: usize>(
+        from: D,
+    ) -> Result<[T; N], D::Error> {
+        let list = Vec::<T>::deserialize(from)?;
+        let found = list.len();
+        list.try_into().map_err(|_| D::Error::invalid_length(found, &"as many elements as the array has"))
+    }
+}
+
+/// Names the fields of a type that change while it works: `carried!(Filter { z, each stages })`.
+///
+/// A field after `each` is a list, an array or an option of states that is as long when it is put back.
+#[macro_export]
+macro_rules! carried {
+    ($ty:ty { $($fields:tt)* }) => {
+        impl $crate::core::carry::Carried for $ty {
+            fn carry(
+                &mut self,
+                carry: &mut $crate::core::carry::Carry<'_>,
+            ) -> Result<(), $crate::core::fault::Fault> {
+                $crate::carried!(@ self, carry, $($fields)*)
+            }
+        }
+    };
+    (@ $own:ident, $carry:ident, ) => { Ok(()) };
+    (@ $own:ident, $carry:ident, each $field:tt $(, $($rest:tt)*)?) => {{
+        $carry.each(&mut $own.$field)?;
+        $crate::carried!(@ $own, $carry, $($($rest)*)?)
+    }};
+    (@ $own:ident, $carry:ident, $field:tt $(, $($rest:tt)*)?) => {{
+        $crate::core::carry::Carried::carry(&mut $own.$field, $carry)?;
+        $crate::carried!(@ $own, $carry, $($($rest)*)?)
+    }};
+}
+
+/// The [`Node::carry`](crate::core::node::Node::carry) of a node, by the fields that change while it runs, as in
+/// [`carried!`](crate::carried).
+#[macro_export]
+macro_rules! carries {
+    ($($fields:tt)*) => {
+        fn carry(
+            &mut self,
+            carry: &mut $crate::core::carry::Carry<'_>,
+        ) -> Result<(), $crate::core::fault::Fault> {
+            $crate::carried!(@ self, carry, $($fields)*)
+        }
+    };
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct Filter {
+        b: f64,
+        z: [f64; 2],
+    }
+    carried!(Filter { z });
+
+    struct Voices {
+        seen: u64,
+        filters: Vec<Filter>,
+        last: Option<Filter>,
+        queue: Vec<(i64, String)>,
+    }
+    carried!(Voices { seen, each filters, each last, queue });
+
+    fn voices(filters: usize, x: f64) -> Voices {
+        let filter = |k: usize| Filter { b: x, z: [x + k as f64, f64::NAN] };
+        Voices {
+            seen: x as u64,
+            filters: (0..filters).map(filter).collect(),
+            last: Some(filter(9)),
+            queue: vec![(-3, format!("{x}"))],
+        }
+    }
+
+    #[test]
+    fn what_was_saved_comes_back_and_the_rest_stays() {
+        let mut bytes = Vec::new();
+        voices(3, 5.0).carry(&mut Carry::save(&mut bytes)).unwrap();
+        let mut other = voices(3, 7.0);
+        let mut carry = Carry::restore(&bytes);
+        other.carry(&mut carry).unwrap();
+        assert!(carry.is_empty());
+        assert_eq!((other.seen, &*other.queue), (5, &[(-3, "5".to_owned())][..]));
+        assert_eq!(other.filters.iter().map(|f| f.z[0]).collect::<Vec<_>>(), [5.0, 6.0, 7.0]);
+        assert!(other.last.unwrap().z[1].is_nan());
+        assert_eq!(other.filters[0].b, 7.0, "what a node was built with is not carried");
+    }
+
+    #[test]
+    fn another_number_of_states_or_fewer_bytes_are_refused() {
+        let mut bytes = Vec::new();
+        voices(3, 5.0).carry(&mut Carry::save(&mut bytes)).unwrap();
+        assert_eq!(voices(2, 5.0).carry(&mut Carry::restore(&bytes)).unwrap_err().code, "F084");
+        for length in 0..bytes.len() {
+            let cut = voices(3, 5.0).carry(&mut Carry::restore(&bytes[..length]));
+            assert_eq!(cut.unwrap_err().code, "F084");
+        }
+    }
+}
