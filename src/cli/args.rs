@@ -136,6 +136,9 @@ pub struct RunArgs {
     /// Write what the run took and gave as JSON
     #[arg(long, value_name = "FILE.json")]
     pub report: Option<PathBuf>,
+    /// Write down how far a run is each time that it has taken so long, for the same command to go on there; 0 never does
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, default_value_t = 60.0, value_parser = parse_pause)]
+    pub checkpoint: f64,
     /// Print errors only
     #[arg(long, short)]
     pub quiet: bool,
@@ -414,6 +417,12 @@ fn parse_seconds(text: &str) -> Result<f64, String> {
     } else {
         Err("from 0.000001 to 10000000 seconds".into())
     }
+}
+
+fn parse_pause(text: &str) -> Result<f64, String> {
+    let seconds: f64 = text.parse().map_err(|_| "a number of seconds".to_owned())?;
+    let known = seconds == 0.0 || (1e-3..=1e7).contains(&seconds);
+    known.then_some(seconds).ok_or_else(|| "0, or from 0.001 to 10000000 seconds".to_owned())
 }
 
 fn parse_threads(text: &str) -> Result<usize, String> {

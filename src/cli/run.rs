@@ -13,6 +13,7 @@ use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
+use std::time::Duration;
 
 /// A graph that is loaded, with everything to run it.
 pub struct Ready {
@@ -144,7 +145,10 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
             std::process::exit(Exit::Again.code().into());
         }
     });
-    let memo = args.memo.memo(&args.graph.graph);
+    let mut memo = args.memo.memo(&args.graph.graph);
+    if args.checkpoint > 0.0 {
+        memo = memo.map(|memo| memo.with_checkpoints(&args.out, Duration::from_secs_f64(args.checkpoint)));
+    }
     match render_files(&ready, args, memo.as_ref(), &progress) {
         Ok(report) => {
             tell(&report, &ready, args)?;
@@ -248,6 +252,9 @@ fn print_report(report: &Report, ready: &Ready) -> std::io::Result<()> {
     }
     for tap in &ready.taps {
         writeln!(out, "wrote {}", tap.path.display())?;
+    }
+    if let Some(at) = report.went_on_at {
+        writeln!(out, "went on at {at:.2} s, where an earlier run was interrupted")?;
     }
     let cached = report.nodes.iter().filter(|n| n.cached).count();
     if cached > 0 {

@@ -4,6 +4,7 @@
 //! [`Keys`] makes the keys, [`Store`] keeps the entries and [`Memory`] the last of them, [`choose`] says which streams are
 //! worth it, [`stream`] is what such a stream is on disk, and [`Index`] remembers what the last keys were made of.
 
+mod checkpoints;
 mod frontier;
 mod index;
 mod key;
@@ -12,6 +13,7 @@ mod session;
 mod store;
 pub mod stream;
 
+pub use checkpoints::{Begun, Checkpoint, Checkpoints, Cut, Mark};
 pub use frontier::{Rule, choose};
 pub use index::{Index, Trace};
 pub use key::{Key, Keys, Part, changes};
@@ -24,6 +26,7 @@ use foley_nodes::core::params::ParamKind;
 use foley_nodes::core::params::ParamSpec;
 use foley_nodes::core::ports::PortKind;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 /// Most bytes of a store, unless told otherwise.
 pub const CAP: u64 = 1 << 30;
@@ -38,6 +41,7 @@ pub struct Memo {
     memory: Memory,
     rule: Rule,
     graph: String,
+    checkpoints: Option<Checkpoints>,
 }
 
 impl Memo {
@@ -46,7 +50,8 @@ impl Memo {
     pub fn new(dir: impl Into<PathBuf>, cap: u64, graph: &Path) -> Self {
         let graph = std::fs::canonicalize(graph).unwrap_or_else(|_| graph.to_owned());
         let graph = graph.to_string_lossy().into_owned();
-        Self { store: Store::new(dir, cap), memory: Memory::new(ONE_RUN), rule: Rule::default(), graph }
+        let (store, memory) = (Store::new(dir, cap), Memory::new(ONE_RUN));
+        Self { store, memory, rule: Rule::default(), graph, checkpoints: None }
     }
 
     /// The same, for many runs: it holds up to so many bytes in memory.
@@ -59,6 +64,20 @@ impl Memo {
     #[must_use]
     pub fn with_rule(self, rule: Rule) -> Self {
         Self { rule, ..self }
+    }
+
+    /// The same, for a run into the folder `out` that writes down how far it is each time that it has taken `every`, and goes on
+    /// where one like it was interrupted.
+    #[must_use]
+    pub fn with_checkpoints(self, out: &Path, every: Duration) -> Self {
+        let checkpoints = Checkpoints::new(self.store.dir(), &self.graph, out, every);
+        Self { checkpoints: Some(checkpoints), ..self }
+    }
+
+    /// Where a run writes down how far it is, if at all.
+    #[must_use]
+    pub fn checkpoints(&self) -> Option<&Checkpoints> {
+        self.checkpoints.as_ref()
     }
 
     /// Which streams are worth keeping.

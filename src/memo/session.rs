@@ -127,6 +127,18 @@ impl<'a> Session<'a> {
         self.warnings.push((n, format!("{UNUSABLE}: computed again: {file} in {dir}: {what}")));
     }
 
+    /// All that a run of these nodes and all above them depends on, and `more`; `None` where a file cannot be read.
+    #[must_use]
+    pub fn run_key(&self, nodes: &[usize], values: &Values, more: &str) -> Option<String> {
+        let mut hasher = blake3::Hasher::new();
+        hasher.update(b"run").update(more.as_bytes());
+        for &n in nodes {
+            let key = self.keys.key(n, &|node, port| values.get(&(node, port)).map(AnyValue::hash))?;
+            hasher.update(key.hash?.as_bytes());
+        }
+        Some(hasher.finalize().to_string())
+    }
+
     /// The memo.
     #[must_use]
     pub fn memo(&self) -> &'a Memo {

@@ -6,6 +6,7 @@
 //! know nothing of the windows, delays or threads of the run that wrote it.
 
 use super::store::{Entry, Unusable, temporary};
+use foley_nodes::core::carry::Carry;
 use foley_nodes::core::fault::Fault;
 use foley_nodes::core::item::{EventType, ItemType};
 use foley_nodes::core::node::{DynNode, Summary};
@@ -256,6 +257,14 @@ impl DynNode for Writer {
         Ok(Summary::new())
     }
 
+    /// A run that goes on has not what came before: it keeps nothing.
+    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault> {
+        if carry.restores() {
+            self.part.lock().unwrap_or_else(PoisonError::into_inner).give_up(None);
+        }
+        Ok(())
+    }
+
     fn as_any_mut(&mut self) -> &mut dyn Any {
         self
     }
@@ -413,9 +422,12 @@ impl PortReader {
                     self.block.insert(decoded)
                 }
             };
+            // Blocks that an earlier run has read are passed over.
             let to = block.end().min(span.to);
-            track.append_from(&**block, at, to);
-            at = to.max(at);
+            if to > at {
+                track.append_from(&**block, at, to);
+                at = to;
+            }
         }
         Ok(())
     }

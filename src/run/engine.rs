@@ -3,20 +3,25 @@
 //! A region may run window `w` when all that feed it have done `w`, and none that it feeds is more than
 //! [`DEPTH`] windows behind. Counters say so; nothing waits inside the pool. Regions that read or write files run on a
 //! thread of their own.
+//!
+//! Now and then the phase comes to rest: no window is begun until all regions have done as many, and what they carry is
+//! written down for a run that goes on there.
 
+use super::checkpoint::Saver;
 use super::kept::Streams;
 use super::{Job, Progress, Report, Values, stages};
 use crate::diag::Diagnostic;
 use crate::plan::{DEPTH, Phase, Region, What};
-use crossbeam_channel::{Receiver, Sender, unbounded};
+use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, unbounded};
 use foley_nodes::core::fault::Fault;
 use foley_nodes::core::node::Summary;
 use foley_nodes::core::stage::{Spent, Stage, StageFault};
-use foley_nodes::core::time::Tick;
+use foley_nodes::core::time::{Tick, seconds};
 use foley_nodes::core::track::{AnyTrack, Budget};
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::SeqCst};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Instant;
 
 /// The windows of one link that are on their way from one region to another.
 type Slots = Vec<Mutex<Box<dyn AnyTrack>>>;
@@ -37,9 +42,13 @@ struct Shared {
     cells: Vec<Cell>,
     slots: HashMap<usize, Slots>,
     windows: u64,
+    /// Windows that may be begun: all, or fewer while the phase comes to rest.
+    limit: AtomicU64,
     window: Tick,
     duration: Tick,
     failed: AtomicBool,
+    /// Whether regions that are behind go on although the run is to stop.
+    closing: AtomicBool,
     /// Tasks that are queued or running.
     tasks: AtomicU64,
     outcomes: Sender<Outcome>,
@@ -58,7 +67,7 @@ enum Outcome {
     Failed(usize, usize, Fault),
     /// A region panicked.
     Panicked(usize, String),
-    /// The last task ended after a failure or a stop.
+    /// The last task ended after a failure, or because nothing may be begun.
     Quiet,
 }
 
@@ -72,6 +81,7 @@ pub fn run_phase(
     values: &mut Values,
     report: &mut Report,
     streams: &Streams,
+    mut saver: Option<&mut Saver<'_>>,
 ) -> Result<(), Vec<Diagnostic>> {
     let mut stages = Vec::new();
     let mut errors = Vec::new();
@@ -84,6 +94,15 @@ pub fn run_phase(
     }
     if !errors.is_empty() {
         return Err(errors);
+    }
+    let done = match saver.as_mut().map_or(Ok(0), |saver| saver.restore(&mut stages)) {
+        Ok(done) => done,
+        Err((r, Some(place), fault)) => return Err(vec![describe(job, &phase.regions[r], place, fault)]),
+        Err((_, None, fault)) => return Err(vec![Diagnostic::general(fault.code, fault.message)]),
+    };
+    if done > 0 {
+        job.progress.done.fetch_add(done * stages.len() as u64, SeqCst);
+        report.went_on_at = Some(seconds(done as Tick * job.plan.window));
     }
     // A thread without a region of its own would only look for work, on a core that another thread could use.
     let parts = phase.regions.iter().filter(|r| !r.io).count();
@@ -107,14 +126,9 @@ pub fn run_phase(
         })
         .collect();
     drop(io_tasks);
-    let shared = Arc::new(Shared::new(job, phase, stages, &budget, outcomes, pool, io));
-    // One task stands for this loop, so that the run is not quiet before all regions have been looked at.
-    shared.tasks.fetch_add(1, SeqCst);
-    for r in 0..shared.cells.len() {
-        shared.poll(r);
-    }
-    shared.end_task();
-    let result = collect(job, &shared, &received, values, report, streams);
+    let shared = Arc::new(Shared::new(job, phase, (stages, done), &budget, outcomes, pool, io));
+    shared.begin(phase.windows);
+    let result = collect(job, &shared, &received, values, report, streams, saver);
     // Buffers never shrink: what they hold at the end is the most that they held.
     report.note_bytes(shared.bytes());
     drop(shared);
@@ -127,17 +141,28 @@ pub fn run_phase(
 /// Waits for all regions, or for the first failure and the end of what was running by then.
 fn collect(
     job: &Job<'_>,
-    shared: &Shared,
+    shared: &Arc<Shared>,
     received: &Receiver<Outcome>,
     values: &mut Values,
     report: &mut Report,
     streams: &Streams,
+    mut saver: Option<&mut Saver<'_>>,
 ) -> Result<(), Vec<Diagnostic>> {
     let mut errors = Vec::new();
     let mut left = shared.cells.len();
     let mut all: Vec<Option<Vec<Summary>>> = shared.cells.iter().map(|_| None).collect();
+    let next = |saver: &Saver<'_>| Instant::now().checked_add(saver.every());
+    let mut due = saver.as_deref().and_then(next);
     while left > 0 {
-        match received.recv() {
+        let outcome = match due {
+            Some(at) => received.recv_deadline(at),
+            None => received.recv().map_err(|_| RecvTimeoutError::Disconnected),
+        };
+        match outcome {
+            Err(RecvTimeoutError::Timeout) => {
+                due = None;
+                shared.hold();
+            }
             Ok(Outcome::Finished(region, summaries)) => {
                 all[region] = Some(summaries);
                 left -= 1;
@@ -153,11 +178,29 @@ fn collect(
                     Diagnostic::general("F099", message).help("this is a defect in foley: please report it"),
                 );
             }
-            Ok(Outcome::Quiet) | Err(_) => break,
+            // Told twice where the last task ended while the phase was being held: it has been let go since.
+            Ok(Outcome::Quiet) if shared.tasks.load(SeqCst) > 0 => {}
+            Ok(Outcome::Quiet) => {
+                let stops = job.progress.stop.load(SeqCst);
+                // A run that is stopped before its first mark would have lost little.
+                let may = |saver: &Saver<'_>| !stops || saver.marked(job.plan.window).is_some();
+                let Some(saver) = saver.as_deref_mut().filter(|s| may(s) && !shared.failed.load(SeqCst))
+                else {
+                    break;
+                };
+                if shared.mark(saver, report) {
+                    if stops {
+                        break;
+                    }
+                    due = next(saver);
+                }
+            }
+            Err(RecvTimeoutError::Disconnected) => break,
         }
     }
     if errors.is_empty() && left > 0 {
-        errors.push(super::stopped());
+        let marked = saver.and_then(|saver| saver.marked(job.plan.window));
+        errors.push(super::stopped(marked));
     }
     for (r, summaries) in all.into_iter().enumerate() {
         let stage = shared.cells[r].stage.lock().unwrap_or_else(PoisonError::into_inner);
@@ -198,7 +241,7 @@ impl Shared {
     fn new(
         job: &Job<'_>,
         phase: &Phase,
-        stages: Vec<Stage>,
+        (stages, done): (Vec<Stage>, u64),
         budget: &Budget,
         outcomes: Sender<Outcome>,
         pool: rayon::ThreadPool,
@@ -209,7 +252,7 @@ impl Shared {
             .zip(&phase.regions)
             .map(|(stage, region)| Cell {
                 stage: Mutex::new(stage),
-                done: AtomicU64::new(0),
+                done: AtomicU64::new(done),
                 busy: AtomicBool::new(false),
                 io: region.io,
                 above: region.imports.iter().map(|i| i.from).collect(),
@@ -238,6 +281,8 @@ impl Shared {
             cells,
             slots,
             windows: phase.windows,
+            limit: AtomicU64::new(phase.windows),
+            closing: AtomicBool::new(false),
             window: job.plan.window,
             duration: phase.duration,
             failed: AtomicBool::new(false),
@@ -258,14 +303,64 @@ impl Shared {
     }
 
     fn halted(&self) -> bool {
-        self.failed.load(SeqCst) || self.progress.stop.load(SeqCst)
+        let stops = self.progress.stop.load(SeqCst) && !self.closing.load(SeqCst);
+        self.failed.load(SeqCst) || stops
+    }
+
+    /// Lets regions begin windows up to a number of them.
+    fn begin(self: &Arc<Self>, limit: u64) {
+        self.limit.store(limit, SeqCst);
+        // One task stands for this loop, so that the run is not quiet before all regions have been looked at.
+        self.tasks.fetch_add(1, SeqCst);
+        for r in 0..self.cells.len() {
+            self.poll(r);
+        }
+        self.end_task();
+    }
+
+    /// Lets no window begin; the end of what is under way is told as an outcome.
+    fn hold(&self) {
+        self.limit.store(0, SeqCst);
+        // Where the last task has ended a moment ago, nobody else would tell.
+        self.tasks.fetch_add(1, SeqCst);
+        self.end_task();
+    }
+
+    /// Writes down how far the phase is and goes on, or lets those that are behind catch up first; says whether it is done.
+    fn mark(self: &Arc<Self>, saver: &mut Saver<'_>, report: &mut Report) -> bool {
+        let windows = self.level();
+        self.closing.store(windows.is_err(), SeqCst);
+        let windows = match windows {
+            Ok(windows) => windows,
+            Err(most) => {
+                self.begin(most);
+                return false;
+            }
+        };
+        let cells = self.cells.iter();
+        let mut stages: Vec<_> =
+            cells.map(|cell| cell.stage.lock().unwrap_or_else(PoisonError::into_inner)).collect();
+        // The run is worth more than what tells of it.
+        if let Err(e) = saver.save(stages.iter_mut().map(|stage| &mut **stage), windows) {
+            report.note_unmarked(&e);
+        }
+        drop(stages);
+        self.begin(self.windows);
+        true
+    }
+
+    /// The windows that all regions have done, or the most that one has.
+    fn level(&self) -> Result<u64, u64> {
+        let done = || self.cells.iter().map(|cell| cell.done.load(SeqCst));
+        let most = done().max().unwrap_or(0);
+        if done().all(|d| d == most) { Ok(most) } else { Err(most) }
     }
 
     /// Whether a region can run its next window.
     fn ready(&self, r: usize) -> bool {
         let cell = &self.cells[r];
         let w = cell.done.load(SeqCst);
-        w < self.windows
+        w < self.limit.load(SeqCst)
             && !self.halted()
             && cell.above.iter().all(|&a| self.cells[a].done.load(SeqCst) > w)
             && cell.below.iter().all(|&b| self.cells[b].done.load(SeqCst) + DEPTH as u64 > w)
@@ -305,7 +400,8 @@ impl Shared {
     }
 
     fn end_task(&self) {
-        if self.tasks.fetch_sub(1, SeqCst) == 1 && self.halted() {
+        let held = || self.limit.load(SeqCst) < self.windows;
+        if self.tasks.fetch_sub(1, SeqCst) == 1 && (self.halted() || held()) {
             let _ = self.outcomes.send(Outcome::Quiet);
         }
     }

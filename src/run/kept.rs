@@ -1,6 +1,7 @@
 //! Runs a phase with what the memo has: folds that are known are not computed, streams that are kept are read in place of all
 //! that is above them, and those that are worth it are written as they run by.
 
+use super::checkpoint::{self, Saver};
 use super::{Job, Report, Values, engine};
 use crate::diag::Diagnostic;
 use crate::graph::Graph;
@@ -66,7 +67,7 @@ pub type Hidden = BTreeMap<usize, Told>;
 /// The faults of the nodes that failed.
 pub fn pass(
     job: &Job<'_>,
-    phase: &Phase,
+    (number, phase): (usize, &Phase),
     values: &mut Values,
     report: &mut Report,
     memo: &mut Session<'_>,
@@ -81,6 +82,7 @@ pub fn pass(
     let root = |n: &usize| memo::writes(ty(*n)) || cut.tapped(*n) || missed.contains(n);
     let roots = phase.nodes.iter().copied().filter(root).collect();
     cut.walk(roots, memo, values);
+    cut.follow(number, memo, values)?;
     for (n, hit) in folds.iter().copied().zip(hits) {
         if let Some(hit) = hit.filter(|_| !cut.needed.contains(&n)) {
             super::take(n, hit, values, report);
@@ -94,7 +96,7 @@ pub fn pass(
     }
     let (start, notes) = (Instant::now(), report.notes.len());
     let before: Vec<Duration> = report.nodes.iter().map(|n| n.time).collect();
-    let streams = cut.run(values, report, memo)?;
+    let streams = cut.run(number, values, report, memo)?;
     for &n in &missed {
         // To have the fold again, the whole phase has to run again.
         let summary = report.nodes[n].summary.clone();
@@ -127,6 +129,15 @@ struct Cut<'j> {
     worth: bool,
     needed: BTreeSet<usize>,
     found: BTreeMap<usize, Outputs<Kept>>,
+    /// How an earlier run was laid out that can be gone on with.
+    marked: Option<Laid>,
+}
+
+/// What runs of a phase, ready to run.
+struct Laid {
+    streams: Streams,
+    /// The graph without the inputs of what is read, and its phase; `None` where the phase runs as it was planned.
+    cut: Option<(Graph, Phase)>,
 }
 
 impl<'j> Cut<'j> {
@@ -157,6 +168,7 @@ impl<'j> Cut<'j> {
             worth: false,
             needed: BTreeSet::new(),
             found: BTreeMap::new(),
+            marked: None,
         };
         let rule = memo.memo().rule();
         let total: f64 = phase.nodes.iter().map(|&n| cut.seconds(n)).sum();
@@ -228,6 +240,19 @@ impl<'j> Cut<'j> {
         self.phase.nodes.iter().copied().filter(|&n| self.runs(n)).collect()
     }
 
+    /// Starts to write an output.
+    fn start(
+        &self,
+        n: usize,
+        port: usize,
+        codec: Codec,
+        values: &Values,
+        memo: &mut Session<'_>,
+    ) -> Option<Writing> {
+        let (key, part): (String, Part) = memo.start_stream(n, port, values)?;
+        Some(Writing { node: n, port, codec, key, part: Arc::new(Mutex::new(part)) })
+    }
+
     /// Starts to write what seems worth it.
     fn writers(&self, values: &Values, memo: &mut Session<'_>) -> Vec<Writing> {
         let mut writers = Vec::new();
@@ -243,31 +268,74 @@ impl<'j> Cut<'j> {
         let chosen = memo::choose(self.job.graph, &self.running(), &rule, &|n| self.seconds(n), &bytes);
         for (n, _) in chosen {
             let ports = self.ports.get(&n).into_iter().flatten();
-            let mut start = |&(port, codec): &(usize, Codec)| {
-                let (key, part): (String, Part) = memo.start_stream(n, port, values)?;
-                Some(Writing { node: n, port, codec, key, part: Arc::new(Mutex::new(part)) })
-            };
+            let mut start = |&(port, codec): &(usize, Codec)| self.start(n, port, codec, values, memo);
             writers.extend(ports.map(&mut start).collect::<Option<Vec<_>>>().into_iter().flatten());
             memo.note_stream(n, values);
         }
         writers
     }
 
-    /// Runs what has to run.
-    fn run(
-        &self,
-        values: &mut Values,
-        report: &mut Report,
+    /// Lays out what has to run as an earlier run had it that was interrupted, where that can still be had.
+    ///
+    /// What is known by now may be more than that run knew, and its state does not fit less work.
+    fn follow(
+        &mut self,
+        number: usize,
         memo: &mut Session<'_>,
-    ) -> Result<Streams, Vec<Diagnostic>> {
+        values: &Values,
+    ) -> Result<(), Vec<Diagnostic>> {
+        let Some(mark) = memo.memo().checkpoints().and_then(|marks| marks.last(number)) else {
+            return Ok(());
+        };
+        if self.needed.is_empty() {
+            return Ok(());
+        }
+        let find = |id: &str| self.job.graph.find(id).filter(|n| self.phase.nodes.contains(n));
+        let nodes: Option<Vec<_>> =
+            mark.cut.nodes.iter().map(|(id, read)| Some((find(id)?, *read))).collect();
+        let writers: Option<Vec<_>> =
+            mark.cut.writers.iter().map(|(id, port)| Some((find(id)?, *port))).collect();
+        let (Some(nodes), Some(writers)) = (nodes, writers) else { return Ok(()) };
+        let needed: BTreeSet<usize> = nodes.iter().map(|(n, _)| *n).collect();
+        if !self.needed.is_subset(&needed) {
+            return Ok(());
+        }
+        let mut found = BTreeMap::new();
+        for &(n, _) in nodes.iter().filter(|(_, read)| *read) {
+            let ports = self.ports.get(&n).map_or(&[][..], Vec::as_slice);
+            let Some(kept) = memo.look_up_streams(n, ports, values) else { return Ok(()) };
+            found.insert(n, kept);
+        }
+        let mut writing = Vec::new();
+        for (n, port) in writers {
+            let Some((_, codec)) = self.ports.get(&n).and_then(|all| all.iter().find(|(p, _)| *p == port))
+            else {
+                return Ok(());
+            };
+            writing.extend(self.start(n, port, *codec, values, memo));
+        }
+        let own = (std::mem::replace(&mut self.needed, needed), std::mem::replace(&mut self.found, found));
+        let laid = self.lay(writing)?;
+        let phase = laid.cut.as_ref().map_or(self.phase, |(_, phase)| phase);
+        let note = self.note(&laid.streams);
+        let asked = checkpoint::Laid { number, phase, cut: &note };
+        if checkpoint::key(self.job, memo, asked, values) == Some(mark.key) {
+            self.marked = Some(laid);
+        } else {
+            (self.needed, self.found) = own;
+        }
+        Ok(())
+    }
+
+    /// Lays out what has to run.
+    fn lay(&self, writers: Vec<Writing>) -> Result<Laid, Vec<Diagnostic>> {
         let job = self.job;
         let read = |(port, codec, kept): &(usize, Codec, Kept)| (*port, *codec, Arc::clone(&kept.source));
         let readers = self.found.iter().map(|(n, all)| (*n, all.iter().map(read).collect())).collect();
-        let mut streams = Streams { first: job.taps.len(), readers, writers: self.writers(values, memo) };
+        let mut streams = Streams { first: job.taps.len(), readers, writers };
         if self.found.is_empty() && streams.writers.is_empty() && self.needed.len() == self.phase.nodes.len()
         {
-            engine::run_phase(job, self.phase, values, report, &streams)?;
-            return Ok(streams);
+            return Ok(Laid { streams, cut: None });
         }
         let graph: Graph = job.graph.without_inputs(&|n| self.found.contains_key(&n));
         let mut phase = self.phase_of(&graph, &streams)?;
@@ -275,13 +343,41 @@ impl<'j> Cut<'j> {
             streams.writers.clear();
             phase = self.phase_of(&graph, &streams)?;
         }
+        Ok(Laid { streams, cut: Some((graph, phase)) })
+    }
+
+    /// What runs, for a mark.
+    fn note(&self, streams: &Streams) -> memo::Cut {
+        let id = |n: usize| self.job.graph.nodes[n].id.clone();
+        memo::Cut {
+            nodes: self.needed.iter().map(|&n| (id(n), self.found.contains_key(&n))).collect(),
+            writers: streams.writers.iter().map(|w| (id(w.node), w.port)).collect(),
+        }
+    }
+
+    /// Runs what has to run.
+    fn run(
+        &mut self,
+        number: usize,
+        values: &mut Values,
+        report: &mut Report,
+        memo: &mut Session<'_>,
+    ) -> Result<Streams, Vec<Diagnostic>> {
+        let Laid { streams, cut } = match self.marked.take() {
+            Some(laid) => laid,
+            None => self.lay(self.writers(values, memo))?,
+        };
+        let (graph, phase) = cut.as_ref().map_or((self.job.graph, self.phase), |(g, p)| (g, p));
         let planned = self.phase.windows * self.phase.regions.len() as u64;
-        let total = &job.progress.total;
+        let total = &self.job.progress.total;
         total.fetch_add(phase.windows * phase.regions.len() as u64, Ordering::Relaxed);
         total.fetch_sub(planned, Ordering::Relaxed);
         report.planned_bytes = report.planned_bytes.max(phase.bytes);
-        let job = Job { graph: &graph, progress: Arc::clone(&job.progress), ..*job };
-        engine::run_phase(&job, &phase, values, report, &streams)?;
+        let job = Job { graph, progress: Arc::clone(&self.job.progress), ..*self.job };
+        let note = self.note(&streams);
+        let laid = checkpoint::Laid { number, phase, cut: &note };
+        let mut saver = self.worth.then(|| Saver::new(self.job, memo, laid, values)).flatten();
+        engine::run_phase(&job, phase, values, report, &streams, saver.as_mut())?;
         Ok(streams)
     }
 

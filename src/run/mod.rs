@@ -3,6 +3,7 @@
 //! Each phase of the plan is a set of regions; `engine` runs region after region, window after window, wherever the
 //! counters say that the inputs are there. Values are computed before the phase that needs them.
 
+mod checkpoint;
 mod engine;
 mod kept;
 mod outputs;
@@ -24,6 +25,7 @@ use crate::plan::Plan;
 use foley_nodes::core::files::Files;
 use foley_nodes::core::item::AnyValue;
 use foley_nodes::core::stage::{Cx, InWire, OutWire};
+use foley_nodes::core::time::{Tick, seconds};
 use kept::{Hidden, Streams};
 use std::cell::RefCell;
 use std::collections::HashMap;
@@ -73,9 +75,19 @@ pub type Values = HashMap<(usize, usize), AnyValue>;
 /// The faults of all nodes that failed; no output is left behind then.
 pub fn run(job: &Job<'_>) -> Result<Report, Vec<Diagnostic>> {
     let start = Instant::now();
-    let (values, mut report) = values(job)?;
+    let marks = job.memo.and_then(Memo::checkpoints);
+    let (values, mut report) = values(job).inspect_err(|errors| {
+        // Only what was stopped, or found no room on the disk, can do better from there.
+        let again = |e: &Diagnostic| ["F080", "F091"].contains(&e.code);
+        if let Some(marks) = marks.filter(|_| !errors.iter().all(again)) {
+            marks.forget();
+        }
+    })?;
     tap::write_values(job, &values)?;
     job.outputs.commit().map_err(|e| vec![Diagnostic::general("F080", e.to_string())])?;
+    if let Some(marks) = marks {
+        marks.forget();
+    }
     report.close(job, start.elapsed());
     Ok(report)
 }
@@ -96,8 +108,10 @@ pub fn values(job: &Job<'_>) -> Result<(Values, Report), Vec<Diagnostic>> {
         evaluate(job, phase, &mut values, &mut report, memo.as_mut())?;
         if let Some(planned) = job.plan.phases.get(phase) {
             match memo.as_mut() {
-                Some(memo) => kept::pass(job, planned, &mut values, &mut report, memo, &mut hidden)?,
-                None => engine::run_phase(job, planned, &mut values, &mut report, &Streams::default())?,
+                Some(memo) => {
+                    kept::pass(job, (phase, planned), &mut values, &mut report, memo, &mut hidden)?;
+                }
+                None => engine::run_phase(job, planned, &mut values, &mut report, &Streams::default(), None)?,
             }
         }
     }
@@ -118,9 +132,13 @@ fn take(n: usize, hit: memo::Hit, values: &mut Values, report: &mut Report) {
     report.add_cached(n, hit.summary, hit.warnings);
 }
 
-/// What a run says that was stopped.
-fn stopped() -> Diagnostic {
-    Diagnostic::general("F091", "stopped before the end; no output was written")
+/// What a run says that was stopped; `marked` is the time from which another one can go on.
+fn stopped(marked: Option<Tick>) -> Diagnostic {
+    let found = Diagnostic::general("F091", "stopped before the end; no output was written");
+    match marked {
+        Some(at) => found.help(format!("run the same again: it goes on at {:.1} s", seconds(at))),
+        None => found,
+    }
 }
 
 /// Computes the values that can be had before a phase.
@@ -136,7 +154,7 @@ fn evaluate(
         let node = &job.graph.nodes[n];
         let Some(eval) = node.ty.eval else { continue };
         if job.progress.stop.load(Ordering::SeqCst) {
-            return Err(vec![stopped()]);
+            return Err(vec![stopped(None)]);
         }
         let wire = |l: &crate::graph::Link| values.get(&(l.node, l.port)).cloned().map(InWire::Value);
         let inputs: Vec<Vec<InWire>> =

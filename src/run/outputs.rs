@@ -1,10 +1,12 @@
 //! Output files: written under temporary names, and moved to their places all at once when the run has succeeded.
 
 use crate::graph::output_path;
+use crate::memo::Begun;
 use foley_nodes::core::files::{FileError, Outputs, WriteSeek};
-use std::fs::{self, File};
+use std::collections::HashSet;
+use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
-use std::path::{Path, PathBuf};
+use std::path::{Path, PathBuf, absolute};
 use std::sync::{Mutex, PoisonError};
 
 /// Outputs below one folder.
@@ -15,13 +17,49 @@ pub struct DirOutputs {
     root: PathBuf,
     pending: Mutex<Vec<(PathBuf, PathBuf)>>,
     written: Mutex<Vec<PathBuf>>,
+    /// What an earlier run has begun and this one goes on with, and what is left for a later one.
+    begun: Mutex<(Vec<Begun>, HashSet<PathBuf>)>,
 }
 
 impl DirOutputs {
     /// Outputs below `root`; the folder is made when the first output starts.
     #[must_use]
     pub fn new(root: impl Into<PathBuf>) -> Self {
-        Self { root: root.into(), pending: Mutex::default(), written: Mutex::default() }
+        let (pending, written, begun) = Default::default();
+        Self { root: root.into(), pending, written, begun }
+    }
+
+    /// Goes on with files that an earlier run has begun, as soon as they are created again.
+    pub fn go_on(&self, begun: Vec<Begun>) {
+        self.begun.lock().unwrap_or_else(PoisonError::into_inner).0 = begun;
+    }
+
+    /// The files that are being written, but for some, with all their bytes on the disk.
+    ///
+    /// # Errors
+    /// When one cannot be brought there.
+    pub fn synced(&self, but: &HashSet<PathBuf>) -> io::Result<Vec<Begun>> {
+        let pending = self.pending.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let own = pending.into_iter().filter(|(part, _)| !but.contains(part));
+        own.map(|(part, to)| {
+            let file = File::open(&part)?;
+            file.sync_data()?;
+            Ok(Begun { part: absolute(&part)?, to: absolute(&to)?, length: file.metadata()?.len() })
+        })
+        .collect()
+    }
+
+    /// Where the files are that are being written.
+    #[must_use]
+    pub fn parts(&self) -> HashSet<PathBuf> {
+        let pending = self.pending.lock().unwrap_or_else(PoisonError::into_inner);
+        pending.iter().map(|(part, _)| part.clone()).collect()
+    }
+
+    /// Leaves files where they are, for a later run to go on with; those of an earlier call no more.
+    pub fn leave(&self, begun: &[Begun]) {
+        let left = begun.iter().map(|b| b.part.clone()).collect();
+        self.begun.lock().unwrap_or_else(PoisonError::into_inner).1 = left;
     }
 
     /// Starts a file whose path the user gave on the command line, anywhere.
@@ -46,12 +84,30 @@ impl DirOutputs {
         if let Some(folder) = path.parent() {
             fs::create_dir_all(folder).map_err(|e| error(&e))?;
         }
-        let mut name = path.file_name().unwrap_or_default().to_os_string();
-        name.push(format!(".{}.part", std::process::id()));
-        let part = path.with_file_name(name);
-        let file = File::create(&part).map_err(|e| error(&e))?;
+        let (part, file) = match self.take_begun(path) {
+            Some(begun) => {
+                let file = OpenOptions::new().write(true).open(&begun.part);
+                let file = file.and_then(|file| file.set_len(begun.length).map(|()| file));
+                (begun.part, file)
+            }
+            None => {
+                let mut name = path.file_name().unwrap_or_default().to_os_string();
+                name.push(format!(".{}.part", std::process::id()));
+                let part = path.with_file_name(name);
+                let file = File::create(&part);
+                (part, file)
+            }
+        };
+        let file = file.map_err(|e| error(&e))?;
         pending.push((part, path.to_owned()));
         Ok(Box::new(Part(BufWriter::with_capacity(1 << 16, file))))
+    }
+
+    fn take_begun(&self, to: &Path) -> Option<Begun> {
+        let to = absolute(to).ok()?;
+        let mut begun = self.begun.lock().unwrap_or_else(PoisonError::into_inner);
+        let at = begun.0.iter().position(|b| b.to == to)?;
+        Some(begun.0.swap_remove(at))
     }
 
     /// Moves every output to its place.
@@ -105,8 +161,11 @@ fn existing(path: &Path) -> Option<PathBuf> {
 
 impl Drop for DirOutputs {
     fn drop(&mut self) {
+        let left = &self.begun.get_mut().unwrap_or_else(PoisonError::into_inner).1;
         for (part, _) in self.pending.get_mut().unwrap_or_else(PoisonError::into_inner).drain(..) {
-            let _ = fs::remove_file(part);
+            if !absolute(&part).is_ok_and(|part| left.contains(&part)) {
+                let _ = fs::remove_file(part);
+            }
         }
     }
 }

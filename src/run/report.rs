@@ -54,6 +54,8 @@ pub struct Report {
     pub planned_bytes: usize,
     /// Bytes of buffers that were there, at most.
     pub buffer_bytes: usize,
+    /// The time in the piece at which it went on with an earlier run.
+    pub went_on_at: Option<f64>,
     /// Largest memory of the whole process, where the system tells.
     pub peak_process_bytes: Option<usize>,
     /// Per node of the graph.
@@ -126,6 +128,12 @@ impl Report {
         self.buffer_bytes = self.buffer_bytes.max(bytes);
     }
 
+    /// Notes that how far the run is could not be written down.
+    pub(super) fn note_unmarked(&mut self, e: &std::io::Error) {
+        let text = format!("cannot write down how far the run is, so it could not be gone on with: {e}");
+        self.notes.push(("checkpoint".to_owned(), text));
+    }
+
     pub(super) fn close(&mut self, job: &Job<'_>, wall: Duration) {
         self.wall = wall;
         self.cpu = cpu_time();
@@ -185,6 +193,7 @@ impl Report {
             "planned_bytes": self.planned_bytes,
             "buffer_bytes": self.buffer_bytes,
             "peak_process_bytes": self.peak_process_bytes,
+            "went_on_at": self.went_on_at,
             "nodes": nodes,
             "outputs": outputs,
             "warnings": self.warnings().map(|(id, note)| json!({"node": id, "message": note})).collect::<Vec<_>>(),

@@ -4,6 +4,8 @@
 use super::{Job, Values};
 use crate::diag::Diagnostic;
 use crate::graph::{Graph, nearest};
+use foley_nodes::carries;
+use foley_nodes::core::carry::{Carried, Carry, carry_place};
 use foley_nodes::core::fault::Fault;
 use foley_nodes::core::files::WriteSeek;
 use foley_nodes::core::item::{EventType, ItemType};
@@ -184,6 +186,8 @@ impl DynNode for Wave {
         Ok(Summary::new())
     }
 
+    carries!(each writer);
+
     plain_node!();
 }
 
@@ -237,6 +241,11 @@ impl DynNode for Numbers {
         let rewind = self.file.seek(SeekFrom::Start(0)).map(|_| ());
         rewind.and_then(|()| self.header()).and_then(|()| self.file.flush()).map_err(|e| failed(&e))?;
         Ok(Summary::new())
+    }
+
+    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault> {
+        self.items.carry(carry)?;
+        carry_place(&mut *self.file, carry)
     }
 
     plain_node!();
@@ -294,6 +303,10 @@ impl DynNode for Rows {
         Ok(Summary::new())
     }
 
+    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault> {
+        carry_place(&mut *self.file, carry)
+    }
+
     plain_node!();
 }
 
@@ -347,6 +360,11 @@ impl DynNode for Lines {
     fn finish(&mut self, _: &Cx<'_>) -> Result<Summary, Fault> {
         self.file.flush().map_err(|e| failed(&e))?;
         Ok(Summary::new())
+    }
+
+    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault> {
+        self.columns.carry(carry)?;
+        carry_place(&mut *self.file, carry)
     }
 
     plain_node!();
