@@ -9,9 +9,9 @@ use foley_nodes::core::fault::Fault;
 use foley_nodes::core::stage::Stage;
 use foley_nodes::core::time::Tick;
 use std::collections::HashSet;
-use std::io;
 use std::path::PathBuf;
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
+use std::{fs, io};
 
 /// Where one phase of a run is written down.
 pub struct Saver<'a> {
@@ -49,8 +49,15 @@ pub fn key(job: &Job<'_>, memo: &Session<'_>, laid: Laid<'_>, values: &super::Va
     let paths: Vec<_> = paths.collect();
     let taps: Vec<_> = job.taps.iter().map(|tap| &tap.path).collect();
     let Phase { regions, windows, .. } = laid.phase;
-    let layout = format!("{regions:?} {windows} {:?} {paths:?} {taps:?} {:?}", job.plan.window, laid.cut);
+    let (window, cut, build) = (job.plan.window, laid.cut, build());
+    let layout = format!("{build:?} {regions:?} {windows} {window} {paths:?} {taps:?} {cut:?}");
     memo.run_key(&nodes, values, &layout)
+}
+
+/// Which build of the program this is, as far as its file tells: what nodes carry may be another in the next.
+fn build() -> Option<(u64, SystemTime)> {
+    let file = std::env::current_exe().and_then(fs::metadata).ok()?;
+    Some((file.len(), file.modified().ok()?))
 }
 
 impl<'a> Saver<'a> {
