@@ -1,7 +1,5 @@
 //! Finds the triangles that cloth vertices touch, frame by frame.
 
-use crate::core::carry::{Carried, Carry};
-use crate::core::fault::Fault;
 use fearless_simd::Level;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -15,6 +13,8 @@ use super::slip::{SlipMode, in_plane, naive, slide};
 use super::tree::{Tree, sort_by_locality};
 use super::triangle::closest_point;
 use super::vector::widen;
+use crate::core::carry::{Carried, Carry};
+use crate::core::fault::Fault;
 use crate::mesh::Topology;
 
 /// A cloth vertex that touches a triangle.

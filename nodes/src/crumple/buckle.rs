@@ -1,8 +1,8 @@
 //! Which vertices snap from one side to the other between two frames.
 
-use crate::carried;
 use serde::{Deserialize, Serialize};
 
+use crate::carried;
 use crate::curvature::{Curvature, Method};
 
 /// Whether one vertex snaps in one frame, and by how much.

@@ -1,11 +1,11 @@
 //! The energies of a whole take: what counts as weak, and what as strong.
 
-use crate::carried;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::histogram::hazen;
 use super::{Crumple, Weight};
+use crate::carried;
 use crate::core::content::{altered_content, content_digest};
 use crate::core::item::Data;
 use crate::core::random::Draw;

@@ -1,11 +1,11 @@
 //! Snapping vertices to events, joined over space and, where asked for, over time.
 
-use crate::carried;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
 use super::components::{Component, Components, Neighbours, Sums};
 use super::{Buckle, Crumple, Weight};
+use crate::carried;
 use crate::curvature::Method;
 use crate::mesh::{MeshError, Topology};
 

@@ -3,10 +3,10 @@
 //! # Source
 //! R. Bristow-Johnson, "Cookbook formulae for audio EQ biquad filter coefficients".
 
-use crate::carried;
 use std::f64::consts::TAU;
 
 use super::DspError;
+use crate::carried;
 
 /// Coefficients of H(z) = (b0 + b1 z^-1 + b2 z^-2) / (1 + a1 z^-1 + a2 z^-2).
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,11 +1,11 @@
 //! Mel cepstra as a node.
 
-use crate::carries;
 use std::sync::Arc;
 
 use super::conventions::FloorRule;
 use super::item::{FeatureFormat, Features};
 use super::mel::MelCepstrum;
+use crate::carries;
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::node::{Class, Node};

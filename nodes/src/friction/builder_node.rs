@@ -1,11 +1,11 @@
 //! The roller measurement as a node: a whole recording in, a friction model out.
 
-use crate::core::carry::{Carried, Carry};
 use std::borrow::Cow;
 
 use super::builder::{BuildError, BuilderParams, build, checked_params, hop_samples};
 use super::encoder::{EncoderError, EncoderTrack, Signal};
 use super::model::{FrictionModel, Source};
+use crate::core::carry::{Carried, Carry};
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::node::{Class, Node, Summary};

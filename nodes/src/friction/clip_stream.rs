@@ -1,10 +1,10 @@
 //! Overlapping clips added up to a signal that can be read in windows of any size.
 
-use crate::core::carry::{Carried, Carry};
-use crate::core::fault::Fault;
 use std::ops::RangeInclusive;
 
 use super::ift_noise::{ClipInput, IftNoise, Mono, NoiseError, Receiver};
+use crate::core::carry::{Carried, Carry};
+use crate::core::fault::Fault;
 
 /// Two half-overlapping clips at a time, added to a continuous signal.
 ///

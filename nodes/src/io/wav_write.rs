@@ -8,11 +8,11 @@
 //! front left); it has no `fact` chunk for floats; and a file that was not finished says that it is empty. What would be left
 //! to it is the little-endian bytes of an integer. It reads the files back in the tests.
 
-use crate::core::carry::{Carried, Carry, carry_place};
-use crate::core::fault::Fault;
 use std::io::{Seek, SeekFrom, Write};
 
 use super::AudioError;
+use crate::core::carry::{Carried, Carry, carry_place};
+use crate::core::fault::Fault;
 use crate::core::random::Random;
 
 /// Samples turned into bytes at a time.

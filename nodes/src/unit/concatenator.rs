@@ -1,11 +1,11 @@
 //! Units put one after the other, joined where the sound crosses zero.
 
-use crate::carried;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::FRAC_PI_2;
 use std::ops::Range;
 
 use super::UnitDatabase;
+use crate::carried;
 
 /// How the two sounds at a join are mixed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

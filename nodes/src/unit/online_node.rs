@@ -1,6 +1,5 @@
 //! Unit selection by the best path to the latest known unit, as a node.
 
-use crate::carried;
 use std::sync::Arc;
 
 use super::UnitDatabase;
@@ -19,7 +18,7 @@ use crate::core::random::Draw;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
 use crate::feature::Features;
-use crate::{carries, params, ports};
+use crate::{carried, carries, params, ports};
 
 params! {
     /// Chooses units as `GlobalUnitSelector` does, but a little after the target in place of after all of it: for live use.

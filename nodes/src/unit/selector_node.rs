@@ -1,6 +1,5 @@
 //! Unit selection as a node.
 
-use crate::core::carry::{Carried, Carry};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -8,6 +7,7 @@ use super::UnitDatabase;
 use super::item::{Pick, PickFormat, Picks};
 use super::selector::{self, MOST_DIMS, NotFinite, Selector, SelectorParams, Units};
 use super::sleep::{self, Sleepers};
+use crate::core::carry::{Carried, Carry};
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::node::{Class, Node, Summary};
