@@ -66,17 +66,14 @@ fn kept_warps_are_those_that_are_fitted() {
 
 #[test]
 fn databases_of_the_examples_hold_several_recordings_loud_and_soft_and_what_is_nearly_silent() {
-    for (graph, tap, tagged) in [
-        ("cloth/two_materials.ron", "database", true),
-        ("cloth/warp.ron", "database", true),
-        ("cloth/sheet.ron", "cotton.recomposed.database", false),
-    ] {
+    // Those of the other graphs are of the same recordings.
+    for graph in ["cloth/units.ron", "cloth/warp.ron"] {
         let out = tempfile::tempdir().unwrap();
-        run(out.path(), graph, &[(tap, "units.bin")]);
+        run(out.path(), graph, &[("database", "units.bin")]);
         let db = UnitDatabase::from_bytes(&std::fs::read(out.path().join("units.bin")).unwrap()).unwrap();
         let sources: HashSet<u32> = db.segments.iter().map(|s| s.source).collect();
         assert!(sources.len() >= 3 && db.segments.len() >= sources.len(), "{graph}: {sources:?}");
-        assert!(db.sources.iter().all(|s| !s.content.is_empty() && s.tag.is_empty() != tagged), "{graph}");
+        assert!(db.sources.iter().all(|s| !s.content.is_empty() && !s.tag.is_empty()), "{graph}");
         let level = |unit: &[f32]| {
             let square: f64 = unit.iter().map(|x| f64::from(*x).powi(2)).sum();
             10.0 * (square / unit.len() as f64 + 1e-12).log10()
