@@ -316,8 +316,8 @@ mod tests {
             other.differs_from(&same).unwrap().field
         };
         let found = [
-            other(&|c| c.rate = Rate::hz(96_000)),
-            other(&|c| c.unit = 400),
+            other(&|c| c.rate = Rate::hz(48_000)),
+            other(&|c| c.unit = 200),
             other(&|c| c.window = FeatureWindow::Hann),
             other(&|c| c.frame = 200),
             other(&|c| c.shape = BandShape::Triangular),
