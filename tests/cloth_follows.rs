@@ -33,17 +33,17 @@ fn follows(target: &Path, sound: &Path) -> (f64, f64, usize) {
 
 #[test]
 fn what_is_put_together_from_recordings_is_as_loud_as_its_target_asks() {
-    // Graph, its target, what it writes, least correlation. One second of trousers hardly changes its level.
+    // Graph, its target, what it writes, least correlation, usual slope. One second of trousers hardly changes its level.
     let cases = [
-        ("sheet", "cotton.target.sound.out", "sheet.wav", 0.9),
-        ("couch", "cotton.target.sound.out", "couch.wav", 0.9),
-        ("live", "target.out", "live.wav", 0.8),
-        ("first_person", "ears.sound.out", "first_person.wav", 0.9),
-        ("windbreaker", "windbreaker.target.sound.out", "windbreaker.wav", 0.85),
-        ("two_materials", "target.out", "two_materials.wav", 0.8),
-        ("corduroy", "corduroy.friction.audio", "corduroy.wav", 0.6),
+        ("sheet", "cotton.target.sound.out", "sheet.wav", 0.9, 0.87),
+        ("couch", "cotton.target.sound.out", "couch.wav", 0.94, 1.04),
+        ("live", "target.out", "live.wav", 0.88, 1.17),
+        ("first_person", "ears.sound.out", "first_person.wav", 0.92, 1.14),
+        ("windbreaker", "windbreaker.target.sound.out", "windbreaker.wav", 0.92, 0.39),
+        ("two_materials", "target.out", "two_materials.wav", 0.82, 0.41),
+        ("corduroy", "corduroy.friction.audio", "corduroy.wav", 0.65, 1.36),
     ];
-    for (name, target, file, least) in cases {
+    for (name, target, file, least, usual) in cases {
         let out = tempfile::tempdir().unwrap();
         let loaded = load(&common::graphs().join(format!("cloth/{name}.ron")), &[], &[], Limits::default());
         let files = DirFiles::new(loaded.root, Limits::default());
@@ -53,6 +53,6 @@ fn what_is_put_together_from_recordings_is_as_loud_as_its_target_asks() {
         let (correlation, slope, pieces) = follows(&out.path().join("target.wav"), &out.path().join(file));
         println!("{name}: {correlation:.3}, {slope:.2} dB for each dB, over {pieces} pieces");
         assert!(correlation > least, "{name}: {correlation}");
-        assert!((0.35..1.8).contains(&slope), "{name}: {slope}");
+        assert!((slope / usual - 1.0).abs() < 0.25, "{name}: {slope}, usually {usual}");
     }
 }

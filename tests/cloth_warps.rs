@@ -4,7 +4,9 @@
 mod common;
 
 use common::{foley, graphs};
+use foley_nodes::unit::UnitDatabase;
 use foley_nodes::warp::{CorrespondenceSet, Warp, read_correspondences};
+use std::collections::HashSet;
 use std::path::Path;
 
 fn run(folder: &Path, graph: &str, taps: &[(&str, &str)]) -> serde_json::Value {
@@ -59,6 +61,36 @@ fn kept_warps_are_those_that_are_fitted() {
             let far = a.nodes.iter().zip(&b.nodes).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
             assert!(far < 1e-3, "{name}: nodes are {far} away from where they are today; fit it anew");
         }
+    }
+}
+
+#[test]
+fn databases_of_the_examples_hold_several_recordings_loud_and_soft_and_what_is_nearly_silent() {
+    // Those of the other graphs are of the same recordings.
+    for graph in ["cloth/units.ron", "cloth/warp.ron"] {
+        let out = tempfile::tempdir().unwrap();
+        run(out.path(), graph, &[("database", "units.bin")]);
+        let db = UnitDatabase::from_bytes(&std::fs::read(out.path().join("units.bin")).unwrap()).unwrap();
+        let sources: HashSet<u32> = db.segments.iter().map(|s| s.source).collect();
+        assert!(sources.len() >= 3 && db.segments.len() >= sources.len(), "{graph}: {sources:?}");
+        assert!(db.sources.iter().all(|s| !s.content.is_empty() && !s.tag.is_empty()), "{graph}");
+        let level = |unit: &[f32]| {
+            let square: f64 = unit.iter().map(|x| f64::from(*x).powi(2)).sum();
+            10.0 * (square / unit.len() as f64 + 1e-12).log10()
+        };
+        let mut levels: Vec<f64> = db.channel(0).chunks_exact(db.unit()).map(level).collect();
+        levels.sort_unstable_by(f64::total_cmp);
+        let [soft, middle, loud] =
+            [20, 2, 1].map(|k| levels[if k == 1 { levels.len() - 1 } else { levels.len() / k }]);
+        println!(
+            "{graph}: {} units of {} recordings, {soft:.0}, {middle:.0} and {loud:.0} dB",
+            levels.len(),
+            sources.len()
+        );
+        assert!(
+            levels.len() > 200 && soft < middle - 10.0 && middle < loud - 10.0,
+            "{graph}: {soft} {middle} {loud}"
+        );
     }
 }
 

@@ -57,6 +57,57 @@ fn a_late_parameter_does_not_recompute_what_stands_before_it() {
     assert!(cached(&project.run(), "model"));
 }
 
+/// A sound put together from units of recordings, through a warp that somebody's correspondences give.
+const WARPED: &str = "#![schema = \"foley:graph/1\"]
+Graph(
+    nodes: {
+        \"database\": UnitDatabase(recordings: [\"a.wav\", \"b.wav\"], widths: [10, 10, 10]),
+        \"target\": WavIn(path: \"c.wav\"),
+        \"mfcc\": Mfcc(audio: \"target\"),
+        \"features\": TemporalGaussian(features: \"mfcc.features\", widths: [10, 10, 10]),
+        \"pairs\": CorrespondenceSet(path: \"pairs.ron\"),
+        \"fit\": TpsFit(features: \"features\", database: \"database\", pairs: \"pairs\", lambda: 10.0),
+        \"warped\": TpsWarp(features: \"features\", warp: \"fit\"),
+        \"selector\": UnitSelector(features: \"warped\", database: \"database\", d_max: 3.0),
+        \"audio\": UnitConcatenator(picks: \"selector\", database: \"database\", target: \"target\"),
+        \"out\": WavOut(audio: \"audio\", path: \"out.wav\"),
+    },
+)
+";
+
+#[test]
+fn another_correspondence_fits_and_warps_anew_and_loads_no_audio() {
+    let project = Project::new(WARPED);
+    for (name, seed) in [("a.wav", 3), ("b.wav", 4), ("c.wav", 5)] {
+        project.record(name, seed);
+    }
+    let pairs = |database: f64| {
+        let more = "(target: 0.3, source: 1, database: 0.1, duration: 0.1), (target: 0.05, database: 0.35, duration: 0.05)";
+        let text =
+            format!("Correspondences(pairs: [(target: 0.1, database: {database}, duration: 0.1), {more}])");
+        fs::write(project.path("pairs.ron"), text).unwrap();
+    };
+    let after = ["fit", "warped", "selector", "audio", "out"];
+    pairs(0.3);
+    let first = project.run();
+    assert!(["database", "pairs", "target"].iter().chain(&after).all(|id| !cached(&first, id)));
+    let heard = project.out("out.wav");
+    // A recording that is changed where nobody looks would be seen: the database is not made anew, from memo or files.
+    pairs(0.2);
+    let second = project.run();
+    assert!(cached(&second, "database") && calls(&second, "database") == 0, "{second:?}");
+    assert!(after.iter().all(|id| !cached(&second, id)) && calls(&second, "fit") > 0, "{second:?}");
+    assert!(["warped", "selector", "audio"].iter().all(|id| calls(&second, id) > 0));
+    let other = project.out("out.wav");
+    assert!(other != heard);
+    project.run_with(false, &PlanOptions::default(), None);
+    assert_eq!(project.out("out.wav"), other, "the same as all of it anew");
+    // Back again, the first fit is known too.
+    pairs(0.3);
+    let third = project.run();
+    assert!(cached(&third, "database") && cached(&third, "fit") && project.out("out.wav") == heard);
+}
+
 #[test]
 fn every_parameter_above_a_fold_recomputes_it_and_window_and_threads_do_not() {
     let project = Project::new(LEVEL);

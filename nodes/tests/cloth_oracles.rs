@@ -1,4 +1,4 @@
-//! What SciPy, scikit-image, librosa and libigl give for curvature, events, energies, the head, the high-pass, features and the warp:
+//! What SciPy, scikit-image, librosa, libigl and trimesh give for curvature, events, energies, the head, the high-pass, features and the warp:
 //! made by `tests/oracles/cloth.py`.
 
 use foley_nodes::core::time::Rate;
@@ -10,6 +10,7 @@ use foley_nodes::feature::{BandShape, FeatureConventions, MelCepstrum, TemporalF
 use foley_nodes::mesh::Topology;
 use foley_nodes::spatial::Head;
 use foley_nodes::warp::{Pair, Stiffness, Warper, fit};
+use std::f64::consts::{PI, TAU};
 
 /// Numbers that are the same everywhere, about zero.
 fn noise(count: usize, a: usize) -> Vec<f64> {
@@ -50,6 +51,61 @@ fn curvature_is_that_of_libigl() {
     assert!(inner.iter().all(|c| c.valid));
     near(inner.iter().map(|c| c.h), CURVATURE, 1e-9, "curvature");
     near(inner.iter().map(|c| c.area), AREAS, 1e-9, "areas");
+}
+
+/// A closed lumpy sphere: rows of `n` vertices from pole to pole, and the poles.
+fn lumpy(n: usize, rows: usize, a: usize, tall: f64) -> (Topology, Vec<[f64; 3]>) {
+    let at = |(k, x): (usize, f64)| {
+        let (radius, lon) = (1.0 + x / 8.0, TAU * (k % n) as f64 / n as f64);
+        let lat = PI * (k / n + 1) as f64 / (rows + 1) as f64;
+        [radius * lat.sin() * lon.cos(), radius * lat.sin() * lon.sin(), radius * tall * lat.cos()]
+    };
+    let mut points: Vec<[f64; 3]> = noise(n * rows, a).into_iter().enumerate().map(at).collect();
+    points.extend([[0.0, 0.0, tall], [0.0, 0.0, -tall]]);
+    let mut triangles = Vec::new();
+    for c in 0..n {
+        let (d, last) = ((c + 1) % n, n * (rows - 1));
+        for r in (0..last).step_by(n) {
+            triangles.extend([[r + c, r + n + c, r + n + d], [r + c, r + n + d, r + d]]);
+        }
+        triangles.extend([[n * rows, c, d], [n * rows + 1, last + d, last + c]]);
+    }
+    (topology(&points, triangles), points)
+}
+
+fn topology(points: &[[f64; 3]], triangles: Vec<[usize; 3]>) -> Topology {
+    let rest = points.iter().map(|p| p.map(|x| x as f32)).collect();
+    Topology { rest, triangles: triangles.into_iter().map(|t| t.map(|v| v as u32)).collect() }
+}
+
+fn integrated(mesh: &Topology, points: &[[f64; 3]], method: Method) -> Vec<f64> {
+    let mut found = vec![Curvature::default(); points.len()];
+    MeanCurvature::new(mesh, method).unwrap().measure(points, &mut found).unwrap();
+    assert!(found.iter().all(|c| c.valid));
+    found.iter().map(|c| c.h * c.area).collect()
+}
+
+#[test]
+fn integrals_of_curvature_are_the_measures_of_trimesh() {
+    for ((n, rows, a, tall), wanted) in
+        [(12, 7, 9, 1.0), (9, 11, 4, 2.0), (16, 5, 11, 0.5)].into_iter().zip(MEASURES)
+    {
+        let (mesh, points) = lumpy(n, rows, a, tall);
+        let sum = |method| integrated(&mesh, &points, method).iter().sum::<f64>();
+        near([sum(Method::Dihedral)], &[*wanted], 1e-10, "sum over all edges");
+        // Cotangents are another discretisation, which meshes as coarse as this tell apart.
+        let cotan = sum(Method::Cotan);
+        assert!((cotan / wanted - 1.0).abs() < 0.1, "{cotan} for {wanted}");
+    }
+    // A bipyramid of edges of length 1: of each a ball of radius 1/2 holds half, as the vertex has.
+    let far = 0.5 / (PI / 5.0).sin();
+    let around =
+        (0..5).map(|k| [far * (TAU * f64::from(k) / 5.0).cos(), far * (TAU * f64::from(k) / 5.0).sin(), 0.0]);
+    let high = (1.0 - far * far).sqrt();
+    let points: Vec<[f64; 3]> = around.chain([[0.0, 0.0, high], [0.0, 0.0, -high]]).collect();
+    let mesh = topology(&points, (0..5).flat_map(|c| [[5, c, (c + 1) % 5], [6, (c + 1) % 5, c]]).collect());
+    let found = integrated(&mesh, &points, Method::Dihedral);
+    near([found[0], found[5]], MEASURES_AT_VERTICES, 1e-10, "at vertices");
 }
 
 #[test]
@@ -162,6 +218,8 @@ fn the_warp_is_that_of_scipy() {
     }
 }
 
+const MEASURES: &[f64] = &[13.3833126203, 18.6293997609, 10.9597679672];
+const MEASURES_AT_VERTICES: &[f64] = &[1.28330201512, 0.912159570284];
 const CURVATURE: &[f64] = &[
     -0.450201152309,
     -0.260629705519,

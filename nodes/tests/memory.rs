@@ -1,6 +1,6 @@
-//! How much memory the nodes that read images take at their worst.
+//! How much memory the nodes that read images take at their worst, and the choice of units.
 //!
-//! The counting allocator sees all threads, so this test is a binary of its own with a single test.
+//! The counting allocator sees all threads, so these tests are a binary of their own and wait for each other.
 #![allow(unsafe_code)]
 
 use foley_nodes::core::item::Data;
@@ -17,11 +17,15 @@ use foley_nodes::texture::isophotes_node::{IsophotesNode, IsophotesPorts};
 use foley_nodes::texture::map_nodes::{MapCoder, MapCoderPorts, SobelMap, SobelMapPorts};
 use foley_nodes::texture::profile_node::{NoiseProfileNode, NoiseProfilePorts};
 use foley_nodes::texture::{FeatureMap, Grid, Kernel, Luma, NoiseMap, Wrap, smooth};
+use foley_nodes::unit::selector::{SelectorParams, Units, selector};
 use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
 static NOW: AtomicUsize = AtomicUsize::new(0);
 static PEAK: AtomicUsize = AtomicUsize::new(0);
+/// Held by the test that measures.
+static TURN: Mutex<()> = Mutex::new(());
 
 struct Counting;
 
@@ -67,7 +71,35 @@ fn kept<T: Data + Clone>(name: &str, solo: &Solo, held: usize) -> T {
 }
 
 #[test]
+fn units_are_chosen_without_a_table_of_all_distances() {
+    let _turn = TURN.lock();
+    let (units, targets, dims, look) = (20_000, 1000, 3, 5);
+    let mut draw = Draw::new(5);
+    let mut walk = |n: usize| {
+        let mut at = [0.0; 3];
+        let mut step = || {
+            at = at.map(|x| 0.98 * x + draw.between(-0.3, 0.3));
+            at.map(|x| x as f32)
+        };
+        (0..n).flat_map(|_| step()).collect::<Vec<f32>>()
+    };
+    let (features, target) = (walk(units), walk(targets));
+    let all = Units { features: &features, dims, segments: vec![(0, units)], allowed: vec![true; units] };
+    let p = SelectorParams { look, d_max: 2.0, cool_off: 20, loop_guard: 0, causal: false, effort: None };
+    let (built, mut selector) = peak(|| selector(&all, p).unwrap());
+    let windows = (0..targets - look).map(|i| &target[dims * i..][..dims * (look + 1)]);
+    let (chosen, picks) = peak(|| windows.map(|window| selector.choose(window).unwrap().d1).sum::<f64>());
+    println!(
+        "{built} bytes to build the index, {chosen} to choose; mean distance {}",
+        picks / targets as f64
+    );
+    // One table of all distances in single precision would be 80 MB, one row of it 80 kB.
+    assert!(built < 500 * units && chosen < 4 * units, "{built} {chosen}");
+}
+
+#[test]
 fn nodes_that_read_images_take_six_of_them_at_most() {
+    let _turn = TURN.lock();
     // Stones of about fifteen pixels, in colour.
     let mut draw = Draw::new(3);
     let grain = Grid::from_fn(SIDE, SIDE, |_, _| draw.between(-1.0, 1.0) as f32);

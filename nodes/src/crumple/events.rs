@@ -218,7 +218,7 @@ impl CrumpleEvents {
         if self.params.only.is_some_and(|only| only != material) {
             return;
         }
-        debug_assert!((all.change.abs() - all.length).abs() <= 1e-9 * all.length, "one component, one sign");
+        debug_assert!(all.change.abs() == all.length, "one component, one sign");
         let weight = self.params.weight;
         let area = match weight {
             Weight::Area if peak.area > 0.0 => Some(peak.area),

@@ -28,6 +28,23 @@ fn the_window_is_that_of_scipy() {
 }
 
 #[test]
+fn the_window_of_a_soft_sound_after_minutes_of_loud_ones_is_its_own() {
+    // Twenty seconds at full scale, then a sound 60 dB below: sums in single precision would round it away, and after 6 minutes at 48 kHz
+    // would not grow any more. In double precision a window is right to 2^-52 of the sum before it.
+    let n = 20 * 48_000;
+    let x: Vec<f32> =
+        (0..n + 4800).map(|k| if k < n { 1.0 } else { 1e-3 } * if k % 2 == 0 { 1.0 } else { -1.0 }).collect();
+    let energy = windowed_energy(&x, 960);
+    let wanted = 960.0 * f64::from(1e-3_f32).powi(2);
+    for found in &energy[n + 960..n + 3840] {
+        assert!((found / wanted - 1.0).abs() < 2e-4, "{found} for {wanted}");
+    }
+    let single = x[..n + 960].iter().map(|x| x * x).sum::<f32>();
+    assert_eq!(single + 1e-6, single, "a sum in single precision does not see it");
+    assert_eq!(energy[n / 2], 960.0);
+}
+
+#[test]
 fn separate_bursts_are_samples_that_begin_and_end_where_the_sign_changes() {
     let places: Vec<(f64, f64)> =
         (0..12).map(|k| (0.1 + 0.2 * f64::from(k), 0.1 * 1.25_f64.powi(k))).collect();

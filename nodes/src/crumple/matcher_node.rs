@@ -32,7 +32,8 @@ params! {
     /// than a tenth is used, and a note says so, since energies depend on all of them.
     ///
     /// With `adapt` the ranks are those among the events of late, each event judged by what came before it, for live use and
-    /// for motion that is unlike any calibration; then a calibration is only a start, and may be left out.
+    /// for motion that is unlike any calibration; then a calibration is only a start, and may be left out. Of the events that
+    /// `max_rate` leaves, the weakest gets a weak sample too.
     ///
     /// # Randomness
     /// With `k_nearest` above 1, the choice follows from the seed, the time of the event and its lowest vertex.
@@ -99,8 +100,9 @@ impl HistogramMatcher {
         let Some(rolling) = &mut self.rolling else { return Some(self.map.rank(energy)) };
         let (time, most) = (seconds(tick), self.params.max_rate);
         let rank = rolling.add(time, energy);
-        let share = most.map_or(1.0, |most| most / rolling.rate(time).max(1e-12));
-        (1.0 - rank < share).then_some(rank)
+        let share = most.map_or(1.0, |most| most / rolling.rate(time).max(1e-12)).min(1.0);
+        // Among those that are left: what is too weak counts in no distribution.
+        (1.0 - rank < share).then(|| 1.0 - (1.0 - rank) / share)
     }
 
     fn matched(&mut self, tick: Tick, event: &Crumple) -> Option<MatchedCrumple> {
@@ -123,7 +125,7 @@ impl Node for HistogramMatcher {
     type Params = HistogramMatcherParams;
     type Ports = HistogramMatcherPorts;
     const NAME: &'static str = "HistogramMatcher";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     const CLASS: Class = Class::Worker;
     const COST: f64 = 1000.0;
 
@@ -346,6 +348,60 @@ mod tests {
         let kept = run.events(HistogramMatcherPorts::matched);
         assert!((30..50).contains(&kept.len()), "{} in 2 s", kept.len());
         assert!(kept.iter().skip(10).all(|(_, m)| m.energy > 70.0));
+    }
+
+    #[test]
+    fn events_that_are_too_weak_count_in_no_distribution() {
+        let strong: Vec<f64> = (0..60).map(|k| 10.0 + f64::from(k * 37 % 61)).collect();
+        // Three weak events before each strong one, which takes place at the same time in both streams.
+        let at = |k: usize, j: usize| ticks(0.04 * k as f64 + 0.01 * j as f64);
+        let mixed: Vec<(Tick, Crumple)> = strong
+            .iter()
+            .enumerate()
+            .flat_map(|(k, e)| {
+                let weak = (0..3).map(move |j| (at(k, j), event(0.5 + 3.0 * j as f64)));
+                weak.chain([(at(k, 3), event(*e))])
+            })
+            .collect();
+        let alone: Vec<(Tick, Crumple)> = mixed.iter().filter(|(_, e)| e.energy >= 10.0).copied().collect();
+        let matched = |p: &HistogramMatcherParams, events: &[(Tick, Crumple)], c: EnergyCalibration| {
+            let run = Solo::new::<HistogramMatcher>(p.clone())
+                .events(HistogramMatcherPorts::events, events.to_vec(), at(60, 0))
+                .value(HistogramMatcherPorts::bank, CrumpleBank::testing(&[0.1, 0.2, 0.4, 0.8, 1.6]))
+                .feed(2, Feed::value(AnyValue::new(c)));
+            let found = run.run().unwrap().events(HistogramMatcherPorts::matched);
+            found.into_iter().map(|(tick, m)| (tick, m.sample, m.wanted, m.energy)).collect::<Vec<_>>()
+        };
+        let of = |events: &[(Tick, Crumple)], floor| {
+            let energies: Vec<f64> = events.iter().map(|(_, e)| e.energy).collect();
+            calibration(&energies, floor)
+        };
+        let floors = [Floor::Absolute(10.0), Floor::Percentile(75.0), Floor::Rate(6.0)];
+        for p in [defaults(), HistogramMatcherParams { adapt: true, half_life: 1.0, ..defaults() }] {
+            let wanted = matched(&p, &alone, of(&alone, Floor::Absolute(10.0)));
+            let samples: Vec<usize> = (0..5).map(|k| wanted.iter().filter(|m| m.1 == k).count()).collect();
+            assert!(wanted.len() == 60 && samples.iter().all(|n| *n >= 4), "{samples:?}");
+            for floor in floors {
+                let c = of(&mixed, floor);
+                assert_eq!(matched(&p, &mixed, c), wanted, "{floor:?}, adapt {}", p.adapt);
+            }
+            // With all of them in it, those that are heard would all be strong.
+            let other = matched(&p, &alone, of(&mixed, Floor::Absolute(0.0)));
+            assert!(p.adapt || other.iter().all(|m| m.1 >= 3), "{other:?}");
+        }
+    }
+
+    #[test]
+    fn those_that_a_limit_of_the_rate_leaves_get_all_samples() {
+        // A hundred events per second, of which twenty are left: the weakest of them are the weak ones of what is heard.
+        let mut draw = Draw::new(8);
+        let energies: Vec<f64> = (0..2000).map(|_| 10_f64.powf(draw.between(-4.0, 4.0))).collect();
+        let p = HistogramMatcherParams { adapt: true, max_rate: Some(20.0), half_life: 5.0, ..defaults() };
+        let found = samples(&solo(p, &energies, None));
+        let late = &found[found.len() / 2..];
+        let counts: Vec<usize> = (0..5).map(|k| late.iter().filter(|s| **s == k).count()).collect();
+        let even = late.len() as f64 / 5.0;
+        assert!(counts.iter().all(|n| (*n as f64 / even - 1.0).abs() < 0.5), "{counts:?}");
     }
 
     #[test]

@@ -5,7 +5,9 @@ use proptest::prelude::*;
 /// Log-normal numbers, sorted.
 fn log_normal(n: usize, sigma: f64, mean: f64, seed: u64) -> Vec<f64> {
     let mut draw = Draw::new(seed);
-    let mut normal = || (0..12).map(|_| draw.unit()).sum::<f64>() - 6.0;
+    // Box and Muller: the far tail counts here.
+    let mut normal =
+        || (-2.0 * (1.0 - draw.unit()).ln()).sqrt() * (std::f64::consts::TAU * draw.unit()).cos();
     let mut all: Vec<f64> = (0..n).map(|_| (mean + sigma * normal()).exp()).collect();
     all.sort_unstable_by(f64::total_cmp);
     all
@@ -27,21 +29,46 @@ fn a_set_is_mapped_onto_itself_by_ranks() {
     }
 }
 
+/// Kolmogorov's distance of two sorted sets: the greatest difference of the shares up to a number.
+fn kolmogorov(a: &[f64], b: &[f64]) -> f64 {
+    let share = |set: &[f64], x: f64| set.partition_point(|e| *e <= x) as f64 / set.len() as f64;
+    a.iter().chain(b).map(|x| (share(a, *x) - share(b, *x)).abs()).fold(0.0, f64::max)
+}
+
 #[test]
 fn ranks_match_heavy_tails_where_equal_bins_do_not() {
-    let (events, bank) = (log_normal(2000, 2.0, 3.0, 2), log_normal(300, 1.2, -4.0, 3));
-    // The largest difference between the shares of the mapped energies and of the bank's.
-    let distance = |mapping| {
-        let map = EnergyMap::new(&events, &bank, mapping);
-        let mut mapped: Vec<f64> = events.iter().map(|e| map.wanted(map.rank(*e))).collect();
-        mapped.sort_unstable_by(f64::total_cmp);
-        bank.iter().map(|e| (rank(&mapped, *e) - rank(&bank, *e)).abs()).fold(0.0, f64::max)
-    };
-    let [ecdf, linear, log] = ALL.map(distance);
-    assert!(ecdf < 0.005 && log < 0.06 && linear > 0.08 && log < linear, "{ecdf} {linear} {log}");
-    let binned = Binned::new(&events, false);
-    let first = binned.rank(events[0] + (events[1999] - events[0]) / 20.0);
-    assert!(first > 0.9, "most of the mass in the first bin: {first}");
+    // A thousand events and two hundred samples, both log-normal of sigma 2. What ranks leave is half a step of each set, 0.003: the figure
+    // of the specification. What bins leave depends on the draw, that is on its greatest number, here 0.11 to 0.53 and 0.029 to 0.037; the
+    // specification names 0.117 and 0.040 for a draw and a bank that it does not give.
+    let (n, m) = (1000, 200);
+    let mut all = Vec::new();
+    for seed in 0..12 {
+        let (events, bank) = (log_normal(n, 2.0, 3.0, 2 * seed), log_normal(m, 2.0, -4.0, 2 * seed + 1));
+        let distance = |mapping| {
+            let map = EnergyMap::new(&events, &bank, mapping);
+            let mut mapped: Vec<f64> = events.iter().map(|e| map.wanted(map.rank(*e))).collect();
+            mapped.sort_unstable_by(f64::total_cmp);
+            kolmogorov(&mapped, &bank)
+        };
+        let [ecdf, linear, log] = ALL.map(distance);
+        let first = Binned::new(&events, false).rank(events[0] + (events[n - 1] - events[0]) / 20.0);
+        println!("first bin {first:.3}, linear {linear:.3}, log {log:.3}, ranks {ecdf:.4}");
+        assert!((ecdf - 0.003).abs() < 1e-9, "{ecdf}");
+        assert!(
+            (0.02..0.05).contains(&log) && (0.09..0.6).contains(&linear) && first > 0.8,
+            "{linear} {log} {first}"
+        );
+        all.push([first, linear, log]);
+    }
+    let mean = |k: usize| all.iter().map(|x| x[k]).sum::<f64>() / all.len() as f64;
+    let range = |k: usize| all.iter().fold([1.0, 0.0_f64], |[low, high], x| [low.min(x[k]), high.max(x[k])]);
+    let around = |k: usize, x: f64| range(k)[0] < x && x < range(k)[1];
+    let told = format!("{all:?}");
+    assert!(
+        (mean(0) - 0.94).abs() < 0.03 && (0.15..0.4).contains(&mean(1)) && (mean(2) - 0.03).abs() < 0.01,
+        "{told}"
+    );
+    assert!(around(0, 0.94) && around(1, 0.117), "{told}");
 }
 
 #[test]

@@ -122,6 +122,68 @@ fn one_list_of_events_sounds_without_its_frame_rate_whatever_that_is() {
 }
 
 #[test]
+fn with_64_voices_the_quietest_gives_way_and_by_default_none_does() {
+    // Samples of a constant level each, 0.01 to 0.80, at powers that add up to nothing else.
+    let cut = |k: usize| Cut { samples: vec![0.01 * (k + 1) as f32; 9600], origin: Origin::default() };
+    let bank = CrumpleBank::new(
+        "",
+        48e3,
+        (0..80).map(cut).collect(),
+        vec![Recorded::default()],
+        Extraction::default(),
+    );
+    // All but the strongest sixteen in an order of no meaning, then those a tenth of a second later.
+    let early = (0..64_u32).map(|k| (0, k * 37 % 64));
+    let late = (64..80_u32).map(|k| (ticks(0.1), k));
+    let events: Vec<_> = early
+        .chain(late)
+        .map(|(tick, k)| (tick, MatchedCrumple { sample: k, ..event(&bank, k, 60) }))
+        .collect();
+    let play = |max_voices| {
+        let p = CrumplePlayerParams { jitter: Jitter::Off, tail: 0.1, max_voices, ..defaults() };
+        let solo = Solo::new::<CrumplePlayer>(p)
+            .events(CrumplePlayerPorts::matched, events.clone(), ticks(0.3))
+            .value(CrumplePlayerPorts::bank, bank.clone());
+        let run = solo.run().unwrap();
+        let told = |key| run.summary.iter().find(|(k, _)| *k == key).and_then(|(_, v)| v.as_u64());
+        (run.stream(CrumplePlayerPorts::audio), told("at_once_at_most"), told("stolen"))
+    };
+    let sum = |voices: std::ops::Range<usize>| voices.map(|k| 0.01 * (k + 1) as f32).sum::<f32>();
+    let (out, at_once, stolen) = play(defaults().max_voices);
+    assert!((out[4000] - sum(0..64)).abs() < 1e-4 && (out[6000] - sum(0..80)).abs() < 1e-4);
+    assert_eq!((at_once, stolen), (Some(80), None));
+    let (out, at_once, stolen) = play(64);
+    assert_eq!((at_once, stolen), (Some(64), Some(16)));
+    assert!((out[4000] - sum(0..64)).abs() < 1e-4);
+    // The sixteen quietest have faded out after 64 samples.
+    assert!((out[6000] - sum(16..80)).abs() < 1e-4, "{} for {}", out[6000], sum(16..80));
+}
+
+#[test]
+fn no_sample_begins_before_its_event_unless_jitter_is_centred() {
+    let bank = click_bank();
+    let events: Vec<_> =
+        (0..2000).map(|k| (Rate::hz(60).tick(i64::from(k) / 2), event(&bank, k, 60))).collect();
+    for jitter in [Jitter::WholeFrames, Jitter::Fixed, Jitter::Off] {
+        let p = CrumplePlayerParams { jitter, tail: 0.1, ..defaults() };
+        // What looks ahead of no event cannot begin before it, live or not.
+        assert_eq!(timing(&p).ahead(0), 0);
+        let spread = timing(&p).spread(Rate::hz(60).tick(1));
+        assert!(spread <= Rate::hz(60).tick(2));
+        for k in (0..events.len()).step_by(97) {
+            let out = run(p.clone(), &events[k..=k], 17.0, 17.0, &bank);
+            let at = out.iter().position(|x| *x != 0.0).unwrap() as i64;
+            let first = Rate::hz(48_000).first_at(events[k].0);
+            let last = Rate::hz(48_000).first_at(events[k].0 + spread);
+            assert!((first..=last).contains(&at), "{first} {at} {last}");
+        }
+    }
+    // What begins before its event is heard that much later: the graph knows.
+    let p = CrumplePlayerParams { jitter: Jitter::Centred, ..defaults() };
+    assert!(timing(&p).ahead(0) >= timing(&p).spread(Rate::hz(60).tick(1)) / 2);
+}
+
+#[test]
 fn gains_are_matched_within_six_decibels() {
     let bank = click_bank();
     let of = |wanted| {

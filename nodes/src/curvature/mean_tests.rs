@@ -181,6 +181,51 @@ fn degenerate_triangles_and_collapsed_vertices_stay_finite() {
 }
 
 #[test]
+fn a_needle_pulls_as_one_of_one_degree_does() {
+    // The side opposite to a sharp or a wide angle, and what the corner at its end is pulled by: the cotangent times that side.
+    let pull = |degrees: f64| {
+        let (s, c) = degrees.to_radians().sin_cos();
+        let points = [[0.0; 3], [1.0, 0.0, 0.0], [c, s, 0.0]];
+        let triangle =
+            Topology { rest: points.map(|p| p.map(|x| x as f32)).to_vec(), triangles: vec![[0, 1, 2]] };
+        let mut measure = MeanCurvature::new(&triangle, Method::Cotan).unwrap();
+        measure.measure(&points, &mut [Curvature::default(); 3]).unwrap();
+        // The corner at (c, s) is at half of what is left of 180 degrees.
+        let other = (0.5 * (180.0 - degrees)).to_radians().tan().recip().min(MOST_COT);
+        let own = sub(measure.sums[1].bend, scale(sub(points[1], points[0]), other));
+        let side = sub(points[1], points[2]);
+        (dot(own, side) / dot(side, side), norm(cross(own, side)))
+    };
+    let cot = |degrees: f64| degrees.to_radians().tan().recip();
+    for (degrees, wanted) in [
+        (0.1, cot(1.0)),
+        (0.999, cot(1.0)),
+        (1.5, cot(1.5)),
+        (60.0, cot(60.0)),
+        (178.5, cot(178.5)),
+        (179.9, -cot(1.0)),
+    ] {
+        let (found, aside) = pull(degrees);
+        assert!(
+            (found / wanted - 1.0).abs() < 1e-9 && aside < 1e-9,
+            "{degrees}: {found} for {wanted}, {aside}"
+        );
+    }
+    // In a sheet: a vertex that nearly lies on the line between two others has two corners of less than a degree around it.
+    let mut sheet = crumpled(7, 3);
+    for k in 0..3 {
+        sheet.points[24][k] = 0.5 * (sheet.points[18][k] + sheet.points[25][k]) - [4e-5, 0.0, 0.0][k];
+    }
+    let found = curvature(&sheet);
+    let off = |most: f64| {
+        let valid = found.iter().enumerate().filter(|(_, c)| c.valid);
+        valid.map(|(v, c)| (c.h - by_definition(&sheet, v, most)).abs()).fold(0.0, f64::max)
+    };
+    let [clamped, free] = [MOST_COT, f64::INFINITY].map(off);
+    assert!(clamped < 1e-6 && free > 0.1, "{clamped:e} {free}");
+}
+
+#[test]
 fn a_position_that_is_no_number_is_named() {
     let mut sheet = grid(4, 4, true, |u, v| [u, v, 0.0]);
     let mut measure = MeanCurvature::new(&sheet.topology(), Method::Cotan).unwrap();
@@ -189,8 +234,8 @@ fn a_position_that_is_no_number_is_named() {
     assert_eq!(measure.measure(&sheet.points[..5], &mut [Curvature::default(); 16]), Err(5));
 }
 
-/// The definition, vertex by vertex, with angles: slow and plain.
-fn by_definition(scene: &Scene, v: usize) -> f64 {
+/// The definition, vertex by vertex, with angles and with cotangents up to a limit: slow and plain.
+fn by_definition(scene: &Scene, v: usize, most: f64) -> f64 {
     let p = |k: u32| scene.points[k as usize];
     let (mut k, mut n, mut area) = ([0.0; 3], [0.0; 3], 0.0);
     for t in &scene.triangles {
@@ -201,8 +246,8 @@ fn by_definition(scene: &Scene, v: usize) -> f64 {
             (dot(u, w) / norm(u) / norm(w)).acos()
         };
         let (at_a, at_b, at_c) = (corner(a, b, c), corner(b, c, a), corner(c, a, b));
-        k = add(k, scale(sub(a, b), 1.0 / at_c.tan()));
-        k = add(k, scale(sub(a, c), 1.0 / at_b.tan()));
+        k = add(k, scale(sub(a, b), (1.0 / at_c.tan()).clamp(-most, most)));
+        k = add(k, scale(sub(a, c), (1.0 / at_b.tan()).clamp(-most, most)));
         let face = cross(sub(b, a), sub(c, a));
         n = add(n, scale(face, at_a / norm(face)));
         let right = std::f64::consts::FRAC_PI_2;
@@ -226,7 +271,7 @@ proptest! {
         let sheet = crumpled(9, seed);
         let found = curvature(&sheet);
         for (v, c) in found.iter().enumerate().filter(|(_, c)| c.valid) {
-            let slow = by_definition(&sheet, v);
+            let slow = by_definition(&sheet, v, MOST_COT);
             prop_assert!((c.h - slow).abs() < 1e-9 * (1.0 + slow.abs()), "{} {}", c.h, slow);
         }
     }

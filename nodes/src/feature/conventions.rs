@@ -307,6 +307,65 @@ mod tests {
     }
 
     #[test]
+    fn whatever_decides_what_a_distance_means_is_named_where_it_differs() {
+        let same = FeatureConventions { widths: vec![20.0, 50.0, 10.0], ..cloth() };
+        let other = |change: &dyn Fn(&mut FeatureConventions)| {
+            let mut other = same.clone();
+            change(&mut other);
+            assert_ne!(other.hash(), same.hash());
+            other.differs_from(&same).unwrap().field
+        };
+        let found = [
+            other(&|c| c.rate = Rate::hz(48_000)),
+            other(&|c| c.unit = 200),
+            other(&|c| c.window = FeatureWindow::Hann),
+            other(&|c| c.frame = 200),
+            other(&|c| c.shape = BandShape::Triangular),
+            other(&|c| c.mel = MelScale::Slaney),
+            other(&|c| c.bands = 13),
+            other(&|c| c.f_lo = 20.0),
+            other(&|c| c.f_hi = 16_000.0),
+            other(&|c| c.log = LogScale::Decibel),
+            other(&|c| c.floor = FloorRule::Level(-300.0)),
+            other(&|c| c.floor = FloorRule::Database),
+            other(&|c| c.n = 2),
+            other(&|c| c.first = 1),
+            other(&|c| c.high_pass = 20.0),
+            other(&|c| c.high_pass_order = 10),
+            other(&|c| c.joined = 2),
+            other(&|c| c.widths = vec![10.0, 50.0, 20.0]),
+            other(&|c| c.causal = true),
+        ];
+        let wanted = [
+            "rate",
+            "unit",
+            "window",
+            "frame",
+            "shape",
+            "mel",
+            "bands",
+            "f_lo",
+            "f_hi",
+            "log",
+            "floor",
+            "floor",
+            "n",
+            "first",
+            "high_pass",
+            "high_pass_order",
+            "channels",
+            "widths",
+            "causal",
+        ];
+        assert_eq!(found, wanted);
+        // And by default the first coefficient is that of loudness, logarithms are natural, and the floor is -100 dB.
+        assert_eq!(
+            (same.first, same.n, same.log, same.floor),
+            (0, 3, LogScale::Natural, FloorRule::Level(-100.0))
+        );
+    }
+
+    #[test]
     fn widths_count_as_they_act() {
         let with = |widths: &[f64], causal| FeatureConventions { widths: widths.to_vec(), causal, ..cloth() };
         assert_eq!(with(&[20.0], false).differs_from(&with(&[20.0; 3], false)), None);

@@ -306,6 +306,31 @@ mod tests {
     }
 
     #[test]
+    fn inside_of_the_head_a_source_is_heard_as_from_its_surface() {
+        let head = Head { pinna: Some(PinnaSet::Set0), shoulder: 0.2, ..Head::default() };
+        let distance = crate::spatial::Distance::default();
+        let at = |azimuth: f64, d: f64| toward(azimuth, 15.0).map(|x| x * d);
+        for azimuth in [0.0, 40.0, -110.0, 180.0] {
+            for ear in [Ear::Left, Ear::Right] {
+                let surface = head.ear(ear, at(azimuth, head.radius), 48_000.0);
+                for d in [1e-9, 0.01, 0.04, 0.087] {
+                    let inside = head.ear(ear, at(azimuth, d), 48_000.0);
+                    let numbers = |f: &EarFilter| [&f.shadow[..], &[f.delay, f.shoulder], &f.pinna].concat();
+                    let apart =
+                        numbers(&inside).into_iter().zip(numbers(&surface)).map(|(a, b)| (a - b).abs());
+                    assert!(apart.fold(0.0, f64::max) < 1e-12, "{azimuth} {d}: {inside:?} {surface:?}");
+                    // Nor is it louder than at 0.1 m.
+                    assert_eq!(distance.gain_of(at(azimuth, d)), 10.0);
+                }
+                assert!(distance.gain_of(at(azimuth, 0.101)) < 10.0);
+            }
+        }
+        // The middle has no direction: it counts as in front, and nothing there is no number.
+        let middle = head.ear(Ear::Left, [0.0; 3], 48_000.0);
+        assert_eq!(middle, head.ear(Ear::Left, [head.radius, 0.0, 0.0], 48_000.0));
+    }
+
+    #[test]
     fn the_pinna_delays_are_samples_at_44100() {
         let head = Head { pinna: Some(PinnaSet::Set0), ..Head::default() };
         // Straight ahead: cos 0 = 1, sin 90 = 1 for the first and sin 45 for the others.

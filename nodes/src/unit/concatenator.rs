@@ -14,7 +14,8 @@ pub enum Blend {
     EqualPower,
     /// Their amplitudes add up to one: for sounds that are alike.
     Linear,
-    /// Both at full level, from zero crossing to zero crossing, as the paper says; 2.4 dB too loud where they overlap.
+    /// Both at full level, from zero crossing to zero crossing, as the paper says; 3 dB too loud where they overlap, and 2.4 dB in the
+    /// millisecond to either side of a join.
     Add,
 }
 

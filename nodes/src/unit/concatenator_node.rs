@@ -17,7 +17,7 @@ choices! { @param Blend {
     EqualPower,
     /// Amplitudes add up to one: for sounds that are alike.
     Linear,
-    /// Both at full level, as the paper can be read: 2.4 dB too loud where they overlap.
+    /// Both at full level, as the paper can be read: 3 dB too loud where they overlap.
     Add,
 } }
 

@@ -4,6 +4,7 @@ use super::kdtree::{KdTree, Search, squared};
 use crate::carried;
 use crate::core::carry::{Carried, Carry};
 use crate::core::fault::Fault;
+use std::cmp::Ordering;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
@@ -144,9 +145,14 @@ struct Index<const P: usize> {
     choosable: usize,
     /// Every unit that may be chosen, by its features.
     near: KdTree<P>,
-    /// Every unit with room for a whole window, by the mean of its window.
+    /// Every unit with room for a whole window, by the mean of its window; of those whose windows are alike the first alone.
     means: KdTree<P>,
+    /// The next unit whose window is like that of this one, or [`LAST`].
+    twins: Vec<u32>,
 }
+
+/// Marks a unit after which no other has a window like its own.
+const LAST: u32 = u32::MAX;
 
 /// Nearest units that are looked at before those of a low bound.
 const SEEDS: usize = 16;
@@ -261,13 +267,45 @@ impl<const P: usize> Index<P> {
             allowed: units.allowed.clone(),
             near,
             means: KdTree::new(Vec::new()),
+            twins: Vec::new(),
         };
         let whole = all.filter_map(|j| {
             let start = index.start(j, params.look, params.causal)?;
             Some((j as u32, mean(&index.features[start..][..=params.look])))
         });
-        index.means = KdTree::new(whole.collect());
+        let whole = whole.collect();
+        (index.means, index.twins) = index.families(whole, params);
         index
+    }
+
+    /// The tree of all windows, of which those that are alike are one, and what leads from one of these to the next.
+    fn families(&self, mut whole: Vec<(u32, [f64; P])>, params: &SelectorParams) -> (KdTree<P>, Vec<u32>) {
+        let window = |j: u32| {
+            let start = self.start(j as usize, params.look, params.causal).unwrap_or(0);
+            self.features[start..][..=params.look].as_flattened()
+        };
+        let order = |a: &[f64], b: &[f64]| {
+            let differs = a.iter().zip(b).map(|(a, b)| a.total_cmp(b)).find(|order| order.is_ne());
+            differs.unwrap_or(Ordering::Equal)
+        };
+        whole.sort_unstable_by(|(j, a), (k, b)| {
+            order(a, b).then_with(|| order(window(*j), window(*k))).then(j.cmp(k))
+        });
+        let (mut twins, mut firsts) = (vec![LAST; self.features.len()], Vec::new());
+        let mut last: Option<u32> = None;
+        for (j, mean) in whole {
+            match last {
+                Some(k) if window(k) == window(j) => twins[k as usize] = j,
+                _ => firsts.push((j, mean)),
+            }
+            last = Some(j);
+        }
+        (KdTree::new(firsts), twins)
+    }
+
+    /// The next unit whose window is like that of unit `j`.
+    fn twin(&self, j: u32) -> Option<u32> {
+        self.twins.get(j as usize).copied().filter(|twin| *twin != LAST)
     }
 
     /// First unit of the window of `look + 1` units at unit `j`; `None` where it would leave the segment.
@@ -387,7 +425,12 @@ impl<const P: usize> Exact<P> {
         };
         let mean = running.mean;
         self.index.means.within(&mean, reach(&running.best), memory, |bound, label| {
-            running.best = self.better(label as usize, Some(bound), running).or(running.best);
+            // Of units with windows alike, the first that may be chosen is as good as any: at most those at rest lie before it.
+            let mut family = std::iter::successors(Some(label), |j| self.index.twin(*j));
+            let free = |j: &u32| running.rested == Some(*j as usize) || !self.past.barred(*j as usize);
+            if let Some(j) = family.find(free) {
+                running.best = self.better(j as usize, Some(bound), running).or(running.best);
+            }
             reach(&running.best)
         });
     }
@@ -401,19 +444,19 @@ impl<const P: usize> Exact<P> {
 
     /// The nearest unit that is not barred, whatever follows it.
     fn nearest(&mut self, least_recent: Option<usize>) -> Option<Choice> {
-        let next = self.continuation();
         let present = *self.present();
+        let free = |j: usize| least_recent == Some(j) || !self.past.barred(j);
         let mut found: Option<(f64, u32)> = None;
         let mut search = std::mem::take(&mut self.search);
         self.index.near.nearest(&present, f64::INFINITY, &mut search, |distance, label| {
-            let j = label as usize;
-            let free = least_recent == Some(j) || !self.past.barred(j);
-            if free && (found.is_none() || next == Some(j)) {
-                found = Some((distance, label));
-            }
-            // Those equally near may hold the one that follows the last pick.
-            found.map_or(f64::INFINITY, |(distance, _)| distance)
+            found = free(label as usize).then_some((distance, label));
+            if found.is_some() { -1.0 } else { f64::INFINITY }
         });
+        // Of those equally near, the one that follows the last pick.
+        if let Some(next) = self.continuation().filter(|next| free(*next)) {
+            let distance = squared(&self.index.features[next], &present);
+            found = found.filter(|(least, _)| *least < distance).or(Some((distance, next as u32)));
+        }
         self.search = search;
         found.map(|(distance, unit)| Choice {
             unit,
@@ -479,7 +522,8 @@ impl<const P: usize> Selector for Exact<P> {
 fn padded<const P: usize>(vector: &[f32]) -> [f64; P] {
     let mut out = [0.0; P];
     for (out, &x) in out.iter_mut().zip(vector) {
-        *out = f64::from(x);
+        // Zero has one sign, so that units that are alike sort as one.
+        *out = f64::from(x) + 0.0;
     }
     out
 }

@@ -1,15 +1,17 @@
 """Oracle values of nodes/tests/cloth_oracles.rs: curvature, events, energies, the head, high-pass, cepstrum, Gaussian and warp.
 
-Needs numpy, scipy, scikit-image, librosa and libigl.
+Needs numpy, scipy, scikit-image, librosa, libigl, and trimesh with rtree.
 """
 import igl
 import librosa
 import numpy as np
+import trimesh
 from scipy import fft, ndimage, signal
 from scipy.interpolate import RBFInterpolator
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from skimage.exposure import match_histograms
+from trimesh.curvature import discrete_mean_curvature_measure
 
 
 def show(name, values):
@@ -36,6 +38,38 @@ def curvature():
     inner = (x > 0) & (x < n - 1) & (y > 0) & (y < n - 1)
     show("curvature", (0.5 * (k * normals).sum(1))[inner])
     show("areas", mass[inner])
+
+
+def lumpy(n, rows, a, tall):
+    """A closed lumpy sphere: rows of n vertices from pole to pole, and the poles."""
+    k = np.arange(n * rows)
+    lon, lat = 2 * np.pi * (k % n) / n, np.pi * (k // n + 1) / (rows + 1)
+    radius = 1 + noise(n * rows, a) / 8
+    ring = radius[:, None] * np.stack([np.sin(lat) * np.cos(lon), np.sin(lat) * np.sin(lon), tall * np.cos(lat)], 1)
+    vertices = np.concatenate([ring, [[0, 0, tall], [0, 0, -tall]]])
+    faces, last = [], n * (rows - 1)
+    for c in range(n):
+        d = (c + 1) % n
+        for r in range(0, last, n):
+            faces += [[r + c, r + n + c, r + n + d], [r + c, r + n + d, r + d]]
+        faces += [[n * rows, c, d], [n * rows + 1, last + d, last + c]]
+    return trimesh.Trimesh(vertices, faces, process=False)
+
+
+def curvature_measure():
+    """Length times angle of all edges in a ball, halved: of whole meshes, and at vertices of one whose edges are all of length 1."""
+    for n, rows, a, tall in ((12, 7, 9, 1), (9, 11, 4, 2), (16, 5, 11, 0.5)):
+        mesh = lumpy(n, rows, a, tall)
+        assert mesh.is_watertight and mesh.volume > 0
+        show("measure", discrete_mean_curvature_measure(mesh, [[0, 0, 0]], 9.0))
+    # a pentagonal bipyramid
+    far = 0.5 / np.sin(np.pi / 5)
+    angle = 2 * np.pi * np.arange(5) / 5
+    high = np.sqrt(1 - far * far)
+    vertices = [[far * np.cos(t), far * np.sin(t), 0] for t in angle] + [[0, 0, high], [0, 0, -high]]
+    faces = [f for c in range(5) for f in ([5, c, (c + 1) % 5], [6, (c + 1) % 5, c])]
+    mesh = trimesh.Trimesh(vertices, faces, process=False)
+    show("measure at vertices", discrete_mean_curvature_measure(mesh, [vertices[0], vertices[5]], 0.5))
 
 
 def high_pass():
@@ -114,5 +148,5 @@ def head():
             show(f"head {fs} {theta}", [*b, a[1]])
 
 
-for make in (curvature, components, matching, head, high_pass, cepstrum, gaussian, warp):
+for make in (curvature, curvature_measure, components, matching, head, high_pass, cepstrum, gaussian, warp):
     make()

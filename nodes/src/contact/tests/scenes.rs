@@ -32,6 +32,7 @@ fn two_parallel_planes_slide_at_their_relative_speed_whatever_the_approach() {
     for fall in [0.0, 1.0 / 1024.0] {
         let mut now = moved(&sheet.rest, [0.5, 0.5, 0.0]);
         let mut under = floor.rest.clone();
+        let (mut touched, mut changes) = (Vec::new(), 0);
         for _ in 0..8 {
             let next = moved(&now, [step[0], step[1], -fall]);
             let under_next = moved(&under, floor_step);
@@ -46,8 +47,13 @@ fn two_parallel_planes_slide_at_their_relative_speed_whatever_the_approach() {
                 );
                 assert!((contact.approach + fall).abs() < 1e-9);
             }
+            let triangles: Vec<u32> = out.iter().map(|contact| contact.triangle).collect();
+            changes += triangles.iter().zip(&touched).filter(|(a, b)| a != b).count();
+            touched = triangles;
             (now, under) = (next, under_next);
         }
+        // Another triangle in the next frame is no slide: places are followed on that of the first.
+        assert!(changes > 81, "{changes}");
     }
 }
 

@@ -277,21 +277,118 @@ fn units_that_are_all_alike_are_not_looked_at_one_by_one() {
 }
 
 #[test]
+fn units_that_are_all_as_far_are_not_looked_at_one_by_one_either() {
+    // Silence of the recordings beside a target that is not quite as silent: every unit ties, at a distance that is not 0.
+    let features = vec![0.5; 3 * 10_000];
+    let segments = vec![(0, 4000), (4000, 6000)];
+    let units = Units { features: &features, dims: 3, segments, allowed: vec![true; 10_000] };
+    let look = 10;
+    for d_max in [2.0, 0.2] {
+        let choose = |effort, picks: &[u32]| {
+            let p = SelectorParams { look, d_max, cool_off: 20, loop_guard: 0, causal: false, effort };
+            let mut selector = selector(&units, p).unwrap();
+            selector.recall(picks);
+            (0..60).map(|_| selector.choose(&[1.0; 33]).unwrap()).collect::<Vec<_>>()
+        };
+        for (picks, first) in
+            [(vec![], 0), (vec![700], 701), (vec![3995], [3996, 0][usize::from(d_max > 1.0)])]
+        {
+            let found = choose(Some(150), &picks);
+            assert_eq!(found[0].unit, first, "{d_max} {picks:?}");
+            assert!(found.iter().all(|c| !c.cut && c.fallback == (d_max < 0.8)), "{d_max} {picks:?}");
+            assert_eq!(found, choose(None, &picks));
+        }
+        // Where nothing is near enough, the search for the nearest has no limit but needs none.
+        let p = SelectorParams { look, d_max, cool_off: 20, loop_guard: 0, causal: false, effort: None };
+        let mut selector = Exact::<4>::new(&units, p);
+        (0..60).for_each(|_| assert!(!selector.choose(&[1.0; 33]).unwrap().cut));
+        selector.search.left = Some(10_000);
+        selector.nearest(None).unwrap();
+        let seen = 10_000 - selector.search.left.unwrap();
+        println!("{seen} nodes and units for the nearest of 10000 that are alike");
+        assert!(seen < 150, "{seen}");
+    }
+}
+
+#[test]
+fn families_of_like_units_are_chosen_from_as_from_the_whole_table() {
+    let mut rng = Draw::new(40);
+    for round in 0..60 {
+        // Stretches of a few constants: whole windows are alike, in several segments, and tie at several distances.
+        let level = |rng: &mut Draw| [0.0, 0.5, 1.0][rng.below(3)];
+        let stretches = |rng: &mut Draw, n: usize| {
+            let mut out = Vec::new();
+            while out.len() < 2 * n {
+                let (x, y, length) = (level(rng), level(rng), 1 + rng.below(20));
+                (0..length).for_each(|_| out.extend([x, y]));
+            }
+            out.truncate(2 * n);
+            out
+        };
+        let (m, n) = (60 + rng.below(60), 40);
+        let (features, target) = (stretches(&mut rng, m), stretches(&mut rng, n));
+        let target: Vec<f32> = target.iter().map(|x| x + 0.25).collect();
+        let cut = 10 + rng.below(40);
+        let allowed: Vec<bool> = (0..m).map(|_| round % 3 > 0 || rng.below(3) > 0).collect();
+        let units = Units { features: &features, dims: 2, segments: vec![(0, cut), (cut, m - cut)], allowed };
+        let p = SelectorParams {
+            look: [0, 2, 6][rng.below(3)],
+            d_max: [0.3, 2.0][rng.below(2)],
+            cool_off: [0, 3, 20][rng.below(3)],
+            loop_guard: [0, 30][rng.below(2)],
+            causal: rng.below(2) == 0,
+            effort: None,
+        };
+        let (found, wanted) = (run(&target, &units, &p), algorithm_1(&target, &units, &p));
+        for (i, (f, w)) in found.iter().zip(&wanted).enumerate() {
+            assert_eq!(
+                (f.unit, f.fallback),
+                (w.unit, w.fallback),
+                "round {round}, target {i}: {f:?} {w:?}; {p:?}"
+            );
+        }
+    }
+}
+
+/// Features as units of noise have them, filtered over time with the widths of cotton: slow changes under much scatter.
+fn filtered(rng: &mut Draw, n: usize, scatter: f64) -> Vec<f32> {
+    let mut at = [0.0; 3];
+    let mut out = Vec::with_capacity(3 * n);
+    for _ in 0..n {
+        for x in &mut at {
+            *x = 0.995 * *x + 0.3 * rng.between(-1.0, 1.0);
+            out.push((*x + scatter * rng.between(-1.0, 1.0)) as f32);
+        }
+    }
+    crate::feature::TemporalFilter::new(&[20.0, 50.0, 10.0], false).stretch(&out)
+}
+
+#[test]
 fn comparing_the_past_keeps_runs_as_long_as_comparing_the_future() {
-    let mut rng = Draw::new(5);
-    let (features, target) = (smooth(&mut rng, 4000), smooth(&mut rng, 600));
-    let units = Units { features: &features, dims: 3, segments: vec![(0, 4000)], allowed: vec![true; 4000] };
-    let of = |look, causal| {
-        let p = SelectorParams { look, d_max: 4.0, cool_off: 20, loop_guard: 0, causal, effort: None };
-        let picks = run(&target, &units, &p);
-        let runs = picks.windows(2).filter(|pair| pair[1].unit == pair[0].unit + 1).count() as f64 / 599.0;
-        (runs, picks.iter().map(|c| c.d1).sum::<f64>() / 600.0)
-    };
-    let (ahead, back, none) = (of(5, false), of(5, true), of(0, false));
+    // The specification found 0.53 and 0.51 of the picks to follow the one before, and 0.14 where one unit alone is compared. That depends on
+    // the draw, here 0.47 to 0.65 for both alike and 0.11 to 0.17.
+    let (mut ahead, mut back, mut none) = ([0.0; 2], [0.0; 2], [0.0; 2]);
+    let (seeds, n) = ([5, 6, 7, 8], 400);
+    for seed in seeds {
+        let mut rng = Draw::new(seed);
+        let (features, target) = (filtered(&mut rng, 20_000, 3.0), filtered(&mut rng, n, 3.0));
+        let units =
+            Units { features: &features, dims: 3, segments: vec![(0, 20_000)], allowed: vec![true; 20_000] };
+        for (look, causal, sum) in [(10, false, &mut ahead), (10, true, &mut back), (0, false, &mut none)] {
+            let p = SelectorParams { look, d_max: 2.0, cool_off: 20, loop_guard: 0, causal, effort: None };
+            let picks = run(&target, &units, &p);
+            let follows = picks.windows(2).filter(|pair| pair[1].unit == pair[0].unit + 1).count();
+            let found = [follows as f64 / (n - 1) as f64, picks.iter().map(|c| c.d1).sum::<f64>() / n as f64];
+            println!("{seed} {look} {causal}: {found:.3?}");
+            sum.iter_mut().zip(found).for_each(|(sum, x)| *sum += x / seeds.len() as f64);
+        }
+    }
     let all = format!("ahead {ahead:?}, back {back:?}, one unit alone {none:?}");
     println!("{all}");
-    assert!((ahead.0 - back.0).abs() < 0.08 && (back.1 / ahead.1 - 1.0).abs() < 0.15, "{all}");
-    assert!(none.0 < 0.7 * ahead.0 && none.1 < ahead.1, "{all}");
+    assert!((0.45..0.7).contains(&ahead[0]) && (ahead[0] - back[0]).abs() < 0.03, "{all}");
+    assert!((none[0] - 0.14).abs() < 0.03 && none[0] < 0.3 * ahead[0], "{all}");
+    // As near, too; and further than the nearest.
+    assert!((back[1] / ahead[1] - 1.0).abs() < 0.05 && none[1] < 0.6 * ahead[1], "{all}");
 }
 
 #[test]
