@@ -79,9 +79,9 @@ fn midpoints_of_known_samples_have_the_known_values() {
     assert!(found.iter().zip(expected).all(|(f, e)| (f - e).abs() < 1e-6), "{found:?}");
     // Held from the first frame of each difference to the second, without a frame ahead.
     let held = SlidingSpeedParams { rate: Rate::hz(20), between: Between::Hold, ..params() };
-    assert_eq!(sliding_params(&held, Rate::hz(10)).ahead(), 5, "the gate alone looks ahead");
+    assert_eq!(sliding_params(&held, Rate::hz(10), false).ahead(), 5, "the gate alone looks ahead");
     let live = SlidingSpeedParams { gate: SpeedGate::Causal, ..held.clone() };
-    assert_eq!(sliding_params(&live, Rate::hz(10)).ahead(), 0);
+    assert_eq!(sliding_params(&live, Rate::hz(10), false).ahead(), 0);
     let found = speeds(held, Rate::hz(10), sliding(&slides));
     let expected = [0.0, 0.0, 0.0, 0.0, 2.0, 2.0, 3.0, 3.0, 3.0, 3.0, 0.0, 0.0, 0.0, 0.0];
     assert!(found.iter().zip(expected).all(|(f, e)| (f - e).abs() < 1e-6), "{found:?}");
@@ -167,9 +167,9 @@ fn a_speed_map_of_its_own_equals_the_one_inside() {
 fn threshold_factor_and_power_change_without_a_rebuild_and_nothing_else_does() {
     let p = params();
     let made = |p: &SlidingSpeedParams| SlidingSpeed {
-        sliding: Sliding::new(sliding_params(p, Rate::hz(60)), 1, 1, None),
+        sliding: Sliding::new(sliding_params(p, Rate::hz(60), false), 1, 1, None),
         begun: false,
-        ahead: sliding_params(p, Rate::hz(60)).ahead() as i64,
+        ahead: sliding_params(p, Rate::hz(60), false).ahead() as i64,
         unseen: false,
         map: SpeedMap { factor: p.factor, power: p.power },
         params: p.clone(),
@@ -181,7 +181,7 @@ fn threshold_factor_and_power_change_without_a_rebuild_and_nothing_else_does() {
         let new = SlidingSpeedParams { threshold, factor, ..p.clone() };
         assert_eq!(node.retune(&new), Retune::Done);
         for _ in 0..100 {
-            node.sliding.take(&sliding(&[0.005]));
+            node.sliding.take(&sliding(&[0.005]), None);
         }
         let mut out = [0.0];
         let item = node.sliding.next_frame() * 40 / 60 - 22;
