@@ -3,6 +3,7 @@
 mod common;
 
 use foley::graph::{DirFiles, Limits, Override, load, load_text};
+use foley::live::input::{Hub, listen_to_meshes};
 use foley::live::{Callback, Material, Options, Player, Reloaded};
 use foley::plan::PlanOptions;
 use foley_nodes::core::input::{Inbox, Inputs, Message, NoInputs};
@@ -11,6 +12,10 @@ use foley_nodes::core::time::{Tick, ticks};
 use foley_nodes::io::AudioReader;
 use foley_nodes::live::{Sent, contact_to_message};
 use std::fs::File;
+use std::io::Write;
+use std::net::TcpStream;
+use std::sync::Arc;
+use std::sync::atomic::Ordering::Relaxed;
 
 fn graph(nodes: &str) -> String {
     format!("#![schema = \"foley:graph/1\"]\nGraph(seed: 5, nodes: {{ {nodes} }})")
@@ -407,6 +412,103 @@ fn contacts_that_come_in_are_as_fine_as_their_own_distance_says() {
     println!("near {a}, at the level of noise {b}, away {c}");
     assert!(c == 0.0 && a > 1e-4 && (0.5..2.0).contains(&(b / a)), "{a} {b} {c}");
     assert_ne!(near, far);
+}
+
+/// A sheet of 5 by 5 vertices, 0.4 m wide and 5 mm above a floor.
+fn sheet_at(x: f64) -> Vec<[f32; 3]> {
+    (0..25).map(|v| [(x + 0.1 * f64::from(v / 5)) as f32, 0.1 * (v % 5) as f32, 0.005]).collect()
+}
+
+/// A graph that plays the friction of a sheet that comes in, and a folder with its files.
+fn sent_sheet() -> (tempfile::TempDir, String) {
+    let dir = tempfile::tempdir().unwrap();
+    let mut sheet = String::new();
+    sheet_at(0.0).iter().for_each(|[x, y, z]| sheet += &format!("v {x} {y} {z}\n"));
+    for v in (0..20).filter(|v| v % 5 < 4) {
+        sheet += &format!("f {} {} {} {}\n", v + 1, v + 6, v + 7, v + 2);
+    }
+    std::fs::write(dir.path().join("sheet.obj"), sheet).unwrap();
+    let floor = "v -3 -3 0\nv 3 -3 0\nv 3 3 0\nv -3 3 0\nf 1 2 3 4\n";
+    std::fs::write(dir.path().join("floor.obj"), floor).unwrap();
+    let model = common::graphs().join("assets/cloth/cotton.friction.json");
+    std::fs::copy(model, dir.path().join("cotton.friction.json")).unwrap();
+    let text = graph(&format!(
+        "\"sheet\": LiveMesh(channel: \"sheet\", path: \"sheet.obj\"), \
+         \"floor\": MeshSequence(path: \"floor.obj\"), \
+         \"contacts\": ContactDetector(mesh: \"sheet.mesh\", others: [\"floor\"], radius: 0.01, self_contact: false), \
+         \"speed\": SlidingSpeed(contacts: \"contacts\", age: \"sheet.age\", gate: Causal, between: Hold), \
+         \"cotton\": FrictionModelFile(path: \"cotton.friction.json\"), \
+         \"last\": IftNoise(speeds: \"speed\", model: \"cotton\", rate: 48000, motion_at: Start), {OUT}"
+    ));
+    (dir, text)
+}
+
+#[test]
+fn a_mesh_that_comes_in_is_heard_goes_on_while_frames_are_late_falls_silent_and_comes_back() {
+    let (dir, text) = sent_sheet();
+    let loaded = load_text("test", &text, &dir.path().join("main.ron"), &[]);
+    let shown = foley::diag::render(&loaded.diagnostics, &loaded.sources, false);
+    let hub = Arc::new(Hub::new(crossbeam_channel::unbounded().0));
+    let material = Material {
+        graph: loaded.graph.unwrap_or_else(|| panic!("{shown}")),
+        files: DirFiles::new(loaded.root, Limits::default()),
+        seed: 5,
+        memo: None,
+        inputs: Arc::clone(&hub) as _,
+    };
+    // Five windows in each frame of the sender.
+    let options = Options { quantum: 160, threads: 0, ..Options::default() };
+    let (player, callback) = Player::start(material, options).unwrap();
+    hub.set_clock(Arc::clone(player.shared()), callback.rate(), callback.quantum(), player.depth());
+    // The first frame is shown by the first window that has not been made yet, and heard by the latency later.
+    let begun = (player.depth() * 160) as usize + callback.rate().first_at(player.plan().latency) as usize;
+    let mut stand = Stand { player, callback, heard: Vec::new() };
+    let listening =
+        listen_to_meshes("127.0.0.1:0".parse().unwrap(), Arc::clone(&hub), |message| panic!("{message}"))
+            .unwrap();
+    let mut sender = TcpStream::connect(listening.at).unwrap();
+    let mut bytes = [&b"foleymsh"[..], &1_u32.to_le_bytes(), &5_u32.to_le_bytes(), b"sheet"].concat();
+    bytes.extend(25_u32.to_le_bytes());
+    sender.write_all(&bytes).unwrap();
+    // 0.3 m/s for a second; for 300 ms no frame comes; 0.3 m/s again, which it has not left in between.
+    let mut sent = 0;
+    for frame in 0..120 {
+        if !(60..78).contains(&frame) {
+            let time = f64::from(frame) / 60.0;
+            let mut bytes = (1e6 + time).to_le_bytes().to_vec();
+            sheet_at(0.3 * time).as_flattened().iter().for_each(|x| bytes.extend(x.to_le_bytes()));
+            sender.write_all(&bytes).unwrap();
+            sent += 1;
+            for _ in 0..5000 {
+                if hub.delivered.load(Relaxed) == sent {
+                    break;
+                }
+                std::thread::sleep(std::time::Duration::from_millis(1));
+            }
+            assert_eq!(hub.delivered.load(Relaxed), sent, "frame {frame}");
+        }
+        stand.play(800, 160);
+    }
+    stand.play(begun, 160);
+    let heard = &stand.heard[begun..];
+    let part = |from: f64, to: f64| &heard[(from * 48_000.0) as usize..(to * 48_000.0) as usize];
+    let level = |from, to| {
+        let part = part(from, to);
+        (part.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>() / part.len() as f64).sqrt()
+    };
+    let peak = |from, to| part(from, to).iter().fold(0.0_f32, |m, x| m.max(x.abs()));
+    // The last frame before the gap is shown from 0.983 s on, held to 1.083 s and silent from 1.183 s on, and a clip sounds on for 50 ms.
+    let last = 59.0 / 60.0;
+    let (moving, held) = (level(0.2, 0.9), level(last + 0.02, last + 0.09));
+    let (silent, back) = (level(last + 0.27, last + 0.31), level(1.4, 1.9));
+    println!("moving {moving}, held {held}, silent {silent}, back {back}");
+    assert!(moving > 1e-5 && stand.heard[..begun].iter().all(|x| *x == 0.0));
+    assert!((0.5..2.0).contains(&(held / moving)), "{held} {moving}");
+    assert!(silent < 1e-3 * moving, "{silent} {moving}");
+    assert!((0.7..1.4).contains(&(back / moving)), "{back} {moving}");
+    // The frame that catches up moves by 9 cm in one item.
+    assert!(peak(1.28, 1.4) < 1.5 * peak(0.2, 0.9), "{} {}", peak(1.28, 1.4), peak(0.2, 0.9));
+    assert_eq!((hub.malformed.load(Relaxed), hub.unclaimed.load(Relaxed)), (0, 0));
 }
 
 #[test]

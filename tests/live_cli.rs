@@ -3,7 +3,7 @@
 use foley_nodes::io::AudioReader;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Write};
-use std::net::UdpSocket;
+use std::net::{TcpStream, UdpSocket};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::Duration;
@@ -210,6 +210,41 @@ fn contacts_from_lines_and_from_osc_scrape_a_playing_surface() {
         let loud = after.chunks(441).filter(|part| level(part) > 1e-4).count();
         assert!(loud > 50, "osc: {osc}: {loud} of 100 hundredths of a second sound");
     }
+}
+
+#[test]
+fn meshes_are_taken_at_their_port_and_a_wrong_one_is_told_of() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("a.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+    let text = "#![schema = \"foley:graph/1\"]\nGraph(nodes: {
+        \"sheet\": LiveMesh(channel: \"sheet\", path: \"a.obj\", rate: 100),
+        \"age\": Resample(audio: \"sheet.age\", rate: 8000),
+        \"out\": WavOut(audio: \"age\", path: \"o.wav\") })";
+    std::fs::write(folder.path().join("main.ron"), text).unwrap();
+    let args = ["live", "main.ron", "--device", "null", "--for", "2", "--report", "r.json", "--osc", "off"];
+    let mut command = foley(&args, folder.path());
+    command.args(["--meshes", "127.0.0.1:0"]).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child = command.spawn().unwrap();
+    let mut told = BufReader::new(child.stdout.take().unwrap());
+    let mut line = String::new();
+    told.read_line(&mut line).unwrap();
+    let at = line.split("meshes at ").nth(1).unwrap_or_else(|| panic!("{line}")).trim().to_owned();
+    let head = |vertices: u32| {
+        let mut bytes = [&b"foleymsh"[..], &1_u32.to_le_bytes(), &5_u32.to_le_bytes(), b"sheet"].concat();
+        bytes.extend(vertices.to_le_bytes());
+        bytes
+    };
+    let mut good = TcpStream::connect(&at).unwrap();
+    good.write_all(&[head(3), vec![0; 8 + 36]].concat()).unwrap();
+    TcpStream::connect(&at).unwrap().write_all(&head(4)).unwrap();
+    let run = child.wait_with_output().unwrap();
+    assert!(run.status.success());
+    let told = String::from_utf8_lossy(&run.stderr).into_owned();
+    assert!(told.contains("it has 4 vertices; the LiveMesh of \"sheet\" has 3"), "{told}");
+    let report = std::fs::read_to_string(folder.path().join("r.json")).unwrap();
+    let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+    let messages = &report["messages"];
+    assert_eq!((&messages["delivered"], &messages["malformed"]), (&1.into(), &1.into()), "{messages}");
 }
 
 #[test]

@@ -190,5 +190,6 @@ pub fn all() -> Vec<NodeType> {
         NodeType::of::<live::LiveContacts>("live"),
         NodeType::of::<live::LiveControl>("live"),
         NodeType::of::<live::LiveImpacts>("live"),
+        NodeType::of::<live::LiveMesh>("live"),
     ]
 }

@@ -270,8 +270,11 @@ pub struct DeviceArgs {
     #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, default_value_t = 0.08, value_parser = parse_seconds)]
     pub lead: f64,
     /// Listen for OSC at this port of this machine, or at ADDRESS:PORT; `off` for not at all
-    #[arg(long, value_name = "PORT", default_value = "9000", value_parser = parse_osc)]
+    #[arg(long, value_name = "PORT", default_value = "9000", value_parser = parse_port)]
     pub osc: String,
+    /// Take frames of meshes over TCP at this port of this machine, or at ADDRESS:PORT; `off` for not at all
+    #[arg(long, value_name = "PORT", default_value = "off", value_parser = parse_port)]
+    pub meshes: String,
     /// Stop after this long
     #[arg(long = "for", value_name = "SECONDS", allow_negative_numbers = true, value_parser = parse_seconds)]
     pub duration: Option<f64>,
@@ -435,7 +438,7 @@ fn parse_quantum(text: &str) -> Result<usize, String> {
     found.ok_or_else(|| "from 16 to 8192 frames".to_owned())
 }
 
-fn parse_osc(text: &str) -> Result<String, String> {
+fn parse_port(text: &str) -> Result<String, String> {
     let fits = text == "off" || text.parse::<u16>().is_ok() || text.parse::<std::net::SocketAddr>().is_ok();
     if fits { Ok(text.to_owned()) } else { Err("a port, ADDRESS:PORT, or off".into()) }
 }

@@ -7,7 +7,7 @@ use super::watch::{SETTLE, no_events, say};
 use crate::diag::{Diagnostic, Severity, Sources};
 use crate::graph::{Asked, Override};
 use crate::live::device::{self, Device, Running};
-use crate::live::input::{Hub, Listening, Set, listen, take_lines};
+use crate::live::input::{Hub, Listening, Set, listen, listen_to_meshes, take_lines};
 use crate::live::{Histogram, Material, Options, Player, Reloaded, Told};
 use crate::memo::{MEMORY, Memo};
 use crate::run::check_given;
@@ -175,7 +175,7 @@ fn play(asking: &Asking<'_>) -> anyhow::Result<Exit> {
         show(&[found.help(format!("put Resample(rate: {wanted}) before the WavOut"))], &sources);
         return Ok(Exit::Wrong);
     }
-    hub.set_clock(Arc::clone(player.shared()), callback.rate(), callback.quantum());
+    hub.set_clock(Arc::clone(player.shared()), callback.rate(), callback.quantum(), player.depth());
     let wanted = Device::parse(asking.device.device.as_deref());
     let sound = if let Device::File(path) = &wanted { Some(("--device", path.as_path())) } else { None };
     let given: Vec<_> = sound.into_iter().chain(asking.report.map(|path| ("--report", path))).collect();
@@ -217,14 +217,14 @@ fn play(asking: &Asking<'_>) -> anyhow::Result<Exit> {
         lost: None,
         over: false,
     };
-    session.begin(listening.as_ref())?.go_on()
+    session.begin(&listening)?.go_on()
 }
 
-/// Opens what messages come in by.
-fn hear(asking: &Asking<'_>, hub: &Arc<Hub>) -> Option<Listening> {
+/// Opens what messages come in by, each with its name.
+fn hear(asking: &Asking<'_>, hub: &Arc<Hub>) -> Vec<(&'static str, Listening)> {
+    let quiet = asking.quiet;
     if !std::io::stdin().is_terminal() {
         let hub = Arc::clone(hub);
-        let quiet = asking.quiet;
         // It ends with the process: reading cannot be interrupted.
         std::thread::spawn(move || {
             take_lines(std::io::stdin().lock(), &hub, |line, message| {
@@ -234,23 +234,35 @@ fn hear(asking: &Asking<'_>, hub: &Arc<Hub>) -> Option<Listening> {
             });
         });
     }
-    let at = match asking.device.osc.as_str() {
-        "off" => return None,
-        text => match text.parse::<SocketAddr>() {
-            Ok(at) => at,
-            // Clap has checked that it is one or the other.
-            Err(_) => SocketAddr::from((Ipv4Addr::LOCALHOST, text.parse().unwrap_or(0))),
-        },
+    let tell = move |message: &str| {
+        if !quiet {
+            eprintln!("foley: {message}");
+        }
     };
-    match listen(at, Arc::clone(hub)) {
-        Ok(listening) => Some(listening),
-        Err(e) => {
-            let message = format!("cannot listen for OSC at {at}: {e}");
-            let warning = Diagnostic { severity: Severity::Warning, ..Diagnostic::general("F055", message) };
-            show(&[warning.help("--osc PORT takes another port, --osc off none")], &Sources::default());
-            None
+    let osc = port(&asking.device.osc).map(|at| ("OSC", "--osc", at, listen(at, Arc::clone(hub))));
+    let meshes = port(&asking.device.meshes)
+        .map(|at| ("meshes", "--meshes", at, listen_to_meshes(at, Arc::clone(hub), tell)));
+    let mut all = Vec::new();
+    for (what, option, at, listening) in osc.into_iter().chain(meshes) {
+        match listening {
+            Ok(listening) => all.push((what, listening)),
+            Err(e) => {
+                let message = format!("cannot listen for {what} at {at}: {e}");
+                let warning =
+                    Diagnostic { severity: Severity::Warning, ..Diagnostic::general("F055", message) };
+                let help = format!("{option} PORT takes another port, {option} off none");
+                show(&[warning.help(help)], &Sources::default());
+            }
         }
     }
+    all
+}
+
+/// The address of an option: a port of this machine, ADDRESS:PORT, or `off`.
+fn port(text: &str) -> Option<SocketAddr> {
+    // Clap has checked that it is one of them.
+    let here = || Some(SocketAddr::from((Ipv4Addr::LOCALHOST, text.parse().ok()?)));
+    text.parse().ok().or_else(here)
 }
 
 fn us(time: Duration) -> f64 {
@@ -268,7 +280,7 @@ fn times(histogram: &Histogram) -> serde_json::Value {
 
 impl Session<'_> {
     /// Tells what is about to be heard.
-    fn begin(self, listening: Option<&Listening>) -> std::io::Result<Self> {
+    fn begin(self, listening: &[(&str, Listening)]) -> std::io::Result<Self> {
         let asking = self.asking;
         if !asking.quiet && !asking.json {
             let plan = self.player.plan();
@@ -282,8 +294,8 @@ impl Session<'_> {
                 seconds(plan.latency) * 1e3,
                 plan.nodes.len() - callback
             );
-            if let Some(listening) = listening {
-                line += &format!("; OSC at {}", listening.at);
+            for (what, listening) in listening {
+                line += &format!("; {what} at {}", listening.at);
             }
             if let Some(eyes) = &self.eyes {
                 line += &format!("; watching {} file(s)", eyes.files());
@@ -400,7 +412,8 @@ impl Session<'_> {
             Ok(running) => Some(running),
             Err((callback, _)) => device::start(&Device::Null, *callback).ok(),
         };
-        self.hub.set_clock(Arc::clone(player.shared()), player.plan().rate, player.options().quantum);
+        let (rate, quantum) = (player.plan().rate, player.options().quantum);
+        self.hub.set_clock(Arc::clone(player.shared()), rate, quantum, player.depth());
         self.player = player;
         self.over = false;
         Ok(Reloaded::Nothing)

@@ -185,6 +185,12 @@ impl Player {
         &self.options
     }
 
+    /// Windows by which workers are ahead of the callback.
+    #[must_use]
+    pub fn depth(&self) -> u64 {
+        self.pace.depth
+    }
+
     /// What both sides can see.
     #[must_use]
     pub fn shared(&self) -> &Arc<Shared> {

@@ -11,6 +11,7 @@ mod error;
 pub mod exclusion;
 pub mod gate;
 mod item;
+pub mod late;
 mod neighbourhood;
 mod query;
 pub mod reference;

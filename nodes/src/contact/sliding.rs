@@ -2,6 +2,7 @@
 
 use super::Contact;
 use super::gate::{CausalGate, EverGate, GateMode, IntervalGate, hold_frames};
+use super::late::{Late, LateParams, Step};
 use super::spline::{Neighbours, eval_linear, eval_uniform};
 use crate::carried;
 use crate::core::carry::{Carried, Carry};
@@ -60,6 +61,8 @@ pub struct SlidingParams {
     pub between: Between,
     /// When a difference holds.
     pub stamp: Stamp,
+    /// What happens while frames are late, where their ages are known.
+    pub late: Option<LateParams>,
 }
 
 impl SlidingParams {
@@ -111,7 +114,7 @@ impl Carried for Gate {
 /// Turns contacts, frame after frame, into the speeds of each vertex at any later grid of times.
 ///
 /// Speeds are slides over the time of a frame, of the fastest contact of a vertex, gated, then interpolated. Before the
-/// first and after the last sample nothing slides.
+/// first and after the last sample nothing slides. Where the ages of frames are known they tell that time: see [`Late`].
 ///
 /// # Shapes
 /// Frames of `slots` contacts per vertex in, one speed per vertex out; 8 frames of speeds are kept, and those of the gate.
@@ -130,8 +133,9 @@ pub struct Sliding {
     /// Frames taken so far.
     taken: i64,
     report: SlidingReport,
+    late: Option<Late>,
 }
-carried!(Sliding { gate, rows, ready, taken, report });
+carried!(Sliding { gate, rows, ready, taken, report, each late });
 
 /// The fastest slide of one vertex's contacts, metres; `None` where it touches nothing.
 fn fastest_slide(slots: &[Contact]) -> Option<f32> {
@@ -163,12 +167,16 @@ impl Sliding {
             ready: 0,
             taken: 0,
             report: SlidingReport::default(),
+            late: params.late.map(|late| Late::new(late, 1.0 / params.frames.as_f64(), vertices)),
         }
     }
 
     /// Begins with frame `frame`, as if nothing had slid before it; only before the first frame is taken.
     pub fn begin_at(&mut self, frame: i64) {
         (self.taken, self.ready) = (frame, frame);
+        if let Some(late) = &mut self.late {
+            late.reset();
+        }
     }
 
     /// Number of the frame to be taken next.
@@ -194,20 +202,20 @@ impl Sliding {
     }
 
     /// First pass of [`GateMode::Ever`] over frame `frame`; nothing for other gates.
-    pub fn observe(&mut self, frame: i64, contacts: &[Contact]) {
-        self.measure(frame, contacts);
+    pub fn observe(&mut self, frame: i64, contacts: &[Contact], ages: Option<[f32; 2]>) {
+        self.measure(frame, contacts, ages);
         if let Gate::Ever(gate) = &mut self.gate {
             gate.observe(&self.speeds);
         }
     }
 
-    /// Takes the next frame.
+    /// Takes the next frame; `ages`, where they are known, are those of the mesh in it and in the one after it, seconds.
     ///
     /// # Shapes
     /// `contacts: [V * slots]`.
-    pub fn take(&mut self, contacts: &[Contact]) {
+    pub fn take(&mut self, contacts: &[Contact], ages: Option<[f32; 2]>) {
         let frame = self.taken;
-        self.measure(frame, contacts);
+        self.measure(frame, contacts, ages);
         self.taken += 1;
         let vertices = self.vertices;
         let row = self.ready.rem_euclid(KEPT as i64) as usize * vertices;
@@ -233,14 +241,27 @@ impl Sliding {
     }
 
     /// Speeds and touch of one frame; the last frame of a stream has neither.
-    fn measure(&mut self, frame: i64, contacts: &[Contact]) {
+    fn measure(&mut self, frame: i64, contacts: &[Contact], ages: Option<[f32; 2]>) {
         let valid = self.samples.is_none_or(|samples| frame < samples);
-        let per_second = self.params.frames.as_f64();
+        let step = match (&mut self.late, ages) {
+            (Some(late), Some(ages)) => late.step(ages),
+            _ => Step::Frame(self.params.frames.as_f64()),
+        };
         let vertices = self.speeds.iter_mut().zip(&mut self.touching);
-        for ((speed, touching), slots) in vertices.zip(contacts.chunks_exact(self.slots.max(1))) {
+        for (v, ((speed, touching), slots)) in
+            vertices.zip(contacts.chunks_exact(self.slots.max(1))).enumerate()
+        {
             let slide = fastest_slide(slots).filter(|_| valid);
             *touching = slide.is_some();
-            *speed = (f64::from(slide.unwrap_or(0.0)) * per_second).min(f64::from(f32::MAX)) as f32;
+            let found = match (slide, step, &self.late) {
+                (Some(slide), Step::Frame(per_second), _) => f64::from(slide) * per_second,
+                (Some(_), Step::Again(left), Some(late)) => f64::from(late.kept()[v]) * left,
+                _ => 0.0,
+            };
+            *speed = found.min(f64::from(f32::MAX)) as f32;
+        }
+        if let (Some(late), Step::Frame(_)) = (&mut self.late, step) {
+            late.keep(&self.speeds);
         }
     }
 

@@ -3,12 +3,14 @@
 use std::sync::Arc;
 
 use super::gate::GateMode;
+use super::late::LateParams;
 use super::sliding::{Between, Sliding, SlidingParams, Stamp};
 use super::speed::SpeedMap;
 use super::{Contacts, Speeds};
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
-use crate::core::node::{Class, Each, Node, Retune, Summary};
+use crate::core::item::Channels;
+use crate::core::node::{Class, Each, Node, Retune, Summary, same_channels, same_rate};
 use crate::core::params::Params;
 use crate::core::ports::Stream;
 use crate::core::random::Draw;
@@ -53,6 +55,10 @@ params! {
     /// swinging below 0, and mapped to (factor s)^power. Before the first and after the last sample nothing slides. The
     /// comparison with the threshold is strict: 0 still silences vertices that never move.
     ///
+    /// A mesh that comes in while the graph plays tells the `age` of the frame that it shows. While the same frame stays, vertices go on
+    /// at their last speed for `late_hold`, then slow down to 0 in `late_ramp`; a frame after a gap is divided by the time that has
+    /// really passed, so that catching up is no jump.
+    ///
     /// # Source
     /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 2; Fritsch
     /// and Butland (1984) for the interpolation, which the paper leaves open.
@@ -76,6 +82,10 @@ params! {
         factor: f32 = 1.0, unit "", range 0.0..=1000.0;
         /// Exponent of the speed.
         power: f32 = 1.0, unit "", range 0.1..=10.0;
+        /// How long a vertex goes on at its last speed while no frame comes, where `age` is linked.
+        late_hold: f64 = 0.1, unit "s", range 0.0..=60.0;
+        /// How long it then takes to 0.
+        late_ramp: f64 = 0.1, unit "s", range 0.0..=60.0;
     }
 }
 
@@ -84,6 +94,8 @@ ports! {
         in {
             /// Contacts of a cloth.
             contacts: Stream<Contacts>,
+            /// Age of the frame that the mesh of these contacts shows, s, at their rate: `LiveMesh` gives it.
+            age: Option<Stream<f32>>,
         }
         out {
             /// Sliding speed per vertex.
@@ -104,14 +116,15 @@ pub struct SlidingSpeed {
     params: SlidingSpeedParams,
 }
 
-fn sliding_params(p: &SlidingSpeedParams, frames: Rate) -> SlidingParams {
+fn sliding_params(p: &SlidingSpeedParams, frames: Rate, aged: bool) -> SlidingParams {
     let gate = match p.gate {
         SpeedGate::Interval => GateMode::Interval { max_hold: p.max_hold },
         SpeedGate::Ever => GateMode::Ever,
         SpeedGate::Causal => GateMode::Causal { hold: p.hold },
     };
     let SlidingSpeedParams { rate, threshold, between, stamp, .. } = *p;
-    SlidingParams { frames, rate, threshold, gate, between, stamp }
+    let late = aged.then_some(LateParams { hold: p.late_hold, ramp: p.late_ramp });
+    SlidingParams { frames, rate, threshold, gate, between, stamp, late }
 }
 
 impl Node for SlidingSpeed {
@@ -123,7 +136,8 @@ impl Node for SlidingSpeed {
 
     fn shape(p: &SlidingSpeedParams, s: &mut Shape<'_, '_, SlidingSpeedPorts>) -> Result<(), Reject> {
         let contacts = s.input(SlidingSpeedPorts::contacts);
-        let mut ahead = sliding_params(p, contacts.rate).ahead();
+        let age = s.optional(SlidingSpeedPorts::age);
+        let mut ahead = sliding_params(p, contacts.rate, age.is_some()).ahead();
         if p.gate == SpeedGate::Ever {
             let Some(frames) = contacts.items() else {
                 return Err(Reject::new(
@@ -136,6 +150,12 @@ impl Node for SlidingSpeed {
             ahead += frames.max(0) as usize;
         }
         s.reach(SlidingSpeedPorts::contacts, 0, ahead);
+        if let Some(age) = age {
+            s.check(same_rate("age", age.rate, "`contacts`", contacts.rate));
+            s.check(same_channels("age", age.format, "an age", Channels(1)));
+            // The slide of a frame is the way to the next, which the contacts have looked at already.
+            s.reach(SlidingSpeedPorts::age, 0, ahead + 1);
+        }
         s.output(SlidingSpeedPorts::speeds, p.rate, contacts.format.areas);
         Ok(())
     }
@@ -143,7 +163,8 @@ impl Node for SlidingSpeed {
     fn build(p: &SlidingSpeedParams, cx: &Build<'_>) -> Result<Self, Fault> {
         let contacts = cx.input(SlidingSpeedPorts::contacts);
         let (vertices, slots) = (contacts.format.areas.len(), contacts.format.slots);
-        let params = sliding_params(p, contacts.rate);
+        let aged = cx.optional(SlidingSpeedPorts::age).is_some();
+        let params = sliding_params(p, contacts.rate, aged);
         Ok(Self {
             sliding: Sliding::new(params, vertices, slots, contacts.items()),
             begun: false,
@@ -156,13 +177,20 @@ impl Node for SlidingSpeed {
 
     fn run(&mut self, mut io: SlidingSpeedIo<'_>) -> Result<(), Fault> {
         let (contacts, first) = (&io.contacts, io.contacts.first());
-        if !std::mem::replace(&mut self.begun, true) {
-            self.sliding.begin_at(first);
-        }
+        let ages = |frame: i64| {
+            let age = io.age.as_ref()?;
+            let at = (frame - age.first()) as isize;
+            Some([age.item(at)[0], age.item(at + 1)[0]])
+        };
         if self.unseen {
             self.unseen = false;
             let frames = contacts.around().chunks_exact(contacts.width().max(1));
-            (first..).zip(frames).for_each(|(frame, contacts)| self.sliding.observe(frame, contacts));
+            (first..)
+                .zip(frames)
+                .for_each(|(frame, contacts)| self.sliding.observe(frame, contacts, ages(frame)));
+        }
+        if !std::mem::replace(&mut self.begun, true) {
+            self.sliding.begin_at(first);
         }
         let (item, vertices) = (io.speeds.first(), io.speeds.width().max(1));
         let mut items = (item..).zip(io.speeds.items().chunks_exact_mut(vertices)).peekable();
@@ -178,7 +206,7 @@ impl Node for SlidingSpeed {
             if frame >= first + contacts.len() as i64 + self.ahead {
                 break;
             }
-            self.sliding.take(contacts.item((frame - first) as isize));
+            self.sliding.take(contacts.item((frame - first) as isize), ages(frame));
         }
         Ok(())
     }

@@ -37,10 +37,25 @@ pub trait Inbox: Send {
     fn next(&mut self, before: Tick) -> Option<(Tick, Message)>;
 }
 
+/// What a node reads frames of a fixed size from, such as the positions of a mesh.
+pub trait Frames: Send {
+    /// Writes the newest frame before a tick and gives its time, where one has come since the last call; older ones are passed over, and
+    /// later ones wait. It never waits, allocates or locks.
+    ///
+    /// # Shapes
+    /// `into` has the numbers that were asked for when this was opened.
+    fn latest(&mut self, before: Tick, into: &mut [f32]) -> Option<Tick>;
+}
+
 /// Where messages come from.
 pub trait Inputs: Send + Sync {
     /// Starts to collect the messages of a channel; `None` where nothing ever comes, as in an offline run.
     fn open(&self, channel: &str) -> Option<Box<dyn Inbox>>;
+
+    /// Starts to collect the frames of a channel, of so many numbers each; `None` where none ever comes.
+    fn open_frames(&self, _channel: &str, _numbers: usize) -> Option<Box<dyn Frames>> {
+        None
+    }
 }
 
 /// Nothing comes in.

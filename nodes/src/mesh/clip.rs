@@ -276,10 +276,10 @@ pub(super) fn check_request(
 }
 
 /// Farthest coordinate of a vertex, m: squares of distances stay far from infinity in single precision.
-const FARTHEST: f32 = 1e9;
+pub const FARTHEST: f32 = 1e9;
 
 /// Scales one position to metres, refusing what is not finite or farther than [`FARTHEST`].
-pub(super) fn metres(p: [f64; 3], scale: f64, frame: usize, vertex: usize) -> Result<[f32; 3], MeshError> {
+pub(crate) fn metres(p: [f64; 3], scale: f64, frame: usize, vertex: usize) -> Result<[f32; 3], MeshError> {
     let q = p.map(|x| (x * scale) as f32);
     if q.iter().all(|x| x.abs() <= FARTHEST) {
         Ok(q)

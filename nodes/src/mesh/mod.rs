@@ -29,7 +29,8 @@ pub mod subdivide_node;
 mod topology;
 
 pub use crate::core::files::ReadSeek;
-pub use clip::{FrameReader, MeshClip, MeshLimits, MeshStream, ReadOptions, UpAxis};
+pub(crate) use clip::metres;
+pub use clip::{FARTHEST, FrameReader, MeshClip, MeshLimits, MeshStream, ReadOptions, UpAxis};
 pub use error::MeshError;
 pub use item::{Mesh, MeshFormat};
 pub use materials::Materials;
@@ -40,4 +41,5 @@ pub use polygon::{MAX_CORNERS, Triangulation, Triangulator};
 pub use prepare::{MeshPrepare, vertex_areas};
 pub use regions::Regions;
 pub use sampler::{FrameSampler, nominal_rate};
+pub(crate) use sequence_node::rest;
 pub use topology::Topology;

@@ -5,8 +5,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::{
-    FrameReader, FrameSampler, Mesh, MeshError, MeshFormat, MeshStream, ObjMesh, OpenFrame, ReadOptions,
-    UpAxis, alembic, gltf, nominal_rate, open_mdd, open_obj_sequence, open_pc2,
+    FrameReader, FrameSampler, Materials, Mesh, MeshError, MeshFormat, MeshStream, ObjMesh, OpenFrame,
+    ReadOptions, Topology, UpAxis, alembic, gltf, nominal_rate, open_mdd, open_obj_sequence, open_pc2,
 };
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::{Files, MemoryFiles, ReadSeek};
@@ -242,8 +242,13 @@ fn open(p: &MeshSequenceParams, assets: &mut dyn Assets) -> Result<(MeshStream, 
             gltf::open(&bytes, &selection, &mut resolve, &options).map_err(failed)?
         }
     };
+    Ok((stream.with_up_axis(up(p, format), UpAxis::Z), format))
+}
+
+/// The upward axis of the file.
+fn up(p: &MeshSequenceParams, format: Format) -> UpAxis {
     let usual = if matches!(format, Format::Alembic | Format::Gltf) { UpAxis::Y } else { UpAxis::Z };
-    Ok((stream.with_up_axis(p.up.unwrap_or(usual), UpAxis::Z), format))
+    p.up.unwrap_or(usual)
 }
 
 fn base(
@@ -294,6 +299,15 @@ fn rate(p: &MeshSequenceParams, times: &[f64]) -> Result<Rate, Reject> {
             .at("fps")
             .help("set `fps` to the rate to resample them to, for example `fps: 60`")
     })
+}
+
+/// Faces and rest pose, materials, and the upward axis of a file whose motion comes from somewhere else.
+pub(crate) fn rest<P>(
+    p: &MeshSequenceParams,
+    s: &mut Shape<'_, '_, P>,
+) -> Result<(Topology, Materials, UpAxis), Reject> {
+    let (MeshStream { clip, .. }, format) = open(p, s)?;
+    Ok((clip.topology().clone(), clip.materials().clone().or_named(&p.material.0), up(p, format)))
 }
 
 impl Node for MeshSequence {

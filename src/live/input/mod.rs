@@ -1,9 +1,13 @@
-//! What comes in while a graph plays: OSC over UDP, and JSON lines on standard input.
+//! What comes in while a graph plays: OSC over UDP, JSON lines on standard input, and frames of meshes over TCP.
 
 mod hub;
 mod json;
+mod listening;
+mod meshes;
 mod osc;
 
-pub use hub::{Hub, Set};
+pub use hub::{Hub, Moment, Set};
 pub use json::{read_line, take_lines};
-pub use osc::{Listening, listen, read_packet};
+pub use listening::Listening;
+pub use meshes::{MAGIC, VERSION, listen_to_meshes, take_frames};
+pub use osc::{listen, read_packet};

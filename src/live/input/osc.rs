@@ -10,13 +10,13 @@
 //! The time of a bundle is kept: what it holds happens then, or at once where that has passed.
 
 use super::hub::Hub;
+use super::listening::Listening;
 use foley_nodes::live::{Sent, contact_to_message, control_to_message, to_message};
 use foley_nodes::modal::{Body, Impact};
 use rosc::{OscPacket, OscTime, OscType};
 use std::net::{SocketAddr, UdpSocket};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
-use std::thread::JoinHandle;
+use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 /// Seconds from 1900, where OSC counts from, to 1970.
@@ -123,14 +123,6 @@ pub fn read_packet(bytes: &[u8], hub: &Hub) {
     }
 }
 
-/// A socket that is listened to, until this is dropped.
-pub struct Listening {
-    /// Where.
-    pub at: SocketAddr,
-    stop: Arc<AtomicBool>,
-    thread: Option<JoinHandle<()>>,
-}
-
 /// Listens for packets.
 ///
 /// # Errors
@@ -138,26 +130,15 @@ pub struct Listening {
 pub fn listen(at: SocketAddr, hub: Arc<Hub>) -> std::io::Result<Listening> {
     let socket = UdpSocket::bind(at)?;
     socket.set_read_timeout(Some(Duration::from_millis(100)))?;
-    let (at, stop) = (socket.local_addr()?, Arc::new(AtomicBool::new(false)));
-    let stopped = Arc::clone(&stop);
-    let thread = std::thread::spawn(move || {
+    let at = socket.local_addr()?;
+    Ok(Listening::start(at, move |stop| {
         let mut bytes = vec![0; 65_536];
-        while !stopped.load(Relaxed) {
+        while !stop.load(Relaxed) {
             if let Ok(n) = socket.recv(&mut bytes) {
                 read_packet(&bytes[..n], &hub);
             }
         }
-    });
-    Ok(Listening { at, stop, thread: Some(thread) })
-}
-
-impl Drop for Listening {
-    fn drop(&mut self) {
-        self.stop.store(true, Relaxed);
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
-        }
-    }
+    }))
 }
 
 #[cfg(test)]

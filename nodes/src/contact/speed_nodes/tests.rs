@@ -79,9 +79,9 @@ fn midpoints_of_known_samples_have_the_known_values() {
     assert!(found.iter().zip(expected).all(|(f, e)| (f - e).abs() < 1e-6), "{found:?}");
     // Held from the first frame of each difference to the second, without a frame ahead.
     let held = SlidingSpeedParams { rate: Rate::hz(20), between: Between::Hold, ..params() };
-    assert_eq!(sliding_params(&held, Rate::hz(10)).ahead(), 5, "the gate alone looks ahead");
+    assert_eq!(sliding_params(&held, Rate::hz(10), false).ahead(), 5, "the gate alone looks ahead");
     let live = SlidingSpeedParams { gate: SpeedGate::Causal, ..held.clone() };
-    assert_eq!(sliding_params(&live, Rate::hz(10)).ahead(), 0);
+    assert_eq!(sliding_params(&live, Rate::hz(10), false).ahead(), 0);
     let found = speeds(held, Rate::hz(10), sliding(&slides));
     let expected = [0.0, 0.0, 0.0, 0.0, 2.0, 2.0, 3.0, 3.0, 3.0, 3.0, 0.0, 0.0, 0.0, 0.0];
     assert!(found.iter().zip(expected).all(|(f, e)| (f - e).abs() < 1e-6), "{found:?}");
@@ -163,13 +163,106 @@ fn a_speed_map_of_its_own_equals_the_one_inside() {
     assert_eq!(solo.run().unwrap().stream::<Speeds>(crate::core::ports::Port::new(0)), mapped);
 }
 
+/// Speeds at 60 per second of slides between items whose frames have these ages.
+fn aged(p: SlidingSpeedParams, slides: &[f32], ages: Vec<f32>) -> Vec<f32> {
+    let p = SlidingSpeedParams { rate: Rate::hz(60), threshold: 0.0, ..p };
+    let run = |window: f64| {
+        let solo = Solo::new::<SlidingSpeed>(p.clone())
+            .input(SlidingSpeedPorts::contacts, Rate::hz(60), one_vertex(), sliding(slides))
+            .optional(SlidingSpeedPorts::age, Rate::hz(60), Channels(1), ages.clone())
+            .window(ticks(window));
+        solo.run().unwrap().stream(SlidingSpeedPorts::speeds)
+    };
+    let whole = run(10.0);
+    for window in [0.001, 0.0177, 0.1] {
+        assert_eq!(run(window), whole, "{window}");
+    }
+    whole
+}
+
+#[test]
+fn late_frames_hold_the_last_speed_then_lose_it_and_the_next_frame_is_no_jump() {
+    // 0.3 m/s all the time; no frame comes between item 10 and item 34.
+    let shown = |item: usize| if (10..34).contains(&item) { 10 } else { item };
+    let ages = (0..60).map(|k| ((k - shown(k)) as f64 / 60.0) as f32).collect::<Vec<_>>();
+    let slides: Vec<f32> = (0..60).map(|k| (0.3 * (shown(k + 1) - shown(k)) as f64 / 60.0) as f32).collect();
+    for (gate, between, stamp) in [
+        (SpeedGate::Causal, Between::Hold, Stamp::Midpoint),
+        (SpeedGate::Ever, Between::Pchip, Stamp::Start),
+        (SpeedGate::Interval, Between::Linear, Stamp::Start),
+    ] {
+        let p = SlidingSpeedParams { gate, between, stamp, ..params() };
+        let found = aged(p.clone(), &slides, ages.clone());
+        for (k, speed) in found.iter().enumerate().take(59) {
+            // Item 10 is the first that is followed by itself.
+            let share = if (10..33).contains(&k) { 1.0 - ((k - 10) as f64 / 60.0 - 0.1) / 0.1 } else { 1.0 };
+            let expected = 0.3 * share.clamp(0.0, 1.0);
+            assert!((f64::from(*speed) - expected).abs() < 1e-6, "{between:?} {k}: {speed} {expected}");
+        }
+        // What a graph without ages makes of it: silence at once, and a spike of 24 times the speed.
+        let solo = Solo::new::<SlidingSpeed>(SlidingSpeedParams { rate: Rate::hz(60), threshold: 0.0, ..p });
+        let solo = solo.input(SlidingSpeedPorts::contacts, Rate::hz(60), one_vertex(), sliding(&slides));
+        let plain = solo.run().unwrap().stream(SlidingSpeedPorts::speeds);
+        assert!(plain[12] == 0.0 && (plain[33] - 7.2).abs() < 1e-4, "{between:?}: {plain:?}");
+    }
+}
+
+#[test]
+fn frames_that_come_irregularly_have_one_speed() {
+    let mut draw = Draw::new(3);
+    let stamps: Vec<f64> = (0..200).map(|k| (f64::from(k) + draw.between(0.0, 0.4)) / 60.0).collect();
+    let shown =
+        |item: usize| stamps.iter().rev().find(|at| **at <= item as f64 / 60.0).copied().unwrap_or(stamps[0]);
+    let ages = (0..150).map(|k| (k as f64 / 60.0 - shown(k)) as f32).collect();
+    let slides: Vec<f32> = (0..150).map(|k| (0.37 * (shown(k + 1) - shown(k))) as f32).collect();
+    assert!(slides.iter().any(|s| *s < 0.005) && slides.iter().any(|s| *s > 0.0075), "they are irregular");
+    let p = SlidingSpeedParams { gate: SpeedGate::Causal, between: Between::Hold, ..params() };
+    for (k, speed) in aged(p, &slides, ages).iter().enumerate().take(149).skip(5) {
+        assert!((f64::from(*speed) / 0.37 - 1.0).abs() < 1e-6, "{k}: {speed}");
+    }
+}
+
+#[test]
+fn a_vertex_that_leaves_what_it_touches_is_not_held() {
+    let ages = (0..30).map(|k| if k < 10 { 0.0 } else { (k - 10) as f32 / 60.0 }).collect();
+    let mut contacts = sliding(&[0.005; 30]);
+    contacts[12..].iter_mut().for_each(|c| *c = Contact::default());
+    let p = SlidingSpeedParams {
+        gate: SpeedGate::Causal,
+        between: Between::Hold,
+        hold: 0.0,
+        rate: Rate::hz(60),
+        ..params()
+    };
+    let solo = Solo::new::<SlidingSpeed>(p)
+        .input(SlidingSpeedPorts::contacts, Rate::hz(60), one_vertex(), contacts)
+        .optional(SlidingSpeedPorts::age, Rate::hz(60), Channels(1), ages);
+    let found = solo.run().unwrap().stream(SlidingSpeedPorts::speeds);
+    assert!(
+        found[..12].iter().all(|s| (s - 0.3).abs() < 1e-6) && found[12..].iter().all(|s| *s == 0.0),
+        "{found:?}"
+    );
+}
+
+#[test]
+fn an_age_of_another_rate_or_of_two_channels_is_refused() {
+    let refused = |rate, channels: u16| {
+        let solo = Solo::new::<SlidingSpeed>(params())
+            .input(SlidingSpeedPorts::contacts, Rate::hz(60), one_vertex(), sliding(&[0.0; 4]))
+            .optional(SlidingSpeedPorts::age, rate, Channels(channels), vec![0.0; 4 * usize::from(channels)]);
+        solo.shape().unwrap_err()
+    };
+    let (rate, channels) = (refused(Rate::hz(50), 1), refused(Rate::hz(60), 2));
+    assert_eq!((rate.code, channels.code), ("F045", "F046"));
+}
+
 #[test]
 fn threshold_factor_and_power_change_without_a_rebuild_and_nothing_else_does() {
     let p = params();
     let made = |p: &SlidingSpeedParams| SlidingSpeed {
-        sliding: Sliding::new(sliding_params(p, Rate::hz(60)), 1, 1, None),
+        sliding: Sliding::new(sliding_params(p, Rate::hz(60), false), 1, 1, None),
         begun: false,
-        ahead: sliding_params(p, Rate::hz(60)).ahead() as i64,
+        ahead: sliding_params(p, Rate::hz(60), false).ahead() as i64,
         unseen: false,
         map: SpeedMap { factor: p.factor, power: p.power },
         params: p.clone(),
@@ -181,7 +274,7 @@ fn threshold_factor_and_power_change_without_a_rebuild_and_nothing_else_does() {
         let new = SlidingSpeedParams { threshold, factor, ..p.clone() };
         assert_eq!(node.retune(&new), Retune::Done);
         for _ in 0..100 {
-            node.sliding.take(&sliding(&[0.005]));
+            node.sliding.take(&sliding(&[0.005]), None);
         }
         let mut out = [0.0];
         let item = node.sliding.next_frame() * 40 / 60 - 22;
