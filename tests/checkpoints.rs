@@ -170,7 +170,7 @@ fn all_examples_go_on_with_the_same_bits() {
             went_on += usize::from(count > 0);
         }
     }
-    assert!(went_on > 60, "{went_on}");
+    assert!(went_on > 20, "{went_on}");
 }
 
 #[test]
