@@ -172,6 +172,19 @@ impl Checkpoints {
     }
 }
 
+/// Takes away the marks of all runs in a folder but of those that run now, with the files that were begun.
+pub(super) fn forget_all(dir: &Path) {
+    let entries = fs::read_dir(dir).into_iter().flatten().flatten().map(|entry| entry.path());
+    for lock in entries.filter(|path| path.extension().is_some_and(|e| e == "lock")) {
+        let name = lock.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let marks = Checkpoints { dir: dir.to_owned(), name, every: Duration::ZERO, lock: OnceLock::new() };
+        if marks.own() {
+            marks.forget();
+            let _ = fs::remove_file(lock);
+        }
+    }
+}
+
 /// A checkpoint that is whole; no length in it is believed before the hash has been compared.
 fn read(path: &Path) -> Option<Checkpoint> {
     let bytes = fs::read(path).ok()?;
@@ -238,6 +251,23 @@ mod tests {
         assert!(marks.find(0, "b").is_some());
         marks.forget();
         assert!(!two.part.exists() && marks.last(0).is_none());
+    }
+
+    #[test]
+    fn all_marks_can_be_taken_away_but_those_of_a_run_that_runs() {
+        let dir = tempfile::tempdir().unwrap();
+        let [old, other] = ["old.part", "own.part"].map(|name| begun(dir.path(), name, b"x"));
+        let running = of(dir.path());
+        running.keep(0, &checkpoint("a", vec![other.clone()])).unwrap();
+        let over = Checkpoints::new(dir.path(), "other.ron", Path::new("out"), Duration::ZERO);
+        over.keep(1, &checkpoint("b", vec![old.clone()])).unwrap();
+        drop(over);
+        forget_all(dir.path());
+        assert_eq!((old.part.exists(), other.part.exists()), (false, true));
+        assert!(running.find(0, "a").is_some());
+        drop(running);
+        forget_all(dir.path());
+        assert!(!other.part.exists() && fs::read_dir(dir.path()).unwrap().next().is_none());
     }
 
     #[test]

@@ -253,9 +253,10 @@ impl Store {
         total
     }
 
-    /// Removes all entries and all traces.
+    /// Removes all entries, all traces, and how far runs are that do not run now.
     pub fn clear(&self) {
         self.evict(0, &HashSet::new());
+        super::checkpoints::forget_all(&self.dir);
         for (path, _) in files(&self.dir.join("index")) {
             if path.extension().is_some_and(|e| e == "json") {
                 let _ = fs::remove_file(path);
