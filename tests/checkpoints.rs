@@ -271,6 +271,18 @@ fn a_run_that_was_killed_goes_on_and_one_of_another_graph_does_not() {
     assert!(!said.contains("went on"), "{said}");
     assert!(shell.sound("out") != shell.sound("whole"));
     assert_eq!(shell.named("out", "").len(), 1, "what was begun for the graph of before goes with the run");
+
+    // Nodes of the same names that hear others.
+    shell.edit(LONG);
+    let mut child = shell.started();
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let soft = "\"soft\": Gain(audio: \"low\", gain: 0.5), \"high\": HighPass(audio: \"soft\",";
+    shell.edit(&LONG.replace("\"high\": HighPass(audio: \"low\",", soft));
+    let said = shell.finish(&[]);
+    assert!(!said.contains("went on"), "{said}");
+    shell.finish(&["--no-cache", "--out", "soft"]);
+    assert!(shell.sound("out") == shell.sound("soft"), "not the same bits");
 }
 
 #[test]

@@ -82,7 +82,7 @@ pub fn pass(
     let root = |n: &usize| memo::writes(ty(*n)) || cut.tapped(*n) || missed.contains(n);
     let roots = phase.nodes.iter().copied().filter(root).collect();
     cut.walk(roots, memo, values);
-    cut.follow(number, memo, values)?;
+    cut.follow(number, memo, values);
     for (n, hit) in folds.iter().copied().zip(hits) {
         if let Some(hit) = hit.filter(|_| !cut.needed.contains(&n)) {
             super::take(n, hit, values, report);
@@ -127,6 +127,8 @@ struct Cut<'j> {
     costs: BTreeMap<String, (String, f64)>,
     /// Whether to look for and to keep streams at all.
     worth: bool,
+    /// Nodes of the phase.
+    own: HashSet<usize>,
     needed: BTreeSet<usize>,
     found: BTreeMap<usize, Outputs<Kept>>,
     /// How an earlier run was laid out that can be gone on with.
@@ -166,6 +168,7 @@ impl<'j> Cut<'j> {
             ports,
             costs: memo.memo().index().costs(),
             worth: false,
+            own: phase.nodes.iter().copied().collect(),
             needed: BTreeSet::new(),
             found: BTreeMap::new(),
             marked: None,
@@ -199,7 +202,6 @@ impl<'j> Cut<'j> {
 
     /// Finds what has to run to have `roots`.
     fn walk(&mut self, roots: Vec<usize>, memo: &mut Session<'_>, values: &Values) {
-        let own: HashSet<usize> = self.phase.nodes.iter().copied().collect();
         let mut stack = roots;
         while let Some(n) = stack.pop() {
             if !self.needed.insert(n) {
@@ -210,13 +212,16 @@ impl<'j> Cut<'j> {
                 self.found.insert(n, kept);
                 continue;
             }
-            let node = &self.job.graph.nodes[n];
-            for (spec, links) in node.ty.inputs.iter().zip(&node.links) {
-                if !matches!(spec.kind, PortKind::Value(_)) {
-                    stack.extend(links.iter().map(|l| l.node).filter(|u| own.contains(u)));
-                }
-            }
+            stack.extend(self.above(n));
         }
+    }
+
+    /// Nodes of this phase that a node reads streams or events of.
+    fn above(&self, n: usize) -> impl Iterator<Item = usize> {
+        let node = &self.job.graph.nodes[n];
+        let inputs = node.ty.inputs.iter().zip(&node.links);
+        let streams = inputs.filter(|(spec, _)| !matches!(spec.kind, PortKind::Value(_)));
+        streams.flat_map(|(_, links)| links).map(|l| l.node).filter(|u| self.own.contains(u))
     }
 
     /// Whether a node runs in this phase.
@@ -278,53 +283,48 @@ impl<'j> Cut<'j> {
     /// Lays out what has to run as an earlier run had it that was interrupted, where that can still be had.
     ///
     /// What is known by now may be more than that run knew, and its state does not fit less work.
-    fn follow(
-        &mut self,
-        number: usize,
-        memo: &mut Session<'_>,
-        values: &Values,
-    ) -> Result<(), Vec<Diagnostic>> {
-        let Some(mark) = memo.memo().checkpoints().and_then(|marks| marks.last(number)) else {
-            return Ok(());
-        };
-        if self.needed.is_empty() {
-            return Ok(());
+    fn follow(&mut self, number: usize, memo: &mut Session<'_>, values: &Values) {
+        if self.needed.is_empty() || !self.worth {
+            return;
         }
-        let find = |id: &str| self.job.graph.find(id).filter(|n| self.phase.nodes.contains(n));
+        let Some(mark) = memo.memo().checkpoints().and_then(|marks| marks.last(number)) else { return };
+        let find = |id: &str| self.job.graph.find(id).filter(|n| self.own.contains(n));
         let nodes: Option<Vec<_>> =
             mark.cut.nodes.iter().map(|(id, read)| Some((find(id)?, *read))).collect();
         let writers: Option<Vec<_>> =
             mark.cut.writers.iter().map(|(id, port)| Some((find(id)?, *port))).collect();
-        let (Some(nodes), Some(writers)) = (nodes, writers) else { return Ok(()) };
+        let (Some(nodes), Some(writers)) = (nodes, writers) else { return };
         let needed: BTreeSet<usize> = nodes.iter().map(|(n, _)| *n).collect();
-        if !self.needed.is_subset(&needed) {
-            return Ok(());
+        let runs = |n: &usize| !nodes.contains(&(*n, true));
+        // The mark may be that of another graph, whose nodes had other inputs.
+        let whole = needed.iter().filter(|n| runs(n)).all(|&n| self.above(n).all(|u| needed.contains(&u)));
+        if !whole || !self.needed.is_subset(&needed) {
+            return;
         }
         let mut found = BTreeMap::new();
         for &(n, _) in nodes.iter().filter(|(_, read)| *read) {
             let ports = self.ports.get(&n).map_or(&[][..], Vec::as_slice);
-            let Some(kept) = memo.look_up_streams(n, ports, values) else { return Ok(()) };
+            let Some(kept) = memo.look_up_streams(n, ports, values) else { return };
             found.insert(n, kept);
         }
         let mut writing = Vec::new();
         for (n, port) in writers {
             let Some((_, codec)) = self.ports.get(&n).and_then(|all| all.iter().find(|(p, _)| *p == port))
             else {
-                return Ok(());
+                return;
             };
             writing.extend(self.start(n, port, *codec, values, memo));
         }
         let own = (std::mem::replace(&mut self.needed, needed), std::mem::replace(&mut self.found, found));
-        let laid = self.lay(writing)?;
-        let phase = laid.cut.as_ref().map_or(self.phase, |(_, phase)| phase);
-        let note = self.note(&laid.streams);
-        let asked = checkpoint::Laid { number, phase, cut: &note };
-        if checkpoint::key(self.job, memo, asked, values) == Some(mark.key) {
-            self.marked = Some(laid);
-        } else {
+        self.marked = self.lay(writing).ok().filter(|laid| {
+            let phase = laid.cut.as_ref().map_or(self.phase, |(_, phase)| phase);
+            let note = self.note(&laid.streams);
+            let asked = checkpoint::Laid { number, phase, cut: &note };
+            checkpoint::key(self.job, memo, asked, values) == Some(mark.key)
+        });
+        if self.marked.is_none() {
             (self.needed, self.found) = own;
         }
-        Ok(())
     }
 
     /// Lays out what has to run.

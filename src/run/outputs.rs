@@ -17,21 +17,23 @@ pub struct DirOutputs {
     root: PathBuf,
     pending: Mutex<Vec<(PathBuf, PathBuf)>>,
     written: Mutex<Vec<PathBuf>>,
-    /// What an earlier run has begun and this one goes on with, and what is left for a later one.
-    begun: Mutex<(Vec<Begun>, HashSet<PathBuf>)>,
+    /// What an earlier run has begun and this one goes on with.
+    begun: Mutex<Vec<Begun>>,
+    /// What is left for a later one.
+    left: Mutex<HashSet<PathBuf>>,
 }
 
 impl DirOutputs {
     /// Outputs below `root`; the folder is made when the first output starts.
     #[must_use]
     pub fn new(root: impl Into<PathBuf>) -> Self {
-        let (pending, written, begun) = Default::default();
-        Self { root: root.into(), pending, written, begun }
+        let (pending, written, begun, left) = Default::default();
+        Self { root: root.into(), pending, written, begun, left }
     }
 
     /// Goes on with files that an earlier run has begun, as soon as they are created again.
     pub fn go_on(&self, begun: Vec<Begun>) {
-        self.begun.lock().unwrap_or_else(PoisonError::into_inner).0 = begun;
+        *self.begun.lock().unwrap_or_else(PoisonError::into_inner) = begun;
     }
 
     /// The files that are being written, but for some, with all their bytes on the disk.
@@ -59,7 +61,7 @@ impl DirOutputs {
     /// Leaves files where they are, for a later run to go on with; those of an earlier call no more.
     pub fn leave(&self, begun: &[Begun]) {
         let left = begun.iter().map(|b| b.part.clone()).collect();
-        self.begun.lock().unwrap_or_else(PoisonError::into_inner).1 = left;
+        *self.left.lock().unwrap_or_else(PoisonError::into_inner) = left;
     }
 
     /// Starts a file whose path the user gave on the command line, anywhere.
@@ -106,8 +108,8 @@ impl DirOutputs {
     fn take_begun(&self, to: &Path) -> Option<Begun> {
         let to = absolute(to).ok()?;
         let mut begun = self.begun.lock().unwrap_or_else(PoisonError::into_inner);
-        let at = begun.0.iter().position(|b| b.to == to)?;
-        Some(begun.0.swap_remove(at))
+        let at = begun.iter().position(|b| b.to == to)?;
+        Some(begun.swap_remove(at))
     }
 
     /// Moves every output to its place.
@@ -161,7 +163,7 @@ fn existing(path: &Path) -> Option<PathBuf> {
 
 impl Drop for DirOutputs {
     fn drop(&mut self) {
-        let left = &self.begun.get_mut().unwrap_or_else(PoisonError::into_inner).1;
+        let left = self.left.get_mut().unwrap_or_else(PoisonError::into_inner);
         for (part, _) in self.pending.get_mut().unwrap_or_else(PoisonError::into_inner).drain(..) {
             if !absolute(&part).is_ok_and(|part| left.contains(&part)) {
                 let _ = fs::remove_file(part);
