@@ -140,12 +140,7 @@ pub mod long {
 macro_rules! carried {
     ($ty:ty { $($fields:tt)* }) => {
         impl $crate::core::carry::Carried for $ty {
-            fn carry(
-                &mut self,
-                carry: &mut $crate::core::carry::Carry<'_>,
-            ) -> Result<(), $crate::core::fault::Fault> {
-                $crate::carried!(@ self, carry, $($fields)*)
-            }
+            $crate::carries!($($fields)*);
         }
     };
     (@ $own:ident, $carry:ident, ) => { Ok(()) };
@@ -159,8 +154,8 @@ macro_rules! carried {
     }};
 }
 
-/// The [`Node::carry`](crate::core::node::Node::carry) of a node, by the fields that change while it runs, as in
-/// [`carried!`](crate::carried).
+/// The [`Node::carry`](crate::core::node::Node::carry) of a node, or the [`Carried::carry`](crate::core::carry::Carried::carry) of a type with parameters, by the fields
+/// that change while it works, as in [`carried!`](crate::carried).
 #[macro_export]
 macro_rules! carries {
     ($($fields:tt)*) => {

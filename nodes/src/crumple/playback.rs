@@ -3,8 +3,9 @@
 use super::bank::{BankError, CrumpleBank};
 use super::item::MatchedCrumple;
 use super::player::{Hearing, Onset, Player};
+use crate::carries;
 use crate::choices;
-use crate::core::carry::{Carried, Carry};
+use crate::core::carry::Carried;
 use crate::core::fault::Fault;
 use crate::core::node::Summary;
 use crate::core::ports::{EventsIn, Out};
@@ -82,11 +83,7 @@ pub(super) struct Playback<H> {
 }
 
 impl<H: Serialize + DeserializeOwned> Carried for Playback<H> {
-    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault> {
-        self.player.carry(carry)?;
-        self.next.carry(carry)?;
-        self.played.carry(carry)
-    }
+    carries!(player, next, played);
 }
 
 impl<H: Hearing> Playback<H> {

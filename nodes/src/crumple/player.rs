@@ -1,8 +1,8 @@
 //! Plays samples of a bank, each from its own moment on.
 
 use super::CrumpleBank;
-use crate::core::carry::{Carried, Carry};
-use crate::core::fault::Fault;
+use crate::carries;
+use crate::core::carry::Carried;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
@@ -110,11 +110,7 @@ pub struct Player<H> {
 }
 
 impl<H: Serialize + DeserializeOwned> Carried for Player<H> {
-    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault> {
-        self.voices.carry(carry)?;
-        self.stolen.carry(carry)?;
-        self.at_once.carry(carry)
-    }
+    carries!(voices, stolen, at_once);
 }
 
 impl<H: Hearing> Player<H> {

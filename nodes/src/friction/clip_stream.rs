@@ -3,8 +3,8 @@
 use std::ops::RangeInclusive;
 
 use super::ift_noise::{ClipInput, IftNoise, Mono, NoiseError, Receiver};
-use crate::core::carry::{Carried, Carry};
-use crate::core::fault::Fault;
+use crate::carries;
+use crate::core::carry::Carried;
 
 /// Two half-overlapping clips at a time, added to a continuous signal.
 ///
@@ -21,10 +21,7 @@ pub struct ClipStream<R = Mono> {
 }
 
 impl<R: Receiver> Carried for ClipStream<R> {
-    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault> {
-        self.noise.coverage_mut().carry(carry)?;
-        self.clips.carry(carry)
-    }
+    carries!(noise, clips);
 }
 
 impl<R: Receiver> ClipStream<R> {

@@ -18,6 +18,8 @@ use super::phasors::{BLOCK, phasors, rayleigh};
 use super::psd::clip_samples;
 use super::table::{Coverage, SpectrumTable};
 use super::window::Window;
+use crate::carries;
+use crate::core::carry::Carried;
 use crate::core::random::Random;
 
 /// Area of cloth that a friction model's level stands for, in square metres.
@@ -280,6 +282,10 @@ pub struct IftNoise<R = Mono> {
     coverage: SpeedCoverage,
 }
 
+impl<R> Carried for IftNoise<R> {
+    carries!(coverage);
+}
+
 impl IftNoise<Mono> {
     /// Mono noise for vertices of these areas (m^2) at `fs` hertz.
     ///
@@ -376,11 +382,6 @@ impl<R: Receiver> IftNoise<R> {
     /// The receiver, to move it between clips.
     pub fn receiver_mut(&mut self) -> &mut R {
         &mut self.receiver
-    }
-
-    /// The same, to be gone on with.
-    pub(super) fn coverage_mut(&mut self) -> &mut SpeedCoverage {
-        &mut self.coverage
     }
 
     /// Share of the work so far that lay outside the model's speeds.

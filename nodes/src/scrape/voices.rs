@@ -5,8 +5,8 @@
 //! precision, and the same however the samples are cut into calls.
 
 use super::item::{PathPiece, place, shifted};
-use crate::core::carry::{Carried, Carry};
-use crate::core::fault::Fault;
+use crate::carries;
+use crate::core::carry::Carried;
 use crate::core::node::Summary;
 use crate::core::time::{Rate, TICKS_PER_SECOND, Tick};
 use crate::dsp::LevelMeter;
@@ -125,13 +125,7 @@ pub struct Voices<S> {
 }
 
 impl<S: Serialize + DeserializeOwned> Carried for Voices<S> {
-    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault> {
-        self.voices.carry(carry)?;
-        self.most.carry(carry)?;
-        self.left_out.carry(carry)?;
-        self.meter.carry(carry)?;
-        self.now.carry(carry)
-    }
+    carries!(voices, most, left_out, meter, now);
 }
 
 impl<S: Clone> Voices<S> {

@@ -1,9 +1,9 @@
 //! Which unit of a database sounds most like each unit of a target: exact search in bounded memory.
 
 use super::kdtree::{KdTree, Search, squared};
-use crate::carried;
-use crate::core::carry::{Carried, Carry};
+use crate::core::carry::Carry;
 use crate::core::fault::Fault;
+use crate::{carried, carries};
 use std::cmp::Ordering;
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -510,9 +510,7 @@ impl<const P: usize> Selector for Exact<P> {
         picks.iter().for_each(|unit| self.past.note(*unit));
     }
 
-    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault> {
-        self.past.carry(carry)
-    }
+    carries!(past);
 
     fn another(&self) -> Box<dyn Selector> {
         Box::new(self.clone())
