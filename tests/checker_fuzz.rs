@@ -5,7 +5,7 @@ use foley::draw::{Drawing, svg};
 use foley::graph::{DirFiles, Limits, Override, load_text};
 use foley::lang::parse;
 use foley::plan::{PlanOptions, faults};
-use foley_nodes::core::random::Draw;
+use foley_nodes::core::random::Rng;
 use std::fs;
 use std::path::Path;
 
@@ -52,7 +52,7 @@ const PIECES: [&str; 24] = [
     "\"\u{0}\u{10FFFF}\"",
 ];
 
-fn damage(tokens: &[String], pool: &[String], draw: &mut Draw) -> String {
+fn damage(tokens: &[String], pool: &[String], draw: &mut Rng) -> String {
     let mut all = tokens.to_vec();
     for _ in 0..1 + draw.below(4) {
         if all.is_empty() {
@@ -107,7 +107,7 @@ fn judge_with(text: &str, sets: &[Override]) -> bool {
 fn damaged_graphs_are_graphs_or_have_errors() {
     let seeds: Vec<Vec<String>> = seeds().iter().map(|text| tokens(text)).collect();
     let pool: Vec<String> = seeds.iter().flatten().cloned().collect();
-    let mut draw = Draw::new(11);
+    let mut draw = Rng::new(11);
     let (mut right, mut wrong) = (0, 0);
     for _ in 0..4000 {
         let text = damage(&seeds[draw.below(seeds.len())], &pool, &mut draw);
@@ -130,12 +130,12 @@ fn damaged_settings_are_taken_or_refused() {
     let words: Vec<String> =
         tokens(&text).iter().filter(is_word).map(|t| t.trim_matches('"').to_owned()).collect();
     let pool = tokens(&text);
-    let mut draw = Draw::new(12);
+    let mut draw = Rng::new(12);
     let (mut right, mut wrong) = (0, 0);
     for _ in 0..4000 {
         let sets: Vec<Override> = (0..1 + draw.below(2))
             .map(|_| {
-                let word = |draw: &mut Draw| words[draw.below(words.len())].clone();
+                let word = |draw: &mut Rng| words[draw.below(words.len())].clone();
                 let target = match draw.below(3) {
                     0 => word(&mut draw),
                     1 => damage(&[word(&mut draw), ".".into(), word(&mut draw)], &pool, &mut draw),

@@ -7,7 +7,7 @@ use foley::live::input::{Hub, listen_to_meshes};
 use foley::live::{Callback, Material, Options, Player, Reloaded};
 use foley::plan::PlanOptions;
 use foley_nodes::core::input::{Inbox, Inputs, Message, NoInputs};
-use foley_nodes::core::random::Draw;
+use foley_nodes::core::random::Rng;
 use foley_nodes::core::time::{Tick, ticks};
 use foley_nodes::io::AudioReader;
 use foley_nodes::live::{Sent, contact_to_message};
@@ -585,13 +585,13 @@ struct Sketch {
 }
 
 impl Sketch {
-    fn new(draw: &mut Draw) -> Self {
+    fn new(draw: &mut Rng) -> Self {
         let mut sketch = Self { chains: Vec::new(), next: 0 };
         (0..1 + draw.below(3)).for_each(|_| sketch.add_chain(draw));
         sketch
     }
 
-    fn add_chain(&mut self, draw: &mut Draw) {
+    fn add_chain(&mut self, draw: &mut Rng) {
         self.chains.push((50.0 + draw.below(200) as f64, Vec::new()));
         for _ in 0..draw.below(4) {
             let last = self.chains.len() - 1;
@@ -599,7 +599,7 @@ impl Sketch {
         }
     }
 
-    fn add_node(&mut self, chain: usize, draw: &mut Draw) {
+    fn add_node(&mut self, chain: usize, draw: &mut Rng) {
         let text = match draw.below(5) {
             0 => format!("Gain(audio: \"@\", gain: {:.3})", draw.between(-1.0, 1.0)),
             1 => format!("HighPass(audio: \"@\", cutoff: {:.1})", draw.between(30.0, 300.0)),
@@ -613,7 +613,7 @@ impl Sketch {
         self.next += 1;
     }
 
-    fn edit(&mut self, draw: &mut Draw) {
+    fn edit(&mut self, draw: &mut Rng) {
         let chain = draw.below(self.chains.len());
         let nodes = self.chains[chain].1.len();
         match draw.below(6) {
@@ -654,7 +654,7 @@ impl Sketch {
 #[test]
 fn after_any_edits_a_graph_plays_as_if_it_had_been_so_from_the_start() {
     for seed in 0..25 {
-        let mut draw = Draw::new(seed);
+        let mut draw = Rng::new(seed);
         let mut sketch = Sketch::new(&mut draw);
         let mut stand = Stand::new(&sketch.text(), [32, 128, 441][draw.below(3)]);
         stand.play(draw.below(9000), 100);

@@ -8,7 +8,7 @@ mod common;
 use foley::graph::{DirFiles, Limits, load_text};
 use foley::live::{Callback, Material, Options, Player, Told};
 use foley_nodes::core::input::NoInputs;
-use foley_nodes::core::random::Draw;
+use foley_nodes::core::random::Rng;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::sync::Arc;
@@ -60,7 +60,7 @@ fn material(text: &str) -> Material {
 }
 
 /// Edits of every kind: numbers, nodes that come and go, other links, look-ahead, a loop, a file, modes.
-fn version(draw: &mut Draw) -> String {
+fn version(draw: &mut Rng) -> String {
     let gain = draw.between(0.1, 0.9);
     let tone = 100 + draw.below(3) * 50;
     let mut nodes = format!(
@@ -139,7 +139,7 @@ impl Stand {
 
 #[test]
 fn ten_thousand_blocks_with_two_hundred_edits_never_call_the_allocator() {
-    let mut draw = Draw::new(1);
+    let mut draw = Rng::new(1);
     let mut stand = Stand::new(&version(&mut draw));
     while stand.blocks < 10_000 {
         stand.edit(&version(&mut draw));
@@ -153,7 +153,7 @@ fn ten_thousand_blocks_with_two_hundred_edits_never_call_the_allocator() {
 
 #[test]
 fn a_thousand_edits_leave_no_memory_behind() {
-    let mut draw = Draw::new(2);
+    let mut draw = Rng::new(2);
     let versions: Vec<String> = (0..10).map(|_| version(&mut draw)).collect();
     let mut stand = Stand::new(&versions[0]);
     let mut after = Vec::new();

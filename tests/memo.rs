@@ -7,7 +7,7 @@ use foley::graph::{DirFiles, Limits, load};
 use foley::memo::{Memo, Session, Store, beside, changes};
 use foley::plan::{Plan, PlanOptions};
 use foley::run::Report;
-use foley_nodes::core::random::Draw;
+use foley_nodes::core::random::Rng;
 use std::collections::HashSet;
 use std::fs;
 use std::path::Path;
@@ -228,7 +228,7 @@ fn made_up_entries_with_fitting_hashes_are_told_or_taken_and_never_panic() {
     let header = u32::from_le_bytes(whole[12..16].try_into().unwrap()) as usize;
     let (mut taken, mut refused) = (0, 0);
     for round in 0..400 {
-        let mut draw = Draw::new(round);
+        let mut draw = Rng::new(round);
         let mut bytes = whole.clone();
         // In the header where there is one, and in the values behind it.
         let at = 48 + if round % 2 == 0 { draw.below(header) } else { draw.below(bytes.len() - 48) };

@@ -6,7 +6,7 @@ use std::hint::black_box;
 use std::time::Instant;
 
 use foley_nodes::core::item::Event;
-use foley_nodes::core::random::Draw;
+use foley_nodes::core::random::Rng;
 use foley_nodes::crumple::matching::{EnergyMap, Mapping, Rolling};
 use foley_nodes::crumple::{Buckle, BuckleDetector, Crumple, CrumpleEvents, CrumpleParams};
 use foley_nodes::curvature::{Curvature, MeanCurvature, Method};
@@ -94,8 +94,8 @@ fn main() {
 }
 
 fn matching() {
-    let mut draw = Draw::new(1);
-    let mut energies: Vec<f64> = (0..4096).map(|_| Crumple::trial(&mut draw).energy).collect();
+    let mut rng = Rng::new(1);
+    let mut energies: Vec<f64> = (0..4096).map(|_| Crumple::trial(&mut rng).energy).collect();
     energies.sort_unstable_by(f64::total_cmp);
     let map = EnergyMap::new(&energies, &energies[..500], Mapping::Ecdf);
     let mut rolling = Rolling::new(60.0);

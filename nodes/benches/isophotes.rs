@@ -5,8 +5,8 @@
 //! for `benches/peers/textures.py`. On Linux the most memory that the isophotes of the larger one take is printed beside them.
 
 use foley_nodes::core::params::Params;
-use foley_nodes::core::random::Draw;
-use foley_nodes::core::solo::Solo;
+use foley_nodes::core::random::Rng;
+use foley_nodes::core::standalone::Standalone;
 use foley_nodes::core::time::{Rate, ticks};
 use foley_nodes::scrape::isophote_node::{
     IsophoteExcitation, IsophoteExcitationParams, IsophoteExcitationPorts,
@@ -48,8 +48,8 @@ fn peak_of(work: impl FnOnce()) -> Option<(f64, f64)> {
 
 /// Smooth noise between 0 and 1.
 fn image(n: usize) -> Grid {
-    let (mut draw, m) = (Draw::new(9), n / 16 + 4);
-    let coarse = Grid::from_fn(m, m, |_, _| draw.unit() as f32);
+    let (mut rng, m) = (Rng::new(9), n / 16 + 4);
+    let coarse = Grid::from_fn(m, m, |_, _| rng.uniform() as f32);
     let weights = |x: usize| {
         let t = (x % 16) as f32 / 16.0;
         // Catmull and Rom.
@@ -108,8 +108,8 @@ fn curves() -> Result<(), Box<dyn Error>> {
 
 /// Isophotes of a rough texture: about one crossing per pixel and a half.
 fn rough() -> Result<Isophotes, Box<dyn Error>> {
-    let mut draw = Draw::new(4);
-    let grid = Grid::from_fn(512, 512, |_, _| draw.between(0.0, 100.0) as f32);
+    let mut rng = Rng::new(4);
+    let grid = Grid::from_fn(512, 512, |_, _| rng.between(0.0, 100.0) as f32);
     let grid = smooth(&grid, &Kernel::gaussian(1.5, 4.0), Wrap::Repeat);
     let luma = Luma { grid, holes: Vec::new(), kind: LumaKind::Lstar, surface: Surface::default() };
     let levels = Levels::Quantiles(8);
@@ -144,19 +144,20 @@ fn force(all: &Isophotes) -> Result<(), Box<dyn Error>> {
             }
             let p = IsophoteExcitationParams::read(&|_| None).map_err(|e| format!("{e:?}"))?;
             let rate = Rate::hz(44_100);
-            let solo = Solo::new::<IsophoteExcitation>(IsophoteExcitationParams { reading, rate, ..p })
-                .events(IsophoteExcitationPorts::paths, pieces, ticks(SECONDS))
-                .value(IsophoteExcitationPorts::isophotes, all.clone())
-                .window(rate.span(1024));
+            let standalone =
+                Standalone::new::<IsophoteExcitation>(IsophoteExcitationParams { reading, rate, ..p })
+                    .events(IsophoteExcitationPorts::paths, pieces, ticks(SECONDS))
+                    .value(IsophoteExcitationPorts::isophotes, all.clone())
+                    .window(rate.span(1024));
             let time = (0..5).map(|_| {
-                let mut run = solo.start()?;
+                let mut run = standalone.start()?;
                 let start = Instant::now();
                 while run.step()? {}
                 Ok::<_, Box<dyn Error>>(start.elapsed().as_secs_f64())
             });
             let time = time.collect::<Result<Vec<_>, _>>()?.into_iter().fold(f64::INFINITY, f64::min);
             let blocks = SECONDS * 44_100.0 / 1024.0 * contacts as f64;
-            let told = solo.run()?.summary;
+            let told = standalone.run()?.summary;
             let told = told.iter().find(|(key, _)| *key == "crossings").and_then(|(_, count)| count.as_f64());
             let crossings = told.unwrap_or(0.0) / SECONDS / contacts as f64;
             found.push([crossings, 1e6 * time / (1000.0 * SECONDS * contacts as f64)]);

@@ -5,7 +5,7 @@
 use foley_nodes::core::item::AnyValue;
 use foley_nodes::core::params::Params;
 use foley_nodes::core::random::Random;
-use foley_nodes::core::solo::{Feed, Solo};
+use foley_nodes::core::standalone::{Feed, Standalone};
 use foley_nodes::modal::Modes;
 use foley_nodes::scrape::levels_node::{LevelMatcher, LevelMatcherParams, LevelMatcherPorts};
 use foley_nodes::scrape::pair_levels_node::{PairMatcher, PairMatcherParams, PairMatcherPorts};
@@ -58,11 +58,11 @@ fn made(name: &str, density: f64) -> Result<Made, Box<dyn Error>> {
 }
 
 /// Best of three times, ms.
-fn time(solo: &Solo) -> Result<f64, Box<dyn Error>> {
+fn time(standalone: &Standalone) -> Result<f64, Box<dyn Error>> {
     let mut best = f64::MAX;
     for _ in 0..3 {
         let start = Instant::now();
-        solo.run()?;
+        standalone.run()?;
         best = best.min(start.elapsed().as_secs_f64() * 1e3);
     }
     Ok(best)
@@ -77,7 +77,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             let p = LevelMatcherParams::read(&|_| None).map_err(|e| format!("{e:?}"))?;
             let p = LevelMatcherParams { speed: 1.2, force: 11.0, by_speed, ..p };
             type P = LevelMatcherPorts;
-            let solo = Solo::func::<LevelMatcher>(p)
+            let standalone = Standalone::func::<LevelMatcher>(p)
                 .feed(P::map.index(), Feed::value(AnyValue::new(made.map.clone())))
                 .feed(P::isophotes.index(), Feed::value(AnyValue::new(made.curves.clone())))
                 .feed(P::features.index(), Feed::value(AnyValue::new(made.features.clone())))
@@ -85,14 +85,14 @@ fn main() -> Result<(), Box<dyn Error>> {
                 .feed(P::noise.index(), Feed::value(AnyValue::new(made.noise.clone())))
                 .feed(P::spectrum.index(), Feed::value(AnyValue::new(made.noise.clone())))
                 .feed(P::modes.index(), Feed::value(AnyValue::new(modes.clone())));
-            println!("  {:<50} {:8.0}    1000", format!("{name}, {what}"), time(&solo)?);
+            println!("  {:<50} {:8.0}    1000", format!("{name}, {what}"), time(&standalone)?);
         }
     }
     let (a, b) = (made("sk_gravel", 2048.0)?, made("sk_brick", 4096.0)?);
     let p = PairMatcherParams::read(&|_| None).map_err(|e| format!("{e:?}"))?;
     let p = PairMatcherParams { speed: 0.6, other: 0.4, force: 3.0, ..p };
     type P = PairMatcherPorts;
-    let solo = Solo::func::<PairMatcher>(p)
+    let standalone = Standalone::func::<PairMatcher>(p)
         .feed(P::a.index(), Feed::value(AnyValue::new(a.luma)))
         .feed(P::b.index(), Feed::value(AnyValue::new(b.luma)))
         .feed(P::lines_a.index(), Feed::value(AnyValue::new(a.lines)))
@@ -104,6 +104,6 @@ fn main() -> Result<(), Box<dyn Error>> {
         .feed(P::spectrum_a.index(), Feed::value(AnyValue::new(a.noise)))
         .feed(P::spectrum_b.index(), Feed::value(AnyValue::new(b.noise)))
         .feed(P::modes.index(), Feed::value(AnyValue::new(modes)));
-    println!("  {:<50} {:8.0}    1000", "gravel and bricks on each other, 17 speeds", time(&solo)?);
+    println!("  {:<50} {:8.0}    1000", "gravel and bricks on each other, 17 speeds", time(&standalone)?);
     Ok(())
 }

@@ -3,7 +3,7 @@
 //! Run with `cargo bench -p foley-nodes --bench scrape`. The aims are 2 us for a blow, 15 us for a continuous contact and 100 us for two textures;
 //! 64 contacts on 8 objects of 32 modes are to take a tenth of a core at most.
 
-use foley_nodes::core::random::Draw;
+use foley_nodes::core::random::Rng;
 use foley_nodes::core::time::{Rate, Tick, ticks};
 use foley_nodes::modal::{Bank, ForceRing, Modes, PulseShape};
 use foley_nodes::scrape::{
@@ -162,8 +162,8 @@ fn objects(count: usize) -> Result<f64, Box<dyn Error>> {
     let frequencies = (0..32).map(|k| 150.0 * 1.14_f64.powi(k)).collect();
     let modes = Modes::new("bench", frequencies, vec![4.0; 32], vec![1e-3; 32])?;
     let mut bank = Bank::new(&modes, FS.into())?;
-    let mut draw = Draw::new(1);
-    let force: Vec<f32> = (0..BLOCK).map(|_| draw.between(-1.0, 1.0) as f32).collect();
+    let mut rng = Rng::new(1);
+    let force: Vec<f32> = (0..BLOCK).map(|_| rng.between(-1.0, 1.0) as f32).collect();
     let mut sound = vec![0.0; BLOCK];
     let mut turn = || {
         let start = Instant::now();
@@ -177,8 +177,8 @@ fn objects(count: usize) -> Result<f64, Box<dyn Error>> {
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let mut draw = Draw::new(3);
-    let grid = Grid::from_fn(512, 512, |_, _| draw.between(-1.0, 1.0) as f32);
+    let mut rng = Rng::new(3);
+    let grid = Grid::from_fn(512, 512, |_, _| rng.between(-1.0, 1.0) as f32);
     let other = Grid { samples: grid.samples.iter().rev().copied().collect(), ..grid };
     let surface = Surface::default();
     let map = DiscontinuityMap { gx: grid.clone(), gy: other.clone(), surface };
@@ -223,7 +223,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let us = time(1, 90.0, MapVoice::default(), |s, stretch, out| force.add(&slope, s, stretch, out));
     line("map, slope, a pixel a sample", us, 15.0);
 
-    let samples = (0..8192).map(|_| draw.between(-1.0, 1.0) as f32).collect();
+    let samples = (0..8192).map(|_| rng.between(-1.0, 1.0) as f32).collect();
     let noise = NoiseBands::new(&NoiseProfile { samples, spacing: 2.0 / f64::from(FS) });
     for (name, speed) in [("noise, 0.5 m/s", 0.5), ("noise, 6 m/s, three samples a sample", 6.0)] {
         let mut force = NoiseForce::new(Law::new([1.0, 0.5, 0.5], FS.into()), 1.0, FS.into());

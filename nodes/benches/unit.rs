@@ -4,8 +4,8 @@
 
 use foley_nodes::core::item::Channels;
 use foley_nodes::core::params::Params;
-use foley_nodes::core::random::Draw;
-use foley_nodes::core::solo::Solo;
+use foley_nodes::core::random::Rng;
+use foley_nodes::core::standalone::Standalone;
 use foley_nodes::core::time::Rate;
 use foley_nodes::feature::{FeatureConventions, FeatureFormat, MelCepstrum, TemporalFilter};
 use foley_nodes::unit::global::{BeamParams, FixedLag, GlobalParams, Joins, Table, beam, difference, exact};
@@ -28,28 +28,28 @@ fn peak() -> f64 {
 }
 
 fn noise(seed: u64, samples: usize) -> Vec<f32> {
-    let mut draw = Draw::new(seed);
+    let mut rng = Rng::new(seed);
     let mut swell = 0.0;
     (0..samples)
         .map(|i| {
             if i % 4000 == 0 {
-                swell = draw.unit() * draw.unit();
+                swell = rng.uniform() * rng.uniform();
             }
-            (swell * draw.between(-0.5, 0.5)) as f32
+            (swell * rng.between(-0.5, 0.5)) as f32
         })
         .collect()
 }
 
 /// Smooth features of the spread of cloth recordings: three dimensions, through the paper's Gaussian.
 fn features(seed: u64, units: usize) -> Vec<f32> {
-    let mut draw = Draw::new(seed);
+    let mut rng = Rng::new(seed);
     let mut slow = [0.0; 3];
     let spread = [9.0, 3.0, 2.0];
     let mut out = Vec::with_capacity(3 * units);
     for _ in 0..units {
         for (slow, spread) in slow.iter_mut().zip(spread) {
-            *slow += 0.02 * (spread * 6.0 * draw.between(-1.0, 1.0) - *slow);
-            out.push((*slow + draw.between(-1.0, 1.0)) as f32);
+            *slow += 0.02 * (spread * 6.0 * rng.between(-1.0, 1.0) - *slow);
+            out.push((*slow + rng.between(-1.0, 1.0)) as f32);
         }
     }
     TemporalFilter::new(&[20.0, 50.0, 10.0], false).stretch(&out)
@@ -83,8 +83,8 @@ fn of_database() -> Result<(), Box<dyn Error>> {
         "database              {seconds:>8.2} s for 4 min of stereo at 96 kHz, {} units   (aim 5; paper 1051 to 1392)",
         db.len()
     );
-    let mut draw = Draw::new(4);
-    let picks: Vec<u32> = (0..14_400).map(|_| draw.below(db.len()) as u32).collect();
+    let mut rng = Rng::new(4);
+    let picks: Vec<u32> = (0..14_400).map(|_| rng.below(db.len()) as u32).collect();
     let start = Instant::now();
     black_box(Concatenator::new(&db, Blend::EqualPower).whole(0, &picks));
     println!(
@@ -114,14 +114,15 @@ fn of_sleep() -> Result<(), Box<dyn Error>> {
     for (seconds, sleeps) in seconds.iter_mut().zip([false, true]) {
         let params = UnitSelectorParams::read(&|_| None).map_err(|e| format!("{e:?}"))?;
         let format = FeatureFormat { vectors: 1, conventions: c.clone().into() };
-        let mut solo = Solo::new::<UnitSelector>(params)
+        let mut standalone = Standalone::new::<UnitSelector>(params)
             .input(UnitSelectorPorts::features, rate, format, features(5, targets))
             .value(UnitSelectorPorts::database, db.clone());
         if sleeps {
-            solo = solo.optional(UnitSelectorPorts::target, Rate::hz(960), Channels(1), sound.clone());
+            standalone =
+                standalone.optional(UnitSelectorPorts::target, Rate::hz(960), Channels(1), sound.clone());
         }
         let start = Instant::now();
-        black_box(solo.run().map_err(|e| e.to_string())?);
+        black_box(standalone.run().map_err(|e| e.to_string())?);
         *seconds = start.elapsed().as_secs_f64();
     }
     println!(

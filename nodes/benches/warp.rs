@@ -3,7 +3,7 @@
 //!
 //! Run with `cargo bench -p foley-nodes --bench warp`. Budgets: 50 ms and 1 s on one core, and 1 s from an edit to a new ranking.
 
-use foley_nodes::core::random::Draw;
+use foley_nodes::core::random::Rng;
 use foley_nodes::feature::TemporalFilter;
 use foley_nodes::friction::Receiver;
 use foley_nodes::spatial::{Binaural, Head, HeadReceiver, PinnaSet};
@@ -48,12 +48,12 @@ fn pairs() -> Vec<Pair> {
 
 /// Features with the spread of cloth recordings, through the paper's Gaussian.
 fn features(seed: u64, units: usize) -> Vec<f32> {
-    let mut draw = Draw::new(seed);
+    let mut rng = Rng::new(seed);
     let (mut slow, mut out) = ([0.0; DIMS], Vec::with_capacity(DIMS * units));
     for _ in 0..units {
         for (slow, spread) in slow.iter_mut().zip([9.0, 3.0, 2.0]) {
-            *slow += 0.02 * (spread * 6.0 * draw.between(-1.0, 1.0) - *slow);
-            out.push((*slow + draw.between(-1.0, 1.0)) as f32);
+            *slow += 0.02 * (spread * 6.0 * rng.between(-1.0, 1.0) - *slow);
+            out.push((*slow + rng.between(-1.0, 1.0)) as f32);
         }
     }
     TemporalFilter::new(&[20.0, 50.0, 10.0], false).stretch(&out)

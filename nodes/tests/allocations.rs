@@ -60,7 +60,7 @@ fn audio_nodes_neither_allocate_nor_free_while_they_run() {
     {
         for trial in accepted(node, Level::Random, 8) {
             for window in [trial.fastest_rate().span(64), trial.fastest_rate().span(1)] {
-                let mut run = trial.solo(window).start().unwrap_or_else(|e| panic!("{e}: {trial:?}"));
+                let mut run = trial.standalone(window).start().unwrap_or_else(|e| panic!("{e}: {trial:?}"));
                 let before = COUNT.get();
                 let mut windows = 0;
                 while run.step().unwrap_or_else(|e| panic!("{e}: {trial:?}")) {
@@ -86,7 +86,7 @@ fn audio_nodes_neither_allocate_nor_free_while_they_are_retuned_or_adopt() {
         for (a, b) in (0..trials.len()).flat_map(|a| (0..trials.len()).map(move |b| (a, b))) {
             // Both on the inputs of the first, where the parameters of the second go with them.
             let (own, other) = (&trials[a], trials[a].with_params(&trials[b]));
-            let start = |trial: &Trial| trial.solo(trial.fastest_rate().span(64)).start();
+            let start = |trial: &Trial| trial.standalone(trial.fastest_rate().span(64)).start();
             let (Ok(mut first), Ok(mut second)) = (start(own), start(&other)) else { continue };
             let before = COUNT.get();
             let there = first.node().retune(other.params());

@@ -7,7 +7,7 @@ mod trial;
 use foley_nodes::core::node::{Class, NodeType};
 use foley_nodes::core::params::{Bounds, Datum, ParamKind, ParamSpec};
 use foley_nodes::core::ports::{Arity, PortKind, PortSpec};
-use foley_nodes::core::random::Draw;
+use foley_nodes::core::random::Rng;
 use foley_nodes::core::shape::NodeShape;
 use foley_nodes::core::time::{Rate, Tick};
 use foley_nodes::registry::all;
@@ -53,13 +53,13 @@ fn a_node_can_begin_anywhere() {
             return;
         }
         let window = trial.fastest_rate().span(13);
-        let whole = trial.solo(window).run().unwrap_or_else(|e| panic!("{e}: {trial:?}"));
+        let whole = trial.standalone(window).run().unwrap_or_else(|e| panic!("{e}: {trial:?}"));
         let shape = trial.shape().expect("an accepted trial has a shape");
         for part in [0.2, 0.7] {
-            let mut solo = trial.solo(window);
-            solo.poison = true;
-            solo.begin = (trial.length() as f64 * part) as Tick;
-            let run = solo.run().unwrap_or_else(|e| panic!("{e}: {trial:?}"));
+            let mut standalone = trial.standalone(window);
+            standalone.poison = true;
+            standalone.begin = (trial.length() as f64 * part) as Tick;
+            let run = standalone.run().unwrap_or_else(|e| panic!("{e}: {trial:?}"));
             for port in 0..trial.ty().outputs.len() {
                 let (numbers, finite) = run.numbers(port);
                 assert!(finite, "output {port} has unwritten items: {trial:?}");
@@ -68,7 +68,7 @@ fn a_node_can_begin_anywhere() {
                 let source = trial.ty().inputs.is_empty();
                 if let Some(stream) = shape.outputs[port].as_ref().filter(|_| source) {
                     let width = numbers.len() / stream.rate.first_at(trial.length()).max(1) as usize;
-                    let from = stream.rate.first_at(solo.begin) as usize * width;
+                    let from = stream.rate.first_at(standalone.begin) as usize * width;
                     assert!(numbers[from..] == wanted[from..], "output {port}: {trial:?}");
                 }
             }
@@ -100,9 +100,9 @@ fn a_node_goes_on_where_another_was_saved() {
 fn nothing_is_left_unwritten() {
     each_trial(Level::Random, |trial| {
         for window in [trial.whole_window(), trial.fastest_rate().span(7)] {
-            let mut solo = trial.solo(window);
-            solo.poison = true;
-            let run = solo.run().unwrap_or_else(|e| panic!("{e}: {trial:?}"));
+            let mut standalone = trial.standalone(window);
+            standalone.poison = true;
+            let run = standalone.run().unwrap_or_else(|e| panic!("{e}: {trial:?}"));
             for port in 0..trial.ty().outputs.len() {
                 assert!(run.numbers(port).1, "output {port} has unwritten items: {trial:?}");
             }
@@ -159,19 +159,19 @@ fn declared_look_ahead_is_needed() {
             let shape = trial.shape().expect("an accepted trial has a shape");
             let base = trial.run(trial.whole_window());
             for port in 0..trial.ty().inputs.len() {
-                let ahead = shape.reach[port].ahead as i64;
+                let ahead = shape.lookaround[port].ahead as i64;
                 // Who reads a whole take before its first item looks ahead by as much as there is.
                 let Some(items) = trial.input_items(port).filter(|&items| ahead > 0 && items != ahead) else {
                     continue;
                 };
                 let needed = seen.entry(port).or_default();
-                let mut draw = Draw::new(trial.seed);
+                let mut rng = Rng::new(trial.seed);
                 for _ in 0..10 {
                     if *needed || items < ahead {
                         break;
                     }
-                    let item = ahead as usize + draw.below((items - ahead) as usize);
-                    let changed = trial.varied(port, item, &mut draw);
+                    let item = ahead as usize + rng.below((items - ahead) as usize);
+                    let changed = trial.varied(port, item, &mut rng);
                     let Some(tick) = base.first_difference(&changed.run(changed.whole_window())) else {
                         continue;
                     };
@@ -231,7 +231,7 @@ fn read(ty: &NodeType, given: &Given) -> Result<Given, String> {
 
 /// The parameters that have to be given, with values from a trial, or all of them.
 fn given(ty: &NodeType, seed: u64, all: bool) -> Given {
-    let (params, _) = (ty.trial)(&mut Draw::new(seed));
+    let (params, _) = (ty.trial)(&mut Rng::new(seed));
     let required = |name: &str| (ty.params)().iter().any(|s| s.name == name && s.default.is_none());
     params.write().into_iter().filter(|(name, _)| all || required(name)).collect()
 }
@@ -337,7 +337,7 @@ fn types_that_have_drawings_and_files_say_so() {
         for port in ty.outputs {
             let (PortKind::Value(kind) | PortKind::Fold(kind)) = port.kind else { continue };
             for seed in 0..4 {
-                let value = (kind.trial)(&mut Draw::new(seed));
+                let value = (kind.trial)(&mut Rng::new(seed));
                 let (plot, file) = ((kind.plot)(&value).is_some(), (kind.file)(&value).is_some());
                 assert!((!plot || kind.plots) && (!file || kind.files), "{}", kind.name);
                 plots += usize::from(plot);

@@ -12,7 +12,7 @@
 mod trial;
 
 use foley_nodes::core::ports::PortKind;
-use foley_nodes::core::solo::SoloRun;
+use foley_nodes::core::standalone::StandaloneRun;
 use foley_nodes::registry::all;
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -91,8 +91,8 @@ fn leaves(path: &str, value: &Value, lists: &mut BTreeMap<String, Vec<f64>>) {
 
 /// All that comes out of a trial, as lists of numbers by name.
 fn outcome(trial: &Trial) -> BTreeMap<String, Vec<f64>> {
-    let solo = trial.solo(trial.fastest_rate().span(64));
-    let run: SoloRun = solo.run().unwrap_or_else(|fault| panic!("{fault}: {trial:?}"));
+    let standalone = trial.standalone(trial.fastest_rate().span(64));
+    let run: StandaloneRun = standalone.run().unwrap_or_else(|fault| panic!("{fault}: {trial:?}"));
     let mut lists = BTreeMap::new();
     for (port, spec) in trial.ty().outputs.iter().enumerate() {
         let name = spec.name;
@@ -119,7 +119,7 @@ fn outcome(trial: &Trial) -> BTreeMap<String, Vec<f64>> {
             }
         }
     }
-    if let Some(file) = solo.outputs.get("trial.out") {
+    if let Some(file) = standalone.outputs.get("trial.out") {
         lists.insert("(file)".to_owned(), vec![file.len() as f64, text(&file)]);
     }
     lists

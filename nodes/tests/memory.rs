@@ -6,8 +6,8 @@
 use foley_nodes::core::item::Data;
 use foley_nodes::core::node::Func;
 use foley_nodes::core::params::{Datum, Params};
-use foley_nodes::core::random::Draw;
-use foley_nodes::core::solo::{Solo, SoloRun};
+use foley_nodes::core::random::Rng;
+use foley_nodes::core::standalone::{Standalone, StandaloneRun};
 use foley_nodes::texture::class_node::{HistogramClass, HistogramClassPorts};
 use foley_nodes::texture::feature_nodes::{
     Bilateral, BilateralPorts, DogFeatures, DogFeaturesPorts, FeatureNoiseSplit, FeatureNoiseSplitPorts,
@@ -57,13 +57,13 @@ fn peak<T>(what: impl FnOnce() -> T) -> (usize, T) {
 
 const SIDE: usize = 1024;
 
-fn node<F: Func>() -> Solo {
-    Solo::func::<F>(F::Params::read(&|_| None).unwrap())
+fn node<F: Func>() -> Standalone {
+    Standalone::func::<F>(F::Params::read(&|_| None).unwrap())
 }
 
 /// A result, where a run keeps to six images of 32 bits a pixel, `held` of them its inputs.
-fn kept<T: Data + Clone>(name: &str, solo: &Solo, held: usize) -> T {
-    let (bytes, run): (usize, SoloRun) = peak(|| solo.run().unwrap());
+fn kept<T: Data + Clone>(name: &str, standalone: &Standalone, held: usize) -> T {
+    let (bytes, run): (usize, StandaloneRun) = peak(|| standalone.run().unwrap());
     let images = bytes as f64 / (4 * SIDE * SIDE) as f64 + held as f64;
     println!("{name}: {images:.2} images");
     assert!(images <= 6.0, "{name} takes {images} images");
@@ -74,11 +74,11 @@ fn kept<T: Data + Clone>(name: &str, solo: &Solo, held: usize) -> T {
 fn units_are_chosen_without_a_table_of_all_distances() {
     let _turn = TURN.lock();
     let (units, targets, dims, look) = (20_000, 1000, 3, 5);
-    let mut draw = Draw::new(5);
+    let mut rng = Rng::new(5);
     let mut walk = |n: usize| {
         let mut at = [0.0; 3];
         let mut step = || {
-            at = at.map(|x| 0.98 * x + draw.between(-0.3, 0.3));
+            at = at.map(|x| 0.98 * x + rng.between(-0.3, 0.3));
             at.map(|x| x as f32)
         };
         (0..n).flat_map(|_| step()).collect::<Vec<f32>>()
@@ -101,8 +101,8 @@ fn units_are_chosen_without_a_table_of_all_distances() {
 fn nodes_that_read_images_take_six_of_them_at_most() {
     let _turn = TURN.lock();
     // Stones of about fifteen pixels, in colour.
-    let mut draw = Draw::new(3);
-    let grain = Grid::from_fn(SIDE, SIDE, |_, _| draw.between(-1.0, 1.0) as f32);
+    let mut rng = Rng::new(3);
+    let grain = Grid::from_fn(SIDE, SIDE, |_, _| rng.between(-1.0, 1.0) as f32);
     let grain = smooth(&grain, &Kernel::gaussian(3.5, 4.0), Wrap::Repeat);
     let tones: Vec<u8> = grain.samples.iter().flat_map(|x| [128.0 + 900.0 * x; 3].map(|x| x as u8)).collect();
     let mut file = Vec::new();
@@ -110,7 +110,7 @@ fn nodes_that_read_images_take_six_of_them_at_most() {
     encoder.set_color(png::ColorType::Rgb);
     encoder.write_header().unwrap().write_image_data(&tones).unwrap();
     let path = |name: &str| (name == "path").then(|| Datum::Text("stones.png".into()));
-    let mut image = Solo::func::<ImageLuma>(<ImageLuma as Func>::Params::read(&path).unwrap());
+    let mut image = Standalone::func::<ImageLuma>(<ImageLuma as Func>::Params::read(&path).unwrap());
     image.files.insert("stones.png", file);
     let luma: Luma = kept("ImageLuma", &image, 0);
     drop(image);

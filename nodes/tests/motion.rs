@@ -7,7 +7,7 @@ use foley_nodes::core::files::MemoryFiles;
 use foley_nodes::core::item::{Item, StreamShape};
 use foley_nodes::core::params::{AssetPath, Datum, Params, Text};
 use foley_nodes::core::ports::{Port, Stream};
-use foley_nodes::core::solo::{Feed, Solo};
+use foley_nodes::core::standalone::{Feed, Standalone};
 use foley_nodes::core::time::Rate;
 use foley_nodes::friction::FrictionModel;
 use foley_nodes::friction::ift_noise_node::{IftNoiseNode, IftNoiseNodeParams, IftNoisePorts};
@@ -35,9 +35,9 @@ struct Made<T: Item> {
 }
 
 impl<T: Item> Made<T> {
-    fn of(solo: &Solo, port: Port<Stream<T>>) -> Self {
-        let shape = solo.shape().unwrap().outputs[port.index()].clone().unwrap();
-        let run = solo.run().unwrap();
+    fn of(standalone: &Standalone, port: Port<Stream<T>>) -> Self {
+        let shape = standalone.shape().unwrap().outputs[port.index()].clone().unwrap();
+        let run = standalone.run().unwrap();
         Self { shape, data: run.stream(port), summary: run.summary }
     }
 
@@ -64,17 +64,18 @@ fn mesh(path: &str, base: Option<&str>) -> Option<Made<Mesh>> {
         fps: Some(Rate::hz(60)),
         ..read(&[("path", Datum::Text(path.into()))])
     };
-    let mut solo = Solo::new::<MeshSequence>(p);
-    solo.files = files;
-    Some(Made::of(&solo, MeshSequencePorts::mesh))
+    let mut standalone = Standalone::new::<MeshSequence>(p);
+    standalone.files = files;
+    Some(Made::of(&standalone, MeshSequencePorts::mesh))
 }
 
 fn contacts(cloth: &Made<Mesh>, bodies: &[Made<Mesh>], p: ContactDetectorParams) -> Made<Contacts> {
-    let mut solo = Solo::new::<ContactDetector>(p).feed(ContactDetectorPorts::mesh.index(), cloth.feed());
+    let mut standalone =
+        Standalone::new::<ContactDetector>(p).feed(ContactDetectorPorts::mesh.index(), cloth.feed());
     for body in bodies {
-        solo = solo.feed(ContactDetectorPorts::others.index(), body.feed());
+        standalone = standalone.feed(ContactDetectorPorts::others.index(), body.feed());
     }
-    Made::of(&solo, ContactDetectorPorts::contacts)
+    Made::of(&standalone, ContactDetectorPorts::contacts)
 }
 
 #[test]
@@ -108,28 +109,29 @@ fn the_cotton_sheet_touches_itself_and_its_bodies_as_often_as_its_notes_say_and_
     }
     let sliding = own.data.iter().filter(|c| slides(c)).count() as f64 / 420.0;
 
-    let solo = Solo::new::<SlidingSpeed>(read::<SlidingSpeedParams>(&[]))
+    let standalone = Standalone::new::<SlidingSpeed>(read::<SlidingSpeedParams>(&[]))
         .feed(SlidingSpeedPorts::contacts.index(), all.feed());
-    let speeds: Made<Speeds> = Made::of(&solo, SlidingSpeedPorts::speeds);
+    let speeds: Made<Speeds> = Made::of(&standalone, SlidingSpeedPorts::speeds);
     let paths = [1, 2, 3].map(|k| format!("recordings/cloth/clothing_rustle_{k}.flac"));
     let paths: Vec<String> =
         paths.into_iter().chain(["recordings/cloth/clothing_rustle_land.flac".into()]).collect();
     let list = Datum::List(paths.iter().cloned().map(Datum::Text).collect());
     let speeds_assumed = [("slowest", Datum::Float(0.02)), ("fastest", Datum::Float(4.0))];
     let given = [("recordings", list)].into_iter().chain(speeds_assumed).collect::<Vec<_>>();
-    let mut solo = Solo::func::<FrictionModelFromClips>(read::<FrictionModelFromClipsParams>(&given));
+    let mut standalone =
+        Standalone::func::<FrictionModelFromClips>(read::<FrictionModelFromClipsParams>(&given));
     for path in &paths {
         let Some(bytes) = data(path) else { return };
-        solo.files.insert(path, bytes);
+        standalone.files.insert(path, bytes);
     }
-    let run = solo.run().unwrap();
+    let run = standalone.run().unwrap();
     let value = run.value(0).unwrap();
     let model = value.get::<FrictionModel>().unwrap().clone();
     assert!((value.kind().plot)(&value).is_some_and(|svg| svg.contains("<polyline")));
-    let solo = Solo::new::<IftNoiseNode>(read::<IftNoiseNodeParams>(&[]))
+    let standalone = Standalone::new::<IftNoiseNode>(read::<IftNoiseNodeParams>(&[]))
         .feed(IftNoisePorts::speeds.index(), speeds.feed())
         .value(IftNoisePorts::model, model);
-    let audio: Made<f32> = Made::of(&solo, IftNoisePorts::audio);
+    let audio: Made<f32> = Made::of(&standalone, IftNoisePorts::audio);
 
     // The notes on the data: 243 near on average, 213 of them sliding, 542 at the bodies. They look at some of the
     // frames only and exclude by rings of edges, so that the figures are near and not equal.
@@ -152,9 +154,9 @@ fn alembic_and_gltf_files_are_streamed_at_the_rate_of_their_frames() {
         };
         let given = [("path", Datum::Text(path.into())), ("up", Datum::Name("Y".into()))];
         let p = MeshSequenceParams { object: object.map(Text::from), ..read(&given) };
-        let mut solo = Solo::new::<MeshSequence>(p);
-        solo.files.insert(path, bytes);
-        let made: Made<Mesh> = Made::of(&solo, MeshSequencePorts::mesh);
+        let mut standalone = Standalone::new::<MeshSequence>(p);
+        standalone.files.insert(path, bytes);
+        let made: Made<Mesh> = Made::of(&standalone, MeshSequencePorts::mesh);
         assert_eq!((made.shape.rate, made.shape.width), (Rate::hz(hz), vertices));
         assert!(made.data.len() > 100 * vertices && made.data.iter().all(|p| p[2] > -0.1 && p[2] < 3.0));
     }

@@ -1,12 +1,12 @@
 //! A fixed-seed fuzzer of every node that reads a file: damaged files end in an error that names what is wrong or in a usable
 //! value, never in a panic, in numbers that are not finite, or in memory without bound.
 
+use foley_nodes::core::buffer::{Budget, Pad};
 use foley_nodes::core::item::AnyValue;
 use foley_nodes::core::ports::{Arity, PortKind};
-use foley_nodes::core::random::Draw;
-use foley_nodes::core::solo::{Solo, SoloRun};
+use foley_nodes::core::random::Rng;
+use foley_nodes::core::standalone::{Standalone, StandaloneRun};
 use foley_nodes::core::time::ticks;
-use foley_nodes::core::track::{Budget, Pad};
 use foley_nodes::friction::{EncoderTrack, FrictionModel};
 use foley_nodes::registry::all;
 
@@ -18,28 +18,28 @@ const EXTREMES: [&str; 9] =
     ["0", "-1", "1e300", "1e-300", "1e39", "18446744073709551615", "null", "NaN", "0.5"];
 
 /// One change to a file: bytes flipped, cut off, cut out, doubled or put elsewhere, and numbers of a text made extreme.
-fn damage(file: &mut Vec<u8>, draw: &mut Draw) {
+fn damage(file: &mut Vec<u8>, rng: &mut Rng) {
     if file.is_empty() {
         return;
     }
-    let at = draw.below(file.len());
-    let end = (at + 1 + draw.below(40)).min(file.len());
-    match draw.below(8) {
-        0 | 1 => file[at] ^= 1 << draw.below(8),
-        2 => file[at] = [0, 1, 0x7f, 0x80, 0xff, b'-', b'9', b','][draw.below(8)],
+    let at = rng.below(file.len());
+    let end = (at + 1 + rng.below(40)).min(file.len());
+    match rng.below(8) {
+        0 | 1 => file[at] ^= 1 << rng.below(8),
+        2 => file[at] = [0, 1, 0x7f, 0x80, 0xff, b'-', b'9', b','][rng.below(8)],
         3 => drop(file.drain(at..end)),
         4 => {
             let piece = file[at..end].to_vec();
-            let to = if draw.below(2) == 0 { at } else { draw.below(file.len()) };
+            let to = if rng.below(2) == 0 { at } else { rng.below(file.len()) };
             file.splice(to..to, piece);
         }
-        5 if draw.below(4) == 0 => file.truncate(at),
+        5 if rng.below(4) == 0 => file.truncate(at),
         _ => {
             let digit = (0..file.len()).cycle().skip(at).take(file.len()).find(|&k| file[k].is_ascii_digit());
             let Some(start) = digit else { return };
             let number = |b: &u8| b.is_ascii_digit() || b".eE+-".contains(b);
             let end = start + file[start..].iter().take_while(|b| number(b)).count();
-            file.splice(start..end, EXTREMES[draw.below(EXTREMES.len())].bytes());
+            file.splice(start..end, EXTREMES[rng.below(EXTREMES.len())].bytes());
         }
     }
 }
@@ -53,13 +53,13 @@ fn without_digest(file: &mut Vec<u8>) {
 }
 
 /// Damages what a file's hash covers and puts the new hash in its place, if it has one near its start; tells whether it has.
-fn damage_under_hash(file: &mut Vec<u8>, draw: &mut Draw) -> bool {
+fn damage_under_hash(file: &mut Vec<u8>, rng: &mut Rng) -> bool {
     let hash_of = |file: &[u8], end: usize| *blake3::hash(&file[end..]).as_bytes();
     let Some(end) = (32..file.len().min(160)).find(|&end| file[end - 32..end] == hash_of(file, end)) else {
         return false;
     };
     let mut fields = file.split_off(end);
-    (0..1 + draw.below(3)).for_each(|_| damage(&mut fields, draw));
+    (0..1 + rng.below(3)).for_each(|_| damage(&mut fields, rng));
     file.extend(fields);
     let hash = hash_of(file, end);
     file[end - 32..end].copy_from_slice(&hash);
@@ -67,7 +67,7 @@ fn damage_under_hash(file: &mut Vec<u8>, draw: &mut Draw) -> bool {
 }
 
 /// Everything that a run gives can be shown, and its streams hold numbers.
-fn check(run: &SoloRun, outputs: usize, told: &str) {
+fn check(run: &StandaloneRun, outputs: usize, told: &str) {
     for port in 0..outputs {
         if let Some(value) = run.value(port) {
             let kind = value.kind();
@@ -78,13 +78,13 @@ fn check(run: &SoloRun, outputs: usize, told: &str) {
 }
 
 /// A quarter of a second of what a damaged file gives, or why it gives nothing.
-fn read(solo: &Solo, streams: bool) -> Result<SoloRun, foley_nodes::core::fault::Fault> {
+fn read(standalone: &Standalone, streams: bool) -> Result<StandaloneRun, foley_nodes::core::fault::Fault> {
     if !streams {
-        return solo.run();
+        return standalone.run();
     }
     // The rate may be anything, so that the announced length may be hours.
-    solo.shape()?;
-    let mut run = solo.start()?;
+    standalone.shape()?;
+    let mut run = standalone.start()?;
     for _ in 0..5 {
         if !run.step()? {
             run.finish()?;
@@ -102,31 +102,31 @@ fn damaged_files_are_refused_by_name_or_give_something_usable() {
         let fed = ty.inputs.iter().any(|port| port.arity != Arity::Optional);
         let (name, outputs) = (ty.name, ty.outputs);
         let streams = ty.eval.is_none();
-        if fed || (ty.trial)(&mut Draw::new(0)).1.paths().next().is_none() {
+        if fed || (ty.trial)(&mut Rng::new(0)).1.paths().next().is_none() {
             continue;
         }
         readers += 1;
         let (mut taken, mut refused) = (0, 0);
         for round in 0..ROUNDS {
-            let mut draw = Draw::new(round);
+            let mut rng = Rng::new(round);
             let ty = all().swap_remove(k);
-            let (params, files) = (ty.trial)(&mut draw);
-            let mut solo = Solo::of_type(ty, params).window(ticks(0.05));
-            solo.until = ticks(0.25);
+            let (params, files) = (ty.trial)(&mut rng);
+            let mut standalone = Standalone::of_type(ty, params).window(ticks(0.05));
+            standalone.until = ticks(0.25);
             let paths: Vec<String> = files.paths().map(str::to_owned).collect();
-            solo.files = files;
-            if let Some(path) = paths.get(draw.below(paths.len().max(1))) {
-                let mut file = solo.files.get(path).unwrap_or_default().to_vec();
+            standalone.files = files;
+            if let Some(path) = paths.get(rng.below(paths.len().max(1))) {
+                let mut file = standalone.files.get(path).unwrap_or_default().to_vec();
                 let guarded = round % 2 == 1;
                 if !guarded {
                     without_digest(&mut file);
                 }
-                if guarded || !damage_under_hash(&mut file, &mut draw) {
-                    (0..1 + draw.below(3)).for_each(|_| damage(&mut file, &mut draw));
+                if guarded || !damage_under_hash(&mut file, &mut rng) {
+                    (0..1 + rng.below(3)).for_each(|_| damage(&mut file, &mut rng));
                 }
-                solo.files.insert(path.clone(), file);
+                standalone.files.insert(path.clone(), file);
             }
-            match read(&solo, streams) {
+            match read(&standalone, streams) {
                 Ok(run) => {
                     check(&run, outputs.len(), &format!("{name}, round {round}"));
                     taken += 1;
@@ -154,11 +154,11 @@ fn damaged_tables_of_an_encoder_are_refused_or_tell_a_motion() {
         (0..40).map(|k| format!("{:.2},{:.3}\n", 0.02 * f64::from(k), 0.3 * f64::from(k))).collect();
     let (mut taken, mut refused) = (0, 0);
     for round in 0..4000 {
-        let mut draw = Draw::new(round);
-        let (header, rows) = [("time_s,speed_m_s", &speeds), ("time_s,angle_rad", &angles)][draw.below(2)];
+        let mut rng = Rng::new(round);
+        let (header, rows) = [("time_s,speed_m_s", &speeds), ("time_s,angle_rad", &angles)][rng.below(2)];
         let mut table = format!("{header}\n{rows}").into_bytes();
-        (0..1 + draw.below(3)).for_each(|_| damage(&mut table, &mut draw));
-        match EncoderTrack::from_csv(&table).and_then(|track| track.motion(0.05)) {
+        (0..1 + rng.below(3)).for_each(|_| damage(&mut table, &mut rng));
+        match EncoderTrack::from_csv(&table).and_then(|buffer| buffer.motion(0.05)) {
             Ok(motion) => {
                 taken += 1;
                 for t in [-1.0, 0.0, 0.31, 0.5, 1e9] {
@@ -177,12 +177,12 @@ fn damaged_tables_of_an_encoder_are_refused_or_tell_a_motion() {
 
 #[test]
 fn damaged_friction_models_that_are_taken_have_finite_power() {
-    let mut draw = Draw::new(5);
+    let mut rng = Rng::new(5);
     let mut taken = 0;
     for _ in 0..3000 {
-        let value = AnyValue::new(<FrictionModel as foley_nodes::core::item::Data>::trial(&mut draw));
+        let value = AnyValue::new(<FrictionModel as foley_nodes::core::item::Data>::trial(&mut rng));
         let mut text = value.json().into_bytes();
-        (0..1 + draw.below(3)).for_each(|_| damage(&mut text, &mut draw));
+        (0..1 + rng.below(3)).for_each(|_| damage(&mut text, &mut rng));
         let Ok(model) = serde_json::from_slice::<FrictionModel>(&text) else { continue };
         if model.validate().is_ok() {
             assert!(model.power(0.5).is_finite() && model.power(1e9).is_finite());
@@ -196,14 +196,14 @@ fn damaged_friction_models_that_are_taken_have_finite_power() {
 fn damaged_values_and_items_of_the_cache_are_refused_or_decoded_in_bounds() {
     let (mut kinds, mut taken, mut refused) = (std::collections::BTreeSet::new(), 0, 0);
     for output in all().iter().flat_map(|ty| ty.outputs) {
-        let mut draw = Draw::new(kinds.len() as u64);
+        let mut rng = Rng::new(kinds.len() as u64);
         match output.kind {
             PortKind::Value(kind) | PortKind::Fold(kind) if kinds.insert(kind.name) => {
                 for _ in 0..100 {
-                    let whole = (kind.encode)(&(kind.trial)(&mut draw)).unwrap();
+                    let whole = (kind.encode)(&(kind.trial)(&mut rng)).unwrap();
                     assert!((kind.decode)(&whole).is_some(), "{}", kind.name);
                     let mut bytes = whole;
-                    (0..1 + draw.below(3)).for_each(|_| damage(&mut bytes, &mut draw));
+                    (0..1 + rng.below(3)).for_each(|_| damage(&mut bytes, &mut rng));
                     match (kind.decode)(&bytes) {
                         Some(value) => {
                             taken += 1;
@@ -215,21 +215,21 @@ fn damaged_values_and_items_of_the_cache_are_refused_or_decoded_in_bounds() {
             }
             PortKind::Stream(item) if kinds.insert(item.name) => {
                 for _ in 0..100 {
-                    let bytes: Vec<u8> = (0..draw.below(200)).map(|_| draw.below(256) as u8).collect();
-                    let mut track = (item.track)(1 + draw.below(4), 16, 0, Pad::Silence);
-                    match (item.decode)(&mut *track, &bytes) {
+                    let bytes: Vec<u8> = (0..rng.below(200)).map(|_| rng.below(256) as u8).collect();
+                    let mut buffer = (item.buffer)(1 + rng.below(4), 16, 0, Pad::Silence);
+                    match (item.decode)(&mut *buffer, &bytes) {
                         Some(()) => taken += 1,
                         None => refused += 1,
                     }
-                    assert!(track.bytes() < 1 << 20, "{}", item.name);
+                    assert!(buffer.bytes() < 1 << 20, "{}", item.name);
                 }
             }
             PortKind::Events(event) if kinds.insert(event.name) => {
                 for _ in 0..100 {
-                    let bytes: Vec<u8> = (0..draw.below(200)).map(|_| draw.below(256) as u8).collect();
-                    let mut track = (event.track)(ticks(1.0), &Budget::new(1 << 16));
-                    let _ = (event.decode)(&mut *track, &bytes);
-                    assert!(track.bytes() < 4 << 20, "{}", event.name);
+                    let bytes: Vec<u8> = (0..rng.below(200)).map(|_| rng.below(256) as u8).collect();
+                    let mut buffer = (event.buffer)(ticks(1.0), &Budget::new(1 << 16));
+                    let _ = (event.decode)(&mut *buffer, &bytes);
+                    assert!(buffer.bytes() < 4 << 20, "{}", event.name);
                 }
             }
             _ => {}

@@ -1,11 +1,11 @@
 //! Properties of drawings of random graphs.
 
 use super::*;
-use foley_nodes::core::random::Draw;
+use foley_nodes::core::random::Rng;
 
 /// A random graph of `count` boxes with links forward, and one that closes a loop.
 fn random(seed: u64, count: usize) -> Drawing {
-    let mut draw = Draw::new(seed);
+    let mut draw = Rng::new(seed);
     let kinds = [WireKind::Audio, WireKind::Stream, WireKind::Events, WireKind::Value, WireKind::Fold];
     let mut drawing = Drawing { title: "Random".into(), ..Drawing::default() };
     for b in 0..count {

@@ -45,10 +45,10 @@ pub struct Swap {
     /// Nodes that move: place before, place after.
     pub nodes: Vec<(usize, usize)>,
     /// Buffers whose content moves.
-    pub tracks: Vec<(usize, usize)>,
-    /// New buffers that get the past of one whose content moves.
+    pub buffers: Vec<(usize, usize)>,
+    /// New buffers that get the history of one whose content moves.
     pub seeds: Vec<(usize, usize)>,
-    /// Buffers that have moved and get the past of one that goes.
+    /// Buffers that have moved and get the history of one that goes.
     pub heirs: Vec<(usize, usize)>,
     /// Links that go on.
     pub links: Vec<(usize, usize)>,
@@ -248,10 +248,10 @@ impl Callback {
     }
 
     fn swap(&mut self, swap: &mut Swap) {
-        let Swap { act, nodes, tracks, seeds, heirs, links, adopts, retunes, cut, .. } = swap;
+        let Swap { act, nodes, buffers, seeds, heirs, links, adopts, retunes, cut, .. } = swap;
         let old = &mut self.act.stage;
         seeds.iter().for_each(|&(from, to)| act.stage.seed(old, from, to));
-        act.stage.take_over(old, nodes, tracks);
+        act.stage.take_over(old, nodes, buffers);
         heirs.iter().for_each(|&(from, to)| act.stage.seed(old, from, to));
         for &(from, to) in links.iter() {
             act.links[to].take_over(&mut self.act.links[from]);

@@ -92,7 +92,7 @@ fn same_stream(a: Option<&StreamShape>, b: Option<&StreamShape>) -> bool {
 
 fn same_shape(a: &NodeShape, b: &NodeShape) -> bool {
     let outputs = a.outputs.iter().zip(&b.outputs);
-    (&a.reach, a.lag, a.end, a.outputs.len()) == (&b.reach, b.lag, b.end, b.outputs.len())
+    (&a.lookaround, a.lag, a.end, a.outputs.len()) == (&b.lookaround, b.lag, b.end, b.outputs.len())
         && outputs.clone().all(|(a, b)| same_stream(a.as_ref(), b.as_ref()))
 }
 

@@ -8,10 +8,10 @@ use super::sink::Sink;
 use crate::diag::Diagnostic;
 use crate::plan::{Export, Import, LivePlan, PlanNode, Region, What};
 use crate::run::{self, Site, Values};
+use foley_nodes::core::buffer::Budget;
 use foley_nodes::core::fault::Fault;
 use foley_nodes::core::node::DynNode;
 use foley_nodes::core::stage::{Cx, Stage};
-use foley_nodes::core::track::Budget;
 use foley_nodes::dsp::Dropout;
 use std::any::Any;
 use std::collections::{BTreeMap, HashMap};
@@ -130,12 +130,12 @@ impl Layout<'_> {
     }
 
     fn link(&self, stage: &Stage, plan: &Region, export: &Export, import: &Import) -> (Sender, Receiver) {
-        let (node, port) = plan.origins[export.track];
+        let (node, port) = plan.origins[export.buffer];
         let stream = self.site.shapes[node].outputs[port].as_ref().filter(|s| s.item.wave);
         let bridge = stream.map(|s| Dropout::new(s.width, self.ramp()));
-        let (from, to) = ((export.track, export.clock), (import.track, import.clock));
+        let (from, to) = ((export.buffer, export.clock), (import.buffer, import.clock));
         link::link(self.pace.depth as usize + 2, from, to, bridge, || {
-            stage.with_track(export.track, |track| track.sibling(export.items))
+            stage.with_buffer(export.buffer, |buffer| buffer.sibling(export.items))
         })
     }
 }

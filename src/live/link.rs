@@ -1,30 +1,30 @@
 //! The way of finished windows from a worker to the callback.
 
+use foley_nodes::core::buffer::{AnyBuffer, StreamBuffer};
 use foley_nodes::core::stage::Stage;
-use foley_nodes::core::track::{AnyTrack, Track};
 use foley_nodes::dsp::Dropout;
 use rtrb::{Consumer, Producer, RingBuffer};
 
 /// One window of one output.
 pub struct Parcel {
     window: u64,
-    track: Box<dyn AnyTrack>,
+    buffer: Box<dyn AnyBuffer>,
 }
 
 /// The worker's end.
 pub struct Sender {
-    track: usize,
+    buffer: usize,
     clock: usize,
     full: Producer<Parcel>,
-    empty: Consumer<Box<dyn AnyTrack>>,
+    empty: Consumer<Box<dyn AnyBuffer>>,
 }
 
 /// The callback's end.
 pub struct Receiver {
-    track: usize,
+    buffer: usize,
     clock: usize,
     full: Consumer<Parcel>,
-    empty: Producer<Box<dyn AnyTrack>>,
+    empty: Producer<Box<dyn AnyBuffer>>,
     bridge: Option<Dropout>,
 }
 
@@ -35,7 +35,7 @@ pub fn link(
     sender: (usize, usize),
     receiver: (usize, usize),
     bridge: Option<Dropout>,
-    mut make: impl FnMut() -> Box<dyn AnyTrack>,
+    mut make: impl FnMut() -> Box<dyn AnyBuffer>,
 ) -> (Sender, Receiver) {
     let (full_in, full_out) = RingBuffer::new(depth);
     let (mut empty_in, empty_out) = RingBuffer::new(depth);
@@ -44,8 +44,8 @@ pub fn link(
         let _ = empty_in.push(make());
     }
     (
-        Sender { track: sender.0, clock: sender.1, full: full_in, empty: empty_out },
-        Receiver { track: receiver.0, clock: receiver.1, full: full_out, empty: empty_in, bridge },
+        Sender { buffer: sender.0, clock: sender.1, full: full_in, empty: empty_out },
+        Receiver { buffer: receiver.0, clock: receiver.1, full: full_out, empty: empty_in, bridge },
     )
 }
 
@@ -58,10 +58,10 @@ impl Sender {
 
     /// Sends the window that a stage has just run.
     pub fn send(&mut self, stage: &Stage, window: u64) {
-        if let Ok(mut track) = self.empty.pop() {
-            stage.export(self.track, self.clock, &mut *track);
+        if let Ok(mut buffer) = self.empty.pop() {
+            stage.export(self.buffer, self.clock, &mut *buffer);
             // There are as many buffers as places.
-            let _ = self.full.push(Parcel { window, track });
+            let _ = self.full.push(Parcel { window, buffer });
         }
     }
 }
@@ -75,16 +75,16 @@ impl Receiver {
         }
         let here = self.full.peek().is_ok_and(|parcel| parcel.window == window);
         if let (true, Ok(parcel)) = (here, self.full.pop()) {
-            stage.import(self.track, self.clock, &*parcel.track);
-            let _ = self.empty.push(parcel.track);
+            stage.import(self.buffer, self.clock, &*parcel.buffer);
+            let _ = self.empty.push(parcel.buffer);
         } else {
             // A stream that has ended, or not begun, sends nothing and misses nothing.
-            stage.pad(self.track, span.full);
+            stage.pad(self.buffer, span.full);
         }
         if let Some(bridge) = &mut self.bridge {
-            stage.with_track_mut(self.track, |track| {
-                let Some(track) = track.typed_mut::<Track<f32>>() else { return };
-                let items = track.last_mut((span.full - span.from) as usize);
+            stage.with_buffer_mut(self.buffer, |buffer| {
+                let Some(buffer) = buffer.typed_mut::<StreamBuffer<f32>>() else { return };
+                let items = buffer.last_mut((span.full - span.from) as usize);
                 if here { bridge.sound(items) } else { bridge.gap(items) }
             });
         }
@@ -100,7 +100,7 @@ impl Receiver {
 
     fn recycle(&mut self) {
         if let Ok(parcel) = self.full.pop() {
-            let _ = self.empty.push(parcel.track);
+            let _ = self.empty.push(parcel.buffer);
         }
     }
 }

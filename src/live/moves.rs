@@ -1,8 +1,8 @@
 //! What goes where when one layout takes over from another.
 
 use super::union::Outputs;
-use crate::plan::{Import, LivePlan, Region, TrackPlan, What};
-use foley_nodes::core::track::Pad;
+use crate::plan::{BufferPlan, Import, LivePlan, Region, What};
+use foley_nodes::core::buffer::Pad;
 use std::collections::HashMap;
 
 /// The part and the place in it where a job runs.
@@ -26,10 +26,10 @@ pub struct Moves<'a> {
 /// Places before and after.
 pub type Pairs = Vec<(usize, usize)>;
 
-fn pad(track: &TrackPlan) -> Option<Pad> {
-    match track {
-        TrackPlan::Items { pad, .. } => Some(*pad),
-        TrackPlan::Events { .. } => None,
+fn pad(buffer: &BufferPlan) -> Option<Pad> {
+    match buffer {
+        BufferPlan::Items { pad, .. } => Some(*pad),
+        BufferPlan::Events { .. } => None,
     }
 }
 
@@ -67,27 +67,28 @@ impl Moves<'_> {
         let nodes = (0..)
             .zip(&new.nodes)
             .filter_map(|(k, node): (usize, _)| Some((*places.get(&self.before(node.job)?)?, k)));
-        (nodes.collect(), self.tracks(old, new))
+        (nodes.collect(), self.buffers(old, new))
     }
 
-    fn tracks(&self, old: &Region, new: &Region) -> Pairs {
-        let key = |region: &Region, t: usize| (region.origins[t], pad(&region.tracks[t]));
-        let places: HashMap<_, usize> = (0..old.tracks.len()).map(|t| (key(old, t), t)).collect();
+    fn buffers(&self, old: &Region, new: &Region) -> Pairs {
+        let key = |region: &Region, t: usize| (region.origins[t], pad(&region.buffers[t]));
+        let places: HashMap<_, usize> = (0..old.buffers.len()).map(|t| (key(old, t), t)).collect();
         let pair = |t: usize| {
             let ((node, port), pad) = key(new, t);
             let was = (*self.moved.get(&node)?, port);
             Some((*places.get(&(was, pad))?, t))
         };
-        (0..new.tracks.len()).filter_map(pair).collect()
+        (0..new.buffers.len()).filter_map(pair).collect()
     }
 
     /// Links into the callback that go on.
     pub fn links(&self) -> Pairs {
         let (old, new) = (self.old.callback(), self.new.callback());
-        let tracks: HashMap<usize, usize> = self.tracks(old, new).into_iter().map(|(a, b)| (b, a)).collect();
+        let buffers: HashMap<usize, usize> =
+            self.buffers(old, new).into_iter().map(|(a, b)| (b, a)).collect();
         let pair = |(k, import): (usize, &Import)| {
-            let was = tracks.get(&import.track)?;
-            Some((old.imports.iter().position(|i| i.track == *was)?, k))
+            let was = buffers.get(&import.buffer)?;
+            Some((old.imports.iter().position(|i| i.buffer == *was)?, k))
         };
         (0..).zip(&new.imports).filter_map(pair).collect()
     }

@@ -106,7 +106,7 @@ pub struct Player {
     playing: Playing,
     /// The window from which on the new graph alone will do, while a transition is under way.
     fading: Option<u64>,
-    /// The outputs that get the past of a cross-fade when the transition is over.
+    /// The outputs that get the history of a cross-fade when the transition is over.
     heirs: Outputs,
     /// A retune is on its way to the callback.
     retuning: bool,
@@ -394,10 +394,10 @@ impl Player {
                     for old in &mut halted {
                         let was = &self.playing.plan.regions[old.region];
                         let own = &plan.regions[gang.region];
-                        let (nodes, tracks) = moves.between(old.region, gang.region);
+                        let (nodes, buffers) = moves.between(old.region, gang.region);
                         let stage = &mut gang.stage;
                         pairs(was, own, &seeds).iter().for_each(|&(a, b)| stage.seed(&mut old.stage, a, b));
-                        stage.take_over(&mut old.stage, &nodes, &tracks);
+                        stage.take_over(&mut old.stage, &nodes, &buffers);
                         pairs(was, own, &heirs).iter().for_each(|&(a, b)| stage.seed(&mut old.stage, a, b));
                     }
                     moves.adopts(gang.region, &adopts).iter().for_each(|&(a, b)| gang.stage.adopt(a, b));
@@ -414,7 +414,7 @@ impl Player {
         }
         let last = plan.regions.len() - 1;
         let old_last = self.playing.plan.regions.len() - 1;
-        let (nodes, tracks) = moves.between(old_last, last);
+        let (nodes, buffers) = moves.between(old_last, last);
         let (in_callback, in_crew): (Vec<_>, Vec<_>) = retunes
             .into_iter()
             .filter_map(|(n, params)| Some((place(&plan, What::Node(n))?, params)))
@@ -432,7 +432,7 @@ impl Player {
             at,
             act,
             nodes,
-            tracks,
+            buffers,
             seeds,
             heirs: was_heirs,
             links,
@@ -494,7 +494,9 @@ impl Player {
                     What::Tap(_) => None,
                 };
                 let was: Option<Vec<What>> = jobs(b).iter().map(before).collect();
-                was == Some(jobs(a)) && a.exports.len() == b.exports.len() && a.tracks.len() == b.tracks.len()
+                was == Some(jobs(a))
+                    && a.exports.len() == b.exports.len()
+                    && a.buffers.len() == b.buffers.len()
             })
             && moves.links().len() == plan.callback().imports.len()
             && old.callback().imports.len() == plan.callback().imports.len()
@@ -549,7 +551,7 @@ impl Player {
         self.playing.ready = Some(ready);
     }
 
-    /// Lays out a swap once more that came when the callback was past its place.
+    /// Lays out a swap once more that came when the callback was behind its place.
     ///
     /// Where the workers have gone over to it already, and cannot go back, the graph begins anew.
     fn try_again(&mut self, mut late: Swap) {

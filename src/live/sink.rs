@@ -1,9 +1,9 @@
 //! Where the sound of a graph is picked up for the device.
 
+use foley_nodes::core::buffer::StreamBuffer;
 use foley_nodes::core::fault::Fault;
 use foley_nodes::core::node::DynNode;
 use foley_nodes::core::stage::Cx;
-use foley_nodes::core::track::Track;
 use foley_nodes::dsp::Dropout;
 use std::any::Any;
 
@@ -62,13 +62,13 @@ impl DynNode for Sink {
     fn run(&mut self, cx: &Cx<'_>) -> Result<(), Fault> {
         let Self { channels, block, filled, .. } = self;
         *filled = cx
-            .raw_input(0, |track, span| {
+            .raw_input(0, |buffer, span| {
                 let frames = ((span.to - span.from).max(0) as usize).min(block.len() / *channels);
-                let track = track.typed::<Track<f32>>()?;
+                let buffer = buffer.typed::<StreamBuffer<f32>>()?;
                 // What begins within the window stands at its end, what ends at its beginning.
                 let at = if span.first { block.len() / *channels - frames } else { 0 };
                 let place = at * *channels..(at + frames) * *channels;
-                block[place].copy_from_slice(track.view(span.to - frames as i64, span.to));
+                block[place].copy_from_slice(buffer.view(span.to - frames as i64, span.to));
                 Some((at, frames))
             })
             .flatten();

@@ -271,7 +271,7 @@ impl Weaver<'_> {
         let mut stream = shape;
         stream.end = end;
         self.out.shapes.push(NodeShape {
-            reach: vec![Default::default(); 2],
+            lookaround: vec![Default::default(); 2],
             outputs: vec![Some(stream)],
             end,
             ..NodeShape::default()
@@ -320,14 +320,14 @@ fn set_link(node: &mut GraphNode, link: Link) {
 }
 
 impl Union {
-    /// The outputs whose past the output of a cross-fade begins with: what was heard before, as outputs of the old graph.
+    /// The outputs whose history the output of a cross-fade begins with: what was heard before, as outputs of the old graph.
     #[must_use]
     pub fn seeds(&self) -> Outputs {
         let was = |(n, port): (usize, usize)| Some((*self.moved.get(&n)?, port));
         self.fades.iter().filter_map(|f| Some((was(f.before?)?, (f.node, 0)))).collect()
     }
 
-    /// The outputs that begin with the past of a cross-fade when it goes: those that only those look back on to whom it
+    /// The outputs that begin with the history of a cross-fade when it goes: those that only those look back on to whom it
     /// was given.
     #[must_use]
     pub fn heirs(&self) -> Outputs {
@@ -337,8 +337,8 @@ impl Union {
                 ports.flat_map(move |(port, links)| links.iter().map(move |l| (n, port, l)))
             });
             readers.filter(|(_, _, l)| (l.node, l.port) == end).any(|(n, port, _)| {
-                let past = self.shapes[n].reach.get(port).map_or(0, |reach| reach.past);
-                past > 0
+                let behind = self.shapes[n].lookaround.get(port).map_or(0, |lookaround| lookaround.behind);
+                behind > 0
             })
         };
         let heir = |f: &Fade| Some(((f.node, 0), f.after.filter(|&after| !looks_back(after))?));
@@ -368,12 +368,13 @@ impl Union {
             }
             let node = &self.graph.nodes[n];
             for (port, links) in node.links.iter().enumerate() {
-                let reach = self.shapes[n].reach.get(port).copied().unwrap_or_default();
+                let lookaround = self.shapes[n].lookaround.get(port).copied().unwrap_or_default();
                 for link in links.iter().filter(|_| !matches!(node.ty.inputs[port].kind, PortKind::Value(_)))
                 {
                     let stream = self.shapes[link.node].outputs.get(link.port).and_then(Option::as_ref);
-                    let past = stream.map_or(reach.past as Tick, |s| s.rate.tick(reach.past as i64));
-                    valid[n] = valid[n].max(valid[link.node].saturating_add(past));
+                    let behind =
+                        stream.map_or(lookaround.behind as Tick, |s| s.rate.tick(lookaround.behind as i64));
+                    valid[n] = valid[n].max(valid[link.node].saturating_add(behind));
                 }
             }
             // Nobody waits longer for an edit; what looks back further begins in silence.

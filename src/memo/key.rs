@@ -144,7 +144,7 @@ impl<'a> Keys<'a> {
             let kind = specs.iter().find(|s| s.name == name).map(|s| *s.kind.innermost());
             let what = match kind {
                 Some(ParamKind::Output) => continue,
-                Some(ParamKind::Asset) => self.asset(&datum, node.ty.tells_paths, &mut named)?,
+                Some(ParamKind::Asset) => self.asset(&datum, node.ty.exposes_paths, &mut named)?,
                 _ => datum.to_string(),
             };
             parts.push((format!("{prefix}{name}"), what));
@@ -176,7 +176,7 @@ impl<'a> Keys<'a> {
     }
 
     /// What the files of a parameter hold. The ending counts too, since readers go by it.
-    fn asset(&self, datum: &Datum, tells_paths: bool, named: &mut BTreeSet<String>) -> Option<String> {
+    fn asset(&self, datum: &Datum, exposes_paths: bool, named: &mut BTreeSet<String>) -> Option<String> {
         match datum {
             Datum::Text(path) => {
                 named.insert(path.clone());
@@ -185,12 +185,12 @@ impl<'a> Keys<'a> {
                     false => self.content(path)?,
                 };
                 let ending = Path::new(path).extension().unwrap_or_default().to_string_lossy().to_lowercase();
-                let path = if tells_paths { format!(" {path:?}") } else { String::new() };
+                let path = if exposes_paths { format!(" {path:?}") } else { String::new() };
                 Some(format!("{content} .{ending}{path}"))
             }
             Datum::List(items) => {
                 let items: Option<Vec<String>> =
-                    items.iter().map(|item| self.asset(item, tells_paths, named)).collect();
+                    items.iter().map(|item| self.asset(item, exposes_paths, named)).collect();
                 Some(format!("[{}]", items?.join(", ")))
             }
             other => Some(other.to_string()),

@@ -6,15 +6,15 @@
 //! know nothing of the windows, delays or threads of the run that wrote it.
 
 use super::store::{Entry, Unusable, temporary};
-use foley_nodes::core::carry::Carry;
+use foley_nodes::core::buffer::{AnyBuffer, Budget, Pad};
 use foley_nodes::core::fault::Fault;
 use foley_nodes::core::item::{EventType, ItemType};
 use foley_nodes::core::node::{DynNode, Summary};
 use foley_nodes::core::ports::PortKind;
 use foley_nodes::core::shape::NodeShape;
 use foley_nodes::core::stage::{Cx, Span};
+use foley_nodes::core::state::StateArchive;
 use foley_nodes::core::time::Tick;
-use foley_nodes::core::track::{AnyTrack, Budget, Pad};
 use std::any::Any;
 use std::fs::{self, File};
 use std::io::{self, BufReader, BufWriter, Cursor, Read, Seek, SeekFrom, Write};
@@ -80,31 +80,31 @@ impl Codec {
         }
     }
 
-    fn encode(&self, track: &dyn AnyTrack, span: Span, out: &mut Vec<u8>) -> Option<()> {
+    fn encode(&self, buffer: &dyn AnyBuffer, span: Span, out: &mut Vec<u8>) -> Option<()> {
         let (Self::Items(ItemType { encode, .. }, ..) | Self::Events(EventType { encode, .. }, _)) = self;
-        encode(track, span.from, span.to, out)
+        encode(buffer, span.from, span.to, out)
     }
 
     /// The block as a buffer.
-    fn decode(&self, block: &Block) -> Option<Box<dyn AnyTrack>> {
+    fn decode(&self, block: &Block) -> Option<Box<dyn AnyBuffer>> {
         let items = usize::try_from(block.to - block.from).ok()?;
-        let mut track = match self {
+        let mut buffer = match self {
             Self::Items(item, width, _) => {
                 // A false length must not ask for memory: an element takes a byte at least.
                 if items.checked_mul(*width)? > block.payload.len() {
                     return None;
                 }
-                (item.track)(*width, items, 0, Pad::Silence)
+                (item.buffer)(*width, items, 0, Pad::Silence)
             }
-            Self::Events(event, _) => (event.track)(Tick::MAX / 4, &Budget::default()),
+            Self::Events(event, _) => (event.buffer)(Tick::MAX / 4, &Budget::default()),
         };
-        track.restart(block.from);
+        buffer.restart(block.from);
         let (Self::Items(ItemType { decode, .. }, ..) | Self::Events(EventType { decode, .. }, _)) = self;
-        decode(&mut *track, &block.payload)?;
+        decode(&mut *buffer, &block.payload)?;
         if matches!(self, Self::Events(..)) {
-            track.pad_to(block.to);
+            buffer.pad_to(block.to);
         }
-        (track.end() == block.to).then_some(track)
+        (buffer.end() == block.to).then_some(buffer)
     }
 }
 
@@ -236,9 +236,9 @@ impl Writer {
 
 impl DynNode for Writer {
     fn run(&mut self, cx: &Cx<'_>) -> Result<(), Fault> {
-        let done = cx.raw_input(0, |track, span| {
+        let done = cx.raw_input(0, |buffer, span| {
             self.to = self.to.max(span.to);
-            if span.to > span.from { self.codec.encode(track, span, &mut self.payload) } else { Some(()) }
+            if span.to > span.from { self.codec.encode(buffer, span, &mut self.payload) } else { Some(()) }
         });
         if done.flatten().is_none() {
             let mut part = self.part.lock().unwrap_or_else(PoisonError::into_inner);
@@ -258,8 +258,8 @@ impl DynNode for Writer {
     }
 
     /// A run that goes on has not what came before: it keeps nothing.
-    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault> {
-        if carry.restores() {
+    fn archive_state(&mut self, archive: &mut StateArchive<'_>) -> Result<(), Fault> {
+        if archive.restores() {
             self.part.lock().unwrap_or_else(PoisonError::into_inner).give_up(None);
         }
         Ok(())
@@ -407,11 +407,11 @@ struct PortReader {
     port: usize,
     codec: Codec,
     file: Box<dyn Read + Send>,
-    block: Option<Box<dyn AnyTrack>>,
+    block: Option<Box<dyn AnyBuffer>>,
 }
 
 impl PortReader {
-    fn fill(&mut self, track: &mut dyn AnyTrack, span: Span) -> Result<(), &'static str> {
+    fn fill(&mut self, buffer: &mut dyn AnyBuffer, span: Span) -> Result<(), &'static str> {
         let mut at = span.from;
         while at < span.to {
             let block = match &self.block {
@@ -425,7 +425,7 @@ impl PortReader {
             // Blocks that an earlier run has read are passed over.
             let to = block.end().min(span.to);
             if to > at {
-                track.append_from(&**block, at, to);
+                buffer.append_from(&**block, at, to);
                 at = to;
             }
         }
@@ -453,7 +453,7 @@ impl DynNode for Reader {
     fn run(&mut self, cx: &Cx<'_>) -> Result<(), Fault> {
         for reader in &mut self.0 {
             let name = reader.codec.name();
-            let filled = cx.raw_output(reader.port, |track, span| reader.fill(track, span));
+            let filled = cx.raw_output(reader.port, |buffer, span| reader.fill(buffer, span));
             if let Some(Err(what)) = filled {
                 // It was whole a moment ago.
                 let message = format!("the {name} kept from an earlier run cannot be used: {what}");

@@ -2,13 +2,13 @@
 
 use super::schedule::{Delays, closes_loop};
 use crate::graph::{Graph, Link};
+use foley_nodes::core::buffer::Pad;
 use foley_nodes::core::item::{EventType, ItemType};
 use foley_nodes::core::node::Class;
 use foley_nodes::core::ports::PortKind;
 use foley_nodes::core::shape::{Ends, NodeShape};
 use foley_nodes::core::stage::Clock;
 use foley_nodes::core::time::{Rate, Tick};
-use foley_nodes::core::track::Pad;
 use std::collections::HashMap;
 
 /// Windows that a region may be ahead of those that read it.
@@ -16,7 +16,7 @@ pub const DEPTH: usize = 4;
 
 /// A buffer to make.
 #[derive(Clone, Debug)]
-pub enum TrackPlan {
+pub enum BufferPlan {
     /// For items.
     Items {
         /// Their type.
@@ -43,11 +43,11 @@ pub enum TrackPlan {
     },
 }
 
-impl TrackPlan {
+impl BufferPlan {
     fn bytes(&self) -> usize {
         match self {
-            Self::Items { item, width, span, front, .. } => (item.track_bytes)(*width, (*span).max(*front)),
-            Self::Events { event, .. } => (event.track_bytes)(),
+            Self::Items { item, width, span, front, .. } => (item.buffer_bytes)(*width, (*span).max(*front)),
+            Self::Events { event, .. } => (event.buffer_bytes)(),
         }
     }
 }
@@ -58,11 +58,11 @@ pub enum PlanIn {
     /// A stream in a buffer of the region.
     Stream {
         /// Buffer.
-        track: usize,
+        buffer: usize,
         /// Clock of the reader.
         clock: usize,
         /// Items before the window.
-        past: usize,
+        behind: usize,
         /// Items after the window.
         ahead: usize,
         /// Items by which it is read late.
@@ -75,11 +75,11 @@ pub enum PlanIn {
     /// Events in a buffer of the region.
     Events {
         /// Buffer.
-        track: usize,
+        buffer: usize,
         /// Clock of the reader.
         clock: usize,
         /// Ticks before the window.
-        past: Tick,
+        behind: Tick,
         /// Ticks after the window.
         ahead: Tick,
     },
@@ -98,7 +98,7 @@ pub enum PlanOut {
     /// A stream into a buffer of the region.
     Stream {
         /// Buffer.
-        track: usize,
+        buffer: usize,
         /// Clock of the writer.
         clock: usize,
         /// Elements per item.
@@ -109,7 +109,7 @@ pub enum PlanOut {
     /// Events into a buffer of the region.
     Events {
         /// Buffer.
-        track: usize,
+        buffer: usize,
         /// Clock of the writer.
         clock: usize,
     },
@@ -147,7 +147,7 @@ pub struct Export {
     /// Number of the link between regions.
     pub link: usize,
     /// Buffer.
-    pub track: usize,
+    pub buffer: usize,
     /// Clock of the writer.
     pub clock: usize,
     /// Items of one window at most.
@@ -162,7 +162,7 @@ pub struct Import {
     /// The region that fills it.
     pub from: usize,
     /// Buffer.
-    pub track: usize,
+    pub buffer: usize,
     /// Clock of the writer.
     pub clock: usize,
 }
@@ -175,7 +175,7 @@ pub struct Region {
     /// What it runs, in order.
     pub nodes: Vec<PlanNode>,
     /// Its buffers.
-    pub tracks: Vec<TrackPlan>,
+    pub buffers: Vec<BufferPlan>,
     /// The output, as node and port, behind each buffer.
     pub origins: Vec<(usize, usize)>,
     /// Its clocks.
@@ -190,29 +190,29 @@ impl Region {
     /// Bytes in its buffers and in those on their way to other regions.
     #[must_use]
     pub fn bytes(&self) -> usize {
-        let own: usize = self.tracks.iter().map(TrackPlan::bytes).sum();
+        let own: usize = self.buffers.iter().map(BufferPlan::bytes).sum();
         own + self.exports.iter().map(|e| self.sent(e)).sum::<usize>()
     }
 
     /// Bytes behind one output in this region: its buffers, and what is on its way to other regions.
     #[must_use]
     pub fn bytes_of(&self, node: usize, port: usize) -> usize {
-        let of = |track: &usize| self.origins[*track] == (node, port);
-        let own: usize = (0..self.tracks.len()).filter(of).map(|t| self.tracks[t].bytes()).sum();
-        own + self.exports.iter().filter(|e| of(&e.track)).map(|e| self.sent(e)).sum::<usize>()
+        let of = |buffer: &usize| self.origins[*buffer] == (node, port);
+        let own: usize = (0..self.buffers.len()).filter(of).map(|t| self.buffers[t].bytes()).sum();
+        own + self.exports.iter().filter(|e| of(&e.buffer)).map(|e| self.sent(e)).sum::<usize>()
     }
 
     fn sent(&self, export: &Export) -> usize {
-        match &self.tracks[export.track] {
-            TrackPlan::Items { item, width, .. } => DEPTH * (item.track_bytes)(*width, export.items),
-            TrackPlan::Events { event, .. } => DEPTH * (event.track_bytes)(),
+        match &self.buffers[export.buffer] {
+            BufferPlan::Items { item, width, .. } => DEPTH * (item.buffer_bytes)(*width, export.items),
+            BufferPlan::Events { event, .. } => DEPTH * (event.buffer_bytes)(),
         }
     }
 
-    fn track(&mut self, track: TrackPlan, origin: (usize, usize)) -> usize {
-        self.tracks.push(track);
+    fn buffer(&mut self, buffer: BufferPlan, origin: (usize, usize)) -> usize {
+        self.buffers.push(buffer);
         self.origins.push(origin);
-        self.tracks.len() - 1
+        self.buffers.len() - 1
     }
 
     fn clock(&mut self, clock: Clock) -> usize {
@@ -223,7 +223,7 @@ impl Region {
     }
 }
 
-/// One reader of an output: which job, what it needs of the past, and how it wants the ends padded.
+/// One reader of an output: which job, what it needs of its history, and how it wants the ends padded.
 struct Reader {
     job: What,
     port: usize,
@@ -367,7 +367,7 @@ impl Layout<'_> {
         Some(self.shapes[n].end.unwrap_or(self.duration))
     }
 
-    /// A job with its clocks; the tracks of its inputs and outputs follow when outputs are wired.
+    /// A job with its clocks; the buffers of its inputs and outputs follow when outputs are wired.
     fn job(&mut self, job: What, taps: &[TapPlan], region: usize) -> PlanNode {
         match job {
             What::Tap(k) => {
@@ -427,43 +427,43 @@ impl Layout<'_> {
         }
         let window_items = rate.map_or(0, |r| most_items(r, self.window));
         let window = self.window;
-        let track_for = |group: &[Reader]| {
+        let buffer_for = |group: &[Reader]| {
             let front = group.iter().map(|r| r.front).max().unwrap_or(0);
             let pad = group.first().map_or(Pad::Silence, |r| r.pad);
             match kind {
                 PortKind::Stream(item) => {
                     let span = group.iter().map(|r| r.items).max().unwrap_or(0).max(window_items);
-                    TrackPlan::Items { item, width, span, front, pad, at: at_first }
+                    BufferPlan::Items { item, width, span, front, pad, at: at_first }
                 }
                 PortKind::Events(event) => {
                     let span = group.iter().map(|r| r.span).max().unwrap_or(0).max(window);
-                    TrackPlan::Events { event, span, at: at_first }
+                    BufferPlan::Events { event, span, at: at_first }
                 }
                 PortKind::Value(_) | PortKind::Fold(_) => unreachable!("values have no buffers"),
             }
         };
         groups.sort_by_key(|(r, p, _)| (*r != region, *p == Pad::Hold, *r));
         let own = groups.first().is_some_and(|(r, _, _)| *r == region);
-        let first = if own { track_for(&groups[0].2) } else { track_for(&[]) };
-        let track = self.regions[region].track(first, (u, port));
+        let first = if own { buffer_for(&groups[0].2) } else { buffer_for(&[]) };
+        let buffer = self.regions[region].buffer(first, (u, port));
         let clock = self.regions[region].clock(writer);
         self.regions[region].nodes[place].outputs[port] = match rate {
-            Some(rate) => PlanOut::Stream { track, clock, width, rate },
-            None => PlanOut::Events { track, clock },
+            Some(rate) => PlanOut::Stream { buffer, clock, width, rate },
+            None => PlanOut::Events { buffer, clock },
         };
         for (k, (reader_region, _, group)) in groups.iter().enumerate() {
             let buffer = if k == 0 && own {
-                track
+                buffer
             } else {
-                let buffer = self.regions[*reader_region].track(track_for(group), (u, port));
+                let buffer = self.regions[*reader_region].buffer(buffer_for(group), (u, port));
                 if *reader_region == region {
-                    self.regions[region].nodes[place].copies.push((track, buffer, clock));
+                    self.regions[region].nodes[place].copies.push((buffer, buffer, clock));
                 } else {
                     let link = self.links;
                     self.links += 1;
-                    self.regions[region].exports.push(Export { link, track, clock, items: window_items });
+                    self.regions[region].exports.push(Export { link, buffer, clock, items: window_items });
                     let there = self.regions[*reader_region].clock(writer);
-                    let import = Import { link, from: region, track: buffer, clock: there };
+                    let import = Import { link, from: region, buffer: buffer, clock: there };
                     self.regions[*reader_region].imports.push(import);
                 }
                 buffer
@@ -485,17 +485,17 @@ impl Layout<'_> {
         let items = |ticks: Tick| rate.map_or(0, |r| most_items(r, ticks));
         let mut readers = Vec::new();
         for &(v, in_port, place) in self.readers_of.get(&(u, port)).into_iter().flatten() {
-            let reach = self.shapes[v].reach[in_port];
-            let behind = self.delays.of[v] - written + self.window + self.delays.early[u];
-            let (past, late) = (reach.past, reach.delay);
+            let lookaround = self.shapes[v].lookaround[in_port];
+            let distance = self.delays.of[v] - written + self.window + self.delays.early[u];
+            let (behind, late) = (lookaround.behind, lookaround.delay);
             readers.push(Reader {
                 job: What::Node(v),
                 port: in_port,
                 place,
-                pad: if reach.ends == Ends::Hold { Pad::Hold } else { Pad::Silence },
-                front: if rate.is_some() { past + late } else { 0 },
-                span: behind + past as Tick,
-                items: items(behind) + past + late,
+                pad: if lookaround.ends == Ends::Hold { Pad::Hold } else { Pad::Silence },
+                front: if rate.is_some() { behind + late } else { 0 },
+                span: distance + behind as Tick,
+                items: items(distance) + behind + late,
             });
         }
         for tap in taps.iter().filter(|t| (t.node, t.port) == (u, port)) {
@@ -516,25 +516,25 @@ impl Layout<'_> {
     fn attach(
         &mut self,
         reader: &Reader,
-        track: usize,
+        buffer: usize,
         rate: Option<Rate>,
         width: usize,
         at: &HashMap<What, (usize, usize)>,
     ) {
         let (region, place) = at[&reader.job];
         let (n, late) = match reader.job {
-            What::Node(v) => (Some(v), self.shapes[v].reach[reader.port]),
-            What::Tap(_) => (None, foley_nodes::core::shape::Reach::default()),
+            What::Node(v) => (Some(v), self.shapes[v].lookaround[reader.port]),
+            What::Tap(_) => (None, foley_nodes::core::shape::Lookaround::default()),
         };
         let own = self.regions[region].clocks[self.regions[region].nodes[place].clock];
         let delay = n.map_or(own.delay, |v| self.delays.of[v]);
         let clock = self.regions[region].clock(Clock { rate, delay, end: own.end, from: own.from });
         let wire = match rate {
             Some(rate) => {
-                let (past, ahead, delay) = (late.past, late.ahead, late.delay);
-                PlanIn::Stream { track, clock, past, ahead, delay, width, rate }
+                let (behind, ahead, delay) = (late.behind, late.ahead, late.delay);
+                PlanIn::Stream { buffer, clock, behind, ahead, delay, width, rate }
             }
-            None => PlanIn::Events { track, clock, past: late.past as Tick, ahead: late.ahead as Tick },
+            None => PlanIn::Events { buffer, clock, behind: late.behind as Tick, ahead: late.ahead as Tick },
         };
         let links = &mut self.regions[region].nodes[place].inputs[reader.port];
         match links.get_mut(reader.place) {

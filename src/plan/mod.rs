@@ -10,7 +10,7 @@ mod phases;
 mod schedule;
 mod show;
 
-pub use layout::{DEPTH, Export, Import, PlanIn, PlanNode, PlanOut, Region, TapPlan, TrackPlan, What};
+pub use layout::{BufferPlan, DEPTH, Export, Import, PlanIn, PlanNode, PlanOut, Region, TapPlan, What};
 pub use live::{Draft, Heard, LivePlan, SinksResume, ahead};
 pub use schedule::{Cause, Delays, Resume};
 pub use show::size;

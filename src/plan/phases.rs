@@ -116,7 +116,7 @@ fn above(graph: &Graph, ends: &[usize], follow: impl Fn(&PortKind) -> bool) -> V
     graph.order.iter().copied().filter(|&n| found[n]).collect()
 }
 
-/// `ends` and all nodes whose streams or events reach them, without those that compute values, in topological order.
+/// `ends` and all nodes whose streams or events lookaround them, without those that compute values, in topological order.
 fn streams_above(graph: &Graph, ends: &[usize]) -> Vec<usize> {
     let mut nodes = above(graph, ends, |kind| !matches!(kind, PortKind::Value(_)));
     nodes.retain(|&n| graph.nodes[n].ty.eval.is_none());

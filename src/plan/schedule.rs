@@ -6,7 +6,7 @@ use crate::graph::{Graph, Link};
 use foley_nodes::core::files::Files;
 use foley_nodes::core::item::StreamShape;
 use foley_nodes::core::ports::{Arity, PortKind, PortSpec};
-use foley_nodes::core::shape::{LinkShape, NodeShape, RawShape, Reach};
+use foley_nodes::core::shape::{LinkShape, Lookaround, NodeShape, RawShape};
 use foley_nodes::core::time::{Tick, seconds};
 use std::collections::HashMap;
 
@@ -134,10 +134,10 @@ fn late_inputs(graph: &Graph, shapes: &[NodeShape], failed: &[bool]) -> Vec<Diag
 }
 
 /// Ticks that an input's look-ahead and lateness are worth.
-fn ahead_ticks(reach: &Reach, stream: Option<&StreamShape>) -> Tick {
+fn ahead_ticks(lookaround: &Lookaround, stream: Option<&StreamShape>) -> Tick {
     match stream {
-        Some(stream) => stream.rate.span(reach.ahead) - stream.rate.tick(reach.delay as i64),
-        None => reach.ahead as Tick,
+        Some(stream) => stream.rate.span(lookaround.ahead) - stream.rate.tick(lookaround.delay as i64),
+        None => lookaround.ahead as Tick,
     }
 }
 
@@ -147,11 +147,11 @@ fn inputs<'g>(
     node: usize,
 ) -> impl Iterator<Item = (usize, &'g Link, Tick)> {
     graph.nodes[node].links.iter().enumerate().flat_map(move |(port, links)| {
-        let reach = shapes[node].reach.get(port).copied().unwrap_or_default();
+        let lookaround = shapes[node].lookaround.get(port).copied().unwrap_or_default();
         let value = matches!(graph.nodes[node].ty.inputs[port].kind, PortKind::Value(_));
         links.iter().filter(move |_| !value).map(move |link| {
             let stream = shapes[link.node].outputs.get(link.port).and_then(Option::as_ref);
-            (port, link, ahead_ticks(&reach, stream))
+            (port, link, ahead_ticks(&lookaround, stream))
         })
     })
 }

@@ -4,9 +4,9 @@ use super::{DirOutputs, Job};
 use crate::graph::written;
 use crate::memo::{Checkpoint, Checkpoints, Cut, Mark, Session};
 use crate::plan::Phase;
-use foley_nodes::core::carry::Carry;
 use foley_nodes::core::fault::Fault;
 use foley_nodes::core::stage::Stage;
+use foley_nodes::core::state::StateArchive;
 use foley_nodes::core::time::Tick;
 use std::collections::HashSet;
 use std::path::PathBuf;
@@ -84,7 +84,9 @@ impl<'a> Saver<'a> {
     pub fn restore(&mut self, stages: &mut [Stage]) -> Result<u64, Misfit> {
         let Some(found) = self.found.take() else { return Ok(0) };
         for (r, (stage, state)) in stages.iter_mut().zip(&found.states).enumerate() {
-            stage.carry(&mut Carry::restore(state)).map_err(|(place, fault)| (r, place, fault))?;
+            stage
+                .archive_state(&mut StateArchive::restore(state))
+                .map_err(|(place, fault)| (r, place, fault))?;
         }
         self.marked = Some(found.mark.windows);
         Ok(found.mark.windows)
@@ -95,7 +97,7 @@ impl<'a> Saver<'a> {
         let mut states = Vec::new();
         for stage in stages {
             let mut state = Vec::new();
-            let saved = stage.carry(&mut Carry::save(&mut state));
+            let saved = stage.archive_state(&mut StateArchive::save(&mut state));
             saved.map_err(|(_, fault)| io::Error::other(fault.message))?;
             states.push(state);
         }

@@ -13,18 +13,18 @@ use super::{Job, Progress, Report, Values, stages};
 use crate::diag::Diagnostic;
 use crate::plan::{DEPTH, Phase, Region, What};
 use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, unbounded};
+use foley_nodes::core::buffer::{AnyBuffer, Budget};
 use foley_nodes::core::fault::Fault;
 use foley_nodes::core::node::Summary;
 use foley_nodes::core::stage::{Spent, Stage, StageFault};
 use foley_nodes::core::time::{Tick, seconds};
-use foley_nodes::core::track::{AnyTrack, Budget};
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::SeqCst};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
 /// The windows of one link that are on their way from one region to another.
-type Slots = Vec<Mutex<Box<dyn AnyTrack>>>;
+type Slots = Vec<Mutex<Box<dyn AnyBuffer>>>;
 
 struct Cell {
     stage: Mutex<Stage>,
@@ -265,7 +265,7 @@ impl Shared {
                 cells[import.from].below.push(r);
             }
             for export in &region.exports {
-                let model = stages::track(&region.tracks[export.track], budget);
+                let model = stages::buffer(&region.buffers[export.buffer], budget);
                 let make = |_| Mutex::new(model.sibling(export.items));
                 slots.insert(export.link, (0..DEPTH).map(make).collect());
             }
@@ -297,7 +297,7 @@ impl Shared {
     /// Bytes in all buffers: of the regions, and of what is on its way between them.
     fn bytes(&self) -> usize {
         let way =
-            |slot: &Mutex<Box<dyn AnyTrack>>| slot.lock().unwrap_or_else(PoisonError::into_inner).bytes();
+            |slot: &Mutex<Box<dyn AnyBuffer>>| slot.lock().unwrap_or_else(PoisonError::into_inner).bytes();
         let own = |cell: &Cell| cell.stage.lock().unwrap_or_else(PoisonError::into_inner).bytes();
         self.slots.values().flatten().map(way).sum::<usize>() + self.cells.iter().map(own).sum::<usize>()
     }
@@ -449,11 +449,11 @@ impl Shared {
             slots[w as usize % slots.len()].lock().unwrap_or_else(PoisonError::into_inner)
         };
         for import in &region.imports {
-            stage.import(import.track, import.clock, &**slot(import.link));
+            stage.import(import.buffer, import.clock, &**slot(import.link));
         }
         stage.run()?;
         for export in &region.exports {
-            stage.export(export.track, export.clock, &mut **slot(export.link));
+            stage.export(export.buffer, export.clock, &mut **slot(export.link));
         }
         Ok(())
     }

@@ -4,7 +4,8 @@ use super::kept::Streams;
 use super::{Job, Values, tap};
 use crate::diag::Diagnostic;
 use crate::graph::{Graph, Link};
-use crate::plan::{PlanIn, PlanNode, PlanOut, Region, TrackPlan, What};
+use crate::plan::{BufferPlan, PlanIn, PlanNode, PlanOut, Region, What};
+use foley_nodes::core::buffer::{AnyBuffer, Budget};
 use foley_nodes::core::fault::Fault;
 use foley_nodes::core::files::{Files, Outputs};
 use foley_nodes::core::input::{Inputs, NoInputs};
@@ -14,7 +15,6 @@ use foley_nodes::core::random::Random;
 use foley_nodes::core::shape::{Build, LinkShape, NodeShape};
 use foley_nodes::core::stage::{InWire, OutWire, Stage, StageNode};
 use foley_nodes::core::time::Tick;
-use foley_nodes::core::track::{AnyTrack, Budget};
 use std::cell::RefCell;
 
 /// What nodes are built from.
@@ -90,15 +90,15 @@ impl<'a> Site<'a> {
 }
 
 /// Makes a buffer; events grow as far as the budget goes.
-pub fn track(plan: &TrackPlan, budget: &Budget) -> Box<dyn AnyTrack> {
-    let (mut track, at) = match plan {
-        TrackPlan::Items { item, width, span, front, pad, at } => {
-            ((item.track)(*width, *span, *front, *pad), *at)
+pub fn buffer(plan: &BufferPlan, budget: &Budget) -> Box<dyn AnyBuffer> {
+    let (mut buffer, at) = match plan {
+        BufferPlan::Items { item, width, span, front, pad, at } => {
+            ((item.buffer)(*width, *span, *front, *pad), *at)
         }
-        TrackPlan::Events { event, span, at } => ((event.track)(*span, budget), *at),
+        BufferPlan::Events { event, span, at } => ((event.buffer)(*span, budget), *at),
     };
-    track.begin(at);
-    track
+    buffer.begin(at);
+    buffer
 }
 
 /// Makes the stage of one region.
@@ -152,7 +152,7 @@ pub fn assemble(
         return Err(errors);
     }
     let mut stage = Stage::new(
-        region.tracks.iter().map(|plan| track(plan, budget)).collect(),
+        region.buffers.iter().map(|plan| buffer(plan, budget)).collect(),
         region.clocks.clone(),
         nodes,
     );
@@ -162,25 +162,25 @@ pub fn assemble(
 
 fn wired(plan: &PlanNode, node: Box<dyn DynNode>, values: &Values) -> StageNode {
     let input = |wire: &PlanIn| match wire {
-        PlanIn::Stream { track, clock, past, ahead, delay, width, rate } => Some(InWire::Stream {
-            track: *track,
+        PlanIn::Stream { buffer, clock, behind, ahead, delay, width, rate } => Some(InWire::Stream {
+            buffer: *buffer,
             clock: *clock,
-            past: *past,
+            behind: *behind,
             ahead: *ahead,
             delay: *delay,
             width: *width,
             rate: *rate,
         }),
-        PlanIn::Events { track, clock, past, ahead } => {
-            Some(InWire::Events { track: *track, clock: *clock, past: *past, ahead: *ahead })
+        PlanIn::Events { buffer, clock, behind, ahead } => {
+            Some(InWire::Events { buffer: *buffer, clock: *clock, behind: *behind, ahead: *ahead })
         }
         PlanIn::Value { node, port } => values.get(&(*node, *port)).cloned().map(InWire::Value),
     };
     let output = |wire: &PlanOut| match wire {
-        PlanOut::Stream { track, clock, width, rate } => {
-            OutWire::Stream { track: *track, clock: *clock, width: *width, rate: *rate }
+        PlanOut::Stream { buffer, clock, width, rate } => {
+            OutWire::Stream { buffer: *buffer, clock: *clock, width: *width, rate: *rate }
         }
-        PlanOut::Events { track, clock } => OutWire::Events { track: *track, clock: *clock },
+        PlanOut::Events { buffer, clock } => OutWire::Events { buffer: *buffer, clock: *clock },
         PlanOut::Value => OutWire::Value(RefCell::default()),
     };
     StageNode {

@@ -4,14 +4,14 @@
 use super::{Job, Values};
 use crate::diag::Diagnostic;
 use crate::graph::{Graph, nearest};
-use foley_nodes::carries;
-use foley_nodes::core::carry::{Carried, Carry, carry_place};
+use foley_nodes::archive_state;
 use foley_nodes::core::fault::Fault;
 use foley_nodes::core::files::WriteSeek;
 use foley_nodes::core::item::{EventType, ItemType};
 use foley_nodes::core::node::{DynNode, Summary};
 use foley_nodes::core::ports::PortKind;
 use foley_nodes::core::stage::Cx;
+use foley_nodes::core::state::{StateArchive, Stateful, archive_position};
 use foley_nodes::core::time::{Rate, seconds};
 use foley_nodes::io::{AudioWriter, WriteFormat, WriteSpec};
 use std::any::Any;
@@ -172,7 +172,7 @@ struct Wave {
 impl DynNode for Wave {
     fn run(&mut self, cx: &Cx<'_>) -> Result<(), Fault> {
         self.numbers.clear();
-        cx.raw_input(0, |track, span| (self.item.numbers)(track, span.from, span.to, &mut self.numbers));
+        cx.raw_input(0, |buffer, span| (self.item.numbers)(buffer, span.from, span.to, &mut self.numbers));
         match &mut self.writer {
             Some(writer) => writer.write(&self.numbers).map_err(|e| failed(&e)),
             None => Ok(()),
@@ -186,7 +186,7 @@ impl DynNode for Wave {
         Ok(Summary::new())
     }
 
-    carries!(each writer);
+    archive_state!(each writer);
 
     plain_node!();
 }
@@ -228,8 +228,8 @@ impl Numbers {
 impl DynNode for Numbers {
     fn run(&mut self, cx: &Cx<'_>) -> Result<(), Fault> {
         self.numbers.clear();
-        let count = cx.raw_input(0, |track, span| {
-            (self.item.numbers)(track, span.from, span.to, &mut self.numbers);
+        let count = cx.raw_input(0, |buffer, span| {
+            (self.item.numbers)(buffer, span.from, span.to, &mut self.numbers);
             (span.to - span.from) as u64
         });
         self.items += count.unwrap_or(0);
@@ -243,9 +243,9 @@ impl DynNode for Numbers {
         Ok(Summary::new())
     }
 
-    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault> {
-        self.items.carry(carry)?;
-        carry_place(&mut *self.file, carry)
+    fn archive_state(&mut self, archive: &mut StateArchive<'_>) -> Result<(), Fault> {
+        self.items.archive_state(archive)?;
+        archive_position(&mut *self.file, archive)
     }
 
     plain_node!();
@@ -291,8 +291,8 @@ impl Rows {
 impl DynNode for Rows {
     fn run(&mut self, cx: &Cx<'_>) -> Result<(), Fault> {
         self.numbers.clear();
-        let first = cx.raw_input(0, |track, span| {
-            (self.item.numbers)(track, span.from, span.to, &mut self.numbers);
+        let first = cx.raw_input(0, |buffer, span| {
+            (self.item.numbers)(buffer, span.from, span.to, &mut self.numbers);
             span.from
         });
         self.lines(first.unwrap_or(0)).map_err(|e| failed(&e))
@@ -303,8 +303,8 @@ impl DynNode for Rows {
         Ok(Summary::new())
     }
 
-    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault> {
-        carry_place(&mut *self.file, carry)
+    fn archive_state(&mut self, archive: &mut StateArchive<'_>) -> Result<(), Fault> {
+        archive_position(&mut *self.file, archive)
     }
 
     plain_node!();
@@ -350,7 +350,7 @@ impl Lines {
 impl DynNode for Lines {
     fn run(&mut self, cx: &Cx<'_>) -> Result<(), Fault> {
         let events =
-            cx.raw_input(0, |track, span| (self.event.json)(track, span.from, span.to)).unwrap_or_default();
+            cx.raw_input(0, |buffer, span| (self.event.json)(buffer, span.from, span.to)).unwrap_or_default();
         for (tick, event) in events {
             self.line(seconds(tick), &event).map_err(|e| failed(&e))?;
         }
@@ -362,9 +362,9 @@ impl DynNode for Lines {
         Ok(Summary::new())
     }
 
-    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault> {
-        self.columns.carry(carry)?;
-        carry_place(&mut *self.file, carry)
+    fn archive_state(&mut self, archive: &mut StateArchive<'_>) -> Result<(), Fault> {
+        self.columns.archive_state(archive)?;
+        archive_position(&mut *self.file, archive)
     }
 
     plain_node!();

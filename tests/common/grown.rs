@@ -1,6 +1,6 @@
 //! Graphs made at random.
 
-use foley_nodes::core::random::Draw;
+use foley_nodes::core::random::Rng;
 use std::fmt::Write as _;
 
 /// A graph text and the taps to write beside its files.
@@ -16,7 +16,7 @@ struct Audio {
 
 /// A graph that grows: what there is to link to.
 struct Plant {
-    draw: Draw,
+    draw: Rng,
     nodes: String,
     taps: Vec<String>,
     audio: Vec<Audio>,
@@ -65,7 +65,7 @@ pub fn mixed_graph(seed: u64) -> Grown {
 impl Plant {
     /// Noise of one to three rates.
     fn sown(seed: u64) -> Self {
-        let (draw, nodes) = (Draw::new(seed), String::new());
+        let (draw, nodes) = (Rng::new(seed), String::new());
         let (taps, audio, meshes, curvatures, poses) = Default::default();
         let mut plant = Self { draw, nodes, taps, audio, meshes, curvatures, poses };
         for k in 0..1 + plant.draw.below(3) {

@@ -3,16 +3,16 @@
 use foley_nodes::core::item::AnyValue;
 use foley_nodes::core::node::Func;
 use foley_nodes::core::params::{Datum, Params};
-use foley_nodes::core::solo::Solo;
+use foley_nodes::core::standalone::Standalone;
 
 /// The value that a node makes of a file, which can then be shown in every way that it can be tapped, and goes through the
 /// cache unchanged; `None` where it is refused with a reason.
 pub fn value_of<F: Func>(bytes: &[u8]) -> Option<AnyValue> {
     let path = |name: &str| (name == "path").then(|| Datum::Text("file".into()));
     let params = F::Params::read(&path).ok()?;
-    let mut solo = Solo::func::<F>(params);
-    solo.files.insert("file", bytes);
-    match solo.run() {
+    let mut standalone = Standalone::func::<F>(params);
+    standalone.files.insert("file", bytes);
+    match standalone.run() {
         Ok(run) => {
             let value = run.value(0)?;
             let kind = value.kind();

@@ -10,13 +10,13 @@ use crate::core::files::MemoryFiles;
 use crate::core::node::{Class, Node, Retune, Summary};
 use crate::core::params::{Params, Text};
 use crate::core::ports::Stream;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Ends, Shape};
 use crate::core::time::Tick;
 use crate::mesh::{Materials, Mesh};
 use crate::spatial::Poses;
 use crate::spatial::track::{frames_of, on_frames, pose_at};
-use crate::{carries, choices, params, ports};
+use crate::{archive_state, choices, params, ports};
 
 choices! {
     /// The form of a collider.
@@ -130,13 +130,13 @@ impl Node for AnalyticCollider {
         }
         s.check(still(p));
         s.when_ended(Port::contacts, Ends::Stop);
-        s.reach(Port::mesh, 0, 1);
+        s.lookaround(Port::mesh, 0, 1);
         s.when_ended(Port::mesh, Ends::Hold);
         if let Some(poses) = s.optional(Port::pose) {
             let near = frames_of(mesh.rate, poses.rate);
             // Between frames poses lie on a cubic through two more.
             let next = if on_frames(mesh.rate, poses.rate) { 0 } else { 2 };
-            s.reach(Port::pose, 2, near + next);
+            s.lookaround(Port::pose, 2, near + next);
         }
         s.when_ended(Port::pose, Ends::Hold);
         let mut surfaces = surfaces(&contacts.format);
@@ -186,20 +186,20 @@ impl Node for AnalyticCollider {
         Ok(vec![("contacts_per_frame", (self.contacts as f64 / self.frames.max(1) as f64).into())])
     }
 
-    carries!(frames, contacts);
+    archive_state!(frames, contacts);
 
-    fn trial(draw: &mut Draw) -> (AnalyticColliderParams, MemoryFiles) {
+    fn trial(rng: &mut Rng) -> (AnalyticColliderParams, MemoryFiles) {
         // Near the small meshes of trials.
-        let mut near = || [0; 3].map(|_| draw.between(-0.1, 0.1));
+        let mut near = || [0; 3].map(|_| rng.between(-0.1, 0.1));
         let (position, axis) = (near(), near());
-        let size = draw.between(0.0, 0.5);
+        let size = rng.between(0.0, 0.5);
         let params = AnalyticColliderParams {
             position,
             axis,
             size,
-            length: draw.between(0.0, 0.5),
-            radius: draw.between(0.1, 5.0) as f32,
-            ..AnalyticColliderParams::trial(draw)
+            length: rng.between(0.0, 0.5),
+            radius: rng.between(0.1, 5.0) as f32,
+            ..AnalyticColliderParams::trial(rng)
         };
         (params, MemoryFiles::default())
     }
@@ -209,7 +209,7 @@ impl Node for AnalyticCollider {
 mod tests {
     use super::*;
     use crate::contact::Contact;
-    use crate::core::solo::Solo;
+    use crate::core::standalone::Standalone;
     use crate::core::time::{Rate, TICKS_PER_SECOND, ticks};
     use crate::mesh::{MeshFormat, Topology};
     use crate::spatial;
@@ -221,11 +221,11 @@ mod tests {
     }
 
     /// Three vertices at heights 0.01, 0.03 and 0.2 m over the origin that move along x at 0.3 m/s, touching nothing else.
-    fn solo(p: AnalyticColliderParams) -> Solo {
+    fn standalone(p: AnalyticColliderParams) -> Standalone {
         let heights = [0.01_f32, 0.03, 0.2];
         let frames = (0..30).flat_map(|k| heights.map(|z| [0.005 * k as f32, 0.0, z])).collect();
         let topology = Topology { rest: heights.map(|z| [0.0, 0.0, z]).to_vec(), triangles: vec![] };
-        Solo::new::<AnalyticCollider>(p)
+        Standalone::new::<AnalyticCollider>(p)
             .input(
                 Port::contacts,
                 Rate::hz(60),
@@ -235,13 +235,13 @@ mod tests {
             .input(Port::mesh, Rate::hz(60), MeshFormat::moving(topology), frames)
     }
 
-    fn merged(solo: &Solo) -> Vec<Contact> {
-        solo.run().unwrap().stream(Port::merged)
+    fn merged(standalone: &Standalone) -> Vec<Contact> {
+        standalone.run().unwrap().stream(Port::merged)
     }
 
     #[test]
     fn cloth_slides_over_a_still_floor_by_its_own_speed_where_it_is_near() {
-        let found = merged(&solo(params()));
+        let found = merged(&standalone(params()));
         for frame in found.chunks(3).take(29) {
             assert_eq!([0, 1, 2].map(|v| frame[v].surface), [1, 1, Contact::NONE]);
             assert!(frame[..2].iter().all(|c| (c.slide * 60.0 - 0.3).abs() < 1e-4 && c.approach == 0.0));
@@ -257,7 +257,8 @@ mod tests {
             (0..count).map(place).collect::<Vec<_>>()
         };
         for rate in [60, 100, 24] {
-            let carried = solo(params()).optional(Port::pose, Rate::hz(rate), (), poses(rate.into(), 1.0));
+            let carried =
+                standalone(params()).optional(Port::pose, Rate::hz(rate), (), poses(rate.into(), 1.0));
             let found = merged(&carried);
             // The cubic between the first two poses has no pose before it to go by.
             let steady = &found[3 * 6..3 * 29];
@@ -273,13 +274,13 @@ mod tests {
             radius: 0.02,
             ..params()
         };
-        assert_eq!(merged(&solo(sphere.clone()))[..3].iter().filter(|c| c.is_some()).count(), 1);
+        assert_eq!(merged(&standalone(sphere.clone()))[..3].iter().filter(|c| c.is_some()).count(), 1);
         // Half a turn a second about x under a vertex 0.11 m from the axis.
         let turn = |k: i32| {
             let angle = 0.5 * std::f32::consts::PI * k as f32 / 60.0;
             spatial::Pose { position: [0.0, 0.0, -0.1], rotation: [angle.cos(), angle.sin(), 0.0, 0.0] }
         };
-        let turning = solo(sphere).optional(Port::pose, Rate::hz(60), (), (0..30).map(turn).collect());
+        let turning = standalone(sphere).optional(Port::pose, Rate::hz(60), (), (0..30).map(turn).collect());
         let speed = 60.0 * merged(&turning)[0].slide;
         let wanted = 0.3_f32.hypot(std::f32::consts::PI * 0.11);
         assert!((speed - wanted).abs() < 0.01 * wanted, "{speed} {wanted}");
@@ -291,7 +292,7 @@ mod tests {
             axis: [-1.0, 0.0, 0.0],
             ..params()
         };
-        let near = merged(&solo(capsule))[0];
+        let near = merged(&standalone(capsule))[0];
         let gap = 0.05_f32.hypot(0.01) - 0.05;
         assert!((near.distance - gap).abs() < 1e-6, "the round end is nearest: {near:?}");
     }
@@ -300,7 +301,8 @@ mod tests {
     fn windows_of_any_length_give_the_same_contacts() {
         let turn = |k: i32| spatial::Pose::at([0.01 * k as f32, 0.0, 0.001 * (k % 5) as f32]);
         let run = |window| {
-            let moving = solo(params()).optional(Port::pose, Rate::hz(37), (), (0..18).map(turn).collect());
+            let moving =
+                standalone(params()).optional(Port::pose, Rate::hz(37), (), (0..18).map(turn).collect());
             merged(&moving.window(window))
         };
         let whole = run(TICKS_PER_SECOND);
@@ -311,9 +313,9 @@ mod tests {
 
     #[test]
     fn an_axis_without_direction_and_another_mesh_are_refused() {
-        let reject = solo(AnalyticColliderParams { axis: [0.0; 3], ..params() }).shape().unwrap_err();
+        let reject = standalone(AnalyticColliderParams { axis: [0.0; 3], ..params() }).shape().unwrap_err();
         assert_eq!((reject.code, reject.field.as_deref()), ("F067", Some("axis")));
-        let other = Solo::new::<AnalyticCollider>(params())
+        let other = Standalone::new::<AnalyticCollider>(params())
             .input(
                 Port::contacts,
                 Rate::hz(60),

@@ -13,8 +13,8 @@ use super::slip::{SlipMode, in_plane, naive, slide};
 use super::tree::{Tree, sort_by_locality};
 use super::triangle::closest_point;
 use super::vector::widen;
-use crate::core::carry::{Carried, Carry};
 use crate::core::fault::Fault;
+use crate::core::state::{StateArchive, Stateful};
 use crate::mesh::Topology;
 
 /// A cloth vertex that touches a triangle.
@@ -128,10 +128,10 @@ pub struct Detector {
     scratch: Scratch,
 }
 
-impl Carried for Detector {
-    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault> {
-        carry.each(&mut self.trees)?;
-        if let Some(own) = self.trees.first().filter(|_| carry.restores()) {
+impl Stateful for Detector {
+    fn archive_state(&mut self, archive: &mut StateArchive<'_>) -> Result<(), Fault> {
+        archive.each(&mut self.trees)?;
+        if let Some(own) = self.trees.first().filter(|_| archive.restores()) {
             self.neighbourhoods.follow(self.order.len(), &self.exclusion, own);
         }
         Ok(())

@@ -11,7 +11,7 @@ use crate::core::ports::{In, Many, Stream};
 use crate::core::shape::{Build, Ends, Incoming, Shape};
 use crate::core::time::Rate;
 use crate::mesh::{Mesh, MeshFormat, vertex_areas};
-use crate::{carries, choices, params, ports};
+use crate::{archive_state, choices, params, ports};
 
 choices! { @param SlipMode {
     /// Along the triangle, and exactly zero under any rigid motion of the pair.
@@ -194,8 +194,8 @@ impl Node for ContactDetector {
             let help = "export the motion of the cloth, not a pose of it, or give `duration` to MeshSequence";
             s.wrong(Reject::new("F075", message).at("mesh").help(help));
         }
-        s.reach(ContactDetectorPorts::mesh, 0, 1);
-        s.reach(ContactDetectorPorts::others, 0, 1);
+        s.lookaround(ContactDetectorPorts::mesh, 0, 1);
+        s.lookaround(ContactDetectorPorts::others, 0, 1);
         s.when_ended(ContactDetectorPorts::mesh, Ends::Hold);
         s.when_ended(ContactDetectorPorts::others, Ends::Hold);
         let topology = &mesh.format.topology;
@@ -261,7 +261,7 @@ impl Node for ContactDetector {
         ])
     }
 
-    carries!(detector, total);
+    archive_state!(detector, total);
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 //! The paper silences a vertex whose speed never exceeds a threshold in the whole animation. That needs the whole take, so
 //! two gates stand beside it that don't. Comparisons are strict: a threshold of 0 still removes vertices that never move.
 
-use crate::carried;
+use crate::impl_state;
 use serde::{Deserialize, Serialize};
 
 /// The kind of gate and its times.
@@ -54,7 +54,7 @@ pub struct EverGate {
     threshold: f32,
     maxima: Vec<f32>,
 }
-carried!(EverGate { maxima });
+impl_state!(EverGate { maxima });
 
 impl EverGate {
     /// A gate that has seen nothing yet.
@@ -118,7 +118,7 @@ pub struct IntervalGate {
     taken: u64,
     given: u64,
 }
-carried!(IntervalGate { ring, open, unchecked, taken, given });
+impl_state!(IntervalGate { ring, open, unchecked, taken, given });
 
 impl IntervalGate {
     /// A gate with a look-ahead in frames, as [`hold_frames`] gives it.
@@ -226,7 +226,7 @@ pub struct CausalGate {
     /// Time of the last frame that kept the gate open; minus infinity while it is closed.
     alive: Vec<f64>,
 }
-carried!(CausalGate { alive });
+impl_state!(CausalGate { alive });
 
 impl CausalGate {
     /// A closed gate; `hold` in seconds.

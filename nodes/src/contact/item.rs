@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::Contact;
 use crate::core::item::Item;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::mesh::Materials;
 
 /// The contacts of every vertex of a cloth, frame by frame.
@@ -59,24 +59,24 @@ impl Item for Contacts {
         format!("{} vertices, up to {} contacts each", format.areas.len(), format.slots)
     }
 
-    fn trial_format(draw: &mut Draw) -> ContactsFormat {
-        let plain = ContactsFormat::plain(Speeds::trial_format(draw), 1 + draw.below(2));
+    fn trial_format(rng: &mut Rng) -> ContactsFormat {
+        let plain = ContactsFormat::plain(Speeds::trial_format(rng), 1 + rng.below(2));
         let surfaces = ["cotton", "cotton", "wool"].map(|name| Arc::new(Materials::one(name)));
         ContactsFormat { surfaces: Arc::from(surfaces), ..plain }
     }
 
-    fn trial(_: &ContactsFormat, _: usize, draw: &mut Draw) -> Contact {
-        if draw.below(4) == 0 {
+    fn trial(_: &ContactsFormat, _: usize, rng: &mut Rng) -> Contact {
+        if rng.below(4) == 0 {
             return Contact::default();
         }
-        let slide = if draw.below(3) == 0 { 0.0 } else { draw.between(0.0, 0.01) as f32 };
+        let slide = if rng.below(3) == 0 { 0.0 } else { rng.between(0.0, 0.01) as f32 };
         Contact {
-            surface: draw.below(3) as u32,
-            triangle: draw.below(100) as u32,
-            distance: draw.between(0.0, 0.05) as f32,
-            beta: [draw.unit() as f32, draw.unit() as f32],
+            surface: rng.below(3) as u32,
+            triangle: rng.below(100) as u32,
+            distance: rng.between(0.0, 0.05) as f32,
+            beta: [rng.uniform() as f32, rng.uniform() as f32],
             slide,
-            approach: draw.between(-0.01, 0.01) as f32,
+            approach: rng.between(-0.01, 0.01) as f32,
         }
     }
 
@@ -114,12 +114,12 @@ impl Item for Speeds {
         format!("{} vertices", format.len())
     }
 
-    fn trial_format(draw: &mut Draw) -> Arc<[f32]> {
-        (0..1 + draw.below(6)).map(|_| draw.between(1e-5, 1e-3) as f32).collect()
+    fn trial_format(rng: &mut Rng) -> Arc<[f32]> {
+        (0..1 + rng.below(6)).map(|_| rng.between(1e-5, 1e-3) as f32).collect()
     }
 
-    fn trial(_: &Arc<[f32]>, _: usize, draw: &mut Draw) -> f32 {
-        if draw.below(3) == 0 { 0.0 } else { draw.between(0.0, 3.0) as f32 }
+    fn trial(_: &Arc<[f32]>, _: usize, rng: &mut Rng) -> f32 {
+        if rng.below(3) == 0 { 0.0 } else { rng.between(0.0, 3.0) as f32 }
     }
 
     fn finite(elem: &f32) -> bool {

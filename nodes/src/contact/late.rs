@@ -1,6 +1,6 @@
 //! What a mesh whose frames come late says of the speed of its vertices.
 
-use crate::carried;
+use crate::impl_state;
 
 /// How long a vertex goes on at its last speed while no frame comes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,7 +33,7 @@ pub struct Late {
     /// Speeds from the last frame to the one before it, m/s.
     last: Vec<f32>,
 }
-carried!(Late { stale, last });
+impl_state!(Late { stale, last });
 
 impl Late {
     /// Nothing moves yet; `period` is the time from item to item.
@@ -78,7 +78,7 @@ impl Late {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::core::random::Draw;
+    use crate::core::random::Rng;
 
     const PERIOD: f64 = 1.0 / 60.0;
 
@@ -139,11 +139,11 @@ mod tests {
     #[test]
     fn a_speed_is_constant_over_frames_at_irregular_times() {
         for seed in 0..20 {
-            let mut draw = Draw::new(seed);
+            let mut rng = Rng::new(seed);
             // 60 frames a second by their mean, each up to 0.4 periods late, and some lost.
-            let jittered = |k| (f64::from(k) + draw.between(0.0, 0.4)) * PERIOD;
+            let jittered = |k| (f64::from(k) + rng.between(0.0, 0.4)) * PERIOD;
             let mut stamps: Vec<f64> = (0..600).map(jittered).collect();
-            stamps.retain(|_| draw.below(10) > 0);
+            stamps.retain(|_| rng.below(10) > 0);
             let ages = ages(&stamps, 600);
             let mut frames = 0;
             let mut late = late(0.1, 0.1);

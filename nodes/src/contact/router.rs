@@ -1,11 +1,11 @@
 //! Contacts by what meets in them.
 
 use super::{Contact, Contacts, ContactsFormat};
-use crate::carries;
+use crate::archive_state;
 use crate::core::fault::Reject;
 use crate::core::node::{Each, Summary};
 use crate::core::params::Text;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::params;
 
 params! {
@@ -97,10 +97,10 @@ impl Each for MaterialRouter {
         vec![("contacts", self.contacts.into()), ("kept", self.kept.into())]
     }
 
-    carries!(contacts, kept);
+    archive_state!(contacts, kept);
 
-    fn trial(draw: &mut Draw) -> MaterialRouterParams {
-        let other = ["cotton", "wool"][draw.below(2)];
+    fn trial(rng: &mut Rng) -> MaterialRouterParams {
+        let other = ["cotton", "wool"][rng.below(2)];
         MaterialRouterParams { between: ["cotton".into(), other.into()] }
     }
 }

@@ -195,7 +195,7 @@ mod tests {
     use super::super::triangle::closest_point;
     use super::super::vector::widen;
     use super::*;
-    use crate::core::random::Draw;
+    use crate::core::random::Rng;
 
     /// A cluster all at one place, with one reach.
     fn all_at(p: [f32; 3], reach: f32) -> Points {
@@ -209,10 +209,10 @@ mod tests {
     }
 
     /// Four triangles around a point, on request needles or points.
-    fn triangles(draw: &mut Draw, size: f64, p: [f32; 3], flat: u64) -> [[[f32; 3]; 3]; LANES] {
+    fn triangles(rng: &mut Rng, size: f64, p: [f32; 3], flat: u64) -> [[[f32; 3]; 3]; LANES] {
         let mut triangles = [[[0.0f32; 3]; 3]; LANES];
         for triangle in &mut triangles {
-            *triangle = [(); 3].map(|()| p.map(|x| x + draw.between(-size, size) as f32));
+            *triangle = [(); 3].map(|()| p.map(|x| x + rng.between(-size, size) as f32));
             if flat == 1 {
                 triangle[2] = [0, 1, 2].map(|k| 0.5 * (triangle[0][k] + triangle[1][k]));
             } else if flat == 2 {
@@ -226,10 +226,10 @@ mod tests {
     fn no_triangle_that_is_near_enough_is_dropped_and_few_others_are_kept() {
         let (mut missed, mut far) = (0, 0);
         for seed in 0..4000 {
-            let mut draw = Draw::new(seed);
-            let size = [1.0, 1e-3, 1e-6, 1e25][draw.below(4)];
-            let p = [(); 3].map(|()| draw.between(-10.0, 10.0) as f32);
-            let triangles = triangles(&mut draw, size, p, seed % 4);
+            let mut rng = Rng::new(seed);
+            let size = [1.0, 1e-3, 1e-6, 1e25][rng.below(4)];
+            let p = [(); 3].map(|()| rng.between(-10.0, 10.0) as f32);
+            let triangles = triangles(&mut rng, size, p, seed % 4);
             let mut corners = Corners::default();
             for (lane, triangle) in triangles.iter().enumerate() {
                 corners.set(lane, *triangle);
@@ -255,8 +255,8 @@ mod tests {
 
     #[test]
     fn boxes_are_kept_by_the_same_rule_for_points_and_for_pairs() {
-        let mut draw = Draw::new(5);
-        let mut random = |size: f64| [(); 3].map(|()| draw.between(-size, size) as f32);
+        let mut rng = Rng::new(5);
+        let mut random = |size: f64| [(); 3].map(|()| rng.between(-size, size) as f32);
         for _ in 0..200 {
             let mut nodes = [Node::EMPTY; 2];
             for node in &mut nodes {

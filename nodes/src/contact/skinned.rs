@@ -1,7 +1,7 @@
 //! Cloth that only follows its skeleton: an approximate lag behind its body, and where its joints bend.
 
 use super::vector::{Vec3, add, cross, dot, norm, scale, sub, widen};
-use crate::carried;
+use crate::impl_state;
 use crate::mesh::{Regions, Topology};
 
 /// A damped spring between each skinned place of a garment and the cloth that would be there.
@@ -21,7 +21,7 @@ pub struct Lag {
     last: Vec<[f32; 3]>,
     frames: u64,
 }
-carried!(Lag { lags, speeds, skin, last, frames });
+impl_state!(Lag { lags, speeds, skin, last, frames });
 
 impl Lag {
     /// At rest, for `vertices` at `rate` frames per second; `frequency` in Hz, `damping` below 1.
@@ -99,7 +99,7 @@ struct Region {
     /// Whether the last change was fast, until it is slow.
     fast: bool,
 }
-carried!(Region { strain, fast });
+impl_state!(Region { strain, fast });
 
 /// A region that starts to bend fast.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -125,7 +125,7 @@ pub struct Bends {
     dt: f64,
     frames: u64,
 }
-carried!(Bends { each regions, frames });
+impl_state!(Bends { each regions, frames });
 
 impl Bends {
     /// Cuts the rest pose of a garment into boxes of at most `size` metres.

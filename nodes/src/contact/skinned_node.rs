@@ -10,12 +10,12 @@ use crate::core::files::MemoryFiles;
 use crate::core::node::{Class, Node, Summary};
 use crate::core::params::Params;
 use crate::core::ports::{Events, Stream};
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::{Rate, Tick};
 use crate::crumple::{Crumple, Weight, mesh_digest};
 use crate::mesh::{Mesh, Topology, vertex_areas};
-use crate::{carries, params, ports};
+use crate::{archive_state, params, ports};
 
 params! {
     /// Approximate sliding and crumpling of a garment that follows its skeleton and was never simulated.
@@ -147,13 +147,13 @@ impl Node for SkinnedSlip {
         Ok(vec![("fastest", self.fastest.into()), ("crumples", self.crumples.into())])
     }
 
-    carries!(lag, bends, fastest, crumples);
+    archive_state!(lag, bends, fastest, crumples);
 
-    fn trial(draw: &mut Draw) -> (SkinnedSlipParams, MemoryFiles) {
+    fn trial(rng: &mut Rng) -> (SkinnedSlipParams, MemoryFiles) {
         let params = SkinnedSlipParams {
-            threshold: draw.between(0.0, 0.1) as f32,
-            region: draw.between(0.02, 0.2),
-            ..SkinnedSlipParams::trial(draw)
+            threshold: rng.between(0.0, 0.1) as f32,
+            region: rng.between(0.02, 0.2),
+            ..SkinnedSlipParams::trial(rng)
         };
         (params, MemoryFiles::default())
     }
@@ -162,7 +162,7 @@ impl Node for SkinnedSlip {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::core::solo::Solo;
+    use crate::core::standalone::Standalone;
     use crate::core::time::ticks;
     use crate::mesh::MeshFormat;
     use crate::mesh::generate::{FlatSheet, Synthetic};
@@ -179,10 +179,10 @@ mod tests {
         let frames: Vec<[f32; 3]> = frames.collect();
         let run = |window: f64| {
             let p = SkinnedSlipParams { region: 0.2, ..SkinnedSlipParams::read(&|_| None).unwrap() };
-            let solo = Solo::new::<SkinnedSlip>(p)
+            let standalone = Standalone::new::<SkinnedSlip>(p)
                 .input(SkinnedSlipPorts::mesh, rate, MeshFormat::moving(sheet.clone()), frames.clone())
                 .window(ticks(window));
-            let run = solo.run().unwrap();
+            let run = standalone.run().unwrap();
             (run.stream(SkinnedSlipPorts::speeds), run.events(SkinnedSlipPorts::crumples))
         };
         let (speeds, crumples) = run(1.0);

@@ -4,10 +4,10 @@ use super::Contact;
 use super::gate::{CausalGate, EverGate, GateMode, IntervalGate, hold_frames};
 use super::late::{Late, LateParams, Step};
 use super::spline::{Neighbours, eval_linear, eval_uniform};
-use crate::carried;
-use crate::core::carry::{Carried, Carry};
 use crate::core::fault::Fault;
+use crate::core::state::{StateArchive, Stateful};
 use crate::core::time::Rate;
+use crate::impl_state;
 use serde::{Deserialize, Serialize};
 
 /// Frames of gated speeds that are kept: the four around a piece, and those that arrive before a window asks.
@@ -101,12 +101,12 @@ enum Gate {
     Causal(CausalGate),
 }
 
-impl Carried for Gate {
-    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault> {
+impl Stateful for Gate {
+    fn archive_state(&mut self, archive: &mut StateArchive<'_>) -> Result<(), Fault> {
         match self {
-            Self::Ever(gate) => gate.carry(carry),
-            Self::Interval(gate) => gate.carry(carry),
-            Self::Causal(gate) => gate.carry(carry),
+            Self::Ever(gate) => gate.archive_state(archive),
+            Self::Interval(gate) => gate.archive_state(archive),
+            Self::Causal(gate) => gate.archive_state(archive),
         }
     }
 }
@@ -135,7 +135,7 @@ pub struct Sliding {
     report: SlidingReport,
     late: Option<Late>,
 }
-carried!(Sliding { gate, rows, ready, taken, report, each late });
+impl_state!(Sliding { gate, rows, ready, taken, report, each late });
 
 /// The fastest slide of one vertex's contacts, metres; `None` where it touches nothing.
 fn fastest_slide(slots: &[Contact]) -> Option<f32> {

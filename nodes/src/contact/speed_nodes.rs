@@ -13,10 +13,10 @@ use crate::core::item::Channels;
 use crate::core::node::{Class, Each, Node, Retune, Summary, same_channels, same_rate};
 use crate::core::params::Params;
 use crate::core::ports::Stream;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
-use crate::{carries, choices, params, ports};
+use crate::{archive_state, choices, params, ports};
 
 choices! {
     /// Which vertices are silent although they move a little.
@@ -149,12 +149,12 @@ impl Node for SlidingSpeed {
             };
             ahead += frames.max(0) as usize;
         }
-        s.reach(SlidingSpeedPorts::contacts, 0, ahead);
+        s.lookaround(SlidingSpeedPorts::contacts, 0, ahead);
         if let Some(age) = age {
             s.check(same_rate("age", age.rate, "`contacts`", contacts.rate));
             s.check(same_channels("age", age.format, "an age", Channels(1)));
             // The slide of a frame is the way to the next, which the contacts have looked at already.
-            s.reach(SlidingSpeedPorts::age, 0, ahead + 1);
+            s.lookaround(SlidingSpeedPorts::age, 0, ahead + 1);
         }
         s.output(SlidingSpeedPorts::speeds, p.rate, contacts.format.areas);
         Ok(())
@@ -248,14 +248,14 @@ impl Node for SlidingSpeed {
         Retune::Done
     }
 
-    carries!(sliding, begun, unseen);
+    archive_state!(sliding, begun, unseen);
 
-    fn trial(draw: &mut Draw) -> (SlidingSpeedParams, MemoryFiles) {
+    fn trial(rng: &mut Rng) -> (SlidingSpeedParams, MemoryFiles) {
         // Holds short beside the streams of a trial, and a threshold among their speeds.
         let params = SlidingSpeedParams {
-            threshold: draw.between(0.0, 0.3) as f32,
-            max_hold: [0.0, draw.between(0.0, 0.1)][draw.below(2)],
-            ..SlidingSpeedParams::trial(draw)
+            threshold: rng.between(0.0, 0.3) as f32,
+            max_hold: [0.0, rng.between(0.0, 0.1)][rng.below(2)],
+            ..SlidingSpeedParams::trial(rng)
         };
         (params, MemoryFiles::default())
     }

@@ -239,22 +239,22 @@ mod tests {
 
     #[test]
     fn two_hundred_uneven_series_equal_the_formula_to_2e_15() {
-        let mut draw = crate::core::random::Draw::new(3);
+        let mut rng = crate::core::random::Rng::new(3);
         for _ in 0..200 {
-            let n = 3 + draw.below(20);
+            let n = 3 + rng.below(20);
             let t: Vec<f64> = (0..n)
                 .scan(0.0, |t, _| {
-                    *t += draw.between(0.01, 2.0);
+                    *t += rng.between(0.01, 2.0);
                     Some(*t)
                 })
                 .collect();
             // With rests and plateaus, as speeds have them.
-            let s: Vec<f64> = (0..n).map(|_| draw.between(-1.0, 3.0).clamp(0.0, 2.5)).collect();
+            let s: Vec<f64> = (0..n).map(|_| rng.between(-1.0, 3.0).clamp(0.0, 2.5)).collect();
             let largest = s.iter().copied().fold(1e-300, f64::max);
             let f = spline(&t, &s);
             for k in 0..n - 1 {
                 for _ in 0..8 {
-                    let at = t[k] + draw.unit() * (t[k + 1] - t[k]);
+                    let at = t[k] + rng.uniform() * (t[k + 1] - t[k]);
                     let expected = by_the_book(&t, &s, k, (at - t[k]) / (t[k + 1] - t[k]));
                     assert!(
                         (f(at) - expected).abs() <= 2e-15 * largest,

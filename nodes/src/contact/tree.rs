@@ -6,7 +6,7 @@
 use super::boxes::{Corners, LANES, Node, larger, smaller};
 use super::triangle::closest_point;
 use super::vector::widen;
-use crate::carried;
+use crate::impl_state;
 
 /// Growth of the summed box areas after which an order is no longer worth keeping.
 const GROWTH: f64 = 1.5;
@@ -92,7 +92,7 @@ pub struct Tree {
     area: f64,
     kept_area: f64,
 }
-carried!(Tree { order, at_home, kept_area });
+impl_state!(Tree { order, at_home, kept_area });
 
 impl Tree {
     /// Builds a tree over triangles whose corners all lie below `rest.len()`.

@@ -58,14 +58,14 @@ pub trait Files: Send + Sync {
             .read_to_end(&mut all)
             .map_err(|e| FileError { code: "F061", message: format!("cannot read {path:?}: {e}") })?;
         if all.len() as u64 > room {
-            return Err(no_room(path, all.len() as u64, room));
+            return Err(too_large(path, all.len() as u64, room));
         }
         Ok(all)
     }
 }
 
 /// What is said of files that take more memory than there is.
-pub(super) fn no_room(path: &str, bytes: u64, room: u64) -> FileError {
+pub(super) fn too_large(path: &str, bytes: u64, room: u64) -> FileError {
     let message =
         format!("{path:?} is held as a whole and takes {bytes} bytes or more; the memory limit is {room}");
     FileError { code: "F063", message }
@@ -136,7 +136,7 @@ pub struct MemoryOutputs {
 impl MemoryOutputs {
     /// Copies of what has been written so far, for a run that goes on with it.
     #[must_use]
-    pub fn to_go_on(&self) -> Self {
+    pub fn to_resume(&self) -> Self {
         let copy = |(path, bytes): (&String, &Bytes)| {
             Some((path.clone(), Arc::new(Mutex::new(bytes.lock().ok()?.clone()))))
         };
@@ -242,7 +242,7 @@ pub fn sorted_sequence(
 
 /// A text file without the byte order mark that some editors put in front of UTF-8.
 #[must_use]
-pub fn without_mark(bytes: &[u8]) -> &[u8] {
+pub fn strip_bom(bytes: &[u8]) -> &[u8] {
     bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes)
 }
 

@@ -1,9 +1,9 @@
 //! The types that travel over links, and what the runtime knows of each.
 
-use super::random::Draw;
-use super::solo::Feed;
+use super::buffer::{AnyBuffer, Budget, EventBuffer, Pad, StreamBuffer};
+use super::random::Rng;
+use super::standalone::Feed;
 use super::time::{Rate, Tick};
-use super::track::{AnyTrack, Budget, EventTrack, Pad, Track};
 use serde::{Serialize, de::DeserializeOwned};
 use std::any::{Any, TypeId};
 use std::fmt::{self, Debug};
@@ -29,9 +29,9 @@ pub trait Item: 'static {
     /// The format for people: `2 channels`.
     fn describe(format: &Self::Format) -> String;
     /// A small format for trials.
-    fn trial_format(draw: &mut Draw) -> Self::Format;
+    fn trial_format(rng: &mut Rng) -> Self::Format;
     /// A valid element at place `place` of an item of this format, for trials.
-    fn trial(format: &Self::Format, place: usize, draw: &mut Draw) -> Self::Elem;
+    fn trial(format: &Self::Format, place: usize, rng: &mut Rng) -> Self::Elem;
     /// Whether every number in it is finite.
     fn finite(elem: &Self::Elem) -> bool;
     /// An element that no node writes, to find those left unwritten.
@@ -60,12 +60,12 @@ impl Item for f32 {
         }
     }
 
-    fn trial_format(draw: &mut Draw) -> Channels {
-        Channels(1 + draw.below(3) as u16)
+    fn trial_format(rng: &mut Rng) -> Channels {
+        Channels(1 + rng.below(3) as u16)
     }
 
-    fn trial(_: &Channels, _: usize, draw: &mut Draw) -> f32 {
-        draw.between(-1.0, 1.0) as f32
+    fn trial(_: &Channels, _: usize, rng: &mut Rng) -> f32 {
+        rng.between(-1.0, 1.0) as f32
     }
 
     fn finite(elem: &f32) -> bool {
@@ -90,7 +90,7 @@ pub trait Event: Clone + PartialEq + Debug + Serialize + DeserializeOwned + Send
     /// The name that people see.
     const NAME: &'static str;
     /// A valid event for trials.
-    fn trial(draw: &mut Draw) -> Self;
+    fn trial(rng: &mut Rng) -> Self;
 }
 
 /// A thing that is ready before streams start, shared and never changed.
@@ -102,7 +102,7 @@ pub trait Data: Debug + PartialEq + Serialize + DeserializeOwned + Send + Sync +
     /// Whether they have files of their own kind.
     const FILES: bool = false;
     /// A valid value for trials.
-    fn trial(draw: &mut Draw) -> Self;
+    fn trial(rng: &mut Rng) -> Self;
     /// A drawing of it as SVG, where it has one.
     fn plot(&self) -> Option<String> {
         None
@@ -117,8 +117,8 @@ pub trait Data: Debug + PartialEq + Serialize + DeserializeOwned + Send + Sync +
 impl Data for f64 {
     const NAME: &'static str = "number";
 
-    fn trial(draw: &mut Draw) -> Self {
-        draw.between(-10.0, 10.0)
+    fn trial(rng: &mut Rng) -> Self {
+        rng.between(-10.0, 10.0)
     }
 }
 
@@ -133,23 +133,23 @@ pub struct ItemType {
     /// Identity.
     pub id: fn() -> TypeId,
     /// Makes a buffer: width, span, front padding, pad rule.
-    pub track: fn(usize, usize, usize, Pad) -> Box<dyn AnyTrack>,
+    pub buffer: fn(usize, usize, usize, Pad) -> Box<dyn AnyBuffer>,
     /// Bytes of such a buffer: width, span.
-    pub track_bytes: fn(usize, usize) -> usize,
+    pub buffer_bytes: fn(usize, usize) -> usize,
     /// Numbers of the elements `[from, to)` of a buffer.
-    pub numbers: fn(&dyn AnyTrack, i64, i64, &mut Vec<f32>),
+    pub numbers: fn(&dyn AnyBuffer, i64, i64, &mut Vec<f32>),
     /// Whether all of the elements `[from, to)` are finite.
-    pub finite: fn(&dyn AnyTrack, i64, i64) -> bool,
+    pub finite: fn(&dyn AnyBuffer, i64, i64) -> bool,
     /// Bytes of one element in memory; on disk it takes about as many.
     pub elem_bytes: usize,
     /// Adds the elements `[from, to)` of a buffer to bytes, for the disk.
-    pub encode: EncodeTrack,
+    pub encode: EncodeBuffer,
     /// Appends the elements in such bytes to a buffer; `None` where they are none.
-    pub decode: DecodeTrack,
+    pub decode: DecodeBuffer,
     /// A stream of valid items for trials: rate, items.
-    pub trial: fn(&mut Draw, Rate, i64) -> Feed,
+    pub trial: fn(&mut Rng, Rate, i64) -> Feed,
     /// The same with the rate and the format of another stream of the type.
-    pub trial_like: fn(&mut Draw, &StreamShape, i64) -> Option<Feed>,
+    pub trial_like: fn(&mut Rng, &StreamShape, i64) -> Option<Feed>,
 }
 
 impl Debug for ItemType {
@@ -183,55 +183,55 @@ impl<T: Item> Described for OfItem<T> {
         wave: T::WAVE,
         columns: T::COLUMNS,
         id: TypeId::of::<T>,
-        track: |width, span, front, pad| Box::new(Track::<T::Elem>::new(width, span, front, pad)),
-        track_bytes: Track::<T::Elem>::planned_bytes,
-        numbers: |track, from, to, out| {
-            if let Some(track) = track.typed::<Track<T::Elem>>() {
-                track.view(from, to).iter().for_each(|elem| T::numbers(elem, out));
+        buffer: |width, span, front, pad| Box::new(StreamBuffer::<T::Elem>::new(width, span, front, pad)),
+        buffer_bytes: StreamBuffer::<T::Elem>::planned_bytes,
+        numbers: |buffer, from, to, out| {
+            if let Some(buffer) = buffer.typed::<StreamBuffer<T::Elem>>() {
+                buffer.view(from, to).iter().for_each(|elem| T::numbers(elem, out));
             }
         },
-        finite: |track, from, to| {
-            let track = track.typed::<Track<T::Elem>>();
-            track.is_some_and(|track| track.view(from, to).iter().all(T::finite))
+        finite: |buffer, from, to| {
+            let buffer = buffer.typed::<StreamBuffer<T::Elem>>();
+            buffer.is_some_and(|buffer| buffer.view(from, to).iter().all(T::finite))
         },
         elem_bytes: size_of::<T::Elem>(),
-        encode: |track, from, to, out| {
-            let elems = track.typed::<Track<T::Elem>>()?.view(from, to);
+        encode: |buffer, from, to, out| {
+            let elems = buffer.typed::<StreamBuffer<T::Elem>>()?.view(from, to);
             elems.iter().try_for_each(|elem| encode(elem, out))
         },
-        decode: |track, mut bytes| {
-            let track = track.typed_mut::<Track<T::Elem>>()?;
+        decode: |buffer, mut bytes| {
+            let buffer = buffer.typed_mut::<StreamBuffer<T::Elem>>()?;
             let mut elems = Vec::with_capacity(bytes.len() / size_of::<T::Elem>().max(1));
             while !bytes.is_empty() {
                 elems.push(decode(&mut bytes)?);
             }
-            track.append_elements(&elems)
+            buffer.append_elements(&elems)
         },
-        trial: |draw, rate, items| {
-            let format = T::trial_format(draw);
-            trial_stream::<T>(draw, rate, format, items)
+        trial: |rng, rate, items| {
+            let format = T::trial_format(rng);
+            trial_stream::<T>(rng, rate, format, items)
         },
-        trial_like: |draw, like, items| {
-            Some(trial_stream::<T>(draw, like.rate, like.format::<T>()?.clone(), items))
+        trial_like: |rng, like, items| {
+            Some(trial_stream::<T>(rng, like.rate, like.format::<T>()?.clone(), items))
         },
     };
 }
 
-fn trial_stream<T: Item>(draw: &mut Draw, rate: Rate, format: T::Format, items: i64) -> Feed {
+fn trial_stream<T: Item>(rng: &mut Rng, rate: Rate, format: T::Format, items: i64) -> Feed {
     let width = T::width(&format);
     let count = width * items.max(0) as usize;
-    let data = (0..count).map(|k| T::trial(&format, k % width.max(1), draw)).collect();
+    let data = (0..count).map(|k| T::trial(&format, k % width.max(1), rng)).collect();
     Feed::stream::<T>(rate, format, data)
 }
 
 /// Turns the events of a part of a buffer into JSON.
-pub type EventsJson = fn(&dyn AnyTrack, Tick, Tick) -> Vec<(Tick, serde_json::Value)>;
+pub type EventsJson = fn(&dyn AnyBuffer, Tick, Tick) -> Vec<(Tick, serde_json::Value)>;
 
 /// Adds a part of a buffer to bytes; `None` where the buffer is of another type.
-pub type EncodeTrack = fn(&dyn AnyTrack, i64, i64, &mut Vec<u8>) -> Option<()>;
+pub type EncodeBuffer = fn(&dyn AnyBuffer, i64, i64, &mut Vec<u8>) -> Option<()>;
 
 /// Appends what stands in bytes to a buffer; `None` where they say nothing or the buffer is of another type.
-pub type DecodeTrack = fn(&mut dyn AnyTrack, &[u8]) -> Option<()>;
+pub type DecodeBuffer = fn(&mut dyn AnyBuffer, &[u8]) -> Option<()>;
 
 fn encode<T: Serialize>(what: &T, out: &mut Vec<u8>) -> Option<()> {
     postcard::to_io(what, out).ok().map(|_| ())
@@ -250,17 +250,17 @@ pub struct EventType {
     /// Identity.
     pub id: fn() -> TypeId,
     /// Makes a buffer for a span of ticks that grows as far as the budget goes.
-    pub track: fn(Tick, &Budget) -> Box<dyn AnyTrack>,
+    pub buffer: fn(Tick, &Budget) -> Box<dyn AnyBuffer>,
     /// Bytes of such a buffer before it grows.
-    pub track_bytes: fn() -> usize,
+    pub buffer_bytes: fn() -> usize,
     /// Events of `[from, to)` as JSON.
     pub json: EventsJson,
     /// Adds the events of `[from, to)` to bytes, for the disk.
-    pub encode: EncodeTrack,
+    pub encode: EncodeBuffer,
     /// Adds the events in such bytes to a buffer; `None` where they are none.
-    pub decode: DecodeTrack,
+    pub decode: DecodeBuffer,
     /// Valid events until a time, for trials.
-    pub trial: fn(&mut Draw, Tick) -> Feed,
+    pub trial: fn(&mut Rng, Tick) -> Feed,
 }
 
 impl Debug for EventType {
@@ -274,30 +274,30 @@ impl<T: Event> Described for OfEvent<T> {
     const INFO: &'static EventType = &EventType {
         name: T::NAME,
         id: TypeId::of::<T>,
-        track: |span, budget| Box::new(EventTrack::<T>::new(span, budget)),
-        track_bytes: || EventTrack::<T>::ROOM * size_of::<(Tick, T)>(),
-        json: |track, from, to| {
-            let Some(track) = track.typed::<EventTrack<T>>() else { return Vec::new() };
+        buffer: |span, budget| Box::new(EventBuffer::<T>::new(span, budget)),
+        buffer_bytes: || EventBuffer::<T>::ROOM * size_of::<(Tick, T)>(),
+        json: |buffer, from, to| {
+            let Some(buffer) = buffer.typed::<EventBuffer<T>>() else { return Vec::new() };
             let json = |event| serde_json::to_value(event).unwrap_or_default();
-            track.view(from, to).iter().map(|(tick, event)| (*tick, json(event))).collect()
+            buffer.view(from, to).iter().map(|(tick, event)| (*tick, json(event))).collect()
         },
-        encode: |track, from, to, out| {
-            let events = track.typed::<EventTrack<T>>()?.view(from, to);
+        encode: |buffer, from, to, out| {
+            let events = buffer.typed::<EventBuffer<T>>()?.view(from, to);
             events.iter().try_for_each(|event| encode(event, out))
         },
-        decode: |track, mut bytes| {
-            let track = track.typed_mut::<EventTrack<T>>()?;
+        decode: |buffer, mut bytes| {
+            let buffer = buffer.typed_mut::<EventBuffer<T>>()?;
             while !bytes.is_empty() {
                 let (tick, event): (Tick, T) = decode(&mut bytes)?;
-                track.push(tick, event);
+                buffer.push(tick, event);
             }
             Some(())
         },
-        trial: |draw, end| {
-            let count = draw.below(40);
-            let mut times: Vec<Tick> = (0..count).map(|_| draw.between(0.0, end as f64) as Tick).collect();
+        trial: |rng, end| {
+            let count = rng.below(40);
+            let mut times: Vec<Tick> = (0..count).map(|_| rng.between(0.0, end as f64) as Tick).collect();
             times.sort_unstable();
-            Feed::events(times.into_iter().map(|tick| (tick, T::trial(draw))).collect(), end)
+            Feed::events(times.into_iter().map(|tick| (tick, T::trial(rng))).collect(), end)
         },
     };
 }
@@ -323,7 +323,7 @@ pub struct DataType {
     /// The value from its bytes.
     pub decode: fn(&[u8]) -> Option<AnyValue>,
     /// A valid value for trials.
-    pub trial: fn(&mut Draw) -> AnyValue,
+    pub trial: fn(&mut Rng) -> AnyValue,
 }
 
 impl Debug for DataType {
@@ -347,7 +347,7 @@ impl<T: Data> Described for OfData<T> {
         file: |value| value.get::<T>().and_then(T::file),
         encode: |value| value.get::<T>().and_then(|v| postcard::to_allocvec(v).ok()),
         decode: |bytes| postcard::from_bytes::<T>(bytes).ok().map(AnyValue::new),
-        trial: |draw| AnyValue::new(T::trial(draw)),
+        trial: |rng| AnyValue::new(T::trial(rng)),
     };
 }
 

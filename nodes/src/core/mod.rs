@@ -2,7 +2,7 @@
 //!
 //! A node describes itself once; running, checking, documenting and testing it all follow from that description.
 
-pub mod carry;
+pub mod buffer;
 pub mod content;
 pub mod fault;
 pub mod files;
@@ -13,7 +13,7 @@ pub mod params;
 pub mod ports;
 pub mod random;
 pub mod shape;
-pub mod solo;
 pub mod stage;
+pub mod standalone;
+pub mod state;
 pub mod time;
-pub mod track;

@@ -1,14 +1,14 @@
 //! The contract between a node and whatever runs it.
 
-use super::carry::Carry;
 use super::fault::{Fault, Reject};
 use super::files::MemoryFiles;
 use super::item::{Channels, Described, Item, OfItem};
 use super::params::{AnyParams, Datum, FieldError, ParamSpec, Params};
 use super::ports::{Arity, In, InKind, Out, OutKind, Port, PortKind, PortSpec, Ports, Stream};
-use super::random::Draw;
+use super::random::Rng;
 use super::shape::{Build, NodeShape, RawShape, Shape};
 use super::stage::Cx;
+use super::state::StateArchive;
 use super::time::Rate;
 use std::any::Any;
 use std::fmt;
@@ -75,7 +75,7 @@ pub trait Node: Sized + Send + 'static {
     /// Rough nanoseconds per element of its widest input or output, from which offline runs cut a graph into parallel parts.
     const COST: f64 = 1.0;
 
-    /// Declares rates, formats and reach.
+    /// Declares rates, formats and lookaround.
     ///
     /// # Errors
     /// When parameters, inputs and assets do not go together.
@@ -121,20 +121,20 @@ pub trait Node: Sized + Send + 'static {
     }
 
     /// Saves what it carries from one window to the next, or puts it back into a node that was just built, which then goes on
-    /// with the same bits. Most nodes name their fields with [`carries!`](crate::carries).
+    /// with the same bits. Most nodes name their fields with [`archive_state!`](crate::archive_state).
     ///
     /// A node whose windows depend on its inputs and its parameters alone carries nothing.
     ///
     /// # Errors
     /// When what was saved is not of this node.
-    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault> {
-        let _ = carry;
+    fn archive_state(&mut self, archive: &mut StateArchive<'_>) -> Result<(), Fault> {
+        let _ = archive;
         Ok(())
     }
 
     /// Valid parameters and the files they need, for trials.
-    fn trial(draw: &mut Draw) -> (Self::Params, MemoryFiles) {
-        (Self::Params::trial(draw), MemoryFiles::default())
+    fn trial(rng: &mut Rng) -> (Self::Params, MemoryFiles) {
+        (Self::Params::trial(rng), MemoryFiles::default())
     }
 }
 
@@ -149,7 +149,7 @@ pub trait Func: 'static {
     /// Goes up whenever the same inputs give another output.
     const VERSION: u32 = 1;
     /// Whether the paths of its assets, not only what they hold, stand in its outputs.
-    const TELLS_PATHS: bool = false;
+    const EXPOSES_PATHS: bool = false;
 
     /// Looks at parameters and assets before the run.
     ///
@@ -171,8 +171,8 @@ pub trait Func: 'static {
     ) -> Result<Summary, Fault>;
 
     /// Valid parameters and the files they need, for trials.
-    fn trial(draw: &mut Draw) -> (Self::Params, MemoryFiles) {
-        (Self::Params::trial(draw), MemoryFiles::default())
+    fn trial(rng: &mut Rng) -> (Self::Params, MemoryFiles) {
+        (Self::Params::trial(rng), MemoryFiles::default())
     }
 }
 
@@ -213,18 +213,18 @@ pub trait Each: Sized + Send + 'static {
         Summary::new()
     }
 
-    /// As [`Node::carry`].
+    /// As [`Node::archive_state`].
     ///
     /// # Errors
-    /// As [`Node::carry`].
-    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault> {
-        let _ = carry;
+    /// As [`Node::archive_state`].
+    fn archive_state(&mut self, archive: &mut StateArchive<'_>) -> Result<(), Fault> {
+        let _ = archive;
         Ok(())
     }
 
     /// Valid parameters for trials.
-    fn trial(draw: &mut Draw) -> Self::Params {
-        Self::Params::trial(draw)
+    fn trial(rng: &mut Rng) -> Self::Params {
+        Self::Params::trial(rng)
     }
 }
 
@@ -288,12 +288,12 @@ impl<E: Each> Node for PerItem<E> {
         Ok(self.0.summary())
     }
 
-    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault> {
-        self.0.carry(carry)
+    fn archive_state(&mut self, archive: &mut StateArchive<'_>) -> Result<(), Fault> {
+        self.0.archive_state(archive)
     }
 
-    fn trial(draw: &mut Draw) -> (E::Params, MemoryFiles) {
-        (E::trial(draw), MemoryFiles::default())
+    fn trial(rng: &mut Rng) -> (E::Params, MemoryFiles) {
+        (E::trial(rng), MemoryFiles::default())
     }
 }
 
@@ -324,9 +324,9 @@ pub trait DynNode: Send {
     /// Saves what it carries from one window to the next, or puts it back.
     ///
     /// # Errors
-    /// As [`Node::carry`].
-    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault> {
-        let _ = carry;
+    /// As [`Node::archive_state`].
+    fn archive_state(&mut self, archive: &mut StateArchive<'_>) -> Result<(), Fault> {
+        let _ = archive;
         Ok(())
     }
     /// Downcast.
@@ -354,8 +354,8 @@ impl<N: Node> DynNode for Wrap<N> {
         }
     }
 
-    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault> {
-        self.0.carry(carry)
+    fn archive_state(&mut self, archive: &mut StateArchive<'_>) -> Result<(), Fault> {
+        self.0.archive_state(archive)
     }
 
     fn as_any_mut(&mut self) -> &mut dyn Any {
@@ -374,7 +374,7 @@ pub struct NodeType {
     /// Version of its output.
     pub version: u32,
     /// Whether the paths of its assets, not only what they hold, stand in its outputs.
-    pub tells_paths: bool,
+    pub exposes_paths: bool,
     /// Where it may run.
     pub class: Class,
     /// Rough nanoseconds per element of its widest input or output.
@@ -392,7 +392,7 @@ pub struct NodeType {
     /// Reads parameters.
     pub read: ReadParams,
     /// Valid parameters and the files they need, for trials.
-    pub trial: fn(&mut Draw) -> (Box<dyn AnyParams>, MemoryFiles),
+    pub trial: fn(&mut Rng) -> (Box<dyn AnyParams>, MemoryFiles),
     /// Computes values; `None` for nodes with streams.
     pub eval: Option<Eval>,
     shape: fn(&dyn AnyParams, &mut RawShape<'_>) -> Result<(), Reject>,
@@ -406,7 +406,7 @@ impl NodeType {
         Self {
             name: N::NAME,
             version: N::VERSION,
-            tells_paths: false,
+            exposes_paths: false,
             class: N::CLASS,
             cost: N::COST,
             doc: N::Params::DOC,
@@ -415,8 +415,8 @@ impl NodeType {
             outputs: N::Ports::OUTPUTS,
             params: N::Params::specs,
             read: |get| Ok(Box::new(N::Params::read(get)?)),
-            trial: |draw| {
-                let (params, files) = N::trial(draw);
+            trial: |rng| {
+                let (params, files) = N::trial(rng);
                 (Box::new(params), files)
             },
             eval: None,
@@ -437,7 +437,7 @@ impl NodeType {
         Self {
             name: F::NAME,
             version: F::VERSION,
-            tells_paths: F::TELLS_PATHS,
+            exposes_paths: F::EXPOSES_PATHS,
             class: Class::Offline,
             cost: 0.0,
             doc: F::Params::DOC,
@@ -446,8 +446,8 @@ impl NodeType {
             outputs: F::Ports::OUTPUTS,
             params: F::Params::specs,
             read: |get| Ok(Box::new(F::Params::read(get)?)),
-            trial: |draw| {
-                let (params, files) = F::trial(draw);
+            trial: |rng| {
+                let (params, files) = F::trial(rng);
                 (Box::new(params), files)
             },
             eval: Some(|params, cx, io| F::eval(known(params)?, cx, F::Ports::open(io))),
@@ -456,7 +456,7 @@ impl NodeType {
         }
     }
 
-    /// Declares rates, formats and reach over known links.
+    /// Declares rates, formats and lookaround over known links.
     ///
     /// # Errors
     /// As [`Node::shape`], all that can be told at once.

@@ -1,6 +1,6 @@
 //! Parameters of nodes: declared once, and read, checked, documented, completed and varied from that declaration.
 
-use super::random::Draw;
+use super::random::Rng;
 use super::time::Rate;
 use serde::{Deserialize, Serialize};
 use std::any::Any;
@@ -127,13 +127,13 @@ impl Bounds {
     }
 
     /// A number within: an end now and then, otherwise spread over the range's magnitude.
-    pub fn trial(&self, draw: &mut Draw) -> f64 {
+    pub fn trial(&self, rng: &mut Rng) -> f64 {
         let (min, max) = (self.min.max(-1e6), self.max.min(1e6));
-        match draw.below(8) {
+        match rng.below(8) {
             0 => min,
             1 => max,
-            2..=4 if min > 0.0 => (draw.between(min.ln(), max.ln())).exp().clamp(min, max),
-            _ => draw.between(min, max),
+            2..=4 if min > 0.0 => (rng.between(min.ln(), max.ln())).exp().clamp(min, max),
+            _ => rng.between(min, max),
         }
     }
 }
@@ -256,7 +256,7 @@ pub trait Param: Sized {
     /// The value as graphs write it.
     fn write(&self) -> Datum;
     /// A valid value for trials.
-    fn trial(draw: &mut Draw, bounds: Option<Bounds>) -> Self;
+    fn trial(rng: &mut Rng, bounds: Option<Bounds>) -> Self;
 }
 
 fn mismatch<T>(kind: &ParamKind, found: &Datum) -> Result<T, Mismatch> {
@@ -297,8 +297,8 @@ macro_rules! float_param {
                 // Through text, so that 0.05f32 is written 0.05.
                 Datum::Float(self.to_string().parse().unwrap_or(f64::from(*self)))
             }
-            fn trial(draw: &mut Draw, bounds: Option<Bounds>) -> Self {
-                bounds.unwrap_or(Bounds::ALL).trial(draw) as $t
+            fn trial(rng: &mut Rng, bounds: Option<Bounds>) -> Self {
+                bounds.unwrap_or(Bounds::ALL).trial(rng) as $t
             }
         }
     )* };
@@ -324,8 +324,8 @@ macro_rules! int_param {
             fn write(&self) -> Datum {
                 Datum::Int(i64::try_from(*self).unwrap_or(i64::MAX))
             }
-            fn trial(draw: &mut Draw, bounds: Option<Bounds>) -> Self {
-                bounds.unwrap_or(Bounds::ALL).trial(draw).round() as $t
+            fn trial(rng: &mut Rng, bounds: Option<Bounds>) -> Self {
+                bounds.unwrap_or(Bounds::ALL).trial(rng).round() as $t
             }
         }
     )* };
@@ -343,8 +343,8 @@ impl Param for bool {
     fn write(&self) -> Datum {
         Datum::Bool(*self)
     }
-    fn trial(draw: &mut Draw, _: Option<Bounds>) -> Self {
-        draw.below(2) == 1
+    fn trial(rng: &mut Rng, _: Option<Bounds>) -> Self {
+        rng.below(2) == 1
     }
 }
 
@@ -374,8 +374,8 @@ impl Param for Rate {
             den => Datum::Text(format!("{}/{den}", self.num())),
         }
     }
-    fn trial(draw: &mut Draw, _: Option<Bounds>) -> Self {
-        [Self::hz(40), Self::hz(60), Self::hz(100), Self::hz(1000)][draw.below(4)]
+    fn trial(rng: &mut Rng, _: Option<Bounds>) -> Self {
+        [Self::hz(40), Self::hz(60), Self::hz(100), Self::hz(1000)][rng.below(4)]
     }
 }
 
@@ -400,7 +400,7 @@ macro_rules! text_param {
             fn write(&self) -> Datum {
                 Datum::Text(self.0.clone())
             }
-            fn trial(_: &mut Draw, _: Option<Bounds>) -> Self {
+            fn trial(_: &mut Rng, _: Option<Bounds>) -> Self {
                 Self($trial.to_owned())
             }
         }
@@ -438,8 +438,8 @@ impl<P: Param> Param for Vec<P> {
     fn write(&self) -> Datum {
         Datum::List(self.iter().map(Param::write).collect())
     }
-    fn trial(draw: &mut Draw, bounds: Option<Bounds>) -> Self {
-        (0..1 + draw.below(3)).map(|_| P::trial(draw, bounds)).collect()
+    fn trial(rng: &mut Rng, bounds: Option<Bounds>) -> Self {
+        (0..1 + rng.below(3)).map(|_| P::trial(rng, bounds)).collect()
     }
 }
 
@@ -452,8 +452,8 @@ impl<P: Param, const N: usize> Param for [P; N] {
     fn write(&self) -> Datum {
         Datum::List(self.iter().map(Param::write).collect())
     }
-    fn trial(draw: &mut Draw, bounds: Option<Bounds>) -> Self {
-        std::array::from_fn(|_| P::trial(draw, bounds))
+    fn trial(rng: &mut Rng, bounds: Option<Bounds>) -> Self {
+        std::array::from_fn(|_| P::trial(rng, bounds))
     }
 }
 
@@ -477,8 +477,8 @@ impl<P: Param> Param for Option<P> {
     fn write(&self) -> Datum {
         self.as_ref().map_or_else(|| Datum::Name("None".into()), Param::write)
     }
-    fn trial(draw: &mut Draw, bounds: Option<Bounds>) -> Self {
-        (draw.below(2) == 1).then(|| P::trial(draw, bounds))
+    fn trial(rng: &mut Rng, bounds: Option<Bounds>) -> Self {
+        (rng.below(2) == 1).then(|| P::trial(rng, bounds))
     }
 }
 
@@ -521,7 +521,7 @@ pub trait Params: Clone + Debug + PartialEq + Send + Sync + 'static {
     /// All of them as graphs write them.
     fn write(&self) -> Vec<(&'static str, Datum)>;
     /// Valid parameters for trials.
-    fn trial(draw: &mut Draw) -> Self;
+    fn trial(rng: &mut Rng) -> Self;
 }
 
 /// Parameters of a node type that only the node knows.
@@ -619,9 +619,9 @@ macro_rules! params {
                 vec![ $( (stringify!($field), $crate::core::params::Param::write(&self.$field)), )* ]
             }
 
-            fn trial(draw: &mut $crate::core::random::Draw) -> Self {
-                let _ = &draw;
-                Self { $( $field: <$t as $crate::core::params::Param>::trial(draw, $crate::params!(@bounds $($range)?)), )* }
+            fn trial(rng: &mut $crate::core::random::Rng) -> Self {
+                let _ = &rng;
+                Self { $( $field: <$t as $crate::core::params::Param>::trial(rng, $crate::params!(@bounds $($range)?)), )* }
             }
         }
     };
@@ -662,9 +662,9 @@ macro_rules! choices {
             fn write(&self) -> $crate::core::params::Datum {
                 $crate::core::params::Datum::Name(match self { $( Self::$variant => stringify!($variant), )+ }.into())
             }
-            fn trial(draw: &mut $crate::core::random::Draw, _: Option<$crate::core::params::Bounds>) -> Self {
+            fn trial(rng: &mut $crate::core::random::Rng, _: Option<$crate::core::params::Bounds>) -> Self {
                 let all = [ $( Self::$variant, )+ ];
-                all[draw.below(all.len())]
+                all[rng.below(all.len())]
             }
         }
     };

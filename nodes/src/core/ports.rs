@@ -4,12 +4,12 @@
 //! through memory would be written word by word and read two words at a time, which stalls a processor for longer than a
 //! light node takes.
 
+use super::buffer::{EventBuffer, StreamBuffer};
 use super::item::{
     AnyValue, Data, DataType, Described, Event, EventType, Item, ItemType, OfData, OfEvent, OfItem,
 };
 use super::stage::{Cx, InWire, OutWire};
 use super::time::{Rate, Tick};
-use super::track::{EventTrack, Track};
 use std::cell::{Ref, RefMut};
 use std::marker::PhantomData;
 
@@ -172,12 +172,12 @@ pub trait OutKind {
 /// Items of one input stream around one window.
 ///
 /// # Shapes
-/// `past + len + ahead` items of `width` elements each; `past` and `ahead` as the node's shape declared.
+/// `behind + len + ahead` items of `width` elements each; `behind` and `ahead` as the node's shape declared.
 #[derive(Debug)]
 pub struct In<'a, T: Item> {
     items: Ref<'a, [T::Elem]>,
     width: usize,
-    past: usize,
+    behind: usize,
     len: usize,
     first: i64,
     rate: Rate,
@@ -187,7 +187,7 @@ impl<T: Item> In<'_, T> {
     /// The items of the window itself.
     #[must_use]
     pub fn items(&self) -> &[T::Elem] {
-        &self.items[self.past * self.width..(self.past + self.len) * self.width]
+        &self.items[self.behind * self.width..(self.behind + self.len) * self.width]
     }
 
     /// The items of the window with those before and after it that the shape asked for.
@@ -199,7 +199,7 @@ impl<T: Item> In<'_, T> {
     /// Item `k` of the window; negative before it, from `len` on after it, as far as the shape asked for.
     #[must_use]
     pub fn item(&self, k: isize) -> &[T::Elem] {
-        let at = (self.past as isize + k) as usize * self.width;
+        let at = (self.behind as isize + k) as usize * self.width;
         &self.items[at..at + self.width]
     }
 
@@ -229,8 +229,8 @@ impl<T: Item> In<'_, T> {
 
     /// Items before the window that are visible.
     #[must_use]
-    pub fn past(&self) -> usize {
-        self.past
+    pub fn behind(&self) -> usize {
+        self.behind
     }
 
     /// Items per second.
@@ -311,7 +311,7 @@ impl<T: Event> EventsIn<'_, T> {
 /// Takes the events of one window.
 #[derive(Debug)]
 pub struct EventsOut<'a, T: Event> {
-    track: RefMut<'a, EventTrack<T>>,
+    buffer: RefMut<'a, EventBuffer<T>>,
     from: Tick,
     to: Tick,
 }
@@ -319,7 +319,7 @@ pub struct EventsOut<'a, T: Event> {
 impl<T: Event> EventsOut<'_, T> {
     /// Adds an event; a time outside the window is moved to its nearest end, so that no watermark is broken.
     pub fn push(&mut self, tick: Tick, event: T) {
-        self.track.push(tick.clamp(self.from, (self.to - 1).max(self.from)), event);
+        self.buffer.push(tick.clamp(self.from, (self.to - 1).max(self.from)), event);
     }
 
     /// The window to fill.
@@ -385,21 +385,21 @@ impl<T: Item> InKind for Stream<T> {
 impl<T: Item> One for Stream<T> {
     #[inline(always)]
     fn link<'a>(cx: &Cx<'a>, wire: &'a InWire) -> In<'a, T> {
-        let InWire::Stream { track, clock, past, ahead, delay, width, rate } = wire else {
+        let InWire::Stream { buffer, clock, behind, ahead, delay, width, rate } = wire else {
             cx.miswired("stream")
         };
         let span = cx.span(*clock);
         if cx.shared.closing {
-            let items = Ref::map(cx.shared.tracks[*track].borrow(), |_| -> &[T::Elem] { &[] });
-            return In { items, width: *width, past: 0, len: 0, first: span.from, rate: *rate };
+            let items = Ref::map(cx.shared.buffers[*buffer].borrow(), |_| -> &[T::Elem] { &[] });
+            return In { items, width: *width, behind: 0, len: 0, first: span.from, rate: *rate };
         }
-        let items = Ref::map(cx.shared.tracks[*track].borrow(), |track| {
-            let Some(track) = track.typed::<Track<T::Elem>>() else { cx.miswired(T::NAME) };
+        let items = Ref::map(cx.shared.buffers[*buffer].borrow(), |buffer| {
+            let Some(buffer) = buffer.typed::<StreamBuffer<T::Elem>>() else { cx.miswired(T::NAME) };
             let (from, to) = (span.from - *delay as i64, span.to - *delay as i64);
-            track.view(from - *past as i64, to + *ahead as i64)
+            buffer.view(from - *behind as i64, to + *ahead as i64)
         });
         let len = (span.to - span.from) as usize;
-        In { items, width: *width, past: *past, len, first: span.from, rate: *rate }
+        In { items, width: *width, behind: *behind, len, first: span.from, rate: *rate }
     }
 }
 
@@ -417,11 +417,11 @@ impl<T: Event> InKind for Events<T> {
 impl<T: Event> One for Events<T> {
     #[inline(always)]
     fn link<'a>(cx: &Cx<'a>, wire: &'a InWire) -> EventsIn<'a, T> {
-        let InWire::Events { track, clock, past, ahead } = wire else { cx.miswired("events") };
+        let InWire::Events { buffer, clock, behind, ahead } = wire else { cx.miswired("events") };
         let span = cx.span(*clock);
-        let events = Ref::map(cx.shared.tracks[*track].borrow(), |track| {
-            let Some(track) = track.typed::<EventTrack<T>>() else { cx.miswired(T::NAME) };
-            track.view(span.from - past, span.to + ahead)
+        let events = Ref::map(cx.shared.buffers[*buffer].borrow(), |buffer| {
+            let Some(buffer) = buffer.typed::<EventBuffer<T>>() else { cx.miswired(T::NAME) };
+            buffer.view(span.from - behind, span.to + ahead)
         });
         EventsIn { events, from: span.from, to: span.to }
     }
@@ -495,14 +495,14 @@ impl<T: Item> OutKind for Stream<T> {
 
     #[inline(always)]
     fn view<'a>(cx: &Cx<'a>, port: usize) -> Out<'a, T> {
-        let OutWire::Stream { track, clock, width, rate } = &cx.outputs[port] else { cx.miswired("stream") };
+        let OutWire::Stream { buffer, clock, width, rate } = &cx.outputs[port] else { cx.miswired("stream") };
         let span = cx.span(*clock);
         let n = (span.to - span.from) as usize;
         let mut items = RefMut::map(
-            cx.shared.tracks[*track].borrow_mut(),
+            cx.shared.buffers[*buffer].borrow_mut(),
             #[inline(always)]
-            |buffer| match buffer.typed_mut::<Track<T::Elem>>() {
-                Some(track) => track.append(n),
+            |buffer| match buffer.typed_mut::<StreamBuffer<T::Elem>>() {
+                Some(buffer) => buffer.append(n),
                 None => cx.miswired(T::NAME),
             },
         );
@@ -519,14 +519,14 @@ impl<T: Event> OutKind for Events<T> {
 
     #[inline(always)]
     fn view<'a>(cx: &Cx<'a>, port: usize) -> EventsOut<'a, T> {
-        let OutWire::Events { track, clock } = &cx.outputs[port] else { cx.miswired("events") };
+        let OutWire::Events { buffer, clock } = &cx.outputs[port] else { cx.miswired("events") };
         let span = cx.span(*clock);
-        let mut track = RefMut::map(cx.shared.tracks[*track].borrow_mut(), |track| {
-            let Some(track) = track.typed_mut::<EventTrack<T>>() else { cx.miswired(T::NAME) };
-            track
+        let mut buffer = RefMut::map(cx.shared.buffers[*buffer].borrow_mut(), |buffer| {
+            let Some(buffer) = buffer.typed_mut::<EventBuffer<T>>() else { cx.miswired(T::NAME) };
+            buffer
         });
-        track.advance(span.to);
-        EventsOut { track, from: span.from, to: span.to }
+        buffer.advance(span.to);
+        EventsOut { buffer, from: span.from, to: span.to }
     }
 }
 

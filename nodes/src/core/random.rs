@@ -5,7 +5,7 @@
 
 /// A source of random numbers keyed by graph seed and node id.
 ///
-/// Every draw names its entity (vertex, emitter, channel), its index (clip, event, sample) and a lane, so results do
+/// Every rng names its entity (vertex, emitter, channel), its index (clip, event, sample) and a lane, so results do
 /// not depend on block size, thread count or the order in which nodes run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Random {
@@ -40,32 +40,32 @@ impl Random {
 
 /// A sequence of draws, for trials and searches that are not part of a signal.
 #[derive(Clone, Debug)]
-pub struct Draw {
+pub struct Rng {
     random: Random,
     next: u64,
 }
 
-impl Draw {
+impl Rng {
     /// The sequence of one seed.
     #[must_use]
     pub fn new(seed: u64) -> Self {
-        Self { random: Random::new(seed, "draw"), next: 0 }
+        Self { random: Random::new(seed, "rng"), next: 0 }
     }
 
     /// Uniform on `[0, 1)`.
-    pub fn unit(&mut self) -> f64 {
+    pub fn uniform(&mut self) -> f64 {
         self.next += 1;
         self.random.uniform(0, self.next, 0)
     }
 
     /// Uniform on `[low, high)`.
     pub fn between(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * self.unit()
+        low + (high - low) * self.uniform()
     }
 
     /// A whole number below `n`; 0 where `n` is 0.
     pub fn below(&mut self, n: usize) -> usize {
-        (self.unit() * n as f64) as usize
+        (self.uniform() * n as f64) as usize
     }
 }
 
@@ -113,8 +113,8 @@ mod tests {
 
     #[test]
     fn nodes_and_seeds_are_independent() {
-        let draw = |seed, node| Random::new(seed, node).words(0, 0, 0);
-        assert_ne!(draw(1, "a"), draw(1, "b"));
-        assert_ne!(draw(1, "a"), draw(2, "a"));
+        let rng = |seed, node| Random::new(seed, node).words(0, 0, 0);
+        assert_ne!(rng(1, "a"), rng(1, "b"));
+        assert_ne!(rng(1, "a"), rng(2, "a"));
     }
 }

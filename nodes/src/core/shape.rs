@@ -1,7 +1,7 @@
 //! What a node declares before anything runs: rates, formats, how far it looks, when it ends.
 
 use super::fault::{Fault, Reject};
-use super::files::{FileError, Files, Outputs, ReadSeek, WriteSeek, no_room};
+use super::files::{FileError, Files, Outputs, ReadSeek, WriteSeek, too_large};
 use super::input::Inputs;
 use super::item::{AnyValue, Data, Item, StreamShape};
 use super::ports::{Events, Late, Many, Port, Stream, Value};
@@ -38,9 +38,9 @@ pub enum LinkShape {
 
 /// What a node declared of one input port.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Reach {
+pub struct Lookaround {
     /// Items (ticks for events) before the window.
-    pub past: usize,
+    pub behind: usize,
     /// Items (ticks for events) after the window.
     pub ahead: usize,
     /// Items by which the whole input is read late; an input that is read late may close a loop.
@@ -53,7 +53,7 @@ pub struct Reach {
 #[derive(Clone, Debug, Default)]
 pub struct NodeShape {
     /// Per input port.
-    pub reach: Vec<Reach>,
+    pub lookaround: Vec<Lookaround>,
     /// Per output port; `None` for events and values.
     pub outputs: Vec<Option<StreamShape>>,
     /// How far its outputs are behind its window.
@@ -89,7 +89,7 @@ impl<'a> RawShape<'a> {
     #[must_use]
     pub fn new(links: &'a [Vec<LinkShape>], outputs: usize, files: &'a dyn Files) -> Self {
         let shape = NodeShape {
-            reach: vec![Reach::default(); links.len()],
+            lookaround: vec![Lookaround::default(); links.len()],
             outputs: vec![None; outputs],
             ..NodeShape::default()
         };
@@ -108,10 +108,10 @@ impl<'a> RawShape<'a> {
     }
 
     fn end_with_inputs(&mut self) -> Result<(), Reject> {
-        let ends = self.links.iter().zip(&self.shape.reach).flat_map(|(links, reach)| {
+        let ends = self.links.iter().zip(&self.shape.lookaround).flat_map(|(links, lookaround)| {
             links.iter().filter_map(|link| match link {
-                LinkShape::Stream(stream) => Some((reach.ends, stream.end)),
-                LinkShape::Events(end) => Some((reach.ends, *end)),
+                LinkShape::Stream(stream) => Some((lookaround.ends, stream.end)),
+                LinkShape::Events(end) => Some((lookaround.ends, *end)),
                 LinkShape::Value(_) => None,
             })
         });
@@ -152,12 +152,12 @@ pub struct Shape<'s, 'a, P> {
 }
 
 /// A port whose stream or events a node may look around in.
-pub trait Reachable {}
-impl<T: Item> Reachable for Stream<T> {}
-impl<T: super::item::Event> Reachable for Events<T> {}
-impl<K: Reachable> Reachable for Option<K> {}
-impl<K: Reachable> Reachable for Many<K> {}
-impl<K: Reachable> Reachable for Late<K> {}
+pub trait HasLookaround {}
+impl<T: Item> HasLookaround for Stream<T> {}
+impl<T: super::item::Event> HasLookaround for Events<T> {}
+impl<K: HasLookaround> HasLookaround for Option<K> {}
+impl<K: HasLookaround> HasLookaround for Many<K> {}
+impl<K: HasLookaround> HasLookaround for Late<K> {}
 
 /// One stream that comes in, typed.
 #[derive(Clone, Debug, PartialEq)]
@@ -238,21 +238,21 @@ impl<'s, 'a, P> Shape<'s, 'a, P> {
     }
 
     /// Declares how many items before and after each window the node has to see; ticks for events.
-    pub fn reach<K: Reachable>(&mut self, port: Port<K>, past: usize, ahead: usize) {
-        let reach = &mut self.raw.shape.reach[port.index()];
-        (reach.past, reach.ahead) = (past, ahead);
+    pub fn lookaround<K: HasLookaround>(&mut self, port: Port<K>, behind: usize, ahead: usize) {
+        let lookaround = &mut self.raw.shape.lookaround[port.index()];
+        (lookaround.behind, lookaround.ahead) = (behind, ahead);
     }
 
     /// Declares that a stream is read `items` late: the window shows what it held that many items ago.
     ///
     /// Such an input may close a loop, as long as the delay is no shorter than one window.
-    pub fn delayed<K: Reachable>(&mut self, port: Port<Late<K>>, items: usize) {
-        self.raw.shape.reach[port.index()].delay = items;
+    pub fn delayed<K: HasLookaround>(&mut self, port: Port<Late<K>>, items: usize) {
+        self.raw.shape.lookaround[port.index()].delay = items;
     }
 
     /// Declares what happens when an input ends.
-    pub fn when_ended<K: Reachable>(&mut self, port: Port<K>, ends: Ends) {
-        self.raw.shape.reach[port.index()].ends = ends;
+    pub fn when_ended<K: HasLookaround>(&mut self, port: Port<K>, ends: Ends) {
+        self.raw.shape.lookaround[port.index()].ends = ends;
     }
 
     /// Declares an output stream.
@@ -292,7 +292,7 @@ impl<'s, 'a, P> Shape<'s, 'a, P> {
         self.raw.held = self.raw.held.saturating_add(bytes);
         let room = self.raw.files.room();
         if self.raw.held > room {
-            return Err(reject(field, &no_room(path, self.raw.held, room)));
+            return Err(reject(field, &too_large(path, self.raw.held, room)));
         }
         Ok(())
     }

@@ -1,17 +1,17 @@
 //! Runs wired nodes in order, window by window: the one engine under the offline run, the live run and single nodes.
 
-use super::carry::Carry;
+use super::buffer::{AnyBuffer, BoxedBuffer};
 use super::fault::Fault;
 use super::item::AnyValue;
 use super::node::DynNode;
+use super::state::StateArchive;
 use super::time::{Rate, Tick};
-use super::track::{AnyTrack, Buffer};
 use std::cell::RefCell;
 use std::marker::PhantomData;
 use std::time::{Duration, Instant};
 
 /// A buffer that one node writes and others read.
-pub type TrackCell = RefCell<Buffer>;
+pub type BufferCell = RefCell<BoxedBuffer>;
 
 /// Where one link of an input comes from.
 #[derive(Debug)]
@@ -19,11 +19,11 @@ pub enum InWire {
     /// A stream.
     Stream {
         /// Buffer number.
-        track: usize,
+        buffer: usize,
         /// Clock number of the reader's window at the stream's rate.
         clock: usize,
         /// Items before the window that are shown.
-        past: usize,
+        behind: usize,
         /// Items after the window that are shown.
         ahead: usize,
         /// Items by which it is read late.
@@ -36,11 +36,11 @@ pub enum InWire {
     /// Events.
     Events {
         /// Buffer number.
-        track: usize,
+        buffer: usize,
         /// Clock number of the reader's window.
         clock: usize,
         /// Ticks before the window that are shown.
-        past: Tick,
+        behind: Tick,
         /// Ticks after the window that are shown.
         ahead: Tick,
     },
@@ -54,7 +54,7 @@ pub enum OutWire {
     /// A stream.
     Stream {
         /// Buffer number.
-        track: usize,
+        buffer: usize,
         /// Clock number of the writer's window at the stream's rate.
         clock: usize,
         /// Elements per item.
@@ -65,7 +65,7 @@ pub enum OutWire {
     /// Events.
     Events {
         /// Buffer number.
-        track: usize,
+        buffer: usize,
         /// Clock number of the writer's window.
         clock: usize,
     },
@@ -102,9 +102,9 @@ impl Clock {
 pub struct Span {
     /// First position.
     pub from: i64,
-    /// One past the last position that exists.
+    /// One behind the last position that exists.
     pub to: i64,
-    /// One past the last position, the stream's end ignored.
+    /// One behind the last position, the stream's end ignored.
     pub full: i64,
     /// Whether nothing came before this window.
     pub first: bool,
@@ -122,7 +122,7 @@ impl Span {
 pub struct Window<'a> {
     /// First tick.
     pub from: Tick,
-    /// One past the last tick.
+    /// One behind the last tick.
     pub to: Tick,
     run: PhantomData<&'a ()>,
 }
@@ -130,7 +130,7 @@ pub struct Window<'a> {
 /// What all nodes of a stage have in common in one window.
 #[derive(Clone, Copy)]
 pub(super) struct Shared<'a> {
-    pub(super) tracks: &'a [TrackCell],
+    pub(super) buffers: &'a [BufferCell],
     spans: &'a [Span],
     pub(super) poison: bool,
     /// Whether the streams have ended: what was around the last window may be gone by now.
@@ -138,7 +138,7 @@ pub(super) struct Shared<'a> {
 }
 
 /// What there is without streams.
-const NOTHING: &Shared<'static> = &Shared { tracks: &[], spans: &[], poison: false, closing: false };
+const NOTHING: &Shared<'static> = &Shared { buffers: &[], spans: &[], poison: false, closing: false };
 
 /// Everything that the views of one node need to open.
 #[derive(Clone, Copy)]
@@ -162,21 +162,21 @@ impl<'a> Cx<'a> {
     }
 
     /// Reads the buffer behind one link without knowing its type, with the present window on it.
-    pub fn raw_input<R>(&self, port: usize, read: impl FnOnce(&dyn AnyTrack, Span) -> R) -> Option<R> {
-        let (track, clock) = match self.inputs.get(port)?.first()? {
-            InWire::Stream { track, clock, .. } | InWire::Events { track, clock, .. } => (*track, *clock),
+    pub fn raw_input<R>(&self, port: usize, read: impl FnOnce(&dyn AnyBuffer, Span) -> R) -> Option<R> {
+        let (buffer, clock) = match self.inputs.get(port)?.first()? {
+            InWire::Stream { buffer, clock, .. } | InWire::Events { buffer, clock, .. } => (*buffer, *clock),
             InWire::Value(_) => return None,
         };
-        Some(read(self.shared.tracks[track].borrow().any(), self.shared.spans[clock]))
+        Some(read(self.shared.buffers[buffer].borrow().any(), self.shared.spans[clock]))
     }
 
     /// Writes the buffer behind one output without knowing its type; the present window on it is to be appended.
-    pub fn raw_output<R>(&self, port: usize, write: impl FnOnce(&mut dyn AnyTrack, Span) -> R) -> Option<R> {
-        let (track, clock) = match self.outputs.get(port)? {
-            OutWire::Stream { track, clock, .. } | OutWire::Events { track, clock } => (*track, *clock),
+    pub fn raw_output<R>(&self, port: usize, write: impl FnOnce(&mut dyn AnyBuffer, Span) -> R) -> Option<R> {
+        let (buffer, clock) = match self.outputs.get(port)? {
+            OutWire::Stream { buffer, clock, .. } | OutWire::Events { buffer, clock } => (*buffer, *clock),
             OutWire::Value(_) => return None,
         };
-        Some(write(self.shared.tracks[track].borrow_mut().any_mut(), self.shared.spans[clock]))
+        Some(write(self.shared.buffers[buffer].borrow_mut().any_mut(), self.shared.spans[clock]))
     }
 
     /// The node's own window; empty for a node that has values only.
@@ -222,7 +222,7 @@ pub type StageFault = (usize, Fault);
 
 /// Nodes in topological order with the buffers between them.
 pub struct Stage {
-    tracks: Vec<TrackCell>,
+    buffers: Vec<BufferCell>,
     clocks: Vec<Clock>,
     spans: Vec<Span>,
     nodes: Vec<StageNode>,
@@ -238,7 +238,7 @@ pub struct Stage {
 impl Stage {
     /// A stage about to run from time zero.
     #[must_use]
-    pub fn new(tracks: Vec<Box<dyn AnyTrack>>, clocks: Vec<Clock>, nodes: Vec<StageNode>) -> Self {
+    pub fn new(buffers: Vec<Box<dyn AnyBuffer>>, clocks: Vec<Clock>, nodes: Vec<StageNode>) -> Self {
         let begin = |clock: &Clock| {
             let full = clock.position(clock.from);
             let stop = clock.end.map_or(full, |end| clock.position(clock.from.min(end)));
@@ -246,9 +246,9 @@ impl Stage {
         };
         let spans = clocks.iter().map(begin).collect();
         let spent = vec![Spent::default(); nodes.len()];
-        let growing = (0..tracks.len()).filter(|&k| tracks[k].grows()).collect();
-        let tracks = tracks.into_iter().map(|track| RefCell::new(Buffer::new(track))).collect();
-        Self { tracks, clocks, spans, nodes, spent, timed: false, poison: false, steady: false, growing }
+        let growing = (0..buffers.len()).filter(|&k| buffers[k].grows()).collect();
+        let buffers = buffers.into_iter().map(|buffer| RefCell::new(BoxedBuffer::new(buffer))).collect();
+        Self { buffers, clocks, spans, nodes, spent, timed: false, poison: false, steady: false, growing }
     }
 
     /// Measures the time in each node from now on.
@@ -301,11 +301,11 @@ impl Stage {
     /// Runs every node for the present window.
     ///
     /// # Errors
-    /// The first fault of a node, or F050 where a buffer of events has outgrown its [`Budget`](super::track::Budget); the
+    /// The first fault of a node, or F050 where a buffer of events has outgrown its [`Budget`](super::buffer::Budget); the
     /// stage is of no use afterwards.
     pub fn run(&mut self) -> Result<(), StageFault> {
-        let Self { tracks, spans, nodes, spent, timed, poison, steady, growing, .. } = self;
-        let shared = Shared { tracks, spans, poison: *poison, closing: false };
+        let Self { buffers, spans, nodes, spent, timed, poison, steady, growing, .. } = self;
+        let shared = Shared { buffers, spans, poison: *poison, closing: false };
         for (k, (stage_node, spent)) in nodes.iter_mut().zip(spent).enumerate() {
             let StageNode { node, clock, inputs, outputs, copies } = stage_node;
             let cx = Cx { shared: &shared, inputs, outputs, clock: *clock };
@@ -324,8 +324,8 @@ impl Stage {
                 complete(&cx, copies);
             }
         }
-        match growing.iter().find(|track| tracks[**track].get_mut().any().overrun()) {
-            Some(track) => Err(outgrown(nodes, *track, tracks[*track].get_mut().any().bytes())),
+        match growing.iter().find(|buffer| buffers[**buffer].get_mut().any().overrun()) {
+            Some(buffer) => Err(outgrown(nodes, *buffer, buffers[*buffer].get_mut().any().bytes())),
             None => Ok(()),
         }
     }
@@ -338,7 +338,7 @@ impl Stage {
         for span in &mut self.spans {
             *span = Span { from: span.to, to: span.to, full: span.to, first: false };
         }
-        let shared = Shared { tracks: &self.tracks, spans: &self.spans, poison: false, closing: true };
+        let shared = Shared { buffers: &self.buffers, spans: &self.spans, poison: false, closing: true };
         let mut summaries = Vec::with_capacity(self.nodes.len());
         for (k, stage_node) in self.nodes.iter_mut().enumerate() {
             let StageNode { node, clock, inputs, outputs, .. } = stage_node;
@@ -364,64 +364,64 @@ impl Stage {
     }
 
     /// Copies the present window of a buffer into an empty one of the same type.
-    pub fn export(&self, track: usize, clock: usize, into: &mut dyn AnyTrack) {
+    pub fn export(&self, buffer: usize, clock: usize, into: &mut dyn AnyBuffer) {
         let span = self.spans[clock];
         into.restart(span.from);
         if span.to > span.from {
-            into.append_from(self.tracks[track].borrow().any(), span.from, span.to);
+            into.append_from(self.buffers[buffer].borrow().any(), span.from, span.to);
         }
     }
 
     /// Appends what [`Stage::export`] of another stage gave for the same window.
-    pub fn import(&self, track: usize, clock: usize, from: &dyn AnyTrack) {
+    pub fn import(&self, buffer: usize, clock: usize, from: &dyn AnyBuffer) {
         let span = self.spans[clock];
-        let mut track = self.tracks[track].borrow_mut();
-        let track = track.any_mut();
+        let mut buffer = self.buffers[buffer].borrow_mut();
+        let buffer = buffer.any_mut();
         if span.to > span.from {
-            track.append_from(from, span.from, span.to);
+            buffer.append_from(from, span.from, span.to);
         }
         if span.full > span.to {
-            track.pad_to(span.full);
+            buffer.pad_to(span.full);
         }
     }
 
-    /// Gives a buffer the past of one of another stage.
+    /// Gives a buffer the history of one of another stage.
     pub fn seed(&mut self, old: &mut Self, from: usize, to: usize) {
-        self.tracks[to].get_mut().any_mut().seed(old.tracks[from].get_mut().any());
+        self.buffers[to].get_mut().any_mut().seed(old.buffers[from].get_mut().any());
     }
 
     /// Moves the end of a buffer to `to` with what stands for missing items.
-    pub fn pad(&mut self, track: usize, to: i64) {
-        self.tracks[track].get_mut().any_mut().pad_to(to);
+    pub fn pad(&mut self, buffer: usize, to: i64) {
+        self.buffers[buffer].get_mut().any_mut().pad_to(to);
     }
 
     /// Changes a buffer.
-    pub fn with_track_mut<R>(&mut self, track: usize, change: impl FnOnce(&mut dyn AnyTrack) -> R) -> R {
-        change(self.tracks[track].get_mut().any_mut())
+    pub fn with_buffer_mut<R>(&mut self, buffer: usize, change: impl FnOnce(&mut dyn AnyBuffer) -> R) -> R {
+        change(self.buffers[buffer].get_mut().any_mut())
     }
 
     /// Reads a buffer.
-    pub fn with_track<R>(&self, track: usize, read: impl FnOnce(&dyn AnyTrack) -> R) -> R {
-        read(self.tracks[track].borrow().any())
+    pub fn with_buffer<R>(&self, buffer: usize, read: impl FnOnce(&dyn AnyBuffer) -> R) -> R {
+        read(self.buffers[buffer].borrow().any())
     }
 
     /// Bytes in all buffers.
     #[must_use]
     pub fn bytes(&self) -> usize {
-        self.tracks.iter().map(|t| t.borrow().any().bytes()).sum()
+        self.buffers.iter().map(|t| t.borrow().any().bytes()).sum()
     }
 
     /// Goes on where another stage stopped: takes nodes and buffers, each given as its place there and its place here.
     ///
     /// What stood here in the place of a node that is taken goes to the other stage, to be dropped with it. Nothing is
     /// allocated or freed.
-    pub fn take_over(&mut self, old: &mut Self, nodes: &[(usize, usize)], tracks: &[(usize, usize)]) {
+    pub fn take_over(&mut self, old: &mut Self, nodes: &[(usize, usize)], buffers: &[(usize, usize)]) {
         for &(from, to) in nodes {
             std::mem::swap(&mut self.nodes[to].node, &mut old.nodes[from].node);
             self.spent[to] = old.spent[from];
         }
-        for &(from, to) in tracks {
-            self.tracks[to].get_mut().any_mut().take_over(old.tracks[from].get_mut().any_mut());
+        for &(from, to) in buffers {
+            self.buffers[to].get_mut().any_mut().take_over(old.buffers[from].get_mut().any_mut());
         }
     }
 
@@ -429,14 +429,14 @@ impl Stage {
     ///
     /// # Errors
     /// The fault of the node, or [`None`] and that of a buffer, which cannot be saved or does not fit.
-    pub fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), (Option<usize>, Fault)> {
+    pub fn archive_state(&mut self, archive: &mut StateArchive<'_>) -> Result<(), (Option<usize>, Fault)> {
         let whole = |fault| (None, fault);
-        carry.each(&mut self.spans).map_err(whole)?;
-        for track in &mut self.tracks {
-            track.get_mut().any_mut().carry(carry).map_err(whole)?;
+        archive.each(&mut self.spans).map_err(whole)?;
+        for buffer in &mut self.buffers {
+            buffer.get_mut().any_mut().archive_state(archive).map_err(whole)?;
         }
         let mut nodes = self.nodes.iter_mut().enumerate();
-        nodes.try_for_each(|(k, n)| n.node.carry(carry).map_err(|fault| (Some(k), fault)))
+        nodes.try_for_each(|(k, n)| n.node.archive_state(archive).map_err(|fault| (Some(k), fault)))
     }
 
     /// The nodes, for a reload.
@@ -447,10 +447,10 @@ impl Stage {
 
 /// What is said of a buffer of events that found no more memory, at the node that writes it, or else at one that reads it.
 #[cold]
-fn outgrown(nodes: &[StageNode], track: usize, bytes: usize) -> StageFault {
-    let of = |link: &InWire| matches!(link, InWire::Events { track: t, .. } if *t == track);
+fn outgrown(nodes: &[StageNode], buffer: usize, bytes: usize) -> StageFault {
+    let of = |link: &InWire| matches!(link, InWire::Events { buffer: t, .. } if *t == buffer);
     let writes = |n: &StageNode| {
-        n.outputs.iter().any(|o| matches!(o, OutWire::Events { track: t, .. } if *t == track))
+        n.outputs.iter().any(|o| matches!(o, OutWire::Events { buffer: t, .. } if *t == buffer))
     };
     let reads = |n: &StageNode| n.inputs.iter().flatten().any(of);
     let place = nodes.iter().position(writes).or_else(|| nodes.iter().position(reads));
@@ -467,16 +467,16 @@ fn outgrown(nodes: &[StageNode], track: usize, bytes: usize) -> StageFault {
 fn complete(cx: &Cx<'_>, copies: &[(usize, usize, usize)]) {
     for wire in cx.outputs {
         match wire {
-            OutWire::Stream { track, clock, .. } | OutWire::Events { track, clock } => {
-                settle(&cx.shared.tracks[*track], cx.span(*clock));
+            OutWire::Stream { buffer, clock, .. } | OutWire::Events { buffer, clock } => {
+                settle(&cx.shared.buffers[*buffer], cx.span(*clock));
             }
             OutWire::Value(_) => {}
         }
     }
     for &(from, to, clock) in copies {
         let span = cx.span(clock);
-        let source = cx.shared.tracks[from].borrow();
-        let mut copy = cx.shared.tracks[to].borrow_mut();
+        let source = cx.shared.buffers[from].borrow();
+        let mut copy = cx.shared.buffers[to].borrow_mut();
         let copy = copy.any_mut();
         if span.to > span.from {
             copy.append_from(source.any(), span.from, span.to);
@@ -488,13 +488,13 @@ fn complete(cx: &Cx<'_>, copies: &[(usize, usize, usize)]) {
 }
 
 /// Continues a stream that has ended by its pad rule, and fills in what a held start waits for.
-fn settle(track: &TrackCell, span: Span) {
+fn settle(buffer: &BufferCell, span: Span) {
     if !span.steady() {
-        let mut track = track.borrow_mut();
-        let track = track.any_mut();
-        track.settle();
+        let mut buffer = buffer.borrow_mut();
+        let buffer = buffer.any_mut();
+        buffer.settle();
         if span.full > span.to {
-            track.pad_to(span.full);
+            buffer.pad_to(span.full);
         }
     }
 }

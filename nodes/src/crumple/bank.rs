@@ -6,7 +6,7 @@ use thiserror::Error;
 use super::extract::Extraction;
 use crate::core::content::{altered_content, content_digest};
 use crate::core::item::Data;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::time::Rate;
 use crate::dsp::{DspError, Quality, Resampler};
 
@@ -347,7 +347,7 @@ impl Data for CrumpleBank {
     const NAME: &'static str = "crumple bank";
     const PLOTS: bool = true;
 
-    fn trial(_: &mut Draw) -> Self {
+    fn trial(_: &mut Rng) -> Self {
         trial_bank()
     }
 

@@ -7,7 +7,7 @@ use crate::core::files::{MemoryFiles, ReadSeek};
 use crate::core::node::{Func, Summary};
 use crate::core::params::{AssetPath, Params, Text};
 use crate::core::ports::Value;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
 use crate::dsp::{Quality, Resampler};
@@ -150,7 +150,7 @@ impl Func for CrumpleExtractor {
     const NAME: &'static str = "CrumpleExtractor";
     const VERSION: u32 = 2;
     // They are the provenance of the bank's recordings.
-    const TELLS_PATHS: bool = true;
+    const EXPOSES_PATHS: bool = true;
 
     fn check(p: &CrumpleExtractorParams, s: &mut Shape<'_, '_, CrumpleExtractorPorts>) -> Result<(), Reject> {
         if p.recordings.is_empty() {
@@ -215,24 +215,24 @@ impl Func for CrumpleExtractor {
         Ok(told)
     }
 
-    fn trial(draw: &mut Draw) -> (CrumpleExtractorParams, MemoryFiles) {
+    fn trial(rng: &mut Rng) -> (CrumpleExtractorParams, MemoryFiles) {
         let mut files = MemoryFiles::default();
         for name in ["a.wav", "b.wav"] {
             let sample = |i: usize| {
                 let burst = (-((i % 1000) as f64) / 100.0).exp();
-                (burst * draw.between(-0.8, 0.8)) as f32
+                (burst * rng.between(-0.8, 0.8)) as f32
             };
             files.insert(name, trial_wav(&(0..4000).map(sample).collect::<Vec<_>>(), 8000));
         }
         let params = CrumpleExtractorParams {
             recordings: vec!["a.wav".into(), "b.wav".into()],
-            threshold: draw.between(0.0, 0.01),
-            window: draw.between(0.005, 0.03),
-            min_len: draw.between(0.0, 0.01),
-            max_len: draw.between(0.05, 0.2),
-            merge_gap: draw.between(0.0, 0.01),
-            rate: Rate::hz([8000, 8820, 4000][draw.below(3)]),
-            ..CrumpleExtractorParams::trial(draw)
+            threshold: rng.between(0.0, 0.01),
+            window: rng.between(0.005, 0.03),
+            min_len: rng.between(0.0, 0.01),
+            max_len: rng.between(0.05, 0.2),
+            merge_gap: rng.between(0.0, 0.01),
+            rate: Rate::hz([8000, 8820, 4000][rng.below(3)]),
+            ..CrumpleExtractorParams::trial(rng)
         };
         (params, files)
     }
@@ -308,7 +308,7 @@ impl Func for CrumpleBankFile {
         Ok(told)
     }
 
-    fn trial(_: &mut Draw) -> (CrumpleBankFileParams, MemoryFiles) {
+    fn trial(_: &mut Rng) -> (CrumpleBankFileParams, MemoryFiles) {
         let mut files = MemoryFiles::default();
         files.insert("bank.json", serde_json::to_vec(&super::bank::trial_bank()).unwrap_or_default());
         (CrumpleBankFileParams { path: "bank.json".into() }, files)

@@ -1,7 +1,7 @@
 use super::*;
 use crate::core::params::Datum;
 use crate::core::random::Random;
-use crate::core::solo::{Solo, SoloRun};
+use crate::core::standalone::{Standalone, StandaloneRun};
 
 /// `n` decaying bursts of noise, 0.2 s apart.
 fn bursts(n: usize, level: f64, rate: u32) -> Vec<u8> {
@@ -24,34 +24,35 @@ fn params(recordings: &[&str], more: &[(&str, Datum)]) -> CrumpleExtractorParams
     CrumpleExtractorParams::read(&given).unwrap()
 }
 
-fn solo(p: CrumpleExtractorParams) -> Solo {
-    let mut solo = Solo::func::<CrumpleExtractor>(p);
-    solo.files.insert("many.wav", bursts(40, 0.02, 48_000));
-    solo.files.insert("few.wav", bursts(5, 0.005, 44_100));
+fn standalone(p: CrumpleExtractorParams) -> Standalone {
+    let mut standalone = Standalone::func::<CrumpleExtractor>(p);
+    standalone.files.insert("many.wav", bursts(40, 0.02, 48_000));
+    standalone.files.insert("few.wav", bursts(5, 0.005, 44_100));
     let hum: Vec<f32> = (0..24_000).map(|k| 0.3 * (0.05 * k as f32).sin()).collect();
-    solo.files.insert("hum.wav", trial_wav(&hum, 48_000));
-    solo.files.insert("text.wav", "no audio");
-    solo
+    standalone.files.insert("hum.wav", trial_wav(&hum, 48_000));
+    standalone.files.insert("text.wav", "no audio");
+    standalone
 }
 
-fn bank(run: &SoloRun) -> CrumpleBank {
+fn bank(run: &StandaloneRun) -> CrumpleBank {
     run.value(0).unwrap().get::<CrumpleBank>().unwrap().clone()
 }
 
-fn warnings(run: &SoloRun) -> Vec<String> {
+fn warnings(run: &StandaloneRun) -> Vec<String> {
     run.summary.iter().filter(|(k, _)| *k == "warning").map(|(_, v)| v.to_string()).collect()
 }
 
 #[test]
 fn recordings_become_a_bank_that_survives_its_file() {
-    let run = solo(params(&["many.wav", "few.wav"], &[("threshold", Datum::Float(1e-7))])).run().unwrap();
+    let run =
+        standalone(params(&["many.wav", "few.wav"], &[("threshold", Datum::Float(1e-7))])).run().unwrap();
     let found = bank(&run);
     assert_eq!((found.len(), found.fs, found.recordings[1].fs), (45, 48_000.0, 44_100.0));
     assert!(warnings(&run).is_empty(), "{:?}", run.summary);
     assert!(crate::core::item::Data::plot(&found).unwrap().contains("45 samples"));
     let value = run.value(0).unwrap();
     let json = value.json();
-    let mut file = Solo::func::<CrumpleBankFile>(CrumpleBankFileParams { path: "b.json".into() });
+    let mut file = Standalone::func::<CrumpleBankFile>(CrumpleBankFileParams { path: "b.json".into() });
     file.files.insert("b.json", json.clone());
     assert_eq!(bank(&file.run().unwrap()), found);
     for (from, to, part) in [
@@ -68,7 +69,7 @@ fn recordings_become_a_bank_that_survives_its_file() {
 #[test]
 fn samples_of_a_file_that_somebody_changed_are_refused() {
     let bank = crate::crumple::bank::trial_bank();
-    let mut file = Solo::func::<CrumpleBankFile>(CrumpleBankFileParams { path: "b.json".into() });
+    let mut file = Standalone::func::<CrumpleBankFile>(CrumpleBankFileParams { path: "b.json".into() });
     let mut read = |bank: &CrumpleBank| {
         file.files.insert("b.json", serde_json::to_string(bank).unwrap());
         file.shape().map(|_| ()).map_err(|reject| (reject.code, reject.message))
@@ -87,7 +88,7 @@ fn samples_of_a_file_that_somebody_changed_are_refused() {
 
 #[test]
 fn few_samples_and_a_low_threshold_are_warned_of() {
-    let run = solo(params(&["hum.wav"], &[])).run().unwrap();
+    let run = standalone(params(&["hum.wav"], &[])).run().unwrap();
     let told = warnings(&run);
     assert!(
         told.len() == 2 && told[0].contains("with fewer than 30") && told[1].contains("too low"),
@@ -102,7 +103,7 @@ fn levels_are_matched_on_request() {
             &["many.wav", "few.wav"],
             &[("threshold", Datum::Float(1e-7)), ("match_levels", Datum::Bool(matched))],
         );
-        let found = bank(&solo(p).run().unwrap());
+        let found = bank(&standalone(p).run().unwrap());
         let few = found.origins.iter().zip(&found.energies).filter(|(o, _)| o.recording == 1);
         few.map(|(_, e)| *e).fold(0.0, f64::max) / found.energies[found.len() - 1]
     };
@@ -116,11 +117,14 @@ fn levels_are_matched_on_request() {
 
 #[test]
 fn what_cannot_be_extracted_is_named() {
-    let reject = solo(params(&["many.wav", "text.wav"], &[])).shape().unwrap_err();
+    let reject = standalone(params(&["many.wav", "text.wav"], &[])).shape().unwrap_err();
     assert!(reject.code == "F077" && reject.message.contains("text.wav"), "{reject}");
-    assert_eq!(solo(params(&[], &[])).shape().unwrap_err().code, "F077");
-    assert_eq!(solo(params(&["gone.wav"], &[])).shape().unwrap_err().code, "F060");
-    assert_eq!(solo(params(&["many.wav"], &[("rate", Datum::Int(10))])).shape().unwrap_err().code, "F106");
-    let fault = solo(params(&["few.wav"], &[("threshold", Datum::Float(0.5))])).run().err().unwrap();
+    assert_eq!(standalone(params(&[], &[])).shape().unwrap_err().code, "F077");
+    assert_eq!(standalone(params(&["gone.wav"], &[])).shape().unwrap_err().code, "F060");
+    assert_eq!(
+        standalone(params(&["many.wav"], &[("rate", Datum::Int(10))])).shape().unwrap_err().code,
+        "F106"
+    );
+    let fault = standalone(params(&["few.wav"], &[("threshold", Datum::Float(0.5))])).run().err().unwrap();
     assert!(fault.code == "F077" && fault.message.contains("the loudest has"), "{fault}");
 }

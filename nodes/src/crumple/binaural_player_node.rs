@@ -10,13 +10,13 @@ use crate::core::item::Channels;
 use crate::core::node::{Class, Node, Retune, Summary};
 use crate::core::params::Params;
 use crate::core::ports::{Events, Stream, Value};
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Ends, Shape};
 use crate::core::time::{Rate, ticks};
 use crate::spatial::hrtf_node::Pinna;
 use crate::spatial::track::{AHEAD, PAST, listener, pose_at};
 use crate::spatial::{Distance, Head, Pose, Poses, StillSource};
-use crate::{carries, params, ports};
+use crate::{archive_state, params, ports};
 
 params! {
     /// Plays a recorded sample for each crumple at the two ears of a listener: as `CrumplePlayer`, with every fold where it is.
@@ -131,11 +131,11 @@ impl Node for BinauralCrumplePlayer {
         type Port = BinauralCrumplePlayerPorts;
         listener(p.listener, p.look, p.up)?;
         let [lead, ring] = around(p);
-        s.reach(Port::matched, 0, timing(p).ahead(lead) as usize);
+        s.lookaround(Port::matched, 0, timing(p).ahead(lead) as usize);
         if let Some(poses) = s.optional(Port::listener) {
             // A sample begins up to `lead` frames after it is first heard.
             let beyond = poses.rate.first_at(p.rate.span(lead + 1)) as usize;
-            s.reach(Port::listener, PAST, AHEAD + beyond);
+            s.lookaround(Port::listener, PAST, AHEAD + beyond);
         }
         s.when_ended(Port::listener, Ends::Hold);
         s.tail(ticks(p.tail) + p.rate.span(ring));
@@ -189,14 +189,14 @@ impl Node for BinauralCrumplePlayer {
         }
     }
 
-    carries!(playback);
+    archive_state!(playback);
 
-    fn trial(draw: &mut Draw) -> (BinauralCrumplePlayerParams, MemoryFiles) {
-        let rate = Rate::hz([4000, 8000, 8820][draw.below(3)]);
-        let (max_voices, tail) = (1 + draw.below(20), draw.between(0.0, 0.1));
-        let p = BinauralCrumplePlayerParams { rate, max_voices, tail, ..Params::trial(draw) };
+    fn trial(rng: &mut Rng) -> (BinauralCrumplePlayerParams, MemoryFiles) {
+        let rate = Rate::hz([4000, 8000, 8820][rng.below(3)]);
+        let (max_voices, tail) = (1 + rng.below(20), rng.between(0.0, 0.1));
+        let p = BinauralCrumplePlayerParams { rate, max_voices, tail, ..Params::trial(rng) };
         let (gain, look) = (p.gain.min(2.0), [1.0, 0.5, 0.1]);
-        let listener = [0; 3].map(|_| draw.between(-2.0, 2.0));
+        let listener = [0; 3].map(|_| rng.between(-2.0, 2.0));
         (
             BinauralCrumplePlayerParams { gain, listener, look, up: [0.0, 0.1, 1.0], ..p },
             MemoryFiles::default(),

@@ -1,6 +1,6 @@
 use super::*;
 use crate::core::item::Event;
-use crate::core::solo::Solo;
+use crate::core::standalone::Standalone;
 use crate::core::time::Tick;
 use crate::crumple::bank::{Cut, Origin, Recorded};
 use crate::crumple::extract::Extraction;
@@ -27,18 +27,18 @@ fn bank() -> CrumpleBank {
 }
 
 fn event(id: u32, sample: u32, position: [f32; 3]) -> MatchedCrumple {
-    let event = MatchedCrumple::trial(&mut Draw::new(1));
+    let event = MatchedCrumple::trial(&mut Rng::new(1));
     MatchedCrumple { id, sample, bank: bank().id(), interval: Rate::hz(60).tick(1), position, ..event }
 }
 
-fn solo(p: Found, events: &[(Tick, MatchedCrumple)]) -> Solo {
-    Solo::new::<BinauralCrumplePlayer>(p)
+fn standalone(p: Found, events: &[(Tick, MatchedCrumple)]) -> Standalone {
+    Standalone::new::<BinauralCrumplePlayer>(p)
         .events(Port::matched, events.to_vec(), ticks(0.5))
         .value(Port::bank, bank())
 }
 
-fn ears(solo: Solo) -> [Vec<f32>; 2] {
-    let out = solo.run().unwrap().stream(Port::audio);
+fn ears(standalone: Standalone) -> [Vec<f32>; 2] {
+    let out = standalone.run().unwrap().stream(Port::audio);
     [0, 1].map(|ear| out.iter().skip(ear).step_by(2).copied().collect())
 }
 
@@ -61,7 +61,7 @@ fn mirrored_crumples_swap_the_ears_bit_for_bit_and_those_in_front_are_equal_in_b
                 (ticks(0.1), event(3, 1, at_azimuth(degrees, 2.0))),
                 (ticks(0.1), event(9, 0, at_azimuth(degrees, 1.0))),
             ];
-            ears(solo(p, &events))
+            ears(standalone(p, &events))
         };
         let ([left, right], [other_left, other_right]) = (heard(50.0), heard(-50.0));
         assert!(left == other_right && right == other_left && left != right);
@@ -75,7 +75,8 @@ fn mirrored_crumples_swap_the_ears_bit_for_bit_and_those_in_front_are_equal_in_b
 fn the_ears_differ_in_time_as_the_model_says() {
     let head = Head::default();
     for degrees in [30.0, 60.0, 90.0, -45.0] {
-        let [left, right] = ears(solo(params(), &[(ticks(0.1), event(0, 1, at_azimuth(degrees, 2.0)))]));
+        let [left, right] =
+            ears(standalone(params(), &[(ticks(0.1), event(0, 1, at_azimuth(degrees, 2.0)))]));
         let middle = 4000..left.len() - 1000;
         let likeness =
             |lag: i64| middle.clone().map(|n| left[(n as i64 + lag) as usize] * right[n]).sum::<f32>();
@@ -94,13 +95,13 @@ fn by_other_nodes(place: [f32; 3], tick: Tick, listener: Pose) -> Vec<f32> {
         tail: 0.05,
         ..CrumplePlayerParams::read(&|_| None).unwrap()
     };
-    let mono = Solo::new::<CrumplePlayer>(p)
+    let mono = Standalone::new::<CrumplePlayer>(p)
         .events(CrumplePlayerPorts::matched, vec![(tick, event(0, 2, place))], ticks(0.5))
         .value(CrumplePlayerPorts::bank, bank());
     let mono = mono.run().unwrap().stream(CrumplePlayerPorts::audio);
     let position = place.map(f64::from);
     let p = StructuralHrtfParams { position, ..StructuralHrtfParams::read(&|_| None).unwrap() };
-    let stereo = Solo::new::<StructuralHrtf>(p)
+    let stereo = Standalone::new::<StructuralHrtf>(p)
         .input(StructuralHrtfPorts::audio, Rate::hz(48_000), Channels(1), mono)
         .optional(StructuralHrtfPorts::listener, Rate::hz(60), (), vec![listener; 60]);
     let stereo = stereo.run().unwrap().stream(StructuralHrtfPorts::out);
@@ -109,8 +110,12 @@ fn by_other_nodes(place: [f32; 3], tick: Tick, listener: Pose) -> Vec<f32> {
         listener: listener.position.map(f64::from),
         ..DistanceGainParams::read(&|_| None).unwrap()
     };
-    let out =
-        Solo::new::<DistanceGain>(p).input(DistanceGainPorts::audio, Rate::hz(48_000), Channels(2), stereo);
+    let out = Standalone::new::<DistanceGain>(p).input(
+        DistanceGainPorts::audio,
+        Rate::hz(48_000),
+        Channels(2),
+        stereo,
+    );
     out.run().unwrap().stream(DistanceGainPorts::out)
 }
 
@@ -125,9 +130,13 @@ fn one_crumple_is_what_head_and_distance_make_of_the_mono_player_also_where_the_
         // The sample begins with a frame of the listener, whose pose is then the frame's own.
         let tick = Rate::hz(60).tick(k);
         let p = Found { pinna: Pinna::Set0, ..params() };
-        let solo =
-            solo(p, &[(tick, event(0, 2, place))]).optional(Port::listener, Rate::hz(60), (), poses.clone());
-        let found = solo.run().unwrap().stream(Port::audio);
+        let standalone = standalone(p, &[(tick, event(0, 2, place))]).optional(
+            Port::listener,
+            Rate::hz(60),
+            (),
+            poses.clone(),
+        );
+        let found = standalone.run().unwrap().stream(Port::audio);
         let expected = by_other_nodes(place, tick, frame(k as usize));
         let worst = found.iter().zip(&expected).fold(0.0_f32, |most, (a, b)| most.max((a - b).abs()));
         assert!(power(&expected) > 1.0 && worst < 2e-3, "{worst} {}", power(&expected));
@@ -145,10 +154,10 @@ fn windows_of_any_length_give_the_same_bits_while_the_listener_moves_and_voices_
     for (jitter, max_voices) in [(Jitter::WholeFrames, 100), (Jitter::Centred, 3), (Jitter::Off, 2)] {
         let run = |window| {
             let p = Found { jitter, max_voices, pinna: Pinna::Set1, ..params() };
-            let solo = solo(p, &events).optional(Port::listener, Rate::hz(60), (), poses.clone());
-            let mut solo = solo.window(window);
-            solo.poison = true;
-            let run = solo.run().unwrap();
+            let standalone = standalone(p, &events).optional(Port::listener, Rate::hz(60), (), poses.clone());
+            let mut standalone = standalone.window(window);
+            standalone.poison = true;
+            let run = standalone.run().unwrap();
             (run.stream(Port::audio), run.summary)
         };
         let whole = run(ticks(2.0));
@@ -163,7 +172,7 @@ fn windows_of_any_length_give_the_same_bits_while_the_listener_moves_and_voices_
 fn what_is_farther_is_softer_and_without_a_reference_is_not() {
     let heard = |distance, reference| {
         let p = Found { reference, ..params() };
-        let [left, _] = ears(solo(p, &[(ticks(0.1), event(0, 1, [distance, 0.0, 0.0]))]));
+        let [left, _] = ears(standalone(p, &[(ticks(0.1), event(0, 1, [distance, 0.0, 0.0]))]));
         power(&left).sqrt()
     };
     let near = heard(1.0, Some(1.0));
@@ -172,6 +181,6 @@ fn what_is_farther_is_softer_and_without_a_reference_is_not() {
 
 #[test]
 fn a_head_turned_nowhere_is_refused() {
-    let reject = solo(Found { up: [2.0, 0.0, 0.0], ..params() }, &[]).shape().unwrap_err();
+    let reject = standalone(Found { up: [2.0, 0.0, 0.0], ..params() }, &[]).shape().unwrap_err();
     assert!(reject.code == "F067" && reject.message.contains("listener"), "{reject}");
 }

@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::carried;
 use crate::curvature::{Curvature, Method};
+use crate::impl_state;
 
 /// Whether one vertex snaps in one frame, and by how much.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -65,7 +65,7 @@ pub struct BuckleDetector {
     h_eps: f64,
     sides: Vec<Side>,
 }
-carried!(BuckleDetector { sides });
+impl_state!(BuckleDetector { sides });
 
 impl BuckleDetector {
     /// A detector for this many vertices.

@@ -6,7 +6,7 @@ use crate::core::node::{Class, Node, Retune, Summary};
 use crate::core::ports::{Stream, Value};
 use crate::core::shape::{Build, Shape};
 use crate::curvature::{Curvatures, RestNoise};
-use crate::{carries, params, ports};
+use crate::{archive_state, params, ports};
 
 params! {
     /// Finds the vertices of a cloth that snap from one side to the other.
@@ -102,14 +102,14 @@ impl Node for BuckleDetectorNode {
         (self.snaps, self.most) = (old.snaps, old.most);
     }
 
-    carries!(detector, snaps, most);
+    archive_state!(detector, snaps, most);
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::core::item::AnyValue;
-    use crate::core::solo::{Feed, Solo};
+    use crate::core::standalone::{Feed, Standalone};
     use crate::core::time::{Rate, ticks};
     use crate::curvature::Curvature;
     use crate::mesh::{MeshFormat, Topology};
@@ -119,8 +119,8 @@ mod tests {
         let topology = Topology { rest: vec![[0.0; 3]], triangles: Vec::new() };
         let bent = |h| Curvature { h, valid: true, ..Curvature::default() };
         let frames: Vec<_> = [-1.0, 0.1, -0.1, 0.1, 1.0].map(bent).into();
-        let solo = || {
-            Solo::new::<BuckleDetectorNode>(BuckleDetectorParams { h_eps: 0.0 })
+        let standalone = || {
+            Standalone::new::<BuckleDetectorNode>(BuckleDetectorParams { h_eps: 0.0 })
                 .input(
                     BuckleDetectorPorts::curvature,
                     Rate::hz(60),
@@ -129,12 +129,12 @@ mod tests {
                 )
                 .window(ticks(0.01))
         };
-        let count = |solo: Solo| {
-            let found = solo.run().unwrap().stream(BuckleDetectorPorts::buckles);
+        let count = |standalone: Standalone| {
+            let found = standalone.run().unwrap().stream(BuckleDetectorPorts::buckles);
             found.iter().filter(|b| b.label != 0).map(|b| b.delta).collect::<Vec<_>>()
         };
-        assert_eq!(count(solo()).len(), 3);
+        assert_eq!(count(standalone()).len(), 3);
         let noise = RestNoise { deviation: 0.1, h_eps: 0.3, frames: 9 };
-        assert_eq!(count(solo().feed(1, Feed::value(AnyValue::new(noise)))), [2.0]);
+        assert_eq!(count(standalone().feed(1, Feed::value(AnyValue::new(noise)))), [2.0]);
     }
 }

@@ -5,12 +5,12 @@ use thiserror::Error;
 
 use super::histogram::hazen;
 use super::{Crumple, Weight};
-use crate::carried;
 use crate::core::content::{altered_content, content_digest};
 use crate::core::item::Data;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::time::{TICKS_PER_SECOND, Tick};
 use crate::curvature::Method;
+use crate::impl_state;
 use crate::plot::{Axis, Line, chart};
 
 /// Version of the fields of [`EnergyCalibration`].
@@ -134,7 +134,7 @@ pub struct EnergyMeter {
     energies: Vec<f64>,
     first: Option<Crumple>,
 }
-carried!(EnergyMeter { energies, first });
+impl_state!(EnergyMeter { energies, first });
 
 impl EnergyMeter {
     /// Adds an event.
@@ -307,14 +307,14 @@ impl Data for EnergyCalibration {
     const NAME: &'static str = "energy calibration";
     const PLOTS: bool = true;
 
-    fn trial(draw: &mut Draw) -> Self {
+    fn trial(rng: &mut Rng) -> Self {
         let mut meter = EnergyMeter::default();
-        for _ in 0..draw.below(50) {
-            let event = <Crumple as crate::core::item::Event>::trial(draw);
+        for _ in 0..rng.below(50) {
+            let event = <Crumple as crate::core::item::Event>::trial(rng);
             let interval: Tick = 11_760_000;
             meter.add(&Crumple { interval, weight: Weight::Area, ..event }).ok();
         }
-        meter.finish(2.0, Floor::Percentile(draw.between(0.0, 90.0)))
+        meter.finish(2.0, Floor::Percentile(rng.between(0.0, 90.0)))
     }
 
     /// Share of events against energy.
@@ -336,10 +336,10 @@ mod tests {
     use crate::core::item::Event;
 
     fn meter(energies: &[f64]) -> EnergyMeter {
-        let mut draw = Draw::new(1);
+        let mut rng = Rng::new(1);
         let mut meter = EnergyMeter::default();
         for &energy in energies {
-            meter.add(&Crumple { energy, interval: 11_760_000, ..Crumple::trial(&mut draw) }).unwrap();
+            meter.add(&Crumple { energy, interval: 11_760_000, ..Crumple::trial(&mut rng) }).unwrap();
         }
         meter
     }

@@ -8,10 +8,10 @@ use crate::core::item::Data;
 use crate::core::node::{Class, Func, Node, Summary};
 use crate::core::params::AssetPath;
 use crate::core::ports::{Events, Fold, Value};
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, LinkShape, Shape};
 use crate::core::time::seconds;
-use crate::{carries, choices, params, ports};
+use crate::{archive_state, choices, params, ports};
 
 choices! {
     /// Which events are too weak to be heard.
@@ -115,7 +115,7 @@ impl Node for EnergyCalibrationNode {
         Ok(told)
     }
 
-    carries!(meter);
+    archive_state!(meter);
 }
 
 fn told(c: &EnergyCalibration) -> Summary {
@@ -193,9 +193,9 @@ impl Func for EnergyCalibrationFile {
         Ok(told)
     }
 
-    fn trial(draw: &mut Draw) -> (EnergyCalibrationFileParams, MemoryFiles) {
+    fn trial(rng: &mut Rng) -> (EnergyCalibrationFileParams, MemoryFiles) {
         let mut files = MemoryFiles::default();
-        let calibration = serde_json::to_vec(&<EnergyCalibration as Data>::trial(draw));
+        let calibration = serde_json::to_vec(&<EnergyCalibration as Data>::trial(rng));
         files.insert("take.json", calibration.unwrap_or_default());
         (EnergyCalibrationFileParams { path: "take.json".into() }, files)
     }
@@ -205,24 +205,24 @@ impl Func for EnergyCalibrationFile {
 mod tests {
     use super::*;
     use crate::core::item::Event;
-    use crate::core::solo::Solo;
+    use crate::core::standalone::Standalone;
     use crate::core::time::ticks;
     use crate::crumple::Weight;
 
     fn events(weights: [Weight; 2]) -> Vec<(i64, Crumple)> {
-        let mut draw = Draw::new(1);
+        let mut rng = Rng::new(1);
         let event = |k: usize| Crumple {
             energy: k as f64,
             weight: weights[k / 50],
             interval: ticks(1.0 / 60.0),
-            ..Crumple::trial(&mut draw)
+            ..Crumple::trial(&mut rng)
         };
         (0..100).map(event).enumerate().map(|(k, e)| (ticks(0.05 * k as f64), e)).collect()
     }
 
-    fn solo(weights: [Weight; 2]) -> Solo {
+    fn standalone(weights: [Weight; 2]) -> Standalone {
         let p = EnergyCalibrationParams { floor: FloorRule::Rate, e_min: 0.0, percentile: 0.0, rate: 4.0 };
-        Solo::new::<EnergyCalibrationNode>(p).events(
+        Standalone::new::<EnergyCalibrationNode>(p).events(
             EnergyCalibrationPorts::events,
             events(weights),
             ticks(5.0),
@@ -232,7 +232,7 @@ mod tests {
     #[test]
     fn a_take_is_measured_for_any_window_and_survives_its_file() {
         let of = |window: f64| {
-            let run = solo([Weight::Area; 2]).window(ticks(window)).run().unwrap();
+            let run = standalone([Weight::Area; 2]).window(ticks(window)).run().unwrap();
             run.value(0).unwrap()
         };
         let value = of(9.0);
@@ -240,7 +240,8 @@ mod tests {
         assert_eq!((found.e_min, found.events, found.seconds, found.fps), (80.0, 20, 5.0, 60.0));
         assert_eq!(of(0.013).get::<EnergyCalibration>(), Some(found));
         let json = value.json();
-        let mut file = Solo::func::<EnergyCalibrationFile>(EnergyCalibrationFileParams { path: "c".into() });
+        let mut file =
+            Standalone::func::<EnergyCalibrationFile>(EnergyCalibrationFileParams { path: "c".into() });
         file.files.insert("c", json.clone());
         assert_eq!(file.run().unwrap().value(0).unwrap().get::<EnergyCalibration>(), Some(found));
         file.files.insert("c", json.replace("\"fps\": 60", "\"fps\": 30"));
@@ -253,7 +254,7 @@ mod tests {
 
     #[test]
     fn energies_of_two_kinds_are_refused() {
-        let fault = solo([Weight::Area, Weight::None]).run().err().unwrap();
+        let fault = standalone([Weight::Area, Weight::None]).run().err().unwrap();
         assert!(fault.code == "F106" && fault.message.contains("`weight`"), "{fault}");
     }
 }

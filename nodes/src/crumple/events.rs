@@ -5,8 +5,8 @@ use std::collections::VecDeque;
 
 use super::components::{Component, Components, Neighbours, Sums};
 use super::{Buckle, Crumple, Weight};
-use crate::carried;
 use crate::curvature::Method;
+use crate::impl_state;
 use crate::mesh::{MeshError, Topology};
 
 /// How events are made.
@@ -65,7 +65,7 @@ pub struct CrumpleEvents {
     method: Method,
     h_eps: f32,
 }
-carried!(CrumpleEvents { open, joined, marked, ready, dropped, method, h_eps });
+impl_state!(CrumpleEvents { open, joined, marked, ready, dropped, method, h_eps });
 
 impl CrumpleEvents {
     /// Prepares for a mesh; `materials` holds the number of each vertex's material, or nothing.

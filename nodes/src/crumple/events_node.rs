@@ -7,11 +7,11 @@ use crate::core::files::MemoryFiles;
 use crate::core::node::{Class, Node, Summary};
 use crate::core::params::{Params, Text};
 use crate::core::ports::{Events, Stream};
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
 use crate::mesh::MeshFormat;
-use crate::{carries, choices, params, ports};
+use crate::{archive_state, choices, params, ports};
 
 choices! { @param Weight {
     /// Vertices: the paper's sum, which grows with the density of the mesh; its values of `e_min` belong to it.
@@ -103,7 +103,7 @@ impl Node for CrumpleEventsNode {
     fn shape(p: &CrumpleEventsParams, s: &mut Shape<'_, '_, CrumpleEventsPorts>) -> Result<(), Reject> {
         let buckles = s.input(CrumpleEventsPorts::buckles);
         only(p, &buckles.format)?;
-        s.reach(CrumpleEventsPorts::buckles, 0, merge_frames(p, buckles.rate));
+        s.lookaround(CrumpleEventsPorts::buckles, 0, merge_frames(p, buckles.rate));
         Ok(())
     }
 
@@ -157,14 +157,14 @@ impl Node for CrumpleEventsNode {
         Ok(told)
     }
 
-    carries!(events, next, given, weakest, strongest);
+    archive_state!(events, next, given, weakest, strongest);
 
-    fn trial(draw: &mut Draw) -> (CrumpleEventsParams, MemoryFiles) {
+    fn trial(rng: &mut Rng) -> (CrumpleEventsParams, MemoryFiles) {
         // One frame, or two, at the rates of trials: events that last longer hardly ever hang on their last frame.
-        let merge_window = [0.0, 0.018, 0.03, 0.045][draw.below(4)];
-        let e_min = [0.0, draw.between(0.0, 1e-6)][draw.below(2)];
+        let merge_window = [0.0, 0.018, 0.03, 0.045][rng.below(4)];
+        let e_min = [0.0, rng.between(0.0, 1e-6)][rng.below(2)];
         (
-            CrumpleEventsParams { merge_window, e_min, material: None, ..CrumpleEventsParams::trial(draw) },
+            CrumpleEventsParams { merge_window, e_min, material: None, ..CrumpleEventsParams::trial(rng) },
             MemoryFiles::default(),
         )
     }

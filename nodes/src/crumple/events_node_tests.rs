@@ -1,5 +1,5 @@
 use super::*;
-use crate::core::solo::Solo;
+use crate::core::standalone::Standalone;
 use crate::core::time::{TICKS_PER_SECOND, ticks};
 use crate::crumple::Buckle;
 use crate::curvature::scenes::{Scene, grid};
@@ -18,13 +18,13 @@ fn snap(vertices: &[usize], delta: f64) -> Vec<Buckle> {
     labels
 }
 
-fn solo(p: CrumpleEventsParams, materials: Materials, frames: &[Vec<Buckle>]) -> Solo {
+fn standalone(p: CrumpleEventsParams, materials: Materials, frames: &[Vec<Buckle>]) -> Standalone {
     solo_at(120, p, materials, frames)
 }
 
-fn solo_at(fps: u32, p: CrumpleEventsParams, materials: Materials, frames: &[Vec<Buckle>]) -> Solo {
+fn solo_at(fps: u32, p: CrumpleEventsParams, materials: Materials, frames: &[Vec<Buckle>]) -> Standalone {
     let format = MeshFormat { materials: materials.into(), ..MeshFormat::moving(strip().topology()) };
-    Solo::new::<CrumpleEventsNode>(p).input(
+    Standalone::new::<CrumpleEventsNode>(p).input(
         CrumpleEventsPorts::buckles,
         Rate::hz(fps),
         format,
@@ -41,7 +41,7 @@ fn events_carry_the_time_of_their_frame_for_any_window_and_merging_joins_frames(
     let frames = [snap(&[], 0.0), snap(&[1], 1.0), snap(&[2], 3.0), snap(&[], 0.0), snap(&[4], -2.0)];
     let run = |merge_window, window| {
         let p = CrumpleEventsParams { merge_window, ..params() };
-        let run = solo(p, Materials::default(), &frames).window(ticks(window)).run().unwrap();
+        let run = standalone(p, Materials::default(), &frames).window(ticks(window)).run().unwrap();
         let found = run.events(CrumpleEventsPorts::events).into_iter();
         found.map(|(tick, e)| (Rate::hz(120).first_at(tick), e.energy, e.material)).collect::<Vec<_>>()
     };
@@ -63,7 +63,7 @@ fn events_carry_how_the_curvature_was_measured_and_its_dead_band() {
     }
     for merge_window in [0.0, 0.033] {
         let p = CrumpleEventsParams { merge_window, ..params() };
-        let run = solo(p, Materials::default(), &frames).run().unwrap();
+        let run = standalone(p, Materials::default(), &frames).run().unwrap();
         let found = run.events(CrumpleEventsPorts::events);
         assert!(
             found.len() == 2 && found.iter().all(|(_, e)| e.method == Some(Method::Dihedral)),
@@ -119,7 +119,8 @@ fn one_snap_across_two_materials_is_two_events_and_swapped_names_swap_them() {
         let events = |materials: Materials, name: Option<&str>| {
             let material = name.map(Text::from);
             let p = CrumpleEventsParams { material, merge_window, ..params() };
-            let run = solo(p, materials.clone(), std::slice::from_ref(&frame)).window(TICKS_PER_SECOND).run();
+            let run =
+                standalone(p, materials.clone(), std::slice::from_ref(&frame)).window(TICKS_PER_SECOND).run();
             let found = run.unwrap().events(CrumpleEventsPorts::events).into_iter();
             found
                 .map(|(_, e)| (e.id, materials.name(e.material).to_owned(), e.vertices, e.energy))
@@ -142,7 +143,7 @@ fn one_snap_across_two_materials_is_two_events_and_swapped_names_swap_them() {
 fn a_material_that_is_not_there_is_refused_with_those_that_are() {
     let of = |materials| {
         let p = CrumpleEventsParams { material: Some("woll".into()), ..params() };
-        solo(p, materials, &[snap(&[], 0.0)]).shape().unwrap_err()
+        standalone(p, materials, &[snap(&[], 0.0)]).shape().unwrap_err()
     };
     let reject = of(halves("wool", ""));
     assert!(reject.code == "F107" && reject.message.contains("`woll`"), "{reject}");

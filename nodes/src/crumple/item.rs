@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::buckle::Buckle;
 use crate::core::item::{Event, Item};
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::time::{Rate, Tick};
 use crate::curvature::Method;
 use crate::mesh::{Mesh, MeshFormat};
@@ -27,18 +27,18 @@ impl Item for Buckles {
         Mesh::describe(format)
     }
 
-    fn trial_format(draw: &mut Draw) -> MeshFormat {
-        Mesh::trial_format(draw)
+    fn trial_format(rng: &mut Rng) -> MeshFormat {
+        Mesh::trial_format(rng)
     }
 
-    fn trial(format: &MeshFormat, place: usize, draw: &mut Draw) -> Buckle {
-        let label = [-1, 0, 0, 1][draw.below(4)];
+    fn trial(format: &MeshFormat, place: usize, rng: &mut Rng) -> Buckle {
+        let label = [-1, 0, 0, 1][rng.below(4)];
         Buckle {
             label,
-            delta: f64::from(label) * draw.between(0.1, 5.0),
-            area: draw.between(1e-5, 1e-3),
+            delta: f64::from(label) * rng.between(0.1, 5.0),
+            area: rng.between(1e-5, 1e-3),
             normal: [0.0, 0.0, 1.0],
-            position: Mesh::trial(format, place, draw),
+            position: Mesh::trial(format, place, rng),
             h_eps: 0.0,
             method: Method::default(),
         }
@@ -103,18 +103,18 @@ pub struct Crumple {
 impl Event for Crumple {
     const NAME: &'static str = "crumples";
 
-    fn trial(draw: &mut Draw) -> Self {
+    fn trial(rng: &mut Rng) -> Self {
         Self {
-            id: draw.below(1000) as u32,
-            sign: [-1, 1][draw.below(2)],
-            energy: 10_f64.powf(draw.between(-8.0, 4.0)),
+            id: rng.below(1000) as u32,
+            sign: [-1, 1][rng.below(2)],
+            energy: 10_f64.powf(rng.between(-8.0, 4.0)),
             weight: Weight::Area,
-            vertices: 1 + draw.below(50) as u32,
-            area: draw.between(0.0, 0.1) as f32,
-            material: draw.below(3) as u16,
-            position: [draw.unit() as f32, draw.unit() as f32, draw.unit() as f32],
+            vertices: 1 + rng.below(50) as u32,
+            area: rng.between(0.0, 0.1) as f32,
+            material: rng.below(3) as u16,
+            position: [rng.uniform() as f32, rng.uniform() as f32, rng.uniform() as f32],
             normal: [0.0, 0.0, 1.0],
-            interval: Rate::hz([24, 30, 60][draw.below(3)]).span(1),
+            interval: Rate::hz([24, 30, 60][rng.below(3)]).span(1),
             mesh: 7,
             method: Some(Method::Cotan),
             h_eps: 0.4,
@@ -150,9 +150,9 @@ pub struct MatchedCrumple {
 impl Event for MatchedCrumple {
     const NAME: &'static str = "matched crumples";
 
-    fn trial(draw: &mut Draw) -> Self {
-        let crumple = Crumple::trial(draw);
-        Self::new(&crumple, draw.below(3) as u32, draw.between(0.001, 10.0), super::bank::trial_bank().id())
+    fn trial(rng: &mut Rng) -> Self {
+        let crumple = Crumple::trial(rng);
+        Self::new(&crumple, rng.below(3) as u32, rng.between(0.001, 10.0), super::bank::trial_bank().id())
     }
 }
 

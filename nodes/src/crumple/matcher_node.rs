@@ -8,10 +8,10 @@ use crate::core::files::MemoryFiles;
 use crate::core::node::{Class, Node, Summary};
 use crate::core::params::Params;
 use crate::core::ports::{Events, Value};
-use crate::core::random::{Draw, Random};
+use crate::core::random::{Random, Rng};
 use crate::core::shape::{Build, Shape};
 use crate::core::time::{Tick, seconds};
-use crate::{carries, choices, params, ports};
+use crate::{archive_state, choices, params, ports};
 
 choices! { @param Mapping {
     /// The rank of an energy among all.
@@ -114,8 +114,8 @@ impl HistogramMatcher {
         let outside = known.is_some_and(|known| known.last().is_none_or(|most| event.energy > *most));
         self.count[OUTSIDE] += u64::from(outside);
         let wanted = self.map.wanted(rank);
-        let draw = self.random.uniform(event.id, tick as u64, 0);
-        let sample = self.nearest.pick(wanted, self.params.k_nearest, draw)?;
+        let rng = self.random.uniform(event.id, tick as u64, 0);
+        let sample = self.nearest.pick(wanted, self.params.k_nearest, rng)?;
         self.count[MATCHED] += 1;
         Some(MatchedCrumple::new(event, sample as u32, wanted, self.bank))
     }
@@ -211,14 +211,14 @@ impl Node for HistogramMatcher {
         self.count = old.count;
     }
 
-    carries!(nearest, each rolling, count, odd);
+    archive_state!(nearest, each rolling, count, odd);
 
-    fn trial(draw: &mut Draw) -> (HistogramMatcherParams, MemoryFiles) {
-        let p = HistogramMatcherParams::trial(draw);
-        let max_rate = p.max_rate.filter(|_| p.adapt).map(|_| draw.between(5.0, 200.0));
-        let k_nearest = 1 + draw.below(4);
+    fn trial(rng: &mut Rng) -> (HistogramMatcherParams, MemoryFiles) {
+        let p = HistogramMatcherParams::trial(rng);
+        let max_rate = p.max_rate.filter(|_| p.adapt).map(|_| rng.between(5.0, 200.0));
+        let k_nearest = 1 + rng.below(4);
         (
-            HistogramMatcherParams { k_nearest, max_rate, half_life: draw.between(0.1, 2.0), ..p },
+            HistogramMatcherParams { k_nearest, max_rate, half_life: rng.between(0.1, 2.0), ..p },
             MemoryFiles::default(),
         )
     }
@@ -228,14 +228,14 @@ impl Node for HistogramMatcher {
 mod tests {
     use super::*;
     use crate::core::item::{AnyValue, Event};
-    use crate::core::solo::{Feed, Solo};
+    use crate::core::standalone::{Feed, Standalone};
     use crate::core::time::ticks;
     use crate::crumple::Weight;
     use crate::crumple::calibration::{EnergyMeter, Floor};
     use crate::curvature::Method;
 
     fn event(energy: f64) -> Crumple {
-        Crumple { energy, ..Crumple::trial(&mut Draw::new(1)) }
+        Crumple { energy, ..Crumple::trial(&mut Rng::new(1)) }
     }
 
     fn calibration(energies: &[f64], floor: Floor) -> EnergyCalibration {
@@ -248,26 +248,26 @@ mod tests {
         HistogramMatcherParams::read(&|_| None).unwrap()
     }
 
-    fn solo(p: HistogramMatcherParams, energies: &[f64], c: Option<EnergyCalibration>) -> Solo {
+    fn standalone(p: HistogramMatcherParams, energies: &[f64], c: Option<EnergyCalibration>) -> Standalone {
         let events = energies.iter().enumerate().map(|(k, e)| (ticks(0.01 * k as f64), event(*e))).collect();
-        let solo = Solo::new::<HistogramMatcher>(p)
+        let standalone = Standalone::new::<HistogramMatcher>(p)
             .events(HistogramMatcherPorts::events, events, ticks(0.01 * energies.len() as f64))
             .value(HistogramMatcherPorts::bank, CrumpleBank::testing(&[0.1, 0.2, 0.4, 0.8, 1.6]));
         match c {
-            Some(c) => solo.feed(2, Feed::value(AnyValue::new(c))),
-            None => solo,
+            Some(c) => standalone.feed(2, Feed::value(AnyValue::new(c))),
+            None => standalone,
         }
     }
 
-    fn samples(solo: &Solo) -> Vec<u32> {
-        let run = solo.run().unwrap();
+    fn samples(standalone: &Standalone) -> Vec<u32> {
+        let run = standalone.run().unwrap();
         run.events(HistogramMatcherPorts::matched).into_iter().map(|(_, m)| m.sample).collect()
     }
 
     #[test]
     fn strong_events_get_strong_samples_and_weak_ones_none() {
         let c = calibration(&[1.0, 2.0, 3.0, 4.0, 5.0, 60.0], Floor::Absolute(2.0));
-        let run = solo(defaults(), &[2.0, 4.0, 1.0, 60.0, 999.0, 3.0], Some(c));
+        let run = standalone(defaults(), &[2.0, 4.0, 1.0, 60.0, 999.0, 3.0], Some(c));
         assert_eq!(samples(&run), [0, 2, 4, 4, 1]);
         let told = run.run().unwrap().summary;
         assert_eq!(told.iter().map(|(_, v)| v.as_u64().unwrap()).collect::<Vec<_>>(), [5, 1, 1]);
@@ -275,25 +275,25 @@ mod tests {
 
     #[test]
     fn what_is_missing_or_measured_otherwise_is_refused() {
-        let reject = solo(defaults(), &[1.0], None).shape().unwrap_err();
+        let reject = standalone(defaults(), &[1.0], None).shape().unwrap_err();
         assert!(reject.code == "F106" && reject.field.as_deref() == Some("calibration"), "{reject}");
         let p = HistogramMatcherParams { max_rate: Some(3.0), ..defaults() };
         let c = calibration(&[1.0], Floor::Absolute(0.0));
-        assert_eq!(solo(p, &[1.0], Some(c)).shape().unwrap_err().field.as_deref(), Some("max_rate"));
+        assert_eq!(standalone(p, &[1.0], Some(c)).shape().unwrap_err().field.as_deref(), Some("max_rate"));
         let mut meter = EnergyMeter::default();
         meter.add(&Crumple { weight: Weight::None, ..event(1.0) }).unwrap();
         let other = meter.finish(1.0, Floor::Absolute(0.0));
-        let fault = solo(defaults(), &[1.0], Some(other)).run().err().unwrap();
+        let fault = standalone(defaults(), &[1.0], Some(other)).run().err().unwrap();
         assert!(fault.message.contains("`weight`") && fault.time == Some(0), "{fault}");
         let c = calibration(&[1.0], Floor::Absolute(0.0));
-        assert!(solo(defaults(), &[f64::NAN], Some(c)).run().err().unwrap().message.contains("NaN"));
+        assert!(standalone(defaults(), &[f64::NAN], Some(c)).run().err().unwrap().message.contains("NaN"));
     }
 
     #[test]
     fn a_calibration_of_another_mesh_rate_method_or_dead_band_is_told_and_used() {
         let told = |c: EnergyCalibration, adapt: bool| {
             let p = HistogramMatcherParams { adapt, ..defaults() };
-            let run = solo(p, &[1.0, 2.0], Some(c)).run().unwrap();
+            let run = standalone(p, &[1.0, 2.0], Some(c)).run().unwrap();
             let warnings = run.summary.iter().filter(|(key, _)| *key == "warning");
             warnings.map(|(_, text)| text.to_string()).collect::<Vec<_>>()
         };
@@ -334,17 +334,20 @@ mod tests {
     fn without_calibration_ranks_are_those_of_the_past() {
         let p = HistogramMatcherParams { adapt: true, ..defaults() };
         let energies: Vec<f64> = (0..200).map(|k| f64::from((k * 37) % 101) + 1.0).collect();
-        let found = samples(&solo(p.clone(), &energies, None));
+        let found = samples(&standalone(p.clone(), &energies, None));
         let late: Vec<(f64, u32)> = energies.iter().copied().zip(found).skip(100).collect();
         assert!(late.iter().all(|(e, s)| (*e > 90.0) <= (*s >= 3) && (*e < 10.0) <= (*s <= 1)), "{late:?}");
         // A motion a thousand times as strong is matched alike, once the past is forgotten.
         let seed = calibration(&[0.001, 0.002], Floor::Absolute(0.0));
-        let adapted =
-            samples(&solo(HistogramMatcherParams { half_life: 0.1, ..p.clone() }, &energies, Some(seed)));
+        let adapted = samples(&standalone(
+            HistogramMatcherParams { half_life: 0.1, ..p.clone() },
+            &energies,
+            Some(seed),
+        ));
         assert!(adapted.iter().skip(120).any(|s| *s < 2));
         // A limit on the rate keeps the strongest.
         let p = HistogramMatcherParams { max_rate: Some(20.0), ..p };
-        let run = solo(p, &energies, None).run().unwrap();
+        let run = standalone(p, &energies, None).run().unwrap();
         let kept = run.events(HistogramMatcherPorts::matched);
         assert!((30..50).contains(&kept.len()), "{} in 2 s", kept.len());
         assert!(kept.iter().skip(10).all(|(_, m)| m.energy > 70.0));
@@ -365,7 +368,7 @@ mod tests {
             .collect();
         let alone: Vec<(Tick, Crumple)> = mixed.iter().filter(|(_, e)| e.energy >= 10.0).copied().collect();
         let matched = |p: &HistogramMatcherParams, events: &[(Tick, Crumple)], c: EnergyCalibration| {
-            let run = Solo::new::<HistogramMatcher>(p.clone())
+            let run = Standalone::new::<HistogramMatcher>(p.clone())
                 .events(HistogramMatcherPorts::events, events.to_vec(), at(60, 0))
                 .value(HistogramMatcherPorts::bank, CrumpleBank::testing(&[0.1, 0.2, 0.4, 0.8, 1.6]))
                 .feed(2, Feed::value(AnyValue::new(c)));
@@ -394,10 +397,10 @@ mod tests {
     #[test]
     fn those_that_a_limit_of_the_rate_leaves_get_all_samples() {
         // A hundred events per second, of which twenty are left: the weakest of them are the weak ones of what is heard.
-        let mut draw = Draw::new(8);
-        let energies: Vec<f64> = (0..2000).map(|_| 10_f64.powf(draw.between(-4.0, 4.0))).collect();
+        let mut rng = Rng::new(8);
+        let energies: Vec<f64> = (0..2000).map(|_| 10_f64.powf(rng.between(-4.0, 4.0))).collect();
         let p = HistogramMatcherParams { adapt: true, max_rate: Some(20.0), half_life: 5.0, ..defaults() };
-        let found = samples(&solo(p, &energies, None));
+        let found = samples(&standalone(p, &energies, None));
         let late = &found[found.len() / 2..];
         let counts: Vec<usize> = (0..5).map(|k| late.iter().filter(|s| **s == k).count()).collect();
         let even = late.len() as f64 / 5.0;
@@ -407,6 +410,6 @@ mod tests {
     #[test]
     fn a_take_without_events_calibrates_what_comes_later_to_the_middle() {
         let none = EnergyMeter::default().finish(2.0, Floor::Rate(5.0));
-        assert_eq!(samples(&solo(defaults(), &[7.0], Some(none))), [2]);
+        assert_eq!(samples(&standalone(defaults(), &[7.0], Some(none))), [2]);
     }
 }

@@ -2,7 +2,7 @@
 
 use super::CrumpleBank;
 use super::histogram::{Binned, hazen, rank};
-use crate::carried;
+use crate::impl_state;
 
 /// How distributions of energies are compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -87,7 +87,7 @@ pub struct Nearest {
     logs: Vec<f64>,
     last: Option<usize>,
 }
-carried!(Nearest { last });
+impl_state!(Nearest { last });
 
 impl Nearest {
     /// Over a bank's sorted energies.
@@ -153,7 +153,7 @@ pub struct Rolling {
     /// Since when events are counted; `None` when there was a past before.
     begun: Option<f64>,
 }
-carried!(Rolling { bins, total, epoch, begun });
+impl_state!(Rolling { bins, total, epoch, begun });
 
 impl Rolling {
     /// Nothing yet; half-life in seconds.

@@ -1,13 +1,13 @@
 use super::*;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use proptest::prelude::*;
 
 /// Log-normal numbers, sorted.
 fn log_normal(n: usize, sigma: f64, mean: f64, seed: u64) -> Vec<f64> {
-    let mut draw = Draw::new(seed);
+    let mut rng = Rng::new(seed);
     // Box and Muller: the far tail counts here.
     let mut normal =
-        || (-2.0 * (1.0 - draw.unit()).ln()).sqrt() * (std::f64::consts::TAU * draw.unit()).cos();
+        || (-2.0 * (1.0 - rng.uniform()).ln()).sqrt() * (std::f64::consts::TAU * rng.uniform()).cos();
     let mut all: Vec<f64> = (0..n).map(|_| (mean + sigma * normal()).exp()).collect();
     all.sort_unstable_by(f64::total_cmp);
     all
@@ -79,11 +79,11 @@ fn nearest_goes_by_ratio_and_does_not_repeat_itself() {
     assert_eq!(nearest.range(0.0, 1), 0..1);
     assert_eq!(nearest.range(1e9, 2), 2..4);
     assert_eq!(nearest.range(50.0, 9), 0..4);
-    let mut draw = Draw::new(4);
+    let mut rng = Rng::new(4);
     let mut last = None;
     let mut seen = [0; 4];
     for _ in 0..300 {
-        let pick = nearest.pick(30.0, 3, draw.unit()).unwrap();
+        let pick = nearest.pick(30.0, 3, rng.uniform()).unwrap();
         assert!(pick != 3 && last != Some(pick));
         last = Some(pick);
         seen[pick] += 1;

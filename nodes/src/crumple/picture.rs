@@ -11,10 +11,10 @@ use crate::core::item::Data;
 use crate::core::node::{Class, Node, Summary};
 use crate::core::params::Params;
 use crate::core::ports::{Fold, Stream};
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::ticks;
-use crate::{carries, choices, params, ports};
+use crate::{archive_state, choices, params, ports};
 
 choices! {
     /// From where a cloth is looked at.
@@ -69,7 +69,7 @@ impl Data for BucklePicture {
     const NAME: &'static str = "buckle picture";
     const PLOTS: bool = true;
 
-    fn trial(_: &mut Draw) -> Self {
+    fn trial(_: &mut Rng) -> Self {
         let vertices = vec![[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]];
         Self {
             triangles: vec![[0, 1, 2]],
@@ -220,18 +220,18 @@ impl Node for BuckleFigure {
         Ok(told)
     }
 
-    carries!(panels);
+    archive_state!(panels);
 
-    fn trial(draw: &mut Draw) -> (BuckleFigureParams, MemoryFiles) {
-        let times = (0..draw.below(3)).map(|_| draw.between(0.0, 0.5)).collect();
-        (BuckleFigureParams { times, ..BuckleFigureParams::trial(draw) }, MemoryFiles::default())
+    fn trial(rng: &mut Rng) -> (BuckleFigureParams, MemoryFiles) {
+        let times = (0..rng.below(3)).map(|_| rng.between(0.0, 0.5)).collect();
+        (BuckleFigureParams { times, ..BuckleFigureParams::trial(rng) }, MemoryFiles::default())
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::core::solo::Solo;
+    use crate::core::standalone::Standalone;
     use crate::core::time::Rate;
     use crate::curvature::scenes::grid;
     use crate::mesh::MeshFormat;
@@ -250,13 +250,13 @@ mod tests {
         let frames: Vec<Buckle> = [0, 3, 1, 7, 2, 7, 0].into_iter().flat_map(frame).collect();
         let run = |times: &[f64], window| {
             let p = BuckleFigureParams { times: times.to_vec(), view: View::Top };
-            let solo = Solo::new::<BuckleFigure>(p).window(ticks(window)).input(
+            let standalone = Standalone::new::<BuckleFigure>(p).window(ticks(window)).input(
                 BuckleFigurePorts::buckles,
                 Rate::hz(10),
                 MeshFormat::moving(scene.topology()),
                 frames.clone(),
             );
-            solo.run().unwrap().value(0).unwrap().get::<BucklePicture>().unwrap().clone()
+            standalone.run().unwrap().value(0).unwrap().get::<BucklePicture>().unwrap().clone()
         };
         let times = |p: &BucklePicture| {
             p.panels.iter().map(|p| (p.seconds * 10.0).round() as i64).collect::<Vec<_>>()

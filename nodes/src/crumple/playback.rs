@@ -3,13 +3,13 @@
 use super::bank::{BankError, CrumpleBank};
 use super::item::MatchedCrumple;
 use super::player::{Hearing, Onset, Player};
-use crate::carries;
+use crate::archive_state;
 use crate::choices;
-use crate::core::carry::Carried;
 use crate::core::fault::Fault;
 use crate::core::node::Summary;
 use crate::core::ports::{EventsIn, Out};
 use crate::core::random::Random;
+use crate::core::state::Stateful;
 use crate::core::time::{Rate, Tick, ticks};
 use serde::{Serialize, de::DeserializeOwned};
 
@@ -82,8 +82,8 @@ pub(super) struct Playback<H> {
     played: u64,
 }
 
-impl<H: Serialize + DeserializeOwned> Carried for Playback<H> {
-    carries!(player, next, played);
+impl<H: Serialize + DeserializeOwned> Stateful for Playback<H> {
+    archive_state!(player, next, played);
 }
 
 impl<H: Hearing> Playback<H> {

@@ -1,8 +1,8 @@
 //! Plays samples of a bank, each from its own moment on.
 
 use super::CrumpleBank;
-use crate::carries;
-use crate::core::carry::Carried;
+use crate::archive_state;
+use crate::core::state::Stateful;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
@@ -109,8 +109,8 @@ pub struct Player<H> {
     at_once: usize,
 }
 
-impl<H: Serialize + DeserializeOwned> Carried for Player<H> {
-    carries!(voices, stolen, at_once);
+impl<H: Serialize + DeserializeOwned> Stateful for Player<H> {
+    archive_state!(voices, stolen, at_once);
 }
 
 impl<H: Hearing> Player<H> {

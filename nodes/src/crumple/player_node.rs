@@ -11,10 +11,10 @@ use crate::core::item::Channels;
 use crate::core::node::{Class, Node, Retune, Summary};
 use crate::core::params::Params;
 use crate::core::ports::{Events, Stream, Value};
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::{Rate, ticks};
-use crate::{carries, params, ports};
+use crate::{archive_state, params, ports};
 
 params! {
     /// Plays a recorded sample for each crumple.
@@ -80,7 +80,7 @@ impl Node for CrumplePlayer {
     const COST: f64 = 10.0;
 
     fn shape(p: &CrumplePlayerParams, s: &mut Shape<'_, '_, CrumplePlayerPorts>) -> Result<(), Reject> {
-        s.reach(CrumplePlayerPorts::matched, 0, timing(p).ahead(0) as usize);
+        s.lookaround(CrumplePlayerPorts::matched, 0, timing(p).ahead(0) as usize);
         s.tail(ticks(p.tail));
         s.output(CrumplePlayerPorts::audio, p.rate, Channels(1));
         Ok(())
@@ -114,12 +114,12 @@ impl Node for CrumplePlayer {
         self.playback.adopt(&old.playback);
     }
 
-    carries!(playback);
+    archive_state!(playback);
 
-    fn trial(draw: &mut Draw) -> (CrumplePlayerParams, MemoryFiles) {
-        let rate = Rate::hz([4000, 8000, 8820][draw.below(3)]);
-        let (max_voices, tail) = (1 + draw.below(20), draw.between(0.0, 0.1));
-        let p = CrumplePlayerParams { rate, max_voices, tail, ..CrumplePlayerParams::trial(draw) };
+    fn trial(rng: &mut Rng) -> (CrumplePlayerParams, MemoryFiles) {
+        let rate = Rate::hz([4000, 8000, 8820][rng.below(3)]);
+        let (max_voices, tail) = (1 + rng.below(20), rng.between(0.0, 0.1));
+        let p = CrumplePlayerParams { rate, max_voices, tail, ..CrumplePlayerParams::trial(rng) };
         (CrumplePlayerParams { gain: p.gain.min(2.0), ..p }, MemoryFiles::default())
     }
 }

@@ -1,7 +1,7 @@
 use super::*;
 use crate::core::item::Event;
 use crate::core::random::Random;
-use crate::core::solo::Solo;
+use crate::core::standalone::Standalone;
 use crate::core::time::Tick;
 use crate::crumple::bank::{Cut, Origin, Recorded, trial_bank};
 use crate::crumple::extract::Extraction;
@@ -17,7 +17,7 @@ fn click_bank() -> CrumpleBank {
 }
 
 fn event(bank: &CrumpleBank, id: u32, fps: u32) -> MatchedCrumple {
-    let event = MatchedCrumple::trial(&mut Draw::new(1));
+    let event = MatchedCrumple::trial(&mut Rng::new(1));
     MatchedCrumple { id, sample: 0, bank: bank.id(), interval: Rate::hz(fps).tick(1), wanted: 1.0, ..event }
 }
 
@@ -28,10 +28,10 @@ fn run(
     window: f64,
     bank: &CrumpleBank,
 ) -> Vec<f32> {
-    let solo = Solo::new::<CrumplePlayer>(p)
+    let standalone = Standalone::new::<CrumplePlayer>(p)
         .events(CrumplePlayerPorts::matched, events.to_vec(), ticks(end))
         .value(CrumplePlayerPorts::bank, bank.clone());
-    solo.window(ticks(window)).run().unwrap().stream(CrumplePlayerPorts::audio)
+    standalone.window(ticks(window)).run().unwrap().stream(CrumplePlayerPorts::audio)
 }
 
 #[test]
@@ -141,10 +141,10 @@ fn with_64_voices_the_quietest_gives_way_and_by_default_none_does() {
         .collect();
     let play = |max_voices| {
         let p = CrumplePlayerParams { jitter: Jitter::Off, tail: 0.1, max_voices, ..defaults() };
-        let solo = Solo::new::<CrumplePlayer>(p)
+        let standalone = Standalone::new::<CrumplePlayer>(p)
             .events(CrumplePlayerPorts::matched, events.clone(), ticks(0.3))
             .value(CrumplePlayerPorts::bank, bank.clone());
-        let run = solo.run().unwrap();
+        let run = standalone.run().unwrap();
         let told = |key| run.summary.iter().find(|(k, _)| *k == key).and_then(|(_, v)| v.as_u64());
         (run.stream(CrumplePlayerPorts::audio), told("at_once_at_most"), told("stolen"))
     };
@@ -198,14 +198,18 @@ fn gains_are_matched_within_six_decibels() {
 #[test]
 fn another_bank_than_the_matched_one_is_refused_and_another_rate_is_not() {
     let bank = trial_bank();
-    let solo = |event| {
-        Solo::new::<CrumplePlayer>(CrumplePlayerParams { jitter: Jitter::Off, tail: 0.05, ..defaults() })
-            .events(CrumplePlayerPorts::matched, vec![(0, event)], ticks(0.1))
-            .value(CrumplePlayerPorts::bank, bank.clone())
+    let standalone = |event| {
+        Standalone::new::<CrumplePlayer>(CrumplePlayerParams {
+            jitter: Jitter::Off,
+            tail: 0.05,
+            ..defaults()
+        })
+        .events(CrumplePlayerPorts::matched, vec![(0, event)], ticks(0.1))
+        .value(CrumplePlayerPorts::bank, bank.clone())
     };
-    let fault = solo(event(&click_bank(), 0, 60)).run().err().unwrap();
+    let fault = standalone(event(&click_bank(), 0, 60)).run().err().unwrap();
     assert!(fault.code == "F106" && fault.message.contains("another bank"), "{fault}");
-    let out = solo(MatchedCrumple { sample: 2, ..event(&bank, 0, 60) })
+    let out = standalone(MatchedCrumple { sample: 2, ..event(&bank, 0, 60) })
         .run()
         .unwrap()
         .stream(CrumplePlayerPorts::audio);

@@ -58,15 +58,15 @@ fn angle(y: f64, x: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::core::random::Draw;
+    use crate::core::random::Rng;
 
     #[test]
     fn angles_are_those_of_the_standard_library() {
-        let mut draw = Draw::new(3);
+        let mut rng = Rng::new(3);
         for _ in 0..2000 {
-            let size = 10_f64.powf(draw.between(-30.0, 30.0));
-            let mut y = [(); 8].map(|()| size * draw.between(1e-9, 1.0));
-            let mut x = [(); 8].map(|()| size * draw.between(-1.0, 1.0));
+            let size = 10_f64.powf(rng.between(-30.0, 30.0));
+            let mut y = [(); 8].map(|()| size * rng.between(1e-9, 1.0));
+            let mut x = [(); 8].map(|()| size * rng.between(-1.0, 1.0));
             (x[0], x[1], y[2], y[3]) = (0.0, -y[1], 1e-12 * size, x[3].abs());
             (y[4], x[4]) = (0.66 * size, size);
             for ((found, y), x) in angles(Level::new(), &y, &x).into_iter().zip(y).zip(x) {

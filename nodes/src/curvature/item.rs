@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Method;
 use crate::core::item::Item;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::mesh::{Mesh, MeshFormat};
 
 /// How a surface bends at one vertex in one frame, and where that vertex is.
@@ -42,19 +42,19 @@ impl Item for Curvatures {
         Mesh::describe(format)
     }
 
-    fn trial_format(draw: &mut Draw) -> MeshFormat {
-        Mesh::trial_format(draw)
+    fn trial_format(rng: &mut Rng) -> MeshFormat {
+        Mesh::trial_format(rng)
     }
 
-    fn trial(format: &MeshFormat, place: usize, draw: &mut Draw) -> Curvature {
-        let h = if draw.below(6) == 0 { 0.0 } else { draw.between(-5.0, 5.0) };
-        let position = Mesh::trial(format, place, draw);
+    fn trial(format: &MeshFormat, place: usize, rng: &mut Rng) -> Curvature {
+        let h = if rng.below(6) == 0 { 0.0 } else { rng.between(-5.0, 5.0) };
+        let position = Mesh::trial(format, place, rng);
         Curvature {
             h,
-            area: draw.between(1e-5, 1e-3),
+            area: rng.between(1e-5, 1e-3),
             normal: [0.0, 0.0, 1.0],
             position,
-            valid: draw.below(8) > 0,
+            valid: rng.below(8) > 0,
             method: Method::default(),
         }
     }

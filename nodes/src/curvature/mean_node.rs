@@ -8,7 +8,7 @@ use crate::core::node::{Class, Node, Summary};
 use crate::core::ports::Stream;
 use crate::core::shape::{Build, Shape};
 use crate::mesh::Mesh;
-use crate::{carries, choices, params, ports};
+use crate::{archive_state, choices, params, ports};
 
 choices! { @param Method {
     /// The cotangent Laplacian over mixed areas, projected on the normal.
@@ -93,7 +93,7 @@ impl Node for MeanCurvatureNode {
         Ok(told)
     }
 
-    carries!(strongest);
+    archive_state!(strongest);
 }
 
 /// What of a mesh keeps it from bending, from how many vertices on, and what would mend it.
@@ -131,13 +131,13 @@ fn flaws(fans: &[Fan]) -> impl Iterator<Item = String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::core::solo::Solo;
+    use crate::core::standalone::Standalone;
     use crate::core::time::{Rate, ticks};
     use crate::curvature::scenes::{grid, icosphere};
     use crate::mesh::{MeshFormat, Topology};
 
-    fn solo(topology: Topology, frames: Vec<[f32; 3]>) -> Solo {
-        Solo::new::<MeanCurvatureNode>(MeanCurvatureParams { method: Method::Cotan }).input(
+    fn standalone(topology: Topology, frames: Vec<[f32; 3]>) -> Standalone {
+        Standalone::new::<MeanCurvatureNode>(MeanCurvatureParams { method: Method::Cotan }).input(
             MeanCurvaturePorts::mesh,
             Rate::hz(60),
             MeshFormat::moving(topology),
@@ -150,7 +150,7 @@ mod tests {
         let topology = icosphere(2).topology();
         let grown = |r: f32| topology.rest.iter().map(|p| p.map(|x| x * r)).collect::<Vec<_>>();
         let frames = [grown(1.0), grown(2.0), grown(4.0)].concat();
-        let run = solo(topology.clone(), frames).window(ticks(0.02)).run().unwrap();
+        let run = standalone(topology.clone(), frames).window(ticks(0.02)).run().unwrap();
         let found = run.stream(MeanCurvaturePorts::curvature);
         let n = topology.rest.len();
         for (k, h) in [1.0, 0.5, 0.25].into_iter().enumerate() {
@@ -163,7 +163,7 @@ mod tests {
         let mesh = grid(6, 6, true, |u, v| [u, v, 0.0]).topology();
         let warned = |mesh: Topology| {
             let rest = mesh.rest.clone();
-            let run = solo(mesh, rest).run().unwrap();
+            let run = standalone(mesh, rest).run().unwrap();
             let texts = run.summary.iter().filter(|(k, _)| *k == "warning").map(|(_, text)| text.to_string());
             texts.collect::<Vec<_>>()
         };
@@ -188,7 +188,7 @@ mod tests {
         let mut topology = grid(4, 4, true, |u, v| [u, v, 0.0]).topology();
         let mut frames = topology.rest.repeat(3);
         frames[16 + 9][1] = f32::NAN;
-        let fault = solo(topology.clone(), frames).run().err().unwrap();
+        let fault = standalone(topology.clone(), frames).run().err().unwrap();
         assert!(fault.code == "F105" && fault.message.contains("vertex 9 of frame 1"), "{fault}");
         // A Moebius strip.
         topology.rest = (0..10).map(|k| [k as f32, (k * k % 7) as f32, (k % 3) as f32]).collect();
@@ -199,7 +199,7 @@ mod tests {
                 [[a, c, b], [b, c, d]]
             })
             .collect();
-        let fault = solo(topology, vec![[0.0; 3]; 10]).run().err().unwrap();
+        let fault = standalone(topology, vec![[0.0; 3]; 10]).run().err().unwrap();
         assert!(fault.code == "F105" && fault.message.contains("component 0"), "{fault}");
     }
 }

@@ -9,10 +9,10 @@ use crate::core::item::Data;
 use crate::core::node::{Class, Node, Summary};
 use crate::core::params::Params;
 use crate::core::ports::{Fold, Stream};
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::ticks;
-use crate::{carried, carries, params, ports};
+use crate::{archive_state, impl_state, params, ports};
 
 /// Noise of the curvature of a cloth that hangs still, and the dead band that follows.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -28,8 +28,8 @@ pub struct RestNoise {
 impl Data for RestNoise {
     const NAME: &'static str = "rest noise";
 
-    fn trial(draw: &mut Draw) -> Self {
-        let deviation = draw.between(0.0, 0.5);
+    fn trial(rng: &mut Rng) -> Self {
+        let deviation = rng.between(0.0, 0.5);
         Self { deviation, h_eps: 3.0 * deviation, frames: 30 }
     }
 }
@@ -41,7 +41,7 @@ pub struct RestMeter {
     vertices: Vec<(f64, f64, f64)>,
     frames: u64,
 }
-carried!(RestMeter { vertices, frames });
+impl_state!(RestMeter { vertices, frames });
 
 impl RestMeter {
     /// A meter for this many vertices.
@@ -166,11 +166,11 @@ impl Node for RestNoiseNode {
         Ok(told)
     }
 
-    carries!(meter);
+    archive_state!(meter);
 
-    fn trial(draw: &mut Draw) -> (RestParams, MemoryFiles) {
-        let from = draw.between(0.0, 0.1);
-        let params = RestParams { from, to: from + draw.between(0.0, 0.5), ..RestParams::trial(draw) };
+    fn trial(rng: &mut Rng) -> (RestParams, MemoryFiles) {
+        let from = rng.between(0.0, 0.1);
+        let params = RestParams { from, to: from + rng.between(0.0, 0.5), ..RestParams::trial(rng) };
         (params, MemoryFiles::default())
     }
 }
@@ -178,7 +178,7 @@ impl Node for RestNoiseNode {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::core::solo::Solo;
+    use crate::core::standalone::Standalone;
     use crate::core::time::Rate;
     use crate::curvature::scenes::{crumpled, grid};
     use crate::curvature::{MeanCurvature, Method};
@@ -217,8 +217,8 @@ mod tests {
             (0..n).map(|v| Curvature { h: v as f64, valid: true, ..Curvature::default() }).collect();
         let mut frames: Vec<Curvature> = still.repeat(20);
         frames[15 * n..].iter_mut().enumerate().for_each(|(k, c)| c.h = (k % 3) as f64);
-        let solo = |to| {
-            Solo::new::<RestNoiseNode>(RestParams { from: 0.0, to, factor: 2.0 })
+        let standalone = |to| {
+            Standalone::new::<RestNoiseNode>(RestParams { from: 0.0, to, factor: 2.0 })
                 .input(
                     RestPorts::curvature,
                     Rate::hz(60),
@@ -228,12 +228,12 @@ mod tests {
                 .run()
                 .unwrap()
         };
-        let run = solo(0.25);
+        let run = standalone(0.25);
         assert_eq!(
             run.value(0).unwrap().get::<RestNoise>(),
             Some(&RestNoise { deviation: 0.0, h_eps: 0.0, frames: 15 })
         );
-        assert!(solo(0.4).value(0).unwrap().get::<RestNoise>().unwrap().deviation > 0.5);
-        assert!(solo(0.01).summary.iter().any(|(k, _)| *k == "warning"));
+        assert!(standalone(0.4).value(0).unwrap().get::<RestNoise>().unwrap().deviation > 0.5);
+        assert!(standalone(0.01).summary.iter().any(|(k, _)| *k == "warning"));
     }
 }

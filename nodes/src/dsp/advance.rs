@@ -4,7 +4,7 @@ use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::node::{Class, Node};
 use crate::core::ports::Stream;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::{Rate, ticks};
 use crate::{params, ports};
@@ -55,7 +55,7 @@ impl Node for Advance {
 
     fn shape(p: &AdvanceParams, s: &mut Shape<'_, '_, AdvancePorts>) -> Result<(), Reject> {
         let audio = s.input(AdvancePorts::audio);
-        s.reach(AdvancePorts::audio, 0, samples(p.seconds, audio.rate));
+        s.lookaround(AdvancePorts::audio, 0, samples(p.seconds, audio.rate));
         s.output(AdvancePorts::out, audio.rate, audio.format);
         Ok(())
     }
@@ -71,9 +71,9 @@ impl Node for Advance {
         Ok(())
     }
 
-    fn trial(draw: &mut Draw) -> (AdvanceParams, MemoryFiles) {
+    fn trial(rng: &mut Rng) -> (AdvanceParams, MemoryFiles) {
         // Short beside the streams of a trial, so that what is looked ahead at is there to be seen.
-        (AdvanceParams { seconds: draw.between(0.0, 0.1) }, MemoryFiles::default())
+        (AdvanceParams { seconds: rng.between(0.0, 0.1) }, MemoryFiles::default())
     }
 }
 
@@ -81,12 +81,12 @@ impl Node for Advance {
 mod tests {
     use super::*;
     use crate::core::item::Channels;
-    use crate::core::solo::Solo;
+    use crate::core::standalone::Standalone;
 
     #[test]
     fn a_ramp_comes_earlier_by_whole_samples() {
         let ramp: Vec<f32> = (0..100).map(|k| k as f32).collect();
-        let run = Solo::new::<Advance>(AdvanceParams { seconds: 0.0101 })
+        let run = Standalone::new::<Advance>(AdvanceParams { seconds: 0.0101 })
             .input(AdvancePorts::audio, Rate::hz(1000), Channels(1), ramp)
             .window(Rate::hz(1000).tick(7))
             .run()

@@ -6,7 +6,7 @@
 use std::f64::consts::TAU;
 
 use super::DspError;
-use crate::carried;
+use crate::impl_state;
 
 /// Coefficients of H(z) = (b0 + b1 z^-1 + b2 z^-2) / (1 + a1 z^-1 + a2 z^-2).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -170,7 +170,7 @@ pub struct Biquad {
     section: Section,
     state: Vec<[f64; 2]>,
 }
-carried!(Biquad { state });
+impl_state!(Biquad { state });
 
 impl Biquad {
     /// A section at rest.

@@ -5,7 +5,7 @@ use super::{Biquad, Section};
 use crate::core::fault::{Fault, Reject};
 use crate::core::node::{Class, Node, Retune};
 use crate::core::shape::{Build, Shape};
-use crate::{carries, choices, params};
+use crate::{archive_state, choices, params};
 use std::f64::consts::FRAC_1_SQRT_2;
 
 choices! {
@@ -106,29 +106,30 @@ impl Node for BiquadNode {
         self.filter.take_state(&mut old.filter);
     }
 
-    carries!(filter);
+    archive_state!(filter);
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::core::item::Channels;
-    use crate::core::solo::Solo;
+    use crate::core::standalone::Standalone;
     use crate::core::time::Rate;
 
     #[test]
     fn a_low_shelf_lifts_a_constant_by_its_gain() {
         let params = BiquadParams { kind: BiquadKind::LowShelf, frequency: 50.0, q: 0.7, gain_db: 20.0 };
-        let solo = Solo::new::<BiquadNode>(params);
-        let run = solo.input(FilterPorts::audio, Rate::hz(1000), Channels(1), vec![0.1; 2000]).run().unwrap();
+        let standalone = Standalone::new::<BiquadNode>(params);
+        let run =
+            standalone.input(FilterPorts::audio, Rate::hz(1000), Channels(1), vec![0.1; 2000]).run().unwrap();
         assert!((run.stream(FilterPorts::out)[1999] - 1.0).abs() < 1e-5);
     }
 
     #[test]
     fn a_frequency_beyond_half_the_rate_is_refused() {
         let params = BiquadParams { kind: BiquadKind::Notch, frequency: 600.0, q: 1.0, gain_db: 0.0 };
-        let solo = Solo::new::<BiquadNode>(params);
-        let solo = solo.input(FilterPorts::audio, Rate::hz(1000), Channels(1), vec![0.0]);
-        assert_eq!(solo.shape().unwrap_err().field.as_deref(), Some("frequency"));
+        let standalone = Standalone::new::<BiquadNode>(params);
+        let standalone = standalone.input(FilterPorts::audio, Rate::hz(1000), Channels(1), vec![0.0]);
+        assert_eq!(standalone.shape().unwrap_err().field.as_deref(), Some("frequency"));
     }
 }

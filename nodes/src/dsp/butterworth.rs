@@ -8,7 +8,7 @@ use crate::core::fault::{Fault, Reject};
 use crate::core::node::{Class, Node, Retune};
 use crate::core::ports::Stream;
 use crate::core::shape::{Build, Shape};
-use crate::{carried, carries, params, ports};
+use crate::{archive_state, impl_state, params, ports};
 
 /// Which side of the cutoff passes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -96,7 +96,7 @@ pub struct Cascade {
     stages: Vec<Biquad>,
     channels: usize,
 }
-carried!(Cascade { each stages });
+impl_state!(Cascade { each stages });
 
 impl Cascade {
     /// A filter at rest.
@@ -227,7 +227,7 @@ macro_rules! butterworth_node {
                 self.filter.take_state(&mut old.filter);
             }
 
-            carries!(filter);
+            archive_state!(filter);
         }
     };
 }
@@ -245,7 +245,7 @@ mod tests {
     use super::super::testing::{assert_block_invariant, signal};
     use super::*;
     use crate::core::item::Channels;
-    use crate::core::solo::Solo;
+    use crate::core::standalone::Standalone;
     use crate::core::time::Rate;
 
     /// `scipy.signal.butter(5, 100, 'hp', fs=fs, output='sos')`: total numerator gain, then every section's denominator.
@@ -318,19 +318,19 @@ mod tests {
     fn the_nodes_split_a_constant_from_an_alternation() {
         let audio: Vec<f32> = (0..4000).map(|i| 1.0 + if i % 2 == 0 { 0.5 } else { -0.5 }).collect();
         let (rate, mono) = (Rate::hz(1000), Channels(1));
-        let high = Solo::new::<HighPassNode>(HighPassParams { cutoff: 100.0, order: 5 });
+        let high = Standalone::new::<HighPassNode>(HighPassParams { cutoff: 100.0, order: 5 });
         let run = high.input(FilterPorts::audio, rate, mono, audio.clone()).run().unwrap();
         let out = run.stream(FilterPorts::out);
         assert!((out[3998] - 0.5).abs() < 1e-6 && (out[3999] + 0.5).abs() < 1e-6);
-        let low = Solo::new::<LowPassNode>(LowPassParams { cutoff: 100.0, order: 4 });
+        let low = Standalone::new::<LowPassNode>(LowPassParams { cutoff: 100.0, order: 4 });
         let run = low.input(FilterPorts::audio, rate, mono, audio).run().unwrap();
         assert!(run.stream(FilterPorts::out)[3990..].iter().all(|x| (x - 1.0).abs() < 1e-6));
     }
 
     #[test]
     fn a_cutoff_beyond_half_the_rate_is_refused_at_the_cutoff() {
-        let solo = Solo::new::<LowPassNode>(LowPassParams { cutoff: 500.0, order: 4 });
-        let solo = solo.input(FilterPorts::audio, Rate::hz(1000), Channels(1), vec![0.0]);
-        assert_eq!(solo.shape().unwrap_err().field.as_deref(), Some("cutoff"));
+        let standalone = Standalone::new::<LowPassNode>(LowPassParams { cutoff: 500.0, order: 4 });
+        let standalone = standalone.input(FilterPorts::audio, Rate::hz(1000), Channels(1), vec![0.0]);
+        assert_eq!(standalone.shape().unwrap_err().field.as_deref(), Some("cutoff"));
     }
 }

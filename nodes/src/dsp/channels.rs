@@ -4,7 +4,7 @@ use super::DspError;
 use crate::core::fault::Reject;
 use crate::core::item::Channels;
 use crate::core::node::Each;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::params;
 
 /// Picks and reorders channels: output channel `i` is input channel `pick[i]`; one may be picked several times.
@@ -98,8 +98,8 @@ impl Each for ChannelsNode {
         self.0.process(item, out);
     }
 
-    fn trial(draw: &mut Draw) -> ChannelsParams {
-        ChannelsParams { map: (0..=draw.below(4)).map(|_| draw.below(2)).collect() }
+    fn trial(rng: &mut Rng) -> ChannelsParams {
+        ChannelsParams { map: (0..=rng.below(4)).map(|_| rng.below(2)).collect() }
     }
 }
 
@@ -138,7 +138,7 @@ mod tests {
     use super::*;
     use crate::core::node::PerItem;
     use crate::core::ports::{Port, Stream};
-    use crate::core::solo::Solo;
+    use crate::core::standalone::Standalone;
     use crate::core::time::Rate;
 
     #[test]
@@ -161,10 +161,10 @@ mod tests {
     fn nodes_pick_and_mix_channels() {
         let (audio, rate) = (vec![1.0, 2.0, 3.0, 4.0], Rate::hz(10));
         let port = Port::<Stream<f32>>::new(0);
-        let picked = Solo::new::<PerItem<ChannelsNode>>(ChannelsParams { map: vec![1, 0, 1] });
+        let picked = Standalone::new::<PerItem<ChannelsNode>>(ChannelsParams { map: vec![1, 0, 1] });
         let run = picked.input(Port::<Stream<f32>>::new(0), rate, Channels(2), audio.clone()).run().unwrap();
         assert_eq!(run.stream(port), [2.0, 1.0, 2.0, 4.0, 3.0, 4.0]);
-        let mono = Solo::new::<PerItem<MonoNode>>(MonoParams {});
+        let mono = Standalone::new::<PerItem<MonoNode>>(MonoParams {});
         let run = mono.input(Port::<Stream<f32>>::new(0), rate, Channels(2), audio).run().unwrap();
         assert_eq!(run.stream(Port::<Stream<f32>>::new(0)), [1.5, 3.5]);
     }

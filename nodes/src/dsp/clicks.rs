@@ -7,10 +7,10 @@ use crate::core::item::{Channels, Event};
 use crate::core::node::{Class, Node};
 use crate::core::params::Params;
 use crate::core::ports::{Events, Stream};
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::{Rate, seconds, ticks};
-use crate::{carries, params, ports};
+use crate::{archive_state, params, ports};
 use serde::{Deserialize, Serialize};
 
 /// The start of a sound.
@@ -23,8 +23,8 @@ pub struct Trigger {
 impl Event for Trigger {
     const NAME: &'static str = "trigger";
 
-    fn trial(draw: &mut Draw) -> Self {
-        Self { gain: draw.between(0.0, 1.0) as f32 }
+    fn trial(rng: &mut Rng) -> Self {
+        Self { gain: rng.between(0.0, 1.0) as f32 }
     }
 }
 
@@ -81,10 +81,9 @@ impl Node for MetronomeNode {
         Ok(())
     }
 
-    fn trial(draw: &mut Draw) -> (MetronomeParams, MemoryFiles) {
-        let params = MetronomeParams::trial(draw);
-        let (interval, duration) =
-            (draw.between(0.005, 0.2), params.duration.map(|_| draw.between(0.0, 1.0)));
+    fn trial(rng: &mut Rng) -> (MetronomeParams, MemoryFiles) {
+        let params = MetronomeParams::trial(rng);
+        let (interval, duration) = (rng.between(0.005, 0.2), params.duration.map(|_| rng.between(0.0, 1.0)));
         (MetronomeParams { interval, duration, ..params }, MemoryFiles::default())
     }
 }
@@ -132,7 +131,7 @@ impl Node for ImpulsesNode {
     fn shape(p: &ImpulsesParams, s: &mut Shape<'_, '_, ImpulsesPorts>) -> Result<(), Reject> {
         // A trigger between the last sample of a window and its end sounds at the first of the next.
         let sample = p.rate.span(1);
-        s.reach(ImpulsesPorts::events, sample as usize, 0);
+        s.lookaround(ImpulsesPorts::events, sample as usize, 0);
         s.tail(ticks(p.decay) + sample);
         s.output(ImpulsesPorts::audio, p.rate, Channels(1));
         Ok(())
@@ -167,23 +166,23 @@ impl Node for ImpulsesNode {
         self.level = old.level;
     }
 
-    fn trial(draw: &mut Draw) -> (ImpulsesParams, MemoryFiles) {
-        let decay = [0.0, draw.between(0.0, 0.3)][draw.below(2)];
-        (ImpulsesParams { decay, ..ImpulsesParams::trial(draw) }, MemoryFiles::default())
+    fn trial(rng: &mut Rng) -> (ImpulsesParams, MemoryFiles) {
+        let decay = [0.0, rng.between(0.0, 0.3)][rng.below(2)];
+        (ImpulsesParams { decay, ..ImpulsesParams::trial(rng) }, MemoryFiles::default())
     }
 
-    carries!(level);
+    archive_state!(level);
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::core::solo::Solo;
+    use crate::core::standalone::Standalone;
 
     #[test]
     fn beats_stand_at_multiples_of_the_interval() {
         let params = MetronomeParams { interval: 0.1, gain: 0.5, duration: Some(0.35) };
-        let beats = Solo::new::<MetronomeNode>(params).window(ticks(0.013)).run().unwrap();
+        let beats = Standalone::new::<MetronomeNode>(params).window(ticks(0.013)).run().unwrap();
         let beats = beats.events(MetronomePorts::beats);
         let want: Vec<_> = [0.0, 0.1, 0.2, 0.3].map(|t| (ticks(t), Trigger { gain: 0.5 })).into();
         assert_eq!(beats, want);
@@ -192,8 +191,9 @@ mod tests {
     fn clicks(decay: f64, events: Vec<(i64, f32)>) -> Vec<f32> {
         let params = ImpulsesParams { decay, rate: Rate::hz(1000) };
         let events = events.into_iter().map(|(tick, gain)| (tick, Trigger { gain })).collect();
-        let solo = Solo::new::<ImpulsesNode>(params).events(ImpulsesPorts::events, events, ticks(0.01));
-        solo.run().unwrap().stream(ImpulsesPorts::audio)
+        let standalone =
+            Standalone::new::<ImpulsesNode>(params).events(ImpulsesPorts::events, events, ticks(0.01));
+        standalone.run().unwrap().stream(ImpulsesPorts::audio)
     }
 
     #[test]

@@ -119,18 +119,19 @@ impl Node for CrossfadeNode {
 mod tests {
     use super::*;
     use crate::core::item::Channels;
-    use crate::core::solo::Solo;
+    use crate::core::standalone::Standalone;
     use crate::core::time::Rate;
 
     fn faded(law: FadeLaw, before: Option<f32>, after: Option<f32>) -> Vec<f32> {
         let rate = Rate::hz(1000);
-        let mut solo = Solo::new::<CrossfadeNode>(CrossfadeParams { at: 0.010, duration: 0.020, law });
+        let mut standalone =
+            Standalone::new::<CrossfadeNode>(CrossfadeParams { at: 0.010, duration: 0.020, law });
         for (port, level) in [(CrossfadePorts::before, before), (CrossfadePorts::after, after)] {
             if let Some(level) = level {
-                solo = solo.optional(port, rate, Channels(2), vec![level; 100]);
+                standalone = standalone.optional(port, rate, Channels(2), vec![level; 100]);
             }
         }
-        let out = solo.run().unwrap().stream(CrossfadePorts::out);
+        let out = standalone.run().unwrap().stream(CrossfadePorts::out);
         out.chunks_exact(2).map(|frame| frame[0]).collect()
     }
 
@@ -160,17 +161,23 @@ mod tests {
 
     #[test]
     fn streams_that_differ_are_refused() {
-        let solo =
-            Solo::new::<CrossfadeNode>(CrossfadeParams { at: 0.0, duration: 0.0, law: FadeLaw::Linear });
-        assert_eq!(solo.shape().unwrap_err().code, "F012");
+        let standalone = Standalone::new::<CrossfadeNode>(CrossfadeParams {
+            at: 0.0,
+            duration: 0.0,
+            law: FadeLaw::Linear,
+        });
+        assert_eq!(standalone.shape().unwrap_err().code, "F012");
         let one = |rate, channels| (Rate::hz(rate), Channels(channels), vec![0.0; 12]);
         for (other, code) in [(one(500, 1), "F045"), (one(1000, 2), "F046")] {
-            let solo =
-                Solo::new::<CrossfadeNode>(CrossfadeParams { at: 0.0, duration: 0.0, law: FadeLaw::Linear });
+            let standalone = Standalone::new::<CrossfadeNode>(CrossfadeParams {
+                at: 0.0,
+                duration: 0.0,
+                law: FadeLaw::Linear,
+            });
             let (rate, channels, data) = one(1000, 1);
-            let solo = solo.optional(CrossfadePorts::before, rate, channels, data);
-            let solo = solo.optional(CrossfadePorts::after, other.0, other.1, other.2);
-            assert_eq!(solo.shape().unwrap_err().code, code);
+            let standalone = standalone.optional(CrossfadePorts::before, rate, channels, data);
+            let standalone = standalone.optional(CrossfadePorts::after, other.0, other.1, other.2);
+            assert_eq!(standalone.shape().unwrap_err().code, code);
         }
     }
 }

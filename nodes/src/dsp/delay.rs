@@ -6,7 +6,7 @@ use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::node::{Class, Node};
 use crate::core::ports::Stream;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::{params, ports};
 
@@ -161,7 +161,7 @@ impl Node for DelayNode {
     fn shape(p: &DelayParams, s: &mut Shape<'_, '_, DelayPorts>) -> Result<(), Reject> {
         let audio = s.input(DelayPorts::audio);
         let frames = nearest_items(audio.rate, p.seconds);
-        s.reach(DelayPorts::audio, frames, 0);
+        s.lookaround(DelayPorts::audio, frames, 0);
         s.tail(audio.rate.span(frames));
         s.output(DelayPorts::out, audio.rate, audio.format);
         Ok(())
@@ -177,8 +177,8 @@ impl Node for DelayNode {
         Ok(())
     }
 
-    fn trial(draw: &mut Draw) -> (DelayParams, MemoryFiles) {
-        (DelayParams { seconds: draw.between(0.0, 0.3) }, MemoryFiles::default())
+    fn trial(rng: &mut Rng) -> (DelayParams, MemoryFiles) {
+        (DelayParams { seconds: rng.between(0.0, 0.3) }, MemoryFiles::default())
     }
 }
 
@@ -187,7 +187,7 @@ mod tests {
     use super::super::testing::{assert_block_invariant, signal};
     use super::*;
     use crate::core::item::Channels;
-    use crate::core::solo::Solo;
+    use crate::core::standalone::Standalone;
     use crate::core::time::Rate;
 
     #[test]
@@ -242,9 +242,9 @@ mod tests {
 
     #[test]
     fn the_node_delays_and_lasts_as_much_longer() {
-        let solo = Solo::new::<DelayNode>(DelayParams { seconds: 0.031 });
+        let standalone = Standalone::new::<DelayNode>(DelayParams { seconds: 0.031 });
         let audio = vec![1.0, 2.0, 3.0, 4.0];
-        let run = solo.input(DelayPorts::audio, Rate::hz(100), Channels(2), audio).run().unwrap();
+        let run = standalone.input(DelayPorts::audio, Rate::hz(100), Channels(2), audio).run().unwrap();
         assert_eq!(run.stream(DelayPorts::out), [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 2.0, 3.0, 4.0]);
     }
 }

@@ -6,7 +6,7 @@ use crate::core::files::MemoryFiles;
 use crate::core::node::{Class, Node};
 use crate::core::params::Params;
 use crate::core::ports::Stream;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::{choices, params, ports};
 use std::f64::consts::FRAC_PI_2;
@@ -144,9 +144,9 @@ impl Node for FadeNode {
         Ok(())
     }
 
-    fn trial(draw: &mut Draw) -> (FadeParams, MemoryFiles) {
-        let (fade_in, fade_out) = (draw.between(0.0, 0.5), draw.between(0.0, 0.5));
-        (FadeParams { fade_in, fade_out, ..FadeParams::trial(draw) }, MemoryFiles::default())
+    fn trial(rng: &mut Rng) -> (FadeParams, MemoryFiles) {
+        let (fade_in, fade_out) = (rng.between(0.0, 0.5), rng.between(0.0, 0.5));
+        (FadeParams { fade_in, fade_out, ..FadeParams::trial(rng) }, MemoryFiles::default())
     }
 }
 
@@ -155,7 +155,7 @@ mod tests {
     use super::super::testing::{assert_block_invariant, signal};
     use super::*;
     use crate::core::item::Channels;
-    use crate::core::solo::Solo;
+    use crate::core::standalone::Standalone;
     use crate::core::time::Rate;
 
     #[test]
@@ -186,8 +186,8 @@ mod tests {
     #[test]
     fn the_node_fades_both_ends_of_a_recording() {
         let params = FadeParams { fade_in: 0.04, fade_out: 0.02, law: FadeLaw::Linear };
-        let solo = Solo::new::<FadeNode>(params);
-        let run = solo.input(FadePorts::audio, Rate::hz(100), Channels(1), vec![1.0; 8]).run().unwrap();
+        let standalone = Standalone::new::<FadeNode>(params);
+        let run = standalone.input(FadePorts::audio, Rate::hz(100), Channels(1), vec![1.0; 8]).run().unwrap();
         assert_eq!(run.stream(FadePorts::out), [0.0, 0.25, 0.5, 0.75, 1.0, 1.0, 1.0, 0.5]);
     }
 }

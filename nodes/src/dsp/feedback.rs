@@ -7,7 +7,7 @@ use crate::core::files::MemoryFiles;
 use crate::core::node::{Class, Node, Retune, same_channels, same_rate};
 use crate::core::params::Params;
 use crate::core::ports::{Late, Stream};
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::ticks;
 use crate::{params, ports};
@@ -89,9 +89,9 @@ impl Node for FeedbackNode {
         Retune::Done
     }
 
-    fn trial(draw: &mut Draw) -> (FeedbackParams, MemoryFiles) {
-        let (delay, tail) = (draw.between(0.0001, 0.2), draw.between(0.0, 0.2));
-        (FeedbackParams { delay, tail, ..FeedbackParams::trial(draw) }, MemoryFiles::default())
+    fn trial(rng: &mut Rng) -> (FeedbackParams, MemoryFiles) {
+        let (delay, tail) = (rng.between(0.0001, 0.2), rng.between(0.0, 0.2));
+        (FeedbackParams { delay, tail, ..FeedbackParams::trial(rng) }, MemoryFiles::default())
     }
 }
 
@@ -99,6 +99,7 @@ impl Node for FeedbackNode {
 mod tests {
     use super::super::mix::{MixNode, MixParams};
     use super::*;
+    use crate::core::buffer::{AnyBuffer, Pad, StreamBuffer};
     use crate::core::files::MemoryOutputs;
     use crate::core::item::{Channels, Described, OfItem, StreamShape};
     use crate::core::node::{DynNode, NodeType};
@@ -106,18 +107,17 @@ mod tests {
     use crate::core::ports::OutKind;
     use crate::core::random::Random;
     use crate::core::shape::{LinkShape, RawShape};
-    use crate::core::solo::{Feed, Solo};
     use crate::core::stage::{Clock, Cx, InWire, OutWire, Stage, StageNode};
+    use crate::core::standalone::{Feed, Standalone};
     use crate::core::time::Rate;
-    use crate::core::track::{AnyTrack, Pad, Track};
     use std::any::Any;
 
-    fn feedback(channels: u16) -> Solo {
+    fn feedback(channels: u16) -> Standalone {
         let params = FeedbackParams { delay: 0.03, gain: 0.5, tail: 0.02 };
         let back = Feed::stream::<f32>(Rate::hz(100), Channels(1), vec![1.0, 2.0, 3.0, 4.0]);
         let silent = vec![0.0; 4 * usize::from(channels)];
-        let solo = Solo::new::<FeedbackNode>(params).feed(FeedbackPorts::audio.index(), back);
-        solo.input(FeedbackPorts::like, Rate::hz(100), Channels(channels), silent)
+        let standalone = Standalone::new::<FeedbackNode>(params).feed(FeedbackPorts::audio.index(), back);
+        standalone.input(FeedbackPorts::like, Rate::hz(100), Channels(channels), silent)
     }
 
     #[test]
@@ -174,12 +174,12 @@ mod tests {
         let params = MixParams { gains: Vec::new() };
         let mix = build(NodeType::of::<MixNode>("dsp"), &params, &[vec![stream(), stream()]]);
         let read =
-            |track, delay| InWire::Stream { track, clock: 0, past: 0, ahead: 0, delay, width: 1, rate };
-        let node = |node, inputs, track| StageNode {
+            |buffer, delay| InWire::Stream { buffer, clock: 0, behind: 0, ahead: 0, delay, width: 1, rate };
+        let node = |node, inputs, buffer| StageNode {
             node,
             clock: 1,
             inputs,
-            outputs: vec![OutWire::Stream { track, clock: 0, width: 1, rate }],
+            outputs: vec![OutWire::Stream { buffer, clock: 0, width: 1, rate }],
             copies: Vec::new(),
         };
         let nodes = vec![
@@ -187,16 +187,16 @@ mod tests {
             node(echo, vec![vec![read(2, 3)], vec![read(0, 0)]], 1),
             node(mix, vec![vec![read(0, 0), read(1, 0)]], 2),
         ];
-        let track = || Box::new(Track::<f32>::new(1, 20, 3, Pad::Silence)) as Box<dyn AnyTrack>;
+        let buffer = || Box::new(StreamBuffer::<f32>::new(1, 20, 3, Pad::Silence)) as Box<dyn AnyBuffer>;
         let clock = |rate| Clock { rate, delay: 0, end: None, from: 0 };
         let clocks = vec![clock(Some(rate)), clock(None)];
-        let mut stage = Stage::new(vec![track(), track(), track()], clocks, nodes);
+        let mut stage = Stage::new(vec![buffer(), buffer(), buffer()], clocks, nodes);
         for k in 1..=12 / window {
             stage.advance(rate.tick(k * window));
             stage.run().unwrap();
         }
         let mut out = Vec::new();
-        stage.with_track(2, |track| (OfItem::<f32>::INFO.numbers)(track, 0, 12, &mut out));
+        stage.with_buffer(2, |buffer| (OfItem::<f32>::INFO.numbers)(buffer, 0, 12, &mut out));
         out
     }
 

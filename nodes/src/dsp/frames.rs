@@ -7,7 +7,7 @@ use crate::core::item::Channels;
 use crate::core::node::{Class, Node};
 use crate::core::params::Params;
 use crate::core::ports::Stream;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
 use crate::{params, ports};
@@ -81,7 +81,7 @@ impl Node for LevelMeterNode {
         // A frame may begin between two samples.
         let longest = audio.rate.as_f64() / p.rate.as_f64();
         let whole = longest.fract() == 0.0;
-        s.reach(LevelMeterPorts::audio, 0, longest.ceil() as usize - usize::from(whole));
+        s.lookaround(LevelMeterPorts::audio, 0, longest.ceil() as usize - usize::from(whole));
         s.output(LevelMeterPorts::levels, p.rate, Channels(2 * channels));
         Ok(())
     }
@@ -108,24 +108,21 @@ impl Node for LevelMeterNode {
         Ok(())
     }
 
-    fn trial(draw: &mut Draw) -> (LevelMeterParams, MemoryFiles) {
-        let rate = Rate::new(1 + draw.below(600) as u64, 1 + draw.below(7) as u64);
-        (
-            LevelMeterParams { rate: rate.unwrap_or(LevelMeterParams::trial(draw).rate) },
-            MemoryFiles::default(),
-        )
+    fn trial(rng: &mut Rng) -> (LevelMeterParams, MemoryFiles) {
+        let rate = Rate::new(1 + rng.below(600) as u64, 1 + rng.below(7) as u64);
+        (LevelMeterParams { rate: rate.unwrap_or(LevelMeterParams::trial(rng).rate) }, MemoryFiles::default())
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::core::solo::Solo;
+    use crate::core::standalone::Standalone;
 
     fn levels(frames: Rate, rate: Rate, channels: u16, audio: Vec<f32>) -> Vec<f32> {
-        let solo = Solo::new::<LevelMeterNode>(LevelMeterParams { rate: frames });
-        let solo = solo.input(LevelMeterPorts::audio, rate, Channels(channels), audio);
-        solo.run().unwrap().stream(LevelMeterPorts::levels)
+        let standalone = Standalone::new::<LevelMeterNode>(LevelMeterParams { rate: frames });
+        let standalone = standalone.input(LevelMeterPorts::audio, rate, Channels(channels), audio);
+        standalone.run().unwrap().stream(LevelMeterPorts::levels)
     }
 
     #[test]
@@ -155,9 +152,9 @@ mod tests {
 
     #[test]
     fn frames_shorter_than_a_sample_are_refused() {
-        let solo = Solo::new::<LevelMeterNode>(LevelMeterParams { rate: Rate::hz(2000) });
-        let solo = solo.input(LevelMeterPorts::audio, Rate::hz(1000), Channels(1), vec![0.0; 10]);
-        let reject = solo.shape().unwrap_err();
+        let standalone = Standalone::new::<LevelMeterNode>(LevelMeterParams { rate: Rate::hz(2000) });
+        let standalone = standalone.input(LevelMeterPorts::audio, Rate::hz(1000), Channels(1), vec![0.0; 10]);
+        let reject = standalone.shape().unwrap_err();
         assert!(reject.code == "F051" && reject.message.contains("1000"), "{reject}");
     }
 }

@@ -6,7 +6,7 @@ use crate::core::item::Channels;
 use crate::core::node::{Class, Node, Retune, same_rate};
 use crate::core::ports::Stream;
 use crate::core::shape::{Build, Ends, Incoming, Shape};
-use crate::{carried, params, ports};
+use crate::{impl_state, params, ports};
 
 /// Samples that are multiplied at once.
 const LANES: usize = 32;
@@ -59,7 +59,7 @@ pub struct Gain {
     passed: u64,
     channels: usize,
 }
-carried!(Gain { from, target, passed });
+impl_state!(Gain { from, target, passed });
 
 impl Gain {
     /// A gain at rest at `linear`, whose ramps last `ramp` frames (0: at once).
@@ -242,7 +242,7 @@ impl Node for GainNode {
 mod tests {
     use super::super::testing::{assert_block_invariant, signal};
     use super::*;
-    use crate::core::solo::Solo;
+    use crate::core::standalone::Standalone;
     use crate::core::time::Rate;
 
     #[test]
@@ -275,9 +275,9 @@ mod tests {
         assert_block_invariant(&signal(2500, 2), 2, new, |g, _, x| g.process(x));
     }
 
-    fn solo(gain: f32, db: f32) -> Solo {
+    fn standalone(gain: f32, db: f32) -> Standalone {
         let audio = vec![0.5, -0.25, 1.0, 0.125];
-        Solo::new::<GainNode>(GainParams { gain, db }).input(
+        Standalone::new::<GainNode>(GainParams { gain, db }).input(
             GainPorts::audio,
             Rate::hz(100),
             Channels(2),
@@ -287,23 +287,24 @@ mod tests {
 
     #[test]
     fn factor_and_decibels_multiply() {
-        let out = solo(-2.0, 20.0).run().unwrap().stream(GainPorts::out);
+        let out = standalone(-2.0, 20.0).run().unwrap().stream(GainPorts::out);
         assert_eq!(out, [-10.0, 5.0, -20.0, -2.5]);
     }
 
     #[test]
     fn a_link_takes_the_place_of_the_number_and_holds_its_end() {
-        let mono = solo(9.0, 0.0).optional(GainPorts::gain, Rate::hz(100), Channels(1), vec![4.0]);
+        let mono = standalone(9.0, 0.0).optional(GainPorts::gain, Rate::hz(100), Channels(1), vec![4.0]);
         assert_eq!(mono.run().unwrap().stream(GainPorts::out), [2.0, -1.0, 4.0, 0.5]);
-        let each = solo(9.0, 20.0).optional(GainPorts::gain, Rate::hz(100), Channels(2), vec![1.0, 0.0]);
+        let each =
+            standalone(9.0, 20.0).optional(GainPorts::gain, Rate::hz(100), Channels(2), vec![1.0, 0.0]);
         assert_eq!(each.run().unwrap().stream(GainPorts::out), [5.0, 0.0, 10.0, 0.0]);
     }
 
     #[test]
     fn a_control_of_another_rate_or_width_is_refused() {
-        let slow = solo(1.0, 0.0).optional(GainPorts::gain, Rate::hz(50), Channels(1), vec![1.0]);
+        let slow = standalone(1.0, 0.0).optional(GainPorts::gain, Rate::hz(50), Channels(1), vec![1.0]);
         assert_eq!(slow.shape().unwrap_err().field.as_deref(), Some("gain"));
-        let wide = solo(1.0, 0.0).optional(GainPorts::gain, Rate::hz(100), Channels(3), vec![1.0; 3]);
+        let wide = standalone(1.0, 0.0).optional(GainPorts::gain, Rate::hz(100), Channels(3), vec![1.0; 3]);
         assert_eq!(wide.shape().unwrap_err().code, "F046");
     }
 

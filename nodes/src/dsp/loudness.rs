@@ -7,9 +7,9 @@ use crate::core::fault::{Fault, Reject};
 use crate::core::item::Data;
 use crate::core::node::{Class, Node, Retune, Summary};
 use crate::core::ports::{Fold, Stream, Value};
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
-use crate::{carried, carries, params, ports};
+use crate::{archive_state, impl_state, params, ports};
 use serde::{Deserialize, Serialize};
 
 /// How loud a whole recording is, all channels together.
@@ -24,9 +24,9 @@ pub struct Level {
 impl Data for Level {
     const NAME: &'static str = "level";
 
-    fn trial(draw: &mut Draw) -> Self {
-        let peak = draw.between(0.01, 2.0) as f32;
-        Self { peak, rms: f64::from(peak) * draw.between(0.01, 1.0) }
+    fn trial(rng: &mut Rng) -> Self {
+        let peak = rng.between(0.01, 2.0) as f32;
+        Self { peak, rms: f64::from(peak) * rng.between(0.01, 1.0) }
     }
 }
 
@@ -37,7 +37,7 @@ pub struct LevelMeter {
     sum_squares: f64,
     samples: u64,
 }
-carried!(LevelMeter { peak, sum_squares, samples });
+impl_state!(LevelMeter { peak, sum_squares, samples });
 
 impl LevelMeter {
     /// Takes in samples, one after the other, so that blocks do not change a bit.
@@ -112,7 +112,7 @@ impl Node for LoudnessNode {
         Ok(vec![("peak", level.peak.into()), ("rms", level.rms.into())])
     }
 
-    carries!(0);
+    archive_state!(0);
 }
 
 params! {
@@ -191,18 +191,18 @@ impl Node for NormalizeNode {
 mod tests {
     use super::*;
     use crate::core::item::Channels;
-    use crate::core::solo::Solo;
+    use crate::core::standalone::Standalone;
     use crate::core::time::Rate;
 
     #[test]
     fn a_measured_recording_comes_out_at_its_peak() {
         let (rate, audio) = (Rate::hz(100), vec![0.1, -0.25, 0.2, 0.0]);
-        let measure = Solo::new::<LoudnessNode>(LoudnessParams {});
+        let measure = Standalone::new::<LoudnessNode>(LoudnessParams {});
         let run = measure.input(LoudnessPorts::audio, rate, Channels(2), audio.clone()).run().unwrap();
         let level = *run.value(0).unwrap().get::<Level>().unwrap();
         assert_eq!(level.peak, 0.25);
         assert!((level.rms - (0.1125_f64 / 4.0).sqrt()).abs() < 1e-8);
-        let loud = Solo::new::<NormalizeNode>(NormalizeParams { peak_db: 0.0 });
+        let loud = Standalone::new::<NormalizeNode>(NormalizeParams { peak_db: 0.0 });
         let loud = loud.input(NormalizePorts::audio, rate, Channels(2), audio);
         let run = loud.value(NormalizePorts::level, level).run().unwrap();
         assert_eq!(run.stream(NormalizePorts::out), [0.4, -1.0, 0.8, 0.0]);
@@ -210,9 +210,9 @@ mod tests {
 
     #[test]
     fn silence_stays_silence() {
-        let solo = Solo::new::<NormalizeNode>(NormalizeParams { peak_db: -1.0 });
-        let solo = solo.input(NormalizePorts::audio, Rate::hz(100), Channels(1), vec![0.0; 4]);
-        let run = solo.value(NormalizePorts::level, Level::default()).run().unwrap();
+        let standalone = Standalone::new::<NormalizeNode>(NormalizeParams { peak_db: -1.0 });
+        let standalone = standalone.input(NormalizePorts::audio, Rate::hz(100), Channels(1), vec![0.0; 4]);
+        let run = standalone.value(NormalizePorts::level, Level::default()).run().unwrap();
         assert_eq!(run.stream(NormalizePorts::out), [0.0; 4]);
     }
 }

@@ -112,26 +112,26 @@ impl Node for MixNode {
 mod tests {
     use super::*;
     use crate::core::item::Channels;
-    use crate::core::solo::Solo;
+    use crate::core::standalone::Standalone;
     use crate::core::time::Rate;
 
-    fn mix(gains: &[f32], inputs: &[(u32, u16, &[f32])]) -> Solo {
-        let solo = Solo::new::<MixNode>(MixParams { gains: gains.to_vec() });
-        inputs.iter().fold(solo, |solo, &(rate, channels, audio)| {
-            solo.also(MixPorts::inputs, Rate::hz(rate), Channels(channels), audio.to_vec())
+    fn mix(gains: &[f32], inputs: &[(u32, u16, &[f32])]) -> Standalone {
+        let standalone = Standalone::new::<MixNode>(MixParams { gains: gains.to_vec() });
+        inputs.iter().fold(standalone, |standalone, &(rate, channels, audio)| {
+            standalone.also(MixPorts::inputs, Rate::hz(rate), Channels(channels), audio.to_vec())
         })
     }
 
     #[test]
     fn the_longest_input_decides_the_length() {
-        let solo = mix(&[], &[(100, 1, &[1.0, 2.0]), (100, 1, &[0.5, 0.5, 0.5, 0.25])]);
-        assert_eq!(solo.run().unwrap().stream(MixPorts::out), [1.5, 2.5, 0.5, 0.25]);
+        let standalone = mix(&[], &[(100, 1, &[1.0, 2.0]), (100, 1, &[0.5, 0.5, 0.5, 0.25])]);
+        assert_eq!(standalone.run().unwrap().stream(MixPorts::out), [1.5, 2.5, 0.5, 0.25]);
     }
 
     #[test]
     fn each_input_has_its_gain() {
-        let solo = mix(&[2.0, -1.0], &[(100, 2, &[1.0, 2.0]), (100, 2, &[0.5, 0.25])]);
-        assert_eq!(solo.run().unwrap().stream(MixPorts::out), [1.5, 3.75]);
+        let standalone = mix(&[2.0, -1.0], &[(100, 2, &[1.0, 2.0]), (100, 2, &[0.5, 0.25])]);
+        assert_eq!(standalone.run().unwrap().stream(MixPorts::out), [1.5, 3.75]);
         let wrong = mix(&[2.0], &[(100, 1, &[1.0]), (100, 1, &[0.5])]);
         assert_eq!(wrong.shape().unwrap_err().field.as_deref(), Some("gains"));
     }

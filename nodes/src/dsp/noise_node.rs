@@ -8,7 +8,7 @@ use crate::core::files::MemoryFiles;
 use crate::core::item::Channels;
 use crate::core::node::{Class, Node, Retune};
 use crate::core::params::Params;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
 use crate::{choices, params};
@@ -107,17 +107,17 @@ impl Node for NoiseNode {
         Retune::Done
     }
 
-    fn trial(draw: &mut Draw) -> (NoiseParams, MemoryFiles) {
-        let params = NoiseParams::trial(draw);
-        let duration = params.duration.map(|_| draw.between(0.0, 0.5));
-        (NoiseParams { duration, channels: 1 + draw.below(3) as u16, ..params }, MemoryFiles::default())
+    fn trial(rng: &mut Rng) -> (NoiseParams, MemoryFiles) {
+        let params = NoiseParams::trial(rng);
+        let duration = params.duration.map(|_| rng.between(0.0, 0.5));
+        (NoiseParams { duration, channels: 1 + rng.below(3) as u16, ..params }, MemoryFiles::default())
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::core::solo::Solo;
+    use crate::core::standalone::Standalone;
     use crate::core::time::ticks;
 
     #[test]
@@ -125,7 +125,7 @@ mod tests {
         for colour in [NoiseColour::White, NoiseColour::Uniform, NoiseColour::Pink] {
             let rate = Rate::hz(48_000);
             let params = NoiseParams { colour, level: 0.25, rate, channels: 2, duration: Some(2.0) };
-            let audio = Solo::new::<NoiseNode>(params).run().unwrap().stream(SourcePorts::audio);
+            let audio = Standalone::new::<NoiseNode>(params).run().unwrap().stream(SourcePorts::audio);
             assert_eq!(audio.len(), 2 * 96_000);
             for channel in 0..2 {
                 let power = audio.iter().skip(channel).step_by(2).map(|x| f64::from(*x).powi(2)).sum::<f64>();
@@ -138,9 +138,12 @@ mod tests {
     #[test]
     fn noise_without_a_duration_never_ends() {
         let (params, rate) = (NoiseParams::read(&|_| None).unwrap(), Rate::hz(48_000));
-        let mut solo = Solo::new::<NoiseNode>(params);
-        assert_eq!(solo.shape().unwrap().end, None);
-        solo.until = ticks(0.5);
-        assert_eq!(solo.run().unwrap().stream(SourcePorts::audio).len() as i64, rate.first_at(solo.until));
+        let mut standalone = Standalone::new::<NoiseNode>(params);
+        assert_eq!(standalone.shape().unwrap().end, None);
+        standalone.until = ticks(0.5);
+        assert_eq!(
+            standalone.run().unwrap().stream(SourcePorts::audio).len() as i64,
+            rate.first_at(standalone.until)
+        );
     }
 }

@@ -165,7 +165,7 @@ impl Node for PanNode {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::core::solo::Solo;
+    use crate::core::standalone::Standalone;
     use crate::core::time::Rate;
 
     #[test]
@@ -194,13 +194,14 @@ mod tests {
 
     #[test]
     fn the_node_pans_by_number_and_by_link() {
-        let solo = |position| {
+        let standalone = |position| {
             let params = PanParams { position };
             let audio = vec![1.0, 1.0, 1.0];
-            Solo::new::<PanNode>(params).input(PanPorts::audio, Rate::hz(100), Channels(1), audio)
+            Standalone::new::<PanNode>(params).input(PanPorts::audio, Rate::hz(100), Channels(1), audio)
         };
-        assert_eq!(solo(-1.0).run().unwrap().stream(PanPorts::out), [1.0, 0.0, 1.0, 0.0, 1.0, 0.0]);
-        let linked = solo(0.0).optional(PanPorts::position, Rate::hz(100), Channels(1), vec![-1.0, 1.0]);
+        assert_eq!(standalone(-1.0).run().unwrap().stream(PanPorts::out), [1.0, 0.0, 1.0, 0.0, 1.0, 0.0]);
+        let linked =
+            standalone(0.0).optional(PanPorts::position, Rate::hz(100), Channels(1), vec![-1.0, 1.0]);
         let out = linked.run().unwrap().stream(PanPorts::out);
         assert_eq!(out[..2], [1.0, 0.0]);
         assert!(out[3] == 1.0 && out[5] == 1.0 && out[4].abs() < 1e-7, "{out:?}");
@@ -208,8 +209,8 @@ mod tests {
 
     #[test]
     fn stereo_is_refused_with_the_node_that_helps() {
-        let solo = Solo::new::<PanNode>(PanParams { position: 0.0 });
-        let stereo = solo.input(PanPorts::audio, Rate::hz(100), Channels(2), vec![0.0; 4]);
+        let standalone = Standalone::new::<PanNode>(PanParams { position: 0.0 });
+        let stereo = standalone.input(PanPorts::audio, Rate::hz(100), Channels(2), vec![0.0; 4]);
         assert!(stereo.shape().unwrap_err().help.unwrap().contains("Mono"));
     }
 }

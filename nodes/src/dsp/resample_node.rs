@@ -6,7 +6,7 @@ use crate::core::files::MemoryFiles;
 use crate::core::node::{Class, Node};
 use crate::core::params::Params;
 use crate::core::ports::Stream;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
 use crate::{choices, params, ports};
@@ -63,7 +63,7 @@ impl Node for ResampleNode {
         let reach = Resampler::reach(audio.rate, p.rate, p.quality);
         let (past, ahead) = reach.map_err(|e| Reject::from(e).at("rate"))?;
         // The window's first output may stand between its first input and the one before.
-        s.reach(ResamplePorts::audio, past + usize::from(audio.rate != p.rate), ahead);
+        s.lookaround(ResamplePorts::audio, past + usize::from(audio.rate != p.rate), ahead);
         s.output(ResamplePorts::out, p.rate, audio.format);
         Ok(())
     }
@@ -74,16 +74,16 @@ impl Node for ResampleNode {
     }
 
     fn run(&mut self, mut io: ResampleIo<'_>) -> Result<(), Fault> {
-        let first_in = io.audio.first() - io.audio.past() as i64;
+        let first_in = io.audio.first() - io.audio.behind() as i64;
         let (first_out, channels) = (io.out.first(), io.audio.width());
         self.0.process(first_out, io.audio.around(), first_in, channels, io.out.items())?;
         Ok(())
     }
 
-    fn trial(draw: &mut Draw) -> (ResampleParams, MemoryFiles) {
+    fn trial(rng: &mut Rng) -> (ResampleParams, MemoryFiles) {
         // The short filter of a draft is cheap to design, and the input is longer than it.
-        let quality = [Quality::Draft, Quality::Draft, Quality::Standard][draw.below(3)];
-        (ResampleParams { quality, ..ResampleParams::trial(draw) }, MemoryFiles::default())
+        let quality = [Quality::Draft, Quality::Draft, Quality::Standard][rng.below(3)];
+        (ResampleParams { quality, ..ResampleParams::trial(rng) }, MemoryFiles::default())
     }
 }
 
@@ -91,13 +91,14 @@ impl Node for ResampleNode {
 mod tests {
     use super::*;
     use crate::core::item::Channels;
-    use crate::core::solo::Solo;
+    use crate::core::standalone::Standalone;
     use crate::core::time::{Tick, ticks};
 
     fn resample(from: Rate, to: Rate, audio: Vec<f32>, window: Tick) -> Vec<f32> {
-        let solo = Solo::new::<ResampleNode>(ResampleParams { rate: to, quality: Quality::Standard });
-        let solo = solo.input(ResamplePorts::audio, from, Channels(1), audio).window(window);
-        solo.run().unwrap().stream(ResamplePorts::out)
+        let standalone =
+            Standalone::new::<ResampleNode>(ResampleParams { rate: to, quality: Quality::Standard });
+        let standalone = standalone.input(ResamplePorts::audio, from, Channels(1), audio).window(window);
+        standalone.run().unwrap().stream(ResamplePorts::out)
     }
 
     #[test]

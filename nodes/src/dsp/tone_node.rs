@@ -8,7 +8,7 @@ use crate::core::files::MemoryFiles;
 use crate::core::item::Channels;
 use crate::core::node::{Class, Node, Retune};
 use crate::core::params::Params;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::{Rate, ticks};
 use crate::{choices, params};
@@ -110,11 +110,10 @@ impl Node for ToneNode {
         Retune::Done
     }
 
-    fn trial(draw: &mut Draw) -> (ToneParams, MemoryFiles) {
-        let params = ToneParams::trial(draw);
-        let frequency = params.rate.as_f64() * draw.between(0.001, 0.499);
-        let (duration, channels) =
-            (params.duration.map(|_| draw.between(0.0, 0.5)), 1 + draw.below(3) as u16);
+    fn trial(rng: &mut Rng) -> (ToneParams, MemoryFiles) {
+        let params = ToneParams::trial(rng);
+        let frequency = params.rate.as_f64() * rng.between(0.001, 0.499);
+        let (duration, channels) = (params.duration.map(|_| rng.between(0.0, 0.5)), 1 + rng.below(3) as u16);
         (ToneParams { duration, channels, frequency, ..params }, MemoryFiles::default())
     }
 }
@@ -186,11 +185,11 @@ impl Node for SweepNode {
         Ok(())
     }
 
-    fn trial(draw: &mut Draw) -> (SweepParams, MemoryFiles) {
-        let params = SweepParams::trial(draw);
+    fn trial(rng: &mut Rng) -> (SweepParams, MemoryFiles) {
+        let params = SweepParams::trial(rng);
         let rate = params.rate.as_f64();
-        let (from, to) = (rate * draw.between(0.001, 0.499), rate * draw.between(0.001, 0.499));
-        let (duration, channels) = (draw.between(0.001, 0.5), 1 + draw.below(3) as u16);
+        let (from, to) = (rate * rng.between(0.001, 0.499), rate * rng.between(0.001, 0.499));
+        let (duration, channels) = (rng.between(0.001, 0.5), 1 + rng.below(3) as u16);
         (SweepParams { from, to, duration, channels, ..params }, MemoryFiles::default())
     }
 }
@@ -198,7 +197,7 @@ impl Node for SweepNode {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::core::solo::Solo;
+    use crate::core::standalone::Standalone;
 
     #[test]
     fn a_quarter_of_the_rate_is_four_samples_long_in_every_channel() {
@@ -210,7 +209,7 @@ mod tests {
             channels: 2,
             duration: Some(0.6),
         };
-        let audio = Solo::new::<ToneNode>(params).run().unwrap().stream(SourcePorts::audio);
+        let audio = Standalone::new::<ToneNode>(params).run().unwrap().stream(SourcePorts::audio);
         assert_eq!(audio.len(), 1200);
         for (k, frame) in audio.chunks(2).enumerate() {
             assert!((frame[0] - [0.0, 0.5, 0.0, -0.5][k % 4]).abs() < 1e-6 && frame[1] == frame[0], "{k}");
@@ -220,15 +219,18 @@ mod tests {
     #[test]
     fn a_tone_above_half_the_rate_is_refused() {
         let params = ToneParams { frequency: 24_000.0, ..ToneParams::read(&|_| None).unwrap() };
-        assert_eq!(Solo::new::<ToneNode>(params).shape().unwrap_err().field.as_deref(), Some("frequency"));
+        assert_eq!(
+            Standalone::new::<ToneNode>(params).shape().unwrap_err().field.as_deref(),
+            Some("frequency")
+        );
         let params = SweepParams { to: 24_000.0, ..SweepParams::read(&|_| None).unwrap() };
-        assert_eq!(Solo::new::<SweepNode>(params).shape().unwrap_err().field.as_deref(), Some("to"));
+        assert_eq!(Standalone::new::<SweepNode>(params).shape().unwrap_err().field.as_deref(), Some("to"));
     }
 
     #[test]
     fn a_sweep_lasts_for_its_duration() {
         let params = SweepParams { duration: 0.25, ..SweepParams::read(&|_| None).unwrap() };
-        let audio = Solo::new::<SweepNode>(params).run().unwrap().stream(SourcePorts::audio);
+        let audio = Standalone::new::<SweepNode>(params).run().unwrap().stream(SourcePorts::audio);
         assert_eq!(audio.len(), 12_000);
         assert!(audio[11_990..].iter().any(|x| x.abs() > 0.1));
     }

@@ -6,7 +6,7 @@ use crate::core::files::MemoryFiles;
 use crate::core::node::{Class, Node};
 use crate::core::params::Params;
 use crate::core::ports::Stream;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::{params, ports};
 
@@ -57,7 +57,7 @@ impl Node for TrimNode {
         }
         let wanted = p.duration.map(|seconds| nearest_items(audio.rate, seconds) as i64);
         let items = left.into_iter().chain(wanted).min();
-        s.reach(TrimPorts::audio, 0, skip);
+        s.lookaround(TrimPorts::audio, 0, skip);
         s.ends(items.map(|items| audio.rate.tick(items)));
         s.output(TrimPorts::out, audio.rate, audio.format);
         Ok(())
@@ -74,10 +74,10 @@ impl Node for TrimNode {
         Ok(())
     }
 
-    fn trial(draw: &mut Draw) -> (TrimParams, MemoryFiles) {
-        let short = |draw: &mut Draw| draw.between(0.0, 0.2);
-        let TrimParams { duration, .. } = TrimParams::trial(draw);
-        let params = TrimParams { start: short(draw), duration: duration.map(|_| short(draw)) };
+    fn trial(rng: &mut Rng) -> (TrimParams, MemoryFiles) {
+        let short = |rng: &mut Rng| rng.between(0.0, 0.2);
+        let TrimParams { duration, .. } = TrimParams::trial(rng);
+        let params = TrimParams { start: short(rng), duration: duration.map(|_| short(rng)) };
         (params, MemoryFiles::default())
     }
 }
@@ -86,13 +86,13 @@ impl Node for TrimNode {
 mod tests {
     use super::*;
     use crate::core::item::Channels;
-    use crate::core::solo::Solo;
+    use crate::core::standalone::Standalone;
     use crate::core::time::Rate;
 
-    fn trim(start: f64, duration: Option<f64>) -> Solo {
+    fn trim(start: f64, duration: Option<f64>) -> Standalone {
         let audio = (0..8).map(|k| k as f32).collect();
-        let solo = Solo::new::<TrimNode>(TrimParams { start, duration });
-        solo.input(TrimPorts::audio, Rate::hz(100), Channels(1), audio)
+        let standalone = Standalone::new::<TrimNode>(TrimParams { start, duration });
+        standalone.input(TrimPorts::audio, Rate::hz(100), Channels(1), audio)
     }
 
     #[test]

@@ -101,7 +101,7 @@ impl TemporalFilter {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::core::random::Draw;
+    use crate::core::random::Rng;
     use proptest::prelude::*;
 
     #[test]
@@ -174,8 +174,8 @@ mod tests {
         /// However a stream is cut, and through each dimension alone.
         #[test]
         fn dimensions_and_vectors_do_not_mix(seed in 0_u64..1000, len in 1_usize..40) {
-            let mut draw = Draw::new(seed);
-            let x: Vec<f32> = (0..len * 4).map(|_| draw.between(-1.0, 1.0) as f32).collect();
+            let mut rng = Rng::new(seed);
+            let x: Vec<f32> = (0..len * 4).map(|_| rng.between(-1.0, 1.0) as f32).collect();
             let filter = TemporalFilter::new(&[6.0, 0.0], false);
             let single = |place: usize| -> Vec<f32> { x.iter().skip(place).step_by(4).copied().collect() };
             let mut around = x[..4].repeat(filter.past());

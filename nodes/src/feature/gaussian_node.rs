@@ -6,7 +6,7 @@ use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::node::{Class, Node};
 use crate::core::ports::Stream;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Ends, Shape};
 use crate::{params, ports};
 
@@ -73,7 +73,7 @@ impl Node for TemporalGaussian {
         }
         (c.widths, c.causal) = (p.widths.clone(), p.causal);
         let filter = filter(&c);
-        s.reach(TemporalGaussianPorts::features, filter.past(), filter.ahead());
+        s.lookaround(TemporalGaussianPorts::features, filter.past(), filter.ahead());
         s.when_ended(TemporalGaussianPorts::features, Ends::Hold);
         s.ends(features.end);
         s.output(TemporalGaussianPorts::smooth, features.rate, features.format.with(c));
@@ -90,9 +90,9 @@ impl Node for TemporalGaussian {
         Ok(())
     }
 
-    fn trial(draw: &mut Draw) -> (TemporalGaussianParams, MemoryFiles) {
-        let widths = (0..[0, 1, 3][draw.below(3)]).map(|_| draw.between(0.0, 9.0)).collect();
-        (TemporalGaussianParams { widths, causal: draw.below(2) == 0 }, MemoryFiles::default())
+    fn trial(rng: &mut Rng) -> (TemporalGaussianParams, MemoryFiles) {
+        let widths = (0..[0, 1, 3][rng.below(3)]).map(|_| rng.between(0.0, 9.0)).collect();
+        (TemporalGaussianParams { widths, causal: rng.below(2) == 0 }, MemoryFiles::default())
     }
 }
 
@@ -103,29 +103,29 @@ fn filter(c: &super::FeatureConventions) -> TemporalFilter {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::core::solo::Solo;
+    use crate::core::standalone::Standalone;
     use crate::core::time::Rate;
     use crate::feature::{FeatureConventions, FeatureFormat};
     use std::sync::Arc;
 
-    fn solo(widths: &[f64], conventions: FeatureConventions) -> Solo {
+    fn standalone(widths: &[f64], conventions: FeatureConventions) -> Standalone {
         let format = FeatureFormat { vectors: 1, conventions: Arc::new(conventions) };
         let features = (0..90).map(|i| (i % 7) as f32).collect();
-        Solo::new::<TemporalGaussian>(TemporalGaussianParams { widths: widths.to_vec(), causal: false })
+        Standalone::new::<TemporalGaussian>(TemporalGaussianParams { widths: widths.to_vec(), causal: false })
             .input(TemporalGaussianPorts::features, Rate::hz(240), format, features)
     }
 
     #[test]
     fn a_stream_is_smoothed_as_a_stretch_is() {
         let features: Vec<f32> = (0..90).map(|i| (i % 7) as f32).collect();
-        let run = solo(&[5.0, 8.0, 0.0], FeatureConventions::trial()).run().unwrap();
+        let run = standalone(&[5.0, 8.0, 0.0], FeatureConventions::trial()).run().unwrap();
         let wanted = TemporalFilter::new(&[5.0, 8.0, 0.0], false).stretch(&features);
         assert_eq!(run.stream(TemporalGaussianPorts::smooth), wanted);
     }
 
     #[test]
     fn widths_that_do_not_fit_and_a_second_gaussian_are_refused() {
-        let refused = |widths: &[f64], c| solo(widths, c).shape().unwrap_err().field;
+        let refused = |widths: &[f64], c| standalone(widths, c).shape().unwrap_err().field;
         assert_eq!(refused(&[1.0, 2.0], FeatureConventions::trial()).as_deref(), Some("widths"));
         let smooth = FeatureConventions { widths: vec![4.0], ..FeatureConventions::trial() };
         assert_eq!(refused(&[4.0], smooth).as_deref(), Some("features"));

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::conventions::{BandShape, FeatureConventions, FeatureWindow, FloorRule, LogScale, MelScale};
 use crate::core::item::Item;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::time::Rate;
 
 /// One or more feature vectors per unit of sound.
@@ -85,12 +85,12 @@ impl Item for Features {
         }
     }
 
-    fn trial_format(draw: &mut Draw) -> FeatureFormat {
-        FeatureFormat { vectors: 1 + draw.below(2), conventions: Arc::new(FeatureConventions::trial()) }
+    fn trial_format(rng: &mut Rng) -> FeatureFormat {
+        FeatureFormat { vectors: 1 + rng.below(2), conventions: Arc::new(FeatureConventions::trial()) }
     }
 
-    fn trial(_: &FeatureFormat, _: usize, draw: &mut Draw) -> f32 {
-        draw.between(-3.0, 3.0) as f32
+    fn trial(_: &FeatureFormat, _: usize, rng: &mut Rng) -> f32 {
+        rng.between(-3.0, 3.0) as f32
     }
 
     fn finite(elem: &f32) -> bool {

@@ -5,13 +5,13 @@ use std::sync::Arc;
 use super::conventions::FloorRule;
 use super::item::{FeatureFormat, Features};
 use super::mel::MelCepstrum;
-use crate::carries;
+use crate::archive_state;
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::node::{Class, Node};
 use crate::core::params::Params;
 use crate::core::ports::{Stream, Value};
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::dsp::{Band, Butterworth, Cascade};
 use crate::unit::UnitDatabase;
@@ -165,7 +165,7 @@ impl Node for Mfcc {
         }
         let lead = lead(c.frame, c.unit);
         let ahead = (i64::from(c.frame) - lead - 1).max(0);
-        s.reach(MfccPorts::audio, lead.max(0) as usize, ahead as usize);
+        s.lookaround(MfccPorts::audio, lead.max(0) as usize, ahead as usize);
         let vectors = if p.channels == FeatureChannels::Independent { channels as usize } else { 1 };
         let too_long = || Reject::new("F051", format!("units of {} samples are too long", c.unit)).at("unit");
         let rate = c.unit_rate().ok_or_else(too_long)?;
@@ -212,7 +212,7 @@ impl Node for Mfcc {
             self.cepstrum.set_floor(io.database.ok_or_else(missing)?.floor_energy);
         }
         let channels = io.audio.width().max(1);
-        let first = io.audio.first() - io.audio.past() as i64;
+        let first = io.audio.first() - io.audio.behind() as i64;
         self.hear(io.audio.around(), first, channels);
         let (unit, width) = (io.features.first(), io.features.width().max(1));
         let balance = io.balance.items().chunks_exact_mut(channels);
@@ -224,10 +224,10 @@ impl Node for Mfcc {
         Ok(())
     }
 
-    carries!(each high_pass, heard, start);
+    archive_state!(each high_pass, heard, start);
 
-    fn trial(draw: &mut Draw) -> (MfccParams, MemoryFiles) {
-        let p = MfccParams::trial(draw);
+    fn trial(rng: &mut Rng) -> (MfccParams, MemoryFiles) {
+        let p = MfccParams::trial(rng);
         let first = p.first % 3;
         let n = 1 + p.n % 4;
         let params = MfccParams {

@@ -4,7 +4,7 @@ use super::conventions::{FeatureConventions, FloorRule};
 use crate::choices;
 use crate::core::fault::Reject;
 use crate::core::params::{Bounds, Datum, Mismatch, Param, ParamKind};
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::time::Rate;
 
 /// Longest unit and window, samples.
@@ -62,8 +62,8 @@ impl Param for UnitLength {
         })
     }
 
-    fn trial(draw: &mut Draw, _: Option<Bounds>) -> Self {
-        Self::Samples(2 + draw.below(4) as u32)
+    fn trial(rng: &mut Rng, _: Option<Bounds>) -> Self {
+        Self::Samples(2 + rng.below(4) as u32)
     }
 }
 

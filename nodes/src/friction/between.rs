@@ -6,7 +6,7 @@ use super::model::{FrictionModel, ModelError};
 use crate::core::fault::{Fault, Reject};
 use crate::core::node::{Func, Summary};
 use crate::core::ports::Value;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::{params, ports};
 
@@ -92,8 +92,8 @@ impl Func for InterpolatedSpectra {
         Ok(summary)
     }
 
-    fn trial(draw: &mut Draw) -> (InterpolatedSpectraParams, crate::core::files::MemoryFiles) {
-        let speeds = (1..3 + draw.below(3)).map(|k| 0.07 * k as f64).collect();
+    fn trial(rng: &mut Rng) -> (InterpolatedSpectraParams, crate::core::files::MemoryFiles) {
+        let speeds = (1..3 + rng.below(3)).map(|k| 0.07 * k as f64).collect();
         (InterpolatedSpectraParams { speeds, gain: Gain::Rms }, crate::core::files::MemoryFiles::default())
     }
 }

@@ -11,7 +11,7 @@ use crate::core::item::Channels;
 use crate::core::node::{Class, Node, Retune, Summary};
 use crate::core::params::Params;
 use crate::core::ports::{In, Stream, Value};
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Ends, Shape};
 use crate::core::time::{Rate, Tick};
 use crate::dsp;
@@ -19,7 +19,7 @@ use crate::mesh::Mesh;
 use crate::spatial::hrtf_node::Pinna;
 use crate::spatial::track::{frames_of, listener, on_frames, pose_at};
 use crate::spatial::{Distance, Head, HeadReceiver, Pose, Poses};
-use crate::{carries, params, ports};
+use crate::{archive_state, params, ports};
 
 params! {
     /// The sound of sliding cloth at the two ears of a listener: as `IftNoise`, with every patch of cloth where it is.
@@ -111,8 +111,8 @@ fn positions_at(mesh: &In<'_, Mesh>, tick: Tick, out: &mut [[f32; 3]]) {
     let at = rate.first_at(tick + 1) - 1;
     let (from, to) = (rate.tick(at), rate.tick(at + 1));
     let t = (tick - from) as f32 / (to - from).max(1) as f32;
-    let last = (mesh.around().len() / mesh.width().max(1)) as i64 - mesh.past() as i64 - 1;
-    let frame = |k: i64| mesh.item((k - mesh.first()).clamp(-(mesh.past() as i64), last) as isize);
+    let last = (mesh.around().len() / mesh.width().max(1)) as i64 - mesh.behind() as i64 - 1;
+    let frame = |k: i64| mesh.item((k - mesh.first()).clamp(-(mesh.behind() as i64), last) as isize);
     for (out, (a, b)) in out.iter_mut().zip(frame(at).iter().zip(frame(at + 1))) {
         *out = std::array::from_fn(|k| a[k] + t * (b[k] - a[k]));
     }
@@ -141,18 +141,18 @@ impl Node for BinauralIftNoise {
             );
         }
         let [past, ahead] = p.motion_at.reach();
-        s.reach(Port::speeds, past, ahead);
+        s.lookaround(Port::speeds, past, ahead);
         s.when_ended(Port::speeds, Ends::Stop);
         let near = frames_of(speeds.rate, mesh.rate);
         // Between frames the cloth lies on a line to the next one.
         let next = usize::from(!on_frames(speeds.rate, mesh.rate));
-        s.reach(Port::mesh, past * near + 1, ahead * near + next);
+        s.lookaround(Port::mesh, past * near + 1, ahead * near + next);
         s.when_ended(Port::mesh, Ends::Hold);
         if let Some(poses) = s.optional(Port::listener) {
             let near = frames_of(speeds.rate, poses.rate);
             // Between frames poses lie on a cubic through two more.
             let next = if on_frames(speeds.rate, poses.rate) { 0 } else { 2 };
-            s.reach(Port::listener, past * near + 2, ahead * near + next);
+            s.lookaround(Port::listener, past * near + 2, ahead * near + next);
         }
         s.when_ended(Port::listener, Ends::Hold);
         s.output(Port::audio, p.rate, Channels(2));
@@ -252,11 +252,11 @@ impl Node for BinauralIftNoise {
         Ok(told(self.clips.noise().coverage(), self.peak))
     }
 
-    carries!(clips, peak);
+    archive_state!(clips, peak);
 
-    fn trial(draw: &mut Draw) -> (BinauralIftNoiseParams, MemoryFiles) {
-        let rate = [6000, 12_000, 24_000][draw.below(3)];
-        (BinauralIftNoiseParams { rate: Rate::hz(rate), ..Params::trial(draw) }, MemoryFiles::default())
+    fn trial(rng: &mut Rng) -> (BinauralIftNoiseParams, MemoryFiles) {
+        let rate = [6000, 12_000, 24_000][rng.below(3)];
+        (BinauralIftNoiseParams { rate: Rate::hz(rate), ..Params::trial(rng) }, MemoryFiles::default())
     }
 }
 

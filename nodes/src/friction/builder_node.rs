@@ -5,16 +5,16 @@ use std::borrow::Cow;
 use super::builder::{BuildError, BuilderParams, build, checked_params, hop_samples};
 use super::encoder::{EncoderError, EncoderTrack, Signal};
 use super::model::{FrictionModel, Source};
-use crate::core::carry::{Carried, Carry};
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::node::{Class, Node, Summary};
 use crate::core::params::{AssetPath, Params, Text};
 use crate::core::ports::{Fold, In, Stream};
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Incoming, Shape};
+use crate::core::state::{StateArchive, Stateful};
 use crate::core::time::TICKS_PER_SECOND;
-use crate::{carried, carries, choices, params, ports};
+use crate::{archive_state, choices, impl_state, params, ports};
 
 choices! { @param Signal {
     /// Speed of the surface; either sign is a speed.
@@ -107,11 +107,11 @@ enum Encoder {
     Signal { take: Take, rate: f64, signal: Signal, full_scale: f64 },
 }
 
-impl Carried for Encoder {
-    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault> {
+impl Stateful for Encoder {
+    fn archive_state(&mut self, archive: &mut StateArchive<'_>) -> Result<(), Fault> {
         match self {
             Self::Table(_) => Ok(()),
-            Self::Signal { take, .. } => take.carry(carry),
+            Self::Signal { take, .. } => take.archive_state(archive),
         }
     }
 }
@@ -140,7 +140,7 @@ struct Take {
     /// One of so many samples is kept.
     step: usize,
 }
-carried!(Take { samples });
+impl_state!(Take { samples });
 
 /// Longest recording, in samples: half an hour at 192 kHz.
 const LONGEST: i64 = 1800 * 192_000;
@@ -331,20 +331,20 @@ impl Node for FrictionModelBuilder {
         Ok(summary)
     }
 
-    carries!(encoder, recording, each rest);
+    archive_state!(encoder, recording, each rest);
 
-    fn trial(draw: &mut Draw) -> (FrictionModelBuilderParams, MemoryFiles) {
+    fn trial(rng: &mut Rng) -> (FrictionModelBuilderParams, MemoryFiles) {
         let mut files = MemoryFiles::default();
         files.insert("encoder.csv", "time_s,speed_m_s\n0,0.1\n0.05,0.3\n0.5,1.0\n10,1.2\n1000,9.0\n");
         let params = FrictionModelBuilderParams {
             encoder: Some("encoder.csv".into()),
-            clip: draw.between(0.06, 0.2),
-            hop: draw.between(0.03, 0.06),
+            clip: rng.between(0.06, 0.2),
+            hop: rng.between(0.03, 0.06),
             speed_change: 10.0,
             seams: Vec::new(),
             min_speed: 0.001,
-            high_pass: draw.between(0.0, 10.0),
-            ..FrictionModelBuilderParams::trial(draw)
+            high_pass: rng.between(0.0, 10.0),
+            ..FrictionModelBuilderParams::trial(rng)
         };
         (params, files)
     }
@@ -371,7 +371,7 @@ mod tests {
     use super::*;
     use crate::core::item::Channels;
     use crate::core::random::Random;
-    use crate::core::solo::Solo;
+    use crate::core::standalone::Standalone;
     use crate::core::time::{Rate, ticks};
 
     fn all_params() -> FrictionModelBuilderParams {
@@ -380,25 +380,26 @@ mod tests {
     }
 
     /// Noise twice as loud in the second half, where the encoder says that the roller turns twice as fast.
-    fn solo(window: f64) -> Solo {
-        let mut solo = recorded(all_params()).window(ticks(window));
-        solo.files.insert("encoder.csv", "time_s,speed_m_s\n0,0.2\n0.99,0.2\n1.01,0.4\n2,0.4\n");
-        solo
+    fn standalone(window: f64) -> Standalone {
+        let mut standalone = recorded(all_params()).window(ticks(window));
+        standalone.files.insert("encoder.csv", "time_s,speed_m_s\n0,0.2\n0.99,0.2\n1.01,0.4\n2,0.4\n");
+        standalone
     }
 
-    fn recorded(p: FrictionModelBuilderParams) -> Solo {
+    fn recorded(p: FrictionModelBuilderParams) -> Standalone {
         let random = Random::new(1, "roller");
         let noise = |i: u64| (random.uniform(0, i, 0) - 0.5) as f32 * if i < 8000 { 0.1 } else { 0.2 };
         let stereo = (0..16_000).flat_map(|i| [noise(i), noise(i)]).collect();
-        Solo::new::<FrictionModelBuilder>(p)
+        Standalone::new::<FrictionModelBuilder>(p)
             .input(FrictionModelBuilderPorts::recording, Rate::hz(8000), Channels(2), stereo)
             .optional(FrictionModelBuilderPorts::rest, Rate::hz(8000), Channels(1), vec![0.0; 4000])
     }
 
     #[test]
     fn the_model_of_a_recording_rises_with_speed_and_does_not_depend_on_windows() {
-        let model =
-            |window| solo(window).run().unwrap().value(0).unwrap().get::<FrictionModel>().unwrap().clone();
+        let model = |window| {
+            standalone(window).run().unwrap().value(0).unwrap().get::<FrictionModel>().unwrap().clone()
+        };
         let whole = model(3.0);
         let (low, high) = (whole.power(0.2), whole.power(0.4));
         assert!((high / low / 4.0 - 1.0).abs() < 0.1, "{low} {high}");
@@ -408,21 +409,23 @@ mod tests {
         }
     }
 
-    /// The take of `solo` with a signal in place of its table.
-    fn with_signal(p: FrictionModelBuilderParams, rate: u32, turning: Vec<f32>) -> Solo {
+    /// The take of `standalone` with a signal in place of its table.
+    fn with_signal(p: FrictionModelBuilderParams, rate: u32, turning: Vec<f32>) -> Standalone {
         let port = FrictionModelBuilderPorts::turning;
-        let mut solo = recorded(p).optional(port, Rate::hz(rate), Channels(1), turning).window(ticks(0.0377));
-        solo.files.insert("encoder.csv", "time_s,speed_m_s\n0,0.2\n2,0.4\n");
-        solo
+        let mut standalone =
+            recorded(p).optional(port, Rate::hz(rate), Channels(1), turning).window(ticks(0.0377));
+        standalone.files.insert("encoder.csv", "time_s,speed_m_s\n0,0.2\n2,0.4\n");
+        standalone
     }
 
     #[test]
     fn a_signal_of_the_encoder_gives_the_model_of_its_table() {
-        let model =
-            |solo: Solo| solo.run().unwrap().value(0).unwrap().get::<FrictionModel>().unwrap().clone();
+        let model = |standalone: Standalone| {
+            standalone.run().unwrap().value(0).unwrap().get::<FrictionModel>().unwrap().clone()
+        };
         // A ramp of quarters of a thousandth, which single precision and text both hold exactly.
         let speed = |i: usize| 0.25 + i as f32 / 4096.0;
-        let mut tabled = solo(3.0);
+        let mut tabled = standalone(3.0);
         let rows: String =
             (0..2048).map(|i| format!("{},{}\n", i as f64 / 1000.0, f64::from(speed(i)))).collect();
         tabled.files.insert("encoder.csv", format!("time_s,speed_m_s\n{rows}"));
@@ -453,7 +456,8 @@ mod tests {
     #[test]
     fn no_encoder_two_of_them_and_one_that_cannot_be_used_are_refused() {
         let p = FrictionModelBuilderParams { encoder: None, ..all_params() };
-        let refused = |solo: Solo| solo.shape().err().map(|reject| reject.field.unwrap_or_default());
+        let refused =
+            |standalone: Standalone| standalone.shape().err().map(|reject| reject.field.unwrap_or_default());
         let signal = || vec![0.3; 2000];
         assert_eq!(refused(with_signal(p.clone(), 1000, signal())), None);
         assert_eq!(refused(with_signal(all_params(), 1000, signal())), Some("encoder".into()));
@@ -471,12 +475,12 @@ mod tests {
 
     #[test]
     fn what_is_wrong_with_the_encoder_is_told_before_the_run() {
-        let mut solo = solo(1.0);
-        solo.files.insert("encoder.csv", "t,v\n0,1\n");
-        let reject = solo.shape().unwrap_err();
+        let mut standalone = standalone(1.0);
+        standalone.files.insert("encoder.csv", "t,v\n0,1\n");
+        let reject = standalone.shape().unwrap_err();
         assert_eq!((reject.code, reject.field.as_deref()), ("F077", Some("encoder")));
-        solo.files.insert("encoder.csv", "time_s,speed_m_s\n0,0.2\n1,0.2\n0.5,0.4\n");
-        let reject = solo.shape().unwrap_err();
+        standalone.files.insert("encoder.csv", "time_s,speed_m_s\n0,0.2\n1,0.2\n0.5,0.4\n");
+        let reject = standalone.shape().unwrap_err();
         assert_eq!((reject.code, reject.field.as_deref()), ("F077", Some("encoder")));
         assert!(reject.message.contains("encoder.csv") && reject.message.contains("sample 2"), "{reject}");
     }
@@ -485,12 +489,12 @@ mod tests {
     fn a_recording_too_slow_or_too_short_to_measure_is_refused_before_the_run() {
         let refused = |rate: u32, samples: usize, rest: usize| {
             let port = FrictionModelBuilderPorts::recording;
-            let files = solo(1.0).files;
-            let mut solo = Solo::new::<FrictionModelBuilder>(all_params())
+            let files = standalone(1.0).files;
+            let mut standalone = Standalone::new::<FrictionModelBuilder>(all_params())
                 .input(port, Rate::hz(rate), Channels(1), vec![0.1; samples])
                 .optional(FrictionModelBuilderPorts::rest, Rate::hz(rate), Channels(1), vec![0.0; rest]);
-            solo.files = files;
-            solo.shape().err().map(|reject| (reject.code, reject.field.unwrap_or_default()))
+            standalone.files = files;
+            standalone.shape().err().map(|reject| (reject.code, reject.field.unwrap_or_default()))
         };
         // A clip of 50 ms is 400 samples at 8 kHz, and the next begins 100 later.
         assert_eq!(refused(8000, 500, 400), None);

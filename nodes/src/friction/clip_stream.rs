@@ -3,8 +3,8 @@
 use std::ops::RangeInclusive;
 
 use super::ift_noise::{ClipInput, IftNoise, Mono, NoiseError, Receiver};
-use crate::carries;
-use crate::core::carry::Carried;
+use crate::archive_state;
+use crate::core::state::Stateful;
 
 /// Two half-overlapping clips at a time, added to a continuous signal.
 ///
@@ -20,8 +20,8 @@ pub struct ClipStream<R = Mono> {
     clips: [(Option<u64>, Vec<f32>); 2],
 }
 
-impl<R: Receiver> Carried for ClipStream<R> {
-    carries!(noise, clips);
+impl<R: Receiver> Stateful for ClipStream<R> {
+    archive_state!(noise, clips);
 }
 
 impl<R: Receiver> ClipStream<R> {

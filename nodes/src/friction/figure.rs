@@ -2,7 +2,7 @@
 
 use super::FrictionModel;
 use crate::core::item::Data;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::plot::{Axis, Line, chart};
 
 /// Spectra that a figure shows at most.
@@ -14,12 +14,12 @@ impl Data for FrictionModel {
     const NAME: &'static str = "friction model";
     const PLOTS: bool = true;
 
-    fn trial(draw: &mut Draw) -> Self {
-        let (speeds, bins) = (2 + draw.below(3), 17 + 16 * draw.below(4));
+    fn trial(rng: &mut Rng) -> Self {
+        let (speeds, bins) = (2 + rng.below(3), 17 + 16 * rng.below(4));
         let speeds: Vec<f64> = (0..speeds).map(|k| 0.05 * 3f64.powi(k as i32)).collect();
         let mut psd = Vec::with_capacity(speeds.len() * bins);
         for speed in &speeds {
-            psd.extend((0..bins).map(|_| (1e-9 * speed * draw.unit()) as f32));
+            psd.extend((0..bins).map(|_| (1e-9 * speed * rng.uniform()) as f32));
         }
         let pair = ["trial".to_owned(), "trial".to_owned()];
         Self::from_psd(pair, speeds.clone(), psd, 16_000.0).unwrap_or_else(|_| Self::silent())
@@ -102,9 +102,9 @@ mod tests {
     #[test]
     fn trials_and_the_silent_model_are_valid() {
         FrictionModel::silent().validate().unwrap();
-        let mut draw = Draw::new(3);
+        let mut rng = Rng::new(3);
         for _ in 0..20 {
-            FrictionModel::trial(&mut draw).validate().unwrap();
+            FrictionModel::trial(&mut rng).validate().unwrap();
         }
     }
 }

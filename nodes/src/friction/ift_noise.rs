@@ -18,9 +18,9 @@ use super::phasors::{BLOCK, phasors, rayleigh};
 use super::psd::clip_samples;
 use super::table::{Coverage, SpectrumTable};
 use super::window::Window;
-use crate::carries;
-use crate::core::carry::Carried;
+use crate::archive_state;
 use crate::core::random::Random;
+use crate::core::state::Stateful;
 
 /// Area of cloth that a friction model's level stands for, in square metres.
 pub const REFERENCE_AREA: f64 = 1e-4;
@@ -282,8 +282,8 @@ pub struct IftNoise<R = Mono> {
     coverage: SpeedCoverage,
 }
 
-impl<R> Carried for IftNoise<R> {
-    carries!(coverage);
+impl<R> Stateful for IftNoise<R> {
+    archive_state!(coverage);
 }
 
 impl IftNoise<Mono> {

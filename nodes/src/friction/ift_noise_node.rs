@@ -11,11 +11,11 @@ use crate::core::item::Channels;
 use crate::core::node::{Class, Node, Retune, Summary};
 use crate::core::params::{Param, Params};
 use crate::core::ports::{Stream, Value};
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
 use crate::dsp;
-use crate::{carries, choices, params, ports};
+use crate::{archive_state, choices, params, ports};
 
 choices! { @param Window {
     /// Square root of a triangle: the power of overlapping clips is constant.
@@ -190,7 +190,7 @@ impl Node for IftNoiseNode {
             s.check(model.validate().map_err(|e| Reject::new("F076", e.to_string()).at("model")));
         }
         let [past, ahead] = p.motion_at.reach();
-        s.reach(IftNoisePorts::speeds, past, ahead);
+        s.lookaround(IftNoisePorts::speeds, past, ahead);
         s.output(IftNoisePorts::audio, p.rate, Channels(1));
         Ok(())
     }
@@ -250,12 +250,12 @@ impl Node for IftNoiseNode {
         Ok(told(self.clips.noise().coverage(), self.peak))
     }
 
-    carries!(clips, peak);
+    archive_state!(clips, peak);
 
-    fn trial(draw: &mut Draw) -> (IftNoiseNodeParams, MemoryFiles) {
+    fn trial(rng: &mut Rng) -> (IftNoiseNodeParams, MemoryFiles) {
         // Rates that every common rate of speeds divides.
-        let rate = [6000, 12_000, 24_000][draw.below(3)];
-        (IftNoiseNodeParams { rate: Rate::hz(rate), ..Params::trial(draw) }, MemoryFiles::default())
+        let rate = [6000, 12_000, 24_000][rng.below(3)];
+        (IftNoiseNodeParams { rate: Rate::hz(rate), ..Params::trial(rng) }, MemoryFiles::default())
     }
 }
 

@@ -9,7 +9,7 @@ use crate::core::item::Data;
 use crate::core::node::{Func, Summary};
 use crate::core::params::{AssetPath, Params, Text};
 use crate::core::ports::Value;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::io::look_at;
 use crate::io::{AudioReader, oddities, trial_wav};
@@ -111,7 +111,7 @@ impl Func for FrictionModelFromClips {
     const NAME: &'static str = "FrictionModelFromClips";
     const VERSION: u32 = 2;
     // They are the provenance of the model's sources.
-    const TELLS_PATHS: bool = true;
+    const EXPOSES_PATHS: bool = true;
 
     fn check(
         p: &FrictionModelFromClipsParams,
@@ -173,21 +173,21 @@ impl Func for FrictionModelFromClips {
         Ok(summary)
     }
 
-    fn trial(draw: &mut Draw) -> (FrictionModelFromClipsParams, MemoryFiles) {
+    fn trial(rng: &mut Rng) -> (FrictionModelFromClipsParams, MemoryFiles) {
         let mut files = MemoryFiles::default();
         for name in ["a.wav", "b.wav"] {
             let swell = |i: usize| (i as f64 / 4000.0) as f32;
-            let samples: Vec<f32> = (0..4000).map(|i| swell(i) * draw.between(-0.5, 0.5) as f32).collect();
+            let samples: Vec<f32> = (0..4000).map(|i| swell(i) * rng.between(-0.5, 0.5) as f32).collect();
             files.insert(name, trial_wav(&samples, 8000));
         }
-        let p = FrictionModelFromClipsParams::trial(draw);
+        let p = FrictionModelFromClipsParams::trial(rng);
         let slowest = p.slowest.min(10.0);
         let params = FrictionModelFromClipsParams {
             recordings: vec!["a.wav".into(), "b.wav".into()],
             slowest,
-            fastest: slowest * draw.between(4.0, 90.0),
-            clip: draw.between(0.005, 0.05),
-            hop: draw.between(0.005, 0.02),
+            fastest: slowest * rng.between(4.0, 90.0),
+            clip: rng.between(0.005, 0.05),
+            hop: rng.between(0.005, 0.02),
             silence: p.silence.max(30.0),
             exponent: p.exponent.max(0.5),
             ..p
@@ -253,11 +253,11 @@ impl Func for FrictionModelFile {
         Ok(summary)
     }
 
-    fn trial(draw: &mut Draw) -> (FrictionModelFileParams, MemoryFiles) {
+    fn trial(rng: &mut Rng) -> (FrictionModelFileParams, MemoryFiles) {
         let mut files = MemoryFiles::default();
         files.insert(
             "model.json",
-            serde_json::to_vec(&<FrictionModel as Data>::trial(draw)).unwrap_or_default(),
+            serde_json::to_vec(&<FrictionModel as Data>::trial(rng)).unwrap_or_default(),
         );
         (FrictionModelFileParams { path: "model.json".into() }, files)
     }
@@ -267,18 +267,18 @@ impl Func for FrictionModelFile {
 mod tests {
     use super::*;
     use crate::core::random::Random;
-    use crate::core::solo::Solo;
+    use crate::core::standalone::Standalone;
 
-    fn clips(files: &[&str]) -> Solo {
+    fn clips(files: &[&str]) -> Standalone {
         let list = files.iter().map(|f| crate::core::params::Datum::Text((*f).into())).collect();
         let list = crate::core::params::Datum::List(list);
         let p = FrictionModelFromClipsParams::read(&|n| (n == "recordings").then(|| list.clone())).unwrap();
-        let mut solo = Solo::func::<FrictionModelFromClips>(p);
+        let mut standalone = Standalone::func::<FrictionModelFromClips>(p);
         let random = Random::new(4, "clips");
         let swell = |i: u64| (0.5 * (i as f64 / 24_000.0) * (random.uniform(0, i, 0) - 0.5)) as f32;
-        solo.files.insert("swell.wav", trial_wav(&(0..24_000).map(swell).collect::<Vec<_>>(), 48_000));
-        solo.files.insert("text.wav", "not audio at all");
-        solo
+        standalone.files.insert("swell.wav", trial_wav(&(0..24_000).map(swell).collect::<Vec<_>>(), 48_000));
+        standalone.files.insert("text.wav", "not audio at all");
+        standalone
     }
 
     #[test]
@@ -288,7 +288,8 @@ mod tests {
         let model = value.get::<FrictionModel>().unwrap();
         assert!(model.power(0.9) > 4.0 * model.power(0.1));
         assert_eq!(model.sources[0].provenance, "swell.wav");
-        let mut file = Solo::func::<FrictionModelFile>(FrictionModelFileParams { path: "m.json".into() });
+        let mut file =
+            Standalone::func::<FrictionModelFile>(FrictionModelFileParams { path: "m.json".into() });
         file.files.insert("m.json", value.json());
         let again = file.run().unwrap().value(0).unwrap();
         assert_eq!(again.get::<FrictionModel>(), Some(model));

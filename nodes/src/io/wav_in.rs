@@ -7,10 +7,10 @@ use crate::core::item::Channels;
 use crate::core::node::{Class, Node, Summary};
 use crate::core::params::AssetPath;
 use crate::core::ports::Stream;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
-use crate::{carries, params, ports};
+use crate::{archive_state, params, ports};
 
 params! {
     /// Plays a recording: WAV, FLAC, Ogg Vorbis or MP3, recognised by content.
@@ -117,14 +117,14 @@ impl Node for WavInNode {
         Ok(told)
     }
 
-    carries!(played);
+    archive_state!(played);
 
-    fn trial(draw: &mut Draw) -> (WavInParams, MemoryFiles) {
+    fn trial(rng: &mut Rng) -> (WavInParams, MemoryFiles) {
         use super::{AudioWriter, WriteFormat, WriteSpec};
-        let (rate, channels) = ([60, 100, 1000][draw.below(3)], 1 + draw.below(3));
+        let (rate, channels) = ([60, 100, 1000][rng.below(3)], 1 + rng.below(3));
         let samples: Vec<f32> =
-            (0..channels * (50 + draw.below(250))).map(|_| draw.between(-1.0, 1.0) as f32).collect();
-        let format = [WriteFormat::Pcm16, WriteFormat::Pcm24, WriteFormat::Float32][draw.below(3)];
+            (0..channels * (50 + rng.below(250))).map(|_| rng.between(-1.0, 1.0) as f32).collect();
+        let format = [WriteFormat::Pcm16, WriteFormat::Pcm24, WriteFormat::Float32][rng.below(3)];
         let mut bytes = std::io::Cursor::new(Vec::new());
         let written =
             AudioWriter::new(&mut bytes, WriteSpec::new(rate, channels, format)).and_then(|mut w| {
@@ -134,7 +134,7 @@ impl Node for WavInNode {
         let mut files = MemoryFiles::default();
         let seconds = written.map_or(0.0, |info| info.frames as f64 / f64::from(rate));
         files.insert("trial", bytes.into_inner());
-        let duration = (draw.below(2) == 0).then(|| draw.between(0.0, seconds));
-        (WavInParams { path: "trial".into(), start: draw.between(0.0, seconds / 2.0), duration }, files)
+        let duration = (rng.below(2) == 0).then(|| rng.between(0.0, seconds));
+        (WavInParams { path: "trial".into(), start: rng.between(0.0, seconds / 2.0), duration }, files)
     }
 }

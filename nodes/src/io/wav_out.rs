@@ -8,7 +8,7 @@ use crate::core::params::OutPath;
 use crate::core::ports::Stream;
 use crate::core::shape::{Build, Incoming, Shape};
 use crate::core::time::Rate;
-use crate::{carries, choices, params, ports};
+use crate::{archive_state, choices, params, ports};
 
 choices!(@param WriteFormat {
     /// 16-bit linear; clips at full scale.
@@ -121,5 +121,5 @@ impl Node for WavOutNode {
         ])
     }
 
-    carries!(each writer);
+    archive_state!(each writer);
 }

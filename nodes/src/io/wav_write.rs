@@ -11,9 +11,9 @@
 use std::io::{Seek, SeekFrom, Write};
 
 use super::AudioError;
-use crate::core::carry::{Carried, Carry, carry_place};
 use crate::core::fault::Fault;
 use crate::core::random::Random;
+use crate::core::state::{StateArchive, Stateful, archive_position};
 
 /// Samples turned into bytes at a time.
 const BLOCK: usize = 8192;
@@ -111,14 +111,14 @@ pub struct AudioWriter<W> {
     fact_at: Option<u64>,
 }
 
-impl<W: Write + Seek> Carried for AudioWriter<W> {
+impl<W: Write + Seek> Stateful for AudioWriter<W> {
     /// What has been written up to here stands in the sink; a sink that is gone on with holds it.
-    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault> {
-        carry_place(&mut self.sink, carry)?;
-        self.frames.carry(carry)?;
-        self.peak.carry(carry)?;
-        self.sum_squares.carry(carry)?;
-        self.clipped.carry(carry)
+    fn archive_state(&mut self, archive: &mut StateArchive<'_>) -> Result<(), Fault> {
+        archive_position(&mut self.sink, archive)?;
+        self.frames.archive_state(archive)?;
+        self.peak.archive_state(archive)?;
+        self.sum_squares.archive_state(archive)?;
+        self.clipped.archive_state(archive)
     }
 }
 

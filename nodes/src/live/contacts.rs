@@ -7,7 +7,7 @@ use crate::core::input::{Inbox, Message};
 use crate::core::node::{Class, Node, Summary};
 use crate::core::params::{Params, Text};
 use crate::core::ports::Events;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::{Tick, ticks};
 use crate::rigid::ContactFrame;
@@ -373,10 +373,10 @@ impl Node for LiveContacts {
         Ok(vec![("frames", self.frames.into()), ("left_out", self.gathering.left_out.into())])
     }
 
-    fn trial(draw: &mut Draw) -> (LiveContactsParams, MemoryFiles) {
-        let params = LiveContactsParams::trial(draw);
-        let duration = params.duration.map(|_| draw.between(0.0, 0.5));
-        (LiveContactsParams { duration, room: 1 + draw.below(64) as u16, ..params }, MemoryFiles::default())
+    fn trial(rng: &mut Rng) -> (LiveContactsParams, MemoryFiles) {
+        let params = LiveContactsParams::trial(rng);
+        let duration = params.duration.map(|_| rng.between(0.0, 0.5));
+        (LiveContactsParams { duration, room: 1 + rng.below(64) as u16, ..params }, MemoryFiles::default())
     }
 }
 

@@ -7,7 +7,7 @@ use crate::core::item::Channels;
 use crate::core::node::{Class, Node};
 use crate::core::params::{Params, Text};
 use crate::core::ports::Stream;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::{Rate, Tick, ticks};
 use crate::{params, ports};
@@ -139,11 +139,11 @@ impl Node for LiveControl {
         Ok(())
     }
 
-    fn trial(draw: &mut Draw) -> (LiveControlParams, MemoryFiles) {
-        let params = LiveControlParams::trial(draw);
-        let (rate, glide) = (Rate::hz(40 + draw.below(900) as u32), draw.between(0.0, 0.1));
-        let duration = params.duration.map(|_| draw.between(0.0, 0.5));
-        let initial = (0..1 + draw.below(3)).map(|_| draw.between(-1.0, 1.0)).collect();
+    fn trial(rng: &mut Rng) -> (LiveControlParams, MemoryFiles) {
+        let params = LiveControlParams::trial(rng);
+        let (rate, glide) = (Rate::hz(40 + rng.below(900) as u32), rng.between(0.0, 0.1));
+        let duration = params.duration.map(|_| rng.between(0.0, 0.5));
+        let initial = (0..1 + rng.below(3)).map(|_| rng.between(-1.0, 1.0)).collect();
         (LiveControlParams { rate, glide, duration, initial, ..params }, MemoryFiles::default())
     }
 

@@ -6,7 +6,7 @@ use crate::core::input::{Inbox, Message};
 use crate::core::node::{Class, Node};
 use crate::core::params::{Params, Text};
 use crate::core::ports::Events;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::ticks;
 use crate::modal::Impact;
@@ -99,9 +99,9 @@ impl Node for LiveImpacts {
         Ok(())
     }
 
-    fn trial(draw: &mut Draw) -> (LiveImpactsParams, MemoryFiles) {
-        let params = LiveImpactsParams::trial(draw);
-        let duration = params.duration.map(|_| draw.between(0.0, 0.5));
+    fn trial(rng: &mut Rng) -> (LiveImpactsParams, MemoryFiles) {
+        let params = LiveImpactsParams::trial(rng);
+        let duration = params.duration.map(|_| rng.between(0.0, 0.5));
         (LiveImpactsParams { duration, ..params }, MemoryFiles::default())
     }
 }

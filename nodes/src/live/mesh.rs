@@ -7,12 +7,12 @@ use crate::core::item::Channels;
 use crate::core::node::{Class, Node, Summary};
 use crate::core::params::{AssetPath, Params, Text};
 use crate::core::ports::Stream;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::{Rate, Tick, seconds, ticks};
 use crate::mesh::sequence_node::MeshSequenceParams;
 use crate::mesh::{Mesh, MeshFormat, UpAxis, metres, rest};
-use crate::{carries, params, ports};
+use crate::{archive_state, params, ports};
 use std::sync::Arc;
 
 params! {
@@ -155,13 +155,13 @@ impl Node for LiveMesh {
         }
     }
 
-    carries!(shown, since, taken, left_out);
+    archive_state!(shown, since, taken, left_out);
 
-    fn trial(draw: &mut Draw) -> (LiveMeshParams, MemoryFiles) {
+    fn trial(rng: &mut Rng) -> (LiveMeshParams, MemoryFiles) {
         let mut files = MemoryFiles::default();
         files.insert("rest.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nf 1 2 4 3\n".to_owned());
-        let params = LiveMeshParams::trial(draw);
-        let duration = params.duration.map(|_| draw.between(0.0, 0.5));
+        let params = LiveMeshParams::trial(rng);
+        let duration = params.duration.map(|_| rng.between(0.0, 0.5));
         (LiveMeshParams { path: "rest.obj".into(), duration, ..params }, files)
     }
 }
@@ -171,7 +171,7 @@ mod tests {
     use super::*;
     use crate::core::files::MemoryOutputs;
     use crate::core::input::{Inbox, Inputs, NoInputs};
-    use crate::core::solo::Solo;
+    use crate::core::standalone::Standalone;
     use std::collections::VecDeque;
     use std::sync::Mutex;
 
@@ -191,12 +191,12 @@ mod tests {
 
     #[test]
     fn offline_it_rests_and_ages() {
-        let mut solo = Solo::new::<LiveMesh>(params(Some(0.5)));
-        solo.files = files();
-        let shape = solo.shape().unwrap();
+        let mut standalone = Standalone::new::<LiveMesh>(params(Some(0.5)));
+        standalone.files = files();
+        let shape = standalone.shape().unwrap();
         let format = shape.outputs[0].as_ref().unwrap().format::<Mesh>().unwrap();
         assert!(!format.still && format.materials.names() == ["silk"]);
-        let run = solo.window(ticks(0.07)).run().unwrap();
+        let run = standalone.window(ticks(0.07)).run().unwrap();
         let (mesh, age) = (run.stream(LiveMeshPorts::mesh), run.stream(LiveMeshPorts::age));
         assert_eq!((mesh.len(), age.len()), (90, 30));
         let rest = [[0.0; 3], [0.5, 0.0, 0.0], [0.0, 0.5, 0.0]];
@@ -291,15 +291,15 @@ mod tests {
 
     #[test]
     fn it_asks_for_three_numbers_for_each_vertex() {
-        let mut solo = Solo::new::<LiveMesh>(params(None));
-        solo.files = files();
+        let mut standalone = Standalone::new::<LiveMesh>(params(None));
+        standalone.files = files();
         let opened = Opened::default();
         let node = LiveMesh::build(
             &params(None),
             &Build {
                 random: crate::core::random::Random::new(0, ""),
                 links: &[],
-                shape: &solo.shape().unwrap(),
+                shape: &standalone.shape().unwrap(),
                 window: 1,
                 files: &files(),
                 outputs: &MemoryOutputs::default(),

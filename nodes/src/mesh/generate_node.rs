@@ -146,8 +146,8 @@ impl Node for MeshGenerator {
         Ok(())
     }
 
-    fn trial(draw: &mut crate::core::random::Draw) -> (MeshGeneratorParams, crate::core::files::MemoryFiles) {
-        let mut params = <MeshGeneratorParams as crate::core::params::Params>::trial(draw);
+    fn trial(rng: &mut crate::core::random::Rng) -> (MeshGeneratorParams, crate::core::files::MemoryFiles) {
+        let mut params = <MeshGeneratorParams as crate::core::params::Params>::trial(rng);
         params.vertices = params.vertices.map(|n| 2 + n % 6);
         params.subdivisions %= 3;
         params.duration = params.duration.min(1.0);
@@ -159,7 +159,7 @@ impl Node for MeshGenerator {
 mod tests {
     use super::*;
     use crate::core::params::Params;
-    use crate::core::solo::Solo;
+    use crate::core::standalone::Standalone;
 
     fn params() -> MeshGeneratorParams {
         MeshGeneratorParams::read(&|_| None).expect("every parameter has a default")
@@ -168,7 +168,7 @@ mod tests {
     #[test]
     fn the_upper_of_two_planes_moves_by_its_speed() {
         let p = MeshGeneratorParams { kind: Scene::Planes, vertices: [2, 2], duration: 0.5, ..params() };
-        let run = Solo::new::<MeshGenerator>(p).run().unwrap();
+        let run = Standalone::new::<MeshGenerator>(p).run().unwrap();
         let frames = run.stream(MeshGeneratorPorts::mesh);
         assert_eq!(frames.len(), 30 * 8);
         let moved: Vec<f32> = (0..8).map(|v| frames[29 * 8 + v][0] - frames[v][0]).collect();
@@ -181,12 +181,14 @@ mod tests {
     fn a_place_carries_the_rest_pose_and_every_frame_and_a_material_names_them() {
         let place = [1.0, -2.0, 0.5];
         let base = MeshGeneratorParams { vertices: [2, 2], duration: 0.1, ..params() };
-        let here = Solo::new::<MeshGenerator>(base.clone()).run().unwrap().stream(MeshGeneratorPorts::mesh);
+        let here =
+            Standalone::new::<MeshGenerator>(base.clone()).run().unwrap().stream(MeshGeneratorPorts::mesh);
         let p = MeshGeneratorParams { place, material: "silk".into(), ..base };
-        let solo = Solo::new::<MeshGenerator>(p);
-        let format = solo.shape().unwrap().outputs[0].as_ref().unwrap().format::<Mesh>().unwrap().clone();
+        let standalone = Standalone::new::<MeshGenerator>(p);
+        let format =
+            standalone.shape().unwrap().outputs[0].as_ref().unwrap().format::<Mesh>().unwrap().clone();
         assert_eq!(format.materials.names(), ["silk"]);
-        let there = solo.run().unwrap().stream(MeshGeneratorPorts::mesh);
+        let there = standalone.run().unwrap().stream(MeshGeneratorPorts::mesh);
         for (a, b) in here.iter().zip(&there) {
             assert!((0..3).all(|k| (b[k] - a[k] - place[k] as f32).abs() < 1e-6), "{a:?} {b:?}");
         }
@@ -201,8 +203,8 @@ mod tests {
             let p =
                 MeshGeneratorParams { kind, vertices: [3, 4], subdivisions: 1, duration: 0.3, ..params() };
             let frames = |window| {
-                let solo = Solo::new::<MeshGenerator>(p.clone()).window(ticks(window));
-                solo.run().unwrap().stream(MeshGeneratorPorts::mesh)
+                let standalone = Standalone::new::<MeshGenerator>(p.clone()).window(ticks(window));
+                standalone.run().unwrap().stream(MeshGeneratorPorts::mesh)
             };
             let whole = frames(1.0);
             assert!(!whole.is_empty());

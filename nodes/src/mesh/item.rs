@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::generate::{FlatSheet, Synthetic};
 use super::{Materials, Topology};
 use crate::core::item::Item;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 
 /// A triangle mesh that moves: one position in metres per vertex and frame, over faces that stay.
 #[derive(Debug)]
@@ -46,18 +46,18 @@ impl Item for Mesh {
         format!("{} vertices, {} triangles{still}", rest.len(), triangles.len())
     }
 
-    fn trial_format(draw: &mut Draw) -> MeshFormat {
-        let vertices = [2 + draw.below(4), 2 + draw.below(4)];
+    fn trial_format(rng: &mut Rng) -> MeshFormat {
+        let vertices = [2 + rng.below(4), 2 + rng.below(4)];
         let mut sheet = FlatSheet { vertices, size: [0.1, 0.1], velocity: [0.0; 3] }.topology();
         // Some height, so that sheets of one trial pass through each other.
-        let height = draw.between(0.0, 0.04) as f32;
+        let height = rng.between(0.0, 0.04) as f32;
         sheet.rest.iter_mut().for_each(|p| p[2] += height);
         MeshFormat::moving(sheet)
     }
 
-    fn trial(format: &MeshFormat, place: usize, draw: &mut Draw) -> [f32; 3] {
+    fn trial(format: &MeshFormat, place: usize, rng: &mut Rng) -> [f32; 3] {
         let rest = format.topology.rest.get(place).copied().unwrap_or_default();
-        rest.map(|x| x + draw.between(-0.01, 0.01) as f32)
+        rest.map(|x| x + rng.between(-0.01, 0.01) as f32)
     }
 
     fn finite(elem: &[f32; 3]) -> bool {

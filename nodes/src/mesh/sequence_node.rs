@@ -13,7 +13,7 @@ use crate::core::files::{Files, MemoryFiles, ReadSeek};
 use crate::core::node::{Class, Node, Summary};
 use crate::core::params::{AssetPath, Text};
 use crate::core::ports::Stream;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
 use crate::{choices, params, ports};
@@ -380,13 +380,13 @@ impl Node for MeshSequence {
         Ok(Summary::new())
     }
 
-    fn trial(draw: &mut Draw) -> (MeshSequenceParams, MemoryFiles) {
+    fn trial(rng: &mut Rng) -> (MeshSequenceParams, MemoryFiles) {
         let obj = |lift: usize| format!("v 0 0 {lift}\nv 1 0 0\nv 0 1 0\nv 1 1 0\nf 1 2 4 3\n");
         let mut files = MemoryFiles::default();
-        let path = ["still.obj", "frame_####.obj"][draw.below(2)];
+        let path = ["still.obj", "frame_####.obj"][rng.below(2)];
         files.insert("still.obj", obj(0));
         (1..5).for_each(|k| files.insert(format!("frame_{k:04}.obj"), obj(k)));
-        let mut params = <MeshSequenceParams as crate::core::params::Params>::trial(draw);
+        let mut params = <MeshSequenceParams as crate::core::params::Params>::trial(rng);
         params =
             MeshSequenceParams { path: path.into(), base: None, object: None, animation: None, ..params };
         params.fps = Some(params.fps.unwrap_or(Rate::hz(30)));

@@ -182,7 +182,7 @@ impl Subdivision {
         }
         let mut fine = Self { topology: Topology { rest: vec![[0.0; 3]; count], triangles }, rows, levels };
         let mut rest = std::mem::take(&mut fine.topology.rest);
-        fine.carry(&coarse.rest, &mut rest);
+        fine.archive_state(&coarse.rest, &mut rest);
         fine.topology.rest = rest;
         Ok(fine)
     }
@@ -215,7 +215,7 @@ impl Subdivision {
     ///
     /// # Complexity
     /// O(fine vertices); a few coarse ones each. Never allocates.
-    pub fn carry(&self, coarse: &[[f32; 3]], fine: &mut [[f32; 3]]) {
+    pub fn archive_state(&self, coarse: &[[f32; 3]], fine: &mut [[f32; 3]]) {
         for (out, mean) in fine.iter_mut().zip(self.rows.iter()) {
             let mut sum = [0.0_f64; 3];
             for &(v, weight) in mean {
@@ -453,7 +453,7 @@ mod tests {
             }
             let moved: Vec<[f32; 3]> = rest.iter().map(|p| [0, 1, 2].map(|k| p[k] + shift[k])).collect();
             let mut out = vec![[0.0; 3]; t.vertex_count()];
-            fine.carry(&moved, &mut out);
+            fine.archive_state(&moved, &mut out);
             for (a, b) in t.rest.iter().zip(&out) {
                 prop_assert!((0..3).all(|k| (a[k] + shift[k] - b[k]).abs() < 1e-5));
             }

@@ -103,7 +103,7 @@ impl Node for MeshSubdivide {
     fn run(&mut self, mut io: MeshSubdivideIo<'_>) -> Result<(), Fault> {
         let (from, to) = (io.mesh.width().max(1), io.fine.width().max(1));
         let frames = io.mesh.items().chunks_exact(from).zip(io.fine.items().chunks_exact_mut(to));
-        frames.for_each(|(coarse, fine)| self.subdivision.carry(coarse, fine));
+        frames.for_each(|(coarse, fine)| self.subdivision.archive_state(coarse, fine));
         Ok(())
     }
 }
@@ -112,12 +112,12 @@ impl Node for MeshSubdivide {
 mod tests {
     use super::*;
     use crate::core::params::Params;
-    use crate::core::solo::Solo;
+    use crate::core::standalone::Standalone;
     use crate::core::time::{Rate, ticks};
     use crate::mesh::Topology;
     use crate::mesh::generate::{FlatSheet, Synthetic};
 
-    fn solo(levels: u32, vertices: [usize; 2]) -> Solo {
+    fn standalone(levels: u32, vertices: [usize; 2]) -> Standalone {
         let sheet = FlatSheet { vertices, size: [0.2, 0.2], velocity: [0.3, 0.0, 0.1] };
         let topology = sheet.topology();
         let mut frames = vec![[0.0; 3]; 30 * topology.vertex_count()];
@@ -125,7 +125,7 @@ mod tests {
             sheet.positions(k as f64 / 60.0, frame);
         }
         let p = MeshSubdivideParams { levels, ..MeshSubdivideParams::read(&|_| None).unwrap() };
-        Solo::new::<MeshSubdivide>(p).input(
+        Standalone::new::<MeshSubdivide>(p).input(
             MeshSubdividePorts::mesh,
             Rate::hz(60),
             MeshFormat::moving(topology),
@@ -135,7 +135,7 @@ mod tests {
 
     #[test]
     fn a_moving_sheet_moves_as_before_with_more_vertices() {
-        let run = solo(2, [5, 5]).run().unwrap().stream(MeshSubdividePorts::fine);
+        let run = standalone(2, [5, 5]).run().unwrap().stream(MeshSubdividePorts::fine);
         assert_eq!(run.len(), 30 * 17 * 17);
         let (first, last) = (&run[..17 * 17], &run[29 * 17 * 17..]);
         for (a, b) in first.iter().zip(last) {
@@ -143,20 +143,23 @@ mod tests {
             assert!((0..3).all(|k| (b[k] - a[k] - wanted[k]).abs() < 1e-5));
         }
         for window in [ticks(0.0123), ticks(0.3)] {
-            assert_eq!(solo(2, [5, 5]).window(window).run().unwrap().stream(MeshSubdividePorts::fine), run);
+            assert_eq!(
+                standalone(2, [5, 5]).window(window).run().unwrap().stream(MeshSubdividePorts::fine),
+                run
+            );
         }
     }
 
     #[test]
     fn no_level_changes_nothing_and_too_many_are_refused() {
-        let plain = solo(0, [3, 3]).run().unwrap().stream(MeshSubdividePorts::fine);
+        let plain = standalone(0, [3, 3]).run().unwrap().stream(MeshSubdividePorts::fine);
         assert_eq!(
             plain[..9],
             FlatSheet { vertices: [3, 3], size: [0.2, 0.2], velocity: [0.0; 3] }.topology().rest
         );
-        let reject = solo(5, [80, 80]).shape().unwrap_err();
+        let reject = standalone(5, [80, 80]).shape().unwrap_err();
         assert_eq!((reject.code, reject.field.as_deref()), ("F051", Some("levels")));
-        let empty = Solo::new::<MeshSubdivide>(MeshSubdivideParams::read(&|_| None).unwrap()).input(
+        let empty = Standalone::new::<MeshSubdivide>(MeshSubdivideParams::read(&|_| None).unwrap()).input(
             MeshSubdividePorts::mesh,
             Rate::hz(60),
             MeshFormat::moving(Topology::default()),

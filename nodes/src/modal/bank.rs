@@ -3,8 +3,8 @@
 use super::coefficients::{Group, HIGHEST, audible};
 use super::kernel::{self, Forces, GRID, LANES, Lanes, Push};
 use super::modes::{Modes, ModesError};
-use crate::carried;
 use crate::dsp::{Gain, db_to_linear};
+use crate::impl_state;
 use fearless_simd::{Level, dispatch};
 
 /// Squared size below which a mode is silenced even while a force is on it: far above the denormal numbers, which would
@@ -70,7 +70,7 @@ pub struct Bank {
     stale: bool,
     runaways: u64,
 }
-carried!(Bank { groups, lanes, awake, phase, quiet, damping, pitch, stale, runaways });
+impl_state!(Bank { groups, lanes, awake, phase, quiet, damping, pitch, stale, runaways });
 
 impl Bank {
     /// A bank at rest, at a sample rate.

@@ -8,12 +8,12 @@ use crate::core::item::Channels;
 use crate::core::node::{Class, Node, Retune, Summary, same_rate};
 use crate::core::params::Params;
 use crate::core::ports::{Many, Stream, Value};
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Ends, Incoming, Shape};
 use crate::core::time::{Rate, ticks};
 use crate::dsp::node::ramp;
 use crate::dsp::{Gain, db_to_linear, linear_to_db};
-use crate::{carries, params, ports};
+use crate::{archive_state, params, ports};
 
 params! {
     /// Rings the modes of an object under forces.
@@ -153,7 +153,7 @@ impl Node for ModalBankNode {
         let end = forces.iter().map(|force| force.end).try_fold(0, |end, e| e.map(|e| end.max(e)));
         s.ends(end);
         s.tail(ticks(p.tail));
-        s.reach(ModalBankPorts::damping, 1, 0);
+        s.lookaround(ModalBankPorts::damping, 1, 0);
         s.when_ended(ModalBankPorts::damping, Ends::Hold);
         s.output(ModalBankPorts::audio, first.rate, Channels(1));
         Ok(())
@@ -240,12 +240,12 @@ impl Node for ModalBankNode {
         self.bank.take_state(&old.bank);
     }
 
-    carries!(bank, gain);
+    archive_state!(bank, gain);
 
-    fn trial(draw: &mut Draw) -> (ModalBankParams, MemoryFiles) {
-        let params = ModalBankParams::trial(draw);
-        let points = (0..draw.below(2)).map(|_| draw.below(3) as u16).collect();
-        let tail = draw.between(0.0, 2.0);
+    fn trial(rng: &mut Rng) -> (ModalBankParams, MemoryFiles) {
+        let params = ModalBankParams::trial(rng);
+        let points = (0..rng.below(2)).map(|_| rng.below(3) as u16).collect();
+        let tail = rng.between(0.0, 2.0);
         (ModalBankParams { points, tail, ..params }, MemoryFiles::default())
     }
 }

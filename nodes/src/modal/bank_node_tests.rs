@@ -1,5 +1,5 @@
 use super::*;
-use crate::core::solo::Solo;
+use crate::core::standalone::Standalone;
 
 const FS: u32 = 44_100;
 
@@ -16,12 +16,12 @@ fn modes() -> Modes {
 
 /// Noise that scrapes.
 fn scraping(samples: usize) -> Vec<f32> {
-    let mut draw = Draw::new(8);
-    (0..samples).map(|_| draw.between(-100.0, 100.0) as f32).collect()
+    let mut rng = Rng::new(8);
+    (0..samples).map(|_| rng.between(-100.0, 100.0) as f32).collect()
 }
 
-fn solo(p: ModalBankParams, samples: usize) -> Solo {
-    Solo::new::<ModalBankNode>(p)
+fn standalone(p: ModalBankParams, samples: usize) -> Standalone {
+    Standalone::new::<ModalBankNode>(p)
         .also(ModalBankPorts::forces, Rate::hz(FS), Channels(1), scraping(samples))
         .value(ModalBankPorts::modes, modes())
         .window(Rate::hz(FS).span(256))
@@ -41,7 +41,7 @@ fn edits_while_it_rings_do_not_click() {
         ModalBankParams { floor: -60.0, ..params() },
     ];
     for edit in edits {
-        let mut run = solo(params(), FS as usize).start().unwrap();
+        let mut run = standalone(params(), FS as usize).start().unwrap();
         let mut count = 0;
         while run.step().unwrap() {
             count += 1;
@@ -55,7 +55,7 @@ fn edits_while_it_rings_do_not_click() {
         let during = step(&out[15_000..17_000]);
         assert!(before > 0.0 && during < 2.0 * before, "{edit:?}: {during} against {before}");
     }
-    let mut run = solo(params(), 1000).start().unwrap();
+    let mut run = standalone(params(), 1000).start().unwrap();
     assert_eq!(run.node().retune(&ModalBankParams { cull: -40.0, ..params() }), Retune::Rebuild);
 }
 
@@ -67,23 +67,23 @@ fn modes_above_049_of_the_rate_are_told_before_the_run() {
         vec![1.0; 3],
         vec![1.0; 3],
     );
-    let solo = Solo::new::<ModalBankNode>(params())
+    let standalone = Standalone::new::<ModalBankNode>(params())
         .also(ModalBankPorts::forces, Rate::hz(FS), Channels(1), scraping(100))
         .value(ModalBankPorts::modes, high.unwrap());
-    let notes = solo.shape().unwrap().notes;
+    let notes = standalone.shape().unwrap().notes;
     assert!(notes.len() == 1 && notes[0].contains("1 of 3 modes lie above 0.49 of"), "{notes:?}");
-    assert!(self::solo(params(), 100).shape().unwrap().notes.is_empty());
+    assert!(self::standalone(params(), 100).shape().unwrap().notes.is_empty());
 }
 
 #[test]
 fn an_object_far_away_needs_only_the_modes_within_40_db_of_the_strongest() {
-    let told = |run: &crate::core::solo::SoloRun, key: &str| {
+    let told = |run: &crate::core::standalone::StandaloneRun, key: &str| {
         run.summary.iter().find(|(k, _)| *k == key).and_then(|(_, v)| v.as_f64())
     };
-    let all = solo(ModalBankParams { cull: -300.0, ..params() }, 22_050).run().unwrap();
+    let all = standalone(ModalBankParams { cull: -300.0, ..params() }, 22_050).run().unwrap();
     let sound = all.stream(ModalBankPorts::audio);
     for (cull, kept) in [(-80.0, 14.0), (-40.0, 7.0)] {
-        let run = solo(ModalBankParams { cull, ..params() }, 22_050).run().unwrap();
+        let run = standalone(ModalBankParams { cull, ..params() }, 22_050).run().unwrap();
         assert_eq!((told(&run, "modes"), told(&run, "modes_too_weak")), (Some(kept), Some(20.0 - kept)));
         let less = run.stream(ModalBankPorts::audio);
         let missed: Vec<f32> = sound.iter().zip(&less).map(|(a, b)| a - b).collect();
@@ -92,5 +92,5 @@ fn an_object_far_away_needs_only_the_modes_within_40_db_of_the_strongest() {
         assert!(level < cull + 2.0 && level > cull - 12.0, "{cull}: {level} dB");
     }
     assert_eq!((told(&all, "modes"), told(&all, "modes_too_weak")), (Some(20.0), None));
-    assert_eq!(solo(params(), 22_050).run().unwrap().stream(ModalBankPorts::audio).len(), sound.len());
+    assert_eq!(standalone(params(), 22_050).run().unwrap().stream(ModalBankPorts::audio).len(), sound.len());
 }

@@ -1,6 +1,6 @@
 //! The force of a blow: how long it lasts, what its pulse looks like, and where it lands between the samples.
 
-use crate::carried;
+use crate::impl_state;
 use std::f64::consts::{PI, TAU};
 
 /// Shortest contact that a law gives, in s.
@@ -150,7 +150,7 @@ pub struct ForceRing {
     /// Heights of the pulse that is added.
     pulse: Vec<[f64; LANES]>,
 }
-carried!(ForceRing { ring, head });
+impl_state!(ForceRing { ring, head });
 
 impl ForceRing {
     /// A ring at a sample rate, for this many contact points and for pulses that end within `longest` seconds of now.

@@ -8,10 +8,10 @@ use crate::core::item::Channels;
 use crate::core::node::{Class, Node, Retune, Summary};
 use crate::core::params::Params;
 use crate::core::ports::{Events, Stream};
-use crate::core::random::{Draw, Random};
+use crate::core::random::{Random, Rng};
 use crate::core::shape::{Build, Shape};
 use crate::core::time::{Rate, seconds, ticks};
-use crate::{carries, choices, params, ports};
+use crate::{archive_state, choices, params, ports};
 
 /// Time after a blow within which its micro-collisions fall, in s.
 const BOUNCES: f64 = 0.015;
@@ -191,12 +191,12 @@ impl Node for ImpactForce {
         (self.count, self.astray) = (old.count, old.astray);
     }
 
-    carries!(ring, count, astray);
+    archive_state!(ring, count, astray);
 
-    fn trial(draw: &mut Draw) -> (ImpactForceParams, MemoryFiles) {
-        let params = ImpactForceParams::trial(draw);
-        let object = params.object.map(|_| draw.below(3) as u32);
-        let points = 1 + draw.below(3) as u16;
+    fn trial(rng: &mut Rng) -> (ImpactForceParams, MemoryFiles) {
+        let params = ImpactForceParams::trial(rng);
+        let object = params.object.map(|_| rng.below(3) as u32);
+        let points = 1 + rng.below(3) as u16;
         (ImpactForceParams { object, points, ..params }, MemoryFiles::default())
     }
 }
@@ -204,7 +204,7 @@ impl Node for ImpactForce {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::core::solo::Solo;
+    use crate::core::standalone::Standalone;
     use crate::core::time::Tick;
     use crate::modal::Body;
 
@@ -217,8 +217,9 @@ mod tests {
     }
 
     fn force(p: ImpactForceParams, blows: Vec<(Tick, Impact)>, window: Tick) -> Vec<f32> {
-        let solo = Solo::new::<ImpactForce>(p).events(ImpactForcePorts::impacts, blows, ticks(0.1));
-        solo.window(window).run().unwrap().stream(ImpactForcePorts::force)
+        let standalone =
+            Standalone::new::<ImpactForce>(p).events(ImpactForcePorts::impacts, blows, ticks(0.1));
+        standalone.window(window).run().unwrap().stream(ImpactForcePorts::force)
     }
 
     fn area(samples: &[f32]) -> f64 {
@@ -241,10 +242,11 @@ mod tests {
         // Pulses of 0.2 ms, so that they stand apart.
         let hit = Impact { duration: 2e-4, ..blow(0.1) };
         let onsets = |micro: u16, seed: u64| {
-            let solo = Solo::new::<ImpactForce>(ImpactForceParams { micro, ..params() });
-            let mut solo = solo.events(ImpactForcePorts::impacts, vec![(ticks(0.02), hit)], ticks(0.1));
-            solo.seed = seed;
-            let force = solo.run().unwrap().stream(ImpactForcePorts::force);
+            let standalone = Standalone::new::<ImpactForce>(ImpactForceParams { micro, ..params() });
+            let mut standalone =
+                standalone.events(ImpactForcePorts::impacts, vec![(ticks(0.02), hit)], ticks(0.1));
+            standalone.seed = seed;
+            let force = standalone.run().unwrap().stream(ImpactForcePorts::force);
             let loud = |n: &usize| force[*n] > 1e-3 && force[*n - 1] <= 1e-3;
             (1..force.len()).filter(loud).map(|n| n as f64 / 44_100.0 - 0.02).collect::<Vec<_>>()
         };
@@ -279,8 +281,9 @@ mod tests {
         let p = ImpactForceParams { object: Some(2), points: 2, ..params() };
         let hits = [(0, 0), (2, 0), (2, 1), (2, 9), (1, 1)];
         let hits = hits.map(|(object, point)| (ticks(0.02), Impact { object, point, ..blow(0.1) }));
-        let solo = Solo::new::<ImpactForce>(p).events(ImpactForcePorts::impacts, hits.to_vec(), ticks(0.1));
-        let run = solo.run().unwrap();
+        let standalone =
+            Standalone::new::<ImpactForce>(p).events(ImpactForcePorts::impacts, hits.to_vec(), ticks(0.1));
+        let run = standalone.run().unwrap();
         let samples = run.stream(ImpactForcePorts::force);
         let channel = |c: usize| area(&samples.iter().skip(c).step_by(2).copied().collect::<Vec<_>>());
         assert!((channel(1) / channel(0) - 2.0).abs() < 1e-6);

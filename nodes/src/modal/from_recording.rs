@@ -8,7 +8,7 @@ use crate::core::files::{MemoryFiles, ReadSeek};
 use crate::core::node::{Func, Summary};
 use crate::core::params::{AssetPath, Params};
 use crate::core::ports::Value;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::io::{AudioReader, oddities, trial_wav};
 use crate::{params, ports};
@@ -80,7 +80,7 @@ impl Func for ModalFromRecording {
     type Ports = ModalFromRecordingPorts;
     const NAME: &'static str = "ModalFromRecording";
     // The name of the modes is the recording's.
-    const TELLS_PATHS: bool = true;
+    const EXPOSES_PATHS: bool = true;
 
     fn check(
         p: &ModalFromRecordingParams,
@@ -130,21 +130,21 @@ impl Func for ModalFromRecording {
         Ok(summary)
     }
 
-    fn trial(draw: &mut Draw) -> (ModalFromRecordingParams, MemoryFiles) {
+    fn trial(rng: &mut Rng) -> (ModalFromRecordingParams, MemoryFiles) {
         let mut files = MemoryFiles::default();
-        let (f, d) = (draw.between(200.0, 2000.0), draw.between(5.0, 30.0));
+        let (f, d) = (rng.between(200.0, 2000.0), rng.between(5.0, 30.0));
         let sample = |n: usize| {
             let t = n as f64 / 8000.0;
             (0.5 * (-d * t).exp() * (std::f64::consts::TAU * f * t).sin()) as f32
         };
         files.insert("hit.wav", trial_wav(&(0..4000).map(sample).collect::<Vec<_>>(), 8000));
-        let p = ModalFromRecordingParams::trial(draw);
+        let p = ModalFromRecordingParams::trial(rng);
         let params = ModalFromRecordingParams {
             recording: "hit.wav".into(),
-            count: 1 + draw.below(8),
-            lowest: draw.between(10.0, 100.0),
-            highest: draw.between(2500.0, 5000.0),
-            passes: draw.below(3),
+            count: 1 + rng.below(8),
+            lowest: rng.between(10.0, 100.0),
+            highest: rng.between(2500.0, 5000.0),
+            passes: rng.below(3),
             ..p
         };
         (params, files)
@@ -155,14 +155,14 @@ impl Func for ModalFromRecording {
 mod tests {
     use super::*;
     use crate::core::params::Datum;
-    use crate::core::solo::{Solo, SoloRun};
+    use crate::core::standalone::{Standalone, StandaloneRun};
 
-    fn run(bytes: Vec<u8>) -> Result<SoloRun, Fault> {
+    fn run(bytes: Vec<u8>) -> Result<StandaloneRun, Fault> {
         let path = Datum::Text("hit".into());
         let p = ModalFromRecordingParams::read(&|name| (name == "recording").then(|| path.clone())).unwrap();
-        let mut solo = Solo::func::<ModalFromRecording>(p);
-        solo.files.insert("hit", bytes);
-        solo.run()
+        let mut standalone = Standalone::func::<ModalFromRecording>(p);
+        standalone.files.insert("hit", bytes);
+        standalone.run()
     }
 
     #[test]
@@ -188,8 +188,8 @@ mod tests {
             run.summary.iter().any(|(k, text)| *k == "warning" && text.to_string().contains("one blow alone"))
         };
         assert!(!warned((0..8000).map(|n| ring(n) as f32).collect()));
-        let mut draw = Draw::new(4);
-        assert!(warned((0..8000).map(|_| draw.between(-0.5, 0.5) as f32).collect()));
+        let mut rng = Rng::new(4);
+        assert!(warned((0..8000).map(|_| rng.between(-0.5, 0.5) as f32).collect()));
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! One blow: what a contact detector, a file, a controller or a game hands to the nodes that sound.
 
 use crate::core::item::Event;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use serde::{Deserialize, Serialize};
 
 /// One blow on an object.
@@ -91,15 +91,15 @@ impl Impact {
 impl Event for Impact {
     const NAME: &'static str = "impact";
 
-    fn trial(draw: &mut Draw) -> Self {
-        let body = Body { mass: draw.between(0.01, 1.0), restitution: draw.unit() };
+    fn trial(rng: &mut Rng) -> Self {
+        let body = Body { mass: rng.between(0.01, 1.0), restitution: rng.uniform() };
         Self {
-            hardness: draw.between(0.01, 1.0) as f32,
-            duration: [0.0, draw.between(0.0001, 0.03) as f32][draw.below(2)],
-            object: draw.below(3) as u32,
-            point: draw.below(3) as u32,
-            position: [draw.unit() as f32, draw.unit() as f32, draw.unit() as f32],
-            ..Self::from_velocity(draw.between(0.0, 3.0), body)
+            hardness: rng.between(0.01, 1.0) as f32,
+            duration: [0.0, rng.between(0.0001, 0.03) as f32][rng.below(2)],
+            object: rng.below(3) as u32,
+            point: rng.below(3) as u32,
+            position: [rng.uniform() as f32, rng.uniform() as f32, rng.uniform() as f32],
+            ..Self::from_velocity(rng.between(0.0, 3.0), body)
         }
     }
 }

@@ -174,7 +174,7 @@ impl Reader<'_> {
 /// # Ok::<(), foley_nodes::modal::ImpactError>(())
 /// ```
 pub fn read_impacts(bytes: &[u8], defaults: &Defaults) -> Result<Vec<(Tick, Impact)>, ImpactError> {
-    let bytes = crate::core::files::without_mark(bytes);
+    let bytes = crate::core::files::strip_bom(bytes);
     let mut reader = Reader { defaults, impacts: Vec::new(), latest: 0.0 };
     match bytes.iter().find(|b| !b.is_ascii_whitespace()) {
         Some(b'{') => json_lines(bytes, &mut reader)?,
@@ -325,17 +325,17 @@ mod tests {
     #[test]
     fn damaged_files_give_blows_or_an_error() {
         let json: &str = "{\"time_s\": 0.25, \"velocity\": -2, \"position\": [0.5, 0, -1]}\n{\"time_s\": 1, \"impulse\": 0.3}";
-        let mut draw = crate::core::random::Draw::new(77);
+        let mut rng = crate::core::random::Rng::new(77);
         let (mut read, mut refused) = (0, 0);
         for k in 0..4000 {
             let mut bytes = [CSV, json][k % 2].as_bytes().to_vec();
-            for _ in 0..=draw.below(3) {
-                let at = draw.below(bytes.len());
-                match draw.below(4) {
+            for _ in 0..=rng.below(3) {
+                let at = rng.below(bytes.len());
+                match rng.below(4) {
                     0 => bytes.truncate(at),
-                    1 => bytes[at] = b",\n\"-9e{}#\xff\x00"[draw.below(11)],
+                    1 => bytes[at] = b",\n\"-9e{}#\xff\x00"[rng.below(11)],
                     2 => drop(bytes.remove(at)),
-                    _ => bytes.insert(at, b"0123456789.,-\n"[draw.below(14)]),
+                    _ => bytes.insert(at, b"0123456789.,-\n"[rng.below(14)]),
                 }
                 if bytes.is_empty() {
                     break;

@@ -7,7 +7,7 @@ use crate::core::files::MemoryFiles;
 use crate::core::node::{Class, Node};
 use crate::core::params::{AssetPath, Params, Text};
 use crate::core::ports::Events;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::Tick;
 use crate::{params, ports};
@@ -85,19 +85,19 @@ impl Node for ImpactFile {
         Ok(())
     }
 
-    fn trial(draw: &mut Draw) -> (ImpactFileParams, MemoryFiles) {
+    fn trial(rng: &mut Rng) -> (ImpactFileParams, MemoryFiles) {
         let mut files = MemoryFiles::default();
         let mut text = String::from("time_s,velocity,object\n");
         let mut time = 0.0;
-        for _ in 0..draw.below(20) {
-            time += draw.between(0.0, 0.05);
-            text += &format!("{time},{},{}\n", draw.between(-3.0, 3.0), ["bell", "7"][draw.below(2)]);
+        for _ in 0..rng.below(20) {
+            time += rng.between(0.0, 0.05);
+            text += &format!("{time},{},{}\n", rng.between(-3.0, 3.0), ["bell", "7"][rng.below(2)]);
         }
         files.insert("impacts.csv", text);
         let params = ImpactFileParams {
             path: "impacts.csv".into(),
             objects: vec!["bell".into()],
-            ..ImpactFileParams::trial(draw)
+            ..ImpactFileParams::trial(rng)
         };
         (params, files)
     }
@@ -107,21 +107,21 @@ impl Node for ImpactFile {
 mod tests {
     use super::*;
     use crate::core::params::Datum;
-    use crate::core::solo::Solo;
+    use crate::core::standalone::Standalone;
     use crate::core::time::ticks;
 
-    fn solo(text: &str) -> Solo {
+    fn standalone(text: &str) -> Standalone {
         let path = Datum::Text("hits.csv".into());
         let p = ImpactFileParams::read(&|name| (name == "path").then(|| path.clone())).unwrap();
-        let mut solo = Solo::new::<ImpactFile>(p);
-        solo.files.insert("hits.csv", text);
-        solo
+        let mut standalone = Standalone::new::<ImpactFile>(p);
+        standalone.files.insert("hits.csv", text);
+        standalone
     }
 
     #[test]
     fn blows_come_at_their_times_in_any_windows() {
-        let solo = solo("time_s,velocity\n0,1\n0.1,2\n0.1,3\n0.25,4\n").window(ticks(0.03));
-        let blows = solo.run().unwrap().events(ImpactFilePorts::impacts);
+        let standalone = standalone("time_s,velocity\n0,1\n0.1,2\n0.1,3\n0.25,4\n").window(ticks(0.03));
+        let blows = standalone.run().unwrap().events(ImpactFilePorts::impacts);
         let times: Vec<Tick> = blows.iter().map(|(tick, _)| *tick).collect();
         assert_eq!(times, [0.0, 0.1, 0.1, 0.25].map(ticks));
         assert!((blows[2].1.energy - 0.45).abs() < 1e-6, "0.1 kg at 3 m/s");
@@ -129,12 +129,12 @@ mod tests {
 
     #[test]
     fn a_list_without_blows_is_told() {
-        assert_eq!(solo("time_s,velocity\n").shape().unwrap().notes, [r#""hits.csv" holds no blow"#]);
+        assert_eq!(standalone("time_s,velocity\n").shape().unwrap().notes, [r#""hits.csv" holds no blow"#]);
     }
 
     #[test]
     fn a_wrong_line_is_named_before_the_run() {
-        let reject = solo("time_s,velocity\n0,1\n0.1,fast\n").shape().unwrap_err();
+        let reject = standalone("time_s,velocity\n0,1\n0.1,fast\n").shape().unwrap_err();
         assert!(reject.code == "F079" && reject.message.contains("line 3"), "{reject}");
     }
 }

@@ -82,11 +82,12 @@ impl Func for MembraneModes {
 mod tests {
     use super::*;
     use crate::core::params::Params;
-    use crate::core::solo::Solo;
+    use crate::core::standalone::Standalone;
 
     #[test]
     fn the_defaults_are_a_part_of_a_sheet_that_is_pulled_hard() {
-        let run = Solo::func::<MembraneModes>(MembraneModesParams::read(&|_| None).unwrap()).run().unwrap();
+        let run =
+            Standalone::func::<MembraneModes>(MembraneModesParams::read(&|_| None).unwrap()).run().unwrap();
         let modes = run.value(0).unwrap().get::<Modes>().cloned().unwrap();
         assert_eq!((modes.len(), modes.points()), (16, 1));
         let lowest = 0.5 * (200.0 / 0.15_f64).sqrt() * 2.0_f64.sqrt() / 0.3;

@@ -1,7 +1,7 @@
 //! The modes of an object: how it rings.
 
 use crate::core::item::Data;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -169,15 +169,15 @@ impl Modes {
 impl Data for Modes {
     const NAME: &'static str = "modes";
 
-    fn trial(draw: &mut Draw) -> Self {
-        let n = 1 + draw.below(40);
+    fn trial(rng: &mut Rng) -> Self {
+        let n = 1 + rng.below(40);
         let mut each = |low: f64, high: f64, n: usize| -> Vec<f64> {
-            (0..n).map(|_| draw.between(low.ln(), high.ln()).exp()).collect()
+            (0..n).map(|_| rng.between(low.ln(), high.ln()).exp()).collect()
         };
         let (frequencies, dampings) = (each(1.0, 600.0, n), each(3.0, 300.0, n));
-        let points = 1 + draw.below(3);
-        let gains = (0..n * points).map(|_| draw.between(-1.0, 1.0) as f32).collect();
-        let phases = (0..n * draw.below(2)).map(|_| draw.between(-3.0, 3.0) as f32).collect();
+        let points = 1 + rng.below(3);
+        let gains = (0..n * points).map(|_| rng.between(-1.0, 1.0) as f32).collect();
+        let phases = (0..n * rng.below(2)).map(|_| rng.between(-3.0, 3.0) as f32).collect();
         Self { version: MODES_VERSION, name: "trial".into(), frequencies, dampings, gains, phases }
     }
 }

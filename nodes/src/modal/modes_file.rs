@@ -7,7 +7,7 @@ use crate::core::item::Data;
 use crate::core::node::{Func, Summary};
 use crate::core::params::AssetPath;
 use crate::core::ports::Value;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::{params, ports};
 
@@ -25,7 +25,7 @@ use crate::{params, ports};
 /// # Ok::<(), String>(())
 /// ```
 pub fn read_modes(bytes: &[u8]) -> Result<Modes, String> {
-    let bytes = crate::core::files::without_mark(bytes);
+    let bytes = crate::core::files::strip_bom(bytes);
     let json = bytes.iter().find(|b| !b.is_ascii_whitespace()) == Some(&b'{');
     let modes = if json {
         serde_json::from_slice(bytes).map_err(|e| format!("these are no modes: {e}"))?
@@ -136,9 +136,9 @@ impl Func for ModesFile {
         Ok(summary)
     }
 
-    fn trial(draw: &mut Draw) -> (ModesFileParams, MemoryFiles) {
+    fn trial(rng: &mut Rng) -> (ModesFileParams, MemoryFiles) {
         let mut files = MemoryFiles::default();
-        let modes = serde_json::to_vec(&<Modes as Data>::trial(draw));
+        let modes = serde_json::to_vec(&<Modes as Data>::trial(rng));
         files.insert("modes.json", modes.unwrap_or_default());
         (ModesFileParams { path: "modes.json".into() }, files)
     }
@@ -147,16 +147,16 @@ impl Func for ModesFile {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::core::solo::Solo;
+    use crate::core::standalone::Standalone;
 
     #[test]
     fn a_tap_is_read_back_and_csv_says_the_same() {
         let csv = "frequency_hz,damping,gain,gain_1,phase\n# low\n100,2.5,1,0.5,0\n250.5,9,-0.25,0,1.5\n";
         let modes = read_modes(csv.as_bytes()).unwrap();
         assert_eq!((modes.points(), modes.row(1)), (2, &[0.5, 0.0][..]));
-        let mut solo = Solo::func::<ModesFile>(ModesFileParams { path: "m".into() });
-        solo.files.insert("m", serde_json::to_string(&modes).unwrap());
-        assert_eq!(solo.run().unwrap().value(0).unwrap().get::<Modes>(), Some(&modes));
+        let mut standalone = Standalone::func::<ModesFile>(ModesFileParams { path: "m".into() });
+        standalone.files.insert("m", serde_json::to_string(&modes).unwrap());
+        assert_eq!(standalone.run().unwrap().value(0).unwrap().get::<Modes>(), Some(&modes));
     }
 
     #[test]
@@ -179,25 +179,25 @@ mod tests {
             let e = read_modes(text.as_bytes()).unwrap_err();
             assert!(e.contains(part), "{text:?}: {e}");
         }
-        let mut solo = Solo::func::<ModesFile>(ModesFileParams { path: "m".into() });
-        solo.files.insert("m", "frequency_hz,damping,gain\n1,1,a\n");
-        assert_eq!(solo.shape().unwrap_err().code, "F078");
+        let mut standalone = Standalone::func::<ModesFile>(ModesFileParams { path: "m".into() });
+        standalone.files.insert("m", "frequency_hz,damping,gain\n1,1,a\n");
+        assert_eq!(standalone.shape().unwrap_err().code, "F078");
     }
 
     #[test]
     fn damaged_files_give_modes_or_an_error() {
         let csv = "frequency_hz,damping,gain,phase\n100,2.5,1,0\n250.5,9,-0.25,1.5\n";
         let json = serde_json::to_string(&read_modes(csv.as_bytes()).unwrap()).unwrap();
-        let mut draw = Draw::new(5);
+        let mut rng = Rng::new(5);
         let mut read = 0;
         for k in 0..4000 {
             let mut bytes = [csv, &json][k % 2].as_bytes().to_vec();
-            for _ in 0..=draw.below(3) {
-                let at = draw.below(bytes.len());
-                match draw.below(3) {
-                    0 => bytes[at] = b",\n\"-9e{}[]\xff\x00"[draw.below(12)],
+            for _ in 0..=rng.below(3) {
+                let at = rng.below(bytes.len());
+                match rng.below(3) {
+                    0 => bytes[at] = b",\n\"-9e{}[]\xff\x00"[rng.below(12)],
                     1 => drop(bytes.remove(at)),
-                    _ => bytes.insert(at, b"0123456789.,-\n"[draw.below(14)]),
+                    _ => bytes.insert(at, b"0123456789.,-\n"[rng.below(14)]),
                 }
             }
             if let Ok(modes) = read_modes(&bytes) {

@@ -2,10 +2,10 @@
 
 use super::history::{History, Sample};
 use super::item::{ContactFrame, ContactState, State};
-use crate::carried;
 use crate::choices;
 use crate::contact::vector::{Vec3, dot, norm, scale, sub, widen};
 use crate::core::time::{Tick, seconds, ticks};
+use crate::impl_state;
 use crate::modal::Impact;
 use serde::{Deserialize, Serialize};
 
@@ -178,7 +178,7 @@ pub struct Classifier {
     /// Frames per state.
     pub frames: [u64; 5],
 }
-carried!(Classifier { known, impacts, struck, wrong, dropped, frames });
+impl_state!(Classifier { known, impacts, struck, wrong, dropped, frames });
 
 /// Blows that can wait to be given.
 const ROOM: usize = 1024;

@@ -7,11 +7,11 @@ use crate::core::files::MemoryFiles;
 use crate::core::node::{Class, Node, Retune, Summary};
 use crate::core::params::Params;
 use crate::core::ports::Events;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::Tick;
 use crate::modal::Impact;
-use crate::{carries, params, ports};
+use crate::{archive_state, params, ports};
 use std::collections::VecDeque;
 
 params! {
@@ -258,13 +258,13 @@ impl Node for ContactClassifier {
         self.states.extend(old.states.iter().copied());
     }
 
-    carries!(classifier, states, dropped);
+    archive_state!(classifier, states, dropped);
 
-    fn trial(draw: &mut Draw) -> (ContactClassifierParams, MemoryFiles) {
-        let given = ContactClassifierParams::trial(draw);
-        let [low, high] = [draw.between(0.0, 0.5), draw.between(0.5, 1.0)];
+    fn trial(rng: &mut Rng) -> (ContactClassifierParams, MemoryFiles) {
+        let given = ContactClassifierParams::trial(rng);
+        let [low, high] = [rng.between(0.0, 0.5), rng.between(0.5, 1.0)];
         let params = ContactClassifierParams {
-            frame: [1.0 / 60.0, 0.004, 0.05][draw.below(3)],
+            frame: [1.0 / 60.0, 0.004, 0.05][rng.below(3)],
             steady_enter: low,
             steady_leave: high,
             rolling_speed: high,
@@ -272,7 +272,7 @@ impl Node for ContactClassifier {
             sliding_speed: high,
             sliding_leave: low,
             range: [-60.0, 12.0],
-            room: 1 + draw.below(3) as u16,
+            room: 1 + rng.below(3) as u16,
             ..given
         };
         (params, MemoryFiles::default())
@@ -283,7 +283,7 @@ impl Node for ContactClassifier {
 mod tests {
     use super::*;
     use crate::core::item::Event;
-    use crate::core::solo::Solo;
+    use crate::core::standalone::Standalone;
     use crate::core::time::ticks;
 
     fn params() -> ContactClassifierParams {
@@ -299,17 +299,17 @@ mod tests {
 
     #[test]
     fn a_blow_and_its_frame_come_two_frames_late_and_at_their_own_times() {
-        let mut frame = ContactFrame::trial(&mut Draw::new(3));
+        let mut frame = ContactFrame::trial(&mut Rng::new(3));
         (frame.begins, frame.ends, frame.approach, frame.force) = (true, true, Some(2.0), 30.0);
         frame.interval = ticks(1.0 / 60.0);
-        let solo = Solo::new::<ContactClassifier>(params()).events(
+        let standalone = Standalone::new::<ContactClassifier>(params()).events(
             ContactClassifierPorts::contacts,
             vec![(ticks(0.1), frame)],
             ticks(0.2),
         );
-        let shape = solo.shape().unwrap();
+        let shape = standalone.shape().unwrap();
         assert!((shape.lag - ticks(2.0 / 60.0)).abs() <= 4);
-        let run = solo.window(ticks(0.001)).run().unwrap();
+        let run = standalone.window(ticks(0.001)).run().unwrap();
         let states = run.events(ContactClassifierPorts::states);
         assert_eq!((states.len(), states[0].0), (1, ticks(0.1)));
         let blows = run.events(ContactClassifierPorts::impacts);
@@ -322,8 +322,9 @@ mod tests {
     #[test]
     fn limits_that_overlap_are_refused() {
         let p = ContactClassifierParams { sliding_leave: 0.1, ..params() };
-        let solo = Solo::new::<ContactClassifier>(p).events(ContactClassifierPorts::contacts, Vec::new(), 1);
-        let reject = solo.shape().unwrap_err();
+        let standalone =
+            Standalone::new::<ContactClassifier>(p).events(ContactClassifierPorts::contacts, Vec::new(), 1);
+        let reject = standalone.shape().unwrap_err();
         assert!(reject.code == "F134" && reject.message.contains("`sliding_speed` is 0.05"), "{reject}");
     }
 }

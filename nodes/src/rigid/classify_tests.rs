@@ -1,7 +1,7 @@
 //! Contacts whose course is known in closed form, and logs of a physics engine.
 
 use super::*;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::rigid::testing::{shipped, thinned};
 use crate::rigid::{LogOptions, read_contacts};
 
@@ -29,10 +29,10 @@ fn frame(step: f64) -> ContactFrame {
 
 /// Times of frames: even, or with a jitter of a fifth of a frame.
 fn clock(rate: f64, jitter: bool, seconds: f64) -> Vec<(f64, f64)> {
-    let mut draw = Draw::new(9);
+    let mut rng = Rng::new(9);
     let count = (seconds * rate) as usize;
-    let off = |draw: &mut Draw| if jitter { draw.between(-0.2, 0.2) } else { 0.0 };
-    let times: Vec<f64> = (1..=count).map(|k| (k as f64 + off(&mut draw)) / rate).collect();
+    let off = |rng: &mut Rng| if jitter { rng.between(-0.2, 0.2) } else { 0.0 };
+    let times: Vec<f64> = (1..=count).map(|k| (k as f64 + off(&mut rng)) / rate).collect();
     (0..count).map(|k| (times[k], times[k] - if k > 0 { times[k - 1] } else { 0.0 })).collect()
 }
 
@@ -148,9 +148,9 @@ fn a_ball_launched_sliding_rolls_when_its_slip_has_gone() {
 
 /// A contact that was set down and keeps its force and velocity, with noise as a share of each.
 fn constant(clock: &[(f64, f64)], force: f64, slip: f64, speed: f64, noise: f64) -> Vec<(f64, ContactFrame)> {
-    let mut draw = Draw::new(17);
+    let mut rng = Rng::new(17);
     // Twelve uniform numbers: near enough to a normal distribution of variance 1.
-    let mut gauss = || (0..12).map(|_| draw.between(-0.5, 0.5)).sum::<f64>();
+    let mut gauss = || (0..12).map(|_| rng.between(-0.5, 0.5)).sum::<f64>();
     let mut noisy = |x: f64, size: f64| (x + noise * size * gauss()) as f32;
     let made = clock.iter().enumerate().map(|(k, (t, step))| {
         let frame = ContactFrame {

@@ -1,6 +1,6 @@
 //! The recent past of one contact.
 
-use crate::core::carry::long;
+use crate::core::state::long;
 use crate::core::time::{Tick, ticks};
 use serde::{Deserialize, Serialize};
 

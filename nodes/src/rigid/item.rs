@@ -1,7 +1,7 @@
 //! What travels between the nodes of rigid contacts.
 
 use crate::core::item::Event;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::time::{Tick, ticks};
 use serde::{Deserialize, Serialize};
 
@@ -84,25 +84,25 @@ pub struct ContactState {
 impl Event for ContactFrame {
     const NAME: &'static str = "contacts";
 
-    fn trial(draw: &mut Draw) -> Self {
-        let mut triple = |size: f64| [(); 3].map(|()| draw.between(-size, size));
+    fn trial(rng: &mut Rng) -> Self {
+        let mut triple = |size: f64| [(); 3].map(|()| rng.between(-size, size));
         let (point, velocity) = (triple(1.0), triple(2.0).map(|x| x as f32));
         let travel = [Some(velocity), None];
         Self {
-            contact: draw.below(3) as u64,
-            bodies: [0, 1 + draw.below(2) as u32],
+            contact: rng.below(3) as u64,
+            bodies: [0, 1 + rng.below(2) as u32],
             interval: ticks(1.0 / 60.0),
             point,
             local: [point; 2],
             normal: [0.0, 0.0, 1.0],
-            force: draw.between(0.0, 50.0) as f32,
+            force: rng.between(0.0, 50.0) as f32,
             friction: None,
             velocity,
             travel,
             approach: None,
             mass: None,
-            begins: draw.below(8) == 0,
-            ends: draw.below(8) == 0,
+            begins: rng.below(8) == 0,
+            ends: rng.below(8) == 0,
         }
     }
 }
@@ -110,19 +110,19 @@ impl Event for ContactFrame {
 impl Event for ContactState {
     const NAME: &'static str = "classified contacts";
 
-    fn trial(draw: &mut Draw) -> Self {
+    fn trial(rng: &mut Rng) -> Self {
         let states = [State::Unsteady, State::Static, State::Sliding, State::Rolling, State::Mixed];
         Self {
-            frame: ContactFrame::trial(draw),
-            state: states[draw.below(5)],
-            slip: draw.unit() as f32,
-            power: draw.between(0.0, 10.0) as f32,
-            gain: draw.unit() as f32,
-            sliding: draw.between(0.0, 2.0) as f32,
-            rolling: draw.between(0.0, 2.0) as f32,
-            variation: [(); 2].map(|()| draw.unit() as f32),
-            prominence: draw.between(0.0, 50.0) as f32,
-            median: draw.between(0.0, 50.0) as f32,
+            frame: ContactFrame::trial(rng),
+            state: states[rng.below(5)],
+            slip: rng.uniform() as f32,
+            power: rng.between(0.0, 10.0) as f32,
+            gain: rng.uniform() as f32,
+            sliding: rng.between(0.0, 2.0) as f32,
+            rolling: rng.between(0.0, 2.0) as f32,
+            variation: [(); 2].map(|()| rng.uniform() as f32),
+            prominence: rng.between(0.0, 50.0) as f32,
+            median: rng.between(0.0, 50.0) as f32,
         }
     }
 }

@@ -9,7 +9,7 @@ use crate::core::files::MemoryFiles;
 use crate::core::node::{Class, Node, Summary};
 use crate::core::params::{AssetPath, Params, Text};
 use crate::core::ports::Events;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::seconds;
 use crate::{params, ports};
@@ -165,18 +165,18 @@ impl Node for ContactLog {
         ])
     }
 
-    fn trial(draw: &mut Draw) -> (ContactLogParams, MemoryFiles) {
+    fn trial(rng: &mut Rng) -> (ContactLogParams, MemoryFiles) {
         let mut files = MemoryFiles::default();
         let mut text = String::from("time,a,b,px,py,pz,nx,ny,nz,force,vx,vy,vz\n");
         let mut poses = String::from("time,name,px,py,pz,qw,qx,qy,qz\n");
         let mut time = 0.0;
-        for _ in 0..1 + draw.below(20) {
-            time += [1.0, 1.0, 1.0, 2.0, 5.0][draw.below(5)] / 120.0;
+        for _ in 0..1 + rng.below(20) {
+            time += [1.0, 1.0, 1.0, 2.0, 5.0][rng.below(5)] / 120.0;
             poses += &format!("{time},ball,{},0,0,1,0,0,0\n", time * 0.5);
-            for _ in 0..1 + draw.below(3) {
-                let [x, y] = [(); 2].map(|()| draw.between(-0.1, 0.1));
-                let force = draw.between(0.0, 20.0);
-                let body = ["ball", "box"][draw.below(2)];
+            for _ in 0..1 + rng.below(3) {
+                let [x, y] = [(); 2].map(|()| rng.between(-0.1, 0.1));
+                let force = rng.between(0.0, 20.0);
+                let body = ["ball", "box"][rng.below(2)];
                 text += &format!("{time},world,{body},{x},{y},0,0,0,1,{force},{x},0.2,{y}\n");
             }
         }
@@ -184,13 +184,13 @@ impl Node for ContactLog {
         files.insert("poses.csv", poses);
         let params = ContactLogParams {
             path: "contacts.csv".into(),
-            poses: [None, Some("poses.csv".into())][draw.below(2)].clone(),
-            bodies: [Vec::new(), vec!["box".into(), "ball".into(), "world".into()]][draw.below(2)].clone(),
+            poses: [None, Some("poses.csv".into())][rng.below(2)].clone(),
+            bodies: [Vec::new(), vec!["box".into(), "ball".into(), "world".into()]][rng.below(2)].clone(),
             masses: vec![0.0, 0.2],
             // More would be filled in than a window's events have room for.
-            rate: [None, Some(120.0)][draw.below(2)],
-            hold: draw.between(0.0, 0.1),
-            ..ContactLogParams::trial(draw)
+            rate: [None, Some(120.0)][rng.below(2)],
+            hold: rng.between(0.0, 0.1),
+            ..ContactLogParams::trial(rng)
         };
         (params, files)
     }
@@ -200,13 +200,13 @@ impl Node for ContactLog {
 mod tests {
     use super::*;
     use crate::core::params::Datum;
-    use crate::core::solo::Solo;
+    use crate::core::standalone::Standalone;
     use crate::core::time::{Tick, ticks};
 
     const LOG: &str = "time,a,b,px,py,pz,nx,ny,nz,force,vx,vy,vz\n\
         0,world,box,0,0,0,0,0,1,2,0.5,0,0\n0.01,world,box,0.005,0,0,0,0,1,2,0.5,0,0\n0.2,world,box,0.1,0,0,0,0,1,2,0.5,0,0\n";
 
-    fn solo(text: &str, masses: &str) -> Solo {
+    fn standalone(text: &str, masses: &str) -> Standalone {
         let (path, bodies) = (Datum::Text("log.csv".into()), vec![Datum::Text("world".into())]);
         let masses: Vec<Datum> =
             masses.split_whitespace().map(|m| Datum::Float(m.parse().unwrap())).collect();
@@ -216,14 +216,14 @@ mod tests {
             "masses" => Some(Datum::List(masses.clone())),
             _ => None,
         });
-        let mut solo = Solo::new::<ContactLog>(p.unwrap());
-        solo.files.insert("log.csv", text);
-        solo
+        let mut standalone = Standalone::new::<ContactLog>(p.unwrap());
+        standalone.files.insert("log.csv", text);
+        standalone
     }
 
     #[test]
     fn frames_come_at_their_times_in_any_windows() {
-        let run = solo(LOG, "0").window(ticks(0.007)).run().unwrap();
+        let run = standalone(LOG, "0").window(ticks(0.007)).run().unwrap();
         let frames = run.events(ContactLogPorts::contacts);
         let times: Vec<(Tick, bool, bool)> = frames.iter().map(|(t, f)| (*t, f.begins, f.ends)).collect();
         assert_eq!(times, [(0, true, false), (ticks(0.01), false, true), (ticks(0.2), true, true)]);
@@ -236,7 +236,7 @@ mod tests {
         let even: String = (0..60).map(|k| line(0.01 * f64::from(k))).collect();
         let slower: String = (0..30).map(|k| line(0.6 + 0.02 * f64::from(k))).collect();
         let notes = |text: &str| {
-            let mut notes = solo(&format!("{header}\n{text}"), "0").shape().unwrap().notes;
+            let mut notes = standalone(&format!("{header}\n{text}"), "0").shape().unwrap().notes;
             notes.retain(|note| note.contains("missing"));
             notes
         };
@@ -253,9 +253,9 @@ mod tests {
 
     #[test]
     fn what_is_wrong_is_refused_before_the_run() {
-        let reject = solo(&LOG.replace("0.005", "far"), "0").shape().unwrap_err();
+        let reject = standalone(&LOG.replace("0.005", "far"), "0").shape().unwrap_err();
         assert!(reject.code == "F131" && reject.message.contains("line 3, column `px`"), "{reject}");
-        let reject = solo(LOG, "0 1").shape().unwrap_err();
+        let reject = standalone(LOG, "0 1").shape().unwrap_err();
         assert!(reject.code == "F133" && reject.message.contains("2 masses for 1"), "{reject}");
     }
 }

@@ -1,7 +1,7 @@
 //! Logs of every kind, good and bad.
 
 use super::*;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::time::{TICKS_PER_SECOND, seconds};
 use crate::rigid::testing::{shipped, thinned};
 
@@ -90,11 +90,11 @@ fn points_are_followed_or_joined() {
 #[test]
 fn a_face_whose_points_hop_slides_evenly() {
     // A face 0.2 m wide: one of its corners is told in each frame.
-    let mut draw = Draw::new(5);
+    let mut rng = Rng::new(5);
     let points: Vec<_> = (0..300)
         .map(|k| {
             let t = 0.01 * f64::from(k);
-            (t, t + [-0.1, 0.1][draw.below(2)], [-0.1, 0.1][draw.below(2)], 4.0)
+            (t, t + [-0.1, 0.1][rng.below(2)], [-0.1, 0.1][rng.below(2)], 4.0)
         })
         .collect();
     let track = read(&rows(&points)).unwrap();
@@ -240,24 +240,24 @@ fn errors_name_line_and_column_and_what_would_be_right() {
 fn damaged_logs_give_contacts_or_an_error() {
     let json = "{\"time_s\": 0.01, \"a\": 1, \"b\": \"x\", \"point\": [0,0,0], \"normal\": [0,0,1], \"force\": 5, \"velocity\": [0.5,0,0]}\n";
     let poses = "time,name,px,py,pz,qw,qx,qy,qz,vx,vy,vz,wx,wy,wz\n0,box,1,0,0.5,1,0,0,0,0.3,0,-2,0,0,0\n0.05,box,1,0,0,1,0,0,0,0,0,0,0,0,0\n";
-    let mut draw = Draw::new(131);
+    let mut rng = Rng::new(131);
     let (mut good, mut bad) = (0, 0);
     for k in 0..4000 {
         let mut files = [[OWN, MUJOCO, BULLET, json][k % 4], poses].map(|text| text.as_bytes().to_vec());
-        let bytes = &mut files[draw.below(5) / 4];
-        for _ in 0..=draw.below(3) {
+        let bytes = &mut files[rng.below(5) / 4];
+        for _ in 0..=rng.below(3) {
             if bytes.is_empty() {
                 break;
             }
-            let at = draw.below(bytes.len());
-            match draw.below(4) {
+            let at = rng.below(bytes.len());
+            match rng.below(4) {
                 0 => bytes.truncate(at),
-                1 => bytes[at] = b",\n\"-9e{}#\xff\x00"[draw.below(11)],
+                1 => bytes[at] = b",\n\"-9e{}#\xff\x00"[rng.below(11)],
                 2 => drop(bytes.remove(at)),
-                _ => bytes.insert(at, b"0123456789.,-\n"[draw.below(14)]),
+                _ => bytes.insert(at, b"0123456789.,-\n"[rng.below(14)]),
             }
         }
-        let poses = (draw.below(2) == 0).then_some(files[1].as_slice());
+        let poses = (rng.below(2) == 0).then_some(files[1].as_slice());
         match read_contacts(&files[0], poses, &LogOptions::default()) {
             Ok(track) => {
                 good += 1;

@@ -5,7 +5,7 @@ use super::columns::{CONTACT, Columns, Field};
 use super::error::{LogFault, shown};
 use super::table::{Cells, read_table};
 use crate::contact::vector::{Vec3, add, dot, norm, scale, sub};
-use crate::core::files::without_mark;
+use crate::core::files::strip_bom;
 use serde_json::{Map, Value};
 
 /// Most rows that a log may have.
@@ -297,7 +297,7 @@ pub(super) fn from_json(
 
 /// Reads all rows: CSV under a header, or JSON lines.
 pub(super) fn read_rows(bytes: &[u8], poses: bool, bodies: &mut Bodies) -> Result<Vec<Row>, LogFault> {
-    let bytes = without_mark(bytes);
+    let bytes = strip_bom(bytes);
     let mut rows: Vec<Row> = Vec::new();
     let begin = bytes.iter().find(|b| !b.is_ascii_whitespace());
     let clock = if begin == Some(&b'{') { "time_s" } else { "time" };

@@ -343,7 +343,7 @@ fn band(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::core::random::Draw;
+    use crate::core::random::Rng;
     use crate::scrape::testing::{amplitude, db, peak, rms};
     use fearless_simd::{Level, dispatch};
     use rustfft::FftPlanner;
@@ -451,8 +451,8 @@ mod tests {
 
     #[test]
     fn what_is_read_is_the_sum_of_all_samples_times_their_weights() {
-        let mut draw = Draw::new(12);
-        let samples: Vec<f32> = (0..1000).map(|_| draw.between(-1.0, 1.0) as f32).collect();
+        let mut rng = Rng::new(12);
+        let samples: Vec<f32> = (0..1000).map(|_| rng.between(-1.0, 1.0) as f32).collect();
         let bands = NoiseBands::new(&NoiseProfile { samples, spacing: 1e-3 });
         // The definition, of one band, in double precision.
         let naive = |k: usize, place: f64| -> f64 {
@@ -477,8 +477,8 @@ mod tests {
 
     #[test]
     fn what_slow_steps_need_is_the_same_of_fewer_bands() {
-        let mut draw = Draw::new(4);
-        let samples: Vec<f32> = (0..3000).map(|_| draw.between(-1.0, 1.0) as f32).collect();
+        let mut rng = Rng::new(4);
+        let samples: Vec<f32> = (0..3000).map(|_| rng.between(-1.0, 1.0) as f32).collect();
         let profile = NoiseProfile { samples, spacing: 1e-3 };
         let all = NoiseBands::new(&profile);
         for (fastest, count) in [(0.0, 1), (0.89, 1), (1.7, 9), (4.0, 19)] {
@@ -493,12 +493,12 @@ mod tests {
 
     #[test]
     fn a_cell_is_read_as_its_samples_are() {
-        let mut draw = Draw::new(5);
-        let samples: Vec<f32> = (0..500).map(|_| draw.between(-1.0, 1.0) as f32).collect();
+        let mut rng = Rng::new(5);
+        let samples: Vec<f32> = (0..500).map(|_| rng.between(-1.0, 1.0) as f32).collect();
         let bands = NoiseBands::new(&NoiseProfile { samples, spacing: 1e-3 });
         for fastest in [0.5, 0.9, 1.8] {
-            let steps: Cell = std::array::from_fn(|_| draw.between(0.0, fastest) as f32);
-            let places = std::array::from_fn(|_| draw.between(0.0, bands.round()));
+            let steps: Cell = std::array::from_fn(|_| rng.between(0.0, fastest) as f32);
+            let places = std::array::from_fn(|_| rng.between(0.0, bands.round()));
             let level = Level::new();
             let made = dispatch!(level, simd => bands.read_cell(simd, &places, &steps, 3..CELL - 2));
             for n in 0..CELL {

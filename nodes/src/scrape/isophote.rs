@@ -14,7 +14,7 @@ use super::past::Past;
 use super::pulses::{LONGEST, Pulses};
 use super::slew::Slew;
 use super::voices::{CELL, Stretch};
-use crate::carried;
+use crate::impl_state;
 use crate::texture::Isophotes;
 use fearless_simd::{Level, dispatch};
 use serde::{Deserialize, Serialize};
@@ -85,7 +85,7 @@ pub struct IsophoteForce {
     near: Near,
     moves: Moves,
 }
-carried!(IsophoteForce { crossings, left_out, pulses });
+impl_state!(IsophoteForce { crossings, left_out, pulses });
 
 impl IsophoteForce {
     /// Isophotes read by at most `contacts` contacts at once at a sample rate.

@@ -1,11 +1,11 @@
 use super::*;
 use crate::core::item::Data;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::texture::{Drawing, Grid, Levels, Luma, LumaKind, Surface, isophotes};
 
 fn curves(width: usize, height: usize, wrap: Wrap) -> Isophotes {
-    let mut draw = Draw::new(4);
-    let grid = Grid::from_fn(width, height, |_, _| draw.between(0.0, 100.0) as f32);
+    let mut rng = Rng::new(4);
+    let grid = Grid::from_fn(width, height, |_, _| rng.between(0.0, 100.0) as f32);
     let surface = Surface { wrap, ..Surface::default() };
     let luma = Luma { grid, holes: Vec::new(), kind: LumaKind::Lstar, surface };
     isophotes(
@@ -50,10 +50,10 @@ fn a_question_looks_at_a_few_pieces_whatever_the_size_of_the_image() {
     // The mean over many boxes of a pixel.
     let looked_at = |side: usize| {
         let index = IsophoteIndex::new(&curves(side, side, Wrap::Repeat));
-        let mut draw = Draw::new(9);
+        let mut rng = Rng::new(9);
         let mut pieces = 0;
         for _ in 0..2000 {
-            let low = [0; 2].map(|_| draw.between(0.0, side as f64));
+            let low = [0; 2].map(|_| rng.between(0.0, side as f64));
             index.near(low, low.map(|x| x + 1.0), |_| pieces += 1);
         }
         f64::from(pieces) / 2000.0
@@ -104,10 +104,10 @@ fn places_are_found_on_the_image() {
 #[test]
 fn empty_and_small_isophotes_have_an_index() {
     IsophoteIndex::new(&Isophotes::default()).near([-9.0; 2], [9.0; 2], |piece| panic!("{piece:?}"));
-    let mut draw = Draw::new(1);
+    let mut rng = Rng::new(1);
     for _ in 0..50 {
-        let index = IsophoteIndex::new(&Isophotes::trial(&mut draw));
-        let corner = [draw.between(-99.0, 99.0), draw.between(-99.0, 99.0)];
+        let index = IsophoteIndex::new(&Isophotes::trial(&mut rng));
+        let corner = [rng.between(-99.0, 99.0), rng.between(-99.0, 99.0)];
         index.near(corner, corner.map(|x| x + 5.0), |piece| {
             assert!(piece.ends.iter().flatten().all(|x| x.is_finite()));
         });

@@ -11,11 +11,11 @@ use crate::core::item::Channels;
 use crate::core::node::{Class, Node, Retune, Summary};
 use crate::core::params::Params;
 use crate::core::ports::{Events, Stream, Value};
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::{Rate, ticks};
 use crate::texture::Isophotes;
-use crate::{carries, choices, params, ports};
+use crate::{archive_state, choices, params, ports};
 
 choices! { @param Reading {
     /// A pulse for each curve that is crossed: as strong as the slope has changed since the curve before.
@@ -199,13 +199,13 @@ impl Node for IsophoteExcitation {
         self.force.take_state(&old.force);
     }
 
-    carries!(force, voices);
+    archive_state!(force, voices);
 
-    fn trial(draw: &mut Draw) -> (IsophoteExcitationParams, MemoryFiles) {
-        let params = IsophoteExcitationParams::trial(draw);
-        let object = params.object.map(|_| draw.below(2) as u32);
-        let contacts = 1 + draw.below(5) as u16;
-        let (width, scale) = (draw.between(0.1, 5.0), draw.between(0.2, 5.0));
+    fn trial(rng: &mut Rng) -> (IsophoteExcitationParams, MemoryFiles) {
+        let params = IsophoteExcitationParams::trial(rng);
+        let object = params.object.map(|_| rng.below(2) as u32);
+        let contacts = 1 + rng.below(5) as u16;
+        let (width, scale) = (rng.between(0.1, 5.0), rng.between(0.2, 5.0));
         (IsophoteExcitationParams { object, contacts, width, scale, ..params }, MemoryFiles::default())
     }
 }

@@ -1,6 +1,6 @@
 use super::*;
-use crate::core::random::Draw as Dice;
-use crate::core::solo::Solo;
+use crate::core::random::Rng as Dice;
+use crate::core::standalone::Standalone;
 use crate::core::time::{Tick, seconds};
 use crate::scrape::testing::{db, piece, rates_apart, rms};
 use crate::texture::{Drawing, Grid, Levels, Luma, LumaKind, Surface, Wrap, isophotes};
@@ -37,10 +37,10 @@ fn play_in(
     end: f64,
     window: Tick,
 ) -> Vec<f32> {
-    let solo = Solo::new::<IsophoteExcitation>(p)
+    let standalone = Standalone::new::<IsophoteExcitation>(p)
         .events(IsophoteExcitationPorts::paths, pieces.to_vec(), ticks(end))
         .value(IsophoteExcitationPorts::isophotes, all.clone());
-    solo.window(window).run().unwrap().stream(IsophoteExcitationPorts::force)
+    standalone.window(window).run().unwrap().stream(IsophoteExcitationPorts::force)
 }
 
 /// From a place in px at a velocity in m/s.
@@ -288,11 +288,11 @@ fn turning_knobs_makes_no_steps_and_going_on_loses_nothing() {
     let way = [(0, straight([1.0, 2.0], [0.3, 0.2], 0.4))];
     let p = IsophoteExcitationParams { reading: Reading::Proximity, ..params() };
     let quiet = IsophoteExcitationParams { kappa: 0.0, radius: 1.0, ..p.clone() };
-    let solo = Solo::new::<IsophoteExcitation>(p.clone())
+    let standalone = Standalone::new::<IsophoteExcitation>(p.clone())
         .events(IsophoteExcitationPorts::paths, way.to_vec(), ticks(0.4))
         .value(IsophoteExcitationPorts::isophotes, all.clone())
         .window(ticks(0.01));
-    let mut run = solo.start().unwrap();
+    let mut run = standalone.start().unwrap();
     for k in 0.. {
         if k == 20 {
             assert_eq!(run.node().retune(&quiet), Retune::Done);
@@ -317,10 +317,10 @@ fn too_many_crossings_and_too_much_speed_are_counted() {
     let all = curves([n, n], Wrap::Repeat, (35..65).map(|k| k as f32).collect(), tiled(&samples, n, |x| x));
     for v in [150.0, 5000.0] {
         let way = vec![(0, straight([1.0, 2.0], [v, 0.3 * v], 0.1))];
-        let solo = Solo::new::<IsophoteExcitation>(params())
+        let standalone = Standalone::new::<IsophoteExcitation>(params())
             .events(IsophoteExcitationPorts::paths, way, ticks(0.1))
             .value(IsophoteExcitationPorts::isophotes, all.clone());
-        let run = solo.run().unwrap();
+        let run = standalone.run().unwrap();
         let told = run.summary.iter().find(|(name, _)| *name == "crossings_left_out");
         assert!(told.is_some_and(|(_, count)| count.as_u64() > Some(100)), "{v}: {:?}", run.summary);
         assert!(run.stream(IsophoteExcitationPorts::force).iter().all(|x| x.is_finite()));
@@ -331,9 +331,9 @@ fn too_many_crossings_and_too_much_speed_are_counted() {
 fn isophotes_that_cannot_be_read_are_refused() {
     let mut all = bowl();
     all.surface.density = [1e12, 512.0];
-    let solo = Solo::new::<IsophoteExcitation>(params())
+    let standalone = Standalone::new::<IsophoteExcitation>(params())
         .events(IsophoteExcitationPorts::paths, vec![], ticks(0.1))
         .value(IsophoteExcitationPorts::isophotes, all);
-    let fault = solo.run().err().unwrap();
+    let fault = standalone.run().err().unwrap();
     assert!(fault.code == "F127" && fault.message.contains("1000000000000"), "{fault}");
 }

@@ -1,7 +1,7 @@
 //! What travels between the nodes of scraping.
 
 use crate::core::item::Event;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::time::{Tick, seconds, ticks};
 use serde::{Deserialize, Serialize};
 
@@ -100,18 +100,18 @@ pub(crate) fn shifted([a, b, c, d]: &[[f64; 2]; 4], s: f64, scale: f64) -> [[f64
 impl Event for PathPiece {
     const NAME: &'static str = "path";
 
-    fn trial(draw: &mut Draw) -> Self {
-        let mut pair = |size: f64| [draw.between(-size, size), draw.between(-size, size)];
+    fn trial(rng: &mut Rng) -> Self {
+        let mut pair = |size: f64| [rng.between(-size, size), rng.between(-size, size)];
         let place = [pair(0.5), pair(0.02), pair(0.01), pair(0.005)];
         Self {
-            contact: draw.below(3) as u64,
-            jump: draw.below(2) as u32,
-            object: draw.below(2) as u32,
+            contact: rng.below(3) as u64,
+            jump: rng.below(2) as u32,
+            object: rng.below(2) as u32,
             duration: ticks(1.0 / 60.0),
             place,
-            other: (draw.below(2) == 0).then_some(place),
-            force: [draw.between(0.0, 20.0) as f32, draw.between(0.0, 20.0) as f32],
-            gain: [draw.unit() as f32, draw.unit() as f32],
+            other: (rng.below(2) == 0).then_some(place),
+            force: [rng.between(0.0, 20.0) as f32, rng.between(0.0, 20.0) as f32],
+            gain: [rng.uniform() as f32, rng.uniform() as f32],
         }
     }
 }
@@ -122,7 +122,7 @@ mod tests {
 
     #[test]
     fn a_part_goes_the_same_way() {
-        let whole = PathPiece::trial(&mut Draw::new(3));
+        let whole = PathPiece::trial(&mut Rng::new(3));
         let part = whole.part(0.25, 0.75, whole.duration / 2);
         for t in [0.0, 0.3, 1.0] {
             let s = 0.25 + 0.5 * t;

@@ -228,7 +228,7 @@ pub fn share(whole: [&Grid; 2], noise: [&Grid; 2]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::core::random::Draw;
+    use crate::core::random::Rng;
     use crate::scrape::{Interp, Law, MapForce, MapVoice, SurfaceMap};
     use crate::texture::{DiscontinuityMap, FeatureMap};
     use realfft::RealFftPlanner;
@@ -273,8 +273,8 @@ mod tests {
     #[test]
     fn the_stroke_finds_the_power_of_a_map() {
         // Slopes of variance 1 in each direction: that along any way has it too, less the power of the fades.
-        let mut draw = Draw::new(3);
-        let mut soft = |_: usize, _: usize| (0..12).map(|_| draw.unit() as f32).sum::<f32>() - 6.0;
+        let mut rng = Rng::new(3);
+        let mut soft = |_: usize, _: usize| (0..12).map(|_| rng.uniform() as f32).sum::<f32>() - 6.0;
         let (gx, gy) = (Grid::from_fn(256, 256, &mut soft), Grid::from_fn(256, 256, &mut soft));
         let map = SurfaceMap::slope(&DiscontinuityMap { gx, gy, surface: surface(512.0, Wrap::Repeat) });
         let found = [0.2, 1.0, 5.0].map(|speed| {
@@ -290,9 +290,9 @@ mod tests {
 
     #[test]
     fn features_and_noise_together_have_the_wanted_power_whatever_they_share() {
-        let mut draw = Draw::new(9);
-        let noise: Vec<f32> = (0..20_000).map(|_| draw.between(-3.0, 3.0) as f32).collect();
-        let features: Vec<f32> = noise.iter().map(|n| 0.2 * n + draw.between(-1.0, 1.0) as f32).collect();
+        let mut rng = Rng::new(9);
+        let noise: Vec<f32> = (0..20_000).map(|_| rng.between(-3.0, 3.0) as f32).collect();
+        let features: Vec<f32> = noise.iter().map(|n| 0.2 * n + rng.between(-1.0, 1.0) as f32).collect();
         for share in [0.0, 0.3, 1.0] {
             let [f, n] = parts(2.5, [&features, &noise], share);
             let both = rms(&sum([&features, &noise], [f, n]));

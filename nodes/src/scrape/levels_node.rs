@@ -15,7 +15,7 @@ use crate::core::files::MemoryFiles;
 use crate::core::node::{Func, Summary};
 use crate::core::params::Params;
 use crate::core::ports::Value;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::Build;
 use crate::modal::Modes;
 use crate::texture::histogram::{Class, TextureClass};
@@ -306,10 +306,10 @@ impl Func for LevelMatcher {
         Ok(told)
     }
 
-    fn trial(draw: &mut Draw) -> (LevelMatcherParams, MemoryFiles) {
+    fn trial(rng: &mut Rng) -> (LevelMatcherParams, MemoryFiles) {
         // Fast strokes, which are short, and mostly one.
-        let (speed, by_speed) = (draw.between(50.0, 100.0), draw.below(32) == 0);
-        let p = LevelMatcherParams { speed, by_speed, ..LevelMatcherParams::trial(draw) };
+        let (speed, by_speed) = (rng.between(50.0, 100.0), rng.below(32) == 0);
+        let p = LevelMatcherParams { speed, by_speed, ..LevelMatcherParams::trial(rng) };
         (p, MemoryFiles::default())
     }
 }

@@ -3,7 +3,7 @@ use crate::core::item::AnyValue;
 use crate::core::item::Channels;
 use crate::core::node::Node;
 use crate::core::random::Random;
-use crate::core::solo::{Feed, Solo, SoloRun};
+use crate::core::standalone::{Feed, Standalone, StandaloneRun};
 use crate::core::time::{Rate, Tick, ticks};
 use crate::scrape::PathPiece;
 use crate::scrape::isophote_node::{IsophoteExcitation, IsophoteExcitationParams, IsophoteExcitationPorts};
@@ -33,10 +33,10 @@ struct Floor {
 }
 
 fn floor(grain: f64) -> Floor {
-    let mut draw = Draw::new(17);
+    let mut rng = Rng::new(17);
     let grid = Grid::from_fn(192, 192, |x, y| {
         let joint = (x + 16 * (y / 24 % 2)) % 32 < 3 || y % 24 < 3;
-        (if joint { 30.0 } else { 65.0 }) + (grain * draw.between(-1.0, 1.0)) as f32
+        (if joint { 30.0 } else { 65.0 }) + (grain * rng.between(-1.0, 1.0)) as f32
     });
     made_of(grid)
 }
@@ -79,8 +79,8 @@ fn value<T: crate::core::item::Data + Clone>(value: &T) -> Feed {
     Feed::value(AnyValue::new(value.clone()))
 }
 
-fn matched(p: LevelMatcherParams, floor: &Floor, modes: Option<&Modes>) -> SoloRun {
-    let mut solo = Solo::func::<LevelMatcher>(p)
+fn matched(p: LevelMatcherParams, floor: &Floor, modes: Option<&Modes>) -> StandaloneRun {
+    let mut standalone = Standalone::func::<LevelMatcher>(p)
         .feed(LevelMatcherPorts::map.index(), value(&floor.map))
         .feed(LevelMatcherPorts::isophotes.index(), value(&floor.isophotes))
         .feed(LevelMatcherPorts::features.index(), value(&floor.features))
@@ -88,28 +88,28 @@ fn matched(p: LevelMatcherParams, floor: &Floor, modes: Option<&Modes>) -> SoloR
         .feed(LevelMatcherPorts::noise.index(), value(&floor.noise))
         .feed(LevelMatcherPorts::spectrum.index(), value(&floor.spectrum));
     if let Some(modes) = modes {
-        solo = solo.feed(LevelMatcherPorts::modes.index(), value(modes));
+        standalone = standalone.feed(LevelMatcherPorts::modes.index(), value(modes));
     }
-    solo.run().unwrap()
+    standalone.run().unwrap()
 }
 
-fn strength_of(run: &SoloRun, port: usize) -> Strength {
+fn strength_of(run: &StandaloneRun, port: usize) -> Strength {
     *run.value(port).unwrap().get::<Strength>().unwrap()
 }
 
-fn kappa(run: &SoloRun, port: usize) -> f64 {
+fn kappa(run: &StandaloneRun, port: usize) -> f64 {
     strength_of(run, port).kappa
 }
 
 /// A way that has nothing to do with the standard stroke, at about a speed.
 fn way(speed: f64, force: f64) -> Vec<(Tick, PathPiece)> {
-    let mut draw = Draw::new(5);
+    let mut rng = Rng::new(5);
     let (mut place, mut angle, mut time) = ([0.3, 0.2], 0.4, 0.0);
     let points: Vec<[f64; 4]> = (0..200)
         .map(|_| {
             let point = [time, place[0], place[1], force];
             let step = 0.04;
-            angle += draw.between(-0.5, 0.5);
+            angle += rng.between(-0.5, 0.5);
             place = [place[0] + step * f64::cos(angle), place[1] + step * f64::sin(angle)];
             time += step / speed;
             point
@@ -120,14 +120,15 @@ fn way(speed: f64, force: f64) -> Vec<(Tick, PathPiece)> {
 
 fn drawn<N: Node>(params: N::Params, way: &[(Tick, PathPiece)], feeds: Vec<(usize, Feed)>) -> Vec<f32> {
     let end = way.last().map_or(0, |(tick, piece)| tick + piece.duration);
-    let solo = Solo::new::<N>(params).feed(0, Feed::events(way.to_vec(), end)).window(ticks(1.0));
-    let solo = feeds.into_iter().fold(solo, |solo, (port, feed)| solo.feed(port, feed));
-    let run = solo.run().unwrap();
+    let standalone = Standalone::new::<N>(params).feed(0, Feed::events(way.to_vec(), end)).window(ticks(1.0));
+    let standalone =
+        feeds.into_iter().fold(standalone, |standalone, (port, feed)| standalone.feed(port, feed));
+    let run = standalone.run().unwrap();
     run.stream(crate::core::ports::Port::<crate::core::ports::Stream<f32>>::new(0))
 }
 
 /// What each level of detail draws from a way: map, isophotes, features and noise, noise, noise from a spectrum.
-fn levels(floor: &Floor, run: &SoloRun, way: &[(Tick, PathPiece)]) -> [Vec<f32>; 5] {
+fn levels(floor: &Floor, run: &StandaloneRun, way: &[(Tick, PathPiece)]) -> [Vec<f32>; 5] {
     let rate = Rate::hz(44_100);
     let map = |feed: (usize, Feed), port: usize| {
         let p = MapExcitationParams { rate, ..MapExcitationParams::read(&|_| None).unwrap() };
@@ -197,7 +198,7 @@ fn who_walks_away_hears_no_click_and_no_level_louder_than_another() {
     let rate = Rate::hz(100);
     let distances =
         (0..rate.first_at(end)).map(|k| 1.0 + 54.0 * (k as f32) / rate.first_at(end) as f32).collect();
-    let lod = Solo::new::<LodSelect>(LodSelectParams::read(&|_| None).unwrap())
+    let lod = Standalone::new::<LodSelect>(LodSelectParams::read(&|_| None).unwrap())
         .events(LodSelectPorts::paths, way.clone(), end)
         .optional(LodSelectPorts::distance, rate, Channels(1), distances)
         .run()
@@ -334,13 +335,13 @@ fn the_noise_has_the_share_that_its_slopes_have() {
 #[test]
 fn what_has_no_link_is_silent_and_silence_matches_silence() {
     let floor = floor(2.0);
-    let alone = Solo::func::<LevelMatcher>(params()).value(LevelMatcherPorts::map, floor.map.clone());
+    let alone = Standalone::func::<LevelMatcher>(params()).value(LevelMatcherPorts::map, floor.map.clone());
     let run = alone.run().unwrap();
     let all: Vec<f64> = (0..6).map(|port| kappa(&run, port)).collect();
     assert_eq!(all, [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
     let none = Grid::from_fn(16, 16, |_, _| 0.0);
     let flat = DiscontinuityMap { gx: none.clone(), gy: none.clone(), surface: Surface::default() };
-    let quiet = Solo::func::<LevelMatcher>(params())
+    let quiet = Standalone::func::<LevelMatcher>(params())
         .value(LevelMatcherPorts::map, flat)
         .feed(LevelMatcherPorts::noise.index(), value(&floor.noise));
     assert_eq!(kappa(&quiet.run().unwrap(), 4), 0.0);
@@ -349,11 +350,11 @@ fn what_has_no_link_is_silent_and_silence_matches_silence() {
 #[test]
 fn a_strength_that_is_none_is_refused() {
     let p = MapExcitationParams::read(&|_| None).unwrap();
-    let solo = Solo::new::<MapExcitation>(p)
+    let standalone = Standalone::new::<MapExcitation>(p)
         .events::<PathPiece>(MapExcitationPorts::paths, vec![], 1)
         .feed(MapExcitationPorts::map.index(), value(&floor(1.0).map))
         .feed(MapExcitationPorts::kappa.index(), value(&Strength::even(2e6)));
-    let error = solo.run().map(|_| ()).unwrap_err();
+    let error = standalone.run().map(|_| ()).unwrap_err();
     assert!(error.code == "F128" && error.to_string().contains("2000000"), "{error}");
 }
 
@@ -364,13 +365,13 @@ fn a_class_chooses_between_map_and_isophotes() {
     let grid = Grid::from_fn(8, 8, |x, y| (x * y) as f32);
     let luma = Luma { grid, holes: Vec::new(), kind: LumaKind::Lstar, surface: Surface::default() };
     let given = |class, curves: bool| {
-        let mut solo = Solo::func::<LevelMatcher>(params())
+        let mut standalone = Standalone::func::<LevelMatcher>(params())
             .feed(LevelMatcherPorts::map.index(), value(&floor.map))
             .feed(LevelMatcherPorts::class.index(), value(&classify(&luma, 0.2, Some(class))));
         if curves {
-            solo = solo.feed(LevelMatcherPorts::isophotes.index(), value(&floor.isophotes));
+            standalone = standalone.feed(LevelMatcherPorts::isophotes.index(), value(&floor.isophotes));
         }
-        let run = solo.run().unwrap();
+        let run = standalone.run().unwrap();
         [kappa(&run, 0), kappa(&run, 1)]
     };
     assert_eq!(given(Class::Simple, true), [1.0, 0.0]);

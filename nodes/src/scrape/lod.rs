@@ -6,9 +6,9 @@
 
 use super::item::PathPiece;
 use super::queue::Queue;
-use crate::carried;
 use crate::core::time::{Tick, ticks};
 use crate::dsp::FadeLaw;
+use crate::impl_state;
 use serde::{Deserialize, Serialize};
 
 /// Levels that sound.
@@ -111,7 +111,7 @@ pub struct Chooser {
     /// Highest cost so far.
     pub peak: f64,
 }
-carried!(Chooser { chosen, ordered, changes, left_out, peak });
+impl_state!(Chooser { chosen, ordered, changes, left_out, peak });
 
 impl Chooser {
     /// Room for `room` contacts.

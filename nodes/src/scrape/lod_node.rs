@@ -10,12 +10,12 @@ use crate::core::item::Item;
 use crate::core::node::{Class, Node, Retune, Summary};
 use crate::core::params::Params;
 use crate::core::ports::{Events, In, Stream};
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Ends, Shape};
 use crate::core::time::Tick;
 use crate::rigid::ContactState;
 use crate::spatial::Poses;
-use crate::{carries, params, ports};
+use crate::{archive_state, params, ports};
 
 /// Parts of pieces that may wait for their time on one level, per contact.
 const WAITING: usize = 24;
@@ -133,8 +133,8 @@ impl LodSelect {
 /// The last item of a stream up to a time in the window, by its first element.
 fn latest<T: Item>(stream: &In<'_, T>, tick: Tick) -> Option<T::Elem> {
     let at = stream.rate().first_at(tick + 1) - 1 - stream.first();
-    let at = at.clamp(-(stream.past() as i64), stream.len() as i64 - 1);
-    (at >= -(stream.past() as i64)).then(|| stream.item(at as isize).first().copied()).flatten()
+    let at = at.clamp(-(stream.behind() as i64), stream.len() as i64 - 1);
+    (at >= -(stream.behind() as i64)).then(|| stream.item(at as isize).first().copied()).flatten()
 }
 
 impl Node for LodSelect {
@@ -152,9 +152,9 @@ impl Node for LodSelect {
             return Err(Reject::new("F130", message).at("distances").help(help));
         }
         s.when_ended(LodSelectPorts::paths, Ends::Stop);
-        s.reach(LodSelectPorts::listener, 1, 0);
+        s.lookaround(LodSelectPorts::listener, 1, 0);
         s.when_ended(LodSelectPorts::listener, Ends::Hold);
-        s.reach(LodSelectPorts::distance, 1, 0);
+        s.lookaround(LodSelectPorts::distance, 1, 0);
         s.when_ended(LodSelectPorts::distance, Ends::Hold);
         Ok(())
     }
@@ -218,19 +218,19 @@ impl Node for LodSelect {
         }
     }
 
-    carries!(chooser, each queues, places);
+    archive_state!(chooser, each queues, places);
 
-    fn trial(draw: &mut Draw) -> (LodSelectParams, MemoryFiles) {
-        let params = LodSelectParams::trial(draw);
+    fn trial(rng: &mut Rng) -> (LodSelectParams, MemoryFiles) {
+        let params = LodSelectParams::trial(rng);
         let mut far = 0.0;
         let distances = [(); 4].map(|()| {
-            far += draw.between(0.1, 1.0);
+            far += rng.between(0.1, 1.0);
             far
         });
-        let (distance, budget) = (draw.between(0.0, 3.0), params.budget.map(|_| draw.between(10.0, 60.0)));
+        let (distance, budget) = (rng.between(0.0, 3.0), params.budget.map(|_| rng.between(10.0, 60.0)));
         let costs = [25.0, 20.0, 10.0, 8.0];
-        let contacts = 2 + draw.below(5) as u16;
-        let listener = [(); 3].map(|()| draw.between(-1.0, 1.0));
+        let contacts = 2 + rng.below(5) as u16;
+        let listener = [(); 3].map(|()| rng.between(-1.0, 1.0));
         (
             LodSelectParams { distances, distance, budget, costs, contacts, listener, ..params },
             MemoryFiles::default(),

@@ -1,5 +1,5 @@
 use super::*;
-use crate::core::solo::{Feed, Solo};
+use crate::core::standalone::{Feed, Standalone};
 use crate::core::time::ticks;
 use crate::scrape::testing::piece;
 
@@ -33,9 +33,12 @@ fn edits_while_it_sounds_cross_fade() {
         (LodSelectParams { budget: Some(20.0), ..start.clone() }, 2),
     ];
     for (edit, level) in edits {
-        let solo =
-            Solo::new::<LodSelect>(start.clone()).events(LodSelectPorts::paths, pieces.clone(), ticks(1.5));
-        let mut run = solo.window(ticks(0.01)).start().unwrap();
+        let standalone = Standalone::new::<LodSelect>(start.clone()).events(
+            LodSelectPorts::paths,
+            pieces.clone(),
+            ticks(1.5),
+        );
+        let mut run = standalone.window(ticks(0.01)).start().unwrap();
         let mut count = 0;
         while run.step().unwrap() {
             count += 1;
@@ -64,8 +67,8 @@ fn edits_while_it_sounds_cross_fade() {
 }
 
 /// The levels on which a contact is heard one second after it began.
-fn heard(solo: Solo, contact: u64) -> [bool; LEVELS] {
-    let run = solo.window(ticks(0.01)).run().unwrap();
+fn heard(standalone: Standalone, contact: u64) -> [bool; LEVELS] {
+    let run = standalone.window(ticks(0.01)).run().unwrap();
     let all = [LodSelectPorts::full, LodSelectPorts::split, LodSelectPorts::noise, LodSelectPorts::spectrum];
     all.map(|port| {
         let late = ticks(1.0);
@@ -78,8 +81,8 @@ fn a_nearer_contact_has_the_finer_level() {
     let frame = 1.0 / 60.0;
     // Contacts 1 and 2 with bodies 3 and 4, one near the listener and one 20 m away; a third of both bodies is told of by nobody.
     let far = |contact: u64| if contact == 2 { 20.0 } else { 1.0 };
-    let mut draw = Draw::new(4);
-    let blank = <ContactState as crate::core::item::Event>::trial(&mut draw);
+    let mut rng = Rng::new(4);
+    let blank = <ContactState as crate::core::item::Event>::trial(&mut rng);
     let (mut states, mut pieces) = (Vec::new(), Vec::new());
     for k in 0..90 {
         let t = f64::from(k) * frame;
@@ -92,19 +95,19 @@ fn a_nearer_contact_has_the_finer_level() {
             pieces.push((ticks(t), PathPiece { contact, ..piece([t, 0.0], [1.0, 0.0], frame) }));
         }
     }
-    let solo = |listener: [f64; 3]| {
+    let standalone = |listener: [f64; 3]| {
         let p = LodSelectParams { listener, distance: 8.0, ..params() };
-        Solo::new::<LodSelect>(p)
+        Standalone::new::<LodSelect>(p)
             .events(LodSelectPorts::paths, pieces.clone(), ticks(1.5))
             .feed(LodSelectPorts::contacts_at.index(), Feed::events(states.clone(), ticks(1.5)))
     };
     let (full, split, noise) =
         ([true, false, false, false], [false, true, false, false], [false, false, true, false]);
     for (near, away) in [(1, 2), (PathPiece::pair([0, 3]), PathPiece::pair([0, 4]))] {
-        assert_eq!(heard(solo([0.0; 3]), near), full);
-        assert_eq!(heard(solo([0.0; 3]), away), noise);
+        assert_eq!(heard(standalone([0.0; 3]), near), full);
+        assert_eq!(heard(standalone([0.0; 3]), away), noise);
         // Who stands beside the other one hears that one in full.
-        assert_eq!([near, away].map(|c| heard(solo([20.0, 0.0, 0.0]), c)), [noise, full]);
+        assert_eq!([near, away].map(|c| heard(standalone([20.0, 0.0, 0.0]), c)), [noise, full]);
     }
-    assert_eq!(heard(solo([0.0; 3]), 9), split, "of whom no place is known has the distance of all");
+    assert_eq!(heard(standalone([0.0; 3]), 9), split, "of whom no place is known has the distance of all");
 }

@@ -11,12 +11,12 @@ use crate::core::item::Channels;
 use crate::core::node::{Class, Node, Retune, Summary};
 use crate::core::params::Params;
 use crate::core::ports::{Events, Stream, Value};
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
 use crate::texture::code::{CodedMap, Coding};
 use crate::texture::{DiscontinuityMap, FeatureMap, Grid, Surface};
-use crate::{carries, choices, params, ports};
+use crate::{archive_state, choices, params, ports};
 
 choices! {
     /// What of a map is turned into force.
@@ -272,12 +272,12 @@ impl Node for MapExcitation {
         self.voices.take_state(&old.voices);
     }
 
-    carries!(voices);
+    archive_state!(voices);
 
-    fn trial(draw: &mut Draw) -> (MapExcitationParams, MemoryFiles) {
-        let params = MapExcitationParams::trial(draw);
-        let object = params.object.map(|_| draw.below(2) as u32);
-        let contacts = 1 + draw.below(5) as u16;
+    fn trial(rng: &mut Rng) -> (MapExcitationParams, MemoryFiles) {
+        let params = MapExcitationParams::trial(rng);
+        let object = params.object.map(|_| rng.below(2) as u32);
+        let contacts = 1 + rng.below(5) as u16;
         (MapExcitationParams { object, contacts, ..params }, MemoryFiles::default())
     }
 }

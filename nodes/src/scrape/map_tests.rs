@@ -7,7 +7,7 @@ use super::stroke::{Pen, pieces, through};
 use super::testing::{amplitude, db, peak, piece, rms};
 use crate::core::node::Retune;
 use crate::core::params::Params;
-use crate::core::solo::Solo;
+use crate::core::standalone::Standalone;
 use crate::core::time::{Rate, Tick, ticks};
 use crate::texture::{DiscontinuityMap, FeatureMap, Grid, Surface};
 use std::f64::consts::TAU;
@@ -28,14 +28,19 @@ fn grating(cycles: f64, density: f64) -> DiscontinuityMap {
     }
 }
 
-fn solo(p: MapExcitationParams, map: DiscontinuityMap, paths: Vec<(Tick, PathPiece)>, end: f64) -> Solo {
-    let value = crate::core::solo::Feed::value(crate::core::item::AnyValue::new(map));
-    let solo = Solo::new::<MapExcitation>(p).events(MapExcitationPorts::paths, paths, ticks(end));
-    solo.feed(MapExcitationPorts::map.index(), value)
+fn standalone(
+    p: MapExcitationParams,
+    map: DiscontinuityMap,
+    paths: Vec<(Tick, PathPiece)>,
+    end: f64,
+) -> Standalone {
+    let value = crate::core::standalone::Feed::value(crate::core::item::AnyValue::new(map));
+    let standalone = Standalone::new::<MapExcitation>(p).events(MapExcitationPorts::paths, paths, ticks(end));
+    standalone.feed(MapExcitationPorts::map.index(), value)
 }
 
 fn force(p: MapExcitationParams, map: DiscontinuityMap, paths: Vec<(Tick, PathPiece)>, end: f64) -> Vec<f32> {
-    solo(p, map, paths, end).run().unwrap().stream(MapExcitationPorts::force)
+    standalone(p, map, paths, end).run().unwrap().stream(MapExcitationPorts::force)
 }
 
 #[test]
@@ -224,9 +229,10 @@ fn features_push_by_their_slope_along_the_way() {
         let mut slopes = grating(4.0, 512.0);
         slopes.gx.samples.iter_mut().for_each(|x| *x *= 0.5);
         let right = force(params(), slopes, path(), 0.5);
-        let value = crate::core::solo::Feed::value(crate::core::item::AnyValue::new(features.clone()));
-        let solo = Solo::new::<MapExcitation>(params()).events(MapExcitationPorts::paths, path(), ticks(0.5));
-        let found = solo.feed(MapExcitationPorts::features.index(), value).run().unwrap();
+        let value = crate::core::standalone::Feed::value(crate::core::item::AnyValue::new(features.clone()));
+        let standalone =
+            Standalone::new::<MapExcitation>(params()).events(MapExcitationPorts::paths, path(), ticks(0.5));
+        let found = standalone.feed(MapExcitationPorts::features.index(), value).run().unwrap();
         let found = found.stream(MapExcitationPorts::force);
         let off: Vec<f32> = found.iter().zip(&right).map(|(a, b)| a - b).collect();
         assert!(
@@ -243,11 +249,16 @@ fn edges_of_one_bit_sound_alike_at_both_rates_and_hold_grey_where_they_are_passe
     let played = |rate: u32, cycles: f64, speed: f64| {
         let code =
             CodedMap::new(&grating(cycles, 512.0), Coding::Bit, Some(0.3 * (TAU * cycles / 512.0) as f32));
-        let value = crate::core::solo::Feed::value(crate::core::item::AnyValue::new(code));
+        let value = crate::core::standalone::Feed::value(crate::core::item::AnyValue::new(code));
         let p = MapExcitationParams { value: MapValue::Magnitude, rate: Rate::hz(rate), ..params() };
         let path = vec![(0, piece([0.1, 0.0], [speed, 0.0], 0.5))];
-        let solo = Solo::new::<MapExcitation>(p).events(MapExcitationPorts::paths, path, ticks(0.5));
-        solo.feed(MapExcitationPorts::coded.index(), value).run().unwrap().stream(MapExcitationPorts::force)
+        let standalone =
+            Standalone::new::<MapExcitation>(p).events(MapExcitationPorts::paths, path, ticks(0.5));
+        standalone
+            .feed(MapExcitationPorts::coded.index(), value)
+            .run()
+            .unwrap()
+            .stream(MapExcitationPorts::force)
     };
     let (slow, fast) = (played(44_100, 9.0, 0.5), played(88_200, 9.0, 0.5));
     let miss: Vec<f32> = slow.iter().zip(fast.iter().step_by(2)).map(|(a, b)| a - b).collect();
@@ -260,7 +271,7 @@ fn edges_of_one_bit_sound_alike_at_both_rates_and_hold_grey_where_they_are_passe
 
 #[test]
 fn the_report_has_the_peak_and_the_root_mean_square_of_the_force() {
-    let run = solo(params(), grating(8.0, 512.0), vec![(0, piece([0.1, 0.0], [0.5, 0.0], 0.4))], 0.4)
+    let run = standalone(params(), grating(8.0, 512.0), vec![(0, piece([0.1, 0.0], [0.5, 0.0], 0.4))], 0.4)
         .run()
         .unwrap();
     let out = run.stream(MapExcitationPorts::force);
@@ -294,12 +305,13 @@ fn the_force_is_the_same_at_twice_the_rate() {
             grid: Grid::from_fn(256, 256, |x, y| if (x / 9 + y / 7) % 5 == 0 { 1.0 } else { 0.0 }),
             surface: Surface::default(),
         };
-        let value = crate::core::solo::Feed::value(crate::core::item::AnyValue::new(map));
+        let value = crate::core::standalone::Feed::value(crate::core::item::AnyValue::new(map));
         let p = MapExcitationParams { rate: Rate::hz(rate), ..params() };
         let path = vec![(0, piece([0.1, 0.2], [0.6, 0.13], 1.0))];
-        let solo = Solo::new::<MapExcitation>(p).events(MapExcitationPorts::paths, path, ticks(1.0));
-        let solo = solo.feed(MapExcitationPorts::features.index(), value);
-        solo.run().unwrap().stream(MapExcitationPorts::force)
+        let standalone =
+            Standalone::new::<MapExcitation>(p).events(MapExcitationPorts::paths, path, ticks(1.0));
+        let standalone = standalone.feed(MapExcitationPorts::features.index(), value);
+        standalone.run().unwrap().stream(MapExcitationPorts::force)
     };
     let (slow, fast) = (features(44_100), features(88_200));
     let every: Vec<f32> = fast.iter().step_by(2).copied().collect();
@@ -324,8 +336,9 @@ fn windows_change_no_bit() {
     for value in [MapValue::Directional, MapValue::Magnitude] {
         let p = MapExcitationParams { value, b: 0.7, ..params() };
         let run = |n: usize| {
-            let solo = solo(p.clone(), map.clone(), zigzag(), 0.6).window(Rate::hz(44_100).span(n));
-            solo.run().unwrap().stream(MapExcitationPorts::force)
+            let standalone =
+                standalone(p.clone(), map.clone(), zigzag(), 0.6).window(Rate::hz(44_100).span(n));
+            standalone.run().unwrap().stream(MapExcitationPorts::force)
         };
         let whole = run(30_000);
         assert!(rms(&whole) > 1e-3);
@@ -345,8 +358,9 @@ fn edits_while_it_sounds_do_not_click() {
         MapExcitationParams { scale: 1.02, ..params() },
     ];
     for edit in edits {
-        let solo = solo(params(), grating(8.0, 512.0), path.clone(), 1.0).window(Rate::hz(44_100).span(256));
-        let mut run = solo.start().unwrap();
+        let standalone =
+            standalone(params(), grating(8.0, 512.0), path.clone(), 1.0).window(Rate::hz(44_100).span(256));
+        let mut run = standalone.start().unwrap();
         let mut count = 0;
         while run.step().unwrap() {
             count += 1;
@@ -360,20 +374,21 @@ fn edits_while_it_sounds_do_not_click() {
         let after = step(&out[18_000..]).max(before);
         assert!(during < 4.0 * after, "{edit:?}: {during} against {before} and {after}");
     }
-    let solo = solo(params(), grating(8.0, 512.0), path, 1.0);
-    let mut run = solo.start().unwrap();
+    let standalone = standalone(params(), grating(8.0, 512.0), path, 1.0);
+    let mut run = standalone.start().unwrap();
     let other = MapExcitationParams { interp: Interp::Linear, ..params() };
     assert_eq!(run.node().retune(&other), Retune::Rebuild);
 }
 
 #[test]
 fn one_map_and_no_more_has_to_be_linked() {
-    let solo = Solo::new::<MapExcitation>(params()).events::<PathPiece>(MapExcitationPorts::paths, vec![], 1);
-    let error = solo.run().map(|_| ()).unwrap_err();
+    let standalone =
+        Standalone::new::<MapExcitation>(params()).events::<PathPiece>(MapExcitationPorts::paths, vec![], 1);
+    let error = standalone.run().map(|_| ()).unwrap_err();
     assert!(error.code == "F128" && error.to_string().contains("neither"), "{error}");
     let mut broken = grating(8.0, 512.0);
     broken.gy.samples.pop();
-    let error = self::solo(params(), broken, vec![], 0.1).run().map(|_| ()).unwrap_err();
+    let error = self::standalone(params(), broken, vec![], 0.1).run().map(|_| ()).unwrap_err();
     assert!(error.code == "F128" && error.to_string().contains("2047 numbers for 512 x 4"), "{error}");
 }
 
@@ -382,9 +397,14 @@ fn the_code_of_a_map_is_played_as_the_map_itself() {
     use crate::texture::code::{CodedMap, Coding};
     let path = || vec![(0, piece([0.1, 0.0], [0.5, 0.0], 0.4))];
     let played = |p: MapExcitationParams, code: CodedMap| {
-        let value = crate::core::solo::Feed::value(crate::core::item::AnyValue::new(code));
-        let solo = Solo::new::<MapExcitation>(p).events(MapExcitationPorts::paths, path(), ticks(0.4));
-        solo.feed(MapExcitationPorts::coded.index(), value).run().unwrap().stream(MapExcitationPorts::force)
+        let value = crate::core::standalone::Feed::value(crate::core::item::AnyValue::new(code));
+        let standalone =
+            Standalone::new::<MapExcitation>(p).events(MapExcitationPorts::paths, path(), ticks(0.4));
+        standalone
+            .feed(MapExcitationPorts::coded.index(), value)
+            .run()
+            .unwrap()
+            .stream(MapExcitationPorts::force)
     };
     let miss = |a: &[f32], b: &[f32]| {
         let off: Vec<f32> = a.iter().zip(b).map(|(a, b)| a - b).collect();
@@ -409,9 +429,9 @@ fn the_code_of_a_map_is_played_as_the_map_itself() {
 #[test]
 fn a_code_beside_a_map_is_refused() {
     use crate::core::item::Data;
-    let code = crate::texture::code::CodedMap::trial(&mut crate::core::random::Draw::new(1));
-    let value = crate::core::solo::Feed::value(crate::core::item::AnyValue::new(code));
-    let solo = solo(params(), grating(8.0, 512.0), vec![], 0.1);
-    let error = solo.feed(MapExcitationPorts::coded.index(), value).run().map(|_| ()).unwrap_err();
+    let code = crate::texture::code::CodedMap::trial(&mut crate::core::random::Rng::new(1));
+    let value = crate::core::standalone::Feed::value(crate::core::item::AnyValue::new(code));
+    let standalone = standalone(params(), grating(8.0, 512.0), vec![], 0.1);
+    let error = standalone.feed(MapExcitationPorts::coded.index(), value).run().map(|_| ()).unwrap_err();
     assert!(error.code == "F128" && error.to_string().contains("`map` and `coded` are linked"), "{error}");
 }

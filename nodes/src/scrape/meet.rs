@@ -13,7 +13,7 @@ use super::pulses::{LONGEST, Pulses};
 use super::slew::Slew;
 use super::voices::{CELL, Stretch};
 use super::{PULSE, item::place};
-use crate::carried;
+use crate::impl_state;
 use crate::texture::Isophotes;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -87,7 +87,7 @@ pub struct MeetForce {
     /// How far the contact has come over both at each sample, m from the middle of the cell.
     come: [[f64; CELL + 1]; 2],
 }
-carried!(MeetForce { meetings, left_out, pulses });
+impl_state!(MeetForce { meetings, left_out, pulses });
 
 impl MeetForce {
     /// Lines met by at most `contacts` contacts at once at a sample rate.

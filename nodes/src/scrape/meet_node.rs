@@ -13,11 +13,11 @@ use crate::core::item::Channels;
 use crate::core::node::{Class, Node, Retune, Summary};
 use crate::core::params::Params;
 use crate::core::ports::{Events, Stream, Value};
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::{Rate, ticks};
 use crate::texture::Isophotes;
-use crate::{carries, params, ports};
+use crate::{archive_state, params, ports};
 
 params! {
     /// Turns the ways of contacts between two surfaces into pulses where a feature of one meets a feature of the other.
@@ -159,14 +159,14 @@ impl Node for FeatureCrossings {
         self.force.take_state(&old.force);
     }
 
-    carries!(force, voices);
+    archive_state!(force, voices);
 
-    fn trial(draw: &mut Draw) -> (FeatureCrossingsParams, MemoryFiles) {
-        let params = FeatureCrossingsParams::trial(draw);
-        let object = params.object.map(|_| draw.below(2) as u32);
-        let contacts = 1 + draw.below(5) as u16;
-        let (width, scale) = (draw.between(0.1, 5.0), draw.between(0.2, 5.0));
-        let reach = draw.between(0.0001, 0.01);
+    fn trial(rng: &mut Rng) -> (FeatureCrossingsParams, MemoryFiles) {
+        let params = FeatureCrossingsParams::trial(rng);
+        let object = params.object.map(|_| rng.below(2) as u32);
+        let contacts = 1 + rng.below(5) as u16;
+        let (width, scale) = (rng.between(0.1, 5.0), rng.between(0.2, 5.0));
+        let reach = rng.between(0.0001, 0.01);
         (FeatureCrossingsParams { object, contacts, width, scale, reach, ..params }, MemoryFiles::default())
     }
 }

@@ -1,5 +1,5 @@
 use super::*;
-use crate::core::solo::Solo;
+use crate::core::standalone::Standalone;
 use crate::core::time::Tick;
 use crate::scrape::testing::{piece, rates_apart, rms};
 use crate::scrape::{PULSE, Pulses};
@@ -24,15 +24,15 @@ fn lines(places: &[f32], slope: f32) -> Isophotes {
     isophotes(&luma, &Drawing { levels, pre_blur: 0.0, simplify: 0.0, ..Drawing::default() }).unwrap()
 }
 
-fn solo(p: FeatureCrossingsParams, paths: Vec<(Tick, PathPiece)>, slopes: [f32; 2]) -> Solo {
-    Solo::new::<FeatureCrossings>(p)
+fn standalone(p: FeatureCrossingsParams, paths: Vec<(Tick, PathPiece)>, slopes: [f32; 2]) -> Standalone {
+    Standalone::new::<FeatureCrossings>(p)
         .events(FeatureCrossingsPorts::paths, paths, ticks(0.5))
         .value(FeatureCrossingsPorts::first, lines(LINES[0], slopes[0]))
         .value(FeatureCrossingsPorts::second, lines(LINES[1], slopes[1]))
 }
 
-fn count(solo: &Solo) -> (u64, Vec<f32>) {
-    let run = solo.run().unwrap();
+fn count(standalone: &Standalone) -> (u64, Vec<f32>) {
+    let run = standalone.run().unwrap();
     let told = run.summary.iter().find(|(key, _)| *key == "meetings").unwrap();
     (told.1.as_u64().unwrap(), run.stream(FeatureCrossingsPorts::force))
 }
@@ -51,7 +51,7 @@ fn lines_meet_when_both_ways_add_up_to_their_places_and_within_reach() {
     {
         let p = FeatureCrossingsParams { reach, kappa: 3.0, ..params() };
         let path = passing(first, second);
-        let (meetings, out) = count(&solo(p, vec![(0, path)], [2.0, 0.5]));
+        let (meetings, out) = count(&standalone(p, vec![(0, path)], [2.0, 0.5]));
         // The definition, pair by pair.
         let mut right = Pulses::new(1000, RATE);
         let mut expected = 0;
@@ -90,14 +90,14 @@ fn even_lines_meet_as_often_as_their_densities_say() {
         other: Some(piece([0.1, 0.0], [0.35, 0.0], time).place),
         ..piece([0.0, 0.003], [0.5, 0.0], time)
     };
-    let solo = Solo::new::<FeatureCrossings>(FeatureCrossingsParams { reach, ..params() })
+    let standalone = Standalone::new::<FeatureCrossings>(FeatureCrossingsParams { reach, ..params() })
         .events(FeatureCrossingsPorts::paths, vec![(0, path)], ticks(0.5))
         .value(FeatureCrossingsPorts::first, even(20))
         .value(FeatureCrossingsPorts::second, even(15));
     // Each step has a rising line and a falling one.
     let dense = |step: f64| 2.0 * DENSITY / step;
     let right = dense(20.0) * dense(15.0) * 2.0 * reach * 0.85 * time;
-    let (found, _) = count(&solo);
+    let (found, _) = count(&standalone);
     assert!((found as f64 / right - 1.0).abs() < 0.08, "{found} {right}");
 }
 
@@ -108,36 +108,39 @@ fn windows_change_no_bit_and_surfaces_count_alike() {
     let two = PathPiece { contact: 9, ..passing(0.3, 0.2) };
     let paths = vec![(ticks(0.0111), bent), (ticks(0.05), two)];
     let p = FeatureCrossingsParams { reach: 0.02, ..params() };
-    let (meetings, whole) = count(&solo(p.clone(), paths.clone(), [1.0; 2]).window(ticks(1.0)));
+    let (meetings, whole) = count(&standalone(p.clone(), paths.clone(), [1.0; 2]).window(ticks(1.0)));
     assert!(meetings > 10 && rms(&whole) > 0.0);
     for n in [1, 32, 100, 1024, 4096] {
-        assert!(count(&solo(p.clone(), paths.clone(), [1.0; 2]).window(p.rate.span(n))).1 == whole, "{n}");
+        assert!(
+            count(&standalone(p.clone(), paths.clone(), [1.0; 2]).window(p.rate.span(n))).1 == whole,
+            "{n}"
+        );
     }
     let turned = |one: PathPiece| PathPiece { place: one.other.unwrap(), other: Some(one.place), ..one };
-    let back = Solo::new::<FeatureCrossings>(p)
+    let back = Standalone::new::<FeatureCrossings>(p)
         .events(FeatureCrossingsPorts::paths, vec![(ticks(0.05), turned(two))], ticks(0.5))
         .value(FeatureCrossingsPorts::first, lines(LINES[1], 1.0))
         .value(FeatureCrossingsPorts::second, lines(LINES[0], 1.0));
     let p = FeatureCrossingsParams { reach: 0.02, ..params() };
-    assert_eq!(count(&back), count(&solo(p, vec![(ticks(0.05), two)], [1.0; 2])));
+    assert_eq!(count(&back), count(&standalone(p, vec![(ticks(0.05), two)], [1.0; 2])));
 }
 
 #[test]
 fn rest_and_no_force_are_silent_and_knobs_make_no_steps() {
     let rest = passing(0.0, 0.0);
-    assert!(count(&solo(params(), vec![(0, rest)], [1.0; 2])).1.iter().all(|x| *x == 0.0));
+    assert!(count(&standalone(params(), vec![(0, rest)], [1.0; 2])).1.iter().all(|x| *x == 0.0));
     let lifted = PathPiece { force: [0.0; 2], ..passing(0.5, 0.3) };
-    assert!(count(&solo(params(), vec![(0, lifted)], [1.0; 2])).1.iter().all(|x| *x == 0.0));
+    assert!(count(&standalone(params(), vec![(0, lifted)], [1.0; 2])).1.iter().all(|x| *x == 0.0));
     let p = FeatureCrossingsParams { reach: 0.03, ..params() };
-    let plain = count(&solo(p.clone(), vec![(0, passing(0.5, 0.3))], [1.0; 2])).1;
+    let plain = count(&standalone(p.clone(), vec![(0, passing(0.5, 0.3))], [1.0; 2])).1;
     let step = |x: &[f32]| x.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f32::max);
     for edit in [
         FeatureCrossingsParams { kappa: 0.0, ..p.clone() },
         FeatureCrossingsParams { scale: 1.3, ..p.clone() },
         FeatureCrossingsParams { b: 0.5, ..p.clone() },
     ] {
-        let solo = solo(p.clone(), vec![(0, passing(0.5, 0.3))], [1.0; 2]).window(ticks(0.005));
-        let mut run = solo.start().unwrap();
+        let standalone = standalone(p.clone(), vec![(0, passing(0.5, 0.3))], [1.0; 2]).window(ticks(0.005));
+        let mut run = standalone.start().unwrap();
         for k in 0.. {
             if k == 20 {
                 assert_eq!(run.node().retune(&edit), Retune::Done);
@@ -170,11 +173,11 @@ fn the_sample_rate_changes_nothing_that_is_heard() {
     };
     let at = |rate: u32| {
         let p = FeatureCrossingsParams { rate: Rate::hz(rate), width: 0.2, reach: 0.01, ..params() };
-        let solo = Solo::new::<FeatureCrossings>(p)
+        let standalone = Standalone::new::<FeatureCrossings>(p)
             .events(FeatureCrossingsPorts::paths, vec![(0, path)], ticks(1.0))
             .value(FeatureCrossingsPorts::first, uneven([13, 21, 34, 18]))
             .value(FeatureCrossingsPorts::second, uneven([17, 29, 11, 40]));
-        count(&solo)
+        count(&standalone)
     };
     let ((met, low), (too, high)) = (at(44_100), at(88_200));
     let miss = rates_apart(&low, &high);
@@ -184,7 +187,7 @@ fn the_sample_rate_changes_nothing_that_is_heard() {
 #[test]
 fn with_a_linked_strength_all_that_is_twice_as_large_and_passed_twice_as_fast_is_twice_as_loud() {
     use crate::core::item::AnyValue;
-    use crate::core::solo::Feed;
+    use crate::core::standalone::Feed;
     use crate::scrape::SpeedCurve;
     let play = |scale: f64, speed: f64, kappa: Strength| {
         let p = FeatureCrossingsParams { scale, reach: 0.02, ..params() };
@@ -192,8 +195,9 @@ fn with_a_linked_strength_all_that_is_twice_as_large_and_passed_twice_as_fast_is
         let big = |c: [[f64; 2]; 4]| [c[0].map(|x| x * scale), c[1], c[2], c[3]];
         let way = PathPiece { place: big(way.place), other: way.other.map(big), ..way };
         let kappa = Feed::value(AnyValue::new(kappa));
-        let solo = solo(p, vec![(0, way)], [1.0; 2]).feed(FeatureCrossingsPorts::kappa.index(), kappa);
-        count(&solo)
+        let standalone =
+            standalone(p, vec![(0, way)], [1.0; 2]).feed(FeatureCrossingsPorts::kappa.index(), kappa);
+        count(&standalone)
     };
     let curve = Some(SpeedCurve::new(0.8, std::array::from_fn(|k| 1.0 + 0.2 * k as f64)).of_relief());
     let strength = Strength { kappa: 2.0, curve };

@@ -11,11 +11,11 @@ use crate::core::item::Channels;
 use crate::core::node::{Class, Node, Retune, Summary};
 use crate::core::params::Params;
 use crate::core::ports::{Events, Stream, Value};
-use crate::core::random::{Draw, Random};
+use crate::core::random::{Random, Rng};
 use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
 use crate::texture::NoiseProfile;
-use crate::{carries, choices, params, ports};
+use crate::{archive_state, choices, params, ports};
 
 /// Longest loop that is taken: 17 times its memory is needed.
 const LONGEST: usize = 1 << 21;
@@ -187,12 +187,12 @@ impl Node for NoiseExcitation {
         }
     }
 
-    carries!(voices);
+    archive_state!(voices);
 
-    fn trial(draw: &mut Draw) -> (NoiseExcitationParams, MemoryFiles) {
-        let params = NoiseExcitationParams::trial(draw);
-        let object = params.object.map(|_| draw.below(2) as u32);
-        let contacts = 1 + draw.below(5) as u16;
+    fn trial(rng: &mut Rng) -> (NoiseExcitationParams, MemoryFiles) {
+        let params = NoiseExcitationParams::trial(rng);
+        let object = params.object.map(|_| rng.below(2) as u32);
+        let contacts = 1 + rng.below(5) as u16;
         (NoiseExcitationParams { object, contacts, ..params }, MemoryFiles::default())
     }
 }
@@ -200,7 +200,7 @@ impl Node for NoiseExcitation {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::core::solo::Solo;
+    use crate::core::standalone::Standalone;
     use crate::core::time::{Tick, ticks};
     use crate::scrape::testing::{piece, rates_apart, rms};
 
@@ -209,20 +209,21 @@ mod tests {
     }
 
     fn white(n: usize) -> NoiseProfile {
-        let mut draw = Draw::new(4);
+        let mut rng = Rng::new(4);
         NoiseProfile {
-            samples: (0..n).map(|_| draw.between(-1.0, 1.0) as f32).collect(),
+            samples: (0..n).map(|_| rng.between(-1.0, 1.0) as f32).collect(),
             spacing: 1.0 / 4096.0,
         }
     }
 
-    fn solo(p: NoiseExcitationParams, paths: Vec<(Tick, PathPiece)>, end: f64) -> Solo {
-        let solo = Solo::new::<NoiseExcitation>(p).events(NoiseExcitationPorts::paths, paths, ticks(end));
-        solo.value(NoiseExcitationPorts::noise, white(8192))
+    fn standalone(p: NoiseExcitationParams, paths: Vec<(Tick, PathPiece)>, end: f64) -> Standalone {
+        let standalone =
+            Standalone::new::<NoiseExcitation>(p).events(NoiseExcitationPorts::paths, paths, ticks(end));
+        standalone.value(NoiseExcitationPorts::noise, white(8192))
     }
 
     fn force(paths: Vec<(Tick, PathPiece)>, end: f64) -> Vec<f32> {
-        solo(params(), paths, end).run().unwrap().stream(NoiseExcitationPorts::force)
+        standalone(params(), paths, end).run().unwrap().stream(NoiseExcitationPorts::force)
     }
 
     /// Mean frequency by power.
@@ -264,7 +265,7 @@ mod tests {
         let (one, two) = (force(path(1), 0.1), force(path(2), 0.1));
         assert_ne!(one, two);
         assert_eq!(one, force(path(1), 0.1));
-        let mut other = solo(params(), path(1), 0.1);
+        let mut other = standalone(params(), path(1), 0.1);
         other.seed += 1;
         assert_ne!(one, other.run().unwrap().stream(NoiseExcitationPorts::force));
     }
@@ -280,7 +281,7 @@ mod tests {
         ];
         let run = |n: usize| {
             let window = Rate::hz(44_100).span(n);
-            solo(params(), paths.clone(), 0.3)
+            standalone(params(), paths.clone(), 0.3)
                 .window(window)
                 .run()
                 .unwrap()
@@ -303,8 +304,8 @@ mod tests {
             NoiseExcitationParams { scale: 9.0, ..params() },
         ];
         for edit in edits {
-            let solo = solo(params(), path.clone(), 1.0).window(Rate::hz(44_100).span(256));
-            let mut run = solo.start().unwrap();
+            let standalone = standalone(params(), path.clone(), 1.0).window(Rate::hz(44_100).span(256));
+            let mut run = standalone.start().unwrap();
             let mut count = 0;
             while run.step().unwrap() {
                 count += 1;
@@ -327,7 +328,7 @@ mod tests {
             let at = |rate: u32| {
                 let p = NoiseExcitationParams { rate: Rate::hz(rate), ..params() };
                 let path = vec![(0, piece([0.0; 2], [speed, 0.0], 1.0))];
-                solo(p, path, 1.0).run().unwrap().stream(NoiseExcitationPorts::force)
+                standalone(p, path, 1.0).run().unwrap().stream(NoiseExcitationPorts::force)
             };
             let (low, high) = (at(44_100), at(88_200));
             let heard = rates_apart(&low, &high);
@@ -338,7 +339,8 @@ mod tests {
     #[test]
     fn rest_and_no_force_are_silent() {
         let p = NoiseExcitationParams { a: 0.0, b: 0.0, ..params() };
-        let play = |paths| solo(p.clone(), paths, 0.4).run().unwrap().stream(NoiseExcitationPorts::force);
+        let play =
+            |paths| standalone(p.clone(), paths, 0.4).run().unwrap().stream(NoiseExcitationPorts::force);
         let go = piece([0.0; 2], [0.5, 0.0], 0.2);
         let rest = piece([0.1, 0.0], [0.0; 2], 0.2);
         let out = play(vec![(0, go), (ticks(0.2), rest)]);
@@ -351,12 +353,12 @@ mod tests {
     #[test]
     fn a_loop_without_samples_is_an_error() {
         let empty = NoiseProfile { samples: Vec::new(), spacing: 1.0 };
-        let solo = Solo::new::<NoiseExcitation>(params()).events::<PathPiece>(
+        let standalone = Standalone::new::<NoiseExcitation>(params()).events::<PathPiece>(
             NoiseExcitationPorts::paths,
             vec![],
             1,
         );
-        let error = solo.value(NoiseExcitationPorts::noise, empty).run().map(|_| ()).unwrap_err();
+        let error = standalone.value(NoiseExcitationPorts::noise, empty).run().map(|_| ()).unwrap_err();
         assert!(error.code == "F128" && error.to_string().contains("0 samples"), "{error}");
     }
 }

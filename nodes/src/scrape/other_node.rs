@@ -5,7 +5,7 @@ use crate::core::fault::{Fault, Reject};
 use crate::core::node::{Class, Node, Retune, Summary};
 use crate::core::ports::Events;
 use crate::core::shape::{Build, Shape};
-use crate::{carries, params, ports};
+use crate::{archive_state, params, ports};
 
 params! {
     /// Gives the ways of contacts as they go over the other of the two surfaces that touch.
@@ -74,15 +74,15 @@ impl Node for OtherSurface {
         self.left_out = old.left_out;
     }
 
-    carries!(left_out);
+    archive_state!(left_out);
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::core::params::Params;
-    use crate::core::random::Draw;
-    use crate::core::solo::{Feed, Solo};
+    use crate::core::random::Rng;
+    use crate::core::standalone::{Feed, Standalone};
     use crate::core::time::{Rate, ticks};
     use crate::scrape::noise_node::{NoiseExcitation, NoiseExcitationParams, NoiseExcitationPorts};
     use crate::scrape::testing::{piece, rms};
@@ -95,8 +95,8 @@ mod tests {
             ..piece([0.0; 2], [1.0, 0.5], 0.1)
         };
         let paths = vec![(5, both), (9, piece([0.0; 2], [1.0, 0.0], 0.1)), (12, exchanged(&both).unwrap())];
-        let solo = Solo::new::<OtherSurface>(OtherSurfaceParams {});
-        let run = solo.events(OtherSurfacePorts::paths, paths, ticks(0.2)).run().unwrap();
+        let standalone = Standalone::new::<OtherSurface>(OtherSurfaceParams {});
+        let run = standalone.events(OtherSurfacePorts::paths, paths, ticks(0.2)).run().unwrap();
         assert_eq!(run.summary, vec![("left_out", 1.into())]);
         let back = exchanged(&both).unwrap();
         assert_eq!((back.place, back.other), (both.other.unwrap(), Some(both.place)));
@@ -110,9 +110,9 @@ mod tests {
             other: Some(piece([0.0; 2], [0.0, 0.2], 2.0).place),
             ..piece([0.0; 2], [0.5, 0.0], 2.0)
         };
-        let mut draw = Draw::new(8);
+        let mut rng = Rng::new(8);
         let mut profile = || NoiseProfile {
-            samples: (0..8192).map(|_| draw.between(-1.0, 1.0) as f32).collect(),
+            samples: (0..8192).map(|_| rng.between(-1.0, 1.0) as f32).collect(),
             spacing: 1.0 / 8192.0,
         };
         let mut force = |path: PathPiece, seed: u64| {
@@ -120,11 +120,11 @@ mod tests {
                 rate: Rate::hz(44_100),
                 ..NoiseExcitationParams::read(&|_| None).unwrap()
             };
-            let mut solo = Solo::new::<NoiseExcitation>(p)
+            let mut standalone = Standalone::new::<NoiseExcitation>(p)
                 .feed(0, Feed::events(vec![(0, path)], ticks(2.0)))
                 .value(NoiseExcitationPorts::noise, profile());
-            solo.seed = seed;
-            solo.run().unwrap().stream(NoiseExcitationPorts::force)
+            standalone.seed = seed;
+            standalone.run().unwrap().stream(NoiseExcitationPorts::force)
         };
         let (a, b) = (force(path, 1), force(exchanged(&path).unwrap(), 2));
         let sum: Vec<f32> = a.iter().zip(&b).map(|(a, b)| a + b).collect();

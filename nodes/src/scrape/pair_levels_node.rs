@@ -18,7 +18,7 @@ use crate::core::files::MemoryFiles;
 use crate::core::node::{Func, Summary};
 use crate::core::params::Params;
 use crate::core::ports::Value;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::Build;
 use crate::modal::Modes;
 use crate::texture::sobel::gradient;
@@ -310,12 +310,12 @@ impl Func for PairMatcher {
         Ok(told)
     }
 
-    fn trial(draw: &mut Draw) -> (PairMatcherParams, MemoryFiles) {
+    fn trial(rng: &mut Rng) -> (PairMatcherParams, MemoryFiles) {
         // Fast strokes, which are short, and mostly one.
-        let (speed, by_speed) = (draw.between(50.0, 100.0), draw.below(32) == 0);
+        let (speed, by_speed) = (rng.between(50.0, 100.0), rng.below(32) == 0);
         // A short line of contact, on which few lines of the surfaces meet.
-        let (taps, reach) = (3 + 2 * draw.below(8) as u16, draw.between(0.00001, 0.001));
-        let p = PairMatcherParams { speed, by_speed, taps, reach, ..PairMatcherParams::trial(draw) };
+        let (taps, reach) = (3 + 2 * rng.below(8) as u16, rng.between(0.00001, 0.001));
+        let p = PairMatcherParams { speed, by_speed, taps, reach, ..PairMatcherParams::trial(rng) };
         (p, MemoryFiles::default())
     }
 }

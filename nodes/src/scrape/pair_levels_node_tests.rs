@@ -2,7 +2,7 @@ use super::*;
 use crate::core::item::AnyValue;
 use crate::core::node::Node;
 use crate::core::ports::{Port, Stream};
-use crate::core::solo::{Feed, Solo, SoloRun};
+use crate::core::standalone::{Feed, Standalone, StandaloneRun};
 use crate::core::time::{Rate, Tick, ticks};
 use crate::scrape::PathPiece;
 use crate::scrape::meet_node::{FeatureCrossings, FeatureCrossingsParams, FeatureCrossingsPorts};
@@ -29,11 +29,11 @@ struct Side {
 
 /// Waves of some pixels in both directions under grain.
 fn side(seed: u64, density: f64, depth: f64, waves: [f64; 2]) -> Side {
-    let mut draw = Draw::new(seed);
+    let mut rng = Rng::new(seed);
     let tau = std::f64::consts::TAU;
     let grid = Grid::from_fn(192, 192, |x, y| {
         let wave = (tau * x as f64 / waves[0]).sin() + (tau * y as f64 / waves[1]).sin();
-        (50.0 + 14.0 * wave + draw.between(-3.0, 3.0)) as f32
+        (50.0 + 14.0 * wave + rng.between(-3.0, 3.0)) as f32
     });
     let surface = Surface { density: [density; 2], depth, ..Surface::default() };
     let smooth = bilateral(&grid, BilateralParams { sigma_d: 3.0, sigma_r: 4.25 }, Wrap::Repeat);
@@ -57,9 +57,9 @@ fn params() -> PairMatcherParams {
     PairMatcherParams { speed: 0.6, other: OTHER, force: 3.0, reach: 0.004, ..p }
 }
 
-fn matched(p: PairMatcherParams, [a, b]: &[Side; 2], modes: &Modes) -> SoloRun {
+fn matched(p: PairMatcherParams, [a, b]: &[Side; 2], modes: &Modes) -> StandaloneRun {
     type P = PairMatcherPorts;
-    Solo::func::<PairMatcher>(p)
+    Standalone::func::<PairMatcher>(p)
         .feed(P::a.index(), value(&a.luma))
         .feed(P::b.index(), value(&b.luma))
         .feed(P::lines_a.index(), value(&a.lines))
@@ -74,18 +74,18 @@ fn matched(p: PairMatcherParams, [a, b]: &[Side; 2], modes: &Modes) -> SoloRun {
         .unwrap()
 }
 
-fn strength_of(run: &SoloRun, port: usize) -> Strength {
+fn strength_of(run: &StandaloneRun, port: usize) -> Strength {
     *run.value(port).unwrap().get::<Strength>().unwrap()
 }
 
 /// A way that has nothing to do with the standard stroke, at about a speed.
 fn way(speed: f64) -> Vec<(Tick, PathPiece)> {
-    let mut draw = Draw::new(5);
+    let mut rng = Rng::new(5);
     let (mut place, mut angle, mut time) = ([0.3, 0.2], 0.4, 0.0);
     let points: Vec<[f64; 4]> = (0..150)
         .map(|_| {
             let point = [time, place[0], place[1], 3.0];
-            angle += draw.between(-0.5, 0.5);
+            angle += rng.between(-0.5, 0.5);
             place = [place[0] + 0.01 * f64::cos(angle), place[1] + 0.01 * f64::sin(angle)];
             time += 0.01 / speed;
             point
@@ -96,13 +96,14 @@ fn way(speed: f64) -> Vec<(Tick, PathPiece)> {
 
 fn drawn<N: Node>(params: N::Params, way: &[(Tick, PathPiece)], feeds: Vec<(usize, Feed)>) -> Vec<f32> {
     let end = way.last().map_or(0, |(tick, piece)| tick + piece.duration);
-    let solo = Solo::new::<N>(params).feed(0, Feed::events(way.to_vec(), end)).window(ticks(1.0));
-    let solo = feeds.into_iter().fold(solo, |solo, (port, feed)| solo.feed(port, feed));
-    solo.run().unwrap().stream(Port::<Stream<f32>>::new(0))
+    let standalone = Standalone::new::<N>(params).feed(0, Feed::events(way.to_vec(), end)).window(ticks(1.0));
+    let standalone =
+        feeds.into_iter().fold(standalone, |standalone, (port, feed)| standalone.feed(port, feed));
+    standalone.run().unwrap().stream(Port::<Stream<f32>>::new(0))
 }
 
 /// What each level of detail draws from a way: reliefs, crossings and noises, noises alone.
-fn levels([a, b]: &[Side; 2], run: &SoloRun, way: &[(Tick, PathPiece)], scale: f64) -> [Vec<f32>; 3] {
+fn levels([a, b]: &[Side; 2], run: &StandaloneRun, way: &[(Tick, PathPiece)], scale: f64) -> [Vec<f32>; 3] {
     let rate = Rate::hz(44_100);
     let p = TwoTexturesParams { rate, scale, ..TwoTexturesParams::read(&|_| None).unwrap() };
     let full = drawn::<TwoTextures>(
@@ -162,8 +163,9 @@ fn noises_share_their_power_as_their_slopes_do() {
     let mut sides = sides();
     let modes = modes();
     let p = PairMatcherParams { by_speed: false, ..params() };
-    let told =
-        |run: &SoloRun| run.summary.iter().find(|(k, _)| *k == "second_noise_share").unwrap().1.as_f64();
+    let told = |run: &StandaloneRun| {
+        run.summary.iter().find(|(k, _)| *k == "second_noise_share").unwrap().1.as_f64()
+    };
     let before = told(&matched(p.clone(), &sides, &modes)).unwrap();
     // Heights twice as large have four times the power.
     sides[1].luma.surface.depth *= 2.0;
@@ -175,7 +177,7 @@ fn noises_share_their_power_as_their_slopes_do() {
 #[test]
 fn what_has_no_link_is_silent() {
     let [a, b] = sides();
-    let run = Solo::func::<PairMatcher>(PairMatcherParams { by_speed: false, kappa: 3.0, ..params() })
+    let run = Standalone::func::<PairMatcher>(PairMatcherParams { by_speed: false, kappa: 3.0, ..params() })
         .feed(PairMatcherPorts::a.index(), value(&a.luma))
         .feed(PairMatcherPorts::b.index(), value(&b.luma))
         .feed(PairMatcherPorts::noise_b.index(), value(&b.noise))

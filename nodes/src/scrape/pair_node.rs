@@ -16,11 +16,11 @@ use crate::core::item::Channels;
 use crate::core::node::{Class, Node, Retune, Summary};
 use crate::core::params::Params;
 use crate::core::ports::{Events, Stream, Value};
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
 use crate::texture::Luma;
-use crate::{carries, params, ports};
+use crate::{archive_state, params, ports};
 
 params! {
     /// Turns the ways of contacts between two surfaces, both with a relief, into the force between them.
@@ -200,13 +200,13 @@ impl Node for TwoTextures {
         self.voices.take_state(&old.voices);
     }
 
-    carries!(voices);
+    archive_state!(voices);
 
-    fn trial(draw: &mut Draw) -> (TwoTexturesParams, MemoryFiles) {
-        let params = TwoTexturesParams::trial(draw);
-        let object = params.object.map(|_| draw.below(2) as u32);
-        let contacts = 1 + draw.below(5) as u16;
-        let scale = draw.between(0.2, 5.0);
+    fn trial(rng: &mut Rng) -> (TwoTexturesParams, MemoryFiles) {
+        let params = TwoTexturesParams::trial(rng);
+        let object = params.object.map(|_| rng.below(2) as u32);
+        let contacts = 1 + rng.below(5) as u16;
+        let scale = rng.between(0.2, 5.0);
         (TwoTexturesParams { object, contacts, scale, ..params }, MemoryFiles::default())
     }
 }

@@ -1,6 +1,6 @@
 use super::*;
 use crate::core::item::AnyValue;
-use crate::core::solo::{Feed, Solo};
+use crate::core::standalone::{Feed, Standalone};
 use crate::core::time::{Tick, ticks};
 use crate::scrape::testing::{db, piece, rates_apart, rms};
 use crate::texture::{Grid, LumaKind, Surface};
@@ -20,21 +20,27 @@ fn luma(density: f64, depth: f64, width: usize, at: impl Fn(usize) -> f32) -> Lu
     }
 }
 
-fn solo(a: Luma, b: Option<Luma>, paths: Vec<(Tick, PathPiece)>, end: f64) -> Solo {
+fn standalone(a: Luma, b: Option<Luma>, paths: Vec<(Tick, PathPiece)>, end: f64) -> Standalone {
     solo_of(params(), a, b, paths, end)
 }
 
-fn solo_of(p: TwoTexturesParams, a: Luma, b: Option<Luma>, paths: Vec<(Tick, PathPiece)>, end: f64) -> Solo {
-    let solo = Solo::new::<TwoTextures>(p).events(TwoTexturesPorts::paths, paths, ticks(end));
-    let solo = solo.value(TwoTexturesPorts::a, a);
+fn solo_of(
+    p: TwoTexturesParams,
+    a: Luma,
+    b: Option<Luma>,
+    paths: Vec<(Tick, PathPiece)>,
+    end: f64,
+) -> Standalone {
+    let standalone = Standalone::new::<TwoTextures>(p).events(TwoTexturesPorts::paths, paths, ticks(end));
+    let standalone = standalone.value(TwoTexturesPorts::a, a);
     match b {
-        Some(b) => solo.feed(TwoTexturesPorts::b.index(), Feed::value(AnyValue::new(b))),
-        None => solo,
+        Some(b) => standalone.feed(TwoTexturesPorts::b.index(), Feed::value(AnyValue::new(b))),
+        None => standalone,
     }
 }
 
 fn force(a: Luma, b: Option<Luma>, paths: Vec<(Tick, PathPiece)>, end: f64) -> Vec<f32> {
-    solo(a, b, paths, end).run().unwrap().stream(TwoTexturesPorts::force)
+    standalone(a, b, paths, end).run().unwrap().stream(TwoTexturesPorts::force)
 }
 
 #[test]
@@ -136,8 +142,9 @@ fn windows_change_no_bit() {
     let paths = vec![(ticks(0.0111), one), (ticks(0.05), two)];
     for b in [None, Some(rough(5))] {
         let run = |n: usize| {
-            let solo = solo(rough(3), b.clone(), paths.clone(), 0.2).window(Rate::hz(44_100).span(n));
-            solo.run().unwrap().stream(TwoTexturesPorts::force)
+            let standalone =
+                standalone(rough(3), b.clone(), paths.clone(), 0.2).window(Rate::hz(44_100).span(n));
+            standalone.run().unwrap().stream(TwoTexturesPorts::force)
         };
         let whole = run(10_000);
         assert!(rms(&whole) > 0.0);
@@ -171,8 +178,9 @@ fn a_linked_strength_takes_the_place_of_the_number() {
     let path = vec![(0, piece([0.01, 0.0], [0.3, 0.0], 0.1))];
     for b in [None, Some(rough())] {
         let linked = |kappa: f64| {
-            let solo = solo(rough(), b.clone(), path.clone(), 0.1);
-            solo.feed(TwoTexturesPorts::kappa.index(), Feed::value(AnyValue::new(Strength::even(kappa))))
+            let standalone = standalone(rough(), b.clone(), path.clone(), 0.1);
+            standalone
+                .feed(TwoTexturesPorts::kappa.index(), Feed::value(AnyValue::new(Strength::even(kappa))))
         };
         let plain = force(rough(), b.clone(), path.clone(), 0.1);
         let strong = linked(4.0).run().unwrap().stream(TwoTexturesPorts::force);
@@ -185,7 +193,7 @@ fn a_linked_strength_takes_the_place_of_the_number() {
 #[test]
 fn a_relief_of_no_numbers_is_an_error() {
     let broken = luma(1000.0, 1e-4, 16, |_| f32::NAN);
-    let error = solo(broken, None, vec![], 0.1).run().map(|_| ()).unwrap_err();
+    let error = standalone(broken, None, vec![], 0.1).run().map(|_| ()).unwrap_err();
     assert!(error.code == "F128" && error.to_string().contains("none at all"), "{error}");
 }
 
@@ -205,8 +213,8 @@ fn a_scale_is_that_of_places_heights_and_the_radius() {
                 other: Some(piece([0.2, 0.0], [-0.1, 0.0], 0.3).place),
                 ..piece([0.01, 0.0], [0.3, 0.0], 0.3)
             };
-            let solo = solo_of(p, ripple(density, depth, 24.0), other, vec![(0, path)], 0.3);
-            solo.run().unwrap().stream(TwoTexturesPorts::force)
+            let standalone = solo_of(p, ripple(density, depth, 24.0), other, vec![(0, path)], 0.3);
+            standalone.run().unwrap().stream(TwoTexturesPorts::force)
         };
         let one = at(2000.0, 1e-4, TwoTexturesParams { scale: 2.5, ..params() });
         let two = at(800.0, 2.5e-4, TwoTexturesParams { radius: 2.5 * params().radius, ..params() });
@@ -233,8 +241,8 @@ fn edits_while_it_sounds_do_not_click() {
         if b.is_none() && edit.scale > 1.5 {
             continue;
         }
-        let solo = solo(ripple(2000.0, 1e-4, 8.0), b.clone(), vec![(0, path)], 1.0);
-        let mut run = solo.window(Rate::hz(44_100).span(256)).start().unwrap();
+        let standalone = standalone(ripple(2000.0, 1e-4, 8.0), b.clone(), vec![(0, path)], 1.0);
+        let mut run = standalone.window(Rate::hz(44_100).span(256)).start().unwrap();
         let mut count = 0;
         while run.step().unwrap() {
             count += 1;
@@ -276,8 +284,8 @@ fn the_sample_rate_changes_nothing_that_is_heard() {
         let alone = other.is_none();
         let at = |rate: u32| {
             let p = TwoTexturesParams { rate: Rate::hz(rate), ..params() };
-            let solo = solo_of(p, a.clone(), other.clone(), vec![(0, path)], 1.0);
-            solo.run().unwrap().stream(TwoTexturesPorts::force)
+            let standalone = solo_of(p, a.clone(), other.clone(), vec![(0, path)], 1.0);
+            standalone.run().unwrap().stream(TwoTexturesPorts::force)
         };
         let miss = rates_apart(&at(44_100), &at(88_200));
         assert!(miss < 0.5, "alone: {alone}: {miss} dB");
@@ -295,8 +303,8 @@ fn rest_and_no_force_are_silent() {
     for b in [None, Some(b)] {
         let p = TwoTexturesParams { a_exponent: 0.0, ..params() };
         let play = |paths: Vec<(Tick, PathPiece)>| {
-            let solo = solo_of(p.clone(), a.clone(), b.clone(), paths, 0.5);
-            solo.run().unwrap().stream(TwoTexturesPorts::force)
+            let standalone = solo_of(p.clone(), a.clone(), b.clone(), paths, 0.5);
+            standalone.run().unwrap().stream(TwoTexturesPorts::force)
         };
         let out = play(vec![(0, go), (ticks(0.2), rest)]);
         assert!(rms(&out[..8820]) > 0.0);

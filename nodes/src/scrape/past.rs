@@ -1,6 +1,6 @@
 //! What a contact met a little while ago, measured along its way.
 
-use crate::core::carry::long;
+use crate::core::state::long;
 use serde::{Deserialize, Serialize};
 
 /// Way over which slopes are compared, px, and places on it.

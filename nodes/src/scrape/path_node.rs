@@ -10,13 +10,13 @@ use crate::core::files::MemoryFiles;
 use crate::core::node::{Class, Node, Retune, Summary};
 use crate::core::params::Params;
 use crate::core::ports::{Events, Value};
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::{Tick, ticks};
 use crate::rigid::{ContactFrame, ContactState, State};
 use crate::spatial::pose::unit;
 use crate::texture::Luma;
-use crate::{carries, choices, params, ports};
+use crate::{archive_state, choices, params, ports};
 
 /// Pieces that may wait for their time, per contact.
 const WAITING: usize = 8;
@@ -291,7 +291,7 @@ impl Node for ContactPath {
     fn shape(p: &ContactPathParams, s: &mut Shape<'_, '_, ContactPathPorts>) -> Result<(), Reject> {
         axes(p)?;
         let rules = rules(p, None);
-        s.reach(ContactPathPorts::contacts, 0, rules.latency() as usize);
+        s.lookaround(ContactPathPorts::contacts, 0, rules.latency() as usize);
         s.tail(rules.stall() + rules.latency() + 2 * ticks(LOST));
         Ok(())
     }
@@ -364,16 +364,16 @@ impl Node for ContactPath {
         }
     }
 
-    carries!(tracker, queue, pairs, seen);
+    archive_state!(tracker, queue, pairs, seen);
 
-    fn trial(draw: &mut Draw) -> (ContactPathParams, MemoryFiles) {
-        let params = ContactPathParams::trial(draw);
-        let (a, b) = (params.a.map(|_| 0), params.b.map(|_| draw.below(3) as u32));
-        let frame = [1.0 / 30.0, 1.0 / 60.0, 1.0 / 240.0][draw.below(3)];
-        let teleport = draw.between(5.0, 1000.0);
-        let u = [1.0, draw.between(-0.4, 0.4), 0.3];
-        let v = [draw.between(-0.4, 0.4), 1.0, 0.1];
-        let most = 1 + draw.below(6) as u16;
+    fn trial(rng: &mut Rng) -> (ContactPathParams, MemoryFiles) {
+        let params = ContactPathParams::trial(rng);
+        let (a, b) = (params.a.map(|_| 0), params.b.map(|_| rng.below(3) as u32));
+        let frame = [1.0 / 30.0, 1.0 / 60.0, 1.0 / 240.0][rng.below(3)];
+        let teleport = rng.between(5.0, 1000.0);
+        let u = [1.0, rng.between(-0.4, 0.4), 0.3];
+        let v = [rng.between(-0.4, 0.4), 1.0, 0.1];
+        let most = 1 + rng.below(6) as u16;
         (ContactPathParams { a, b, frame, teleport, u, v, most, ..params }, MemoryFiles::default())
     }
 }

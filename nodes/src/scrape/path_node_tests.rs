@@ -1,6 +1,6 @@
 use super::*;
 use crate::core::item::AnyValue;
-use crate::core::solo::{Feed, Solo};
+use crate::core::standalone::{Feed, Standalone};
 use crate::texture::{Grid, LumaKind, Surface};
 use std::f64::consts::TAU;
 
@@ -57,13 +57,13 @@ fn along(way: impl Fn(f64) -> [f64; 4], count: u32) -> Vec<(Tick, ContactState)>
     (0..count).map(frame).collect()
 }
 
-fn solo(p: ContactPathParams, contacts: Vec<(Tick, ContactState)>) -> Solo {
+fn standalone(p: ContactPathParams, contacts: Vec<(Tick, ContactState)>) -> Standalone {
     let end = contacts.last().map_or(0, |(tick, _)| tick + 1);
-    Solo::new::<ContactPath>(p).events(ContactPathPorts::contacts, contacts, end).window(ticks(0.007))
+    Standalone::new::<ContactPath>(p).events(ContactPathPorts::contacts, contacts, end).window(ticks(0.007))
 }
 
 fn follow(p: ContactPathParams, contacts: Vec<(Tick, ContactState)>) -> Pieces {
-    solo(p, contacts).run().unwrap().events(ContactPathPorts::paths)
+    standalone(p, contacts).run().unwrap().events(ContactPathPorts::paths)
 }
 
 fn at(pieces: &Pieces, time: f64) -> Option<(PathPiece, f64)> {
@@ -143,9 +143,9 @@ fn the_latency_is_what_the_plan_is_told_and_prediction_has_none() {
         (Extrapolate, Velocities::Given, 0),
     ] {
         for frame in [1.0 / 60.0, 1.0 / 30.0] {
-            let solo =
-                solo(ContactPathParams { mode, velocities, frame, ..params() }, along(|_| [0.0; 4], 3));
-            let ahead = solo.shape().unwrap().reach[0].ahead as Tick;
+            let standalone =
+                standalone(ContactPathParams { mode, velocities, frame, ..params() }, along(|_| [0.0; 4], 3));
+            let ahead = standalone.shape().unwrap().lookaround[0].ahead as Tick;
             assert_eq!(ahead, frames * (ticks(frame) + ticks(frame) / 100), "{mode:?} {velocities:?}");
         }
     }
@@ -210,12 +210,12 @@ fn a_jump_is_measured_in_pixels_of_the_map() {
         surface: Surface { density: [density; 2], ..Surface::default() },
     };
     let jumps = |p: ContactPathParams, linked: Option<f64>| {
-        let mut solo = solo(p, along(way, 20));
+        let mut standalone = standalone(p, along(way, 20));
         if let Some(density) = linked {
             let feed = Feed::value(AnyValue::new(image(density)));
-            solo = solo.feed(ContactPathPorts::image.index(), feed);
+            standalone = standalone.feed(ContactPathPorts::image.index(), feed);
         }
-        let run = solo.run().unwrap();
+        let run = standalone.run().unwrap();
         run.events(ContactPathPorts::paths).iter().any(|(_, p)| p.jump > 0)
     };
     assert!(jumps(params(), None) && !jumps(ContactPathParams { density: 256.0, ..params() }, None));
@@ -238,7 +238,7 @@ fn edits_while_it_sounds_do_not_move_the_way() {
         ContactPathParams { density: 100.0, ..params() },
     ];
     for edit in edits {
-        let mut run = solo(params(), along(way, 60)).start().unwrap();
+        let mut run = standalone(params(), along(way, 60)).start().unwrap();
         let mut count = 0;
         while run.step().unwrap() {
             count += 1;

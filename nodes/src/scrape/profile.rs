@@ -3,7 +3,7 @@
 use super::item::PathPiece;
 use super::plane::{Interp, Plane};
 use crate::core::item::Data;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::texture::image;
 use crate::texture::{Grid, Surface};
 use serde::{Deserialize, Serialize};
@@ -91,8 +91,8 @@ impl Data for PathProfile {
     const NAME: &'static str = "path profile";
     const PLOTS: bool = true;
 
-    fn trial(draw: &mut Draw) -> Self {
-        let picture = Grid::from_fn(3, 2, |_, _| draw.unit() as f32);
+    fn trial(rng: &mut Rng) -> Self {
+        let picture = Grid::from_fn(3, 2, |_, _| rng.uniform() as f32);
         let met =
             Met { way: vec![0.0, 0.1], places: vec![[0.0; 2]; 2], values: vec![0.5, 0.2], ..Met::default() };
         Self { picture, size: [1.0, 0.5], ways: vec![met] }

@@ -9,7 +9,7 @@ use crate::core::node::{Class, Node, Summary};
 use crate::core::ports::{Events, Fold, Many, Value};
 use crate::core::shape::{Build, Shape};
 use crate::texture::{DiscontinuityMap, FeatureMap, Grid, Luma, NoiseMap, Surface};
-use crate::{carries, params, ports};
+use crate::{archive_state, params, ports};
 
 /// Ways of one link beyond which a figure shows no more.
 const WAYS: usize = 24;
@@ -136,7 +136,7 @@ impl Node for PathProfileNode {
         Ok(vec![("ways", ways.into())])
     }
 
-    carries!(profile);
+    archive_state!(profile);
 }
 
 #[cfg(test)]
@@ -144,7 +144,7 @@ mod tests {
     use super::*;
     use crate::core::item::{AnyValue, Data};
     use crate::core::params::Params;
-    use crate::core::solo::{Feed, Solo};
+    use crate::core::standalone::{Feed, Standalone};
     use crate::core::time::ticks;
     use crate::scrape::testing::piece;
 
@@ -156,10 +156,10 @@ mod tests {
         };
         let params = PathProfileParams::read(&|_| None).unwrap();
         let ways = vec![(0, piece([0.25, 0.5], [0.5, 0.0], 1.0))];
-        let solo = Solo::new::<PathProfileNode>(params)
+        let standalone = Standalone::new::<PathProfileNode>(params)
             .feed(PathProfilePorts::paths.index(), Feed::events(ways, ticks(1.0)))
             .feed(PathProfilePorts::features.index(), Feed::value(AnyValue::new(map)));
-        let run = solo.run().unwrap();
+        let run = standalone.run().unwrap();
         let profile = run.value(0).unwrap();
         let profile = profile.get::<PathProfile>().unwrap();
         let met = &profile.ways[0];

@@ -1,6 +1,6 @@
 //! Short pulses of force that begin anywhere between two samples and add up.
 
-use crate::carried;
+use crate::impl_state;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
@@ -39,7 +39,7 @@ pub struct Pulses {
     /// Pulses that found no room.
     pub left_out: u64,
 }
-carried!(Pulses { pulses, left_out });
+impl_state!(Pulses { pulses, left_out });
 
 impl Pulses {
     /// Room for `room` pulses at once at a sample rate.

@@ -1,8 +1,8 @@
 //! Pieces of path that are known before their time has come.
 
 use super::item::PathPiece;
-use crate::carried;
 use crate::core::time::Tick;
+use crate::impl_state;
 
 /// Pieces in the order of their starts; it never grows beyond its room.
 #[derive(Clone, Debug)]
@@ -12,7 +12,7 @@ pub struct Queue {
     /// Pieces for which there was no room.
     pub left_out: u64,
 }
-carried!(Queue { pieces, left_out });
+impl_state!(Queue { pieces, left_out });
 
 impl Queue {
     /// Room for `room` pieces.

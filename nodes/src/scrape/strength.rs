@@ -3,7 +3,7 @@
 use super::law::{Law, log2};
 use crate::core::fault::Reject;
 use crate::core::item::Data;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -92,13 +92,13 @@ impl Strength {
 impl Data for Strength {
     const NAME: &'static str = "strength";
 
-    fn trial(draw: &mut Draw) -> Self {
-        let factors = [(); POINTS].map(|()| draw.between(0.1, 10.0));
-        let curve = (draw.below(2) == 0).then(|| {
-            let curve = SpeedCurve::new(draw.between(0.1, 2.0), factors);
-            if draw.below(2) == 0 { curve } else { curve.of_relief() }
+    fn trial(rng: &mut Rng) -> Self {
+        let factors = [(); POINTS].map(|()| rng.between(0.1, 10.0));
+        let curve = (rng.below(2) == 0).then(|| {
+            let curve = SpeedCurve::new(rng.between(0.1, 2.0), factors);
+            if rng.below(2) == 0 { curve } else { curve.of_relief() }
         });
-        Self { kappa: draw.between(-10.0, 10.0), curve }
+        Self { kappa: rng.between(-10.0, 10.0), curve }
     }
 }
 

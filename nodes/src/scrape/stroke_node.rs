@@ -8,7 +8,7 @@ use crate::core::files::MemoryFiles;
 use crate::core::node::{Class, Node};
 use crate::core::params::Params;
 use crate::core::ports::Events;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::{Tick, ticks};
 use crate::{choices, params, ports};
@@ -161,18 +161,18 @@ impl Node for Stroke {
         Ok(())
     }
 
-    fn trial(draw: &mut Draw) -> (StrokeParams, MemoryFiles) {
-        let params = StrokeParams::trial(draw);
+    fn trial(rng: &mut Rng) -> (StrokeParams, MemoryFiles) {
+        let params = StrokeParams::trial(rng);
         let mut time = 0.0;
         let point = |_| {
-            time += draw.between(0.01, 0.1);
-            [time, draw.between(-0.1, 0.1), draw.between(-0.1, 0.1), draw.between(0.0, 5.0)]
+            time += rng.between(0.01, 0.1);
+            [time, rng.between(-0.1, 0.1), rng.between(-0.1, 0.1), rng.between(0.0, 5.0)]
         };
         let points = (0..4).map(point).collect();
-        let laps = draw.between(0.1, 2.5);
-        let radius = draw.between(0.001, 0.02);
-        let (from, to) = ([draw.between(-0.1, 0.1), 0.0], [0.1, draw.between(-0.1, 0.1)]);
-        let (speed, start, width) = (draw.between(0.5, 2.0), draw.between(0.0, 0.1), draw.between(0.0, 0.05));
+        let laps = rng.between(0.1, 2.5);
+        let radius = rng.between(0.001, 0.02);
+        let (from, to) = ([rng.between(-0.1, 0.1), 0.0], [0.1, rng.between(-0.1, 0.1)]);
+        let (speed, start, width) = (rng.between(0.5, 2.0), rng.between(0.0, 0.1), rng.between(0.0, 0.05));
         (
             StrokeParams { points, laps, radius, from, to, speed, start, width, ..params },
             MemoryFiles::default(),

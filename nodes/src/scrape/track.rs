@@ -8,8 +8,8 @@ use super::frame::{PathRules, Sample};
 use super::hermite::{central, cubic, onward, rate, turned};
 use super::item::PathPiece;
 use super::queue::Queue;
-use crate::carried;
 use crate::core::time::{Tick, seconds, ticks};
+use crate::impl_state;
 use serde::{Deserialize, Serialize};
 
 /// Cross-fade where a contact jumps, and fade at its start, s.
@@ -71,7 +71,7 @@ pub struct Tracker {
     /// Frames of contacts for which there was no room.
     pub left_out: u64,
 }
-carried!(Tracker { tracks, now, pieces, jumps, late, stalls, left_out });
+impl_state!(Tracker { tracks, now, pieces, jumps, late, stalls, left_out });
 
 impl Tracker {
     /// Room for `room` contacts at once.

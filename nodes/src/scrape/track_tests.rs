@@ -8,7 +8,7 @@ use super::testing::{amplitude, db};
 use super::track::{JUMP, LOST, Tracker};
 use crate::core::item::AnyValue;
 use crate::core::params::Params;
-use crate::core::solo::{Feed, Solo};
+use crate::core::standalone::{Feed, Standalone};
 use crate::core::time::{Rate, Tick, seconds, ticks};
 use crate::texture::{DiscontinuityMap, Grid, Surface};
 use std::f64::consts::TAU;
@@ -151,9 +151,10 @@ fn an_even_slope_gives_a_force_without_the_frames_which_straight_lines_do_not() 
     let lines = |pieces: Pieces| {
         let p =
             MapExcitationParams { rate: Rate::hz(44_100), ..MapExcitationParams::read(&|_| None).unwrap() };
-        let solo = Solo::new::<MapExcitation>(p).events(MapExcitationPorts::paths, pieces, ticks(2.5));
-        let solo = solo.feed(MapExcitationPorts::map.index(), Feed::value(AnyValue::new(map())));
-        let force = solo.run().unwrap().stream(MapExcitationPorts::force);
+        let standalone =
+            Standalone::new::<MapExcitation>(p).events(MapExcitationPorts::paths, pieces, ticks(2.5));
+        let standalone = standalone.feed(MapExcitationPorts::map.index(), Feed::value(AnyValue::new(map())));
+        let force = standalone.run().unwrap().stream(MapExcitationPorts::force);
         let signal = &force[22_050..22_050 + 88_200];
         let whole = amplitude(signal, 2.0, fs);
         [58.0, 60.0, 62.0, 120.0, 122.0]

@@ -5,9 +5,9 @@
 //! precision, and the same however the samples are cut into calls.
 
 use super::item::{PathPiece, place, shifted};
-use crate::carries;
-use crate::core::carry::Carried;
+use crate::archive_state;
 use crate::core::node::Summary;
+use crate::core::state::Stateful;
 use crate::core::time::{Rate, TICKS_PER_SECOND, Tick};
 use crate::dsp::LevelMeter;
 use serde::de::DeserializeOwned;
@@ -124,8 +124,8 @@ pub struct Voices<S> {
     now: i64,
 }
 
-impl<S: Serialize + DeserializeOwned> Carried for Voices<S> {
-    carries!(voices, most, left_out, meter, now);
+impl<S: Serialize + DeserializeOwned> Stateful for Voices<S> {
+    archive_state!(voices, most, left_out, meter, now);
 }
 
 impl<S: Clone> Voices<S> {

@@ -1,6 +1,6 @@
 //! What air takes of a sound on its way: high frequencies before low ones.
 
-use crate::carried;
+use crate::impl_state;
 use std::f64::consts::PI;
 
 /// Loss in dB per metre at a frequency in hertz, in air of 20 °C and 50 % relative humidity at sea level.
@@ -38,7 +38,7 @@ pub struct Air {
     /// dB per metre that a section takes of it.
     each: f64,
 }
-carried!(Air { state });
+impl_state!(Air { state });
 
 impl Air {
     /// Air for so many channels at a rate in hertz.

@@ -2,8 +2,8 @@
 
 use super::head::{Ear, EarFilter, Head, PINNA_LEVELS, PINNA_LONGEST, SHOULDER_LONGEST};
 use super::line::Line;
-use crate::carried;
 use crate::contact::vector::Vec3;
+use crate::impl_state;
 use serde::{Deserialize, Serialize};
 
 /// Delay of the echo of the room after the sound, in s.
@@ -67,7 +67,7 @@ struct EarState {
     /// What reaches the pinna.
     line: Line,
 }
-carried!(EarState { from, to, u, y, line });
+impl_state!(EarState { from, to, u, y, line });
 
 /// Plays mono sound to the two ears of a [`Head`] from a direction that may move.
 ///
@@ -90,7 +90,7 @@ pub struct Binaural {
     ears: [EarState; 2],
     begun: bool,
 }
-carried!(Binaural { input, each ears, begun });
+impl_state!(Binaural { input, each ears, begun });
 
 impl Binaural {
     /// A silent renderer for a source in front, at `fs` hertz; `room` is the level of the echo of the room (0 for none).

@@ -4,8 +4,8 @@ use super::air::Air;
 use super::binaural::block;
 use super::head::SPEED_OF_SOUND;
 use super::line::Line;
-use crate::carried;
 use crate::contact::vector::{Vec3, norm};
+use crate::impl_state;
 
 /// The level of a point source over its distance: `reference / max(distance, nearest)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -56,7 +56,7 @@ pub struct DistanceLine {
     to: [f64; 3],
     begun: bool,
 }
-carried!(DistanceLine { each lines, farthest, each air, from, to, begun });
+impl_state!(DistanceLine { each lines, farthest, each air, from, to, begun });
 
 impl DistanceLine {
     /// A silent line; with `farthest` in metres sound arrives later by its way, at most that of `farthest`; with `air` it loses

@@ -10,7 +10,7 @@ use crate::core::node::{Class, Node, Retune};
 use crate::core::ports::Stream;
 use crate::core::shape::{Build, Ends, Shape};
 use crate::core::time::ticks;
-use crate::{carries, params, ports};
+use crate::{archive_state, params, ports};
 
 params! {
     /// Makes a source softer the farther it is from the listener: a gain of `reference / distance`.
@@ -86,9 +86,9 @@ impl Node for DistanceGain {
         type Port = DistanceGainPorts;
         let audio = s.input(Port::audio);
         s.when_ended(Port::audio, Ends::Stop);
-        s.reach(Port::position, PAST, AHEAD);
+        s.lookaround(Port::position, PAST, AHEAD);
         s.when_ended(Port::position, Ends::Hold);
-        s.reach(Port::listener, PAST, AHEAD);
+        s.lookaround(Port::listener, PAST, AHEAD);
         s.when_ended(Port::listener, Ends::Hold);
         if p.delay {
             s.tail(ticks(p.farthest / SPEED_OF_SOUND) + audio.rate.span(3));
@@ -129,7 +129,7 @@ impl Node for DistanceGain {
         Retune::Done
     }
 
-    carries!(line);
+    archive_state!(line);
 }
 
 #[cfg(test)]
@@ -138,26 +138,35 @@ mod tests {
     use super::*;
     use crate::core::item::Channels;
     use crate::core::params::Params;
-    use crate::core::solo::Solo;
+    use crate::core::standalone::Standalone;
     use crate::core::time::Rate;
 
     fn params() -> DistanceGainParams {
         DistanceGainParams::read(&|_| None).unwrap()
     }
 
-    fn solo(p: DistanceGainParams, audio: Vec<f32>) -> Solo {
-        Solo::new::<DistanceGain>(p).input(DistanceGainPorts::audio, Rate::hz(48_000), Channels(2), audio)
+    fn standalone(p: DistanceGainParams, audio: Vec<f32>) -> Standalone {
+        Standalone::new::<DistanceGain>(p).input(
+            DistanceGainPorts::audio,
+            Rate::hz(48_000),
+            Channels(2),
+            audio,
+        )
     }
 
     #[test]
     fn four_metres_are_a_quarter_and_a_walk_there_has_no_steps() {
         let p = DistanceGainParams { position: [0.0, 4.0, 0.0], ..params() };
-        let out = solo(p, vec![1.0; 200]).run().unwrap().stream(DistanceGainPorts::out);
+        let out = standalone(p, vec![1.0; 200]).run().unwrap().stream(DistanceGainPorts::out);
         assert_eq!(out, vec![0.25; 200]);
         let walk = (0..60).map(|k| Pose::at([1.0 + k as f32 * 0.05, 0.0, 0.0])).collect();
-        let solo =
-            solo(params(), vec![1.0; 96_000]).optional(DistanceGainPorts::position, Rate::hz(60), (), walk);
-        let out = solo.run().unwrap().stream(DistanceGainPorts::out);
+        let standalone = standalone(params(), vec![1.0; 96_000]).optional(
+            DistanceGainPorts::position,
+            Rate::hz(60),
+            (),
+            walk,
+        );
+        let out = standalone.run().unwrap().stream(DistanceGainPorts::out);
         assert!(out.windows(3).all(|w| (w[2] - w[0]).abs() < 1e-4), "steps");
         assert!((out[48_000] - 1.0 / 2.5).abs() < 0.001 && out.len() == 96_000);
     }
@@ -170,7 +179,7 @@ mod tests {
             x.flat_map(|x| [x, x]).collect()
         };
         let level = |air: bool, f: f64| {
-            let out = solo(DistanceGainParams { air, ..p.clone() }, tone(f)).run().unwrap();
+            let out = standalone(DistanceGainParams { air, ..p.clone() }, tone(f)).run().unwrap();
             let out = out.stream(DistanceGainPorts::out);
             10.0 * (out[4800..19_200].iter().map(|y| f64::from(y * y)).sum::<f64>() / 14_400.0).log10()
         };
@@ -185,7 +194,7 @@ mod tests {
         let p = DistanceGainParams { position: [34.3, 0.0, 0.0], delay: true, ..params() };
         let mut audio = vec![0.0; 200];
         (audio[198], audio[199]) = (1.0, -1.0);
-        let out = solo(p, audio).run().unwrap().stream(DistanceGainPorts::out);
+        let out = standalone(p, audio).run().unwrap().stream(DistanceGainPorts::out);
         let at = 2 * (99 + 4800);
         assert!((out[at] * 34.3 - 1.0).abs() < 1e-3 && (out[at + 1] * 34.3 + 1.0).abs() < 1e-3);
         assert!(out[..at - 4].iter().all(|x| *x == 0.0));

@@ -10,7 +10,7 @@ use crate::core::item::Channels;
 use crate::core::node::{Class, Node, Retune};
 use crate::core::ports::Stream;
 use crate::core::shape::{Build, Ends, Shape};
-use crate::{carries, choices, params, ports};
+use crate::{archive_state, choices, params, ports};
 
 choices! {
     /// Reflections of the pinna, which tell elevation and front from side.
@@ -129,11 +129,11 @@ impl Node for StructuralHrtf {
         }
         s.check(listener(p.listener, p.look, p.up));
         let fs = audio.rate.as_f64();
-        s.reach(Port::audio, 0, Binaural::new(head(p), p.room, fs).lag());
+        s.lookaround(Port::audio, 0, Binaural::new(head(p), p.room, fs).lag());
         s.when_ended(Port::audio, Ends::Stop);
-        s.reach(Port::position, PAST, AHEAD);
+        s.lookaround(Port::position, PAST, AHEAD);
         s.when_ended(Port::position, Ends::Hold);
-        s.reach(Port::listener, PAST, AHEAD);
+        s.lookaround(Port::listener, PAST, AHEAD);
         s.when_ended(Port::listener, Ends::Hold);
         s.tail(audio.rate.span((tail(p) * fs).ceil() as usize + 2));
         s.output(Port::out, audio.rate, Channels(2));
@@ -181,7 +181,7 @@ impl Node for StructuralHrtf {
         Retune::Done
     }
 
-    carries!(binaural, begun, source, listener);
+    archive_state!(binaural, begun, source, listener);
 }
 
 #[cfg(test)]
@@ -190,7 +190,7 @@ mod tests {
 
     use super::*;
     use crate::core::params::Params;
-    use crate::core::solo::Solo;
+    use crate::core::standalone::Standalone;
     use crate::core::time::{Rate, TICKS_PER_SECOND, ticks};
 
     const FS: u32 = 48_000;
@@ -199,8 +199,13 @@ mod tests {
         StructuralHrtfParams::read(&|_| None).unwrap()
     }
 
-    fn solo(p: StructuralHrtfParams, audio: Vec<f32>) -> Solo {
-        Solo::new::<StructuralHrtf>(p).input(StructuralHrtfPorts::audio, Rate::hz(FS), Channels(1), audio)
+    fn standalone(p: StructuralHrtfParams, audio: Vec<f32>) -> Standalone {
+        Standalone::new::<StructuralHrtf>(p).input(
+            StructuralHrtfPorts::audio,
+            Rate::hz(FS),
+            Channels(1),
+            audio,
+        )
     }
 
     fn click(at: usize) -> Vec<f32> {
@@ -217,7 +222,7 @@ mod tests {
     #[test]
     fn a_click_in_front_stays_near_its_time_and_is_the_same_in_both_ears() {
         let p = StructuralHrtfParams { pinna: Pinna::Off, ..params() };
-        let out = solo(p, click(1000)).run().unwrap().stream(StructuralHrtfPorts::out);
+        let out = standalone(p, click(1000)).run().unwrap().stream(StructuralHrtfPorts::out);
         let left: Vec<f32> = out.iter().step_by(2).copied().collect();
         let right: Vec<f32> = out.iter().skip(1).step_by(2).copied().collect();
         assert_eq!(left, right);
@@ -234,7 +239,7 @@ mod tests {
         let moved = StructuralHrtfParams { listener: [0.0, 5.0, 0.0], position: [0.0, 9.0, 0.0], ..params() };
         let left = StructuralHrtfParams { position: [0.0, 2.0, 0.0], ..params() };
         let out = [turned, moved, left]
-            .map(|p| solo(p, click(1000)).run().unwrap().stream(StructuralHrtfPorts::out));
+            .map(|p| standalone(p, click(1000)).run().unwrap().stream(StructuralHrtfPorts::out));
         for out in &out {
             let power = |ear: usize| out.iter().skip(ear).step_by(2).map(|x| x * x).sum::<f32>();
             assert!(power(0) > 3.0 * power(1), "{} {}", power(0), power(1));
@@ -249,8 +254,9 @@ mod tests {
         let noise: Vec<f32> = (0..FS).map(|n| ((n * n) as f32 * 0.61).sin()).collect();
         let run = |listens: bool, window| {
             let port = if listens { StructuralHrtfPorts::listener } else { StructuralHrtfPorts::position };
-            let solo = solo(params(), noise.clone()).optional(port, Rate::hz(60), (), circle(2.0));
-            solo.window(window).run().unwrap().stream(StructuralHrtfPorts::out)
+            let standalone =
+                standalone(params(), noise.clone()).optional(port, Rate::hz(60), (), circle(2.0));
+            standalone.window(window).run().unwrap().stream(StructuralHrtfPorts::out)
         };
         for listens in [false, true] {
             let whole = run(listens, 2 * TICKS_PER_SECOND);
@@ -267,7 +273,7 @@ mod tests {
 
     #[test]
     fn a_new_place_is_taken_over_without_a_rebuild_and_a_new_head_needs_one() {
-        let cx = solo(params(), click(0));
+        let cx = standalone(params(), click(0));
         assert!(cx.shape().is_ok());
         let mut node = StructuralHrtf {
             binaural: Binaural::new(head(&params()), 0.0, 48_000.0),
@@ -284,10 +290,10 @@ mod tests {
 
     #[test]
     fn stereo_and_a_head_turned_nowhere_are_refused() {
-        let stereo = Solo::new::<StructuralHrtf>(params());
+        let stereo = Standalone::new::<StructuralHrtf>(params());
         let stereo = stereo.input(StructuralHrtfPorts::audio, Rate::hz(FS), Channels(2), vec![0.0; 4]);
         assert!(stereo.shape().unwrap_err().help.unwrap().contains("Mono"));
         let p = StructuralHrtfParams { up: [2.0, 0.0, 0.0], ..params() };
-        assert_eq!(solo(p, vec![0.0; 4]).shape().unwrap_err().code, "F067");
+        assert_eq!(standalone(p, vec![0.0; 4]).shape().unwrap_err().code, "F067");
     }
 }

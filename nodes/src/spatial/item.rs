@@ -2,7 +2,7 @@
 
 use super::pose::Pose;
 use crate::core::item::Item;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 
 /// Where something is and which way it faces, one [`Pose`] per frame.
 #[derive(Debug)]
@@ -22,10 +22,10 @@ impl Item for Poses {
         "one body".into()
     }
 
-    fn trial_format(_: &mut Draw) {}
+    fn trial_format(_: &mut Rng) {}
 
-    fn trial((): &(), _: usize, draw: &mut Draw) -> Pose {
-        let mut vector = || [0; 3].map(|_| draw.between(-2.0, 2.0));
+    fn trial((): &(), _: usize, rng: &mut Rng) -> Pose {
+        let mut vector = || [0; 3].map(|_| rng.between(-2.0, 2.0));
         Pose::looking(vector(), vector(), vector()).unwrap_or_default()
     }
 

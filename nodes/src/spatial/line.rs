@@ -1,6 +1,6 @@
 //! A delay line that is read between its samples.
 
-use crate::carried;
+use crate::impl_state;
 
 /// The last samples of a signal, read at any delay by 4-point Lagrange interpolation.
 ///
@@ -12,7 +12,7 @@ pub(crate) struct Line {
     /// Place of the newest sample.
     at: usize,
 }
-carried!(Line { samples, at });
+impl_state!(Line { samples, at });
 
 impl Line {
     /// A silent line for delays from 1 to `longest` samples.

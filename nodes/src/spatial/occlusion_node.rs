@@ -14,7 +14,7 @@ use crate::core::ports::{In, Many, Stream};
 use crate::core::shape::{Build, Ends, Shape};
 use crate::core::time::Tick;
 use crate::mesh::{Mesh, Topology};
-use crate::{carries, params, ports};
+use crate::{archive_state, params, ports};
 
 /// Samples from one look at the ways to the next.
 const LOOK: i64 = 64;
@@ -75,7 +75,7 @@ pub struct Occlusion {
 
 /// The latest frame of a stream at a time of the window: what follows it is smoothed anyway.
 fn frame<'a, T: Item>(frames: &'a In<'_, T>, tick: Tick) -> &'a [T::Elem] {
-    let (at, past) = (frames.rate().first_at(tick + 1) - 1 - frames.first(), frames.past() as i64);
+    let (at, past) = (frames.rate().first_at(tick + 1) - 1 - frames.first(), frames.behind() as i64);
     let last = (frames.around().len() / frames.width().max(1)) as i64 - past - 1;
     frames.item(at.clamp(-past, last.max(-past)) as isize)
 }
@@ -122,11 +122,11 @@ impl Node for Occlusion {
         type Port = OcclusionPorts;
         let audio = s.input(Port::audio);
         s.when_ended(Port::audio, Ends::Stop);
-        s.reach(Port::bodies, 1, 0);
+        s.lookaround(Port::bodies, 1, 0);
         s.when_ended(Port::bodies, Ends::Hold);
-        s.reach(Port::position, 1, 0);
+        s.lookaround(Port::position, 1, 0);
         s.when_ended(Port::position, Ends::Hold);
-        s.reach(Port::listener, 1, 0);
+        s.lookaround(Port::listener, 1, 0);
         s.when_ended(Port::listener, Ends::Hold);
         s.output(Port::out, audio.rate, audio.format);
         Ok(())
@@ -174,7 +174,7 @@ impl Node for Occlusion {
         Ok(vec![("behind_share", (self.behind as f64 / self.samples.max(1) as f64).into())])
     }
 
-    carries!(ears, looked, samples, behind);
+    archive_state!(ears, looked, samples, behind);
 }
 
 #[cfg(test)]
@@ -182,7 +182,7 @@ mod tests {
     use super::*;
     use crate::core::item::Channels;
     use crate::core::params::Params;
-    use crate::core::solo::Solo;
+    use crate::core::standalone::Standalone;
     use crate::core::time::{Rate, ticks};
     use crate::mesh::MeshFormat;
 
@@ -192,7 +192,7 @@ mod tests {
         let topology = Topology { rest: board.to_vec(), triangles: vec![[0, 1, 2]] };
         let places = |k: i32| board.map(|[x, y, z]: [f32; 3]| [x, y + if k < 5 { 5.0 } else { 0.0 }, z]);
         let p = OcclusionParams::read(&|_| None).unwrap();
-        let solo = Solo::new::<Occlusion>(p)
+        let standalone = Standalone::new::<Occlusion>(p)
             .input(
                 OcclusionPorts::audio,
                 Rate::hz(8000),
@@ -206,7 +206,7 @@ mod tests {
                 (0..10).flat_map(places).collect(),
             )
             .window(ticks(window));
-        let run = solo.run().unwrap();
+        let run = standalone.run().unwrap();
         let share = run.summary.iter().find(|(name, _)| *name == "behind_share").unwrap().1.as_f64();
         (run.stream(OcclusionPorts::out), share.unwrap())
     }

@@ -10,7 +10,7 @@ use crate::core::files::MemoryFiles;
 use crate::core::node::{Class, Node};
 use crate::core::params::Params;
 use crate::core::ports::Stream;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::{Rate, ticks};
 use crate::{params, ports};
@@ -97,17 +97,17 @@ impl Node for Orbit {
         Ok(())
     }
 
-    fn trial(draw: &mut Draw) -> (OrbitParams, MemoryFiles) {
-        let duration = [None, Some(draw.between(0.0, 0.5))][draw.below(2)];
-        let rate = Rate::hz([25, 60, 1000][draw.below(3)]);
-        (OrbitParams { duration, rate, ..OrbitParams::trial(draw) }, MemoryFiles::default())
+    fn trial(rng: &mut Rng) -> (OrbitParams, MemoryFiles) {
+        let duration = [None, Some(rng.between(0.0, 0.5))][rng.below(2)];
+        let rate = Rate::hz([25, 60, 1000][rng.below(3)]);
+        (OrbitParams { duration, rate, ..OrbitParams::trial(rng) }, MemoryFiles::default())
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::core::solo::Solo;
+    use crate::core::standalone::Standalone;
 
     fn params() -> OrbitParams {
         OrbitParams::read(&|_| None).unwrap()
@@ -116,7 +116,7 @@ mod tests {
     #[test]
     fn a_quarter_turn_later_it_is_to_the_left_and_looks_at_the_centre() {
         let p = OrbitParams { centre: [1.0, 2.0, 3.0], radius: 2.0, duration: Some(4.0), ..params() };
-        let poses = Solo::new::<Orbit>(p.clone()).run().unwrap().stream(OrbitPorts::pose);
+        let poses = Standalone::new::<Orbit>(p.clone()).run().unwrap().stream(OrbitPorts::pose);
         assert_eq!(poses.len(), 240);
         assert_eq!(poses[0].position, [3.0, 2.0, 3.0]);
         assert!(poses[60].position.iter().zip([1.0, 4.0, 3.0]).all(|(a, b)| (a - b).abs() < 1e-6));
@@ -130,11 +130,12 @@ mod tests {
     fn other_axes_start_where_the_text_says_and_none_is_refused() {
         let at = |axis| {
             let p = OrbitParams { axis, duration: Some(0.1), ..params() };
-            Solo::new::<Orbit>(p).run().unwrap().stream(OrbitPorts::pose)[0].position
+            Standalone::new::<Orbit>(p).run().unwrap().stream(OrbitPorts::pose)[0].position
         };
         assert_eq!(at([0.0, 5.0, 0.0]), [1.0, 0.0, 0.0]);
         assert_eq!(at([-1.0, 0.0, 0.0]), [0.0, 1.0, 0.0]);
-        let reject = Solo::new::<Orbit>(OrbitParams { axis: [0.0; 3], ..params() }).shape().unwrap_err();
+        let reject =
+            Standalone::new::<Orbit>(OrbitParams { axis: [0.0; 3], ..params() }).shape().unwrap_err();
         assert_eq!((reject.code, reject.field.as_deref()), ("F067", Some("axis")));
     }
 }

@@ -7,7 +7,7 @@ use crate::core::files::MemoryFiles;
 use crate::core::node::{Class, Node};
 use crate::core::params::AssetPath;
 use crate::core::ports::Stream;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
 use crate::{params, ports};
@@ -70,17 +70,17 @@ impl Node for PoseFile {
         Ok(())
     }
 
-    fn trial(draw: &mut Draw) -> (PoseFileParams, MemoryFiles) {
+    fn trial(rng: &mut Rng) -> (PoseFileParams, MemoryFiles) {
         let mut files = MemoryFiles::default();
         let mut text = String::from("time_s,x,y,z,qw,qx,qy,qz\n");
         let mut time = 0.0;
-        for _ in 0..1 + draw.below(20) {
-            time += draw.between(0.001, 0.05);
-            let numbers: Vec<String> = (0..6).map(|_| draw.between(-3.0, 3.0).to_string()).collect();
+        for _ in 0..1 + rng.below(20) {
+            time += rng.between(0.001, 0.05);
+            let numbers: Vec<String> = (0..6).map(|_| rng.between(-3.0, 3.0).to_string()).collect();
             text += &format!("{time},{},4\n", numbers.join(","));
         }
         files.insert("way.csv", text);
-        let rate = Rate::hz([25, 60, 1000][draw.below(3)]);
+        let rate = Rate::hz([25, 60, 1000][rng.below(3)]);
         (PoseFileParams { path: "way.csv".into(), rate }, files)
     }
 }
@@ -88,24 +88,26 @@ impl Node for PoseFile {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::core::solo::Solo;
+    use crate::core::standalone::Standalone;
 
-    fn solo(text: &str) -> Solo {
-        let mut solo = Solo::new::<PoseFile>(PoseFileParams { path: "way.csv".into(), rate: Rate::hz(10) });
-        solo.files.insert("way.csv", text);
-        solo
+    fn standalone(text: &str) -> Standalone {
+        let mut standalone =
+            Standalone::new::<PoseFile>(PoseFileParams { path: "way.csv".into(), rate: Rate::hz(10) });
+        standalone.files.insert("way.csv", text);
+        standalone
     }
 
     #[test]
     fn poses_stand_at_their_times() {
-        let poses = solo("time_s,x,y,z\n0,0,0,0\n0.5,5,0,0\n").run().unwrap().stream(PoseFilePorts::pose);
+        let poses =
+            standalone("time_s,x,y,z\n0,0,0,0\n0.5,5,0,0\n").run().unwrap().stream(PoseFilePorts::pose);
         let x: Vec<f32> = poses.iter().map(|pose| pose.position[0].round()).collect();
         assert_eq!(x, [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]);
     }
 
     #[test]
     fn a_wrong_line_is_named_before_the_run() {
-        let reject = solo("time_s,x,y,z\n0,0,up,0\n").shape().unwrap_err();
+        let reject = standalone("time_s,x,y,z\n0,0,up,0\n").shape().unwrap_err();
         assert!(reject.code == "F067" && reject.message.contains("line 2"), "{reject}");
     }
 }

@@ -27,7 +27,7 @@ pub(crate) fn pose_at(poses: &In<'_, Poses>, tick: Tick) -> Pose {
     let at = rate.first_at(tick + 1) - 1;
     let (from, to) = (rate.tick(at), rate.tick(at + 1));
     let t = (tick - from) as f64 / (to - from).max(1) as f64;
-    let past = poses.past() as i64;
+    let past = poses.behind() as i64;
     let last = poses.around().len() as i64 - past - 1;
     let frame = |k: i64| {
         let k = (at + k - poses.first()).clamp(-past, last.max(-past));

@@ -2,12 +2,12 @@
 
 use super::item::Poses;
 use super::pose::Pose;
-use crate::carries;
+use crate::archive_state;
 use crate::contact::vector::{sub, widen};
 use crate::core::fault::Reject;
 use crate::core::node::Each;
 use crate::core::params::Params;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::mesh::{Mesh, MeshFormat};
 use crate::params;
 
@@ -80,12 +80,12 @@ impl Each for VertexPose {
         out.fill(self.last);
     }
 
-    carries!(last);
+    archive_state!(last);
 
-    fn trial(draw: &mut Draw) -> VertexPoseParams {
-        let turn = [[None; 2], [Some(1), Some(2)]][draw.below(2)];
+    fn trial(rng: &mut Rng) -> VertexPoseParams {
+        let turn = [[None; 2], [Some(1), Some(2)]][rng.below(2)];
         let [front, up] = turn;
-        VertexPoseParams { origin: draw.below(2) * 3, front, up, ..VertexPoseParams::trial(draw) }
+        VertexPoseParams { origin: rng.below(2) * 3, front, up, ..VertexPoseParams::trial(rng) }
     }
 }
 
@@ -94,14 +94,19 @@ mod tests {
     use super::*;
     use crate::core::node::PerItem;
     use crate::core::ports::{Port, Stream};
-    use crate::core::solo::Solo;
+    use crate::core::standalone::Standalone;
     use crate::core::time::Rate;
     use crate::mesh::Topology;
 
-    fn solo(p: VertexPoseParams, frames: Vec<[f32; 3]>) -> Solo {
+    fn standalone(p: VertexPoseParams, frames: Vec<[f32; 3]>) -> Standalone {
         let rest = frames[..3].to_vec();
         let format = MeshFormat::moving(Topology { rest, triangles: vec![[0, 1, 2]] });
-        Solo::new::<PerItem<VertexPose>>(p).input(Port::<Stream<Mesh>>::new(0), Rate::hz(60), format, frames)
+        Standalone::new::<PerItem<VertexPose>>(p).input(
+            Port::<Stream<Mesh>>::new(0),
+            Rate::hz(60),
+            format,
+            frames,
+        )
     }
 
     fn params() -> VertexPoseParams {
@@ -123,7 +128,7 @@ mod tests {
             [1.0, 1.0, 1.0],
         ];
         let p = VertexPoseParams { offset: [-0.1, 0.0, 0.0], ..params() };
-        let poses = solo(p, frames).run().unwrap().stream(Port::<Stream<Poses>>::new(0));
+        let poses = standalone(p, frames).run().unwrap().stream(Port::<Stream<Poses>>::new(0));
         assert_eq!(poses[0].position, [-0.1, 0.0, 0.0]);
         let near = |a: [f64; 3], b: [f64; 3]| a.iter().zip(b).all(|(x, y)| (x - y).abs() < 1e-6);
         assert!(near(poses[1].position.map(f64::from), [0.0, -0.1, 5.0]));
@@ -134,7 +139,7 @@ mod tests {
 
     #[test]
     fn vertices_that_are_not_there_and_half_a_turn_are_refused() {
-        let reject = |p| solo(p, vec![[0.0; 3]; 3]).shape().unwrap_err();
+        let reject = |p| standalone(p, vec![[0.0; 3]; 3]).shape().unwrap_err();
         assert_eq!(reject(VertexPoseParams { origin: 3, ..params() }).field.as_deref(), Some("origin"));
         assert!(reject(VertexPoseParams { up: None, ..params() }).help.unwrap().contains("`up`"));
     }

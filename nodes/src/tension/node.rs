@@ -6,12 +6,12 @@ use crate::core::files::MemoryFiles;
 use crate::core::node::{Class, Node, Summary};
 use crate::core::params::Params;
 use crate::core::ports::{Events, Stream};
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::{Rate, Tick};
 use crate::mesh::{Mesh, vertex_areas};
 use crate::modal::{Body, Impact};
-use crate::{carries, params, ports};
+use crate::{archive_state, params, ports};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
@@ -124,7 +124,7 @@ impl Node for TensionImpact {
     const COST: f64 = 30.0;
 
     fn shape(_: &TensionImpactParams, s: &mut Shape<'_, '_, TensionImpactPorts>) -> Result<(), Reject> {
-        s.reach(TensionImpactPorts::mesh, 0, AHEAD);
+        s.lookaround(TensionImpactPorts::mesh, 0, AHEAD);
         Ok(())
     }
 
@@ -168,16 +168,16 @@ impl Node for TensionImpact {
         ])
     }
 
-    carries!(tightness, next, waiting, end, told);
+    archive_state!(tightness, next, waiting, end, told);
 
-    fn trial(draw: &mut Draw) -> (TensionImpactParams, MemoryFiles) {
+    fn trial(rng: &mut Rng) -> (TensionImpactParams, MemoryFiles) {
         // Sheets of trials are 0.1 m wide and tremble by a centimetre.
         let params = TensionImpactParams {
-            region: draw.between(0.03, 0.2),
-            taut: draw.between(0.95, 1.05),
-            band: draw.between(0.0, 0.05),
-            strain_rate: draw.between(0.0, 1.0),
-            ..TensionImpactParams::trial(draw)
+            region: rng.between(0.03, 0.2),
+            taut: rng.between(0.95, 1.05),
+            band: rng.between(0.0, 0.05),
+            strain_rate: rng.between(0.0, 1.0),
+            ..TensionImpactParams::trial(rng)
         };
         (params, MemoryFiles::default())
     }
@@ -186,7 +186,7 @@ impl Node for TensionImpact {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::core::solo::Solo;
+    use crate::core::standalone::Standalone;
     use crate::core::time::{seconds, ticks};
     use crate::mesh::MeshFormat;
     use crate::mesh::generate::{FlatSheet, Synthetic};
@@ -207,13 +207,13 @@ mod tests {
                 sheet.rest.iter().map(move |p| [stretch * p[0], 1.05 * p[1], z]).collect::<Vec<_>>()
             })
             .collect();
-        let solo = Solo::new::<TensionImpact>(p).input(
+        let standalone = Standalone::new::<TensionImpact>(p).input(
             TensionImpactPorts::mesh,
             Rate::hz(50),
             MeshFormat::moving(sheet),
             frames,
         );
-        solo.window(ticks(window)).run().unwrap().events(TensionImpactPorts::impacts)
+        standalone.window(ticks(window)).run().unwrap().events(TensionImpactPorts::impacts)
     }
 
     #[test]

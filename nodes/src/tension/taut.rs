@@ -1,7 +1,7 @@
 //! When parts of a cloth go from slack to taut, and how fast they went along their normal until then.
 
-use crate::carried;
 use crate::contact::vector::{Vec3, add, cross, dot, norm, scale, sub, widen};
+use crate::impl_state;
 use crate::mesh::{Regions, Topology};
 use crate::warp::linear::principal;
 use serde::{Deserialize, Serialize};
@@ -182,7 +182,7 @@ pub struct Tightness {
     rested: Vec<u64>,
     frames: u64,
 }
-carried!(Tightness { past, slack, rested, frames });
+impl_state!(Tightness { past, slack, rested, frames });
 
 impl Tightness {
     /// Cuts a cloth into parts; `areas` are those of its vertices at rest, m^2.

@@ -111,7 +111,7 @@ fn one_row<S: Simd>(simd: S, rows: &[f32], middle: usize, taps: &[Tap], fall: f3
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::core::random::Draw;
+    use crate::core::random::Rng;
 
     const DEFAULT: BilateralParams = BilateralParams { sigma_d: 3.0, sigma_r: 4.25 };
 
@@ -134,9 +134,9 @@ mod tests {
 
     #[test]
     fn every_pixel_is_the_weighted_mean_that_defines_it() {
-        let mut draw = Draw::new(4);
+        let mut rng = Rng::new(4);
         for (width, height) in [(1, 1), (5, 3), (16, 9), (45, 40)] {
-            let image = Grid::from_fn(width, height, |_, _| draw.between(0.0, 100.0) as f32);
+            let image = Grid::from_fn(width, height, |_, _| rng.between(0.0, 100.0) as f32);
             for wrap in [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp] {
                 for params in [DEFAULT, BilateralParams { sigma_d: 1.2, sigma_r: 40.0 }] {
                     let out = bilateral(&image, params, wrap);

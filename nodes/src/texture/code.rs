@@ -5,7 +5,7 @@ use super::item::{DiscontinuityMap, Grid, Surface};
 use super::picture::percentile;
 use super::sobel::length;
 use crate::core::item::Data;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use serde::{Deserialize, Serialize};
 
 /// Standard deviation, in pixels, of the Gaussian through which bits are read: unblurred they would be a comb of steps.
@@ -172,9 +172,9 @@ impl Data for CodedMap {
     const PLOTS: bool = true;
     const FILES: bool = true;
 
-    fn trial(draw: &mut Draw) -> Self {
-        let coding = [Coding::Signed, Coding::Byte, Coding::Bit][draw.below(3)];
-        Self::new(&DiscontinuityMap::trial(draw), coding, None)
+    fn trial(rng: &mut Rng) -> Self {
+        let coding = [Coding::Signed, Coding::Byte, Coding::Bit][rng.below(3)];
+        Self::new(&DiscontinuityMap::trial(rng), coding, None)
     }
 
     fn plot(&self) -> Option<String> {
@@ -194,10 +194,10 @@ mod tests {
     use crate::texture::sobel::gradient;
 
     fn map(width: usize, height: usize) -> DiscontinuityMap {
-        let mut draw = Draw::new(6);
+        let mut rng = Rng::new(6);
         let image = Grid::from_fn(width, height, |x, _| {
             let step = if x % 16 < 8 { 20.0 } else { 80.0 };
-            step + draw.between(-1.0, 1.0) as f32
+            step + rng.between(-1.0, 1.0) as f32
         });
         let [gx, gy] = gradient(&image, Wrap::Repeat);
         DiscontinuityMap { gx, gy, surface: Surface::default() }

@@ -1,7 +1,7 @@
 //! Tests of reading images.
 
 use super::*;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 
 /// Writes a PNG, for tests.
 pub(in super::super) fn png(
@@ -198,18 +198,18 @@ fn damaged_files_give_an_image_or_an_error() {
         palette::tests::tiff(4, true),
         palette::tests::tiff(8, false),
     ];
-    let mut draw = Draw::new(120);
+    let mut rng = Rng::new(120);
     let (mut read, mut refused) = (0, 0);
     for k in 0..3000 {
         let mut bytes = seeds[k % seeds.len()].clone();
-        for _ in 0..=draw.below(4) {
-            let at = draw.below(bytes.len());
-            match draw.below(5) {
+        for _ in 0..=rng.below(4) {
+            let at = rng.below(bytes.len());
+            match rng.below(5) {
                 0 => bytes.truncate(at.max(1)),
                 1 => drop(bytes.remove(at)),
-                2 => bytes.insert(at, draw.below(256) as u8),
-                3 => bytes[at] ^= 1 << draw.below(8),
-                _ => bytes[at] = [0, 1, 0x7f, 0x80, 0xff, 0xd9][draw.below(6)],
+                2 => bytes.insert(at, rng.below(256) as u8),
+                3 => bytes[at] ^= 1 << rng.below(8),
+                _ => bytes[at] = [0, 1, 0x7f, 0x80, 0xff, 0xd9][rng.below(6)],
             }
             if bytes.is_empty() {
                 break;

@@ -110,7 +110,7 @@ fn soften<S: Simd>(simd: S, steep: f32, out: &mut [f32]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::core::random::Draw;
+    use crate::core::random::Rng;
 
     /// A step along x, dark to the left of column 40.
     fn step(dark: f32, bright: f32) -> Grid {
@@ -164,8 +164,8 @@ mod tests {
             let flat = Grid::from_fn(33, 17, |_, _| level);
             assert!(features(&flat, DogParams::default(), Wrap::Mirror).samples.iter().all(|f| *f == 0.0));
         }
-        let mut draw = Draw::new(1);
-        let noise = Grid::from_fn(50, 50, |_, _| draw.between(0.0, 100.0) as f32);
+        let mut rng = Rng::new(1);
+        let noise = Grid::from_fn(50, 50, |_, _| rng.between(0.0, 100.0) as f32);
         let f = features(&noise, DogParams::default(), Wrap::Repeat);
         assert!(f.samples.iter().all(|f| (0.0..=1.0).contains(f)));
         let d = difference(&noise, DogParams::default(), Wrap::Repeat);
@@ -177,9 +177,9 @@ mod tests {
 
     #[test]
     fn a_shifted_image_has_shifted_features_where_it_repeats() {
-        let mut draw = Draw::new(2);
+        let mut rng = Rng::new(2);
         let (w, h) = (37, 23);
-        let image = Grid::from_fn(w, h, |_, _| draw.between(0.0, 100.0) as f32);
+        let image = Grid::from_fn(w, h, |_, _| rng.between(0.0, 100.0) as f32);
         let moved = Grid::from_fn(w, h, |x, y| image.samples[(y + 5) % h * w + (x + 11) % w]);
         let f = features(&image, DogParams::default(), Wrap::Repeat);
         let g = features(&moved, DogParams::default(), Wrap::Repeat);

@@ -229,7 +229,7 @@ impl Func for FeatureNoiseSplit {
 mod tests {
     use super::*;
     use crate::core::params::Params;
-    use crate::core::solo::Solo;
+    use crate::core::standalone::Standalone;
     use crate::texture::item::{LumaKind, Surface};
 
     fn luma(kind: LumaKind, tone: impl Fn(usize) -> f32) -> Luma {
@@ -239,7 +239,7 @@ mod tests {
 
     fn dog(luma: Luma) -> (FeatureMap, Summary) {
         let p = DogFeaturesParams::read(&|_| None).unwrap();
-        let run = Solo::func::<DogFeatures>(p).value(DogFeaturesPorts::luma, luma).run().unwrap();
+        let run = Standalone::func::<DogFeatures>(p).value(DogFeaturesPorts::luma, luma).run().unwrap();
         (run.value(0).unwrap().get::<FeatureMap>().unwrap().clone(), run.summary.clone())
     }
 
@@ -268,20 +268,22 @@ mod tests {
         let mut other = image.clone();
         other.grid = Grid::from_fn(39, 20, |_, _| 0.0);
         let features = FeatureMap { grid: image.grid.clone(), surface: image.surface };
-        let solo = Solo::func::<FeatureNoiseSplit>(FeatureNoiseSplitParams::read(&|_| None).unwrap());
-        let solo =
-            solo.value(FeatureNoiseSplitPorts::luma, image).value(FeatureNoiseSplitPorts::smooth, other);
-        let fault = solo.value(FeatureNoiseSplitPorts::features, features).run().err().unwrap();
+        let standalone =
+            Standalone::func::<FeatureNoiseSplit>(FeatureNoiseSplitParams::read(&|_| None).unwrap());
+        let standalone = standalone
+            .value(FeatureNoiseSplitPorts::luma, image)
+            .value(FeatureNoiseSplitPorts::smooth, other);
+        let fault = standalone.value(FeatureNoiseSplitPorts::features, features).run().err().unwrap();
         assert!(fault.code == "F124" && fault.message.contains("39 x 20"), "{fault}");
     }
 
     fn split(luma: &Luma) -> (NoiseMap, Summary) {
         let p = BilateralParams::read(&|_| None).unwrap();
-        let run = Solo::func::<Bilateral>(p).value(BilateralPorts::luma, luma.clone()).run().unwrap();
+        let run = Standalone::func::<Bilateral>(p).value(BilateralPorts::luma, luma.clone()).run().unwrap();
         let smooth = run.value(0).unwrap().get::<Luma>().unwrap().clone();
         let (features, _) = dog(smooth.clone());
         let p = FeatureNoiseSplitParams::read(&|_| None).unwrap();
-        let run = Solo::func::<FeatureNoiseSplit>(p)
+        let run = Standalone::func::<FeatureNoiseSplit>(p)
             .value(FeatureNoiseSplitPorts::luma, luma.clone())
             .value(FeatureNoiseSplitPorts::smooth, smooth)
             .value(FeatureNoiseSplitPorts::features, features)
@@ -293,11 +295,11 @@ mod tests {
     #[test]
     fn half_a_hole_gives_the_noise_of_the_other_half() {
         // Dark stones: a hole of luminance 0 looks like them.
-        let mut draw = crate::core::random::Draw::new(31);
-        let tone = |x: usize, draw: &mut crate::core::random::Draw| {
-            (if x % 32 < 4 { 3.0 } else { 12.0 }) + draw.between(-2.0, 2.0) as f32
+        let mut rng = crate::core::random::Rng::new(31);
+        let tone = |x: usize, rng: &mut crate::core::random::Rng| {
+            (if x % 32 < 4 { 3.0 } else { 12.0 }) + rng.between(-2.0, 2.0) as f32
         };
-        let half = Grid::from_fn(128, 128, |x, _| tone(x, &mut draw));
+        let half = Grid::from_fn(128, 128, |x, _| tone(x, &mut rng));
         let wide = Grid::from_fn(256, 128, |x, y| if x < 128 { half.samples[128 * y + x] } else { 0.0 });
         let surface = Surface { wrap: crate::texture::Wrap::Clamp, ..Surface::default() };
         let luma = |grid, holes| Luma { grid, holes, kind: LumaKind::Lstar, surface };

@@ -357,7 +357,7 @@ const EXP2: [f32; 6] = [1.0, LN_2, 0.240_222_42, 0.055_507_34, 0.009_671_513, 0.
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::core::random::Draw;
+    use crate::core::random::Rng;
 
     /// The filter by its definition, in double precision.
     fn naive(image: &Grid, kernel: &Kernel, wrap: Wrap) -> Vec<f64> {
@@ -376,9 +376,9 @@ mod tests {
 
     #[test]
     fn the_separable_filter_is_the_sum_that_defines_it() {
-        let mut draw = Draw::new(3);
+        let mut rng = Rng::new(3);
         for (width, height) in [(1, 1), (1, 9), (5, 3), (16, 2), (17, 40), (70, 33)] {
-            let image = Grid::from_fn(width, height, |_, _| draw.between(0.0, 100.0) as f32);
+            let image = Grid::from_fn(width, height, |_, _| rng.between(0.0, 100.0) as f32);
             for wrap in [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp] {
                 for kernel in [Kernel::binomial(), Kernel::gaussian(1.26, 4.0), Kernel::gaussian(0.0, 4.0)] {
                     let fast = smooth(&image, &kernel, wrap);

@@ -9,7 +9,7 @@
 use super::item::Luma;
 use super::luma::most;
 use crate::core::item::Data;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::plot::escaped;
 use serde::{Deserialize, Serialize};
 use std::fmt::Write;
@@ -74,8 +74,8 @@ impl Data for TextureClass {
     const NAME: &'static str = "texture class";
     const PLOTS: bool = true;
 
-    fn trial(draw: &mut Draw) -> Self {
-        let histogram: Vec<u32> = (0..BINS).map(|_| draw.below(500) as u32).collect();
+    fn trial(rng: &mut Rng) -> Self {
+        let histogram: Vec<u32> = (0..BINS).map(|_| rng.below(500) as u32).collect();
         let bandwidth = bandwidth(&histogram);
         Self { class: Class::Complex, bandwidth, threshold: 0.2, histogram }
     }
@@ -139,8 +139,8 @@ mod tests {
         Luma { grid, holes: Vec::new(), kind: LumaKind::Rec601, surface: Surface::default() }
     }
 
-    fn normal(draw: &mut Draw) -> f64 {
-        (-2.0 * (1.0 - draw.unit()).ln()).sqrt() * (TAU * draw.unit()).cos()
+    fn normal(rng: &mut Rng) -> f64 {
+        (-2.0 * (1.0 - rng.uniform()).ln()).sqrt() * (TAU * rng.uniform()).cos()
     }
 
     /// Tiles of one tone and gaps, six pixels of a hundred, of another.
@@ -150,17 +150,17 @@ mod tests {
 
     #[test]
     fn bandwidths_are_those_of_the_table() {
-        let mut draw = Draw::new(2);
+        let mut rng = Rng::new(2);
         let near = |luma: &Luma, right: f64| {
             let b = f64::from(bandwidth(&histogram(luma)));
             assert!((b / right - 1.0).abs() < 0.03, "{b} against {right}");
         };
         near(&luma(tile), 0.0049);
-        near(&luma(|x, y| tile(x, y) + 4.0 * normal(&mut draw)), 0.082);
+        near(&luma(|x, y| tile(x, y) + 4.0 * normal(&mut rng)), 0.082);
         for (sd, b) in [(4.0, 0.065), (8.0, 0.129), (16.0, 0.259), (32.0, 0.514)] {
-            near(&luma(|_, _| 128.0 + sd * normal(&mut draw)), b);
+            near(&luma(|_, _| 128.0 + sd * normal(&mut rng)), b);
         }
-        near(&luma(|_, _| (256.0 * draw.unit()).floor()), 0.9995);
+        near(&luma(|_, _| (256.0 * rng.uniform()).floor()), 0.9995);
         near(&luma(|_, _| 77.0), 1.0 / 256.0);
     }
 
@@ -169,8 +169,8 @@ mod tests {
         let image = luma(|x, y| 60.0 + ((x * 31 + y * 17) % 83) as f64);
         let b = classify(&image, 0.2, None).bandwidth;
         let mut other = image.clone();
-        let mut draw = Draw::new(4);
-        (1..other.grid.samples.len()).rev().for_each(|k| other.grid.samples.swap(k, draw.below(k + 1)));
+        let mut rng = Rng::new(4);
+        (1..other.grid.samples.len()).rev().for_each(|k| other.grid.samples.swap(k, rng.below(k + 1)));
         other.grid.samples.iter_mut().for_each(|x| *x += 40.0);
         assert_eq!(classify(&other, 0.2, None).bandwidth, b);
         let mut pierced = luma(tile);

@@ -9,7 +9,7 @@ use crate::core::files::MemoryFiles;
 use crate::core::node::{Func, Summary};
 use crate::core::params::{AssetPath, Params};
 use crate::core::ports::Value;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::{choices, params, ports};
 
@@ -122,12 +122,12 @@ impl Func for ImageLuma {
         Ok(summary)
     }
 
-    fn trial(draw: &mut Draw) -> (ImageLumaParams, MemoryFiles) {
+    fn trial(rng: &mut Rng) -> (ImageLumaParams, MemoryFiles) {
         let mut files = MemoryFiles::default();
-        let grid = Grid { width: 1 + draw.below(20), height: 1 + draw.below(20), samples: Vec::new() };
-        let bytes: Vec<u8> = (0..grid.width * grid.height).map(|_| draw.below(256) as u8).collect();
+        let grid = Grid { width: 1 + rng.below(20), height: 1 + rng.below(20), samples: Vec::new() };
+        let bytes: Vec<u8> = (0..grid.width * grid.height).map(|_| rng.below(256) as u8).collect();
         files.insert("image.png", encoded(&grid, &bytes).unwrap_or_default());
-        (ImageLumaParams { path: "image.png".into(), ..ImageLumaParams::trial(draw) }, files)
+        (ImageLumaParams { path: "image.png".into(), ..ImageLumaParams::trial(rng) }, files)
     }
 }
 
@@ -135,17 +135,17 @@ impl Func for ImageLuma {
 mod tests {
     use super::*;
     use crate::core::params::Datum;
-    use crate::core::solo::{Solo, SoloRun};
+    use crate::core::standalone::{Standalone, StandaloneRun};
 
-    fn solo(bytes: Vec<u8>, others: &[(&'static str, Datum)]) -> Solo {
+    fn standalone(bytes: Vec<u8>, others: &[(&'static str, Datum)]) -> Standalone {
         let all = [&[("path", Datum::Text("tex.png".into()))], others].concat();
         let get = |name: &str| all.iter().find(|(n, _)| *n == name).map(|(_, value)| value.clone());
-        let mut solo = Solo::func::<ImageLuma>(ImageLumaParams::read(&get).unwrap());
-        solo.files.insert("tex.png", bytes);
-        solo
+        let mut standalone = Standalone::func::<ImageLuma>(ImageLumaParams::read(&get).unwrap());
+        standalone.files.insert("tex.png", bytes);
+        standalone
     }
 
-    fn told(run: &SoloRun, key: &str) -> String {
+    fn told(run: &StandaloneRun, key: &str) -> String {
         run.summary.iter().find(|(k, _)| *k == key).map(|(_, v)| v.to_string()).unwrap_or_default()
     }
 
@@ -156,7 +156,7 @@ mod tests {
     #[test]
     fn the_surface_is_as_told() {
         let others = [("density_y", Datum::Float(100.0)), ("kind", Datum::Name("Rec601".into()))];
-        let run = solo(shipped("tiles.png"), &others).run().unwrap();
+        let run = standalone(shipped("tiles.png"), &others).run().unwrap();
         let value = run.value(0).unwrap();
         let luma = value.get::<Luma>().unwrap();
         assert_eq!((luma.grid.width, luma.grid.height, luma.holes.len()), (512, 512, 0));
@@ -168,7 +168,7 @@ mod tests {
     #[test]
     fn shipped_images_show_no_blocks() {
         for name in ["tiles.png", "sk_brick.png", "sk_gravel.png"] {
-            assert_eq!(told(&solo(shipped(name), &[]).run().unwrap(), "warning"), "", "{name}");
+            assert_eq!(told(&standalone(shipped(name), &[]).run().unwrap(), "warning"), "", "{name}");
         }
     }
 
@@ -176,11 +176,11 @@ mod tests {
     fn blocks_of_a_strongly_compressed_jpeg_are_warned_of_with_their_tone() {
         const COARSE: &[u8] = include_bytes!("testdata/blocks.jpg");
         const FINE: &[u8] = include_bytes!("testdata/fine.jpg");
-        let run = solo(COARSE.to_vec(), &[("density", Datum::Float(800.0))]).run().unwrap();
+        let run = standalone(COARSE.to_vec(), &[("density", Datum::Float(800.0))]).run().unwrap();
         let warning = told(&run, "warning");
         assert!(warning.contains("blocks of 8 pixels") && warning.contains("100 Hz"), "{warning}");
         assert_eq!(
-            told(&solo(FINE.to_vec(), &[]).run().unwrap(), "warning"),
+            told(&standalone(FINE.to_vec(), &[]).run().unwrap(), "warning"),
             "",
             "the same grain, hardly compressed"
         );
@@ -190,7 +190,7 @@ mod tests {
     fn an_image_without_any_opaque_pixel_is_refused() {
         use crate::texture::decode::tests::png;
         let clear = png(4, 4, png::ColorType::Rgba, false, &[9; 64]);
-        let fault = solo(clear, &[]).run().err().unwrap();
+        let fault = standalone(clear, &[]).run().err().unwrap();
         assert!(fault.code == "F123" && fault.message.contains("tex.png"), "{fault}");
     }
 
@@ -201,12 +201,12 @@ mod tests {
             (b"GIF89a".to_vec(), "F120", "PNG, JPEG and TIFF"),
             (shipped("tiles.png")[..20].to_vec(), "F122", "the PNG is damaged or cut off"),
         ] {
-            let reject = solo(bytes, &[]).shape().unwrap_err();
+            let reject = standalone(bytes, &[]).shape().unwrap_err();
             assert!(reject.code == code && reject.message.contains(part), "{reject}");
             assert_eq!(reject.field.as_deref(), Some("path"));
         }
         let cut = shipped("sk_brick.png")[..50_000].to_vec();
-        let fault = solo(cut, &[]).run().err().unwrap();
+        let fault = standalone(cut, &[]).run().err().unwrap();
         assert!(fault.code == "F122" && fault.message.contains("tex.png"), "{fault}");
     }
 }

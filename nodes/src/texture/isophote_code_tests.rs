@@ -1,12 +1,12 @@
 use super::*;
 use crate::core::item::Data;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::texture::isophotes::{Drawing, isophotes};
 use crate::texture::{Grid, Luma, LumaKind};
 
 fn texture(wrap: Wrap, simplify: f64) -> Isophotes {
-    let mut draw = Draw::new(8);
-    let grid = Grid::from_fn(128, 96, |_, _| draw.between(0.0, 100.0) as f32);
+    let mut rng = Rng::new(8);
+    let grid = Grid::from_fn(128, 96, |_, _| rng.between(0.0, 100.0) as f32);
     let surface = Surface { density: [700.0, 512.0], depth: 2e-4, wrap };
     let luma = Luma { grid, holes: Vec::new(), kind: LumaKind::Lstar, surface };
     isophotes(&luma, &Drawing { simplify, ..Drawing::default() }).unwrap()
@@ -51,9 +51,9 @@ fn curves_with_all_points_come_back_to_a_part_of_a_pixel() {
 
 #[test]
 fn trials_come_back() {
-    let mut draw = Draw::new(3);
+    let mut rng = Rng::new(3);
     for _ in 0..40 {
-        let all = Isophotes::trial(&mut draw);
+        let all = Isophotes::trial(&mut rng);
         let back = decode_isophotes(&encode_isophotes(&all)).unwrap();
         assert_eq!((back.points, back.curves), (all.points, all.curves));
     }
@@ -101,7 +101,7 @@ fn damaged_files_are_refused_and_never_panic() {
     assert!(decode_isophotes(b"").unwrap_err().contains("fISO"));
     assert!(decode_isophotes(b"fISO\x09").unwrap_err().contains("version 9"));
     assert!(decode_isophotes(b"fISO\x03abc").unwrap_err().contains("head"));
-    let bytes = encode_isophotes(&Isophotes::trial(&mut Draw::new(1)));
+    let bytes = encode_isophotes(&Isophotes::trial(&mut Rng::new(1)));
     assert!(decode_isophotes(&bytes[..bytes.len() - 4]).unwrap_err().contains("damaged"));
     let levels = encode_isophotes(&Isophotes { levels: vec![f32::NAN], ..Isophotes::default() });
     assert!(decode_isophotes(&levels).is_err());
@@ -124,14 +124,14 @@ fn damaged_files_are_refused_and_never_panic() {
     let mut huge = bytes.clone();
     huge[21..25].fill(0xFF);
     assert!(decode_isophotes(&huge).unwrap_err().contains("head"));
-    let mut draw = Draw::new(2);
+    let mut rng = Rng::new(2);
     for _ in 0..3000 {
         let mut bad = bytes.clone();
-        for _ in 0..1 + draw.below(4) {
-            let at = draw.below(bad.len());
-            bad[at] = draw.below(256) as u8;
+        for _ in 0..1 + rng.below(4) {
+            let at = rng.below(bad.len());
+            bad[at] = rng.below(256) as u8;
         }
-        bad.truncate(bad.len() - draw.below(3));
+        bad.truncate(bad.len() - rng.below(3));
         if let Ok(back) = decode_isophotes(&bad) {
             assert_eq!((back.points.len(), back.gradients.len()), (back.points.len(), back.points.len()));
         }

@@ -4,7 +4,7 @@ use super::isophote_code::encode_isophotes;
 use super::isophotes::{Drawing, Isophotes, Levels, isophotes};
 use super::item::Luma;
 use crate::core::item::Data;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use std::fmt::Write;
 
 /// Points that a drawing shows at most; of more, curves are left out evenly.
@@ -15,9 +15,9 @@ impl Data for Isophotes {
     const PLOTS: bool = true;
     const FILES: bool = true;
 
-    fn trial(draw: &mut Draw) -> Self {
-        let luma = Luma::trial(draw);
-        let levels = Levels::Quantiles(1 + draw.below(4));
+    fn trial(rng: &mut Rng) -> Self {
+        let luma = Luma::trial(rng);
+        let levels = Levels::Quantiles(1 + rng.below(4));
         isophotes(&luma, &Drawing { levels, ..Drawing::default() }).unwrap_or_default()
     }
 
@@ -84,7 +84,7 @@ mod tests {
 
     #[test]
     fn trials_have_curves() {
-        let found = Isophotes::trial(&mut Draw::new(1));
+        let found = Isophotes::trial(&mut Rng::new(1));
         assert!(!found.curves.is_empty() && found.points.len() == found.gradients.len());
     }
 }

@@ -10,7 +10,7 @@ use crate::core::item::Data;
 use crate::core::node::{Func, Summary};
 use crate::core::params::{AssetPath, Params};
 use crate::core::ports::Value;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::{choices, params, ports};
 
@@ -129,10 +129,10 @@ impl Func for IsophotesNode {
         Ok(told)
     }
 
-    fn trial(draw: &mut Draw) -> (IsophotesParams, MemoryFiles) {
-        let (count, pre_blur) = (1 + draw.below(9) as u16, draw.between(0.0, 3.0));
+    fn trial(rng: &mut Rng) -> (IsophotesParams, MemoryFiles) {
+        let (count, pre_blur) = (1 + rng.below(9) as u16, rng.between(0.0, 3.0));
         // Levels that are given may lie outside of the luminance, which is an error.
-        let params = IsophotesParams { count, pre_blur, levels: Vec::new(), ..IsophotesParams::trial(draw) };
+        let params = IsophotesParams { count, pre_blur, levels: Vec::new(), ..IsophotesParams::trial(rng) };
         (params, MemoryFiles::default())
     }
 }
@@ -175,9 +175,9 @@ impl Func for IsophotesFile {
         Ok(told)
     }
 
-    fn trial(draw: &mut Draw) -> (IsophotesFileParams, MemoryFiles) {
+    fn trial(rng: &mut Rng) -> (IsophotesFileParams, MemoryFiles) {
         let mut files = MemoryFiles::default();
-        files.insert("texture.isophotes", encode_isophotes(&Isophotes::trial(draw)));
+        files.insert("texture.isophotes", encode_isophotes(&Isophotes::trial(rng)));
         (IsophotesFileParams { path: AssetPath("texture.isophotes".into()) }, files)
     }
 }
@@ -190,7 +190,7 @@ fn wrong(path: &str, what: &str) -> Reject {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::core::solo::Solo;
+    use crate::core::standalone::Standalone;
     use crate::texture::{Grid, LumaKind, Surface};
 
     fn luma(width: usize, height: usize) -> Luma {
@@ -205,7 +205,7 @@ mod tests {
     }
 
     fn run(p: IsophotesParams, luma: Luma) -> Result<Isophotes, Fault> {
-        let run = Solo::func::<IsophotesNode>(p).value(IsophotesPorts::luma, luma).run()?;
+        let run = Standalone::func::<IsophotesNode>(p).value(IsophotesPorts::luma, luma).run()?;
         let value = run.value(0).unwrap();
         Ok(value.get::<Isophotes>().unwrap().clone())
     }
@@ -240,9 +240,9 @@ mod tests {
         let mut files = MemoryFiles::default();
         files.insert("a.bin", b"fISO".to_vec());
         let p = IsophotesFileParams { path: AssetPath("a.bin".into()) };
-        let mut solo = Solo::func::<IsophotesFile>(p);
-        solo.files = files;
-        let fault = solo.run().err().unwrap();
+        let mut standalone = Standalone::func::<IsophotesFile>(p);
+        standalone.files = files;
+        let fault = standalone.run().err().unwrap();
         assert!(fault.code == "F126" && fault.message.contains("a.bin"), "{fault}");
     }
 }

@@ -1,5 +1,5 @@
 use super::*;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::texture::{LumaKind, decode_isophotes, encode_isophotes};
 
 fn luma(width: usize, height: usize, wrap: Wrap, f: impl FnMut(usize, usize) -> f32) -> Luma {
@@ -8,8 +8,8 @@ fn luma(width: usize, height: usize, wrap: Wrap, f: impl FnMut(usize, usize) -> 
 }
 
 fn noise(width: usize, height: usize, wrap: Wrap) -> Luma {
-    let mut draw = Draw::new(5);
-    luma(width, height, wrap, |_, _| draw.between(0.0, 100.0) as f32)
+    let mut rng = Rng::new(5);
+    luma(width, height, wrap, |_, _| rng.between(0.0, 100.0) as f32)
 }
 
 fn exact(levels: Vec<f32>) -> Drawing {

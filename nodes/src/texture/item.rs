@@ -2,7 +2,7 @@
 
 use super::profile::stored;
 use crate::core::item::Data;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use serde::{Deserialize, Serialize};
 
 /// Numbers on a grid, row by row from the top left; pixel centres lie at integers.
@@ -135,26 +135,26 @@ impl Default for Surface {
 }
 
 /// All trials are of one size, for nodes that take two maps of one image.
-fn trial_grid(draw: &mut Draw, low: f64, high: f64) -> Grid {
+fn trial_grid(rng: &mut Rng, low: f64, high: f64) -> Grid {
     let (width, height) = (29, 22);
-    Grid::from_fn(width, height, |_, _| draw.between(low, high) as f32)
+    Grid::from_fn(width, height, |_, _| rng.between(low, high) as f32)
 }
 
-fn trial_surface(draw: &mut Draw) -> Surface {
-    let wrap = [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp][draw.below(3)];
-    Surface { density: [draw.between(100.0, 4000.0), draw.between(100.0, 4000.0)], depth: 1e-4, wrap }
+fn trial_surface(rng: &mut Rng) -> Surface {
+    let wrap = [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp][rng.below(3)];
+    Surface { density: [rng.between(100.0, 4000.0), rng.between(100.0, 4000.0)], depth: 1e-4, wrap }
 }
 
 impl Data for Luma {
     const NAME: &'static str = "luma";
     const PLOTS: bool = true;
 
-    fn trial(draw: &mut Draw) -> Self {
+    fn trial(rng: &mut Rng) -> Self {
         Self {
-            grid: trial_grid(draw, 0.0, 100.0),
+            grid: trial_grid(rng, 0.0, 100.0),
             holes: Vec::new(),
             kind: LumaKind::Lstar,
-            surface: trial_surface(draw),
+            surface: trial_surface(rng),
         }
     }
 
@@ -167,10 +167,10 @@ impl Data for DiscontinuityMap {
     const NAME: &'static str = "discontinuity map";
     const PLOTS: bool = true;
 
-    fn trial(draw: &mut Draw) -> Self {
-        let gx = trial_grid(draw, -20.0, 20.0);
-        let gy = Grid::from_fn(gx.width, gx.height, |_, _| draw.between(-20.0, 20.0) as f32);
-        Self { gx, gy, surface: trial_surface(draw) }
+    fn trial(rng: &mut Rng) -> Self {
+        let gx = trial_grid(rng, -20.0, 20.0);
+        let gy = Grid::from_fn(gx.width, gx.height, |_, _| rng.between(-20.0, 20.0) as f32);
+        Self { gx, gy, surface: trial_surface(rng) }
     }
 
     fn plot(&self) -> Option<String> {
@@ -182,8 +182,8 @@ impl Data for FeatureMap {
     const NAME: &'static str = "feature map";
     const PLOTS: bool = true;
 
-    fn trial(draw: &mut Draw) -> Self {
-        Self { grid: trial_grid(draw, 0.0, 1.0), surface: trial_surface(draw) }
+    fn trial(rng: &mut Rng) -> Self {
+        Self { grid: trial_grid(rng, 0.0, 1.0), surface: trial_surface(rng) }
     }
 
     fn plot(&self) -> Option<String> {
@@ -195,14 +195,14 @@ impl Data for NoiseMap {
     const NAME: &'static str = "noise map";
     const PLOTS: bool = true;
 
-    fn trial(draw: &mut Draw) -> Self {
-        let mut grid = trial_grid(draw, -5.0, 5.0);
+    fn trial(rng: &mut Rng) -> Self {
+        let mut grid = trial_grid(rng, -5.0, 5.0);
         let mut holes = Vec::new();
-        if draw.below(2) == 0 {
-            holes = grid.samples.iter().map(|_| draw.below(4) == 0).collect();
+        if rng.below(2) == 0 {
+            holes = grid.samples.iter().map(|_| rng.below(4) == 0).collect();
             grid.samples.iter_mut().zip(&holes).for_each(|(x, hole)| *x = if *hole { 0.0 } else { *x });
         }
-        Self { grid, holes, surface: trial_surface(draw) }
+        Self { grid, holes, surface: trial_surface(rng) }
     }
 
     fn plot(&self) -> Option<String> {
@@ -215,9 +215,9 @@ impl Data for NoiseProfile {
     const PLOTS: bool = true;
     const FILES: bool = true;
 
-    fn trial(draw: &mut Draw) -> Self {
-        let samples = (0..64 + draw.below(200)).map(|_| draw.between(-5.0, 5.0) as f32).collect();
-        Self { samples, spacing: 1.0 / draw.between(500.0, 20_000.0) }
+    fn trial(rng: &mut Rng) -> Self {
+        let samples = (0..64 + rng.below(200)).map(|_| rng.between(-5.0, 5.0) as f32).collect();
+        Self { samples, spacing: 1.0 / rng.between(500.0, 20_000.0) }
     }
 
     fn plot(&self) -> Option<String> {

@@ -185,7 +185,7 @@ fn block_peak(steps: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::core::random::Draw;
+    use crate::core::random::Rng;
     use crate::texture::decode::{Format, decode};
 
     fn picture(channels: usize, samples: Samples) -> Picture {
@@ -266,8 +266,8 @@ mod tests {
 
     #[test]
     fn blocks_of_8_are_seen_and_other_textures_are_not() {
-        let mut draw = Draw::new(9);
-        let noise = Grid::from_fn(200, 200, |_, _| draw.between(0.0, 20.0) as f32);
+        let mut rng = Rng::new(9);
+        let noise = Grid::from_fn(200, 200, |_, _| rng.between(0.0, 20.0) as f32);
         assert!(blockiness(&noise) < 0.2, "{}", blockiness(&noise));
         // The mean of each block instead, with a little of the noise.
         let blocks = Grid::from_fn(200, 200, |x, y| {

@@ -113,13 +113,13 @@ fn head(mut bytes: &[u8]) -> Option<(CodedMap, &[u8])> {
 mod tests {
     use super::*;
     use crate::core::item::Data;
-    use crate::core::random::Draw;
+    use crate::core::random::Rng;
 
     #[test]
     fn maps_of_all_codings_come_back() {
-        let mut draw = Draw::new(7);
+        let mut rng = Rng::new(7);
         for _ in 0..20 {
-            let map = CodedMap::trial(&mut draw);
+            let map = CodedMap::trial(&mut rng);
             let bytes = encode_map(&map);
             assert_eq!(bytes.len(), 43 + map.bytes.len());
             assert_eq!(decode_map(&bytes).unwrap(), map);
@@ -132,8 +132,8 @@ mod tests {
         assert!(decode_map(b"fMAP").unwrap_err().contains("first bytes"));
         assert!(decode_map(b"fMAP\x09").unwrap_err().contains("version 9"));
         assert!(decode_map(b"fMAP\x01ab").unwrap_err().contains("head"));
-        let mut draw = Draw::new(2);
-        let good = encode_map(&CodedMap::trial(&mut draw));
+        let mut rng = Rng::new(2);
+        let good = encode_map(&CodedMap::trial(&mut rng));
         assert!(decode_map(&good[..good.len() - 1]).unwrap_err().contains("damaged"));
         assert!(decode_map(&[&good[..], &[0]].concat()).unwrap_err().contains("damaged"));
         // A coding, a border, a width, a height, a scale and a density that are none.
@@ -149,11 +149,11 @@ mod tests {
         assert!(decode_map(&wide).unwrap_err().contains("damaged"), "more pixels than bytes");
         for _ in 0..5000 {
             let mut bad = good.clone();
-            for _ in 0..1 + draw.below(4) {
-                let at = draw.below(bad.len().min(60));
-                bad[at] = draw.below(256) as u8;
+            for _ in 0..1 + rng.below(4) {
+                let at = rng.below(bad.len().min(60));
+                bad[at] = rng.below(256) as u8;
             }
-            bad.truncate(bad.len() - draw.below(3));
+            bad.truncate(bad.len() - rng.below(3));
             if let Ok(map) = decode_map(&bad) {
                 let (magnitude, gradient) = (map.magnitude(), map.gradient());
                 assert_eq!(magnitude.samples.len(), map.width * map.height);

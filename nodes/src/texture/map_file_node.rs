@@ -8,7 +8,7 @@ use crate::core::item::Data;
 use crate::core::node::{Func, Summary};
 use crate::core::params::AssetPath;
 use crate::core::ports::Value;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::{params, ports};
 
@@ -57,9 +57,9 @@ impl Func for MapFile {
         Ok(summary)
     }
 
-    fn trial(draw: &mut Draw) -> (MapFileParams, MemoryFiles) {
+    fn trial(rng: &mut Rng) -> (MapFileParams, MemoryFiles) {
         let mut files = MemoryFiles::default();
-        files.insert("surface.map.bin", encode_map(&CodedMap::trial(draw)));
+        files.insert("surface.map.bin", encode_map(&CodedMap::trial(rng)));
         (MapFileParams { path: AssetPath("surface.map.bin".into()) }, files)
     }
 }
@@ -72,20 +72,20 @@ fn wrong(path: &str, what: &str) -> Reject {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::core::solo::Solo;
+    use crate::core::standalone::Standalone;
 
     fn read(bytes: Vec<u8>) -> Result<CodedMap, Fault> {
         let mut files = MemoryFiles::default();
         files.insert("a.bin", bytes);
         let p = MapFileParams { path: AssetPath("a.bin".into()) };
-        let mut solo = Solo::func::<MapFile>(p);
-        solo.files = files;
-        Ok(solo.run()?.value(0).unwrap().get::<CodedMap>().unwrap().clone())
+        let mut standalone = Standalone::func::<MapFile>(p);
+        standalone.files = files;
+        Ok(standalone.run()?.value(0).unwrap().get::<CodedMap>().unwrap().clone())
     }
 
     #[test]
     fn what_a_tap_writes_is_read_and_what_is_no_map_is_named() {
-        let map = CodedMap::trial(&mut Draw::new(3));
+        let map = CodedMap::trial(&mut Rng::new(3));
         assert_eq!(read(map.file().unwrap()).unwrap(), map);
         let fault = read(b"fISO".to_vec()).unwrap_err();
         assert!(fault.code == "F112" && fault.message.contains("a.bin"), "{fault}");

@@ -140,15 +140,15 @@ pub(super) fn level(line: &mut [f32], wanted: f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::core::random::Draw;
+    use crate::core::random::Rng;
     use crate::texture::item::{Grid, Surface};
 
     fn map(width: usize, height: usize) -> NoiseMap {
-        let mut draw = Draw::new(13);
+        let mut rng = Rng::new(13);
         // Neighbours along x resemble each other, so that a seam would show.
         let mut x = 0.0;
         let grid = Grid::from_fn(width, height, |_, _| {
-            x = 0.9 * x + draw.between(-1.0, 1.0);
+            x = 0.9 * x + rng.between(-1.0, 1.0);
             x as f32
         });
         NoiseMap { grid, holes: Vec::new(), surface: Surface::default() }
@@ -223,10 +223,10 @@ mod tests {
     #[test]
     fn every_metre_of_the_line_is_as_strong_as_all_of_it() {
         // Tiles: noise mostly along their joints, and rows of the map meet them or do not.
-        let mut draw = Draw::new(14);
+        let mut rng = Rng::new(14);
         let grid = Grid::from_fn(512, 512, |x, y| {
             let joint = x % 64 < 3 || y % 32 == 15;
-            (if joint { 4.0 } else { 0.5 }) * draw.between(-1.0, 1.0) as f32
+            (if joint { 4.0 } else { 0.5 }) * rng.between(-1.0, 1.0) as f32
         });
         let line =
             profile(&NoiseMap { grid, holes: Vec::new(), surface: Surface::default() }, PROFILE).samples;

@@ -10,7 +10,7 @@ use crate::core::files::MemoryFiles;
 use crate::core::node::{Func, Summary};
 use crate::core::params::Params;
 use crate::core::ports::Value;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::Build;
 use crate::{choices, params, ports};
 
@@ -108,10 +108,10 @@ impl Func for NoiseProfileNode {
         Ok(summary)
     }
 
-    fn trial(draw: &mut Draw) -> (NoiseProfileParams, MemoryFiles) {
+    fn trial(rng: &mut Rng) -> (NoiseProfileParams, MemoryFiles) {
         // Only high speeds, whose profiles are short.
-        let (v_max, samples) = (draw.between(50.0, 1000.0), 256 + draw.below(9000));
-        let p = NoiseProfileParams { v_max, samples, ..NoiseProfileParams::trial(draw) };
+        let (v_max, samples) = (rng.between(50.0, 1000.0), 256 + rng.below(9000));
+        let p = NoiseProfileParams { v_max, samples, ..NoiseProfileParams::trial(rng) };
         (p, MemoryFiles::default())
     }
 }
@@ -121,7 +121,7 @@ mod tests {
     use super::*;
     use crate::core::item::Data;
     use crate::core::params::Datum;
-    use crate::core::solo::Solo;
+    use crate::core::standalone::Standalone;
     use crate::texture::item::{Grid, Surface};
 
     fn made(code: &str, extend: bool) -> NoiseProfile {
@@ -129,17 +129,17 @@ mod tests {
     }
 
     fn made_of(code: &str, extend: bool, samples: usize) -> NoiseProfile {
-        let mut draw = Draw::new(4);
-        let grid = Grid::from_fn(256, 256, |_, _| draw.between(-3.0, 3.0) as f32);
+        let mut rng = Rng::new(4);
+        let grid = Grid::from_fn(256, 256, |_, _| rng.between(-3.0, 3.0) as f32);
         let get = |name: &str| match name {
             "samples" => Some(Datum::Int(samples as i64)),
             "code" => Some(Datum::Name(code.into())),
             "extend" => Some(Datum::Bool(extend)),
             _ => None,
         };
-        let solo = Solo::func::<NoiseProfileNode>(NoiseProfileParams::read(&get).unwrap());
+        let standalone = Standalone::func::<NoiseProfileNode>(NoiseProfileParams::read(&get).unwrap());
         let map = NoiseMap { grid, holes: Vec::new(), surface: Surface::default() };
-        let run = solo.value(NoiseProfilePorts::noise, map).run().unwrap();
+        let run = standalone.value(NoiseProfilePorts::noise, map).run().unwrap();
         run.value(0).unwrap().get::<NoiseProfile>().unwrap().clone()
     }
 

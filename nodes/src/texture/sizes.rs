@@ -13,7 +13,7 @@ use crate::core::fault::Fault;
 use crate::core::item::Data;
 use crate::core::node::{Func, Summary};
 use crate::core::ports::Value;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::Build;
 use crate::{params, ports};
 use serde::{Deserialize, Serialize};
@@ -81,9 +81,9 @@ impl SizeReport {
 impl Data for SizeReport {
     const NAME: &'static str = "size report";
 
-    fn trial(draw: &mut Draw) -> Self {
-        let mut report = Self::new([1 + draw.below(100), 1 + draw.below(100)]);
-        report.add("trial", draw.below(1000));
+    fn trial(rng: &mut Rng) -> Self {
+        let mut report = Self::new([1 + rng.below(100), 1 + rng.below(100)]);
+        report.add("trial", rng.below(1000));
         report
     }
 }
@@ -157,18 +157,18 @@ impl Func for MapSizes {
 mod tests {
     use super::*;
     use crate::core::params::Params;
-    use crate::core::solo::Solo;
+    use crate::core::standalone::Standalone;
     use crate::texture::item::{Grid, Surface};
 
     #[test]
     fn codes_of_512_by_512_pixels_keep_to_their_targets() {
         let (grid, surface) = (Grid::from_fn(512, 512, |x, y| ((x * y) % 7) as f32), Surface::default());
         let map = DiscontinuityMap { gx: grid.clone(), gy: grid.clone(), surface };
-        let solo = Solo::func::<MapSizes>(MapSizesParams::read(&|_| None).unwrap())
+        let standalone = Standalone::func::<MapSizes>(MapSizesParams::read(&|_| None).unwrap())
             .value(MapSizesPorts::map, map)
             .value(MapSizesPorts::features, FeatureMap { grid: grid.clone(), surface })
             .value(MapSizesPorts::noise, NoiseMap { grid, holes: Vec::new(), surface });
-        let run = solo.run().unwrap();
+        let run = standalone.run().unwrap();
         let value = run.value(0).unwrap();
         let report = value.get::<SizeReport>().unwrap();
         let bytes: Vec<u64> = report.entries.iter().map(|entry| entry.bytes).collect();

@@ -119,7 +119,7 @@ fn along<S: Simd>(simd: S, lines: &Lines, mut give: impl FnMut(f32x16<S>, f32x16
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::core::random::Draw;
+    use crate::core::random::Rng;
 
     #[test]
     fn a_ramp_gives_its_slope() {
@@ -180,9 +180,9 @@ mod tests {
 
     #[test]
     fn the_length_is_the_magnitude_and_sizes_need_not_fit_the_vectors() {
-        let mut draw = Draw::new(8);
+        let mut rng = Rng::new(8);
         for (width, height) in [(1, 1), (3, 70), (33, 34)] {
-            let image = Grid::from_fn(width, height, |_, _| draw.between(0.0, 100.0) as f32);
+            let image = Grid::from_fn(width, height, |_, _| rng.between(0.0, 100.0) as f32);
             let [gx, gy] = gradient(&image, Wrap::Repeat);
             let (g, fused) = (length(&gx, &gy), magnitude(&image, Wrap::Repeat));
             for (k, (a, b)) in g.samples.iter().zip(&fused.samples).enumerate() {

@@ -101,22 +101,22 @@ pub fn statistics(map: &Grid, holes: &[bool]) -> NoiseStatistics {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::core::random::Draw;
+    use crate::core::random::Rng;
     use crate::texture::bilateral::{BilateralParams, bilateral};
     use crate::texture::dog::{DogParams, features};
     use crate::texture::item::Wrap;
 
     fn white(seed: u64, width: usize, height: usize) -> Grid {
-        let mut draw = Draw::new(seed);
-        let mut normal = || (0..12).map(|_| draw.unit()).sum::<f64>() - 6.0;
+        let mut rng = Rng::new(seed);
+        let mut normal = || (0..12).map(|_| rng.uniform()).sum::<f64>() - 6.0;
         Grid::from_fn(width, height, |_, _| normal() as f32)
     }
 
     #[test]
     fn smooth_part_features_and_noise_make_the_image_again() {
-        let mut draw = Draw::new(12);
+        let mut rng = Rng::new(12);
         let image = Grid::from_fn(60, 50, |x, _| {
-            (if x % 20 < 3 { 20.0 } else { 70.0 }) + draw.between(-3.0, 3.0) as f32
+            (if x % 20 < 3 { 20.0 } else { 70.0 }) + rng.between(-3.0, 3.0) as f32
         });
         let params = BilateralParams { sigma_d: 3.0, sigma_r: 4.25 };
         let soft = bilateral(&image, params, Wrap::Repeat);

@@ -90,25 +90,25 @@ mod tests {
     use super::*;
     use crate::core::item::Data;
     use crate::core::params::Params;
-    use crate::core::random::Draw;
-    use crate::core::solo::Solo;
+    use crate::core::random::Rng;
+    use crate::core::standalone::Standalone;
     use crate::texture::{Drawing, Grid, Kernel, Luma, LumaKind, Surface, Wrap, isophotes, smooth};
 
     fn report(curves: Isophotes, sizes: Option<SizeReport>) -> SizeReport {
-        let mut solo = Solo::func::<TextureReport>(TextureReportParams::read(&|_| None).unwrap())
+        let mut standalone = Standalone::func::<TextureReport>(TextureReportParams::read(&|_| None).unwrap())
             .value(TextureReportPorts::isophotes, curves);
         if let Some(sizes) = sizes {
-            let feed = crate::core::solo::Feed::value(crate::core::item::AnyValue::new(sizes));
-            solo = solo.feed(TextureReportPorts::sizes.index(), feed);
+            let feed = crate::core::standalone::Feed::value(crate::core::item::AnyValue::new(sizes));
+            standalone = standalone.feed(TextureReportPorts::sizes.index(), feed);
         }
-        let run = solo.run().unwrap();
+        let run = standalone.run().unwrap();
         run.value(0).unwrap().get::<SizeReport>().unwrap().clone()
     }
 
     #[test]
     fn isophotes_join_the_other_sizes() {
-        let mut draw = Draw::new(2);
-        let curves = Isophotes::trial(&mut draw);
+        let mut rng = Rng::new(2);
+        let curves = Isophotes::trial(&mut rng);
         let bytes = encode_isophotes(&curves).len() as u64;
         let alone = report(curves.clone(), None);
         assert_eq!(alone.image, 3 * (curves.width * curves.height) as u64);
@@ -157,8 +157,8 @@ mod tests {
     #[test]
     fn isophotes_of_512_by_512_pixels_are_much_smaller_than_the_image() {
         // Stones of about fifteen pixels; finer gravel has longer curves.
-        let mut draw = Draw::new(3);
-        let grid = Grid::from_fn(512, 512, |_, _| draw.between(0.0, 100.0) as f32);
+        let mut rng = Rng::new(3);
+        let grid = Grid::from_fn(512, 512, |_, _| rng.between(0.0, 100.0) as f32);
         let grid = smooth(&grid, &Kernel::gaussian(3.5, 4.0), Wrap::Repeat);
         let luma = Luma { grid, holes: Vec::new(), kind: LumaKind::Lstar, surface: Surface::default() };
         let curves = isophotes(&luma, &Drawing::default()).unwrap();

@@ -5,7 +5,7 @@ use std::f64::consts::FRAC_PI_2;
 use std::ops::Range;
 
 use super::UnitDatabase;
-use crate::carried;
+use crate::impl_state;
 
 /// How the two sounds at a join are mixed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -202,7 +202,7 @@ pub struct Sleep {
     /// None before the first sample.
     level: Option<f32>,
 }
-carried!(Sleep { silent, level });
+impl_state!(Sleep { silent, level });
 
 impl Sleep {
     /// Awake if the target begins with sound, asleep if it begins with silence.
@@ -236,7 +236,7 @@ pub struct Doze {
     patience: usize,
     silent: usize,
 }
-carried!(Doze { silent });
+impl_state!(Doze { silent });
 
 impl Doze {
     /// For units that come at a rate per second; asleep until the first that is not silent.

@@ -10,7 +10,7 @@ use crate::core::item::Channels;
 use crate::core::node::{Class, Node, Summary, same_rate};
 use crate::core::ports::{In, Stream, Value};
 use crate::core::shape::{Build, Shape};
-use crate::{carries, choices, params, ports};
+use crate::{archive_state, choices, params, ports};
 
 choices! { @param Blend {
     /// Powers add up to one: for sounds that have nothing to do with each other.
@@ -161,8 +161,8 @@ impl Node for UnitConcatenator {
         let _ = p;
         let width = channels(&picks.format, balance.map(|balance| balance.format))?;
         // The unit under way began before the window, and is joined to the one before it and the one after.
-        s.reach(UnitConcatenatorPorts::picks, 2, 1);
-        s.reach(UnitConcatenatorPorts::balance, 2, 0);
+        s.lookaround(UnitConcatenatorPorts::picks, 2, 1);
+        s.lookaround(UnitConcatenatorPorts::balance, 2, 0);
         s.ends(picks.end);
         s.output(UnitConcatenatorPorts::audio, rate, Channels(width));
         Ok(())
@@ -223,7 +223,7 @@ impl Node for UnitConcatenator {
         Ok(vec![("outside", self.outside.into()), ("asleep_samples", self.asleep.into())])
     }
 
-    carries!(known, joins, outside, asleep, each sleep);
+    archive_state!(known, joins, outside, asleep, each sleep);
 }
 
 #[cfg(test)]

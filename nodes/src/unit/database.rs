@@ -5,7 +5,7 @@ use std::ops::Range;
 use thiserror::Error;
 
 use crate::core::item::Data;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::feature::FeatureConventions;
 
 /// Format of [`UnitDatabase`] that this code reads and writes.
@@ -238,18 +238,18 @@ impl Data for UnitDatabase {
         self.to_bytes().ok()
     }
 
-    fn trial(draw: &mut Draw) -> Self {
+    fn trial(rng: &mut Rng) -> Self {
         let conventions = FeatureConventions::trial();
         let mut segments = Vec::new();
         let mut start = 0;
-        for _ in 0..1 + draw.below(3) {
-            let units = 1 + draw.below(60) as u32;
+        for _ in 0..1 + rng.below(3) {
+            let units = 1 + rng.below(60) as u32;
             segments.push(Segment { start, units, source: 0, channel: 0, offset: 0 });
             start += units;
         }
         let (units, dims) = (start as usize, conventions.dims());
         let mut values = |count: usize, most: f64| -> Vec<f32> {
-            (0..count).map(|_| draw.between(-most, most) as f32).collect()
+            (0..count).map(|_| rng.between(-most, most) as f32).collect()
         };
         let audio = values(units * conventions.unit as usize, 0.5);
         let features = values(units * dims, 3.0);
@@ -272,8 +272,8 @@ mod tests {
 
     #[test]
     fn trials_are_valid_and_faults_are_named_with_their_place() {
-        let mut draw = Draw::new(1);
-        let good = UnitDatabase::trial(&mut draw);
+        let mut rng = Rng::new(1);
+        let good = UnitDatabase::trial(&mut rng);
         good.validate().unwrap();
         let mut bad = good.clone();
         bad.features[4] = f32::NAN;
@@ -292,8 +292,8 @@ mod tests {
 
     #[test]
     fn a_unit_knows_its_segment() {
-        let mut draw = Draw::new(5);
-        let db = UnitDatabase::trial(&mut draw);
+        let mut rng = Rng::new(5);
+        let db = UnitDatabase::trial(&mut rng);
         for (k, segment) in db.segments.iter().enumerate() {
             assert_eq!(db.segment_of(segment.range().start), Some(k));
             assert_eq!(db.segment_of(segment.range().end - 1), Some(k));

@@ -8,7 +8,7 @@ use crate::core::files::{MemoryFiles, ReadSeek};
 use crate::core::node::{Func, Summary};
 use crate::core::params::{AssetPath, Params, Text};
 use crate::core::ports::Value;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
 use crate::dsp::{Quality, Resampler};
@@ -151,7 +151,7 @@ impl Func for UnitDatabaseNode {
     const NAME: &'static str = "UnitDatabase";
     const VERSION: u32 = 4;
     // They are the provenance of the database's sources.
-    const TELLS_PATHS: bool = true;
+    const EXPOSES_PATHS: bool = true;
 
     fn check(p: &UnitDatabaseParams, s: &mut Shape<'_, '_, UnitDatabasePorts>) -> Result<(), Reject> {
         if p.recordings.is_empty() {
@@ -194,19 +194,19 @@ impl Func for UnitDatabaseNode {
         Ok(summary)
     }
 
-    fn trial(draw: &mut Draw) -> (UnitDatabaseParams, MemoryFiles) {
+    fn trial(rng: &mut Rng) -> (UnitDatabaseParams, MemoryFiles) {
         let mut files = MemoryFiles::default();
-        let samples: Vec<f32> = (0..2000).map(|_| draw.between(-0.5, 0.5) as f32).collect();
+        let samples: Vec<f32> = (0..2000).map(|_| rng.between(-0.5, 0.5) as f32).collect();
         files.insert("a.wav", trial_wav(&samples, 8000));
         files.insert("b.wav", trial_wav(&samples[500..], 4000));
-        let p = UnitDatabaseParams::trial(draw);
+        let p = UnitDatabaseParams::trial(rng);
         let first = p.first % 3;
         let n = 1 + p.n % 4;
         let params = UnitDatabaseParams {
             recordings: vec!["a.wav".into(), "b.wav".into()],
             tags: Vec::new(),
-            rate: Rate::hz([4000, 8000][draw.below(2)]),
-            widths: vec![draw.between(0.0, 30.0)],
+            rate: Rate::hz([4000, 8000][rng.below(2)]),
+            widths: vec![rng.between(0.0, 30.0)],
             gap: None,
             first,
             n,
@@ -275,9 +275,9 @@ impl Func for UnitDatabaseFile {
         Ok(summary)
     }
 
-    fn trial(draw: &mut Draw) -> (UnitDatabaseFileParams, MemoryFiles) {
+    fn trial(rng: &mut Rng) -> (UnitDatabaseFileParams, MemoryFiles) {
         let mut files = MemoryFiles::default();
-        let db = <UnitDatabase as crate::core::item::Data>::trial(draw);
+        let db = <UnitDatabase as crate::core::item::Data>::trial(rng);
         files.insert("units.bin", db.to_bytes().unwrap_or_default());
         (UnitDatabaseFileParams { path: "units.bin".into() }, files)
     }

@@ -16,10 +16,10 @@ use crate::core::files::MemoryFiles;
 use crate::core::node::{Class, Node, Summary};
 use crate::core::params::{Params, Text};
 use crate::core::ports::{In, Stream, Value};
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::feature::Features;
-use crate::{carries, choices, params, ports};
+use crate::{archive_state, choices, params, ports};
 
 choices! {
     /// How the path through the units is found.
@@ -162,7 +162,7 @@ impl GlobalUnitSelector {
         let first = features.first();
         let items = usize::try_from(self.length - first).unwrap_or(0);
         let (width, dims) = (features.width(), self.table.dims());
-        let take = features.around().get(features.past() * width..).unwrap_or_default();
+        let take = features.around().get(features.behind() * width..).unwrap_or_default();
         self.picks = vec![Pick::default(); items * self.vectors];
         for vector in 0..self.vectors {
             let mut sleepers = self.sleepers.as_mut().zip(target);
@@ -298,8 +298,12 @@ impl Node for GlobalUnitSelector {
         };
         sleep::check(&features, s.optional(GlobalUnitSelectorPorts::target).as_ref())?;
         let items = items.max(0) as usize;
-        s.reach(GlobalUnitSelectorPorts::features, 0, items);
-        s.reach(GlobalUnitSelectorPorts::target, 0, sleep::reach(features.format.conventions.unit, items));
+        s.lookaround(GlobalUnitSelectorPorts::features, 0, items);
+        s.lookaround(
+            GlobalUnitSelectorPorts::target,
+            0,
+            sleep::reach(features.format.conventions.unit, items),
+        );
         s.ends(features.end);
         let vectors = features.format.vectors;
         let format = PickFormat { channels: vectors, conventions: Arc::clone(&features.format.conventions) };
@@ -362,13 +366,13 @@ impl Node for GlobalUnitSelector {
         Ok(summary)
     }
 
-    carries!(each sleepers, first, picks, counts, totals);
+    archive_state!(each sleepers, first, picks, counts, totals);
 
-    fn trial(draw: &mut Draw) -> (GlobalUnitSelectorParams, MemoryFiles) {
-        let p = GlobalUnitSelectorParams::trial(draw);
+    fn trial(rng: &mut Rng) -> (GlobalUnitSelectorParams, MemoryFiles) {
+        let p = GlobalUnitSelectorParams::trial(rng);
         let params = GlobalUnitSelectorParams {
-            switch_cost: draw.between(0.0, 2.0),
-            d_max: draw.between(0.0, 9.0),
+            switch_cost: rng.between(0.0, 2.0),
+            d_max: rng.between(0.0, 9.0),
             cool_off: p.cool_off % 40,
             candidates: 1 + p.candidates % 30,
             lag: p.lag % 0.2,

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 use crate::core::item::Item;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::feature::FeatureConventions;
 
 /// One chosen unit.
@@ -52,14 +52,14 @@ impl Item for Picks {
         }
     }
 
-    fn trial_format(draw: &mut Draw) -> PickFormat {
-        PickFormat { channels: 1 + draw.below(2), conventions: Arc::new(FeatureConventions::trial()) }
+    fn trial_format(rng: &mut Rng) -> PickFormat {
+        PickFormat { channels: 1 + rng.below(2), conventions: Arc::new(FeatureConventions::trial()) }
     }
 
-    fn trial(_: &PickFormat, _: usize, draw: &mut Draw) -> Pick {
+    fn trial(_: &PickFormat, _: usize, rng: &mut Rng) -> Pick {
         // Some of them beyond any small database.
-        let (unit, fallback) = (draw.below(70) as i32, draw.below(5) == 0);
-        let d1 = draw.between(0.0, 3.0) as f32;
+        let (unit, fallback) = (rng.below(70) as i32, rng.below(5) == 0);
+        let d1 = rng.between(0.0, 3.0) as f32;
         Pick { unit, fallback, asleep: false, d1, d2: if fallback { 0.0 } else { 6.0 * d1 } }
     }
 

@@ -250,12 +250,12 @@ fn bounds<const P: usize>(items: &[(u32, [f64; P])], from: usize) -> Node<P> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::core::random::Draw;
+    use crate::core::random::Rng;
 
     #[test]
     fn both_searches_find_what_lies_within_a_distance() {
-        let mut draw = Draw::new(7);
-        let mut point = || [0; 3].map(|_| draw.between(-1.0, 1.0));
+        let mut rng = Rng::new(7);
+        let mut point = || [0; 3].map(|_| rng.between(-1.0, 1.0));
         let points: Vec<(u32, [f64; 3])> = (0..700).map(|label| (label, point())).collect();
         let (tree, mut search) = (KdTree::new(points.clone()), Search::default());
         for within in [0.0, 0.01, 0.3, 20.0] {

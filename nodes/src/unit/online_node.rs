@@ -14,11 +14,11 @@ use crate::core::files::MemoryFiles;
 use crate::core::node::{Class, Node, Summary};
 use crate::core::params::{Params, Text};
 use crate::core::ports::{Stream, Value};
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
 use crate::feature::Features;
-use crate::{carried, carries, params, ports};
+use crate::{archive_state, impl_state, params, ports};
 
 params! {
     /// Chooses units as `GlobalUnitSelector` does, but a little after the target in place of after all of it: for live use.
@@ -87,7 +87,7 @@ struct Channel {
     path: FixedLag,
     counts: Counts,
 }
-carried!(Channel { path, counts });
+impl_state!(Channel { path, counts });
 
 fn lag(p: &OnlineUnitSelectorParams, rate: Rate) -> usize {
     (p.lag * rate.as_f64()).round() as usize
@@ -109,8 +109,8 @@ impl Node for OnlineUnitSelector {
         comparable(&features.format, s.value(OnlineUnitSelectorPorts::database), &p.tags)?;
         sleep::check(&features, s.optional(OnlineUnitSelectorPorts::target).as_ref())?;
         let lag = lag(p, features.rate);
-        s.reach(OnlineUnitSelectorPorts::features, 0, lag);
-        s.reach(OnlineUnitSelectorPorts::target, 0, sleep::reach(features.format.conventions.unit, lag));
+        s.lookaround(OnlineUnitSelectorPorts::features, 0, lag);
+        s.lookaround(OnlineUnitSelectorPorts::target, 0, sleep::reach(features.format.conventions.unit, lag));
         s.ends(features.end);
         let vectors = features.format.vectors;
         let format = PickFormat { channels: vectors, conventions: Arc::clone(&features.format.conventions) };
@@ -151,7 +151,7 @@ impl Node for OnlineUnitSelector {
             let at = features.first() + k as i64;
             let left = self.length.map_or(i64::MAX, |n| n - 1 - at);
             let known = self.lag.min(usize::try_from(left).unwrap_or(0));
-            let here = features.past() + k;
+            let here = features.behind() + k;
             for (vector, (channel, out)) in self.channels.iter_mut().zip(out).enumerate() {
                 let Channel { path, counts } = channel;
                 let mut sleepers = self.sleepers.as_mut().zip(io.target.as_ref());
@@ -190,14 +190,14 @@ impl Node for OnlineUnitSelector {
         Ok(summary)
     }
 
-    carries!(each channels, each sleepers);
+    archive_state!(each channels, each sleepers);
 
-    fn trial(draw: &mut Draw) -> (OnlineUnitSelectorParams, MemoryFiles) {
-        let p = OnlineUnitSelectorParams::trial(draw);
+    fn trial(rng: &mut Rng) -> (OnlineUnitSelectorParams, MemoryFiles) {
+        let p = OnlineUnitSelectorParams::trial(rng);
         let params = OnlineUnitSelectorParams {
-            lag: draw.between(0.0, 0.1),
-            switch_cost: draw.between(0.0, 2.0),
-            d_max: draw.between(0.0, 9.0),
+            lag: rng.between(0.0, 0.1),
+            switch_cost: rng.between(0.0, 2.0),
+            d_max: rng.between(0.0, 9.0),
             cool_off: p.cool_off % 40,
             tags: Vec::new(),
             ..p

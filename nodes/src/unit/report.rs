@@ -9,11 +9,11 @@ use crate::core::fault::{Fault, Reject};
 use crate::core::item::Data;
 use crate::core::node::{Class, Node, Summary};
 use crate::core::ports::{Fold, Stream, Value};
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::feature::Features;
 use crate::plot::{Axis, Line, chart};
-use crate::{carries, params, ports};
+use crate::{archive_state, params, ports};
 
 /// Window over which fallbacks are counted, seconds.
 const WINDOW: f64 = 0.5;
@@ -148,10 +148,10 @@ impl Data for SelectionReport {
     const NAME: &'static str = "selection report";
     const PLOTS: bool = true;
 
-    fn trial(draw: &mut Draw) -> Self {
-        let db = UnitDatabase::trial(draw);
-        let format = <Picks as crate::core::item::Item>::trial_format(draw);
-        let picks = (0..9).map(|k| <Picks as crate::core::item::Item>::trial(&format, k, draw)).collect();
+    fn trial(rng: &mut Rng) -> Self {
+        let db = UnitDatabase::trial(rng);
+        let format = <Picks as crate::core::item::Item>::trial_format(rng);
+        let picks = (0..9).map(|k| <Picks as crate::core::item::Item>::trial(&format, k, rng)).collect();
         let channels = vec![ChannelReport::new(picks, &db, 240.0)];
         Self {
             version: REPORT_VERSION,
@@ -325,7 +325,7 @@ impl Node for SelectionReportNode {
         Ok(summary)
     }
 
-    carries!(picks, target);
+    archive_state!(picks, target);
 }
 
 /// The report in a few words.
@@ -353,7 +353,7 @@ mod tests {
     #[test]
     fn a_report_tells_its_version_and_the_database_that_it_is_of() {
         let (report, other) =
-            (SelectionReport::trial(&mut Draw::new(1)), SelectionReport::trial(&mut Draw::new(2)));
+            (SelectionReport::trial(&mut Rng::new(1)), SelectionReport::trial(&mut Rng::new(2)));
         let json = serde_json::to_value(&report).unwrap();
         assert_eq!((json["version"].as_u64(), json["content"].as_str()), (Some(2), Some(&*report.content)));
         assert!(report.content.len() == 16 && report.content != other.content);
@@ -361,7 +361,7 @@ mod tests {
 
     #[test]
     fn runs_repeats_and_poor_stretches_are_counted() {
-        let mut db = UnitDatabase::trial(&mut Draw::new(1));
+        let mut db = UnitDatabase::trial(&mut Rng::new(1));
         let units = db.len() as u32;
         db.segments = vec![super::super::Segment { start: 0, units, source: 0, channel: 0, offset: 0 }];
         let pick = |unit, fallback| Pick { unit, fallback, asleep: false, d1: 0.5, d2: 1.0 };
@@ -377,7 +377,7 @@ mod tests {
 
     #[test]
     fn units_that_are_slept_through_are_no_good_picks() {
-        let mut db = UnitDatabase::trial(&mut Draw::new(1));
+        let mut db = UnitDatabase::trial(&mut Rng::new(1));
         let units = db.len() as u32;
         db.segments = vec![super::super::Segment { start: 0, units, source: 0, channel: 0, offset: 0 }];
         let pick = |unit, fallback| Pick { unit, fallback, d1: 3.0, ..Pick::default() };
@@ -392,7 +392,7 @@ mod tests {
 
     #[test]
     fn the_drawing_shows_distances_or_features() {
-        let mut report = SelectionReport::trial(&mut Draw::new(2));
+        let mut report = SelectionReport::trial(&mut Rng::new(2));
         assert_eq!(report.plot().unwrap().matches("<polyline").count(), 1);
         (report.dims, report.target, report.chosen) = (2, vec![0.5; 18], vec![0.0; 18]);
         let svg = report.plot().unwrap();

@@ -1,9 +1,9 @@
 //! Which unit of a database sounds most like each unit of a target: exact search in bounded memory.
 
 use super::kdtree::{KdTree, Search, squared};
-use crate::core::carry::Carry;
 use crate::core::fault::Fault;
-use crate::{carried, carries};
+use crate::core::state::StateArchive;
+use crate::{archive_state, impl_state};
 use std::cmp::Ordering;
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -87,7 +87,7 @@ pub trait Selector: Send + Sync {
     ///
     /// # Errors
     /// When something else was saved.
-    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault>;
+    fn archive_state(&mut self, archive: &mut StateArchive<'_>) -> Result<(), Fault>;
 
     /// Another one over the same units, which share the memory of this one.
     fn another(&self) -> Box<dyn Selector>;
@@ -198,7 +198,7 @@ struct Past {
     cool_off: u64,
     loop_guard: usize,
 }
-carried!(Past { used, now, picks });
+impl_state!(Past { used, now, picks });
 
 impl Past {
     fn new(units: usize, params: &SelectorParams) -> Self {
@@ -510,7 +510,7 @@ impl<const P: usize> Selector for Exact<P> {
         picks.iter().for_each(|unit| self.past.note(*unit));
     }
 
-    carries!(past);
+    archive_state!(past);
 
     fn another(&self) -> Box<dyn Selector> {
         Box::new(self.clone())

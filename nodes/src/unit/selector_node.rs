@@ -7,16 +7,16 @@ use super::UnitDatabase;
 use super::item::{Pick, PickFormat, Picks};
 use super::selector::{self, MOST_DIMS, NotFinite, Selector, SelectorParams, Units};
 use super::sleep::{self, Sleepers};
-use crate::core::carry::{Carried, Carry};
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::node::{Class, Node, Summary};
 use crate::core::params::{Params, Text};
 use crate::core::ports::{In, Stream, Value};
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
+use crate::core::state::{StateArchive, Stateful};
 use crate::feature::{FeatureFormat, Features};
-use crate::{carries, params, ports};
+use crate::{archive_state, params, ports};
 
 params! {
     /// Chooses, for each unit of a target, the unit of a database that sounds most like it and goes on most like it.
@@ -101,10 +101,10 @@ struct Channel {
     counts: Counts,
 }
 
-impl Carried for Channel {
-    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault> {
-        self.selector.carry(carry)?;
-        self.counts.carry(carry)
+impl Stateful for Channel {
+    fn archive_state(&mut self, archive: &mut StateArchive<'_>) -> Result<(), Fault> {
+        self.selector.archive_state(archive)?;
+        self.counts.archive_state(archive)
     }
 }
 
@@ -185,7 +185,7 @@ impl Channel {
             }
             let most = if node.causal { at } else { node.length.map_or(i64::MAX, |n| n - 1 - at) };
             let look = node.look.min(usize::try_from(most).unwrap_or(0));
-            let here = features.past() + k;
+            let here = features.behind() + k;
             let first = if node.causal { here - look } else { here };
             self.window.clear();
             for item in first..=first + look {
@@ -346,10 +346,10 @@ impl Node for UnitSelector {
             s.note("all channels choose from the same units: a sound in the middle may wander; Mfcc(channels: SharedMid) or Joint keep it");
         }
         sleep::check(&features, s.optional(UnitSelectorPorts::target).as_ref())?;
-        s.reach(UnitSelectorPorts::target, 0, sleep::reach(format.conventions.unit, 0));
+        s.lookaround(UnitSelectorPorts::target, 0, sleep::reach(format.conventions.unit, 0));
         s.ends(features.end);
         let (past, ahead) = if p.causal { (p.look, 0) } else { (0, p.look) };
-        s.reach(UnitSelectorPorts::features, past, ahead);
+        s.lookaround(UnitSelectorPorts::features, past, ahead);
         let format = PickFormat { channels: format.vectors, conventions: Arc::clone(&format.conventions) };
         s.output(UnitSelectorPorts::picks, features.rate, format);
         Ok(())
@@ -426,13 +426,13 @@ impl Node for UnitSelector {
         Ok(summary)
     }
 
-    carries!(each channels, each sleepers);
+    archive_state!(each channels, each sleepers);
 
-    fn trial(draw: &mut Draw) -> (UnitSelectorParams, MemoryFiles) {
-        let p = UnitSelectorParams::trial(draw);
+    fn trial(rng: &mut Rng) -> (UnitSelectorParams, MemoryFiles) {
+        let p = UnitSelectorParams::trial(rng);
         let params = UnitSelectorParams {
             look: p.look % 6,
-            d_max: draw.between(0.0, 9.0),
+            d_max: rng.between(0.0, 9.0),
             cool_off: p.cool_off % 40,
             loop_guard: p.loop_guard % 0.5,
             tags: Vec::new(),

@@ -2,13 +2,13 @@
 
 use super::UnitDatabase;
 use super::concatenator::{Doze, SILENT};
-use crate::carried;
 use crate::core::fault::Reject;
 use crate::core::node::same_rate;
 use crate::core::ports::In;
 use crate::core::shape::Incoming;
 use crate::core::time::Rate;
 use crate::feature::Features;
+use crate::impl_state;
 use std::collections::VecDeque;
 
 /// What of every channel is slept through.
@@ -22,7 +22,7 @@ pub(super) struct Sleepers {
     /// Units whose sleep is remembered.
     kept: usize,
 }
-carried!(Sleepers { each channels });
+impl_state!(Sleepers { each channels });
 
 struct Sleeper {
     doze: Doze,
@@ -32,7 +32,7 @@ struct Sleeper {
     next: i64,
     asleep: u64,
 }
-carried!(Sleeper { doze, known, next, asleep });
+impl_state!(Sleeper { doze, known, next, asleep });
 
 /// Refuses a target of another rate than the sound that the features are of.
 pub(super) fn check(features: &Incoming<Features>, target: Option<&Incoming<f32>>) -> Result<(), Reject> {
@@ -105,7 +105,7 @@ pub(super) fn share(sleepers: Option<&Sleepers>, picked: u64) -> f64 {
 /// Whether the target is silent all through unit `at`: in the channel of a vector where it has one for each.
 fn silent(target: &In<'_, f32>, at: i64, unit: usize, (vector, vectors): (usize, usize)) -> bool {
     let width = target.width().max(1);
-    let first = usize::try_from(at * unit as i64 - target.first() + target.past() as i64).unwrap_or(0);
+    let first = usize::try_from(at * unit as i64 - target.first() + target.behind() as i64).unwrap_or(0);
     let samples = target.around().get(first * width..).unwrap_or_default();
     let heard = |frame: &[f32]| match frame.get(vector) {
         Some(x) if width == vectors => x.abs() > SILENT,

@@ -8,7 +8,7 @@ use super::tps::{Tps, Turns, spread};
 use crate::core::content::{altered_content, content_digest};
 use crate::core::item::Data;
 use crate::core::node::Summary;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::feature::FeatureConventions;
 
 /// Format of [`Warp`] that this code reads and writes.
@@ -168,12 +168,12 @@ impl Data for Warp {
     const NAME: &'static str = "warp";
     const PLOTS: bool = true;
 
-    fn trial(draw: &mut Draw) -> Self {
+    fn trial(rng: &mut Rng) -> Self {
         let conventions = FeatureConventions::trial();
         let d = conventions.dims();
-        let mut vector = || (0..d).map(|_| draw.between(-3.0, 3.0)).collect::<Vec<_>>();
+        let mut vector = || (0..d).map(|_| rng.between(-3.0, 3.0)).collect::<Vec<_>>();
         let pairs: Vec<Pair> = (0..6).map(|_| Pair { from: vector(), to: vector(), weight: 1.0 }).collect();
-        let count = draw.below(pairs.len() + 1);
+        let count = rng.below(pairs.len() + 1);
         // A stiff fit of scattered pairs always exists.
         let map = WarpMap::fit(&pairs[..count], d, Stiffness::Lambda(1.0), &[], &[]).unwrap_or_default();
         Self {

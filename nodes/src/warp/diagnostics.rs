@@ -269,18 +269,18 @@ pub fn without(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::core::random::Draw;
+    use crate::core::random::Rng;
     use crate::warp::{Warper, fit};
 
     /// Twelve correspondences of ten units along a smooth distortion, one of which leads elsewhere.
-    fn planted(draw: &mut Draw, bad: usize) -> Vec<(usize, Pair)> {
+    fn planted(rng: &mut Rng, bad: usize) -> Vec<(usize, Pair)> {
         let mut pairs = Vec::new();
         for k in 0..12 {
-            let middle = [0; 3].map(|_| draw.between(-8.0, 8.0));
-            let wrong = [0; 3].map(|_| draw.between(-1.0, 1.0) * if k == bad { 8.0 } else { 0.0 });
+            let middle = [0; 3].map(|_| rng.between(-8.0, 8.0));
+            let wrong = [0; 3].map(|_| rng.between(-1.0, 1.0) * if k == bad { 8.0 } else { 0.0 });
             for _ in 0..10 {
-                let from = middle.map(|m| m + draw.between(-0.7, 0.7));
-                let noise = [0; 3].map(|_| draw.between(-0.4, 0.4));
+                let from = middle.map(|m| m + rng.between(-0.7, 0.7));
+                let noise = [0; 3].map(|_| rng.between(-0.4, 0.4));
                 let [x, y, z] = from;
                 let smooth = [1.2 * x + 3.0 + 0.03 * y * y, 0.8 * y + 1.5 * (0.3 * x).sin(), z + 0.1 * x];
                 let to = (0..3).map(|i| smooth[i] + noise[i] + wrong[i]).collect();
@@ -292,7 +292,7 @@ mod tests {
 
     #[test]
     fn errors_of_blocks_left_out_are_those_of_fits_without_them() {
-        let mut pairs = planted(&mut Draw::new(3), 4);
+        let mut pairs = planted(&mut Rng::new(3), 4);
         pairs[7].1.weight = 3.0;
         let mut worst = 0.0_f64;
         for lambda in [0.5, 100.0] {
@@ -319,7 +319,7 @@ mod tests {
 
     #[test]
     fn the_warp_through_all_is_the_fitted_one_also_where_pairs_start_in_one_place() {
-        let mut pairs = planted(&mut Draw::new(8), 2);
+        let mut pairs = planted(&mut Rng::new(8), 2);
         for k in 0..7 {
             let twin = pairs[k].1.from.clone();
             pairs[k + 30].1.from = twin;
@@ -341,10 +341,10 @@ mod tests {
 
     #[test]
     fn the_warp_through_few_is_the_fitted_one() {
-        let mut draw = Draw::new(5);
+        let mut rng = Rng::new(5);
         for n in 0..12 {
             for lambda in [1e-3, 1.0, 1e6] {
-                let mut vector = || [0; 3].map(|_| draw.between(-3.0, 3.0)).to_vec();
+                let mut vector = || [0; 3].map(|_| rng.between(-3.0, 3.0)).to_vec();
                 let mut pairs: Vec<(usize, Pair)> = (0..n)
                     .map(|k| (k / 3, Pair { from: vector(), to: vector(), weight: 1.0 + k as f64 }))
                     .collect();
@@ -365,7 +365,7 @@ mod tests {
 
     #[test]
     fn the_quick_warp_without_a_correspondence_is_the_fitted_one() {
-        let mut pairs = planted(&mut Draw::new(6), 2);
+        let mut pairs = planted(&mut Rng::new(6), 2);
         pairs[24].1.weight = 0.5;
         pairs[31].1.weight = 2.0;
         for lambda in [0.3, 50.0, 1e6] {
@@ -391,9 +391,9 @@ mod tests {
     fn a_planted_bad_pair_is_the_suspect() {
         let (mut first, mut by_surprise) = (0, 0);
         for trial in 0..40 {
-            let mut draw = Draw::new(100 + trial);
-            let bad = draw.below(12);
-            let pairs = planted(&mut draw, bad);
+            let mut rng = Rng::new(100 + trial);
+            let bad = rng.below(12);
+            let pairs = planted(&mut rng, bad);
             let found = suspicions(&pairs, 3, 10.0, 2.0).unwrap();
             assert_eq!(found.len(), 12);
             first += usize::from(found[bad].rank == 1);
@@ -405,7 +405,7 @@ mod tests {
 
     #[test]
     fn pairs_that_start_alike_and_lead_apart_are_in_conflict() {
-        let mut pairs = planted(&mut Draw::new(1), 99);
+        let mut pairs = planted(&mut Rng::new(1), 99);
         for k in 0..10 {
             let mut twin = pairs[k].1.clone();
             twin.to[0] += 20.0;

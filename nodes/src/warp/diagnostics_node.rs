@@ -16,13 +16,13 @@ use crate::core::item::Data;
 use crate::core::node::{Class, Node, Summary};
 use crate::core::params::{OutPath, Params, Text};
 use crate::core::ports::{Fold, Stream, Value};
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Ends, Shape};
 use crate::feature::Features;
 use crate::io::{AudioWriter, Dither, WriteFormat, WriteSpec};
 use crate::unit::selector_node::{comparable, units};
 use crate::unit::{Blend, Concatenator, SelectorParams, UnitDatabase};
-use crate::{carries, params, ports};
+use crate::{archive_state, params, ports};
 use std::fmt;
 use std::ops::Range;
 
@@ -135,7 +135,7 @@ pub struct Diagnosis {
 impl Data for Diagnosis {
     const NAME: &'static str = "diagnosis";
 
-    fn trial(_: &mut Draw) -> Self {
+    fn trial(_: &mut Rng) -> Self {
         Self::default()
     }
 }
@@ -373,10 +373,10 @@ impl Node for CorrespondenceDiagnostics {
         Ok(summary)
     }
 
-    carries!(heard);
+    archive_state!(heard);
 
-    fn trial(draw: &mut Draw) -> (CorrespondenceDiagnosticsParams, MemoryFiles) {
-        let p = CorrespondenceDiagnosticsParams::trial(draw);
+    fn trial(rng: &mut Rng) -> (CorrespondenceDiagnosticsParams, MemoryFiles) {
+        let p = CorrespondenceDiagnosticsParams::trial(rng);
         let params = CorrespondenceDiagnosticsParams {
             look: p.look % 6,
             cool_off: p.cool_off % 40,

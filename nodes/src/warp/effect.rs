@@ -217,7 +217,7 @@ impl Baseline {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::core::random::Draw;
+    use crate::core::random::Rng;
     use crate::warp::diagnostics::LeaveOut;
     use crate::warp::{Pair, Stiffness, fit};
 
@@ -231,9 +231,9 @@ mod tests {
     const PLACES: [[f64; 2]; 5] = [[-15.0, 0.0], [-5.0, 6.0], [0.0, -6.0], [6.0, 5.0], [12.0, -2.0]];
 
     fn world(bad: Option<usize>) -> World {
-        let mut draw = Draw::new(5);
+        let mut rng = Rng::new(5);
         let mut near = |place: [f64; 2], shift: f64| {
-            [place[0] + shift + draw.between(-0.3, 0.3), place[1] + draw.between(-0.3, 0.3)]
+            [place[0] + shift + rng.between(-0.3, 0.3), place[1] + rng.between(-0.3, 0.3)]
         };
         let (mut target, mut database, mut pairs) = (Vec::new(), Vec::new(), Vec::new());
         for (k, place) in PLACES.into_iter().enumerate() {

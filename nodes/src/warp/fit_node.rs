@@ -12,7 +12,7 @@ use crate::core::ports::{Fold, Stream, Value};
 use crate::core::shape::{Build, Ends, Incoming, Shape};
 use crate::feature::{FeatureFormat, Features};
 use crate::unit::UnitDatabase;
-use crate::{carried, carries, choices, params, ports};
+use crate::{archive_state, choices, impl_state, params, ports};
 
 choices! { @param Pairing {
     /// The first unit with the first and so on, as in the paper; the longer side loses its end.
@@ -76,7 +76,7 @@ pub(super) struct Heard {
     pub database: Arc<UnitDatabase>,
     pub pairs: Arc<CorrespondenceSet>,
 }
-carried!(Heard { features });
+impl_state!(Heard { features });
 
 /// The node over [`WarpMap::fit`].
 #[derive(Debug)]
@@ -241,7 +241,7 @@ impl Node for TpsFit {
         Ok(summary)
     }
 
-    carries!(heard);
+    archive_state!(heard);
 }
 
 /// The stiffness that parameters ask for.

@@ -146,25 +146,25 @@ fn products(row: &[f64], kernels: &[f64], padded: usize) -> [f64; TOGETHER] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::core::random::Draw;
+    use crate::core::random::Rng;
     use crate::warp::{Pair, Stiffness, fit};
 
-    fn spline(draw: &mut Draw, n: usize, d: usize) -> Tps {
-        let mut vector = || (0..d).map(|_| draw.between(-5.0, 5.0)).collect::<Vec<f64>>();
+    fn spline(rng: &mut Rng, n: usize, d: usize) -> Tps {
+        let mut vector = || (0..d).map(|_| rng.between(-5.0, 5.0)).collect::<Vec<f64>>();
         let pairs: Vec<Pair> = (0..n).map(|_| Pair { from: vector(), to: vector(), weight: 1.0 }).collect();
         fit(&pairs, d, Stiffness::Lambda(3.0)).unwrap().0
     }
 
     #[test]
     fn splines_that_share_their_nodes_warp_as_each_does_alone() {
-        let mut draw = Draw::new(4);
+        let mut rng = Rng::new(4);
         for (n, d, units) in [(37, 3, 1030), (4, 2, 7), (9, 1, 3), (40, 6, 5), (0, 3, 6)] {
-            let first = spline(&mut draw, n, d);
+            let first = spline(&mut rng, n, d);
             let mut second = first.clone();
-            second.weights.iter_mut().for_each(|w| *w *= draw.between(-1.0, 1.0));
-            second.affine.iter_mut().for_each(|a| *a += draw.between(-1.0, 1.0));
-            let other = spline(&mut draw, n + 3, d);
-            let features: Vec<f32> = (0..units * d).map(|_| draw.between(-9.0, 9.0) as f32).collect();
+            second.weights.iter_mut().for_each(|w| *w *= rng.between(-1.0, 1.0));
+            second.affine.iter_mut().for_each(|a| *a += rng.between(-1.0, 1.0));
+            let other = spline(&mut rng, n + 3, d);
+            let features: Vec<f32> = (0..units * d).map(|_| rng.between(-9.0, 9.0) as f32).collect();
             let splines = [&first, &second, &other, &first];
             let found = warped(&features, &splines);
             assert_eq!(found.len(), 4);

@@ -9,11 +9,11 @@ use crate::core::item::Data;
 use crate::core::node::{Class, Func, Node, Summary};
 use crate::core::params::AssetPath;
 use crate::core::ports::{Stream, Value};
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Ends, Shape};
 use crate::feature::{FeatureFormat, Features};
 use crate::unit::database::{UnitDatabase, file_names};
-use crate::{carries, params, ports};
+use crate::{archive_state, params, ports};
 
 params! {
     /// Moments of a target and of a database that should sound alike, from a file that people write.
@@ -60,7 +60,7 @@ impl Func for Correspondences {
     type Ports = CorrespondencesPorts;
     const NAME: &'static str = "CorrespondenceSet";
     const VERSION: u32 = 2;
-    const TELLS_PATHS: bool = true;
+    const EXPOSES_PATHS: bool = true;
 
     fn check(p: &CorrespondencesParams, s: &mut Shape<'_, '_, CorrespondencesPorts>) -> Result<(), Reject> {
         read_set(&p.path.0, &s.bytes("path", &p.path.0)?).map(|_| ())
@@ -78,9 +78,9 @@ impl Func for Correspondences {
         Ok(summary)
     }
 
-    fn trial(draw: &mut Draw) -> (CorrespondencesParams, MemoryFiles) {
+    fn trial(rng: &mut Rng) -> (CorrespondencesParams, MemoryFiles) {
         let mut files = MemoryFiles::default();
-        files.insert("set.ron", write_correspondences(&CorrespondenceSet::trial(draw)));
+        files.insert("set.ron", write_correspondences(&CorrespondenceSet::trial(rng)));
         (CorrespondencesParams { path: "set.ron".into() }, files)
     }
 }
@@ -132,10 +132,10 @@ impl Func for WarpFile {
         Ok(summary)
     }
 
-    fn trial(draw: &mut Draw) -> (WarpFileParams, MemoryFiles) {
+    fn trial(rng: &mut Rng) -> (WarpFileParams, MemoryFiles) {
         let mut files = MemoryFiles::default();
         // Writing to a vector does not fail.
-        files.insert("trial.warp", serde_json::to_vec(&<Warp as Data>::trial(draw)).unwrap_or_default());
+        files.insert("trial.warp", serde_json::to_vec(&<Warp as Data>::trial(rng)).unwrap_or_default());
         (WarpFileParams { path: "trial.warp".into() }, files)
     }
 }
@@ -254,7 +254,7 @@ impl Node for TpsWarp {
         Ok(self.strange.take().map(|text| ("warning", text.into())).into_iter().collect())
     }
 
-    carries!(strange);
+    archive_state!(strange);
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@ use std::fmt::Write;
 
 use super::text::{Datum, Field, Place, TextError, read};
 use crate::core::item::Data;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 
 /// Most correspondences of one file.
 pub const MAX_CORRESPONDENCES: usize = 10_000;
@@ -226,20 +226,20 @@ pub fn write_correspondences(set: &CorrespondenceSet) -> String {
 impl Data for CorrespondenceSet {
     const NAME: &'static str = "correspondences";
 
-    fn trial(draw: &mut Draw) -> Self {
+    fn trial(rng: &mut Rng) -> Self {
         // Short times, most of which fit the targets and databases of trials.
-        let pair = |draw: &mut Draw| Correspondence {
+        let pair = |rng: &mut Rng| Correspondence {
             label: String::new(),
-            target: draw.between(0.0, 0.004),
-            database: draw.between(0.0, 0.004),
+            target: rng.between(0.0, 0.004),
+            database: rng.between(0.0, 0.004),
             source: None,
-            duration: draw.between(0.001, 0.003),
+            duration: rng.between(0.001, 0.003),
             channel: None,
-            weight: draw.between(0.5, 2.0),
-            enabled: draw.below(4) > 0,
+            weight: rng.between(0.5, 2.0),
+            enabled: rng.below(4) > 0,
             place: Place::default(),
         };
-        let pairs = (0..draw.below(4)).map(|_| pair(draw)).collect();
+        let pairs = (0..rng.below(4)).map(|_| pair(rng)).collect();
         Self { pairs, ..Self::default() }
     }
 }
@@ -250,9 +250,9 @@ mod tests {
 
     #[test]
     fn what_is_written_is_read_again() {
-        let mut draw = Draw::new(4);
+        let mut rng = Rng::new(4);
         for _ in 0..20 {
-            let mut set = CorrespondenceSet::trial(&mut draw);
+            let mut set = CorrespondenceSet::trial(&mut rng);
             set.target = "render \"7\"".into();
             set.length = Some(7.6);
             for (k, c) in set.pairs.iter_mut().enumerate() {

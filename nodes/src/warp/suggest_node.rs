@@ -4,17 +4,17 @@ use super::fit_node::Heard;
 use super::set::{Correspondence, CorrespondenceSet, SourceName, write_correspondences};
 use super::suggest::{Cause, Proposal, Silence, SuggestParams, leaves_silence_out, suggest};
 use super::text::Place;
-use crate::core::carry::{Carried, Carry};
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::WriteSeek;
 use crate::core::node::{Class, Node, Summary, same_rate};
 use crate::core::params::{OutPath, Text};
 use crate::core::ports::{In, Stream, Value};
 use crate::core::shape::{Build, Ends, Shape};
+use crate::core::state::{StateArchive, Stateful};
 use crate::feature::Features;
 use crate::unit::selector_node::check_tags;
 use crate::unit::{Segment, UnitDatabase};
-use crate::{carried, params, ports};
+use crate::{impl_state, params, ports};
 use std::fmt;
 use std::ops::Range;
 use std::sync::Arc;
@@ -96,7 +96,7 @@ struct Heat {
     power: Vec<f64>,
     most: usize,
 }
-carried!(Heat { power, most });
+impl_state!(Heat { power, most });
 
 impl Heat {
     fn add(&mut self, audio: &In<'_, f32>) {
@@ -273,8 +273,8 @@ impl Node for CorrespondenceSuggester {
         Ok(told)
     }
 
-    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault> {
-        self.heard.carry(carry)?;
-        self.causes.iter_mut().try_for_each(|cause| carry.each(cause))
+    fn archive_state(&mut self, archive: &mut StateArchive<'_>) -> Result<(), Fault> {
+        self.heard.archive_state(archive)?;
+        self.causes.iter_mut().try_for_each(|cause| archive.each(cause))
     }
 }

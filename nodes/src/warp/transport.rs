@@ -7,7 +7,7 @@
 
 use rayon::prelude::*;
 
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 
 /// Most rounds of scaling.
 const ROUNDS: usize = 300;
@@ -76,11 +76,11 @@ pub(super) fn clustered(points: Points, most: usize) -> Cloud {
 
 /// Distant points to begin with, each drawn with a chance in proportion to its squared distance from those before it.
 fn seeds(points: &Points, count: usize) -> Points {
-    let mut draw = Draw::new(0x6b6d_6561_6e73);
-    let mut at = points.row(draw.below(points.len())).to_vec();
+    let mut rng = Rng::new(0x6b6d_6561_6e73);
+    let mut at = points.row(rng.below(points.len())).to_vec();
     let mut near: Vec<f64> = points.rows().map(|x| squared(x, &at)).collect();
     for _ in 1..count {
-        let mut left = draw.unit() * near.iter().sum::<f64>();
+        let mut left = rng.uniform() * near.iter().sum::<f64>();
         let next = near.iter().position(|square| {
             left -= square;
             left < 0.0
@@ -281,8 +281,8 @@ mod tests {
     use super::*;
 
     fn cloud(n: usize, seed: u64, spread: f64) -> Points {
-        let mut draw = Draw::new(seed);
-        Points { dims: 2, at: (0..2 * n).map(|_| spread * draw.between(-1.0, 1.0)).collect() }
+        let mut rng = Rng::new(seed);
+        Points { dims: 2, at: (0..2 * n).map(|_| spread * rng.between(-1.0, 1.0)).collect() }
     }
 
     /// All in logarithms and double precision, as the method is written down.

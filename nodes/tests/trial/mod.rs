@@ -7,9 +7,9 @@ use foley_nodes::core::item::{Channels, Described, ItemType, OfItem};
 use foley_nodes::core::node::NodeType;
 use foley_nodes::core::params::AnyParams;
 use foley_nodes::core::ports::{Arity, PortKind};
-use foley_nodes::core::random::Draw;
+use foley_nodes::core::random::Rng;
 use foley_nodes::core::shape::{LinkShape, NodeShape};
-use foley_nodes::core::solo::{Feed, Solo, SoloRun};
+use foley_nodes::core::standalone::{Feed, Standalone, StandaloneRun};
 use foley_nodes::core::time::{Rate, TICKS_PER_SECOND, Tick};
 use foley_nodes::registry::all;
 use std::fmt;
@@ -37,13 +37,13 @@ pub enum Level {
 }
 
 impl Level {
-    fn sample(self, draw: &mut Draw) -> f32 {
+    fn sample(self, rng: &mut Rng) -> f32 {
         match self {
-            Self::Random => draw.between(-1.0, 1.0) as f32,
+            Self::Random => rng.between(-1.0, 1.0) as f32,
             Self::Silence => 0.0,
             Self::Constant => 0.7,
-            Self::FullScale => [-1.0, 1.0][draw.below(2)],
-            Self::Denormal => f32::from_bits(1 + draw.below(8) as u32),
+            Self::FullScale => [-1.0, 1.0][rng.below(2)],
+            Self::Denormal => f32::from_bits(1 + rng.below(8) as u32),
         }
     }
 }
@@ -107,16 +107,16 @@ pub fn accepted_by_name(node: usize, wanted: usize) -> Vec<Trial> {
         .bytes()
         .fold(0xcbf2_9ce4_8422_2325, |h: u64, b| (h ^ u64::from(b)).wrapping_mul(0x100_0000_01b3));
     let trials = (0..TRIES).filter_map(|number| {
-        Trial::drawn(node, number, Level::Random, Draw::new(seed.wrapping_add(number))).ok()
+        Trial::drawn(node, number, Level::Random, Rng::new(seed.wrapping_add(number))).ok()
     });
     let trials: Vec<Trial> = trials.take(wanted).collect();
     assert_eq!(trials.len(), wanted, "`{name}` accepts too few of {TRIES} trials");
     trials
 }
 
-fn audio(draw: &mut Draw, rate: Rate, channels: Channels, items: i64, level: Level) -> Feed {
+fn audio(rng: &mut Rng, rate: Rate, channels: Channels, items: i64, level: Level) -> Feed {
     let count = items as usize * usize::from(channels.0);
-    Feed::stream::<f32>(rate, channels, (0..count).map(|_| level.sample(draw)).collect())
+    Feed::stream::<f32>(rate, channels, (0..count).map(|_| level.sample(rng)).collect())
 }
 
 fn is_audio(item: &ItemType) -> bool {
@@ -124,31 +124,31 @@ fn is_audio(item: &ItemType) -> bool {
 }
 
 /// A stream; like one that came before it, as far as there is one and `alike` asks for it.
-fn stream(draw: &mut Draw, item: &ItemType, rate: Rate, like: Option<&Feed>, level: Level) -> Feed {
+fn stream(rng: &mut Rng, item: &ItemType, rate: Rate, like: Option<&Feed>, level: Level) -> Feed {
     // Streams end at different times, and now and then before they begin.
     let most = if is_audio(item) { 300.0 } else { 60.0 };
-    let items = if draw.below(20) == 0 { 0 } else { draw.between(most / 10.0, most) as i64 };
+    let items = if rng.below(20) == 0 { 0 } else { rng.between(most / 10.0, most) as i64 };
     let like = like.and_then(|feed| match feed.shape() {
         LinkShape::Stream(shape) if (shape.item.id)() == (item.id)() => Some(shape),
         _ => None,
     });
     if is_audio(item) {
         let channels = like.and_then(|shape| shape.format::<f32>().copied());
-        let channels = channels.unwrap_or(Channels(1 + draw.below(3) as u16));
-        return audio(draw, rate, channels, items, level);
+        let channels = channels.unwrap_or(Channels(1 + rng.below(3) as u16));
+        return audio(rng, rate, channels, items, level);
     }
-    let made = like.and_then(|shape| (item.trial_like)(draw, shape, items));
-    made.unwrap_or_else(|| (item.trial)(draw, rate, items))
+    let made = like.and_then(|shape| (item.trial_like)(rng, shape, items));
+    made.unwrap_or_else(|| (item.trial)(rng, rate, items))
 }
 
 impl Trial {
     fn new(node: usize, number: u64, level: Level) -> Result<Self, String> {
-        Self::drawn(node, number, level, Draw::new(number.wrapping_mul(1000) + node as u64))
+        Self::drawn(node, number, level, Rng::new(number.wrapping_mul(1000) + node as u64))
     }
 
-    fn drawn(node: usize, number: u64, level: Level, mut draw: Draw) -> Result<Self, String> {
+    fn drawn(node: usize, number: u64, level: Level, mut rng: Rng) -> Result<Self, String> {
         let ty = all().swap_remove(node);
-        let (params, files) = (ty.trial)(&mut draw);
+        let (params, files) = (ty.trial)(&mut rng);
         let rates = [
             Rate::hz(40),
             Rate::hz(60),
@@ -158,31 +158,31 @@ impl Trial {
             Rate::new(24_000, 1001).expect("a film rate"),
             Rate::new(44_101, 64).expect("a rate that divides nothing"),
         ];
-        let one_rate = rates[draw.below(rates.len())];
+        let one_rate = rates[rng.below(rates.len())];
         // Most nodes want inputs that are alike; some take what comes.
-        let alike = draw.below(4) > 0;
+        let alike = rng.below(4) > 0;
         let mut feeds: Vec<Vec<Feed>> = Vec::new();
         for port in ty.inputs {
             let count = match port.arity {
                 Arity::One => 1,
-                Arity::Optional => draw.below(2),
-                Arity::Many => 1 + draw.below(3),
+                Arity::Optional => rng.below(2),
+                Arity::Many => 1 + rng.below(3),
             };
             let mut links = Vec::new();
             for _ in 0..count {
-                let rate = if alike { one_rate } else { rates[draw.below(rates.len())] };
+                let rate = if alike { one_rate } else { rates[rng.below(rates.len())] };
                 let item = |kind: &PortKind, feed: &&Feed| match (kind, feed.shape()) {
                     (PortKind::Stream(item), LinkShape::Stream(shape)) => (item.id)() == (shape.item.id)(),
                     _ => false,
                 };
                 let like = feeds.iter().flatten().chain(&links).find(|feed| alike && item(&port.kind, feed));
                 let feed = match port.kind {
-                    PortKind::Stream(item) => stream(&mut draw, item, rate, like, level),
+                    PortKind::Stream(item) => stream(&mut rng, item, rate, like, level),
                     PortKind::Events(event) => {
-                        let end = (TICKS_PER_SECOND as f64 * draw.between(0.05, 0.5)) as Tick;
-                        (event.trial)(&mut draw, end)
+                        let end = (TICKS_PER_SECOND as f64 * rng.between(0.05, 0.5)) as Tick;
+                        (event.trial)(&mut rng, end)
                     }
-                    PortKind::Value(data) | PortKind::Fold(data) => Feed::value((data.trial)(&mut draw)),
+                    PortKind::Value(data) | PortKind::Fold(data) => Feed::value((data.trial)(&mut rng)),
                 };
                 links.push(feed);
             }
@@ -204,22 +204,22 @@ impl Trial {
     }
 
     /// The node with its inputs, ready to run.
-    pub fn solo(&self, window: Tick) -> Solo {
-        let mut solo = Solo::of_type(self.ty(), self.params.boxed()).window(window);
+    pub fn standalone(&self, window: Tick) -> Standalone {
+        let mut standalone = Standalone::of_type(self.ty(), self.params.boxed()).window(window);
         for (port, feeds) in self.feeds.iter().enumerate() {
             for feed in feeds {
-                solo = solo.feed(port, feed.clone());
+                standalone = standalone.feed(port, feed.clone());
             }
         }
-        solo.files = self.files.clone();
-        solo.seed = self.seed;
-        solo.until = UNTIL;
-        solo
+        standalone.files = self.files.clone();
+        standalone.seed = self.seed;
+        standalone.until = UNTIL;
+        standalone
     }
 
     /// What the node declares.
     pub fn shape(&self) -> Result<NodeShape, foley_nodes::core::fault::Reject> {
-        self.solo(1).shape()
+        self.standalone(1).shape()
     }
 
     /// When the node ends, or is stopped.
@@ -262,9 +262,9 @@ impl Trial {
     }
 
     /// The same trial with other numbers in one item of an input stream.
-    pub fn varied(&self, port: usize, item: usize, draw: &mut Draw) -> Self {
+    pub fn varied(&self, port: usize, item: usize, rng: &mut Rng) -> Self {
         let mut feeds = self.feeds.clone();
-        feeds[port][0] = feeds[port][0].vary(item, draw).expect("only streams are varied");
+        feeds[port][0] = feeds[port][0].vary(item, rng).expect("only streams are varied");
         let (params, files) = (self.params.boxed(), self.files.clone());
         Self { feeds, params, files, ..*self }
     }
@@ -282,9 +282,9 @@ impl Trial {
 
     /// Runs to the end.
     pub fn run(&self, window: Tick) -> Outcome {
-        let solo = self.solo(window);
-        let run = solo.run().unwrap_or_else(|fault| panic!("{fault}: {self:?}"));
-        Outcome::new(&solo, &run, self)
+        let standalone = self.standalone(window);
+        let run = standalone.run().unwrap_or_else(|fault| panic!("{fault}: {self:?}"));
+        Outcome::new(&standalone, &run, self)
     }
 }
 
@@ -292,15 +292,15 @@ impl Trial {
     /// Runs in windows, the first of them in another node, which is saved and of which nothing else is kept.
     pub fn interrupted(&self, window: Tick, windows: usize) -> Outcome {
         let failed = |fault: Fault| -> ! { panic!("{fault}: {self:?}") };
-        let first = self.solo(window);
+        let first = self.standalone(window);
         let mut run = first.start().unwrap_or_else(|e| failed(e));
         for _ in 0..windows {
             run.step().unwrap_or_else(|e| failed(e));
         }
         let saved = run.save().unwrap_or_else(|e| failed(e));
         drop(run);
-        let mut second = self.solo(window);
-        second.outputs = first.outputs.to_go_on();
+        let mut second = self.standalone(window);
+        second.outputs = first.outputs.to_resume();
         let mut run = second.start().unwrap_or_else(|e| failed(e));
         run.restore(&saved).unwrap_or_else(|e| failed(e));
         while run.step().unwrap_or_else(|e| failed(e)) {}
@@ -322,7 +322,7 @@ pub struct Outcome {
 }
 
 impl Outcome {
-    fn new(solo: &Solo, run: &SoloRun, trial: &Trial) -> Self {
+    fn new(standalone: &Standalone, run: &StandaloneRun, trial: &Trial) -> Self {
         let ports = 0..trial.ty().outputs.len();
         let shape = trial.shape().expect("an accepted trial has a shape");
         let mut finite = true;
@@ -343,7 +343,7 @@ impl Outcome {
             streams,
             events: times.iter().map(|events| format!("{events:?}")).collect(),
             values: ports.map(|port| run.value(port).map(|value| value.hash())).collect(),
-            file: solo.outputs.get("trial.out"),
+            file: standalone.outputs.get("trial.out"),
             summary: format!("{:?}", run.summary),
             times,
             finite,

@@ -136,7 +136,7 @@ mod tests {
     use super::*;
     use crossbeam_channel::unbounded;
     use foley_nodes::core::input::Inputs;
-    use foley_nodes::core::random::Draw;
+    use foley_nodes::core::random::Rng;
     use foley_nodes::live::from_message;
     use std::sync::atomic::Ordering::Relaxed;
 
@@ -184,7 +184,7 @@ mod tests {
         let _inbox = hub.open("hits");
         let good = "{\"impact\": \"hits\", \"velocity\": 2, \"mass\": 0.5, \"in\": 0.1}";
         for seed in 0..3000 {
-            let mut draw = Draw::new(seed);
+            let mut draw = Rng::new(seed);
             let mut bytes = good.as_bytes().to_vec();
             for _ in 0..1 + draw.below(4) {
                 let at = draw.below(bytes.len());

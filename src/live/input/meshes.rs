@@ -299,7 +299,7 @@ mod tests {
     use super::*;
     use crossbeam_channel::unbounded;
     use foley_nodes::core::input::Inputs;
-    use foley_nodes::core::random::Draw;
+    use foley_nodes::core::random::Rng;
     use foley_nodes::core::time::Rate;
     use std::io::Write;
     use std::net::TcpStream;
@@ -400,7 +400,7 @@ mod tests {
         (0..4).for_each(|k| good.extend(frame(f64::from(k) * 0.1, k as f32)));
         let mut shown = [0.0; 6];
         for seed in 0..5000 {
-            let mut draw = Draw::new(seed);
+            let mut draw = Rng::new(seed);
             let mut bytes = good.clone();
             for _ in 0..1 + draw.below(4) {
                 let at = draw.below(bytes.len());

@@ -146,7 +146,7 @@ mod tests {
     use super::*;
     use crossbeam_channel::unbounded;
     use foley_nodes::core::input::Inputs;
-    use foley_nodes::core::random::Draw;
+    use foley_nodes::core::random::Rng;
     use foley_nodes::core::time::{seconds, ticks};
     use foley_nodes::live::from_message;
     use rosc::{OscBundle, OscMessage, encoder::encode};
@@ -221,7 +221,7 @@ mod tests {
         let _inbox = hub.open("hits");
         let good = bytes("/foley/impact/hits", vec![OscType::Float(0.5), OscType::Int(1)]);
         for seed in 0..5000 {
-            let mut draw = Draw::new(seed);
+            let mut draw = Rng::new(seed);
             let mut bytes = good.clone();
             for _ in 0..1 + draw.below(6) {
                 let at = draw.below(bytes.len());

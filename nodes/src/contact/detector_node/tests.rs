@@ -3,7 +3,7 @@
 use super::*;
 use crate::contact::Contact;
 use crate::core::params::Params;
-use crate::core::solo::Solo;
+use crate::core::standalone::Standalone;
 use crate::core::time::{TICKS_PER_SECOND, ticks};
 use crate::mesh::Topology;
 use crate::mesh::generate::{FlatSheet, SlidingPlanes, Synthetic};
@@ -22,7 +22,7 @@ fn frames(scene: &impl Synthetic, rate: Rate, count: i64) -> (Topology, Vec<[f32
 }
 
 /// A sheet that slides over a floor of another mesh.
-fn over_floor(floor_rate: Rate, still: bool) -> Solo {
+fn over_floor(floor_rate: Rate, still: bool) -> Standalone {
     let rate = Rate::hz(60);
     let sheet = FlatSheet { vertices: [5, 5], size: [0.2, 0.2], velocity: [0.3, 0.0, 0.0] };
     let (cloth, moving) = frames(&sheet, rate, 30);
@@ -31,7 +31,7 @@ fn over_floor(floor_rate: Rate, still: bool) -> Solo {
     ground.rest.iter_mut().for_each(|p| p[2] = -0.01);
     let rest = ground.rest.clone();
     let format = MeshFormat { still, ..MeshFormat::moving(ground) };
-    Solo::new::<ContactDetector>(ContactDetectorParams { radius: 0.02, ..params() })
+    Standalone::new::<ContactDetector>(ContactDetectorParams { radius: 0.02, ..params() })
         .input(ContactDetectorPorts::mesh, rate, MeshFormat::moving(cloth), moving)
         .also(ContactDetectorPorts::others, floor_rate, format, rest.repeat(4))
 }
@@ -50,7 +50,7 @@ fn a_sheet_slides_over_a_floor_by_its_speed_until_its_last_frame() {
 
 #[test]
 fn a_still_floor_may_have_any_rate_and_a_moving_one_may_not() {
-    let contacts = |solo: Solo| solo.run().unwrap().stream(ContactDetectorPorts::contacts);
+    let contacts = |standalone: Standalone| standalone.run().unwrap().stream(ContactDetectorPorts::contacts);
     assert_eq!(contacts(over_floor(Rate::hz(7), true)), contacts(over_floor(Rate::hz(60), false)));
     let reject = over_floor(Rate::hz(30), false).shape().unwrap_err();
     assert_eq!((reject.code, reject.field.as_deref()), ("F072", Some("others[0]")));
@@ -74,13 +74,13 @@ fn a_position_that_is_not_finite_is_a_fault_with_its_time() {
     let scene = SlidingPlanes { vertices: [3, 3], size: [0.2, 0.2], gap: 0.01, speed: 0.1 };
     let (topology, mut all) = frames(&scene, Rate::hz(60), 10);
     all[18 * 4 + 2][1] = f32::NAN;
-    let solo = Solo::new::<ContactDetector>(params()).input(
+    let standalone = Standalone::new::<ContactDetector>(params()).input(
         ContactDetectorPorts::mesh,
         Rate::hz(60),
         MeshFormat::moving(topology),
         all,
     );
-    let fault = solo.run().err().unwrap();
+    let fault = standalone.run().err().unwrap();
     assert_eq!((fault.code, fault.field.as_deref()), ("F073", Some("mesh")));
     assert_eq!(fault.time, Some(Rate::hz(60).tick(3)));
 }
@@ -92,13 +92,13 @@ fn a_cloth_alone_touches_itself() {
     let touching = |self_contact| {
         let p = ContactDetectorParams { radius: 0.02, self_contact, ..params() };
         let format = MeshFormat::moving(topology.clone());
-        let solo = Solo::new::<ContactDetector>(p).input(
+        let standalone = Standalone::new::<ContactDetector>(p).input(
             ContactDetectorPorts::mesh,
             Rate::hz(60),
             format,
             all.clone(),
         );
-        let contacts = solo.run().unwrap().stream(ContactDetectorPorts::contacts);
+        let contacts = standalone.run().unwrap().stream(ContactDetectorPorts::contacts);
         contacts.iter().filter(|c: &&Contact| c.is_some()).count()
     };
     assert_eq!((touching(true), touching(false)), (3 * 32, 0));
@@ -118,7 +118,7 @@ fn the_naive_slip_hears_a_turn_of_the_pair_as_sliding_and_the_exact_one_does_not
         let p = ContactDetectorParams { radius: 0.02, slip, ..params() };
         let port = ContactDetectorPorts::mesh;
         let format = MeshFormat::moving(topology.clone());
-        let run = Solo::new::<ContactDetector>(p).input(port, Rate::hz(60), format, all.clone()).run();
+        let run = Standalone::new::<ContactDetector>(p).input(port, Rate::hz(60), format, all.clone()).run();
         let contacts = run.unwrap().stream(ContactDetectorPorts::contacts);
         contacts[..2 * 32].iter().map(|c| c.slide).fold((f32::MAX, 0.0_f32), |(a, b), s| (a.min(s), b.max(s)))
     };
@@ -133,13 +133,13 @@ fn faces_that_hang_apart_are_told() {
     let (topology, _) = frames(&scene, Rate::hz(60), 1);
     let notes = |topology: Topology| {
         let (format, rest) = (MeshFormat::moving(topology.clone()), topology.rest);
-        let solo = Solo::new::<ContactDetector>(params()).input(
+        let standalone = Standalone::new::<ContactDetector>(params()).input(
             ContactDetectorPorts::mesh,
             Rate::hz(60),
             format,
             rest,
         );
-        solo.shape().unwrap().notes
+        standalone.shape().unwrap().notes
     };
     assert!(notes(topology.clone()).is_empty());
     let rest: Vec<_> = topology.triangles.iter().flatten().map(|v| topology.rest[*v as usize]).collect();

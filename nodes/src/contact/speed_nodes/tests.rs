@@ -5,8 +5,8 @@ use crate::contact::detector_node::{ContactDetector, ContactDetectorParams, Cont
 use crate::contact::{Contact, ContactsFormat};
 use crate::core::item::Item;
 use crate::core::params::Params;
-use crate::core::random::Draw;
-use crate::core::solo::Solo;
+use crate::core::random::Rng;
+use crate::core::standalone::Standalone;
 use crate::core::time::{TICKS_PER_SECOND, Tick, ticks};
 use crate::mesh::MeshFormat;
 use crate::mesh::generate::{SlidingPlanes, Synthetic};
@@ -25,8 +25,9 @@ fn one_vertex() -> ContactsFormat {
 }
 
 fn speeds(p: SlidingSpeedParams, rate: Rate, contacts: Vec<Contact>) -> Vec<f32> {
-    let solo = Solo::new::<SlidingSpeed>(p).input(SlidingSpeedPorts::contacts, rate, one_vertex(), contacts);
-    solo.run().unwrap().stream(SlidingSpeedPorts::speeds)
+    let standalone =
+        Standalone::new::<SlidingSpeed>(p).input(SlidingSpeedPorts::contacts, rate, one_vertex(), contacts);
+    standalone.run().unwrap().stream(SlidingSpeedPorts::speeds)
 }
 
 #[test]
@@ -39,7 +40,7 @@ fn two_planes_slide_at_their_speed_from_meshes_on() {
         scene.positions(k as f64 / 60.0, frame);
     }
     let detect = ContactDetectorParams { radius: 0.02, ..Params::read(&|_| None).unwrap() };
-    let detector = Solo::new::<ContactDetector>(detect).input(
+    let detector = Standalone::new::<ContactDetector>(detect).input(
         ContactDetectorPorts::mesh,
         rate,
         MeshFormat::moving(topology),
@@ -49,8 +50,9 @@ fn two_planes_slide_at_their_speed_from_meshes_on() {
     let total: f32 = format.areas.iter().sum();
     assert!((total - 2.0 * 0.16).abs() < 1e-6, "{total}");
     let contacts = detector.run().unwrap().stream(ContactDetectorPorts::contacts);
-    let solo = Solo::new::<SlidingSpeed>(params()).input(SlidingSpeedPorts::contacts, rate, format, contacts);
-    let run = solo.run().unwrap();
+    let standalone =
+        Standalone::new::<SlidingSpeed>(params()).input(SlidingSpeedPorts::contacts, rate, format, contacts);
+    let run = standalone.run().unwrap();
     let found = run.stream(SlidingSpeedPorts::speeds);
     assert_eq!(found.len(), 40 * 32);
     // 1/120 s passes before the first sample, and 1.5 frames are left after the last.
@@ -116,9 +118,9 @@ fn the_gate_of_the_whole_take_is_refused_for_an_endless_stream() {
 
 #[test]
 fn windows_of_any_length_give_the_same_speeds_for_every_gate_and_rate() {
-    let mut draw = Draw::new(5);
+    let mut rng = Rng::new(5);
     let format = ContactsFormat::plain(vec![1e-4; 3].into(), 2);
-    let contacts: Vec<Contact> = (0..70 * 6).map(|k| Contacts::trial(&format, k % 6, &mut draw)).collect();
+    let contacts: Vec<Contact> = (0..70 * 6).map(|k| Contacts::trial(&format, k % 6, &mut rng)).collect();
     for gate in [SpeedGate::Interval, SpeedGate::Ever, SpeedGate::Causal] {
         for (rate, between) in
             [(40, Between::Pchip), (7, Between::Pchip), (1000, Between::Linear), (90, Between::Hold)]
@@ -132,15 +134,15 @@ fn windows_of_any_length_give_the_same_speeds_for_every_gate_and_rate() {
                 ..params()
             };
             let run = |window: Tick| {
-                let solo = Solo::new::<SlidingSpeed>(p.clone()).input(
+                let standalone = Standalone::new::<SlidingSpeed>(p.clone()).input(
                     SlidingSpeedPorts::contacts,
                     Rate::hz(60),
                     format.clone(),
                     contacts.clone(),
                 );
-                let mut solo = solo.window(window);
-                solo.poison = true;
-                solo.run().unwrap().stream(SlidingSpeedPorts::speeds)
+                let mut standalone = standalone.window(window);
+                standalone.poison = true;
+                standalone.run().unwrap().stream(SlidingSpeedPorts::speeds)
             };
             let whole = run(2 * TICKS_PER_SECOND);
             assert!(whole.iter().all(|s| s.is_finite()) && whole.iter().any(|s| *s > 0.0));
@@ -157,21 +159,23 @@ fn a_speed_map_of_its_own_equals_the_one_inside() {
     let inside = SlidingSpeedParams { factor: 0.25, power: 1.5, ..params() };
     let mapped = speeds(inside, Rate::hz(60), sliding(&slides));
     let plain = speeds(params(), Rate::hz(60), sliding(&slides));
-    let solo =
-        Solo::new::<crate::core::node::PerItem<SpeedMapNode>>(SpeedMapParams { factor: 0.25, power: 1.5 })
-            .input::<Speeds>(crate::core::ports::Port::new(0), Rate::hz(40), vec![1e-4].into(), plain);
-    assert_eq!(solo.run().unwrap().stream::<Speeds>(crate::core::ports::Port::new(0)), mapped);
+    let standalone = Standalone::new::<crate::core::node::PerItem<SpeedMapNode>>(SpeedMapParams {
+        factor: 0.25,
+        power: 1.5,
+    })
+    .input::<Speeds>(crate::core::ports::Port::new(0), Rate::hz(40), vec![1e-4].into(), plain);
+    assert_eq!(standalone.run().unwrap().stream::<Speeds>(crate::core::ports::Port::new(0)), mapped);
 }
 
 /// Speeds at 60 per second of slides between items whose frames have these ages.
 fn aged(p: SlidingSpeedParams, slides: &[f32], ages: Vec<f32>) -> Vec<f32> {
     let p = SlidingSpeedParams { rate: Rate::hz(60), threshold: 0.0, ..p };
     let run = |window: f64| {
-        let solo = Solo::new::<SlidingSpeed>(p.clone())
+        let standalone = Standalone::new::<SlidingSpeed>(p.clone())
             .input(SlidingSpeedPorts::contacts, Rate::hz(60), one_vertex(), sliding(slides))
             .optional(SlidingSpeedPorts::age, Rate::hz(60), Channels(1), ages.clone())
             .window(ticks(window));
-        solo.run().unwrap().stream(SlidingSpeedPorts::speeds)
+        standalone.run().unwrap().stream(SlidingSpeedPorts::speeds)
     };
     let whole = run(10.0);
     for window in [0.001, 0.0177, 0.1] {
@@ -200,17 +204,19 @@ fn late_frames_hold_the_last_speed_then_lose_it_and_the_next_frame_is_no_jump() 
             assert!((f64::from(*speed) - expected).abs() < 1e-6, "{between:?} {k}: {speed} {expected}");
         }
         // What a graph without ages makes of it: silence at once, and a spike of 24 times the speed.
-        let solo = Solo::new::<SlidingSpeed>(SlidingSpeedParams { rate: Rate::hz(60), threshold: 0.0, ..p });
-        let solo = solo.input(SlidingSpeedPorts::contacts, Rate::hz(60), one_vertex(), sliding(&slides));
-        let plain = solo.run().unwrap().stream(SlidingSpeedPorts::speeds);
+        let standalone =
+            Standalone::new::<SlidingSpeed>(SlidingSpeedParams { rate: Rate::hz(60), threshold: 0.0, ..p });
+        let standalone =
+            standalone.input(SlidingSpeedPorts::contacts, Rate::hz(60), one_vertex(), sliding(&slides));
+        let plain = standalone.run().unwrap().stream(SlidingSpeedPorts::speeds);
         assert!(plain[12] == 0.0 && (plain[33] - 7.2).abs() < 1e-4, "{between:?}: {plain:?}");
     }
 }
 
 #[test]
 fn frames_that_come_irregularly_have_one_speed() {
-    let mut draw = Draw::new(3);
-    let stamps: Vec<f64> = (0..200).map(|k| (f64::from(k) + draw.between(0.0, 0.4)) / 60.0).collect();
+    let mut rng = Rng::new(3);
+    let stamps: Vec<f64> = (0..200).map(|k| (f64::from(k) + rng.between(0.0, 0.4)) / 60.0).collect();
     let shown =
         |item: usize| stamps.iter().rev().find(|at| **at <= item as f64 / 60.0).copied().unwrap_or(stamps[0]);
     let ages = (0..150).map(|k| (k as f64 / 60.0 - shown(k)) as f32).collect();
@@ -234,10 +240,10 @@ fn a_vertex_that_leaves_what_it_touches_is_not_held() {
         rate: Rate::hz(60),
         ..params()
     };
-    let solo = Solo::new::<SlidingSpeed>(p)
+    let standalone = Standalone::new::<SlidingSpeed>(p)
         .input(SlidingSpeedPorts::contacts, Rate::hz(60), one_vertex(), contacts)
         .optional(SlidingSpeedPorts::age, Rate::hz(60), Channels(1), ages);
-    let found = solo.run().unwrap().stream(SlidingSpeedPorts::speeds);
+    let found = standalone.run().unwrap().stream(SlidingSpeedPorts::speeds);
     assert!(
         found[..12].iter().all(|s| (s - 0.3).abs() < 1e-6) && found[12..].iter().all(|s| *s == 0.0),
         "{found:?}"
@@ -247,10 +253,10 @@ fn a_vertex_that_leaves_what_it_touches_is_not_held() {
 #[test]
 fn an_age_of_another_rate_or_of_two_channels_is_refused() {
     let refused = |rate, channels: u16| {
-        let solo = Solo::new::<SlidingSpeed>(params())
+        let standalone = Standalone::new::<SlidingSpeed>(params())
             .input(SlidingSpeedPorts::contacts, Rate::hz(60), one_vertex(), sliding(&[0.0; 4]))
             .optional(SlidingSpeedPorts::age, rate, Channels(channels), vec![0.0; 4 * usize::from(channels)]);
-        solo.shape().unwrap_err()
+        standalone.shape().unwrap_err()
     };
     let (rate, channels) = (refused(Rate::hz(50), 1), refused(Rate::hz(60), 2));
     assert_eq!((rate.code, channels.code), ("F045", "F046"));

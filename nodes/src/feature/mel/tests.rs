@@ -1,5 +1,5 @@
 use super::*;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::time::Rate;
 
 fn cloth() -> FeatureConventions {
@@ -72,9 +72,9 @@ fn the_cosines_for_three_bands_are_the_written_ones() {
 
 #[test]
 fn unit_energies_add_up_to_the_signals() {
-    let mut draw = Draw::new(3);
+    let mut rng = Rng::new(3);
     let c = FeatureConventions { bands: 1, n: 1, f_hi: 24_000.0, ..cloth() };
-    let x: Vec<f32> = (0..2000).map(|_| draw.between(-1.0, 1.0) as f32).collect();
+    let x: Vec<f32> = (0..2000).map(|_| rng.between(-1.0, 1.0) as f32).collect();
     let mut padded = vec![0.0; 300];
     padded.extend(&x);
     padded.extend([0.0; 500]);
@@ -97,9 +97,9 @@ fn windows_have_the_energy_of_a_unit_and_hann_is_blind_to_its_edge() {
     // Squares of neighbours add up to one at every sample.
     assert!((0..200).all(|i| (sine[i].powi(2) + sine[i + 200].powi(2) - 1.0).abs() < 1e-12));
     // Without a window, the energy of a unit is its mean square, transformed with zeros behind it or not.
-    let mut draw = Draw::new(8);
+    let mut rng = Rng::new(8);
     for length in [200, 256] {
-        let x: Vec<f32> = (0..length).map(|_| draw.between(-1.0, 1.0) as f32).collect();
+        let x: Vec<f32> = (0..length).map(|_| rng.between(-1.0, 1.0) as f32).collect();
         let found = MelCepstrum::new(&with_window(FeatureWindow::Rect, length), 0.0).energies(&x)[0];
         let wanted = x.iter().map(|&x| f64::from(x).powi(2)).sum::<f64>() / f64::from(length);
         assert!((found / wanted - 1.0).abs() < 1e-12, "{length}: {found} {wanted}");

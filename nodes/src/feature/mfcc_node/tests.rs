@@ -1,7 +1,7 @@
 use super::*;
 use crate::core::item::{AnyValue, Channels};
 use crate::core::params::Datum;
-use crate::core::solo::{Feed, Solo};
+use crate::core::standalone::{Feed, Standalone};
 use crate::core::time::Rate;
 use crate::unit::{Take, build};
 
@@ -11,25 +11,25 @@ fn params(own: &[(&str, Datum)]) -> MfccParams {
 }
 
 fn noise(seed: u64, n: usize) -> Vec<f32> {
-    let mut draw = Draw::new(seed);
-    (0..n).map(|i| draw.between(-0.5, 0.5) as f32 * (0.1 + (i as f32 * 0.003).sin().abs())).collect()
+    let mut rng = Rng::new(seed);
+    (0..n).map(|i| rng.between(-0.5, 0.5) as f32 * (0.1 + (i as f32 * 0.003).sin().abs())).collect()
 }
 
-fn solo(own: &[(&str, Datum)], channels: u16, audio: Vec<f32>) -> Solo {
-    Solo::new::<Mfcc>(params(own)).input(MfccPorts::audio, Rate::hz(48_000), Channels(channels), audio)
+fn standalone(own: &[(&str, Datum)], channels: u16, audio: Vec<f32>) -> Standalone {
+    Standalone::new::<Mfcc>(params(own)).input(MfccPorts::audio, Rate::hz(48_000), Channels(channels), audio)
 }
 
 #[test]
 fn a_stream_has_the_features_of_the_database() {
     let audio = noise(1, 4000);
-    let run = solo(&[], 1, audio.clone()).run().unwrap();
+    let run = standalone(&[], 1, audio.clone()).run().unwrap();
     let found = run.stream(MfccPorts::features);
     let c = params(&[]).given(&[], false).conventions(Rate::hz(48_000), 1).unwrap();
     // Without a mean there is none to take away.
     let mean = audio.iter().map(|&x| f64::from(x)).sum::<f64>() / 4000.0;
     let level: Vec<f32> = audio.iter().map(|&x| (f64::from(x) - mean) as f32).collect();
     let db = build(&[Take { channels: vec![level.clone()], ..Take::default() }], &c, None).unwrap();
-    let again = solo(&[], 1, level).run().unwrap().stream(MfccPorts::features);
+    let again = standalone(&[], 1, level).run().unwrap().stream(MfccPorts::features);
     assert_eq!(found.len(), 60);
     assert!(again.iter().zip(&db.unfiltered).all(|(a, b)| (a - b).abs() < 1e-3));
 }
@@ -40,7 +40,7 @@ fn a_shift_by_one_unit_shifts_the_features_by_one() {
     let audio = noise(2, 2000);
     let mut later = vec![0.0; 200];
     later.extend(&audio);
-    let (a, b) = (solo(&own, 1, audio).run().unwrap(), solo(&own, 1, later).run().unwrap());
+    let (a, b) = (standalone(&own, 1, audio).run().unwrap(), standalone(&own, 1, later).run().unwrap());
     let (a, b) = (a.stream(MfccPorts::features), b.stream(MfccPorts::features));
     assert_eq!(a[..], b[3..]);
 }
@@ -50,8 +50,8 @@ fn channels_are_alone_joined_or_one_with_a_balance() {
     let mono = noise(3, 2000);
     let stereo: Vec<f32> = mono.iter().flat_map(|&x| [x, 0.5 * x]).collect();
     let mode = |name: &str| [("channels", Datum::Name(name.into()))];
-    let run = |name: &str| solo(&mode(name), 2, stereo.clone()).run().unwrap();
-    let alone = solo(&[], 1, mono).run().unwrap().stream(MfccPorts::features);
+    let run = |name: &str| standalone(&mode(name), 2, stereo.clone()).run().unwrap();
+    let alone = standalone(&[], 1, mono).run().unwrap().stream(MfccPorts::features);
     let (independent, joint, shared) = (run("Independent"), run("Joint"), run("SharedMid"));
     assert_eq!(independent.stream(MfccPorts::features), joint.stream(MfccPorts::features));
     let left: Vec<f32> =
@@ -63,8 +63,9 @@ fn channels_are_alone_joined_or_one_with_a_balance() {
     for frame in balance.chunks(2).skip(1).take(8) {
         assert!((frame[0] - 4.0 / 3.0).abs() < 1e-4 && (frame[1] - 2.0 / 3.0).abs() < 1e-4, "{frame:?}");
     }
-    let shape =
-        |name: &str| solo(&mode(name), 2, stereo.clone()).shape().unwrap().outputs[0].clone().unwrap().text;
+    let shape = |name: &str| {
+        standalone(&mode(name), 2, stereo.clone()).shape().unwrap().outputs[0].clone().unwrap().text
+    };
     assert_eq!([shape("Independent"), shape("Joint")], ["2 channels of vectors of 3", "vectors of 6"]);
 }
 
@@ -87,7 +88,7 @@ fn silence_of_the_target_is_that_of_the_database_where_the_floor_is_its_own() {
         let p = params(own);
         let c = p.given(&[], false).conventions(Rate::hz(48_000), 1).unwrap();
         let db = build(&take(), &c, None).unwrap();
-        let silence = Solo::new::<Mfcc>(p)
+        let silence = Standalone::new::<Mfcc>(p)
             .input(MfccPorts::audio, Rate::hz(48_000), Channels(1), vec![0.0; 4000])
             .feed(1, Feed::value(AnyValue::new(db.clone())));
         let silence = silence.run().unwrap().stream(MfccPorts::features)[..3].to_vec();
@@ -118,10 +119,11 @@ fn units_are_whole_samples_at_any_rate() {
 
 #[test]
 fn parameters_that_contradict_each_other_are_refused_by_name() {
-    let refused = |own: &[(&str, Datum)]| solo(own, 1, vec![0.0; 10]).shape().unwrap_err().field.unwrap();
+    let refused =
+        |own: &[(&str, Datum)]| standalone(own, 1, vec![0.0; 10]).shape().unwrap_err().field.unwrap();
     assert_eq!(refused(&[("bands", Datum::Int(2))]), "n");
     assert_eq!(refused(&[("f_lo", Datum::Int(30_000))]), "f_hi");
     assert_eq!(refused(&[("unit", Datum::Text("1/1000000".into()))]), "unit");
     let floor = [("floor_from", Datum::Name("Database".into()))];
-    assert_eq!(solo(&floor, 1, vec![0.0; 400]).run().err().unwrap().field.as_deref(), Some("database"));
+    assert_eq!(standalone(&floor, 1, vec![0.0; 400]).run().err().unwrap().field.as_deref(), Some("database"));
 }

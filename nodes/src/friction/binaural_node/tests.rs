@@ -1,7 +1,7 @@
 //! Cloth between two ears: sides, delays, movement and windows.
 
 use super::*;
-use crate::core::solo::Solo;
+use crate::core::standalone::Standalone;
 use crate::core::time::{TICKS_PER_SECOND, ticks};
 use crate::friction::testing::bump_model;
 use crate::mesh::{MeshFormat, Topology};
@@ -20,7 +20,7 @@ fn model() -> FrictionModel {
 }
 
 /// Two vertices that slide at a place per frame, 60 frames per second.
-fn solo(p: BinauralIftNoiseParams, seconds: usize, way: impl Fn(f32) -> [f32; 3]) -> Solo {
+fn standalone(p: BinauralIftNoiseParams, seconds: usize, way: impl Fn(f32) -> [f32; 3]) -> Standalone {
     let frames: Vec<[f32; 3]> = (0..60 * seconds)
         .flat_map(|k| {
             let at = way(k as f32 / 60.0);
@@ -29,7 +29,7 @@ fn solo(p: BinauralIftNoiseParams, seconds: usize, way: impl Fn(f32) -> [f32; 3]
         .collect();
     let rest = frames[..2].to_vec();
     let areas: std::sync::Arc<[f32]> = vec![1e-4; 2].into();
-    Solo::new::<BinauralIftNoise>(p)
+    Standalone::new::<BinauralIftNoise>(p)
         .input(Port::speeds, Rate::hz(40), areas, vec![0.5; 2 * 40 * seconds])
         .value(Port::model, model())
         .input(Port::mesh, Rate::hz(60), MeshFormat::moving(Topology { rest, triangles: vec![] }), frames)
@@ -56,7 +56,7 @@ fn lag(left: &[f64], right: &[f64]) -> i64 {
 fn the_interaural_cross_correlation_peaks_at_the_delay_of_the_model() {
     let head = Head::default();
     for degrees in [30.0, -60.0, 90.0] {
-        let out = solo(params(), 3, |_| at_azimuth(degrees, 3.0)).run().unwrap().stream(Port::audio);
+        let out = standalone(params(), 3, |_| at_azimuth(degrees, 3.0)).run().unwrap().stream(Port::audio);
         let [left, right] = ears(&out);
         let d = at_azimuth(degrees, 1.0).map(f64::from);
         let [l, r] = [Ear::Left, Ear::Right].map(|ear| head.delay(head.incidence(ear, d)));
@@ -71,10 +71,10 @@ fn the_interaural_cross_correlation_peaks_at_the_delay_of_the_model() {
 
 #[test]
 fn both_ears_hear_one_draw_of_phases() {
-    let out = solo(params(), 2, |_| [2.0, 0.0, 0.0]).run().unwrap().stream(Port::audio);
+    let out = standalone(params(), 2, |_| [2.0, 0.0, 0.0]).run().unwrap().stream(Port::audio);
     let [left, right] = ears(&out);
     assert!(left == right, "in front of the head both ears hear the same");
-    let out = solo(params(), 2, |_| at_azimuth(20.0, 2.0)).run().unwrap().stream(Port::audio);
+    let out = standalone(params(), 2, |_| at_azimuth(20.0, 2.0)).run().unwrap().stream(Port::audio);
     let [left, right] = ears(&out);
     let shift = lag(&left, &right) as usize;
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
@@ -84,7 +84,8 @@ fn both_ears_hear_one_draw_of_phases() {
 
 #[test]
 fn mirrored_cloth_swaps_the_ears_and_a_turned_head_hears_it_elsewhere() {
-    let run = |p, degrees| ears(&solo(p, 1, |_| at_azimuth(degrees, 1.0)).run().unwrap().stream(Port::audio));
+    let run =
+        |p, degrees| ears(&standalone(p, 1, |_| at_azimuth(degrees, 1.0)).run().unwrap().stream(Port::audio));
     let ([a, b], [c, d]) = (run(params(), 50.0), run(params(), -50.0));
     assert!(a == d && b == c);
     let power = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>();
@@ -97,7 +98,7 @@ fn mirrored_cloth_swaps_the_ears_and_a_turned_head_hears_it_elsewhere() {
 #[test]
 fn the_level_in_front_is_that_of_the_model_at_the_distance() {
     let power = |distance: f32, p| {
-        let out = solo(p, 3, |_| [distance, 0.0, 0.0]).run().unwrap().stream(Port::audio);
+        let out = standalone(p, 3, |_| [distance, 0.0, 0.0]).run().unwrap().stream(Port::audio);
         ears(&out)[0].iter().skip(2400).map(|x| x * x).sum::<f64>() / (out.len() / 2 - 2400) as f64
     };
     let near = power(1.0, params());
@@ -118,10 +119,10 @@ fn windows_of_any_length_give_the_same_bits_while_cloth_and_head_move() {
     let poses: Vec<Pose> = (0..25).map(|k| Pose::at([0.0, 0.02 * k as f32, 0.0])).collect();
     let run = |window: Tick| {
         let p = BinauralIftNoiseParams { pinna: Pinna::Set1, ..params() };
-        let mut solo =
-            solo(p, 1, way).optional(Port::listener, Rate::hz(25), (), poses.clone()).window(window);
-        solo.poison = true;
-        let run = solo.run().unwrap();
+        let mut standalone =
+            standalone(p, 1, way).optional(Port::listener, Rate::hz(25), (), poses.clone()).window(window);
+        standalone.poison = true;
+        let run = standalone.run().unwrap();
         (run.stream(Port::audio), run.summary)
     };
     let whole = run(2 * TICKS_PER_SECOND);
@@ -140,11 +141,11 @@ fn another_mesh_is_refused() {
     let rest = vec![[0.0; 3]; 3];
     let format = MeshFormat::moving(Topology { rest: rest.clone(), triangles: vec![] });
     let areas: std::sync::Arc<[f32]> = vec![1e-4; 2].into();
-    let solo = Solo::new::<BinauralIftNoise>(params())
+    let standalone = Standalone::new::<BinauralIftNoise>(params())
         .input(Port::speeds, Rate::hz(40), areas, vec![0.0; 2])
         .value(Port::model, model())
         .input(Port::mesh, Rate::hz(60), format, rest);
-    let reject = solo.shape().unwrap_err();
+    let reject = standalone.shape().unwrap_err();
     assert!(reject.code == "F067" && reject.message.contains("2 vertices, `mesh` has 3"), "{reject}");
 }
 
@@ -156,7 +157,7 @@ fn one_cluster_is_heard_from_one_place_and_many_from_theirs() {
         let rest = frames[..2].to_vec();
         let areas: std::sync::Arc<[f32]> = vec![1e-4; 2].into();
         let p = BinauralIftNoiseParams { clusters, reference: None, ..params() };
-        let out = Solo::new::<BinauralIftNoise>(p)
+        let out = Standalone::new::<BinauralIftNoise>(p)
             .input(Port::speeds, Rate::hz(40), areas, vec![0.5; 2 * 40])
             .value(Port::model, model())
             .input(Port::mesh, Rate::hz(60), MeshFormat::moving(Topology { rest, triangles: vec![] }), frames)
@@ -176,8 +177,8 @@ fn motion_at_the_start_of_a_clip_sounds_as_at_its_middle_half_a_clip_later() {
     let way = |t: f32| [2.0, 1.5 - 3.0 * t, 0.0];
     let run = |motion_at| {
         let p = BinauralIftNoiseParams { motion_at, ..params() };
-        let solo = solo(p, 1, way);
-        (solo.shape().unwrap().reach[0].ahead, solo.run().unwrap().stream(Port::audio))
+        let standalone = standalone(p, 1, way);
+        (standalone.shape().unwrap().lookaround[0].ahead, standalone.run().unwrap().stream(Port::audio))
     };
     let ((ahead, start), (_, centre)) = (run(MotionAt::Start), run(MotionAt::Centre));
     assert_eq!(ahead, 0);

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::core::random::Random;
-use crate::core::solo::Solo;
+use crate::core::standalone::Standalone;
 use crate::core::time::{TICKS_PER_SECOND, ticks};
 use crate::friction::testing::bump_model;
 
@@ -16,9 +16,9 @@ fn model() -> FrictionModel {
     bump_model(&[(0.1, 1000.0), (0.4, 4000.0), (1.0, 8000.0)], 300.0, 48_000.0, 2400)
 }
 
-fn solo(p: IftNoiseNodeParams, rate: Rate, speeds: Vec<f32>) -> Solo {
+fn standalone(p: IftNoiseNodeParams, rate: Rate, speeds: Vec<f32>) -> Standalone {
     let areas: std::sync::Arc<[f32]> = vec![1e-4; VERTICES].into();
-    Solo::new::<IftNoiseNode>(p)
+    Standalone::new::<IftNoiseNode>(p)
         .input(IftNoisePorts::speeds, rate, areas, speeds)
         .value(IftNoisePorts::model, model())
 }
@@ -31,7 +31,7 @@ fn power(x: &[f32]) -> f64 {
 fn rest_is_exactly_silent_and_audio_lasts_as_long_as_the_speeds() {
     let mut speeds = vec![0.0; 40 * VERTICES];
     speeds[20 * VERTICES] = 0.4;
-    let audio = solo(params(), Rate::hz(40), speeds).run().unwrap().stream(IftNoisePorts::audio);
+    let audio = standalone(params(), Rate::hz(40), speeds).run().unwrap().stream(IftNoisePorts::audio);
     assert_eq!(audio.len(), 48_000);
     // The one clip that sounds is centred at 0.5 s and 50 ms long.
     let sounds = 24_000 - 1200..24_000 + 1200;
@@ -46,9 +46,9 @@ fn motion_taken_at_the_start_of_a_clip_is_heard_from_then_on_and_not_before() {
     speeds[20 * VERTICES] = 0.4;
     let p = IftNoiseNodeParams { motion_at: MotionAt::Start, ..params() };
     let run = |window| {
-        let solo = solo(p.clone(), Rate::hz(40), speeds.clone()).window(window);
-        assert_eq!(solo.shape().unwrap().reach[0].ahead, 0, "nothing is waited for");
-        solo.run().unwrap().stream(IftNoisePorts::audio)
+        let standalone = standalone(p.clone(), Rate::hz(40), speeds.clone()).window(window);
+        assert_eq!(standalone.shape().unwrap().lookaround[0].ahead, 0, "nothing is waited for");
+        standalone.run().unwrap().stream(IftNoisePorts::audio)
     };
     let audio = run(TICKS_PER_SECOND);
     let sounds = 24_000..24_000 + 2400;
@@ -63,7 +63,7 @@ fn motion_taken_at_the_start_of_a_clip_is_heard_from_then_on_and_not_before() {
 #[test]
 fn the_level_is_that_of_the_model_at_the_speed_and_follows_it() {
     let level = |speed: f32| {
-        let audio = solo(params(), Rate::hz(40), vec![speed; 200 * VERTICES])
+        let audio = standalone(params(), Rate::hz(40), vec![speed; 200 * VERTICES])
             .run()
             .unwrap()
             .stream(IftNoisePorts::audio);
@@ -74,15 +74,18 @@ fn the_level_is_that_of_the_model_at_the_speed_and_follows_it() {
         assert!((found / expected - 1.0).abs() < 0.03, "{speed}: {found} {expected}");
     }
     let louder = IftNoiseNodeParams { level: 2.0, ..params() };
-    let audio =
-        solo(louder, Rate::hz(40), vec![0.4; 200 * VERTICES]).run().unwrap().stream(IftNoisePorts::audio);
+    let audio = standalone(louder, Rate::hz(40), vec![0.4; 200 * VERTICES])
+        .run()
+        .unwrap()
+        .stream(IftNoisePorts::audio);
     assert!((power(&audio[2400..]) / level(0.4) / 4.0 - 1.0).abs() < 0.05);
 }
 
 #[test]
 fn a_rate_that_does_not_fit_is_refused_with_the_one_to_write() {
     let at = |audio: u32, speeds: Rate| {
-        solo(IftNoiseNodeParams { rate: Rate::hz(audio), ..params() }, speeds, vec![0.0; VERTICES]).shape()
+        standalone(IftNoiseNodeParams { rate: Rate::hz(audio), ..params() }, speeds, vec![0.0; VERTICES])
+            .shape()
     };
     let reject = at(44_100, Rate::hz(40)).unwrap_err();
     assert_eq!((reject.code, reject.field.as_deref()), ("F074", Some("speeds")));
@@ -99,9 +102,9 @@ fn windows_of_any_length_give_the_same_bits() {
         for rate in [Rate::hz(40), Rate::hz(60)] {
             let run = |window| {
                 let p = IftNoiseNodeParams { emitters, ..params() };
-                let mut solo = solo(p, rate, speeds.clone()).window(window);
-                solo.poison = true;
-                let run = solo.run().unwrap();
+                let mut standalone = standalone(p, rate, speeds.clone()).window(window);
+                standalone.poison = true;
+                let run = standalone.run().unwrap();
                 (run.stream(IftNoisePorts::audio), run.summary)
             };
             let whole = run(2 * TICKS_PER_SECOND);

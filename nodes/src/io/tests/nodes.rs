@@ -1,27 +1,27 @@
 use crate::core::item::Channels;
-use crate::core::solo::Solo;
+use crate::core::standalone::Standalone;
 use crate::core::time::{Rate, ticks};
 use crate::io::nodes::{WavInNode, WavInParams, WavInPorts, WavOutNode, WavOutParams, WavOutPorts};
 use crate::io::{WriteFormat, probe};
 
-fn out(format: WriteFormat, channels: u16, audio: Vec<f32>) -> Solo {
+fn out(format: WriteFormat, channels: u16, audio: Vec<f32>) -> Standalone {
     let params = WavOutParams { path: "a/b.wav".into(), format, dither: true };
-    Solo::new::<WavOutNode>(params).input(WavOutPorts::audio, Rate::hz(8000), Channels(channels), audio)
+    Standalone::new::<WavOutNode>(params).input(WavOutPorts::audio, Rate::hz(8000), Channels(channels), audio)
 }
 
-fn play(bytes: &[u8], start: f64, duration: Option<f64>) -> Solo {
+fn play(bytes: &[u8], start: f64, duration: Option<f64>) -> Standalone {
     let params = WavInParams { path: "in".into(), start, duration };
-    let mut solo = Solo::new::<WavInNode>(params).window(ticks(0.013));
-    solo.files.insert("in", bytes);
-    solo
+    let mut standalone = Standalone::new::<WavInNode>(params).window(ticks(0.013));
+    standalone.files.insert("in", bytes);
+    standalone
 }
 
 #[test]
 fn what_is_written_is_read_back_and_cut_to_the_sample() {
     let audio: Vec<f32> = (0..3000).map(|k| (k as f32 * 0.37).sin()).collect();
-    let solo = out(WriteFormat::Float32, 2, audio.clone());
-    solo.run().unwrap();
-    let bytes = solo.outputs.get("a/b.wav").unwrap();
+    let standalone = out(WriteFormat::Float32, 2, audio.clone());
+    standalone.run().unwrap();
+    let bytes = standalone.outputs.get("a/b.wav").unwrap();
     assert_eq!(play(&bytes, 0.0, None).run().unwrap().stream(WavInPorts::audio), audio);
     let piece = play(&bytes, 0.01, Some(0.02)).run().unwrap().stream(WavInPorts::audio);
     assert_eq!(piece, audio[160..480]);
@@ -49,11 +49,12 @@ fn other_formats_play_as_they_decode() {
 
 #[test]
 fn what_cannot_be_played_is_refused_with_the_field() {
-    let field = |solo: Solo| solo.shape().unwrap_err().field.unwrap();
+    let field = |standalone: Standalone| standalone.shape().unwrap_err().field.unwrap();
     assert_eq!(field(play(b"no audio at all", 0.0, None)), "path");
     assert_eq!(field(play(super::FLAC, 1e4, None)), "start");
-    let solo = Solo::new::<WavInNode>(WavInParams { path: "none".into(), start: 0.0, duration: None });
-    assert_eq!(field(solo), "path");
+    let standalone =
+        Standalone::new::<WavInNode>(WavInParams { path: "none".into(), start: 0.0, duration: None });
+    assert_eq!(field(standalone), "path");
 }
 
 #[test]
@@ -68,16 +69,17 @@ fn a_number_that_is_none_stops_the_run_at_its_time() {
 fn a_fractional_rate_is_no_wav_file() {
     let params = WavOutParams { path: "x".into(), format: WriteFormat::Pcm16, dither: false };
     let rate = Rate::new(24_000, 1001).unwrap();
-    let solo = Solo::new::<WavOutNode>(params).input(WavOutPorts::audio, rate, Channels(1), vec![0.0]);
-    assert!(solo.shape().unwrap_err().help.unwrap().contains("Resample"));
+    let standalone =
+        Standalone::new::<WavOutNode>(params).input(WavOutPorts::audio, rate, Channels(1), vec![0.0]);
+    assert!(standalone.shape().unwrap_err().help.unwrap().contains("Resample"));
 }
 
 #[test]
 fn what_is_odd_about_files_is_told() {
     let notes = |path: &str| {
         let params = WavOutParams { path: path.into(), format: WriteFormat::Pcm16, dither: false };
-        let solo = Solo::new::<WavOutNode>(params);
-        solo.input(WavOutPorts::audio, Rate::hz(8000), Channels(1), vec![0.0]).shape().unwrap().notes
+        let standalone = Standalone::new::<WavOutNode>(params);
+        standalone.input(WavOutPorts::audio, Rate::hz(8000), Channels(1), vec![0.0]).shape().unwrap().notes
     };
     assert!(notes("a.wav").is_empty() && notes("A.WAV").is_empty());
     for other in ["a", "a.mp3", "b.wav/a"] {

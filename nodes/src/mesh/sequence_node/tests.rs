@@ -4,7 +4,7 @@ use super::super::gltf::tests::{asset, floats};
 use super::super::point_cache::tests::{mdd, pc2};
 use super::*;
 use crate::core::params::Params;
-use crate::core::solo::Solo;
+use crate::core::standalone::Standalone;
 use crate::core::time::{TICKS_PER_SECOND, seconds, ticks};
 
 const TRIANGLE: &str = "o sheet\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
@@ -14,20 +14,22 @@ fn params(path: &str) -> MeshSequenceParams {
     MeshSequenceParams::read(&|name| (name == "path").then(|| path.clone())).expect("only the path is needed")
 }
 
-fn solo(p: MeshSequenceParams) -> Solo {
-    let mut solo = Solo::new::<MeshSequence>(p);
-    solo.files.insert("base.obj", TRIANGLE);
-    solo.files.insert("anim/sheet.pc2", pc2(4));
-    solo.files.insert("anim/odd.mdd", mdd(&[0.0, 0.037, 0.1, 0.3]));
-    solo.files.insert("anim/sheet.mdd", mdd(&[0.0, 0.04, 0.08, 0.16]));
+fn standalone(p: MeshSequenceParams) -> Standalone {
+    let mut standalone = Standalone::new::<MeshSequence>(p);
+    standalone.files.insert("base.obj", TRIANGLE);
+    standalone.files.insert("anim/sheet.pc2", pc2(4));
+    standalone.files.insert("anim/odd.mdd", mdd(&[0.0, 0.037, 0.1, 0.3]));
+    standalone.files.insert("anim/sheet.mdd", mdd(&[0.0, 0.04, 0.08, 0.16]));
     for k in 8..12 {
-        solo.files.insert(format!("frame_{k:02}.obj"), TRIANGLE.replace("v 0 0 0", &format!("v 0 0 {k}")));
+        standalone
+            .files
+            .insert(format!("frame_{k:02}.obj"), TRIANGLE.replace("v 0 0 0", &format!("v 0 0 {k}")));
     }
-    solo
+    standalone
 }
 
-fn frames(solo: &Solo) -> Vec<[f32; 3]> {
-    solo.run().unwrap().stream(MeshSequencePorts::mesh)
+fn frames(standalone: &Standalone) -> Vec<[f32; 3]> {
+    standalone.run().unwrap().stream(MeshSequencePorts::mesh)
 }
 
 #[test]
@@ -38,11 +40,11 @@ fn a_point_cache_gives_its_frames_at_the_told_rate() {
         ..params("anim/sheet.pc2")
     };
     // The file has a sample every half frame, so the stored frames lie at 40 Hz and every second one is given.
-    let solo = solo(p);
-    let shape = solo.shape().unwrap();
+    let standalone = standalone(p);
+    let shape = standalone.shape().unwrap();
     assert_eq!(shape.outputs[0].as_ref().unwrap().rate, Rate::hz(20));
     assert_eq!(seconds(shape.end.unwrap()), 0.1);
-    let found = frames(&solo);
+    let found = frames(&standalone);
     assert_eq!(found.len(), 6);
     assert_eq!((found[1], found[4]), ([3.0, 4.0, 5.0], [21.0, 22.0, 23.0]));
 }
@@ -54,7 +56,7 @@ fn irregular_frames_are_resampled_onto_the_exact_rate() {
         fps: Some(Rate::hz(25)),
         ..params("anim/sheet.mdd")
     };
-    let found = frames(&solo(p));
+    let found = frames(&standalone(p));
     // Frames at 0, 0.04, 0.08 and 0.16 s; the one at 0.12 s is half-way.
     let x: Vec<f32> = found.chunks_exact(3).map(|f| f[0][0]).collect();
     let expected = [0.0, 9.0, 18.0, 22.5, 27.0];
@@ -63,28 +65,29 @@ fn irregular_frames_are_resampled_onto_the_exact_rate() {
 
 #[test]
 fn a_single_obj_is_still_and_never_ends() {
-    let solo = solo(params("base.obj"));
-    let shape = solo.shape().unwrap();
+    let standalone = standalone(params("base.obj"));
+    let shape = standalone.shape().unwrap();
     assert_eq!(shape.end, None);
     let stream = shape.outputs[0].clone().unwrap();
     assert!(stream.format::<Mesh>().unwrap().still);
-    assert_eq!(frames(&solo).len(), 60 * 3);
+    assert_eq!(frames(&standalone).len(), 60 * 3);
 }
 
 #[test]
 fn a_point_cache_of_one_frame_is_still_where_it_stands_whatever_the_pose_of_its_base() {
     for path in ["anim/one.pc2", "anim/one.mdd"] {
         let fps = path.ends_with("pc2").then_some(Rate::hz(30));
-        let mut solo = solo(MeshSequenceParams { base: Some("base.obj".into()), fps, ..params(path) });
-        solo.files.insert("anim/one.pc2", pc2(1));
-        solo.files.insert("anim/one.mdd", mdd(&[0.5]));
-        let shape = solo.shape().unwrap();
+        let mut standalone =
+            standalone(MeshSequenceParams { base: Some("base.obj".into()), fps, ..params(path) });
+        standalone.files.insert("anim/one.pc2", pc2(1));
+        standalone.files.insert("anim/one.mdd", mdd(&[0.5]));
+        let shape = standalone.shape().unwrap();
         assert_eq!(shape.end, None);
         let stream = shape.outputs[0].clone().unwrap();
         let format = stream.format::<Mesh>().unwrap();
         let stands = [[0.0, 1.0, 2.0], [3.0, 4.0, 5.0], [6.0, 7.0, 8.0]];
         assert!(format.still && format.topology.rest == stands, "{path}: {format:?}");
-        let found = frames(&solo);
+        let found = frames(&standalone);
         assert!(found.len() >= 30 * 3 && found.chunks_exact(3).all(|frame| frame == stands), "{path}");
     }
 }
@@ -92,17 +95,17 @@ fn a_point_cache_of_one_frame_is_still_where_it_stands_whatever_the_pose_of_its_
 #[test]
 fn a_numbered_sequence_is_read_in_the_order_of_its_numbers() {
     let p = MeshSequenceParams { fps: Some(Rate::hz(24)), ..params("frame_##.obj") };
-    let heights: Vec<f32> = frames(&solo(p)).chunks_exact(3).map(|f| f[0][2]).collect();
+    let heights: Vec<f32> = frames(&standalone(p)).chunks_exact(3).map(|f| f[0][2]).collect();
     assert_eq!(heights, [8.0, 9.0, 10.0, 11.0]);
 }
 
 #[test]
 fn the_buffer_of_a_gltf_is_found_beside_it() {
-    let mut solo = solo(MeshSequenceParams { up: Some(UpAxis::Y), ..params("scene/a.gltf") });
+    let mut standalone = standalone(MeshSequenceParams { up: Some(UpAxis::Y), ..params("scene/a.gltf") });
     let positions: Vec<u8> =
         [0f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0].iter().flat_map(|x| x.to_le_bytes()).collect();
-    solo.files.insert("scene/a.bin", positions);
-    solo.files.insert(
+    standalone.files.insert("scene/a.bin", positions);
+    standalone.files.insert(
         "scene/a.gltf",
         r#"{"asset": {"version": "2.0"}, "buffers": [{"uri": "a.bin", "byteLength": 36}],
             "bufferViews": [{"buffer": 0, "byteLength": 36}],
@@ -111,8 +114,8 @@ fn the_buffer_of_a_gltf_is_found_beside_it() {
             "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}], "nodes": [{"mesh": 0}],
             "scenes": [{"nodes": [0]}], "scene": 0}"#,
     );
-    assert_eq!(solo.shape().unwrap().end, None);
-    assert_eq!(frames(&solo)[..3], [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]);
+    assert_eq!(standalone.shape().unwrap().end, None);
+    assert_eq!(frames(&standalone)[..3], [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]);
 }
 
 #[test]
@@ -125,7 +128,7 @@ fn start_duration_units_and_up_axis_are_followed() {
         up: Some(UpAxis::Y),
         ..params("frame_##.obj")
     };
-    let found = frames(&solo(p));
+    let found = frames(&standalone(p));
     let first: Vec<f32> = found.chunks_exact(3).map(|f| f[0][1]).collect();
     assert_eq!(first, [-4.5, -5.0, -5.5, -5.5, -5.5]);
     assert_eq!(found[2], [0.0, 0.0, 0.5]);
@@ -133,7 +136,7 @@ fn start_duration_units_and_up_axis_are_followed() {
 
 #[test]
 fn what_is_missing_is_named_with_what_to_write() {
-    let reject = |p| solo(p).shape().unwrap_err();
+    let reject = |p| standalone(p).shape().unwrap_err();
     let e = reject(MeshSequenceParams { fps: Some(Rate::hz(60)), ..params("anim/sheet.pc2") });
     assert_eq!((e.code, e.field.as_deref()), ("F070", Some("base")));
     assert!(e.message.contains("anim/sheet.obj"), "{e}");
@@ -148,9 +151,9 @@ fn what_is_missing_is_named_with_what_to_write() {
     let late = MeshSequenceParams { fps: Some(Rate::hz(10)), start: Some(0.31), ..params("frame_##.obj") };
     let e = reject(late.clone());
     assert!(e.code == "F051" && e.field.as_deref() == Some("start") && e.message.contains("0.3 s"), "{e}");
-    let still = solo(MeshSequenceParams { duration: Some(0.2), ..late }).shape().unwrap();
+    let still = standalone(MeshSequenceParams { duration: Some(0.2), ..late }).shape().unwrap();
     assert_eq!(still.end.map(seconds), Some(0.2));
-    let mut gap = solo(MeshSequenceParams { fps: Some(Rate::hz(10)), ..params("frame_##.obj") });
+    let mut gap = standalone(MeshSequenceParams { fps: Some(Rate::hz(10)), ..params("frame_##.obj") });
     gap.files.insert("frame_13.obj", TRIANGLE);
     let e = gap.shape().unwrap_err();
     assert!(e.code == "F060" && e.message.contains("number 12"), "{e}");
@@ -158,9 +161,9 @@ fn what_is_missing_is_named_with_what_to_write() {
 
 #[test]
 fn a_bad_frame_is_a_fault_with_its_time() {
-    let mut solo = solo(MeshSequenceParams { fps: Some(Rate::hz(10)), ..params("frame_##.obj") });
-    solo.files.insert("frame_10.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 3 2\n");
-    let fault = solo.run().err().unwrap();
+    let mut standalone = standalone(MeshSequenceParams { fps: Some(Rate::hz(10)), ..params("frame_##.obj") });
+    standalone.files.insert("frame_10.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 3 2\n");
+    let fault = standalone.run().err().unwrap();
     assert_eq!((fault.code, fault.time), ("F070", Some(ticks(0.2))));
 }
 
@@ -172,9 +175,9 @@ fn windows_of_any_length_give_the_same_frames() {
         duration: Some(0.5),
         ..params("anim/sheet.mdd")
     };
-    let whole = frames(&solo(p.clone()).window(TICKS_PER_SECOND));
+    let whole = frames(&standalone(p.clone()).window(TICKS_PER_SECOND));
     for window in [0.001, 0.0177, 0.1] {
-        assert_eq!(frames(&solo(p.clone()).window(ticks(window))), whole);
+        assert_eq!(frames(&standalone(p.clone()).window(ticks(window))), whole);
     }
 }
 
@@ -182,15 +185,15 @@ fn windows_of_any_length_give_the_same_frames() {
 fn the_base_of_a_point_cache_is_found_beside_it() {
     let p = MeshSequenceParams { fps: Some(Rate::hz(20)), ..params("anim/sheet.pc2") };
     let told = MeshSequenceParams { base: Some("base.obj".into()), ..p.clone() };
-    let mut beside = solo(p);
+    let mut beside = standalone(p);
     beside.files.insert("anim/sheet.obj", TRIANGLE);
-    assert_eq!(frames(&beside), frames(&solo(told)));
+    assert_eq!(frames(&beside), frames(&standalone(told)));
 }
 
 #[test]
 fn a_base_that_is_not_needed_is_ignored_with_a_note() {
     let p = MeshSequenceParams { base: Some("no such file".into()), ..params("base.obj") };
-    let shape = solo(p).shape().unwrap();
+    let shape = standalone(p).shape().unwrap();
     assert!(shape.notes.iter().any(|note| note.contains("`base`")), "{:?}", shape.notes);
 }
 
@@ -212,9 +215,10 @@ fn scene(second: usize) -> Vec<u8> {
 #[test]
 fn of_several_meshes_the_largest_is_taken_and_the_others_are_named() {
     let with = |object: Option<&str>, second| {
-        let mut solo = solo(MeshSequenceParams { object: object.map(Text::from), ..params("two.glb") });
-        solo.files.insert("two.glb", scene(second));
-        solo
+        let mut standalone =
+            standalone(MeshSequenceParams { object: object.map(Text::from), ..params("two.glb") });
+        standalone.files.insert("two.glb", scene(second));
+        standalone
     };
     let largest = with(None, 4);
     // Y is up in a glTF, and comes out as Z.

@@ -1,5 +1,5 @@
 use super::*;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use std::f64::consts::TAU;
 
 fn one(f: f64, d: f64) -> Modes {
@@ -99,9 +99,9 @@ fn several_forces_at_several_points_add_up() {
         phases: vec![0.3, -1.0],
         ..Modes::new("two", vec![300.0, 1234.5], vec![8.0, 30.0], vec![1.0, 1.0]).unwrap()
     };
-    let mut draw = Draw::new(3);
+    let mut rng = Rng::new(3);
     let forces: Vec<Vec<f32>> =
-        (0..3).map(|_| (0..200).map(|_| draw.between(-1.0, 1.0) as f32).collect()).collect();
+        (0..3).map(|_| (0..200).map(|_| rng.between(-1.0, 1.0) as f32).collect()).collect();
     let mut bank = Bank::new(&modes, 8000.0).unwrap();
     let mut out = vec![0.0; 400];
     let mut at = 0;
@@ -123,10 +123,10 @@ fn several_forces_at_several_points_add_up() {
 }
 
 fn many(n: usize) -> Modes {
-    let mut draw = Draw::new(9);
-    let f = (0..n).map(|_| draw.between(30.0, 20_000.0)).collect();
-    let d = (0..n).map(|_| draw.between(1.0, 400.0)).collect();
-    let g = (0..n).map(|_| draw.between(-0.1, 0.1) as f32).collect();
+    let mut rng = Rng::new(9);
+    let f = (0..n).map(|_| rng.between(30.0, 20_000.0)).collect();
+    let d = (0..n).map(|_| rng.between(1.0, 400.0)).collect();
+    let g = (0..n).map(|_| rng.between(-0.1, 0.1) as f32).collect();
     Modes::new("many", f, d, g).unwrap()
 }
 
@@ -188,11 +188,11 @@ fn energy_never_grows_without_force_whatever_the_damping_does() {
     let mut bank = Bank::new(&one(700.0, 1.0), 44_100.0).unwrap();
     bank.set_floor(-400.0);
     bank.process(&[1.0], &mut [0.0]);
-    let mut draw = Draw::new(5);
+    let mut rng = Rng::new(5);
     let size = |bank: &Bank| bank.lanes[0].re[0].hypot(bank.lanes[0].im[0]);
     let mut before = size(&bank);
     for _ in 0..3000 {
-        bank.damp(&[draw.between(0.0, 1.0).powi(4) as f32 * 30.0]);
+        bank.damp(&[rng.between(0.0, 1.0).powi(4) as f32 * 30.0]);
         let n = bank.stretch();
         bank.process(&[], &mut vec![0.0; n]);
         let after = size(&bank);
@@ -229,8 +229,8 @@ fn modes_beyond_half_the_rate_are_left_out() {
 fn the_sum_of_gains_bounds_the_sound() {
     let modes = many(40);
     let rate = 44_100.0;
-    let mut draw = Draw::new(8);
-    let force: Vec<f32> = (0..20_000).map(|_| draw.between(-1.0, 1.0) as f32).collect();
+    let mut rng = Rng::new(8);
+    let force: Vec<f32> = (0..20_000).map(|_| rng.between(-1.0, 1.0) as f32).collect();
     let mut out = vec![0.0; force.len()];
     Bank::new(&modes, rate).unwrap().process(&force, &mut out);
     let each = modes.dampings.iter().zip(&modes.gains);

@@ -1,5 +1,5 @@
 use super::*;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 
 /// Damped sines after a silence, under noise.
 fn sound(partials: &[Partial], rate: f64, seconds: f64, silence: usize, noise: f64) -> Vec<f32> {
@@ -7,8 +7,8 @@ fn sound(partials: &[Partial], rate: f64, seconds: f64, silence: usize, noise: f
     for p in partials {
         add(&mut out[silence..], rate, p, 1.0);
     }
-    let mut draw = Draw::new(11);
-    out.iter().map(|x| (x + noise * 3.0_f64.sqrt() * draw.between(-1.0, 1.0)) as f32).collect()
+    let mut rng = Rng::new(11);
+    out.iter().map(|x| (x + noise * 3.0_f64.sqrt() * rng.between(-1.0, 1.0)) as f32).collect()
 }
 
 fn partial(frequency: f64, damping: f64, amplitude: f64, phase: f64) -> Partial {

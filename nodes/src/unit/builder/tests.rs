@@ -1,5 +1,5 @@
 use super::*;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::time::Rate;
 
 fn cloth() -> FeatureConventions {
@@ -7,8 +7,8 @@ fn cloth() -> FeatureConventions {
 }
 
 fn noise(seed: u64, n: usize) -> Vec<f32> {
-    let mut draw = Draw::new(seed);
-    (0..n).map(|_| draw.between(-0.5, 0.5) as f32).collect()
+    let mut rng = Rng::new(seed);
+    (0..n).map(|_| rng.between(-0.5, 0.5) as f32).collect()
 }
 
 fn take(channels: Vec<Vec<f32>>) -> Take {

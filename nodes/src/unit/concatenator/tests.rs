@@ -1,5 +1,5 @@
 use super::*;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::core::time::Rate;
 use crate::feature::FeatureConventions;
 use crate::unit::{Take, build};
@@ -11,11 +11,11 @@ fn conventions() -> FeatureConventions {
 
 /// Noise without much high treble, so that there is something to click.
 fn recording(seed: u64, n: usize) -> Vec<f32> {
-    let mut draw = Draw::new(seed);
+    let mut rng = Rng::new(seed);
     let mut y = [0.0; 2];
     (0..n)
         .map(|_| {
-            y[0] += 0.1 * (draw.between(-1.0, 1.0) - y[0]);
+            y[0] += 0.1 * (rng.between(-1.0, 1.0) - y[0]);
             y[1] += 0.1 * (y[0] - y[1]);
             y[1] as f32
         })
@@ -32,8 +32,8 @@ fn database(lengths: &[usize]) -> UnitDatabase {
 }
 
 fn picks(seed: u64, n: usize, units: usize) -> Vec<u32> {
-    let mut draw = Draw::new(seed);
-    (0..n).map(|_| draw.below(units) as u32).collect()
+    let mut rng = Rng::new(seed);
+    (0..n).map(|_| rng.below(units) as u32).collect()
 }
 
 #[test]
@@ -94,10 +94,10 @@ fn zero_counts_as_positive_and_two_ends_at_zero_are_spliced_hard() {
 
 /// Units of 400 samples at 96 kHz of noise that went `poles` times through a low-pass.
 fn soft(units: usize, low: f64, poles: usize) -> UnitDatabase {
-    let mut draw = Draw::new(17);
+    let mut rng = Rng::new(17);
     let mut y = vec![0.0; poles];
     units_of(units, || {
-        y.iter_mut().fold(draw.between(-1.0, 1.0), |x, y| {
+        y.iter_mut().fold(rng.between(-1.0, 1.0), |x, y| {
             *y += low * (x - *y);
             *y
         })
@@ -205,10 +205,10 @@ fn where_sounds_are_mixed_equal_power_keeps_the_level_and_add_does_not() {
 fn a_millisecond_around_a_join_add_is_a_third_louder_in_dull_sounds() {
     // The figures of the specification, 1.31, 1.09 and 0.98, are those of noise that is summed up before its high-pass, over a millisecond
     // to either side of a join, half of which is mixed. Where sounds are mixed alone `add` is 3 dB above them, and about as much above equal power.
-    let mut draw = Draw::new(23);
+    let mut rng = Rng::new(23);
     let mut sum = 0.0;
     let db = units_of(600, || {
-        sum += draw.between(-1.0, 1.0);
+        sum += rng.between(-1.0, 1.0);
         sum
     });
     let picks = picks(5, 4000, 600);
@@ -279,8 +279,8 @@ proptest! {
         prop_assert!(one.iter().zip(&four).all(|(a, b)| 4.0 * a == *b));
         // Any sound whose signs are the same, and the sum of both.
         let (mut other, mut both) = (db.clone(), db.clone());
-        let mut draw = Draw::new(seed + 1);
-        other.audio.iter_mut().for_each(|x| *x *= draw.between(0.1, 3.0) as f32);
+        let mut rng = Rng::new(seed + 1);
+        other.audio.iter_mut().for_each(|x| *x *= rng.between(0.1, 3.0) as f32);
         both.audio.iter_mut().zip(&other.audio).for_each(|(x, y)| *x += y);
         let near = |((a, b), sum): ((&f32, &f32), &f32)| (a + b - sum).abs() <= 1e-6 * (a.abs() + b.abs()) + 1e-7;
         prop_assert!(one.iter().zip(&c(&other)).zip(&c(&both)).all(near));

@@ -1,8 +1,8 @@
 use super::*;
 use crate::core::item::AnyValue;
 use crate::core::params::{Datum, Params};
-use crate::core::random::Draw;
-use crate::core::solo::Solo;
+use crate::core::random::Rng;
+use crate::core::standalone::Standalone;
 use crate::core::time::{Rate, ticks};
 use crate::feature::gaussian_node::{TemporalGaussian, TemporalGaussianParams, TemporalGaussianPorts};
 use crate::feature::mfcc_node::{FeatureChannels, Mfcc, MfccParams, MfccPorts};
@@ -13,8 +13,8 @@ use crate::unit::{Pick, Take, build};
 const RATE: Rate = Rate::hz(48_000);
 
 fn noise(seed: u64, n: usize) -> Vec<f32> {
-    let mut draw = Draw::new(seed);
-    (0..n).map(|i| draw.between(-0.5, 0.5) as f32 * (0.1 + (i as f32 * 3e-4).sin().abs())).collect()
+    let mut rng = Rng::new(seed);
+    (0..n).map(|i| rng.between(-0.5, 0.5) as f32 * (0.1 + (i as f32 * 3e-4).sin().abs())).collect()
 }
 
 fn conventions() -> FeatureConventions {
@@ -27,10 +27,14 @@ fn read<P: Params>() -> P {
 
 /// Features of a sound through the nodes.
 fn features(audio: &[f32]) -> Vec<f32> {
-    let made =
-        Solo::new::<Mfcc>(read::<MfccParams>()).input(MfccPorts::audio, RATE, Channels(1), audio.to_vec());
+    let made = Standalone::new::<Mfcc>(read::<MfccParams>()).input(
+        MfccPorts::audio,
+        RATE,
+        Channels(1),
+        audio.to_vec(),
+    );
     let format = FeatureFormat { vectors: 1, conventions: Arc::new(FeatureConventions::cloth(RATE, 200)) };
-    let smooth = Solo::new::<TemporalGaussian>(read::<TemporalGaussianParams>()).input(
+    let smooth = Standalone::new::<TemporalGaussian>(read::<TemporalGaussianParams>()).input(
         TemporalGaussianPorts::features,
         Rate::hz(240),
         format,
@@ -39,21 +43,26 @@ fn features(audio: &[f32]) -> Vec<f32> {
     smooth.run().unwrap().stream(TemporalGaussianPorts::smooth)
 }
 
-fn selection(db: &UnitDatabase, features: Vec<f32>, cool_off: usize, c: FeatureConventions) -> Solo {
+fn selection(db: &UnitDatabase, features: Vec<f32>, cool_off: usize, c: FeatureConventions) -> Standalone {
     let params = UnitSelectorParams { cool_off, ..read() };
     let format = FeatureFormat { vectors: 1, conventions: Arc::new(c) };
-    Solo::new::<UnitSelector>(params)
+    Standalone::new::<UnitSelector>(params)
         .input(UnitSelectorPorts::features, Rate::hz(240), format, features)
         .value(UnitSelectorPorts::database, db.clone())
 }
 
-fn concatenation(db: &UnitDatabase, picks: Vec<Pick>, window: f64) -> Solo {
+fn concatenation(db: &UnitDatabase, picks: Vec<Pick>, window: f64) -> Standalone {
     concatenation_with(read(), db, picks, window)
 }
 
-fn concatenation_with(p: UnitConcatenatorParams, db: &UnitDatabase, picks: Vec<Pick>, window: f64) -> Solo {
+fn concatenation_with(
+    p: UnitConcatenatorParams,
+    db: &UnitDatabase,
+    picks: Vec<Pick>,
+    window: f64,
+) -> Standalone {
     let format = PickFormat { channels: 1, conventions: Arc::new(conventions()) };
-    Solo::new::<UnitConcatenator>(p)
+    Standalone::new::<UnitConcatenator>(p)
         .input(UnitConcatenatorPorts::picks, Rate::hz(240), format, picks)
         .value(UnitConcatenatorPorts::database, db.clone())
         .window(ticks(window))
@@ -97,10 +106,10 @@ fn two_recordings_are_themselves_but_for_a_window_before_their_join() {
 fn joint_features(audio: &[Vec<f32>; 2]) -> (Vec<f32>, FeatureFormat) {
     let frames: Vec<f32> = audio[0].iter().zip(&audio[1]).flat_map(|(a, b)| [*a, *b]).collect();
     let params = MfccParams { channels: FeatureChannels::Joint, ..read() };
-    let made = Solo::new::<Mfcc>(params).input(MfccPorts::audio, RATE, Channels(2), frames);
+    let made = Standalone::new::<Mfcc>(params).input(MfccPorts::audio, RATE, Channels(2), frames);
     let c = FeatureConventions { joined: 2, ..FeatureConventions::cloth(RATE, 200) };
     let format = FeatureFormat { vectors: 1, conventions: Arc::new(c) };
-    let smooth = Solo::new::<TemporalGaussian>(read::<TemporalGaussianParams>()).input(
+    let smooth = Standalone::new::<TemporalGaussian>(read::<TemporalGaussianParams>()).input(
         TemporalGaussianPorts::features,
         Rate::hz(240),
         format,
@@ -120,17 +129,17 @@ fn joint_channels_share_their_picks_and_cross_where_each_of_them_does() {
     let db = build(&[take], &format.conventions, None).unwrap();
     let chosen = |target: &[Vec<f32>; 2]| {
         let (features, format) = joint_features(target);
-        let solo = Solo::new::<UnitSelector>(read())
+        let standalone = Standalone::new::<UnitSelector>(read())
             .input(UnitSelectorPorts::features, Rate::hz(240), format, features)
             .value(UnitSelectorPorts::database, db.clone());
-        solo.run().unwrap().stream::<Picks>(UnitSelectorPorts::picks)
+        standalone.run().unwrap().stream::<Picks>(UnitSelectorPorts::picks)
     };
     let heard = |picks: Vec<Pick>| {
         let format = PickFormat { channels: 1, conventions: Arc::clone(&format.conventions) };
-        let solo = Solo::new::<UnitConcatenator>(read())
+        let standalone = Standalone::new::<UnitConcatenator>(read())
             .input(UnitConcatenatorPorts::picks, Rate::hz(240), format, picks)
             .value(UnitConcatenatorPorts::database, db.clone());
-        let frames = solo.run().unwrap().stream(UnitConcatenatorPorts::audio);
+        let frames = standalone.run().unwrap().stream(UnitConcatenatorPorts::audio);
         [0, 1].map(|channel| frames.iter().skip(channel).step_by(2).copied().collect::<Vec<f32>>())
     };
     // One pick a unit; a recording chooses itself, and both its channels come back.
@@ -154,8 +163,8 @@ fn joint_channels_share_their_picks_and_cross_where_each_of_them_does() {
 fn windows_do_not_change_what_the_whole_is() {
     let takes = [1, 2].map(|seed| Take { channels: vec![noise(seed, 200 * 40)], ..Take::default() });
     let db = build(&takes, &conventions(), None).unwrap();
-    let mut draw = Draw::new(4);
-    let units: Vec<u32> = (0..100).map(|_| draw.below(80) as u32).collect();
+    let mut rng = Rng::new(4);
+    let units: Vec<u32> = (0..100).map(|_| rng.below(80) as u32).collect();
     let picks: Vec<Pick> = units.iter().map(|&unit| Pick { unit: unit as i32, ..Pick::default() }).collect();
     let whole = Concatenator::new(&db, Blend::EqualPower).whole(0, &units);
     for window in [0.0001, 0.0037, 0.2] {
@@ -170,9 +179,9 @@ fn a_silent_target_sends_it_to_sleep_and_a_balance_makes_channels() {
         .unwrap();
     let picks: Vec<Pick> = (0..240).map(|unit| Pick { unit, ..Pick::default() }).collect();
     let followed = |target: Vec<f32>| {
-        let solo = concatenation(&db, picks.clone(), 0.1);
-        let solo = solo.optional(UnitConcatenatorPorts::target, RATE, Channels(1), target);
-        solo.run().unwrap().stream(UnitConcatenatorPorts::audio)
+        let standalone = concatenation(&db, picks.clone(), 0.1);
+        let standalone = standalone.optional(UnitConcatenatorPorts::target, RATE, Channels(1), target);
+        standalone.run().unwrap().stream(UnitConcatenatorPorts::audio)
     };
     // One click, and then nothing.
     let mut target = vec![0.0; 48_000];
@@ -185,9 +194,9 @@ fn a_silent_target_sends_it_to_sleep_and_a_balance_makes_channels() {
     click[0] = 0.5;
     for target in [click, vec![0.0; 48_000]] {
         let params = UnitConcatenatorParams { keep_room_tone: Some(true), ..read() };
-        let solo = concatenation_with(params, &db, picks.clone(), 0.1);
-        let solo = solo.optional(UnitConcatenatorPorts::target, RATE, Channels(1), target);
-        assert!(solo.run().unwrap().stream(UnitConcatenatorPorts::audio) == db.channel(0)[..48_000]);
+        let standalone = concatenation_with(params, &db, picks.clone(), 0.1);
+        let standalone = standalone.optional(UnitConcatenatorPorts::target, RATE, Channels(1), target);
+        assert!(standalone.run().unwrap().stream(UnitConcatenatorPorts::audio) == db.channel(0)[..48_000]);
     }
     // Nothing at all.
     assert!(followed(vec![0.0; 48_000]).iter().all(|x| *x == 0.0));
@@ -207,11 +216,12 @@ fn joint_recordings_keep_their_room_tone_where_nothing_else_is_said() {
     let format = PickFormat { channels: 1, conventions: Arc::new(c) };
     let picks: Vec<Pick> = (0..240).map(|unit| Pick { unit, ..Pick::default() }).collect();
     for (keep_room_tone, heard) in [(None, true), (Some(true), true), (Some(false), false)] {
-        let solo = Solo::new::<UnitConcatenator>(UnitConcatenatorParams { keep_room_tone, ..read() })
-            .input(UnitConcatenatorPorts::picks, Rate::hz(240), format.clone(), picks.clone())
-            .value(UnitConcatenatorPorts::database, db.clone())
-            .optional(UnitConcatenatorPorts::target, RATE, Channels(1), vec![0.0; 48_000]);
-        let out = solo.run().unwrap().stream(UnitConcatenatorPorts::audio);
+        let standalone =
+            Standalone::new::<UnitConcatenator>(UnitConcatenatorParams { keep_room_tone, ..read() })
+                .input(UnitConcatenatorPorts::picks, Rate::hz(240), format.clone(), picks.clone())
+                .value(UnitConcatenatorPorts::database, db.clone())
+                .optional(UnitConcatenatorPorts::target, RATE, Channels(1), vec![0.0; 48_000]);
+        let out = standalone.run().unwrap().stream(UnitConcatenatorPorts::audio);
         let own = db.channel(0).iter().zip(db.channel(1)).flat_map(|(a, b)| [*a, *b]).take(96_000);
         let wanted: Vec<f32> = if heard { own.collect() } else { vec![0.0; 96_000] };
         assert!(out == wanted, "{keep_room_tone:?}");
@@ -241,7 +251,7 @@ fn a_feature_that_is_no_number_is_named_by_its_unit() {
     for causal in [false, true] {
         let mut features = vec![0.0; 60];
         features[33] = f32::NAN;
-        let fault = Solo::new::<UnitSelector>(UnitSelectorParams { causal, ..read() })
+        let fault = Standalone::new::<UnitSelector>(UnitSelectorParams { causal, ..read() })
             .input(UnitSelectorPorts::features, Rate::hz(240), format.clone(), features)
             .value(UnitSelectorPorts::database, db.clone())
             .run()
@@ -262,7 +272,7 @@ fn tags_leave_only_their_recordings_to_choose_from() {
     let run = |tag: &str| {
         let params = UnitSelectorParams { tags: vec![tag.into()], ..read() };
         let format = FeatureFormat { vectors: 1, conventions: Arc::new(conventions()) };
-        Solo::new::<UnitSelector>(params)
+        Standalone::new::<UnitSelector>(params)
             .input(UnitSelectorPorts::features, Rate::hz(240), format, features(&noise(1, 8000)))
             .value(UnitSelectorPorts::database, db.clone())
             .run()

@@ -1,8 +1,8 @@
 use super::*;
 use crate::core::params::Datum;
-use crate::core::solo::Solo;
+use crate::core::standalone::Standalone;
 
-fn solo(files: &[&str]) -> Solo {
+fn standalone(files: &[&str]) -> Standalone {
     let list = Datum::List(files.iter().map(|f| Datum::Text((*f).into())).collect());
     let tags = Datum::List(vec![Datum::Text("cotton".into())]);
     let get = |name: &str| match name {
@@ -10,18 +10,20 @@ fn solo(files: &[&str]) -> Solo {
         "tags" => Some(tags.clone()),
         _ => None,
     };
-    let mut solo = Solo::func::<UnitDatabaseNode>(UnitDatabaseParams::read(&get).unwrap());
+    let mut standalone = Standalone::func::<UnitDatabaseNode>(UnitDatabaseParams::read(&get).unwrap());
     let wave = |i: usize| (0.05 * i as f32).sin() * 0.5;
-    solo.files.insert("a.wav", trial_wav(&(0..24_000).map(wave).collect::<Vec<_>>(), 48_000));
-    solo.files.insert("half.wav", trial_wav(&(0..12_000).map(|i| wave(2 * i)).collect::<Vec<_>>(), 24_000));
-    solo.files.insert("short.wav", trial_wav(&[0.1; 50], 48_000));
-    solo.files.insert("text.wav", "no audio");
-    solo
+    standalone.files.insert("a.wav", trial_wav(&(0..24_000).map(wave).collect::<Vec<_>>(), 48_000));
+    standalone
+        .files
+        .insert("half.wav", trial_wav(&(0..12_000).map(|i| wave(2 * i)).collect::<Vec<_>>(), 24_000));
+    standalone.files.insert("short.wav", trial_wav(&[0.1; 50], 48_000));
+    standalone.files.insert("text.wav", "no audio");
+    standalone
 }
 
 #[test]
 fn recordings_of_any_rate_become_units_and_survive_their_file() {
-    let value = solo(&["a.wav", "half.wav"]).run().unwrap().value(0).unwrap();
+    let value = standalone(&["a.wav", "half.wav"]).run().unwrap().value(0).unwrap();
     let db = value.get::<UnitDatabase>().unwrap();
     assert_eq!((db.len(), db.segments.len(), db.sources[1].tag.as_str()), (240, 2, "cotton"));
     // The same wave at either rate.
@@ -48,7 +50,7 @@ fn recordings_of_any_rate_become_units_and_survive_their_file() {
 
 #[test]
 fn recordings_are_known_by_what_they_hold_and_not_by_their_names() {
-    let mut other = solo(&["a.wav", "copy.wav", "louder.wav", "faster.wav"]);
+    let mut other = standalone(&["a.wav", "copy.wav", "louder.wav", "faster.wav"]);
     let wave = |gain: f32| (0..24_000).map(|i| gain * (0.05 * i as f32).sin()).collect::<Vec<_>>();
     other.files.insert("copy.wav", trial_wav(&wave(0.5), 48_000));
     other.files.insert("louder.wav", trial_wav(&wave(0.6), 48_000));
@@ -61,8 +63,8 @@ fn recordings_are_known_by_what_they_hold_and_not_by_their_names() {
 
 #[test]
 fn a_database_from_its_file_is_the_one_that_was_built() {
-    let value = solo(&["a.wav"]).run().unwrap().value(0).unwrap();
-    let mut file = Solo::func::<UnitDatabaseFile>(UnitDatabaseFileParams { path: "a.bin".into() });
+    let value = standalone(&["a.wav"]).run().unwrap().value(0).unwrap();
+    let mut file = Standalone::func::<UnitDatabaseFile>(UnitDatabaseFileParams { path: "a.bin".into() });
     let bytes = (value.kind().file)(&value).unwrap();
     file.files.insert("a.bin", bytes.clone());
     let again = file.run().unwrap().value(0).unwrap();
@@ -76,16 +78,16 @@ fn a_database_from_its_file_is_the_one_that_was_built() {
 
 #[test]
 fn what_is_no_recording_or_holds_no_unit_is_named() {
-    let reject = solo(&["a.wav", "text.wav"]).shape().unwrap_err();
+    let reject = standalone(&["a.wav", "text.wav"]).shape().unwrap_err();
     assert!(reject.code == "F101" && reject.message.contains("text.wav"), "{reject}");
-    assert_eq!(solo(&[]).shape().unwrap_err().code, "F101");
-    let fault = solo(&["short.wav"]).run().err().unwrap();
+    assert_eq!(standalone(&[]).shape().unwrap_err().code, "F101");
+    let fault = standalone(&["short.wav"]).run().err().unwrap();
     assert!(fault.code == "F101" && fault.message.contains("200 samples"), "{fault}");
 }
 
 #[test]
 fn what_is_odd_about_recordings_is_told() {
-    let mut cut = solo(&["a.wav"]);
+    let mut cut = standalone(&["a.wav"]);
     let whole = trial_wav(&[0.25; 24_000], 48_000);
     cut.files.insert("a.wav", whole[..whole.len() / 2].to_vec());
     let notes = cut.shape().unwrap().notes;
@@ -93,12 +95,12 @@ fn what_is_odd_about_recordings_is_told() {
         !notes.is_empty() && notes[0].contains("a.wav") && notes[0].contains("the header says"),
         "{notes:?}"
     );
-    let warned = |solo: &Solo| {
-        let run = solo.run().unwrap();
+    let warned = |standalone: &Standalone| {
+        let run = standalone.run().unwrap();
         run.summary.iter().filter(|(k, _)| *k == "warning").map(|(_, v)| v.to_string()).collect::<Vec<_>>()
     };
-    assert!(warned(&solo(&["a.wav"])).is_empty());
-    let mut silent = solo(&["a.wav"]);
+    assert!(warned(&standalone(&["a.wav"])).is_empty());
+    let mut silent = standalone(&["a.wav"]);
     silent.files.insert("a.wav", trial_wav(&[0.0; 24_000], 48_000));
     let told = warned(&silent);
     assert!(told.len() == 1 && told[0].contains("silent"), "{told:?}");

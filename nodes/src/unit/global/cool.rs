@@ -2,7 +2,7 @@
 
 use super::exact::Programme;
 use super::{GlobalParams, Table};
-use crate::carried;
+use crate::impl_state;
 
 /// Rounds of a repair.
 const ROUNDS: usize = 20;
@@ -25,7 +25,7 @@ pub(super) struct Rest {
     used: Vec<usize>,
     cool_off: usize,
 }
-carried!(Rest { used });
+impl_state!(Rest { used });
 
 impl Rest {
     pub fn new(columns: usize, cool_off: usize) -> Self {

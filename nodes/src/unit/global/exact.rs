@@ -3,7 +3,7 @@
 use super::cool;
 use super::row::{self, Target, WORD};
 use super::{GlobalParams, MOST_SWITCH_COST, Path, Table};
-use crate::carried;
+use crate::impl_state;
 use crate::unit::selector::NotFinite;
 use fearless_simd::Level;
 use rayon::prelude::*;
@@ -150,7 +150,7 @@ pub(super) struct Decisions {
     /// Per row, the column that all others jumped from.
     sources: Vec<usize>,
 }
-carried!(Decisions { bits, sources });
+impl_state!(Decisions { bits, sources });
 
 impl Decisions {
     pub fn new(columns: usize, rows: usize) -> Self {

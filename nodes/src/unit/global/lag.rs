@@ -3,7 +3,7 @@
 use super::cool::Rest;
 use super::exact::{Decisions, Front, Price};
 use super::{GlobalParams, Table};
-use crate::carried;
+use crate::impl_state;
 use crate::unit::selector::{Choice, NotFinite};
 
 /// Chooses unit by unit, as the best path to the latest known unit of the target says.
@@ -34,7 +34,7 @@ pub struct FixedLag {
     last: Option<usize>,
     replaced: usize,
 }
-carried!(FixedLag { front, before, decisions, known, decided, rest, last, replaced });
+impl_state!(FixedLag { front, before, decisions, known, decided, rest, last, replaced });
 
 impl FixedLag {
     /// Before the first unit; `lag` units after one are looked at.

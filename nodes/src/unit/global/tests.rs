@@ -1,11 +1,11 @@
 use super::*;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 use crate::unit::selector::{SelectorParams, Units, selector};
 
 /// Random features, of units in segments of the given lengths.
-fn units(draw: &mut Draw, lengths: &[usize], features: &mut Vec<f32>) -> (usize, Vec<(usize, usize)>) {
+fn units(rng: &mut Rng, lengths: &[usize], features: &mut Vec<f32>) -> (usize, Vec<(usize, usize)>) {
     let m: usize = lengths.iter().sum();
-    *features = walk(draw, m);
+    *features = walk(rng, m);
     let mut start = 0;
     let segments = lengths.iter().map(|&n| {
         start += n;
@@ -15,12 +15,12 @@ fn units(draw: &mut Draw, lengths: &[usize], features: &mut Vec<f32>) -> (usize,
 }
 
 /// A random walk in three dimensions.
-fn walk(draw: &mut Draw, n: usize) -> Vec<f32> {
+fn walk(rng: &mut Rng, n: usize) -> Vec<f32> {
     let mut at = [0.0; 3];
     let mut out = Vec::new();
     for _ in 0..n {
         for x in &mut at {
-            *x = 0.9 * *x + draw.between(-1.0, 1.0);
+            *x = 0.9 * *x + rng.between(-1.0, 1.0);
             out.push(*x as f32);
         }
     }
@@ -56,15 +56,15 @@ fn columns(table: &Table, units: &[u32]) -> Vec<usize> {
 
 #[test]
 fn the_path_costs_what_the_full_programme_says() {
-    let mut draw = Draw::new(1);
+    let mut rng = Rng::new(1);
     for (case, lengths) in [vec![90], vec![1, 30, 40, 19], vec![45, 45], vec![1; 90]].into_iter().enumerate()
     {
         let mut features = Vec::new();
-        let (m, segments) = units(&mut draw, &lengths, &mut features);
+        let (m, segments) = units(&mut rng, &lengths, &mut features);
         let allowed = (0..m).map(|j| case != 2 || j % 13 != 5).collect();
         let set = Units { features: &features, dims: 3, segments, allowed };
         let table = Table::new(&set).unwrap();
-        let target = walk(&mut draw, 120);
+        let target = walk(&mut rng, 120);
         for (p, cap) in [(0.5, f64::INFINITY), (0.0, f64::INFINITY), (2.0, 1.5), (1000.0, f64::INFINITY)] {
             let params = GlobalParams { cap, ..params(p, 0) };
             let path = exact(&table, &target, &params, None).unwrap();
@@ -79,45 +79,45 @@ fn the_path_costs_what_the_full_programme_says() {
 
 #[test]
 fn no_choice_unit_by_unit_is_cheaper() {
-    let mut draw = Draw::new(2);
+    let mut rng = Rng::new(2);
     for case in 0..40 {
         let mut features = Vec::new();
-        let lengths: Vec<usize> = (0..1 + draw.below(4)).map(|_| 1 + draw.below(60)).collect();
-        let (m, segments) = units(&mut draw, &lengths, &mut features);
+        let lengths: Vec<usize> = (0..1 + rng.below(4)).map(|_| 1 + rng.below(60)).collect();
+        let (m, segments) = units(&mut rng, &lengths, &mut features);
         let set = Units { features: &features, dims: 3, segments, allowed: vec![true; m] };
         let table = Table::new(&set).unwrap();
-        let target = walk(&mut draw, 1 + case * 7);
-        let p = params(draw.between(0.0, 3.0), 0);
+        let target = walk(&mut rng, 1 + case * 7);
+        let p = params(rng.between(0.0, 3.0), 0);
         let one_by_one = greedy(&target, &set, 0);
         let global = exact(&table, &target, &p, None).unwrap();
         let cost = table.cost(&target, &columns(&table, &one_by_one), &p);
         assert!(global.cost <= cost + 1e-4, "{case}: {} against {cost}", global.cost);
         let beam_params = BeamParams { path: p, candidates: 4, feature: 0.3, level: 0.2, crossing: 0.1 };
-        let joins = joins(&mut draw, m);
+        let joins = joins(&mut rng, m);
         let found = beam(&table, &joins, &target, &one_by_one, &beam_params).unwrap();
         let cost = joins.path_cost(&table, &target, &one_by_one, &beam_params);
         assert!(found.cost <= cost + 1e-9, "{case}: beam {} against {cost}", found.cost);
     }
 }
 
-fn joins(draw: &mut Draw, m: usize) -> Joins {
+fn joins(rng: &mut Rng, m: usize) -> Joins {
     Joins {
-        levels: (0..m).map(|_| draw.between(-6.0, 0.0) as f32).collect(),
-        leaves: (0..m).map(|_| draw.below(9) > 0).collect(),
-        enters: (0..m).map(|_| draw.below(9) > 0).collect(),
+        levels: (0..m).map(|_| rng.between(-6.0, 0.0) as f32).collect(),
+        leaves: (0..m).map(|_| rng.below(9) > 0).collect(),
+        enters: (0..m).map(|_| rng.below(9) > 0).collect(),
     }
 }
 
 #[test]
 fn a_beam_as_wide_as_the_database_finds_the_best_path() {
-    let mut draw = Draw::new(3);
+    let mut rng = Rng::new(3);
     let mut features = Vec::new();
-    let (m, segments) = units(&mut draw, &[20, 30], &mut features);
+    let (m, segments) = units(&mut rng, &[20, 30], &mut features);
     let set = Units { features: &features, dims: 3, segments, allowed: vec![true; m] };
     let table = Table::new(&set).unwrap();
-    let target = walk(&mut draw, 60);
+    let target = walk(&mut rng, 60);
     let p = BeamParams { path: params(0.4, 0), candidates: m, feature: 0.3, level: 0.2, crossing: 0.5 };
-    let joins = joins(&mut draw, m);
+    let joins = joins(&mut rng, m);
     let found = beam(&table, &joins, &target, &[], &p).unwrap();
     let best = full(&target, &table, |a, b| joins.cost(&table, a, b, &p), f64::INFINITY);
     assert!((found.cost - best).abs() < 1e-9, "{} against {best}", found.cost);
@@ -129,12 +129,12 @@ fn a_beam_as_wide_as_the_database_finds_the_best_path() {
 
 #[test]
 fn free_jumps_give_the_nearest_units_and_dear_ones_an_unbroken_run() {
-    let mut draw = Draw::new(4);
+    let mut rng = Rng::new(4);
     let mut features = Vec::new();
-    let (m, segments) = units(&mut draw, &[50, 150], &mut features);
+    let (m, segments) = units(&mut rng, &[50, 150], &mut features);
     let set = Units { features: &features, dims: 3, segments, allowed: vec![true; m] };
     let table = Table::new(&set).unwrap();
-    let target = walk(&mut draw, 100);
+    let target = walk(&mut rng, 100);
     let near = exact(&table, &target, &params(0.0, 0), None).unwrap();
     for (features, &unit) in target.chunks_exact(3).zip(&near.units) {
         let least = (0..m).map(|j| table.distance(features, j)).fold(f64::INFINITY, f64::min);
@@ -151,35 +151,35 @@ fn free_jumps_give_the_nearest_units_and_dear_ones_an_unbroken_run() {
 }
 
 /// Units on a grid, so that the gap between any two is known, and a target that plays stretches of them with noise.
-fn planted(draw: &mut Draw, noise: f64) -> (Vec<f32>, Vec<(usize, usize)>, Vec<u32>, Vec<f32>) {
+fn planted(rng: &mut Rng, noise: f64) -> (Vec<f32>, Vec<(usize, usize)>, Vec<u32>, Vec<f32>) {
     let place = |j: usize| [(j % 9) as f64, (j / 9 % 9) as f64, (j / 81) as f64];
     let m = 243;
     let mut order: Vec<usize> = (0..m).collect();
     for k in (1..m).rev() {
-        order.swap(k, draw.below(k + 1));
+        order.swap(k, rng.below(k + 1));
     }
     let features: Vec<f32> = order.iter().flat_map(|&j| place(j)).map(|x| x as f32).collect();
     let mut path: Vec<u32> = Vec::new();
     while path.len() < 400 {
         // Stretches end before their recording does.
-        let (from, to) = [(0, 100), (100, m)][draw.below(2)];
-        let length = 12 + draw.below(20);
-        let start = from + draw.below(to - from - length);
+        let (from, to) = [(0, 100), (100, m)][rng.below(2)];
+        let length = 12 + rng.below(20);
+        let start = from + rng.below(to - from - length);
         if path.last() != Some(&(start as u32).wrapping_sub(1)) {
             path.extend((start..start + length).map(|j| j as u32));
         }
     }
     let target = path.iter().flat_map(|&j| features[3 * j as usize..][..3].to_vec());
     let most = noise / 3.0f64.sqrt();
-    let target = target.map(|x| (f64::from(x) + draw.between(-most, most)) as f32).collect();
+    let target = target.map(|x| (f64::from(x) + rng.between(-most, most)) as f32).collect();
     (features, vec![(0, 100), (100, 143)], path, target)
 }
 
 #[test]
 fn a_planted_path_is_recovered_when_noise_is_below_half_the_gap() {
-    let mut draw = Draw::new(5);
+    let mut rng = Rng::new(5);
     for noise in [0.0, 0.49] {
-        let (features, segments, path, target) = planted(&mut draw, noise);
+        let (features, segments, path, target) = planted(&mut rng, noise);
         let set = Units { features: &features, dims: 3, segments, allowed: vec![true; 243] };
         let table = Table::new(&set).unwrap();
         assert_eq!(exact(&table, &target, &params(0.02, 0), None).unwrap().units, path);
@@ -188,12 +188,12 @@ fn a_planted_path_is_recovered_when_noise_is_below_half_the_gap() {
 
 #[test]
 fn blocks_of_any_size_give_the_same_path() {
-    let mut draw = Draw::new(6);
+    let mut rng = Rng::new(6);
     let mut features = Vec::new();
-    let (m, segments) = units(&mut draw, &[9000, 8500], &mut features);
+    let (m, segments) = units(&mut rng, &[9000, 8500], &mut features);
     let set = Units { features: &features, dims: 3, segments, allowed: vec![true; m] };
     let table = Table::new(&set).unwrap();
-    let target = walk(&mut draw, 50);
+    let target = walk(&mut rng, 50);
     let p = params(0.5, 3);
     let first = exact(&table, &target, &p, None).unwrap();
     for block in [1, 2, 7, 49, 50, 1000] {
@@ -211,12 +211,12 @@ fn repeated(path: &[u32], cool_off: usize) -> usize {
 
 /// Cost of a path with a rest of 10 units, and of one that only replaces what comes back too early.
 fn repaired(seed: u64, lengths: &[usize], rows: usize) -> (f64, f64) {
-    let mut draw = Draw::new(seed);
+    let mut rng = Rng::new(seed);
     let mut features = Vec::new();
-    let (m, segments) = units(&mut draw, lengths, &mut features);
+    let (m, segments) = units(&mut rng, lengths, &mut features);
     let set = Units { features: &features, dims: 3, segments, allowed: vec![true; m] };
     let table = Table::new(&set).unwrap();
-    let target = walk(&mut draw, rows);
+    let target = walk(&mut rng, rows);
     let free = exact(&table, &target, &params(0.2, 0), None).unwrap();
     let p = params(0.2, 10);
     let rested = exact(&table, &target, &p, None).unwrap();
@@ -266,13 +266,13 @@ fn fewer_units_than_have_to_rest_are_chosen_all_the_same() {
 
 #[test]
 fn a_lag_as_long_as_the_target_loses_nothing_and_a_short_one_little() {
-    let mut draw = Draw::new(8);
+    let mut rng = Rng::new(8);
     let mut features = Vec::new();
-    let (m, segments) = units(&mut draw, &[300, 200], &mut features);
+    let (m, segments) = units(&mut rng, &[300, 200], &mut features);
     let set = Units { features: &features, dims: 3, segments, allowed: vec![true; m] };
     let table = Table::new(&set).unwrap();
     let n = 300;
-    let target = walk(&mut draw, n);
+    let target = walk(&mut rng, n);
     let p = params(0.5, 0);
     let best = exact(&table, &target, &p, None).unwrap();
     let mut costs = Vec::new();

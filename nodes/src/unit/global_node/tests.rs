@@ -4,7 +4,7 @@ use super::*;
 use crate::core::item::{AnyValue, Channels, StreamShape};
 use crate::core::node::NodeType;
 use crate::core::shape::{LinkShape, RawShape};
-use crate::core::solo::Solo;
+use crate::core::standalone::Standalone;
 use crate::core::time::{Rate, ticks};
 use crate::feature::{FeatureConventions, FeatureFormat};
 use crate::unit::global::exact;
@@ -17,12 +17,12 @@ const DIMS: usize = 3;
 
 /// A random walk, `[units, dims]`.
 fn walk(seed: u64, units: usize, dims: usize) -> Vec<f32> {
-    let mut draw = Draw::new(seed);
+    let mut rng = Rng::new(seed);
     let mut at = vec![0.0; dims];
     let mut out = Vec::new();
     for _ in 0..units {
         for x in &mut at {
-            *x = 0.9 * *x + draw.between(-1.0, 1.0);
+            *x = 0.9 * *x + rng.between(-1.0, 1.0);
             out.push(*x as f32);
         }
     }
@@ -62,22 +62,32 @@ fn online(lag: f64) -> OnlineUnitSelectorParams {
     OnlineUnitSelectorParams { lag, cool_off: 7, ..OnlineUnitSelectorParams::read(&|_| None).unwrap() }
 }
 
-fn of_global(p: &GlobalUnitSelectorParams, db: &UnitDatabase, vectors: usize, features: &[f32]) -> Solo {
+fn of_global(
+    p: &GlobalUnitSelectorParams,
+    db: &UnitDatabase,
+    vectors: usize,
+    features: &[f32],
+) -> Standalone {
     type Port = GlobalUnitSelectorPorts;
-    Solo::new::<GlobalUnitSelector>(p.clone())
+    Standalone::new::<GlobalUnitSelector>(p.clone())
         .input(Port::features, RATE, format(db, vectors), features.to_vec())
         .value(Port::database, db.clone())
 }
 
-fn of_online(p: &OnlineUnitSelectorParams, db: &UnitDatabase, vectors: usize, features: &[f32]) -> Solo {
+fn of_online(
+    p: &OnlineUnitSelectorParams,
+    db: &UnitDatabase,
+    vectors: usize,
+    features: &[f32],
+) -> Standalone {
     type Port = OnlineUnitSelectorPorts;
-    Solo::new::<OnlineUnitSelector>(p.clone())
+    Standalone::new::<OnlineUnitSelector>(p.clone())
         .input(Port::features, RATE, format(db, vectors), features.to_vec())
         .value(Port::database, db.clone())
 }
 
-fn picks(solo: Solo) -> Vec<Pick> {
-    solo.run().unwrap().stream(GlobalUnitSelectorPorts::picks)
+fn picks(standalone: Standalone) -> Vec<Pick> {
+    standalone.run().unwrap().stream(GlobalUnitSelectorPorts::picks)
 }
 
 fn chosen(picks: &[Pick]) -> Vec<i32> {
@@ -156,9 +166,9 @@ fn joint_channels_have_one_pick_for_both_and_shared_ones_as_well() {
     let target = walk(5, 40, 2 * DIMS);
     let widths = |shape: crate::core::shape::NodeShape| shape.outputs[0].as_ref().map(|s| s.width);
     for method in METHODS {
-        let solo = of_global(&global(method), &db, 1, &target);
-        assert_eq!(widths(solo.shape().unwrap()), Some(1));
-        let found = picks(solo);
+        let standalone = of_global(&global(method), &db, 1, &target);
+        assert_eq!(widths(standalone.shape().unwrap()), Some(1));
+        let found = picks(standalone);
         assert!(found.len() == 40 && found.iter().all(|p| (0..90).contains(&p.unit)), "{method:?}");
         // Both channels count: the second one says something else alone.
         let mut other = target.clone();
@@ -172,10 +182,14 @@ fn joint_channels_have_one_pick_for_both_and_shared_ones_as_well() {
     assert_eq!(widths(middle.shape().unwrap()), Some(1));
     // Joint features meet no database of single channels.
     let format = format(&db, 1);
-    let solo = Solo::new::<GlobalUnitSelector>(global(Method::Exact))
+    let standalone = Standalone::new::<GlobalUnitSelector>(global(Method::Exact))
         .input(GlobalUnitSelectorPorts::features, RATE, format, target)
         .value(GlobalUnitSelectorPorts::database, mono);
-    assert!(solo.shape().unwrap_err().message.contains("joined"), "{}", solo.shape().unwrap_err());
+    assert!(
+        standalone.shape().unwrap_err().message.contains("joined"),
+        "{}",
+        standalone.shape().unwrap_err()
+    );
 }
 
 #[test]
@@ -235,7 +249,7 @@ fn a_target_without_end_is_for_the_one_that_decides_online() {
     assert_eq!(GlobalUnitSelector::CLASS, Class::Offline);
     let ty = NodeType::of::<OnlineUnitSelector>("");
     let shape = ty.shape(&online(0.05), RawShape::new(&links, 1, &files)).unwrap();
-    assert_eq!((shape.reach[0].past, shape.reach[0].ahead, shape.end), (0, 12, None));
+    assert_eq!((shape.lookaround[0].behind, shape.lookaround[0].ahead, shape.end), (0, 12, None));
     assert_eq!(OnlineUnitSelector::CLASS, Class::Worker);
 }
 
@@ -247,8 +261,8 @@ fn a_number_that_is_not_finite_is_told_with_its_unit() {
     let global = METHODS.map(|method| of_global(&global(method), &db, 1, &target));
     // First seen zero, twelve and all units ahead.
     let online = [0.0, 0.05, 9.0].map(|lag| of_online(&online(lag), &db, 1, &target));
-    for solo in global.into_iter().chain(online) {
-        let fault = solo.run().map(|_| ()).unwrap_err();
+    for standalone in global.into_iter().chain(online) {
+        let fault = standalone.run().map(|_| ()).unwrap_err();
         assert!(fault.code == "F102" && fault.message.contains("unit 17 of"), "{fault}");
     }
     // Where units before it are slept through, they are counted as well.
@@ -257,8 +271,8 @@ fn a_number_that_is_not_finite_is_told_with_its_unit() {
     target[DIMS * (asleep.end + 3)] = f32::NAN;
     let audio = RATE.times(u64::from(db.conventions.unit)).unwrap();
     let port = OnlineUnitSelectorPorts::target;
-    let solo = of_online(&self::online(0.5), &db, 1, &target).optional(port, audio, Channels(1), sound);
-    let fault = solo.run().map(|_| ()).unwrap_err();
+    let standalone = of_online(&self::online(0.5), &db, 1, &target).optional(port, audio, Channels(1), sound);
+    let fault = standalone.run().map(|_| ()).unwrap_err();
     assert!(fault.message.contains(&format!("unit {} of", asleep.end + 3)), "{fault}");
 }
 

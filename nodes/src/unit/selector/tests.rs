@@ -1,5 +1,5 @@
 use super::*;
-use crate::core::random::Draw;
+use crate::core::random::Rng;
 
 /// Algorithm 1 as repaired, over the whole table of distances.
 fn algorithm_1(target: &[f32], units: &Units<'_>, p: &SelectorParams) -> Vec<Choice> {
@@ -78,12 +78,12 @@ fn run(target: &[f32], units: &Units<'_>, p: &SelectorParams) -> Vec<Choice> {
 }
 
 /// Features that wander, on a coarse grid now and then so that there are ties.
-fn wander(rng: &mut Draw, n: usize, dims: usize, grid: bool) -> Vec<f32> {
+fn wander(rng: &mut Rng, n: usize, dims: usize, grid: bool) -> Vec<f32> {
     let mut at = vec![0.0; dims];
     let mut out = Vec::new();
     for _ in 0..n {
         for x in &mut at {
-            *x = 0.9 * *x + rng.unit() * 2.0 - 1.0;
+            *x = 0.9 * *x + rng.uniform() * 2.0 - 1.0;
             out.push(if grid { (*x as f32).round() } else { *x as f32 });
         }
     }
@@ -92,7 +92,7 @@ fn wander(rng: &mut Draw, n: usize, dims: usize, grid: bool) -> Vec<f32> {
 
 #[test]
 fn the_search_finds_what_the_whole_table_says() {
-    let mut rng = Draw::new(7);
+    let mut rng = Rng::new(7);
     for round in 0..200 {
         let dims = 1 + rng.below(6);
         let mut segments = Vec::new();
@@ -134,7 +134,7 @@ fn the_search_finds_what_the_whole_table_says() {
 
 #[test]
 fn a_database_chooses_itself_and_never_repeats_within_the_cool_off() {
-    let mut rng = Draw::new(2);
+    let mut rng = Rng::new(2);
     let features = wander(&mut rng, 300, 3, false);
     let segments = vec![(0, 300)];
     let units = Units { features: &features, dims: 3, segments, allowed: vec![true; 300] };
@@ -177,7 +177,7 @@ fn itself_but_near_joins(picks: &[u32], segments: &[(usize, usize)], look: usize
 
 #[test]
 fn recordings_choose_themselves_but_for_a_window_before_each_join() {
-    let mut rng = Draw::new(12);
+    let mut rng = Rng::new(12);
     let features = wander(&mut rng, 240, 3, false);
     let segments = vec![(0, 90), (90, 4), (94, 80), (174, 66)];
     let units = Units { features: &features, dims: 3, segments: segments.clone(), allowed: vec![true; 240] };
@@ -196,7 +196,7 @@ fn recordings_choose_themselves_but_for_a_window_before_each_join() {
 }
 
 /// Features that change as slowly as filtered ones do, in one stretch.
-fn smooth(rng: &mut Draw, n: usize) -> Vec<f32> {
+fn smooth(rng: &mut Rng, n: usize) -> Vec<f32> {
     let mut at = [[0.0; 3]; 3];
     let mut out = Vec::with_capacity(3 * n);
     for _ in 0..n {
@@ -237,7 +237,7 @@ fn by_ball(target: &[f32], units: &Units<'_>, p: &SelectorParams) -> Vec<(u32, b
 
 #[test]
 fn among_many_units_few_are_looked_at_and_the_best_is_found() {
-    let mut rng = Draw::new(31);
+    let mut rng = Rng::new(31);
     let (features, target) = (smooth(&mut rng, 20_000), smooth(&mut rng, 120));
     let units =
         Units { features: &features, dims: 3, segments: vec![(0, 20_000)], allowed: vec![true; 20_000] };
@@ -312,11 +312,11 @@ fn units_that_are_all_as_far_are_not_looked_at_one_by_one_either() {
 
 #[test]
 fn families_of_like_units_are_chosen_from_as_from_the_whole_table() {
-    let mut rng = Draw::new(40);
+    let mut rng = Rng::new(40);
     for round in 0..60 {
         // Stretches of a few constants: whole windows are alike, in several segments, and tie at several distances.
-        let level = |rng: &mut Draw| [0.0, 0.5, 1.0][rng.below(3)];
-        let stretches = |rng: &mut Draw, n: usize| {
+        let level = |rng: &mut Rng| [0.0, 0.5, 1.0][rng.below(3)];
+        let stretches = |rng: &mut Rng, n: usize| {
             let mut out = Vec::new();
             while out.len() < 2 * n {
                 let (x, y, length) = (level(rng), level(rng), 1 + rng.below(20));
@@ -351,7 +351,7 @@ fn families_of_like_units_are_chosen_from_as_from_the_whole_table() {
 }
 
 /// Features as units of noise have them, filtered over time with the widths of cotton: slow changes under much scatter.
-fn filtered(rng: &mut Draw, n: usize, scatter: f64) -> Vec<f32> {
+fn filtered(rng: &mut Rng, n: usize, scatter: f64) -> Vec<f32> {
     let mut at = [0.0; 3];
     let mut out = Vec::with_capacity(3 * n);
     for _ in 0..n {
@@ -370,7 +370,7 @@ fn comparing_the_past_keeps_runs_as_long_as_comparing_the_future() {
     let (mut ahead, mut back, mut none) = ([0.0; 2], [0.0; 2], [0.0; 2]);
     let (seeds, n) = ([5, 6, 7, 8], 400);
     for seed in seeds {
-        let mut rng = Draw::new(seed);
+        let mut rng = Rng::new(seed);
         let (features, target) = (filtered(&mut rng, 20_000, 3.0), filtered(&mut rng, n, 3.0));
         let units =
             Units { features: &features, dims: 3, segments: vec![(0, 20_000)], allowed: vec![true; 20_000] };
@@ -393,7 +393,7 @@ fn comparing_the_past_keeps_runs_as_long_as_comparing_the_future() {
 
 #[test]
 fn neither_threads_nor_the_order_of_the_index_change_a_choice() {
-    let mut rng = Draw::new(21);
+    let mut rng = Rng::new(21);
     for grid in [false, true] {
         let (features, target) = (wander(&mut rng, 300, 3, grid), wander(&mut rng, 200, 3, grid));
         let segments = vec![(0, 130), (130, 170)];
@@ -408,11 +408,11 @@ fn neither_threads_nor_the_order_of_the_index_change_a_choice() {
         for seed in 0..8 {
             let mut other = Exact::<4>::new(&units, p.clone());
             let index = Index::new(&units, &p);
-            let mut draw = Draw::new(seed);
+            let mut rng = Rng::new(seed);
             let mut mixed = |tree: &KdTree<4>| {
                 let mut points = tree.items();
                 for k in (1..points.len()).rev() {
-                    points.swap(k, draw.below(k + 1));
+                    points.swap(k, rng.below(k + 1));
                 }
                 KdTree::new(points)
             };
@@ -432,7 +432,7 @@ fn tagged(features: &[f32], weight: f32, second: impl Fn(usize) -> bool) -> Vec<
 
 #[test]
 fn a_heavy_tag_dimension_is_the_mask_and_a_light_one_is_a_wish() {
-    let mut rng = Draw::new(31);
+    let mut rng = Rng::new(31);
     for round in 0..20 {
         let grid = round % 2 == 0;
         let (features, target) = (wander(&mut rng, 360, 3, grid), wander(&mut rng, 150, 3, grid));
@@ -499,7 +499,7 @@ fn a_feature_that_is_not_finite_is_named_by_its_unit() {
 
 #[test]
 fn what_is_recalled_is_all_that_is_known() {
-    let mut rng = Draw::new(11);
+    let mut rng = Rng::new(11);
     let (features, target) = (wander(&mut rng, 80, 2, false), wander(&mut rng, 60, 2, false));
     let units = Units { features: &features, dims: 2, segments: vec![(0, 80)], allowed: vec![true; 80] };
     let p = SelectorParams { look: 3, d_max: 2.0, cool_off: 12, loop_guard: 0, causal: false, effort: None };
@@ -519,17 +519,17 @@ fn what_is_recalled_is_all_that_is_known() {
 }
 
 /// Noise in `segments` stretches of 500 units.
-fn noise(segments: usize, draw: &mut Draw) -> Vec<f32> {
-    (0..segments * 500 * 3).map(|_| draw.between(-3.0, 3.0) as f32).collect()
+fn noise(segments: usize, rng: &mut Rng) -> Vec<f32> {
+    (0..segments * 500 * 3).map(|_| rng.between(-3.0, 3.0) as f32).collect()
 }
 
 #[test]
 fn a_search_that_takes_too_much_goes_on_with_the_run_and_a_short_one_is_left_alone() {
-    let mut draw = Draw::new(11);
-    let features = noise(4, &mut draw);
+    let mut rng = Rng::new(11);
+    let features = noise(4, &mut rng);
     let segments: Vec<_> = (0..4).map(|k| (500 * k, 500)).collect();
     let units = Units { features: &features, dims: 3, segments, allowed: vec![true; 2000] };
-    let target = noise(1, &mut draw);
+    let target = noise(1, &mut rng);
     let look = 3;
     let choose = |effort| {
         let p = SelectorParams { look, d_max: 9.0, cool_off: 20, loop_guard: 0, causal: false, effort };

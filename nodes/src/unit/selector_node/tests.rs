@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::core::item::Channels;
-use crate::core::solo::Solo;
+use crate::core::standalone::Standalone;
 use crate::core::time::{Rate, ticks};
 use crate::feature::FeatureConventions;
 use crate::unit::{Segment, UnitSource};
@@ -13,10 +13,10 @@ const AUDIO: Rate = Rate::hz(8000);
 const UNIT: usize = 80;
 
 fn walk(seed: u64, count: usize) -> Vec<f32> {
-    let mut draw = Draw::new(seed);
+    let mut rng = Rng::new(seed);
     let mut at = 0.0;
     let step = |_| {
-        at = 0.9 * at + draw.between(-1.0, 1.0);
+        at = 0.9 * at + rng.between(-1.0, 1.0);
         at as f32
     };
     (0..count).map(step).collect()
@@ -46,9 +46,9 @@ fn database(channels: &[u32]) -> UnitDatabase {
     }
 }
 
-fn selection(p: &UnitSelectorParams, db: &UnitDatabase, vectors: usize, features: &[f32]) -> Solo {
+fn selection(p: &UnitSelectorParams, db: &UnitDatabase, vectors: usize, features: &[f32]) -> Standalone {
     let format = FeatureFormat { vectors, conventions: Arc::new(db.conventions.clone()) };
-    Solo::new::<UnitSelector>(p.clone())
+    Standalone::new::<UnitSelector>(p.clone())
         .input(UnitSelectorPorts::features, RATE, format, features.to_vec())
         .value(UnitSelectorPorts::database, db.clone())
 }
@@ -57,8 +57,8 @@ fn params() -> UnitSelectorParams {
     UnitSelectorParams::read(&|_| None).unwrap()
 }
 
-fn picks(solo: &Solo) -> (Vec<Pick>, f64) {
-    let run = solo.run().unwrap();
+fn picks(standalone: &Standalone) -> (Vec<Pick>, f64) {
+    let run = standalone.run().unwrap();
     let share = run.summary.iter().find(|(name, _)| *name == "asleep_share").unwrap().1.as_f64();
     (run.stream(UnitSelectorPorts::picks), share.unwrap())
 }
@@ -98,12 +98,13 @@ fn while_the_target_is_silent_nothing_is_chosen_and_then_it_goes_on() {
         }
     }
     let keep = UnitSelectorParams { keep_room_tone: Some(true), ..params() };
-    let solo = selection(&keep, &db, 1, &features);
-    let solo = solo.optional(UnitSelectorPorts::target, AUDIO, Channels(1), target(&[false]));
-    assert_eq!(picks(&solo).1, 0.0);
-    let solo = selection(&params(), &db, 1, &features);
-    let solo = solo.optional(UnitSelectorPorts::target, Rate::hz(44_100), Channels(1), target(&[false]));
-    assert!(solo.shape().is_err(), "a target of another rate");
+    let standalone = selection(&keep, &db, 1, &features);
+    let standalone = standalone.optional(UnitSelectorPorts::target, AUDIO, Channels(1), target(&[false]));
+    assert_eq!(picks(&standalone).1, 0.0);
+    let standalone = selection(&params(), &db, 1, &features);
+    let standalone =
+        standalone.optional(UnitSelectorPorts::target, Rate::hz(44_100), Channels(1), target(&[false]));
+    assert!(standalone.shape().is_err(), "a target of another rate");
 }
 
 #[test]
@@ -113,14 +114,15 @@ fn what_is_chosen_asleep_is_never_heard() {
     db.audio = walk(5, 60 * UNIT);
     let played = |picks: Vec<Pick>| {
         let format = PickFormat { channels: 1, conventions: Arc::new(db.conventions.clone()) };
-        let solo = Solo::new::<UnitConcatenator>(UnitConcatenatorParams::read(&|_| None).unwrap())
-            .input(UnitConcatenatorPorts::picks, RATE, format, picks)
-            .value(UnitConcatenatorPorts::database, db.clone())
-            .optional(UnitConcatenatorPorts::target, AUDIO, Channels(1), target(&[false]));
-        solo.run().unwrap().stream(UnitConcatenatorPorts::audio)
+        let standalone =
+            Standalone::new::<UnitConcatenator>(UnitConcatenatorParams::read(&|_| None).unwrap())
+                .input(UnitConcatenatorPorts::picks, RATE, format, picks)
+                .value(UnitConcatenatorPorts::database, db.clone())
+                .optional(UnitConcatenatorPorts::target, AUDIO, Channels(1), target(&[false]));
+        standalone.run().unwrap().stream(UnitConcatenatorPorts::audio)
     };
-    let solo = selection(&params(), &db, 1, &features);
-    let asleep = solo.optional(UnitSelectorPorts::target, AUDIO, Channels(1), target(&[false]));
+    let standalone = selection(&params(), &db, 1, &features);
+    let asleep = standalone.optional(UnitSelectorPorts::target, AUDIO, Channels(1), target(&[false]));
     let (all, some) = (picks(&selection(&params(), &db, 1, &features)).0, picks(&asleep).0);
     let (all, some) = (played(all), played(some));
     assert!(
@@ -131,15 +133,15 @@ fn what_is_chosen_asleep_is_never_heard() {
 #[test]
 fn channels_sleep_alone() {
     let (db, features) = (database(&[0]), walk(1, 600 * 6));
-    let solo = selection(&params(), &db, 2, &features);
-    let both = solo.optional(UnitSelectorPorts::target, AUDIO, Channels(2), target(&[true, false]));
+    let standalone = selection(&params(), &db, 2, &features);
+    let both = standalone.optional(UnitSelectorPorts::target, AUDIO, Channels(2), target(&[true, false]));
     let (found, share) = picks(&both);
     assert!((share - 213.0 / 1200.0).abs() < 1e-12, "{share}");
     let (all, _) = picks(&selection(&params(), &db, 2, &features));
     assert!(found.iter().step_by(2).eq(all.iter().step_by(2)), "the first channel sounds on");
     // One channel of sound for both vectors sends both to sleep.
-    let solo = selection(&params(), &db, 2, &features);
-    let one = solo.optional(UnitSelectorPorts::target, AUDIO, Channels(1), target(&[false]));
+    let standalone = selection(&params(), &db, 2, &features);
+    let one = standalone.optional(UnitSelectorPorts::target, AUDIO, Channels(1), target(&[false]));
     assert_eq!(picks(&one).1, 213.0 / 600.0);
 }
 
@@ -147,9 +149,9 @@ fn channels_sleep_alone() {
 fn channels_choose_from_their_own_recordings_or_share_those_of_one() {
     let features = walk(3, 200 * 6);
     let stereo = database(&[0, 1, 0, 1]);
-    let solo = selection(&params(), &stereo, 2, &features);
-    assert!(solo.shape().unwrap().notes.is_empty(), "{:?}", solo.shape().unwrap().notes);
-    let (found, _) = picks(&solo);
+    let standalone = selection(&params(), &stereo, 2, &features);
+    assert!(standalone.shape().unwrap().notes.is_empty(), "{:?}", standalone.shape().unwrap().notes);
+    let (found, _) = picks(&standalone);
     for (k, pick) in found.iter().enumerate() {
         assert_eq!(pick.unit as usize / 60 % 2, k % 2, "{k}");
     }
@@ -158,9 +160,9 @@ fn channels_choose_from_their_own_recordings_or_share_those_of_one() {
     assert!(any.iter().step_by(2).any(|pick| pick.unit as usize / 60 % 2 == 1));
     // One channel of recordings for both: a note tells what that costs, and each chooses as if alone.
     let mono = database(&[0, 0]);
-    let solo = selection(&params(), &mono, 2, &features);
-    assert!(solo.shape().unwrap().notes[0].contains("the same units"));
-    let (both, _) = picks(&solo);
+    let standalone = selection(&params(), &mono, 2, &features);
+    assert!(standalone.shape().unwrap().notes[0].contains("the same units"));
+    let (both, _) = picks(&standalone);
     let one: Vec<f32> = features.chunks(6).flat_map(|unit| unit[3..].to_vec()).collect();
     assert!(both.iter().skip(1).step_by(2).eq(picks(&selection(&params(), &mono, 1, &one)).0.iter()));
     let own = UnitSelectorParams { own_channels: Some(true), ..params() };
@@ -168,8 +170,8 @@ fn channels_choose_from_their_own_recordings_or_share_those_of_one() {
     assert!(reject.code == "F101" && reject.message.contains("channel 1"), "{reject}");
 }
 
-fn warnings(solo: &Solo) -> Vec<String> {
-    let summary = solo.run().unwrap().summary;
+fn warnings(standalone: &Standalone) -> Vec<String> {
+    let summary = standalone.run().unwrap().summary;
     summary.into_iter().filter(|(key, _)| *key == "warning").map(|(_, text)| text.to_string()).collect()
 }
 
@@ -194,9 +196,9 @@ fn many_fallbacks_and_too_few_units_are_told_once() {
 #[test]
 fn what_is_slept_through_is_marked() {
     let (db, features) = (database(&[0]), walk(1, 600 * 3));
-    let solo = selection(&params(), &db, 1, &features);
+    let standalone = selection(&params(), &db, 1, &features);
     let (found, share) =
-        picks(&solo.optional(UnitSelectorPorts::target, AUDIO, Channels(1), target(&[false])));
+        picks(&standalone.optional(UnitSelectorPorts::target, AUDIO, Channels(1), target(&[false])));
     let asleep = found.iter().filter(|pick| pick.asleep).count();
     assert!(asleep > 200 && (asleep as f64 / 600.0 - share).abs() < 1e-12, "{asleep} {share}");
 }

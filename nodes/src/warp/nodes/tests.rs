@@ -3,7 +3,7 @@
 use super::*;
 use crate::core::item::AnyValue;
 use crate::core::params::Params;
-use crate::core::solo::{Feed, Solo};
+use crate::core::standalone::{Feed, Standalone};
 use crate::core::time::{Rate, TICKS_PER_SECOND, ticks};
 use crate::feature::FeatureConventions;
 use crate::unit::database::DATABASE_VERSION;
@@ -63,9 +63,9 @@ fn marked() -> CorrespondenceSet {
     set(&format!("(pairs: [{}])", pairs.join(",")))
 }
 
-fn fit(p: TpsFitParams, set: CorrespondenceSet, vectors: usize) -> Solo {
+fn fit(p: TpsFitParams, set: CorrespondenceSet, vectors: usize) -> Standalone {
     let features = (0..UNITS).flat_map(|unit| vec![target(unit); vectors]).flatten().collect();
-    Solo::new::<TpsFit>(p)
+    Standalone::new::<TpsFit>(p)
         .input(TpsFitPorts::features, Rate::hz(240), format(vectors), features)
         .value(TpsFitPorts::database, database())
         .value(TpsFitPorts::pairs, set)
@@ -81,11 +81,11 @@ fn warp(p: TpsFitParams, vectors: usize) -> Warp {
 
 fn apply(warp: Warp, vectors: usize, window: i64) -> Vec<f32> {
     let features = (0..UNITS).flat_map(|unit| vec![target(unit); vectors]).flatten().collect();
-    let solo = Solo::new::<TpsWarp>(TpsWarpParams {})
+    let standalone = Standalone::new::<TpsWarp>(TpsWarpParams {})
         .input(TpsWarpPorts::features, Rate::hz(240), format(vectors), features)
         .value(TpsWarpPorts::warp, warp)
         .window(window);
-    solo.run().unwrap().stream(TpsWarpPorts::warped)
+    standalone.run().unwrap().stream(TpsWarpPorts::warped)
 }
 
 fn error(warped: &[f32], vectors: usize) -> f64 {
@@ -158,11 +158,11 @@ fn a_warp_that_was_fitted_in_other_recordings_is_told_and_used() {
     let known = |provenance: &str, content: &str, warp: &Warp| {
         let (provenance, content) = (provenance.into(), content.into());
         let sources = vec![UnitSource { provenance, content, ..UnitSource::default() }];
-        let solo = Solo::new::<TpsWarp>(TpsWarpParams {})
+        let standalone = Standalone::new::<TpsWarp>(TpsWarpParams {})
             .input(TpsWarpPorts::features, Rate::hz(240), format(1), vec![0.0; 3])
             .value(TpsWarpPorts::warp, warp.clone())
             .feed(2, Feed::value(AnyValue::new(UnitDatabase { sources, ..database() })));
-        let summary = solo.run().unwrap().summary;
+        let summary = standalone.run().unwrap().summary;
         summary.iter().map(|(key, text)| format!("{key}: {text}")).collect::<Vec<_>>()
     };
     let told = |provenance: &str, warp: &Warp| known(provenance, "", warp);
@@ -234,23 +234,24 @@ fn what_does_not_fit_is_named_before_the_run() {
     assert!(reject.message.starts_with("set.ron:2:3: correspondence 0: 99.000 to"), "{reject}");
     let mut other = warp(TpsFitParams { lambda: Some(1.0), pairing: Pairing::Centroid, ..params() }, 1);
     other.conventions.f_hi = 8000.0;
-    let solo = Solo::new::<TpsWarp>(TpsWarpParams {})
+    let standalone = Standalone::new::<TpsWarp>(TpsWarpParams {})
         .input(TpsWarpPorts::features, Rate::hz(240), format(1), vec![0.0; 3])
         .value(TpsWarpPorts::warp, other.clone());
-    assert!(solo.shape().unwrap_err().message.contains("`f_hi`"));
+    assert!(standalone.shape().unwrap_err().message.contains("`f_hi`"));
     let maps = Warp { maps: vec![other.maps[0].clone(); 3], conventions: conventions(), ..other };
-    let solo = Solo::new::<TpsWarp>(TpsWarpParams {})
+    let standalone = Standalone::new::<TpsWarp>(TpsWarpParams {})
         .input(TpsWarpPorts::features, Rate::hz(240), format(2), vec![0.0; 6])
         .value(TpsWarpPorts::warp, maps);
-    assert!(solo.shape().unwrap_err().message.contains("3 channels"));
+    assert!(standalone.shape().unwrap_err().message.contains("3 channels"));
 }
 
 #[test]
 fn files_are_read_and_what_is_wrong_in_them_is_named() {
     let correspondences = |text: &str| {
-        let mut solo = Solo::func::<Correspondences>(CorrespondencesParams { path: "set.ron".into() });
-        solo.files.insert("set.ron", text);
-        solo
+        let mut standalone =
+            Standalone::func::<Correspondences>(CorrespondencesParams { path: "set.ron".into() });
+        standalone.files.insert("set.ron", text);
+        standalone
     };
     let set = correspondences("(pairs: [(target: 0, database: 1, duration: 0.1)])").run().unwrap();
     let set = set.value(0).unwrap().get::<CorrespondenceSet>().unwrap().clone();
@@ -263,9 +264,9 @@ fn files_are_read_and_what_is_wrong_in_them_is_named() {
 
     let warp = warp(TpsFitParams { lambda: Some(1.0), pairing: Pairing::Centroid, ..params() }, 1);
     let file = |bytes: Vec<u8>| {
-        let mut solo = Solo::func::<WarpFile>(WarpFileParams { path: "cotton.warp".into() });
-        solo.files.insert("cotton.warp", bytes);
-        solo
+        let mut standalone = Standalone::func::<WarpFile>(WarpFileParams { path: "cotton.warp".into() });
+        standalone.files.insert("cotton.warp", bytes);
+        standalone
     };
     let read = file(serde_json::to_vec(&warp).unwrap()).run().unwrap().value(0).unwrap();
     assert!(read.get::<Warp>() == Some(&warp));
@@ -295,9 +296,9 @@ fn slipped() -> CorrespondenceSet {
     set
 }
 
-fn diagnosed(p: CorrespondenceDiagnosticsParams, db: UnitDatabase, set: CorrespondenceSet) -> Solo {
+fn diagnosed(p: CorrespondenceDiagnosticsParams, db: UnitDatabase, set: CorrespondenceSet) -> Standalone {
     let features = (0..UNITS).flat_map(target).collect();
-    Solo::new::<CorrespondenceDiagnostics>(p)
+    Standalone::new::<CorrespondenceDiagnostics>(p)
         .input(CorrespondenceDiagnosticsPorts::features, Rate::hz(240), format(1), features)
         .value(CorrespondenceDiagnosticsPorts::database, db)
         .value(CorrespondenceDiagnosticsPorts::pairs, set)
@@ -347,35 +348,35 @@ fn the_worst_range_is_written_with_and_without_the_suspect() {
         without: Some("without.wav".into()),
         ..p
     };
-    let solo = diagnosed(paths(diagnostics()), db.clone(), slipped());
-    let run = solo.run().unwrap();
+    let standalone = diagnosed(paths(diagnostics()), db.clone(), slipped());
+    let run = standalone.run().unwrap();
     let found = run.value(0).unwrap().get::<Diagnosis>().unwrap().clone();
     let length = |[from, to]: &[f64; 2]| to - from;
     let longest = found.channels[0].verdicts[0].ranges.iter().map(length).fold(0.0, f64::max);
-    let clip = |solo: &Solo, path: &str| -> Vec<f32> {
-        let bytes = solo.outputs.get(path).unwrap();
+    let clip = |standalone: &Standalone, path: &str| -> Vec<f32> {
+        let bytes = standalone.outputs.get(path).unwrap();
         let mut reader = hound::WavReader::new(std::io::Cursor::new(bytes)).unwrap();
         reader.samples::<f32>().map(Result::unwrap).collect()
     };
-    let (with, without) = (clip(&solo, "with.wav"), clip(&solo, "without.wav"));
+    let (with, without) = (clip(&standalone, "with.wav"), clip(&standalone, "without.wav"));
     assert!(with.len() == without.len() && with.len() as f64 >= longest * 96_000.0, "{longest}");
     let differs = with.iter().zip(&without).filter(|(a, b)| a != b).count();
     assert!(differs * 3 > with.len(), "{differs} of {}", with.len());
     // Nobody to suspect: nothing to hear.
-    let solo = diagnosed(paths(diagnostics()), db, set("(pairs: [])"));
-    solo.run().unwrap();
-    assert_eq!(clip(&solo, "with.wav").len(), 0);
+    let standalone = diagnosed(paths(diagnostics()), db, set("(pairs: [])"));
+    standalone.run().unwrap();
+    assert_eq!(clip(&standalone, "with.wav").len(), 0);
 }
 
 #[test]
 fn proposals_are_written_so_that_they_can_be_read_and_fitted() {
     let p = CorrespondenceSuggesterParams { count: 5, lambda: 100.0, ..suggester() };
     let features = (0..UNITS).flat_map(target).collect();
-    let solo = Solo::new::<CorrespondenceSuggester>(p)
+    let standalone = Standalone::new::<CorrespondenceSuggester>(p)
         .input(CorrespondenceSuggesterPorts::features, Rate::hz(240), format(1), features)
         .value(CorrespondenceSuggesterPorts::database, database());
-    solo.run().unwrap();
-    let text = String::from_utf8(solo.outputs.get("new.ron").unwrap()).unwrap();
+    standalone.run().unwrap();
+    let text = String::from_utf8(standalone.outputs.get("new.ron").unwrap()).unwrap();
     let set = set(&text);
     assert_eq!((set.length, set.database.as_str()), (Some(4.0), "drag.wav"), "what it was made of");
     assert!((2..=5).contains(&set.pairs.len()) && set.pairs[0].label.starts_with("gain"), "{text}");
@@ -393,9 +394,9 @@ fn only_recordings_of_the_tags_are_proposed() {
         ["cotton", "nylon"].map(|tag| UnitSource { tag: tag.into(), ..UnitSource::default() }).into();
     db.segments =
         [0, 1].map(|k| Segment { start: k * half, units: half, source: k, channel: 0, offset: 0 }).into();
-    let solo = |tag: &str| {
+    let standalone = |tag: &str| {
         let p = CorrespondenceSuggesterParams { count: 4, all: true, tags: vec![tag.into()], ..suggester() };
-        Solo::new::<CorrespondenceSuggester>(p)
+        Standalone::new::<CorrespondenceSuggester>(p)
             .input(
                 CorrespondenceSuggesterPorts::features,
                 Rate::hz(240),
@@ -405,13 +406,13 @@ fn only_recordings_of_the_tags_are_proposed() {
             .value(CorrespondenceSuggesterPorts::database, db.clone())
     };
     for (k, tag) in (0..).zip(["cotton", "nylon"]) {
-        let solo = solo(tag);
-        solo.run().unwrap();
-        let set = set(&String::from_utf8(solo.outputs.get("new.ron").unwrap()).unwrap());
+        let standalone = standalone(tag);
+        standalone.run().unwrap();
+        let set = set(&String::from_utf8(standalone.outputs.get("new.ron").unwrap()).unwrap());
         assert_eq!(set.pairs.len(), 4);
         assert!(set.pairs.iter().all(|c| c.source == Some(SourceName::Index(k))), "{tag}: {set:?}");
     }
-    let reject = solo("linen").shape().unwrap_err();
+    let reject = standalone("linen").shape().unwrap_err();
     assert!(reject.field.as_deref() == Some("tags") && reject.to_string().contains("linen"), "{reject}");
 }
 
@@ -431,7 +432,7 @@ fn causes_of_a_target_are_heard_at_the_rate_of_its_units_alone() {
         let part = |first: bool| {
             (0..UNITS * 400).map(|k| f32::from(u8::from((k < UNITS * 200) == first))).collect::<Vec<_>>()
         };
-        Solo::new::<CorrespondenceSuggester>(p)
+        Standalone::new::<CorrespondenceSuggester>(p)
             .input(CorrespondenceSuggesterPorts::features, Rate::hz(240), format(1), features)
             .value(CorrespondenceSuggesterPorts::database, db.clone())
             .optional(CorrespondenceSuggesterPorts::friction, Rate::hz(rate), Channels(1), part(true))
@@ -439,9 +440,9 @@ fn causes_of_a_target_are_heard_at_the_rate_of_its_units_alone() {
             .window(window)
     };
     let of = |window: i64| {
-        let solo = suggested(96_000, window);
-        solo.run().unwrap();
-        String::from_utf8(solo.outputs.get("new.ron").unwrap()).unwrap()
+        let standalone = suggested(96_000, window);
+        standalone.run().unwrap();
+        String::from_utf8(standalone.outputs.get("new.ron").unwrap()).unwrap()
     };
     let text = of(TICKS_PER_SECOND);
     let set = set(&text);

@@ -1,7 +1,7 @@
 //! Buffers between nodes: a run of items (or events) whose recent part is one contiguous slice.
 
-use super::carry::{Carried, Carry, misfit};
 use super::fault::Fault;
+use super::state::{StateArchive, Stateful, mismatch};
 use super::time::Tick;
 use serde::{Serialize, de::DeserializeOwned};
 use std::any::Any;
@@ -18,13 +18,13 @@ pub enum Pad {
 }
 
 /// A buffer of a type that is known to its ports only.
-pub trait AnyTrack: Any + Send {
+pub trait AnyBuffer: Any + Send {
     /// First position after the last item: an item index, or the watermark tick for events.
     fn end(&self) -> i64;
     /// Moves the end to `to` with items made by the pad rule.
     fn pad_to(&mut self, to: i64);
-    /// Appends `[from, to)` of a track of the same type, which must hold it.
-    fn append_from(&mut self, other: &dyn AnyTrack, from: i64, to: i64);
+    /// Appends `[from, to)` of a buffer of the same type, which must hold it.
+    fn append_from(&mut self, other: &dyn AnyBuffer, from: i64, to: i64);
     /// Forgets everything and starts again at zero, with the padding before it.
     fn reset(&mut self);
     /// Forgets everything and goes on at position `at`, without padding.
@@ -34,11 +34,11 @@ pub trait AnyTrack: Any + Send {
     /// Goes on where a buffer of the same type stopped: with what it holds, as far as the span goes, and padding before that.
     ///
     /// Nothing is allocated; the other buffer is of no use afterwards.
-    fn take_over(&mut self, old: &mut dyn AnyTrack);
+    fn take_over(&mut self, old: &mut dyn AnyBuffer);
     /// Replaces what came before the end by what another buffer of the same type holds of it, as far as that goes.
     ///
     /// Nothing is allocated. Events stay as they are.
-    fn seed(&mut self, other: &dyn AnyTrack) {
+    fn seed(&mut self, other: &dyn AnyBuffer) {
         let _ = other;
     }
     /// Fills in what had to wait for the first item.
@@ -47,7 +47,7 @@ pub trait AnyTrack: Any + Send {
     ///
     /// # Errors
     /// When what was saved is of another type or size.
-    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault>;
+    fn archive_state(&mut self, archive: &mut StateArchive<'_>) -> Result<(), Fault>;
     /// Bytes that the buffer holds in memory.
     fn bytes(&self) -> usize;
     /// Whether its size depends on what comes in.
@@ -59,7 +59,7 @@ pub trait AnyTrack: Any + Send {
         false
     }
     /// An empty buffer of the same type for `items` items.
-    fn sibling(&self, items: usize) -> Box<dyn AnyTrack>;
+    fn sibling(&self, items: usize) -> Box<dyn AnyBuffer>;
 }
 
 /// Items of one stream, `width` elements each.
@@ -67,7 +67,7 @@ pub trait AnyTrack: Any + Send {
 /// After an append that ends at `e`, the items `[e - span, e)` are in memory as one slice. Storage is twice the span, so
 /// an item is moved at most once on average.
 #[derive(Debug)]
-pub struct Track<E> {
+pub struct StreamBuffer<E> {
     data: Vec<E>,
     width: usize,
     span: usize,
@@ -82,15 +82,15 @@ pub struct Track<E> {
     end: i64,
 }
 
-impl<E: Copy + Default + Serialize + DeserializeOwned + Send + 'static> Track<E> {
-    /// A track that keeps `span` items and starts with `front` padded items before item 0.
+impl<E: Copy + Default + Serialize + DeserializeOwned + Send + 'static> StreamBuffer<E> {
+    /// A buffer that keeps `span` items and starts with `front` padded items before item 0.
     #[must_use]
     pub fn new(width: usize, span: usize, front: usize, pad: Pad) -> Self {
         let span = span.max(front).max(Self::LEAST);
         let data = vec![E::default(); Self::storage(width, span)];
-        let mut track = Self { data, width, span, front, pad, origin: 0, first: 0, start: 0, end: 0 };
-        track.reset();
-        track
+        let mut buffer = Self { data, width, span, front, pad, origin: 0, first: 0, start: 0, end: 0 };
+        buffer.reset();
+        buffer
     }
 
     /// The shortest span: padding reads the item before the one that it writes.
@@ -100,7 +100,7 @@ impl<E: Copy + Default + Serialize + DeserializeOwned + Send + 'static> Track<E>
         width.saturating_mul(span).saturating_mul(2)
     }
 
-    /// Bytes that a track of this size takes, without making it.
+    /// Bytes that a buffer of this size takes, without making it.
     #[must_use]
     pub fn planned_bytes(width: usize, span: usize) -> usize {
         Self::storage(width, span.max(Self::LEAST)).saturating_mul(size_of::<E>())
@@ -184,85 +184,87 @@ impl<E: Copy + Default + Serialize + DeserializeOwned + Send + 'static> Track<E>
 }
 
 /// A buffer in its place in a stage: audio, by far the most frequent, without a pointer and a virtual call in between.
-pub enum Buffer {
+pub enum BoxedBuffer {
     /// Numbers.
-    Samples(Track<f32>),
+    Samples(StreamBuffer<f32>),
     /// Anything else.
-    Other(Box<dyn AnyTrack>),
+    Other(Box<dyn AnyBuffer>),
 }
 
-impl Buffer {
+impl BoxedBuffer {
     /// Takes a buffer in.
     #[must_use]
-    pub fn new(mut track: Box<dyn AnyTrack>) -> Self {
-        match track.typed_mut::<Track<f32>>() {
-            Some(samples) => Self::Samples(std::mem::replace(samples, Track::new(0, 0, 0, Pad::Silence))),
-            None => Self::Other(track),
+    pub fn new(mut buffer: Box<dyn AnyBuffer>) -> Self {
+        match buffer.typed_mut::<StreamBuffer<f32>>() {
+            Some(samples) => {
+                Self::Samples(std::mem::replace(samples, StreamBuffer::new(0, 0, 0, Pad::Silence)))
+            }
+            None => Self::Other(buffer),
         }
     }
 
     /// The buffer without its type.
     #[must_use]
-    pub fn any(&self) -> &dyn AnyTrack {
+    pub fn any(&self) -> &dyn AnyBuffer {
         match self {
-            Self::Samples(track) => track,
-            Self::Other(track) => &**track,
+            Self::Samples(buffer) => buffer,
+            Self::Other(buffer) => &**buffer,
         }
     }
 
     /// The buffer without its type, for writing.
-    pub fn any_mut(&mut self) -> &mut dyn AnyTrack {
+    pub fn any_mut(&mut self) -> &mut dyn AnyBuffer {
         match self {
-            Self::Samples(track) => track,
-            Self::Other(track) => &mut **track,
+            Self::Samples(buffer) => buffer,
+            Self::Other(buffer) => &mut **buffer,
         }
     }
 
     /// The buffer, where it is a `T`.
     #[inline(always)]
     #[must_use]
-    pub fn typed<T: AnyTrack>(&self) -> Option<&T> {
+    pub fn typed<T: AnyBuffer>(&self) -> Option<&T> {
         match self {
-            Self::Samples(track) => (track as &dyn Any).downcast_ref(),
-            Self::Other(track) => other(&**track),
+            Self::Samples(buffer) => (buffer as &dyn Any).downcast_ref(),
+            Self::Other(buffer) => other(&**buffer),
         }
     }
 
     /// The buffer for writing, where it is a `T`.
     #[inline(always)]
-    pub fn typed_mut<T: AnyTrack>(&mut self) -> Option<&mut T> {
+    pub fn typed_mut<T: AnyBuffer>(&mut self) -> Option<&mut T> {
         match self {
-            Self::Samples(track) => (track as &mut dyn Any).downcast_mut(),
-            Self::Other(track) => other_mut(&mut **track),
+            Self::Samples(buffer) => (buffer as &mut dyn Any).downcast_mut(),
+            Self::Other(buffer) => other_mut(&mut **buffer),
         }
     }
 }
 
 // Out of line, so that what reads audio stays small enough to become part of its caller.
 #[inline(never)]
-fn other<T: AnyTrack>(track: &dyn AnyTrack) -> Option<&T> {
-    track.typed()
+fn other<T: AnyBuffer>(buffer: &dyn AnyBuffer) -> Option<&T> {
+    buffer.typed()
 }
 
 #[inline(never)]
-fn other_mut<T: AnyTrack>(track: &mut dyn AnyTrack) -> Option<&mut T> {
-    track.typed_mut()
+fn other_mut<T: AnyBuffer>(buffer: &mut dyn AnyBuffer) -> Option<&mut T> {
+    buffer.typed_mut()
 }
 
-impl dyn AnyTrack {
+impl dyn AnyBuffer {
     /// This buffer, where it is a `T`.
     #[must_use]
-    pub fn typed<T: AnyTrack>(&self) -> Option<&T> {
+    pub fn typed<T: AnyBuffer>(&self) -> Option<&T> {
         (self as &dyn Any).downcast_ref()
     }
 
     /// This buffer for writing, where it is a `T`.
-    pub fn typed_mut<T: AnyTrack>(&mut self) -> Option<&mut T> {
+    pub fn typed_mut<T: AnyBuffer>(&mut self) -> Option<&mut T> {
         (self as &mut dyn Any).downcast_mut()
     }
 }
 
-impl<E: Copy + Default + Serialize + DeserializeOwned + Send + 'static> AnyTrack for Track<E> {
+impl<E: Copy + Default + Serialize + DeserializeOwned + Send + 'static> AnyBuffer for StreamBuffer<E> {
     fn end(&self) -> i64 {
         self.end
     }
@@ -290,7 +292,7 @@ impl<E: Copy + Default + Serialize + DeserializeOwned + Send + 'static> AnyTrack
         }
     }
 
-    fn append_from(&mut self, other: &dyn AnyTrack, from: i64, to: i64) {
+    fn append_from(&mut self, other: &dyn AnyBuffer, from: i64, to: i64) {
         if let Some(other) = other.typed::<Self>() {
             let source = other.view(from, to);
             self.append((to - from).max(0) as usize).copy_from_slice(source);
@@ -315,7 +317,7 @@ impl<E: Copy + Default + Serialize + DeserializeOwned + Send + 'static> AnyTrack
         }
     }
 
-    fn take_over(&mut self, old: &mut dyn AnyTrack) {
+    fn take_over(&mut self, old: &mut dyn AnyBuffer) {
         let Some(old) = old.typed_mut::<Self>() else { return };
         if (old.span, old.width, old.pad) == (self.span, self.width, self.pad) {
             std::mem::swap(self, old);
@@ -327,7 +329,7 @@ impl<E: Copy + Default + Serialize + DeserializeOwned + Send + 'static> AnyTrack
         }
     }
 
-    fn seed(&mut self, other: &dyn AnyTrack) {
+    fn seed(&mut self, other: &dyn AnyBuffer) {
         let Some(other) = other.typed::<Self>().filter(|other| other.width == self.width) else { return };
         let (from, to) = (self.first.max(other.first), self.end.min(other.end));
         if from < to {
@@ -347,18 +349,18 @@ impl<E: Copy + Default + Serialize + DeserializeOwned + Send + 'static> AnyTrack
         self.hold_front();
     }
 
-    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault> {
+    fn archive_state(&mut self, archive: &mut StateArchive<'_>) -> Result<(), Fault> {
         let mut first = self.first.max(self.end - self.span as i64);
-        let mut held = if carry.restores() { Vec::new() } else { self.view(first, self.end).to_vec() };
+        let mut held = if archive.restores() { Vec::new() } else { self.view(first, self.end).to_vec() };
         let (mut start, mut front) = (self.start, self.front);
-        first.carry(carry)?;
-        held.carry(carry)?;
-        start.carry(carry)?;
-        front.carry(carry)?;
-        if carry.restores() {
+        first.archive_state(archive)?;
+        held.archive_state(archive)?;
+        start.archive_state(archive)?;
+        front.archive_state(archive)?;
+        if archive.restores() {
             let fits = held.len() <= self.data.len();
             self.restart(first);
-            fits.then(|| self.append_elements(&held)).flatten().ok_or_else(misfit)?;
+            fits.then(|| self.append_elements(&held)).flatten().ok_or_else(mismatch)?;
             (self.first, self.start, self.front) = (first, start, front);
         }
         Ok(())
@@ -368,7 +370,7 @@ impl<E: Copy + Default + Serialize + DeserializeOwned + Send + 'static> AnyTrack
         self.data.capacity() * size_of::<E>()
     }
 
-    fn sibling(&self, items: usize) -> Box<dyn AnyTrack> {
+    fn sibling(&self, items: usize) -> Box<dyn AnyBuffer> {
         Box::new(Self::new(self.width, items, 0, Pad::Silence))
     }
 }
@@ -401,7 +403,7 @@ impl Budget {
 
 /// Events of one port, sorted by time, complete up to the watermark `end`.
 #[derive(Debug)]
-pub struct EventTrack<E> {
+pub struct EventBuffer<E> {
     events: Vec<(Tick, E)>,
     span: Tick,
     end: Tick,
@@ -409,8 +411,8 @@ pub struct EventTrack<E> {
     overrun: bool,
 }
 
-impl<E: Clone + Send + 'static> EventTrack<E> {
-    /// A track that keeps the events of the last `span` ticks before its watermark, and grows as far as the budget goes.
+impl<E: Clone + Send + 'static> EventBuffer<E> {
+    /// A buffer that keeps the events of the last `span` ticks before its watermark, and grows as far as the budget goes.
     #[must_use]
     pub fn new(span: Tick, budget: &Budget) -> Self {
         Self { events: Vec::with_capacity(Self::ROOM), span, end: 0, budget: budget.clone(), overrun: false }
@@ -444,7 +446,7 @@ impl<E: Clone + Send + 'static> EventTrack<E> {
     }
 
     /// Adds one event; events come in the order of their times. Without room it is left out, which
-    /// [`AnyTrack::overrun`] tells from then on.
+    /// [`AnyBuffer::overrun`] tells from then on.
     pub fn push(&mut self, tick: Tick, event: E) {
         if !self.grow(1) {
             return;
@@ -465,7 +467,7 @@ impl<E: Clone + Send + 'static> EventTrack<E> {
     }
 }
 
-impl<E: Clone + Serialize + DeserializeOwned + Send + 'static> AnyTrack for EventTrack<E> {
+impl<E: Clone + Serialize + DeserializeOwned + Send + 'static> AnyBuffer for EventBuffer<E> {
     fn end(&self) -> i64 {
         self.end
     }
@@ -474,7 +476,7 @@ impl<E: Clone + Serialize + DeserializeOwned + Send + 'static> AnyTrack for Even
         self.advance(to);
     }
 
-    fn append_from(&mut self, other: &dyn AnyTrack, from: i64, to: i64) {
+    fn append_from(&mut self, other: &dyn AnyBuffer, from: i64, to: i64) {
         if let Some(other) = other.typed::<Self>() {
             let more = other.view(from, to);
             if self.grow(more.len()) {
@@ -498,20 +500,20 @@ impl<E: Clone + Serialize + DeserializeOwned + Send + 'static> AnyTrack for Even
         self.restart(at);
     }
 
-    fn take_over(&mut self, old: &mut dyn AnyTrack) {
+    fn take_over(&mut self, old: &mut dyn AnyBuffer) {
         if let Some(old) = old.typed_mut::<Self>() {
             std::mem::swap(&mut self.events, &mut old.events);
             self.end = old.end;
         }
     }
 
-    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault> {
-        self.end.carry(carry)?;
-        if !carry.restores() {
-            return self.events.carry(carry);
+    fn archive_state(&mut self, archive: &mut StateArchive<'_>) -> Result<(), Fault> {
+        self.end.archive_state(archive)?;
+        if !archive.restores() {
+            return self.events.archive_state(archive);
         }
         let mut held: Vec<(Tick, E)> = Vec::new();
-        held.carry(carry)?;
+        held.archive_state(archive)?;
         self.events.clear();
         held.into_iter().for_each(|(tick, event)| self.push(tick, event));
         Ok(())
@@ -529,7 +531,7 @@ impl<E: Clone + Serialize + DeserializeOwned + Send + 'static> AnyTrack for Even
         self.overrun
     }
 
-    fn sibling(&self, _items: usize) -> Box<dyn AnyTrack> {
+    fn sibling(&self, _items: usize) -> Box<dyn AnyBuffer> {
         Box::new(Self::new(Tick::MAX / 4, &self.budget))
     }
 }
@@ -540,15 +542,15 @@ mod tests {
 
     #[test]
     fn a_track_shows_its_span_after_any_appends() {
-        let mut track = Track::<f32>::new(2, 10, 4, Pad::Silence);
+        let mut buffer = StreamBuffer::<f32>::new(2, 10, 4, Pad::Silence);
         let mut next = 0;
         for n in [3, 1, 5, 2, 5, 5, 1, 4, 3].into_iter().cycle().take(200) {
-            for frame in track.append(n).chunks_exact_mut(2) {
+            for frame in buffer.append(n).chunks_exact_mut(2) {
                 frame.fill(next as f32 + 1.0);
                 next += 1;
             }
             let from = (next - 10).max(-4);
-            let seen: Vec<f32> = track.view(from, next).iter().step_by(2).copied().collect();
+            let seen: Vec<f32> = buffer.view(from, next).iter().step_by(2).copied().collect();
             let want: Vec<f32> = (from..next).map(|i| if i < 0 { 0.0 } else { i as f32 + 1.0 }).collect();
             assert_eq!(seen, want);
         }
@@ -556,104 +558,104 @@ mod tests {
 
     #[test]
     fn windows_as_long_as_the_span_stay_in_one_place() {
-        let mut track = Track::<f32>::new(1, 4, 0, Pad::Hold);
+        let mut buffer = StreamBuffer::<f32>::new(1, 4, 0, Pad::Hold);
         for k in 0..5 {
-            track.append(4).fill(k as f32);
-            assert_eq!(track.at(track.end), 4, "window {k} fills the front");
-            assert_eq!(track.view(4 * k, 4 * k + 4), [k as f32; 4]);
+            buffer.append(4).fill(k as f32);
+            assert_eq!(buffer.at(buffer.end), 4, "window {k} fills the front");
+            assert_eq!(buffer.view(4 * k, 4 * k + 4), [k as f32; 4]);
         }
-        track.pad_to(23);
-        assert_eq!(track.view(19, 23), [4.0; 4]);
+        buffer.pad_to(23);
+        assert_eq!(buffer.view(19, 23), [4.0; 4]);
     }
 
     #[test]
     fn the_shortest_track_can_still_be_padded() {
-        let mut track = Track::<f32>::new(2, 1, 0, Pad::Hold);
-        track.append(1).copy_from_slice(&[1.0, 2.0]);
-        track.append(1).copy_from_slice(&[3.0, 4.0]);
-        track.pad_to(9);
-        assert_eq!(track.view(8, 9), [3.0, 4.0]);
-        assert_eq!(Track::<f32>::planned_bytes(2, 1), track.bytes());
+        let mut buffer = StreamBuffer::<f32>::new(2, 1, 0, Pad::Hold);
+        buffer.append(1).copy_from_slice(&[1.0, 2.0]);
+        buffer.append(1).copy_from_slice(&[3.0, 4.0]);
+        buffer.pad_to(9);
+        assert_eq!(buffer.view(8, 9), [3.0, 4.0]);
+        assert_eq!(StreamBuffer::<f32>::planned_bytes(2, 1), buffer.bytes());
     }
 
     #[test]
     fn a_buffer_knows_its_type() {
-        let samples = Buffer::new(Box::new(Track::<f32>::new(1, 4, 0, Pad::Silence)));
-        assert!(matches!(samples, Buffer::Samples(_)) && samples.typed::<Track<f32>>().is_some());
-        assert!(samples.typed::<Track<u32>>().is_none());
-        let other = Buffer::new(Box::new(EventTrack::<u32>::new(10, &Budget::default())));
-        assert!(matches!(other, Buffer::Other(_)) && other.typed::<EventTrack<u32>>().is_some());
+        let samples = BoxedBuffer::new(Box::new(StreamBuffer::<f32>::new(1, 4, 0, Pad::Silence)));
+        assert!(matches!(samples, BoxedBuffer::Samples(_)) && samples.typed::<StreamBuffer<f32>>().is_some());
+        assert!(samples.typed::<StreamBuffer<u32>>().is_none());
+        let other = BoxedBuffer::new(Box::new(EventBuffer::<u32>::new(10, &Budget::default())));
+        assert!(matches!(other, BoxedBuffer::Other(_)) && other.typed::<EventBuffer<u32>>().is_some());
     }
 
     #[test]
     fn hold_repeats_the_first_and_the_last_item() {
-        let mut track = Track::<f32>::new(1, 6, 3, Pad::Hold);
-        track.append(2).copy_from_slice(&[5.0, 7.0]);
-        track.settle();
-        assert_eq!(track.view(-3, 2), [5.0, 5.0, 5.0, 5.0, 7.0]);
-        track.pad_to(20);
-        assert_eq!(track.view(14, 20), [7.0; 6]);
+        let mut buffer = StreamBuffer::<f32>::new(1, 6, 3, Pad::Hold);
+        buffer.append(2).copy_from_slice(&[5.0, 7.0]);
+        buffer.settle();
+        assert_eq!(buffer.view(-3, 2), [5.0, 5.0, 5.0, 5.0, 7.0]);
+        buffer.pad_to(20);
+        assert_eq!(buffer.view(14, 20), [7.0; 6]);
     }
 
     #[test]
     fn a_track_begins_anywhere_and_takes_over_what_another_holds() {
-        let mut old = Track::<f32>::new(1, 6, 0, Pad::Hold);
+        let mut old = StreamBuffer::<f32>::new(1, 6, 0, Pad::Hold);
         old.begin(100);
         old.append(3).copy_from_slice(&[1.0, 2.0, 3.0]);
         old.settle();
         assert_eq!(old.view(97, 103), [1.0, 1.0, 1.0, 1.0, 2.0, 3.0]);
         for span in [3, 6, 9] {
-            let mut track = Track::<f32>::new(1, span, 0, Pad::Silence);
-            let mut copy = Track::<f32>::new(1, 6, 0, Pad::Hold);
+            let mut buffer = StreamBuffer::<f32>::new(1, span, 0, Pad::Silence);
+            let mut copy = StreamBuffer::<f32>::new(1, 6, 0, Pad::Hold);
             copy.append_from(&old, 103, 103);
             copy.begin(100);
             copy.append(3).copy_from_slice(&[1.0, 2.0, 3.0]);
-            track.take_over(&mut copy);
-            track.append(1)[0] = 4.0;
-            assert_eq!(track.end(), 104);
-            assert_eq!(track.view(102, 104), [3.0, 4.0]);
+            buffer.take_over(&mut copy);
+            buffer.append(1)[0] = 4.0;
+            assert_eq!(buffer.end(), 104);
+            assert_eq!(buffer.view(102, 104), [3.0, 4.0]);
         }
-        let mut seeded = Track::<f32>::new(1, 8, 0, Pad::Silence);
+        let mut seeded = StreamBuffer::<f32>::new(1, 8, 0, Pad::Silence);
         seeded.begin(102);
         seeded.seed(&old);
         assert_eq!(seeded.view(97, 102), [1.0, 1.0, 1.0, 1.0, 2.0]);
-        let mut events = EventTrack::new(50, &Budget::default());
+        let mut events = EventBuffer::new(50, &Budget::default());
         events.push(3, 'a');
         events.advance(10);
-        let mut next = EventTrack::new(90, &Budget::default());
+        let mut next = EventBuffer::new(90, &Budget::default());
         next.take_over(&mut events);
         assert_eq!((next.view(0, 10), next.end()), (&[(3, 'a')][..], 10));
     }
 
     #[test]
     fn events_stay_sorted_and_leave_after_the_span() {
-        let mut track = EventTrack::new(100, &Budget::default());
+        let mut buffer = EventBuffer::new(100, &Budget::default());
         for t in [5, 1, 9, 5] {
-            track.push(t, t * 10);
+            buffer.push(t, t * 10);
         }
-        track.advance(10);
-        assert_eq!(track.view(0, 9), [(1, 10), (5, 50), (5, 50)]);
-        track.advance(1000);
-        assert!(track.view(0, 1000).is_empty());
+        buffer.advance(10);
+        assert_eq!(buffer.view(0, 9), [(1, 10), (5, 50), (5, 50)]);
+        buffer.advance(1000);
+        assert!(buffer.view(0, 1000).is_empty());
     }
 
     #[test]
     fn events_grow_until_the_budget_is_spent_and_then_say_so() {
         const EACH: usize = size_of::<(Tick, u64)>();
         let budget = Budget::new(1500 * EACH);
-        let mut track = EventTrack::<u64>::new(Tick::MAX / 4, &budget);
-        let planned = track.bytes();
-        let mut other = track.sibling(0);
+        let mut buffer = EventBuffer::<u64>::new(Tick::MAX / 4, &budget);
+        let planned = buffer.bytes();
+        let mut other = buffer.sibling(0);
         for k in 0..2000 {
-            track.push(k, 0);
+            buffer.push(k, 0);
         }
-        assert!(!track.overrun() && track.bytes() == planned + 1024 * EACH);
-        other.append_from(&track, 0, 1200);
+        assert!(!buffer.overrun() && buffer.bytes() == planned + 1024 * EACH);
+        other.append_from(&buffer, 0, 1200);
         assert!(!other.overrun() && other.bytes() == planned + 176 * EACH);
         for k in 2000..4000 {
-            track.push(k, 0);
+            buffer.push(k, 0);
         }
-        assert!(track.overrun() && track.view(0, 4000).len() == 2048 + 300);
-        assert_eq!(track.bytes() + other.bytes(), 2 * planned + 1500 * EACH);
+        assert!(buffer.overrun() && buffer.view(0, 4000).len() == 2048 + 300);
+        assert_eq!(buffer.bytes() + other.bytes(), 2 * planned + 1500 * EACH);
     }
 }

@@ -1,7 +1,7 @@
 //! What a node carries from one window to the next, saved, and put back into a node that was just built.
 //!
-//! One description serves both ways: a node names what it carries in [`Node::carry`](super::node::Node::carry), and a
-//! [`Carry`] either writes it to bytes or replaces it by what stands in bytes.
+//! One description serves both ways: a node names what it carries in [`Node::archive_state`](super::node::Node::archive_state), and a
+//! [`StateArchive`] either writes it to bytes or replaces it by what stands in bytes.
 
 use super::fault::Fault;
 use serde::{Serialize, de::DeserializeOwned};
@@ -9,7 +9,7 @@ use std::io::{Seek, SeekFrom, Write};
 
 /// Saves what it is shown, or puts back what was saved, in the same order.
 #[derive(Debug)]
-pub struct Carry<'a>(Way<'a>);
+pub struct StateArchive<'a>(Way<'a>);
 
 #[derive(Debug)]
 enum Way<'a> {
@@ -17,7 +17,7 @@ enum Way<'a> {
     Restore(&'a [u8]),
 }
 
-impl<'a> Carry<'a> {
+impl<'a> StateArchive<'a> {
     /// Saves to the end of these bytes.
     #[must_use]
     pub fn save(bytes: &'a mut Vec<u8>) -> Self {
@@ -45,42 +45,42 @@ impl<'a> Carry<'a> {
     /// Saves or replaces every state of a list, which has to be as long when it is put back as it was when it was saved.
     ///
     /// # Errors
-    /// When it is not, or as [`Carried::carry`].
-    pub fn each<'s, S: Carried + 's>(
+    /// When it is not, or as [`Stateful::archive_state`].
+    pub fn each<'s, S: Stateful + 's>(
         &mut self,
         states: impl IntoIterator<Item = &'s mut S, IntoIter: ExactSizeIterator>,
     ) -> Result<(), Fault> {
         let states = states.into_iter();
         let (own, mut count) = (states.len(), states.len());
-        count.carry(self)?;
+        count.archive_state(self)?;
         if count != own {
-            return Err(misfit());
+            return Err(mismatch());
         }
-        states.into_iter().try_for_each(|state| state.carry(self))
+        states.into_iter().try_for_each(|state| state.archive_state(self))
     }
 }
 
 /// What is said of bytes that hold something else.
-pub(super) fn misfit() -> Fault {
+pub(super) fn mismatch() -> Fault {
     Fault::new("F084", "what was kept of a run does not fit its nodes")
         .help("run it from its beginning: --checkpoint 0")
 }
 
 /// A state that can be saved and put back.
-pub trait Carried {
+pub trait Stateful {
     /// Saves the state, or replaces it.
     ///
     /// # Errors
     /// When what was saved is not of this kind.
-    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault>;
+    fn archive_state(&mut self, archive: &mut StateArchive<'_>) -> Result<(), Fault>;
 }
 
-impl<T: Serialize + DeserializeOwned> Carried for T {
-    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault> {
-        match &mut carry.0 {
-            Way::Save(bytes) => postcard::to_io(self, bytes).map(drop).map_err(|_| misfit()),
+impl<T: Serialize + DeserializeOwned> Stateful for T {
+    fn archive_state(&mut self, archive: &mut StateArchive<'_>) -> Result<(), Fault> {
+        match &mut archive.0 {
+            Way::Save(bytes) => postcard::to_io(self, bytes).map(drop).map_err(|_| mismatch()),
             Way::Restore(bytes) => {
-                let (state, rest) = postcard::take_from_bytes(bytes).map_err(|_| misfit())?;
+                let (state, rest) = postcard::take_from_bytes(bytes).map_err(|_| mismatch())?;
                 *self = state;
                 *bytes = rest;
                 Ok(())
@@ -93,12 +93,15 @@ impl<T: Serialize + DeserializeOwned> Carried for T {
 ///
 /// # Errors
 /// When the sink fails.
-pub fn carry_place<W: Write + Seek + ?Sized>(sink: &mut W, carry: &mut Carry<'_>) -> Result<(), Fault> {
+pub fn archive_position<W: Write + Seek + ?Sized>(
+    sink: &mut W,
+    archive: &mut StateArchive<'_>,
+) -> Result<(), Fault> {
     let failed = |e: std::io::Error| Fault::new("F080", format!("an output cannot be gone on with: {e}"));
-    let mut place = if carry.restores() { 0 } else { sink.stream_position().map_err(failed)? };
-    place.carry(carry)?;
+    let mut place = if archive.restores() { 0 } else { sink.stream_position().map_err(failed)? };
+    place.archive_state(archive)?;
     sink.flush().map_err(failed)?;
-    if carry.restores() {
+    if archive.restores() {
         sink.seek(SeekFrom::Start(place)).map_err(failed)?;
     }
     Ok(())
@@ -133,37 +136,37 @@ pub mod long {
     }
 }
 
-/// Names the fields of a type that change while it works: `carried!(Filter { z, each stages })`.
+/// Names the fields of a type that change while it works: `impl_state!(Filter { z, each stages })`.
 ///
 /// A field after `each` is a list, an array or an option of states that is as long when it is put back.
 #[macro_export]
-macro_rules! carried {
+macro_rules! impl_state {
     ($ty:ty { $($fields:tt)* }) => {
-        impl $crate::core::carry::Carried for $ty {
-            $crate::carries!($($fields)*);
+        impl $crate::core::state::Stateful for $ty {
+            $crate::archive_state!($($fields)*);
         }
     };
-    (@ $own:ident, $carry:ident, ) => { Ok(()) };
-    (@ $own:ident, $carry:ident, each $field:tt $(, $($rest:tt)*)?) => {{
-        $carry.each(&mut $own.$field)?;
-        $crate::carried!(@ $own, $carry, $($($rest)*)?)
+    (@ $own:ident, $archive:ident, ) => { Ok(()) };
+    (@ $own:ident, $archive:ident, each $field:tt $(, $($rest:tt)*)?) => {{
+        $archive.each(&mut $own.$field)?;
+        $crate::impl_state!(@ $own, $archive, $($($rest)*)?)
     }};
-    (@ $own:ident, $carry:ident, $field:tt $(, $($rest:tt)*)?) => {{
-        $crate::core::carry::Carried::carry(&mut $own.$field, $carry)?;
-        $crate::carried!(@ $own, $carry, $($($rest)*)?)
+    (@ $own:ident, $archive:ident, $field:tt $(, $($rest:tt)*)?) => {{
+        $crate::core::state::Stateful::archive_state(&mut $own.$field, $archive)?;
+        $crate::impl_state!(@ $own, $archive, $($($rest)*)?)
     }};
 }
 
-/// The [`Node::carry`](crate::core::node::Node::carry) of a node, or the [`Carried::carry`](crate::core::carry::Carried::carry) of a type with parameters, by the fields
-/// that change while it works, as in [`carried!`](crate::carried).
+/// The [`Node::archive_state`](crate::core::node::Node::archive_state) of a node, or the [`Stateful::archive_state`](crate::core::state::Stateful::archive_state) of a type with parameters, by the fields
+/// that change while it works, as in [`impl_state!`](crate::impl_state).
 #[macro_export]
-macro_rules! carries {
+macro_rules! archive_state {
     ($($fields:tt)*) => {
-        fn carry(
+        fn archive_state(
             &mut self,
-            carry: &mut $crate::core::carry::Carry<'_>,
+            archive: &mut $crate::core::state::StateArchive<'_>,
         ) -> Result<(), $crate::core::fault::Fault> {
-            $crate::carried!(@ self, carry, $($fields)*)
+            $crate::impl_state!(@ self, archive, $($fields)*)
         }
     };
 }
@@ -176,7 +179,7 @@ mod tests {
         b: f64,
         z: [f64; 2],
     }
-    carried!(Filter { z });
+    impl_state!(Filter { z });
 
     struct Voices {
         seen: u64,
@@ -184,7 +187,7 @@ mod tests {
         last: Option<Filter>,
         queue: Vec<(i64, String)>,
     }
-    carried!(Voices { seen, each filters, each last, queue });
+    impl_state!(Voices { seen, each filters, each last, queue });
 
     fn voices(filters: usize, x: f64) -> Voices {
         let filter = |k: usize| Filter { b: x, z: [x + k as f64, f64::NAN] };
@@ -199,11 +202,11 @@ mod tests {
     #[test]
     fn what_was_saved_comes_back_and_the_rest_stays() {
         let mut bytes = Vec::new();
-        voices(3, 5.0).carry(&mut Carry::save(&mut bytes)).unwrap();
+        voices(3, 5.0).archive_state(&mut StateArchive::save(&mut bytes)).unwrap();
         let mut other = voices(3, 7.0);
-        let mut carry = Carry::restore(&bytes);
-        other.carry(&mut carry).unwrap();
-        assert!(carry.is_empty());
+        let mut archive = StateArchive::restore(&bytes);
+        other.archive_state(&mut archive).unwrap();
+        assert!(archive.is_empty());
         assert_eq!((other.seen, &*other.queue), (5, &[(-3, "5".to_owned())][..]));
         assert_eq!(other.filters.iter().map(|f| f.z[0]).collect::<Vec<_>>(), [5.0, 6.0, 7.0]);
         assert!(other.last.unwrap().z[1].is_nan());
@@ -213,10 +216,13 @@ mod tests {
     #[test]
     fn another_number_of_states_or_fewer_bytes_are_refused() {
         let mut bytes = Vec::new();
-        voices(3, 5.0).carry(&mut Carry::save(&mut bytes)).unwrap();
-        assert_eq!(voices(2, 5.0).carry(&mut Carry::restore(&bytes)).unwrap_err().code, "F084");
+        voices(3, 5.0).archive_state(&mut StateArchive::save(&mut bytes)).unwrap();
+        assert_eq!(
+            voices(2, 5.0).archive_state(&mut StateArchive::restore(&bytes)).unwrap_err().code,
+            "F084"
+        );
         for length in 0..bytes.len() {
-            let cut = voices(3, 5.0).carry(&mut Carry::restore(&bytes[..length]));
+            let cut = voices(3, 5.0).archive_state(&mut StateArchive::restore(&bytes[..length]));
             assert_eq!(cut.unwrap_err().code, "F084");
         }
     }

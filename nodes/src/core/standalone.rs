@@ -1,6 +1,6 @@
 //! Runs one node on slices, without any runtime: for programs that want a node as it is, and for tests.
 
-use super::carry::{Carried, Carry};
+use super::buffer::{Budget, EventBuffer, Pad, StreamBuffer};
 use super::fault::{Fault, Reject};
 use super::files::{MemoryFiles, MemoryOutputs};
 use super::input::NoInputs;
@@ -8,11 +8,11 @@ use super::item::{AnyValue, Data, Described, Event, EventType, Item, OfEvent, St
 use super::node::{DynNode, Func, Node, NodeType, Summary};
 use super::params::AnyParams;
 use super::ports::{Events, Many, OutKind, Port, PortKind, PortSpec, Stream, Value};
-use super::random::{Draw, Random};
-use super::shape::{Build, Ends, LinkShape, NodeShape, RawShape, Reach};
+use super::random::{Random, Rng};
+use super::shape::{Build, Ends, LinkShape, Lookaround, NodeShape, RawShape};
 use super::stage::{Clock, Cx, InWire, OutWire, Stage, StageNode};
+use super::state::{StateArchive, Stateful};
 use super::time::{Rate, TICKS_PER_SECOND, Tick};
-use super::track::{Budget, EventTrack, Pad, Track};
 use std::any::Any;
 use std::cell::RefCell;
 use std::sync::Arc;
@@ -31,7 +31,7 @@ struct Source {
     vary: Option<Vary>,
 }
 
-type Vary = Arc<dyn Fn(usize, &mut Draw) -> Feed + Send + Sync>;
+type Vary = Arc<dyn Fn(usize, &mut Rng) -> Feed + Send + Sync>;
 
 impl Feed {
     /// A stream of `data.len() / width` items.
@@ -42,11 +42,11 @@ impl Feed {
         let data: Arc<[T::Elem]> = data.into();
         let shape = LinkShape::Stream(StreamShape::new::<T>(rate, format.clone(), end));
         let kept = Arc::clone(&data);
-        let vary = move |item: usize, draw: &mut Draw| {
+        let vary = move |item: usize, rng: &mut Rng| {
             let width = T::width(&format);
             let mut data = kept.to_vec();
             for (place, elem) in data.iter_mut().skip(item * width).take(width).enumerate() {
-                *elem = T::trial(&format, place, draw);
+                *elem = T::trial(&format, place, rng);
             }
             Self::stream::<T>(rate, format.clone(), data)
         };
@@ -62,8 +62,8 @@ impl Feed {
 
     /// The same stream with other numbers in one item, for trials; `None` for events and values.
     #[must_use]
-    pub fn vary(&self, item: usize, draw: &mut Draw) -> Option<Self> {
-        self.source.as_ref()?.vary.as_ref().map(|vary| vary(item, draw))
+    pub fn vary(&self, item: usize, rng: &mut Rng) -> Option<Self> {
+        self.source.as_ref()?.vary.as_ref().map(|vary| vary(item, rng))
     }
 
     /// Events, sorted by time, until `end`.
@@ -130,7 +130,7 @@ impl<T: Event> DynNode for EventPlayer<T> {
 }
 
 /// One node with its inputs, ready to run.
-pub struct Solo {
+pub struct Standalone {
     ty: NodeType,
     params: Box<dyn AnyParams>,
     links: Vec<Vec<Feed>>,
@@ -150,7 +150,7 @@ pub struct Solo {
     pub poison: bool,
 }
 
-impl Solo {
+impl Standalone {
     /// A node with these parameters and no inputs yet.
     #[must_use]
     pub fn new<N: Node>(params: N::Params) -> Self {
@@ -268,7 +268,7 @@ impl Solo {
     ///
     /// # Errors
     /// As [`Node::shape`] and [`Node::build`].
-    pub fn start(&self) -> Result<SoloRun, Fault> {
+    pub fn start(&self) -> Result<StandaloneRun, Fault> {
         let links = self.link_shapes();
         let mut shape = self.shape()?;
         let delay = self.delay(&shape);
@@ -296,24 +296,24 @@ impl Solo {
         if let Some(eval) = self.ty.eval {
             let inputs = self.value_wires();
             let summary = eval(&*self.params, &cx, &Cx::for_values(&inputs, &outputs))?;
-            return Ok(SoloRun::done(self.ty.outputs, outputs, summary));
+            return Ok(StandaloneRun::done(self.ty.outputs, outputs, summary));
         }
         let inputs: Vec<Vec<InWire>> = self
             .links
             .iter()
-            .zip(&shape.reach)
-            .map(|(feeds, reach)| {
-                feeds.iter().map(|f| wiring.input(f, *reach, delay, works, self.window)).collect()
+            .zip(&shape.lookaround)
+            .map(|(feeds, lookaround)| {
+                feeds.iter().map(|f| wiring.input(f, *lookaround, delay, works, self.window)).collect()
             })
             .collect();
         let node = self.ty.build(&*self.params, &cx)?;
         wiring.nodes.push(StageNode { node, clock: own, inputs, outputs, copies: Vec::new() });
         let at = wiring.nodes.len() - 1;
-        let mut stage = Stage::new(wiring.tracks, wiring.clocks, wiring.nodes);
+        let mut stage = Stage::new(wiring.buffers, wiring.clocks, wiring.nodes);
         stage.set_poison(self.poison);
         let until = works + delay;
         let specs = self.ty.outputs;
-        Ok(SoloRun {
+        Ok(StandaloneRun {
             stage,
             specs,
             at,
@@ -329,7 +329,7 @@ impl Solo {
     ///
     /// # Errors
     /// As [`Node::shape`], [`Node::build`], [`Node::run`] and [`Node::finish`].
-    pub fn run(&self) -> Result<SoloRun, Fault> {
+    pub fn run(&self) -> Result<StandaloneRun, Fault> {
         let mut run = self.start()?;
         while run.step()? {}
         run.finish()?;
@@ -337,10 +337,10 @@ impl Solo {
     }
 
     fn delay(&self, shape: &NodeShape) -> Tick {
-        let spans = self.links.iter().zip(&shape.reach).flat_map(|(feeds, reach)| {
+        let spans = self.links.iter().zip(&shape.lookaround).flat_map(|(feeds, lookaround)| {
             feeds.iter().map(|feed| match &feed.shape {
-                LinkShape::Stream(stream) => stream.rate.span(reach.ahead),
-                LinkShape::Events(_) => reach.ahead as Tick,
+                LinkShape::Stream(stream) => stream.rate.span(lookaround.ahead),
+                LinkShape::Events(_) => lookaround.ahead as Tick,
                 LinkShape::Value(_) => 0,
             })
         });
@@ -358,7 +358,7 @@ impl Solo {
 
 #[derive(Default)]
 struct Wiring {
-    tracks: Vec<Box<dyn super::track::AnyTrack>>,
+    buffers: Vec<Box<dyn super::buffer::AnyBuffer>>,
     clocks: Vec<Clock>,
     nodes: Vec<StageNode>,
     /// The first tick of the node itself.
@@ -378,9 +378,9 @@ impl Wiring {
         clock
     }
 
-    fn track(&mut self, track: Box<dyn super::track::AnyTrack>) -> usize {
-        self.tracks.push(track);
-        self.tracks.len() - 1
+    fn buffer(&mut self, buffer: Box<dyn super::buffer::AnyBuffer>) -> usize {
+        self.buffers.push(buffer);
+        self.buffers.len() - 1
     }
 
     fn output(
@@ -393,45 +393,45 @@ impl Wiring {
         match (kind, shape) {
             (PortKind::Stream(item), Some(stream)) => {
                 let items = stream.rate.first_at(end) as usize + 1;
-                let mut buffer = (item.track)(stream.width, items, 0, Pad::Silence);
+                let mut buffer = (item.buffer)(stream.width, items, 0, Pad::Silence);
                 let clock = self.own_clock(Some(stream.rate), delay + lag, Some(end), lag);
                 buffer.begin(stream.rate.first_at(self.clocks[clock].from));
-                let track = self.track(buffer);
-                OutWire::Stream { track, clock, width: stream.width, rate: stream.rate }
+                let buffer = self.buffer(buffer);
+                OutWire::Stream { buffer, clock, width: stream.width, rate: stream.rate }
             }
             (PortKind::Events(event), _) => {
-                let track = self.track((event.track)(Tick::MAX / 4, &Budget::default()));
-                OutWire::Events { track, clock: self.own_clock(None, delay + lag, Some(end), lag) }
+                let buffer = self.buffer((event.buffer)(Tick::MAX / 4, &Budget::default()));
+                OutWire::Events { buffer, clock: self.own_clock(None, delay + lag, Some(end), lag) }
             }
             _ => OutWire::Value(RefCell::default()),
         }
     }
 
-    fn input(&mut self, feed: &Feed, reach: Reach, delay: Tick, end: Tick, window: Tick) -> InWire {
-        let Reach { past, ahead, delay: late, ends } = reach;
+    fn input(&mut self, feed: &Feed, lookaround: Lookaround, delay: Tick, end: Tick, window: Tick) -> InWire {
+        let Lookaround { behind, ahead, delay: late, ends } = lookaround;
         let pad = if ends == Ends::Hold { Pad::Hold } else { Pad::Silence };
         let player = feed.source.as_ref().map(|source| (source.player)());
         match &feed.shape {
             LinkShape::Value(value) => InWire::Value(value.clone().expect("a feed holds its value")),
             LinkShape::Stream(stream) => {
                 let rate = stream.rate;
-                let span = rate.first_at(delay + window) as usize + past + ahead + late + 3;
-                let track = self.track((stream.item.track)(stream.width, span, past + late, pad));
+                let span = rate.first_at(delay + window) as usize + behind + ahead + late + 3;
+                let buffer = self.buffer((stream.item.buffer)(stream.width, span, behind + late, pad));
                 let write = self.clock(Some(rate), 0, stream.end);
                 let clock = self.own_clock(Some(rate), delay, Some(end), 0);
-                let out = OutWire::Stream { track, clock: write, width: stream.width, rate };
+                let out = OutWire::Stream { buffer, clock: write, width: stream.width, rate };
                 self.play(player, stream.end, out);
-                InWire::Stream { track, clock, past, ahead, delay: late, width: stream.width, rate }
+                InWire::Stream { buffer, clock, behind, ahead, delay: late, width: stream.width, rate }
             }
             LinkShape::Events(stop) => {
                 let event = feed.source.as_ref().and_then(|source| source.events);
                 let event = event.expect("a feed of events knows their type");
-                let span = delay + window + past as Tick + ahead as Tick;
-                let track = self.track((event.track)(span, &Budget::default()));
+                let span = delay + window + behind as Tick + ahead as Tick;
+                let buffer = self.buffer((event.buffer)(span, &Budget::default()));
                 let write = self.clock(None, 0, *stop);
                 let clock = self.own_clock(None, delay, Some(end), 0);
-                self.play(player, *stop, OutWire::Events { track, clock: write });
-                InWire::Events { track, clock, past: past as Tick, ahead: ahead as Tick }
+                self.play(player, *stop, OutWire::Events { buffer, clock: write });
+                InWire::Events { buffer, clock, behind: behind as Tick, ahead: ahead as Tick }
             }
         }
     }
@@ -451,7 +451,7 @@ impl Wiring {
 }
 
 /// A node that is running, or has run.
-pub struct SoloRun {
+pub struct StandaloneRun {
     stage: Stage,
     specs: &'static [PortSpec],
     at: usize,
@@ -463,7 +463,7 @@ pub struct SoloRun {
     pub summary: Summary,
 }
 
-impl SoloRun {
+impl StandaloneRun {
     fn done(specs: &'static [PortSpec], outputs: Vec<OutWire>, summary: Summary) -> Self {
         let stage = Stage::new(Vec::new(), Vec::new(), Vec::new());
         Self { stage, specs, at: 0, window: 1, now: 0, until: 0, outputs: Some(outputs), summary }
@@ -486,24 +486,24 @@ impl SoloRun {
     /// Saves how far it is.
     ///
     /// # Errors
-    /// As [`Node::carry`].
+    /// As [`Node::archive_state`].
     pub fn save(&mut self) -> Result<Vec<u8>, Fault> {
         let mut bytes = Vec::new();
-        self.carry(&mut Carry::save(&mut bytes))?;
+        self.archive_state(&mut StateArchive::save(&mut bytes))?;
         Ok(bytes)
     }
 
     /// Goes on where a run of the same node over the same inputs was saved; this one has not run yet.
     ///
     /// # Errors
-    /// As [`Node::carry`].
+    /// As [`Node::archive_state`].
     pub fn restore(&mut self, bytes: &[u8]) -> Result<(), Fault> {
-        self.carry(&mut Carry::restore(bytes))
+        self.archive_state(&mut StateArchive::restore(bytes))
     }
 
-    fn carry(&mut self, carry: &mut Carry<'_>) -> Result<(), Fault> {
-        Carried::carry(&mut self.now, carry)?;
-        self.stage.carry(carry).map_err(|(_, fault)| fault)
+    fn archive_state(&mut self, archive: &mut StateArchive<'_>) -> Result<(), Fault> {
+        Stateful::archive_state(&mut self.now, archive)?;
+        self.stage.archive_state(archive).map_err(|(_, fault)| fault)
     }
 
     /// The node itself, to be retuned or to adopt another.
@@ -533,34 +533,34 @@ impl SoloRun {
     /// All that a stream output has given so far.
     #[must_use]
     pub fn stream<T: Item>(&self, port: Port<Stream<T>>) -> Vec<T::Elem> {
-        let OutWire::Stream { track, .. } = &self.wires()[port.index()] else { return Vec::new() };
-        self.stage.with_track(*track, |track| {
-            let typed = track.typed::<Track<T::Elem>>();
-            typed.map(|typed| typed.view(0, track.end()).to_vec()).unwrap_or_default()
+        let OutWire::Stream { buffer, .. } = &self.wires()[port.index()] else { return Vec::new() };
+        self.stage.with_buffer(*buffer, |buffer| {
+            let typed = buffer.typed::<StreamBuffer<T::Elem>>();
+            typed.map(|typed| typed.view(0, buffer.end()).to_vec()).unwrap_or_default()
         })
     }
 
     /// The numbers of a stream output, and whether all of them are finite, whatever its type.
     #[must_use]
     pub fn numbers(&self, port: usize) -> (Vec<f32>, bool) {
-        let (Some(OutWire::Stream { track, .. }), Some(PortKind::Stream(item))) =
+        let (Some(OutWire::Stream { buffer, .. }), Some(PortKind::Stream(item))) =
             (self.wires().get(port), self.specs.get(port).map(|spec| spec.kind))
         else {
             return (Vec::new(), true);
         };
-        self.stage.with_track(*track, |track| {
+        self.stage.with_buffer(*buffer, |buffer| {
             let mut out = Vec::new();
-            (item.numbers)(track, 0, track.end(), &mut out);
-            (out, (item.finite)(track, 0, track.end()))
+            (item.numbers)(buffer, 0, buffer.end(), &mut out);
+            (out, (item.finite)(buffer, 0, buffer.end()))
         })
     }
 
     /// All events that an output has given so far.
     #[must_use]
     pub fn events<T: Event>(&self, port: Port<Events<T>>) -> Vec<(Tick, T)> {
-        let OutWire::Events { track, .. } = &self.wires()[port.index()] else { return Vec::new() };
-        self.stage.with_track(*track, |track| {
-            let typed = track.typed::<EventTrack<T>>();
+        let OutWire::Events { buffer, .. } = &self.wires()[port.index()] else { return Vec::new() };
+        self.stage.with_buffer(*buffer, |buffer| {
+            let typed = buffer.typed::<EventBuffer<T>>();
             typed.map(|typed| typed.view(Tick::MIN, Tick::MAX).to_vec()).unwrap_or_default()
         })
     }
@@ -569,8 +569,8 @@ impl SoloRun {
     #[must_use]
     pub fn events_json(&self, port: usize) -> Vec<(Tick, serde_json::Value)> {
         match (self.wires().get(port), self.specs.get(port).map(|spec| spec.kind)) {
-            (Some(OutWire::Events { track, .. }), Some(PortKind::Events(event))) => {
-                self.stage.with_track(*track, |track| (event.json)(track, Tick::MIN, Tick::MAX))
+            (Some(OutWire::Events { buffer, .. }), Some(PortKind::Events(event))) => {
+                self.stage.with_buffer(*buffer, |buffer| (event.json)(buffer, Tick::MIN, Tick::MAX))
             }
             _ => Vec::new(),
         }

@@ -3,9 +3,9 @@
 use foley_nodes::core::fault::{Fault, Reject};
 use foley_nodes::core::item::{Channels, Event};
 use foley_nodes::core::node::{Class, Node};
-use foley_nodes::core::random::Draw;
+use foley_nodes::core::random::Rng;
 use foley_nodes::core::shape::{Build, Ends, Shape};
-use foley_nodes::core::solo::Solo;
+use foley_nodes::core::standalone::Standalone;
 use foley_nodes::core::time::{Rate, TICKS_PER_SECOND, Tick, ticks};
 use foley_nodes::{params, ports};
 use serde::{Deserialize, Serialize};
@@ -44,7 +44,7 @@ impl Node for Neighbours {
 
     fn shape(p: &NeighboursParams, s: &mut Shape<'_, '_, NeighboursPorts>) -> Result<(), Reject> {
         let audio = s.input(NeighboursPorts::audio);
-        s.reach(NeighboursPorts::audio, p.past, p.ahead);
+        s.lookaround(NeighboursPorts::audio, p.past, p.ahead);
         if p.hold {
             s.when_ended(NeighboursPorts::audio, Ends::Hold);
         }
@@ -70,10 +70,10 @@ impl Node for Neighbours {
 
 fn run(past: usize, ahead: usize, hold: bool, window: Tick) -> Vec<f32> {
     let data = (0..100).map(|k| (1 + k) as f32).collect();
-    let solo = Solo::new::<Neighbours>(NeighboursParams { past, ahead, hold })
+    let standalone = Standalone::new::<Neighbours>(NeighboursParams { past, ahead, hold })
         .input(NeighboursPorts::audio, Rate::hz(1000), Channels(2), data)
         .window(window);
-    solo.run().unwrap().stream(NeighboursPorts::out)
+    standalone.run().unwrap().stream(NeighboursPorts::out)
 }
 
 #[test]
@@ -102,8 +102,8 @@ struct Knock(f32);
 
 impl Event for Knock {
     const NAME: &'static str = "knock";
-    fn trial(draw: &mut Draw) -> Self {
-        Self(draw.unit() as f32)
+    fn trial(rng: &mut Rng) -> Self {
+        Self(rng.uniform() as f32)
     }
 }
 
@@ -138,7 +138,7 @@ impl Node for Echo {
     const CLASS: Class = Class::Audio;
 
     fn shape(p: &EchoParams, s: &mut Shape<'_, '_, EchoPorts>) -> Result<(), Reject> {
-        s.reach(EchoPorts::knocks, ticks(p.after) as usize, 0);
+        s.lookaround(EchoPorts::knocks, ticks(p.after) as usize, 0);
         s.tail(ticks(p.after) + 1);
         Ok(())
     }
@@ -165,8 +165,9 @@ fn events_keep_their_times_across_windows() {
     let knocks: Vec<(Tick, Knock)> =
         (0..50).map(|k| (Tick::from(k) * ticks(0.0071), Knock(k as f32 + 1.0))).collect();
     let echo = |window| {
-        let solo = Solo::new::<Echo>(EchoParams { after: 0.05 });
-        let run = solo.events(EchoPorts::knocks, knocks.clone(), ticks(0.4)).window(window).run().unwrap();
+        let standalone = Standalone::new::<Echo>(EchoParams { after: 0.05 });
+        let run =
+            standalone.events(EchoPorts::knocks, knocks.clone(), ticks(0.4)).window(window).run().unwrap();
         run.events(EchoPorts::out)
     };
     let whole = echo(TICKS_PER_SECOND);
@@ -238,9 +239,9 @@ fn a_node_that_lags_works_on_until_its_last_sample_is_out() {
     let samples: Vec<f32> = (1..=20).map(|k| k as f32).collect();
     let rate = Rate::hz(1000);
     for window in [rate.tick(1), rate.tick(7), ticks(0.0037), TICKS_PER_SECOND] {
-        let solo = Solo::new::<Line>(LineParams {})
+        let standalone = Standalone::new::<Line>(LineParams {})
             .input(LinePorts::audio, rate, Channels(1), samples.clone())
             .window(window);
-        assert_eq!(solo.run().unwrap().stream(LinePorts::out), samples, "window {window}");
+        assert_eq!(standalone.run().unwrap().stream(LinePorts::out), samples, "window {window}");
     }
 }
