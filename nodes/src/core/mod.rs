@@ -1,19 +1,15 @@
 //! What a node is: time, ports, parameters, shapes, randomness and faults.
 //!
 //! A node describes itself once; running, checking, documenting and testing it all follow from that description.
+//! Four layers, each of which imports only those before it: data types and time; ports, parameters and shapes; the
+//! contract of nodes ([`node`]); what runs them ([`stage`], [`standalone`]).
 
-pub mod buffer;
-pub mod content;
-pub mod fault;
-pub mod files;
-pub mod input;
-pub mod item;
+mod data;
 pub mod node;
 pub mod params;
 pub mod ports;
-pub mod random;
+mod run;
 pub mod shape;
-pub mod stage;
-pub mod standalone;
-pub mod state;
-pub mod time;
+
+pub use data::{buffer, content, fault, feed, files, input, item, random, state, time};
+pub use run::{stage, standalone};

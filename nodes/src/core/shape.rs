@@ -3,7 +3,8 @@
 use super::fault::{Fault, Reject};
 use super::files::{FileError, Files, Outputs, ReadSeek, WriteSeek, too_large};
 use super::input::Inputs;
-use super::item::{AnyValue, Data, Item, StreamShape};
+pub use super::item::LinkShape;
+use super::item::{Data, Item, StreamShape};
 use super::ports::{Events, Late, Many, Port, Stream, Value};
 use super::random::Random;
 use super::time::{Rate, Tick};
@@ -23,17 +24,6 @@ pub enum Ends {
     Hold,
     /// It must not end before the others.
     Error,
-}
-
-/// What is known of one link of an input.
-#[derive(Clone, Debug)]
-pub enum LinkShape {
-    /// A stream.
-    Stream(StreamShape),
-    /// Events that end at a time.
-    Events(Option<Tick>),
-    /// A value; not there yet where it is made by the run itself.
-    Value(Option<AnyValue>),
 }
 
 /// What a node declared of one input port.

@@ -1,6 +1,6 @@
 //! What a node carries from one window to the next, saved, and put back into a node that was just built.
 //!
-//! One description serves both ways: a node names what it carries in [`Node::archive_state`](super::node::Node::archive_state), and a
+//! One description serves both ways: a node names what it carries in [`Node::archive_state`](crate::core::node::Node::archive_state), and a
 //! [`StateArchive`] either writes it to bytes or replaces it by what stands in bytes.
 
 use super::fault::Fault;

@@ -1,198 +1,16 @@
 //! Runs wired nodes in order, window by window: the one engine under the offline run, the live run and single nodes.
 
-use super::buffer::{AnyBuffer, BoxedBuffer};
-use super::fault::Fault;
-use super::item::AnyValue;
-use super::node::DynNode;
-use super::state::StateArchive;
-use super::time::{Rate, Tick};
+pub use crate::core::ports::{BufferCell, Clock, Cx, InWire, OutWire, Span, Window};
+
+use crate::core::buffer::{AnyBuffer, BoxedBuffer};
+use crate::core::fault::Fault;
+use crate::core::item::AnyValue;
+use crate::core::node::DynNode;
+use crate::core::ports::Shared;
+use crate::core::state::StateArchive;
+use crate::core::time::Tick;
 use std::cell::RefCell;
-use std::marker::PhantomData;
 use std::time::{Duration, Instant};
-
-/// A buffer that one node writes and others read.
-pub type BufferCell = RefCell<BoxedBuffer>;
-
-/// Where one link of an input comes from.
-#[derive(Debug)]
-pub enum InWire {
-    /// A stream.
-    Stream {
-        /// Buffer number.
-        buffer: usize,
-        /// Clock number of the reader's window at the stream's rate.
-        clock: usize,
-        /// Items before the window that are shown.
-        behind: usize,
-        /// Items after the window that are shown.
-        ahead: usize,
-        /// Items by which it is read late.
-        delay: usize,
-        /// Elements per item.
-        width: usize,
-        /// Items per second.
-        rate: Rate,
-    },
-    /// Events.
-    Events {
-        /// Buffer number.
-        buffer: usize,
-        /// Clock number of the reader's window.
-        clock: usize,
-        /// Ticks before the window that are shown.
-        behind: Tick,
-        /// Ticks after the window that are shown.
-        ahead: Tick,
-    },
-    /// A value.
-    Value(AnyValue),
-}
-
-/// Where an output goes.
-#[derive(Debug)]
-pub enum OutWire {
-    /// A stream.
-    Stream {
-        /// Buffer number.
-        buffer: usize,
-        /// Clock number of the writer's window at the stream's rate.
-        clock: usize,
-        /// Elements per item.
-        width: usize,
-        /// Items per second.
-        rate: Rate,
-    },
-    /// Events.
-    Events {
-        /// Buffer number.
-        buffer: usize,
-        /// Clock number of the writer's window.
-        clock: usize,
-    },
-    /// A value, once there is one.
-    Value(RefCell<Option<AnyValue>>),
-}
-
-/// How a window of the run becomes a range of items: items of `rate` (ticks where it is `None`), `delay` later, until `end`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct Clock {
-    /// Items per second; `None` counts ticks.
-    pub rate: Option<Rate>,
-    /// How far behind the run it is.
-    pub delay: Tick,
-    /// When its stream ends.
-    pub end: Option<Tick>,
-    /// Its first tick: 0, or where it takes over in a graph that plays already.
-    pub from: Tick,
-}
-
-impl Clock {
-    /// The position that a tick of the clock itself stands for.
-    #[must_use]
-    pub fn position(&self, tick: Tick) -> i64 {
-        match self.rate {
-            Some(rate) => rate.first_at(tick),
-            None => tick,
-        }
-    }
-}
-
-/// One window on one clock.
-#[derive(Clone, Copy, Debug, Default, serde::Serialize, serde::Deserialize)]
-pub struct Span {
-    /// First position.
-    pub from: i64,
-    /// One behind the last position that exists.
-    pub to: i64,
-    /// One behind the last position, the stream's end ignored.
-    pub full: i64,
-    /// Whether nothing came before this window.
-    pub first: bool,
-}
-
-impl Span {
-    /// Whether it neither begins nor continues a stream, so that there is nothing to pad.
-    fn steady(&self) -> bool {
-        self.full == self.to && !self.first
-    }
-}
-
-/// What a node may know of the run in one window.
-#[derive(Clone, Copy, Debug)]
-pub struct Window<'a> {
-    /// First tick.
-    pub from: Tick,
-    /// One behind the last tick.
-    pub to: Tick,
-    run: PhantomData<&'a ()>,
-}
-
-/// What all nodes of a stage have in common in one window.
-#[derive(Clone, Copy)]
-pub(super) struct Shared<'a> {
-    pub(super) buffers: &'a [BufferCell],
-    spans: &'a [Span],
-    pub(super) poison: bool,
-    /// Whether the streams have ended: what was around the last window may be gone by now.
-    pub(super) closing: bool,
-}
-
-/// What there is without streams.
-const NOTHING: &Shared<'static> = &Shared { buffers: &[], spans: &[], poison: false, closing: false };
-
-/// Everything that the views of one node need to open.
-#[derive(Clone, Copy)]
-pub struct Cx<'a> {
-    pub(super) shared: &'a Shared<'a>,
-    pub(super) inputs: &'a [Vec<InWire>],
-    pub(super) outputs: &'a [OutWire],
-    clock: usize,
-}
-
-impl<'a> Cx<'a> {
-    #[inline(always)]
-    pub(super) fn span(&self, clock: usize) -> Span {
-        self.shared.spans[clock]
-    }
-
-    /// The wires of a node that has values only.
-    #[must_use]
-    pub fn for_values(inputs: &'a [Vec<InWire>], outputs: &'a [OutWire]) -> Self {
-        Cx { shared: NOTHING, inputs, outputs, clock: 0 }
-    }
-
-    /// Reads the buffer behind one link without knowing its type, with the present window on it.
-    pub fn raw_input<R>(&self, port: usize, read: impl FnOnce(&dyn AnyBuffer, Span) -> R) -> Option<R> {
-        let (buffer, clock) = match self.inputs.get(port)?.first()? {
-            InWire::Stream { buffer, clock, .. } | InWire::Events { buffer, clock, .. } => (*buffer, *clock),
-            InWire::Value(_) => return None,
-        };
-        Some(read(self.shared.buffers[buffer].borrow().any(), self.shared.spans[clock]))
-    }
-
-    /// Writes the buffer behind one output without knowing its type; the present window on it is to be appended.
-    pub fn raw_output<R>(&self, port: usize, write: impl FnOnce(&mut dyn AnyBuffer, Span) -> R) -> Option<R> {
-        let (buffer, clock) = match self.outputs.get(port)? {
-            OutWire::Stream { buffer, clock, .. } | OutWire::Events { buffer, clock } => (*buffer, *clock),
-            OutWire::Value(_) => return None,
-        };
-        Some(write(self.shared.buffers[buffer].borrow_mut().any_mut(), self.shared.spans[clock]))
-    }
-
-    /// The node's own window; empty for a node that has values only.
-    #[inline(always)]
-    #[must_use]
-    pub fn window(&self) -> Window<'a> {
-        let span = self.shared.spans.get(self.clock).copied().unwrap_or_default();
-        Window { from: span.from, to: span.to, run: PhantomData }
-    }
-
-    /// Ends a run whose wires contradict the declared ports, which only a defect of the planner can bring about.
-    #[cold]
-    pub(super) fn miswired(&self, what: &str) -> ! {
-        panic!("the plan wired something else to a port of type {what}: a defect in foley, not in the graph")
-    }
-}
 
 /// One node with its wires.
 pub struct StageNode {
@@ -301,7 +119,7 @@ impl Stage {
     /// Runs every node for the present window.
     ///
     /// # Errors
-    /// The first fault of a node, or F050 where a buffer of events has outgrown its [`Budget`](super::buffer::Budget); the
+    /// The first fault of a node, or F050 where a buffer of events has outgrown its [`Budget`](crate::core::buffer::Budget); the
     /// stage is of no use afterwards.
     pub fn run(&mut self) -> Result<(), StageFault> {
         let Self { buffers, spans, nodes, spent, timed, poison, steady, growing, .. } = self;
@@ -334,7 +152,7 @@ impl Stage {
     ///
     /// # Errors
     /// The first fault of a node.
-    pub fn finish(&mut self) -> Result<Vec<super::node::Summary>, StageFault> {
+    pub fn finish(&mut self) -> Result<Vec<crate::core::node::Summary>, StageFault> {
         for span in &mut self.spans {
             *span = Span { from: span.to, to: span.to, full: span.to, first: false };
         }

@@ -65,7 +65,7 @@ pub trait Files: Send + Sync {
 }
 
 /// What is said of files that take more memory than there is.
-pub(super) fn too_large(path: &str, bytes: u64, room: u64) -> FileError {
+pub(in crate::core) fn too_large(path: &str, bytes: u64, room: u64) -> FileError {
     let message =
         format!("{path:?} is held as a whole and takes {bytes} bytes or more; the memory limit is {room}");
     FileError { code: "F063", message }

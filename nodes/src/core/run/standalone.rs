@@ -1,126 +1,31 @@
 //! Runs one node on slices, without any runtime: for programs that want a node as it is, and for tests.
 
-use super::buffer::{Budget, EventBuffer, Pad, StreamBuffer};
-use super::fault::{Fault, Reject};
-use super::files::{MemoryFiles, MemoryOutputs};
-use super::input::NoInputs;
-use super::item::{AnyValue, Data, Described, Event, EventType, Item, OfEvent, StreamShape};
-use super::node::{DynNode, Func, Node, NodeType, Summary};
-use super::params::AnyParams;
-use super::ports::{Events, Many, OutKind, Port, PortKind, PortSpec, Stream, Value};
-use super::random::{Random, Rng};
-use super::shape::{Build, Ends, LinkShape, Lookaround, NodeShape, RawShape};
-use super::stage::{Clock, Cx, InWire, OutWire, Stage, StageNode};
-use super::state::{StateArchive, Stateful};
-use super::time::{Rate, TICKS_PER_SECOND, Tick};
+use crate::core::buffer::{AnyBuffer, Budget, EventBuffer, Pad, StreamBuffer};
+use crate::core::fault::{Fault, Reject};
+pub use crate::core::feed::Feed;
+use crate::core::files::{MemoryFiles, MemoryOutputs};
+use crate::core::input::NoInputs;
+
+use crate::core::feed::FeedSource;
+use crate::core::item::{AnyValue, Data, Event, Item, StreamShape};
+use crate::core::node::{DynNode, Func, Node, NodeType, Summary};
+use crate::core::params::AnyParams;
+use crate::core::ports::{Events, Many, Port, PortKind, PortSpec, Stream, Value};
+use crate::core::random::Random;
+use crate::core::shape::{Build, Ends, LinkShape, Lookaround, NodeShape, RawShape};
+use crate::core::stage::{Clock, Cx, InWire, OutWire, Stage, StageNode};
+use crate::core::state::{StateArchive, Stateful};
+use crate::core::time::{Rate, TICKS_PER_SECOND, Tick};
 use std::any::Any;
 use std::cell::RefCell;
 use std::sync::Arc;
 
-/// Whole input data for one link of a node.
-#[derive(Clone)]
-pub struct Feed {
-    shape: LinkShape,
-    source: Option<Source>,
-}
+/// Plays a [`Feed`] into the buffer of its one output.
+struct Player(Arc<dyn FeedSource>);
 
-#[derive(Clone)]
-struct Source {
-    player: Arc<dyn Fn() -> Box<dyn DynNode> + Send + Sync>,
-    events: Option<&'static EventType>,
-    vary: Option<Vary>,
-}
-
-type Vary = Arc<dyn Fn(usize, &mut Rng) -> Feed + Send + Sync>;
-
-impl Feed {
-    /// A stream of `data.len() / width` items.
-    #[must_use]
-    pub fn stream<T: Item>(rate: Rate, format: T::Format, data: Vec<T::Elem>) -> Self {
-        let items = data.len() / T::width(&format).max(1);
-        let end = Some(rate.tick(items as i64));
-        let data: Arc<[T::Elem]> = data.into();
-        let shape = LinkShape::Stream(StreamShape::new::<T>(rate, format.clone(), end));
-        let kept = Arc::clone(&data);
-        let vary = move |item: usize, rng: &mut Rng| {
-            let width = T::width(&format);
-            let mut data = kept.to_vec();
-            for (place, elem) in data.iter_mut().skip(item * width).take(width).enumerate() {
-                *elem = T::trial(&format, place, rng);
-            }
-            Self::stream::<T>(rate, format.clone(), data)
-        };
-        Self {
-            shape,
-            source: Some(Source {
-                player: Arc::new(move || Box::new(Player::<T> { data: Arc::clone(&data) })),
-                events: None,
-                vary: Some(Arc::new(vary)),
-            }),
-        }
-    }
-
-    /// The same stream with other numbers in one item, for trials; `None` for events and values.
-    #[must_use]
-    pub fn vary(&self, item: usize, rng: &mut Rng) -> Option<Self> {
-        self.source.as_ref()?.vary.as_ref().map(|vary| vary(item, rng))
-    }
-
-    /// Events, sorted by time, until `end`.
-    #[must_use]
-    pub fn events<T: Event>(events: Vec<(Tick, T)>, end: Tick) -> Self {
-        let events: Arc<[(Tick, T)]> = events.into();
-        Self {
-            shape: LinkShape::Events(Some(end)),
-            source: Some(Source {
-                player: Arc::new(move || Box::new(EventPlayer { events: Arc::clone(&events) })),
-                events: Some(OfEvent::<T>::INFO),
-                vary: None,
-            }),
-        }
-    }
-
-    /// A value.
-    #[must_use]
-    pub fn value(value: AnyValue) -> Self {
-        Self { shape: LinkShape::Value(Some(value)), source: None }
-    }
-
-    /// What a node sees of it when it is shaped.
-    #[must_use]
-    pub fn shape(&self) -> &LinkShape {
-        &self.shape
-    }
-}
-
-struct Player<T: Item> {
-    data: Arc<[T::Elem]>,
-}
-
-impl<T: Item> DynNode for Player<T> {
+impl DynNode for Player {
     fn run(&mut self, cx: &Cx<'_>) -> Result<(), Fault> {
-        let mut out = <Stream<T> as OutKind>::view(cx, 0);
-        let (first, width, len) = (out.first() as usize, out.width(), out.len());
-        out.items().copy_from_slice(&self.data[first * width..(first + len) * width]);
-        Ok(())
-    }
-
-    fn as_any_mut(&mut self) -> &mut dyn Any {
-        self
-    }
-}
-
-struct EventPlayer<T: Event> {
-    events: Arc<[(Tick, T)]>,
-}
-
-impl<T: Event> DynNode for EventPlayer<T> {
-    fn run(&mut self, cx: &Cx<'_>) -> Result<(), Fault> {
-        let mut out = <Events<T> as OutKind>::view(cx, 0);
-        let (from, to) = out.window();
-        for (tick, event) in self.events.iter().filter(|(t, _)| (from..to).contains(t)) {
-            out.push(*tick, event.clone());
-        }
+        cx.raw_output(0, |buffer, span| self.0.append_to(buffer, span.from, span.to));
         Ok(())
     }
 
@@ -261,7 +166,7 @@ impl Standalone {
     }
 
     fn link_shapes(&self) -> Vec<Vec<LinkShape>> {
-        self.links.iter().map(|feeds| feeds.iter().map(|f| f.shape.clone()).collect()).collect()
+        self.links.iter().map(|feeds| feeds.iter().map(|f| f.shape().clone()).collect()).collect()
     }
 
     /// Wires the node and runs nothing yet.
@@ -338,7 +243,7 @@ impl Standalone {
 
     fn delay(&self, shape: &NodeShape) -> Tick {
         let spans = self.links.iter().zip(&shape.lookaround).flat_map(|(feeds, lookaround)| {
-            feeds.iter().map(|feed| match &feed.shape {
+            feeds.iter().map(|feed| match feed.shape() {
                 LinkShape::Stream(stream) => stream.rate.span(lookaround.ahead),
                 LinkShape::Events(_) => lookaround.ahead as Tick,
                 LinkShape::Value(_) => 0,
@@ -348,7 +253,7 @@ impl Standalone {
     }
 
     fn value_wires(&self) -> Vec<Vec<InWire>> {
-        let wire = |feed: &Feed| match &feed.shape {
+        let wire = |feed: &Feed| match feed.shape() {
             LinkShape::Value(Some(value)) => Some(InWire::Value(value.clone())),
             _ => None,
         };
@@ -358,7 +263,7 @@ impl Standalone {
 
 #[derive(Default)]
 struct Wiring {
-    buffers: Vec<Box<dyn super::buffer::AnyBuffer>>,
+    buffers: Vec<Box<dyn AnyBuffer>>,
     clocks: Vec<Clock>,
     nodes: Vec<StageNode>,
     /// The first tick of the node itself.
@@ -378,7 +283,7 @@ impl Wiring {
         clock
     }
 
-    fn buffer(&mut self, buffer: Box<dyn super::buffer::AnyBuffer>) -> usize {
+    fn buffer(&mut self, buffer: Box<dyn AnyBuffer>) -> usize {
         self.buffers.push(buffer);
         self.buffers.len() - 1
     }
@@ -410,8 +315,8 @@ impl Wiring {
     fn input(&mut self, feed: &Feed, lookaround: Lookaround, delay: Tick, end: Tick, window: Tick) -> InWire {
         let Lookaround { behind, ahead, delay: late, ends } = lookaround;
         let pad = if ends == Ends::Hold { Pad::Hold } else { Pad::Silence };
-        let player = feed.source.as_ref().map(|source| (source.player)());
-        match &feed.shape {
+        let player = feed.source().map(|source| Box::new(Player(Arc::clone(source))) as Box<dyn DynNode>);
+        match feed.shape() {
             LinkShape::Value(value) => InWire::Value(value.clone().expect("a feed holds its value")),
             LinkShape::Stream(stream) => {
                 let rate = stream.rate;
@@ -424,7 +329,7 @@ impl Wiring {
                 InWire::Stream { buffer, clock, behind, ahead, delay: late, width: stream.width, rate }
             }
             LinkShape::Events(stop) => {
-                let event = feed.source.as_ref().and_then(|source| source.events);
+                let event = feed.source().and_then(|source| source.event_type());
                 let event = event.expect("a feed of events knows their type");
                 let span = delay + window + behind as Tick + ahead as Tick;
                 let buffer = self.buffer((event.buffer)(span, &Budget::default()));

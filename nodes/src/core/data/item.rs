@@ -1,8 +1,8 @@
 //! The types that travel over links, and what the runtime knows of each.
 
 use super::buffer::{AnyBuffer, Budget, EventBuffer, Pad, StreamBuffer};
+use super::feed::Feed;
 use super::random::Rng;
-use super::standalone::Feed;
 use super::time::{Rate, Tick};
 use serde::{Serialize, de::DeserializeOwned};
 use std::any::{Any, TypeId};
@@ -455,4 +455,15 @@ impl Debug for StreamShape {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} at {}, {}", self.item.name, self.rate, self.text)
     }
+}
+
+/// What is known of one link of an input.
+#[derive(Clone, Debug)]
+pub enum LinkShape {
+    /// A stream.
+    Stream(StreamShape),
+    /// Events that end at a time.
+    Events(Option<Tick>),
+    /// A value; not there yet where it is made by the run itself.
+    Value(Option<AnyValue>),
 }

@@ -1,0 +1,12 @@
+//! Data types and time: what travels between nodes, and the buffers, files and states that hold it.
+
+pub mod buffer;
+pub mod content;
+pub mod fault;
+pub mod feed;
+pub mod files;
+pub mod input;
+pub mod item;
+pub mod random;
+pub mod state;
+pub mod time;

@@ -1,0 +1,258 @@
+//! The values that parameters take: as a graph file writes them, their types and their ranges.
+
+use crate::core::random::Rng;
+use serde::{Deserialize, Serialize};
+use std::fmt::{self, Debug};
+
+/// A value as it stands in a graph file, before a parameter has taken it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Datum {
+    /// `()`.
+    Unit,
+    /// `true`.
+    Bool(bool),
+    /// A whole number.
+    Int(i64),
+    /// A decimal number.
+    Float(f64),
+    /// Quoted text.
+    Text(String),
+    /// A bare name.
+    Name(String),
+    /// `[a, b]` or `(a, b)`.
+    List(Vec<Datum>),
+    /// Anything that no parameter takes, by what it is called.
+    Other(String),
+}
+
+impl Datum {
+    /// What it is, for messages.
+    #[must_use]
+    pub fn describe(&self) -> String {
+        match self {
+            Self::Unit => "()".into(),
+            Self::Bool(b) => b.to_string(),
+            Self::Int(i) => i.to_string(),
+            Self::Float(x) => format!("{x:?}"),
+            Self::Text(t) => format!("{t:?}"),
+            Self::Name(n) => n.clone(),
+            Self::List(l) => format!("a list of {}", l.len()),
+            Self::Other(what) => what.clone(),
+        }
+    }
+}
+
+impl fmt::Display for Datum {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::List(items) => {
+                f.write_str("[")?;
+                for (k, item) in items.iter().enumerate() {
+                    write!(f, "{}{item}", if k > 0 { ", " } else { "" })?;
+                }
+                f.write_str("]")
+            }
+            other => f.write_str(&other.describe()),
+        }
+    }
+}
+
+/// Why a parameter does not take a value.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Mismatch {
+    /// Another type of value.
+    Type {
+        /// What the parameter takes.
+        expected: String,
+        /// What was there.
+        found: String,
+    },
+    /// A number outside the declared range.
+    Range {
+        /// What was there.
+        found: f64,
+        /// The declared range.
+        bounds: Bounds,
+    },
+    /// An infinity or NaN.
+    NotFinite {
+        /// What was there.
+        found: String,
+    },
+    /// A name that is none of the choices.
+    Choice {
+        /// What was there.
+        found: String,
+        /// The names that exist.
+        choices: &'static [(&'static str, &'static str)],
+    },
+    /// Items of a list, each with its place from 0 on: as many as [`Self::MOST`].
+    Items(Vec<(usize, Mismatch)>),
+}
+
+impl Mismatch {
+    /// How many items of a list are told.
+    pub const MOST: usize = 100;
+
+    /// What is wrong, with its place in lists of lists: `[2]` for the third item, nothing for the value as a whole.
+    #[must_use]
+    pub fn each(&self) -> Vec<(String, &Self)> {
+        let Self::Items(items) = self else { return vec![(String::new(), self)] };
+        items
+            .iter()
+            .flat_map(|(k, item)| item.each().into_iter().map(move |(at, e)| (format!("[{k}]{at}"), e)))
+            .collect()
+    }
+}
+
+/// A range of numbers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bounds {
+    /// Least value that is accepted.
+    pub min: f64,
+    /// Greatest value that is accepted.
+    pub max: f64,
+}
+
+impl Bounds {
+    /// Any finite number.
+    pub const ALL: Self = Self { min: f64::MIN, max: f64::MAX };
+
+    /// Whether a number lies within.
+    #[must_use]
+    pub fn holds(&self, x: f64) -> bool {
+        (self.min..=self.max).contains(&x)
+    }
+
+    /// A number within: an end now and then, otherwise spread over the range's magnitude.
+    pub fn trial(&self, rng: &mut Rng) -> f64 {
+        let (min, max) = (self.min.max(-1e6), self.max.min(1e6));
+        match rng.below(8) {
+            0 => min,
+            1 => max,
+            2..=4 if min > 0.0 => (rng.between(min.ln(), max.ln())).exp().clamp(min, max),
+            _ => rng.between(min, max),
+        }
+    }
+}
+
+impl fmt::Display for Bounds {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} to {}", self.min, self.max)
+    }
+}
+
+/// Makes [`Bounds`] of a range expression.
+pub trait IntoBounds {
+    /// The bounds.
+    fn bounds(self) -> Bounds;
+}
+
+macro_rules! into_bounds {
+    ($($t:ty),*) => { $(
+        impl IntoBounds for std::ops::RangeInclusive<$t> {
+            fn bounds(self) -> Bounds {
+                Bounds { min: *self.start() as f64, max: *self.end() as f64 }
+            }
+        }
+    )* };
+}
+into_bounds!(f32, f64, u16, u32, u64, usize, i32, i64);
+
+/// What kind of value a parameter takes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ParamKind {
+    /// `true` or `false`.
+    Bool,
+    /// A whole number.
+    Int,
+    /// A number.
+    Float,
+    /// Text.
+    Text,
+    /// The path of an input file.
+    Asset,
+    /// The path of an output file.
+    Output,
+    /// Items per second, a number or `"24000/1001"`.
+    Rate,
+    /// One of several names, each with its explanation.
+    Choice(&'static [(&'static str, &'static str)]),
+    /// Several of one kind; the count where it is fixed.
+    List(&'static ParamKind, Option<usize>),
+    /// Nothing (`None`), or one of a kind.
+    Maybe(&'static ParamKind),
+}
+
+impl ParamKind {
+    /// Whether values of it are numbers, which need a unit and a range.
+    #[must_use]
+    pub fn is_number(&self) -> bool {
+        match self {
+            Self::Int | Self::Float => true,
+            Self::List(kind, _) | Self::Maybe(kind) => kind.is_number(),
+            _ => false,
+        }
+    }
+
+    /// The innermost kind, inside lists and options.
+    #[must_use]
+    pub fn innermost(&self) -> &ParamKind {
+        match self {
+            Self::List(kind, _) | Self::Maybe(kind) => kind.innermost(),
+            other => other,
+        }
+    }
+}
+
+impl fmt::Display for ParamKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Bool => f.write_str("true or false"),
+            Self::Int => f.write_str("whole number"),
+            Self::Float => f.write_str("number"),
+            Self::Text => f.write_str("text"),
+            Self::Asset => f.write_str("path of an input file"),
+            Self::Output => f.write_str("path of an output file"),
+            Self::Rate => f.write_str("rate"),
+            Self::Choice(names) => {
+                f.write_str(&names.iter().map(|(n, _)| *n).collect::<Vec<_>>().join(" or "))
+            }
+            Self::List(kind, Some(n)) => write!(f, "{n} times {kind}"),
+            Self::List(kind, None) => write!(f, "list of {kind}"),
+            Self::Maybe(kind) => write!(f, "{kind}, or None"),
+        }
+    }
+}
+
+/// One declared parameter.
+#[derive(Debug)]
+pub struct ParamSpec {
+    /// Its name in graphs.
+    pub name: &'static str,
+    /// What it means.
+    pub doc: &'static str,
+    /// What it takes.
+    pub kind: ParamKind,
+    /// Its unit; empty for a pure number.
+    pub unit: Option<&'static str>,
+    /// Its range, for numbers.
+    pub bounds: Option<Bounds>,
+    /// Its default; `None` where it has to be given.
+    pub default: Option<Datum>,
+}
+
+/// A type that a parameter can have.
+pub trait Param: Sized {
+    /// What graphs write for it.
+    const KIND: ParamKind;
+    /// Takes a value.
+    ///
+    /// # Errors
+    /// When it is of another type, not finite or out of range.
+    fn read(datum: &Datum, bounds: Option<Bounds>) -> Result<Self, Mismatch>;
+    /// The value as graphs write it.
+    fn write(&self) -> Datum;
+    /// A valid value for trials.
+    fn trial(rng: &mut Rng, bounds: Option<Bounds>) -> Self;
+}

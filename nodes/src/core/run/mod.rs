@@ -1,0 +1,4 @@
+//! What runs nodes: a stage of wired nodes, and one node standalone.
+
+pub mod stage;
+pub mod standalone;
