@@ -4,7 +4,7 @@
 //! `cargo bench --bench budget`, or with `-- 600` for ten minutes instead of one. Budget: half a core for audio, one for the
 //! analysis of the motion, and no window late.
 
-use foley::graph::{DirFiles, Limits, Override, load};
+use foley::graph::{DirFiles, Limits, LoadOptions, Override, load};
 use foley::live::device::{self, Device};
 use foley::live::{Material, NodeMeter, Options, Player};
 use foley_nodes::core::input::NoInputs;
@@ -129,7 +129,7 @@ fn inputs(folder: &Path, seconds: f64) -> Vec<Override> {
 fn material(folder: &Path, seconds: f64) -> Material {
     let sets = inputs(folder, seconds);
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("graphs/cloth/live.ron");
-    let loaded = load(&path, &sets, &[folder.to_owned()], Limits::default());
+    let loaded = load(&path, &LoadOptions::default().overrides(sets).allow_read(folder));
     let graph = loaded.graph.unwrap_or_else(|| panic!("{:?}", loaded.diagnostics));
     let files = DirFiles::new(loaded.root, Limits::default());
     Material { seed: graph.seed, graph, files, memo: None, inputs: Arc::new(NoInputs) }

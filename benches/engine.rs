@@ -5,7 +5,7 @@
 
 mod common;
 
-use foley::graph::{DirFiles, Graph, Limits, Root, load_text};
+use foley::graph::{DirFiles, Graph, Limits, LoadOptions, Root, load_text};
 use foley::plan::{Plan, PlanOptions};
 use foley::run::{DirOutputs, Job, Progress, Report, Values, stage};
 use foley_nodes::core::time::Rate;
@@ -22,7 +22,7 @@ fn chain(nodes: usize) -> Graph {
         let _ = writeln!(text, "\"g{k}\": Gain(audio: \"g{}\", gain: 0.9999),", k - 1);
     }
     let _ = writeln!(text, "\"out\": WavOut(audio: \"g{nodes}\", path: \"unused.wav\"),\n}})");
-    let loaded = load_text("chain.ron", &text, Path::new("chain.ron"), &[]);
+    let loaded = load_text("chain.ron", &text, Path::new("chain.ron"), &LoadOptions::default());
     loaded.graph.expect("the chain is a valid graph")
 }
 

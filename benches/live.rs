@@ -2,7 +2,7 @@
 //!
 //! `cargo bench --bench live`
 
-use foley::graph::{DirFiles, Limits, load};
+use foley::graph::{DirFiles, Limits, LoadOptions, load};
 use foley::live::device::{self, Device};
 use foley::live::{Material, Options, Player, Reloaded, Told};
 use foley::watch::Eyes;
@@ -30,7 +30,7 @@ fn text(nodes: usize, edit: usize) -> String {
 }
 
 fn material(path: &Path) -> (Material, foley::graph::Asked) {
-    let loaded = load(path, &[], &[], Limits::default());
+    let loaded = load(path, &LoadOptions::default());
     let files = DirFiles::new(loaded.root, Limits::default());
     let graph = loaded.graph.expect("the graph of this bench is valid");
     let asked = files.asked();

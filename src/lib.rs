@@ -1,7 +1,7 @@
 //! The runtime of foley: RON graphs of typed nodes, checked, planned and run.
 //!
 //! Data goes down these rooms once: [`lang`] reads the text, [`graph`] checks it, [`plan`] finds what it needs,
-//! [`run`] runs it. [`diag`] says what is wrong on the way, [`watch`] notices that files have changed, and [`cli`] is the command.
+//! [`run`] runs it. [`Session`] leads through all of them. [`diag`] says what is wrong on the way, [`watch`] notices that files have changed, and [`cli`] is the command.
 #![forbid(unsafe_code)]
 
 pub mod cli;
@@ -14,7 +14,12 @@ pub mod live;
 pub mod memo;
 pub mod plan;
 pub mod run;
+pub mod session;
 pub mod watch;
+
+pub use foley_nodes as nodes;
+pub use foley_nodes::registry::Registry;
+pub use session::{Errors, Session};
 
 // The Rust examples of the book are compiled and run with the documentation tests.
 #[cfg(doctest)]

@@ -4,7 +4,7 @@ use clap::CommandFactory as _;
 use foley::cli::Args;
 use foley::diag::{Severity, render};
 use foley::docs::{anchor, pages};
-use foley::graph::load_text;
+use foley::graph::{LoadOptions, load_text};
 use foley::lang::parse;
 use std::collections::BTreeSet;
 use std::fs;
@@ -111,7 +111,7 @@ fn graphs_in_the_book_and_in_the_errors_are_right() {
             whole += usize::from(*text == block);
             // A piece links to nodes outside it, and files are only there in the reader's folder.
             let outside = ["F020", "F021", "F060", "F062"];
-            let loaded = load_text("book.ron", text, Path::new("book.ron"), &[]);
+            let loaded = load_text("book.ron", text, Path::new("book.ron"), &LoadOptions::default());
             let wrong: Vec<_> = (loaded.diagnostics.into_iter())
                 .filter(|d| d.severity == Severity::Error && !outside.contains(&d.code))
                 .collect();
@@ -123,7 +123,7 @@ fn graphs_in_the_book_and_in_the_errors_are_right() {
 
 #[test]
 fn generated_pages_are_up_to_date() {
-    for (path, text) in pages(root(), Args::command()).unwrap() {
+    for (path, text) in pages(root(), Args::command(), &foley::Registry::standard()).unwrap() {
         let stored = fs::read_to_string(root().join("docs/src").join(&path)).unwrap_or_default();
         assert!(stored == text, "docs/src/{path} is not up to date: run `foley docs --write`");
     }

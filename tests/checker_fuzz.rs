@@ -2,7 +2,7 @@
 
 use foley::diag::{any_error, json, render};
 use foley::draw::{Drawing, svg};
-use foley::graph::{DirFiles, Limits, Override, load_text};
+use foley::graph::{DirFiles, Limits, LoadOptions, Override, load_text};
 use foley::lang::parse;
 use foley::plan::{PlanOptions, faults};
 use foley_nodes::core::random::Rng;
@@ -79,7 +79,12 @@ fn judge(text: &str) -> bool {
 }
 
 fn judge_with(text: &str, sets: &[Override]) -> bool {
-    let loaded = load_text("graph.ron", text, Path::new("tests/diagnostics/graph.ron"), sets);
+    let loaded = load_text(
+        "graph.ron",
+        text,
+        Path::new("tests/diagnostics/graph.ron"),
+        &LoadOptions::default().overrides(sets.to_vec()),
+    );
     assert_eq!(loaded.graph.is_none(), any_error(&loaded.diagnostics), "{text}");
     let told = render(&loaded.diagnostics, &loaded.sources, false);
     assert_eq!(told.is_empty(), loaded.diagnostics.is_empty());

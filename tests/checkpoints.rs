@@ -3,7 +3,7 @@
 mod common;
 
 use foley::diag::Diagnostic;
-use foley::graph::{DirFiles, Limits, load};
+use foley::graph::{DirFiles, Limits, LoadOptions, load};
 use foley::memo::{Memo, Rule};
 use foley::plan::{Plan, PlanOptions};
 use foley::run::{DirOutputs, Job, Progress, Report, check_tap, run};
@@ -36,7 +36,7 @@ impl Case {
 
     /// Runs until a share of the work is done; `None` runs to the end.
     fn run(&self, out: &str, memo: bool, share: Option<f64>) -> Result<Report, Vec<Diagnostic>> {
-        let loaded = load(&self.graph, &[], &[], Limits::default());
+        let loaded = load(&self.graph, &LoadOptions::default());
         let graph = loaded.graph.expect("the graph is right");
         let files = DirFiles::new(loaded.root, Limits::default());
         let out = self.dir.path().join(out);

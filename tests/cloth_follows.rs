@@ -3,7 +3,7 @@
 
 mod common;
 
-use foley::graph::{DirFiles, Limits, load};
+use foley::graph::{DirFiles, Limits, LoadOptions, load};
 use foley::plan::PlanOptions;
 use std::path::Path;
 
@@ -45,7 +45,7 @@ fn what_is_put_together_from_recordings_is_as_loud_as_its_target_asks() {
     ];
     for (name, target, file, least, usual) in cases {
         let out = tempfile::tempdir().unwrap();
-        let loaded = load(&common::graphs().join(format!("cloth/{name}.ron")), &[], &[], Limits::default());
+        let loaded = load(&common::graphs().join(format!("cloth/{name}.ron")), &LoadOptions::default());
         let files = DirFiles::new(loaded.root, Limits::default());
         let options = PlanOptions { threads: 2, ..PlanOptions::default() };
         let tap = format!("{target}=target.wav");

@@ -4,7 +4,7 @@
 //! texts anew: look at the difference before it is committed.
 
 use foley::diag::{Diagnostic, Severity, Sources, any_error, codes, json, render, sort};
-use foley::graph::{DirFiles, Limits, Override, load, load_text};
+use foley::graph::{DirFiles, Limits, LoadOptions, Override, load, load_text};
 use foley::plan::{Plan, PlanOptions, faults};
 use foley::run::{DirOutputs, Job, Progress, run};
 use std::fs;
@@ -44,7 +44,7 @@ fn findings(path: &Path) -> (Vec<Diagnostic>, Sources) {
             other => panic!("{}: no argument --{other}", path.display()),
         }
     }
-    let loaded = load(path, &sets, &[], limits);
+    let loaded = load(path, &LoadOptions::default().overrides(sets).limits(limits));
     let mut found = loaded.diagnostics;
     let files = DirFiles::new(loaded.root, limits);
     let Some(graph) = loaded.graph else {
@@ -190,7 +190,7 @@ Graph(params: {\"name\": \"a.wav\"}, nodes: {
 })";
     let path = |target: &str, value: &str| {
         let sets = [Override { target: target.into(), value: value.into() }];
-        let loaded = load_text("a.ron", text, Path::new("a.ron"), &sets);
+        let loaded = load_text("a.ron", text, Path::new("a.ron"), &LoadOptions::default().overrides(sets));
         let Some(graph) = loaded.graph else { return loaded.diagnostics[0].code.to_owned() };
         let written = graph.nodes[graph.find("out").unwrap()].params.write();
         format!("{:?}", written.iter().find(|(name, _)| *name == "path").unwrap().1)
@@ -222,7 +222,7 @@ Graph({outside}
         )
     };
     let codes = |text: &str| -> Vec<&str> {
-        let loaded = load_text("a.ron", text, Path::new("a.ron"), &[]);
+        let loaded = load_text("a.ron", text, Path::new("a.ron"), &LoadOptions::default());
         let files = DirFiles::new(loaded.root, Limits::default());
         let more = faults(&loaded.sound.unwrap(), &files, &PlanOptions::default());
         loaded.diagnostics.iter().chain(&more).map(|d| d.code).collect()
@@ -240,7 +240,7 @@ Graph(nodes: {
     \"bad\": Gain(audio: \"soft\", gian: 1.0),
     \"out\": WavOut(audio: \"bad\", path: \"a.wav\"),
 })";
-    let loaded = load_text("a.ron", text, Path::new("a.ron"), &[]);
+    let loaded = load_text("a.ron", text, Path::new("a.ron"), &LoadOptions::default());
     let codes: Vec<&str> = loaded.diagnostics.iter().map(|d| d.code).collect();
     assert_eq!(codes, ["F010", "F011"]);
     assert!(loaded.graph.is_none());
@@ -288,7 +288,7 @@ fn json_has_all_fields_for_every_case() {
 fn a_graph_that_is_right_is_told_nothing() {
     let template = foley::cli::template("a");
     let (name, text) = &template[0];
-    let loaded = load_text(name, text, Path::new(name), &[]);
+    let loaded = load_text(name, text, Path::new(name), &LoadOptions::default());
     let told = render(&loaded.diagnostics, &loaded.sources, false);
     assert!(loaded.graph.is_some() && loaded.diagnostics.is_empty(), "{told}");
     assert!(!any_error(&loaded.diagnostics));

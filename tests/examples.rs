@@ -2,7 +2,8 @@
 
 mod common;
 
-use foley::graph::{Limits, load, node_types};
+use foley::Registry;
+use foley::graph::{LoadOptions, load};
 use foley::plan::PlanOptions;
 use foley_nodes::core::time::ticks;
 use std::collections::BTreeSet;
@@ -47,9 +48,10 @@ fn every_example_graph_gives_the_same_bits_for_any_window_and_threads() {
 fn every_node_type_has_an_example_graph() {
     let mut used = BTreeSet::new();
     for path in common::all_graphs() {
-        let loaded = load(&path, &[], &[], Limits::default());
+        let loaded = load(&path, &LoadOptions::default());
         used.extend(loaded.graph.into_iter().flat_map(|g| g.nodes).map(|n| n.ty.name));
     }
-    let missing: Vec<&str> = node_types().iter().map(|t| t.name).filter(|n| !used.contains(n)).collect();
+    let registry = Registry::standard();
+    let missing: Vec<&str> = registry.types().iter().map(|t| t.name).filter(|n| !used.contains(n)).collect();
     assert!(missing.is_empty(), "no example graph uses {missing:?}");
 }

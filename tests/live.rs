@@ -2,7 +2,7 @@
 
 mod common;
 
-use foley::graph::{DirFiles, Limits, Override, load, load_text};
+use foley::graph::{DirFiles, Limits, LoadOptions, Override, load, load_text};
 use foley::live::input::{Hub, listen_to_meshes};
 use foley::live::{Callback, Material, Options, Player, Reloaded};
 use foley::plan::PlanOptions;
@@ -23,7 +23,7 @@ fn graph(nodes: &str) -> String {
 
 fn material(text: &str) -> Material {
     let path = common::graphs().join("basics/test.ron");
-    let loaded = load_text("test", text, &path, &[]);
+    let loaded = load_text("test", text, &path, &LoadOptions::default());
     let shown = foley::diag::render(&loaded.diagnostics, &loaded.sources, false);
     let graph = loaded.graph.unwrap_or_else(|| panic!("{shown}\n{text}"));
     let seed = graph.seed;
@@ -360,7 +360,7 @@ fn scraped(messages: Vec<(Tick, Message)>, distance: &str, seconds: f64) -> Vec<
         ("equal.by_speed", "false"),
     ];
     let given = numbers.map(|(key, value)| Override { target: key.into(), value: value.into() });
-    let loaded = load(&common::graphs().join("texture/live.ron"), &given, &[], Limits::default());
+    let loaded = load(&common::graphs().join("texture/live.ron"), &LoadOptions::default().overrides(given));
     let shown = foley::diag::render(&loaded.diagnostics, &loaded.sources, false);
     let graph = loaded.graph.unwrap_or_else(|| panic!("{shown}"));
     let material = Material {
@@ -446,7 +446,7 @@ fn sent_sheet() -> (tempfile::TempDir, String) {
 #[test]
 fn a_mesh_that_comes_in_is_heard_goes_on_while_frames_are_late_falls_silent_and_comes_back() {
     let (dir, text) = sent_sheet();
-    let loaded = load_text("test", &text, &dir.path().join("main.ron"), &[]);
+    let loaded = load_text("test", &text, &dir.path().join("main.ron"), &LoadOptions::default());
     let shown = foley::diag::render(&loaded.diagnostics, &loaded.sources, false);
     let hub = Arc::new(Hub::new(crossbeam_channel::unbounded().0));
     let material = Material {
@@ -745,7 +745,7 @@ fn after_a_node_has_failed_the_next_load_plays_again() {
     common::run_graph(&made, &files, &PlanOptions::default(), folder.path()).unwrap();
     let path = folder.path().join("o.wav");
     let load = |text: &str| {
-        let loaded = load_text("test", text, &folder.path().join("test.ron"), &[]);
+        let loaded = load_text("test", text, &folder.path().join("test.ron"), &LoadOptions::default());
         let shown = foley::diag::render(&loaded.diagnostics, &loaded.sources, false);
         let graph = loaded.graph.unwrap_or_else(|| panic!("{shown}"));
         let files = DirFiles::new(loaded.root, Limits::default());
@@ -790,10 +790,9 @@ fn a_node_that_runs_offline_only_is_refused_where_it_stands() {
         graph("\"a\": Tone(frequency: 100.0, rate: 48000), \"o\": WavOut(audio: \"a\", path: \"o.wav\")");
     let mut material = material(&text);
     let tone = material.graph.nodes.iter_mut().find(|n| n.id == "a").unwrap();
-    let mut all = foley_nodes::registry::all().into_iter();
-    let mut heavy = all.find(|ty| ty.name == "Tone").unwrap();
+    let mut heavy = foley_nodes::core::node::NodeType::of::<foley_nodes::dsp::nodes::ToneNode>("dsp");
     heavy.class = foley_nodes::core::node::Class::Offline;
-    tone.ty = Box::leak(Box::new(heavy));
+    tone.ty = std::sync::Arc::new(heavy);
     let Err(refused) = Player::start(material, Options::default()) else { panic!("an offline node plays") };
     let [only] = refused.as_slice() else { panic!("{refused:?}") };
     assert_eq!((only.code, only.node.as_deref()), ("F053", Some("a")));

@@ -5,7 +5,7 @@
 
 mod common;
 
-use foley::graph::{DirFiles, Limits, load_text};
+use foley::graph::{DirFiles, Limits, LoadOptions, load_text};
 use foley::live::{Callback, Material, Options, Player, Told};
 use foley_nodes::core::input::NoInputs;
 use foley_nodes::core::random::Rng;
@@ -52,7 +52,7 @@ static ALLOCATOR: Counting = Counting;
 
 fn material(text: &str) -> Material {
     let path = common::graphs().join("basics/test.ron");
-    let loaded = load_text("test", text, &path, &[]);
+    let loaded = load_text("test", text, &path, &LoadOptions::default());
     let shown = foley::diag::render(&loaded.diagnostics, &loaded.sources, false);
     let graph = loaded.graph.unwrap_or_else(|| panic!("{shown}\n{text}"));
     let files = DirFiles::new(loaded.root, Limits::default());

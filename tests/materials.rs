@@ -2,7 +2,7 @@
 
 mod common;
 
-use foley::graph::{DirFiles, Limits, load_text};
+use foley::graph::{DirFiles, Limits, LoadOptions, load_text};
 use foley::plan::PlanOptions;
 use foley_nodes::io::AudioReader;
 use std::path::Path;
@@ -72,7 +72,7 @@ fn run_one(text: &str) -> Vec<u32> {
 fn run_in_folder(text: &str) -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let path = common::graphs().join("assets/recordings/test.ron");
-    let loaded = load_text("test.ron", text, &path, &[]);
+    let loaded = load_text("test.ron", text, &path, &LoadOptions::default());
     let shown = foley::diag::render(&loaded.diagnostics, &loaded.sources, false);
     let graph = loaded.graph.unwrap_or_else(|| panic!("{shown}"));
     let files = DirFiles::new(loaded.root, Limits::default());

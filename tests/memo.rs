@@ -3,7 +3,7 @@
 mod common;
 
 use common::project::{LEVEL, MODEL, Project, cached, calls, foley, warned};
-use foley::graph::{DirFiles, Limits, load};
+use foley::graph::{DirFiles, Limits, LoadOptions, load};
 use foley::memo::{Memo, Session, Store, beside, changes};
 use foley::plan::{Plan, PlanOptions};
 use foley::run::Report;
@@ -415,7 +415,7 @@ fn a_survey_finds_the_key_of_the_next_run_without_running() {
     let project = Project::new(LEVEL);
     let path = project.path("graph.ron");
     let survey = || {
-        let loaded = load(&path, &[], &[], Limits::default());
+        let loaded = load(&path, &LoadOptions::default());
         let graph = loaded.graph.unwrap();
         let files = DirFiles::new(loaded.root, Limits::default());
         let plan = Plan::new(&graph, &files, &PlanOptions::default()).unwrap();

@@ -4,7 +4,7 @@
 mod common;
 
 use common::project::{MODEL, Project, cached, calls, foley, warned};
-use foley::graph::{DirFiles, Limits, load};
+use foley::graph::{DirFiles, Limits, LoadOptions, load};
 use foley::memo::{MEMORY, Memo, Rule};
 use foley::plan::{Plan, PlanOptions};
 use foley::run::{DirOutputs, Job, Progress, Report, run};
@@ -268,7 +268,7 @@ fn every_example_is_the_same_with_all_its_streams_kept() {
         let until = common::cut(&path, 0.6);
         let runs: Vec<_> = (0..3)
             .map(|k| {
-                let loaded = load(&path, &[], &[], Limits::default());
+                let loaded = load(&path, &LoadOptions::default());
                 let graph = loaded.graph.unwrap();
                 let files_of = DirFiles::new(loaded.root, Limits::default());
                 let options = PlanOptions { until, threads: 2, worth: 1e4, ..PlanOptions::default() };

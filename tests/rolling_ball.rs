@@ -2,7 +2,7 @@
 
 mod common;
 
-use foley::graph::{DirFiles, Limits, Override, load_text};
+use foley::graph::{DirFiles, Limits, LoadOptions, Override, load_text};
 use foley::plan::PlanOptions;
 use foley_nodes::io::AudioReader;
 use serde_json::Value;
@@ -62,7 +62,7 @@ fn a_ball_that_was_sent_is_heard_where_it_meets_the_joints_of_its_floor() {
         ("equal.by_speed", "false"),
     ]
     .map(|(key, value)| Override { target: key.into(), value: value.into() });
-    let loaded = load_text(path.to_str().unwrap(), &text, &path, &given);
+    let loaded = load_text(path.to_str().unwrap(), &text, &path, &LoadOptions::default().overrides(given));
     let shown = foley::diag::render(&loaded.diagnostics, &loaded.sources, false);
     let graph = loaded.graph.unwrap_or_else(|| panic!("{shown}"));
     let folder = tempfile::tempdir().unwrap();

@@ -2,7 +2,7 @@
 
 mod common;
 
-use foley::graph::{DirFiles, Limits, Override, load};
+use foley::graph::{DirFiles, Limits, LoadOptions, Override, load};
 use foley::plan::PlanOptions;
 use foley_nodes::core::time::{Rate, ticks};
 use foley_nodes::io::AudioReader;
@@ -17,7 +17,7 @@ fn sound(name: &str, numbers: &[(&str, &str)], seconds: f64, window: usize) -> V
         .iter()
         .map(|(key, value)| Override { target: (*key).into(), value: (*value).into() })
         .collect();
-    let loaded = load(&path, &given, &[], Limits::default());
+    let loaded = load(&path, &LoadOptions::default().overrides(given));
     let shown = foley::diag::render(&loaded.diagnostics, &loaded.sources, false);
     let graph = loaded.graph.unwrap_or_else(|| panic!("{shown}"));
     let window = Rate::hz(44_100).span(window);

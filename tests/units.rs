@@ -2,7 +2,7 @@
 
 mod common;
 
-use foley::graph::{DirFiles, Limits, Root, load_text};
+use foley::graph::{DirFiles, Limits, LoadOptions, Root, load_text};
 use foley::plan::PlanOptions;
 use foley_nodes::core::time::{Rate, ticks};
 use foley_nodes::feature::FeatureConventions;
@@ -60,7 +60,7 @@ fn run(own: &str, window: f64) -> Result<Vec<f32>, String> {
 /// Runs a graph whose files lie in a folder.
 fn run_in(dir: &Path, text: &str, window: f64) -> Result<(), String> {
     let file = dir.join("units.ron");
-    let loaded = load_text("units.ron", text, &file, &[]);
+    let loaded = load_text("units.ron", text, &file, &LoadOptions::default());
     let graph = loaded.graph.ok_or_else(|| format!("{:?}", loaded.diagnostics))?;
     let files = DirFiles::new(Root::of(&file), Limits::default());
     let options = PlanOptions { window: ticks(window), ..PlanOptions::default() };

@@ -1,7 +1,7 @@
 //! What the benches of whole graphs share.
 #![allow(dead_code, reason = "no bench runs graphs in every way")]
 
-use foley::graph::{DirFiles, Limits, Override, load};
+use foley::graph::{DirFiles, Limits, LoadOptions, Override, load};
 use foley::memo::Memo;
 use foley::plan::{Plan, PlanOptions};
 use foley::run::{DirOutputs, Job, Progress, Report, run};
@@ -31,7 +31,7 @@ pub fn run_by(
     options: &PlanOptions,
 ) -> (f64, Report) {
     let start = Instant::now();
-    let loaded = load(path, sets, &[folder.to_owned()], Limits::default());
+    let loaded = load(path, &LoadOptions::default().overrides(sets.to_vec()).allow_read(folder));
     let graph = loaded.graph.unwrap_or_else(|| panic!("{:?}", loaded.diagnostics));
     let files = DirFiles::new(loaded.root, Limits::default());
     let plan = Plan::new(&graph, &files, options).expect("the graph can be planned");

@@ -3,12 +3,12 @@
 
 use foley::diag::{any_error, json, render};
 use foley::draw::{Drawing, svg};
-use foley::graph::load_text;
+use foley::graph::{LoadOptions, load_text};
 use libfuzzer_sys::fuzz_target;
 use std::path::Path;
 
 fuzz_target!(|text: &str| {
-    let loaded = load_text("graph.ron", text, Path::new("no-such-folder/graph.ron"), &[]);
+    let loaded = load_text("graph.ron", text, Path::new("no-such-folder/graph.ron"), &LoadOptions::default());
     assert_eq!(loaded.graph.is_none(), any_error(&loaded.diagnostics));
     let _ = render(&loaded.diagnostics, &loaded.sources, false);
     let _ = json(&loaded.diagnostics, &loaded.sources);

@@ -1,11 +1,11 @@
-//! The plain list of all node types.
+//! The node types that graphs can use: a plain list, one line a type.
 
 use crate::contact::analytic_node::AnalyticCollider;
 use crate::contact::detector_node::ContactDetector;
 use crate::contact::router::MaterialRouter;
 use crate::contact::skinned_node::SkinnedSlip;
 use crate::contact::speed_nodes::{SlidingSpeed, SpeedMapNode};
-use crate::core::node::NodeType;
+use crate::core::node::{Each, Func, Node, NodeType};
 use crate::crumple::bank_nodes::{CrumpleBankFile, CrumpleExtractor};
 use crate::crumple::binaural_player_node::BinauralCrumplePlayer;
 use crate::crumple::buckle_node::BuckleDetectorNode;
@@ -75,121 +75,255 @@ use crate::warp::nodes::{Correspondences, TpsWarp, WarpFile};
 use crate::warp::suggest_node::CorrespondenceSuggester;
 use crate::{dsp, io, live};
 
-/// Every node type, one line each, by family.
+use std::sync::Arc;
+
+/// Node types by name, in the order in which they were added.
+///
+/// # Example
+///
+/// A program with nodes of its own adds them to those of this library:
+///
+/// ```
+/// # use foley_nodes::dsp::nodes::GainNode;
+/// # use foley_nodes::registry::Registry;
+/// let registry = Registry::empty().family("own").with::<GainNode>();
+/// assert_eq!(registry.get("Gain").map(|ty| ty.family), Some("own"));
+/// ```
+#[derive(Clone, Debug)]
+pub struct Registry {
+    types: Vec<Arc<NodeType>>,
+    family: &'static str,
+}
+
+impl Default for Registry {
+    fn default() -> Self {
+        Self::standard()
+    }
+}
+
+impl Registry {
+    /// No node types.
+    #[must_use]
+    pub fn empty() -> Self {
+        Self { types: Vec::new(), family: "own" }
+    }
+
+    /// Sets the family of the node types that are added next; it is `own` at first.
+    #[must_use]
+    pub fn family(mut self, family: &'static str) -> Self {
+        self.family = family;
+        self
+    }
+
+    /// Adds a [`Node`].
+    ///
+    /// # Panics
+    /// When there is a node type of that name: graphs could not say which one they mean.
+    #[must_use]
+    pub fn with<N: Node>(self) -> Self {
+        let family = self.family;
+        self.with_type(NodeType::of::<N>(family))
+    }
+
+    /// Adds an [`Each`].
+    ///
+    /// # Panics
+    /// As [`Registry::with`].
+    #[must_use]
+    pub fn with_each<E: Each>(self) -> Self {
+        let family = self.family;
+        self.with_type(NodeType::each::<E>(family))
+    }
+
+    /// Adds a [`Func`].
+    ///
+    /// # Panics
+    /// As [`Registry::with`].
+    #[must_use]
+    pub fn with_func<F: Func>(self) -> Self {
+        let family = self.family;
+        self.with_type(NodeType::func::<F>(family))
+    }
+
+    /// Adds a node type.
+    ///
+    /// # Panics
+    /// As [`Registry::with`].
+    #[must_use]
+    pub fn with_type(mut self, ty: NodeType) -> Self {
+        assert!(self.get(ty.name).is_none(), "there are two node types `{}`", ty.name);
+        self.types.push(Arc::new(ty));
+        self
+    }
+
+    /// The node type of a name.
+    ///
+    /// # Complexity
+    /// Linear in the number of node types.
+    #[must_use]
+    pub fn get(&self, name: &str) -> Option<&Arc<NodeType>> {
+        self.types.iter().find(|ty| ty.name == name)
+    }
+
+    /// All node types, in the order in which they were added.
+    #[must_use]
+    pub fn types(&self) -> &[Arc<NodeType>] {
+        &self.types
+    }
+
+    /// The families of the node types, each once, in that order.
+    #[must_use]
+    pub fn families(&self) -> Vec<&'static str> {
+        let mut all = Vec::new();
+        for ty in &self.types {
+            if !all.contains(&ty.family) {
+                all.push(ty.family);
+            }
+        }
+        all
+    }
+
+    /// Every node type of this library, by family.
+    #[must_use]
+    pub fn standard() -> Self {
+        Self::empty()
+            .family("io")
+            .with::<io::nodes::WavInNode>()
+            .with::<io::nodes::WavOutNode>()
+            .family("dsp")
+            .with::<dsp::Advance>()
+            .with::<dsp::nodes::BiquadNode>()
+            .with_each::<dsp::nodes::ChannelsNode>()
+            .with::<dsp::nodes::CrossfadeNode>()
+            .with::<dsp::nodes::DelayNode>()
+            .with::<dsp::nodes::FadeNode>()
+            .with::<dsp::nodes::FeedbackNode>()
+            .with::<dsp::nodes::GainNode>()
+            .with::<dsp::nodes::HighPassNode>()
+            .with::<dsp::nodes::ImpulsesNode>()
+            .with::<dsp::nodes::LevelMeterNode>()
+            .with::<dsp::nodes::LoudnessNode>()
+            .with::<dsp::nodes::LowPassNode>()
+            .with::<dsp::nodes::MetronomeNode>()
+            .with::<dsp::nodes::MixNode>()
+            .with_each::<dsp::nodes::MonoNode>()
+            .with::<dsp::nodes::NoiseNode>()
+            .with::<dsp::nodes::NormalizeNode>()
+            .with::<dsp::nodes::PanNode>()
+            .with::<dsp::nodes::ResampleNode>()
+            .with::<dsp::nodes::SweepNode>()
+            .with::<dsp::nodes::ToneNode>()
+            .with::<dsp::nodes::TrimNode>()
+            .family("mesh")
+            .with::<MeshSequence>()
+            .with::<MeshGenerator>()
+            .with::<MeshSubdivide>()
+            .family("contact")
+            .with::<ContactDetector>()
+            .with::<AnalyticCollider>()
+            .with_each::<MaterialRouter>()
+            .with::<SlidingSpeed>()
+            .with::<SkinnedSlip>()
+            .with_each::<SpeedMapNode>()
+            .family("friction")
+            .with::<IftNoiseNode>()
+            .with::<BinauralIftNoise>()
+            .with::<FrictionModelBuilder>()
+            .with_func::<FrictionModelFromClips>()
+            .with_func::<FrictionModelFile>()
+            .with_func::<InterpolatedSpectra>()
+            .with_func::<PairFrictionModel>()
+            .family("curvature")
+            .with::<MeanCurvatureNode>()
+            .with::<RestNoiseNode>()
+            .family("crumple")
+            .with::<BuckleDetectorNode>()
+            .with::<BuckleFigure>()
+            .with::<CrumpleEventsNode>()
+            .with::<EnergyCalibrationNode>()
+            .with_func::<EnergyCalibrationFile>()
+            .with_func::<CrumpleExtractor>()
+            .with_func::<CrumpleBankFile>()
+            .with::<HistogramMatcher>()
+            .with::<CrumplePlayer>()
+            .with::<BinauralCrumplePlayer>()
+            .family("feature")
+            .with::<Mfcc>()
+            .with::<TemporalGaussian>()
+            .family("unit")
+            .with_func::<UnitDatabaseNode>()
+            .with_func::<UnitDatabaseFile>()
+            .with::<UnitSelector>()
+            .with::<GlobalUnitSelector>()
+            .with::<OnlineUnitSelector>()
+            .with::<UnitConcatenator>()
+            .with::<SelectionReportNode>()
+            .family("modal")
+            .with::<ImpactFile>()
+            .with::<ImpactForce>()
+            .with_func::<MembraneModes>()
+            .with::<ModalBankNode>()
+            .with_func::<ModalFromRecording>()
+            .with_func::<ModesFile>()
+            .family("tension")
+            .with::<TensionImpact>()
+            .family("texture")
+            .with_func::<ImageLuma>()
+            .with_func::<HistogramClass>()
+            .with_func::<SobelMap>()
+            .with_func::<MapCoder>()
+            .with_func::<MapFile>()
+            .with_func::<Bilateral>()
+            .with_func::<DogFeatures>()
+            .with_func::<FeatureNoiseSplit>()
+            .with_func::<NoiseProfileNode>()
+            .with_func::<MapSizes>()
+            .family("scrape")
+            .with::<ContactPath>()
+            .family("texture")
+            .with_func::<IsophotesNode>()
+            .with_func::<IsophotesFile>()
+            .with_func::<TextureReport>()
+            .family("scrape")
+            .with::<FeatureCrossings>()
+            .with::<IsophoteExcitation>()
+            .with_func::<LevelMatcher>()
+            .with::<LodSelect>()
+            .with::<MapExcitation>()
+            .with::<NoiseExcitation>()
+            .with::<OtherSurface>()
+            .with::<PathProfileNode>()
+            .with::<Stroke>()
+            .with_func::<PairMatcher>()
+            .with::<TwoTextures>()
+            .family("rigid")
+            .with::<ContactClassifier>()
+            .with::<ContactLog>()
+            .family("spatial")
+            .with::<StructuralHrtf>()
+            .with::<DistanceGain>()
+            .with::<Occlusion>()
+            .with::<Orbit>()
+            .with::<PoseFile>()
+            .with_each::<VertexPose>()
+            .family("warp")
+            .with_func::<Correspondences>()
+            .with::<CorrespondenceDiagnostics>()
+            .with::<CorrespondenceSuggester>()
+            .with::<TpsFit>()
+            .with::<TpsWarp>()
+            .with_func::<WarpFile>()
+            .family("live")
+            .with::<live::LiveContacts>()
+            .with::<live::LiveControl>()
+            .with::<live::LiveImpacts>()
+            .with::<live::LiveMesh>()
+            .family("own")
+    }
+}
+
+/// The node types of [`Registry::standard`].
 #[must_use]
-pub fn all() -> Vec<NodeType> {
-    vec![
-        NodeType::of::<io::nodes::WavInNode>("io"),
-        NodeType::of::<io::nodes::WavOutNode>("io"),
-        NodeType::of::<dsp::Advance>("dsp"),
-        NodeType::of::<dsp::nodes::BiquadNode>("dsp"),
-        NodeType::each::<dsp::nodes::ChannelsNode>("dsp"),
-        NodeType::of::<dsp::nodes::CrossfadeNode>("dsp"),
-        NodeType::of::<dsp::nodes::DelayNode>("dsp"),
-        NodeType::of::<dsp::nodes::FadeNode>("dsp"),
-        NodeType::of::<dsp::nodes::FeedbackNode>("dsp"),
-        NodeType::of::<dsp::nodes::GainNode>("dsp"),
-        NodeType::of::<dsp::nodes::HighPassNode>("dsp"),
-        NodeType::of::<dsp::nodes::ImpulsesNode>("dsp"),
-        NodeType::of::<dsp::nodes::LevelMeterNode>("dsp"),
-        NodeType::of::<dsp::nodes::LoudnessNode>("dsp"),
-        NodeType::of::<dsp::nodes::LowPassNode>("dsp"),
-        NodeType::of::<dsp::nodes::MetronomeNode>("dsp"),
-        NodeType::of::<dsp::nodes::MixNode>("dsp"),
-        NodeType::each::<dsp::nodes::MonoNode>("dsp"),
-        NodeType::of::<dsp::nodes::NoiseNode>("dsp"),
-        NodeType::of::<dsp::nodes::NormalizeNode>("dsp"),
-        NodeType::of::<dsp::nodes::PanNode>("dsp"),
-        NodeType::of::<dsp::nodes::ResampleNode>("dsp"),
-        NodeType::of::<dsp::nodes::SweepNode>("dsp"),
-        NodeType::of::<dsp::nodes::ToneNode>("dsp"),
-        NodeType::of::<dsp::nodes::TrimNode>("dsp"),
-        NodeType::of::<MeshSequence>("mesh"),
-        NodeType::of::<MeshGenerator>("mesh"),
-        NodeType::of::<MeshSubdivide>("mesh"),
-        NodeType::of::<ContactDetector>("contact"),
-        NodeType::of::<AnalyticCollider>("contact"),
-        NodeType::each::<MaterialRouter>("contact"),
-        NodeType::of::<SlidingSpeed>("contact"),
-        NodeType::of::<SkinnedSlip>("contact"),
-        NodeType::each::<SpeedMapNode>("contact"),
-        NodeType::of::<IftNoiseNode>("friction"),
-        NodeType::of::<BinauralIftNoise>("friction"),
-        NodeType::of::<FrictionModelBuilder>("friction"),
-        NodeType::func::<FrictionModelFromClips>("friction"),
-        NodeType::func::<FrictionModelFile>("friction"),
-        NodeType::func::<InterpolatedSpectra>("friction"),
-        NodeType::func::<PairFrictionModel>("friction"),
-        NodeType::of::<MeanCurvatureNode>("curvature"),
-        NodeType::of::<RestNoiseNode>("curvature"),
-        NodeType::of::<BuckleDetectorNode>("crumple"),
-        NodeType::of::<BuckleFigure>("crumple"),
-        NodeType::of::<CrumpleEventsNode>("crumple"),
-        NodeType::of::<EnergyCalibrationNode>("crumple"),
-        NodeType::func::<EnergyCalibrationFile>("crumple"),
-        NodeType::func::<CrumpleExtractor>("crumple"),
-        NodeType::func::<CrumpleBankFile>("crumple"),
-        NodeType::of::<HistogramMatcher>("crumple"),
-        NodeType::of::<CrumplePlayer>("crumple"),
-        NodeType::of::<BinauralCrumplePlayer>("crumple"),
-        NodeType::of::<Mfcc>("feature"),
-        NodeType::of::<TemporalGaussian>("feature"),
-        NodeType::func::<UnitDatabaseNode>("unit"),
-        NodeType::func::<UnitDatabaseFile>("unit"),
-        NodeType::of::<UnitSelector>("unit"),
-        NodeType::of::<GlobalUnitSelector>("unit"),
-        NodeType::of::<OnlineUnitSelector>("unit"),
-        NodeType::of::<UnitConcatenator>("unit"),
-        NodeType::of::<SelectionReportNode>("unit"),
-        NodeType::of::<ImpactFile>("modal"),
-        NodeType::of::<ImpactForce>("modal"),
-        NodeType::func::<MembraneModes>("modal"),
-        NodeType::of::<ModalBankNode>("modal"),
-        NodeType::func::<ModalFromRecording>("modal"),
-        NodeType::func::<ModesFile>("modal"),
-        NodeType::of::<TensionImpact>("tension"),
-        NodeType::func::<ImageLuma>("texture"),
-        NodeType::func::<HistogramClass>("texture"),
-        NodeType::func::<SobelMap>("texture"),
-        NodeType::func::<MapCoder>("texture"),
-        NodeType::func::<MapFile>("texture"),
-        NodeType::func::<Bilateral>("texture"),
-        NodeType::func::<DogFeatures>("texture"),
-        NodeType::func::<FeatureNoiseSplit>("texture"),
-        NodeType::func::<NoiseProfileNode>("texture"),
-        NodeType::func::<MapSizes>("texture"),
-        NodeType::of::<ContactPath>("scrape"),
-        NodeType::func::<IsophotesNode>("texture"),
-        NodeType::func::<IsophotesFile>("texture"),
-        NodeType::func::<TextureReport>("texture"),
-        NodeType::of::<FeatureCrossings>("scrape"),
-        NodeType::of::<IsophoteExcitation>("scrape"),
-        NodeType::func::<LevelMatcher>("scrape"),
-        NodeType::of::<LodSelect>("scrape"),
-        NodeType::of::<MapExcitation>("scrape"),
-        NodeType::of::<NoiseExcitation>("scrape"),
-        NodeType::of::<OtherSurface>("scrape"),
-        NodeType::of::<PathProfileNode>("scrape"),
-        NodeType::of::<Stroke>("scrape"),
-        NodeType::func::<PairMatcher>("scrape"),
-        NodeType::of::<TwoTextures>("scrape"),
-        NodeType::of::<ContactClassifier>("rigid"),
-        NodeType::of::<ContactLog>("rigid"),
-        NodeType::of::<StructuralHrtf>("spatial"),
-        NodeType::of::<DistanceGain>("spatial"),
-        NodeType::of::<Occlusion>("spatial"),
-        NodeType::of::<Orbit>("spatial"),
-        NodeType::of::<PoseFile>("spatial"),
-        NodeType::each::<VertexPose>("spatial"),
-        NodeType::func::<Correspondences>("warp"),
-        NodeType::of::<CorrespondenceDiagnostics>("warp"),
-        NodeType::of::<CorrespondenceSuggester>("warp"),
-        NodeType::of::<TpsFit>("warp"),
-        NodeType::of::<TpsWarp>("warp"),
-        NodeType::func::<WarpFile>("warp"),
-        NodeType::of::<live::LiveContacts>("live"),
-        NodeType::of::<live::LiveControl>("live"),
-        NodeType::of::<live::LiveImpacts>("live"),
-        NodeType::of::<live::LiveMesh>("live"),
-    ]
+pub fn all() -> Vec<Arc<NodeType>> {
+    Registry::standard().types
 }

@@ -1,10 +1,13 @@
 //! Arguments of the command.
 
-use crate::graph::{Limits, Override};
+use crate::graph::{Limits, LoadOptions, Override};
 use crate::memo::{Memo, beside};
+use crate::session::Session;
 use clap::{Args as ClapArgs, Parser, Subcommand};
 use clap_complete::Shell;
+use foley_nodes::registry::Registry;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Turns motion and recordings into sound, by graphs of nodes.
 #[derive(Debug, Parser)]
@@ -66,6 +69,26 @@ pub struct GraphArgs {
     pub limits: LimitArgs,
 }
 
+fn load_options(
+    registry: &Arc<Registry>,
+    sets: &[Override],
+    allow_read: &[PathBuf],
+    limits: &LimitArgs,
+) -> LoadOptions {
+    let options = LoadOptions::default().registry(Arc::clone(registry)).limits(limits.limits());
+    let options = options.overrides(sets.iter().cloned());
+    allow_read.iter().fold(options, LoadOptions::allow_read)
+}
+
+impl GraphArgs {
+    /// A session over the graph.
+    #[must_use]
+    pub fn session(&self, registry: &Arc<Registry>) -> Session {
+        let options = load_options(registry, &self.sets, &self.allow_read, &self.limits);
+        Session::from_file(&self.graph).with_load_options(options).with_seed(self.seed)
+    }
+}
+
 /// What a graph and its files may cost.
 #[derive(Clone, Debug, ClapArgs)]
 pub struct LimitArgs {
@@ -118,6 +141,18 @@ pub struct EngineArgs {
     pub taps: Vec<String>,
 }
 
+impl EngineArgs {
+    /// A session with these settings.
+    #[must_use]
+    pub fn apply(&self, session: Session) -> Session {
+        session
+            .with_threads(self.threads)
+            .with_window(self.window)
+            .with_until(self.until)
+            .with_taps(self.taps.iter().cloned())
+    }
+}
+
 /// Arguments of `foley run`.
 #[derive(Clone, Debug, ClapArgs)]
 pub struct RunArgs {
@@ -142,6 +177,14 @@ pub struct RunArgs {
     /// Print errors only
     #[arg(long, short)]
     pub quiet: bool,
+}
+
+impl RunArgs {
+    /// A session with these settings, without a cache.
+    #[must_use]
+    pub fn session(&self, registry: &Arc<Registry>) -> Session {
+        self.engine.apply(self.graph.session(registry)).with_quiet(self.quiet)
+    }
 }
 
 /// Where results are kept from run to run.
@@ -320,6 +363,19 @@ pub struct CheckArgs {
     /// Print an array of findings as JSON
     #[arg(long)]
     pub json: bool,
+}
+
+impl CheckArgs {
+    /// A session over one of the graphs.
+    #[must_use]
+    pub fn session(&self, graph: &Path, registry: &Arc<Registry>) -> Session {
+        Session::from_file(graph).with_load_options(load_options(
+            registry,
+            &self.sets,
+            &self.allow_read,
+            &self.limits,
+        ))
+    }
 }
 
 /// Arguments of `foley fmt`.

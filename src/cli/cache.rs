@@ -6,20 +6,22 @@ use super::run::prepare;
 use crate::graph::GraphNode;
 use crate::memo::{Memo, Part, Session, Store, beside, changes, keeps};
 use crate::plan::size;
+use foley_nodes::registry::Registry;
 use serde_json::json;
 use std::collections::BTreeMap;
 use std::io::{self, Write};
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// Looks at, empties or explains the values kept from earlier runs.
 ///
 /// # Errors
 /// When standard output goes away.
-pub fn cache(args: &CacheArgs) -> anyhow::Result<Exit> {
+pub fn cache(args: &CacheArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit> {
     match &args.command {
         CacheCommand::Stat(args) => stat(args),
         CacheCommand::Gc(args) => gc(args),
-        CacheCommand::Why(args) => why(args),
+        CacheCommand::Why(args) => why(args, registry),
     }
 }
 
@@ -82,13 +84,14 @@ fn gc(args: &GcArgs) -> anyhow::Result<Exit> {
     Ok(Exit::Done)
 }
 
-fn why(args: &WhyArgs) -> anyhow::Result<Exit> {
-    let Some(ready) = prepare(&args.graph, &args.engine, true) else { return Ok(Exit::Wrong) };
+fn why(args: &WhyArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit> {
+    let session = args.engine.apply(args.graph.session(registry)).with_quiet(true);
+    let Some(ready) = prepare(&session) else { return Ok(Exit::Wrong) };
     let graph = &ready.graph;
     let dir = args.cache.clone().unwrap_or_else(|| beside(&args.graph.graph));
     let memo = Memo::new(dir, u64::MAX, &args.graph.graph);
     // Which streams are kept shows when a run has kept them.
-    let has = |n: &GraphNode| keeps(n.ty) || memo.index().get(&n.id).is_some();
+    let has = |n: &GraphNode| keeps(&n.ty) || memo.index().get(&n.id).is_some();
     let kept: Vec<&str> = graph.nodes.iter().filter(|n| has(n)).map(|n| n.id.as_str()).collect();
     let Some(n) = graph.find(&args.node).filter(|&n| has(&graph.nodes[n])) else {
         let what = match graph.find(&args.node) {

@@ -6,6 +6,7 @@ use super::run::write_whole;
 use crate::docs::pages;
 use anyhow::Context as _;
 use clap::CommandFactory as _;
+use foley_nodes::registry::Registry;
 use std::fs;
 use std::io::{Write as _, stdout};
 
@@ -13,13 +14,13 @@ use std::io::{Write as _, stdout};
 ///
 /// # Errors
 /// When a page cannot be read or written.
-pub fn docs(args: &DocsArgs) -> anyhow::Result<Exit> {
+pub fn docs(args: &DocsArgs, registry: &Registry) -> anyhow::Result<Exit> {
     let source = args.root.join("docs/src");
     if !source.join("SUMMARY.md").is_file() {
         eprintln!("foley: there is no book: {} is missing", source.join("SUMMARY.md").display());
         return Ok(Exit::Wrong);
     }
-    let pages = pages(&args.root, Args::command()).context("reading the book")?;
+    let pages = pages(&args.root, Args::command(), registry).context("reading the book")?;
     let mut exit = Exit::Done;
     // A page of a family that has gone is no longer wanted.
     let nodes = source.join("reference/nodes");

@@ -2,23 +2,25 @@
 
 use super::Exit;
 use super::args::DrawArgs;
-use super::run::{read, show, write_whole};
+use super::run::{show, write_whole};
 use crate::draw::{Drawing, svg};
 use crate::plan::{Plan, PlanOptions};
+use foley_nodes::core::time::ticks;
+use foley_nodes::registry::Registry;
 use std::io::{Write as _, stdout};
+use std::sync::Arc;
 
 /// Draws a graph; rates and formats are there where the graph can be planned.
 ///
 /// # Errors
 /// When the drawing cannot be written.
-pub fn draw(args: &DrawArgs) -> anyhow::Result<Exit> {
-    let graph = &args.graph;
+pub fn draw(args: &DrawArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit> {
     // A graph without end is planned up to some end: its rates are the same.
-    let until = Some(foley_nodes::core::time::TICKS_PER_SECOND);
-    let (loaded, files) = read(&graph.graph, &graph.sets, &graph.allow_read, graph.limits.limits(), until);
+    let until = 1.0;
+    let (loaded, files) = args.graph.session(registry).with_until(Some(until)).load();
     show(&loaded.diagnostics, &loaded.sources);
     let Some(found) = loaded.graph else { return Ok(Exit::Wrong) };
-    let options = PlanOptions { until, memory: usize::MAX, ..PlanOptions::default() };
+    let options = PlanOptions { until: Some(ticks(until)), memory: usize::MAX, ..PlanOptions::default() };
     let plan = Plan::new(&found, &files, &options).ok();
     let text = svg(&Drawing::of(&found, plan.as_ref()));
     match &args.svg {

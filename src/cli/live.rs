@@ -2,7 +2,7 @@
 
 use super::Exit;
 use super::args::{DeviceArgs, GraphArgs, LiveArgs, MemoArgs, WatchArgs};
-use super::run::{read, show, write_whole};
+use super::run::{show, write_whole};
 use super::watch::{SETTLE, no_events, say};
 use crate::diag::{Diagnostic, Severity, Sources};
 use crate::graph::{Asked, Override};
@@ -13,7 +13,8 @@ use crate::memo::{MEMORY, Memo};
 use crate::run::check_given;
 use crate::watch::Eyes;
 use crossbeam_channel::{Receiver, RecvTimeoutError, unbounded};
-use foley_nodes::core::time::{TICKS_PER_SECOND, seconds};
+use foley_nodes::core::time::seconds;
+use foley_nodes::registry::Registry;
 use serde_json::json;
 use std::io::{IsTerminal, Write as _};
 use std::net::{Ipv4Addr, SocketAddr};
@@ -32,6 +33,7 @@ const AGAIN: Duration = Duration::from_secs(2);
 /// What `foley live` and `foley watch --live` have in common.
 struct Asking<'a> {
     graph: &'a GraphArgs,
+    registry: &'a Arc<Registry>,
     memo: &'a MemoArgs,
     device: &'a DeviceArgs,
     report: Option<&'a Path>,
@@ -46,9 +48,10 @@ struct Asking<'a> {
 ///
 /// # Errors
 /// When standard output goes away, or the report cannot be written.
-pub fn live(args: &LiveArgs) -> anyhow::Result<Exit> {
+pub fn live(args: &LiveArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit> {
     play(&Asking {
         graph: &args.graph,
+        registry,
         memo: &args.memo,
         device: &args.device,
         report: args.report.as_deref(),
@@ -63,9 +66,10 @@ pub fn live(args: &LiveArgs) -> anyhow::Result<Exit> {
 ///
 /// # Errors
 /// As [`live`].
-pub fn watch(args: &WatchArgs) -> anyhow::Result<Exit> {
+pub fn watch(args: &WatchArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit> {
     play(&Asking {
         graph: &args.run.graph,
+        registry,
         memo: &args.run.memo,
         device: &args.device,
         report: args.run.report.as_deref(),
@@ -125,11 +129,11 @@ struct Found {
 
 fn look(asking: &Asking<'_>, overrides: &[Override], hub: &Arc<Hub>, memo: Option<&Arc<Memo>>) -> Found {
     let args = asking.graph;
-    let sets: Vec<Override> = args.sets.iter().chain(overrides).cloned().collect();
-    let limits = args.limits.limits();
-    let (loaded, files) = read(&args.graph, &sets, &args.allow_read, limits, Some(TICKS_PER_SECOND));
-    let mut found = loaded.diagnostics;
-    found.retain(|d| !asking.quiet || d.severity == Severity::Error);
+    let mut session = args.session(asking.registry).with_until(Some(1.0)).with_quiet(asking.quiet);
+    for given in overrides {
+        session.set(&given.target, &given.value);
+    }
+    let (loaded, files) = session.load();
     let asked = files.asked();
     let material = loaded.graph.map(|graph| Material {
         seed: args.seed.unwrap_or(graph.seed),
@@ -138,7 +142,7 @@ fn look(asking: &Asking<'_>, overrides: &[Override], hub: &Arc<Hub>, memo: Optio
         memo: memo.cloned(),
         inputs: Arc::clone(hub) as _,
     });
-    Found { material, found, sources: loaded.sources, asked }
+    Found { material, found: loaded.diagnostics, sources: loaded.sources, asked }
 }
 
 fn play(asking: &Asking<'_>) -> anyhow::Result<Exit> {

@@ -22,7 +22,10 @@ pub use schema::schema;
 
 use crate::diag::Diagnostic;
 use args::Command;
+use clap::Parser as _;
+use foley_nodes::registry::Registry;
 use std::process::ExitCode;
+use std::sync::Arc;
 
 /// What the command came to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -63,26 +66,47 @@ impl From<Exit> for ExitCode {
     }
 }
 
+/// The whole command with the nodes of a registry: parses the arguments of the process, runs them, and reports what failed.
+///
+/// A program with nodes of its own is this call: see `examples/own_node`.
+#[must_use]
+pub fn run(registry: Registry) -> ExitCode {
+    match main(Args::parse(), &Arc::new(registry)) {
+        Ok(exit) => exit.into(),
+        // A reader of standard output that ends early, such as `head`, is not a failure.
+        Err(e)
+            if e.downcast_ref::<std::io::Error>()
+                .is_some_and(|e| e.kind() == std::io::ErrorKind::BrokenPipe) =>
+        {
+            ExitCode::SUCCESS
+        }
+        Err(e) => {
+            eprintln!("foley: {e:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
 /// Runs the command.
 ///
 /// # Errors
-/// When something fails that no diagnostic describes, such as standard output going away.
-pub fn main(args: Args) -> anyhow::Result<Exit> {
+/// When something fails that no diagnostic describes, such as a closed standard output.
+pub fn main(args: Args, registry: &Arc<Registry>) -> anyhow::Result<Exit> {
     match args.command {
-        Command::Run(args) => run::run(&args),
-        Command::Watch(args) if args.live => live::watch(&args),
-        Command::Watch(args) => watch::watch(&args),
-        Command::Live(args) => live::live(&args),
-        Command::Check(args) => check::check(&args),
+        Command::Run(args) => run::run(&args, registry),
+        Command::Watch(args) if args.live => live::watch(&args, registry),
+        Command::Watch(args) => watch::watch(&args, registry),
+        Command::Live(args) => live::live(&args, registry),
+        Command::Check(args) => check::check(&args, registry),
         Command::Fmt(args) => text::fmt(&args),
-        Command::Plan(args) => plan::plan(&args),
-        Command::Nodes(args) => nodes::nodes(&args),
+        Command::Plan(args) => plan::plan(&args, registry),
+        Command::Nodes(args) => nodes::nodes(&args, registry),
         Command::Explain(args) => text::explain(&args),
-        Command::Graph(args) => draw::draw(&args),
-        Command::Cache(args) => cache::cache(&args),
+        Command::Graph(args) => draw::draw(&args, registry),
+        Command::Cache(args) => cache::cache(&args, registry),
         Command::New(args) => new::new(&args),
-        Command::Schema => schema::print(),
-        Command::Docs(args) => docs::docs(&args),
+        Command::Schema => schema::print(registry),
+        Command::Docs(args) => docs::docs(&args, registry),
         Command::Completions(args) => text::completions(&args),
     }
 }

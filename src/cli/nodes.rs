@@ -2,10 +2,11 @@
 
 use super::Exit;
 use super::args::NodesArgs;
-use crate::graph::{nearest, node_type, node_types};
+use crate::graph::nearest;
 use foley_nodes::core::node::NodeType;
 use foley_nodes::core::params::{ParamKind, ParamSpec};
 use foley_nodes::core::ports::{Arity, PortSpec};
+use foley_nodes::registry::Registry;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::io::{Write as _, stdout};
@@ -14,17 +15,19 @@ use std::io::{Write as _, stdout};
 ///
 /// # Errors
 /// When standard output goes away.
-pub fn nodes(args: &NodesArgs) -> anyhow::Result<Exit> {
+pub fn nodes(args: &NodesArgs, registry: &Registry) -> anyhow::Result<Exit> {
     match &args.name {
-        None if args.json => {
-            writeln!(stdout(), "{:#}", Value::Array(node_types().iter().map(describe).collect()))?
-        }
-        None => write!(stdout(), "{}", list())?,
-        Some(name) => match node_type(name) {
+        None if args.json => writeln!(
+            stdout(),
+            "{:#}",
+            Value::Array(registry.types().iter().map(|ty| describe(ty)).collect())
+        )?,
+        None => write!(stdout(), "{}", list(registry))?,
+        Some(name) => match registry.get(name) {
             Some(ty) if args.json => writeln!(stdout(), "{:#}", describe(ty))?,
             Some(ty) => write!(stdout(), "{}", page(ty))?,
             None => {
-                let near = nearest(name, node_types().iter().map(|t| t.name));
+                let near = nearest(name, registry.types().iter().map(|t| t.name));
                 let hint = near.map(|n| format!("; did you mean {n}?")).unwrap_or_default();
                 eprintln!("foley: there is no node type {name}{hint} (`foley nodes` lists all)");
                 return Ok(Exit::Wrong);
@@ -34,17 +37,11 @@ pub fn nodes(args: &NodesArgs) -> anyhow::Result<Exit> {
     Ok(Exit::Done)
 }
 
-fn list() -> String {
+fn list(registry: &Registry) -> String {
     let mut out = String::new();
-    let mut families: Vec<&str> = Vec::new();
-    for ty in node_types() {
-        if !families.contains(&ty.family) {
-            families.push(ty.family);
-        }
-    }
-    for family in families {
+    for family in registry.families() {
         let _ = writeln!(out, "{family}");
-        for ty in node_types().iter().filter(|t| t.family == family) {
+        for ty in registry.types().iter().filter(|t| t.family == family) {
             let _ = writeln!(out, "  {:<24} {}", ty.name, ty.summary());
         }
     }
@@ -94,7 +91,8 @@ fn indented(text: &str, by: &str) -> String {
 
 fn page(ty: &NodeType) -> String {
     let mut out =
-        format!("{} ({}, version {}, runs as {})\n\n", ty.name, ty.family, ty.version, ty.class.word());
+        format!("{} ({}, version {}, runs as {})\n", ty.name, ty.family, ty.version, ty.class.word());
+    let _ = writeln!(out, "{}\n", ty.source.path());
     out.push_str(&indented(&plain(ty.doc), ""));
     for (title, ports) in [("Inputs", ty.inputs), ("Outputs", ty.outputs)] {
         if !ports.is_empty() {
@@ -145,7 +143,7 @@ pub fn describe(ty: &NodeType) -> Value {
     };
     json!({
         "name": ty.name, "family": ty.family, "version": ty.version, "class": ty.class.word(),
-        "summary": ty.summary(), "doc": plain(ty.doc),
+        "source": ty.source.path(), "summary": ty.summary(), "doc": plain(ty.doc),
         "inputs": ty.inputs.iter().map(port).collect::<Vec<_>>(),
         "outputs": ty.outputs.iter().map(port).collect::<Vec<_>>(),
         "params": (ty.params)().iter().map(param).collect::<Vec<_>>(),

@@ -3,14 +3,17 @@
 use super::Exit;
 use super::args::PlanArgs;
 use super::run::prepare;
+use foley_nodes::registry::Registry;
 use std::io::{Write as _, stdout};
+use std::sync::Arc;
 
 /// Shows a plan.
 ///
 /// # Errors
 /// When standard output goes away.
-pub fn plan(args: &PlanArgs) -> anyhow::Result<Exit> {
-    let Some(ready) = prepare(&args.graph, &args.engine, args.json) else { return Ok(Exit::Wrong) };
+pub fn plan(args: &PlanArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit> {
+    let session = args.engine.apply(args.graph.session(registry)).with_quiet(args.json);
+    let Some(ready) = prepare(&session) else { return Ok(Exit::Wrong) };
     if args.json {
         writeln!(stdout(), "{:#}", ready.plan.json(&ready.graph))?;
     } else {

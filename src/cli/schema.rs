@@ -2,10 +2,11 @@
 
 use super::Exit;
 use super::nodes::plain;
-use crate::graph::{SCHEMA, node_types};
+use crate::graph::SCHEMA;
 use foley_nodes::core::node::NodeType;
 use foley_nodes::core::params::{Datum, ParamKind, ParamSpec};
 use foley_nodes::core::ports::{Arity, PortSpec};
+use foley_nodes::registry::Registry;
 use serde_json::{Map, Value, json};
 use std::io::{Write as _, stdout};
 
@@ -13,8 +14,8 @@ use std::io::{Write as _, stdout};
 ///
 /// # Errors
 /// None at present.
-pub fn print() -> anyhow::Result<Exit> {
-    writeln!(stdout(), "{:#}", schema())?;
+pub fn print(registry: &Registry) -> anyhow::Result<Exit> {
+    writeln!(stdout(), "{:#}", schema(registry))?;
     Ok(Exit::Done)
 }
 
@@ -23,10 +24,11 @@ pub fn print() -> anyhow::Result<Exit> {
 /// RON has what JSON has not: a node `Gain(gain: 0.5)` is described by the definition `Gain` as an object with the
 /// field `gain`, and a bare name such as `White` as the text `"White"`.
 #[must_use]
-pub fn schema() -> Value {
-    let nodes: Map<String, Value> = node_types().iter().map(|ty| (ty.name.to_owned(), node(ty))).collect();
+pub fn schema(registry: &Registry) -> Value {
+    let nodes: Map<String, Value> =
+        registry.types().iter().map(|ty| (ty.name.to_owned(), node(ty))).collect();
     let names: Vec<Value> =
-        node_types().iter().map(|ty| json!({"$ref": format!("#/$defs/{}", ty.name)})).collect();
+        registry.types().iter().map(|ty| json!({"$ref": format!("#/$defs/{}", ty.name)})).collect();
     json!({
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "$id": SCHEMA,
@@ -169,8 +171,9 @@ mod tests {
 
     #[test]
     fn every_node_type_and_field_is_in_the_schema() {
-        let all = schema();
-        for ty in node_types() {
+        let registry = Registry::standard();
+        let all = schema(&registry);
+        for ty in registry.types() {
             let fields = &all["$defs"][ty.name]["properties"];
             let specs = (ty.params)();
             for name in ty.inputs.iter().map(|p| p.name).chain(specs.iter().map(|s| s.name)) {

@@ -2,13 +2,15 @@
 
 use super::Exit;
 use super::args::WatchArgs;
-use super::run::{Prepared, Ready, look, render_files, show, tell};
+use super::run::{render_files, show, tell};
 use crate::diag::{Diagnostic, Severity, Sources};
 use crate::graph::Graph;
 use crate::memo::{MEMORY, Memo};
-use crate::run::{Progress, Report};
+use crate::run::Report;
+use crate::session::{Preparation, Prepared};
 use crate::watch::{Changes, Contents, Eyes, list};
 use crossbeam_channel::{Receiver, Sender, select, unbounded};
+use foley_nodes::registry::Registry;
 use std::io::Write as _;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -47,6 +49,7 @@ enum Attempt {
 
 struct Session<'a> {
     args: &'a WatchArgs,
+    registry: Arc<Registry>,
     eyes: Eyes,
     received: Receiver<Message>,
     sender: Sender<Message>,
@@ -62,7 +65,7 @@ struct Session<'a> {
 ///
 /// # Errors
 /// When standard output goes away.
-pub fn watch(args: &WatchArgs) -> anyhow::Result<Exit> {
+pub fn watch(args: &WatchArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit> {
     let (sender, received) = unbounded();
     let stop = sender.clone();
     // Only the first handler of a process can be set; a second session in the same process keeps the first.
@@ -71,6 +74,7 @@ pub fn watch(args: &WatchArgs) -> anyhow::Result<Exit> {
     });
     let session = Session {
         args,
+        registry: Arc::clone(registry),
         eyes: Eyes::new(args.poll),
         received,
         sender,
@@ -124,22 +128,22 @@ impl Session<'_> {
             return Ok(Attempt::Over);
         }
         let run = &self.args.run;
-        let Prepared { ready, found, sources, asked } = look(&run.graph, &run.engine, run.quiet);
-        let Some(ready) = ready else {
+        let session = run.session(&self.registry).with_memo(self.memo.clone());
+        let Preparation { prepared, diagnostics: found, sources, asked } = session.prepare();
+        let Some(ready) = prepared else {
             let late = self.eyes.follow(&asked, false);
             return Ok(self.fail(late.then_some(at), &found, &sources));
         };
         show(&found, &sources);
         let ready = Arc::new(ready);
-        let progress = Arc::new(Progress::default());
-        self.start(&ready, &progress);
+        self.start(&ready);
         // Large files are hashed while the run goes on.
         let mut newer = self.eyes.follow(&asked, true).then_some(at);
         let contents = self.eyes.contents();
         let mut stop = false;
         let ran = loop {
             if newer.is_some() || stop {
-                progress.stop.store(true, Ordering::SeqCst);
+                ready.progress.stop.store(true, Ordering::SeqCst);
             }
             match self.wait(None) {
                 Woken::Ran(ran) => break *ran,
@@ -167,12 +171,11 @@ impl Session<'_> {
     }
 
     /// Starts the run on a thread of its own.
-    fn start(&self, ready: &Arc<Ready>, progress: &Arc<Progress>) {
-        let (ready, progress) = (Arc::clone(ready), Arc::clone(progress));
+    fn start(&self, ready: &Arc<Prepared>) {
+        let ready = Arc::clone(ready);
         let (args, sender) = (self.args.run.clone(), self.sender.clone());
-        let memo = self.memo.clone();
         std::thread::spawn(move || {
-            let run = AssertUnwindSafe(|| render_files(&ready, &args, memo.as_deref(), &progress));
+            let run = AssertUnwindSafe(|| render_files(&ready, &args));
             let ran = catch_unwind(run).unwrap_or_else(|_| {
                 let defect = Diagnostic::general("F099", "the run panicked");
                 Err(vec![defect.help("this is a defect in foley: please report it")])
@@ -187,7 +190,7 @@ impl Session<'_> {
     fn succeed(
         &mut self,
         report: &Report,
-        ready: Arc<Ready>,
+        ready: Arc<Prepared>,
         mut contents: Contents,
         at: Instant,
     ) -> anyhow::Result<()> {

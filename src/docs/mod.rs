@@ -6,6 +6,7 @@ mod nodes;
 
 use crate::diag::codes;
 use clap::Command;
+use foley_nodes::registry::Registry;
 use std::fmt::Write as _;
 use std::io;
 use std::path::Path;
@@ -17,18 +18,16 @@ const NOTE: &str = "<!-- Made from the code by `foley docs --write`. -->\n";
 ///
 /// # Errors
 /// When the summary of the book or an example graph cannot be read.
-pub fn pages(root: &Path, command: Command) -> io::Result<Vec<(String, String)>> {
+pub fn pages(root: &Path, command: Command, registry: &Registry) -> io::Result<Vec<(String, String)>> {
     let examples = nodes::examples(root)?;
-    let mut pages = vec![("reference/nodes.md".to_owned(), nodes::index())];
-    pages.extend(
-        nodes::families()
-            .into_iter()
-            .map(|family| (format!("reference/nodes/{family}.md"), nodes::family_page(family, &examples))),
-    );
+    let mut pages = vec![("reference/nodes.md".to_owned(), nodes::index(registry))];
+    pages.extend(registry.families().into_iter().map(|family| {
+        (format!("reference/nodes/{family}.md"), nodes::family_page(family, registry, &examples))
+    }));
     pages.push(("reference/errors.md".to_owned(), errors()));
     pages.push(("reference/cli.md".to_owned(), cli(command)));
     let summary = std::fs::read_to_string(root.join("docs/src/SUMMARY.md"))?;
-    pages.push(("SUMMARY.md".to_owned(), with_reference(&summary)));
+    pages.push(("SUMMARY.md".to_owned(), with_reference(&summary, &registry.families())));
     Ok(pages)
 }
 
@@ -80,9 +79,9 @@ fn cli(command: Command) -> String {
 }
 
 /// The summary with its part `# Reference` made anew; the other parts stay.
-fn with_reference(summary: &str) -> String {
+fn with_reference(summary: &str, families: &[&str]) -> String {
     let mut part = String::from("# Reference\n\n- [Nodes](reference/nodes.md)\n");
-    for family in nodes::families() {
+    for family in families {
         let _ = writeln!(part, "  - [{family}](reference/nodes/{family}.md)");
     }
     part.push_str("- [Errors](reference/errors.md)\n- [The command](reference/cli.md)\n");
@@ -103,11 +102,11 @@ mod tests {
     #[test]
     fn the_summary_keeps_what_is_written_by_hand() {
         let old = "# Summary\n\n# Guide\n\n- [One](one.md)\n\n# Reference\n\n- [Old](old.md)\n\n# More\n\n- [Two](two.md)\n";
-        let new = with_reference(old);
+        let new = with_reference(old, &["io", "dsp"]);
         assert!(new.starts_with("# Summary\n\n# Guide\n\n- [One](one.md)\n\n# Reference\n\n- [Nodes]"));
         assert!(new.ends_with("\n\n# More\n\n- [Two](two.md)\n") && !new.contains("old.md"));
-        assert_eq!(with_reference(&new), new);
-        assert!(with_reference("# Summary\n").ends_with("(reference/cli.md)\n"));
+        assert_eq!(with_reference(&new, &["io", "dsp"]), new);
+        assert!(with_reference("# Summary\n", &[]).ends_with("(reference/cli.md)\n"));
     }
 
     #[test]

@@ -2,11 +2,11 @@
 
 use super::NOTE;
 use crate::cli::{plain, port_words};
-use crate::graph::node_types;
 use crate::lang;
 use foley_nodes::core::node::NodeType;
 use foley_nodes::core::params::{ParamKind, ParamSpec};
 use foley_nodes::core::ports::PortSpec;
+use foley_nodes::registry::Registry;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::fs;
@@ -15,17 +15,6 @@ use std::path::Path;
 
 /// Example graphs by the node types in them; paths are relative to the root, with `/`.
 pub type Examples = BTreeMap<String, BTreeSet<String>>;
-
-/// Families in the order of the registry.
-pub fn families() -> Vec<&'static str> {
-    let mut all: Vec<&str> = Vec::new();
-    for ty in node_types() {
-        if !all.contains(&ty.family) {
-            all.push(ty.family);
-        }
-    }
-    all
-}
 
 /// Which example graphs use which node types.
 pub fn examples(root: &Path) -> io::Result<Examples> {
@@ -56,14 +45,14 @@ fn types_in(text: &str) -> Vec<String> {
 }
 
 /// All node types in one page.
-pub fn index() -> String {
+pub fn index(registry: &Registry) -> String {
     let mut out = format!(
         "{NOTE}# Nodes\n\n{} node types. `foley nodes NAME` prints the entry of one of them.\n",
-        node_types().len()
+        registry.types().len()
     );
-    for family in families() {
+    for family in registry.families() {
         let _ = writeln!(out, "\n## {family}\n\n| node | |\n|---|---|");
-        for ty in node_types().iter().filter(|t| t.family == family) {
+        for ty in registry.types().iter().filter(|t| t.family == family) {
             let link = format!("nodes/{family}.md#{}", super::anchor(ty.name));
             let _ = writeln!(out, "| [{}]({link}) | {} |", ty.name, cell(ty.summary()));
         }
@@ -72,9 +61,9 @@ pub fn index() -> String {
 }
 
 /// The node types of one family.
-pub fn family_page(family: &str, examples: &Examples) -> String {
+pub fn family_page(family: &str, registry: &Registry, examples: &Examples) -> String {
     let mut out = format!("{NOTE}# {family}\n");
-    for ty in node_types().iter().filter(|t| t.family == family) {
+    for ty in registry.types().iter().filter(|t| t.family == family) {
         entry(&mut out, ty, examples);
     }
     out
@@ -99,7 +88,13 @@ fn entry(out: &mut String, ty: &NodeType, examples: &Examples) {
     for spec in &specs {
         param_row(out, spec, ty.inputs.iter().any(|p| p.name == spec.name));
     }
-    let _ = write!(out, "\nVersion {}, runs as {}.", ty.version, ty.class.word());
+    let path = ty.source.path();
+    let _ = write!(
+        out,
+        "\nVersion {}, runs as {}. Source: [{path}](../../../../{path}).",
+        ty.version,
+        ty.class.word()
+    );
     if let Some(graphs) = examples.get(ty.name) {
         let links = graphs.iter().map(|path| format!("[{path}](../../../../{path})"));
         let _ = write!(out, " Used in {}.", links.collect::<Vec<_>>().join(", "));

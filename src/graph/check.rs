@@ -8,7 +8,7 @@ use super::root::join;
 use super::sound;
 use super::suggest::{help, nearest};
 use super::values::Given;
-use super::{Graph, GraphNode, Link, node_type, node_types};
+use super::{Graph, GraphNode, Link};
 use crate::diag::{Diagnostic, Place, any_error, sort};
 use crate::lang::{Value, ValueKind};
 use foley_nodes::core::node::NodeType;
@@ -16,10 +16,11 @@ use foley_nodes::core::params::{AnyParams, Datum, FieldError, Mismatch, ParamKin
 use foley_nodes::core::ports::Arity;
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
+use std::sync::Arc;
 
 /// A node whose own fields are checked.
 pub(super) struct Half {
-    pub ty: &'static NodeType,
+    pub ty: Arc<NodeType>,
     pub params: Option<Box<dyn AnyParams>>,
     pub links: Vec<Vec<RawLink>>,
     /// The files that it writes, with the fields that name them.
@@ -52,7 +53,7 @@ pub(super) fn check(mut loader: Loader) -> Loaded {
             continue;
         };
         let per_port = half.ty.inputs.iter().zip(&half.links).map(|(spec, texts)| {
-            let one = |text: &RawLink| match link(text, spec, &raw, &halves, &by_id, &loader.lost) {
+            let one = |text: &RawLink| match link(text, spec, &raw, &halves, &by_id, &loader) {
                 Ok(link) => link,
                 Err(diagnostic) => {
                     found.push(diagnostic.node(&raw[k].id));
@@ -117,8 +118,8 @@ fn fields(node: &RawNode, loader: &mut Loader) -> Option<Half> {
     }
     let error =
         |code, message: String, place: &Place| Diagnostic::error(code, message, place.clone()).node(&node.id);
-    let Some(ty) = node_type(&node.type_name) else {
-        let near = nearest(&node.type_name, node_types().iter().map(|ty| ty.name));
+    let Some(ty) = loader.registry.get(&node.type_name).map(Arc::clone) else {
+        let near = nearest(&node.type_name, loader.registry.types().iter().map(|ty| ty.name));
         let hint = near.map(|name| format!("did you mean `{name}`? ")).unwrap_or_default();
         let message = format!("there is no node type `{}`", node.type_name);
         let found = error("F010", message, &node.type_place);
@@ -127,7 +128,7 @@ fn fields(node: &RawNode, loader: &mut Loader) -> Option<Half> {
     };
     let specs = (ty.params)();
     let mut half = Half {
-        ty,
+        ty: Arc::clone(&ty),
         params: None,
         links: ty.inputs.iter().map(|_| Vec::new()).collect(),
         outputs: Vec::new(),
@@ -187,14 +188,14 @@ fn fields(node: &RawNode, loader: &mut Loader) -> Option<Half> {
         if spec.arity == Arity::One && !linked[k] && node.whole {
             let message =
                 format!("input `{}` ({} of {}) has no link", spec.name, spec.kind.word(), spec.kind.name());
-            let feeders = feeders(spec);
+            let feeders = feeders(spec, &loader.registry);
             let help = format!("link it to a node that gives {}: {feeders}", spec.kind.name());
             loader.found.push(error("F012", message, &node.place).help(help));
         }
     }
     match (ty.read)(&|name| data.get(name).cloned()) {
         Ok(params) => {
-            half.outputs = outputs::written(ty, &*params).collect();
+            half.outputs = outputs::written(&ty, &*params).collect();
             half.params = Some(params);
         }
         Err(errors) => {

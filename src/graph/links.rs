@@ -1,15 +1,17 @@
 //! Links: from their text to the output that they name.
 
+use super::Link;
 use super::check::Half;
 use super::load::{Loader, RawNode};
 use super::suggest::help;
 use super::values::Given;
-use super::{Link, node_types};
 use crate::diag::{Diagnostic, Place};
 use crate::lang::{Value, ValueKind};
 use foley_nodes::core::node::NodeType;
 use foley_nodes::core::ports::{Arity, PortKind, PortSpec};
+use foley_nodes::registry::Registry;
 use std::collections::HashMap;
+use std::sync::Arc;
 
 /// A link as it stands in the text: the text, and where.
 pub(super) struct RawLink {
@@ -19,9 +21,9 @@ pub(super) struct RawLink {
 }
 
 /// Node types whose outputs an input takes.
-pub(super) fn feeders(spec: &PortSpec) -> String {
-    let gives = |ty: &&NodeType| ty.outputs.iter().any(|o| o.kind.feeds(&spec.kind));
-    let names: Vec<&str> = node_types().iter().filter(gives).map(|ty| ty.name).take(12).collect();
+pub(super) fn feeders(spec: &PortSpec, registry: &Registry) -> String {
+    let gives = |ty: &&Arc<NodeType>| ty.outputs.iter().any(|o| o.kind.feeds(&spec.kind));
+    let names: Vec<&str> = registry.types().iter().filter(gives).map(|ty| ty.name).take(12).collect();
     if names.is_empty() { "no node type gives it".into() } else { names.join(", ") }
 }
 
@@ -87,7 +89,7 @@ pub(super) fn link(
     nodes: &[RawNode],
     halves: &[Option<Half>],
     by_id: &HashMap<&str, usize>,
-    lost: &[String],
+    loader: &Loader,
 ) -> Result<Option<Link>, Diagnostic> {
     let error = |code, message: String| Diagnostic::error(code, message, raw.place.clone());
     let full = format!("{}{}", raw.scope, raw.text);
@@ -95,7 +97,7 @@ pub(super) fn link(
         Some(&node) => (node, None),
         None => match full.rsplit_once('.').and_then(|(id, port)| Some((*by_id.get(id)?, port))) {
             Some((node, port)) => (node, Some(port.to_owned())),
-            None if lost.iter().any(|prefix| full.starts_with(prefix)) => return Ok(None),
+            None if loader.lost.iter().any(|prefix| full.starts_with(prefix)) => return Ok(None),
             None => {
                 let id = raw.text.split('.').next().unwrap_or_default();
                 let first = |(k, n): &(usize, &RawNode)| by_id.get(n.id.as_str()) == Some(k);
@@ -109,7 +111,7 @@ pub(super) fn link(
         },
     };
     let Some(half) = &halves[node] else { return Ok(None) };
-    let ty = half.ty;
+    let ty = &half.ty;
     let ports = ty.outputs;
     let at = match port {
         Some(port) => match ports.iter().position(|p| p.name == port) {
@@ -148,12 +150,16 @@ pub(super) fn link(
             output.name,
             kind_words(&output.kind)
         );
-        let between = between(&output.kind, &input.kind);
+        let between = between(&output.kind, &input.kind, &loader.registry);
         let found = error("F023", message)
             .label(nodes[node].place.clone(), format!("gives {}", kind_words(&output.kind)));
         return Err(match between {
             Some(name) => found.help(format!("put {name} in between")),
-            None => found.help(format!("nodes that give {}: {}", input.kind.name(), feeders(input))),
+            None => found.help(format!(
+                "nodes that give {}: {}",
+                input.kind.name(),
+                feeders(input, &loader.registry)
+            )),
         });
     }
     Ok(Some(Link { node, port: at, place: raw.place.clone() }))
@@ -169,12 +175,12 @@ fn kind_words(kind: &PortKind) -> String {
 }
 
 /// A node type that takes what one port gives, alone, and gives what the other takes.
-fn between(from: &PortKind, to: &PortKind) -> Option<&'static str> {
-    let fits = |ty: &&NodeType| {
+fn between(from: &PortKind, to: &PortKind, registry: &Registry) -> Option<&'static str> {
+    let fits = |ty: &&Arc<NodeType>| {
         let needed = ty.inputs.iter().filter(|p| p.arity != Arity::Optional).count();
         needed == 1
             && ty.inputs.iter().any(|p| p.arity != Arity::Optional && from.feeds(&p.kind))
             && ty.outputs.iter().any(|o| o.kind.feeds(to))
     };
-    node_types().iter().find(fits).map(|ty| ty.name)
+    registry.types().iter().find(fits).map(|ty| ty.name)
 }

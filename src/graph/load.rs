@@ -8,9 +8,10 @@ use super::values::{Given, Override, Scope};
 use crate::diag::{Diagnostic, Place, Sources};
 use crate::lang::{self, Value};
 use foley_nodes::core::files::FileError;
+use foley_nodes::registry::Registry;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
 /// The schema that graph files of this version declare.
 pub const SCHEMA: &str = "foley:graph/1";
@@ -34,6 +35,63 @@ pub struct RawNode {
     pub whole: bool,
 }
 
+/// What a graph is loaded with, beside its text.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct LoadOptions {
+    /// The node types that it can use.
+    pub registry: Arc<Registry>,
+    /// Values for its parameters and nodes; later ones win.
+    pub overrides: Vec<Override>,
+    /// Folders outside its own that it may read.
+    pub allow_read: Vec<PathBuf>,
+    /// Bounds of what it may read and hold.
+    pub limits: Limits,
+}
+
+impl Default for LoadOptions {
+    /// The node types of `foley-nodes`, no overrides, the graph's own folder, the default limits.
+    fn default() -> Self {
+        static STANDARD: LazyLock<Arc<Registry>> = LazyLock::new(|| Arc::new(Registry::standard()));
+        Self {
+            registry: Arc::clone(&STANDARD),
+            overrides: Vec::new(),
+            allow_read: Vec::new(),
+            limits: Limits::default(),
+        }
+    }
+}
+
+impl LoadOptions {
+    /// Sets the node types.
+    #[must_use]
+    pub fn registry(mut self, registry: Arc<Registry>) -> Self {
+        self.registry = registry;
+        self
+    }
+
+    /// Adds overrides.
+    #[must_use]
+    pub fn overrides(mut self, overrides: impl IntoIterator<Item = Override>) -> Self {
+        self.overrides.extend(overrides);
+        self
+    }
+
+    /// Adds a folder that may be read.
+    #[must_use]
+    pub fn allow_read(mut self, folder: impl Into<PathBuf>) -> Self {
+        self.allow_read.push(folder.into());
+        self
+    }
+
+    /// Sets the limits.
+    #[must_use]
+    pub fn limits(mut self, limits: Limits) -> Self {
+        self.limits = limits;
+        self
+    }
+}
+
 /// What loading gives: a graph where there was no error, and everything that was found.
 #[derive(Debug)]
 pub struct Loaded {
@@ -52,6 +110,7 @@ pub struct Loaded {
 /// Everything read so far.
 #[derive(Debug, Default)]
 pub(super) struct Loader {
+    pub registry: Arc<Registry>,
     pub title: Option<String>,
     pub seed: Option<u64>,
     pub nodes: Vec<RawNode>,
@@ -72,22 +131,21 @@ pub(super) struct Loader {
 
 /// Reads and checks the graph at `path`.
 ///
-/// # Errors
-/// All of them come back in [`Loaded::diagnostics`].
+/// All that is wrong comes back in [`Loaded::diagnostics`].
 #[must_use]
-pub fn load(path: &Path, overrides: &[Override], allow_read: &[PathBuf], limits: Limits) -> Loaded {
-    let mut loader = Loader { root: Root::of(path), limits, ..Loader::default() };
+pub fn load(path: &Path, options: &LoadOptions) -> Loaded {
+    let mut loader = Loader::new(path, options);
     loader.root.note(path);
-    for folder in allow_read {
+    for folder in &options.allow_read {
         loader.root.note(folder);
         if let Err(e) = loader.root.allow_folder(folder) {
             let message = format!("--allow-read {}: {e}", folder.display());
             loader.found.push(Diagnostic::general("F060", message));
         }
     }
-    match read_text(path, &path.display().to_string(), limits.graph_bytes) {
+    match read_text(path, &path.display().to_string(), options.limits.graph_bytes) {
         Ok(text) => {
-            let given = loader.overrides(overrides);
+            let given = loader.overrides(&options.overrides);
             let mut chain = vec![std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned())];
             loader.file(&path.display().to_string(), text, path, "", given, &mut chain);
         }
@@ -96,11 +154,16 @@ pub fn load(path: &Path, overrides: &[Override], allow_read: &[PathBuf], limits:
     check::check(loader)
 }
 
-/// Reads and checks a graph from a text, for editors and tests; `path` is what paths in it are relative to.
+/// Reads and checks a graph from a text, for editors, programs and tests; paths in it are relative to the folder of `path`.
 #[must_use]
-pub fn load_text(name: &str, text: &str, path: &Path, overrides: &[Override]) -> Loaded {
-    let mut loader = Loader { root: Root::of(path), ..Loader::default() };
-    let given = loader.overrides(overrides);
+pub fn load_text(name: &str, text: &str, path: &Path, options: &LoadOptions) -> Loaded {
+    let mut loader = Loader::new(path, options);
+    for folder in &options.allow_read {
+        if let Err(e) = loader.root.allow_folder(folder) {
+            loader.found.push(Diagnostic::general("F060", format!("{}: {e}", folder.display())));
+        }
+    }
+    let given = loader.overrides(&options.overrides);
     loader.file(name, text.to_owned(), path, "", given, &mut vec![path.to_owned()]);
     check::check(loader)
 }
@@ -133,6 +196,15 @@ pub(super) fn valid_id(id: &str) -> bool {
 }
 
 impl Loader {
+    fn new(path: &Path, options: &LoadOptions) -> Self {
+        Self {
+            registry: Arc::clone(&options.registry),
+            root: Root::of(path),
+            limits: options.limits,
+            ..Self::default()
+        }
+    }
+
     pub(super) fn error(&mut self, code: &'static str, message: impl Into<String>, place: Place) {
         self.found.push(Diagnostic::error(code, message, place));
     }

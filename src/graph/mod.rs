@@ -13,7 +13,7 @@ mod sub_graphs;
 mod suggest;
 mod values;
 
-pub use load::{Loaded, SCHEMA, load, load_text};
+pub use load::{LoadOptions, Loaded, SCHEMA, load, load_text};
 pub use outputs::{output_path, written};
 pub use root::{Asked, DirFiles, Limits, Root, Stamp, matching};
 pub use suggest::nearest;
@@ -23,19 +23,7 @@ use crate::diag::{Place, Sources};
 use foley_nodes::core::node::NodeType;
 use foley_nodes::core::params::AnyParams;
 use std::collections::BTreeMap;
-use std::sync::LazyLock;
-
-/// All node types, made once.
-pub fn node_types() -> &'static [NodeType] {
-    static TYPES: LazyLock<Vec<NodeType>> = LazyLock::new(foley_nodes::registry::all);
-    &TYPES
-}
-
-/// The node type of a name.
-#[must_use]
-pub fn node_type(name: &str) -> Option<&'static NodeType> {
-    node_types().iter().find(|ty| ty.name == name)
-}
+use std::sync::Arc;
 
 /// A graph in which every node has a type, parameters and links.
 #[derive(Debug, Default)]
@@ -60,7 +48,7 @@ pub struct GraphNode {
     /// Its name: the identity for seeds, state, cache entries and errors.
     pub id: String,
     /// Its type.
-    pub ty: &'static NodeType,
+    pub ty: Arc<NodeType>,
     /// Its parameters.
     pub params: Box<dyn AnyParams>,
     /// Links per input port.
@@ -125,7 +113,7 @@ impl Graph {
     pub fn without_inputs(&self, which: &dyn Fn(usize) -> bool) -> Self {
         let copy = |(n, node): (usize, &GraphNode)| GraphNode {
             id: node.id.clone(),
-            ty: node.ty,
+            ty: Arc::clone(&node.ty),
             params: node.params.boxed(),
             links: match which(n) {
                 true => vec![Vec::new(); node.links.len()],

@@ -175,7 +175,7 @@ pub(super) fn unused(
     }
     // What only folds a take is a report: it is there for taps.
     let folds = |ty: &NodeType| ty.outputs.iter().all(|o| matches!(o.kind, PortKind::Fold(_)));
-    let tells = |n: usize| halves[n].as_ref().is_some_and(|h| folds(h.ty));
+    let tells = |n: usize| halves[n].as_ref().is_some_and(|h| folds(&h.ty));
     let mut feeds = vec![false; raw.len()];
     links.iter().flatten().flatten().for_each(|l| feeds[l.node] = true);
     for (n, node) in raw.iter().enumerate() {

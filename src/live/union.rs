@@ -5,7 +5,7 @@
 //! the same planner lays it out, and when its fades are over the new graph alone takes its place in the same way.
 
 use super::diff::{Fate, Side};
-use crate::graph::{Graph, GraphNode, Link, node_type};
+use crate::graph::{Graph, GraphNode, Link};
 use crate::plan::{Delays, Heard};
 use crate::run::Values;
 use foley_nodes::core::node::NodeType;
@@ -13,8 +13,10 @@ use foley_nodes::core::ports::PortKind;
 use foley_nodes::core::shape::NodeShape;
 use foley_nodes::core::time::{Tick, seconds};
 use foley_nodes::dsp::FadeLaw;
+use foley_nodes::dsp::nodes::CrossfadeNode;
 use foley_nodes::dsp::nodes::CrossfadeParams;
 use std::collections::{BTreeSet, HashMap, HashSet};
+use std::sync::{Arc, LazyLock};
 
 /// How long one sound takes to become the other, seconds.
 pub const FADE: f64 = 0.02;
@@ -69,7 +71,7 @@ struct Weaver<'a> {
 fn copy(node: &GraphNode) -> GraphNode {
     GraphNode {
         id: node.id.clone(),
-        ty: node.ty,
+        ty: Arc::clone(&node.ty),
         params: node.params.boxed(),
         links: node.links.clone(),
         place: node.place.clone(),
@@ -78,8 +80,10 @@ fn copy(node: &GraphNode) -> GraphNode {
     }
 }
 
-fn crossfade() -> &'static NodeType {
-    node_type("Crossfade").expect("the registry has Crossfade")
+/// The type of the nodes that a reload inserts; a registry without it plays as well.
+fn crossfade() -> Arc<NodeType> {
+    static TYPE: LazyLock<Arc<NodeType>> = LazyLock::new(|| Arc::new(NodeType::of::<CrossfadeNode>("dsp")));
+    Arc::clone(&TYPE)
 }
 
 /// Joins two graphs, given the fates of the nodes of the new one and what each side hears.

@@ -65,7 +65,7 @@ pub fn choose(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::graph::load_text;
+    use crate::graph::{LoadOptions, load_text};
     use std::path::Path;
 
     #[test]
@@ -76,7 +76,7 @@ mod tests {
             text += &format!("\"n{k}\": Gain(audio: \"n{}\", gain: 0.5),\n", k - 1);
         }
         text += "\"n6\": WavOut(audio: \"n5\", path: \"a.wav\"),\n})";
-        let graph = load_text("graph", &text, Path::new("graph.ron"), &[]).graph.unwrap();
+        let graph = load_text("graph", &text, Path::new("graph.ron"), &LoadOptions::default()).graph.unwrap();
         let rule = Rule { per_byte: 1e-3, least: 0.0, read: 1e-4, most_nodes: 100 };
         let costs = [0.1, 0.2, 9.0, 0.1, 0.1, 0.1, 0.1];
         let seconds = |n: usize| costs[n];

@@ -82,7 +82,7 @@ impl<'a> Session<'a> {
 
     /// Makes the key of a node, and notes what it is made of; `None` for a node that is not kept.
     fn key(&mut self, n: usize, values: &HashMap<(usize, usize), AnyValue>) -> Option<String> {
-        if !keeps(self.graph.nodes[n].ty) {
+        if !keeps(&self.graph.nodes[n].ty) {
             return None;
         }
         let key = self.keys.key(n, &|node, port| values.get(&(node, port)).map(AnyValue::hash))?;
@@ -351,7 +351,7 @@ impl<'a> Session<'a> {
         for phase in 0..self.plan.phases.len().max(last) {
             let values = self.plan.values.iter().filter(|(_, p)| *p == phase).map(|(n, _)| *n);
             let folds = self.plan.phases.get(phase).into_iter().flat_map(|p| p.nodes.iter().copied());
-            for n in values.chain(folds).filter(|&n| keeps(self.graph.nodes[n].ty)) {
+            for n in values.chain(folds).filter(|&n| keeps(&self.graph.nodes[n].ty)) {
                 let key = self.keys.key(n, &|node, port| known.get(&(node, port)).copied());
                 let hash = key.as_ref().and_then(|k| k.hash);
                 let entry = hash.and_then(|hash| self.memo.store.peek(&hash.to_string()));
@@ -366,7 +366,7 @@ impl<'a> Session<'a> {
             }
         }
         if !self.plan.phases.iter().any(|p| p.nodes.contains(&target))
-            || !streams(self.graph.nodes[target].ty)
+            || !streams(&self.graph.nodes[target].ty)
         {
             return None;
         }

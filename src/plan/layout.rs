@@ -308,7 +308,7 @@ pub fn regions(parts: &Parts<'_>, region_of: &HashMap<What, usize>) -> Vec<Regio
 pub fn cut(parts: &Parts<'_>, threads: usize, worth: f64) -> HashMap<What, usize> {
     let Parts { graph, shapes, nodes, taps, window, .. } = *parts;
     let work = |n: usize| {
-        let ty = graph.nodes[n].ty;
+        let ty = &graph.nodes[n].ty;
         let per_window = |rate: Rate, width: usize| rate.first_at(window) as f64 * width as f64;
         let outs = shapes[n].outputs.iter().flatten().map(|s| per_window(s.rate, s.width));
         let ins = graph.nodes[n].links.iter().flatten().filter_map(|l| {

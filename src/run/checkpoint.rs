@@ -45,7 +45,7 @@ pub struct Laid<'a> {
 pub fn key(job: &Job<'_>, memo: &Session<'_>, laid: Laid<'_>, values: &super::Values) -> Option<String> {
     let known = |(id, _): &(String, bool)| job.graph.find(id);
     let nodes: Vec<usize> = laid.cut.nodes.iter().filter_map(known).collect();
-    let paths = nodes.iter().map(|&n| &job.graph.nodes[n]).flat_map(|n| written(n.ty, &*n.params));
+    let paths = nodes.iter().map(|&n| &job.graph.nodes[n]).flat_map(|n| written(&n.ty, &*n.params));
     let paths: Vec<_> = paths.collect();
     let taps: Vec<_> = job.taps.iter().map(|tap| &tap.path).collect();
     let Phase { regions, windows, .. } = laid.phase;

@@ -73,7 +73,7 @@ pub fn pass(
     memo: &mut Session<'_>,
     hidden: &mut Hidden,
 ) -> Result<(), Vec<Diagnostic>> {
-    let ty = |n: usize| job.graph.nodes[n].ty;
+    let ty = |n: usize| &*job.graph.nodes[n].ty;
     let folds: Vec<usize> = phase.nodes.iter().copied().filter(|&n| memo::keeps(ty(n))).collect();
     let hits: Vec<_> = folds.iter().map(|&n| memo.look_up(n, values)).collect();
     let missed: Vec<usize> =
@@ -153,7 +153,7 @@ impl<'j> Cut<'j> {
         let mut read: BTreeSet<(usize, usize)> = links.map(|l| (l.node, l.port)).collect();
         read.extend(taps.iter().map(|(_, tap)| *tap));
         let mut ports: HashMap<usize, Vec<(usize, Codec)>> = HashMap::new();
-        for &n in phase.nodes.iter().filter(|&&n| memo::streams(job.graph.nodes[n].ty)) {
+        for &n in phase.nodes.iter().filter(|&&n| memo::streams(&job.graph.nodes[n].ty)) {
             let outputs = job.graph.nodes[n].ty.outputs.iter().enumerate();
             let own = outputs.filter(|(port, _)| read.contains(&(n, *port)));
             let codecs = own.map(|(p, spec)| Some((p, Codec::of(spec.kind, &job.plan.shapes[n], p)?)));

@@ -42,7 +42,7 @@ pub fn check(
 ) -> Vec<Diagnostic> {
     let (mut targets, mut errors) = (Vec::new(), Vec::new());
     for (n, node) in graph.nodes.iter().enumerate() {
-        for (field, path) in written(node.ty, &*node.params) {
+        for (field, path) in written(&node.ty, &*node.params) {
             let place = graph.place(n, Some(field));
             match outputs.place(&path) {
                 Ok(path) => targets.push(Target {

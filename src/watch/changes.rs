@@ -117,12 +117,12 @@ pub fn list(names: &[String]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::graph::load_text;
+    use crate::graph::{LoadOptions, load_text};
     use std::path::Path;
 
     fn graph(nodes: &str) -> Graph {
         let text = format!("#![schema = \"foley:graph/1\"]\nGraph(nodes: {{{nodes}\n}})");
-        let loaded = load_text("graph", &text, Path::new("graph.ron"), &[]);
+        let loaded = load_text("graph", &text, Path::new("graph.ron"), &LoadOptions::default());
         assert!(loaded.graph.is_some(), "{:?}", loaded.diagnostics);
         loaded.graph.unwrap()
     }

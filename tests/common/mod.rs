@@ -7,7 +7,7 @@ pub mod project;
 pub mod scene;
 
 use foley::diag::{Diagnostic, render};
-use foley::graph::{DirFiles, Graph, Limits, load, load_text};
+use foley::graph::{DirFiles, Graph, Limits, LoadOptions, load, load_text};
 use foley::plan::{Plan, PlanOptions};
 use foley::run::{DirOutputs, Job, Progress, Report, check_tap, run};
 use foley_nodes::core::time::{Tick, ticks};
@@ -45,14 +45,14 @@ pub fn is_whole(path: &Path) -> bool {
 
 /// Where a run of an example may be cut, to be quick; marked moments lie anywhere in a piece, which then runs whole.
 pub fn cut(path: &Path, seconds: f64) -> Option<Tick> {
-    let graph = load(path, &[], &[], Limits::default()).graph?;
+    let graph = load(path, &LoadOptions::default()).graph?;
     let marked = graph.nodes.iter().any(|node| node.ty.name == "CorrespondenceSet");
     (!marked).then(|| ticks(seconds))
 }
 
 /// A graph of a text, or all that is wrong with it.
 pub fn graph(text: &str) -> Result<Graph, String> {
-    let loaded = load_text("test.ron", text, Path::new("test.ron"), &[]);
+    let loaded = load_text("test.ron", text, Path::new("test.ron"), &LoadOptions::default());
     loaded.graph.ok_or_else(|| render(&loaded.diagnostics, &loaded.sources, false))
 }
 
@@ -118,7 +118,7 @@ pub fn run_unmeasured(
 
 /// A run of an example graph, from its file.
 pub fn run_file(path: &Path, options: &PlanOptions, out: &Path) -> Result<Report, String> {
-    let loaded = load(path, &[], &[], Limits::default());
+    let loaded = load(path, &LoadOptions::default());
     let graph = loaded.graph.ok_or_else(|| render(&loaded.diagnostics, &loaded.sources, false))?;
     run_graph(&graph, &DirFiles::new(loaded.root, Limits::default()), options, out)
 }

@@ -1,7 +1,7 @@
 //! A folder with a graph that is run again and again, with and without a memo.
 
 use foley::diag::Diagnostic;
-use foley::graph::{DirFiles, Graph, Limits, load};
+use foley::graph::{DirFiles, Graph, Limits, LoadOptions, load};
 use foley::memo::{Memo, Rule, Store, beside};
 use foley::plan::{Plan, PlanOptions};
 use foley::run::{DirOutputs, Job, Progress, Report, Tap, run};
@@ -111,7 +111,7 @@ impl Project {
         tap: Option<&str>,
     ) -> Result<Report, Vec<Diagnostic>> {
         let path = self.path("graph.ron");
-        let loaded = load(&path, &[], &[], Limits::default());
+        let loaded = load(&path, &LoadOptions::default());
         let graph = loaded.graph.expect("the graph is right");
         let files = DirFiles::new(loaded.root, Limits::default());
         let taps: Vec<Tap> = tap

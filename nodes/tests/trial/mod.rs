@@ -13,6 +13,7 @@ use foley_nodes::core::standalone::{Feed, Standalone, StandaloneRun};
 use foley_nodes::core::time::{Rate, TICKS_PER_SECOND, Tick};
 use foley_nodes::registry::all;
 use std::fmt;
+use std::sync::Arc;
 
 /// Draws after which a node counts as one that accepts nothing.
 const TRIES: u64 = 2000;
@@ -199,7 +200,7 @@ impl Trial {
     }
 
     /// The type of the node.
-    pub fn ty(&self) -> NodeType {
+    pub fn ty(&self) -> Arc<NodeType> {
         all().swap_remove(self.node)
     }
 

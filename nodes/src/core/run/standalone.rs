@@ -36,7 +36,7 @@ impl DynNode for Player {
 
 /// One node with its inputs, ready to run.
 pub struct Standalone {
-    ty: NodeType,
+    ty: Arc<NodeType>,
     params: Box<dyn AnyParams>,
     links: Vec<Vec<Feed>>,
     /// The files that the node can open.
@@ -59,18 +59,18 @@ impl Standalone {
     /// A node with these parameters and no inputs yet.
     #[must_use]
     pub fn new<N: Node>(params: N::Params) -> Self {
-        Self::of_type(NodeType::of::<N>(""), Box::new(params))
+        Self::of_type(Arc::new(NodeType::of::<N>("")), Box::new(params))
     }
 
     /// A value node with these parameters and no inputs yet.
     #[must_use]
     pub fn func<F: Func>(params: F::Params) -> Self {
-        Self::of_type(NodeType::func::<F>(""), Box::new(params))
+        Self::of_type(Arc::new(NodeType::func::<F>("")), Box::new(params))
     }
 
     /// A node of a type that is known only when running.
     #[must_use]
-    pub fn of_type(ty: NodeType, params: Box<dyn AnyParams>) -> Self {
+    pub fn of_type(ty: Arc<NodeType>, params: Box<dyn AnyParams>) -> Self {
         let links = ty.inputs.iter().map(|_| Vec::new()).collect();
         Self {
             ty,

@@ -1,0 +1,275 @@
+//! A graph with everything that it is loaded, planned and run with: what programs use, and what the command line is made of.
+//!
+//! [`Session`] holds the settings; [`Session::prepare`] makes a [`Prepared`] graph of them, which renders as often as wanted.
+
+mod errors;
+mod prepared;
+
+pub use errors::Errors;
+pub use prepared::{Preparation, Prepared};
+
+use crate::diag::{Severity, any_error, sort};
+use crate::graph::{DirFiles, LoadOptions, Loaded, Override, load, load_text};
+use crate::memo::Memo;
+use crate::plan::{Plan, PlanOptions, faults};
+use crate::run::{Progress, Report, check_tap};
+use foley_nodes::core::time::{Tick, ticks};
+use foley_nodes::registry::Registry;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Where the text of a graph comes from.
+#[derive(Clone, Debug)]
+enum Source {
+    File(PathBuf),
+    /// A text, and the path that its own paths are relative to.
+    Text(String, PathBuf),
+}
+
+/// A graph and the settings that it is run with.
+///
+/// Nothing is read before [`Session::load`], [`Session::prepare`] or [`Session::render`]; each of them reads the files
+/// again, so a session follows edits.
+///
+/// # Example
+///
+/// ```
+/// use foley::Session;
+///
+/// let text = r#"#![schema = "foley:graph/1"]
+/// Graph(params: { "gain": 0.5 }, nodes: {
+///     "wind": Noise(duration: Some(0.1)),
+///     "soft": Gain(audio: "wind", gain: "$gain"),
+///     "out": WavOut(audio: "soft", path: "wind.wav"),
+/// })"#;
+/// let mut session = Session::from_text(text, ".");
+/// session.set("gain", "0.25");
+/// let folder = std::env::temp_dir().join("foley-session-example");
+/// let report = session.render(&folder)?;
+/// assert_eq!(report.outputs[0].facts["frames"], 4800);
+/// # std::fs::remove_dir_all(&folder).unwrap();
+/// # Ok::<(), foley::Errors>(())
+/// ```
+#[derive(Clone)]
+pub struct Session {
+    source: Source,
+    options: LoadOptions,
+    seed: Option<u64>,
+    threads: Option<usize>,
+    window: Tick,
+    until: Option<Tick>,
+    taps: Vec<String>,
+    quiet: bool,
+    memo: Option<Arc<Memo>>,
+    progress: Arc<Progress>,
+}
+
+impl Session {
+    fn new(source: Source) -> Self {
+        Self {
+            source,
+            options: LoadOptions::default(),
+            seed: None,
+            threads: None,
+            window: ticks(0.02),
+            until: None,
+            taps: Vec::new(),
+            quiet: false,
+            memo: None,
+            progress: Arc::default(),
+        }
+    }
+
+    /// A session over a graph file.
+    #[must_use]
+    pub fn from_file(path: impl Into<PathBuf>) -> Self {
+        Self::new(Source::File(path.into()))
+    }
+
+    /// A session over a text; paths in it are relative to `folder`.
+    #[must_use]
+    pub fn from_text(text: impl Into<String>, folder: impl AsRef<Path>) -> Self {
+        Self::new(Source::Text(text.into(), folder.as_ref().join("graph.ron")))
+    }
+
+    /// Sets the node types that the graph can use.
+    #[must_use]
+    pub fn with_registry(mut self, registry: Arc<Registry>) -> Self {
+        self.options.registry = registry;
+        self
+    }
+
+    /// Sets what the graph is loaded with.
+    #[must_use]
+    pub fn with_load_options(mut self, options: LoadOptions) -> Self {
+        self.options = options;
+        self
+    }
+
+    /// Sets the seed of all randomness, in place of the graph's own.
+    #[must_use]
+    pub fn with_seed(mut self, seed: Option<u64>) -> Self {
+        self.seed = seed;
+        self
+    }
+
+    /// Sets the number of threads that compute; all cores by default.
+    #[must_use]
+    pub fn with_threads(mut self, threads: Option<usize>) -> Self {
+        self.threads = threads;
+        self
+    }
+
+    /// Sets the length of one window in seconds, which never changes the result; 0.02 by default.
+    #[must_use]
+    pub fn with_window(mut self, seconds: f64) -> Self {
+        self.window = ticks(seconds);
+        self
+    }
+
+    /// Ends the run at a time in seconds at the latest.
+    #[must_use]
+    pub fn with_until(mut self, seconds: Option<f64>) -> Self {
+        self.until = seconds.map(ticks);
+        self
+    }
+
+    /// Writes outputs to files, each given as `NODE.PORT=FILE`.
+    #[must_use]
+    pub fn with_taps(mut self, taps: impl IntoIterator<Item = impl Into<String>>) -> Self {
+        self.taps.extend(taps.into_iter().map(Into::into));
+        self
+    }
+
+    /// Leaves warnings out.
+    #[must_use]
+    pub fn with_quiet(mut self, quiet: bool) -> Self {
+        self.quiet = quiet;
+        self
+    }
+
+    /// Caches results of nodes from run to run.
+    #[must_use]
+    pub fn with_memo(mut self, memo: Option<Arc<Memo>>) -> Self {
+        self.memo = memo;
+        self
+    }
+
+    /// Sets a parameter of the graph (`NAME`) or of a node (`NODE.PARAM`) to a RON value, or to text.
+    ///
+    /// An earlier value of the same target is replaced.
+    pub fn set(&mut self, target: impl Into<String>, value: impl Into<String>) {
+        let new = Override { target: target.into(), value: value.into() };
+        self.unset(&new.target);
+        self.options.overrides.push(new);
+    }
+
+    /// Forgets the value that was set for a target.
+    pub fn unset(&mut self, target: &str) {
+        self.options.overrides.retain(|given| given.target != target);
+    }
+
+    /// The values that are set.
+    #[must_use]
+    pub fn overrides(&self) -> &[Override] {
+        &self.options.overrides
+    }
+
+    /// The progress of its runs, readable from other threads; setting [`Progress::stop`] cancels them.
+    #[must_use]
+    pub fn progress(&self) -> &Arc<Progress> {
+        &self.progress
+    }
+
+    /// Reads and checks the graph. The nodes of a graph that cannot run are shaped as well, so that all that is wrong with
+    /// them is found in one pass.
+    #[must_use]
+    pub fn load(&self) -> (Loaded, DirFiles) {
+        let mut loaded = match &self.source {
+            Source::File(path) => load(path, &self.options),
+            Source::Text(text, path) => load_text("graph", text, path, &self.options),
+        };
+        let files = DirFiles::new(std::mem::take(&mut loaded.root), self.options.limits);
+        if let Some(sound) = &loaded.sound {
+            let options = PlanOptions { until: self.until, ..PlanOptions::default() };
+            loaded.diagnostics.extend(faults(sound, &files, &options));
+            sort(&mut loaded.diagnostics, &loaded.sources);
+        }
+        loaded.diagnostics.retain(|d| !self.quiet || d.severity == Severity::Error);
+        (loaded, files)
+    }
+
+    /// Reads, checks and plans the graph.
+    #[must_use]
+    pub fn prepare(&self) -> Preparation {
+        let (loaded, files) = self.load();
+        let mut diagnostics = loaded.diagnostics;
+        let asked = files.asked();
+        let mut prepared = None;
+        if let Some(graph) = loaded.graph {
+            let (mut taps, mut errors) = (Vec::new(), Vec::new());
+            for text in &self.taps {
+                match check_tap(&graph, text) {
+                    Ok(tap) => taps.push(tap),
+                    Err(e) => errors.push(e),
+                }
+            }
+            let cores = || std::thread::available_parallelism().map_or(1, usize::from);
+            let threads = self.threads.unwrap_or_else(cores);
+            let options = PlanOptions {
+                window: self.window,
+                threads,
+                until: self.until,
+                memory: files.limits().memory,
+                taps: taps.iter().map(|tap| (tap.node, tap.port)).collect(),
+                ..PlanOptions::default()
+            };
+            match Plan::new(&graph, &files, &options) {
+                Ok(plan) if errors.is_empty() => {
+                    let seed = self.seed.unwrap_or(graph.seed);
+                    let (memo, progress) = (self.memo.clone(), Arc::clone(&self.progress));
+                    prepared = Some(Prepared { graph, files, plan, taps, threads, seed, memo, progress });
+                }
+                Ok(_) => {}
+                Err(e) => errors.extend(e),
+            }
+            if !errors.is_empty() {
+                diagnostics.extend(errors);
+                sort(&mut diagnostics, &loaded.sources);
+            }
+        }
+        Preparation { prepared, diagnostics, sources: loaded.sources, asked }
+    }
+
+    /// Everything that is wrong with the graph or worth a warning, found without running it.
+    ///
+    /// A graph without an end is not wrong: it may be meant to be played.
+    #[must_use]
+    pub fn check(&self) -> Errors {
+        let (loaded, files) = self.load();
+        let mut diagnostics = loaded.diagnostics;
+        if let Some(graph) = &loaded.graph {
+            let options = PlanOptions { memory: self.options.limits.memory, ..PlanOptions::default() };
+            diagnostics.extend(Plan::new(graph, &files, &options).err().into_iter().flatten());
+        }
+        diagnostics.retain(|d| d.code != "F048");
+        sort(&mut diagnostics, &loaded.sources);
+        Errors { diagnostics, sources: loaded.sources }
+    }
+
+    /// Runs the graph to its end; its files appear below `folder`, all of them or none.
+    ///
+    /// # Errors
+    /// All that is wrong with the graph, or the faults of the nodes that failed.
+    pub fn render(&self, folder: impl AsRef<Path>) -> Result<Report, Errors> {
+        self.prepare().into_result()?.render(folder.as_ref())
+    }
+}
+
+impl Errors {
+    /// Returns true if one of the diagnostics is an error.
+    #[must_use]
+    pub fn any_error(&self) -> bool {
+        any_error(&self.diagnostics)
+    }
+}
