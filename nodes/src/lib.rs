@@ -8,6 +8,7 @@
 //! node is.
 #![forbid(unsafe_code)]
 
+pub mod artefact;
 pub mod contact;
 pub mod core;
 pub mod crumple;

@@ -9,7 +9,7 @@ use super::fit::Pair;
 use super::fit_node::{Heard, checked, stiffness};
 use super::pairing::Pairing;
 use super::set::CorrespondenceSet;
-use super::text::Place;
+use crate::artefact::text::Location as Place;
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::{MemoryFiles, WriteSeek};
 use crate::core::item::Data;

@@ -21,11 +21,11 @@ pub mod set;
 pub mod sliced;
 pub mod suggest;
 pub mod suggest_node;
-pub mod text;
 pub mod tps;
 mod transport;
 mod windows;
 
+pub use crate::artefact::text::{Location as Place, TextError};
 pub use artefact::{WARP_VERSION, Warp, WarpMap};
 pub use diagnostics::{LeaveOut, Suspicion, suspicions, without};
 pub use effect::{Baseline, Effect};
@@ -34,5 +34,4 @@ pub use pairing::{Pairing, SetError, SetErrors, Stretch, Target, pairs, stretche
 pub use set::{Correspondence, CorrespondenceSet, SourceName, read_correspondences, write_correspondences};
 pub use sliced::sliced_wasserstein;
 pub use suggest::{Cause, Proposal, Silence, SuggestParams, suggest};
-pub use text::{Place, TextError};
 pub use tps::{Tps, Warper};

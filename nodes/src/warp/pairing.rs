@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use super::fit::Pair;
 use super::set::{Correspondence, CorrespondenceSet, SourceName};
-use super::text::Place;
+use crate::artefact::text::Location as Place;
 use crate::unit::{Segment, UnitDatabase};
 
 /// Part of a unit by which an interval may miss it: times in files are decimals.

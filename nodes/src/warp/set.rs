@@ -1,9 +1,12 @@
 //! Marked moments of a target and of a database that should sound alike.
 
-use serde::{Deserialize, Serialize};
-use std::fmt::Write;
+use serde::de::{Error, Unexpected, Visitor};
+use serde::{Deserialize, Deserializer, Serialize};
+use std::fmt::{self, Write};
 
-use super::text::{Datum, Field, Place, TextError, read};
+use crate::artefact::text::{
+    Duration, Location, RawValue, Seconds, TextError, Version, quote, read, records, within,
+};
 use crate::core::item::Data;
 use crate::core::random::Rng;
 
@@ -11,12 +14,8 @@ use crate::core::random::Rng;
 pub const MAX_CORRESPONDENCES: usize = 10_000;
 /// Format of a file of correspondences that this code reads and writes.
 pub const CORRESPONDENCES_VERSION: u32 = 1;
-/// Most that are told to be wrong after the first.
-const TOLD: usize = 19;
-/// Latest time, in s.
-const LATEST: f64 = 86_400.0;
-const FIELDS: [&str; 8] =
-    ["target", "database", "source", "duration", "channel", "label", "weight", "enabled"];
+/// Most mistakes that are reported at once.
+const MAX_ERRORS: usize = 20;
 
 /// How a recording of a database is named.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -47,7 +46,7 @@ pub struct Correspondence {
     /// Whether it counts at all.
     pub enabled: bool,
     /// Where it stands in its file.
-    pub place: Place,
+    pub place: Location,
 }
 
 /// Correspondences with the file that they stand in.
@@ -86,56 +85,92 @@ impl Correspondence {
     }
 }
 
-fn find<'a>(fields: &'a [Field], name: &str) -> Option<&'a Datum> {
-    fields.iter().find(|field| field.name == name).and_then(|field| field.value.given())
+/// The fields of a file, in the order in which they are written.
+#[derive(Deserialize)]
+#[serde(rename = "Correspondences", deny_unknown_fields)]
+struct FileText<'a> {
+    #[serde(default, rename = "version")]
+    _version: Option<Version<CORRESPONDENCES_VERSION>>,
+    #[serde(default)]
+    target: Option<String>,
+    #[serde(default)]
+    length: Option<Seconds>,
+    #[serde(default)]
+    database: Option<String>,
+    #[serde(borrow)]
+    pairs: Vec<&'a RawValue>,
 }
 
-fn need<'a>(fields: &'a [Field], name: &str, place: Place) -> Result<&'a Datum, TextError> {
-    find(fields, name).ok_or_else(|| TextError::new(place, format!("`{name}` is missing")))
+/// The fields of one correspondence.
+#[derive(Deserialize)]
+#[serde(rename = "Correspondence", deny_unknown_fields)]
+struct PairText {
+    target: Seconds,
+    database: Seconds,
+    #[serde(default)]
+    source: Option<SourceText>,
+    duration: Duration,
+    #[serde(default)]
+    channel: Option<u32>,
+    #[serde(default)]
+    label: Option<String>,
+    #[serde(default)]
+    weight: Option<Weight>,
+    #[serde(default)]
+    enabled: Option<bool>,
 }
 
-fn whole(datum: &Datum, what: &str) -> Result<u32, TextError> {
-    let value = datum.number(what, 0.0, 1e9)?;
-    if value.fract() == 0.0 { Ok(value as u32) } else { Err(datum.wrong(what, "a whole number from 0 on")) }
+struct Weight(f64);
+
+impl<'de> Deserialize<'de> for Weight {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        within(from, 1e-6, 1e6).map(Self)
+    }
 }
 
-fn correspondence(datum: &Datum) -> Result<Correspondence, TextError> {
-    let fields = datum.record("a correspondence", &FIELDS)?;
-    let seconds =
-        |name: &str, low: f64| need(fields, name, datum.place)?.number(&format!("`{name}`"), low, LATEST);
-    let source = match find(fields, "source") {
-        None => None,
-        Some(d) => Some(match d.text("`source`") {
-            Ok(text) => SourceName::Provenance(text),
-            Err(_) => SourceName::Index(whole(d, "`source`")?),
-        }),
-    };
-    Ok(Correspondence {
-        target: seconds("target", 0.0)?,
-        database: seconds("database", 0.0)?,
-        duration: seconds("duration", 1e-6)?,
-        source,
-        channel: find(fields, "channel").map(|d| whole(d, "`channel`")).transpose()?,
-        label: find(fields, "label").map(|d| d.text("`label`")).transpose()?.unwrap_or_default(),
-        weight: find(fields, "weight").map_or(Ok(1.0), |d| d.number("`weight`", 1e-6, 1e6))?,
-        enabled: find(fields, "enabled").map_or(Ok(true), |d| d.truth("`enabled`"))?,
-        place: datum.place,
-    })
+/// A recording as people write it: its number, or a text.
+struct SourceText(SourceName);
+
+impl<'de> Deserialize<'de> for SourceText {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        struct Visit;
+
+        impl Visitor<'_> for Visit {
+            type Value = SourceName;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a whole number from 0 on, or a text in quotes")
+            }
+
+            fn visit_u64<E: Error>(self, index: u64) -> Result<SourceName, E> {
+                let index =
+                    u32::try_from(index).map_err(|_| E::invalid_value(Unexpected::Unsigned(index), &self));
+                index.map(SourceName::Index)
+            }
+
+            fn visit_str<E: Error>(self, text: &str) -> Result<SourceName, E> {
+                Ok(SourceName::Provenance(text.to_owned()))
+            }
+        }
+
+        from.deserialize_any(Visit).map(Self)
+    }
 }
 
-/// All correspondences of a list, or what is wrong with each that is.
-fn all(list: &[Datum]) -> Result<Vec<Correspondence>, TextError> {
-    let (mut read, mut wrong): (Vec<Correspondence>, Vec<TextError>) = (Vec::new(), Vec::new());
-    for datum in list {
-        match correspondence(datum) {
-            Ok(pair) => read.push(pair),
-            Err(e) => wrong.push(e),
+impl PairText {
+    fn at(self, location: Location) -> Correspondence {
+        Correspondence {
+            label: self.label.unwrap_or_default(),
+            target: self.target.0,
+            database: self.database.0,
+            source: self.source.map(|source| source.0),
+            duration: self.duration.0,
+            channel: self.channel,
+            weight: self.weight.map_or(1.0, |weight| weight.0),
+            enabled: self.enabled.unwrap_or(true),
+            place: location,
         }
     }
-    let mut wrong = wrong.into_iter();
-    let Some(first) = wrong.next() else { return Ok(read) };
-    let others: String = wrong.take(TOLD).map(|e| format!("; {e}")).collect();
-    Err(TextError { message: first.message + &others, ..first })
 }
 
 /// Reads correspondences.
@@ -154,39 +189,27 @@ fn all(list: &[Datum]) -> Result<Vec<Correspondence>, TextError> {
 /// # Ok::<(), foley_nodes::warp::TextError>(())
 /// ```
 pub fn read_correspondences(text: &str) -> Result<CorrespondenceSet, TextError> {
-    let datum = read(text)?;
-    let fields = datum.record("the file", &["version", "target", "length", "database", "pairs"])?;
-    if let Some(found) = find(fields, "version") {
-        let version = whole(found, "`version`")?;
-        if version != CORRESPONDENCES_VERSION {
-            let message = format!(
-                "the correspondences have version {version}; this reads version {CORRESPONDENCES_VERSION}"
-            );
-            return Err(TextError::new(found.place, message));
-        }
+    let file: FileText<'_> = read(text)?;
+    if file.pairs.len() > MAX_CORRESPONDENCES {
+        let message = format!("{} correspondences; at most {MAX_CORRESPONDENCES} are read", file.pairs.len());
+        return Err(TextError::new(Location { line: 1, column: 1 }, message));
     }
-    let name = |field: &str| find(fields, field).map_or(Ok(String::new()), |d| d.text(&format!("`{field}`")));
-    let pairs = need(fields, "pairs", datum.place)?.list("`pairs`")?;
-    if pairs.len() > MAX_CORRESPONDENCES {
-        let message = format!("{} correspondences; at most {MAX_CORRESPONDENCES} are read", pairs.len());
-        return Err(TextError::new(datum.place, message));
-    }
+    let pairs = records::<PairText>(text, &file.pairs)
+        .map_err(|errors| TextError::join(errors, MAX_ERRORS).unwrap_or_default())?;
     Ok(CorrespondenceSet {
         file: String::new(),
-        target: name("target")?,
-        length: find(fields, "length").map(|d| d.number("`length`", 0.0, LATEST)).transpose()?,
-        database: name("database")?,
-        pairs: all(pairs)?,
+        target: file.target.unwrap_or_default(),
+        length: file.length.map(|length| length.0),
+        database: file.database.unwrap_or_default(),
+        pairs: pairs.into_iter().map(|(location, pair)| pair.at(location)).collect(),
     })
 }
 
 /// Writes correspondences as [`read_correspondences`] reads them, one a line.
 #[must_use]
 pub fn write_correspondences(set: &CorrespondenceSet) -> String {
-    let quoted =
-        |text: &str| format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\"").replace('\n', "\\n"));
     let mut out = format!("Correspondences(\n    version: {CORRESPONDENCES_VERSION},\n");
-    let text = |text: &str| (!text.is_empty()).then(|| quoted(text));
+    let text = |text: &str| (!text.is_empty()).then(|| quote(text));
     let head = [
         ("target", text(&set.target)),
         ("length", set.length.map(|length| format!("{length:?}"))),
@@ -203,9 +226,9 @@ pub fn write_correspondences(set: &CorrespondenceSet) -> String {
         let source = match &c.source {
             None => String::new(),
             Some(SourceName::Index(k)) => format!("source: {k}, "),
-            Some(SourceName::Provenance(text)) => format!("source: {}, ", quoted(text)),
+            Some(SourceName::Provenance(text)) => format!("source: {}, ", quote(text)),
         };
-        let label = if c.label.is_empty() { String::new() } else { format!("label: {}, ", quoted(&c.label)) };
+        let label = if c.label.is_empty() { String::new() } else { format!("label: {}, ", quote(&c.label)) };
         let _ = write!(
             out,
             "        ({label}target: {:?}, {source}database: {:?}, duration: {:?}",
@@ -237,7 +260,7 @@ impl Data for CorrespondenceSet {
             channel: None,
             weight: rng.between(0.5, 2.0),
             enabled: rng.below(4) > 0,
-            place: Place::default(),
+            place: Location::default(),
         };
         let pairs = (0..rng.below(4)).map(|_| pair(rng)).collect();
         Self { pairs, ..Self::default() }
@@ -264,7 +287,7 @@ mod tests {
             }
             let text = write_correspondences(&set);
             let mut found = read_correspondences(&text).unwrap();
-            found.pairs.iter_mut().for_each(|c| c.place = Place::default());
+            found.pairs.iter_mut().for_each(|c| c.place = Location::default());
             assert_eq!(found, set, "{text}");
         }
     }
@@ -289,14 +312,18 @@ mod tests {
     fn errors_say_line_and_column() {
         for (text, place, part) in [
             ("(pairs: [\n(target: 1, duration: 0.1)])", "2:1", "`database` is missing"),
-            ("(pairs: [(target: -1, database: 1, duration: 0.1)])", "1:19", "from 0 to"),
-            ("(pairs: [(target: 1, database: 1, duration: 0)])", "1:45", "`duration`"),
+            ("(pairs: [(target: -1, database: 1, duration: 0.1)])", "1:19", "found -1; a number from 0 to"),
+            (
+                "(pairs: [(target: 1, database: 1, duration: 0)])",
+                "1:45",
+                "found 0; a number from 0.000001 to",
+            ),
             ("(pairs: [(target: 1, database: 1, duration: 1, source: 1.5)])", "1:56", "whole number"),
-            ("(pairs: [(target: 1, database: 1, duration: 1, enabled: 1)])", "1:57", "true or false"),
+            ("(pairs: [(target: 1, database: 1, duration: 1, enabled: 1)])", "1:57", "xpected boolean"),
             ("(pairs: [(target: 1, database: 1, duration: 1, gain: 1)])", "1:48", "no field `gain`"),
             ("(target: \"a\")", "1:1", "`pairs` is missing"),
-            ("(length: \"a\", pairs: [])", "1:10", "`length` is \"a\"; a number from 0 to"),
-            ("(version: 2, pairs: [])", "1:11", "have version 2; this reads version 1"),
+            ("(length: \"a\", pairs: [])", "1:10", "xpected float"),
+            ("(version: 2, pairs: [])", "1:11", "has version 2; this reads version 1"),
             // All that are wrong.
             (
                 "(pairs: [(database: 1, duration: 1),\n(target: 1, database: 1, duration: 1),\n(target: 1, duration: 1)])",
@@ -305,7 +332,7 @@ mod tests {
             ),
         ] {
             let e = read_correspondences(text).unwrap_err();
-            assert!(e.place.to_string() == place && e.message.contains(part), "{text}: {e}");
+            assert!(e.location.to_string() == place && e.message.contains(part), "{text}: {e}");
         }
     }
 }

@@ -3,7 +3,7 @@
 use super::fit_node::Heard;
 use super::set::{Correspondence, CorrespondenceSet, SourceName, write_correspondences};
 use super::suggest::{Cause, Proposal, Silence, SuggestParams, leaves_silence_out, suggest};
-use super::text::Place;
+use crate::artefact::text::Location as Place;
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::WriteSeek;
 use crate::core::node::{Class, Node, Summary, same_rate};

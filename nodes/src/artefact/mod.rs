@@ -1,0 +1,3 @@
+//! Files that people or foley write beside graphs, and that nodes read again: [`text`] for those that people edit.
+
+pub mod text;
