@@ -445,25 +445,25 @@ impl Layout<'_> {
         groups.sort_by_key(|(r, p, _)| (*r != region, *p == Pad::Hold, *r));
         let own = groups.first().is_some_and(|(r, _, _)| *r == region);
         let first = if own { buffer_for(&groups[0].2) } else { buffer_for(&[]) };
-        let buffer = self.regions[region].buffer(first, (u, port));
+        let written = self.regions[region].buffer(first, (u, port));
         let clock = self.regions[region].clock(writer);
         self.regions[region].nodes[place].outputs[port] = match rate {
-            Some(rate) => PlanOut::Stream { buffer, clock, width, rate },
-            None => PlanOut::Events { buffer, clock },
+            Some(rate) => PlanOut::Stream { buffer: written, clock, width, rate },
+            None => PlanOut::Events { buffer: written, clock },
         };
         for (k, (reader_region, _, group)) in groups.iter().enumerate() {
             let buffer = if k == 0 && own {
-                buffer
+                written
             } else {
                 let buffer = self.regions[*reader_region].buffer(buffer_for(group), (u, port));
                 if *reader_region == region {
-                    self.regions[region].nodes[place].copies.push((buffer, buffer, clock));
+                    self.regions[region].nodes[place].copies.push((written, buffer, clock));
                 } else {
                     let link = self.links;
                     self.links += 1;
-                    self.regions[region].exports.push(Export { link, buffer, clock, items: window_items });
+                    self.regions[region].exports.push(Export { link, buffer: written, clock, items: window_items });
                     let there = self.regions[*reader_region].clock(writer);
-                    let import = Import { link, from: region, buffer: buffer, clock: there };
+                    let import = Import { link, from: region, buffer, clock: there };
                     self.regions[*reader_region].imports.push(import);
                 }
                 buffer
