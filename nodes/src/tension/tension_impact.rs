@@ -1,4 +1,4 @@
-//! The node around [`Tightness`].
+//! Impacts of cloth that becomes taut, as a node.
 
 use super::tightness::{Snap, TautParams, Tightness};
 use crate::core::fault::{Fault, Reject};
@@ -16,34 +16,34 @@ use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
 params! {
-    /// Finds where a flag or a whipped sheet is caught: parts of the cloth that were slack and are pulled taut are blows.
+    /// Finds parts of a flag or a whipped sheet that are pulled tight, and makes an impact of each.
     ///
-    /// A part is slack where its stretch, the length of what is nearest to it without wrinkles over its length at rest, has fallen
-    /// `band` below `taut`; it is caught where the stretch comes back to `taut` with at least `strain_rate`. The blow has the momentum that the
-    /// part loses along its normal: `density` times area times the change of its speed. `ImpactForce` makes forces of the blows,
-    /// `MembraneModes` says what rings under them in a `ModalBank`, and that sound is added to the target, so that recordings
-    /// give it their realism.
+    /// The stretch of a part is that of the affine map nearest to it, which leaves out wrinkles. A part is slack when its stretch
+    /// has fallen `band` below `taut`, and snaps when the stretch returns to `taut` with at least `strain_rate`. The impulse of the
+    /// impact is the momentum that the part loses along its normal: `density` times area times the change of speed. `ImpactForce`
+    /// makes forces of the impacts, and a `ModalBank` with the modes of `MembraneModes` rings under them. Its sound is added to the
+    /// target, so that recordings make it realistic.
     ///
-    /// Cloth that hangs flat measures a little less than its rest pose, for fine waves stay in it: with `taut` 1 only what is truly stretched is
-    /// caught. The latency is two frames: what a part loses shows in the frames after.
+    /// Cloth that hangs flat has a stretch a little below 1, because fine waves stay in it: with `taut` 1 only cloth that is really
+    /// stretched snaps. The latency is two frames: the lost speed is known only after the following frame.
     ///
     /// # Source
     /// An addition to An, James and Marschner (SIGGRAPH 2012), whose cloth slides and crumples only; the stretch is that of Müller,
     /// Heidelberger, Teschner and Gross, "Meshless deformations based on shape matching" (SIGGRAPH 2005), section 3.4.
     pub struct TensionImpactParams {
-        /// Largest size of the parts that are caught as one.
+        /// Maximum size of a part.
         region: f64 = 0.3, unit "m", range 0.001..=1000.0;
-        /// Length over length at rest from which on a part is taut.
+        /// Length over rest length from which on a part is taut.
         taut: f64 = 0.99, unit "", range 0.1..=10.0;
-        /// How far the stretch falls below `taut` before a part is slack.
+        /// Decrease of the stretch below `taut` after which a part is slack.
         band: f64 = 0.03, unit "", range 0.0..=1.0;
-        /// Least strain per second of a blow.
+        /// Minimum strain rate of an impact.
         strain_rate: f64 = 0.1, unit "1/s", range 0.0..=100_000.0;
         /// Mass of the cloth per area: 0.05 is silk, 0.15 a cotton sheet, 0.3 denim.
         density: f64 = 0.15, unit "kg/m^2", range 0.001..=100.0;
-        /// Stiffness relative to steel on stone, which makes a blow short.
+        /// Stiffness relative to steel on stone; a stiff contact is short.
         hardness: f32 = 1.0, unit "", range 0.000001..=1000.0_f32;
-        /// Number that the blows have as their object.
+        /// Object number of the impacts.
         object: u32 = 0, unit "", range 0..=4_294_967_295_u32;
     }
 }
@@ -54,63 +54,65 @@ ports! {
             mesh: Stream<Mesh>,
         }
         out {
-            /// One blow for each part that is caught, at its middle.
+            /// One impact for each part that becomes taut, at its centroid.
             impacts: Events<Impact>,
         }
     }
 }
 
-/// Frames that have to be known after the one before which a part was slack.
+/// Look-ahead in frames from the last frame in which a part was slack.
 const AHEAD: usize = 2;
 
 /// The node over [`Tightness`].
 pub struct TensionImpact {
     tightness: Tightness,
     params: TensionImpactParams,
-    /// Next frame to take.
+    /// Next frame to process.
     next: Option<i64>,
-    /// Blows that fall after the windows so far.
+    /// Impacts after the windows so far.
     waiting: VecDeque<(Tick, Impact)>,
     snaps: Vec<Snap>,
-    /// Frames in the take, where it ends.
+    /// Number of frames, if the animation ends.
     end: Option<i64>,
-    told: Told,
+    figures: Figures,
 }
 
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
-struct Told {
+struct Figures {
     impacts: u64,
     strongest: f32,
     fastest: f64,
 }
 
 impl TensionImpact {
-    fn strike(&self, snap: &Snap) -> Impact {
+    fn impact(&self, snap: &Snap) -> Impact {
         let p = &self.params;
         let body = Body { mass: p.density * snap.area, restitution: 0.0 };
         let (hardness, object, position) = (p.hardness, p.object, snap.position);
-        Impact { hardness, object, position, ..Impact::from_velocity(snap.lost, body) }
+        Impact { hardness, object, position, ..Impact::from_velocity(snap.lost_speed, body) }
     }
 
-    /// Takes a frame; `first` is the number of the first one ever taken.
-    fn take(&mut self, frame: i64, places: &[[f32; 3]], rate: Rate) -> Result<(), Fault> {
+    /// Processes a frame and inserts its impacts in order of time.
+    fn process(&mut self, frame: i64, positions: &[[f32; 3]], rate: Rate) -> Result<(), Fault> {
         self.snaps.clear();
         let snaps = &mut self.snaps;
-        self.tightness.take(places, |snap| snaps.push(snap)).map_err(|vertex| {
+        self.tightness.process(positions, |snap| snaps.push(snap)).map_err(|vertex| {
             let message = format!("a position near vertex {vertex} of frame {frame} is no number");
             Fault::new("F105", message).at("mesh").when(rate.tick(frame))
         })?;
         for k in 0..self.snaps.len() {
-            let Some(snap) = self.snaps.get(k).copied().filter(|snap| snap.lost > 0.0) else { continue };
+            let Some(snap) = self.snaps.get(k).copied().filter(|snap| snap.lost_speed > 0.0) else {
+                continue;
+            };
             let before = frame - AHEAD as i64;
             let (from, to) = (rate.tick(before), rate.tick(before + 1));
-            let tick = from + ((to - from) as f64 * snap.within) as Tick;
-            let impact = self.strike(&snap);
-            self.told.impacts += 1;
-            self.told.strongest = self.told.strongest.max(impact.impulse);
-            self.told.fastest = self.told.fastest.max(snap.rate);
-            let place = self.waiting.partition_point(|(known, _)| *known <= tick);
-            self.waiting.insert(place, (tick, impact));
+            let tick = from + ((to - from) as f64 * snap.fraction) as Tick;
+            let impact = self.impact(&snap);
+            self.figures.impacts += 1;
+            self.figures.strongest = self.figures.strongest.max(impact.impulse);
+            self.figures.fastest = self.figures.fastest.max(snap.rate);
+            let index = self.waiting.partition_point(|(known, _)| *known <= tick);
+            self.waiting.insert(index, (tick, impact));
         }
         Ok(())
     }
@@ -140,7 +142,7 @@ impl Node for TensionImpact {
             waiting: VecDeque::new(),
             snaps: Vec::new(),
             end: mesh.items(),
-            told: Told::default(),
+            figures: Figures::default(),
         })
     }
 
@@ -148,7 +150,7 @@ impl Node for TensionImpact {
         let (first, rate) = (io.mesh.first(), io.mesh.rate());
         let last = (first + io.mesh.len() as i64 + AHEAD as i64).min(self.end.unwrap_or(i64::MAX));
         for frame in self.next.unwrap_or(first)..last {
-            self.take(frame, io.mesh.item((frame - first) as isize), rate)?;
+            self.process(frame, io.mesh.item((frame - first) as isize), rate)?;
         }
         self.next = Some(last.max(self.next.unwrap_or(first)));
         let (_, to) = io.impacts.window();
@@ -159,7 +161,7 @@ impl Node for TensionImpact {
     }
 
     fn finish(&mut self, _: TensionImpactIo<'_>) -> Result<Summary, Fault> {
-        let Told { impacts, strongest, fastest } = self.told;
+        let Figures { impacts, strongest, fastest } = self.figures;
         Ok(vec![
             ("impacts", impacts.into()),
             ("parts", self.tightness.parts().into()),
@@ -168,7 +170,7 @@ impl Node for TensionImpact {
         ])
     }
 
-    archive_state!(tightness, next, waiting, end, told);
+    archive_state!(tightness, next, waiting, end, figures);
 
     fn trial(rng: &mut Rng) -> (TensionImpactParams, MemoryFiles) {
         // Sheets of trials are 0.1 m wide and tremble by a centimetre.
@@ -196,14 +198,14 @@ mod tests {
         TensionImpactParams { region: 10.0, taut: 1.0, density: 0.2, ..p }
     }
 
-    /// Blows of a sheet of 0.8 m by 0.5 m that flies with a speed until it is caught at a time.
-    fn blows(p: TensionImpactParams, speed: f64, caught: f64, window: f64) -> Vec<(Tick, Impact)> {
+    /// Impacts of a sheet of 0.8 m by 0.5 m that flies at a speed until it becomes taut at a time.
+    fn impacts(p: TensionImpactParams, speed: f64, taut: f64, window: f64) -> Vec<(Tick, Impact)> {
         let sheet = FlatSheet { vertices: [9, 6], size: [0.8, 0.5], velocity: [0.0; 3] }.topology();
         let frames: Vec<[f32; 3]> = (0..50)
             .flat_map(|k| {
                 let t = f64::from(k) / 50.0;
-                let stretch = (1.0 + t - caught).clamp(0.9, 1.02) as f32;
-                let z = (speed * t.min(caught)) as f32;
+                let stretch = (1.0 + t - taut).clamp(0.9, 1.02) as f32;
+                let z = (speed * t.min(taut)) as f32;
                 sheet.rest.iter().map(move |p| [stretch * p[0], 1.05 * p[1], z]).collect::<Vec<_>>()
             })
             .collect();
@@ -217,30 +219,30 @@ mod tests {
     }
 
     #[test]
-    fn a_caught_sheet_is_one_blow_with_its_mass_times_its_speed() {
-        let found = blows(params(), 4.0, 0.413, 1.0);
+    fn a_sheet_that_becomes_taut_makes_one_impact_of_mass_times_speed() {
+        let found = impacts(params(), 4.0, 0.413, 1.0);
         assert_eq!(found.len(), 1, "{found:?}");
-        let (tick, blow) = found[0];
+        let (tick, impact) = found[0];
         assert!((seconds(tick) - 0.413).abs() < 1e-5, "{}", seconds(tick));
         // 0.2 kg/m^2 on 0.4 m^2.
         let mass = 0.2 * 0.4;
-        assert!((f64::from(blow.impulse) / (mass * 4.0) - 1.0).abs() < 1e-4, "{blow:?}");
-        assert!((f64::from(blow.energy) / (0.5 * mass * 16.0) - 1.0).abs() < 1e-3, "{blow:?}");
-        assert!((blow.position[2] - 4.0 * 0.413).abs() < 1e-5 && blow.is_valid());
+        assert!((f64::from(impact.impulse) / (mass * 4.0) - 1.0).abs() < 1e-4, "{impact:?}");
+        assert!((f64::from(impact.energy) / (0.5 * mass * 16.0) - 1.0).abs() < 1e-3, "{impact:?}");
+        assert!((impact.position[2] - 4.0 * 0.413).abs() < 1e-5 && impact.is_valid());
     }
 
     #[test]
-    fn windows_of_any_size_give_the_same_blows_at_the_same_times() {
+    fn windows_of_any_size_give_the_same_impacts() {
         let p = TensionImpactParams { region: 0.2, ..params() };
-        let whole = blows(p.clone(), 3.0, 0.317, 9.0);
+        let whole = impacts(p.clone(), 3.0, 0.317, 9.0);
         assert!(whole.len() == 12 && whole.is_sorted_by_key(|(tick, _)| *tick), "{}", whole.len());
         for window in [0.001, 0.02, 0.037, 0.3] {
-            assert_eq!(blows(p.clone(), 3.0, 0.317, window), whole, "{window}");
+            assert_eq!(impacts(p.clone(), 3.0, 0.317, window), whole, "{window}");
         }
     }
 
     #[test]
-    fn a_sheet_that_is_stretched_at_rest_strikes_nothing() {
-        assert_eq!(blows(params(), 0.0, 0.4, 1.0), []);
+    fn a_stretched_sheet_at_rest_makes_no_impact() {
+        assert_eq!(impacts(params(), 0.0, 0.4, 1.0), []);
     }
 }

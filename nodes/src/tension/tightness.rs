@@ -1,4 +1,4 @@
-//! When parts of a cloth go from slack to taut, and how fast they went along their normal until then.
+//! Transitions of cloth parts from slack to taut, and the normal speed that is lost in them.
 
 use crate::contact::vector::{Vec3, add, cross, dot, norm, scale, sub, widen};
 use crate::impl_state;
@@ -6,46 +6,46 @@ use crate::mesh::{Regions, Topology};
 use crate::warp::linear::principal;
 use serde::{Deserialize, Serialize};
 
-/// Spread of a part across its longest direction, relative to along it, below which it is a thread.
+/// Ratio of the second to the first principal extent of a part below which it is a thread.
 const THREAD: f64 = 1e-3;
 
-/// When a part counts as taut.
+/// Thresholds of the stretch of a part.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TautParams {
-    /// Largest size of a part, m.
+    /// Maximum size of a part, m.
     pub size: f64,
-    /// Length over length at rest from which on a part is taut.
+    /// Length over rest length from which on a part is taut.
     pub taut: f64,
-    /// How far below that it has to fall before it is slack.
+    /// Decrease of the stretch below `taut` after which a part is slack.
     pub band: f64,
-    /// Least strain per second with which it is caught; what tightens more slowly does so without a sound.
+    /// Minimum strain rate of a snap, 1/s; a slower transition makes no sound.
     pub rate: f64,
 }
 
-/// A part that was slack and is taut.
+/// Transition of a part from slack to taut.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Snap {
-    /// Frame before which it was slack, from 0.
+    /// Index of the last frame in which the part was slack.
     pub frame: u64,
-    /// How far on the way to the next frame it became taut, above 0 and at most 1.
-    pub within: f64,
-    /// Strain per second at that moment.
+    /// Fraction of the frame interval after which it became taut, above 0 and at most 1.
+    pub fraction: f64,
+    /// Strain rate at that time, 1/s.
     pub rate: f64,
-    /// Speed along its normal that it lost, m/s.
-    pub lost: f64,
-    /// Its area at rest, m^2.
+    /// Lost speed along the normal, m/s.
+    pub lost_speed: f64,
+    /// Rest area, m^2.
     pub area: f64,
-    /// Its middle, m.
+    /// Centroid, m.
     pub position: [f32; 3],
 }
 
-/// A part of a cloth: what makes its middle and its stretch out of the places of its vertices.
+/// A part of a cloth: the weights that give its centroid and its affine map from the positions of its vertices.
 #[derive(Clone, Debug)]
 struct Part {
     vertices: Vec<u32>,
-    /// Shares of the area, which sum to 1.
-    shares: Vec<f64>,
-    /// What a place adds to the two columns of the map from the flat part to where it is; they sum to 0.
+    /// Fractions of the area, of sum 1.
+    weights: Vec<f64>,
+    /// Weights of a position in the two columns of the affine map from the rest pose, of sum 0.
     slopes: Vec<[f64; 2]>,
     area: f64,
 }
@@ -53,84 +53,84 @@ struct Part {
 /// A part in one frame.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 struct Pose {
-    /// Length over length at rest where that is largest, and across.
+    /// Singular values of the affine map, the larger first.
     stretches: [f64; 2],
-    middle: Vec3,
+    centroid: Vec3,
     normal: Vec3,
 }
 
 impl Part {
-    /// `None` for what has no area or is a thread.
+    /// Returns `None` for a part without area and for a thread.
     fn new(vertices: &[u32], rest: &[[f32; 3]], areas: &[f32]) -> Option<Self> {
-        let place = |v: &u32| rest.get(*v as usize).copied().map(widen).unwrap_or_default();
-        let weight = |v: &u32| f64::from(areas.get(*v as usize).copied().unwrap_or(0.0));
-        let area: f64 = vertices.iter().map(weight).sum();
+        let position = |v: &u32| rest.get(*v as usize).copied().map(widen).unwrap_or_default();
+        let vertex_area = |v: &u32| f64::from(areas.get(*v as usize).copied().unwrap_or(0.0));
+        let area: f64 = vertices.iter().map(vertex_area).sum();
         if area <= 0.0 {
             return None;
         }
-        let shares: Vec<f64> = vertices.iter().map(|v| weight(v) / area).collect();
-        let middle = vertices.iter().zip(&shares).fold([0.0; 3], |sum, (v, s)| add(sum, scale(place(v), *s)));
-        let arms: Vec<Vec3> = vertices.iter().map(|v| sub(place(v), middle)).collect();
-        let spread: Vec<f64> = arms.iter().zip(&shares).flat_map(|(arm, s)| scale(*arm, s.sqrt())).collect();
-        let [(long, u), (wide, v)] =
-            principal(&spread, 3).into_iter().take(2).collect::<Vec<_>>().try_into().ok()?;
-        if wide <= THREAD * long || !wide.is_finite() {
+        let weights: Vec<f64> = vertices.iter().map(|v| vertex_area(v) / area).collect();
+        let centroid =
+            vertices.iter().zip(&weights).fold([0.0; 3], |sum, (v, w)| add(sum, scale(position(v), *w)));
+        let offsets: Vec<Vec3> = vertices.iter().map(|v| sub(position(v), centroid)).collect();
+        let weighted: Vec<f64> =
+            offsets.iter().zip(&weights).flat_map(|(offset, w)| scale(*offset, w.sqrt())).collect();
+        let [(length, u), (width, v)] =
+            principal(&weighted, 3).into_iter().take(2).collect::<Vec<_>>().try_into().ok()?;
+        if width <= THREAD * length || !width.is_finite() {
             return None;
         }
-        let along = |arm: &Vec3, axis: &[f64]| arm.iter().zip(axis).map(|(a, b)| a * b).sum::<f64>();
-        // Along principal directions the least-squares map needs no inverse of a matrix.
-        let slopes = arms
-            .iter()
-            .zip(&shares)
-            .map(|(arm, s)| [s * along(arm, &u) / (long * long), s * along(arm, &v) / (wide * wide)]);
-        Some(Self { slopes: slopes.collect(), vertices: vertices.to_vec(), shares, area })
+        let along = |offset: &Vec3, axis: &[f64]| offset.iter().zip(axis).map(|(a, b)| a * b).sum::<f64>();
+        // In principal axes the least-squares map needs no matrix inverse.
+        let slopes = offsets.iter().zip(&weights).map(|(offset, w)| {
+            [w * along(offset, &u) / (length * length), w * along(offset, &v) / (width * width)]
+        });
+        Some(Self { slopes: slopes.collect(), vertices: vertices.to_vec(), weights, area })
     }
 
-    /// The affine map that is nearest to where the part is, of which wrinkles are no part: what is folded is short.
-    fn pose(&self, places: &[[f32; 3]]) -> Pose {
+    /// Fits the least-squares affine map to the positions. It leaves out wrinkles, so that a folded part has a small stretch.
+    fn pose(&self, positions: &[[f32; 3]]) -> Pose {
         let first = self
             .vertices
             .first()
-            .and_then(|v| places.get(*v as usize))
+            .and_then(|v| positions.get(*v as usize))
             .copied()
             .map(widen)
             .unwrap_or_default();
-        let (mut middle, mut columns) = ([0.0; 3], [[0.0; 3]; 2]);
-        for ((v, share), slopes) in self.vertices.iter().zip(&self.shares).zip(&self.slopes) {
-            // Measured from one of its vertices, so that nothing cancels far from the origin.
-            let arm = sub(places.get(*v as usize).copied().map(widen).unwrap_or_default(), first);
-            middle = add(middle, scale(arm, *share));
+        let (mut centroid, mut columns) = ([0.0; 3], [[0.0; 3]; 2]);
+        for ((v, weight), slopes) in self.vertices.iter().zip(&self.weights).zip(&self.slopes) {
+            // Relative to one of the vertices, to avoid cancellation far from the origin.
+            let offset = sub(positions.get(*v as usize).copied().map(widen).unwrap_or_default(), first);
+            centroid = add(centroid, scale(offset, *weight));
             for (column, slope) in columns.iter_mut().zip(slopes) {
-                *column = add(*column, scale(arm, *slope));
+                *column = add(*column, scale(offset, *slope));
             }
         }
         let [a, b] = columns;
         let (aa, bb, ab) = (dot(a, a), dot(b, b), dot(a, b));
-        let (middle_square, apart) = (0.5 * (aa + bb), (0.25 * (aa - bb).powi(2) + ab * ab).sqrt());
-        let stretches = [middle_square + apart, (middle_square - apart).max(0.0)].map(f64::sqrt);
-        let across = cross(a, b);
-        let length = norm(across);
-        let normal = if length > 0.0 { scale(across, 1.0 / length) } else { [0.0; 3] };
-        Pose { stretches, middle: add(first, middle), normal }
+        let (mean, deviation) = (0.5 * (aa + bb), (0.25 * (aa - bb).powi(2) + ab * ab).sqrt());
+        let stretches = [mean + deviation, (mean - deviation).max(0.0)].map(f64::sqrt);
+        let product = cross(a, b);
+        let length = norm(product);
+        let normal = if length > 0.0 { scale(product, 1.0 / length) } else { [0.0; 3] };
+        Pose { stretches, centroid: add(first, centroid), normal }
     }
 }
 
 impl Pose {
     fn is_finite(&self) -> bool {
-        self.stretches.iter().chain(&self.middle).all(|x| x.is_finite())
+        self.stretches.iter().chain(&self.centroid).all(|x| x.is_finite())
     }
 }
 
-/// Way along the normal that a part no longer goes in a frame, from the first two of four poses to the last two.
-fn lost([first, before, after, now]: &[Pose; 4]) -> f64 {
-    let fell = sub(sub(before.middle, first.middle), sub(now.middle, after.middle));
-    dot(fell, after.normal).abs()
+/// Decrease of the displacement per frame along the normal, from the first two of four poses to the last two.
+fn lost_displacement([first, before, after, now]: &[Pose; 4]) -> f64 {
+    let lost = sub(sub(before.centroid, first.centroid), sub(now.centroid, after.centroid));
+    dot(lost, after.normal).abs()
 }
 
 impl TautParams {
-    /// The first direction that turns from slack to taut on the way from one frame to the next: how far on that way, and the
-    /// strain per second.
-    fn caught(
+    /// The first principal direction that turns from slack to taut between two frames: fraction of the interval, and strain rate.
+    fn first_taut(
         &self,
         slack: &mut [bool; 2],
         before: [f64; 2],
@@ -143,29 +143,29 @@ impl TautParams {
                 continue;
             }
             *slack = false;
-            let (within, rate) = ((self.taut - before) / (after - before), (after - before) * fps);
-            if rate >= self.rate && first.is_none_or(|(known, _)| within < known) {
-                first = Some((within, rate));
+            let (fraction, rate) = ((self.taut - before) / (after - before), (after - before) * fps);
+            if rate >= self.rate && first.is_none_or(|(known, _)| fraction < known) {
+                first = Some((fraction, rate));
             }
         }
         first
     }
 
-    /// What falls below the band is slack.
-    fn loosen(&self, slack: &mut [bool; 2], stretches: [f64; 2], known: bool) {
+    /// Sets directions slack whose stretch is below the band.
+    fn set_slack(&self, slack: &mut [bool; 2], stretches: [f64; 2], known: bool) {
         for (slack, stretch) in slack.iter_mut().zip(stretches) {
             *slack |= known && stretch < self.taut - self.band;
         }
     }
 }
 
-/// How far the parts of a cloth are stretched, frame by frame.
+/// The stretch of the parts of a cloth, frame by frame.
 ///
-/// The stretches of a part are the two of the affine map that takes its rest pose nearest to where it is: a part that is folded or
-/// wrinkled is short although no thread of it is, and one that turns as a whole keeps its stretches. Either of them turns from slack
-/// into taut: pulled along one direction, or flat at last along both. It does between two frames, where the stretch, on a straight
-/// line from one to the other, passes the limit. The speed that is lost is that along the normal between the frames before, less
-/// that between the frames after, so the frame that follows has to be known; momentum between the same frames is lost once.
+/// The stretches of a part are the two singular values of the least-squares affine map from its rest pose. A folded or wrinkled part
+/// has a small stretch although no thread of it is shorter; a rigid motion does not change the stretches. Each of the two turns from
+/// slack to taut by itself, at the time at which the linearly interpolated stretch passes the threshold. The lost speed is the
+/// normal speed between the frames before, less that between the frames after; so the frame that follows must be known. Momentum
+/// between the same frames is lost once.
 ///
 /// # Complexity
 /// O(vertices) per frame.
@@ -175,54 +175,58 @@ pub struct Tightness {
     params: TautParams,
     /// Frames per second.
     fps: f64,
-    /// Poses of the last three frames, the latest last.
-    past: [Vec<Pose>; 3],
+    /// Poses of the last three frames, in order of time.
+    history: [Vec<Pose>; 3],
     slack: Vec<[bool; 2]>,
     /// Frame from which on a part may snap again.
-    rested: Vec<u64>,
+    next_snap: Vec<u64>,
     frames: u64,
 }
-impl_state!(Tightness { past, slack, rested, frames });
+impl_state!(Tightness { history, slack, next_snap, frames });
 
 impl Tightness {
-    /// Cuts a cloth into parts; `areas` are those of its vertices at rest, m^2.
+    /// Divides a cloth into parts; `areas` are the rest areas of its vertices, m^2.
     #[must_use]
     pub fn new(topology: &Topology, areas: &[f32], params: TautParams, fps: f64) -> Self {
         let regions = Regions::new(&topology.rest, params.size);
         let part = |vertices: &Vec<u32>| Part::new(vertices, &topology.rest, areas);
         let parts: Vec<Part> = regions.vertices.iter().filter_map(part).collect();
-        let past = std::array::from_fn(|_| vec![Pose::default(); parts.len()]);
-        let (slack, rested) = (vec![[false; 2]; parts.len()], vec![3; parts.len()]);
-        Self { slack, rested, parts, params, fps, past, frames: 0 }
+        let history = std::array::from_fn(|_| vec![Pose::default(); parts.len()]);
+        let (slack, next_snap) = (vec![[false; 2]; parts.len()], vec![3; parts.len()]);
+        Self { slack, next_snap, parts, params, fps, history, frames: 0 }
     }
 
-    /// How many parts there are.
+    /// Number of parts.
     #[must_use]
     pub fn parts(&self) -> usize {
         self.parts.len()
     }
 
-    /// Takes the next frame, and gives the parts that became taut on the way to the frame before it.
+    /// Processes the positions of the next frame. Calls `found` for the parts that became taut in the interval before the previous
+    /// frame.
     ///
     /// # Errors
-    /// The first vertex of a part whose place is no number.
-    pub fn take(&mut self, places: &[[f32; 3]], mut found: impl FnMut(Snap)) -> Result<(), u32> {
+    /// The first vertex of a part whose position is not finite.
+    pub fn process(&mut self, positions: &[[f32; 3]], mut found: impl FnMut(Snap)) -> Result<(), u32> {
         for (k, part) in self.parts.iter().enumerate() {
-            let now = part.pose(places);
+            let now = part.pose(positions);
             if !now.is_finite() {
                 return Err(part.vertices.first().copied().unwrap_or(0));
             }
-            let poses @ [_, before, after, _] = [self.past[0][k], self.past[1][k], self.past[2][k], now];
-            let caught = self.params.caught(&mut self.slack[k], before.stretches, after.stretches, self.fps);
-            if let Some((within, rate)) = caught
-                && self.frames >= self.rested[k]
+            let poses @ [_, before, after, _] =
+                [self.history[0][k], self.history[1][k], self.history[2][k], now];
+            let taut =
+                self.params.first_taut(&mut self.slack[k], before.stretches, after.stretches, self.fps);
+            if let Some((fraction, rate)) = taut
+                && self.frames >= self.next_snap[k]
             {
-                self.rested[k] = self.frames + 3;
-                let (lost, position) = (lost(&poses) * self.fps, after.middle.map(|x| x as f32));
-                found(Snap { frame: self.frames - 2, within, rate, lost, area: part.area, position });
+                self.next_snap[k] = self.frames + 3;
+                let lost_speed = lost_displacement(&poses) * self.fps;
+                let position = after.centroid.map(|x| x as f32);
+                found(Snap { frame: self.frames - 2, fraction, rate, lost_speed, area: part.area, position });
             }
-            self.params.loosen(&mut self.slack[k], after.stretches, self.frames > 0);
-            (self.past[0][k], self.past[1][k], self.past[2][k]) = (before, after, now);
+            self.params.set_slack(&mut self.slack[k], after.stretches, self.frames > 0);
+            (self.history[0][k], self.history[1][k], self.history[2][k]) = (before, after, now);
         }
         self.frames += 1;
         Ok(())
@@ -243,58 +247,58 @@ mod tests {
         (sheet, areas)
     }
 
-    /// What is found where every vertex goes to `at(place at rest, frame)`, 60 frames per second.
+    /// Snaps of a sheet whose vertices are at `at(rest position, time)`, at 60 frames per second.
     fn found(params: TautParams, frames: usize, at: impl Fn([f64; 3], f64) -> [f64; 3]) -> Vec<Snap> {
         let (sheet, areas) = sheet();
         let mut tightness = Tightness::new(&sheet, &areas, params, 60.0);
         let mut snaps = Vec::new();
         for k in 0..frames {
-            let place = |p: &[f32; 3]| at(widen(*p), k as f64 / 60.0).map(|x| x as f32);
-            let places: Vec<[f32; 3]> = sheet.rest.iter().map(place).collect();
-            tightness.take(&places, |snap| snaps.push(snap)).unwrap();
+            let position = |p: &[f32; 3]| at(widen(*p), k as f64 / 60.0).map(|x| x as f32);
+            let positions: Vec<[f32; 3]> = sheet.rest.iter().map(position).collect();
+            tightness.process(&positions, |snap| snaps.push(snap)).unwrap();
         }
         snaps
     }
 
-    /// Stretch along x that passes 1 at `t`: from 0.9 on, by 1 per second.
+    /// Stretch that passes 1 at `moment`, with a strain rate of 1/s, from 0.9 to 1.02.
     fn pulled(t: f64, moment: f64) -> f64 {
         (1.0 + (t - moment)).clamp(0.9, 1.02)
     }
 
     #[test]
-    fn a_sheet_that_is_caught_snaps_once_at_that_time_and_loses_its_speed() {
-        // It flies upwards with 3 m/s and is stopped as it becomes taut, a third of the way from frame 20 to 21.
+    fn a_sheet_snaps_once_when_it_becomes_taut_and_loses_its_speed() {
+        // It flies upwards at 3 m/s and stops when it becomes taut, a third of the interval after frame 20.
         let moment = (20.0 + 1.0 / 3.0) / 60.0;
         let fly = |p: [f64; 3], t: f64| [p[0] * pulled(t, moment), 1.05 * p[1], p[2] + 3.0 * t.min(moment)];
         let snaps = found(PARAMS, 60, fly);
         assert_eq!(snaps.len(), 1, "{snaps:?}");
         let snap = snaps[0];
         assert_eq!(snap.frame, 20);
-        assert!((snap.within - 1.0 / 3.0).abs() < 1e-4 && (snap.rate - 1.0).abs() < 1e-4, "{snap:?}");
-        assert!((snap.lost - 3.0).abs() < 1e-4 && (snap.area - 0.4).abs() < 1e-6, "{snap:?}");
+        assert!((snap.fraction - 1.0 / 3.0).abs() < 1e-4 && (snap.rate - 1.0).abs() < 1e-4, "{snap:?}");
+        assert!((snap.lost_speed - 3.0).abs() < 1e-4 && (snap.area - 0.4).abs() < 1e-6, "{snap:?}");
         assert!((snap.position[2] - 3.0 * moment as f32).abs() < 1e-5);
-        // Parts of it do the same at the same time, each with its share of the area.
+        // All parts snap at the same time, each with its own area.
         let parts = found(TautParams { size: 0.25, ..PARAMS }, 60, fly);
         assert_eq!(parts.len(), 8);
         assert!((parts.iter().map(|s| s.area).sum::<f64>() - 0.4).abs() < 1e-6);
-        assert!(parts.iter().all(|s| (s.lost - 3.0).abs() < 1e-3 && s.frame == 20), "{parts:?}");
+        assert!(parts.iter().all(|s| (s.lost_speed - 3.0).abs() < 1e-3 && s.frame == 20), "{parts:?}");
     }
 
     #[test]
-    fn only_speed_along_the_normal_counts_whichever_way_the_sheet_faces() {
+    fn only_speed_along_the_normal_counts_for_any_orientation_of_the_sheet() {
         let moment = 0.4;
         let (s, c) = 0.7_f64.sin_cos();
-        // Turned about y, with a speed along its own surface as well.
+        // Rotated about y, with a tangential speed as well.
         let at = |p: [f64; 3], t: f64| {
             let (x, z) = (p[0] * pulled(t, moment) + 5.0 * t.min(moment), -2.0 * t.min(moment));
             [c * x - s * z, 1.05 * p[1], s * x + c * z]
         };
         let snaps = found(PARAMS, 60, at);
-        assert!(snaps.len() == 1 && (snaps[0].lost - 2.0).abs() < 1e-3, "{snaps:?}");
+        assert!(snaps.len() == 1 && (snaps[0].lost_speed - 2.0).abs() < 1e-3, "{snaps:?}");
     }
 
     #[test]
-    fn what_stays_slack_or_moves_as_a_whole_makes_nothing() {
+    fn slack_cloth_and_rigid_motion_make_no_snaps() {
         let slack =
             |p: [f64; 3], t: f64| [p[0] * (0.9 + 0.08 * (9.0 * t).sin()), 0.8 * p[1], p[2] + (5.0 * t).cos()];
         assert_eq!(found(PARAMS, 120, slack), []);
@@ -319,11 +323,11 @@ mod tests {
     }
 
     #[test]
-    fn a_folded_part_is_short_although_no_thread_of_it_is() {
+    fn a_folded_part_has_a_small_stretch_although_no_edge_is_shorter() {
         let (sheet, areas) = sheet();
         let part = Part::new(&(0..54).collect::<Vec<_>>(), &sheet.rest, &areas).unwrap();
         assert!((part.pose(&sheet.rest).stretches[1] - 1.0).abs() < 1e-6);
-        // A zigzag along both directions at half a right angle keeps every edge as long as it was, or longer.
+        // In a zigzag along both directions at 45 degrees no edge is shorter than at rest.
         let zigzag: Vec<[f32; 3]> = sheet
             .rest
             .iter()
@@ -344,26 +348,26 @@ mod tests {
             }
         };
         let together = found(PARAMS, 60, at(0.01));
-        assert!(together.len() == 1 && (together[0].lost - 2.0).abs() < 1e-3, "{together:?}");
+        assert!(together.len() == 1 && (together[0].lost_speed - 2.0).abs() < 1e-3, "{together:?}");
         let apart = found(PARAMS, 60, at(0.1));
-        assert!(apart.len() == 2 && apart[1].lost < 1e-3, "{apart:?}");
+        assert!(apart.len() == 2 && apart[1].lost_speed < 1e-3, "{apart:?}");
     }
 
     #[test]
-    fn threads_and_lone_vertices_are_no_parts() {
+    fn threads_and_single_vertices_are_no_parts() {
         let line: Vec<[f32; 3]> = (0..5).map(|k| [k as f32, 0.0, 0.0]).collect();
         assert!(Part::new(&[0, 1, 2, 3, 4], &line, &[1.0; 5]).is_none());
         assert!(Part::new(&[0], &line, &[1.0; 5]).is_none() && Part::new(&[], &line, &[]).is_none());
         let mut none = Tightness::new(&Topology::default(), &[], PARAMS, 60.0);
-        assert_eq!((none.parts(), none.take(&[], |_| ())), (0, Ok(())));
+        assert_eq!((none.parts(), none.process(&[], |_| ())), (0, Ok(())));
     }
 
     #[test]
-    fn a_place_that_is_no_number_is_named() {
+    fn a_position_that_is_not_finite_is_named() {
         let (sheet, areas) = sheet();
         let mut tightness = Tightness::new(&sheet, &areas, PARAMS, 60.0);
-        let mut places = sheet.rest.clone();
-        places[7][1] = f32::NAN;
-        assert_eq!(tightness.take(&places, |_| ()), Err(0));
+        let mut positions = sheet.rest.clone();
+        positions[7][1] = f32::NAN;
+        assert_eq!(tightness.process(&positions, |_| ()), Err(0));
     }
 }

@@ -1,8 +1,8 @@
-//! Numbers on a grid, and what lies beyond its border.
+//! Numbers on a grid, and its continuation beyond the border.
 
 use serde::{Deserialize, Serialize};
 
-/// Numbers on a grid, row by row from the top left; pixel centres lie at integers.
+/// Numbers on a grid, row by row from the top left. Pixel centres lie at integers.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Grid {
     /// Columns.
@@ -13,20 +13,20 @@ pub struct Grid {
     pub samples: Vec<f32>,
 }
 
-/// What lies beyond the border of an image.
+/// Continuation of an image beyond its border.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Wrap {
-    /// The image again: tiles.
+    /// Periodic repetition: tiles.
     #[default]
     Repeat,
-    /// The image mirrored, its border pixel twice.
+    /// Reflection; border pixels appear twice.
     Mirror,
-    /// The pixel of the border for ever.
+    /// Repetition of the border pixel.
     Clamp,
 }
 
 impl Grid {
-    /// A grid of a function of column and row.
+    /// A grid of the values of a function of column and row.
     #[must_use]
     pub fn from_fn(width: usize, height: usize, mut f: impl FnMut(usize, usize) -> f32) -> Self {
         let samples =
@@ -34,17 +34,17 @@ impl Grid {
         Self { width, height, samples }
     }
 
-    /// Row `y` of the endless image.
+    /// Row `y` of the continued image.
     pub(super) fn row(&self, y: i64, wrap: Wrap) -> &[f32] {
-        let y = wrap.place(y, self.height);
+        let y = wrap.index(y, self.height);
         self.samples.get(y * self.width..(y + 1) * self.width).unwrap_or_default()
     }
 }
 
 impl Wrap {
-    /// The place inside a row of `len` pixels (at least 1) that place `at` of the endless row shows.
+    /// Index in a row of `len` pixels (at least 1) of pixel `at` of the continued row.
     #[must_use]
-    pub fn place(self, at: i64, len: usize) -> usize {
+    pub fn index(self, at: i64, len: usize) -> usize {
         let n = len.max(1) as i64;
         (match self {
             Self::Repeat => at.rem_euclid(n),
@@ -57,14 +57,14 @@ impl Wrap {
     }
 }
 
-/// The value that the part `part` of all values does not exceed, by size.
-pub(super) fn percentile(values: impl Iterator<Item = f32>, part: f64) -> f32 {
+/// The value of rank `fraction` (0 to 1) among all values; 0 if there are none.
+pub(super) fn percentile(values: impl Iterator<Item = f32>, fraction: f64) -> f32 {
     let mut values: Vec<f32> = values.collect();
-    let at = ((values.len() as f64 - 1.0) * part).round().max(0.0) as usize;
-    if at >= values.len() {
+    let rank = ((values.len() as f64 - 1.0) * fraction).round().max(0.0) as usize;
+    if rank >= values.len() {
         return 0.0;
     }
-    *values.select_nth_unstable_by(at, f32::total_cmp).1
+    *values.select_nth_unstable_by(rank, f32::total_cmp).1
 }
 
 #[cfg(test)]
@@ -72,8 +72,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rows_go_on_beyond_their_ends_as_said() {
-        let row = |wrap: Wrap| (-4..7).map(|at| wrap.place(at, 3)).collect::<Vec<_>>();
+    fn rows_continue_beyond_their_ends() {
+        let row = |wrap: Wrap| (-4..7).map(|at| wrap.index(at, 3)).collect::<Vec<_>>();
         assert_eq!(row(Wrap::Repeat), [2, 0, 1, 2, 0, 1, 2, 0, 1, 2, 0]);
         assert_eq!(row(Wrap::Mirror), [2, 2, 1, 0, 0, 1, 2, 2, 1, 0, 0]);
         assert_eq!(row(Wrap::Clamp), [0, 0, 0, 0, 0, 1, 2, 2, 2, 2, 2]);

@@ -3,21 +3,21 @@
 use super::grid::{Grid, Wrap};
 use serde::{Deserialize, Serialize};
 
-/// How a picture lies on a surface.
+/// Scale and continuation of an image on a surface.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Surface {
     /// Pixels per metre along x and y.
     pub density: [f64; 2],
-    /// Height in m of the full range of luminance, where a height is needed.
+    /// Height in m of the full range of luminance.
     pub depth: f64,
-    /// What lies beyond the border.
+    /// Continuation beyond the border.
     pub wrap: Wrap,
 }
 
-/// What a number of luminance means.
+/// Measure of luminance.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum LumaKind {
-    /// Lightness of CIE, 0 to 100, from linear light.
+    /// CIE lightness, 0 to 100, of linear light.
     #[default]
     Lstar,
     /// Weighted sum of the coded channels, 0 to 255.
@@ -40,51 +40,51 @@ impl LumaKind {
 pub struct Luma {
     /// Luminance, 0 in holes.
     pub grid: Grid,
-    /// Which pixels are holes (transparent); empty where none is.
+    /// True for holes, the transparent pixels; empty if there are none.
     pub holes: Vec<bool>,
-    /// What the numbers mean.
+    /// Measure of luminance.
     pub kind: LumaKind,
-    /// How it lies on the surface.
+    /// Scale on the surface.
     pub surface: Surface,
 }
 
-/// Where the luminance of a surface changes: its gradient, per pixel.
+/// Gradient of the luminance of a surface, per pixel.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DiscontinuityMap {
     /// Change along x per pixel.
     pub gx: Grid,
     /// Change along y per pixel.
     pub gy: Grid,
-    /// How it lies on the surface.
+    /// Scale on the surface.
     pub surface: Surface,
 }
 
-/// The main features of a surface: lines and grooves, 0 to 1.
+/// Main features of a surface: lines and grooves, 0 to 1.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FeatureMap {
-    /// 1 on a feature, 0 off it.
+    /// 1 on a feature, 0 elsewhere.
     pub grid: Grid,
-    /// How it lies on the surface.
+    /// Scale on the surface.
     pub surface: Surface,
 }
 
-/// What is left of an image without its features: noise of mean 0.
+/// Residual of an image without its features: noise of mean 0.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct NoiseMap {
     /// In units of luminance, 0 in holes.
     pub grid: Grid,
-    /// Which pixels are holes and no part of the noise; empty where none is.
+    /// True for holes, which are no part of the noise; empty if there are none.
     pub holes: Vec<bool>,
-    /// How it lies on the surface.
+    /// Scale on the surface.
     pub surface: Surface,
 }
 
-/// A line of noise at a known spacing, closed to a loop: what a scraping tip meets.
+/// A closed loop of noise at a known spacing: the profile under a scraping tip.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct NoiseProfile {
-    /// One round of the loop.
+    /// One period of the loop.
     pub samples: Vec<f32>,
-    /// Metres from one sample to the next.
+    /// Distance between samples, m.
     pub spacing: f64,
 }
 

@@ -1,4 +1,4 @@
-//! The node around [`Bank`].
+//! The modal bank, as a node.
 
 use super::resonators::Bank;
 use crate::core::fault::{Fault, Reject};
@@ -18,16 +18,15 @@ use crate::{archive_state, params, ports};
 params! {
     /// Rings the modes of an object under forces.
     ///
-    /// A mode answers an impulse with a damped sine, exactly and at any frequency; thousands of them run at once. A mono force
-    /// acts at the contact point that `points` gives it, point 0 where it gives none; a force of several channels acts with
-    /// channel 0 at point 0, and so on. All forces add up.
+    /// The response of a mode to an impulse is a damped sine, exact at any frequency; thousands of modes run at once. A mono force
+    /// acts at its contact point in `points`, or at point 0 if it has none there. A force of several channels acts with channel 0
+    /// at point 0, and so on. All forces add up.
     ///
-    /// Modes at or above 0.49 of the sample rate are left out, and so are those that are weaker than the strongest by more than
-    /// `cull`, wherever the object is touched; the summary says how many. A second bank with a `cull` of -40 dB is what an object
-    /// needs that is far away. A mode that has fallen below `floor` is
-    /// silent until it is struck again. `gain`, `damping` and `pitch` can be changed while it rings: they are reached in 10 ms.
-    /// A link to `damping` multiplies the dampings in time, by one factor for all modes or by one channel for each mode; it
-    /// is read at every 64th sample and may have any rate, and takes the place of the number.
+    /// Modes at or above 0.49 of the sample rate are left out, and so are modes that are weaker than the strongest by more than
+    /// `cull` at every contact point; the summary counts them. For a distant object a second bank with a `cull` of -40 dB is enough.
+    /// A mode that has fallen below `floor` is silent until the next force. `gain`, `damping` and `pitch` can be changed while it
+    /// rings: they are reached in 10 ms. A link to `damping` replaces the number: it multiplies the dampings over time, by one
+    /// factor for all modes or by one channel for each mode. It is read at every 64th sample and may have any rate.
     ///
     /// # Source
     /// Picard, Tsingos and Faure (VRIPHYS 2008), section 5; Sterling, Rewkowski, Klatzky and Lin, "Audio-Material Reconstruction
@@ -35,19 +34,19 @@ params! {
     pub struct ModalBankParams {
         /// Factor of the sound; gains of modes are full scale per N s.
         gain: f32 = 1.0, unit "", range -1_000_000.0..=1_000_000.0_f32;
-        /// Level change on top of it.
+        /// Level change in addition to `gain`.
         db: f32 = 0.0, unit "dB", range -120.0..=120.0_f32;
-        /// Factor of all dampings: above 1 rings shorter.
+        /// Factor of all dampings: above 1 for a shorter decay.
         damping: f64 = 1.0, unit "", range 0.001..=1000.0;
-        /// Factor of all frequencies: an object twice the size has half of them.
+        /// Factor of all frequencies: 0.5 for an object of twice the size.
         pitch: f64 = 1.0, unit "", range 0.01..=100.0;
         /// Contact point of each mono force, in the order of the links.
         points: Vec<u16> = Vec::new(), unit "", range 0..=65_535_u16;
         /// Level below which a mode is silent.
         floor: f64 = -140.0, unit "dB", range -300.0..=-60.0;
-        /// Strength beside that of the strongest mode below which a mode is left out.
+        /// Gain relative to the strongest mode below which a mode is left out.
         cull: f64 = -80.0, unit "dB", range -300.0..=0.0;
-        /// How long it rings on after the last force has ended.
+        /// Time for which the modes still ring after the end of the last force.
         tail: f64 = 3.0, unit "s", range 0.0..=3600.0;
     }
 }
@@ -56,9 +55,9 @@ ports! {
         in {
             /// Forces in N, at the sample rate of the sound.
             forces: Many<Stream<f32>>,
-            /// How the object rings.
+            /// The modes of the object.
             modes: Value<Modes>,
-            /// Factor of the dampings in time.
+            /// Factor of the dampings over time.
             damping: Option<Stream<f32>>,
         }
         out {
@@ -78,7 +77,7 @@ pub struct ModalBankNode {
     /// Samples of force per second: a force of 1 N for one sample is an impulse of 1 / rate.
     per_sample: f32,
     modes: usize,
-    /// Whether a link damps it in place of the number.
+    /// True if a link replaces the number of `damping`.
     linked: bool,
 }
 
@@ -90,7 +89,7 @@ fn factor(p: &ModalBankParams) -> f64 {
     f64::from(p.gain) * db_to_linear(p.db.into())
 }
 
-/// Forces and damping that do not fit the modes.
+/// Errors for forces and dampings that do not fit the modes.
 fn mismatches<'a>(
     p: &'a ModalBankParams,
     forces: &'a [Incoming<f32>],
@@ -98,7 +97,7 @@ fn mismatches<'a>(
     modes: &'a Modes,
 ) -> impl Iterator<Item = Reject> + 'a {
     let points = modes.points();
-    let off_the_modes = move |(k, force): (usize, &Incoming<f32>)| {
+    let beyond_points = move |(k, force): (usize, &Incoming<f32>)| {
         let Channels(channels) = force.format;
         let point = p.points.get(k).copied().unwrap_or(0);
         let (last, field) =
@@ -112,12 +111,12 @@ fn mismatches<'a>(
         let message = format!("`damping` has {n} channels for {} modes", modes.len());
         Reject::new("F046", message).at("damping").help("one channel, or one for each mode")
     });
-    forces.iter().enumerate().filter_map(off_the_modes).chain(wide)
+    forces.iter().enumerate().filter_map(beyond_points).chain(wide)
 }
 
 impl ModalBankNode {
     fn set_floor(&mut self) {
-        // The level is meant of what is heard; a sound that is turned down must not stop for it.
+        // The floor is a level of the output, but a small gain must not stop the modes earlier.
         let gain = factor(&self.params).abs().max(1.0);
         self.bank.set_floor(self.params.floor - linear_to_db(gain));
     }
@@ -149,7 +148,7 @@ impl Node for ModalBankNode {
                 s.note(format!("{dropped} of {n} modes lie above 0.49 of {rate} and are left out"));
             }
         }
-        // A damping that lasts longer must not keep it ringing.
+        // A damping that lasts longer must not extend the output.
         let end = forces.iter().map(|force| force.end).try_fold(0, |end, e| e.map(|e| end.max(e)));
         s.ends(end);
         s.tail(ticks(p.tail));
@@ -185,11 +184,11 @@ impl Node for ModalBankNode {
         while at < out.len() {
             if let Some(damping) = io.damping.as_ref().filter(|_| self.bank.at_grid()) {
                 let now = self.rate.tick(first + at as i64);
-                // The latest factor by now: the one before the window, at the earliest.
-                let place = damping.rate().first_at(now + 1) - 1 - damping.first();
-                self.bank.damp(damping.item(place.max(-1) as isize));
+                // The latest factor, or the one before the window.
+                let index = damping.rate().first_at(now + 1) - 1 - damping.first();
+                self.bank.damp(damping.item(index.max(-1) as isize));
             }
-            let n = self.bank.stretch().min(out.len() - at);
+            let n = self.bank.until_grid().min(out.len() - at);
             for (k, force) in io.forces.iter().enumerate() {
                 let width = force.width().max(1);
                 let frames = force.items().get(at * width..(at + n) * width).unwrap_or_default();
@@ -216,8 +215,8 @@ impl Node for ModalBankNode {
         if self.bank.faint() > 0 {
             summary.push(("modes_too_weak", self.bank.faint().into()));
         }
-        if self.bank.runaways() > 0 {
-            summary.push(("modes_stopped_that_grew_beyond_bounds", self.bank.runaways().into()));
+        if self.bank.diverged() > 0 {
+            summary.push(("modes_stopped_that_grew_beyond_bounds", self.bank.diverged().into()));
         }
         Ok(summary)
     }
@@ -227,7 +226,7 @@ impl Node for ModalBankNode {
         if new.points != self.params.points || !same {
             return Retune::Rebuild;
         }
-        // A copy of the list would be allocated.
+        // Cloning the list would allocate.
         self.params = ModalBankParams { points: std::mem::take(&mut self.params.points), ..*new };
         self.gain.set_target(factor(new));
         self.bank.glide(if self.linked { 1.0 } else { new.damping }, new.pitch);

@@ -1,34 +1,34 @@
-//! The resonator bank: many modes, several excitations, damping that varies in time.
+//! The modal bank: many modes, several forces, time-varying damping.
 
-use super::coefficients::{Group, HIGHEST, audible};
-use super::kernel::{self, Forces, GRID, LANES, Lanes, Push};
+use super::coefficients::{Group, MAX_FREQUENCY, audible};
+use super::kernel::{self, Forces, GRID, InputGain, LANES, Lanes};
 use crate::dsp::{Gain, db_to_linear};
 use crate::impl_state;
 use crate::modal::mode::modes::{Modes, ModesError};
 use fearless_simd::{Level, dispatch};
 
-/// Squared size below which a mode is silenced even while a force is on it: far above the denormal numbers, which would
-/// slow it down a hundredfold.
-const FAINTEST: f32 = 1e-30;
-/// Squared size that no sound has: the state has run away on numbers that are not finite or close to it.
-const LOUDEST: f32 = 1e30;
+/// Squared magnitude below which a mode is set to zero even under a force. It lies far above the denormal numbers, which are
+/// a hundred times slower.
+const MIN_POWER: f32 = 1e-30;
+/// Squared magnitude above which a mode has diverged, by forces that are not finite or close to it.
+const MAX_POWER: f32 = 1e30;
 
-/// Rings the modes of one object.
+/// The resonators of one object.
 ///
-/// Each mode is one complex number `z`. In every sample it is turned and shrunk, `z <- z exp((-d + 2 pi i f)/fs)`, and the force
-/// at each contact point adds `g exp(i phase)` times its value; the sum of the imaginary parts is heard. That is the exact
-/// response to a train of impulses, at any frequency and damping. The state keeps its meaning when damping or frequency
-/// change, so they may move at any time; a changed one is taken over every 64th sample.
+/// Each mode is one complex number `z`. Every sample rotates and shrinks it, `z <- z exp((-d + 2 pi i f)/fs)`, and the force
+/// at each contact point adds `g exp(i phase)` times its value. The output is the sum of the imaginary parts. This is the exact
+/// response to a train of impulses, at any frequency and damping. The state stays valid when damping or frequency
+/// change; changes take effect at every 64th sample.
 ///
-/// A mode that has died away is set to zero, and vectors of modes at zero cost nothing until a force comes.
-/// However the samples are cut into calls, the same bits come out.
+/// A decayed mode is set to zero, and vectors of modes at zero cost nothing until the next force. The output does not depend on
+/// how the samples are divided into calls, bit for bit.
 ///
 /// # Complexity
 /// O(sounding modes) per sample.
 ///
 /// # Source
-/// The recursion is the coupled form (Gold and Rader 1969); in single precision the usual two-pole form fails at low
-/// frequencies, where its coefficients lose their digits.
+/// The recursion is the coupled form (Gold and Rader 1969). In single precision the two-pole form fails at low frequencies, where
+/// its coefficients lose digits.
 ///
 /// # Example
 /// ```
@@ -45,35 +45,36 @@ const LOUDEST: f32 = 1e30;
 #[derive(Debug)]
 pub struct Bank {
     level: Level,
-    /// Places of the modes among those of the object.
-    places: Vec<usize>,
+    /// Indices of the modes in the object.
+    indices: Vec<usize>,
     groups: Vec<Group>,
-    /// Modes of the object, those left out included.
+    /// Modes of the object, including those left out.
     total: usize,
-    /// Those of them that are too high to sound.
+    /// Modes that are too high for the sample rate.
     high: usize,
     lanes: Vec<Lanes>,
     awake: Vec<bool>,
     /// `[vectors, points]`.
-    pushes: Vec<Push>,
+    gains: Vec<InputGain>,
     forces: Vec<[f32; GRID]>,
     active: Vec<usize>,
-    /// Place in the present grid interval.
+    /// Position in the current grid interval.
     phase: usize,
-    /// Whether there was no force since the last grid point.
+    /// True if there was no force since the last grid point.
     quiet: bool,
-    /// Squared size at which a mode without force counts as silent.
+    /// Squared magnitude at which a mode without force counts as silent.
     floor: f32,
     damping: Gain,
     pitch: Gain,
-    /// Whether the coefficients are behind what is asked for.
+    /// True if the coefficients are out of date.
     stale: bool,
-    runaways: u64,
+    /// Modes that diverged and were set to zero.
+    diverged: u64,
 }
-impl_state!(Bank { groups, lanes, awake, phase, quiet, damping, pitch, stale, runaways });
+impl_state!(Bank { groups, lanes, awake, phase, quiet, damping, pitch, stale, diverged });
 
 impl Bank {
-    /// A bank at rest, at a sample rate.
+    /// A bank at rest, at a sample rate in Hz.
     ///
     /// Modes at or above 0.49 of the rate are left out: see [`dropped`](Self::dropped).
     ///
@@ -83,24 +84,24 @@ impl Bank {
         Self::culled(modes, rate, f64::NEG_INFINITY)
     }
 
-    /// The same without the modes that are more than `-cull` dB weaker than the strongest, at every contact point.
+    /// A bank without the modes that are more than `-cull` dB weaker than the strongest mode, at every contact point.
     ///
     /// # Errors
     /// As [`Modes::validate`].
     pub fn culled(modes: &Modes, rate: f64, cull: f64) -> Result<Self, ModesError> {
         modes.validate()?;
-        let faintest = db_to_linear(cull);
-        let high = modes.frequencies.iter().filter(|f| **f >= HIGHEST * rate).count();
-        let (places, groups) = audible(modes, rate, faintest);
+        let min_gain = db_to_linear(cull);
+        let high = modes.frequencies.iter().filter(|f| **f >= MAX_FREQUENCY * rate).count();
+        let (indices, groups) = audible(modes, rate, min_gain);
         let (vectors, points) = (groups.len(), modes.points());
-        let mut pushes = vec![Push { re: [0.0; LANES], im: [0.0; LANES] }; vectors * points];
-        for (k, i) in places.iter().enumerate() {
+        let mut gains = vec![InputGain { re: [0.0; LANES], im: [0.0; LANES] }; vectors * points];
+        for (k, i) in indices.iter().enumerate() {
             let phase = f64::from(modes.phases.get(*i).copied().unwrap_or(0.0));
             let (sin, cos) = (libm::sin(phase), libm::cos(phase));
             for point in 0..points {
                 let gain = f64::from(modes.row(point)[*i]);
-                let push = &mut pushes[k / LANES * points + point];
-                (push.re[k % LANES], push.im[k % LANES]) = ((gain * cos) as f32, (gain * sin) as f32);
+                let input = &mut gains[k / LANES * points + point];
+                (input.re[k % LANES], input.im[k % LANES]) = ((gain * cos) as f32, (gain * sin) as f32);
             }
         }
         let mut bank = Self {
@@ -109,7 +110,7 @@ impl Bank {
             high,
             lanes: vec![Lanes::SILENT; vectors],
             awake: vec![false; vectors],
-            pushes,
+            gains,
             forces: vec![[0.0; GRID]; points],
             active: Vec::with_capacity(points),
             phase: 0,
@@ -118,39 +119,39 @@ impl Bank {
             damping: Gain::new(1.0, 0, 1),
             pitch: Gain::new(1.0, 0, 1),
             stale: true,
-            runaways: 0,
-            places,
+            diverged: 0,
+            indices,
             groups,
         };
         bank.set_floor(-140.0);
         Ok(bank)
     }
 
-    /// Modes that do not sound at this rate.
+    /// Number of modes left out because they are too high for the sample rate.
     #[must_use]
     pub fn dropped(&self) -> usize {
         self.high
     }
 
-    /// Modes that are left out because they are too weak beside the strongest.
+    /// Number of modes left out because they are too weak against the strongest.
     #[must_use]
     pub fn faint(&self) -> usize {
-        self.total - self.high - self.places.len()
+        self.total - self.high - self.indices.len()
     }
 
-    /// Contact points.
+    /// Number of contact points.
     #[must_use]
     pub fn points(&self) -> usize {
         self.forces.len()
     }
 
-    /// Modes that were set to zero because they had grown beyond all bounds.
+    /// Number of modes that diverged and were set to zero.
     #[must_use]
-    pub fn runaways(&self) -> u64 {
-        self.runaways
+    pub fn diverged(&self) -> u64 {
+        self.diverged
     }
 
-    /// Modes that sound at present, to the next sixteen.
+    /// Number of modes that sound now, rounded up to vectors of sixteen.
     #[must_use]
     pub fn sounding(&self) -> usize {
         LANES * self.awake.iter().filter(|awake| **awake).count()
@@ -158,10 +159,10 @@ impl Bank {
 
     /// Sets the level, in dB of full scale, below which a mode without force is silent.
     pub fn set_floor(&mut self, db: f64) {
-        self.floor = (db_to_linear(db).powi(2) as f32).max(FAINTEST);
+        self.floor = (db_to_linear(db).powi(2) as f32).max(MIN_POWER);
     }
 
-    /// Starts with these factors of all dampings and frequencies, and lets later ones be reached within `ramp` samples.
+    /// Sets factors of all dampings and frequencies at once; later changes are reached in `ramp` samples.
     pub fn start(&mut self, damping: f64, pitch: f64, ramp: u64) {
         let steps = ramp.div_ceil(GRID as u64);
         self.damping = Gain::new(damping, steps, 1);
@@ -170,23 +171,25 @@ impl Bank {
         self.stale = true;
     }
 
-    /// Moves to other factors of all dampings and frequencies.
+    /// Sets the targets of the factors of all dampings and frequencies.
     pub fn glide(&mut self, damping: f64, pitch: f64) {
         self.damping.set_target(damping);
         self.pitch.set_target(pitch);
     }
 
-    /// Factors of the dampings from the next grid point on, beside those of [`start`](Self::start): one for all modes, or one
-    /// for each mode of the object. What is negative or not a number counts as 0, which lets a mode ring on.
+    /// Sets factors of the dampings from the next grid point, in addition to that of [`start`](Self::start).
+    ///
+    /// # Shapes
+    /// One factor for all modes, or one for each mode of the object. A factor that is negative or not a number counts as 0.
     pub fn damp(&mut self, factors: &[f32]) {
         let Some(last) = factors.last() else { return };
         let mut stale = false;
-        for (group, places) in self.groups.iter_mut().zip(self.places.chunks(LANES)) {
-            let mut asked = [*last; LANES];
+        for (group, indices) in self.groups.iter_mut().zip(self.indices.chunks(LANES)) {
+            let mut targets = [*last; LANES];
             if factors.len() > 1 {
-                asked.iter_mut().zip(places).for_each(|(a, i)| *a = *factors.get(*i).unwrap_or(last));
+                targets.iter_mut().zip(indices).for_each(|(a, i)| *a = *factors.get(*i).unwrap_or(last));
             }
-            for (old, new) in group.factors.iter_mut().zip(asked) {
+            for (old, new) in group.factors.iter_mut().zip(targets) {
                 let new = if new > 0.0 { new } else { 0.0 };
                 stale |= *old != new;
                 *old = new;
@@ -195,31 +198,31 @@ impl Bank {
         self.stale |= stale;
     }
 
-    /// Samples until the next grid point: the longest stretch that [`advance`](Self::advance) takes.
+    /// Samples until the next grid point: the longest block of [`advance`](Self::advance).
     #[must_use]
-    pub fn stretch(&self) -> usize {
+    pub fn until_grid(&self) -> usize {
         GRID - self.phase
     }
 
-    /// Whether the next sample is a grid point, where [`damp`](Self::damp) takes hold.
+    /// Returns true if the next sample is a grid point, where [`damp`](Self::damp) takes effect.
     #[must_use]
     pub fn at_grid(&self) -> bool {
         self.phase == 0
     }
 
-    /// Places the grid: sample `index` comes next.
+    /// Aligns the grid with the next sample, of index `index`.
     pub fn align(&mut self, index: i64) {
         self.phase = index.rem_euclid(GRID as i64) as usize;
     }
 
-    /// The forces of the next stretch at a contact point, to be written; empty where there is no such point.
+    /// The forces of the next block at a contact point, to be written; empty if the point does not exist.
     pub fn force(&mut self, point: usize) -> &mut [f32] {
         self.forces.get_mut(point).map_or(&mut [], |force| force.as_mut_slice())
     }
 
-    /// Rings on for `out.len()` samples, at most a [`stretch`](Self::stretch), under the forces written, and clears them.
+    /// Computes `out.len()` samples, at most [`until_grid`](Self::until_grid), under the forces written, and clears the forces.
     pub fn advance(&mut self, out: &mut [f32]) {
-        let n = out.len().min(self.stretch());
+        let n = out.len().min(self.until_grid());
         if self.phase == 0 {
             self.grid_point();
         }
@@ -239,35 +242,35 @@ impl Bank {
             self.awake.fill(true);
         }
         let mut sums = [[0.0; LANES]; GRID];
-        let forces = Forces { samples: &self.forces, active: &self.active, pushes: &self.pushes };
+        let forces = Forces { samples: &self.forces, active: &self.active, gains: &self.gains };
         kernel::advance(self.level, &mut self.lanes, &self.awake, forces, &mut sums[..n]);
-        kernel::collect(self.level, &sums[..n], &mut out[..n]);
+        kernel::sum_lanes(self.level, &sums[..n], &mut out[..n]);
         self.forces.iter_mut().for_each(|force| force[..n].fill(0.0));
         self.phase = (self.phase + n) % GRID;
     }
 
-    /// Rings under a force at contact point 0.
+    /// Computes samples under a force at contact point 0.
     pub fn process(&mut self, force: &[f32], out: &mut [f32]) {
         let (mut force, mut out) = (force, out);
         while !out.is_empty() {
-            let n = self.stretch().min(out.len());
+            let n = self.until_grid().min(out.len());
             let (now, later) = force.split_at(n.min(force.len()));
             self.force(0)[..now.len()].copy_from_slice(now);
-            let (here, rest) = out.split_at_mut(n);
-            self.advance(here);
+            let (block, rest) = out.split_at_mut(n);
+            self.advance(block);
             (force, out) = (later, rest);
         }
     }
 
-    /// Takes over the ringing of another bank of an object of as many modes: of those that sound in both.
+    /// Takes over the states of the modes that are in both banks; `old` must be of an object with as many modes.
     pub fn take_state(&mut self, old: &Self) {
         if old.total != self.total {
             return;
         }
-        let mut others = old.places.iter().enumerate().peekable();
-        for (k, place) in self.places.iter().enumerate() {
-            while others.next_if(|(_, other)| *other < place).is_some() {}
-            let Some((j, _)) = others.next_if(|(_, other)| *other == place) else { continue };
+        let mut others = old.indices.iter().enumerate().peekable();
+        for (k, index) in self.indices.iter().enumerate() {
+            while others.next_if(|(_, other)| *other < index).is_some() {}
+            let Some((j, _)) = others.next_if(|(_, other)| *other == index) else { continue };
             let from = &old.lanes[j / LANES];
             let to = &mut self.lanes[k / LANES];
             (to.re[k % LANES], to.im[k % LANES]) = (from.re[j % LANES], from.im[j % LANES]);
@@ -280,15 +283,15 @@ impl Bank {
         self.stale = true;
     }
 
-    /// What happens every 64th sample: modes that have died away go to sleep, and coefficients catch up.
+    /// The update at every 64th sample: decayed modes are set to zero, and coefficients follow their targets.
     fn grid_point(&mut self) {
-        let floor = if self.quiet { self.floor } else { FAINTEST };
-        let (level, runaways) = (self.level, &mut self.runaways);
+        let floor = if self.quiet { self.floor } else { MIN_POWER };
+        let (level, diverged) = (self.level, &mut self.diverged);
         let all = self.lanes.iter_mut().zip(&mut self.awake);
         dispatch!(level, _simd => {
             for (lanes, awake) in all {
-                // Mostly all of them sound.
-                *awake = *awake && (lanes.all_within(floor, LOUDEST) || silence(lanes, floor, runaways));
+                // The common case: all of them sound.
+                *awake = *awake && (lanes.all_within(floor, MAX_POWER) || silence(lanes, floor, diverged));
             }
         });
         self.quiet = true;
@@ -322,16 +325,16 @@ impl Bank {
     }
 }
 
-/// Sets modes to zero that have died away or run away, and says whether any goes on.
-fn silence(lanes: &mut Lanes, floor: f32, runaways: &mut u64) -> bool {
+/// Sets modes to zero that have decayed or diverged; returns true if any other is left.
+fn silence(lanes: &mut Lanes, floor: f32, diverged: &mut u64) -> bool {
     let mut awake = false;
     for (re, im) in lanes.re.iter_mut().zip(&mut lanes.im) {
         let size = *re * *re + *im * *im;
-        if size > floor && size < LOUDEST {
+        if size > floor && size < MAX_POWER {
             awake = true;
         } else {
-            // Not a number is also not below the loudest.
-            *runaways += u64::from(size.is_nan() || size >= LOUDEST);
+            // NaN is not below the maximum either.
+            *diverged += u64::from(size.is_nan() || size >= MAX_POWER);
             (*re, *im) = (0.0, 0.0);
         }
     }

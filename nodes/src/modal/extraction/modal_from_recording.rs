@@ -13,32 +13,32 @@ use crate::modal::mode::modes::Modes;
 use crate::{params, ports};
 
 params! {
-    /// Modes of an object from a recording of one blow on it.
+    /// Modes of an object from a recording of one impact on it.
     ///
-    /// Damped sines are fitted to what follows the blow, one after the other and then all again, each on what the others
-    /// leave. Of several channels the mean is taken. The summary says how many modes were found, when the blow falls, and
-    /// how much of the energy the modes leave unexplained.
+    /// Damped sines are fitted to the sound after the impact, one after the other, and then again, each on the residual of the
+    /// others. Several channels are averaged. The summary lists the number of modes, the time of the impact, and the energy of
+    /// the residual.
     ///
     /// # Source
     /// Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section 5, who give no
     /// method; Li and Stoica, "Efficient mixed-spectrum estimation with applications to target feature extraction" (IEEE TSP 44(2),
     /// 1996) for the repeated fits.
     pub struct ModalFromRecordingParams {
-        /// The recording, a minute at most.
+        /// The recording, of at most a minute.
         recording: AssetPath;
-        /// Most modes that are taken.
+        /// Maximum number of modes.
         count: usize = 64, unit "modes", range 1..=1024;
-        /// Peaks this far below the highest are no modes.
+        /// Level below the highest peak from which on peaks are no modes.
         range: f64 = 60.0, unit "dB", range 1.0..=120.0;
         /// Lowest frequency of a mode.
         lowest: f64 = 30.0, unit "Hz", range 1.0..=100_000.0;
-        /// Highest frequency of a mode; never above 0.45 of the recording's rate.
+        /// Highest frequency of a mode; at most 0.45 of the recording's rate.
         highest: f64 = 18_000.0, unit "Hz", range 2.0..=200_000.0;
-        /// How often all modes are fitted again.
+        /// Number of times that all modes are fitted again.
         passes: usize = 3, unit "", range 0..=100;
-        /// Impulse of the blow that was recorded, where it is known: a blow of this impulse sounds as loud as the recording.
+        /// Impulse of the recorded impact, if known: an impact of this impulse sounds as loud as the recording.
         impulse: f64 = 0.05, unit "N s", range 0.000000001..=1_000_000.0;
-        /// Whether modes start with the phases that they had, or all as sines.
+        /// Whether modes start with their phases in the recording, or as sines.
         phases: bool = true;
     }
 }
@@ -56,10 +56,10 @@ ports! {
 #[derive(Debug)]
 pub struct ModalFromRecording;
 
-/// What may be left unexplained of a recording without a word: half of its energy.
-const HALF_DB: f64 = -3.0;
-/// Longest recording, in seconds.
-const LONGEST: u64 = 60;
+/// Energy of the residual in dB above which there is a warning: half of the recording.
+const MAX_RESIDUAL: f64 = -3.0;
+/// Maximum length of a recording, in seconds.
+const MAX_SECONDS: u64 = 60;
 
 fn unusable(path: &str, what: impl std::fmt::Display) -> Reject {
     Reject::new("F077", format!("{path:?}: {what}")).at("recording")
@@ -67,9 +67,9 @@ fn unusable(path: &str, what: impl std::fmt::Display) -> Reject {
 
 fn reader<'a>(path: &str, file: Box<dyn ReadSeek + 'a>) -> Result<AudioReader<'a>, Reject> {
     let reader = AudioReader::open(Box::new(file)).map_err(|e| unusable(path, e))?;
-    let (frames, most) = (reader.info().frames, LONGEST * u64::from(reader.info().rate));
-    if frames > most {
-        return Err(unusable(path, format!("{frames} frames; at most {LONGEST} s, {most}, are read")));
+    let (frames, max) = (reader.info().frames, MAX_SECONDS * u64::from(reader.info().rate));
+    if frames > max {
+        return Err(unusable(path, format!("{frames} frames; at most {MAX_SECONDS} s, {max}, are read")));
     }
     Ok(reader)
 }
@@ -78,7 +78,7 @@ impl Func for ModalFromRecording {
     type Params = ModalFromRecordingParams;
     type Ports = ModalFromRecordingPorts;
     const NAME: &'static str = "ModalFromRecording";
-    // The name of the modes is the recording's.
+    // The modes are named after the recording.
     const EXPOSES_PATHS: bool = true;
 
     fn check(
@@ -117,10 +117,10 @@ impl Func for ModalFromRecording {
         let mut summary = modes.summary();
         summary.push(("onset_s", (found.onset as f64 / rate).into()));
         summary.push(("unexplained_db", found.residual_db.into()));
-        if found.residual_db > HALF_DB {
+        if found.residual_db > MAX_RESIDUAL {
             let share = 100.0 * 10.0_f64.powf(found.residual_db / 10.0);
             let text = format!(
-                "{share:.0} % of the recording's energy belongs to none of the modes: it should be one blow alone, that rings out"
+                "{share:.0} % of the recording's energy belongs to none of the modes; it should be a single impact that rings out"
             );
             summary.push(("warning", text.into()));
         }
@@ -165,26 +165,26 @@ mod tests {
     }
 
     #[test]
-    fn real_blows_are_mostly_modes() {
-        for (name, least) in [("drum_cowbell.flac", 6.0), ("glass_hit_a1.flac", 3.0)] {
+    fn most_energy_of_recorded_impacts_is_in_modes() {
+        for (name, min_db) in [("drum_cowbell.flac", 6.0), ("glass_hit_a1.flac", 3.0)] {
             let path = format!("{}/../graphs/assets/recordings/{name}", env!("CARGO_MANIFEST_DIR"));
             let run = run(std::fs::read(path).unwrap()).unwrap();
             println!("{name}: {:?}", run.summary);
-            let left = run.summary.iter().find(|(k, _)| *k == "unexplained_db").unwrap();
-            assert!(left.1.as_f64().unwrap() < -least, "{name}");
+            let residual = run.summary.iter().find(|(k, _)| *k == "unexplained_db").unwrap();
+            assert!(residual.1.as_f64().unwrap() < -min_db, "{name}");
             assert!(run.value(0).unwrap().get::<Modes>().unwrap().len() > 3, "{name}");
         }
     }
 
     #[test]
-    fn what_is_no_single_blow_is_warned_of() {
+    fn recordings_of_more_than_one_impact_give_a_warning() {
         let ring = |n: usize| {
             let t = n as f64 / 8000.0;
             0.5 * (-6.0 * t).exp() * (std::f64::consts::TAU * 440.0 * t).sin()
         };
         let warned = |samples: Vec<f32>| {
             let run = run(trial_wav(&samples, 8000)).unwrap();
-            run.summary.iter().any(|(k, text)| *k == "warning" && text.to_string().contains("one blow alone"))
+            run.summary.iter().any(|(k, text)| *k == "warning" && text.to_string().contains("single impact"))
         };
         assert!(!warned((0..8000).map(|n| ring(n) as f32).collect()));
         let mut rng = Rng::new(4);
@@ -192,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn a_recording_without_a_blow_is_named() {
+    fn a_recording_without_an_impact_is_named() {
         let fault = run(trial_wav(&[0.0; 5000], 8000)).err().unwrap();
         assert!(fault.code == "F077" && fault.message.contains("silent"), "{fault:?}");
         assert_eq!(run(b"no audio".to_vec()).err().unwrap().code, "F077");

@@ -1,13 +1,13 @@
-//! One blow: what a contact detector, a file, a controller or a game hands to the nodes that sound.
+//! Impacts: events from a contact detector, a file, a controller or a game to the nodes that sound.
 
 use crate::core::item::Event;
 use crate::core::random::Rng;
 use serde::{Deserialize, Serialize};
 
-/// One blow on an object.
+/// One impact on an object.
 ///
-/// It is small, copied freely and holds no memory of its own, so that it may cross into the audio thread. Objects and points
-/// are numbers; whoever makes impacts gives the names behind them.
+/// It is `Copy` and owns no memory, so that it may cross into the audio thread. Objects and points are numbers; the source of
+/// the impacts maps names to them.
 ///
 /// # Example
 /// ```
@@ -19,23 +19,23 @@ use serde::{Deserialize, Serialize};
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Impact {
-    /// Momentum that changes hands, in N s: the area under the force.
+    /// Impulse in N s: the integral of the force.
     pub impulse: f32,
-    /// Kinetic energy of the approach, in J: more of it makes the contact shorter.
+    /// Kinetic energy of the approach, in J. More energy makes the contact shorter.
     pub energy: f32,
-    /// Stiffness of the pair relative to steel on stone: 1 for that, about 0.01 for rubber.
+    /// Stiffness of the pair relative to steel on stone: 1 for steel on stone, about 0.01 for rubber.
     pub hardness: f32,
-    /// Contact time in s; 0 leaves it to a law of energy and hardness.
+    /// Contact time in s; 0 if it follows from energy and hardness.
     pub duration: f32,
     /// Number of the object that is struck.
     pub object: u32,
     /// Number of the contact point on it: the row of its modes' gains.
     pub point: u32,
-    /// Where in the world, in m.
+    /// Position in the world, in m.
     pub position: [f32; 3],
 }
 
-/// What strikes: the mass that the contact feels and how much of the approach comes back.
+/// The striking body: its effective mass and restitution.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Body {
     /// Effective mass in kg: `1 / (1/m1 + 1/m2)`.
@@ -57,28 +57,28 @@ impl Impact {
         }
     }
 
-    /// A blow of a body at a normal speed, in m/s: `E = m v^2 / 2`, `J = m v (1 + restitution)`.
+    /// Impact of a body at a normal speed, in m/s: `E = m v^2 / 2`, `J = m v (1 + restitution)`.
     #[must_use]
     pub fn from_velocity(speed: f64, body: Body) -> Self {
         let v = speed.abs();
         Self::new(body.mass * v * (1.0 + body.restitution), 0.5 * body.mass * v * v)
     }
 
-    /// A blow of a body with an energy, in J.
+    /// Impact of a body with a kinetic energy, in J.
     #[must_use]
     pub fn from_energy(energy: f64, body: Body) -> Self {
         let speed = if body.mass > 0.0 { (2.0 * energy.max(0.0) / body.mass).sqrt() } else { 0.0 };
         Self::from_velocity(speed, body)
     }
 
-    /// A blow of a body that hands over an impulse, in N s.
+    /// Impact of a body that transfers an impulse, in N s.
     #[must_use]
     pub fn from_impulse(impulse: f64, body: Body) -> Self {
         let speed = if body.mass > 0.0 { impulse / (body.mass * (1.0 + body.restitution)) } else { 0.0 };
         Self { impulse: impulse as f32, ..Self::from_velocity(speed, body) }
     }
 
-    /// Whether every number in it is finite and none is negative that must not be.
+    /// Returns true if all numbers are finite, and energy, hardness and duration are not negative.
     #[must_use]
     pub fn is_valid(&self) -> bool {
         let positive = [self.energy, self.hardness, self.duration];
@@ -109,7 +109,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn velocity_energy_and_impulse_describe_the_same_blow() {
+    fn velocity_energy_and_impulse_describe_the_same_impact() {
         let body = Body { mass: 0.3, restitution: 0.4 };
         let a = Impact::from_velocity(-1.7, body);
         for b in
@@ -123,7 +123,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_moving_or_without_mass_strikes_nothing() {
+    fn a_body_at_rest_or_without_mass_has_no_impulse() {
         let body = Body { mass: 0.0, restitution: 0.4 };
         assert_eq!(Impact::from_velocity(2.0, body).impulse, 0.0);
         assert_eq!(Impact::from_energy(2.0, body).impulse, 0.0);
@@ -131,12 +131,12 @@ mod tests {
     }
 
     #[test]
-    fn it_fits_into_one_cache_line() {
+    fn an_impact_fits_into_one_cache_line() {
         assert!(size_of::<Impact>() <= 64);
     }
 
     #[test]
-    fn what_is_not_a_number_is_not_valid() {
+    fn numbers_that_are_not_finite_are_not_valid() {
         let good = Impact::from_velocity(1.0, Body { mass: 1.0, restitution: 0.0 });
         assert!(good.is_valid());
         assert!(!Impact { impulse: f32::NAN, ..good }.is_valid());

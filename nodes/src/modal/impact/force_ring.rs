@@ -1,12 +1,12 @@
-//! The force of a blow: how long it lasts, what its pulse looks like, and where it lands between the samples.
+//! Force pulses at audio rate, with starts between the samples.
 
-use super::pulse::{BLUNTEST, IMPULSE, LANES, PulseShape, impulse, sum};
+use super::pulse::{IMPULSE_LENGTH, LANES, MIN_LENGTH, PulseShape, impulse, sum};
 use crate::impl_state;
 
-/// Adds force pulses up, ahead of the samples that are read.
+/// Sums force pulses ahead of the samples that are read.
 ///
-/// Any number of blows may overlap: each is drawn into a ring of samples as it comes, so a sample costs the same whatever is
-/// under way, and nothing is allocated.
+/// Any number of pulses may overlap. Each is written into a ring buffer when it starts, so the cost of reading a sample does not
+/// depend on the number of pulses. Nothing is allocated.
 #[derive(Clone, Debug)]
 pub struct ForceRing {
     rate: f64,
@@ -15,52 +15,51 @@ pub struct ForceRing {
     points: usize,
     /// Frame of the ring that is read next.
     head: usize,
-    /// Heights of the pulse that is added.
+    /// Scratch space for the heights of one pulse.
     pulse: Vec<[f64; LANES]>,
 }
 impl_state!(ForceRing { ring, head });
 
 impl ForceRing {
-    /// A ring at a sample rate, for this many contact points and for pulses that end within `longest` seconds of now.
+    /// A ring at a sample rate in Hz, for `points` contact points and pulses that end at most `max_end` seconds after the next sample.
     #[must_use]
-    pub fn new(rate: f64, points: usize, longest: f64) -> Self {
+    pub fn new(rate: f64, points: usize, max_end: f64) -> Self {
         let points = points.max(1);
-        let frames = (longest * rate).ceil() as usize + IMPULSE as usize + 2;
+        let frames = (max_end * rate).ceil() as usize + IMPULSE_LENGTH as usize + 2;
         let pulse = vec![[0.0; LANES]; frames.div_ceil(LANES)];
         Self { rate, ring: vec![0.0; frames * points], points, head: 0, pulse }
     }
 
-    /// Adds a pulse that starts `start` samples after the next sample to be read, or less than one before it, and lasts `time`
-    /// seconds.
+    /// Adds a pulse that starts `start` samples (more than -1) after the next sample to be read and lasts `time` seconds.
     ///
-    /// The samples of its force in N, times the distance of samples, add up to `impulse` exactly, wherever it lands between
-    /// the samples. One too short to be drawn is a band-limited impulse in the middle of eight samples. What reaches beyond the
-    /// ring is cut off. A point that does not exist is the last one.
+    /// The sum of its force in N, times the sample interval, is exactly `impulse_ns`, for any start between the samples. A pulse of
+    /// less than four samples becomes a band-limited impulse of eight. Samples beyond the end of the ring are cut off. A point
+    /// beyond the last one counts as the last.
     pub fn add(&mut self, start: f64, point: usize, impulse_ns: f64, time: f64, shape: PulseShape) {
         let usable = impulse_ns.is_finite() && impulse_ns != 0.0 && start.is_finite() && start > -1.0;
         let frames = self.ring.len() / self.points;
         if !usable || start >= frames as f64 {
             return;
         }
-        let blunt = (time * self.rate).is_nan() || time * self.rate < BLUNTEST;
-        let length = if blunt { IMPULSE } else { time * self.rate };
+        let short = (time * self.rate).is_nan() || time * self.rate < MIN_LENGTH;
+        let length = if short { IMPULSE_LENGTH } else { time * self.rate };
         let first = start.ceil().max(0.0) as usize;
         let last = ((start + length).ceil() as usize).min(frames).max(first);
         let count = last - first;
         let Some(pulse) = self.pulse.get_mut(..count.div_ceil(LANES)) else { return };
-        let (place, step) = ((first as f64 - start) / length, 1.0 / length);
-        if blunt {
-            let place = |n: usize| place + n as f64 * step;
-            pulse.as_flattened_mut().iter_mut().enumerate().for_each(|(n, x)| *x = impulse(place(n)));
+        let (phase, step) = ((first as f64 - start) / length, 1.0 / length);
+        if short {
+            let at = |n: usize| phase + n as f64 * step;
+            pulse.as_flattened_mut().iter_mut().enumerate().for_each(|(n, x)| *x = impulse(at(n)));
         } else {
-            shape.draw(place, step, pulse);
+            shape.sample(phase, step, pulse);
         }
         pulse.as_flattened_mut().iter_mut().skip(count).for_each(|x| *x = 0.0);
         let scale = impulse_ns * self.rate / sum(pulse);
         if !scale.is_finite() {
             return;
         }
-        // Up to the end of the ring, and on from its start.
+        // To the end of the ring, then from its start.
         let point = point.min(self.points - 1);
         let at = (self.head + first) % frames;
         let heights = &pulse.as_flattened()[..count];
@@ -89,7 +88,7 @@ impl ForceRing {
         }
     }
 
-    /// Takes over the pulses under way in another ring of the same size.
+    /// Takes over the remaining samples of another ring of the same size.
     pub fn take_state(&mut self, old: &Self) {
         if (old.ring.len(), old.points, old.rate) == (self.ring.len(), self.points, self.rate) {
             self.ring.copy_from_slice(&old.ring);
@@ -157,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pulse_too_short_to_draw_is_flat_in_the_audible_range() {
+    fn a_band_limited_impulse_is_flat_in_the_audible_range() {
         let samples = pulse(1.4, 1.0, 0.0, PulseShape::Cosine, 44_100.0);
         for f in [100.0, 5000.0, 12_000.0] {
             let db = 20.0 * spectrum(&samples, f, 44_100.0).log10();
@@ -166,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn pulses_stand_where_they_start_to_a_fraction_of_a_sample() {
+    fn pulses_start_at_a_fraction_of_a_sample() {
         let centre = |start| {
             let samples = pulse(start, 1.0, 0.002, PulseShape::Cosine, 44_100.0);
             let moment = samples.iter().enumerate().map(|(n, f)| n as f64 * f64::from(*f)).sum::<f64>();
@@ -193,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn nonsense_adds_nothing() {
+    fn invalid_pulses_add_nothing() {
         let mut ring = ForceRing::new(1000.0, 1, 0.01);
         for (start, impulse, time) in
             [(f64::NAN, 1.0, 0.01), (1e9, 1.0, 0.01), (-1.0, 1.0, 0.01), (0.0, f64::INFINITY, 0.01)]

@@ -1,4 +1,4 @@
-//! Blows from a file, as a node.
+//! Impacts from a file, as a node.
 
 use super::event::{Body, Impact};
 use super::reader::{Defaults, read_impacts};
@@ -13,22 +13,22 @@ use crate::core::time::Tick;
 use crate::{params, ports};
 
 params! {
-    /// Blows from a file: CSV under a header, or one JSON object in each line.
+    /// Impacts from a file: CSV with a header, or one JSON object per line.
     ///
-    /// Columns, or keys, are `time_s` and at least one of `velocity` (m/s), `energy` (J) and `impulse` (N s); what is not given of these
-    /// three follows from the mass. Further `mass` (kg), `restitution`, `hardness` (1 is steel on stone, 0.01 rubber),
-    /// `duration` (s), `object` (a number, or a name of `objects`), `point` (a number from 0 on), `position` (m; `x y z` with
-    /// spaces in CSV, a list in JSON) and `comment`. Time may not go back.
+    /// Required columns, or keys, are `time_s` and at least one of `velocity` (m/s), `energy` (J) and `impulse` (N s); the others of
+    /// these three follow from the mass. Optional are `mass` (kg), `restitution`, `hardness` (1 is steel on stone, 0.01 rubber),
+    /// `duration` (s), `object` (a number, or a name of `objects`), `point` (a number from 0), `position` (m; `x y z` with spaces
+    /// in CSV, a list in JSON) and `comment`. Time may not decrease.
     pub struct ImpactFileParams {
         /// The file.
         path: AssetPath;
-        /// Effective mass of what strikes, where the file has none: `1 / (1/m1 + 1/m2)`.
+        /// Effective mass of the pair, if the file has none: `1 / (1/m1 + 1/m2)`.
         mass: f64 = 0.1, unit "kg", range 0.000001..=1_000_000.0;
-        /// Speed after a blow over speed before, where the file has none.
+        /// Speed after an impact over speed before, if the file has none.
         restitution: f64 = 0.5, unit "", range 0.0..=1.0;
-        /// Stiffness of the pair, where the file has none.
+        /// Stiffness of the pair, if the file has none.
         hardness: f64 = 1.0, unit "", range 0.000001..=1000.0;
-        /// Names of the objects, the first being object 0.
+        /// Names of the objects, from object 0.
         objects: Vec<Text> = Vec::new();
     }
 }
@@ -36,7 +36,7 @@ ports! {
     pub struct ImpactFilePorts / ImpactFileIo {
         in {}
         out {
-            /// The blows.
+            /// The impacts.
             impacts: Events<Impact>,
         }
     }
@@ -66,7 +66,7 @@ impl Node for ImpactFile {
     fn shape(p: &ImpactFileParams, s: &mut Shape<'_, '_, ImpactFilePorts>) -> Result<(), Reject> {
         let impacts = read(p, &s.bytes("path", &p.path.0)?)?;
         if impacts.is_empty() {
-            s.note(format!("{:?} holds no blow", p.path.0));
+            s.note(format!("{:?} holds no impact", p.path.0));
         }
         s.ends(Some(impacts.last().map_or(0, |(tick, _)| tick + 1)));
         Ok(())
@@ -119,17 +119,17 @@ mod tests {
     }
 
     #[test]
-    fn blows_come_at_their_times_in_any_windows() {
+    fn impacts_have_their_times_with_any_window() {
         let standalone = standalone("time_s,velocity\n0,1\n0.1,2\n0.1,3\n0.25,4\n").window(ticks(0.03));
-        let blows = standalone.run().unwrap().events(ImpactFilePorts::impacts);
-        let times: Vec<Tick> = blows.iter().map(|(tick, _)| *tick).collect();
+        let impacts = standalone.run().unwrap().events(ImpactFilePorts::impacts);
+        let times: Vec<Tick> = impacts.iter().map(|(tick, _)| *tick).collect();
         assert_eq!(times, [0.0, 0.1, 0.1, 0.25].map(ticks));
-        assert!((blows[2].1.energy - 0.45).abs() < 1e-6, "0.1 kg at 3 m/s");
+        assert!((impacts[2].1.energy - 0.45).abs() < 1e-6, "0.1 kg at 3 m/s");
     }
 
     #[test]
-    fn a_list_without_blows_is_told() {
-        assert_eq!(standalone("time_s,velocity\n").shape().unwrap().notes, [r#""hits.csv" holds no blow"#]);
+    fn a_file_without_impacts_is_noted() {
+        assert_eq!(standalone("time_s,velocity\n").shape().unwrap().notes, [r#""hits.csv" holds no impact"#]);
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! The node around [`ForceRing`].
+//! The force of impacts at audio rate, as a node.
 
 use super::event::Impact;
 use super::force_ring::ForceRing;
@@ -14,11 +14,11 @@ use crate::core::shape::{Build, Shape};
 use crate::core::time::{Rate, seconds, ticks};
 use crate::{archive_state, choices, params, ports};
 
-/// Time after a blow within which its micro-collisions fall, in s.
-const BOUNCES: f64 = 0.015;
+/// Time after an impact within which its micro-collisions start, in s.
+const MICRO_SPAN: f64 = 0.015;
 
 choices! {
-    /// How the contact time follows from energy and hardness.
+    /// Law of the contact time over energy and hardness.
     pub enum ForceLaw {
         /// `tau (E / energy_ref)^(-1/10) (h / hardness_ref)^(-2/5)`, as between elastic spheres.
         Hertz,
@@ -34,29 +34,28 @@ choices! { @param PulseShape {
     Cosine,
     /// Half a period of a sine, as in most contact models.
     HalfSine,
-    /// A bell, cut at three standard deviations.
+    /// A Gaussian, cut off at three standard deviations.
     Gaussian,
 } }
 
 params! {
-    /// Turns blows into force at audio rate, one pulse each.
+    /// Turns impacts into force at audio rate, one pulse each.
     ///
-    /// The area under a pulse is the impulse of its blow, exactly and wherever between two samples the blow falls. Its length
-    /// follows from energy and hardness, between 0.1 and 20 ms, unless the blow brings a duration of its own: hard and
-    /// violent blows are short, and so bright. A pulse of less than four samples is a band-limited impulse in the
-    /// middle of eight. Pulses add up.
+    /// The integral of a pulse is exactly the impulse of its impact, for any time between two samples. Its length is the duration of
+    /// the impact, or follows from energy and hardness, from 0.1 to 20 ms: hard and energetic impacts are short, and so bright.
+    /// A pulse of less than four samples becomes a band-limited impulse of eight. Overlapping pulses add up.
     ///
-    /// The channels of the output are contact points; a blow on a point that does not exist goes to the last one, and the
-    /// summary counts it. This node makes audio from something that is none, so it has a sample rate of its own.
+    /// The channels of the output are contact points. An impact on a point beyond the last one goes to the last, and the summary
+    /// counts it. The input has no sample rate, so this node has a parameter for it.
     ///
     /// # Randomness
-    /// When and how strong micro-collisions are follows from the seed and the number of the blow alone.
+    /// Times and strengths of micro-collisions depend on the seed and the index of the impact only.
     ///
     /// # Source
-    /// Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section 5. They say
-    /// that energy and hardness act on the duration and that the shape matters little; the law is Hertz's.
+    /// Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section 5. They state
+    /// that energy and hardness modulate the duration and that the shape matters little; the law is Hertz's.
     pub struct ImpactForceParams {
-        /// How the contact time follows from energy and hardness.
+        /// Law of the contact time over energy and hardness.
         law: ForceLaw = ForceLaw::Hertz;
         /// Contact time at the reference.
         tau: f64 = 0.001, unit "s", range 0.0001..=0.02;
@@ -64,13 +63,13 @@ params! {
         energy_ref: f64 = 0.1, unit "J", range 0.000000001..=1_000_000.0;
         /// Hardness of the reference: 1 is steel on stone, 0.01 rubber.
         hardness_ref: f64 = 1.0, unit "", range 0.000001..=1000.0;
-        /// How fast the contact time falls with energy, for the law `LinearEnergy`.
+        /// Decrease of the contact time per energy, for the law `LinearEnergy`.
         slope: f64 = 0.001, unit "s/J", range 0.0..=1000.0;
-        /// Form of a pulse.
+        /// Shape of a pulse.
         shape: PulseShape = PulseShape::Cosine;
-        /// Smaller pulses within 15 ms after each blow that share its impulse: rough or rattling contacts.
+        /// Smaller pulses within 15 ms after each impact, which share its impulse: rough or rattling contacts.
         micro: u16 = 0, unit "pulses", range 0..=4_u16;
-        /// Number of the object whose blows are taken; None takes all.
+        /// Number of the object whose impacts are read; None reads all.
         object: Option<u32> = None, unit "", range 0..=4_294_967_295_u32;
         /// Contact points, one channel each.
         points: u16 = 1, unit "points", range 1..=64_u16;
@@ -81,7 +80,7 @@ params! {
 ports! {
     pub struct ImpactForcePorts / ImpactForceIo {
         in {
-            /// The blows.
+            /// The impacts.
             impacts: Events<Impact>,
         }
         out {
@@ -97,10 +96,10 @@ pub struct ImpactForce {
     params: ImpactForceParams,
     random: Random,
     ring: ForceRing,
-    /// Blows so far.
+    /// Impacts so far.
     count: u64,
-    /// Of these, on points that do not exist.
-    astray: u64,
+    /// Impacts on points beyond the last one.
+    beyond_last: u64,
 }
 
 impl ImpactForce {
@@ -112,7 +111,7 @@ impl ImpactForce {
         }
     }
 
-    /// Draws a blow that falls `early` samples before the next sample.
+    /// Adds the pulses of an impact `early` samples before the next sample.
     fn strike(&mut self, impact: &Impact, early: f64) {
         let p = &self.params;
         let (energy, hardness) = (f64::from(impact.energy), f64::from(impact.hardness) / p.hardness_ref);
@@ -122,16 +121,16 @@ impl ImpactForce {
             contact_time(self.law(), p.tau, energy, p.energy_ref, hardness)
         };
         let uniform = |k: u16, lane| self.random.uniform(k.into(), self.count, lane);
-        // Each bounce has at most half of what the one before could have.
+        // The maximum weight halves with each micro-collision.
         let weight = |k: u16| if k == 0 { 1.0 } else { uniform(k, 0) * 0.5_f64.powi(k.into()) };
-        let all: f64 = (0..=p.micro).map(weight).sum();
+        let total: f64 = (0..=p.micro).map(weight).sum();
         let impulse = f64::from(impact.impulse);
         for k in 0..=p.micro {
-            let delay = if k == 0 { 0.0 } else { uniform(k, 1) * BOUNCES * p.rate.as_f64() };
-            self.ring.add(delay - early, impact.point as usize, impulse * weight(k) / all, time, p.shape);
+            let delay = if k == 0 { 0.0 } else { uniform(k, 1) * MICRO_SPAN * p.rate.as_f64() };
+            self.ring.add(delay - early, impact.point as usize, impulse * weight(k) / total, time, p.shape);
         }
         self.count += 1;
-        self.astray += u64::from(impact.point >= p.points.into());
+        self.beyond_last += u64::from(impact.point >= p.points.into());
     }
 }
 
@@ -143,28 +142,29 @@ impl Node for ImpactForce {
     const COST: f64 = 3.0;
 
     fn shape(p: &ImpactForceParams, s: &mut Shape<'_, '_, ImpactForcePorts>) -> Result<(), Reject> {
-        s.tail(ticks(LONGEST + BOUNCES) + p.rate.span(9));
+        s.tail(ticks(LONGEST + MICRO_SPAN) + p.rate.span(9));
         s.output(ImpactForcePorts::force, p.rate, Channels(p.points));
         Ok(())
     }
 
     fn build(p: &ImpactForceParams, cx: &Build<'_>) -> Result<Self, Fault> {
-        let ring = ForceRing::new(p.rate.as_f64(), p.points.into(), LONGEST + BOUNCES);
-        Ok(Self { params: p.clone(), random: cx.random, ring, count: 0, astray: 0 })
+        let ring = ForceRing::new(p.rate.as_f64(), p.points.into(), LONGEST + MICRO_SPAN);
+        Ok(Self { params: p.clone(), random: cx.random, ring, count: 0, beyond_last: 0 })
     }
 
     fn run(&mut self, mut io: ImpactForceIo<'_>) -> Result<(), Fault> {
         let (rate, width) = (io.force.rate(), io.force.width());
         let (mut next, mut out) = (io.force.first(), io.force.items());
         let object = self.params.object;
-        let blows = io.impacts.events().iter().filter(|(_, blow)| object.is_none_or(|o| o == blow.object));
-        for (tick, blow) in blows.filter(|(_, blow)| blow.is_valid()) {
+        let impacts =
+            io.impacts.events().iter().filter(|(_, impact)| object.is_none_or(|o| o == impact.object));
+        for (tick, impact) in impacts.filter(|(_, impact)| impact.is_valid()) {
             let item = rate.first_at(*tick).max(next);
             let frames = ((item - next) as usize).min(out.len() / width);
             let (now, later) = out.split_at_mut(frames * width);
             self.ring.read(now);
             (next, out) = (item, later);
-            self.strike(blow, seconds(rate.tick(item) - tick) * rate.as_f64());
+            self.strike(impact, seconds(rate.tick(item) - tick) * rate.as_f64());
         }
         self.ring.read(out);
         Ok(())
@@ -172,8 +172,8 @@ impl Node for ImpactForce {
 
     fn finish(&mut self, _: ImpactForceIo<'_>) -> Result<Summary, Fault> {
         let mut summary = vec![("impacts", self.count.into())];
-        if self.astray > 0 {
-            summary.push(("beyond_the_last_point", self.astray.into()));
+        if self.beyond_last > 0 {
+            summary.push(("beyond_the_last_point", self.beyond_last.into()));
         }
         Ok(summary)
     }
@@ -182,17 +182,17 @@ impl Node for ImpactForce {
         if (new.points, new.rate) != (self.params.points, self.params.rate) {
             return Retune::Rebuild;
         }
-        // What is under way keeps its form; the next blow has the new one.
+        // Pulses that have started keep their shape.
         self.params = new.clone();
         Retune::Done
     }
 
     fn adopt(&mut self, old: &mut Self) {
         self.ring.take_state(&old.ring);
-        (self.count, self.astray) = (old.count, old.astray);
+        (self.count, self.beyond_last) = (old.count, old.beyond_last);
     }
 
-    archive_state!(ring, count, astray);
+    archive_state!(ring, count, beyond_last);
 
     fn trial(rng: &mut Rng) -> (ImpactForceParams, MemoryFiles) {
         let params = ImpactForceParams::trial(rng);
@@ -213,13 +213,13 @@ mod tests {
         ImpactForceParams { rate: Rate::hz(44_100), ..ImpactForceParams::read(&|_| None).unwrap() }
     }
 
-    fn blow(energy: f64) -> Impact {
+    fn impact(energy: f64) -> Impact {
         Impact::from_energy(energy, Body { mass: 0.1, restitution: 0.5 })
     }
 
-    fn force(p: ImpactForceParams, blows: Vec<(Tick, Impact)>, window: Tick) -> Vec<f32> {
+    fn force(p: ImpactForceParams, impacts: Vec<(Tick, Impact)>, window: Tick) -> Vec<f32> {
         let standalone =
-            Standalone::new::<ImpactForce>(p).events(ImpactForcePorts::impacts, blows, ticks(0.1));
+            Standalone::new::<ImpactForce>(p).events(ImpactForcePorts::impacts, impacts, ticks(0.1));
         standalone.window(window).run().unwrap().stream(ImpactForcePorts::force)
     }
 
@@ -230,18 +230,22 @@ mod tests {
     #[test]
     fn impulses_are_conserved_also_in_micro_collisions_and_overlaps() {
         for micro in [0, 4] {
-            let blows =
-                vec![(1, blow(0.1)), (2, blow(4.0)), (ticks(0.05), blow(1e-4)), (ticks(0.1) - 1, blow(0.3))];
-            let sum: f64 = blows.iter().map(|(_, b)| f64::from(b.impulse)).sum();
-            let samples = force(ImpactForceParams { micro, ..params() }, blows, ticks(0.01));
+            let impacts = vec![
+                (1, impact(0.1)),
+                (2, impact(4.0)),
+                (ticks(0.05), impact(1e-4)),
+                (ticks(0.1) - 1, impact(0.3)),
+            ];
+            let sum: f64 = impacts.iter().map(|(_, b)| f64::from(b.impulse)).sum();
+            let samples = force(ImpactForceParams { micro, ..params() }, impacts, ticks(0.01));
             assert!((area(&samples) / sum - 1.0).abs() < 1e-6, "{} for {sum}", area(&samples));
         }
     }
 
     #[test]
-    fn micro_collisions_are_as_many_as_asked_for_within_15_ms_and_the_seed_says_when() {
+    fn micro_collisions_fall_within_15_ms_at_times_from_the_seed() {
         // Pulses of 0.2 ms, so that they stand apart.
-        let hit = Impact { duration: 2e-4, ..blow(0.1) };
+        let hit = Impact { duration: 2e-4, ..impact(0.1) };
         let onsets = |micro: u16, seed: u64| {
             let standalone = Standalone::new::<ImpactForce>(ImpactForceParams { micro, ..params() });
             let mut standalone =
@@ -267,8 +271,8 @@ mod tests {
     }
 
     #[test]
-    fn a_blow_peaks_in_the_middle_of_its_contact() {
-        let hit = Impact { duration: 0.002, ..blow(0.1) };
+    fn an_impact_peaks_in_the_middle_of_its_contact() {
+        let hit = Impact { duration: 0.002, ..impact(0.1) };
         let samples = force(params(), vec![(ticks(0.05), hit)], ticks(0.01));
         let moment: f64 = samples.iter().enumerate().map(|(n, f)| n as f64 * f64::from(*f)).sum();
         let middle = moment / 44_100.0 / area(&samples) / 44_100.0;
@@ -278,10 +282,10 @@ mod tests {
     }
 
     #[test]
-    fn only_blows_on_the_object_are_taken_and_points_are_channels() {
+    fn only_impacts_on_the_object_are_read_and_points_are_channels() {
         let p = ImpactForceParams { object: Some(2), points: 2, ..params() };
         let hits = [(0, 0), (2, 0), (2, 1), (2, 9), (1, 1)];
-        let hits = hits.map(|(object, point)| (ticks(0.02), Impact { object, point, ..blow(0.1) }));
+        let hits = hits.map(|(object, point)| (ticks(0.02), Impact { object, point, ..impact(0.1) }));
         let standalone =
             Standalone::new::<ImpactForce>(p).events(ImpactForcePorts::impacts, hits.to_vec(), ticks(0.1));
         let run = standalone.run().unwrap();
@@ -295,8 +299,8 @@ mod tests {
     }
 
     #[test]
-    fn blows_that_are_not_numbers_are_passed_over() {
-        let hit = Impact { impulse: f32::NAN, ..blow(0.1) };
-        assert!(force(params(), vec![(0, hit), (5, blow(0.0))], ticks(0.01)).iter().all(|f| *f == 0.0));
+    fn impacts_that_are_not_finite_are_skipped() {
+        let hit = Impact { impulse: f32::NAN, ..impact(0.1) };
+        assert!(force(params(), vec![(0, hit), (5, impact(0.0))], ticks(0.01)).iter().all(|f| *f == 0.0));
     }
 }

@@ -1,17 +1,17 @@
-//! The contact time of an impact, and the form of its force pulse.
+//! The contact time of an impact, and the shape of its force pulse.
 
 use std::f64::consts::{PI, TAU};
 
-/// Shortest contact that a law gives, in s.
+/// Minimum contact time, in s.
 pub const SHORTEST: f64 = 1e-4;
-/// Longest contact that a law gives, in s.
+/// Maximum contact time, in s.
 pub const LONGEST: f64 = 0.02;
-/// Samples below which a pulse cannot be drawn: it becomes a band-limited impulse of this width.
-pub(super) const BLUNTEST: f64 = 4.0;
-/// Samples of a band-limited impulse.
-pub(super) const IMPULSE: f64 = 8.0;
+/// Length in samples below which a pulse is replaced by a band-limited impulse.
+pub(super) const MIN_LENGTH: f64 = 4.0;
+/// Length of a band-limited impulse, in samples.
+pub(super) const IMPULSE_LENGTH: f64 = 8.0;
 
-/// How the contact time follows from energy and hardness.
+/// Law of the contact time over energy and hardness.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Law {
     /// `tau (E/E0)^(-1/10) (h/h0)^(-2/5)`, the contact of elastic spheres.
@@ -22,12 +22,13 @@ pub enum Law {
     LinearEnergy(f64),
 }
 
-/// Contact time in s of a blow with energy `energy` over the energy of reference, and hardness likewise; `tau` is that of the
-/// reference. Between 0.1 and 20 ms.
+/// Returns the contact time in s, from 0.1 to 20 ms, of an impact of `energy` J.
+///
+/// `tau` is the contact time at energy `energy_ref` and hardness 1; `hardness` is relative to that of the reference.
 ///
 /// # Source
-/// Hertz's law for the exponents: stiffness enters as `E*^(-2/5)`, speed as `v^(-1/5)`, and so energy as `E^(-1/10)`. Picard,
-/// Tsingos and Faure (VRIPHYS 2008), section 5, say only that energy and hardness modulate the duration.
+/// Hertz's law gives the exponents: stiffness enters as `E*^(-2/5)`, speed as `v^(-1/5)`, and so energy as `E^(-1/10)`.
+/// Picard, Tsingos and Faure (VRIPHYS 2008), section 5, state only that energy and hardness modulate the duration.
 #[must_use]
 pub fn contact_time(law: Law, tau: f64, energy: f64, energy_ref: f64, hardness: f64) -> f64 {
     let time = match law {
@@ -35,75 +36,76 @@ pub fn contact_time(law: Law, tau: f64, energy: f64, energy_ref: f64, hardness: 
         Law::Fixed => tau,
         Law::LinearEnergy(slope) => tau - slope * energy,
     };
-    // No energy at all, or nothing but softness, makes an endless contact.
+    // Energy or hardness of 0 makes an infinite contact time.
     if time.is_nan() { LONGEST } else { time.clamp(SHORTEST, LONGEST) }
 }
 
-/// Form of a force pulse.
+/// Shape of a force pulse.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PulseShape {
     /// `1 - cos`: smooth at both ends.
     Cosine,
     /// Half a period of a sine.
     HalfSine,
-    /// A bell, cut at three standard deviations.
+    /// A Gaussian, cut off at three standard deviations.
     Gaussian,
 }
 
-/// Samples of a pulse that are drawn together.
+/// Samples of a pulse that are computed together.
 pub(super) const LANES: usize = 8;
 
 impl PulseShape {
-    /// Draws heights at the places `first`, `first + step`, ... of the pulse's length, 0 to 1.
+    /// Samples the pulse at the phases `first`, `first + step`, ..., each from 0 to 1 over its length.
     ///
     /// # Complexity
-    /// A few sums and products for each: a sine goes on by a turn, a bell by a factor that itself has an even factor.
-    pub(super) fn draw(self, first: f64, step: f64, heights: &mut [[f64; LANES]]) {
+    /// A few additions and multiplications per sample: a sine advances by a rotation, a Gaussian by a factor that itself changes by
+    /// a constant factor.
+    pub(super) fn sample(self, first: f64, step: f64, heights: &mut [[f64; LANES]]) {
         match self {
             Self::Cosine => wave(TAU * first, TAU * step, heights, |cos, _| 1.0 - cos),
             Self::HalfSine => wave(PI * first, PI * step, heights, |_, sin| sin),
-            Self::Gaussian => bell(6.0 * first - 3.0, 6.0 * step, heights),
+            Self::Gaussian => gaussian(6.0 * first - 3.0, 6.0 * step, heights),
         }
     }
 }
 
-/// A point of the circle further on by another.
-fn turned([c, s]: [f64; 2], [dc, ds]: [f64; 2]) -> [f64; 2] {
+/// Product of two complex numbers.
+fn rotated([c, s]: [f64; 2], [dc, ds]: [f64; 2]) -> [f64; 2] {
     [c * dc - s * ds, c * ds + s * dc]
 }
 
-/// Heights made of cosine and sine at even phases.
+/// Heights as a function of cosine and sine at evenly spaced phases.
 fn wave(phase: f64, step: f64, heights: &mut [[f64; LANES]], height: impl Fn(f64, f64) -> f64) {
     let point = |x: f64| {
         let (sin, cos) = libm::sincos(x);
         [cos, sin]
     };
     let one = point(step);
-    let eight = (0..3).fold(one, |turn, _| turned(turn, turn));
+    let eight = (0..3).fold(one, |rotation, _| rotated(rotation, rotation));
     let (mut cos, mut sin, mut at) = ([0.0; LANES], [0.0; LANES], point(phase));
     for l in 0..LANES {
         (cos[l], sin[l]) = (at[0], at[1]);
-        at = turned(at, one);
+        at = rotated(at, one);
     }
     for heights in heights {
         for l in 0..LANES {
             heights[l] = height(cos[l], sin[l]);
-            [cos[l], sin[l]] = turned([cos[l], sin[l]], eight);
+            [cos[l], sin[l]] = rotated([cos[l], sin[l]], eight);
         }
     }
 }
 
-/// `exp(-u^2/2)` at even places.
-fn bell(u: f64, step: f64, heights: &mut [[f64; LANES]]) {
-    // From one place to the eighth after it, and how that factor changes from place to place.
-    let long = step * LANES as f64;
+/// `exp(-u^2/2)` at evenly spaced `u`.
+fn gaussian(u: f64, step: f64, heights: &mut [[f64; LANES]]) {
+    // The ratio of a height to the one eight samples before, and the constant ratio of successive ratios.
+    let stride = step * LANES as f64;
     let (mut at, mut factor) = ([0.0; LANES], [0.0; LANES]);
     for l in 0..LANES {
         let u = u + l as f64 * step;
         at[l] = libm::exp(-0.5 * u * u);
-        factor[l] = libm::exp(-long * (u + 0.5 * long));
+        factor[l] = libm::exp(-stride * (u + 0.5 * stride));
     }
-    let change = libm::exp(-long * long);
+    let change = libm::exp(-stride * stride);
     for heights in heights {
         *heights = at;
         for l in 0..LANES {
@@ -113,12 +115,12 @@ fn bell(u: f64, step: f64, heights: &mut [[f64; LANES]]) {
     }
 }
 
-/// A band-limited impulse at place `x` of its eight samples, 0 to 1: a sinc under a raised cosine.
+/// A band-limited impulse at phase `x` of its eight samples, 0 to 1: a sinc under a raised cosine.
 pub(super) fn impulse(x: f64) -> f64 {
     if !(0.0..1.0).contains(&x) {
         return 0.0;
     }
-    let u = PI * IMPULSE * (x - 0.5);
+    let u = PI * IMPULSE_LENGTH * (x - 0.5);
     let sinc = if u.abs() < 1e-6 { 1.0 } else { libm::sin(u) / u };
     sinc * (1.0 - libm::cos(TAU * x))
 }
@@ -138,7 +140,7 @@ pub(super) fn sum(pulse: &[[f64; LANES]]) -> f64 {
 mod tests {
     use super::*;
 
-    /// The formulas.
+    /// Heights by their formulas.
     fn height(shape: PulseShape, x: f64) -> f64 {
         match shape {
             PulseShape::Cosine => 1.0 - (TAU * x).cos(),
@@ -148,13 +150,13 @@ mod tests {
     }
 
     #[test]
-    fn drawn_heights_are_those_of_the_formulas() {
+    fn sampled_heights_are_those_of_the_formulas() {
         for shape in [PulseShape::Cosine, PulseShape::HalfSine, PulseShape::Gaussian] {
             for length in [4.0, 5.3, 44.1, 882.0, 3840.0, 7679.9] {
                 for early in [0.0, 0.3, 0.999] {
                     let (first, step) = (early / length, 1.0 / length);
                     let mut heights = vec![[0.0; LANES]; (length as usize).div_ceil(LANES)];
-                    shape.draw(first, step, &mut heights);
+                    shape.sample(first, step, &mut heights);
                     let heights = &heights.as_flattened()[..length as usize];
                     for (n, found) in heights.iter().enumerate() {
                         let right = height(shape, first + n as f64 * step);
@@ -166,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn harder_and_faster_is_shorter() {
+    fn harder_and_faster_contacts_are_shorter() {
         let time = |e, h| contact_time(Law::Hertz, 1e-3, e, 0.1, h);
         assert!((time(0.1, 1.0) - 1e-3).abs() < 1e-12);
         assert!((time(10.0, 1.0) / 1e-3 - 0.631).abs() < 1e-3, "a hundred times the energy");

@@ -1,16 +1,16 @@
-//! Reads blows from CSV or JSON lines.
+//! Impacts from CSV or JSON lines.
 
 use super::event::{Body, Impact};
 use crate::core::time::{Tick, ticks};
 use std::collections::BTreeMap;
 use thiserror::Error;
 
-/// Most blows that one file may hold.
+/// Maximum number of impacts in a file.
 pub const MAX_IMPACTS: usize = 1 << 20;
-/// Latest time of a blow, in s.
-const LATEST: f64 = 86_400.0;
+/// Latest time of an impact, in s.
+const MAX_TIME: f64 = 86_400.0;
 
-/// Columns (CSV) or keys (JSON) that a file may have.
+/// Columns (CSV) or keys (JSON) of a file.
 pub const COLUMNS: [&str; 12] = [
     "time_s",
     "impulse",
@@ -26,7 +26,7 @@ pub const COLUMNS: [&str; 12] = [
     "comment",
 ];
 
-/// Why blows cannot be read.
+/// Error in a file of impacts.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[error("line {line}: {message}")]
 pub struct ImpactError {
@@ -36,60 +36,60 @@ pub struct ImpactError {
     pub message: String,
 }
 
-/// What stands for columns that a file does not have.
+/// Values of columns that a file does not have.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Defaults {
-    /// What strikes.
+    /// The striking body.
     pub body: Body,
     /// Stiffness of the pair relative to steel on stone.
     pub hardness: f64,
-    /// Names of the objects, by number; empty where a file has numbers only.
+    /// Names of the objects, by number; empty if a file has numbers only.
     pub objects: Vec<String>,
 }
 
-/// Shortened for a message.
-fn shown(text: &str) -> String {
+/// The first 40 characters of a text, for a message.
+fn excerpt(text: &str) -> String {
     text.chars().take(40).collect()
 }
 
 /// One line of a file: its fields by name.
 type Fields = BTreeMap<&'static str, String>;
 
-fn known(name: &str) -> Result<&'static str, String> {
+fn column(name: &str) -> Result<&'static str, String> {
     let found = COLUMNS.iter().find(|column| **column == name);
     found
         .copied()
-        .ok_or_else(|| format!("there is no column {:?}; columns are {}", shown(name), COLUMNS.join(", ")))
+        .ok_or_else(|| format!("there is no column {:?}; columns are {}", excerpt(name), COLUMNS.join(", ")))
 }
 
 fn number(fields: &Fields, name: &str, low: f64, high: f64) -> Result<Option<f64>, String> {
     let Some(text) = fields.get(name) else { return Ok(None) };
     let value = text.parse::<f64>().ok().filter(|x| (low..=high).contains(x));
-    let wrong = || format!("`{name}` is {:?}; a number from {low} to {high} is needed", shown(text));
+    let wrong = || format!("`{name}` is {:?}; a number from {low} to {high} is needed", excerpt(text));
     value.map(Some).ok_or_else(wrong)
 }
 
-fn whole(fields: &Fields, name: &str) -> Result<u32, String> {
+fn index(fields: &Fields, name: &str) -> Result<u32, String> {
     let Some(text) = fields.get(name) else { return Ok(0) };
-    let wrong = || format!("`{name}` is {:?}; a whole number from 0 on is needed", shown(text));
+    let wrong = || format!("`{name}` is {:?}; a whole number from 0 on is needed", excerpt(text));
     text.parse().map_err(|_| wrong())
 }
 
 fn object(fields: &Fields, names: &[String]) -> Result<u32, String> {
     let Some(text) = fields.get("object") else { return Ok(0) };
-    if let Some(place) = names.iter().position(|name| name == text) {
-        return Ok(place as u32);
+    if let Some(index) = names.iter().position(|name| name == text) {
+        return Ok(index as u32);
     }
     text.parse().map_err(|_| {
         let names = if names.is_empty() { "none is named".into() } else { names.join(", ") };
-        format!("there is no object {:?}; objects are numbers from 0 on, or names: {names}", shown(text))
+        format!("there is no object {:?}; objects are numbers from 0 on, or names: {names}", excerpt(text))
     })
 }
 
 fn position(fields: &Fields) -> Result<[f32; 3], String> {
     let Some(text) = fields.get("position") else { return Ok([0.0; 3]) };
     let wrong =
-        || format!("`position` is {:?}; three numbers are needed, such as \"0.1 0 2.5\"", shown(text));
+        || format!("`position` is {:?}; three numbers are needed, such as \"0.1 0 2.5\"", excerpt(text));
     let numbers: Vec<f32> =
         text.split_whitespace().map(str::parse).collect::<Result<_, _>>().map_err(|_| wrong())?;
     let position: [f32; 3] = numbers.try_into().map_err(|_| wrong())?;
@@ -97,38 +97,39 @@ fn position(fields: &Fields) -> Result<[f32; 3], String> {
 }
 
 fn impact(fields: &Fields, defaults: &Defaults) -> Result<(f64, Impact), String> {
-    const MOST: f64 = 1e9;
-    let time = number(fields, "time_s", 0.0, LATEST)?
-        .ok_or("`time_s` is missing: when the blow falls, in seconds")?;
+    const MAX: f64 = 1e9;
+    let time = number(fields, "time_s", 0.0, MAX_TIME)?
+        .ok_or("`time_s` is missing: the time of the impact, in seconds")?;
     let body = Body {
-        mass: number(fields, "mass", 0.0, MOST)?.unwrap_or(defaults.body.mass),
+        mass: number(fields, "mass", 0.0, MAX)?.unwrap_or(defaults.body.mass),
         restitution: number(fields, "restitution", 0.0, 1.0)?.unwrap_or(defaults.body.restitution),
     };
-    let velocity = number(fields, "velocity", -MOST, MOST)?;
-    let energy = number(fields, "energy", 0.0, MOST)?;
-    let impulse = number(fields, "impulse", 0.0, MOST)?;
-    let mut blow = match (velocity, energy, impulse) {
+    let velocity = number(fields, "velocity", -MAX, MAX)?;
+    let energy = number(fields, "energy", 0.0, MAX)?;
+    let impulse = number(fields, "impulse", 0.0, MAX)?;
+    let mut impact = match (velocity, energy, impulse) {
         (Some(v), ..) => Impact::from_velocity(v, body),
         (None, Some(e), _) => Impact::from_energy(e, body),
         (None, None, Some(j)) => Impact::from_impulse(j, body),
         _ => {
             return Err(
-                "how strong is it? one of `impulse` (N s), `energy` (J) or `velocity` (m/s) is needed".into(),
+                "its strength is missing: one of `impulse` (N s), `energy` (J) or `velocity` (m/s) is needed"
+                    .into(),
             );
         }
     };
-    // What is said stands, beside what follows from the mass.
-    blow.energy = energy.map_or(blow.energy, |e| e as f32);
-    blow.impulse = impulse.map_or(blow.impulse, |j| j as f32);
-    blow.hardness = number(fields, "hardness", 0.0, MOST)?.unwrap_or(defaults.hardness) as f32;
-    blow.duration = number(fields, "duration", 0.0, 1.0)?.unwrap_or(0.0) as f32;
-    blow.object = object(fields, &defaults.objects)?;
-    blow.point = whole(fields, "point")?;
-    blow.position = position(fields)?;
-    if blow.is_valid() { Ok((time, blow)) } else { Err("its numbers are too large".into()) }
+    // Given values replace those computed from the mass.
+    impact.energy = energy.map_or(impact.energy, |e| e as f32);
+    impact.impulse = impulse.map_or(impact.impulse, |j| j as f32);
+    impact.hardness = number(fields, "hardness", 0.0, MAX)?.unwrap_or(defaults.hardness) as f32;
+    impact.duration = number(fields, "duration", 0.0, 1.0)?.unwrap_or(0.0) as f32;
+    impact.object = object(fields, &defaults.objects)?;
+    impact.point = index(fields, "point")?;
+    impact.position = position(fields)?;
+    if impact.is_valid() { Ok((time, impact)) } else { Err("its numbers are too large".into()) }
 }
 
-/// Collects blows line by line.
+/// Collects impacts line by line.
 struct Reader<'a> {
     defaults: &'a Defaults,
     impacts: Vec<(Tick, Impact)>,
@@ -138,30 +139,30 @@ struct Reader<'a> {
 impl Reader<'_> {
     fn take(&mut self, line: u64, fields: &Fields) -> Result<(), ImpactError> {
         let wrong = |message: String| ImpactError { line, message };
-        let (time, blow) = impact(fields, self.defaults).map_err(wrong)?;
+        let (time, impact) = impact(fields, self.defaults).map_err(wrong)?;
         if time < self.latest {
             return Err(wrong(format!(
-                "time goes back from {} to {time} s; blows stand in order",
+                "time goes back from {} to {time} s; impacts must be in order of time",
                 self.latest
             )));
         }
         if self.impacts.len() == MAX_IMPACTS {
-            return Err(wrong(format!("at most {MAX_IMPACTS} blows are read")));
+            return Err(wrong(format!("at most {MAX_IMPACTS} impacts are read")));
         }
         self.latest = time;
-        self.impacts.push((ticks(time), blow));
+        self.impacts.push((ticks(time), impact));
         Ok(())
     }
 }
 
-/// Reads blows: CSV under a header of [`COLUMNS`], or one JSON object with such keys in each line.
+/// Reads impacts from CSV with a header of [`COLUMNS`], or from one JSON object with such keys per line.
 ///
-/// `time_s` and one of `impulse`, `energy`, `velocity` are needed. A cell that is empty is an error, a column that is not there
-/// has its default. In JSON a position is `[x, y, z]`, in CSV three numbers with spaces between them.
+/// `time_s` and one of `impulse`, `energy`, `velocity` are required. An empty cell is an error; a missing column has its
+/// default. A position is `[x, y, z]` in JSON, and three numbers separated by spaces in CSV.
 ///
 /// # Errors
-/// Names the line and what would be right: a column that does not exist, a field that is no number or out of range, time that
-/// goes back, more or fewer fields than the header has.
+/// An unknown column, a field that is no number or out of range, decreasing time, or a wrong number of fields. The error
+/// names the line and what would be right.
 ///
 /// # Example
 /// ```
@@ -169,8 +170,8 @@ impl Reader<'_> {
 ///
 /// let body = Body { mass: 0.05, restitution: 0.5 };
 /// let defaults = Defaults { body, hardness: 0.5, objects: vec!["bell".into(), "box".into()] };
-/// let blows = read_impacts(b"time_s,velocity,object\n0.5,2,bell\n0.75,1,box\n", &defaults)?;
-/// assert_eq!((blows.len(), blows[1].1.object), (2, 1));
+/// let impacts = read_impacts(b"time_s,velocity,object\n0.5,2,bell\n0.75,1,box\n", &defaults)?;
+/// assert_eq!((impacts.len(), impacts[1].1.object), (2, 1));
 /// # Ok::<(), foley_nodes::modal::ImpactError>(())
 /// ```
 pub fn read_impacts(bytes: &[u8], defaults: &Defaults) -> Result<Vec<(Tick, Impact)>, ImpactError> {
@@ -200,7 +201,7 @@ fn csv_lines(bytes: &[u8], reader: &mut Reader<'_>) -> Result<(), ImpactError> {
     let line = header.position().map_or(1, csv::Position::line);
     let mut columns = Vec::new();
     for name in &header {
-        let name = known(name).map_err(|message| ImpactError { line, message })?;
+        let name = column(name).map_err(|message| ImpactError { line, message })?;
         if columns.contains(&name) {
             return Err(ImpactError { line, message: format!("there are two columns `{name}`") });
         }
@@ -233,10 +234,10 @@ fn json_lines(bytes: &[u8], reader: &mut Reader<'_>) -> Result<(), ImpactError> 
             .map_err(|e| wrong(format!("this is no JSON object on one line: {e}")))?;
         let mut fields = Fields::new();
         for (name, value) in &object {
-            let name = known(name).map_err(wrong)?;
+            let name = column(name).map_err(wrong)?;
             fields.insert(
                 name,
-                plain(value).ok_or_else(|| wrong(format!("`{name}` is neither number nor text")))?,
+                cell(value).ok_or_else(|| wrong(format!("`{name}` is neither number nor text")))?,
             );
         }
         reader.take(line, &fields)?;
@@ -244,8 +245,8 @@ fn json_lines(bytes: &[u8], reader: &mut Reader<'_>) -> Result<(), ImpactError> 
     Ok(())
 }
 
-/// A JSON value as it would stand in a cell.
-fn plain(value: &serde_json::Value) -> Option<String> {
+/// The CSV cell of a JSON value.
+fn cell(value: &serde_json::Value) -> Option<String> {
     match value {
         serde_json::Value::Number(x) => Some(x.to_string()),
         serde_json::Value::String(text) => Some(text.clone()),
@@ -272,23 +273,23 @@ mod tests {
                        0.25, 0.05, 0.2, 1e-2, 0, 0, 0 0 0\n";
 
     #[test]
-    fn columns_become_blows() {
-        let blows = read_impacts(CSV.as_bytes(), &defaults()).unwrap();
-        let (tick, a) = blows[0];
+    fn columns_become_impacts() {
+        let impacts = read_impacts(CSV.as_bytes(), &defaults()).unwrap();
+        let (tick, a) = impacts[0];
         assert_eq!((tick, a.object, a.point, a.position), (ticks(0.25), 1, 2, [0.5, 0.0, -1.0]));
         assert!((a.energy - 0.2).abs() < 1e-6 && (a.impulse - 0.1 * 2.0 * 1.5).abs() < 1e-6);
-        assert_eq!((blows[1].1.object, blows[1].1.hardness), (0, 0.01));
+        assert_eq!((impacts[1].1.object, impacts[1].1.hardness), (0, 0.01));
     }
 
     #[test]
-    fn json_lines_say_the_same() {
+    fn json_lines_give_the_same_impacts() {
         let json = "{\"time_s\": 0.25, \"energy\": 0.2, \"hardness\": 0.9, \"object\": \"box\", \"point\": 2, \
                     \"position\": [0.5, 0, -1]}\n\n{\"time_s\": 1, \"impulse\": 0.3}\n";
-        let blows = read_impacts(json.as_bytes(), &defaults()).unwrap();
-        assert_eq!(blows[0], read_impacts(CSV.as_bytes(), &defaults()).unwrap()[0]);
-        assert!((blows[1].1.energy - 0.2).abs() < 1e-6 && blows[1].1.hardness == 0.5);
-        let marked = read_impacts(format!("\u{feff}{json}").as_bytes(), &defaults()).unwrap();
-        assert_eq!(marked, blows);
+        let impacts = read_impacts(json.as_bytes(), &defaults()).unwrap();
+        assert_eq!(impacts[0], read_impacts(CSV.as_bytes(), &defaults()).unwrap()[0]);
+        assert!((impacts[1].1.energy - 0.2).abs() < 1e-6 && impacts[1].1.hardness == 0.5);
+        let with_bom = read_impacts(format!("\u{feff}{json}").as_bytes(), &defaults()).unwrap();
+        assert_eq!(with_bom, impacts);
     }
 
     #[test]
@@ -323,7 +324,7 @@ mod tests {
     }
 
     #[test]
-    fn damaged_files_give_blows_or_an_error() {
+    fn damaged_files_give_impacts_or_an_error() {
         let json: &str = "{\"time_s\": 0.25, \"velocity\": -2, \"position\": [0.5, 0, -1]}\n{\"time_s\": 1, \"impulse\": 0.3}";
         let mut rng = crate::core::random::Rng::new(77);
         let (mut read, mut refused) = (0, 0);
@@ -342,10 +343,10 @@ mod tests {
                 }
             }
             match read_impacts(&bytes, &defaults()) {
-                Ok(blows) => {
+                Ok(impacts) => {
                     read += 1;
-                    assert!(blows.iter().all(|(tick, blow)| *tick >= 0 && blow.is_valid()));
-                    assert!(blows.is_sorted_by_key(|(tick, _)| *tick));
+                    assert!(impacts.iter().all(|(tick, impact)| *tick >= 0 && impact.is_valid()));
+                    assert!(impacts.is_sorted_by_key(|(tick, _)| *tick));
                 }
                 Err(e) => {
                     refused += 1;

@@ -1,4 +1,4 @@
-//! The modes of a stretched sheet.
+//! The modes of a rectangular membrane.
 
 use super::modes::{Modes, ModesError};
 use std::f64::consts::PI;
@@ -6,11 +6,11 @@ use std::f64::consts::PI;
 /// Density of air, kg/m^3.
 const AIR: f64 = 1.2;
 
-/// A rectangle of cloth that is pulled alike in all directions, held at its rim.
+/// A rectangle of cloth under equal tension in all directions, fixed at its rim.
 ///
 /// # Source
-/// Morse and Ingard, "Theoretical Acoustics" (1968), section 5.2, for the modes; Rayleigh's integral for what is heard of them, at
-/// a metre before a sheet that is small against the waves.
+/// Morse and Ingard, "Theoretical Acoustics" (1968), section 5.2, for the modes; Rayleigh's integral for the sound pressure at 1 m,
+/// of a sheet that is small against the wavelength.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Membrane {
     /// Sides, m.
@@ -19,14 +19,14 @@ pub struct Membrane {
     pub tension: f64,
     /// Mass per area, kg/m^2.
     pub density: f64,
-    /// Decay of all modes, 1/s.
+    /// Decay rate of all modes, 1/s.
     pub damping: f64,
-    /// Share of the energy that a mode loses in one radian, on top of it.
+    /// Fraction of its energy that a mode loses per radian, in addition.
     pub loss: f64,
 }
 
 impl Membrane {
-    /// Speed of waves in it, m/s.
+    /// Wave speed, m/s.
     #[must_use]
     pub fn wave_speed(&self) -> f64 {
         (self.tension / self.density).sqrt()
@@ -39,43 +39,43 @@ impl Membrane {
         0.5 * self.wave_speed() * (m as f64 / a).hypot(n as f64 / b)
     }
 
-    /// Sound pressure at a metre for a momentum of 1 N s, in Pa: all over the sheet at once, or at a place (0 to 1 along each side).
+    /// Sound pressure in Pa at 1 m after an impulse of 1 N s, spread over the sheet, or at a position (0 to 1 along each side).
     ///
-    /// Modes with an even number of half waves push as much air as they draw in, and are not heard.
-    fn pressure(&self, half_waves: [usize; 2], place: Option<[f64; 2]>) -> f64 {
+    /// Modes with an even number of half waves displace no net volume of air, and radiate nothing.
+    fn pressure(&self, half_waves: [usize; 2], position: Option<[f64; 2]>) -> f64 {
         let [m, n] = half_waves;
         if m % 2 == 0 || n % 2 == 0 {
             return 0.0;
         }
-        // Mean of a mode over the sheet; what it displaces is that times the area, its mass a quarter of the sheet's.
+        // Mean of a mode over the sheet. The displaced volume is the mean times the area; the modal mass is a quarter of the sheet's.
         let mean = 4.0 / (PI * PI * (m * n) as f64);
-        let struck = place.map_or(mean, |[u, v]| (PI * m as f64 * u).sin() * (PI * n as f64 * v).sin());
+        let shape = position.map_or(mean, |[u, v]| (PI * m as f64 * u).sin() * (PI * n as f64 * v).sin());
         let omega = 2.0 * PI * self.frequency(half_waves);
-        AIR / (2.0 * PI) * omega * mean * struck * 4.0 / self.density
+        AIR / (2.0 * PI) * omega * mean * shape * 4.0 / self.density
     }
 
-    /// The modes that are heard, with up to `orders` odd numbers of half waves along each side, the lowest first.
+    /// The modes that radiate, with up to `orders` odd numbers of half waves along each side, in order of frequency.
     ///
     /// # Shapes
-    /// One row of gains for each of `places`, or a single one for a sheet that is struck all over where there are none.
+    /// One row of gains for each of `positions`; a single row, of an impulse spread over the sheet, if there are none.
     ///
     /// # Errors
-    /// Sides, tension, density or dampings that make no finite modes above 0.
-    pub fn modes(&self, orders: usize, places: &[[f64; 2]], full_scale: f64) -> Result<Modes, ModesError> {
+    /// Sides, tension, density or dampings whose modes are not finite and above 0.
+    pub fn modes(&self, orders: usize, positions: &[[f64; 2]], full_scale: f64) -> Result<Modes, ModesError> {
         let odd = |k: usize| 2 * k + 1;
         let mut all: Vec<[usize; 2]> =
             (0..orders).flat_map(|m| (0..orders).map(move |n| [odd(m), odd(n)])).collect();
         all.sort_by(|a, b| self.frequency(*a).total_cmp(&self.frequency(*b)));
         let frequencies: Vec<f64> = all.iter().map(|mode| self.frequency(*mode)).collect();
         let dampings = frequencies.iter().map(|f| self.damping + PI * f * self.loss).collect();
-        let row = |place: Option<[f64; 2]>| {
+        let row = |position: Option<[f64; 2]>| {
             all.iter()
-                .map(move |mode| (self.pressure(*mode, place) / full_scale) as f32)
+                .map(move |mode| (self.pressure(*mode, position) / full_scale) as f32)
                 .collect::<Vec<f32>>()
         };
-        let gains = match places {
+        let gains = match positions {
             [] => row(None),
-            _ => places.iter().flat_map(|place| row(Some(*place))).collect(),
+            _ => positions.iter().flat_map(|position| row(Some(*position))).collect(),
         };
         let [a, b] = self.size;
         Modes::new(format!("membrane of {a} m by {b} m"), frequencies, dampings, gains)
@@ -125,27 +125,24 @@ mod tests {
     }
 
     #[test]
-    fn a_blow_all_over_is_the_mean_of_blows_everywhere() {
+    fn an_impulse_spread_over_the_sheet_is_the_mean_of_impulses_at_all_positions() {
         let n = 40;
-        let places: Vec<[f64; 2]> =
+        let positions: Vec<[f64; 2]> =
             (0..n * n).map(|k| [k % n, k / n].map(|k| (k as f64 + 0.5) / n as f64)).collect();
-        let (all, each) = (SHEET.modes(3, &[], 1.0).unwrap(), SHEET.modes(3, &places, 1.0).unwrap());
+        let (all, each) = (SHEET.modes(3, &[], 1.0).unwrap(), SHEET.modes(3, &positions, 1.0).unwrap());
         for mode in 0..all.len() {
             let mean = (0..n * n).map(|p| f64::from(each.row(p)[mode])).sum::<f64>() / (n * n) as f64;
             assert!((mean / f64::from(all.row(0)[mode]) - 1.0).abs() < 0.02, "{mode}");
         }
-        // In the middle the third half wave goes the other way.
+        // In the middle the third half wave has the opposite sign.
         let middle = SHEET.modes(2, &[[0.5, 0.5]], 1.0).unwrap();
         assert_eq!(middle.row(0).iter().filter(|g| **g < 0.0).count(), 2);
-        assert!(
-            SHEET.modes(1, &[[0.0, 0.5]], 1.0).unwrap().row(0)[0].abs() < 1e-9,
-            "at the rim nothing moves"
-        );
+        assert!(SHEET.modes(1, &[[0.0, 0.5]], 1.0).unwrap().row(0)[0].abs() < 1e-9, "the rim does not move");
     }
 
     #[test]
-    fn a_sheet_that_is_pushed_sends_out_what_its_acceleration_displaces() {
-        // One mode: J sets its amplitude moving with J mean / mass, and p = air / (2 pi) d/dt of the flow.
+    fn the_pressure_follows_from_the_volume_acceleration() {
+        // One mode: its speed is J mean / mass, and p = air / (2 pi) times the time derivative of the volume flow.
         let f = SHEET.frequency([1, 1]);
         let (area, mean) = (0.15, 4.0 / (PI * PI));
         let speed = 1.0 * mean / (0.25 * SHEET.density * area);

@@ -1,4 +1,4 @@
-//! Modes of a stretched sheet, as a value node.
+//! Modes of a rectangular membrane, as a value node.
 
 use super::membrane::Membrane;
 use super::modes::Modes;
@@ -9,28 +9,28 @@ use crate::core::shape::{Build, Shape};
 use crate::{params, ports};
 
 params! {
-    /// Modes of a rectangle of cloth that is pulled tight: what rings where a flag or a whipped sheet is caught.
+    /// Modes of a rectangle of taut cloth: a flag or a whipped sheet at the moment it is pulled tight.
     ///
-    /// With m and n half waves along its sides a and b a membrane rings at `c / 2 sqrt((m / a)^2 + (n / b)^2)`, where c is the root of
-    /// tension over mass per area. Only odd numbers are heard: the others push as much air as they draw in. Gains are sound
-    /// pressure at one metre, as Rayleigh's integral has it.
+    /// With m and n half waves along its sides a and b a membrane rings at `c / 2 sqrt((m / a)^2 + (n / b)^2)`, where c is the square
+    /// root of tension over mass per area. Only odd m and n radiate: the others displace no net volume of air. Gains are the sound
+    /// pressure at 1 m by Rayleigh's integral.
     ///
     /// # Source
     /// Morse and Ingard, "Theoretical Acoustics" (1968), section 5.2.
     pub struct MembraneModesParams {
-        /// Sides of the sheet, or of the parts of a cloth that are caught as one.
+        /// Sides of the sheet, or of the parts of a cloth that turn taut as one.
         size: [f64; 2] = [0.3, 0.3], unit "m", range 0.001..=1000.0;
         /// Force per length of its rim.
         tension: f64 = 200.0, unit "N/m", range 0.001..=1_000_000.0;
         /// Mass per area, as in `TensionImpact`.
         density: f64 = 0.15, unit "kg/m^2", range 0.001..=100.0;
-        /// Odd numbers of half waves along each side.
+        /// Count of odd numbers of half waves along each side.
         orders: usize = 4, unit "", range 1..=64;
-        /// Decay of all modes: 60 dB take 6.9 over it.
+        /// Decay rate of all modes: 60 dB take `6.9 / damping` seconds.
         damping: f64 = 40.0, unit "1/s", range 0.001..=100_000.0;
-        /// Share of its energy that a mode loses in one radian, on top of it: cloth swallows what is high.
+        /// Fraction of its energy that a mode loses per radian, in addition: cloth damps high modes.
         loss: f64 = 0.05, unit "", range 0.0..=10.0;
-        /// Where it is struck, from 0 to 1 along each side, one contact point each; empty for all over at once.
+        /// Positions of the contact points, from 0 to 1 along each side; empty for one impulse spread over the sheet.
         places: Vec<[f64; 2]> = Vec::new(), unit "", range 0.0..=1.0;
         /// Sound pressure that is full scale.
         full_scale: f64 = 20.0, unit "Pa", range 0.000001..=1_000_000.0;
@@ -84,7 +84,7 @@ mod tests {
     use crate::core::standalone::Standalone;
 
     #[test]
-    fn the_defaults_are_a_part_of_a_sheet_that_is_pulled_hard() {
+    fn the_lowest_default_mode_is_that_of_the_formula() {
         let run =
             Standalone::func::<MembraneModes>(MembraneModesParams::read(&|_| None).unwrap()).run().unwrap();
         let modes = run.value(0).unwrap().get::<Modes>().cloned().unwrap();

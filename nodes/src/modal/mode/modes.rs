@@ -1,4 +1,4 @@
-//! The modes of an object: how it rings.
+//! The modes of an object: frequencies, dampings, gains and phases.
 
 use crate::core::item::Data;
 use crate::core::node::Summary;
@@ -6,28 +6,27 @@ use crate::core::random::Rng;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-/// Format of [`Modes`] that this code reads and writes.
+/// Version of the format of [`Modes`].
 pub const MODES_VERSION: u32 = 1;
 
-/// Most modes that one object may have.
+/// Maximum number of modes of an object.
 pub const MAX_MODES: usize = 1 << 20;
 
 /// Frequencies, dampings and gains of the modes of one object.
 ///
-/// A unit impulse at contact point `p` answers with
-/// `sum_i gains[p, i] exp(-dampings[i] t) sin(2 pi frequencies[i] t + phases[i])`.
-/// Nothing in it depends on a sample rate.
+/// The response to a unit impulse at contact point `p` is
+/// `sum_i gains[p, i] exp(-dampings[i] t) sin(2 pi frequencies[i] t + phases[i])`, which does not depend on a sample rate.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Modes {
     /// [`MODES_VERSION`].
     pub version: u32,
-    /// What rings.
+    /// Name of the object.
     #[serde(default)]
     pub name: String,
     /// Frequencies in hertz, `[modes]`, above 0.
     pub frequencies: Vec<f64>,
-    /// Decay of the amplitude in 1/s, `[modes]`, above 0; 60 dB take `6.908 / damping` seconds.
+    /// Decay rates of the amplitudes in 1/s, `[modes]`, above 0; a decay by 60 dB takes `6.908 / damping` seconds.
     pub dampings: Vec<f64>,
     /// Full scale per N s, `[points * modes]`, one row per contact point.
     pub gains: Vec<f32>,
@@ -36,17 +35,17 @@ pub struct Modes {
     pub phases: Vec<f32>,
 }
 
-/// Why modes cannot be used.
+/// Error in modes.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum ModesError {
-    /// Written by other code.
+    /// Another version of the format.
     #[error("modes have version {found}; this reads version {MODES_VERSION}")]
     Version {
         /// The version found.
         found: u32,
     },
-    /// None, or more than any memory should be asked for.
+    /// No modes, or more than [`MAX_MODES`].
     #[error("{found} modes; 1 to {MAX_MODES} are needed")]
     Count {
         /// The number found.
@@ -59,10 +58,10 @@ pub enum ModesError {
         field: &'static str,
         /// Values found.
         found: usize,
-        /// What was needed.
+        /// The required length.
         expected: String,
     },
-    /// A value that no mode can have.
+    /// A value out of range.
     #[error("`{field}` of mode {mode} is {found}; it has to be finite{above}")]
     Value {
         /// Name of the field.
@@ -71,7 +70,7 @@ pub enum ModesError {
         mode: usize,
         /// The value.
         found: f64,
-        /// What else it has to be.
+        /// The further condition.
         above: &'static str,
     },
 }
@@ -93,34 +92,34 @@ impl Modes {
         Ok(modes)
     }
 
-    /// How many modes there are.
+    /// Number of modes.
     #[must_use]
     pub fn len(&self) -> usize {
         self.frequencies.len()
     }
 
-    /// Whether there is none.
+    /// Returns true if there are no modes.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.frequencies.is_empty()
     }
 
-    /// How many contact points there are.
+    /// Number of contact points.
     #[must_use]
     pub fn points(&self) -> usize {
         self.gains.len() / self.len().max(1)
     }
 
-    /// Gains at a contact point, `[modes]`; empty where there is no such point.
+    /// Gains at a contact point, `[modes]`; empty if the point does not exist.
     #[must_use]
     pub fn row(&self, point: usize) -> &[f32] {
         self.gains.chunks_exact(self.len().max(1)).nth(point).unwrap_or_default()
     }
 
-    /// Checks everything that a [`Bank`](super::Bank) relies on.
+    /// Checks the invariants that a [`Bank`](crate::modal::Bank) requires.
     ///
     /// # Errors
-    /// Names the first field that is wrong, what it holds and what it should.
+    /// The first field that is wrong, its value and the required one.
     pub fn validate(&self) -> Result<(), ModesError> {
         if self.version != MODES_VERSION {
             return Err(ModesError::Version { found: self.version });
@@ -147,7 +146,7 @@ impl Modes {
                 d,
                 i,
                 d.is_finite() && d > 0.0,
-                " and above 0 1/s, or it would never fall silent",
+                " and above 0 1/s, or the mode would never decay",
             )?;
         }
         for (i, &g) in self.gains.iter().enumerate() {
@@ -159,7 +158,7 @@ impl Modes {
         Ok(())
     }
 
-    /// How long the slowest mode takes to fall by 60 dB, in seconds.
+    /// Time in s in which the slowest mode decays by 60 dB.
     #[must_use]
     pub fn ring_time(&self) -> f64 {
         let slowest = self.dampings.iter().copied().fold(f64::INFINITY, f64::min);
@@ -168,15 +167,15 @@ impl Modes {
 }
 
 impl Modes {
-    /// The figures of the modes that a report lists.
+    /// Figures of the modes for the report of a run.
     pub(in crate::modal) fn summary(&self) -> Summary {
-        let least = self.frequencies.iter().copied().fold(f64::INFINITY, f64::min);
-        let most = self.frequencies.iter().copied().fold(0.0, f64::max);
+        let lowest = self.frequencies.iter().copied().fold(f64::INFINITY, f64::min);
+        let highest = self.frequencies.iter().copied().fold(0.0, f64::max);
         vec![
             ("modes", self.len().into()),
             ("contact_points", self.points().into()),
-            ("lowest_hz", least.into()),
-            ("highest_hz", most.into()),
+            ("lowest_hz", lowest.into()),
+            ("highest_hz", highest.into()),
             ("ring_time_s", self.ring_time().into()),
         ]
     }

@@ -1,4 +1,4 @@
-//! Reads modes from JSON or CSV, and the node that does.
+//! Modes from JSON or CSV, as a function and as a value node.
 
 use super::modes::{MODES_VERSION, Modes};
 use crate::core::fault::{Fault, Reject};
@@ -11,12 +11,13 @@ use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::{params, ports};
 
-/// Reads modes: JSON as a tap of modes writes it, or CSV with the columns `frequency_hz`, `damping` (1/s), one or more
-/// `gain` (the further ones `gain_1`, `gain_2`, ... for more contact points) and `phase` (radians), of which `phase` may be
-/// missing.
+/// Reads modes from JSON, as a tap of modes writes it, or from CSV.
+///
+/// Columns of a CSV are `frequency_hz`, `damping` (1/s), `gain`, `gain_1`, `gain_2`, ... for further contact points, and optionally
+/// `phase` (radians).
 ///
 /// # Errors
-/// Says what was found, in which line of a CSV, and what would be right.
+/// A message with what was found, its line in a CSV, and what would be right.
 ///
 /// # Example
 /// ```
@@ -39,14 +40,14 @@ pub fn read_modes(bytes: &[u8]) -> Result<Modes, String> {
 fn from_csv(bytes: &[u8]) -> Result<Modes, String> {
     let mut csv = csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(bytes);
     let header: Vec<String> = csv.headers().map_err(|e| e.to_string())?.iter().map(str::to_owned).collect();
-    let place = |name: &str| header.iter().position(|column| column == name);
+    let index = |name: &str| header.iter().position(|column| column == name);
     let need = |name: &str| {
-        place(name)
+        index(name)
             .ok_or_else(|| format!("no column `{name}`; columns are frequency_hz, damping, gain, phase"))
     };
-    let (frequency, damping, phase) = (need("frequency_hz")?, need("damping")?, place("phase"));
+    let (frequency, damping, phase) = (need("frequency_hz")?, need("damping")?, index("phase"));
     let mut gains = vec![need("gain")?];
-    gains.extend((1..).map_while(|k| place(&format!("gain_{k}"))));
+    gains.extend((1..).map_while(|k| index(&format!("gain_{k}"))));
     let used = 2 + gains.len() + usize::from(phase.is_some());
     if used != header.len() {
         let text: String = header.join(", ").chars().take(120).collect();
@@ -81,11 +82,11 @@ fn from_csv(bytes: &[u8]) -> Result<Modes, String> {
 params! {
     /// Modes of an object from a file.
     ///
-    /// The file is JSON as a tap of modes writes it, or CSV with the columns `frequency_hz`, `damping` (decay of the amplitude
-    /// in 1/s), `gain` (full scale per N s), `gain_1`, `gain_2` and so on for further contact points, and `phase` (radians), which may
-    /// be missing.
+    /// The file is JSON as a tap of modes writes it, or CSV. Columns of a CSV are `frequency_hz`, `damping` (decay rate of the
+    /// amplitude in 1/s), `gain` (full scale per N s), `gain_1`, `gain_2` and so on for further contact points, and optionally
+    /// `phase` (radians).
     pub struct ModesFileParams {
-        /// The modes.
+        /// The file.
         path: AssetPath;
     }
 }
@@ -137,7 +138,7 @@ mod tests {
     use crate::core::standalone::Standalone;
 
     #[test]
-    fn a_tap_is_read_back_and_csv_says_the_same() {
+    fn a_tap_is_read_again_and_csv_gives_the_same_modes() {
         let csv = "frequency_hz,damping,gain,gain_1,phase\n# low\n100,2.5,1,0.5,0\n250.5,9,-0.25,0,1.5\n";
         let modes = read_modes(csv.as_bytes()).unwrap();
         assert_eq!((modes.points(), modes.row(1)), (2, &[0.5, 0.0][..]));
@@ -147,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn errors_say_what_would_be_right() {
+    fn errors_name_what_would_be_right() {
         for (text, part) in [
             ("frequency_hz,gain\n1,1\n", "no column `damping`"),
             ("frequency_hz,damping,gain,colour\n1,1,1,1\n", "they may be"),

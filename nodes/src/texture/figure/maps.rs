@@ -6,7 +6,7 @@ use crate::core::random::Rng;
 use crate::plot::{Axis, Line, chart};
 use crate::texture::filter::sobel::length;
 use crate::texture::grid::{Grid, Wrap, percentile};
-use crate::texture::holes::solid;
+use crate::texture::holes::valid_samples;
 use crate::texture::maps::{DiscontinuityMap, FeatureMap, Luma, LumaKind, NoiseMap, NoiseProfile, Surface};
 use crate::texture::noise::profile::{stored, variance};
 
@@ -37,7 +37,7 @@ fn features(map: &FeatureMap) -> Option<String> {
 
 /// Noise in grey, three deviations to black and white: figure 5.
 fn noise(map: &NoiseMap) -> Option<String> {
-    let deviation = variance(solid(&map.grid, &map.holes)).sqrt() as f32;
+    let deviation = variance(valid_samples(&map.grid, &map.holes)).sqrt() as f32;
     let ends = [-3.0 * deviation, 3.0 * deviation];
     picture(&format!("Noise: standard deviation {deviation:.3}"), &map.grid, ends, &map.surface)
 }

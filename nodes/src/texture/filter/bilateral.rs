@@ -1,4 +1,4 @@
-//! Smoothing that keeps edges: each pixel becomes the mean of those near it that look like it.
+//! Bilateral filter: edge-preserving smoothing by weights of distance and similarity.
 //!
 //! `out(p) = sum_q w(q) L(q) / sum_q w(q)` over a circle around `p`, with
 //! `w(q) = exp(-|q - p|^2 / (2 sigma_d^2)) exp(-(L(q) - L(p))^2 / (2 sigma_r^2))`.
@@ -6,8 +6,8 @@
 //! # Source
 //! Tomasi and Manduchi, "Bilateral filtering for gray and color images" (ICCV 1998).
 
-use super::masked::apart;
-use super::rows::{extend, map_rows};
+use super::masked::holes_as_outliers;
+use super::rows::{map_rows, pad};
 use super::simd::{LANES, exp2, load, store};
 use crate::core::fault::Fault;
 use crate::core::node::{Func, Summary};
@@ -20,7 +20,7 @@ use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch, f32x16};
 use std::f64::consts::LOG2_E;
 
-/// How far and how different pixels may be.
+/// Standard deviations of the bilateral filter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BilateralParams {
     /// Standard deviation of the distance, in pixels, above 0.
@@ -30,7 +30,7 @@ pub struct BilateralParams {
 }
 
 impl BilateralParams {
-    /// Radius of the circle, in pixels: two deviations.
+    /// Radius of the circle, in pixels: two standard deviations.
     #[must_use]
     pub fn radius(&self) -> usize {
         ((2.0 * self.sigma_d).round().max(1.0)) as usize
@@ -40,49 +40,49 @@ impl BilateralParams {
 /// One pixel of the circle.
 #[derive(Clone, Copy, Debug)]
 struct Tap {
-    /// Place in the extended image, from that of the first corner of the square around the pixel.
-    at: usize,
-    /// Logarithm to base 2 of the weight of the distance.
+    /// Offset in the padded image from the first corner of the square around the pixel.
+    offset: usize,
+    /// Base-2 logarithm of the weight of the distance.
     weight: f32,
 }
 
-/// The filter in its direct form.
+/// Filters an image in the direct form.
 ///
 /// # Complexity
 /// `O(pixels * radius^2)`, with one more image of memory.
 #[must_use]
 pub fn bilateral(image: &Grid, params: BilateralParams, wrap: Wrap) -> Grid {
     let radius = params.radius();
-    let wide = Extended::new(image, radius, wrap);
+    let padded = Padded::new(image, radius, wrap);
     let r = radius as i64;
     let circle = (-r..=r).flat_map(|v| (-r..=r).map(move |u| (u, v))).filter(|(u, v)| u * u + v * v <= r * r);
     let taps: Vec<Tap> = circle
         .map(|(u, v)| Tap {
-            at: (v + r) as usize * wide.pitch + (u + r) as usize,
+            offset: (v + r) as usize * padded.pitch + (u + r) as usize,
             weight: (-0.5 * LOG2_E * (u * u + v * v) as f64 / (params.sigma_d * params.sigma_d)) as f32,
         })
         .collect();
-    let fall = (-0.5 * LOG2_E / (params.sigma_r * params.sigma_r)) as f32;
-    let (level, middle) = (Level::new(), radius * wide.pitch + radius);
+    let slope = (-0.5 * LOG2_E / (params.sigma_r * params.sigma_r)) as f32;
+    let (level, middle) = (Level::new(), radius * padded.pitch + radius);
     map_rows(
         image.width,
         image.height,
         || (),
         |(), y, out| {
-            let rows = wide.samples.get(y * wide.pitch..).unwrap_or_default();
-            dispatch!(level, simd => one_row(simd, rows, middle, &taps, fall, out));
+            let rows = padded.samples.get(y * padded.pitch..).unwrap_or_default();
+            dispatch!(level, simd => one_row(simd, rows, middle, &taps, slope, out));
         },
     )
 }
 
-/// An image with a margin on all sides.
-struct Extended {
+/// An image with padding on all sides.
+struct Padded {
     samples: Vec<f32>,
-    /// Places from one row to the next: room for whole vectors at the end of each.
+    /// Samples from one row to the next, with padding for full vectors at the end.
     pitch: usize,
 }
 
-impl Extended {
+impl Padded {
     fn new(image: &Grid, radius: usize, wrap: Wrap) -> Self {
         let pitch = image.width.next_multiple_of(LANES) + 2 * radius;
         let rows = map_rows(
@@ -92,7 +92,7 @@ impl Extended {
             |(), y, line| {
                 let row = image.row(y as i64 - radius as i64, wrap);
                 line.iter_mut().skip(radius).zip(row).for_each(|(out, x)| *out = *x);
-                extend(line, radius, image.width, wrap);
+                pad(line, radius, image.width, wrap);
             },
         );
         Self { samples: rows.samples, pitch }
@@ -100,15 +100,15 @@ impl Extended {
 }
 
 #[inline(always)]
-fn one_row<S: Simd>(simd: S, rows: &[f32], middle: usize, taps: &[Tap], fall: f32, out: &mut [f32]) {
-    let fall = f32x16::splat(simd, fall);
+fn one_row<S: Simd>(simd: S, rows: &[f32], middle: usize, taps: &[Tap], slope: f32, out: &mut [f32]) {
+    let slope = f32x16::splat(simd, slope);
     for at in (0..out.len()).step_by(LANES) {
         let own = load(simd, rows, at + middle);
         let (mut sum, mut weights) = (f32x16::splat(simd, 0.0), f32x16::splat(simd, 0.0));
         for tap in taps {
-            // Differences are summed, so that a flat stretch stays exactly as it is.
-            let change = load(simd, rows, at + tap.at) - own;
-            let weight = exp2(simd, (change * change).mul_add(fall, f32x16::splat(simd, tap.weight)));
+            // Differences are summed, so that a flat area stays exactly unchanged.
+            let change = load(simd, rows, at + tap.offset) - own;
+            let weight = exp2(simd, (change * change).mul_add(slope, f32x16::splat(simd, tap.weight)));
             sum = weight.mul_add(change, sum);
             weights += weight;
         }
@@ -117,19 +117,19 @@ fn one_row<S: Simd>(simd: S, rows: &[f32], middle: usize, taps: &[Tap], fall: f3
 }
 
 params! {
-    /// Smooths a texture and keeps its edges: each pixel becomes the mean of those near it that look like it.
+    /// Smooths a texture and keeps its edges: each pixel becomes the mean of its neighbours, weighted by distance and similarity.
     ///
-    /// The circle reaches two standard deviations far. The defaults are for lightness from 0 to 100.
+    /// The neighbourhood is a circle with a radius of two standard deviations. The defaults are for lightness from 0 to 100.
     ///
     /// # Source
-    /// Tomasi and Manduchi, "Bilateral filtering for gray and color images" (ICCV 1998), in the place that Picard, Tsingos and Faure
-    /// (VRIPHYS 2008), section 4.2, give it.
+    /// Tomasi and Manduchi, "Bilateral filtering for gray and color images" (ICCV 1998), as used by Picard, Tsingos and Faure
+    /// (VRIPHYS 2008), section 4.2.
     pub struct BilateralNodeParams {
         /// Standard deviation of the distance.
         sigma_d: f64 = 3.0, unit "px", range 0.1..=30.0;
         /// Standard deviation of the difference, in units of luminance.
         sigma_r: f64 = 4.25, unit "", range 0.01..=1000.0;
-        /// How often the filter is run.
+        /// Number of times that the filter is applied.
         passes: usize = 1, unit "", range 1..=10;
     }
 }
@@ -163,7 +163,7 @@ impl Func for Bilateral {
         let holes = &io.luma.holes;
         let mut grid = io.luma.grid.clone();
         for _ in 0..p.passes {
-            let image = if holes.is_empty() { grid } else { apart(&grid, holes) };
+            let image = if holes.is_empty() { grid } else { holes_as_outliers(&grid, holes) };
             grid = bilateral(&image, widths, wrap);
         }
         grid.samples.iter_mut().zip(holes).for_each(|(x, hole)| *x = if *hole { 0.0 } else { *x });
@@ -181,15 +181,15 @@ mod tests {
 
     /// The filter by its definition.
     fn naive(image: &Grid, params: BilateralParams, wrap: Wrap, x: i64, y: i64) -> f64 {
-        let at = |x: i64, y: i64| f64::from(image.row(y, wrap)[wrap.place(x, image.width)]);
+        let at = |x: i64, y: i64| f64::from(image.row(y, wrap)[wrap.index(x, image.width)]);
         let (r, own) = (params.radius() as i64, at(x, y));
         let (mut sum, mut weights) = (0.0, 0.0);
         for (u, v) in
             (-r..=r).flat_map(|u| (-r..=r).map(move |v| (u, v))).filter(|(u, v)| u * u + v * v <= r * r)
         {
-            let far = (u * u + v * v) as f64 / (params.sigma_d * params.sigma_d);
+            let distance = (u * u + v * v) as f64 / (params.sigma_d * params.sigma_d);
             let other = (at(x + u, y + v) - own) / params.sigma_r;
-            let weight = (-0.5 * (far + other * other)).exp();
+            let weight = (-0.5 * (distance + other * other)).exp();
             sum += weight * at(x + u, y + v);
             weights += weight;
         }
@@ -197,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn every_pixel_is_the_weighted_mean_that_defines_it() {
+    fn every_pixel_is_its_defining_weighted_mean() {
         let mut rng = Rng::new(4);
         for (width, height) in [(1, 1), (5, 3), (16, 9), (45, 40)] {
             let image = Grid::from_fn(width, height, |_, _| rng.between(0.0, 100.0) as f32);
@@ -213,7 +213,7 @@ mod tests {
         }
     }
 
-    /// What `cv2.bilateralFilter(image, 13, 0.15, 3, borderType=cv2.BORDER_REPLICATE)` of OpenCV gives for
+    /// Result of OpenCV's `cv2.bilateralFilter(image, 13, 0.15, 3, borderType=cv2.BORDER_REPLICATE)` for
     /// `image[y, x] = (37 x + 11 x y + 5 y^2) % 29 / 32` of 9 x 7 pixels.
     const OPENCV: [f64; 63] = include!("../testdata/bilateral.in");
 

@@ -8,7 +8,7 @@
 //! video abstraction" (SIGGRAPH 2006).
 
 use super::kernel::Kernel;
-use super::masked::smooth_around;
+use super::masked::smooth_masked;
 use super::separable::blur;
 use super::simd::{LANES, exp2, load, store};
 use crate::texture::grid::{Grid, Wrap};
@@ -70,9 +70,9 @@ pub fn features(image: &Grid, params: DogParams, wrap: Wrap) -> Grid {
 /// # Complexity
 /// As [`difference`], twice.
 #[must_use]
-pub fn features_around(image: &Grid, holes: &[bool], params: DogParams, wrap: Wrap) -> Grid {
+pub fn features_masked(image: &Grid, holes: &[bool], params: DogParams, wrap: Wrap) -> Grid {
     let [mut narrow, wide] = [1.0, params.ratio]
-        .map(|r| smooth_around(image, holes, &Kernel::gaussian(r * params.sigma_e, REACH), wrap));
+        .map(|r| smooth_masked(image, holes, &Kernel::gaussian(r * params.sigma_e, REACH), wrap));
     for (n, w) in narrow.samples.iter_mut().zip(&wide.samples) {
         let d = *n - params.tau as f32 * w;
         // Not a number, in a hole, is no feature either.
@@ -202,13 +202,13 @@ mod tests {
         let image = Grid::from_fn(64, 48, |x, _| if x % 16 < 3 { 20.0 } else { 70.0 });
         let none = vec![false; 64 * 48];
         let plain = features(&image, DogParams::default(), Wrap::Repeat);
-        let same = features_around(&image, &none, DogParams::default(), Wrap::Repeat);
+        let same = features_masked(&image, &none, DogParams::default(), Wrap::Repeat);
         for (a, b) in plain.samples.iter().zip(&same.samples) {
             assert!((a - b).abs() < 1e-4, "{a} {b}");
         }
         let flat = Grid::from_fn(64, 48, |x, _| if x < 30 { 0.0 } else { 70.0 });
         let holes: Vec<bool> = (0..64 * 48).map(|k| k % 64 < 30).collect();
-        let found = features_around(&flat, &holes, DogParams::default(), Wrap::Clamp);
+        let found = features_masked(&flat, &holes, DogParams::default(), Wrap::Clamp);
         assert!(found.samples.iter().all(|f| *f == 0.0), "the edge of a hole is none");
     }
 }

@@ -1,6 +1,6 @@
 //! Smoothing, main features and noise of textures, as value nodes.
 
-use super::dog::{DogParams, features, features_around};
+use super::dog::{DogParams, features, features_masked};
 use crate::core::fault::Fault;
 use crate::core::node::{Func, Summary};
 use crate::core::ports::Value;
@@ -67,7 +67,7 @@ impl Func for DogFeatures {
         let grid = if luma.holes.is_empty() {
             features(grid, params, luma.surface.wrap)
         } else {
-            features_around(grid, &luma.holes, params, luma.surface.wrap)
+            features_masked(grid, &luma.holes, params, luma.surface.wrap)
         };
         let share =
             grid.samples.iter().filter(|f| **f > 0.5).count() as f64 / grid.samples.len().max(1) as f64;

@@ -2,17 +2,17 @@
 
 use std::f64::consts::{PI, TAU};
 
-/// A symmetric kernel of odd length, as its weights from the middle outwards.
+/// A symmetric kernel of odd length: its weights from the middle outwards.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Kernel(Vec<f32>);
 
 impl Kernel {
-    /// A Gaussian of standard deviation `sigma` pixels, cut off at `reach` deviations, of sum 1.
+    /// A Gaussian of standard deviation `sigma` pixels, cut off at `truncate` standard deviations, of sum 1.
     ///
-    /// The kernel is that of `scipy.ndimage.gaussian_filter` with `truncate = reach`. A `sigma` of 0 leaves the image as it is.
+    /// The kernel is that of `scipy.ndimage.gaussian_filter` with the same `truncate`. A `sigma` of 0 is the identity.
     #[must_use]
-    pub fn gaussian(sigma: f64, reach: f64) -> Self {
-        let radius = (reach * sigma + 0.5).clamp(0.0, 4096.0) as usize;
+    pub fn gaussian(sigma: f64, truncate: f64) -> Self {
+        let radius = (truncate * sigma + 0.5).clamp(0.0, 4096.0) as usize;
         let weights: Vec<f64> = (0..=radius)
             .map(|t| if t == 0 { 1.0 } else { (-0.5 * (t as f64 / sigma).powi(2)).exp() })
             .collect();
@@ -26,8 +26,9 @@ impl Kernel {
         Self(vec![6.0 / 16.0, 4.0 / 16.0, 1.0 / 16.0])
     }
 
-    /// A low-pass that keeps waves of up to 0.13 cycles per pixel within 0.5 dB, takes 6 dB at 0.16 and at least 63 dB from 0.21 on:
-    /// what is left can be halved, and read by a cubic spline whose images are then 63 dB below it.
+    /// A low-pass filter: within 0.5 dB up to 0.13 cycles per pixel, -6 dB at 0.16, and at most -63 dB from 0.21 on.
+    ///
+    /// The filtered image can be decimated by 2, and interpolated by a cubic spline with spectral images below -63 dB.
     ///
     /// # Source
     /// Kaiser, "Nonrecursive digital filter design using the I0-sinh window function" (1974).
@@ -73,7 +74,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn gaussians_sum_to_one_and_fall_as_they_should() {
+    fn gaussians_sum_to_one_and_follow_the_formula() {
         let kernel = Kernel::gaussian(1.0, 4.0);
         assert_eq!(kernel.radius(), 4);
         let w = kernel.weights();

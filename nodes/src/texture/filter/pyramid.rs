@@ -97,7 +97,7 @@ fn halved(above: &PyramidLevel, wrap: Wrap) -> PyramidLevel {
             for (x, out) in out.iter_mut().enumerate() {
                 let (x, right) = split(x, step_x);
                 let at =
-                    |row: &[f32], x: i64| row.get(wrap.place(x, image.width)).copied().unwrap_or_default();
+                    |row: &[f32], x: i64| row.get(wrap.index(x, image.width)).copied().unwrap_or_default();
                 let along = |row| at(row, x) + right * (at(row, x + 1) - at(row, x));
                 *out = along(upper) + down * (along(lower) - along(upper));
             }

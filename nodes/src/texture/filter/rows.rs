@@ -1,12 +1,12 @@
-//! Grids that are made row by row, in parallel.
+//! Parallel loops over the rows of a grid, and the padding of a row.
 
 use crate::texture::grid::{Grid, Wrap};
 use rayon::prelude::*;
 
-/// Rows that one task makes: enough to pay for the task, few enough to stay in the cache.
+/// Rows of one task: enough to outweigh its overhead, few enough to stay in the cache.
 const STRIP: usize = 32;
 
-/// Makes a grid row by row, in parallel; `state` makes what one task needs for its rows.
+/// Computes a grid row by row, in parallel; `state` makes the scratch space of one task.
 pub(super) fn map_rows<T>(
     width: usize,
     height: usize,
@@ -25,7 +25,7 @@ pub(super) fn map_rows<T>(
     Grid { width, height, samples }
 }
 
-/// Makes two grids row by row, as [`map_rows`].
+/// Computes two grids row by row, as [`map_rows`].
 pub(super) fn map_row_pairs<T>(
     width: usize,
     height: usize,
@@ -45,12 +45,12 @@ pub(super) fn map_row_pairs<T>(
     [first, second].map(|samples| Grid { width, height, samples })
 }
 
-/// Fills `radius` places before and after a line of `width` pixels with what lies beyond its ends.
-pub(super) fn extend(line: &mut [f32], radius: usize, width: usize, wrap: Wrap) {
+/// Fills the `radius` samples before and after a row of `width` pixels by its continuation.
+pub(super) fn pad(line: &mut [f32], radius: usize, width: usize, wrap: Wrap) {
     for t in 0..radius {
-        let before = line[radius + wrap.place(t as i64 - radius as i64, width)];
+        let before = line[radius + wrap.index(t as i64 - radius as i64, width)];
         line[t] = before;
-        let after = line[radius + wrap.place((width + t) as i64, width)];
+        let after = line[radius + wrap.index((width + t) as i64, width)];
         line[radius + width + t] = after;
     }
 }

@@ -1,6 +1,6 @@
 //! Separable filters over images: symmetric kernels along columns, then along rows.
 //!
-//! Rows are made in parallel, each from the image alone, so that the bits do not depend on how many threads there are.
+//! Rows are computed in parallel, each from the image alone, so that the result does not depend on the number of threads.
 
 use super::kernel::Kernel;
 use super::simd::{BLOCK, LANES, load_block, store_block};
@@ -14,13 +14,13 @@ use std::ops::Range;
 pub(super) const TILE: usize = 256;
 /// Rows that one task blurs.
 const STRIP: usize = 128;
-/// Distance in samples between two lines of a ring. It is no power of two: else all lines would share one part of the cache.
+/// Samples from one row of a ring to the next. It is no power of two, so that rows do not share cache sets.
 const PITCH: usize = TILE + LANES;
 
 /// Blurs an image by the same kernel along both axes.
 ///
 /// # Complexity
-/// `O(pixels * radius)`, with a few rows of memory for each thread beside the result.
+/// `O(pixels * radius)`, with a few rows of memory per thread in addition to the result.
 #[must_use]
 pub fn smooth(image: &Grid, kernel: &Kernel, wrap: Wrap) -> Grid {
     if kernel.radius() == 0 {
@@ -29,9 +29,9 @@ pub fn smooth(image: &Grid, kernel: &Kernel, wrap: Wrap) -> Grid {
     blur(image, [kernel], wrap, |_, [row], out| out.iter_mut().zip(row).for_each(|(out, x)| *out = *x))
 }
 
-/// Blurs an image by several kernels at once, and joins what they give piece by piece of a row.
+/// Blurs an image by several kernels at once; `join` combines the results, one tile of a row at a time.
 ///
-/// The image is gone through in tiles that stay in the nearest cache: along the rows into a ring of lines, then down that ring.
+/// Tiles stay in the first-level cache: rows are filtered into a ring buffer of lines, then columns are filtered over the ring.
 pub(super) fn blur<const N: usize>(
     image: &Grid,
     kernels: [&Kernel; N],
@@ -52,65 +52,65 @@ pub(super) fn blur<const N: usize>(
             let tile = from..(from + TILE).min(width);
             for k in 0..out.len() / width + 2 * radius {
                 let row = image.row((strip * STRIP + k) as i64 - radius as i64, wrap);
-                ring.cut(row, tile.clone(), wrap);
+                ring.read(row, tile.clone(), wrap);
                 dispatch!(level, simd => ring.along(simd, k));
-                let Some(done) = k.checked_sub(2 * radius) else { continue };
+                let Some(y) = k.checked_sub(2 * radius) else { continue };
                 dispatch!(level, simd => ring.down(simd, k));
-                let piece = out.get_mut(done * width + tile.start..done * width + tile.end);
-                join(level, &ring.done, piece.unwrap_or_default());
+                let part = out.get_mut(y * width + tile.start..y * width + tile.end);
+                join(level, &ring.output, part.unwrap_or_default());
             }
         }
     });
     Grid { width, height, samples }
 }
 
-/// The lines of a tile that the column filters need at once.
+/// Ring buffer of the filtered rows of a tile that the column filters need.
 struct Ring<'a, const N: usize> {
-    /// Weights of all kernels from the middle outwards; zeros where one is shorter.
+    /// Weights of all kernels from the middle outwards, padded with zeros.
     weights: &'a [[f32; N]],
-    /// A piece of a row, with what lies before and after it.
-    line: Vec<f32>,
-    /// Filtered pieces, of row `k` at place `k` modulo their count.
+    /// A padded part of a row.
+    padded: Vec<f32>,
+    /// Filtered parts, of row `k` at index `k` modulo their count.
     rows: Vec<[[f32; PITCH]; N]>,
-    /// One filtered row.
-    done: [[f32; TILE]; N],
+    /// One row of the result of each kernel.
+    output: [[f32; TILE]; N],
 }
 
 impl<'a, const N: usize> Ring<'a, N> {
     fn new(weights: &'a [[f32; N]]) -> Self {
-        let places = 2 * weights.len() - 1;
-        let line = vec![0.0; TILE + places];
-        Self { weights, line, rows: vec![[[0.0; PITCH]; N]; places], done: [[0.0; TILE]; N] }
+        let length = 2 * weights.len() - 1;
+        let padded = vec![0.0; TILE + length];
+        Self { weights, padded, rows: vec![[[0.0; PITCH]; N]; length], output: [[0.0; TILE]; N] }
     }
 
-    /// Takes up a piece of a row, with what lies to both sides of it.
-    fn cut(&mut self, row: &[f32], tile: Range<usize>, wrap: Wrap) {
+    /// Reads a part of a row with its surroundings.
+    fn read(&mut self, row: &[f32], tile: Range<usize>, wrap: Wrap) {
         let radius = self.weights.len() - 1;
         let (from, to) = (tile.start.saturating_sub(radius), (tile.end + radius).min(row.len()));
         let before = radius + from - tile.start;
-        let inside = self.line.get_mut(before..before + to - from).unwrap_or_default();
+        let inside = self.padded.get_mut(before..before + to - from).unwrap_or_default();
         inside.copy_from_slice(row.get(from..to).unwrap_or_default());
         let after = before + to - from..tile.len() + 2 * radius;
         for k in (0..before).chain(after) {
-            self.line[k] = row[wrap.place((tile.start + k) as i64 - radius as i64, row.len())];
+            self.padded[k] = row[wrap.index((tile.start + k) as i64 - radius as i64, row.len())];
         }
     }
 
-    /// The row filters of all kernels, of row `k`.
+    /// Filters row `k` along x by all kernels.
     #[inline(always)]
     fn along<S: Simd>(&mut self, simd: S, k: usize) {
         let radius = self.weights.len() - 1;
-        let place = k % self.rows.len();
-        let (Some((middle, outer)), Some(out)) = (self.weights.split_first(), self.rows.get_mut(place))
+        let index = k % self.rows.len();
+        let (Some((middle, outer)), Some(out)) = (self.weights.split_first(), self.rows.get_mut(index))
         else {
             return;
         };
         for at in (0..TILE).step_by(BLOCK) {
-            let own = load_block(simd, &self.line, at + radius);
+            let own = load_block(simd, &self.padded, at + radius);
             let mut sums: [[f32x16<S>; 4]; N] = std::array::from_fn(|n| own.map(|x| x * middle[n]));
             for (t, weights) in outer.iter().enumerate() {
-                let a = load_block(simd, &self.line, at + radius - t - 1);
-                let b = load_block(simd, &self.line, at + radius + t + 1);
+                let a = load_block(simd, &self.padded, at + radius - t - 1);
+                let b = load_block(simd, &self.padded, at + radius + t + 1);
                 add_pair(simd, a, b, weights, &mut sums);
             }
             for n in 0..N {
@@ -119,7 +119,7 @@ impl<'a, const N: usize> Ring<'a, N> {
         }
     }
 
-    /// The column filters of all kernels, with row `k` as the last that they need.
+    /// Filters along y by all kernels, with row `k` as the last one.
     #[inline(always)]
     fn down<S: Simd>(&mut self, simd: S, k: usize) {
         let (radius, count) = (self.weights.len() - 1, self.rows.len());
@@ -133,12 +133,13 @@ impl<'a, const N: usize> Ring<'a, N> {
                     let (a, b) = (load_block(simd, row(k - t - 1), at), load_block(simd, row(k + t + 1), at));
                     add_pair(simd, a, b, &[weights[n]], &mut sums);
                 }
-                store_block(sums[0], &mut self.done[n], at);
+                store_block(sums[0], &mut self.output[n], at);
             }
         }
     }
 }
 
+/// Adds the sum of two blocks, weighted for each kernel.
 #[inline(always)]
 fn add_pair<S: Simd, const N: usize>(
     simd: S,
@@ -164,7 +165,7 @@ mod tests {
     fn naive(image: &Grid, kernel: &Kernel, wrap: Wrap) -> Vec<f64> {
         let r = kernel.radius() as i64;
         let weight = |t: i64| f64::from(kernel.weights()[t.unsigned_abs() as usize]);
-        let at = |x: i64, y: i64| f64::from(image.row(y, wrap)[wrap.place(x, image.width)]);
+        let at = |x: i64, y: i64| f64::from(image.row(y, wrap)[wrap.index(x, image.width)]);
         let mut out = Vec::new();
         for y in 0..image.height as i64 {
             for x in 0..image.width as i64 {
@@ -176,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn the_separable_filter_is_the_sum_that_defines_it() {
+    fn the_separable_filter_is_its_defining_sum() {
         let mut rng = Rng::new(3);
         for (width, height) in [(1, 1), (1, 9), (5, 3), (16, 2), (17, 40), (70, 33)] {
             let image = Grid::from_fn(width, height, |_, _| rng.between(0.0, 100.0) as f32);

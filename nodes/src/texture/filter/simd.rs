@@ -9,7 +9,7 @@ pub(super) const LANES: usize = 16;
 /// Pixels of four vectors.
 pub(super) const BLOCK: usize = 4 * LANES;
 
-/// Sixteen pixels of a row; zeros beyond its end.
+/// Loads sixteen pixels of a row; zeros beyond its end.
 #[inline(always)]
 pub(super) fn load<S: Simd>(simd: S, row: &[f32], at: usize) -> f32x16<S> {
     match row.get(at..at + LANES) {
@@ -22,7 +22,7 @@ pub(super) fn load<S: Simd>(simd: S, row: &[f32], at: usize) -> f32x16<S> {
     }
 }
 
-/// Writes sixteen pixels of a row, or those before its end.
+/// Stores sixteen pixels of a row, or those before its end.
 #[inline(always)]
 pub(super) fn store<S: Simd>(pixels: f32x16<S>, row: &mut [f32], at: usize) {
     match row.get_mut(at..at + LANES) {
@@ -35,7 +35,7 @@ pub(super) fn store<S: Simd>(pixels: f32x16<S>, row: &mut [f32], at: usize) {
     }
 }
 
-/// [`BLOCK`] pixels of a row; zeros beyond its end.
+/// Loads [`BLOCK`] pixels of a row; zeros beyond its end.
 #[inline(always)]
 pub(super) fn load_block<S: Simd>(simd: S, row: &[f32], at: usize) -> [f32x16<S>; 4] {
     match row.get(at..at + BLOCK) {
@@ -63,17 +63,17 @@ pub(super) fn store_block<S: Simd>(pixels: [f32x16<S>; 4], row: &mut [f32], at: 
 /// `2^x` of sixteen numbers up to 0, to 2 parts in 10^7; those below -126 give `2^-126`.
 #[inline(always)]
 pub(super) fn exp2<S: Simd>(simd: S, x: f32x16<S>) -> f32x16<S> {
-    // Adding this number rounds to a whole number, which then stands in the lowest bits.
+    // Adding 1.5 * 2^23 rounds to an integer, which is then in the lowest bits.
     const ROUND: f32 = 12_582_912.0;
     let x = x.max(f32x16::splat(simd, -126.0));
     let whole = x + ROUND;
     let part = x - (whole - ROUND);
-    // Fit of least relative error over -0.5 to 0.5 that is exact at 0.
+    // Minimax fit of the relative error over -0.5 to 0.5, exact at 0.
     let mut y = f32x16::splat(simd, EXP2[5]);
     for k in (0..5).rev() {
         y = y.mul_add(part, f32x16::splat(simd, EXP2[k]));
     }
-    // The whole number is added to the exponent.
+    // The integer is added to the exponent.
     (y.bitcast::<fearless_simd::i32x16<S>>() + (whole.bitcast::<fearless_simd::i32x16<S>>() << 23)).bitcast()
 }
 
@@ -86,7 +86,7 @@ mod tests {
     use fearless_simd::{Level, dispatch};
 
     #[test]
-    fn powers_of_two_are_near_enough() {
+    fn powers_of_two_are_within_4_parts_in_10_million() {
         let x: Vec<f32> = (0..16 * 900).map(|k| -(k as f32) * 0.01).collect();
         let mut out = vec![0.0; x.len()];
         dispatch!(Level::new(), simd => {

@@ -1,31 +1,31 @@
-//! Where the luminance of an image changes: gradients by the Sobel operator, in units of luminance per pixel.
+//! Gradients of an image by the Sobel operator, in units of luminance per pixel.
 //!
 //! `gx = [1 2 1]^T [-1 0 1] / 8 * L`, `gy` transposed. A ramp of one unit per pixel gives exactly 1.
 //!
 //! # Source
 //! Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section 4.1.
 
-use super::rows::{extend, map_row_pairs, map_rows};
+use super::rows::{map_row_pairs, map_rows, pad};
 use super::simd::{LANES, load, store};
 use crate::texture::grid::{Grid, Wrap};
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch, f32x16};
 
-/// The gradient along x and along y.
+/// Returns the gradient along x and along y.
 ///
 /// # Complexity
-/// `O(pixels)`, with two rows of memory for each thread beside the result.
+/// `O(pixels)`, with two rows of memory per thread in addition to the result.
 #[must_use]
 pub fn gradient(image: &Grid, wrap: Wrap) -> [Grid; 2] {
     let sobel = Sobel::new(image, wrap);
     map_row_pairs(
         image.width,
         image.height,
-        || sobel.lines(),
-        |lines, y, gx, gy| {
-            sobel.row(lines, y);
+        || sobel.columns(),
+        |columns, y, gx, gy| {
+            sobel.row(columns, y);
             let level = sobel.level;
-            dispatch!(level, simd => along(simd, lines, #[inline(always)] |x, y, at| {
+            dispatch!(level, simd => along(simd, columns, #[inline(always)] |x, y, at| {
                 store(x, gx, at);
                 store(y, gy, at);
             }));
@@ -33,9 +33,9 @@ pub fn gradient(image: &Grid, wrap: Wrap) -> [Grid; 2] {
     )
 }
 
-/// The length of the gradient, without the gradient itself.
+/// Returns the magnitude of the gradient.
 ///
-/// `skimage.filters.sobel` gives the square root of 2 times as much.
+/// `skimage.filters.sobel` gives `sqrt(2)` times this value.
 ///
 /// # Complexity
 /// As [`gradient`].
@@ -45,26 +45,26 @@ pub fn magnitude(image: &Grid, wrap: Wrap) -> Grid {
     map_rows(
         image.width,
         image.height,
-        || sobel.lines(),
-        |lines, y, out| {
-            sobel.row(lines, y);
+        || sobel.columns(),
+        |columns, y, out| {
+            sobel.row(columns, y);
             let level = sobel.level;
-            dispatch!(level, simd => along(simd, lines, #[inline(always)] |x, y, at| {
+            dispatch!(level, simd => along(simd, columns, #[inline(always)] |x, y, at| {
                 store(x.mul_add(x, y * y).sqrt(), out, at);
             }));
         },
     )
 }
 
-/// The length of each vector of two grids of one size.
+/// Returns the length of each vector of two grids of the same size.
 #[must_use]
 pub fn length(gx: &Grid, gy: &Grid) -> Grid {
     let samples = gx.samples.iter().zip(&gy.samples).map(|(x, y)| (x * x + y * y).sqrt()).collect();
     Grid { samples, ..*gx }
 }
 
-/// Column filters of one row, with one pixel beyond both ends.
-struct Lines {
+/// Column filters of one row, padded by one pixel at both ends.
+struct ColumnSums {
     /// Sum along y, by 1 2 1.
     sum: Vec<f32>,
     /// Difference along y.
@@ -83,37 +83,37 @@ impl<'a> Sobel<'a> {
         Self { image, wrap, level: Level::new() }
     }
 
-    fn lines(&self) -> Lines {
+    fn columns(&self) -> ColumnSums {
         let line = vec![0.0; self.image.width + 2 + LANES];
-        Lines { sum: line.clone(), change: line, width: self.image.width }
+        ColumnSums { sum: line.clone(), change: line, width: self.image.width }
     }
 
-    fn row(&self, lines: &mut Lines, y: usize) {
+    fn row(&self, columns: &mut ColumnSums, y: usize) {
         let rows = [-1, 0, 1].map(|t| self.image.row(y as i64 + t, self.wrap));
         let level = self.level;
-        dispatch!(level, simd => down(simd, rows, lines));
-        for line in [&mut lines.sum, &mut lines.change] {
-            extend(line, 1, self.image.width, self.wrap);
+        dispatch!(level, simd => down(simd, rows, columns));
+        for line in [&mut columns.sum, &mut columns.change] {
+            pad(line, 1, self.image.width, self.wrap);
         }
     }
 }
 
 #[inline(always)]
-fn down<S: Simd>(simd: S, [above, row, below]: [&[f32]; 3], lines: &mut Lines) {
-    for at in (0..lines.width).step_by(LANES) {
+fn down<S: Simd>(simd: S, [above, row, below]: [&[f32]; 3], columns: &mut ColumnSums) {
+    for at in (0..columns.width).step_by(LANES) {
         let (a, b, c) = (load(simd, above, at), load(simd, row, at), load(simd, below, at));
-        store(a + (b + b) + c, &mut lines.sum, at + 1);
-        store(c - a, &mut lines.change, at + 1);
+        store(a + (b + b) + c, &mut columns.sum, at + 1);
+        store(c - a, &mut columns.change, at + 1);
     }
 }
 
 #[inline(always)]
-fn along<S: Simd>(simd: S, lines: &Lines, mut give: impl FnMut(f32x16<S>, f32x16<S>, usize)) {
-    for at in (0..lines.width).step_by(LANES) {
-        let gx = load(simd, &lines.sum, at + 2) - load(simd, &lines.sum, at);
-        let middle = load(simd, &lines.change, at + 1);
-        let gy = load(simd, &lines.change, at) + (middle + middle) + load(simd, &lines.change, at + 2);
-        give(gx * 0.125, gy * 0.125, at);
+fn along<S: Simd>(simd: S, columns: &ColumnSums, mut emit: impl FnMut(f32x16<S>, f32x16<S>, usize)) {
+    for at in (0..columns.width).step_by(LANES) {
+        let gx = load(simd, &columns.sum, at + 2) - load(simd, &columns.sum, at);
+        let middle = load(simd, &columns.change, at + 1);
+        let gy = load(simd, &columns.change, at) + (middle + middle) + load(simd, &columns.change, at + 2);
+        emit(gx * 0.125, gy * 0.125, at);
     }
 }
 
@@ -123,7 +123,7 @@ mod tests {
     use crate::core::random::Rng;
 
     #[test]
-    fn a_ramp_gives_its_slope() {
+    fn the_gradient_of_a_ramp_is_its_slope() {
         for (a, b) in [(1.0, 0.0), (0.0, 1.0), (1.0, 1.0), (-2.0, 0.5)] {
             let ramp = Grid::from_fn(40, 20, |x, y| a * x as f32 + b * y as f32);
             let [gx, gy] = gradient(&ramp, Wrap::Clamp);
@@ -137,7 +137,7 @@ mod tests {
         }
     }
 
-    /// What `scipy.ndimage.sobel(image, axis, mode) / 8` gives for `image[y, x] = (7 x^2 + 3 x y + 5 y) % 11` of 5 x 4 pixels,
+    /// `scipy.ndimage.sobel(image, axis, mode) / 8` of `image[y, x] = (7 x^2 + 3 x y + 5 y) % 11` of 5 x 4 pixels,
     /// for the modes `wrap`, `reflect` and `nearest`.
     const ORACLE: [(Wrap, [[f32; 20]; 2]); 3] = include!("../testdata/sobel.in");
 
@@ -165,7 +165,7 @@ mod tests {
     const SKIMAGE: [[f32; 5]; 4] = include!("../testdata/sobel_skimage.in");
 
     #[test]
-    fn a_thin_line_is_a_pair_down_and_up_and_two_bumps_of_its_length() {
+    fn a_thin_line_gives_a_negative_and_a_positive_gradient() {
         let line = Grid::from_fn(20, 5, |x, _| if x == 10 { 30.0 } else { 70.0 });
         let [gx, _] = gradient(&line, Wrap::Repeat);
         let g = magnitude(&line, Wrap::Repeat);
@@ -189,7 +189,7 @@ mod tests {
             for (k, (a, b)) in g.samples.iter().zip(&fused.samples).enumerate() {
                 assert!((a - b).abs() < 1e-4, "{width}x{height}: {k}");
                 let (x, y) = ((k % width) as i64, (k / width) as i64);
-                let at = |u: i64, v: i64| image.row(y + v, Wrap::Repeat)[Wrap::Repeat.place(x + u, width)];
+                let at = |u: i64, v: i64| image.row(y + v, Wrap::Repeat)[Wrap::Repeat.index(x + u, width)];
                 let side = |u| at(u, -1) + 2.0 * at(u, 0) + at(u, 1);
                 assert!((gx.samples[k] - (side(1) - side(-1)) / 8.0).abs() < 1e-4);
             }

@@ -4,7 +4,7 @@ use super::contour::{Field, Line, Lines, MOST_LEVELS, Saddle, contours};
 use super::curves::{Curve, Isophotes, STEPS};
 use super::simplify::{Tolerance, simplify};
 use crate::texture::filter::Kernel;
-use crate::texture::filter::masked::smooth_around;
+use crate::texture::filter::masked::smooth_masked;
 use crate::texture::grid::{Grid, Wrap};
 use crate::texture::maps::Luma;
 use rayon::prelude::*;
@@ -99,7 +99,7 @@ pub fn isophotes(luma: &Luma, drawing: &Drawing) -> Result<Isophotes, IsophotesE
     }
     let wrap = luma.surface.wrap;
     let kernel = Kernel::gaussian(drawing.pre_blur, 4.0);
-    let blurred = smooth_around(&luma.grid, &luma.holes, &kernel, wrap);
+    let blurred = smooth_masked(&luma.grid, &luma.holes, &kernel, wrap);
     let levels = levels(&blurred, &drawing.levels)?;
     let mut all = Isophotes { width, height, surface: luma.surface, levels, ..Isophotes::default() };
     let tolerance = Tolerance {
@@ -110,7 +110,7 @@ pub fn isophotes(luma: &Luma, drawing: &Drawing) -> Result<Isophotes, IsophotesE
     // One pixel more on each side of what does not repeat, so that paths along the border meet curves that go on.
     let margin = usize::from(wrap != Wrap::Repeat);
     let wide = (margin > 0).then(|| {
-        let place = |at: usize, len| wrap.place(at as i64 - 1, len);
+        let place = |at: usize, len| wrap.index(at as i64 - 1, len);
         Grid::from_fn(width + 2, height + 2, |x, y| {
             blurred.samples[place(y, height) * width + place(x, width)]
         })
@@ -262,7 +262,7 @@ fn sobel(grid: &Grid, wrap: Wrap, x: i64, y: i64) -> [f32; 2] {
     let inside = x > 0 && y > 0 && x + 1 < w as i64 && y + 1 < h as i64;
     let at = |dx: i64, dy: i64| {
         let (x, y) = (x + dx, y + dy);
-        let (x, y) = if inside { (x as usize, y as usize) } else { (wrap.place(x, w), wrap.place(y, h)) };
+        let (x, y) = if inside { (x as usize, y as usize) } else { (wrap.index(x, w), wrap.index(y, h)) };
         grid.samples[y * w + x]
     };
     let middle = at(0, 0);

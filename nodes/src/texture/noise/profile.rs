@@ -3,7 +3,7 @@
 //! # Source
 //! Picard, Tsingos and Faure (VRIPHYS 2008), section 4.2: a stored excitation profile of known velocity and scale.
 
-use crate::texture::holes::{solid, stretches};
+use crate::texture::holes::{row_segments, valid_samples};
 use crate::texture::maps::{NoiseMap, NoiseProfile};
 use half::f16;
 use std::f32::consts::FRAC_PI_2;
@@ -30,7 +30,7 @@ pub fn profile(noise: &NoiseMap, count: usize) -> NoiseProfile {
     if rows.lines.is_empty() || count == 0 {
         return NoiseProfile { samples: vec![0.0; count], spacing };
     }
-    let power = variance(solid(&noise.grid, &noise.holes));
+    let power = variance(valid_samples(&noise.grid, &noise.holes));
     let mut line = rows.zigzag(count + rows.join, power);
     close(&mut line, rows.join);
     line.truncate(count);
@@ -54,7 +54,7 @@ struct Rows<'a> {
 impl<'a> Rows<'a> {
     fn new(noise: &'a NoiseMap) -> Self {
         let mut lines: Vec<_> =
-            (0..noise.grid.height).map(|y| stretches(&noise.grid, &noise.holes, y)).collect();
+            (0..noise.grid.height).map(|y| row_segments(&noise.grid, &noise.holes, y)).collect();
         let longest = lines.iter().flatten().map(|line| line.len()).max().unwrap_or(0);
         let join = JOIN.min(longest / 4);
         lines.iter_mut().for_each(|line| line.retain(|part| part.len() > 2 * join));
@@ -216,7 +216,7 @@ mod tests {
         let lace: Vec<bool> = (0..512 * 256).map(|k| k / 512 % 3 == 0 || k % 23 < 1 + k / 512 % 20).collect();
         let lace = NoiseMap { holes: lace, ..map(512, 256) };
         let line = profile(&lace, PROFILE).samples;
-        let right = variance(solid(&lace.grid, &lace.holes));
+        let right = variance(valid_samples(&lace.grid, &lace.holes));
         assert!(line.len() == PROFILE && (variance(line.iter().copied()) / right - 1.0).abs() < 0.02);
     }
 

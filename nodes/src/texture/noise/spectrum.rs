@@ -7,7 +7,7 @@
 use super::profile::{level, variance};
 use super::psd;
 use crate::core::random::Random;
-use crate::texture::holes::{solid, stretches};
+use crate::texture::holes::{row_segments, valid_samples};
 use crate::texture::maps::NoiseMap;
 use std::f64::consts::TAU;
 
@@ -63,12 +63,12 @@ impl NoiseModel {
         let map = &noise.grid;
         let mut quantiles = Vec::new();
         if kurtosis > SPIKY {
-            let mut sorted: Vec<f32> = solid(map, &noise.holes).collect();
+            let mut sorted: Vec<f32> = valid_samples(map, &noise.holes).collect();
             sorted.sort_unstable_by(f32::total_cmp);
             let at = |k: usize| (k * 2 + 1) * sorted.len() / (2 * QUANTILES);
             quantiles = (0..QUANTILES).filter_map(|k| sorted.get(at(k)).copied()).collect();
         }
-        Self { spectrum, variance: variance(solid(map, &noise.holes)), quantiles }
+        Self { spectrum, variance: variance(valid_samples(map, &noise.holes)), quantiles }
     }
 
     /// Bytes that it takes in 32 bits a number.
@@ -113,7 +113,7 @@ impl NoiseModel {
 /// Rows of a map, `most` of them, evenly spread, or their stretches between holes; short ones tell little, and are left out.
 fn rows(noise: &NoiseMap, most: usize) -> Vec<&[f32]> {
     let long = |line: &&[f32]| line.len() > 2 * ORDER || line.len() == noise.grid.width;
-    let row = |y| stretches(&noise.grid, &noise.holes, y).into_iter().filter(long).collect();
+    let row = |y| row_segments(&noise.grid, &noise.holes, y).into_iter().filter(long).collect();
     let mut lines: Vec<Vec<&[f32]>> = (0..noise.grid.height).map(row).collect();
     lines.retain(|line| !line.is_empty());
     let step = lines.len().div_ceil(most).max(1);

@@ -4,7 +4,7 @@
 //! Picard, Tsingos and Faure (VRIPHYS 2008), section 4.2.
 
 use crate::texture::grid::Grid;
-use crate::texture::holes::{is_hole, solid};
+use crate::texture::holes::{is_hole, valid_samples};
 
 /// Figures of a noise map.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -50,7 +50,8 @@ pub fn noise(luma: &Grid, smooth: &Grid, features: Option<&Grid>, holes: &[bool]
         samples.iter_mut().zip(&features.samples).for_each(|(n, f)| *n *= 1.0 - f);
     }
     let grid = Grid { samples, ..*luma };
-    let (sum, count) = solid(&grid, holes).fold((0.0, 0_usize), |(sum, n), x| (sum + f64::from(x), n + 1));
+    let (sum, count) =
+        valid_samples(&grid, holes).fold((0.0, 0_usize), |(sum, n), x| (sum + f64::from(x), n + 1));
     let mean = (sum / count.max(1) as f64) as f32;
     let level = |(k, x): (usize, &f32)| if is_hole(holes, k) { 0.0 } else { *x - mean };
     Grid { samples: grid.samples.iter().enumerate().map(level).collect(), ..grid }
@@ -70,7 +71,7 @@ fn mean_square(values: impl Iterator<Item = f32>) -> f64 {
 #[must_use]
 pub fn statistics(map: &Grid, holes: &[bool]) -> NoiseStatistics {
     let (width, height) = (map.width.max(1), map.height);
-    let variance = mean_square(solid(map, holes));
+    let variance = mean_square(valid_samples(map, holes));
     let change = |k: usize, step: usize| {
         let both = !is_hole(holes, k) && !is_hole(holes, k + step);
         both.then(|| map.samples.get(k + step).map(|next| next - map.samples[k]))?
@@ -78,7 +79,7 @@ pub fn statistics(map: &Grid, holes: &[bool]) -> NoiseStatistics {
     let all = 0..map.samples.len();
     let along = mean_square(all.clone().filter(|k| (k + 1) % width != 0).filter_map(|k| change(k, 1)));
     let down = mean_square(all.filter_map(|k| change(k, width)));
-    let fourth = mean_square(solid(map, holes).map(|x| x * x));
+    let fourth = mean_square(valid_samples(map, holes).map(|x| x * x));
     let tiles = (0..64).map(|k| (k % 8, k / 8)).filter_map(|(i, j)| {
         let (x, y) = (width * i / 8..width * (i + 1) / 8, height * j / 8..height * (j + 1) / 8);
         let places = y.flat_map(|y| x.clone().map(move |x| y * width + x));

@@ -14,15 +14,15 @@ fn modes() -> Modes {
     Modes::new("graded", frequencies, vec![3.0; 20], gains).unwrap()
 }
 
-/// Noise that scrapes.
-fn scraping(samples: usize) -> Vec<f32> {
+/// White noise as a force.
+fn noise(samples: usize) -> Vec<f32> {
     let mut rng = Rng::new(8);
     (0..samples).map(|_| rng.between(-100.0, 100.0) as f32).collect()
 }
 
 fn standalone(p: ModalBankParams, samples: usize) -> Standalone {
     Standalone::new::<ModalBankNode>(p)
-        .also(ModalBankPorts::forces, Rate::hz(FS), Channels(1), scraping(samples))
+        .also(ModalBankPorts::forces, Rate::hz(FS), Channels(1), noise(samples))
         .value(ModalBankPorts::modes, modes())
         .window(Rate::hz(FS).span(256))
 }
@@ -32,7 +32,7 @@ fn rms(x: &[f32]) -> f64 {
 }
 
 #[test]
-fn edits_while_it_rings_do_not_click() {
+fn parameter_changes_while_it_rings_do_not_click() {
     let edits = [
         ModalBankParams { gain: 4.0, ..params() },
         ModalBankParams { db: -60.0, ..params() },
@@ -60,7 +60,7 @@ fn edits_while_it_rings_do_not_click() {
 }
 
 #[test]
-fn modes_above_049_of_the_rate_are_told_before_the_run() {
+fn modes_above_049_of_the_rate_are_noted_before_the_run() {
     let high = Modes::new(
         "high",
         vec![100.0, 0.49 * f64::from(FS), 0.489 * f64::from(FS)],
@@ -68,7 +68,7 @@ fn modes_above_049_of_the_rate_are_told_before_the_run() {
         vec![1.0; 3],
     );
     let standalone = Standalone::new::<ModalBankNode>(params())
-        .also(ModalBankPorts::forces, Rate::hz(FS), Channels(1), scraping(100))
+        .also(ModalBankPorts::forces, Rate::hz(FS), Channels(1), noise(100))
         .value(ModalBankPorts::modes, high.unwrap());
     let notes = standalone.shape().unwrap().notes;
     assert!(notes.len() == 1 && notes[0].contains("1 of 3 modes lie above 0.49 of"), "{notes:?}");
@@ -76,21 +76,21 @@ fn modes_above_049_of_the_rate_are_told_before_the_run() {
 }
 
 #[test]
-fn an_object_far_away_needs_only_the_modes_within_40_db_of_the_strongest() {
-    let told = |run: &crate::core::standalone::StandaloneRun, key: &str| {
+fn the_error_of_left_out_modes_is_near_the_cull_level() {
+    let figure = |run: &crate::core::standalone::StandaloneRun, key: &str| {
         run.summary.iter().find(|(k, _)| *k == key).and_then(|(_, v)| v.as_f64())
     };
     let all = standalone(ModalBankParams { cull: -300.0, ..params() }, 22_050).run().unwrap();
     let sound = all.stream(ModalBankPorts::audio);
-    for (cull, kept) in [(-80.0, 14.0), (-40.0, 7.0)] {
+    for (cull, used) in [(-80.0, 14.0), (-40.0, 7.0)] {
         let run = standalone(ModalBankParams { cull, ..params() }, 22_050).run().unwrap();
-        assert_eq!((told(&run, "modes"), told(&run, "modes_too_weak")), (Some(kept), Some(20.0 - kept)));
+        assert_eq!((figure(&run, "modes"), figure(&run, "modes_too_weak")), (Some(used), Some(20.0 - used)));
         let less = run.stream(ModalBankPorts::audio);
-        let missed: Vec<f32> = sound.iter().zip(&less).map(|(a, b)| a - b).collect();
-        let level = 20.0 * (rms(&missed) / rms(&sound)).log10();
-        println!("cull {cull} dB: {kept} modes, what is missed is at {level:.1} dB");
+        let error: Vec<f32> = sound.iter().zip(&less).map(|(a, b)| a - b).collect();
+        let level = 20.0 * (rms(&error) / rms(&sound)).log10();
+        println!("cull {cull} dB: {used} modes, what is error is at {level:.1} dB");
         assert!(level < cull + 2.0 && level > cull - 12.0, "{cull}: {level} dB");
     }
-    assert_eq!((told(&all, "modes"), told(&all, "modes_too_weak")), (Some(20.0), None));
+    assert_eq!((figure(&all, "modes"), figure(&all, "modes_too_weak")), (Some(20.0), None));
     assert_eq!(standalone(params(), 22_050).run().unwrap().stream(ModalBankPorts::audio).len(), sound.len());
 }

@@ -22,7 +22,7 @@ fn reference(modes: &Modes, point: usize, rate: f64, force: &[f32], samples: usi
     out
 }
 
-fn struck(modes: &Modes, rate: f64, samples: usize) -> Vec<f32> {
+fn impulse_response(modes: &Modes, rate: f64, samples: usize) -> Vec<f32> {
     let (mut force, mut out) = (vec![0.0; samples], vec![0.0; samples]);
     force[0] = 1.0;
     Bank::new(modes, rate).unwrap().process(&force, &mut out);
@@ -30,9 +30,9 @@ fn struck(modes: &Modes, rate: f64, samples: usize) -> Vec<f32> {
 }
 
 #[test]
-fn a_struck_mode_is_a_damped_sine_also_where_it_is_slow() {
-    // What the two-pole form gets wrong by 0.07 in single precision, and this by some millionths.
-    // Near half the rate what is left of a step has no more digits than the step itself.
+fn the_impulse_response_of_a_mode_is_a_damped_sine_at_any_frequency() {
+    // The two-pole form is off by 0.07 in single precision, this one by some millionths.
+    // Near half the rate a step less 1 has no more digits than the step itself.
     let cases = [
         (20.0, 0.5, 5e-5),
         (50.0, 1.0, 5e-5),
@@ -42,7 +42,7 @@ fn a_struck_mode_is_a_damped_sine_also_where_it_is_slow() {
     ];
     for (f, d, bound) in cases {
         let modes = one(f, d);
-        let out = struck(&modes, 44_100.0, 44_100);
+        let out = impulse_response(&modes, 44_100.0, 44_100);
         let want = reference(&modes, 0, 44_100.0, &[1.0], 44_100);
         let worst = out.iter().zip(&want).map(|(a, b)| (f64::from(*a) - b).abs()).fold(0.0, f64::max);
         println!("{f} Hz, {d}/s: off by {worst:.1e} over 1 s");
@@ -69,9 +69,9 @@ fn a_force_rings_modes_as_the_filters_of_scipy_do() {
 }
 
 #[test]
-fn neither_frequency_nor_damping_moves_in_ten_seconds() {
+fn neither_frequency_nor_damping_drifts_in_ten_seconds() {
     let modes = one(20.0, 0.5);
-    let out = struck(&modes, 44_100.0, 441_000);
+    let out = impulse_response(&modes, 44_100.0, 441_000);
     let want = reference(&modes, 0, 44_100.0, &[1.0], 441_000);
     for (n, (a, b)) in out.iter().zip(&want).enumerate() {
         let envelope = (-0.5 * n as f64 / 44_100.0).exp();
@@ -80,9 +80,9 @@ fn neither_frequency_nor_damping_moves_in_ten_seconds() {
 }
 
 #[test]
-fn a_decay_takes_the_time_that_its_damping_says() {
-    // Schroeder's integral from the energy that is still to come.
-    let out = struck(&one(800.0, 12.0), 44_100.0, 60_000);
+fn the_decay_time_follows_from_the_damping() {
+    // Schroeder's backward integral of the energy.
+    let out = impulse_response(&one(800.0, 12.0), 44_100.0, 60_000);
     let mut energy: Vec<f64> = out.iter().map(|x| f64::from(*x).powi(2)).collect();
     for n in (0..energy.len() - 1).rev() {
         energy[n] += energy[n + 1];
@@ -106,7 +106,7 @@ fn several_forces_at_several_points_add_up() {
     let mut out = vec![0.0; 400];
     let mut at = 0;
     while at < 400 {
-        let n = bank.stretch().min(400 - at);
+        let n = bank.until_grid().min(400 - at);
         for (p, force) in forces.iter().enumerate() {
             let part = &force[at.min(200)..(at + n).min(200)];
             bank.force(p)[..part.len()].copy_from_slice(part);
@@ -122,7 +122,7 @@ fn several_forces_at_several_points_add_up() {
     assert!(bank.force(3).is_empty());
 }
 
-fn many(n: usize) -> Modes {
+fn random_modes(n: usize) -> Modes {
     let mut rng = Rng::new(9);
     let f = (0..n).map(|_| rng.between(30.0, 20_000.0)).collect();
     let d = (0..n).map(|_| rng.between(1.0, 400.0)).collect();
@@ -131,8 +131,8 @@ fn many(n: usize) -> Modes {
 }
 
 #[test]
-fn cutting_the_samples_otherwise_changes_no_bit() {
-    let modes = many(150);
+fn blocks_of_any_length_give_the_same_bits() {
+    let modes = random_modes(150);
     let mut force = vec![0.0; 30_000];
     for (at, f) in [(0, 1.0), (77, -0.5), (78, 0.25), (9000, 1e-6), (20_001, 1.0)] {
         force[at] = f;
@@ -161,8 +161,8 @@ fn cutting_the_samples_otherwise_changes_no_bit() {
 }
 
 #[test]
-fn modes_that_have_died_away_cost_nothing_and_wake_exactly() {
-    let modes = many(150);
+fn decayed_modes_are_skipped_and_ring_again_exactly() {
+    let modes = random_modes(150);
     let mut bank = Bank::new(&modes, 44_100.0).unwrap();
     let (mut force, mut out) = (vec![0.0; 44_100], vec![0.0; 44_100]);
     bank.process(&force, &mut out);
@@ -178,13 +178,13 @@ fn modes_that_have_died_away_cost_nothing_and_wake_exactly() {
     assert!(bank.sounding() == 0 && out.iter().all(|x| *x == 0.0));
     force[0] = 1.0;
     bank.process(&force, &mut out);
-    // The bank's grid has moved on by a part of its interval: what falls silent may do so a few samples apart.
+    // The grid has another phase, so modes may be set to zero a few samples earlier or later.
     let worst = first.iter().zip(&out).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
     assert!(worst < 1e-6, "{worst}");
 }
 
 #[test]
-fn energy_never_grows_without_force_whatever_the_damping_does() {
+fn energy_never_grows_without_force_at_any_damping() {
     let mut bank = Bank::new(&one(700.0, 1.0), 44_100.0).unwrap();
     bank.set_floor(-400.0);
     bank.process(&[1.0], &mut [0.0]);
@@ -193,7 +193,7 @@ fn energy_never_grows_without_force_whatever_the_damping_does() {
     let mut before = size(&bank);
     for _ in 0..3000 {
         bank.damp(&[rng.between(0.0, 1.0).powi(4) as f32 * 30.0]);
-        let n = bank.stretch();
+        let n = bank.until_grid();
         bank.process(&[], &mut vec![0.0; n]);
         let after = size(&bank);
         assert!(after <= before * 1.000_004, "{before} to {after}");
@@ -227,7 +227,7 @@ fn modes_beyond_half_the_rate_are_left_out() {
 
 #[test]
 fn the_sum_of_gains_bounds_the_sound() {
-    let modes = many(40);
+    let modes = random_modes(40);
     let rate = 44_100.0;
     let mut rng = Rng::new(8);
     let force: Vec<f32> = (0..20_000).map(|_| rng.between(-1.0, 1.0) as f32).collect();
@@ -240,19 +240,19 @@ fn the_sum_of_gains_bounds_the_sound() {
 
 #[test]
 fn numbers_that_are_not_finite_do_not_stay() {
-    let mut bank = Bank::new(&many(20), 44_100.0).unwrap();
+    let mut bank = Bank::new(&random_modes(20), 44_100.0).unwrap();
     let mut out = vec![0.0; 1000];
     bank.process(&[f32::NAN, f32::INFINITY, 1.0], &mut out);
     assert!(out.iter().all(|x| x.is_finite()));
     bank.process(&[f32::MAX; 300], &mut out);
     bank.process(&[], &mut vec![0.0; 64]);
     bank.process(&[], &mut out);
-    assert!(out.iter().all(|x| x.is_finite()) && bank.runaways() > 0);
+    assert!(out.iter().all(|x| x.is_finite()) && bank.diverged() > 0);
 }
 
 #[test]
-fn a_silent_minute_after_a_blow_costs_no_more_than_its_first_second() {
-    let modes = many(400);
+fn no_denormal_numbers_arise_in_a_minute_after_an_impulse() {
+    let modes = random_modes(400);
     let mut bank = Bank::new(&modes, 44_100.0).unwrap();
     let mut out = vec![0.0; 44_100];
     bank.process(&[1.0], &mut out);
@@ -266,7 +266,7 @@ fn a_silent_minute_after_a_blow_costs_no_more_than_its_first_second() {
     assert!(bank.sounding() == 0 && smallest > 1e-20, "{smallest}: denormal numbers are near");
 }
 
-/// Modes of which each is some dB weaker than the strongest.
+/// Modes with gains in dB.
 fn graded(levels: &[f64]) -> Modes {
     let n = levels.len();
     let frequencies = (0..n).map(|k| 300.0 + 137.0 * k as f64).collect();
@@ -275,7 +275,7 @@ fn graded(levels: &[f64]) -> Modes {
 }
 
 #[test]
-fn modes_80_db_below_the_strongest_are_left_out_and_hardly_missed() {
+fn leaving_out_modes_80_db_below_the_strongest_costs_little_accuracy() {
     let levels: Vec<f64> = (0..40).map(|k| -3.0 * f64::from(k)).collect();
     let modes = graded(&levels);
     let force: Vec<f32> = (0..40_000).map(|n| if n == 0 { 1.0 } else { 0.0 }).collect();
@@ -286,7 +286,7 @@ fn modes_80_db_below_the_strongest_are_left_out_and_hardly_missed() {
     };
     let all = ring(Bank::new(&modes, 44_100.0).unwrap());
     let rms = |x: &[f32]| x.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>().sqrt();
-    // What is above is kept: what is missed is as strong as the strongest mode that is left out, and a little more.
+    // The error is about as strong as the strongest mode that is left out.
     for (cull, kept) in [(-80.0, 27), (-40.0, 14), (0.0, 1)] {
         let bank = Bank::culled(&modes, 44_100.0, cull).unwrap();
         assert_eq!((bank.faint(), bank.dropped()), (40 - kept, 0), "{cull}");
@@ -304,7 +304,7 @@ fn modes_80_db_below_the_strongest_are_left_out_and_hardly_missed() {
 }
 
 #[test]
-fn another_cull_goes_on_with_what_rings_in_both() {
+fn a_bank_with_another_cull_takes_over_the_modes_in_both() {
     let levels: Vec<f64> = (0..40).map(|k| -2.0 * f64::from((k * 7) % 40)).collect();
     let modes = graded(&levels);
     let (mut force, mut out) = ([0.0; 640], [0.0; 640]);

@@ -16,7 +16,7 @@ fn partial(frequency: f64, damping: f64, amplitude: f64, phase: f64) -> Partial 
 }
 
 #[test]
-fn ten_modes_under_noise_are_found_as_they_are() {
+fn ten_modes_under_noise_are_found() {
     let made: Vec<Partial> = [
         (180.0, 2.0, 0.1),
         (411.0, 4.0, 0.2),
@@ -61,7 +61,7 @@ fn ten_modes_under_noise_are_found_as_they_are() {
 }
 
 #[test]
-fn two_near_modes_are_told_apart() {
+fn two_close_modes_are_resolved() {
     let made = [partial(1000.0, 3.0, 0.3, 0.0), partial(1012.0, 4.0, 0.2, 1.0)];
     let found =
         extract(&sound(&made, 44_100.0, 2.0, 100, 1e-5), 44_100.0, &ExtractParams::default()).unwrap();
@@ -73,7 +73,7 @@ fn two_near_modes_are_told_apart() {
 }
 
 #[test]
-fn what_a_bank_rings_is_found_again() {
+fn the_modes_of_a_bank_are_found_in_its_output() {
     let modes =
         Modes::new("bar", vec![523.0, 1442.0, 2826.0], vec![4.0, 11.0, 30.0], vec![0.8, 0.5, 0.4]).unwrap();
     let (mut force, mut out) = (vec![0.0; 60_000], vec![0.0; 60_000]);
@@ -89,7 +89,7 @@ fn what_a_bank_rings_is_found_again() {
 }
 
 #[test]
-fn recordings_that_hold_no_blow_are_refused() {
+fn recordings_without_an_impact_are_refused() {
     let p = ExtractParams::default();
     assert_eq!(extract(&[], 44_100.0, &p), Err(ExtractError::Silent));
     assert_eq!(extract(&[0.0; 9000], 44_100.0, &p), Err(ExtractError::Silent));

@@ -114,7 +114,7 @@ fn simplified_curves_keep_their_place_and_their_gradients() {
     let image = noise(160, 120, Wrap::Repeat);
     let all = isophotes(&image, &Drawing { simplify: 0.0, ..Drawing::default() }).unwrap();
     let short = isophotes(&image, &Drawing::default()).unwrap();
-    let blurred = smooth_around(&image.grid, &[], &Kernel::gaussian(1.0, 4.0), Wrap::Repeat);
+    let blurred = smooth_masked(&image.grid, &[], &Kernel::gaussian(1.0, 4.0), Wrap::Repeat);
     let floor = FAINT * steepness(&blurred, Wrap::Repeat);
     let mut left = short.iter().peekable();
     let (mut dropped, mut most) = (0, [0.0_f64; 2]);
