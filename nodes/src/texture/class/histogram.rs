@@ -1,10 +1,10 @@
-//! Whether a texture is simple or complex: by how many of 256 tones it is made of.
+//! Classification of textures as simple or complex, by the number of tones.
 //!
-//! `B = exp(-sum p ln p) / 256` over the histogram `p` of luminance in 256 bins: the number of tones that would be as evenly
-//! used, of all. Two tones are few however far apart they lie, which a width between percentiles does not see.
+//! The bandwidth `B = exp(-sum p ln p) / 256`, over the histogram `p` of luminance in 256 bins, is the effective number of tones as
+//! a fraction of all. Unlike a distance between percentiles, it does not depend on the contrast of two tones.
 //!
 //! # Source
-//! Picard, Tsingos and Faure (VRIPHYS 2008), section 4.1 and figure 2, who say "narrow" and "broad" and give no measure.
+//! Picard, Tsingos and Faure (VRIPHYS 2008), section 4.1 and figure 2, who write "narrow" and "broad" and give no measure.
 
 use crate::core::item::Data;
 use crate::core::random::Rng;
@@ -13,32 +13,32 @@ use crate::texture::maps::Luma;
 use serde::{Deserialize, Serialize};
 use std::fmt::Write;
 
-/// Bins of the histogram.
+/// Number of bins of the histogram.
 pub const BINS: usize = 256;
 
-/// How a texture is best heard.
+/// Class of a texture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Class {
-    /// Few tones with edges between them: a map of discontinuities.
+    /// Few tones with edges between them. It sounds best by its discontinuity map.
     Simple,
-    /// Many tones that run into one another: isophotes, or features and noise.
+    /// Many tones with smooth transitions. It sounds best by isophotes, or by features and noise.
     Complex,
 }
 
-/// The histogram of a texture, and what follows from it.
+/// The histogram of a texture, its bandwidth and class.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TextureClass {
-    /// What it is.
+    /// The class.
     pub class: Class,
-    /// The part of all tones that it is made of, above 0 to 1.
+    /// Effective number of tones as a fraction of all, above 0 to 1.
     pub bandwidth: f32,
-    /// Textures of a bandwidth below this are simple.
+    /// Bandwidth below which textures are simple.
     pub threshold: f32,
     /// Pixels in each of [`BINS`] bins from black to white, without holes.
     pub histogram: Vec<u32>,
 }
 
-/// Counts the pixels of each tone, without holes.
+/// Counts the pixels in each of [`BINS`] bins, without holes.
 #[must_use]
 pub fn histogram(luma: &Luma) -> Vec<u32> {
     let scale = (BINS - 1) as f32 / luma.kind.max();
@@ -51,22 +51,22 @@ pub fn histogram(luma: &Luma) -> Vec<u32> {
     counts
 }
 
-/// The part of all bins that would be as evenly used: the exponential of the entropy over the number of bins.
+/// Returns the exponential of the entropy over the number of bins.
 #[must_use]
 pub fn bandwidth(histogram: &[u32]) -> f32 {
-    let all: f64 = histogram.iter().map(|n| f64::from(*n)).sum();
+    let total: f64 = histogram.iter().map(|n| f64::from(*n)).sum();
     let entropy: f64 =
-        histogram.iter().filter(|n| **n > 0).map(|n| f64::from(*n) / all).map(|p| -p * p.ln()).sum();
+        histogram.iter().filter(|n| **n > 0).map(|n| f64::from(*n) / total).map(|p| -p * p.ln()).sum();
     (entropy.exp() / histogram.len().max(1) as f64) as f32
 }
 
-/// The class of a texture: as told, or by its bandwidth.
+/// Classifies a texture by its bandwidth; `class` overrides the result.
 #[must_use]
-pub fn classify(luma: &Luma, threshold: f32, told: Option<Class>) -> TextureClass {
+pub fn classify(luma: &Luma, threshold: f32, class: Option<Class>) -> TextureClass {
     let histogram = histogram(luma);
     let bandwidth = bandwidth(&histogram);
     let found = if bandwidth < threshold { Class::Simple } else { Class::Complex };
-    TextureClass { class: told.unwrap_or(found), bandwidth, threshold, histogram }
+    TextureClass { class: class.unwrap_or(found), bandwidth, threshold, histogram }
 }
 
 impl Data for TextureClass {
@@ -83,10 +83,10 @@ impl Data for TextureClass {
     fn plot(&self) -> Option<String> {
         const SIZE: [f64; 2] = [720.0, 400.0];
         const FRAME: [f64; 4] = [50.0, 60.0, 640.0, 290.0];
-        let most = f64::from(self.histogram.iter().copied().max().filter(|most| *most > 0)?);
+        let max = f64::from(self.histogram.iter().copied().max().filter(|max| *max > 0)?);
         let class = format!("{:?}", self.class).to_lowercase();
         let title = format!(
-            "Luminance: as many tones as {:.1} of {BINS}, bandwidth {:.3} ({class}; simple below {})",
+            "Luminance: {:.1} effective tones of {BINS}, bandwidth {:.3} ({class}; simple below {})",
             f64::from(self.bandwidth) * BINS as f64,
             self.bandwidth,
             self.threshold
@@ -104,8 +104,8 @@ impl Data for TextureClass {
         );
         let bar = width / BINS as f64;
         for (k, count) in self.histogram.iter().enumerate().filter(|(_, n)| **n > 0) {
-            let high = height * f64::from(*count) / most;
-            // Writing to a string does not fail.
+            let high = height * f64::from(*count) / max;
+            // Writing to a string cannot fail.
             let _ = writeln!(
                 svg,
                 "<rect x=\"{:.2}\" y=\"{:.2}\" width=\"{bar:.2}\" height=\"{high:.2}\" fill=\"#2166ac\"/>",
@@ -118,7 +118,7 @@ impl Data for TextureClass {
             "<rect x=\"{left}\" y=\"{top}\" width=\"{width}\" height=\"{height}\" fill=\"none\" stroke=\"black\"/>\n\
              <text x=\"{left}\" y=\"{y}\" text-anchor=\"middle\">black</text>\n\
              <text x=\"{right}\" y=\"{y}\" text-anchor=\"middle\">white</text>\n\
-             <text x=\"{left}\" y=\"{above}\">{most} pixels</text>\n</svg>",
+             <text x=\"{left}\" y=\"{above}\">{max} pixels</text>\n</svg>",
             y = top + height + 20.0,
             right = left + width,
             above = top - 6.0
@@ -142,7 +142,7 @@ mod tests {
         (-2.0 * (1.0 - rng.uniform()).ln()).sqrt() * (TAU * rng.uniform()).cos()
     }
 
-    /// Tiles of one tone and gaps, six pixels of a hundred, of another.
+    /// Tiles of one tone, with joints of another on 6 % of the pixels.
     fn tile(x: usize, y: usize) -> f64 {
         if x % 66 < 2 || y % 66 < 2 { 60.0 } else { 200.0 }
     }
@@ -150,9 +150,9 @@ mod tests {
     #[test]
     fn bandwidths_are_those_of_the_table() {
         let mut rng = Rng::new(2);
-        let near = |luma: &Luma, right: f64| {
+        let near = |luma: &Luma, expected: f64| {
             let b = f64::from(bandwidth(&histogram(luma)));
-            assert!((b / right - 1.0).abs() < 0.03, "{b} against {right}");
+            assert!((b / expected - 1.0).abs() < 0.03, "{b} against {expected}");
         };
         near(&luma(tile), 0.0049);
         near(&luma(|x, y| tile(x, y) + 4.0 * normal(&mut rng)), 0.082);
@@ -164,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn neither_order_nor_brightness_matters_and_holes_do_not_count() {
+    fn bandwidth_does_not_depend_on_order_or_brightness_and_holes_do_not_count() {
         let image = luma(|x, y| 60.0 + ((x * 31 + y * 17) % 83) as f64);
         let b = classify(&image, 0.2, None).bandwidth;
         let mut other = image.clone();
@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn the_threshold_parts_simple_from_complex_unless_told() {
+    fn the_threshold_separates_simple_from_complex_unless_the_class_is_given() {
         let simple = luma(tile);
         assert_eq!(classify(&simple, 0.2, None).class, Class::Simple);
         assert_eq!(classify(&simple, 0.2, Some(Class::Complex)).class, Class::Complex);

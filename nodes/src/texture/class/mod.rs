@@ -1,4 +1,4 @@
-//! Simple and complex textures, told apart by the bandwidth of their histogram.
+//! Classification of textures as simple or complex, by the bandwidth of their histogram.
 
 pub mod histogram;
 pub mod histogram_class;

@@ -1,4 +1,4 @@
-//! The figures that maps of textures draw of themselves: those of Picard, Tsingos and Faure (VRIPHYS 2008).
+//! Maps as data of ports, with the figures of Picard, Tsingos and Faure (VRIPHYS 2008).
 
 use super::picture::picture;
 use crate::core::item::Data;
@@ -10,10 +10,10 @@ use crate::texture::holes::valid_samples;
 use crate::texture::maps::{DiscontinuityMap, FeatureMap, Luma, LumaKind, NoiseMap, NoiseProfile, Surface};
 use crate::texture::noise::profile::{stored, variance};
 
-/// Length of a profile that is drawn, in samples.
-const SHOWN: usize = 2000;
+/// Maximum length of a drawn profile, in samples.
+const MAX_SHOWN: usize = 2000;
 
-/// The image as it is heard.
+/// Draws the luminance.
 fn luma(luma: &Luma) -> Option<String> {
     let unit = match luma.kind {
         LumaKind::Lstar => "lightness, 0 to 100",
@@ -22,7 +22,7 @@ fn luma(luma: &Luma) -> Option<String> {
     picture(&format!("Surface: {unit}"), &luma.grid, [0.0, luma.kind.max()], &luma.surface)
 }
 
-/// The length of the gradient, bright where luminance changes: figure 3.
+/// Draws the magnitude of the gradient, white for the largest: figure 3.
 fn discontinuities(map: &DiscontinuityMap) -> Option<String> {
     let g = length(&map.gx, &map.gy);
     let top = percentile(g.samples.iter().copied(), 0.999);
@@ -30,38 +30,38 @@ fn discontinuities(map: &DiscontinuityMap) -> Option<String> {
     picture(&title, &g, [0.0, top], &map.surface)
 }
 
-/// Features dark on white: figure 5.
+/// Draws features dark on white: figure 5.
 fn features(map: &FeatureMap) -> Option<String> {
     picture("Main features", &map.grid, [1.0, 0.0], &map.surface)
 }
 
-/// Noise in grey, three deviations to black and white: figure 5.
+/// Draws noise in grey, from -3 to 3 standard deviations: figure 5.
 fn noise(map: &NoiseMap) -> Option<String> {
     let deviation = variance(valid_samples(&map.grid, &map.holes)).sqrt() as f32;
     let ends = [-3.0 * deviation, 3.0 * deviation];
     picture(&format!("Noise: standard deviation {deviation:.3}"), &map.grid, ends, &map.surface)
 }
 
-/// The start of a profile.
+/// Draws the start of a profile.
 fn profile(profile: &NoiseProfile) -> Option<String> {
-    let shown = &profile.samples[..profile.samples.len().min(SHOWN)];
-    let most = shown.iter().fold(0.0_f32, |most, x| most.max(x.abs()));
-    if shown.len() < 2 || most <= 0.0 {
+    let shown = &profile.samples[..profile.samples.len().min(MAX_SHOWN)];
+    let max = shown.iter().fold(0.0_f32, |max, x| max.max(x.abs()));
+    if shown.len() < 2 || max <= 0.0 {
         return None;
     }
     let points = shown.iter().enumerate().map(|(k, x)| [k as f64 * profile.spacing, f64::from(*x)]).collect();
     let axis = |label: &str, range| Axis { label: label.into(), range, log: false };
-    let most = f64::from(most);
-    let round = profile.samples.len() as f64 * profile.spacing;
+    let max = f64::from(max);
+    let length = profile.samples.len() as f64 * profile.spacing;
     Some(chart(
-        &format!("Noise profile: the first of {round:.2} m"),
-        &axis("place, m", [0.0, (shown.len() - 1) as f64 * profile.spacing]),
-        &axis("height, luminance", [-most, most]),
+        &format!("Noise profile: the first of {length:.2} m"),
+        &axis("position, m", [0.0, (shown.len() - 1) as f64 * profile.spacing]),
+        &axis("height, luminance", [-max, max]),
         &[Line { label: String::new(), points }],
     ))
 }
 
-/// All trials are of one size, for nodes that take two maps of one image.
+/// Random grid. All have the same size, for nodes that read two maps of one image.
 fn trial_grid(rng: &mut Rng, low: f64, high: f64) -> Grid {
     let (width, height) = (29, 22);
     Grid::from_fn(width, height, |_, _| rng.between(low, high) as f32)
@@ -151,7 +151,7 @@ impl Data for NoiseProfile {
         profile(self)
     }
 
-    /// The samples in 16 bits each, the lower byte first.
+    /// The samples as 16-bit floats, little endian.
     fn file(&self) -> Option<Vec<u8>> {
         Some(self.samples.iter().flat_map(|x| stored(*x).to_le_bytes()).collect())
     }

@@ -1,4 +1,4 @@
-//! Maps as pictures: SVG with the pixels embedded as a PNG.
+//! Maps as SVG with the pixels embedded as a PNG.
 
 use crate::plot::escaped;
 use crate::texture::filter::{Kernel, smooth};
@@ -8,12 +8,12 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use std::fmt::Write;
 
-/// Longest side of a picture in pixels; larger maps are shown at half their size, or a quarter.
-const LONGEST: usize = 1024;
+/// Maximum side of a drawn map in pixels; larger maps are halved.
+const MAX_SIDE: usize = 1024;
 /// Width of the drawing.
 const WIDTH: f64 = 640.0;
 
-/// A map in grey, the first of its ends black and the second white, with a bar for its scale.
+/// Draws a map in grey, `low` black and `high` white, with a scale bar.
 pub(in crate::texture) fn picture(
     title: &str,
     map: &Grid,
@@ -21,7 +21,7 @@ pub(in crate::texture) fn picture(
     surface: &Surface,
 ) -> Option<String> {
     let mut small = map.clone();
-    while small.width.max(small.height) > LONGEST {
+    while small.width.max(small.height) > MAX_SIDE {
         let soft = smooth(&small, &Kernel::binomial(), Wrap::Clamp);
         let (width, height) = (small.width.div_ceil(2), small.height.div_ceil(2));
         small = Grid::from_fn(width, height, |x, y| {
@@ -30,7 +30,7 @@ pub(in crate::texture) fn picture(
     }
     let metres = [map.width as f64 / surface.density[0], map.height as f64 / surface.density[1]];
     let height = WIDTH * metres[1] / metres[0];
-    // The longest of 1, 2 and 5 times a power of ten that a quarter of the width holds.
+    // The largest of 1, 2 and 5 times a power of ten that fits a quarter of the width.
     let power = 10_f64.powf((metres[0] / 4.0).log10().floor());
     let bar = [5.0, 2.0, 1.0].into_iter().map(|k| k * power).find(|bar| *bar <= metres[0] / 4.0)?;
     let mut svg = format!(
@@ -39,7 +39,7 @@ pub(in crate::texture) fn picture(
         w = WIDTH + 20.0,
         h = height + 70.0
     );
-    // Writing to a string does not fail.
+    // Writing to a string cannot fail.
     let _ = writeln!(
         svg,
         "<text x=\"10\" y=\"20\" font-weight=\"bold\">{}</text>\n\
@@ -56,8 +56,8 @@ pub(in crate::texture) fn picture(
     Some(svg)
 }
 
-/// A grey PNG of as many columns and rows as the map has.
-pub(in crate::texture) fn encoded(map: &Grid, bytes: &[u8]) -> Option<Vec<u8>> {
+/// Encodes one byte per pixel of a map as a grey PNG.
+pub(in crate::texture) fn encode_png(map: &Grid, bytes: &[u8]) -> Option<Vec<u8>> {
     let mut out = Vec::new();
     let (width, height) = (u32::try_from(map.width).ok()?, u32::try_from(map.height).ok()?);
     let mut encoder = png::Encoder::new(&mut out, width, height);
@@ -66,7 +66,7 @@ pub(in crate::texture) fn encoded(map: &Grid, bytes: &[u8]) -> Option<Vec<u8>> {
     Some(out)
 }
 
-/// A map in grey as an element of SVG at `[left, top, width, height]`; the ends may change places: dark on white.
+/// An SVG element of a map in grey, at `[left, top, width, height]`; `low > high` inverts it.
 pub(crate) fn image_element(
     map: &Grid,
     [low, high]: [f32; 2],
@@ -75,7 +75,7 @@ pub(crate) fn image_element(
     let scale = if high == low { 0.0 } else { 255.0 / (high - low) };
     let bytes: Vec<u8> =
         map.samples.iter().map(|x| ((x - low) * scale).round().clamp(0.0, 255.0) as u8).collect();
-    let png = STANDARD.encode(encoded(map, &bytes)?);
+    let png = STANDARD.encode(encode_png(map, &bytes)?);
     Some(format!(
         "<image x=\"{left}\" y=\"{top}\" width=\"{width}\" height=\"{height:.1}\" preserveAspectRatio=\"none\" \
          href=\"data:image/png;base64,{png}\"/>"
@@ -87,10 +87,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_picture_holds_the_pixels_and_a_bar_of_the_right_length() {
+    fn a_drawing_has_the_pixels_and_a_scale_bar() {
         let map = Grid::from_fn(512, 256, |x, _| x as f32);
         let svg = picture("a < b", &map, [0.0, 511.0], &Surface::default()).unwrap();
-        // 1 m across: the bar is 0.2 m, a fifth of 640.
+        // 1 m wide: the bar is 0.2 m, a fifth of 640.
         assert!(svg.contains("a &lt; b") && svg.contains("width=\"128.0\" height=\"4\""), "{svg}");
         assert!(svg.contains(">0.2 m<") && svg.contains("base64,iVBORw0KGgo"));
         let inverted = picture("a < b", &map, [511.0, 0.0], &Surface::default()).unwrap();

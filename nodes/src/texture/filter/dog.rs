@@ -1,11 +1,11 @@
-//! The main features of an image: dark lines beside its edges and along its grooves, by a thresholded difference of Gaussians.
+//! Main features of an image, by a thresholded difference of Gaussians: lines on the dark side of edges and along grooves.
 //!
-//! `d = G(sigma_e) * L - tau G(ratio sigma_e) * L`; the feature is `0` where `d > 0`, else `-tanh(phi_e d)`. Luminance has to
-//! run from 0 to 100: with 0 to 1 even a step from black to white stays below a feature of 0.21.
+//! `d = G(sigma_e) * L - tau G(ratio sigma_e) * L`; the feature is `0` if `d > 0`, else `-tanh(phi_e d)`. Luminance must range
+//! from 0 to 100: with 0 to 1 the feature at a step from black to white is only 0.21.
 //!
 //! # Source
-//! Picard, Tsingos and Faure (VRIPHYS 2008), section 4.2, whose parameters are those of Winnemoeller, Olsen and Gooch, "Real-time
-//! video abstraction" (SIGGRAPH 2006).
+//! Picard, Tsingos and Faure (VRIPHYS 2008), section 4.2, with the parameters of Winnemoeller, Olsen and Gooch, "Real-time video
+//! abstraction" (SIGGRAPH 2006).
 
 use super::kernel::Kernel;
 use super::masked::smooth_masked;
@@ -16,19 +16,19 @@ use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch, f32x16};
 use std::f32::consts::LOG2_E;
 
-/// Deviations at which the Gaussians are cut off.
-const REACH: f64 = 4.0;
+/// Number of standard deviations at which the Gaussians are cut off.
+const TRUNCATE: f64 = 4.0;
 
-/// Widths, sensitivity and sharpness of the features.
+/// Parameters of the difference of Gaussians.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DogParams {
     /// Standard deviation of the narrow Gaussian, in pixels.
     pub sigma_e: f64,
-    /// The wide one over the narrow one.
+    /// Standard deviation of the wide Gaussian over that of the narrow one.
     pub ratio: f64,
-    /// Weight of the wide one: the nearer to 1, the more is a feature.
+    /// Weight of the wide Gaussian: sensitivity to features.
     pub tau: f64,
-    /// How sharply features set in.
+    /// Sharpness of the soft threshold.
     pub phi_e: f64,
 }
 
@@ -38,10 +38,10 @@ impl Default for DogParams {
     }
 }
 
-/// The difference of Gaussians `d`, in units of luminance.
+/// Returns the difference of Gaussians `d`, in units of luminance.
 ///
 /// # Complexity
-/// `O(pixels * sigma)`, with a few rows of memory for each thread beside the result.
+/// `O(pixels * sigma)`, with a few rows of memory per thread in addition to the result.
 #[must_use]
 pub fn difference(image: &Grid, params: DogParams, wrap: Wrap) -> Grid {
     rows(image, params, wrap, |level, narrow, wide, out| {
@@ -49,7 +49,7 @@ pub fn difference(image: &Grid, params: DogParams, wrap: Wrap) -> Grid {
     })
 }
 
-/// The features, 0 to 1, of a luminance from 0 to 100.
+/// Returns the features, 0 to 1, of a luminance from 0 to 100.
 ///
 /// # Complexity
 /// As [`difference`].
@@ -60,35 +60,35 @@ pub fn features(image: &Grid, params: DogParams, wrap: Wrap) -> Grid {
     rows(image, params, wrap, |level, narrow, wide, out| {
         dispatch!(level, simd => {
             subtract(simd, narrow, wide, params.tau as f32, out);
-            soften(simd, steep, out);
+            soft_threshold(simd, steep, out);
         });
     })
 }
 
-/// The same around holes, which count for nothing and have no features.
+/// Returns the features of an image with holes, which have no features and no influence.
 ///
 /// # Complexity
 /// As [`difference`], twice.
 #[must_use]
 pub fn features_masked(image: &Grid, holes: &[bool], params: DogParams, wrap: Wrap) -> Grid {
     let [mut narrow, wide] = [1.0, params.ratio]
-        .map(|r| smooth_masked(image, holes, &Kernel::gaussian(r * params.sigma_e, REACH), wrap));
+        .map(|r| smooth_masked(image, holes, &Kernel::gaussian(r * params.sigma_e, TRUNCATE), wrap));
     for (n, w) in narrow.samples.iter_mut().zip(&wide.samples) {
         let d = *n - params.tau as f32 * w;
-        // Not a number, in a hole, is no feature either.
+        // NaN, in a hole, is no feature either.
         *n = if d < 0.0 { (-params.phi_e as f32 * d).tanh() } else { 0.0 };
     }
     narrow
 }
 
-/// Both Gaussians, joined piece by piece.
+/// Blurs by both Gaussians, and joins the results tile by tile.
 fn rows(
     image: &Grid,
     params: DogParams,
     wrap: Wrap,
     join: impl Fn(Level, &[f32], &[f32], &mut [f32]) + Sync,
 ) -> Grid {
-    let [narrow, wide] = [1.0, params.ratio].map(|r| Kernel::gaussian(r * params.sigma_e, REACH));
+    let [narrow, wide] = [1.0, params.ratio].map(|r| Kernel::gaussian(r * params.sigma_e, TRUNCATE));
     blur(image, [&narrow, &wide], wrap, |level, [a, b], out| join(level, a, b, out))
 }
 
@@ -101,7 +101,7 @@ fn subtract<S: Simd>(simd: S, narrow: &[f32], wide: &[f32], tau: f32, out: &mut 
 }
 
 #[inline(always)]
-fn soften<S: Simd>(simd: S, steep: f32, out: &mut [f32]) {
+fn soft_threshold<S: Simd>(simd: S, steep: f32, out: &mut [f32]) {
     let zero = f32x16::splat(simd, 0.0);
     for at in (0..out.len()).step_by(LANES) {
         let e = exp2(simd, load(simd, out, at).min(zero) * steep);
@@ -123,8 +123,8 @@ mod tests {
     fn steps_give_the_features_that_the_formula_gives() {
         let cube = 1.6_f64.cbrt();
         let root = 1.6_f64.sqrt();
-        // Ratio, tau, step; least difference, pixels with E < 0.5, least E.
-        for (ratio, tau, dark, bright, least, count, darkest) in [
+        // Ratio, tau, step; minimum difference, pixels with E < 0.5, minimum E.
+        for (ratio, tau, dark, bright, min_difference, count, min_e) in [
             (root, 0.998, 0.0, 100.0, -5.278, 4, 0.0),
             (root, 0.998, 40.0, 60.0, -0.976, 3, 0.0008),
             (root, 0.98, 40.0, 60.0, -0.215, 1, 0.3029),
@@ -135,7 +135,7 @@ mod tests {
             let d = difference(&step(dark, bright), params, Wrap::Clamp);
             let f = features(&step(dark, bright), params, Wrap::Clamp);
             let (at, min) = (0..80).map(|x| (x, d.samples[x])).min_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
-            assert!((min - least).abs() < 6e-4, "{ratio} {tau} {dark}: {min} at {at}");
+            assert!((min - min_difference).abs() < 6e-4, "{ratio} {tau} {dark}: {min} at {at}");
             assert_eq!(at, 38, "the second pixel on the dark side");
             assert_eq!(
                 f.samples[..80].iter().filter(|f| 1.0 - **f < 0.5).count(),
@@ -143,7 +143,7 @@ mod tests {
                 "{ratio} {tau} {dark}"
             );
             let e = 1.0 - f.samples[..80].iter().copied().fold(0.0, f32::max);
-            assert!((e - darkest).abs() < 2e-4, "{ratio} {tau} {dark}: {e}");
+            assert!((e - min_e).abs() < 2e-4, "{ratio} {tau} {dark}: {e}");
         }
         let flat = difference(&Grid::from_fn(20, 20, |_, _| 40.0), DogParams::default(), Wrap::Repeat);
         assert!(flat.samples.iter().all(|d| (d - 0.08).abs() < 1e-4));
@@ -182,23 +182,23 @@ mod tests {
         let mut rng = Rng::new(2);
         let (w, h) = (37, 23);
         let image = Grid::from_fn(w, h, |_, _| rng.between(0.0, 100.0) as f32);
-        let moved = Grid::from_fn(w, h, |x, y| image.samples[(y + 5) % h * w + (x + 11) % w]);
+        let shifted = Grid::from_fn(w, h, |x, y| image.samples[(y + 5) % h * w + (x + 11) % w]);
         let f = features(&image, DogParams::default(), Wrap::Repeat);
-        let g = features(&moved, DogParams::default(), Wrap::Repeat);
+        let g = features(&shifted, DogParams::default(), Wrap::Repeat);
         for (k, g) in g.samples.iter().enumerate() {
             assert!((g - f.samples[(k / w + 5) % h * w + (k % w + 11) % w]).abs() < 1e-5);
         }
     }
 
     #[test]
-    fn luminance_from_0_to_1_leaves_no_feature() {
+    fn luminance_from_0_to_1_gives_features_of_at_most_021() {
         let f = features(&step(0.0, 1.0), DogParams::default(), Wrap::Clamp);
-        let most = f.samples.iter().copied().fold(0.0, f32::max);
-        assert!((most - 0.21).abs() < 0.01, "{most}");
+        let max = f.samples.iter().copied().fold(0.0, f32::max);
+        assert!((max - 0.21).abs() < 0.01, "{max}");
     }
 
     #[test]
-    fn around_holes_features_are_those_of_the_image_and_none_follow_the_hole() {
+    fn holes_make_no_features_of_their_own() {
         let image = Grid::from_fn(64, 48, |x, _| if x % 16 < 3 { 20.0 } else { 70.0 });
         let none = vec![false; 64 * 48];
         let plain = features(&image, DogParams::default(), Wrap::Repeat);
@@ -209,6 +209,6 @@ mod tests {
         let flat = Grid::from_fn(64, 48, |x, _| if x < 30 { 0.0 } else { 70.0 });
         let holes: Vec<bool> = (0..64 * 48).map(|k| k % 64 < 30).collect();
         let found = features_masked(&flat, &holes, DogParams::default(), Wrap::Clamp);
-        assert!(found.samples.iter().all(|f| *f == 0.0), "the edge of a hole is none");
+        assert!(found.samples.iter().all(|f| *f == 0.0), "the edge of a hole is no feature");
     }
 }

@@ -1,4 +1,4 @@
-//! Smoothing, main features and noise of textures, as value nodes.
+//! Main features of a texture, as a value node.
 
 use super::dog::{DogParams, features, features_masked};
 use crate::core::fault::Fault;
@@ -12,8 +12,8 @@ use crate::{params, ports};
 params! {
     /// The main features of a texture: lines on the dark side of its edges and along its grooves, 0 to 1.
     ///
-    /// A difference of two Gaussians, softly thresholded. It is tuned to luminance from 0 to 100; other kinds are scaled to that. A tap as
-    /// SVG draws the features.
+    /// They are a difference of two Gaussians with a soft threshold. The defaults are for luminance from 0 to 100; other kinds are
+    /// scaled to it. A tap as SVG draws the features.
     ///
     /// # Source
     /// Picard, Tsingos and Faure (VRIPHYS 2008), section 4.2 and figure 5, with the operator of Winnemoeller, Olsen and Gooch,
@@ -21,11 +21,11 @@ params! {
     pub struct DogFeaturesParams {
         /// Standard deviation of the narrow Gaussian.
         sigma_e: f64 = 1.0, unit "px", range 0.1..=10.0;
-        /// The wide one over the narrow one.
+        /// Standard deviation of the wide Gaussian over that of the narrow one.
         ratio: f64 = 1.264_911_064_067_351_8, unit "", range 1.01..=4.0;
-        /// Weight of the wide one: the nearer to 1, the more is a feature.
+        /// Weight of the wide Gaussian: sensitivity to features.
         tau: f64 = 0.998, unit "", range 0.0..=1.0;
-        /// How sharply features set in.
+        /// Sharpness of the soft threshold.
         phi_e: f64 = 4.0, unit "", range 0.01..=1000.0;
     }
 }
@@ -33,7 +33,7 @@ params! {
 ports! {
     pub struct DogFeaturesPorts / DogFeaturesIo {
         in {
-            /// The luminance, best smoothed by `Bilateral`.
+            /// The luminance, usually smoothed by `Bilateral`.
             luma: Value<Luma>,
         }
         out {
@@ -80,7 +80,7 @@ impl Func for DogFeatures {
         } else if share == 0.0 {
             summary.push((
                 "warning",
-                "there are no features: all that is heard of this texture is its noise".into(),
+                "there are no features: only the noise of this texture makes sound".into(),
             ));
         }
         io.features.set(FeatureMap { grid, surface: luma.surface });
@@ -109,19 +109,19 @@ mod tests {
     #[test]
     fn other_luminance_is_scaled_to_100_first() {
         let tone = |x: usize| if x % 20 < 3 { 10.0 } else { 60.0 };
-        let (a, told) = dog(luma(LumaKind::Lstar, tone));
+        let (a, summary) = dog(luma(LumaKind::Lstar, tone));
         let (b, _) = dog(luma(LumaKind::Rec601, |x| 2.55 * tone(x)));
         for (a, b) in a.grid.samples.iter().zip(&b.grid.samples) {
             assert!((a - b).abs() < 1e-3, "{a} {b}");
         }
-        assert!(!told.iter().any(|(key, _)| *key == "warning"), "{told:?}");
-        let (_, told) = dog(luma(LumaKind::Lstar, |x| 0.01 * tone(x)));
-        let (_, warning) = told.iter().find(|(key, _)| *key == "warning").unwrap();
+        assert!(!summary.iter().any(|(key, _)| *key == "warning"), "{summary:?}");
+        let (_, summary) = dog(luma(LumaKind::Lstar, |x| 0.01 * tone(x)));
+        let (_, warning) = summary.iter().find(|(key, _)| *key == "warning").unwrap();
         assert!(warning.to_string().contains("0.60 of 100"), "{warning}");
-        for (most, warned) in [(1.5, true), (1.6, false)] {
-            let (_, told) = dog(luma(LumaKind::Lstar, |x| if x % 20 < 10 { 0.0 } else { most }));
-            let text = told.iter().find(|(key, _)| *key == "warning").map(|(_, text)| text.to_string());
-            assert_eq!(text.is_some_and(|text| text.contains("of 100")), warned, "{most}");
+        for (max, warned) in [(1.5, true), (1.6, false)] {
+            let (_, summary) = dog(luma(LumaKind::Lstar, |x| if x % 20 < 10 { 0.0 } else { max }));
+            let text = summary.iter().find(|(key, _)| *key == "warning").map(|(_, text)| text.to_string());
+            assert_eq!(text.is_some_and(|text| text.contains("of 100")), warned, "{max}");
         }
     }
 }

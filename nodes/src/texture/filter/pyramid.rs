@@ -1,47 +1,47 @@
-//! Images at half, a quarter, an eighth of their density: what a fast contact reads, so that nothing folds down.
+//! Image pyramids: halved densities for fast contacts, without aliasing.
 
 use super::kernel::Kernel;
 use super::rows::map_rows;
 use super::separable::smooth;
 use crate::texture::grid::{Grid, Wrap};
 
-/// Octaves over which a level takes over from the one before: from steps of two of that one's pixels to two and a half.
-const TAKE_OVER: f32 = 0.321_928_1;
+/// Width in octaves of the transition between two levels: from steps of 2 to 2.5 pixels of the finer one.
+const TRANSITION: f32 = 0.321_928_1;
 
 /// One level of a [`Pyramid`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct PyramidLevel {
     /// The image.
     pub grid: Grid,
-    /// Pixels of the full image from one pixel of this one to the next, along x and y: pixel `i` lies at `i * scale`.
+    /// Distance between pixels in pixels of the full image, along x and y: pixel `i` lies at `i * scale`.
     pub scale: [f64; 2],
 }
 
-/// An image, the same without what is finest in it, and halvings of that, down to a single pixel.
+/// An image, a low-pass filtered copy, and successive halvings of that, down to a single pixel.
 ///
-/// Levels but the first hold nothing above a fifth of a cycle per pixel: 63 dB below what it was. So none folds down when it is
-/// read in steps of up to two and a half of its pixels, and what a cubic spline draws between the pixels has no images above -60 dB. Waves
-/// keep their size within 0.5 dB up to 0.13 cycles per pixel of the level.
+/// Levels after the first are attenuated by 63 dB above a fifth of a cycle per pixel. So there is no aliasing when a level is read
+/// in steps of up to 2.5 of its pixels, and a cubic spline between the pixels has no spectral images above -60 dB. Up to 0.13
+/// cycles per pixel of the level, amplitudes are within 0.5 dB.
 ///
-/// Pixel 0 lies in the same place on every level, so that place `u` of the full image is `u / scale` of a level. An image that
-/// repeats has the same period on all levels: where a side is odd, the scale is a little below 2 instead.
+/// Pixel 0 has the same position on every level: position `u` of the full image is `u / scale` of a level. A periodic image has
+/// the same period on all levels; for an odd side the scale is a little below 2.
 ///
 /// # Source
-/// Burt and Adelson, "The Laplacian pyramid as a compact image code" (1983), whose filter 1 4 6 4 1 lets through a hundredth of what then
-/// folds down; [`Kernel::low_pass`] is in its place, and levels are twice as dense as theirs.
+/// Burt and Adelson, "The Laplacian pyramid as a compact image code" (1983). [`Kernel::low_pass`] replaces their filter 1 4 6 4 1,
+/// which passes a hundredth of the aliasing frequencies, and levels are twice as dense as theirs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pyramid {
-    /// The full image first.
+    /// The levels, from the full image.
     pub levels: Vec<PyramidLevel>,
-    /// What lies beyond the border, of all levels.
+    /// Continuation of all levels beyond the border.
     pub wrap: Wrap,
 }
 
 impl Pyramid {
-    /// All levels of an image.
+    /// Computes all levels of an image.
     ///
     /// # Complexity
-    /// `O(pixels)`; four thirds more memory than the image.
+    /// `O(pixels)`, with additional memory of 4/3 of the image.
     #[must_use]
     pub fn new(image: Grid, wrap: Wrap) -> Self {
         let mut levels = vec![PyramidLevel { grid: image, scale: [1.0; 2] }];
@@ -57,22 +57,22 @@ impl Pyramid {
     }
 }
 
-/// Which level to read where the binary logarithm of a step in pixels is `octaves`: 0 up to half a pixel, 1 from one to two pixels. The
-/// part behind the point says how far to go over to the next level.
+/// Returns the level for steps of `2^octaves` pixels: 0 up to half a pixel, 1 from one to two pixels. The fraction is the weight of
+/// the next level.
 ///
-/// A level is read alone for as long as the next one would lack what it still holds, up to steps of two of its pixels; it is gone at
-/// two and a half, where it would begin to fold.
+/// A level is read alone up to steps of two of its pixels, since the next level has less detail. It has no weight from 2.5 pixels
+/// on, where aliasing would begin.
 #[inline(always)]
 pub(crate) fn level_for(octaves: f32) -> f32 {
     if octaves <= 0.0 {
         return (1.0 + octaves).max(0.0);
     }
-    let beyond = (octaves - 1.0).max(0.0);
-    let whole = beyond.floor();
-    1.0 + whole + ((beyond - whole) / TAKE_OVER).min(1.0)
+    let coarser = (octaves - 1.0).max(0.0);
+    let whole = coarser.floor();
+    1.0 + whole + ((coarser - whole) / TRANSITION).min(1.0)
 }
 
-/// How many pixels half of a side has, and the step between them: just under 2 where an odd side repeats.
+/// Pixels of a halved side, and the step between them: a little below 2 for a periodic odd side.
 fn half(len: usize, wrap: Wrap) -> (usize, f64) {
     let half = len.div_ceil(2).max(1);
     let step = match wrap {
@@ -83,7 +83,7 @@ fn half(len: usize, wrap: Wrap) -> (usize, f64) {
     (half, step)
 }
 
-/// Every other pixel of a level that holds nothing which would fold down.
+/// Decimates a low-pass filtered level by 2.
 fn halved(above: &PyramidLevel, wrap: Wrap) -> PyramidLevel {
     let image = &above.grid;
     let ((width, step_x), (height, step_y)) = (half(image.width, wrap), half(image.height, wrap));
@@ -106,10 +106,10 @@ fn halved(above: &PyramidLevel, wrap: Wrap) -> PyramidLevel {
     PyramidLevel { grid, scale: [above.scale[0] * step_x, above.scale[1] * step_y] }
 }
 
-/// The place of pixel `k` among pixels `step` times as dense: the one before it, and how far beyond that it lies.
+/// Position of pixel `k` among pixels `step` times as dense, as integer and fraction.
 fn split(k: usize, step: f64) -> (i64, f32) {
-    let place = k as f64 * step;
-    (place.floor() as i64, place.fract() as f32)
+    let position = k as f64 * step;
+    (position.floor() as i64, position.fract() as f32)
 }
 
 #[cfg(test)]
@@ -128,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn the_mean_of_an_image_that_repeats_is_kept() {
+    fn levels_of_a_periodic_image_have_its_mean() {
         let image = Grid::from_fn(64, 32, |x, y| ((x * 7 + y * 13) % 31) as f32);
         let mean = |grid: &Grid| grid.samples.iter().sum::<f32>() / grid.samples.len() as f32;
         let pyramid = Pyramid::new(image, Wrap::Repeat);
@@ -138,7 +138,7 @@ mod tests {
         }
     }
 
-    /// What the filter leaves of a wave of `w` radians per pixel.
+    /// Response of the filter at `w` radians per pixel.
     fn response(w: f64) -> f64 {
         let kernel = Kernel::low_pass();
         let weights = kernel.weights().iter().map(|x| f64::from(*x));
@@ -147,11 +147,11 @@ mod tests {
     }
 
     #[test]
-    fn the_filter_keeps_and_takes_what_it_says() {
+    fn the_filter_has_its_documented_response() {
         let level = |cycles: f64| 20.0 * response(TAU * cycles).abs().log10();
         assert!((0..=13).all(|k| level(0.01 * f64::from(k)).abs() < 0.5));
         assert!((210..=500).all(|k| level(0.001 * f64::from(k)) < -62.9));
-        // The image of a wave, which the spline takes to the fourth power of a sinc.
+        // The spectral image of a wave: the spline attenuates it by the fourth power of a sinc.
         for k in 1..500 {
             let f = 0.001 * f64::from(k);
             let x = TAU / 2.0 * (1.0 - f);
@@ -161,8 +161,8 @@ mod tests {
     }
 
     #[test]
-    fn a_wave_keeps_its_place_and_loses_what_the_filter_takes() {
-        // Three waves over an odd width that repeats: every level shows the same three.
+    fn a_wave_has_the_same_phase_on_all_levels_and_the_response_of_the_filter() {
+        // Three waves over a period of odd width.
         for width in [64, 63, 61] {
             let wave = |x: f64| (TAU * 3.0 * x / width as f64 + 0.4).cos();
             let image = Grid::from_fn(width, 8, |x, _| wave(x as f64) as f32);
@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn a_constant_stays_whatever_lies_beyond_the_border() {
+    fn a_constant_is_constant_on_all_levels_at_any_border() {
         for wrap in [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp] {
             let pyramid = Pyramid::new(Grid::from_fn(37, 21, |_, _| 5.0), wrap);
             let flat = |level: &PyramidLevel| level.grid.samples.iter().all(|x| (x - 5.0).abs() < 1e-5);
@@ -209,7 +209,7 @@ mod tests {
         }
         let half = level_for(f32::log2(2.0 * 1.25_f32.sqrt()));
         assert!((half - 1.5).abs() < 1e-4, "{half}");
-        // It never goes back, and never jumps.
+        // It never decreases, and never jumps.
         let mut before = 0.0;
         for k in -300..1000 {
             let now = level_for(0.01 * k as f32);

@@ -11,10 +11,10 @@ use crate::texture::maps::{DiscontinuityMap, Luma};
 use crate::{params, ports};
 
 params! {
-    /// Where the luminance of a surface changes, and which way: its gradient by the Sobel operator, in luminance per pixel.
+    /// The gradient of the luminance of a surface by the Sobel operator, in luminance per pixel.
     ///
     /// A step of luminance is two to three pixels wide in the map; a thin line gives a pair of opposite signs. The density of the image
-    /// decides how sharp an edge can sound: nothing above half the density times the speed. A tap as SVG draws the map.
+    /// limits the sharpness of edges: there are no frequencies above half the density times the speed. A tap as SVG draws the map.
     ///
     /// # Source
     /// Picard, Tsingos and Faure (VRIPHYS 2008), section 4.1 and figure 3.
@@ -51,7 +51,7 @@ impl Func for SobelMap {
         let soft = smooth(&io.luma.grid, &Kernel::gaussian(p.pre_blur, 4.0), surface.wrap);
         let [gx, gy] = gradient(&soft, surface.wrap);
         let pairs = gx.samples.iter().zip(&gy.samples);
-        let greatest = pairs.fold(0.0_f32, |most, (x, y)| most.max(x * x + y * y)).sqrt();
+        let greatest = pairs.fold(0.0_f32, |max, (x, y)| max.max(x * x + y * y)).sqrt();
         io.map.set(DiscontinuityMap { gx, gy, surface });
         Ok(vec![("greatest_per_pixel", greatest.into())])
     }

@@ -2,10 +2,11 @@
 
 use crate::texture::grid::Grid;
 
-/// How much an image shows blocks of 8 pixels, as JPEG leaves them: 0 not at all, 1 nothing but blocks.
+/// Returns the blockiness of an image, the strength of JPEG blocks of 8 pixels: 0 for none, 1 for blocks only.
 ///
-/// The steps between neighbouring columns, and those between rows, are added up along the other axis and freed of their slow
-/// part; what their autocorrelation at a lag of 8 stands above that at the lags around it is the answer, the greater of both axes.
+/// Absolute differences between neighbouring columns, and between rows, are summed along the other axis and high-pass filtered.
+/// The blockiness of an axis is the normalised autocorrelation at lag 8 less the largest at the lags around it. The result is the
+/// larger of both axes.
 ///
 /// # Complexity
 /// `O(pixels)`.
@@ -29,18 +30,19 @@ fn block_peak(steps: &[f64]) -> f64 {
     if steps.len() < 8 * BLOCK {
         return 0.0;
     }
-    // Less the mean over one block around each step.
-    let free: Vec<f64> = steps
+    // High-pass: each step less the mean over one block around it.
+    let filtered: Vec<f64> = steps
         .windows(BLOCK + 1)
         .map(|w| w[BLOCK / 2] - (w[1..BLOCK].iter().sum::<f64>() + 0.5 * (w[0] + w[BLOCK])) / BLOCK as f64)
         .collect();
-    let at = |lag: usize| free.iter().zip(free.iter().skip(lag)).map(|(a, b)| a * b).sum::<f64>();
-    let power = at(0);
+    let correlation =
+        |lag: usize| filtered.iter().zip(filtered.iter().skip(lag)).map(|(a, b)| a * b).sum::<f64>();
+    let power = correlation(0);
     if power <= 1e-12 {
         return 0.0;
     }
-    let around = [5, 6, 7, 9, 10, 11].map(at).into_iter().fold(f64::NEG_INFINITY, f64::max);
-    ((at(BLOCK) - around.max(0.0)) / power).clamp(0.0, 1.0)
+    let around = [5, 6, 7, 9, 10, 11].map(correlation).into_iter().fold(f64::NEG_INFINITY, f64::max);
+    ((correlation(BLOCK) - around.max(0.0)) / power).clamp(0.0, 1.0)
 }
 
 #[cfg(test)]
@@ -49,11 +51,11 @@ mod tests {
     use crate::core::random::Rng;
 
     #[test]
-    fn blocks_of_8_are_seen_and_other_textures_are_not() {
+    fn blocks_of_8_are_detected_and_other_textures_are_not() {
         let mut rng = Rng::new(9);
         let noise = Grid::from_fn(200, 200, |_, _| rng.between(0.0, 20.0) as f32);
         assert!(blockiness(&noise) < 0.2, "{}", blockiness(&noise));
-        // The mean of each block instead, with a little of the noise.
+        // One value per block, with a little noise.
         let blocks = Grid::from_fn(200, 200, |x, y| {
             let of = |x: usize, y: usize| noise.samples[200 * y + x];
             3.0 * of(x / 8 * 8, y / 8 * 8) + 0.3 * of(x, y)

@@ -1,7 +1,7 @@
-//! Reads PNG, JPEG and TIFF images into plain samples; nothing that a header claims is believed before it is plausible.
+//! Decoding of PNG, JPEG and TIFF images into plain samples, with a check of the header before any allocation.
 
-use super::format::{DENSEST, Read, tiff_error};
 pub use super::format::{Format, Header, ImageError, MAX_PIXELS, MAX_SIDE, Picture, Samples};
+use super::format::{MAX_RATIO, Read, tiff_error};
 use super::orientation::Orientation;
 use super::tiff_file::{tiff_kind, tiff_samples};
 use std::io::Cursor;
@@ -12,12 +12,12 @@ use zune_jpeg::zune_core::bytestream::ZCursor;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
-/// Looks at the header of an image alone.
+/// Reads the header of an image.
 ///
 /// # Errors
-/// As [`decode`], as far as the header shows it.
+/// As [`decode`], as far as the header shows them.
 pub fn header(bytes: &[u8]) -> Result<Header, ImageError> {
-    let format = known(bytes)?;
+    let format = format(bytes)?;
     let damaged = |reason: String| ImageError::Damaged { format, reason };
     let (width, height) = match format {
         Format::Png => {
@@ -44,7 +44,7 @@ pub fn header(bytes: &[u8]) -> Result<Header, ImageError> {
     if width * height == 0 {
         return Err(damaged(format!("it has {width} x {height} pixels")));
     }
-    if width * height > bytes.len() as u64 * DENSEST {
+    if width * height > bytes.len() as u64 * MAX_RATIO {
         let reason = format!("{} bytes cannot hold {width} x {height} pixels", bytes.len());
         return Err(damaged(reason));
     }
@@ -54,13 +54,13 @@ pub fn header(bytes: &[u8]) -> Result<Header, ImageError> {
 /// Reads an image.
 ///
 /// # Errors
-/// Says what was found and what would be right: no image, too large, damaged or cut off, of a kind that is not read.
+/// Bytes that are no image, or an image that is too large, damaged, cut off or of an unsupported kind.
 ///
 /// # Complexity
-/// Memory for the samples, and no more than a few times that while they are unpacked.
+/// Memory of a few times the samples.
 pub fn decode(bytes: &[u8]) -> Result<Picture, ImageError> {
     let header = header(bytes)?;
-    let (channels, samples, held) = match header.format {
+    let (channels, samples, orientation) = match header.format {
         Format::Png => png_samples(bytes)?,
         Format::Jpeg => jpeg_samples(bytes)?,
         Format::Tiff => tiff_samples(bytes)?,
@@ -75,14 +75,14 @@ pub fn decode(bytes: &[u8]) -> Result<Picture, ImageError> {
         return Err(ImageError::Damaged { format, reason });
     }
     let samples = match samples {
-        Samples::Bytes(samples) => Samples::Bytes(held.turned(samples, width, height, channels)),
-        Samples::Words(samples) => Samples::Words(held.turned(samples, width, height, channels)),
+        Samples::Bytes(samples) => Samples::Bytes(orientation.rotated(samples, width, height, channels)),
+        Samples::Words(samples) => Samples::Words(orientation.rotated(samples, width, height, channels)),
     };
-    let (width, height) = held.size(width, height);
+    let (width, height) = orientation.size(width, height);
     Ok(Picture { width, height, channels, samples, format })
 }
 
-fn known(bytes: &[u8]) -> Result<Format, ImageError> {
+fn format(bytes: &[u8]) -> Result<Format, ImageError> {
     if bytes.is_empty() {
         return Err(ImageError::NoImage("the file is empty".into()));
     }
@@ -100,7 +100,7 @@ fn png_samples(bytes: &[u8]) -> Result<Read, ImageError> {
     let format = Format::Png;
     let damaged = |e: png::DecodingError| ImageError::Damaged { format, reason: e.to_string() };
     let mut decoder = png::Decoder::new_with_limits(Cursor::new(bytes), png_limits());
-    // Palettes become colours, a transparent colour becomes alpha, and less than 8 bits become 8.
+    // Expands palettes to colours, a transparent colour to alpha, and less than 8 bits to 8.
     decoder.set_transformations(png::Transformations::EXPAND);
     decoder.set_ignore_text_chunk(true);
     let mut reader = decoder.read_info().map_err(damaged)?;
@@ -117,8 +117,8 @@ fn png_samples(bytes: &[u8]) -> Result<Read, ImageError> {
         }
         _ => Samples::Bytes(data),
     };
-    let held = reader.info().exif_metadata.as_deref().map(Orientation::in_exif).unwrap_or_default();
-    Ok((frame.color_type.samples(), samples, held))
+    let orientation = reader.info().exif_metadata.as_deref().map(Orientation::in_exif).unwrap_or_default();
+    Ok((frame.color_type.samples(), samples, orientation))
 }
 
 fn jpeg_options() -> DecoderOptions {
@@ -146,8 +146,8 @@ fn jpeg_samples(bytes: &[u8]) -> Result<Read, ImageError> {
     };
     decoder.set_options(jpeg_options().jpeg_set_out_colorspace(space));
     let data = decoder.decode().map_err(|e| jpeg_error(&e))?;
-    let held = decoder.exif().map(|exif| Orientation::in_exif(exif)).unwrap_or_default();
-    Ok((channels, Samples::Bytes(data), held))
+    let orientation = decoder.exif().map(|exif| Orientation::in_exif(exif)).unwrap_or_default();
+    Ok((channels, Samples::Bytes(data), orientation))
 }
 
 #[cfg(test)]

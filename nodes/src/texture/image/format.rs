@@ -1,17 +1,17 @@
-//! What an image file holds, and why one cannot be read.
+//! Formats, samples and errors of image files.
 
 use super::orientation::Orientation;
 use thiserror::Error;
 use tiff::TiffError;
 
-/// Longest side of an image that is read.
+/// Maximum side of an image.
 pub const MAX_SIDE: u32 = 16_384;
-/// Most pixels of an image that is read: 8192 squared.
+/// Maximum number of pixels of an image: 8192 squared.
 pub const MAX_PIXELS: u64 = 1 << 26;
-/// Bytes of samples that one byte of a file can hold at most, generously: that of Deflate is 1032.
-pub(super) const DENSEST: u64 = 4096;
+/// Upper bound of the compression ratio; that of Deflate is 1032.
+pub(super) const MAX_RATIO: u64 = 4096;
 
-/// Formats that are read.
+/// Supported formats.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
     /// Portable network graphics.
@@ -23,7 +23,7 @@ pub enum Format {
 }
 
 impl Format {
-    /// Its name.
+    /// Name of the format.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -33,7 +33,7 @@ impl Format {
         }
     }
 
-    /// The format that the first bytes of a file tell.
+    /// The format by the first bytes of a file.
     pub(super) fn of(bytes: &[u8]) -> Option<Self> {
         match bytes {
             [0x89, b'P', b'N', b'G', ..] => Some(Self::Png),
@@ -44,13 +44,13 @@ impl Format {
     }
 }
 
-/// Why an image cannot be read.
+/// Error in an image file.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum ImageError {
-    /// Nothing, or nothing known.
+    /// Empty, or of another format.
     #[error("{0}; PNG, JPEG and TIFF are read")]
     NoImage(String),
-    /// More pixels than are read.
+    /// Too many pixels.
     #[error(
         "it has {width} x {height} pixels; at most {MAX_SIDE} along a side and {MAX_PIXELS} in all are read"
     )]
@@ -60,29 +60,29 @@ pub enum ImageError {
         /// Rows.
         height: u64,
     },
-    /// Broken or cut off.
+    /// Damaged or cut off.
     #[error("the {} is damaged or cut off: {reason}", .format.name())]
     Damaged {
-        /// What it claims to be.
+        /// Its format.
         format: Format,
-        /// What is wrong.
+        /// The defect.
         reason: String,
     },
-    /// Sound, but of a kind that is not read.
+    /// Valid, but of an unsupported kind.
     #[error("the {} holds {found}; 8 or 16 bits of grey or red, green and blue, with or without alpha, are read", .format.name())]
     Unsupported {
         /// Its format.
         format: Format,
-        /// What it holds.
+        /// The unsupported kind.
         found: String,
     },
-    /// No pixel to see.
+    /// All pixels are holes.
     #[error("every pixel is transparent; a texture needs pixels of an alpha of at least half")]
     Transparent,
 }
 
 impl ImageError {
-    /// The code of the diagnostic.
+    /// Code of the diagnostic.
     #[must_use]
     pub fn code(&self) -> &'static str {
         match self {
@@ -103,7 +103,7 @@ pub enum Samples {
     Words(Vec<u16>),
 }
 
-/// An image as it is looked at: turned where its file says how the camera was held.
+/// A decoded image, rotated upright by the orientation in its file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Picture {
     /// Columns, at least 1.
@@ -114,11 +114,11 @@ pub struct Picture {
     pub channels: usize,
     /// `width * height * channels` samples.
     pub samples: Samples,
-    /// What it was read from.
+    /// Format of the file.
     pub format: Format,
 }
 
-/// What the header of an image says; columns and rows as they are stored.
+/// The header of an image; columns and rows are as stored, before rotation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Header {
     /// Its format.
@@ -129,7 +129,7 @@ pub struct Header {
     pub height: usize,
 }
 
-/// Channels, samples as stored, and how they are turned.
+/// Channels, samples as stored, and orientation.
 pub(super) type Read = (usize, Samples, Orientation);
 
 pub(super) fn tiff_error(e: &TiffError) -> ImageError {

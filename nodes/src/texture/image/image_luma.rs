@@ -10,57 +10,57 @@ use crate::core::params::{AssetPath, Params};
 use crate::core::ports::Value;
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
-use crate::texture::figure::picture::encoded;
+use crate::texture::figure::picture::encode_png;
 use crate::texture::grid::{Grid, Wrap};
 use crate::texture::maps::{Luma, LumaKind, Surface};
 use crate::{choices, params, ports};
 
-/// Blockiness above which JPEG is heard.
-const BLOCKY: f32 = 0.25;
-/// Bytes that a pixel takes while an image is read: four channels of 16 bits, its luminance, and whether it is a hole.
+/// Blockiness above which JPEG blocks are audible.
+const MAX_BLOCKINESS: f32 = 0.25;
+/// Bytes of a pixel while an image is read: four channels of 16 bits, luminance, and the hole flag.
 const PIXEL_BYTES: u64 = 13;
 
 choices! { @param LumaKind {
-    /// Lightness of CIE, 0 to 100, from linear light.
+    /// CIE lightness, 0 to 100, of linear light.
     Lstar,
     /// Weighted sum of the coded channels, 0 to 255.
     Rec601,
 } }
 
 choices! { @param Wrap {
-    /// The image again: tiles.
+    /// Periodic repetition: tiles.
     Repeat,
-    /// The image mirrored.
+    /// Reflection.
     Mirror,
-    /// The pixel of the border for ever.
+    /// Repetition of the border pixel.
     Clamp,
 } }
 
 params! {
-    /// The luminance of an image of a surface, and how the image lies on it.
+    /// The luminance of an image of a surface, and the scale of the image.
     ///
-    /// PNG, JPEG and TIFF are read, of 8 or 16 bits, grey, colour or palette, at most 16384 pixels along a side and 67 million in
-    /// all. Pixels of an alpha below one half are holes: their luminance is 0 and they do not count in statistics.
+    /// Supported are PNG, JPEG and TIFF of 8 or 16 bits, in grey, colour or with a palette, of at most 16384 pixels along a side and 67
+    /// million in all. Pixels with an alpha below one half are holes: their luminance is 0 and they do not count in statistics.
     ///
-    /// What is heard ends at half the density times the speed: `highest_hz_at_1_m_s` of the report says where. The blocks of strongly
-    /// compressed JPEG sound as a tone of a period of 8 pixels, and are warned of.
+    /// The highest frequency of a contact is half the density times the speed: the report has `highest_hz_at_1_m_s`. The blocks of
+    /// strongly compressed JPEG images sound as a tone with a period of 8 pixels; there is a warning for them.
     ///
     /// # Source
     /// Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section 4.
     pub struct ImageLumaParams {
         /// The image.
         path: AssetPath;
-        /// What luminance means. Features and bilateral filters are tuned to lightness.
+        /// Measure of luminance. The defaults of features and bilateral filters are for lightness.
         kind: LumaKind = LumaKind::Lstar;
         /// Pixels per metre on the surface, along x.
         density: f64 = 512.0, unit "px/m", range 0.001..=10_000_000.0;
-        /// Pixels per metre along y, where they differ.
+        /// Pixels per metre along y, if different.
         density_y: Option<f64> = None, unit "px/m", range 0.001..=10_000_000.0;
-        /// Height of the full range of luminance, where a height is needed.
+        /// Height of the full range of luminance.
         depth: f64 = 0.0001, unit "m", range 0.0..=10.0;
-        /// What lies beyond the border.
+        /// Continuation beyond the border.
         wrap: Wrap = Wrap::Repeat;
-        /// Whether dark becomes bright, for images whose grooves are bright.
+        /// Whether the luminance is inverted, for images with bright grooves.
         invert: bool = false;
     }
 }
@@ -108,9 +108,9 @@ impl Func for ImageLuma {
             ("highest_hz_at_1_m_s", (0.5 * density[0].min(density[1])).into()),
         ];
         let blocks = blockiness(&grid);
-        if blocks > BLOCKY {
+        if blocks > MAX_BLOCKINESS {
             let text = format!(
-                "the image shows blocks of 8 pixels ({blocks:.2} of 1), as JPEG leaves them: at 1 m/s they sound at {:.0} Hz",
+                "the image has JPEG blocks of 8 pixels (blockiness {blocks:.2} of 1): at 1 m/s they sound at {:.0} Hz",
                 density[0] / 8.0
             );
             summary.push(("warning", text.into()));
@@ -128,7 +128,7 @@ impl Func for ImageLuma {
         let mut files = MemoryFiles::default();
         let grid = Grid { width: 1 + rng.below(20), height: 1 + rng.below(20), samples: Vec::new() };
         let bytes: Vec<u8> = (0..grid.width * grid.height).map(|_| rng.below(256) as u8).collect();
-        files.insert("image.png", encoded(&grid, &bytes).unwrap_or_default());
+        files.insert("image.png", encode_png(&grid, &bytes).unwrap_or_default());
         (ImageLumaParams { path: "image.png".into(), ..ImageLumaParams::trial(rng) }, files)
     }
 }
@@ -147,7 +147,7 @@ mod tests {
         standalone
     }
 
-    fn told(run: &StandaloneRun, key: &str) -> String {
+    fn figure(run: &StandaloneRun, key: &str) -> String {
         run.summary.iter().find(|(k, _)| *k == key).map(|(_, v)| v.to_string()).unwrap_or_default()
     }
 
@@ -156,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn the_surface_is_as_told() {
+    fn the_surface_has_the_parameters() {
         let others = [("density_y", Datum::Float(100.0)), ("kind", Datum::Name("Rec601".into()))];
         let run = standalone(shipped("tiles.png"), &others).run().unwrap();
         let value = run.value(0).unwrap();
@@ -164,25 +164,25 @@ mod tests {
         assert_eq!((luma.grid.width, luma.grid.height, luma.holes.len()), (512, 512, 0));
         assert_eq!(luma.surface.density, [512.0, 100.0]);
         assert_eq!(luma.grid.samples[0], 200.0);
-        assert_eq!(told(&run, "highest_hz_at_1_m_s"), "50.0");
+        assert_eq!(figure(&run, "highest_hz_at_1_m_s"), "50.0");
     }
 
     #[test]
-    fn shipped_images_show_no_blocks() {
+    fn shipped_images_have_no_blocks() {
         for name in ["tiles.png", "sk_brick.png", "sk_gravel.png"] {
-            assert_eq!(told(&standalone(shipped(name), &[]).run().unwrap(), "warning"), "", "{name}");
+            assert_eq!(figure(&standalone(shipped(name), &[]).run().unwrap(), "warning"), "", "{name}");
         }
     }
 
     #[test]
-    fn blocks_of_a_strongly_compressed_jpeg_are_warned_of_with_their_tone() {
+    fn the_warning_of_jpeg_blocks_names_their_tone() {
         const COARSE: &[u8] = include_bytes!("../testdata/blocks.jpg");
         const FINE: &[u8] = include_bytes!("../testdata/fine.jpg");
         let run = standalone(COARSE.to_vec(), &[("density", Datum::Float(800.0))]).run().unwrap();
-        let warning = told(&run, "warning");
+        let warning = figure(&run, "warning");
         assert!(warning.contains("blocks of 8 pixels") && warning.contains("100 Hz"), "{warning}");
         assert_eq!(
-            told(&standalone(FINE.to_vec(), &[]).run().unwrap(), "warning"),
+            figure(&standalone(FINE.to_vec(), &[]).run().unwrap(), "warning"),
             "",
             "the same grain, hardly compressed"
         );

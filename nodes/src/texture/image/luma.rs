@@ -1,4 +1,4 @@
-//! Luminance of images: lightness as CIE defines it from linear light, or the weighted sum of the coded channels.
+//! Luminance of images: CIE lightness of linear light, or the weighted sum of the coded channels.
 //!
 //! # Source
 //! IEC 61966-2-1 (sRGB); CIE 15 (lightness); ITU-R BT.601.
@@ -8,27 +8,27 @@ use crate::texture::grid::Grid;
 use crate::texture::maps::LumaKind;
 use rayon::prelude::*;
 
-/// Linear light of a coded value of sRGB, both 0 to 1.
+/// Converts a coded sRGB value to linear light, both 0 to 1.
 #[must_use]
 pub fn linear(coded: f64) -> f64 {
     if coded <= 0.04045 { coded / 12.92 } else { ((coded + 0.055) / 1.055).powf(2.4) }
 }
 
-/// Lightness of CIE, 0 to 100, of a luminance from 0 to 1.
+/// Returns the CIE lightness, 0 to 100, of a luminance from 0 to 1.
 #[must_use]
 pub fn lightness(y: f64) -> f64 {
     if y > 0.008_856 { 116.0 * y.cbrt() - 16.0 } else { 903.3 * y }
 }
 
-/// What turns coded values into luminance: tables for all values that there are.
+/// Look-up tables from coded values to luminance.
 struct Tables {
     kind: LumaKind,
-    /// Of a grey value.
+    /// Luminance of a grey value.
     grey: Vec<f32>,
-    /// Linear light, or the coded value over 255, of one channel.
+    /// Linear light, or the value from 0 to 255, of one channel.
     channel: Vec<f32>,
     weights: [f32; 3],
-    /// Darkest bright and brightest dark change places.
+    /// True to invert the luminance.
     invert: bool,
 }
 
@@ -64,7 +64,7 @@ impl Tables {
         if self.invert { self.kind.max() - luma } else { luma }
     }
 
-    /// Luminance of a pixel and whether it is a hole.
+    /// Luminance of a pixel, and true if it is a hole.
     fn pixel<T: Copy + Into<usize>>(&self, pixel: &[T]) -> (f32, bool) {
         let grey = |k: T| self.grey.get(k.into()).copied().unwrap_or_default();
         let hole = |alpha: T| 2 * alpha.into() < self.grey.len() - 1;
@@ -78,12 +78,12 @@ impl Tables {
     }
 }
 
-/// The luminance of an image, and which pixels are holes: those of an alpha below one half; empty where none is.
+/// Returns the luminance of an image and its holes, the pixels with an alpha below one half; the latter are empty if there are none.
 ///
-/// Holes have luminance 0. `invert` turns dark into bright, for images whose grooves are the bright parts.
+/// Holes have luminance 0. `invert` inverts the luminance, for images with bright grooves.
 ///
 /// # Errors
-/// When every pixel is a hole.
+/// An image of which every pixel is a hole.
 ///
 /// # Complexity
 /// `O(pixels)`.
@@ -188,11 +188,11 @@ mod tests {
             write(&mut TiffEncoder::new(&mut file).unwrap());
             luminance(&decode(&file.into_inner()).unwrap(), LumaKind::Rec601, false).unwrap()
         };
-        let near = |found: &Grid, right: [f64; 2]| {
-            let off = |(a, b): (&f32, f64)| (f64::from(*a) - b).abs();
-            found.samples.iter().zip(right).all(|pair| off(pair) < 1e-4)
+        let near = |found: &Grid, expected: [f64; 2]| {
+            let error = |(a, b): (&f32, f64)| (f64::from(*a) - b).abs();
+            found.samples.iter().zip(expected).all(|pair| error(pair) < 1e-4)
         };
-        // Of 65,535 a weighted sum, as of 255.
+        // The weighted sum, scaled from 65,535 to 255.
         let sum = |r: f64, g: f64, b: f64| (0.299 * r + 0.587 * g + 0.114 * b) / 257.0;
         let (grey, holes) = written(&|out| {
             out.write_image::<colortype::Gray16>(2, 1, &[257, 40_000]).unwrap();

@@ -1,21 +1,21 @@
-//! Which way up a camera was held, as photographs tell it.
+//! Orientation of photographs.
 //!
 //! # Source
 //! CIPA DC-008 (Exif 2.32), tag 274 of the first directory; the same tag in TIFF 6.0.
 
-/// How the stored rows and columns of an image lie when it is looked at.
+/// Transformation of the stored rows and columns to the upright image.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Orientation {
-    /// Rows and columns change places, first.
+    /// Transposition, applied first.
     transpose: bool,
-    /// Columns are mirrored, last.
+    /// Reversal of the columns, applied after it.
     mirror: bool,
-    /// Rows are mirrored, last.
+    /// Reversal of the rows, applied after it.
     flip: bool,
 }
 
 impl Orientation {
-    /// What a value of the tag says; as stored for any that is not defined.
+    /// The orientation of a value of the tag; the identity for an undefined value.
     pub fn of(tag: u16) -> Self {
         let (transpose, mirror, flip) = match tag {
             2 => (false, true, false),
@@ -30,30 +30,30 @@ impl Orientation {
         Self { transpose, mirror, flip }
     }
 
-    /// What an Exif block says; as stored where it says nothing or is damaged.
+    /// The orientation in an Exif block; the identity if there is none or the block is damaged.
     pub fn in_exif(exif: &[u8]) -> Self {
         Self::of(tag(exif).unwrap_or(1))
     }
 
-    /// Width and height as looked at, of those as stored.
+    /// Width and height of the upright image from the stored ones.
     pub fn size(self, width: usize, height: usize) -> (usize, usize) {
         if self.transpose { (height, width) } else { (width, height) }
     }
 
-    /// Turns an image.
+    /// Rotates an image upright.
     ///
     /// # Shapes
-    /// `samples`: rows of `width` pixels of `channels` each, as stored; the result is as looked at.
-    pub fn turned<T: Copy>(self, samples: Vec<T>, width: usize, height: usize, channels: usize) -> Vec<T> {
+    /// `samples`: stored rows of `width` pixels with `channels` samples each; the result has the same layout, upright.
+    pub fn rotated<T: Copy>(self, samples: Vec<T>, width: usize, height: usize, channels: usize) -> Vec<T> {
         if self == Self::default() {
             return samples;
         }
-        let (wide, high) = self.size(width, height);
+        let (out_width, out_height) = self.size(width, height);
         let mut out = Vec::with_capacity(samples.len());
-        for row in 0..high {
-            let y = if self.flip { high - 1 - row } else { row };
-            for column in 0..wide {
-                let x = if self.mirror { wide - 1 - column } else { column };
+        for row in 0..out_height {
+            let y = if self.flip { out_height - 1 - row } else { row };
+            for column in 0..out_width {
+                let x = if self.mirror { out_width - 1 - column } else { column };
                 let from = if self.transpose { x * width + y } else { y * width + x };
                 out.extend_from_slice(
                     samples.get(from * channels..(from + 1) * channels).unwrap_or_default(),
@@ -64,7 +64,7 @@ impl Orientation {
     }
 }
 
-/// The tag's value in the first directory of an Exif block, which is a small TIFF.
+/// Value of the tag in the first directory of an Exif block, which is a small TIFF.
 fn tag(exif: &[u8]) -> Option<u16> {
     let exif = exif.strip_prefix(b"Exif\0\0").unwrap_or(exif);
     let little = match exif.get(..4)? {
@@ -80,8 +80,8 @@ fn tag(exif: &[u8]) -> Option<u16> {
     let four = bytes(4, 4)?.try_into().ok()?;
     let first = (if little { u32::from_le_bytes(four) } else { u32::from_be_bytes(four) }) as usize;
     let entry = |k: usize| first.checked_add(2 + 12 * k);
-    let place = (0..usize::from(short(first)?)).filter_map(entry).find(|at| short(*at) == Some(274))?;
-    short(place.checked_add(8)?)
+    let offset = (0..usize::from(short(first)?)).filter_map(entry).find(|at| short(*at) == Some(274))?;
+    short(offset.checked_add(8)?)
 }
 
 #[cfg(test)]
@@ -105,8 +105,8 @@ mod tests {
     }
 
     #[test]
-    fn every_orientation_shows_the_same_picture() {
-        // The picture a b c / d e f, as each orientation stores it.
+    fn every_orientation_gives_the_same_upright_image() {
+        // The image a b c / d e f, as stored in each orientation.
         let stored = [
             (1, 3, "abcdef"),
             (2, 3, "cbafed"),
@@ -118,18 +118,18 @@ mod tests {
             (8, 2, "daebfc"),
         ];
         for (tag, width, text) in stored {
-            let turn = Orientation::of(tag);
+            let orientation = Orientation::of(tag);
             let height = 6 / width;
-            assert_eq!(turn.size(width, height), (3, 2), "{tag}");
-            let seen = turn.turned(text.as_bytes().to_vec(), width, height, 1);
-            assert_eq!(std::str::from_utf8(&seen).unwrap(), "abcdef", "{tag}");
+            assert_eq!(orientation.size(width, height), (3, 2), "{tag}");
+            let upright = orientation.rotated(text.as_bytes().to_vec(), width, height, 1);
+            assert_eq!(std::str::from_utf8(&upright).unwrap(), "abcdef", "{tag}");
         }
-        let pairs = Orientation::of(6).turned(vec![3, 30, 1, 10, 4, 40, 2, 20], 2, 2, 2);
+        let pairs = Orientation::of(6).rotated(vec![3, 30, 1, 10, 4, 40, 2, 20], 2, 2, 2);
         assert_eq!(pairs, [4, 40, 3, 30, 2, 20, 1, 10]);
     }
 
     #[test]
-    fn the_tag_is_found_in_either_order_of_bytes_and_damage_says_nothing() {
+    fn the_tag_is_found_in_either_byte_order_and_damaged_blocks_are_ignored() {
         for little in [true, false] {
             let whole = exif(little, 6);
             assert_eq!(Orientation::in_exif(&whole), Orientation::of(6));

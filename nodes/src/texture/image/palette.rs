@@ -1,26 +1,26 @@
-//! TIFF images whose samples are numbers of colours.
+//! TIFF images with a palette.
 //!
-//! The decoder reads their samples only where they are told to be grey, and gives their colours as a tag.
+//! The decoder reads their samples only if they are declared as grey, and gives the palette as a tag.
 
 use super::format::{Format, ImageError, tiff_error};
 use std::io::Cursor;
 use tiff::decoder::Decoder;
 use tiff::tags::Tag;
 
-/// Number of the tag that says what samples mean, and what it says for grey where 0 is black.
+/// Tag of the meaning of samples, and its value for grey with 0 as black.
 const PHOTOMETRIC: u16 = 262;
 const BLACK_IS_ZERO: u8 = 1;
 
 /// The colours of an image.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Palette {
-    /// Bits of a number: 1, 2, 4 or 8.
+    /// Bits of an index: 1, 2, 4 or 8.
     bits: u8,
     colours: Vec<[u16; 3]>,
 }
 
 impl Palette {
-    /// Reads the colours of an image.
+    /// Reads the palette of an image.
     pub fn new(tiff: &mut Decoder<Cursor<&[u8]>>, bits: u8) -> Result<Self, ImageError> {
         let damaged = |reason: String| ImageError::Damaged { format: Format::Tiff, reason };
         let map = tiff.find_tag_unsigned_vec::<u16>(Tag::ColorMap).map_err(|e| tiff_error(&e))?;
@@ -30,28 +30,28 @@ impl Palette {
         let (Some(red), Some(green), Some(blue)) = (part(0), part(1), part(2)) else {
             return Err(damaged(format!("its palette has {} numbers for {count} colours", map.len())));
         };
-        // Some programs write 8 bits where 16 are meant.
+        // Some programs write 8-bit values to the 16-bit fields.
         let scale = if map.iter().all(|x| *x < 256) { 257 } else { 1 };
         let colours = red.iter().zip(green).zip(blue).map(|((r, g), b)| [*r, *g, *b].map(|x| x * scale));
         let colours = colours.collect();
         Ok(Self { bits, colours })
     }
 
-    /// Red, green and blue of each pixel of rows that begin with whole bytes.
+    /// Red, green and blue of each pixel, from packed indices in rows of whole bytes.
     pub fn paint(&self, packed: &[u8], width: usize) -> Vec<u16> {
         let bits = usize::from(self.bits);
         let row = (width * bits).div_ceil(8).max(1);
         let colour = |row: &[u8], x: usize| {
             let byte = row.get(x * bits / 8).copied().unwrap_or_default();
             let shift = 8 - bits - x * bits % 8;
-            let number = usize::from(byte) >> shift & ((1 << bits) - 1);
-            self.colours.get(number).copied().unwrap_or_default()
+            let index = usize::from(byte) >> shift & ((1 << bits) - 1);
+            self.colours.get(index).copied().unwrap_or_default()
         };
         packed.chunks_exact(row).flat_map(|row| (0..width).flat_map(move |x| colour(row, x))).collect()
     }
 }
 
-/// The same file with its first image told to be grey; `None` where the tag is not found.
+/// A copy of the file with its first image declared as grey; `None` if the tag is not found.
 pub(super) fn as_grey(bytes: &[u8]) -> Option<Vec<u8>> {
     let little = bytes.first() == Some(&b'I');
     let number = |at: usize, len: usize| {
@@ -69,7 +69,7 @@ pub(super) fn as_grey(bytes: &[u8]) -> Option<Vec<u8>> {
         let at = start.checked_add(count + k * entry)?;
         if number(at, 2)? == usize::from(PHOTOMETRIC) {
             let mut grey = bytes.to_vec();
-            // A short number, of which only the lower byte is not zero.
+            // A 16-bit number whose upper byte is zero.
             let low = at + head + usize::from(!little);
             *grey.get_mut(low)? = BLACK_IS_ZERO;
             return Some(grey);
@@ -82,7 +82,7 @@ pub(super) fn as_grey(bytes: &[u8]) -> Option<Vec<u8>> {
 pub(super) mod tests {
     use crate::texture::image::decode::{Samples, decode};
 
-    /// A TIFF of 5 x 2 pixels with the numbers 0, 1, 2, ... of colours (0, 1 and 0, 1 for one bit).
+    /// A TIFF of 5 x 2 pixels with the palette indices 0, 1, 2, ... (0, 1, 0, 1, ... for one bit).
     pub(in super::super) fn tiff(bits: u16, little: bool) -> Vec<u8> {
         let short = |x: u16| if little { x.to_le_bytes() } else { x.to_be_bytes() };
         let long = |x: u32| if little { x.to_le_bytes() } else { x.to_be_bytes() };
@@ -91,8 +91,8 @@ pub(super) mod tests {
         let each = data.len() / 2;
         for k in 0..10_usize {
             let (x, number) = (k % 5, k as u32 % colours);
-            let place = x * usize::from(bits);
-            data[k / 5 * each + place / 8] |= (number as u8) << (8 - usize::from(bits) - place % 8);
+            let offset = x * usize::from(bits);
+            data[k / 5 * each + offset / 8] |= (number as u8) << (8 - usize::from(bits) - offset % 8);
         }
         let map_at = 8 + data.len() as u32 + data.len() as u32 % 2;
         let start = map_at + 6 * colours;
@@ -131,7 +131,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn numbers_become_colours_at_any_depth_and_byte_order() {
+    fn indices_become_colours_at_any_depth_and_byte_order() {
         for bits in [1, 2, 4, 8] {
             for little in [true, false] {
                 let picture = decode(&tiff(bits, little)).unwrap();
@@ -144,7 +144,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn a_palette_that_is_not_read_says_how_to_convert_it() {
+    fn the_error_of_an_unsupported_palette_has_a_remedy() {
         let mut deep = tiff(8, true);
         let at = deep.windows(4).position(|w| w == [2, 1, 3, 0]).unwrap();
         deep[at + 8] = 16;

@@ -1,4 +1,4 @@
-//! Samples of a TIFF.
+//! Decoding of TIFF images.
 
 use super::format::{Format, ImageError, MAX_PIXELS, Read, Samples, tiff_error};
 use super::orientation::Orientation;
@@ -10,52 +10,53 @@ use tiff::{ColorType as TiffColour, TiffError};
 
 pub(super) fn tiff_samples(bytes: &[u8]) -> Result<Read, ImageError> {
     let mut tiff = tiff_reader(bytes)?;
-    let held = tiff.find_tag_unsigned::<u16>(Tag::Orientation).map_err(|e| tiff_error(&e))?;
-    let held = Orientation::of(held.unwrap_or(1));
+    let orientation = tiff.find_tag_unsigned::<u16>(Tag::Orientation).map_err(|e| tiff_error(&e))?;
+    let orientation = Orientation::of(orientation.unwrap_or(1));
     let read = |tiff: &mut Tiff<Cursor<&[u8]>>| tiff.read_image().map_err(|e| tiff_error(&e));
     match tiff_kind(&mut tiff)? {
         TiffKind::Channels(channels) => match read(&mut tiff)? {
-            DecodingResult::U8(samples) => Ok((channels, Samples::Bytes(samples), held)),
-            DecodingResult::U16(samples) => Ok((channels, Samples::Words(samples), held)),
-            _ => Err(not_read("numbers that are not unsigned".into())),
+            DecodingResult::U8(samples) => Ok((channels, Samples::Bytes(samples), orientation)),
+            DecodingResult::U16(samples) => Ok((channels, Samples::Words(samples), orientation)),
+            _ => Err(unsupported("numbers that are not unsigned".into())),
         },
         TiffKind::Palette(bits) => {
             let colours = Palette::new(&mut tiff, bits)?;
             let width = tiff.dimensions().map_err(|e| tiff_error(&e))?.0;
-            let grey = palette::as_grey(bytes).ok_or_else(|| not_read(PALETTE.into()))?;
+            let grey = palette::as_grey(bytes).ok_or_else(|| unsupported(PALETTE.into()))?;
             match read(&mut tiff_reader(&grey)?)? {
                 DecodingResult::U8(packed) => {
-                    Ok((3, Samples::Words(colours.paint(&packed, width as usize)), held))
+                    Ok((3, Samples::Words(colours.paint(&packed, width as usize)), orientation))
                 }
-                _ => Err(not_read(PALETTE.into())),
+                _ => Err(unsupported(PALETTE.into())),
             }
         }
     }
 }
 
 fn tiff_reader(bytes: &[u8]) -> Result<Tiff<Cursor<&[u8]>>, ImageError> {
-    let most = MAX_PIXELS as usize * 8;
+    let max = MAX_PIXELS as usize * 8;
     let mut limits = Limits::default();
-    (limits.decoding_buffer_size, limits.intermediate_buffer_size) = (most, most);
+    (limits.decoding_buffer_size, limits.intermediate_buffer_size) = (max, max);
     Ok(Tiff::new(Cursor::new(bytes)).map_err(|e| tiff_error(&e))?.with_limits(limits))
 }
 
-fn not_read(found: String) -> ImageError {
+fn unsupported(found: String) -> ImageError {
     ImageError::Unsupported { format: Format::Tiff, found }
 }
 
-/// What the samples of a TIFF are.
+/// Kind of the samples of a TIFF.
 pub(super) enum TiffKind {
-    /// So many channels.
+    /// Interleaved channels, and their number.
     Channels(usize),
-    /// Numbers of colours, of so many bits.
+    /// Indices into a palette, and their bits.
     Palette(u8),
 }
 
-/// A palette that is not read, and what to do.
-const PALETTE: &str = "colours of a palette in a way that is not read (convert it to RGB, such as by `magick in.tif -type TrueColor out.png`)";
+/// Description of an unsupported palette, with a remedy.
+const PALETTE: &str =
+    "an unsupported palette (convert it to RGB, for example by `magick in.tif -type TrueColor out.png`)";
 
-/// The kind of a TIFF, where it is one that is read.
+/// Returns the kind of a TIFF, if it is supported.
 pub(super) fn tiff_kind(tiff: &mut Tiff<Cursor<&[u8]>>) -> Result<TiffKind, ImageError> {
     let bad = |e: TiffError| tiff_error(&e);
     let photometric = tiff.find_tag_unsigned::<u16>(Tag::PhotometricInterpretation).map_err(bad)?;
@@ -63,14 +64,14 @@ pub(super) fn tiff_kind(tiff: &mut Tiff<Cursor<&[u8]>>) -> Result<TiffKind, Imag
         let bits = tiff.find_tag_unsigned_vec::<u8>(Tag::BitsPerSample).map_err(bad)?.unwrap_or_default();
         return match bits[..] {
             [bits @ (1 | 2 | 4 | 8)] => Ok(TiffKind::Palette(bits)),
-            _ => Err(not_read(PALETTE.into())),
+            _ => Err(unsupported(PALETTE.into())),
         };
     }
     let planes = tiff.find_tag_unsigned::<u16>(Tag::PlanarConfiguration).map_err(bad)?;
     let colour = tiff.colortype().map_err(bad)?;
     if planes == Some(PlanarConfiguration::Planar.to_u16()) && colour.num_samples() > 1 {
-        return Err(not_read(
-            "each channel as a plane of its own (save it with interleaved channels)".into(),
+        return Err(unsupported(
+            "each channel as a separate plane (save it with interleaved channels)".into(),
         ));
     }
     Ok(TiffKind::Channels(match colour {
@@ -78,6 +79,6 @@ pub(super) fn tiff_kind(tiff: &mut Tiff<Cursor<&[u8]>>) -> Result<TiffKind, Imag
         TiffColour::GrayA(8 | 16) | TiffColour::Multiband { bit_depth: 8 | 16, num_samples: 2 } => 2,
         TiffColour::RGB(8 | 16) => 3,
         TiffColour::RGBA(8 | 16) => 4,
-        found => return Err(not_read(format!("{found:?}"))),
+        found => return Err(unsupported(format!("{found:?}"))),
     }))
 }

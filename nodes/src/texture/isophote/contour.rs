@@ -1,30 +1,30 @@
-//! Marching squares: the lines of equal height through a grid of numbers.
+//! Marching squares: contour lines of a grid of numbers.
 //!
-//! The grid is cut into strips, which are marched on their own, two rows at a time and all levels at once; then the pieces of
-//! each level are joined over the numbers of the cell edges that they end on. How the grid is cut changes nothing: vertices
-//! are numbered in the order of the cells.
+//! The grid is divided into strips, which are marched in parallel, two rows at a time and all levels at once. Then the segments of
+//! each level are joined by the numbers of their vertices. The division does not change the result: vertices are numbered in the
+//! order of the cells.
 
 use rayon::prelude::*;
 
 /// Rows of cells in a strip.
 const STRIP: usize = 64;
-/// Most levels at once.
-pub const MOST_LEVELS: usize = 250;
+/// Maximum number of levels.
+pub const MAX_LEVELS: usize = 250;
 /// Class of a sample that is missing.
 const MISSING: u8 = 255;
 /// No vertex.
 const NONE: u32 = u32::MAX;
-/// Marks the number of a cell edge of the strip above, in place of a vertex of this one.
+/// Flag of a vertex of the strip above; the lower bits are its column.
 const ABOVE: u32 = 1 << 31;
 
-/// Which corners belong together in a cell where two opposite ones are high.
+/// Corners that are connected in a cell with two opposite high corners.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Saddle {
-    /// What the bilinear surface through the corners says: lines of different levels never cross.
+    /// As on the bilinear surface through the corners: lines of different levels never cross.
     Decider,
-    /// The low ones.
+    /// The low corners.
     Low,
-    /// The high ones.
+    /// The high corners.
     High,
 }
 
@@ -35,27 +35,27 @@ pub struct Field<'a> {
     pub width: usize,
     /// `width` numbers in each row; one that is not finite is missing.
     pub samples: &'a [f32],
-    /// Whether the grid goes on with its first row and column after its last; only from 3 by 3 on.
+    /// True if the grid is periodic; ignored below 3 by 3 samples.
     pub torus: bool,
 }
 
-/// One line of a level.
+/// One contour line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Line {
-    /// Its first point.
+    /// Index of its first point.
     pub from: usize,
-    /// After its last point.
+    /// Index after its last point.
     pub to: usize,
-    /// Whether it comes back to its first point, which then is also its last (on a torus perhaps a whole number of turns away).
+    /// True for a closed line, whose last point equals the first (on a torus up to whole periods).
     pub closed: bool,
 }
 
-/// All lines of one level.
+/// All contour lines of one level.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Lines {
-    /// Points of all lines, x and y with centres of samples at integers.
+    /// Points of all lines, x and y, with samples at integers.
     pub points: Vec<[f64; 2]>,
-    /// The lines, those with ends first.
+    /// The lines, open lines first.
     pub lines: Vec<Line>,
 }
 
@@ -75,20 +75,20 @@ impl Field<'_> {
     }
 
     fn row(&self, y: usize) -> &[f32] {
-        let at = y % self.height().max(1) * self.width;
-        self.samples.get(at..at + self.width).unwrap_or_default()
+        let start = y % self.height().max(1) * self.width;
+        self.samples.get(start..start + self.width).unwrap_or_default()
     }
 }
 
-/// The edges of a cell: above, right, below, left.
+/// Edges of a cell: top, right, bottom, left.
 const T: u8 = 0;
 const R: u8 = 1;
 const B: u8 = 2;
 const L: u8 = 3;
 
-/// Where lines enter and leave a cell, by its high corners: 1 top left, 2 top right, 4 bottom right, 8 bottom left. The high side is on
-/// the left of the line, as one sees it with y pointing down.
-fn pieces(case: u8, joins_high: impl Fn() -> bool) -> &'static [[u8; 2]] {
+/// Edges at which lines enter and leave a cell, by its high corners: 1 top left, 2 top right, 4 bottom right, 8 bottom left. The high
+/// side is on the left of the line, with y pointing down.
+fn segments(case: u8, joins_high: impl Fn() -> bool) -> &'static [[u8; 2]] {
     match case {
         1 => &[[L, T]],
         2 => &[[T, R]],
@@ -110,7 +110,7 @@ fn pieces(case: u8, joins_high: impl Fn() -> bool) -> &'static [[u8; 2]] {
     }
 }
 
-/// Whether the high corners of a cell with two of them belong together: `[top left, top right, bottom right, bottom left]`.
+/// Returns true if the two high corners are connected; `corners` are top left, top right, bottom right, bottom left.
 fn joins_high(saddle: Saddle, corners: [f64; 4], level: f64) -> bool {
     let [a, b, c, d] = corners;
     match saddle {
@@ -121,28 +121,29 @@ fn joins_high(saddle: Saddle, corners: [f64; 4], level: f64) -> bool {
     }
 }
 
-/// What one strip has found of one level.
+/// Segments of one level in one strip.
 struct Part {
     level: f64,
     points: Vec<[f64; 2]>,
-    /// Numbers of the vertices that a piece goes from and to.
+    /// First and last vertex of each segment.
     links: Vec<[u32; 2]>,
-    /// For each column of cells, the row and the vertex of the last crossed edge between two samples of a row.
-    across: Vec<(usize, u32)>,
-    /// Row, column and vertex of the last crossed edge between two rows, and of that of column 0.
-    down: (usize, usize, u32),
+    /// For each column of cells, row and vertex of the last crossed horizontal edge.
+    horizontal: Vec<(usize, u32)>,
+    /// Row, column and vertex of the last crossed vertical edge.
+    vertical: (usize, usize, u32),
+    /// Row and vertex of the last crossed vertical edge in column 0.
     seam: (usize, u32),
 }
 
-/// A cell that is crossed.
+/// A cell that a line crosses.
 struct Cell {
     x: usize,
     y: usize,
     /// Top left, top right, bottom right, bottom left.
     corners: [f64; 4],
-    /// Whether the strip above has the vertex on the upper edge.
+    /// True if the vertex on the top edge is in the strip above.
     above: bool,
-    /// The column and row of the samples right of and below it.
+    /// Column of the samples on the right, and row of those at the bottom.
     next: [usize; 2],
 }
 
@@ -152,8 +153,8 @@ impl Part {
             level: level.into(),
             points: Vec::new(),
             links: Vec::new(),
-            across: vec![(usize::MAX, NONE); width],
-            down: (usize::MAX, 0, NONE),
+            horizontal: vec![(usize::MAX, NONE); width],
+            vertical: (usize::MAX, 0, NONE),
             seam: (usize::MAX, NONE),
         }
     }
@@ -163,17 +164,17 @@ impl Part {
         self.points.len() as u32 - 1
     }
 
-    /// Place between two samples where the level is met.
+    /// Fraction of the distance between two samples at which the level is crossed.
     fn fraction(&self, a: f64, b: f64) -> f64 {
         (self.level - a) / (b - a)
     }
 
-    /// The vertex on an edge of a cell, made where no cell before has made it.
+    /// The vertex on an edge of a cell, which is created unless an earlier cell has done so.
     fn on_edge(&mut self, edge: u8, cell: &Cell) -> u32 {
         let [a, b, c, d] = cell.corners;
         let (x, y) = (cell.x, cell.y);
         match edge {
-            T => match self.across[x] {
+            T => match self.horizontal[x] {
                 (row, vertex) if row == y => vertex,
                 _ if cell.above => ABOVE | x as u32,
                 _ => {
@@ -184,10 +185,10 @@ impl Part {
             B => {
                 let t = self.fraction(d, c);
                 let vertex = self.vertex([x as f64 + t, cell.next[1] as f64]);
-                self.across[x] = (y + 1, vertex);
+                self.horizontal[x] = (y + 1, vertex);
                 vertex
             }
-            L => match self.down {
+            L => match self.vertical {
                 (row, column, vertex) if (row, column) == (y, x) => vertex,
                 _ => {
                     let t = self.fraction(a, d);
@@ -203,7 +204,7 @@ impl Part {
                 _ => {
                     let t = self.fraction(b, c);
                     let vertex = self.vertex([cell.next[0] as f64, y as f64 + t]);
-                    self.down = (y, x + 1, vertex);
+                    self.vertical = (y, x + 1, vertex);
                     vertex
                 }
             },
@@ -211,19 +212,19 @@ impl Part {
     }
 
     fn cross(&mut self, case: u8, cell: &Cell, saddle: Saddle) {
-        let pieces = pieces(case, || joins_high(saddle, cell.corners, self.level));
-        // The upper edge before the lower one, whose vertex takes its place.
+        let segments = segments(case, || joins_high(saddle, cell.corners, self.level));
+        // The top edge before the bottom one, whose vertex replaces it.
         let mut on = [NONE; 4];
         for edge in [T, L, R, B] {
-            if pieces.iter().any(|piece| piece.contains(&edge)) {
+            if segments.iter().any(|segment| segment.contains(&edge)) {
                 on[usize::from(edge)] = self.on_edge(edge, cell);
             }
         }
-        self.links.extend(pieces.iter().map(|[from, to]| [on[usize::from(*from)], on[usize::from(*to)]]));
+        self.links.extend(segments.iter().map(|[from, to]| [on[usize::from(*from)], on[usize::from(*to)]]));
     }
 }
 
-/// How many levels each sample of a row is above.
+/// Sets the class of each sample of a row: the number of levels below it.
 fn classify(row: &[f32], levels: &[f32], classes: &mut [u8]) {
     for (x, class) in row.iter().zip(classes.iter_mut()) {
         *class = levels.iter().map(|level| u8::from(x > level)).sum();
@@ -235,7 +236,7 @@ fn classify(row: &[f32], levels: &[f32], classes: &mut [u8]) {
     }
 }
 
-/// Marches the cell rows `[from, to)`.
+/// Marches the rows `[from, to)` of cells.
 fn march_strip(field: &Field<'_>, levels: &[f32], saddle: Saddle, [from, to]: [usize; 2]) -> Vec<Part> {
     let (w, [columns, _]) = (field.width, field.cells());
     let mut parts: Vec<Part> = levels.iter().map(|level| Part::new(*level, columns)).collect();
@@ -272,12 +273,13 @@ fn march_strip(field: &Field<'_>, levels: &[f32], saddle: Saddle, [from, to]: [u
     parts
 }
 
-/// Joins the strips of one level to vertices and the vertex that follows on each, and lets go of each strip on the way.
+/// Joins the strips of one level, and frees each. Returns the vertices, the next vertex of each, and true for each that has a
+/// previous one.
 fn join(mut parts: Vec<Part>, ends: &[usize]) -> (Vec<[f64; 2]>, Vec<u32>, Vec<bool>) {
     let count = parts.iter().map(|part| part.points.len()).sum();
-    let (mut points, mut next, mut led_to) =
+    let (mut points, mut next, mut has_previous) =
         (Vec::with_capacity(count), vec![NONE; count], vec![false; count]);
-    // The strip above the first is the last, if any.
+    // On a torus the strip above the first is the last.
     let starts: Vec<u32> = parts
         .iter()
         .scan(0, |start, part| Some(std::mem::replace(start, *start + part.points.len() as u32)))
@@ -288,7 +290,7 @@ fn join(mut parts: Vec<Part>, ends: &[usize]) -> (Vec<[f64; 2]>, Vec<u32>, Vec<b
         let above = if k == 0 { parts.len() - 1 } else { k - 1 };
         let number = |vertex: u32| match vertex & ABOVE {
             0 => vertex + starts[k],
-            _ => match parts[above].across[(vertex ^ ABOVE) as usize] {
+            _ => match parts[above].horizontal[(vertex ^ ABOVE) as usize] {
                 (row, found) if row == ends[above] => found + starts[above],
                 _ => NONE,
             },
@@ -297,42 +299,42 @@ fn join(mut parts: Vec<Part>, ends: &[usize]) -> (Vec<[f64; 2]>, Vec<u32>, Vec<b
             if let Some(next) = next.get_mut(from as usize) {
                 *next = to;
             }
-            if let Some(led_to) = led_to.get_mut(to as usize) {
-                *led_to = true;
+            if let Some(has_previous) = has_previous.get_mut(to as usize) {
+                *has_previous = true;
             }
         }
     }
-    (points, next, led_to)
+    (points, next, has_previous)
 }
 
-/// Follows the pieces of one level from vertex to vertex.
-fn trace(points: &[[f64; 2]], next: &mut [u32], led_to: &[bool], turn: Option<[f64; 2]>) -> Lines {
+/// Traces the lines of one level from vertex to vertex; `period` is the size of a torus.
+fn trace(points: &[[f64; 2]], next: &mut [u32], has_previous: &[bool], period: Option<[f64; 2]>) -> Lines {
     let mut out = Lines { points: Vec::with_capacity(points.len() + 64), lines: Vec::new() };
     for closed in [false, true] {
         for start in 0..points.len() {
-            if next[start] == NONE || (!closed && led_to[start]) {
+            if next[start] == NONE || (!closed && has_previous[start]) {
                 continue;
             }
             let from = out.points.len();
-            let (mut at, mut before, mut turns) = (start, points[start], [0.0; 2]);
+            let (mut vertex, mut previous, mut offset) = (start, points[start], [0.0; 2]);
             loop {
-                let stored = points[at];
-                for (axis, turns) in turns.iter_mut().enumerate() {
-                    let Some(turn) = turn else { break };
-                    let step = stored[axis] - before[axis];
-                    // No piece is longer than one cell, and a turn has three at least.
-                    *turns -= f64::from(step > 0.5 * turn[axis]) * turn[axis];
-                    *turns += f64::from(step < -0.5 * turn[axis]) * turn[axis];
+                let stored = points[vertex];
+                for (axis, offset) in offset.iter_mut().enumerate() {
+                    let Some(period) = period else { break };
+                    let step = stored[axis] - previous[axis];
+                    // A segment is at most one cell long, and a period has at least three cells.
+                    *offset -= f64::from(step > 0.5 * period[axis]) * period[axis];
+                    *offset += f64::from(step < -0.5 * period[axis]) * period[axis];
                 }
-                before = stored;
-                let point = [stored[0] + turns[0], stored[1] + turns[1]];
-                // A sample that lies on its level is met on several edges.
+                previous = stored;
+                let point = [stored[0] + offset[0], stored[1] + offset[1]];
+                // A sample exactly on the level gives the same point on several edges.
                 if out.points[from..].last() != Some(&point) {
                     out.points.push(point);
                 }
-                match std::mem::replace(&mut next[at], NONE) {
+                match std::mem::replace(&mut next[vertex], NONE) {
                     NONE => break,
-                    to => at = to as usize,
+                    to => vertex = to as usize,
                 }
             }
             if out.points.len() > from + 1 {
@@ -345,14 +347,15 @@ fn trace(points: &[[f64; 2]], next: &mut [u32], led_to: &[bool], turn: Option<[f
     out
 }
 
-/// The lines of each level, with the high side on their left where y points down.
+/// Computes the contour lines of each level, with the high side on their left if y points down.
 ///
-/// A sample is high where it is strictly above the level. A cell with a corner that is not finite is passed over. Lines come
-/// back to their start or end at the border or at such a cell; on a torus their points go on beyond its size.
-/// Levels are in rising order, at most 250 of them; there are no lines for levels out of order.
+/// A sample is high if it is strictly above the level. Cells with a corner that is not finite are skipped. A line is closed, or ends
+/// at the border or at such a cell. On a torus, points continue beyond its size. Levels must be in rising order, at most 250 of them;
+/// otherwise there are no lines.
 ///
 /// # Complexity
-/// O(samples x levels) comparisons, O(width) memory for each strip of 64 rows beside the output. Strips and levels run in parallel.
+/// O(samples x levels) comparisons, and O(width) memory per strip of 64 rows in addition to the output. Strips and levels run in
+/// parallel.
 ///
 /// # Source
 /// Lorensen and Cline, "Marching cubes" (SIGGRAPH 1987), in two dimensions; Nielson and Hamann, "The asymptotic decider" (Visualization
@@ -362,10 +365,10 @@ pub fn contours(field: &Field<'_>, levels: &[f32], saddle: Saddle) -> Vec<Lines>
     contours_by(field, levels, saddle, STRIP)
 }
 
-/// The same with strips of `strip` rows.
+/// As [`contours`], with strips of `strip` rows.
 fn contours_by(field: &Field<'_>, levels: &[f32], saddle: Saddle, strip: usize) -> Vec<Lines> {
     let [columns, rows] = field.cells();
-    let sorted = levels.is_sorted_by(|a, b| a < b) && levels.len() <= MOST_LEVELS;
+    let sorted = levels.is_sorted_by(|a, b| a < b) && levels.len() <= MAX_LEVELS;
     if columns == 0 || rows == 0 || !sorted {
         return vec![Lines::default(); levels.len()];
     }
@@ -374,7 +377,7 @@ fn contours_by(field: &Field<'_>, levels: &[f32], saddle: Saddle, strip: usize) 
     let spans: Vec<[usize; 2]> = starts.iter().zip(&ends).map(|(from, to)| [*from, *to]).collect();
     let strips: Vec<Vec<Part>> =
         spans.par_iter().map(|span| march_strip(field, levels, saddle, *span)).collect();
-    let turn = field.is_torus().then(|| [field.width, field.height()].map(|n| n as f64));
+    let period = field.is_torus().then(|| [field.width, field.height()].map(|n| n as f64));
     let mut by_level: Vec<Vec<Part>> = levels.iter().map(|_| Vec::with_capacity(strips.len())).collect();
     for strip in strips {
         by_level.iter_mut().zip(strip).for_each(|(parts, part)| parts.push(part));
@@ -382,8 +385,8 @@ fn contours_by(field: &Field<'_>, levels: &[f32], saddle: Saddle, strip: usize) 
     by_level
         .into_par_iter()
         .map(|parts| {
-            let (points, mut next, led_to) = join(parts, &ends);
-            trace(&points, &mut next, &led_to, turn)
+            let (points, mut next, has_previous) = join(parts, &ends);
+            trace(&points, &mut next, &has_previous, period)
         })
         .collect()
 }

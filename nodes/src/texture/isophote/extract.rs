@@ -1,6 +1,6 @@
-//! Lines of equal luminance through an image, with the slope that a tip meets on each.
+//! Extraction of isophotes from an image, with the gradient along them.
 
-use super::contour::{Field, Line, Lines, MOST_LEVELS, Saddle, contours};
+use super::contour::{Field, Line, Lines, MAX_LEVELS, Saddle, contours};
 use super::curves::{Curve, Isophotes, STEPS};
 use super::simplify::{Tolerance, simplify};
 use crate::texture::filter::Kernel;
@@ -9,36 +9,36 @@ use crate::texture::grid::{Grid, Wrap};
 use crate::texture::maps::Luma;
 use rayon::prelude::*;
 
-/// Bins from which quantiles of luminance are read.
+/// Bins of the histogram for quantiles of luminance.
 const BINS: usize = 1 << 16;
 /// Lines that one task simplifies.
-const LINES: usize = 64;
-/// Share of the root mean square of all gradients below which a gradient counts as so large when lines are simplified.
-const FAINT: f64 = 0.3;
+const TASK_LINES: usize = 64;
+/// Minimum gradient of the tolerance, relative to the root mean square of all gradients.
+const MIN_GRADIENT: f64 = 0.3;
 
-/// Which levels of luminance curves are drawn at.
+/// Levels of luminance of the curves.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Levels {
-    /// As many as said, at quantiles: each between two of them has as many pixels.
+    /// A number of levels at quantiles, with as many pixels between each two.
     Quantiles(usize),
-    /// As many as said, evenly from the 2nd percentile to the 98th.
+    /// A number of levels, evenly spaced from the 2nd percentile to the 98th.
     Uniform(usize),
-    /// These.
+    /// Given levels.
     These(Vec<f32>),
 }
 
-/// How isophotes are made.
+/// Parameters of the extraction.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Drawing {
-    /// Where.
+    /// Levels of the curves.
     pub levels: Levels,
-    /// Standard deviation in pixels of the blur before.
+    /// Standard deviation of the Gaussian that is applied first, in pixels.
     pub pre_blur: f64,
-    /// How cells with two opposite high corners are read.
+    /// Rule for cells with two opposite high corners.
     pub saddle: Saddle,
-    /// Pixels that a curve may be off to have fewer points; 0 keeps all.
+    /// Maximum distance of a simplified curve from the exact one, in pixels; 0 keeps all points.
     pub simplify: f64,
-    /// Share of a gradient by which the one of such a curve may be off.
+    /// Maximum relative error of the gradient along a simplified curve.
     pub gradient_error: f64,
 }
 
@@ -54,19 +54,19 @@ impl Default for Drawing {
     }
 }
 
-/// Why an image has no isophotes.
+/// Error of [`isophotes`].
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum IsophotesError {
-    /// There is nothing between four pixels.
+    /// The image has no cell of four pixels.
     #[error("the image has {0} x {1} pixels; isophotes need 2 x 2")]
     TooSmall(usize, usize),
-    /// The rows are not what they should be.
+    /// The number of samples does not match the size.
     #[error("the image says {0} x {1} pixels, and has {2}")]
     Damaged(usize, usize, usize),
-    /// No level lies where the luminance does.
+    /// No level is in the range of the luminance.
     #[error("none of the {count} levels lies in the luminance of the image, {low} to {high}")]
     Outside {
-        /// Levels that were asked for.
+        /// Number of given levels.
         count: usize,
         /// Lowest luminance after the blur.
         low: f32,
@@ -75,17 +75,17 @@ pub enum IsophotesError {
     },
 }
 
-/// The isophotes of an image.
+/// Extracts the isophotes of an image.
 ///
-/// Holes have none, and do not darken what is around them. Fewer levels come back than were asked for where several are the same,
-/// and none for an image of one luminance.
+/// Holes have no isophotes and do not affect those around them. Equal levels count once, so that the result may have fewer levels;
+/// an image of constant luminance has none.
 ///
 /// # Errors
-/// When the image has no cell, or none of the levels that were given lies in its luminance.
+/// An image without cells, or no given level in the range of its luminance.
 ///
 /// # Complexity
-/// O(pixels x levels + points log points). Memory of one image beside the result (two where it does not repeat), and of one level with
-/// all of its points.
+/// O(pixels x levels + points log points). In addition to the result it needs memory for one image (two if it is not periodic) and for
+/// all points of one level.
 ///
 /// # Source
 /// Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section 4.2.
@@ -103,35 +103,36 @@ pub fn isophotes(luma: &Luma, drawing: &Drawing) -> Result<Isophotes, IsophotesE
     let levels = levels(&blurred, &drawing.levels)?;
     let mut all = Isophotes { width, height, surface: luma.surface, levels, ..Isophotes::default() };
     let tolerance = Tolerance {
-        reach: drawing.simplify,
-        share: drawing.gradient_error,
-        least: if drawing.simplify > 0.0 { FAINT * steepness(&blurred, wrap) } else { 0.0 },
+        distance: drawing.simplify,
+        gradient: drawing.gradient_error,
+        min_gradient: if drawing.simplify > 0.0 { MIN_GRADIENT * rms_gradient(&blurred, wrap) } else { 0.0 },
     };
-    // One pixel more on each side of what does not repeat, so that paths along the border meet curves that go on.
+    // An image that is not periodic is padded by one pixel, so that curves continue beyond paths along its border.
     let margin = usize::from(wrap != Wrap::Repeat);
-    let wide = (margin > 0).then(|| {
-        let place = |at: usize, len| wrap.index(at as i64 - 1, len);
+    let padded = (margin > 0).then(|| {
+        let index = |at: usize, len| wrap.index(at as i64 - 1, len);
         Grid::from_fn(width + 2, height + 2, |x, y| {
-            blurred.samples[place(y, height) * width + place(x, width)]
+            blurred.samples[index(y, height) * width + index(x, width)]
         })
     });
     let field = Field {
         width: width + 2 * margin,
-        samples: wide.as_ref().map_or(&blurred.samples, |wide| &wide.samples),
+        samples: padded.as_ref().map_or(&blurred.samples, |padded| &padded.samples),
         torus: margin == 0,
     };
-    // One level after the other: with all of their points, lines are many times as large as what is left of them.
+    // One level after the other: lines take many times the memory of simplified ones.
     for (height, level) in all.levels.clone().into_iter().zip(0..) {
         for lines in contours(&field, &[height], drawing.saddle) {
             let origin = margin as f64;
-            let shorter =
-                |some: &[Line]| keep(&lines, some, |p| p.map(|x| x - origin), &blurred, wrap, tolerance);
-            let kept: Vec<_> = lines.lines.par_chunks(LINES).map(shorter).collect();
-            // No more than is needed: there are several images in these.
-            let more = kept.iter().map(|(_, points, _)| points.len()).sum();
-            all.points.reserve_exact(more);
-            all.gradients.reserve_exact(more);
-            for (curves, points, gradients) in kept {
+            let simplified = |chunk: &[Line]| {
+                to_curves(&lines, chunk, |p| p.map(|x| x - origin), &blurred, wrap, tolerance)
+            };
+            let chunks: Vec<_> = lines.lines.par_chunks(TASK_LINES).map(simplified).collect();
+            // Exact, because these vectors may be larger than several images.
+            let count = chunks.iter().map(|(_, points, _)| points.len()).sum();
+            all.points.reserve_exact(count);
+            all.gradients.reserve_exact(count);
+            for (curves, points, gradients) in chunks {
                 all.curves.extend(curves.iter().map(|curve| Curve { level, ..*curve }));
                 all.points.extend(points);
                 all.gradients.extend(gradients);
@@ -141,8 +142,8 @@ pub fn isophotes(luma: &Luma, drawing: &Drawing) -> Result<Isophotes, IsophotesE
     Ok(all)
 }
 
-/// The root mean square of the gradients of an image.
-fn steepness(grid: &Grid, wrap: Wrap) -> f64 {
+/// Returns the root mean square of the gradients of an image.
+fn rms_gradient(grid: &Grid, wrap: Wrap) -> f64 {
     let row = |y: usize| {
         let squares = (0..grid.width).filter_map(|x| {
             let own = grid.samples.get(y * grid.width + x).filter(|own| own.is_finite());
@@ -155,33 +156,35 @@ fn steepness(grid: &Grid, wrap: Wrap) -> f64 {
     (sum / count.max(1) as f64).sqrt()
 }
 
-type Kept = (Vec<Curve>, Vec<[f32; 2]>, Vec<[f32; 2]>);
+/// Curves, their points and gradients.
+type Curves = (Vec<Curve>, Vec<[f32; 2]>, Vec<[f32; 2]>);
 
-/// Some lines of one level as curves, with the gradient along them, simplified where that is wanted.
-fn keep(
+/// Converts some lines of one level to curves with gradients, and simplifies them; `position` maps points of lines to the image.
+fn to_curves(
     lines: &Lines,
-    some: &[Line],
-    place: impl Fn([f64; 2]) -> [f64; 2],
+    chunk: &[Line],
+    position: impl Fn([f64; 2]) -> [f64; 2],
     blurred: &Grid,
     wrap: Wrap,
     tolerance: Tolerance,
-) -> Kept {
+) -> Curves {
     let (mut curves, mut points, mut slopes) = (Vec::new(), Vec::new(), Vec::new());
-    for Line { from, to, closed } in some {
-        // Points lie where they are kept before anything is measured, so that no rounding adds to the tolerance.
-        let snap = |x: f64| if tolerance.reach > 0.0 { (x * STEPS).round() / STEPS } else { x };
-        let mut all: Vec<[f64; 2]> = lines.points[*from..*to].iter().map(|p| place(*p).map(snap)).collect();
+    for Line { from, to, closed } in chunk {
+        // Points are rounded before the simplification, so that the rounding does not add to the tolerance.
+        let round = |x: f64| if tolerance.distance > 0.0 { (x * STEPS).round() / STEPS } else { x };
+        let mut all: Vec<[f64; 2]> =
+            lines.points[*from..*to].iter().map(|p| position(*p).map(round)).collect();
         all.dedup();
-        let steep: Vec<[f32; 2]> = all.iter().map(|p| slope(blurred, wrap, *p)).collect();
+        let gradients: Vec<[f32; 2]> = all.iter().map(|p| slope(blurred, wrap, *p)).collect();
         let start = points.len();
-        for k in simplify(&all, &steep, tolerance) {
+        for k in simplify(&all, &gradients, tolerance) {
             points.push(all[k].map(|x| x as f32));
-            slopes.push(steep[k]);
+            slopes.push(gradients[k]);
         }
-        // What is left of a ring smaller than the tolerance is no line; a straight line around a repeated image is one.
+        // A ring smaller than the tolerance has less than three points left; a straight line around a periodic image has two.
         let ring = *closed && all.first() == all.last();
-        let least = if ring { 3 } else { 2 };
-        if points.len() < start + least {
+        let min_points = if ring { 3 } else { 2 };
+        if points.len() < start + min_points {
             points.truncate(start);
             slopes.truncate(start);
         } else {
@@ -191,7 +194,7 @@ fn keep(
     (curves, points, slopes)
 }
 
-/// Levels in rising order, each once.
+/// Returns the levels in rising order, without duplicates.
 fn levels(grid: &Grid, wanted: &Levels) -> Result<Vec<f32>, IsophotesError> {
     let finite = || grid.samples.iter().copied().filter(|x| x.is_finite());
     let (low, high) = finite().fold((f32::INFINITY, f32::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
@@ -205,8 +208,8 @@ fn levels(grid: &Grid, wanted: &Levels) -> Result<Vec<f32>, IsophotesError> {
         }
         _ if low >= high => Vec::new(),
         Levels::Quantiles(n) => {
-            let at: Vec<f64> = (0..*n).map(|k| (k as f64 + 0.5) / *n as f64).collect();
-            quantiles(grid, [low, high], &at)
+            let fractions: Vec<f64> = (0..*n).map(|k| (k as f64 + 0.5) / *n as f64).collect();
+            quantiles(grid, [low, high], &fractions)
         }
         Levels::Uniform(n) => {
             let ends = quantiles(grid, [low, high], &[0.02, 0.98]);
@@ -216,12 +219,12 @@ fn levels(grid: &Grid, wanted: &Levels) -> Result<Vec<f32>, IsophotesError> {
     };
     levels.sort_by(f32::total_cmp);
     levels.dedup();
-    levels.truncate(MOST_LEVELS);
+    levels.truncate(MAX_LEVELS);
     Ok(levels)
 }
 
-/// Values below which these parts of all samples lie, to 1/65536 of their range.
-fn quantiles(grid: &Grid, [low, high]: [f32; 2], at: &[f64]) -> Vec<f32> {
+/// Returns the quantiles at rising fractions, to 1/65536 of the range.
+fn quantiles(grid: &Grid, [low, high]: [f32; 2], fractions: &[f64]) -> Vec<f32> {
     let scale = BINS as f32 / (high - low);
     let mut bins = vec![0_u32; BINS];
     for x in grid.samples.iter().filter(|x| x.is_finite()) {
@@ -229,9 +232,9 @@ fn quantiles(grid: &Grid, [low, high]: [f32; 2], at: &[f64]) -> Vec<f32> {
     }
     let count: f64 = bins.iter().map(|n| f64::from(*n)).sum();
     let (mut below, mut bin) = (0.0, 0);
-    let mut found = Vec::with_capacity(at.len());
-    for part in at {
-        let wanted = part * count;
+    let mut found = Vec::with_capacity(fractions.len());
+    for fraction in fractions {
+        let wanted = fraction * count;
         while bin + 1 < BINS && below + f64::from(bins[bin]) < wanted {
             below += f64::from(bins[bin]);
             bin += 1;
@@ -242,7 +245,7 @@ fn quantiles(grid: &Grid, [low, high]: [f32; 2], at: &[f64]) -> Vec<f32> {
     found
 }
 
-/// The gradient of an image at a place: Sobel's at the pixels around it, in straight lines between.
+/// Returns the gradient of an image at a position: bilinear interpolation of the Sobel gradient.
 fn slope(grid: &Grid, wrap: Wrap, [x, y]: [f64; 2]) -> [f32; 2] {
     let (i, j) = (x.floor(), y.floor());
     let (u, v) = ((x - i) as f32, (y - j) as f32);
@@ -256,7 +259,7 @@ fn slope(grid: &Grid, wrap: Wrap, [x, y]: [f64; 2]) -> [f32; 2] {
     if v > 0.0 { mix(upper, row(j + 1), v) } else { upper }
 }
 
-/// Sobel's gradient at a pixel, 1 for a ramp of 1 per pixel; what is missing around it counts as the pixel itself.
+/// Returns the Sobel gradient at a pixel, 1 for a ramp of 1 per pixel; missing neighbours are replaced by the pixel itself.
 fn sobel(grid: &Grid, wrap: Wrap, x: i64, y: i64) -> [f32; 2] {
     let (w, h) = (grid.width, grid.height);
     let inside = x > 0 && y > 0 && x + 1 < w as i64 && y + 1 < h as i64;

@@ -1,4 +1,4 @@
-//! The nodes that make isophotes of an image, and that read them.
+//! The isophotes of an image, as a value node.
 
 use super::contour::Saddle;
 use super::curves::Isophotes;
@@ -15,49 +15,49 @@ use crate::texture::maps::Luma;
 use crate::{choices, params, ports};
 
 choices! { @param Saddle {
-    /// What the bilinear surface through the corners says: curves of different levels never cross.
+    /// As on the bilinear surface through the corners: curves of different levels never cross.
     Decider,
-    /// The low ones.
+    /// The low corners.
     Low,
-    /// The high ones.
+    /// The high corners.
     High,
 } }
 
 choices! {
-    /// How levels lie in the luminance of an image.
+    /// Spacing of levels in the luminance of an image.
     pub enum Spacing {
-        /// Between two levels there are always as many pixels.
+        /// As many pixels between each two levels.
         Quantile,
-        /// Evenly from the 2nd percentile to the 98th.
+        /// Evenly spaced from the 2nd percentile to the 98th.
         Uniform,
     }
 }
 
 params! {
-    /// Draws the lines of equal luminance of an image, for textures whose every pixel tells something: gravel, grass, sand.
+    /// Extracts the curves of equal luminance of an image, for textures with detail in every pixel: gravel, grass, sand.
     ///
-    /// The image is blurred a little; then lines are drawn between pixels where the luminance passes a level, with the gradient of the
-    /// luminance at each of their points. An image that repeats has lines across its seam; holes have none. `simplify` leaves out points
-    /// that change a line by no more than it says and its gradient by no more than the share `gradient_error`.
-    /// The summary tells how many curves and points there are, and the size of their file.
+    /// The image is blurred a little. Then curves are traced where the luminance passes a level, with the gradient of the luminance at
+    /// each point. Curves of a periodic image continue across its border; holes have no curves. Points are left out if the curve moves by
+    /// at most `simplify`, and its gradient changes by at most the fraction `gradient_error`. The summary has the number of curves
+    /// and points, and the size of their file.
     ///
     /// # Source
-    /// Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section 4.2, who do not say
-    /// how many levels they take, nor where.
+    /// Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section 4.2, who do not give
+    /// the number of levels and their spacing.
     pub struct IsophotesParams {
-        /// Levels.
+        /// Number of levels.
         count: u16 = 8, unit "levels", range 1..=64_u16;
-        /// How they lie in the luminance of the image.
+        /// Spacing of the levels in the luminance of the image.
         spacing: Spacing = Spacing::Quantile;
         /// Luminance of each level, in place of `count` and `spacing`.
         levels: Vec<f64> = Vec::new(), unit "", range -1000.0..=1000.0;
-        /// Standard deviation of the blur; 0 for none.
+        /// Standard deviation of the Gaussian blur; 0 for none.
         pre_blur: f64 = 1.0, unit "px", range 0.0..=32.0;
-        /// Which corners belong together between four pixels where two opposite ones are high.
+        /// Corners that are connected in a cell of four pixels with two opposite high ones.
         saddle: Saddle = Saddle::Decider;
-        /// How far a curve may be off to have fewer points; 0 keeps all points.
+        /// Maximum distance of a simplified curve from the exact one; 0 keeps all points.
         simplify: f64 = 0.25, unit "px", range 0.0..=8.0;
-        /// Share of its gradient by which a point that is left out may be off; of gradients below 0.3 of the root mean square, of that.
+        /// Maximum relative error of the gradient at an omitted point; for gradients below 0.3 of their root mean square, relative to that.
         gradient_error: f64 = 0.05, unit "", range 0.001..=10.0;
     }
 }
@@ -68,7 +68,7 @@ ports! {
             luma: Value<Luma>,
         }
         out {
-            /// Its curves.
+            /// The isophotes.
             isophotes: Value<Isophotes>,
         }
     }
@@ -121,7 +121,7 @@ impl Func for IsophotesNode {
 
     fn trial(rng: &mut Rng) -> (IsophotesParams, MemoryFiles) {
         let (count, pre_blur) = (1 + rng.below(9) as u16, rng.between(0.0, 3.0));
-        // Levels that are given may lie outside of the luminance, which is an error.
+        // Given levels may lie outside of the luminance, which is an error.
         let params = IsophotesParams { count, pre_blur, levels: Vec::new(), ..IsophotesParams::trial(rng) };
         (params, MemoryFiles::default())
     }
@@ -151,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn the_node_draws_what_its_parameters_say() {
+    fn the_isophotes_follow_the_parameters() {
         let found = run(params(), luma(40, 30)).unwrap();
         assert!(found.levels.len() == 8 && found.curves.len() > 8);
         let uniform =
@@ -166,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_drawn_is_refused() {
+    fn invalid_images_and_levels_are_refused() {
         let fault = run(params(), luma(1, 30)).unwrap_err();
         assert!(fault.code == "F125" && fault.message.contains("1 x 30"), "{fault}");
         let none = run(IsophotesParams { levels: vec![400.0], ..params() }, luma(40, 30)).unwrap_err();

@@ -14,7 +14,7 @@ use crate::core::shape::{Build, Shape};
 use crate::{params, ports};
 
 params! {
-    /// Reads isophotes from a file, as a tap of `Isophotes` writes it: textures that need no image any more.
+    /// Reads isophotes from a file, as a tap of `Isophotes` writes it, so that no image is needed.
     pub struct IsophotesFileParams {
         /// The file.
         path: AssetPath;
@@ -24,7 +24,7 @@ ports! {
     pub struct IsophotesFilePorts / IsophotesFileIo {
         in {}
         out {
-            /// The curves.
+            /// The isophotes.
             isophotes: Value<Isophotes>,
         }
     }
@@ -69,7 +69,7 @@ mod tests {
     use crate::core::standalone::Standalone;
 
     #[test]
-    fn a_file_that_is_none_is_named() {
+    fn an_invalid_file_is_named() {
         let mut files = MemoryFiles::default();
         files.insert("a.bin", b"fISO".to_vec());
         let p = IsophotesFileParams { path: AssetPath("a.bin".into()) };

@@ -1,6 +1,6 @@
 //! Streams of bits, and an adaptive Rice code.
 
-/// Writes bits, the lowest first.
+/// Writes bits, from the lowest.
 #[derive(Debug, Default)]
 pub(super) struct Writer {
     bytes: Vec<u8>,
@@ -14,8 +14,9 @@ impl Writer {
         Self { bytes: bytes.to_vec(), ..Self::default() }
     }
 
+    /// Writes the lowest `count` bits of a value, at most 32.
     pub fn bits(&mut self, value: u64, count: u32) {
-        // At most 7 bits are pending, and at most 32 come.
+        // At most 7 bits are pending.
         self.pending |= value << self.count;
         self.count += count;
         while self.count >= 8 {
@@ -25,6 +26,7 @@ impl Writer {
         }
     }
 
+    /// Returns all bytes, with the last one padded by zeros.
     pub fn finish(mut self) -> Vec<u8> {
         if self.count > 0 {
             self.bytes.push(self.pending as u8);
@@ -33,7 +35,7 @@ impl Writer {
     }
 }
 
-/// Reads them.
+/// Reads bits, from the lowest.
 pub(super) struct Reader<'a> {
     bytes: &'a [u8],
     at: usize,
@@ -52,6 +54,7 @@ impl<'a> Reader<'a> {
         self.bytes.len() - self.at
     }
 
+    /// Reads `count` bits; `None` at the end.
     pub fn bits(&mut self, count: u32) -> Option<u64> {
         while self.count < count {
             self.pending |= u64::from(*self.bytes.get(self.at)?) << self.count;
@@ -65,14 +68,14 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// Codes numbers of one kind, mostly near 0, in about as many bits as they have: Rice's code, whose parameter follows the mean.
+/// An adaptive Rice code for numbers near 0: its parameter follows their mean.
 #[derive(Clone, Debug)]
 pub(super) struct Rice {
     sum: u64,
     count: u64,
 }
 
-/// Ones after which a number follows in 32 bits.
+/// Length of a unary prefix after which a number follows in 32 bits.
 const ESCAPE: u64 = 20;
 
 impl Rice {
@@ -80,11 +83,12 @@ impl Rice {
         Self { sum: 16, count: 1 }
     }
 
-    pub fn low_bits(&self) -> u32 {
+    fn low_bits(&self) -> u32 {
         (self.sum / self.count).checked_ilog2().unwrap_or(0).min(24)
     }
 
-    pub fn learn(&mut self, value: u64) {
+    /// Updates the mean.
+    fn update(&mut self, value: u64) {
         self.sum += value.min(1 << 24);
         self.count += 1;
         if self.count == 64 {
@@ -106,7 +110,7 @@ impl Rice {
                 out.bits(value, 32);
             }
         }
-        self.learn(value);
+        self.update(value);
     }
 
     pub fn read(&mut self, from: &mut Reader<'_>) -> Option<i64> {
@@ -116,7 +120,7 @@ impl Rice {
         }
         let k = self.low_bits();
         let value = if ones == ESCAPE { from.bits(32)? } else { ones << k | from.bits(k)? };
-        self.learn(value);
+        self.update(value);
         Some((value >> 1) as i64 ^ -((value & 1) as i64))
     }
 }

@@ -1,50 +1,51 @@
-//! Fewer points for the same line.
+//! Line simplification by Douglas and Peucker, with a tolerance for gradients.
 
-/// Points of a line longer than this are simplified piece by piece, which bounds the work of unlucky lines.
-const PIECE: usize = 256;
+/// Maximum number of points that are simplified at once, which bounds the work in the worst case.
+const MAX_SPAN: usize = 256;
 
-/// How far off a line with fewer points may be.
+/// Tolerance of a simplified line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tolerance {
-    /// Pixels between a point that is left out and the straight line that takes its place; 0 keeps all points.
-    pub reach: f64,
-    /// Share of its gradient by which the one in between on that line may differ.
-    pub share: f64,
-    /// Size below which a gradient counts as so large, lest points around peaks are kept for next to nothing.
-    pub least: f64,
+    /// Maximum distance in pixels of an omitted point from the line; 0 keeps all points.
+    pub distance: f64,
+    /// Maximum relative error of the gradient interpolated at an omitted point.
+    pub gradient: f64,
+    /// Minimum magnitude to which that error is relative, so that small gradients around peaks need no points.
+    pub min_gradient: f64,
 }
 
-/// Which points of a line say as much as all of them, within a tolerance: their numbers, in order, with both ends.
+/// Simplifies a line within a tolerance. Returns the indices of the remaining points, in order, with both ends.
 ///
-/// `points` and `gradients` are of equal length.
+/// # Shapes
+/// `points` and `gradients` have the same length.
 ///
 /// # Complexity
-/// O(n log n) as a rule, O(256 n) at most.
+/// O(n log n) on average, O(256 n) at most.
 ///
 /// # Source
 /// Douglas and Peucker, "Algorithms for the reduction of the number of points required to represent a digitized line" (Cartographica,
 /// 1973).
 #[must_use]
 pub fn simplify(points: &[[f64; 2]], gradients: &[[f32; 2]], tolerance: Tolerance) -> Vec<usize> {
-    if tolerance.reach <= 0.0 || points.len() < 3 {
+    if tolerance.distance <= 0.0 || points.len() < 3 {
         return (0..points.len()).collect();
     }
     let last = points.len() - 1;
-    let mut kept = vec![0];
-    let mut todo = Vec::new();
-    for from in (0..last).step_by(PIECE) {
-        todo.push([from, (from + PIECE).min(last)]);
-        while let Some([a, b]) = todo.pop() {
+    let mut indices = vec![0];
+    let mut spans = Vec::new();
+    for from in (0..last).step_by(MAX_SPAN) {
+        spans.push([from, (from + MAX_SPAN).min(last)]);
+        while let Some([a, b]) = spans.pop() {
             match worst(points, gradients, [a, b], tolerance) {
-                Some(k) => todo.extend([[k, b], [a, k]]),
-                None => kept.push(b),
+                Some(k) => spans.extend([[k, b], [a, k]]),
+                None => indices.push(b),
             }
         }
     }
-    kept
+    indices
 }
 
-/// The point between two others that a straight line between them misses by most, where that is too much.
+/// Index of the point between two others with the largest error against the line between them, if it exceeds the tolerance.
 fn worst(
     points: &[[f64; 2]],
     gradients: &[[f32; 2]],
@@ -53,21 +54,24 @@ fn worst(
 ) -> Option<usize> {
     let (p, q) = (points[a], points[b]);
     let step = [q[0] - p[0], q[1] - p[1]];
-    let long = step[0] * step[0] + step[1] * step[1];
+    let length_squared = step[0] * step[0] + step[1] * step[1];
     let [from, to] = [gradients[a], gradients[b]].map(|g| g.map(f64::from));
-    let (mut most, mut found) = (1.0, None);
+    let (mut max, mut found) = (1.0, None);
     for k in a + 1..b {
-        let off = [points[k][0] - p[0], points[k][1] - p[1]];
-        let along =
-            if long > 0.0 { ((off[0] * step[0] + off[1] * step[1]) / long).clamp(0.0, 1.0) } else { 0.0 };
-        let miss = [0, 1].map(|i| off[i] - along * step[i]);
+        let offset = [points[k][0] - p[0], points[k][1] - p[1]];
+        let along = if length_squared > 0.0 {
+            ((offset[0] * step[0] + offset[1] * step[1]) / length_squared).clamp(0.0, 1.0)
+        } else {
+            0.0
+        };
+        let distance = [0, 1].map(|i| offset[i] - along * step[i]);
         let own = gradients[k].map(f64::from);
         let other = [0, 1].map(|i| from[i] + along * (to[i] - from[i]) - own[i]);
         let square = |v: [f64; 2]| v[0] * v[0] + v[1] * v[1];
-        let slack = tolerance.share.powi(2) * square(own).max(tolerance.least.powi(2));
-        let error = (square(miss) / tolerance.reach.powi(2)).max(square(other) / slack);
-        if error > most {
-            (most, found) = (error, Some(k));
+        let allowed = tolerance.gradient.powi(2) * square(own).max(tolerance.min_gradient.powi(2));
+        let error = (square(distance) / tolerance.distance.powi(2)).max(square(other) / allowed);
+        if error > max {
+            (max, found) = (error, Some(k));
         }
     }
     found
@@ -77,12 +81,12 @@ fn worst(
 mod tests {
     use super::*;
 
-    fn within(reach: f64, share: f64) -> Tolerance {
-        Tolerance { reach, share, least: 1.0 }
+    fn within(distance: f64, gradient: f64) -> Tolerance {
+        Tolerance { distance, gradient, min_gradient: 1.0 }
     }
 
     #[test]
-    fn straight_lines_keep_their_ends_and_corners_stay() {
+    fn simplified_lines_keep_their_ends_and_corners() {
         let points: Vec<[f64; 2]> =
             (0..=40).map(|k| if k < 20 { [f64::from(k), 0.0] } else { [20.0, f64::from(k - 20)] }).collect();
         let flat = vec![[1.0, 0.0]; 41];
@@ -95,19 +99,23 @@ mod tests {
     }
 
     #[test]
-    fn nothing_lies_further_off_than_allowed() {
+    fn omitted_points_are_within_the_tolerance() {
         let round = |k: usize| {
             let turn = k as f64 * 0.01;
             [20.0 * turn.cos() + 0.3 * (7.0 * turn).sin(), 20.0 * turn.sin()]
         };
         let points: Vec<[f64; 2]> = (0..700).map(round).collect();
         let gradients: Vec<[f32; 2]> = points.iter().map(|p| p.map(|x| (x / 20.0) as f32)).collect();
-        for (reach, share) in [(0.25, 10.0), (1.0, 0.05), (0.05, 0.5)] {
-            let kept = simplify(&points, &gradients, within(reach, share));
-            assert!(kept.len() < 130 && kept[0] == 0 && kept[kept.len() - 1] == 699, "{}", kept.len());
-            for pair in kept.windows(2) {
+        for (distance, gradient) in [(0.25, 10.0), (1.0, 0.05), (0.05, 0.5)] {
+            let indices = simplify(&points, &gradients, within(distance, gradient));
+            assert!(
+                indices.len() < 130 && indices[0] == 0 && indices[indices.len() - 1] == 699,
+                "{}",
+                indices.len()
+            );
+            for pair in indices.windows(2) {
                 assert!(pair[0] < pair[1]);
-                assert_eq!(worst(&points, &gradients, [pair[0], pair[1]], within(reach, share)), None);
+                assert_eq!(worst(&points, &gradients, [pair[0], pair[1]], within(distance, gradient)), None);
             }
         }
         assert!(simplify(&[], &[], within(0.25, 1.0)).is_empty());

@@ -1,4 +1,4 @@
-//! Isophotes as a value: their drawing, their file, and some for trials.
+//! Isophotes as data of ports: drawing, file, report and random trials.
 
 use super::code::encode_isophotes;
 use super::curves::Isophotes;
@@ -9,8 +9,8 @@ use crate::core::random::Rng;
 use crate::texture::maps::Luma;
 use std::fmt::Write;
 
-/// Points that a drawing shows at most; of more, curves are left out evenly.
-const DRAWN: usize = 400_000;
+/// Maximum number of points in a drawing; above it, only every n-th curve is drawn.
+const MAX_DRAWN: usize = 400_000;
 
 impl Data for Isophotes {
     const NAME: &'static str = "isophotes";
@@ -29,10 +29,10 @@ impl Data for Isophotes {
             "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"-0.5 -0.5 {w} {h}\">\n<rect x=\"-0.5\" y=\"-0.5\" \
              width=\"{w}\" height=\"{h}\" fill=\"white\"/>\n<g fill=\"none\" stroke-width=\"0.5\">\n"
         );
-        let every = self.points.len() / DRAWN + 1;
+        let every = self.points.len() / MAX_DRAWN + 1;
         for (k, level) in self.levels.iter().enumerate() {
             let colour = colour(k, self.levels.len());
-            // Writing to a string does not fail.
+            // Writing to a string cannot fail.
             let _ = write!(svg, "<path stroke=\"{colour}\" data-level=\"{level}\" d=\"");
             let own = self.iter().filter(|(curve, ..)| usize::from(curve.level) == k);
             for (curve, points, _) in own.step_by(every) {
@@ -56,16 +56,16 @@ impl Data for Isophotes {
     }
 }
 
-/// From dark blue for the lowest level over green to orange for the highest.
+/// Colour of level `k`: from dark blue for the lowest over green to orange for the highest.
 fn colour(k: usize, count: usize) -> String {
-    const WAY: [[f64; 3]; 3] = [[25.0, 40.0, 120.0], [40.0, 140.0, 110.0], [235.0, 130.0, 20.0]];
+    const STOPS: [[f64; 3]; 3] = [[25.0, 40.0, 120.0], [40.0, 140.0, 110.0], [235.0, 130.0, 20.0]];
     let along = 2.0 * k as f64 / (count.max(2) - 1) as f64;
     let (from, t) = if along < 1.0 { (0, along) } else { (1, along - 1.0) };
-    let mix = |c: usize| (WAY[from][c] + (WAY[from + 1][c] - WAY[from][c]) * t).round() as u8;
+    let mix = |c: usize| (STOPS[from][c] + (STOPS[from + 1][c] - STOPS[from][c]) * t).round() as u8;
     format!("#{:02x}{:02x}{:02x}", mix(0), mix(1), mix(2))
 }
 
-/// The figures of isophotes that a report lists.
+/// Figures of isophotes for the report of a run.
 pub(super) fn summary(found: &Isophotes) -> Summary {
     let bytes = encode_isophotes(found).len();
     vec![
@@ -82,7 +82,7 @@ mod tests {
     use crate::texture::{Grid, LumaKind, Surface, decode_isophotes};
 
     #[test]
-    fn a_drawing_shows_each_level_and_a_file_reads_back() {
+    fn a_drawing_has_each_level_and_a_file_is_read_again() {
         let grid = Grid::from_fn(24, 20, |x, y| (x as f32 - 12.0).hypot(y as f32 - 10.0));
         let luma = Luma { grid, holes: Vec::new(), kind: LumaKind::Lstar, surface: Surface::default() };
         let levels = Levels::These(vec![3.0, 6.0]);

@@ -1,4 +1,4 @@
-//! Codes of a map of discontinuities: one bit, one byte, or a pair of signed bytes to a pixel.
+//! Codes of a discontinuity map: one bit, one byte, or a pair of signed bytes per pixel.
 
 use crate::texture::filter::sobel::length;
 use crate::texture::filter::{Kernel, smooth};
@@ -6,40 +6,40 @@ use crate::texture::grid::{Grid, percentile};
 use crate::texture::maps::{DiscontinuityMap, Surface};
 use serde::{Deserialize, Serialize};
 
-/// Standard deviation, in pixels, of the Gaussian through which bits are read: unblurred they would be a comb of steps.
+/// Standard deviation, in pixels, of the Gaussian over decoded bits, which smooths their steps.
 pub const BIT_BLUR: f64 = 0.7;
 
-/// How a map is stored.
+/// Coding of a map.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Coding {
-    /// A pair of signed bytes, the gradient along x and y: what a force that knows directions needs.
+    /// A pair of signed bytes, the gradient along x and y, for forces that depend on the direction of motion.
     #[default]
     Signed,
-    /// One byte, the length of the gradient up to its 99.9 percentile.
+    /// One byte, the magnitude of the gradient up to its 99.9th percentile.
     Byte,
-    /// One bit, whether the gradient exceeds a threshold: the paper.
+    /// One bit, 1 where the gradient exceeds a threshold, as in the paper.
     Bit,
 }
 
-/// A map as it is stored.
+/// A coded map.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CodedMap {
-    /// How.
+    /// The coding.
     pub coding: Coding,
     /// Columns.
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// Gradient, in luminance per pixel, of the greatest number that is stored; for bits, the threshold.
+    /// Gradient, in luminance per pixel, of the largest code value; for bits, the threshold.
     pub scale: f32,
-    /// The code, row by row: eight pixels to a byte from the lowest bit on, without gaps between rows; bytes; or pairs x, y.
+    /// The code, row by row: eight pixels per byte from the lowest bit, without padding between rows; bytes; or pairs x, y.
     pub bytes: Vec<u8>,
-    /// How it lies on the surface.
+    /// Scale on the surface.
     pub surface: Surface,
 }
 
 impl CodedMap {
-    /// Stores a map; `threshold` is that of bits, by Otsu's method where there is none.
+    /// Codes a map; `threshold` is that of bits, by default from Otsu's method.
     ///
     /// # Complexity
     /// `O(pixels)`.
@@ -55,36 +55,36 @@ impl CodedMap {
             }
             Coding::Byte => {
                 let g = g();
-                let top = percentile(g.iter().copied(), 0.999);
-                let unit = steps(255.0, top);
-                (top, g.iter().map(|g| (g * unit).round().min(255.0) as u8).collect())
+                let max = percentile(g.iter().copied(), 0.999);
+                let unit = steps(255.0, max);
+                (max, g.iter().map(|g| (g * unit).round().min(255.0) as u8).collect())
             }
             Coding::Signed => {
-                let top = pairs().fold(0.0_f32, |top, (x, y)| top.max(x.abs()).max(y.abs()));
-                let unit = steps(127.0, top);
+                let max = pairs().fold(0.0_f32, |max, (x, y)| max.max(x.abs()).max(y.abs()));
+                let unit = steps(127.0, max);
                 let byte = |g: f32| ((g * unit).round() as i8) as u8;
-                (top, pairs().flat_map(|(x, y)| [byte(*x), byte(*y)]).collect())
+                (max, pairs().flat_map(|(x, y)| [byte(*x), byte(*y)]).collect())
             }
         };
         let (width, height) = (map.gx.width, map.gx.height);
         Self { coding, width, height, scale, bytes, surface: map.surface }
     }
 
-    /// The gradients of a signed code, to half of `scale / 127`; `None` for others, which hold no directions.
+    /// Returns the gradients of a signed code, with an error of at most `scale / 254`; `None` for the other codings.
     #[must_use]
     pub fn gradient(&self) -> Option<DiscontinuityMap> {
         if self.coding != Coding::Signed {
             return None;
         }
-        let grid = |at: usize| {
-            let samples = self.bytes.iter().skip(at).step_by(2);
+        let grid = |axis: usize| {
+            let samples = self.bytes.iter().skip(axis).step_by(2);
             let samples = samples.map(|b| f32::from(*b as i8) * self.scale / 127.0).collect();
             Grid { width: self.width, height: self.height, samples }
         };
         Some(DiscontinuityMap { gx: grid(0), gy: grid(1), surface: self.surface })
     }
 
-    /// The length of the gradient as it is read back, 1 at most: bits through a Gaussian, numbers as they are.
+    /// Returns the decoded magnitude of the gradient, 0 to 1; bits are smoothed by a Gaussian of [`BIT_BLUR`] pixels.
     #[must_use]
     pub fn magnitude(&self) -> Grid {
         let (width, height) = (self.width, self.height);
@@ -107,12 +107,12 @@ impl CodedMap {
     }
 }
 
-/// Steps to a unit where `count` of them make `top`; none where everything is 0.
-fn steps(count: f32, top: f32) -> f32 {
-    if top > 0.0 { count / top } else { 0.0 }
+/// Quantisation steps per unit, so that `count` steps are `max`; 0 if `max` is 0.
+fn steps(count: f32, max: f32) -> f32 {
+    if max > 0.0 { count / max } else { 0.0 }
 }
 
-/// Bits into bytes, from the lowest bit on.
+/// Packs bits into bytes, from the lowest bit.
 #[must_use]
 pub fn pack(bits: impl Iterator<Item = bool>) -> Vec<u8> {
     let mut bytes = Vec::new();
@@ -127,12 +127,12 @@ pub fn pack(bits: impl Iterator<Item = bool>) -> Vec<u8> {
     bytes
 }
 
-/// The first `count` bits that [`pack`] was given.
+/// Unpacks the first `count` bits of [`pack`].
 pub fn unpack(bytes: &[u8], count: usize) -> impl Iterator<Item = bool> + '_ {
     bytes.iter().flat_map(|byte| (0..8).map(move |k| byte >> k & 1 == 1)).take(count)
 }
 
-/// The threshold that parts gradients best into two groups, by Otsu's method over 256 bins of `ln(1 + g)`.
+/// Returns the threshold of gradients by Otsu's method, over 256 bins of `ln(1 + g)`.
 ///
 /// # Source
 /// Otsu, "A threshold selection method from gray-level histograms" (1979).
@@ -155,10 +155,10 @@ pub fn otsu(gradients: &[f32]) -> f32 {
         (below, sum_below) = (below + n, sum_below + n * centre(k));
         let above = total - below;
         if below > 0.0 && above > 0.0 {
-            let apart = sum_below / below - (sum - sum_below) / above;
-            let between = below * above * apart * apart;
-            if between > best.0 {
-                best = (between, centre(k));
+            let distance = sum_below / below - (sum - sum_below) / above;
+            let variance = below * above * distance * distance;
+            if variance > best.0 {
+                best = (variance, centre(k));
             }
         }
     }
@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn bits_come_back_and_take_an_eighth_of_a_byte() {
+    fn packed_bits_are_unpacked_and_take_an_eighth_of_a_byte() {
         let map = map(512, 512);
         let code = CodedMap::new(&map, Coding::Bit, Some(5.0));
         assert_eq!(code.bytes.len(), 32_768);
@@ -197,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn otsu_finds_the_edges_as_skimage_does() {
+    fn otsu_thresholds_are_those_of_skimage() {
         let map = map(64, 64);
         let code = CodedMap::new(&map, Coding::Bit, None);
         let part = unpack(&code.bytes, 64 * 64).filter(|bit| *bit).count() as f64 / 4096.0;
@@ -214,7 +214,7 @@ mod tests {
     const OTSU: f64 = include!("../testdata/otsu.in");
 
     #[test]
-    fn signed_pairs_come_back_to_half_a_step() {
+    fn signed_pairs_are_decoded_to_half_a_step() {
         let map = map(40, 30);
         let code = CodedMap::new(&map, Coding::Signed, None);
         assert_eq!(code.bytes.len(), 2 * 40 * 30);
@@ -230,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn bytes_follow_the_length_up_to_their_scale() {
+    fn bytes_follow_the_magnitude_up_to_their_scale() {
         let map = map(40, 30);
         let code = CodedMap::new(&map, Coding::Byte, None);
         assert_eq!(code.bytes.len(), 40 * 30);
@@ -250,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn bits_are_read_through_a_gaussian_of_seven_tenths_of_a_pixel() {
+    fn decoded_bits_are_smoothed_by_a_gaussian_of_seven_tenths_of_a_pixel() {
         let code = CodedMap::new(&map(64, 48), Coding::Bit, None);
         let bits: Vec<bool> = unpack(&code.bytes, 64 * 48).collect();
         let weight = |d: i64| (-(d * d) as f64 / (2.0 * 0.7 * 0.7)).exp();
@@ -267,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn bits_are_read_without_steps_and_a_flat_map_is_all_zero() {
+    fn decoded_bits_have_no_steps_and_a_flat_map_is_all_zero() {
         let m = CodedMap::new(&map(64, 64), Coding::Bit, None).magnitude();
         let steepest = m.samples.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f32::max);
         assert!(steepest < 0.6, "{steepest}");

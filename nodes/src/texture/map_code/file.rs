@@ -1,7 +1,7 @@
-//! Coded maps as files.
+//! Coded maps as data of ports and as files.
 //!
-//! After `fMAP` and a version come the coding, what lies beyond the border, columns and rows in 32 bits, the scale in 32 bits, pixels per
-//! metre along x and y and the depth in 64 bits each, and the code itself; the lower byte first.
+//! A file holds, little endian: `fMAP`; version, coding and border, one byte each; columns, rows and scale in 32 bits each; pixels
+//! per metre along x and y, and depth, in 64 bits each; the code.
 
 use super::code::{CodedMap, Coding};
 use crate::core::item::Data;
@@ -13,10 +13,10 @@ use crate::texture::maps::{DiscontinuityMap, Surface};
 /// First bytes of a file.
 const MAGIC: &[u8; 4] = b"fMAP";
 const VERSION: u8 = 1;
-/// Most pixels along a side of a map that is read.
-const MOST: u32 = 1 << 20;
+/// Maximum side of a map, in pixels.
+const MAX_SIDE: u32 = 1 << 20;
 
-/// Bytes of the code of so many pixels; `None` where they are too many to be counted.
+/// Length of the code of a map in bytes; `None` on overflow.
 fn code_bytes(coding: Coding, width: usize, height: usize) -> Option<usize> {
     let pixels = width.checked_mul(height)?;
     match coding {
@@ -26,7 +26,7 @@ fn code_bytes(coding: Coding, width: usize, height: usize) -> Option<usize> {
     }
 }
 
-/// A coded map as bytes.
+/// Writes a coded map as bytes.
 #[must_use]
 pub fn encode_map(map: &CodedMap) -> Vec<u8> {
     let mut out = Vec::with_capacity(43 + map.bytes.len());
@@ -57,7 +57,7 @@ pub fn encode_map(map: &CodedMap) -> Vec<u8> {
 /// Reads a coded map from bytes.
 ///
 /// # Errors
-/// Says what is wrong with them.
+/// A message with the defect.
 pub fn decode_map(bytes: &[u8]) -> Result<CodedMap, String> {
     let rest = bytes.strip_prefix(MAGIC).ok_or("this is no coded map: it does not begin with `fMAP`")?;
     match rest.first() {
@@ -65,8 +65,8 @@ pub fn decode_map(bytes: &[u8]) -> Result<CodedMap, String> {
         Some(version) => return Err(format!("version {version}; this foley reads version {VERSION}")),
         None => return Err("it ends in its first bytes".into()),
     }
-    let (map, code) = head(rest.get(1..).unwrap_or_default())
-        .ok_or("it ends in its head, or says sizes or densities that cannot be")?;
+    let (map, code) = header(rest.get(1..).unwrap_or_default())
+        .ok_or("it ends in its header, or has an impossible size or density")?;
     let wanted = code_bytes(map.coding, map.width, map.height);
     if wanted != Some(code.len()) {
         return Err(format!(
@@ -80,15 +80,15 @@ pub fn decode_map(bytes: &[u8]) -> Result<CodedMap, String> {
     Ok(CodedMap { bytes: code.to_vec(), ..map })
 }
 
-/// The first `N` bytes, and what follows them.
+/// Removes and returns the first `N` bytes.
 fn first<const N: usize>(bytes: &mut &[u8]) -> Option<[u8; N]> {
-    let (now, later) = bytes.split_first_chunk()?;
-    *bytes = later;
-    Some(*now)
+    let (chunk, rest) = bytes.split_first_chunk()?;
+    *bytes = rest;
+    Some(*chunk)
 }
 
 /// A map without its code, and the code.
-fn head(mut bytes: &[u8]) -> Option<(CodedMap, &[u8])> {
+fn header(mut bytes: &[u8]) -> Option<(CodedMap, &[u8])> {
     let from = &mut bytes;
     let [coding, wrap] = first(from)?;
     let coding = *[Coding::Signed, Coding::Byte, Coding::Bit].get(usize::from(coding))?;
@@ -100,8 +100,8 @@ fn head(mut bytes: &[u8]) -> Option<(CodedMap, &[u8])> {
         f64::from_le_bytes(first(from)?),
         f64::from_le_bytes(first(from)?),
     ];
-    let sizes = (1..=MOST).contains(&width) && (1..=MOST).contains(&height);
-    let lies = [x, y].iter().all(|d| d.is_finite() && *d > 0.0) && depth.is_finite() && depth >= 0.0;
+    let sizes = (1..=MAX_SIDE).contains(&width) && (1..=MAX_SIDE).contains(&height);
+    let scaled = [x, y].iter().all(|d| d.is_finite() && *d > 0.0) && depth.is_finite() && depth >= 0.0;
     let map = CodedMap {
         coding,
         width: width as usize,
@@ -110,7 +110,7 @@ fn head(mut bytes: &[u8]) -> Option<(CodedMap, &[u8])> {
         bytes: Vec::new(),
         surface: Surface { density: [x, y], depth, wrap },
     };
-    (sizes && lies && scale.is_finite() && scale >= 0.0).then_some((map, bytes))
+    (sizes && scaled && scale.is_finite() && scale >= 0.0).then_some((map, bytes))
 }
 
 impl Data for CodedMap {
@@ -138,7 +138,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn maps_of_all_codings_come_back() {
+    fn maps_of_all_codings_are_read_again() {
         let mut rng = Rng::new(7);
         for _ in 0..20 {
             let map = CodedMap::trial(&mut rng);
@@ -153,18 +153,18 @@ mod tests {
         assert!(decode_map(b"").unwrap_err().contains("fMAP"));
         assert!(decode_map(b"fMAP").unwrap_err().contains("first bytes"));
         assert!(decode_map(b"fMAP\x09").unwrap_err().contains("version 9"));
-        assert!(decode_map(b"fMAP\x01ab").unwrap_err().contains("head"));
+        assert!(decode_map(b"fMAP\x01ab").unwrap_err().contains("header"));
         let mut rng = Rng::new(2);
         let good = encode_map(&CodedMap::trial(&mut rng));
         assert!(decode_map(&good[..good.len() - 1]).unwrap_err().contains("damaged"));
         assert!(decode_map(&[&good[..], &[0]].concat()).unwrap_err().contains("damaged"));
-        // A coding, a border, a width, a height, a scale and a density that are none.
-        let none: [(usize, &[u8]); 6] =
+        // An invalid coding, border, width, height, scale and density.
+        let invalid: [(usize, &[u8]); 6] =
             [(5, &[3]), (6, &[7]), (7, &[0; 4]), (11, &[0xFF; 4]), (15, &[0xFF; 4]), (19, &[0; 8])];
-        for (at, with) in none {
+        for (at, with) in invalid {
             let mut bad = good.clone();
             bad[at..at + with.len()].copy_from_slice(with);
-            assert!(decode_map(&bad).unwrap_err().contains("head"), "{at}");
+            assert!(decode_map(&bad).unwrap_err().contains("header"), "{at}");
         }
         let mut wide = good.clone();
         wide[9] = 1;

@@ -1,4 +1,4 @@
-//! Maps of discontinuities and their codes, as value nodes.
+//! The coding of discontinuity maps, as a value node.
 
 use super::code::{CodedMap, Coding};
 use crate::core::fault::Fault;
@@ -9,25 +9,25 @@ use crate::texture::maps::{DiscontinuityMap, FeatureMap};
 use crate::{choices, params, ports};
 
 choices! { @param Coding {
-    /// A pair of signed bytes to a pixel: the gradient along x and y.
+    /// A pair of signed bytes per pixel: the gradient along x and y.
     Signed,
-    /// One byte: the length of the gradient up to its 99.9 percentile.
+    /// One byte: the magnitude of the gradient up to its 99.9th percentile.
     Byte,
-    /// One bit: whether the gradient exceeds a threshold. The paper.
+    /// One bit: 1 where the gradient exceeds a threshold, as in the paper.
     Bit,
 } }
 
 params! {
-    /// A map of discontinuities as it is stored: a bit, a byte or a pair of signed bytes to a pixel.
+    /// Codes a discontinuity map with a bit, a byte or a pair of signed bytes per pixel.
     ///
-    /// `coded` is the code, which `MapExcitation` plays and a tap as `.bin` writes for `MapFile`; `magnitude` is what is read back: the
-    /// length of the gradient, 1 at most.
-    /// Bits are read through a Gaussian of 0.7 pixels, for unblurred they would tie the sound to the rate of audio.
+    /// `coded` is the code, which `MapExcitation` plays and a tap as `.bin` writes for `MapFile`. `magnitude` is the decoded magnitude
+    /// of the gradient, 0 to 1. Decoded bits are smoothed by a Gaussian of 0.7 pixels; without it their steps would make the sound
+    /// depend on the sample rate.
     ///
     /// # Source
     /// Picard, Tsingos and Faure (VRIPHYS 2008), section 4.1; Otsu (1979) for the threshold.
     pub struct MapCoderParams {
-        /// How the map is stored.
+        /// Coding of the map.
         coding: Coding = Coding::Signed;
         /// Gradient, in luminance per pixel, above which a bit is set; `None` finds it by Otsu's method.
         threshold: Option<f32> = None, unit "", range 0.0..=1000.0;
@@ -43,7 +43,7 @@ ports! {
         out {
             /// The code.
             coded: Value<CodedMap>,
-            /// The length of the gradient as it is read back.
+            /// The decoded magnitude of the gradient.
             magnitude: Value<FeatureMap>,
         }
     }

@@ -1,4 +1,4 @@
-//! The node that reads coded maps.
+//! Coded maps from files, as a value node.
 
 use super::code::CodedMap;
 use super::file::{decode_map, encode_map};
@@ -13,7 +13,7 @@ use crate::core::shape::{Build, Shape};
 use crate::{params, ports};
 
 params! {
-    /// Reads a coded map from a file, as a tap of `coded` of `MapCoder` writes it: surfaces that need no image any more.
+    /// Reads a coded map from a file, as a tap of `coded` of `MapCoder` writes it, so that no image is needed.
     ///
     /// `MapExcitation` plays it by its input `coded`.
     pub struct MapFileParams {
@@ -84,7 +84,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_tap_writes_is_read_and_what_is_no_map_is_named() {
+    fn files_of_a_tap_are_read_and_other_files_are_named() {
         let map = CodedMap::trial(&mut Rng::new(3));
         assert_eq!(read(map.file().unwrap()).unwrap(), map);
         let fault = read(b"fISO".to_vec()).unwrap_err();

@@ -1,4 +1,4 @@
-//! Noise beside the features of a texture, as a value node.
+//! Noise of a texture without its features, as a value node.
 
 use super::split::{noise, statistics};
 use crate::core::fault::Fault;
@@ -10,15 +10,15 @@ use crate::texture::maps::{FeatureMap, Luma, NoiseMap};
 use crate::{params, ports};
 
 params! {
-    /// What is left of a texture beside its smoothed image and its features: noise of mean 0.
+    /// The residual of a texture without its smoothed image and its features: noise of mean 0.
     ///
-    /// The report tells its variance, its kurtosis, how the change along rows compares with that along columns (`isotropy`) and the
-    /// variance of its tiles, greatest over least (`stationarity`): one line can stand for the noise only where it is everywhere alike.
+    /// The report has its variance, its kurtosis, the power of differences along rows over that along columns (`isotropy`), and the
+    /// largest over the smallest variance of its tiles (`stationarity`). A single profile represents the noise only if both are near 1.
     ///
     /// # Source
     /// Picard, Tsingos and Faure (VRIPHYS 2008), section 4.2 and figure 5.
     pub struct FeatureNoiseSplitParams {
-        /// Whether the noise is silenced on features.
+        /// Whether the noise is multiplied by 1 less the features.
         mask_features: bool = true;
     }
 }
@@ -28,9 +28,9 @@ ports! {
         in {
             /// The luminance.
             luma: Value<Luma>,
-            /// The same, smoothed by `Bilateral`.
+            /// The luminance smoothed by `Bilateral`.
             smooth: Value<Luma>,
-            /// Its features.
+            /// The features of the smoothed luminance.
             features: Value<FeatureMap>,
         }
         out {
@@ -44,7 +44,7 @@ ports! {
 #[derive(Debug)]
 pub struct FeatureNoiseSplit;
 
-/// Refuses a map of another size than the luminance.
+/// Returns an error for a map that has another size than the luminance.
 fn same_size(field: &str, luma: &Grid, other: &Grid) -> Result<(), Fault> {
     if (luma.width, luma.height) == (other.width, other.height) {
         return Ok(());
@@ -53,7 +53,7 @@ fn same_size(field: &str, luma: &Grid, other: &Grid) -> Result<(), Fault> {
         "`{field}` has {} x {} pixels, `luma` {} x {}",
         other.width, other.height, luma.width, luma.height
     );
-    Err(Fault::new("F124", message).at(field).help("make both of one image"))
+    Err(Fault::new("F124", message).at(field).help("use maps of the same image"))
 }
 
 impl Func for FeatureNoiseSplit {
@@ -148,20 +148,20 @@ mod tests {
         let wide = Grid::from_fn(256, 128, |x, y| if x < 128 { half.samples[128 * y + x] } else { 0.0 });
         let surface = Surface { wrap: crate::texture::Wrap::Clamp, ..Surface::default() };
         let luma = |grid, holes| Luma { grid, holes, kind: LumaKind::Lstar, surface };
-        let (right, told) = split(&luma(half, Vec::new()));
+        let (right, summary) = split(&luma(half, Vec::new()));
         let holes: Vec<bool> = (0..256 * 128).map(|k| k % 256 >= 128).collect();
-        let (ours, ours_told) = split(&luma(wide, holes.clone()));
+        let (ours, our_summary) = split(&luma(wide, holes.clone()));
         assert_eq!(ours.holes, holes);
         for key in ["variance", "kurtosis", "isotropy"] {
-            let of = |told: &Summary| told.iter().find(|(k, _)| *k == key).unwrap().1.as_f64().unwrap();
+            let of = |summary: &Summary| summary.iter().find(|(k, _)| *k == key).unwrap().1.as_f64().unwrap();
             assert!(
-                (of(&ours_told) / of(&told) - 1.0).abs() < 0.02,
+                (of(&our_summary) / of(&summary) - 1.0).abs() < 0.02,
                 "{key}: {} {}",
-                of(&ours_told),
-                of(&told)
+                of(&our_summary),
+                of(&summary)
             );
         }
-        // Away from the border of the hole it is the same noise.
+        // Far from the border of the hole the noise is the same.
         for (k, x) in right.grid.samples.iter().enumerate().filter(|(k, _)| k % 128 < 110) {
             let other = ours.grid.samples[k / 128 * 256 + k % 128];
             assert!((x - other).abs() < 0.05, "{k}: {x} {other}");

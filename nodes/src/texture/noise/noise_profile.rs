@@ -1,6 +1,6 @@
-//! The code of a noise map, as a value node.
+//! The noise profile of a noise map, as a value node.
 
-use super::detail::{extend, factor_for};
+use super::detail::{MAX_EXTENDED, extend, factor_for};
 use super::profile::{PROFILE, profile, variance};
 use super::spectrum::NoiseModel;
 use super::split::statistics;
@@ -14,44 +14,45 @@ use crate::core::shape::Build;
 use crate::texture::maps::{NoiseMap, NoiseProfile};
 use crate::{choices, params, ports};
 
-/// Most samples of synthesised noise before it is refined, and least.
-const TABLE: usize = 1 << 16;
-const SHORTEST: usize = 4096;
+/// Maximum length of synthesised noise before its extension, in samples.
+const MAX_LENGTH: usize = 1 << 16;
+/// Minimum length of synthesised noise before its extension, in samples.
+const MIN_LENGTH: usize = 4096;
 
 choices! {
-    /// How noise is stored.
+    /// Representation of noise.
     pub enum NoiseCode {
-        /// Samples along rows of the map: the paper.
+        /// Samples along rows of the map, as in the paper.
         Profile,
-        /// Its spectrum as 16 poles, its variance and, where it is spiky, its distribution: other noise of the same kind.
+        /// The spectrum as 16 poles, the variance and, for a kurtosis above 4, the distribution: other noise with the same statistics.
         Spectrum,
-        /// Its spectrum as 32 bands of a quarter of an octave in place of the poles: nearer where a spectrum has steep edges.
+        /// The spectrum as 32 bands of a quarter of an octave in place of the poles: more accurate for spectra with steep edges.
         Bands,
     }
 }
 
 params! {
-    /// One line of noise that stands for a noise map, closed to a loop at a known spacing.
+    /// A profile of a noise map: a closed loop of samples at a known spacing.
     ///
-    /// `Profile` reads rows of the map to and fro and joins them; `Spectrum` and `Bands` make other noise of the same spectrum. An image holds nothing
-    /// finer than two pixels; `extend` goes on above that with the slope that the spectrum has in its upper two octaves, adding a
-    /// quarter of the variance at most, until one sample of audio at `v_max` is one sample of the profile.
+    /// `Profile` joins rows of the map, read in alternating directions; `Spectrum` and `Bands` synthesise noise with the same spectrum.
+    /// An image has no wavelengths below two pixels. `extend` continues the spectrum above that with the slope of its upper two
+    /// octaves, until one sample of the profile is at most one sample of audio at `v_max`; it adds at most a quarter of the variance.
     ///
-    /// A tap as `.bin` writes the samples as they are stored, in 16 bits each; as SVG it draws them.
+    /// A tap as `.bin` writes the samples as 16-bit floats; a tap as SVG draws them.
     ///
     /// # Randomness
-    /// Noise that is synthesised, and detail that is added, depend on the seed.
+    /// Synthesised noise and added detail depend on the seed.
     ///
     /// # Source
     /// Picard, Tsingos and Faure (VRIPHYS 2008), section 4.2; van den Doel, Kry and Pai, "FoleyAutomatic" (SIGGRAPH 2001), for the spacing.
     pub struct NoiseProfileParams {
-        /// How the noise is stored.
+        /// Representation of the noise.
         code: NoiseCode = NoiseCode::Profile;
-        /// Samples of a stored line, before detail is added: more of them repeat later.
+        /// Length of a stored profile before its extension: a longer one repeats later.
         samples: usize = PROFILE, unit "samples", range 256..=262_144;
-        /// Whether detail is added that the image does not hold.
+        /// Whether detail finer than the image is added.
         extend: bool = true;
-        /// Highest speed that detail is made for.
+        /// Maximum speed of contacts, for the spacing of the added detail.
         v_max: f64 = 2.0, unit "m/s", range 0.001..=1000.0;
     }
 }
@@ -63,7 +64,7 @@ ports! {
             noise: Value<NoiseMap>,
         }
         out {
-            /// The line of noise.
+            /// The profile.
             profile: Value<NoiseProfile>,
         }
     }
@@ -80,7 +81,7 @@ impl Func for NoiseProfileNode {
     const VERSION: u32 = 2;
 
     fn eval(p: &NoiseProfileParams, cx: &Build<'_>, mut io: NoiseProfileIo<'_>) -> Result<Summary, Fault> {
-        let finest = |profile: &NoiseProfile| if p.extend { factor_for(profile, p.v_max) } else { 1 };
+        let factor = |profile: &NoiseProfile| if p.extend { factor_for(profile, p.v_max) } else { 1 };
         let (base, bytes) = match p.code {
             NoiseCode::Profile => (profile(io.noise, p.samples), 2 * p.samples),
             code => {
@@ -88,28 +89,28 @@ impl Func for NoiseProfileNode {
                 let fit = if code == NoiseCode::Bands { NoiseModel::bands } else { NoiseModel::poles };
                 let model = fit(io.noise, kurtosis);
                 let spacing = 1.0 / io.noise.surface.density[0];
-                // The finer the detail, the shorter the loop: together they keep to one size.
-                let coarse = NoiseProfile { samples: vec![0.0; SHORTEST], spacing };
-                let count = (super::detail::MOST / finest(&coarse)).clamp(SHORTEST, TABLE);
+                // A larger factor gets a shorter loop, within the same maximum size.
+                let coarse = NoiseProfile { samples: vec![0.0; MIN_LENGTH], spacing };
+                let count = (MAX_EXTENDED / factor(&coarse)).clamp(MIN_LENGTH, MAX_LENGTH);
                 (NoiseProfile { samples: model.synthesize(count, &cx.random), spacing }, model.bytes())
             }
         };
-        let (fine, told) = extend(&base, finest(&base), &cx.random);
+        let (fine, extension) = extend(&base, factor(&base), &cx.random);
         let summary = vec![
             ("bytes", bytes.into()),
             ("samples", fine.samples.len().into()),
             ("spacing_m", fine.spacing.into()),
             ("loop_m", (fine.spacing * fine.samples.len() as f64).into()),
             ("variance", variance(fine.samples.iter().copied()).into()),
-            ("added_variance", told.added.into()),
-            ("slope_db_per_octave", told.slope_db.into()),
+            ("added_variance", extension.added.into()),
+            ("slope_db_per_octave", extension.slope_db.into()),
         ];
         io.profile.set(fine);
         Ok(summary)
     }
 
     fn trial(rng: &mut Rng) -> (NoiseProfileParams, MemoryFiles) {
-        // Only high speeds, whose profiles are short.
+        // High speeds only, which have short profiles.
         let (v_max, samples) = (rng.between(50.0, 1000.0), 256 + rng.below(9000));
         let p = NoiseProfileParams { v_max, samples, ..NoiseProfileParams::trial(rng) };
         (p, MemoryFiles::default())
@@ -154,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn detail_is_as_fine_as_audio_at_the_highest_speed() {
+    fn the_spacing_of_detail_is_that_of_audio_at_the_highest_speed() {
         for code in ["Profile", "Spectrum", "Bands"] {
             let fine = made(code, true);
             assert!(fine.spacing <= 2.0 / 44_100.0, "{code}: {}", fine.spacing);
@@ -169,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn a_longer_line_repeats_later() {
+    fn a_profile_has_the_length_of_its_parameter() {
         let long = made_of("Profile", false, 50_000);
         assert_eq!((long.samples.len(), long.spacing), (50_000, 1.0 / 512.0));
         assert!((variance(long.samples.iter().copied()) / 3.0 - 1.0).abs() < 0.02);

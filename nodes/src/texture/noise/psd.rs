@@ -1,44 +1,44 @@
-//! The spectrum of noise as 32 bands of equal width on a logarithmic scale.
+//! The power spectral density of noise in 32 bands of equal logarithmic width.
 //!
 //! # Source
-//! The statistical code of Picard, Tsingos and Faure (VRIPHYS 2008), section 4.2, made concrete; powers by the mean of windowed
-//! periodograms (Welch 1967).
+//! An implementation of the statistical code of Picard, Tsingos and Faure (VRIPHYS 2008), section 4.2; densities by the mean of
+//! windowed periodograms (Welch 1967).
 
 use crate::core::random::Random;
 use realfft::RealFftPlanner;
 use realfft::num_complex::Complex;
 use std::f64::consts::TAU;
 
-/// Bands.
+/// Number of bands; four are an octave.
 pub const BANDS: usize = 32;
-/// Where the lowest begins, cycles per pixel: four bands are an octave. It goes on down to 0.
+/// Lower edge of the lowest band, cycles per pixel. Frequencies below it belong to that band too.
 const LOWEST: f64 = 1.0 / 512.0;
-/// Highest frequency, cycles per pixel.
+/// Upper edge of the highest band, cycles per pixel.
 const HIGHEST: f64 = 0.5;
-/// Shortest transform: each band has several of its frequencies.
-const SHORTEST: usize = 8192;
+/// Minimum length of a Fourier transform, so that each band has several bins.
+const MIN_LENGTH: usize = 8192;
 
-/// The lower edge of a band, cycles per pixel; that of band 32 is the end.
+/// Lower edge of a band, cycles per pixel; `edge(BANDS)` is the highest frequency.
 #[must_use]
 pub fn edge(band: usize) -> f64 {
     LOWEST * (HIGHEST / LOWEST).powf(band as f64 / BANDS as f64)
 }
 
-/// The band of a frequency.
+/// Index of the band of a frequency.
 fn band(f: f64) -> usize {
-    let at = (f / LOWEST).ln() / (HIGHEST / LOWEST).ln() * BANDS as f64;
-    // A frequency on an edge must not fall below it by rounding.
-    ((at + 1e-9).max(0.0) as usize).min(BANDS - 1)
+    let position = (f / LOWEST).ln() / (HIGHEST / LOWEST).ln() * BANDS as f64;
+    // Rounding must not move a frequency on an edge to the band below.
+    ((position + 1e-9).max(0.0) as usize).min(BANDS - 1)
 }
 
-/// The mean power density of lines in each band, in squares per cycle per pixel; nothing where there is no line.
+/// Returns the mean power spectral density of lines in each band, in squared units per cycle per pixel; 0 if there are no lines.
 ///
 /// # Complexity
-/// `O(n log n)` for each line, of at least 8192 samples.
+/// `O(n log n)` per line, for `n` of at least 8192 samples.
 #[must_use]
 pub fn densities(lines: &[&[f32]]) -> Vec<f64> {
     let longest = lines.iter().map(|line| line.len()).max().unwrap_or(0);
-    let n = longest.next_power_of_two().max(SHORTEST);
+    let n = longest.next_power_of_two().max(MIN_LENGTH);
     let transform = RealFftPlanner::<f64>::new().plan_fft_forward(n);
     let (mut buffer, mut bins) = (transform.make_input_vec(), transform.make_output_vec());
     let mut powers = vec![0.0; bins.len()];
@@ -51,7 +51,7 @@ pub fn densities(lines: &[&[f32]]) -> Vec<f64> {
             *out = (f64::from(*x) - mean) * window;
             weight += window * window;
         }
-        // The lengths are those of the plan.
+        // The buffers are from the plan, so that lengths match.
         if transform.process(&mut buffer, &mut bins).is_ok() {
             powers.iter_mut().zip(&bins).for_each(|(sum, bin)| *sum += bin.norm_sqr());
         }
@@ -59,7 +59,7 @@ pub fn densities(lines: &[&[f32]]) -> Vec<f64> {
     let (mut sums, mut counts) = ([0.0; BANDS], [0.0_f64; BANDS]);
     for (k, power) in powers.iter().enumerate().take(n / 2).skip(1) {
         let f = k as f64 / n as f64;
-        // What is slower than the lowest band is mostly the mean that was taken away.
+        // Below the lowest band there is mostly the subtracted mean.
         if f >= LOWEST {
             sums[band(f)] += power;
             counts[band(f)] += 1.0;
@@ -69,8 +69,8 @@ pub fn densities(lines: &[&[f32]]) -> Vec<f64> {
     sums.iter().zip(counts).map(|(sum, count)| unit * sum / count.max(1.0)).collect()
 }
 
-/// A closed loop of `count` samples whose power in each band is that of `densities`, up to one factor for all: phases are
-/// random, magnitudes are not.
+/// Synthesises a closed loop of `count` samples with the power of `densities` in each band, up to a common factor. Phases are random,
+/// magnitudes are not.
 ///
 /// # Complexity
 /// `O(count log count)`.
@@ -78,19 +78,19 @@ pub fn densities(lines: &[&[f32]]) -> Vec<f64> {
 pub fn line(densities: &[f64], count: usize, random: &Random) -> Vec<f32> {
     let transform = RealFftPlanner::<f64>::new().plan_fft_inverse(count.max(2));
     let (mut bins, mut out) = (transform.make_input_vec(), transform.make_output_vec());
-    // Smooth from band to band, then exact in each.
-    let curve: Vec<f64> = (0..bins.len()).map(|k| between(densities, k as f64 / count as f64)).collect();
+    // Interpolated between bands, then scaled to the exact power of each.
+    let curve: Vec<f64> = (0..bins.len()).map(|k| interpolate(densities, k as f64 / count as f64)).collect();
     let top = count.div_ceil(2);
-    let (mut drawn, mut counts) = ([0.0; BANDS], [0.0; BANDS]);
+    let (mut sums, mut counts) = ([0.0; BANDS], [0.0; BANDS]);
     for (k, power) in curve.iter().enumerate().take(top).skip(1) {
         let band = band(k as f64 / count as f64);
-        drawn[band] += power;
+        sums[band] += power;
         counts[band] += 1.0;
     }
     for (k, (bin, power)) in bins.iter_mut().zip(&curve).enumerate().take(top).skip(1) {
         let band = band(k as f64 / count as f64);
         let wanted = densities.get(band).copied().unwrap_or(0.0) * counts[band];
-        let gain = if drawn[band] > 0.0 { wanted / drawn[band] } else { 0.0 };
+        let gain = if sums[band] > 0.0 { wanted / sums[band] } else { 0.0 };
         *bin = Complex::from_polar((power * gain).sqrt(), TAU * random.uniform(0, k as u64, 0));
     }
     if transform.process(&mut bins, &mut out).is_err() {
@@ -100,13 +100,13 @@ pub fn line(densities: &[f64], count: usize, random: &Random) -> Vec<f32> {
     out.iter().map(|x| *x as f32).collect()
 }
 
-/// Density at a frequency, on straight lines of both logarithms between the middles of the bands.
-fn between(densities: &[f64], f: f64) -> f64 {
-    let place = (f.max(1e-12) / LOWEST).ln() / (HIGHEST / LOWEST).ln() * BANDS as f64 - 0.5;
-    let place = place.clamp(0.0, (BANDS - 1) as f64);
-    let low = place as usize;
+/// Density at a frequency, by log-log interpolation between the centres of the bands.
+fn interpolate(densities: &[f64], f: f64) -> f64 {
+    let position = (f.max(1e-12) / LOWEST).ln() / (HIGHEST / LOWEST).ln() * BANDS as f64 - 0.5;
+    let position = position.clamp(0.0, (BANDS - 1) as f64);
+    let low = position as usize;
     let at = |k: usize| densities.get(k.min(BANDS - 1)).copied().unwrap_or(0.0).max(1e-300).ln();
-    (at(low) + (place - low as f64) * (at(low + 1) - at(low))).exp()
+    (at(low) + (position - low as f64) * (at(low + 1) - at(low))).exp()
 }
 
 #[cfg(test)]
@@ -114,7 +114,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn bands_part_the_frequencies_by_quarters_of_an_octave() {
+    fn bands_are_a_quarter_of_an_octave_wide() {
         assert_eq!((edge(0), edge(BANDS)), (LOWEST, HIGHEST));
         for k in 0..BANDS {
             assert_eq!(band(edge(k)), k);
@@ -124,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wave_stands_in_its_band_with_its_power() {
+    fn a_sine_has_its_power_in_its_band() {
         for k in [6, 15, 23, 31] {
             let f = (edge(k) * edge(k + 1)).sqrt();
             let wave: Vec<f32> = (0..4096).map(|n| (TAU * f * f64::from(n)).sin() as f32).collect();
@@ -138,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_has_the_power_of_each_band_exactly() {
+    fn a_synthesised_line_has_exactly_the_power_of_each_band() {
         // A steep fall with a narrow peak.
         let wanted: Vec<f64> =
             (0..BANDS).map(|k| edge(k).powi(-2) * if k == 20 { 30.0 } else { 1.0 }).collect();

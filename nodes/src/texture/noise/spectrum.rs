@@ -1,10 +1,10 @@
-//! Noise by its statistics alone: its spectrum as poles or bands, its variance and, where it is spiky, its distribution.
+//! Statistical models of noise: spectrum as poles or bands, variance, and the distribution of noise with a high kurtosis.
 //!
 //! # Source
-//! Burg, "Maximum entropy spectral analysis" (1975); the statistical code of Picard, Tsingos and Faure (VRIPHYS 2008), section 4.2,
-//! made concrete.
+//! Burg, "Maximum entropy spectral analysis" (1975); an implementation of the statistical code of Picard, Tsingos and Faure (VRIPHYS
+//! 2008), section 4.2.
 
-use super::profile::{level, variance};
+use super::profile::{set_variance, variance};
 use super::psd;
 use crate::core::random::Random;
 use crate::texture::holes::{row_segments, valid_samples};
@@ -13,30 +13,32 @@ use std::f64::consts::TAU;
 
 /// Order of the all-pole model.
 pub const ORDER: usize = 16;
-/// Kurtosis above which the distribution is kept too.
-const SPIKY: f64 = 4.0;
-/// Values that describe a distribution.
+/// Kurtosis above which the model has the distribution.
+const MAX_KURTOSIS: f64 = 4.0;
+/// Number of quantiles of a distribution.
 const QUANTILES: usize = 256;
-/// Most rows that poles are fitted to, and that bands are measured in.
-const ROWS: [usize; 2] = [128, 512];
+/// Maximum number of rows for a fit of poles.
+const POLE_ROWS: usize = 128;
+/// Maximum number of rows for a measurement of bands.
+const BAND_ROWS: usize = 512;
 
-/// The spectrum of noise, in few numbers.
+/// A spectrum of noise.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Spectrum {
     /// `x[n] = w[n] - sum a[k] x[n - 1 - k]`.
     Poles(Vec<f64>),
-    /// Power density in each of 32 bands: see [`psd`].
+    /// Power spectral density in each of 32 bands: see [`psd`].
     Bands(Vec<f64>),
 }
 
-/// What the noise of a map is, in few numbers.
+/// A statistical model of noise.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NoiseModel {
     /// Its spectrum.
     pub spectrum: Spectrum,
     /// Mean square.
     pub variance: f64,
-    /// Quantiles of the values, evenly spaced; empty for noise that is near to normal.
+    /// Evenly spaced quantiles of the values; empty for noise with a kurtosis of at most 4.
     pub quantiles: Vec<f32>,
 }
 
@@ -47,7 +49,7 @@ impl NoiseModel {
     /// `O(pixels * order)`, of 128 rows at most.
     #[must_use]
     pub fn poles(noise: &NoiseMap, kurtosis: f64) -> Self {
-        Self::new(noise, kurtosis, Spectrum::Poles(burg(&rows(noise, ROWS[0]), ORDER)))
+        Self::new(noise, kurtosis, Spectrum::Poles(burg(&rows(noise, POLE_ROWS), ORDER)))
     }
 
     /// Measures the bands of rows of a map; `kurtosis` is that of the map.
@@ -56,13 +58,13 @@ impl NoiseModel {
     /// As [`psd::densities`], of 512 rows at most.
     #[must_use]
     pub fn bands(noise: &NoiseMap, kurtosis: f64) -> Self {
-        Self::new(noise, kurtosis, Spectrum::Bands(psd::densities(&rows(noise, ROWS[1]))))
+        Self::new(noise, kurtosis, Spectrum::Bands(psd::densities(&rows(noise, BAND_ROWS))))
     }
 
     fn new(noise: &NoiseMap, kurtosis: f64, spectrum: Spectrum) -> Self {
         let map = &noise.grid;
         let mut quantiles = Vec::new();
-        if kurtosis > SPIKY {
+        if kurtosis > MAX_KURTOSIS {
             let mut sorted: Vec<f32> = valid_samples(map, &noise.holes).collect();
             sorted.sort_unstable_by(f32::total_cmp);
             let at = |k: usize| (k * 2 + 1) * sorted.len() / (2 * QUANTILES);
@@ -71,17 +73,17 @@ impl NoiseModel {
         Self { spectrum, variance: variance(valid_samples(map, &noise.holes)), quantiles }
     }
 
-    /// Bytes that it takes in 32 bits a number.
+    /// Size in bytes, at 32 bits per number.
     #[must_use]
     pub fn bytes(&self) -> usize {
         let (Spectrum::Poles(numbers) | Spectrum::Bands(numbers)) = &self.spectrum;
         4 * (numbers.len() + 1 + self.quantiles.len())
     }
 
-    /// A loop of `count` samples of such noise.
+    /// Synthesises a closed loop of `count` samples.
     ///
     /// # Complexity
-    /// `O(count * order)` for poles, `O(count log count)` for bands and for spiky noise.
+    /// `O(count * order)` for poles; `O(count log count)` for bands and for noise with a distribution.
     #[must_use]
     pub fn synthesize(&self, count: usize, random: &Random) -> Vec<f32> {
         let mut line = match &self.spectrum {
@@ -91,59 +93,59 @@ impl NoiseModel {
         if !self.quantiles.is_empty() {
             self.match_ranks(&mut line);
         }
-        level(&mut line, self.variance);
+        set_variance(&mut line, self.variance);
         line
     }
 
-    /// Gives each sample the value of its rank in the distribution.
+    /// Replaces each sample by the quantile of its rank.
     fn match_ranks(&self, line: &mut [f32]) {
         let mut order: Vec<usize> = (0..line.len()).collect();
         order.sort_by(|a, b| line[*a].total_cmp(&line[*b]));
         let last = self.quantiles.len() - 1;
         for (rank, at) in order.into_iter().enumerate() {
-            let place = (rank as f32 + 0.5) / line.len() as f32 * self.quantiles.len() as f32 - 0.5;
-            let place = place.clamp(0.0, last as f32);
-            let low = (place as usize).min(last);
+            let position = (rank as f32 + 0.5) / line.len() as f32 * self.quantiles.len() as f32 - 0.5;
+            let position = position.clamp(0.0, last as f32);
+            let low = (position as usize).min(last);
             let (a, b) = (self.quantiles[low], self.quantiles[(low + 1).min(last)]);
-            line[at] = a + (b - a) * (place - low as f32);
+            line[at] = a + (b - a) * (position - low as f32);
         }
     }
 }
 
-/// Rows of a map, `most` of them, evenly spread, or their stretches between holes; short ones tell little, and are left out.
-fn rows(noise: &NoiseMap, most: usize) -> Vec<&[f32]> {
+/// Segments between holes of at most `max` evenly spaced rows of a map, without short segments.
+fn rows(noise: &NoiseMap, max: usize) -> Vec<&[f32]> {
     let long = |line: &&[f32]| line.len() > 2 * ORDER || line.len() == noise.grid.width;
     let row = |y| row_segments(&noise.grid, &noise.holes, y).into_iter().filter(long).collect();
     let mut lines: Vec<Vec<&[f32]>> = (0..noise.grid.height).map(row).collect();
     lines.retain(|line| !line.is_empty());
-    let step = lines.len().div_ceil(most).max(1);
+    let step = lines.len().div_ceil(max).max(1);
     lines.into_iter().step_by(step).flatten().collect()
 }
 
-/// White noise through an all-pole filter, closed to a loop.
+/// Filters white noise by an all-pole filter to a closed loop.
 fn filtered(poles: &[f64], count: usize, random: &Random) -> Vec<f32> {
     let white: Vec<f64> = (0..count).map(|k| normal(random, k as u64)).collect();
-    let mut past = [0.0; ORDER];
+    let mut history = [0.0; ORDER];
     let mut line = vec![0.0_f32; count];
-    // Twice round: the second time the filter has forgotten its start, and the loop is closed.
+    // In the second pass the transient of the start has decayed, so that the loop is closed.
     for _ in 0..2 {
         for (out, w) in line.iter_mut().zip(&white) {
-            let x = w - poles.iter().zip(&past).map(|(a, x)| a * x).sum::<f64>();
-            past.rotate_right(1);
-            past[0] = x;
+            let x = w - poles.iter().zip(&history).map(|(a, x)| a * x).sum::<f64>();
+            history.rotate_right(1);
+            history[0] = x;
             *out = x as f32;
         }
     }
     line
 }
 
-/// A normal number of variance 1.
+/// A normally distributed number of variance 1, by the Box-Muller transform.
 pub(super) fn normal(random: &Random, index: u64) -> f64 {
     let (u, v) = (random.uniform(0, index, 0), random.uniform(0, index, 1));
     (-2.0 * (1.0 - u).ln()).sqrt() * (TAU * v).cos()
 }
 
-/// Coefficients of the all-pole model of several lines at once, by Burg's method: always a stable one.
+/// Returns the coefficients of the all-pole model of several lines, by Burg's method. The model is always stable.
 #[must_use]
 pub fn burg(lines: &[&[f32]], order: usize) -> Vec<f64> {
     let mut forward: Vec<Vec<f64>> =
@@ -158,13 +160,13 @@ pub fn burg(lines: &[&[f32]], order: usize) -> Vec<f64> {
                 power += f * f + b * b;
             }
         }
-        // Just below 1, so that a line which repeats itself exactly does not ring for ever.
+        // Below 1, so that the filter of an exactly periodic line decays.
         let k = if power > 0.0 { (-2.0 * product / power).clamp(-0.9999, 0.9999) } else { 0.0 };
         let reversed: Vec<f64> = poles.iter().rev().copied().collect();
         poles.iter_mut().zip(reversed).for_each(|(a, r)| *a += k * r);
         poles.push(k);
         for (f, b) in forward.iter_mut().zip(&mut backward) {
-            // From the end, for the sample before is needed as it was.
+            // From the end, because each step reads the old previous sample.
             for n in (m + 1..f.len()).rev() {
                 let (x, y) = (f[n], b[n - 1]);
                 (f[n], b[n]) = (x + k * y, y + k * x);
@@ -181,7 +183,7 @@ mod tests {
     use crate::texture::{Grid, Surface};
     use rustfft::{FftPlanner, num_complex::Complex};
 
-    /// A resonance at a tenth of the rate and a fall towards high frequencies.
+    /// A resonance at a tenth of the rate, and a decrease towards high frequencies.
     const TRUE: [f64; 3] = [-1.9, 1.42, -0.36];
 
     fn map(spiky: bool) -> NoiseMap {
@@ -190,12 +192,12 @@ mod tests {
 
     fn made(width: usize, height: usize, spiky: bool) -> NoiseMap {
         let random = Random::new(5, "map");
-        let mut past = [0.0; 3];
+        let mut history = [0.0; 3];
         let mut k = 0;
         let grid = Grid::from_fn(width, height, |_, _| {
             k += 1;
-            let x = normal(&random, k) - TRUE.iter().zip(past).map(|(a, x)| a * x).sum::<f64>();
-            past = [x, past[0], past[1]];
+            let x = normal(&random, k) - TRUE.iter().zip(history).map(|(a, x)| a * x).sum::<f64>();
+            history = [x, history[0], history[1]];
             (if spiky { x * x * x * 0.1 } else { x }) as f32
         });
         NoiseMap { grid, holes: Vec::new(), surface: Surface::default() }
@@ -217,7 +219,7 @@ mod tests {
         assert_eq!(burg(&[&[1.0]], 4), [0.0; 4]);
     }
 
-    /// Mean power of each of 32 bands of loops of `n` samples, one for each seed.
+    /// Mean power in each of 32 bands of loops of `n` samples, over seeds.
     fn powers(model: &NoiseModel, n: usize, seeds: u64) -> Vec<f64> {
         let transform = FftPlanner::new().plan_fft_forward(n);
         let mut bands = vec![0.0; psd::BANDS];
@@ -232,13 +234,13 @@ mod tests {
         bands
     }
 
-    /// Mean over the frequencies of a band.
+    /// Mean over the bins of a band.
     fn mean(n: usize, band: usize, f: impl Fn(usize) -> f64) -> f64 {
         let [low, high] = [band, band + 1].map(|k| (psd::edge(k) * n as f64).ceil() as usize);
         (low..high).map(f).sum::<f64>() / (high - low) as f64
     }
 
-    /// The same of the noise that [`map`] is made of, of a variance.
+    /// The exact power in each band of the noise of [`map`], for a variance.
     fn right(variance: f64) -> Vec<f64> {
         let n = 1 << 16;
         let at = |k: usize| density(&TRUE, TAU * k as f64 / n as f64);
@@ -249,7 +251,7 @@ mod tests {
     #[test]
     fn synthesised_noise_has_the_spectrum_within_1_db_per_band_and_the_variance() {
         let n = 1 << 16;
-        // Rows of 4096 pixels know all of the bands.
+        // Rows of 4096 pixels resolve all bands.
         let wide = made(4096, 256, false);
         let kurtosis = statistics(&wide.grid, &[]).kurtosis;
         for (model, bytes) in
@@ -261,7 +263,7 @@ mod tests {
             let line = model.synthesize(n, &Random::new(1, "n"));
             let ours = line.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>() / n as f64;
             assert!((ours / power - 1.0).abs() < 0.01, "{ours} {power}");
-            // One loop of white noise is up to 1 dB off by chance in the lowest bands; sixteen are what the model says.
+            // A single loop deviates randomly by up to 1 dB in the lowest bands, so sixteen are averaged.
             for (band, (ours, right)) in powers(&model, n, 16).iter().zip(right(power)).enumerate() {
                 let db = 10.0 * (ours / right).log10();
                 assert!(db.abs() < 1.0, "{bytes} bytes, band {band}: {db} dB");
@@ -270,22 +272,22 @@ mod tests {
     }
 
     #[test]
-    fn bands_of_a_small_map_have_the_density_that_it_shows_within_1_db_each() {
+    fn synthesised_bands_of_a_small_map_are_within_1_db_of_its_density() {
         let map = map(false);
         let model = NoiseModel::bands(&map, statistics(&map.grid, &[]).kurtosis);
-        let Spectrum::Bands(measured) = &model.spectrum else { panic!("bands were asked for") };
+        let Spectrum::Bands(measured) = &model.spectrum else { panic!("bands are expected") };
         let right = right(model.variance);
         for (k, ours) in powers(&model, 1 << 16, 1).iter().enumerate() {
             let db = 10.0 * (ours / measured[k]).log10();
             assert!(db.abs() < 1.0, "band {k} against the map: {db} dB");
-            // Rows of 512 pixels are a few of the waves of the lowest bands.
+            // Rows of 512 pixels have only a few periods of the lowest bands.
             let db = 10.0 * (ours / right[k]).log10();
             assert!(k < 12 || db.abs() < 1.0, "band {k} against what made the map: {db} dB");
         }
     }
 
     #[test]
-    fn spiky_noise_keeps_its_distribution() {
+    fn noise_of_a_high_kurtosis_keeps_its_distribution() {
         let map = map(true);
         let kurtosis = statistics(&map.grid, &[]).kurtosis;
         assert!(kurtosis > 10.0, "{kurtosis}");
@@ -298,14 +300,14 @@ mod tests {
     }
 
     #[test]
-    fn the_loop_is_closed_and_the_seed_decides() {
+    fn the_loop_is_closed_and_depends_on_the_seed() {
         let model = NoiseModel::poles(&map(false), 3.0);
-        let Spectrum::Poles(poles) = &model.spectrum else { panic!("poles were asked for") };
+        let Spectrum::Poles(poles) = &model.spectrum else { panic!("poles are expected") };
         let line = model.synthesize(4096, &Random::new(1, "n"));
         assert_eq!(line, model.synthesize(4096, &Random::new(1, "n")));
         assert_ne!(line, model.synthesize(4096, &Random::new(2, "n")));
         let n = line.len();
-        // What the model predicts of the first sample from the last is as near as elsewhere.
+        // The prediction error of the first samples from the last is as small as elsewhere.
         let predicted = |k: usize| -> f64 {
             poles.iter().enumerate().map(|(j, a)| -a * f64::from(line[(k + n - 1 - j) % n])).sum()
         };

@@ -1,4 +1,4 @@
-//! What is left of an image without its main features: noise, and whether it is spread as evenly as noise should be.
+//! Noise of a texture, the residual of an image without its main features, and its statistics.
 //!
 //! # Source
 //! Picard, Tsingos and Faure (VRIPHYS 2008), section 4.2.
@@ -6,26 +6,26 @@
 use crate::texture::grid::Grid;
 use crate::texture::holes::{is_hole, valid_samples};
 
-/// Figures of a noise map.
+/// Statistics of a noise map.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct NoiseStatistics {
     /// Mean square, in luminance squared.
     pub variance: f64,
-    /// Power of the change along rows over that along columns: 1 where no direction is preferred.
+    /// Power of the differences along rows over that along columns: 1 for isotropic noise.
     pub isotropy: f64,
-    /// Greatest variance over least of 8 by 8 tiles: 1 where the noise is everywhere alike.
+    /// Largest over smallest variance of 8 by 8 tiles: 1 for stationary noise.
     pub stationarity: f64,
-    /// Fourth moment over the squared second: 3 for normal noise.
+    /// Fourth moment over the squared second moment: 3 for normal noise.
     pub kurtosis: f64,
 }
 
 impl NoiseStatistics {
-    /// Why the noise should not stand for the surface, where it should not: one sentence.
+    /// Returns a warning if the noise is not stationary or not isotropic.
     #[must_use]
     pub fn warning(&self) -> Option<String> {
         let uneven = self.stationarity > 4.0;
         let directed = !(0.5..=2.0).contains(&self.isotropy) && self.variance > 0.0;
-        let what = match (uneven, directed) {
+        let reason = match (uneven, directed) {
             (false, false) => return None,
             (true, false) => {
                 format!("its variance differs by a factor of {:.1} over the image", self.stationarity)
@@ -36,13 +36,14 @@ impl NoiseStatistics {
                 self.stationarity, self.isotropy
             ),
         };
-        Some(format!("the noise is not the same everywhere, as one line of it assumes: {what}"))
+        Some(format!("the noise is not the same everywhere, as a single profile of it assumes: {reason}"))
     }
 }
 
-/// `(luma - smooth) (1 - features)`, without its mean; 0 in holes.
+/// Returns `(luma - smooth) (1 - features)` less its mean; 0 in holes.
 ///
-/// All grids are of one size; `features` may be left out.
+/// # Shapes
+/// All grids have the same size; `features` are optional.
 #[must_use]
 pub fn noise(luma: &Grid, smooth: &Grid, features: Option<&Grid>, holes: &[bool]) -> Grid {
     let mut samples: Vec<f32> = luma.samples.iter().zip(&smooth.samples).map(|(l, s)| l - s).collect();
@@ -62,9 +63,9 @@ fn mean_square(values: impl Iterator<Item = f32>) -> f64 {
     sum / count.max(1) as f64
 }
 
-/// Variance, isotropy, stationarity and kurtosis of a noise map, of what is no hole.
+/// Returns the statistics of a noise map, without holes.
 ///
-/// Changes are those between two pixels that are there, and tiles count of which half is.
+/// Differences count if neither pixel is a hole, and tiles if at most half of their pixels are holes.
 ///
 /// # Complexity
 /// `O(pixels)`.
@@ -82,19 +83,19 @@ pub fn statistics(map: &Grid, holes: &[bool]) -> NoiseStatistics {
     let fourth = mean_square(valid_samples(map, holes).map(|x| x * x));
     let tiles = (0..64).map(|k| (k % 8, k / 8)).filter_map(|(i, j)| {
         let (x, y) = (width * i / 8..width * (i + 1) / 8, height * j / 8..height * (j + 1) / 8);
-        let places = y.flat_map(|y| x.clone().map(move |x| y * width + x));
-        let part = places.clone().filter(|k| !is_hole(holes, *k)).filter_map(|k| map.samples.get(k));
-        let (there, all) = (part.clone().count(), places.count());
-        (there > 0 && 2 * there >= all).then(|| mean_square(part.copied()))
+        let indices = y.flat_map(|y| x.clone().map(move |x| y * width + x));
+        let valid = indices.clone().filter(|k| !is_hole(holes, *k)).filter_map(|k| map.samples.get(k));
+        let (count, total) = (valid.clone().count(), indices.count());
+        (count > 0 && 2 * count >= total).then(|| mean_square(valid.copied()))
     });
-    let (least, most) = tiles.fold((f64::INFINITY, 0.0_f64), |(least, most), v| (least.min(v), most.max(v)));
-    let least = least.min(most);
-    // Silence is even and has no direction.
+    let (min, max) = tiles.fold((f64::INFINITY, 0.0_f64), |(min, max), v| (min.min(v), max.max(v)));
+    let min = min.min(max);
+    // A map of zeros is stationary and isotropic.
     let ratio = |a: f64, b: f64| if a <= 0.0 && b <= 0.0 { 1.0 } else { (a / b.max(1e-9 * a)).min(1e9) };
     NoiseStatistics {
         variance,
         isotropy: ratio(along, down),
-        stationarity: ratio(most, least),
+        stationarity: ratio(max, min),
         kurtosis: if variance > 0.0 { fourth / (variance * variance) } else { 3.0 },
     }
 }
@@ -125,7 +126,7 @@ mod tests {
         let n = noise(&image, &soft, Some(&f), &[]);
         let mean = n.samples.iter().sum::<f32>() / n.samples.len() as f32;
         assert!(mean.abs() < 1e-5, "{mean}");
-        // What the mean took is the same everywhere.
+        // The subtracted mean is the same everywhere.
         let rest: Vec<f32> = (0..image.samples.len())
             .map(|k| {
                 let masked = f.samples[k] * (image.samples[k] - soft.samples[k]);
@@ -148,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn holes_are_silent_and_do_not_count_for_the_mean() {
+    fn noise_is_zero_in_holes_and_they_do_not_count_for_the_mean() {
         let luma = Grid { width: 4, height: 1, samples: vec![5.0, 7.0, 0.0, 6.0] };
         let soft = Grid { width: 4, height: 1, samples: vec![4.0, 4.0, 90.0, 4.0] };
         let n = noise(&luma, &soft, None, &[false, false, true, false]);
@@ -156,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn white_noise_is_even_and_has_no_direction() {
+    fn white_noise_is_stationary_and_isotropic() {
         let s = statistics(&white(1, 256, 256), &[]);
         assert!((s.variance - 1.0).abs() < 0.02 && (s.isotropy - 1.0).abs() < 0.03, "{s:?}");
         assert!(s.stationarity < 1.4 && (s.kurtosis - 2.9).abs() < 0.1, "{s:?}");
@@ -164,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn uneven_or_directed_noise_is_warned_of() {
+    fn noise_that_is_not_stationary_or_not_isotropic_gives_a_warning() {
         let mut loud = white(2, 128, 128);
         loud.samples[..128 * 16].iter_mut().for_each(|x| *x *= 3.0);
         let s = statistics(&loud, &[]);
@@ -180,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn the_warning_comes_beyond_a_ratio_of_four_and_an_isotropy_of_two() {
+    fn the_warning_starts_above_a_ratio_of_four_and_an_isotropy_of_two() {
         let even = NoiseStatistics { variance: 1.0, isotropy: 1.0, stationarity: 1.0, kurtosis: 3.0 };
         for (isotropy, stationarity, warned) in [
             (1.0, 4.0, false),
@@ -193,7 +194,7 @@ mod tests {
             let s = NoiseStatistics { isotropy, stationarity, ..even };
             assert_eq!(s.warning().is_some(), warned, "{s:?}");
         }
-        // Tiles of half of the image one and a half or two and a half times as strong: 2.25 and 6.25 times the power.
+        // A gain of 1.5 or 2.5 on half of the image: 2.25 and 6.25 times the power.
         for (gain, warned) in [(1.5, false), (2.5, true)] {
             let mut map = white(8, 512, 512);
             map.samples[..512 * 256].iter_mut().for_each(|x| *x *= gain);

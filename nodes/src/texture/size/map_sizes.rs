@@ -1,8 +1,8 @@
-//! How many bytes the codes of a texture take.
+//! The sizes of the codes of maps, as a value node.
 //!
 //! # Source
-//! Picard, Tsingos and Faure (VRIPHYS 2008), section 4, who give 786 kB for an image of 512 x 512 pixels, 1.09 MB for its isophotes and
-//! 544 kB for features and noise.
+//! Picard, Tsingos and Faure (VRIPHYS 2008), section 4: 786 kB for an image of 512 x 512 pixels, 1.09 MB for its isophotes and 544 kB
+//! for features and noise.
 
 use super::report::{MAP_COST, NOISE_COST, SizeReport};
 use crate::core::fault::Fault;
@@ -17,10 +17,10 @@ use crate::texture::noise::split::statistics;
 use crate::{params, ports};
 
 params! {
-    /// The bytes that each code of a texture takes, and the time that a contact on it does.
+    /// The size of each code of a texture, and the cost of a contact on it.
     ///
-    /// Bits, bytes and signed pairs of the map of discontinuities; features as bits with the noise beside them, as a stored
-    /// profile or as statistics. A tap as `.json` lists them.
+    /// The codes are bits, bytes and signed pairs of the discontinuity map, and features as bits with noise as a profile or as
+    /// statistics. A tap as `.json` lists them.
     ///
     /// # Source
     /// Picard, Tsingos and Faure (VRIPHYS 2008), section 4.
@@ -38,7 +38,7 @@ ports! {
             noise: Value<NoiseMap>,
         }
         out {
-            /// The bytes.
+            /// Sizes and costs.
             sizes: Value<SizeReport>,
         }
     }
@@ -89,7 +89,7 @@ mod tests {
     use crate::texture::{Grid, Surface};
 
     #[test]
-    fn codes_of_512_by_512_pixels_keep_to_their_targets() {
+    fn codes_of_512_by_512_pixels_are_within_their_targets() {
         let (grid, surface) = (Grid::from_fn(512, 512, |x, y| ((x * y) % 7) as f32), Surface::default());
         let map = DiscontinuityMap { gx: grid.clone(), gy: grid.clone(), surface };
         let standalone = Standalone::func::<MapSizes>(MapSizesParams::read(&|_| None).unwrap())

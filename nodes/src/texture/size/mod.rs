@@ -1,4 +1,4 @@
-//! Bytes and playing costs of all codes of a texture.
+//! Sizes of all codes of a texture, and the costs of contacts on them.
 
 pub mod map_sizes;
 pub mod report;

@@ -1,48 +1,48 @@
-//! The bytes of each way to store a texture, and the cost of each way to play it.
+//! A report of the sizes of all codes of a texture, and of the costs of contacts on them.
 
 use crate::core::item::Data;
 use crate::core::random::Rng;
 use serde::{Deserialize, Serialize};
 
-/// One way to store a part of a texture.
+/// Size of one code of a texture.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SizeEntry {
-    /// What is stored, and how.
+    /// The code.
     pub what: String,
-    /// Bytes that it takes.
+    /// Its size in bytes.
     pub bytes: u64,
 }
 
-/// What one way to play a texture takes.
+/// Cost of contacts on one code of a texture.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CostEntry {
-    /// What is played.
+    /// The code.
     pub what: String,
-    /// Microseconds for each millisecond of a contact at 1 m/s, at 44.1 kHz on a core of a server: a figure, no measurement, so that
-    /// the same comes out everywhere.
+    /// Microseconds per millisecond of a contact at 1 m/s and 44.1 kHz on one core of a server. It is a constant from a benchmark, not a
+    /// measurement, so that reports are reproducible.
     pub us_per_ms: f64,
 }
 
-/// Microseconds for each millisecond of a contact, as `benches/scrape.rs` finds them: what is read of a map, and a line of noise.
+/// Microseconds per millisecond of a contact on a map, by `benches/scrape.rs`.
 pub const MAP_COST: f64 = 0.42;
-/// The same of noise.
+/// Microseconds per millisecond of a contact on a noise profile, by `benches/scrape.rs`.
 pub const NOISE_COST: f64 = 0.53;
 
-/// The bytes of every way to store a texture, and what it takes to play.
+/// Sizes and costs of the codes of a texture.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SizeReport {
     /// Columns and rows.
     pub pixels: [usize; 2],
-    /// Bytes of the image in 8 bits of red, green and blue.
+    /// Size of the image in bytes, at 8 bits of red, green and blue.
     pub image: u64,
-    /// The ways.
+    /// Sizes of the codes.
     pub entries: Vec<SizeEntry>,
-    /// What a contact costs.
+    /// Costs of contacts.
     pub costs: Vec<CostEntry>,
 }
 
 impl SizeReport {
-    /// A report on an image that has no entry yet.
+    /// An empty report of an image.
     #[must_use]
     pub fn new(pixels: [usize; 2]) -> Self {
         Self {
@@ -53,12 +53,12 @@ impl SizeReport {
         }
     }
 
-    /// Adds a way.
+    /// Adds the size of a code.
     pub fn add(&mut self, what: &str, bytes: usize) {
         self.entries.push(SizeEntry { what: what.into(), bytes: bytes as u64 });
     }
 
-    /// Adds a way to play it.
+    /// Adds the cost of contacts on a code.
     pub fn add_cost(&mut self, what: &str, us_per_ms: f64) {
         self.costs.push(CostEntry { what: what.into(), us_per_ms });
     }

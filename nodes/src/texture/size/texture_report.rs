@@ -1,4 +1,4 @@
-//! The sizes of all codes of a texture side by side.
+//! The sizes of all codes of a texture with isophotes, as a value node.
 
 use super::report::SizeReport;
 use crate::core::fault::Fault;
@@ -10,17 +10,18 @@ use crate::texture::isophote::curves::Isophotes;
 use crate::{params, ports};
 use std::f64::consts::PI;
 
-/// Microseconds for each millisecond of a contact over isophotes, and for each crossing, as `benches/isophotes.rs` finds them.
+/// Microseconds per millisecond of a contact on isophotes, by `benches/isophotes.rs`.
 const ISOPHOTES_COST: f64 = 0.39;
+/// Microseconds per crossing of an isophote, by `benches/isophotes.rs`.
 const CROSSING_COST: f64 = 0.89;
 
 params! {
-    /// The bytes that the isophotes of a texture take, beside its image and all else, and the time that a contact on them does.
+    /// The size of the isophotes of a texture, added to the sizes of its image and other codes, and the cost of a contact on them.
     ///
-    /// How often a way meets a curve follows from their length: a straight way of any direction crosses `2/pi` of the length of all curves on
-    /// an area, over that area. Each crossing takes its share of the time of a contact.
+    /// The number of crossings per metre follows from the length of the curves: a straight path in a random direction crosses `2/pi` times
+    /// their length per area. The cost is a constant plus that of the crossings.
     ///
-    /// Link what `MapSizes` gives to have everything in one list: a tap as `.json` writes it, and so does a report of the run.
+    /// Link the output of `MapSizes` for a list of all codes: a tap as `.json` writes it, and so does the report of a run.
     ///
     /// # Source
     /// Picard, Tsingos and Faure (VRIPHYS 2008), section 4.2: 786 kB for an image of 512 x 512 pixels, 1.09 MB for its isophotes, 544 kB
@@ -30,9 +31,9 @@ params! {
 ports! {
     pub struct TextureReportPorts / TextureReportIo {
         in {
-            /// The curves.
+            /// The isophotes.
             isophotes: Value<Isophotes>,
-            /// The sizes of everything else.
+            /// The sizes of the other codes.
             sizes: Option<Value<SizeReport>>,
         }
         out {
@@ -70,7 +71,7 @@ impl Func for TextureReport {
     }
 }
 
-/// Curves that a straight way meets on the mean, over all directions.
+/// Mean number of curves that a straight path crosses per metre, over all directions.
 ///
 /// # Source
 /// Buffon's needle, for curves (Barbier 1860).
@@ -80,9 +81,9 @@ fn crossings_per_metre(curves: &Isophotes) -> f64 {
         let step: [f64; 2] = std::array::from_fn(|k| f64::from(p[1][k] - p[0][k]) / density[k]);
         step[0].hypot(step[1])
     };
-    let long: f64 = curves.iter().flat_map(|(_, points, _)| points.windows(2)).map(length).sum();
+    let total: f64 = curves.iter().flat_map(|(_, points, _)| points.windows(2)).map(length).sum();
     let area = curves.width as f64 / density[0] * (curves.height as f64 / density[1]);
-    if area > 0.0 { 2.0 / PI * long / area } else { 0.0 }
+    if area > 0.0 { 2.0 / PI * total / area } else { 0.0 }
 }
 
 #[cfg(test)]
@@ -106,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn isophotes_join_the_other_sizes() {
+    fn isophotes_are_added_to_the_other_sizes() {
         let mut rng = Rng::new(2);
         let curves = Isophotes::trial(&mut rng);
         let bytes = encode_isophotes(&curves).len() as u64;
@@ -120,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn straight_ways_cross_as_many_curves_as_is_told() {
+    fn crossings_per_metre_follow_from_the_length_of_the_curves() {
         // Rings of radius 20 px: counted on rows.
         let grid = Grid::from_fn(64, 64, |x, y| (x as f32 - 32.0).hypot(y as f32 - 32.0));
         let surface = Surface { density: [100.0; 2], ..Surface::default() };
@@ -131,25 +132,25 @@ mod tests {
         let right = 2.0 / PI * (2.0 * PI * 0.2) / (0.64 * 0.64);
         let found = crossings_per_metre(&curves);
         assert!((found / right - 1.0).abs() < 0.01, "{found} for {right}");
-        let told = report(curves, None);
-        assert!(told.costs.len() == 1 && told.costs[0].us_per_ms > ISOPHOTES_COST, "{:?}", told.costs);
+        let costs = report(curves, None).costs;
+        assert!(costs.len() == 1 && costs[0].us_per_ms > ISOPHOTES_COST, "{costs:?}");
     }
 
     #[test]
-    fn the_shipped_images_take_the_bytes_that_the_book_says() {
-        // Of the paper's 1.09 MB, 300 kB: of a texture with more curves, as much more.
-        for (name, most) in [("tiles", 36_000), ("sk_brick", 200_000), ("sk_gravel", 510_000)] {
+    fn isophotes_of_the_shipped_images_have_the_sizes_in_the_book() {
+        // The target is 300 kB for the 1.09 MB of the paper, in proportion to the number of points.
+        for (name, max) in [("tiles", 36_000), ("sk_brick", 200_000), ("sk_gravel", 510_000)] {
             let path = format!("{}/../graphs/assets/images/{name}.png", env!("CARGO_MANIFEST_DIR"));
             let picture = crate::texture::decode::decode(&std::fs::read(path).unwrap()).unwrap();
             let (grid, holes) = crate::texture::luma::luminance(&picture, LumaKind::Lstar, false).unwrap();
             let luma = Luma { grid, holes, kind: LumaKind::Lstar, surface: Surface::default() };
             let all = isophotes(&luma, &Drawing { simplify: 0.0, ..Drawing::default() }).unwrap();
-            // Place and gradient of all points, as numbers of 32 bits.
+            // Position and gradient of all points, in 32 bits per number.
             let plain = 16 * all.points.len() as u64;
             let report = report(isophotes(&luma, &Drawing::default()).unwrap(), None);
             let bytes = report.entries[0].bytes;
             println!("{name}: {bytes} of {plain}");
-            assert!((most / 2..=most).contains(&bytes), "{name}: {bytes}");
+            assert!((max / 2..=max).contains(&bytes), "{name}: {bytes}");
             assert!(bytes as f64 <= 300.0 / 1090.0 * plain as f64, "{name}: {bytes} of {plain}");
         }
     }

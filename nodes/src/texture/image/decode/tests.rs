@@ -73,14 +73,14 @@ fn jpeg_and_tiff_are_read() {
     assert_eq!(decode(&tiff(3, &data)).unwrap().channels, 3);
 }
 
-/// A TIFF of two pixels of grey with alpha, written by hand: its encoder knows none.
+/// A TIFF of two pixels of grey with alpha, which the encoder does not support.
 fn grey_and_alpha(bits: u8, samples: &[u8]) -> Vec<u8> {
     let short = |tag: u16, values: [u16; 2], count: u32| {
         let [tag, kind] = [tag, 3].map(u16::to_le_bytes);
         [&tag[..], &kind, &count.to_le_bytes(), &values[0].to_le_bytes(), &values[1].to_le_bytes()].concat()
     };
     let bits = u16::from(bits);
-    // Width, height, bits, no compression, black is 0, where the samples are, channels, rows, bytes, and that the second is alpha.
+    // Width, height, bits, no compression, black is 0, offset of the samples, channels, rows, bytes, and an alpha channel.
     let tags = [
         short(256, [2, 0], 1),
         short(257, [1, 0], 1),
@@ -114,33 +114,33 @@ fn a_tiff_of_grey_and_alpha_has_holes_where_it_is_transparent() {
     }
 }
 
-/// The JPEG with an Exif block behind its first two bytes.
-fn turned_jpeg(orientation: u8) -> Vec<u8> {
+/// The JPEG with an Exif block after its first two bytes.
+fn rotated_jpeg(orientation: u8) -> Vec<u8> {
     let exif: &[u8] =
         &[b'M', b'M', 0, 42, 0, 0, 0, 8, 0, 1, 1, 18, 0, 3, 0, 0, 0, 1, 0, orientation, 0, 0, 0, 0, 0, 0];
     [&COLOUR[..2], &[0xff, 0xe1, 0, exif.len() as u8 + 8], b"Exif\0\0", exif, &COLOUR[2..]].concat()
 }
 
 #[test]
-fn photographs_are_turned_as_the_camera_was_held() {
+fn photographs_are_rotated_upright() {
     let plain = decode(COLOUR).unwrap();
-    assert_eq!(decode(&turned_jpeg(1)).unwrap(), plain);
-    let turned = decode(&turned_jpeg(6)).unwrap();
-    assert_eq!((turned.width, turned.height), (9, 16));
-    let (Samples::Bytes(before), Samples::Bytes(after)) = (&plain.samples, &turned.samples) else {
+    assert_eq!(decode(&rotated_jpeg(1)).unwrap(), plain);
+    let rotated = decode(&rotated_jpeg(6)).unwrap();
+    assert_eq!((rotated.width, rotated.height), (9, 16));
+    let (Samples::Bytes(before), Samples::Bytes(after)) = (&plain.samples, &rotated.samples) else {
         panic!("8 bits")
     };
-    // What was on the left lies on top, and what was at the bottom on the left.
+    // The left side becomes the top, and the bottom the left side.
     assert_eq!(after[..3], before[8 * 16 * 3..][..3]);
     assert_eq!(after[8 * 3..][..3], before[..3]);
     assert_ne!(after[..3], after[8 * 3..][..3], "one corner is blue");
 }
 
 #[test]
-fn a_tiff_of_separate_planes_is_told_from_a_damaged_one() {
+fn a_tiff_of_separate_planes_is_unsupported_and_not_damaged() {
     // Two pixels of red, then of green, then of blue, as tifffile writes them.
     let text = code(include_bytes!("../../testdata/planes.tif"));
-    assert!(text.0 == "F123" && text.1.contains("plane of its own"), "{text:?}");
+    assert!(text.0 == "F123" && text.1.contains("separate plane"), "{text:?}");
 }
 
 fn code(bytes: &[u8]) -> (&'static str, String) {
@@ -163,8 +163,8 @@ fn errors_name_what_was_found_and_what_would_be_right() {
     assert!(c == "F122", "{text}");
 }
 
-/// A PNG whose header claims a size, with the checksum that fits.
-fn claims(width: u32, height: u32) -> Vec<u8> {
+/// A PNG of one pixel with another size in its header and the right checksum.
+fn with_size(width: u32, height: u32) -> Vec<u8> {
     let mut bytes = png(1, 1, png::ColorType::Grayscale, false, &[0]);
     bytes[16..20].copy_from_slice(&width.to_be_bytes());
     bytes[20..24].copy_from_slice(&height.to_be_bytes());
@@ -176,14 +176,14 @@ fn claims(width: u32, height: u32) -> Vec<u8> {
 }
 
 #[test]
-fn what_a_header_claims_is_not_believed() {
-    let (c, text) = code(&claims(16_385, 1));
+fn implausible_sizes_in_a_header_are_refused() {
+    let (c, text) = code(&with_size(16_385, 1));
     assert!(c == "F121" && text.contains("16385 x 1"), "{text}");
-    assert_eq!(code(&claims(16_384, 16_384)).0, "F121");
-    assert_eq!(code(&claims(u32::MAX >> 1, u32::MAX >> 1)).0, "F121");
-    let (c, text) = code(&claims(8192, 8192));
+    assert_eq!(code(&with_size(16_384, 16_384)).0, "F121");
+    assert_eq!(code(&with_size(u32::MAX >> 1, u32::MAX >> 1)).0, "F121");
+    let (c, text) = code(&with_size(8192, 8192));
     assert!(c == "F122" && text.contains("cannot hold 8192 x 8192"), "{text}");
-    assert_eq!(code(&claims(2, 2)).0, "F122", "one pixel where four were announced");
+    assert_eq!(code(&with_size(2, 2)).0, "F122", "one pixel where four were announced");
 }
 
 #[test]

@@ -12,7 +12,7 @@ fn texture(wrap: Wrap, simplify: f64) -> Isophotes {
 }
 
 #[test]
-fn points_come_back_exactly_and_gradients_within_a_twentieth() {
+fn points_are_decoded_exactly_and_gradients_within_a_twentieth() {
     for wrap in [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp] {
         let all = texture(wrap, 0.25);
         let bytes = encode_isophotes(&all);
@@ -32,14 +32,17 @@ fn points_come_back_exactly_and_gradients_within_a_twentieth() {
         assert_eq!((again.points, again.curves), (all.points.clone(), all.curves.clone()));
         let moved =
             |(a, b): (&[f32; 2], &[f32; 2])| (a[0] - b[0]).hypot(a[1] - b[1]) > 1e-3 * a[0].hypot(a[1]);
-        assert!(!back.gradients.iter().zip(&again.gradients).any(moved), "what has been coded once stays");
+        assert!(
+            !back.gradients.iter().zip(&again.gradients).any(moved),
+            "coding decoded gradients again does not change them"
+        );
         let each = bytes.len() as f64 / all.points.len() as f64;
         assert!(each < 2.9, "{each} bytes per point");
     }
 }
 
 #[test]
-fn curves_with_all_points_come_back_to_a_part_of_a_pixel() {
+fn curves_with_all_points_are_decoded_to_a_128th_of_a_pixel() {
     let all = texture(Wrap::Repeat, 0.0);
     let back = decode_isophotes(&encode_isophotes(&all)).unwrap();
     assert_eq!(back.curves, all.curves);
@@ -49,7 +52,7 @@ fn curves_with_all_points_come_back_to_a_part_of_a_pixel() {
 }
 
 #[test]
-fn trials_come_back() {
+fn trials_are_decoded() {
     let mut rng = Rng::new(3);
     for _ in 0..40 {
         let all = Isophotes::trial(&mut rng);
@@ -61,8 +64,8 @@ fn trials_come_back() {
 }
 
 #[test]
-fn files_of_the_version_before_are_read() {
-    // A level curve of two points, as version 2 wrote it: the same bits, with sizes in eighths of an octave.
+fn files_of_version_2_are_read() {
+    // A curve of two points in version 2: the same bits, with magnitudes in eighths of an octave.
     let all = Isophotes {
         width: 9,
         height: 9,
@@ -87,12 +90,12 @@ fn files_of_the_version_before_are_read() {
 fn damaged_files_are_refused_and_never_panic() {
     assert!(decode_isophotes(b"").unwrap_err().contains("fISO"));
     assert!(decode_isophotes(b"fISO\x09").unwrap_err().contains("version 9"));
-    assert!(decode_isophotes(b"fISO\x03abc").unwrap_err().contains("head"));
+    assert!(decode_isophotes(b"fISO\x03abc").unwrap_err().contains("header"));
     let bytes = encode_isophotes(&Isophotes::trial(&mut Rng::new(1)));
     assert!(decode_isophotes(&bytes[..bytes.len() - 4]).unwrap_err().contains("damaged"));
     let levels = encode_isophotes(&Isophotes { levels: vec![f32::NAN], ..Isophotes::default() });
     assert!(decode_isophotes(&levels).is_err());
-    // A step that no curve makes, and sizes without their bytes.
+    // A step that is too large, and sizes without their bytes.
     let far = Isophotes {
         width: 9,
         height: 9,
@@ -107,10 +110,10 @@ fn damaged_files_are_refused_and_never_panic() {
     };
     assert!(decode_isophotes(&encode_isophotes(&far)).unwrap_err().contains("damaged"));
     let wide = Isophotes { width: 1 << 20, height: 1 << 20, ..Isophotes::default() };
-    assert!(decode_isophotes(&encode_isophotes(&wide)).unwrap_err().contains("head"));
+    assert!(decode_isophotes(&encode_isophotes(&wide)).unwrap_err().contains("header"));
     let mut huge = bytes.clone();
     huge[21..25].fill(0xFF);
-    assert!(decode_isophotes(&huge).unwrap_err().contains("head"));
+    assert!(decode_isophotes(&huge).unwrap_err().contains("header"));
     let mut rng = Rng::new(2);
     for _ in 0..3000 {
         let mut bad = bytes.clone();

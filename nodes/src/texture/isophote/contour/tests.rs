@@ -83,7 +83,7 @@ fn contours_of_twenty_images_are_those_of_scikit_image() {
         differ += usize::from(columns[1] == "high" && rest != before);
         before = rest;
     }
-    assert!(differ >= 5, "the rules make a difference in {differ} images only");
+    assert!(differ >= 5, "the two rules differ in only {differ} images");
 }
 
 /// Lines of points in pixels, as `tests/oracles/contours.py` stores them.
@@ -97,7 +97,8 @@ fn stored(numbers: &mut impl Iterator<Item = u16>) -> Vec<Vec<[f64; 2]>> {
     (0..count).map(|_| line(numbers)).collect()
 }
 
-/// Whether two lines have the same points in the same order, from any point of a loop on, and if so whether in the same direction.
+/// Returns true if two lines have the same points in the same direction, false if in the opposite one, and `None` if they differ.
+/// Loops may start at any point.
 fn same_line(ours: &[[f64; 2]], theirs: &[[f64; 2]]) -> Option<bool> {
     let near = |a: [f64; 2], b: [f64; 2]| (0..2).all(|k| (a[k] - b[k]).abs() < 0.501 / 1024.0);
     let closed = ours.first() == ours.last();
@@ -124,8 +125,8 @@ fn every_vertex_of_twenty_images_is_that_of_scikit_image() {
             let mut ours: Vec<_> = found.lines.iter().map(|line| span(&found, *line)).collect();
             assert_eq!(ours.len(), theirs.len());
             for line in &theirs {
-                let met = ours.iter().position(|own| same_line(own, line).is_some());
-                let own = ours.swap_remove(met.unwrap_or_else(|| panic!("{seed} {saddle:?}: {line:?}")));
+                let found = ours.iter().position(|own| same_line(own, line).is_some());
+                let own = ours.swap_remove(found.unwrap_or_else(|| panic!("{seed} {saddle:?}: {line:?}")));
                 // Theirs have the low side on the left.
                 assert_eq!(same_line(own, line), Some(false), "{seed} {saddle:?}");
                 count += line.len();
@@ -136,23 +137,23 @@ fn every_vertex_of_twenty_images_is_that_of_scikit_image() {
 }
 
 #[test]
-fn opposite_corners_are_joined_as_said() {
+fn opposite_corners_are_connected_by_the_saddle_rule() {
     let samples = [1.0, 0.0, 0.0, 1.0];
     let around_high = one(&field(2, &samples), 0.5, Saddle::Low);
     assert_eq!(around_high.points, [[0.0, 0.5], [0.5, 0.0], [1.0, 0.5], [0.5, 1.0]]);
     let around_low = one(&field(2, &samples), 0.5, Saddle::High);
     let starts: Vec<_> = around_low.lines.iter().map(|line| span(&around_low, *line)).collect();
     assert_eq!(starts, [[[0.0, 0.5], [0.5, 1.0]], [[1.0, 0.5], [0.5, 0.0]]]);
-    // The saddle of this one lies at 0.474, below the level.
+    // The saddle point has the height 0.474, below the level.
     let samples = [1.0, 0.0, 0.0, 0.9];
-    assert!((joins_height(&samples) - 0.473_68).abs() < 1e-5);
+    assert!((saddle_height(&samples) - 0.473_68).abs() < 1e-5);
     let decided = one(&field(2, &samples), 0.5, Saddle::Decider);
     assert_eq!(decided, one(&field(2, &samples), 0.5, Saddle::Low));
     let lower = one(&field(2, &samples), 0.45, Saddle::Decider);
     assert_eq!(lower, one(&field(2, &samples), 0.45, Saddle::High));
 }
 
-fn joins_height(corners: &[f32; 4]) -> f32 {
+fn saddle_height(corners: &[f32; 4]) -> f32 {
     let [a, b, d, c] = corners;
     (a * c - b * d) / (a + c - b - d)
 }
@@ -166,9 +167,9 @@ fn a_circle_is_round_and_a_plane_is_straight() {
     for (radius, error, vertices, long) in [(20.0, 0.0046, 149, 0.999_85), (40.5, 0.0027, 325, 0.999_96)] {
         let ring = one(&field(n, &distance), radius, Saddle::Decider);
         assert_eq!((ring.lines.len(), ring.lines[0].closed), (1, true));
-        let off =
+        let errors =
             ring.points.iter().map(|p| ((p[0] - centre).hypot(p[1] - centre) - f64::from(radius)).abs());
-        assert!(off.fold(0.0, f64::max) < error);
+        assert!(errors.fold(0.0, f64::max) < error);
         assert_eq!(ring.points.len(), vertices);
         let round = length(&ring.points) / (std::f64::consts::TAU * f64::from(radius));
         assert!((round - long).abs() < 5e-6, "{round}");
@@ -182,10 +183,10 @@ fn a_circle_is_round_and_a_plane_is_straight() {
 
 #[test]
 fn the_high_side_is_on_the_left() {
-    // A peak: with y down, its rings turn so that it is on the left.
+    // The rings of a peak have the peak on the left, with y pointing down.
     let peak: Vec<f32> = (0..25).map(|k| -((k % 5) as f32 - 2.0).hypot((k / 5) as f32 - 2.0)).collect();
     let ring = one(&field(5, &peak), -1.2, Saddle::Decider);
-    // The shoelace sum counts turns from x to y, which is to the right when y points down.
+    // The shoelace sum is positive for rotations from x to y, which are to the right if y points down.
     assert!(ring.lines.len() == 1 && area(&ring.points) < 0.0);
     for saddle in [Saddle::Decider, Saddle::Low, Saddle::High] {
         let samples = image(3, 37, 29);
@@ -213,13 +214,13 @@ fn bilinear(samples: &[f32], w: usize, x: f64, y: f64) -> f64 {
     row(j) * (1.0 - v) + row(j + 1) * v
 }
 
-/// A key of a place on a torus.
-fn key(p: [f64; 2], turn: [f64; 2]) -> [i64; 2] {
-    [0, 1].map(|k| (p[k].rem_euclid(turn[k]) * 1e9).round() as i64 % (turn[k] * 1e9) as i64)
+/// A key of a position on a torus.
+fn key(p: [f64; 2], period: [f64; 2]) -> [i64; 2] {
+    [0, 1].map(|k| (p[k].rem_euclid(period[k]) * 1e9).round() as i64 % (period[k] * 1e9) as i64)
 }
 
 #[test]
-fn lines_end_at_borders_share_no_vertex_and_meet_rows_where_the_level_is_passed() {
+fn lines_end_at_borders_share_no_vertex_and_cross_rows_where_the_level_is_passed() {
     let (w, h) = (37, 29);
     for seed in [2, 5, 6, 11] {
         let samples = image(seed, w, h);
@@ -227,31 +228,31 @@ fn lines_end_at_borders_share_no_vertex_and_meet_rows_where_the_level_is_passed(
             for level in [0.3, 0.45, LEVEL, 0.6] {
                 let whole = Field { width: w, samples: &samples, torus };
                 let lines = one(&whole, level, Saddle::Decider);
-                let turn = [w as f64, h as f64];
-                let mut seen = HashMap::new();
+                let period = [w as f64, h as f64];
+                let mut vertices_by_key = HashMap::new();
                 for (k, line) in lines.lines.iter().enumerate() {
                     let points = span(&lines, *line);
                     let (first, last) = (points[0], points[points.len() - 1]);
                     if line.closed {
                         assert!(torus || first == last);
-                        assert_eq!(key(first, turn), key(last, turn));
+                        assert_eq!(key(first, period), key(last, period));
                     } else {
                         assert!(!torus);
-                        let border = |p: [f64; 2]| (0..2).any(|k| p[k] == 0.0 || p[k] == turn[k] - 1.0);
+                        let border = |p: [f64; 2]| (0..2).any(|k| p[k] == 0.0 || p[k] == period[k] - 1.0);
                         assert!(border(first) && border(last), "{first:?} {last:?}");
                     }
                     for p in &points[usize::from(line.closed)..] {
-                        assert_eq!(seen.insert(key(*p, turn), k), None, "{p:?} is met twice");
+                        assert_eq!(vertices_by_key.insert(key(*p, period), k), None, "{p:?} appears twice");
                     }
                     let long = points.windows(2).map(length).fold(0.0, f64::max);
-                    assert!(long < 1.42, "a piece crosses one cell at most: {long}");
+                    assert!(long < 1.42, "a segment crosses at most one cell: {long}");
                 }
                 for y in 0..h {
                     let row = whole.row(y);
                     let pairs = row.windows(2).map(|p| (p[0], p[1]));
                     let seam = torus.then(|| (row[w - 1], row[0]));
                     let wanted = pairs.chain(seam).filter(|(a, b)| (*a > level) != (*b > level)).count();
-                    let found = seen.keys().filter(|k| k[1] == y as i64 * 1_000_000_000).count();
+                    let found = vertices_by_key.keys().filter(|k| k[1] == y as i64 * 1_000_000_000).count();
                     assert_eq!(found, wanted, "row {y}");
                 }
             }
@@ -260,8 +261,8 @@ fn lines_end_at_borders_share_no_vertex_and_meet_rows_where_the_level_is_passed(
 }
 
 #[test]
-fn on_a_torus_lines_go_on_across_the_seam() {
-    // One wave along x, shifted from row to row: its lines go once around both ways.
+fn on_a_torus_lines_continue_across_the_seam() {
+    // One wave along x, shifted from row to row: its lines go once around in both directions.
     let (w, h) = (16, 12);
     let wave = |k: usize| {
         let turns = (k % w) as f64 / w as f64 + (k / w) as f64 / h as f64;
@@ -309,7 +310,7 @@ fn lines_of_different_levels_do_not_cross() {
 fn strips_of_any_height_give_the_same_bits() {
     for torus in [false, true] {
         let mut samples = image(4, 37, 29);
-        // Two holes, one of them where strips meet.
+        // Two holes, one of them at the boundary of two strips.
         samples[8 * 37 + 20] = f32::NAN;
         samples[20 * 37] = f32::INFINITY;
         let whole = Field { width: 37, samples: &samples, torus };
@@ -336,11 +337,11 @@ fn cells_with_a_hole_have_no_lines_and_a_sample_on_its_level_is_low() {
     assert_eq!((ends[1][0], ends[1][ends[1].len() - 1]), ([2.5, 4.0], [2.5, 6.0]));
     let flat = one(&field(3, &[1.0; 9]), 1.0, Saddle::Decider);
     assert_eq!(flat, Lines::default());
-    // One low sample that lies exactly on the level would have a ring of no size.
+    // A low sample exactly on the level would have a ring of size 0.
     let mut dent = [2.0; 9];
     dent[4] = 1.0;
     assert_eq!(one(&field(3, &dent), 1.0, Saddle::Decider), Lines::default());
-    // Steps at whole numbers: pieces of no length are left out.
+    // Steps at integers: segments of length 0 are left out.
     let steps: Vec<f32> = (0..25).map(|k| (k % 5) as f32).collect();
     let lines = one(&field(5, &steps), 2.0, Saddle::Decider);
     assert!(lines.points.iter().all(|p| p[0] == 2.0) && lines.points.len() == 5);

@@ -30,7 +30,7 @@ fn a_ramp_has_straight_curves_and_its_slope() {
                 assert!((g[0] - 2.0).abs() < 1e-5 && (g[1] - 0.5).abs() < 1e-5);
             }
         }
-        // The border goes on for one pixel: from row -1 to row 20.
+        // The border continues for one pixel: from row -1 to row 20.
         let ends = [points[0][1], points[points.len() - 1][1]];
         assert!(ends.contains(&-1.0) && ends.contains(&20.0), "{ends:?}");
     }
@@ -39,7 +39,7 @@ fn a_ramp_has_straight_curves_and_its_slope() {
 }
 
 #[test]
-fn quantiles_part_the_pixels_evenly() {
+fn quantiles_divide_the_pixels_evenly() {
     let image = noise(128, 96, Wrap::Repeat);
     let found = isophotes(&image, &Drawing { pre_blur: 0.0, ..Drawing::default() }).unwrap();
     for (k, level) in found.levels.iter().enumerate() {
@@ -62,18 +62,18 @@ fn a_repeated_image_has_no_seam() {
     };
     let tile = isophotes(&luma(32, 32, Wrap::Repeat, wave), &Drawing::default()).unwrap();
     assert!(tile.is_torus() && tile.curves.iter().all(|curve| curve.closed));
-    // The same surface from another corner has the same curves.
-    let moved =
+    // The same periodic surface with another origin has the same curves.
+    let shifted =
         isophotes(&luma(32, 32, Wrap::Repeat, |x, y| wave(x + 13, y + 7)), &Drawing::default()).unwrap();
-    let long = |all: &Isophotes| {
-        let length = |p: &[[f32; 2]]| f64::from((p[1][0] - p[0][0]).hypot(p[1][1] - p[0][1]));
-        all.iter().flat_map(|(_, points, _)| points.windows(2)).map(length).sum::<f64>()
+    let length = |all: &Isophotes| {
+        let step = |p: &[[f32; 2]]| f64::from((p[1][0] - p[0][0]).hypot(p[1][1] - p[0][1]));
+        all.iter().flat_map(|(_, points, _)| points.windows(2)).map(step).sum::<f64>()
     };
-    assert!((long(&tile) / long(&moved) - 1.0).abs() < 0.005);
+    assert!((length(&tile) / length(&shifted) - 1.0).abs() < 0.005);
 }
 
 #[test]
-fn a_straight_line_around_a_repeated_image_stays() {
+fn a_straight_line_around_a_periodic_image_is_a_curve() {
     let joints = luma(40, 24, Wrap::Repeat, |x, _| if x % 20 < 3 { 20.0 } else { 70.0 });
     let drawing = Drawing { levels: Levels::These(vec![45.0]), ..Drawing::default() };
     let found = isophotes(&joints, &drawing).unwrap();
@@ -85,7 +85,7 @@ fn a_straight_line_around_a_repeated_image_stays() {
 }
 
 #[test]
-fn holes_have_no_curves_and_do_not_darken_their_surroundings() {
+fn holes_have_no_curves_and_do_not_change_their_surroundings() {
     let mut image = luma(32, 32, Wrap::Clamp, |x, _| 50.0 + x as f32);
     image.holes =
         (0..32 * 32).map(|k| (12..20).contains(&(k % 32)) && (12..20).contains(&(k / 32))).collect();
@@ -102,41 +102,41 @@ fn holes_have_no_curves_and_do_not_darken_their_surroundings() {
             }
         }
     }
-    assert_eq!(found.curves.len(), 3, "one level meets the hole, the other does not");
-    // Pixels that are no numbers are holes as well.
+    assert_eq!(found.curves.len(), 3, "one level crosses the hole, the other does not");
+    // NaN pixels are holes as well.
     image.holes.clear();
     image.grid.samples[5 * 32 + 5] = f32::NAN;
     assert!(isophotes(&image, &drawing).unwrap().gradients.iter().flatten().all(|g| g.is_finite()));
 }
 
 #[test]
-fn simplified_curves_keep_their_place_and_their_gradients() {
+fn simplified_curves_are_within_the_tolerance() {
     let image = noise(160, 120, Wrap::Repeat);
     let all = isophotes(&image, &Drawing { simplify: 0.0, ..Drawing::default() }).unwrap();
     let short = isophotes(&image, &Drawing::default()).unwrap();
     let blurred = smooth_masked(&image.grid, &[], &Kernel::gaussian(1.0, 4.0), Wrap::Repeat);
-    let floor = FAINT * steepness(&blurred, Wrap::Repeat);
+    let floor = MIN_GRADIENT * rms_gradient(&blurred, Wrap::Repeat);
     let mut left = short.iter().peekable();
-    let (mut dropped, mut most) = (0, [0.0_f64; 2]);
+    let (mut dropped, mut max) = (0, [0.0_f64; 2]);
     for (curve, points, _) in all.iter() {
-        // Points half way between two places are told in too few digits to know which they are put to.
+        // Points half way between two steps have too few digits to know how they are rounded.
         let clear =
             |p: &&[f32; 2]| p.iter().all(|x| ((f64::from(*x) * STEPS).fract().abs() - 0.5).abs() > 1e-3);
-        let place = |p: &[f32; 2]| p.map(|x| (f64::from(x) * STEPS).round() / STEPS);
-        let whole: Vec<[f64; 2]> = points.iter().filter(clear).map(place).collect();
-        // Each point of the shorter curve is one of this curve, but for those.
+        let round = |p: &[f32; 2]| p.map(|x| (f64::from(x) * STEPS).round() / STEPS);
+        let whole: Vec<[f64; 2]> = points.iter().filter(clear).map(round).collect();
+        // Every other point of the simplified curve is one of this curve.
         let matched =
-            left.peek().filter(|(other, ..)| other.level == curve.level).and_then(|(_, kept, _)| {
+            left.peek().filter(|(other, ..)| other.level == curve.level).and_then(|(_, simplified, _)| {
                 let mut at = 0;
                 let mut find = |p: &[f32; 2]| {
                     at += whole[at..].iter().position(|q| *q == p.map(f64::from))?;
                     Some(at)
                 };
-                let found: Vec<Option<usize>> = kept.iter().map(&mut find).collect();
-                let lost = found.iter().filter(|k| k.is_none()).count();
-                (2 * lost < kept.len()).then_some(found)
+                let found: Vec<Option<usize>> = simplified.iter().map(&mut find).collect();
+                let missing = found.iter().filter(|k| k.is_none()).count();
+                (2 * missing < simplified.len()).then_some(found)
             });
-        let Some(places) = matched else {
+        let Some(indices) = matched else {
             let size = |i: usize| {
                 let along = || whole.iter().map(|p| p[i]);
                 along().fold(f64::MIN, f64::max) - along().fold(f64::MAX, f64::min)
@@ -151,8 +151,8 @@ fn simplified_curves_keep_their_place_and_their_gradients() {
             dropped += 1;
             continue;
         };
-        let (_, kept, slopes) = left.next().unwrap();
-        let ends = places.windows(2).zip(kept.windows(2)).zip(slopes.windows(2));
+        let (_, simplified, slopes) = left.next().unwrap();
+        let ends = indices.windows(2).zip(simplified.windows(2)).zip(slopes.windows(2));
         for ((span, ends), slopes) in ends {
             let &[Some(from), Some(to)] = span else { continue };
             let ends = [0, 1].map(|k| ends[k].map(f64::from));
@@ -168,23 +168,23 @@ fn simplified_curves_keep_their_place_and_their_gradients() {
                     a + t * (b - a) - right[i]
                 });
                 let error = miss[0].hypot(miss[1]) / right[0].hypot(right[1]).max(floor);
-                most = [most[0].max(far), most[1].max(error)];
+                max = [max[0].max(far), max[1].max(error)];
             }
         }
     }
-    assert!(left.next().is_none(), "every curve comes of one with all points");
+    assert!(left.next().is_none(), "every simplified curve has an exact one");
     println!(
-        "{} of {} points, {dropped} small rings dropped, off by {most:?}",
+        "{} of {} points, {dropped} small rings dropped, errors {max:?}",
         short.points.len(),
         all.points.len()
     );
-    assert!(most[0] <= 0.25 + 1e-9 && most[1] <= 0.05 + 1e-5, "{most:?}");
+    assert!(max[0] <= 0.25 + 1e-9 && max[1] <= 0.05 + 1e-5, "{max:?}");
     assert!(short.points.len() < all.points.len() && dropped * 20 < all.curves.len());
 }
 
 #[test]
-fn points_have_the_gradient_of_the_place_they_are_at() {
-    // Sobel's operator and straight lines between are exact for what is quadratic.
+fn points_have_the_gradient_at_their_position() {
+    // The Sobel operator with bilinear interpolation is exact for a quadratic function.
     let (a, b, c) = (0.05, 0.03, -0.02);
     let image = luma(60, 50, Wrap::Clamp, |x, y| {
         let (x, y) = (x as f32, y as f32);
@@ -192,22 +192,22 @@ fn points_have_the_gradient_of_the_place_they_are_at() {
     });
     for simplify in [0.0, 0.25] {
         let found = isophotes(&image, &Drawing { simplify, ..exact(vec![10.0, 45.0, 90.0]) }).unwrap();
-        let mut seen = 0;
+        let mut count = 0;
         for (_, points, gradients) in found.iter() {
             for ([x, y], g) in points.iter().zip(gradients) {
                 if *x >= 1.0 && *x <= 58.0 && *y >= 1.0 && *y <= 48.0 {
                     let right = [2.0 * a * x + b * y + 0.7, b * x + 2.0 * c * y - 0.4];
                     assert!((0..2).all(|i| (g[i] - right[i]).abs() < 1e-4), "{x} {y}: {g:?} {right:?}");
-                    seen += 1;
+                    count += 1;
                 }
             }
         }
-        assert!(seen >= 10, "{seen}");
+        assert!(count >= 10, "{count}");
     }
 }
 
 #[test]
-fn what_is_no_image_is_refused_and_a_flat_one_is_silent() {
+fn invalid_images_are_refused_and_a_flat_one_has_no_curves() {
     let flat = luma(8, 8, Wrap::Repeat, |_, _| 40.0);
     assert_eq!(isophotes(&flat, &Drawing::default()).unwrap().curves, []);
     let outside = isophotes(&flat, &exact(vec![50.0]));
@@ -222,7 +222,7 @@ fn what_is_no_image_is_refused_and_a_flat_one_is_silent() {
 }
 
 #[test]
-fn threads_make_no_difference() {
+fn the_number_of_threads_does_not_change_the_result() {
     let image = noise(150, 140, Wrap::Mirror);
     let with = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
