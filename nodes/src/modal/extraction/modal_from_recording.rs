@@ -38,7 +38,7 @@ params! {
         passes: usize = 3, unit "", range 0..=100;
         /// Impulse of the recorded impact, if known: an impact of this impulse sounds as loud as the recording.
         impulse: f64 = 0.05, unit "N s", range 0.000000001..=1_000_000.0;
-        /// Whether modes start with their phases in the recording, or as sines.
+        /// True to start modes with their phases in the recording, false to start them as sines.
         phases: bool = true;
     }
 }

@@ -266,8 +266,8 @@ mod tests {
             }
             differ += usize::from(onsets(4, seed) != onsets(4, seed + 1));
         }
-        let most = (0..20).map(|seed| onsets(4, seed).len()).max();
-        assert!(differ == 20 && most == Some(5), "{differ} {most:?}");
+        let max = (0..20).map(|seed| onsets(4, seed).len()).max();
+        assert!(differ == 20 && max == Some(5), "{differ} {max:?}");
     }
 
     #[test]

@@ -68,8 +68,8 @@ pub(crate) fn level_for(octaves: f32) -> f32 {
         return (1.0 + octaves).max(0.0);
     }
     let coarser = (octaves - 1.0).max(0.0);
-    let whole = coarser.floor();
-    1.0 + whole + ((coarser - whole) / TRANSITION).min(1.0)
+    let steps = coarser.floor();
+    1.0 + steps + ((coarser - steps) / TRANSITION).min(1.0)
 }
 
 /// Pixels of a halved side, and the step between them: a little below 2 for a periodic odd side.

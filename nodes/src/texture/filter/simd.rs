@@ -66,15 +66,16 @@ pub(super) fn exp2<S: Simd>(simd: S, x: f32x16<S>) -> f32x16<S> {
     // Adding 1.5 * 2^23 rounds to an integer, which is then in the lowest bits.
     const ROUND: f32 = 12_582_912.0;
     let x = x.max(f32x16::splat(simd, -126.0));
-    let whole = x + ROUND;
-    let part = x - (whole - ROUND);
+    let rounded = x + ROUND;
+    let part = x - (rounded - ROUND);
     // Minimax fit of the relative error over -0.5 to 0.5, exact at 0.
     let mut y = f32x16::splat(simd, EXP2[5]);
     for k in (0..5).rev() {
         y = y.mul_add(part, f32x16::splat(simd, EXP2[k]));
     }
     // The integer is added to the exponent.
-    (y.bitcast::<fearless_simd::i32x16<S>>() + (whole.bitcast::<fearless_simd::i32x16<S>>() << 23)).bitcast()
+    (y.bitcast::<fearless_simd::i32x16<S>>() + (rounded.bitcast::<fearless_simd::i32x16<S>>() << 23))
+        .bitcast()
 }
 
 /// Coefficients of [`exp2`].

@@ -60,7 +60,7 @@ params! {
         depth: f64 = 0.0001, unit "m", range 0.0..=10.0;
         /// Continuation beyond the border.
         wrap: Wrap = Wrap::Repeat;
-        /// Whether the luminance is inverted, for images with bright grooves.
+        /// True to invert the luminance, for images with bright grooves.
         invert: bool = false;
     }
 }

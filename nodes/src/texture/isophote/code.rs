@@ -157,14 +157,14 @@ pub fn encode_isophotes(all: &Isophotes) -> Vec<u8> {
                 code.write(&mut out, next - predicted(step[axis]));
                 step[axis] = next;
             }
-            let whole = sides && fraction[0] == 0;
+            let integer_x = sides && fraction[0] == 0;
             if sides {
-                out.bits(whole.into(), 1);
+                out.bits(integer_x.into(), 1);
             }
-            if !whole {
+            if !integer_x {
                 out.bits(fraction[0] as u64, FRACTION_BITS);
             }
-            if whole || !sides {
+            if integer_x || !sides {
                 out.bits(fraction[1] as u64, FRACTION_BITS);
             }
         }
@@ -289,10 +289,10 @@ fn read_curves(from: &mut Reader<'_>, mut all: Isophotes, octave_steps: f64) -> 
             for (code, step) in codes.step.iter_mut().zip(&mut step) {
                 *step = code.read(from)?.checked_add(predicted(*step))?;
             }
-            let whole = sides && from.bits(1)? == 1;
+            let integer_x = sides && from.bits(1)? == 1;
             let fraction = [
-                if whole { 0 } else { from.bits(FRACTION_BITS)? },
-                if sides && !whole { 0 } else { from.bits(FRACTION_BITS)? },
+                if integer_x { 0 } else { from.bits(FRACTION_BITS)? },
+                if sides && !integer_x { 0 } else { from.bits(FRACTION_BITS)? },
             ];
             points.push(next(last, step, fraction)?);
         }

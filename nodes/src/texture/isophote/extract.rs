@@ -61,7 +61,7 @@ pub enum IsophotesError {
     #[error("the image has {0} x {1} pixels; isophotes need 2 x 2")]
     TooSmall(usize, usize),
     /// The number of samples does not match the size.
-    #[error("the image says {0} x {1} pixels, and has {2}")]
+    #[error("the image has {2} samples for {0} x {1} pixels")]
     Damaged(usize, usize, usize),
     /// No level is in the range of the luminance.
     #[error("none of the {count} levels lies in the luminance of the image, {low} to {high}")]

@@ -18,7 +18,7 @@ params! {
     /// # Source
     /// Picard, Tsingos and Faure (VRIPHYS 2008), section 4.2 and figure 5.
     pub struct FeatureNoiseSplitParams {
-        /// Whether the noise is multiplied by 1 less the features.
+        /// True to multiply the noise by 1 less the features.
         mask_features: bool = true;
     }
 }

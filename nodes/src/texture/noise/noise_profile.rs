@@ -50,7 +50,7 @@ params! {
         code: NoiseCode = NoiseCode::Profile;
         /// Length of a stored profile before its extension: a longer one repeats later.
         samples: usize = PROFILE, unit "samples", range 256..=262_144;
-        /// Whether detail finer than the image is added.
+        /// True to add detail finer than the image.
         extend: bool = true;
         /// Maximum speed of contacts, for the spacing of the added detail.
         v_max: f64 = 2.0, unit "m/s", range 0.001..=1000.0;

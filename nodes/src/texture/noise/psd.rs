@@ -75,7 +75,7 @@ pub fn densities(lines: &[&[f32]]) -> Vec<f64> {
 /// # Complexity
 /// `O(count log count)`.
 #[must_use]
-pub fn line(densities: &[f64], count: usize, random: &Random) -> Vec<f32> {
+pub fn synthesize(densities: &[f64], count: usize, random: &Random) -> Vec<f32> {
     let transform = RealFftPlanner::<f64>::new().plan_fft_inverse(count.max(2));
     let (mut bins, mut out) = (transform.make_input_vec(), transform.make_output_vec());
     // Interpolated between bands, then scaled to the exact power of each.
@@ -143,7 +143,7 @@ mod tests {
         let wanted: Vec<f64> =
             (0..BANDS).map(|k| edge(k).powi(-2) * if k == 20 { 30.0 } else { 1.0 }).collect();
         for count in [4096, 1 << 16] {
-            let line = line(&wanted, count, &Random::new(1, "n"));
+            let line = synthesize(&wanted, count, &Random::new(1, "n"));
             let transform = RealFftPlanner::<f64>::new().plan_fft_forward(count);
             let mut samples: Vec<f64> = line.iter().map(|x| f64::from(*x)).collect();
             let mut bins = transform.make_output_vec();
@@ -159,6 +159,6 @@ mod tests {
                 assert!(db.abs() < 0.05, "{count}, band {k}: {db} dB");
             }
         }
-        assert!(line(&[0.0; BANDS], 100, &Random::new(1, "n")).iter().all(|x| x.abs() < 1e-30));
+        assert!(synthesize(&[0.0; BANDS], 100, &Random::new(1, "n")).iter().all(|x| x.abs() < 1e-30));
     }
 }

@@ -88,7 +88,7 @@ impl NoiseModel {
     pub fn synthesize(&self, count: usize, random: &Random) -> Vec<f32> {
         let mut line = match &self.spectrum {
             Spectrum::Poles(poles) => filtered(poles, count, random),
-            Spectrum::Bands(densities) => psd::line(densities, count, random),
+            Spectrum::Bands(densities) => psd::synthesize(densities, count, random),
         };
         if !self.quantiles.is_empty() {
             self.match_ranks(&mut line);

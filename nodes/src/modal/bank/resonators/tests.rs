@@ -50,7 +50,7 @@ fn the_impulse_response_of_a_mode_is_a_damped_sine_at_any_frequency() {
     }
 }
 
-/// What `scipy.signal.lfilter` makes of a force by the two-pole form of three modes, every 40th sample: `tests/oracles/modal.py`.
+/// Response of three modes to a force by `scipy.signal.lfilter` in the two-pole form, every 40th sample: `tests/oracles/modal.py`.
 const LFILTER: [f64; 50] = include!("../lfilter.in");
 
 #[test]
