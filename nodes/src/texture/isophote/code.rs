@@ -3,7 +3,7 @@
 //! Points are quantised to 1/64 pixel. A point lies where a curve enters a pixel, so that one coordinate is an integer. It is coded by
 //! the step from the pixel of the previous point, predicted as half of the last step, and by its position on the side of the pixel.
 //! A gradient is coded by its magnitude in ninths of an octave, and by its angle to the normal of the curve in 1/128 of a full turn;
-//! its error is at most 5 %, 3 % on average. Each kind of number has an adaptive [`Rice`] code.
+//! its error is at most 5 %, 3 % on average. Each kind of number has an adaptive Rice code.
 
 use super::curves::{Curve, Isophotes, STEPS};
 use super::rice::{Reader, Rice, Writer};
