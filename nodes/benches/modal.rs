@@ -86,8 +86,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     for n in [64, 1000, 10_000] {
         let modes = modes(n)?;
         let mut out = vec![0.0; 1024];
-        let mut blow = vec![0.0; 1024];
-        blow[0] = 1.0;
+        let mut impulse = vec![0.0; 1024];
+        impulse[0] = 1.0;
         let mut time = |name: &str, force: &[f32], damped: bool| -> Result<(), Box<dyn Error>> {
             let mut bank = Bank::new(&modes, RATE)?;
             let mut k = 0_u32;
@@ -99,8 +99,8 @@ fn main() -> Result<(), Box<dyn Error>> {
                         bank.process(force.get(64 * k..64 * k + 64).unwrap_or_default(), out);
                     }
                 } else {
-                    // A blow every 16 blocks, as things that fall do.
-                    bank.process(if k % 16 == 1 { &blow } else { force }, &mut out);
+                    // One impact every 16 blocks.
+                    bank.process(if k % 16 == 1 { &impulse } else { force }, &mut out);
                 }
                 black_box(&out);
                 (n * out.len()) as u64
@@ -114,9 +114,9 @@ fn main() -> Result<(), Box<dyn Error>> {
             Ok(())
         };
         let scrape: Vec<f32> = (0..1024).map(|k| (k as f32 * 0.7).sin()).collect();
-        time("a blow now and then   ", &[], false)?;
+        time("occasional impacts    ", &[], false)?;
         time("a force all the time  ", &scrape, false)?;
-        time("damping in each 64th  ", &blow, true)?;
+        time("damping in each 64th  ", &impulse, true)?;
     }
     let mut quiet = Bank::new(&modes(10_000)?, RATE)?;
     let mut out = vec![0.0; 1024];

@@ -8,14 +8,15 @@ use foley_nodes::core::node::Func;
 use foley_nodes::core::params::{Datum, Params};
 use foley_nodes::core::random::Rng;
 use foley_nodes::core::standalone::{Standalone, StandaloneRun};
-use foley_nodes::texture::class_node::{HistogramClass, HistogramClassPorts};
-use foley_nodes::texture::feature_nodes::{
-    Bilateral, BilateralPorts, DogFeatures, DogFeaturesPorts, FeatureNoiseSplit, FeatureNoiseSplitPorts,
-};
-use foley_nodes::texture::image_node::ImageLuma;
-use foley_nodes::texture::isophotes_node::{IsophotesNode, IsophotesPorts};
-use foley_nodes::texture::map_nodes::{MapCoder, MapCoderPorts, SobelMap, SobelMapPorts};
-use foley_nodes::texture::profile_node::{NoiseProfileNode, NoiseProfilePorts};
+use foley_nodes::texture::class::histogram_class::{HistogramClass, HistogramClassPorts};
+use foley_nodes::texture::filter::bilateral::{Bilateral, BilateralPorts};
+use foley_nodes::texture::filter::dog_features::{DogFeatures, DogFeaturesPorts};
+use foley_nodes::texture::filter::sobel_map::{SobelMap, SobelMapPorts};
+use foley_nodes::texture::image::image_luma::ImageLuma;
+use foley_nodes::texture::isophote::isophotes::{IsophotesNode, IsophotesPorts};
+use foley_nodes::texture::map_code::map_coder::{MapCoder, MapCoderPorts};
+use foley_nodes::texture::noise::feature_noise_split::{FeatureNoiseSplit, FeatureNoiseSplitPorts};
+use foley_nodes::texture::noise::noise_profile::{NoiseProfileNode, NoiseProfilePorts};
 use foley_nodes::texture::{FeatureMap, Grid, Kernel, Luma, NoiseMap, Wrap, smooth};
 use foley_nodes::unit::selector::{SelectorParams, Units, selector};
 use std::alloc::{GlobalAlloc, Layout, System};
