@@ -52,7 +52,7 @@ fn features(seed: u64, units: usize) -> Vec<f32> {
             out.push((*slow + rng.between(-1.0, 1.0)) as f32);
         }
     }
-    TemporalFilter::new(&[20.0, 50.0, 10.0], false).stretch(&out)
+    TemporalFilter::new(&[20.0, 50.0, 10.0], false).process_segment(&out)
 }
 
 fn of_units() {

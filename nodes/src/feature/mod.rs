@@ -4,17 +4,17 @@
 //! two kinds never meet unnoticed.
 
 pub mod conventions;
-pub mod gaussian;
-pub mod gaussian_node;
 pub mod item;
-pub mod mel;
-pub mod mfcc_node;
+pub mod mel_cepstrum;
+pub mod mfcc;
 pub mod params;
+pub mod temporal_filter;
+pub mod temporal_gaussian;
 
 pub use conventions::{
     BandShape, Difference, FeatureConventions, FeatureWindow, FloorRule, LogScale, MelScale,
 };
-pub use gaussian::TemporalFilter;
 pub use item::{FeatureFormat, Features};
-pub use mel::MelCepstrum;
-pub use params::{FloorFrom, Given, UnitLength};
+pub use mel_cepstrum::MelCepstrum;
+pub use params::{ConventionParams, FloorFrom, UnitLength};
+pub use temporal_filter::TemporalFilter;

@@ -8,7 +8,7 @@ use crate::core::random::Rng;
 use crate::core::time::Rate;
 
 /// Longest unit and window, samples.
-const LONGEST: u32 = 1 << 16;
+const MAX_SAMPLES: u32 = 1 << 16;
 
 /// Length of a unit: seconds as a fraction or decimal (`"1/240"`), or samples (`"400 samples"`).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -79,7 +79,7 @@ choices! {
 
 /// The parameters that [`feature_params`](crate::feature_params) declares.
 #[derive(Clone, Debug)]
-pub struct Given {
+pub struct ConventionParams {
     /// Length of a unit.
     pub unit: UnitLength,
     /// Length of the window.
@@ -91,22 +91,22 @@ pub struct Given {
     /// The floor in decibels.
     pub floor: f64,
     /// Everything else, as it is.
-    pub rest: FeatureConventions,
+    pub base: FeatureConventions,
 }
 
-impl Given {
+impl ConventionParams {
     /// The conventions at a rate.
     ///
     /// # Errors
     /// Units without a sample, more coefficients than bands, bands upside down, and a high-pass beyond half the rate.
     pub fn conventions(self, rate: Rate, joined: u32) -> Result<FeatureConventions, Reject> {
         let refuse = |field: &str, message: String| Err(Reject::new("F051", message).at(field));
-        let mut c = self.rest;
+        let mut c = self.base;
         c.unit = self.unit.samples(rate);
-        if !(1..=LONGEST).contains(&c.unit) || rate.divided_by(u64::from(c.unit)).is_none() {
+        if !(1..=MAX_SAMPLES).contains(&c.unit) || rate.divided_by(u64::from(c.unit)).is_none() {
             return refuse(
                 "unit",
-                format!("a unit has {} samples at {rate}; it takes 1 to {LONGEST}", c.unit),
+                format!("a unit has {} samples at {rate}; it takes 1 to {MAX_SAMPLES}", c.unit),
             );
         }
         let twice = matches!(c.window, super::FeatureWindow::Sine2);
@@ -134,6 +134,15 @@ impl Given {
         (c.rate, c.joined) = (rate, joined.max(1));
         Ok(c)
     }
+}
+
+/// Refuses lists of widths that are neither one for all nor one each.
+pub(crate) fn check_widths(widths: &[f64], n: usize) -> Result<(), Reject> {
+    if widths.len() <= 1 || widths.len() == n {
+        return Ok(());
+    }
+    let message = format!("{} widths for {n} coefficients", widths.len());
+    Err(Reject::new("F051", message).at("widths").help(format!("give {n}, or one for all")))
 }
 
 /// Declares parameters with those of feature conventions behind them, and `given` to read these.
@@ -179,8 +188,8 @@ macro_rules! feature_params {
 
         impl $name {
             /// What is given of the feature conventions.
-            fn given(&self, widths: &[f64], causal: bool) -> $crate::feature::Given {
-                let rest = $crate::feature::FeatureConventions {
+            fn convention_params(&self, widths: &[f64], causal: bool) -> $crate::feature::ConventionParams {
+                let base = $crate::feature::FeatureConventions {
                     window: self.window,
                     shape: self.shape,
                     mel: self.mel,
@@ -195,13 +204,13 @@ macro_rules! feature_params {
                     causal,
                     ..$crate::feature::FeatureConventions::trial()
                 };
-                $crate::feature::Given {
+                $crate::feature::ConventionParams {
                     unit: self.unit,
                     frame: self.frame.map(|n| n as u32),
                     bands: self.bands.map(|n| n as u32),
                     floor_from: self.floor_from,
                     floor: self.floor,
-                    rest,
+                    base,
                 }
             }
         }

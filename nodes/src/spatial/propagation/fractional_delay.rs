@@ -7,18 +7,18 @@ use crate::impl_state;
 /// # Source
 /// Laakso, Valimaki, Karjalainen and Laine, "Splitting the Unit Delay" (IEEE SPM 13(1), 1996), section 3.
 #[derive(Clone, Debug)]
-pub(crate) struct Line {
+pub(crate) struct FractionalDelayLine {
     samples: Vec<f32>,
     /// Place of the newest sample.
-    at: usize,
+    newest: usize,
 }
-impl_state!(Line { samples, at });
+impl_state!(FractionalDelayLine { samples, newest });
 
-impl Line {
-    /// A silent line for delays from 1 to `longest` samples.
-    pub fn new(longest: f64) -> Self {
-        let needed = longest.max(1.0).ceil() as usize + 4;
-        Self { samples: vec![0.0; needed.next_power_of_two()], at: 0 }
+impl FractionalDelayLine {
+    /// A silent line for delays from 1 to `max_delay` samples.
+    pub fn new(max_delay: f64) -> Self {
+        let needed = max_delay.max(1.0).ceil() as usize + 4;
+        Self { samples: vec![0.0; needed.next_power_of_two()], newest: 0 }
     }
 
     #[inline]
@@ -29,26 +29,26 @@ impl Line {
     /// Adds the newest sample.
     #[inline]
     pub fn push(&mut self, x: f32) {
-        self.at = (self.at + 1) & self.mask();
-        self.samples[self.at] = x;
+        self.newest = (self.newest + 1) & self.mask();
+        self.samples[self.newest] = x;
     }
 
     /// The sample `back` samples before the newest.
     #[inline]
-    pub fn whole(&self, back: usize) -> f32 {
-        self.samples[self.at.wrapping_sub(back) & self.mask()]
+    pub fn sample(&self, delay: usize) -> f32 {
+        self.samples[self.newest.wrapping_sub(delay) & self.mask()]
     }
 
-    /// The signal `delay` samples before the newest, at least 1 (the cubic needs a later neighbour) and at most the longest.
+    /// The signal `delay` samples before the newest, at least 1 (the cubic needs a later neighbour) and at max_delay the max_delay.
     #[inline]
     pub fn read(&self, delay: f64) -> f32 {
-        let most = self.samples.len() as f64 - 4.0;
+        let max_delay = self.samples.len() as f64 - 4.0;
         // Not `clamp`, which would let NaN through.
-        let delay = delay.max(1.0).min(most);
+        let delay = delay.max(1.0).min(max_delay);
         let whole = delay as usize;
-        let f = (delay - whole as f64) as f32;
-        let [a, b, c, d] = [0, 1, 2, 3].map(|k| self.whole(whole - 1 + k));
-        let [wa, wb, wc, wd] = lagrange(f);
+        let fraction = (delay - whole as f64) as f32;
+        let [a, b, c, d] = [0, 1, 2, 3].map(|k| self.sample(whole - 1 + k));
+        let [wa, wb, wc, wd] = lagrange(fraction);
         wa * a + wb * b + wc * c + wd * d
     }
 }
@@ -69,18 +69,18 @@ mod tests {
     #[test]
     fn cubics_are_read_exactly_between_samples() {
         let cubic = |t: f64| 1.0 + 0.1 * t - 0.02 * t * t + 0.001 * t * t * t;
-        let mut line = Line::new(20.0);
+        let mut line = FractionalDelayLine::new(20.0);
         (0..100).for_each(|n| line.push(cubic(f64::from(n)) as f32));
         for delay in [1.0, 1.25, 2.5, 7.999, 13.0, 20.0] {
             let (found, expected) = (f64::from(line.read(delay)), cubic(99.0 - delay));
             assert!((found / expected - 1.0).abs() < 1e-6, "{delay}: {found} {expected}");
         }
-        assert_eq!(line.read(1.0), line.whole(1));
+        assert_eq!(line.read(1.0), line.sample(1));
     }
 
     #[test]
     fn delays_out_of_range_are_read_at_the_ends() {
-        let mut line = Line::new(3.0);
+        let mut line = FractionalDelayLine::new(3.0);
         (0..50).for_each(|n| line.push(n as f32));
         assert_eq!(line.read(-5.0), 48.0);
         assert!(line.read(1e9).is_finite() && line.read(f64::NAN).is_finite());

@@ -1,7 +1,7 @@
 //! The way of a body from a file, as a node.
 
 use super::item::Poses;
-use super::pose_file::{PoseTrack, read_poses};
+use super::pose_track::{PoseTrack, read_poses};
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::node::{Class, Node};

@@ -1,37 +1,37 @@
 //! A short sound at the two ears, from a place that stays where it is for as long as it lasts.
 
-use super::distance::Distance;
-use super::head::{Ear, Head, PINNA_LEVELS, PINNA_LONGEST};
-use super::line::lagrange;
+use super::head::{Ear, Head, PINNA_LEVELS, PINNA_MAX_DELAY};
 use crate::contact::vector::Vec3;
+use crate::spatial::propagation::distance::Distance;
+use crate::spatial::propagation::fractional_delay::lagrange;
 use serde::{Deserialize, Serialize};
 
 /// Samples that are worked on at once.
-const CHUNK: usize = 64;
+const BLOCK: usize = 64;
 /// Time after which the shadow rings no more, over that from the surface to the middle of the head: `e^-14` is -120 dB.
-const RING: f64 = 7.0;
+const SHADOW_TAIL: f64 = 7.0;
 
 /// Reads a sound at a delay between its samples.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 struct Tap {
     /// Whole samples of the delay.
-    back: i64,
+    delay: i64,
     /// Weights of the samples around it, the newest first.
     weights: [f32; 4],
 }
 
 impl Tap {
     fn new(delay: f64, level: f64) -> Self {
-        let back = delay.floor();
+        let whole = delay.floor();
         Self {
-            back: back as i64,
-            weights: lagrange((delay - back) as f32).map(|weight| level as f32 * weight),
+            delay: whole as i64,
+            weights: lagrange((delay - whole) as f32).map(|weight| level as f32 * weight),
         }
     }
 }
 
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
-struct StillEar {
+struct StaticEar {
     /// The sound itself and the reflections of the pinna.
     taps: [Tap; 6],
     count: usize,
@@ -41,10 +41,10 @@ struct StillEar {
     y: f64,
 }
 
-impl StillEar {
-    fn new(head: &Head, ear: Ear, place: Vec3, fs: f64) -> Self {
-        let filter = head.ear(ear, place, fs);
-        let delay = (filter.delay - head.bias()) * fs;
+impl StaticEar {
+    fn new(head: &Head, ear: Ear, position: Vec3, fs: f64) -> Self {
+        let filter = head.ear(ear, position, fs);
+        let delay = (filter.delay - head.centre_delay()) * fs;
         let mut taps = [Tap::default(); 6];
         taps[0] = Tap::new(delay, 1.0);
         for ((tap, level), echo) in taps[1..].iter_mut().zip(PINNA_LEVELS).zip(filter.pinna) {
@@ -56,15 +56,15 @@ impl StillEar {
 
     /// What the ear hears from frame `at` of the sound on. Pinna and shadow are linear and stand still, so their order is free:
     /// the taps come first, since they can be read from the sound itself and need no memory.
-    fn hear(&mut self, sound: &[f32], at: i64, heard: &mut [f32]) {
-        heard.fill(0.0);
+    fn process(&mut self, sound: &[f32], at: i64, signal: &mut [f32]) {
+        signal.fill(0.0);
         for tap in &self.taps[..self.count] {
             for (k, weight) in (0..).zip(tap.weights) {
-                add_from(heard, sound, at - tap.back + 1 - k, weight);
+                add_from(signal, sound, at - tap.delay + 1 - k, weight);
             }
         }
         let [b0, b1, a1] = self.shadow;
-        for x in heard {
+        for x in signal {
             let u = f64::from(*x);
             self.y = b0 * u + b1 * self.u - a1 * self.y;
             self.u = u;
@@ -84,7 +84,7 @@ fn add_from(out: &mut [f32], sound: &[f32], from: i64, weight: f32) {
 ///
 /// It is that of [`Binaural`](super::Binaural) and [`Distance`] for a source that stands still, but keeps four numbers of state
 /// instead of delay lines, so that hundreds may sound at once. The middle of the head hears the sound at its time, and a near
-/// ear up to [`lead`](Self::lead) samples earlier. Echoes of shoulder and room are left out.
+/// ear up to [`max_advance`](Self::max_advance) samples earlier. Echoes of shoulder and room are left out.
 ///
 /// # Complexity
 /// Per sample and ear four products for the sound and twenty for a pinna; nothing is allocated.
@@ -92,34 +92,34 @@ fn add_from(out: &mut [f32], sound: &[f32], from: i64, weight: f32) {
 /// # Source
 /// Brown and Duda, "A structural model for binaural sound synthesis" (IEEE Trans. Speech and Audio Processing 6(5), 1998).
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
-pub struct StillSource {
-    ears: [StillEar; 2],
+pub struct StaticSource {
+    ears: [StaticEar; 2],
     gain: f32,
 }
 
-impl StillSource {
+impl StaticSource {
     /// A source at a place in own axes of the head, m, at `fs` hertz; without `distance` it is as loud anywhere.
     #[must_use]
-    pub fn new(head: &Head, distance: Option<Distance>, place: Vec3, fs: f64) -> Self {
+    pub fn new(head: &Head, distance: Option<Distance>, position: Vec3, fs: f64) -> Self {
         Self {
-            ears: [Ear::Left, Ear::Right].map(|ear| StillEar::new(head, ear, place, fs)),
-            gain: distance.map_or(1.0, |law| law.gain_of(place)) as f32,
+            ears: [Ear::Left, Ear::Right].map(|ear| StaticEar::new(head, ear, position, fs)),
+            gain: distance.map_or(1.0, |law| law.gain_at(position)) as f32,
         }
     }
 
     /// Samples before the beginning of a sound in which an ear may hear it, wherever it is.
     #[must_use]
-    pub fn lead(head: &Head, fs: f64) -> usize {
+    pub fn max_advance(head: &Head, fs: f64) -> usize {
         // Two samples more, since a value between samples needs the two before it.
-        (head.bias() * fs).ceil() as usize + 2
+        (head.centre_delay() * fs).ceil() as usize + 2
     }
 
     /// Samples after the end of a sound in which an ear may hear it.
     #[must_use]
-    pub fn ring(head: &Head, fs: f64) -> usize {
-        let pinna = if head.pinna.is_some() { PINNA_LONGEST } else { 0.0 };
-        let longest = head.longest() - head.bias() + pinna + RING * head.bias();
-        (longest * fs).ceil() as usize + 2
+    pub fn tail(head: &Head, fs: f64) -> usize {
+        let pinna = if head.pinna.is_some() { PINNA_MAX_DELAY } else { 0.0 };
+        let max_delay = head.max_delay() - head.centre_delay() + pinna + SHADOW_TAIL * head.centre_delay();
+        (max_delay * fs).ceil() as usize + 2
     }
 
     /// Gain of the distance.
@@ -134,12 +134,12 @@ impl StillSource {
     /// # Shapes
     /// `out: [2 T]`, left and right interleaved.
     pub fn add(&mut self, sound: &[f32], at: i64, out: &mut [f32], level: impl Fn(f32, i64) -> f32) {
-        let mut heard = [0.0; CHUNK];
-        for (at, out) in (at..).step_by(CHUNK).zip(out.chunks_mut(2 * CHUNK)) {
+        let mut signal = [0.0; BLOCK];
+        for (at, out) in (at..).step_by(BLOCK).zip(out.chunks_mut(2 * BLOCK)) {
             for (side, ear) in self.ears.iter_mut().enumerate() {
-                let heard = &mut heard[..out.len() / 2];
-                ear.hear(sound, at, heard);
-                for ((frame, y), x) in (at..).zip(out.as_chunks_mut::<2>().0).zip(heard) {
+                let signal = &mut signal[..out.len() / 2];
+                ear.process(sound, at, signal);
+                for ((frame, y), x) in (at..).zip(out.as_chunks_mut::<2>().0).zip(signal) {
                     y[side] += level(self.gain * *x, frame);
                 }
             }
@@ -171,14 +171,14 @@ mod tests {
     }
 
     /// Both ears from `lead` samples before the sound on, in blocks.
-    fn play(head: &Head, place: Vec3, fs: f64, block: usize) -> Vec<f32> {
-        play_sound(&sound(), head, place, fs, block)
+    fn play(head: &Head, position: Vec3, fs: f64, block: usize) -> Vec<f32> {
+        play_sound(&sound(), head, position, fs, block)
     }
 
-    fn play_sound(sound: &[f32], head: &Head, place: Vec3, fs: f64, block: usize) -> Vec<f32> {
-        let (lead, ring) = (StillSource::lead(head, fs), StillSource::ring(head, fs));
+    fn play_sound(sound: &[f32], head: &Head, position: Vec3, fs: f64, block: usize) -> Vec<f32> {
+        let (lead, ring) = (StaticSource::max_advance(head, fs), StaticSource::tail(head, fs));
         let mut out = vec![0.0; 2 * (lead + sound.len() + ring)];
-        let mut source = StillSource::new(head, None, place, fs);
+        let mut source = StaticSource::new(head, None, position, fs);
         for (at, out) in (-(lead as i64)..).step_by(block).zip(out.chunks_mut(2 * block)) {
             source.add(sound, at, out, |x, _| x);
         }
@@ -194,8 +194,8 @@ mod tests {
             for azimuth in [0.0, 35.0, -90.0, 160.0] {
                 let found = play_sound(&low(), &head, side(azimuth), fs, 1000);
                 let mut binaural = Binaural::new(head, 0.0, fs);
-                let shift = binaural.lag() - StillSource::lead(&head, fs).min(binaural.lag());
-                let early = StillSource::lead(&head, fs) - (binaural.lag() - shift);
+                let shift = binaural.lag() - StaticSource::max_advance(&head, fs).min(binaural.lag());
+                let early = StaticSource::max_advance(&head, fs) - (binaural.lag() - shift);
                 let mut input = low();
                 input.resize(found.len() / 2 + shift, 0.0);
                 let mut expected = vec![0.0; 2 * input.len()];
@@ -234,7 +234,7 @@ mod tests {
     #[test]
     fn twice_as_far_is_half_as_loud() {
         let gain = |d: f64| {
-            StillSource::new(&Head::default(), Some(Distance::default()), [d, 0.0, 0.0], 48_000.0).gain()
+            StaticSource::new(&Head::default(), Some(Distance::default()), [d, 0.0, 0.0], 48_000.0).gain()
         };
         assert_eq!([0.01, 0.5, 1.0, 4.0].map(gain), [10.0, 2.0, 1.0, 0.25]);
     }

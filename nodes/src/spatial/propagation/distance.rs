@@ -1,11 +1,13 @@
 //! How sound fades, and arrives later, with the way that it has gone.
 
 use super::air::Air;
-use super::binaural::block;
-use super::head::SPEED_OF_SOUND;
-use super::line::Line;
+use super::control_interval::control_interval;
+use super::fractional_delay::FractionalDelayLine;
 use crate::contact::vector::{Vec3, norm};
 use crate::impl_state;
+
+/// Speed of sound in air, in m/s.
+pub const SPEED_OF_SOUND: f64 = 343.0;
 
 /// The level of a point source over its distance: `reference / max(distance, nearest)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,10 +31,10 @@ impl Distance {
         self.reference / distance.max(self.nearest)
     }
 
-    /// Gain for a source at a place relative to the listener.
+    /// Gain for a source at a offset relative to the listener.
     #[must_use]
-    pub fn gain_of(&self, place: Vec3) -> f64 {
-        self.gain(norm(place))
+    pub fn gain_at(&self, position: Vec3) -> f64 {
+        self.gain(norm(position))
     }
 }
 
@@ -44,9 +46,9 @@ impl Distance {
 pub struct DistanceLine {
     distance: Distance,
     fs: f64,
-    block: u64,
+    interval: u64,
     /// One line per channel where sound takes its time.
-    lines: Vec<Line>,
+    lines: Vec<FractionalDelayLine>,
     farthest: f64,
     /// Where air counts.
     air: Option<Air>,
@@ -54,28 +56,29 @@ pub struct DistanceLine {
     /// Gain, delay in samples and pole of the air, at both ends of a block.
     from: [f64; 3],
     to: [f64; 3],
-    begun: bool,
+    started: bool,
 }
-impl_state!(DistanceLine { each lines, farthest, each air, from, to, begun });
+impl_state!(DistanceLine { each lines, farthest, each air, from, to, started });
 
 impl DistanceLine {
     /// A silent line; with `farthest` in metres sound arrives later by its way, at most that of `farthest`; with `air` it loses
     /// high frequencies on it.
     #[must_use]
     pub fn new(distance: Distance, farthest: Option<f64>, air: bool, channels: usize, fs: f64) -> Self {
-        let longest = farthest.unwrap_or(0.0) / SPEED_OF_SOUND * fs;
-        let lines = if farthest.is_some() { vec![Line::new(longest); channels] } else { Vec::new() };
+        let max_delay = farthest.unwrap_or(0.0) / SPEED_OF_SOUND * fs;
+        let lines =
+            if farthest.is_some() { vec![FractionalDelayLine::new(max_delay); channels] } else { Vec::new() };
         Self {
             distance,
             fs,
-            block: block(fs),
+            interval: control_interval(fs),
             lines,
             farthest: farthest.unwrap_or(0.0),
             air: air.then(|| Air::new(channels, fs)),
             channels,
             from: [0.0; 3],
             to: [0.0; 3],
-            begun: false,
+            started: false,
         }
     }
 
@@ -84,14 +87,14 @@ impl DistanceLine {
         self.distance = distance;
     }
 
-    fn aim(&mut self, metres: f64) {
+    fn update(&mut self, metres: f64) {
         // A delay of one sample is the least that is read between samples: 7 mm at 48 kHz.
         let delay = (metres.min(self.farthest) / SPEED_OF_SOUND * self.fs).max(1.0);
         let pole = self.air.as_ref().map_or(0.0, |air| air.pole(metres));
         let to = [self.distance.gain(metres), delay, pole];
-        self.from = if self.begun { self.to } else { to };
+        self.from = if self.started { self.to } else { to };
         self.to = to;
-        self.begun = true;
+        self.started = true;
     }
 
     /// Processes samples from number `first` of the signal on; `metres` gives the distance at the sample it is asked for.
@@ -103,15 +106,15 @@ impl DistanceLine {
         first: u64,
         input: &[f32],
         out: &mut [f32],
-        mut metres: impl FnMut(u64) -> f64,
+        mut distance: impl FnMut(u64) -> f64,
     ) {
         let width = self.channels.max(1);
         for ((n, x), out) in (first..).zip(input.chunks_exact(width)).zip(out.chunks_exact_mut(width)) {
-            let place = n % self.block;
-            if place == 0 || !self.begun {
-                self.aim(metres(n));
+            let offset = n % self.interval;
+            if offset == 0 || !self.started {
+                self.update(distance(n));
             }
-            let t = (place + 1) as f64 / self.block as f64;
+            let t = (offset + 1) as f64 / self.interval as f64;
             let [gain, delay, pole] = std::array::from_fn(|k| self.from[k] + t * (self.to[k] - self.from[k]));
             if self.lines.is_empty() {
                 out.iter_mut().zip(x).for_each(|(out, x)| *out = gain as f32 * x);
@@ -121,7 +124,7 @@ impl DistanceLine {
                 *out = gain as f32 * line.read(delay);
             }
             if let Some(air) = &mut self.air {
-                out.iter_mut().enumerate().for_each(|(channel, out)| *out = air.next(channel, *out, pole));
+                out.iter_mut().enumerate().for_each(|(channel, out)| *out = air.process(channel, *out, pole));
             }
         }
     }
@@ -137,7 +140,7 @@ mod tests {
     fn twice_as_far_is_half_as_loud_and_nothing_is_louder_than_at_the_nearest() {
         let law = Distance::default();
         assert_eq!([0.0, 0.1, 0.5, 1.0, 2.0, 10.0].map(|d| law.gain(d)), [10.0, 10.0, 2.0, 1.0, 0.5, 0.1]);
-        assert_eq!(law.gain_of([0.0, 3.0, 4.0]), 0.2);
+        assert_eq!(law.gain_at([0.0, 3.0, 4.0]), 0.2);
     }
 
     #[test]

@@ -24,7 +24,7 @@ fn a_stream_has_the_features_of_the_database() {
     let audio = noise(1, 4000);
     let run = standalone(&[], 1, audio.clone()).run().unwrap();
     let found = run.stream(MfccPorts::features);
-    let c = params(&[]).given(&[], false).conventions(Rate::hz(48_000), 1).unwrap();
+    let c = params(&[]).convention_params(&[], false).conventions(Rate::hz(48_000), 1).unwrap();
     // Without a mean there is none to take away.
     let mean = audio.iter().map(|&x| f64::from(x)).sum::<f64>() / 4000.0;
     let level: Vec<f32> = audio.iter().map(|&x| (f64::from(x) - mean) as f32).collect();
@@ -73,7 +73,7 @@ fn channels_are_alone_joined_or_one_with_a_balance() {
 fn a_sine_window_is_two_units_long_and_the_others_one() {
     let frame = |window: &str| {
         let p = params(&[("window", Datum::Name(window.into()))]);
-        p.given(&[], false).conventions(Rate::hz(48_000), 1).unwrap().frame
+        p.convention_params(&[], false).conventions(Rate::hz(48_000), 1).unwrap().frame
     };
     assert_eq!(["Sine2", "Rect", "Hann"].map(frame), [400, 200, 200]);
 }
@@ -86,7 +86,7 @@ fn silence_of_the_target_is_that_of_the_database_where_the_floor_is_its_own() {
     let take = || [Take { channels: vec![recording.clone()], ..Take::default() }];
     let floor = |own: &[(&str, Datum)]| {
         let p = params(own);
-        let c = p.given(&[], false).conventions(Rate::hz(48_000), 1).unwrap();
+        let c = p.convention_params(&[], false).conventions(Rate::hz(48_000), 1).unwrap();
         let db = build(&take(), &c, None).unwrap();
         let silence = Standalone::new::<Mfcc>(p)
             .input(MfccPorts::audio, Rate::hz(48_000), Channels(1), vec![0.0; 4000])

@@ -7,16 +7,16 @@ use crate::core::ports::In;
 use crate::core::time::{Rate, Tick};
 
 /// Frames that [`pose_at`] needs before and after the times that it is asked for.
-pub(crate) const PAST: usize = 2;
-pub(crate) const AHEAD: usize = 2;
+pub(crate) const LOOK_BEHIND: usize = 2;
+pub(crate) const LOOK_AHEAD: usize = 2;
 
 /// Frames of another stream within one period of a stream.
-pub(crate) fn frames_of(stream: Rate, other: Rate) -> usize {
+pub(crate) fn frames_per_item(stream: Rate, other: Rate) -> usize {
     other.first_at(stream.span(1)) as usize
 }
 
 /// Whether every item of a stream comes at the time of a frame of another one, so that nothing lies between frames.
-pub(crate) fn on_frames(stream: Rate, other: Rate) -> bool {
+pub(crate) fn items_on_frames(stream: Rate, other: Rate) -> bool {
     let product = |a: Rate, b: Rate| i128::from(a.num()) * i128::from(b.den());
     product(other, stream) % product(stream, other) == 0
 }
@@ -34,11 +34,11 @@ pub(crate) fn pose_at(poses: &In<'_, Poses>, tick: Tick) -> Pose {
         poses.item(k as isize).first().copied().unwrap_or_default()
     };
     // On a frame its neighbours count for nothing, and need not be there.
-    if tick == from { frame(0) } else { Pose::between([-1, 0, 1, 2].map(frame), t) }
+    if tick == from { frame(0) } else { Pose::interpolate([-1, 0, 1, 2].map(frame), t) }
 }
 
 /// The pose of a listener from parameters.
-pub(crate) fn listener(position: [f64; 3], look: [f64; 3], up: [f64; 3]) -> Result<Pose, Reject> {
+pub(crate) fn listener_pose(position: [f64; 3], look: [f64; 3], up: [f64; 3]) -> Result<Pose, Reject> {
     Pose::looking(position, look, up).ok_or_else(|| {
         let message = format!(
             "the listener looks along {look:?} with {up:?} above, which leaves open how the head is turned"

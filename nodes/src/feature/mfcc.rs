@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::conventions::FloorRule;
 use super::item::{FeatureFormat, Features};
-use super::mel::MelCepstrum;
+use super::mel_cepstrum::MelCepstrum;
 use crate::archive_state;
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
@@ -74,73 +74,74 @@ pub struct Mfcc {
     n: usize,
     unit: i64,
     /// Samples by which a window begins before its unit.
-    lead: i64,
+    window_offset: i64,
     from_database: bool,
     /// Filtered samples per channel, and of their mean where that is wanted, from sample `start` on.
-    heard: Vec<Vec<f32>>,
+    buffered: Vec<Vec<f32>>,
     start: i64,
     /// Interleaved samples on their way through the high-pass.
-    fresh: Vec<f32>,
-    spare: Vec<f32>,
+    new_samples: Vec<f32>,
+    unused_features: Vec<f32>,
 }
 
 /// Farthest that a channel's level may be from the mean.
-const MOST_BALANCE: f64 = 4.0;
+const MAX_BALANCE: f64 = 4.0;
 
-fn lead(frame: u32, unit: u32) -> i64 {
+fn window_offset(frame: u32, unit: u32) -> i64 {
     (i64::from(frame) - i64::from(unit)).div_euclid(2)
 }
 
 impl Mfcc {
-    /// Filters and keeps what was not heard before.
-    fn hear(&mut self, around: &[f32], first: i64, channels: usize) {
-        let known = self.start + self.heard[0].len() as i64;
-        if self.heard[0].is_empty() {
+    /// Filters and keeps what was not buffered before.
+    fn buffer_input(&mut self, around: &[f32], first: i64, channels: usize) {
+        let buffered_end = self.start + self.buffered[0].len() as i64;
+        if self.buffered[0].is_empty() {
             self.start = first;
         }
-        let skip = if self.heard[0].is_empty() { 0 } else { (known - first).max(0) as usize * channels };
-        self.fresh.clear();
-        self.fresh.extend(around.get(skip..).unwrap_or_default());
+        let skip =
+            if self.buffered[0].is_empty() { 0 } else { (buffered_end - first).max(0) as usize * channels };
+        self.new_samples.clear();
+        self.new_samples.extend(around.get(skip..).unwrap_or_default());
         if let Some(filter) = &mut self.high_pass {
-            filter.process(&mut self.fresh);
+            filter.process(&mut self.new_samples);
         }
-        for frame in self.fresh.chunks_exact(channels) {
-            for (heard, &x) in self.heard.iter_mut().zip(frame) {
-                heard.push(x);
+        for frame in self.new_samples.chunks_exact(channels) {
+            for (buffered, &x) in self.buffered.iter_mut().zip(frame) {
+                buffered.push(x);
             }
-            if let Some(mid) = self.heard.get_mut(channels) {
+            if let Some(mid) = self.buffered.get_mut(channels) {
                 mid.push(frame.iter().sum::<f32>() / channels as f32);
             }
         }
     }
 
     /// Forgets what no later unit needs.
-    fn forget(&mut self, before: i64) {
+    fn discard(&mut self, before: i64) {
         let count =
-            usize::try_from(before - self.start).unwrap_or(0).min(self.heard[0].len().saturating_sub(1));
-        self.heard.iter_mut().for_each(|heard| drop(heard.drain(..count)));
+            usize::try_from(before - self.start).unwrap_or(0).min(self.buffered[0].len().saturating_sub(1));
+        self.buffered.iter_mut().for_each(|buffered| drop(buffered.drain(..count)));
         self.start += count as i64;
     }
 
     /// Features of one unit, and the levels of its channels.
     fn unit(&mut self, unit: i64, out: &mut [f32], balance: &mut [f32]) {
-        let from = (unit * self.unit - self.lead - self.start).max(0) as usize;
+        let from = (unit * self.unit - self.window_offset - self.start).max(0) as usize;
         let to = from + self.cepstrum.frame();
         let channels = balance.len();
         balance.fill(1.0);
         if self.mode != FeatureChannels::SharedMid {
-            for (heard, out) in self.heard.iter().zip(out.chunks_exact_mut(self.n)) {
-                self.cepstrum.process(heard.get(from..to).unwrap_or_default(), out);
+            for (buffered, out) in self.buffered.iter().zip(out.chunks_exact_mut(self.n)) {
+                self.cepstrum.process(buffered.get(from..to).unwrap_or_default(), out);
             }
             return;
         }
-        let [sounds @ .., mid] = &self.heard[..] else { return };
+        let [sounds @ .., mid] = &self.buffered[..] else { return };
         self.cepstrum.process(mid.get(from..to).unwrap_or_default(), out);
         let level = self.cepstrum.level();
-        for (heard, balance) in sounds.iter().take(channels).zip(balance) {
-            self.cepstrum.process(heard.get(from..to).unwrap_or_default(), &mut self.spare);
+        for (buffered, balance) in sounds.iter().take(channels).zip(balance) {
+            self.cepstrum.process(buffered.get(from..to).unwrap_or_default(), &mut self.unused_features);
             let gain = (0.5 * (self.cepstrum.level() - level)).exp();
-            *balance = gain.clamp(1.0 / MOST_BALANCE, MOST_BALANCE) as f32;
+            *balance = gain.clamp(1.0 / MAX_BALANCE, MAX_BALANCE) as f32;
         }
     }
 }
@@ -156,16 +157,16 @@ impl Node for Mfcc {
         let audio = s.input(MfccPorts::audio);
         let channels = u32::from(audio.format.0);
         let joined = if p.channels == FeatureChannels::Joint { channels } else { 1 };
-        let c = p.given(&[], false).conventions(audio.rate, joined)?;
+        let c = p.convention_params(&[], false).conventions(audio.rate, joined)?;
         if c.f_hi > audio.rate.as_f64() / 2.0 + 1.0 {
             s.note(format!(
                 "the bands reach to {} Hz, the audio at {} only half as far as its rate",
                 c.f_hi, audio.rate
             ));
         }
-        let lead = lead(c.frame, c.unit);
-        let ahead = (i64::from(c.frame) - lead - 1).max(0);
-        s.lookaround(MfccPorts::audio, lead.max(0) as usize, ahead as usize);
+        let window_offset = window_offset(c.frame, c.unit);
+        let ahead = (i64::from(c.frame) - window_offset - 1).max(0);
+        s.lookaround(MfccPorts::audio, window_offset.max(0) as usize, ahead as usize);
         let vectors = if p.channels == FeatureChannels::Independent { channels as usize } else { 1 };
         let too_long = || Reject::new("F051", format!("units of {} samples are too long", c.unit)).at("unit");
         let rate = c.unit_rate().ok_or_else(too_long)?;
@@ -196,12 +197,12 @@ impl Node for Mfcc {
             mode: p.channels,
             n: c.n as usize,
             unit: i64::from(c.unit),
-            lead: lead(c.frame, c.unit),
+            window_offset: window_offset(c.frame, c.unit),
             from_database: c.floor == FloorRule::Database,
-            heard: vec![Vec::new(); channels + mid],
+            buffered: vec![Vec::new(); channels + mid],
             start: 0,
-            fresh: Vec::new(),
-            spare: vec![0.0; c.n as usize],
+            new_samples: Vec::new(),
+            unused_features: vec![0.0; c.n as usize],
         })
     }
 
@@ -213,18 +214,18 @@ impl Node for Mfcc {
         }
         let channels = io.audio.width().max(1);
         let first = io.audio.first() - io.audio.behind() as i64;
-        self.hear(io.audio.around(), first, channels);
+        self.buffer_input(io.audio.around(), first, channels);
         let (unit, width) = (io.features.first(), io.features.width().max(1));
         let balance = io.balance.items().chunks_exact_mut(channels);
         for ((unit, out), balance) in (unit..).zip(io.features.items().chunks_exact_mut(width)).zip(balance) {
             self.unit(unit, out, balance);
         }
         let next = io.audio.first() + io.audio.len() as i64;
-        self.forget(next - self.lead.max(0));
+        self.discard(next - self.window_offset.max(0));
         Ok(())
     }
 
-    archive_state!(each high_pass, heard, start);
+    archive_state!(each high_pass, buffered, start);
 
     fn trial(rng: &mut Rng) -> (MfccParams, MemoryFiles) {
         let p = MfccParams::trial(rng);

@@ -2,15 +2,15 @@
 
 use std::f64::consts::PI;
 
-use super::distance::Distance;
-use super::head::{Ear, Head, PINNA_LEVELS, times};
-use super::pose::Pose;
+use super::head::{Ear, Head, PINNA_LEVELS, complex_product};
 use crate::friction::Receiver;
+use crate::spatial::motion::pose::Pose;
+use crate::spatial::propagation::distance::Distance;
 
 /// Bins whose phases are one table turned by one number, which keeps the inner loop free of dependences.
 const BLOCK: usize = 64;
 
-/// Two ears that hear emitters where they are: the spectrum of each, times the gains of its direction.
+/// Two ears that hear emitters where they are: the spectrum of each, complex_product the gains of its direction.
 ///
 /// The delays are circular in a clip; with those of a head, below 1.5 ms of 50, that is not heard. Both ears get the same phases
 /// of an emitter. The middle of the head has delay 0.
@@ -25,8 +25,8 @@ pub struct HeadReceiver {
     listener: Pose,
     distance: Option<Distance>,
     /// `1 / (1 + a1 / z)` and `1 / (z + a1)` per bin: the shadow is a sum of these two.
-    under: [Vec<f32>; 2],
-    later: [Vec<f32>; 2],
+    pole: [Vec<f32>; 2],
+    delayed_pole: [Vec<f32>; 2],
     /// Gains of one ear.
     gains: [Vec<f32>; 2],
     echo: [Vec<f32>; 2],
@@ -39,17 +39,17 @@ impl HeadReceiver {
         let bins = len / 2 + 1;
         let a1 = head.shadow(0.0, fs)[2];
         let empty = || [vec![0.0; bins], vec![0.0; bins]];
-        let (mut under, mut later) = (empty(), empty());
+        let (mut pole, mut delayed_pole) = (empty(), empty());
         for k in 0..bins {
             let w = 2.0 * PI * k as f64 / len as f64;
             let z = [libm::cos(w), -libm::sin(w)];
-            let below = [1.0 + a1 * z[0], a1 * z[1]];
-            let square = below[0] * below[0] + below[1] * below[1];
-            let inverse = [below[0] / square, -below[1] / square];
-            let shifted = times(inverse, z);
+            let denominator = [1.0 + a1 * z[0], a1 * z[1]];
+            let square = denominator[0] * denominator[0] + denominator[1] * denominator[1];
+            let inverse = [denominator[0] / square, -denominator[1] / square];
+            let shifted = complex_product(inverse, z);
             for part in 0..2 {
-                under[part][k] = inverse[part] as f32;
-                later[part][k] = shifted[part] as f32;
+                pole[part][k] = inverse[part] as f32;
+                delayed_pole[part][k] = shifted[part] as f32;
             }
         }
         Self {
@@ -58,8 +58,8 @@ impl HeadReceiver {
             len,
             listener: Pose::default(),
             distance,
-            under,
-            later,
+            pole,
+            delayed_pole,
             gains: empty(),
             echo: empty(),
         }
@@ -75,37 +75,37 @@ impl HeadReceiver {
     /// # Shapes
     /// `[bins]` real and `[bins]` imaginary parts.
     pub fn response(&mut self, ear: Ear, position: Option<[f32; 3]>) -> (&[f32], &[f32]) {
-        let own = position.map_or([1.0, 0.0, 0.0], |p| self.listener.toward(p.map(f64::from)));
+        let local = position.map_or([1.0, 0.0, 0.0], |p| self.listener.to_local(p.map(f64::from)));
         let level = match (&self.distance, position) {
-            (Some(distance), Some(_)) => distance.gain_of(own),
+            (Some(distance), Some(_)) => distance.gain_at(local),
             _ => 1.0,
         };
-        let filter = self.head.ear(ear, own, self.fs);
-        let delay = filter.delay - self.head.bias();
+        let filter = self.head.ear(ear, local, self.fs);
+        let delay = filter.delay - self.head.centre_delay();
         let step = |t: f64| -2.0 * PI * t * self.fs / self.len as f64;
         self.gains.iter_mut().for_each(|g| g.fill(0.0));
-        add_turning(level, step(delay), &mut self.gains);
+        add_phasors(level, step(delay), &mut self.gains);
         if self.head.pinna.is_some() {
             for (rho, echo) in PINNA_LEVELS.iter().zip(filter.pinna) {
-                add_turning(level * rho, step(delay + echo), &mut self.gains);
+                add_phasors(level * rho, step(delay + echo), &mut self.gains);
             }
         }
         self.echo.iter_mut().for_each(|e| e.fill(0.0));
         if self.head.shoulder > 0.0 {
-            add_turning(self.head.shoulder, step(filter.shoulder), &mut self.echo);
+            add_phasors(self.head.shoulder, step(filter.shoulder), &mut self.echo);
         }
-        self.shade(filter.shadow);
+        self.apply_shadow(filter.shadow);
         (&self.gains[0], &self.gains[1])
     }
 
     /// Multiplies the gains by shadow and shoulder.
-    fn shade(&mut self, [b0, b1, _]: [f64; 3]) {
+    fn apply_shadow(&mut self, [b0, b1, _]: [f64; 3]) {
         let (b0, b1) = (b0 as f32, b1 as f32);
         let [re, im] = &mut self.gains;
-        let under = self.under[0].iter().zip(&self.under[1]);
-        let later = self.later[0].iter().zip(&self.later[1]);
+        let pole = self.pole[0].iter().zip(&self.pole[1]);
+        let delayed_pole = self.delayed_pole[0].iter().zip(&self.delayed_pole[1]);
         let echo = self.echo[0].iter().zip(&self.echo[1]);
-        let shadow = under.zip(later).zip(echo);
+        let shadow = pole.zip(delayed_pole).zip(echo);
         for ((re, im), (((ur, ui), (lr, li)), (er, ei))) in re.iter_mut().zip(im).zip(shadow) {
             let (sr, si) = (b0 * ur + b1 * lr + er, b0 * ui + b1 * li + ei);
             (*re, *im) = (*re * sr - *im * si, *re * si + *im * sr);
@@ -114,13 +114,13 @@ impl HeadReceiver {
 }
 
 /// Adds `level e^(i step k)` to bin `k`.
-fn add_turning(level: f64, step: f64, sum: &mut [Vec<f32>; 2]) {
-    let turn = |angle: f64| [libm::cos(angle), libm::sin(angle)];
-    let one = turn(step);
+fn add_phasors(level: f64, step: f64, sum: &mut [Vec<f32>; 2]) {
+    let phasor = |angle: f64| [libm::cos(angle), libm::sin(angle)];
+    let first = phasor(step);
     let (mut cos, mut sin, mut z) = ([0.0_f32; BLOCK], [0.0_f32; BLOCK], [1.0, 0.0]);
     for (cos, sin) in cos.iter_mut().zip(&mut sin) {
         (*cos, *sin) = (z[0] as f32, z[1] as f32);
-        z = times(z, one);
+        z = complex_product(z, first);
     }
     let mut base = [level, 0.0];
     let [re, im] = sum;
@@ -130,7 +130,7 @@ fn add_turning(level: f64, step: f64, sum: &mut [Vec<f32>; 2]) {
             *re += br * tr - bi * ti;
             *im += br * ti + bi * tr;
         }
-        base = times(base, z);
+        base = complex_product(base, z);
     }
 }
 
@@ -169,9 +169,9 @@ mod tests {
             let mut receiver = HeadReceiver::new(head, fs, len, None);
             receiver.set_listener(Pose::looking([1.0, 2.0, 3.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]).unwrap());
             for position in [[1.0_f32, 4.0, 3.0], [-2.0, 1.0, 3.5], [1.5, 0.0, 2.0]] {
-                let own = receiver.listener.toward(position.map(f64::from));
+                let local = receiver.listener.to_local(position.map(f64::from));
                 for ear in [Ear::Left, Ear::Right] {
-                    let filter = head.ear(ear, own, fs);
+                    let filter = head.ear(ear, local, fs);
                     let (re, im) = receiver.response(ear, Some(position));
                     for k in (0..=1200).step_by(7) {
                         let expected = head.response(&filter, k as f64 * fs / len as f64, fs);

@@ -1,15 +1,14 @@
 //! Loudness and delay by distance, as a node.
 
-use super::distance::{Distance, DistanceLine};
-use super::head::SPEED_OF_SOUND;
-use super::item::Poses;
-use super::track::{AHEAD, PAST, pose_at};
+use super::distance::{Distance, DistanceLine, SPEED_OF_SOUND};
 use crate::contact::vector::{norm, sub};
 use crate::core::fault::{Fault, Reject};
 use crate::core::node::{Class, Node, Retune};
 use crate::core::ports::Stream;
 use crate::core::shape::{Build, Ends, Shape};
 use crate::core::time::ticks;
+use crate::spatial::motion::interpolation::{LOOK_AHEAD, LOOK_BEHIND, pose_at};
+use crate::spatial::motion::item::Poses;
 use crate::{archive_state, params, ports};
 
 params! {
@@ -69,7 +68,7 @@ pub struct DistanceGain {
 }
 
 /// How long the filter of the air rings, s.
-const RINGS: f64 = 0.005;
+const AIR_TAIL: f64 = 0.005;
 
 fn law(p: &DistanceGainParams) -> Distance {
     Distance { reference: p.reference, nearest: p.nearest }
@@ -86,14 +85,14 @@ impl Node for DistanceGain {
         type Port = DistanceGainPorts;
         let audio = s.input(Port::audio);
         s.when_ended(Port::audio, Ends::Stop);
-        s.lookaround(Port::position, PAST, AHEAD);
+        s.lookaround(Port::position, LOOK_BEHIND, LOOK_AHEAD);
         s.when_ended(Port::position, Ends::Hold);
-        s.lookaround(Port::listener, PAST, AHEAD);
+        s.lookaround(Port::listener, LOOK_BEHIND, LOOK_AHEAD);
         s.when_ended(Port::listener, Ends::Hold);
         if p.delay {
             s.tail(ticks(p.farthest / SPEED_OF_SOUND) + audio.rate.span(3));
         } else if p.air {
-            s.tail(ticks(RINGS));
+            s.tail(ticks(AIR_TAIL));
         }
         s.output(Port::out, audio.rate, audio.format);
         Ok(())
@@ -111,17 +110,17 @@ impl Node for DistanceGain {
         let DistanceGainParams { position, listener, .. } = self.params;
         self.line.process(first, io.audio.items(), io.out.items(), |n| {
             let tick = rate.tick(n as i64);
-            let place = |link: &Option<_>, fixed| {
+            let position_of = |link: &Option<_>, fixed| {
                 link.as_ref().map_or(fixed, |poses| pose_at(poses, tick).position.map(f64::from))
             };
-            norm(sub(place(&io.position, position), place(&io.listener, listener)))
+            norm(sub(position_of(&io.position, position), position_of(&io.listener, listener)))
         });
         Ok(())
     }
 
     fn retune(&mut self, new: &DistanceGainParams) -> Retune {
-        let fixed = |p: &DistanceGainParams| (p.delay, p.farthest, p.air);
-        if fixed(new) != fixed(&self.params) {
+        let rebuilt = |p: &DistanceGainParams| (p.delay, p.farthest, p.air);
+        if rebuilt(new) != rebuilt(&self.params) {
             return Retune::Rebuild;
         }
         self.line.set_distance(law(new));
@@ -134,12 +133,12 @@ impl Node for DistanceGain {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Pose;
     use super::*;
     use crate::core::item::Channels;
     use crate::core::params::Params;
     use crate::core::standalone::Standalone;
     use crate::core::time::Rate;
+    use crate::spatial::Pose;
 
     fn params() -> DistanceGainParams {
         DistanceGainParams::read(&|_| None).unwrap()
@@ -185,7 +184,7 @@ mod tests {
         };
         let taken = |f: f64| level(false, f) - level(true, f);
         assert!(taken(250.0) < 0.1, "{}", taken(250.0));
-        let wanted = 50.0 * crate::spatial::air::loss(8000.0);
+        let wanted = 50.0 * crate::spatial::propagation::air::loss(8000.0);
         assert!((taken(8000.0) - wanted).abs() < 0.05, "{} dB, wanted {wanted}", taken(8000.0));
     }
 

@@ -2,10 +2,8 @@
 
 use std::sync::Arc;
 
-use super::head::Head;
-use super::item::Poses;
-use super::occlusion::{Muffle, blocked};
-use super::pose::Pose;
+use super::line_of_sight::is_blocked;
+use super::occlusion_filter::OcclusionFilter;
 use crate::contact::vector::Vec3;
 use crate::core::fault::{Fault, Reject};
 use crate::core::item::Item;
@@ -14,10 +12,13 @@ use crate::core::ports::{In, Many, Stream};
 use crate::core::shape::{Build, Ends, Shape};
 use crate::core::time::Tick;
 use crate::mesh::{Mesh, Topology};
+use crate::spatial::hrtf::head::Head;
+use crate::spatial::motion::item::Poses;
+use crate::spatial::motion::pose::Pose;
 use crate::{archive_state, params, ports};
 
 /// Samples from one look at the ways to the next.
-const LOOK: i64 = 64;
+const INTERVAL: i64 = 64;
 
 params! {
     /// Makes a sound softer and duller while a body stands between its source and the listener.
@@ -61,23 +62,23 @@ ports! {
     }
 }
 
-/// The node over [`blocked`] and [`Muffle`].
+/// The node over [`blocked`] and [`OcclusionFilter`].
 pub struct Occlusion {
     bodies: Vec<Arc<Topology>>,
     /// One per channel, with whether its way is blocked.
-    ears: Vec<(Muffle, bool)>,
-    /// Whether the ways have been looked at.
-    looked: bool,
+    channels: Vec<(OcclusionFilter, bool)>,
+    /// Whether the ways have been updated at.
+    updated: bool,
     params: OcclusionParams,
     samples: u64,
-    behind: u64,
+    blocked_samples: u64,
 }
 
 /// The latest frame of a stream at a time of the window: what follows it is smoothed anyway.
 fn frame<'a, T: Item>(frames: &'a In<'_, T>, tick: Tick) -> &'a [T::Elem] {
-    let (at, past) = (frames.rate().first_at(tick + 1) - 1 - frames.first(), frames.behind() as i64);
-    let last = (frames.around().len() / frames.width().max(1)) as i64 - past - 1;
-    frames.item(at.clamp(-past, last.max(-past)) as isize)
+    let (index, behind) = (frames.rate().first_at(tick + 1) - 1 - frames.first(), frames.behind() as i64);
+    let last = (frames.around().len() / frames.width().max(1)) as i64 - behind - 1;
+    frames.item(index.clamp(-behind, last.max(-behind)) as isize)
 }
 
 /// The latest pose at a time of the window.
@@ -86,7 +87,7 @@ fn pose(poses: &In<'_, Poses>, tick: Tick) -> Pose {
 }
 
 impl Occlusion {
-    fn look(&mut self, io: &OcclusionIo<'_>, tick: Tick) {
+    fn update(&mut self, io: &OcclusionIo<'_>, tick: Tick) {
         let from: Vec3 = match &io.position {
             Some(poses) => pose(poses, tick).position.map(f64::from),
             None => self.params.position,
@@ -96,18 +97,18 @@ impl Occlusion {
             None => Pose::at(self.params.listener.map(|x| x as f32)),
         };
         let radius = Head::default().radius;
-        let count = self.ears.len();
-        for (channel, (_, behind)) in self.ears.iter_mut().enumerate() {
+        let count = self.channels.len();
+        for (channel, (_, blocked)) in self.channels.iter_mut().enumerate() {
             let side = match (count, channel) {
                 (2, 0) => radius,
                 (2, _) => -radius,
                 _ => 0.0,
             };
-            let ear = head.point([0.0, side, 0.0]);
+            let ear = head.to_scene([0.0, side, 0.0]);
             let mut bodies = io.bodies.iter().zip(&self.bodies);
-            *behind = bodies.any(|(mesh, body)| blocked(from, ear, frame(&mesh, tick), &body.triangles));
+            *blocked = bodies.any(|(mesh, body)| is_blocked(from, ear, frame(&mesh, tick), &body.triangles));
         }
-        self.looked = true;
+        self.updated = true;
     }
 }
 
@@ -135,14 +136,14 @@ impl Node for Occlusion {
     fn build(p: &OcclusionParams, cx: &Build<'_>) -> Result<Self, Fault> {
         let audio = cx.input(OcclusionPorts::audio);
         let gain = libm::pow(10.0, p.gain_db / 20.0);
-        let muffle = Muffle::new(p.cutoff, gain, p.time, audio.rate.as_f64());
+        let filter = OcclusionFilter::new(p.cutoff, gain, p.time, audio.rate.as_f64());
         Ok(Self {
             bodies: cx.many(OcclusionPorts::bodies).into_iter().map(|body| body.format.topology).collect(),
-            ears: vec![(muffle, false); audio.format.0.into()],
-            looked: false,
+            channels: vec![(filter, false); audio.format.0.into()],
+            updated: false,
             params: p.clone(),
             samples: 0,
-            behind: 0,
+            blocked_samples: 0,
         })
     }
 
@@ -151,30 +152,31 @@ impl Node for Occlusion {
         let mut done = 0;
         while done < io.audio.len() {
             let at = first + done as i64;
-            if at % LOOK == 0 || !self.looked {
-                self.look(&io, rate.tick(at));
+            if at % INTERVAL == 0 || !self.updated {
+                self.update(&io, rate.tick(at));
             }
-            let count = ((LOOK - at.rem_euclid(LOOK)) as usize).min(io.audio.len() - done);
+            let count = ((INTERVAL - at.rem_euclid(INTERVAL)) as usize).min(io.audio.len() - done);
             let samples = done * width..(done + count) * width;
             let input = io.audio.items().get(samples.clone()).unwrap_or_default();
             let out = io.out.items().get_mut(samples).unwrap_or_default();
             for (from, to) in input.chunks_exact(width).zip(out.chunks_exact_mut(width)) {
-                for ((x, y), (muffle, behind)) in from.iter().zip(to).zip(&mut self.ears) {
-                    *y = muffle.next(*x, *behind);
+                for ((x, y), (filter, blocked)) in from.iter().zip(to).zip(&mut self.channels) {
+                    *y = filter.process(*x, *blocked);
                 }
             }
             self.samples += (count * width) as u64;
-            self.behind += count as u64 * self.ears.iter().filter(|(_, behind)| *behind).count() as u64;
+            self.blocked_samples +=
+                count as u64 * self.channels.iter().filter(|(_, blocked)| *blocked).count() as u64;
             done += count;
         }
         Ok(())
     }
 
     fn finish(&mut self, _: OcclusionIo<'_>) -> Result<Summary, Fault> {
-        Ok(vec![("behind_share", (self.behind as f64 / self.samples.max(1) as f64).into())])
+        Ok(vec![("behind_share", (self.blocked_samples as f64 / self.samples.max(1) as f64).into())])
     }
 
-    archive_state!(ears, looked, samples, behind);
+    archive_state!(channels, updated, samples, blocked_samples);
 }
 
 #[cfg(test)]
@@ -187,10 +189,10 @@ mod tests {
     use crate::mesh::MeshFormat;
 
     /// A board across the way to the source at x = 1, on the left of the head alone from 0.5 s on.
-    fn heard(channels: u16, window: f64) -> (Vec<f32>, f64) {
+    fn occluded(channels: u16, window: f64) -> (Vec<f32>, f64) {
         let board = [[0.5, 0.02, -1.0], [0.5, 2.0, -1.0], [0.5, 0.02, 2.0]];
         let topology = Topology { rest: board.to_vec(), triangles: vec![[0, 1, 2]] };
-        let places = |k: i32| board.map(|[x, y, z]: [f32; 3]| [x, y + if k < 5 { 5.0 } else { 0.0 }, z]);
+        let positions = |k: i32| board.map(|[x, y, z]: [f32; 3]| [x, y + if k < 5 { 5.0 } else { 0.0 }, z]);
         let p = OcclusionParams::read(&|_| None).unwrap();
         let standalone = Standalone::new::<Occlusion>(p)
             .input(
@@ -203,7 +205,7 @@ mod tests {
                 OcclusionPorts::bodies,
                 Rate::hz(10),
                 MeshFormat::moving(topology),
-                (0..10).flat_map(places).collect(),
+                (0..10).flat_map(positions).collect(),
             )
             .window(ticks(window));
         let run = standalone.run().unwrap();
@@ -213,14 +215,14 @@ mod tests {
 
     #[test]
     fn a_body_on_the_left_muffles_the_left_ear_alone_in_windows_of_any_size() {
-        let (out, share) = heard(2, 1.0);
+        let (out, share) = occluded(2, 1.0);
         let (left, right): (Vec<f32>, Vec<f32>) = out.chunks(2).map(|ears| (ears[0], ears[1])).unzip();
         assert!(right.iter().all(|x| *x == 1.0) && left[..3900].iter().all(|x| *x == 1.0));
         assert!((left[7999] - 0.501).abs() < 0.01, "{}", left[7999]);
         assert!((share - 0.25).abs() < 0.01, "{share}");
         for window in [0.000_125, 0.0037, 0.1, 5.0] {
-            assert!(heard(2, window).0 == out, "{window}");
+            assert!(occluded(2, window).0 == out, "{window}");
         }
-        assert!(heard(1, 1.0).0.iter().all(|x| *x == 1.0), "the middle of the head is free");
+        assert!(occluded(1, 1.0).0.iter().all(|x| *x == 1.0), "the middle of the head is free");
     }
 }

@@ -24,7 +24,7 @@ pub fn loss(f: f64) -> f64 {
 /// Low-passes in a row: one alone is too flat for the law.
 const SECTIONS: usize = 4;
 /// Where their loss is that of air, Hz.
-const MATCHED: f64 = 8000.0;
+const MATCHED_FREQUENCY: f64 = 8000.0;
 
 /// The low-pass that air is for a source at some distance.
 ///
@@ -36,7 +36,7 @@ pub struct Air {
     /// Cosine of the matched frequency.
     cosine: f64,
     /// dB per metre that a section takes of it.
-    each: f64,
+    section_loss: f64,
 }
 impl_state!(Air { state });
 
@@ -44,30 +44,30 @@ impl Air {
     /// Air for so many channels at a rate in hertz.
     #[must_use]
     pub fn new(channels: usize, fs: f64) -> Self {
-        let matched = MATCHED.min(0.4 * fs);
+        let matched = MATCHED_FREQUENCY.min(0.4 * fs);
         let cosine = (2.0 * PI * matched / fs).cos();
-        Self { state: vec![[0.0; SECTIONS]; channels], cosine, each: loss(matched) / SECTIONS as f64 }
+        Self { state: vec![[0.0; SECTIONS]; channels], cosine, section_loss: loss(matched) / SECTIONS as f64 }
     }
 
     /// The pole of each section for a distance in metres: 0 leaves the sound as it is.
     #[must_use]
     pub fn pole(&self, metres: f64) -> f64 {
         // So far that nothing is left is far enough.
-        let left = 10f64.powf(-(self.each * metres).clamp(0.0, 60.0) / 10.0);
-        let (a, b) = (1.0 - left, 1.0 - left * self.cosine);
+        let remaining = 10f64.powf(-(self.section_loss * metres).clamp(0.0, 60.0) / 10.0);
+        let (a, b) = (1.0 - remaining, 1.0 - remaining * self.cosine);
         // The lesser root of a p^2 - 2 b p + a, without taking like numbers from each other.
         a / (b + (b * b - a * a).max(0.0).sqrt())
     }
 
     /// The next sample of a channel.
     #[inline]
-    pub fn next(&mut self, channel: usize, x: f32, pole: f64) -> f32 {
+    pub fn process(&mut self, channel: usize, x: f32, pole: f64) -> f32 {
         let Some(state) = self.state.get_mut(channel) else { return x };
         let mut y = f64::from(x);
-        for held in state {
-            y += pole * (*held - y);
+        for memory in state {
+            y += pole * (*memory - y);
             // Far below any sound, and above where processors are slow.
-            *held = if y.abs() < 1e-30 { 0.0 } else { y };
+            *memory = if y.abs() < 1e-30 { 0.0 } else { y };
         }
         y as f32
     }
@@ -93,15 +93,15 @@ mod tests {
         let mut air = Air::new(1, fs);
         let pole = air.pole(metres);
         let count = fs as usize;
-        let (mut sum, mut whole) = (0.0, 0.0);
+        let (mut sum, mut input) = (0.0, 0.0);
         for n in 0..2 * count {
             let x = (2.0 * PI * f * n as f64 / fs).sin();
-            let y = f64::from(air.next(0, x as f32, pole));
+            let y = f64::from(air.process(0, x as f32, pole));
             if n >= count {
-                (sum, whole) = (sum + y * y, whole + x * x);
+                (sum, input) = (sum + y * y, input + x * x);
             }
         }
-        -10.0 * (sum / whole).log10()
+        -10.0 * (sum / input).log10()
     }
 
     #[test]

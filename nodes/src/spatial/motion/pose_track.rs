@@ -7,11 +7,11 @@ use thiserror::Error;
 /// Most rows that one file may hold.
 pub const MAX_POSES: usize = 1 << 22;
 /// Latest time of a pose, in s.
-const LATEST: f64 = 86_400.0;
+const MAX_TIME: f64 = 86_400.0;
 /// Farthest place, in m.
-const FARTHEST: f64 = 1e6;
-const PLACE: [&str; 3] = ["x", "y", "z"];
-const TURN: [&str; 4] = ["qw", "qx", "qy", "qz"];
+const MAX_COORDINATE: f64 = 1e6;
+const POSITION: [&str; 3] = ["x", "y", "z"];
+const ROTATION: [&str; 4] = ["qw", "qx", "qy", "qz"];
 
 /// Why poses cannot be read.
 #[derive(Clone, Debug, PartialEq, Error)]
@@ -44,10 +44,10 @@ impl PoseTrack {
         match (after.checked_sub(1).and_then(row), row(after)) {
             (Some((from, a)), Some((to, b))) => {
                 let t = (tick - from) as f64 / (to - from) as f64;
-                let turn = Pose::between([a, a, b, b], t).rotation;
-                let place =
+                let rotation = Pose::interpolate([a, a, b, b], t).rotation;
+                let coordinate =
                     |k: usize| f64::from(a.position[k]) + t * f64::from(b.position[k] - a.position[k]);
-                Pose { position: std::array::from_fn(|k| place(k) as f32), rotation: turn }
+                Pose { position: std::array::from_fn(|k| coordinate(k) as f32), rotation }
             }
             (Some((_, pose)), None) | (None, Some((_, pose))) => pose,
             (None, None) => Pose::default(),
@@ -61,58 +61,59 @@ impl PoseTrack {
     }
 }
 
-fn shown(text: &str) -> String {
+fn excerpt(text: &str) -> String {
     text.chars().take(40).collect()
 }
 
 /// The columns of a file by what they mean.
 struct Columns {
     time: usize,
-    place: [usize; 3],
-    turn: Option<[usize; 4]>,
+    position: [usize; 3],
+    rotation: Option<[usize; 4]>,
     names: Vec<String>,
 }
 
 impl Columns {
     fn of(names: Vec<String>) -> Result<Self, String> {
         let known = |name: &str| {
-            name == "time_s" || PLACE.contains(&name) || TURN.contains(&name) || name == "comment"
+            name == "time_s" || POSITION.contains(&name) || ROTATION.contains(&name) || name == "comment"
         };
         if let Some(name) = names.iter().find(|name| !known(name)) {
             return Err(format!(
                 "there is no column {:?}; columns are time_s, x, y, z, qw, qx, qy, qz, comment",
-                shown(name)
+                excerpt(name)
             ));
         }
         let find = |name: &str| names.iter().position(|n| n == name);
         let need = |name: &str| find(name).ok_or_else(|| format!("there is no column `{name}`"));
         let time = need("time_s")?;
-        let place = [need("x")?, need("y")?, need("z")?];
-        let turned = TURN.iter().any(|name| find(name).is_some());
-        let turn = if turned { Some([need("qw")?, need("qx")?, need("qy")?, need("qz")?]) } else { None };
+        let position = [need("x")?, need("y")?, need("z")?];
+        let rotated = ROTATION.iter().any(|name| find(name).is_some());
+        let rotation =
+            if rotated { Some([need("qw")?, need("qx")?, need("qy")?, need("qz")?]) } else { None };
         if (1..names.len()).any(|k| names[..k].contains(&names[k])) {
             return Err("a column stands there twice".into());
         }
-        Ok(Self { time, place, turn, names })
+        Ok(Self { time, position, rotation, names })
     }
 
     fn number(&self, row: &csv::StringRecord, k: usize, low: f64, high: f64) -> Result<f64, String> {
         let text = row.get(k).unwrap_or_default();
         let value = text.parse::<f64>().ok().filter(|x| (low..=high).contains(x));
         value.ok_or_else(|| {
-            format!("`{}` is {:?}; a number from {low} to {high} is needed", self.names[k], shown(text))
+            format!("`{}` is {:?}; a number from {low} to {high} is needed", self.names[k], excerpt(text))
         })
     }
 
     fn pose(&self, row: &csv::StringRecord) -> Result<(f64, Pose), String> {
-        let time = self.number(row, self.time, 0.0, LATEST)?;
+        let time = self.number(row, self.time, 0.0, MAX_TIME)?;
         let mut pose = Pose::default();
-        for (out, k) in pose.position.iter_mut().zip(self.place) {
-            *out = self.number(row, k, -FARTHEST, FARTHEST)? as f32;
+        for (out, k) in pose.position.iter_mut().zip(self.position) {
+            *out = self.number(row, k, -MAX_COORDINATE, MAX_COORDINATE)? as f32;
         }
-        let Some(turn) = self.turn else { return Ok((time, pose)) };
+        let Some(columns) = self.rotation else { return Ok((time, pose)) };
         let mut q = [0.0; 4];
-        for (out, k) in q.iter_mut().zip(turn) {
+        for (out, k) in q.iter_mut().zip(columns) {
             *out = self.number(row, k, -1e3, 1e3)?;
         }
         let length = q.iter().map(|x| x * x).sum::<f64>().sqrt();
@@ -134,8 +135,8 @@ impl Columns {
 /// ```
 /// use foley_nodes::{core::time::ticks, spatial::read_poses};
 ///
-/// let way = read_poses(b"time_s,x,y,z\n0,0,0,0\n2,1,0,4\n")?;
-/// assert_eq!(way.at(ticks(1.0)).position, [0.5, 0.0, 2.0]);
+/// let poses = read_poses(b"time_s,x,y,z\n0,0,0,0\n2,1,0,4\n")?;
+/// assert_eq!(poses.at(ticks(1.0)).position, [0.5, 0.0, 2.0]);
 /// # Ok::<(), foley_nodes::spatial::PoseFileError>(())
 /// ```
 pub fn read_poses(bytes: &[u8]) -> Result<PoseTrack, PoseFileError> {
@@ -182,14 +183,14 @@ mod tests {
     #[test]
     fn places_move_straight_and_rotations_evenly_between_rows() {
         let text = "qz, time_s, x, y, z, qw, qx, qy, comment\n0,1,0,0,0,2,0,0,start\n0.70710678,3,4,2,0,0.70710678,0,0,\n";
-        let way = read_poses(text.as_bytes()).unwrap();
-        assert_eq!(way.at(ticks(0.0)), Pose::at([0.0; 3]));
-        assert_eq!(way.at(ticks(2.0)).position, [2.0, 1.0, 0.0]);
-        let front = way.at(ticks(2.0)).point([1.0, 0.0, 0.0]);
+        let poses = read_poses(text.as_bytes()).unwrap();
+        assert_eq!(poses.at(ticks(0.0)), Pose::at([0.0; 3]));
+        assert_eq!(poses.at(ticks(2.0)).position, [2.0, 1.0, 0.0]);
+        let front = poses.at(ticks(2.0)).to_scene([1.0, 0.0, 0.0]);
         let half = 45_f64.to_radians();
         assert!((front[0] - 2.0 - half.cos()).abs() < 1e-6 && (front[1] - 1.0 - half.sin()).abs() < 1e-6);
-        assert_eq!(way.at(ticks(9.0)).position, [4.0, 2.0, 0.0]);
-        assert_eq!(way.frames(Rate::hz(10)), 31);
+        assert_eq!(poses.at(ticks(9.0)).position, [4.0, 2.0, 0.0]);
+        assert_eq!(poses.frames(Rate::hz(10)), 31);
     }
 
     #[test]

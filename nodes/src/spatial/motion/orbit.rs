@@ -61,9 +61,9 @@ fn axes(p: &OrbitParams) -> Result<[[f64; 3]; 3], Reject> {
         Reject::new("F067", message).at("axis").help("write [0, 0, 1] for a circle in the plane of x and y")
     };
     let axis = unit(p.axis).ok_or_else(reject)?;
-    let aside = if axis[0].abs() < 0.99 { [1.0, 0.0, 0.0] } else { [0.0, 1.0, 0.0] };
-    let next = unit(cross(axis, aside)).ok_or_else(reject)?;
-    Ok([axis, cross(next, axis), next])
+    let reference = if axis[0].abs() < 0.99 { [1.0, 0.0, 0.0] } else { [0.0, 1.0, 0.0] };
+    let quarter = unit(cross(axis, reference)).ok_or_else(reject)?;
+    Ok([axis, cross(quarter, axis), quarter])
 }
 
 impl Node for Orbit {
@@ -85,14 +85,14 @@ impl Node for Orbit {
 
     fn run(&mut self, mut io: OrbitIo<'_>) -> Result<(), Fault> {
         let (first, period) = (io.pose.first(), 1.0 / io.pose.rate().as_f64());
-        let (p, [axis, from, next]) = (&self.params, self.axes);
+        let (p, [axis, start, quarter]) = (&self.params, self.axes);
         for (k, out) in (first..).zip(io.pose.items()) {
             // Whole turns are taken off first, so that hours later the angle is as exact as now.
             let turns = (p.frequency * k as f64 * period).fract();
             let angle = TAU * turns + p.start.to_radians();
-            let away = add(scale(from, libm::cos(angle)), scale(next, libm::sin(angle)));
-            let at = add(p.centre, scale(away, p.radius));
-            *out = Pose::looking(at, scale(away, -1.0), axis).unwrap_or_default();
+            let offset = add(scale(start, libm::cos(angle)), scale(quarter, libm::sin(angle)));
+            let position = add(p.centre, scale(offset, p.radius));
+            *out = Pose::looking(position, scale(offset, -1.0), axis).unwrap_or_default();
         }
         Ok(())
     }
@@ -121,7 +121,7 @@ mod tests {
         assert_eq!(poses[0].position, [3.0, 2.0, 3.0]);
         assert!(poses[60].position.iter().zip([1.0, 4.0, 3.0]).all(|(a, b)| (a - b).abs() < 1e-6));
         for pose in poses {
-            let centre = pose.toward(p.centre);
+            let centre = pose.to_local(p.centre);
             assert!((centre[0] - 2.0).abs() < 1e-5 && centre[1].abs() < 1e-5 && centre[2].abs() < 1e-5);
         }
     }

@@ -1,7 +1,8 @@
 //! The Gaussian over time as a node.
 
-use super::gaussian::TemporalFilter;
 use super::item::Features;
+use super::params::check_widths;
+use super::temporal_filter::TemporalFilter;
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::node::{Class, Node};
@@ -47,15 +48,6 @@ pub struct TemporalGaussian {
     vectors: usize,
 }
 
-/// Refuses lists of widths that are neither one for all nor one each.
-pub(crate) fn check_widths(widths: &[f64], n: usize) -> Result<(), Reject> {
-    if widths.len() <= 1 || widths.len() == n {
-        return Ok(());
-    }
-    let message = format!("{} widths for {n} coefficients", widths.len());
-    Err(Reject::new("F051", message).at("widths").help(format!("give {n}, or one for all")))
-}
-
 impl Node for TemporalGaussian {
     type Params = TemporalGaussianParams;
     type Ports = TemporalGaussianPorts;
@@ -73,7 +65,7 @@ impl Node for TemporalGaussian {
         }
         (c.widths, c.causal) = (p.widths.clone(), p.causal);
         let filter = filter(&c);
-        s.lookaround(TemporalGaussianPorts::features, filter.past(), filter.ahead());
+        s.lookaround(TemporalGaussianPorts::features, filter.look_behind(), filter.look_ahead());
         s.when_ended(TemporalGaussianPorts::features, Ends::Hold);
         s.ends(features.end);
         s.output(TemporalGaussianPorts::smooth, features.rate, features.format.with(c));
@@ -119,7 +111,7 @@ mod tests {
     fn a_stream_is_smoothed_as_a_stretch_is() {
         let features: Vec<f32> = (0..90).map(|i| (i % 7) as f32).collect();
         let run = standalone(&[5.0, 8.0, 0.0], FeatureConventions::trial()).run().unwrap();
-        let wanted = TemporalFilter::new(&[5.0, 8.0, 0.0], false).stretch(&features);
+        let wanted = TemporalFilter::new(&[5.0, 8.0, 0.0], false).process_segment(&features);
         assert_eq!(run.stream(TemporalGaussianPorts::smooth), wanted);
     }
 

@@ -33,7 +33,7 @@ params! {
 #[derive(Debug)]
 pub struct VertexPose {
     origin: usize,
-    turn: Option<[usize; 2]>,
+    axes: Option<[usize; 2]>,
     offset: [f64; 3],
     last: Pose,
 }
@@ -64,27 +64,27 @@ impl Each for VertexPose {
     }
 
     fn new(p: &VertexPoseParams, _: &MeshFormat) -> Self {
-        let turn = p.front.zip(p.up).map(|(front, up)| [front, up]);
-        Self { origin: p.origin, turn, offset: p.offset, last: Pose::default() }
+        let axes = p.front.zip(p.up).map(|(front, up)| [front, up]);
+        Self { origin: p.origin, axes, offset: p.offset, last: Pose::default() }
     }
 
     fn each(&mut self, mesh: &[[f32; 3]], out: &mut [Pose]) {
         let at = |k: usize| mesh.get(k).copied().map(widen).unwrap_or_default();
         let origin = at(self.origin);
-        let turned = self
-            .turn
+        let local = self
+            .axes
             .and_then(|[front, up]| Pose::looking(origin, sub(at(front), origin), sub(at(up), origin)));
-        let rotation = turned.map_or(self.last.rotation, |pose| pose.rotation);
+        let rotation = local.map_or(self.last.rotation, |pose| pose.rotation);
         let base = Pose { position: origin.map(|x| x as f32), rotation };
-        self.last = Pose { position: base.point(self.offset).map(|x| x as f32), rotation };
+        self.last = Pose { position: base.to_scene(self.offset).map(|x| x as f32), rotation };
         out.fill(self.last);
     }
 
     archive_state!(last);
 
     fn trial(rng: &mut Rng) -> VertexPoseParams {
-        let turn = [[None; 2], [Some(1), Some(2)]][rng.below(2)];
-        let [front, up] = turn;
+        let vertices = [[None; 2], [Some(1), Some(2)]][rng.below(2)];
+        let [front, up] = vertices;
         VertexPoseParams { origin: rng.below(2) * 3, front, up, ..VertexPoseParams::trial(rng) }
     }
 }
@@ -132,7 +132,7 @@ mod tests {
         assert_eq!(poses[0].position, [-0.1, 0.0, 0.0]);
         let near = |a: [f64; 3], b: [f64; 3]| a.iter().zip(b).all(|(x, y)| (x - y).abs() < 1e-6);
         assert!(near(poses[1].position.map(f64::from), [0.0, -0.1, 5.0]));
-        assert!(near(poses[1].toward([-1.0, -0.1, 5.0]), [0.0, 1.0, 0.0]));
+        assert!(near(poses[1].to_local([-1.0, -0.1, 5.0]), [0.0, 1.0, 0.0]));
         assert_eq!(poses[2].rotation, poses[1].rotation);
         assert!(near(poses[2].position.map(f64::from), [1.0, 0.9, 1.0]));
     }

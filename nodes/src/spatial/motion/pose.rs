@@ -45,14 +45,14 @@ impl Pose {
 
     /// A point of the scene in own axes.
     #[must_use]
-    pub fn toward(&self, point: [f64; 3]) -> [f64; 3] {
+    pub fn to_local(&self, point: [f64; 3]) -> [f64; 3] {
         let [w, x, y, z] = self.rotation.map(f64::from);
         rotate([w, -x, -y, -z], sub(point, widen(self.position)))
     }
 
     /// A point given in own axes, in those of the scene.
     #[must_use]
-    pub fn point(&self, own: [f64; 3]) -> [f64; 3] {
+    pub fn to_scene(&self, own: [f64; 3]) -> [f64; 3] {
         add(widen(self.position), rotate(self.rotation.map(f64::from), own))
     }
 
@@ -61,7 +61,7 @@ impl Pose {
     /// Places lie on the cubic of Catmull and Rom, whose velocity is continuous, so that what follows from the way (a Doppler
     /// shift) has no steps; directions turn evenly by the shorter way.
     #[must_use]
-    pub fn between(around: [Self; 4], t: f64) -> Self {
+    pub fn interpolate(around: [Self; 4], t: f64) -> Self {
         let [before, from, to, after] = around;
         let position = std::array::from_fn(|k| {
             let [p, a, b, q] = [before, from, to, after].map(|pose| f64::from(pose.position[k]));
@@ -146,7 +146,7 @@ mod tests {
     #[test]
     fn a_head_without_rotation_has_the_axes_of_the_scene() {
         assert_eq!(Pose::looking([0.0; 3], [2.0, 0.0, 0.0], [0.0, 0.0, 0.5]), Some(Pose::default()));
-        assert_eq!(Pose::default().toward([1.0, 2.0, 3.0]), [1.0, 2.0, 3.0]);
+        assert_eq!(Pose::default().to_local([1.0, 2.0, 3.0]), [1.0, 2.0, 3.0]);
     }
 
     #[test]
@@ -156,9 +156,9 @@ mod tests {
         for look in looks {
             let at = [0.5, -1.0, 2.0];
             let pose = Pose::looking(at, look, [0.0, 1.0, 0.1]).unwrap();
-            assert!(close(pose.toward(add(at, look)), [norm(look), 0.0, 0.0]), "{look:?} {pose:?}");
-            assert!(pose.toward(add(at, [0.0, 1.0, 0.1]))[2] > 0.0);
-            assert!(close(pose.toward(pose.point([0.3, 0.4, 0.5])), [0.3, 0.4, 0.5]));
+            assert!(close(pose.to_local(add(at, look)), [norm(look), 0.0, 0.0]), "{look:?} {pose:?}");
+            assert!(pose.to_local(add(at, [0.0, 1.0, 0.1]))[2] > 0.0);
+            assert!(close(pose.to_local(pose.to_scene([0.3, 0.4, 0.5])), [0.3, 0.4, 0.5]));
         }
         assert_eq!(Pose::looking([0.0; 3], [0.0, 0.0, 1.0], [0.0, 0.0, 2.0]), None);
         assert_eq!(Pose::looking([0.0; 3], [0.0; 3], [0.0, 0.0, 2.0]), None);
@@ -169,7 +169,7 @@ mod tests {
     fn straight_even_motion_stays_so_between_frames() {
         let pose = |k: f32| Pose::at([k, 2.0 * k, -k]);
         for t in [0.0, 0.25, 0.5, 1.0] {
-            let found = Pose::between([0.0, 1.0, 2.0, 3.0].map(pose), t);
+            let found = Pose::interpolate([0.0, 1.0, 2.0, 3.0].map(pose), t);
             assert!(close(widen(found.position), widen(pose(1.0 + t as f32).position)), "{t}");
         }
     }
@@ -183,8 +183,8 @@ mod tests {
         let (a, mut b) = (turned(10.0), turned(70.0));
         b.rotation = b.rotation.map(|x| -x);
         for (t, degrees) in [(0.0, 10.0), (0.5, 40.0), (0.25, 25.0), (1.0, 70.0)] {
-            let found = Pose::between([a, a, b, b], t).point([1.0, 0.0, 0.0]);
-            assert!(close(found, turned(degrees).point([1.0, 0.0, 0.0])), "{t}: {found:?}");
+            let found = Pose::interpolate([a, a, b, b], t).to_scene([1.0, 0.0, 0.0]);
+            assert!(close(found, turned(degrees).to_scene([1.0, 0.0, 0.0])), "{t}: {found:?}");
         }
     }
 

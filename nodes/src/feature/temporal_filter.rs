@@ -1,10 +1,10 @@
 //! A Gaussian over time, with a width of its own for every dimension.
 
-/// Taps of one dimension, from the farthest back to the farthest ahead.
+/// Taps of one dimension, from the farthest back to the farthest look_ahead.
 #[derive(Clone, Debug, PartialEq)]
 struct Taps {
-    past: usize,
-    ahead: usize,
+    look_behind: usize,
+    look_ahead: usize,
     weights: Vec<f64>,
 }
 
@@ -12,14 +12,14 @@ impl Taps {
     /// The standard deviation is a quarter of the width, and the kernel ends half a width away.
     fn new(width: f64, causal: bool) -> Self {
         if width <= 1.0 {
-            return Self { past: 0, ahead: 0, weights: vec![1.0] };
+            return Self { look_behind: 0, look_ahead: 0, weights: vec![1.0] };
         }
         let (sigma, radius) = (width / 4.0, (width / 2.0 + 0.5).floor() as usize);
-        let ahead = if causal { 0 } else { radius };
+        let look_ahead = if causal { 0 } else { radius };
         let weight = |k: usize| (-0.5 * ((k as f64 - radius as f64) / sigma).powi(2)).exp();
-        let weights: Vec<f64> = (0..=radius + ahead).map(weight).collect();
+        let weights: Vec<f64> = (0..=radius + look_ahead).map(weight).collect();
         let sum: f64 = weights.iter().sum();
-        Self { past: radius, ahead, weights: weights.iter().map(|w| w / sum).collect() }
+        Self { look_behind: radius, look_ahead, weights: weights.iter().map(|w| w / sum).collect() }
     }
 }
 
@@ -36,8 +36,8 @@ impl Taps {
 #[derive(Clone, Debug, PartialEq)]
 pub struct TemporalFilter {
     taps: Vec<Taps>,
-    past: usize,
-    ahead: usize,
+    look_behind: usize,
+    look_ahead: usize,
 }
 
 impl TemporalFilter {
@@ -45,34 +45,34 @@ impl TemporalFilter {
     #[must_use]
     pub fn new(widths: &[f64], causal: bool) -> Self {
         let taps: Vec<Taps> = widths.iter().map(|&width| Taps::new(width, causal)).collect();
-        let past = taps.iter().map(|t| t.past).max().unwrap_or(0);
-        let ahead = taps.iter().map(|t| t.ahead).max().unwrap_or(0);
-        Self { taps, past, ahead }
+        let look_behind = taps.iter().map(|t| t.look_behind).max().unwrap_or(0);
+        let look_ahead = taps.iter().map(|t| t.look_ahead).max().unwrap_or(0);
+        Self { taps, look_behind, look_ahead }
     }
 
     /// Items before an item that it depends on.
     #[must_use]
-    pub fn past(&self) -> usize {
-        self.past
+    pub fn look_behind(&self) -> usize {
+        self.look_behind
     }
 
     /// Items after an item that it depends on.
     #[must_use]
-    pub fn ahead(&self) -> usize {
-        self.ahead
+    pub fn look_ahead(&self) -> usize {
+        self.look_ahead
     }
 
-    /// Filters the items of `around` that have `past` items before and `ahead` after them.
+    /// Filters the items of `around` that have `look_behind` items before and `look_ahead` after them.
     ///
     /// # Shapes
-    /// `around`: `[past + len + ahead, vectors, dims]`; `out`: `[len, vectors, dims]`.
+    /// `around`: `[look_behind + len + look_ahead, vectors, dims]`; `out`: `[len, vectors, dims]`.
     pub fn process(&self, around: &[f32], vectors: usize, out: &mut [f32]) {
         let dims = self.taps.len();
         let width = (vectors * dims).max(1);
         for (i, item) in out.chunks_exact_mut(width).enumerate() {
-            for (place, out) in item.iter_mut().enumerate() {
-                let taps = &self.taps[place % dims];
-                let first = (i + self.past - taps.past) * width + place;
+            for (index, out) in item.iter_mut().enumerate() {
+                let taps = &self.taps[index % dims];
+                let first = (i + self.look_behind - taps.look_behind) * width + index;
                 let values = around.iter().skip(first).step_by(width);
                 *out = values.zip(&taps.weights).map(|(&x, w)| f64::from(x) * w).sum::<f64>() as f32;
             }
@@ -84,14 +84,14 @@ impl TemporalFilter {
     /// # Shapes
     /// `items` and the result: `[len, dims]`.
     #[must_use]
-    pub fn stretch(&self, items: &[f32]) -> Vec<f32> {
+    pub fn process_segment(&self, items: &[f32]) -> Vec<f32> {
         let dims = self.taps.len().max(1);
         let (Some(first), Some(last)) = (items.get(..dims), items.len().checked_sub(dims)) else {
             return Vec::new();
         };
-        let mut around = first.repeat(self.past);
+        let mut around = first.repeat(self.look_behind);
         around.extend_from_slice(items);
-        around.extend(items[last..].repeat(self.ahead));
+        around.extend(items[last..].repeat(self.look_ahead));
         let mut out = vec![0.0; items.len()];
         self.process(&around, 1, &mut out);
         out
@@ -116,7 +116,7 @@ mod tests {
     fn it_equals_the_reference_at_edges_too() {
         let x = [0.0, 0.0, 1.0, 0.0, 2.0, 5.0, -1.0, 3.0];
         for (width, wanted) in [(4.0, REFERENCE_4), (10.0, REFERENCE_10)] {
-            let found = TemporalFilter::new(&[width], false).stretch(&x);
+            let found = TemporalFilter::new(&[width], false).process_segment(&x);
             for (f, w) in found.iter().zip(wanted) {
                 assert!((f64::from(*f) - w).abs() < 1e-6, "{width}: {found:?}");
             }
@@ -165,9 +165,9 @@ mod tests {
     #[test]
     fn the_causal_half_lags_by_less_than_a_fifth_of_its_width() {
         let taps = Taps::new(50.0, true);
-        let lag: f64 = taps.weights.iter().enumerate().map(|(k, w)| w * (taps.past - k) as f64).sum();
+        let lag: f64 = taps.weights.iter().enumerate().map(|(k, w)| w * (taps.look_behind - k) as f64).sum();
         // Two standard deviations of it; the whole half would lag by 0.2 widths.
-        assert!((lag / 50.0 - 0.176).abs() < 0.001 && taps.ahead == 0, "{lag}");
+        assert!((lag / 50.0 - 0.176).abs() < 0.001 && taps.look_ahead == 0, "{lag}");
     }
 
     proptest! {
@@ -177,15 +177,15 @@ mod tests {
             let mut rng = Rng::new(seed);
             let x: Vec<f32> = (0..len * 4).map(|_| rng.between(-1.0, 1.0) as f32).collect();
             let filter = TemporalFilter::new(&[6.0, 0.0], false);
-            let single = |place: usize| -> Vec<f32> { x.iter().skip(place).step_by(4).copied().collect() };
-            let mut around = x[..4].repeat(filter.past());
+            let single = |index: usize| -> Vec<f32> { x.iter().skip(index).step_by(4).copied().collect() };
+            let mut around = x[..4].repeat(filter.look_behind());
             around.extend(&x);
-            around.extend(x[x.len() - 4..].repeat(filter.ahead()));
+            around.extend(x[x.len() - 4..].repeat(filter.look_ahead()));
             let mut out = vec![0.0; x.len()];
             filter.process(&around, 2, &mut out);
-            for place in 0..4 {
-                let alone = TemporalFilter::new(&[[6.0, 0.0][place % 2]], false).stretch(&single(place));
-                let found: Vec<f32> = out.iter().skip(place).step_by(4).copied().collect();
+            for index in 0..4 {
+                let alone = TemporalFilter::new(&[[6.0, 0.0][index % 2]], false).process_segment(&single(index));
+                let found: Vec<f32> = out.iter().skip(index).step_by(4).copied().collect();
                 prop_assert_eq!(found, alone);
             }
         }

@@ -45,9 +45,9 @@ impl FeatureWindow {
     /// Samples of the window.
     #[must_use]
     pub fn samples(self, frame: usize) -> Vec<f64> {
-        let along = |i: usize| (i as f64 + 0.5) / frame as f64;
+        let position = |i: usize| (i as f64 + 0.5) / frame as f64;
         match self {
-            Self::Sine2 => (0..frame).map(|i| (PI * along(i)).sin()).collect(),
+            Self::Sine2 => (0..frame).map(|i| (PI * position(i)).sin()).collect(),
             Self::Rect => vec![1.0; frame],
             // Periodic, as spectral analysis wants it.
             Self::Hann => {
@@ -217,10 +217,10 @@ impl MelCepstrum {
         self.energies(frame);
         let (floor, log) = (self.floor, self.log);
         for energy in &mut self.energies {
-            let least = energy.max(floor);
+            let floored = energy.max(floor);
             *energy = match log {
-                LogScale::Natural => least.ln(),
-                LogScale::Decibel => 10.0 * least.log10(),
+                LogScale::Natural => floored.ln(),
+                LogScale::Decibel => 10.0 * floored.log10(),
             };
         }
         for (out, row) in out.iter_mut().zip(self.cosines.chunks_exact(self.energies.len())) {
