@@ -9,7 +9,7 @@ pub struct DspError {
     pub what: &'static str,
     /// Its value.
     pub found: f64,
-    /// What would be right.
+    /// Valid values.
     pub wanted: &'static str,
 }
 impl DspError {

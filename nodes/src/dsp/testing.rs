@@ -1,7 +1,7 @@
-//! Cutting a signal into blocks must not change a bit.
+//! Tests that the cut of a signal into blocks does not change its bits.
 
-/// Runs `process(start, block)` over `signal` in blocks of 1, 7, 64, 1000 and of everything, each with fresh state
-/// from `new`, and asserts equal bits.
+/// Asserts that `process(start, block)` gives the same bits in blocks of 1, 7, 64 and 1000 frames as in one block. Each run starts
+/// with a new state from `new`.
 pub fn assert_block_invariant<S>(
     signal: &[f32],
     channels: usize,
@@ -16,13 +16,13 @@ pub fn assert_block_invariant<S>(
         }
         out.iter().map(|x| x.to_bits()).collect()
     };
-    let whole = run(signal.len() / channels);
+    let expected = run(signal.len() / channels);
     for frames in [1, 7, 64, 1000] {
-        assert!(run(frames) == whole, "blocks of {frames} frames differ");
+        assert!(run(frames) == expected, "blocks of {frames} frames differ");
     }
 }
 
-/// A rough test signal: an impulse, then something like music.
+/// A test signal: an impulse, then a modulated tone.
 pub fn signal(frames: usize, channels: usize) -> Vec<f32> {
     let mut out: Vec<f32> = (0..frames * channels)
         .map(|i| (0.37 * i as f32).sin() * (0.011 * i as f32).cos() * ((i * 7919 % 101) as f32 / 101.0))

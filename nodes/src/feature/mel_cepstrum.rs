@@ -1,4 +1,4 @@
-//! Energies of mel bands, and their cepstrum, of one unit of sound.
+//! Mel band energies and mel cepstrum of one unit of sound.
 
 use realfft::num_complex::Complex;
 use realfft::{RealFftPlanner, RealToComplex};
@@ -8,7 +8,7 @@ use std::sync::Arc;
 use super::conventions::{BandShape, FeatureConventions, FeatureWindow, LogScale, MelScale};
 
 impl MelScale {
-    /// The place of a frequency in hertz on the scale.
+    /// Converts a frequency in hertz to the scale.
     #[must_use]
     pub fn mel(self, f: f64) -> f64 {
         match self {
@@ -18,7 +18,7 @@ impl MelScale {
         }
     }
 
-    /// The frequency at a place on the scale.
+    /// Converts a value on the scale to a frequency in hertz.
     #[must_use]
     pub fn hz(self, mel: f64) -> f64 {
         match self {
@@ -28,13 +28,13 @@ impl MelScale {
         }
     }
 
-    /// `count + 1` frequencies from `low` to `high`, equally far from each other on the scale.
+    /// Returns `count + 1` frequencies from `low` to `high`, equally spaced on the scale.
     #[must_use]
     pub fn edges(self, low: f64, high: f64, count: usize) -> Vec<f64> {
         let (from, to) = (self.mel(low), self.mel(high));
         let mut edges: Vec<f64> =
             (0..=count).map(|k| self.hz(from + (to - from) * k as f64 / count.max(1) as f64)).collect();
-        // The ends as they were given, not as they come back from the scale.
+        // The ends are exact.
         edges[0] = low;
         edges[count] = high;
         edges
@@ -42,14 +42,14 @@ impl MelScale {
 }
 
 impl FeatureWindow {
-    /// Samples of the window.
+    /// Returns the samples of the window.
     #[must_use]
     pub fn samples(self, frame: usize) -> Vec<f64> {
         let position = |i: usize| (i as f64 + 0.5) / frame as f64;
         match self {
             Self::Sine2 => (0..frame).map(|i| (PI * position(i)).sin()).collect(),
             Self::Rect => vec![1.0; frame],
-            // Periodic, as spectral analysis wants it.
+            // Periodic, for spectral analysis.
             Self::Hann => {
                 (0..frame).map(|i| 0.5 - 0.5 * (2.0 * PI * i as f64 / frame as f64).cos()).collect()
             }
@@ -57,14 +57,14 @@ impl FeatureWindow {
     }
 }
 
-/// One band: weights of neighbouring bins.
+/// One band: weights of adjacent bins.
 #[derive(Clone, Debug, PartialEq)]
 struct Band {
     first: usize,
     weights: Vec<f64>,
 }
 
-/// Weights of the bins of a spectrum in each band.
+/// Returns the weights of the bins of a spectrum in each band.
 fn bands(c: &FeatureConventions, length: usize) -> Vec<Band> {
     let (count, rate) = (c.bands as usize, c.rate.as_f64());
     let (bins, df) = (length / 2 + 1, rate / length as f64);
@@ -86,13 +86,14 @@ fn bands(c: &FeatureConventions, length: usize) -> Vec<Band> {
     }
 }
 
-/// The part of bin `k`, from half a bin below it to half a bin above, that lies in a band.
+/// Returns the share of bin `k`, from half a bin below to half a bin above its centre, that lies in a band.
 fn share(k: usize, df: f64, rate: f64, low: f64, high: f64) -> f64 {
     let from = ((k as f64 - 0.5) * df).max(0.0);
     let to = ((k as f64 + 0.5) * df).min(rate / 2.0);
     ((to.min(high) - from.max(low)) / (to - from)).max(0.0)
 }
 
+/// Returns the range of non-zero weights.
 fn sparse(weights: impl Iterator<Item = f64>) -> Band {
     let all: Vec<f64> = weights.collect();
     let first = all.iter().position(|w| *w > 0.0).unwrap_or(0);
@@ -100,14 +101,14 @@ fn sparse(weights: impl Iterator<Item = f64>) -> Band {
     Band { first, weights: all[first..end].to_vec() }
 }
 
-/// Turns the samples of one unit into its mel cepstrum.
+/// Computes the mel cepstrum of the samples of one unit.
 ///
 /// # Complexity
-/// One real transform of the next power of two of the window's length, in f64: f32 would lose the quiet bands beside loud ones.
+/// One real FFT in f64, of the length of the window rounded up to a power of two. In f32, loud bands would mask quiet ones.
 ///
 /// # Source
-/// An, James and Marschner (SIGGRAPH 2012), section 4.2; Davis and Mermelstein (1980) for the cepstrum. Rectangular bands count every
-/// frequency once, and their energies are mean squares of the unit within the band.
+/// An, James and Marschner (SIGGRAPH 2012), section 4.2; Davis and Mermelstein (1980) for the cepstrum. Rectangular bands
+/// count every frequency once; their energies are the mean squares of the unit within the band.
 ///
 /// # Example
 /// ```
@@ -116,7 +117,7 @@ fn sparse(weights: impl Iterator<Item = f64>) -> Band {
 /// let mut cepstrum = MelCepstrum::new(&FeatureConventions::cloth(Rate::hz(96_000), 400), 1e-10);
 /// let mut features = [0.0; 3];
 /// cepstrum.process(&[0.0; 800], &mut features);
-/// // Silence: the floor in every band.
+/// // Silence is at the floor in every band.
 /// assert!((features[0] - 3f32.sqrt() * 1e-10f32.ln()).abs() < 1e-4 && features[1].abs() < 1e-4);
 /// ```
 #[derive(Clone)]
@@ -128,7 +129,7 @@ pub struct MelCepstrum {
     log: LogScale,
     floor: f64,
     fft: Arc<dyn RealToComplex<f64>>,
-    /// What a squared magnitude counts, DC and Nyquist half.
+    /// Scale of a squared magnitude; half of it for DC and Nyquist.
     scale: f64,
     samples: Vec<f64>,
     spectrum: Vec<Complex<f64>>,
@@ -144,11 +145,11 @@ impl std::fmt::Debug for MelCepstrum {
 }
 
 impl MelCepstrum {
-    /// Plans everything; `floor` is the least energy of a band, as mean square of full scale.
+    /// Plans the transform. `floor` is the lowest energy of a band, as mean square relative to full scale.
     #[must_use]
     pub fn new(c: &FeatureConventions, floor: f64) -> Self {
         let frame = c.frame.max(1) as usize;
-        // Of one sample there is no spectrum.
+        // The transform needs at least two samples.
         let length = frame.next_power_of_two().max(2);
         let fft = RealFftPlanner::new().plan_fft_forward(length);
         let window = c.window.samples(frame);
@@ -169,12 +170,12 @@ impl MelCepstrum {
         }
     }
 
-    /// Changes the least energy of a band.
+    /// Sets the lowest energy of a band.
     pub fn set_floor(&mut self, floor: f64) {
         self.floor = floor.max(f64::MIN_POSITIVE);
     }
 
-    /// Mean over the bands of the natural logarithm of their energy, of the last unit that was processed.
+    /// Returns the mean natural logarithm of the band energies of the last processed unit.
     #[must_use]
     pub fn level(&self) -> f64 {
         let per_neper = match self.log {
@@ -184,19 +185,19 @@ impl MelCepstrum {
         self.energies.iter().sum::<f64>() / (self.energies.len().max(1) as f64 * per_neper)
     }
 
-    /// Samples that one unit takes, centred on it.
+    /// Returns the length of the window in samples, which is centred on the unit.
     #[must_use]
     pub fn frame(&self) -> usize {
         self.window.len()
     }
 
-    /// Mean square of the windowed samples in each band.
+    /// Returns the mean square of the windowed samples in each band.
     pub fn energies(&mut self, frame: &[f32]) -> &[f64] {
         self.samples.fill(0.0);
         for ((out, &x), w) in self.samples.iter_mut().zip(frame).zip(&self.window) {
             *out = f64::from(x) * w;
         }
-        // It fails only for buffers of other lengths than it was planned for.
+        // The transform fails only for buffers of other lengths than planned.
         let done = self.fft.process_with_scratch(&mut self.samples, &mut self.spectrum, &mut self.scratch);
         debug_assert!(done.is_ok());
         for (power, x) in self.power.iter_mut().zip(&self.spectrum) {
@@ -212,7 +213,7 @@ impl MelCepstrum {
         &self.energies
     }
 
-    /// Writes the coefficients of one unit.
+    /// Writes the cepstral coefficients of one unit.
     pub fn process(&mut self, frame: &[f32], out: &mut [f32]) {
         self.energies(frame);
         let (floor, log) = (self.floor, self.log);
@@ -229,7 +230,7 @@ impl MelCepstrum {
     }
 }
 
-/// Rows `first..first + count` of the orthonormal DCT-II of `size` points.
+/// Returns rows `first..first + count` of the orthonormal DCT-II of `size` points.
 fn cosines(first: usize, count: usize, size: usize) -> Vec<f64> {
     let row = |k: usize| {
         let scale = if k == 0 { 1.0 } else { 2.0_f64 } / size as f64;

@@ -1,4 +1,4 @@
-//! Mel cepstra as a node.
+//! The node `Mfcc`.
 
 use std::sync::Arc;
 
@@ -18,32 +18,32 @@ use crate::unit::UnitDatabase;
 use crate::{choices, feature_params, ports};
 
 choices! {
-    /// What becomes of several channels.
+    /// Treatment of several channels.
     pub enum FeatureChannels {
-        /// A vector for each: whatever comes after treats them one by one.
+        /// One vector for each channel; later nodes process them independently.
         Independent,
-        /// One vector of the coefficients of all, one after the other.
+        /// One vector of the coefficients of all channels in sequence.
         Joint,
-        /// One vector, of the mean of all; their levels stand in `balance`.
+        /// One vector of the mean of all channels; `balance` gives their levels.
         SharedMid,
     }
 }
 
 feature_params! {
-    /// Mel cepstrum of every unit of a sound: a few numbers that tell how loud it is and what colour it has.
+    /// Computes the mel cepstrum of every unit of a sound: a few numbers that describe its level and its spectrum.
     ///
-    /// The defaults are those of cloth sounds: three disjoint bands, natural logarithm, coefficient 0 kept. The usual MFCC of
+    /// The defaults are those of cloth sounds: three disjoint bands, natural logarithm, with coefficient 0. The usual MFCC of
     /// speech and music are `n: 13, bands: 40, shape: TriangularArea, mel: Slaney, log: Decibel, window: Hann`, a `frame` of
-    /// 2048 samples and a `unit` of "512 samples", without a high-pass; `first: 1` drops the coefficient that tells loudness.
+    /// 2048 samples and a `unit` of "512 samples", without a high-pass; `first: 1` omits the coefficient of loudness.
     ///
-    /// Unit `i` covers the samples from `i` times its length on, and its window is centred on it. All parameters travel with
-    /// the features; what meets them is refused where it was made with others.
+    /// Unit `i` begins at sample `i` times its length; its window is centred on it. The stream of features holds all parameters, so that
+    /// features and databases of other parameters are refused.
     ///
     /// # Source
     /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 4.2; Davis and
     /// Mermelstein (1980).
     pub struct MfccParams {
-        /// What becomes of several channels.
+        /// Treatment of several channels.
         channels: FeatureChannels = FeatureChannels::Independent;
     }
 }
@@ -53,19 +53,19 @@ ports! {
         in {
             /// The sound.
             audio: Stream<f32>,
-            /// Where the least energy comes from with `floor_from: Database`.
+            /// Database that gives the lowest energy with `floor_from: Database`.
             database: Option<Value<UnitDatabase>>,
         }
         out {
             /// Features, one item per unit.
             features: Stream<Features>,
-            /// Level of each channel relative to their mean, per unit, within 12 dB; 1 unless the channels are `SharedMid`.
+            /// Level of each channel relative to their mean, per unit, within 12 dB; 1 unless `channels` is `SharedMid`.
             balance: Stream<f32>,
         }
     }
 }
 
-/// The node over [`MelCepstrum`].
+/// The node `Mfcc`.
 pub struct Mfcc {
     cepstrum: MelCepstrum,
     high_pass: Option<Cascade>,
@@ -73,26 +73,27 @@ pub struct Mfcc {
     /// Coefficients per channel.
     n: usize,
     unit: i64,
-    /// Samples by which a window begins before its unit.
+    /// Number of samples by which a window begins before its unit.
     window_offset: i64,
     from_database: bool,
-    /// Filtered samples per channel, and of their mean where that is wanted, from sample `start` on.
+    /// Filtered samples per channel, and of their mean for `SharedMid`, from sample `start` on.
     buffered: Vec<Vec<f32>>,
     start: i64,
-    /// Interleaved samples on their way through the high-pass.
+    /// Interleaved new samples for the high-pass.
     new_samples: Vec<f32>,
     unused_features: Vec<f32>,
 }
 
-/// Farthest that a channel's level may be from the mean.
+/// Largest factor between the level of a channel and the mean.
 const MAX_BALANCE: f64 = 4.0;
 
+/// Returns the number of samples by which a window begins before its unit.
 fn window_offset(frame: u32, unit: u32) -> i64 {
     (i64::from(frame) - i64::from(unit)).div_euclid(2)
 }
 
 impl Mfcc {
-    /// Filters and keeps what was not buffered before.
+    /// Filters and buffers new samples.
     fn buffer_input(&mut self, around: &[f32], first: i64, channels: usize) {
         let buffered_end = self.start + self.buffered[0].len() as i64;
         if self.buffered[0].is_empty() {
@@ -115,7 +116,7 @@ impl Mfcc {
         }
     }
 
-    /// Forgets what no later unit needs.
+    /// Discards samples before index `before`.
     fn discard(&mut self, before: i64) {
         let count =
             usize::try_from(before - self.start).unwrap_or(0).min(self.buffered[0].len().saturating_sub(1));
@@ -123,7 +124,7 @@ impl Mfcc {
         self.start += count as i64;
     }
 
-    /// Features of one unit, and the levels of its channels.
+    /// Computes the features of one unit and the levels of its channels.
     fn unit(&mut self, unit: i64, out: &mut [f32], balance: &mut [f32]) {
         let from = (unit * self.unit - self.window_offset - self.start).max(0) as usize;
         let to = from + self.cepstrum.frame();
@@ -160,13 +161,13 @@ impl Node for Mfcc {
         let c = p.convention_params(&[], false).conventions(audio.rate, joined)?;
         if c.f_hi > audio.rate.as_f64() / 2.0 + 1.0 {
             s.note(format!(
-                "the bands reach to {} Hz, the audio at {} only half as far as its rate",
+                "the bands extend to {} Hz, above half the rate of the audio, {}",
                 c.f_hi, audio.rate
             ));
         }
-        let window_offset = window_offset(c.frame, c.unit);
-        let ahead = (i64::from(c.frame) - window_offset - 1).max(0);
-        s.lookaround(MfccPorts::audio, window_offset.max(0) as usize, ahead as usize);
+        let offset = window_offset(c.frame, c.unit);
+        let look_ahead = (i64::from(c.frame) - offset - 1).max(0);
+        s.lookaround(MfccPorts::audio, offset.max(0) as usize, look_ahead as usize);
         let vectors = if p.channels == FeatureChannels::Independent { channels as usize } else { 1 };
         let too_long = || Reject::new("F051", format!("units of {} samples are too long", c.unit)).at("unit");
         let rate = c.unit_rate().ok_or_else(too_long)?;

@@ -1,7 +1,7 @@
-//! Features of sound: a few numbers per short unit that tell how loud it is and what colour it has.
+//! Features of sound: a few numbers per short unit that describe its level and its spectrum.
 //!
-//! [`FeatureConventions`] say how they were made, and travel with every stream and artefact of features, so that features of
-//! two kinds never meet unnoticed.
+//! Every stream and artefact of features holds its [`FeatureConventions`], so features of different conventions are never compared
+//! unnoticed.
 
 pub mod conventions;
 pub mod item;

@@ -1,6 +1,6 @@
-//! A Gaussian over time, with a width of its own for every dimension.
+//! A Gaussian filter over time with a separate width for each dimension.
 
-/// Taps of one dimension, from the farthest back to the farthest look_ahead.
+/// Taps of one dimension, from the earliest to the latest item.
 #[derive(Clone, Debug, PartialEq)]
 struct Taps {
     look_behind: usize,
@@ -9,7 +9,7 @@ struct Taps {
 }
 
 impl Taps {
-    /// The standard deviation is a quarter of the width, and the kernel ends half a width away.
+    /// Creates the taps: the standard deviation is a quarter of the width; the kernel is truncated at half the width.
     fn new(width: f64, causal: bool) -> Self {
         if width <= 1.0 {
             return Self { look_behind: 0, look_ahead: 0, weights: vec![1.0] };
@@ -23,12 +23,12 @@ impl Taps {
     }
 }
 
-/// Filters vectors over time: per dimension a normalised Gaussian of standard deviation `width / 4`, cut off at `width / 2`.
+/// Filters vectors over time by a normalised Gaussian of standard deviation `width / 4`, truncated at `width / 2`, per dimension.
 ///
-/// The causal form is the half of it that looks back; it lags by 0.18 widths.
+/// The causal form is the half without look-ahead; it lags by 0.18 widths.
 ///
 /// # Shapes
-/// Items are `vectors` vectors of as many dimensions as there are widths.
+/// Items are `vectors` vectors with one dimension for each width.
 ///
 /// # Source
 /// An, James and Marschner (SIGGRAPH 2012), section 4.2. The symmetric form equals
@@ -41,7 +41,7 @@ pub struct TemporalFilter {
 }
 
 impl TemporalFilter {
-    /// One width per dimension, in units; widths of up to 1 leave their dimension as it is.
+    /// Creates a filter with one width per dimension, in units; widths of up to 1 leave their dimension unchanged.
     #[must_use]
     pub fn new(widths: &[f64], causal: bool) -> Self {
         let taps: Vec<Taps> = widths.iter().map(|&width| Taps::new(width, causal)).collect();
@@ -50,19 +50,19 @@ impl TemporalFilter {
         Self { taps, look_behind, look_ahead }
     }
 
-    /// Items before an item that it depends on.
+    /// Returns the number of earlier items on which an item depends.
     #[must_use]
     pub fn look_behind(&self) -> usize {
         self.look_behind
     }
 
-    /// Items after an item that it depends on.
+    /// Returns the number of later items on which an item depends.
     #[must_use]
     pub fn look_ahead(&self) -> usize {
         self.look_ahead
     }
 
-    /// Filters the items of `around` that have `look_behind` items before and `look_ahead` after them.
+    /// Filters the items of `around` that have `look_behind` items before and `look_ahead` items after them.
     ///
     /// # Shapes
     /// `around`: `[look_behind + len + look_ahead, vectors, dims]`; `out`: `[len, vectors, dims]`.
@@ -79,7 +79,7 @@ impl TemporalFilter {
         }
     }
 
-    /// Filters one gap-free stretch, whose first and last item stand for what is beyond its ends.
+    /// Filters one segment without gaps. The first and the last item are repeated beyond its ends.
     ///
     /// # Shapes
     /// `items` and the result: `[len, dims]`.
@@ -113,7 +113,7 @@ mod tests {
 
     /// `gaussian_filter1d([0, 0, 1, 0, 2, 5, -1, 3], w / 4, truncate=2.0, mode='nearest')` for w = 4 and 10.
     #[test]
-    fn it_equals_the_reference_at_edges_too() {
+    fn the_filter_equals_the_reference_including_the_edges() {
         let x = [0.0, 0.0, 1.0, 0.0, 2.0, 5.0, -1.0, 3.0];
         for (width, wanted) in [(4.0, REFERENCE_4), (10.0, REFERENCE_10)] {
             let found = TemporalFilter::new(&[width], false).process_segment(&x);
@@ -144,7 +144,7 @@ mod tests {
         2.371726516640441,
     ];
 
-    /// `scipy.ndimage._filters._gaussian_kernel1d(w / 4, 0, radius)`, some of the first half.
+    /// Some taps of the first half of `scipy.ndimage._filters._gaussian_kernel1d(w / 4, 0, radius)`.
     #[test]
     fn taps_are_those_of_scipy_to_the_last_digit() {
         let (ten, fifty) = (Taps::new(10.0, false).weights, Taps::new(50.0, false).weights);
@@ -166,12 +166,12 @@ mod tests {
     fn the_causal_half_lags_by_less_than_a_fifth_of_its_width() {
         let taps = Taps::new(50.0, true);
         let lag: f64 = taps.weights.iter().enumerate().map(|(k, w)| w * (taps.look_behind - k) as f64).sum();
-        // Two standard deviations of it; the whole half would lag by 0.2 widths.
+        // The half is truncated at two standard deviations; without truncation it would lag by 0.2 widths.
         assert!((lag / 50.0 - 0.176).abs() < 0.001 && taps.look_ahead == 0, "{lag}");
     }
 
     proptest! {
-        /// However a stream is cut, and through each dimension alone.
+        /// Checks several vectors against single dimensions.
         #[test]
         fn dimensions_and_vectors_do_not_mix(seed in 0_u64..1000, len in 1_usize..40) {
             let mut rng = Rng::new(seed);

@@ -1,4 +1,4 @@
-//! The Gaussian over time as a node.
+//! The node `TemporalGaussian`.
 
 use super::item::Features;
 use super::params::check_widths;
@@ -12,18 +12,18 @@ use crate::core::shape::{Build, Ends, Shape};
 use crate::{params, ports};
 
 params! {
-    /// Smooths features over time: a Gaussian with a width of its own for each coefficient.
+    /// Smooths features over time by a Gaussian with a separate width for each coefficient.
     ///
-    /// Its standard deviation is a quarter of the width, and it ends half a width away. At the ends of the stream the first and
-    /// the last item go on. The database that the features are compared with must have been made with the same widths.
+    /// The standard deviation is a quarter of the width; the kernel is truncated at half the width. Beyond the ends of the stream the
+    /// first and the last item are repeated. The database to compare with must have the same widths.
     ///
     /// # Source
     /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 4.2; the causal
-    /// half is an addition, for live use.
+    /// filter is an addition, for live use.
     pub struct TemporalGaussianParams {
-        /// Width for each coefficient, or one for all; up to 1 leaves a coefficient as it is.
+        /// Width for each coefficient, or one for all; a width of up to 1 leaves a coefficient unchanged.
         widths: Vec<f64> = vec![20.0, 50.0, 10.0], unit "units", range 0.0..=10_000.0;
-        /// Look back only: no delay to the planner, but features lag by a fifth of the width.
+        /// Uses no look-ahead: the planner adds no delay, but features lag by a fifth of the width.
         causal: bool = false;
     }
 }
@@ -31,17 +31,17 @@ params! {
 ports! {
     pub struct TemporalGaussianPorts / TemporalGaussianIo {
         in {
-            /// Features as they were made.
+            /// Features before smoothing.
             features: Stream<Features>,
         }
         out {
-            /// Features that change slowly.
+            /// Smoothed features.
             smooth: Stream<Features>,
         }
     }
 }
 
-/// The node over [`TemporalFilter`].
+/// The node `TemporalGaussian`.
 #[derive(Debug)]
 pub struct TemporalGaussian {
     filter: TemporalFilter,
@@ -60,8 +60,8 @@ impl Node for TemporalGaussian {
         let mut c = (*features.format.conventions).clone();
         check_widths(&p.widths, c.n as usize)?;
         if !c.widths.is_empty() {
-            let message = "these features have been through a Gaussian already";
-            s.wrong(Reject::new("F051", message).at("features").help("use one node with the widths wanted"));
+            let message = "these features are already smoothed by a Gaussian";
+            s.wrong(Reject::new("F051", message).at("features").help("use only one TemporalGaussian"));
         }
         (c.widths, c.causal) = (p.widths.clone(), p.causal);
         let filter = filter(&c);
@@ -108,11 +108,11 @@ mod tests {
     }
 
     #[test]
-    fn a_stream_is_smoothed_as_a_stretch_is() {
+    fn a_stream_is_smoothed_like_a_segment() {
         let features: Vec<f32> = (0..90).map(|i| (i % 7) as f32).collect();
         let run = standalone(&[5.0, 8.0, 0.0], FeatureConventions::trial()).run().unwrap();
-        let wanted = TemporalFilter::new(&[5.0, 8.0, 0.0], false).process_segment(&features);
-        assert_eq!(run.stream(TemporalGaussianPorts::smooth), wanted);
+        let expected = TemporalFilter::new(&[5.0, 8.0, 0.0], false).process_segment(&features);
+        assert_eq!(run.stream(TemporalGaussianPorts::smooth), expected);
     }
 
     #[test]

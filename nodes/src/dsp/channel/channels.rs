@@ -1,4 +1,4 @@
-//! Picks, reorders and copies channels.
+//! The node `Channels` and its channel map.
 
 use crate::core::fault::Reject;
 use crate::core::item::Channels;
@@ -6,7 +6,7 @@ use crate::core::node::Each;
 use crate::core::random::Rng;
 use crate::dsp::DspError;
 use crate::params;
-/// Picks and reorders channels: output channel `i` is input channel `pick[i]`; one may be picked several times.
+/// A choice of channels: output channel `i` is input channel `pick[i]`. A channel may be picked several times.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ChannelMap {
     inputs: usize,
@@ -14,10 +14,10 @@ pub struct ChannelMap {
 }
 
 impl ChannelMap {
-    /// A map from `inputs` channels.
+    /// Creates a map from `inputs` channels.
     ///
     /// # Errors
-    /// Picks that do not exist, and an empty pick.
+    /// Channels that do not exist, and an empty list.
     pub fn new(inputs: usize, pick: &[usize]) -> Result<Self, DspError> {
         DspError::check(!pick.is_empty(), "channels", 0.0, "at least 1")?;
         for &channel in pick {
@@ -31,13 +31,13 @@ impl ChannelMap {
         Ok(Self { inputs, pick: pick.to_vec() })
     }
 
-    /// Number of output channels.
+    /// Returns the number of output channels.
     #[must_use]
     pub fn outputs(&self) -> usize {
         self.pick.len()
     }
 
-    /// Maps whole frames; the shorter of the two slices decides.
+    /// Maps interleaved frames, as many as both slices hold.
     pub fn process(&self, input: &[f32], out: &mut [f32]) {
         for (from, to) in input.chunks_exact(self.inputs).zip(out.chunks_exact_mut(self.pick.len())) {
             for (x, &channel) in to.iter_mut().zip(&self.pick) {
@@ -47,11 +47,11 @@ impl ChannelMap {
     }
 }
 params! {
-    /// Picks, reorders and copies channels.
+    /// Picks, reorders and duplicates channels.
     ///
-    /// `Channels(audio: "x", map: [1, 0])` swaps left and right; `map: [0, 0]` makes mono stereo.
+    /// `Channels(audio: "x", map: [1, 0])` swaps left and right; `map: [0, 0]` copies mono to stereo.
     pub struct ChannelsParams {
-        /// For each output channel the input channel it takes, counted from 0.
+        /// Input channel of each output channel, counted from 0.
         map: Vec<usize>, unit "channel", range 0..=255_usize;
     }
 }

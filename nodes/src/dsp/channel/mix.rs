@@ -1,4 +1,4 @@
-//! Adding streams up.
+//! The node `Mix`.
 
 use crate::core::fault::{Fault, Reject};
 use crate::core::node::{Class, Node, Retune, same_channels, same_rate};
@@ -9,12 +9,12 @@ use crate::dsp::ramp_frames;
 use crate::{params, ports};
 
 params! {
-    /// Adds streams up; it ends with the longest.
+    /// Adds streams; the output is as long as the longest input.
     ///
-    /// All inputs have the same rate and as many channels.
-    /// A gain that changes while the graph runs is reached on a straight line in 10 ms.
+    /// All inputs have the same rate and number of channels.
+    /// A gain that changes while the graph runs is reached along a linear ramp of 10 ms.
     pub struct MixParams {
-        /// Amplitude factor of each input, in their order; all 1 where the list is empty.
+        /// Amplitude factor of each input, in order; an empty list is 1 for all inputs.
         gains: Vec<f32> = Vec::new(), unit "", range -1000.0..=1000.0_f32;
     }
 }
@@ -22,7 +22,7 @@ ports! {
     /// Ports of `Mix`.
     pub struct MixPorts / MixIo {
         in {
-            /// Audio to add up.
+            /// Audio to add.
             inputs: Many<Stream<f32>>,
         }
         out {
@@ -38,7 +38,7 @@ pub struct MixNode {
     gains: Vec<Gain>,
 }
 
-/// Adds interleaved samples times a gain that moves from frame to frame.
+/// Adds interleaved samples times a gain that may change with each frame.
 fn add(gain: &mut Gain, input: &[f32], channels: usize, out: &mut [f32]) {
     let channels = channels.max(1);
     for (from, to) in input.chunks_exact(channels).zip(out.chunks_exact_mut(channels)) {
@@ -49,12 +49,12 @@ fn add(gain: &mut Gain, input: &[f32], channels: usize, out: &mut [f32]) {
     }
 }
 
-fn one_gain_each(p: &MixParams, inputs: usize) -> Result<(), Reject> {
+fn check_gains(p: &MixParams, inputs: usize) -> Result<(), Reject> {
     if p.gains.is_empty() || p.gains.len() == inputs {
         return Ok(());
     }
     let message = format!("`gains` has {} numbers for {inputs} inputs", p.gains.len());
-    Err(Reject::new("F051", message).at("gains").help("one for each input, or an empty list"))
+    Err(Reject::new("F051", message).at("gains").help("give one for each input, or an empty list"))
 }
 
 impl Node for MixNode {
@@ -69,9 +69,9 @@ impl Node for MixNode {
         let Some(first) = inputs.first().cloned() else {
             return Err(Reject::new("F051", "`inputs` is empty")
                 .at("inputs")
-                .help("link one stream or more"));
+                .help("link at least one stream"));
         };
-        s.check(one_gain_each(p, inputs.len()));
+        s.check(check_gains(p, inputs.len()));
         for (k, input) in inputs.iter().enumerate() {
             let field = format!("inputs[{k}]");
             s.check(same_rate(&field, input.rate, "`inputs[0]`", first.rate));
@@ -124,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn the_longest_input_decides_the_length() {
+    fn the_output_is_as_long_as_the_longest_input() {
         let standalone = mix(&[], &[(100, 1, &[1.0, 2.0]), (100, 1, &[0.5, 0.5, 0.5, 0.25])]);
         assert_eq!(standalone.run().unwrap().stream(MixPorts::out), [1.5, 2.5, 0.5, 0.25]);
     }

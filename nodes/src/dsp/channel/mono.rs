@@ -1,10 +1,10 @@
-//! Mixes all channels to one, and copies one to several.
+//! The node `Mono`; conversions to and from mono.
 
 use crate::core::fault::Reject;
 use crate::core::item::Channels;
 use crate::core::node::Each;
 use crate::params;
-/// Mixes to mono by the average of the channels, which cannot clip.
+/// Writes the mean of the channels, which cannot clip.
 pub fn channel_mean(input: &[f32], channels: usize, out: &mut [f32]) {
     for (frame, x) in input.chunks_exact(channels.max(1)).zip(out) {
         *x = (frame.iter().map(|&x| f64::from(x)).sum::<f64>() / frame.len() as f64) as f32;
@@ -18,7 +18,7 @@ pub fn channel_copy(input: &[f32], out: &mut [f32], channels: usize) {
     }
 }
 params! {
-    /// Mixes all channels to one, by their average, which cannot clip.
+    /// Mixes all channels to one by their mean, which cannot clip.
     pub struct MonoParams {}
 }
 

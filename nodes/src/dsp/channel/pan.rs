@@ -1,4 +1,4 @@
-//! Placing sound between two loudspeakers.
+//! The node `Pan`; stereo panning and balance.
 
 use crate::core::fault::{Fault, Reject};
 use crate::core::item::Channels;
@@ -11,9 +11,9 @@ use crate::dsp::ramp_frames;
 use crate::{params, ports};
 use std::f32::consts::{FRAC_PI_2, FRAC_PI_4};
 
-/// A mono signal's place between left (-1) and right (1): gains cos and sin of an angle, whose squares add up to 1.
+/// The position of a mono signal between left (-1) and right (1): gains cos and sin of an angle, whose squares add up to 1.
 ///
-/// The centre has -3.01 dB on each side, so loudness in a room stays the same all the way.
+/// At the centre the gain is -3.01 dB on each side, so the loudness in a room does not depend on the position.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pan {
     /// Gain of the left channel.
@@ -23,17 +23,17 @@ pub struct Pan {
 }
 
 impl Pan {
-    /// The gains of a position; positions beyond +-1 are the ends, NaN is the centre.
+    /// Returns the gains of a position. Positions are clamped to [-1, 1]; NaN is the centre.
     #[must_use]
     pub fn new(position: f32) -> Self {
-        let (right, left) = (FRAC_PI_4 * (clean(position) + 1.0)).sin_cos();
+        let (right, left) = (FRAC_PI_4 * (clamped(position) + 1.0)).sin_cos();
         Self { left: left.max(0.0), right }
     }
 
     /// Writes mono `input` to stereo `out`.
     ///
     /// # Shapes
-    /// `out` has two samples for each of `input`; the shorter of the two decides.
+    /// `out` has two samples for each of `input`; surplus samples of either are ignored.
     pub fn process(&self, input: &[f32], out: &mut [f32]) {
         for (x, frame) in input.iter().zip(out.as_chunks_mut::<2>().0) {
             *frame = [x * self.left, x * self.right];
@@ -43,7 +43,7 @@ impl Pan {
 
 /// A stereo signal's balance from left only (-1) to right only (1).
 ///
-/// The centre changes nothing; towards a side, the other channel falls as the cosine of the way.
+/// The centre leaves the signal unchanged. Towards a side, the gain of the other channel falls as a cosine.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Balance {
     /// Gain of the left channel.
@@ -53,11 +53,11 @@ pub struct Balance {
 }
 
 impl Balance {
-    /// The gains of a position; positions beyond +-1 are the ends, NaN is the centre.
+    /// Returns the gains of a position. Positions are clamped to [-1, 1]; NaN is the centre.
     #[must_use]
     pub fn new(position: f32) -> Self {
-        let position = clean(position);
-        let gain = |way: f32| if way >= 1.0 { 0.0 } else { (FRAC_PI_2 * way.max(0.0)).cos() };
+        let position = clamped(position);
+        let gain = |x: f32| if x >= 1.0 { 0.0 } else { (FRAC_PI_2 * x.max(0.0)).cos() };
         Self { left: gain(position), right: gain(-position) }
     }
 
@@ -70,15 +70,15 @@ impl Balance {
     }
 }
 
-fn clean(position: f32) -> f32 {
+fn clamped(position: f32) -> f32 {
     if position.is_nan() { 0.0 } else { position.clamp(-1.0, 1.0) }
 }
 
 params! {
-    /// Places mono audio between two loudspeakers, equally loud all the way.
+    /// Pans mono audio between two loudspeakers with constant power.
     ///
-    /// With a link to `position`, the linked stream takes the place of the number; after its end it holds its last value.
-    /// A number that changes while the graph runs is reached on a straight line in 10 ms.
+    /// A stream linked to `position` replaces the parameter; after its end it holds its last value.
+    /// A parameter that changes while the graph runs is reached along a linear ramp of 10 ms.
     pub struct PanParams {
         /// From left (-1) to right (1).
         position: f32 = 0.0, unit "", range -1.0..=1.0_f32;
@@ -90,7 +90,7 @@ ports! {
         in {
             /// Mono audio.
             audio: Stream<f32>,
-            /// Position for each sample, in place of the number: mono.
+            /// Position for each sample, mono; replaces the parameter.
             position: Option<Stream<f32>>,
         }
         out {
@@ -115,8 +115,8 @@ impl Node for PanNode {
     fn shape(_: &PanParams, s: &mut Shape<'_, '_, PanPorts>) -> Result<(), Reject> {
         let audio = s.input(PanPorts::audio);
         if audio.format != Channels(1) {
-            let message = format!("`audio` has {} channels; Pan places mono", audio.format.0);
-            s.wrong(Reject::new("F046", message).at("audio").help("put Mono before it"));
+            let message = format!("`audio` has {} channels; Pan takes mono", audio.format.0);
+            s.wrong(Reject::new("F046", message).at("audio").help("insert Mono before it"));
         }
         if let Some(position) = s.optional(PanPorts::position) {
             s.check(check_control("position", &audio, &position));
@@ -136,18 +136,18 @@ impl Node for PanNode {
         let (audio, out) = (io.audio.items(), io.out.items());
         match io.position {
             Some(position) => {
-                for ((x, frame), at) in audio.chunks(1).zip(out.chunks_mut(2)).zip(position.items()) {
-                    Pan::new(*at).process(x, frame);
+                for ((x, frame), position) in audio.chunks(1).zip(out.chunks_mut(2)).zip(position.items()) {
+                    Pan::new(*position).process(x, frame);
                 }
             }
             None => {
-                let mut at = 0;
-                while self.position.is_moving() && at < audio.len() {
+                let mut done = 0;
+                while self.position.is_moving() && done < audio.len() {
                     let pan = Pan::new(self.position.advance() as f32);
-                    pan.process(&audio[at..=at], &mut out[2 * at..2 * at + 2]);
-                    at += 1;
+                    pan.process(&audio[done..=done], &mut out[2 * done..2 * done + 2]);
+                    done += 1;
                 }
-                Pan::new(self.position.current() as f32).process(&audio[at..], &mut out[2 * at..]);
+                Pan::new(self.position.current() as f32).process(&audio[done..], &mut out[2 * done..]);
             }
         }
         Ok(())
@@ -170,7 +170,7 @@ mod tests {
     use crate::core::time::Rate;
 
     #[test]
-    fn the_power_is_the_same_everywhere() {
+    fn the_power_does_not_depend_on_the_position() {
         for i in -10_i8..=10 {
             let pan = Pan::new(f32::from(i) / 10.0);
             assert!((pan.left * pan.left + pan.right * pan.right - 1.0).abs() < 1e-6);
@@ -184,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn balance_leaves_the_centre_alone_and_silences_the_far_side() {
+    fn balance_leaves_the_centre_unchanged_and_silences_the_opposite_side() {
         assert_eq!(Balance::new(0.0), Balance { left: 1.0, right: 1.0 });
         assert_eq!(Balance::new(1.0), Balance { left: 0.0, right: 1.0 });
         assert_eq!(Balance::new(-2.0), Balance { left: 1.0, right: 0.0 });
@@ -194,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn the_node_pans_by_number_and_by_link() {
+    fn the_node_pans_by_parameter_and_by_link() {
         let standalone = |position| {
             let params = PanParams { position };
             let audio = vec![1.0, 1.0, 1.0];
@@ -209,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn stereo_is_refused_with_the_node_that_helps() {
+    fn stereo_is_refused_with_a_hint() {
         let standalone = Standalone::new::<PanNode>(PanParams { position: 0.0 });
         let stereo = standalone.input(PanPorts::audio, Rate::hz(100), Channels(2), vec![0.0; 4]);
         assert!(stereo.shape().unwrap_err().help.unwrap().contains("Mono"));

@@ -1,4 +1,4 @@
-//! The node around one second-order section.
+//! The node `Biquad`.
 
 use super::node::{FilterIo, FilterPorts};
 use super::section::{Biquad, Section};
@@ -17,29 +17,29 @@ choices! {
         HighPass,
         /// Band-pass with gain 1 at its centre.
         BandPass,
-        /// Takes out its centre.
+        /// Notch: removes the centre frequency.
         Notch,
-        /// Lifts or lowers its centre by `gain_db`.
+        /// Raises or lowers the centre frequency by `gain_db`.
         Peak,
-        /// Lifts or lowers all below the frequency by `gain_db`.
+        /// Raises or lowers all frequencies below `frequency` by `gain_db`.
         LowShelf,
-        /// Lifts or lowers all above the frequency by `gain_db`.
+        /// Raises or lowers all frequencies above `frequency` by `gain_db`.
         HighShelf,
     }
 }
 params! {
-    /// One second-order filter section: equaliser bands, resonances, notches.
+    /// Filters audio by one second-order section, for equaliser bands, resonances and notches.
     ///
     /// # Source
     /// R. Bristow-Johnson, "Cookbook formulae for audio EQ biquad filter coefficients".
     pub struct BiquadParams {
         /// Response.
         kind: BiquadKind = BiquadKind::Peak;
-        /// Centre or corner; below half the rate of the audio.
+        /// Centre or corner frequency; below half the sample rate.
         frequency: f64 = 1000.0, unit "Hz", range 0.01..=300_000.0;
-        /// Quality: the higher, the narrower; 0.7071 is maximally flat.
+        /// Quality factor: the higher, the narrower; 0.7071 is maximally flat.
         q: f64 = FRAC_1_SQRT_2, unit "", range 0.05..=100.0;
-        /// Level of a peak or a shelf; other responses ignore it.
+        /// Gain of a peak or a shelf; other responses ignore it.
         gain_db: f64 = 0.0, unit "dB", range -60.0..=60.0;
     }
 }
@@ -117,7 +117,7 @@ mod tests {
     use crate::core::time::Rate;
 
     #[test]
-    fn a_low_shelf_lifts_a_constant_by_its_gain() {
+    fn a_low_shelf_raises_a_constant_by_its_gain() {
         let params = BiquadParams { kind: BiquadKind::LowShelf, frequency: 50.0, q: 0.7, gain_db: 20.0 };
         let standalone = Standalone::new::<BiquadNode>(params);
         let run =
@@ -126,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn a_frequency_beyond_half_the_rate_is_refused() {
+    fn a_frequency_above_half_the_rate_is_refused() {
         let params = BiquadParams { kind: BiquadKind::Notch, frequency: 600.0, q: 1.0, gain_db: 0.0 };
         let standalone = Standalone::new::<BiquadNode>(params);
         let standalone = standalone.input(FilterPorts::audio, Rate::hz(1000), Channels(1), vec![0.0]);

@@ -5,24 +5,21 @@ use std::f64::consts::PI;
 use super::section::{Biquad, Section};
 use crate::dsp::DspError;
 use crate::impl_state;
-/// Which side of the cutoff passes.
+/// The pass-band of a filter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Band {
-    /// Above the cutoff.
+    /// Frequencies above the cutoff.
     HighPass,
-    /// Below the cutoff.
+    /// Frequencies below the cutoff.
     LowPass,
 }
 
-/// The sections of a Butterworth filter of order 1 to 10: for odd orders the first-order one, then the second-order ones from the
-/// most to the least damped.
+/// The sections of a Butterworth filter of order 1 to 10. Odd orders begin with a first-order section; the second-order sections
+/// follow in order of falling damping.
 ///
-/// Analogue poles on the unit circle go through the bilinear transform with the cutoff prewarped, so the gain there is
-/// exactly -3.0103 dB. The gain of the section list equals `scipy.signal.butter(..., output='sos')`, which puts the whole
-/// numerator gain into its first section; here every section has gain 1 in its pass-band.
-///
-/// # Errors
-/// Orders outside 1..=10 and cutoffs outside (0, rate / 2).
+/// The analogue poles on the unit circle are mapped by the bilinear transform with a prewarped cutoff. The gain at the cutoff is
+/// therefore exactly -3.0103 dB. The total gain equals that of `scipy.signal.butter(..., output='sos')`, which applies the numerator
+/// gain in its first section; here every section has gain 1 in its pass-band.
 ///
 /// # Example
 /// ```
@@ -40,7 +37,7 @@ impl Butterworth {
     /// Designs the filter.
     ///
     /// # Errors
-    /// As the type says.
+    /// Orders outside 1..=10 and cutoffs outside (0, rate / 2).
     pub fn design(band: Band, order: usize, cutoff: f64, rate: f64) -> Result<Self, DspError> {
         DspError::check((1..=10).contains(&order), "order", order as f64, "1 to 10")?;
         DspError::check_frequency(cutoff, rate)?;
@@ -55,7 +52,7 @@ impl Butterworth {
             count = 1;
         }
         for pair in (0..order / 2).rev() {
-            // s^2 + 2 sin(theta) s + 1, damping from near 2 down to near 0.
+            // s^2 + 2 sin(theta) s + 1, with damping from nearly 2 down to nearly 0.
             let damping = 2.0 * (PI * (2 * pair + 1) as f64 / (2 * order) as f64).sin();
             let norm = 1.0 + damping * k + k * k;
             let a = [2.0 * (k * k - 1.0) / norm, (1.0 - damping * k + k * k) / norm];
@@ -69,23 +66,22 @@ impl Butterworth {
         Ok(Self { sections, count })
     }
 
-    /// The sections, in the order in which they run.
+    /// Returns the sections in order of processing.
     #[must_use]
     pub fn sections(&self) -> &[Section] {
         &self.sections[..self.count]
     }
 
-    /// |H| at `frequency`.
+    /// Returns |H| at `frequency`.
     #[must_use]
     pub fn gain_at(&self, frequency: f64, rate: f64) -> f64 {
         self.sections().iter().map(|s| s.gain_at(frequency, rate)).product()
     }
 }
 
-/// Sections one after the other over interleaved channels: causal, one pass, f64 between the sections.
+/// Sections in series on interleaved channels: causal, in one pass, with f64 between the sections.
 ///
-/// # Source
-/// High-pass of order 5 at 100 Hz prepares cloth recordings and targets for unit selection.
+/// A high-pass of order 5 at 100 Hz prepares cloth recordings and targets for unit selection.
 #[derive(Clone, Debug)]
 pub struct Cascade {
     stages: Vec<Biquad>,
@@ -94,7 +90,7 @@ pub struct Cascade {
 impl_state!(Cascade { each stages });
 
 impl Cascade {
-    /// A filter at rest.
+    /// Creates a filter with zero state.
     #[must_use]
     pub fn new(design: &Butterworth, channels: usize) -> Self {
         let channels = channels.max(1);
@@ -102,7 +98,7 @@ impl Cascade {
         Self { stages, channels }
     }
 
-    /// Changes the coefficients and keeps the state; false, and nothing done, for a design of another number of sections.
+    /// Changes the coefficients and keeps the state. Returns false, and changes nothing, if the number of sections differs.
     pub fn set_design(&mut self, design: &Butterworth) -> bool {
         let fits = design.sections().len() == self.stages.len();
         if fits {
@@ -111,14 +107,14 @@ impl Cascade {
         fits
     }
 
-    /// Takes over the state of another filter where it has as many sections and channels.
+    /// Takes over the state of a filter with the same number of sections and channels.
     pub fn take_state(&mut self, old: &mut Self) {
         if self.stages.len() == old.stages.len() && self.channels == old.channels {
             self.stages.iter_mut().zip(&mut old.stages).for_each(|(new, old)| new.take_state(old));
         }
     }
 
-    /// Back to rest.
+    /// Clears the state.
     pub fn reset(&mut self) {
         self.stages.iter_mut().for_each(Biquad::reset);
     }
@@ -174,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn every_order_follows_the_maximally_flat_law() {
+    fn every_order_is_maximally_flat() {
         let rate = 44_100.0;
         let warp = |f: f64| (PI * f / rate).tan();
         for order in 1..=10 {
@@ -182,8 +178,8 @@ mod tests {
                 let design = Butterworth::design(band, order, 1000.0, rate).unwrap();
                 for f in [300.0, 1000.0, 2500.0, 15_000.0] {
                     let ratio = (warp(f) / warp(1000.0)).powf(sign * 2.0 * order as f64);
-                    let law = 1.0 / (1.0 + ratio).sqrt();
-                    assert!((design.gain_at(f, rate) / law - 1.0).abs() < 1e-8, "{order} {band:?} {f}");
+                    let expected = 1.0 / (1.0 + ratio).sqrt();
+                    assert!((design.gain_at(f, rate) / expected - 1.0).abs() < 1e-8, "{order} {band:?} {f}");
                 }
                 for s in design.sections() {
                     assert!(s.a[1].abs() < 1.0 && s.a[0].abs() < 1.0 + s.a[1], "stable");
@@ -193,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn constants_vanish_and_blocks_do_not_matter() {
+    fn the_high_pass_removes_constants_and_blocks_do_not_change_a_bit() {
         let design = |order| Butterworth::design(Band::HighPass, order, 100.0, 48_000.0);
         let new = || Cascade::new(&design(5).unwrap(), 2);
         assert_block_invariant(&signal(3000, 2), 2, new, |f, _, x| f.process(x));

@@ -8,13 +8,13 @@ use crate::core::shape::{Build, Shape};
 use crate::{archive_state, params};
 
 params! {
-    /// Butterworth high-pass filter: takes away what lies below the cutoff.
+    /// Removes frequencies below the cutoff by a Butterworth high-pass filter.
     ///
-    /// The gain at the cutoff is -3.01 dB; below it falls by 6 dB per octave and order.
+    /// The gain at the cutoff is -3.01 dB; below the cutoff the gain falls by 6 dB per octave and order.
     pub struct HighPassParams {
-        /// Frequency where the gain is -3.01 dB; below half the rate of the audio.
+        /// Frequency at which the gain is -3.01 dB; below half the sample rate.
         cutoff: f64 = 100.0, unit "Hz", range 0.01..=300_000.0;
-        /// Steepness.
+        /// Order of the filter.
         order: usize = 5, unit "", range 1..=10_usize;
     }
 }

@@ -8,13 +8,13 @@ use crate::core::shape::{Build, Shape};
 use crate::{archive_state, params};
 
 params! {
-    /// Butterworth low-pass filter: takes away what lies above the cutoff.
+    /// Removes frequencies above the cutoff by a Butterworth low-pass filter.
     ///
-    /// The gain at the cutoff is -3.01 dB; above it falls by 6 dB per octave and order.
+    /// The gain at the cutoff is -3.01 dB; above the cutoff the gain falls by 6 dB per octave and order.
     pub struct LowPassParams {
-        /// Frequency where the gain is -3.01 dB; below half the rate of the audio.
+        /// Frequency at which the gain is -3.01 dB; below half the sample rate.
         cutoff: f64 = 1000.0, unit "Hz", range 0.01..=300_000.0;
-        /// Steepness.
+        /// Order of the filter.
         order: usize = 2, unit "", range 1..=10_usize;
     }
 }
@@ -31,7 +31,7 @@ mod tests {
     use crate::core::standalone::Standalone;
     use crate::core::time::Rate;
     #[test]
-    fn the_nodes_split_a_constant_from_an_alternation() {
+    fn the_nodes_separate_a_constant_from_an_alternating_signal() {
         let audio: Vec<f32> = (0..4000).map(|i| 1.0 + if i % 2 == 0 { 0.5 } else { -0.5 }).collect();
         let (rate, mono) = (Rate::hz(1000), Channels(1));
         let high = Standalone::new::<HighPassNode>(HighPassParams { cutoff: 100.0, order: 5 });
@@ -44,7 +44,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cutoff_beyond_half_the_rate_is_refused_at_the_cutoff() {
+    fn a_cutoff_above_half_the_rate_is_refused() {
         let standalone = Standalone::new::<LowPassNode>(LowPassParams { cutoff: 500.0, order: 4 });
         let standalone = standalone.input(FilterPorts::audio, Rate::hz(1000), Channels(1), vec![0.0]);
         assert_eq!(standalone.shape().unwrap_err().field.as_deref(), Some("cutoff"));

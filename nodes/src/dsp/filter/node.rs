@@ -3,7 +3,7 @@
 use crate::core::ports::Stream;
 use crate::ports;
 ports! {
-    /// Ports of every filter.
+    /// Ports of all filters.
     pub struct FilterPorts / FilterIo {
         in {
             /// Audio with any number of channels.

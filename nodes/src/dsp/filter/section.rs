@@ -1,4 +1,4 @@
-//! Second- and first-order sections: the building blocks of every recursive filter here.
+//! Second- and first-order sections of recursive filters.
 //!
 //! # Source
 //! R. Bristow-Johnson, "Cookbook formulae for audio EQ biquad filter coefficients".
@@ -17,7 +17,7 @@ pub struct Section {
     pub a: [f64; 2],
 }
 
-/// What the cookbook designs share: cos(w0) and alpha = sin(w0) / (2 Q).
+/// Intermediate values of all cookbook designs: cos(w0) and alpha = sin(w0) / (2 Q).
 struct Cookbook {
     cos: f64,
     alpha: f64,
@@ -33,7 +33,7 @@ impl Cookbook {
 }
 
 impl Section {
-    /// The section that changes nothing.
+    /// The identity.
     pub const IDENTITY: Self = Self { b: [1.0, 0.0, 0.0], a: [0.0, 0.0] };
 
     fn normalised(b: [f64; 3], a: [f64; 3]) -> Self {
@@ -43,7 +43,7 @@ impl Section {
     /// Low-pass; `q` = 1/sqrt(2) is maximally flat.
     ///
     /// # Errors
-    /// Frequencies outside (0, rate / 2) and `q` not above 0; so for all designs.
+    /// Frequencies outside (0, rate / 2), and `q` of 0 or less.
     pub fn low_pass(frequency: f64, q: f64, rate: f64) -> Result<Self, DspError> {
         let Cookbook { cos, alpha } = Cookbook::new(frequency, q, rate)?;
         let b = (1.0 - cos) / 2.0;
@@ -91,7 +91,7 @@ impl Section {
         ))
     }
 
-    /// Shelf of `gain_db` below the corner, which has half of it.
+    /// Low shelf: `gain_db` below the corner frequency, half of it at the corner.
     ///
     /// # Errors
     /// As [`Section::low_pass`].
@@ -99,7 +99,7 @@ impl Section {
         Ok(Self::shelf(&Cookbook::new(frequency, q, rate)?, amplitude(gain_db)?, 1.0))
     }
 
-    /// Shelf of `gain_db` above the corner, which has half of it.
+    /// High shelf: `gain_db` above the corner frequency, half of it at the corner.
     ///
     /// # Errors
     /// As [`Section::low_pass`].
@@ -107,14 +107,14 @@ impl Section {
         Ok(Self::shelf(&Cookbook::new(frequency, q, rate)?, amplitude(gain_db)?, -1.0))
     }
 
-    /// Low shelf for `side` 1, high shelf for -1: one is the other with the frequency axis mirrored.
+    /// Low shelf for `side` = 1; high shelf for `side` = -1, with the frequency axis mirrored.
     fn shelf(&Cookbook { cos, alpha }: &Cookbook, a: f64, side: f64) -> Self {
         let c = side * cos;
         let s = 2.0 * a.sqrt() * alpha;
-        let (up, down) = (a + 1.0, a - 1.0);
+        let (plus, minus) = (a + 1.0, a - 1.0);
         Self::normalised(
-            [a * (up - down * c + s), side * 2.0 * a * (down - up * c), a * (up - down * c - s)],
-            [up + down * c + s, -side * 2.0 * (down + up * c), up + down * c - s],
+            [a * (plus - minus * c + s), side * 2.0 * a * (minus - plus * c), a * (plus - minus * c - s)],
+            [plus + minus * c + s, -side * 2.0 * (minus + plus * c), plus + minus * c - s],
         )
     }
 
@@ -138,7 +138,7 @@ impl Section {
         Ok(Self { b: [1.0 / (1.0 + k), -1.0 / (1.0 + k), 0.0], a: [(k - 1.0) / (1.0 + k), 0.0] })
     }
 
-    /// |H| at `frequency`.
+    /// Returns |H| at `frequency`.
     #[must_use]
     pub fn gain_at(&self, frequency: f64, rate: f64) -> f64 {
         let w = TAU * frequency / rate;
@@ -158,7 +158,7 @@ fn amplitude(gain_db: f64) -> Result<f64, DspError> {
 
 /// One section with the state of every channel, in transposed direct form II.
 ///
-/// State and arithmetic are f64: poles within 1e-3 of z = 1, as at 96 kHz, leave f32 without bits.
+/// State and arithmetic are f64: in f32, poles within 1e-3 of z = 1, as at 96 kHz, lose their precision.
 #[derive(Clone, Debug)]
 pub struct Biquad {
     section: Section,
@@ -167,7 +167,7 @@ pub struct Biquad {
 impl_state!(Biquad { state });
 
 impl Biquad {
-    /// A section at rest.
+    /// Creates a section with zero state.
     #[must_use]
     pub fn new(section: Section, channels: usize) -> Self {
         Self { section, state: vec![[0.0; 2]; channels] }
@@ -178,19 +178,19 @@ impl Biquad {
         self.section = section;
     }
 
-    /// Takes over the state of a section with as many channels.
+    /// Takes over the state of a section with the same number of channels.
     pub fn take_state(&mut self, old: &mut Self) {
         if self.state.len() == old.state.len() {
             std::mem::swap(&mut self.state, &mut old.state);
         }
     }
 
-    /// Back to rest.
+    /// Clears the state.
     pub fn reset(&mut self) {
         self.state.fill([0.0; 2]);
     }
 
-    /// Filters one sample of one channel in full precision.
+    /// Filters one sample of one channel in f64.
     #[inline]
     pub fn tick(&mut self, channel: usize, x: f64) -> f64 {
         let Section { b, a } = self.section;
@@ -250,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sine_leaves_with_the_gain_of_the_response() {
+    fn a_sine_is_scaled_by_the_magnitude_response() {
         let section = Section::peak(3000.0, 2.0, 6.0, RATE).unwrap();
         let mut filter = Biquad::new(section, 1);
         let mut x: Vec<f32> = (0..48_000).map(|i| (TAU * 2500.0 * i as f64 / RATE).sin() as f32).collect();
@@ -260,7 +260,7 @@ mod tests {
     }
 
     #[test]
-    fn blocks_do_not_change_a_bit_and_channels_are_apart() {
+    fn blocks_do_not_change_a_bit_and_channels_are_independent() {
         let section = Section::low_shelf(300.0, 0.9, 8.0, RATE).unwrap();
         let stereo = signal(2500, 2);
         assert_block_invariant(&stereo, 2, || Biquad::new(section, 2), |f, _, x| f.process(x));

@@ -8,15 +8,15 @@ use crate::core::ports::Stream;
 use crate::core::shape::{Build, Ends, Incoming, Shape};
 use crate::{params, ports};
 params! {
-    /// Makes audio louder or softer.
+    /// Multiplies audio by a gain.
     ///
-    /// The two parameters multiply. With a link to `gain`, the linked stream takes the place of the number: mono for all
-    /// channels, or one channel each. After its end the link holds its last value.
-    /// A number that changes while the graph runs is reached on a straight line in 10 ms.
+    /// The gain is the product of the two parameters. A stream linked to `gain` replaces that parameter: it is mono, or has one channel
+    /// for each channel of the audio. After its end it holds its last value.
+    /// A parameter that changes while the graph runs is reached along a linear ramp of 10 ms.
     pub struct GainParams {
-        /// Amplitude factor; negative turns the polarity.
+        /// Amplitude factor; a negative factor inverts the polarity.
         gain: f32 = 1.0, unit "", range -1000.0..=1000.0_f32;
-        /// Level change on top of it.
+        /// Additional level change.
         db: f32 = 0.0, unit "dB", range -120.0..=60.0_f32;
     }
 }
@@ -26,7 +26,7 @@ ports! {
         in {
             /// Audio with any number of channels.
             audio: Stream<f32>,
-            /// Amplitude factor for each sample, in place of the number.
+            /// Amplitude factor for each sample; replaces the parameter.
             gain: Option<Stream<f32>>,
         }
         out {
@@ -43,7 +43,7 @@ pub struct GainNode {
     db: f64,
 }
 
-/// Refuses a control stream that does not fit audio sample by sample.
+/// Refuses a control stream whose rate or number of channels does not fit the audio.
 pub(crate) fn check_control(
     field: &str,
     audio: &Incoming<f32>,
@@ -127,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn a_link_takes_the_place_of_the_number_and_holds_its_end() {
+    fn a_link_replaces_the_parameter_and_holds_its_last_value() {
         let mono = standalone(9.0, 0.0).optional(GainPorts::gain, Rate::hz(100), Channels(1), vec![4.0]);
         assert_eq!(mono.run().unwrap().stream(GainPorts::out), [2.0, -1.0, 4.0, 0.5]);
         let each =
@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn a_retuned_gain_gets_there_in_ten_milliseconds() {
+    fn a_retuned_gain_reaches_its_target_in_ten_milliseconds() {
         let cx_rate = Rate::hz(1000);
         let mut node = GainNode { gain: Gain::new(0.0, ramp_frames(cx_rate), 1), db: 1.0 };
         assert_eq!(node.retune(&GainParams { gain: 1.0, db: 0.0 }), Retune::Done);

@@ -1,4 +1,4 @@
-//! The level of each frame of a sound.
+//! The node `LevelMeter`.
 
 use super::meter::LevelMeter;
 use crate::core::fault::{Fault, Reject};
@@ -12,20 +12,20 @@ use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
 use crate::{params, ports};
 
-/// Most channels that are measured: each takes two of the output's.
-const MOST: u16 = 1 << 14;
-/// Longest frame, s: all of it is looked ahead.
-const LONGEST: f64 = 60.0;
+/// Largest number of channels: each takes two channels of the output.
+const MAX_CHANNELS: u16 = 1 << 14;
+/// Longest frame, in s: the node looks ahead by a whole frame.
+const MAX_FRAME: f64 = 60.0;
 
 params! {
     /// Measures peak and root mean square of each frame of a sound or of a force.
     ///
-    /// Frame `k` covers the samples from `k / rate` seconds to the next frame; with the rate of a physics engine it tells how strong each
-    /// of its steps was. Two channels come out for each that goes in: peak, root mean square. A tap as `.csv` lists them with their
-    /// times.
+    /// Frame `k` covers the samples from `k / rate` seconds to the next frame. At the rate of a physics engine, the output is the strength
+    /// of each of its steps. Each input channel gives two output channels: peak and root mean square. A `.csv` tap lists them with
+    /// their times.
     ///
     /// # Source
-    /// The intensity that Picard, Tsingos and Faure draw beside their contacts, "Audio texture synthesis for complex contact
+    /// The intensity that Picard, Tsingos and Faure plot with their contacts, "Audio texture synthesis for complex contact
     /// interactions" (VRIPHYS 2008).
     pub struct LevelMeterParams {
         /// Frames per second.
@@ -36,7 +36,7 @@ ports! {
     /// Ports of `LevelMeter`.
     pub struct LevelMeterPorts / LevelMeterIo {
         in {
-            /// What is measured.
+            /// The signal to measure.
             audio: Stream<f32>,
         }
         out {
@@ -46,13 +46,13 @@ ports! {
     }
 }
 
-/// The node over [`LevelMeter`].
+/// The node `LevelMeter`.
 #[derive(Debug)]
 pub struct LevelMeterNode {
     rate: Rate,
 }
 
-/// Samples at `rate` in frame `frame`: the first, and the one after the last.
+/// Returns the range of samples at `rate` in frame `frame`: the first, and the one after the last.
 fn samples(rate: Rate, frames: Rate, frame: i64) -> [i64; 2] {
     [frame, frame + 1].map(|k| rate.first_at(frames.tick(k)))
 }
@@ -68,20 +68,20 @@ impl Node for LevelMeterNode {
         let Channels(channels) = audio.format;
         if p.rate.as_f64() > audio.rate.as_f64() {
             let message = format!("`rate` is {}, above that of the audio, {}", p.rate, audio.rate);
-            s.wrong(Reject::new("F051", message).at("rate").help("a frame needs a sample at least"));
+            s.wrong(Reject::new("F051", message).at("rate").help("a frame needs at least one sample"));
         }
-        if channels > MOST {
-            let message = format!("`audio` has {channels} channels; {MOST} at most are measured");
+        if channels > MAX_CHANNELS {
+            let message = format!("`audio` has {channels} channels; at most {MAX_CHANNELS} are measured");
             s.wrong(Reject::new("F046", message).at("audio"));
         }
-        if p.rate.as_f64() * LONGEST < 1.0 {
-            let message = format!("a frame at {} lasts longer than {LONGEST} s", p.rate);
+        if p.rate.as_f64() * MAX_FRAME < 1.0 {
+            let message = format!("a frame at {} lasts longer than {MAX_FRAME} s", p.rate);
             return Err(Reject::new("F051", message).at("rate"));
         }
         // A frame may begin between two samples.
         let longest = audio.rate.as_f64() / p.rate.as_f64();
-        let whole = longest.fract() == 0.0;
-        s.lookaround(LevelMeterPorts::audio, 0, longest.ceil() as usize - usize::from(whole));
+        let integer = longest.fract() == 0.0;
+        s.lookaround(LevelMeterPorts::audio, 0, longest.ceil() as usize - usize::from(integer));
         s.output(LevelMeterPorts::levels, p.rate, Channels(2 * channels));
         Ok(())
     }
@@ -96,10 +96,10 @@ impl Node for LevelMeterNode {
         for out in io.levels.items().chunks_exact_mut(2 * channels) {
             let span =
                 samples(self.rate, frames, frame).map(|n| usize::try_from(n - first).unwrap_or(0) * channels);
-            let heard = io.audio.around().get(span[0]..span[1]).unwrap_or_default();
+            let covered = io.audio.around().get(span[0]..span[1]).unwrap_or_default();
             for (channel, out) in out.chunks_exact_mut(2).enumerate() {
                 let mut meter = LevelMeter::default();
-                meter.process_each(heard.iter().skip(channel).step_by(channels));
+                meter.process_each(covered.iter().skip(channel).step_by(channels));
                 let level = meter.level();
                 (out[0], out[1]) = (level.peak, level.rms as f32);
             }
@@ -134,7 +134,7 @@ mod tests {
     }
 
     #[test]
-    fn every_sample_counts_in_one_frame_also_where_frames_begin_between_samples() {
+    fn every_sample_counts_in_exactly_one_frame() {
         // 44,100 Hz and 24000/1001 frames: 1839.3 samples each.
         let (rate, frames) = (Rate::hz(44_100), Rate::new(24_000, 1001).unwrap());
         let audio: Vec<f32> = (0..44_100).map(|n| ((n * 37) % 101) as f32 * 0.01).collect();
@@ -146,8 +146,8 @@ mod tests {
             assert!((1839..=1840).contains(&(to - from)));
             power += f64::from(level[1]).powi(2) * (to - from) as f64;
         }
-        let right: f64 = audio.iter().map(|x| f64::from(*x).powi(2)).sum();
-        assert!((power / right - 1.0).abs() < 1e-6, "{power} {right}");
+        let expected: f64 = audio.iter().map(|x| f64::from(*x).powi(2)).sum();
+        assert!((power / expected - 1.0).abs() < 1e-6, "{power} {expected}");
     }
 
     #[test]

@@ -9,7 +9,7 @@ use crate::{archive_state, params, ports};
 params! {
     /// Measures peak and root mean square of a whole recording.
     ///
-    /// The value is there once the recording has ended: what it is linked to runs in a later phase.
+    /// The value is known when the recording has ended: nodes that read it run in a later phase.
     pub struct LoudnessParams {}
 }
 ports! {

@@ -1,10 +1,10 @@
-//! Peak and root mean square.
+//! Peak and root mean square of a recording.
 
 use crate::core::item::Data;
 use crate::core::random::Rng;
 use crate::impl_state;
 use serde::{Deserialize, Serialize};
-/// How loud a whole recording is, all channels together.
+/// The level of a whole recording, over all channels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Level {
     /// Largest magnitude of a sample.
@@ -22,7 +22,7 @@ impl Data for Level {
     }
 }
 
-/// Measures a [`Level`] block by block.
+/// Measures a [`Level`] in blocks.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LevelMeter {
     peak: f32,
@@ -32,12 +32,12 @@ pub struct LevelMeter {
 impl_state!(LevelMeter { peak, sum_squares, samples });
 
 impl LevelMeter {
-    /// Takes in samples, one after the other, so that blocks do not change a bit.
+    /// Adds samples. The cut into blocks does not change the bits of the result.
     pub fn process(&mut self, samples: &[f32]) {
         self.process_each(samples);
     }
 
-    /// The same of any samples, such as those of one channel.
+    /// Adds samples of an iterator, such as those of one channel.
     pub fn process_each<'a>(&mut self, samples: impl IntoIterator<Item = &'a f32>) {
         for &x in samples {
             self.peak = self.peak.max(x.abs());
@@ -46,7 +46,7 @@ impl LevelMeter {
         }
     }
 
-    /// The level of everything so far; that of silence where there was nothing.
+    /// Returns the level of all samples so far; without samples, that of silence.
     #[must_use]
     pub fn level(&self) -> Level {
         Level { peak: self.peak, rms: (self.sum_squares / self.samples.max(1) as f64).sqrt() }

@@ -8,9 +8,9 @@ use crate::core::ports::{Stream, Value};
 use crate::core::shape::{Build, Shape};
 use crate::{params, ports};
 params! {
-    /// Brings a recording to a wanted peak by one gain for all of it.
+    /// Scales a recording to a given peak.
     ///
-    /// `Normalize(audio: "x", level: "loudness")` with `"loudness": Loudness(audio: "x")` plays `x` twice: once to measure it.
+    /// `Normalize(audio: "x", level: "loudness")` with `"loudness": Loudness(audio: "x")` runs `x` twice, the first time to measure it.
     /// Silence stays silence.
     pub struct NormalizeParams {
         /// Peak of the output, relative to full scale.
@@ -23,11 +23,11 @@ ports! {
         in {
             /// Audio with any number of channels.
             audio: Stream<f32>,
-            /// Its level.
+            /// Level of the audio.
             level: Value<Level>,
         }
         out {
-            /// The audio at the wanted level.
+            /// The scaled audio.
             out: Stream<f32>,
         }
     }
@@ -41,8 +41,8 @@ pub struct NormalizeNode {
 }
 
 fn factor(p: &NormalizeParams, level: Level) -> f64 {
-    let wanted = db_to_linear(f64::from(p.peak_db));
-    if level.peak > 0.0 { wanted / f64::from(level.peak) } else { 1.0 }
+    let target = db_to_linear(f64::from(p.peak_db));
+    if level.peak > 0.0 { target / f64::from(level.peak) } else { 1.0 }
 }
 
 impl Node for NormalizeNode {
@@ -88,7 +88,7 @@ mod tests {
     use crate::core::time::Rate;
 
     #[test]
-    fn a_measured_recording_comes_out_at_its_peak() {
+    fn a_measured_recording_is_scaled_to_the_given_peak() {
         let (rate, audio) = (Rate::hz(100), vec![0.1, -0.25, 0.2, 0.0]);
         let measure = Standalone::new::<LoudnessNode>(LoudnessParams {});
         let run = measure.input(LoudnessPorts::audio, rate, Channels(2), audio.clone()).run().unwrap();

@@ -3,22 +3,22 @@
 use crate::core::time::Rate;
 use crate::dsp::nearest_items;
 use crate::impl_state;
-/// Samples that are multiplied at once.
+/// Samples multiplied at a time.
 const LANES: usize = 32;
 
-/// Amplitude factor of a level in dB; -infinity is 0.
+/// Returns the amplitude factor of a level in dB; that of -infinity is 0.
 #[must_use]
 pub fn db_to_linear(db: f64) -> f64 {
     10_f64.powf(db / 20.0)
 }
 
-/// Level in dB of an amplitude factor; 0 is -infinity.
+/// Returns the level in dB of an amplitude factor; that of 0 is -infinity.
 #[must_use]
 pub fn linear_to_db(linear: f64) -> f64 {
     20.0 * linear.abs().log10()
 }
 
-/// Multiplies interleaved samples by those of a control of one channel, or of as many, and by a constant.
+/// Multiplies interleaved samples by a constant and by a control signal, which has one channel or one for each channel of the audio.
 pub fn modulate(samples: &mut [f32], channels: usize, control: &[f32], width: usize, factor: f64) {
     let frames = samples.chunks_exact_mut(channels.max(1)).zip(control.chunks_exact(width.max(1)));
     for (frame, control) in frames {
@@ -28,11 +28,11 @@ pub fn modulate(samples: &mut [f32], channels: usize, control: &[f32], width: us
     }
 }
 
-/// Multiplies samples by a constant on their way from one slice to another of the same length.
+/// Writes samples times a constant to another slice of the same length.
 fn scale(samples: &[f32], gain: f32, out: &mut [f32]) {
     let (blocks, rest) = samples.as_chunks::<LANES>();
     let (out_blocks, out_rest) = out.as_chunks_mut::<LANES>();
-    // Of a length that is known the loop becomes straight-line code; `map` on such arrays remains a call.
+    // The compiler unrolls a loop of constant length; `map` on such arrays remains a call.
     for (out, block) in out_blocks.iter_mut().zip(blocks) {
         for (out, x) in out.iter_mut().zip(block) {
             *out = x * gain;
@@ -43,89 +43,90 @@ fn scale(samples: &[f32], gain: f32, out: &mut [f32]) {
     }
 }
 
-/// A gain that goes to each new target on a straight line of a fixed number of frames.
+/// A gain that reaches each new target along a linear ramp of a fixed number of frames.
 ///
-/// The gain of a frame is computed from how many frames have passed, not accumulated, so it arrives exactly.
+/// The gain of a frame is computed from the number of frames since the start of the ramp, not accumulated, so it reaches the target
+/// exactly.
 #[derive(Clone, Debug)]
 pub struct Gain {
     from: f64,
     target: f64,
     ramp: u64,
-    passed: u64,
+    elapsed: u64,
     channels: usize,
 }
-impl_state!(Gain { from, target, passed });
+impl_state!(Gain { from, target, elapsed });
 
 impl Gain {
-    /// A gain at rest at `linear`, whose ramps last `ramp` frames (0: at once).
+    /// Creates a constant gain `linear`. Later ramps last `ramp` frames; 0 is a step.
     #[must_use]
     pub fn new(linear: f64, ramp: u64, channels: usize) -> Self {
-        Self { from: linear, target: linear, ramp, passed: ramp, channels: channels.max(1) }
+        Self { from: linear, target: linear, ramp, elapsed: ramp, channels: channels.max(1) }
     }
 
-    /// The gain of the next frame.
+    /// Returns the gain of the next frame.
     #[must_use]
     pub fn current(&self) -> f64 {
-        if self.passed >= self.ramp {
+        if self.elapsed >= self.ramp {
             self.target
         } else {
-            self.from + (self.target - self.from) * (self.passed as f64 / self.ramp as f64)
+            self.from + (self.target - self.from) * (self.elapsed as f64 / self.ramp as f64)
         }
     }
 
-    /// Starts a ramp from the present gain.
+    /// Starts a ramp from the current gain to a new target.
     pub fn set_target(&mut self, linear: f64) {
         self.from = self.current();
         self.target = linear;
-        self.passed = 0;
+        self.elapsed = 0;
     }
 
-    /// Starts a ramp from another gain to the present target.
+    /// Starts a ramp from another gain to the current target.
     pub fn start_from(&mut self, linear: f64) {
         self.from = linear;
-        self.passed = 0;
+        self.elapsed = 0;
     }
 
-    /// Whether a ramp is under way.
+    /// Returns true during a ramp.
     #[must_use]
     pub fn is_moving(&self) -> bool {
-        self.passed < self.ramp
+        self.elapsed < self.ramp
     }
 
-    /// The gain of the next frame, which is then past.
+    /// Returns the gain of the next frame and advances by one frame.
     pub fn advance(&mut self) -> f64 {
         let gain = self.current();
-        self.passed = self.passed.saturating_add(1);
+        self.elapsed = self.elapsed.saturating_add(1);
         gain
     }
 
     /// Applies the gain to interleaved samples in place.
     pub fn process(&mut self, samples: &mut [f32]) {
         let moving = self.moving_samples(samples.len());
-        let (ramp, still) = samples.split_at_mut(moving);
+        let (ramp, constant) = samples.split_at_mut(moving);
         for frame in ramp.chunks_exact_mut(self.channels) {
             let gain = self.advance() as f32;
             frame.iter_mut().for_each(|x| *x *= gain);
         }
         let gain = self.target as f32;
-        still.iter_mut().for_each(|x| *x *= gain);
+        constant.iter_mut().for_each(|x| *x *= gain);
     }
 
-    /// Applies the gain to interleaved samples on their way from one slice to another of the same length.
+    /// Writes interleaved samples times the gain to another slice of the same length.
     #[inline]
     pub fn apply(&mut self, samples: &[f32], out: &mut [f32]) {
         if self.is_moving() {
             out.copy_from_slice(samples);
             self.process(out);
         } else {
-            // Nearly always the gain is at rest, and then this is all there is to do.
+            // The common case: a constant gain.
             scale(samples, self.target as f32, out);
         }
     }
 
-    /// How many of the next samples the ramp still reaches.
+    /// Returns the number of the next samples that belong to the ramp.
     fn moving_samples(&self, samples: usize) -> usize {
-        let left = self.ramp.saturating_sub(self.passed);
+        let left = self.ramp.saturating_sub(self.elapsed);
         if left == 0 {
             return 0;
         }

@@ -1,4 +1,4 @@
-//! The node around the resampler.
+//! The node `Resample`.
 
 use super::resampler::{Quality, Resampler};
 use crate::core::fault::{Fault, Reject};
@@ -20,16 +20,16 @@ choices!(@param Quality {
     High,
 });
 params! {
-    /// Converts audio to another sample rate; what sounds at a time goes on sounding at that time.
+    /// Converts audio to another sample rate without drift or delay.
     ///
-    /// Output item `j` is the band-limited input at the exact time of `j`, so no drift and no delay come in.
+    /// Output item `j` is the band-limited input at the exact time of `j`.
     ///
     /// # Source
     /// J. O. Smith, "Digital Audio Resampling" (bandlimited interpolation).
     pub struct ResampleParams {
         /// The new rate.
         rate: Rate = Rate::hz(48_000);
-        /// How much of the band is kept, and at what cost.
+        /// Width of the pass-band, attenuation of aliases, and cost.
         quality: Quality = Quality::High;
     }
 }
@@ -60,10 +60,10 @@ impl Node for ResampleNode {
 
     fn shape(p: &ResampleParams, s: &mut Shape<'_, '_, ResamplePorts>) -> Result<(), Reject> {
         let audio = s.input(ResamplePorts::audio);
-        let reach = Resampler::reach(audio.rate, p.rate, p.quality);
-        let (past, ahead) = reach.map_err(|e| Reject::from(e).at("rate"))?;
-        // The window's first output may stand between its first input and the one before.
-        s.lookaround(ResamplePorts::audio, past + usize::from(audio.rate != p.rate), ahead);
+        let lookaround = Resampler::lookaround(audio.rate, p.rate, p.quality);
+        let (look_behind, look_ahead) = lookaround.map_err(|e| Reject::from(e).at("rate"))?;
+        // The first output of the window may lie between its first input and the one before.
+        s.lookaround(ResamplePorts::audio, look_behind + usize::from(audio.rate != p.rate), look_ahead);
         s.output(ResamplePorts::out, p.rate, audio.format);
         Ok(())
     }
@@ -81,7 +81,7 @@ impl Node for ResampleNode {
     }
 
     fn trial(rng: &mut Rng) -> (ResampleParams, MemoryFiles) {
-        // The short filter of a draft is cheap to design, and the input is longer than it.
+        // The filter of a draft is cheap to design and shorter than the input.
         let quality = [Quality::Draft, Quality::Draft, Quality::Standard][rng.below(3)];
         (ResampleParams { quality, ..ResampleParams::trial(rng) }, MemoryFiles::default())
     }
@@ -114,14 +114,14 @@ mod tests {
     }
 
     #[test]
-    fn rates_that_divide_nothing_stay_in_step_in_every_window() {
+    fn rates_without_a_common_divisor_do_not_drift_in_windows_of_any_length() {
         let (from, to) = (Rate::new(44_101, 3).unwrap(), Rate::new(24_000_000, 1001).unwrap());
         let tone: Vec<f32> = (0..3000).map(|i| (f64::from(i) * 0.3).sin() as f32).collect();
-        let whole = resample(from, to, tone.clone(), ticks(1.0));
+        let expected = resample(from, to, tone.clone(), ticks(1.0));
         for window in [to.span(1), to.span(7), ticks(0.00123)] {
-            assert_eq!(resample(from, to, tone.clone(), window), whole);
+            assert_eq!(resample(from, to, tone.clone(), window), expected);
         }
-        for (j, x) in whole.iter().enumerate().skip(500).take(3000) {
+        for (j, x) in expected.iter().enumerate().skip(500).take(3000) {
             let at = j as f64 / to.as_f64() * from.as_f64();
             assert!((f64::from(*x) - (at * 0.3).sin()).abs() < 1e-4, "item {j}");
         }

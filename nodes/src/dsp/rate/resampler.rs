@@ -1,8 +1,8 @@
 //! Sample rate conversion as a pure function of the input around a position.
 //!
-//! `rubato` streams: its chunks, its delay and the place of its first output belong to the object. Here output `j` is defined as the
-//! windowed-sinc sum at input time `j * in_rate / out_rate`, in exact integers, so that any block, any start and any thread
-//! give the same bits and sample 0 stays sample 0. That is worth more here than an FFT's speed.
+//! Output `j` is the windowed-sinc sum at input time `j * in_rate / out_rate`, in exact integers. Any block, start and thread therefore
+//! give the same bits, and sample 0 stays sample 0. In `rubato`, chunks, delay and the position of the first output are state of the
+//! object. The price is the speed of an FFT.
 //!
 //! # Source
 //! J. O. Smith, "Digital Audio Resampling" (bandlimited interpolation); Kaiser's window and length formulas.
@@ -13,10 +13,10 @@ use std::ops::Range;
 use crate::core::time::Rate;
 use crate::dsp::DspError;
 
-/// What a resampler may cost.
+/// The quality and cost of a resampler.
 ///
-/// Figures measured between 44.1 and 48 kHz: largest error of a full-scale sine anywhere in the pass-band, and largest alias of
-/// one anywhere above. Taps are per output sample, for upward conversion; downward they grow with the ratio.
+/// Figures were measured between 44.1 and 48 kHz: the largest error of a full-scale sine in the pass-band, and the largest alias of one
+/// above it. Taps are per output sample for upsampling; for downsampling they grow with the ratio.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quality {
     /// Flat to 0.75 of the lower Nyquist frequency: error -56 dB (0.013 dB), alias -57 dB; 30 taps.
@@ -28,7 +28,7 @@ pub enum Quality {
 }
 
 impl Quality {
-    /// Stop-band attenuation in dB and width of the transition relative to the lower Nyquist frequency.
+    /// Returns the stop-band attenuation in dB and the width of the transition band relative to the lower Nyquist frequency.
     const fn design(self) -> (f64, f64) {
         match self {
             Self::Draft => (60.0, 0.25),
@@ -38,12 +38,12 @@ impl Quality {
     }
 }
 
-/// Phases up to which every one has its own taps; above, taps are interpolated between this many.
+/// Largest number of phases with taps of their own; for more, taps are interpolated between this many phases.
 const PHASES: u64 = 4096;
-/// Taps of all phases together beyond which a filter is refused: 128 MB.
-const MOST_TAPS: f64 = 16_777_216.0;
+/// Largest number of taps of all phases together: 128 MB.
+const MAX_TAPS: f64 = 16_777_216.0;
 
-/// Converts between two fixed rates.
+/// A converter between two fixed rates.
 ///
 /// # Example
 /// ```
@@ -62,9 +62,9 @@ pub struct Resampler {
     /// Input samples per output sample, reduced.
     step: i128,
     per: i128,
-    /// Taps on either side of a position.
+    /// Taps on each side of a position.
     half: usize,
-    /// `2 * half` taps for each phase; an extra phase closes an interpolated table.
+    /// `2 * half` taps for each phase; an interpolated table has one more phase.
     table: Vec<f64>,
     phases: u64,
     interpolated: bool,
@@ -74,11 +74,11 @@ impl Resampler {
     /// Designs the filter.
     ///
     /// # Errors
-    /// Ratios beyond 1 : 1024 either way, and odd ratios far down whose filter would not fit into 128 MB.
+    /// Ratios above 1024 or below 1/1024, and ratios whose filter exceeds 128 MB.
     ///
     /// # Complexity
-    /// O(taps) per output sample and channel; taps grow with in / out when the rate goes down.
-    /// The design itself is O(taps) for each phase of the ratio, 4096 at most.
+    /// O(taps) per output sample and channel; when downsampling, taps grow with in / out.
+    /// The design is O(taps) for each phase of the ratio, at most 4096.
     pub fn new(input: Rate, output: Rate, quality: Quality) -> Result<Self, DspError> {
         let ratio = Ratio::new(input, output)?;
         let (step, per, half) = (ratio.step, ratio.per, ratio.half(quality)?);
@@ -97,43 +97,43 @@ impl Resampler {
         let mut table = Vec::with_capacity((phases as usize + 1) * 2 * half);
         for phase in 0..phases + u64::from(interpolated) {
             let fraction = phase as f64 / phases as f64;
-            let at = table.len();
+            let start = table.len();
             table.extend((0..2 * half).map(|k| kernel.at(k as f64 - (half - 1) as f64 - fraction)));
-            // Every phase passes a constant unchanged.
-            let sum: f64 = table[at..].iter().sum();
-            table[at..].iter_mut().for_each(|tap| *tap /= sum);
+            // Every phase has unit gain at DC.
+            let sum: f64 = table[start..].iter().sum();
+            table[start..].iter_mut().for_each(|tap| *tap /= sum);
         }
         Ok(Self { step: step as i128, per: per as i128, half, table, phases, interpolated })
     }
 
-    /// What [`Resampler::past`] and [`Resampler::ahead`] of such a resampler will be, without designing it.
+    /// Returns [`Resampler::look_behind`] and [`Resampler::look_ahead`] of such a resampler without its design.
     ///
     /// # Errors
     /// As [`Resampler::new`].
-    pub fn reach(input: Rate, output: Rate, quality: Quality) -> Result<(usize, usize), DspError> {
+    pub fn lookaround(input: Rate, output: Rate, quality: Quality) -> Result<(usize, usize), DspError> {
         let half = Ratio::new(input, output)?.half(quality)?;
         Ok((half.saturating_sub(1), half))
     }
 
-    /// Input samples before the one at or before an output's position that the output depends on.
+    /// Returns the number of input samples before the one at an output's [`position`](Self::position) on which the output depends.
     #[must_use]
-    pub fn past(&self) -> usize {
+    pub fn look_behind(&self) -> usize {
         self.half.saturating_sub(1)
     }
 
-    /// Input samples after the one at or before an output's position that the output depends on.
+    /// Returns the number of input samples after the one at an output's [`position`](Self::position) on which the output depends.
     #[must_use]
-    pub fn ahead(&self) -> usize {
+    pub fn look_ahead(&self) -> usize {
         self.half
     }
 
-    /// The input sample at or before the position of output `j`.
+    /// Returns the last input sample at or before the time of output `j`.
     #[must_use]
     pub fn position(&self, j: i64) -> i64 {
         (i128::from(j) * self.step).div_euclid(self.per) as i64
     }
 
-    /// The input samples that a range of outputs depends on.
+    /// Returns the range of input samples on which a range of outputs depends.
     #[must_use]
     pub fn inputs(&self, outputs: Range<i64>) -> Range<i64> {
         if outputs.is_empty() {
@@ -141,17 +141,17 @@ impl Resampler {
             return at..at;
         }
         let last = self.position(outputs.end - 1);
-        self.position(outputs.start) - self.past() as i64..last + self.ahead() as i64 + 1
+        self.position(outputs.start) - self.look_behind() as i64..last + self.look_ahead() as i64 + 1
     }
 
     /// Computes outputs `first_out..`.
     ///
     /// # Shapes
-    /// `input`: interleaved frames from input index `first_in` on, at least [`Resampler::inputs`]; zeros stand for what
-    /// lies outside the signal. `out`: interleaved frames.
+    /// `input`: interleaved frames from input index `first_in` on, at least [`Resampler::inputs`], with zeros outside the signal.
+    /// `out`: interleaved frames.
     ///
     /// # Errors
-    /// A window that lacks frames.
+    /// Input with too few frames.
     pub fn process(
         &self,
         first_out: i64,
@@ -168,11 +168,12 @@ impl Resampler {
             needed.is_empty() || (first_in <= needed.start && end >= needed.end),
             "input frames",
             (end - first_in) as f64,
-            "all that `inputs` names for these outputs",
+            "those of `inputs` for these outputs",
         )?;
         for (j, frame) in (first_out..).zip(out.chunks_exact_mut(channels)) {
             let at = i128::from(j) * self.step;
-            let start = (at.div_euclid(self.per) as i64 - self.past() as i64 - first_in) as usize * channels;
+            let start =
+                (at.div_euclid(self.per) as i64 - self.look_behind() as i64 - first_in) as usize * channels;
             if self.half == 0 {
                 frame.copy_from_slice(&input[start..start + channels]);
                 continue;
@@ -183,21 +184,21 @@ impl Resampler {
         Ok(())
     }
 
-    fn sum(&self, rest: u64, window: &[f32], frame: &mut [f32]) {
+    fn sum(&self, remainder: u64, window: &[f32], frame: &mut [f32]) {
         let (channels, taps) = (frame.len(), 2 * self.half);
-        let (phase, way) = if self.interpolated {
-            let place = u128::from(rest) * u128::from(self.phases);
+        let (phase, fraction) = if self.interpolated {
+            let position = u128::from(remainder) * u128::from(self.phases);
             let per = self.per as u128;
-            ((place / per) as usize, (place % per) as f64 / per as f64)
+            ((position / per) as usize, (position % per) as f64 / per as f64)
         } else {
-            (rest as usize, 0.0)
+            (remainder as usize, 0.0)
         };
         let here = &self.table[phase * taps..][..taps];
         for (channel, y) in frame.iter_mut().enumerate() {
             let samples = window.iter().skip(channel).step_by(channels).map(|&x| f64::from(x));
             let sum: f64 = if self.interpolated {
                 let next = &self.table[(phase + 1) * taps..][..taps];
-                samples.zip(here.iter().zip(next)).map(|(x, (a, b))| x * (a + way * (b - a))).sum()
+                samples.zip(here.iter().zip(next)).map(|(x, (a, b))| x * (a + fraction * (b - a))).sum()
             } else {
                 samples.zip(here).map(|(x, tap)| x * tap).sum()
             };
@@ -221,23 +222,23 @@ impl Ratio {
         DspError::check(range.contains(&ratio), "ratio of the rates", ratio, "between 1/1024 and 1024")?;
         let divisor = gcd(step, per);
         let (step, per) = (step / divisor, per / divisor);
-        // Later products are of a 64-bit index with these.
+        // These are multiplied by a 64-bit index later.
         DspError::check(step.max(per) < 1 << 62, "reduced rate", step.max(per) as f64, "below 2^62")?;
         Ok(Self { step, per })
     }
 
-    /// The lower Nyquist frequency relative to the input's.
+    /// Returns the lower Nyquist frequency relative to that of the input.
     fn scale(&self) -> f64 {
         (1.0 / (self.step as f64 / self.per as f64)).min(1.0)
     }
 
-    /// Phases of the filter, and whether its taps are interpolated between them.
+    /// Returns the number of phases of the filter, and true if taps are interpolated between them.
     fn phases(&self) -> (u64, bool) {
         let interpolated = self.per > u128::from(PHASES);
         (if interpolated { PHASES } else { self.per as u64 }, interpolated)
     }
 
-    /// Taps on either side of a position; none for equal rates.
+    /// Returns the number of taps on each side of a position; 0 for equal rates.
     fn half(&self, quality: Quality) -> Result<usize, DspError> {
         if self.step == self.per {
             return Ok(0);
@@ -246,18 +247,19 @@ impl Ratio {
         let taps = (attenuation - 7.95) / (2.285 * PI * transition * self.scale());
         let half = (taps / 2.0).ceil();
         let table = 2.0 * half * self.phases().0 as f64;
-        let wanted = "at most 16777216: convert in two steps, or with less quality";
-        DspError::check(table <= MOST_TAPS, "number of taps of all phases", table, wanted)?;
+        let wanted = "at most 16777216: convert in two steps, or at a lower quality";
+        DspError::check(table <= MAX_TAPS, "number of taps of all phases", table, wanted)?;
         Ok(half as usize)
     }
 }
 
+/// A sinc with a Kaiser window.
 struct Kernel {
-    /// Relative to the input's Nyquist frequency.
+    /// Cutoff relative to the Nyquist frequency of the input.
     cutoff: f64,
     half: f64,
     beta: f64,
-    /// The window's Bessel function at its middle.
+    /// The Bessel function of the window at its centre.
     peak: f64,
 }
 
@@ -273,7 +275,7 @@ impl Kernel {
     }
 }
 
-/// Modified Bessel function of the first kind and order 0, by its series.
+/// Returns the modified Bessel function of the first kind and order 0, by its series.
 fn bessel_i0(x: f64) -> f64 {
     let quarter = x * x / 4.0;
     let (mut sum, mut term) = (1.0, 1.0);

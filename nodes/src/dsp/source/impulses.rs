@@ -1,4 +1,4 @@
-//! Decaying impulses at exact times.
+//! The node `Impulses`.
 
 use super::trigger::Trigger;
 use crate::core::fault::{Fault, Reject};
@@ -12,9 +12,9 @@ use crate::core::shape::{Build, Shape};
 use crate::core::time::{Rate, ticks};
 use crate::{archive_state, params, ports};
 params! {
-    /// Makes a click for each trigger, at the first sample at or after it.
+    /// Generates a click for each trigger, at the first sample at or after it.
     ///
-    /// Clicks add up; each is as high as its trigger's gain and dies away exponentially.
+    /// Clicks add up. The peak of a click is the gain of its trigger; it decays exponentially.
     pub struct ImpulsesParams {
         /// Time after which a click has fallen by 60 dB; at 0 it is one sample.
         decay: f64 = 0.0, unit "s", range 0.0..=60.0;
@@ -26,7 +26,7 @@ ports! {
     /// Ports of `Impulses`.
     pub struct ImpulsesPorts / ImpulsesIo {
         in {
-            /// When to click.
+            /// Triggers of the clicks.
             events: Events<Trigger>,
         }
         out {
@@ -40,7 +40,7 @@ ports! {
 #[derive(Debug)]
 pub struct ImpulsesNode {
     /// Factor from one sample to the next.
-    fall: f64,
+    decay: f64,
     level: f64,
 }
 
@@ -52,7 +52,7 @@ impl Node for ImpulsesNode {
     const COST: f64 = 3.0;
 
     fn shape(p: &ImpulsesParams, s: &mut Shape<'_, '_, ImpulsesPorts>) -> Result<(), Reject> {
-        // A trigger between the last sample of a window and its end sounds at the first of the next.
+        // A trigger between the last sample of a window and its end sounds at the first sample of the next window.
         let sample = p.rate.span(1);
         s.lookaround(ImpulsesPorts::events, sample as usize, 0);
         s.tail(ticks(p.decay) + sample);
@@ -62,21 +62,21 @@ impl Node for ImpulsesNode {
 
     fn build(p: &ImpulsesParams, _: &Build<'_>) -> Result<Self, Fault> {
         let frames = p.decay * p.rate.as_f64();
-        let fall = if frames > 0.0 { libm::exp(-1000.0_f64.ln() / frames) } else { 0.0 };
-        Ok(Self { fall, level: 0.0 })
+        let decay = if frames > 0.0 { libm::exp(-1000.0_f64.ln() / frames) } else { 0.0 };
+        Ok(Self { decay, level: 0.0 })
     }
 
     fn run(&mut self, mut io: ImpulsesIo<'_>) -> Result<(), Fault> {
         let (first, rate) = (io.audio.first(), io.audio.rate());
         let events = io.events.events().iter();
-        let mut coming =
+        let mut pending =
             events.map(|(tick, t)| (rate.first_at(*tick), t)).skip_while(|e| e.0 < first).peekable();
         for (item, out) in (first..).zip(io.audio.items()) {
-            self.level *= self.fall;
-            while let Some((_, trigger)) = coming.next_if(|e| e.0 == item) {
+            self.level *= self.decay;
+            while let Some((_, trigger)) = pending.next_if(|e| e.0 == item) {
                 self.level += f64::from(trigger.gain);
             }
-            // Far below any format's last bit: keep the tail out of the denormal numbers.
+            // The tail must not become denormal; this is far below the last bit of any format.
             if self.level.abs() < 1e-30 {
                 self.level = 0.0;
             }
@@ -126,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn a_trigger_behind_the_last_sample_still_sounds() {
+    fn a_trigger_after_the_last_sample_of_its_window_still_sounds() {
         assert_eq!(clicks(0.0, vec![(ticks(0.01) - 1, 1.0)])[10], 1.0);
     }
 }

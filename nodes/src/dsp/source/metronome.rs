@@ -1,4 +1,4 @@
-//! Triggers at equal intervals.
+//! The node `Metronome`.
 
 use super::output::ends_after;
 use super::trigger::Trigger;
@@ -12,13 +12,13 @@ use crate::core::shape::{Build, Shape};
 use crate::core::time::{seconds, ticks};
 use crate::{params, ports};
 params! {
-    /// Gives a trigger at time zero and then at equal intervals, without drift.
+    /// Emits triggers at equal intervals from time zero on, without drift.
     pub struct MetronomeParams {
-        /// Time from one trigger to the next.
+        /// Time between two triggers.
         interval: f64 = 0.5, unit "s", range 0.001..=3600.0;
-        /// Strength of each.
+        /// Amplitude factor of each trigger.
         gain: f32 = 1.0, unit "", range 0.0..=100.0_f32;
-        /// Length; None goes on for ever.
+        /// Length; None is endless.
         duration: Option<f64> = None, unit "s", range 0.0..=86_400.0;
     }
 }
@@ -27,7 +27,7 @@ ports! {
     pub struct MetronomePorts / MetronomeIo {
         in {}
         out {
-            /// The beats.
+            /// The triggers.
             beats: Events<Trigger>,
         }
     }
@@ -55,7 +55,7 @@ impl Node for MetronomeNode {
     fn run(&mut self, mut io: MetronomeIo<'_>) -> Result<(), Fault> {
         let MetronomeParams { interval, gain, .. } = self.0;
         let (from, to) = io.beats.window();
-        // One beat early, for the division may round up.
+        // One trigger early, since the division may round up.
         let first = (seconds(from) / interval).floor() as i64 - 1;
         let times = (first.max(0)..).map(|k| ticks(k as f64 * interval));
         for tick in times.skip_while(|t| *t < from).take_while(|t| *t < to) {
@@ -76,11 +76,11 @@ mod tests {
     use crate::core::standalone::Standalone;
 
     #[test]
-    fn beats_stand_at_multiples_of_the_interval() {
+    fn triggers_are_at_multiples_of_the_interval() {
         let params = MetronomeParams { interval: 0.1, gain: 0.5, duration: Some(0.35) };
         let beats = Standalone::new::<MetronomeNode>(params).window(ticks(0.013)).run().unwrap();
         let beats = beats.events(MetronomePorts::beats);
-        let want: Vec<_> = [0.0, 0.1, 0.2, 0.3].map(|t| (ticks(t), Trigger { gain: 0.5 })).into();
-        assert_eq!(beats, want);
+        let expected: Vec<_> = [0.0, 0.1, 0.2, 0.3].map(|t| (ticks(t), Trigger { gain: 0.5 })).into();
+        assert_eq!(beats, expected);
     }
 }

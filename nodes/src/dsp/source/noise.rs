@@ -1,4 +1,4 @@
-//! The node around the noise generators.
+//! The node `Noise`.
 
 use super::noise_generator::{GaussianNoise, PinkNoise, UniformNoise};
 use super::output::{SourceIo, SourceOutput, SourcePorts, ends_after};
@@ -17,17 +17,17 @@ choices! {
     pub enum NoiseColour {
         /// Flat spectrum, normal distribution.
         White,
-        /// Flat spectrum, all values up to a peak of 1.73 times the level equally likely.
+        /// Flat spectrum, uniform distribution up to a peak of 1.73 times the level.
         Uniform,
-        /// Power falls with frequency, 3 dB per octave.
+        /// Power falls by 3 dB per octave.
         Pink,
     }
 }
 params! {
-    /// Makes noise, independent in each channel.
+    /// Generates noise that is independent in each channel.
     ///
     /// # Randomness
-    /// A sample follows from the seed, the channel and its place alone.
+    /// A sample depends on the seed, the channel and the sample index only.
     ///
     /// # Source
     /// P. Kellet's filter for pink noise; Box and Muller (1958) for normal numbers.
@@ -40,7 +40,7 @@ params! {
         rate: Rate = Rate::hz(48_000);
         /// Channels.
         channels: u16 = 1, unit "channels", range 1..=64_u16;
-        /// Length; None goes on for ever.
+        /// Length; None is endless.
         duration: Option<f64> = None, unit "s", range 0.0..=86_400.0;
     }
 }
@@ -60,7 +60,7 @@ pub struct NoiseNode {
     params: NoiseParams,
 }
 
-/// Factor from the generator's own root mean square to the level.
+/// Returns the factor from the root mean square of the generator to the level.
 fn factor(p: &NoiseParams) -> f64 {
     f64::from(p.level) * if p.colour == NoiseColour::Uniform { 3.0_f64.sqrt() } else { 1.0 }
 }
@@ -120,7 +120,7 @@ mod tests {
     use crate::core::time::ticks;
 
     #[test]
-    fn every_colour_has_the_level_that_was_asked_for() {
+    fn every_colour_has_the_given_level() {
         for colour in [NoiseColour::White, NoiseColour::Uniform, NoiseColour::Pink] {
             let rate = Rate::hz(48_000);
             let params = NoiseParams { colour, level: 0.25, rate, channels: 2, duration: Some(2.0) };

@@ -1,4 +1,4 @@
-//! Noise as a function of the sample index: any block, any start, the same bits.
+//! Noise as a function of the sample index: the same bits for any block and start.
 
 use std::f64::consts::TAU;
 
@@ -8,26 +8,27 @@ const UNIFORM: u32 = 0x0001_0000;
 const GAUSSIAN: u32 = 0x0002_0000;
 const PINK: u32 = 0x0003_0000;
 
-/// Calls `put(i, four)` for the groups of four samples that `first..first + len` touches, where `i` is the place of the first of
-/// the four relative to `first`.
-fn by_fours(first: i64, len: usize, mut put: impl FnMut(i64, i64)) {
+/// Calls `write(group, offset)` for each group of four samples that overlaps `first..first + len`. `offset` is the index of the first
+/// sample of the group relative to `first`.
+fn for_each_group(first: i64, len: usize, mut write: impl FnMut(i64, i64)) {
     let mut group = first >> 2;
-    let mut at = (group << 2).wrapping_sub(first);
-    while at < len as i64 {
-        put(group, at);
+    let mut offset = (group << 2).wrapping_sub(first);
+    while offset < len as i64 {
+        write(group, offset);
         group += 1;
-        at += 4;
+        offset += 4;
     }
 }
 
-fn fill(first: i64, out: &mut [f32], four: impl Fn(i64) -> [f32; 4]) {
+/// Writes samples `first..` from a generator of groups of four.
+fn fill(first: i64, out: &mut [f32], group_samples: impl Fn(i64) -> [f32; 4]) {
     let len = out.len();
-    by_fours(first, len, |group, at| {
-        let samples = four(group);
-        if at >= 0 && at as usize + 4 <= len {
-            out[at as usize..at as usize + 4].copy_from_slice(&samples);
+    for_each_group(first, len, |group, offset| {
+        let samples = group_samples(group);
+        if offset >= 0 && offset as usize + 4 <= len {
+            out[offset as usize..offset as usize + 4].copy_from_slice(&samples);
         } else {
-            for (i, x) in (at..).zip(samples) {
+            for (i, x) in (offset..).zip(samples) {
                 if i >= 0 && (i as usize) < len {
                     out[i as usize] = x;
                 }
@@ -36,7 +37,7 @@ fn fill(first: i64, out: &mut [f32], four: impl Fn(i64) -> [f32; 4]) {
     });
 }
 
-/// White noise, uniform on [-1, 1): rms 1 / sqrt(3). One call of the generator gives four samples.
+/// White noise, uniform on [-1, 1), with rms 1 / sqrt(3). One call of the generator gives four samples.
 #[derive(Clone, Copy, Debug)]
 pub struct UniformNoise {
     random: Random,
@@ -44,7 +45,7 @@ pub struct UniformNoise {
 }
 
 impl UniformNoise {
-    /// The noise of one channel.
+    /// Creates the noise of one channel.
     #[must_use]
     pub fn new(random: Random, channel: u32) -> Self {
         Self { random, channel }
@@ -53,7 +54,7 @@ impl UniformNoise {
     /// Writes samples `first..`.
     pub fn fill(&self, first: i64, out: &mut [f32]) {
         fill(first, out, |group| {
-            // 24 bits fill an f32's mantissa: the grid is even and 1 is never reached.
+            // 24 bits fill the mantissa of an f32: values are equally spaced and below 1.
             let words = self.random.words(self.channel, group as u64, UNIFORM);
             words.map(|w| ((w >> 8) as i32 - 0x80_0000) as f32 / 8_388_608.0)
         });
@@ -63,7 +64,7 @@ impl UniformNoise {
 /// White noise, normal with mean 0 and variance 1. One call of the generator gives four samples.
 ///
 /// # Source
-/// Box and Muller, "A Note on the Generation of Random Normal Deviates" (1958). 32-bit draws end the tails at 6.8 sigma.
+/// Box and Muller, "A Note on the Generation of Random Normal Deviates" (1958). With 32-bit numbers the tails end at 6.8 sigma.
 #[derive(Clone, Copy, Debug)]
 pub struct GaussianNoise {
     random: Random,
@@ -71,7 +72,7 @@ pub struct GaussianNoise {
 }
 
 impl GaussianNoise {
-    /// The noise of one channel.
+    /// Creates the noise of one channel.
     #[must_use]
     pub fn new(random: Random, channel: u32) -> Self {
         Self { random, channel }
@@ -85,6 +86,7 @@ impl GaussianNoise {
     }
 }
 
+/// Returns normal numbers by the Box-Muller transform.
 fn normals(w: [u32; 4]) -> [f64; 4] {
     let pair = |a: u32, b: u32| {
         let radius = (-2.0 * libm::log((f64::from(a) + 0.5) / 4_294_967_296.0)).sqrt();
@@ -95,7 +97,7 @@ fn normals(w: [u32; 4]) -> [f64; 4] {
     [a, b, c, d]
 }
 
-/// Pole and gain of each first-order branch, then the direct gains of this and of the last sample.
+/// Pole and gain of each first-order branch.
 const POLES: [(f64, f64); 6] = [
     (0.99886, 0.055_517_9),
     (0.99332, 0.075_075_9),
@@ -104,6 +106,7 @@ const POLES: [(f64, f64); 6] = [
     (0.55, 0.532_952_2),
     (-0.7616, -0.016_898),
 ];
+/// Gains of the current and of the previous sample.
 const DIRECT: [f64; 2] = [0.5362, 0.115_926];
 
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -124,23 +127,23 @@ impl PinkFilter {
     }
 }
 
-/// Samples between two anchors, where the filter's state is defined anew.
-const SPAN: i64 = 65_536;
-/// Samples that define the state at an anchor: the slowest pole has by then forgotten all but 8e-9.
-const WARM: i64 = 16_384;
+/// Samples between two anchors, at which the state of the filter is redefined.
+const ANCHOR_INTERVAL: i64 = 65_536;
+/// Samples before an anchor that define the state at it: by then the slowest pole has decayed to 8e-9.
+const WARM_UP: i64 = 16_384;
 
 /// Pink noise: power density 1 / f, rms 1.
 ///
 /// Within +-0.05 dB of 1 / f from 0.0002 to 0.45 of the rate (10 Hz to 20 kHz at 44.1 kHz), flat below.
 ///
-/// The filter's state would depend on all the past. Here it is defined at every 65,536th sample as the state after the
-/// 16,384 samples before it, from rest: so any start gives the same bits, and the step at an anchor is below 1e-8.
+/// The state of a recursive filter depends on all earlier samples. Here the state at every 65,536th sample, the anchor, is that after
+/// the 16,384 samples before it, from zero. Any start therefore gives the same bits; the step at an anchor is below 1e-8.
 ///
 /// # Complexity
-/// O(1) per sample in order, with no bursts (the next anchor's filter runs along); a jump costs up to 81,920 samples once.
+/// O(1) per sample in order, without bursts, since the filter for the next anchor runs in parallel. A jump costs up to 81,920 samples.
 ///
 /// # Source
-/// P. Kellet's sum of first-order filters, music-dsp list (1999), here normalised to rms 1.
+/// P. Kellet's sum of first-order filters, music-dsp list (1999), normalised to rms 1.
 #[derive(Clone, Debug)]
 pub struct PinkNoise {
     random: Random,
@@ -148,13 +151,14 @@ pub struct PinkNoise {
     scale: f64,
     next: Option<i64>,
     filter: PinkFilter,
-    coming: PinkFilter,
+    /// The filter that takes over at the next anchor.
+    next_filter: PinkFilter,
     group: i64,
     white: [f64; 4],
 }
 
 impl PinkNoise {
-    /// The noise of one channel.
+    /// Creates the noise of one channel.
     #[must_use]
     pub fn new(random: Random, channel: u32) -> Self {
         let mut impulse = PinkFilter::default();
@@ -166,7 +170,7 @@ impl PinkNoise {
             scale: 1.0 / power.sqrt(),
             next: None,
             filter: idle,
-            coming: idle,
+            next_filter: idle,
             group: i64::MIN,
             white: [0.0; 4],
         }
@@ -175,8 +179,8 @@ impl PinkNoise {
     /// Writes samples `first..`.
     pub fn fill(&mut self, first: i64, out: &mut [f32]) {
         if self.next != Some(first) {
-            let anchor = first.div_euclid(SPAN) * SPAN;
-            for n in anchor - WARM..first {
+            let anchor = first.div_euclid(ANCHOR_INTERVAL) * ANCHOR_INTERVAL;
+            for n in anchor - WARM_UP..first {
                 self.tick(n);
             }
         }
@@ -189,19 +193,19 @@ impl PinkNoise {
     }
 
     fn tick(&mut self, n: i64) -> f64 {
-        let place = n.rem_euclid(SPAN);
-        if place == 0 {
-            self.filter = self.coming;
-        } else if place == SPAN - WARM {
-            self.coming = PinkFilter::default();
+        let offset = n.rem_euclid(ANCHOR_INTERVAL);
+        if offset == 0 {
+            self.filter = self.next_filter;
+        } else if offset == ANCHOR_INTERVAL - WARM_UP {
+            self.next_filter = PinkFilter::default();
         }
         if n >> 2 != self.group {
             self.group = n >> 2;
             self.white = normals(self.random.words(self.channel, self.group as u64, PINK));
         }
         let white = self.white[(n & 3) as usize];
-        if place >= SPAN - WARM {
-            self.coming.tick(white);
+        if offset >= ANCHOR_INTERVAL - WARM_UP {
+            self.next_filter.tick(white);
         }
         self.filter.tick(white)
     }
@@ -222,7 +226,7 @@ mod tests {
     }
 
     #[test]
-    fn uniform_noise_has_the_moments_of_its_law() {
+    fn uniform_noise_has_the_moments_of_its_distribution() {
         let mut x = vec![0.0; 400_000];
         UniformNoise::new(random(), 0).fill(-7, &mut x);
         assert!(x.iter().all(|x| (-1.0..1.0).contains(x)));
@@ -231,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn gaussian_noise_has_the_moments_of_its_law() {
+    fn gaussian_noise_has_the_moments_of_its_distribution() {
         let mut x = vec![0.0; 400_000];
         GaussianNoise::new(random(), 0).fill(3, &mut x);
         let (mean, square, fourth) = moments(&x);
@@ -255,7 +259,7 @@ mod tests {
     #[test]
     fn any_block_and_any_start_give_the_same_bits() {
         let silence = vec![0.0; 3000];
-        for start in [0, -5, 1_000_003, SPAN - 1500] {
+        for start in [0, -5, 1_000_003, ANCHOR_INTERVAL - 1500] {
             let uniform = UniformNoise::new(random(), 2);
             assert_block_invariant(&silence, 1, || uniform, |g, at, x| g.fill(start + at, x));
             let gaussian = GaussianNoise::new(random(), 2);
@@ -272,7 +276,7 @@ mod tests {
         assert!(run[60_000..] == jump, "going back");
     }
 
-    /// The response of the filter itself, so no statistics blur the figure.
+    /// Checks the response of the filter itself, without statistical error.
     #[test]
     fn pink_noise_follows_one_over_f_within_a_twentieth_of_a_decibel() {
         let response = |f: f64| {

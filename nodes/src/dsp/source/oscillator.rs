@@ -3,25 +3,25 @@
 use std::f64::consts::TAU;
 
 use crate::dsp::DspError;
-/// A turn in 2^64 parts: multiplying by the sample index wraps exactly.
+/// Phase in units of 2^-64 of a period: the product with the sample index wraps exactly.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Phase {
     step: u64,
 }
 
 impl Phase {
-    /// The frequency is met to 2^-63 of the rate: after a day at 48 kHz the phase is right to 1e-9 of a turn.
+    /// The frequency is exact to 2^-63 of the rate: after a day at 48 kHz the phase is exact to 1e-9 of a period.
     fn new(frequency: f64, rate: f64) -> Result<Self, DspError> {
         DspError::check_frequency(frequency, rate)?;
-        let turn = 18_446_744_073_709_551_616.0;
+        let period = 18_446_744_073_709_551_616.0;
         let ratio = frequency / rate;
-        // What the rounded quotient leaves over, exactly, as a correction in the low bits.
-        let rest = (-ratio).mul_add(rate, frequency) / rate;
-        let step = (ratio * turn) as i128 + (rest * turn) as i128;
+        // The exact remainder of the rounded quotient corrects the low bits.
+        let remainder = (-ratio).mul_add(rate, frequency) / rate;
+        let step = (ratio * period) as i128 + (remainder * period) as i128;
         Ok(Self { step: step as u64 })
     }
 
-    /// In turns, [0, 1).
+    /// Returns the phase in periods, in [0, 1).
     fn at(self, n: i64) -> f64 {
         ((n as u64).wrapping_mul(self.step) >> 11) as f64 / 9_007_199_254_740_992.0
     }
@@ -45,10 +45,10 @@ pub struct Sine {
 }
 
 impl Sine {
-    /// A tone of `frequency` at `rate`.
+    /// Creates a tone of `frequency` at `rate`.
     ///
     /// # Errors
-    /// Frequencies outside (0, rate / 2); so for all tones.
+    /// Frequencies outside (0, rate / 2).
     pub fn new(frequency: f64, rate: f64) -> Result<Self, DspError> {
         Ok(Self { phase: Phase::new(frequency, rate)? })
     }
@@ -59,7 +59,7 @@ impl Sine {
     }
 }
 
-/// The rounding of a unit step at phase 0 by a two-sample polynomial.
+/// Returns the correction of a step at phase 0 by a two-sample polynomial.
 fn poly_blep(t: f64, dt: f64) -> f64 {
     if t < dt {
         let t = t / dt;
@@ -72,10 +72,10 @@ fn poly_blep(t: f64, dt: f64) -> f64 {
     }
 }
 
-/// A rising saw from -1 to 1, band-limited by a two-sample polynomial at its step.
+/// A rising sawtooth from -1 to 1, band-limited by a two-sample polynomial at its step.
 ///
-/// Largest alias at 1 kHz and 48 kHz, against the fundamental: -35 dB in all, -47 dB below 15 kHz, -56 dB below 10 kHz, -70 dB below
-/// 5 kHz (without the polynomial: -28, -30, -32, -33 dB). Material for nodes, not a measuring signal.
+/// Largest alias of a 1 kHz tone at 48 kHz, relative to the fundamental: -35 dB overall, -47 dB below 15 kHz, -56 dB below 10 kHz,
+/// -70 dB below 5 kHz (without the polynomial: -28, -30, -32, -33 dB). Not suitable as a measurement signal.
 ///
 /// # Source
 /// Valimaki and Huovilainen, "Antialiasing Oscillators in Subtractive Synthesis" (IEEE SPM 24(2), 2007).
@@ -85,7 +85,7 @@ pub struct Saw {
 }
 
 impl Saw {
-    /// A tone of `frequency` at `rate`.
+    /// Creates a tone of `frequency` at `rate`.
     ///
     /// # Errors
     /// As [`Sine::new`].
@@ -110,7 +110,7 @@ pub struct Square {
 }
 
 impl Square {
-    /// A tone of `frequency` at `rate`.
+    /// Creates a tone of `frequency` at `rate`.
     ///
     /// # Errors
     /// As [`Sine::new`].
@@ -137,7 +137,7 @@ mod tests {
 
     #[test]
     fn a_sine_does_not_drift_in_a_day() {
-        // 1 kHz at 48 kHz repeats every 48 samples, for ever.
+        // 1 kHz at 48 kHz has a period of 48 samples.
         let sine = Sine::new(1000.0, 48_000.0).unwrap();
         let (mut early, mut late) = ([0.0_f32; 48], [0.0_f32; 48]);
         sine.fill(0, &mut early);
@@ -149,7 +149,7 @@ mod tests {
         assert!((early[0] + 1.0).abs() < 1e-7);
     }
 
-    /// Level of the bin at `cycles` per signal, by the plain sum.
+    /// Returns the level of the bin at `cycles` per signal, by direct summation.
     fn level(x: &[f32], cycles: usize) -> f64 {
         let step = TAU * cycles as f64 / x.len() as f64;
         let (re, im) = x.iter().enumerate().fold((0.0, 0.0), |(re, im), (n, &x)| {
@@ -161,7 +161,7 @@ mod tests {
 
     /// 1001 Hz in one second of 48 kHz: harmonics sit at multiples of 1001, aliases do not.
     #[test]
-    fn aliases_of_the_saw_and_the_square_lie_far_below() {
+    fn aliases_of_the_saw_and_the_square_are_below_30_db() {
         let mut x = vec![0.0; 48_000];
         Saw::new(1001.0, 48_000.0).unwrap().fill(0, &mut x);
         let first = level(&x, 1001);

@@ -1,4 +1,4 @@
-//! What all sources of audio share: how long they last, how loud they are, and how many channels they have.
+//! The output of audio sources: duration, level and channels.
 
 use crate::core::item::Channels;
 use crate::core::ports::{Out, Stream};
@@ -8,26 +8,26 @@ use crate::dsp::Gain;
 use crate::dsp::ramp_frames;
 use crate::ports;
 
-/// The end of a source that lasts `seconds`; `None` for an endless one.
+/// Returns the end of a source that lasts `seconds`; `None` for an endless one.
 pub(super) fn ends_after(seconds: Option<f64>) -> Option<Tick> {
     seconds.map(ticks)
 }
 
-/// Samples of one channel made at a time.
+/// Samples of one channel generated at a time.
 const BLOCK: usize = 256;
 
 ports! {
-    /// Ports of every source of audio.
+    /// Ports of all sources of audio.
     pub struct SourcePorts / SourceIo {
         in {}
         out {
-            /// What the source makes.
+            /// The generated audio.
             audio: Stream<f32>,
         }
     }
 }
 
-/// Turns a generator of one channel at a time into interleaved audio at a level.
+/// Interleaves generated channels and applies the level.
 #[derive(Debug)]
 pub(crate) struct SourceOutput {
     level: Gain,
@@ -44,12 +44,12 @@ impl SourceOutput {
         Self { level: Gain::new(level, ramp_frames(rate), channels.into()), block: vec![0.0; BLOCK] }
     }
 
-    /// Moves to another level.
+    /// Starts a ramp to another level.
     pub fn set_level(&mut self, level: f64) {
         self.level.set_target(level);
     }
 
-    /// Fills a window: `fill(channel, first, block)` makes the samples of one channel from `first` on.
+    /// Fills a window. `fill(channel, first, block)` generates the samples of one channel from index `first` on.
     pub fn run(&mut self, out: &mut Out<'_, f32>, mut fill: impl FnMut(usize, i64, &mut [f32])) {
         let (mut first, width) = (out.first(), out.width().max(1));
         for frames in out.items().chunks_mut(BLOCK * width) {

@@ -14,16 +14,16 @@ use crate::core::shape::{Build, Shape};
 use crate::core::time::{Rate, ticks};
 use crate::dsp::DspError;
 use crate::{choices, params};
-/// How the frequency of a sweep moves.
+/// The change of frequency over time in a sweep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SweepLaw {
-    /// The same number of hertz in each second.
+    /// Constant change in hertz per second.
     Linear,
-    /// The same number of octaves in each second.
+    /// Constant change in octaves per second.
     Exponential,
 }
 
-/// A sine that goes from one frequency to another; silent outside its time.
+/// A sine whose frequency changes from one value to another; silent before and after.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sweep {
     law: SweepLaw,
@@ -33,10 +33,10 @@ pub struct Sweep {
 }
 
 impl Sweep {
-    /// A sweep over `frames` samples.
+    /// Creates a sweep over `frames` samples.
     ///
     /// # Errors
-    /// Frequencies outside (0, rate / 2), no frames.
+    /// Frequencies outside (0, rate / 2), and 0 frames.
     pub fn new(law: SweepLaw, from: f64, to: f64, frames: u64, rate: f64) -> Result<Self, DspError> {
         DspError::check_frequency(from, rate)?;
         DspError::check_frequency(to, rate)?;
@@ -44,8 +44,8 @@ impl Sweep {
         Ok(Self { law, from: from / rate, to: to / rate, frames })
     }
 
-    /// Turns since the start: the integral of the frequency.
-    fn turns(&self, n: f64) -> f64 {
+    /// Returns the periods since the start: the integral of the frequency.
+    fn periods(&self, n: f64) -> f64 {
         let length = self.frames as f64;
         let octaves = (self.to / self.from).ln();
         if self.law == SweepLaw::Linear || octaves.abs() < 1e-9 {
@@ -61,21 +61,21 @@ impl Sweep {
             if n < 0 || n as u64 >= self.frames {
                 return 0.0;
             }
-            let turns = self.turns(n as f64);
-            libm::sin(TAU * (turns - turns.floor()))
+            let periods = self.periods(n as f64);
+            libm::sin(TAU * (periods - periods.floor()))
         });
     }
 }
 choices!(@param SweepLaw {
-    /// The same number of hertz in each second.
+    /// Constant change in hertz per second.
     Linear,
-    /// The same number of octaves in each second.
+    /// Constant change in octaves per second.
     Exponential,
 });
 params! {
-    /// Makes a sine that goes from one frequency to another.
+    /// Generates a sine whose frequency changes from one value to another.
     pub struct SweepParams {
-        /// How the frequency moves.
+        /// Change of the frequency over time.
         law: SweepLaw = SweepLaw::Exponential;
         /// Frequency at the start; below half the rate.
         from: f64 = 20.0, unit "Hz", range 0.001..=300_000.0;
@@ -101,7 +101,7 @@ pub struct SweepNode {
 
 fn sweep(p: &SweepParams) -> Result<Sweep, Reject> {
     let (rate, frames) = (p.rate.as_f64(), p.rate.first_at(ticks(p.duration)) as u64);
-    // The maths calls both of them a frequency.
+    // `Sweep::new` reports both as `frequency`.
     Sweep::new(p.law, p.from, p.from, frames, rate).map_err(|e| Reject::from(e).at("from"))?;
     Sweep::new(p.law, p.from, p.to, frames, rate).map_err(|e| Reject::from(e).at("to"))
 }
@@ -147,12 +147,12 @@ mod tests {
     use crate::core::standalone::Standalone;
     use crate::dsp::testing::assert_block_invariant;
     #[test]
-    fn sweeps_pass_their_frequencies_in_time() {
+    fn sweeps_reach_their_frequencies_at_the_expected_times() {
         let rate = 48_000.0;
         for (law, middle) in [(SweepLaw::Linear, 550.0), (SweepLaw::Exponential, (100.0_f64 * 1000.0).sqrt())]
         {
             let sweep = Sweep::new(law, 100.0, 1000.0, 48_000, rate).unwrap();
-            let frequency = |n: f64| (sweep.turns(n + 1.0) - sweep.turns(n - 1.0)) / 2.0 * rate;
+            let frequency = |n: f64| (sweep.periods(n + 1.0) - sweep.periods(n - 1.0)) / 2.0 * rate;
             for (n, expected) in [(0.0, 100.0), (24_000.0, middle), (48_000.0, 1000.0)] {
                 assert!((frequency(n) / expected - 1.0).abs() < 1e-4, "{law:?} {n} {}", frequency(n));
             }

@@ -14,16 +14,16 @@ use crate::{choices, params};
 choices! {
     /// Shape of a period.
     pub enum Waveform {
-        /// A pure tone.
+        /// Sine, without harmonics.
         Sine,
-        /// All harmonics, rising; band-limited.
+        /// Rising sawtooth, with all harmonics; band-limited.
         Saw,
-        /// Odd harmonics; band-limited.
+        /// Square, with odd harmonics; band-limited.
         Square,
     }
 }
 params! {
-    /// Makes a steady tone whose phase is zero at time zero and never drifts.
+    /// Generates a steady tone whose phase is zero at time zero and does not drift.
     ///
     /// # Source
     /// Valimaki and Huovilainen, "Antialiasing Oscillators in Subtractive Synthesis" (IEEE SPM 24(2), 2007).
@@ -38,7 +38,7 @@ params! {
         rate: Rate = Rate::hz(48_000);
         /// Channels, all with the same tone.
         channels: u16 = 1, unit "channels", range 1..=64_u16;
-        /// Length; None goes on for ever.
+        /// Length; None is endless.
         duration: Option<f64> = None, unit "s", range 0.0..=86_400.0;
     }
 }
@@ -90,7 +90,7 @@ impl Node for ToneNode {
 
     fn run(&mut self, mut io: SourceIo<'_>) -> Result<(), Fault> {
         self.output.run(&mut io.audio, |channel, first, block| match &self.generator {
-            // The block still holds the tone from channel 0.
+            // The block still holds the samples of channel 0.
             _ if channel > 0 => {}
             Generator::Sine(tone) => tone.fill(first, block),
             Generator::Saw(tone) => tone.fill(first, block),

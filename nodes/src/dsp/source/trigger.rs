@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 /// The start of a sound.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Trigger {
-    /// How strong it is, as an amplitude factor.
+    /// Amplitude factor.
     pub gain: f32,
 }
 

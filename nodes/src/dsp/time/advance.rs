@@ -1,4 +1,4 @@
-//! Moves audio earlier in time.
+//! The node `Advance`.
 
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
@@ -10,13 +10,13 @@ use crate::core::time::{Rate, ticks};
 use crate::{params, ports};
 
 params! {
-    /// Moves audio earlier: what sounds at a time was `seconds` later before.
+    /// Shifts audio earlier by `seconds`.
     ///
-    /// The counterpart of Delay, for bringing a recording with a known lead-in into step. It looks ahead by the whole shift,
-    /// so everything that joins it is held back as long, and `foley plan` shows the memory for it. What stood before
-    /// the new start is dropped, and the end is silent.
+    /// The inverse of Delay, to align a recording with a known lead-in. The node looks ahead by the whole shift, so streams that join
+    /// its output are delayed as long; `foley plan` shows the memory for it. The audio before the new start is dropped, and the end
+    /// is silent.
     pub struct AdvanceParams {
-        /// How much earlier, rounded to a whole sample.
+        /// Shift, rounded to the nearest sample.
         seconds: f64 = 0.0, unit "s", range 0.0..=60.0;
     }
 }
@@ -24,21 +24,21 @@ params! {
 ports! {
     pub struct AdvancePorts / AdvanceIo {
         in {
-            /// Any audio.
+            /// Audio with any number of channels.
             audio: Stream<f32>,
         }
         out {
-            /// The same, earlier.
+            /// The shifted audio.
             out: Stream<f32>,
         }
     }
 }
 
-/// The node.
+/// The node `Advance`.
 #[derive(Debug)]
 pub struct Advance;
 
-/// Samples nearest to a time.
+/// Returns the number of samples nearest to a time.
 fn samples(seconds: f64, rate: Rate) -> usize {
     let tick = ticks(seconds);
     let after = rate.first_at(tick);
@@ -72,7 +72,7 @@ impl Node for Advance {
     }
 
     fn trial(rng: &mut Rng) -> (AdvanceParams, MemoryFiles) {
-        // Short beside the streams of a trial, so that what is looked ahead at is there to be seen.
+        // Short against the streams of a trial, so that they contain the samples looked ahead at.
         (AdvanceParams { seconds: rng.between(0.0, 0.1) }, MemoryFiles::default())
     }
 }
@@ -84,7 +84,7 @@ mod tests {
     use crate::core::standalone::Standalone;
 
     #[test]
-    fn a_ramp_comes_earlier_by_whole_samples() {
+    fn a_ramp_is_shifted_by_whole_samples() {
         let ramp: Vec<f32> = (0..100).map(|k| k as f32).collect();
         let run = Standalone::new::<Advance>(AdvanceParams { seconds: 0.0101 })
             .input(AdvancePorts::audio, Rate::hz(1000), Channels(1), ramp)

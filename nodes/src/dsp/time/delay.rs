@@ -1,4 +1,4 @@
-//! Delay lines: by whole samples, bit for bit, and by fractions of one.
+//! The node `Delay`; delay lines by integer and by fractional numbers of samples.
 
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
@@ -10,24 +10,24 @@ use crate::dsp::DspError;
 use crate::dsp::nearest_items;
 use crate::{params, ports};
 
-/// Delays interleaved channels by a whole number of frames; before them comes silence.
+/// Delays interleaved channels by an integer number of frames; the output begins with silence.
 #[derive(Clone, Debug)]
 pub struct Delay {
     line: Vec<f32>,
-    at: usize,
+    index: usize,
 }
 
 impl Delay {
-    /// An empty line. A delay of 0 passes everything through.
+    /// Creates a silent line. A delay of 0 leaves the samples unchanged.
     #[must_use]
     pub fn new(frames: usize, channels: usize) -> Self {
-        Self { line: vec![0.0; frames * channels], at: 0 }
+        Self { line: vec![0.0; frames * channels], index: 0 }
     }
 
-    /// Back to silence.
+    /// Clears the line.
     pub fn reset(&mut self) {
         self.line.fill(0.0);
-        self.at = 0;
+        self.index = 0;
     }
 
     /// Delays samples in place.
@@ -36,10 +36,10 @@ impl Delay {
             return;
         }
         for x in samples {
-            std::mem::swap(x, &mut self.line[self.at]);
-            self.at += 1;
-            if self.at == self.line.len() {
-                self.at = 0;
+            std::mem::swap(x, &mut self.line[self.index]);
+            self.index += 1;
+            if self.index == self.line.len() {
+                self.index = 0;
             }
         }
     }
@@ -47,8 +47,8 @@ impl Delay {
 
 /// Delays interleaved channels by a fractional number of frames, by 4-point Lagrange interpolation.
 ///
-/// The delay may change between calls, for Doppler shifts. Magnitude error at half a sample: -0.46 dB at 0.2 of the rate,
-/// -0.031 dB at 0.1; whole delays are exact.
+/// The delay may change between calls, for Doppler shifts. The magnitude error at a delay of half a sample is -0.46 dB at 0.2 of the
+/// rate and -0.031 dB at 0.1; integer delays are exact.
 ///
 /// # Source
 /// Laakso, Valimaki, Karjalainen and Laine, "Splitting the Unit Delay" (IEEE SPM 13(1), 1996), section 3.
@@ -57,19 +57,19 @@ pub struct FractionalDelay {
     line: Vec<f32>,
     frames: usize,
     channels: usize,
-    at: usize,
+    index: usize,
     delay: f64,
 }
 
 impl FractionalDelay {
-    /// An empty line for delays of 1 to `longest` frames, set to `delay`.
+    /// Creates a silent line for delays of 1 to `max_delay` frames, set to `delay`.
     ///
     /// # Errors
     /// Delays outside that range, no channels.
-    pub fn new(delay: f64, longest: usize, channels: usize) -> Result<Self, DspError> {
+    pub fn new(delay: f64, max_delay: usize, channels: usize) -> Result<Self, DspError> {
         DspError::check(channels > 0, "channels", channels as f64, "at least 1")?;
-        let frames = longest + 3;
-        let mut line = Self { line: vec![0.0; frames * channels], frames, channels, at: 0, delay: 1.0 };
+        let frames = max_delay + 3;
+        let mut line = Self { line: vec![0.0; frames * channels], frames, channels, index: 0, delay: 1.0 };
         line.set_delay(delay)?;
         Ok(line)
     }
@@ -77,23 +77,23 @@ impl FractionalDelay {
     /// Changes the delay from the next frame on.
     ///
     /// # Errors
-    /// Delays below 1 frame (the interpolation needs a later neighbour) or above the longest.
+    /// Delays below 1 frame (the interpolation needs a later sample) or above the maximum.
     pub fn set_delay(&mut self, delay: f64) -> Result<(), DspError> {
-        let longest = (self.frames - 3) as f64;
+        let max_delay = (self.frames - 3) as f64;
         DspError::check(
-            (1.0..=longest).contains(&delay),
+            (1.0..=max_delay).contains(&delay),
             "delay",
             delay,
-            "1 to the longest delay, in frames",
+            "1 to the maximum delay, in frames",
         )?;
         self.delay = delay;
         Ok(())
     }
 
-    /// Back to silence.
+    /// Clears the line.
     pub fn reset(&mut self) {
         self.line.fill(0.0);
-        self.at = 0;
+        self.index = 0;
     }
 
     /// Delays samples in place.
@@ -101,21 +101,21 @@ impl FractionalDelay {
         let whole = self.delay.floor();
         let weights = lagrange(self.delay - whole);
         for frame in samples.chunks_exact_mut(self.channels) {
-            self.line[self.at * self.channels..][..self.channels].copy_from_slice(frame);
+            self.line[self.index * self.channels..][..self.channels].copy_from_slice(frame);
             for (channel, x) in frame.iter_mut().enumerate() {
                 let tap = |k: usize| {
-                    let back = whole as usize - 1 + k;
-                    let i = (self.at + self.frames - back) % self.frames;
+                    let offset = whole as usize - 1 + k;
+                    let i = (self.index + self.frames - offset) % self.frames;
                     f64::from(self.line[i * self.channels + channel])
                 };
                 *x = (0..4).map(|k| weights[k] * tap(k)).sum::<f64>() as f32;
             }
-            self.at = (self.at + 1) % self.frames;
+            self.index = (self.index + 1) % self.frames;
         }
     }
 }
 
-/// Weights of the samples at delays -1, 0, 1 and 2 for a fraction in [0, 1).
+/// Returns the weights of the samples at delays -1, 0, 1 and 2 for a fraction in [0, 1).
 fn lagrange(f: f64) -> [f64; 4] {
     [
         -f * (f - 1.0) * (f - 2.0) / 6.0,
@@ -126,11 +126,11 @@ fn lagrange(f: f64) -> [f64; 4] {
 }
 
 params! {
-    /// Delays audio by a whole number of samples, the nearest to the given time, bit for bit.
+    /// Delays audio by the number of samples nearest to a given time. The samples stay the same bit for bit.
     ///
     /// The output ends later than the input by the delay.
     pub struct DelayParams {
-        /// How much later.
+        /// Delay.
         seconds: f64 = 0.1, unit "s", range 0.0..=60.0;
     }
 }
@@ -142,13 +142,13 @@ ports! {
             audio: Stream<f32>,
         }
         out {
-            /// The audio, later.
+            /// The delayed audio.
             out: Stream<f32>,
         }
     }
 }
 
-/// The node `Delay`: what it delays stays in its input's buffer, which the plan counts and a reload keeps.
+/// The node `Delay`. It reads the history in the buffer of its input, which the plan counts and a reload preserves.
 #[derive(Debug)]
 pub struct DelayNode;
 
@@ -241,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn the_node_delays_and_lasts_as_much_longer() {
+    fn the_node_delays_and_ends_later_by_the_delay() {
         let standalone = Standalone::new::<DelayNode>(DelayParams { seconds: 0.031 });
         let audio = vec![1.0, 2.0, 3.0, 4.0];
         let run = standalone.input(DelayPorts::audio, Rate::hz(100), Channels(2), audio).run().unwrap();

@@ -1,4 +1,4 @@
-//! The one way to close a loop.
+//! The node `Feedback`.
 
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
@@ -13,16 +13,16 @@ use crate::dsp::{nearest_items, ramp_frames};
 use crate::{params, ports};
 
 params! {
-    /// Returns audio of a later node, delayed: the only node through which a graph may loop.
+    /// Returns the delayed audio of a later node. Only this node can close a loop in a graph.
     ///
-    /// Rate, channels and length come from `like`, for the stream that comes back is known only when the loop is closed.
+    /// Rate, channels and length are those of `like`, since the returned stream is known only when the loop is closed.
     /// An echo is `Mix(inputs: ["dry", "echo"])` with `"echo": Feedback(audio: "mix", like: "dry", delay: 0.25, gain: 0.5)`.
     pub struct FeedbackParams {
-        /// How much later, to the nearest sample and at least one; longer than the look-ahead of the nodes in the loop.
+        /// Delay, to the nearest sample and at least one sample; longer than the look-ahead of the nodes in the loop.
         delay: f64 = 0.25, unit "s", range 0.0001..=60.0;
-        /// Amplitude factor of the way round; at +-1 or beyond the loop does not die away.
+        /// Amplitude factor of the loop; from a magnitude of 1 on the loop does not decay.
         gain: f32 = 0.5, unit "", range -2.0..=2.0_f32;
-        /// How long the loop goes on after `like` has ended.
+        /// Time for which the loop continues after the end of `like`.
         tail: f64 = 2.0, unit "s", range 0.0..=600.0;
     }
 }
@@ -30,13 +30,13 @@ ports! {
     /// Ports of `Feedback`.
     pub struct FeedbackPorts / FeedbackIo {
         in {
-            /// What comes back; it may come from a node that this one feeds.
+            /// The returned audio; it may come from a node that this one feeds.
             audio: Late<Stream<f32>>,
-            /// A stream of the same rate and channels, from before the loop.
+            /// A stream of the same rate and channels from outside the loop.
             like: Stream<f32>,
         }
         out {
-            /// What came back, later and times the gain.
+            /// The returned audio, delayed and times the gain.
             out: Stream<f32>,
         }
     }

@@ -1,4 +1,4 @@
-//! Cutting a piece out of audio.
+//! The node `Trim`.
 
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
@@ -11,13 +11,13 @@ use crate::dsp::nearest_items;
 use crate::{params, ports};
 
 params! {
-    /// Cuts a piece out of audio; the piece begins at time zero.
+    /// Extracts a part of audio; the part begins at time zero.
     ///
-    /// The node looks ahead by `start`, and keeps as much audio in memory; `WavIn` cuts a file without that.
+    /// The node looks ahead by `start` and holds as much audio in memory; `WavIn` cuts a file without that.
     pub struct TrimParams {
-        /// Where the piece begins, to the nearest sample.
+        /// Start of the part, to the nearest sample.
         start: f64 = 0.0, unit "s", range 0.0..=3600.0;
-        /// How long it is at most; None goes to the end of the audio.
+        /// Longest duration of the part; None extends it to the end of the audio.
         duration: Option<f64> = None, unit "s", range 0.0..=86_400.0;
     }
 }
@@ -29,7 +29,7 @@ ports! {
             audio: Stream<f32>,
         }
         out {
-            /// The piece.
+            /// The part.
             out: Stream<f32>,
         }
     }
@@ -50,13 +50,13 @@ impl Node for TrimNode {
     fn shape(p: &TrimParams, s: &mut Shape<'_, '_, TrimPorts>) -> Result<(), Reject> {
         let audio = s.input(TrimPorts::audio);
         let skip = nearest_items(audio.rate, p.start);
-        let left = audio.items().map(|items| items - skip as i64);
-        if left.is_some_and(|left| left < 0) {
+        let remaining = audio.items().map(|items| items - skip as i64);
+        if remaining.is_some_and(|items| items < 0) {
             let length = audio.items().unwrap_or(0) as f64 / audio.rate.as_f64();
             return Err(Reject::new("F051", format!("`audio` ends at {length} s")).at("start"));
         }
-        let wanted = p.duration.map(|seconds| nearest_items(audio.rate, seconds) as i64);
-        let items = left.into_iter().chain(wanted).min();
+        let duration = p.duration.map(|seconds| nearest_items(audio.rate, seconds) as i64);
+        let items = remaining.into_iter().chain(duration).min();
         s.lookaround(TrimPorts::audio, 0, skip);
         s.ends(items.map(|items| audio.rate.tick(items)));
         s.output(TrimPorts::out, audio.rate, audio.format);
@@ -96,7 +96,7 @@ mod tests {
     }
 
     #[test]
-    fn a_piece_begins_and_ends_where_it_was_told() {
+    fn a_part_begins_and_ends_at_the_given_times() {
         let cut = |start, duration| trim(start, duration).run().unwrap().stream(TrimPorts::out);
         assert_eq!(cut(0.02, Some(0.03)), [2.0, 3.0, 4.0]);
         assert_eq!(cut(0.05, None), [5.0, 6.0, 7.0]);
@@ -105,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn a_start_behind_the_end_is_refused() {
+    fn a_start_after_the_end_is_refused() {
         assert_eq!(trim(0.09, None).shape().unwrap_err().field.as_deref(), Some("start"));
     }
 }

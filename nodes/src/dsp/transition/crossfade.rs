@@ -1,4 +1,4 @@
-//! From one sound to another at a set time.
+//! Crossfades from one sound to another at a given time.
 
 use super::fade::{Fade, FadeLaw};
 use crate::core::fault::{Fault, Reject};
@@ -9,15 +9,15 @@ use crate::dsp::nearest_items;
 use crate::{params, ports};
 
 params! {
-    /// Goes from one sound to another at a set time.
+    /// Crossfades from one sound to another at a given time.
     ///
-    /// With one input only, that sound ends, or begins, there. It lasts as long as the longer of the two.
+    /// With one input only, that sound fades out, or in. The output is as long as the longer input.
     pub struct CrossfadeParams {
-        /// When the change begins.
+        /// Start of the crossfade.
         at: f64, unit "s", range 0.0..=1.0e9_f64;
-        /// How long it takes; 0 is a cut.
+        /// Length of the crossfade; 0 is a cut.
         duration: f64 = 0.02, unit "s", range 0.0..=600.0;
-        /// Shape: `EqualPower` for unlike sounds, `Linear` for like ones.
+        /// Shape: `EqualPower` for uncorrelated sounds, `Linear` for correlated ones.
         law: FadeLaw = FadeLaw::EqualPower;
     }
 }
@@ -25,22 +25,22 @@ ports! {
     /// Ports of `Crossfade`.
     pub struct CrossfadePorts / CrossfadeIo {
         in {
-            /// What sounds before.
+            /// The sound before the crossfade.
             before: Option<Stream<f32>>,
-            /// What sounds after.
+            /// The sound after the crossfade.
             after: Option<Stream<f32>>,
         }
         out {
-            /// The one, then the other.
+            /// The first sound, then the second.
             out: Stream<f32>,
         }
     }
 }
 
-/// Writes `before` times one gain plus `after` times another; the samples begin at frame `first`.
+/// Crossfades from `before` to `after`. The samples begin at frame `first`.
 ///
 /// # Shapes
-/// `before` and `after`, where they are there, are as long as `out`: frames of `channels` samples.
+/// `before` and `after`, if given, are as long as `out`: frames of `channels` samples.
 pub fn crossfade(
     (out_fade, in_fade): (Fade, Fade),
     first: i64,
@@ -50,16 +50,16 @@ pub fn crossfade(
 ) {
     let channels = channels.max(1);
     let end = first + (out.len() / channels) as i64;
-    let rest = in_fade.start.saturating_add_unsigned(in_fade.frames);
-    let alone = |sound: Option<&[f32]>, out: &mut [f32]| match sound {
+    let fade_end = in_fade.start.saturating_add_unsigned(in_fade.frames);
+    let copy = |sound: Option<&[f32]>, out: &mut [f32]| match sound {
         Some(sound) => out.copy_from_slice(sound),
         None => out.fill(0.0),
     };
     if end <= in_fade.start {
-        return alone(before, out);
+        return copy(before, out);
     }
-    if first >= rest {
-        return alone(after, out);
+    if first >= fade_end {
+        return copy(after, out);
     }
     out.fill(0.0);
     for (sound, fade) in [(before, out_fade), (after, in_fade)] {
@@ -136,13 +136,13 @@ mod tests {
     }
 
     #[test]
-    fn equal_sounds_stay_as_they_are_on_a_straight_line() {
+    fn a_linear_crossfade_leaves_equal_sounds_unchanged() {
         let out = faded(FadeLaw::Linear, Some(0.5), Some(0.5));
         assert!(out.iter().all(|x| (x - 0.5).abs() < 1e-6), "{out:?}");
     }
 
     #[test]
-    fn power_is_kept_for_unlike_sounds() {
+    fn an_equal_power_crossfade_keeps_the_power_of_uncorrelated_sounds() {
         let out = faded(FadeLaw::EqualPower, Some(1.0), None);
         let into = faded(FadeLaw::EqualPower, None, Some(1.0));
         assert_eq!((out[9], into[9], out[30], into[30]), (1.0, 0.0, 0.0, 1.0));

@@ -1,72 +1,73 @@
-//! What is heard where sound fails to arrive.
+//! Concealment of dropouts.
 
-/// Bridges gaps in a stream without clicks: the last frame decays on a straight line, and what comes after is let in on one.
+/// Conceals gaps in a stream without clicks: the last frame before a gap fades out linearly, and the sound after it fades in.
 #[derive(Clone, Debug)]
 pub struct Dropout {
-    held: Vec<f32>,
+    last_frame: Vec<f32>,
     level: f64,
     step: f64,
-    begun: bool,
-    /// The last frame of a sound that was cut off, and what is left of it.
-    cut: Vec<f32>,
-    left: f64,
+    started: bool,
+    /// The last frame of a sound that was cut off, and its current level.
+    cut_frame: Vec<f32>,
+    cut_level: f64,
 }
 
 impl Dropout {
-    /// A bridge that starts as sound does, `ramp` frames from full level to silence.
+    /// Creates a state before any sound. A fade takes `ramp` frames.
     #[must_use]
     pub fn new(channels: usize, ramp: usize) -> Self {
         let channels = channels.max(1);
         let step = 1.0 / ramp.max(1) as f64;
-        let (held, cut) = (vec![0.0; channels], vec![0.0; channels]);
-        Self { held, level: 1.0, step, begun: false, cut, left: 0.0 }
+        let (last_frame, cut_frame) = (vec![0.0; channels], vec![0.0; channels]);
+        Self { last_frame, level: 1.0, step, started: false, cut_frame, cut_level: 0.0 }
     }
 
-    /// What comes next has nothing to do with what came before: the one decays while the other is let in.
+    /// Marks a discontinuity: the sound before it fades out while the sound after it fades in.
     pub fn cut(&mut self) {
-        let (level, left) = (self.level as f32, self.left as f32);
-        self.cut.iter_mut().zip(&self.held).for_each(|(cut, held)| *cut = *cut * left + held * level);
-        (self.level, self.left) = (0.0, 1.0);
-        self.held.fill(0.0);
+        let (level, cut_level) = (self.level as f32, self.cut_level as f32);
+        let frames = self.cut_frame.iter_mut().zip(&self.last_frame);
+        frames.for_each(|(cut, last)| *cut = *cut * cut_level + last * level);
+        (self.level, self.cut_level) = (0.0, 1.0);
+        self.last_frame.fill(0.0);
     }
 
-    /// Fills a gap; silence before the first sound is none.
+    /// Fills a gap. Before the first sound it writes silence.
     pub fn gap(&mut self, out: &mut [f32]) {
-        if !self.begun {
+        if !self.started {
             return out.fill(0.0);
         }
-        for frame in out.chunks_exact_mut(self.held.len()) {
+        for frame in out.chunks_exact_mut(self.last_frame.len()) {
             self.level = (self.level - self.step).max(0.0);
             let level = self.level as f32;
-            frame.iter_mut().zip(&self.held).for_each(|(x, held)| *x = held * level);
-            fade_cut(&mut self.left, self.step, &self.cut, frame);
+            frame.iter_mut().zip(&self.last_frame).for_each(|(x, last)| *x = last * level);
+            add_cut(&mut self.cut_level, self.step, &self.cut_frame, frame);
         }
     }
 
-    /// Lets sound through, from the level that the gap before it has left.
+    /// Passes sound through; after a gap it fades in from the level that the gap reached.
     pub fn sound(&mut self, frames: &mut [f32]) {
-        let channels = self.held.len();
+        let channels = self.last_frame.len();
         if let Some(last) = frames.chunks_exact(channels).last() {
-            self.held.copy_from_slice(last);
-            self.begun = true;
+            self.last_frame.copy_from_slice(last);
+            self.started = true;
         }
         for frame in frames.chunks_exact_mut(channels) {
-            if self.level >= 1.0 && self.left <= 0.0 {
+            if self.level >= 1.0 && self.cut_level <= 0.0 {
                 break;
             }
             self.level = (self.level + self.step).min(1.0);
             let level = self.level as f32;
             frame.iter_mut().for_each(|x| *x *= level);
-            fade_cut(&mut self.left, self.step, &self.cut, frame);
+            add_cut(&mut self.cut_level, self.step, &self.cut_frame, frame);
         }
     }
 }
 
-/// Adds what is left of a sound that was cut off.
-fn fade_cut(left: &mut f64, step: f64, cut: &[f32], frame: &mut [f32]) {
-    if *left > 0.0 {
-        *left = (*left - step).max(0.0);
-        frame.iter_mut().zip(cut).for_each(|(x, cut)| *x += cut * *left as f32);
+/// Adds the fade-out of a sound that was cut off.
+fn add_cut(level: &mut f64, step: f64, cut: &[f32], frame: &mut [f32]) {
+    if *level > 0.0 {
+        *level = (*level - step).max(0.0);
+        frame.iter_mut().zip(cut).for_each(|(x, cut)| *x += cut * *level as f32);
     }
 }
 
@@ -89,7 +90,7 @@ mod tests {
     }
 
     #[test]
-    fn one_sound_cut_off_by_another_leaves_no_step() {
+    fn a_discontinuity_leaves_no_step() {
         let mut dropout = Dropout::new(1, 10);
         let mut out: Vec<f32> = (0..60).map(|n| if n < 20 { 0.8 } else { -0.6 }).collect();
         dropout.sound(&mut out[..20]);
@@ -104,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn sound_without_gaps_stays_as_it_is() {
+    fn sound_without_gaps_is_unchanged() {
         let mut dropout = Dropout::new(1, 10);
         let mut out = vec![0.3, -0.2, 0.9];
         dropout.sound(&mut out);

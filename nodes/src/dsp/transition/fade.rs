@@ -1,4 +1,4 @@
-//! Fades whose gain is a function of the position alone.
+//! Fades whose gain depends on the frame index only.
 
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
@@ -14,49 +14,49 @@ use std::f64::consts::FRAC_PI_2;
 /// Shape of a fade.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FadeLaw {
-    /// Straight: in and out add up to 1, right for equal or correlated material.
+    /// Linear: the gains of fade-in and fade-out add up to 1; for correlated sounds.
     Linear,
-    /// Sine and cosine: the squares add up to 1, right for uncorrelated material.
+    /// Sine and cosine: the squares of the gains add up to 1; for uncorrelated sounds.
     EqualPower,
 }
 
 impl FadeLaw {
-    /// Gains (out, in) at `way` in [0, 1] of a cross-fade.
+    /// Returns the gains (out, in) at `t` in [0, 1] of a crossfade.
     #[must_use]
-    pub fn gains(self, way: f64) -> (f64, f64) {
-        let way = way.clamp(0.0, 1.0);
+    pub fn gains(self, t: f64) -> (f64, f64) {
+        let t = t.clamp(0.0, 1.0);
         match self {
-            Self::Linear => (1.0 - way, way),
-            Self::EqualPower if way >= 1.0 => (0.0, 1.0),
-            Self::EqualPower => ((FRAC_PI_2 * way).cos(), (FRAC_PI_2 * way).sin()),
+            Self::Linear => (1.0 - t, t),
+            Self::EqualPower if t >= 1.0 => (0.0, 1.0),
+            Self::EqualPower => ((FRAC_PI_2 * t).cos(), (FRAC_PI_2 * t).sin()),
         }
     }
 }
 
-/// A fade that begins at frame `start` and lasts `frames`: gain 0 (or 1) before, 1 (or 0) from its end on.
+/// A fade that begins at frame `start` and lasts `frames`. A rising fade has gain 0 before and 1 after it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Fade {
     /// Shape.
     pub law: FadeLaw,
-    /// Whether the sound comes in.
+    /// True for a fade-in, false for a fade-out.
     pub rising: bool,
     /// First frame of the fade.
     pub start: i64,
-    /// Frames from one end to the other; 0 is a cut.
+    /// Length in frames; 0 is a cut.
     pub frames: u64,
 }
 
 impl Fade {
-    /// The gain of a frame.
+    /// Returns the gain of a frame.
     #[must_use]
     pub fn gain_at(&self, frame: i64) -> f64 {
-        let passed = i128::from(frame) - i128::from(self.start);
-        let way = if passed >= i128::from(self.frames) { 1.0 } else { passed as f64 / self.frames as f64 };
-        let (out, into) = self.law.gains(way);
+        let elapsed = i128::from(frame) - i128::from(self.start);
+        let t = if elapsed >= i128::from(self.frames) { 1.0 } else { elapsed as f64 / self.frames as f64 };
+        let (out, into) = self.law.gains(t);
         if self.rising { into } else { out }
     }
 
-    /// Fades interleaved samples, the first of which belong to frame `first`, in place.
+    /// Fades interleaved samples from frame `first` on in place.
     pub fn process(&self, first: i64, samples: &mut [f32], channels: usize) {
         for (frame, samples) in (first..).zip(samples.chunks_exact_mut(channels.max(1))) {
             let gain = self.gain_at(frame);
@@ -68,9 +68,9 @@ impl Fade {
 }
 
 choices!(@param FadeLaw {
-    /// Straight; in and out add up to 1.
+    /// Linear; the gains of fade-in and fade-out add up to 1.
     Linear,
-    /// Sine; the squares of in and out add up to 1.
+    /// Sine; the squares of the gains of fade-in and fade-out add up to 1.
     EqualPower,
 });
 params! {
@@ -80,7 +80,7 @@ params! {
         fade_in: f64 = 0.01, unit "s", range 0.0..=600.0;
         /// Time from full level to silence at the end.
         fade_out: f64 = 0.01, unit "s", range 0.0..=600.0;
-        /// Shape of both.
+        /// Shape of both fades.
         law: FadeLaw = FadeLaw::Linear;
     }
 }
@@ -92,7 +92,7 @@ ports! {
             audio: Stream<f32>,
         }
         out {
-            /// The audio with its ends faded.
+            /// The faded audio.
             out: Stream<f32>,
         }
     }
@@ -101,8 +101,8 @@ ports! {
 /// The node `Fade`.
 #[derive(Debug)]
 pub struct FadeNode {
-    into: Fade,
-    away: Option<Fade>,
+    fade_in: Fade,
+    fade_out: Option<Fade>,
 }
 
 impl Node for FadeNode {
@@ -116,7 +116,7 @@ impl Node for FadeNode {
         if audio.end.is_none() && p.fade_out > 0.0 {
             return Err(Reject::new("F051", "`audio` has no end to fade out at")
                 .at("fade_out")
-                .help("set fade_out: 0, or put Trim before it"));
+                .help("set fade_out: 0, or insert Trim before it"));
         }
         s.output(FadePorts::out, audio.rate, audio.format);
         Ok(())
@@ -124,12 +124,13 @@ impl Node for FadeNode {
 
     fn build(p: &FadeParams, cx: &Build<'_>) -> Result<Self, Fault> {
         let audio = cx.input(FadePorts::audio);
-        let into = nearest_items(audio.rate, p.fade_in) as u64;
-        let away = nearest_items(audio.rate, p.fade_out) as u64;
-        let out = |end: i64| Fade { law: p.law, rising: false, start: end - away as i64, frames: away };
+        let in_frames = nearest_items(audio.rate, p.fade_in) as u64;
+        let out_frames = nearest_items(audio.rate, p.fade_out) as u64;
+        let out =
+            |end: i64| Fade { law: p.law, rising: false, start: end - out_frames as i64, frames: out_frames };
         Ok(Self {
-            into: Fade { law: p.law, rising: true, start: 0, frames: into },
-            away: audio.items().filter(|_| away > 0).map(out),
+            fade_in: Fade { law: p.law, rising: true, start: 0, frames: in_frames },
+            fade_out: audio.items().filter(|_| out_frames > 0).map(out),
         })
     }
 
@@ -137,9 +138,9 @@ impl Node for FadeNode {
         let (first, width) = (io.audio.first(), io.audio.width());
         let out = io.out.items();
         out.copy_from_slice(io.audio.items());
-        self.into.process(first, out, width);
-        if let Some(away) = self.away {
-            away.process(first, out, width);
+        self.fade_in.process(first, out, width);
+        if let Some(fade_out) = self.fade_out {
+            fade_out.process(first, out, width);
         }
         Ok(())
     }
@@ -159,18 +160,18 @@ mod tests {
     use crate::dsp::testing::{assert_block_invariant, signal};
 
     #[test]
-    fn laws_keep_their_sums() {
+    fn gains_and_their_squares_add_up_to_one() {
         for i in 0..=20 {
-            let way = f64::from(i) / 20.0;
-            let (out, into) = FadeLaw::Linear.gains(way);
+            let t = f64::from(i) / 20.0;
+            let (out, into) = FadeLaw::Linear.gains(t);
             assert!((out + into - 1.0).abs() < 1e-15);
-            let (out, into) = FadeLaw::EqualPower.gains(way);
+            let (out, into) = FadeLaw::EqualPower.gains(t);
             assert!((out * out + into * into - 1.0).abs() < 1e-15);
         }
     }
 
     #[test]
-    fn a_fade_has_both_ends_exact() {
+    fn a_fade_is_exact_at_both_ends() {
         let fade = Fade { law: FadeLaw::EqualPower, rising: false, start: 10, frames: 4 };
         assert_eq!([i64::MIN, 10, 14, i64::MAX].map(|n| fade.gain_at(n)), [1.0, 1.0, 0.0, 0.0]);
         let cut = Fade { law: FadeLaw::Linear, rising: true, start: 3, frames: 0 };

@@ -6,7 +6,7 @@ fn cloth() -> FeatureConventions {
     FeatureConventions::cloth(Rate::hz(48_000), 200)
 }
 
-/// The signal of the stored values, made in the same way by the script that made them.
+/// The signal of the stored values; the script that computed them uses the same formula.
 fn signal() -> Vec<f32> {
     let at = |i: u32| {
         let x = f64::from(i);
@@ -62,7 +62,7 @@ fn both_kinds_of_cepstrum_equal_the_reference() {
 }
 
 #[test]
-fn the_cosines_for_three_bands_are_the_written_ones() {
+fn the_cosines_for_three_bands_are_exact() {
     let (a, b, c) = (1.0 / 3f64.sqrt(), 1.0 / 2f64.sqrt(), 1.0 / 6f64.sqrt());
     let wanted = [a, a, a, b, 0.0, -b, c, -2.0 * c, c];
     for (found, wanted) in cosines(0, 3, 3).iter().zip(wanted) {
@@ -71,7 +71,7 @@ fn the_cosines_for_three_bands_are_the_written_ones() {
 }
 
 #[test]
-fn unit_energies_add_up_to_the_signals() {
+fn unit_energies_add_up_to_the_energy_of_the_signal() {
     let mut rng = Rng::new(3);
     let c = FeatureConventions { bands: 1, n: 1, f_hi: 24_000.0, ..cloth() };
     let x: Vec<f32> = (0..2000).map(|_| rng.between(-1.0, 1.0) as f32).collect();
@@ -90,13 +90,13 @@ fn with_window(window: FeatureWindow, frame: u32) -> FeatureConventions {
 }
 
 #[test]
-fn windows_have_the_energy_of_a_unit_and_hann_is_blind_to_its_edge() {
+fn windows_have_the_energy_of_a_unit_and_hann_ignores_its_edge() {
     let square = |w: &[f64]| w.iter().map(|w| w * w).sum::<f64>();
     let (sine, rect) = (FeatureWindow::Sine2.samples(400), FeatureWindow::Rect.samples(200));
     assert!((square(&sine) - 200.0).abs() < 1e-10 && square(&rect) == 200.0);
     // Squares of neighbours add up to one at every sample.
     assert!((0..200).all(|i| (sine[i].powi(2) + sine[i + 200].powi(2) - 1.0).abs() < 1e-12));
-    // Without a window, the energy of a unit is its mean square, transformed with zeros behind it or not.
+    // With a rectangular window, the energy of a unit is its mean square, with or without zero padding.
     let mut rng = Rng::new(8);
     for length in [200, 256] {
         let x: Vec<f32> = (0..length).map(|_| rng.between(-1.0, 1.0) as f32).collect();
@@ -107,11 +107,11 @@ fn windows_have_the_energy_of_a_unit_and_hann_is_blind_to_its_edge() {
     // One sample alone, the first of a unit.
     let mut pop = vec![0.0; 200];
     pop[0] = 1.0;
-    let heard = |c: &FeatureConventions, x: &[f32]| MelCepstrum::new(c, 0.0).energies(x)[0];
-    assert_eq!(heard(&with_window(FeatureWindow::Hann, 200), &pop), 0.0);
-    assert!((heard(&with_window(FeatureWindow::Rect, 200), &pop) - 1.0 / 200.0).abs() < 1e-15);
+    let energy = |c: &FeatureConventions, x: &[f32]| MelCepstrum::new(c, 0.0).energies(x)[0];
+    assert_eq!(energy(&with_window(FeatureWindow::Hann, 200), &pop), 0.0);
+    assert!((energy(&with_window(FeatureWindow::Rect, 200), &pop) - 1.0 / 200.0).abs() < 1e-15);
     let around = [vec![0.0; 100], pop, vec![0.0; 100]].concat();
-    assert!((heard(&with_window(FeatureWindow::Sine2, 400), &around) - 0.5 / 200.0).abs() < 1e-4);
+    assert!((energy(&with_window(FeatureWindow::Sine2, 400), &around) - 0.5 / 200.0).abs() < 1e-4);
 }
 
 #[test]
@@ -134,7 +134,7 @@ fn the_energy_of_a_band_is_the_mean_square_in_it() {
 }
 
 #[test]
-fn a_gain_moves_the_first_coefficient_and_nothing_else() {
+fn a_gain_changes_the_first_coefficient_only() {
     let c = cloth();
     let base = features(&c, &signal());
     for gain in [0.25_f32, 1.9, 8.0] {
@@ -161,7 +161,7 @@ fn a_bin_on_an_edge_counts_in_both_bands_in_proportion() {
     let c = FeatureConventions { bands: 2, n: 2, ..cloth() };
     let found = bands(&c, 512);
     let total: f64 = found.iter().flat_map(|b| &b.weights).sum();
-    // From 0 to 20 kHz in bins of 93.75 Hz, where that at 0 is half as wide and counts wholly.
+    // From 0 to 20 kHz in bins of 93.75 Hz. The bin at 0 Hz is half as wide and has weight 1.
     assert!((total - (20_000.0 / 93.75 + 0.5)).abs() < 1e-9, "{total}");
     let edge = found[1].first;
     let shared = found[0].weights[edge - found[0].first] + found[1].weights[0];

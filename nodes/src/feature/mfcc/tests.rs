@@ -25,7 +25,7 @@ fn a_stream_has_the_features_of_the_database() {
     let run = standalone(&[], 1, audio.clone()).run().unwrap();
     let found = run.stream(MfccPorts::features);
     let c = params(&[]).convention_params(&[], false).conventions(Rate::hz(48_000), 1).unwrap();
-    // Without a mean there is none to take away.
+    // Without a mean the database subtracts nothing.
     let mean = audio.iter().map(|&x| f64::from(x)).sum::<f64>() / 4000.0;
     let level: Vec<f32> = audio.iter().map(|&x| (f64::from(x) - mean) as f32).collect();
     let db = build(&[Take { channels: vec![level.clone()], ..Take::default() }], &c, None).unwrap();
@@ -46,18 +46,18 @@ fn a_shift_by_one_unit_shifts_the_features_by_one() {
 }
 
 #[test]
-fn channels_are_alone_joined_or_one_with_a_balance() {
+fn channels_are_independent_joint_or_shared_with_a_balance() {
     let mono = noise(3, 2000);
     let stereo: Vec<f32> = mono.iter().flat_map(|&x| [x, 0.5 * x]).collect();
     let mode = |name: &str| [("channels", Datum::Name(name.into()))];
     let run = |name: &str| standalone(&mode(name), 2, stereo.clone()).run().unwrap();
-    let alone = standalone(&[], 1, mono).run().unwrap().stream(MfccPorts::features);
+    let independent_mono = standalone(&[], 1, mono).run().unwrap().stream(MfccPorts::features);
     let (independent, joint, shared) = (run("Independent"), run("Joint"), run("SharedMid"));
     assert_eq!(independent.stream(MfccPorts::features), joint.stream(MfccPorts::features));
     let left: Vec<f32> =
         independent.stream(MfccPorts::features).chunks(6).flat_map(|item| item[..3].to_vec()).collect();
-    assert_eq!(left, alone);
-    assert_eq!(shared.stream(MfccPorts::features).len(), alone.len());
+    assert_eq!(left, independent_mono);
+    assert_eq!(shared.stream(MfccPorts::features).len(), independent_mono.len());
     let balance = shared.stream(MfccPorts::balance);
     // The mean of x and x / 2 is 3 x / 4.
     for frame in balance.chunks(2).skip(1).take(8) {
@@ -79,10 +79,10 @@ fn a_sine_window_is_two_units_long_and_the_others_one() {
 }
 
 #[test]
-fn silence_of_the_target_is_that_of_the_database_where_the_floor_is_its_own() {
-    // A microphone's noise at about -70 dB, and the loud parts of a recording.
-    let hiss: Vec<f32> = noise(5, 48_000).iter().map(|x| 1e-3 * x).collect();
-    let recording = [hiss.clone(), noise(6, 48_000), hiss].concat();
+fn with_the_floor_of_the_database_silence_has_the_features_of_its_silence() {
+    // Microphone noise at about -70 dB, and a loud part.
+    let floor_noise: Vec<f32> = noise(5, 48_000).iter().map(|x| 1e-3 * x).collect();
+    let recording = [floor_noise.clone(), noise(6, 48_000), floor_noise].concat();
     let take = || [Take { channels: vec![recording.clone()], ..Take::default() }];
     let floor = |own: &[(&str, Datum)]| {
         let p = params(own);
@@ -92,10 +92,10 @@ fn silence_of_the_target_is_that_of_the_database_where_the_floor_is_its_own() {
             .input(MfccPorts::audio, Rate::hz(48_000), Channels(1), vec![0.0; 4000])
             .feed(1, Feed::value(AnyValue::new(db.clone())));
         let silence = silence.run().unwrap().stream(MfccPorts::features)[..3].to_vec();
-        // The mean of the first second, which is hiss.
+        // The mean over the first second, which is noise.
         let mean = |d: usize| (20..220).map(|j| db.unfiltered[3 * j + d]).sum::<f32>() / 200.0;
-        let away = (0..3).map(|d| (silence[d] - mean(d)).powi(2)).sum::<f32>().sqrt();
-        (silence[0] - 3f32.sqrt() * (db.floor_energy as f32).ln(), away)
+        let distance = (0..3).map(|d| (silence[d] - mean(d)).powi(2)).sum::<f32>().sqrt();
+        (silence[0] - 3f32.sqrt() * (db.floor_energy as f32).ln(), distance)
     };
     let (off, near) = floor(&[("floor_from", Datum::Name("Database".into()))]);
     assert!(off.abs() < 1e-4 && near < 6.0, "{off} {near}");

@@ -1,4 +1,4 @@
-//! A head played over audio: one channel in, two ears out, while the source moves.
+//! Binaural rendering of a moving source by the structural head model.
 
 use super::head::{Ear, EarFilter, Head, PINNA_LEVELS, PINNA_MAX_DELAY, SHOULDER_MAX_DELAY};
 use crate::contact::vector::Vec3;
@@ -7,12 +7,12 @@ use crate::spatial::propagation::control_interval::control_interval;
 use crate::spatial::propagation::fractional_delay::FractionalDelayLine;
 use serde::{Deserialize, Serialize};
 
-/// Delay of the echo of the room after the sound, in s.
+/// Delay of the room echo after the sound, in s.
 pub const ROOM_DELAY: f64 = 0.015;
-/// Level of the echo of the room: -15 dB.
+/// Level of the room echo: -15 dB.
 pub const ROOM_LEVEL: f64 = 0.177_827_941_003_892_3;
 
-/// An ear's filter with delays in samples.
+/// The filter of an ear with delays in samples.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Coefficients {
     b0: f64,
@@ -34,7 +34,7 @@ impl Coefficients {
         }
     }
 
-    /// The part `t` of the way to another filter.
+    /// Interpolates linearly to another filter, at `t` from 0 to 1.
     #[inline]
     fn interpolate(&self, to: &Self, t: f64) -> Self {
         let mix = |a: f64, b: f64| a + t * (b - a);
@@ -55,24 +55,23 @@ struct EarState {
     /// Last input and output of the shadow.
     u: f64,
     y: f64,
-    /// What reaches the pinna.
+    /// Input of the pinna reflections.
     line: FractionalDelayLine,
 }
 impl_state!(EarState { from, to, u, y, line });
 
-/// Plays mono sound to the two ears of a [`Head`] from a direction that may move.
+/// Renders mono sound from a changing direction at the two ears of a [`Head`].
 ///
-/// The direction is asked for once per [`block`], and everything that follows from it moves on straight lines to the next, so a
-/// source that circles the head makes no clicks. The output is [`lag`](Self::lag) samples late: the middle of the head hears the
-/// sound exactly that much later, and a near ear earlier.
+/// The direction is read once per [`control_interval`]. All coefficients change linearly in between, so a source that circles the head
+/// makes no clicks. The output is [`lag`](Self::lag) samples late at the centre of the head; the near ear is earlier.
 ///
 /// # Complexity
-/// Per sample and ear one interpolated tap, and five more with a pinna; no allocation after `new`.
+/// One interpolated tap per sample and ear, and five more with a pinna; no allocation after `new`.
 #[derive(Clone, Debug)]
 pub struct Binaural {
     head: Head,
     fs: f64,
-    /// Level of the echo of the room.
+    /// Level of the room echo.
     room: f32,
     lag: usize,
     a1: f64,
@@ -84,7 +83,7 @@ pub struct Binaural {
 impl_state!(Binaural { input, each ears, started });
 
 impl Binaural {
-    /// A silent renderer for a source in front, at `fs` hertz; `room` is the level of the echo of the room (0 for none).
+    /// Creates a silent renderer for a source in front, at `fs` hertz. `room` is the level of the room echo; 0 for none.
     #[must_use]
     pub fn new(head: Head, room: f64, fs: f64) -> Self {
         let pinna = usize::from(head.pinna.is_some());
@@ -118,18 +117,18 @@ impl Binaural {
         Coefficients::new(&head.ear(ear, direction, fs), fs, centre as f64, head.centre_delay())
     }
 
-    /// Samples by which the output is late at the middle of the head.
+    /// Returns the number of samples by which the output is late at the centre of the head.
     #[must_use]
     pub fn lag(&self) -> usize {
         self.lag
     }
 
-    /// Back to silence; the next direction is taken without a way to it.
+    /// Restarts the interpolation: the next direction applies at once.
     pub fn reset(&mut self) {
         self.started = false;
     }
 
-    /// Adds samples to the line without any output.
+    /// Appends input samples without output.
     pub fn feed(&mut self, input: &[f32]) {
         input.iter().for_each(|x| self.input.push(*x));
     }
@@ -144,8 +143,8 @@ impl Binaural {
         self.started = true;
     }
 
-    /// Renders samples from number `first` of the signal on; `direction` gives where the source is (any length, own axes of
-    /// the head) at the sample that it is asked for.
+    /// Renders samples from index `first` on. `direction` returns the direction of the source (of any length, in local axes of the head)
+    /// at a sample.
     ///
     /// # Shapes
     /// `input: [T]`, `out: [2 T]`, left and right interleaved.
@@ -166,7 +165,7 @@ impl Binaural {
         }
     }
 
-    /// One sample of both ears, a part `t` of the way through the block.
+    /// Renders one sample of both ears at a fraction `t` of the control interval.
     fn step(&mut self, t: f64) -> [f32; 2] {
         let room = if self.room > 0.0 {
             self.room * self.input.read(self.lag as f64 + ROOM_DELAY * self.fs)
@@ -176,18 +175,18 @@ impl Binaural {
         let (input, head, a1) = (&self.input, &self.head, self.a1);
         let [left, right] = &mut self.ears;
         [left, right].map(|ear| {
-            let now = if ear.from == ear.to { ear.to } else { ear.from.interpolate(&ear.to, t) };
-            let u = f64::from(input.read(now.delay));
-            ear.y = now.b0 * u + now.b1 * ear.u - a1 * ear.y;
+            let filter = if ear.from == ear.to { ear.to } else { ear.from.interpolate(&ear.to, t) };
+            let u = f64::from(input.read(filter.delay));
+            ear.y = filter.b0 * u + filter.b1 * ear.u - a1 * ear.y;
             ear.u = u;
             let mut y = ear.y as f32;
             if head.shoulder > 0.0 {
-                y += head.shoulder as f32 * input.read(now.shoulder);
+                y += head.shoulder as f32 * input.read(filter.shoulder);
             }
             if head.pinna.is_some() {
                 ear.line.push(y);
                 y = ear.line.sample(1);
-                for (level, delay) in PINNA_LEVELS.iter().zip(now.pinna) {
+                for (level, delay) in PINNA_LEVELS.iter().zip(filter.pinna) {
                     y += *level as f32 * ear.line.read(delay);
                 }
             }

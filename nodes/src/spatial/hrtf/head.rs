@@ -1,4 +1,4 @@
-//! A head with two ears: shadow, delay between the ears, echoes of the pinna and of the shoulder.
+//! A structural head model: head shadow, interaural delay, reflections of pinna and shoulder.
 //!
 //! # Source
 //! Brown and Duda, "A structural model for binaural sound synthesis" (IEEE Trans. Speech and Audio Processing 6(5), 1998).
@@ -9,18 +9,20 @@ use crate::contact::vector::{Vec3, cross, dot, norm};
 use crate::spatial::motion::pose::{interaural, unit};
 use crate::spatial::propagation::distance::SPEED_OF_SOUND;
 
-/// Level of the reflections of the pinna.
+/// Levels of the reflections of the pinna.
 pub const PINNA_LEVELS: [f64; 5] = [0.5, -1.0, 0.5, -0.25, 0.25];
-/// Swing and least delay of these reflections, in samples at [`PINNA_RATE`] (not in milliseconds, whatever the rate of the audio).
+/// Amplitudes of the delays of these reflections (A_k of the paper), in samples at [`PINNA_RATE`].
 const PINNA_AMPLITUDES: [f64; 5] = [1.0, 5.0, 5.0, 5.0, 5.0];
+/// Offsets of these delays (B_k of the paper), in samples at [`PINNA_RATE`].
 const PINNA_OFFSETS: [f64; 5] = [2.0, 4.0, 7.0, 11.0, 13.0];
+/// Sample rate of the delays of the pinna, in Hz, at any rate of the audio.
 const PINNA_RATE: f64 = 44_100.0;
 /// Longest delay of a reflection of the pinna, in s.
 pub const PINNA_MAX_DELAY: f64 = 18.0 / PINNA_RATE;
-/// Longest delay of the shoulder's echo, in s.
+/// Longest delay of the shoulder reflection, in s.
 pub const SHOULDER_MAX_DELAY: f64 = 0.0012;
 
-/// An ear.
+/// The left or the right ear.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ear {
     /// On the side of positive y.
@@ -29,16 +31,17 @@ pub enum Ear {
     Right,
 }
 
-/// How the delays of a pinna's reflections follow the elevation: the two sets that Brown and Duda fitted to listeners.
+/// The sets of pinna delays that Brown and Duda fitted to listeners. They differ in the dependence on the elevation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PinnaSet {
-    /// Their first set.
+    /// The first set.
     Set0,
-    /// Their second set.
+    /// The second set.
     Set1,
 }
 
 impl PinnaSet {
+    /// Returns the scale of the elevation for each reflection (D_k of the paper).
     fn scales(self) -> [f64; 5] {
         match self {
             Self::Set0 => [1.0, 0.5, 0.5, 0.5, 0.5],
@@ -47,14 +50,14 @@ impl PinnaSet {
     }
 }
 
-/// A sphere with two ears, and what it does to sound from a direction far away.
+/// A spherical head with two ears, and its transfer functions for distant sources.
 ///
-/// The laws hold for sources far away compared with the head; nearer than about a metre they are a cue and no more.
+/// The model holds for sources that are distant against the head size; below about 1 m it is a rough cue only.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Head {
     /// Radius in metres.
     pub radius: f64,
-    /// Gain of high frequencies where the shadow is deepest.
+    /// Gain of high frequencies in the deepest shadow.
     pub min_gain: f64,
     /// Angle of incidence of the deepest shadow, in radians.
     pub deepest_angle: f64,
@@ -62,7 +65,7 @@ pub struct Head {
     pub ear_azimuth: f64,
     /// Reflections of the pinna.
     pub pinna: Option<PinnaSet>,
-    /// Level of the echo from the shoulder; 0 for none.
+    /// Level of the shoulder reflection; 0 for none.
     pub shoulder: f64,
 }
 
@@ -79,35 +82,35 @@ impl Default for Head {
     }
 }
 
-/// What an ear does to sound from one direction at one rate.
+/// The transfer function of an ear for one direction and one sample rate.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct EarFilter {
     /// Coefficients of the shadow, `(b0 + b1 z^-1) / (1 + a1 z^-1)`; `a1` does not depend on the direction.
     pub shadow: [f64; 3],
-    /// Delay in s, [`Head::centre_delay`] being that of the middle of the head.
+    /// Delay in s; that of the centre of the head is [`Head::centre_delay`].
     pub delay: f64,
-    /// Delay of each reflection of the pinna after the sound, in s.
+    /// Delay of each pinna reflection after the direct sound, in s.
     pub pinna: [f64; 5],
-    /// Delay of the echo of the shoulder after the sound, in s.
+    /// Delay of the shoulder reflection after the direct sound, in s.
     pub shoulder: f64,
 }
 
 impl Head {
-    /// Delay that is added to both ears so that none is negative: the way from the surface to the middle, in s.
+    /// Returns the delay added to both ears so that neither is negative: the travel time over the radius, in s.
     #[must_use]
     pub fn centre_delay(&self) -> f64 {
         self.radius / SPEED_OF_SOUND
     }
 
-    /// Longest delay of an ear, in s.
+    /// Returns the longest delay of an ear, in s.
     #[must_use]
     pub fn max_delay(&self) -> f64 {
         self.centre_delay() * (1.0 + FRAC_PI_2)
     }
 
-    /// Angle between a direction (any length, own axes of the head) and the axis of an ear, in radians from 0 to pi.
+    /// Returns the angle between a direction (of any length, in local axes) and the axis of an ear, in radians from 0 to pi.
     ///
-    /// What is in the middle of the head counts as in front.
+    /// A source at the centre of the head is treated as in front.
     #[must_use]
     pub fn incidence(&self, ear: Ear, direction: Vec3) -> f64 {
         let d = unit(direction).unwrap_or([1.0, 0.0, 0.0]);
@@ -116,23 +119,23 @@ impl Head {
         libm::atan2(norm(cross(axis, d)), dot(axis, d))
     }
 
-    /// Gain of high frequencies at an angle of incidence; that of low ones is 1.
+    /// Returns the gain of high frequencies at an angle of incidence; that of low frequencies is 1.
     #[must_use]
     pub fn high_gain(&self, incidence: f64) -> f64 {
         let half = self.min_gain / 2.0;
         (1.0 + half) + (1.0 - half) * libm::cos(PI * incidence / self.deepest_angle)
     }
 
-    /// Delay of an ear at an angle of incidence, in s: along the straight way, then around the sphere.
+    /// Returns the delay of an ear at an angle of incidence, in s: along the straight path, then around the sphere.
     ///
-    /// The shadow delays low frequencies by a further `(1 - high gain) / (2 c / a)`, as a head does.
+    /// The head shadow delays low frequencies by another `(1 - high gain) / (2 c / a)`, as a real head does.
     #[must_use]
     pub fn delay(&self, incidence: f64) -> f64 {
         let path = if incidence < FRAC_PI_2 { -libm::cos(incidence) } else { incidence - FRAC_PI_2 };
         self.centre_delay() * (1.0 + path)
     }
 
-    /// Coefficients `b0, b1, a1` of the shadow at `fs` hertz, by the bilinear transform.
+    /// Returns the coefficients `b0, b1, a1` of the head shadow at `fs` hertz, by the bilinear transform.
     #[must_use]
     pub fn shadow(&self, incidence: f64, fs: f64) -> [f64; 3] {
         let corner = 1.0 / self.centre_delay();
@@ -141,7 +144,7 @@ impl Head {
         [(corner + gain) / denominator, (corner - gain) / denominator, (corner - fs) / denominator]
     }
 
-    /// Delays of the pinna's reflections for a direction, in s; zero without pinna.
+    /// Returns the delays of the pinna reflections for a direction, in s; zero without pinna.
     #[must_use]
     pub fn pinna_delays(&self, direction: Vec3) -> [f64; 5] {
         let Some(set) = self.pinna else { return [0.0; 5] };
@@ -154,16 +157,16 @@ impl Head {
         })
     }
 
-    /// Delay of the shoulder's echo, in s: Brown and Duda's rough fit.
+    /// Returns the delay of the shoulder reflection, in s, by the approximate fit of Brown and Duda.
     #[must_use]
     pub fn shoulder_delay(&self, incidence: f64, direction: Vec3) -> f64 {
         let (_, elevation) = interaural(unit(direction).unwrap_or([1.0, 0.0, 0.0]));
         let (theta, phi) = (incidence.to_degrees(), elevation.to_degrees());
-        let path = (phi - 80.0) * 180.0 / (180.0 + theta);
-        (SHOULDER_MAX_DELAY * (180.0 - theta) / 180.0 * (1.0 - 0.00004 * path * path)).max(0.0)
+        let angle = (phi - 80.0) * 180.0 / (180.0 + theta);
+        (SHOULDER_MAX_DELAY * (180.0 - theta) / 180.0 * (1.0 - 0.00004 * angle * angle)).max(0.0)
     }
 
-    /// Everything that an ear does to sound from a direction (any length, own axes of the head) at `fs` hertz.
+    /// Returns the transfer function of an ear for a direction (of any length, in local axes) at `fs` hertz.
     #[must_use]
     pub fn ear(&self, ear: Ear, direction: Vec3, fs: f64) -> EarFilter {
         let incidence = self.incidence(ear, direction);
@@ -175,8 +178,9 @@ impl Head {
         }
     }
 
-    /// Complex gain `(re, im)` of an ear at a frequency in hertz, the naive form of what [`Binaural`](super::Binaural) and
-    /// [`HeadReceiver`](super::HeadReceiver) compute; the middle of the head has delay 0.
+    /// Returns the complex gain `(re, im)` of an ear at a frequency in hertz. The centre of the head has delay 0.
+    ///
+    /// This is the reference for [`Binaural`](crate::spatial::Binaural) and [`HeadReceiver`](crate::spatial::HeadReceiver).
     #[must_use]
     pub fn response(&self, filter: &EarFilter, frequency: f64, fs: f64) -> [f64; 2] {
         let w = 2.0 * PI * frequency;

@@ -1,4 +1,4 @@
-//! A head on the grid of an inverse Fourier transform: complex gains in place of filters and delays.
+//! The head model in the frequency domain: complex gains instead of filters and delays.
 
 use std::f64::consts::PI;
 
@@ -7,16 +7,16 @@ use crate::friction::Receiver;
 use crate::spatial::motion::pose::Pose;
 use crate::spatial::propagation::distance::Distance;
 
-/// Bins whose phases are one table turned by one number, which keeps the inner loop free of dependences.
+/// Bins per block. The phases in a block are those of one table times one complex number, so the inner loop has no dependences.
 const BLOCK: usize = 64;
 
-/// Two ears that hear emitters where they are: the spectrum of each, complex_product the gains of its direction.
+/// Two ears that receive the spectra of emitters, each multiplied by the gains of its direction.
 ///
-/// The delays are circular in a clip; with those of a head, below 1.5 ms of 50, that is not heard. Both ears get the same phases
-/// of an emitter. The middle of the head has delay 0.
+/// Delays are circular in a clip; those of a head, below 1.5 ms in 50 ms, make this inaudible. Both ears receive the same phases of an
+/// emitter. The centre of the head has delay 0.
 ///
 /// # Complexity
-/// Per emitter and ear six multiplications of complex numbers per bin with a pinna, two without.
+/// Per emitter, ear and bin, six complex multiplications with a pinna and two without.
 #[derive(Clone, Debug)]
 pub struct HeadReceiver {
     head: Head,
@@ -33,7 +33,7 @@ pub struct HeadReceiver {
 }
 
 impl HeadReceiver {
-    /// A head for clips of `len` samples (even) at `fs` hertz.
+    /// Creates a head for clips of `len` samples (even) at `fs` hertz.
     #[must_use]
     pub fn new(head: Head, fs: f64, len: usize, distance: Option<Distance>) -> Self {
         let bins = len / 2 + 1;
@@ -65,12 +65,12 @@ impl HeadReceiver {
         }
     }
 
-    /// Moves the head.
+    /// Sets the pose of the head.
     pub fn set_listener(&mut self, listener: Pose) {
         self.listener = listener;
     }
 
-    /// Complex gains of an ear for a source at a place, distance included.
+    /// Returns the complex gains of an ear for a source at a position, including distance.
     ///
     /// # Shapes
     /// `[bins]` real and `[bins]` imaginary parts.
@@ -98,7 +98,7 @@ impl HeadReceiver {
         (&self.gains[0], &self.gains[1])
     }
 
-    /// Multiplies the gains by shadow and shoulder.
+    /// Multiplies the gains by the shadow and the shoulder reflection.
     fn apply_shadow(&mut self, [b0, b1, _]: [f64; 3]) {
         let (b0, b1) = (b0 as f32, b1 as f32);
         let [re, im] = &mut self.gains;
@@ -106,8 +106,8 @@ impl HeadReceiver {
         let delayed_pole = self.delayed_pole[0].iter().zip(&self.delayed_pole[1]);
         let echo = self.echo[0].iter().zip(&self.echo[1]);
         let shadow = pole.zip(delayed_pole).zip(echo);
-        for ((re, im), (((ur, ui), (lr, li)), (er, ei))) in re.iter_mut().zip(im).zip(shadow) {
-            let (sr, si) = (b0 * ur + b1 * lr + er, b0 * ui + b1 * li + ei);
+        for ((re, im), (((pr, pi), (dr, di)), (er, ei))) in re.iter_mut().zip(im).zip(shadow) {
+            let (sr, si) = (b0 * pr + b1 * dr + er, b0 * pi + b1 * di + ei);
             (*re, *im) = (*re * sr - *im * si, *re * si + *im * sr);
         }
     }

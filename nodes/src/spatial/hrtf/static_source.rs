@@ -1,4 +1,4 @@
-//! A short sound at the two ears, from a place that stays where it is for as long as it lasts.
+//! Binaural rendering of a sound from a static source.
 
 use super::head::{Ear, Head, PINNA_LEVELS, PINNA_MAX_DELAY};
 use crate::contact::vector::Vec3;
@@ -6,17 +6,17 @@ use crate::spatial::propagation::distance::Distance;
 use crate::spatial::propagation::fractional_delay::lagrange;
 use serde::{Deserialize, Serialize};
 
-/// Samples that are worked on at once.
+/// Samples processed at a time.
 const BLOCK: usize = 64;
-/// Time after which the shadow rings no more, over that from the surface to the middle of the head: `e^-14` is -120 dB.
+/// Decay time of the head shadow, relative to the travel time over the radius: `e^-14` is -120 dB.
 const SHADOW_TAIL: f64 = 7.0;
 
-/// Reads a sound at a delay between its samples.
+/// A fractional delay with a gain.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 struct Tap {
-    /// Whole samples of the delay.
+    /// Integer part of the delay, in samples.
     delay: i64,
-    /// Weights of the samples around it, the newest first.
+    /// Weights of the samples around the delay, newest first, times the gain.
     weights: [f32; 4],
 }
 
@@ -32,7 +32,7 @@ impl Tap {
 
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct StaticEar {
-    /// The sound itself and the reflections of the pinna.
+    /// The direct sound and the pinna reflections.
     taps: [Tap; 6],
     count: usize,
     shadow: [f64; 3],
@@ -54,13 +54,13 @@ impl StaticEar {
         Self { taps, count, shadow: filter.shadow, u: 0.0, y: 0.0 }
     }
 
-    /// What the ear hears from frame `at` of the sound on. Pinna and shadow are linear and stand still, so their order is free:
+    /// Renders the signal at the ear from frame `first` of the sound on. Pinna and shadow are linear and time-invariant, so they commute:
     /// the taps come first, since they can be read from the sound itself and need no memory.
-    fn process(&mut self, sound: &[f32], at: i64, signal: &mut [f32]) {
+    fn process(&mut self, sound: &[f32], first: i64, signal: &mut [f32]) {
         signal.fill(0.0);
         for tap in &self.taps[..self.count] {
             for (k, weight) in (0..).zip(tap.weights) {
-                add_from(signal, sound, at - tap.delay + 1 - k, weight);
+                add_from(signal, sound, first - tap.delay + 1 - k, weight);
             }
         }
         let [b0, b1, a1] = self.shadow;
@@ -73,21 +73,21 @@ impl StaticEar {
     }
 }
 
-/// Adds a sound from frame `from` on, which may lie before it; it is silent around.
+/// Adds a sound from frame `from` on, which may be negative; outside its frames the sound is silent.
 fn add_from(out: &mut [f32], sound: &[f32], from: i64, weight: f32) {
     let skip = (-from).clamp(0, out.len() as i64) as usize;
     let Some(sound) = sound.get((from + skip as i64).max(0) as usize..) else { return };
     out[skip..].iter_mut().zip(sound).for_each(|(y, x)| *y += weight * x);
 }
 
-/// A sound that is held whole in memory, at the two ears of a [`Head`], from one place.
+/// Renders a sound held in memory from a static source at the two ears of a [`Head`].
 ///
-/// It is that of [`Binaural`](super::Binaural) and [`Distance`] for a source that stands still, but keeps four numbers of state
-/// instead of delay lines, so that hundreds may sound at once. The middle of the head hears the sound at its time, and a near
-/// ear up to [`max_advance`](Self::max_advance) samples earlier. Echoes of shoulder and room are left out.
+/// The result is that of [`Binaural`](crate::spatial::Binaural) and [`Distance`] for a source that does not move. The state is four
+/// numbers instead of delay lines, so hundreds of sources may play at once. At the centre of the head the sound is not delayed; at the
+/// near ear it is up to [`max_advance`](Self::max_advance) samples earlier. Reflections of shoulder and room are omitted.
 ///
 /// # Complexity
-/// Per sample and ear four products for the sound and twenty for a pinna; nothing is allocated.
+/// Four multiplications per sample and ear, and twenty more with a pinna; no allocation.
 ///
 /// # Source
 /// Brown and Duda, "A structural model for binaural sound synthesis" (IEEE Trans. Speech and Audio Processing 6(5), 1998).
@@ -98,7 +98,7 @@ pub struct StaticSource {
 }
 
 impl StaticSource {
-    /// A source at a place in own axes of the head, m, at `fs` hertz; without `distance` it is as loud anywhere.
+    /// Creates a source at a position in local axes of the head, in m, at `fs` hertz. Without `distance` its gain is 1.
     #[must_use]
     pub fn new(head: &Head, distance: Option<Distance>, position: Vec3, fs: f64) -> Self {
         Self {
@@ -107,14 +107,14 @@ impl StaticSource {
         }
     }
 
-    /// Samples before the beginning of a sound in which an ear may hear it, wherever it is.
+    /// Returns the largest number of samples by which a sound reaches an ear before its start, for any position.
     #[must_use]
     pub fn max_advance(head: &Head, fs: f64) -> usize {
-        // Two samples more, since a value between samples needs the two before it.
+        // Two more samples for the interpolation.
         (head.centre_delay() * fs).ceil() as usize + 2
     }
 
-    /// Samples after the end of a sound in which an ear may hear it.
+    /// Returns the number of samples for which a sound is audible at an ear after its end.
     #[must_use]
     pub fn tail(head: &Head, fs: f64) -> usize {
         let pinna = if head.pinna.is_some() { PINNA_MAX_DELAY } else { 0.0 };
@@ -122,24 +122,24 @@ impl StaticSource {
         (max_delay * fs).ceil() as usize + 2
     }
 
-    /// Gain of the distance.
+    /// Returns the gain by distance.
     #[must_use]
     pub fn gain(&self) -> f32 {
         self.gain
     }
 
-    /// Adds frames of what the ears hear, from frame `at` of the sound on, each times what `level` makes of it; frames come one
-    /// after the other.
+    /// Adds the signals at the ears from frame `first` of the sound on. `level` maps each sample and its frame to the output. Successive
+    /// calls must be contiguous.
     ///
     /// # Shapes
     /// `out: [2 T]`, left and right interleaved.
-    pub fn add(&mut self, sound: &[f32], at: i64, out: &mut [f32], level: impl Fn(f32, i64) -> f32) {
+    pub fn add(&mut self, sound: &[f32], first: i64, out: &mut [f32], level: impl Fn(f32, i64) -> f32) {
         let mut signal = [0.0; BLOCK];
-        for (at, out) in (at..).step_by(BLOCK).zip(out.chunks_mut(2 * BLOCK)) {
+        for (first, out) in (first..).step_by(BLOCK).zip(out.chunks_mut(2 * BLOCK)) {
             for (side, ear) in self.ears.iter_mut().enumerate() {
                 let signal = &mut signal[..out.len() / 2];
-                ear.process(sound, at, signal);
-                for ((frame, y), x) in (at..).zip(out.as_chunks_mut::<2>().0).zip(signal) {
+                ear.process(sound, first, signal);
+                for ((frame, y), x) in (first..).zip(out.as_chunks_mut::<2>().0).zip(signal) {
                     y[side] += level(self.gain * *x, frame);
                 }
             }
@@ -155,8 +155,8 @@ mod tests {
     use super::super::head::PinnaSet;
     use super::*;
 
-    /// Nothing above 2.5 kHz at 48 kHz: higher up, reading between samples twice, as delay lines do, is not what reading once is.
-    fn low() -> Vec<f32> {
+    /// A sound below 2.5 kHz at 48 kHz. At higher frequencies the two interpolations of the delay lines differ from one.
+    fn low_sound() -> Vec<f32> {
         let wave = |n: f32| (0.31 * n).sin() + (0.17 * n + 1.0).sin();
         (0..300).map(|n| wave(n as f32) * (n as f32 / 300.0 * PI).sin().powi(2)).collect()
     }
@@ -170,38 +170,38 @@ mod tests {
         [2.0 * a.cos(), -2.0 * a.sin(), 0.3]
     }
 
-    /// Both ears from `lead` samples before the sound on, in blocks.
+    /// Renders both ears from `max_advance` samples before the sound on, in blocks.
     fn play(head: &Head, position: Vec3, fs: f64, block: usize) -> Vec<f32> {
         play_sound(&sound(), head, position, fs, block)
     }
 
     fn play_sound(sound: &[f32], head: &Head, position: Vec3, fs: f64, block: usize) -> Vec<f32> {
-        let (lead, ring) = (StaticSource::max_advance(head, fs), StaticSource::tail(head, fs));
-        let mut out = vec![0.0; 2 * (lead + sound.len() + ring)];
+        let (advance, tail) = (StaticSource::max_advance(head, fs), StaticSource::tail(head, fs));
+        let mut out = vec![0.0; 2 * (advance + sound.len() + tail)];
         let mut source = StaticSource::new(head, None, position, fs);
-        for (at, out) in (-(lead as i64)..).step_by(block).zip(out.chunks_mut(2 * block)) {
+        for (at, out) in (-(advance as i64)..).step_by(block).zip(out.chunks_mut(2 * block)) {
             source.add(sound, at, out, |x, _| x);
         }
         out
     }
 
     #[test]
-    fn it_is_what_delay_lines_give_for_a_source_that_stands_still() {
+    fn the_result_is_that_of_delay_lines_for_a_static_source() {
         for (fs, pinna) in
             [(44_100.0, None), (48_000.0, Some(PinnaSet::Set0)), (96_000.0, Some(PinnaSet::Set1))]
         {
             let head = Head { pinna, ..Head::default() };
             for azimuth in [0.0, 35.0, -90.0, 160.0] {
-                let found = play_sound(&low(), &head, side(azimuth), fs, 1000);
+                let found = play_sound(&low_sound(), &head, side(azimuth), fs, 1000);
                 let mut binaural = Binaural::new(head, 0.0, fs);
                 let shift = binaural.lag() - StaticSource::max_advance(&head, fs).min(binaural.lag());
                 let early = StaticSource::max_advance(&head, fs) - (binaural.lag() - shift);
-                let mut input = low();
+                let mut input = low_sound();
                 input.resize(found.len() / 2 + shift, 0.0);
                 let mut expected = vec![0.0; 2 * input.len()];
                 binaural.process(0, &input, &mut expected, |_| side(azimuth));
                 let pairs = found[2 * early..].iter().zip(&expected[2 * shift..]);
-                let worst = pairs.fold(0.0_f32, |most, (a, b)| most.max((a - b).abs()));
+                let worst = pairs.fold(0.0_f32, |max, (a, b)| max.max((a - b).abs()));
                 assert!(worst < 2e-3, "{fs} {azimuth}: {worst}");
                 assert!(found[..2 * early].iter().all(|x| x.abs() < 1e-3));
                 // Nothing is cut off at the end.
@@ -211,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn mirrored_places_swap_the_ears_bit_for_bit_and_the_front_is_the_same_in_both() {
+    fn mirrored_positions_swap_the_ears_bit_for_bit_and_the_front_is_the_same_in_both() {
         let head = Head { pinna: Some(PinnaSet::Set0), ..Head::default() };
         let ear = |out: &[f32], k: usize| out.iter().skip(k).step_by(2).copied().collect::<Vec<_>>();
         for azimuth in [12.0, 80.0, 171.0] {
@@ -227,12 +227,12 @@ mod tests {
     #[test]
     fn blocks_of_any_length_give_the_same_bits() {
         let head = Head { pinna: Some(PinnaSet::Set1), ..Head::default() };
-        let whole = play(&head, side(40.0), 44_100.0, 1000);
-        assert!([1, 7, 64, 65].into_iter().all(|block| play(&head, side(40.0), 44_100.0, block) == whole));
+        let expected = play(&head, side(40.0), 44_100.0, 1000);
+        assert!([1, 7, 64, 65].into_iter().all(|block| play(&head, side(40.0), 44_100.0, block) == expected));
     }
 
     #[test]
-    fn twice_as_far_is_half_as_loud() {
+    fn the_gain_is_inverse_to_the_distance() {
         let gain = |d: f64| {
             StaticSource::new(&Head::default(), Some(Distance::default()), [d, 0.0, 0.0], 48_000.0).gain()
         };

@@ -1,4 +1,4 @@
-//! A source around a head, as a node.
+//! The node `StructuralHrtf`.
 
 use super::binaural::{Binaural, ROOM_DELAY};
 use super::head::{Head, PINNA_MAX_DELAY, PinnaSet, SHOULDER_MAX_DELAY};
@@ -13,19 +13,19 @@ use crate::spatial::motion::pose::Pose;
 use crate::{archive_state, choices, params, ports};
 
 choices! {
-    /// Reflections of the pinna, which tell elevation and front from side.
+    /// Reflections of the pinna, the cues for elevation and for front and side.
     pub enum Pinna {
         /// None.
         Off,
-        /// Brown and Duda's first set of delays.
+        /// The first set of delays of Brown and Duda.
         Set0,
-        /// Their second set.
+        /// Their second set of delays.
         Set1,
     }
 }
 
 impl Pinna {
-    /// The set, where there is one.
+    /// Returns the set of delays, if any.
     #[must_use]
     pub fn set(self) -> Option<PinnaSet> {
         match self {
@@ -37,38 +37,38 @@ impl Pinna {
 }
 
 params! {
-    /// What the two ears of a head hear of a source: shadow and delay of a sphere, reflections of the pinna.
+    /// Renders a source binaurally by a structural head model: head shadow, interaural delay and reflections of the pinna.
     ///
-    /// Mono audio becomes stereo. Source and listener stand still where the parameters say, or move with a link to `position` or
-    /// `listener` (`PoseFile`, `VertexPose`, `Orbit`); the pose of the source counts for its place only. A head's own axes are x
-    /// to the front, y to the left and z up, those of the scene where it is not turned. All that follows from where things
-    /// are moves on straight lines from one set of 64 samples to the next, also when a parameter changes while the graph runs.
+    /// Mono audio becomes stereo. The positions of source and listener are those of the parameters, or those of streams linked to
+    /// `position` and `listener` (`PoseFile`, `VertexPose`, `Orbit`); the orientation of the source has no effect. The local axes of a head
+    /// are x to the front, y to the left and z up; without rotation they are those of the scene. Poses are read every 64 samples;
+    /// coefficients change linearly in between, also when a parameter changes while the graph runs.
     ///
-    /// The middle of the head hears the source at its time, a near ear up to 0.26 ms earlier, for which the node looks ahead.
-    /// Low frequencies arrive another 0.1 ms or so later than that at the far ear, as they do around a real head. Distance
-    /// changes nothing here: see `DistanceGain`. The model is that of a source far away; nearer than about a metre it is a cue
-    /// and no more. It does not tell behind from in front but for the shadow: the pinna's law holds for the front half only and is
-    /// mirrored. At worst (a reflection in phase with the sound, straight at the ear) a peak grows sevenfold.
+    /// At the centre of the head the sound is not delayed; at the near ear it is up to 0.26 ms earlier, for which the node looks ahead.
+    /// At the far ear low frequencies are about 0.1 ms later than high frequencies, as with a real head. The distance has no effect: see
+    /// `DistanceGain`. The model is for distant sources; below about 1 m it is a rough cue only. Front and back differ by the shadow only:
+    /// the pinna model holds for the front half and is mirrored. In the worst case (a reflection in phase, straight at the ear) a peak
+    /// grows sevenfold.
     ///
     /// # Source
     /// Brown and Duda, "A structural model for binaural sound synthesis" (IEEE Trans. Speech and Audio Processing 6(5), 1998). The
-    /// delays of their pinna are samples at 44.1 kHz and mean the same time at every rate.
+    /// delays of their pinna are samples at 44.1 kHz; here they are the same times at every rate.
     pub struct StructuralHrtfParams {
-        /// Place of the source, where no link gives it.
+        /// Position of the source, if not linked.
         position: [f64; 3] = [1.0, 0.0, 0.0], unit "m", range -100_000.0..=100_000.0;
-        /// Place of the listener's head, where no link gives its pose.
+        /// Position of the listener's head, if not linked.
         listener: [f64; 3] = [0.0; 3], unit "m", range -100_000.0..=100_000.0;
-        /// Where the listener looks, where no link gives its pose: a direction of any length.
+        /// Look direction of the listener, if not linked; of any length.
         look: [f64; 3] = [1.0, 0.0, 0.0], unit "", range -100_000.0..=100_000.0;
-        /// What is above the listener: a direction that is not parallel to `look`.
+        /// Direction above the listener, if not linked; not parallel to `look`.
         up: [f64; 3] = [0.0, 0.0, 1.0], unit "", range -100_000.0..=100_000.0;
         /// Reflections of the pinna.
         pinna: Pinna = Pinna::Set0;
         /// Radius of the head.
         radius: f64 = 0.0875, unit "m", range 0.01..=1.0;
-        /// Level of an echo from the shoulder; 0.2 is natural, 0 is none.
+        /// Level of the shoulder reflection; 0.2 is natural, 0 is none.
         shoulder: f64 = 0.0, unit "", range 0.0..=1.0;
-        /// Level of an echo from the room after 15 ms, the same in both ears: 0.178 (-15 dB) puts sounds outside of the head.
+        /// Level of a room echo after 15 ms, the same at both ears; 0.178 (-15 dB) externalises the sound.
         room: f64 = 0.0, unit "", range 0.0..=1.0;
     }
 }
@@ -76,21 +76,21 @@ ports! {
     /// Ports of `StructuralHrtf`.
     pub struct StructuralHrtfPorts / StructuralHrtfIo {
         in {
-            /// What the source sounds like: mono.
+            /// Audio of the source, mono.
             audio: Stream<f32>,
-            /// Where the source is, in place of the parameter.
+            /// Poses of the source; replace the parameter.
             position: Option<Stream<Poses>>,
-            /// Where the listener's head is and looks, in place of the parameters.
+            /// Poses of the listener's head; replace the parameters.
             listener: Option<Stream<Poses>>,
         }
         out {
-            /// What the ears hear: stereo.
+            /// Audio at the ears, stereo.
             out: Stream<f32>,
         }
     }
 }
 
-/// The node over [`Binaural`].
+/// The node `StructuralHrtf`.
 #[derive(Debug)]
 pub struct StructuralHrtf {
     binaural: Binaural,
@@ -104,13 +104,13 @@ fn head(p: &StructuralHrtfParams) -> Head {
     Head { radius: p.radius, pinna: p.pinna.set(), shoulder: p.shoulder, ..Head::default() }
 }
 
-/// Longest delay after the middle of the head, in s.
+/// Returns the longest delay after that of the centre of the head, in s.
 fn tail(p: &StructuralHrtfParams) -> f64 {
     let head = head(p);
     let pinna = if head.pinna.is_some() { PINNA_MAX_DELAY } else { 0.0 };
     let shoulder = if p.shoulder > 0.0 { SHOULDER_MAX_DELAY } else { 0.0 };
-    let around = head.max_delay() - head.centre_delay() + pinna + shoulder;
-    if p.room > 0.0 { around.max(ROOM_DELAY) } else { around }
+    let ear_delay = head.max_delay() - head.centre_delay() + pinna + shoulder;
+    if p.room > 0.0 { ear_delay.max(ROOM_DELAY) } else { ear_delay }
 }
 
 impl Node for StructuralHrtf {
@@ -125,7 +125,7 @@ impl Node for StructuralHrtf {
         let audio = s.input(Port::audio);
         if audio.format != Channels(1) {
             let message = format!("`audio` has {} channels; a source is mono", audio.format.0);
-            s.wrong(Reject::new("F046", message).at("audio").help("put Mono before it"));
+            s.wrong(Reject::new("F046", message).at("audio").help("insert Mono before it"));
         }
         s.check(listener_pose(p.listener, p.look, p.up));
         let fs = audio.rate.as_f64();
@@ -172,7 +172,7 @@ impl Node for StructuralHrtf {
         if (StructuralHrtfParams { position, listener: at, look, up, ..self.params.clone() }) != *new {
             return Retune::Rebuild;
         }
-        // Parameters that leave the head's turn open are refused before they come here.
+        // Parameters that do not define an orientation are refused earlier.
         if let Some(pose) = Pose::looking(at, look, up) {
             self.listener = pose;
         }

@@ -1,10 +1,10 @@
-//! Poses that travel between nodes.
+//! Poses as items of streams.
 
 use super::pose::Pose;
 use crate::core::item::Item;
 use crate::core::random::Rng;
 
-/// Where something is and which way it faces, one [`Pose`] per frame.
+/// Position and orientation of a body: one [`Pose`] per frame.
 #[derive(Debug)]
 pub struct Poses;
 

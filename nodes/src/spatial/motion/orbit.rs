@@ -1,4 +1,4 @@
-//! A body that circles a point, as a node.
+//! The node `Orbit`.
 
 use std::f64::consts::TAU;
 
@@ -16,16 +16,16 @@ use crate::core::time::{Rate, ticks};
 use crate::{params, ports};
 
 params! {
-    /// A body that circles a point at an even speed and looks at it: a source or a listener with known motion.
+    /// Moves a body around a point at constant speed; the body faces the point. It gives a source or a listener of known motion.
     ///
-    /// It starts in the direction of the scene's x as seen along the axis (of y, where the axis is x), and turns as a right hand's
-    /// fingers do whose thumb is the axis: to the left of a listener who looks along x with z above.
+    /// The body starts in the direction of the scene's x axis, projected onto the plane of the circle (of y, if the axis is x). It turns
+    /// by the right-hand rule about the axis: to the left of a listener who looks along x with z above.
     pub struct OrbitParams {
-        /// The point that is circled.
+        /// Centre of the circle.
         centre: [f64; 3] = [0.0; 3], unit "m", range -100_000.0..=100_000.0;
-        /// Distance from it.
+        /// Radius of the circle.
         radius: f64 = 1.0, unit "m", range 0.0..=100_000.0;
-        /// Turns per second.
+        /// Revolutions per second.
         frequency: f64 = 0.25, unit "Hz", range -100.0..=100.0;
         /// Angle at time zero.
         start: f64 = 0.0, unit "degrees", range -360.0..=360.0;
@@ -33,7 +33,7 @@ params! {
         axis: [f64; 3] = [0.0, 0.0, 1.0], unit "", range -100_000.0..=100_000.0;
         /// Poses per second.
         rate: Rate = Rate::hz(60);
-        /// Length; None goes on for ever.
+        /// Length; None is endless.
         duration: Option<f64> = None, unit "s", range 0.0..=86_400.0;
     }
 }
@@ -50,7 +50,7 @@ ports! {
 /// The node `Orbit`.
 #[derive(Debug)]
 pub struct Orbit {
-    /// Axis, direction of the start, and a quarter turn further.
+    /// Axis, direction at angle 0, and direction a quarter turn later.
     axes: [[f64; 3]; 3],
     params: OrbitParams,
 }
@@ -87,7 +87,7 @@ impl Node for Orbit {
         let (first, period) = (io.pose.first(), 1.0 / io.pose.rate().as_f64());
         let (p, [axis, start, quarter]) = (&self.params, self.axes);
         for (k, out) in (first..).zip(io.pose.items()) {
-            // Whole turns are taken off first, so that hours later the angle is as exact as now.
+            // The fraction keeps the angle exact after hours.
             let turns = (p.frequency * k as f64 * period).fract();
             let angle = TAU * turns + p.start.to_radians();
             let offset = add(scale(start, libm::cos(angle)), scale(quarter, libm::sin(angle)));
@@ -114,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn a_quarter_turn_later_it_is_to_the_left_and_looks_at_the_centre() {
+    fn after_a_quarter_turn_the_body_is_to_the_left_and_faces_the_centre() {
         let p = OrbitParams { centre: [1.0, 2.0, 3.0], radius: 2.0, duration: Some(4.0), ..params() };
         let poses = Standalone::new::<Orbit>(p.clone()).run().unwrap().stream(OrbitPorts::pose);
         assert_eq!(poses.len(), 240);
@@ -127,13 +127,13 @@ mod tests {
     }
 
     #[test]
-    fn other_axes_start_where_the_text_says_and_none_is_refused() {
-        let at = |axis| {
+    fn other_axes_start_as_documented_and_a_zero_axis_is_refused() {
+        let start = |axis| {
             let p = OrbitParams { axis, duration: Some(0.1), ..params() };
             Standalone::new::<Orbit>(p).run().unwrap().stream(OrbitPorts::pose)[0].position
         };
-        assert_eq!(at([0.0, 5.0, 0.0]), [1.0, 0.0, 0.0]);
-        assert_eq!(at([-1.0, 0.0, 0.0]), [0.0, 1.0, 0.0]);
+        assert_eq!(start([0.0, 5.0, 0.0]), [1.0, 0.0, 0.0]);
+        assert_eq!(start([-1.0, 0.0, 0.0]), [0.0, 1.0, 0.0]);
         let reject =
             Standalone::new::<Orbit>(OrbitParams { axis: [0.0; 3], ..params() }).shape().unwrap_err();
         assert_eq!((reject.code, reject.field.as_deref()), ("F067", Some("axis")));

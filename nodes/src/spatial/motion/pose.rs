@@ -1,19 +1,18 @@
-//! A place and a direction, and what lies between several of them.
+//! Positions with orientations, and interpolation between them.
 
 use serde::{Deserialize, Serialize};
 
 use crate::contact::vector::{Vec3, add, cross, dot, norm, scale, sub, widen};
 
-/// Where something is and which way it faces.
+/// Position and orientation.
 ///
-/// Its own axes are x to the front, y to the left and z up (the axes of AES69 and of ambisonics); `rotation` is the unit
-/// quaternion `(w, x, y, z)` that turns them into those of the scene. Without rotation a head looks along the scene's x with
-/// the scene's z above it.
+/// The local axes are x to the front, y to the left and z up, as in AES69 and in ambisonics. `rotation` is the unit quaternion
+/// `(w, x, y, z)` from local axes to scene axes. Without rotation a head looks along the x axis of the scene, with z above it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Pose {
-    /// Place in metres.
+    /// Position in metres.
     pub position: [f32; 3],
-    /// Unit quaternion from own axes to the scene's.
+    /// Unit quaternion from local axes to scene axes.
     pub rotation: [f32; 4],
 }
 
@@ -24,15 +23,15 @@ impl Default for Pose {
 }
 
 impl Pose {
-    /// Something at a place that looks along x.
+    /// Creates a pose at a position that looks along x.
     #[must_use]
     pub fn at(position: [f32; 3]) -> Self {
         Self { position, rotation: [1.0, 0.0, 0.0, 0.0] }
     }
 
-    /// Something at a place that looks along `look` with its head towards `up`; `None` where the two leave that open.
+    /// Creates a pose that looks along `look` with `up` above. Returns `None` if the two do not define an orientation.
     ///
-    /// `up` need not be at right angles to `look`.
+    /// `up` need not be perpendicular to `look`.
     #[must_use]
     pub fn looking(position: [f64; 3], look: [f64; 3], up: [f64; 3]) -> Option<Self> {
         let front = unit(look)?;
@@ -43,38 +42,38 @@ impl Pose {
         finite.then_some(Self { position, rotation })
     }
 
-    /// A point of the scene in own axes.
+    /// Converts a point from scene axes to local axes.
     #[must_use]
     pub fn to_local(&self, point: [f64; 3]) -> [f64; 3] {
         let [w, x, y, z] = self.rotation.map(f64::from);
         rotate([w, -x, -y, -z], sub(point, widen(self.position)))
     }
 
-    /// A point given in own axes, in those of the scene.
+    /// Converts a point from local axes to scene axes.
     #[must_use]
-    pub fn to_scene(&self, own: [f64; 3]) -> [f64; 3] {
-        add(widen(self.position), rotate(self.rotation.map(f64::from), own))
+    pub fn to_scene(&self, point: [f64; 3]) -> [f64; 3] {
+        add(widen(self.position), rotate(self.rotation.map(f64::from), point))
     }
 
-    /// Between the middle two of four equally spaced poses, at `t` from 0 to 1.
+    /// Interpolates between the second and the third of four equally spaced poses, at `t` from 0 to 1.
     ///
-    /// Places lie on the cubic of Catmull and Rom, whose velocity is continuous, so that what follows from the way (a Doppler
-    /// shift) has no steps; directions turn evenly by the shorter way.
+    /// Positions lie on a Catmull-Rom spline, whose velocity is continuous, so Doppler shifts have no steps. Orientations are
+    /// interpolated by slerp along the shorter arc.
     #[must_use]
     pub fn interpolate(around: [Self; 4], t: f64) -> Self {
         let [before, from, to, after] = around;
         let position = std::array::from_fn(|k| {
             let [p, a, b, q] = [before, from, to, after].map(|pose| f64::from(pose.position[k]));
-            let bend = (2.0 * p - 5.0 * a + 4.0 * b - q) + t * (3.0 * (a - b) + q - p);
-            (a + 0.5 * t * ((b - p) + t * bend)) as f32
+            let curvature = (2.0 * p - 5.0 * a + 4.0 * b - q) + t * (3.0 * (a - b) + q - p);
+            (a + 0.5 * t * ((b - p) + t * curvature)) as f32
         });
         Self { position, rotation: slerp(from.rotation, to.rotation, t) }
     }
 }
 
-/// A vector of length 1; `None` where it has no direction.
+/// Normalises a vector. Returns `None` if it has no direction.
 pub(crate) fn unit(v: Vec3) -> Option<Vec3> {
-    // Scaled by its largest part first, so that neither huge nor tiny vectors lose their direction.
+    // Scaled by the largest component first, so that neither huge nor tiny vectors lose their direction.
     let largest = v.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
     if !(largest > 0.0 && largest.is_finite()) {
         return None;
@@ -87,25 +86,26 @@ pub(crate) fn unit(v: Vec3) -> Option<Vec3> {
 
 fn rotate([w, x, y, z]: [f64; 4], v: Vec3) -> Vec3 {
     let axis = [x, y, z];
-    let turned = scale(cross(axis, v), 2.0);
-    add(add(v, scale(turned, w)), cross(axis, turned))
+    let doubled = scale(cross(axis, v), 2.0);
+    add(add(v, scale(doubled, w)), cross(axis, doubled))
 }
 
-/// The unit quaternion that turns x, y and z into three orthonormal vectors; from its largest part, where nothing cancels.
+/// Returns the unit quaternion that rotates x, y and z to three orthonormal vectors. It starts from the largest component, which is free
+/// of cancellation.
 fn quaternion([f, l, u]: [Vec3; 3]) -> [f64; 4] {
     let trace = f[0] + l[1] + u[2];
     let squares = [1.0 + trace, 1.0 + 2.0 * f[0] - trace, 1.0 + 2.0 * l[1] - trace, 1.0 + 2.0 * u[2] - trace];
     let largest = (0..4).fold(0, |best, k| if squares[k] > squares[best] { k } else { best });
     let products = [l[2] - u[1], u[0] - f[2], f[1] - l[0]];
     let sums = [f[1] + l[0], u[0] + f[2], l[2] + u[1]];
-    let part = [
+    let quaternion = [
         [squares[0], products[0], products[1], products[2]],
         [products[0], squares[1], sums[0], sums[1]],
         [products[1], sums[0], squares[2], sums[2]],
         [products[2], sums[1], sums[2], squares[3]],
     ][largest];
-    let length = part.iter().map(|x| x * x).sum::<f64>().sqrt();
-    part.map(|x| x / length)
+    let length = quaternion.iter().map(|x| x * x).sum::<f64>().sqrt();
+    quaternion.map(|x| x / length)
 }
 
 fn slerp(a: [f32; 4], b: [f32; 4], t: f64) -> [f32; 4] {
@@ -126,8 +126,8 @@ fn slerp(a: [f32; 4], b: [f32; 4], t: f64) -> [f32; 4] {
     if length > 0.0 { mixed.map(|x| (x / length) as f32) } else { a.map(|x| x as f32) }
 }
 
-/// A direction in own axes as lateral angle and elevation about the axis through the ears, both in radians and in
-/// `[-pi/2, pi/2]`: what lies behind is mirrored to the front.
+/// Returns lateral angle and elevation of a direction in local axes, in interaural-polar coordinates. Both are in radians, in
+/// `[-pi/2, pi/2]`; directions behind the head are mirrored to the front.
 pub(crate) fn interaural(direction: Vec3) -> (f64, f64) {
     let [front, left, up] = direction;
     let lateral =
@@ -150,14 +150,14 @@ mod tests {
     }
 
     #[test]
-    fn what_a_head_looks_at_is_in_front_of_it() {
+    fn the_look_direction_is_the_local_x_axis() {
         let looks =
             [[0.0, 0.0, -1.0], [1.0, 1.0, 0.2], [-1.0, 0.0, 0.0], [0.0, -3.0, 1.0], [-0.1, 0.2, -5.0]];
         for look in looks {
-            let at = [0.5, -1.0, 2.0];
-            let pose = Pose::looking(at, look, [0.0, 1.0, 0.1]).unwrap();
-            assert!(close(pose.to_local(add(at, look)), [norm(look), 0.0, 0.0]), "{look:?} {pose:?}");
-            assert!(pose.to_local(add(at, [0.0, 1.0, 0.1]))[2] > 0.0);
+            let position = [0.5, -1.0, 2.0];
+            let pose = Pose::looking(position, look, [0.0, 1.0, 0.1]).unwrap();
+            assert!(close(pose.to_local(add(position, look)), [norm(look), 0.0, 0.0]), "{look:?} {pose:?}");
+            assert!(pose.to_local(add(position, [0.0, 1.0, 0.1]))[2] > 0.0);
             assert!(close(pose.to_local(pose.to_scene([0.3, 0.4, 0.5])), [0.3, 0.4, 0.5]));
         }
         assert_eq!(Pose::looking([0.0; 3], [0.0, 0.0, 1.0], [0.0, 0.0, 2.0]), None);
@@ -166,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn straight_even_motion_stays_so_between_frames() {
+    fn uniform_motion_is_preserved_between_frames() {
         let pose = |k: f32| Pose::at([k, 2.0 * k, -k]);
         for t in [0.0, 0.25, 0.5, 1.0] {
             let found = Pose::interpolate([0.0, 1.0, 2.0, 3.0].map(pose), t);
@@ -175,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn directions_turn_evenly_and_by_the_shorter_way() {
+    fn orientations_turn_uniformly_along_the_shorter_arc() {
         let turned = |degrees: f64| {
             let (sin, cos) = degrees.to_radians().sin_cos();
             Pose::looking([0.0; 3], [cos, sin, 0.0], [0.0, 0.0, 1.0]).unwrap()

@@ -1,4 +1,4 @@
-//! The way of a body from a file, as a node.
+//! The node `PoseFile`.
 
 use super::item::Poses;
 use super::pose_track::{PoseTrack, read_poses};
@@ -13,11 +13,12 @@ use crate::core::time::Rate;
 use crate::{params, ports};
 
 params! {
-    /// Where a body is and which way it faces, from a file: CSV under a header.
+    /// Reads the poses of a body from a CSV file with a header.
     ///
-    /// Columns are `time_s` (rising), `x`, `y`, `z` (m) and, where the body turns, `qw`, `qx`, `qy`, `qz`: the quaternion that turns the body's
-    /// own axes (x front, y left, z up) into those of the scene. Further there may be a `comment`. Between rows the body moves
-    /// straight and turns evenly; before the first row it is there already, and after the last one the stream ends.
+    /// Columns are `time_s` (increasing), `x`, `y`, `z` (m) and, if the body turns, `qw`, `qx`, `qy`, `qz`: the quaternion from the local
+    /// axes of the body (x front, y left, z up) to those of the scene. A column `comment` is ignored. Between rows positions are
+    /// interpolated linearly and orientations by slerp. Before the first row the pose is that of the first row; after the last row the
+    /// stream ends.
     pub struct PoseFileParams {
         /// The file.
         path: AssetPath;
@@ -38,7 +39,7 @@ ports! {
 /// The node `PoseFile`.
 #[derive(Debug)]
 pub struct PoseFile {
-    track: PoseTrack,
+    poses: PoseTrack,
 }
 
 fn read(p: &PoseFileParams, bytes: &[u8]) -> Result<PoseTrack, Reject> {
@@ -52,20 +53,20 @@ impl Node for PoseFile {
     const CLASS: Class = Class::Audio;
 
     fn shape(p: &PoseFileParams, s: &mut Shape<'_, '_, PoseFilePorts>) -> Result<(), Reject> {
-        let track = read(p, &s.bytes("path", &p.path.0)?)?;
-        s.ends(Some(p.rate.tick(track.frames(p.rate))));
+        let poses = read(p, &s.bytes("path", &p.path.0)?)?;
+        s.ends(Some(p.rate.tick(poses.frames(p.rate))));
         s.output(PoseFilePorts::pose, p.rate, ());
         Ok(())
     }
 
     fn build(p: &PoseFileParams, cx: &Build<'_>) -> Result<Self, Fault> {
-        Ok(Self { track: read(p, &cx.bytes("path", &p.path.0)?)? })
+        Ok(Self { poses: read(p, &cx.bytes("path", &p.path.0)?)? })
     }
 
     fn run(&mut self, mut io: PoseFileIo<'_>) -> Result<(), Fault> {
         let (first, rate) = (io.pose.first(), io.pose.rate());
         for (k, out) in (first..).zip(io.pose.items()) {
-            *out = self.track.at(rate.tick(k));
+            *out = self.poses.at(rate.tick(k));
         }
         Ok(())
     }
@@ -98,7 +99,7 @@ mod tests {
     }
 
     #[test]
-    fn poses_stand_at_their_times() {
+    fn poses_are_at_their_times() {
         let poses =
             standalone("time_s,x,y,z\n0,0,0,0\n0.5,5,0,0\n").run().unwrap().stream(PoseFilePorts::pose);
         let x: Vec<f32> = poses.iter().map(|pose| pose.position[0].round()).collect();

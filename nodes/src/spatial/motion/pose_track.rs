@@ -1,42 +1,43 @@
-//! Reads the way of a body from CSV.
+//! The trajectory of a body, read from CSV.
 
 use super::pose::Pose;
 use crate::core::time::{Rate, Tick, ticks};
 use thiserror::Error;
 
-/// Most rows that one file may hold.
+/// Largest number of rows of a file.
 pub const MAX_POSES: usize = 1 << 22;
-/// Latest time of a pose, in s.
+/// Largest time of a pose, in s.
 const MAX_TIME: f64 = 86_400.0;
-/// Farthest place, in m.
+/// Largest coordinate, in m.
 const MAX_COORDINATE: f64 = 1e6;
 const POSITION: [&str; 3] = ["x", "y", "z"];
 const ROTATION: [&str; 4] = ["qw", "qx", "qy", "qz"];
 
-/// Why poses cannot be read.
+/// The reason why poses cannot be read.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[error("line {line}: {message}")]
 pub struct PoseFileError {
     /// Line of the file, from 1.
     pub line: u64,
-    /// What was found and what would be right.
+    /// The value that was found and the valid values.
     pub message: String,
 }
 
-/// Poses at rising times.
+/// Poses at increasing times.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PoseTrack {
     poses: Vec<(Tick, Pose)>,
 }
 
 impl PoseTrack {
-    /// Time of the last pose.
+    /// Returns the time of the last pose.
     #[must_use]
     pub fn end(&self) -> Tick {
         self.poses.last().map_or(0, |(tick, _)| *tick)
     }
 
-    /// The pose at a time: between rows on a straight line, turning evenly; before the first and after the last it is that one.
+    /// Returns the pose at a time. Between rows positions are interpolated linearly and orientations by slerp; before the first and after
+    /// the last row the pose is constant.
     #[must_use]
     pub fn at(&self, tick: Tick) -> Pose {
         let after = self.poses.partition_point(|(t, _)| *t <= tick);
@@ -54,18 +55,19 @@ impl PoseTrack {
         }
     }
 
-    /// Frames from 0 to the end, inclusive, at a rate.
+    /// Returns the number of frames from 0 to the end, inclusive, at a rate.
     #[must_use]
     pub fn frames(&self, rate: Rate) -> i64 {
         rate.first_at(self.end() + 1)
     }
 }
 
+/// Returns the first 40 characters of a text.
 fn excerpt(text: &str) -> String {
     text.chars().take(40).collect()
 }
 
-/// The columns of a file by what they mean.
+/// Column indices of a file.
 struct Columns {
     time: usize,
     position: [usize; 3],
@@ -92,7 +94,7 @@ impl Columns {
         let rotation =
             if rotated { Some([need("qw")?, need("qx")?, need("qy")?, need("qz")?]) } else { None };
         if (1..names.len()).any(|k| names[..k].contains(&names[k])) {
-            return Err("a column stands there twice".into());
+            return Err("a column is given twice".into());
         }
         Ok(Self { time, position, rotation, names })
     }
@@ -125,11 +127,11 @@ impl Columns {
     }
 }
 
-/// Reads poses: CSV under a header with `time_s`, `x`, `y`, `z` and, where the body turns, `qw`, `qx`, `qy`, `qz`.
+/// Reads poses from CSV with a header: `time_s`, `x`, `y`, `z` and, if the body turns, `qw`, `qx`, `qy`, `qz`.
 ///
 /// # Errors
-/// Names the line and what would be right: a column that is missing or does not exist, a field that is no number or out of
-/// range, time that does not go on, no row at all.
+/// A missing or unknown column, a field that is not a number or out of range, times that do not increase, and no rows. The error gives
+/// the line and the valid values.
 ///
 /// # Example
 /// ```
@@ -163,15 +165,15 @@ pub fn read_poses(bytes: &[u8]) -> Result<PoseTrack, PoseFileError> {
         let (time, pose) = columns.pose(&row).map_err(wrong)?;
         let tick = ticks(time);
         if poses.last().is_some_and(|(last, _)| tick <= *last) {
-            return Err(wrong(format!("time does not go on at {time} s; rows stand in order")));
+            return Err(wrong(format!("time does not increase at {time} s; rows must be in order of time")));
         }
         if poses.len() == MAX_POSES {
-            return Err(wrong(format!("at most {MAX_POSES} poses are read")));
+            return Err(wrong(format!("a file has at most {MAX_POSES} poses")));
         }
         poses.push((tick, pose));
     }
     if poses.is_empty() {
-        return Err(PoseFileError { line, message: "there is no pose under the header".into() });
+        return Err(PoseFileError { line, message: "there is no pose after the header".into() });
     }
     Ok(PoseTrack { poses })
 }
@@ -181,7 +183,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn places_move_straight_and_rotations_evenly_between_rows() {
+    fn positions_are_linear_and_rotations_uniform_between_rows() {
         let text = "qz, time_s, x, y, z, qw, qx, qy, comment\n0,1,0,0,0,2,0,0,start\n0.70710678,3,4,2,0,0.70710678,0,0,\n";
         let poses = read_poses(text.as_bytes()).unwrap();
         assert_eq!(poses.at(ticks(0.0)), Pose::at([0.0; 3]));
@@ -194,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_named_with_its_line() {
+    fn errors_name_the_line_and_the_reason() {
         for (text, line, part) in [
             ("", 1, "time_s"),
             ("time_s,x,y\n", 1, "`z`"),

@@ -1,4 +1,4 @@
-//! The pose of a place on a moving mesh: the head of a character, or what sounds on it.
+//! The node `VertexPose`.
 
 use super::item::Poses;
 use super::pose::Pose;
@@ -12,19 +12,19 @@ use crate::mesh::{Mesh, MeshFormat};
 use crate::params;
 
 params! {
-    /// The pose of a vertex of a moving mesh: the ears of a character, or a source that moves with a body.
+    /// Gives the pose of a vertex of a moving mesh, such as the head of a character, or a source that moves with a body.
     ///
-    /// The place is the vertex `origin`, moved by `offset` in own axes. Two more vertices turn it: from the origin, `front` lies in front
-    /// and `up` above, as far as that is at right angles to the front. Without them the pose keeps the axes of the scene. Where
-    /// the three fall on one line the pose keeps its last turn.
+    /// The position is that of the vertex `origin`, moved by `offset` in local axes. Two more vertices define the orientation: seen from
+    /// the origin, `front` is in front and `up` above, as far as perpendicular to the front. Without them the local axes are those of the
+    /// scene. If the three vertices are on one line, the pose keeps its last orientation.
     pub struct VertexPoseParams {
-        /// Vertex at the place.
+        /// Vertex at the position.
         origin: usize = 0, unit "vertices", range 0..=100_000_000;
-        /// Vertex in front of it; None with `up` keeps the axes of the scene.
+        /// Vertex in front of the origin; None, together with `up`, keeps the axes of the scene.
         front: Option<usize> = None, unit "vertices", range 0..=100_000_000;
-        /// Vertex above it.
+        /// Vertex above the origin.
         up: Option<usize> = None, unit "vertices", range 0..=100_000_000;
-        /// Place in own axes (front, left, up) relative to the vertex: the middle of a head behind a nose.
+        /// Offset from the vertex in local axes (front, left, up), such as from the nose to the centre of the head.
         offset: [f64; 3] = [0.0; 3], unit "m", range -1000.0..=1000.0;
     }
 }
@@ -57,7 +57,7 @@ impl Each for VertexPose {
         }
         if p.front.is_some() != p.up.is_some() {
             let (has, needs) = if p.front.is_some() { ("front", "up") } else { ("up", "front") };
-            let message = format!("`{has}` alone leaves open how the body is turned");
+            let message = format!("`{has}` alone does not define the orientation");
             return Err(Reject::new("F067", message).at(has).help(format!("give `{needs}` too, or neither")));
         }
         Ok(())
@@ -69,11 +69,11 @@ impl Each for VertexPose {
     }
 
     fn each(&mut self, mesh: &[[f32; 3]], out: &mut [Pose]) {
-        let at = |k: usize| mesh.get(k).copied().map(widen).unwrap_or_default();
-        let origin = at(self.origin);
-        let local = self
-            .axes
-            .and_then(|[front, up]| Pose::looking(origin, sub(at(front), origin), sub(at(up), origin)));
+        let vertex = |k: usize| mesh.get(k).copied().map(widen).unwrap_or_default();
+        let origin = vertex(self.origin);
+        let local = self.axes.and_then(|[front, up]| {
+            Pose::looking(origin, sub(vertex(front), origin), sub(vertex(up), origin))
+        });
         let rotation = local.map_or(self.last.rotation, |pose| pose.rotation);
         let base = Pose { position: origin.map(|x| x as f32), rotation };
         self.last = Pose { position: base.to_scene(self.offset).map(|x| x as f32), rotation };
@@ -114,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn the_pose_goes_and_turns_with_its_triangle_and_keeps_its_turn_where_that_collapses() {
+    fn the_pose_follows_its_triangle_and_keeps_its_orientation_when_that_collapses() {
         let frames = vec![
             // Front x, up z; then front y, up z, moved; then all in one place.
             [0.0, 0.0, 0.0],
@@ -138,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn vertices_that_are_not_there_and_half_a_turn_are_refused() {
+    fn missing_vertices_and_half_an_orientation_are_refused() {
         let reject = |p| standalone(p, vec![[0.0; 3]; 3]).shape().unwrap_err();
         assert_eq!(reject(VertexPoseParams { origin: 3, ..params() }).field.as_deref(), Some("origin"));
         assert!(reject(VertexPoseParams { up: None, ..params() }).help.unwrap().contains("`up`"));

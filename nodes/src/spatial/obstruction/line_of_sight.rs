@@ -2,13 +2,13 @@
 
 use crate::contact::vector::{Vec3, cross, dot, sub, widen};
 
-/// Whether the way between two points passes through a triangle; the ends themselves do not count.
+/// Returns true if the segment between two points, without its ends, intersects a triangle.
 ///
 /// # Source
 /// Möller and Trumbore, "Fast, minimum storage ray-triangle intersection" (Journal of Graphics Tools 2(1), 1997).
 #[must_use]
 pub fn intersects_triangle(from: Vec3, to: Vec3, [a, b, c]: [Vec3; 3]) -> bool {
-    /// Parts of the way at both ends that do not count: a source lies on its own surface.
+    /// Fractions of the segment that are ignored at both ends: a source may lie on its own surface.
     const END_MARGIN: f64 = 1e-4;
     let (direction, e1, e2) = (sub(to, from), sub(b, a), sub(c, a));
     let p = cross(direction, e2);
@@ -24,10 +24,10 @@ pub fn intersects_triangle(from: Vec3, to: Vec3, [a, b, c]: [Vec3; 3]) -> bool {
     u >= 0.0 && v >= 0.0 && u + v <= 1.0 && (END_MARGIN..=1.0 - END_MARGIN).contains(&t)
 }
 
-/// Whether a mesh stands between two points.
+/// Returns true if a mesh intersects the segment between two points.
 ///
 /// # Complexity
-/// O(vertices) where its box is not on the way, else O(triangles).
+/// O(vertices) if the segment misses the bounding box, else O(triangles).
 #[must_use]
 pub fn is_blocked(from: Vec3, to: Vec3, positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> bool {
     let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
@@ -40,8 +40,8 @@ pub fn is_blocked(from: Vec3, to: Vec3, positions: &[[f32; 3]], triangles: &[[u3
     if (0..3).any(outside) {
         return false;
     }
-    let at = |v: u32| positions.get(v as usize).copied().map(widen);
-    triangles.iter().any(|[a, b, c]| match (at(*a), at(*b), at(*c)) {
+    let vertex = |v: u32| positions.get(v as usize).copied().map(widen);
+    triangles.iter().any(|[a, b, c]| match (vertex(*a), vertex(*b), vertex(*c)) {
         (Some(a), Some(b), Some(c)) => intersects_triangle(from, to, [a, b, c]),
         _ => false,
     })
@@ -54,13 +54,13 @@ mod tests {
     const WALL: [[f32; 3]; 3] = [[1.0, -1.0, -1.0], [1.0, 2.0, -1.0], [1.0, -1.0, 2.0]];
 
     #[test]
-    fn a_wall_blocks_what_is_behind_it_alone() {
+    fn a_wall_blocks_only_points_behind_it() {
         let blocks = |from: Vec3, to: Vec3| is_blocked(from, to, &WALL, &[[0, 1, 2]]);
         assert!(blocks([0.0; 3], [2.0, 0.0, 0.0]) && blocks([2.0, 0.0, 0.0], [0.0; 3]));
         assert!(!blocks([0.0; 3], [0.9, 0.0, 0.0]), "before it");
         assert!(
             !blocks([0.0; 3], [2.0, 3.0, 0.0]),
-            "beside it: it intersects_triangle its plane at y = 1.5, beyond the edge"
+            "past its edge: the segment crosses its plane at y = 1.5"
         );
         assert!(!blocks([1.0, 0.0, 0.0], [2.0, 0.0, 0.0]), "on it");
         assert!(!blocks([0.0; 3], [0.0, 5.0, 0.0]), "along it");

@@ -1,4 +1,4 @@
-//! Sound behind bodies, as a node.
+//! The node `Occlusion`.
 
 use std::sync::Arc;
 
@@ -17,71 +17,71 @@ use crate::spatial::motion::item::Poses;
 use crate::spatial::motion::pose::Pose;
 use crate::{archive_state, params, ports};
 
-/// Samples from one look at the ways to the next.
+/// Samples between two tests of the lines of sight.
 const INTERVAL: i64 = 64;
 
 params! {
-    /// Makes a sound softer and duller while a body stands between its source and the listener.
+    /// Attenuates and low-passes a sound while a body is between its source and the listener.
     ///
-    /// A straight way leads from the source to each ear, or to the middle of the head for audio that is not stereo; where it passes
-    /// through a triangle of any body, the ear hears the sound through a low-pass of first order, and softer. The change
-    /// takes `time`. Sound that bends around edges is not modelled: this is approximate. Put it before `StructuralHrtf` for one
-    /// source, or behind it for its two ears.
+    /// The line of sight runs from the source to each ear, or to the centre of the head if the audio is not stereo. If it intersects a
+    /// triangle of any body, the sound at that ear is attenuated and low-passed by a first-order filter. The transition has the time
+    /// constant `time`. Diffraction is not modelled: this is approximate. Use it before `StructuralHrtf` for one source, or after it for
+    /// the two ears.
     ///
     /// # Source
     /// An addition to An, James and Marschner (SIGGRAPH 2012).
     pub struct OcclusionParams {
-        /// Place of the source, where no link gives it.
+        /// Position of the source, if not linked.
         position: [f64; 3] = [1.0, 0.0, 0.0], unit "m", range -100_000.0..=100_000.0;
-        /// Place of the listener, looking along x with z above, where no link gives it.
+        /// Position of the listener, who looks along x with z above, if not linked.
         listener: [f64; 3] = [0.0; 3], unit "m", range -100_000.0..=100_000.0;
-        /// Cutoff of what is heard around a body.
+        /// Cutoff of the blocked sound.
         cutoff: f64 = 1500.0, unit "Hz", range 10.0..=20_000.0;
-        /// Level of what is heard around a body.
+        /// Level of the blocked sound.
         gain_db: f64 = -6.0, unit "dB", range -60.0..=0.0;
-        /// Time for two thirds of the way between free and blocked.
+        /// Time constant of the transition between free and blocked.
         time: f64 = 0.05, unit "s", range 0.001..=2.0;
     }
 }
 ports! {
     pub struct OcclusionPorts / OcclusionIo {
         in {
-            /// Audio of the source; two channels are a left and a right ear.
+            /// Audio of the source; two channels are the left and the right ear.
             audio: Stream<f32>,
-            /// Bodies that may stand in the way.
+            /// Bodies that may block the sound.
             bodies: Many<Stream<Mesh>>,
-            /// Where the source is, in place of the parameter.
+            /// Poses of the source; replace the parameter.
             position: Option<Stream<Poses>>,
-            /// Where the listener's head is and looks, in place of the parameter.
+            /// Poses of the listener's head; replace the parameter.
             listener: Option<Stream<Poses>>,
         }
         out {
-            /// What is heard of it.
+            /// The audio at the listener.
             out: Stream<f32>,
         }
     }
 }
 
-/// The node over [`blocked`] and [`OcclusionFilter`].
+/// The node `Occlusion`.
 pub struct Occlusion {
     bodies: Vec<Arc<Topology>>,
-    /// One per channel, with whether its way is blocked.
+    /// Filter of each channel, and true if its line of sight is blocked.
     channels: Vec<(OcclusionFilter, bool)>,
-    /// Whether the ways have been updated at.
+    /// True after the first test of the lines of sight.
     updated: bool,
     params: OcclusionParams,
     samples: u64,
     blocked_samples: u64,
 }
 
-/// The latest frame of a stream at a time of the window: what follows it is smoothed anyway.
+/// Returns the latest frame of a stream at a time of the window. No interpolation is needed, since the filter smooths the result.
 fn frame<'a, T: Item>(frames: &'a In<'_, T>, tick: Tick) -> &'a [T::Elem] {
     let (index, behind) = (frames.rate().first_at(tick + 1) - 1 - frames.first(), frames.behind() as i64);
     let last = (frames.around().len() / frames.width().max(1)) as i64 - behind - 1;
     frames.item(index.clamp(-behind, last.max(-behind)) as isize)
 }
 
-/// The latest pose at a time of the window.
+/// Returns the latest pose at a time of the window.
 fn pose(poses: &In<'_, Poses>, tick: Tick) -> Pose {
     frame(poses, tick).first().copied().unwrap_or_default()
 }
@@ -151,11 +151,11 @@ impl Node for Occlusion {
         let (first, rate, width) = (io.audio.first(), io.audio.rate(), io.audio.width().max(1));
         let mut done = 0;
         while done < io.audio.len() {
-            let at = first + done as i64;
-            if at % INTERVAL == 0 || !self.updated {
-                self.update(&io, rate.tick(at));
+            let index = first + done as i64;
+            if index % INTERVAL == 0 || !self.updated {
+                self.update(&io, rate.tick(index));
             }
-            let count = ((INTERVAL - at.rem_euclid(INTERVAL)) as usize).min(io.audio.len() - done);
+            let count = ((INTERVAL - index.rem_euclid(INTERVAL)) as usize).min(io.audio.len() - done);
             let samples = done * width..(done + count) * width;
             let input = io.audio.items().get(samples.clone()).unwrap_or_default();
             let out = io.out.items().get_mut(samples).unwrap_or_default();
@@ -188,7 +188,7 @@ mod tests {
     use crate::core::time::{Rate, ticks};
     use crate::mesh::MeshFormat;
 
-    /// A board across the way to the source at x = 1, on the left of the head alone from 0.5 s on.
+    /// A board that blocks the left ear from the source at x = 1 from 0.5 s on. Returns the output and the share of blocked samples.
     fn occluded(channels: u16, window: f64) -> (Vec<f32>, f64) {
         let board = [[0.5, 0.02, -1.0], [0.5, 2.0, -1.0], [0.5, 0.02, 2.0]];
         let topology = Topology { rest: board.to_vec(), triangles: vec![[0, 1, 2]] };
@@ -214,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn a_body_on_the_left_muffles_the_left_ear_alone_in_windows_of_any_size() {
+    fn a_body_on_the_left_blocks_the_left_ear_only_in_windows_of_any_size() {
         let (out, share) = occluded(2, 1.0);
         let (left, right): (Vec<f32>, Vec<f32>) = out.chunks(2).map(|ears| (ears[0], ears[1])).unzip();
         assert!(right.iter().all(|x| *x == 1.0) && left[..3900].iter().all(|x| *x == 1.0));
@@ -223,6 +223,6 @@ mod tests {
         for window in [0.000_125, 0.0037, 0.1, 5.0] {
             assert!(occluded(2, window).0 == out, "{window}");
         }
-        assert!(occluded(1, 1.0).0.iter().all(|x| *x == 1.0), "the middle of the head is free");
+        assert!(occluded(1, 1.0).0.iter().all(|x| *x == 1.0), "the centre of the head is free");
     }
 }

@@ -1,20 +1,24 @@
-//! The effect of an obstacle on sound.
+//! The attenuation of sound by an obstacle.
 
 use serde::{Deserialize, Serialize};
 
-/// Sound that reaches an ear around a body: softer and without its highs.
+/// A crossfade between the direct sound and an attenuated, low-passed version of it.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct OcclusionFilter {
-    /// Of the low-pass, and of the way between free and blocked.
+    /// Coefficient of the low-pass.
     low_pass: f64,
+    /// Coefficient of the transition between free and blocked.
     transition: f64,
     gain: f64,
+    /// State of the low-pass.
     filtered: f64,
+    /// Degree of occlusion, from 0 to 1.
     occlusion: f64,
 }
 
 impl OcclusionFilter {
-    /// Free, at `fs` hertz; blocked it passes up to `cutoff` hertz at `gain`, after `time` seconds for two thirds of the way.
+    /// Creates an unblocked filter at `fs` hertz. Blocked, it passes frequencies up to `cutoff` hertz at `gain`. The transition has the time
+    /// constant `time` in seconds.
     #[must_use]
     pub fn new(cutoff: f64, gain: f64, time: f64, fs: f64) -> Self {
         let rise = |seconds: f64| 1.0 - libm::exp(-1.0 / (seconds * fs).max(1e-9));
@@ -27,12 +31,12 @@ impl OcclusionFilter {
         }
     }
 
-    /// One sample, for whether the way to it is blocked.
+    /// Filters one sample. `blocked` is the state of the line of sight.
     pub fn process(&mut self, x: f32, blocked: bool) -> f32 {
         let x = f64::from(x);
         self.filtered += self.low_pass * (x - self.filtered);
         self.occlusion += self.transition * (f64::from(u8::from(blocked)) - self.occlusion);
-        // What is left after a long time is nothing, and costs no denormals.
+        // Small values become 0 before they are denormal.
         if self.occlusion < 1e-9 {
             self.occlusion = 0.0;
         }
@@ -52,7 +56,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn muffled_sound_is_6_db_softer_and_3_db_less_again_at_the_cutoff() {
+    fn blocked_sound_is_6_db_softer_and_another_3_db_at_the_cutoff() {
         let fs = 96_000.0;
         let level = |hz: f64| {
             let mut filter = OcclusionFilter::new(1500.0, 0.5, 0.05, fs);
@@ -67,7 +71,7 @@ mod tests {
     }
 
     #[test]
-    fn going_behind_a_body_takes_50_ms_and_free_sound_is_untouched() {
+    fn the_transition_takes_50_ms_and_free_sound_is_unchanged() {
         let mut filter = OcclusionFilter::new(1500.0, 0.5, 0.05, 48_000.0);
         assert!((0..100).all(|k| filter.process(k as f32, false) == k as f32));
         let mut filter = OcclusionFilter::new(1500.0, 0.5, 0.05, 48_000.0);

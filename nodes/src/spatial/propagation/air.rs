@@ -1,9 +1,9 @@
-//! What air takes of a sound on its way: high frequencies before low ones.
+//! Absorption of sound by air.
 
 use crate::impl_state;
 use std::f64::consts::PI;
 
-/// Loss in dB per metre at a frequency in hertz, in air of 20 °C and 50 % relative humidity at sea level.
+/// Returns the absorption in dB per metre at a frequency in hertz, in air of 20 °C and 50 % relative humidity at sea level.
 ///
 /// # Source
 /// ISO 9613-1 (1993), equations 3 to 6.
@@ -11,37 +11,37 @@ use std::f64::consts::PI;
 pub fn loss(f: f64) -> f64 {
     const KELVIN: f64 = 293.15;
     const TRIPLE_POINT: f64 = 273.16;
-    // Share of molecules of water, in percent.
+    // Molar concentration of water vapour, in percent.
     let saturated = 10f64.powf(-6.8346 * (TRIPLE_POINT / KELVIN).powf(1.261) + 4.6151);
     let water = 50.0 * saturated;
     let oxygen = 24.0 + 4.04e4 * water * (0.02 + water) / (0.391 + water);
     let nitrogen = 9.0 + 280.0 * water;
-    let relaxing =
+    let relaxation =
         |strength: f64, kelvin: f64, at: f64| strength * (-kelvin / KELVIN).exp() / (at + f * f / at);
-    8.686 * f * f * (1.84e-11 + relaxing(0.012_75, 2239.1, oxygen) + relaxing(0.1068, 3352.0, nitrogen))
+    8.686 * f * f * (1.84e-11 + relaxation(0.012_75, 2239.1, oxygen) + relaxation(0.1068, 3352.0, nitrogen))
 }
 
-/// Low-passes in a row: one alone is too flat for the law.
+/// Number of low-pass sections in series: one alone is not steep enough.
 const SECTIONS: usize = 4;
-/// Where their loss is that of air, Hz.
+/// Frequency at which their loss equals that of air, in Hz.
 const MATCHED_FREQUENCY: f64 = 8000.0;
 
-/// The low-pass that air is for a source at some distance.
+/// A low-pass filter that models the absorption of air for a source at a given distance.
 ///
-/// Below 12 kHz it is within 0.6 dB of [`loss`] up to 20 m; beyond, high frequencies that are all but gone lose less than in air.
+/// Below 12 kHz it is within 0.6 dB of [`loss`] up to 20 m. At larger distances very weak high frequencies lose less than in air.
 #[derive(Clone, Debug)]
 pub struct Air {
-    /// Per channel.
+    /// State of each channel.
     state: Vec<[f64; SECTIONS]>,
     /// Cosine of the matched frequency.
     cosine: f64,
-    /// dB per metre that a section takes of it.
+    /// Loss of one section at that frequency, in dB per metre.
     section_loss: f64,
 }
 impl_state!(Air { state });
 
 impl Air {
-    /// Air for so many channels at a rate in hertz.
+    /// Creates the filter for `channels` channels at `fs` hertz.
     #[must_use]
     pub fn new(channels: usize, fs: f64) -> Self {
         let matched = MATCHED_FREQUENCY.min(0.4 * fs);
@@ -49,24 +49,24 @@ impl Air {
         Self { state: vec![[0.0; SECTIONS]; channels], cosine, section_loss: loss(matched) / SECTIONS as f64 }
     }
 
-    /// The pole of each section for a distance in metres: 0 leaves the sound as it is.
+    /// Returns the pole of each section for a distance in metres; 0 leaves the sound unchanged.
     #[must_use]
     pub fn pole(&self, metres: f64) -> f64 {
-        // So far that nothing is left is far enough.
+        // Larger losses than this are inaudible.
         let remaining = 10f64.powf(-(self.section_loss * metres).clamp(0.0, 60.0) / 10.0);
         let (a, b) = (1.0 - remaining, 1.0 - remaining * self.cosine);
-        // The lesser root of a p^2 - 2 b p + a, without taking like numbers from each other.
+        // The smaller root of a p^2 - 2 b p + a, without cancellation.
         a / (b + (b * b - a * a).max(0.0).sqrt())
     }
 
-    /// The next sample of a channel.
+    /// Filters the next sample of a channel.
     #[inline]
     pub fn process(&mut self, channel: usize, x: f32, pole: f64) -> f32 {
         let Some(state) = self.state.get_mut(channel) else { return x };
         let mut y = f64::from(x);
         for memory in state {
             y += pole * (*memory - y);
-            // Far below any sound, and above where processors are slow.
+            // Inaudible, and larger than the denormal numbers, which are slow.
             *memory = if y.abs() < 1e-30 { 0.0 } else { y };
         }
         y as f32
@@ -78,7 +78,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn air_takes_what_the_standard_says() {
+    fn the_loss_is_that_of_the_standard() {
         // Table 1 of ISO 9613-1, dB per kilometre at 20 °C and 50 %.
         let table =
             [(125.0, 0.440), (500.0, 2.73), (1000.0, 4.66), (2000.0, 9.89), (4000.0, 29.7), (8000.0, 105.0)];
@@ -88,7 +88,7 @@ mod tests {
         }
     }
 
-    /// Loss in dB of a steady tone.
+    /// Returns the measured loss in dB of a steady tone.
     fn measured(metres: f64, f: f64, fs: f64) -> f64 {
         let mut air = Air::new(1, fs);
         let pole = air.pole(metres);
@@ -105,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn the_filter_takes_as_much_up_to_8_khz_and_further_where_it_is_near() {
+    fn the_filter_has_the_loss_of_air_up_to_8_khz_and_up_to_12_khz_at_20_m() {
         for fs in [44_100.0, 96_000.0] {
             for metres in [0.0, 5.0, 20.0, 100.0] {
                 for f in [500.0, 2000.0, 4000.0, 8000.0] {

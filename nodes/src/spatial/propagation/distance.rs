@@ -1,4 +1,4 @@
-//! How sound fades, and arrives later, with the way that it has gone.
+//! Level, delay and absorption of sound by distance.
 
 use super::air::Air;
 use super::control_interval::control_interval;
@@ -9,12 +9,12 @@ use crate::impl_state;
 /// Speed of sound in air, in m/s.
 pub const SPEED_OF_SOUND: f64 = 343.0;
 
-/// The level of a point source over its distance: `reference / max(distance, nearest)`.
+/// The gain of a point source by distance: `reference / max(distance, nearest)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Distance {
-    /// Distance at which a source is as loud as it is, in metres.
+    /// Distance at which the gain is 1, in metres.
     pub reference: f64,
-    /// Distance below which it gets no louder, in metres.
+    /// Distance below which the gain is constant, in metres.
     pub nearest: f64,
 }
 
@@ -25,35 +25,35 @@ impl Default for Distance {
 }
 
 impl Distance {
-    /// Gain at a distance in metres.
+    /// Returns the gain at a distance in metres.
     #[must_use]
     pub fn gain(&self, distance: f64) -> f64 {
         self.reference / distance.max(self.nearest)
     }
 
-    /// Gain for a source at a offset relative to the listener.
+    /// Returns the gain of a source at a position relative to the listener.
     #[must_use]
     pub fn gain_at(&self, position: Vec3) -> f64 {
         self.gain(norm(position))
     }
 }
 
-/// Gain and, where wanted, delay and loss in air of a source whose distance moves.
+/// Gain and, optionally, delay and absorption by air of a source whose distance changes.
 ///
-/// The distance is asked for once per [`block`]; gain and delay move on straight lines in between.
-/// The delay is read between samples, so an even approach is heard as a steady Doppler shift.
+/// The distance is read once per [`control_interval`]; gain and delay change linearly in between. The delay is fractional, so a uniform
+/// approach gives a steady Doppler shift.
 #[derive(Clone, Debug)]
 pub struct DistanceLine {
     distance: Distance,
     fs: f64,
     interval: u64,
-    /// One line per channel where sound takes its time.
+    /// One line per channel if sound is delayed.
     lines: Vec<FractionalDelayLine>,
     farthest: f64,
-    /// Where air counts.
+    /// The absorption by air, if enabled.
     air: Option<Air>,
     channels: usize,
-    /// Gain, delay in samples and pole of the air, at both ends of a block.
+    /// Gain, delay in samples and pole of the air filter, at both ends of an interval.
     from: [f64; 3],
     to: [f64; 3],
     started: bool,
@@ -61,8 +61,8 @@ pub struct DistanceLine {
 impl_state!(DistanceLine { each lines, farthest, each air, from, to, started });
 
 impl DistanceLine {
-    /// A silent line; with `farthest` in metres sound arrives later by its way, at most that of `farthest`; with `air` it loses
-    /// high frequencies on it.
+    /// Creates a silent line. With `farthest`, in metres, sound is delayed by its travel time, at most that of `farthest`; with `air` it
+    /// is filtered by [`Air`].
     #[must_use]
     pub fn new(distance: Distance, farthest: Option<f64>, air: bool, channels: usize, fs: f64) -> Self {
         let max_delay = farthest.unwrap_or(0.0) / SPEED_OF_SOUND * fs;
@@ -82,22 +82,22 @@ impl DistanceLine {
         }
     }
 
-    /// Changes the law of the level from the next block on.
+    /// Changes the gain by distance from the next control interval on.
     pub fn set_distance(&mut self, distance: Distance) {
         self.distance = distance;
     }
 
-    fn update(&mut self, metres: f64) {
-        // A delay of one sample is the least that is read between samples: 7 mm at 48 kHz.
-        let delay = (metres.min(self.farthest) / SPEED_OF_SOUND * self.fs).max(1.0);
-        let pole = self.air.as_ref().map_or(0.0, |air| air.pole(metres));
-        let to = [self.distance.gain(metres), delay, pole];
+    fn update(&mut self, distance: f64) {
+        // The fractional delay is at least one sample: 7 mm at 48 kHz.
+        let delay = (distance.min(self.farthest) / SPEED_OF_SOUND * self.fs).max(1.0);
+        let pole = self.air.as_ref().map_or(0.0, |air| air.pole(distance));
+        let to = [self.distance.gain(distance), delay, pole];
         self.from = if self.started { self.to } else { to };
         self.to = to;
         self.started = true;
     }
 
-    /// Processes samples from number `first` of the signal on; `metres` gives the distance at the sample it is asked for.
+    /// Processes samples from index `first` on. `distance` returns the distance at a sample, in metres.
     ///
     /// # Shapes
     /// `input` and `out`: `[T * channels]`, interleaved.
@@ -137,20 +137,20 @@ mod tests {
     use super::*;
 
     #[test]
-    fn twice_as_far_is_half_as_loud_and_nothing_is_louder_than_at_the_nearest() {
+    fn the_gain_is_inverse_to_the_distance_and_bounded_by_that_at_the_nearest() {
         let law = Distance::default();
         assert_eq!([0.0, 0.1, 0.5, 1.0, 2.0, 10.0].map(|d| law.gain(d)), [10.0, 10.0, 2.0, 1.0, 0.5, 0.1]);
         assert_eq!(law.gain_at([0.0, 3.0, 4.0]), 0.2);
     }
 
     #[test]
-    fn an_even_approach_raises_the_pitch_by_its_share_of_the_speed_of_sound() {
+    fn a_uniform_approach_raises_the_pitch_in_proportion_to_its_speed() {
         let (fs, tone, speed) = (48_000.0, 1000.0, 10.0);
         let x: Vec<f32> = (0..48_000).map(|n| (2.0 * PI * tone * f64::from(n) / fs).sin() as f32).collect();
         let mut line = DistanceLine::new(Distance { reference: 1.0, nearest: 1e9 }, Some(50.0), false, 1, fs);
         let mut y = vec![0.0; x.len()];
         line.process(0, &x, &mut y, |n| 20.0 - speed * n as f64 / fs);
-        // The phase between two times gives the pitch.
+        // The phase difference between two times gives the frequency.
         let phase = |at: usize| {
             let f = tone * (1.0 + speed / SPEED_OF_SOUND);
             let sum = (0..4800).fold([0.0; 2], |s, k| {
@@ -166,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn the_delay_is_that_of_the_way() {
+    fn the_delay_is_the_travel_time() {
         let fs = 34_300.0;
         let mut line = DistanceLine::new(Distance::default(), Some(20.0), false, 2, fs);
         let mut x = vec![0.0; 1000];

@@ -1,4 +1,4 @@
-//! Loudness and delay by distance, as a node.
+//! The node `DistanceGain`.
 
 use super::distance::{Distance, DistanceLine, SPEED_OF_SOUND};
 use crate::contact::vector::{norm, sub};
@@ -12,33 +12,33 @@ use crate::spatial::motion::item::Poses;
 use crate::{archive_state, params, ports};
 
 params! {
-    /// Makes a source softer the farther it is from the listener: a gain of `reference / distance`.
+    /// Attenuates a source by distance: its gain is `reference / distance`.
     ///
-    /// Source and listener stand still where the parameters say, or move with a link to `position` or `listener`; only the way
-    /// between them counts. The gain moves on a straight line from one set of 64 samples to the next.
+    /// The positions of source and listener are those of the parameters, or those of streams linked to `position` and `listener`; only
+    /// the distance between them matters. The distance is read every 64 samples; the gain changes linearly in between.
     ///
-    /// With `delay` the sound also arrives later by the time that it takes at 343 m/s, at least one sample, and a source that
-    /// moves has a Doppler shift. That is off by default because it makes far pictures and their sound fall apart. Beyond
-    /// `farthest` the delay grows no more.
+    /// With `delay` the sound also arrives later by its travel time at 343 m/s, at least one sample, and a moving source has a Doppler
+    /// shift. Delay is off by default, since it shifts distant sounds against the picture. Beyond `farthest` the delay is constant.
     ///
-    /// With `air` it also gets duller on its way: at 20 m it loses 2 dB at 8 kHz, at 100 m 10. Pictures are mostly nearer.
+    /// With `air` the sound also loses high frequencies: at 8 kHz, 2 dB at 20 m and 10 dB at 100 m.
     ///
     /// # Source
-    /// A point source in free air; ISO 9613-1 at 20 °C, 50 % relative humidity and sea level for what air takes; Laakso et al., "Splitting the Unit Delay" (IEEE SPM 13(1), 1996) for delays between samples.
+    /// A point source in free air; ISO 9613-1 at 20 °C, 50 % relative humidity and sea level for the absorption by air; Laakso et al.,
+    /// "Splitting the Unit Delay" (IEEE SPM 13(1), 1996) for fractional delays.
     pub struct DistanceGainParams {
-        /// Place of the source, where no link gives it.
+        /// Position of the source, if not linked.
         position: [f64; 3] = [1.0, 0.0, 0.0], unit "m", range -100_000.0..=100_000.0;
-        /// Place of the listener, where no link gives it.
+        /// Position of the listener, if not linked.
         listener: [f64; 3] = [0.0; 3], unit "m", range -100_000.0..=100_000.0;
-        /// Distance at which a source is as loud as it is.
+        /// Distance at which the gain is 1.
         reference: f64 = 1.0, unit "m", range 0.001..=10_000.0;
-        /// Distance below which it gets no louder.
+        /// Distance below which the gain is constant.
         nearest: f64 = 0.1, unit "m", range 0.001..=10_000.0;
-        /// Whether the sound takes its time.
+        /// Delays the sound by its travel time.
         delay: bool = false;
-        /// Distance up to which it does.
+        /// Distance up to which the delay grows.
         farthest: f64 = 100.0, unit "m", range 1.0..=10_000.0;
-        /// Whether air takes high frequencies of the sound on its way.
+        /// Models the absorption of high frequencies by air.
         air: bool = false;
     }
 }
@@ -48,26 +48,26 @@ ports! {
         in {
             /// Audio with any number of channels.
             audio: Stream<f32>,
-            /// Where the source is, in place of the parameter.
+            /// Poses of the source; replace the parameter.
             position: Option<Stream<Poses>>,
-            /// Where the listener is, in place of the parameter.
+            /// Poses of the listener; replace the parameter.
             listener: Option<Stream<Poses>>,
         }
         out {
-            /// The audio as loud as it is over there.
+            /// The audio at the listener.
             out: Stream<f32>,
         }
     }
 }
 
-/// The node over [`DistanceLine`].
+/// The node `DistanceGain`.
 #[derive(Debug)]
 pub struct DistanceGain {
     line: DistanceLine,
     params: DistanceGainParams,
 }
 
-/// How long the filter of the air rings, s.
+/// Decay time of the air filter, in s.
 const AIR_TAIL: f64 = 0.005;
 
 fn law(p: &DistanceGainParams) -> Distance {
@@ -154,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn four_metres_are_a_quarter_and_a_walk_there_has_no_steps() {
+    fn the_gain_at_four_metres_is_a_quarter_and_a_moving_source_makes_no_steps() {
         let p = DistanceGainParams { position: [0.0, 4.0, 0.0], ..params() };
         let out = standalone(p, vec![1.0; 200]).run().unwrap().stream(DistanceGainPorts::out);
         assert_eq!(out, vec![0.25; 200]);
@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn air_takes_high_frequencies_and_leaves_the_level_of_low_ones() {
+    fn air_attenuates_high_frequencies_only() {
         let p = DistanceGainParams { position: [50.0, 0.0, 0.0], reference: 50.0, ..params() };
         let tone = |f: f64| -> Vec<f32> {
             let x = (0..9600).map(|n| (std::f64::consts::TAU * f * f64::from(n) / 48_000.0).sin() as f32);
@@ -182,14 +182,14 @@ mod tests {
             let out = out.stream(DistanceGainPorts::out);
             10.0 * (out[4800..19_200].iter().map(|y| f64::from(y * y)).sum::<f64>() / 14_400.0).log10()
         };
-        let taken = |f: f64| level(false, f) - level(true, f);
-        assert!(taken(250.0) < 0.1, "{}", taken(250.0));
+        let loss = |f: f64| level(false, f) - level(true, f);
+        assert!(loss(250.0) < 0.1, "{}", loss(250.0));
         let wanted = 50.0 * crate::spatial::propagation::air::loss(8000.0);
-        assert!((taken(8000.0) - wanted).abs() < 0.05, "{} dB, wanted {wanted}", taken(8000.0));
+        assert!((loss(8000.0) - wanted).abs() < 0.05, "{} dB, wanted {wanted}", loss(8000.0));
     }
 
     #[test]
-    fn with_delay_the_sound_comes_after_its_way_and_is_not_cut_off() {
+    fn with_delay_the_sound_arrives_after_its_travel_time_and_is_not_cut_off() {
         let p = DistanceGainParams { position: [34.3, 0.0, 0.0], delay: true, ..params() };
         let mut audio = vec![0.0; 200];
         (audio[198], audio[199]) = (1.0, -1.0);

@@ -1,4 +1,4 @@
-//! A delay line that is read between its samples.
+//! A delay line read at fractional delays.
 
 use crate::impl_state;
 
@@ -9,13 +9,13 @@ use crate::impl_state;
 #[derive(Clone, Debug)]
 pub(crate) struct FractionalDelayLine {
     samples: Vec<f32>,
-    /// Place of the newest sample.
+    /// Index of the newest sample.
     newest: usize,
 }
 impl_state!(FractionalDelayLine { samples, newest });
 
 impl FractionalDelayLine {
-    /// A silent line for delays from 1 to `max_delay` samples.
+    /// Creates a silent line for delays from 1 to `max_delay` samples.
     pub fn new(max_delay: f64) -> Self {
         let needed = max_delay.max(1.0).ceil() as usize + 4;
         Self { samples: vec![0.0; needed.next_power_of_two()], newest: 0 }
@@ -26,20 +26,21 @@ impl FractionalDelayLine {
         self.samples.len() - 1
     }
 
-    /// Adds the newest sample.
+    /// Appends a sample.
     #[inline]
     pub fn push(&mut self, x: f32) {
         self.newest = (self.newest + 1) & self.mask();
         self.samples[self.newest] = x;
     }
 
-    /// The sample `back` samples before the newest.
+    /// Returns the sample `delay` samples before the newest.
     #[inline]
     pub fn sample(&self, delay: usize) -> f32 {
         self.samples[self.newest.wrapping_sub(delay) & self.mask()]
     }
 
-    /// The signal `delay` samples before the newest, at least 1 (the cubic needs a later neighbour) and at max_delay the max_delay.
+    /// Returns the signal `delay` samples before the newest. The delay is clamped to at least 1, since the cubic needs a later sample, and
+    /// to the maximum.
     #[inline]
     pub fn read(&self, delay: f64) -> f32 {
         let max_delay = self.samples.len() as f64 - 4.0;
@@ -53,10 +54,10 @@ impl FractionalDelayLine {
     }
 }
 
-/// Weights of four neighbours, newest first, for a delay that lies a part `f` of the way from the second to the third.
+/// Returns the weights of four samples, newest first, for a delay at a fraction `f` between the second and the third.
 #[inline]
 pub(crate) fn lagrange(f: f32) -> [f32; 4] {
-    // Products that the weights share.
+    // Common factors of the weights.
     let (p, m, n) = (f + 1.0, f - 1.0, f - 2.0);
     let (mn, pf) = (m * n, p * f);
     [-f * mn / 6.0, p * mn / 2.0, -(pf * n / 2.0), pf * m / 6.0]
@@ -79,7 +80,7 @@ mod tests {
     }
 
     #[test]
-    fn delays_out_of_range_are_read_at_the_ends() {
+    fn delays_out_of_range_are_clamped() {
         let mut line = FractionalDelayLine::new(3.0);
         (0..50).for_each(|n| line.push(n as f32));
         assert_eq!(line.read(-5.0), 48.0);

@@ -15,20 +15,20 @@ use std::any::Any;
 
 fn feedback(channels: u16) -> Standalone {
     let params = FeedbackParams { delay: 0.03, gain: 0.5, tail: 0.02 };
-    let back = Feed::stream::<f32>(Rate::hz(100), Channels(1), vec![1.0, 2.0, 3.0, 4.0]);
+    let returned = Feed::stream::<f32>(Rate::hz(100), Channels(1), vec![1.0, 2.0, 3.0, 4.0]);
     let silent = vec![0.0; 4 * usize::from(channels)];
-    let standalone = Standalone::new::<FeedbackNode>(params).feed(FeedbackPorts::audio.index(), back);
+    let standalone = Standalone::new::<FeedbackNode>(params).feed(FeedbackPorts::audio.index(), returned);
     standalone.input(FeedbackPorts::like, Rate::hz(100), Channels(channels), silent)
 }
 
 #[test]
-fn what_comes_back_is_late_by_the_delay_and_lasts_for_the_tail() {
+fn returned_audio_is_delayed_and_lasts_for_the_tail() {
     let out = feedback(1).run().unwrap().stream(FeedbackPorts::out);
     assert_eq!(out, [0.0, 0.0, 0.0, 0.5, 1.0, 1.5]);
 }
 
 #[test]
-fn what_comes_back_must_be_like_the_other() {
+fn returned_audio_must_have_the_format_of_like() {
     assert_eq!(feedback(2).shape().unwrap_err().field.as_deref(), Some("audio"));
 }
 
@@ -47,7 +47,7 @@ impl DynNode for Impulse {
     }
 }
 
-/// `Mix(inputs: [impulse, echo])` with `echo: Feedback(audio: mix)`, three samples round.
+/// `Mix(inputs: [impulse, echo])` with `echo: Feedback(audio: mix)`, with a delay of three samples.
 fn echoes(window: i64) -> Vec<f32> {
     let rate = Rate::hz(100);
     let stream = || LinkShape::Stream(StreamShape::new::<f32>(rate, Channels(1), None));
@@ -102,9 +102,9 @@ fn echoes(window: i64) -> Vec<f32> {
 }
 
 #[test]
-fn echoes_come_at_multiples_of_the_delay_and_halve() {
-    let wanted = [1.0, 0.0, 0.0, 0.5, 0.0, 0.0, 0.25, 0.0, 0.0, 0.125, 0.0, 0.0];
+fn echoes_are_at_multiples_of_the_delay_and_halve() {
+    let expected = [1.0, 0.0, 0.0, 0.5, 0.0, 0.0, 0.25, 0.0, 0.0, 0.125, 0.0, 0.0];
     for window in [1, 2, 3] {
-        assert_eq!(echoes(window), wanted, "windows of {window}");
+        assert_eq!(echoes(window), expected, "windows of {window}");
     }
 }

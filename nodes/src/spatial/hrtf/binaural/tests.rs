@@ -19,7 +19,7 @@ fn side(azimuth: f64) -> Vec3 {
     [a.cos(), -a.sin(), 0.1]
 }
 
-/// Group delay at DC in s: the first moment of the impulse response.
+/// Returns the group delay at DC in s: the first moment of the impulse response.
 fn moment(h: &[f64], lag: usize, fs: f64) -> f64 {
     let sum: f64 = h.iter().sum();
     (h.iter().enumerate().map(|(n, x)| n as f64 * x).sum::<f64>() / sum - lag as f64) / fs
@@ -62,7 +62,7 @@ fn mirrored_sources_swap_the_ears_bit_for_bit_and_the_front_is_the_same_in_both(
 }
 
 #[test]
-fn the_spectrum_is_that_of_the_model_within_the_interpolation() {
+fn the_spectrum_is_that_of_the_model_within_the_error_of_interpolation() {
     let (fs, direction) = (48_000.0, side(40.0));
     let head = Head { pinna: Some(PinnaSet::Set0), shoulder: 0.2, ..Head::default() };
     let (ears, lag) = impulse(head, 0.0, fs, direction);
@@ -81,15 +81,15 @@ fn the_spectrum_is_that_of_the_model_within_the_interpolation() {
 }
 
 #[test]
-fn the_echo_of_the_room_comes_15_ms_later_to_both_ears() {
+fn the_room_echo_reaches_both_ears_after_15_ms() {
     let ([left, right], lag) = impulse(Head::default(), ROOM_LEVEL, 48_000.0, side(30.0));
-    let at = lag + 720;
+    let index = lag + 720;
     for ear in [left, right] {
-        assert!((ear[at] - ROOM_LEVEL).abs() < 1e-6);
+        assert!((ear[index] - ROOM_LEVEL).abs() < 1e-6);
     }
 }
 
-/// Circles the head once per second and looks at what is left beside the tone: clicks are broad.
+/// Circles the head once per second and measures the residual besides the tone: clicks are broadband.
 #[test]
 fn a_source_that_circles_the_head_in_one_second_makes_no_clicks() {
     let (fs, tone) = (48_000.0, 1000.0);
@@ -103,12 +103,12 @@ fn a_source_that_circles_the_head_in_one_second_makes_no_clicks() {
             [a.cos(), a.sin(), 0.0]
         });
         for ear in 0..2 {
-            // A high-pass that is far above the tone: six differences.
+            // A high-pass far above the tone: six differences.
             let mut y: Vec<f64> = out.iter().skip(ear).step_by(2).map(|x| f64::from(*x)).collect();
             for _ in 0..6 {
                 y = y.windows(2).map(|w| w[1] - w[0]).collect();
             }
-            // A step of size s appears in them with 10 s, the tone with its level times (2 sin(pi f / fs))^6 = 5e-6.
+            // A step of size s appears as 10 s, the tone as its level times (2 sin(pi f / fs))^6 = 5e-6.
             let worst = y[2000..].iter().fold(0.0_f64, |m, x| m.max(x.abs()));
             assert!(worst / 10.0 < 1e-3, "{pinna:?}, ear {ear}: {worst}");
         }
@@ -119,17 +119,17 @@ fn a_source_that_circles_the_head_in_one_second_makes_no_clicks() {
 fn windows_of_any_length_give_the_same_bits() {
     let head = Head { pinna: Some(PinnaSet::Set0), ..Head::default() };
     let x: Vec<f32> = (0..1000).map(|n| ((n * n) as f32 * 0.37).sin()).collect();
-    let way = |n: u64| side(n as f64 * 0.1);
+    let direction = |n: u64| side(n as f64 * 0.1);
     let run = |len: usize| {
         let mut binaural = Binaural::new(head, ROOM_LEVEL, 44_100.0);
         let mut out = vec![0.0; 2 * x.len()];
         let mut first = 0;
         for (x, out) in x.chunks(len).zip(out.chunks_mut(2 * len)) {
-            binaural.process(first, x, out, way);
+            binaural.process(first, x, out, direction);
             first += x.len() as u64;
         }
         out
     };
-    let whole = run(1000);
-    assert!([1, 7, 63, 64, 65].into_iter().all(|len| run(len) == whole));
+    let expected = run(1000);
+    assert!([1, 7, 63, 64, 65].into_iter().all(|len| run(len) == expected));
 }

@@ -1,7 +1,7 @@
 use super::*;
 
 fn toward(azimuth: f64, elevation: f64) -> Vec3 {
-    // Azimuth to the right, as the tables have it.
+    // Azimuth to the right, as in the tables.
     let (a, e) = (azimuth.to_radians(), elevation.to_radians());
     [a.cos() * e.cos(), -a.sin() * e.cos(), e.sin()]
 }
@@ -51,28 +51,28 @@ fn the_ears_differ_in_time_and_level_as_in_the_table() {
 }
 
 #[test]
-fn the_levels_at_the_ears_differ_as_the_law_of_the_shadow_has_it_to_a_hundredth_of_a_decibel() {
-    // The law in degrees, with the angle between two unit vectors by its cosine.
+fn interaural_level_differences_follow_the_head_shadow_to_a_hundredth_of_a_decibel() {
+    // The formula in degrees, with the angle between two unit vectors from its cosine.
     let alpha = |azimuth: f64, elevation: f64, ear: f64| {
         let cosine = elevation.to_radians().cos() * (azimuth - ear).to_radians().cos();
         let theta = cosine.acos().to_degrees();
         1.05 + 0.95 * (1.2 * theta).to_radians().cos()
     };
     let decibels = |near: f64, far: f64| 20.0 * (near / far).log10();
-    let mut greatest = 0.0_f64;
+    let mut max_difference = 0.0_f64;
     for azimuth in (-180..180).step_by(5).map(f64::from) {
         for elevation in [-40.0, 0.0, 25.0, 70.0] {
             let expected = decibels(alpha(azimuth, elevation, 100.0), alpha(azimuth, elevation, -100.0));
             let [right, left] = [Ear::Right, Ear::Left]
                 .map(|ear| Head::default().ear(ear, toward(azimuth, elevation), 96_000.0));
-            // What the filters do at half the rate.
+            // Gain of the filters at half the rate.
             let high = |f: EarFilter| (f.shadow[0] - f.shadow[1]) / (1.0 - f.shadow[2]);
             let found = decibels(high(right), high(left));
             assert!((found - expected).abs() < 0.01, "{azimuth}, {elevation}: {found} for {expected}");
-            greatest = greatest.max(found);
+            max_difference = max_difference.max(found);
         }
     }
-    assert!(greatest > 20.0, "{greatest}");
+    assert!(max_difference > 20.0, "{max_difference}");
     for (azimuth, level) in [(30.0, 16.0), (60.0, 22.9), (90.0, 20.7)] {
         let found = decibels(alpha(azimuth, 0.0, 100.0), alpha(azimuth, 0.0, -100.0));
         assert!((found - level).abs() < 0.05, "{azimuth}: {found}");
@@ -97,7 +97,7 @@ fn mirrored_directions_give_the_other_ear_bit_for_bit_and_the_front_gives_both_t
 }
 
 #[test]
-fn inside_of_the_head_a_source_is_heard_as_from_its_surface() {
+fn a_source_inside_the_head_has_the_filter_of_its_surface() {
     let head = Head { pinna: Some(PinnaSet::Set0), shoulder: 0.2, ..Head::default() };
     let distance = crate::spatial::Distance::default();
     let at = |azimuth: f64, d: f64| toward(azimuth, 15.0).map(|x| x * d);
@@ -107,15 +107,16 @@ fn inside_of_the_head_a_source_is_heard_as_from_its_surface() {
             for d in [1e-9, 0.01, 0.04, 0.087] {
                 let inside = head.ear(ear, at(azimuth, d), 48_000.0);
                 let numbers = |f: &EarFilter| [&f.shadow[..], &[f.delay, f.shoulder], &f.pinna].concat();
-                let apart = numbers(&inside).into_iter().zip(numbers(&surface)).map(|(a, b)| (a - b).abs());
-                assert!(apart.fold(0.0, f64::max) < 1e-12, "{azimuth} {d}: {inside:?} {surface:?}");
-                // Nor is it louder than at 0.1 m.
+                let differences =
+                    numbers(&inside).into_iter().zip(numbers(&surface)).map(|(a, b)| (a - b).abs());
+                assert!(differences.fold(0.0, f64::max) < 1e-12, "{azimuth} {d}: {inside:?} {surface:?}");
+                // The gain is that at 0.1 m.
                 assert_eq!(distance.gain_at(at(azimuth, d)), 10.0);
             }
             assert!(distance.gain_at(at(azimuth, 0.101)) < 10.0);
         }
     }
-    // The middle has no direction: it counts as in front, and nothing there is no number.
+    // The centre has no direction: it is treated as in front.
     let middle = head.ear(Ear::Left, [0.0; 3], 48_000.0);
     assert_eq!(middle, head.ear(Ear::Left, [head.radius, 0.0, 0.0], 48_000.0));
 }

@@ -34,14 +34,14 @@ fn a_click_in_front_stays_near_its_time_and_is_the_same_in_both_ears() {
     let right: Vec<f32> = out.iter().skip(1).step_by(2).copied().collect();
     assert_eq!(left, right);
     let peak = (0..left.len()).max_by(|a, b| left[*a].total_cmp(&left[*b])).unwrap();
-    // Ears at 100 degrees are reached 10 degrees around the head after the middle.
+    // The path to ears at 100 degrees is 10 degrees of arc longer than to the centre.
     let expected = 1000.0 + 0.0875 / 343.0 * 10_f64.to_radians() * 48_000.0;
     assert!((peak as f64 - expected).abs() <= 1.0, "{peak} {expected}");
     assert!(left[..900].iter().all(|x| *x == 0.0));
 }
 
 #[test]
-fn a_source_to_the_left_is_louder_and_earlier_there_however_that_comes_about() {
+fn a_source_to_the_left_is_louder_and_earlier_at_the_left_ear() {
     let turned = StructuralHrtfParams { look: [0.0, -1.0, 0.0], ..params() };
     let moved = StructuralHrtfParams { listener: [0.0, 5.0, 0.0], position: [0.0, 9.0, 0.0], ..params() };
     let left = StructuralHrtfParams { position: [0.0, 2.0, 0.0], ..params() };
@@ -57,7 +57,7 @@ fn a_source_to_the_left_is_louder_and_earlier_there_however_that_comes_about() {
 }
 
 #[test]
-fn a_link_moves_the_source_or_the_head_and_windows_do_not_matter() {
+fn a_link_moves_the_source_or_the_head_with_the_same_bits_in_any_windows() {
     let noise: Vec<f32> = (0..FS).map(|n| ((n * n) as f32 * 0.61).sin()).collect();
     let run = |moves_listener: bool, window| {
         let port = if moves_listener { StructuralHrtfPorts::listener } else { StructuralHrtfPorts::position };
@@ -65,23 +65,23 @@ fn a_link_moves_the_source_or_the_head_and_windows_do_not_matter() {
         standalone.window(window).run().unwrap().stream(StructuralHrtfPorts::out)
     };
     for moves_listener in [false, true] {
-        let whole = run(moves_listener, 2 * TICKS_PER_SECOND);
+        let expected = run(moves_listener, 2 * TICKS_PER_SECOND);
         assert!(
-            run(moves_listener, ticks(0.0123)) == whole
-                && run(moves_listener, Rate::hz(FS).span(17)) == whole
+            run(moves_listener, ticks(0.0123)) == expected
+                && run(moves_listener, Rate::hz(FS).span(17)) == expected
         );
     }
     let out = run(false, TICKS_PER_SECOND);
     let power = |from: usize, ear: usize| {
         out[2 * from..2 * from + 4800].iter().skip(ear).step_by(2).map(|x| x * x).sum::<f32>()
     };
-    // A quarter turn to the left, three quarters to the right.
+    // After a quarter turn the source is on the left, after three quarters on the right.
     assert!(power(12_000, 0) > 2.0 * power(12_000, 1));
     assert!(power(36_000, 1) > 2.0 * power(36_000, 0));
 }
 
 #[test]
-fn a_new_place_is_taken_over_without_a_rebuild_and_a_new_head_needs_one() {
+fn a_new_position_needs_no_rebuild_and_a_new_head_does() {
     let cx = standalone(params(), click(0));
     assert!(cx.shape().is_ok());
     let mut node = StructuralHrtf {
@@ -98,7 +98,7 @@ fn a_new_place_is_taken_over_without_a_rebuild_and_a_new_head_needs_one() {
 }
 
 #[test]
-fn stereo_and_a_head_turned_nowhere_are_refused() {
+fn stereo_and_an_undefined_orientation_are_refused() {
     let stereo = Standalone::new::<StructuralHrtf>(params());
     let stereo = stereo.input(StructuralHrtfPorts::audio, Rate::hz(FS), Channels(2), vec![0.0; 4]);
     assert!(stereo.shape().unwrap_err().help.unwrap().contains("Mono"));
