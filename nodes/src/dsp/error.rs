@@ -3,23 +3,23 @@
 use crate::core::fault::{Fault, Reject};
 /// A parameter out of its range.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("{what} is {found}; it must be {wanted}")]
+#[error("{what} is {found}; it must be {expected}")]
 pub struct DspError {
     /// The parameter.
     pub what: &'static str,
     /// Its value.
     pub found: f64,
     /// Valid values.
-    pub wanted: &'static str,
+    pub expected: &'static str,
 }
 impl DspError {
     pub(crate) fn check(
         ok: bool,
         what: &'static str,
         found: f64,
-        wanted: &'static str,
+        expected: &'static str,
     ) -> Result<(), DspError> {
-        if ok && found.is_finite() { Ok(()) } else { Err(DspError { what, found, wanted }) }
+        if ok && found.is_finite() { Ok(()) } else { Err(DspError { what, found, expected }) }
     }
 
     /// Refuses a frequency outside (0, rate / 2).

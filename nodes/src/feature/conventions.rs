@@ -142,12 +142,12 @@ pub struct Difference {
     /// The value that was found.
     pub found: String,
     /// The expected value.
-    pub wanted: String,
+    pub expected: String,
 }
 
 impl std::fmt::Display for Difference {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "`{}` is {}, not {}", self.field, self.found, self.wanted)
+        write!(f, "`{}` is {}, not {}", self.field, self.found, self.expected)
     }
 }
 
@@ -251,14 +251,14 @@ impl FeatureConventions {
     /// Widths are compared by their effect: no widths equal widths of 0, and one width equals the same width for every dimension. Without
     /// a Gaussian, `causal` is ignored.
     #[must_use]
-    pub fn differs_from(&self, wanted: &Self) -> Option<Difference> {
+    pub fn differs_from(&self, expected: &Self) -> Option<Difference> {
         let smoothed = |c: &Self| (0..c.dims()).any(|dim| c.width(dim) > 1.0);
-        let either = smoothed(self) || smoothed(wanted);
-        let pairs = self.fields().into_iter().zip(wanted.fields());
+        let either = smoothed(self) || smoothed(expected);
+        let pairs = self.fields().into_iter().zip(expected.fields());
         pairs
             .filter(|((field, _), _)| either || !matches!(*field, "widths" | "causal"))
-            .find(|((_, found), (_, wanted))| found != wanted)
-            .map(|((field, found), (_, wanted))| Difference { field, found, wanted })
+            .find(|((_, found), (_, expected))| found != expected)
+            .map(|((field, found), (_, expected))| Difference { field, found, expected })
     }
 
     /// Returns a digest of all fields.
@@ -275,10 +275,10 @@ impl FeatureConventions {
     ///
     /// # Errors
     /// The first field that differs.
-    pub fn check(&self, port: &str, wanted: &Self, what: &str) -> Result<(), Reject> {
-        let Some(difference) = self.differs_from(wanted) else { return Ok(()) };
-        let Difference { field, found, wanted } = difference;
-        let message = format!("`{field}` of the features is {found}, that of the {what} {wanted}");
+    pub fn check(&self, port: &str, expected: &Self, what: &str) -> Result<(), Reject> {
+        let Some(difference) = self.differs_from(expected) else { return Ok(()) };
+        let Difference { field, found, expected } = difference;
+        let message = format!("`{field}` of the features is {found}, that of the {what} {expected}");
         let help = match field {
             "widths" | "causal" => "give TemporalGaussian the same as UnitDatabase".to_owned(),
             _ => format!("give Mfcc and UnitDatabase the same `{field}`"),
@@ -338,7 +338,7 @@ mod tests {
             other(&|c| c.widths = vec![10.0, 50.0, 20.0]),
             other(&|c| c.causal = true),
         ];
-        let wanted = [
+        let expected = [
             "rate",
             "unit",
             "window",
@@ -359,7 +359,7 @@ mod tests {
             "widths",
             "causal",
         ];
-        assert_eq!(found, wanted);
+        assert_eq!(found, expected);
         // By default the first coefficient is that of loudness, logarithms are natural, and the floor is -100 dB.
         assert_eq!(
             (base.first, base.n, base.log, base.floor),

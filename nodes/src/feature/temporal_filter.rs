@@ -115,9 +115,9 @@ mod tests {
     #[test]
     fn the_filter_equals_the_reference_including_the_edges() {
         let x = [0.0, 0.0, 1.0, 0.0, 2.0, 5.0, -1.0, 3.0];
-        for (width, wanted) in [(4.0, REFERENCE_4), (10.0, REFERENCE_10)] {
+        for (width, expected) in [(4.0, REFERENCE_4), (10.0, REFERENCE_10)] {
             let found = TemporalFilter::new(&[width], false).process_segment(&x);
-            for (f, w) in found.iter().zip(wanted) {
+            for (f, w) in found.iter().zip(expected) {
                 assert!((f64::from(*f) - w).abs() < 1e-6, "{width}: {found:?}");
             }
         }
@@ -149,14 +149,14 @@ mod tests {
     fn taps_are_those_of_scipy_to_the_last_digit() {
         let (ten, fifty) = (Taps::new(10.0, false).weights, Taps::new(50.0, false).weights);
         let found = [ten[0], ten[3], fifty[0], fifty[9], fifty[18]];
-        let wanted = [
+        let expected = [
             0.022190548492442997,
             0.11906462996609925,
             0.004505330132539327,
             0.014673764476065616,
             0.028458906504602907,
         ];
-        assert!(found.iter().zip(wanted).all(|(f, w)| (f - w).abs() < 2e-16), "{found:?}");
+        assert!(found.iter().zip(expected).all(|(f, w)| (f - w).abs() < 2e-16), "{found:?}");
         for taps in [ten, fifty] {
             assert!(taps.iter().eq(taps.iter().rev()) && (taps.iter().sum::<f64>() - 1.0).abs() < 1e-15);
         }

@@ -247,8 +247,8 @@ impl Ratio {
         let taps = (attenuation - 7.95) / (2.285 * PI * transition * self.scale());
         let half = (taps / 2.0).ceil();
         let table = 2.0 * half * self.phases().0 as f64;
-        let wanted = "at most 16777216: convert in two steps, or at a lower quality";
-        DspError::check(table <= MAX_TAPS, "number of taps of all phases", table, wanted)?;
+        let expected = "at most 16777216: convert in two steps, or at a lower quality";
+        DspError::check(table <= MAX_TAPS, "number of taps of all phases", table, expected)?;
         Ok(half as usize)
     }
 }

@@ -21,10 +21,10 @@ fn features(c: &FeatureConventions, frame: &[f32]) -> Vec<f32> {
     out
 }
 
-fn assert_close(found: &[f32], wanted: &[f64], tolerance: f64) {
-    assert_eq!(found.len(), wanted.len());
-    for (f, w) in found.iter().zip(wanted) {
-        assert!((f64::from(*f) - w).abs() < tolerance, "{found:?}, not {wanted:?}");
+fn assert_close(found: &[f32], expected: &[f64], tolerance: f64) {
+    assert_eq!(found.len(), expected.len());
+    for (f, w) in found.iter().zip(expected) {
+        assert!((f64::from(*f) - w).abs() < tolerance, "{found:?}, not {expected:?}");
     }
 }
 
@@ -57,16 +57,16 @@ fn both_kinds_of_cepstrum_equal_the_reference() {
         log: LogScale::Decibel,
         ..cloth()
     };
-    let wanted = [3.513884241841211, 32.01126662916578, -1.1405423820282348];
-    assert_close(&features(&usual, &signal()), &wanted, 1e-4);
+    let expected = [3.513884241841211, 32.01126662916578, -1.1405423820282348];
+    assert_close(&features(&usual, &signal()), &expected, 1e-4);
 }
 
 #[test]
 fn the_cosines_for_three_bands_are_exact() {
     let (a, b, c) = (1.0 / 3f64.sqrt(), 1.0 / 2f64.sqrt(), 1.0 / 6f64.sqrt());
-    let wanted = [a, a, a, b, 0.0, -b, c, -2.0 * c, c];
-    for (found, wanted) in cosines(0, 3, 3).iter().zip(wanted) {
-        assert!((found - wanted).abs() < 1e-12);
+    let expected = [a, a, a, b, 0.0, -b, c, -2.0 * c, c];
+    for (found, expected) in cosines(0, 3, 3).iter().zip(expected) {
+        assert!((found - expected).abs() < 1e-12);
     }
 }
 
@@ -81,8 +81,8 @@ fn unit_energies_add_up_to_the_energy_of_the_signal() {
     let mut cepstrum = MelCepstrum::new(&c, 0.0);
     // From the unit before the first to the one after the last.
     let units = (0..12).map(|k| 200.0 * cepstrum.energies(&padded[k * 200..k * 200 + 400])[0]);
-    let (sum, wanted): (f64, f64) = (units.sum(), x.iter().map(|&x| f64::from(x).powi(2)).sum());
-    assert!((sum / wanted - 1.0).abs() < 1e-9, "{sum} {wanted}");
+    let (sum, expected): (f64, f64) = (units.sum(), x.iter().map(|&x| f64::from(x).powi(2)).sum());
+    assert!((sum / expected - 1.0).abs() < 1e-9, "{sum} {expected}");
 }
 
 fn with_window(window: FeatureWindow, frame: u32) -> FeatureConventions {
@@ -101,8 +101,8 @@ fn windows_have_the_energy_of_a_unit_and_hann_ignores_its_edge() {
     for length in [200, 256] {
         let x: Vec<f32> = (0..length).map(|_| rng.between(-1.0, 1.0) as f32).collect();
         let found = MelCepstrum::new(&with_window(FeatureWindow::Rect, length), 0.0).energies(&x)[0];
-        let wanted = x.iter().map(|&x| f64::from(x).powi(2)).sum::<f64>() / f64::from(length);
-        assert!((found / wanted - 1.0).abs() < 1e-12, "{length}: {found} {wanted}");
+        let expected = x.iter().map(|&x| f64::from(x).powi(2)).sum::<f64>() / f64::from(length);
+        assert!((found / expected - 1.0).abs() < 1e-12, "{length}: {found} {expected}");
     }
     // One sample alone, the first of a unit.
     let mut pop = vec![0.0; 200];

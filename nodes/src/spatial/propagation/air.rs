@@ -82,9 +82,9 @@ mod tests {
         // Table 1 of ISO 9613-1, dB per kilometre at 20 °C and 50 %.
         let table =
             [(125.0, 0.440), (500.0, 2.73), (1000.0, 4.66), (2000.0, 9.89), (4000.0, 29.7), (8000.0, 105.0)];
-        for (f, wanted) in table {
+        for (f, expected) in table {
             let found = 1000.0 * loss(f);
-            assert!((found / wanted - 1.0).abs() < 0.005, "{f} Hz: {found} dB/km, wanted {wanted}");
+            assert!((found / expected - 1.0).abs() < 0.005, "{f} Hz: {found} dB/km, expected {expected}");
         }
     }
 
@@ -109,8 +109,11 @@ mod tests {
         for fs in [44_100.0, 96_000.0] {
             for metres in [0.0, 5.0, 20.0, 100.0] {
                 for f in [500.0, 2000.0, 4000.0, 8000.0] {
-                    let (found, wanted) = (measured(metres, f, fs), metres * loss(f));
-                    assert!((found - wanted).abs() < 0.6, "{metres} m, {f} Hz: {found} dB, wanted {wanted}");
+                    let (found, expected) = (measured(metres, f, fs), metres * loss(f));
+                    assert!(
+                        (found - expected).abs() < 0.6,
+                        "{metres} m, {f} Hz: {found} dB, expected {expected}"
+                    );
                 }
             }
             assert!((measured(20.0, 12_000.0, fs) - 20.0 * loss(12_000.0)).abs() < 0.6);

@@ -184,8 +184,8 @@ mod tests {
         };
         let loss = |f: f64| level(false, f) - level(true, f);
         assert!(loss(250.0) < 0.1, "{}", loss(250.0));
-        let wanted = 50.0 * crate::spatial::propagation::air::loss(8000.0);
-        assert!((loss(8000.0) - wanted).abs() < 0.05, "{} dB, wanted {wanted}", loss(8000.0));
+        let expected = 50.0 * crate::spatial::propagation::air::loss(8000.0);
+        assert!((loss(8000.0) - expected).abs() < 0.05, "{} dB, expected {expected}", loss(8000.0));
     }
 
     #[test]

@@ -49,12 +49,12 @@ fn high_quality_attenuates_aliases_by_100_db() {
 
 #[test]
 fn each_quality_has_its_stated_error() {
-    for (quality, edge, wanted) in [(Quality::Draft, 0.74, -55.0), (Quality::Standard, 0.87, -95.0)] {
+    for (quality, edge, expected) in [(Quality::Draft, 0.74, -55.0), (Quality::Standard, 0.87, -95.0)] {
         let r = Resampler::new(Rate::hz(48_000), Rate::hz(44_100), quality).unwrap();
         let pass = convert(&r, 0, 500, tone(edge * 22_050.0 / 48_000.0));
-        assert!(error_db(&pass, 0, tone(edge * 0.5)) < wanted);
+        assert!(error_db(&pass, 0, tone(edge * 0.5)) < expected);
         let stop = convert(&r, 0, 500, tone(22_060.0 / 48_000.0));
-        assert!(error_db(&stop, 0, |_| 0.0) < wanted);
+        assert!(error_db(&stop, 0, |_| 0.0) < expected);
     }
 }
 
@@ -126,5 +126,5 @@ fn a_filter_that_exceeds_the_memory_limit_is_refused_before_its_design() {
     let (from, to) = (Rate::hz(192_001), Rate::hz(191));
     assert!(Resampler::lookaround(from, to, Quality::Draft).is_ok());
     let to = Rate::new(191_000, 1001).unwrap();
-    assert!(Resampler::new(from, to, Quality::High).unwrap_err().wanted.contains("two steps"));
+    assert!(Resampler::new(from, to, Quality::High).unwrap_err().expected.contains("two steps"));
 }
