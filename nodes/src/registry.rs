@@ -16,8 +16,8 @@ use crate::crumple::picture::BuckleFigure;
 use crate::crumple::player_node::CrumplePlayer;
 use crate::curvature::mean_node::MeanCurvatureNode;
 use crate::curvature::rest::RestNoiseNode;
-use crate::feature::gaussian_node::TemporalGaussian;
-use crate::feature::mfcc_node::Mfcc;
+use crate::feature::mfcc::Mfcc;
+use crate::feature::temporal_gaussian::TemporalGaussian;
 use crate::friction::between::InterpolatedSpectra;
 use crate::friction::binaural_node::BinauralIftNoise;
 use crate::friction::builder_node::FrictionModelBuilder;
@@ -47,12 +47,12 @@ use crate::scrape::pair_node::TwoTextures;
 use crate::scrape::path_node::ContactPath;
 use crate::scrape::profile_node::PathProfileNode;
 use crate::scrape::stroke_node::Stroke;
-use crate::spatial::distance_node::DistanceGain;
-use crate::spatial::hrtf_node::StructuralHrtf;
-use crate::spatial::occlusion_node::Occlusion;
-use crate::spatial::orbit_node::Orbit;
-use crate::spatial::pose_file_node::PoseFile;
-use crate::spatial::vertex_pose::VertexPose;
+use crate::spatial::hrtf::structural_hrtf::StructuralHrtf;
+use crate::spatial::motion::orbit::Orbit;
+use crate::spatial::motion::pose_file::PoseFile;
+use crate::spatial::motion::vertex_pose::VertexPose;
+use crate::spatial::obstruction::occlusion::Occlusion;
+use crate::spatial::propagation::distance_gain::DistanceGain;
 use crate::tension::tension_impact::TensionImpact;
 use crate::texture::class::histogram_class::HistogramClass;
 use crate::texture::filter::bilateral::Bilateral;
@@ -78,7 +78,6 @@ use crate::warp::fit_node::TpsFit;
 use crate::warp::nodes::{Correspondences, TpsWarp, WarpFile};
 use crate::warp::suggest_node::CorrespondenceSuggester;
 use crate::{dsp, io, live};
-
 use std::sync::Arc;
 
 /// Node types by name, in the order in which they were added.

@@ -190,7 +190,7 @@ fn the_cepstrum_of_triangles_is_that_of_librosa() {
 #[test]
 fn the_gaussian_over_time_is_that_of_scipy() {
     for (width, wanted) in GAUSSIAN {
-        let found = TemporalFilter::new(&[width], false).stretch(&single(&noise(40, 11)));
+        let found = TemporalFilter::new(&[width], false).process_segment(&single(&noise(40, 11)));
         near(found.iter().step_by(9).map(|x| f64::from(*x)), wanted, 6e-8, "Gaussian");
     }
 }

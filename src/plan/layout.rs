@@ -461,7 +461,12 @@ impl Layout<'_> {
                 } else {
                     let link = self.links;
                     self.links += 1;
-                    self.regions[region].exports.push(Export { link, buffer: written, clock, items: window_items });
+                    self.regions[region].exports.push(Export {
+                        link,
+                        buffer: written,
+                        clock,
+                        items: window_items,
+                    });
                     let there = self.regions[*reader_region].clock(writer);
                     let import = Import { link, from: region, buffer, clock: there };
                     self.regions[*reader_region].imports.push(import);

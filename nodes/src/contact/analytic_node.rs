@@ -15,7 +15,7 @@ use crate::core::shape::{Build, Ends, Shape};
 use crate::core::time::Tick;
 use crate::mesh::{Materials, Mesh};
 use crate::spatial::Poses;
-use crate::spatial::track::{frames_of, on_frames, pose_at};
+use crate::spatial::motion::interpolation::{frames_per_item, items_on_frames, pose_at};
 use crate::{archive_state, choices, params, ports};
 
 choices! {
@@ -133,9 +133,9 @@ impl Node for AnalyticCollider {
         s.lookaround(Port::mesh, 0, 1);
         s.when_ended(Port::mesh, Ends::Hold);
         if let Some(poses) = s.optional(Port::pose) {
-            let near = frames_of(mesh.rate, poses.rate);
+            let near = frames_per_item(mesh.rate, poses.rate);
             // Between frames poses lie on a cubic through two more.
-            let next = if on_frames(mesh.rate, poses.rate) { 0 } else { 2 };
+            let next = if items_on_frames(mesh.rate, poses.rate) { 0 } else { 2 };
             s.lookaround(Port::pose, 2, near + next);
         }
         s.when_ended(Port::pose, Ends::Hold);

@@ -13,9 +13,9 @@ use crate::core::ports::{Events, Stream, Value};
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Ends, Shape};
 use crate::core::time::{Rate, ticks};
-use crate::spatial::hrtf_node::Pinna;
-use crate::spatial::track::{AHEAD, PAST, listener, pose_at};
-use crate::spatial::{Distance, Head, Pose, Poses, StillSource};
+use crate::spatial::Pinna;
+use crate::spatial::motion::interpolation::{LOOK_AHEAD, LOOK_BEHIND, listener_pose, pose_at};
+use crate::spatial::{Distance, Head, Pose, Poses, StaticSource};
 use crate::{archive_state, params, ports};
 
 params! {
@@ -81,7 +81,7 @@ ports! {
     }
 }
 
-impl Hearing for StillSource {
+impl Hearing for StaticSource {
     const CHANNELS: usize = 2;
 
     fn level(&self) -> f32 {
@@ -89,13 +89,13 @@ impl Hearing for StillSource {
     }
 
     fn add(&mut self, sample: &[f32], at: i64, level: Level, out: &mut [f32]) {
-        StillSource::add(self, sample, at, out, |x, frame| level.of(x, frame));
+        StaticSource::add(self, sample, at, out, |x, frame| level.of(x, frame));
     }
 }
 
 /// The node `BinauralCrumplePlayer`.
 pub struct BinauralCrumplePlayer {
-    playback: Playback<StillSource>,
+    playback: Playback<StaticSource>,
     head: Head,
     distance: Option<Distance>,
     listener: Pose,
@@ -114,7 +114,7 @@ fn head(p: &BinauralCrumplePlayerParams) -> Head {
 /// Frames in which a sample is heard before its beginning and after its end.
 fn around(p: &BinauralCrumplePlayerParams) -> [usize; 2] {
     let (head, fs) = (head(p), p.rate.as_f64());
-    [StillSource::lead(&head, fs), StillSource::ring(&head, fs)]
+    [StaticSource::max_advance(&head, fs), StaticSource::tail(&head, fs)]
 }
 
 impl Node for BinauralCrumplePlayer {
@@ -129,13 +129,13 @@ impl Node for BinauralCrumplePlayer {
         s: &mut Shape<'_, '_, BinauralCrumplePlayerPorts>,
     ) -> Result<(), Reject> {
         type Port = BinauralCrumplePlayerPorts;
-        listener(p.listener, p.look, p.up)?;
+        listener_pose(p.listener, p.look, p.up)?;
         let [lead, ring] = around(p);
         s.lookaround(Port::matched, 0, timing(p).ahead(lead) as usize);
         if let Some(poses) = s.optional(Port::listener) {
             // A sample begins up to `lead` frames after it is first heard.
             let beyond = poses.rate.first_at(p.rate.span(lead + 1)) as usize;
-            s.lookaround(Port::listener, PAST, AHEAD + beyond);
+            s.lookaround(Port::listener, LOOK_BEHIND, LOOK_AHEAD + beyond);
         }
         s.when_ended(Port::listener, Ends::Hold);
         s.tail(ticks(p.tail) + p.rate.span(ring));
@@ -149,7 +149,7 @@ impl Node for BinauralCrumplePlayer {
             playback: Playback::new(&bank, timing(p), around(p), cx.random)?,
             head: head(p),
             distance: p.reference.map(|reference| Distance { reference, nearest: p.nearest }),
-            listener: listener(p.listener, p.look, p.up)?,
+            listener: listener_pose(p.listener, p.look, p.up)?,
             params: p.clone(),
         })
     }
@@ -159,7 +159,7 @@ impl Node for BinauralCrumplePlayer {
         let (still, poses) = (self.listener, &io.listener);
         self.playback.run(&io.matched, &mut io.audio, |place, tick| {
             let pose = poses.as_ref().map_or(still, |poses| pose_at(poses, tick));
-            StillSource::new(&head, distance, pose.toward(place.map(f64::from)), fs)
+            StaticSource::new(&head, distance, pose.to_local(place.map(f64::from)), fs)
         })
     }
 

@@ -6,8 +6,8 @@ use crate::crumple::bank::{Cut, Origin, Recorded};
 use crate::crumple::extract::Extraction;
 use crate::crumple::player_node::{CrumplePlayer, CrumplePlayerParams, CrumplePlayerPorts};
 use crate::spatial::Ear;
-use crate::spatial::distance_node::{DistanceGain, DistanceGainParams, DistanceGainPorts};
-use crate::spatial::hrtf_node::{StructuralHrtf, StructuralHrtfParams, StructuralHrtfPorts};
+use crate::spatial::hrtf::structural_hrtf::{StructuralHrtf, StructuralHrtfParams, StructuralHrtfPorts};
+use crate::spatial::propagation::distance_gain::{DistanceGain, DistanceGainParams, DistanceGainPorts};
 
 type Port = BinauralCrumplePlayerPorts;
 type Found = BinauralCrumplePlayerParams;

@@ -16,8 +16,8 @@ use crate::core::shape::{Build, Ends, Shape};
 use crate::core::time::{Rate, Tick};
 use crate::dsp;
 use crate::mesh::Mesh;
-use crate::spatial::hrtf_node::Pinna;
-use crate::spatial::track::{frames_of, listener, on_frames, pose_at};
+use crate::spatial::Pinna;
+use crate::spatial::motion::interpolation::{frames_per_item, items_on_frames, listener_pose, pose_at};
 use crate::spatial::{Distance, Head, HeadReceiver, Pose, Poses};
 use crate::{archive_state, params, ports};
 
@@ -129,7 +129,7 @@ impl Node for BinauralIftNoise {
         type Port = BinauralIftNoisePorts;
         let (speeds, mesh) = (s.input(Port::speeds), s.input(Port::mesh));
         s.check(hop(p.rate, speeds.rate));
-        s.check(listener(p.listener, p.look, p.up));
+        s.check(listener_pose(p.listener, p.look, p.up));
         if let Some(model) = s.value(Port::model) {
             s.check(model.validate().map_err(|e| Reject::new("F076", e.to_string()).at("model")));
         }
@@ -143,15 +143,15 @@ impl Node for BinauralIftNoise {
         let [past, ahead] = p.motion_at.reach();
         s.lookaround(Port::speeds, past, ahead);
         s.when_ended(Port::speeds, Ends::Stop);
-        let near = frames_of(speeds.rate, mesh.rate);
+        let near = frames_per_item(speeds.rate, mesh.rate);
         // Between frames the cloth lies on a line to the next one.
-        let next = usize::from(!on_frames(speeds.rate, mesh.rate));
+        let next = usize::from(!items_on_frames(speeds.rate, mesh.rate));
         s.lookaround(Port::mesh, past * near + 1, ahead * near + next);
         s.when_ended(Port::mesh, Ends::Hold);
         if let Some(poses) = s.optional(Port::listener) {
-            let near = frames_of(speeds.rate, poses.rate);
+            let near = frames_per_item(speeds.rate, poses.rate);
             // Between frames poses lie on a cubic through two more.
-            let next = if on_frames(speeds.rate, poses.rate) { 0 } else { 2 };
+            let next = if items_on_frames(speeds.rate, poses.rate) { 0 } else { 2 };
             s.lookaround(Port::listener, past * near + 2, ahead * near + next);
         }
         s.when_ended(Port::listener, Ends::Hold);
@@ -185,7 +185,7 @@ impl Node for BinauralIftNoise {
             peak: 0.0,
             positions: vec![[0.0; 3]; speeds.format.len()],
             planes: vec![0.0; len],
-            listener: listener(p.listener, p.look, p.up)?,
+            listener: listener_pose(p.listener, p.look, p.up)?,
             params: p.clone(),
         })
     }

@@ -84,8 +84,8 @@ fn reader<'a>(path: &str, file: Box<dyn ReadSeek + 'a>) -> Result<(AudioReader<'
 }
 
 fn conventions(p: &UnitDatabaseParams, joined: u32) -> Result<FeatureConventions, Reject> {
-    crate::feature::gaussian_node::check_widths(&p.widths, p.n)?;
-    p.given(&p.widths, p.causal).conventions(p.rate, joined)
+    crate::feature::params::check_widths(&p.widths, p.n)?;
+    p.convention_params(&p.widths, p.causal).conventions(p.rate, joined)
 }
 
 /// All of a recording at another rate, channel by channel, and a digest of what it holds.

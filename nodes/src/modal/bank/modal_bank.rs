@@ -10,8 +10,7 @@ use crate::core::ports::{Many, Stream, Value};
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Ends, Incoming, Shape};
 use crate::core::time::{Rate, ticks};
-use crate::dsp::node::ramp;
-use crate::dsp::{Gain, db_to_linear, linear_to_db};
+use crate::dsp::{Gain, db_to_linear, linear_to_db, ramp_frames};
 use crate::modal::mode::modes::Modes;
 use crate::{archive_state, params, ports};
 
@@ -168,8 +167,8 @@ impl Node for ModalBankNode {
         let rate = cx.output(ModalBankPorts::audio).rate;
         let mut bank = Bank::culled(&modes, rate.as_f64(), p.cull).map_err(reject)?;
         let linked = damping.is_some();
-        bank.start(if linked { 1.0 } else { p.damping }, p.pitch, ramp(rate));
-        let gain = Gain::new(factor(p), ramp(rate), 1);
+        bank.start(if linked { 1.0 } else { p.damping }, p.pitch, ramp_frames(rate));
+        let gain = Gain::new(factor(p), ramp_frames(rate), 1);
         let per_sample = (1.0 / rate.as_f64()) as f32;
         let mut node = Self { bank, gain, params: p.clone(), rate, per_sample, modes: modes.len(), linked };
         node.set_floor();
