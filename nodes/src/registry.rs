@@ -24,9 +24,9 @@ use crate::friction::builder_node::FrictionModelBuilder;
 use crate::friction::ift_noise_node::IftNoiseNode;
 use crate::friction::model_nodes::{FrictionModelFile, FrictionModelFromClips};
 use crate::friction::pair_node::PairFrictionModel;
-use crate::mesh::generate_node::MeshGenerator;
-use crate::mesh::sequence_node::MeshSequence;
-use crate::mesh::subdivide_node::MeshSubdivide;
+use crate::mesh::mesh_generator::MeshGenerator;
+use crate::mesh::mesh_sequence::MeshSequence;
+use crate::mesh::mesh_subdivide::MeshSubdivide;
 use crate::modal::bank_node::ModalBankNode;
 use crate::modal::force_node::ImpactForce;
 use crate::modal::from_recording::ModalFromRecording;
@@ -73,7 +73,7 @@ use crate::warp::diagnostics_node::CorrespondenceDiagnostics;
 use crate::warp::fit_node::TpsFit;
 use crate::warp::nodes::{Correspondences, TpsWarp, WarpFile};
 use crate::warp::suggest_node::CorrespondenceSuggester;
-use crate::{dsp, io, live};
+use crate::{dsp, io, live_input};
 
 /// Every node type, one line each, by family.
 #[must_use]
@@ -187,9 +187,9 @@ pub fn all() -> Vec<NodeType> {
         NodeType::of::<TpsFit>("warp"),
         NodeType::of::<TpsWarp>("warp"),
         NodeType::func::<WarpFile>("warp"),
-        NodeType::of::<live::LiveContacts>("live"),
-        NodeType::of::<live::LiveControl>("live"),
-        NodeType::of::<live::LiveImpacts>("live"),
-        NodeType::of::<live::LiveMesh>("live"),
+        NodeType::of::<live_input::LiveContacts>("live"),
+        NodeType::of::<live_input::LiveControl>("live"),
+        NodeType::of::<live_input::LiveImpacts>("live"),
+        NodeType::of::<live_input::LiveMesh>("live"),
     ]
 }
