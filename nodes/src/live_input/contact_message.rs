@@ -115,7 +115,7 @@ impl ContactMessage {
             return Err(format!("there is no key `{key}`; the keys are {}", KEYS.join(", ")));
         }
         let error = |key: &str, expected: &str| {
-            let found = object.get(key).map_or("nothing".into(), Value::to_string);
+            let found = object.get(key).map_or("missing".into(), Value::to_string);
             format!("`{key}` is {}; {expected} needed", found.chars().take(40).collect::<String>())
         };
         let integer = |key: &str| {
@@ -259,7 +259,7 @@ mod tests {
             ("[0,0,1]", "[0,0]", "`normal` is [0,0]; a list of three numbers is needed"),
             ("\"a\": 0", "\"a\": \"floor\"", "`a` is \"floor\"; a whole number"),
             (", \"step\": 0.01", "", "`impulse` needs `step`"),
-            ("\"impulse\": 0.095, ", "", "`force` is nothing; newtons are needed"),
+            ("\"impulse\": 0.095, ", "", "`force` is missing; newtons are needed"),
             ("approach", "speed", "there is no key `speed`"),
         ] {
             let e = line(&text.replace(from, to)).unwrap_err();

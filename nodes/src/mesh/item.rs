@@ -42,8 +42,8 @@ impl Item for Mesh {
 
     fn describe(format: &MeshFormat) -> String {
         let Topology { rest, triangles } = &*format.topology;
-        let still = if format.is_static { ", still" } else { "" };
-        format!("{} vertices, {} triangles{still}", rest.len(), triangles.len())
+        let static_note = if format.is_static { ", still" } else { "" };
+        format!("{} vertices, {} triangles{static_note}", rest.len(), triangles.len())
     }
 
     fn trial_format(rng: &mut Rng) -> MeshFormat {

@@ -179,18 +179,18 @@ mod tests {
 
     #[test]
     fn the_centre_moves_the_rest_pose_and_all_frames_and_the_material_is_named() {
-        let place = [1.0, -2.0, 0.5];
+        let centre = [1.0, -2.0, 0.5];
         let base = MeshGeneratorParams { vertices: [2, 2], duration: 0.1, ..params() };
         let at_origin =
             Standalone::new::<MeshGenerator>(base.clone()).run().unwrap().stream(MeshGeneratorPorts::mesh);
-        let p = MeshGeneratorParams { place, material: "silk".into(), ..base };
+        let p = MeshGeneratorParams { place: centre, material: "silk".into(), ..base };
         let standalone = Standalone::new::<MeshGenerator>(p);
         let format =
             standalone.shape().unwrap().outputs[0].as_ref().unwrap().format::<Mesh>().unwrap().clone();
         assert_eq!(format.materials.names(), ["silk"]);
         let moved = standalone.run().unwrap().stream(MeshGeneratorPorts::mesh);
         for (a, b) in at_origin.iter().zip(&moved) {
-            assert!((0..3).all(|k| (b[k] - a[k] - place[k] as f32).abs() < 1e-6), "{a:?} {b:?}");
+            assert!((0..3).all(|k| (b[k] - a[k] - centre[k] as f32).abs() < 1e-6), "{a:?} {b:?}");
         }
         assert_eq!(format.topology.rest, moved[..4]);
     }
@@ -206,10 +206,10 @@ mod tests {
                 let standalone = Standalone::new::<MeshGenerator>(p.clone()).window(ticks(window));
                 standalone.run().unwrap().stream(MeshGeneratorPorts::mesh)
             };
-            let whole = frames(1.0);
-            assert!(!whole.is_empty());
+            let expected = frames(1.0);
+            assert!(!expected.is_empty());
             for window in [0.001, 0.0177, 0.1] {
-                assert_eq!(frames(window), whole, "{kind:?} {window}");
+                assert_eq!(frames(window), expected, "{kind:?} {window}");
             }
         }
     }

@@ -310,7 +310,11 @@ pub(crate) fn rest_mesh<P>(
     s: &mut Shape<'_, '_, P>,
 ) -> Result<(Topology, Materials, UpAxis), Reject> {
     let (MeshStream { clip, .. }, format) = open(p, s)?;
-    Ok((clip.topology().clone(), clip.materials().clone().or_named(&p.material.0), up_axis(p, format)))
+    Ok((
+        clip.topology().clone(),
+        clip.materials().clone().with_default_name(&p.material.0),
+        up_axis(p, format),
+    ))
 }
 
 impl Node for MeshSequence {
@@ -358,7 +362,7 @@ impl Node for MeshSequence {
             stream.frames.read_frame(0, &mut topology.rest).map_err(|e| reject("path", &e))?;
         }
         let topology = Arc::new(topology);
-        let materials = Arc::new(stream.clip.materials().clone().or_named(&p.material.0));
+        let materials = Arc::new(stream.clip.materials().clone().with_default_name(&p.material.0));
         s.output(MeshSequencePorts::mesh, rate, MeshFormat { topology, is_static, materials });
         s.ends(items.map(|items| rate.tick(items)));
         Ok(())

@@ -94,7 +94,7 @@ impl Node for MeshSubdivide {
 
     fn build(p: &MeshSubdivideParams, cx: &Build<'_>) -> Result<Self, Fault> {
         let subdivision = match cx.kept::<Subdivision>() {
-            Some(kept) => kept,
+            Some(cached) => cached,
             None => Arc::new(subdivision(p, &cx.input(MeshSubdividePorts::mesh).format)?),
         };
         Ok(Self { subdivision })

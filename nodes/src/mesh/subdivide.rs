@@ -61,7 +61,7 @@ impl Stencils {
     }
 
     /// Composes stencils over the vertices of `self` into stencils over the coarse vertices.
-    fn then(&self, finer: &[Stencil]) -> Self {
+    fn compose(&self, finer: &[Stencil]) -> Self {
         let mut out = Self { starts: vec![0], weights: Vec::new() };
         let mut sum = Stencil::new();
         for stencil in finer {
@@ -171,7 +171,7 @@ impl Subdivision {
         let (mut count, mut stencils) = (vertices, Stencils::identity(vertices));
         for _ in 0..levels {
             let (edges, triangle_edges) = edges(&triangles);
-            stencils = stencils.then(&level_stencils(count, &edges, scheme));
+            stencils = stencils.compose(&level_stencils(count, &edges, scheme));
             let first = count as u32;
             triangles = triangles
                 .iter()

@@ -174,7 +174,7 @@ mod tests {
             .collect();
         assert_eq!(ids, [(1, false), (1, false), (2, true)]);
         let wrong = format!("{{\"contact\": \"ball\", \"contacts\": [{{{one}}}, {{\"id\": 2}}]}}");
-        assert!(read_line(&wrong, &hub).unwrap_err().contains("`force` is nothing"));
+        assert!(read_line(&wrong, &hub).unwrap_err().contains("`force` is missing"));
         assert!(inbox.next(1).is_none(), "all or none");
     }
 

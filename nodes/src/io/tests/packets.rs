@@ -33,8 +33,8 @@ fn encoder_delay_and_padding_are_removed() {
         assert_eq!(info.warnings, [], "{:?}", info.format);
         // The ends have pre- and post-echoes; the middle is the tone in phase, within the noise of the codec.
         for channel in 0..channels {
-            let whole = tone_error(&samples, channels, channel, rate);
-            assert!(whole < 0.6, "{:?} {whole}", info.format);
+            let error = tone_error(&samples, channels, channel, rate);
+            assert!(error < 0.6, "{:?} {error}", info.format);
             let mut middle = samples.clone();
             let clean = |n: usize| {
                 let x = std::f64::consts::TAU * 1000.0 * (channel + 1) as f64 / rate * n as f64;
@@ -63,9 +63,9 @@ fn all_packets_of_an_mp3_without_a_tag_are_read() {
 #[test]
 fn blocks_of_any_size_return_the_same_samples() {
     for bytes in [FLAC, FLAC_24, OGG, OGG_STEREO, MP3, MP3_STEREO, MP3_UNTAGGED] {
-        let whole = read_all(bytes, 100_000).unwrap().1;
+        let expected = read_all(bytes, 100_000).unwrap().1;
         for block in [1, 7, 64, 1000] {
-            assert!(read_all(bytes, block).unwrap().1 == whole);
+            assert!(read_all(bytes, block).unwrap().1 == expected);
         }
     }
 }
@@ -73,7 +73,7 @@ fn blocks_of_any_size_return_the_same_samples() {
 #[test]
 fn a_seek_returns_the_samples_of_a_read_from_the_start() {
     for bytes in [FLAC, FLAC_24, OGG, OGG_STEREO, OGG_LONG, MP3, MP3_STEREO] {
-        let whole = read_all(bytes, 4096).unwrap().1;
+        let expected = read_all(bytes, 4096).unwrap().1;
         let mut reader = open(bytes).unwrap();
         let channels = reader.info().channels;
         let frames = reader.info().frames;
@@ -85,7 +85,7 @@ fn a_seek_returns_the_samples_of_a_read_from_the_start() {
             assert_eq!(n as u64, (frames - frame).min(900));
             let at = frame as usize * channels;
             assert!(
-                out[..n * channels] == whole[at..at + n * channels],
+                out[..n * channels] == expected[at..at + n * channels],
                 "{:?} {frame}",
                 reader.info().format
             );
@@ -98,26 +98,26 @@ fn a_seek_returns_the_samples_of_a_read_from_the_start() {
 #[test]
 fn a_seek_into_a_long_mp3_restores_the_decoder_state() {
     let bytes: Vec<u8> = MP3_UNTAGGED.repeat(30);
-    let whole = read_all(&bytes, 4096).unwrap().1;
+    let expected = read_all(&bytes, 4096).unwrap().1;
     let mut reader = open(&bytes).unwrap();
     assert!(reader.info().frames > 150_000);
     for frame in [149_000_u64, 90_001, 100_000] {
         reader.seek(frame).unwrap();
         let mut out = vec![0.0; 2000];
         assert_eq!(reader.read(&mut out).unwrap(), 2000);
-        assert!(out == whole[frame as usize..frame as usize + 2000], "{frame}");
+        assert!(out == expected[frame as usize..frame as usize + 2000], "{frame}");
     }
 }
 
 #[test]
 fn a_truncated_file_is_read_with_a_warning() {
     for bytes in [FLAC, FLAC_24, OGG_LONG, MP3, MP3_STEREO] {
-        let whole = read_all(bytes, 1000).unwrap().1;
+        let expected = read_all(bytes, 1000).unwrap().1;
         let cut = &bytes[..bytes.len() * 3 / 4];
         let (info, samples) = read_all(cut, 1000).unwrap();
-        assert!(info.frames > 1000 && samples.len() < whole.len(), "{:?} {}", info.format, info.frames);
-        let sure = samples.len() - 2000.min(samples.len());
-        assert!(samples[..sure] == whole[..sure], "{:?}", info.format);
+        assert!(info.frames > 1000 && samples.len() < expected.len(), "{:?} {}", info.format, info.frames);
+        let intact = samples.len() - 2000.min(samples.len());
+        assert!(samples[..intact] == expected[..intact], "{:?}", info.format);
         assert!(
             info.warnings
                 .iter()
@@ -134,7 +134,7 @@ fn a_corrupt_packet_is_counted_silence_and_later_samples_keep_their_times() {
     // The second of five frames of 1024 samples: its residual, not its header.
     let sync = |from: usize| from + bytes[from..].windows(2).position(|w| w == [0xFF, 0xF8]).unwrap();
     let second = sync(sync(42) + 2);
-    let whole = read_all(FLAC, 1000).unwrap().1;
+    let expected = read_all(FLAC, 1000).unwrap().1;
     for b in &mut bytes[second + 100..second + 130] {
         *b ^= 0x5A;
     }
@@ -142,8 +142,8 @@ fn a_corrupt_packet_is_counted_silence_and_later_samples_keep_their_times() {
     assert_eq!(info.frames, 5000);
     assert_eq!(info.warnings, [AudioWarning::CorruptPackets { packets: 1 }]);
     assert!(samples[1024..2048].iter().all(|&x| x == 0.0));
-    assert!(samples[..1024] == whole[..1024]);
-    assert!(samples[2048..] == whole[2048..], "what follows keeps its place");
+    assert!(samples[..1024] == expected[..1024]);
+    assert!(samples[2048..] == expected[2048..], "later samples keep their times");
 }
 
 /// Known limit: pages after a page with a wrong checksum move forward in time, with a warning.
@@ -167,15 +167,15 @@ fn a_file_that_ends_in_its_header_is_an_error() {
 fn a_lost_ogg_page_is_reported() {
     let page = |(i, w): (usize, &[u8])| (w == b"OggS").then_some(i);
     let pages: Vec<usize> = OGG_LONG.windows(4).enumerate().filter_map(page).collect();
-    let whole = read_all(OGG_LONG, 1000).unwrap().1;
-    assert_eq!(whole.len(), 320_000);
+    let expected = read_all(OGG_LONG, 1000).unwrap().1;
+    assert_eq!(expected.len(), 320_000);
     let mut bytes = OGG_LONG.to_vec();
     bytes[pages[pages.len() - 2] + 60] ^= 1;
     let (info, samples) = read_all(&bytes, 1000).unwrap();
     let frames = info.frames;
     assert!(frames > 70_000 && frames < 100_000);
     assert_eq!(info.warnings, [AudioWarning::LengthDiffers { header_frames: 160_000, frames, rate: 44_100 }]);
-    assert!(samples[..120_000] == whole[..120_000]);
+    assert!(samples[..120_000] == expected[..120_000]);
 }
 
 #[test]

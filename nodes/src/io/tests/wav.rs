@@ -87,16 +87,16 @@ fn eight_channels_are_in_order() {
 #[test]
 fn chunks_are_found_in_any_order_with_or_without_padding() {
     let data = chunk(b"data", &pcm16(&[1, 2, 3]));
-    let odd = chunk(b"LIST", b"odd");
-    let unpadded = odd[..odd.len() - 1].to_vec();
+    let odd_chunk = chunk(b"LIST", b"odd");
+    let unpadded = odd_chunk[..odd_chunk.len() - 1].to_vec();
     let fact = chunk(b"fact", &3_u32.to_le_bytes());
     let format = fmt(1, 1, 2, 16);
     let expected = [1.0, 2.0, 3.0].map(|x: f32| x / 32_768.0);
     for chunks in [
-        vec![odd.clone(), format.clone(), fact.clone(), data.clone(), odd.clone()],
+        vec![odd_chunk.clone(), format.clone(), fact.clone(), data.clone(), odd_chunk.clone()],
         vec![unpadded.clone(), format.clone(), unpadded.clone(), data.clone(), fact.clone()],
         vec![chunk(b"JUNK", &[0; 28]), format.clone(), chunk(b"xyz1", b"a"), data.clone()],
-        vec![data.clone(), odd, format],
+        vec![data.clone(), odd_chunk, format],
     ] {
         let (info, read) = read_all(&riff(&chunks), 2).unwrap();
         assert_eq!(read, expected);
@@ -151,12 +151,12 @@ fn a_chunk_whose_size_exceeds_the_file_is_skipped() {
     for chunks in [[format.clone(), list.clone(), data.clone()], [list.clone(), format.clone(), data]] {
         let (info, read) = read_all(&riff(&chunks), 2).unwrap();
         assert_eq!((info.frames, read.len()), (3, 3));
-        let told = info.warnings.iter().map(ToString::to_string).collect::<String>();
-        assert!(told.contains("\"LIST\"") && told.contains("1000000000 bytes"), "{told}");
+        let text = info.warnings.iter().map(ToString::to_string).collect::<String>();
+        assert!(text.contains("\"LIST\"") && text.contains("1000000000 bytes"), "{text}");
     }
     let file = riff(&[format, list]);
-    let told = read_all(&file, 2).unwrap_err().to_string();
-    assert!(told.contains("\"LIST\" at byte 36") && told.contains("no \"data\" chunk"), "{told}");
+    let text = read_all(&file, 2).unwrap_err().to_string();
+    assert!(text.contains("\"LIST\" at byte 36") && text.contains("no \"data\" chunk"), "{text}");
 }
 
 #[test]
@@ -280,17 +280,17 @@ fn every_layout_returns_the_same_bits_for_any_block_and_seek() {
         let file = riff(&[extensible(tag, 3, container, bits, 7), chunk(b"data", &body)]);
         let expected: Vec<u32> =
             body.chunks(usize::from(container)).map(|b| defined(tag, low, b).to_bits()).collect();
-        let (info, whole) = read_all(&file, frames).unwrap();
+        let (info, expected) = read_all(&file, frames).unwrap();
         assert_eq!(info.warnings.contains(&AudioWarning::LowAligned24), low);
-        let found: Vec<u32> = whole.iter().map(|x| x.to_bits()).collect();
+        let found: Vec<u32> = expected.iter().map(|x| x.to_bits()).collect();
         assert!(found == expected, "{tag} {container} {bits}");
-        assert!(read_all(&file, 977).unwrap().1 == whole, "{tag} {container} {bits}");
+        assert!(read_all(&file, 977).unwrap().1 == expected, "{tag} {container} {bits}");
         let mut reader = open(&file).unwrap();
         let mut out = [0.0; 3 * 50];
         for at in [frames - 50, 1, frames / 2, 0] {
             reader.seek(at as u64).unwrap();
             assert_eq!(reader.read(&mut out).unwrap(), 50);
-            assert_eq!(out, whole[3 * at..3 * (at + 50)], "{tag} {container} {bits}");
+            assert_eq!(out, expected[3 * at..3 * (at + 50)], "{tag} {container} {bits}");
         }
     }
 }

@@ -46,9 +46,9 @@ fn blocks_of_any_size_write_the_same_file() {
     let samples = ramp(2 * 3000);
     for format in FORMATS {
         let spec = WriteSpec::new(44_100, 2, format);
-        let whole = write_in_blocks(spec, &samples, 3000, u64::MAX);
+        let expected = write_in_blocks(spec, &samples, 3000, u64::MAX);
         for block in [1, 7, 64, 1000] {
-            assert!(write_in_blocks(spec, &samples, block, u64::MAX) == whole, "{format:?} {block}");
+            assert!(write_in_blocks(spec, &samples, block, u64::MAX) == expected, "{format:?} {block}");
         }
     }
 }

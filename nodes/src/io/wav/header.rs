@@ -183,9 +183,9 @@ fn begins_chunk(source: &mut (impl Read + Seek), at: u64, len: u64) -> Result<bo
 }
 
 fn read_format(source: &mut (impl Read + Seek), at: u64, size: u64) -> Result<Format, AudioError> {
-    let broken = |what: String| AudioError::Malformed { format: "WAV", at, what };
+    let malformed = |what: String| AudioError::Malformed { format: "WAV", at, what };
     if size < 16 {
-        return Err(broken(format!("the \"fmt \" chunk has {size} bytes; at least 16 are needed")));
+        return Err(malformed(format!("the \"fmt \" chunk has {size} bytes; at least 16 are needed")));
     }
     let mut b = [0; 40];
     let size = size.min(40) as usize;
@@ -207,7 +207,7 @@ fn read_format(source: &mut (impl Read + Seek), at: u64, size: u64) -> Result<Fo
         tag = u16_at(24);
     }
     if channels == 0 || rate == 0 {
-        return Err(broken(format!(
+        return Err(malformed(format!(
             "{channels} channels at {rate} samples per second; both must be at least 1"
         )));
     }

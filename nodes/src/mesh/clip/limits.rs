@@ -35,7 +35,7 @@ impl MeshLimits {
     }
 
     pub(in crate::mesh) fn bytes(&self, found: u64) -> Result<(), MeshError> {
-        limit("bytes to hold", "max_bytes", found, self.max_bytes)
+        limit("bytes in memory", "max_bytes", found, self.max_bytes)
     }
 }
 

@@ -220,8 +220,9 @@ pub(super) mod tests {
         assert!(matches!(open(other), Err(MeshError::VertexCount { found: 2, expected: 3, .. })));
         assert!(matches!(open(b"POINTCACHE1".to_vec()), Err(MeshError::Format { .. })));
         assert!(matches!(open(pc2(0)), Err(MeshError::Empty { frames: 0, .. })));
-        let still = open_mdd(Box::new(Cursor::new(mdd(&[0.0, 0.0]))), &base(), &ReadOptions::default());
-        assert!(matches!(still, Err(MeshError::Times { frame: 1, .. })));
+        let repeated_time =
+            open_mdd(Box::new(Cursor::new(mdd(&[0.0, 0.0]))), &base(), &ReadOptions::default());
+        assert!(matches!(repeated_time, Err(MeshError::Times { frame: 1, .. })));
         let empty = open_mdd(Box::new(Cursor::new(Vec::new())), &base(), &ReadOptions::default());
         assert!(matches!(empty, Err(MeshError::Truncated { .. })));
     }

@@ -42,7 +42,7 @@ impl Materials {
 
     /// Replaces the empty name by `name`; without names, all triangles get `name`.
     #[must_use]
-    pub fn or_named(mut self, name: &str) -> Self {
+    pub fn with_default_name(mut self, name: &str) -> Self {
         if self.names.is_empty() {
             return Self::one(name);
         }
@@ -117,9 +117,9 @@ mod tests {
         materials.push("");
         materials.push("silk");
         assert_eq!(materials.of_vertices(&topology), [0, 0, 0, 1]);
-        let named = materials.or_named("cotton");
+        let named = materials.with_default_name("cotton");
         assert_eq!((named.names(), named.of_triangle(1)), (&["cotton".to_owned(), "silk".to_owned()][..], 1));
-        assert_eq!(Materials::default().or_named("wool"), Materials::one("wool"));
+        assert_eq!(Materials::default().with_default_name("wool"), Materials::one("wool"));
         assert_eq!(Materials::one("wool").of_vertices(&topology), [0; 4]);
     }
 

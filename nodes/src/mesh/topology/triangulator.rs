@@ -251,7 +251,7 @@ mod tests {
             let tilted: Vec<[f64; 3]> =
                 flat.iter().map(|p| [p[0], p[1] * tilt.cos(), p[1] * tilt.sin()]).collect();
             let corners: Vec<u32> = (0..n as u32).collect();
-            let whole: f64 = (0..n).map(|k| {
+            let expected: f64 = (0..n).map(|k| {
                 let (p, q) = (flat[k], flat[(k + 1) % n]);
                 (p[0] * q[1] - p[1] * q[0]) / 2.0
             }).sum();
@@ -259,7 +259,7 @@ mod tests {
             prop_assert_eq!(t.len(), n - 2);
             prop_assert!(t.iter().all(|&t| area(&flat, t) > -1e-12));
             let sum: f64 = t.iter().map(|&t| area(&flat, t)).sum();
-            prop_assert!((sum - whole).abs() < 1e-9, "{} {}", sum, whole);
+            prop_assert!((sum - expected).abs() < 1e-9, "{} {}", sum, expected);
         }
     }
 }

@@ -207,7 +207,7 @@ impl Archive {
     }
 
     /// Properties of a compound property.
-    pub(super) fn inside(&mut self, property: &Property) -> Result<Vec<Property>, MeshError> {
+    pub(super) fn sub_properties(&mut self, property: &Property) -> Result<Vec<Property>, MeshError> {
         if property.is_compound() { self.compound(property.child) } else { Ok(Vec::new()) }
     }
 

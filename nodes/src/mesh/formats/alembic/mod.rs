@@ -65,8 +65,8 @@ fn meshes(archive: &mut Archive) -> Result<Vec<(usize, MeshProperties)>, MeshErr
         let Some(geometry) = archive.properties(object)?.into_iter().find(|p| p.name == ".geom") else {
             continue;
         };
-        let inside = archive.inside(&geometry)?;
-        let find = |name: &str| inside.iter().find(|p| p.name == name).cloned();
+        let properties = archive.sub_properties(&geometry)?;
+        let find = |name: &str| properties.iter().find(|p| p.name == name).cloned();
         // Curves and particles have points too; only meshes have faces.
         if let (Some(points), Some(indices), Some(counts)) =
             (find("P"), find(".faceIndices"), find(".faceCounts"))
@@ -279,7 +279,7 @@ fn read_points(
 fn world_at(archive: &mut Archive, chain: &mut [Xform], time: f64) -> Result<Affine, MeshError> {
     let mut world = Affine::IDENTITY;
     for xform in chain {
-        let (matrix, inherits) = xform.at(archive, time)?;
+        let (matrix, inherits) = xform.evaluate(archive, time)?;
         world = matrix.product(&world);
         if !inherits {
             break;

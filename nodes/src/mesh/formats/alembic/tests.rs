@@ -64,11 +64,11 @@ fn property(
     Prop(header, Item::Group(items))
 }
 
-fn compound(name: &str, inside: Vec<Prop>) -> Prop {
+fn compound(name: &str, sub_properties: Vec<Prop>) -> Prop {
     let mut header = 0u32.to_le_bytes().to_vec();
     header.push(name.len() as u8);
     header.extend(name.as_bytes());
-    Prop(header, properties(inside))
+    Prop(header, properties(sub_properties))
 }
 
 fn properties(list: Vec<Prop>) -> Item {

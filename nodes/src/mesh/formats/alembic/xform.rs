@@ -57,8 +57,8 @@ fn bracket(archive: &Archive, property: &Property, time: f64) -> Result<(usize, 
 impl Xform {
     /// Reads the operations of the `.xform` compound of an object.
     pub(super) fn open(archive: &mut Archive, compound: &Property, path: &str) -> Result<Self, MeshError> {
-        let inside = archive.inside(compound)?;
-        let mut find = |name: &str| match inside.iter().find(|p| p.name == name && p.samples > 0) {
+        let properties = archive.sub_properties(compound)?;
+        let mut find = |name: &str| match properties.iter().find(|p| p.name == name && p.samples > 0) {
             Some(p) => archive.samples(p).map(Some),
             None => Ok(None),
         };
@@ -113,7 +113,7 @@ impl Xform {
     /// The transform at a time, and true if it inherits the transforms of its parents.
     ///
     /// The values of operations are interpolated linearly between samples: rotations by angle, matrices by element.
-    pub(super) fn at(&mut self, archive: &mut Archive, time: f64) -> Result<(Affine, bool), MeshError> {
+    pub(super) fn evaluate(&mut self, archive: &mut Archive, time: f64) -> Result<(Affine, bool), MeshError> {
         let mut matrix = Affine::IDENTITY;
         if let Some(values) = &self.values {
             let (a, b, fraction) = bracket(archive, &values.property, time)?;

@@ -27,7 +27,7 @@ impl Channel {
     ///
     /// # Source
     /// glTF 2.0 specification, appendix C (interpolation modes).
-    pub(super) fn at(&self, time: f64, out: &mut [f64]) {
+    pub(super) fn evaluate(&self, time: f64, out: &mut [f64]) {
         let keys = &self.times;
         // The last key that is not after the time; 1 ns allows for rounding in sums of frame times.
         let a = keys.partition_point(|&t| f64::from(t) <= time + 1e-9).saturating_sub(1);
@@ -100,16 +100,16 @@ mod tests {
     fn step_channels_are_constant_and_linear_channels_interpolate() {
         let mut out = [0.0; 2];
         let step = channel(&[0.0, 1.0], &[1.0, 2.0, 3.0, 6.0], 2, Interpolation::Step);
-        step.at(0.999, &mut out);
+        step.evaluate(0.999, &mut out);
         assert_eq!(out, [1.0, 2.0]);
-        step.at(1.0, &mut out);
+        step.evaluate(1.0, &mut out);
         assert_eq!(out, [3.0, 6.0]);
         let linear = channel(&[0.0, 1.0], &[1.0, 2.0, 3.0, 6.0], 2, Interpolation::Linear);
-        linear.at(0.25, &mut out);
+        linear.evaluate(0.25, &mut out);
         assert_eq!(out, [1.5, 3.0]);
-        linear.at(9.0, &mut out);
+        linear.evaluate(9.0, &mut out);
         assert_eq!(out, [3.0, 6.0]);
-        linear.at(-9.0, &mut out);
+        linear.evaluate(-9.0, &mut out);
         assert_eq!(out, [1.0, 2.0]);
     }
 
@@ -119,7 +119,7 @@ mod tests {
         let spline = channel(&[1.0, 3.0], &[0.0, 1.0, 2.0, 6.0, 9.0, 0.0], 1, Interpolation::CubicSpline);
         for t in [1.0, 1.5, 2.0, 2.75, 3.0] {
             let mut out = [0.0];
-            spline.at(t, &mut out);
+            spline.evaluate(t, &mut out);
             assert!((out[0] - t * t).abs() < 1e-12, "{t} {}", out[0]);
         }
     }
@@ -130,7 +130,7 @@ mod tests {
         let rotation =
             channel(&[0.0, 1.0], &[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, -h, -h], 4, Interpolation::Linear);
         let mut out = [0.0; 4];
-        rotation.at(1.0 / 3.0, &mut out);
+        rotation.evaluate(1.0 / 3.0, &mut out);
         let angle = 2.0 * out[2].atan2(out[3]);
         assert!((angle - std::f64::consts::FRAC_PI_6).abs() < 1e-6, "{angle}");
     }

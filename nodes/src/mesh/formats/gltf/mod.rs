@@ -64,7 +64,7 @@ pub fn open(
         let mesh = name_of(&node);
         return Err(MeshError::Empty { mesh, vertices, faces: triangles.len(), frames: times.len() });
     }
-    pose.at(None);
+    pose.evaluate(None);
     if pose.mirrors() {
         triangles.iter_mut().for_each(|t| t.swap(1, 2));
     }
@@ -165,7 +165,7 @@ struct Frames {
 impl FrameReader for Frames {
     fn read_frame(&mut self, index: usize, out: &mut [[f32; 3]]) -> Result<(), MeshError> {
         check_request(index, self.times.len(), out.len(), self.local.len())?;
-        self.pose.at(Some(self.times[index]));
+        self.pose.evaluate(Some(self.times[index]));
         write_frame(&self.instance, &self.pose, &mut self.local, self.scale, index, out)
     }
 }

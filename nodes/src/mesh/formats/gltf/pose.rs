@@ -180,7 +180,7 @@ impl Pose {
     }
 
     /// Evaluates all nodes at a time, or without animation.
-    pub(super) fn at(&mut self, time: Option<f64>) {
+    pub(super) fn evaluate(&mut self, time: Option<f64>) {
         for k in 0..self.nodes.len() {
             let node = &self.nodes[k];
             let local = node.local(time);
@@ -194,7 +194,7 @@ impl Pose {
         }
         self.weights.copy_from_slice(&self.bind_weights);
         if let (Some(time), Some(channel)) = (time, &self.weight_channel) {
-            channel.at(time, &mut self.weights);
+            channel.evaluate(time, &mut self.weights);
         }
     }
 
@@ -230,13 +230,13 @@ impl PoseNode {
         let (mut t, mut r, mut s) = self.bind;
         if let Some(time) = time {
             if let Some(channel) = &self.translation {
-                channel.at(time, &mut t);
+                channel.evaluate(time, &mut t);
             }
             if let Some(channel) = &self.rotation {
-                channel.at(time, &mut r);
+                channel.evaluate(time, &mut r);
             }
             if let Some(channel) = &self.scale {
-                channel.at(time, &mut s);
+                channel.evaluate(time, &mut s);
             }
         }
         Affine::translation(t).product(&Affine::rotation(r)).product(&Affine::scale(s))
