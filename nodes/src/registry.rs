@@ -24,9 +24,9 @@ use crate::friction::builder_node::FrictionModelBuilder;
 use crate::friction::ift_noise_node::IftNoiseNode;
 use crate::friction::model_nodes::{FrictionModelFile, FrictionModelFromClips};
 use crate::friction::pair_node::PairFrictionModel;
-use crate::mesh::generate_node::MeshGenerator;
-use crate::mesh::sequence_node::MeshSequence;
-use crate::mesh::subdivide_node::MeshSubdivide;
+use crate::mesh::mesh_generator::MeshGenerator;
+use crate::mesh::mesh_sequence::MeshSequence;
+use crate::mesh::mesh_subdivide::MeshSubdivide;
 use crate::modal::bank::modal_bank::ModalBankNode;
 use crate::modal::extraction::modal_from_recording::ModalFromRecording;
 use crate::modal::impact::impact_file::ImpactFile;
@@ -77,7 +77,7 @@ use crate::warp::diagnostics_node::CorrespondenceDiagnostics;
 use crate::warp::fit_node::TpsFit;
 use crate::warp::nodes::{Correspondences, TpsWarp, WarpFile};
 use crate::warp::suggest_node::CorrespondenceSuggester;
-use crate::{dsp, io, live};
+use crate::{dsp, io, live_input};
 use std::sync::Arc;
 
 /// Node types by name, in the order in which they were added.
@@ -317,10 +317,10 @@ impl Registry {
             .with::<TpsWarp>()
             .with_func::<WarpFile>()
             .family("live")
-            .with::<live::LiveContacts>()
-            .with::<live::LiveControl>()
-            .with::<live::LiveImpacts>()
-            .with::<live::LiveMesh>()
+            .with::<live_input::LiveContacts>()
+            .with::<live_input::LiveControl>()
+            .with::<live_input::LiveImpacts>()
+            .with::<live_input::LiveMesh>()
             .family("own")
     }
 }

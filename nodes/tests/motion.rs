@@ -13,7 +13,7 @@ use foley_nodes::friction::FrictionModel;
 use foley_nodes::friction::ift_noise_node::{IftNoiseNode, IftNoiseNodeParams, IftNoisePorts};
 use foley_nodes::friction::model_nodes::{FrictionModelFromClips, FrictionModelFromClipsParams};
 use foley_nodes::mesh::Mesh;
-use foley_nodes::mesh::sequence_node::{MeshSequence, MeshSequenceParams, MeshSequencePorts};
+use foley_nodes::mesh::mesh_sequence::{MeshSequence, MeshSequenceParams, MeshSequencePorts};
 use std::path::PathBuf;
 
 const SHEET: &str = "cloth/cotton_sheet_drag_drop_crumple";

@@ -161,7 +161,7 @@ pub(super) fn fault(error: &ContactError) -> Fault {
 }
 
 fn same_rate(rate: Rate, k: usize, other: &Incoming<Mesh>) -> Result<(), Reject> {
-    if other.format.still || other.rate == rate {
+    if other.format.is_static || other.rate == rate {
         return Ok(());
     }
     let shown = |rate: Rate| crate::core::params::Param::write(&rate).to_string();
@@ -189,7 +189,7 @@ impl Node for ContactDetector {
         for (k, other) in s.many(ContactDetectorPorts::others).iter().enumerate() {
             s.check(same_rate(mesh.rate, k, other));
         }
-        if mesh.end.is_none() && mesh.format.still {
+        if mesh.end.is_none() && mesh.format.is_static {
             let message = "`mesh` has one frame: it stands still and never ends; an animation of at least two frames is needed";
             let help = "export the motion of the cloth, not a pose of it, or give `duration` to MeshSequence";
             s.wrong(Reject::new("F075", message).at("mesh").help(help));
@@ -226,7 +226,8 @@ impl Node for ContactDetector {
         let surfaces: Vec<_> = others.iter().map(|other| &*other.format.topology).collect();
         let detector =
             Detector::new(&cloth.topology, &surfaces, detector_params(p)).map_err(|e| fault(&e))?;
-        let pose = |format: &MeshFormat| Pose { vertices: format.topology.rest.clone(), still: format.still };
+        let pose =
+            |format: &MeshFormat| Pose { vertices: format.topology.rest.clone(), still: format.is_static };
         let lists = [0; 2].map(|_| Vec::with_capacity(others.len()));
         let others = others.iter().map(|o| Other { now: pose(&o.format), next: pose(&o.format) }).collect();
         Ok(Self { detector, others, lists, total: Total::default() })

@@ -145,7 +145,7 @@ impl Bends {
         edges.dedup();
         for edge in edges {
             let length = length(&topology.rest, edge);
-            let region = cut.of.get(edge[0] as usize).and_then(|of| regions.get_mut(*of as usize));
+            let region = cut.of_vertex.get(edge[0] as usize).and_then(|of| regions.get_mut(*of as usize));
             if let Some(region) = region.filter(|_| length > 0.0) {
                 region.edges.push(edge);
                 region.rest.push(length);

@@ -11,8 +11,8 @@ use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
 use crate::dsp::{Quality, Resampler};
-use crate::io::look_at;
-use crate::io::{AudioReader, oddities, trial_wav};
+use crate::io::check_recordings;
+use crate::io::{AudioReader, recording_warnings, trial_wav};
 use crate::{params, ports};
 
 params! {
@@ -96,7 +96,7 @@ impl Take {
     fn read(p: &CrumpleExtractorParams, cx: &Build<'_>, path: &str) -> Result<Self, Fault> {
         let mut reader = reader(path, cx.open("recordings", path)?)?;
         let samples = reader.read_mono().map_err(|e| unusable(path, e))?;
-        let odd = oddities(path, reader.info(), &samples);
+        let odd = recording_warnings(path, reader.info(), &samples);
         if let Some(at) = samples.iter().position(|x| !x.is_finite()) {
             return Err(unusable(path, format!("sample {at} is not finite")).into());
         }
@@ -160,7 +160,7 @@ impl Func for CrumpleExtractor {
             let message = format!("samples at {} cannot be played; 1000 to 768000 Hz are", p.rate);
             s.wrong(Reject::new("F106", message).at("rate"));
         }
-        look_at(s, "recordings", &p.recordings, |path, file| Ok(reader(path, file)?.info().clone()));
+        check_recordings(s, "recordings", &p.recordings, |path, file| Ok(reader(path, file)?.info().clone()));
         Ok(())
     }
 

@@ -121,7 +121,7 @@ impl Node for RestNoiseNode {
             s.wrong(Reject::new("F105", message).at("to").help("it must not be less"));
         }
         if s.input(RestPorts::curvature).end.is_none() {
-            let found = match s.input(RestPorts::curvature).format.still {
+            let found = match s.input(RestPorts::curvature).format.is_static {
                 true => "is of a mesh of one frame, which stands still and never ends",
                 false => "does not end",
             };

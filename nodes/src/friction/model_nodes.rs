@@ -11,8 +11,8 @@ use crate::core::params::{AssetPath, Params, Text};
 use crate::core::ports::Value;
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
-use crate::io::look_at;
-use crate::io::{AudioReader, oddities, trial_wav};
+use crate::io::check_recordings;
+use crate::io::{AudioReader, recording_warnings, trial_wav};
 use crate::{choices, params, ports};
 
 choices! {
@@ -124,7 +124,7 @@ impl Func for FrictionModelFromClips {
             let message = format!("`fastest` is {} m/s, `slowest` {} m/s", p.fastest, p.slowest);
             s.wrong(Reject::new("F077", message).at("fastest").help("it must be at least 0.1 % more"));
         }
-        look_at(s, "recordings", &p.recordings, |path, file| Ok(reader(path, file)?.info().clone()));
+        check_recordings(s, "recordings", &p.recordings, |path, file| Ok(reader(path, file)?.info().clone()));
         Ok(())
     }
 
@@ -137,7 +137,7 @@ impl Func for FrictionModelFromClips {
         for path in &p.recordings {
             let mut reader = reader(&path.0, cx.open("recordings", &path.0)?)?;
             let samples = reader.read_mono().map_err(|e| unusable(&path.0, e))?;
-            odd.extend(oddities(&path.0, reader.info(), &samples));
+            odd.extend(recording_warnings(&path.0, reader.info(), &samples));
             takes.push((samples, f64::from(reader.info().rate), &path.0));
         }
         let recordings: Vec<Recording<'_>> = takes

@@ -13,8 +13,8 @@ use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
 use crate::dsp::{Quality, Resampler};
 use crate::feature::FeatureConventions;
-use crate::io::look_at;
-use crate::io::{AudioReader, oddities, trial_wav};
+use crate::io::check_recordings;
+use crate::io::{AudioReader, recording_warnings, trial_wav};
 use crate::{feature_params, params, ports};
 use rayon::prelude::*;
 use std::io::Read;
@@ -162,7 +162,9 @@ impl Func for UnitDatabaseNode {
             s.wrong(Reject::new("F051", message).at("tags").help("give one for each, one for all, or none"));
         }
         s.check(conventions(p, 1));
-        look_at(s, "recordings", &p.recordings, |path, file| Ok(reader(path, file)?.0.info().clone()));
+        check_recordings(s, "recordings", &p.recordings, |path, file| {
+            Ok(reader(path, file)?.0.info().clone())
+        });
         Ok(())
     }
 
@@ -175,7 +177,7 @@ impl Func for UnitDatabaseNode {
                 ..e
             })?;
             // Its mean is taken out on the way into the database.
-            odd.extend(oddities(&path.0, file.info(), &[]));
+            odd.extend(recording_warnings(&path.0, file.info(), &[]));
             takes.push(Take { channels, source: source(p, k, content) });
         }
         let joined = if p.joint { takes.first().map_or(1, |take| take.channels.len()) } else { 1 };

@@ -16,7 +16,7 @@
 use super::hub::{Hub, Moment};
 use super::listening::Listening;
 use foley_nodes::core::time::{Tick, seconds, ticks};
-use foley_nodes::mesh::FARTHEST;
+use foley_nodes::mesh::MAX_COORDINATE;
 use std::io::{ErrorKind, Read};
 use std::net::{SocketAddr, TcpListener};
 use std::sync::Arc;
@@ -191,7 +191,7 @@ fn frames<R: Read>(bytes: &mut Bytes<'_, R>, hub: &Hub) -> Result<(), Refused> {
         for (number, bytes) in numbers.iter_mut().zip(positions.as_chunks::<4>().0) {
             *number = f32::from_le_bytes(*bytes);
         }
-        let wrong = numbers.iter().position(|x| x.is_nan() || x.abs() > FARTHEST);
+        let wrong = numbers.iter().position(|x| x.is_nan() || x.abs() > MAX_COORDINATE);
         if let Some(vertex) = wrong.map(|k| k / 3) {
             let place = &numbers[3 * vertex..3 * vertex + 3];
             return malformed(format!(
@@ -415,7 +415,7 @@ mod tests {
             let mut inbox = hub.open_frames("sheet", 6).unwrap();
             let _ = take(&bytes, &hub);
             inbox.latest(Tick::MAX, &mut shown);
-            assert!(shown.iter().all(|x| x.abs() <= FARTHEST), "{seed}: {shown:?}");
+            assert!(shown.iter().all(|x| x.abs() <= MAX_COORDINATE), "{seed}: {shown:?}");
         }
         assert!(hub.malformed.load(Relaxed) > 1000 && hub.delivered.load(Relaxed) > 1000);
     }

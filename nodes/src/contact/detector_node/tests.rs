@@ -30,7 +30,7 @@ fn over_floor(floor_rate: Rate, still: bool) -> Standalone {
     let (mut ground, _) = frames(&floor, floor_rate, 1);
     ground.rest.iter_mut().for_each(|p| p[2] = -0.01);
     let rest = ground.rest.clone();
-    let format = MeshFormat { still, ..MeshFormat::moving(ground) };
+    let format = MeshFormat { is_static: still, ..MeshFormat::moving(ground) };
     Standalone::new::<ContactDetector>(ContactDetectorParams { radius: 0.02, ..params() })
         .input(ContactDetectorPorts::mesh, rate, MeshFormat::moving(cloth), moving)
         .also(ContactDetectorPorts::others, floor_rate, format, rest.repeat(4))

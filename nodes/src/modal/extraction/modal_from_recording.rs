@@ -8,7 +8,7 @@ use crate::core::params::{AssetPath, Params};
 use crate::core::ports::Value;
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
-use crate::io::{AudioReader, oddities, trial_wav};
+use crate::io::{AudioReader, recording_warnings, trial_wav};
 use crate::modal::mode::modes::Modes;
 use crate::{params, ports};
 
@@ -92,7 +92,7 @@ impl Func for ModalFromRecording {
         let path = &p.recording.0;
         let reader = reader(path, s.open("recording", path)?)?;
         s.hold("recording", path, reader.info().bytes())?;
-        reader.info().odd(path).for_each(|text| s.note(text));
+        reader.info().warning_texts(path).for_each(|text| s.note(text));
         Ok(())
     }
 
@@ -124,7 +124,7 @@ impl Func for ModalFromRecording {
             );
             summary.push(("warning", text.into()));
         }
-        summary.extend(oddities(path, reader.info(), &samples));
+        summary.extend(recording_warnings(path, reader.info(), &samples));
         io.modes.set(modes);
         Ok(summary)
     }
