@@ -1,6 +1,6 @@
 //! Models and measures that the tests of this folder share.
 
-use super::model::FrictionModel;
+use crate::friction::FrictionModel;
 
 /// A model whose amplitude at each `(speed, peak)` is a Gaussian bump of the given width over a small floor, at a level
 /// that grows with speed.
