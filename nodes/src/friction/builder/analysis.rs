@@ -1,18 +1,18 @@
-//! Parts that both builders share: errors, checks of parameters and samples, the high-pass and the mean of speeds.
+//! Errors, checks, high-pass and mean speed for both builders.
 
 use thiserror::Error;
 
 use super::encoder::EncoderError;
 use crate::friction::model::{MAX_CLIP_SAMPLES, ModelError, Rejections, clip_samples};
 
-/// Why no model can be made from recordings.
+/// Reasons why no model can be made from recordings.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum BuildError {
     /// The encoder track is unusable.
     #[error(transparent)]
     Encoder(#[from] EncoderError),
-    /// What was built is not a model.
+    /// The result is not a valid model.
     #[error(transparent)]
     Model(#[from] ModelError),
     /// A parameter out of range.
@@ -22,7 +22,7 @@ pub enum BuildError {
         name: &'static str,
         /// Its value.
         found: f64,
-        /// What it should be.
+        /// Values that it can have.
         expected: &'static str,
     },
     /// A sample that is not finite.
@@ -35,12 +35,12 @@ pub enum BuildError {
         /// Its value.
         found: f32,
     },
-    /// Seams need the angle of the roller.
-    #[error("seams are given but the roller radius is not: give `roller_radius` in metres")]
+    /// Seams without a roller radius, and so without angles.
+    #[error("`seams` need the angle of the roller: give `roller_radius` in metres")]
     SeamWithoutAngle,
-    /// Rest audio shorter than a clip.
+    /// A recording at rest that is shorter than a clip.
     #[error(
-        "the recording at rest holds {found} samples; one clip of {expected} is needed to measure the floor"
+        "the recording at rest has {found} samples; one clip of {expected} is needed to measure the noise floor"
     )]
     Floor {
         /// Samples found.
@@ -50,7 +50,7 @@ pub enum BuildError {
     },
     /// Too few usable clips or speeds.
     #[error(
-        "{speeds} speed(s) from {kept} usable clips of {clips}; 2 speeds are needed (rejected: {} at rest, {} changing \
+        "{speeds} speed(s) from {usable} usable clips of {clips}; 2 speeds are needed (rejected: {} at rest, {} changing \
          speed, {} on the seam, {} outside the encoder track, {} silent, {} recordings too short)",
         .rejected.at_rest, .rejected.speed_change, .rejected.seam, .rejected.outside_encoder, .rejected.silent,
         .rejected.too_short
@@ -58,11 +58,11 @@ pub enum BuildError {
     TooFew {
         /// Distinct speeds.
         speeds: usize,
-        /// Clips kept.
-        kept: usize,
+        /// Usable clips.
+        usable: usize,
         /// Clips analysed.
         clips: usize,
-        /// Why the others were not used.
+        /// Numbers of rejected clips by reason.
         rejected: Rejections,
     },
 }
@@ -76,7 +76,7 @@ pub(super) fn check(
     if range.contains(&found) { Ok(()) } else { Err(BuildError::Parameter { name, found, expected }) }
 }
 
-/// Clip length in samples, once clip and rate are seen to fit.
+/// Checks a clip length and a rate, and returns the clip length in samples.
 pub(super) fn checked_clip(seconds: f64, fs: f64) -> Result<usize, BuildError> {
     check("fs", fs, 1.0..=1e7, "a rate of 1 Hz to 10 MHz is needed")?;
     check("clip", seconds, 2.0 / fs..=MAX_CLIP_SAMPLES as f64 / fs, "2 to 1,048,576 samples are needed")?;
@@ -90,12 +90,12 @@ pub(super) fn check_samples(recording: usize, samples: &[f32]) -> Result<(), Bui
     }
 }
 
-/// Power response of a Butterworth high-pass of order 5 at bin `k`; DC is always removed.
+/// Returns the power response of a Butterworth high-pass of order 5 at bin `k`. DC is always removed.
 pub(super) fn high_pass(k: usize, df: f64, cut_off: f64) -> f64 {
     if k == 0 { 0.0 } else { 1.0 / (1.0 + (cut_off / (k as f64 * df)).powi(10)) }
 }
 
-/// Mean of speeds in ascending order, which rounding does not carry outside their range.
+/// Returns the mean of speeds, clamped to their range against rounding.
 pub(super) fn mean_speed(speeds: impl ExactSizeIterator<Item = f64> + Clone) -> f64 {
     let (low, high) = speeds.clone().fold((f64::MAX, 0.0), |(a, b), s| (s.min(a), s.max(b)));
     let count = speeds.len() as f64;

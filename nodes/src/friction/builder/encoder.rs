@@ -1,19 +1,19 @@
-//! Speed of the roller against time, read from its encoder.
+//! Speed and angle of the roller over time, from its encoder.
 
 use std::f64::consts::{PI, TAU};
 
 use thiserror::Error;
 
-/// What the encoder reports at each time.
+/// The readings of the encoder.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Reading {
     /// Surface speed in m/s.
     Speed(Vec<f64>),
-    /// Angle in radians, cumulative or wrapped; successive angles less than half a turn apart.
+    /// Angle in radians, cumulative or wrapped; successive angles differ by less than half a turn.
     Angle(Vec<f64>),
 }
 
-/// Encoder samples: strictly increasing times in seconds on the recording's clock, and one reading each.
+/// Samples of the encoder: strictly increasing times on the clock of the recording, with one reading each.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EncoderTrack {
     /// Times in seconds; 0 is the first sample of the recording.
@@ -22,14 +22,14 @@ pub struct EncoderTrack {
     pub reading: Reading,
 }
 
-/// Why encoder samples cannot be read or used.
+/// Reasons why encoder samples cannot be read or used.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum EncoderError {
-    /// The first line does not name the columns.
-    #[error("line 1: columns are `{found}`; `time_s,speed_m_s` or `time_s,angle_rad` are needed as header")]
+    /// A first line that does not name the columns.
+    #[error("line 1: the header is `{found}`; `time_s,speed_m_s` or `time_s,angle_rad` is needed")]
     Header {
-        /// The line found.
+        /// Header found.
         found: String,
     },
     /// A field that is not a finite number.
@@ -37,9 +37,9 @@ pub enum EncoderError {
     Number {
         /// Line in the file, from 1.
         line: u64,
-        /// The column.
+        /// Name of the column.
         column: &'static str,
-        /// The field.
+        /// Text of the field.
         found: String,
     },
     /// A line with more or fewer fields than the header, or that is not text.
@@ -47,59 +47,59 @@ pub enum EncoderError {
     Line {
         /// Line in the file, from 1.
         line: u64,
-        /// What is wrong with it.
+        /// Description of the error.
         message: String,
     },
-    /// A time that is not after the one before.
+    /// A time that is not after the previous one.
     #[error("encoder sample {index} is at {found} s, not after {previous} s; times must increase")]
     Order {
         /// Index of the sample, from 0.
         index: usize,
-        /// Its time.
+        /// Time of the sample.
         found: f64,
-        /// The time before.
+        /// Previous time.
         previous: f64,
     },
     /// A reading that is negative (speed) or not finite.
-    #[error("encoder sample {index} reads {found}; finite numbers are needed, and speeds are not negative")]
+    #[error("encoder sample {index} reads {found}; readings must be finite, and speeds not negative")]
     Value {
         /// Index of the sample, from 0.
         index: usize,
-        /// Its reading.
+        /// Reading of the sample.
         found: f64,
     },
-    /// Not enough samples, or not one reading per time.
-    #[error("encoder has {times} times and {readings} readings; at least 2, and equally many, are needed")]
+    /// Fewer than 2 samples, or not one reading per time.
+    #[error(
+        "encoder has {times} times and {readings} readings; at least 2 of each, in equal number, are needed"
+    )]
     Count {
         /// Times found.
         times: usize,
         /// Readings found.
         readings: usize,
     },
-    /// A radius that is needed and is not above 0.
-    #[error(
-        "roller radius is {found} m; the radius with the cloth on it, above 0, is needed for angles and seams"
-    )]
+    /// A required radius that is not above 0.
+    #[error("roller radius is {found} m; angles and seams need the radius with the cloth, above 0")]
     Radius {
         /// The radius.
         found: f64,
     },
 }
 
-/// What a signal of an encoder stands for.
+/// The quantity that an encoder signal measures.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Signal {
-    /// Surface speed, as of a tachometer; either sign is a speed.
+    /// Surface speed, as from a tachometer; its absolute value is used.
     #[default]
     Speed,
-    /// Angle, going on or wrapped at whole turns.
+    /// Angle, cumulative or wrapped at whole turns.
     Angle,
 }
 
 impl EncoderTrack {
-    /// The track of a signal with `rate` samples per second, the first at time 0.
+    /// Returns the track of a signal with `rate` samples per second, the first at time 0.
     ///
-    /// `full_scale` is what a sample of 1 stands for, m/s or radians.
+    /// `full_scale` is the reading of a sample of 1, in m/s or radians.
     #[must_use]
     pub fn from_signal(samples: &[f32], rate: f64, signal: Signal, full_scale: f64) -> Self {
         let scaled = |x: &f32| full_scale * f64::from(*x);
@@ -112,10 +112,10 @@ impl EncoderTrack {
         }
     }
 
-    /// Reads `time_s,speed_m_s` or `time_s,angle_rad` lines under a header that says which.
+    /// Parses a CSV with the header `time_s,speed_m_s` or `time_s,angle_rad`.
     ///
     /// # Errors
-    /// Names the line, from 1, and what was found there.
+    /// Names the line, from 1, and its wrong content.
     pub fn from_csv(bytes: &[u8]) -> Result<Self, EncoderError> {
         let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(bytes);
         let bad_line = |e: csv::Error| EncoderError::Line {
@@ -151,13 +151,13 @@ impl EncoderTrack {
         Ok(Self { times, reading })
     }
 
-    /// Surface speed and angle as functions of time, for a roller of this radius (cloth included).
+    /// Returns surface speed and angle as functions of time, for a roller of `radius` metres with the cloth on it.
     ///
-    /// From speeds the angle is integrated from 0 at the first sample; from angles the speed is the central difference
-    /// times the radius. The angle is known only when the radius is above 0.
+    /// Speeds are integrated to angles, from 0 at the first sample. The speed of angles is their central difference times the radius.
+    /// The angle is known only if the radius is above 0.
     ///
     /// # Errors
-    /// When times do not increase, readings are not finite, or the angles lack a radius.
+    /// When times do not increase, readings are not finite, or angles have no radius.
     pub fn motion(&self, radius: f64) -> Result<Motion, EncoderError> {
         let (Reading::Speed(values) | Reading::Angle(values)) = &self.reading;
         let n = self.times.len();
@@ -173,13 +173,13 @@ impl EncoderTrack {
         if let Some(index) = values.iter().position(|v| !v.is_finite() || (speeds_given && *v < 0.0)) {
             return Err(EncoderError::Value { index, found: values[index] });
         }
-        let usable = radius.is_finite() && radius > 0.0;
-        if !(usable || speeds_given && radius == 0.0) {
+        let has_radius = radius.is_finite() && radius > 0.0;
+        if !(has_radius || speeds_given && radius == 0.0) {
             return Err(EncoderError::Radius { found: radius });
         }
         let times = self.times.clone();
         let (speed, angle) = if speeds_given {
-            let mut angle = vec![0.0; if usable { n } else { 0 }];
+            let mut angle = vec![0.0; if has_radius { n } else { 0 }];
             for i in 1..angle.len() {
                 let mean = 0.5 * (values[i] + values[i - 1]);
                 angle[i] = angle[i - 1] + mean * (times[i] - times[i - 1]) / radius;
@@ -197,7 +197,7 @@ impl EncoderTrack {
     }
 }
 
-/// Angles made continuous: no step of half a turn or more.
+/// Returns continuous angles: no step of half a turn or more.
 fn unwrapped(angles: &[f64]) -> Vec<f64> {
     let mut out: Vec<f64> = Vec::with_capacity(angles.len());
     for &a in angles {
@@ -217,54 +217,56 @@ pub struct Motion {
 }
 
 impl Motion {
-    fn at(&self, values: &[f64], t: f64) -> f64 {
+    /// Interpolates `values` linearly at time `t`.
+    fn value_at(&self, values: &[f64], t: f64) -> f64 {
         let i = self.times.partition_point(|x| *x <= t).clamp(1, self.times.len() - 1);
         let x = (t - self.times[i - 1]) / (self.times[i] - self.times[i - 1]);
         values[i - 1] + x.clamp(0.0, 1.0) * (values[i] - values[i - 1])
     }
 
+    /// Returns the minimum and maximum of `values` in `[from, to]`.
     fn range(&self, values: &[f64], from: f64, to: f64) -> (f64, f64) {
         let inside = self.times.partition_point(|x| *x <= from)..self.times.partition_point(|x| *x < to);
-        let ends = [self.at(values, from), self.at(values, to)];
+        let ends = [self.value_at(values, from), self.value_at(values, to)];
         let knots = values.get(inside).unwrap_or_default();
         ends.iter().chain(knots).fold((f64::MAX, f64::MIN), |(a, b), v| (a.min(*v), b.max(*v)))
     }
 
-    /// Whether readings cover all of `[from, to]`.
+    /// Returns true if readings cover all of `[from, to]`, in seconds.
     #[must_use]
     pub fn covers(&self, from: f64, to: f64) -> bool {
         self.times[0] <= from && to <= self.times[self.times.len() - 1]
     }
 
-    /// Surface speed at `t`, m/s.
+    /// Returns the surface speed at `t`, in m/s.
     #[must_use]
     pub fn speed_at(&self, t: f64) -> f64 {
-        self.at(&self.speed, t)
+        self.value_at(&self.speed, t)
     }
 
-    /// Least and largest speed in `[from, to]`.
+    /// Returns the minimum and maximum speed in `[from, to]`, in m/s.
     #[must_use]
     pub fn speed_range(&self, from: f64, to: f64) -> (f64, f64) {
         self.range(&self.speed, from, to)
     }
 
-    /// Whether the roller stands at any angle of `seam` during `[from, to]`; false when its angle is unknown.
+    /// Returns true if the roller reaches an angle of `seam` during `[from, to]`, and false if its angle is unknown.
     ///
-    /// A seam runs from its first angle forward to its second, in radians modulo a turn.
+    /// A seam covers the angles from its first forward to its second, in radians modulo a turn.
     #[must_use]
     pub fn touches(&self, seam: (f64, f64), from: f64, to: f64) -> bool {
         if self.angle.is_empty() {
             return false;
         }
         let (low, high) = self.range(&self.angle, from, to);
-        // A seam given as a whole turn or more is the whole turn.
+        // A seam of a turn or more covers the whole turn.
         let width = if seam.1 - seam.0 >= TAU { TAU } else { (seam.1 - seam.0).rem_euclid(TAU) };
         let start = (seam.0 - low).rem_euclid(TAU);
-        // Either the seam begins within the arc covered, or the arc begins within the seam.
+        // Either the seam begins within the arc of the roller, or the arc begins within the seam.
         start <= high - low || start + width >= TAU
     }
 
-    /// Whether the angle is known.
+    /// Returns true if the angle is known.
     #[must_use]
     pub fn has_angle(&self) -> bool {
         !self.angle.is_empty()
@@ -276,7 +278,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn both_kinds_of_table_are_read() {
+    fn tables_of_speeds_and_of_angles_are_read() {
         let track = EncoderTrack::from_csv(b"time_s, speed_m_s\n0, 0.1\n0.5, 0.2\n").unwrap();
         assert_eq!(track, EncoderTrack { times: vec![0.0, 0.5], reading: Reading::Speed(vec![0.1, 0.2]) });
         let track = EncoderTrack::from_csv(b"time_s,angle_rad\n0,6.2\n1,0.1\n").unwrap();
@@ -284,7 +286,7 @@ mod tests {
     }
 
     #[test]
-    fn errors_carry_the_line() {
+    fn errors_name_the_line() {
         let error = |text: &str| EncoderTrack::from_csv(text.as_bytes()).unwrap_err();
         assert!(matches!(error("0,1\n"), EncoderError::Header { .. }));
         assert!(matches!(error(""), EncoderError::Header { .. }));
@@ -309,7 +311,7 @@ mod tests {
     }
 
     #[test]
-    fn a_signal_is_the_table_of_its_samples() {
+    fn a_signal_gives_the_same_track_as_a_table_of_its_samples() {
         let speeds = EncoderTrack::from_signal(&[0.25, -0.5], 4.0, Signal::Speed, 2.0);
         let table = EncoderTrack::from_csv(b"time_s,speed_m_s\n0,0.5\n0.25,1\n").unwrap();
         assert_eq!(speeds, table, "the sign of a speed is a direction");
@@ -318,7 +320,7 @@ mod tests {
     }
 
     #[test]
-    fn a_seam_is_touched_when_the_arc_reaches_it() {
+    fn a_seam_is_touched_when_it_overlaps_the_arc_of_the_roller() {
         let track = EncoderTrack { times: vec![0.0, 10.0], reading: Reading::Speed(vec![0.1, 0.1]) };
         let motion = track.motion(0.1).unwrap();
         // One radian per second from 0.
@@ -332,7 +334,7 @@ mod tests {
     }
 
     #[test]
-    fn unusable_tracks_are_refused() {
+    fn invalid_tracks_are_refused() {
         let track = |times: &[f64], v: &[f64]| EncoderTrack {
             times: times.to_vec(),
             reading: Reading::Speed(v.to_vec()),

@@ -1,4 +1,4 @@
-//! Friction models from plain recordings and from files, as value nodes.
+//! A friction model from recordings without measured speeds, as a value node.
 
 use super::from_clips::{ClipModelParams, Recording, SpeedLaw, from_clips};
 use crate::core::fault::{Fault, Reject};
@@ -14,57 +14,56 @@ use crate::io::{AudioReader, oddities, trial_wav};
 use crate::{choices, params, ports};
 
 choices! {
-    /// How a clip of a recording gets its speed, which nobody measured.
+    /// The law that assigns speeds to clips, which were not measured.
     pub enum Law {
-        /// By rank of level: the recordings spent equal time in every octave of speed.
+        /// By rank of level: assumes that the recordings have equal time in every octave of speed.
         LevelRank,
-        /// By level: amplitude is a power of speed that fits the quietest and the loudest clip.
+        /// By level: amplitude is a power of speed, fitted to the quietest and the loudest clip.
         Level,
-        /// By level: amplitude is speed to the power `exponent`, and the loudest clip slides at `fastest`.
+        /// By level: amplitude is speed to the power `exponent`, and the loudest clip is at `fastest`.
         Exponent,
-        /// By rank of the spectral centroid: faster is brighter.
+        /// By rank of the spectral centroid: assumes that faster is brighter.
         CentroidRank,
     }
 }
 
 params! {
-    /// A friction model from plain cloth recordings, where there is no roller and no encoder.
+    /// Makes a friction model from cloth recordings without roller and encoder.
     ///
-    /// Cloth that slides faster is louder, so clips are ordered by loudness (or brightness) and given speeds between
-    /// `slowest` and `fastest`. Shapes and levels of the spectra are real; the speeds beside them are assumed. Of several
-    /// channels the mean is taken.
+    /// Cloth that slides faster is louder, so clips are ordered by level (or brightness) and assigned speeds from
+    /// `slowest` to `fastest`. Shapes and levels of the spectra are measured, the speeds are assumed. The channels of a recording are averaged.
     ///
     /// # Source
-    /// An addition: An, James and Marschner (SIGGRAPH 2012) measure speeds on a roller, as `FrictionModelBuilder` does.
+    /// An addition: An, James and Marschner (SIGGRAPH 2012) measure speeds on a roller; so does `FrictionModelBuilder`.
     pub struct FrictionModelFromClipsParams {
-        /// The recordings, of any rates and lengths.
+        /// Recordings of any rates, up to ten minutes at 192 kHz each.
         recordings: Vec<AssetPath>;
-        /// Speed of the quietest clip kept.
+        /// Speed of the quietest usable clip.
         slowest: f64 = 0.05, unit "m/s", range 0.0001..=100.0;
         /// Speed of the loudest clip.
         fastest: f64 = 1.0, unit "m/s", range 0.0002..=1000.0;
-        /// How a clip gets its speed.
+        /// Law that assigns speeds to clips.
         law: Law = Law::LevelRank;
         /// Power of speed that amplitude follows, for the law `Exponent`.
         exponent: f64 = 1.0, unit "", range 0.01..=10.0;
         /// Length of a clip.
         clip: f64 = 0.05, unit "s", range 0.001..=10.0;
-        /// Distance of clips.
+        /// Time from one clip to the next.
         hop: f64 = 0.0125, unit "s", range 0.0001..=10.0;
-        /// Clips this far below the loudest are silence.
+        /// Level below the loudest clip at which clips are silence.
         silence: f64 = 40.0, unit "dB", range 0.1..=200.0;
-        /// Logarithmic bins of speed.
+        /// Number of logarithmic bins of speed.
         n_speed: usize = 8, unit "bins", range 2..=1024;
-        /// Whether every recording is scaled to be as loud as the loudest, as recordings of different gains need.
+        /// Scales every recording to the level of the loudest, for recordings of different gains.
         match_levels: bool = true;
         /// Cut-off of the high-pass on the spectra; 0 only removes DC.
         high_pass: f64 = 20.0, unit "Hz", range 0.0..=1000.0;
-        /// Sliding area that the recordings heard, assumed to be a hand's breadth square; levels are stored per 1e-4 m^2, so
-        /// that four times the area makes the sound 6 dB softer.
+        /// Sliding area in the recordings, by default 0.1 m square. Levels are stored per 1e-4 m^2: four times the
+        /// area makes the sound 6 dB softer.
         contact_area: f64 = 0.01, unit "m^2", range 0.000000001..=100.0;
-        /// The two materials.
+        /// Names of the two materials.
         materials: [Text; 2] = ["cloth".into(), "cloth".into()];
-        /// The licence of the recordings; their paths stand as their provenance.
+        /// Licence of the recordings; their paths are stored as their provenance.
         licence: Text = "".into();
     }
 }
@@ -83,22 +82,22 @@ ports! {
 #[derive(Debug)]
 pub struct FrictionModelFromClips;
 
-/// Longest recording, in frames: ten minutes at 192 kHz.
-const LONGEST: u64 = 600 * 192_000;
+/// Maximum length of a recording in frames: ten minutes at 192 kHz.
+const MAX_FRAMES: u64 = 600 * 192_000;
 
-fn unusable(path: &str, what: impl std::fmt::Display) -> Reject {
-    Reject::new("F077", format!("{path:?}: {what}")).at("recordings")
+fn unusable(path: &str, problem: impl std::fmt::Display) -> Reject {
+    Reject::new("F077", format!("{path:?}: {problem}")).at("recordings")
 }
 
-/// Opens a recording that is short enough.
+/// Opens a recording of at most [`MAX_FRAMES`].
 fn reader<'a>(
     path: &str,
     file: Box<dyn crate::core::files::ReadSeek + 'a>,
 ) -> Result<AudioReader<'a>, Reject> {
     let reader = AudioReader::open(Box::new(file)).map_err(|e| unusable(path, e))?;
     let frames = reader.info().frames;
-    if frames > LONGEST {
-        return Err(unusable(path, format!("{frames} frames; at most {LONGEST} are read")));
+    if frames > MAX_FRAMES {
+        return Err(unusable(path, format!("{frames} frames; at most {MAX_FRAMES} are allowed")));
     }
     Ok(reader)
 }
@@ -108,7 +107,7 @@ impl Func for FrictionModelFromClips {
     type Ports = FrictionModelFromClipsPorts;
     const NAME: &'static str = "FrictionModelFromClips";
     const VERSION: u32 = 2;
-    // They are the provenance of the model's sources.
+    // Paths are the provenance of the model's sources.
     const EXPOSES_PATHS: bool = true;
 
     fn check(
@@ -116,7 +115,7 @@ impl Func for FrictionModelFromClips {
         s: &mut Shape<'_, '_, FrictionModelFromClipsPorts>,
     ) -> Result<(), Reject> {
         if p.recordings.is_empty() {
-            s.wrong(Reject::new("F077", "there is no recording").at("recordings"));
+            s.wrong(Reject::new("F077", "no recording is given").at("recordings"));
         }
         if p.fastest < 1.001 * p.slowest {
             let message = format!("`fastest` is {} m/s, `slowest` {} m/s", p.fastest, p.slowest);
@@ -131,14 +130,14 @@ impl Func for FrictionModelFromClips {
         cx: &Build<'_>,
         mut io: FrictionModelFromClipsIo<'_>,
     ) -> Result<Summary, Fault> {
-        let (mut takes, mut odd) = (Vec::with_capacity(p.recordings.len()), Summary::new());
+        let (mut sources, mut notices) = (Vec::with_capacity(p.recordings.len()), Summary::new());
         for path in &p.recordings {
             let mut reader = reader(&path.0, cx.open("recordings", &path.0)?)?;
             let samples = reader.read_mono().map_err(|e| unusable(&path.0, e))?;
-            odd.extend(oddities(&path.0, reader.info(), &samples));
-            takes.push((samples, f64::from(reader.info().rate), &path.0));
+            notices.extend(oddities(&path.0, reader.info(), &samples));
+            sources.push((samples, f64::from(reader.info().rate), &path.0));
         }
-        let recordings: Vec<Recording<'_>> = takes
+        let recordings: Vec<Recording<'_>> = sources
             .iter()
             .map(|(samples, fs, path)| Recording {
                 samples,
@@ -166,7 +165,7 @@ impl Func for FrictionModelFromClips {
         };
         let model = from_clips(&recordings, &params)
             .map_err(|e| Fault::new("F077", e.to_string()).at("recordings"))?;
-        let summary = [model_summary(&model), odd].concat();
+        let summary = [model_summary(&model), notices].concat();
         io.model.set(model);
         Ok(summary)
     }
@@ -214,7 +213,7 @@ mod tests {
     }
 
     #[test]
-    fn louder_clips_become_faster_and_the_model_survives_its_file() {
+    fn louder_clips_become_faster_and_the_model_is_read_back_from_its_file() {
         let run = clips(&["swell.wav"]).run().unwrap();
         let value = run.value(0).unwrap();
         let model = value.get::<FrictionModel>().unwrap();

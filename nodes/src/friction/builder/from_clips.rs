@@ -1,8 +1,7 @@
-//! A friction model from plain cloth recordings, whose speeds nobody measured.
+//! A friction model from cloth recordings without measured speeds.
 //!
-//! Cloth that slides faster is louder, so loudness can stand in for the missing encoder. This orders clips, it does not
-//! measure them: shapes and levels of the spectra are real, the speeds beside them are assumed, and so is that the
-//! microphone and the hand stayed alike while the recording ran.
+//! Cloth that slides faster is louder, so the level of a clip replaces the missing encoder. Shapes and levels of the spectra are
+//! measured. The speeds are assumed, and so is that microphone and contact did not change during the recording.
 
 use serde::{Deserialize, Serialize};
 
@@ -13,23 +12,21 @@ use crate::friction::model::{
     Conventions, FrictionModel, MODEL_VERSION, Origin, REFERENCE_AREA, Rejections, Source, clip_samples,
 };
 
-/// How a clip gets its speed.
+/// The law that assigns speeds to clips.
 ///
-/// In all of them the quietest clip kept slides no slower than `slowest` and the loudest (or brightest) at `fastest`.
+/// In all laws the quietest usable clip is at `slowest` or above, and the loudest (or brightest) clip at `fastest`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub enum SpeedLaw {
-    /// By rank of level: `slowest (fastest/slowest)^(rank / (n-1))`. Assumes that the recording spent equal time in every
-    /// octave of speed; robust against how levels are distributed.
+    /// By rank of level: `slowest (fastest/slowest)^(rank / (n-1))`. Assumes that the recording has equal time in every
+    /// octave of speed. Independent of the distribution of levels.
     #[default]
     LevelRank,
-    /// By level: amplitude is a power of speed, with the exponent that makes the quietest clip `slowest` and the
-    /// loudest `fastest`.
+    /// By level: amplitude is a power of speed. Its exponent assigns `slowest` to the quietest clip and `fastest` to the loudest.
     Level,
-    /// By level: amplitude is this power of speed and the loudest clip slides at `fastest`; clips that would be slower
-    /// than `slowest` count as silent.
+    /// By level: amplitude is this power of speed, and the loudest clip is at `fastest`. Clips below `slowest` count as silent.
     Exponent(f64),
-    /// By rank of spectral centroid: assumes that faster is brighter. Shapes follow the centroid; the levels of the bins
-    /// are handed out in ascending order, so that faster is still louder.
+    /// By rank of spectral centroid: assumes that faster is brighter. The levels of the bins are
+    /// assigned in ascending order, so that faster is also louder.
     CentroidRank,
 }
 
@@ -38,37 +35,37 @@ pub enum SpeedLaw {
 pub struct Recording<'a> {
     /// Samples, full scale +-1.
     pub samples: &'a [f32],
-    /// Rate in hertz.
+    /// Sample rate in hertz.
     pub fs: f64,
-    /// Where it comes from.
+    /// Provenance and licence.
     pub source: Source,
 }
 
-/// How plain recordings are turned into a model.
+/// Parameters of [`from_clips`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct ClipModelParams {
-    /// The two materials.
+    /// Names of the two materials.
     pub material_pair: [String; 2],
     /// Length of a clip, in seconds.
     pub clip: f64,
-    /// Distance of clips, in seconds.
+    /// Time from one clip to the next, in seconds.
     pub hop: f64,
-    /// Clips this far below the loudest are silence, in dB (above 0).
+    /// Level below the loudest clip at which clips are silence, in dB (above 0).
     pub silence: f64,
-    /// Speed of the quietest clip kept, in m/s.
+    /// Speed of the quietest usable clip, in m/s.
     pub slowest: f64,
     /// Speed of the loudest clip, in m/s.
     pub fastest: f64,
-    /// How a clip gets its speed.
+    /// The law that assigns speeds to clips.
     pub law: SpeedLaw,
-    /// Logarithmic bins of speed.
+    /// Number of logarithmic bins of speed.
     pub n_speed: usize,
-    /// Scale each recording so that its loudest clip is as loud as the loudest of all: recordings made at different
-    /// gains then all reach the whole range of speeds.
+    /// Scales each recording until its loudest clip is as loud as the loudest of all. Recordings of different
+    /// gains then all cover the whole range of speeds.
     pub match_levels: bool,
     /// Cut-off of the high-pass on the spectra, in hertz; 0 only removes DC.
     pub high_pass: f64,
-    /// Sliding area that the recordings heard, in square metres: levels are stored per 1e-4 m^2.
+    /// Sliding area in the recordings, in square metres; levels are stored per [`REFERENCE_AREA`].
     pub contact_area: f64,
 }
 
@@ -90,23 +87,23 @@ impl Default for ClipModelParams {
     }
 }
 
-/// One clip's power per bin on the model's grid.
+/// A clip: its power per bin on the grid of the model.
 struct Clip {
     power: Vec<f64>,
     total: f64,
     speed: f64,
-    /// Bins up to the Nyquist frequency of its recording.
-    reach: usize,
+    /// Number of bins up to the Nyquist frequency of its recording.
+    valid_bins: usize,
 }
 
-/// Builds a model from plain recordings, at the highest of their rates.
+/// Builds a model from recordings without measured speeds, at the highest of their rates.
 ///
-/// Clips are cut, silence is dropped, the rest ordered and given speeds by the law, and the power of clips whose speeds
-/// fall in one logarithmic bin averaged. Above the Nyquist frequency of a recording its clips don't count, so a mix of
-/// rates doesn't dull the top. Bins without clips are left out.
+/// The recordings are cut into clips, and silent clips are dropped. The law assigns speeds to the others. The power of the clips in
+/// each logarithmic bin of speed is averaged. A clip does not count above the Nyquist frequency of its recording, so mixed
+/// rates do not attenuate high frequencies. Bins of speed without clips are left out.
 ///
 /// # Errors
-/// Names the parameter or sample that is wrong, or counts why too few clips were usable.
+/// Names the wrong parameter or sample, or counts the rejected clips by reason.
 ///
 /// # Complexity
 /// O(clips N log N) time, O(clips N) memory.
@@ -116,11 +113,16 @@ pub fn from_clips(
 ) -> Result<FrictionModel, BuildError> {
     let fs = recordings.iter().map(|r| r.fs).fold(1.0, f64::max);
     let len = checked_clip(params.clip, fs)?;
-    check("hop", params.hop, 1.0 / fs..=1e3, "a distance of at least one sample is needed")?;
-    check("silence", params.silence, 1e-3..=400.0, "dB below the loudest clip, above 0, are needed")?;
+    check("hop", params.hop, 1.0 / fs..=1e3, "a distance of at min_power one sample is needed")?;
+    check(
+        "silence",
+        params.silence,
+        1e-3..=400.0,
+        "a level in dB below the loudest clip, above 0, is needed",
+    )?;
     check("slowest", params.slowest, f64::MIN_POSITIVE..=f64::MAX, "a speed above 0 m/s is needed")?;
-    let faster = params.slowest * 1.001..=f64::MAX;
-    check("fastest", params.fastest, faster, "a speed at least 0.1 % above `slowest` is needed")?;
+    let fastest_range = params.slowest * 1.001..=f64::MAX;
+    check("fastest", params.fastest, fastest_range, "a speed at min_power 0.1 % above `slowest` is needed")?;
     check("n_speed", params.n_speed as f64, 2.0..=65536.0, "2 to 65,536 bins are needed")?;
     check(
         "high_pass",
@@ -134,25 +136,25 @@ pub fn from_clips(
     }
     let (bins, df) = (len / 2 + 1, fs / len as f64);
     let mut rejected = Rejections::default();
-    let mut clips = cut(recordings, params, bins, df, &mut rejected)?;
+    let mut clips = cut_clips(recordings, params, bins, df, &mut rejected)?;
     let count = clips.len();
     let loudest = clips.iter().map(|c| c.total).fold(0.0, f64::max);
-    let mut least = loudest * 10.0_f64.powf(-0.1 * params.silence);
+    let mut min_power = loudest * 10.0_f64.powf(-0.1 * params.silence);
     if let SpeedLaw::Exponent(e) = params.law {
-        least = least.max(loudest * (params.slowest / params.fastest).powf(2.0 * e) * (1.0 - 1e-9));
+        min_power = min_power.max(loudest * (params.slowest / params.fastest).powf(2.0 * e) * (1.0 - 1e-9));
     }
-    clips.retain(|c| c.total > 0.0 && c.total >= least);
+    clips.retain(|c| c.total > 0.0 && c.total >= min_power);
     rejected.silent = (count - clips.len()) as u32;
     assign_speeds(&mut clips, params, df);
-    let octaves = (params.fastest / params.slowest).ln();
+    let log_range = (params.fastest / params.slowest).ln();
     let bin = |c: &Clip| {
-        let along = (c.speed / params.slowest).ln() / octaves;
-        ((along * params.n_speed as f64).max(0.0) as usize).min(params.n_speed - 1)
+        let fraction = (c.speed / params.slowest).ln() / log_range;
+        ((fraction * params.n_speed as f64).max(0.0) as usize).min(params.n_speed - 1)
     };
     let groups: Vec<&[Clip]> = clips.chunk_by(|a, b| bin(a) == bin(b)).collect();
     if groups.len() < 2 {
         let speeds = groups.len();
-        return Err(BuildError::TooFew { speeds, kept: clips.len(), clips: count, rejected });
+        return Err(BuildError::TooFew { speeds, usable: clips.len(), clips: count, rejected });
     }
     let mut rows: Vec<Vec<f64>> = groups.iter().map(|g| mean_power(g, bins)).collect();
     if params.law == SpeedLaw::CentroidRank {
@@ -183,8 +185,8 @@ pub fn from_clips(
     Ok(model)
 }
 
-/// All clips of all recordings, high-passed and on the model's bins.
-fn cut(
+/// Returns all clips of all recordings, high-passed, on the grid of the model.
+fn cut_clips(
     recordings: &[Recording<'_>],
     params: &ClipModelParams,
     bins: usize,
@@ -195,22 +197,23 @@ fn cut(
     for (i, recording) in recordings.iter().enumerate() {
         check_samples(i, recording.samples)?;
         checked_clip(params.clip, recording.fs)?;
-        let (len, own_fs) = (clip_samples(params.clip, recording.fs), recording.fs);
-        let own_df = own_fs / len as f64;
-        let mut periodogram = Periodogram::new(len, own_fs, AnalysisWindow::Triangle);
-        let hop = ((params.hop * own_fs).round() as usize).max(1);
+        let (len, source_fs) = (clip_samples(params.clip, recording.fs), recording.fs);
+        let source_df = source_fs / len as f64;
+        let mut periodogram = Periodogram::new(len, source_fs, AnalysisWindow::Triangle);
+        let hop = ((params.hop * source_fs).round() as usize).max(1);
         rejected.too_short += u32::from(recording.samples.len() < len);
-        let reach = ((0.5 * own_fs / df) as usize + 1).min(bins);
+        let valid_bins = ((0.5 * source_fs / df) as usize + 1).min(bins);
         for frame in recording.samples.windows(len).step_by(hop) {
-            let mut own = vec![0.0; periodogram.bins()];
-            periodogram.accumulate(frame, &mut own);
-            own.iter_mut()
+            let mut spectrum = vec![0.0; periodogram.bins()];
+            periodogram.accumulate(frame, &mut spectrum);
+            spectrum
+                .iter_mut()
                 .enumerate()
-                .for_each(|(k, s)| *s *= own_df * high_pass(k, own_df, params.high_pass));
+                .for_each(|(k, s)| *s *= source_df * high_pass(k, source_df, params.high_pass));
             let mut power = vec![0.0; bins];
-            rebin(&own, own_df, &mut power, df);
+            rebin(&spectrum, source_df, &mut power, df);
             power[0] = 0.0;
-            clips.push(Clip { total: power.iter().sum(), power, speed: 0.0, reach });
+            clips.push(Clip { total: power.iter().sum(), power, speed: 0.0, valid_bins });
         }
         ends.push(clips.len());
     }
@@ -219,11 +222,11 @@ fn cut(
         let level = loudest(&clips);
         let mut start = 0;
         for end in ends {
-            let own = loudest(&clips[start..end]);
-            if own > 0.0 {
+            let peak = loudest(&clips[start..end]);
+            if peak > 0.0 {
                 for clip in &mut clips[start..end] {
-                    clip.power.iter_mut().for_each(|p| *p *= level / own);
-                    clip.total *= level / own;
+                    clip.power.iter_mut().for_each(|p| *p *= level / peak);
+                    clip.total *= level / peak;
                 }
             }
             start = end;
@@ -232,7 +235,7 @@ fn cut(
     Ok(clips)
 }
 
-/// Puts clips in order of speed and gives them speeds.
+/// Sorts clips by speed and assigns their speeds.
 fn assign_speeds(clips: &mut [Clip], params: &ClipModelParams, df: f64) {
     if params.law == SpeedLaw::CentroidRank {
         clips.sort_by_cached_key(|c| (centroid(&c.power, df) * 1e3) as u64);
@@ -243,11 +246,11 @@ fn assign_speeds(clips: &mut [Clip], params: &ClipModelParams, df: f64) {
     let (quietest, loudest, n) = (first.total, last.total, clips.len());
     let ratio = params.fastest / params.slowest;
     for (rank, clip) in clips.iter_mut().enumerate() {
-        let by_range = |along: f64| params.slowest * ratio.powf(along);
+        let speed_at = |fraction: f64| params.slowest * ratio.powf(fraction);
         clip.speed = match params.law {
-            SpeedLaw::LevelRank | SpeedLaw::CentroidRank => by_range(rank as f64 / (n - 1).max(1) as f64),
+            SpeedLaw::LevelRank | SpeedLaw::CentroidRank => speed_at(rank as f64 / (n - 1).max(1) as f64),
             SpeedLaw::Level if loudest > quietest => {
-                by_range((clip.total / quietest).ln() / (loudest / quietest).ln())
+                speed_at((clip.total / quietest).ln() / (loudest / quietest).ln())
             }
             SpeedLaw::Level => params.fastest,
             SpeedLaw::Exponent(e) => params.fastest * (clip.total / loudest).powf(0.5 / e),
@@ -255,26 +258,26 @@ fn assign_speeds(clips: &mut [Clip], params: &ClipModelParams, df: f64) {
     }
 }
 
-/// Mean power per bin, over the clips that reach it.
+/// Returns the mean power per bin, over the clips for which the bin is valid.
 fn mean_power(clips: &[Clip], bins: usize) -> Vec<f64> {
     let mut sum = vec![0.0; bins];
-    let mut reach = vec![0_u32; bins];
+    let mut counts = vec![0_u32; bins];
     for clip in clips {
         sum.iter_mut().zip(&clip.power).for_each(|(s, p)| *s += p);
-        reach[..clip.reach].iter_mut().for_each(|n| *n += 1);
+        counts[..clip.valid_bins].iter_mut().for_each(|n| *n += 1);
     }
-    sum.iter_mut().zip(reach).for_each(|(s, n)| *s /= f64::from(n.max(1)));
+    sum.iter_mut().zip(counts).for_each(|(s, n)| *s /= f64::from(n.max(1)));
     sum
 }
 
-/// Hands the rows' total powers out in ascending order.
+/// Scales the rows so that their total powers are in ascending order.
 fn sort_levels(rows: &mut [Vec<f64>]) {
     let mut totals: Vec<f64> = rows.iter().map(|r| r.iter().sum()).collect();
-    let own = totals.clone();
+    let unsorted = totals.clone();
     totals.sort_by(f64::total_cmp);
-    for ((row, total), own) in rows.iter_mut().zip(totals).zip(own) {
-        if own > 0.0 {
-            row.iter_mut().for_each(|p| *p *= total / own);
+    for ((row, total), unsorted) in rows.iter_mut().zip(totals).zip(unsorted) {
+        if unsorted > 0.0 {
+            row.iter_mut().for_each(|p| *p *= total / unsorted);
         }
     }
 }
@@ -284,15 +287,15 @@ mod tests {
     use super::*;
     use crate::core::random::Random;
 
-    /// Noise whose level rises as `10^t`, through a one-pole filter that opens with it.
+    /// Noise whose level rises tenfold, through a one-pole filter whose cut-off rises with it.
     fn swell(seconds: f64, fs: f64, node: &str, gain: f64) -> Vec<f32> {
         let random = Random::new(2, node);
         let mut y = 0.0;
         (0..(seconds * fs) as u64)
             .map(|i| {
-                let along = i as f64 / fs / seconds;
-                y += (0.05 + 0.9 * along) * (random.uniform(0, i, 0) - 0.5 - y);
-                (gain * 0.1 * 10.0_f64.powf(along) * y) as f32
+                let fraction = i as f64 / fs / seconds;
+                y += (0.05 + 0.9 * fraction) * (random.uniform(0, i, 0) - 0.5 - y);
+                (gain * 0.1 * 10.0_f64.powf(fraction) * y) as f32
             })
             .collect()
     }
@@ -342,7 +345,7 @@ mod tests {
     }
 
     #[test]
-    fn very_short_recordings_of_several_rates_are_enough() {
+    fn short_recordings_of_several_rates_give_a_model() {
         let (a, b) = (swell(0.25, 44100.0, "a", 0.02), swell(0.4, 48000.0, "b", 0.6));
         let all = [recording(&a, 44100.0), recording(&b, 48000.0), recording(&b[..100], 48000.0)];
         let model = from_clips(&all, &ClipModelParams::default()).unwrap();
@@ -362,7 +365,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_usable_is_an_error_that_counts() {
+    fn recordings_without_usable_clips_give_an_error_with_counts() {
         let silent = [0.0; 48000];
         for x in [&silent[..], &silent[..10], &[]] {
             let error = from_clips(&[recording(x, 48000.0)], &ClipModelParams::default()).unwrap_err();

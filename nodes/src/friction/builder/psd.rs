@@ -9,19 +9,19 @@ use std::sync::Arc;
 use realfft::num_complex::Complex;
 use realfft::{RealFftPlanner, RealToComplex};
 
-/// Shape that an analysis frame is multiplied by.
+/// Window of an analysis frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AnalysisWindow {
     /// `1 - |(n + 1/2)/(N/2) - 1|`; the sum of its squares tends to `N/3`.
     Triangle,
-    /// Periodic Hann, for measuring output.
+    /// Periodic Hann, for measurements of output.
     Hann,
-    /// No weighting.
+    /// Constant.
     Rectangle,
 }
 
 impl AnalysisWindow {
-    /// The window's value at sample `n` of `len`.
+    /// Returns the value at sample `n` of `len`.
     #[must_use]
     pub fn at(self, n: usize, len: usize) -> f64 {
         let (n, len) = (n as f64, len as f64);
@@ -33,7 +33,7 @@ impl AnalysisWindow {
     }
 }
 
-/// Periodogram of frames of one length: plan, window and scratch are made once.
+/// Periodogram of frames of one length; plan, window and buffers are made once.
 pub struct Periodogram {
     plan: Arc<dyn RealToComplex<f64>>,
     window: Vec<f64>,
@@ -44,7 +44,7 @@ pub struct Periodogram {
 }
 
 impl Periodogram {
-    /// A periodogram of `len` samples (at least 2, made even by rounding up) at `fs` hertz.
+    /// Creates a periodogram of `len` samples (rounded up to an even number, at least 2) at `fs` hertz.
     #[must_use]
     pub fn new(len: usize, fs: f64, window: AnalysisWindow) -> Self {
         let len = len.max(2).next_multiple_of(2);
@@ -61,19 +61,19 @@ impl Periodogram {
         }
     }
 
-    /// Samples per frame.
+    /// Returns the number of samples per frame.
     #[must_use]
     pub fn frame_len(&self) -> usize {
         self.window.len()
     }
 
-    /// Number of one-sided bins, `N/2 + 1`.
+    /// Returns the number of one-sided bins, `N/2 + 1`.
     #[must_use]
     pub fn bins(&self) -> usize {
         self.spectrum.len()
     }
 
-    /// Adds the density of one frame onto `sum`; missing samples count as zeros, extra ones are ignored.
+    /// Adds the density of one frame to `sum`. Missing samples count as zeros, extra ones are ignored.
     ///
     /// # Shapes
     /// `frame: [N]`, `sum: [N/2 + 1]`.
@@ -85,7 +85,7 @@ impl Periodogram {
         for ((x, w), &s) in self.input.iter_mut().zip(&self.window).zip(frame) {
             *x = w * f64::from(s);
         }
-        // The plan refuses only wrong lengths, and these buffers are its own.
+        // The plan refuses only wrong lengths, and it made these buffers itself.
         if self.plan.process_with_scratch(&mut self.input, &mut self.spectrum, &mut self.scratch).is_err() {
             return;
         }
@@ -97,7 +97,7 @@ impl Periodogram {
     }
 }
 
-/// Mean density of all whole frames of `len` samples, `hop` apart; `None` when there is not one whole frame.
+/// Returns the mean density of all whole frames of `len` samples, `hop` apart; `None` without a whole frame.
 ///
 /// # Shapes
 /// `[T]` samples to `[N/2 + 1]` in full scale squared per hertz.
@@ -121,7 +121,7 @@ pub fn welch(samples: &[f32], fs: f64, len: usize, hop: usize, window: AnalysisW
     Some(sum)
 }
 
-/// Mean frequency of a power density, in hertz; 0 for silence.
+/// Returns the mean frequency of a power density in hertz, 0 for silence.
 #[must_use]
 pub fn centroid(psd: &[f64], df: f64) -> f64 {
     let (mut weighted, mut total) = (0.0, 0.0);
@@ -144,7 +144,7 @@ mod tests {
         let psd = welch(&x, fs, n, n / 2, AnalysisWindow::Rectangle).unwrap();
         let df = fs / n as f64;
         assert!((psd.iter().sum::<f64>() * df - 0.125).abs() < 1e-7);
-        assert!((psd[50] * df - 0.125).abs() < 1e-7, "all of it lies in the sine's own bin");
+        assert!((psd[50] * df - 0.125).abs() < 1e-7, "the power lies in the bin of the sine");
     }
 
     #[test]

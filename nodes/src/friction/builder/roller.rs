@@ -1,9 +1,9 @@
-//! A friction model measured on a roller: cloth turns against cloth while an encoder notes its speed.
+//! A friction model from a roller recording: cloth turns against cloth while an encoder measures its speed.
 //!
 //! # Source
-//! An, James and Marschner (SIGGRAPH 2012), section 2. The paper's clips are "convolved" with a triangle; they are
-//! multiplied by it here. It keeps one spectrum per clip, whose bins scatter by 100 %; here the power of clips of like
-//! speed is averaged, unless `raw` is asked for.
+//! An, James and Marschner (SIGGRAPH 2012), section 2. The paper "convolves" its clips with a triangle; here they are
+//! multiplied by it. The paper has one spectrum per clip, whose bins scatter by 100 %; here the power of clips of similar
+//! speed is averaged, unless `raw` is set.
 
 use super::analysis::{BuildError, check, check_samples, checked_clip, high_pass, mean_speed};
 use super::encoder::{EncoderTrack, Motion};
@@ -12,35 +12,35 @@ use crate::friction::model::{
     Conventions, FrictionModel, MODEL_VERSION, Origin, REFERENCE_AREA, Rejections, Source,
 };
 
-/// Power that subtraction of the floor leaves at least, relative to the largest bin of the spectrum.
-const LEFT_OVER: f64 = 1e-12;
+/// Minimum power after subtraction of the noise floor, relative to the largest bin of the spectrum.
+const MIN_POWER: f64 = 1e-12;
 
-/// How a roller recording is analysed.
+/// Parameters of the analysis of a roller recording.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BuilderParams {
-    /// The two materials.
+    /// Names of the two materials.
     pub material_pair: [String; 2],
     /// Length of a clip, in seconds.
     pub clip: f64,
-    /// Distance of clips, in seconds.
+    /// Time from one clip to the next, in seconds.
     pub hop: f64,
-    /// Radius of the roller with the cloth on it, in metres; 0 when speeds are given and there is no seam.
+    /// Radius of the roller with the cloth on it, in metres; 0 for an encoder of speeds without seams.
     pub roller_radius: f64,
-    /// Angles that the seam covers, `(from, to)` in radians.
+    /// Angles of the seams, `(from, to)` in radians.
     pub seams: Vec<(f64, f64)>,
     /// Largest change of speed within a clip, relative to the speed at its centre.
     pub speed_change: f64,
-    /// Slowest speed to be measured, in m/s.
+    /// Slowest speed to measure, in m/s.
     pub min_speed: f64,
-    /// Logarithmic bins of speed.
+    /// Number of logarithmic bins of speed.
     pub n_speed: usize,
-    /// One spectrum per clip instead of averages (the paper).
+    /// One spectrum per clip instead of averages, as in the paper.
     pub raw: bool,
     /// Cut-off of the high-pass on the spectra, in hertz; 0 only removes DC.
     pub high_pass: f64,
-    /// Sliding area that the recording heard, in square metres: levels are stored per 1e-4 m^2.
+    /// Sliding area in the recording, in square metres; levels are stored per [`REFERENCE_AREA`].
     pub contact_area: f64,
-    /// Where the recording comes from.
+    /// Provenance and licence of the recording.
     pub sources: Vec<Source>,
 }
 
@@ -63,7 +63,7 @@ impl Default for BuilderParams {
     }
 }
 
-/// Clip length in samples, once the parameters are seen to fit a rate.
+/// Checks the parameters at a rate and returns the clip length in samples.
 pub(super) fn checked_params(params: &BuilderParams, fs: f64) -> Result<usize, BuildError> {
     let len = checked_clip(params.clip, fs)?;
     check("hop", params.hop, 1.0 / fs..=1e3, "a distance of at least one sample is needed")?;
@@ -80,12 +80,12 @@ pub(super) fn checked_params(params: &BuilderParams, fs: f64) -> Result<usize, B
     Ok(len)
 }
 
-/// Samples from clip to clip.
+/// Returns the number of samples from one clip to the next.
 pub(super) fn hop_samples(params: &BuilderParams, fs: f64) -> usize {
     ((params.hop * fs).round() as usize).max(1)
 }
 
-/// A clip that is used: where it starts and its speed.
+/// A usable clip: its first sample and its speed.
 #[derive(Clone, Copy)]
 struct Clip {
     start: usize,
@@ -94,11 +94,11 @@ struct Clip {
 
 /// Builds a model from a roller recording.
 ///
-/// `rest` is audio of the roller at rest, whose spectrum is subtracted as the noise floor: interpolation displaces
-/// amplitude, and a floor holds much of it. A floor above the sound leaves 1e-12 of the spectrum's largest bin.
+/// `rest` is audio of the roller at rest. Its spectrum is subtracted as the noise floor, because interpolation displaces
+/// amplitude and a floor contains much of it. The subtraction leaves at least 1e-12 of the spectrum's largest bin.
 ///
 /// # Errors
-/// Names the parameter, sample or encoder reading that is wrong, or counts why clips were rejected.
+/// Names the wrong parameter, sample or encoder reading, or counts the rejected clips by reason.
 ///
 /// # Complexity
 /// O(clips N log N) time, O(speeds N) memory.
@@ -124,12 +124,12 @@ pub fn build(
         }
     };
     let hop = hop_samples(params, fs);
-    let (mut clips, rejected, count) = sort_out(samples.len(), fs, len, hop, &motion, params);
+    let (mut clips, rejected, count) = select_clips(samples.len(), fs, len, hop, &motion, params);
     clips.sort_by(|a, b| a.speed.total_cmp(&b.speed));
     let groups = group(&clips, params);
     if groups.len() < 2 {
         let speeds = groups.len();
-        return Err(BuildError::TooFew { speeds, kept: clips.len(), clips: count, rejected });
+        return Err(BuildError::TooFew { speeds, usable: clips.len(), clips: count, rejected });
     }
     let mut periodogram = Periodogram::new(len, fs, AnalysisWindow::Triangle);
     let (bins, df) = (periodogram.bins(), fs / len as f64);
@@ -142,8 +142,8 @@ pub fn build(
         }
         mean.iter_mut().for_each(|s| *s /= group.len() as f64);
         if !floor.is_empty() {
-            let least = LEFT_OVER * mean.iter().copied().fold(0.0, f64::max);
-            mean.iter_mut().zip(&floor).for_each(|(s, f)| *s = (*s - f).max(least));
+            let min_power = MIN_POWER * mean.iter().copied().fold(0.0, f64::max);
+            mean.iter_mut().zip(&floor).for_each(|(s, f)| *s = (*s - f).max(min_power));
         }
         psd.extend(
             mean.iter().enumerate().map(|(k, s)| (area * s * high_pass(k, df, params.high_pass)) as f32),
@@ -174,9 +174,9 @@ pub fn build(
     Ok(model)
 }
 
-/// Clips that lie on the encoder track at a steady speed and off the seam, the reasons against the others, and how many
-/// there were.
-fn sort_out(
+/// Returns the clips on the encoder track that have a steady speed and are off the seams, the numbers of rejected clips, and the number of
+/// all clips.
+fn select_clips(
     samples: usize,
     fs: f64,
     len: usize,
@@ -208,15 +208,15 @@ fn sort_out(
     (clips, rejected, count)
 }
 
-/// Clips to be averaged together, from clips in order of speed; no two groups have the same mean speed.
+/// Groups clips in order of speed for averaging. No two groups have the same mean speed.
 fn group<'a>(clips: &'a [Clip], params: &BuilderParams) -> Vec<&'a [Clip]> {
     let (Some(first), Some(last)) = (clips.first(), clips.last()) else { return Vec::new() };
-    let octaves = (last.speed / first.speed).ln();
+    let log_range = (last.speed / first.speed).ln();
     let bin = |c: &Clip| {
-        let along = (c.speed / first.speed).ln() / octaves;
-        ((along * params.n_speed as f64) as usize).min(params.n_speed - 1)
+        let fraction = (c.speed / first.speed).ln() / log_range;
+        ((fraction * params.n_speed as f64) as usize).min(params.n_speed - 1)
     };
-    if octaves == 0.0 {
+    if log_range == 0.0 {
         vec![clips]
     } else if params.raw {
         clips.chunk_by(|a, b| a.speed == b.speed).collect()

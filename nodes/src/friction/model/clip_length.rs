@@ -1,9 +1,9 @@
 //! Lengths of clips, in samples.
 
-/// Longest clip that spectra are made for.
+/// Maximum length of a clip that spectra are made for.
 pub const MAX_CLIP_SAMPLES: usize = 1 << 20;
 
-/// An even number of samples nearest to `seconds` at `fs`, at least 2.
+/// Returns the even number of samples nearest to `seconds` at `fs` hertz, at least 2.
 #[must_use]
 pub fn clip_samples(seconds: f64, fs: f64) -> usize {
     2 * ((0.5 * seconds * fs).round().max(1.0) as usize)

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 /// Area of cloth that a friction model's level stands for, in square metres.
 pub const REFERENCE_AREA: f64 = 1e-4;
 
-/// How a model's spectra came about.
+/// Source of the spectra of a model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Origin {
     /// Roller recording with an encoder, averaged in speed bins.
@@ -14,39 +14,39 @@ pub enum Origin {
     RollerRaw,
     /// Plain recordings whose speeds are assumed, not measured.
     Recordings,
-    /// Spectra handed over by a caller.
+    /// Spectra given by a caller.
     Given,
-    /// Half-way between the models of two materials, for a pair that was not recorded.
+    /// Half-way between the models of two materials, of a pair that was not recorded.
     Inferred,
 }
 
-/// What was done to the spectra, so that a reader can tell whether two models may be compared.
+/// Processing of the spectra. Models with equal conventions can be compared.
 ///
-/// In a file its digest stands beside it (`hash`), so that a change by hand is seen; a file without one is taken as it is.
+/// A file also holds their digest (`hash`), which detects changes by hand. A file without a digest is accepted.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(into = "Written", try_from = "Written")]
+#[serde(into = "StoredConventions", try_from = "StoredConventions")]
 pub struct Conventions {
-    /// How the spectra came about.
+    /// Source of the spectra.
     pub origin: Origin,
     /// Length of an analysis clip, in samples at the model's rate.
     pub clip_samples: u32,
-    /// Distance of analysis clips, in seconds; 0 when unknown.
+    /// Time from one analysis clip to the next, in seconds; 0 when unknown.
     pub hop: f64,
     /// Cut-off of the high-pass applied to the spectra, in hertz; 0 for none.
     pub high_pass: f64,
-    /// Whether a noise floor was subtracted.
+    /// True if a noise floor was subtracted.
     pub floor_subtracted: bool,
-    /// Sliding area that the recording heard, in square metres; the spectra are per 1e-4 m^2.
+    /// Sliding area in the recording, in square metres; the spectra are per [`REFERENCE_AREA`].
     pub contact_area: f64,
 }
 
 impl Conventions {
-    /// The start of [`hash`](Self::hash), as files have it.
+    /// The first 16 hexadecimal digits of [`hash`](Self::hash), as stored in files.
     fn digest(&self) -> String {
         blake3::Hash::from_bytes(self.hash()).to_hex()[..16].to_owned()
     }
 
-    /// A digest of all fields.
+    /// Returns a digest of all fields.
     #[must_use]
     pub fn hash(&self) -> [u8; 32] {
         let mut hasher = blake3::Hasher::new();
@@ -59,9 +59,9 @@ impl Conventions {
     }
 }
 
-/// [`Conventions`] as they are written.
+/// [`Conventions`] as stored in files.
 #[derive(Serialize, Deserialize)]
-struct Written {
+struct StoredConventions {
     origin: Origin,
     clip_samples: u32,
     hop: f64,
@@ -72,7 +72,7 @@ struct Written {
     hash: String,
 }
 
-impl From<Conventions> for Written {
+impl From<Conventions> for StoredConventions {
     fn from(c: Conventions) -> Self {
         let hash = c.digest();
         let Conventions { origin, clip_samples, hop, high_pass, floor_subtracted, contact_area } = c;
@@ -80,43 +80,44 @@ impl From<Conventions> for Written {
     }
 }
 
-impl TryFrom<Written> for Conventions {
+impl TryFrom<StoredConventions> for Conventions {
     type Error = String;
 
-    fn try_from(written: Written) -> Result<Self, String> {
-        let Written { origin, clip_samples, hop, high_pass, floor_subtracted, contact_area, hash } = written;
+    fn try_from(stored: StoredConventions) -> Result<Self, String> {
+        let StoredConventions { origin, clip_samples, hop, high_pass, floor_subtracted, contact_area, hash } =
+            stored;
         let conventions = Self { origin, clip_samples, hop, high_pass, floor_subtracted, contact_area };
-        let own = conventions.digest();
-        if !hash.is_empty() && hash != own {
+        let expected = conventions.digest();
+        if !hash.is_empty() && hash != expected {
             return Err(format!(
-                "the conventions have the hash {own}, and not {hash:?}: they were changed under it"
+                "`hash` of the conventions is {hash:?}, their fields give {expected:?}: the fields were changed by hand"
             ));
         }
         Ok(conventions)
     }
 }
 
-/// A recording that went into a model.
+/// A recording that a model was made from.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Source {
-    /// What was recorded and by whom.
+    /// Subject and author of the recording.
     pub provenance: String,
-    /// The licence that it came under.
+    /// Licence of the recording.
     pub licence: String,
 }
 
-/// Clips that were analysed but not used, by reason.
+/// Numbers of clips that were analysed but not used, by reason.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Rejections {
-    /// Touched the seam of the cloth on the roller.
+    /// On the seam of the cloth on the roller.
     pub seam: u32,
-    /// The speed changed by more than the limit.
+    /// Changed speed by more than the limit.
     pub speed_change: u32,
-    /// Slower than the slowest speed to be measured.
+    /// Slower than the slowest speed to measure.
     pub at_rest: u32,
-    /// No encoder reading for the whole clip.
+    /// Without encoder readings for the whole clip.
     pub outside_encoder: u32,
-    /// Too quiet to hold friction.
+    /// Below the level of silence.
     pub silent: u32,
     /// Recordings shorter than one clip.
     pub too_short: u32,

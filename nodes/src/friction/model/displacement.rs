@@ -1,9 +1,10 @@
-//! Displacement (quantile) interpolation of spectra: peaks move from one frequency to the other instead of cross-fading.
+//! Displacement (quantile) interpolation of spectra: peaks move between frequencies instead of crossfading.
 //!
 //! # Source
 //! Matusik, Zwicker and Durand, "Texture design using a simplicial complex of morphable textures" (SIGGRAPH 2005), as
 //! used by An, James and Marschner (SIGGRAPH 2012), section 2, equations 1 to 3. Their integrals run over unnormalised
-//! spectra, whose inverse functions have different domains; here each is divided by its mass and the level is set apart.
+//! spectra, whose inverse functions have different domains. Here each spectrum is divided by its mass, and the level is interpolated
+//! separately.
 
 use serde::{Deserialize, Serialize};
 
@@ -12,7 +13,7 @@ use crate::choices;
 /// Level of an interpolated spectrum.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Gain {
-    /// The sum of amplitudes is linear in speed; loses power between spectra of unequal width.
+    /// The sum of amplitudes is linear in speed. Power is lost between spectra of unequal width.
     Mass,
     /// The sum of squared amplitudes is linear in speed.
     #[default]
@@ -20,18 +21,18 @@ pub enum Gain {
 }
 
 choices! { @param Gain {
-    /// The sum of amplitudes is linear in speed, the paper's reading; loses power between spectra of unequal width.
+    /// The sum of amplitudes is linear in speed, as in the paper. Power is lost between spectra of unequal width.
     Mass,
     /// The sum of squared amplitudes is linear in speed.
     Rms,
 } }
 
-/// Share of the largest amplitude that is added to every bin, so that the distribution function increases strictly.
+/// Fraction of the largest amplitude that is added to every bin, so that the distribution function increases strictly.
 pub const EPSILON: f64 = 1e-9;
 
-/// Running share of the amplitude below each bin edge: `bins + 1` values from exactly 0 to exactly 1.
+/// Writes the fraction of the amplitude below each bin edge: `bins + 1` values from exactly 0 to exactly 1.
 ///
-/// Zero amplitude everywhere gives a line, so that such a spectrum can still be one end of an interpolation.
+/// A silent spectrum gives a straight line, so that it can be one end of an interpolation.
 pub(super) fn distribution(amplitude: &[f64], epsilon: f64, out: &mut [f64]) {
     let largest = amplitude.iter().copied().fold(0.0, f64::max);
     let lift = if largest > 0.0 { epsilon * largest } else { 1.0 };
@@ -47,11 +48,11 @@ pub(super) fn distribution(amplitude: &[f64], epsilon: f64, out: &mut [f64]) {
     }
 }
 
-/// Shares per bin of the distribution whose quantiles lie a part `alpha` of the way from those of `a` to those of `b`.
+/// Writes the mass per bin of the distribution whose quantiles are `(1 - alpha)` times those of `a` plus `alpha` times those of `b`.
 ///
-/// Between two neighbouring knots of either distribution all quantile functions are linear, so one merge of the knots
+/// Between two neighbouring knots of either distribution all quantile functions are linear. One merge of the knots therefore
 /// inverts the blend exactly. Frequencies are in bins.
-fn displaced_shares(a: &[f64], b: &[f64], alpha: f64, out: &mut [f64]) {
+fn displaced_masses(a: &[f64], b: &[f64], alpha: f64, out: &mut [f64]) {
     let bins = out.len();
     let (mut i, mut j, mut edge) = (0, 0, 0);
     let (mut p, mut q, mut below) = (0.0, 0.0, 0.0);
@@ -65,8 +66,8 @@ fn displaced_shares(a: &[f64], b: &[f64], alpha: f64, out: &mut [f64]) {
         let next_q = (1.0 - alpha) * quantile(a, i) + alpha * quantile(b, j);
         while edge < bins && (edge + 1) as f64 <= next_q {
             let span = next_q - q;
-            let along = if span > 0.0 { ((edge + 1) as f64 - q) / span } else { 1.0 };
-            let c = p + (next_p - p) * along;
+            let fraction = if span > 0.0 { ((edge + 1) as f64 - q) / span } else { 1.0 };
+            let c = p + (next_p - p) * fraction;
             out[edge] = (c - below).max(0.0);
             below = c;
             edge += 1;
@@ -78,29 +79,30 @@ fn displaced_shares(a: &[f64], b: &[f64], alpha: f64, out: &mut [f64]) {
             _ => (i, j) = (i + 1, j + 1),
         }
     }
-    // Rounding can leave the topmost edge unreached; it holds what is left of the whole.
-    for share in &mut out[edge..] {
-        *share = (1.0 - below).max(0.0);
+    // Rounding can leave the topmost edge unreached; its bin holds the remaining mass.
+    for mass in &mut out[edge..] {
+        *mass = (1.0 - below).max(0.0);
         below = 1.0;
     }
 }
 
-/// One end of an interpolation: a spectrum and its distribution.
+/// One end of an interpolation: an amplitude spectrum and its distribution function.
 #[derive(Clone, Copy)]
 pub(super) struct End<'a> {
     pub amplitude: &'a [f64],
     pub distribution: &'a [f64],
 }
 
+/// Writes the spectrum at `alpha` between two ends.
 pub(super) fn blend(a: End<'_>, b: End<'_>, alpha: f64, gain: Gain, out: &mut [f64]) {
     let sums = |x: &[f64]| x.iter().fold((0.0, 0.0), |(m, p), v| (m + v, p + v * v));
     let ((mass_a, power_a), (mass_b, power_b)) = (sums(a.amplitude), sums(b.amplitude));
-    // Silence has no shape of its own: the sound fades in or out with the shape of the other end.
+    // A silent spectrum has no shape: the sound fades in or out with the shape of the other one.
     match (mass_a > 0.0, mass_b > 0.0) {
         (false, false) => return out.fill(0.0),
-        (false, true) => displaced_shares(b.distribution, b.distribution, alpha, out),
-        (true, false) => displaced_shares(a.distribution, a.distribution, alpha, out),
-        (true, true) => displaced_shares(a.distribution, b.distribution, alpha, out),
+        (false, true) => displaced_masses(b.distribution, b.distribution, alpha, out),
+        (true, false) => displaced_masses(a.distribution, a.distribution, alpha, out),
+        (true, true) => displaced_masses(a.distribution, b.distribution, alpha, out),
     }
     let (mass, power) = sums(out);
     let scale = match gain {
@@ -110,9 +112,9 @@ pub(super) fn blend(a: End<'_>, b: End<'_>, alpha: f64, gain: Gain, out: &mut [f
     out.iter_mut().for_each(|v| *v *= scale);
 }
 
-/// The amplitude spectrum a part `alpha` of the way from `a` to `b`; both all zero give zeros.
+/// Writes the amplitude spectrum at `alpha` between `a` (0) and `b` (1). Two silent spectra give zeros.
 ///
-/// Shorter than `out`, `a` or `b` count as continued by zeros.
+/// A slice shorter than `out` is continued by zeros.
 ///
 /// # Shapes
 /// `a, b, out: [bins]`, amplitudes per bin on one uniform grid.

@@ -8,17 +8,17 @@ use super::conventions::{Conventions, Origin, Rejections, Source};
 use super::rebin::rebin;
 use super::speed_bracket::Bracket;
 
-/// Format of [`FrictionModel`] that this code reads and writes.
+/// Version of the format of [`FrictionModel`].
 pub const MODEL_VERSION: u32 = 1;
 
 /// Power density of friction sound against sliding speed, for one pair of materials.
 ///
-/// Densities do not depend on the rate or clip length of the synthesis that will use them.
+/// The densities do not depend on the rate or clip length of the synthesis.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FrictionModel {
     /// [`MODEL_VERSION`].
     pub version: u32,
-    /// The two materials that slide on each other.
+    /// Names of the two materials that slide on each other.
     pub material_pair: [String; 2],
     /// Sliding speeds in m/s, `[K]`, strictly increasing, the first above 0.
     pub speeds: Vec<f64>,
@@ -26,58 +26,58 @@ pub struct FrictionModel {
     pub psd: Vec<f32>,
     /// Spacing of the bins in hertz; bin 0 is DC, the last is Nyquist.
     pub df: f64,
-    /// Rate of the source in hertz.
+    /// Sample rate of the source in hertz.
     pub fs: f64,
-    /// Noise floor that was subtracted, `[bins]`, or empty.
+    /// Subtracted noise floor, `[bins]`, or empty.
     pub floor: Vec<f32>,
     /// Clips averaged per speed, `[K]`.
     pub clips: Vec<u32>,
-    /// Clips that were not used.
+    /// Numbers of clips that were not used.
     pub rejected: Rejections,
-    /// What was done to the spectra.
+    /// Processing of the spectra.
     pub conventions: Conventions,
-    /// Recordings that the spectra come from.
+    /// Recordings that the spectra were made from.
     pub sources: Vec<Source>,
 }
 
-/// Why a friction model cannot be used.
+/// Reasons why a friction model cannot be used.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum ModelError {
-    /// Written by other code.
-    #[error("friction model has version {found}; this reads version {MODEL_VERSION}: build it again")]
+    /// Another version of the format.
+    #[error("friction model has version {found}; version {MODEL_VERSION} is needed: build it again")]
     Version {
-        /// The version found.
+        /// Version found.
         found: u32,
     },
-    /// Not enough speeds to interpolate between.
+    /// Fewer than two speeds.
     #[error("friction model has {found} speed(s); at least 2 are needed to interpolate")]
     TooFewSpeeds {
-        /// The number found.
+        /// Number of speeds.
         found: usize,
     },
-    /// A speed that is not above the one before it (or above 0).
+    /// A speed that is not above the previous one, or not above 0.
     #[error(
-        "speed {index} is {found} m/s; speeds must be finite and above {above} m/s here (strictly increasing from above 0)"
+        "speed {index} is {found} m/s; it must be finite and above {above} m/s: speeds are above 0 and strictly increasing"
     )]
     Speed {
         /// Index of the speed.
         index: usize,
         /// Its value.
         found: f64,
-        /// What it must exceed.
+        /// Exclusive lower limit.
         above: f64,
     },
-    /// The frequency grid does not fit the rate.
+    /// A frequency grid that does not fit the rate.
     #[error(
-        "{bins} bins of {df} Hz do not reach from 0 to half the rate of {fs} Hz: `df * (bins - 1)` must be `fs / 2`"
+        "{bins} bins of {df} Hz do not span 0 to half the rate of {fs} Hz: `df * (bins - 1)` must be `fs / 2`"
     )]
     Grid {
         /// Bins per speed.
         bins: usize,
         /// Spacing in hertz.
         df: f64,
-        /// Rate in hertz.
+        /// Sample rate in hertz.
         fs: f64,
     },
     /// A field of the wrong length.
@@ -100,26 +100,30 @@ pub enum ModelError {
         /// Its value.
         found: f32,
     },
-    /// A rate or length that cannot be resampled to.
+    /// A rate or clip length that cannot be resampled to.
     #[error(
-        "cannot carry a friction model to clips of {clip_samples} samples at {fs} Hz: an even number of 2 to {MAX_CLIP_SAMPLES} samples and a finite rate above 0 are needed"
+        "cannot resample a friction model to clips of {clip_samples} samples at {fs} Hz: an even number from 2 to {MAX_CLIP_SAMPLES} samples and a finite rate above 0 are needed"
     )]
     Target {
-        /// Samples asked for.
+        /// Requested samples per clip.
         clip_samples: usize,
-        /// Rate asked for.
+        /// Requested rate in hertz.
         fs: f64,
     },
 }
 
-/// Whether clips of this length at this rate can be made.
+/// Refuses clip lengths and rates that spectra cannot be made for.
 pub(crate) fn check_target(fs: f64, clip_samples: usize) -> Result<(), ModelError> {
-    let length = (2..=MAX_CLIP_SAMPLES).contains(&clip_samples) && clip_samples.is_multiple_of(2);
-    if length && fs.is_finite() && fs > 0.0 { Ok(()) } else { Err(ModelError::Target { clip_samples, fs }) }
+    let length_fits = (2..=MAX_CLIP_SAMPLES).contains(&clip_samples) && clip_samples.is_multiple_of(2);
+    if length_fits && fs.is_finite() && fs > 0.0 {
+        Ok(())
+    } else {
+        Err(ModelError::Target { clip_samples, fs })
+    }
 }
 
 impl FrictionModel {
-    /// A model from densities that a caller has: `psd` holds one row of bins from 0 to `fs / 2` per speed.
+    /// Creates a model from given densities. `psd` holds one row of bins from 0 to `fs / 2` per speed.
     ///
     /// # Errors
     /// As [`validate`](Self::validate).
@@ -154,17 +158,17 @@ impl FrictionModel {
         Ok(model)
     }
 
-    /// Checks everything that the rest of this module relies on.
+    /// Checks all fields.
     ///
     /// # Errors
-    /// Names the first field that is wrong, what it holds and what it should.
+    /// Names the first wrong field, its value and the values it can have.
     pub fn validate(&self) -> Result<(), ModelError> {
         if self.version != MODEL_VERSION {
             return Err(ModelError::Version { found: self.version });
         }
-        let k = self.speeds.len();
-        if k < 2 {
-            return Err(ModelError::TooFewSpeeds { found: k });
+        let speeds = self.speeds.len();
+        if speeds < 2 {
+            return Err(ModelError::TooFewSpeeds { found: speeds });
         }
         let mut above = 0.0;
         for (index, &found) in self.speeds.iter().enumerate() {
@@ -174,17 +178,17 @@ impl FrictionModel {
             above = found;
         }
         let bins = self.bins();
-        if self.psd.len() != bins * k {
-            return Err(ModelError::Length { field: "psd", found: self.psd.len(), expected: bins * k });
+        if self.psd.len() != bins * speeds {
+            return Err(ModelError::Length { field: "psd", found: self.psd.len(), expected: bins * speeds });
         }
-        let reach = self.df * bins.saturating_sub(1) as f64;
-        let fits = (reach - 0.5 * self.fs).abs() <= 1e-6 * self.fs;
-        let few_enough = (2..=MAX_CLIP_SAMPLES / 2 + 1).contains(&bins);
-        if !(few_enough && self.df > 0.0 && self.fs.is_finite() && fits) {
+        let highest = self.df * bins.saturating_sub(1) as f64;
+        let fits = (highest - 0.5 * self.fs).abs() <= 1e-6 * self.fs;
+        let count_fits = (2..=MAX_CLIP_SAMPLES / 2 + 1).contains(&bins);
+        if !(count_fits && self.df > 0.0 && self.fs.is_finite() && fits) {
             return Err(ModelError::Grid { bins, df: self.df, fs: self.fs });
         }
-        if self.clips.len() != k {
-            return Err(ModelError::Length { field: "clips", found: self.clips.len(), expected: k });
+        if self.clips.len() != speeds {
+            return Err(ModelError::Length { field: "clips", found: self.clips.len(), expected: speeds });
         }
         if !(self.floor.is_empty() || self.floor.len() == bins) {
             return Err(ModelError::Length { field: "floor", found: self.floor.len(), expected: bins });
@@ -195,39 +199,40 @@ impl FrictionModel {
         }
     }
 
-    /// Bins per speed, `N/2 + 1`.
+    /// Returns the number of bins per speed, `N/2 + 1`.
     #[must_use]
     pub fn bins(&self) -> usize {
         self.psd.len() / self.speeds.len().max(1)
     }
 
-    /// Power density at measured speed `k`.
+    /// Returns the power density at measured speed `k`.
     #[must_use]
     pub fn row(&self, k: usize) -> &[f32] {
         self.psd.chunks_exact(self.bins().max(1)).nth(k).unwrap_or_default()
     }
 
-    /// Slowest and fastest measured speed.
+    /// Returns the slowest and the fastest measured speed.
     #[must_use]
     pub fn speed_range(&self) -> (f64, f64) {
         (self.speeds.first().copied().unwrap_or(0.0), self.speeds.last().copied().unwrap_or(0.0))
     }
 
-    /// Mean square of the sound at measured speed `k`.
+    /// Returns the mean square of the sound at measured speed `k`.
     #[must_use]
     pub fn row_power(&self, k: usize) -> f64 {
         self.row(k).iter().map(|&s| f64::from(s)).sum::<f64>() * self.df
     }
 
-    /// Mean square of the sound at any speed, under [`Gain::Rms`]: linear between measured speeds, `s^4` below the
-    /// slowest, constant above the fastest.
+    /// Returns the mean square of the sound at any speed, with [`Gain::Rms`](super::Gain::Rms).
+    ///
+    /// It is linear between measured speeds, proportional to `s^4` below the slowest, and constant above the fastest.
     ///
     /// # Complexity
     /// O(bins + log K).
     #[must_use]
     pub fn power(&self, speed: f64) -> f64 {
         match Bracket::of(&self.speeds, speed) {
-            Bracket::Still => 0.0,
+            Bracket::AtRest => 0.0,
             Bracket::Below { ratio } => self.row_power(0) * ratio.powi(4),
             Bracket::Between { low, alpha } => {
                 (1.0 - alpha) * self.row_power(low) + alpha * self.row_power(low + 1)
@@ -235,10 +240,10 @@ impl FrictionModel {
             Bracket::Above => self.row_power(self.speeds.len() - 1),
         }
     }
-    /// The same model on the bins of another rate and clip length; zero above the source's Nyquist frequency.
+    /// Returns the model on the bins of another rate and clip length, zero above the source's Nyquist frequency.
     ///
     /// # Errors
-    /// When the target or the model is unusable.
+    /// When the model is invalid, or the rate or clip length cannot be used.
     ///
     /// # Complexity
     /// O(K (bins + clip_samples)).
@@ -246,15 +251,15 @@ impl FrictionModel {
         self.validate()?;
         check_target(fs, clip_samples)?;
         let (bins, df) = (clip_samples / 2 + 1, fs / clip_samples as f64);
-        let carry = |row: &[f32]| {
+        let resample_row = |row: &[f32]| {
             let power: Vec<f64> = row.iter().map(|&s| f64::from(s) * self.df).collect();
             let mut out = vec![0.0; bins];
             rebin(&power, self.df, &mut out, df);
             out.into_iter().map(move |p| (p / df) as f32)
         };
         Ok(Self {
-            psd: (0..self.speeds.len()).flat_map(|k| carry(self.row(k))).collect(),
-            floor: if self.floor.is_empty() { Vec::new() } else { carry(&self.floor).collect() },
+            psd: (0..self.speeds.len()).flat_map(|k| resample_row(self.row(k))).collect(),
+            floor: if self.floor.is_empty() { Vec::new() } else { resample_row(&self.floor).collect() },
             df,
             fs,
             conventions: Conventions { clip_samples: clip_samples as u32, ..self.conventions.clone() },
@@ -283,7 +288,7 @@ mod tests {
     }
 
     #[test]
-    fn a_model_survives_serialisation() {
+    fn serialisation_preserves_a_model() {
         let m = model();
         let bytes = postcard::to_allocvec(&m).unwrap();
         assert_eq!(postcard::from_bytes::<FrictionModel>(&bytes).unwrap(), m);
@@ -292,7 +297,7 @@ mod tests {
     }
 
     #[test]
-    fn power_survives_a_finer_grid_and_a_higher_rate() {
+    fn a_finer_grid_and_a_higher_rate_preserve_the_power() {
         let m = model();
         let fine = m.resampled(1200.0, 100).unwrap();
         assert_eq!((fine.bins(), fine.df), (51, 12.0));
@@ -304,7 +309,7 @@ mod tests {
     }
 
     #[test]
-    fn a_lower_rate_drops_the_power_above_its_nyquist() {
+    fn a_lower_rate_drops_the_power_above_its_nyquist_frequency() {
         let low = model().resampled(400.0, 4).unwrap();
         assert!((low.row_power(0) - 200.0).abs() < 1e-3, "{}", low.row_power(0));
     }
@@ -342,7 +347,7 @@ mod tests {
         let changed = text.replace("\"high_pass\":0.0", "\"high_pass\":20.0");
         assert_ne!(changed, text);
         let refused = serde_json::from_str::<Conventions>(&changed).unwrap_err().to_string();
-        assert!(refused.contains("changed under it"), "{refused}");
+        assert!(refused.contains("changed by hand"), "{refused}");
         let bare = text.split(",\"hash\"").next().unwrap().to_owned() + "}";
         assert_eq!(serde_json::from_str::<Conventions>(&bare).unwrap(), a);
     }

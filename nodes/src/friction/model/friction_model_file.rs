@@ -13,12 +13,11 @@ use crate::core::shape::{Build, Shape};
 use crate::{params, ports};
 
 params! {
-    /// A friction model from a file, as a tap of a model or the builder's report wrote it.
+    /// Reads a friction model from a file that a tap of a model wrote.
     ///
-    /// The file is JSON with every field of the model: version, speeds, spectra and the conventions that they were made
-    /// under. A file of another version is refused.
+    /// The file is JSON with every field of the model: version, speeds, spectra and conventions. A file of another version is refused.
     pub struct FrictionModelFileParams {
-        /// The model.
+        /// File of the model.
         path: AssetPath;
     }
 }

@@ -4,10 +4,11 @@ use super::displacement::{EPSILON, End, Gain, blend, distribution};
 use super::friction_model::{FrictionModel, ModelError};
 use super::speed_bracket::Bracket;
 
-/// A friction model made ready to give its spectrum at any speed.
+/// Interpolates the spectra of a friction model.
 ///
-/// Between measured speeds by displacement; below the slowest `(s / s_0)^2` times its amplitude, so that power falls
-/// with the fourth power; above the fastest its spectrum. Continuous in speed, with kinks at measured speeds.
+/// Between measured speeds the spectra are displaced. Below the slowest speed `s_0` its amplitude is scaled by `(s / s_0)^2`, so power
+/// falls with the fourth power of speed. Above the fastest speed its spectrum is held. The result is continuous in speed, with kinks at
+/// measured speeds.
 #[derive(Clone, Debug)]
 pub struct SpectrumInterpolator {
     speeds: Vec<f64>,
@@ -33,13 +34,13 @@ impl SpectrumInterpolator {
         Ok(Self { speeds: model.speeds.clone(), bins, gain, amplitude, distribution: knots })
     }
 
-    /// Values per spectrum.
+    /// Returns the number of bins per spectrum.
     #[must_use]
     pub fn bins(&self) -> usize {
         self.bins
     }
 
-    /// Measured speeds.
+    /// Returns the measured speeds in m/s.
     #[must_use]
     pub fn speeds(&self) -> &[f64] {
         &self.speeds
@@ -52,10 +53,10 @@ impl SpectrumInterpolator {
         }
     }
 
-    /// Amplitude per bin, `sqrt(S df)`, at `speed`; zeros when it is not above 0.
+    /// Writes the amplitude per bin, `sqrt(S df)`, at `speed`; zeros when it is not above 0.
     ///
     /// # Shapes
-    /// `out: [bins]`; a slice of another length is left as zeros.
+    /// `out: [bins]`; a slice of another length is filled with zeros.
     ///
     /// # Complexity
     /// O(bins + log K); no allocation.
@@ -65,7 +66,7 @@ impl SpectrumInterpolator {
             return;
         }
         match Bracket::of(&self.speeds, speed) {
-            Bracket::Still => {}
+            Bracket::AtRest => {}
             Bracket::Below { ratio } => {
                 out.iter_mut().zip(self.end(0).amplitude).for_each(|(o, a)| *o = ratio * ratio * a);
             }
@@ -78,12 +79,10 @@ impl SpectrumInterpolator {
 }
 
 impl FrictionModel {
-    /// Amplitude per bin, `sqrt(S df)`, at any speed.
-    ///
-    /// Convenient for one speed; for many make a [`SpectrumInterpolator`] once.
+    /// Writes the amplitude per bin, `sqrt(S df)`, at one speed. For many speeds use a [`SpectrumInterpolator`].
     ///
     /// # Errors
-    /// As [`validate`](Self::validate), and when `out` does not hold [`bins`](Self::bins) values.
+    /// As [`validate`](Self::validate), and when `out` does not have [`bins`](Self::bins) values.
     pub fn amplitude(&self, speed: f64, gain: Gain, out: &mut [f64]) -> Result<(), ModelError> {
         if out.len() != self.bins() {
             return Err(ModelError::Length { field: "out", found: out.len(), expected: self.bins() });

@@ -1,4 +1,4 @@
-//! A friction model at other speeds than those that were measured.
+//! A friction model at given speeds.
 
 use super::displacement::Gain;
 use super::friction_model::{FrictionModel, ModelError};
@@ -11,13 +11,13 @@ use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::{params, ports};
 
-/// The model whose spectra are those of `model` at `speeds`, m/s.
+/// Returns a model of the spectra of `model` at `speeds`, in m/s.
 ///
 /// # Errors
-/// [`ModelError`] when the model is invalid, and for fewer than two speeds or speeds that do not rise from above 0.
+/// [`ModelError`] when the model is invalid, and for fewer than two speeds, and for speeds that are not above 0 and strictly increasing.
 ///
 /// # Complexity
-/// O(speeds times bins).
+/// O(speeds * bins).
 pub fn at_speeds(model: &FrictionModel, speeds: &[f64], gain: Gain) -> Result<FrictionModel, ModelError> {
     let interpolator = SpectrumInterpolator::new(model, gain)?;
     let mut amplitude = vec![0.0; model.bins()];
@@ -27,21 +27,21 @@ pub fn at_speeds(model: &FrictionModel, speeds: &[f64], gain: Gain) -> Result<Fr
         psd.extend(amplitude.iter().map(|a| (a * a / model.df) as f32));
     }
     let clips = vec![0; speeds.len()];
-    let between = FrictionModel { speeds: speeds.to_vec(), psd, clips, ..model.clone() };
-    between.validate()?;
-    Ok(between)
+    let interpolated = FrictionModel { speeds: speeds.to_vec(), psd, clips, ..model.clone() };
+    interpolated.validate()?;
+    Ok(interpolated)
 }
 
 params! {
-    /// A friction model at speeds of your choice, as synthesis hears it between those that were measured.
+    /// Interpolates the spectra of a friction model at given speeds, as synthesis does between measured speeds.
     ///
-    /// A tap of it as SVG shows how peaks move from one frequency to another with speed, where a cross-fade would leave both.
+    /// A tap of the output as SVG shows how peaks move between frequencies with speed. A crossfade would show both peaks.
     ///
     /// # Source
     /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 2, equations 1
     /// to 3 and figure 5.
     pub struct InterpolatedSpectraParams {
-        /// The speeds, rising; at least two.
+        /// At least two speeds, strictly increasing.
         speeds: Vec<f64> = vec![0.05, 0.1, 0.2, 0.4, 0.8], unit "m/s", range 0.000001..=1000.0;
         /// Level of spectra between measured speeds.
         gain: Gain = Gain::Rms;
@@ -55,7 +55,7 @@ ports! {
             model: Value<FrictionModel>,
         }
         out {
-            /// The model at these speeds.
+            /// The model at the given speeds.
             between: Value<FrictionModel>,
         }
     }
@@ -77,8 +77,10 @@ impl Func for InterpolatedSpectra {
         if p.speeds.len() >= 2 && p.speeds.is_sorted_by(|a, b| a < b) {
             return Ok(());
         }
-        let message = format!("{} speeds that do not all rise", p.speeds.len());
-        Err(Reject::new("F076", message).at("speeds").help("give two or more, each above the one before it"))
+        let message = format!("{} speeds that are not strictly increasing", p.speeds.len());
+        Err(Reject::new("F076", message)
+            .at("speeds")
+            .help("give at least two speeds, each above the previous one"))
     }
 
     fn eval(
@@ -86,10 +88,10 @@ impl Func for InterpolatedSpectra {
         _: &Build<'_>,
         mut io: InterpolatedSpectraIo<'_>,
     ) -> Result<Summary, Fault> {
-        let between =
+        let interpolated =
             at_speeds(io.model, &p.speeds, p.gain).map_err(|e| Fault::new("F076", e.to_string()))?;
-        let summary = model_summary(&between);
-        io.between.set(between);
+        let summary = model_summary(&interpolated);
+        io.between.set(interpolated);
         Ok(summary)
     }
 
@@ -105,18 +107,19 @@ mod tests {
     use crate::friction::testing::bump_model;
 
     #[test]
-    fn a_peak_moves_with_speed_and_measured_speeds_keep_theirs() {
+    fn a_peak_moves_with_speed_and_measured_speeds_have_their_own_peaks() {
         let model = bump_model(&[(0.1, 2000.0), (0.5, 8000.0)], 300.0, 48_000.0, 480);
-        let between = at_speeds(&model, &[0.1, 0.2, 0.3, 0.4, 0.5], Gain::Rms).unwrap();
+        let interpolated = at_speeds(&model, &[0.1, 0.2, 0.3, 0.4, 0.5], Gain::Rms).unwrap();
         let peak = |k: usize| {
-            let row = between.row(k);
-            let top = (0..row.len()).max_by(|&a, &b| row[a].total_cmp(&row[b])).unwrap_or(0);
-            top as f64 * between.df
+            let row = interpolated.row(k);
+            let peak = (0..row.len()).max_by(|&a, &b| row[a].total_cmp(&row[b])).unwrap_or(0);
+            peak as f64 * interpolated.df
         };
         for (k, wanted) in [2000.0, 3500.0, 5000.0, 6500.0, 8000.0].into_iter().enumerate() {
             assert!((peak(k) - wanted).abs() <= 100.0, "{k}: {}", peak(k));
         }
-        let worst = between.row(0).iter().zip(model.row(0)).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        let worst =
+            interpolated.row(0).iter().zip(model.row(0)).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
         assert!(worst <= 1e-6 * model.row(0).iter().copied().fold(0.0, f32::max));
         assert!(matches!(at_speeds(&model, &[0.2, 0.1], Gain::Rms), Err(ModelError::Speed { index: 1, .. })));
         assert!(at_speeds(&model, &[0.2], Gain::Rms).is_err());

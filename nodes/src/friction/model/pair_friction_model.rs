@@ -1,4 +1,4 @@
-//! The friction of two materials on each other, inferred from that of each on itself.
+//! The friction model of two materials, inferred from the models of each material on itself.
 
 use super::conventions::{Conventions, Origin, Rejections};
 use super::displacement::{Gain, displace};
@@ -11,13 +11,13 @@ use crate::core::ports::Value;
 use crate::core::shape::Build;
 use crate::{params, ports};
 
-/// Speeds closer than this, relative to the larger, count as one.
+/// Relative difference up to which two speeds are equal.
 const SAME_SPEED: f64 = 1e-6;
 
-/// A model for a pair that nobody recorded: at each speed the spectrum half-way between the two materials' own, at the
+/// Infers the model of a pair of materials: at each speed the spectrum half-way between those of the two materials, with the
 /// geometric mean of their powers.
 ///
-/// It holds a spectrum at each speed of either model, on the finer of their grids, and says [`Origin::Inferred`].
+/// The model has the speeds of both models and the finer of their grids. Its origin is [`Origin::Inferred`].
 ///
 /// # Errors
 /// [`ModelError`] when one of the models is invalid.
@@ -34,17 +34,17 @@ pub fn inferred_pair(a: &FrictionModel, b: &FrictionModel) -> Result<FrictionMod
     let other = other.resampled(finer.fs, 2 * (finer.bins() - 1))?;
     let ends = [SpectrumInterpolator::new(finer, Gain::Rms)?, SpectrumInterpolator::new(&other, Gain::Rms)?];
     let bins = finer.bins();
-    let (mut one, mut two, mut between) = (vec![0.0; bins], vec![0.0; bins], vec![0.0; bins]);
-    let speeds = merged(&a.speeds, &b.speeds);
+    let (mut first, mut second, mut halfway) = (vec![0.0; bins], vec![0.0; bins], vec![0.0; bins]);
+    let speeds = merged_speeds(&a.speeds, &b.speeds);
     let mut psd = Vec::with_capacity(bins * speeds.len());
     for &speed in &speeds {
-        ends[0].amplitude(speed, &mut one);
-        ends[1].amplitude(speed, &mut two);
-        displace(&one, &two, 0.5, Gain::Rms, &mut between);
-        let [p, q, r] = [&one, &two, &between].map(|x| x.iter().map(|v| v * v).sum::<f64>());
-        // A material that makes no sound makes none on another either: the mean is 0 then.
+        ends[0].amplitude(speed, &mut first);
+        ends[1].amplitude(speed, &mut second);
+        displace(&first, &second, 0.5, Gain::Rms, &mut halfway);
+        let [p, q, r] = [&first, &second, &halfway].map(|x| x.iter().map(|v| v * v).sum::<f64>());
+        // If one material is silent, the geometric mean is 0.
         let scale = if r > 0.0 { (p * q).sqrt() / r } else { 0.0 };
-        psd.extend(between.iter().map(|v| (v * v * scale / finer.df) as f32));
+        psd.extend(halfway.iter().map(|v| (v * v * scale / finer.df) as f32));
     }
     let [first, second] = [a, b].map(|model| model.material_pair[0].clone());
     let model = FrictionModel {
@@ -62,20 +62,19 @@ pub fn inferred_pair(a: &FrictionModel, b: &FrictionModel) -> Result<FrictionMod
     Ok(model)
 }
 
-/// The speeds of both, each once, rising.
-fn merged(a: &[f64], b: &[f64]) -> Vec<f64> {
+/// Returns the speeds of both, sorted and without duplicates.
+fn merged_speeds(a: &[f64], b: &[f64]) -> Vec<f64> {
     let mut all: Vec<f64> = a.iter().chain(b).copied().collect();
     all.sort_by(f64::total_cmp);
-    all.dedup_by(|next, kept| *next - *kept <= SAME_SPEED * *next);
+    all.dedup_by(|next, previous| *next - *previous <= SAME_SPEED * *next);
     all
 }
 
 params! {
-    /// The friction model of two materials on each other where only that of each on itself was recorded.
+    /// Infers the friction model of two materials on each other from recordings of each material on itself.
     ///
-    /// At each speed the spectrum lies half-way between the two, every quantile of it at the mean of its two frequencies,
-    /// and its power is the geometric mean. That is a guess, and the model says so (`origin: Inferred`): a recording of
-    /// the pair is better.
+    /// At each speed the spectrum lies half-way between the two: every quantile is the mean of their two frequencies, and the power
+    /// is their geometric mean. The result is an estimate (`origin: Inferred`); a recording of the pair is better.
     ///
     /// # Source
     /// An addition to An, James and Marschner (SIGGRAPH 2012), with the interpolation of their section 2.
@@ -85,13 +84,13 @@ params! {
 ports! {
     pub struct PairFrictionModelPorts / PairFrictionModelIo {
         in {
-            /// The one material on itself.
+            /// Model of the first material on itself.
             first: Value<FrictionModel>,
-            /// The other on itself.
+            /// Model of the second material on itself.
             second: Value<FrictionModel>,
         }
         out {
-            /// The one on the other.
+            /// Model of the two materials on each other.
             model: Value<FrictionModel>,
         }
     }
@@ -148,12 +147,12 @@ mod tests {
         assert!((centroid(&pair, 0) - 4000.0).abs() < 20.0, "{}", centroid(&pair, 0));
         let wanted = (a.row_power(1) * b.row_power(1)).sqrt();
         assert!((pair.row_power(1) / wanted - 1.0).abs() < 1e-5);
-        let back = inferred_pair(&b, &a).unwrap();
-        assert!((back.row_power(0) / pair.row_power(0) - 1.0).abs() < 1e-5);
+        let swapped = inferred_pair(&b, &a).unwrap();
+        assert!((swapped.row_power(0) / pair.row_power(0) - 1.0).abs() < 1e-5);
     }
 
     #[test]
-    fn a_material_with_itself_is_itself_and_silence_stays_silent() {
+    fn a_material_paired_with_itself_is_unchanged_and_a_silent_one_gives_silence() {
         let a = bump("cotton", 2000.0, 1.0, [0.1, 1.0], 24_000.0);
         let same = inferred_pair(&a, &a).unwrap();
         let worst = same.psd.iter().zip(&a.psd).map(|(x, y)| (x - y).abs()).fold(0.0, f32::max);
@@ -163,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn models_of_other_speeds_and_rates_meet_on_the_finer_grid() {
+    fn models_of_different_speeds_and_rates_share_the_finer_grid() {
         let a = bump("cotton", 2000.0, 1.0, [0.1, 1.0], 24_000.0);
         let b = bump("nylon", 2000.0, 1.0, [0.1, 2.0], 48_000.0);
         let pair = inferred_pair(&a, &b).unwrap();

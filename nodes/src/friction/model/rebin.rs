@@ -1,17 +1,17 @@
-//! Power on one frequency grid carried over to another: the density is integrated, so power is kept.
+//! Resampling of a power spectrum to another frequency grid, by integration of the density.
 
-/// Edges of bin `k` of `bins`, in units of the bin spacing.
+/// Returns the edges of bin `k` of `bins`, in units of the bin spacing.
 ///
-/// DC and Nyquist own half a cell each: their one-sided density counts once, so over half the width it equals that of
-/// their neighbours and white noise stays white on any grid.
+/// DC and Nyquist have half a cell each. Their one-sided density counts once, so over half the width it equals that of
+/// their neighbours, and white noise stays white on any grid.
 fn cell(k: usize, bins: usize) -> (f64, f64) {
     let centre = k as f64;
     ((centre - 0.5).max(0.0), (centre + 0.5).min((bins - 1) as f64))
 }
 
-/// Spreads the power of each source bin evenly over its cell and collects it in the cells of another grid.
+/// Spreads the power of each source bin evenly over its cell and sums it in the cells of another grid.
 ///
-/// Above the source's Nyquist frequency the result is zero; power above the target's is lost.
+/// The result is zero above the source's Nyquist frequency. Power above the target's Nyquist frequency is lost.
 ///
 /// # Shapes
 /// `power: [n]` bins spaced `df` from 0, `out: [m]` bins spaced `out_df` from 0; power per bin, not density.
@@ -64,13 +64,13 @@ mod tests {
         rebin(&source, 10.0, &mut out, 4.0);
         assert!((out[0] - 2.0).abs() < 1e-12);
         assert!(out[1..250].iter().all(|p| (p - 4.0).abs() < 1e-12));
-        assert!((out[250] - 2.0).abs() < 1e-9, "the cell that holds the source's Nyquist is half full");
+        assert!((out[250] - 2.0).abs() < 1e-9, "the cell with the source's Nyquist frequency is half full");
         assert!(out[251..].iter().all(|&p| p == 0.0));
     }
 
     proptest! {
         #[test]
-        fn power_is_kept_when_the_target_reaches_as_high(
+        fn power_is_preserved_when_the_target_has_the_same_nyquist_frequency(
             power in prop::collection::vec(0.0..1.0_f64, 2..60),
             df in 0.5..20.0_f64,
             m in 2..200_usize,

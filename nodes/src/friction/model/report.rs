@@ -1,4 +1,4 @@
-//! The friction model as a value that travels between nodes, and its figure.
+//! The friction model in reports: its figure and its summary.
 
 use super::conventions::{Conventions, Origin};
 use super::friction_model::{FrictionModel, MODEL_VERSION};
@@ -7,10 +7,10 @@ use crate::core::node::Summary;
 use crate::core::random::Rng;
 use crate::plot::{Axis, Line, chart};
 
-/// Spectra that a figure shows at most.
-const SHOWN: usize = 8;
-/// Power density that a figure shows as nothing, relative to the greatest.
-const FLOOR: f64 = 1e-9;
+/// Maximum number of spectra in a figure.
+const MAX_LINES: usize = 8;
+/// Lower end of the axis of power density, relative to the maximum.
+const AXIS_FLOOR: f64 = 1e-9;
 
 impl Data for FrictionModel {
     const NAME: &'static str = "friction model";
@@ -30,15 +30,15 @@ impl Data for FrictionModel {
     /// Power density against frequency, one line per speed: figure 3 of An, James and Marschner (2012).
     fn plot(&self) -> Option<String> {
         let count = self.speeds.len();
-        let shown = count.min(SHOWN);
-        let most = self.psd.iter().copied().fold(0.0, f32::max);
-        if count == 0 || self.bins() < 2 || most <= 0.0 {
+        let line_count = count.min(MAX_LINES);
+        let max = self.psd.iter().copied().fold(0.0, f32::max);
+        if count == 0 || self.bins() < 2 || max <= 0.0 {
             return None;
         }
-        let (top, nyquist) = (f64::from(most), 0.5 * self.fs);
+        let (max, nyquist) = (f64::from(max), 0.5 * self.fs);
         let lowest = self.df.max(20.0).min(0.5 * nyquist);
-        let lines: Vec<Line> = (0..shown)
-            .map(|k| k * (count - 1) / (shown - 1).max(1))
+        let lines: Vec<Line> = (0..line_count)
+            .map(|k| k * (count - 1) / (line_count - 1).max(1))
             .map(|k| Line {
                 label: format!("{:.3} m/s", self.speeds[k]),
                 points: self
@@ -53,7 +53,7 @@ impl Data for FrictionModel {
         let x = Axis { label: "frequency, Hz".into(), range: [lowest, nyquist], log: true };
         let y = Axis {
             label: "power density, full scale² / Hz".into(),
-            range: [top * FLOOR, 2.0 * top],
+            range: [max * AXIS_FLOOR, 2.0 * max],
             log: true,
         };
         let [a, b] = &self.material_pair;
@@ -62,7 +62,7 @@ impl Data for FrictionModel {
 }
 
 impl FrictionModel {
-    /// A model of two speeds that makes no sound.
+    /// Returns a silent model of two speeds.
     fn silent() -> Self {
         Self {
             version: MODEL_VERSION,
@@ -87,7 +87,7 @@ impl FrictionModel {
     }
 }
 
-/// What the report says of a model.
+/// Summary of a model for the report.
 pub(crate) fn model_summary(model: &FrictionModel) -> Summary {
     let (slowest, fastest) = model.speed_range();
     let rejected = &model.rejected;
@@ -118,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn trials_and_the_silent_model_are_valid() {
+    fn trial_models_and_the_silent_model_are_valid() {
         FrictionModel::silent().validate().unwrap();
         let mut rng = Rng::new(3);
         for _ in 0..20 {

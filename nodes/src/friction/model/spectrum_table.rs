@@ -1,50 +1,49 @@
-//! Spectra precomputed at many speeds, so that any mixture of sliding speeds is one weighted sum.
+//! Spectra tabulated at many speeds: the spectrum of any set of sliding speeds is one weighted sum of rows.
 
 use super::displacement::Gain;
 use super::friction_model::{FrictionModel, ModelError, check_target};
 use super::interpolate::SpectrumInterpolator;
 use super::rebin::rebin;
 
-/// Rows of a table; more only when the model itself has more speeds.
+/// Number of rows of a table, unless the model has more speeds.
 pub const TABLE_SPEEDS: usize = 256;
 
-/// Buckets of the lookup from a speed's bit pattern to its first candidate row.
+/// Number of buckets in the lookup from the bit pattern of a speed to its first candidate row.
 const BUCKETS: usize = 2048;
 
-/// Where a speed lies against a model's range.
+/// The position of a speed relative to the measured range.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Coverage {
     /// Slower than the slowest measured speed.
     Below,
-    /// Measured.
+    /// In the measured range.
     Within,
     /// Faster than the fastest measured speed.
     Above,
 }
 
-/// A speed as a mixture of two neighbouring rows.
+/// A speed as weights of two neighbouring rows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Split {
-    /// The lower row; the upper one is the next.
+    /// Index of the lower row; the upper row is the next one.
     pub row: usize,
     /// Factor on the lower row's power.
     pub low: f64,
     /// Factor on the upper row's power.
     pub high: f64,
-    /// Where the speed lies against the model's range.
+    /// The position of the speed relative to the measured range.
     pub coverage: Coverage,
 }
 
 /// Power per bin at [`TABLE_SPEEDS`] speeds, on the bins of one clip length and rate.
 ///
-/// Every measured speed is a row. The rows between them are denser where the spectrum bends more. Between rows the shape
-/// of the spectrum is interpolated linearly, and so is its total; power alone would follow the louder row's shape too
-/// early where the level grows steeply. Below the slowest speed its row is scaled by `(s / s_0)^4`, above the fastest the
-/// last row holds.
+/// Every measured speed is a row. The rows between them are denser where the second difference of the spectrum is larger. Between rows
+/// the shape of the spectrum and its total power are each interpolated linearly. Interpolating the power alone would follow the shape of the
+/// louder row too early where the level rises steeply. Below the slowest speed `s_0` its row is scaled by `(s / s_0)^4`. Above the fastest
+/// speed the last row is held.
 ///
 /// Measured: a bump 300 Hz wide that sweeps from 2 to 8 kHz between two speeds is off by less than 0.2 % on average and
-/// 0.24 % at worst (L1 of the density); 0.3 % at worst over five speeds a hundredfold apart. Rows at even distances with
-/// power interpolated linearly give 0.57 % at worst.
+/// 0.24 % at worst (L1 of the density); 0.3 % at worst over five speeds a hundredfold apart. Equidistant rows with linearly interpolated power give 0.57 % at worst.
 ///
 /// # Complexity
 /// Building: O(rows bins). Memory: 4 rows bins bytes, 2.5 MB for 50 ms at 96 kHz.
@@ -52,12 +51,12 @@ pub struct Split {
 pub struct SpectrumTable {
     speeds: Vec<f64>,
     power: Vec<f32>,
-    /// Power per row, within reach of the clip's rate.
+    /// Power per row below the Nyquist frequency of the clips.
     totals: Vec<f64>,
-    /// Power per row, all of it.
+    /// Power per row over all frequencies of the model.
     levels: Vec<f64>,
     bins: usize,
-    /// First row to look at for each bucket of bit patterns.
+    /// First candidate row of each bucket of bit patterns.
     first_row: Vec<u32>,
     origin: u32,
     shift: u32,
@@ -66,11 +65,11 @@ pub struct SpectrumTable {
 impl SpectrumTable {
     /// Tabulates `model` for clips of `clip_samples` at `fs` hertz.
     ///
-    /// Spectra are interpolated on the model's own grid and carried to the clip's afterwards, so the rate of the
-    /// synthesis does not change where peaks lie.
+    /// Spectra are interpolated on the grid of the model and then resampled to that of the clips. The rate of the synthesis therefore
+    /// does not move peaks.
     ///
     /// # Errors
-    /// When the model, the length or the rate is unusable.
+    /// When the model is invalid, or the clip length or the rate cannot be used.
     pub fn new(model: &FrictionModel, fs: f64, clip_samples: usize, gain: Gain) -> Result<Self, ModelError> {
         check_target(fs, clip_samples)?;
         let spectra = SpectrumInterpolator::new(model, gain)?;
@@ -78,47 +77,47 @@ impl SpectrumTable {
         let speeds = row_speeds(&spectra);
         let mut power = Vec::with_capacity(speeds.len() * bins);
         let (mut totals, mut levels) = (Vec::with_capacity(speeds.len()), Vec::with_capacity(speeds.len()));
-        let (mut row, mut carried) = (vec![0.0; spectra.bins()], vec![0.0; bins]);
+        let (mut row, mut rebinned) = (vec![0.0; spectra.bins()], vec![0.0; bins]);
         for &speed in &speeds {
             spectra.amplitude(speed, &mut row);
             row.iter_mut().for_each(|a| *a *= *a);
             levels.push(row.iter().sum());
-            rebin(&row, model.df, &mut carried, df);
-            power.extend(carried.iter().map(|&p| p as f32));
-            totals.push(carried.iter().sum());
+            rebin(&row, model.df, &mut rebinned, df);
+            power.extend(rebinned.iter().map(|&p| p as f32));
+            totals.push(rebinned.iter().sum());
         }
         let (first_row, origin, shift) = lookup(&speeds);
         Ok(Self { speeds, power, totals, levels, bins, first_row, origin, shift })
     }
 
-    /// Speed of every row.
+    /// Returns the speed of every row.
     #[must_use]
     pub fn speeds(&self) -> &[f64] {
         &self.speeds
     }
 
-    /// Bins per row.
+    /// Returns the number of bins per row.
     #[must_use]
     pub fn bins(&self) -> usize {
         self.bins
     }
 
-    /// Power per bin of row `r`.
+    /// Returns the power per bin of row `r`.
     #[must_use]
     pub fn row(&self, r: usize) -> &[f32] {
         self.power.get(r * self.bins..(r + 1) * self.bins).unwrap_or_default()
     }
 
-    /// Total power of a mixture.
+    /// Returns the total power of a speed.
     #[must_use]
     pub fn total(&self, split: &Split) -> f64 {
         split.low * self.totals[split.row] + split.high * self.totals[split.row + 1]
     }
 
-    /// The rows that make up `speed`; `None` when it is not above 0.
+    /// Returns the weights of rows for `speed`; `None` when it is not above 0.
     ///
     /// # Complexity
-    /// O(1) on average: the bit pattern of a float grows like its logarithm and indexes the rows.
+    /// O(1) on average: the bit pattern of a float increases like its logarithm and indexes the rows.
     #[must_use]
     pub fn locate(&self, speed: f32) -> Option<Split> {
         let s = f64::from(speed);
@@ -142,20 +141,20 @@ impl SpectrumTable {
             while self.speeds[row + 1] <= s {
                 row += 1;
             }
-            let along = (s - self.speeds[row]) / (self.speeds[row + 1] - self.speeds[row]);
+            let fraction = (s - self.speeds[row]) / (self.speeds[row + 1] - self.speeds[row]);
             let (below, above) = (self.levels[row], self.levels[row + 1]);
-            let level = (1.0 - along) * below + along * above;
+            let level = (1.0 - fraction) * below + fraction * above;
             let (low, high) = if below > 0.0 && above > 0.0 {
-                ((1.0 - along) * level / below, along * level / above)
+                ((1.0 - fraction) * level / below, fraction * level / above)
             } else {
-                // A silent row has no shape to mix in.
-                (1.0 - along, along)
+                // A silent row has no shape.
+                (1.0 - fraction, fraction)
             };
             Some(Split { row, low, high, coverage: Coverage::Within })
         }
     }
 
-    /// Power per bin at `speed`.
+    /// Writes the power per bin at `speed`.
     ///
     /// # Shapes
     /// `out: [bins]`.
@@ -170,40 +169,41 @@ impl SpectrumTable {
     }
 }
 
-/// All measured speeds and, between them, as many more as keep the error of linear interpolation even.
+/// Returns all measured speeds and, between them, additional ones that equalise the error of linear interpolation.
 fn row_speeds(spectra: &SpectrumInterpolator) -> Vec<f64> {
     let measured = spectra.speeds();
     let spare = TABLE_SPEEDS.saturating_sub(measured.len());
-    // Half of the spare rows cut the intervals into pieces, where the bend of the spectrum is looked at.
-    let cuts = (spare / (2 * (measured.len() - 1))).clamp(1, 32);
-    let mut pieces = Vec::with_capacity(cuts * measured.len());
+    // Half of the spare rows divide the intervals into pieces, for which the second difference is estimated.
+    let parts = (spare / (2 * (measured.len() - 1))).clamp(1, 32);
+    let mut pieces = Vec::with_capacity(parts * measured.len());
     for pair in measured.windows(2) {
-        let cut = |j: usize| pair[0] + (pair[1] - pair[0]) * j as f64 / cuts as f64;
-        pieces.extend((0..cuts).map(|j| (cut(j), if j + 1 == cuts { pair[1] } else { cut(j + 1) })));
+        let edge = |j: usize| pair[0] + (pair[1] - pair[0]) * j as f64 / parts as f64;
+        pieces.extend((0..parts).map(|j| (edge(j), if j + 1 == parts { pair[1] } else { edge(j + 1) })));
     }
     let spare = TABLE_SPEEDS.saturating_sub(pieces.len() + 1);
-    // The error of n linear steps is the bend over 8 n^2, so steps are shared out by its square root.
-    let share =
-        |&(from, to): &(f64, f64)| if spare == 0 { 1.0 } else { bend(spectra, from, to).sqrt() + 1e-9 };
-    let shares: Vec<f64> = pieces.iter().map(share).collect();
-    let total: f64 = shares.iter().sum();
+    // The error of n linear steps is the second difference over 8 n^2, so steps are distributed by its square root.
+    let weight = |&(from, to): &(f64, f64)| {
+        if spare == 0 { 1.0 } else { second_difference(spectra, from, to).sqrt() + 1e-9 }
+    };
+    let weights: Vec<f64> = pieces.iter().map(weight).collect();
+    let total: f64 = weights.iter().sum();
     let mut speeds = Vec::with_capacity(pieces.len() + spare + 1);
-    let (mut sum, mut given) = (0.0, 0);
-    for ((from, to), share) in pieces.iter().zip(&shares) {
-        sum += share;
-        let up_to_here = (spare as f64 * sum / total).round() as usize;
-        let n = 1 + up_to_here - given;
-        given = up_to_here;
+    let (mut sum, mut assigned) = (0.0, 0);
+    for ((from, to), weight) in pieces.iter().zip(&weights) {
+        sum += weight;
+        let target = (spare as f64 * sum / total).round() as usize;
+        let n = 1 + target - assigned;
+        assigned = target;
         speeds.extend((0..n).map(|j| from + (to - from) * j as f64 / n as f64));
     }
     speeds.extend(measured.last());
-    // Measured speeds one rounding step apart have no room for rows between them.
+    // There are no rows between measured speeds that differ by one rounding step.
     speeds.dedup();
     speeds
 }
 
-/// Second difference of the normalised power spectrum over the halves of an interval.
-fn bend(spectra: &SpectrumInterpolator, from: f64, to: f64) -> f64 {
+/// Returns the L1 norm of the second difference of the normalised power spectrum over an interval.
+fn second_difference(spectra: &SpectrumInterpolator, from: f64, to: f64) -> f64 {
     let at = |speed: f64| {
         let mut power = vec![0.0; spectra.bins()];
         spectra.amplitude(speed, &mut power);
@@ -216,7 +216,7 @@ fn bend(spectra: &SpectrumInterpolator, from: f64, to: f64) -> f64 {
     mid.iter().zip(low.iter().zip(&high)).map(|(m, (l, h))| (l - 2.0 * m + h).abs()).sum()
 }
 
-/// For buckets of equal width in the bit pattern of an `f32`, the last row not above the bucket's start.
+/// Returns the last row not above the start of each bucket, the bit pattern of the first speed, and the shift from bit patterns to buckets.
 fn lookup(speeds: &[f64]) -> (Vec<u32>, u32, u32) {
     let origin = (speeds[0] as f32).to_bits();
     let span = (speeds[speeds.len() - 1] as f32).to_bits().saturating_sub(origin) as usize;
@@ -268,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_hold_the_measured_spectra_themselves() {
+    fn rows_at_measured_speeds_equal_the_measured_spectra() {
         let model = bump_model(&[(0.1, 500.0), (0.25, 900.0), (1.0, 1500.0)], 200.0, 8000.0, 400);
         let table = SpectrumTable::new(&model, 8000.0, 400, Gain::Rms).unwrap();
         assert_eq!(table.speeds().len(), TABLE_SPEEDS);
@@ -281,7 +281,7 @@ mod tests {
     }
 
     #[test]
-    fn speeds_outside_the_range_are_scaled_or_held_and_said_to_be_so() {
+    fn speeds_outside_the_range_are_scaled_or_held_and_reported() {
         let model = bump_model(&[(0.5, 500.0), (1.0, 900.0)], 200.0, 8000.0, 400);
         let table = SpectrumTable::new(&model, 8000.0, 400, Gain::Rms).unwrap();
         let below = table.locate(0.25).unwrap();
@@ -294,7 +294,7 @@ mod tests {
     }
 
     #[test]
-    fn more_speeds_than_rows_are_all_kept() {
+    fn a_model_with_more_speeds_than_rows_has_a_row_per_speed() {
         let peaks: Vec<(f64, f64)> = (1..400).map(|i| (0.01 * f64::from(i), 500.0 + f64::from(i))).collect();
         let model = bump_model(&peaks, 200.0, 8000.0, 80);
         let table = SpectrumTable::new(&model, 8000.0, 80, Gain::Rms).unwrap();
@@ -302,7 +302,7 @@ mod tests {
     }
 
     #[test]
-    fn another_rate_keeps_the_power() {
+    fn another_rate_preserves_the_power() {
         let model = bump_model(&[(0.1, 2000.0), (1.0, 4000.0)], 300.0, 48000.0, 2400);
         for (fs, clip) in [(44100.0, 2206), (96000.0, 4800), (96000.0, 2400)] {
             let table = SpectrumTable::new(&model, fs, clip, Gain::Rms).unwrap();

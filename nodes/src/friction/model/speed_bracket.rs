@@ -1,24 +1,24 @@
 //! The position of a speed among the measured speeds.
 
-/// Where a speed lies among the measured ones.
+/// The position of a speed among the measured speeds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Bracket {
-    /// Not sliding.
-    Still,
-    /// Slower than the slowest, by this factor.
+    /// At rest, or not a number.
+    AtRest,
+    /// Below the slowest, by this factor.
     Below { ratio: f64 },
-    /// Between `low` and `low + 1`.
+    /// Between speeds `low` and `low + 1`.
     Between { low: usize, alpha: f64 },
     /// At or above the fastest.
     Above,
 }
 
 impl Bracket {
-    /// Brackets `speed` in at least two increasing `speeds`; what is not a number does not slide.
+    /// Brackets `speed` by at least two increasing `speeds`.
     pub(crate) fn of(speeds: &[f64], speed: f64) -> Self {
-        let (Some(&first), Some(&last)) = (speeds.first(), speeds.last()) else { return Self::Still };
+        let (Some(&first), Some(&last)) = (speeds.first(), speeds.last()) else { return Self::AtRest };
         if speed.is_nan() || speed <= 0.0 {
-            Self::Still
+            Self::AtRest
         } else if speed < first {
             Self::Below { ratio: speed / first }
         } else if speed >= last {

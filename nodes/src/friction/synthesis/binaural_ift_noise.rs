@@ -1,4 +1,4 @@
-//! Friction noise as two ears hear it, as a node.
+//! Friction noise at two ears, as a node.
 
 use super::clip_stream::ClipStream;
 use super::clip_timing::{MotionAt, hop};
@@ -25,15 +25,15 @@ use crate::spatial::{Distance, Head, HeadReceiver, Pose, Poses};
 use crate::{archive_state, params, ports};
 
 params! {
-    /// The sound of sliding cloth at the two ears of a listener: as `IftNoise`, with every patch of cloth where it is.
+    /// Synthesises the sound of sliding cloth at the two ears of a listener: as `IftNoise`, with the position of every cluster of vertices.
     ///
-    /// `mesh` is the cloth whose vertices slide. Vertices in one cell of a grid share phases: such a cluster is heard from its own
-    /// direction and distance as in `StructuralHrtf` and `DistanceGain`. Both ears get the same phases of a cluster: independent ones
-    /// would destroy all cues. The gains of the ears are laid on spectra, so delays wrap around within a clip, which is not heard; the
-    /// middle of the head hears the cloth at its time.
+    /// `mesh` is the cloth whose vertices slide. Vertices in one cell of a grid are a cluster and share phases. A cluster has its own
+    /// direction and distance, as in `StructuralHrtf` and `DistanceGain`. Both ears receive the same phases of a cluster; independent phases
+    /// would destroy all cues. The gains of the ears are applied to spectra, so delays wrap around within a clip, which is inaudible. Delays
+    /// are relative to the middle of the head.
     ///
     /// # Randomness
-    /// A phase follows from the seed, the emitter, the clip and the bin alone.
+    /// A phase is a function of the seed, the emitter, the clip and the bin.
     ///
     /// # Source
     /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 2; Brown and
@@ -41,37 +41,37 @@ params! {
     pub struct BinauralIftNoiseParams {
         /// Sample rate of the audio.
         rate: Rate = Rate::hz(48_000);
-        /// Place of the listener's head, where no link gives its pose.
+        /// Position of the listener's head, unless `listener` is linked.
         listener: [f64; 3] = [0.0; 3], unit "m", range -100_000.0..=100_000.0;
-        /// Where the listener looks, where no link gives its pose: a direction of any length.
+        /// Direction of view of the listener, unless `listener` is linked: a vector of any length.
         look: [f64; 3] = [1.0, 0.0, 0.0], unit "", range -100_000.0..=100_000.0;
-        /// What is above the listener: a direction that is not parallel to `look`.
+        /// Direction upwards from the listener: a vector not parallel to `look`.
         up: [f64; 3] = [0.0, 0.0, 1.0], unit "", range -100_000.0..=100_000.0;
         /// Reflections of the pinna.
         pinna: Pinna = Pinna::Set0;
         /// Radius of the head.
         radius: f64 = 0.0875, unit "m", range 0.01..=1.0;
-        /// Distance at which cloth is as loud as its model; None leaves distance out.
+        /// Distance at which cloth is as loud as its model; None ignores distance.
         reference: Option<f64> = Some(1.0), unit "m", range 0.001..=10_000.0;
-        /// Distance below which it gets no louder.
+        /// Distance below which the level is constant.
         nearest: f64 = 0.1, unit "m", range 0.001..=10_000.0;
-        /// Cross-fade between clips.
+        /// Crossfade between clips.
         window: Window = Window::SqrtTriangle;
         /// Magnitude of a bin around its expected value.
         magnitude: Magnitude = Magnitude::Fixed;
-        /// How vertices become sound sources.
+        /// Grouping of vertices into sound sources.
         emitters: EmitterKind = EmitterKind::Clustered;
-        /// Most clusters of `Clustered`: beyond them the weakest join the nearest of the others.
+        /// Maximum number of clusters of `Clustered`; the weakest others join the nearest of them.
         clusters: usize = 64, unit "clusters", range 1..=4096;
-        /// Edge of a cluster's cell.
+        /// Edge length of the cell of a cluster.
         cell: f32 = 0.1, unit "m", range 0.001..=1000.0;
-        /// When in a clip speeds, places and the listener are taken.
+        /// Time within a clip at which speeds, positions and the listener are sampled.
         motion_at: MotionAt = MotionAt::Centre;
-        /// How loud a vertex is for its area.
+        /// Level of a vertex as a function of its area.
         area_weight: AreaWeight = AreaWeight::Sqrt;
         /// Level of spectra between measured speeds.
         gain: Gain = Gain::Rms;
-        /// Factor on the output; one that changes while the graph runs is reached on a straight line in 10 ms.
+        /// Factor on the output. Changes while the graph runs are linear ramps of 10 ms.
         level: f32 = 1.0, unit "", range 0.0..=1000.0;
     }
 }
@@ -83,9 +83,9 @@ ports! {
             speeds: Stream<Speeds>,
             /// Power density per speed.
             model: Value<FrictionModel>,
-            /// Where the vertices are.
+            /// Positions of the vertices.
             mesh: Stream<Mesh>,
-            /// Where the listener's head is and looks, in place of the parameters.
+            /// Pose of the listener's head, in place of the parameters.
             listener: Option<Stream<Poses>>,
         }
         out {
@@ -100,23 +100,23 @@ pub struct BinauralIftNoise {
     clips: ClipStream<HeadReceiver>,
     level: dsp::Gain,
     peak: f32,
-    /// Positions at the middle of a clip.
+    /// Positions at the time of a clip.
     positions: Vec<[f32; 3]>,
-    /// One channel after the other, before they are woven together.
-    planes: Vec<f32>,
+    /// Planar samples of a segment, before they are interleaved.
+    planar: Vec<f32>,
     listener: Pose,
     params: BinauralIftNoiseParams,
 }
 
-/// Positions at a time of the window, on straight lines between frames.
+/// Writes the positions at a time of the window, linear between frames.
 fn positions_at(mesh: &In<'_, Mesh>, tick: Tick, out: &mut [[f32; 3]]) {
     let rate = mesh.rate();
-    let at = rate.first_at(tick + 1) - 1;
-    let (from, to) = (rate.tick(at), rate.tick(at + 1));
+    let before = rate.first_at(tick + 1) - 1;
+    let (from, to) = (rate.tick(before), rate.tick(before + 1));
     let t = (tick - from) as f32 / (to - from).max(1) as f32;
     let last = (mesh.around().len() / mesh.width().max(1)) as i64 - mesh.behind() as i64 - 1;
     let frame = |k: i64| mesh.item((k - mesh.first()).clamp(-(mesh.behind() as i64), last) as isize);
-    for (out, (a, b)) in out.iter_mut().zip(frame(at).iter().zip(frame(at + 1))) {
+    for (out, (a, b)) in out.iter_mut().zip(frame(before).iter().zip(frame(before + 1))) {
         *out = std::array::from_fn(|k| a[k] + t * (b[k] - a[k]));
     }
 }
@@ -136,26 +136,26 @@ impl Node for BinauralIftNoise {
         if let Some(model) = s.value(Port::model) {
             s.check(model.validate().map_err(|e| Reject::new("F076", e.to_string()).at("model")));
         }
-        let (slide, stand) = (speeds.format.len(), mesh.format.topology.vertex_count());
-        if slide != stand {
-            let message = format!("`speeds` has {slide} vertices, `mesh` has {stand}");
+        let (speed_vertices, mesh_vertices) = (speeds.format.len(), mesh.format.topology.vertex_count());
+        if speed_vertices != mesh_vertices {
+            let message = format!("`speeds` has {speed_vertices} vertices, `mesh` has {mesh_vertices}");
             s.wrong(
                 Reject::new("F067", message).at("mesh").help("link the mesh whose contacts give the speeds"),
             );
         }
-        let [past, ahead] = p.motion_at.reach();
-        s.lookaround(Port::speeds, past, ahead);
+        let [behind, ahead] = p.motion_at.lookaround();
+        s.lookaround(Port::speeds, behind, ahead);
         s.when_ended(Port::speeds, Ends::Stop);
-        let near = frames_of(speeds.rate, mesh.rate);
-        // Between frames the cloth lies on a line to the next one.
+        let frames = frames_of(speeds.rate, mesh.rate);
+        // Positions between frames are linear.
         let next = usize::from(!on_frames(speeds.rate, mesh.rate));
-        s.lookaround(Port::mesh, past * near + 1, ahead * near + next);
+        s.lookaround(Port::mesh, behind * frames + 1, ahead * frames + next);
         s.when_ended(Port::mesh, Ends::Hold);
         if let Some(poses) = s.optional(Port::listener) {
-            let near = frames_of(speeds.rate, poses.rate);
-            // Between frames poses lie on a cubic through two more.
+            let frames = frames_of(speeds.rate, poses.rate);
+            // Poses between frames are cubic, through two more frames.
             let next = if on_frames(speeds.rate, poses.rate) { 0 } else { 2 };
-            s.lookaround(Port::listener, past * near + 2, ahead * near + next);
+            s.lookaround(Port::listener, behind * frames + 2, ahead * frames + next);
         }
         s.when_ended(Port::listener, Ends::Hold);
         s.output(Port::audio, p.rate, Channels(2));
@@ -187,7 +187,7 @@ impl Node for BinauralIftNoise {
             level: dsp::Gain::new(f64::from(p.level), (0.010 * fs).round() as u64, 2),
             peak: 0.0,
             positions: vec![[0.0; 3]; speeds.format.len()],
-            planes: vec![0.0; len],
+            planar: vec![0.0; len],
             listener: listener(p.listener, p.look, p.up)?,
             params: p.clone(),
         })
@@ -198,13 +198,13 @@ impl Node for BinauralIftNoise {
         let hop = self.clips.hop() as u64;
         let from = io.audio.first().max(0) as u64;
         let out = io.audio.items();
-        let mut done = 0;
-        // A hop at a time, since head and cloth move from clip to clip.
-        while done < out.len() / 2 {
-            let at = from + done as u64;
-            let count = ((hop - at % hop) as usize).min(out.len() / 2 - done);
-            for clip in [at / hop, at / hop + 1] {
-                if self.clips.holds(clip) {
+        let mut written = 0;
+        // One hop at a time, because head and cloth move between clips.
+        while written < out.len() / 2 {
+            let position = from + written as u64;
+            let count = ((hop - position % hop) as usize).min(out.len() / 2 - written);
+            for clip in [position / hop, position / hop + 1] {
+                if self.clips.is_prepared(clip) {
                     continue;
                 }
                 let item = self.params.motion_at.item(clip);
@@ -220,14 +220,14 @@ impl Node for BinauralIftNoise {
                     .prepare(clip, input)
                     .map_err(|e| Fault::new("F076", e.to_string()).at("speeds"))?;
             }
-            let (left, right) = self.planes[..2 * count].split_at_mut(count);
-            self.clips.overlap(0, at, left);
-            self.clips.overlap(1, at, right);
-            let frames = out[2 * done..2 * (done + count)].as_chunks_mut::<2>().0;
+            let (left, right) = self.planar[..2 * count].split_at_mut(count);
+            self.clips.overlap_add(0, position, left);
+            self.clips.overlap_add(1, position, right);
+            let frames = out[2 * written..2 * (written + count)].as_chunks_mut::<2>().0;
             for (frame, (l, r)) in frames.iter_mut().zip(left.iter().zip(right)) {
                 *frame = [*l, *r];
             }
-            done += count;
+            written += count;
         }
         self.level.process(out);
         self.peak = out.iter().fold(self.peak, |peak, x| peak.max(x.abs()));
@@ -235,12 +235,12 @@ impl Node for BinauralIftNoise {
     }
 
     fn retune(&mut self, new: &BinauralIftNoiseParams) -> Retune {
-        let BinauralIftNoiseParams { level, listener: at, look, up, .. } = *new;
-        if (BinauralIftNoiseParams { level, listener: at, look, up, ..self.params.clone() }) != *new {
+        let BinauralIftNoiseParams { level, listener, look, up, .. } = *new;
+        if (BinauralIftNoiseParams { level, listener, look, up, ..self.params.clone() }) != *new {
             return Retune::Rebuild;
         }
         self.level.set_target(f64::from(level));
-        if let Some(pose) = Pose::looking(at, look, up) {
+        if let Some(pose) = Pose::looking(listener, look, up) {
             self.listener = pose;
         }
         self.params = new.clone();

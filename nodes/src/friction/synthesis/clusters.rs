@@ -1,35 +1,37 @@
-//! Emitters grouped by place: a hash grid, and a cap on the number of groups.
+//! Clusters of emitters by position: a hash grid with a maximum number of groups.
 
 /// One occupied cell of the grid.
 #[derive(Clone, Copy, Default)]
 struct Cell {
-    /// Sum of positions, each times its power.
+    /// Sum of positions times power.
     moment: [f64; 3],
     power: f64,
     group: u32,
 }
 
 impl Cell {
+    /// Returns the power-weighted mean position.
     fn centre(&self) -> [f64; 3] {
         self.moment.map(|m| m / self.power)
     }
 }
 
+/// A slot of the hash table.
 #[derive(Clone, Copy, Default)]
 struct Slot {
     key: [i32; 3],
-    /// Clip that filled this slot; older slots count as empty, so nothing is cleared between clips.
+    /// Clip that filled this slot. Older slots count as empty, so the table is not cleared between clips.
     stamp: u64,
     cell: u32,
 }
 
-/// Groups of emitters by grid cell, at most a given number.
+/// Groups emitters by grid cell, up to a maximum number of groups.
 ///
-/// Beyond the cap the most powerful cells stay and each other cell joins the nearest of them. Buffers are sized once for
-/// the largest number of emitters.
+/// Above the maximum, the most powerful cells are groups and each other cell joins the nearest of them. Buffers are allocated once for
+/// the maximum number of emitters.
 pub(crate) struct Clusters {
     size: f32,
-    cap: usize,
+    max_groups: usize,
     slots: Vec<Slot>,
     stamp: u64,
     cells: Vec<Cell>,
@@ -38,11 +40,11 @@ pub(crate) struct Clusters {
 }
 
 impl Clusters {
-    /// Buffers for at most `emitters` emitters in cells of `size` metres and at most `cap` groups.
-    pub(crate) fn new(size: f32, cap: usize, emitters: usize) -> Self {
+    /// Buffers for at most `emitters` emitters in cells of `size` metres and at most `max_groups` groups.
+    pub(crate) fn new(size: f32, max_groups: usize, emitters: usize) -> Self {
         Self {
             size,
-            cap: cap.max(1),
+            max_groups: max_groups.max(1),
             slots: vec![Slot::default(); (2 * emitters).next_power_of_two().max(2)],
             stamp: 0,
             cells: Vec::with_capacity(emitters),
@@ -51,14 +53,14 @@ impl Clusters {
         }
     }
 
-    /// Groups emitters of a power at a position; afterwards [`group`](Self::group) and [`centre`](Self::centre) hold.
-    /// Returns the number of groups.
+    /// Groups emitters by position and power and returns the number of groups, for [`group`](Self::group) and
+    /// [`centre`](Self::centre).
     pub(crate) fn assign(&mut self, emitters: impl Iterator<Item = ([f32; 3], f64)>) -> usize {
         self.stamp += 1;
         self.cells.clear();
         self.of_emitter.clear();
         for (position, power) in emitters {
-            // The smallest positive power keeps the centre of silent cells defined.
+            // With the smallest positive power the centre of silent cells is defined.
             let power = power.max(f64::MIN_POSITIVE);
             let cell = self.cell_at(position.map(|x| (x / self.size).floor() as i32));
             let c = &mut self.cells[cell as usize];
@@ -69,6 +71,7 @@ impl Clusters {
         self.merge()
     }
 
+    /// Returns the cell with grid coordinates `key`, created if it is empty.
     fn cell_at(&mut self, key: [i32; 3]) -> u32 {
         let mask = self.slots.len() - 1;
         let mixed = key
@@ -90,47 +93,48 @@ impl Clusters {
         }
     }
 
+    /// Assigns cells to groups and returns the number of groups.
     fn merge(&mut self) -> usize {
         let (count, cells) = (self.cells.len(), &mut self.cells);
         self.order.clear();
         self.order.extend(0..count as u32);
-        if count > self.cap {
-            // Ties go to the earlier emitter, so that the result is a function of the input alone.
+        if count > self.max_groups {
+            // Of equal powers the earlier emitter is first, so that the result is a function of the input alone.
             self.order.sort_unstable_by(|&a, &b| {
                 cells[b as usize].power.total_cmp(&cells[a as usize].power).then(a.cmp(&b))
             });
         }
-        let kept = count.min(self.cap);
-        for (group, &c) in self.order[..kept].iter().enumerate() {
+        let groups = count.min(self.max_groups);
+        for (group, &c) in self.order[..groups].iter().enumerate() {
             cells[c as usize].group = group as u32;
         }
-        let (kept_order, rest) = self.order.split_at(kept);
-        for &c in rest {
-            let at = cells[c as usize].centre();
+        let (strongest, others) = self.order.split_at(groups);
+        for &c in others {
+            let centre = cells[c as usize].centre();
             let distance = |k: u32| {
-                let d = cells[k as usize].centre();
-                (0..3).map(|i| (d[i] - at[i]).powi(2)).sum::<f64>()
+                let other = cells[k as usize].centre();
+                (0..3).map(|i| (other[i] - centre[i]).powi(2)).sum::<f64>()
             };
             let nearest =
-                (0..kept).min_by(|&i, &j| distance(kept_order[i]).total_cmp(&distance(kept_order[j])));
+                (0..groups).min_by(|&i, &j| distance(strongest[i]).total_cmp(&distance(strongest[j])));
             cells[c as usize].group = nearest.unwrap_or(0) as u32;
         }
-        // Centres move only after all cells have chosen.
-        for &c in rest {
+        // Centres move after all cells are assigned.
+        for &c in others {
             let Cell { moment, power, group } = cells[c as usize];
-            let into = &mut cells[kept_order[group as usize] as usize];
-            into.power += power;
-            into.moment.iter_mut().zip(moment).for_each(|(m, x)| *m += x);
+            let target = &mut cells[strongest[group as usize] as usize];
+            target.power += power;
+            target.moment.iter_mut().zip(moment).for_each(|(m, x)| *m += x);
         }
-        kept
+        groups
     }
 
-    /// Group of the `i`-th emitter of the last [`assign`](Self::assign).
+    /// Returns the group of the `i`-th emitter of the last [`assign`](Self::assign).
     pub(crate) fn group(&self, i: usize) -> usize {
         self.cells[self.of_emitter[i] as usize].group as usize
     }
 
-    /// Power-weighted mean position of a group.
+    /// Returns the power-weighted mean position of a group.
     pub(crate) fn centre(&self, group: usize) -> [f32; 3] {
         self.cells[self.order[group] as usize].centre().map(|x| x as f32)
     }
@@ -151,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn beyond_the_cap_weak_cells_join_the_nearest_strong_one() {
+    fn above_the_maximum_weak_cells_join_the_nearest_strong_one() {
         let mut clusters = Clusters::new(0.1, 2, 8);
         let at = [([0.0; 3], 1.0), ([5.0; 3], 10.0), ([0.5, 0.0, 0.0], 8.0), ([4.0; 3], 2.0)];
         assert_eq!(clusters.assign(at.into_iter()), 2);
@@ -160,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn a_later_clip_forgets_the_earlier_one() {
+    fn clips_are_independent_of_earlier_ones() {
         let mut clusters = Clusters::new(0.1, 64, 4);
         clusters.assign([([0.0; 3], 1.0), ([1.0; 3], 1.0)].into_iter());
         assert_eq!(clusters.assign([([1.0; 3], 1.0)].into_iter()), 1);
@@ -169,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn far_and_strange_positions_are_survived() {
+    fn extreme_positions_are_accepted() {
         let mut clusters = Clusters::new(0.1, 2, 4);
         let at = [([f32::MAX; 3], 1.0), ([f32::MIN; 3], 1.0), ([f32::MAX, 0.0, 0.0], 0.0)];
         assert_eq!(clusters.assign(at.into_iter()), 2);

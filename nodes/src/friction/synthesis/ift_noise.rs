@@ -1,4 +1,4 @@
-//! Friction noise as a node.
+//! Friction noise in one channel, as a node.
 
 use super::clip_stream::ClipStream;
 use super::clip_timing::{MotionAt, hop};
@@ -21,39 +21,38 @@ use crate::friction::model::{FrictionModel, Gain};
 use crate::{archive_state, params, ports};
 
 params! {
-    /// The sound of sliding cloth: noise with the friction model's spectrum at the speed of every vertex.
+    /// Synthesises the sound of sliding cloth: noise with the spectrum of the friction model at the speed of every vertex.
     ///
-    /// Each item of `speeds` is the middle of one clip, or its start (`motion_at`); clips overlap by half and so are two items long: 50 ms at 40
-    /// speeds per second. A clip has the model's amplitudes and random phases and is made by an inverse Fourier transform.
-    /// Speeds outside of the model are clamped above and fall off in level below; the summary tells their shares. Vertices
-    /// that do not slide cost nothing, and where none slides the output is exactly zero.
+    /// Each item of `speeds` is the middle of one clip, or its start (`motion_at`). Clips overlap by half, so a clip is two items long: 50 ms at 40
+    /// speeds per second. A clip is the inverse Fourier transform of the model's amplitudes with random phases. Above the fastest speed of the
+    /// model its spectrum is held; below the slowest its level falls. The summary reports the fractions of both. Vertices at rest cost
+    /// nothing, and if all are at rest the output is exactly zero.
     ///
-    /// There must be a whole number of samples from one speed to the next. This node makes audio from something that is
-    /// none, so it has a sample rate of its own; everything after it follows.
+    /// There must be a whole number of samples from one speed to the next. The parameter `rate` sets the sample rate of the audio.
     ///
     /// # Randomness
-    /// A phase follows from the seed, the emitter, the clip and the bin alone.
+    /// A phase is a function of the seed, the emitter, the clip and the bin.
     ///
     /// # Source
     /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 2; Rodet
-    /// and Depalle, "Spectral envelopes and inverse FFT synthesis" (1992). The paper gives no output window; the triangle
-    /// of its analysis would dip by 3 dB at the clip rate.
+    /// and Depalle, "Spectral envelopes and inverse FFT synthesis" (1992). The paper gives no output window. The triangle
+    /// of its analysis would have dips of 3 dB at the clip rate.
     pub struct IftNoiseNodeParams {
         /// Sample rate of the audio.
         rate: Rate = Rate::hz(48_000);
-        /// Cross-fade between clips.
+        /// Crossfade between clips.
         window: Window = Window::SqrtTriangle;
         /// Magnitude of a bin around its expected value.
         magnitude: Magnitude = Magnitude::Fixed;
-        /// How vertices become sound sources.
+        /// Grouping of vertices into sound sources.
         emitters: EmitterKind = EmitterKind::Clustered;
-        /// When in a clip speeds are taken.
+        /// Time within a clip at which speeds are sampled.
         motion_at: MotionAt = MotionAt::Centre;
-        /// How loud a vertex is for its area.
+        /// Level of a vertex as a function of its area.
         area_weight: AreaWeight = AreaWeight::Sqrt;
         /// Level of spectra between measured speeds.
         gain: Gain = Gain::Rms;
-        /// Factor on the output; one that changes while the graph runs is reached on a straight line in 10 ms.
+        /// Factor on the output. Changes while the graph runs are linear ramps of 10 ms.
         level: f32 = 1.0, unit "", range 0.0..=1000.0;
     }
 }
@@ -76,7 +75,7 @@ ports! {
 /// The node over [`ClipStream`].
 pub struct IftNoiseNode {
     clips: ClipStream,
-    /// The level, which moves to a new value in 10 ms.
+    /// Level, which changes in ramps of 10 ms.
     level: dsp::Gain,
     peak: f32,
     params: IftNoiseNodeParams,
@@ -95,8 +94,8 @@ impl Node for IftNoiseNode {
         if let Some(model) = s.value(IftNoisePorts::model) {
             s.check(model.validate().map_err(|e| Reject::new("F076", e.to_string()).at("model")));
         }
-        let [past, ahead] = p.motion_at.reach();
-        s.lookaround(IftNoisePorts::speeds, past, ahead);
+        let [behind, ahead] = p.motion_at.lookaround();
+        s.lookaround(IftNoisePorts::speeds, behind, ahead);
         s.output(IftNoisePorts::audio, p.rate, Channels(1));
         Ok(())
     }

@@ -1,4 +1,4 @@
-//! Noise with a given spectrum: amplitudes from a friction model, random phases, and an inverse Fourier transform.
+//! Inverse Fourier transform noise: clips with the amplitudes of a friction model and random phases.
 //!
 //! # Source
 //! Rodet and Depalle, "Spectral envelopes and inverse FFT synthesis" (1992); An, James and Marschner (SIGGRAPH 2012),
@@ -21,33 +21,33 @@ use crate::core::state::Stateful;
 use crate::friction::model::spectrum_table::{Coverage, SpectrumTable};
 use crate::friction::model::{FrictionModel, ModelError, REFERENCE_AREA, clip_samples};
 
-/// Why noise cannot be made.
+/// Reasons why noise cannot be made.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum NoiseError {
-    /// The model, rate or clip length is unusable.
+    /// A model, rate or clip length that cannot be used.
     #[error(transparent)]
     Model(#[from] ModelError),
     /// A vertex area that is negative or not finite.
     #[error("area of vertex {vertex} is {found} m^2; areas are finite and not negative")]
     Area {
-        /// The vertex.
+        /// Index of the vertex.
         vertex: usize,
-        /// Its area.
+        /// Area found.
         found: f32,
     },
     /// A cell size that is not above 0.
     #[error("clusters have cells of {found} m; a finite size above 0 is needed")]
     Cell {
-        /// The size.
+        /// Size found.
         found: f32,
     },
     /// A slice of the wrong length.
     #[error("clip {clip}: {found} {what} given; {expected} are needed")]
     Length {
-        /// The clip.
+        /// Index of the clip.
         clip: u64,
-        /// What the slice holds.
+        /// Name of the values.
         what: &'static str,
         /// Values given.
         found: usize,
@@ -57,35 +57,35 @@ pub enum NoiseError {
     /// A speed that is negative or not finite.
     #[error("clip {clip}: speed of vertex {vertex} is {found} m/s; speeds are finite and not negative")]
     Speed {
-        /// The clip.
+        /// Index of the clip.
         clip: u64,
-        /// The vertex.
+        /// Index of the vertex.
         vertex: usize,
-        /// Its speed.
+        /// Speed found.
         found: f32,
     },
     /// A position that is not finite.
     #[error("clip {clip}: position of vertex {vertex} is {found:?}; coordinates are finite")]
     Position {
-        /// The clip.
+        /// Index of the clip.
         clip: u64,
-        /// The vertex.
+        /// Index of the vertex.
         vertex: usize,
-        /// Its position.
+        /// Position found.
         found: [f32; 3],
     },
 }
 
-/// What the vertices do at the centre of a clip.
+/// Motion of the vertices at the centre of a clip.
 #[derive(Clone, Copy, Debug)]
 pub struct ClipInput<'a> {
-    /// Sliding speed per vertex in m/s; 0 is silent and costs nothing.
+    /// Sliding speed per vertex in m/s. A speed of 0 is silent and costs nothing.
     pub speeds: &'a [f32],
     /// Position per vertex in metres, for clusters and receivers.
     pub positions: Option<&'a [[f32; 3]]>,
 }
 
-/// A sliding vertex as weights of two neighbouring table rows.
+/// A sliding vertex as weights of two neighbouring rows of the table.
 #[derive(Clone, Copy)]
 struct Sliding {
     vertex: u32,
@@ -97,16 +97,15 @@ struct Sliding {
 
 /// Friction noise in windowed clips, from the sliding speed of every vertex.
 ///
-/// Clip `k` is centred at sample `k * hop` and covers one hop on either side; speeds and positions are those at its
+/// Clip `k` is centred at sample `k * hop` and covers one hop on either side. Its speeds and positions are those at its
 /// centre, so a contact sounds up to half a clip early. [`ClipStream`](super::ClipStream) overlaps and adds the clips.
 ///
-/// Spectra of all emitters are added before the one inverse transform per channel, since the transform is linear; a
-/// cluster's power per bin is the sum over its vertices (incoherent sum), gathered in a histogram over the rows of a
-/// [`SpectrumTable`].
+/// The transform is linear, so the spectra of all emitters are added before a single inverse transform per channel. The power per bin of
+/// a cluster is the sum over its vertices (incoherent sum), computed from a histogram over the rows of a [`SpectrumTable`].
 ///
 /// # Complexity
-/// Per clip, clustered: O(V) deposits, O(rows bins) per cluster, one inverse transform per channel. Per vertex: O(V
-/// bins). Memory: O(V + clusters rows + rows bins). No allocation after `new`.
+/// Per clip: O(V), O(rows * bins) per cluster, and one inverse transform per channel; without clusters O(V * bins). Memory:
+/// O(V + clusters * rows + rows * bins). Nothing is allocated after `new`.
 pub struct IftNoise<R = Mono> {
     table: SpectrumTable,
     params: IftNoiseParams,
@@ -126,8 +125,8 @@ pub struct IftNoise<R = Mono> {
     power: Vec<f32>,
     /// Power per row and cluster.
     histogram: Vec<f64>,
-    /// Rows that one cluster uses, with their weights.
-    used: Vec<(usize, f32)>,
+    /// Rows of one cluster with their weights.
+    weighted_rows: Vec<(usize, f32)>,
     sliding: Vec<Sliding>,
     clusters: Clusters,
     coverage: SpeedCoverage,
@@ -138,10 +137,10 @@ impl<R> Stateful for IftNoise<R> {
 }
 
 impl IftNoise<Mono> {
-    /// Mono noise for vertices of these areas (m^2) at `fs` hertz.
+    /// Creates mono noise at `fs` hertz for vertices of the given areas in m^2.
     ///
     /// # Errors
-    /// When the model is invalid, the clip length or rate unusable, or an area negative or not finite.
+    /// When the model, the clip length or the rate is invalid, or an area is negative or not finite.
     pub fn new(
         model: &FrictionModel,
         fs: f64,
@@ -154,7 +153,7 @@ impl IftNoise<Mono> {
 }
 
 impl<R: Receiver> IftNoise<R> {
-    /// Noise as heard by a receiver.
+    /// Creates noise with the channels of a receiver.
     ///
     /// # Errors
     /// As [`IftNoise::new`].
@@ -174,13 +173,13 @@ impl<R: Receiver> IftNoise<R> {
         if let Some(vertex) = vertex_areas.iter().position(|a| !(a.is_finite() && *a >= 0.0)) {
             return Err(NoiseError::Area { vertex, found: vertex_areas[vertex] });
         }
-        let (groups, clusters) = match params.emitters {
+        let (max_groups, clusters) = match params.emitters {
             Emitters::Clustered { cell, .. } if !(cell > 0.0 && cell.is_finite()) => {
                 return Err(NoiseError::Cell { found: cell });
             }
             Emitters::Clustered { max, cell } => {
-                let groups = max.clamp(1, vertex_areas.len().max(1));
-                (groups, Clusters::new(cell, groups, vertex_areas.len()))
+                let max_groups = max.clamp(1, vertex_areas.len().max(1));
+                (max_groups, Clusters::new(cell, max_groups, vertex_areas.len()))
             }
             Emitters::PerVertex => (0, Clusters::new(1.0, 1, 0)),
         };
@@ -203,8 +202,8 @@ impl<R: Receiver> IftNoise<R> {
             emitter: (vec![0.0; padded], vec![0.0; padded]),
             sums: (vec![0.0; channels * padded], vec![0.0; channels * padded]),
             power: vec![0.0; padded],
-            histogram: vec![0.0; groups * table.speeds().len()],
-            used: Vec::with_capacity(table.speeds().len() + 3),
+            histogram: vec![0.0; max_groups * table.speeds().len()],
+            weighted_rows: Vec::with_capacity(table.speeds().len() + 3),
             sliding: Vec::with_capacity(vertex_areas.len()),
             clusters,
             coverage: SpeedCoverage::default(),
@@ -212,42 +211,42 @@ impl<R: Receiver> IftNoise<R> {
         })
     }
 
-    /// Samples per clip, even.
+    /// Returns the number of samples per clip, which is even.
     #[must_use]
     pub fn clip_len(&self) -> usize {
         self.window.len()
     }
 
-    /// Samples from clip to clip: half a clip. The exact clip rate is the audio rate over this.
+    /// Returns the number of samples from one clip to the next: half a clip.
     #[must_use]
     pub fn hop(&self) -> usize {
         self.window.len() / 2
     }
 
-    /// Channels of the receiver.
+    /// Returns the number of channels of the receiver.
     #[must_use]
     pub fn channels(&self) -> usize {
         self.receiver.channels()
     }
 
-    /// The receiver, to move it between clips.
+    /// Returns the receiver, so that it can be moved between clips.
     pub fn receiver_mut(&mut self) -> &mut R {
         &mut self.receiver
     }
 
-    /// Share of the work so far that lay outside the model's speeds.
+    /// Returns the numbers of clips so far that lay outside the model's speeds.
     #[must_use]
     pub fn coverage(&self) -> SpeedCoverage {
         self.coverage
     }
 
-    /// Writes windowed clip `clip` and returns the number of sliding vertices; with none, `out` is exactly zero.
+    /// Writes the windowed clip `clip` and returns the number of sliding vertices. Without sliding vertices `out` is exactly zero.
     ///
     /// # Shapes
-    /// `input.speeds: [V]`, `input.positions: [V]`, `out: [channels * N]`, channel after channel.
+    /// `input.speeds: [V]`, `input.positions: [V]`, `out: [channels * N]`, planar.
     ///
     /// # Errors
-    /// When a slice has the wrong length or holds a value that is not finite or is negative; `out` is then unspecified.
+    /// When a slice has the wrong length, a speed is negative or not finite, or a position is not finite. `out` is then unspecified.
     pub fn clip(&mut self, clip: u64, input: ClipInput<'_>, out: &mut [f32]) -> Result<usize, NoiseError> {
         let len = self.clip_len();
         let expect = |what, found, expected| {
@@ -313,6 +312,7 @@ impl<R: Receiver> IftNoise<R> {
         Ok(())
     }
 
+    /// Adds the spectra of all sliding vertices, each with phases of its own.
     fn sum_vertices(&mut self, clip: u64, positions: Option<&[[f32; 3]]>) {
         let bins = self.table.bins();
         for i in 0..self.sliding.len() {
@@ -326,9 +326,10 @@ impl<R: Receiver> IftNoise<R> {
         }
     }
 
+    /// Adds the spectra of all clusters of sliding vertices.
     fn sum_clusters(&mut self, clip: u64, positions: Option<&[[f32; 3]]>) {
         let rows = self.table.speeds().len();
-        let positions = positions.filter(|_| self.receiver.hears_place());
+        let positions = positions.filter(|_| self.receiver.uses_positions());
         let groups = match positions {
             Some(p) => self.clusters.assign(self.sliding.iter().map(|s| (p[s.vertex as usize], s.power))),
             None => 1,
@@ -336,27 +337,27 @@ impl<R: Receiver> IftNoise<R> {
         self.histogram[..groups * rows].fill(0.0);
         for (i, s) in self.sliding.iter().enumerate() {
             let group = if positions.is_some() { self.clusters.group(i) } else { 0 };
-            let at = group * rows + s.row as usize;
-            self.histogram[at] += s.low;
-            self.histogram[at + 1] += s.high;
+            let index = group * rows + s.row as usize;
+            self.histogram[index] += s.low;
+            self.histogram[index + 1] += s.high;
         }
         for group in 0..groups {
             let weights = self.histogram[group * rows..(group + 1) * rows].iter().enumerate();
-            self.used.clear();
-            self.used.extend(weights.filter(|(_, w)| **w > 0.0).map(|(row, &w)| (row, w as f32)));
+            self.weighted_rows.clear();
+            self.weighted_rows.extend(weights.filter(|(_, w)| **w > 0.0).map(|(row, &w)| (row, w as f32)));
             self.mix_rows();
             self.emit(clip, group as u32, positions.map(|_| self.clusters.centre(group)));
         }
     }
 
-    /// Writes the weighted sum of the used rows to `self.power`, four rows per pass over it.
+    /// Writes the weighted sum of rows to `self.power`, four rows per pass.
     fn mix_rows(&mut self) {
         let bins = self.table.bins();
-        while !self.used.len().is_multiple_of(4) {
-            self.used.push((0, 0.0));
+        while !self.weighted_rows.len().is_multiple_of(4) {
+            self.weighted_rows.push((0, 0.0));
         }
         self.power.fill(0.0);
-        for four in self.used.chunks_exact(4) {
+        for four in self.weighted_rows.chunks_exact(4) {
             let [a, b, c, d] = [0, 1, 2, 3].map(|i| self.table.row(four[i].0));
             let [wa, wb, wc, wd] = [0, 1, 2, 3].map(|i| four[i].1);
             let rows = a.iter().zip(b).zip(c.iter().zip(d));
@@ -366,7 +367,7 @@ impl<R: Receiver> IftNoise<R> {
         }
     }
 
-    /// Gives the power in `self.power` random phases and adds it to what each channel hears.
+    /// Applies random phases to `self.power` and adds the spectrum to each channel of the receiver.
     fn emit(&mut self, clip: u64, entity: u32, position: Option<[f32; 3]>) {
         let (re, im) = &mut self.emitter;
         let blocks =
@@ -374,7 +375,7 @@ impl<R: Receiver> IftNoise<R> {
         for (block, (power, (re, im))) in blocks.enumerate() {
             let (cos, sin) = phasors(&self.random, entity, clip, block);
             for i in 0..BLOCK {
-                // A real sine of mean square P has a bin of magnitude sqrt(P / 2) on either side.
+                // A real sine of mean square P has magnitude sqrt(P / 2) at its positive and its negative frequency.
                 let a = (0.5 * power[i]).sqrt();
                 re[i] = a * cos[i];
                 im[i] = a * sin[i];
@@ -387,7 +388,7 @@ impl<R: Receiver> IftNoise<R> {
                 }
             }
         }
-        // DC is silent; Nyquist is real, so it has a sign in place of a phase and all of its power on one side.
+        // DC is silent. Nyquist is real: it has a sign in place of a phase, and all of its power in one bin.
         let last = self.table.bins() - 1;
         let nyquist = (2.0 * (re[last] * re[last] + im[last] * im[last])).sqrt();
         re[last] = if re[last] < 0.0 { -nyquist } else { nyquist };
@@ -401,6 +402,7 @@ impl<R: Receiver> IftNoise<R> {
         }
     }
 
+    /// Writes the windowed inverse transform of the spectrum that begins at `from` in `self.sums`.
     fn transform(&mut self, from: usize, out: &mut [f32]) {
         let last = self.bins.len() - 1;
         for (k, bin) in self.bins.iter_mut().enumerate() {
@@ -408,7 +410,7 @@ impl<R: Receiver> IftNoise<R> {
         }
         self.bins[0].im = 0.0;
         self.bins[last].im = 0.0;
-        // The plan refuses only wrong lengths and complex ends, and neither is left here.
+        // The plan refuses only wrong lengths and complex values at DC and Nyquist, which do not occur here.
         if self.inverse.process_with_scratch(&mut self.bins, out, &mut self.scratch).is_err() {
             out.fill(0.0);
         }

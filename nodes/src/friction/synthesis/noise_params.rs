@@ -1,4 +1,4 @@
-//! Parameters of friction noise.
+//! Parameters of inverse Fourier transform noise.
 
 use serde::{Deserialize, Serialize};
 
@@ -9,7 +9,7 @@ use crate::friction::model::Gain;
 /// Magnitude of a bin around its expected value.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Magnitude {
-    /// Always the expected value.
+    /// The expected value.
     #[default]
     Fixed,
     /// Rayleigh distributed, as in Gaussian noise.
@@ -17,23 +17,23 @@ pub enum Magnitude {
 }
 
 choices! { @param Magnitude {
-    /// Every bin has the magnitude that the model says, as in the paper.
+    /// Every bin has the magnitude of the model, as in the paper.
     Fixed,
-    /// Magnitudes are Rayleigh distributed around it, as in Gaussian noise.
+    /// Magnitudes are Rayleigh distributed around that of the model, as in Gaussian noise.
     Rayleigh,
 } }
 
-/// How vertices become sound sources.
+/// Grouping of vertices into sound sources.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Emitters {
-    /// Vertices in one cell of a grid share phases; without positions all vertices do.
+    /// Vertices in one cell of a grid share phases. Without positions all vertices share phases.
     Clustered {
-        /// Largest number of clusters.
+        /// Maximum number of clusters.
         max: usize,
-        /// Edge of a cell, in metres.
+        /// Edge length of a cell, in metres.
         cell: f32,
     },
-    /// Every vertex has phases of its own: the reference, and slow.
+    /// Every vertex has phases of its own: the slow reference.
     PerVertex,
 }
 
@@ -44,30 +44,30 @@ impl Default for Emitters {
 }
 
 choices! {
-    /// How vertices become sound sources.
+    /// Grouping of vertices into sound sources.
     pub enum EmitterKind {
-        /// The powers of vertices that are heard from one place are added before phases are drawn: one transform per clip. For
-        /// `IftNoise`, which knows no places, that is all of them.
+        /// The powers of the vertices of a cluster are added before phases are drawn: one transform per clip. For
+        /// `IftNoise`, which has no positions, all vertices are one cluster.
         Clustered,
-        /// Every vertex has phases of its own: the reference, and slow.
+        /// Every vertex has phases of its own: the slow reference.
         PerVertex,
     }
 }
 
-/// How loud a vertex is for the area that it stands for.
+/// Level of a vertex as a function of its area.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum AreaWeight {
-    /// Power in proportion to area, so that a finer mesh is not louder.
+    /// Power in proportion to area: the level does not depend on the resolution of the mesh.
     #[default]
     Sqrt,
-    /// Every vertex alike.
+    /// Independent of area.
     None,
 }
 
 choices! { @param AreaWeight {
-    /// Power in proportion to the area of cloth that a vertex stands for, so that a finer mesh is not louder.
+    /// Power in proportion to the area of a vertex: the level does not depend on the resolution of the mesh.
     Sqrt,
-    /// Every vertex alike, as in the paper: four times the vertices are 6 dB louder.
+    /// Independent of area, as in the paper: four times the vertices are 6 dB louder.
     None,
 } }
 
@@ -76,13 +76,13 @@ choices! { @param AreaWeight {
 pub struct IftNoiseParams {
     /// Length of a clip in seconds, rounded to an even number of samples.
     pub clip: f64,
-    /// Cross-fade between clips.
+    /// Crossfade between clips.
     pub window: Window,
     /// Magnitude of a bin around its expected value.
     pub magnitude: Magnitude,
-    /// How vertices become sound sources.
+    /// Grouping of vertices into sound sources.
     pub emitters: Emitters,
-    /// How loud a vertex is for its area.
+    /// Level of a vertex as a function of its area.
     pub area_weight: AreaWeight,
     /// Level of spectra between measured speeds.
     pub gain: Gain,

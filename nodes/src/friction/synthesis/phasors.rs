@@ -1,16 +1,16 @@
-//! Random phases as points on the unit circle, many at a time.
+//! Random phases as points on the unit circle, in blocks.
 
 use std::f32::consts::PI;
 
 use crate::core::random::Random;
 
-/// Bins computed together, so that the compiler can keep them in vector registers.
+/// Number of bins computed together, so that the compiler can use vector registers.
 pub(crate) const BLOCK: usize = 64;
 
-/// Lane bit that keeps magnitudes apart from phases.
+/// Lane bit that separates magnitudes from phases.
 const MAGNITUDE: u32 = 1 << 31;
 
-/// Sixteen random bits for each of [`BLOCK`] bins, eight per draw.
+/// Returns 16 random bits for each of [`BLOCK`] bins, from draws of 8 bins each.
 fn bits(random: &Random, entity: u32, index: u64, lane: u32) -> [u16; BLOCK] {
     let mut out = [0; BLOCK];
     for (i, chunk) in out.chunks_exact_mut(8).enumerate() {
@@ -23,7 +23,7 @@ fn bits(random: &Random, entity: u32, index: u64, lane: u32) -> [u16; BLOCK] {
     out
 }
 
-/// `(cos, sin)` of half a turn times `u`, `|u| <= 1/2`: least squares on Chebyshev nodes, off by at most 3e-7.
+/// Returns `(cos, sin)` of half a turn times `u`, `|u| <= 1/2`: least squares on Chebyshev nodes, with an error of at most 3e-7.
 fn half_turn(u: f32) -> (f32, f32) {
     let x = u * u;
     let sin = u * (PI + x * (-5.167_707 + x * (2.550_031_2 + x * (-0.598_044_2 + x * 0.077_218_39))));
@@ -32,9 +32,9 @@ fn half_turn(u: f32) -> (f32, f32) {
     (cos, sin)
 }
 
-/// Uniform phases of bins `BLOCK * block ..`, keyed by emitter and clip: 65,536 steps per turn.
+/// Returns uniform phases of the bins from `BLOCK * block`, keyed by emitter and clip, in 65,536 steps per turn.
 ///
-/// The half angle is evaluated and doubled, so no branch or table stands in the loop.
+/// The half angle is evaluated and doubled, so the loop has no branch or table.
 pub(crate) fn phasors(random: &Random, entity: u32, clip: u64, block: usize) -> ([f32; BLOCK], [f32; BLOCK]) {
     let bits = bits(random, entity, clip, (block * BLOCK / 8) as u32);
     let (mut re, mut im) = ([0.0; BLOCK], [0.0; BLOCK]);
@@ -46,7 +46,7 @@ pub(crate) fn phasors(random: &Random, entity: u32, clip: u64, block: usize) -> 
     (re, im)
 }
 
-/// Rayleigh magnitudes of mean square 1 for bins `BLOCK * block ..`.
+/// Returns Rayleigh magnitudes of mean square 1 of the bins from `BLOCK * block`.
 pub(crate) fn rayleigh(random: &Random, entity: u32, clip: u64, block: usize) -> [f32; BLOCK] {
     bits(random, entity, clip, MAGNITUDE | (block * BLOCK / 8) as u32)
         .map(|b| libm::sqrtf(-libm::logf((f32::from(b) + 0.5) * (1.0 / 65536.0))))

@@ -1,19 +1,19 @@
-//! Receivers of the sound of the emitters.
+//! Receivers: channels that filter the spectra of the emitters.
 
-/// Where the sound of the emitters is heard: one or more channels that each filter every emitter's spectrum.
+/// One or more channels that each filter the spectrum of every emitter.
 ///
-/// All channels hear the same phases of an emitter, so differences of time and level between ears survive.
+/// All channels receive the same phases of an emitter, which preserves differences of time and level between ears.
 pub trait Receiver {
-    /// Number of channels, constant.
+    /// Returns the number of channels, a constant.
     fn channels(&self) -> usize;
 
-    /// Whether the place of an emitter matters; if not, one cluster holds them all.
-    fn hears_place(&self) -> bool {
+    /// Returns true if the filters depend on the position of the emitter. If not, all emitters are one cluster.
+    fn uses_positions(&self) -> bool {
         true
     }
 
-    /// Adds an emitter's one-sided spectrum `(re, im)`, times this channel's response to its place, onto `(sum_re,
-    /// sum_im)`; must not allocate. `position` is `None` when the vertices have none.
+    /// Adds the one-sided spectrum `(re, im)` of an emitter, times the response of this channel to its position, to `(sum_re,
+    /// sum_im)`. It must not allocate. `position` is `None` if the vertices have no positions.
     fn add(
         &mut self,
         channel: usize,
@@ -23,7 +23,7 @@ pub trait Receiver {
     );
 }
 
-/// One channel that hears every emitter as it is.
+/// One channel without a filter.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Mono;
 
@@ -32,7 +32,7 @@ impl Receiver for Mono {
         1
     }
 
-    fn hears_place(&self) -> bool {
+    fn uses_positions(&self) -> bool {
         false
     }
 

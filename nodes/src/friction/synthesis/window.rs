@@ -1,4 +1,4 @@
-//! Shapes that overlapping synthesis clips are faded with.
+//! Windows of overlapping synthesis clips.
 
 use std::f64::consts::PI;
 
@@ -6,32 +6,32 @@ use serde::{Deserialize, Serialize};
 
 use crate::choices;
 
-/// Cross-fade of clips that overlap by half.
+/// Crossfade of clips that overlap by half.
 ///
-/// Clips with random phases add in power, so the squares of two overlapping windows must sum to one. A triangle pair
-/// sums to 1/2 in the middle of every overlap: 3 dB dips at the clip rate, heard as roughness.
+/// Clips with random phases add in power, so the squares of two overlapping windows must sum to one. Two triangles
+/// sum to 1/2 in the middle of every overlap, which gives 3 dB dips at the clip rate, audible as roughness.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Window {
     /// Square root of the triangle: power complementary.
     #[default]
     SqrtTriangle,
-    /// Half a sine: power complementary and smooth at its top.
+    /// Half a sine: power complementary, with a smooth maximum.
     Sine,
-    /// Plain triangle, kept for comparison.
+    /// Triangle, for comparison.
     Triangle,
 }
 
 choices! { @param Window {
     /// Square root of a triangle: the power of overlapping clips is constant.
     SqrtTriangle,
-    /// Half a sine: constant power too, smooth at its top.
+    /// Half a sine: constant power, with a smooth maximum.
     Sine,
-    /// Plain triangle, for comparison: 3 dB dips at the clip rate.
+    /// Triangle, for comparison: 3 dB dips at the clip rate.
     Triangle,
 } }
 
 impl Window {
-    /// The window's value at sample `n` of a clip of `len` samples.
+    /// Returns the value at sample `n` of a clip of `len` samples.
     #[must_use]
     pub fn at(self, n: usize, len: usize) -> f64 {
         let x = (n as f64 + 0.5) / len as f64;

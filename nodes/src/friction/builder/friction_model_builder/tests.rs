@@ -9,7 +9,7 @@ fn all_params() -> FrictionModelBuilderParams {
     FrictionModelBuilderParams { high_pass: 0.0, encoder: Some("encoder.csv".into()), ..p }
 }
 
-/// Noise twice as loud in the second half, where the encoder says that the roller turns twice as fast.
+/// Noise twice as loud in the second half, where the roller turns twice as fast.
 fn standalone(window: f64) -> Standalone {
     let mut standalone = recorded(all_params()).window(ticks(window));
     standalone.files.insert("encoder.csv", "time_s,speed_m_s\n0,0.2\n0.99,0.2\n1.01,0.4\n2,0.4\n");
@@ -38,7 +38,7 @@ fn the_model_of_a_recording_rises_with_speed_and_does_not_depend_on_windows() {
     }
 }
 
-/// The take of `standalone` with a signal in place of its table.
+/// The recording of `standalone` with a signal in place of its table.
 fn with_signal(p: FrictionModelBuilderParams, rate: u32, turning: Vec<f32>) -> Standalone {
     let port = FrictionModelBuilderPorts::turning;
     let mut standalone =
@@ -48,11 +48,11 @@ fn with_signal(p: FrictionModelBuilderParams, rate: u32, turning: Vec<f32>) -> S
 }
 
 #[test]
-fn a_signal_of_the_encoder_gives_the_model_of_its_table() {
+fn a_signal_of_the_encoder_gives_the_same_model_as_its_table() {
     let model = |standalone: Standalone| {
         standalone.run().unwrap().value(0).unwrap().get::<FrictionModel>().unwrap().clone()
     };
-    // A ramp of quarters of a thousandth, which single precision and text both hold exactly.
+    // A ramp in steps of 1/4096 m/s, which single precision and text represent exactly.
     let speed = |i: usize| 0.25 + i as f32 / 4096.0;
     let mut tabled = standalone(3.0);
     let rows: String =
@@ -62,11 +62,11 @@ fn a_signal_of_the_encoder_gives_the_model_of_its_table() {
     assert!(wanted.speeds.len() > 5);
     let p = FrictionModelBuilderParams { encoder: None, ..all_params() };
     assert!(model(with_signal(p.clone(), 1000, (0..2048).map(speed).collect())) == wanted);
-    // At 8 kHz and backwards, with full scale at 2 m/s: every eighth sample counts.
+    // At 8 kHz and backwards, with full scale at 2 m/s: every eighth sample is used.
     let half = FrictionModelBuilderParams { full_scale: 2.0, ..p.clone() };
     let fine = (0..2048 * 8).map(|i| if i % 8 == 0 { -0.5 * speed(i / 8) } else { 9.0 }).collect();
     assert!(model(with_signal(half, 8000, fine)) == wanted);
-    // As an angle that wraps each turn, on a roller of 0.1 m; its speed is a difference and so not the same bits.
+    // As an angle that wraps each turn, on a roller of 0.1 m; its speed is a difference, so it is not equal bit for bit.
     let angle = FrictionModelBuilderParams {
         signal: Signal::Angle,
         full_scale: std::f64::consts::TAU,
@@ -83,7 +83,7 @@ fn a_signal_of_the_encoder_gives_the_model_of_its_table() {
 }
 
 #[test]
-fn no_encoder_two_of_them_and_one_that_cannot_be_used_are_refused() {
+fn no_encoder_two_encoders_and_invalid_encoders_are_refused() {
     let p = FrictionModelBuilderParams { encoder: None, ..all_params() };
     let refused =
         |standalone: Standalone| standalone.shape().err().map(|reject| reject.field.unwrap_or_default());
@@ -103,7 +103,7 @@ fn no_encoder_two_of_them_and_one_that_cannot_be_used_are_refused() {
 }
 
 #[test]
-fn what_is_wrong_with_the_encoder_is_told_before_the_run() {
+fn errors_of_the_encoder_are_reported_before_the_run() {
     let mut standalone = standalone(1.0);
     standalone.files.insert("encoder.csv", "t,v\n0,1\n");
     let reject = standalone.shape().unwrap_err();

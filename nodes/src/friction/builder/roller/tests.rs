@@ -7,7 +7,7 @@ use crate::friction::builder::psd::centroid;
 
 const FS: f64 = 8000.0;
 
-/// White noise of a mean square that `power` gives for each time.
+/// White noise whose mean square is `power` of the time in seconds.
 fn noise(seconds: f64, node: &str, power: impl Fn(f64) -> f64) -> Vec<f32> {
     let random = Random::new(1, node);
     (0..(seconds * FS) as u64)
@@ -36,7 +36,7 @@ fn power_grows_with_speed_as_recorded() {
 }
 
 #[test]
-fn raw_keeps_every_clip_and_merges_equal_speeds() {
+fn raw_has_a_spectrum_per_clip_and_merges_equal_speeds() {
     let samples = noise(2.0, "raw", |_| 0.01);
     let params = BuilderParams { raw: true, ..Default::default() };
     let model = build(&samples, FS, &ramp(2.0, |t| 0.5 + 0.1 * t), None, &params).unwrap();
@@ -119,7 +119,7 @@ fn the_floor_is_subtracted_and_the_high_pass_cuts_below_its_frequency() {
 }
 
 #[test]
-fn a_larger_contact_area_stands_for_quieter_emitters() {
+fn a_larger_contact_area_gives_quieter_emitters() {
     let samples = noise(4.0, "area", |_| 0.01);
     let speed = |t: f64| 0.5 + 0.1 * t;
     let patch = BuilderParams { contact_area: 1e-2, ..Default::default() };
@@ -129,7 +129,7 @@ fn a_larger_contact_area_stands_for_quieter_emitters() {
 }
 
 #[test]
-fn what_is_missing_is_said() {
+fn errors_name_what_is_missing() {
     let samples = noise(2.0, "errors", |_| 0.01);
     let params = BuilderParams::default();
     let steady = build(&samples, FS, &ramp(2.0, |_| 0.5), None, &params).unwrap_err();

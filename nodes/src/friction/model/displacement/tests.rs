@@ -143,13 +143,13 @@ fn a_floor_40_decibels_down_holds_39_percent_of_the_mass_and_draws_the_moved_pea
     let (level, shift) = half_way(floor);
     assert!((level - 0.22).abs() < 0.005, "{level}");
     assert!((shift + 140.0).abs() < 10.0, "{shift}");
-    // Without the floor, the mean of both and in their middle: what the builder's subtraction is for.
+    // Without the floor the level is the mean of both and the peak lies in their middle: the builder therefore subtracts floors.
     let (level, shift) = half_way(0.0);
     assert!((level - 0.55).abs() < 1e-3 && shift.abs() <= df, "{level} {shift}");
 }
 
 #[test]
-fn ends_and_identical_spectra_reproduce() {
+fn ends_and_identical_spectra_are_reproduced() {
     let a = gaussian(3000.0, 700.0, 20.0, 1201);
     let b = gaussian(9000.0, 300.0, 20.0, 1201);
     let largest = a[peak(&a)].max(b[peak(&b)]);
@@ -170,7 +170,7 @@ fn ends_and_identical_spectra_reproduce() {
 }
 
 #[test]
-fn silence_to_silence_is_silent_and_silence_to_sound_fades() {
+fn two_silent_spectra_give_silence_and_one_fades_in() {
     let mut out = [1.0; 3];
     displace(&[0.0; 3], &[0.0; 3], 0.5, Gain::Rms, &mut out);
     assert_eq!(out, [0.0; 3]);
@@ -189,7 +189,7 @@ fn knots(a: &[f64], epsilon: f64) -> Vec<f64> {
     c
 }
 
-/// Frequencies in bins below which the shares `p` of the amplitude lie.
+/// Frequencies in bins below which the fractions `p` of the amplitude lie.
 fn quantiles(a: &[f64], epsilon: f64, p: &[f64]) -> Vec<f64> {
     let c = knots(a, epsilon);
     p.iter()
@@ -249,10 +249,10 @@ proptest! {
     fn a_wider_frequency_axis_widens_the_result_and_nothing_else(
         (a, b) in spectra(24), alpha in 0.0..=1.0_f64, wider in 2_usize..6,
     ) {
-        let stretch = |a: &[f64]| -> Vec<f64> { a.iter().flat_map(|v| vec![*v; wider]).collect() };
+        let widen = |a: &[f64]| -> Vec<f64> { a.iter().flat_map(|v| vec![*v; wider]).collect() };
         let (mut x, mut y) = (vec![0.0; 24], vec![0.0; 24 * wider]);
         displace(&a, &b, alpha, Gain::Mass, &mut x);
-        displace(&stretch(&a), &stretch(&b), alpha, Gain::Mass, &mut y);
+        displace(&widen(&a), &widen(&b), alpha, Gain::Mass, &mut y);
         for (x, y) in x.iter().zip(y.chunks(wider)) {
             // Where both spectra are silent a quantile crosses many bins within the lift of 1e-9, which costs digits.
             prop_assert!((x - y.iter().sum::<f64>() / wider as f64).abs() < 1e-6, "{} {:?}", x, y);
@@ -260,7 +260,7 @@ proptest! {
     }
 
     #[test]
-    fn any_numbers_are_survived(
+    fn any_numbers_are_accepted(
         a in prop::collection::vec(prop::num::f64::ANY, 0..9),
         b in prop::collection::vec(prop::num::f64::ANY, 0..9),
         alpha in prop::num::f64::ANY,

@@ -1,4 +1,4 @@
-//! Cloth between two ears: sides, delays, movement and windows.
+//! Sides, delays, movement and windows of the node.
 
 use super::*;
 use crate::core::standalone::Standalone;
@@ -19,11 +19,11 @@ fn model() -> FrictionModel {
     bump_model(&[(0.1, 6000.0), (1.0, 8000.0)], 4000.0, 48_000.0, 2400)
 }
 
-/// Two vertices that slide at a place per frame, 60 frames per second.
-fn standalone(p: BinauralIftNoiseParams, seconds: usize, way: impl Fn(f32) -> [f32; 3]) -> Standalone {
+/// Two sliding vertices at a position per frame, 60 frames per second.
+fn standalone(p: BinauralIftNoiseParams, seconds: usize, trajectory: impl Fn(f32) -> [f32; 3]) -> Standalone {
     let frames: Vec<[f32; 3]> = (0..60 * seconds)
         .flat_map(|k| {
-            let at = way(k as f32 / 60.0);
+            let at = trajectory(k as f32 / 60.0);
             [at, [at[0], at[1], at[2] + 0.001]]
         })
         .collect();
@@ -70,10 +70,10 @@ fn the_interaural_cross_correlation_peaks_at_the_delay_of_the_model() {
 }
 
 #[test]
-fn both_ears_hear_one_draw_of_phases() {
+fn both_ears_receive_the_same_phases() {
     let out = standalone(params(), 2, |_| [2.0, 0.0, 0.0]).run().unwrap().stream(Port::audio);
     let [left, right] = ears(&out);
-    assert!(left == right, "in front of the head both ears hear the same");
+    assert!(left == right, "in front of the head both ears are equal");
     let out = standalone(params(), 2, |_| at_azimuth(20.0, 2.0)).run().unwrap().stream(Port::audio);
     let [left, right] = ears(&out);
     let shift = lag(&left, &right) as usize;
@@ -83,7 +83,7 @@ fn both_ears_hear_one_draw_of_phases() {
 }
 
 #[test]
-fn mirrored_cloth_swaps_the_ears_and_a_turned_head_hears_it_elsewhere() {
+fn mirrored_cloth_and_a_turned_head_swap_the_ears() {
     let run =
         |p, degrees| ears(&standalone(p, 1, |_| at_azimuth(degrees, 1.0)).run().unwrap().stream(Port::audio));
     let ([a, b], [c, d]) = (run(params(), 50.0), run(params(), -50.0));
@@ -115,12 +115,13 @@ fn the_level_in_front_is_that_of_the_model_at_the_distance() {
 
 #[test]
 fn windows_of_any_length_give_the_same_bits_while_cloth_and_head_move() {
-    let way = |t: f32| at_azimuth(360.0 * t, 1.0 + t);
+    let trajectory = |t: f32| at_azimuth(360.0 * t, 1.0 + t);
     let poses: Vec<Pose> = (0..25).map(|k| Pose::at([0.0, 0.02 * k as f32, 0.0])).collect();
     let run = |window: Tick| {
         let p = BinauralIftNoiseParams { pinna: Pinna::Set1, ..params() };
-        let mut standalone =
-            standalone(p, 1, way).optional(Port::listener, Rate::hz(25), (), poses.clone()).window(window);
+        let mut standalone = standalone(p, 1, trajectory)
+            .optional(Port::listener, Rate::hz(25), (), poses.clone())
+            .window(window);
         standalone.poison = true;
         let run = standalone.run().unwrap();
         (run.stream(Port::audio), run.summary)
@@ -150,7 +151,7 @@ fn another_mesh_is_refused() {
 }
 
 #[test]
-fn one_cluster_is_heard_from_one_place_and_many_from_theirs() {
+fn one_cluster_has_one_direction_and_two_clusters_have_two() {
     // A vertex on either side of the head: together they are in the middle.
     let sides = |clusters| {
         let frames: Vec<[f32; 3]> = (0..60).flat_map(|_| [[2.0, 1.0, 0.0], [2.0, -1.0, 0.0]]).collect();
@@ -167,22 +168,22 @@ fn one_cluster_is_heard_from_one_place_and_many_from_theirs() {
         ears(&out)
     };
     let [left, right] = sides(1);
-    assert!(left == right, "one place, in front");
+    assert!(left == right, "one direction, in front");
     let [left, right] = sides(2);
     assert!(left != right);
 }
 
 #[test]
 fn motion_at_the_start_of_a_clip_sounds_as_at_its_middle_half_a_clip_later() {
-    let way = |t: f32| [2.0, 1.5 - 3.0 * t, 0.0];
+    let trajectory = |t: f32| [2.0, 1.5 - 3.0 * t, 0.0];
     let run = |motion_at| {
         let p = BinauralIftNoiseParams { motion_at, ..params() };
-        let standalone = standalone(p, 1, way);
+        let standalone = standalone(p, 1, trajectory);
         (standalone.shape().unwrap().lookaround[0].ahead, standalone.run().unwrap().stream(Port::audio))
     };
     let ((ahead, start), (_, centre)) = (run(MotionAt::Start), run(MotionAt::Centre));
     assert_eq!(ahead, 0);
-    // Phases belong to the clip and not to what it is made of, so that only levels can be compared.
+    // Phases belong to clips and not to motion, so only levels can be compared.
     let level = |out: &[f32], from: usize, ear: usize| {
         let part = out[2 * from..2 * (from + 9600)].iter().skip(ear).step_by(2);
         part.map(|x| f64::from(*x).powi(2)).sum::<f64>()

@@ -1,4 +1,4 @@
-//! The node over the noise: silence, level, rates and windows.
+//! Silence, level, rates and windows of the node.
 
 use super::*;
 use crate::core::random::Random;
@@ -28,7 +28,7 @@ fn power(x: &[f32]) -> f64 {
 }
 
 #[test]
-fn rest_is_exactly_silent_and_audio_lasts_as_long_as_the_speeds() {
+fn cloth_at_rest_is_exactly_silent_and_audio_lasts_as_long_as_the_speeds() {
     let mut speeds = vec![0.0; 40 * VERTICES];
     speeds[20 * VERTICES] = 0.4;
     let audio = standalone(params(), Rate::hz(40), speeds).run().unwrap().stream(IftNoisePorts::audio);
@@ -41,13 +41,13 @@ fn rest_is_exactly_silent_and_audio_lasts_as_long_as_the_speeds() {
 }
 
 #[test]
-fn motion_taken_at_the_start_of_a_clip_is_heard_from_then_on_and_not_before() {
+fn motion_at_the_start_of_a_clip_sounds_from_that_time() {
     let mut speeds = vec![0.0; 40 * VERTICES];
     speeds[20 * VERTICES] = 0.4;
     let p = IftNoiseNodeParams { motion_at: MotionAt::Start, ..params() };
     let run = |window| {
         let standalone = standalone(p.clone(), Rate::hz(40), speeds.clone()).window(window);
-        assert_eq!(standalone.shape().unwrap().lookaround[0].ahead, 0, "nothing is waited for");
+        assert_eq!(standalone.shape().unwrap().lookaround[0].ahead, 0, "no look-ahead");
         standalone.run().unwrap().stream(IftNoisePorts::audio)
     };
     let audio = run(TICKS_PER_SECOND);
@@ -82,7 +82,7 @@ fn the_level_is_that_of_the_model_at_the_speed_and_follows_it() {
 }
 
 #[test]
-fn a_rate_that_does_not_fit_is_refused_with_the_one_to_write() {
+fn a_rate_that_does_not_fit_is_refused_with_one_that_fits() {
     let at = |audio: u32, speeds: Rate| {
         standalone(IftNoiseNodeParams { rate: Rate::hz(audio), ..params() }, speeds, vec![0.0; VERTICES])
             .shape()

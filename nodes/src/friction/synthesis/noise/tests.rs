@@ -14,13 +14,13 @@ fn stream(fs: f64, params: IftNoiseParams, areas: &[f32]) -> ClipStream {
     ClipStream::new(IftNoise::new(&model(), fs, params, areas, Random::new(11, "noise")).unwrap())
 }
 
-fn still<'a>(speeds: &'a [f32]) -> impl FnMut(u64) -> ClipInput<'a> {
+fn constant<'a>(speeds: &'a [f32]) -> impl FnMut(u64) -> ClipInput<'a> {
     move |_| ClipInput { speeds, positions: None }
 }
 
 fn render(stream: &mut ClipStream, seconds: f64, fs: f64, speeds: &[f32]) -> Vec<f32> {
     let mut out = vec![0.0; (seconds * fs) as usize];
-    stream.fill(0, &mut out, still(speeds)).unwrap();
+    stream.fill(0, &mut out, constant(speeds)).unwrap();
     out
 }
 
@@ -75,15 +75,16 @@ fn one_clip_has_exactly_the_power_of_the_spectrum() {
     }
 }
 
-/// Power in the middle of an overlap over power where one clip stands alone.
+/// Power in the middle of an overlap over power at the centre of a clip.
 fn ripple(window: Window) -> f64 {
     let fs = 44100.0;
     let mut s = stream(fs, IftNoiseParams { window, ..Default::default() }, &ONE);
     let x = render(&mut s, 60.0, fs, &[0.7]);
     let hop = s.hop();
     let around = |centre: usize| {
-        let reach = hop / 20;
-        let near = x.iter().enumerate().filter(|(i, _)| (i % hop + hop + reach - centre) % hop <= 2 * reach);
+        let radius = hop / 20;
+        let near =
+            x.iter().enumerate().filter(|(i, _)| (i % hop + hop + radius - centre) % hop <= 2 * radius);
         let (n, sum) = near.fold((0.0, 0.0), |(n, s), (_, &x)| (n + 1.0, s + f64::from(x).powi(2)));
         sum / n
     };
@@ -124,7 +125,7 @@ fn a_speed_ramp_moves_the_centroid_as_the_model_predicts() {
 }
 
 #[test]
-fn a_mesh_refined_fourfold_is_as_loud_and_without_area_weight_six_decibels_louder() {
+fn a_mesh_refined_fourfold_is_equally_loud_and_without_area_weight_six_decibels_louder() {
     let fs = 44100.0;
     let level = |vertices: usize, params| {
         let areas = vec![0.01 / vertices as f32; vertices];
@@ -142,7 +143,7 @@ fn a_mesh_refined_fourfold_is_as_loud_and_without_area_weight_six_decibels_loude
     }
 }
 
-/// One channel that asks for places and hears every one alike.
+/// One channel that uses positions and filters no emitter.
 struct Placed;
 
 impl Receiver for Placed {
@@ -178,10 +179,10 @@ fn clusters_and_single_vertices_have_the_same_spectrum() {
 }
 
 #[test]
-fn nobody_sliding_is_exactly_silent() {
+fn without_sliding_vertices_the_output_is_exactly_silent() {
     let mut s = stream(48000.0, IftNoiseParams::default(), &[1e-4, 1e-4]);
     let mut out = vec![1.0; 5000];
-    s.fill(0, &mut out, still(&[0.0, 0.0])).unwrap();
+    s.fill(0, &mut out, constant(&[0.0, 0.0])).unwrap();
     assert!(out.iter().all(|&x| x.to_bits() == 0));
     assert_eq!(s.noise().coverage(), SpeedCoverage::default());
     let mut noise =
@@ -195,14 +196,14 @@ fn nobody_sliding_is_exactly_silent() {
 fn time_outside_the_models_speeds_is_counted() {
     let mut s = stream(48000.0, IftNoiseParams::default(), &[1e-4; 4]);
     let mut out = vec![0.0; s.hop() * 9];
-    s.fill(0, &mut out, still(&[0.0, 0.01, 0.5, 2.0])).unwrap();
+    s.fill(0, &mut out, constant(&[0.0, 0.01, 0.5, 2.0])).unwrap();
     let coverage = s.noise().coverage();
     assert_eq!(coverage, SpeedCoverage { sliding: 30, above: 10, below: 10 });
     assert!((coverage.share_above() - 1.0 / 3.0).abs() < 1e-12);
 }
 
 #[test]
-fn clips_are_named_for_the_windows_that_they_touch() {
+fn each_window_touches_the_clips_that_overlap_it() {
     let s = stream(48000.0, IftNoiseParams::default(), &ONE);
     assert_eq!(s.hop(), 1200);
     assert_eq!(s.clips_touching(0, 1), 0..=1);
@@ -237,7 +238,7 @@ fn wrong_input_is_named_by_clip_and_vertex() {
     assert!(matches!(new(48000.0, long, &[]), Some(NoiseError::Model(ModelError::Target { .. }))));
 }
 
-/// Two ears, the second hearing every emitter `delay` samples later.
+/// Two channels, the second delayed by `delay` samples.
 struct Delayed {
     delay: f32,
     len: usize,
@@ -265,7 +266,7 @@ impl Receiver for Delayed {
 }
 
 #[test]
-fn ears_share_phases_so_a_delay_between_them_is_heard_as_one() {
+fn channels_share_phases_so_a_delay_between_them_is_the_peak_of_their_correlation() {
     let params = IftNoiseParams::default();
     let ears = Delayed { delay: 20.0, len: 2400 };
     let random = Random::new(4, "ears");
