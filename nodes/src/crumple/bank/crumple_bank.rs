@@ -1,4 +1,4 @@
-//! A bank of recorded micro-sounds, quietest first.
+//! A bank of recorded micro-sounds in order of energy.
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -8,16 +8,16 @@ use crate::core::content::{altered_content, content_digest};
 use crate::core::time::Rate;
 use crate::dsp::{DspError, Quality, Resampler};
 
-/// Version of the fields of [`CrumpleBank`].
+/// Version of the format of [`CrumpleBank`].
 pub const BANK_VERSION: u32 = 1;
 
-/// Where a sample was cut out.
+/// Position of a sample in a recording.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Origin {
-    /// Number of the recording.
+    /// Index of the recording.
     pub recording: u32,
-    /// Where it begins there, s.
+    /// Start of the sample in the recording, s.
     pub start: f64,
 }
 
@@ -25,17 +25,17 @@ pub struct Origin {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Recorded {
-    /// What was recorded and by whom.
+    /// Subject and author of the recording.
     pub provenance: String,
-    /// The licence that it came under.
+    /// Licence.
     pub licence: String,
     /// Length, s.
     pub seconds: f64,
-    /// Its rate, Hz.
+    /// Sample rate, Hz.
     pub fs: f64,
-    /// Factor that brought it to the level of the others.
+    /// Factor that matched its level to that of the loudest recording.
     pub gain: f64,
-    /// Greatest sample in each of some hundred equal parts, for drawing.
+    /// Peak in each of up to 480 equal parts, for figures.
     pub outline: Vec<f32>,
 }
 
@@ -47,100 +47,98 @@ pub struct Recorded {
 pub struct CrumpleBank {
     /// [`BANK_VERSION`].
     pub version: u32,
-    /// What crumples.
+    /// Name of the material.
     pub material: String,
     /// Rate of the samples, Hz.
     pub fs: f64,
-    /// All samples one after the other, full scale +-1.
+    /// Concatenated samples, full scale +-1.
     pub samples: Vec<f32>,
-    /// Where each sample begins, and where the last ends.
+    /// Start of each sample, and end of the last.
     pub offsets: Vec<u32>,
-    /// Sum of squares of each sample, full scale^2 times samples, rising; over `fs` it is an integral.
+    /// Sum of squares of each sample, in full scale^2, ascending. Divided by `fs` it is the integral over time.
     pub energies: Vec<f64>,
-    /// Greatest absolute value of each sample.
+    /// Peak of each sample.
     pub peaks: Vec<f32>,
-    /// Where each sample comes from.
+    /// Position of each sample in its recording.
     pub origins: Vec<Origin>,
     /// The recordings.
     pub recordings: Vec<Recorded>,
-    /// How samples were found.
+    /// Parameters of the extraction.
     pub extraction: Extraction,
     /// Digest of version, rate and extraction.
     pub conventions: String,
-    /// Digest of all of the above, so that a change by hand is seen; empty where none was written.
+    /// Digest of all other fields, which detects changes by hand; empty if none was written.
     #[serde(default)]
     pub content: String,
 }
 
-/// Why a bank cannot be used.
+/// Reasons why a bank cannot be used.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum BankError {
-    /// Written by other code.
-    #[error("`version` is {found}; this reads {BANK_VERSION}: extract it again")]
+    /// Another version of the format.
+    #[error("`version` is {found}; {BANK_VERSION} is needed: extract the bank again")]
     Version {
-        /// The version found.
+        /// Version found.
         found: u32,
     },
-    /// Nothing in it.
-    #[error("the bank holds no sample; one at least is needed")]
+    /// No sample.
+    #[error("the bank has no sample; at least one is needed")]
     Empty,
-    /// A list of another length than the others.
-    #[error("`{field}` has {found} entries; {wanted} belong to {samples} samples")]
+    /// A list of the wrong length.
+    #[error("`{field}` has {found} entries; {wanted} are needed for {samples} samples")]
     Length {
-        /// Field.
+        /// Name of the field.
         field: &'static str,
-        /// Its length.
+        /// Length found.
         found: usize,
-        /// The length that it must have.
+        /// Length needed.
         wanted: usize,
-        /// Samples in the bank.
+        /// Number of samples in the bank.
         samples: usize,
     },
-    /// An entry that cannot be.
+    /// An invalid entry.
     #[error("`{field}` of sample {index} is {found}; {wanted}")]
     Entry {
-        /// Field.
+        /// Name of the field.
         field: &'static str,
-        /// Sample.
+        /// Index of the sample.
         index: usize,
-        /// What it holds.
+        /// Value found.
         found: f64,
-        /// What it must be.
+        /// Values that it can have.
         wanted: &'static str,
     },
-    /// A rate that cannot be.
-    #[error("`fs` is {found} Hz; it must lie between 1000 and 768000 Hz")]
+    /// A rate out of range.
+    #[error("`fs` is {found} Hz; it must be from 1000 to 768000 Hz")]
     Rate {
-        /// The rate found.
+        /// Rate found.
         found: f64,
     },
     /// Fields that were changed by hand.
-    #[error(
-        "`conventions` is {found}, and the fields that it belongs to give {wanted}: they were changed after the extraction"
-    )]
+    #[error("`conventions` is {found}, its fields give {wanted}: they were changed after the extraction")]
     Conventions {
-        /// What the file says.
+        /// Digest in the file.
         found: String,
-        /// What its fields give.
+        /// Digest of the fields.
         wanted: String,
     },
-    /// A rate that the samples cannot be brought to.
+    /// A rate that the samples cannot be resampled to.
     #[error("`fs`: {0}")]
     Resample(DspError),
 }
 
-/// One sample on its way into a bank.
+/// A sample that was cut out of a recording.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cut {
-    /// Its samples.
+    /// Samples, full scale +-1.
     pub samples: Vec<f32>,
-    /// Where it comes from.
+    /// Position in its recording.
     pub origin: Origin,
 }
 
 impl CrumpleBank {
-    /// Sorts samples by energy into a bank.
+    /// Creates a bank of samples, sorted by energy.
     #[must_use]
     pub fn new(
         material: &str,
@@ -151,7 +149,7 @@ impl CrumpleBank {
     ) -> Self {
         let energy = |cut: &Cut| cut.samples.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>();
         let mut cuts: Vec<(f64, Cut)> = cuts.into_iter().map(|cut| (energy(&cut), cut)).collect();
-        // Equal energies keep the order of the recordings.
+        // The sort is stable: samples of equal energy are in the order of the recordings.
         cuts.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut bank = Self {
             version: BANK_VERSION,
@@ -171,26 +169,26 @@ impl CrumpleBank {
             bank.samples.extend_from_slice(&cut.samples);
             bank.offsets.push(bank.samples.len() as u32);
             bank.energies.push(energy);
-            bank.peaks.push(cut.samples.iter().fold(0.0, |most: f32, x| most.max(x.abs())));
+            bank.peaks.push(cut.samples.iter().fold(0.0, |peak: f32, x| peak.max(x.abs())));
             bank.origins.push(cut.origin);
         }
         bank.conventions = bank.digest();
         bank.sealed()
     }
 
-    /// How many samples it holds.
+    /// Returns the number of samples.
     #[must_use]
     pub fn len(&self) -> usize {
         self.energies.len()
     }
 
-    /// Whether it holds none.
+    /// Returns true if there is no sample.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.energies.is_empty()
     }
 
-    /// Sample `k`; empty where there is none.
+    /// Returns sample `k`, or an empty slice if there is none.
     #[must_use]
     pub fn sample(&self, k: usize) -> &[f32] {
         match (self.offsets.get(k), self.offsets.get(k + 1)) {
@@ -199,33 +197,34 @@ impl CrumpleBank {
         }
     }
 
-    /// Length of the longest sample, s.
+    /// Returns the length of the longest sample, s.
     #[must_use]
     pub fn longest(&self) -> f64 {
         let longest = self.offsets.windows(2).map(|w| w[1].saturating_sub(w[0])).max();
         f64::from(longest.unwrap_or(0)) / self.fs
     }
 
+    /// Returns the digest for `conventions`.
     fn digest(&self) -> String {
         let text = format!("{} {} {:?}", self.version, self.fs, self.extraction);
         blake3::hash(text.as_bytes()).to_hex()[..16].to_owned()
     }
 
-    /// The same with the digest of what it holds.
+    /// Returns the bank with the digest of its content.
     #[must_use]
     pub fn sealed(self) -> Self {
         let plain = Self { content: String::new(), ..self };
         Self { content: content_digest(&plain, &[]), ..plain }
     }
 
-    /// What tells that a bank of a file is not the one that was written, if anything.
+    /// Returns an error message if the bank differs from its content digest.
     #[must_use]
     pub fn altered(&self) -> Option<String> {
         let wanted = content_digest(&Self { content: String::new(), ..self.clone() }, &[]);
         altered_content(&self.content, &wanted, "extract it")
     }
 
-    /// A short digest of its samples, so that a number of a sample is not looked up in another bank.
+    /// Returns a digest of the samples, which identifies the bank that an index of a sample belongs to.
     #[must_use]
     pub fn id(&self) -> u32 {
         let mut hasher = blake3::Hasher::new();
@@ -237,10 +236,10 @@ impl CrumpleBank {
         u32::from_le_bytes([hash[0], hash[1], hash[2], hash[3]])
     }
 
-    /// Whether all of it can be what an extraction gives.
+    /// Checks all fields.
     ///
     /// # Errors
-    /// Names the field.
+    /// Names the first wrong field.
     pub fn validate(&self) -> Result<(), BankError> {
         if self.version != BANK_VERSION {
             return Err(BankError::Version { found: self.version });
@@ -277,26 +276,30 @@ impl CrumpleBank {
         let entry = |field, found, wanted| Err(BankError::Entry { field, index, found, wanted });
         let (from, to) = (self.offsets[index], self.offsets[index + 1]);
         if to <= from || to as usize > self.samples.len() {
-            return entry("offsets", f64::from(to), "offsets rise, up to the number of samples");
+            return entry("offsets", f64::from(to), "offsets are increasing, up to the number of samples");
         }
         if let Some(x) = self.sample(index).iter().find(|x| !x.is_finite()) {
-            return entry("samples", f64::from(*x), "samples must be finite");
+            return entry("samples", f64::from(*x), "samples are finite");
         }
         let energy = self.energies[index];
-        let least = if index > 0 { self.energies[index - 1] } else { 0.0 };
-        if !(energy.is_finite() && energy >= least) {
-            return entry("energies", energy, "energies are finite, not below 0, and rise");
+        let previous = if index > 0 { self.energies[index - 1] } else { 0.0 };
+        if !(energy.is_finite() && energy >= previous) {
+            return entry("energies", energy, "energies are finite, not negative and ascending");
         }
         if self.origins[index].recording as usize >= self.recordings.len() {
-            return entry("origins", f64::from(self.origins[index].recording), "there is no such recording");
+            return entry(
+                "origins",
+                f64::from(self.origins[index].recording),
+                "it must be the index of a recording",
+            );
         }
         Ok(())
     }
 
-    /// The same bank at another rate, energies scaled by the ratio of the rates.
+    /// Resamples the bank to another rate. Energies are scaled by the ratio of the rates.
     ///
     /// # Errors
-    /// Rates too far apart.
+    /// When the rate is invalid or too far from that of the bank.
     pub fn resampled(&self, fs: f64) -> Result<Self, BankError> {
         if fs == self.fs {
             return Ok(self.clone());
@@ -307,7 +310,7 @@ impl CrumpleBank {
         let mut bank = Self { fs, samples: Vec::new(), offsets: vec![0], peaks: Vec::new(), ..self.clone() };
         for k in 0..self.len() {
             let sample = resample(&resampler, self.sample(k), fs / self.fs).map_err(BankError::Resample)?;
-            bank.peaks.push(sample.iter().fold(0.0, |most: f32, x| most.max(x.abs())));
+            bank.peaks.push(sample.iter().fold(0.0, |peak: f32, x| peak.max(x.abs())));
             bank.samples.extend(sample);
             bank.offsets.push(bank.samples.len() as u32);
         }
@@ -317,20 +320,20 @@ impl CrumpleBank {
     }
 }
 
-/// A whole signal at another rate; silence stands around it.
+/// Resamples a whole signal, with silence before and after it.
 pub(super) fn resample(resampler: &Resampler, x: &[f32], ratio: f64) -> Result<Vec<f32>, DspError> {
     let count = ((x.len() as f64 * ratio).ceil() as i64).max(1);
     let needed = resampler.inputs(0..count);
     let mut input = vec![0.0; (needed.end - needed.start).max(0) as usize];
-    for (place, sample) in (needed.start..).zip(&mut input) {
-        *sample = usize::try_from(place).ok().and_then(|k| x.get(k)).copied().unwrap_or(0.0);
+    for (index, sample) in (needed.start..).zip(&mut input) {
+        *sample = usize::try_from(index).ok().and_then(|k| x.get(k)).copied().unwrap_or(0.0);
     }
     let mut out = vec![0.0; count as usize];
     resampler.process(0, &input, needed.start, 1, &mut out)?;
     Ok(out)
 }
 
-/// A small bank that is always the same, so that events of trials may count in it.
+/// Returns a small constant bank, to which the events of trials refer.
 pub(crate) fn trial_bank() -> CrumpleBank {
     let click = |n: usize, gain: f32| {
         let sample = |k: usize| gain * (-(k as f32) / 20.0).exp() * (0.9 * k as f32).sin();
@@ -343,7 +346,7 @@ pub(crate) fn trial_bank() -> CrumpleBank {
 
 #[cfg(test)]
 impl CrumpleBank {
-    /// A bank of single samples with these energies.
+    /// Creates a bank of one-value samples with the given energies.
     pub(crate) fn testing(energies: &[f64]) -> Self {
         let cut = |e: &f64| Cut { samples: vec![e.sqrt() as f32], origin: Origin::default() };
         let mut bank = Self::new(
@@ -363,7 +366,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn samples_are_sorted_by_energy_and_survive_a_file() {
+    fn samples_are_sorted_by_energy_and_preserved_by_a_file() {
         let cut = |gain: f32| Cut {
             samples: vec![gain, -gain],
             origin: Origin { recording: 0, start: f64::from(gain) },
@@ -402,26 +405,26 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_is_named() {
+    fn invalid_fields_are_named() {
         let good = trial_bank();
-        let told = |bank: CrumpleBank| bank.validate().unwrap_err().to_string();
-        assert!(told(CrumpleBank { version: 2, ..good.clone() }).contains("`version` is 2"));
-        assert!(told(CrumpleBank { fs: 0.0, ..good.clone() }).contains("`fs` is 0"));
-        assert!(told(CrumpleBank { fs: 44_100.0, ..good.clone() }).contains("`conventions`"));
-        assert!(told(CrumpleBank { peaks: vec![], ..good.clone() }).contains("`peaks` has 0 entries; 3"));
+        let error = |bank: CrumpleBank| bank.validate().unwrap_err().to_string();
+        assert!(error(CrumpleBank { version: 2, ..good.clone() }).contains("`version` is 2"));
+        assert!(error(CrumpleBank { fs: 0.0, ..good.clone() }).contains("`fs` is 0"));
+        assert!(error(CrumpleBank { fs: 44_100.0, ..good.clone() }).contains("`conventions`"));
+        assert!(error(CrumpleBank { peaks: vec![], ..good.clone() }).contains("`peaks` has 0 entries; 3"));
         assert!(
-            told(CrumpleBank { offsets: vec![0, 40, 30, 220], ..good.clone() })
+            error(CrumpleBank { offsets: vec![0, 40, 30, 220], ..good.clone() })
                 .contains("`offsets` of sample 1")
         );
         assert!(
-            told(CrumpleBank { energies: vec![2.0, 1.0, 3.0], ..good.clone() })
+            error(CrumpleBank { energies: vec![2.0, 1.0, 3.0], ..good.clone() })
                 .contains("`energies` of sample 1")
         );
-        assert!(told(CrumpleBank { recordings: vec![], ..good.clone() }).contains("`origins` of sample 0"));
+        assert!(error(CrumpleBank { recordings: vec![], ..good.clone() }).contains("`origins` of sample 0"));
         let mut broken = good.clone();
         broken.samples[50] = f32::NAN;
-        assert!(told(broken).contains("`samples` of sample 1"));
+        assert!(error(broken).contains("`samples` of sample 1"));
         let none = CrumpleBank { energies: vec![], ..good };
-        assert!(told(none).contains("no sample"));
+        assert!(error(none).contains("no sample"));
     }
 }

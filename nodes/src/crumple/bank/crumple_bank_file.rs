@@ -12,12 +12,12 @@ use crate::core::shape::{Build, Shape};
 use crate::{params, ports};
 
 params! {
-    /// A bank of micro-sounds from a file, as a tap of `CrumpleExtractor` wrote it.
+    /// Reads a bank of micro-sounds from a file that a tap of `CrumpleExtractor` wrote.
     ///
-    /// The file is JSON with every field of the bank: version, samples, energies, and how they were extracted. A file of another
-    /// version, or one that was changed by hand, is refused, and the message names the field.
+    /// The file is JSON with every field of the bank: version, samples, energies and parameters of the extraction. A file of another
+    /// version or one that was changed by hand is refused, and the message names the field.
     pub struct CrumpleBankFileParams {
-        /// The bank.
+        /// File of the bank.
         path: AssetPath;
     }
 }
@@ -25,7 +25,7 @@ ports! {
     pub struct CrumpleBankFilePorts / CrumpleBankFileIo {
         in {}
         out {
-            /// The samples.
+            /// The bank.
             bank: Value<CrumpleBank>,
         }
     }
@@ -59,9 +59,9 @@ impl Func for CrumpleBankFile {
         mut io: CrumpleBankFileIo<'_>,
     ) -> Result<Summary, Fault> {
         let bank = parse(&p.path.0, &cx.bytes("path", &p.path.0)?)?;
-        let told = bank_summary(&bank);
+        let summary = bank_summary(&bank);
         io.bank.set(bank);
-        Ok(told)
+        Ok(summary)
     }
 
     fn trial(_: &mut Rng) -> (CrumpleBankFileParams, MemoryFiles) {

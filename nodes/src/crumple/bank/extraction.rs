@@ -1,21 +1,21 @@
-//! Cuts micro-sounds out of a recording: where it is loud, from one zero crossing to another.
+//! Extraction of micro-sounds from a recording: the loud parts, from zero crossing to zero crossing.
 
 use serde::{Deserialize, Serialize};
 
-/// How micro-sounds are found.
+/// Parameters of the extraction.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Extraction {
-    /// Mean square over the window above which there is a sound, full scale^2. As a mean it holds at any rate; the paper's 0.50, 0.25
+    /// Mean square over the window above which there is a sound, full scale^2. A mean does not depend on the rate; the paper's 0.50, 0.25
     /// and 0.025 are sums over 1920 samples.
     pub threshold: f64,
     /// Window of the mean, s.
     pub window: f64,
-    /// Shorter sounds are left out, s.
+    /// Minimum length, s; shorter sounds are dropped.
     pub min_len: f64,
-    /// Longer sounds are split, s.
+    /// Maximum length, s; longer sounds are split.
     pub max_len: f64,
-    /// Sounds with no more than this between them are one, s.
+    /// Maximum gap between sounds that are joined, s.
     pub merge_gap: f64,
 }
 
@@ -25,26 +25,26 @@ impl Default for Extraction {
     }
 }
 
-/// How far an end may move to a zero crossing, s.
-const REACH: f64 = 0.01;
-/// Fade of an end that found none, s.
+/// Maximum shift of an end to a zero crossing, s.
+const MAX_SHIFT: f64 = 0.01;
+/// Fade at an end without a zero crossing, s.
 const FADE: f64 = 0.001;
 
-/// One sound in a recording.
+/// A sound in a recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Extent {
     /// First sample.
     pub start: usize,
     /// Sample after the last.
     pub end: usize,
-    /// Whether it begins, and ends, somewhere else than at a zero crossing, and has to be faded there.
+    /// True if the start, and the end, is not at a zero crossing and must be faded.
     pub fades: [bool; 2],
 }
 
-/// Sums of squares over a centred window of `w` samples: from `n - w/2` on, zeros outside.
+/// Returns sums of squares over a centred window of `w` samples, from `n - w/2`, with zeros outside.
 ///
 /// # Complexity
-/// O(n), in double precision throughout.
+/// O(n), in double precision.
 #[must_use]
 pub fn windowed_energy(x: &[f32], w: usize) -> Vec<f64> {
     let mut sums = Vec::with_capacity(x.len() + 1);
@@ -58,15 +58,15 @@ pub fn windowed_energy(x: &[f32], w: usize) -> Vec<f64> {
     (0..x.len()).map(at).collect()
 }
 
-/// Whether the signal changes sign, or is 0, between sample `n - 1` and sample `n`.
+/// Returns true if the signal changes sign, or is 0, between samples `n - 1` and `n`.
 fn crosses(x: &[f32], n: usize) -> bool {
     n == 0 || n >= x.len() || x[n - 1] == 0.0 || x[n] == 0.0 || (x[n - 1] < 0.0) != (x[n] < 0.0)
 }
 
-/// Where a recording is loud, as extents in order, without overlaps.
+/// Returns the sounds of a recording in order, without overlaps.
 ///
-/// Each run of windows louder than the threshold is extended to the nearest zero crossing on either side, 10 ms at most. Runs that
-/// overlap then are one. What is too long is split where, in its middle half, the quietest zero crossing is.
+/// Each run of windows above the threshold is extended to the nearest zero crossing on both sides, by at most 10 ms. Runs that then
+/// overlap are joined. A sound above the maximum length is split at the quietest zero crossing in its middle half.
 ///
 /// # Complexity
 /// O(n), and O(n log n) for long sounds.
@@ -74,22 +74,22 @@ fn crosses(x: &[f32], n: usize) -> bool {
 /// # Source
 /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 3.
 #[must_use]
-pub fn extents(x: &[f32], fs: f64, how: &Extraction) -> Vec<Extent> {
+pub fn extents(x: &[f32], fs: f64, params: &Extraction) -> Vec<Extent> {
     let samples = |seconds: f64| (seconds * fs).round() as usize;
-    let window = samples(how.window).max(1);
+    let window = samples(params.window).max(1);
     let energy = windowed_energy(x, window);
-    let least = how.threshold * window as f64;
-    let (reach, gap) = (samples(REACH), samples(how.merge_gap));
+    let min_energy = params.threshold * window as f64;
+    let (max_shift, gap) = (samples(MAX_SHIFT), samples(params.merge_gap));
     let mut found: Vec<Extent> = Vec::new();
-    let mut at = 0;
-    while at < x.len() {
-        if energy[at] <= least {
-            at += 1;
+    let mut start = 0;
+    while start < x.len() {
+        if energy[start] <= min_energy {
+            start += 1;
             continue;
         }
-        let run = energy[at..].iter().take_while(|e| **e > least).count();
-        let extent = extended(x, at, at + run, reach);
-        at += run;
+        let run = energy[start..].iter().take_while(|e| **e > min_energy).count();
+        let extent = extended(x, start, start + run, max_shift);
+        start += run;
         match found.last_mut() {
             Some(last) if extent.start < last.end + gap => {
                 (last.end, last.fades[1]) = (extent.end, extent.fades[1]);
@@ -97,46 +97,47 @@ pub fn extents(x: &[f32], fs: f64, how: &Extraction) -> Vec<Extent> {
             _ => found.push(extent),
         }
     }
-    let (most, shortest) = (samples(how.max_len).max(4), samples(how.min_len).max(1));
-    let mut whole = Vec::new();
-    found.into_iter().for_each(|extent| split(x, &energy, extent, most, &mut whole));
-    whole.retain(|extent| extent.end - extent.start >= shortest);
-    whole
+    let (max_len, min_len) = (samples(params.max_len).max(4), samples(params.min_len).max(1));
+    let mut sounds = Vec::new();
+    found.into_iter().for_each(|extent| split(x, &energy, extent, max_len, &mut sounds));
+    sounds.retain(|extent| extent.end - extent.start >= min_len);
+    sounds
 }
 
-/// A run with both ends moved outwards to the nearest zero crossing.
-fn extended(x: &[f32], start: usize, end: usize, reach: usize) -> Extent {
-    let left = (start.saturating_sub(reach)..=start).rev().find(|n| crosses(x, *n));
-    let right = (end..=(end + reach).min(x.len())).find(|n| crosses(x, *n));
+/// Returns a run with both ends moved outwards to the nearest zero crossing.
+fn extended(x: &[f32], start: usize, end: usize, max_shift: usize) -> Extent {
+    let left = (start.saturating_sub(max_shift)..=start).rev().find(|n| crosses(x, *n));
+    let right = (end..=(end + max_shift).min(x.len())).find(|n| crosses(x, *n));
     Extent {
-        start: left.unwrap_or(start.saturating_sub(reach)),
-        end: right.unwrap_or((end + reach).min(x.len())),
+        start: left.unwrap_or(start.saturating_sub(max_shift)),
+        end: right.unwrap_or((end + max_shift).min(x.len())),
         fades: [left.is_none(), right.is_none()],
     }
 }
 
-fn split(x: &[f32], energy: &[f64], extent: Extent, most: usize, out: &mut Vec<Extent>) {
+/// Splits a sound into parts of at most `max_len` samples.
+fn split(x: &[f32], energy: &[f64], extent: Extent, max_len: usize, out: &mut Vec<Extent>) {
     let Extent { start, end, fades } = extent;
     let length = end - start;
-    if length <= most {
+    if length <= max_len {
         out.push(extent);
         return;
     }
-    // Near its ends a sound is always quiet: only the middle half is looked at.
+    // A sound is quiet near its ends, so only its middle half is searched.
     let middle = start + length / 4..end - length / 4;
     let quietest = |crossings: bool| {
-        let places = middle.clone().filter(|n| !crossings || crosses(x, *n));
-        places.min_by(|a, b| energy[*a].total_cmp(&energy[*b]))
+        let candidates = middle.clone().filter(|n| !crossings || crosses(x, *n));
+        candidates.min_by(|a, b| energy[*a].total_cmp(&energy[*b]))
     };
-    let (at, fade) = match quietest(true) {
-        Some(at) => (at, false),
+    let (cut, fade) = match quietest(true) {
+        Some(cut) => (cut, false),
         None => (quietest(false).unwrap_or(start + length / 2), true),
     };
-    split(x, energy, Extent { start, end: at, fades: [fades[0], fade] }, most, out);
-    split(x, energy, Extent { start: at, end, fades: [fade, fades[1]] }, most, out);
+    split(x, energy, Extent { start, end: cut, fades: [fades[0], fade] }, max_len, out);
+    split(x, energy, Extent { start: cut, end, fades: [fade, fades[1]] }, max_len, out);
 }
 
-/// The samples of an extent, faded where it is not cut at a zero crossing.
+/// Returns the samples of a sound, faded at ends that are not zero crossings.
 #[must_use]
 pub fn cut(x: &[f32], fs: f64, extent: &Extent) -> Vec<f32> {
     let mut samples = x[extent.start..extent.end].to_vec();

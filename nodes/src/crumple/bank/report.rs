@@ -1,4 +1,4 @@
-//! The figure of a bank: its samples in the waveforms of the recordings.
+//! A bank in reports: its summary, and the figure of its samples in the waveforms of the recordings.
 
 use std::fmt::Write;
 
@@ -8,14 +8,15 @@ use crate::core::node::Summary;
 use crate::core::random::Rng;
 use crate::plot::escaped;
 
+/// Size of the figure, height of a row and left margin.
 const WIDTH: f64 = 960.0;
 const ROW: f64 = 90.0;
 const LEFT: f64 = 12.0;
 
-/// One row per recording: its outline, and what was taken of it in colour.
+/// Draws one row per recording: its outline, and its samples in colour.
 fn plot(bank: &CrumpleBank) -> Option<String> {
     let longest = bank.recordings.iter().map(|r| r.seconds).fold(0.0, f64::max);
-    let peak = bank.recordings.iter().flat_map(|r| &r.outline).fold(0.0, |most: f32, x| most.max(*x));
+    let peak = bank.recordings.iter().flat_map(|r| &r.outline).fold(0.0, |peak: f32, x| peak.max(*x));
     if longest <= 0.0 || peak <= 0.0 {
         return None;
     }
@@ -25,7 +26,7 @@ fn plot(bank: &CrumpleBank) -> Option<String> {
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {height}\" font-family=\"sans-serif\" \
          font-size=\"12\">\n<rect width=\"{WIDTH}\" height=\"{height}\" fill=\"white\"/>\n"
     );
-    // Writing to a string does not fail.
+    // Writing to a string cannot fail.
     let _ = writeln!(
         svg,
         "<text x=\"{LEFT}\" y=\"20\" font-weight=\"bold\">{} samples of {} in {} recordings; the longest lasts {longest:.2} s</text>",
@@ -53,13 +54,13 @@ fn plot(bank: &CrumpleBank) -> Option<String> {
             );
         }
         let step = recording.seconds * scale / recording.outline.len().max(1) as f64;
-        let at = |k: usize, up: f64| {
-            let high = 0.38 * ROW * f64::from(recording.outline[k] / peak);
-            format!("{:.1},{:.1}", LEFT + (k as f64 + 0.5) * step, middle - up * high)
+        let point = |k: usize, sign: f64| {
+            let height = 0.38 * ROW * f64::from(recording.outline[k] / peak);
+            format!("{:.1},{:.1}", LEFT + (k as f64 + 0.5) * step, middle - sign * height)
         };
-        let there = (0..recording.outline.len()).map(|k| at(k, 1.0));
-        let back = (0..recording.outline.len()).rev().map(|k| at(k, -1.0));
-        let points = there.chain(back).collect::<Vec<_>>().join(" ");
+        let upper = (0..recording.outline.len()).map(|k| point(k, 1.0));
+        let lower = (0..recording.outline.len()).rev().map(|k| point(k, -1.0));
+        let points = upper.chain(lower).collect::<Vec<_>>().join(" ");
         let _ = writeln!(svg, "<polygon points=\"{points}\" fill=\"#2166ac\" stroke=\"none\"/>");
     }
     svg.push_str("</svg>\n");
@@ -74,29 +75,29 @@ impl Data for CrumpleBank {
         trial_bank()
     }
 
-    /// Its samples in the waveforms of their recordings: figure 8 of An, James and Marschner (2012).
+    /// Draws the samples in the waveforms of their recordings: figure 8 of An, James and Marschner (2012).
     fn plot(&self) -> Option<String> {
         plot(self)
     }
 }
 
-/// Samples below which a bank is too small to sound varied.
-const FEW: usize = 30;
-/// What the report says of a bank.
+/// Number of samples below which repetitions are audible.
+const MIN_SAMPLES: usize = 30;
+/// Summary of a bank for the report.
 pub(super) fn bank_summary(bank: &CrumpleBank) -> Summary {
-    let (least, most) = (bank.energies.first(), bank.energies.last());
-    let mut told: Summary = vec![
+    let (weakest, strongest) = (bank.energies.first(), bank.energies.last());
+    let mut summary: Summary = vec![
         ("samples", bank.len().into()),
-        ("weakest", least.copied().unwrap_or(0.0).into()),
-        ("strongest", most.copied().unwrap_or(0.0).into()),
+        ("weakest", weakest.copied().unwrap_or(0.0).into()),
+        ("strongest", strongest.copied().unwrap_or(0.0).into()),
         ("longest_s", bank.longest().into()),
     ];
-    if bank.len() < FEW {
+    if bank.len() < MIN_SAMPLES {
         let text =
-            format!("only {} samples: with fewer than {FEW} they are heard again and again", bank.len());
-        told.push(("warning", text.into()));
+            format!("only {} samples: with fewer than {MIN_SAMPLES} repetitions are audible", bank.len());
+        summary.push(("warning", text.into()));
     }
-    told
+    summary
 }
 
 #[cfg(test)]

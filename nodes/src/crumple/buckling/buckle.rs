@@ -1,46 +1,46 @@
-//! Which vertices snap from one side to the other between two frames.
+//! Vertices whose mean curvature changes sign between two frames.
 
 use serde::{Deserialize, Serialize};
 
 use crate::curvature::{Curvature, Method};
 use crate::impl_state;
 
-/// Whether one vertex snaps in one frame, and by how much.
+/// The buckling of one vertex in one frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Buckle {
-    /// 1 where the curvature rises above 0, -1 where it falls below, 0 elsewhere.
+    /// 1 if the curvature rises above 0, -1 if it falls below 0, 0 if the vertex does not buckle.
     pub label: i8,
-    /// Change of mean curvature since the other side was last certain, 1/m; 0 where nothing snaps.
+    /// Change of mean curvature since the last frame with the other sign, 1/m; 0 if the vertex does not buckle.
     pub delta: f64,
-    /// Area of the vertex, the mean of this frame and the one before, m^2.
+    /// Area of the vertex, the mean of this frame and the previous one, m^2.
     pub area: f64,
     /// Unit normal.
     pub normal: [f32; 3],
     /// Position, m.
     pub position: [f32; 3],
-    /// Dead band that was passed, 1/m.
+    /// Dead band of the detector, 1/m.
     pub h_eps: f32,
-    /// How the curvature was measured.
+    /// Method of the curvature measurement.
     pub method: Method,
 }
 
-/// What is kept of a vertex.
+/// State of a vertex.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
-struct Side {
-    /// 1 or -1; 0 while no side is certain.
+struct SignState {
+    /// Sign of the curvature, 1 or -1; 0 while it is unknown.
     sign: i8,
-    /// Curvature in the last frame in which that side was certain.
+    /// Curvature in the last frame outside of the dead band, 1/m.
     h: f64,
-    /// Area in the last frame.
+    /// Area in the last frame, m^2.
     area: f64,
 }
 
-/// Watches on which side of zero the curvature of every vertex is.
+/// Detects changes of the sign of the mean curvature of every vertex.
 ///
-/// A vertex snaps outwards (label 1) when its curvature was below 0 and is not any more, and inwards (-1) when it was not and is.
-/// With a dead band `h_eps` a side counts only while `|H| > h_eps`, and the change is measured from the last frame in
-/// which the old side was certain; with 0 that is the frame before. A vertex begins with no side, and loses it in a
-/// frame in which its curvature means nothing: then it cannot snap.
+/// A vertex buckles outwards (label 1) when its curvature `H` changes from below 0 to 0 or above, and inwards (-1) when it changes back.
+/// With a dead band `h_eps` the sign is known only while `|H| > h_eps`. The change of curvature is measured from the last frame in which
+/// the previous sign was known; without a dead band that is the previous frame. The sign of a vertex is unknown in the first frame and
+/// after a frame with an invalid curvature. Such a vertex cannot buckle.
 ///
 /// # Source
 /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 3; the dead band is an
@@ -63,15 +63,15 @@ struct Side {
 #[derive(Clone, Debug)]
 pub struct BuckleDetector {
     h_eps: f64,
-    sides: Vec<Side>,
+    states: Vec<SignState>,
 }
-impl_state!(BuckleDetector { sides });
+impl_state!(BuckleDetector { states });
 
 impl BuckleDetector {
-    /// A detector for this many vertices.
+    /// Creates a detector for a number of vertices.
     #[must_use]
     pub fn new(vertices: usize, h_eps: f64) -> Self {
-        Self { h_eps, sides: vec![Side::default(); vertices] }
+        Self { h_eps, states: vec![SignState::default(); vertices] }
     }
 
     /// Changes the dead band from the next frame on.
@@ -79,25 +79,26 @@ impl BuckleDetector {
         self.h_eps = h_eps;
     }
 
-    /// Goes on as another detector of as many vertices would.
+    /// Copies the state of a detector of the same number of vertices.
     pub fn take_state(&mut self, old: &Self) {
-        if old.sides.len() == self.sides.len() {
-            self.sides.copy_from_slice(&old.sides);
+        if old.states.len() == self.states.len() {
+            self.states.copy_from_slice(&old.states);
         }
     }
 
-    /// Labels the vertices of the next frame, one element each.
+    /// Detects the buckling vertices of the next frame, one element per vertex.
     ///
     /// # Complexity
-    /// O(V), nothing allocated.
+    /// O(V); no allocation.
     pub fn detect(&mut self, frame: &[Curvature], out: &mut [Buckle]) {
-        for ((side, c), out) in self.sides.iter_mut().zip(frame).zip(out) {
-            *out = side.next(c, self.h_eps);
+        for ((state, c), out) in self.states.iter_mut().zip(frame).zip(out) {
+            *out = state.next(c, self.h_eps);
         }
     }
 }
 
-impl Side {
+impl SignState {
+    /// Updates the sign with the curvature of the next frame.
     fn next(&mut self, c: &Curvature, h_eps: f64) -> Buckle {
         let mut buckle = Buckle {
             area: 0.5 * (self.area + c.area),
@@ -107,21 +108,21 @@ impl Side {
             method: c.method,
             ..Buckle::default()
         };
-        let sure = match c.h {
+        let sign = match c.h {
             _ if !c.valid => {
                 *self = Self::default();
                 return buckle;
             }
-            // The paper's rule: zero belongs to the outside.
+            // The paper's rule: zero counts as positive.
             h if h_eps == 0.0 => 2 * i8::from(h >= 0.0) - 1,
             h => i8::from(h > h_eps) - i8::from(h < -h_eps),
         };
         self.area = c.area;
-        if sure != 0 {
-            if self.sign == -sure {
-                (buckle.label, buckle.delta) = (sure, c.h - self.h);
+        if sign != 0 {
+            if self.sign == -sign {
+                (buckle.label, buckle.delta) = (sign, c.h - self.h);
             }
-            (self.sign, self.h) = (sure, c.h);
+            (self.sign, self.h) = (sign, c.h);
         }
         buckle
     }
@@ -145,7 +146,7 @@ mod tests {
         h.iter().map(label).collect()
     }
 
-    /// Labels over all frames, and the valid vertices of the last that lie on either side.
+    /// Number of labels over all frames, and of valid vertices of either sign in the last frame.
     fn count(scene: &Scene, frames: &[Vec<[f64; 3]>], method: Method) -> (usize, [usize; 2]) {
         let n = scene.points.len();
         let mut measure = MeanCurvature::new(&scene.topology(), method).unwrap();
@@ -157,23 +158,23 @@ mod tests {
             detector.detect(&bent, &mut found);
             count += found.iter().filter(|b| b.label != 0).count();
         }
-        let side = |out: bool| bent.iter().filter(|c| c.valid && (c.h > 0.0) == out).count();
-        (count, [side(false), side(true)])
+        let count_sign = |positive: bool| bent.iter().filter(|c| c.valid && (c.h > 0.0) == positive).count();
+        (count, [count_sign(false), count_sign(true)])
     }
 
     #[test]
-    fn signs_change_as_in_the_paper_and_zero_is_outside() {
+    fn signs_change_as_in_the_paper_and_zero_is_positive() {
         let found = labels(&[-1.0, 0.0, 0.5, -0.25, 0.0, -2.0], 0.0);
         assert_eq!(found, [(0, 0.0), (1, 1.0), (0, 0.0), (-1, -0.75), (1, 0.25), (-1, -2.0)]);
     }
 
     #[test]
-    fn a_frame_without_meaning_forgets_the_side() {
+    fn the_sign_is_unknown_after_an_invalid_frame() {
         assert_eq!(labels(&[-1.0, f64::NAN, 1.0, -1.0], 0.0), [(0, 0.0), (0, 0.0), (0, 0.0), (-1, -2.0)]);
     }
 
     #[test]
-    fn in_the_dead_band_the_last_certain_frame_counts() {
+    fn the_change_is_measured_from_the_last_frame_outside_of_the_dead_band() {
         let found = labels(&[-0.05, -1.0, -0.5, -0.05, 0.1, 0.3, 0.05, -0.15, -0.3, 0.1], 0.2);
         let changes: Vec<_> =
             found.iter().enumerate().filter(|(_, f)| f.0 != 0).map(|(k, f)| (k, *f)).collect();
@@ -181,17 +182,17 @@ mod tests {
     }
 
     #[test]
-    fn what_only_turns_or_changes_its_size_does_not_snap() {
-        // Turning may change the last bits of a curvature, never its sign: none of these sheets is flat to 1e-12 at a vertex.
+    fn rotation_and_scaling_do_not_buckle() {
+        // Rotation may change the last bits of a curvature, but not its sign: no vertex of these sheets is flat to 1e-12.
         for method in [Method::Cotan, Method::Dihedral] {
             for seed in 0..6 {
                 let sheet = crumpled(25, seed);
                 let tumble = |k: usize| sheet.map(|p| moved(p, 0.37 * k as f64, [0.1 * k as f64, -0.2, 0.3]));
-                let (labels, sides) = count(&sheet, &(0..20).map(tumble).collect::<Vec<_>>(), method);
-                // The sheet has folds of both kinds: there is something that could snap.
-                assert!(labels == 0 && sides.iter().all(|n| *n > 20), "{labels} labels on {sides:?}");
+                let (labels, signs) = count(&sheet, &(0..20).map(tumble).collect::<Vec<_>>(), method);
+                // The sheet has folds of both signs, so it could buckle.
+                assert!(labels == 0 && signs.iter().all(|n| *n > 20), "{labels} labels on {signs:?}");
                 let breathe = |k: usize| sheet.map(|p| p.map(|x| x * 1.4_f64.powi([0, 3, -5, 8, 1][k % 5])));
-                assert_eq!(count(&sheet, &(0..10).map(breathe).collect::<Vec<_>>(), method), (0, sides));
+                assert_eq!(count(&sheet, &(0..10).map(breathe).collect::<Vec<_>>(), method), (0, signs));
             }
             for sphere in [icosphere(3), icosphere(3).flipped()] {
                 let size = |k: usize| sphere.map(|p| p.map(|x| x * [1.0, 1.3, 4.0, 0.2, 0.01, 30.0][k % 6]));

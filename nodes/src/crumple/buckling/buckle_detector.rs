@@ -1,4 +1,4 @@
-//! The node around [`BuckleDetector`](super::BuckleDetector).
+//! Detection of buckling vertices, as a node.
 
 use super::buckle;
 use super::buckles::Buckles;
@@ -10,27 +10,27 @@ use crate::curvature::{Curvatures, RestNoise};
 use crate::{archive_state, params, ports};
 
 params! {
-    /// Finds the vertices of a cloth that snap from one side to the other.
+    /// Detects the vertices of a cloth whose mean curvature changes sign from one frame to the next.
     ///
-    /// A vertex snaps outwards (label 1) when its mean curvature was below 0 in the frame before and is not any more, and inwards (-1)
-    /// when it was not and is. On cloth that is nearly flat the sign is noise, which the dead band keeps out: with `h_eps` above
-    /// 0 a side counts only while the curvature is at least that strong. Three times the noise of the resting cloth is a good
-    /// dead band; `RestNoise` measures it, and may be linked to `h_eps`. Hems never snap.
+    /// A vertex buckles outwards (label 1) when its curvature changes from below 0 to 0 or above, and inwards (-1) when it changes back.
+    /// On nearly flat cloth the sign is noise. A dead band `h_eps` above 0 excludes it: the sign changes only when the absolute curvature
+    /// exceeds `h_eps`. Three times the noise of the resting cloth is a good dead band; `RestNoise` measures it and can be linked to
+    /// `h_eps`. Vertices on a hem never buckle.
     ///
     /// # Source
     /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 3; the dead band is an
-    /// addition, and 0 is the paper's rule.
+    /// addition; 0 is the paper's rule.
     pub struct BuckleDetectorParams {
-        /// Dead band: curvature that leaves the side open.
+        /// Dead band: absolute curvature up to which the sign is unknown.
         h_eps: f64 = 0.0, unit "1/m", range 0.0..=100_000.0;
     }
 }
 ports! {
     pub struct BuckleDetectorPorts / BuckleDetectorIo {
         in {
-            /// Curvature of the cloth.
+            /// Curvature of each vertex.
             curvature: Stream<Curvatures>,
-            /// Noise of the resting cloth, whose dead band takes the place of the parameter.
+            /// Noise of the resting cloth; its dead band replaces the parameter.
             h_eps: Option<Value<RestNoise>>,
         }
         out {
@@ -43,8 +43,9 @@ ports! {
 /// The node `BuckleDetector`.
 pub struct BuckleDetectorNode {
     detector: buckle::BuckleDetector,
-    snaps: [u64; 2],
-    most: usize,
+    /// Numbers of labels, outwards and inwards.
+    counts: [u64; 2],
+    max_per_frame: usize,
 }
 
 impl Node for BuckleDetectorNode {
@@ -64,7 +65,7 @@ impl Node for BuckleDetectorNode {
     fn build(p: &BuckleDetectorParams, cx: &Build<'_>) -> Result<Self, Fault> {
         let vertices = cx.input(BuckleDetectorPorts::curvature).format.topology.vertex_count();
         let detector = buckle::BuckleDetector::new(vertices, p.h_eps);
-        Ok(Self { detector, snaps: [0; 2], most: 0 })
+        Ok(Self { detector, counts: [0; 2], max_per_frame: 0 })
     }
 
     fn run(&mut self, mut io: BuckleDetectorIo<'_>) -> Result<(), Fault> {
@@ -77,19 +78,19 @@ impl Node for BuckleDetectorNode {
             self.detector.detect(frame, out);
             let count = |label| out.iter().filter(|b| b.label == label).count();
             let (outwards, inwards) = (count(1), count(-1));
-            self.snaps[0] += outwards as u64;
-            self.snaps[1] += inwards as u64;
-            self.most = self.most.max(outwards + inwards);
+            self.counts[0] += outwards as u64;
+            self.counts[1] += inwards as u64;
+            self.max_per_frame = self.max_per_frame.max(outwards + inwards);
         }
         Ok(())
     }
 
     fn finish(&mut self, _: BuckleDetectorIo<'_>) -> Result<Summary, Fault> {
-        let [outwards, inwards] = self.snaps;
+        let [outwards, inwards] = self.counts;
         Ok(vec![
             ("outwards", outwards.into()),
             ("inwards", inwards.into()),
-            ("in_a_frame_at_most", self.most.into()),
+            ("in_a_frame_at_most", self.max_per_frame.into()),
         ])
     }
 
@@ -100,10 +101,10 @@ impl Node for BuckleDetectorNode {
 
     fn adopt(&mut self, old: &mut Self) {
         self.detector.take_state(&old.detector);
-        (self.snaps, self.most) = (old.snaps, old.most);
+        (self.counts, self.max_per_frame) = (old.counts, old.max_per_frame);
     }
 
-    archive_state!(detector, snaps, most);
+    archive_state!(detector, counts, max_per_frame);
 }
 
 #[cfg(test)]
@@ -116,7 +117,7 @@ mod tests {
     use crate::mesh::{MeshFormat, Topology};
 
     #[test]
-    fn a_linked_noise_is_the_dead_band() {
+    fn a_linked_noise_replaces_the_dead_band() {
         let topology = Topology { rest: vec![[0.0; 3]], triangles: Vec::new() };
         let bent = |h| Curvature { h, valid: true, ..Curvature::default() };
         let frames: Vec<_> = [-1.0, 0.1, -0.1, 0.1, 1.0].map(bent).into();

@@ -1,4 +1,4 @@
-//! Pictures of a cloth with the vertices that snap, as a value that draws itself.
+//! Figures of a cloth with its buckling vertices.
 
 use std::fmt::Write;
 
@@ -18,7 +18,7 @@ use crate::core::time::ticks;
 use crate::{archive_state, choices, params, ports};
 
 choices! {
-    /// From where a cloth is looked at.
+    /// Direction of view.
     pub enum View {
         /// From above: x to the right, y up.
         Top,
@@ -26,7 +26,7 @@ choices! {
         Front,
         /// From the side: y to the right, z up.
         Side,
-        /// From the front, from one side and from above at once.
+        /// From the front, one side and above.
         Oblique,
     }
 }
@@ -42,20 +42,20 @@ impl View {
     }
 }
 
-/// One frame.
+/// One frame of a figure.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Panel {
-    /// Its time, s.
+    /// Time, s.
     pub seconds: f64,
-    /// Places of all vertices in the picture, m.
+    /// Projected positions of all vertices, m.
     pub vertices: Vec<[f32; 2]>,
-    /// Vertices that snap outwards.
+    /// Vertices that buckle outwards.
     pub outwards: Vec<u32>,
-    /// Vertices that snap inwards.
+    /// Vertices that buckle inwards.
     pub inwards: Vec<u32>,
 }
 
-/// Some frames of a cloth with the vertices that snap in them: figure 6 of An, James and Marschner (2012).
+/// Some frames of a cloth with their buckling vertices: figure 6 of An, James and Marschner (2012).
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct BucklePicture {
     /// Triangles.
@@ -64,6 +64,7 @@ pub struct BucklePicture {
     pub panels: Vec<Panel>,
 }
 
+/// Width of a panel in the figure.
 const SIZE: f64 = 420.0;
 
 impl Data for BucklePicture {
@@ -80,9 +81,9 @@ impl Data for BucklePicture {
 
     fn plot(&self) -> Option<String> {
         let all = || self.panels.iter().flat_map(|p| &p.vertices);
-        let end = |k: usize, least: bool| {
+        let end = |k: usize, minimum: bool| {
             all().map(|p| f64::from(p[k])).fold(None, |a: Option<f64>, x| {
-                Some(a.map_or(x, |a| if least { a.min(x) } else { a.max(x) }))
+                Some(a.map_or(x, |a| if minimum { a.min(x) } else { a.max(x) }))
             })
         };
         let (low, high) = ([end(0, true)?, end(1, true)?], [end(0, false)?, end(1, false)?]);
@@ -94,13 +95,13 @@ impl Data for BucklePicture {
              font-size=\"13\">\n<rect width=\"{width}\" height=\"{tall:.0}\" fill=\"white\"/>\n"
         );
         for (k, panel) in self.panels.iter().enumerate() {
-            let place = |v: u32| {
+            let position = |v: u32| {
                 let p = panel.vertices.get(v as usize).copied().unwrap_or_default();
                 let x = wide * k as f64 + 20.0 + (f64::from(p[0]) - low[0]) * scale;
                 (x, 40.0 + (high[1] - f64::from(p[1])) * scale)
             };
             let (outwards, inwards) = (panel.outwards.len(), panel.inwards.len());
-            // Writing to a string does not fail.
+            // Writing to a string cannot fail.
             let _ = writeln!(
                 svg,
                 "<text x=\"{}\" y=\"22\">{:.3} s: {outwards} outwards (red), {inwards} inwards (blue)</text>",
@@ -109,13 +110,13 @@ impl Data for BucklePicture {
             );
             svg.push_str("<path fill=\"none\" stroke=\"#bbb\" stroke-width=\"0.4\" d=\"");
             for t in &self.triangles {
-                let [a, b, c] = t.map(place);
+                let [a, b, c] = t.map(position);
                 let _ = write!(svg, "M{:.1} {:.1}L{:.1} {:.1}L{:.1} {:.1}", a.0, a.1, b.0, b.1, c.0, c.1);
             }
             svg.push_str("\"/>\n");
             for (list, colour) in [(&panel.outwards, "#b2182b"), (&panel.inwards, "#2166ac")] {
                 for v in list {
-                    let (x, y) = place(*v);
+                    let (x, y) = position(*v);
                     let _ = writeln!(svg, "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"2\" fill=\"{colour}\"/>");
                 }
             }
@@ -126,25 +127,25 @@ impl Data for BucklePicture {
 }
 
 params! {
-    /// Draws a cloth in some frames, with the vertices that snap in them coloured: `--tap NODE=figure.svg`.
+    /// Draws some frames of a cloth with coloured buckling vertices: `--tap NODE=figure.svg`.
     ///
     /// # Source
     /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), figure 6.
     pub struct BuckleFigureParams {
-        /// When; the frame at each time or after it is drawn. With no time, the three frames in which most vertices snap are drawn.
+        /// Times of the frames; the frame at each time or after it is drawn. Without times, the three frames with the most buckling vertices are drawn.
         times: Vec<f64> = Vec::new(), unit "s", range 0.0..=86_400.0;
-        /// From where.
+        /// Direction of view.
         view: View = View::Oblique;
     }
 }
 ports! {
     pub struct BuckleFigurePorts / BuckleFigureIo {
         in {
-            /// Vertices that snap.
+            /// Buckling vertices.
             buckles: Stream<Buckles>,
         }
         out {
-            /// The picture.
+            /// The figure.
             picture: Fold<BucklePicture>,
         }
     }
@@ -159,14 +160,14 @@ pub struct BuckleFigure {
     panels: Vec<Panel>,
 }
 
-/// Frames that are drawn where no time is given.
-const SHOWN: usize = 3;
+/// Number of frames that are drawn without `times`.
+const DEFAULT_FRAMES: usize = 3;
 
 fn panel(seconds: f64, frame: &[Buckle], view: View) -> Panel {
-    let with =
+    let vertices_with =
         |label: i8| frame.iter().zip(0..).filter(move |(b, _)| b.label == label).map(|(_, v)| v).collect();
     let vertices = frame.iter().map(|b| view.project(b.position)).collect();
-    Panel { seconds, vertices, outwards: with(1), inwards: with(-1) }
+    Panel { seconds, vertices, outwards: vertices_with(1), inwards: vertices_with(-1) }
 }
 
 impl Node for BuckleFigure {
@@ -177,7 +178,9 @@ impl Node for BuckleFigure {
 
     fn shape(_: &BuckleFigureParams, s: &mut Shape<'_, '_, BuckleFigurePorts>) -> Result<(), Reject> {
         if s.input(BuckleFigurePorts::buckles).end.is_none() {
-            return Err(Reject::new("F075", "`buckles` do not end").at("buckles"));
+            return Err(
+                Reject::new("F075", "`buckles` does not end; a figure needs a finite stream").at("buckles")
+            );
         }
         Ok(())
     }
@@ -199,14 +202,14 @@ impl Node for BuckleFigure {
                 self.panels.push(panel(seconds, frame, self.view));
             } else if self.frames.is_empty() {
                 let count = |p: &Panel| p.outwards.len() + p.inwards.len();
-                let snaps = frame.iter().filter(|b| b.label != 0).count();
-                let full = self.panels.len() == SHOWN;
-                let least = self.panels.iter().map(count).min().unwrap_or(0);
-                if snaps == 0 || (full && snaps <= least) {
+                let buckling = frame.iter().filter(|b| b.label != 0).count();
+                let full = self.panels.len() == DEFAULT_FRAMES;
+                let fewest = self.panels.iter().map(count).min().unwrap_or(0);
+                if buckling == 0 || (full && buckling <= fewest) {
                     continue;
                 }
-                if let Some(at) = self.panels.iter().position(|p| full && count(p) == least) {
-                    self.panels.remove(at);
+                if let Some(index) = self.panels.iter().position(|p| full && count(p) == fewest) {
+                    self.panels.remove(index);
                 }
                 self.panels.push(panel(seconds, frame, self.view));
             }
@@ -216,9 +219,9 @@ impl Node for BuckleFigure {
 
     fn finish(&mut self, mut io: BuckleFigureIo<'_>) -> Result<Summary, Fault> {
         let panels = std::mem::take(&mut self.panels);
-        let told = vec![("frames", panels.len().into())];
+        let summary = vec![("frames", panels.len().into())];
         io.picture.set(BucklePicture { triangles: std::mem::take(&mut self.triangles), panels });
-        Ok(told)
+        Ok(summary)
     }
 
     archive_state!(panels);
@@ -238,7 +241,7 @@ mod tests {
     use crate::mesh::MeshFormat;
 
     #[test]
-    fn the_frames_asked_for_or_the_liveliest_are_drawn() {
+    fn the_frames_at_the_times_or_those_with_the_most_labels_are_drawn() {
         let scene = grid(4, 3, false, |u, v| [u, v, 0.0]);
         let frame = |snaps: usize| {
             let buckle = |(v, p): (usize, &[f64; 3])| Buckle {

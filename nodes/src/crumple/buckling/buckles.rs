@@ -1,4 +1,4 @@
-//! The stream of buckles.
+//! Buckling vertices as items of a stream.
 
 use super::buckle::Buckle;
 use crate::core::item::Item;
@@ -6,7 +6,7 @@ use crate::core::random::Rng;
 use crate::curvature::Method;
 use crate::mesh::{Mesh, MeshFormat};
 
-/// The vertices of a cloth that snap from one side to the other, frame by frame.
+/// The buckling of each vertex of a cloth, frame by frame.
 #[derive(Debug)]
 pub struct Buckles;
 
@@ -28,22 +28,22 @@ impl Item for Buckles {
         Mesh::trial_format(rng)
     }
 
-    fn trial(format: &MeshFormat, place: usize, rng: &mut Rng) -> Buckle {
+    fn trial(format: &MeshFormat, index: usize, rng: &mut Rng) -> Buckle {
         let label = [-1, 0, 0, 1][rng.below(4)];
         Buckle {
             label,
             delta: f64::from(label) * rng.between(0.1, 5.0),
             area: rng.between(1e-5, 1e-3),
             normal: [0.0, 0.0, 1.0],
-            position: Mesh::trial(format, place, rng),
+            position: Mesh::trial(format, index, rng),
             h_eps: 0.0,
             method: Method::default(),
         }
     }
 
     fn finite(b: &Buckle) -> bool {
-        let places = b.normal.into_iter().chain(b.position);
-        b.delta.is_finite() && b.area.is_finite() && places.into_iter().all(f32::is_finite)
+        let coordinates = b.normal.into_iter().chain(b.position);
+        b.delta.is_finite() && b.area.is_finite() && coordinates.into_iter().all(f32::is_finite)
     }
 
     fn poison() -> Buckle {

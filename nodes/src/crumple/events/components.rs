@@ -1,17 +1,17 @@
-//! Connected vertices that snap to the same side in one frame.
+//! Components: connected vertices that buckle to the same side in one frame.
 
 use crate::crumple::buckling::Buckle;
 use crate::mesh::{MeshError, MeshPrepare, Topology};
 use serde::{Deserialize, Serialize};
 
-/// Neighbours of each vertex along the edges of a mesh.
+/// One-rings of the vertices of a mesh.
 #[derive(Clone, Debug)]
-pub(super) struct Neighbours {
+pub(super) struct OneRings {
     starts: Vec<u32>,
     of: Vec<u32>,
 }
 
-impl Neighbours {
+impl OneRings {
     pub fn new(topology: &Topology) -> Result<Self, MeshError> {
         let mesh = MeshPrepare::new(topology)?;
         let vertices = topology.vertex_count();
@@ -30,6 +30,7 @@ impl Neighbours {
         Ok(Self { starts, of })
     }
 
+    /// Returns the one-ring of a vertex.
     pub fn of(&self, v: u32) -> &[u32] {
         &self.of[self.starts[v as usize] as usize..self.starts[v as usize + 1] as usize]
     }
@@ -39,52 +40,56 @@ impl Neighbours {
     }
 }
 
-/// What the vertices of a component add up to.
+/// Sums over the vertices of a component.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Sums {
-    /// Change of curvature, 1/m, and its length, which is the same where all have one sign.
+    /// Sum of the changes of curvature, 1/m.
     pub change: f64,
-    pub length: f64,
-    /// Area times change, m.
+    /// Sum of their absolute values, 1/m, equal to `change.abs()` if all have one sign.
+    pub magnitude: f64,
+    /// Sum of area times change, m.
     pub weighted: f64,
+    /// Sum of areas, m^2.
     pub area: f64,
     pub count: u32,
-    /// Positions, and positions times area.
-    pub place: [f64; 3],
-    pub weighted_place: [f64; 3],
+    /// Sum of positions, m.
+    pub position: [f64; 3],
+    /// Sum of positions times area.
+    pub weighted_position: [f64; 3],
+    /// Sum of normals times area.
     pub normal: [f64; 3],
 }
 
 impl Sums {
     pub fn add(&mut self, b: &Buckle) {
         let area = b.area;
-        let of = |k: usize| {
+        let terms = |k: usize| {
             let x = f64::from(b.position[k]);
             (x, x * area, f64::from(b.normal[k]) * area)
         };
         let mut one = Self {
             change: b.delta,
-            length: b.delta.abs(),
+            magnitude: b.delta.abs(),
             weighted: area * b.delta,
             area,
             count: 1,
             ..Self::default()
         };
         for k in 0..3 {
-            (one.place[k], one.weighted_place[k], one.normal[k]) = of(k);
+            (one.position[k], one.weighted_position[k], one.normal[k]) = terms(k);
         }
         self.join(&one);
     }
 
     pub fn join(&mut self, other: &Self) {
         self.change += other.change;
-        self.length += other.length;
+        self.magnitude += other.magnitude;
         self.weighted += other.weighted;
         self.area += other.area;
         self.count += other.count;
         for k in 0..3 {
-            self.place[k] += other.place[k];
-            self.weighted_place[k] += other.weighted_place[k];
+            self.position[k] += other.position[k];
+            self.weighted_position[k] += other.weighted_position[k];
             self.normal[k] += other.normal[k];
         }
     }
@@ -93,86 +98,86 @@ impl Sums {
 /// A component of one frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Component {
-    /// Its lowest vertex.
+    /// Lowest vertex.
     pub id: u32,
     pub sign: i8,
     pub material: u16,
     pub sums: Sums,
 }
 
-/// Finds the components of frame after frame.
+/// Finds the components of each frame.
 #[derive(Clone, Debug)]
 pub(super) struct Components {
-    /// Leader of each labelled vertex.
-    leader: Vec<u32>,
-    /// Place in `found` of the component of each labelled vertex.
-    place: Vec<u32>,
-    /// Vertices with a label, lowest first.
+    /// Union-find parent of each labelled vertex.
+    parent: Vec<u32>,
+    /// Index in `found` of the component of each labelled vertex.
+    index: Vec<u32>,
+    /// Vertices with a label, in ascending order.
     pub labelled: Vec<u32>,
     pub found: Vec<Component>,
 }
 
 impl Components {
     pub fn new(vertices: usize) -> Self {
-        let room = Vec::with_capacity(vertices);
         Self {
-            leader: vec![0; vertices],
-            place: vec![0; vertices],
-            labelled: room,
+            parent: vec![0; vertices],
+            index: vec![0; vertices],
+            labelled: Vec::with_capacity(vertices),
             found: Vec::with_capacity(vertices),
         }
     }
 
-    /// The place in `found` of the component of a labelled vertex.
+    /// Returns the index in `found` of the component of a labelled vertex.
     pub fn of(&self, v: u32) -> usize {
-        self.place[v as usize] as usize
+        self.index[v as usize] as usize
     }
 
-    /// Joins neighbours of the same label and material, by union-find with the lowest vertex leading.
+    /// Joins neighbours of the same label and material, by union-find with the lowest vertex as root.
     ///
     /// # Complexity
-    /// O(V) for the labels, and O(n) for n vertices that have one and their edges. Nothing is allocated.
-    pub fn find(&mut self, frame: &[Buckle], mesh: &Neighbours, materials: &[u16]) {
+    /// O(V) for the labels, and O(n) for n labelled vertices and their edges. No allocation.
+    pub fn find(&mut self, frame: &[Buckle], mesh: &OneRings, materials: &[u16]) {
         self.labelled.clear();
         self.found.clear();
         let labelled = frame.iter().zip(0..).filter(|(b, _)| b.label != 0).map(|(_, v)| v);
         self.labelled.extend(labelled);
-        self.labelled.iter().for_each(|&v| self.leader[v as usize] = v);
+        self.labelled.iter().for_each(|&v| self.parent[v as usize] = v);
         let material = |v: u32| materials.get(v as usize).copied().unwrap_or(0);
         for &v in &self.labelled {
             let label = frame[v as usize].label;
             for &w in mesh.of(v).iter().filter(|&&w| w < v) {
                 if frame[w as usize].label == label && material(w) == material(v) {
-                    join(&mut self.leader, v, w);
+                    join(&mut self.parent, v, w);
                 }
             }
         }
         for &v in &self.labelled {
-            let root = root(&mut self.leader, v);
-            // A leader is the lowest of its component, so its place is known before others ask for it.
+            let root = root(&mut self.parent, v);
+            // The root is the lowest vertex of its component, so its index is set before it is read for the others.
             if root == v {
-                self.place[v as usize] = self.found.len() as u32;
+                self.index[v as usize] = self.found.len() as u32;
                 let sign = frame[v as usize].label;
                 self.found.push(Component { id: v, sign, material: material(v), sums: Sums::default() });
             } else {
-                self.place[v as usize] = self.place[root as usize];
+                self.index[v as usize] = self.index[root as usize];
             }
-            let place = self.of(v);
-            self.found[place].sums.add(&frame[v as usize]);
+            let index = self.of(v);
+            self.found[index].sums.add(&frame[v as usize]);
         }
     }
 }
 
-fn root(leader: &mut [u32], mut v: u32) -> u32 {
-    while leader[v as usize] != v {
-        let up = leader[leader[v as usize] as usize];
-        leader[v as usize] = up;
-        v = up;
+/// Returns the root of a vertex, halving its path.
+fn root(parent: &mut [u32], mut v: u32) -> u32 {
+    while parent[v as usize] != v {
+        let grandparent = parent[parent[v as usize] as usize];
+        parent[v as usize] = grandparent;
+        v = grandparent;
     }
     v
 }
 
-fn join(leader: &mut [u32], a: u32, b: u32) {
-    let (a, b) = (root(leader, a), root(leader, b));
-    leader[a.max(b) as usize] = a.min(b);
+fn join(parent: &mut [u32], a: u32, b: u32) {
+    let (a, b) = (root(parent, a), root(parent, b));
+    parent[a.max(b) as usize] = a.min(b);
 }

@@ -8,49 +8,49 @@ use crate::core::random::Rng;
 use crate::core::time::{Rate, Tick};
 use crate::curvature::Method;
 
-/// What the energy of an event is a sum over.
+/// Weight of a vertex in the energy of an event.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Weight {
-    /// Vertices: the paper's sum, in 1/m^2, which grows with the density of the mesh.
+    /// 1 per vertex, as in the paper: energies in 1/m^2, which increase with the resolution of the mesh.
     None,
-    /// Area, in m^2: about the same for every mesh of the same cloth.
+    /// The area of the vertex: energies in m^2, about equal for all meshes of a cloth.
     #[default]
     Area,
 }
 
 choices! { @param Weight {
-    /// Vertices: the paper's sum, which grows with the density of the mesh; its values of `e_min` belong to it.
+    /// 1 per vertex, as in the paper, with which its values of `e_min` can be used. Energies increase with the resolution of the mesh.
     None,
-    /// Area: about the same for every mesh of one cloth.
+    /// The area of the vertex: energies are about equal for all meshes of a cloth.
     Area,
 } }
 
-/// One place of a cloth that snaps: connected vertices that change side together.
+/// An event: connected vertices that buckle together.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Crumple {
-    /// The lowest of its vertices: with the time, its identity.
+    /// Lowest vertex; with the time it identifies the event.
     pub id: u32,
-    /// 1 where it snaps outwards, -1 inwards.
+    /// 1 outwards, -1 inwards.
     pub sign: i8,
-    /// Squared sum of the changes of mean curvature, weighted as `weight` says.
+    /// Squared sum of the changes of mean curvature, weighted by `weight`.
     pub energy: f64,
-    /// What `energy` is a sum over.
+    /// Weight of a vertex in `energy`.
     pub weight: Weight,
-    /// Vertices in it.
+    /// Number of vertices.
     pub vertices: u32,
-    /// Area of it, m^2.
+    /// Area, m^2.
     pub area: f32,
-    /// Number of its material.
+    /// Index of the material.
     pub material: u16,
-    /// Its centre, m.
+    /// Centre, m.
     pub position: [f32; 3],
-    /// Its mean normal.
+    /// Mean normal.
     pub normal: [f32; 3],
-    /// Ticks from one frame of the motion to the next.
+    /// Frame interval of the motion, in ticks.
     pub interval: Tick,
-    /// Digest of the mesh that it comes from.
+    /// Digest of the mesh.
     pub mesh: u32,
-    /// How curvature was measured, where it was.
+    /// Method of the curvature measurement, if it was measured.
     pub method: Option<Method>,
     /// Dead band of the curvature, 1/m.
     pub h_eps: f32,

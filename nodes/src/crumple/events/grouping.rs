@@ -1,9 +1,9 @@
-//! Snapping vertices to events, joined over space and, where asked for, over time.
+//! Grouping of buckling vertices into events, over space and optionally over time.
 
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
-use super::components::{Component, Components, Neighbours, Sums};
+use super::components::{Component, Components, OneRings, Sums};
 use super::crumple::{Crumple, Weight};
 use super::mesh_digest::mesh_digest;
 use crate::crumple::buckling::Buckle;
@@ -11,71 +11,73 @@ use crate::curvature::Method;
 use crate::impl_state;
 use crate::mesh::{MeshError, Topology};
 
-/// How events are made.
+/// Parameters of [`CrumpleEvents`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CrumpleParams {
-    /// What energies are a sum over.
+    /// Weight of a vertex in energies.
     pub weight: Weight,
-    /// Frames after an event's first that may still join it; 0 is the paper.
+    /// Number of frames after the first frame of an event that may join it; 0 as in the paper.
     pub merge_frames: usize,
-    /// Energy below which an event is dropped.
+    /// Energy below which events are dropped.
     pub e_min: f64,
-    /// The only material whose events are given, where not all are.
+    /// Index of the only material with events; `None` for all materials.
     pub only: Option<u16>,
 }
 
-/// An event under way: what each frame since its first has added.
+/// An event that later frames may join: its sums per frame.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-struct Group {
+struct OpenEvent {
     id: u32,
     sign: i8,
     material: u16,
     first: i64,
     frames: Vec<(i64, Sums)>,
-    /// Where it went, for one that was joined to another.
-    into: Option<usize>,
+    /// Index of the event that it was merged into.
+    merged_into: Option<usize>,
 }
 
-/// Turns the labels of frame after frame into events.
+/// Groups buckling vertices into events.
 ///
-/// Neighbours along an edge that snap to the same side in the same frame are one event, unless they are of two materials; a lone
-/// vertex is one too. Its energy is
-/// `E = (sum dH)^2`, or with [`Weight::Area`] `(sum A dH)^2`. Since all terms of one component have one sign, the paper's other form,
-/// the squared 1-norm, is the same number.
+/// Neighbours along an edge that buckle to the same side in the same frame are one event, unless their materials differ. A single vertex
+/// is an event too. The energy is `E = (sum dH)^2`, or `(sum A dH)^2` with [`Weight::Area`], for changes of curvature `dH` and areas `A`. All
+/// terms of a component have the same sign, so this equals the paper's other form, the squared 1-norm.
 ///
-/// With `merge_frames` above 0, an event goes on while, in the next frame, vertices snap to the same side on it or beside it. Then
-/// `E` is that of all changes together, and the event falls where the strongest frame is.
+/// With `merge_frames` above 0 an event continues while, in the next frame, its vertices or their neighbours buckle to the same side.
+/// `E` is then that of all changes together, and the event has the time and the position of its strongest frame.
 ///
 /// # Source
 /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 3 and equation 4. Area
-/// weights and merging over time are additions: the paper's energy grows 16 times when a mesh is refined once, and halving the
-/// time step splits one snap in several.
+/// weights and merging over time are additions: the paper's energy increases 16 times when a mesh is refined once, and halving the
+/// time step splits an event into several.
 #[derive(Clone, Debug)]
 pub struct CrumpleEvents {
     params: CrumpleParams,
-    mesh: Neighbours,
+    mesh: OneRings,
     digest: u32,
     materials: Vec<u16>,
     components: Components,
-    open: Vec<Group>,
-    /// Place in `open` of the event that each vertex of the frame before belongs to.
-    joined: Vec<Option<u32>>,
-    marked: Vec<u32>,
+    /// Events that later frames may join.
+    open: Vec<OpenEvent>,
+    /// Index in `open` of the event of each vertex of the previous frame.
+    event_of_vertex: Vec<Option<u32>>,
+    /// Vertices with an entry in `event_of_vertex`.
+    previous_vertices: Vec<u32>,
+    /// Finished events, in order.
     ready: VecDeque<(i64, Crumple)>,
     dropped: u64,
-    /// How curvature was measured, and its dead band, in the last frame.
+    /// Method of the curvature measurement and dead band of the last frame.
     method: Method,
     h_eps: f32,
 }
-impl_state!(CrumpleEvents { open, joined, marked, ready, dropped, method, h_eps });
+impl_state!(CrumpleEvents { open, event_of_vertex, previous_vertices, ready, dropped, method, h_eps });
 
 impl CrumpleEvents {
-    /// Prepares for a mesh; `materials` holds the number of each vertex's material, or nothing.
+    /// Prepares for a mesh. `materials` holds the index of the material of each vertex, or is empty.
     ///
     /// # Errors
-    /// A mesh that cannot be prepared.
+    /// When the mesh cannot be prepared.
     pub fn new(topology: &Topology, materials: &[u16], params: CrumpleParams) -> Result<Self, MeshError> {
-        let mesh = Neighbours::new(topology)?;
+        let mesh = OneRings::new(topology)?;
         let vertices = mesh.vertices();
         Ok(Self {
             params,
@@ -83,8 +85,8 @@ impl CrumpleEvents {
             materials: materials.to_vec(),
             components: Components::new(vertices),
             open: Vec::new(),
-            joined: vec![None; vertices],
-            marked: Vec::with_capacity(vertices),
+            event_of_vertex: vec![None; vertices],
+            previous_vertices: Vec::with_capacity(vertices),
             ready: VecDeque::with_capacity(1024),
             dropped: 0,
             method: Method::default(),
@@ -93,11 +95,11 @@ impl CrumpleEvents {
         })
     }
 
-    /// Takes the next frame, one [`Buckle`] per vertex; frames follow each other.
+    /// Adds the next frame, one [`Buckle`] per vertex. Frames are added in order without gaps.
     ///
     /// # Complexity
-    /// O(V), and O(n) for n vertices that snap; without merging nothing is allocated but room for events.
-    pub fn take(&mut self, frame: i64, labels: &[Buckle]) {
+    /// O(V), and O(n) for n buckling vertices. Without merging only finished events can allocate.
+    pub fn add_frame(&mut self, frame: i64, labels: &[Buckle]) {
         self.components.find(labels, &self.mesh, &self.materials);
         if let Some(first) = labels.first() {
             (self.method, self.h_eps) = (first.method, first.h_eps);
@@ -105,122 +107,131 @@ impl CrumpleEvents {
         if self.params.merge_frames == 0 {
             for k in 0..self.components.found.len() {
                 let Component { id, sign, material, sums } = self.components.found[k];
-                self.give(frame, id, sign, material, &sums, &sums);
+                self.emit(frame, id, sign, material, &sums, &sums);
             }
             return;
         }
         self.extend(frame);
-        self.close(|group| group.frames.last().is_none_or(|f| f.0 < frame));
+        self.close(|event| event.frames.last().is_none_or(|f| f.0 < frame));
         let merge = self.params.merge_frames as i64;
-        self.close(|group| frame - group.first >= merge);
+        self.close(|event| frame - event.first >= merge);
     }
 
-    /// Ends all events under way.
+    /// Ends all events.
     pub fn finish(&mut self) {
         self.close(|_| true);
     }
 
-    /// The next event whose frame lies before `frame`, in the order of frames and then of lowest vertices.
+    /// Returns the next event before frame `frame`, in the order of frames and then of lowest vertices.
     ///
-    /// Events of a frame are all there once [`CrumpleEvents::take`] had the frame that is `merge_frames` later. Their `interval` is left 0.
+    /// All events of a frame are finished once [`CrumpleEvents::add_frame`] was called for the frame `merge_frames` later. Their `interval`
+    /// is 0.
     pub fn next_before(&mut self, frame: i64) -> Option<(i64, Crumple)> {
         (self.ready.front()?.0 < frame).then(|| self.ready.pop_front()).flatten()
     }
 
-    /// Events that were too weak, of the material that counts.
+    /// Returns the number of events below the minimum energy.
     #[must_use]
     pub fn dropped(&self) -> u64 {
         self.dropped
     }
 
-    /// Joins the components of this frame to events under way, or begins new ones.
+    /// Joins the components of this frame to open events, or opens new ones.
     fn extend(&mut self, frame: i64) {
-        let Self { components, open, joined, mesh, .. } = self;
-        let mut homes: Vec<Option<usize>> = vec![None; components.found.len()];
+        let Self { components, open, event_of_vertex, mesh, .. } = self;
+        let mut events: Vec<Option<usize>> = vec![None; components.found.len()];
         for &v in &components.labelled {
-            let place = components.of(v);
-            let Component { sign, material, .. } = components.found[place];
+            let index = components.of(v);
+            let Component { sign, material, .. } = components.found[index];
             for &w in std::iter::once(&v).chain(mesh.of(v)) {
-                let Some(old) = joined[w as usize].map(|k| home(open, k as usize)) else { continue };
+                let Some(old) = event_of_vertex[w as usize].map(|k| root(open, k as usize)) else { continue };
                 if (open[old].sign, open[old].material) != (sign, material) {
                     continue;
                 }
-                homes[place] = Some(match homes[place].map(|k| home(open, k)) {
-                    Some(other) if other != old => unite(open, other, old),
+                events[index] = Some(match events[index].map(|k| root(open, k)) {
+                    Some(other) if other != old => merge(open, other, old),
                     _ => old,
                 });
             }
         }
-        for (component, at) in components.found.iter().zip(&mut homes) {
+        for (component, event) in components.found.iter().zip(&mut events) {
             let Component { id, sign, material, sums } = *component;
-            let group = match at.map(|k| home(open, k)) {
-                Some(group) => group,
+            let index = match event.map(|k| root(open, k)) {
+                Some(index) => index,
                 None => {
-                    open.push(Group { id, sign, material, first: frame, frames: Vec::new(), into: None });
+                    open.push(OpenEvent {
+                        id,
+                        sign,
+                        material,
+                        first: frame,
+                        frames: Vec::new(),
+                        merged_into: None,
+                    });
                     open.len() - 1
                 }
             };
-            *at = Some(group);
-            add(&mut open[group].frames, frame, &sums);
+            *event = Some(index);
+            add(&mut open[index].frames, frame, &sums);
         }
-        self.marked.drain(..).for_each(|v| joined[v as usize] = None);
+        self.previous_vertices.drain(..).for_each(|v| event_of_vertex[v as usize] = None);
         for &v in &components.labelled {
-            joined[v as usize] = homes[components.of(v)].map(|k| k as u32);
+            event_of_vertex[v as usize] = events[components.of(v)].map(|k| k as u32);
         }
-        self.marked.extend_from_slice(&components.labelled);
+        self.previous_vertices.extend_from_slice(&components.labelled);
     }
 
-    /// Gives the events that are over, and forgets those that were joined to others.
-    fn close(&mut self, over: impl Fn(&Group) -> bool) {
-        let mut places: Vec<Option<u32>> = Vec::with_capacity(self.open.len());
-        let mut kept = Vec::new();
-        // Links to events that were joined to others are followed first: places change below.
-        for &v in &self.marked {
-            let joined = &mut self.joined[v as usize];
-            *joined = joined.map(|k| home(&self.open, k as usize) as u32);
+    /// Emits the events for which `ended` returns true, and removes those that were merged into others.
+    fn close(&mut self, ended: impl Fn(&OpenEvent) -> bool) {
+        let mut new_indices: Vec<Option<u32>> = Vec::with_capacity(self.open.len());
+        let mut still_open = Vec::new();
+        // Indices of merged events are resolved first, because indices change below.
+        for &v in &self.previous_vertices {
+            let index = &mut self.event_of_vertex[v as usize];
+            *index = index.map(|k| root(&self.open, k as usize) as u32);
         }
-        for group in std::mem::take(&mut self.open) {
-            if group.into.is_some() {
-                places.push(None);
-            } else if over(&group) {
-                places.push(None);
-                self.give_group(&group);
+        for event in std::mem::take(&mut self.open) {
+            if event.merged_into.is_some() {
+                new_indices.push(None);
+            } else if ended(&event) {
+                new_indices.push(None);
+                self.emit_open(&event);
             } else {
-                places.push(Some(kept.len() as u32));
-                kept.push(group);
+                new_indices.push(Some(still_open.len() as u32));
+                still_open.push(event);
             }
         }
-        self.open = kept;
-        for &v in &self.marked {
-            let joined = &mut self.joined[v as usize];
-            *joined = joined.and_then(|k| places.get(k as usize).copied().flatten());
+        self.open = still_open;
+        for &v in &self.previous_vertices {
+            let index = &mut self.event_of_vertex[v as usize];
+            *index = index.and_then(|k| new_indices.get(k as usize).copied().flatten());
         }
     }
 
-    fn give_group(&mut self, group: &Group) {
+    /// Emits an open event at its strongest frame.
+    fn emit_open(&mut self, event: &OpenEvent) {
         let strength = |s: &Sums| match self.params.weight {
             Weight::None => s.change.abs(),
             Weight::Area => s.weighted.abs(),
         };
         let mut all = Sums::default();
         let mut peak: Option<&(i64, Sums)> = None;
-        for part in &group.frames {
+        for part in &event.frames {
             all.join(&part.1);
             if peak.is_none_or(|p| strength(&part.1) > strength(&p.1)) {
                 peak = Some(part);
             }
         }
         if let Some((frame, sums)) = peak.copied() {
-            self.give(frame, group.id, group.sign, group.material, &all, &sums);
+            self.emit(frame, event.id, event.sign, event.material, &all, &sums);
         }
     }
 
-    /// Gives an event of this frame, unless it is too weak: its energy from `all`, its place from `peak`.
-    fn give(&mut self, frame: i64, id: u32, sign: i8, material: u16, all: &Sums, peak: &Sums) {
+    /// Emits an event of this frame unless it is too weak, with the energy of `all` and the position of `peak`.
+    fn emit(&mut self, frame: i64, id: u32, sign: i8, material: u16, all: &Sums, peak: &Sums) {
         if self.params.only.is_some_and(|only| only != material) {
             return;
         }
-        debug_assert!(all.change.abs() == all.length, "one component, one sign");
+        debug_assert!(all.change.abs() == all.magnitude, "one component, one sign");
         let weight = self.params.weight;
         let area = match weight {
             Weight::Area if peak.area > 0.0 => Some(peak.area),
@@ -234,9 +245,9 @@ impl CrumpleEvents {
             self.dropped += 1;
             return;
         }
-        let place = match area {
-            Some(area) => peak.weighted_place.map(|x| (x / area) as f32),
-            None => peak.place.map(|x| (x / f64::from(peak.count.max(1))) as f32),
+        let position = match area {
+            Some(area) => peak.weighted_position.map(|x| (x / area) as f32),
+            None => peak.position.map(|x| (x / f64::from(peak.count.max(1))) as f32),
         };
         let length = peak.normal.iter().map(|x| x * x).sum::<f64>().sqrt();
         let normal = peak.normal.map(|x| if length > 0.0 { (x / length) as f32 } else { 0.0 });
@@ -248,44 +259,44 @@ impl CrumpleEvents {
             vertices: all.count,
             area: all.area as f32,
             material,
-            position: place,
+            position,
             normal,
             interval: 0,
             mesh: self.digest,
             method: Some(self.method),
             h_eps: self.h_eps,
         };
-        let at = self.ready.partition_point(|(f, e)| (*f, e.id, e.sign) < (frame, id, sign));
-        self.ready.insert(at, (frame, event));
+        let index = self.ready.partition_point(|(f, e)| (*f, e.id, e.sign) < (frame, id, sign));
+        self.ready.insert(index, (frame, event));
     }
 }
 
-/// Adds what a frame gives; frames come in order.
+/// Adds the sums of a frame, in order of frames.
 fn add(frames: &mut Vec<(i64, Sums)>, frame: i64, sums: &Sums) {
-    let at = frames.partition_point(|f| f.0 < frame);
-    match frames.get_mut(at) {
+    let index = frames.partition_point(|f| f.0 < frame);
+    match frames.get_mut(index) {
         Some((found, part)) if *found == frame => part.join(sums),
-        _ => frames.insert(at, (frame, *sums)),
+        _ => frames.insert(index, (frame, *sums)),
     }
 }
 
-/// Where an event went in the end.
-fn home(open: &[Group], mut k: usize) -> usize {
-    while let Some(next) = open[k].into {
+/// Returns the event that an event was finally merged into.
+fn root(open: &[OpenEvent], mut k: usize) -> usize {
+    while let Some(next) = open[k].merged_into {
         k = next;
     }
     k
 }
 
-/// Joins two events under way; the one that began first, and of these the one with the lowest vertex, leads.
-fn unite(open: &mut [Group], a: usize, b: usize) -> usize {
+/// Merges two open events into the one that began first, or of those the one with the lowest vertex, and returns its index.
+fn merge(open: &mut [OpenEvent], a: usize, b: usize) -> usize {
     let rank = |k: usize| (open[k].first, open[k].id);
-    let (lead, other) = if rank(a) <= rank(b) { (a, b) } else { (b, a) };
+    let (target, other) = if rank(a) <= rank(b) { (a, b) } else { (b, a) };
     for (frame, sums) in std::mem::take(&mut open[other].frames) {
-        add(&mut open[lead].frames, frame, &sums);
+        add(&mut open[target].frames, frame, &sums);
     }
-    open[other].into = Some(lead);
-    lead
+    open[other].merged_into = Some(target);
+    target
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use crate::mesh::Topology;
 
-/// A short digest of a mesh: its triangles and rest pose.
+/// Returns a digest of the triangles and the rest pose of a mesh.
 pub(crate) fn mesh_digest(topology: &Topology) -> u32 {
     let mut hasher = blake3::Hasher::new();
     for p in &topology.rest {

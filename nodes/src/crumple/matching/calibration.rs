@@ -1,4 +1,4 @@
-//! The energies of a whole take: what counts as weak, and what as strong.
+//! Calibration: the distribution of the energies of a whole take, and the energy below which events are dropped.
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -14,117 +14,115 @@ use crate::curvature::Method;
 use crate::impl_state;
 use crate::plot::{Axis, Line, chart};
 
-/// Version of the fields of [`EnergyCalibration`].
+/// Version of the format of [`EnergyCalibration`].
 pub const CALIBRATION_VERSION: u32 = 1;
-/// Energies that are kept one by one; of more, quantiles.
-const MOST: usize = 4096;
-/// Quantiles that are kept of more energies.
+/// Maximum number of energies that are stored; of more energies, quantiles are stored.
+const MAX_ENERGIES: usize = 4096;
+/// Number of stored quantiles.
 const QUANTILES: usize = 1024;
 
-/// Below which energy events are dropped.
+/// Rule for the energy below which events are dropped.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Floor {
-    /// Below this energy.
+    /// This energy.
     Absolute(f64),
-    /// So many hundredths of all events, the weakest.
+    /// Percentile of all events.
     Percentile(f64),
-    /// All but the strongest that make so many events per second.
+    /// The energy above which there is this number of events per second.
     Rate(f64),
 }
 
-/// Energies of the events of one take, to be matched with those of a bank of samples.
+/// Energies of the events of a take, for matching with those of a bank.
 ///
-/// Three takes of one jacket in the paper have floors of 98902, 172875 and 906402: a floor belongs to a mesh and a motion, so it
-/// is measured, and stored with what it was measured on.
+/// The floor depends on mesh and motion: three takes of one jacket in the paper have floors of 98902, 172875 and 906402. It is therefore
+/// measured, and stored with the properties of the events.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct EnergyCalibration {
     /// [`CALIBRATION_VERSION`].
     pub version: u32,
-    /// What energies are a sum over; unknown where there was no event.
+    /// Weight of a vertex in energies; unknown without events.
     pub weight: Option<Weight>,
     /// Energy below which events are dropped.
     pub e_min: f64,
-    /// How it was chosen.
+    /// Rule for `e_min`.
     pub floor: Floor,
-    /// Energies from `e_min` on, sorted; where there are more than 4096, 1024 quantiles of them.
+    /// Sorted energies from `e_min`; 1024 quantiles if there are more than 4096.
     pub energies: Vec<f64>,
-    /// Events from `e_min` on.
+    /// Number of events from `e_min`.
     pub events: u64,
-    /// Events below.
+    /// Number of events below `e_min`.
     pub dropped: u64,
     /// Length of the take, s.
     pub seconds: f64,
-    /// Events from `e_min` on per second.
+    /// Events from `e_min` per second.
     pub rate: f64,
-    /// Frames per second of the motion; 0 where there was no event.
+    /// Frames per second of the motion; 0 without events.
     pub fps: f64,
-    /// Digest of the mesh; 0 where there was no event.
+    /// Digest of the mesh; 0 without events.
     pub mesh: u32,
-    /// How curvature was measured; unknown where there was no event, where nothing was measured, and in older files.
+    /// Method of the curvature measurement; unknown without events or measurement, and in older files.
     #[serde(default)]
     pub method: Option<Method>,
-    /// Dead band of the curvature, 1/m; unknown where there was no event and in older files.
+    /// Dead band of the curvature, 1/m; unknown without events and in older files.
     #[serde(default)]
     pub h_eps: Option<f32>,
-    /// Digest of what the numbers above depend on: version, weight, floor, frames per second, mesh, method and dead band.
+    /// Digest of version, weight, floor, frames per second, mesh, method and dead band.
     pub conventions: String,
-    /// Digest of all of the above, so that a change by hand is seen; empty where none was written.
+    /// Digest of all other fields, which detects changes by hand; empty if none was written.
     #[serde(default)]
     pub content: String,
 }
 
-/// Why a calibration cannot be used.
+/// Reasons why a calibration cannot be used.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum CalibrationError {
-    /// Written by other code.
-    #[error("`version` is {found}; this reads {CALIBRATION_VERSION}: measure it again")]
+    /// Another version of the format.
+    #[error("`version` is {found}; {CALIBRATION_VERSION} is needed: measure the calibration again")]
     Version {
-        /// The version found.
+        /// Version found.
         found: u32,
     },
-    /// A number that cannot be.
+    /// A number out of range.
     #[error("`{field}` is {found}; {wanted}")]
     Number {
-        /// Field.
+        /// Name of the field.
         field: &'static str,
-        /// What it holds.
+        /// Value found.
         found: f64,
-        /// What it must be.
+        /// Values that it can have.
         wanted: &'static str,
     },
-    /// An energy out of order.
-    #[error("energy {index} is {found}; they have to be finite, at least `e_min` and sorted")]
+    /// An energy out of order or range.
+    #[error("energy {index} is {found}; energies are finite, at least `e_min` and sorted")]
     Energy {
-        /// Its place.
+        /// Index of the energy.
         index: usize,
-        /// Its value.
+        /// Value found.
         found: f64,
     },
     /// Fields that were changed by hand.
-    #[error(
-        "`conventions` is {found}, and the fields that it belongs to give {wanted}: they were changed after it was measured"
-    )]
+    #[error("`conventions` is {found}, its fields give {wanted}: they were changed after the measurement")]
     Conventions {
-        /// What the file says.
+        /// Digest in the file.
         found: String,
-        /// What its fields give.
+        /// Digest of the fields.
         wanted: String,
     },
-    /// Events of another kind.
+    /// Events with another weight.
     #[error(
-        "`weight` of the calibration is {calibrated:?}, of the events {found:?}: measure it on events of the same kind"
+        "`weight` of the calibration is {calibrated:?}, of the events {found:?}: measure the calibration on events of the same `weight`"
     )]
     Weight {
-        /// That of the calibration.
+        /// Weight in the calibration.
         calibrated: Weight,
-        /// That of the events.
+        /// Weight in the events.
         found: Weight,
     },
 }
 
-/// Frames per second of the motion that an event comes from, to a millionth: intervals are whole ticks.
+/// Returns the frames per second of the motion of an event, rounded to 1e-4 because intervals are whole ticks.
 fn frame_rate(event: &Crumple) -> f64 {
     (TICKS_PER_SECOND as f64 / (event.interval.max(1) as f64) * 1e4).round() / 1e4
 }
@@ -141,7 +139,7 @@ impl EnergyMeter {
     /// Adds an event.
     ///
     /// # Errors
-    /// An event whose energy is a sum over something else than that of the first.
+    /// When the weight of the event differs from that of the first.
     pub fn add(&mut self, event: &Crumple) -> Result<(), CalibrationError> {
         let first = self.first.get_or_insert(*event);
         if first.weight != event.weight {
@@ -151,27 +149,28 @@ impl EnergyMeter {
         Ok(())
     }
 
-    /// The calibration of a take of `seconds`.
+    /// Returns the calibration of a take of `seconds`.
     ///
     /// # Complexity
     /// O(n log n) for n events.
     #[must_use]
     pub fn finish(mut self, seconds: f64, floor: Floor) -> EnergyCalibration {
         self.energies.sort_unstable_by(f64::total_cmp);
-        let all = self.energies.len();
+        let total = self.energies.len();
         let e_min = match floor {
             Floor::Absolute(e) => e,
             Floor::Percentile(p) => hazen(&self.energies, 0.01 * p),
             Floor::Rate(rate) => {
                 let wanted = (rate * seconds).round().max(1.0) as usize;
-                if wanted < all { self.energies[all - wanted] } else { 0.0 }
+                if wanted < total { self.energies[total - wanted] } else { 0.0 }
             }
         };
         let dropped = self.energies.partition_point(|e| *e < e_min);
-        let kept = self.energies.split_off(dropped);
-        let events = kept.len() as u64;
-        let at = |k: usize| hazen(&kept, (k as f64 + 0.5) / QUANTILES as f64);
-        let energies = if kept.len() > MOST { (0..QUANTILES).map(at).collect() } else { kept };
+        let audible = self.energies.split_off(dropped);
+        let events = audible.len() as u64;
+        let quantile = |k: usize| hazen(&audible, (k as f64 + 0.5) / QUANTILES as f64);
+        let energies =
+            if audible.len() > MAX_ENERGIES { (0..QUANTILES).map(quantile).collect() } else { audible };
         let calibration = EnergyCalibration {
             version: CALIBRATION_VERSION,
             weight: self.first.map(|event| event.weight),
@@ -194,38 +193,40 @@ impl EnergyMeter {
 }
 
 impl EnergyCalibration {
+    /// Returns the digest for `conventions`.
     fn digest(&self) -> String {
         let mut text =
             format!("{} {:?} {:?} {} {}", self.version, self.weight, self.floor, self.fps, self.mesh);
-        // Older files know neither, and keep their digest.
+        // Older files have neither field, and their digest is without them.
         if self.method.is_some() || self.h_eps.is_some() {
             text += &format!(" {:?} {:?}", self.method, self.h_eps);
         }
         blake3::hash(text.as_bytes()).to_hex()[..16].to_owned()
     }
 
+    /// Returns the digest for `content`.
     fn content(&self) -> String {
         let plain = Self { content: String::new(), ..self.clone() };
         content_digest(&plain, &["\"method\":null,", "\"h_eps\":null,"])
     }
 
-    /// The same with the digests of what it holds.
+    /// Returns the calibration with the digests of its content.
     pub(super) fn sealed(mut self) -> Self {
         self.conventions = self.digest();
         self.content = self.content();
         self
     }
 
-    /// What tells that a calibration of a file is not the one that was written, if anything.
+    /// Returns an error message if the calibration differs from its content digest.
     #[must_use]
     pub fn altered(&self) -> Option<String> {
         altered_content(&self.content, &self.content(), "measure it")
     }
 
-    /// Whether all of it can be what a measurement gives.
+    /// Checks all fields.
     ///
     /// # Errors
-    /// Names the field.
+    /// Names the first wrong field.
     pub fn validate(&self) -> Result<(), CalibrationError> {
         if self.version != CALIBRATION_VERSION {
             return Err(CalibrationError::Version { found: self.version });
@@ -237,23 +238,23 @@ impl EnergyCalibration {
                 return Err(CalibrationError::Number {
                     field,
                     found,
-                    wanted: "it must be finite and not below 0",
+                    wanted: "it must be finite and not negative",
                 });
             }
         }
-        let mut last = self.e_min;
+        let mut previous = self.e_min;
         for (index, &found) in self.energies.iter().enumerate() {
-            if !(found.is_finite() && found >= last) {
+            if !(found.is_finite() && found >= previous) {
                 return Err(CalibrationError::Energy { index, found });
             }
-            last = found;
+            previous = found;
         }
         if self.energies.len() as u64 > self.events {
             let found = self.events as f64;
             return Err(CalibrationError::Number {
                 field: "events",
                 found,
-                wanted: "there are more energies",
+                wanted: "it must be at least the number of `energies`",
             });
         }
         let wanted = self.digest();
@@ -266,35 +267,34 @@ impl EnergyCalibration {
         Ok(())
     }
 
-    /// How an event was found otherwise than those of the calibration, where they cannot be told apart by their energies: on another
-    /// mesh, at another frame rate, by another kind of curvature, or with a dead band that differs by more than a tenth (one that
-    /// is measured on each take is never quite the same).
+    /// Returns a message if an event differs from those of the calibration in mesh, frame rate, curvature method or dead band. Dead bands
+    /// may differ by a tenth, because they can be measured on each take.
     #[must_use]
-    pub fn differs(&self, event: &Crumple) -> Option<String> {
+    pub fn mismatch(&self, event: &Crumple) -> Option<String> {
         let fps = frame_rate(event);
         if self.weight.is_some() && self.mesh != event.mesh {
-            let (found, own) = (event.mesh, self.mesh);
-            return Some(format!("`mesh` of the calibration is {own}, of the events {found}"));
+            let (found, calibrated) = (event.mesh, self.mesh);
+            return Some(format!("`mesh` of the calibration is {calibrated}, of the events {found}"));
         }
-        // A millionth is all that whole ticks know.
+        // Whole ticks resolve the frame rate to about a millionth.
         if self.fps > 0.0 && (self.fps - fps).abs() > 2e-4 {
             return Some(format!("`fps` of the calibration is {}, of the events {fps}", self.fps));
         }
-        if let (Some(own), Some(found)) = (self.method, event.method)
-            && own != found
+        if let (Some(calibrated), Some(found)) = (self.method, event.method)
+            && calibrated != found
         {
-            return Some(format!("`method` of the calibration is {own:?}, of the events {found:?}"));
+            return Some(format!("`method` of the calibration is {calibrated:?}, of the events {found:?}"));
         }
-        let (own, found) = (self.h_eps?, event.h_eps);
-        ((own - found).abs() > 0.1 * own.max(found))
-            .then(|| format!("`h_eps` of the calibration is {own}, of the events {found}"))
+        let (calibrated, found) = (self.h_eps?, event.h_eps);
+        ((calibrated - found).abs() > 0.1 * calibrated.max(found))
+            .then(|| format!("`h_eps` of the calibration is {calibrated}, of the events {found}"))
     }
 
-    /// Refuses events whose energies are no match for these.
+    /// Checks that the weight of events equals that of the calibration.
     ///
     /// # Errors
-    /// Names the field that differs.
-    pub fn accepts(&self, weight: Weight) -> Result<(), CalibrationError> {
+    /// [`CalibrationError::Weight`] if it differs.
+    pub fn check_weight(&self, weight: Weight) -> Result<(), CalibrationError> {
         match self.weight {
             Some(calibrated) if calibrated != weight => {
                 Err(CalibrationError::Weight { calibrated, found: weight })
@@ -318,7 +318,7 @@ impl Data for EnergyCalibration {
         meter.finish(2.0, Floor::Percentile(rng.between(0.0, 90.0)))
     }
 
-    /// Share of events against energy.
+    /// Draws the fraction of events against energy.
     fn plot(&self) -> Option<String> {
         let (low, high) = (self.energies.first()?.max(1e-300), self.energies.last()?.max(1e-300));
         let n = self.energies.len() as f64;
@@ -331,9 +331,9 @@ impl Data for EnergyCalibration {
     }
 }
 
-/// Figures of a calibration for the report.
+/// Summary of a calibration for the report.
 pub(super) fn calibration_summary(c: &EnergyCalibration) -> Summary {
-    let mut told: Summary = vec![
+    let mut summary: Summary = vec![
         ("events", c.events.into()),
         ("dropped", c.dropped.into()),
         ("e_min", c.e_min.into()),
@@ -341,14 +341,14 @@ pub(super) fn calibration_summary(c: &EnergyCalibration) -> Summary {
     ];
     let silent = match (c.events, c.dropped) {
         (0, 0) => Some(
-            "the cloth never snaps, and what this calibrates is silent: is `h_eps` of BuckleDetector too high, or \
-             `metres_per_unit` of the mesh not right?",
+            "the cloth never snaps, so its sound is silent: `h_eps` of BuckleDetector may be too high, or \
+             `metres_per_unit` of the mesh wrong",
         ),
-        (0, _) => Some("no event is strong enough: what this calibrates is silent"),
+        (0, _) => Some("all events are below `e_min`, so the sound is silent"),
         _ => None,
     };
-    told.extend(silent.map(|text| ("warning", text.into())));
-    told
+    summary.extend(silent.map(|text| ("warning", text.into())));
+    summary
 }
 
 #[cfg(test)]

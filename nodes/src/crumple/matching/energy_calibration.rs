@@ -1,4 +1,4 @@
-//! Calibrations from events and from files, as nodes.
+//! A calibration from the events of a take, as a node.
 
 use super::calibration::{EnergyCalibration, EnergyMeter, Floor, calibration_summary};
 use crate::core::fault::{Fault, Reject};
@@ -10,45 +10,45 @@ use crate::crumple::events::Crumple;
 use crate::{archive_state, choices, params, ports};
 
 choices! {
-    /// Which events are too weak to be heard.
+    /// Rule for the energy below which events are dropped.
     pub enum FloorRule {
-        /// Those below `e_min`.
+        /// The energy `e_min`.
         Absolute,
-        /// The weakest `percentile` hundredths.
+        /// The percentile `percentile` of all events.
         Percentile,
-        /// All but the strongest `rate` per second.
+        /// The energy above which there are `rate` events per second.
         Rate,
     }
 }
 
 params! {
-    /// Measures the energies of all events of a take, and below which energy events are too weak.
+    /// Measures the distribution of the energies of a take, and the energy below which events are dropped.
     ///
-    /// `HistogramMatcher` needs it to know what is strong. Events are weak below a number, below a percentile, or when there are stronger ones enough
-    /// for a rate; the number does not carry over to another mesh or motion, the other two do. A tap writes it as JSON for
+    /// `HistogramMatcher` ranks events by it. The minimum energy is a number, a percentile of all events, or follows from a number of events per
+    /// second. The number is valid for one mesh and motion only. A tap writes the calibration as JSON for
     /// `EnergyCalibrationFile`.
     ///
     /// # Source
     /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 3 and table 1.
     pub struct EnergyCalibrationParams {
-        /// Which events are too weak.
+        /// Rule for the energy below which events are dropped.
         floor: FloorRule = FloorRule::Rate;
-        /// Energy below which an event is dropped, for `Absolute`.
+        /// Energy below which events are dropped, for `Absolute`.
         e_min: f64 = 0.0, unit "m^2", range 0.0..=1e12;
-        /// Hundredths of the events that are dropped, for `Percentile`.
+        /// Percentage of events that are dropped, for `Percentile`.
         percentile: f64 = 50.0, unit "%", range 0.0..=100.0;
-        /// Events per second that are left, for `Rate`.
+        /// Events per second that are not dropped, for `Rate`.
         rate: f64 = 20.0, unit "1/s", range 0.001..=100_000.0;
     }
 }
 ports! {
     pub struct EnergyCalibrationPorts / EnergyCalibrationIo {
         in {
-            /// The events of a whole take.
+            /// Events of a whole take.
             events: Events<Crumple>,
         }
         out {
-            /// Their energies.
+            /// The calibration.
             calibration: Fold<EnergyCalibration>,
         }
     }
@@ -61,6 +61,7 @@ pub struct EnergyCalibrationNode {
     floor: Floor,
 }
 
+/// Returns the end of the events in seconds, `None` if they do not end.
 fn end(links: &[Vec<LinkShape>]) -> Option<f64> {
     match links.first()?.first()? {
         LinkShape::Events(end) => end.map(seconds),
@@ -84,7 +85,7 @@ impl Node for EnergyCalibrationNode {
 
     fn build(p: &EnergyCalibrationParams, cx: &Build<'_>) -> Result<Self, Fault> {
         let Some(seconds) = end(cx.links) else {
-            let message = "`events` do not end, so that they cannot be measured as a whole";
+            let message = "`events` does not end; a calibration needs a finite take";
             return Err(Fault::new("F075", message)
                 .at("events")
                 .help("use `adapt: true` on HistogramMatcher"));
@@ -106,9 +107,9 @@ impl Node for EnergyCalibrationNode {
 
     fn finish(&mut self, mut io: EnergyCalibrationIo<'_>) -> Result<Summary, Fault> {
         let calibration = std::mem::take(&mut self.meter).finish(self.seconds, self.floor);
-        let told = calibration_summary(&calibration);
+        let summary = calibration_summary(&calibration);
         io.calibration.set(calibration);
-        Ok(told)
+        Ok(summary)
     }
 
     archive_state!(meter);
@@ -147,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn a_take_is_measured_for_any_window_and_survives_its_file() {
+    fn a_calibration_does_not_depend_on_windows_and_is_read_back_from_its_file() {
         let of = |window: f64| {
             let run = standalone([Weight::Area; 2]).window(ticks(window)).run().unwrap();
             run.value(0).unwrap()
@@ -170,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn energies_of_two_kinds_are_refused() {
+    fn energies_of_two_weights_are_refused() {
         let fault = standalone([Weight::Area, Weight::None]).run().err().unwrap();
         assert!(fault.code == "F106" && fault.message.contains("`weight`"), "{fault}");
     }

@@ -12,12 +12,12 @@ use crate::core::shape::{Build, Shape};
 use crate::{params, ports};
 
 params! {
-    /// Energies of a take from a file, as a tap of `EnergyCalibration` wrote it.
+    /// Reads a calibration from a file that a tap of `EnergyCalibration` wrote.
     ///
-    /// The file is JSON with every field. A file of another version, or one whose fields were changed by hand, is refused, and the
+    /// The file is JSON with every field. A file of another version or one that was changed by hand is refused, and the
     /// message names the field.
     pub struct EnergyCalibrationFileParams {
-        /// The calibration.
+        /// File of the calibration.
         path: AssetPath;
     }
 }
@@ -25,7 +25,7 @@ ports! {
     pub struct EnergyCalibrationFilePorts / EnergyCalibrationFileIo {
         in {}
         out {
-            /// The energies.
+            /// The calibration.
             calibration: Value<EnergyCalibration>,
         }
     }
@@ -62,9 +62,9 @@ impl Func for EnergyCalibrationFile {
         mut io: EnergyCalibrationFileIo<'_>,
     ) -> Result<Summary, Fault> {
         let calibration = parse(&p.path.0, &cx.bytes("path", &p.path.0)?)?;
-        let told = calibration_summary(&calibration);
+        let summary = calibration_summary(&calibration);
         io.calibration.set(calibration);
-        Ok(told)
+        Ok(summary)
     }
 
     fn trial(rng: &mut Rng) -> (EnergyCalibrationFileParams, MemoryFiles) {

@@ -1,23 +1,23 @@
-//! From the energy of an event to a recorded sample: histogram specification.
+//! Histogram specification: from the energy of an event to an energy in the bank.
 
 use super::histogram::{Binned, hazen, rank};
 use crate::choices;
 
-/// How distributions of energies are compared.
+/// Comparison of distributions of energies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mapping {
     /// Rank among all energies.
     Ecdf,
     /// 20 equal bins of energy, as in the paper.
     Linear20,
-    /// 20 equal bins of its logarithm.
+    /// 20 equal bins of the logarithm of energy.
     Log20,
 }
 
 choices! { @param Mapping {
-    /// The rank of an energy among all.
+    /// Rank among all energies.
     Ecdf,
-    /// 20 equal bins between the least and the greatest energy: the paper. Nearly all energies fall into the first.
+    /// 20 equal bins from the minimum to the maximum energy, as in the paper. The first contains nearly all energies.
     Linear20,
     /// 20 equal bins of the logarithm of energy.
     Log20,
@@ -53,11 +53,12 @@ impl Cdf {
     }
 }
 
-/// Maps the energies of one take onto those of a bank: the same rank, then the sample of nearest energy.
+/// Maps the energies of events to those of a bank of the same rank.
 ///
 /// # Source
 /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 3, with
-/// [`Mapping::Linear20`]. Energies are heavy-tailed, so that nearly all fall into the first of 20 equal bins; ranks do not mind.
+/// [`Mapping::Linear20`]. Energies have a heavy tail, so the first of 20 equal bins contains nearly all. Ranks do not depend on
+/// the distribution.
 #[derive(Clone, Debug)]
 pub struct EnergyMap {
     events: Cdf,
@@ -65,19 +66,19 @@ pub struct EnergyMap {
 }
 
 impl EnergyMap {
-    /// A map from sorted energies of events onto those of a bank.
+    /// Creates a map from sorted energies of events to those of a bank.
     #[must_use]
     pub fn new(events: &[f64], bank: &[f64], mapping: Mapping) -> Self {
         Self { events: Cdf::new(events, mapping), bank: Cdf::new(bank, mapping) }
     }
 
-    /// Share of events that are weaker, 0 to 1.
+    /// Returns the fraction of weaker events, from 0 to 1.
     #[must_use]
     pub fn rank(&self, energy: f64) -> f64 {
         self.events.rank(energy)
     }
 
-    /// Energy in the bank at a rank.
+    /// Returns the energy in the bank at rank `p`.
     #[must_use]
     pub fn wanted(&self, p: f64) -> f64 {
         self.bank.value(p.clamp(0.0, 1.0))

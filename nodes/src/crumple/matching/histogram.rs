@@ -1,19 +1,19 @@
-//! Distribution functions of energies, and their inverses.
+//! Distribution functions of energies and their inverses.
 
-/// Bins of the binned forms.
+/// Number of bins of [`Binned`].
 const BINS: usize = 20;
 
-/// Value at `p` of sorted numbers, with plotting positions `(k - 0.5) / n` and straight lines between (Hazen).
+/// Returns the quantile `p` of sorted numbers, linear between plotting positions `(k - 0.5) / n` (Hazen).
 pub(super) fn hazen(sorted: &[f64], p: f64) -> f64 {
     let Some(last) = sorted.len().checked_sub(1) else { return 0.0 };
-    let at = (p * sorted.len() as f64 - 0.5).clamp(0.0, last as f64);
-    let low = at.floor() as usize;
-    let way = at - low as f64;
-    // Both ends may be equal, or as far apart as numbers get.
-    if way <= 0.0 { sorted[low] } else { sorted[low] * (1.0 - way) + sorted[low + 1] * way }
+    let position = (p * sorted.len() as f64 - 0.5).clamp(0.0, last as f64);
+    let low = position.floor() as usize;
+    let fraction = position - low as f64;
+    // This form does not overflow.
+    if fraction <= 0.0 { sorted[low] } else { sorted[low] * (1.0 - fraction) + sorted[low + 1] * fraction }
 }
 
-/// Share of sorted numbers below `x`, those equal to it counted half: `(midrank - 0.5) / n`.
+/// Returns the fraction of sorted numbers below `x`, with equal numbers counted half: `(midrank - 0.5) / n`.
 pub(super) fn rank(sorted: &[f64], x: f64) -> f64 {
     if sorted.is_empty() {
         return 0.5;
@@ -23,28 +23,28 @@ pub(super) fn rank(sorted: &[f64], x: f64) -> f64 {
     (below as f64 + 0.5 * equal as f64) / sorted.len() as f64
 }
 
-/// Logarithm of an energy that may be 0.
+/// Returns the logarithm of an energy that may be 0.
 pub(super) fn log(energy: f64) -> f64 {
     energy.max(f64::MIN_POSITIVE).ln()
 }
 
-/// Energy on the scale of a binned form.
+/// Returns an energy on a linear or logarithmic scale.
 fn scaled(log: bool, x: f64) -> f64 {
     if log { x.max(f64::MIN_POSITIVE).ln() } else { x }
 }
 
-/// The distribution function of equal bins between the least and the greatest number, linear between their edges.
+/// The distribution function of equal bins from the minimum to the maximum, linear between their edges.
 #[derive(Clone, Debug)]
 pub(super) struct Binned {
     log: bool,
     low: f64,
     width: f64,
-    /// Share of all numbers below each edge.
+    /// Fraction of all numbers below each edge.
     knots: [f64; BINS + 1],
 }
 
 impl Binned {
-    /// Over sorted numbers, or over their logarithms.
+    /// Creates bins of sorted numbers, or of their logarithms.
     pub fn new(sorted: &[f64], log: bool) -> Self {
         let end = |x: Option<&f64>| x.map_or(0.0, |x| scaled(log, *x));
         let (low, high) = (end(sorted.first()), end(sorted.last()));
@@ -61,6 +61,7 @@ impl Binned {
         Self { log, low, width, knots }
     }
 
+    /// Returns the fraction of numbers below `x`.
     pub fn rank(&self, x: f64) -> f64 {
         let x = scaled(self.log, x) - self.low;
         if self.width <= 0.0 {
@@ -72,17 +73,17 @@ impl Binned {
                 0.5
             };
         }
-        let at = (x / self.width).clamp(0.0, BINS as f64);
-        let bin = (at as usize).min(BINS - 1);
-        self.knots[bin] + (at - bin as f64) * (self.knots[bin + 1] - self.knots[bin])
+        let position = (x / self.width).clamp(0.0, BINS as f64);
+        let bin = (position as usize).min(BINS - 1);
+        self.knots[bin] + (position - bin as f64) * (self.knots[bin + 1] - self.knots[bin])
     }
 
-    /// The least number whose share is at least `p`: empty bins are flat, so there may be many.
+    /// Returns the smallest number whose rank is at least `p`. In empty bins the rank is constant.
     pub fn value(&self, p: f64) -> f64 {
         let bin = self.knots[1..].partition_point(|k| *k < p).min(BINS - 1);
         let rise = self.knots[bin + 1] - self.knots[bin];
-        let way = if rise > 0.0 { ((p - self.knots[bin]) / rise).clamp(0.0, 1.0) } else { 0.0 };
-        let x = self.low + self.width * (bin as f64 + way);
+        let fraction = if rise > 0.0 { ((p - self.knots[bin]) / rise).clamp(0.0, 1.0) } else { 0.0 };
+        let x = self.low + self.width * (bin as f64 + fraction);
         if self.log { x.exp() } else { x }
     }
 }
@@ -92,7 +93,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn hazen_is_that_of_numpy() {
+    fn quantiles_equal_those_of_numpy() {
         // numpy.quantile([1, 2, 4, 8, 16], p, method="hazen")
         let x = [1.0, 2.0, 4.0, 8.0, 16.0];
         for (p, want) in
@@ -110,7 +111,7 @@ mod tests {
     }
 
     #[test]
-    fn binned_shares_rise_to_one_and_back() {
+    fn binned_ranks_and_values_are_inverse() {
         let x: Vec<f64> = (0..400).map(|k| f64::from(k) / 100.0).map(f64::exp).collect();
         for log in [false, true] {
             let binned = Binned::new(&x, log);
@@ -119,10 +120,10 @@ mod tests {
                 assert!((binned.rank(binned.value(p)) - p).abs() < 1e-12, "{log} {p}");
             }
         }
-        // Two lumps: nothing between them, and the lower edge is taken.
-        let lumps = Binned::new(&[0.0, 0.1, 19.9, 20.0], false);
-        assert_eq!(lumps.rank(10.0), 0.5);
-        assert_eq!(lumps.value(0.5), 1.0);
+        // Two groups: the rank is constant between them, and the lower edge is returned.
+        let groups = Binned::new(&[0.0, 0.1, 19.9, 20.0], false);
+        assert_eq!(groups.rank(10.0), 0.5);
+        assert_eq!(groups.value(0.5), 1.0);
         let single = Binned::new(&[3.0, 3.0], true);
         assert_eq!([2.0, 3.0, 4.0].map(|x| single.rank(x)), [0.0, 0.5, 1.0]);
         assert!((single.value(0.3) - 3.0).abs() < 1e-12);

@@ -1,4 +1,4 @@
-//! The node around [`EnergyMap`] and [`Rolling`].
+//! Matching of events with samples by energy, as a node.
 
 use super::calibration::EnergyCalibration;
 use super::energy_map::{EnergyMap, Mapping};
@@ -18,49 +18,47 @@ use crate::crumple::events::Crumple;
 use crate::{archive_state, params, ports};
 
 params! {
-    /// Gives every crumple a recorded sample of matching energy.
+    /// Assigns to every event a recorded sample of matching energy.
     ///
-    /// What is as strong among the events as a sample among the samples belongs together: the energy of an event has a rank in the
-    /// calibration, that rank has an energy in the bank, and the sample of the nearest energy is taken. Events below the
-    /// calibration's `e_min` are dropped; above its strongest, the bank's strongest is taken. A calibration on energies that are summed otherwise
-    /// is refused; one of another mesh or frame rate, of curvature that was measured otherwise, or of a dead band that differs by more
-    /// than a tenth is used, and a note says so, since energies depend on all of them.
+    /// The energy of an event has a rank in the calibration. That rank has an energy in the bank, and the sample of nearest energy is
+    /// taken. Events below `e_min` of the calibration are dropped; events above its maximum get the strongest sample. A calibration
+    /// with another `weight` is refused. A calibration of another mesh, frame rate or curvature method, or with a dead band that differs by
+    /// more than a tenth, is used with a warning, because energies depend on all of them.
     ///
-    /// With `adapt` the ranks are those among the events of late, each event judged by what came before it, for live use and
-    /// for motion that is unlike any calibration; then a calibration is only a start, and may be left out. Of the events that
-    /// `max_rate` leaves, the weakest gets a weak sample too.
+    /// With `adapt` the ranks are those among recent events, for live use and for motion unlike any calibration. The calibration
+    /// is then only the initial distribution and optional. With `max_rate` the ranks are those among the events that are not dropped.
     ///
     /// # Randomness
-    /// With `k_nearest` above 1, the choice follows from the seed, the time of the event and its lowest vertex.
+    /// With `k_nearest` above 1, the choice is a function of the seed, the time of the event and its lowest vertex.
     ///
     /// # Source
     /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 3, after Heeger and Bergen
-    /// (1995) for the matching of histograms; ranks and adaption are additions.
+    /// (1995) for the matching of histograms; ranks and adaptation are additions.
     pub struct HistogramMatcherParams {
-        /// How energies of events and of samples are compared.
+        /// Comparison of energies of events and samples.
         mapping: Mapping = Mapping::Ecdf;
-        /// How many samples of nearest energy to choose from, never the last one again.
+        /// Number of samples of nearest energy to choose from; the last choice is not repeated.
         k_nearest: usize = 1, unit "samples", range 1..=1000;
-        /// Whether ranks are those of late.
+        /// Uses ranks among recent events.
         adapt: bool = false;
-        /// How long until an event counts half, with `adapt`.
+        /// Time after which the weight of an event is halved, with `adapt`.
         half_life: f64 = 60.0, unit "s", range 0.1..=86_400.0;
-        /// Events per second above which the weakest of late are dropped, with `adapt`.
+        /// Maximum number of events per second, with `adapt`; the weakest recent ones are dropped.
         max_rate: Option<f64> = None, unit "1/s", range 0.001..=100_000.0;
     }
 }
 ports! {
     pub struct HistogramMatcherPorts / HistogramMatcherIo {
         in {
-            /// The events.
+            /// Events.
             events: Events<Crumple>,
-            /// The samples.
+            /// Bank of samples.
             bank: Value<CrumpleBank>,
             /// Energies of a whole take.
             calibration: Option<Value<EnergyCalibration>>,
         }
         out {
-            /// The same events with the numbers of their samples.
+            /// The events with the indices of their samples.
             matched: Events<MatchedCrumple>,
         }
     }
@@ -76,41 +74,43 @@ pub struct HistogramMatcher {
     random: Random,
     params: HistogramMatcherParams,
     count: [u64; 3],
-    /// How events differ from those of the calibration, once any did.
-    odd: Option<String>,
+    /// Message about the first event that differs from those of the calibration.
+    mismatch: Option<String>,
 }
 
-/// Events matched, dropped as too weak, and outside of the calibration: places in `count`.
+/// Indices in `count`: events matched, dropped as too weak, and above the calibration.
 const MATCHED: usize = 0;
 const DROPPED: usize = 1;
-const OUTSIDE: usize = 2;
+const ABOVE: usize = 2;
 
 impl HistogramMatcher {
-    /// Rank of an event, `None` where it is too weak.
+    /// Returns the rank of an event, `None` if it is too weak.
     fn rank(&mut self, tick: Tick, energy: f64) -> Option<f64> {
         let e_min = self.calibration.as_ref().map_or(0.0, |c| c.e_min);
         if energy < e_min {
             return None;
         }
         let Some(rolling) = &mut self.rolling else { return Some(self.map.rank(energy)) };
-        let (time, most) = (seconds(tick), self.params.max_rate);
+        let (time, max_rate) = (seconds(tick), self.params.max_rate);
         let rank = rolling.add(time, energy);
-        let share = most.map_or(1.0, |most| most / rolling.rate(time).max(1e-12)).min(1.0);
-        // Among those that are left: what is too weak counts in no distribution.
+        let share = max_rate.map_or(1.0, |max_rate| max_rate / rolling.rate(time).max(1e-12)).min(1.0);
+        // The rank among the remaining events: dropped ones are in no distribution.
         (1.0 - rank < share).then(|| 1.0 - (1.0 - rank) / share)
     }
 
+    /// Returns an event with its sample, `None` if it is too weak.
     fn matched(&mut self, tick: Tick, event: &Crumple) -> Option<MatchedCrumple> {
         let Some(rank) = self.rank(tick, event.energy) else {
             self.count[DROPPED] += 1;
             return None;
         };
-        let known = self.calibration.as_ref().map(|c| &c.energies).filter(|_| self.rolling.is_none());
-        let outside = known.is_some_and(|known| known.last().is_none_or(|most| event.energy > *most));
-        self.count[OUTSIDE] += u64::from(outside);
+        let calibrated = self.calibration.as_ref().map(|c| &c.energies).filter(|_| self.rolling.is_none());
+        let above = calibrated
+            .is_some_and(|energies| energies.last().is_none_or(|strongest| event.energy > *strongest));
+        self.count[ABOVE] += u64::from(above);
         let wanted = self.map.wanted(rank);
-        let rng = self.random.uniform(event.id, tick as u64, 0);
-        let sample = self.nearest.pick(wanted, self.params.k_nearest, rng)?;
+        let draw = self.random.uniform(event.id, tick as u64, 0);
+        let sample = self.nearest.pick(wanted, self.params.k_nearest, draw)?;
         self.count[MATCHED] += 1;
         Some(MatchedCrumple::new(event, sample as u32, wanted, self.bank))
     }
@@ -126,13 +126,13 @@ impl Node for HistogramMatcher {
 
     fn shape(p: &HistogramMatcherParams, s: &mut Shape<'_, '_, HistogramMatcherPorts>) -> Result<(), Reject> {
         if !p.adapt && !s.linked(HistogramMatcherPorts::calibration) {
-            let message = "without a calibration nothing says which events are strong";
+            let message = "a calibration is needed to rank events by energy";
             let help = "link an EnergyCalibration, or set `adapt: true`";
             s.wrong(Reject::new("F106", message).at("calibration").help(help));
         }
         if !p.adapt && p.max_rate.is_some() {
-            let message = "`max_rate` works with `adapt: true` only";
-            let help = "give the rate to EnergyCalibration, or set `adapt: true`";
+            let message = "`max_rate` needs `adapt: true`";
+            let help = "set `rate` of EnergyCalibration, or set `adapt: true`";
             s.wrong(Reject::new("F106", message).at("max_rate").help(help));
         }
         Ok(())
@@ -160,7 +160,7 @@ impl Node for HistogramMatcher {
             random: cx.random,
             params: p.clone(),
             count: [0; 3],
-            odd: None,
+            mismatch: None,
         })
     }
 
@@ -168,14 +168,14 @@ impl Node for HistogramMatcher {
         for (tick, event) in io.events.events() {
             if !(event.energy.is_finite() && event.energy >= 0.0) {
                 let message =
-                    format!("an event has the energy {}; it must be finite and not below 0", event.energy);
+                    format!("an event has the energy {}; energies are finite and not negative", event.energy);
                 return Err(Fault::new("F106", message).at("events").when(*tick));
             }
             if let Some(c) = &self.calibration {
-                c.accepts(event.weight)
+                c.check_weight(event.weight)
                     .map_err(|e| Fault::new("F106", e.to_string()).at("calibration").when(*tick))?;
-                if self.odd.is_none() && self.rolling.is_none() {
-                    self.odd = c.differs(event);
+                if self.mismatch.is_none() && self.rolling.is_none() {
+                    self.mismatch = c.mismatch(event);
                 }
             }
             if let Some(matched) = self.matched(*tick, event) {
@@ -186,17 +186,17 @@ impl Node for HistogramMatcher {
     }
 
     fn finish(&mut self, _: HistogramMatcherIo<'_>) -> Result<Summary, Fault> {
-        let [matched, dropped, outside] = self.count;
-        let mut told: Summary = vec![
+        let [matched, dropped, above] = self.count;
+        let mut summary: Summary = vec![
             ("matched", matched.into()),
             ("dropped", dropped.into()),
-            ("above_calibration", outside.into()),
+            ("above_calibration", above.into()),
         ];
-        let odd = self.odd.take().map(|text| {
-            format!("{text}: what is strong there may not be strong here; measure it on this motion, or set `adapt: true`")
+        let mismatch = self.mismatch.take().map(|text| {
+            format!("{text}: their energies may not be comparable; measure the calibration on this motion, or set `adapt: true`")
         });
-        told.extend(odd.map(|text| ("warning", text.into())));
-        Ok(told)
+        summary.extend(mismatch.map(|text| ("warning", text.into())));
+        Ok(summary)
     }
 
     fn adopt(&mut self, old: &mut Self) {
@@ -206,7 +206,7 @@ impl Node for HistogramMatcher {
         self.count = old.count;
     }
 
-    archive_state!(nearest, each rolling, count, odd);
+    archive_state!(nearest, each rolling, count, mismatch);
 
     fn trial(rng: &mut Rng) -> (HistogramMatcherParams, MemoryFiles) {
         let p = HistogramMatcherParams::trial(rng);

@@ -1,4 +1,4 @@
-//! An event with the sample that plays for it.
+//! An event with its sample.
 
 use serde::{Deserialize, Serialize};
 
@@ -8,28 +8,28 @@ use crate::core::time::Tick;
 use crate::crumple::bank::trial_bank;
 use crate::crumple::events::Crumple;
 
-/// A crumple and the recorded sample that is to sound for it.
+/// An event with the sample that is played for it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MatchedCrumple {
-    /// The lowest vertex of the crumple: with the time, its identity.
+    /// Lowest vertex; with the time it identifies the event.
     pub id: u32,
-    /// Number of the sample in the bank, quietest first.
+    /// Index of the sample in the bank, in order of energy.
     pub sample: u32,
-    /// Energy that the sample should have, full scale^2 times samples.
+    /// Desired energy of the sample, full scale^2.
     pub wanted: f64,
-    /// Digest of the bank that `sample` counts in.
+    /// Digest of the bank of `sample`.
     pub bank: u32,
-    /// Energy of the crumple.
+    /// Energy of the event.
     pub energy: f64,
-    /// 1 where it snaps outwards, -1 inwards.
+    /// 1 outwards, -1 inwards.
     pub sign: i8,
-    /// Number of its material.
+    /// Index of the material.
     pub material: u16,
-    /// Its centre, m.
+    /// Centre, m.
     pub position: [f32; 3],
-    /// Its mean normal.
+    /// Mean normal.
     pub normal: [f32; 3],
-    /// Ticks from one frame of the motion to the next.
+    /// Frame interval of the motion, in ticks.
     pub interval: Tick,
 }
 
@@ -43,7 +43,7 @@ impl Event for MatchedCrumple {
 }
 
 impl MatchedCrumple {
-    /// A crumple for which a sample of a bank is to sound.
+    /// Creates an event with its sample.
     #[must_use]
     pub fn new(crumple: &Crumple, sample: u32, wanted: f64, bank: u32) -> Self {
         let Crumple { id, energy, sign, material, position, normal, interval, .. } = *crumple;

@@ -1,10 +1,10 @@
-//! The sample of a bank whose energy is nearest to a given one.
+//! Choice of the samples of a bank with the nearest energies.
 
 use super::histogram::log;
 use crate::crumple::bank::CrumpleBank;
 use crate::impl_state;
 
-/// Samples of a bank by energy.
+/// Samples of a bank by energy. The last choice is not repeated.
 #[derive(Clone, Debug)]
 pub struct Nearest {
     logs: Vec<f64>,
@@ -13,21 +13,21 @@ pub struct Nearest {
 impl_state!(Nearest { last });
 
 impl Nearest {
-    /// Over a bank's sorted energies.
+    /// Prepares the energies of a bank.
     #[must_use]
     pub fn new(bank: &CrumpleBank) -> Self {
         Self { logs: bank.energies.iter().map(|e| log(*e)).collect(), last: None }
     }
 
-    /// The range of the `k` samples whose energies are nearest to `energy`, by ratio.
+    /// Returns the range of the `k` samples whose energies are nearest to `energy` by ratio.
     ///
     /// # Complexity
     /// O(log n + k).
     #[must_use]
     pub fn range(&self, energy: f64, k: usize) -> std::ops::Range<usize> {
         let (x, n) = (log(energy), self.logs.len());
-        let at = self.logs.partition_point(|e| *e < x);
-        let (mut low, mut high) = (at, at);
+        let split = self.logs.partition_point(|e| *e < x);
+        let (mut low, mut high) = (split, split);
         while high - low < k.min(n) {
             let below = low.checked_sub(1).map(|j| x - self.logs[j]);
             let above = self.logs.get(high).map(|e| e - x);
@@ -40,16 +40,16 @@ impl Nearest {
         low..high
     }
 
-    /// One of the `k` nearest, never the one before where there is another; `draw` is uniform on `[0, 1)`.
+    /// Chooses one of the `k` nearest samples, not the previous one if there is another. `draw` is uniform on `[0, 1)`.
     pub fn pick(&mut self, energy: f64, k: usize, draw: f64) -> Option<usize> {
         let range = self.range(energy, k.max(1));
-        let barred = self.last.filter(|last| range.len() > 1 && range.contains(last));
-        let choices = range.len() - usize::from(barred.is_some());
+        let excluded = self.last.filter(|last| range.len() > 1 && range.contains(last));
+        let choices = range.len() - usize::from(excluded.is_some());
         if choices == 0 {
             return None;
         }
         let mut pick = range.start + ((draw * choices as f64) as usize).min(choices - 1);
-        if barred.is_some_and(|b| pick >= b) {
+        if excluded.is_some_and(|last| pick >= last) {
             pick += 1;
         }
         self.last = Some(pick);
@@ -63,7 +63,7 @@ mod tests {
     use crate::core::random::Rng;
 
     #[test]
-    fn nearest_goes_by_ratio_and_does_not_repeat_itself() {
+    fn the_nearest_samples_are_chosen_by_ratio_without_repetition() {
         let mut nearest = Nearest::new(&CrumpleBank::testing(&[1.0, 10.0, 100.0, 1000.0]));
         assert_eq!(nearest.pick(4.0, 1, 0.0), Some(1));
         assert_eq!(nearest.pick(3.0, 1, 0.0), Some(0));
@@ -72,14 +72,14 @@ mod tests {
         assert_eq!(nearest.range(50.0, 9), 0..4);
         let mut rng = Rng::new(4);
         let mut last = None;
-        let mut seen = [0; 4];
+        let mut counts = [0; 4];
         for _ in 0..300 {
             let pick = nearest.pick(30.0, 3, rng.uniform()).unwrap();
             assert!(pick != 3 && last != Some(pick));
             last = Some(pick);
-            seen[pick] += 1;
+            counts[pick] += 1;
         }
-        assert!(seen[..3].iter().all(|n| *n > 80), "{seen:?}");
+        assert!(counts[..3].iter().all(|n| *n > 80), "{counts:?}");
         let mut single = Nearest::new(&CrumpleBank::testing(&[1.0]));
         assert_eq!([single.pick(5.0, 4, 0.9), single.pick(0.0, 4, 0.9)], [Some(0), Some(0)]);
     }

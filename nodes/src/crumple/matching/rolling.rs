@@ -3,36 +3,36 @@
 use super::histogram::log;
 use crate::impl_state;
 
-/// Bins of [`Rolling`] per doubling of energy.
+/// Bins per doubling of energy.
 const PER_OCTAVE: f64 = 16.0;
-/// Doublings of energy that it spans, around 1.
+/// Range in doublings of energy, centred at 1.
 const OCTAVES: f64 = 200.0;
 
-/// The distribution of what came lately, older events forgotten by a half-life.
+/// The distribution of recent energies: the weight of an event decays with a half-life.
 ///
-/// Energies are counted in bins of a sixteenth of a doubling, whose weights grow with time instead of all others shrinking. Memory is
-/// fixed, and what is given depends on the past alone.
+/// Energies are counted in bins of 1/16 of a doubling. The weight of new events grows exponentially instead of decaying all bins. Memory
+/// is constant, and results depend on earlier events alone.
 #[derive(Clone, Debug)]
 pub struct Rolling {
     bins: Vec<f64>,
     total: f64,
-    /// Seconds at which a new event weighs 1.
+    /// Time at which a new event has weight 1, s.
     epoch: f64,
     half_life: f64,
-    /// Since when events are counted; `None` when there was a past before.
-    begun: Option<f64>,
+    /// Start of the count, s; `None` after a seed.
+    start: Option<f64>,
 }
-impl_state!(Rolling { bins, total, epoch, begun });
+impl_state!(Rolling { bins, total, epoch, start });
 
 impl Rolling {
-    /// Nothing yet; half-life in seconds.
+    /// Creates an empty distribution with a half-life in seconds.
     #[must_use]
     pub fn new(half_life: f64) -> Self {
         let bins = vec![0.0; (PER_OCTAVE * OCTAVES) as usize];
-        Self { bins, total: 0.0, epoch: 0.0, half_life, begun: Some(0.0) }
+        Self { bins, total: 0.0, epoch: 0.0, half_life, start: Some(0.0) }
     }
 
-    /// Begins as if energies of a take had come at a steady `rate` per second.
+    /// Initialises the distribution as if the energies had occurred at a constant `rate` per second.
     pub fn seed(&mut self, energies: &[f64], rate: f64) {
         if energies.is_empty() {
             return;
@@ -43,30 +43,31 @@ impl Rolling {
             self.bins[bin] += mass;
             self.total += mass;
         }
-        self.begun = None;
+        self.start = None;
     }
 
-    /// Goes on as another would.
+    /// Copies the state of another distribution.
     pub fn take_state(&mut self, old: &Self) {
         self.bins.copy_from_slice(&old.bins);
-        (self.total, self.epoch, self.begun) = (old.total, old.epoch, old.begun);
+        (self.total, self.epoch, self.start) = (old.total, old.epoch, old.start);
     }
 
+    /// Returns the bin of an energy.
     fn bin(&self, energy: f64) -> usize {
-        let at = (log(energy) / std::f64::consts::LN_2 + 0.5 * OCTAVES) * PER_OCTAVE;
-        at.clamp(0.0, (self.bins.len() - 1) as f64) as usize
+        let position = (log(energy) / std::f64::consts::LN_2 + 0.5 * OCTAVES) * PER_OCTAVE;
+        position.clamp(0.0, (self.bins.len() - 1) as f64) as usize
     }
 
-    /// Adds an event at a time in seconds, and gives its rank among all so far, itself counted half.
+    /// Adds an event at a time in seconds and returns its rank among all events so far, with itself counted half.
     ///
     /// # Complexity
     /// O(1) in the number of events: one pass over 3200 bins.
     pub fn add(&mut self, time: f64, energy: f64) -> f64 {
-        // Weights stay far from the largest number.
+        // The rescaling avoids overflow of the weights.
         if time - self.epoch > 200.0 * self.half_life {
-            let shrink = (-(time - self.epoch) / self.half_life).exp2();
-            self.bins.iter_mut().for_each(|b| *b *= shrink);
-            self.total *= shrink;
+            let decay = (-(time - self.epoch) / self.half_life).exp2();
+            self.bins.iter_mut().for_each(|b| *b *= decay);
+            self.total *= decay;
             self.epoch = time;
         }
         let weight = ((time - self.epoch) / self.half_life).exp2();
@@ -77,12 +78,12 @@ impl Rolling {
         (below + 0.5 * self.bins[bin]) / self.total
     }
 
-    /// Events per second lately, at a time in seconds.
+    /// Returns the recent number of events per second at a time in seconds.
     #[must_use]
     pub fn rate(&self, time: f64) -> f64 {
         let mass = self.total * (-(time - self.epoch) / self.half_life).exp2();
-        let seen = self.begun.map_or(1.0, |begun| 1.0 - (-(time - begun) / self.half_life).exp2());
-        mass * std::f64::consts::LN_2 / self.half_life / seen.max(1e-9)
+        let observed = self.start.map_or(1.0, |start| 1.0 - (-(time - start) / self.half_life).exp2());
+        mass * std::f64::consts::LN_2 / self.half_life / observed.max(1e-9)
     }
 }
 
@@ -92,7 +93,7 @@ mod tests {
     use crate::crumple::matching::testing::log_normal;
 
     #[test]
-    fn the_rolling_estimate_forgets_and_knows_its_rate() {
+    fn old_events_decay_and_the_rate_is_that_of_recent_events() {
         let mut rolling = Rolling::new(10.0);
         // A hundred seconds of weak events, then strong ones.
         let weak = log_normal(1000, 1.0, 0.0, 5);
@@ -108,13 +109,13 @@ mod tests {
             rolling.add(100.0 + 0.1 * k as f64, 1e6 * shuffled(k, &weak));
         }
         assert!((rolling.clone().add(200.0, 1e6 * middle) - 0.5).abs() < 0.05);
-        // Far later the weights are scaled anew, and all is forgotten.
+        // Much later the weights are rescaled, and old events have no weight.
         let p = rolling.add(1e5, 1.0);
         assert!((p - 0.5).abs() < 1e-6, "{p}");
     }
 
     #[test]
-    fn a_seed_is_a_past_and_a_short_past_tells_the_rate_at_once() {
+    fn a_seed_sets_the_distribution_and_the_rate_is_right_from_the_start() {
         let energies = log_normal(400, 1.0, 0.0, 6);
         let mut seeded = Rolling::new(60.0);
         seeded.seed(&energies, 25.0);

@@ -1,8 +1,8 @@
-//! The node that plays crumples at two ears.
+//! EventPlayer of matched events at two ears, as a node.
 
-use super::event_player::Playback;
+use super::event_player::EventPlayer;
 use super::onset_timing::{Jitter, Timing};
-use super::voices::{Hearing, Level};
+use super::voices::{Level, VoiceFilter};
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::item::Channels;
@@ -20,59 +20,58 @@ use crate::spatial::{Distance, Head, Pose, Poses, StillSource};
 use crate::{archive_state, params, ports};
 
 params! {
-    /// Plays a recorded sample for each crumple at the two ears of a listener: as `CrumplePlayer`, with every fold where it is.
+    /// Plays a recorded sample for each event at the two ears of a listener: as `CrumplePlayer`, with the position of every event.
     ///
-    /// A sample is heard from the place of its crumple as in `StructuralHrtf` and `DistanceGain`: earlier and louder at the nearer
-    /// ear, with the reflections of the pinna, and the softer the farther away. Where the listener is when the sample
-    /// begins counts until it ends, since a crumple lasts a few hundredths of a second at most. Both ears hear one sample at one
-    /// time; the middle of the head hears it at its time, and the nearer ear up to 0.26 ms earlier, for which the node looks
-    /// ahead.
+    /// A sample has the direction and distance of its event, as in `StructuralHrtf` and `DistanceGain`: it is earlier and louder at the nearer
+    /// ear, has the reflections of the pinna, and its level decreases with distance. The pose of the listener is that at the beginning of
+    /// the sample, which lasts a few hundredths of a second at most. Delays are relative to the middle of the head. The sound at the nearer
+    /// ear is up to 0.26 ms earlier, for which the node has look-ahead.
     ///
     /// # Randomness
-    /// How much later a sample begins follows from the seed, the time of the event and its lowest vertex alone.
+    /// The delay of a sample is a function of the seed, the time of the event and its lowest vertex.
     ///
     /// # Source
     /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 3; Brown and
     /// Duda, "A structural model for binaural sound synthesis" (1998).
     pub struct BinauralCrumplePlayerParams {
-        /// How much later than its event a sample begins.
+        /// Delay of a sample after its event.
         jitter: Jitter = Jitter::WholeFrames;
-        /// Spread of the beginnings.
+        /// Range of the delays.
         jitter_time: f64 = 0.033333333333333, unit "s", range 0.0..=0.2;
-        /// Place of the listener's head, where no link gives its pose.
+        /// Position of the listener's head, unless `listener` is linked.
         listener: [f64; 3] = [0.0; 3], unit "m", range -100_000.0..=100_000.0;
-        /// Where the listener looks, where no link gives its pose: a direction of any length.
+        /// Direction of view of the listener, unless `listener` is linked: a vector of any length.
         look: [f64; 3] = [1.0, 0.0, 0.0], unit "", range -100_000.0..=100_000.0;
-        /// What is above the listener: a direction that is not parallel to `look`.
+        /// Direction upwards from the listener: a vector not parallel to `look`.
         up: [f64; 3] = [0.0, 0.0, 1.0], unit "", range -100_000.0..=100_000.0;
         /// Reflections of the pinna.
         pinna: Pinna = Pinna::Set0;
         /// Radius of the head.
         radius: f64 = 0.0875, unit "m", range 0.01..=1.0;
-        /// Distance at which a sample is as loud as it was recorded; None leaves distance out.
+        /// Distance at which a sample has its recorded level; None ignores distance.
         reference: Option<f64> = Some(1.0), unit "m", range 0.001..=10_000.0;
-        /// Distance below which it gets no louder.
+        /// Distance below which the level is constant.
         nearest: f64 = 0.1, unit "m", range 0.001..=10_000.0;
-        /// Factor on everything.
+        /// Factor on the output.
         gain: f32 = 1.0, unit "", range 0.0..=1000.0;
-        /// Whether a sample is scaled to exactly the energy that it should have, by 6 dB at most.
+        /// Scales samples to the exact energy of the match, by at most 6 dB.
         match_gain: bool = false;
-        /// Samples that sound at once; of more, those with the least energy left give way. 64 is good for live use.
+        /// Maximum number of simultaneous samples; above it those with the least remaining energy are stolen. 64 is good for live use.
         max_voices: usize = 4096, unit "voices", range 1..=65_536;
-        /// How long it goes on after the last event: jitter and the longest sample.
+        /// Duration of the output after the last event, for the jitter and the longest sample.
         tail: f64 = 0.6, unit "s", range 0.0..=60.0;
-        /// Samples per second.
+        /// Sample rate of the audio.
         rate: Rate = Rate::hz(48_000);
     }
 }
 ports! {
     pub struct BinauralCrumplePlayerPorts / BinauralCrumplePlayerIo {
         in {
-            /// The events, with the numbers of their samples.
+            /// Events with the indices of their samples.
             matched: Events<MatchedCrumple>,
-            /// The samples.
+            /// Bank of samples.
             bank: Value<CrumpleBank>,
-            /// Where the listener's head is and looks, in place of the parameters.
+            /// Pose of the listener's head, in place of the parameters.
             listener: Option<Stream<Poses>>,
         }
         out {
@@ -82,21 +81,21 @@ ports! {
     }
 }
 
-impl Hearing for StillSource {
+impl VoiceFilter for StillSource {
     const CHANNELS: usize = 2;
 
     fn level(&self) -> f32 {
         self.gain()
     }
 
-    fn add(&mut self, sample: &[f32], at: i64, level: Level, out: &mut [f32]) {
-        StillSource::add(self, sample, at, out, |x, frame| level.of(x, frame));
+    fn add(&mut self, sample: &[f32], from: i64, level: Level, out: &mut [f32]) {
+        StillSource::add(self, sample, from, out, |x, frame| level.of(x, frame));
     }
 }
 
 /// The node `BinauralCrumplePlayer`.
 pub struct BinauralCrumplePlayer {
-    playback: Playback<StillSource>,
+    playback: EventPlayer<StillSource>,
     head: Head,
     distance: Option<Distance>,
     listener: Pose,
@@ -112,8 +111,8 @@ fn head(p: &BinauralCrumplePlayerParams) -> Head {
     Head { radius: p.radius, pinna: p.pinna.set(), ..Head::default() }
 }
 
-/// Frames in which a sample is heard before its beginning and after its end.
-fn around(p: &BinauralCrumplePlayerParams) -> [usize; 2] {
+/// Returns the frames of output before the beginning of a sample and after its end.
+fn margins(p: &BinauralCrumplePlayerParams) -> [usize; 2] {
     let (head, fs) = (head(p), p.rate.as_f64());
     [StillSource::lead(&head, fs), StillSource::ring(&head, fs)]
 }
@@ -131,12 +130,12 @@ impl Node for BinauralCrumplePlayer {
     ) -> Result<(), Reject> {
         type Port = BinauralCrumplePlayerPorts;
         listener(p.listener, p.look, p.up)?;
-        let [lead, ring] = around(p);
+        let [lead, ring] = margins(p);
         s.lookaround(Port::matched, 0, timing(p).ahead(lead) as usize);
         if let Some(poses) = s.optional(Port::listener) {
-            // A sample begins up to `lead` frames after it is first heard.
-            let beyond = poses.rate.first_at(p.rate.span(lead + 1)) as usize;
-            s.lookaround(Port::listener, PAST, AHEAD + beyond);
+            // A sample begins up to `lead` frames after its first output.
+            let extra = poses.rate.first_at(p.rate.span(lead + 1)) as usize;
+            s.lookaround(Port::listener, PAST, AHEAD + extra);
         }
         s.when_ended(Port::listener, Ends::Hold);
         s.tail(ticks(p.tail) + p.rate.span(ring));
@@ -147,7 +146,7 @@ impl Node for BinauralCrumplePlayer {
     fn build(p: &BinauralCrumplePlayerParams, cx: &Build<'_>) -> Result<Self, Fault> {
         let bank = cx.value(BinauralCrumplePlayerPorts::bank);
         Ok(Self {
-            playback: Playback::new(&bank, timing(p), around(p), cx.random)?,
+            playback: EventPlayer::new(&bank, timing(p), margins(p), cx.random)?,
             head: head(p),
             distance: p.reference.map(|reference| Distance { reference, nearest: p.nearest }),
             listener: listener(p.listener, p.look, p.up)?,
@@ -157,10 +156,10 @@ impl Node for BinauralCrumplePlayer {
 
     fn run(&mut self, mut io: BinauralCrumplePlayerIo<'_>) -> Result<(), Fault> {
         let (head, distance, fs) = (self.head, self.distance, io.audio.rate().as_f64());
-        let (still, poses) = (self.listener, &io.listener);
-        self.playback.run(&io.matched, &mut io.audio, |place, tick| {
-            let pose = poses.as_ref().map_or(still, |poses| pose_at(poses, tick));
-            StillSource::new(&head, distance, pose.toward(place.map(f64::from)), fs)
+        let (listener, poses) = (self.listener, &io.listener);
+        self.playback.run(&io.matched, &mut io.audio, |position, tick| {
+            let pose = poses.as_ref().map_or(listener, |poses| pose_at(poses, tick));
+            StillSource::new(&head, distance, pose.toward(position.map(f64::from)), fs)
         })
     }
 
@@ -169,14 +168,14 @@ impl Node for BinauralCrumplePlayer {
     }
 
     fn retune(&mut self, new: &BinauralCrumplePlayerParams) -> Retune {
-        let BinauralCrumplePlayerParams { gain, match_gain, listener: at, look, up, .. } = *new;
-        let same =
-            BinauralCrumplePlayerParams { gain, match_gain, listener: at, look, up, ..self.params.clone() };
-        if same != *new {
+        let BinauralCrumplePlayerParams { gain, match_gain, listener, look, up, .. } = *new;
+        let compared =
+            BinauralCrumplePlayerParams { gain, match_gain, listener, look, up, ..self.params.clone() };
+        if compared != *new {
             return Retune::Rebuild;
         }
-        // Parameters that leave the head's turn open are refused before they come here.
-        if let Some(pose) = Pose::looking(at, look, up) {
+        // Invalid directions were refused before.
+        if let Some(pose) = Pose::looking(listener, look, up) {
             self.listener = pose;
         }
         self.playback.set_gain(gain, match_gain);
@@ -185,7 +184,7 @@ impl Node for BinauralCrumplePlayer {
     }
 
     fn adopt(&mut self, old: &mut Self) {
-        if (around(&self.params), self.params.pinna) == (around(&old.params), old.params.pinna) {
+        if (margins(&self.params), self.params.pinna) == (margins(&old.params), old.params.pinna) {
             self.playback.adopt(&old.playback);
         }
     }

@@ -1,6 +1,6 @@
-//! The node that plays crumples in one channel.
+//! EventPlayer of matched events in one channel, as a node.
 
-use super::event_player::Playback;
+use super::event_player::EventPlayer;
 use super::onset_timing::{Jitter, Timing};
 use super::voices::Mono;
 use crate::core::fault::{Fault, Reject};
@@ -17,41 +17,41 @@ use crate::crumple::matching::MatchedCrumple;
 use crate::{archive_state, params, ports};
 
 params! {
-    /// Plays a recorded sample for each crumple.
+    /// Plays a recorded sample for each event.
     ///
-    /// Samples begin at the time of their event and a little later, at random, since motion knows whole frames only: without that, all folds of
-    /// a frame snap at once and the frame rate is heard. They are as loud as they were recorded, and overlap. A bank of another
-    /// rate is brought to `rate` first. This node makes audio from something that is none, so it has a sample rate of its own.
+    /// Samples begin with a random delay after their event. Without delays all samples of a frame of the motion would begin at once, and the
+    /// frame rate would be audible. Samples have their recorded level and overlap. A bank of another
+    /// rate is resampled to `rate`, which sets the sample rate of the audio.
     ///
     /// # Randomness
-    /// How much later a sample begins follows from the seed, the time of the event and its lowest vertex alone.
+    /// The delay of a sample is a function of the seed, the time of the event and its lowest vertex.
     ///
     /// # Source
-    /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 3, who jitter by 1/30 s and
-    /// do not say how.
+    /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 3, who jitter by 1/30 s without
+    /// details.
     pub struct CrumplePlayerParams {
-        /// How much later than its event a sample begins.
+        /// Delay of a sample after its event.
         jitter: Jitter = Jitter::WholeFrames;
-        /// Spread of the beginnings.
+        /// Range of the delays.
         jitter_time: f64 = 0.033333333333333, unit "s", range 0.0..=0.2;
-        /// Factor on everything.
+        /// Factor on the output.
         gain: f32 = 1.0, unit "", range 0.0..=1000.0;
-        /// Whether a sample is scaled to exactly the energy that it should have, by 6 dB at most.
+        /// Scales samples to the exact energy of the match, by at most 6 dB.
         match_gain: bool = false;
-        /// Samples that sound at once; of more, those with the least energy left give way. 64 is good for live use.
+        /// Maximum number of simultaneous samples; above it those with the least remaining energy are stolen. 64 is good for live use.
         max_voices: usize = 4096, unit "voices", range 1..=65_536;
-        /// How long it goes on after the last event: jitter and the longest sample.
+        /// Duration of the output after the last event, for the jitter and the longest sample.
         tail: f64 = 0.6, unit "s", range 0.0..=60.0;
-        /// Samples per second.
+        /// Sample rate of the audio.
         rate: Rate = Rate::hz(48_000);
     }
 }
 ports! {
     pub struct CrumplePlayerPorts / CrumplePlayerIo {
         in {
-            /// The events, with the numbers of their samples.
+            /// Events with the indices of their samples.
             matched: Events<MatchedCrumple>,
-            /// The samples.
+            /// Bank of samples.
             bank: Value<CrumpleBank>,
         }
         out {
@@ -63,7 +63,7 @@ ports! {
 
 /// The node `CrumplePlayer`.
 pub struct CrumplePlayer {
-    playback: Playback<Mono>,
+    playback: EventPlayer<Mono>,
     params: CrumplePlayerParams,
 }
 
@@ -88,7 +88,7 @@ impl Node for CrumplePlayer {
 
     fn build(p: &CrumplePlayerParams, cx: &Build<'_>) -> Result<Self, Fault> {
         let bank = cx.value(CrumplePlayerPorts::bank);
-        let playback = Playback::new(&bank, timing(p), [0; 2], cx.random)?;
+        let playback = EventPlayer::new(&bank, timing(p), [0; 2], cx.random)?;
         Ok(Self { playback, params: p.clone() })
     }
 

@@ -1,26 +1,26 @@
-//! The times at which samples begin.
+//! Times at which samples begin.
 
 use crate::choices;
 use crate::core::time::{Rate, Tick, ticks};
 
 choices! {
-    /// How much later than its event a sample begins.
+    /// Delay of a sample after its event.
     pub enum Jitter {
-        /// Anything from 0 to the shortest whole number of frames that is no less than `jitter_time`: only whole frames hide the
+        /// Uniform from 0 to `jitter_time` rounded up to whole frames. Only whole frames hide the
         /// frame rate of the motion completely.
         WholeFrames,
-        /// As much, but around the event: half of the samples begin before it.
+        /// As `WholeFrames`, but centred at the event: half of the samples begin before it.
         Centred,
-        /// Anything from 0 to `jitter_time`, as the paper may be read.
+        /// Uniform from 0 to `jitter_time`, one reading of the paper.
         Fixed,
-        /// Not at all: all samples of a frame begin at once.
+        /// No delay: all samples of a frame begin at once.
         Off,
     }
 }
 
-/// The longest that a frame of the motion may last for whole frames of jitter, s.
-const SLOWEST: f64 = 0.1;
-/// When samples begin and how loud they are.
+/// Maximum frame interval for whole frames of jitter, s.
+const MAX_FRAME_INTERVAL: f64 = 0.1;
+/// Parameters of onsets: their times and levels.
 #[derive(Clone, Debug)]
 pub(super) struct Timing {
     pub jitter: Jitter,
@@ -32,23 +32,24 @@ pub(super) struct Timing {
 }
 
 impl Timing {
-    /// Ticks that a player looks ahead: for samples that begin before their event, and for what is heard `lead` frames before that.
+    /// Returns the look-ahead in ticks: for samples that begin before their event, and for output up to `lead` frames before a sample
+    /// begins.
     pub fn ahead(&self, lead: usize) -> Tick {
-        let before = match self.jitter {
-            Jitter::Centred => ticks(0.5 * (self.jitter_time + SLOWEST)),
+        let early = match self.jitter {
+            Jitter::Centred => ticks(0.5 * (self.jitter_time + MAX_FRAME_INTERVAL)),
             _ => 0,
         };
-        before + if lead > 0 { self.rate.span(lead + 1) } else { 0 }
+        early + if lead > 0 { self.rate.span(lead + 1) } else { 0 }
     }
 
-    /// Spread of the beginnings for frames of `interval` ticks.
+    /// Returns the range of delays in ticks, for frames of `interval` ticks.
     pub fn spread(&self, interval: Tick) -> Tick {
         let time = ticks(self.jitter_time);
         match self.jitter {
             Jitter::Off => 0,
             Jitter::Fixed => time,
             Jitter::WholeFrames | Jitter::Centred => {
-                let frame = interval.clamp(1, ticks(SLOWEST));
+                let frame = interval.clamp(1, ticks(MAX_FRAME_INTERVAL));
                 let frames = (time as f64 / frame as f64 - 1e-6).ceil().max(0.0) as Tick;
                 frame * frames
             }

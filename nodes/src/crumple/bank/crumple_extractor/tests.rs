@@ -44,7 +44,7 @@ fn warnings(run: &StandaloneRun) -> Vec<String> {
 }
 
 #[test]
-fn recordings_become_a_bank_that_survives_its_file() {
+fn recordings_become_a_bank_that_is_read_back_from_its_file() {
     let run =
         standalone(params(&["many.wav", "few.wav"], &[("threshold", Datum::Float(1e-7))])).run().unwrap();
     let found = bank(&run);
@@ -68,7 +68,7 @@ fn recordings_become_a_bank_that_survives_its_file() {
 }
 
 #[test]
-fn samples_of_a_file_that_somebody_changed_are_refused() {
+fn a_file_with_changed_samples_is_refused() {
     let bank = crate::crumple::bank::trial_bank();
     let mut file = Standalone::func::<CrumpleBankFile>(CrumpleBankFileParams { path: "b.json".into() });
     let mut read = |bank: &CrumpleBank| {
@@ -83,17 +83,17 @@ fn samples_of_a_file_that_somebody_changed_are_refused() {
         code == "F106" && message.contains("`content`") && message.contains("extract it again"),
         "{message}"
     );
-    // One that was made so on purpose.
+    // Without the digest a changed bank is accepted.
     assert_eq!(read(&CrumpleBank { content: String::new(), ..other }), Ok(()));
 }
 
 #[test]
-fn few_samples_and_a_low_threshold_are_warned_of() {
+fn few_samples_and_a_low_threshold_give_warnings() {
     let run = standalone(params(&["hum.wav"], &[])).run().unwrap();
-    let told = warnings(&run);
+    let found = warnings(&run);
     assert!(
-        told.len() == 2 && told[0].contains("with fewer than 30") && told[1].contains("too low"),
-        "{told:?}"
+        found.len() == 2 && found[0].contains("with fewer than 30") && found[1].contains("too low"),
+        "{found:?}"
     );
 }
 
@@ -117,7 +117,7 @@ fn levels_are_matched_on_request() {
 }
 
 #[test]
-fn what_cannot_be_extracted_is_named() {
+fn errors_name_the_recording_or_the_parameter() {
     let reject = standalone(params(&["many.wav", "text.wav"], &[])).shape().unwrap_err();
     assert!(reject.code == "F077" && reject.message.contains("text.wav"), "{reject}");
     assert_eq!(standalone(params(&[], &[])).shape().unwrap_err().code, "F077");

@@ -19,7 +19,7 @@ fn bursts(at: &[(f64, f64)], seconds: f64) -> Vec<f32> {
 }
 
 #[test]
-fn the_window_is_that_of_scipy() {
+fn the_window_equals_that_of_scipy() {
     // scipy.ndimage.uniform_filter1d(x**2, W, mode="constant") * W for x = 1..6 and W = 4, then W = 3
     let x = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
     assert_eq!(windowed_energy(&x, 4), [5.0, 14.0, 30.0, 54.0, 86.0, 77.0]);
@@ -28,7 +28,7 @@ fn the_window_is_that_of_scipy() {
 }
 
 #[test]
-fn the_window_of_a_soft_sound_after_minutes_of_loud_ones_is_its_own() {
+fn the_energy_of_a_soft_sound_after_a_long_loud_one_is_exact() {
     // Twenty seconds at full scale, then a sound 60 dB below: sums in single precision would round it away, and after 6 minutes at 48 kHz
     // would not grow any more. In double precision a window is right to 2^-52 of the sum before it.
     let n = 20 * 48_000;
@@ -46,14 +46,14 @@ fn the_window_of_a_soft_sound_after_minutes_of_loud_ones_is_its_own() {
 
 #[test]
 fn separate_bursts_are_samples_that_begin_and_end_where_the_sign_changes() {
-    let places: Vec<(f64, f64)> =
+    let times: Vec<(f64, f64)> =
         (0..12).map(|k| (0.1 + 0.2 * f64::from(k), 0.1 * 1.25_f64.powi(k))).collect();
-    let x = bursts(&places, 2.6);
-    let how = Extraction { threshold: 1e-5, ..Extraction::default() };
-    let found = extents(&x, FS, &how);
+    let x = bursts(&times, 2.6);
+    let params = Extraction { threshold: 1e-5, ..Extraction::default() };
+    let found = extents(&x, FS, &params);
     assert_eq!(found.len(), 12);
     let square = |x: &[f32]| x.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>();
-    for (extent, (start, _)) in found.iter().zip(&places) {
+    for (extent, (start, _)) in found.iter().zip(&times) {
         assert_eq!(extent.fades, [false; 2]);
         for n in [extent.start, extent.end] {
             assert!(x[n - 1] * x[n] <= 0.0);
@@ -69,10 +69,10 @@ fn separate_bursts_are_samples_that_begin_and_end_where_the_sign_changes() {
 fn twice_as_loud_with_four_times_the_threshold_is_the_same() {
     let x = bursts(&[(0.1, 0.1), (0.13, 0.2), (0.4, 0.05)], 0.7);
     let loud: Vec<f32> = x.iter().map(|x| 2.0 * x).collect();
-    let how = Extraction { threshold: 1e-4, ..Extraction::default() };
-    let found = extents(&x, FS, &how);
+    let params = Extraction { threshold: 1e-4, ..Extraction::default() };
+    let found = extents(&x, FS, &params);
     assert!(!found.is_empty());
-    assert_eq!(found, extents(&loud, FS, &Extraction { threshold: 4e-4, ..how }));
+    assert_eq!(found, extents(&loud, FS, &Extraction { threshold: 4e-4, ..params }));
 }
 
 #[test]
@@ -80,8 +80,8 @@ fn an_end_without_a_zero_crossing_is_faded() {
     // A slow swell that never comes to 0 for 50 ms around the threshold.
     let x: Vec<f32> =
         (0..4800).map(|n| 0.02 + 0.3 * (-((n as f32 - 2400.0) / 400.0).powi(2)).exp()).collect();
-    let how = Extraction { threshold: 4e-3, window: 0.005, ..Extraction::default() };
-    let found = extents(&x, FS, &how);
+    let params = Extraction { threshold: 4e-3, window: 0.005, ..Extraction::default() };
+    let found = extents(&x, FS, &params);
     assert_eq!((found.len(), found[0].fades), (1, [true; 2]));
     let samples = cut(&x, FS, &found[0]);
     assert!(samples[0] < 0.01 * x[found[0].start] && samples[samples.len() - 1] < 1e-3);
@@ -91,19 +91,19 @@ fn an_end_without_a_zero_crossing_is_faded() {
 #[test]
 fn long_sounds_are_split_where_they_are_quiet_and_short_ones_left_out() {
     let x = bursts(&[(0.05, 0.3), (0.11, 0.3), (0.17, 0.3), (0.23, 0.3)], 0.4);
-    let how = Extraction { threshold: 1e-8, max_len: 0.1, ..Extraction::default() };
-    let whole = extents(&x, FS, &Extraction { max_len: 10.0, ..how });
+    let params = Extraction { threshold: 1e-8, max_len: 0.1, ..Extraction::default() };
+    let whole = extents(&x, FS, &Extraction { max_len: 10.0, ..params });
     assert_eq!(whole.len(), 1);
-    let parts = extents(&x, FS, &how);
+    let parts = extents(&x, FS, &params);
     assert!(parts.len() >= 4 && parts.iter().all(|p| p.end - p.start <= 4800), "{parts:?}");
     assert!(parts.windows(2).all(|w| w[0].end == w[1].start));
     assert_eq!((parts[0].start, parts[parts.len() - 1].end), (whole[0].start, whole[0].end));
-    assert!(extents(&x, FS, &Extraction { min_len: 1.0, max_len: 10.0, ..how }).is_empty());
+    assert!(extents(&x, FS, &Extraction { min_len: 1.0, max_len: 10.0, ..params }).is_empty());
     // With a gap to bridge, two bursts are one.
     let two = bursts(&[(0.1, 0.3), (0.3, 0.3)], 0.5);
-    let how = Extraction { threshold: 1e-4, ..Extraction::default() };
-    assert_eq!(extents(&two, FS, &how).len(), 2);
-    assert_eq!(extents(&two, FS, &Extraction { merge_gap: 0.18, ..how }).len(), 1);
+    let params = Extraction { threshold: 1e-4, ..Extraction::default() };
+    assert_eq!(extents(&two, FS, &params).len(), 2);
+    assert_eq!(extents(&two, FS, &Extraction { merge_gap: 0.18, ..params }).len(), 1);
 }
 
 #[test]
@@ -120,8 +120,8 @@ proptest! {
     fn extents_are_in_order_and_inside(
         x in prop::collection::vec(-1.0_f32..1.0, 0..3000), threshold in 0.0..0.5, max_len in 0.001..0.05, gap in 0.0..0.01,
     ) {
-        let how = Extraction { threshold, window: 0.002, min_len: 0.0, max_len, merge_gap: gap };
-        let found = extents(&x, 8000.0, &how);
+        let params = Extraction { threshold, window: 0.002, min_len: 0.0, max_len, merge_gap: gap };
+        let found = extents(&x, 8000.0, &params);
         prop_assert!(found.windows(2).all(|w| w[0].end <= w[1].start));
         prop_assert!(found.iter().all(|e| e.start < e.end && e.end <= x.len()));
         prop_assert!(found.iter().all(|e| cut(&x, 8000.0, e).iter().all(|s| s.is_finite())));

@@ -10,7 +10,7 @@ fn strip() -> Scene {
     grid(6, 2, false, |u, v| [u, v, 0.0])
 }
 
-fn snap(vertices: &[usize], delta: f64) -> Vec<Buckle> {
+fn buckle(vertices: &[usize], delta: f64) -> Vec<Buckle> {
     let mut labels = vec![Buckle::default(); 12];
     for &v in vertices {
         labels[v] = Buckle { label: delta.signum() as i8, delta, area: 0.5, ..Buckle::default() };
@@ -19,10 +19,15 @@ fn snap(vertices: &[usize], delta: f64) -> Vec<Buckle> {
 }
 
 fn standalone(p: CrumpleEventsParams, materials: Materials, frames: &[Vec<Buckle>]) -> Standalone {
-    solo_at(120, p, materials, frames)
+    standalone_at(120, p, materials, frames)
 }
 
-fn solo_at(fps: u32, p: CrumpleEventsParams, materials: Materials, frames: &[Vec<Buckle>]) -> Standalone {
+fn standalone_at(
+    fps: u32,
+    p: CrumpleEventsParams,
+    materials: Materials,
+    frames: &[Vec<Buckle>],
+) -> Standalone {
     let format = MeshFormat { materials: materials.into(), ..MeshFormat::moving(strip().topology()) };
     Standalone::new::<CrumpleEventsNode>(p).input(
         CrumpleEventsPorts::buckles,
@@ -37,8 +42,9 @@ fn params() -> CrumpleEventsParams {
 }
 
 #[test]
-fn events_carry_the_time_of_their_frame_for_any_window_and_merging_joins_frames() {
-    let frames = [snap(&[], 0.0), snap(&[1], 1.0), snap(&[2], 3.0), snap(&[], 0.0), snap(&[4], -2.0)];
+fn events_have_the_time_of_their_frame_for_any_window_and_merging_joins_frames() {
+    let frames =
+        [buckle(&[], 0.0), buckle(&[1], 1.0), buckle(&[2], 3.0), buckle(&[], 0.0), buckle(&[4], -2.0)];
     let run = |merge_window, window| {
         let p = CrumpleEventsParams { merge_window, ..params() };
         let run = standalone(p, Materials::default(), &frames).window(ticks(window)).run().unwrap();
@@ -52,7 +58,7 @@ fn events_carry_the_time_of_their_frame_for_any_window_and_merging_joins_frames(
 }
 
 #[test]
-fn events_carry_how_the_curvature_was_measured_and_its_dead_band() {
+fn events_have_the_method_and_the_dead_band_of_their_curvature() {
     use crate::curvature::{Curvature, Method};
     let mut frames = vec![vec![Buckle::default(); 12]; 3];
     let mut detector = crate::crumple::BuckleDetector::new(12, 0.25);
@@ -74,20 +80,20 @@ fn events_carry_how_the_curvature_was_measured_and_its_dead_band() {
 }
 
 #[test]
-fn twice_the_time_between_frames_changes_the_times_of_events_and_nothing_else() {
+fn twice_the_frame_interval_changes_only_the_times_of_events() {
     let frames = [
-        snap(&[], 0.0),
-        snap(&[1, 2], 1.0),
-        snap(&[3], 3.0),
-        snap(&[], 0.0),
-        snap(&[4], -2.0),
-        snap(&[5], -1.0),
+        buckle(&[], 0.0),
+        buckle(&[1, 2], 1.0),
+        buckle(&[3], 3.0),
+        buckle(&[], 0.0),
+        buckle(&[4], -2.0),
+        buckle(&[5], -1.0),
     ];
     let run = |fps: u32, merge_window| {
         let p = CrumpleEventsParams { merge_window, ..params() };
-        let run = solo_at(fps, p, Materials::default(), &frames).window(ticks(0.02)).run().unwrap();
+        let run = standalone_at(fps, p, Materials::default(), &frames).window(ticks(0.02)).run().unwrap();
         let found = run.events(CrumpleEventsPorts::events).into_iter();
-        // Frames in place of times.
+        // Frames instead of times.
         found
             .map(|(tick, e)| (Rate::hz(fps).first_at(tick), Crumple { interval: 0, ..e }))
             .collect::<Vec<_>>()
@@ -99,7 +105,7 @@ fn twice_the_time_between_frames_changes_the_times_of_events_and_nothing_else() 
     }
 }
 
-/// The two halves of the strip, of a material each: columns 0 to 2, and 3 to 5 but for the border.
+/// One material for each half of the strip: columns 0 to 2, and 3 to 5 except for the border.
 fn halves(left: &str, right: &str) -> Materials {
     let scene = strip();
     let mut materials = Materials::default();
@@ -111,9 +117,9 @@ fn halves(left: &str, right: &str) -> Materials {
 }
 
 #[test]
-fn one_snap_across_two_materials_is_two_events_and_swapped_names_swap_them() {
-    // Every vertex snaps to one side; those of the right half twice as far.
-    let mut frame = snap(&(0..12).collect::<Vec<_>>(), 1.0);
+fn buckling_across_two_materials_is_two_events_and_swapped_names_swap_them() {
+    // All vertices buckle to one side, those of the right half with twice the change.
+    let mut frame = buckle(&(0..12).collect::<Vec<_>>(), 1.0);
     (0..12).filter(|v| v % 6 >= 3).for_each(|v| frame[v].delta = 2.0);
     for merge_window in [0.0, 0.033] {
         let events = |materials: Materials, name: Option<&str>| {
@@ -140,14 +146,14 @@ fn one_snap_across_two_materials_is_two_events_and_swapped_names_swap_them() {
 }
 
 #[test]
-fn a_material_that_is_not_there_is_refused_with_those_that_are() {
+fn an_unknown_material_is_refused_with_the_known_ones() {
     let of = |materials| {
         let p = CrumpleEventsParams { material: Some("woll".into()), ..params() };
-        standalone(p, materials, &[snap(&[], 0.0)]).shape().unwrap_err()
+        standalone(p, materials, &[buckle(&[], 0.0)]).shape().unwrap_err()
     };
     let reject = of(halves("wool", ""));
     assert!(reject.code == "F107" && reject.message.contains("`woll`"), "{reject}");
     assert_eq!(reject.field.as_deref(), Some("material"));
-    assert_eq!(reject.help.as_deref(), Some("it is of wool, (unnamed)"));
+    assert_eq!(reject.help.as_deref(), Some("its materials are wool, (unnamed)"));
     assert!(of(Materials::default()).help.unwrap().contains("MeshSequence"));
 }

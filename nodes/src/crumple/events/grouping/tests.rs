@@ -28,7 +28,7 @@ fn events_above(
     for (frame, points) in (0..).zip(frames) {
         measure.measure(points, &mut bent).unwrap();
         detector.detect(&bent, &mut labels);
-        events.take(frame, &labels);
+        events.add_frame(frame, &labels);
     }
     events.finish();
     std::iter::from_fn(|| events.next_before(i64::MAX)).collect()
@@ -38,7 +38,7 @@ const PAPER: CrumpleParams = CrumpleParams { weight: Weight::None, merge_frames:
 const AREA: CrumpleParams = CrumpleParams { weight: Weight::Area, ..PAPER };
 
 #[test]
-fn a_bowl_that_pops_is_one_event_of_known_energy() {
+fn an_inverted_bowl_is_one_event_of_known_energy() {
     let (bowl, dome) = (paraboloid(1.3), paraboloid(-1.3));
     let frames = [bowl.points.clone(), dome.points];
     let found = events_of(&bowl, &frames, &[], PAPER);
@@ -48,14 +48,14 @@ fn a_bowl_that_pops_is_one_event_of_known_energy() {
     assert!((event.energy / 1.026_419e7 - 1.0).abs() < 1e-6, "{}", event.energy);
     let found = events_of(&bowl, &frames, &[], AREA);
     assert!((found[0].1.energy - 4.961_31).abs() < 1e-5, "{}", found[0].1.energy);
-    // It sits over the middle, faces up, and at frame t the sheet is a dome of the other sign.
+    // Its position is the middle, its normal points up.
     let event = found[0].1;
     assert!(event.position[0].abs() < 1e-6 && event.position[1].abs() < 1e-6 && event.position[2] > 0.0);
     assert!((event.normal[2] - 1.0).abs() < 1e-6);
 }
 
 #[test]
-fn area_weights_do_not_feel_the_density_of_the_mesh() {
+fn area_weights_make_energies_independent_of_the_resolution_of_the_mesh() {
     let bowl = |n: usize, q: f64| {
         grid(n, n, true, |u, v| [u - 0.5, v - 0.5, -0.5 * q * ((u - 0.5).powi(2) + (v - 0.5).powi(2))])
     };
@@ -67,7 +67,7 @@ fn area_weights_do_not_feel_the_density_of_the_mesh() {
     assert!((16.0..17.5).contains(&(fine / coarse)), "{}", fine / coarse);
     let (coarse, fine) = (energy(41, AREA), energy(81, AREA));
     assert!((coarse - 4.961).abs() < 1e-3 && (fine - 5.200).abs() < 1e-3, "{coarse} {fine}");
-    // The hem that is left out shrinks like the edges: the limit is the square of twice the integral of H over the bowl,
+    // The excluded hem shrinks like the edges: the limit is the square of twice the integral of H over the bowl,
     // H dA = q (2 + g^2) / (2 (1 + g^2)) dx dy with g = q r.
     let place = |k: usize| (k as f64 + 0.5) / 400.0 - 0.5;
     let bent = |k: usize| {
@@ -80,7 +80,7 @@ fn area_weights_do_not_feel_the_density_of_the_mesh() {
 }
 
 #[test]
-fn a_sine_sheet_that_inverts_snaps_twice_outwards_and_three_times_inwards() {
+fn an_inverted_sine_sheet_buckles_twice_outwards_and_three_times_inwards() {
     let sheet = |sign: f64| {
         grid(81, 41, true, |u, v| [u, v, sign * 0.01 * (4.0 * std::f64::consts::PI * u + 0.3).sin()])
     };
@@ -113,38 +113,38 @@ fn strip(frames: &[&[(usize, i8)]], merge_frames: usize) -> Vec<(i64, Crumple)> 
             let (label, delta) = (size.signum(), f64::from(size));
             labels[column] = Buckle { label, delta, area: 1.0, ..Buckle::default() };
         }
-        events.take(frame, &labels);
+        events.add_frame(frame, &labels);
     }
     events.finish();
     std::iter::from_fn(|| events.next_before(i64::MAX)).collect()
 }
 
-fn told(found: &[(i64, Crumple)]) -> Vec<(i64, u32, f64, u32)> {
+fn facts(found: &[(i64, Crumple)]) -> Vec<(i64, u32, f64, u32)> {
     found.iter().map(|(frame, e)| (*frame, e.id, e.energy, e.vertices)).collect()
 }
 
 #[test]
-fn one_snap_that_runs_over_frames_becomes_one_event() {
+fn buckling_over_several_frames_is_one_event() {
     let frames: [&[(usize, i8)]; 6] = [&[(2, 1)], &[(3, 2), (8, 1)], &[(4, 1)], &[], &[(5, 1)], &[(6, -1)]];
     // The paper: every frame on its own.
-    assert_eq!(told(&strip(&frames, 0)).len(), 6);
+    assert_eq!(facts(&strip(&frames, 0)).len(), 6);
     // Frames 0 to 2 are one event at its strongest frame; the gap in frame 3 ends it; signs do not mix.
     let want = [(1, 2, 16.0, 3), (1, 8, 1.0, 1), (4, 5, 1.0, 1), (5, 6, 1.0, 1)];
-    assert_eq!(told(&strip(&frames, 5)), want);
+    assert_eq!(facts(&strip(&frames, 5)), want);
     // A window of one more frame ends the first event after frame 1.
     let want = [(1, 2, 9.0, 2), (1, 8, 1.0, 1), (2, 4, 1.0, 1), (4, 5, 1.0, 1), (5, 6, 1.0, 1)];
-    assert_eq!(told(&strip(&frames, 1)), want);
+    assert_eq!(facts(&strip(&frames, 1)), want);
 }
 
 #[test]
-fn events_that_meet_become_one() {
+fn events_that_touch_are_merged() {
     let frames: [&[(usize, i8)]; 3] = [&[(2, 1), (6, 1)], &[(3, 1), (5, 1)], &[(4, 3)]];
-    assert_eq!(told(&strip(&frames, 4)), [(2, 2, 49.0, 5)]);
+    assert_eq!(facts(&strip(&frames, 4)), [(2, 2, 49.0, 5)]);
     let apart: [&[(usize, i8)]; 2] = [&[(2, 1), (8, 1)], &[(3, 1)]];
-    assert_eq!(told(&strip(&apart, 4)), [(0, 2, 4.0, 2), (0, 8, 1.0, 1)]);
+    assert_eq!(facts(&strip(&apart, 4)), [(0, 2, 4.0, 2), (0, 8, 1.0, 1)]);
 }
 
-/// Frames of a sheet whose folds wander, so that much snaps.
+/// Frames of a sheet with moving folds, so that many vertices buckle.
 fn wandering(seed: u64, n: usize, frames: usize) -> (Scene, Vec<Vec<[f64; 3]>>) {
     let (a, b) = (crumpled(n, seed), crumpled(n, seed + 1));
     let blend = |k: usize| {
@@ -157,22 +157,22 @@ fn wandering(seed: u64, n: usize, frames: usize) -> (Scene, Vec<Vec<[f64; 3]>>) 
 }
 
 #[test]
-fn components_are_those_of_a_plain_search() {
+fn components_equal_those_of_a_depth_first_search() {
     let (scene, frames) = wandering(3, 30, 3);
     let n = scene.points.len();
     let mut measure = MeanCurvature::new(&scene.topology(), Method::Cotan).unwrap();
     let (mut detector, mut bent) = (BuckleDetector::new(n, 0.0), vec![Curvature::default(); n]);
     let mut labels = vec![Buckle::default(); n];
     let mut events = CrumpleEvents::new(&scene.topology(), &[], PAPER).unwrap();
-    let neighbours = Neighbours::new(&scene.topology()).unwrap();
+    let neighbours = OneRings::new(&scene.topology()).unwrap();
     for (frame, points) in (0..).zip(&frames) {
         measure.measure(points, &mut bent).unwrap();
         detector.detect(&bent, &mut labels);
-        events.take(frame, &labels);
-        let mut seen = vec![false; n];
+        events.add_frame(frame, &labels);
+        let mut visited = vec![false; n];
         let mut plain = Vec::new();
         for start in 0..n as u32 {
-            if labels[start as usize].label == 0 || std::mem::replace(&mut seen[start as usize], true) {
+            if labels[start as usize].label == 0 || std::mem::replace(&mut visited[start as usize], true) {
                 continue;
             }
             let (mut stack, mut sum, mut count) = (vec![start], 0.0, 0);
@@ -181,7 +181,7 @@ fn components_are_those_of_a_plain_search() {
                 count += 1;
                 for &w in neighbours.of(v) {
                     let same = labels[w as usize].label == labels[start as usize].label;
-                    if same && !std::mem::replace(&mut seen[w as usize], true) {
+                    if same && !std::mem::replace(&mut visited[w as usize], true) {
                         stack.push(w);
                     }
                 }
@@ -215,16 +215,16 @@ fn the_energy_is_the_square_of_the_sum_of_magnitudes_to_the_last_bit() {
         for (frame, points) in (0..).zip(&frames) {
             measure.measure(points, &mut bent).unwrap();
             detector.detect(&bent, &mut labels);
-            paper.take(frame, &labels);
-            area.take(frame, &labels);
+            paper.add_frame(frame, &labels);
+            area.add_frame(frame, &labels);
             let mut sums = vec![(0, 0.0, 0.0); paper.components.found.len()];
             for &v in &paper.components.labelled {
                 let (sum, b) = (&mut sums[paper.components.of(v)], &labels[v as usize]);
                 *sum = (sum.0 + 1_u32, sum.1 + b.delta.abs(), sum.2 + b.area * b.delta.abs());
             }
             for (part, sum) in paper.components.found.iter().zip(&sums) {
-                assert_eq!(part.sums.length, part.sums.change.abs());
-                assert_eq!((part.sums.length, part.sums.weighted.abs()), (sum.1, sum.2));
+                assert_eq!(part.sums.magnitude, part.sums.change.abs());
+                assert_eq!((part.sums.magnitude, part.sums.weighted.abs()), (sum.1, sum.2));
             }
             magnitudes.extend(sums);
             // Over both signs it is not so: the paper's second form holds for one event only.
@@ -251,7 +251,7 @@ fn the_energy_is_the_square_of_the_sum_of_magnitudes_to_the_last_bit() {
     assert!(events > 100 && several > 50 && both > 10, "{events} {several} {both}");
 }
 
-/// A bowl of curvature 0.24 1/m with edges of 25 mm, every vertex of which trembles by up to 0.1 mm, frame by frame.
+/// A bowl of curvature 0.24 1/m with edges of 25 mm and up to 0.1 mm of noise per vertex and frame.
 fn trembling(frames: u64) -> (Scene, Vec<Vec<[f64; 3]>>) {
     let bowl = grid(33, 33, true, |u, v| {
         let (x, y) = (0.8 * (u - 0.5), 0.8 * (v - 0.5));
@@ -267,7 +267,7 @@ fn trembling(frames: u64) -> (Scene, Vec<Vec<[f64; 3]>>) {
 }
 
 #[test]
-fn a_tenth_of_a_millimetre_of_noise_is_two_hundred_events_a_frame_unless_a_dead_band_keeps_it_out() {
+fn a_tenth_of_a_millimetre_of_noise_gives_two_hundred_events_a_frame_and_a_dead_band_removes_them() {
     let (scene, frames) = trembling(9);
     let h_eps = 3.0 * 0.207;
     let count = |h_eps| {
@@ -283,7 +283,7 @@ fn a_tenth_of_a_millimetre_of_noise_is_two_hundred_events_a_frame_unless_a_dead_
 }
 
 #[test]
-fn other_numbers_of_vertices_and_triangles_leave_events_where_they_are() {
+fn events_do_not_depend_on_the_numbering_of_vertices_and_triangles() {
     let mut events = 0;
     for (seed, params) in [(5, PAPER), (8, AREA), (13, CrumpleParams { merge_frames: 2, ..PAPER })] {
         let (scene, frames) = wandering(seed, 40, 6);
@@ -300,17 +300,18 @@ fn other_numbers_of_vertices_and_triangles_leave_events_where_they_are() {
             points: permute(&scene.points),
             triangles: scene.triangles.iter().rev().map(turned).collect(),
         };
-        let told = |scene: &Scene, frames: &[Vec<[f64; 3]>]| {
+        let sorted = |scene: &Scene, frames: &[Vec<[f64; 3]>]| {
             let mut found = events_of(scene, frames, &[], params);
             found.sort_by(|(f, a), (g, b)| {
                 (f, a.sign, a.vertices).cmp(&(g, b.sign, b.vertices)).then(a.energy.total_cmp(&b.energy))
             });
             found
         };
-        let (a, b) = (told(&scene, &frames), told(&other, &frames.iter().map(permute).collect::<Vec<_>>()));
+        let (a, b) =
+            (sorted(&scene, &frames), sorted(&other, &frames.iter().map(permute).collect::<Vec<_>>()));
         assert_eq!(a.len(), b.len());
         events += a.len();
-        // Lone vertices of like energy could change places in the list; none are.
+        // Single vertices of equal energy could be swapped in the list, but there are none.
         for ((f, a), (g, b)) in a.iter().zip(&b) {
             assert_eq!((f, a.sign, a.vertices), (g, b.sign, b.vertices));
             assert!((a.energy - b.energy).abs() <= 1e-9 * a.energy, "{a:?} {b:?}");
@@ -322,7 +323,7 @@ fn other_numbers_of_vertices_and_triangles_leave_events_where_they_are() {
     assert!(events >= 10, "{events}");
 }
 
-/// What of events may not change: energies to a billionth, and to what the rounding of positions makes of one vertex each.
+/// Compares events: energies to a billionth plus the effect of rounded positions of each vertex.
 fn same(
     a: &[(i64, Crumple)],
     b: &[(i64, Crumple)],
@@ -348,11 +349,11 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(16))]
 
     #[test]
-    fn motion_and_winding_leave_events_and_scale_changes_their_energy(
+    fn rigid_motion_preserves_events_winding_flips_their_sign_and_scale_changes_their_energy(
         seed in 0_u64..500, turn in -3.0..3.0, shift in prop::array::uniform3(-2.0..2.0), k in 0.2..5.0,
     ) {
         let (scene, frames) = wandering(seed, 16, 6);
-        // A rigid motion of its own in every frame: what snaps is a matter of shape.
+        // A rigid motion of its own in every frame: buckling depends on shape alone.
         let rigid: Vec<Vec<[f64; 3]>> = (0..).zip(&frames)
             .map(|(t, f): (i32, _)| f.iter().map(|p| moved(*p, turn * f64::from(t), shift)).collect()).collect();
         let large: Vec<Vec<[f64; 3]>> = frames.iter().map(|f| f.iter().map(|p| p.map(|x| k * x)).collect()).collect();
@@ -374,7 +375,7 @@ proptest! {
     }
 
     #[test]
-    fn merging_keeps_all_changes(seed in 0_u64..500, merge_frames in 1_usize..5) {
+    fn merging_preserves_all_changes(seed in 0_u64..500, merge_frames in 1_usize..5) {
         let (scene, frames) = wandering(seed, 12, 10);
         let total = |params| -> (f64, u32) {
             let found = events_of(&scene, &frames, &[], params);
@@ -391,7 +392,7 @@ proptest! {
         let params = CrumpleParams { merge_frames, ..PAPER };
         let late = events_of(&scene, &frames, &[], params);
         prop_assert!(late.windows(2).all(|w| (w[0].0, w[0].1.id) <= (w[1].0, w[1].1.id)));
-        // Asked as soon as they are promised, the same come.
+        // Events are equal if they are read as soon as they are finished.
         let n = scene.points.len();
         let mut measure = MeanCurvature::new(&scene.topology(), Method::Cotan).unwrap();
         let mut detector = BuckleDetector::new(n, 0.0);
@@ -401,7 +402,7 @@ proptest! {
         for (frame, points) in (0..).zip(&frames) {
             measure.measure(points, &mut bent).unwrap();
             detector.detect(&bent, &mut labels);
-            events.take(frame, &labels);
+            events.add_frame(frame, &labels);
             early.extend(std::iter::from_fn(|| events.next_before(frame - merge_frames as i64 + 1)));
         }
         events.finish();

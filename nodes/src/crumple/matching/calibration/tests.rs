@@ -11,7 +11,7 @@ fn meter(energies: &[f64]) -> EnergyMeter {
 }
 
 #[test]
-fn floors_are_a_number_a_share_or_a_rate() {
+fn floors_are_an_energy_a_percentile_or_a_rate() {
     let energies: Vec<f64> = (0..100).map(|k| f64::from((k * 37) % 100)).collect();
     let of = |floor| {
         let c = meter(&energies).finish(10.0, floor);
@@ -28,7 +28,7 @@ fn floors_are_a_number_a_share_or_a_rate() {
 }
 
 #[test]
-fn many_energies_become_quantiles_and_none_are_a_calibration_too() {
+fn many_energies_become_quantiles_and_a_take_without_events_has_a_calibration() {
     let energies: Vec<f64> = (0..10_240).map(f64::from).collect();
     let c = meter(&energies).finish(1.0, Floor::Absolute(0.0));
     assert_eq!((c.energies.len(), c.events), (1024, 10_240));
@@ -39,14 +39,14 @@ fn many_energies_become_quantiles_and_none_are_a_calibration_too() {
 }
 
 #[test]
-fn what_was_changed_or_does_not_fit_is_named() {
+fn wrong_fields_are_named() {
     let good = meter(&[1.0, 2.0]).finish(1.0, Floor::Absolute(0.5));
-    let told = |c: EnergyCalibration| c.validate().unwrap_err().to_string();
-    assert!(told(EnergyCalibration { version: 9, ..good.clone() }).contains("`version` is 9"));
-    assert!(told(EnergyCalibration { fps: 30.0, ..good.clone() }).contains("`conventions`"));
-    assert!(told(EnergyCalibration { energies: vec![2.0, 1.0], ..good.clone() }).contains("energy 1 is 1"));
-    assert!(told(EnergyCalibration { e_min: 1.5, ..good.clone() }).contains("energy 0 is 1"));
-    assert!(told(EnergyCalibration { seconds: f64::NAN, ..good.clone() }).contains("`seconds`"));
-    assert!(good.accepts(Weight::None).unwrap_err().to_string().contains("`weight`"));
-    assert!(good.accepts(Weight::Area).is_ok());
+    let error = |c: EnergyCalibration| c.validate().unwrap_err().to_string();
+    assert!(error(EnergyCalibration { version: 9, ..good.clone() }).contains("`version` is 9"));
+    assert!(error(EnergyCalibration { fps: 30.0, ..good.clone() }).contains("`conventions`"));
+    assert!(error(EnergyCalibration { energies: vec![2.0, 1.0], ..good.clone() }).contains("energy 1 is 1"));
+    assert!(error(EnergyCalibration { e_min: 1.5, ..good.clone() }).contains("energy 0 is 1"));
+    assert!(error(EnergyCalibration { seconds: f64::NAN, ..good.clone() }).contains("`seconds`"));
+    assert!(good.check_weight(Weight::None).unwrap_err().to_string().contains("`weight`"));
+    assert!(good.check_weight(Weight::Area).is_ok());
 }

@@ -7,7 +7,7 @@ use proptest::prelude::*;
 const ALL: [Mapping; 3] = [Mapping::Ecdf, Mapping::Linear20, Mapping::Log20];
 
 #[test]
-fn a_set_is_mapped_onto_itself_by_ranks() {
+fn ranks_map_a_set_onto_itself() {
     let energies = log_normal(500, 2.0, 0.0, 1);
     let map = EnergyMap::new(&energies, &energies, Mapping::Ecdf);
     let mut nearest = Nearest::new(&CrumpleBank::testing(&energies));
@@ -16,7 +16,7 @@ fn a_set_is_mapped_onto_itself_by_ranks() {
     }
 }
 
-/// Kolmogorov's distance of two sorted sets: the greatest difference of the shares up to a number.
+/// Kolmogorov's distance of two sorted sets: the maximum difference of their distribution functions.
 fn kolmogorov(a: &[f64], b: &[f64]) -> f64 {
     let share = |set: &[f64], x: f64| set.partition_point(|e| *e <= x) as f64 / set.len() as f64;
     a.iter().chain(b).map(|x| (share(a, *x) - share(b, *x)).abs()).fold(0.0, f64::max)
@@ -24,9 +24,9 @@ fn kolmogorov(a: &[f64], b: &[f64]) -> f64 {
 
 #[test]
 fn ranks_match_heavy_tails_where_equal_bins_do_not() {
-    // A thousand events and two hundred samples, both log-normal of sigma 2. What ranks leave is half a step of each set, 0.003: the figure
-    // of the specification. What bins leave depends on the draw, that is on its greatest number, here 0.11 to 0.53 and 0.029 to 0.037; the
-    // specification names 0.117 and 0.040 for a draw and a bank that it does not give.
+    // A thousand events and two hundred samples, both log-normal of sigma 2. The distance of ranks is half a step of each set, 0.003, as in
+    // the specification. That of bins depends on the maximum of the draw, here 0.11 to 0.53 and 0.029 to 0.037. The
+    // specification has 0.117 and 0.040 for a draw and a bank that it does not give.
     let (n, m) = (1000, 200);
     let mut all = Vec::new();
     for seed in 0..12 {
@@ -50,12 +50,12 @@ fn ranks_match_heavy_tails_where_equal_bins_do_not() {
     let mean = |k: usize| all.iter().map(|x| x[k]).sum::<f64>() / all.len() as f64;
     let range = |k: usize| all.iter().fold([1.0, 0.0_f64], |[low, high], x| [low.min(x[k]), high.max(x[k])]);
     let around = |k: usize, x: f64| range(k)[0] < x && x < range(k)[1];
-    let told = format!("{all:?}");
+    let message = format!("{all:?}");
     assert!(
         (mean(0) - 0.94).abs() < 0.03 && (0.15..0.4).contains(&mean(1)) && (mean(2) - 0.03).abs() < 0.01,
-        "{told}"
+        "{message}"
     );
-    assert!(around(0, 0.94) && around(1, 0.117), "{told}");
+    assert!(around(0, 0.94) && around(1, 0.117), "{message}");
 }
 
 proptest! {
@@ -75,7 +75,7 @@ proptest! {
     }
 
     #[test]
-    fn ranks_do_not_feel_an_increasing_transform(seed in 0_u64..1000, power in 0.3..3.0, e in -4.0..4.0) {
+    fn ranks_are_invariant_under_increasing_transforms(seed in 0_u64..1000, power in 0.3..3.0, e in -4.0..4.0) {
         let (events, energies) = (log_normal(40, 1.5, 0.0, seed), log_normal(30, 1.0, 2.0, seed + 1));
         let other: Vec<f64> = events.iter().map(|e| 7.0 * e.powf(power)).collect();
         let e = f64::exp(e);

@@ -41,12 +41,12 @@ fn strong_events_get_strong_samples_and_weak_ones_none() {
     let c = calibration(&[1.0, 2.0, 3.0, 4.0, 5.0, 60.0], Floor::Absolute(2.0));
     let run = standalone(defaults(), &[2.0, 4.0, 1.0, 60.0, 999.0, 3.0], Some(c));
     assert_eq!(samples(&run), [0, 2, 4, 4, 1]);
-    let told = run.run().unwrap().summary;
-    assert_eq!(told.iter().map(|(_, v)| v.as_u64().unwrap()).collect::<Vec<_>>(), [5, 1, 1]);
+    let summary = run.run().unwrap().summary;
+    assert_eq!(summary.iter().map(|(_, v)| v.as_u64().unwrap()).collect::<Vec<_>>(), [5, 1, 1]);
 }
 
 #[test]
-fn what_is_missing_or_measured_otherwise_is_refused() {
+fn a_missing_calibration_or_one_of_another_weight_is_refused() {
     let reject = standalone(defaults(), &[1.0], None).shape().unwrap_err();
     assert!(reject.code == "F106" && reject.field.as_deref() == Some("calibration"), "{reject}");
     let p = HistogramMatcherParams { max_rate: Some(3.0), ..defaults() };
@@ -62,34 +62,34 @@ fn what_is_missing_or_measured_otherwise_is_refused() {
 }
 
 #[test]
-fn a_calibration_of_another_mesh_rate_method_or_dead_band_is_told_and_used() {
-    let told = |c: EnergyCalibration, adapt: bool| {
+fn a_calibration_of_another_mesh_rate_method_or_dead_band_is_used_with_a_warning() {
+    let warnings = |c: EnergyCalibration, adapt: bool| {
         let p = HistogramMatcherParams { adapt, ..defaults() };
         let run = standalone(p, &[1.0, 2.0], Some(c)).run().unwrap();
-        let warnings = run.summary.iter().filter(|(key, _)| *key == "warning");
-        warnings.map(|(_, text)| text.to_string()).collect::<Vec<_>>()
+        let found = run.summary.iter().filter(|(key, _)| *key == "warning");
+        found.map(|(_, text)| text.to_string()).collect::<Vec<_>>()
     };
     let of = |event: Crumple| {
         let mut meter = EnergyMeter::default();
         meter.add(&event).unwrap();
         meter.finish(1.0, Floor::Absolute(0.0))
     };
-    assert_eq!(told(of(event(1.0)), false), Vec::<String>::new());
+    assert_eq!(warnings(of(event(1.0)), false), Vec::<String>::new());
     let mesh = of(Crumple { mesh: 99, ..event(1.0) });
-    let found = told(mesh.clone(), false);
+    let found = warnings(mesh.clone(), false);
     assert!(
         found.len() == 1 && found[0].contains("`mesh` of the calibration is 99, of the events 7"),
         "{found:?}"
     );
     let slow = of(Crumple { interval: 2 * event(1.0).interval, ..event(1.0) });
-    let found = told(slow, false);
+    let found = warnings(slow, false);
     assert!(found.len() == 1 && found[0].contains("`fps` of the calibration is"), "{found:?}");
     let dihedral = of(Crumple { method: Some(Method::Dihedral), ..event(1.0) });
-    let found = told(dihedral, false);
+    let found = warnings(dihedral, false);
     let wanted = "`method` of the calibration is Dihedral, of the events Cotan";
     assert!(found.len() == 1 && found[0].contains(wanted), "{found:?}");
     let wide = of(Crumple { h_eps: 0.5, ..event(1.0) });
-    let found = told(wide, false);
+    let found = warnings(wide, false);
     assert!(
         found.len() == 1 && found[0].contains("`h_eps` of the calibration is 0.5, of the events 0.4"),
         "{found:?}"
@@ -97,33 +97,33 @@ fn a_calibration_of_another_mesh_rate_method_or_dead_band_is_told_and_used() {
     let near = of(Crumple { h_eps: 0.42, ..event(1.0) });
     let old = EnergyCalibration { method: None, h_eps: None, ..mesh.clone() };
     for silent in [near, EnergyCalibration { mesh: 7, ..old }.sealed()] {
-        assert_eq!(told(silent, false), Vec::<String>::new());
+        assert_eq!(warnings(silent, false), Vec::<String>::new());
     }
-    assert_eq!(told(mesh, true), Vec::<String>::new(), "only where it begins");
+    assert_eq!(warnings(mesh, true), Vec::<String>::new(), "it is only the initial distribution");
 }
 
 #[test]
-fn without_calibration_ranks_are_those_of_the_past() {
+fn without_calibration_ranks_are_those_among_earlier_events() {
     let p = HistogramMatcherParams { adapt: true, ..defaults() };
     let energies: Vec<f64> = (0..200).map(|k| f64::from((k * 37) % 101) + 1.0).collect();
     let found = samples(&standalone(p.clone(), &energies, None));
     let late: Vec<(f64, u32)> = energies.iter().copied().zip(found).skip(100).collect();
     assert!(late.iter().all(|(e, s)| (*e > 90.0) <= (*s >= 3) && (*e < 10.0) <= (*s <= 1)), "{late:?}");
-    // A motion a thousand times as strong is matched alike, once the past is forgotten.
+    // A motion a thousand times as strong is matched equally once the seed has decayed.
     let seed = calibration(&[0.001, 0.002], Floor::Absolute(0.0));
     let adapted =
         samples(&standalone(HistogramMatcherParams { half_life: 0.1, ..p.clone() }, &energies, Some(seed)));
     assert!(adapted.iter().skip(120).any(|s| *s < 2));
-    // A limit on the rate keeps the strongest.
+    // A maximum rate drops the weakest.
     let p = HistogramMatcherParams { max_rate: Some(20.0), ..p };
     let run = standalone(p, &energies, None).run().unwrap();
-    let kept = run.events(HistogramMatcherPorts::matched);
-    assert!((30..50).contains(&kept.len()), "{} in 2 s", kept.len());
-    assert!(kept.iter().skip(10).all(|(_, m)| m.energy > 70.0));
+    let matched = run.events(HistogramMatcherPorts::matched);
+    assert!((30..50).contains(&matched.len()), "{} in 2 s", matched.len());
+    assert!(matched.iter().skip(10).all(|(_, m)| m.energy > 70.0));
 }
 
 #[test]
-fn events_that_are_too_weak_count_in_no_distribution() {
+fn dropped_events_are_in_no_distribution() {
     let strong: Vec<f64> = (0..60).map(|k| 10.0 + f64::from(k * 37 % 61)).collect();
     // Three weak events before each strong one, which takes place at the same time in both streams.
     let at = |k: usize, j: usize| ticks(0.04 * k as f64 + 0.01 * j as f64);
@@ -157,15 +157,15 @@ fn events_that_are_too_weak_count_in_no_distribution() {
             let c = of(&mixed, floor);
             assert_eq!(matched(&p, &mixed, c), wanted, "{floor:?}, adapt {}", p.adapt);
         }
-        // With all of them in it, those that are heard would all be strong.
+        // With the weak events in the calibration, all audible ones would be strong.
         let other = matched(&p, &alone, of(&mixed, Floor::Absolute(0.0)));
         assert!(p.adapt || other.iter().all(|m| m.1 >= 3), "{other:?}");
     }
 }
 
 #[test]
-fn those_that_a_limit_of_the_rate_leaves_get_all_samples() {
-    // A hundred events per second, of which twenty are left: the weakest of them are the weak ones of what is heard.
+fn events_below_the_maximum_rate_use_all_samples() {
+    // Of 100 events per second 20 are not dropped: the weakest of them get the weakest samples.
     let mut rng = Rng::new(8);
     let energies: Vec<f64> = (0..2000).map(|_| 10_f64.powf(rng.between(-4.0, 4.0))).collect();
     let p = HistogramMatcherParams { adapt: true, max_rate: Some(20.0), half_life: 5.0, ..defaults() };
@@ -177,7 +177,7 @@ fn those_that_a_limit_of_the_rate_leaves_get_all_samples() {
 }
 
 #[test]
-fn a_take_without_events_calibrates_what_comes_later_to_the_middle() {
+fn after_a_calibration_without_events_all_events_get_the_middle_sample() {
     let none = EnergyMeter::default().finish(2.0, Floor::Rate(5.0));
     assert_eq!(samples(&standalone(defaults(), &[7.0], Some(none))), [2]);
 }

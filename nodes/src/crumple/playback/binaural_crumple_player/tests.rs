@@ -9,11 +9,11 @@ use crate::spatial::distance_node::{DistanceGain, DistanceGainParams, DistanceGa
 use crate::spatial::hrtf_node::{StructuralHrtf, StructuralHrtfParams, StructuralHrtfPorts};
 
 type Port = BinauralCrumplePlayerPorts;
-type Found = BinauralCrumplePlayerParams;
+type Parameters = BinauralCrumplePlayerParams;
 
-fn params() -> Found {
-    let p = Found::read(&|_| None).unwrap();
-    Found { jitter: Jitter::Off, pinna: Pinna::Off, tail: 0.05, ..p }
+fn params() -> Parameters {
+    let p = Parameters::read(&|_| None).unwrap();
+    Parameters { jitter: Jitter::Off, pinna: Pinna::Off, tail: 0.05, ..p }
 }
 
 /// A bank of one click, one burst of noise, and one wave that has nothing above 2.5 kHz.
@@ -30,7 +30,7 @@ fn event(id: u32, sample: u32, position: [f32; 3]) -> MatchedCrumple {
     MatchedCrumple { id, sample, bank: bank().id(), interval: Rate::hz(60).tick(1), position, ..event }
 }
 
-fn standalone(p: Found, events: &[(Tick, MatchedCrumple)]) -> Standalone {
+fn standalone(p: Parameters, events: &[(Tick, MatchedCrumple)]) -> Standalone {
     Standalone::new::<BinauralCrumplePlayer>(p)
         .events(Port::matched, events.to_vec(), ticks(0.5))
         .value(Port::bank, bank())
@@ -52,34 +52,34 @@ fn power(x: &[f32]) -> f64 {
 }
 
 #[test]
-fn mirrored_crumples_swap_the_ears_bit_for_bit_and_those_in_front_are_equal_in_both() {
+fn mirrored_events_swap_the_ears_bit_for_bit_and_events_in_front_are_equal_in_both() {
     for pinna in [Pinna::Off, Pinna::Set0] {
-        let heard = |degrees| {
-            let p = Found { pinna, jitter: Jitter::WholeFrames, ..params() };
+        let render = |degrees| {
+            let p = Parameters { pinna, jitter: Jitter::WholeFrames, ..params() };
             let events = [
                 (ticks(0.1), event(3, 1, at_azimuth(degrees, 2.0))),
                 (ticks(0.1), event(9, 0, at_azimuth(degrees, 1.0))),
             ];
             ears(standalone(p, &events))
         };
-        let ([left, right], [other_left, other_right]) = (heard(50.0), heard(-50.0));
+        let ([left, right], [other_left, other_right]) = (render(50.0), render(-50.0));
         assert!(left == other_right && right == other_left && left != right);
         assert!(power(&right) > 2.0 * power(&left));
-        let [left, right] = heard(0.0);
+        let [left, right] = render(0.0);
         assert!(left == right && power(&left) > 0.0);
     }
 }
 
 #[test]
-fn the_ears_differ_in_time_as_the_model_says() {
+fn the_ears_differ_in_time_as_in_the_model() {
     let head = Head::default();
     for degrees in [30.0, 60.0, 90.0, -45.0] {
         let [left, right] =
             ears(standalone(params(), &[(ticks(0.1), event(0, 1, at_azimuth(degrees, 2.0)))]));
         let middle = 4000..left.len() - 1000;
-        let likeness =
+        let correlation =
             |lag: i64| middle.clone().map(|n| left[(n as i64 + lag) as usize] * right[n]).sum::<f32>();
-        let found = (-60..=60).max_by(|a, b| likeness(*a).total_cmp(&likeness(*b))).unwrap();
+        let found = (-60..=60).max_by(|a, b| correlation(*a).total_cmp(&correlation(*b))).unwrap();
         let d = at_azimuth(degrees, 1.0).map(f64::from);
         let [l, r] = [Ear::Left, Ear::Right].map(|ear| head.delay(head.incidence(ear, d)));
         let expected = (l - r) * 48_000.0;
@@ -87,18 +87,18 @@ fn the_ears_differ_in_time_as_the_model_says() {
     }
 }
 
-/// The same by other nodes: one channel, then a head and a distance.
-fn by_other_nodes(place: [f32; 3], tick: Tick, listener: Pose) -> Vec<f32> {
+/// The same sound from other nodes: one channel, then head and distance.
+fn by_other_nodes(position: [f32; 3], tick: Tick, listener: Pose) -> Vec<f32> {
     let p = CrumplePlayerParams {
         jitter: Jitter::Off,
         tail: 0.05,
         ..CrumplePlayerParams::read(&|_| None).unwrap()
     };
     let mono = Standalone::new::<CrumplePlayer>(p)
-        .events(CrumplePlayerPorts::matched, vec![(tick, event(0, 2, place))], ticks(0.5))
+        .events(CrumplePlayerPorts::matched, vec![(tick, event(0, 2, position))], ticks(0.5))
         .value(CrumplePlayerPorts::bank, bank());
     let mono = mono.run().unwrap().stream(CrumplePlayerPorts::audio);
-    let position = place.map(f64::from);
+    let position = position.map(f64::from);
     let p = StructuralHrtfParams { position, ..StructuralHrtfParams::read(&|_| None).unwrap() };
     let stereo = Standalone::new::<StructuralHrtf>(p)
         .input(StructuralHrtfPorts::audio, Rate::hz(48_000), Channels(1), mono)
@@ -119,31 +119,31 @@ fn by_other_nodes(place: [f32; 3], tick: Tick, listener: Pose) -> Vec<f32> {
 }
 
 #[test]
-fn one_crumple_is_what_head_and_distance_make_of_the_mono_player_also_where_the_listener_moves() {
+fn one_event_equals_the_mono_player_through_head_and_distance_nodes_while_the_listener_moves() {
     let frame = |k: usize| {
         let a = 0.1 * k as f64;
         Pose::looking([0.02 * k as f64, 0.5, 0.1], [a.cos(), a.sin(), 0.0], [0.0, 0.0, 1.0]).unwrap()
     };
     let poses: Vec<Pose> = (0..40).map(frame).collect();
-    for (k, place) in [(6, [1.0, 2.0, 0.5]), (13, [-2.0, 0.2, 0.0])] {
-        // The sample begins with a frame of the listener, whose pose is then the frame's own.
+    for (k, position) in [(6, [1.0, 2.0, 0.5]), (13, [-2.0, 0.2, 0.0])] {
+        // The sample begins at a frame of the listener, so its pose is that of the frame.
         let tick = Rate::hz(60).tick(k);
-        let p = Found { pinna: Pinna::Set0, ..params() };
-        let standalone = standalone(p, &[(tick, event(0, 2, place))]).optional(
+        let p = Parameters { pinna: Pinna::Set0, ..params() };
+        let standalone = standalone(p, &[(tick, event(0, 2, position))]).optional(
             Port::listener,
             Rate::hz(60),
             (),
             poses.clone(),
         );
         let found = standalone.run().unwrap().stream(Port::audio);
-        let expected = by_other_nodes(place, tick, frame(k as usize));
-        let worst = found.iter().zip(&expected).fold(0.0_f32, |most, (a, b)| most.max((a - b).abs()));
+        let expected = by_other_nodes(position, tick, frame(k as usize));
+        let worst = found.iter().zip(&expected).fold(0.0_f32, |worst, (a, b)| worst.max((a - b).abs()));
         assert!(power(&expected) > 1.0 && worst < 2e-3, "{worst} {}", power(&expected));
     }
 }
 
 #[test]
-fn windows_of_any_length_give_the_same_bits_while_the_listener_moves_and_voices_are_scarce() {
+fn windows_of_any_length_give_the_same_bits_while_the_listener_moves_and_voices_are_stolen() {
     let poses: Vec<Pose> = (0..30).map(|k| Pose::at([0.0, 0.1 * k as f32 - 1.5, 0.0])).collect();
     let events: Vec<_> = (0..60)
         .map(|k| {
@@ -152,7 +152,7 @@ fn windows_of_any_length_give_the_same_bits_while_the_listener_moves_and_voices_
         .collect();
     for (jitter, max_voices) in [(Jitter::WholeFrames, 100), (Jitter::Centred, 3), (Jitter::Off, 2)] {
         let run = |window| {
-            let p = Found { jitter, max_voices, pinna: Pinna::Set1, ..params() };
+            let p = Parameters { jitter, max_voices, pinna: Pinna::Set1, ..params() };
             let standalone = standalone(p, &events).optional(Port::listener, Rate::hz(60), (), poses.clone());
             let mut standalone = standalone.window(window);
             standalone.poison = true;
@@ -168,18 +168,18 @@ fn windows_of_any_length_give_the_same_bits_while_the_listener_moves_and_voices_
 }
 
 #[test]
-fn what_is_farther_is_softer_and_without_a_reference_is_not() {
-    let heard = |distance, reference| {
-        let p = Found { reference, ..params() };
+fn the_level_falls_with_distance_unless_there_is_no_reference() {
+    let render = |distance, reference| {
+        let p = Parameters { reference, ..params() };
         let [left, _] = ears(standalone(p, &[(ticks(0.1), event(0, 1, [distance, 0.0, 0.0]))]));
         power(&left).sqrt()
     };
-    let near = heard(1.0, Some(1.0));
-    assert!((near / heard(4.0, Some(1.0)) - 4.0).abs() < 1e-3 && near == heard(4.0, None));
+    let near = render(1.0, Some(1.0));
+    assert!((near / render(4.0, Some(1.0)) - 4.0).abs() < 1e-3 && near == render(4.0, None));
 }
 
 #[test]
-fn a_head_turned_nowhere_is_refused() {
-    let reject = standalone(Found { up: [2.0, 0.0, 0.0], ..params() }, &[]).shape().unwrap_err();
+fn an_undefined_direction_of_the_head_is_refused() {
+    let reject = standalone(Parameters { up: [2.0, 0.0, 0.0], ..params() }, &[]).shape().unwrap_err();
     assert!(reject.code == "F067" && reject.message.contains("listener"), "{reject}");
 }

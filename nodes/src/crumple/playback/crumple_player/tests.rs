@@ -34,7 +34,7 @@ fn run(
 }
 
 #[test]
-fn without_jitter_samples_begin_to_the_sample_inside_of_any_window() {
+fn without_jitter_samples_begin_at_the_exact_frame_in_any_window() {
     let bank = click_bank();
     let p = CrumplePlayerParams { jitter: Jitter::Off, gain: 0.5, tail: 0.01, ..defaults() };
     let rate = Rate::hz(48_000);
@@ -51,9 +51,9 @@ fn jitter_is_whole_frames_of_the_motion() {
     let at = |fps: u32, jitter| {
         timing(&CrumplePlayerParams { jitter, ..defaults() }).spread(Rate::hz(fps).tick(1))
     };
-    let third = |fps: u32, frames: i64| Rate::hz(fps).tick(1) * frames;
+    let spread = |fps: u32, frames: i64| Rate::hz(fps).tick(1) * frames;
     for (fps, frames) in [(24, 1), (25, 1), (30, 1), (50, 2), (60, 2), (120, 4)] {
-        assert_eq!(at(fps, Jitter::WholeFrames), third(fps, frames), "{fps}");
+        assert_eq!(at(fps, Jitter::WholeFrames), spread(fps, frames), "{fps}");
     }
     assert_eq!((at(24, Jitter::Fixed), at(24, Jitter::Off)), (ticks(0.033333333333333), 0));
 }
@@ -73,8 +73,8 @@ fn centred_jitter_begins_around_the_event_for_any_window() {
     assert!((0.4833..0.4838).contains(&first) && (0.5162..0.5167).contains(&last), "{first} {last}");
 }
 
-/// Power of a train of onsets at a frequency, per onset, as the mean over stretches of 15 s: a whole number of frames each.
-fn line(onsets: &[f64], f: f64) -> f64 {
+/// Mean power per onset of a train of onsets at a frequency, over intervals of 15 s, which are whole numbers of frames.
+fn spectral_power(onsets: &[f64], f: f64) -> f64 {
     let mut sums = [[0.0; 2]; 8];
     for t in onsets {
         let (s, c) = (std::f64::consts::TAU * f * t).sin_cos();
@@ -85,18 +85,18 @@ fn line(onsets: &[f64], f: f64) -> f64 {
 }
 
 #[test]
-fn one_list_of_events_sounds_without_its_frame_rate_whatever_that_is() {
+fn jitter_of_whole_frames_hides_every_frame_rate() {
     let bank = click_bank();
-    // One take of 120 s, which every frame rate sees at the end of the frame in which something happens.
+    // One take of 120 s. At each frame rate, events occur at the end of their frame.
     let random = Random::new(9, "frames");
     let times: Vec<f64> = (0..7200).map(|k| 119.9 * random.uniform(1, k, 0)).collect();
     // Spectral line at the frame rate over its neighbourhood, dB.
     let level = |jitter, fps: u32| {
         let frame = |t: &f64| (t * f64::from(fps)).ceil() as i64;
-        let mut seen: Vec<(i64, u32)> = times.iter().map(frame).zip(0..).collect();
-        seen.sort_unstable();
+        let mut quantised: Vec<(i64, u32)> = times.iter().map(frame).zip(0..).collect();
+        quantised.sort_unstable();
         let events: Vec<_> =
-            seen.into_iter().map(|(k, id)| (Rate::hz(fps).tick(k), event(&bank, id, fps))).collect();
+            quantised.into_iter().map(|(k, id)| (Rate::hz(fps).tick(k), event(&bank, id, fps))).collect();
         let p = CrumplePlayerParams { jitter, tail: 0.1, ..defaults() };
         let out = run(p, &events, 120.0, 1.0, &bank);
         let onsets: Vec<f64> = out
@@ -104,25 +104,25 @@ fn one_list_of_events_sounds_without_its_frame_rate_whatever_that_is() {
             .enumerate()
             .flat_map(|(n, x)| std::iter::repeat_n(n as f64 / 48e3, *x as usize))
             .collect();
-        assert_eq!(onsets.len(), 7200, "every event is heard once");
+        assert_eq!(onsets.len(), 7200, "every event plays once");
         let f = f64::from(fps);
         let around: Vec<f64> =
             (1..=20).flat_map(|k| [f - 0.2 * f64::from(k), f + 0.2 * f64::from(k)]).collect();
-        let beside = around.iter().map(|f| line(&onsets, *f)).sum::<f64>() / around.len() as f64;
-        10.0 * (line(&onsets, f) / beside).log10()
+        let mean = around.iter().map(|f| spectral_power(&onsets, *f)).sum::<f64>() / around.len() as f64;
+        10.0 * (spectral_power(&onsets, f) / mean).log10()
     };
     for fps in [24, 25, 30, 50, 60, 120] {
         let found = level(Jitter::WholeFrames, fps);
         assert!(found.abs() < 6.0, "{fps} fps: {found} dB");
     }
-    // The test can fail: without jitter, and with a jitter that is no whole number of frames.
+    // The frame rate is audible without jitter, and with jitter of a fractional number of frames.
     assert!(level(Jitter::Off, 30) > 20.0);
     assert!(level(Jitter::Fixed, 24) > 10.0, "{}", level(Jitter::Fixed, 24));
 }
 
 #[test]
-fn with_64_voices_the_quietest_gives_way_and_by_default_none_does() {
-    // Samples of a constant level each, 0.01 to 0.80, at powers that add up to nothing else.
+fn with_64_voices_the_quietest_are_stolen_and_by_default_none() {
+    // Samples of constant levels, 0.01 to 0.80.
     let cut = |k: usize| Cut { samples: vec![0.01 * (k + 1) as f32; 9600], origin: Origin::default() };
     let bank = CrumpleBank::new(
         "",
@@ -131,7 +131,7 @@ fn with_64_voices_the_quietest_gives_way_and_by_default_none_does() {
         vec![Recorded::default()],
         Extraction::default(),
     );
-    // All but the strongest sixteen in an order of no meaning, then those a tenth of a second later.
+    // All but the strongest sixteen in mixed order, then those 0.1 s later.
     let early = (0..64_u32).map(|k| (0, k * 37 % 64));
     let late = (64..80_u32).map(|k| (ticks(0.1), k));
     let events: Vec<_> = early
@@ -144,8 +144,8 @@ fn with_64_voices_the_quietest_gives_way_and_by_default_none_does() {
             .events(CrumplePlayerPorts::matched, events.clone(), ticks(0.3))
             .value(CrumplePlayerPorts::bank, bank.clone());
         let run = standalone.run().unwrap();
-        let told = |key| run.summary.iter().find(|(k, _)| *k == key).and_then(|(_, v)| v.as_u64());
-        (run.stream(CrumplePlayerPorts::audio), told("at_once_at_most"), told("stolen"))
+        let figure = |key| run.summary.iter().find(|(k, _)| *k == key).and_then(|(_, v)| v.as_u64());
+        (run.stream(CrumplePlayerPorts::audio), figure("at_once_at_most"), figure("stolen"))
     };
     let sum = |voices: std::ops::Range<usize>| voices.map(|k| 0.01 * (k + 1) as f32).sum::<f32>();
     let (out, at_once, stolen) = play(defaults().max_voices);
@@ -165,7 +165,7 @@ fn no_sample_begins_before_its_event_unless_jitter_is_centred() {
         (0..2000).map(|k| (Rate::hz(60).tick(i64::from(k) / 2), event(&bank, k, 60))).collect();
     for jitter in [Jitter::WholeFrames, Jitter::Fixed, Jitter::Off] {
         let p = CrumplePlayerParams { jitter, tail: 0.1, ..defaults() };
-        // What looks ahead of no event cannot begin before it, live or not.
+        // Without look-ahead no sample can begin before its event.
         assert_eq!(timing(&p).ahead(0), 0);
         let spread = timing(&p).spread(Rate::hz(60).tick(1));
         assert!(spread <= Rate::hz(60).tick(2));
@@ -177,7 +177,7 @@ fn no_sample_begins_before_its_event_unless_jitter_is_centred() {
             assert!((first..=last).contains(&at), "{first} {at} {last}");
         }
     }
-    // What begins before its event is heard that much later: the graph knows.
+    // Samples that begin before their event need look-ahead.
     let p = CrumplePlayerParams { jitter: Jitter::Centred, ..defaults() };
     assert!(timing(&p).ahead(0) >= timing(&p).spread(Rate::hz(60).tick(1)) / 2);
 }
@@ -218,7 +218,7 @@ fn another_bank_than_the_matched_one_is_refused_and_another_rate_is_not() {
 }
 
 #[test]
-fn no_event_is_silence_of_the_right_length() {
+fn without_events_the_output_is_silence_of_the_right_length() {
     let out = run(CrumplePlayerParams { tail: 0.25, ..defaults() }, &[], 0.5, 0.1, &click_bank());
     assert!(out.len() == 36_000 && out.iter().all(|x| *x == 0.0));
 }
