@@ -1,7 +1,7 @@
 //! Crumpling: a recorded micro-sound for every fold of cloth that buckles.
 //!
-//! In the order of the data: [`buckling`] detects the vertices that buckle, [`events`] joins them, [`bank`] holds the samples cut
-//! out of recordings, [`matching`] chooses a sample for each event, [`playback`] plays it.
+//! In the order of the data: [`buckling`] detects the vertices that buckle, [`events`] joins them, [`bank`] holds the
+//! samples cut out of recordings, [`matching`] chooses a sample for each event, [`playback`] plays it.
 
 pub mod bank;
 pub mod buckling;

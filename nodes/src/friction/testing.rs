@@ -2,8 +2,8 @@
 
 use crate::friction::FrictionModel;
 
-/// Returns a model whose amplitude at each `(speed, peak)` is a Gaussian bump of the given width over a small floor. The level is
-/// proportional to speed.
+/// Returns a model whose amplitude at each `(speed, peak)` is a Gaussian bump of the given width over a small floor.
+/// The level is proportional to speed.
 pub(crate) fn bump_model(peaks: &[(f64, f64)], width: f64, fs: f64, clip_samples: usize) -> FrictionModel {
     let bins = clip_samples / 2 + 1;
     let df = fs / clip_samples as f64;

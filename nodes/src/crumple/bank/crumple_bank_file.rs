@@ -14,8 +14,8 @@ use crate::{params, ports};
 params! {
     /// Reads a bank of micro-sounds from a file that a tap of `CrumpleExtractor` wrote.
     ///
-    /// The file is JSON with every field of the bank: version, samples, energies and parameters of the extraction. A file of another
-    /// version or one that was changed by hand is refused, and the message names the field.
+    /// The file is JSON with every field of the bank: version, samples, energies and parameters of the extraction. A
+    /// file of another version or one that was changed by hand is refused, and the message names the field.
     pub struct CrumpleBankFileParams {
         /// File of the bank.
         path: AssetPath;

@@ -19,14 +19,16 @@ use crate::{params, ports};
 params! {
     /// Cuts recordings of crumpling cloth into micro-sounds.
     ///
-    /// The channels of a recording are averaged, and it is resampled to `rate`. A sound is where the mean square over `window` exceeds
-    /// `threshold`; its ends move outwards to the nearest zero crossing. The summary reports the number of samples, their energies and their
-    /// share of the recordings. It warns of fewer than 30 samples, and of a sample longer than a fifth of all recordings, which shows that the
-    /// threshold is too low. `--tap NODE=bank.svg` draws the samples in the recordings.
+    /// The channels of a recording are averaged, and it is resampled to `rate`. A sound is where the mean square over
+    /// `window` exceeds `threshold`; its ends move outwards to the nearest zero crossing. The summary reports the
+    /// number of samples, their energies and their share of the recordings. It warns of fewer than 30 samples, and of a
+    /// sample longer than a fifth of all recordings, which shows that the threshold is too low. `--tap NODE=bank.svg`
+    /// draws the samples in the recordings.
     ///
     /// # Source
-    /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 3. Their thresholds 0.50
-    /// (cotton), 0.25 (polyester) and 0.025 (windbreaker) are sums over 1920 samples: 2.6e-4, 1.3e-4 and 1.3e-5 as mean squares.
+    /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 3.
+    /// Their thresholds 0.50 (cotton), 0.25 (polyester) and 0.025 (windbreaker) are sums over 1920 samples: 2.6e-4,
+    /// 1.3e-4 and 1.3e-5 as mean squares.
     pub struct CrumpleExtractorParams {
         /// Recordings of any rates, up to ten minutes at 192 kHz each.
         recordings: Vec<AssetPath>;
@@ -40,7 +42,8 @@ params! {
         max_len: f64 = 0.5, unit "s", range 0.005..=10.0;
         /// Maximum gap between sounds that are joined.
         merge_gap: f64 = 0.0, unit "s", range 0.0..=1.0;
-        /// Scales every recording until its loudest window is as loud as that of the loudest recording, for recordings of different gains.
+        /// Scales every recording until its loudest window is as loud as that of the loudest recording, for recordings
+        /// of different gains.
         match_levels: bool = false;
         /// Sample rate of the bank.
         rate: Rate = Rate::hz(48_000);

@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Extraction {
-    /// Mean square over the window above which there is a sound, full scale^2. A mean does not depend on the rate; the paper's 0.50, 0.25
-    /// and 0.025 are sums over 1920 samples.
+    /// Mean square over the window above which there is a sound, full scale^2. A mean does not depend on the rate; the
+    /// paper's 0.50, 0.25 and 0.025 are sums over 1920 samples.
     pub threshold: f64,
     /// Window of the mean, s.
     pub window: f64,
@@ -65,8 +65,9 @@ fn crosses(x: &[f32], n: usize) -> bool {
 
 /// Returns the sounds of a recording in order, without overlaps.
 ///
-/// Each run of windows above the threshold is extended to the nearest zero crossing on both sides, by at most 10 ms. Runs that then
-/// overlap are joined. A sound above the maximum length is split at the quietest zero crossing in its middle half.
+/// Each run of windows above the threshold is extended to the nearest zero crossing on both sides, by at most 10 ms.
+/// Runs that then overlap are joined. A sound above the maximum length is split at the quietest zero crossing in its
+/// middle half.
 ///
 /// # Complexity
 /// O(n), and O(n log n) for long sounds.

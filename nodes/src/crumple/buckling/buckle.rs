@@ -37,14 +37,15 @@ struct SignState {
 
 /// Detects changes of the sign of the mean curvature of every vertex.
 ///
-/// A vertex buckles outwards (label 1) when its curvature `H` changes from below 0 to 0 or above, and inwards (-1) when it changes back.
-/// With a dead band `h_eps` the sign is known only while `|H| > h_eps`. The change of curvature is measured from the last frame in which
-/// the previous sign was known; without a dead band that is the previous frame. The sign of a vertex is unknown in the first frame and
-/// after a frame with an invalid curvature. Such a vertex cannot buckle.
+/// A vertex buckles outwards (label 1) when its curvature `H` changes from below 0 to 0 or above, and inwards (-1) when
+/// it changes back. With a dead band `h_eps` the sign is known only while `|H| > h_eps`. The change of curvature is
+/// measured from the last frame in which the previous sign was known; without a dead band that is the previous frame.
+/// The sign of a vertex is unknown in the first frame and after a frame with an invalid curvature. Such a vertex cannot
+/// buckle.
 ///
 /// # Source
-/// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 3; the dead band is an
-/// addition.
+/// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 3; the
+/// dead band is an addition.
 ///
 /// # Example
 /// ```
@@ -183,7 +184,8 @@ mod tests {
 
     #[test]
     fn rotation_and_scaling_do_not_buckle() {
-        // Rotation may change the last bits of a curvature, but not its sign: no vertex of these sheets is flat to 1e-12.
+        // Rotation may change the last bits of a curvature, but not its sign: no vertex of these sheets is flat to
+        // 1e-12.
         for method in [Method::Cotan, Method::Dihedral] {
             for seed in 0..6 {
                 let sheet = crumpled(25, seed);

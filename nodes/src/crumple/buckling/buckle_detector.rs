@@ -12,14 +12,14 @@ use crate::{archive_state, params, ports};
 params! {
     /// Detects the vertices of a cloth whose mean curvature changes sign from one frame to the next.
     ///
-    /// A vertex buckles outwards (label 1) when its curvature changes from below 0 to 0 or above, and inwards (-1) when it changes back.
-    /// On nearly flat cloth the sign is noise. A dead band `h_eps` above 0 excludes it: the sign changes only when the absolute curvature
-    /// exceeds `h_eps`. Three times the noise of the resting cloth is a good dead band; `RestNoise` measures it and can be linked to
-    /// `h_eps`. Vertices on a hem never buckle.
+    /// A vertex buckles outwards (label 1) when its curvature changes from below 0 to 0 or above, and inwards (-1) when
+    /// it changes back. On nearly flat cloth the sign is noise. A dead band `h_eps` above 0 excludes it: the sign
+    /// changes only when the absolute curvature exceeds `h_eps`. Three times the noise of the resting cloth is a good
+    /// dead band; `RestNoise` measures it and can be linked to `h_eps`. Vertices on a hem never buckle.
     ///
     /// # Source
-    /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 3; the dead band is an
-    /// addition; 0 is the paper's rule.
+    /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 3; the
+    /// dead band is an addition; 0 is the paper's rule.
     pub struct BuckleDetectorParams {
         /// Dead band: absolute curvature up to which the sign is unknown.
         h_eps: f64 = 0.0, unit "1/m", range 0.0..=100_000.0;

@@ -132,7 +132,8 @@ params! {
     /// # Source
     /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), figure 6.
     pub struct BuckleFigureParams {
-        /// Times of the frames; the frame at each time or after it is drawn. Without times, the three frames with the most buckling vertices are drawn.
+        /// Times of the frames; the frame at each time or after it is drawn. Without times, the three frames with the
+        /// most buckling vertices are drawn.
         times: Vec<f64> = Vec::new(), unit "s", range 0.0..=86_400.0;
         /// Direction of view.
         view: View = View::Oblique;
@@ -243,9 +244,9 @@ mod tests {
     #[test]
     fn the_frames_at_the_times_or_those_with_the_most_labels_are_drawn() {
         let scene = grid(4, 3, false, |u, v| [u, v, 0.0]);
-        let frame = |snaps: usize| {
+        let frame = |buckling: usize| {
             let buckle = |(v, p): (usize, &[f64; 3])| Buckle {
-                label: if v < snaps { 1 - 2 * (v % 2) as i8 } else { 0 },
+                label: if v < buckling { 1 - 2 * (v % 2) as i8 } else { 0 },
                 position: p.map(|x| x as f32),
                 ..Buckle::default()
             };

@@ -19,7 +19,8 @@ pub enum Weight {
 }
 
 choices! { @param Weight {
-    /// 1 per vertex, as in the paper, with which its values of `e_min` can be used. Energies increase with the resolution of the mesh.
+    /// 1 per vertex, as in the paper, with which its values of `e_min` can be used. Energies increase with the
+    /// resolution of the mesh.
     None,
     /// The area of the vertex: energies are about equal for all meshes of a cloth.
     Area,

@@ -17,22 +17,23 @@ use crate::{archive_state, params, ports};
 params! {
     /// Groups the buckling vertices of a cloth into events with time, position, energy and direction.
     ///
-    /// Neighbours that buckle to the same side in the same frame are one event, unless their materials differ. Materials come
-    /// from the mesh (`material` of `MeshSequence`, `usemtl` of an OBJ). With one node per material, each material has its own
-    /// events, bank and level. The energy of an event is the square of the sum of the changes of
-    /// mean curvature of its vertices, each times its area unless `weight` is `None`. Most events are inaudible. `e_min` drops
-    /// events below an energy, which `EnergyCalibration` can derive from a percentile or a rate.
+    /// Neighbours that buckle to the same side in the same frame are one event, unless their materials differ.
+    /// Materials come from the mesh (`material` of `MeshSequence`, `usemtl` of an OBJ). With one node per material,
+    /// each material has its own events, bank and level. The energy of an event is the square of the sum of the changes
+    /// of mean curvature of its vertices, each times its area unless `weight` is `None`. Most events are inaudible.
+    /// `e_min` drops events below an energy, which `EnergyCalibration` can derive from a percentile or a rate.
     ///
     /// # Source
-    /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 3 and equation 4; area
-    /// weights and merging over time are additions.
+    /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 3 and
+    /// equation 4; area weights and merging over time are additions.
     pub struct CrumpleEventsParams {
         /// Weight of a vertex in energies.
         weight: Weight = Weight::Area;
-        /// Energy below which events are dropped, in m^2, or in 1/m^2 without weights. It depends on mesh and motion, not on the material alone.
+        /// Energy below which events are dropped, in m^2, or in 1/m^2 without weights. It depends on mesh and motion,
+        /// not on the material alone.
         e_min: f64 = 0.0, unit "m^2", range 0.0..=1e12;
-        /// Maximum duration of an event over several frames; 0 does not join frames. 0.033 is good for 120 frames per second and more. It adds the
-        /// same latency.
+        /// Maximum duration of an event over several frames; 0 does not join frames. 0.033 is good for 120 frames per
+        /// second and more. It adds the same latency.
         merge_window: f64 = 0.0, unit "s", range 0.0..=1.0;
         /// Name of the only material with events; None for all materials.
         material: Option<Text> = None;

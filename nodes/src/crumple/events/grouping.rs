@@ -38,17 +38,19 @@ struct OpenEvent {
 
 /// Groups buckling vertices into events.
 ///
-/// Neighbours along an edge that buckle to the same side in the same frame are one event, unless their materials differ. A single vertex
-/// is an event too. The energy is `E = (sum dH)^2`, or `(sum A dH)^2` with [`Weight::Area`], for changes of curvature `dH` and areas `A`. All
-/// terms of a component have the same sign, so this equals the paper's other form, the squared 1-norm.
+/// Neighbours along an edge that buckle to the same side in the same frame are one event, unless their materials
+/// differ. A single vertex is an event too. The energy is `E = (sum dH)^2`, or `(sum A dH)^2` with [`Weight::Area`],
+/// for changes of curvature `dH` and areas `A`. All terms of a component have the same sign, so this equals the paper's
+/// other form, the squared 1-norm.
 ///
-/// With `merge_frames` above 0 an event continues while, in the next frame, its vertices or their neighbours buckle to the same side.
-/// `E` is then that of all changes together, and the event has the time and the position of its strongest frame.
+/// With `merge_frames` above 0 an event continues while, in the next frame, its vertices or their neighbours buckle to
+/// the same side. `E` is then that of all changes together, and the event has the time and the position of its
+/// strongest frame.
 ///
 /// # Source
-/// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 3 and equation 4. Area
-/// weights and merging over time are additions: the paper's energy increases 16 times when a mesh is refined once, and halving the
-/// time step splits an event into several.
+/// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 3 and
+/// equation 4. Area weights and merging over time are additions: the paper's energy increases 16 times when a mesh is
+/// refined once, and halving the time step splits an event into several.
 #[derive(Clone, Debug)]
 pub struct CrumpleEvents {
     params: CrumpleParams,
@@ -124,8 +126,8 @@ impl CrumpleEvents {
 
     /// Returns the next event before frame `frame`, in the order of frames and then of lowest vertices.
     ///
-    /// All events of a frame are finished once [`CrumpleEvents::add_frame`] was called for the frame `merge_frames` later. Their `interval`
-    /// is 0.
+    /// All events of a frame are finished once [`CrumpleEvents::add_frame`] was called for the frame `merge_frames`
+    /// later. Their `interval` is 0.
     pub fn next_before(&mut self, frame: i64) -> Option<(i64, Crumple)> {
         (self.ready.front()?.0 < frame).then(|| self.ready.pop_front()).flatten()
     }
@@ -288,7 +290,8 @@ fn root(open: &[OpenEvent], mut k: usize) -> usize {
     k
 }
 
-/// Merges two open events into the one that began first, or of those the one with the lowest vertex, and returns its index.
+/// Merges two open events into the one that began first, or of those the one with the lowest vertex, and returns its
+/// index.
 fn merge(open: &mut [OpenEvent], a: usize, b: usize) -> usize {
     let rank = |k: usize| (open[k].first, open[k].id);
     let (target, other) = if rank(a) <= rank(b) { (a, b) } else { (b, a) };

@@ -34,8 +34,8 @@ pub enum Floor {
 
 /// Energies of the events of a take, for matching with those of a bank.
 ///
-/// The floor depends on mesh and motion: three takes of one jacket in the paper have floors of 98902, 172875 and 906402. It is therefore
-/// measured, and stored with the properties of the events.
+/// The floor depends on mesh and motion: three takes of one jacket in the paper have floors of 98902, 172875 and
+/// 906402. It is therefore measured, and stored with the properties of the events.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct EnergyCalibration {
@@ -267,8 +267,8 @@ impl EnergyCalibration {
         Ok(())
     }
 
-    /// Returns a message if an event differs from those of the calibration in mesh, frame rate, curvature method or dead band. Dead bands
-    /// may differ by a tenth, because they can be measured on each take.
+    /// Returns a message if an event differs from those of the calibration in mesh, frame rate, curvature method or
+    /// dead band. Dead bands may differ by a tenth, because they can be measured on each take.
     #[must_use]
     pub fn mismatch(&self, event: &Crumple) -> Option<String> {
         let fps = frame_rate(event);

@@ -24,12 +24,13 @@ choices! {
 params! {
     /// Measures the distribution of the energies of a take, and the energy below which events are dropped.
     ///
-    /// `HistogramMatcher` ranks events by it. The minimum energy is a number, a percentile of all events, or follows from a number of events per
-    /// second. The number is valid for one mesh and motion only. A tap writes the calibration as JSON for
-    /// `EnergyCalibrationFile`.
+    /// `HistogramMatcher` ranks events by it. The minimum energy is a number, a percentile of all events, or follows
+    /// from a number of events per second. The number is valid for one mesh and motion only. A tap writes the
+    /// calibration as JSON for `EnergyCalibrationFile`.
     ///
     /// # Source
-    /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 3 and table 1.
+    /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 3 and
+    /// table 1.
     pub struct EnergyCalibrationParams {
         /// Rule for the energy below which events are dropped.
         floor: FloorRule = FloorRule::Rate;

@@ -57,8 +57,8 @@ impl Cdf {
 ///
 /// # Source
 /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 3, with
-/// [`Mapping::Linear20`]. Energies have a heavy tail, so the first of 20 equal bins contains nearly all. Ranks do not depend on
-/// the distribution.
+/// [`Mapping::Linear20`]. Energies have a heavy tail, so the first of 20 equal bins contains nearly all. Ranks do not
+/// depend on the distribution.
 #[derive(Clone, Debug)]
 pub struct EnergyMap {
     events: Cdf,

@@ -20,20 +20,22 @@ use crate::{archive_state, params, ports};
 params! {
     /// Assigns to every event a recorded sample of matching energy.
     ///
-    /// The energy of an event has a rank in the calibration. That rank has an energy in the bank, and the sample of nearest energy is
-    /// taken. Events below `e_min` of the calibration are dropped; events above its maximum get the strongest sample. A calibration
-    /// with another `weight` is refused. A calibration of another mesh, frame rate or curvature method, or with a dead band that differs by
-    /// more than a tenth, is used with a warning, because energies depend on all of them.
+    /// The energy of an event has a rank in the calibration. That rank has an energy in the bank, and the sample of
+    /// nearest energy is taken. Events below `e_min` of the calibration are dropped; events above its maximum get the
+    /// strongest sample. A calibration with another `weight` is refused. A calibration of another mesh, frame rate or
+    /// curvature method, or with a dead band that differs by more than a tenth, is used with a warning, because
+    /// energies depend on all of them.
     ///
-    /// With `adapt` the ranks are those among recent events, for live use and for motion unlike any calibration. The calibration
-    /// is then only the initial distribution and optional. With `max_rate` the ranks are those among the events that are not dropped.
+    /// With `adapt` the ranks are those among recent events, for live use and for motion unlike any calibration. The
+    /// calibration is then only the initial distribution and optional. With `max_rate` the ranks are those among the
+    /// events that are not dropped.
     ///
     /// # Randomness
     /// With `k_nearest` above 1, the choice is a function of the seed, the time of the event and its lowest vertex.
     ///
     /// # Source
-    /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 3, after Heeger and Bergen
-    /// (1995) for the matching of histograms; ranks and adaptation are additions.
+    /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 3,
+    /// after Heeger and Bergen (1995) for the matching of histograms; ranks and adaptation are additions.
     pub struct HistogramMatcherParams {
         /// Comparison of energies of events and samples.
         mapping: Mapping = Mapping::Ecdf;

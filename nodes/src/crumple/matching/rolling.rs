@@ -10,8 +10,8 @@ const OCTAVES: f64 = 200.0;
 
 /// The distribution of recent energies: the weight of an event decays with a half-life.
 ///
-/// Energies are counted in bins of 1/16 of a doubling. The weight of new events grows exponentially instead of decaying all bins. Memory
-/// is constant, and results depend on earlier events alone.
+/// Energies are counted in bins of 1/16 of a doubling. The weight of new events grows exponentially instead of decaying
+/// all bins. Memory is constant, and results depend on earlier events alone.
 #[derive(Clone, Debug)]
 pub struct Rolling {
     bins: Vec<f64>,

@@ -20,19 +20,21 @@ use crate::spatial::{Distance, Head, Pose, Poses, StillSource};
 use crate::{archive_state, params, ports};
 
 params! {
-    /// Plays a recorded sample for each event at the two ears of a listener: as `CrumplePlayer`, with the position of every event.
+    /// Plays a recorded sample for each event at the two ears of a listener: as `CrumplePlayer`, with the position of
+    /// every event.
     ///
-    /// A sample has the direction and distance of its event, as in `StructuralHrtf` and `DistanceGain`: it is earlier and louder at the nearer
-    /// ear, has the reflections of the pinna, and its level decreases with distance. The pose of the listener is that at the beginning of
-    /// the sample, which lasts a few hundredths of a second at most. Delays are relative to the middle of the head. The sound at the nearer
-    /// ear is up to 0.26 ms earlier, for which the node has look-ahead.
+    /// A sample has the direction and distance of its event, as in `StructuralHrtf` and `DistanceGain`: it is earlier
+    /// and louder at the nearer ear, has the reflections of the pinna, and its level decreases with distance. The pose
+    /// of the listener is that at the beginning of the sample, which lasts a few hundredths of a second at most. Delays
+    /// are relative to the middle of the head. The sound at the nearer ear is up to 0.26 ms earlier, for which the node
+    /// has look-ahead.
     ///
     /// # Randomness
     /// The delay of a sample is a function of the seed, the time of the event and its lowest vertex.
     ///
     /// # Source
-    /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 3; Brown and
-    /// Duda, "A structural model for binaural sound synthesis" (1998).
+    /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 3;
+    /// Brown and Duda, "A structural model for binaural sound synthesis" (1998).
     pub struct BinauralCrumplePlayerParams {
         /// Delay of a sample after its event.
         jitter: Jitter = Jitter::WholeFrames;
@@ -56,7 +58,8 @@ params! {
         gain: f32 = 1.0, unit "", range 0.0..=1000.0;
         /// Scales samples to the exact energy of the match, by at most 6 dB.
         match_gain: bool = false;
-        /// Maximum number of simultaneous samples; above it those with the least remaining energy are stolen. 64 is good for live use.
+        /// Maximum number of simultaneous samples; above it those with the least remaining energy are stolen. 64 is
+        /// good for live use.
         max_voices: usize = 4096, unit "voices", range 1..=65_536;
         /// Duration of the output after the last event, for the jitter and the longest sample.
         tail: f64 = 0.6, unit "s", range 0.0..=60.0;

@@ -19,16 +19,16 @@ use crate::{archive_state, params, ports};
 params! {
     /// Plays a recorded sample for each event.
     ///
-    /// Samples begin with a random delay after their event. Without delays all samples of a frame of the motion would begin at once, and the
-    /// frame rate would be audible. Samples have their recorded level and overlap. A bank of another
-    /// rate is resampled to `rate`, which sets the sample rate of the audio.
+    /// Samples begin with a random delay after their event. Without delays all samples of a frame of the motion would
+    /// begin at once, and the frame rate would be audible. Samples have their recorded level and overlap. A bank of
+    /// another rate is resampled to `rate`, which sets the sample rate of the audio.
     ///
     /// # Randomness
     /// The delay of a sample is a function of the seed, the time of the event and its lowest vertex.
     ///
     /// # Source
-    /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 3, who jitter by 1/30 s without
-    /// details.
+    /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 3, who
+    /// jitter by 1/30 s without details.
     pub struct CrumplePlayerParams {
         /// Delay of a sample after its event.
         jitter: Jitter = Jitter::WholeFrames;
@@ -38,7 +38,8 @@ params! {
         gain: f32 = 1.0, unit "", range 0.0..=1000.0;
         /// Scales samples to the exact energy of the match, by at most 6 dB.
         match_gain: bool = false;
-        /// Maximum number of simultaneous samples; above it those with the least remaining energy are stolen. 64 is good for live use.
+        /// Maximum number of simultaneous samples; above it those with the least remaining energy are stolen. 64 is
+        /// good for live use.
         max_voices: usize = 4096, unit "voices", range 1..=65_536;
         /// Duration of the output after the last event, for the jitter and the longest sample.
         tail: f64 = 0.6, unit "s", range 0.0..=60.0;

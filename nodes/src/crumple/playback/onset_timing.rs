@@ -32,8 +32,8 @@ pub(super) struct Timing {
 }
 
 impl Timing {
-    /// Returns the look-ahead in ticks: for samples that begin before their event, and for output up to `lead` frames before a sample
-    /// begins.
+    /// Returns the look-ahead in ticks: for samples that begin before their event, and for output up to `lead` frames
+    /// before a sample begins.
     pub fn ahead(&self, lead: usize) -> Tick {
         let early = match self.jitter {
             Jitter::Centred => ticks(0.5 * (self.jitter_time + MAX_FRAME_INTERVAL)),

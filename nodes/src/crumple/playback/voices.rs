@@ -92,8 +92,8 @@ struct Voice<F> {
 
 /// Plays samples of a bank, each with its own onset and filter.
 ///
-/// Frame numbers are absolute, and voices are added in the order of their onsets, so blocks of any length give the same bits.
-/// Nothing is allocated while it plays.
+/// Frame numbers are absolute, and voices are added in the order of their onsets, so blocks of any length give the same
+/// bits. Nothing is allocated while it plays.
 #[derive(Clone, Debug)]
 pub struct Player<F> {
     samples: Vec<f32>,
@@ -114,8 +114,8 @@ impl<F: Serialize + DeserializeOwned> Stateful for Player<F> {
 }
 
 impl<F: VoiceFilter> Player<F> {
-    /// Creates a player with at most `voices` simultaneous voices, each with output from `lead` frames before its beginning to `ring` frames
-    /// after its end.
+    /// Creates a player with at most `voices` simultaneous voices, each with output from `lead` frames before its
+    /// beginning to `ring` frames after its end.
     #[must_use]
     pub fn new(bank: &CrumpleBank, voices: usize, [lead, ring]: [usize; 2]) -> Self {
         let mut energy = vec![0.0];
@@ -164,7 +164,8 @@ impl<F: VoiceFilter> Player<F> {
 
     /// Starts a sample at its onset. `now` is the frame up to which the output was read.
     ///
-    /// Above the maximum number of voices, the one with the least remaining energy is stolen, or the new one is dropped.
+    /// Above the maximum number of voices, the one with the least remaining energy is stolen, or the new one is
+    /// dropped.
     pub fn begin(&mut self, onset: Onset, now: i64, filter: F) {
         let Onset { sample, start, .. } = onset;
         let (Some(from), Some(to)) = (self.offsets.get(sample), self.offsets.get(sample + 1)) else { return };
@@ -202,7 +203,8 @@ impl<F: VoiceFilter> Player<F> {
         self.max_sounding = self.max_sounding.max(self.voices.iter().filter(|v| v.stop.is_none()).count());
     }
 
-    /// Adds the frames from `first` to `out`. `filter` returns the filter of a position at the frame at which a sample begins.
+    /// Adds the frames from `first` to `out`. `filter` returns the filter of a position at the frame at which a sample
+    /// begins.
     ///
     /// # Shapes
     /// `out: [T * CHANNELS]`, interleaved.

@@ -153,8 +153,8 @@ impl EncoderTrack {
 
     /// Returns surface speed and angle as functions of time, for a roller of `radius` metres with the cloth on it.
     ///
-    /// Speeds are integrated to angles, from 0 at the first sample. The speed of angles is their central difference times the radius.
-    /// The angle is known only if the radius is above 0.
+    /// Speeds are integrated to angles, from 0 at the first sample. The speed of angles is their central difference
+    /// times the radius. The angle is known only if the radius is above 0.
     ///
     /// # Errors
     /// When times do not increase, readings are not finite, or angles have no radius.

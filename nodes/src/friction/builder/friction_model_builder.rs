@@ -26,25 +26,29 @@ choices! { @param Signal {
 } }
 
 params! {
-    /// Measures a friction model from a roller recording: cloth turns against cloth while an encoder measures its speed.
+    /// Measures a friction model from a roller recording: cloth turns against cloth while an encoder measures its
+    /// speed.
     ///
-    /// The readings of the encoder come from a CSV, or from a signal linked to `turning`: a second channel of the recording, or a file of any
-    /// rate. About 1000 samples per second of the signal are used. A noisy signal needs a `LowPass` first.
+    /// The readings of the encoder come from a CSV, or from a signal linked to `turning`: a second channel of the
+    /// recording, or a file of any rate. About 1000 samples per second of the signal are used. A noisy signal needs a
+    /// `LowPass` first.
     ///
-    /// The channels of the recording are averaged. It is cut into clips under a triangular window. Clips on the seam, at rest or changing
-    /// speed are dropped, and the power of clips of similar speed is averaged. The spectrum of the roller at rest (`rest`) is subtracted as
-    /// the noise floor. Without it, broadband noise is a large part of the spectra that are interpolated.
+    /// The channels of the recording are averaged. It is cut into clips under a triangular window. Clips on the seam,
+    /// at rest or changing speed are dropped, and the power of clips of similar speed is averaged. The spectrum of the
+    /// roller at rest (`rest`) is subtracted as the noise floor. Without it, broadband noise is a large part of the
+    /// spectra that are interpolated.
     ///
     /// # Source
     /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 2. The
     /// paper has one spectrum per clip, whose bins scatter by 100 %; so does `raw`.
     pub struct FrictionModelBuilderParams {
-        /// CSV of the encoder with the header `time_s,speed_m_s` or `time_s,angle_rad`; time 0 is the first sample. None if
-        /// `turning` is linked.
+        /// CSV of the encoder with the header `time_s,speed_m_s` or `time_s,angle_rad`; time 0 is the first sample.
+        /// None if `turning` is linked.
         encoder: Option<AssetPath> = None;
         /// Quantity that `turning` measures.
         signal: Signal = Signal::Speed;
-        /// Reading for a sample of 1 of `turning`, in m/s or radians: 6.2832 for a channel that rises from 0 to 1 in each turn.
+        /// Reading for a sample of 1 of `turning`, in m/s or radians: 6.2832 for a channel that rises from 0 to 1 in
+        /// each turn.
         full_scale: f64 = 1.0, unit "m/s or rad", range 0.000001..=1000000.0;
         /// Radius of the roller with the cloth on it, for angles and seams.
         roller_radius: f64 = 0.0, unit "m", range 0.0..=100.0;

@@ -14,7 +14,7 @@ use crate::io::{AudioReader, oddities, trial_wav};
 use crate::{choices, params, ports};
 
 choices! {
-    /// The law that assigns speeds to clips, which were not measured.
+    /// The law that assigns the unknown speeds to clips.
     pub enum Law {
         /// By rank of level: assumes that the recordings have equal time in every octave of speed.
         LevelRank,
@@ -31,7 +31,8 @@ params! {
     /// Makes a friction model from cloth recordings without roller and encoder.
     ///
     /// Cloth that slides faster is louder, so clips are ordered by level (or brightness) and assigned speeds from
-    /// `slowest` to `fastest`. Shapes and levels of the spectra are measured, the speeds are assumed. The channels of a recording are averaged.
+    /// `slowest` to `fastest`. Shapes and levels of the spectra are measured, the speeds are assumed. The channels of a
+    /// recording are averaged.
     ///
     /// # Source
     /// An addition: An, James and Marschner (SIGGRAPH 2012) measure speeds on a roller; so does `FrictionModelBuilder`.

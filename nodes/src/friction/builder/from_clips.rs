@@ -1,7 +1,8 @@
 //! A friction model from cloth recordings without measured speeds.
 //!
-//! Cloth that slides faster is louder, so the level of a clip replaces the missing encoder. Shapes and levels of the spectra are
-//! measured. The speeds are assumed, and so is that microphone and contact did not change during the recording.
+//! Cloth that slides faster is louder, so the level of a clip replaces the missing encoder. Shapes and levels of the
+//! spectra are measured. The speeds are assumed, and so is that microphone and contact did not change during the
+//! recording.
 
 use serde::{Deserialize, Serialize};
 
@@ -21,9 +22,11 @@ pub enum SpeedLaw {
     /// octave of speed. Independent of the distribution of levels.
     #[default]
     LevelRank,
-    /// By level: amplitude is a power of speed. Its exponent assigns `slowest` to the quietest clip and `fastest` to the loudest.
+    /// By level: amplitude is a power of speed. Its exponent assigns `slowest` to the quietest clip and `fastest` to
+    /// the loudest.
     Level,
-    /// By level: amplitude is this power of speed, and the loudest clip is at `fastest`. Clips below `slowest` count as silent.
+    /// By level: amplitude is this power of speed, and the loudest clip is at `fastest`. Clips below `slowest` count as
+    /// silent.
     Exponent(f64),
     /// By rank of spectral centroid: assumes that faster is brighter. The levels of the bins are
     /// assigned in ascending order, so that faster is also louder.
@@ -98,9 +101,9 @@ struct Clip {
 
 /// Builds a model from recordings without measured speeds, at the highest of their rates.
 ///
-/// The recordings are cut into clips, and silent clips are dropped. The law assigns speeds to the others. The power of the clips in
-/// each logarithmic bin of speed is averaged. A clip does not count above the Nyquist frequency of its recording, so mixed
-/// rates do not attenuate high frequencies. Bins of speed without clips are left out.
+/// The recordings are cut into clips, and silent clips are dropped. The law assigns speeds to the others. The power of
+/// the clips in each logarithmic bin of speed is averaged. A clip does not count above the Nyquist frequency of its
+/// recording, so mixed rates do not attenuate high frequencies. Bins of speed without clips are left out.
 ///
 /// # Errors
 /// Names the wrong parameter or sample, or counts the rejected clips by reason.

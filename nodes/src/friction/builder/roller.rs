@@ -2,8 +2,8 @@
 //!
 //! # Source
 //! An, James and Marschner (SIGGRAPH 2012), section 2. The paper "convolves" its clips with a triangle; here they are
-//! multiplied by it. The paper has one spectrum per clip, whose bins scatter by 100 %; here the power of clips of similar
-//! speed is averaged, unless `raw` is set.
+//! multiplied by it. The paper has one spectrum per clip, whose bins scatter by 100 %; here the power of clips of
+//! similar speed is averaged, unless `raw` is set.
 
 use super::analysis::{BuildError, check, check_samples, checked_clip, high_pass, mean_speed};
 use super::encoder::{EncoderTrack, Motion};
@@ -94,8 +94,9 @@ struct Clip {
 
 /// Builds a model from a roller recording.
 ///
-/// `rest` is audio of the roller at rest. Its spectrum is subtracted as the noise floor, because interpolation displaces
-/// amplitude and a floor contains much of it. The subtraction leaves at least 1e-12 of the spectrum's largest bin.
+/// `rest` is audio of the roller at rest. Its spectrum is subtracted as the noise floor, because interpolation
+/// displaces amplitude and a floor contains much of it. The subtraction leaves at least 1e-12 of the spectrum's largest
+/// bin.
 ///
 /// # Errors
 /// Names the wrong parameter, sample or encoder reading, or counts the rejected clips by reason.
@@ -174,8 +175,8 @@ pub fn build(
     Ok(model)
 }
 
-/// Returns the clips on the encoder track that have a steady speed and are off the seams, the numbers of rejected clips, and the number of
-/// all clips.
+/// Returns the clips on the encoder track that have a steady speed and are off the seams, the numbers of rejected
+/// clips, and the number of all clips.
 fn select_clips(
     samples: usize,
     fs: f64,

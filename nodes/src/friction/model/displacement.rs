@@ -3,8 +3,8 @@
 //! # Source
 //! Matusik, Zwicker and Durand, "Texture design using a simplicial complex of morphable textures" (SIGGRAPH 2005), as
 //! used by An, James and Marschner (SIGGRAPH 2012), section 2, equations 1 to 3. Their integrals run over unnormalised
-//! spectra, whose inverse functions have different domains. Here each spectrum is divided by its mass, and the level is interpolated
-//! separately.
+//! spectra, whose inverse functions have different domains. Here each spectrum is divided by its mass, and the level is
+//! interpolated separately.
 
 use serde::{Deserialize, Serialize};
 
@@ -48,10 +48,11 @@ pub(super) fn distribution(amplitude: &[f64], epsilon: f64, out: &mut [f64]) {
     }
 }
 
-/// Writes the mass per bin of the distribution whose quantiles are `(1 - alpha)` times those of `a` plus `alpha` times those of `b`.
+/// Writes the mass per bin of the distribution whose quantiles are `(1 - alpha)` times those of `a` plus `alpha` times
+/// those of `b`.
 ///
-/// Between two neighbouring knots of either distribution all quantile functions are linear. One merge of the knots therefore
-/// inverts the blend exactly. Frequencies are in bins.
+/// Between two neighbouring knots of either distribution all quantile functions are linear. One merge of the knots
+/// therefore inverts the blend exactly. Frequencies are in bins.
 fn displaced_masses(a: &[f64], b: &[f64], alpha: f64, out: &mut [f64]) {
     let bins = out.len();
     let (mut i, mut j, mut edge) = (0, 0, 0);

@@ -15,7 +15,8 @@ use crate::{params, ports};
 params! {
     /// Reads a friction model from a file that a tap of a model wrote.
     ///
-    /// The file is JSON with every field of the model: version, speeds, spectra and conventions. A file of another version is refused.
+    /// The file is JSON with every field of the model: version, speeds, spectra and conventions. A file of another
+    /// version is refused.
     pub struct FrictionModelFileParams {
         /// File of the model.
         path: AssetPath;

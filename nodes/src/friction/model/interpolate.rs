@@ -6,9 +6,9 @@ use super::speed_bracket::Bracket;
 
 /// Interpolates the spectra of a friction model.
 ///
-/// Between measured speeds the spectra are displaced. Below the slowest speed `s_0` its amplitude is scaled by `(s / s_0)^2`, so power
-/// falls with the fourth power of speed. Above the fastest speed its spectrum is held. The result is continuous in speed, with kinks at
-/// measured speeds.
+/// Between measured speeds the spectra are displaced. Below the slowest speed `s_0` its amplitude is scaled by `(s /
+/// s_0)^2`, so power falls with the fourth power of speed. Above the fastest speed its spectrum is held. The result is
+/// continuous in speed, with kinks at measured speeds.
 #[derive(Clone, Debug)]
 pub struct SpectrumInterpolator {
     speeds: Vec<f64>,

@@ -14,7 +14,8 @@ use crate::{params, ports};
 /// Returns a model of the spectra of `model` at `speeds`, in m/s.
 ///
 /// # Errors
-/// [`ModelError`] when the model is invalid, and for fewer than two speeds, and for speeds that are not above 0 and strictly increasing.
+/// [`ModelError`] when the model is invalid, and for fewer than two speeds, and for speeds that are not above 0 and
+/// strictly increasing.
 ///
 /// # Complexity
 /// O(speeds * bins).
@@ -35,11 +36,12 @@ pub fn at_speeds(model: &FrictionModel, speeds: &[f64], gain: Gain) -> Result<Fr
 params! {
     /// Interpolates the spectra of a friction model at given speeds, as synthesis does between measured speeds.
     ///
-    /// A tap of the output as SVG shows how peaks move between frequencies with speed. A crossfade would show both peaks.
+    /// A tap of the output as SVG shows how peaks move between frequencies with speed. A crossfade would show both
+    /// peaks.
     ///
     /// # Source
-    /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 2, equations 1
-    /// to 3 and figure 5.
+    /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 2,
+    /// equations 1 to 3 and figure 5.
     pub struct InterpolatedSpectraParams {
         /// At least two speeds, strictly increasing.
         speeds: Vec<f64> = vec![0.05, 0.1, 0.2, 0.4, 0.8], unit "m/s", range 0.000001..=1000.0;

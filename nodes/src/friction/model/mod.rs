@@ -1,6 +1,7 @@
-//! The friction model: what it holds, how it is read from a file, and its spectra at any speed.
+//! The friction model: its fields, its file, and its spectra at any speed.
 //!
-//! [`displacement`] interpolates two spectra, [`interpolate`] the spectra of a model, [`spectrum_table`] tabulates them for synthesis.
+//! [`displacement`] interpolates two spectra, [`interpolate`] the spectra of a model, [`spectrum_table`] tabulates them
+//! for synthesis.
 
 mod clip_length;
 pub mod conventions;

@@ -14,8 +14,8 @@ use crate::{params, ports};
 /// Relative difference up to which two speeds are equal.
 const SAME_SPEED: f64 = 1e-6;
 
-/// Infers the model of a pair of materials: at each speed the spectrum half-way between those of the two materials, with the
-/// geometric mean of their powers.
+/// Infers the model of a pair of materials: at each speed the spectrum half-way between those of the two materials,
+/// with the geometric mean of their powers.
 ///
 /// The model has the speeds of both models and the finer of their grids. Its origin is [`Origin::Inferred`].
 ///
@@ -73,8 +73,9 @@ fn merged_speeds(a: &[f64], b: &[f64]) -> Vec<f64> {
 params! {
     /// Infers the friction model of two materials on each other from recordings of each material on itself.
     ///
-    /// At each speed the spectrum lies half-way between the two: every quantile is the mean of their two frequencies, and the power
-    /// is their geometric mean. The result is an estimate (`origin: Inferred`); a recording of the pair is better.
+    /// At each speed the spectrum lies half-way between the two: every quantile is the mean of their two frequencies,
+    /// and the power is their geometric mean. The result is an estimate (`origin: Inferred`); a recording of the pair
+    /// is better.
     ///
     /// # Source
     /// An addition to An, James and Marschner (SIGGRAPH 2012), with the interpolation of their section 2.

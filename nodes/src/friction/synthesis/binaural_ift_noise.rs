@@ -25,19 +25,20 @@ use crate::spatial::{Distance, Head, HeadReceiver, Pose, Poses};
 use crate::{archive_state, params, ports};
 
 params! {
-    /// Synthesises the sound of sliding cloth at the two ears of a listener: as `IftNoise`, with the position of every cluster of vertices.
+    /// Synthesises the sound of sliding cloth at the two ears of a listener: as `IftNoise`, with the position of every
+    /// cluster of vertices.
     ///
-    /// `mesh` is the cloth whose vertices slide. Vertices in one cell of a grid are a cluster and share phases. A cluster has its own
-    /// direction and distance, as in `StructuralHrtf` and `DistanceGain`. Both ears receive the same phases of a cluster; independent phases
-    /// would destroy all cues. The gains of the ears are applied to spectra, so delays wrap around within a clip, which is inaudible. Delays
-    /// are relative to the middle of the head.
+    /// `mesh` is the cloth whose vertices slide. Vertices in one cell of a grid are a cluster and share phases. A
+    /// cluster has its own direction and distance, as in `StructuralHrtf` and `DistanceGain`. Both ears receive the
+    /// same phases of a cluster; independent phases would destroy all cues. The gains of the ears are applied to
+    /// spectra, so delays wrap around within a clip, which is inaudible. Delays are relative to the middle of the head.
     ///
     /// # Randomness
     /// A phase is a function of the seed, the emitter, the clip and the bin.
     ///
     /// # Source
-    /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 2; Brown and
-    /// Duda, "A structural model for binaural sound synthesis" (1998).
+    /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 2;
+    /// Brown and Duda, "A structural model for binaural sound synthesis" (1998).
     pub struct BinauralIftNoiseParams {
         /// Sample rate of the audio.
         rate: Rate = Rate::hz(48_000);

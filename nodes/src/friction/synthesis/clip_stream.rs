@@ -9,9 +9,9 @@ use crate::core::state::Stateful;
 
 /// Overlap-add of clips that overlap by half.
 ///
-/// Output segment `[k hop, (k + 1) hop)` is the second half of clip `k` plus the first half of clip `k + 1`, so the bits
-/// do not depend on the lengths of windows. Reading in order renders every clip once. Reading from another position renders the clips
-/// there.
+/// Output segment `[k hop, (k + 1) hop)` is the second half of clip `k` plus the first half of clip `k + 1`, so the
+/// bits do not depend on the lengths of windows. Reading in order renders every clip once. Reading from another
+/// position renders the clips there.
 ///
 /// # Complexity
 /// One clip per hop and O(1) per sample; nothing is allocated after `new`.
@@ -101,7 +101,8 @@ impl<R: Receiver> ClipStream<R> {
         self.clips[slot(clip)].0 == Some(clip)
     }
 
-    /// Renders clip `clip`, in place of the clip before the previous one. For callers that move the receiver between clips.
+    /// Renders clip `clip`, in place of the clip before the previous one. For callers that move the receiver between
+    /// clips.
     ///
     /// # Errors
     /// As [`IftNoise::clip`].
@@ -113,7 +114,8 @@ impl<R: Receiver> ClipStream<R> {
         Ok(())
     }
 
-    /// Writes one channel from sample `from`, at most to the end of its segment, from prepared clips. Other clips are silent.
+    /// Writes one channel from sample `from`, at most to the end of its segment, from prepared clips. Other clips are
+    /// silent.
     pub fn overlap_add(&self, channel: usize, from: u64, out: &mut [f32]) {
         let hop = self.hop();
         let (clip, offset) = (from / hop as u64, (from % hop as u64) as usize);

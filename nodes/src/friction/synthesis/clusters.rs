@@ -27,8 +27,8 @@ struct Slot {
 
 /// Groups emitters by grid cell, up to a maximum number of groups.
 ///
-/// Above the maximum, the most powerful cells are groups and each other cell joins the nearest of them. Buffers are allocated once for
-/// the maximum number of emitters.
+/// Above the maximum, the most powerful cells are groups and each other cell joins the nearest of them. Buffers are
+/// allocated once for the maximum number of emitters.
 pub(crate) struct Clusters {
     size: f32,
     max_groups: usize,

@@ -21,22 +21,25 @@ use crate::friction::model::{FrictionModel, Gain};
 use crate::{archive_state, params, ports};
 
 params! {
-    /// Synthesises the sound of sliding cloth: noise with the spectrum of the friction model at the speed of every vertex.
+    /// Synthesises the sound of sliding cloth: noise with the spectrum of the friction model at the speed of every
+    /// vertex.
     ///
-    /// Each item of `speeds` is the middle of one clip, or its start (`motion_at`). Clips overlap by half, so a clip is two items long: 50 ms at 40
-    /// speeds per second. A clip is the inverse Fourier transform of the model's amplitudes with random phases. Above the fastest speed of the
-    /// model its spectrum is held; below the slowest its level falls. The summary reports the fractions of both. Vertices at rest cost
-    /// nothing, and if all are at rest the output is exactly zero.
+    /// Each item of `speeds` is the middle of one clip, or its start (`motion_at`). Clips overlap by half, so a clip is
+    /// two items long: 50 ms at 40 speeds per second. A clip is the inverse Fourier transform of the model's amplitudes
+    /// with random phases. Above the fastest speed of the model its spectrum is held; below the slowest its level
+    /// falls. The summary reports the fractions of both. Vertices at rest cost nothing, and if all are at rest the
+    /// output is exactly zero.
     ///
-    /// There must be a whole number of samples from one speed to the next. The parameter `rate` sets the sample rate of the audio.
+    /// There must be a whole number of samples from one speed to the next. The parameter `rate` sets the sample rate of
+    /// the audio.
     ///
     /// # Randomness
     /// A phase is a function of the seed, the emitter, the clip and the bin.
     ///
     /// # Source
-    /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 2; Rodet
-    /// and Depalle, "Spectral envelopes and inverse FFT synthesis" (1992). The paper gives no output window. The triangle
-    /// of its analysis would have dips of 3 dB at the clip rate.
+    /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 2;
+    /// Rodet and Depalle, "Spectral envelopes and inverse FFT synthesis" (1992). The paper gives no output window. The
+    /// triangle of its analysis would have dips of 3 dB at the clip rate.
     pub struct IftNoiseNodeParams {
         /// Sample rate of the audio.
         rate: Rate = Rate::hz(48_000);

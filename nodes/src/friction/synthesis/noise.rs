@@ -100,12 +100,13 @@ struct Sliding {
 /// Clip `k` is centred at sample `k * hop` and covers one hop on either side. Its speeds and positions are those at its
 /// centre, so a contact sounds up to half a clip early. [`ClipStream`](super::ClipStream) overlaps and adds the clips.
 ///
-/// The transform is linear, so the spectra of all emitters are added before a single inverse transform per channel. The power per bin of
-/// a cluster is the sum over its vertices (incoherent sum), computed from a histogram over the rows of a [`SpectrumTable`].
+/// The transform is linear, so the spectra of all emitters are added before a single inverse transform per channel. The
+/// power per bin of a cluster is the sum over its vertices (incoherent sum), computed from a histogram over the rows of
+/// a [`SpectrumTable`].
 ///
 /// # Complexity
-/// Per clip: O(V), O(rows * bins) per cluster, and one inverse transform per channel; without clusters O(V * bins). Memory:
-/// O(V + clusters * rows + rows * bins). Nothing is allocated after `new`.
+/// Per clip: O(V), O(rows * bins) per cluster, and one inverse transform per channel; without clusters O(V * bins).
+/// Memory: O(V + clusters * rows + rows * bins). Nothing is allocated after `new`.
 pub struct IftNoise<R = Mono> {
     table: SpectrumTable,
     params: IftNoiseParams,
@@ -240,19 +241,18 @@ impl<R: Receiver> IftNoise<R> {
         self.coverage
     }
 
-    /// Writes the windowed clip `clip` and returns the number of sliding vertices. Without sliding vertices `out` is exactly zero.
+    /// Writes the windowed clip `clip` and returns the number of sliding vertices. Without sliding vertices `out` is
+    /// exactly zero.
     ///
     /// # Shapes
     /// `input.speeds: [V]`, `input.positions: [V]`, `out: [channels * N]`, planar.
     ///
     /// # Errors
-    /// When a slice has the wrong length, a speed is negative or not finite, or a position is not finite. `out` is then unspecified.
+    /// When a slice has the wrong length, a speed is negative or not finite, or a position is not finite. `out` is then
+    /// unspecified.
     pub fn clip(&mut self, clip: u64, input: ClipInput<'_>, out: &mut [f32]) -> Result<usize, NoiseError> {
         let len = self.clip_len();
-        let expect = |what, found, expected| {
-            if found == expected { Ok(()) } else { Err(NoiseError::Length { clip, what, found, expected }) }
-        };
-        expect("output samples", out.len(), len * self.channels())?;
+        check_length(clip, "output samples", out.len(), len * self.channels())?;
         self.find_sliding(clip, input)?;
         out.fill(0.0);
         if self.sliding.is_empty() {
@@ -274,13 +274,9 @@ impl<R: Receiver> IftNoise<R> {
     /// Checks the input and lists the sliding vertices with their table rows.
     fn find_sliding(&mut self, clip: u64, input: ClipInput<'_>) -> Result<(), NoiseError> {
         let vertices = self.gains.len();
-        let expect = |what, found| {
-            let expected = vertices;
-            if found == expected { Ok(()) } else { Err(NoiseError::Length { clip, what, found, expected }) }
-        };
-        expect("speeds", input.speeds.len())?;
+        check_length(clip, "speeds", input.speeds.len(), vertices)?;
         if let Some(positions) = input.positions {
-            expect("positions", positions.len())?;
+            check_length(clip, "positions", positions.len(), vertices)?;
         }
         self.sliding.clear();
         let mut coverage = self.coverage;
@@ -416,6 +412,10 @@ impl<R: Receiver> IftNoise<R> {
         }
         out.iter_mut().zip(&self.window).for_each(|(x, w)| *x *= w);
     }
+}
+
+fn check_length(clip: u64, what: &'static str, found: usize, expected: usize) -> Result<(), NoiseError> {
+    if found == expected { Ok(()) } else { Err(NoiseError::Length { clip, what, found, expected }) }
 }
 
 #[cfg(test)]

@@ -23,7 +23,8 @@ fn bits(random: &Random, entity: u32, index: u64, lane: u32) -> [u16; BLOCK] {
     out
 }
 
-/// Returns `(cos, sin)` of half a turn times `u`, `|u| <= 1/2`: least squares on Chebyshev nodes, with an error of at most 3e-7.
+/// Returns `(cos, sin)` of half a turn times `u`, `|u| <= 1/2`: least squares on Chebyshev nodes, with an error of at
+/// most 3e-7.
 fn half_turn(u: f32) -> (f32, f32) {
     let x = u * u;
     let sin = u * (PI + x * (-5.167_707 + x * (2.550_031_2 + x * (-0.598_044_2 + x * 0.077_218_39))));

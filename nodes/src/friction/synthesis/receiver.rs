@@ -12,8 +12,8 @@ pub trait Receiver {
         true
     }
 
-    /// Adds the one-sided spectrum `(re, im)` of an emitter, times the response of this channel to its position, to `(sum_re,
-    /// sum_im)`. It must not allocate. `position` is `None` if the vertices have no positions.
+    /// Adds the one-sided spectrum `(re, im)` of an emitter, times the response of this channel to its position, to
+    /// `(sum_re, sum_im)`. It must not allocate. `position` is `None` if the vertices have no positions.
     fn add(
         &mut self,
         channel: usize,

@@ -29,8 +29,8 @@ fn the_window_equals_that_of_scipy() {
 
 #[test]
 fn the_energy_of_a_soft_sound_after_a_long_loud_one_is_exact() {
-    // Twenty seconds at full scale, then a sound 60 dB below: sums in single precision would round it away, and after 6 minutes at 48 kHz
-    // would not grow any more. In double precision a window is right to 2^-52 of the sum before it.
+    // Twenty seconds at full scale, then a sound 60 dB below: sums in single precision would round it away, and after 6
+    // minutes at 48 kHz would not grow any more. In double precision a window is right to 2^-52 of the sum before it.
     let n = 20 * 48_000;
     let x: Vec<f32> =
         (0..n + 4800).map(|k| if k < n { 1.0 } else { 1e-3 } * if k % 2 == 0 { 1.0 } else { -1.0 }).collect();

@@ -69,9 +69,9 @@ fn area_weights_make_energies_independent_of_the_resolution_of_the_mesh() {
     assert!((coarse - 4.961).abs() < 1e-3 && (fine - 5.200).abs() < 1e-3, "{coarse} {fine}");
     // The excluded hem shrinks like the edges: the limit is the square of twice the integral of H over the bowl,
     // H dA = q (2 + g^2) / (2 (1 + g^2)) dx dy with g = q r.
-    let place = |k: usize| (k as f64 + 0.5) / 400.0 - 0.5;
+    let coordinate = |k: usize| (k as f64 + 0.5) / 400.0 - 0.5;
     let bent = |k: usize| {
-        let square = 1.69 * (place(k % 400).powi(2) + place(k / 400).powi(2));
+        let square = 1.69 * (coordinate(k % 400).powi(2) + coordinate(k / 400).powi(2));
         1.3 * (2.0 + square) / (2.0 * (1.0 + square)) / 160_000.0
     };
     let limit = (2.0 * (0..160_000).map(bent).sum::<f64>()).powi(2);
@@ -288,14 +288,14 @@ fn events_do_not_depend_on_the_numbering_of_vertices_and_triangles() {
     for (seed, params) in [(5, PAPER), (8, AREA), (13, CrumpleParams { merge_frames: 2, ..PAPER })] {
         let (scene, frames) = wandering(seed, 40, 6);
         let n = scene.points.len();
-        // 1601 is prime: multiplied by 100 modulo it, 1 to 1600 change places.
-        let place = |old: usize| (old + 1) * 100 % 1601 - 1;
+        // 1601 is prime: multiplied by 100 modulo it, 1 to 1600 are permuted.
+        let new_index = |old: usize| (old + 1) * 100 % 1601 - 1;
         let permute = |points: &Vec<[f64; 3]>| {
             let mut out = vec![[0.0; 3]; n];
-            points.iter().enumerate().for_each(|(old, p)| out[place(old)] = *p);
+            points.iter().enumerate().for_each(|(old, p)| out[new_index(old)] = *p);
             out
         };
-        let turned = |t: &[u32; 3]| [t[1], t[2], t[0]].map(|v| place(v as usize) as u32);
+        let turned = |t: &[u32; 3]| [t[1], t[2], t[0]].map(|v| new_index(v as usize) as u32);
         let other = Scene {
             points: permute(&scene.points),
             triangles: scene.triangles.iter().rev().map(turned).collect(),
@@ -357,9 +357,10 @@ proptest! {
         let rigid: Vec<Vec<[f64; 3]>> = (0..).zip(&frames)
             .map(|(t, f): (i32, _)| f.iter().map(|p| moved(*p, turn * f64::from(t), shift)).collect()).collect();
         let large: Vec<Vec<[f64; 3]>> = frames.iter().map(|f| f.iter().map(|p| p.map(|x| k * x)).collect()).collect();
-        // Positions up to 5 m away are rounded to 2^-50 m in each coordinate, and edges are of 1/15 m. Moved by d, a vertex changes its
-        // own curvature and those of its neighbours by a few d / edge^2, here 2e-13 1/m; twice that for two frames, and cotangents
-        // of sharp corners make it ten times as much at worst. It is what makes an event of 1e-3 1/m differ by more than a billionth.
+        // Positions up to 5 m away are rounded to 2^-50 m in each coordinate, and edges are of 1/15 m. Moved by d, a
+        // vertex changes its own curvature and those of its neighbours by a few d / edge^2, here 2e-13 1/m; twice that
+        // for two frames, and cotangents of sharp corners make it ten times as much at worst. It is what makes an event
+        // of 1e-3 1/m differ by more than a billionth.
         let bend = 10.0 * 2.0 * 0.5_f64.powi(50) * 225.0;
         for params in [PAPER, CrumpleParams { merge_frames: 2, ..PAPER }, AREA] {
             let base = events_of(&scene, &frames, &[], params);

@@ -125,7 +125,7 @@ fn without_calibration_ranks_are_those_among_earlier_events() {
 #[test]
 fn dropped_events_are_in_no_distribution() {
     let strong: Vec<f64> = (0..60).map(|k| 10.0 + f64::from(k * 37 % 61)).collect();
-    // Three weak events before each strong one, which takes place at the same time in both streams.
+    // Three weak events before each strong one, which has the same time in both streams.
     let at = |k: usize, j: usize| ticks(0.04 * k as f64 + 0.01 * j as f64);
     let mixed: Vec<(Tick, Crumple)> = strong
         .iter()

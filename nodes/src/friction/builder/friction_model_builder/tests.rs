@@ -66,7 +66,8 @@ fn a_signal_of_the_encoder_gives_the_same_model_as_its_table() {
     let half = FrictionModelBuilderParams { full_scale: 2.0, ..p.clone() };
     let fine = (0..2048 * 8).map(|i| if i % 8 == 0 { -0.5 * speed(i / 8) } else { 9.0 }).collect();
     assert!(model(with_signal(half, 8000, fine)) == wanted);
-    // As an angle that wraps each turn, on a roller of 0.1 m; its speed is a difference, so it is not equal bit for bit.
+    // As an angle that wraps each turn, on a roller of 0.1 m; its speed is a difference, so it is not equal bit for
+    // bit.
     let angle = FrictionModelBuilderParams {
         signal: Signal::Angle,
         full_scale: std::f64::consts::TAU,

@@ -143,7 +143,8 @@ fn a_floor_40_decibels_down_holds_39_percent_of_the_mass_and_draws_the_moved_pea
     let (level, shift) = half_way(floor);
     assert!((level - 0.22).abs() < 0.005, "{level}");
     assert!((shift + 140.0).abs() < 10.0, "{shift}");
-    // Without the floor the level is the mean of both and the peak lies in their middle: the builder therefore subtracts floors.
+    // Without the floor the level is the mean of both and the peak lies in their middle: the builder therefore
+    // subtracts floors.
     let (level, shift) = half_way(0.0);
     assert!((level - 0.55).abs() < 1e-3 && shift.abs() <= df, "{level} {shift}");
 }
@@ -237,7 +238,8 @@ proptest! {
     ) {
         let mut x = vec![0.0; 64];
         displace(&a, &b, alpha, Gain::Mass, &mut x);
-        // Inside its bins a result on the grid is constant: its quantiles are those of the blend at its edges, and there exactly.
+        // Inside its bins a result on the grid is constant: its quantiles are those of the blend at its edges, and
+        // there exactly.
         let p = &knots(&x, NO_LIFT)[1..64];
         for (edge, (qa, qb)) in (1..).zip(quantiles(&a, EPSILON, p).into_iter().zip(quantiles(&b, EPSILON, p))) {
             let found = (1.0 - alpha) * qa + alpha * qb;
