@@ -72,7 +72,7 @@ fn main() {
             curvature.push(start.elapsed().as_secs_f64() * 1e3);
             let start = Instant::now();
             detector.detect(&bent, &mut labels);
-            events.take(k, &labels);
+            events.add_frame(k, &labels);
             while events.next_before(k + 1 - merge_frames as i64).is_some() {
                 found += 1;
             }

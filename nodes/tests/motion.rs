@@ -10,8 +10,10 @@ use foley_nodes::core::ports::{Port, Stream};
 use foley_nodes::core::standalone::{Feed, Standalone};
 use foley_nodes::core::time::Rate;
 use foley_nodes::friction::FrictionModel;
-use foley_nodes::friction::ift_noise_node::{IftNoiseNode, IftNoiseNodeParams, IftNoisePorts};
-use foley_nodes::friction::model_nodes::{FrictionModelFromClips, FrictionModelFromClipsParams};
+use foley_nodes::friction::builder::friction_model_from_clips::{
+    FrictionModelFromClips, FrictionModelFromClipsParams,
+};
+use foley_nodes::friction::synthesis::ift_noise::{IftNoiseNode, IftNoiseNodeParams, IftNoisePorts};
 use foley_nodes::mesh::Mesh;
 use foley_nodes::mesh::mesh_sequence::{MeshSequence, MeshSequenceParams, MeshSequencePorts};
 use std::path::PathBuf;
