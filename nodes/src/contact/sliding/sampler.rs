@@ -165,7 +165,7 @@ impl SpeedSampler {
             gate,
             speeds: vec![0.0; vertices],
             touching: vec![false; vertices],
-            rows: vec![0.0; vertices * KEPT as usize],
+            rows: vec![0.0; vertices * ROWS as usize],
             ready: 0,
             pushed: 0,
             report: SpeedReport::default(),
