@@ -1,10 +1,11 @@
 //! The node types that graphs can use: a plain list, one line a type.
 
-use crate::contact::analytic_node::AnalyticCollider;
-use crate::contact::detector_node::ContactDetector;
-use crate::contact::router::MaterialRouter;
-use crate::contact::skinned_node::SkinnedSlip;
-use crate::contact::speed_nodes::{SlidingSpeed, SpeedMapNode};
+use crate::contact::analytic::analytic_collider::AnalyticCollider;
+use crate::contact::detection::contact_detector::ContactDetector;
+use crate::contact::material_router::MaterialRouter;
+use crate::contact::skinned::skinned_slip::SkinnedSlip;
+use crate::contact::sliding::sliding_speed::SlidingSpeed;
+use crate::contact::sliding::speed_map::SpeedMapNode;
 use crate::core::node::{Each, Func, Node, NodeType};
 use crate::crumple::bank::crumple_bank_file::CrumpleBankFile;
 use crate::crumple::bank::crumple_extractor::CrumpleExtractor;
@@ -16,8 +17,8 @@ use crate::crumple::matching::energy_calibration_file::EnergyCalibrationFile;
 use crate::crumple::matching::histogram_matcher::HistogramMatcher;
 use crate::crumple::playback::binaural_crumple_player::BinauralCrumplePlayer;
 use crate::crumple::playback::crumple_player::CrumplePlayer;
-use crate::curvature::mean_node::MeanCurvatureNode;
-use crate::curvature::rest::RestNoiseNode;
+use crate::curvature::mean_curvature::MeanCurvatureNode;
+use crate::curvature::rest_noise::RestNoiseNode;
 use crate::feature::mfcc::Mfcc;
 use crate::feature::temporal_gaussian::TemporalGaussian;
 use crate::friction::builder::friction_model_builder::FrictionModelBuilder;
@@ -36,8 +37,8 @@ use crate::modal::impact::impact_file::ImpactFile;
 use crate::modal::impact::impact_force::ImpactForce;
 use crate::modal::mode::membrane_modes::MembraneModes;
 use crate::modal::mode::modes_file::ModesFile;
-use crate::rigid::classify_node::ContactClassifier;
-use crate::rigid::log_node::ContactLog;
+use crate::rigid::classification::contact_classifier::ContactClassifier;
+use crate::rigid::log::contact_log::ContactLog;
 use crate::scrape::isophote_node::IsophoteExcitation;
 use crate::scrape::levels_node::LevelMatcher;
 use crate::scrape::lod_node::LodSelect;
