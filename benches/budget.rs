@@ -6,7 +6,7 @@
 
 use foley::graph::{DirFiles, Limits, LoadOptions, Override, load};
 use foley::live::device::{self, Device};
-use foley::live::{Material, NodeMeter, Options, Player};
+use foley::live::{LiveGraph, NodeMeter, Options, Player};
 use foley_nodes::core::input::NoInputs;
 use std::fmt::Write as _;
 use std::path::Path;
@@ -126,13 +126,13 @@ fn inputs(folder: &Path, seconds: f64) -> Vec<Override> {
     paths.map(set).chain([Override { target: "rate".into(), value: RATE.to_string() }]).collect()
 }
 
-fn material(folder: &Path, seconds: f64) -> Material {
+fn material(folder: &Path, seconds: f64) -> LiveGraph {
     let sets = inputs(folder, seconds);
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("graphs/cloth/live.ron");
     let loaded = load(&path, &LoadOptions::default().overrides(sets).allow_read(folder));
     let graph = loaded.graph.unwrap_or_else(|| panic!("{:?}", loaded.diagnostics));
     let files = DirFiles::new(loaded.root, Limits::default());
-    Material { seed: graph.seed, graph, files, memo: None, inputs: Arc::new(NoInputs) }
+    LiveGraph { seed: graph.seed, graph, files, memo: None, inputs: Arc::new(NoInputs) }
 }
 
 /// Seconds of processor time of this process, where the system tells.
@@ -157,7 +157,7 @@ fn main() {
         std::thread::sleep(Duration::from_millis(3));
     }
     let (played, used) = (start.elapsed().as_secs_f64(), cpu() - before);
-    let late = running.punctuality.late.load(Relaxed);
+    let late = running.status.late.load(Relaxed);
     let _ = running.stop();
     let share = |time: Duration| 100.0 * time.as_secs_f64() / played;
     // What was computed before the clock began is no part of it.

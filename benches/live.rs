@@ -4,8 +4,8 @@
 
 use foley::graph::{DirFiles, Limits, LoadOptions, load};
 use foley::live::device::{self, Device};
-use foley::live::{Material, Options, Player, Reloaded, Told};
-use foley::watch::Eyes;
+use foley::live::{LiveGraph, Options, Player, PlayerEvent, Reloaded};
+use foley::watch::FileWatcher;
 use foley_nodes::core::input::NoInputs;
 use std::fmt::Write as _;
 use std::path::Path;
@@ -29,12 +29,12 @@ fn text(nodes: usize, edit: usize) -> String {
     text
 }
 
-fn material(path: &Path) -> (Material, foley::graph::Asked) {
+fn material(path: &Path) -> (LiveGraph, foley::graph::Asked) {
     let loaded = load(path, &LoadOptions::default());
     let files = DirFiles::new(loaded.root, Limits::default());
     let graph = loaded.graph.expect("the graph of this bench is valid");
     let asked = files.asked();
-    (Material { seed: graph.seed, graph, files, memo: None, inputs: Arc::new(NoInputs) }, asked)
+    (LiveGraph { seed: graph.seed, graph, files, memo: None, inputs: Arc::new(NoInputs) }, asked)
 }
 
 fn quantile(sorted: &[f64], share: f64) -> f64 {
@@ -50,8 +50,8 @@ fn saves() {
     let (mut player, callback) = Player::start(first, options).expect("the graph can play");
     let shared = Arc::clone(player.shared());
     let running = device::start(&Device::Null, callback).map_err(|e| e.1).expect("the clock starts");
-    let mut eyes = Eyes::new(None);
-    eyes.follow(&asked, true);
+    let mut watcher = FileWatcher::new(None);
+    watcher.watch(&asked, true);
     std::thread::sleep(Duration::from_millis(300));
     let usual = shared.meter.callback.quantile(0.5);
     shared.meter.callback.clear();
@@ -66,7 +66,7 @@ fn saves() {
         let temporary = folder.path().join("main.ron~");
         std::fs::write(&temporary, text(100, edit)).expect("the graph can be written");
         std::fs::rename(&temporary, &path).expect("the graph can be renamed");
-        while eyes.changed().is_none() {
+        while watcher.changed().is_none() {
             std::thread::sleep(Duration::from_millis(1));
         }
         let start = Instant::now();
@@ -74,7 +74,7 @@ fn saves() {
         let told = player.load(next).expect("the graph can be loaded");
         assert!(matches!(told, Reloaded::Edit(_)));
         loads.push(start.elapsed().as_secs_f64() * 1e3);
-        while !player.tick().iter().any(|told| matches!(told, Told::Heard)) {
+        while !player.tick().iter().any(|told| matches!(told, PlayerEvent::Swapped)) {
             std::thread::sleep(Duration::from_micros(300));
         }
         heard.push(saved.elapsed().as_secs_f64() * 1e3);

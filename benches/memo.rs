@@ -82,7 +82,7 @@ fn main() {
         let (disk, report, wav) = run_once(folder.path(), &one, Some(&fresh()));
         let (plain, _, wanted) = run_once(folder.path(), &one, None);
         assert!(wav == wanted, "{name}: another result with the memo");
-        let held = fresh().holding(MEMORY);
+        let held = fresh().with_memory(MEMORY);
         run_once(folder.path(), &START, Some(&held));
         let (memory, ..) = run_once(folder.path(), &other, Some(&held));
         let (kept, computed) = (report.nodes.iter().filter(|n| n.cached).count(), report.computed().len());

@@ -104,7 +104,7 @@ fn main() {
     told("another lambda, cache on disk", run_once(folder, 1000.0, &fresh()));
     std::fs::write(folder.join("pairs.ron"), pairs(5)).expect("the folder can be written");
     told("a correspondence moved, cache on disk", run_once(folder, 1000.0, &fresh()));
-    let held = fresh().holding(MEMORY);
+    let held = fresh().with_memory(MEMORY);
     run_once(folder, 1000.0, &held);
     told("another lambda, watching", run_once(folder, 10.0, &held));
     std::fs::write(folder.join("pairs.ron"), pairs(7)).expect("the folder can be written");

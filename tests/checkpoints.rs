@@ -4,7 +4,7 @@ mod common;
 
 use foley::diag::Diagnostic;
 use foley::graph::{DirFiles, Limits, LoadOptions, load};
-use foley::memo::{Memo, Rule};
+use foley::memo::{CachePolicy, Memo};
 use foley::plan::{Plan, PlanOptions};
 use foley::run::{DirOutputs, Job, Progress, Report, check_tap, run};
 use std::collections::BTreeMap;
@@ -23,7 +23,7 @@ struct Case {
     graph: PathBuf,
     taps: Vec<String>,
     options: PlanOptions,
-    rule: Rule,
+    policy: CachePolicy,
     dir: tempfile::TempDir,
 }
 
@@ -31,7 +31,7 @@ impl Case {
     fn of(graph: &Path) -> Self {
         let options = PlanOptions { until: common::cut(graph, 3.0), threads: 2, ..PlanOptions::default() };
         let (graph, dir) = (graph.to_owned(), tempfile::tempdir().unwrap());
-        Self { graph, taps: Vec::new(), options, rule: Rule::default(), dir }
+        Self { graph, taps: Vec::new(), options, policy: CachePolicy::default(), dir }
     }
 
     /// Runs until a share of the work is done; `None` runs to the end.
@@ -48,7 +48,7 @@ impl Case {
         let outputs = DirOutputs::new(&out);
         let memo = memo.then(|| {
             let memo = Memo::new(self.dir.path().join("cache"), 1 << 30, &self.graph);
-            memo.with_rule(self.rule).with_checkpoints(&out, OFTEN)
+            memo.with_policy(self.policy).with_checkpoints(&out, OFTEN)
         });
         let progress = Arc::new(Progress::default());
         let over = Arc::new(AtomicBool::new(false));
@@ -106,7 +106,7 @@ impl Case {
             went_on += usize::from(last);
         }
         let report = self.run("parts", true, None).unwrap_or_else(|e| panic!("{name}: {e:?}"));
-        assert!(report.went_on_at.is_some() || !last, "{name} begins again");
+        assert!(report.resumed_at.is_some() || !last, "{name} begins again");
         assert!(
             self.files("parts") == self.files("whole"),
             "{name}: not the same bits, or not the same files"
@@ -163,8 +163,11 @@ fn examples_go_on_with_the_same_bits() {
 fn all_examples_go_on_with_the_same_bits() {
     let mut went_on = 0;
     for path in common::all_graphs().iter().filter(|p| common::is_whole(p)) {
-        for rule in [Rule::default(), Rule { per_byte: 1.0, least: 0.0, ..Rule::default() }] {
-            let case = Case { rule, ..Case::of(path) };
+        for policy in [
+            CachePolicy::default(),
+            CachePolicy { seconds_per_byte: 1.0, min_seconds: 0.0, ..CachePolicy::default() },
+        ] {
+            let case = Case { policy, ..Case::of(path) };
             let count = case.interrupt(&[0.1, 0.6, 0.35, 0.9]);
             println!("{}: went on {count} times", path.display());
             went_on += usize::from(count > 0);
@@ -293,7 +296,7 @@ fn who_stops_a_run_is_told_where_it_goes_on() {
     let output = child.wait_with_output().unwrap();
     let said = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(75), "{said}");
-    assert!(said.contains("F091") && said.contains("goes on at "), "{said}");
+    assert!(said.contains("F091") && said.contains("resumes at "), "{said}");
     let said = shell.finish(&["--report", "report.json"]);
     assert!(said.contains("went on at "), "{said}");
     let report = fs::read_to_string(shell.0.path().join("report.json")).unwrap();

@@ -12,7 +12,7 @@ use std::path::Path;
 /// Every file that a run leaves, by name. Cut into as many parts as can be, so that hand-overs are tried too.
 fn outputs(text: &str, taps: &[String], window: Tick, threads: usize) -> Vec<(String, Vec<u8>)> {
     let dir = tempfile::tempdir().unwrap();
-    let options = PlanOptions { window, threads, worth: 0.0, ..PlanOptions::default() };
+    let options = PlanOptions { window, threads, min_region_ns: 0.0, ..PlanOptions::default() };
     let run = common::graph(text).and_then(|graph| {
         let files = DirFiles::new(Root::of(Path::new("test.ron")), Limits::default());
         common::run_tapped(&graph, &files, &options, taps, dir.path())

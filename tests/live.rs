@@ -4,7 +4,7 @@ mod common;
 
 use foley::graph::{DirFiles, Limits, LoadOptions, Override, load, load_text};
 use foley::live::input::{Hub, listen_to_meshes};
-use foley::live::{Callback, Material, Options, Player, Reloaded};
+use foley::live::{Callback, LiveGraph, Options, Player, Reloaded};
 use foley::plan::PlanOptions;
 use foley_nodes::core::input::{Inbox, Inputs, Message, NoInputs};
 use foley_nodes::core::random::Rng;
@@ -21,13 +21,13 @@ fn graph(nodes: &str) -> String {
     format!("#![schema = \"foley:graph/1\"]\nGraph(seed: 5, nodes: {{ {nodes} }})")
 }
 
-fn material(text: &str) -> Material {
+fn material(text: &str) -> LiveGraph {
     let path = common::graphs().join("basics/test.ron");
     let loaded = load_text("test", text, &path, &LoadOptions::default());
     let shown = foley::diag::render(&loaded.diagnostics, &loaded.sources, false);
     let graph = loaded.graph.unwrap_or_else(|| panic!("{shown}\n{text}"));
     let seed = graph.seed;
-    Material {
+    LiveGraph {
         graph,
         files: DirFiles::new(loaded.root, Limits::default()),
         seed,
@@ -63,7 +63,7 @@ impl Stand {
             self.callback.fill(&mut out[..n]);
             self.heard.extend_from_slice(&out[..n]);
             for told in self.player.tick() {
-                assert!(!matches!(told, foley::live::Told::Failed(_)), "{told:?}");
+                assert!(!matches!(told, foley::live::PlayerEvent::Failed(_)), "{told:?}");
             }
         }
     }
@@ -89,7 +89,7 @@ fn offline(text: &str, seconds: f64) -> Vec<f32> {
 
 fn offline_with(text: &str, options: &PlanOptions) -> Vec<f32> {
     let dir = tempfile::tempdir().unwrap();
-    let Material { graph, files, .. } = material(text);
+    let LiveGraph { graph, files, .. } = material(text);
     if let Err(e) = common::run_graph(&graph, &files, options, dir.path()) {
         panic!("{e}\n{text}");
     }
@@ -222,7 +222,7 @@ fn a_number_that_changes_moves_the_node_that_plays() {
     assert_eq!(stand.heard[..10_000], a[..10_000]);
     assert_eq!(stand.heard[11_000..20_000], b[11_000..20_000]);
     assert!(greatest_step(&stand.heard) < 0.5 * 0.0285 + 0.002);
-    assert!(matches!(stand.load(&with(0.25)), Reloaded::Nothing));
+    assert!(matches!(stand.load(&with(0.25)), Reloaded::Unchanged));
 }
 
 #[test]
@@ -236,7 +236,7 @@ fn a_node_that_is_put_between_two_others_is_not_heard() {
     let mut stand = Stand::new(&plain, 64);
     stand.play(20_000, 64);
     let Reloaded::Edit(edit) = stand.load(&longer) else { panic!("nothing changed") };
-    assert_eq!((edit.kept, edit.added, edit.fed), (3, vec!["c".to_owned()], vec!["last".to_owned()]));
+    assert_eq!((edit.kept, edit.added, edit.relinked), (3, vec!["c".to_owned()], vec!["last".to_owned()]));
     stand.settle();
     stand.play(20_000, 64);
     // And away again.
@@ -363,7 +363,7 @@ fn scraped(messages: Vec<(Tick, Message)>, distance: &str, seconds: f64) -> Vec<
     let loaded = load(&common::graphs().join("texture/live.ron"), &LoadOptions::default().overrides(given));
     let shown = foley::diag::render(&loaded.diagnostics, &loaded.sources, false);
     let graph = loaded.graph.unwrap_or_else(|| panic!("{shown}"));
-    let material = Material {
+    let material = LiveGraph {
         seed: graph.seed,
         graph,
         files: DirFiles::new(loaded.root, Limits::default()),
@@ -449,7 +449,7 @@ fn a_mesh_that_comes_in_is_heard_goes_on_while_frames_are_late_falls_silent_and_
     let loaded = load_text("test", &text, &dir.path().join("main.ron"), &LoadOptions::default());
     let shown = foley::diag::render(&loaded.diagnostics, &loaded.sources, false);
     let hub = Arc::new(Hub::new(crossbeam_channel::unbounded().0));
-    let material = Material {
+    let material = LiveGraph {
         graph: loaded.graph.unwrap_or_else(|| panic!("{shown}")),
         files: DirFiles::new(loaded.root, Limits::default()),
         seed: 5,
@@ -741,7 +741,7 @@ fn after_a_node_has_failed_the_next_load_plays_again() {
     let noise = graph(
         "\"n\": Noise(rate: 44100, duration: Some(20.0)), \"o\": WavOut(audio: \"n\", path: \"o.wav\")",
     );
-    let Material { graph: made, files, .. } = material(&noise);
+    let LiveGraph { graph: made, files, .. } = material(&noise);
     common::run_graph(&made, &files, &PlanOptions::default(), folder.path()).unwrap();
     let path = folder.path().join("o.wav");
     let load = |text: &str| {
@@ -749,7 +749,7 @@ fn after_a_node_has_failed_the_next_load_plays_again() {
         let shown = foley::diag::render(&loaded.diagnostics, &loaded.sources, false);
         let graph = loaded.graph.unwrap_or_else(|| panic!("{shown}"));
         let files = DirFiles::new(loaded.root, Limits::default());
-        Material { seed: graph.seed, graph, files, memo: None, inputs: std::sync::Arc::new(NoInputs) }
+        LiveGraph { seed: graph.seed, graph, files, memo: None, inputs: std::sync::Arc::new(NoInputs) }
     };
     let text = |gain: f64| {
         graph(&format!(
@@ -773,8 +773,9 @@ fn after_a_node_has_failed_the_next_load_plays_again() {
     let whole = std::fs::read(&path).unwrap();
     File::options().write(true).open(&path).unwrap().set_len(400_000).unwrap();
     let (told, _) = play(&mut player, 4000);
-    let failed = |told: &[foley::live::Told]| {
-        told.iter().any(|t| matches!(t, foley::live::Told::Failed(d) if d.node.as_deref() == Some("a")))
+    let failed = |told: &[foley::live::PlayerEvent]| {
+        told.iter()
+            .any(|t| matches!(t, foley::live::PlayerEvent::Failed(d) if d.node.as_deref() == Some("a")))
     };
     assert!(failed(&told), "{told:?}");
     std::fs::write(&path, whole).unwrap();

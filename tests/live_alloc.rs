@@ -6,7 +6,7 @@
 mod common;
 
 use foley::graph::{DirFiles, Limits, LoadOptions, load_text};
-use foley::live::{Callback, Material, Options, Player, Told};
+use foley::live::{Callback, LiveGraph, Options, Player, PlayerEvent};
 use foley_nodes::core::input::NoInputs;
 use foley_nodes::core::random::Rng;
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -50,13 +50,13 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-fn material(text: &str) -> Material {
+fn material(text: &str) -> LiveGraph {
     let path = common::graphs().join("basics/test.ron");
     let loaded = load_text("test", text, &path, &LoadOptions::default());
     let shown = foley::diag::render(&loaded.diagnostics, &loaded.sources, false);
     let graph = loaded.graph.unwrap_or_else(|| panic!("{shown}\n{text}"));
     let files = DirFiles::new(loaded.root, Limits::default());
-    Material { seed: graph.seed, graph, files, memo: None, inputs: Arc::new(NoInputs) }
+    LiveGraph { seed: graph.seed, graph, files, memo: None, inputs: Arc::new(NoInputs) }
 }
 
 /// Edits of every kind: numbers, nodes that come and go, other links, look-ahead, a loop, a file, modes.
@@ -110,7 +110,7 @@ struct Stand {
 
 impl Stand {
     fn new(text: &str) -> Self {
-        let options = Options { threads: 0, metered: true, lead: 0.02, ..Options::default() };
+        let options = Options { threads: 0, metered: true, ahead: 0.02, ..Options::default() };
         let (player, callback) = Player::start(material(text), options).unwrap();
         let block = vec![0.0; 128 * callback.channels()];
         Self { player, callback, block, calls: 0, blocks: 0 }
@@ -124,7 +124,7 @@ impl Stand {
             self.calls += CALLS.get() - before;
             self.blocks += 1;
             for told in self.player.tick() {
-                assert!(!matches!(told, Told::Failed(_)), "{told:?}");
+                assert!(!matches!(told, PlayerEvent::Failed(_)), "{told:?}");
             }
         }
     }
@@ -148,7 +148,7 @@ fn ten_thousand_blocks_with_two_hundred_edits_never_call_the_allocator() {
     assert!(stand.blocks >= 10_000);
     assert_eq!(stand.calls, 0, "calls of the allocator in {} blocks", stand.blocks);
     assert_eq!(stand.player.shared().meter.missed.load(Relaxed), 0);
-    assert_eq!(stand.player.shared().meter.broken.load(Relaxed), 0);
+    assert_eq!(stand.player.shared().meter.not_finite.load(Relaxed), 0);
 }
 
 #[test]

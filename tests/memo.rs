@@ -4,7 +4,7 @@ mod common;
 
 use common::project::{LEVEL, MODEL, Project, cached, calls, foley, warned};
 use foley::graph::{DirFiles, Limits, LoadOptions, load};
-use foley::memo::{Memo, Session, Store, beside, changes};
+use foley::memo::{Memo, RunCache, Store, changes, default_dir};
 use foley::plan::{Plan, PlanOptions};
 use foley::run::Report;
 use foley_nodes::core::random::Rng;
@@ -343,7 +343,7 @@ fn a_cache_without_room_or_that_cannot_be_written_fails_no_run() {
     assert!(project.entries().is_empty());
     let blocked = Project::new(LEVEL);
     fs::write(blocked.path(".foley"), "a file where the folder should be").unwrap();
-    assert!(warned(&blocked.run(), "cannot be kept"));
+    assert!(warned(&blocked.run(), "cannot be cached"));
     assert!(!blocked.out("loud.wav").is_empty());
 }
 
@@ -366,7 +366,7 @@ fn runs_at_once_share_a_cache_without_harm() {
         assert!(child.wait().unwrap().success());
         assert_eq!(fs::read(project.path(&format!("out{k}/loud.wav"))).unwrap(), expected);
     }
-    let left = fs::read_dir(beside(&graph)).unwrap().flatten();
+    let left = fs::read_dir(default_dir(&graph)).unwrap().flatten();
     let parts = left.filter(|e| e.path().extension().is_some_and(|e| e == "part")).count();
     assert_eq!(parts, 0);
     assert!(!warned(&project.run(), "F084"));
@@ -414,19 +414,19 @@ fn the_command_counts_and_empties_the_cache_and_does_without() {
 fn a_survey_finds_the_key_of_the_next_run_without_running() {
     let project = Project::new(LEVEL);
     let path = project.path("graph.ron");
-    let survey = || {
+    let status = || {
         let loaded = load(&path, &LoadOptions::default());
         let graph = loaded.graph.unwrap();
         let files = DirFiles::new(loaded.root, Limits::default());
         let plan = Plan::new(&graph, &files, &PlanOptions::default()).unwrap();
-        let memo = Memo::new(beside(Path::new(&path)), 1 << 30, &path);
-        let session = Session::new(&memo, &graph, &plan, &files, graph.seed);
-        session.survey(graph.find("measured").unwrap()).unwrap()
+        let memo = Memo::new(default_dir(Path::new(&path)), 1 << 30, &path);
+        let cache = RunCache::new(&memo, &graph, &plan, &files, graph.seed);
+        cache.status(graph.find("measured").unwrap()).unwrap()
     };
-    let (before, there) = survey();
+    let (before, there) = status();
     assert!(!there);
     project.run();
-    let (after, there) = survey();
+    let (after, there) = status();
     assert!(there && changes(&before.parts, &after.parts).is_empty());
     assert_eq!(before.hash, after.hash);
 }

@@ -5,7 +5,7 @@ mod common;
 
 use common::project::{MODEL, Project, cached, calls, foley, warned};
 use foley::graph::{DirFiles, Limits, LoadOptions, load};
-use foley::memo::{MEMORY, Memo, Rule};
+use foley::memo::{CachePolicy, MEMORY, Memo};
 use foley::plan::{Plan, PlanOptions};
 use foley::run::{DirOutputs, Job, Progress, Report, run};
 use foley_nodes::core::time::ticks;
@@ -15,9 +15,11 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Keeps every stream that can be kept.
-const ALL: Rule = Rule { per_byte: 0.0, least: 0.0, read: 0.0, most_nodes: 1000 };
+const ALL: CachePolicy =
+    CachePolicy { seconds_per_byte: 0.0, min_seconds: 0.0, read_seconds_per_byte: 0.0, max_nodes: 1000 };
 /// Keeps what takes long, whatever it weighs: contacts alone, in the graphs of these tests.
-const DEAR: Rule = Rule { per_byte: 8e-9, least: 0.01, read: 2.5e-9, most_nodes: 1000 };
+const EXPENSIVE: CachePolicy =
+    CachePolicy { seconds_per_byte: 8e-9, min_seconds: 0.01, read_seconds_per_byte: 2.5e-9, max_nodes: 1000 };
 
 /// Clicks, a loop, look-ahead and streams of unequal lengths.
 const LOOP: &str = "#![schema = \"foley:graph/1\"]
@@ -38,8 +40,8 @@ Graph(
 )
 ";
 
-fn project(text: &str, rule: Rule) -> Project {
-    Project { rule, ..Project::new(text) }
+fn project(text: &str, policy: CachePolicy) -> Project {
+    Project { policy, ..Project::new(text) }
 }
 
 fn louder(text: &str) -> String {
@@ -79,7 +81,7 @@ fn an_edit_of_a_late_node_runs_only_what_follows() {
 #[test]
 fn only_what_is_dear_is_kept() {
     let text = MODEL.replace("size: [0.3, 0.3]", "size: [0.4, 0.4]");
-    let project = project(&text, DEAR);
+    let project = project(&text, EXPENSIVE);
     for name in ["a.wav", "b.wav"] {
         project.record(name, 3);
     }
@@ -125,8 +127,11 @@ fn kept_streams_are_the_same_for_any_window_and_threads() {
         project.edit(&edited);
         let wanted = without(&project, &PlanOptions::default(), wav);
         for (cold, warm) in [(0.02, 0.02), (0.0031, 0.5), (5.0, 0.0017)] {
-            let options =
-                |seconds| PlanOptions { window: ticks(seconds), worth: 1.0, ..PlanOptions::default() };
+            let options = |seconds| PlanOptions {
+                window: ticks(seconds),
+                min_region_ns: 1.0,
+                ..PlanOptions::default()
+            };
             foley(&project, &["cache", "gc", "--all"]);
             project.threads = 3;
             project.edit(&text);
@@ -206,7 +211,7 @@ fn an_unusable_stream_is_computed_again_with_a_warning() {
 #[test]
 fn what_is_held_in_memory_is_not_read_again() {
     let project = project(MODEL, ALL);
-    let memo = project.memo().holding(MEMORY);
+    let memo = project.memo().with_memory(MEMORY);
     let run = || project.run_over(Some(&memo), &PlanOptions::default(), None);
     run();
     run();
@@ -271,10 +276,10 @@ fn every_example_is_the_same_with_all_its_streams_kept() {
                 let loaded = load(&path, &LoadOptions::default());
                 let graph = loaded.graph.unwrap();
                 let files_of = DirFiles::new(loaded.root, Limits::default());
-                let options = PlanOptions { until, threads: 2, worth: 1e4, ..PlanOptions::default() };
+                let options = PlanOptions { until, threads: 2, min_region_ns: 1e4, ..PlanOptions::default() };
                 let plan = Plan::new(&graph, &files_of, &options).unwrap();
                 let out = dir.path().join(format!("out{k}"));
-                let memo = Memo::new(dir.path().join("cache"), 1 << 30, &path).with_rule(ALL);
+                let memo = Memo::new(dir.path().join("cache"), 1 << 30, &path).with_policy(ALL);
                 let outputs = DirOutputs::new(&out);
                 let job = Job {
                     graph: &graph,

@@ -1,7 +1,7 @@
 //! JSON lines from standard input: counted as malformed, or brought on.
 #![no_main]
 
-use foley::live::input::{Hub, take_lines};
+use foley::live::input::{Hub, read_lines};
 use foley_nodes::core::input::Inputs;
 use libfuzzer_sys::fuzz_target;
 use std::sync::atomic::Ordering::Relaxed;
@@ -11,7 +11,7 @@ fuzz_target!(|bytes: &[u8]| {
     let hub = Hub::new(sets);
     let inbox = hub.open("hits");
     let mut said = 0_u64;
-    take_lines(bytes, &hub, |_, _| said += 1);
+    read_lines(bytes, &hub, |_, _| said += 1);
     assert_eq!(said, hub.malformed.load(Relaxed));
     drop((inbox, told));
 });

@@ -1,7 +1,7 @@
 //! Arguments of the command.
 
 use crate::graph::{Limits, LoadOptions, Override};
-use crate::memo::{Memo, beside};
+use crate::memo::{Memo, default_dir};
 use crate::session::Session;
 use clap::{Args as ClapArgs, Parser, Subcommand};
 use clap_complete::Shell;
@@ -205,7 +205,7 @@ impl MemoArgs {
     /// The memo for a graph file, unless it is turned off.
     #[must_use]
     pub fn memo(&self, graph: &Path) -> Option<Memo> {
-        let dir = || self.cache.clone().unwrap_or_else(|| beside(graph));
+        let dir = || self.cache.clone().unwrap_or_else(|| default_dir(graph));
         (!self.no_cache).then(|| Memo::new(dir(), self.cache_size as u64, graph))
     }
 }

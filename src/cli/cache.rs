@@ -4,8 +4,8 @@ use super::Exit;
 use super::args::{CacheArgs, CacheCommand, CacheDirArgs, GcArgs, StatArgs, WhyArgs};
 use super::run::prepare;
 use crate::graph::GraphNode;
-use crate::memo::{Memo, Part, Session, Store, beside, changes, keeps};
-use crate::plan::size;
+use crate::memo::{KeyPart, Memo, RunCache, Store, StoredFile, changes, default_dir, has_cacheable_values};
+use crate::plan::format_bytes;
 use foley_nodes::registry::Registry;
 use serde_json::json;
 use std::collections::BTreeMap;
@@ -27,7 +27,7 @@ pub fn cache(args: &CacheArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit>
 
 fn folder(args: &CacheDirArgs) -> PathBuf {
     let graph = args.graph.clone().unwrap_or_default();
-    args.cache.clone().unwrap_or_else(|| beside(&graph))
+    args.cache.clone().unwrap_or_else(|| default_dir(&graph))
 }
 
 fn stat(args: &StatArgs) -> anyhow::Result<Exit> {
@@ -55,9 +55,13 @@ fn stat(args: &StatArgs) -> anyhow::Result<Exit> {
         writeln!(out, "{all:#}")?;
         return Ok(Exit::Done);
     }
-    writeln!(out, "{}: {} entries, {}", dir.display(), all.len(), size(bytes as usize))?;
+    writeln!(out, "{}: {} entries, {}", dir.display(), all.len(), format_bytes(bytes as usize))?;
     for (kind, (entries, bytes, seconds)) in kinds {
-        writeln!(out, "  {kind}: {entries} entries, {}, {seconds:.2} s to compute", size(bytes as usize))?;
+        writeln!(
+            out,
+            "  {kind}: {entries} entries, {}, {seconds:.2} s to compute",
+            format_bytes(bytes as usize)
+        )?;
     }
     Ok(Exit::Done)
 }
@@ -71,7 +75,7 @@ fn gc(args: &GcArgs) -> anyhow::Result<Exit> {
         store.evict(store.cap(), &Default::default());
     }
     let after = store.list();
-    let bytes = |all: &[crate::memo::Listed]| size(all.iter().map(|l| l.bytes).sum::<u64>() as usize);
+    let bytes = |all: &[StoredFile]| format_bytes(all.iter().map(|l| l.bytes).sum::<u64>() as usize);
     writeln!(
         io::stdout(),
         "{}: {} entries, {}; {} entries, {} before",
@@ -88,10 +92,10 @@ fn why(args: &WhyArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit> {
     let session = args.engine.apply(args.graph.session(registry)).with_quiet(true);
     let Some(ready) = prepare(&session) else { return Ok(Exit::Wrong) };
     let graph = &ready.graph;
-    let dir = args.cache.clone().unwrap_or_else(|| beside(&args.graph.graph));
+    let dir = args.cache.clone().unwrap_or_else(|| default_dir(&args.graph.graph));
     let memo = Memo::new(dir, u64::MAX, &args.graph.graph);
     // Which streams are kept shows when a run has kept them.
-    let has = |n: &GraphNode| keeps(&n.ty) || memo.index().get(&n.id).is_some();
+    let has = |n: &GraphNode| has_cacheable_values(&n.ty) || memo.index().get(&n.id).is_some();
     let kept: Vec<&str> = graph.nodes.iter().filter(|n| has(n)).map(|n| n.id.as_str()).collect();
     let Some(n) = graph.find(&args.node).filter(|&n| has(&graph.nodes[n])) else {
         let what = match graph.find(&args.node) {
@@ -102,8 +106,8 @@ fn why(args: &WhyArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit> {
         eprintln!("foley: `{}` {what}; nodes of which something is kept: {list}", args.node);
         return Ok(Exit::Wrong);
     };
-    let session = Session::new(&memo, graph, &ready.plan, &ready.files, ready.seed);
-    let Some((key, there)) = session.survey(n) else {
+    let cache = RunCache::new(&memo, graph, &ready.plan, &ready.files, ready.seed);
+    let Some((key, there)) = cache.status(n) else {
         eprintln!(
             "foley: `{}` does not run in this graph, or a file that it reads cannot be read",
             args.node
@@ -134,7 +138,7 @@ fn why(args: &WhyArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit> {
     Ok(Exit::Done)
 }
 
-fn tell(out: &mut impl Write, was: &[Part], is: &[Part]) -> io::Result<()> {
+fn tell(out: &mut impl Write, was: &[KeyPart], is: &[KeyPart]) -> io::Result<()> {
     for (name, was, is) in changes(was, is) {
         writeln!(out, "  {name}: {} -> {}", was.unwrap_or("(none)"), is.unwrap_or("(none)"))?;
     }

@@ -7,11 +7,11 @@ use super::watch::{SETTLE, no_events, say};
 use crate::diag::{Diagnostic, Severity, Sources};
 use crate::graph::{Asked, Override};
 use crate::live::device::{self, Device, Running};
-use crate::live::input::{Hub, Listening, Set, listen, listen_to_meshes, take_lines};
-use crate::live::{Histogram, Material, Options, Player, Reloaded, Told};
+use crate::live::input::{Hub, Listener, Set, listen_to_meshes, listen_to_osc, read_lines};
+use crate::live::{Histogram, LiveGraph, Options, Player, PlayerEvent, Reloaded};
 use crate::memo::{MEMORY, Memo};
 use crate::run::check_given;
-use crate::watch::Eyes;
+use crate::watch::FileWatcher;
 use crossbeam_channel::{Receiver, RecvTimeoutError, unbounded};
 use foley_nodes::core::time::seconds;
 use foley_nodes::registry::Registry;
@@ -105,7 +105,7 @@ struct Session<'a> {
     good: Vec<Override>,
     /// Holds what was kept in memory, from load to load.
     memo: Option<Arc<Memo>>,
-    eyes: Option<Eyes>,
+    watcher: Option<FileWatcher>,
     player: Player,
     device: Option<Running>,
     pending: Option<Pending>,
@@ -121,7 +121,7 @@ struct Session<'a> {
 
 /// What a graph file came to.
 struct Found {
-    material: Option<Material>,
+    material: Option<LiveGraph>,
     found: Vec<Diagnostic>,
     sources: Sources,
     asked: Asked,
@@ -135,7 +135,7 @@ fn look(asking: &Asking<'_>, overrides: &[Override], hub: &Arc<Hub>, memo: Optio
     }
     let (loaded, files) = session.load();
     let asked = files.asked();
-    let material = loaded.graph.map(|graph| Material {
+    let material = loaded.graph.map(|graph| LiveGraph {
         seed: args.seed.unwrap_or(graph.seed),
         graph,
         files,
@@ -152,14 +152,14 @@ fn play(asking: &Asking<'_>) -> anyhow::Result<Exit> {
     let stopped = Arc::clone(&stop);
     // Only the first handler of a process can be set; a second session in the same process keeps the first.
     let _ = ctrlc::set_handler(move || stopped.store(true, Relaxed));
-    let memo = asking.memo.memo(&asking.graph.graph).map(|memo| Arc::new(memo.holding(MEMORY)));
+    let memo = asking.memo.memo(&asking.graph.graph).map(|memo| Arc::new(memo.with_memory(MEMORY)));
     let Found { material, found, sources, asked } = look(asking, &[], &hub, memo.as_ref());
     show(&found, &sources);
     let Some(material) = material else { return Ok(Exit::Wrong) };
     let files = material.files.clone();
     let options = Options {
         quantum: asking.device.quantum,
-        lead: asking.device.lead,
+        ahead: asking.device.lead,
         threads: std::thread::available_parallelism().map_or(1, |n| usize::from(n).saturating_sub(1)).max(1),
         metered: asking.report.is_some() || asking.json,
         channels: None,
@@ -195,11 +195,11 @@ fn play(asking: &Asking<'_>) -> anyhow::Result<Exit> {
             return Ok(Exit::Failed);
         }
     };
-    let eyes = asking.watch.then(|| {
-        let mut eyes = Eyes::new(asking.poll);
-        eyes.follow(&asked, true);
-        eyes.follow(&files.asked(), false);
-        eyes
+    let watcher = asking.watch.then(|| {
+        let mut watcher = FileWatcher::new(asking.poll);
+        watcher.watch(&asked, true);
+        watcher.watch(&files.asked(), false);
+        watcher
     });
     let listening = hear(asking, &hub);
     let session = Session {
@@ -210,7 +210,7 @@ fn play(asking: &Asking<'_>) -> anyhow::Result<Exit> {
         overrides: Vec::new(),
         good: Vec::new(),
         memo,
-        eyes,
+        watcher,
         player,
         device: Some(running),
         pending: None,
@@ -225,13 +225,13 @@ fn play(asking: &Asking<'_>) -> anyhow::Result<Exit> {
 }
 
 /// Opens what messages come in by, each with its name.
-fn hear(asking: &Asking<'_>, hub: &Arc<Hub>) -> Vec<(&'static str, Listening)> {
+fn hear(asking: &Asking<'_>, hub: &Arc<Hub>) -> Vec<(&'static str, Listener)> {
     let quiet = asking.quiet;
     if !std::io::stdin().is_terminal() {
         let hub = Arc::clone(hub);
         // It ends with the process: reading cannot be interrupted.
         std::thread::spawn(move || {
-            take_lines(std::io::stdin().lock(), &hub, |line, message| {
+            read_lines(std::io::stdin().lock(), &hub, |line, message| {
                 if !quiet {
                     eprintln!("foley: standard input, line {line}: {message}");
                 }
@@ -243,7 +243,7 @@ fn hear(asking: &Asking<'_>, hub: &Arc<Hub>) -> Vec<(&'static str, Listening)> {
             eprintln!("foley: {message}");
         }
     };
-    let osc = port(&asking.device.osc).map(|at| ("OSC", "--osc", at, listen(at, Arc::clone(hub))));
+    let osc = port(&asking.device.osc).map(|at| ("OSC", "--osc", at, listen_to_osc(at, Arc::clone(hub))));
     let meshes = port(&asking.device.meshes)
         .map(|at| ("meshes", "--meshes", at, listen_to_meshes(at, Arc::clone(hub), tell)));
     let mut all = Vec::new();
@@ -284,11 +284,11 @@ fn times(histogram: &Histogram) -> serde_json::Value {
 
 impl Session<'_> {
     /// Tells what is about to be heard.
-    fn begin(self, listening: &[(&str, Listening)]) -> std::io::Result<Self> {
+    fn begin(self, listening: &[(&str, Listener)]) -> std::io::Result<Self> {
         let asking = self.asking;
         if !asking.quiet && !asking.json {
             let plan = self.player.plan();
-            let callback = plan.callback().nodes.len() - plan.heard.len();
+            let callback = plan.callback_region().nodes.len() - plan.sinks.len();
             let mut line = format!(
                 "playing at {}, {} channel(s), quantum {} ({:.1} ms), latency {:.1} ms; {callback} node(s) in the callback, {} ahead",
                 plan.rate,
@@ -301,8 +301,8 @@ impl Session<'_> {
             for (what, listening) in listening {
                 line += &format!("; {what} at {}", listening.at);
             }
-            if let Some(eyes) = &self.eyes {
-                line += &format!("; watching {} file(s)", eyes.files());
+            if let Some(watcher) = &self.watcher {
+                line += &format!("; watching {} file(s)", watcher.files());
             }
             say(&line)?;
             say("Ctrl-C ends")?;
@@ -319,10 +319,10 @@ impl Session<'_> {
                 Ok(set) => self.set(set),
                 Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => {}
             }
-            if let Some(eyes) = &mut self.eyes {
-                no_events(eyes);
+            if let Some(watcher) = &mut self.watcher {
+                no_events(watcher);
             }
-            if let Some(at) = self.eyes.as_mut().and_then(Eyes::changed) {
+            if let Some(at) = self.watcher.as_mut().and_then(FileWatcher::changed) {
                 let before = self.pending.take();
                 let at = before.as_ref().map_or(at, |p| p.at.min(at));
                 self.pending = Some(Pending { at, set: before.is_some_and(|p| p.set) });
@@ -331,8 +331,8 @@ impl Session<'_> {
             if self.pending.is_some() && !self.player.is_busy() {
                 self.load()?;
             }
-            for told in self.player.tick() {
-                if !self.hear_told(told)? {
+            for event in self.player.tick() {
+                if !self.on_event(event)? {
                     exit = Exit::Failed;
                 }
             }
@@ -341,14 +341,14 @@ impl Session<'_> {
             self.status()?;
             if self.player.is_over() && !self.over {
                 self.over = true;
-                if self.eyes.is_none() {
+                if self.watcher.is_none() {
                     break;
                 }
                 if !self.asking.quiet {
                     say("the piece is over; the next save begins it again")?;
                 }
             }
-            if exit == Exit::Failed && self.eyes.is_none() {
+            if exit == Exit::Failed && self.watcher.is_none() {
                 break;
             }
         }
@@ -368,8 +368,8 @@ impl Session<'_> {
         let Some(pending) = self.pending.take() else { return Ok(()) };
         let Found { material, found, sources, asked } =
             look(self.asking, &self.overrides, &self.hub, self.memo.as_ref());
-        if let Some(eyes) = &mut self.eyes
-            && eyes.follow(&asked, material.is_some())
+        if let Some(watcher) = &mut self.watcher
+            && watcher.watch(&asked, material.is_some())
         {
             // It has changed again already.
             self.pending = Some(Pending { at: pending.at, set: false });
@@ -379,8 +379,8 @@ impl Session<'_> {
             Some(material) => {
                 let files = material.files.clone();
                 let result = if self.over { self.begin_again(material) } else { self.player.load(material) };
-                if let Some(eyes) = &mut self.eyes {
-                    eyes.follow(&files.asked(), false);
+                if let Some(watcher) = &mut self.watcher {
+                    watcher.watch(&files.asked(), false);
                 }
                 result
             }
@@ -405,7 +405,7 @@ impl Session<'_> {
     }
 
     /// Plays from the beginning.
-    fn begin_again(&mut self, material: Material) -> Result<Reloaded, Vec<Diagnostic>> {
+    fn begin_again(&mut self, material: LiveGraph) -> Result<Reloaded, Vec<Diagnostic>> {
         let options = self.player.options().clone();
         let (player, callback) = Player::start(material, options)?;
         if let Some(device) = self.device.take() {
@@ -420,13 +420,13 @@ impl Session<'_> {
         self.hub.set_clock(Arc::clone(player.shared()), rate, quantum, player.depth());
         self.player = player;
         self.over = false;
-        Ok(Reloaded::Nothing)
+        Ok(Reloaded::Unchanged)
     }
 
     /// Tells what the player has to say; false where a node has failed.
-    fn hear_told(&mut self, told: Told) -> std::io::Result<bool> {
-        match told {
-            Told::Heard => {
+    fn on_event(&mut self, event: PlayerEvent) -> std::io::Result<bool> {
+        match event {
+            PlayerEvent::Swapped => {
                 if let Some((at, what)) = self.coming.take() {
                     let ms = at.elapsed().as_secs_f64() * 1e3;
                     self.delays.push(ms);
@@ -435,8 +435,8 @@ impl Session<'_> {
                     }
                 }
             }
-            Told::Settled => {}
-            Told::Failed(fault) => {
+            PlayerEvent::TransitionOver => {}
+            PlayerEvent::Failed(fault) => {
                 let sources = self.player.graph().map(|g| g.sources.clone()).unwrap_or_default();
                 show(&[*fault], &sources);
                 return Ok(false);
@@ -447,11 +447,11 @@ impl Session<'_> {
 
     /// Tells errors that last.
     fn tell_wrong(&mut self) {
-        if self.wrong.as_ref().is_some_and(|wrong| wrong.at.elapsed() >= SETTLE || self.eyes.is_none())
+        if self.wrong.as_ref().is_some_and(|wrong| wrong.at.elapsed() >= SETTLE || self.watcher.is_none())
             && let Some(wrong) = self.wrong.take()
         {
             show(&wrong.errors, &wrong.sources);
-            match self.eyes {
+            match self.watcher {
                 Some(_) => {
                     eprintln!("foley: the graph that plays is the older one; waiting for the next save")
                 }
@@ -498,7 +498,7 @@ impl Session<'_> {
         let played = shared.window.load(Relaxed) as f64 * budget;
         let peak = meter.take_peak();
         if self.asking.json {
-            let late = self.device.as_ref().map_or(0, |d| d.punctuality.late.load(Relaxed));
+            let late = self.device.as_ref().map_or(0, |d| d.status.late.load(Relaxed));
             return say(&json!({
                 "played_s": played,
                 "callback": times(&meter.callback),
@@ -534,7 +534,7 @@ impl Session<'_> {
     }
 
     fn end(mut self, exit: Exit) -> anyhow::Result<Exit> {
-        let late = self.device.as_ref().map_or(0, |d| d.punctuality.late.load(Relaxed));
+        let late = self.device.as_ref().map_or(0, |d| d.status.late.load(Relaxed));
         if let Some(Err(e)) = self.device.take().map(Running::stop) {
             show(&[Diagnostic::general("F080", e)], &Sources::default());
             return Ok(Exit::Failed);
@@ -564,7 +564,7 @@ impl Session<'_> {
                 "overruns": meter.overruns.load(Relaxed),
                 "late": late,
                 "late_swaps": meter.late_swaps.load(Relaxed),
-                "not_finite": meter.broken.load(Relaxed),
+                "not_finite": meter.not_finite.load(Relaxed),
                 "reload_ms": self.delays,
                 "messages": {
                     "delivered": self.hub.delivered.load(Relaxed),

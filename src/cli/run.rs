@@ -132,7 +132,7 @@ fn print_report(report: &Report, ready: &Prepared) -> std::io::Result<()> {
     for tap in &ready.taps {
         writeln!(out, "wrote {}", tap.path.display())?;
     }
-    if let Some(at) = report.went_on_at {
+    if let Some(at) = report.resumed_at {
         writeln!(out, "went on at {at:.2} s, where an earlier run was interrupted")?;
     }
     let cached = report.nodes.iter().filter(|n| n.cached).count();
@@ -145,7 +145,7 @@ fn print_report(report: &Report, ready: &Prepared) -> std::io::Result<()> {
         "{:.2} s of sound in {:.2} s ({speed:.1} times real time), {} of buffers, {} thread(s)",
         report.length,
         report.wall.as_secs_f64(),
-        crate::plan::size(report.buffer_bytes),
+        crate::plan::format_bytes(report.buffer_bytes),
         ready.threads
     )
 }

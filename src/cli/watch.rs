@@ -8,7 +8,7 @@ use crate::graph::Graph;
 use crate::memo::{MEMORY, Memo};
 use crate::run::Report;
 use crate::session::{Preparation, Prepared};
-use crate::watch::{Changes, Contents, Eyes, list};
+use crate::watch::{Changes, Contents, FileWatcher, list};
 use crossbeam_channel::{Receiver, Sender, select, unbounded};
 use foley_nodes::registry::Registry;
 use std::io::Write as _;
@@ -50,7 +50,7 @@ enum Attempt {
 struct Session<'a> {
     args: &'a WatchArgs,
     registry: Arc<Registry>,
-    eyes: Eyes,
+    watcher: FileWatcher,
     received: Receiver<Message>,
     sender: Sender<Message>,
     /// Holds what was kept in memory, from run to run.
@@ -75,10 +75,10 @@ pub fn watch(args: &WatchArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit>
     let session = Session {
         args,
         registry: Arc::clone(registry),
-        eyes: Eyes::new(args.poll),
+        watcher: FileWatcher::new(args.poll),
         received,
         sender,
-        memo: args.run.memo.memo(&args.run.graph.graph).map(|memo| Arc::new(memo.holding(MEMORY))),
+        memo: args.run.memo.memo(&args.run.graph.graph).map(|memo| Arc::new(memo.with_memory(MEMORY))),
         good: None,
         wrong: false,
     };
@@ -86,8 +86,8 @@ pub fn watch(args: &WatchArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit>
 }
 
 /// Tells why files are looked at from time to time only.
-pub(super) fn no_events(eyes: &mut Eyes) {
-    if let Some(message) = eyes.take_warning() {
+pub(super) fn no_events(watcher: &mut FileWatcher) {
+    if let Some(message) = watcher.take_warning() {
         let warning = Diagnostic { severity: Severity::Warning, ..Diagnostic::general("F092", message) };
         let help = "files are looked at once a second instead; --poll SECONDS sets how often";
         show(&[warning.help(help)], &Sources::default());
@@ -108,7 +108,7 @@ impl Session<'_> {
                 Attempt::Over => {}
             }
             if std::mem::take(&mut first) && !self.args.run.quiet {
-                let files = self.eyes.files();
+                let files = self.watcher.files();
                 let plural = if files == 1 { "" } else { "s" };
                 say(&format!("watching {files} file{plural}; Ctrl-C ends"))?;
             }
@@ -124,22 +124,22 @@ impl Session<'_> {
 
     /// Runs the graph as it is now, unless a newer save comes.
     fn attempt(&mut self, at: Instant) -> anyhow::Result<Attempt> {
-        if !self.wrong && self.good.as_ref().is_some_and(|(_, was)| *was == self.eyes.contents()) {
+        if !self.wrong && self.good.as_ref().is_some_and(|(_, was)| *was == self.watcher.contents()) {
             return Ok(Attempt::Over);
         }
         let run = &self.args.run;
         let session = run.session(&self.registry).with_memo(self.memo.clone());
         let Preparation { prepared, diagnostics: found, sources, asked } = session.prepare();
         let Some(ready) = prepared else {
-            let late = self.eyes.follow(&asked, false);
+            let late = self.watcher.watch(&asked, false);
             return Ok(self.fail(late.then_some(at), &found, &sources));
         };
         show(&found, &sources);
         let ready = Arc::new(ready);
         self.start(&ready);
         // Large files are hashed while the run goes on.
-        let mut newer = self.eyes.follow(&asked, true).then_some(at);
-        let contents = self.eyes.contents();
+        let mut newer = self.watcher.watch(&asked, true).then_some(at);
+        let contents = self.watcher.contents();
         let mut stop = false;
         let ran = loop {
             if newer.is_some() || stop {
@@ -153,8 +153,8 @@ impl Session<'_> {
             }
         };
         // The run may have opened more than the plan did.
-        let late = self.eyes.follow(&ready.files.asked(), false);
-        let now = self.eyes.contents();
+        let late = self.watcher.watch(&ready.files.asked(), false);
+        let now = self.watcher.contents();
         if late || contents.iter().any(|(key, content)| now.get(key) != Some(content)) {
             newer = newer.or(Some(at));
         }
@@ -195,7 +195,7 @@ impl Session<'_> {
         at: Instant,
     ) -> anyhow::Result<()> {
         // What was opened only while running belongs to this result as well.
-        for (key, content) in self.eyes.contents() {
+        for (key, content) in self.watcher.contents() {
             contents.entry(key).or_insert(content);
         }
         if let Err(e) = tell(report, &ready, &self.args.run) {
@@ -240,17 +240,17 @@ impl Session<'_> {
 
     /// Waits until something has another content, the run has ended, or the time is over.
     fn wait(&mut self, limit: Option<Duration>) -> Woken {
-        let (start, glances, received) = (Instant::now(), self.eyes.glances(), self.received.clone());
+        let (start, hints, received) = (Instant::now(), self.watcher.hints(), self.received.clone());
         loop {
-            no_events(&mut self.eyes);
-            if let Some(at) = self.eyes.changed() {
+            no_events(&mut self.watcher);
+            if let Some(at) = self.watcher.changed() {
                 return Woken::Changed(at);
             }
             let left = limit.map(|limit| limit.saturating_sub(start.elapsed()));
             if left.is_some_and(|left| left.is_zero()) {
                 return Woken::Late;
             }
-            let rest = left.map_or(self.eyes.rest(), |left| left.min(self.eyes.rest()));
+            let rest = left.map_or(self.watcher.timeout(), |left| left.min(self.watcher.timeout()));
             select! {
                 recv(received) -> message => match message {
                     // This session holds a sender itself, so the channel never closes.
@@ -258,8 +258,8 @@ impl Session<'_> {
                     // Whoever waits for a run compares the contents after it, so no change is lost here.
                     Ok(Message::Ran(ran)) => return Woken::Ran(ran),
                 },
-                recv(glances) -> glance => if let Ok(glance) = glance {
-                    self.eyes.note(&glance);
+                recv(hints) -> hint => if let Ok(hint) = hint {
+                    self.watcher.note(&hint);
                 },
                 default(rest) => {}
             }

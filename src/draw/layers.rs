@@ -1,23 +1,23 @@
-//! Which layer each box stands in, and the order within a layer that crosses few links.
+//! Layers of boxes, and an order within each layer with few crossings of links.
 //!
 //! # Source
 //! Sugiyama, Tagawa, Toda, *Methods for visual understanding of hierarchical system structures*, 1981: layers by
-//! longest path, bends where a link passes a layer, barycentre sweeps.
+//! longest path, a bend for each layer that a link passes, barycentre sweeps.
 
 use super::Drawing;
 
-/// What stands in a layer.
+/// An item of a layer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Cell {
     /// A box of the drawing.
     Box(usize),
-    /// Where a link passes the layer.
+    /// A link that passes the layer.
     Bend,
 }
 
-/// A stretch of a link from one layer to the next: cells, and the ports where they are boxes.
+/// The segment of a link from one layer to the next: cells, and the ports of cells that are boxes.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Piece {
+pub(super) struct Segment {
     pub from: usize,
     pub to: usize,
     pub out_port: usize,
@@ -30,19 +30,19 @@ pub(super) struct Layers {
     pub cells: Vec<Cell>,
     /// Cells of each layer, from top to bottom.
     pub rows: Vec<Vec<usize>>,
-    pub pieces: Vec<Piece>,
+    pub segments: Vec<Segment>,
     /// Pieces of each wire in order; none for those that close a loop.
     pub of_wire: Vec<Vec<usize>>,
     /// Layer of each box.
     pub layer: Vec<usize>,
 }
 
-/// Rounds of sweeps over the layers; few graphs get better after the first handful.
+/// Sweeps over the layers; few graphs improve after the first five.
 const SWEEPS: usize = 24;
 
 impl Layers {
     pub fn of(drawing: &Drawing) -> Self {
-        let layer = assign(drawing);
+        let layer = assign_layers(drawing);
         let count = layer.iter().max().map_or(0, |m| m + 1);
         let mut layers = Self { layer, ..Self::default() };
         layers.rows = vec![Vec::new(); count];
@@ -51,36 +51,36 @@ impl Layers {
             layers.rows[layer].push(b);
         }
         for wire in &drawing.wires {
-            let mut way = Vec::new();
+            let mut own = Vec::new();
             if !wire.back {
                 let mut from = wire.from.0;
                 for layer in layers.layer[wire.from.0] + 1..layers.layer[wire.to.0] {
                     layers.cells.push(Cell::Bend);
                     let bend = layers.cells.len() - 1;
                     layers.rows[layer].push(bend);
-                    way.push(layers.piece(from, bend, wire.from.1, 0));
+                    own.push(layers.segment(from, bend, wire.from.1, 0));
                     from = bend;
                 }
-                way.push(layers.piece(from, wire.to.0, wire.from.1, wire.to.1));
+                own.push(layers.segment(from, wire.to.0, wire.from.1, wire.to.1));
             }
-            layers.of_wire.push(way);
+            layers.of_wire.push(own);
         }
-        layers.untangle();
+        layers.reduce_crossings();
         layers
     }
 
-    fn piece(&mut self, from: usize, to: usize, out_port: usize, in_port: usize) -> usize {
-        self.pieces.push(Piece { from, to, out_port, in_port });
-        self.pieces.len() - 1
+    fn segment(&mut self, from: usize, to: usize, out_port: usize, in_port: usize) -> usize {
+        self.segments.push(Segment { from, to, out_port, in_port });
+        self.segments.len() - 1
     }
 
-    /// Sweeps over the layers until the order gets no better, and keeps the best.
-    fn untangle(&mut self) {
-        let mut above: Vec<Vec<usize>> = vec![Vec::new(); self.cells.len()];
-        let mut below = above.clone();
-        for (k, piece) in self.pieces.iter().enumerate() {
-            below[piece.from].push(k);
-            above[piece.to].push(k);
+    /// Sweeps over the layers, and keeps the order with the fewest crossings.
+    fn reduce_crossings(&mut self) {
+        let mut incoming: Vec<Vec<usize>> = vec![Vec::new(); self.cells.len()];
+        let mut outgoing = incoming.clone();
+        for (k, segment) in self.segments.iter().enumerate() {
+            outgoing[segment.from].push(k);
+            incoming[segment.to].push(k);
         }
         let mut best = (self.crossings(), self.rows.clone());
         for sweep in 0..SWEEPS {
@@ -93,20 +93,20 @@ impl Layers {
                 let row = if down { k } else { count - 1 - k };
                 let at = self.positions();
                 let mean = |cell: usize| {
-                    let pieces = if down { &above[cell] } else { &below[cell] };
+                    let segments = if down { &incoming[cell] } else { &outgoing[cell] };
                     let end = |k: &usize| {
-                        let piece = &self.pieces[*k];
+                        let segment = &self.segments[*k];
                         if down {
-                            at[piece.from] as f64 + place(piece.out_port)
+                            at[segment.from] as f64 + port_offset(segment.out_port)
                         } else {
-                            at[piece.to] as f64 + place(piece.in_port)
+                            at[segment.to] as f64 + port_offset(segment.in_port)
                         }
                     };
-                    // What has no neighbour on this side stays where it is.
-                    if pieces.is_empty() {
+                    // A cell without a neighbour on this side keeps its position.
+                    if segments.is_empty() {
                         at[cell] as f64
                     } else {
-                        pieces.iter().map(end).sum::<f64>() / pieces.len() as f64
+                        segments.iter().map(end).sum::<f64>() / segments.len() as f64
                     }
                 };
                 let mut keyed: Vec<(f64, usize)> = self.rows[row].iter().map(|&c| (mean(c), c)).collect();
@@ -131,10 +131,10 @@ impl Layers {
         at
     }
 
-    /// Pairs of pieces that cross.
+    /// Pairs of segments that cross.
     ///
     /// # Complexity
-    /// O(pieces * log pieces).
+    /// O(segments * log segments).
     pub fn crossings(&self) -> usize {
         let at = self.positions();
         let mut by_row: Vec<Vec<(End, End)>> = vec![Vec::new(); self.rows.len()];
@@ -142,7 +142,7 @@ impl Layers {
         for (k, row) in self.rows.iter().enumerate() {
             row.iter().for_each(|&c| row_of[c] = k);
         }
-        for p in &self.pieces {
+        for p in &self.segments {
             by_row[row_of[p.from]].push(((at[p.from], p.out_port), (at[p.to], p.in_port)));
         }
         let count = |mut ends: Vec<(End, End)>| {
@@ -153,15 +153,15 @@ impl Layers {
     }
 }
 
-/// One end of a piece: place in its row, and port.
+/// One end of a segment: index in its row, and port.
 type End = (usize, usize);
 
-/// Where a port stands between its box and the next one.
-fn place(port: usize) -> f64 {
+/// Position of a port between its box and the next one, from 0 to 1.
+fn port_offset(port: usize) -> f64 {
     1.0 - 1.0 / (port as f64 + 1.5)
 }
 
-/// Pairs in the wrong order; sorts on the way.
+/// Number of pairs in the wrong order, by merge sort.
 fn inversions<T: Copy + Ord>(items: &mut [T]) -> usize {
     if items.len() < 2 {
         return 0;
@@ -184,8 +184,8 @@ fn inversions<T: Copy + Ord>(items: &mut [T]) -> usize {
     count
 }
 
-/// Layers by longest path; a node that gives more than it takes then moves towards those that read it.
-fn assign(drawing: &Drawing) -> Vec<usize> {
+/// Layers by longest path; a box with more outgoing than incoming links then moves next to its first reader.
+fn assign_layers(drawing: &Drawing) -> Vec<usize> {
     let count = drawing.boxes.len();
     let wires = || drawing.wires.iter().filter(|w| !w.back);
     let mut below: Vec<Vec<usize>> = vec![Vec::new(); count];
@@ -194,7 +194,7 @@ fn assign(drawing: &Drawing) -> Vec<usize> {
         below[wire.from.0].push(wire.to.0);
         waiting[wire.to.0] += 1;
     }
-    let takes = waiting.clone();
+    let incoming = waiting.clone();
     let mut layer = vec![0; count];
     let mut order: Vec<usize> = (0..count).filter(|&b| waiting[b] == 0).collect();
     let mut next = 0;
@@ -211,7 +211,7 @@ fn assign(drawing: &Drawing) -> Vec<usize> {
     }
     for &b in order.iter().rev() {
         if let Some(first) = below[b].iter().map(|&to| layer[to]).min()
-            && below[b].len() > takes[b]
+            && below[b].len() > incoming[b]
         {
             layer[b] = first - 1;
         }

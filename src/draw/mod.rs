@@ -1,22 +1,22 @@
 //! A graph as a layered drawing: sources on the left, files on the right, links by kind.
 //!
-//! [`Drawing::of`] takes from a graph what is drawn, [`layout`] gives every box its place, [`svg`] writes it.
+//! [`Drawing::of`] takes the boxes and links of a graph, [`assign_coordinates`] lays them out, [`svg`] formats them.
 
+mod coordinates;
 mod layers;
-mod place;
 mod svg;
 
-pub use place::{Layout, layout};
+pub use coordinates::{Coordinates, assign_coordinates};
 pub use svg::svg;
 
 use crate::graph::Graph;
 use crate::plan::Plan;
 use foley_nodes::core::ports::PortKind;
 
-/// What is drawn of a graph.
+/// The boxes and links of a graph.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Drawing {
-    /// The title above it.
+    /// Title.
     pub title: String,
     /// Nodes.
     pub boxes: Vec<NodeBox>,
@@ -31,7 +31,7 @@ pub struct NodeBox {
     pub id: String,
     /// Name of its type.
     pub type_name: String,
-    /// Names of its inputs, and whether each is linked.
+    /// Names of its inputs, and true for those that are linked.
     pub inputs: Vec<(String, bool)>,
     /// Its outputs.
     pub outputs: Vec<OutPort>,
@@ -42,24 +42,24 @@ pub struct NodeBox {
 pub struct OutPort {
     /// Its name.
     pub name: String,
-    /// Rate and format, where the plan knows them.
+    /// Rate and format, if there is a plan.
     pub label: String,
-    /// What it carries.
+    /// Kind of its data.
     pub kind: WireKind,
 }
 
 /// One link, from an output to an input, each as box and port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Wire {
-    /// Where it comes from.
+    /// Its output.
     pub from: (usize, usize),
-    /// Where it goes.
+    /// Its input.
     pub to: (usize, usize),
-    /// Whether it closes a loop.
+    /// True if it closes a loop.
     pub back: bool,
 }
 
-/// What a link carries, as far as its colour tells.
+/// Kind of the data of a link, which determines its colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum WireKind {
     /// A stream of audio.
@@ -75,7 +75,7 @@ pub enum WireKind {
 }
 
 impl WireKind {
-    /// The kind of a port.
+    /// Returns the kind of a port.
     #[must_use]
     pub fn of(kind: &PortKind) -> Self {
         match kind {
@@ -89,7 +89,7 @@ impl WireKind {
 }
 
 impl Drawing {
-    /// What is drawn of a graph, with rates and formats where there is a plan.
+    /// Makes the drawing of a graph, with rates and formats if there is a plan.
     #[must_use]
     pub fn of(graph: &Graph, plan: Option<&Plan>) -> Self {
         let label = |node: usize, port: usize| {

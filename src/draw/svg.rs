@@ -1,6 +1,6 @@
-//! A laid out drawing as SVG text.
+//! A drawing as SVG text.
 
-use super::place::{LONGEST, Layout, MARGIN, Point, layout, port_height, text_width};
+use super::coordinates::{Coordinates, MARGIN, MAX_CHARS, Point, assign_coordinates, port_y, text_width};
 use super::{Drawing, NodeBox, WireKind};
 use std::fmt::Write as _;
 
@@ -16,7 +16,7 @@ fn colour(kind: WireKind) -> &'static str {
     KINDS.iter().find(|(k, _, _)| *k == kind).map_or("#000", |(_, _, colour)| colour)
 }
 
-/// A text that is safe in SVG; characters that XML cannot hold are left out.
+/// Escapes a text for SVG; characters that XML does not allow are replaced or left out.
 fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
@@ -34,19 +34,19 @@ fn escape(text: &str) -> String {
     out
 }
 
-/// A name, cut where it is too long to draw.
+/// Escapes a name, truncated if it is too long.
 fn short(text: &str) -> String {
-    match text.char_indices().nth(LONGEST) {
-        Some(_) => escape(&format!("{}…", text.chars().take(LONGEST - 1).collect::<String>())),
+    match text.char_indices().nth(MAX_CHARS) {
+        Some(_) => escape(&format!("{}…", text.chars().take(MAX_CHARS - 1).collect::<String>())),
         None => escape(text),
     }
 }
 
-/// The drawing as an SVG file. The same drawing always gives the same text.
+/// Formats a drawing as an SVG file; the same drawing always gives the same text.
 #[must_use]
 pub fn svg(drawing: &Drawing) -> String {
-    let places = layout(drawing);
-    let Layout { width, height, .. } = places;
+    let coordinates = assign_coordinates(drawing);
+    let Coordinates { width, height, .. } = coordinates;
     let height = height + 30.0;
     let mut out = String::new();
     let _ = writeln!(
@@ -61,7 +61,7 @@ pub fn svg(drawing: &Drawing) -> String {
             escape(&drawing.title)
         );
     }
-    for (wire, points) in drawing.wires.iter().zip(&places.wires) {
+    for (wire, points) in drawing.wires.iter().zip(&coordinates.wires) {
         let (from, to) = (&drawing.boxes[wire.from.0], &drawing.boxes[wire.to.0]);
         let output = &from.outputs[wire.from.1];
         let dash = if wire.back { r#" stroke-dasharray="5 4""# } else { "" };
@@ -78,15 +78,15 @@ pub fn svg(drawing: &Drawing) -> String {
         );
     }
     for (b, node) in drawing.boxes.iter().enumerate() {
-        draw_box(&mut out, drawing, &places, b, node);
+        draw_box(&mut out, drawing, &coordinates, b, node);
     }
     legend(&mut out, drawing, height - MARGIN);
     out.push_str("</svg>\n");
     out
 }
 
-fn draw_box(out: &mut String, drawing: &Drawing, places: &Layout, b: usize, node: &NodeBox) {
-    let r = places.boxes[b];
+fn draw_box(out: &mut String, drawing: &Drawing, coordinates: &Coordinates, b: usize, node: &NodeBox) {
+    let r = coordinates.boxes[b];
     let _ = writeln!(
         out,
         r##"<g><title>{id} ({ty})</title>
@@ -105,7 +105,7 @@ fn draw_box(out: &mut String, drawing: &Drawing, places: &Layout, b: usize, node
         y2 = r.y + 33.0,
     );
     for (k, (name, linked)) in node.inputs.iter().enumerate() {
-        let y = r.y + port_height(k);
+        let y = r.y + port_y(k);
         let kind = drawing.wires.iter().find(|w| w.to == (b, k));
         let kind = kind.map(|w| drawing.boxes[w.from.0].outputs[w.from.1].kind);
         let fill = kind.map_or("#ffffff", colour);
@@ -120,7 +120,7 @@ fn draw_box(out: &mut String, drawing: &Drawing, places: &Layout, b: usize, node
         );
     }
     for (k, port) in node.outputs.iter().enumerate() {
-        let y = r.y + port_height(k);
+        let y = r.y + port_y(k);
         let edge = r.x + r.w;
         let _ = writeln!(
             out,
@@ -143,7 +143,7 @@ fn draw_box(out: &mut String, drawing: &Drawing, places: &Layout, b: usize, node
     out.push_str("</g>\n");
 }
 
-/// A link that runs level past boxes and bends between the layers.
+/// The path of a link that is horizontal beside boxes and bends between layers.
 fn curve(points: &[Point]) -> String {
     let mut d = String::new();
     let mut last = (0.0, 0.0);
@@ -161,7 +161,7 @@ fn curve(points: &[Point]) -> String {
     d
 }
 
-/// A link around the boxes, in right angles with round corners.
+/// The path of a link around the boxes, with right angles and round corners.
 fn corners(points: &[Point]) -> String {
     const ROUND: f64 = 7.0;
     let mut d = String::new();
@@ -184,7 +184,7 @@ fn corners(points: &[Point]) -> String {
     d
 }
 
-/// What the colours mean, for those that occur.
+/// Draws the legend of the colours in use.
 fn legend(out: &mut String, drawing: &Drawing, y: f64) {
     let mut x = MARGIN;
     let mut entry = |out: &mut String, name: &str, colour: &str, dash: &str| {

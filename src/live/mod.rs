@@ -1,27 +1,17 @@
-//! Plays a graph: the same plan and the same nodes as offline, in windows as short as a sound card asks for.
+//! Plays a graph: the same plan and nodes as offline, in windows as short as a sound card requires.
 //!
-//! [`Player`] is the side that may wait: it builds, reloads and reports. [`Callback`] is the side that may not: it runs the
-//! nodes that may run in an audio callback, and takes finished windows of all others from rings that worker threads
-//! ([`crew`](self)) keep full. The two talk over rings without locks; nothing is allocated or freed in the callback.
+//! [`Player`] is the side that may wait: it builds, reloads and reports. [`Callback`] is the side that must not: it runs the
+//! nodes that may run in an audio callback, and receives the finished windows of all others from workers over rings. The two
+//! sides communicate over rings without locks; the callback neither allocates nor frees.
 
-mod callback;
-#[cfg(feature = "live")]
-mod card;
-mod crew;
 pub mod device;
-mod diff;
 pub mod input;
-mod layout;
-mod link;
-mod meter;
-mod moves;
+mod playback;
 mod player;
-mod ready;
-mod sink;
-mod union;
+mod reload;
 
-pub use callback::{Callback, Shared};
-pub use diff::Edit;
-pub use meter::{Histogram, Meter, NodeMeter};
-pub use player::{Options, Player, Reloaded, Told};
-pub use ready::Material;
+pub use playback::callback::{Callback, Shared};
+pub use playback::meter::{Histogram, Meter, NodeMeter};
+pub use player::{Options, Player, PlayerEvent, Reloaded};
+pub use reload::diff::Edit;
+pub use reload::prepared::LiveGraph;

@@ -1,7 +1,7 @@
-//! What the last keys of each node were made of, so that a person can be told what has changed.
+//! The parts of the last keys of each node, which explain why a node is computed again, and the measured costs of nodes.
 
-use super::key::Part;
-use super::store::write_whole;
+use super::atomic_file::write_atomically;
+use super::key::KeyPart;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fs;
@@ -10,18 +10,18 @@ use std::path::{Path, PathBuf};
 
 /// The last two keys of a node.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Trace {
+pub struct KeyHistory {
     /// The graph file.
     pub graph: String,
     /// Id of the node.
     pub node: String,
     /// Parts of the key in the last run.
-    pub last: Vec<Part>,
-    /// Parts of the last key that was another; empty where there was none.
-    pub before: Vec<Part>,
+    pub last: Vec<KeyPart>,
+    /// Parts of the last different key; empty if there was none.
+    pub before: Vec<KeyPart>,
 }
 
-/// The traces of one graph.
+/// Key histories and costs of one graph.
 #[derive(Debug)]
 pub struct Index<'a> {
     dir: &'a Path,
@@ -44,44 +44,44 @@ impl<'a> Index<'a> {
         self.path("").with_extension("costs.json")
     }
 
-    /// Nanoseconds per element that nodes took in earlier runs, by id and type.
+    /// Reads the types of nodes and their costs in earlier runs, ns per element, by id.
     #[must_use]
     pub fn costs(&self) -> BTreeMap<String, (String, f64)> {
         let text = fs::read(self.costs_path()).ok();
         text.and_then(|text| serde_json::from_slice(&text).ok()).unwrap_or_default()
     }
 
-    /// Notes what nodes took.
+    /// Writes the costs of nodes.
     ///
     /// # Errors
     /// When the file cannot be written.
     pub fn note_costs(&self, costs: &BTreeMap<String, (String, f64)>) -> io::Result<()> {
-        write_whole(&self.costs_path(), &[&serde_json::to_vec(costs)?])
+        write_atomically(&self.costs_path(), &[&serde_json::to_vec(costs)?])
     }
 
-    /// The trace of a node, where there is one that can be read.
+    /// Reads the key history of a node; `None` if there is none that can be read.
     #[must_use]
-    pub fn get(&self, node: &str) -> Option<Trace> {
+    pub fn get(&self, node: &str) -> Option<KeyHistory> {
         let text = fs::read(self.path(node)).ok()?;
-        let trace: Trace = serde_json::from_slice(&text).ok()?;
-        (trace.graph == self.graph && trace.node == node).then_some(trace)
+        let history: KeyHistory = serde_json::from_slice(&text).ok()?;
+        (history.graph == self.graph && history.node == node).then_some(history)
     }
 
-    /// Notes the parts of a node's key in this run.
+    /// Adds the parts of a node's key in this run.
     ///
     /// # Errors
     /// When the file cannot be written.
-    pub fn note(&self, node: &str, parts: &[Part]) -> io::Result<()> {
+    pub fn note(&self, node: &str, parts: &[KeyPart]) -> io::Result<()> {
         let old = self.get(node).unwrap_or_default();
         if old.last == parts {
             return Ok(());
         }
-        let trace = Trace {
+        let history = KeyHistory {
             graph: self.graph.to_owned(),
             node: node.to_owned(),
             last: parts.to_vec(),
             before: old.last,
         };
-        write_whole(&self.path(node), &[&serde_json::to_vec(&trace)?])
+        write_atomically(&self.path(node), &[&serde_json::to_vec(&history)?])
     }
 }

@@ -1,4 +1,4 @@
-//! What a value depends on, by name, and the hash of it all.
+//! Keys of cached results: all that a result depends on, by name, and the hash of it.
 
 use crate::graph::Graph;
 use crate::plan::Plan;
@@ -10,60 +10,60 @@ use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::Path;
 
-/// Goes up when keys are made in another way.
-const RECIPE: &[u8] = b"foley memo 1";
+/// Version of the composition of keys.
+const KEY_FORMAT: &[u8] = b"foley memo 1";
 
-/// One thing that a value depends on: its name and what it is.
-pub type Part = (String, String);
+/// One item that a result depends on: its name and its content.
+pub type KeyPart = (String, String);
 
-/// All that a value depends on.
+/// All that a result depends on.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Key {
     /// The parts by name; content hashes stand for files and for values.
-    pub parts: Vec<Part>,
-    /// The hash of the parts; `None` while an input is not known.
+    pub parts: Vec<KeyPart>,
+    /// The hash of the parts; `None` while the value of an input is not known.
     pub hash: Option<blake3::Hash>,
 }
 
-/// What a part says of an input that is not known.
+/// Content of a part whose value is not known.
 const UNKNOWN: &str = "not known before it is computed";
 
 /// Makes the keys of the nodes of one graph.
 ///
-/// The key of a value node is made of its type and version, its parameters, the content of its files, its id and the
-/// seed, and the content hashes of the values that it reads. A fold depends on streams, which have no content to hash
-/// before they run; in their place stand the same parts of every node above it, up to the next values. The whole set of
-/// these nodes is taken rather than a key of keys, so that a feedback loop is nothing special.
+/// The key of a value node consists of its type and version, its parameters, the content of its files, its id and the
+/// seed, and the content hashes of the values that it reads. A fold depends on streams, whose content is not known before
+/// they run; its key contains the same parts of every node upstream instead, up to the next values. It lists these nodes
+/// rather than their keys, so that feedback loops need no special case.
 ///
-/// Window and threads are not in a key, since no result depends on them. Where a stream is cut, by `--until` or by the
-/// longest node of its phase, the length is.
+/// Window and threads are not in a key, since no result depends on them. The length of a stream is, where `--until` or the
+/// longest node of its phase truncates it.
 pub struct Keys<'a> {
     graph: &'a Graph,
     plan: &'a Plan,
     files: &'a dyn Files,
     seed: u64,
-    /// Content of the files seen so far; `None` for those that cannot be read.
+    /// Content hashes of files read so far; `None` for files that cannot be read.
     contents: RefCell<HashMap<String, Option<blake3::Hash>>>,
 }
 
 impl<'a> Keys<'a> {
-    /// Keys of a planned graph. A file is read once, however many nodes use it.
+    /// Keys of a planned graph; each file is read once.
     #[must_use]
     pub fn new(graph: &'a Graph, plan: &'a Plan, files: &'a dyn Files, seed: u64) -> Self {
         Self { graph, plan, files, seed, contents: RefCell::default() }
     }
 
-    /// The key of a node, given the content hashes of the values by node and port; `None` where a file cannot be read.
+    /// Makes the key of a node from the content hashes of values by node and port; `None` if a file cannot be read.
     ///
     /// # Complexity
-    /// O(nodes and links above), and each file is read once.
+    /// O(nodes and links upstream), and each file is read once.
     #[must_use]
     pub fn key(&self, n: usize, values: &dyn Fn(usize, usize) -> Option<[u8; 32]>) -> Option<Key> {
         let duration = self.plan.phases.iter().find(|p| p.nodes.contains(&n)).map(|p| p.duration);
         self.key_within(n, duration, values)
     }
 
-    /// The key of the streams of a node that ends: until then it does not count how long an endless node above it runs.
+    /// Makes the key of the streams of a node that ends; the duration of endless nodes upstream does not count.
     #[must_use]
     pub fn stream_key(&self, n: usize, values: &dyn Fn(usize, usize) -> Option<[u8; 32]>) -> Option<Key> {
         self.key_within(n, None, values)
@@ -83,15 +83,15 @@ impl<'a> Keys<'a> {
         ];
         let mut known = true;
         self.parts(n, "", duration, values, &mut parts, &mut known)?;
-        let above: BTreeMap<&str, usize> =
-            self.above(n).into_iter().map(|m| (self.graph.nodes[m].id.as_str(), m)).collect();
-        for (id, m) in above {
+        let upstream: BTreeMap<&str, usize> =
+            self.upstream(n).into_iter().map(|m| (self.graph.nodes[m].id.as_str(), m)).collect();
+        for (id, m) in upstream {
             self.parts(m, &format!("{id}."), duration, values, &mut parts, &mut known)?;
         }
         let hash = known.then(|| {
             let mut hasher = blake3::Hasher::new();
-            hasher.update(RECIPE);
-            for text in parts.iter().flat_map(|(name, what)| [name, what]) {
+            hasher.update(KEY_FORMAT);
+            for text in parts.iter().flat_map(|(name, content)| [name, content]) {
                 hasher.update(&(text.len() as u64).to_le_bytes()).update(text.as_bytes());
             }
             hasher.finalize()
@@ -99,16 +99,16 @@ impl<'a> Keys<'a> {
         Some(Key { parts, hash })
     }
 
-    /// Of some nodes those for which every file behind them still has the content that their keys were made of.
-    pub fn still(&self, nodes: &mut Vec<usize>) {
+    /// Retains the nodes whose keys are unchanged when all files are read again.
+    pub fn retain_unchanged(&self, nodes: &mut Vec<usize>) {
         let fresh = Self::new(self.graph, self.plan, self.files, self.seed);
         let any = |_, _| Some([0; 32]);
         nodes.retain(|&n| self.key(n, &any) == fresh.key(n, &any));
     }
 
-    /// All nodes whose streams a node depends on, without itself.
+    /// Returns all other nodes whose streams a node depends on.
     #[must_use]
-    pub fn above(&self, n: usize) -> BTreeSet<usize> {
+    pub fn upstream(&self, n: usize) -> BTreeSet<usize> {
         let mut found = BTreeSet::new();
         let mut stack = vec![n];
         while let Some(v) = stack.pop() {
@@ -128,7 +128,7 @@ impl<'a> Keys<'a> {
         prefix: &str,
         duration: Option<Tick>,
         values: &dyn Fn(usize, usize) -> Option<[u8; 32]>,
-        parts: &mut Vec<Part>,
+        parts: &mut Vec<KeyPart>,
         known: &mut bool,
     ) -> Option<()> {
         let node = &self.graph.nodes[n];
@@ -142,14 +142,14 @@ impl<'a> Keys<'a> {
         let specs = (node.ty.params)();
         for (name, datum) in node.params.write() {
             let kind = specs.iter().find(|s| s.name == name).map(|s| *s.kind.innermost());
-            let what = match kind {
+            let content = match kind {
                 Some(ParamKind::Output) => continue,
                 Some(ParamKind::Asset) => self.asset(&datum, node.ty.exposes_paths, &mut named)?,
                 _ => datum.to_string(),
             };
-            parts.push((format!("{prefix}{name}"), what));
+            parts.push((format!("{prefix}{name}"), content));
         }
-        // Files that are named by other files, such as the buffers of a glTF scene.
+        // Files that other files name, such as the buffers of a glTF scene.
         let others: BTreeSet<&String> = shape.opened.iter().filter(|path| !named.contains(*path)).collect();
         for (k, path) in others.into_iter().enumerate() {
             parts.push((format!("{prefix}file {k}"), self.content(path)?.to_string()));
@@ -161,7 +161,7 @@ impl<'a> Keys<'a> {
                     _ => format!("{prefix}{}[{k}]", spec.name),
                 };
                 let from = &self.graph.nodes[link.node];
-                let what = match (spec.kind, values(link.node, link.port)) {
+                let content = match (spec.kind, values(link.node, link.port)) {
                     (PortKind::Value(_), Some(hash)) => blake3::Hash::from_bytes(hash).to_string(),
                     (PortKind::Value(_), None) => {
                         *known = false;
@@ -169,13 +169,13 @@ impl<'a> Keys<'a> {
                     }
                     _ => format!("{}.{}", from.id, from.ty.outputs[link.port].name),
                 };
-                parts.push((name, what));
+                parts.push((name, content));
             }
         }
         Some(())
     }
 
-    /// What the files of a parameter hold. The ending counts too, since readers go by it.
+    /// Content hashes of the files of a parameter, with their extensions, by which readers choose the format.
     fn asset(&self, datum: &Datum, exposes_paths: bool, named: &mut BTreeSet<String>) -> Option<String> {
         match datum {
             Datum::Text(path) => {
@@ -221,14 +221,17 @@ impl<'a> Keys<'a> {
     }
 }
 
-/// How two lists of parts differ: name, what it was, what it is.
+/// Returns the differences of two lists of parts: name, old and new content.
 #[must_use]
-pub fn changes<'p>(was: &'p [Part], is: &'p [Part]) -> Vec<(&'p str, Option<&'p str>, Option<&'p str>)> {
-    let get = |parts: &'p [Part]| -> BTreeMap<&'p str, &'p str> {
-        parts.iter().map(|(name, what)| (name.as_str(), what.as_str())).collect()
+pub fn changes<'p>(
+    old: &'p [KeyPart],
+    new: &'p [KeyPart],
+) -> Vec<(&'p str, Option<&'p str>, Option<&'p str>)> {
+    let get = |parts: &'p [KeyPart]| -> BTreeMap<&'p str, &'p str> {
+        parts.iter().map(|(name, content)| (name.as_str(), content.as_str())).collect()
     };
-    let (was, is) = (get(was), get(is));
-    let names: BTreeSet<&str> = was.keys().chain(is.keys()).copied().collect();
-    let both = names.into_iter().map(|name| (name, was.get(name).copied(), is.get(name).copied()));
-    both.filter(|(_, was, is)| was != is).collect()
+    let (old, new) = (get(old), get(new));
+    let names: BTreeSet<&str> = old.keys().chain(new.keys()).copied().collect();
+    let both = names.into_iter().map(|name| (name, old.get(name).copied(), new.get(name).copied()));
+    both.filter(|(_, old, new)| old != new).collect()
 }

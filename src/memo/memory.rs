@@ -1,28 +1,41 @@
-//! Entries in memory, in front of the disk: what was used last stays, within a size.
+//! Entries in memory, in front of the disk: the least recently used are removed beyond a size.
 
-use super::session::Hit;
-use super::store::Entry;
+use super::entry::Entry;
 use super::stream::Source;
+use foley_nodes::core::item::AnyValue;
+use serde_json::{Map, Value};
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Most bytes in memory for a graph that is run again and again.
+/// Maximum bytes in memory for a graph that is run repeatedly.
 pub const MEMORY: usize = 256 << 20;
+
+/// The cached values of a node.
+#[derive(Clone, Debug, Default)]
+pub struct Hit {
+    /// Its values by output port.
+    pub values: Vec<(usize, AnyValue)>,
+    /// Its summary.
+    pub summary: Map<String, Value>,
+    /// Its warnings.
+    pub warnings: Vec<String>,
+}
 
 /// One entry.
 #[derive(Clone, Debug)]
-pub enum Held {
-    /// Values, decoded.
+pub enum CachedEntry {
+    /// Decoded values.
     Values(Arc<Hit>),
-    /// A stream, verified.
+    /// A verified stream.
     Stream(Arc<Entry>, Arc<Source>),
 }
 
 #[derive(Debug, Default)]
 struct Inner {
-    /// Entry, bytes, and when it was last used.
-    entries: HashMap<String, (Held, usize, u64)>,
+    /// Entry, bytes, and time of the last use.
+    entries: HashMap<String, (CachedEntry, usize, u64)>,
     bytes: usize,
+    /// Number of uses so far.
     now: u64,
 }
 
@@ -34,7 +47,7 @@ pub struct Memory {
 }
 
 impl Memory {
-    /// For at most so many bytes.
+    /// An empty cache of at most `cap` bytes.
     #[must_use]
     pub fn new(cap: usize) -> Self {
         Self { cap, inner: Mutex::default() }
@@ -44,39 +57,39 @@ impl Memory {
         self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Most bytes of one entry: a large one must not drive out all others.
+    /// Returns the maximum bytes of one entry: a large one must not evict all others.
     #[must_use]
-    pub fn largest(&self) -> usize {
+    pub fn max_entry(&self) -> usize {
         self.cap / 4
     }
 
-    /// Bytes of all entries.
+    /// Returns the bytes of all entries.
     #[must_use]
     pub fn bytes(&self) -> usize {
         self.inner().bytes
     }
 
-    /// An entry, which counts as used now.
+    /// Finds an entry, and marks it as used.
     #[must_use]
-    pub fn get(&self, key: &str) -> Option<Held> {
+    pub fn get(&self, key: &str) -> Option<CachedEntry> {
         let mut inner = self.inner();
         inner.now += 1;
         let now = inner.now;
-        let (held, _, used) = inner.entries.get_mut(key)?;
+        let (entry, _, used) = inner.entries.get_mut(key)?;
         *used = now;
-        Some(held.clone())
+        Some(entry.clone())
     }
 
-    /// Adds an entry of so many bytes; what was not used for longest goes.
+    /// Adds an entry; the least recently used are removed to make room.
     ///
     /// # Complexity
-    /// O(entries) for each that goes.
-    pub fn put(&self, key: &str, held: Held, bytes: usize) {
+    /// O(entries) for each that is removed.
+    pub fn put(&self, key: &str, entry: CachedEntry, bytes: usize) {
         let mut inner = self.inner();
         if let Some((_, old, _)) = inner.entries.remove(key) {
             inner.bytes -= old;
         }
-        if bytes > self.largest() {
+        if bytes > self.max_entry() {
             return;
         }
         while inner.bytes + bytes > self.cap {
@@ -88,7 +101,7 @@ impl Memory {
         inner.now += 1;
         let now = inner.now;
         inner.bytes += bytes;
-        inner.entries.insert(key.to_owned(), (held, bytes, now));
+        inner.entries.insert(key.to_owned(), (entry, bytes, now));
     }
 }
 
@@ -97,9 +110,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_was_used_last_stays() {
+    fn the_least_recently_used_entry_is_removed() {
         let memory = Memory::new(40);
-        let put = |key: &str, bytes| memory.put(key, Held::Values(Arc::new(Hit::default())), bytes);
+        let put = |key: &str, bytes| memory.put(key, CachedEntry::Values(Arc::new(Hit::default())), bytes);
         ["a", "b", "c", "d"].into_iter().for_each(|key| put(key, 10));
         assert!(memory.get("a").is_some());
         put("e", 10);

@@ -1,17 +1,18 @@
 //! Runs the regions of one phase in parallel: a task is one region and the windows that it can run now.
 //!
-//! A region may run window `w` when all that feed it have done `w`, and none that it feeds is more than
-//! [`DEPTH`] windows behind. Counters say so; nothing waits inside the pool. Regions that read or write files run on a
-//! thread of their own.
+//! A region may run window `w` when all regions that feed it have done `w`, and no region that it feeds is more than
+//! [`DEPTH`] windows behind. This is decided by counters; nothing waits inside the pool. Regions that read or write files run
+//! on threads of their own.
 //!
-//! Now and then the phase comes to rest: no window is begun until all regions have done as many, and what they carry is
-//! written down for a run that goes on there.
+//! For a checkpoint the phase pauses: no window begins until all regions have done the same number of windows, and their
+//! states are saved.
 
-use super::checkpoint::Saver;
-use super::kept::Streams;
+use super::cached_streams::CachedStreams;
+use super::checkpointer::Checkpointer;
+use super::job::stopped;
 use super::{Job, Progress, Report, Values, stages};
 use crate::diag::Diagnostic;
-use crate::plan::{DEPTH, Phase, Region, What};
+use crate::plan::{DEPTH, Phase, Region, Runnable};
 use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, unbounded};
 use foley_nodes::core::buffer::{AnyBuffer, Budget};
 use foley_nodes::core::fault::Fault;
@@ -23,18 +24,19 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::SeqCst};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
-/// The windows of one link that are on their way from one region to another.
+/// Windows of one link in transit from one region to another.
 type Slots = Vec<Mutex<Box<dyn AnyBuffer>>>;
 
+/// A region with its state.
 struct Cell {
     stage: Mutex<Stage>,
     done: AtomicU64,
     busy: AtomicBool,
     io: bool,
-    /// Regions that fill this one.
-    above: Vec<usize>,
-    /// Regions that this one fills.
-    below: Vec<usize>,
+    /// Regions that feed this one.
+    upstream: Vec<usize>,
+    /// Regions that this one feeds.
+    downstream: Vec<usize>,
 }
 
 struct Shared {
@@ -42,13 +44,13 @@ struct Shared {
     cells: Vec<Cell>,
     slots: HashMap<usize, Slots>,
     windows: u64,
-    /// Windows that may be begun: all, or fewer while the phase comes to rest.
+    /// Windows that may begin: all, or fewer while the phase pauses.
     limit: AtomicU64,
     window: Tick,
     duration: Tick,
     failed: AtomicBool,
-    /// Whether regions that are behind go on although the run is to stop.
-    closing: AtomicBool,
+    /// True while regions that are behind catch up although the run is to stop.
+    catching_up: AtomicBool,
     /// Tasks that are queued or running.
     tasks: AtomicU64,
     outcomes: Sender<Outcome>,
@@ -67,11 +69,11 @@ enum Outcome {
     Failed(usize, usize, Fault),
     /// A region panicked.
     Panicked(usize, String),
-    /// The last task ended after a failure, or because nothing may be begun.
-    Quiet,
+    /// The last task has ended, after a failure or because no window may begin.
+    Idle,
 }
 
-/// Runs one phase to its end and keeps the values of its folds.
+/// Runs one phase to its end and adds the values of its folds.
 ///
 /// # Errors
 /// The faults of the nodes that failed.
@@ -80,8 +82,8 @@ pub fn run_phase(
     phase: &Phase,
     values: &mut Values,
     report: &mut Report,
-    streams: &Streams,
-    mut saver: Option<&mut Saver<'_>>,
+    streams: &CachedStreams,
+    mut checkpointer: Option<&mut Checkpointer<'_>>,
 ) -> Result<(), Vec<Diagnostic>> {
     let mut stages = Vec::new();
     let mut errors = Vec::new();
@@ -95,19 +97,19 @@ pub fn run_phase(
     if !errors.is_empty() {
         return Err(errors);
     }
-    let done = match saver.as_mut().map_or(Ok(0), |saver| saver.restore(&mut stages)) {
+    let done = match checkpointer.as_mut().map_or(Ok(0), |checkpointer| checkpointer.restore(&mut stages)) {
         Ok(done) => done,
-        Err((r, Some(place), fault)) => return Err(vec![describe(job, &phase.regions[r], place, fault)]),
+        Err((r, Some(node), fault)) => return Err(vec![describe(job, &phase.regions[r], node, fault)]),
         Err((_, None, fault)) => return Err(vec![Diagnostic::general(fault.code, fault.message)]),
     };
     if done > 0 {
         job.progress.done.fetch_add(done * stages.len() as u64, SeqCst);
-        report.went_on_at = Some(seconds(done as Tick * job.plan.window));
+        report.resumed_at = Some(seconds(done as Tick * job.plan.window));
     }
-    // A thread without a region of its own would only look for work, on a core that another thread could use.
-    let parts = phase.regions.iter().filter(|r| !r.io).count();
+    // A thread without a region of its own would poll for work, on a core that another thread could use.
+    let regions = phase.regions.iter().filter(|r| !r.io).count();
     let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(job.threads.min(parts).max(1))
+        .num_threads(job.threads.min(regions).max(1))
         .thread_name(|k| format!("foley-{k}"))
         .build()
         .map_err(|e| vec![Diagnostic::general("F090", format!("cannot start threads: {e}"))])?;
@@ -118,7 +120,7 @@ pub fn run_phase(
         .map(|_| {
             let tasks = io_tasks.clone();
             std::thread::spawn(move || {
-                // The channel is closed when the last region has let go of the shared state.
+                // The channel closes when the last task has dropped the shared state.
                 while let Ok((shared, region)) = tasks.recv() {
                     shared.task(region);
                 }
@@ -127,10 +129,10 @@ pub fn run_phase(
         .collect();
     drop(io_tasks);
     let shared = Arc::new(Shared::new(job, phase, (stages, done), &budget, outcomes, pool, io));
-    shared.begin(phase.windows);
-    let result = collect(job, &shared, &received, values, report, streams, saver);
-    // Buffers never shrink: what they hold at the end is the most that they held.
-    report.note_bytes(shared.bytes());
+    shared.run_until(phase.windows);
+    let result = collect(job, &shared, &received, values, report, streams, checkpointer);
+    // Buffers never shrink: their size at the end is the maximum.
+    report.note_buffer_bytes(shared.bytes());
     drop(shared);
     for thread in threads {
         let _ = thread.join();
@@ -138,22 +140,22 @@ pub fn run_phase(
     result
 }
 
-/// Waits for all regions, or for the first failure and the end of what was running by then.
+/// Waits for all regions, or for the first failure and the end of the tasks that were running.
 fn collect(
     job: &Job<'_>,
     shared: &Arc<Shared>,
     received: &Receiver<Outcome>,
     values: &mut Values,
     report: &mut Report,
-    streams: &Streams,
-    mut saver: Option<&mut Saver<'_>>,
+    streams: &CachedStreams,
+    mut checkpointer: Option<&mut Checkpointer<'_>>,
 ) -> Result<(), Vec<Diagnostic>> {
     let mut errors = Vec::new();
-    let mut left = shared.cells.len();
+    let mut remaining = shared.cells.len();
     let mut all: Vec<Option<Vec<Summary>>> = shared.cells.iter().map(|_| None).collect();
-    let next = |saver: &Saver<'_>| Instant::now().checked_add(saver.every());
-    let mut due = saver.as_deref().and_then(next);
-    while left > 0 {
+    let next = |checkpointer: &Checkpointer<'_>| Instant::now().checked_add(checkpointer.interval());
+    let mut due = checkpointer.as_deref().and_then(next);
+    while remaining > 0 {
         let outcome = match due {
             Some(at) => received.recv_deadline(at),
             None => received.recv().map_err(|_| RecvTimeoutError::Disconnected),
@@ -161,55 +163,58 @@ fn collect(
         match outcome {
             Err(RecvTimeoutError::Timeout) => {
                 due = None;
-                shared.hold();
+                shared.pause();
             }
             Ok(Outcome::Finished(region, summaries)) => {
                 all[region] = Some(summaries);
-                left -= 1;
+                remaining -= 1;
             }
-            Ok(Outcome::Failed(region, place, fault)) => {
-                errors.push(describe(job, &shared.regions[region], place, fault))
+            Ok(Outcome::Failed(region, node, fault)) => {
+                errors.push(describe(job, &shared.regions[region], node, fault))
             }
             Ok(Outcome::Panicked(region, what)) => {
                 let ids: Vec<&str> =
-                    shared.regions[region].nodes.iter().filter_map(|n| name(job, n.job)).collect();
+                    shared.regions[region].nodes.iter().filter_map(|n| node_id(job, n.runnable)).collect();
                 let message = format!("a node panicked ({what}) among: {}", ids.join(", "));
                 errors.push(
                     Diagnostic::general("F099", message).help("this is a defect in foley: please report it"),
                 );
             }
-            // Told twice where the last task ended while the phase was being held: it has been let go since.
-            Ok(Outcome::Quiet) if shared.tasks.load(SeqCst) > 0 => {}
-            Ok(Outcome::Quiet) => {
-                let stops = job.progress.stop.load(SeqCst);
-                // A run that is stopped before its first mark would have lost little.
-                let may = |saver: &Saver<'_>| !stops || saver.marked(job.plan.window).is_some();
-                let Some(saver) = saver.as_deref_mut().filter(|s| may(s) && !shared.failed.load(SeqCst))
+            // Sent twice if the last task ended while the phase was being paused; the phase runs again since the first.
+            Ok(Outcome::Idle) if shared.tasks.load(SeqCst) > 0 => {}
+            Ok(Outcome::Idle) => {
+                let stopping = job.progress.stop.load(SeqCst);
+                // A run that is stopped before its first checkpoint loses little.
+                let saves = |checkpointer: &Checkpointer<'_>| {
+                    !stopping || checkpointer.saved_until(job.plan.window).is_some()
+                };
+                let Some(checkpointer) =
+                    checkpointer.as_deref_mut().filter(|c| saves(c) && !shared.failed.load(SeqCst))
                 else {
                     break;
                 };
-                if shared.mark(saver, report) {
-                    if stops {
+                if shared.save_checkpoint(checkpointer, report) {
+                    if stopping {
                         break;
                     }
-                    due = next(saver);
+                    due = next(checkpointer);
                 }
             }
             Err(RecvTimeoutError::Disconnected) => break,
         }
     }
-    if errors.is_empty() && left > 0 {
-        let marked = saver.and_then(|saver| saver.marked(job.plan.window));
-        errors.push(super::stopped(marked));
+    if errors.is_empty() && remaining > 0 {
+        let saved = checkpointer.and_then(|checkpointer| checkpointer.saved_until(job.plan.window));
+        errors.push(stopped(saved));
     }
     for (r, summaries) in all.into_iter().enumerate() {
         let stage = shared.cells[r].stage.lock().unwrap_or_else(PoisonError::into_inner);
         for (k, node) in shared.regions[r].nodes.iter().enumerate() {
-            let What::Node(n) = node.job else { continue };
+            let Runnable::Node(n) = node.runnable else { continue };
             let Spent { time, calls } = stage.spent()[k];
             let summary = summaries.as_ref().map(|s| s[k].clone()).unwrap_or_default();
-            // What is read in place of a node does not count as calls of it.
-            report.add(n, time, if streams.read(n) { 0 } else { calls }, summary);
+            // A cached stream that is read in place of a node does not count as calls of it.
+            report.add(n, time, if streams.reads(n) { 0 } else { calls }, summary);
             for port in 0..job.graph.nodes[n].ty.outputs.len() {
                 if let Some(value) = stage.value(k, port) {
                     values.insert((n, port), value);
@@ -220,20 +225,21 @@ fn collect(
     if errors.is_empty() { Ok(()) } else { Err(errors) }
 }
 
-fn name<'j>(job: &'j Job<'_>, what: What) -> Option<&'j str> {
-    match what {
-        What::Node(n) => Some(&job.graph.nodes[n].id),
-        What::Tap(_) => None,
+fn node_id<'j>(job: &'j Job<'_>, runnable: Runnable) -> Option<&'j str> {
+    match runnable {
+        Runnable::Node(n) => Some(&job.graph.nodes[n].id),
+        Runnable::Tap(_) => None,
     }
 }
 
-fn describe(job: &Job<'_>, region: &Region, place: usize, fault: Fault) -> Diagnostic {
-    match region.nodes[place].job {
-        What::Node(n) => {
+/// The diagnostic of a fault, given the index of the node in its region.
+fn describe(job: &Job<'_>, region: &Region, node: usize, fault: Fault) -> Diagnostic {
+    match region.nodes[node].runnable {
+        Runnable::Node(n) => {
             let at = job.graph.place(n, fault.field.as_deref());
             Diagnostic::of_fault(fault, at, &job.graph.nodes[n].id)
         }
-        What::Tap(_) => Diagnostic::general(fault.code, fault.message),
+        Runnable::Tap(_) => Diagnostic::general(fault.code, fault.message),
     }
 }
 
@@ -255,14 +261,14 @@ impl Shared {
                 done: AtomicU64::new(done),
                 busy: AtomicBool::new(false),
                 io: region.io,
-                above: region.imports.iter().map(|i| i.from).collect(),
-                below: Vec::new(),
+                upstream: region.imports.iter().map(|i| i.from).collect(),
+                downstream: Vec::new(),
             })
             .collect();
         let mut slots = HashMap::new();
         for (r, region) in phase.regions.iter().enumerate() {
             for import in &region.imports {
-                cells[import.from].below.push(r);
+                cells[import.from].downstream.push(r);
             }
             for export in &region.exports {
                 let model = stages::buffer(&region.buffers[export.buffer], budget);
@@ -271,7 +277,7 @@ impl Shared {
             }
         }
         for cell in &mut cells {
-            for list in [&mut cell.above, &mut cell.below] {
+            for list in [&mut cell.upstream, &mut cell.downstream] {
                 list.sort_unstable();
                 list.dedup();
             }
@@ -282,7 +288,7 @@ impl Shared {
             slots,
             windows: phase.windows,
             limit: AtomicU64::new(phase.windows),
-            closing: AtomicBool::new(false),
+            catching_up: AtomicBool::new(false),
             window: job.plan.window,
             duration: phase.duration,
             failed: AtomicBool::new(false),
@@ -294,23 +300,24 @@ impl Shared {
         }
     }
 
-    /// Bytes in all buffers: of the regions, and of what is on its way between them.
+    /// Bytes of all buffers: those of the regions, and windows in transit between them.
     fn bytes(&self) -> usize {
-        let way =
+        let in_transit =
             |slot: &Mutex<Box<dyn AnyBuffer>>| slot.lock().unwrap_or_else(PoisonError::into_inner).bytes();
         let own = |cell: &Cell| cell.stage.lock().unwrap_or_else(PoisonError::into_inner).bytes();
-        self.slots.values().flatten().map(way).sum::<usize>() + self.cells.iter().map(own).sum::<usize>()
+        self.slots.values().flatten().map(in_transit).sum::<usize>()
+            + self.cells.iter().map(own).sum::<usize>()
     }
 
     fn halted(&self) -> bool {
-        let stops = self.progress.stop.load(SeqCst) && !self.closing.load(SeqCst);
-        self.failed.load(SeqCst) || stops
+        let stopping = self.progress.stop.load(SeqCst) && !self.catching_up.load(SeqCst);
+        self.failed.load(SeqCst) || stopping
     }
 
-    /// Lets regions begin windows up to a number of them.
-    fn begin(self: &Arc<Self>, limit: u64) {
+    /// Lets regions run windows up to a limit.
+    fn run_until(self: &Arc<Self>, limit: u64) {
         self.limit.store(limit, SeqCst);
-        // One task stands for this loop, so that the run is not quiet before all regions have been looked at.
+        // This loop counts as a task, so that the run is not idle before all regions have been polled.
         self.tasks.fetch_add(1, SeqCst);
         for r in 0..self.cells.len() {
             self.poll(r);
@@ -318,57 +325,57 @@ impl Shared {
         self.end_task();
     }
 
-    /// Lets no window begin; the end of what is under way is told as an outcome.
-    fn hold(&self) {
+    /// Lets no window begin; an outcome reports the end of the tasks that are running.
+    fn pause(&self) {
         self.limit.store(0, SeqCst);
-        // Where the last task has ended a moment ago, nobody else would tell.
+        // If the last task has ended just before, this one reports it.
         self.tasks.fetch_add(1, SeqCst);
         self.end_task();
     }
 
-    /// Writes down how far the phase is and goes on, or lets those that are behind catch up first; says whether it is done.
-    fn mark(self: &Arc<Self>, saver: &mut Saver<'_>, report: &mut Report) -> bool {
-        let windows = self.level();
-        self.closing.store(windows.is_err(), SeqCst);
+    /// Saves a checkpoint and continues, or first lets regions that are behind catch up; returns true if it was saved.
+    fn save_checkpoint(self: &Arc<Self>, checkpointer: &mut Checkpointer<'_>, report: &mut Report) -> bool {
+        let windows = self.common_windows();
+        self.catching_up.store(windows.is_err(), SeqCst);
         let windows = match windows {
             Ok(windows) => windows,
-            Err(most) => {
-                self.begin(most);
+            Err(max) => {
+                self.run_until(max);
                 return false;
             }
         };
         let cells = self.cells.iter();
         let mut stages: Vec<_> =
             cells.map(|cell| cell.stage.lock().unwrap_or_else(PoisonError::into_inner)).collect();
-        // The run is worth more than what tells of it.
-        if let Err(e) = saver.save(stages.iter_mut().map(|stage| &mut **stage), windows) {
-            report.note_unmarked(&e);
+        // A failure to save does not end the run.
+        if let Err(e) = checkpointer.save(stages.iter_mut().map(|stage| &mut **stage), windows) {
+            report.note_checkpoint_error(&e);
         }
         drop(stages);
-        self.begin(self.windows);
+        self.run_until(self.windows);
         true
     }
 
-    /// The windows that all regions have done, or the most that one has.
-    fn level(&self) -> Result<u64, u64> {
+    /// The number of windows that all regions have done, or else the maximum.
+    fn common_windows(&self) -> Result<u64, u64> {
         let done = || self.cells.iter().map(|cell| cell.done.load(SeqCst));
-        let most = done().max().unwrap_or(0);
-        if done().all(|d| d == most) { Ok(most) } else { Err(most) }
+        let max = done().max().unwrap_or(0);
+        if done().all(|d| d == max) { Ok(max) } else { Err(max) }
     }
 
-    /// Whether a region can run its next window.
+    /// Returns true if a region can run its next window.
     fn ready(&self, r: usize) -> bool {
         let cell = &self.cells[r];
         let w = cell.done.load(SeqCst);
         w < self.limit.load(SeqCst)
             && !self.halted()
-            && cell.above.iter().all(|&a| self.cells[a].done.load(SeqCst) > w)
-            && cell.below.iter().all(|&b| self.cells[b].done.load(SeqCst) + DEPTH as u64 > w)
+            && cell.upstream.iter().all(|&a| self.cells[a].done.load(SeqCst) > w)
+            && cell.downstream.iter().all(|&b| self.cells[b].done.load(SeqCst) + DEPTH as u64 > w)
     }
 
-    /// Claims a region that can run and that nobody runs.
+    /// Claims a region that can run and is not running.
     ///
-    /// Whoever lets go of a region looks again afterwards, so a window that becomes ready in between is not missed.
+    /// A task that releases a region checks it again afterwards, so a window that becomes ready in between is not missed.
     fn claim(&self, r: usize) -> bool {
         self.ready(r) && !self.cells[r].busy.swap(true, SeqCst)
     }
@@ -391,18 +398,18 @@ impl Shared {
     fn task(self: Arc<Self>, r: usize) {
         let run = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| self.run_region(r)));
         if let Err(panic) = run {
-            let what = panic.downcast_ref::<String>().cloned();
-            let what = what.or_else(|| panic.downcast_ref::<&str>().map(|s| (*s).to_owned()));
+            let message = panic.downcast_ref::<String>().cloned();
+            let message = message.or_else(|| panic.downcast_ref::<&str>().map(|s| (*s).to_owned()));
             self.failed.store(true, SeqCst);
-            let _ = self.outcomes.send(Outcome::Panicked(r, what.unwrap_or_default()));
+            let _ = self.outcomes.send(Outcome::Panicked(r, message.unwrap_or_default()));
         }
         self.end_task();
     }
 
     fn end_task(&self) {
-        let held = || self.limit.load(SeqCst) < self.windows;
-        if self.tasks.fetch_sub(1, SeqCst) == 1 && (self.halted() || held()) {
-            let _ = self.outcomes.send(Outcome::Quiet);
+        let paused = || self.limit.load(SeqCst) < self.windows;
+        if self.tasks.fetch_sub(1, SeqCst) == 1 && (self.halted() || paused()) {
+            let _ = self.outcomes.send(Outcome::Idle);
         }
     }
 
@@ -428,7 +435,7 @@ impl Shared {
                 }
                 cell.done.store(w + 1, SeqCst);
                 self.progress.done.fetch_add(1, SeqCst);
-                for &other in cell.above.iter().chain(&cell.below) {
+                for &other in cell.upstream.iter().chain(&cell.downstream) {
                     self.poll(other);
                 }
             }

@@ -1,198 +1,92 @@
-//! Runs a planned graph offline, as fast as the machine goes.
+//! Runs a planned graph offline, as fast as the machine allows.
 //!
-//! Each phase of the plan is a set of regions; `engine` runs region after region, window after window, wherever the
-//! counters say that the inputs are there. Values are computed before the phase that needs them.
+//! `engine` runs the regions of a phase in parallel, window by window; value nodes are computed before the phase that needs
+//! them. With a cache, `cached_phase` runs only the nodes of a phase whose results are not known.
 
-mod checkpoint;
+mod cached_phase;
+mod cached_streams;
+mod checkpointer;
 mod engine;
-mod kept;
-mod outputs;
+mod job;
+mod output_files;
 mod report;
 mod stages;
 mod tap;
+mod tap_writers;
 mod targets;
+mod values;
 
-pub use outputs::DirOutputs;
+pub use crate::memo::Values;
+pub use job::{Job, Progress};
+pub use output_files::DirOutputs;
 pub use report::{NodeReport, OutputReport, Report};
-pub use stages::{Site, assemble, stage};
+pub use stages::{BuildSite, assemble, stage};
 pub use tap::{Tap, check as check_tap};
 pub use targets::{check as check_targets, check_given};
 
 use crate::diag::Diagnostic;
-use crate::graph::Graph;
-use crate::memo::{self, Memo, Session};
-use crate::plan::Plan;
-use foley_nodes::core::files::Files;
-use foley_nodes::core::item::AnyValue;
-use foley_nodes::core::stage::{Cx, InWire, OutWire};
-use foley_nodes::core::time::{Tick, seconds};
-use kept::{Hidden, Streams};
-use std::cell::RefCell;
-use std::collections::HashMap;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use crate::memo::{Memo, RunCache};
+use cached_phase::Skipped;
+use cached_streams::CachedStreams;
+use std::sync::atomic::Ordering;
 use std::time::Instant;
 
-/// How far a run is, readable from other threads.
-#[derive(Debug, Default)]
-pub struct Progress {
-    /// Windows done, over all regions and phases.
-    pub done: AtomicU64,
-    /// Windows to do.
-    pub total: AtomicU64,
-    /// Set it to stop the run.
-    pub stop: AtomicBool,
-}
-
-/// Everything that a run needs beside the plan.
-pub struct Job<'a> {
-    /// The graph.
-    pub graph: &'a Graph,
-    /// Its plan.
-    pub plan: &'a Plan,
-    /// Where inputs come from.
-    pub files: &'a dyn Files,
-    /// Where outputs go.
-    pub outputs: &'a DirOutputs,
-    /// Outputs to write to files, in the order of the plan's taps.
-    pub taps: &'a [Tap],
-    /// Threads that compute.
-    pub threads: usize,
-    /// Seed of the graph.
-    pub seed: u64,
-    /// Where values are kept from run to run, if at all.
-    pub memo: Option<&'a Memo>,
-    /// Shared with whoever watches.
-    pub progress: Arc<Progress>,
-}
-
-/// The values made so far, by node and output port.
-pub type Values = HashMap<(usize, usize), AnyValue>;
-
-/// Runs a graph to its end; outputs are complete and in their places afterwards.
+/// Runs a graph to its end and completes its output files.
 ///
 /// # Errors
 /// The faults of all nodes that failed; no output is left behind then.
 pub fn run(job: &Job<'_>) -> Result<Report, Vec<Diagnostic>> {
     let start = Instant::now();
-    let marks = job.memo.and_then(Memo::checkpoints);
-    let (values, mut report) = values(job).inspect_err(|errors| {
-        // Only what was stopped, or found no room on the disk, can do better from there.
-        let again = |e: &Diagnostic| ["F080", "F091"].contains(&e.code);
-        if let Some(marks) = marks.filter(|_| !errors.iter().all(again)) {
-            marks.forget();
+    let checkpoints = job.memo.and_then(Memo::checkpoints);
+    let (values, mut report) = run_phases(job).inspect_err(|errors| {
+        // Only a run that was stopped, or that found the disk full, can succeed when it resumes.
+        let resumable = |e: &Diagnostic| ["F080", "F091"].contains(&e.code);
+        if let Some(checkpoints) = checkpoints.filter(|_| !errors.iter().all(resumable)) {
+            checkpoints.remove();
         }
     })?;
-    tap::write_values(job, &values)?;
+    tap_writers::write_values(job, &values)?;
     job.outputs.commit().map_err(|e| vec![Diagnostic::general("F080", e.to_string())])?;
-    if let Some(marks) = marks {
-        marks.forget();
+    if let Some(checkpoints) = checkpoints {
+        checkpoints.remove();
     }
     report.close(job, start.elapsed());
     Ok(report)
 }
 
-/// Runs every phase of a graph and gives all its values; files are written, and not yet in their places.
+/// Runs every phase of a graph and returns all its values; output files are written under temporary names.
 ///
 /// # Errors
 /// The faults of all nodes that failed.
-pub fn values(job: &Job<'_>) -> Result<(Values, Report), Vec<Diagnostic>> {
+pub fn run_phases(job: &Job<'_>) -> Result<(Values, Report), Vec<Diagnostic>> {
     let mut report = Report::new(job.graph, job.plan);
     let mut values = Values::new();
     let windows: u64 = job.plan.phases.iter().map(|p| p.windows * p.regions.len() as u64).sum();
     job.progress.total.store(windows, Ordering::Relaxed);
     let phases = job.plan.phases.len().max(1 + job.plan.values.iter().map(|(_, p)| *p).max().unwrap_or(0));
-    let mut memo = job.memo.map(|m| Session::new(m, job.graph, job.plan, job.files, job.seed));
-    let mut hidden = Hidden::new();
+    let mut cache = job.memo.map(|m| RunCache::new(m, job.graph, job.plan, job.files, job.seed));
+    let mut skipped = Skipped::new();
     for phase in 0..phases {
-        evaluate(job, phase, &mut values, &mut report, memo.as_mut())?;
-        if let Some(planned) = job.plan.phases.get(phase) {
-            match memo.as_mut() {
-                Some(memo) => {
-                    kept::pass(job, (phase, planned), &mut values, &mut report, memo, &mut hidden)?;
-                }
-                None => engine::run_phase(job, planned, &mut values, &mut report, &Streams::default(), None)?,
+        values::evaluate(job, phase, &mut values, &mut report, cache.as_mut())?;
+        let Some(planned) = job.plan.phases.get(phase) else { continue };
+        match cache.as_mut() {
+            Some(cache) => {
+                let numbered = (phase, planned);
+                cached_phase::run(job, numbered, &mut values, &mut report, cache, &mut skipped)?;
+            }
+            None => {
+                let streams = CachedStreams::default();
+                engine::run_phase(job, planned, &mut values, &mut report, &streams, None)?;
             }
         }
     }
-    for (n, told) in hidden {
+    for (n, node) in skipped {
         if report.nodes[n].calls == 0 && !report.nodes[n].cached {
-            report.add_cached(n, told.summary, told.warnings);
+            report.add_cached(n, node.summary, node.warnings);
         }
     }
-    for (n, warning) in memo.iter_mut().flat_map(Session::take_warnings) {
+    for (n, warning) in cache.iter_mut().flat_map(RunCache::take_warnings) {
         report.notes.push((job.graph.nodes[n].id.clone(), warning));
     }
     Ok((values, report))
-}
-
-/// Takes over what the memo has of a node.
-fn take(n: usize, hit: memo::Hit, values: &mut Values, report: &mut Report) {
-    values.extend(hit.values.into_iter().map(|(port, value)| ((n, port), value)));
-    report.add_cached(n, hit.summary, hit.warnings);
-}
-
-/// What a run says that was stopped; `marked` is the time from which another one can go on.
-fn stopped(marked: Option<Tick>) -> Diagnostic {
-    let found = Diagnostic::general("F091", "stopped before the end; no output was written");
-    match marked {
-        Some(at) => found.help(format!("run the same again: it goes on at {:.1} s", seconds(at))),
-        None => found,
-    }
-}
-
-/// Computes the values that can be had before a phase.
-fn evaluate(
-    job: &Job<'_>,
-    phase: usize,
-    values: &mut Values,
-    report: &mut Report,
-    mut memo: Option<&mut Session<'_>>,
-) -> Result<(), Vec<Diagnostic>> {
-    let mut errors = Vec::new();
-    for &(n, _) in job.plan.values.iter().filter(|(_, before)| *before == phase) {
-        let node = &job.graph.nodes[n];
-        let Some(eval) = node.ty.eval else { continue };
-        if job.progress.stop.load(Ordering::SeqCst) {
-            return Err(vec![stopped(None)]);
-        }
-        let wire = |l: &crate::graph::Link| values.get(&(l.node, l.port)).cloned().map(InWire::Value);
-        let inputs: Vec<Vec<InWire>> =
-            node.links.iter().map(|links| links.iter().filter_map(wire).collect()).collect();
-        if inputs.iter().map(Vec::len).ne(node.links.iter().map(Vec::len)) {
-            // What it needs has failed, and said so.
-            continue;
-        }
-        if let Some(hit) = memo.as_mut().and_then(|memo| memo.look_up(n, values)) {
-            take(n, hit, values, report);
-            continue;
-        }
-        let outputs: Vec<OutWire> =
-            node.ty.outputs.iter().map(|_| OutWire::Value(RefCell::default())).collect();
-        let site = Site::of(job);
-        let links = site.links(n, values);
-        let cx = site.build_cx(n, &links);
-        let (start, notes) = (Instant::now(), report.notes.len());
-        let result = eval(&*node.params, &cx, &Cx::for_values(&inputs, &outputs));
-        let took = start.elapsed();
-        let done = result.is_ok();
-        match result {
-            Ok(summary) => report.add(n, took, 1, summary),
-            Err(fault) => {
-                let place = job.graph.place(n, fault.field.as_deref());
-                errors.push(Diagnostic::of_fault(fault, place, &node.id));
-            }
-        }
-        for (port, out) in outputs.iter().enumerate() {
-            if let OutWire::Value(place) = out
-                && let Some(value) = place.borrow().clone()
-            {
-                values.insert((n, port), value);
-            }
-        }
-        if let Some(memo) = memo.as_mut().filter(|_| done) {
-            memo.keep(n, values, took, report.nodes[n].summary.clone(), report.warned(n, notes));
-        }
-    }
-    if errors.is_empty() { Ok(()) } else { Err(errors) }
 }

@@ -1,4 +1,4 @@
-//! What a run took and what it gave.
+//! The report of a run.
 
 use super::Job;
 use crate::graph::Graph;
@@ -9,14 +9,14 @@ use serde_json::{Map, Value, json};
 use std::collections::HashSet;
 use std::time::Duration;
 
-/// What one node took.
+/// The report of one node.
 #[derive(Clone, Debug, Default)]
 pub struct NodeReport {
     /// Its id.
     pub id: String,
     /// Its type.
     pub kind: &'static str,
-    /// Whether it only writes.
+    /// True for a node that only writes files.
     pub sink: bool,
     /// Wall time in it.
     pub time: Duration,
@@ -24,9 +24,9 @@ pub struct NodeReport {
     pub calls: u64,
     /// Items of its first output, or of its first input where it has none.
     pub items: u64,
-    /// Whether its outputs came from the memo.
+    /// True if its outputs came from the cache.
     pub cached: bool,
-    /// What it told itself.
+    /// Its own summary.
     pub summary: Map<String, Value>,
 }
 
@@ -35,34 +35,34 @@ pub struct NodeReport {
 pub struct OutputReport {
     /// Its path.
     pub path: String,
-    /// What its writer told: rate, channels, frames, peak, rms.
+    /// The summary of its writer: rate, channels, frames, peak, rms.
     pub facts: Map<String, Value>,
 }
 
-/// What a run took and gave.
+/// The report of a run.
 #[derive(Clone, Debug, Default)]
 pub struct Report {
     /// Title of the graph.
     pub title: String,
     /// Wall time of the run.
     pub wall: Duration,
-    /// Processor time of the whole process, where the system tells.
+    /// Processor time of the whole process, if the system reports it.
     pub cpu: Option<Duration>,
     /// Length of the piece, seconds.
     pub length: f64,
-    /// Bytes of buffers that the plan asked for.
+    /// Planned bytes of all buffers.
     pub planned_bytes: usize,
-    /// Bytes of buffers that were there, at most.
+    /// Maximum bytes of all buffers.
     pub buffer_bytes: usize,
-    /// The time in the piece at which it went on with an earlier run.
-    pub went_on_at: Option<f64>,
-    /// Largest memory of the whole process, where the system tells.
+    /// Time in the piece at which the run resumed an earlier one, s.
+    pub resumed_at: Option<f64>,
+    /// Peak memory of the whole process, if the system reports it.
     pub peak_process_bytes: Option<usize>,
     /// Per node of the graph.
     pub nodes: Vec<NodeReport>,
     /// Files written.
     pub outputs: Vec<OutputReport>,
-    /// Warnings of nodes.
+    /// Warnings, with the ids of their nodes.
     pub notes: Vec<(String, String)>,
 }
 
@@ -106,31 +106,31 @@ impl Report {
         self.notes.extend(warnings.into_iter().map(|warning| (node.id.clone(), warning)));
     }
 
-    /// Nodes with what they warned of, once each: a node that runs in several phases finds the same each time.
+    /// Iterates over the warnings, once each: a node that runs in several phases warns in each of them.
     pub fn warnings(&self) -> impl Iterator<Item = &(String, String)> {
-        let mut seen = HashSet::new();
-        self.notes.iter().filter(move |note| seen.insert(*note))
+        let mut shown = HashSet::new();
+        self.notes.iter().filter(move |note| shown.insert(*note))
     }
 
-    /// What a node has warned of since there were `since` notes.
-    pub(super) fn warned(&self, n: usize, since: usize) -> Vec<String> {
+    /// The warnings of a node after the first `since` notes.
+    pub(super) fn warnings_since(&self, n: usize, since: usize) -> Vec<String> {
         let own = self.notes.iter().skip(since).filter(|(id, _)| *id == self.nodes[n].id);
         own.map(|(_, note)| note.clone()).collect()
     }
 
-    /// Ids of the nodes that had to be computed; what only writes does not count.
+    /// Returns the ids of the nodes that were computed, without those that only write.
     #[must_use]
     pub fn computed(&self) -> Vec<String> {
         self.nodes.iter().filter(|n| !n.cached && n.calls > 0 && !n.sink).map(|n| n.id.clone()).collect()
     }
 
-    pub(super) fn note_bytes(&mut self, bytes: usize) {
+    pub(super) fn note_buffer_bytes(&mut self, bytes: usize) {
         self.buffer_bytes = self.buffer_bytes.max(bytes);
     }
 
-    /// Notes that how far the run is could not be written down.
-    pub(super) fn note_unmarked(&mut self, e: &std::io::Error) {
-        let text = format!("cannot write down how far the run is, so it could not be gone on with: {e}");
+    /// Notes that a checkpoint could not be saved.
+    pub(super) fn note_checkpoint_error(&mut self, e: &std::io::Error) {
+        let text = format!("cannot save a checkpoint, so the run could not be resumed: {e}");
         self.notes.push(("checkpoint".to_owned(), text));
     }
 
@@ -146,13 +146,13 @@ impl Report {
             let items = first.and_then(|s| Some(s.rate.first_at(s.end?)));
             node.items = items.unwrap_or(0).max(0) as u64;
             if let Some(Value::String(path)) = node.summary.get("path").cloned() {
-                let path = job.outputs.place(&path).map_or(path, |p| p.display().to_string());
+                let path = job.outputs.resolve(&path).map_or(path, |p| p.display().to_string());
                 self.outputs.push(OutputReport { path, facts: node.summary.clone() });
             }
         }
     }
 
-    /// The report as JSON.
+    /// Formats the report as JSON.
     #[must_use]
     pub fn json(&self) -> Value {
         let nodes: Map<String, Value> = self
@@ -193,7 +193,7 @@ impl Report {
             "planned_bytes": self.planned_bytes,
             "buffer_bytes": self.buffer_bytes,
             "peak_process_bytes": self.peak_process_bytes,
-            "went_on_at": self.went_on_at,
+            "went_on_at": self.resumed_at,
             "nodes": nodes,
             "outputs": outputs,
             "warnings": self.warnings().map(|(id, note)| json!({"node": id, "message": note})).collect::<Vec<_>>(),
@@ -201,16 +201,16 @@ impl Report {
     }
 }
 
-/// Processor time of this process so far, all threads.
+/// Processor time of all threads of this process so far.
 fn cpu_time() -> Option<Duration> {
     let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
     let fields: Vec<&str> = stat.rsplit_once(')')?.1.split_whitespace().collect();
     let ticks: u64 = fields.get(11)?.parse::<u64>().ok()? + fields.get(12)?.parse::<u64>().ok()?;
-    // Linux counts in hundredths of a second for programs, whatever the kernel does inside.
+    // Linux reports hundredths of a second, independent of the clock of the kernel.
     Some(Duration::from_millis(ticks * 10))
 }
 
-/// Largest memory of this process so far.
+/// Peak memory of this process so far.
 fn peak_memory() -> Option<usize> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find(|l| l.starts_with("VmHWM:"))?;

@@ -1,10 +1,10 @@
 //! Makes the stages of a phase from its plan: buffers, nodes and wires.
 
-use super::kept::Streams;
-use super::{Job, Values, tap};
+use super::cached_streams::CachedStreams;
+use super::{Job, Values, tap_writers};
 use crate::diag::Diagnostic;
 use crate::graph::{Graph, Link};
-use crate::plan::{BufferPlan, PlanIn, PlanNode, PlanOut, Region, What};
+use crate::plan::{BufferPlan, PlanInput, PlanNode, PlanOutput, Region, Runnable};
 use foley_nodes::core::buffer::{AnyBuffer, Budget};
 use foley_nodes::core::fault::Fault;
 use foley_nodes::core::files::{Files, Outputs};
@@ -17,26 +17,26 @@ use foley_nodes::core::stage::{InWire, OutWire, Stage, StageNode};
 use foley_nodes::core::time::Tick;
 use std::cell::RefCell;
 
-/// What nodes are built from.
-pub struct Site<'a> {
+/// Everything that nodes are built from.
+pub struct BuildSite<'a> {
     /// The graph.
     pub graph: &'a Graph,
     /// Shapes of its nodes.
     pub shapes: &'a [NodeShape],
     /// Longest window, ticks.
     pub window: Tick,
-    /// Where inputs come from.
+    /// The files that nodes read.
     pub files: &'a dyn Files,
-    /// Where outputs go.
+    /// The files that nodes write.
     pub outputs: &'a dyn Outputs,
-    /// What comes in while the graph plays.
+    /// Messages that arrive while the graph plays.
     pub inputs: &'a dyn Inputs,
     /// Seed of the graph.
     pub seed: u64,
 }
 
-impl<'a> Site<'a> {
-    /// Where the nodes of an offline run are built.
+impl<'a> BuildSite<'a> {
+    /// The site of an offline run.
     #[must_use]
     pub fn of(job: &'a Job<'_>) -> Self {
         let (graph, shapes, window) = (job.graph, &job.plan.shapes, job.plan.window);
@@ -44,7 +44,7 @@ impl<'a> Site<'a> {
         Self { graph, shapes, window, files, outputs, inputs: &NoInputs, seed: job.seed }
     }
 
-    /// The links of a node with the values that are known by now.
+    /// The shapes of the links of a node, with the values that are known.
     #[must_use]
     pub fn links(&self, n: usize, values: &Values) -> Vec<Vec<LinkShape>> {
         let graph = self.graph;
@@ -58,7 +58,7 @@ impl<'a> Site<'a> {
         graph.nodes[n].links.iter().map(|links| links.iter().filter_map(one).collect()).collect()
     }
 
-    /// What a node finds when it is built over these links.
+    /// The context in which a node is built over these links.
     #[must_use]
     pub fn build_cx<'b>(&'b self, n: usize, links: &'b [Vec<LinkShape>]) -> Build<'b> {
         Build {
@@ -75,29 +75,29 @@ impl<'a> Site<'a> {
     /// Makes a node.
     ///
     /// # Errors
-    /// Its fault, with its place in the text.
+    /// Its fault, with its source location.
     pub fn build(&self, n: usize, values: &Values) -> Result<Box<dyn DynNode>, Diagnostic> {
         let node = &self.graph.nodes[n];
         let links = self.links(n, values);
-        node.ty.build(&*node.params, &self.build_cx(n, &links)).map_err(|fault| self.told(n, fault))
+        node.ty.build(&*node.params, &self.build_cx(n, &links)).map_err(|fault| self.diagnostic(n, fault))
     }
 
-    /// A fault of a node with its place in the text.
-    fn told(&self, n: usize, fault: Fault) -> Diagnostic {
+    /// The diagnostic of a fault of a node.
+    fn diagnostic(&self, n: usize, fault: Fault) -> Diagnostic {
         let place = self.graph.place(n, fault.field.as_deref());
         Diagnostic::of_fault(fault, place, &self.graph.nodes[n].id)
     }
 }
 
-/// Makes a buffer; events grow as far as the budget goes.
+/// Makes a buffer; event buffers grow within the budget.
 pub fn buffer(plan: &BufferPlan, budget: &Budget) -> Box<dyn AnyBuffer> {
-    let (mut buffer, at) = match plan {
-        BufferPlan::Items { item, width, span, front, pad, at } => {
-            ((item.buffer)(*width, *span, *front, *pad), *at)
+    let (mut buffer, first) = match plan {
+        BufferPlan::Items { item, width, capacity, front, pad, first } => {
+            ((item.buffer)(*width, *capacity, *front, *pad), *first)
         }
-        BufferPlan::Events { event, span, at } => ((event.buffer)(*span, budget), *at),
+        BufferPlan::Events { event, capacity, first } => ((event.buffer)(*capacity, budget), *first),
     };
-    buffer.begin(at);
+    buffer.begin(first);
     buffer
 }
 
@@ -106,10 +106,10 @@ pub fn buffer(plan: &BufferPlan, budget: &Budget) -> Box<dyn AnyBuffer> {
 /// # Errors
 /// The faults of all nodes that could not be built.
 pub fn stage(job: &Job<'_>, region: &Region, values: &Values) -> Result<Stage, Vec<Diagnostic>> {
-    stage_with(job, region, values, &Streams::default(), &Budget::default())
+    stage_with(job, region, values, &CachedStreams::default(), &Budget::default())
 }
 
-/// The same, with streams that are read and written in place of nodes and taps.
+/// Makes the stage of one region, with streams that are read from the cache or written to it.
 ///
 /// # Errors
 /// The faults of all nodes that could not be built.
@@ -117,34 +117,34 @@ pub(super) fn stage_with(
     job: &Job<'_>,
     region: &Region,
     values: &Values,
-    streams: &Streams,
+    streams: &CachedStreams,
     budget: &Budget,
 ) -> Result<Stage, Vec<Diagnostic>> {
-    let site = Site::of(job);
-    assemble(region, values, budget, |what| match what {
-        What::Node(n) => match streams.reader(n) {
-            Some(reader) => reader.map_err(|fault| site.told(n, fault)),
+    let site = BuildSite::of(job);
+    assemble(region, values, budget, |runnable| match runnable {
+        Runnable::Node(n) => match streams.reader(n) {
+            Some(reader) => reader.map_err(|fault| site.diagnostic(n, fault)),
             None => site.build(n, values),
         },
-        What::Tap(k) => streams.writer(k).map_or_else(|| tap::writer(job, k), Ok),
+        Runnable::Tap(k) => streams.writer(k).map_or_else(|| tap_writers::writer(job, k), Ok),
     })
 }
 
-/// Makes the stage of one region out of nodes that `make` gives.
+/// Makes the stage of one region from the nodes that `make` returns.
 ///
 /// # Errors
-/// All that `make` refuses.
+/// All errors of `make`.
 pub fn assemble(
     region: &Region,
     values: &Values,
     budget: &Budget,
-    mut make: impl FnMut(What) -> Result<Box<dyn DynNode>, Diagnostic>,
+    mut make: impl FnMut(Runnable) -> Result<Box<dyn DynNode>, Diagnostic>,
 ) -> Result<Stage, Vec<Diagnostic>> {
     let mut nodes = Vec::new();
     let mut errors = Vec::new();
     for plan in &region.nodes {
-        match make(plan.job) {
-            Ok(node) => nodes.push(wired(plan, node, values)),
+        match make(plan.runnable) {
+            Ok(node) => nodes.push(wire_node(plan, node, values)),
             Err(error) => errors.push(error),
         }
     }
@@ -160,9 +160,9 @@ pub fn assemble(
     Ok(stage)
 }
 
-fn wired(plan: &PlanNode, node: Box<dyn DynNode>, values: &Values) -> StageNode {
-    let input = |wire: &PlanIn| match wire {
-        PlanIn::Stream { buffer, clock, behind, ahead, delay, width, rate } => Some(InWire::Stream {
+fn wire_node(plan: &PlanNode, node: Box<dyn DynNode>, values: &Values) -> StageNode {
+    let input = |wire: &PlanInput| match wire {
+        PlanInput::Stream { buffer, clock, behind, ahead, delay, width, rate } => Some(InWire::Stream {
             buffer: *buffer,
             clock: *clock,
             behind: *behind,
@@ -171,17 +171,17 @@ fn wired(plan: &PlanNode, node: Box<dyn DynNode>, values: &Values) -> StageNode 
             width: *width,
             rate: *rate,
         }),
-        PlanIn::Events { buffer, clock, behind, ahead } => {
+        PlanInput::Events { buffer, clock, behind, ahead } => {
             Some(InWire::Events { buffer: *buffer, clock: *clock, behind: *behind, ahead: *ahead })
         }
-        PlanIn::Value { node, port } => values.get(&(*node, *port)).cloned().map(InWire::Value),
+        PlanInput::Value { node, port } => values.get(&(*node, *port)).cloned().map(InWire::Value),
     };
-    let output = |wire: &PlanOut| match wire {
-        PlanOut::Stream { buffer, clock, width, rate } => {
+    let output = |wire: &PlanOutput| match wire {
+        PlanOutput::Stream { buffer, clock, width, rate } => {
             OutWire::Stream { buffer: *buffer, clock: *clock, width: *width, rate: *rate }
         }
-        PlanOut::Events { buffer, clock } => OutWire::Events { buffer: *buffer, clock: *clock },
-        PlanOut::Value => OutWire::Value(RefCell::default()),
+        PlanOutput::Events { buffer, clock } => OutWire::Events { buffer: *buffer, clock: *clock },
+        PlanOutput::Value => OutWire::Value(RefCell::default()),
     };
     StageNode {
         node,

@@ -1,5 +1,5 @@
-//! Where everything that a run writes will lie, looked at before it starts: nothing is written twice, over what the run
-//! reads, or out of its folder.
+//! The files that a run writes, checked before it starts: no file is written twice, overwrites an input or lies outside the
+//! output folder.
 
 use super::{DirOutputs, Tap};
 use crate::diag::{Diagnostic, Place};
@@ -10,17 +10,17 @@ use std::path::{Path, PathBuf};
 
 /// One file to be written.
 struct Target<'a> {
-    /// Where it will lie.
+    /// Its path.
     path: PathBuf,
-    /// Who writes it.
-    who: String,
-    /// The node that writes it, and where its path stands.
+    /// The node or flag that writes it.
+    writer: String,
+    /// The node that writes it, and the source location of its path.
     node: Option<(&'a str, Place)>,
 }
 
 impl Target<'_> {
     fn given(flag: &str, path: &Path) -> Self {
-        Self { path: path.to_owned(), who: flag.to_owned(), node: None }
+        Self { path: path.to_owned(), writer: flag.to_owned(), node: None }
     }
 
     fn error(&self, code: &'static str, message: String) -> Diagnostic {
@@ -31,7 +31,7 @@ impl Target<'_> {
     }
 }
 
-/// Finds files that would lie out of the output folder, in one place, or in the place of a file that was `asked` for.
+/// Finds targets outside the output folder, targets with the same path, and targets that overwrite a file in `asked`.
 #[must_use]
 pub fn check(
     graph: &Graph,
@@ -44,10 +44,10 @@ pub fn check(
     for (n, node) in graph.nodes.iter().enumerate() {
         for (field, path) in written(&node.ty, &*node.params) {
             let place = graph.place(n, Some(field));
-            match outputs.place(&path) {
+            match outputs.resolve(&path) {
                 Ok(path) => targets.push(Target {
                     path,
-                    who: format!("`{}`", node.id),
+                    writer: format!("`{}`", node.id),
                     node: Some((&node.id, place)),
                 }),
                 Err(e) => errors.push(Diagnostic::error(e.code, e.message, place).node(&node.id)),
@@ -56,33 +56,39 @@ pub fn check(
     }
     targets.extend(taps.iter().map(|tap| Target::given("--tap", &tap.path)));
     targets.extend(report.map(|path| Target::given("--report", path)));
-    errors.extend(clashes(&targets, asked));
+    errors.extend(conflicts(&targets, asked));
     errors
 }
 
-/// The same for files that are named on the command line alone, each with the flag that names it.
+/// Checks files that are named on the command line only, each with its flag.
 #[must_use]
 pub fn check_given(given: &[(&str, &Path)], asked: &Asked) -> Vec<Diagnostic> {
     let targets: Vec<Target<'_>> = given.iter().map(|(flag, path)| Target::given(flag, path)).collect();
-    clashes(&targets, asked)
+    conflicts(&targets, asked)
 }
 
-fn clashes(targets: &[Target<'_>], asked: &Asked) -> Vec<Diagnostic> {
+fn conflicts(targets: &[Target<'_>], asked: &Asked) -> Vec<Diagnostic> {
     let mut errors = Vec::new();
-    let read: HashSet<PathBuf> =
-        asked.files.keys().flat_map(|path| [fs::canonicalize(path).ok(), own_name(path)]).flatten().collect();
+    let read: HashSet<PathBuf> = asked
+        .files
+        .keys()
+        .flat_map(|path| [fs::canonicalize(path).ok(), resolved_path(path)])
+        .flatten()
+        .collect();
     let mut first: HashMap<PathBuf, usize> = HashMap::new();
     for (k, target) in targets.iter().enumerate() {
-        let (who, shown) = (&target.who, target.path.display());
-        let Some(real) = own_name(&target.path) else { continue };
+        let (writer, shown) = (&target.writer, target.path.display());
+        let Some(real) = resolved_path(&target.path) else { continue };
         if read.contains(&real) {
-            let found = target.error("F085", format!("{who} would replace {shown}, which this run reads"));
+            let found = target.error("F085", format!("{writer} would replace {shown}, which this run reads"));
             errors.push(found.help("write to another name or, with --out, to another folder"));
         }
         match first.get(&real).map(|&k| &targets[k]) {
-            // Outputs of the graph come first, so the one with a place, if any, is the earlier.
+            // Outputs of the graph come first, so the target with a source location, if any, is the earlier one.
             Some(earlier) => {
-                errors.push(earlier.error("F081", format!("{} and {who} both write {shown}", earlier.who)));
+                errors.push(
+                    earlier.error("F081", format!("{} and {writer} both write {shown}", earlier.writer)),
+                );
             }
             None => drop(first.insert(real, k)),
         }
@@ -90,14 +96,14 @@ fn clashes(targets: &[Target<'_>], asked: &Asked) -> Vec<Diagnostic> {
     errors
 }
 
-/// A file by its own name in its folder, wherever links in the file system lead to that folder; `None` for no file.
-fn own_name(path: &Path) -> Option<PathBuf> {
+/// The path of a file with its folder resolved, but without following a link at its own name; `None` for a folder.
+fn resolved_path(path: &Path) -> Option<PathBuf> {
     let name = path.file_name()?;
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    // What does not exist yet is below what does.
-    let there = folder.ancestors().find_map(|above| Some((above, fs::canonicalize(nonempty(above)).ok()?)));
-    let (above, real) = there?;
-    Some(real.join(folder.strip_prefix(above).ok()?).join(name))
+    let existing =
+        folder.ancestors().find_map(|ancestor| Some((ancestor, fs::canonicalize(nonempty(ancestor)).ok()?)));
+    let (ancestor, real) = existing?;
+    Some(real.join(folder.strip_prefix(ancestor).ok()?).join(name))
 }
 
 fn nonempty(path: &Path) -> &Path {

@@ -1,31 +1,31 @@
-//! What became different between two graphs, by the ids of their nodes.
+//! The differences of two graphs, by the ids of their nodes.
 
-use super::{Contents, Key};
+use super::snapshot::{Contents, Key};
 use crate::graph::{Graph, GraphNode};
 use std::collections::{BTreeSet, HashMap};
 use std::fmt;
 
-/// What became different.
+/// The differences of two graphs.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Changes {
     /// Parameters, as `node.param`.
     pub params: Vec<String>,
-    /// Inputs that are linked differently, as `node.input`.
+    /// Inputs with different links, as `node.input`.
     pub links: Vec<String>,
-    /// Nodes that were not there.
+    /// Nodes that were added.
     pub added: Vec<String>,
-    /// Nodes that are not there any more.
+    /// Nodes that were removed.
     pub removed: Vec<String>,
-    /// Nodes that have another type.
+    /// Nodes with a different type.
     pub types: Vec<String>,
-    /// Files with another content that are no texts of the graph.
+    /// Changed files, without the texts of the graph.
     pub files: Vec<String>,
-    /// Whether the seed of all randomness is another one.
+    /// True if the seed is different.
     pub seed: bool,
 }
 
 impl Changes {
-    /// Compares two graphs, and what was in the files that they read.
+    /// Compares two graphs, and the contents of the files that they read.
     #[must_use]
     pub fn between(old: (&Graph, &Contents), new: (&Graph, &Contents)) -> Self {
         let mut changes = Self { seed: old.0.seed != new.0.seed, ..Self::default() };
@@ -35,41 +35,45 @@ impl Changes {
         let (before, after) = (by_id(old.0), by_id(new.0));
         for node in &new.0.nodes {
             match before.get(&node.id) {
-                Some(&k) => changes.node((old.0, &old.0.nodes[k]), (new.0, node)),
+                Some(&k) => changes.compare_nodes((old.0, &old.0.nodes[k]), (new.0, node)),
                 None => changes.added.push(node.id.clone()),
             }
         }
-        let gone = old.0.nodes.iter().filter(|n| !after.contains_key(&n.id));
-        changes.removed = gone.map(|n| n.id.clone()).collect();
+        let removed = old.0.nodes.iter().filter(|n| !after.contains_key(&n.id));
+        changes.removed = removed.map(|n| n.id.clone()).collect();
         let texts: BTreeSet<&str> =
             old.0.sources.iter().chain(new.0.sources.iter()).map(|s| s.name.as_str()).collect();
-        let other = |(key, content): &(&Key, _)| old.1.get(*key).is_some_and(|was| was != *content);
-        let files = new.1.iter().filter(other).map(|(key, _)| key.name());
+        let changed = |(key, content): &(&Key, _)| old.1.get(*key).is_some_and(|old| old != *content);
+        let files = new.1.iter().filter(changed).map(|(key, _)| key.name());
         changes.files = files.filter(|name| !texts.contains(name.as_str())).collect();
         changes
     }
 
-    fn node(&mut self, (old, was): (&Graph, &GraphNode), (new, is): (&Graph, &GraphNode)) {
-        if was.ty.name != is.ty.name {
-            self.types.push(is.id.clone());
+    fn compare_nodes(
+        &mut self,
+        (old, old_node): (&Graph, &GraphNode),
+        (new, new_node): (&Graph, &GraphNode),
+    ) {
+        if old_node.ty.name != new_node.ty.name {
+            self.types.push(new_node.id.clone());
             return;
         }
-        for ((name, was), (_, now)) in was.params.write().iter().zip(is.params.write()) {
-            if *was != now {
-                self.params.push(format!("{}.{name}", is.id));
+        for ((name, old), (_, new)) in old_node.params.write().iter().zip(new_node.params.write()) {
+            if *old != new {
+                self.params.push(format!("{}.{name}", new_node.id));
             }
         }
         let from = |graph: &Graph, node: &GraphNode, port: usize| -> Vec<(String, usize)> {
             node.links[port].iter().map(|l| (graph.nodes[l.node].id.clone(), l.port)).collect()
         };
-        for (port, spec) in is.ty.inputs.iter().enumerate() {
-            if from(old, was, port) != from(new, is, port) {
-                self.links.push(format!("{}.{}", is.id, spec.name));
+        for (port, spec) in new_node.ty.inputs.iter().enumerate() {
+            if from(old, old_node, port) != from(new, new_node, port) {
+                self.links.push(format!("{}.{}", new_node.id, spec.name));
             }
         }
     }
 
-    /// Whether nothing became different but comments or layout.
+    /// Returns true if at most comments and layout are different.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         *self == Self::default()
@@ -86,8 +90,8 @@ impl fmt::Display for Changes {
             (&self.types, "node", "of another type"),
             (&self.files, "file", "changed"),
         ];
-        let told = kinds.iter().filter(|(names, ..)| !names.is_empty());
-        let mut parts: Vec<String> = told
+        let listed = kinds.iter().filter(|(names, ..)| !names.is_empty());
+        let mut parts: Vec<String> = listed
             .map(|(names, what, how)| {
                 let plural = if names.len() == 1 { "" } else { "s" };
                 format!("{} {what}{plural} {how} ({})", names.len(), list(names))
@@ -103,12 +107,12 @@ impl fmt::Display for Changes {
     }
 }
 
-/// The first names of a list.
+/// Joins the first four names of a list.
 #[must_use]
 pub fn list(names: &[String]) -> String {
-    const MOST: usize = 4;
-    let shown = names.iter().take(MOST).map(String::as_str).collect::<Vec<_>>().join(", ");
-    match names.len().saturating_sub(MOST) {
+    const MAX_NAMES: usize = 4;
+    let shown = names.iter().take(MAX_NAMES).map(String::as_str).collect::<Vec<_>>().join(", ");
+    match names.len().saturating_sub(MAX_NAMES) {
         0 => shown,
         more => format!("{shown} and {more} more"),
     }
@@ -143,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn another_link_and_another_node_are_told_apart() {
+    fn a_changed_link_and_an_added_node_are_distinguished() {
         let before = format!("{TWO}, \"out\": WavOut(audio: \"a\", path: \"a.wav\")");
         assert_eq!(
             between(&before, &before.replace("\"a\", path", "\"b\", path")),

@@ -1,4 +1,4 @@
-//! Events of the file system: when to look.
+//! Events of the file system, as hints to compare files.
 
 use crossbeam_channel::Sender;
 use notify::{EventKind, RecommendedWatcher, RecursiveMode, event::AccessKind, event::AccessMode};
@@ -7,55 +7,55 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant, SystemTime};
 
-/// How long events are gathered before they are handed on.
-const GATHER: Duration = Duration::from_millis(30);
+/// Time for which events are gathered before they are sent.
+const GATHER_TIME: Duration = Duration::from_millis(30);
 
-/// A reason to look.
+/// A hint that files may have changed.
 #[derive(Clone, Debug)]
-pub struct Glance {
-    /// What may have changed; empty where the system lost count.
+pub struct ChangeHint {
+    /// Paths that may have changed; empty if the system has lost events.
     pub paths: Vec<PathBuf>,
-    /// When the first of it happened.
+    /// Time of the first change.
     pub at: Instant,
 }
 
-/// Waits for events in folders.
+/// Watches folders for events.
 ///
-/// Folders are watched one by one, not with what is below them: what a graph reads may lie beside a whole archive.
-pub struct Events {
+/// Folders are watched without their sub-folders: the files of a graph may lie beside a large archive.
+pub struct FolderEvents {
     watcher: Debouncer<RecommendedWatcher, NoCache>,
     watched: BTreeMap<PathBuf, Option<Identity>>,
 }
 
-/// What tells a folder from another one that was put in its place.
+/// Distinguishes a folder from another one that replaced it.
 type Identity = (u64, u64, Option<SystemTime>);
 
-impl Events {
-    /// Starts to send a reason to look for each bundle of events.
+impl FolderEvents {
+    /// Starts to send a hint for each group of events.
     ///
     /// # Errors
-    /// When the system has no events.
+    /// When the system provides no events.
     pub fn new<M: Send + 'static>(
         to: Sender<M>,
-        wrap: impl Fn(Glance) -> M + Send + 'static,
+        wrap: impl Fn(ChangeHint) -> M + Send + 'static,
     ) -> notify::Result<Self> {
-        let hand_on = move |result: DebounceEventResult| {
-            if let Some(glance) = glance(result) {
-                let _ = to.send(wrap(glance));
+        let send = move |result: DebounceEventResult| {
+            if let Some(hint) = change_hint(result) {
+                let _ = to.send(wrap(hint));
             }
         };
         let tick = Some(Duration::from_millis(10));
-        let watcher = new_debouncer_opt(GATHER, tick, hand_on, NoCache, notify::Config::default())?;
+        let watcher = new_debouncer_opt(GATHER_TIME, tick, send, NoCache, notify::Config::default())?;
         Ok(Self { watcher, watched: BTreeMap::new() })
     }
 
-    /// Waits in exactly these folders from now on.
+    /// Sets the folders that are watched.
     ///
     /// # Errors
-    /// The first of those that cannot be watched, and why.
-    pub fn follow(&mut self, folders: &BTreeSet<PathBuf>) -> Result<(), (PathBuf, notify::Error)> {
-        let gone: Vec<PathBuf> = self.watched.keys().filter(|f| !folders.contains(*f)).cloned().collect();
-        for folder in gone {
+    /// The first folder that cannot be watched, with the reason.
+    pub fn set_folders(&mut self, folders: &BTreeSet<PathBuf>) -> Result<(), (PathBuf, notify::Error)> {
+        let removed: Vec<PathBuf> = self.watched.keys().filter(|f| !folders.contains(*f)).cloned().collect();
+        for folder in removed {
             let _ = self.watcher.unwatch(&folder);
             self.watched.remove(&folder);
         }
@@ -72,7 +72,7 @@ impl Events {
                 Ok(()) => {
                     self.watched.insert(folder.clone(), identity);
                 }
-                // One that has gone meanwhile is no failure: the folder above it is watched as well.
+                // A folder that was removed meanwhile is no failure: its parent is watched as well.
                 Err(_) if !folder.is_dir() => {}
                 Err(e) => failed = failed.and(Err((folder.clone(), e))),
             }
@@ -80,27 +80,28 @@ impl Events {
         failed
     }
 
-    /// Takes up the watch of a folder anew at the next [`Events::follow`]: something happened to the folder itself.
-    pub fn doubt(&mut self, path: &Path) {
+    /// Renews the watch of a folder at the next [`FolderEvents::set_folders`]: an event concerned the folder itself.
+    pub fn invalidate(&mut self, path: &Path) {
         if let Some(identity) = self.watched.get_mut(path) {
             *identity = None;
         }
     }
 }
 
-fn glance(result: DebounceEventResult) -> Option<Glance> {
-    let Ok(events) = result else { return Some(Glance { paths: Vec::new(), at: Instant::now() }) };
-    let tells = |e: &&DebouncedEvent| match e.kind {
-        // Reading a file is no reason to read it again.
+fn change_hint(result: DebounceEventResult) -> Option<ChangeHint> {
+    let Ok(events) = result else { return Some(ChangeHint { paths: Vec::new(), at: Instant::now() }) };
+    let is_change = |e: &&DebouncedEvent| match e.kind {
+        // Read access is no change.
         EventKind::Access(AccessKind::Close(AccessMode::Write)) => true,
         EventKind::Access(_) => false,
         _ => true,
     };
-    let told: Vec<&DebouncedEvent> = events.iter().filter(tells).collect();
-    let at = told.iter().map(|e| e.time).min()?;
-    let lost = told.iter().any(|e| e.need_rescan());
-    let paths = if lost { Vec::new() } else { told.iter().flat_map(|e| e.paths.iter().cloned()).collect() };
-    Some(Glance { paths, at })
+    let changes: Vec<&DebouncedEvent> = events.iter().filter(is_change).collect();
+    let at = changes.iter().map(|e| e.time).min()?;
+    let lost = changes.iter().any(|e| e.need_rescan());
+    let paths =
+        if lost { Vec::new() } else { changes.iter().flat_map(|e| e.paths.iter().cloned()).collect() };
+    Some(ChangeHint { paths, at })
 }
 
 fn identity(folder: &Path) -> Option<Identity> {
@@ -112,6 +113,6 @@ fn identity(folder: &Path) -> Option<Identity> {
     };
     #[cfg(not(unix))]
     let (device, inode) = (0, 0);
-    // A number can be used again for the next folder, its birth can not.
+    // The system can reuse an inode number for the next folder, but not with the same creation time.
     Some((device, inode, meta.created().ok()))
 }

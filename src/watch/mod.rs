@@ -1,14 +1,14 @@
-//! Notices that a graph, or anything that it reads, has another content than before, and says what became different.
+//! Reports that a graph, or a file that it reads, has changed, and the differences.
 //!
-//! Events only say when to look ([`Events`]); whether something has changed is decided by content ([`Seen`]), and what
-//! that means for the graph by comparing node by node ([`Changes`]).
+//! Events ([`FolderEvents`]) only trigger a comparison; changes are found by comparing contents ([`Snapshot`]), and their effect on
+//! the graph by comparing it node by node ([`Changes`]).
 
 mod changes;
 mod events;
-mod eyes;
-mod seen;
+mod file_watcher;
+mod snapshot;
 
 pub use changes::{Changes, list};
-pub use events::{Events, Glance};
-pub use eyes::Eyes;
-pub use seen::{Content, Contents, Key, Seen};
+pub use events::{ChangeHint, FolderEvents};
+pub use file_watcher::FileWatcher;
+pub use snapshot::{Content, Contents, Key, Snapshot};

@@ -2,7 +2,7 @@
 
 use foley::diag::Diagnostic;
 use foley::graph::{DirFiles, Graph, Limits, LoadOptions, load};
-use foley::memo::{Memo, Rule, Store, beside};
+use foley::memo::{CachePolicy, Memo, Store, default_dir};
 use foley::plan::{Plan, PlanOptions};
 use foley::run::{DirOutputs, Job, Progress, Report, Tap, run};
 use foley_nodes::core::ports::PortKind;
@@ -41,18 +41,23 @@ Graph(
 ";
 
 /// Keeps no streams, so that a test can look at values alone.
-pub const NONE: Rule = Rule { per_byte: 1.0, least: f64::INFINITY, read: 0.0, most_nodes: 0 };
+pub const NONE: CachePolicy = CachePolicy {
+    seconds_per_byte: 1.0,
+    min_seconds: f64::INFINITY,
+    read_seconds_per_byte: 0.0,
+    max_nodes: 0,
+};
 
 pub struct Project {
     pub dir: tempfile::TempDir,
     pub cap: u64,
-    pub rule: Rule,
+    pub policy: CachePolicy,
     pub threads: usize,
 }
 
 impl Project {
     pub fn new(text: &str) -> Self {
-        let project = Self { dir: tempfile::tempdir().unwrap(), cap: 1 << 30, rule: NONE, threads: 1 };
+        let project = Self { dir: tempfile::tempdir().unwrap(), cap: 1 << 30, policy: NONE, threads: 1 };
         project.edit(text);
         if text == MODEL {
             project.record("a.wav", 3);
@@ -93,7 +98,7 @@ impl Project {
 
     pub fn memo(&self) -> Memo {
         let path = self.path("graph.ron");
-        Memo::new(beside(&path), self.cap, &path).with_rule(self.rule)
+        Memo::new(default_dir(&path), self.cap, &path).with_policy(self.policy)
     }
     pub fn run_over(&self, memo: Option<&Memo>, options: &PlanOptions, tap: Option<&str>) -> Report {
         self.try_over(memo, options, tap).unwrap()
@@ -140,7 +145,7 @@ impl Project {
     }
 
     pub fn store(&self) -> Store {
-        Store::new(beside(&self.path("graph.ron")), self.cap)
+        Store::new(default_dir(&self.path("graph.ron")), self.cap)
     }
 
     pub fn entries(&self) -> Vec<PathBuf> {

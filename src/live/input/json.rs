@@ -1,4 +1,4 @@
-//! Messages as JSON, one object in each line.
+//! Messages as JSON lines.
 
 use super::hub::Hub;
 use foley_nodes::live_input::{ContactMessage, contact_to_message, control_to_message, impact_to_message};
@@ -7,15 +7,15 @@ use serde_json::{Map, Value};
 use std::io::BufRead;
 use std::time::Duration;
 
-/// Longest line.
-const LONGEST: usize = 64 * 1024;
+/// Maximum bytes of a line.
+const MAX_LINE_BYTES: usize = 64 * 1024;
 
-/// What a line without a mass means.
+/// Defaults of an impact.
 fn defaults() -> Defaults {
     Defaults { body: Body { mass: 0.1, restitution: 0.5 }, hardness: 1.0, objects: Vec::new() }
 }
 
-/// The RON text of a JSON value that a parameter can have.
+/// Converts a JSON value of a parameter to RON.
 fn ron(value: &Value) -> Option<String> {
     match value {
         Value::Bool(_) | Value::Number(_) => Some(value.to_string()),
@@ -32,15 +32,15 @@ fn ron(value: &Value) -> Option<String> {
     }
 }
 
-/// Takes one line:
+/// Reads one line:
 ///
-/// - `{"impact": CHANNEL, "velocity": 2.0, ...}`: a blow, with the keys of an impact file; `in` seconds from now.
+/// - `{"impact": CHANNEL, "velocity": 2.0, ...}`: an impact, with the keys of an impact file; `in` seconds from now.
 /// - `{"contact": CHANNEL, "id": 1, "a": 0, ...}`: one frame of a contact, or `"contacts": [...]` with all of a frame.
 /// - `{"control": CHANNEL, "values": [...]}`: numbers for a `LiveControl`.
 /// - `{"set": NAME, "value": VALUE}`: a parameter, as with `--set`.
 ///
 /// # Errors
-/// What was found and what would be right.
+/// A message with the error found and the expected form.
 pub fn read_line(line: &str, hub: &Hub) -> Result<(), String> {
     let mut object: Map<String, Value> =
         serde_json::from_str(line).map_err(|e| format!("no JSON object on one line: {e}"))?;
@@ -60,8 +60,8 @@ pub fn read_line(line: &str, hub: &Hub) -> Result<(), String> {
     if let Some(channel) = text(&mut object, "impact")? {
         object.insert("time_s".to_owned(), Value::from(0));
         let line = Value::Object(object).to_string();
-        let blows = read_impacts(line.as_bytes(), &defaults()).map_err(|e| e.message)?;
-        for message in blows.iter().filter_map(|(_, blow)| impact_to_message(blow)) {
+        let impacts = read_impacts(line.as_bytes(), &defaults()).map_err(|e| e.message)?;
+        for message in impacts.iter().filter_map(|(_, impact)| impact_to_message(impact)) {
             hub.deliver(&channel, message, wait);
         }
         return Ok(());
@@ -85,7 +85,7 @@ pub fn read_line(line: &str, hub: &Hub) -> Result<(), String> {
     Err("one of `impact`, `contact`, `control` and `set` is needed".to_owned())
 }
 
-/// One contact, or a list of them.
+/// Delivers one contact, or all contacts of a frame.
 fn contacts(channel: &str, mut object: Map<String, Value>, wait: Duration, hub: &Hub) -> Result<(), String> {
     let one = |object: &Map<String, Value>| {
         let sent = ContactMessage::from_json(object)?;
@@ -99,7 +99,7 @@ fn contacts(channel: &str, mut object: Map<String, Value>, wait: Duration, hub: 
         return Err(format!("`{key}` stands beside `contacts`; it belongs to each of them"));
     }
     let Value::Array(list) = list else { return Err("`contacts` has to be a list".to_owned()) };
-    // All or none: half a frame would end the contacts of the other half.
+    // All or none: a part of a frame would end the other contacts.
     let messages: Result<Vec<_>, _> = list
         .iter()
         .map(|item| one(item.as_object().ok_or("`contacts` has to be a list of objects")?))
@@ -108,14 +108,14 @@ fn contacts(channel: &str, mut object: Map<String, Value>, wait: Duration, hub: 
     Ok(())
 }
 
-/// Takes lines until there are no more; tells of those that are wrong.
-pub fn take_lines(mut from: impl BufRead, hub: &Hub, mut tell: impl FnMut(u64, &str)) {
+/// Reads lines to the end; calls `report` with the number and the error of each wrong line.
+pub fn read_lines(mut from: impl BufRead, hub: &Hub, mut report: impl FnMut(u64, &str)) {
     let mut line = Vec::new();
     let mut number = 0;
     loop {
         line.clear();
         number += 1;
-        let mut limited = std::io::Read::take(&mut from, LONGEST as u64);
+        let mut limited = std::io::Read::take(&mut from, MAX_LINE_BYTES as u64);
         match limited.read_until(b'\n', &mut line) {
             Ok(0) | Err(_) => return,
             Ok(_) => {}
@@ -126,7 +126,7 @@ pub fn take_lines(mut from: impl BufRead, hub: &Hub, mut tell: impl FnMut(u64, &
         }
         if let Err(message) = read_line(text.trim(), hub) {
             hub.reject();
-            tell(number, &message);
+            report(number, &message);
         }
     }
 }
@@ -148,9 +148,9 @@ mod tests {
         let lines = "{\"impact\": \"hits\", \"velocity\": 2, \"mass\": 0.5}\n\n\
             {\"control\": \"pos\", \"values\": [1, 2.5, -3]}\n{\"set\": \"level\", \"value\": 0.5}\n{\"oops\": 1}\n";
         let mut wrong = Vec::new();
-        take_lines(lines.as_bytes(), &hub, |line, message| wrong.push(format!("{line}: {message}")));
-        let blow = impact_from_message(&hits.next(1).unwrap().1).unwrap();
-        assert!((blow.energy - 1.0).abs() < 1e-6);
+        read_lines(lines.as_bytes(), &hub, |line, message| wrong.push(format!("{line}: {message}")));
+        let impact = impact_from_message(&hits.next(1).unwrap().1).unwrap();
+        assert!((impact.energy - 1.0).abs() < 1e-6);
         assert_eq!(numbers.next(1).unwrap().1.numbers(), [1.0, 2.5, -3.0]);
         assert_eq!(set.recv().unwrap(), super::super::Set { target: "level".into(), value: "0.5".into() });
         assert_eq!(wrong, ["5: one of `impact`, `contact`, `control` and `set` is needed"]);
@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn contacts_come_alone_or_all_of_a_frame_at_once() {
+    fn contacts_arrive_alone_or_as_a_whole_frame() {
         let hub = Hub::new(unbounded().0);
         let mut inbox = hub.open("ball").unwrap();
         let one = "\"id\": 1, \"a\": 0, \"b\": 1, \"point\": [0,0,0], \"normal\": [0,0,1], \"force\": 2, \"velocity\": [1,0,0]";
@@ -179,22 +179,22 @@ mod tests {
     }
 
     #[test]
-    fn no_line_does_harm() {
+    fn damaged_lines_do_not_panic() {
         let hub = Hub::new(unbounded().0);
         let _inbox = hub.open("hits");
         let good = "{\"impact\": \"hits\", \"velocity\": 2, \"mass\": 0.5, \"in\": 0.1}";
         for seed in 0..3000 {
-            let mut draw = Rng::new(seed);
+            let mut rng = Rng::new(seed);
             let mut bytes = good.as_bytes().to_vec();
-            for _ in 0..1 + draw.below(4) {
-                let at = draw.below(bytes.len());
-                match draw.below(3) {
-                    0 => bytes[at] = draw.below(256) as u8,
+            for _ in 0..1 + rng.below(4) {
+                let at = rng.below(bytes.len());
+                match rng.below(3) {
+                    0 => bytes[at] = rng.below(256) as u8,
                     1 => drop(bytes.remove(at)),
-                    _ => bytes.insert(at, b"{}[]\",:0e-1"[draw.below(11)]),
+                    _ => bytes.insert(at, b"{}[]\",:0e-1"[rng.below(11)]),
                 }
             }
-            take_lines(&bytes[..], &hub, |_, _| {});
+            read_lines(&bytes[..], &hub, |_, _| {});
         }
         assert!(hub.malformed.load(Relaxed) > 1000);
     }

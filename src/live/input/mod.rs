@@ -1,13 +1,13 @@
-//! What comes in while a graph plays: OSC over UDP, JSON lines on standard input, and frames of meshes over TCP.
+//! Messages that arrive while a graph plays: OSC over UDP, JSON lines on standard input, and frames of meshes over TCP.
 
 mod hub;
 mod json;
-mod listening;
+mod listener;
 mod meshes;
 mod osc;
 
 pub use hub::{Hub, Moment, Set};
-pub use json::{read_line, take_lines};
-pub use listening::Listening;
-pub use meshes::{MAGIC, VERSION, listen_to_meshes, take_frames};
-pub use osc::{listen, read_packet};
+pub use json::{read_line, read_lines};
+pub use listener::Listener;
+pub use meshes::{MAGIC, VERSION, listen_to_meshes, read_frames};
+pub use osc::{listen_to_osc, read_packet};

@@ -2,15 +2,15 @@
 //!
 //! | address | arguments |
 //! |---|---|
-//! | `/foley/impact/CHANNEL` | energy in J, then as far as wanted hardness, object, point, x, y, z |
-//! | `/foley/contact/CHANNEL` | id, a, b, point (3), normal (3), force, velocity (3), then as far as wanted approach, mass, travel over a (3), step; or an id alone, which ends it |
+//! | `/foley/impact/CHANNEL` | energy in J, then optionally hardness, object, point, x, y, z |
+//! | `/foley/contact/CHANNEL` | id, a, b, point (3), normal (3), force, velocity (3), then optionally approach, mass, travel over a (3), step; or only an id, which ends the contact |
 //! | `/foley/control/CHANNEL` | up to 16 numbers |
-//! | `/foley/set/NAME` | a number, text or truth value; `/foley/set/NODE/PARAM` for a node's own |
+//! | `/foley/set/NAME` | a number, text or Boolean; `/foley/set/NODE/PARAM` for the parameter of a node |
 //!
-//! The time of a bundle is kept: what it holds happens then, or at once where that has passed.
+//! The messages of a bundle take effect at its time, or at once if that has passed.
 
 use super::hub::Hub;
-use super::listening::Listening;
+use super::listener::Listener;
 use foley_nodes::live_input::{ContactMessage, contact_to_message, control_to_message, impact_to_message};
 use foley_nodes::modal::{Body, Impact};
 use rosc::{OscPacket, OscTime, OscType};
@@ -19,14 +19,14 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-/// Seconds from 1900, where OSC counts from, to 1970.
+/// Seconds from 1900, the epoch of OSC, to 1970.
 const EPOCH: f64 = 2_208_988_800.0;
-/// Bundles within bundles that are followed.
-const DEEPEST: usize = 8;
+/// Maximum depth of nested bundles.
+const MAX_DEPTH: usize = 8;
 
-/// How long from now a time tag is.
+/// Time from now to a time tag.
 fn wait(time: OscTime, now: f64) -> Duration {
-    // 1 in the fraction alone means at once.
+    // The time tag (0, 1) means at once.
     if (time.seconds, time.fractional) == (0, 1) {
         return Duration::ZERO;
     }
@@ -45,7 +45,7 @@ fn number(argument: &OscType) -> Option<f64> {
     }
 }
 
-/// A value as `--set` takes it.
+/// Converts a parameter value to RON.
 fn ron(argument: &OscType) -> Option<String> {
     match argument {
         OscType::Int(x) => Some(x.to_string()),
@@ -59,26 +59,27 @@ fn ron(argument: &OscType) -> Option<String> {
     }
 }
 
-/// The blow of a message's numbers.
+/// Makes an impact from the numbers of a message.
 fn impact(numbers: &[f64]) -> Option<Impact> {
     let &energy = numbers.first()?;
     if !(0.0..=1e9).contains(&energy) {
         return None;
     }
     let mut impact = Impact::from_energy(energy, Body { mass: 0.1, restitution: 0.5 });
-    let whole = |k: usize| match numbers.get(k) {
+    let index = |k: usize| match numbers.get(k) {
         None => Some(0),
         Some(x) => (x.fract() == 0.0 && (0.0..=1e6).contains(x)).then_some(*x as u32),
     };
     impact.hardness = numbers.get(1).map_or(1.0, |x| *x as f32);
-    (impact.object, impact.point) = (whole(2)?, whole(3)?);
-    for (place, x) in impact.position.iter_mut().zip(numbers.get(4..).unwrap_or_default()) {
-        *place = *x as f32;
+    (impact.object, impact.point) = (index(2)?, index(3)?);
+    for (coordinate, x) in impact.position.iter_mut().zip(numbers.get(4..).unwrap_or_default()) {
+        *coordinate = *x as f32;
     }
     impact.is_valid().then_some(impact)
 }
 
-fn message(message: &rosc::OscMessage, wait: Duration, hub: &Hub) -> Option<()> {
+/// Delivers a message; `None` if it is malformed.
+fn deliver_message(message: &rosc::OscMessage, wait: Duration, hub: &Hub) -> Option<()> {
     let path = message.addr.strip_prefix("/foley/")?;
     let (kind, name) = path.split_once('/')?;
     if name.is_empty() {
@@ -97,43 +98,40 @@ fn message(message: &rosc::OscMessage, wait: Duration, hub: &Hub) -> Option<()> 
     Some(())
 }
 
-fn packet(packet: &OscPacket, time: Duration, now: f64, depth: usize, hub: &Hub) {
+/// Delivers the messages of a packet.
+fn deliver_packet(packet: &OscPacket, time: Duration, now: f64, depth: usize, hub: &Hub) {
     match packet {
         OscPacket::Message(m) => {
-            if message(m, time, hub).is_none() {
+            if deliver_message(m, time, hub).is_none() {
                 hub.reject();
             }
         }
-        OscPacket::Bundle(bundle) if depth < DEEPEST => {
+        OscPacket::Bundle(bundle) if depth < MAX_DEPTH => {
             let time = wait(bundle.timetag, now);
-            bundle.content.iter().for_each(|p| packet_in(p, time, now, depth, hub));
+            bundle.content.iter().for_each(|inner| deliver_packet(inner, time, now, depth + 1, hub));
         }
         OscPacket::Bundle(_) => hub.reject(),
     }
 }
 
-fn packet_in(inner: &OscPacket, time: Duration, now: f64, depth: usize, hub: &Hub) {
-    packet(inner, time, now, depth + 1, hub);
-}
-
-/// Takes one packet; what cannot be understood is counted.
+/// Reads one packet; malformed ones are counted.
 pub fn read_packet(bytes: &[u8], hub: &Hub) {
     let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs_f64();
     match rosc::decoder::decode_udp(bytes) {
-        Ok((_, found)) => packet(&found, Duration::ZERO, now, 0, hub),
+        Ok((_, found)) => deliver_packet(&found, Duration::ZERO, now, 0, hub),
         Err(_) => hub.reject(),
     }
 }
 
-/// Listens for packets.
+/// Listens for OSC packets.
 ///
 /// # Errors
-/// When the address cannot be had.
-pub fn listen(at: SocketAddr, hub: Arc<Hub>) -> std::io::Result<Listening> {
+/// When the address cannot be bound.
+pub fn listen_to_osc(at: SocketAddr, hub: Arc<Hub>) -> std::io::Result<Listener> {
     let socket = UdpSocket::bind(at)?;
     socket.set_read_timeout(Some(Duration::from_millis(100)))?;
     let at = socket.local_addr()?;
-    Ok(Listening::start(at, move |stop| {
+    Ok(Listener::start(at, move |stop| {
         let mut bytes = vec![0; 65_536];
         while !stop.load(Relaxed) {
             if let Ok(n) = socket.recv(&mut bytes) {
@@ -171,8 +169,8 @@ mod tests {
         for wrong in ["/foley/impact/hits", "/foley/nothing/x", "/other", "/foley/set/"] {
             read_packet(&bytes(wrong, Vec::new()), &hub);
         }
-        let blow = impact_from_message(&hits.next(1).unwrap().1).unwrap();
-        assert_eq!((blow.energy, blow.hardness, blow.object), (0.5, 0.1, 2));
+        let impact = impact_from_message(&hits.next(1).unwrap().1).unwrap();
+        assert_eq!((impact.energy, impact.hardness, impact.object), (0.5, 0.1, 2));
         assert_eq!(numbers.next(1).unwrap().1.numbers(), [1.0, -2.0]);
         assert_eq!(
             set.recv().unwrap(),
@@ -182,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn a_bundle_brings_all_contacts_of_a_frame() {
+    fn a_bundle_delivers_all_contacts_of_a_frame() {
         let hub = Hub::new(unbounded().0);
         let mut inbox = hub.open("ball").unwrap();
         let contact = |id: i32| {
@@ -205,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn a_bundle_keeps_its_time() {
+    fn the_messages_of_a_bundle_have_its_time() {
         let hub = Hub::new(unbounded().0);
         let mut inbox = hub.open("c").unwrap();
         let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap().as_secs_f64() + EPOCH + 0.5;
@@ -218,19 +216,19 @@ mod tests {
     }
 
     #[test]
-    fn no_packet_does_harm() {
+    fn damaged_packets_do_not_panic() {
         let hub = Hub::new(unbounded().0);
         let _inbox = hub.open("hits");
         let good = bytes("/foley/impact/hits", vec![OscType::Float(0.5), OscType::Int(1)]);
         for seed in 0..5000 {
-            let mut draw = Rng::new(seed);
+            let mut rng = Rng::new(seed);
             let mut bytes = good.clone();
-            for _ in 0..1 + draw.below(6) {
-                let at = draw.below(bytes.len());
-                match draw.below(3) {
+            for _ in 0..1 + rng.below(6) {
+                let at = rng.below(bytes.len());
+                match rng.below(3) {
                     0 => bytes.truncate(at.max(1)),
-                    1 => bytes[at] = draw.below(256) as u8,
-                    _ => bytes.push(draw.below(256) as u8),
+                    1 => bytes[at] = rng.below(256) as u8,
+                    _ => bytes.push(rng.below(256) as u8),
                 }
             }
             read_packet(&bytes, &hub);
@@ -238,10 +236,10 @@ mod tests {
     }
 
     #[test]
-    fn packets_come_over_the_network() {
+    fn packets_arrive_over_the_network() {
         let hub = Arc::new(Hub::new(unbounded().0));
         let mut inbox = hub.open("x").unwrap();
-        let listening = listen("127.0.0.1:0".parse().unwrap(), Arc::clone(&hub)).unwrap();
+        let listening = listen_to_osc("127.0.0.1:0".parse().unwrap(), Arc::clone(&hub)).unwrap();
         let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
         socket.send_to(&bytes("/foley/control/x", vec![OscType::Float(4.0)]), listening.at).unwrap();
         let got = (0..200).find_map(|_| {

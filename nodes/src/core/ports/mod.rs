@@ -1,8 +1,10 @@
 //! Typed ports: what a node declares of its inputs and outputs, and what it sees of them in one window.
 
+mod clock;
 mod context;
 mod views;
 
+pub use clock::max_items;
 pub(super) use context::Shared;
 pub use context::{BufferCell, Clock, Cx, InWire, OutWire, Span, Window};
 pub use views::{EventsIn, EventsOut, In, Links, Out, Slot};

@@ -1,6 +1,6 @@
 //! Runs wired nodes in order, window by window: the one engine under the offline run, the live run and single nodes.
 
-pub use crate::core::ports::{BufferCell, Clock, Cx, InWire, OutWire, Span, Window};
+pub use crate::core::ports::{BufferCell, Clock, Cx, InWire, OutWire, Span, Window, max_items};
 
 use crate::core::buffer::{AnyBuffer, BoxedBuffer};
 use crate::core::fault::Fault;
@@ -58,8 +58,7 @@ impl Stage {
     #[must_use]
     pub fn new(buffers: Vec<Box<dyn AnyBuffer>>, clocks: Vec<Clock>, nodes: Vec<StageNode>) -> Self {
         let begin = |clock: &Clock| {
-            let full = clock.position(clock.from);
-            let stop = clock.end.map_or(full, |end| clock.position(clock.from.min(end)));
+            let (stop, full) = clock.ends(clock.from);
             Span { from: stop, to: stop, full, first: true }
         };
         let spans = clocks.iter().map(begin).collect();
@@ -101,9 +100,7 @@ impl Stage {
     pub fn advance(&mut self, to: Tick) {
         self.steady = true;
         for (span, clock) in self.spans.iter_mut().zip(&self.clocks) {
-            let tick = to.saturating_sub(clock.delay).max(clock.from);
-            let full = clock.position(tick);
-            let stop = clock.end.map_or(full, |end| clock.position(tick.min(end)));
+            let (stop, full) = clock.ends(clock.local(to));
             let first = span.first && span.from == span.full;
             *span = Span { from: span.full.min(stop), to: stop, full, first };
             self.steady &= span.steady();

@@ -13,7 +13,7 @@ use crate::core::params::AnyParams;
 use crate::core::ports::{Events, Many, Port, PortKind, PortSpec, Stream, Value};
 use crate::core::random::Random;
 use crate::core::shape::{Build, Ends, LinkShape, Lookaround, NodeShape, RawShape};
-use crate::core::stage::{Clock, Cx, InWire, OutWire, Stage, StageNode};
+use crate::core::stage::{Clock, Cx, InWire, OutWire, Stage, StageNode, max_items};
 use crate::core::state::{StateArchive, Stateful};
 use crate::core::time::{Rate, TICKS_PER_SECOND, Tick};
 use std::any::Any;
@@ -188,10 +188,10 @@ impl Standalone {
             inputs: &NoInputs,
         };
         let end = shape.end.unwrap_or(0);
-        // What lags comes after the end of what it is made of: the node works on until all of it is out.
-        let works = end.saturating_add(shape.lag);
+        let clock = Clock::of_node(delay, shape.lag, Some(end), self.begin.max(0));
+        let works = clock.end.unwrap_or(end);
         let mut wiring = Wiring { from: self.begin, ..Wiring::default() };
-        let own = wiring.own_clock(None, delay, Some(works), 0);
+        let own = wiring.clock(clock);
         let outputs: Vec<OutWire> = (0..self.ty.outputs.len())
             .map(|k| {
                 let kind = &self.ty.outputs[k].kind;
@@ -208,7 +208,7 @@ impl Standalone {
             .iter()
             .zip(&shape.lookaround)
             .map(|(feeds, lookaround)| {
-                feeds.iter().map(|f| wiring.input(f, *lookaround, delay, works, self.window)).collect()
+                feeds.iter().map(|f| wiring.input(f, *lookaround, clock, self.window)).collect()
             })
             .collect();
         let node = self.ty.build(&*self.params, &cx)?;
@@ -271,16 +271,14 @@ struct Wiring {
 }
 
 impl Wiring {
-    fn clock(&mut self, rate: Option<Rate>, delay: Tick, end: Option<Tick>) -> usize {
-        self.clocks.push(Clock { rate, delay, end, from: 0 });
+    fn clock(&mut self, clock: Clock) -> usize {
+        self.clocks.push(clock);
         self.clocks.len() - 1
     }
 
-    /// A clock of the node itself, or of its outputs, which lag.
-    fn own_clock(&mut self, rate: Option<Rate>, delay: Tick, end: Option<Tick>, lag: Tick) -> usize {
-        let clock = self.clock(rate, delay, end);
-        self.clocks[clock].from = (self.from - lag).max(0);
-        clock
+    /// The clock of a [`Player`]: without delay, from tick 0.
+    fn feed_clock(&mut self, rate: Option<Rate>, end: Option<Tick>) -> usize {
+        self.clock(Clock { rate, delay: 0, end, from: 0 })
     }
 
     fn buffer(&mut self, buffer: Box<dyn AnyBuffer>) -> usize {
@@ -299,20 +297,22 @@ impl Wiring {
             (PortKind::Stream(item), Some(stream)) => {
                 let items = stream.rate.first_at(end) as usize + 1;
                 let mut buffer = (item.buffer)(stream.width, items, 0, Pad::Silence);
-                let clock = self.own_clock(Some(stream.rate), delay + lag, Some(end), lag);
-                buffer.begin(stream.rate.first_at(self.clocks[clock].from));
+                let writer = Clock::of_output(Some(stream.rate), delay, lag, Some(end), self.from);
+                buffer.begin(writer.first_position());
+                let clock = self.clock(writer);
                 let buffer = self.buffer(buffer);
                 OutWire::Stream { buffer, clock, width: stream.width, rate: stream.rate }
             }
             (PortKind::Events(event), _) => {
                 let buffer = self.buffer((event.buffer)(Tick::MAX / 4, &Budget::default()));
-                OutWire::Events { buffer, clock: self.own_clock(None, delay + lag, Some(end), lag) }
+                let writer = Clock::of_output(None, delay, lag, Some(end), self.from);
+                OutWire::Events { buffer, clock: self.clock(writer) }
             }
             _ => OutWire::Value(RefCell::default()),
         }
     }
 
-    fn input(&mut self, feed: &Feed, lookaround: Lookaround, delay: Tick, end: Tick, window: Tick) -> InWire {
+    fn input(&mut self, feed: &Feed, lookaround: Lookaround, reader: Clock, window: Tick) -> InWire {
         let Lookaround { behind, ahead, delay: late, ends } = lookaround;
         let pad = if ends == Ends::Hold { Pad::Hold } else { Pad::Silence };
         let player = feed.source().map(|source| Box::new(Player(Arc::clone(source))) as Box<dyn DynNode>);
@@ -320,10 +320,10 @@ impl Wiring {
             LinkShape::Value(value) => InWire::Value(value.clone().expect("a feed holds its value")),
             LinkShape::Stream(stream) => {
                 let rate = stream.rate;
-                let span = rate.first_at(delay + window) as usize + behind + ahead + late + 3;
+                let span = max_items(rate, reader.delay + window) + behind + ahead + late + 3;
                 let buffer = self.buffer((stream.item.buffer)(stream.width, span, behind + late, pad));
-                let write = self.clock(Some(rate), 0, stream.end);
-                let clock = self.own_clock(Some(rate), delay, Some(end), 0);
+                let write = self.feed_clock(Some(rate), stream.end);
+                let clock = self.clock(reader.at_rate(Some(rate)));
                 let out = OutWire::Stream { buffer, clock: write, width: stream.width, rate };
                 self.play(player, stream.end, out);
                 InWire::Stream { buffer, clock, behind, ahead, delay: late, width: stream.width, rate }
@@ -331,10 +331,10 @@ impl Wiring {
             LinkShape::Events(stop) => {
                 let event = feed.source().and_then(|source| source.event_type());
                 let event = event.expect("a feed of events knows their type");
-                let span = delay + window + behind as Tick + ahead as Tick;
+                let span = reader.delay + window + behind as Tick + ahead as Tick;
                 let buffer = self.buffer((event.buffer)(span, &Budget::default()));
-                let write = self.clock(None, 0, *stop);
-                let clock = self.own_clock(None, delay, Some(end), 0);
+                let write = self.feed_clock(None, *stop);
+                let clock = self.clock(reader);
                 self.play(player, *stop, OutWire::Events { buffer, clock: write });
                 InWire::Events { buffer, clock, behind: behind as Tick, ahead: ahead as Tick }
             }
@@ -343,7 +343,7 @@ impl Wiring {
 
     fn play(&mut self, player: Option<Box<dyn DynNode>>, end: Option<Tick>, out: OutWire) {
         if let Some(node) = player {
-            let clock = self.clock(None, 0, end);
+            let clock = self.feed_clock(None, end);
             self.nodes.push(StageNode {
                 node,
                 clock,

@@ -1,0 +1,214 @@
+//! Workers: threads that run nodes ahead of the callback.
+//!
+//! The callback cannot wake a thread without a system call. A worker therefore sleeps for a part of the time by which it is
+//! ahead; only commands wake it earlier.
+
+use super::callback::Shared;
+use super::meter::Histogram;
+use super::timing::WindowTiming;
+use super::window_ring::RingSender;
+use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, bounded, unbounded};
+use foley_nodes::core::fault::Fault;
+use foley_nodes::core::params::AnyParams;
+use foley_nodes::core::stage::{Spent, Stage};
+use std::sync::Arc;
+use std::sync::atomic::Ordering::Acquire;
+use std::thread::JoinHandle;
+
+/// A region that runs ahead of the callback.
+pub struct WorkerRegion {
+    /// Its number in the plan.
+    pub number: usize,
+    /// Nodes and buffers.
+    pub stage: Stage,
+    /// Windows to the callback.
+    pub links: Vec<RingSender>,
+    /// The next window.
+    pub window: u64,
+    /// Times of each node; empty if they are not measured.
+    pub times: Vec<Arc<Histogram>>,
+    /// True after a fault of a node: the region does not run again.
+    pub failed: bool,
+    /// The fault with the index of the node, until it is reported.
+    pub fault: Option<(usize, Fault)>,
+}
+
+impl WorkerRegion {
+    /// Runs the next window, unless it is far enough ahead of the callback or has failed; returns true if it ran.
+    pub fn step(&mut self, timing: &WindowTiming, played: u64) -> bool {
+        let ahead = self.window < played + timing.depth;
+        if self.failed || !ahead || !self.links.iter().all(RingSender::has_room) {
+            return false;
+        }
+        self.run_window(timing);
+        true
+    }
+
+    /// Runs the next window.
+    fn run_window(&mut self, timing: &WindowTiming) {
+        self.stage.advance(timing.window_start(self.window + 1));
+        if let Err(fault) = self.stage.run() {
+            (self.failed, self.fault) = (true, Some(fault));
+            return;
+        }
+        for (times, spent) in self.times.iter().zip(self.stage.spent_mut()) {
+            if spent.calls > 0 {
+                times.count(spent.time);
+                *spent = Spent::default();
+            }
+        }
+        for link in &mut self.links {
+            link.send(&self.stage, self.window);
+        }
+        self.window += 1;
+    }
+}
+
+enum Command {
+    Add(Box<WorkerRegion>),
+    Halt(Sender<Vec<WorkerRegion>>),
+    Retune(usize, usize, Box<dyn AnyParams>),
+    Quit,
+}
+
+/// Region, index of the node, and fault.
+pub type WorkerFault = (usize, usize, Fault);
+
+/// All regions that run ahead, on threads or, for tests, in [`Workers::pump`].
+pub struct Workers {
+    timing: WindowTiming,
+    shared: Arc<Shared>,
+    threads: Vec<(Sender<Command>, JoinHandle<()>)>,
+    /// The regions, if there are no threads.
+    own: Vec<WorkerRegion>,
+    faults: (Sender<WorkerFault>, Receiver<WorkerFault>),
+    /// The thread of each region.
+    thread_of: Vec<(usize, usize)>,
+}
+
+impl Workers {
+    /// Workers without regions; with 0 threads, [`Workers::pump`] runs them.
+    #[must_use]
+    pub fn new(timing: WindowTiming, shared: Arc<Shared>, threads: usize) -> Self {
+        let faults = unbounded();
+        let threads = (0..threads)
+            .map(|k| {
+                let (sender, receiver) = unbounded();
+                let (shared, faults) = (Arc::clone(&shared), faults.0.clone());
+                let name = format!("foley-live-{k}");
+                let body = move || work(&timing, &shared, &receiver, &faults);
+                std::thread::Builder::new().name(name).spawn(body).map(|handle| (sender, handle))
+            })
+            // If no thread can be started, `pump` runs the regions.
+            .filter_map(Result::ok)
+            .collect();
+        Self { timing, shared, threads, own: Vec::new(), faults, thread_of: Vec::new() }
+    }
+
+    /// Starts to run regions.
+    pub fn start(&mut self, regions: Vec<WorkerRegion>) {
+        self.thread_of.clear();
+        for (k, region) in regions.into_iter().enumerate() {
+            let Some(thread) = k.checked_rem(self.threads.len()) else {
+                self.own.push(region);
+                continue;
+            };
+            self.thread_of.push((region.number, thread));
+            let _ = self.threads[thread].0.send(Command::Add(Box::new(region)));
+        }
+    }
+
+    /// Stops and returns all regions, in their order.
+    pub fn halt(&mut self) -> Vec<WorkerRegion> {
+        let mut regions = std::mem::take(&mut self.own);
+        for (thread, _) in &self.threads {
+            let (reply, received) = bounded(1);
+            if thread.send(Command::Halt(reply)).is_ok() {
+                regions.extend(received.recv().unwrap_or_default());
+            }
+        }
+        regions.sort_by_key(|r| r.number);
+        regions
+    }
+
+    /// Runs all regions that can run, if there are no threads.
+    pub fn pump(&mut self) {
+        let played = self.shared.window.load(Acquire);
+        for region in &mut self.own {
+            while region.step(&self.timing, played) {}
+            if let Some((node, fault)) = region.fault.take() {
+                let _ = self.faults.0.send((region.number, node, fault));
+            }
+        }
+    }
+
+    /// Runs stopped regions up to a window.
+    pub fn align(&self, regions: &mut [WorkerRegion], window: u64) {
+        for region in regions {
+            while region.window < window && !region.failed {
+                region.run_window(&self.timing);
+            }
+        }
+    }
+
+    /// Gives new parameters to a node.
+    pub fn retune(&mut self, number: usize, node: usize, params: Box<dyn AnyParams>) {
+        if let Some(region) = self.own.iter_mut().find(|r| r.number == number) {
+            region.stage.nodes_mut()[node].node.retune(&*params);
+        } else if let Some(&(_, thread)) = self.thread_of.iter().find(|(r, _)| *r == number) {
+            let _ = self.threads[thread].0.send(Command::Retune(number, node, params));
+        }
+    }
+
+    /// Takes the next fault.
+    pub fn take_fault(&self) -> Option<WorkerFault> {
+        self.faults.1.try_recv().ok()
+    }
+}
+
+impl Drop for Workers {
+    fn drop(&mut self) {
+        for (thread, handle) in self.threads.drain(..) {
+            let _ = thread.send(Command::Quit);
+            let _ = handle.join();
+        }
+    }
+}
+
+fn work(timing: &WindowTiming, shared: &Shared, commands: &Receiver<Command>, faults: &Sender<WorkerFault>) {
+    let mut regions: Vec<WorkerRegion> = Vec::new();
+    loop {
+        let command = if regions.is_empty() {
+            commands.recv().map_err(|_| RecvTimeoutError::Disconnected)
+        } else {
+            commands.recv_timeout(timing.sleep_time())
+        };
+        match command {
+            Ok(Command::Add(region)) => regions.push(*region),
+            Ok(Command::Halt(reply)) => {
+                let _ = reply.send(std::mem::take(&mut regions));
+            }
+            Ok(Command::Retune(number, node, params)) => {
+                if let Some(region) = regions.iter_mut().find(|r| r.number == number) {
+                    region.stage.nodes_mut()[node].node.retune(&*params);
+                }
+            }
+            Ok(Command::Quit) | Err(RecvTimeoutError::Disconnected) => return,
+            Err(RecvTimeoutError::Timeout) => {}
+        }
+        let played = shared.window.load(Acquire);
+        // One window of each region in turn, so that none starves; commands are polled in between.
+        let mut any = true;
+        while any && commands.is_empty() {
+            any = false;
+            for region in &mut regions {
+                any |= region.step(timing, played);
+            }
+        }
+        for region in &mut regions {
+            if let Some((node, fault)) = region.fault.take() {
+                let _ = faults.send((region.number, node, fault));
+            }
+        }
+    }
+}

@@ -1,0 +1,117 @@
+//! Shapes of all nodes of a graph: formats, rates, lengths and look-around.
+
+use crate::diag::Diagnostic;
+use crate::graph::{Graph, Link};
+use foley_nodes::core::files::Files;
+use foley_nodes::core::ports::{Arity, PortKind, PortSpec};
+use foley_nodes::core::shape::{LinkShape, NodeShape, RawShape};
+use foley_nodes::core::time::Tick;
+
+/// The shapes of a graph.
+pub struct Shaped {
+    /// Shape of each node; empty for nodes that failed.
+    pub shapes: Vec<NodeShape>,
+    /// True for nodes that failed, or that read one that did.
+    pub failed: Vec<bool>,
+    /// The errors found.
+    pub errors: Vec<Diagnostic>,
+}
+
+/// Shapes every node, in topological order; nodes downstream of one that failed are skipped without a message.
+///
+/// Where an input takes many links and only some of them failed, the others are still compared.
+pub fn shape_all(graph: &Graph, files: &dyn Files) -> Shaped {
+    let mut shapes: Vec<NodeShape> = graph.nodes.iter().map(|_| NodeShape::default()).collect();
+    let mut failed = vec![false; graph.nodes.len()];
+    let mut errors = Vec::new();
+    for &n in &graph.order {
+        let node = &graph.nodes[n];
+        let lost = |link: &Link| failed[link.node] && !closes_loop(graph, n, link);
+        let links = known_shapes(graph, &shapes, n, &lost);
+        let incomplete = !node.whole || node.links.iter().flatten().any(lost);
+        failed[n] = incomplete;
+        let Some(links) = links else { continue };
+        let raw = RawShape::new(&links, node.ty.outputs.len(), files);
+        match node.ty.shape(&*node.params, raw) {
+            Ok(_) if incomplete => {}
+            Ok(shape) => shapes[n] = shape,
+            Err(rejects) => {
+                failed[n] = true;
+                errors.extend(rejects.into_iter().map(|reject| {
+                    let place = graph.place(n, reject.field.as_deref());
+                    Diagnostic::of_reject(reject, place, &node.id)
+                }));
+            }
+        }
+    }
+    errors.extend(check_loops(graph, &shapes, &failed));
+    Shaped { shapes, failed, errors }
+}
+
+/// The shape of a link; `None` for a stream that closes a loop.
+fn link_shape(graph: &Graph, shapes: &[NodeShape], link: &Link) -> Option<LinkShape> {
+    match graph.nodes[link.node].ty.outputs[link.port].kind {
+        PortKind::Stream(_) => {
+            shapes[link.node].outputs.get(link.port).cloned().flatten().map(LinkShape::Stream)
+        }
+        PortKind::Events(_) => Some(LinkShape::Events(shapes[link.node].end)),
+        PortKind::Value(_) | PortKind::Fold(_) => Some(LinkShape::Value(None)),
+    }
+}
+
+/// The shapes of a node's links; of an input that takes many, the first known one stands for those that are lost.
+fn known_shapes(
+    graph: &Graph,
+    shapes: &[NodeShape],
+    node: usize,
+    lost: &dyn Fn(&Link) -> bool,
+) -> Option<Vec<Vec<LinkShape>>> {
+    let node = &graph.nodes[node];
+    let of_port = |(links, spec): (&Vec<Link>, &PortSpec)| {
+        if !links.iter().any(lost) {
+            return Some(links.iter().filter_map(|link| link_shape(graph, shapes, link)).collect());
+        }
+        let first = links.iter().find(|link| !lost(link)).filter(|_| spec.arity == Arity::Many)?;
+        links.iter().map(|link| link_shape(graph, shapes, if lost(link) { first } else { link })).collect()
+    };
+    node.links.iter().zip(node.ty.inputs).map(of_port).collect()
+}
+
+/// Returns true if a link comes from a node that is later in the topological order.
+pub fn closes_loop(graph: &Graph, node: usize, link: &Link) -> bool {
+    graph.rank[link.node] >= graph.rank[node]
+}
+
+/// Checks the streams that close loops; they are not known when their reader is shaped.
+fn check_loops(graph: &Graph, shapes: &[NodeShape], failed: &[bool]) -> Vec<Diagnostic> {
+    let mut errors = Vec::new();
+    for &n in &graph.order {
+        for link in graph.nodes[n].links.iter().flatten() {
+            if failed[n] || failed[link.node] || !closes_loop(graph, n, link) {
+                continue;
+            }
+            let back = shapes[link.node].outputs[link.port].as_ref();
+            let out = shapes[n].outputs.first().and_then(Option::as_ref);
+            if let (Some(back), Some(out)) = (back, out)
+                && (back.rate != out.rate || back.width != out.width)
+            {
+                let message = format!(
+                    "the stream that closes the loop is {}, {}; the node expects {}, {}",
+                    back.rate, back.text, out.rate, out.text
+                );
+                errors.push(Diagnostic::error("F045", message, link.place.clone()).node(&graph.nodes[n].id));
+            }
+        }
+    }
+    errors
+}
+
+/// Ends every stream at `until` at the latest.
+pub fn truncate(shapes: &mut [NodeShape], until: Tick) {
+    for shape in shapes {
+        shape.end = Some(shape.end.map_or(until, |end| end.min(until)));
+        for output in shape.outputs.iter_mut().flatten() {
+            output.end = shape.end;
+        }
+    }
+}

@@ -1,0 +1,418 @@
+//! Runs a phase with the cache: known folds are not computed, cached streams are read in place of their nodes and all nodes
+//! upstream, and streams that are worth caching are written while they run.
+
+use super::cached_streams::{CachedStreams, Outputs, PendingStream};
+use super::checkpointer::{Checkpointer, PhaseRun, checkpoint_key};
+use super::values::take_cached;
+use super::{Job, Report, Values, engine};
+use crate::diag::Diagnostic;
+use crate::graph::Graph;
+use crate::memo::stream::Codec;
+use crate::memo::{self, CachedStream, NodeSummary, PhaseSubset, RunCache};
+use crate::plan::{Phase, Runnable};
+use foley_nodes::core::ports::PortKind;
+use foley_nodes::core::time::Tick;
+use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
+use std::sync::atomic::Ordering;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+/// Summaries of the nodes that did not run because a stream downstream of them was cached.
+pub type Skipped = BTreeMap<usize, NodeSummary>;
+
+/// Runs a phase.
+///
+/// # Errors
+/// The faults of the nodes that failed.
+pub fn run(
+    job: &Job<'_>,
+    (number, phase): (usize, &Phase),
+    values: &mut Values,
+    report: &mut Report,
+    cache: &mut RunCache<'_>,
+    skipped: &mut Skipped,
+) -> Result<(), Vec<Diagnostic>> {
+    let ty = |n: usize| &*job.graph.nodes[n].ty;
+    let folds: Vec<usize> =
+        phase.nodes.iter().copied().filter(|&n| memo::has_cacheable_values(ty(n))).collect();
+    let hits: Vec<_> = folds.iter().map(|&n| cache.look_up(n, values)).collect();
+    let missed: Vec<usize> =
+        folds.iter().zip(&hits).filter(|(_, hit)| hit.is_none()).map(|(n, _)| *n).collect();
+    let mut part = PartialPhase::new(job, phase, cache);
+    let root = |n: &usize| memo::writes_files(ty(*n)) || part.is_tapped(*n) || missed.contains(n);
+    let roots = phase.nodes.iter().copied().filter(root).collect();
+    part.find_needed(roots, cache, values);
+    part.follow_checkpoint(number, cache, values);
+    for (n, hit) in folds.iter().copied().zip(hits) {
+        if let Some(hit) = hit.filter(|_| !part.needed.contains(&n)) {
+            take_cached(n, hit, values, report);
+        }
+    }
+    part.add_skipped(skipped);
+    if part.needed.is_empty() {
+        let windows = phase.windows * phase.regions.len() as u64;
+        job.progress.done.fetch_add(windows, Ordering::Relaxed);
+        return Ok(());
+    }
+    let (start, notes) = (Instant::now(), report.notes.len());
+    let before: Vec<Duration> = report.nodes.iter().map(|n| n.time).collect();
+    let streams = part.run(number, values, report, cache)?;
+    for &n in &missed {
+        // Without its cached value, a fold costs the time of the whole phase.
+        let summary = report.nodes[n].summary.clone();
+        cache.store_values(n, values, start.elapsed(), summary, report.warnings_since(n, notes));
+    }
+    let seconds = |n: usize| report.nodes[n].time.saturating_sub(before[n]).as_secs_f64();
+    let summary = |n: usize| {
+        skipped.get(&n).cloned().unwrap_or_else(|| NodeSummary {
+            node: job.graph.nodes[n].id.clone(),
+            summary: report.nodes[n].summary.clone(),
+            warnings: report.warnings_since(n, notes),
+        })
+    };
+    part.note_costs(cache, &seconds);
+    part.store_streams(streams, cache, &seconds, &summary);
+    Ok(())
+}
+
+/// The part of a phase that has to run.
+struct PartialPhase<'j> {
+    job: &'j Job<'j>,
+    phase: &'j Phase,
+    /// Taps of the phase: number, node and port.
+    taps: Vec<(usize, (usize, usize))>,
+    /// Outputs that are read, of the nodes whose streams can be cached.
+    ports: HashMap<usize, Vec<(usize, Codec)>>,
+    /// Node type and ns per element in earlier runs, by id.
+    costs: BTreeMap<String, (String, f64)>,
+    /// True if the phase takes long enough to look up and store streams.
+    uses_streams: bool,
+    /// Nodes of the phase.
+    nodes: HashSet<usize>,
+    /// Nodes that run, or whose streams are read.
+    needed: BTreeSet<usize>,
+    /// Streams that are read, by node.
+    cached: BTreeMap<usize, Outputs<CachedStream>>,
+    /// The layout of an earlier run that can be resumed.
+    resumed: Option<PhaseLayout>,
+}
+
+/// The layout of a partial phase.
+struct PhaseLayout {
+    streams: CachedStreams,
+    /// The graph without the inputs of nodes that are read, and its phase; `None` if the phase runs as planned.
+    replanned: Option<(Graph, Phase)>,
+}
+
+impl<'j> PartialPhase<'j> {
+    fn new(job: &'j Job<'j>, phase: &'j Phase, cache: &RunCache<'_>) -> Self {
+        let tap = |runnable: Runnable| match runnable {
+            Runnable::Tap(k) => job.taps.get(k).map(|tap| (k, (tap.node, tap.port))),
+            Runnable::Node(_) => None,
+        };
+        let taps: Vec<_> =
+            phase.regions.iter().flat_map(|r| &r.nodes).filter_map(|n| tap(n.runnable)).collect();
+        let links = phase.nodes.iter().flat_map(|&n| job.graph.nodes[n].links.iter().flatten());
+        let mut read: BTreeSet<(usize, usize)> = links.map(|l| (l.node, l.port)).collect();
+        read.extend(taps.iter().map(|(_, tap)| *tap));
+        let mut ports: HashMap<usize, Vec<(usize, Codec)>> = HashMap::new();
+        let cacheable = |n: usize| memo::has_cacheable_streams(&job.graph.nodes[n].ty);
+        for &n in phase.nodes.iter().filter(|&&n| cacheable(n)) {
+            let outputs = job.graph.nodes[n].ty.outputs.iter().enumerate();
+            let outputs = outputs.filter(|(port, _)| read.contains(&(n, *port)));
+            let codecs = outputs.map(|(p, spec)| Some((p, Codec::of(spec.kind, &job.plan.shapes[n], p)?)));
+            if let Some(codecs) = codecs.collect::<Option<Vec<_>>>().filter(|codecs| !codecs.is_empty()) {
+                ports.insert(n, codecs);
+            }
+        }
+        let mut part = Self {
+            job,
+            phase,
+            taps,
+            ports,
+            costs: cache.memo().index().costs(),
+            uses_streams: false,
+            nodes: phase.nodes.iter().copied().collect(),
+            needed: BTreeSet::new(),
+            cached: BTreeMap::new(),
+            resumed: None,
+        };
+        let policy = cache.memo().policy();
+        let total: f64 = phase.nodes.iter().map(|&n| part.seconds(n)).sum();
+        part.uses_streams = phase.nodes.len() <= policy.max_nodes && total >= policy.min_seconds;
+        part
+    }
+
+    fn is_tapped(&self, n: usize) -> bool {
+        self.taps.iter().any(|(_, (node, _))| *node == n)
+    }
+
+    /// Maximum number of elements of any input or output stream of a node in the whole run.
+    fn elements(&self, n: usize) -> f64 {
+        let plan = self.job.plan;
+        let end: Tick = plan.shapes[n].end.unwrap_or(self.phase.duration);
+        let inputs = self.job.graph.nodes[n].links.iter().flatten();
+        let inputs = inputs.filter_map(|l| plan.shapes[l.node].outputs.get(l.port)?.as_ref());
+        let all = inputs.chain(plan.shapes[n].outputs.iter().flatten());
+        all.map(|s| s.rate.first_at(end) as f64 * s.width as f64).fold(0.0, f64::max)
+    }
+
+    /// Estimated time of a node in s: from earlier runs, else from the cost that it declares.
+    fn seconds(&self, n: usize) -> f64 {
+        let node = &self.job.graph.nodes[n];
+        let known = self.costs.get(&node.id).filter(|(kind, _)| kind == node.ty.name);
+        known.map_or(node.ty.cost, |(_, nanos)| *nanos) * self.elements(n) * 1e-9
+    }
+
+    /// Finds the nodes that `roots` need, and the cached streams in place of nodes.
+    fn find_needed(&mut self, roots: Vec<usize>, cache: &mut RunCache<'_>, values: &Values) {
+        let mut stack = roots;
+        while let Some(n) = stack.pop() {
+            if !self.needed.insert(n) {
+                continue;
+            }
+            let ports = self.ports.get(&n).filter(|_| self.uses_streams);
+            if let Some(streams) = ports.and_then(|ports| cache.look_up_streams(n, ports, values)) {
+                self.cached.insert(n, streams);
+                continue;
+            }
+            stack.extend(self.feeding_nodes(n));
+        }
+    }
+
+    /// Nodes of this phase whose streams or events a node reads.
+    fn feeding_nodes(&self, n: usize) -> impl Iterator<Item = usize> {
+        let node = &self.job.graph.nodes[n];
+        let inputs = node.ty.inputs.iter().zip(&node.links);
+        let streams = inputs.filter(|(spec, _)| !matches!(spec.kind, PortKind::Value(_)));
+        streams.flat_map(|(_, links)| links).map(|l| l.node).filter(|u| self.nodes.contains(u))
+    }
+
+    /// Returns true if a node runs in this phase.
+    fn runs(&self, n: usize) -> bool {
+        self.needed.contains(&n) && !self.cached.contains_key(&n)
+    }
+
+    /// Adds the summaries of the nodes that the cached streams replace.
+    fn add_skipped(&self, skipped: &mut Skipped) {
+        for stream in self.cached.values().flatten().map(|(.., stream)| stream) {
+            for summary in &stream.entry.upstream {
+                if let Some(n) = self.job.graph.find(&summary.node).filter(|&n| !self.runs(n)) {
+                    skipped.entry(n).or_insert_with(|| summary.clone());
+                }
+            }
+        }
+    }
+
+    /// Nodes that run, in topological order.
+    fn running(&self) -> Vec<usize> {
+        self.phase.nodes.iter().copied().filter(|&n| self.runs(n)).collect()
+    }
+
+    /// Starts to write an output to the cache.
+    fn start_stream(
+        &self,
+        n: usize,
+        port: usize,
+        codec: Codec,
+        values: &Values,
+        cache: &mut RunCache<'_>,
+    ) -> Option<PendingStream> {
+        let (key, file) = cache.start_stream(n, port, values)?;
+        Some(PendingStream { node: n, port, codec, key, file: Arc::new(Mutex::new(file)) })
+    }
+
+    /// Starts to write the streams that are worth caching by the estimated times.
+    fn start_streams(&self, values: &Values, cache: &mut RunCache<'_>) -> Vec<PendingStream> {
+        let mut pending = Vec::new();
+        if !self.uses_streams {
+            return pending;
+        }
+        let max_bytes = cache.memo().store().cap() as f64 / 4.0;
+        let bytes = |n: usize| {
+            let all: f64 = self.ports.get(&n)?.iter().map(|(_, codec)| codec.bytes()).sum();
+            (all <= max_bytes).then_some(all)
+        };
+        let policy = *cache.memo().policy();
+        let chosen =
+            memo::choose_streams(self.job.graph, &self.running(), &policy, &|n| self.seconds(n), &bytes);
+        for (n, _) in chosen {
+            let ports = self.ports.get(&n).into_iter().flatten();
+            let mut start =
+                |&(port, codec): &(usize, Codec)| self.start_stream(n, port, codec, values, cache);
+            pending.extend(ports.map(&mut start).collect::<Option<Vec<_>>>().into_iter().flatten());
+            cache.note_stream_key(n, values);
+        }
+        pending
+    }
+
+    /// Selects and lays out the nodes as the run of the last checkpoint did, if its state can be restored.
+    ///
+    /// The cache may hold more by now than it did then, but a state does not fit another selection of nodes.
+    fn follow_checkpoint(&mut self, number: usize, cache: &mut RunCache<'_>, values: &Values) {
+        if self.needed.is_empty() || !self.uses_streams {
+            return;
+        }
+        let Some(header) = cache.memo().checkpoints().and_then(|store| store.last_header(number)) else {
+            return;
+        };
+        let find = |id: &str| self.job.graph.find(id).filter(|n| self.nodes.contains(n));
+        let nodes: Option<Vec<_>> =
+            header.subset.nodes.iter().map(|(id, read)| Some((find(id)?, *read))).collect();
+        let writers: Option<Vec<_>> =
+            header.subset.writers.iter().map(|(id, port)| Some((find(id)?, *port))).collect();
+        let (Some(nodes), Some(writers)) = (nodes, writers) else { return };
+        let needed: BTreeSet<usize> = nodes.iter().map(|(n, _)| *n).collect();
+        let runs = |n: &usize| !nodes.contains(&(*n, true));
+        // The checkpoint may be that of another graph, whose nodes had other inputs.
+        let complete =
+            needed.iter().filter(|n| runs(n)).all(|&n| self.feeding_nodes(n).all(|u| needed.contains(&u)));
+        if !complete || !self.needed.is_subset(&needed) {
+            return;
+        }
+        let mut cached = BTreeMap::new();
+        for &(n, _) in nodes.iter().filter(|(_, read)| *read) {
+            let ports = self.ports.get(&n).map_or(&[][..], Vec::as_slice);
+            let Some(streams) = cache.look_up_streams(n, ports, values) else { return };
+            cached.insert(n, streams);
+        }
+        let mut pending = Vec::new();
+        for (n, port) in writers {
+            let Some((_, codec)) = self.ports.get(&n).and_then(|all| all.iter().find(|(p, _)| *p == port))
+            else {
+                return;
+            };
+            pending.extend(self.start_stream(n, port, *codec, values, cache));
+        }
+        let own = (std::mem::replace(&mut self.needed, needed), std::mem::replace(&mut self.cached, cached));
+        self.resumed = self.lay_out(pending).ok().filter(|layout| {
+            let phase = layout.replanned.as_ref().map_or(self.phase, |(_, phase)| phase);
+            let subset = self.subset(&layout.streams);
+            let run = PhaseRun { number, phase, subset: &subset };
+            checkpoint_key(self.job, cache, run, values) == Some(header.key)
+        });
+        if self.resumed.is_none() {
+            (self.needed, self.cached) = own;
+        }
+    }
+
+    /// Lays out the nodes that run; streams are not written if their buffers exceed the memory limit.
+    fn lay_out(&self, pending: Vec<PendingStream>) -> Result<PhaseLayout, Vec<Diagnostic>> {
+        let job = self.job;
+        let source = |(port, codec, stream): &(usize, Codec, CachedStream)| {
+            (*port, *codec, Arc::clone(&stream.source))
+        };
+        let sources = self.cached.iter().map(|(n, all)| (*n, all.iter().map(source).collect())).collect();
+        let mut streams = CachedStreams { first_tap: job.taps.len(), sources, pending };
+        let all_nodes = self.needed.len() == self.phase.nodes.len();
+        if self.cached.is_empty() && streams.pending.is_empty() && all_nodes {
+            return Ok(PhaseLayout { streams, replanned: None });
+        }
+        let graph: Graph = job.graph.without_inputs(&|n| self.cached.contains_key(&n));
+        let mut phase = self.replan(&graph, &streams)?;
+        if phase.bytes > job.plan.limit {
+            streams.pending.clear();
+            phase = self.replan(&graph, &streams)?;
+        }
+        Ok(PhaseLayout { streams, replanned: Some((graph, phase)) })
+    }
+
+    fn replan(&self, graph: &Graph, streams: &CachedStreams) -> Result<Phase, Vec<Diagnostic>> {
+        let pending = streams.pending.iter().enumerate();
+        let pending = pending.map(|(i, p)| (streams.first_tap + i, (p.node, p.port)));
+        let taps: Vec<_> = self.taps.iter().copied().chain(pending).collect();
+        let nodes = self.phase.nodes.iter().copied().filter(|n| self.needed.contains(n)).collect();
+        self.job.plan.replan_phase(graph, nodes, &taps, self.taps.len(), self.job.threads)
+    }
+
+    /// The selection of nodes, for a checkpoint.
+    fn subset(&self, streams: &CachedStreams) -> PhaseSubset {
+        let id = |n: usize| self.job.graph.nodes[n].id.clone();
+        PhaseSubset {
+            nodes: self.needed.iter().map(|&n| (id(n), self.cached.contains_key(&n))).collect(),
+            writers: streams.pending.iter().map(|p| (id(p.node), p.port)).collect(),
+        }
+    }
+
+    /// Runs the nodes.
+    fn run(
+        &mut self,
+        number: usize,
+        values: &mut Values,
+        report: &mut Report,
+        cache: &mut RunCache<'_>,
+    ) -> Result<CachedStreams, Vec<Diagnostic>> {
+        let PhaseLayout { streams, replanned } = match self.resumed.take() {
+            Some(layout) => layout,
+            None => self.lay_out(self.start_streams(values, cache))?,
+        };
+        let (graph, phase) = replanned.as_ref().map_or((self.job.graph, self.phase), |(g, p)| (g, p));
+        let planned = self.phase.windows * self.phase.regions.len() as u64;
+        let total = &self.job.progress.total;
+        total.fetch_add(phase.windows * phase.regions.len() as u64, Ordering::Relaxed);
+        total.fetch_sub(planned, Ordering::Relaxed);
+        report.planned_bytes = report.planned_bytes.max(phase.bytes);
+        let job = Job { graph, progress: Arc::clone(&self.job.progress), ..*self.job };
+        let subset = self.subset(&streams);
+        let run = PhaseRun { number, phase, subset: &subset };
+        let checkpointer = self.uses_streams.then(|| Checkpointer::new(self.job, cache, run, values));
+        let mut checkpointer = checkpointer.flatten();
+        engine::run_phase(&job, phase, values, report, &streams, checkpointer.as_mut())?;
+        Ok(streams)
+    }
+
+    /// Stores the measured costs of nodes for the estimates of the next run.
+    fn note_costs(&self, cache: &RunCache<'_>, seconds: &dyn Fn(usize) -> f64) {
+        let mut costs = self.costs.clone();
+        let mut changed = false;
+        for n in self.running() {
+            let (node, elements) = (&self.job.graph.nodes[n], self.elements(n));
+            let nanos = seconds(n) / elements * 1e9;
+            if !self.uses_streams || elements < 1.0 || !nanos.is_finite() {
+                continue;
+            }
+            let cost = (node.ty.name.to_owned(), nanos);
+            let same = |(kind, old): &(String, f64)| *kind == cost.0 && (0.6..1.6).contains(&(nanos / old));
+            if !costs.get(&node.id).is_some_and(same) {
+                changed = true;
+                costs.insert(node.id.clone(), cost);
+            }
+        }
+        if changed {
+            // Without this file the next run uses the costs that nodes declare.
+            let _ = cache.memo().index().note_costs(&costs);
+        }
+    }
+
+    /// Completes the streams that are worth caching by the measured times; the others are discarded.
+    fn store_streams(
+        &self,
+        streams: CachedStreams,
+        cache: &mut RunCache<'_>,
+        seconds: &dyn Fn(usize) -> f64,
+        summary: &dyn Fn(usize) -> NodeSummary,
+    ) {
+        let mut written: HashMap<usize, Vec<PendingStream>> = HashMap::new();
+        for pending in streams.pending {
+            written.entry(pending.node).or_default().push(pending);
+        }
+        let complete = |p: &PendingStream| {
+            let file = p.file.lock().unwrap_or_else(PoisonError::into_inner);
+            file.complete_bytes(&p.codec).map(|bytes| bytes as f64)
+        };
+        let bytes = |n: usize| written.get(&n)?.iter().map(complete).sum::<Option<f64>>();
+        let policy = *cache.memo().policy();
+        let chosen = memo::choose_streams(self.job.graph, &self.running(), &policy, seconds, &bytes);
+        let mut unchanged: Vec<usize> = chosen.iter().map(|(n, _)| *n).collect();
+        cache.retain_unchanged(&mut unchanged);
+        for (n, seconds) in chosen.into_iter().filter(|(n, _)| unchanged.contains(n)) {
+            let upstream: Vec<NodeSummary> = cache.upstream(n).chain([n]).map(summary).collect();
+            for PendingStream { port, codec, key, file, .. } in written.remove(&n).into_iter().flatten() {
+                // The writer node, which shared the file, was dropped with its stage.
+                if let Some(file) = Arc::into_inner(file).and_then(|file| file.into_inner().ok()) {
+                    cache.store_stream(n, port, &codec, (key, file), seconds, upstream.clone());
+                }
+            }
+        }
+    }
+}
