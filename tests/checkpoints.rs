@@ -6,7 +6,7 @@ use foley::diag::Diagnostic;
 use foley::graph::{DirFiles, Limits, LoadOptions, load};
 use foley::memo::{CachePolicy, Memo};
 use foley::plan::{Plan, PlanOptions};
-use foley::run::{DirOutputs, Job, Progress, Report, check_tap, run};
+use foley::run::{DirOutputs, Job, Progress, Report, Tap, TapTarget, check_tap, run};
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -41,8 +41,10 @@ impl Case {
         let files = DirFiles::new(loaded.root, Limits::default());
         let out = self.dir.path().join(out);
         let taps: Vec<_> = self.taps.iter().map(|tap| check_tap(&graph, tap).unwrap()).collect();
-        let taps: Vec<_> =
-            taps.into_iter().map(|t| foley::run::Tap { path: out.join(&t.path), ..t }).collect();
+        let taps: Vec<_> = taps
+            .into_iter()
+            .map(|t| Tap { target: TapTarget::File(out.join(t.path().unwrap())), ..t })
+            .collect();
         let tapped = taps.iter().map(|tap| (tap.node, tap.port)).collect();
         let plan = Plan::new(&graph, &files, &PlanOptions { taps: tapped, ..self.options.clone() }).unwrap();
         let outputs = DirOutputs::new(&out);

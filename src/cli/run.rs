@@ -4,7 +4,7 @@ use super::Exit;
 use super::args::RunArgs;
 use super::progress::Watch;
 use crate::diag::{Diagnostic, Sources, render};
-use crate::run::{DirOutputs, Report};
+use crate::run::{DirOutputs, Report, Tap};
 use crate::session::{Prepared, Session};
 use foley_nodes::registry::Registry;
 use std::io::{IsTerminal, Write};
@@ -129,8 +129,8 @@ fn print_report(report: &Report, ready: &Prepared) -> std::io::Result<()> {
         }
         writeln!(out)?;
     }
-    for tap in &ready.taps {
-        writeln!(out, "wrote {}", tap.path.display())?;
+    for path in ready.taps.iter().filter_map(Tap::path) {
+        writeln!(out, "wrote {}", path.display())?;
     }
     if let Some(at) = report.resumed_at {
         writeln!(out, "went on at {at:.2} s, where an earlier run was interrupted")?;

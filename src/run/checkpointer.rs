@@ -52,7 +52,8 @@ pub fn checkpoint_key(
     let nodes: Vec<usize> = run.subset.nodes.iter().filter_map(known).collect();
     let paths = nodes.iter().map(|&n| &job.graph.nodes[n]).flat_map(|n| written(&n.ty, &*n.params));
     let paths: Vec<_> = paths.collect();
-    let taps: Vec<_> = job.taps.iter().map(|tap| &tap.path).collect();
+    // What was collected in memory is gone when a run resumes.
+    let taps: Vec<_> = job.taps.iter().map(|tap| tap.path()).collect::<Option<_>>()?;
     let Phase { regions, windows, .. } = run.phase;
     let (window, subset, build) = (job.plan.window, run.subset, build());
     let layout = format!("{build:?} {regions:?} {windows} {window} {paths:?} {taps:?} {subset:?}");
@@ -68,7 +69,7 @@ fn build() -> Option<(u64, SystemTime)> {
 impl<'a> Checkpointer<'a> {
     /// A checkpointer for a phase; partial files of a checkpoint that fits are resumed when they are created again.
     pub fn new(job: &Job<'a>, cache: &RunCache<'a>, run: PhaseRun<'_>, values: &Values) -> Option<Self> {
-        let store = cache.memo().checkpoints()?;
+        let store = cache.memo().checkpoints().filter(|_| !job.outputs.is_memory())?;
         let key = checkpoint_key(job, cache, run, values)?;
         let (phase, outputs) = (run.number, job.outputs);
         let found = store.find(phase, &key);

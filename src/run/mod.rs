@@ -8,6 +8,7 @@ mod cached_streams;
 mod checkpointer;
 mod engine;
 mod job;
+mod memory_tap;
 mod output_files;
 mod report;
 mod stages;
@@ -18,10 +19,11 @@ mod values;
 
 pub use crate::memo::Values;
 pub use job::{Job, Progress};
+pub use memory_tap::{EventTap, MemoryTap, StreamData, StreamTap, ValueTap};
 pub use output_files::DirOutputs;
 pub use report::{NodeReport, OutputReport, Report};
 pub use stages::{BuildSite, assemble, stage};
-pub use tap::{Tap, check as check_tap};
+pub use tap::{Tap, TapTarget, check as check_tap, check_memory as check_memory_tap};
 pub use targets::{check as check_targets, check_given};
 
 use crate::diag::Diagnostic;

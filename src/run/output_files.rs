@@ -2,7 +2,7 @@
 
 use crate::graph::output_path;
 use crate::memo::PartialFile;
-use foley_nodes::core::files::{FileError, Outputs, WriteSeek};
+use foley_nodes::core::files::{FileError, MemoryOutputs, Outputs, WriteSeek};
 use std::collections::HashSet;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
@@ -13,6 +13,8 @@ use std::sync::{Mutex, PoisonError};
 #[derive(Debug)]
 pub struct DirOutputs {
     root: PathBuf,
+    /// Where the graph's outputs go in place of the folder.
+    memory: Option<MemoryOutputs>,
     /// Temporary path and final path of the files that are being written.
     pending: Mutex<Vec<(PathBuf, PathBuf)>>,
     /// Files under their final paths.
@@ -24,11 +26,28 @@ pub struct DirOutputs {
 }
 
 impl DirOutputs {
+    /// Outputs in memory, and where they are then.
+    #[must_use]
+    pub fn in_memory() -> (Self, MemoryOutputs) {
+        let memory = MemoryOutputs::default();
+        (Self::with(PathBuf::new(), Some(memory.clone())), memory)
+    }
+
     /// Outputs below `root`; the folder is created with the first file.
     #[must_use]
     pub fn new(root: impl Into<PathBuf>) -> Self {
+        Self::with(root.into(), None)
+    }
+
+    fn with(root: PathBuf, memory: Option<MemoryOutputs>) -> Self {
         let (pending, written, resumed, retained) = Default::default();
-        Self { root: root.into(), pending, written, resumed, retained }
+        Self { root, memory, pending, written, resumed, retained }
+    }
+
+    /// Returns true if the outputs are in memory, where no later run finds them.
+    #[must_use]
+    pub fn is_memory(&self) -> bool {
+        self.memory.is_some()
     }
 
     /// Resumes partial files of an earlier run when they are created again.
@@ -153,7 +172,10 @@ impl DirOutputs {
 
 impl Outputs for DirOutputs {
     fn create(&self, path: &str) -> Result<Box<dyn WriteSeek>, FileError> {
-        self.create_at(&self.resolve(path)?)
+        match &self.memory {
+            Some(memory) => memory.create(&output_path(path)?.to_string_lossy()),
+            None => self.create_at(&self.resolve(path)?),
+        }
     }
 }
 

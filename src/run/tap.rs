@@ -3,20 +3,42 @@
 //! Audio is written as WAV, numbers as NPY or CSV, events as CSV or JSON lines, values as JSON, as SVG or in a file format of their
 //! own.
 
+use super::memory_tap::MemoryTap;
 use crate::diag::Diagnostic;
 use crate::graph::{Graph, nearest};
 use foley_nodes::core::ports::PortKind;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-/// One output to write to a file.
-#[derive(Clone, Debug, PartialEq)]
+/// One output of a node that a run writes to a file, or collects in memory.
+#[derive(Clone, Debug)]
 pub struct Tap {
     /// Node of the graph.
     pub node: usize,
     /// Its output port.
     pub port: usize,
-    /// The file.
-    pub path: PathBuf,
+    /// Where its output goes.
+    pub target: TapTarget,
+}
+
+/// Where a tapped output goes.
+#[derive(Clone, Debug)]
+pub enum TapTarget {
+    /// To a file, in a format by its extension.
+    File(PathBuf),
+    /// Into memory, as it is.
+    Memory(Arc<dyn MemoryTap>),
+}
+
+impl Tap {
+    /// The file; `None` for a tap into memory.
+    #[must_use]
+    pub fn path(&self) -> Option<&Path> {
+        match &self.target {
+            TapTarget::File(path) => Some(path),
+            TapTarget::Memory(_) => None,
+        }
+    }
 }
 
 /// Finds the output that `NODE.PORT=FILE` names, and checks that its type can be written to that kind of file.
@@ -28,31 +50,7 @@ pub fn check(graph: &Graph, text: &str) -> Result<Tap, Diagnostic> {
     let Some((name, path)) = text.split_once('=') else {
         return Err(error(format!("--tap {text}: write NODE.PORT=FILE")));
     };
-    let find = |name: &str| {
-        if let Some(node) = graph.find(name) {
-            return (graph.nodes[node].ty.outputs.len() == 1).then_some((node, 0));
-        }
-        let (id, port) = name.rsplit_once('.')?;
-        let node = graph.find(id)?;
-        Some((node, graph.nodes[node].ty.outputs.iter().position(|p| p.name == port)?))
-    };
-    let Some((node, port)) = find(name) else {
-        let all: Vec<String> = graph
-            .nodes
-            .iter()
-            .flat_map(|n| n.ty.outputs.iter().map(|p| format!("{}.{}", n.id, p.name)))
-            .collect();
-        let found = error(format!("--tap: there is no output `{name}`"));
-        let fitting =
-            name.split_once('.').and_then(|(id, _)| all.iter().find(|o| o.starts_with(&format!("{id}."))));
-        if let Some(fitting) = fitting {
-            return Err(found.help(format!("did you mean `{fitting}`?")));
-        }
-        return Err(match nearest(name, all.iter().map(String::as_str)) {
-            Some(near) => found.help(format!("did you mean `{near}`?")),
-            None => found.help(format!("outputs: {}", all.join(", "))),
-        });
-    };
+    let (node, port) = find(graph, name)?;
     let path = PathBuf::from(path);
     let ending = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_lowercase();
     let fits: &[&str] = match graph.nodes[node].ty.outputs[port].kind {
@@ -73,5 +71,51 @@ pub fn check(graph: &Graph, text: &str) -> Result<Tap, Diagnostic> {
             fits.join(" or .")
         )));
     }
-    Ok(Tap { node, port, path })
+    Ok(Tap { node, port, target: TapTarget::File(path) })
+}
+
+/// Finds the output that `NODE.PORT`, or `NODE` with one output, names, for a tap into memory of its type.
+///
+/// # Errors
+/// An unknown node or port, or an output of another type.
+pub fn check_memory(graph: &Graph, name: &str, tap: &Arc<dyn MemoryTap>) -> Result<Tap, Diagnostic> {
+    let (node, port) = find(graph, name)?;
+    let kind = graph.nodes[node].ty.outputs[port].kind;
+    if !kind.feeds(&tap.kind()) {
+        let message = format!(
+            "`{name}` is {} of {}, not {} of {}",
+            kind.word(),
+            kind.name(),
+            tap.kind().word(),
+            tap.kind().name()
+        );
+        return Err(Diagnostic::general("F083", message));
+    }
+    Ok(Tap { node, port, target: TapTarget::Memory(Arc::clone(tap)) })
+}
+
+/// Finds the output that `NODE.PORT`, or `NODE` with one output, names.
+fn find(graph: &Graph, name: &str) -> Result<(usize, usize), Diagnostic> {
+    let port_of = |(id, port): (&str, &str)| {
+        let node = graph.find(id)?;
+        Some((node, graph.nodes[node].ty.outputs.iter().position(|p| p.name == port)?))
+    };
+    let found = match graph.find(name) {
+        Some(node) => (graph.nodes[node].ty.outputs.len() == 1).then_some((node, 0)),
+        None => name.rsplit_once('.').and_then(port_of),
+    };
+    if let Some(found) = found {
+        return Ok(found);
+    }
+    let outputs =
+        graph.nodes.iter().flat_map(|n| n.ty.outputs.iter().map(|p| format!("{}.{}", n.id, p.name)));
+    let all: Vec<String> = outputs.collect();
+    let error = Diagnostic::general("F083", format!("--tap: there is no output `{name}`"));
+    let id = name.split_once('.').map_or(name, |(id, _)| id);
+    let fitting = all.iter().find(|output| output.starts_with(&format!("{id}.")));
+    let near = fitting.map(String::as_str).or_else(|| nearest(name, all.iter().map(String::as_str)));
+    Err(match near {
+        Some(near) => error.help(format!("did you mean `{near}`?")),
+        None => error.help(format!("outputs: {}", all.join(", "))),
+    })
 }

@@ -1,6 +1,6 @@
 //! Writes taps to files: streams and events by nodes that run along, values when the run has ended.
 
-use super::{Job, Values};
+use super::{Job, TapTarget, Values};
 use crate::diag::Diagnostic;
 use foley_nodes::archive_state;
 use foley_nodes::core::fault::Fault;
@@ -22,12 +22,16 @@ use std::io::{self, BufWriter, SeekFrom, Write};
 pub fn writer(job: &Job<'_>, k: usize) -> Result<Box<dyn DynNode>, Diagnostic> {
     let tap = &job.taps[k];
     let general = |code, message: String| Diagnostic::general(code, message);
-    let file = job.outputs.create_at(&tap.path).map_err(|e| general(e.code, e.message))?;
-    let csv = tap.path.extension().is_some_and(|e| e == "csv");
     let shape = job.plan.shapes[tap.node].outputs[tap.port].as_ref();
+    let path = match &tap.target {
+        TapTarget::File(path) => path,
+        TapTarget::Memory(tap) => return Ok(tap.start(shape)),
+    };
+    let file = job.outputs.create_at(path).map_err(|e| general(e.code, e.message))?;
+    let csv = path.extension().is_some_and(|e| e == "csv");
     match (job.graph.nodes[tap.node].ty.outputs[tap.port].kind, shape) {
         (PortKind::Stream(item), Some(stream))
-            if item.wave && tap.path.extension().is_some_and(|e| e == "wav") =>
+            if item.wave && path.extension().is_some_and(|e| e == "wav") =>
         {
             let rate = u32::try_from(stream.rate.num() / stream.rate.den()).unwrap_or(u32::MAX);
             let spec = WriteSpec::new(rate, stream.width, WriteFormat::Float32);
@@ -56,8 +60,15 @@ pub fn write_values(job: &Job<'_>, values: &Values) -> Result<(), Vec<Diagnostic
     let mut errors = Vec::new();
     for tap in job.taps {
         let Some(value) = values.get(&(tap.node, tap.port)) else { continue };
+        let path = match &tap.target {
+            TapTarget::File(path) => path,
+            TapTarget::Memory(tap) => {
+                tap.set(value);
+                continue;
+            }
+        };
         let kind = value.kind();
-        let ending = tap.path.extension().and_then(|e| e.to_str()).unwrap_or_default();
+        let ending = path.extension().and_then(|e| e.to_str()).unwrap_or_default();
         let bytes = match ending {
             "svg" => (kind.plot)(value).map(String::into_bytes).ok_or("drawing").map(Some),
             "bin" => (kind.file)(value).ok_or("file format of its own").map(Some),
@@ -65,7 +76,7 @@ pub fn write_values(job: &Job<'_>, values: &Values) -> Result<(), Vec<Diagnostic
         };
         let bytes = bytes.map_err(|what| format!("a {} has no {what}; write it as .json", kind.name));
         let written = bytes.and_then(|bytes| {
-            let mut file = BufWriter::new(job.outputs.create_at(&tap.path).map_err(|e| e.message)?);
+            let mut file = BufWriter::new(job.outputs.create_at(path).map_err(|e| e.message)?);
             let done = match bytes {
                 Some(bytes) => file.write_all(&bytes),
                 None => (kind.json)(value, &mut file),
@@ -73,7 +84,7 @@ pub fn write_values(job: &Job<'_>, values: &Values) -> Result<(), Vec<Diagnostic
             done.and_then(|()| file.flush()).map_err(|e| e.to_string())
         });
         if let Err(message) = written {
-            errors.push(Diagnostic::general("F080", format!("--tap {}: {message}", tap.path.display())));
+            errors.push(Diagnostic::general("F080", format!("--tap {}: {message}", path.display())));
         }
     }
     if errors.is_empty() { Ok(()) } else { Err(errors) }

@@ -54,7 +54,7 @@ pub fn check(
             }
         }
     }
-    targets.extend(taps.iter().map(|tap| Target::given("--tap", &tap.path)));
+    targets.extend(taps.iter().filter_map(Tap::path).map(|path| Target::given("--tap", path)));
     targets.extend(report.map(|path| Target::given("--report", path)));
     errors.extend(conflicts(&targets, asked));
     errors

@@ -10,10 +10,13 @@ pub use prepared::{Preparation, Prepared};
 
 use crate::diag::{Severity, any_error, sort};
 use crate::graph::{DirFiles, LoadOptions, Loaded, Override, load, load_text};
+use crate::live::{Callback, LiveGraph, Options, Player};
 use crate::memo::Memo;
 use crate::plan::{Plan, PlanOptions, faults};
-use crate::run::{Progress, Report, check_tap};
-use foley_nodes::core::time::{Tick, ticks};
+use crate::run::{MemoryTap, Progress, Report, check_memory_tap, check_tap};
+use foley_nodes::core::files::MemoryOutputs;
+use foley_nodes::core::input::Inputs;
+use foley_nodes::core::time::{Tick, seconds, ticks};
 use foley_nodes::registry::Registry;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -59,6 +62,7 @@ pub struct Session {
     window: Tick,
     until: Option<Tick>,
     taps: Vec<String>,
+    memory_taps: Vec<(String, Arc<dyn MemoryTap>)>,
     quiet: bool,
     memo: Option<Arc<Memo>>,
     progress: Arc<Progress>,
@@ -74,6 +78,7 @@ impl Session {
             window: ticks(0.02),
             until: None,
             taps: Vec::new(),
+            memory_taps: Vec::new(),
             quiet: false,
             memo: None,
             progress: Arc::default(),
@@ -139,6 +144,13 @@ impl Session {
     pub fn with_taps(mut self, taps: impl IntoIterator<Item = impl Into<String>>) -> Self {
         self.taps.extend(taps.into_iter().map(Into::into));
         self
+    }
+
+    /// Collects an output, `NODE.PORT` or `NODE` with one output, in memory: see [`StreamTap`](crate::run::StreamTap),
+    /// [`EventTap`](crate::run::EventTap) and [`ValueTap`](crate::run::ValueTap). An output of another type is an error of
+    /// [`Session::prepare`].
+    pub fn tap(&mut self, output: impl Into<String>, tap: &Arc<impl MemoryTap + 'static>) {
+        self.memory_taps.push((output.into(), Arc::clone(tap) as _));
     }
 
     /// Leaves warnings out.
@@ -208,8 +220,10 @@ impl Session {
         let mut prepared = None;
         if let Some(graph) = loaded.graph {
             let (mut taps, mut errors) = (Vec::new(), Vec::new());
-            for text in &self.taps {
-                match check_tap(&graph, text) {
+            let to_files = self.taps.iter().map(|text| check_tap(&graph, text));
+            let memory = self.memory_taps.iter().map(|(output, tap)| check_memory_tap(&graph, output, tap));
+            for tap in to_files.chain(memory) {
+                match tap {
                     Ok(tap) => taps.push(tap),
                     Err(e) => errors.push(e),
                 }
@@ -263,6 +277,37 @@ impl Session {
     /// All that is wrong with the graph, or the faults of the nodes that failed.
     pub fn render(&self, folder: impl AsRef<Path>) -> Result<Report, Errors> {
         self.prepare().into_result()?.render(folder.as_ref())
+    }
+
+    /// Runs the graph to its end; its files stay in memory.
+    ///
+    /// # Errors
+    /// As [`Session::render`].
+    pub fn render_to_memory(&self) -> Result<(Report, MemoryOutputs), Errors> {
+        self.prepare().into_result()?.render_to_memory()
+    }
+
+    /// The graph as it can be played, or loaded into a [`Player`] that plays; `inputs` are the messages that arrive while it
+    /// plays, [`NoInputs`](foley_nodes::core::input::NoInputs) if there are none.
+    ///
+    /// # Errors
+    /// All that is wrong with the graph.
+    pub fn live_graph(&self, inputs: Arc<dyn Inputs>) -> Result<LiveGraph, Errors> {
+        let live = self.clone().with_until(Some(self.until.map_or(1.0, seconds)));
+        let (Loaded { graph, diagnostics, sources, .. }, files) = live.load();
+        let Some(graph) = graph else { return Err(Errors { diagnostics, sources }) };
+        let seed = self.seed.unwrap_or(graph.seed);
+        Ok(LiveGraph { graph, files, seed, memo: self.memo.clone(), inputs })
+    }
+
+    /// Starts to play the graph: the callback belongs to the host, which fills its buffers with it.
+    ///
+    /// # Errors
+    /// All that is wrong with the graph, as far as it has to play.
+    pub fn play(&self, inputs: Arc<dyn Inputs>, options: Options) -> Result<(Player, Callback), Errors> {
+        let graph = self.live_graph(inputs)?;
+        let sources = graph.graph.sources.clone();
+        Player::start(graph, options).map_err(|diagnostics| Errors { diagnostics, sources })
     }
 }
 

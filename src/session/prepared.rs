@@ -6,6 +6,7 @@ use crate::graph::{Asked, DirFiles, Graph};
 use crate::memo::Memo;
 use crate::plan::Plan;
 use crate::run::{self, DirOutputs, Job, Progress, Report, Tap, check_targets};
+use foley_nodes::core::files::MemoryOutputs;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -35,9 +36,21 @@ impl Prepared {
     /// # Errors
     /// The faults of the nodes that failed; no file is left behind then.
     pub fn render(&self, folder: &Path) -> Result<Report, Errors> {
-        let outputs = DirOutputs::new(folder);
-        let errors = self.check_targets(None, &outputs);
-        let result = if errors.is_empty() { self.run(&outputs) } else { Err(errors) };
+        self.checked_run(&DirOutputs::new(folder))
+    }
+
+    /// Runs the graph to its end; its files stay in memory.
+    ///
+    /// # Errors
+    /// As [`Prepared::render`].
+    pub fn render_to_memory(&self) -> Result<(Report, MemoryOutputs), Errors> {
+        let (outputs, memory) = DirOutputs::in_memory();
+        Ok((self.checked_run(&outputs)?, memory))
+    }
+
+    fn checked_run(&self, outputs: &DirOutputs) -> Result<Report, Errors> {
+        let errors = self.check_targets(None, outputs);
+        let result = if errors.is_empty() { self.run(outputs) } else { Err(errors) };
         result.map_err(|diagnostics| Errors { diagnostics, sources: self.graph.sources.clone() })
     }
 

@@ -4,7 +4,7 @@ use foley::diag::Diagnostic;
 use foley::graph::{DirFiles, Graph, Limits, LoadOptions, load};
 use foley::memo::{CachePolicy, Memo, Store, default_dir};
 use foley::plan::{Plan, PlanOptions};
-use foley::run::{DirOutputs, Job, Progress, Report, Tap, run};
+use foley::run::{DirOutputs, Job, Progress, Report, Tap, TapTarget, run};
 use foley_nodes::core::ports::PortKind;
 use std::fs;
 use std::path::PathBuf;
@@ -121,7 +121,11 @@ impl Project {
         let files = DirFiles::new(loaded.root, Limits::default());
         let taps: Vec<Tap> = tap
             .iter()
-            .map(|id| Tap { node: graph.find(id).unwrap(), port: 0, path: self.path(tap_name(&graph, id)) })
+            .map(|id| Tap {
+                node: graph.find(id).unwrap(),
+                port: 0,
+                target: TapTarget::File(self.path(tap_name(&graph, id))),
+            })
             .collect();
         let options = PlanOptions {
             taps: taps.iter().map(|t| (t.node, t.port)).collect(),

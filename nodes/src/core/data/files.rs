@@ -144,6 +144,12 @@ impl MemoryOutputs {
         Self { files: Arc::new(Mutex::new(files.unwrap_or_default())), goes_on: true }
     }
 
+    /// The paths of all files, in order.
+    #[must_use]
+    pub fn paths(&self) -> Vec<String> {
+        self.files.lock().map(|files| files.keys().cloned().collect()).unwrap_or_default()
+    }
+
     /// What has been written to `path`.
     #[must_use]
     pub fn get(&self, path: &str) -> Option<Vec<u8>> {
