@@ -10,7 +10,7 @@ use foley_nodes::core::input::{Inbox, Inputs, Message, NoInputs};
 use foley_nodes::core::random::Rng;
 use foley_nodes::core::time::{Tick, ticks};
 use foley_nodes::io::AudioReader;
-use foley_nodes::live::{Sent, contact_to_message};
+use foley_nodes::live_input::{ContactMessage, contact_to_message};
 use std::fs::File;
 use std::io::Write;
 use std::net::TcpStream;
@@ -327,7 +327,7 @@ fn slide(speeds: &[(f64, f64)], end: f64) -> Vec<(Tick, Message)> {
             let time = start + k as f64 * frame;
             let speed = speeds.iter().rev().find(|(from, _)| *from <= time + 1e-9).map_or(0.0, |s| s.1);
             x += speed * frame;
-            let sent = Sent {
+            let sent = ContactMessage {
                 id: 7,
                 bodies: [0, 1],
                 point: [x, 0.03, 0.0],
@@ -343,7 +343,7 @@ fn slide(speeds: &[(f64, f64)], end: f64) -> Vec<(Tick, Message)> {
             (ticks(time), contact_to_message(&sent).unwrap())
         })
         .collect();
-    let last = Sent::from_numbers(&[7.0]).unwrap();
+    let last = ContactMessage::from_numbers(&[7.0]).unwrap();
     all.push((ticks(end), contact_to_message(&last).unwrap()));
     all
 }

@@ -3,7 +3,7 @@
 
 mod common;
 
-use foley_nodes::crumple::bank_nodes::CrumpleBankFile;
+use foley_nodes::crumple::bank::crumple_bank_file::CrumpleBankFile;
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|bytes: &[u8]| {

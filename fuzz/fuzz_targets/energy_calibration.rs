@@ -3,7 +3,7 @@
 
 mod common;
 
-use foley_nodes::crumple::calibration_nodes::EnergyCalibrationFile;
+use foley_nodes::crumple::matching::energy_calibration_file::EnergyCalibrationFile;
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|bytes: &[u8]| {

@@ -1,4 +1,4 @@
-//! Blows from CSV or JSON lines: refused, or in the order of time.
+//! Impacts from CSV or JSON lines: refused, or in the order of time.
 #![no_main]
 
 use foley_nodes::modal::{Body, Defaults, read_impacts};
@@ -7,8 +7,8 @@ use libfuzzer_sys::fuzz_target;
 fuzz_target!(|bytes: &[u8]| {
     let body = Body { mass: 0.05, restitution: 0.5 };
     let defaults = Defaults { body, hardness: 0.5, objects: vec!["bell".into(), "box".into()] };
-    if let Ok(blows) = read_impacts(bytes, &defaults) {
-        assert!(blows.is_sorted_by_key(|(time, _)| *time));
-        assert!(blows.iter().all(|(_, blow)| (blow.object as usize) < defaults.objects.len()));
+    if let Ok(impacts) = read_impacts(bytes, &defaults) {
+        assert!(impacts.is_sorted_by_key(|(time, _)| *time));
+        assert!(impacts.iter().all(|(_, impact)| (impact.object as usize) < defaults.objects.len()));
     }
 });

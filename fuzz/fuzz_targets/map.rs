@@ -3,7 +3,7 @@
 
 mod common;
 
-use foley_nodes::texture::map_file_node::MapFile;
+use foley_nodes::texture::map_code::map_file::MapFile;
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|bytes: &[u8]| {

@@ -1,7 +1,7 @@
-//! Time per frame of contact detection and slip: a cloth slides over a sphere, its hem in folds that touch each other.
+//! Time per frame of contact detection and slip: a cloth slides over a sphere; its hem has folds in self contact.
 //!
-//! Run with `cargo bench -p foley-nodes --bench contact`. One core. "Cold" is the first frame; the others are quicker, since
-//! each search starts from what was touched a frame before. Brute force on a few vertices of the same frame is the yardstick.
+//! Run with `cargo bench -p foley-nodes --bench contact`. One core. "Cold" is the first frame; the others are faster, since
+//! each search starts from the contact of the frame before. The reference is brute force on a few vertices of the same frame.
 
 use std::f32::consts::{PI, TAU};
 use std::hint::black_box;
@@ -14,7 +14,7 @@ use foley_nodes::mesh::Topology;
 const SPHERE: f32 = 0.4;
 const SIDE: f32 = 1.6;
 const FRAMES: usize = 60;
-/// Frames of a minute.
+/// Frames per minute.
 const MINUTE: f64 = 3600.0;
 
 fn sheet(n: usize) -> Topology {
@@ -48,7 +48,7 @@ fn sphere(rows: usize, columns: usize) -> Topology {
     mesh
 }
 
-/// The sheet laid over the sphere, turned by an angle; beyond the equator it hangs in folds that lean on each other.
+/// Drapes the sheet over the sphere, rotated over time. Below the equator it hangs in folds that touch each other.
 fn draped(sheet: &Topology, time: f32, out: &mut Vec<[f32; 3]>) {
     let quarter = 0.5 * PI * SPHERE;
     out.clear();
@@ -131,7 +131,7 @@ fn measure(n: usize, body: &Topology, params: DetectorParams) {
         mean * MINUTE / 1e3,
     );
     println!(
-        "    {} contacts per frame, {} of them with the cloth itself; {rebuilt} trees sorted anew; prepared in {prepared:.2} s; \
+        "    {} contacts per frame, {} of them self contacts; {rebuilt} trees rebuilt; prepared in {prepared:.2} s; \
          exclusion {:.1} MB for {:.1} M pairs",
         contacts / FRAMES,
         own / FRAMES,

@@ -1,4 +1,4 @@
-//! Time per frame of curvature, buckling and crumple events on a sheet of about 20,000 vertices whose waves run across it.
+//! Time per frame of curvature, buckling and crumple events on a sheet of about 20,000 vertices with travelling waves.
 //!
 //! Run with `cargo bench -p foley-nodes --bench curvature`. One core. The budget for curvature and events together is 4 ms.
 
@@ -14,7 +14,7 @@ use foley_nodes::mesh::Topology;
 
 const N: usize = 142;
 const FRAMES: usize = 60;
-/// Frames of a minute.
+/// Frames per minute.
 const MINUTE: f64 = 3600.0;
 
 fn sheet() -> Topology {
@@ -28,7 +28,7 @@ fn sheet() -> Topology {
     Topology { rest, triangles }
 }
 
-/// Waves of several directions that run over the sheet, so that some hundred vertices snap in each frame.
+/// Moves the sheet by waves of several directions, so that some hundred vertices snap in each frame.
 fn moved(sheet: &Topology, frame: usize) -> Vec<[f32; 3]> {
     let t = frame as f32 / 60.0;
     let high = |x: f32, y: f32| {
@@ -72,7 +72,7 @@ fn main() {
             curvature.push(start.elapsed().as_secs_f64() * 1e3);
             let start = Instant::now();
             detector.detect(&bent, &mut labels);
-            events.take(k, &labels);
+            events.add_frame(k, &labels);
             while events.next_before(k + 1 - merge_frames as i64).is_some() {
                 found += 1;
             }

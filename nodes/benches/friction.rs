@@ -1,6 +1,6 @@
-//! Seconds to make 60 s of friction sound from 10,000 sliding vertices on one core.
+//! Time to render 60 s of friction sound of 10,000 sliding vertices on one core.
 //!
-//! Per-vertex synthesis is timed over a shorter stretch and scaled up; the stretch is printed. Run with
+//! Per-vertex synthesis is timed over a shorter duration, which is printed, and scaled up. Run with
 //! `cargo bench -p foley-nodes --bench friction`.
 
 use std::error::Error;
@@ -14,7 +14,7 @@ use foley_nodes::friction::{
 const VERTICES: usize = 10_000;
 const SECONDS: f64 = 60.0;
 
-/// Bumps that rise from 0.5 to 8 kHz over 32 speeds.
+/// Returns a model with a spectral peak that rises from 0.5 to 8 kHz over 32 speeds.
 fn model() -> Result<FrictionModel, Box<dyn Error>> {
     let (bins, df) = (2401, 20.0);
     let speeds: Vec<f64> = (0..32).map(|k| 0.02 * 100.0_f64.powf(f64::from(k) / 31.0)).collect();
@@ -25,7 +25,7 @@ fn model() -> Result<FrictionModel, Box<dyn Error>> {
     Ok(FrictionModel::from_psd(["bump".into(), "bump".into()], speeds, psd.collect(), 96000.0)?)
 }
 
-/// Two ears that multiply every bin by a complex response: the work of a head-related filter, without its design.
+/// Two ears that multiply every bin by a complex response: the work of a head-related filter without its design.
 struct Ears {
     response: Vec<(f32, f32)>,
 }
@@ -44,17 +44,17 @@ impl Receiver for Ears {
     }
 }
 
-/// Renders `stretch` seconds and prints what a minute costs.
+/// Renders `duration` seconds and prints the time for a minute.
 fn time<R: Receiver>(
     name: &str,
     fs: f64,
     emitters: Emitters,
-    stretch: f64,
+    duration: f64,
     receiver: R,
 ) -> Result<(), Box<dyn Error>> {
     let positions: Vec<[f32; 3]> =
         (0..VERTICES).map(|v| [0.01 * (v % 100) as f32, 0.01 * (v / 100) as f32, 0.0]).collect();
-    // Sixty-four clips of speeds that cover the table and a little on either side of it, without regard to place.
+    // 64 clips of random speeds that cover the table and a margin on both sides.
     let random = Random::new(1, "speeds");
     let speeds: Vec<Vec<f32>> = (0..64)
         .map(|k| {
@@ -68,7 +68,7 @@ fn time<R: Receiver>(
     let mut stream = ClipStream::new(noise);
     let mut out = vec![0.0; 4096 * channels];
     let start = Instant::now();
-    let (mut from, total, mut power) = (0, (stretch * fs) as u64, 0.0_f64);
+    let (mut from, total, mut power) = (0, (duration * fs) as u64, 0.0_f64);
     while from < total {
         stream.fill(from, &mut out, |k| ClipInput {
             speeds: &speeds[k as usize % speeds.len()],
@@ -77,10 +77,10 @@ fn time<R: Receiver>(
         power += out.iter().map(|&x| f64::from(x * x)).sum::<f64>();
         from += 4096;
     }
-    let spent = start.elapsed().as_secs_f64() * SECONDS / (from as f64 / fs);
+    let seconds = start.elapsed().as_secs_f64() * SECONDS / (from as f64 / fs);
     println!(
-        "{fs:>6} Hz  {name:<24} {spent:>8.2} s  {:>7.1} x real time  (rms {:.4}, timed over {stretch} s)",
-        SECONDS / spent,
+        "{fs:>6} Hz  {name:<24} {seconds:>8.2} s  {:>7.1} x real time  (rms {:.4}, timed over {duration} s)",
+        SECONDS / seconds,
         (power / (from as f64 * channels as f64)).sqrt(),
     );
     Ok(())

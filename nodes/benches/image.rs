@@ -1,7 +1,7 @@
-//! Time of the filters of textures, on smooth images of 512 and 4096 pixels square.
+//! Time of the texture filters on smooth images of 512 and 4096 pixels square.
 //!
-//! Run with `cargo bench -p foley-nodes --bench image`. Budgets: all preprocessing within 0.5 s and 30 s, which the last line of each size
-//! sums up. `benches/peers/textures.py` times the same filters of OpenCV and scikit-image on the same images.
+//! Run with `cargo bench -p foley-nodes --bench image`. The budgets for all preprocessing, in the last line of each
+//! size, are 0.5 s and 30 s. `benches/peers/textures.py` times the same filters of OpenCV and scikit-image on the same images.
 
 use foley_nodes::scrape::SurfaceMap;
 use foley_nodes::texture::bilateral::{BilateralParams, bilateral};
@@ -32,8 +32,8 @@ fn time<T>(what: &str, size: usize, runs: usize, mut work: impl FnMut() -> T) {
     println!("{what} {size} x {size}: median {median:.2} ms, best {best:.2} ms");
 }
 
-/// All that is made of an image before anything moves, ms.
-fn whole(luma: &Luma) -> Result<f64, Box<dyn Error>> {
+/// Returns the time of all preprocessing of an image, in ms.
+fn preprocess(luma: &Luma) -> Result<f64, Box<dyn Error>> {
     let (image, wrap) = (&luma.grid, luma.surface.wrap);
     let start = Instant::now();
     let class = classify(luma, 0.2, None);
@@ -73,8 +73,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         time("pyramid, with its copy of the image", size, runs, || Pyramid::new(image.clone(), Wrap::Repeat));
         let luma =
             Luma { grid: image, holes: Vec::new(), kind: LumaKind::Lstar, surface: Surface::default() };
-        let (ms, aim) = (whole(&luma)?, if size == 512 { 500 } else { 30_000 });
-        println!("all that is made of an image {size} x {size}: {ms:.0} ms, aim {aim} ms");
+        let (ms, aim) = (preprocess(&luma)?, if size == 512 { 500 } else { 30_000 });
+        println!("all preprocessing of an image {size} x {size}: {ms:.0} ms, aim {aim} ms");
     }
     Ok(())
 }

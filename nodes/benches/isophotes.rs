@@ -1,8 +1,8 @@
-//! Isophotes of images of 512 and 4096 pixels a side, and microseconds per block and contact of the force drawn from them.
+//! Isophotes of images of 512 and 4096 pixels a side, and the time per block and contact of the excitation force from them.
 //!
-//! Run with `cargo bench -p foley-nodes --bench isophotes`. The images are random numbers on every 16th pixel with cubics between,
-//! as in most comparisons of contour tracers: one level at 0.5, and eight at quantiles. `FOLEY_BENCH_IMAGES=DIR` writes them there,
-//! for `benches/peers/textures.py`. On Linux the most memory that the isophotes of the larger one take is printed beside them.
+//! Run with `cargo bench -p foley-nodes --bench isophotes`. The images are random numbers at every 16th pixel with cubic interpolation,
+//! as in most comparisons of contour tracers, with one level at 0.5 and eight at quantiles. `FOLEY_BENCH_IMAGES=DIR` writes them to `DIR`
+//! for `benches/peers/textures.py`. On Linux the peak memory is printed as well.
 
 use foley_nodes::core::params::Params;
 use foley_nodes::core::random::Rng;
@@ -20,7 +20,7 @@ use std::error::Error;
 use std::hint::black_box;
 use std::time::Instant;
 
-/// The best time of some runs, in ms: other programs only take time away.
+/// Returns the best time of some runs, in ms, which is least affected by other programs.
 fn best<T>(runs: usize, mut work: impl FnMut() -> T) -> f64 {
     let one = |work: &mut dyn FnMut() -> T| {
         let start = Instant::now();
@@ -30,29 +30,29 @@ fn best<T>(runs: usize, mut work: impl FnMut() -> T) -> f64 {
     (0..runs).map(|_| one(&mut work)).fold(f64::INFINITY, f64::min)
 }
 
-/// A figure of this process in bytes, where the system tells.
+/// Returns a memory figure of this process in bytes, if the system reports it.
 fn memory(what: &str) -> Option<f64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix(what))?;
     line.trim_start_matches(':').trim().trim_end_matches(" kB").parse::<f64>().ok().map(|kb| 1024.0 * kb)
 }
 
-/// Most memory while some work is done, and what there was before it.
+/// Returns the peak memory during some work, and the memory before it.
 fn peak_of(work: impl FnOnce()) -> Option<(f64, f64)> {
-    // The highest mark is set back to what is there.
+    // Resets the peak to the current memory.
     std::fs::write("/proc/self/clear_refs", "5").ok()?;
     let before = memory("VmRSS")?;
     work();
     Some((memory("VmHWM")?, before))
 }
 
-/// Smooth noise between 0 and 1.
+/// Returns smooth noise between 0 and 1.
 fn image(n: usize) -> Grid {
     let (mut rng, m) = (Rng::new(9), n / 16 + 4);
     let coarse = Grid::from_fn(m, m, |_, _| rng.uniform() as f32);
     let weights = |x: usize| {
         let t = (x % 16) as f32 / 16.0;
-        // Catmull and Rom.
+        // Catmull-Rom weights.
         [
             t * (-0.5 + t * (1.0 - 0.5 * t)),
             1.0 + t * t * (1.5 * t - 2.5),
@@ -90,7 +90,7 @@ fn curves() -> Result<(), Box<dyn Error>> {
         let image = (n * n * size_of::<f32>()) as f64;
         if let Some((peak, before)) = peak_of(|| drop(black_box(isophotes(&luma, &Drawing::default())))) {
             println!(
-                "{n:4} x {n}: at most {:.1} times the image in memory, its own {:.1} among them",
+                "{n:4} x {n}: peak memory {:.1} times the image, including its own {:.1}",
                 (peak - before) / image + 1.0,
                 1.0
             );
@@ -106,7 +106,7 @@ fn curves() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Isophotes of a rough texture: about one crossing per pixel and a half.
+/// Returns isophotes of a rough texture, with about one crossing per 1.5 pixels.
 fn rough() -> Result<Isophotes, Box<dyn Error>> {
     let mut rng = Rng::new(4);
     let grid = Grid::from_fn(512, 512, |_, _| rng.between(0.0, 100.0) as f32);
@@ -119,7 +119,7 @@ fn rough() -> Result<Isophotes, Box<dyn Error>> {
 fn force(all: &Isophotes) -> Result<(), Box<dyn Error>> {
     const SECONDS: f64 = 2.0;
     for reading in [Reading::Crossing, Reading::Proximity] {
-        // Crossings for each contact and second, and microseconds for each of its milliseconds.
+        // Crossings per contact and second, and microseconds per contact and millisecond.
         let mut found = Vec::new();
         for speed in [0.1, 1.0, 10.0] {
             let contacts = 8;
@@ -162,7 +162,7 @@ fn force(all: &Isophotes) -> Result<(), Box<dyn Error>> {
             let crossings = told.unwrap_or(0.0) / SECONDS / contacts as f64;
             found.push([crossings, 1e6 * time / (1000.0 * SECONDS * contacts as f64)]);
             println!(
-                "{reading:?} at {speed:4} m/s: {:6.2} us for each contact and block of 1024, {:.3} us for each of its milliseconds",
+                "{reading:?} at {speed:4} m/s: {:6.2} us per contact and block of 1024, {:.3} us per contact and millisecond",
                 1e6 * time / blocks,
                 1e6 * time / (1000.0 * SECONDS * contacts as f64)
             );
@@ -170,7 +170,7 @@ fn force(all: &Isophotes) -> Result<(), Box<dyn Error>> {
         if let ([slow, fast, ..], Reading::Crossing) = (&found[..], reading) {
             let each = 1000.0 * (fast[1] - slow[1]) / (fast[0] - slow[0]);
             println!(
-                "  {:.0} and {:.0} crossings a second: {each:.2} us each, beside {:.2} us for each millisecond",
+                "  {:.0} and {:.0} crossings a second: {each:.2} us per crossing, plus {:.2} us per millisecond",
                 slow[0],
                 fast[0],
                 slow[1] - each * slow[0] / 1000.0

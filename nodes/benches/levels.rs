@@ -1,6 +1,6 @@
-//! Milliseconds that matching all levels of detail takes before a graph sounds: LevelMatcher on an image, PairMatcher on two.
+//! Time to match all levels of detail before a run: LevelMatcher on one image, PairMatcher on two.
 //!
-//! Run with `cargo bench -p foley-nodes --bench levels`. The aim is a second.
+//! Run with `cargo bench -p foley-nodes --bench levels`. The aim is 1 s.
 
 use foley_nodes::core::item::AnyValue;
 use foley_nodes::core::params::Params;
@@ -24,8 +24,8 @@ use foley_nodes::texture::{
 use std::error::Error;
 use std::time::Instant;
 
-/// All that is made of an image before its levels are matched.
-struct Made {
+/// The data computed from an image before its levels are matched.
+struct Analysis {
     luma: Luma,
     map: DiscontinuityMap,
     features: FeatureMap,
@@ -35,7 +35,7 @@ struct Made {
     lines: Isophotes,
 }
 
-fn made(name: &str, density: f64) -> Result<Made, Box<dyn Error>> {
+fn analyse(name: &str, density: f64) -> Result<Analysis, Box<dyn Error>> {
     let path = format!("{}/../graphs/assets/images/{name}.png", env!("CARGO_MANIFEST_DIR"));
     let (grid, _) = luminance(&decode(&std::fs::read(path)?)?, LumaKind::Lstar, false)?;
     let surface = Surface { density: [density; 2], ..Surface::default() };
@@ -44,9 +44,9 @@ fn made(name: &str, density: f64) -> Result<Made, Box<dyn Error>> {
     let rest = NoiseMap { grid: noise(&grid, &smooth, Some(&lines), &[]), holes: Vec::new(), surface };
     let [gx, gy] = gradient(&grid, surface.wrap);
     let luma = Luma { grid, holes: Vec::new(), kind: LumaKind::Lstar, surface };
-    // As fine as a sample at 2 m/s.
+    // The spacing of one sample at 2 m/s.
     let times = (44_100.0 / 2.0 / density).ceil() as usize;
-    Ok(Made {
+    Ok(Analysis {
         map: DiscontinuityMap { gx, gy, surface },
         features: FeatureMap { grid: lines, surface },
         noise: extend(&profile(&rest, PROFILE), times, &Random::new(1, "bench")).0,
@@ -57,7 +57,7 @@ fn made(name: &str, density: f64) -> Result<Made, Box<dyn Error>> {
     })
 }
 
-/// Best of three times, ms.
+/// Returns the best of three times, in ms.
 fn time(standalone: &Standalone) -> Result<f64, Box<dyn Error>> {
     let mut best = f64::MAX;
     for _ in 0..3 {
@@ -72,23 +72,23 @@ fn main() -> Result<(), Box<dyn Error>> {
     let modes = Modes::new("bench", vec![271.0, 410.0, 663.0, 1190.0], vec![9.0; 4], vec![1.0; 4])?;
     println!("ms to match all levels, on all cores                       ms     aim");
     for name in ["sk_brick", "sk_gravel", "tiles"] {
-        let made = made(name, 512.0)?;
+        let image = analyse(name, 512.0)?;
         for (what, by_speed) in [("17 speeds", true), ("one speed", false)] {
             let p = LevelMatcherParams::read(&|_| None).map_err(|e| format!("{e:?}"))?;
             let p = LevelMatcherParams { speed: 1.2, force: 11.0, by_speed, ..p };
             type P = LevelMatcherPorts;
             let standalone = Standalone::func::<LevelMatcher>(p)
-                .feed(P::map.index(), Feed::value(AnyValue::new(made.map.clone())))
-                .feed(P::isophotes.index(), Feed::value(AnyValue::new(made.curves.clone())))
-                .feed(P::features.index(), Feed::value(AnyValue::new(made.features.clone())))
-                .feed(P::rest.index(), Feed::value(AnyValue::new(made.rest.clone())))
-                .feed(P::noise.index(), Feed::value(AnyValue::new(made.noise.clone())))
-                .feed(P::spectrum.index(), Feed::value(AnyValue::new(made.noise.clone())))
+                .feed(P::map.index(), Feed::value(AnyValue::new(image.map.clone())))
+                .feed(P::isophotes.index(), Feed::value(AnyValue::new(image.curves.clone())))
+                .feed(P::features.index(), Feed::value(AnyValue::new(image.features.clone())))
+                .feed(P::rest.index(), Feed::value(AnyValue::new(image.rest.clone())))
+                .feed(P::noise.index(), Feed::value(AnyValue::new(image.noise.clone())))
+                .feed(P::spectrum.index(), Feed::value(AnyValue::new(image.noise.clone())))
                 .feed(P::modes.index(), Feed::value(AnyValue::new(modes.clone())));
             println!("  {:<50} {:8.0}    1000", format!("{name}, {what}"), time(&standalone)?);
         }
     }
-    let (a, b) = (made("sk_gravel", 2048.0)?, made("sk_brick", 4096.0)?);
+    let (a, b) = (analyse("sk_gravel", 2048.0)?, analyse("sk_brick", 4096.0)?);
     let p = PairMatcherParams::read(&|_| None).map_err(|e| format!("{e:?}"))?;
     let p = PairMatcherParams { speed: 0.6, other: 0.4, force: 3.0, ..p };
     type P = PairMatcherPorts;

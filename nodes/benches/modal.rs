@@ -1,6 +1,6 @@
-//! Mode-samples per second of the modal bank on one core, beside what the same arithmetic reaches without any memory.
+//! Mode-samples per second of the modal bank on one core, compared with the same arithmetic in registers.
 //!
-//! Run with `cargo bench -p foley-nodes --bench modal`. A mode-sample is one mode moved on by one sample.
+//! Run with `cargo bench -p foley-nodes --bench modal`. A mode-sample is one sample of one mode.
 
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch, f32x16};
@@ -10,20 +10,20 @@ use std::hint::black_box;
 use std::time::{Duration, Instant};
 
 const RATE: f64 = 44_100.0;
-/// Each figure is the best of this many stretches: other programs only take time away.
-const STRETCHES: usize = 15;
-const STRETCH: Duration = Duration::from_millis(60);
+/// Each figure is the best of this many repetitions, which is least affected by other programs.
+const REPETITIONS: usize = 15;
+const REPETITION_TIME: Duration = Duration::from_millis(60);
 
-/// The best rate, in units per second, of work that says how many units it has done.
+/// Returns the best rate in units per second. `work` returns the number of its units.
 fn best(mut work: impl FnMut() -> u64) -> f64 {
-    let stretch = |work: &mut dyn FnMut() -> u64| {
+    let repetition = |work: &mut dyn FnMut() -> u64| {
         let (start, mut units) = (Instant::now(), 0);
-        while start.elapsed() < STRETCH {
+        while start.elapsed() < REPETITION_TIME {
             units += work();
         }
         units as f64 / start.elapsed().as_secs_f64()
     };
-    (0..STRETCHES).map(|_| stretch(&mut work)).fold(0.0, f64::max)
+    (0..REPETITIONS).map(|_| repetition(&mut work)).fold(0.0, f64::max)
 }
 
 #[inline(always)]
@@ -48,7 +48,7 @@ fn registers<S: Simd, const U: usize>(simd: S, samples: u64) -> f32 {
 
 #[inline(always)]
 fn bound_on<S: Simd>(simd: S, samples: u64) -> (f32, u64) {
-    // As many vectors at once as fit into the registers.
+    // As many vectors as fit into the registers.
     match S::f32s::LEN {
         16.. => (registers::<S, 4>(simd, samples), 4),
         8.. => (registers::<S, 2>(simd, samples), 2),
@@ -56,7 +56,7 @@ fn bound_on<S: Simd>(simd: S, samples: u64) -> (f32, u64) {
     }
 }
 
-/// The bank's arithmetic with everything in registers.
+/// Returns the rate of the arithmetic of the bank in registers.
 fn bound(level: Level) -> f64 {
     best(|| {
         let samples = 20_000;
@@ -66,7 +66,7 @@ fn bound(level: Level) -> f64 {
     })
 }
 
-/// Modes over the audible range that ring for seconds, so that none falls silent.
+/// Returns modes over the audible range that ring for seconds, so that none decays to silence.
 fn modes(n: usize) -> Result<Modes, Box<dyn Error>> {
     let frequency = |k: usize| 60.0 * (16_000.0_f64 / 60.0).powf(k as f64 / n as f64);
     let damping = |k: usize| 6.9 / (0.2 + 1.8 * ((k * 7919) % 1000) as f64 / 1000.0);
@@ -86,8 +86,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     for n in [64, 1000, 10_000] {
         let modes = modes(n)?;
         let mut out = vec![0.0; 1024];
-        let mut blow = vec![0.0; 1024];
-        blow[0] = 1.0;
+        let mut impulse = vec![0.0; 1024];
+        impulse[0] = 1.0;
         let mut time = |name: &str, force: &[f32], damped: bool| -> Result<(), Box<dyn Error>> {
             let mut bank = Bank::new(&modes, RATE)?;
             let mut k = 0_u32;
@@ -99,8 +99,8 @@ fn main() -> Result<(), Box<dyn Error>> {
                         bank.process(force.get(64 * k..64 * k + 64).unwrap_or_default(), out);
                     }
                 } else {
-                    // A blow every 16 blocks, as things that fall do.
-                    bank.process(if k % 16 == 1 { &blow } else { force }, &mut out);
+                    // An impact every 16 blocks.
+                    bank.process(if k % 16 == 1 { &impulse } else { force }, &mut out);
                 }
                 black_box(&out);
                 (n * out.len()) as u64
@@ -114,9 +114,9 @@ fn main() -> Result<(), Box<dyn Error>> {
             Ok(())
         };
         let scrape: Vec<f32> = (0..1024).map(|k| (k as f32 * 0.7).sin()).collect();
-        time("a blow now and then   ", &[], false)?;
-        time("a force all the time  ", &scrape, false)?;
-        time("damping in each 64th  ", &blow, true)?;
+        time("occasional impacts    ", &[], false)?;
+        time("continuous force      ", &scrape, false)?;
+        time("damping every 64      ", &impulse, true)?;
     }
     let mut quiet = Bank::new(&modes(10_000)?, RATE)?;
     let mut out = vec![0.0; 1024];

@@ -1,6 +1,7 @@
-//! Speed of reading logs of contacts, and time per frame of a contact to classify it.
+//! Time to read contact logs, and time per frame of a contact to classify it.
 //!
-//! Run with `cargo bench -p foley-nodes --bench rigid`. One core. Splitting the text into fields without reading a number is the yardstick.
+//! Run with `cargo bench -p foley-nodes --bench rigid`. One core. The reference is the split of the
+//! text into fields without parsing numbers.
 
 use foley_nodes::core::time::TICKS_PER_SECOND;
 use foley_nodes::rigid::{Classifier, LogOptions, Manifold, Rules, read_contacts};
@@ -8,7 +9,7 @@ use std::fmt::Write;
 use std::hint::black_box;
 use std::time::Instant;
 
-/// Points of a box that slides and of five balls that roll, at 240 frames a second.
+/// Returns a log of the contact points of a sliding box and of five rolling balls, at 240 frames per second.
 fn log(rows: usize) -> String {
     let mut text = String::from("time,a,b,px,py,pz,nx,ny,nz,force,vx,vy,vz,approach\n");
     for row in 0..rows {
@@ -25,6 +26,7 @@ fn log(rows: usize) -> String {
     text
 }
 
+/// Returns the best time of seven runs, in s.
 fn best<T>(mut work: impl FnMut() -> T) -> f64 {
     let time = |work: &mut dyn FnMut() -> T| {
         let start = Instant::now();

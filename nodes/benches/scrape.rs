@@ -1,7 +1,7 @@
-//! Microseconds that a blow takes, and a contact in a block of 1024 samples at 44.1 kHz, for each kind of excitation, on one core.
+//! Time per impact, and per contact in a block of 1024 samples at 44.1 kHz for each kind of excitation, on one core.
 //!
-//! Run with `cargo bench -p foley-nodes --bench scrape`. The aims are 2 us for a blow, 15 us for a continuous contact and 100 us for two textures;
-//! 64 contacts on 8 objects of 32 modes are to take a tenth of a core at most.
+//! Run with `cargo bench -p foley-nodes --bench scrape`. The aims are 2 us for an impact, 15 us for a continuous contact, 100 us
+//! for two textures, and a tenth of a core for 64 contacts on 8 objects of 32 modes.
 
 use foley_nodes::core::random::Rng;
 use foley_nodes::core::time::{Rate, Tick, ticks};
@@ -21,12 +21,12 @@ use std::time::Instant;
 
 const FS: u32 = 44_100;
 const BLOCK: usize = 1024;
-/// Each figure is the best of this many turns: other programs only take time away.
-const TURNS: usize = 300;
-/// Blocks of one turn.
+/// Each figure is the best of this many repetitions, which is least affected by other programs.
+const REPETITIONS: usize = 300;
+/// Blocks of one repetition.
 const BLOCKS: usize = 16;
 
-/// A contact that circles at a speed over places of its own, in frames of 1/60 s.
+/// Returns the path of a contact that moves on a circle at a given speed, in frames of 1/60 s.
 fn contact(number: u64, speed: f64) -> Vec<(Tick, PathPiece)> {
     let (frame, radius) = (1.0 / 60.0, 0.08);
     let place = |t: f64| {
@@ -52,7 +52,7 @@ fn contact(number: u64, speed: f64) -> Vec<(Tick, PathPiece)> {
         .collect()
 }
 
-/// Microseconds for a contact and a block, with `count` of them at a speed.
+/// Returns the time per contact and block in us, with `count` contacts at a given speed.
 fn time<S: Clone>(
     count: u64,
     speed: f64,
@@ -65,7 +65,7 @@ fn time<S: Clone>(
     })
 }
 
-/// The same of what makes a whole block of all contacts.
+/// Returns the same time for a function that renders a block of all contacts.
 fn time_blocks<S: Clone>(
     count: u64,
     speed: f64,
@@ -76,7 +76,7 @@ fn time_blocks<S: Clone>(
     let mut events: Vec<_> = (0..count).flat_map(|k| contact(k, speed)).collect();
     events.sort_by_key(|(tick, _)| *tick);
     let mut out = [0.0; BLOCK];
-    let mut turn = || {
+    let mut repetition = || {
         let mut voices = Voices::new(64, rate, blank.clone());
         let start = Instant::now();
         for k in 0..BLOCKS as i64 {
@@ -88,7 +88,7 @@ fn time_blocks<S: Clone>(
         }
         start.elapsed().as_secs_f64() * 1e6 / BLOCKS as f64 / count as f64
     };
-    (0..TURNS).map(|_| turn()).fold(f64::MAX, f64::min)
+    (0..REPETITIONS).map(|_| repetition()).fold(f64::MAX, f64::min)
 }
 
 fn law(b: f64) -> Law {
@@ -110,7 +110,7 @@ fn paths() -> f64 {
         smooth: 0.0,
     };
     let (contacts, frames) = (64, 40);
-    let turn = || {
+    let repetition = || {
         let (mut tracker, mut queue, mut pieces) = (Tracker::new(rules, 64), Queue::new(512), 0);
         let start = Instant::now();
         for k in 0..frames {
@@ -137,25 +137,25 @@ fn paths() -> f64 {
         let blocks = frames as f64 / 60.0 * f64::from(FS) / BLOCK as f64;
         start.elapsed().as_secs_f64() * 1e6 / blocks / contacts as f64
     };
-    (0..TURNS).map(|_| turn()).fold(f64::MAX, f64::min)
+    (0..REPETITIONS).map(|_| repetition()).fold(f64::MAX, f64::min)
 }
 
-/// Microseconds for one blow, from its energy on to its samples, without the bank that it rings.
+/// Returns the time per impact in us, from its energy to its samples, without the modal bank.
 fn impact(time: f64) -> f64 {
     let mut ring = ForceRing::new(FS.into(), 1, 0.04);
     let mut out = vec![0.0; BLOCK];
-    let blows = 32;
-    let mut turn = |blows: usize| {
+    let impacts = 32;
+    let mut repetition = |impacts: usize| {
         let start = Instant::now();
-        for k in 0..blows {
+        for k in 0..impacts {
             ring.add(k as f64 * 0.37 * BLOCK as f64 / 32.0, 0, 0.01, black_box(time), PulseShape::Cosine);
         }
         ring.read(&mut out);
         black_box(&out);
         start.elapsed().as_secs_f64() * 1e6
     };
-    let mut best = |blows| (0..TURNS).map(|_| turn(blows)).fold(f64::MAX, f64::min);
-    (best(blows) - best(0)) / blows as f64
+    let mut best = |impacts| (0..REPETITIONS).map(|_| repetition(impacts)).fold(f64::MAX, f64::min);
+    (best(impacts) - best(0)) / impacts as f64
 }
 
 fn objects(count: usize) -> Result<f64, Box<dyn Error>> {
@@ -165,7 +165,7 @@ fn objects(count: usize) -> Result<f64, Box<dyn Error>> {
     let mut rng = Rng::new(1);
     let force: Vec<f32> = (0..BLOCK).map(|_| rng.between(-1.0, 1.0) as f32).collect();
     let mut sound = vec![0.0; BLOCK];
-    let mut turn = || {
+    let mut repetition = || {
         let start = Instant::now();
         for _ in 0..BLOCKS {
             bank.process(&force, &mut sound);
@@ -173,7 +173,7 @@ fn objects(count: usize) -> Result<f64, Box<dyn Error>> {
         }
         start.elapsed().as_secs_f64() * 1e6 / BLOCKS as f64
     };
-    Ok((0..TURNS).map(|_| turn()).fold(f64::MAX, f64::min) * count as f64)
+    Ok((0..REPETITIONS).map(|_| repetition()).fold(f64::MAX, f64::min) * count as f64)
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -184,16 +184,16 @@ fn main() -> Result<(), Box<dyn Error>> {
     let map = DiscontinuityMap { gx: grid.clone(), gy: other.clone(), surface };
     let features = FeatureMap { grid: grid.clone(), surface };
     println!("us per impact                                          us            aim");
-    let blow = |name: &str, us: f64| println!("  {name:<44} {us:7.2}             2");
-    blow("blow of 1 ms", impact(1e-3));
-    blow("blow of 20 ms", impact(2e-2));
+    let print_impact = |name: &str, us: f64| println!("  {name:<44} {us:7.2}             2");
+    print_impact("impact of 1 ms", impact(1e-3));
+    print_impact("impact of 20 ms", impact(2e-2));
     println!("us per continuous contact, 44.1 kHz          1024 samples   1 ms     aim");
     let per_ms = f64::from(FS) / 1000.0 / BLOCK as f64;
     let line = |name: &str, us: f64, aim: f64| {
         println!("  {name:<44} {us:7.2} {:8.3}   {aim:5.0}", us * per_ms);
     };
 
-    line("way between frames", paths(), 15.0);
+    line("path between frames", paths(), 15.0);
     let slope = SurfaceMap::slope(&map);
     for (name, interp) in
         [("linear", Interp::Linear), ("catmull", Interp::Catmull), ("b-spline", Interp::Bspline3)]
@@ -261,7 +261,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut force = map_force(Interp::Bspline3);
     let each = time(64, 0.5, MapVoice::default(), |s, stretch, out| force.add(&slope, s, stretch, out));
     let banks = objects(8)?;
-    // What the contacts cost among each other is measured with all 64 at once; banks and ways are added.
+    // The cost of contacts is measured with all 64 at once; banks and paths are added.
     let all = 64.0 * (each + paths()) + banks;
     let block = BLOCK as f64 / f64::from(FS) * 1e6;
     println!(
@@ -269,7 +269,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         100.0 * all / block
     );
     println!(
-        "  of which 8 objects {banks:.0} us, 64 contacts {:.0} us: {each:.2} us each and their ways",
+        "  of which 8 objects {banks:.0} us, 64 contacts {:.0} us: {each:.2} us each and their paths",
         all - banks
     );
     Ok(())

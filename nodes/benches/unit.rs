@@ -1,6 +1,7 @@
-//! Concatenative synthesis at the size of the cloth paper's takes: features, database, selection.
+//! Concatenative synthesis at the size of the takes of the cloth paper: features, database, selection.
 //!
-//! Run with `cargo bench -p foley-nodes --bench unit`, or with `-- global` for global selection only. The paper's own figures (eight cores of 2.9 GHz) stand beside each.
+//! Run with `cargo bench -p foley-nodes --bench unit`, or with `-- global` for global selection only. Each figure is printed with that of
+//! the paper (eight cores of 2.9 GHz).
 
 use foley_nodes::core::item::Channels;
 use foley_nodes::core::params::Params;
@@ -20,7 +21,7 @@ use std::time::Instant;
 const RATE: Rate = Rate::hz(96_000);
 const UNIT: u32 = 400;
 
-/// Peak memory of this process in megabytes, where the system tells.
+/// Returns the peak memory of this process in megabytes, or 0 if the system does not report it.
 fn peak() -> f64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
@@ -40,7 +41,7 @@ fn noise(seed: u64, samples: usize) -> Vec<f32> {
         .collect()
 }
 
-/// Smooth features of the spread of cloth recordings: three dimensions, through the paper's Gaussian.
+/// Returns smooth features with the spread of cloth recordings: three dimensions, filtered by the Gaussian of the paper.
 fn features(seed: u64, units: usize) -> Vec<f32> {
     let mut rng = Rng::new(seed);
     let mut slow = [0.0; 3];
@@ -52,7 +53,7 @@ fn features(seed: u64, units: usize) -> Vec<f32> {
             out.push((*slow + rng.between(-1.0, 1.0)) as f32);
         }
     }
-    TemporalFilter::new(&[20.0, 50.0, 10.0], false).stretch(&out)
+    TemporalFilter::new(&[20.0, 50.0, 10.0], false).process_segment(&out)
 }
 
 fn of_units() {
@@ -94,7 +95,7 @@ fn of_database() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// A class of sound that is heard a quarter of a minute, with and without the sound that says so.
+/// Times a target that sounds for a quarter of a minute, with and without its audio as an input.
 fn of_sleep() -> Result<(), Box<dyn Error>> {
     let (units, targets, rate) = (57_600_usize, 14_400_usize, Rate::hz(240));
     let c = FeatureConventions { unit: 4, frame: 8, rate: Rate::hz(960), ..FeatureConventions::trial() };
@@ -126,7 +127,7 @@ fn of_sleep() -> Result<(), Box<dyn Error>> {
         *seconds = start.elapsed().as_secs_f64();
     }
     println!(
-        "sleep                 {:>8.2} s for a minute that is silent for three quarters, {:.2} s without sleep (57,600 units, index included)",
+        "sleep                 {:>8.2} s for a minute of which three quarters are silent, {:.2} s without sleep (57,600 units, index included)",
         seconds[1], seconds[0]
     );
     Ok(())
@@ -163,7 +164,7 @@ fn of_selection() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// The best path, with and without rest of units, the beam, and what a decision after 50 ms loses.
+/// Times the best path with and without cool-off, beam search, and decisions after 50 ms.
 fn of_global_selection() -> Result<(), Box<dyn Error>> {
     let (targets, units) = (144_000, 57_600);
     let (target, database) = (features(5, targets), features(6, units));
@@ -188,7 +189,7 @@ fn of_global_selection() -> Result<(), Box<dyn Error>> {
     let start = Instant::now();
     let path = exact(&table, &target, &params, None).map_err(finite)?;
     println!(
-        "  with a rest of 20   {:>8.2} s: cost {:.0}, {} came back too early, {} rounds, {} replaced",
+        "  with cool-off of 20 {:>8.2} s: cost {:.0}, {} came back too early, {} rounds, {} replaced",
         start.elapsed().as_secs_f64(),
         path.cost,
         path.repeats,

@@ -1,7 +1,8 @@
-//! Time to fit a thin-plate warp of 420 nodes and to warp ten minutes of units, to tell which of 15 correspondences hurts, to
-//! suggest some, and the cost of a head.
+//! Time to fit a thin-plate warp of 420 nodes, to warp ten minutes of units, to rank 15 correspondences, to suggest correspondences, and
+//! to render a head.
 //!
-//! Run with `cargo bench -p foley-nodes --bench warp`. Budgets: 50 ms and 1 s on one core, and 1 s from an edit to a new ranking.
+//! Run with `cargo bench -p foley-nodes --bench warp`. Budgets: 50 ms for the fit and 1 s for the warp on one core, and 1 s from an edit to
+//! a new ranking.
 
 use foley_nodes::core::random::Rng;
 use foley_nodes::feature::TemporalFilter;
@@ -18,7 +19,7 @@ const NODES: usize = 420;
 const UNITS: usize = 144_000;
 const DIMS: usize = 3;
 
-/// Milliseconds of the best of five runs: other programs only take time away.
+/// Returns the best time of five runs, in ms, which is least affected by other programs.
 fn best<T>(mut work: impl FnMut() -> T) -> f64 {
     let once = |work: &mut dyn FnMut() -> T| {
         let start = Instant::now();
@@ -32,7 +33,7 @@ fn number(k: usize) -> f64 {
     ((k as f64 * 12.9898).sin() * 43_758.545_3).fract()
 }
 
-/// Nodes in clusters of 30, as the units of a correspondence are.
+/// Returns nodes in clusters of 30, like the units of correspondences.
 fn pairs() -> Vec<Pair> {
     let vector =
         |seed: usize, spread: f64| (0..DIMS).map(|i| spread * number(seed * DIMS + i)).collect::<Vec<f64>>();
@@ -46,7 +47,7 @@ fn pairs() -> Vec<Pair> {
         .collect()
 }
 
-/// Features with the spread of cloth recordings, through the paper's Gaussian.
+/// Returns features with the spread of cloth recordings, filtered by the Gaussian of the paper.
 fn features(seed: u64, units: usize) -> Vec<f32> {
     let mut rng = Rng::new(seed);
     let (mut slow, mut out) = ([0.0; DIMS], Vec::with_capacity(DIMS * units));
@@ -56,10 +57,10 @@ fn features(seed: u64, units: usize) -> Vec<f32> {
             out.push((*slow + rng.between(-1.0, 1.0)) as f32);
         }
     }
-    TemporalFilter::new(&[20.0, 50.0, 10.0], false).stretch(&out)
+    TemporalFilter::new(&[20.0, 50.0, 10.0], false).process_segment(&out)
 }
 
-/// A minute of target, four of recordings, 15 correspondences of 24 or 48 units, one of which is wrong.
+/// Times the diagnosis of 15 correspondences of 24 or 48 units, one of which is wrong, for 1 min of target and 4 min of recordings.
 fn diagnosis() -> Result<(), FitError> {
     let (target, database) = (features(5, 14_400), features(6, 57_600));
     let row =
@@ -105,21 +106,21 @@ fn diagnosis() -> Result<(), FitError> {
         let refitted = start.elapsed().as_secs_f64();
         let mut probe = Warper::new(&rest[7]);
         let mut reference = Warper::new(&refits[7]);
-        let apart = target.chunks_exact(DIMS).map(|unit| {
+        let differences = target.chunks_exact(DIMS).map(|unit| {
             let (mut a, mut b) = ([0.0; DIMS], [0.0; DIMS]);
             probe.warp(unit, &mut a);
             reference.warp(unit, &mut b);
-            a.iter().zip(b).fold(0.0, |most: f32, (a, b)| most.max((a - b).abs()))
+            a.iter().zip(b).fold(0.0, |max: f32, (a, b)| max.max((a - b).abs()))
         });
         println!(
-            "  without each by 15 fits instead: {refitted:.2} s; units lie at most {:.1e} apart",
-            apart.fold(0.0, f32::max)
+            "  without each by 15 fits instead: {refitted:.2} s; units differ by at most {:.1e}",
+            differences.fold(0.0, f32::max)
         );
     }
     Ok(())
 }
 
-/// Suggestions for ten minutes of target and of recordings, 12,000 windows a side.
+/// Times suggestions for ten minutes of target and of recordings, 12,000 windows each.
 fn suggestions() -> Result<(), FitError> {
     let (target, database) = (features(7, UNITS), features(8, UNITS));
     for most in [600, 2000] {

@@ -17,7 +17,7 @@ pub mod dsp;
 pub mod feature;
 pub mod friction;
 pub mod io;
-pub mod live;
+pub mod live_input;
 pub mod mesh;
 pub mod modal;
 pub mod plot;

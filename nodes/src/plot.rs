@@ -1,42 +1,43 @@
-//! Small line charts as SVG, for the figures that values draw of themselves.
+//! Line charts as SVG, for the figures of values.
 
 use std::fmt::Write;
 
-/// Width and height of a chart, and the margins left, top, right and bottom of its frame.
+/// Width and height of a chart, px.
 const SIZE: [f64; 2] = [720.0, 440.0];
+/// Left, top, right and bottom margins of the frame of a chart, px.
 const MARGIN: [f64; 4] = [70.0, 34.0, 130.0, 52.0];
 
 /// One axis of a chart.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Axis {
-    /// What it shows, with its unit.
+    /// Name and unit of the quantity.
     pub label: String,
-    /// Both ends.
+    /// Minimum and maximum.
     pub range: [f64; 2],
-    /// Whether it counts in powers of ten; both ends are then above 0.
+    /// True for a logarithmic axis, whose range is above 0.
     pub log: bool,
 }
 
 impl Axis {
-    /// Place of a value along the axis, 0 to 1, and beyond for values outside of the range.
-    fn place(&self, x: f64) -> f64 {
+    /// Position of a value along the axis: 0 to 1 within the range.
+    fn fraction(&self, x: f64) -> f64 {
         let scaled = |x: f64| if self.log { x.max(f64::MIN_POSITIVE).log10() } else { x };
         let [low, high] = self.range.map(scaled);
         (scaled(x) - low) / (high - low).max(f64::MIN_POSITIVE)
     }
 
-    /// Values that get a line and a number.
-    fn marks(&self) -> Vec<f64> {
+    /// Values with a grid line and a label.
+    fn ticks(&self) -> Vec<f64> {
         let [low, high] = self.range;
         if self.log {
-            let (from, to) = (low.log10().ceil() as i32, high.log10().floor() as i32);
-            // No more than about eight numbers.
-            let step = ((to - from) / 8 + 1).max(1) as usize;
-            return (from..=to).step_by(step).map(|e| 10f64.powi(e)).collect();
+            let (first, last) = (low.log10().ceil() as i32, high.log10().floor() as i32);
+            // At most nine labels.
+            let step = ((last - first) / 8 + 1).max(1) as usize;
+            return (first..=last).step_by(step).map(|e| 10f64.powi(e)).collect();
         }
-        let rough = (high - low) / 6.0;
-        let power = 10f64.powf(rough.log10().floor());
-        let step = power * [1.0, 2.0, 5.0, 10.0].into_iter().find(|m| m * power >= rough).unwrap_or(10.0);
+        let min_step = (high - low) / 6.0;
+        let power = 10f64.powf(min_step.log10().floor());
+        let step = power * [1.0, 2.0, 5.0, 10.0].into_iter().find(|m| m * power >= min_step).unwrap_or(10.0);
         let first = (low / step).ceil() as i64;
         (0..20).map(|k| (first + k) as f64 * step).take_while(|x| *x <= high + 1e-9 * step).collect()
     }
@@ -45,21 +46,21 @@ impl Axis {
 /// One line of a chart.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Line {
-    /// What it shows.
+    /// Label in the legend.
     pub label: String,
-    /// Its points.
+    /// Points of the line.
     pub points: Vec<[f64; 2]>,
 }
 
-/// A chart of lines as an SVG document; colours run from the first line to the last.
+/// Draws a chart of lines as an SVG document; the colours change from blue for the first line to red for the last.
 ///
-/// What lies outside of the axes is cut off at their frame.
+/// Points outside of the ranges of the axes are clamped to the frame.
 #[must_use]
 pub fn chart(title: &str, x: &Axis, y: &Axis, lines: &[Line]) -> String {
     let [width, height] = SIZE;
     let [left, top, right, bottom] = MARGIN;
-    let at = |p: [f64; 2]| {
-        let (u, v) = (x.place(p[0]).clamp(0.0, 1.0), y.place(p[1]).clamp(0.0, 1.0));
+    let pixel = |p: [f64; 2]| {
+        let (u, v) = (x.fraction(p[0]).clamp(0.0, 1.0), y.fraction(p[1]).clamp(0.0, 1.0));
         [left + u * (width - left - right), height - bottom - v * (height - top - bottom)]
     };
     let mut svg = format!(
@@ -68,7 +69,7 @@ pub fn chart(title: &str, x: &Axis, y: &Axis, lines: &[Line]) -> String {
     );
     let mut text = |x: f64, y: f64, anchor: &str, extra: &str, text: &str| {
         let text = escaped(text);
-        // Writing to a string does not fail.
+        // Writing to a string cannot fail.
         let _ =
             writeln!(svg, "<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"{anchor}\"{extra}>{text}</text>");
     };
@@ -76,11 +77,11 @@ pub fn chart(title: &str, x: &Axis, y: &Axis, lines: &[Line]) -> String {
     text((left + width - right) / 2.0, height - 12.0, "middle", "", &x.label);
     let middle = (top + height - bottom) / 2.0;
     text(16.0, middle, "middle", &format!(" transform=\"rotate(-90 16 {middle:.1})\""), &y.label);
-    for mark in x.marks() {
-        text(at([mark, y.range[0]])[0], height - bottom + 16.0, "middle", "", &number(mark));
+    for tick in x.ticks() {
+        text(pixel([tick, y.range[0]])[0], height - bottom + 16.0, "middle", "", &number(tick));
     }
-    for mark in y.marks() {
-        text(left - 6.0, at([x.range[0], mark])[1] + 4.0, "end", "", &number(mark));
+    for tick in y.ticks() {
+        text(left - 6.0, pixel([x.range[0], tick])[1] + 4.0, "end", "", &number(tick));
     }
     for (k, line) in lines.iter().enumerate() {
         let y = top + 10.0 + 16.0 * k as f64;
@@ -95,11 +96,11 @@ pub fn chart(title: &str, x: &Axis, y: &Axis, lines: &[Line]) -> String {
             "<line x1=\"{x1:.1}\" y1=\"{y1:.1}\" x2=\"{x2:.1}\" y2=\"{y2:.1}\" stroke=\"{colour}\"/>"
         );
     };
-    for mark in x.marks() {
-        stroke(at([mark, y.range[0]]), at([mark, y.range[1]]), "#ddd");
+    for tick in x.ticks() {
+        stroke(pixel([tick, y.range[0]]), pixel([tick, y.range[1]]), "#ddd");
     }
-    for mark in y.marks() {
-        stroke(at([x.range[0], mark]), at([x.range[1], mark]), "#ddd");
+    for tick in y.ticks() {
+        stroke(pixel([x.range[0], tick]), pixel([x.range[1], tick]), "#ddd");
     }
     for (k, _) in lines.iter().enumerate() {
         let y = top + 10.0 + 16.0 * k as f64;
@@ -108,7 +109,7 @@ pub fn chart(title: &str, x: &Axis, y: &Axis, lines: &[Line]) -> String {
         }
     }
     for (k, line) in lines.iter().enumerate() {
-        let points = line.points.iter().map(|&p| at(p)).map(|[x, y]| format!("{x:.1},{y:.1}"));
+        let points = line.points.iter().map(|&p| pixel(p)).map(|[x, y]| format!("{x:.1},{y:.1}"));
         let points = points.collect::<Vec<_>>().join(" ");
         let colour = colour(k, lines.len());
         let _ = writeln!(svg, "<polyline points=\"{points}\" fill=\"none\" stroke=\"{colour}\"/>");
@@ -121,24 +122,24 @@ pub fn chart(title: &str, x: &Axis, y: &Axis, lines: &[Line]) -> String {
     svg
 }
 
-/// From blue to red.
+/// Colour `k` of `count`, from blue to red.
 pub(crate) fn colour(k: usize, count: usize) -> String {
-    let along = k as f64 / (count.max(2) - 1) as f64;
-    // As hexadecimal, which every reader of SVG understands; the hue goes from blue to red.
-    let hue = 4.0 * (1.0 - along);
+    let fraction = k as f64 / (count.max(2) - 1) as f64;
+    // Hue in sixths of a circle, as hexadecimal RGB, which all SVG readers support.
+    let hue = 4.0 * (1.0 - fraction);
     let channel = |centre: f64| {
-        let near = (2.0 - (hue - centre).abs().min(6.0 - (hue - centre).abs())).clamp(0.0, 1.0);
-        ((0.08 + 0.68 * near) * 255.0).round() as u8
+        let intensity = (2.0 - (hue - centre).abs().min(6.0 - (hue - centre).abs())).clamp(0.0, 1.0);
+        ((0.08 + 0.68 * intensity) * 255.0).round() as u8
     };
     format!("#{:02x}{:02x}{:02x}", channel(0.0), channel(2.0), channel(4.0))
 }
 
-/// Text that may stand in SVG.
+/// Escapes text for SVG.
 pub(crate) fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;")
 }
 
-/// A number without needless digits.
+/// Formats a number with at most six decimals.
 fn number(x: f64) -> String {
     if x == 0.0 || (1e-3..1e5).contains(&x.abs()) {
         format!("{}", (x * 1e6).round() / 1e6)
@@ -156,11 +157,11 @@ mod tests {
     }
 
     #[test]
-    fn logarithmic_marks_are_powers_of_ten_inside_the_range() {
-        assert_eq!(log([20.0, 24000.0]).marks(), [100.0, 1000.0, 10000.0]);
-        assert!(log([1e-30, 1.0]).marks().len() <= 9);
+    fn logarithmic_ticks_are_powers_of_ten_inside_the_range() {
+        assert_eq!(log([20.0, 24000.0]).ticks(), [100.0, 1000.0, 10000.0]);
+        assert!(log([1e-30, 1.0]).ticks().len() <= 9);
         let linear = Axis { log: false, ..log([0.0, 1.0]) };
-        assert_eq!(linear.marks().len(), 6);
+        assert_eq!(linear.ticks().len(), 6);
     }
 
     #[test]

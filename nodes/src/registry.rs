@@ -1,40 +1,44 @@
 //! The node types that graphs can use: a plain list, one line a type.
 
-use crate::contact::analytic_node::AnalyticCollider;
-use crate::contact::detector_node::ContactDetector;
-use crate::contact::router::MaterialRouter;
-use crate::contact::skinned_node::SkinnedSlip;
-use crate::contact::speed_nodes::{SlidingSpeed, SpeedMapNode};
+use crate::contact::analytic::analytic_collider::AnalyticCollider;
+use crate::contact::detection::contact_detector::ContactDetector;
+use crate::contact::material_router::MaterialRouter;
+use crate::contact::skinned::skinned_slip::SkinnedSlip;
+use crate::contact::sliding::sliding_speed::SlidingSpeed;
+use crate::contact::sliding::speed_map::SpeedMapNode;
 use crate::core::node::{Each, Func, Node, NodeType};
-use crate::crumple::bank_nodes::{CrumpleBankFile, CrumpleExtractor};
-use crate::crumple::binaural_player_node::BinauralCrumplePlayer;
-use crate::crumple::buckle_node::BuckleDetectorNode;
-use crate::crumple::calibration_nodes::{EnergyCalibrationFile, EnergyCalibrationNode};
-use crate::crumple::events_node::CrumpleEventsNode;
-use crate::crumple::matcher_node::HistogramMatcher;
-use crate::crumple::picture::BuckleFigure;
-use crate::crumple::player_node::CrumplePlayer;
-use crate::curvature::mean_node::MeanCurvatureNode;
-use crate::curvature::rest::RestNoiseNode;
-use crate::feature::gaussian_node::TemporalGaussian;
-use crate::feature::mfcc_node::Mfcc;
-use crate::friction::between::InterpolatedSpectra;
-use crate::friction::binaural_node::BinauralIftNoise;
-use crate::friction::builder_node::FrictionModelBuilder;
-use crate::friction::ift_noise_node::IftNoiseNode;
-use crate::friction::model_nodes::{FrictionModelFile, FrictionModelFromClips};
-use crate::friction::pair_node::PairFrictionModel;
-use crate::mesh::generate_node::MeshGenerator;
-use crate::mesh::sequence_node::MeshSequence;
-use crate::mesh::subdivide_node::MeshSubdivide;
-use crate::modal::bank_node::ModalBankNode;
-use crate::modal::force_node::ImpactForce;
-use crate::modal::from_recording::ModalFromRecording;
-use crate::modal::impact_file_node::ImpactFile;
-use crate::modal::membrane_node::MembraneModes;
-use crate::modal::modes_file::ModesFile;
-use crate::rigid::classify_node::ContactClassifier;
-use crate::rigid::log_node::ContactLog;
+use crate::crumple::bank::crumple_bank_file::CrumpleBankFile;
+use crate::crumple::bank::crumple_extractor::CrumpleExtractor;
+use crate::crumple::buckling::buckle_detector::BuckleDetectorNode;
+use crate::crumple::buckling::buckle_figure::BuckleFigure;
+use crate::crumple::events::crumple_events::CrumpleEventsNode;
+use crate::crumple::matching::energy_calibration::EnergyCalibrationNode;
+use crate::crumple::matching::energy_calibration_file::EnergyCalibrationFile;
+use crate::crumple::matching::histogram_matcher::HistogramMatcher;
+use crate::crumple::playback::binaural_crumple_player::BinauralCrumplePlayer;
+use crate::crumple::playback::crumple_player::CrumplePlayer;
+use crate::curvature::mean_curvature::MeanCurvatureNode;
+use crate::curvature::rest_noise::RestNoiseNode;
+use crate::feature::mfcc::Mfcc;
+use crate::feature::temporal_gaussian::TemporalGaussian;
+use crate::friction::builder::friction_model_builder::FrictionModelBuilder;
+use crate::friction::builder::friction_model_from_clips::FrictionModelFromClips;
+use crate::friction::model::friction_model_file::FrictionModelFile;
+use crate::friction::model::interpolated_spectra::InterpolatedSpectra;
+use crate::friction::model::pair_friction_model::PairFrictionModel;
+use crate::friction::synthesis::binaural_ift_noise::BinauralIftNoise;
+use crate::friction::synthesis::ift_noise::IftNoiseNode;
+use crate::mesh::mesh_generator::MeshGenerator;
+use crate::mesh::mesh_sequence::MeshSequence;
+use crate::mesh::mesh_subdivide::MeshSubdivide;
+use crate::modal::bank::modal_bank::ModalBankNode;
+use crate::modal::extraction::modal_from_recording::ModalFromRecording;
+use crate::modal::impact::impact_file::ImpactFile;
+use crate::modal::impact::impact_force::ImpactForce;
+use crate::modal::mode::membrane_modes::MembraneModes;
+use crate::modal::mode::modes_file::ModesFile;
+use crate::rigid::classification::contact_classifier::ContactClassifier;
+use crate::rigid::log::contact_log::ContactLog;
 use crate::scrape::isophote_node::IsophoteExcitation;
 use crate::scrape::levels_node::LevelMatcher;
 use crate::scrape::lod_node::LodSelect;
@@ -47,22 +51,26 @@ use crate::scrape::pair_node::TwoTextures;
 use crate::scrape::path_node::ContactPath;
 use crate::scrape::profile_node::PathProfileNode;
 use crate::scrape::stroke_node::Stroke;
-use crate::spatial::distance_node::DistanceGain;
-use crate::spatial::hrtf_node::StructuralHrtf;
-use crate::spatial::occlusion_node::Occlusion;
-use crate::spatial::orbit_node::Orbit;
-use crate::spatial::pose_file_node::PoseFile;
-use crate::spatial::vertex_pose::VertexPose;
-use crate::tension::node::TensionImpact;
-use crate::texture::class_node::HistogramClass;
-use crate::texture::feature_nodes::{Bilateral, DogFeatures, FeatureNoiseSplit};
-use crate::texture::image_node::ImageLuma;
-use crate::texture::isophotes_node::{IsophotesFile, IsophotesNode};
-use crate::texture::map_file_node::MapFile;
-use crate::texture::map_nodes::{MapCoder, SobelMap};
-use crate::texture::profile_node::NoiseProfileNode;
-use crate::texture::sizes::MapSizes;
-use crate::texture::texture_report::TextureReport;
+use crate::spatial::hrtf::structural_hrtf::StructuralHrtf;
+use crate::spatial::motion::orbit::Orbit;
+use crate::spatial::motion::pose_file::PoseFile;
+use crate::spatial::motion::vertex_pose::VertexPose;
+use crate::spatial::obstruction::occlusion::Occlusion;
+use crate::spatial::propagation::distance_gain::DistanceGain;
+use crate::tension::tension_impact::TensionImpact;
+use crate::texture::class::histogram_class::HistogramClass;
+use crate::texture::filter::bilateral::Bilateral;
+use crate::texture::filter::dog_features::DogFeatures;
+use crate::texture::filter::sobel_map::SobelMap;
+use crate::texture::image::image_luma::ImageLuma;
+use crate::texture::isophote::isophotes::IsophotesNode;
+use crate::texture::isophote::isophotes_file::IsophotesFile;
+use crate::texture::map_code::map_coder::MapCoder;
+use crate::texture::map_code::map_file::MapFile;
+use crate::texture::noise::feature_noise_split::FeatureNoiseSplit;
+use crate::texture::noise::noise_profile::NoiseProfileNode;
+use crate::texture::size::map_sizes::MapSizes;
+use crate::texture::size::texture_report::TextureReport;
 use crate::unit::concatenator_node::UnitConcatenator;
 use crate::unit::database_node::{UnitDatabaseFile, UnitDatabaseNode};
 use crate::unit::global_node::GlobalUnitSelector;
@@ -73,8 +81,7 @@ use crate::warp::diagnostics_node::CorrespondenceDiagnostics;
 use crate::warp::fit_node::TpsFit;
 use crate::warp::nodes::{Correspondences, TpsWarp, WarpFile};
 use crate::warp::suggest_node::CorrespondenceSuggester;
-use crate::{dsp, io, live};
-
+use crate::{dsp, io, live_input};
 use std::sync::Arc;
 
 /// Node types by name, in the order in which they were added.
@@ -314,10 +321,10 @@ impl Registry {
             .with::<TpsWarp>()
             .with_func::<WarpFile>()
             .family("live")
-            .with::<live::LiveContacts>()
-            .with::<live::LiveControl>()
-            .with::<live::LiveImpacts>()
-            .with::<live::LiveMesh>()
+            .with::<live_input::LiveContacts>()
+            .with::<live_input::LiveControl>()
+            .with::<live_input::LiveImpacts>()
+            .with::<live_input::LiveMesh>()
             .family("own")
     }
 }

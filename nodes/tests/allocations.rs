@@ -1,6 +1,6 @@
 //! Nodes for the audio thread never allocate while they run.
 //!
-//! The counting allocator is the one unsafe thing here, so this test is a binary of its own.
+//! The counting allocator requires unsafe code, so this test is a separate binary.
 #![allow(unsafe_code)]
 
 mod trial;
@@ -18,7 +18,7 @@ thread_local! {
 struct Counting;
 
 fn count() {
-    // A thread that is ending has no counter any more, and no node either.
+    // A thread that is ending has no counter; it runs no nodes.
     let _ = COUNT.try_with(|count| count.set(count.get() + 1));
 }
 
@@ -26,19 +26,19 @@ fn count() {
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         count();
-        // SAFETY: the caller keeps the contract of `alloc`.
+        // SAFETY: the caller upholds the contract of `alloc`.
         unsafe { System.alloc(layout) }
     }
 
     unsafe fn dealloc(&self, at: *mut u8, layout: Layout) {
         count();
-        // SAFETY: the caller keeps the contract of `dealloc`.
+        // SAFETY: the caller upholds the contract of `dealloc`.
         unsafe { System.dealloc(at, layout) }
     }
 
     unsafe fn realloc(&self, at: *mut u8, layout: Layout, size: usize) -> *mut u8 {
         count();
-        // SAFETY: the caller keeps the contract of `realloc`.
+        // SAFETY: the caller upholds the contract of `realloc`.
         unsafe { System.realloc(at, layout, size) }
     }
 }
@@ -55,7 +55,7 @@ fn the_counter_counts() {
 
 #[test]
 fn audio_nodes_neither_allocate_nor_free_while_they_run() {
-    let mut tried = 0;
+    let mut total_windows = 0;
     for (node, ty) in all().iter().enumerate().filter(|(_, ty)| ty.class == Class::Audio && ty.eval.is_none())
     {
         for trial in accepted(node, Level::Random, 8) {
@@ -68,15 +68,15 @@ fn audio_nodes_neither_allocate_nor_free_while_they_run() {
                 }
                 let calls = COUNT.get() - before;
                 assert_eq!(calls, 0, "`{}` calls the allocator in {windows} windows: {trial:?}", ty.name);
-                tried += windows;
+                total_windows += windows;
             }
         }
     }
-    assert!(tried > 1000, "{tried} windows were tried");
+    assert!(total_windows > 1000, "{total_windows} windows");
 }
 
-/// Whether a node can be retuned depends on its parameters alone and is the same both ways, and it never calls the allocator:
-/// a graph that plays retunes and adopts in the audio callback.
+/// The result of `retune` depends on the parameters only and is symmetric. Neither `retune` nor `adopt` calls the allocator, since a
+/// playing graph calls them in the audio callback.
 #[test]
 fn audio_nodes_neither_allocate_nor_free_while_they_are_retuned_or_adopt() {
     let mut done = 0;
@@ -84,15 +84,15 @@ fn audio_nodes_neither_allocate_nor_free_while_they_are_retuned_or_adopt() {
     {
         let trials = accepted(node, Level::Random, 8);
         for (a, b) in (0..trials.len()).flat_map(|a| (0..trials.len()).map(move |b| (a, b))) {
-            // Both on the inputs of the first, where the parameters of the second go with them.
+            // Both use the inputs of the first trial, if they are compatible with the parameters of the second.
             let (own, other) = (&trials[a], trials[a].with_params(&trials[b]));
             let start = |trial: &Trial| trial.standalone(trial.fastest_rate().span(64)).start();
             let (Ok(mut first), Ok(mut second)) = (start(own), start(&other)) else { continue };
             let before = COUNT.get();
-            let there = first.node().retune(other.params());
+            let forward = first.node().retune(other.params());
             let calls = COUNT.get() - before;
-            assert_eq!(there, second.node().retune(own.params()), "`{}`: {own:?}, {other:?}", ty.name);
-            if there == Retune::Done {
+            assert_eq!(forward, second.node().retune(own.params()), "`{}`: {own:?}, {other:?}", ty.name);
+            if forward == Retune::Done {
                 assert_eq!(calls, 0, "`{}` calls the allocator when retuned: {own:?}, {other:?}", ty.name);
                 done += 1;
             }
@@ -103,5 +103,5 @@ fn audio_nodes_neither_allocate_nor_free_while_they_are_retuned_or_adopt() {
             assert_eq!(COUNT.get() - before, 0, "`{}` calls the allocator when it adopts", ty.name);
         }
     }
-    assert!(done > 100, "{done} retunes were done");
+    assert!(done > 100, "{done} retunes");
 }

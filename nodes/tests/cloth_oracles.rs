@@ -120,7 +120,7 @@ fn components_are_those_of_scipy() {
     let labels: Vec<Buckle> = noise(n * rows, 13).iter().map(label).collect();
     let params = CrumpleParams { weight: Weight::None, ..CrumpleParams::default() };
     let mut events = CrumpleEvents::new(&mesh, &[], params).unwrap();
-    events.take(0, &labels);
+    events.add_frame(0, &labels);
     events.finish();
     let found: Vec<_> = std::iter::from_fn(|| events.next_before(1)).map(|(_, e)| e).collect();
     assert_eq!(found.iter().map(|e| (e.id, e.vertices)).collect::<Vec<_>>(), COMPONENTS.map(|c| (c.0, c.1)));
@@ -190,7 +190,7 @@ fn the_cepstrum_of_triangles_is_that_of_librosa() {
 #[test]
 fn the_gaussian_over_time_is_that_of_scipy() {
     for (width, wanted) in GAUSSIAN {
-        let found = TemporalFilter::new(&[width], false).stretch(&single(&noise(40, 11)));
+        let found = TemporalFilter::new(&[width], false).process_segment(&single(&noise(40, 11)));
         near(found.iter().step_by(9).map(|x| f64::from(*x)), wanted, 6e-8, "Gaussian");
     }
 }

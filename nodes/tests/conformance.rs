@@ -1,6 +1,6 @@
-//! What every registered node promises, tried with random parameters and random inputs.
+//! Tests of the contract of nodes, with random parameters and inputs.
 //!
-//! There is no list to maintain: a node that is in the registry is tested.
+//! Every node of the registry is tested.
 
 mod trial;
 
@@ -14,12 +14,12 @@ use foley_nodes::registry::all;
 use std::collections::{BTreeMap, HashSet};
 use trial::{Level, Trial, accepted, possible};
 
-/// Accepted trials per node; of one that computes a value once, without windows, fewer do.
+/// Returns the number of accepted trials of a node; fewer for a node that computes a value once, without windows.
 fn trials(node: usize) -> usize {
     if all()[node].eval.is_some() { 4 } else { 12 }
 }
 
-/// Runs `test` on that many accepted trials of every node, and names the node and the trial of a failure.
+/// Runs `test` on the accepted trials of every node.
 fn each_trial(level: Level, mut test: impl FnMut(&Trial)) {
     for node in 0..all().len() {
         for trial in accepted(node, level, trials(node)) {
@@ -31,21 +31,21 @@ fn each_trial(level: Level, mut test: impl FnMut(&Trial)) {
 #[test]
 fn windows_of_any_length_give_the_same_bits() {
     each_trial(Level::Random, |trial| {
-        let whole = trial.run(trial.whole_window()).bits();
+        let expected = trial.run(trial.whole_window()).bits();
         let items = trial.fastest_rate();
-        // A value is computed once, before there are windows: one other is enough.
+        // A value is computed once, without windows: one more window length is enough.
         let lengths: &[usize] = if trial.ty().eval.is_some() { &[] } else { &[1, 7, 64, 1000] };
         for &n in lengths {
             let bits = trial.run(items.span(n)).bits();
-            assert!(bits == whole, "windows of {n} items give other bits: {trial:?}");
+            assert!(bits == expected, "windows of {n} items give other bits: {trial:?}");
         }
-        // A window that is no whole number of items.
+        // A window that is not an integer number of items.
         let bits = trial.run(items.span(7) + 12_345).bits();
-        assert!(bits == whole, "uneven windows give other bits: {trial:?}");
+        assert!(bits == expected, "windows of a fractional number of items give other bits: {trial:?}");
     });
 }
 
-/// A node that takes over in the middle fills all that comes after, and a source gives what it would have given anyway.
+/// A node that starts in the middle of a run fills all later items. A source gives the same items as from the beginning.
 #[test]
 fn a_node_can_begin_anywhere() {
     each_trial(Level::Random, |trial| {
@@ -53,7 +53,7 @@ fn a_node_can_begin_anywhere() {
             return;
         }
         let window = trial.fastest_rate().span(13);
-        let whole = trial.standalone(window).run().unwrap_or_else(|e| panic!("{e}: {trial:?}"));
+        let full_run = trial.standalone(window).run().unwrap_or_else(|e| panic!("{e}: {trial:?}"));
         let shape = trial.shape().expect("an accepted trial has a shape");
         for part in [0.2, 0.7] {
             let mut standalone = trial.standalone(window);
@@ -63,41 +63,41 @@ fn a_node_can_begin_anywhere() {
             for port in 0..trial.ty().outputs.len() {
                 let (numbers, finite) = run.numbers(port);
                 assert!(finite, "output {port} has unwritten items: {trial:?}");
-                let (wanted, _) = whole.numbers(port);
-                assert_eq!(numbers.len(), wanted.len(), "output {port}: {trial:?}");
+                let (expected, _) = full_run.numbers(port);
+                assert_eq!(numbers.len(), expected.len(), "output {port}: {trial:?}");
                 let source = trial.ty().inputs.is_empty();
                 if let Some(stream) = shape.outputs[port].as_ref().filter(|_| source) {
                     let width = numbers.len() / stream.rate.first_at(trial.length()).max(1) as usize;
                     let from = stream.rate.first_at(standalone.begin) as usize * width;
-                    assert!(numbers[from..] == wanted[from..], "output {port}: {trial:?}");
+                    assert!(numbers[from..] == expected[from..], "output {port}: {trial:?}");
                 }
             }
         }
     });
 }
 
-/// What a node carries is all that the rest of its run depends on: so a run can be gone on with by another process.
+/// The saved state of a node determines the rest of its run, so another process can resume it.
 #[test]
-fn a_node_goes_on_where_another_was_saved() {
+fn a_node_resumes_from_the_saved_state_of_another() {
     let mut wrong = std::collections::BTreeSet::new();
     each_trial(Level::Random, |trial| {
         if trial.ty().eval.is_some() {
             return;
         }
         let window = trial.fastest_rate().span(13);
-        let whole = trial.run(window).bits();
+        let expected = trial.run(window).bits();
         let windows = (trial.length() / window) as usize;
         for cut in [1, windows / 3, windows * 4 / 5, windows + 2] {
-            if trial.interrupted(window, cut).bits() != whole {
+            if trial.interrupted(window, cut).bits() != expected {
                 wrong.insert(format!("{} after {cut} of {windows} windows", trial.ty().name));
             }
         }
     });
-    assert!(wrong.is_empty(), "these do not go on with the same bits: {wrong:#?}");
+    assert!(wrong.is_empty(), "these give other bits after they are resumed: {wrong:#?}");
 }
 
 #[test]
-fn nothing_is_left_unwritten() {
+fn all_output_items_are_written() {
     each_trial(Level::Random, |trial| {
         for window in [trial.whole_window(), trial.fastest_rate().span(7)] {
             let mut standalone = trial.standalone(window);
@@ -120,7 +120,7 @@ fn outputs_stay_finite_whatever_the_level() {
     }
 }
 
-/// A node says under `# Randomness` that its output depends on the seed, and then it does.
+/// The output of a node depends on the seed if and only if its documentation has a section `# Randomness`.
 #[test]
 fn the_seed_decides_all_randomness() {
     for node in 0..all().len() {
@@ -133,38 +133,38 @@ fn the_seed_decides_all_randomness() {
             differs |= trial.run(window).bits() != first;
         }
         let ty = &all()[node];
-        let says = ty.doc.contains("# Randomness");
-        assert_eq!(differs, says, "`{}`: does another seed give another output?", ty.name);
+        let documented = ty.doc.contains("# Randomness");
+        assert_eq!(differs, documented, "`{}`: does another seed give another output?", ty.name);
     }
 }
 
-/// How far after an output item's window the item `item` of an input lies, in items: 1 is the next.
+/// Returns the distance of the item `item` of an input from the time of an output item, in items: 1 is the next item.
 fn distance(trial: &Trial, shape: &NodeShape, port: usize, item: i64, tick: Tick) -> i64 {
     let rate = trial.input_rate(port).expect("a varied input is a stream");
     item - (rate.first_at(tick + shape.lag + 1) - 1)
 }
 
-/// Changes single items of the inputs and looks at the earliest output that changes: with a declared look-ahead of `n` it must
-/// be `n` items away in some trial. (That it is never further away the engine sees to: nothing further can be seen.)
+/// Changes single items of the inputs and finds the earliest output that changes: with a declared look-ahead of `n` the distance must
+/// be `n` items in some trial. (It cannot be larger: the engine gives access to no later items.)
 #[test]
 fn declared_look_ahead_is_needed() {
     for node in 0..all().len() {
-        // Per input port that looks ahead: whether all of it was needed once.
-        let mut seen: BTreeMap<usize, bool> = BTreeMap::new();
-        // Streams of rates that fit each other seldom need all of it, so more trials are made until some do.
+        // For each input port with look-ahead: true if all of it was needed in some trial.
+        let mut ports: BTreeMap<usize, bool> = BTreeMap::new();
+        // Streams of compatible rates seldom need all of it, so trials continue until some do.
         for (k, trial) in possible(node, Level::Random).enumerate().take(20 * trials(node)) {
-            if k >= trials(node) && seen.values().all(|needed| *needed) {
+            if k >= trials(node) && ports.values().all(|needed| *needed) {
                 break;
             }
             let shape = trial.shape().expect("an accepted trial has a shape");
             let base = trial.run(trial.whole_window());
             for port in 0..trial.ty().inputs.len() {
                 let ahead = shape.lookaround[port].ahead as i64;
-                // Who reads a whole take before its first item looks ahead by as much as there is.
+                // A node that reads a whole stream before its first item looks ahead by the length of the stream.
                 let Some(items) = trial.input_items(port).filter(|&items| ahead > 0 && items != ahead) else {
                     continue;
                 };
-                let needed = seen.entry(port).or_default();
+                let needed = ports.entry(port).or_default();
                 let mut rng = Rng::new(trial.seed);
                 for _ in 0..10 {
                     if *needed || items < ahead {
@@ -175,13 +175,13 @@ fn declared_look_ahead_is_needed() {
                     let Some(tick) = base.first_difference(&changed.run(changed.whole_window())) else {
                         continue;
                     };
-                    let far = distance(&trial, &shape, port, item as i64, tick);
-                    assert!(far <= ahead, "looks {far} items ahead, declares {ahead}: {trial:?}");
-                    *needed = far == ahead;
+                    let distance = distance(&trial, &shape, port, item as i64, tick);
+                    assert!(distance <= ahead, "looks {distance} items ahead, declares {ahead}: {trial:?}");
+                    *needed = distance == ahead;
                 }
             }
         }
-        for (port, needed) in seen {
+        for (port, needed) in ports {
             let ty = &all()[node];
             let input = ty.inputs[port].name;
             assert!(needed, "`{}` never needs all of the look-ahead that it declares on `{input}`", ty.name);
@@ -209,7 +209,7 @@ fn everything_is_documented() {
                 assert!(spec.unit.is_some(), "`{name}.{param}` has no unit");
                 assert!(spec.bounds.is_some(), "`{name}.{param}` has no range");
             }
-            // A parameter gives way to a link of its name; any other port of that name would be ambiguous.
+            // A link replaces the parameter of its name; any other port of that name would be ambiguous.
             if let Some(port) = ty.inputs.iter().find(|port| port.name == param) {
                 assert_eq!(
                     port.arity,
@@ -229,7 +229,7 @@ fn read(ty: &NodeType, given: &Given) -> Result<Given, String> {
     Ok(params.write().into_iter().collect())
 }
 
-/// The parameters that have to be given, with values from a trial, or all of them.
+/// Returns the required parameters, or all parameters, with values from a trial.
 fn given(ty: &NodeType, seed: u64, all: bool) -> Given {
     let (params, _) = (ty.trial)(&mut Rng::new(seed));
     let required = |name: &str| (ty.params)().iter().any(|s| s.name == name && s.default.is_none());
@@ -237,7 +237,7 @@ fn given(ty: &NodeType, seed: u64, all: bool) -> Given {
 }
 
 #[test]
-fn parameters_are_read_as_they_were_written() {
+fn written_parameters_are_read_unchanged() {
     for ty in all() {
         let defaults = read(&ty, &given(&ty, 1, false)).unwrap_or_else(|e| panic!("`{}`: {e}", ty.name));
         assert_eq!(read(&ty, &defaults).as_ref(), Ok(&defaults), "`{}`", ty.name);
@@ -253,17 +253,17 @@ fn parameters_are_read_as_they_were_written() {
     }
 }
 
-/// A number in the clothes of a parameter's kind.
-fn dressed(kind: &ParamKind, x: f64) -> Datum {
+/// Returns a number as a value of a parameter kind.
+fn datum_of(kind: &ParamKind, x: f64) -> Datum {
     match kind {
         ParamKind::Int => Datum::Int(x as i64),
-        ParamKind::List(inner, count) => Datum::List(vec![dressed(inner, x); count.unwrap_or(1)]),
-        ParamKind::Maybe(inner) => dressed(inner, x),
+        ParamKind::List(inner, count) => Datum::List(vec![datum_of(inner, x); count.unwrap_or(1)]),
+        ParamKind::Maybe(inner) => datum_of(inner, x),
         _ => Datum::Float(x),
     }
 }
 
-/// The ends of a range, and numbers just beyond them.
+/// Returns the ends of a range, and numbers just outside them.
 fn edges(spec: &ParamSpec, Bounds { min, max }: Bounds) -> ([f64; 2], [f64; 2]) {
     let step = |end: f64| match spec.kind.innermost() {
         ParamKind::Int => 1.0,
@@ -273,7 +273,7 @@ fn edges(spec: &ParamSpec, Bounds { min, max }: Bounds) -> ([f64; 2], [f64; 2]) 
 }
 
 #[test]
-fn ranges_include_their_ends_and_nothing_beyond() {
+fn ranges_include_their_ends_and_nothing_outside() {
     for ty in all() {
         let required = given(&ty, 1, false);
         for spec in (ty.params)().iter().filter(|spec| spec.kind.is_number()) {
@@ -281,15 +281,15 @@ fn ranges_include_their_ends_and_nothing_beyond() {
             let bounds = spec.bounds.unwrap_or_else(|| panic!("`{name}.{param}` has no range"));
             let with = |x: f64| {
                 let mut given = required.clone();
-                given.insert(param, dressed(&spec.kind, x));
+                given.insert(param, datum_of(&spec.kind, x));
                 read(&ty, &given)
             };
-            let (inside, beyond) = edges(spec, bounds);
+            let (inside, outside) = edges(spec, bounds);
             for x in inside.into_iter().filter(|x| x.abs() < 9e15) {
                 assert!(with(x).is_ok(), "`{name}.{param}` refuses {x}, an end of its range");
             }
-            for x in beyond.into_iter().filter(|x| x.abs() < 9e15) {
-                assert!(with(x).is_err(), "`{name}.{param}` takes {x}, beyond its range {bounds}");
+            for x in outside.into_iter().filter(|x| x.abs() < 9e15) {
+                assert!(with(x).is_err(), "`{name}.{param}` takes {x}, outside its range {bounds}");
             }
             for x in [f64::NAN, f64::INFINITY] {
                 assert!(
@@ -301,7 +301,7 @@ fn ranges_include_their_ends_and_nothing_beyond() {
     }
 }
 
-/// Whether every output stream carries something else than all input streams.
+/// Returns true if no output stream has the item type of an input stream.
 fn makes_another_kind(ty: &NodeType) -> bool {
     let streams = |port: &&PortSpec| matches!(port.kind, PortKind::Stream(_));
     let given = |out: &PortSpec| ty.inputs.iter().any(|port| port.kind.feeds(&out.kind));
@@ -309,19 +309,19 @@ fn makes_another_kind(ty: &NodeType) -> bool {
 }
 
 #[test]
-fn names_follow_the_house() {
+fn names_and_rates_follow_the_conventions() {
     for ty in all() {
         assert!(
             ty.name.starts_with(char::is_uppercase) && ty.name.chars().all(char::is_alphanumeric),
             "{ty:?}"
         );
         for spec in (ty.params)() {
-            // Rates come with the streams: only what makes a stream of a kind that it is not given, or changes the rate
-            // of the one that it is given, may name one.
+            // Streams have rates: only a node that outputs a new kind of stream, or that changes the rate of its input, may have
+            // a rate as a parameter.
             let rate = spec.kind == ParamKind::Rate && !["LevelMeter", "Resample"].contains(&ty.name);
             assert!(
                 !rate || makes_another_kind(&ty),
-                "`{}.{}` is a rate, which comes with its input",
+                "`{}.{}` is a rate, which its input defines",
                 ty.name,
                 spec.name
             );
@@ -329,9 +329,9 @@ fn names_follow_the_house() {
     }
 }
 
-/// Taps are refused by this before a run, so a type must not have more than it says.
+/// The checks of taps before a run rely on these declarations.
 #[test]
-fn types_that_have_drawings_and_files_say_so() {
+fn types_with_drawings_and_files_declare_them() {
     let (mut plots, mut files) = (0, 0);
     for ty in all() {
         for port in ty.outputs {
@@ -349,8 +349,8 @@ fn types_that_have_drawings_and_files_say_so() {
 }
 
 #[test]
-fn equal_rates_are_not_taken_for_granted() {
-    // The trials do feed streams of several rates: the test of the tests.
+fn trials_have_several_rates() {
+    // Checks the trials themselves: they must not assume equal rates.
     let rates: HashSet<Rate> = (0..all().len())
         .flat_map(|node| accepted(node, Level::Random, 4))
         .flat_map(|trial| (0..trial.ty().inputs.len()).filter_map(move |port| trial.input_rate(port)))

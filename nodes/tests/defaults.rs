@@ -1,4 +1,4 @@
-//! Defaults of nodes that make sound of images, as their specification lists them: whoever changes one, changes what every graph says.
+//! Defaults of nodes that make sound from images, from their specification. A change of a default changes all graphs that omit it.
 
 use foley_nodes::core::params::Datum::{self, Bool, Float, Int, List};
 use foley_nodes::registry::all;
@@ -8,7 +8,7 @@ fn name(text: &str) -> Datum {
 }
 
 #[test]
-fn nodes_of_textures_have_the_defaults_that_are_specified() {
+fn nodes_of_textures_have_the_specified_defaults() {
     let half = || Float(0.5);
     let table = [
         (
@@ -109,15 +109,15 @@ fn nodes_of_textures_have_the_defaults_that_are_specified() {
     let nodes = all();
     for (node, defaults) in table {
         let params = (nodes.iter().find(|ty| ty.name == node).unwrap().params)();
-        for (field, right) in defaults {
+        for (field, expected) in defaults {
             let found =
                 params.iter().find(|p| p.name == field).unwrap_or_else(|| panic!("{node} has no `{field}`"));
-            let same = match (&found.default, &right) {
-                // Kept in single precision or not.
+            let same = match (&found.default, &expected) {
+                // Some are stored in single precision.
                 (Some(Float(a)), Float(b)) => (a - b).abs() <= 1e-6 * b.abs(),
                 (a, b) => a.as_ref() == Some(b),
             };
-            assert!(same, "`{node}.{field}` is {:?}, not {right:?}", found.default);
+            assert!(same, "`{node}.{field}` is {:?}, not {expected:?}", found.default);
         }
     }
 }

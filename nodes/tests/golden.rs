@@ -1,9 +1,9 @@
-//! What every registered node gave when its version was last set: another output under the same version is an error, since
-//! the memo would go on using results of the older code.
+//! The output of every registered node at its current version. Another output with the same version is an error, since the cache would
+//! continue to use results of the older code.
 //!
-//! `golden.csv` holds, per node and trial and for each list of numbers that came out, their count, their peak and three
-//! sums with fixed random signs. Those are compared to one part in 10^4 of the peak, not by bits: Fourier transforms
-//! and mathematical functions differ in the last bits between machines. To write the file anew:
+//! `golden.csv` holds, for each node, trial and list of output numbers, their count, their peak and three sums with fixed random signs.
+//! The tolerance is 10^-4 of the peak, since Fourier transforms and mathematical functions differ in the last bits between machines. To
+//! rewrite the file:
 //!
 //! ```text
 //! FOLEY_GOLDEN=write cargo test -p foley-nodes --test golden
@@ -24,13 +24,13 @@ use trial::{Trial, accepted_by_name};
 const TRIALS: usize = 4;
 /// Sums with random signs per list.
 const SUMS: usize = 3;
-/// Difference that counts as the same, against the peak.
-const NEAR: f64 = 1e-4;
-/// The row that tells what a trial was, so that other trials are not taken for another output.
+/// Tolerance relative to the peak.
+const TOLERANCE: f64 = 1e-4;
+/// The row with the parameters of a trial, to tell a change of the trials from a change of the output.
 const PARAMETERS: &str = "(parameters)";
 const HEAD: &str = "node,version,trial,what,count,peak,sum 1,sum 2,sum 3";
 
-/// A list of numbers, in few.
+/// A digest of a list of numbers.
 #[derive(Clone, Debug, PartialEq)]
 struct Digest {
     count: usize,
@@ -47,7 +47,7 @@ impl Digest {
                 *sum += if bits >> (7 * k) & 1 == 0 { *x } else { -x };
             }
         }
-        // White noise then has sums of about its root mean square, whatever its length.
+        // The sums of white noise are then about its root mean square at any length.
         let scale = (numbers.len().max(1) as f64).sqrt();
         let peak = numbers.iter().fold(0.0, |peak: f64, x| peak.max(x.abs()));
         Self { count: numbers.len(), peak, sums: sums.map(|sum| sum / scale) }
@@ -55,7 +55,7 @@ impl Digest {
 
     fn near(&self, other: &Self) -> bool {
         let scale = self.peak.max(other.peak).max(1e-30);
-        let near = |a: f64, b: f64| (a - b).abs() <= NEAR * scale;
+        let near = |a: f64, b: f64| (a - b).abs() <= TOLERANCE * scale;
         self.count == other.count
             && near(self.peak, other.peak)
             && self.sums.iter().zip(&other.sums).all(|(a, b)| near(*a, *b))
@@ -70,13 +70,13 @@ fn scramble(i: u64) -> u64 {
     x ^ (x >> 31)
 }
 
-/// A text as a number below one.
+/// Maps a text to a number below 1.
 fn text(bytes: &[u8]) -> f64 {
     let hash = bytes.iter().fold(0, |h, b| scramble(h ^ u64::from(*b)));
     (hash >> 11) as f64 / (1_u64 << 53) as f64
 }
 
-/// The numbers of a value, by the names of the fields on the way to them.
+/// Collects the numbers of a value by the path of their fields.
 fn leaves(path: &str, value: &Value, lists: &mut BTreeMap<String, Vec<f64>>) {
     let number = match value {
         Value::Array(items) => return items.iter().for_each(|item| leaves(path, item, lists)),
@@ -89,7 +89,7 @@ fn leaves(path: &str, value: &Value, lists: &mut BTreeMap<String, Vec<f64>>) {
     lists.entry(path.to_owned()).or_default().push(number);
 }
 
-/// All that comes out of a trial, as lists of numbers by name.
+/// Returns all outputs of a trial as lists of numbers by name.
 fn outcome(trial: &Trial) -> BTreeMap<String, Vec<f64>> {
     let standalone = trial.standalone(trial.fastest_rate().span(64));
     let run: StandaloneRun = standalone.run().unwrap_or_else(|fault| panic!("{fault}: {trial:?}"));
@@ -125,7 +125,7 @@ fn outcome(trial: &Trial) -> BTreeMap<String, Vec<f64>> {
     lists
 }
 
-/// The numbers and texts of the parameters.
+/// Returns the parameters as numbers.
 fn parameters(trial: &Trial) -> Vec<f64> {
     let written = trial.params().write().into_iter();
     let words = written.flat_map(|(name, datum)| [name.to_string(), datum.to_string()]);
@@ -178,9 +178,9 @@ fn read(csv: &str) -> Rows {
     rows
 }
 
-/// What is wrong with one node, as its entries stand in the file.
+/// Compares the output of a node with its entries in the file. Returns the difference, if any.
 fn verdict(name: &str, version: u32, golden: &Rows, now: &Rows) -> Option<String> {
-    const ANEW: &str = "FOLEY_GOLDEN=write cargo test -p foley-nodes --test golden";
+    const REWRITE: &str = "FOLEY_GOLDEN=write cargo test -p foley-nodes --test golden";
     let of = |rows: &Rows| -> Rows {
         rows.iter()
             .filter(|(key, _)| key.0 == name)
@@ -189,10 +189,10 @@ fn verdict(name: &str, version: u32, golden: &Rows, now: &Rows) -> Option<String
     };
     let (golden, now) = (of(golden), of(now));
     let Some(was) = golden.keys().map(|key| key.1).next() else {
-        return Some(format!("`{name}` has no entry: run {ANEW}"));
+        return Some(format!("`{name}` has no entry: run {REWRITE}"));
     };
     if was != version {
-        return Some(format!("`{name}` has version {version}, its entry version {was}: run {ANEW}"));
+        return Some(format!("`{name}` has version {version}, its entry version {was}: run {REWRITE}"));
     }
     let differs = |key: &&(String, u32, usize, String)| match (golden.get(*key), now.get(*key)) {
         (Some(was), Some(is)) => !was.near(is),
@@ -202,14 +202,14 @@ fn verdict(name: &str, version: u32, golden: &Rows, now: &Rows) -> Option<String
     let first = *keys.peek()?;
     if keys.any(|key| key.3 == PARAMETERS) {
         return Some(format!(
-            "`{name}`: its trials draw other parameters, so nothing can be said of its output: look that this is all that \
-             changed, then run {ANEW}"
+            "`{name}`: its trials have other parameters, so its output cannot be compared: check that nothing else has changed, \
+             then run {REWRITE}"
         ));
     }
     Some(format!(
         "`{name}`: the output `{}` of trial {} has changed and the version has not ({:?} -> {:?}). Raise VERSION, so that \
-         results kept by the memo are not taken for new ones, then run {ANEW}; raise nothing where only the trials of \
-         its inputs have changed",
+         cached results are not used as new ones, then run {REWRITE}; if only the trials of its inputs have changed, keep \
+         VERSION",
         first.3,
         first.2,
         golden.get(first),
@@ -231,13 +231,13 @@ fn outputs_change_with_the_version_only() {
     let gone = golden.keys().map(|key| &key.0).filter(|name| types.iter().all(|ty| ty.name != **name));
     let gone: std::collections::BTreeSet<&String> = gone.collect();
     wrong.extend(
-        gone.iter().map(|name| format!("golden.csv has `{name}`, which is no node any more: write it anew")),
+        gone.iter().map(|name| format!("golden.csv has `{name}`, which is not a node: rewrite the file")),
     );
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
 #[test]
-fn a_change_of_a_thousandth_is_seen_and_rounding_is_not() {
+fn a_change_of_a_thousandth_is_detected_and_rounding_is_not() {
     let noise: Vec<f64> = (0..5000).map(|i| text(&u64::to_le_bytes(i)) - 0.5).collect();
     let golden = Digest::of(&noise);
     let louder = |by: f64| Digest::of(&noise.iter().map(|x| x * by).collect::<Vec<_>>());
@@ -247,24 +247,24 @@ fn a_change_of_a_thousandth_is_seen_and_rounding_is_not() {
     assert!(!golden.near(&Digest::of(&late)), "one sample late");
     let mut swapped = noise.clone();
     swapped.swap(10, 4000);
-    assert!(!golden.near(&Digest::of(&swapped)), "two samples in each other's place");
+    assert!(!golden.near(&Digest::of(&swapped)), "two samples swapped");
     let zeros = Digest::of(&[0.0; 10]);
     assert!(zeros.near(&zeros) && !zeros.near(&Digest::of(&[1e-9; 10])));
 }
 
 #[test]
-fn verdicts_tell_what_to_do() {
+fn verdicts_name_the_remedy() {
     let rows = |version: u32, what: &str, x: f64| -> Rows {
         let key = |what: &str| ("Gain".to_owned(), version, 0, what.to_owned());
         [(key(PARAMETERS), Digest::of(&[1.0])), (key(what), Digest::of(&[x, 0.5]))].into()
     };
     let golden = rows(1, "audio.", 1.0);
     assert_eq!(verdict("Gain", 1, &golden, &golden), None);
-    let told = |version, now: &Rows| verdict("Gain", version, &golden, now).unwrap();
-    assert!(told(1, &rows(1, "audio.", 1.001)).contains("Raise VERSION"));
-    assert!(told(2, &rows(2, "audio.", 1.001)).contains("its entry version 1"));
-    assert!(told(1, &rows(1, "other", 1.0)).contains("`audio.` of trial 0"));
-    assert!(told(1, &rows(1, PARAMETERS, 3.0)).contains("other parameters"));
+    let message = |version, now: &Rows| verdict("Gain", version, &golden, now).unwrap();
+    assert!(message(1, &rows(1, "audio.", 1.001)).contains("Raise VERSION"));
+    assert!(message(2, &rows(2, "audio.", 1.001)).contains("its entry version 1"));
+    assert!(message(1, &rows(1, "other", 1.0)).contains("`audio.` of trial 0"));
+    assert!(message(1, &rows(1, PARAMETERS, 3.0)).contains("other parameters"));
     assert!(verdict("Gain", 1, &Rows::new(), &golden).unwrap().contains("no entry"));
     let again = read(&write(&golden));
     assert_eq!(verdict("Gain", 1, &again, &golden), None);

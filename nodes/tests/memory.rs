@@ -1,6 +1,6 @@
-//! How much memory the nodes that read images take at their worst, and the choice of units.
+//! Peak memory of the nodes that read images, and of unit selection.
 //!
-//! The counting allocator sees all threads, so these tests are a binary of their own and wait for each other.
+//! The counting allocator counts all threads, so these tests are a separate binary and run one after the other.
 #![allow(unsafe_code)]
 
 use foley_nodes::core::item::Data;
@@ -8,38 +8,39 @@ use foley_nodes::core::node::Func;
 use foley_nodes::core::params::{Datum, Params};
 use foley_nodes::core::random::Rng;
 use foley_nodes::core::standalone::{Standalone, StandaloneRun};
-use foley_nodes::texture::class_node::{HistogramClass, HistogramClassPorts};
-use foley_nodes::texture::feature_nodes::{
-    Bilateral, BilateralPorts, DogFeatures, DogFeaturesPorts, FeatureNoiseSplit, FeatureNoiseSplitPorts,
-};
-use foley_nodes::texture::image_node::ImageLuma;
-use foley_nodes::texture::isophotes_node::{IsophotesNode, IsophotesPorts};
-use foley_nodes::texture::map_nodes::{MapCoder, MapCoderPorts, SobelMap, SobelMapPorts};
-use foley_nodes::texture::profile_node::{NoiseProfileNode, NoiseProfilePorts};
+use foley_nodes::texture::class::histogram_class::{HistogramClass, HistogramClassPorts};
+use foley_nodes::texture::filter::bilateral::{Bilateral, BilateralPorts};
+use foley_nodes::texture::filter::dog_features::{DogFeatures, DogFeaturesPorts};
+use foley_nodes::texture::filter::sobel_map::{SobelMap, SobelMapPorts};
+use foley_nodes::texture::image::image_luma::ImageLuma;
+use foley_nodes::texture::isophote::isophotes::{IsophotesNode, IsophotesPorts};
+use foley_nodes::texture::map_code::map_coder::{MapCoder, MapCoderPorts};
+use foley_nodes::texture::noise::feature_noise_split::{FeatureNoiseSplit, FeatureNoiseSplitPorts};
+use foley_nodes::texture::noise::noise_profile::{NoiseProfileNode, NoiseProfilePorts};
 use foley_nodes::texture::{FeatureMap, Grid, Kernel, Luma, NoiseMap, Wrap, smooth};
 use foley_nodes::unit::selector::{SelectorParams, Units, selector};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
-static NOW: AtomicUsize = AtomicUsize::new(0);
+static CURRENT: AtomicUsize = AtomicUsize::new(0);
 static PEAK: AtomicUsize = AtomicUsize::new(0);
-/// Held by the test that measures.
-static TURN: Mutex<()> = Mutex::new(());
+/// Lock held by the test that measures.
+static MEASURING: Mutex<()> = Mutex::new(());
 
 struct Counting;
 
 // SAFETY: every call goes to the system's allocator unchanged; the counters are atomic.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        PEAK.fetch_max(NOW.fetch_add(layout.size(), Relaxed) + layout.size(), Relaxed);
-        // SAFETY: the caller keeps the contract of `alloc`.
+        PEAK.fetch_max(CURRENT.fetch_add(layout.size(), Relaxed) + layout.size(), Relaxed);
+        // SAFETY: the caller upholds the contract of `alloc`.
         unsafe { System.alloc(layout) }
     }
 
     unsafe fn dealloc(&self, at: *mut u8, layout: Layout) {
-        NOW.fetch_sub(layout.size(), Relaxed);
-        // SAFETY: the caller keeps the contract of `dealloc`.
+        CURRENT.fetch_sub(layout.size(), Relaxed);
+        // SAFETY: the caller upholds the contract of `dealloc`.
         unsafe { System.dealloc(at, layout) }
     }
 }
@@ -47,12 +48,12 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// The most bytes that are there at once while something is done, beyond those before.
-fn peak<T>(what: impl FnOnce() -> T) -> (usize, T) {
-    let before = NOW.load(Relaxed);
+/// Returns the peak memory of some work in bytes, above the memory before it.
+fn peak<T>(work: impl FnOnce() -> T) -> (usize, T) {
+    let before = CURRENT.load(Relaxed);
     PEAK.store(before, Relaxed);
-    let done = what();
-    (PEAK.load(Relaxed) - before, done)
+    let result = work();
+    (PEAK.load(Relaxed) - before, result)
 }
 
 const SIDE: usize = 1024;
@@ -61,8 +62,8 @@ fn node<F: Func>() -> Standalone {
     Standalone::func::<F>(F::Params::read(&|_| None).unwrap())
 }
 
-/// A result, where a run keeps to six images of 32 bits a pixel, `held` of them its inputs.
-fn kept<T: Data + Clone>(name: &str, standalone: &Standalone, held: usize) -> T {
+/// Returns the result of a run and asserts that it takes at most six images of 32 bits a pixel, `held` of which are its inputs.
+fn measured<T: Data + Clone>(name: &str, standalone: &Standalone, held: usize) -> T {
     let (bytes, run): (usize, StandaloneRun) = peak(|| standalone.run().unwrap());
     let images = bytes as f64 / (4 * SIDE * SIDE) as f64 + held as f64;
     println!("{name}: {images:.2} images");
@@ -72,7 +73,7 @@ fn kept<T: Data + Clone>(name: &str, standalone: &Standalone, held: usize) -> T 
 
 #[test]
 fn units_are_chosen_without_a_table_of_all_distances() {
-    let _turn = TURN.lock();
+    let _guard = MEASURING.lock();
     let (units, targets, dims, look) = (20_000, 1000, 3, 5);
     let mut rng = Rng::new(5);
     let mut walk = |n: usize| {
@@ -93,14 +94,14 @@ fn units_are_chosen_without_a_table_of_all_distances() {
         "{built} bytes to build the index, {chosen} to choose; mean distance {}",
         picks / targets as f64
     );
-    // One table of all distances in single precision would be 80 MB, one row of it 80 kB.
+    // A table of all distances in single precision would be 80 MB, one row 80 kB.
     assert!(built < 500 * units && chosen < 4 * units, "{built} {chosen}");
 }
 
 #[test]
-fn nodes_that_read_images_take_six_of_them_at_most() {
-    let _turn = TURN.lock();
-    // Stones of about fifteen pixels, in colour.
+fn nodes_that_read_images_take_at_most_six_of_them() {
+    let _guard = MEASURING.lock();
+    // Noise with grains of about fifteen pixels, in colour.
     let mut rng = Rng::new(3);
     let grain = Grid::from_fn(SIDE, SIDE, |_, _| rng.between(-1.0, 1.0) as f32);
     let grain = smooth(&grain, &Kernel::gaussian(3.5, 4.0), Wrap::Repeat);
@@ -112,25 +113,25 @@ fn nodes_that_read_images_take_six_of_them_at_most() {
     let path = |name: &str| (name == "path").then(|| Datum::Text("stones.png".into()));
     let mut image = Standalone::func::<ImageLuma>(<ImageLuma as Func>::Params::read(&path).unwrap());
     image.files.insert("stones.png", file);
-    let luma: Luma = kept("ImageLuma", &image, 0);
+    let luma: Luma = measured("ImageLuma", &image, 0);
     drop(image);
     let histogram = node::<HistogramClass>().value(HistogramClassPorts::luma, luma.clone());
-    kept::<foley_nodes::texture::histogram::TextureClass>("HistogramClass", &histogram, 1);
+    measured::<foley_nodes::texture::histogram::TextureClass>("HistogramClass", &histogram, 1);
     let sobel = node::<SobelMap>().value(SobelMapPorts::luma, luma.clone());
-    let map = kept::<foley_nodes::texture::DiscontinuityMap>("SobelMap", &sobel, 1);
+    let map = measured::<foley_nodes::texture::DiscontinuityMap>("SobelMap", &sobel, 1);
     let coder = node::<MapCoder>().value(MapCoderPorts::map, map);
-    kept::<foley_nodes::texture::code::CodedMap>("MapCoder", &coder, 2);
+    measured::<foley_nodes::texture::code::CodedMap>("MapCoder", &coder, 2);
     let bilateral = node::<Bilateral>().value(BilateralPorts::luma, luma.clone());
-    let soft: Luma = kept("Bilateral", &bilateral, 1);
+    let soft: Luma = measured("Bilateral", &bilateral, 1);
     let dog = node::<DogFeatures>().value(DogFeaturesPorts::luma, soft.clone());
-    let features: FeatureMap = kept("DogFeatures", &dog, 1);
+    let features: FeatureMap = measured("DogFeatures", &dog, 1);
     let split = node::<FeatureNoiseSplit>()
         .value(FeatureNoiseSplitPorts::luma, luma.clone())
         .value(FeatureNoiseSplitPorts::smooth, soft)
         .value(FeatureNoiseSplitPorts::features, features);
-    let noise: NoiseMap = kept("FeatureNoiseSplit", &split, 3);
+    let noise: NoiseMap = measured("FeatureNoiseSplit", &split, 3);
     let profile = node::<NoiseProfileNode>().value(NoiseProfilePorts::noise, noise);
-    kept::<foley_nodes::texture::NoiseProfile>("NoiseProfile", &profile, 1);
+    measured::<foley_nodes::texture::NoiseProfile>("NoiseProfile", &profile, 1);
     let isophotes = node::<IsophotesNode>().value(IsophotesPorts::luma, luma);
-    kept::<foley_nodes::texture::Isophotes>("Isophotes", &isophotes, 1);
+    measured::<foley_nodes::texture::Isophotes>("Isophotes", &isophotes, 1);
 }

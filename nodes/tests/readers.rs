@@ -1,5 +1,5 @@
-//! A fixed-seed fuzzer of every node that reads a file: damaged files end in an error that names what is wrong or in a usable
-//! value, never in a panic, in numbers that are not finite, or in memory without bound.
+//! A fuzzer with fixed seeds for every node that reads a file. A damaged file gives an error with a reason or a usable value; it never
+//! gives a panic, numbers that are not finite, or unbounded memory.
 
 use foley_nodes::core::buffer::{Budget, Pad};
 use foley_nodes::core::item::AnyValue;
@@ -13,11 +13,11 @@ use foley_nodes::registry::all;
 /// Damaged files per node type.
 const ROUNDS: u64 = 400;
 
-/// What a number of a text may have become: nothing, the ends of what is possible, and what is none.
+/// Replacements for a number in a text: small, extreme and invalid values.
 const EXTREMES: [&str; 9] =
     ["0", "-1", "1e300", "1e-300", "1e39", "18446744073709551615", "null", "NaN", "0.5"];
 
-/// One change to a file: bytes flipped, cut off, cut out, doubled or put elsewhere, and numbers of a text made extreme.
+/// Makes one change to a file: flips, truncates, removes, duplicates or moves bytes, or replaces a number of a text.
 fn damage(file: &mut Vec<u8>, rng: &mut Rng) {
     if file.is_empty() {
         return;
@@ -29,9 +29,9 @@ fn damage(file: &mut Vec<u8>, rng: &mut Rng) {
         2 => file[at] = [0, 1, 0x7f, 0x80, 0xff, b'-', b'9', b','][rng.below(8)],
         3 => drop(file.drain(at..end)),
         4 => {
-            let piece = file[at..end].to_vec();
+            let bytes = file[at..end].to_vec();
             let to = if rng.below(2) == 0 { at } else { rng.below(file.len()) };
-            file.splice(to..to, piece);
+            file.splice(to..to, bytes);
         }
         5 if rng.below(4) == 0 => file.truncate(at),
         _ => {
@@ -44,7 +44,7 @@ fn damage(file: &mut Vec<u8>, rng: &mut Rng) {
     }
 }
 
-/// Takes the digest out of a JSON file that has one, so that damage reaches what it guards.
+/// Removes the digest from a JSON file that has one, so that damage is not detected by the digest.
 fn without_digest(file: &mut Vec<u8>) {
     let Ok(serde_json::Value::Object(mut fields)) = serde_json::from_slice(file) else { return };
     if fields.remove("content").is_some() {
@@ -52,7 +52,7 @@ fn without_digest(file: &mut Vec<u8>) {
     }
 }
 
-/// Damages what a file's hash covers and puts the new hash in its place, if it has one near its start; tells whether it has.
+/// Damages the part of a file that its hash covers and updates the hash. Returns false if the file has no hash near its start.
 fn damage_under_hash(file: &mut Vec<u8>, rng: &mut Rng) -> bool {
     let hash_of = |file: &[u8], end: usize| *blake3::hash(&file[end..]).as_bytes();
     let Some(end) = (32..file.len().min(160)).find(|&end| file[end - 32..end] == hash_of(file, end)) else {
@@ -66,23 +66,23 @@ fn damage_under_hash(file: &mut Vec<u8>, rng: &mut Rng) -> bool {
     true
 }
 
-/// Everything that a run gives can be shown, and its streams hold numbers.
-fn check(run: &StandaloneRun, outputs: usize, told: &str) {
+/// Checks that all values of a run can be shown and that its streams are finite.
+fn check(run: &StandaloneRun, outputs: usize, context: &str) {
     for port in 0..outputs {
         if let Some(value) = run.value(port) {
             let kind = value.kind();
             let _ = (value.json(), (kind.plot)(&value), (kind.file)(&value));
         }
-        assert!(run.numbers(port).1, "{told}: not finite");
+        assert!(run.numbers(port).1, "{context}: not finite");
     }
 }
 
-/// A quarter of a second of what a damaged file gives, or why it gives nothing.
+/// Reads a quarter of a second of a damaged file, or returns the reason why it cannot be read.
 fn read(standalone: &Standalone, streams: bool) -> Result<StandaloneRun, foley_nodes::core::fault::Fault> {
     if !streams {
         return standalone.run();
     }
-    // The rate may be anything, so that the announced length may be hours.
+    // The rate may be arbitrary, so the announced length may be hours.
     standalone.shape()?;
     let mut run = standalone.start()?;
     for _ in 0..5 {
@@ -95,7 +95,7 @@ fn read(standalone: &Standalone, streams: bool) -> Result<StandaloneRun, foley_n
 }
 
 #[test]
-fn damaged_files_are_refused_by_name_or_give_something_usable() {
+fn damaged_files_are_refused_with_a_reason_or_give_usable_values() {
     let mut readers = 0;
     for k in 0..all().len() {
         let ty = all().swap_remove(k);
@@ -140,14 +140,14 @@ fn damaged_files_are_refused_by_name_or_give_something_usable() {
                 }
             }
         }
-        println!("{name}: {taken} taken, {refused} refused");
-        assert!(refused > 10 && taken > 0, "{name}: {taken} taken, {refused} refused");
+        println!("{name}: {taken} accepted, {refused} refused");
+        assert!(refused > 10 && taken > 0, "{name}: {taken} accepted, {refused} refused");
     }
     assert!(readers >= 14, "{readers} readers");
 }
 
 #[test]
-fn damaged_tables_of_an_encoder_are_refused_or_tell_a_motion() {
+fn damaged_tables_of_an_encoder_are_refused_or_give_a_motion() {
     let speeds: String =
         (0..40).map(|k| format!("{:.2},{:.3}\n", 0.02 * f64::from(k), 0.1 + 0.01 * f64::from(k))).collect();
     let angles: String =
@@ -172,11 +172,11 @@ fn damaged_tables_of_an_encoder_are_refused_or_tell_a_motion() {
             }
         }
     }
-    assert!(taken > 200 && refused > 200, "{taken} taken, {refused} refused");
+    assert!(taken > 200 && refused > 200, "{taken} accepted, {refused} refused");
 }
 
 #[test]
-fn damaged_friction_models_that_are_taken_have_finite_power() {
+fn damaged_friction_models_that_are_accepted_have_finite_power() {
     let mut rng = Rng::new(5);
     let mut taken = 0;
     for _ in 0..3000 {
@@ -189,7 +189,7 @@ fn damaged_friction_models_that_are_taken_have_finite_power() {
             taken += 1;
         }
     }
-    assert!(taken > 50, "{taken} taken");
+    assert!(taken > 50, "{taken} accepted");
 }
 
 #[test]
@@ -200,9 +200,9 @@ fn damaged_values_and_items_of_the_cache_are_refused_or_decoded_in_bounds() {
         match output.kind {
             PortKind::Value(kind) | PortKind::Fold(kind) if kinds.insert(kind.name) => {
                 for _ in 0..100 {
-                    let whole = (kind.encode)(&(kind.trial)(&mut rng)).unwrap();
-                    assert!((kind.decode)(&whole).is_some(), "{}", kind.name);
-                    let mut bytes = whole;
+                    let encoded = (kind.encode)(&(kind.trial)(&mut rng)).unwrap();
+                    assert!((kind.decode)(&encoded).is_some(), "{}", kind.name);
+                    let mut bytes = encoded;
                     (0..1 + rng.below(3)).for_each(|_| damage(&mut bytes, &mut rng));
                     match (kind.decode)(&bytes) {
                         Some(value) => {
@@ -235,6 +235,6 @@ fn damaged_values_and_items_of_the_cache_are_refused_or_decoded_in_bounds() {
             _ => {}
         }
     }
-    println!("{} types: {taken} taken, {refused} refused", kinds.len());
+    println!("{} types: {taken} accepted, {refused} refused", kinds.len());
     assert!(kinds.len() > 30 && taken > 100 && refused > 100, "{} types", kinds.len());
 }

@@ -1,4 +1,4 @@
-//! One node on slices: windows, padding, look-ahead and events, seen through a few nodes made for the purpose.
+//! Standalone runs: windows, padding, look-ahead and events, with test nodes.
 
 use foley_nodes::core::fault::{Fault, Reject};
 use foley_nodes::core::item::{Channels, Event};
@@ -11,13 +11,13 @@ use foley_nodes::{params, ports};
 use serde::{Deserialize, Serialize};
 
 params! {
-    /// Sums the neighbours of each sample.
+    /// Sums each sample with its neighbours.
     pub struct NeighboursParams {
         /// Items before.
         past: usize = 2, unit "items", range 0..=100;
         /// Items after.
         ahead: usize = 3, unit "items", range 0..=100;
-        /// Whether the ends hold.
+        /// Holds the first and the last item beyond the ends.
         hold: bool = false;
     }
 }
@@ -59,10 +59,10 @@ impl Node for Neighbours {
     fn run(&mut self, mut io: NeighboursIo<'_>) -> Result<(), Fault> {
         let width = io.audio.width();
         let around = io.audio.around();
-        let reach = around.len() / width - io.audio.len();
+        let neighbours = around.len() / width - io.audio.len();
         for (k, out) in io.out.items().iter_mut().enumerate() {
             let (item, channel) = (k / width, k % width);
-            *out = (item..=item + reach).map(|i| around[i * width + channel]).sum();
+            *out = (item..=item + neighbours).map(|i| around[i * width + channel]).sum();
         }
         Ok(())
     }
@@ -79,12 +79,12 @@ fn run(past: usize, ahead: usize, hold: bool, window: Tick) -> Vec<f32> {
 #[test]
 fn windows_of_any_length_give_the_same_sums() {
     for hold in [false, true] {
-        let whole = run(2, 3, hold, TICKS_PER_SECOND);
-        assert_eq!(whole.len(), 100);
+        let expected = run(2, 3, hold, TICKS_PER_SECOND);
+        assert_eq!(expected.len(), 100);
         for window in
             [1, 7, 64, 1000].map(|samples| Rate::hz(1000).tick(samples)).into_iter().chain([ticks(0.00037)])
         {
-            assert_eq!(run(2, 3, hold, window), whole, "window {window}, hold {hold}");
+            assert_eq!(run(2, 3, hold, window), expected, "window {window}, hold {hold}");
         }
     }
 }
@@ -108,9 +108,9 @@ impl Event for Knock {
 }
 
 params! {
-    /// Answers each knock a little later.
+    /// Repeats each knock with a delay.
     pub struct EchoParams {
-        /// How much later.
+        /// Delay of the echo.
         after: f64 = 0.01, unit "s", range 0.0..=1.0;
     }
 }
@@ -170,64 +170,64 @@ fn events_keep_their_times_across_windows() {
             standalone.events(EchoPorts::knocks, knocks.clone(), ticks(0.4)).window(window).run().unwrap();
         run.events(EchoPorts::out)
     };
-    let whole = echo(TICKS_PER_SECOND);
-    assert_eq!(whole.len(), 100);
-    assert!(whole.is_sorted_by_key(|(tick, _)| *tick));
-    assert!(whole.contains(&(ticks(0.05), Knock(0.5))));
+    let expected = echo(TICKS_PER_SECOND);
+    assert_eq!(expected.len(), 100);
+    assert!(expected.is_sorted_by_key(|(tick, _)| *tick));
+    assert!(expected.contains(&(ticks(0.05), Knock(0.5))));
     for window in [1, 7, 64, 1000].map(|ms| ticks(0.001) * ms) {
-        assert_eq!(echo(window), whole, "window {window}");
+        assert_eq!(echo(window), expected, "window {window}");
     }
 }
 
 params! {
-    /// Audio through a line that gives each sample three later, as nodes with a pipeline inside do.
-    pub struct LineParams {}
+    /// Passes audio through a delay line of three samples, as a node with an internal pipeline does.
+    pub struct PipelineParams {}
 }
 ports! {
-    pub struct LinePorts / LineIo {
+    pub struct PipelinePorts / PipelineIo {
         in {
             /// Any audio.
             audio: foley_nodes::core::ports::Stream<f32>,
         }
         out {
-            /// The same audio, at the same times: its lag takes the three samples back.
+            /// The same audio at the same times: the lag compensates the delay.
             out: foley_nodes::core::ports::Stream<f32>,
         }
     }
 }
 
-struct Line([f32; 3]);
+struct Pipeline([f32; 3]);
 
-const LINE: i64 = 3;
+const DELAY: i64 = 3;
 
-impl Node for Line {
-    type Params = LineParams;
-    type Ports = LinePorts;
-    const NAME: &'static str = "Line";
+impl Node for Pipeline {
+    type Params = PipelineParams;
+    type Ports = PipelinePorts;
+    const NAME: &'static str = "Pipeline";
     const CLASS: Class = Class::Audio;
 
-    fn shape(_: &LineParams, s: &mut Shape<'_, '_, LinePorts>) -> Result<(), Reject> {
-        let audio = s.input(LinePorts::audio);
-        s.lag(audio.rate.tick(LINE));
-        s.when_ended(LinePorts::audio, Ends::Stop);
-        s.output(LinePorts::out, audio.rate, audio.format);
+    fn shape(_: &PipelineParams, s: &mut Shape<'_, '_, PipelinePorts>) -> Result<(), Reject> {
+        let audio = s.input(PipelinePorts::audio);
+        s.lag(audio.rate.tick(DELAY));
+        s.when_ended(PipelinePorts::audio, Ends::Stop);
+        s.output(PipelinePorts::out, audio.rate, audio.format);
         Ok(())
     }
 
-    fn build(_: &LineParams, _: &Build<'_>) -> Result<Self, Fault> {
+    fn build(_: &PipelineParams, _: &Build<'_>) -> Result<Self, Fault> {
         Ok(Self([0.0; 3]))
     }
 
-    fn run(&mut self, mut io: LineIo<'_>) -> Result<(), Fault> {
+    fn run(&mut self, mut io: PipelineIo<'_>) -> Result<(), Fault> {
         let first = io.audio.first();
         let mut out = io.out.items().iter_mut();
         for (item, sample) in (first..).zip(io.audio.items()) {
-            let place = (item % LINE) as usize;
-            // The first samples to come out of the line are from before the start of the stream.
-            if item >= LINE {
-                *out.next().expect("as many come out as went in") = self.0[place];
+            let index = (item % DELAY) as usize;
+            // The first samples from the line precede the start of the stream.
+            if item >= DELAY {
+                *out.next().expect("there are as many outputs as inputs") = self.0[index];
             }
-            self.0[place] = *sample;
+            self.0[index] = *sample;
         }
         assert!(out.next().is_none());
         Ok(())
@@ -235,13 +235,13 @@ impl Node for Line {
 }
 
 #[test]
-fn a_node_that_lags_works_on_until_its_last_sample_is_out() {
+fn a_node_that_lags_runs_until_its_last_sample_is_output() {
     let samples: Vec<f32> = (1..=20).map(|k| k as f32).collect();
     let rate = Rate::hz(1000);
     for window in [rate.tick(1), rate.tick(7), ticks(0.0037), TICKS_PER_SECOND] {
-        let standalone = Standalone::new::<Line>(LineParams {})
-            .input(LinePorts::audio, rate, Channels(1), samples.clone())
+        let standalone = Standalone::new::<Pipeline>(PipelineParams {})
+            .input(PipelinePorts::audio, rate, Channels(1), samples.clone())
             .window(window);
-        assert_eq!(standalone.run().unwrap().stream(LinePorts::out), samples, "window {window}");
+        assert_eq!(standalone.run().unwrap().stream(PipelinePorts::out), samples, "window {window}");
     }
 }

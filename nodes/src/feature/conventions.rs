@@ -1,4 +1,4 @@
-//! How features were made: whoever compares features of two makes has to know that they were made alike.
+//! Conventions of features: features are comparable only if they were computed alike.
 
 use serde::{Deserialize, Serialize};
 
@@ -9,20 +9,20 @@ use crate::core::time::Rate;
 /// Window over one unit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum FeatureWindow {
-    /// Half a sine of two units' length: its square tiles to one, so that unit energies add up to the signal's.
+    /// Half a sine over two units: its squares add up to one, so that the energies of units add up to that of the signal.
     Sine2,
-    /// No window: the unit alone.
+    /// Rectangular: the unit itself.
     Rect,
     /// Raised cosine.
     Hann,
 }
 
 choices! { @param FeatureWindow {
-    /// Half a sine of two units' length, centred on the unit: the energies of units add up to the signal's.
+    /// Half a sine over two units, centred on the unit: the energies of units add up to that of the signal.
     Sine2,
-    /// The unit alone, without any window.
+    /// Rectangular: the unit itself.
     Rect,
-    /// Raised cosine; as long as a unit it is blind to a pop on a unit's edge.
+    /// Raised cosine; with the length of a unit it ignores clicks at the edges of units.
     Hann,
 } }
 
@@ -38,15 +38,15 @@ pub enum BandShape {
 }
 
 choices! { @param BandShape {
-    /// Disjoint bands that count every frequency once, as a histogram does.
+    /// Disjoint bands that count every frequency once.
     Rectangular,
     /// Triangles that overlap by half, with a peak of one.
     Triangular,
-    /// Triangles that overlap by half, each of area two over its width.
+    /// Triangles that overlap by half, with a peak of two over their width.
     TriangularArea,
 } }
 
-/// The scale on which bands are equally wide.
+/// The scale on which bands have equal width.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum MelScale {
     /// 2595 log10(1 + f / 700).
@@ -78,25 +78,27 @@ choices! { @param LogScale {
     Decibel,
 } }
 
-/// Least energy of a band.
+/// Lowest energy of a band.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum FloorRule {
-    /// This many decibels, as mean square of full scale.
+    /// A level in decibels, as mean square relative to full scale.
     Level(f64),
     /// The 5th percentile of the band energies of the database.
     Database,
 }
 
-/// Everything that decides what the numbers of a feature vector mean.
+/// All settings that define the numbers of a feature vector.
+///
+/// Distances between features depend on every setting, so all must be equal in a comparison.
 ///
 /// # Source
-/// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 4.2, which leaves most of
-/// it open; since distances between features depend on every one, none may differ between what is compared.
+/// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 4.2, which leaves most
+/// settings open.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FeatureConventions {
     /// Sample rate of the audio.
     pub rate: Rate,
-    /// Length of a unit in samples; one feature vector each.
+    /// Length of a unit in samples; a unit has one feature vector.
     pub unit: u32,
     /// Window over one unit.
     pub window: FeatureWindow,
@@ -104,31 +106,31 @@ pub struct FeatureConventions {
     pub frame: u32,
     /// Shape of the bands.
     pub shape: BandShape,
-    /// Scale on which they are equally wide.
+    /// Scale on which the bands have equal width.
     pub mel: MelScale,
-    /// How many there are.
+    /// Number of bands.
     pub bands: u32,
-    /// Lower end of the lowest, Hz.
+    /// Lower edge of the lowest band, in Hz.
     pub f_lo: f64,
-    /// Upper end of the highest, Hz.
+    /// Upper edge of the highest band, in Hz.
     pub f_hi: f64,
     /// Logarithm of the energies.
     pub log: LogScale,
-    /// Least energy of a band.
+    /// Lowest energy of a band.
     pub floor: FloorRule,
     /// Cepstral coefficients per channel.
     pub n: u32,
-    /// The first of them: 0 keeps the one that tells loudness.
+    /// Index of the first coefficient; 0 includes the coefficient of loudness.
     pub first: u32,
-    /// Cut-off of the Butterworth high-pass on the audio, Hz; 0 for none.
+    /// Cutoff of the Butterworth high-pass on the audio, in Hz; 0 for none.
     pub high_pass: f64,
-    /// Its order.
+    /// Order of the high-pass.
     pub high_pass_order: u32,
-    /// Channels whose coefficients stand behind each other in one vector: 1, or all for joint features.
+    /// Number of channels whose coefficients are joined in one vector: 1, or all for joint features.
     pub joined: u32,
-    /// Widths in units of the Gaussian over time, per dimension or one for all; empty where there is none.
+    /// Widths of the Gaussian over time, in units, per dimension or one for all; empty for none.
     pub widths: Vec<f64>,
-    /// Whether that Gaussian only looks back.
+    /// True if the Gaussian has no look-ahead.
     pub causal: bool,
 }
 
@@ -137,21 +139,21 @@ pub struct FeatureConventions {
 pub struct Difference {
     /// Name of the field.
     pub field: &'static str,
-    /// What was found.
+    /// The value that was found.
     pub found: String,
-    /// What is wanted.
-    pub wanted: String,
+    /// The expected value.
+    pub expected: String,
 }
 
 impl std::fmt::Display for Difference {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "`{}` is {}, not {}", self.field, self.found, self.wanted)
+        write!(f, "`{}` is {}, not {}", self.field, self.found, self.expected)
     }
 }
 
 impl FeatureConventions {
-    /// What 1 dB in all bands does to the first number of a vector, and that number of bands that hold a mean square of `energy`; None
-    /// where the coefficient that tells loudness is left out.
+    /// Returns the change of the first coefficient by 1 dB in all bands, and its value for bands with a mean square of `energy`. Returns
+    /// `None` without the coefficient of loudness.
     #[must_use]
     pub fn loudness(&self, energy: f64) -> Option<(f64, f64)> {
         let decibel = match self.log {
@@ -162,8 +164,8 @@ impl FeatureConventions {
         (self.first == 0).then(|| (step, step * 10.0 * energy.max(f64::MIN_POSITIVE).log10()))
     }
 
-    /// The convention of the cloth paper as its gaps are filled here: three rectangular mel bands to 20 kHz, natural logarithm, floor
-    /// at -100 dB, coefficient 0 kept, audio without what lies below 100 Hz, no Gaussian yet.
+    /// Returns the conventions of the cloth paper, with settings that it leaves open: three rectangular mel bands up to 20 kHz, natural
+    /// logarithm, floor at -100 dB, coefficients from 0 on, high-pass at 100 Hz, no Gaussian.
     #[must_use]
     pub fn cloth(rate: Rate, unit: u32) -> Self {
         Self {
@@ -188,19 +190,19 @@ impl FeatureConventions {
         }
     }
 
-    /// Numbers in one feature vector.
+    /// Returns the number of dimensions of a feature vector.
     #[must_use]
     pub fn dims(&self) -> usize {
         self.n as usize * self.joined.max(1) as usize
     }
 
-    /// Units per second.
+    /// Returns the number of units per second.
     #[must_use]
     pub fn unit_rate(&self) -> Option<Rate> {
         self.rate.divided_by(u64::from(self.unit))
     }
 
-    /// Width of the Gaussian over dimension `dim`, units; 0 where there is none.
+    /// Returns the width of the Gaussian for dimension `dim`, in units; 0 for none.
     #[must_use]
     pub fn width(&self, dim: usize) -> f64 {
         match self.widths.as_slice() {
@@ -210,7 +212,7 @@ impl FeatureConventions {
         }
     }
 
-    /// Every field by name, as text that differs wherever the field does.
+    /// Returns every field by name, as text. Texts are equal only for equal fields.
     fn fields(&self) -> Vec<(&'static str, String)> {
         let text = |x: &dyn std::fmt::Debug| format!("{x:?}");
         vec![
@@ -244,22 +246,22 @@ impl FeatureConventions {
         ]
     }
 
-    /// The first field in which these differ from what a consumer wants.
+    /// Returns the first field that differs from expected conventions.
     ///
-    /// Widths are compared as they act: none at all and widths of 0 are the same, and so are one width and the same for every
-    /// dimension. Without any Gaussian it does not matter whether it would only look back.
+    /// Widths are compared by their effect: no widths equal widths of 0, and one width equals the same width for every dimension. Without
+    /// a Gaussian, `causal` is ignored.
     #[must_use]
-    pub fn differs_from(&self, wanted: &Self) -> Option<Difference> {
-        let smooth = |c: &Self| (0..c.dims()).any(|dim| c.width(dim) > 1.0);
-        let either = smooth(self) || smooth(wanted);
-        let pairs = self.fields().into_iter().zip(wanted.fields());
+    pub fn differs_from(&self, expected: &Self) -> Option<Difference> {
+        let smoothed = |c: &Self| (0..c.dims()).any(|dim| c.width(dim) > 1.0);
+        let either = smoothed(self) || smoothed(expected);
+        let pairs = self.fields().into_iter().zip(expected.fields());
         pairs
             .filter(|((field, _), _)| either || !matches!(*field, "widths" | "causal"))
-            .find(|((_, found), (_, wanted))| found != wanted)
-            .map(|((field, found), (_, wanted))| Difference { field, found, wanted })
+            .find(|((_, found), (_, expected))| found != expected)
+            .map(|((field, found), (_, expected))| Difference { field, found, expected })
     }
 
-    /// A digest of all fields.
+    /// Returns a digest of all fields.
     #[must_use]
     pub fn hash(&self) -> [u8; 32] {
         let mut hasher = blake3::Hasher::new();
@@ -269,14 +271,14 @@ impl FeatureConventions {
         *hasher.finalize().as_bytes()
     }
 
-    /// Refuses features at input `port` that were made in another way than what they meet, `what`.
+    /// Refuses features at input `port` whose conventions differ from those of `what`.
     ///
     /// # Errors
-    /// Names the first field that differs.
-    pub fn check(&self, port: &str, wanted: &Self, what: &str) -> Result<(), Reject> {
-        let Some(difference) = self.differs_from(wanted) else { return Ok(()) };
-        let Difference { field, found, wanted } = difference;
-        let message = format!("`{field}` of the features is {found}, that of the {what} {wanted}");
+    /// The first field that differs.
+    pub fn check(&self, port: &str, expected: &Self, what: &str) -> Result<(), Reject> {
+        let Some(difference) = self.differs_from(expected) else { return Ok(()) };
+        let Difference { field, found, expected } = difference;
+        let message = format!("`{field}` of the features is {found}, that of the {what} {expected}");
         let help = match field {
             "widths" | "causal" => "give TemporalGaussian the same as UnitDatabase".to_owned(),
             _ => format!("give Mfcc and UnitDatabase the same `{field}`"),
@@ -307,13 +309,13 @@ mod tests {
     }
 
     #[test]
-    fn whatever_decides_what_a_distance_means_is_named_where_it_differs() {
-        let same = FeatureConventions { widths: vec![20.0, 50.0, 10.0], ..cloth() };
+    fn every_field_that_differs_is_named() {
+        let base = FeatureConventions { widths: vec![20.0, 50.0, 10.0], ..cloth() };
         let other = |change: &dyn Fn(&mut FeatureConventions)| {
-            let mut other = same.clone();
+            let mut other = base.clone();
             change(&mut other);
-            assert_ne!(other.hash(), same.hash());
-            other.differs_from(&same).unwrap().field
+            assert_ne!(other.hash(), base.hash());
+            other.differs_from(&base).unwrap().field
         };
         let found = [
             other(&|c| c.rate = Rate::hz(48_000)),
@@ -336,7 +338,7 @@ mod tests {
             other(&|c| c.widths = vec![10.0, 50.0, 20.0]),
             other(&|c| c.causal = true),
         ];
-        let wanted = [
+        let expected = [
             "rate",
             "unit",
             "window",
@@ -357,16 +359,16 @@ mod tests {
             "widths",
             "causal",
         ];
-        assert_eq!(found, wanted);
-        // And by default the first coefficient is that of loudness, logarithms are natural, and the floor is -100 dB.
+        assert_eq!(found, expected);
+        // By default the first coefficient is that of loudness, logarithms are natural, and the floor is -100 dB.
         assert_eq!(
-            (same.first, same.n, same.log, same.floor),
+            (base.first, base.n, base.log, base.floor),
             (0, 3, LogScale::Natural, FloorRule::Level(-100.0))
         );
     }
 
     #[test]
-    fn widths_count_as_they_act() {
+    fn widths_are_compared_by_their_effect() {
         let with = |widths: &[f64], causal| FeatureConventions { widths: widths.to_vec(), causal, ..cloth() };
         assert_eq!(with(&[20.0], false).differs_from(&with(&[20.0; 3], false)), None);
         assert_eq!(with(&[], false).differs_from(&with(&[0.0], true)), None);

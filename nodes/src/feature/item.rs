@@ -1,4 +1,4 @@
-//! Feature vectors that travel between nodes.
+//! Feature vectors as items of streams.
 
 use std::sync::Arc;
 
@@ -10,30 +10,30 @@ use crate::core::time::Rate;
 /// One or more feature vectors per unit of sound.
 ///
 /// # Shapes
-/// An item holds `vectors` vectors of `conventions.dims()` numbers, one after the other: one per channel where channels are
-/// treated one by one, otherwise one.
+/// An item holds `vectors` vectors of `conventions.dims()` numbers in sequence: one vector per channel if channels are independent,
+/// otherwise one vector.
 #[derive(Debug)]
 pub struct Features;
 
-/// What is fixed about a stream of features.
+/// The format of a stream of features.
 ///
-/// The conventions travel with the stream, so that a database or a warp made under others is refused where it meets it.
+/// It holds the conventions, so that a database or a warp of other conventions is refused.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FeatureFormat {
     /// Vectors per unit.
     pub vectors: usize,
-    /// How they were made.
+    /// Conventions of the features.
     pub conventions: Arc<FeatureConventions>,
 }
 
 impl FeatureFormat {
-    /// The same with other conventions of as many dimensions.
+    /// Returns the format with other conventions of the same number of dimensions.
     #[must_use]
     pub fn with(&self, conventions: FeatureConventions) -> Self {
         Self { vectors: self.vectors, conventions: Arc::new(conventions) }
     }
 
-    /// Numbers in one vector.
+    /// Returns the number of dimensions of a vector.
     #[must_use]
     pub fn dims(&self) -> usize {
         self.conventions.dims()
@@ -41,7 +41,7 @@ impl FeatureFormat {
 }
 
 impl FeatureConventions {
-    /// Conventions for trials, the same in every stream and artefact, so that those of one trial fit each other.
+    /// Returns the conventions of trials. They are the same in every stream and artefact, so that those of one trial are compatible.
     #[must_use]
     pub fn trial() -> Self {
         Self {

@@ -1,20 +1,20 @@
-//! Features of sound: a few numbers per short unit that tell how loud it is and what colour it has.
+//! Features of sound: a few numbers per short unit that describe its level and its spectrum.
 //!
-//! [`FeatureConventions`] say how they were made, and travel with every stream and artefact of features, so that features of
-//! two kinds never meet unnoticed.
+//! Every stream and artefact of features holds its [`FeatureConventions`], so features of different conventions are never compared
+//! unnoticed.
 
 pub mod conventions;
-pub mod gaussian;
-pub mod gaussian_node;
 pub mod item;
-pub mod mel;
-pub mod mfcc_node;
+pub mod mel_cepstrum;
+pub mod mfcc;
 pub mod params;
+pub mod temporal_filter;
+pub mod temporal_gaussian;
 
 pub use conventions::{
     BandShape, Difference, FeatureConventions, FeatureWindow, FloorRule, LogScale, MelScale,
 };
-pub use gaussian::TemporalFilter;
 pub use item::{FeatureFormat, Features};
-pub use mel::MelCepstrum;
-pub use params::{FloorFrom, Given, UnitLength};
+pub use mel_cepstrum::MelCepstrum;
+pub use params::{ConventionParams, FloorFrom, UnitLength};
+pub use temporal_filter::TemporalFilter;

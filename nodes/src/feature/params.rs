@@ -1,4 +1,4 @@
-//! What graphs write of feature conventions, once for all nodes that make features.
+//! Parameters of feature conventions, shared by all nodes that compute features.
 
 use super::conventions::{FeatureConventions, FloorRule};
 use crate::choices;
@@ -7,8 +7,8 @@ use crate::core::params::{Bounds, Datum, Mismatch, Param, ParamKind};
 use crate::core::random::Rng;
 use crate::core::time::Rate;
 
-/// Longest unit and window, samples.
-const LONGEST: u32 = 1 << 16;
+/// Longest unit, in samples.
+const MAX_SAMPLES: u32 = 1 << 16;
 
 /// Length of a unit: seconds as a fraction or decimal (`"1/240"`), or samples (`"400 samples"`).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -20,7 +20,7 @@ pub enum UnitLength {
 }
 
 impl UnitLength {
-    /// Nearest whole number of samples.
+    /// Returns the nearest number of samples.
     #[must_use]
     pub fn samples(self, rate: Rate) -> u32 {
         match self {
@@ -68,45 +68,45 @@ impl Param for UnitLength {
 }
 
 choices! {
-    /// Where the least energy of a band comes from.
+    /// Source of the lowest energy of a band.
     pub enum FloorFrom {
-        /// From `floor`.
+        /// The parameter `floor`.
         Level,
-        /// From the database: the 5th percentile of its band energies.
+        /// The database: the 5th percentile of its band energies.
         Database,
     }
 }
 
 /// The parameters that [`feature_params`](crate::feature_params) declares.
 #[derive(Clone, Debug)]
-pub struct Given {
+pub struct ConventionParams {
     /// Length of a unit.
     pub unit: UnitLength,
     /// Length of the window.
     pub frame: Option<u32>,
     /// Number of bands.
     pub bands: Option<u32>,
-    /// Where the floor comes from.
+    /// Source of the floor.
     pub floor_from: FloorFrom,
     /// The floor in decibels.
     pub floor: f64,
-    /// Everything else, as it is.
-    pub rest: FeatureConventions,
+    /// All other fields.
+    pub base: FeatureConventions,
 }
 
-impl Given {
-    /// The conventions at a rate.
+impl ConventionParams {
+    /// Returns the conventions at a sample rate.
     ///
     /// # Errors
-    /// Units without a sample, more coefficients than bands, bands upside down, and a high-pass beyond half the rate.
+    /// Units of 0 samples, more coefficients than bands, bands whose end is not above their start, and a high-pass at or above half the rate.
     pub fn conventions(self, rate: Rate, joined: u32) -> Result<FeatureConventions, Reject> {
         let refuse = |field: &str, message: String| Err(Reject::new("F051", message).at(field));
-        let mut c = self.rest;
+        let mut c = self.base;
         c.unit = self.unit.samples(rate);
-        if !(1..=LONGEST).contains(&c.unit) || rate.divided_by(u64::from(c.unit)).is_none() {
+        if !(1..=MAX_SAMPLES).contains(&c.unit) || rate.divided_by(u64::from(c.unit)).is_none() {
             return refuse(
                 "unit",
-                format!("a unit has {} samples at {rate}; it takes 1 to {LONGEST}", c.unit),
+                format!("a unit has {} samples at {rate}; it takes 1 to {MAX_SAMPLES}", c.unit),
             );
         }
         let twice = matches!(c.window, super::FeatureWindow::Sine2);
@@ -136,7 +136,16 @@ impl Given {
     }
 }
 
-/// Declares parameters with those of feature conventions behind them, and `given` to read these.
+/// Refuses lists of widths that have neither one entry nor one for each coefficient.
+pub(crate) fn check_widths(widths: &[f64], n: usize) -> Result<(), Reject> {
+    if widths.len() <= 1 || widths.len() == n {
+        return Ok(());
+    }
+    let message = format!("{} widths for {n} coefficients", widths.len());
+    Err(Reject::new("F051", message).at("widths").help(format!("give {n}, or one for all")))
+}
+
+/// Declares parameters, followed by those of feature conventions, and the method `convention_params`.
 #[macro_export]
 macro_rules! feature_params {
     ($(#[$($meta:tt)*])+ pub struct $name:ident { $($own:tt)* }) => {
@@ -148,39 +157,39 @@ macro_rules! feature_params {
                 unit: $crate::feature::UnitLength = $crate::feature::UnitLength::Seconds(1, 240);
                 /// Coefficients per channel.
                 n: usize = 3, unit "", range 1..=32_usize;
-                /// The first coefficient: 0 keeps the one that tells loudness.
+                /// Index of the first coefficient; 0 includes the coefficient of loudness.
                 first: usize = 0, unit "", range 0..=32_usize;
-                /// Bands; None is as many as coefficients, from coefficient 0 on.
+                /// Number of bands; None is `first + n`.
                 bands: Option<usize> = None, unit "", range 1..=256_usize;
-                /// Lower end of the lowest band.
+                /// Lower edge of the lowest band.
                 f_lo: f64 = 0.0, unit "Hz", range 0.0..=100_000.0;
-                /// Upper end of the highest band; beyond half the rate there is nothing to hear.
+                /// Upper edge of the highest band; above half the rate there is no signal.
                 f_hi: f64 = 20_000.0, unit "Hz", range 1.0..=400_000.0;
                 /// Shape of the bands.
                 shape: $crate::feature::BandShape = $crate::feature::BandShape::Rectangular;
-                /// Scale on which the bands are equally wide.
+                /// Scale on which the bands have equal width.
                 mel: $crate::feature::MelScale = $crate::feature::MelScale::Htk;
-                /// Logarithm of their energies.
+                /// Logarithm of the band energies.
                 log: $crate::feature::LogScale = $crate::feature::LogScale::Natural;
-                /// Least energy of a band, as mean square of full scale.
+                /// Lowest energy of a band, as mean square relative to full scale.
                 floor: f64 = -100.0, unit "dB", range -300.0..=0.0;
-                /// Where the least energy comes from.
+                /// Source of the lowest energy.
                 floor_from: $crate::feature::FloorFrom = $crate::feature::FloorFrom::Level;
                 /// Window over a unit.
                 window: $crate::feature::FeatureWindow = $crate::feature::FeatureWindow::Sine2;
                 /// Length of the window, centred on the unit; None is two units for `Sine2` and one for the others.
                 frame: Option<usize> = None, unit "samples", range 1..=65_536_usize;
-                /// Cut-off of the Butterworth high-pass on the audio before all else; 0 for none.
+                /// Cutoff of the Butterworth high-pass on the audio before the analysis; 0 for none.
                 high_pass: f64 = 100.0, unit "Hz", range 0.0..=20_000.0;
-                /// Steepness of the high-pass.
+                /// Order of the high-pass.
                 high_pass_order: usize = 5, unit "", range 1..=10_usize;
             }
         }
 
         impl $name {
-            /// What is given of the feature conventions.
-            fn given(&self, widths: &[f64], causal: bool) -> $crate::feature::Given {
-                let rest = $crate::feature::FeatureConventions {
+            /// Returns the parameters of the feature conventions.
+            fn convention_params(&self, widths: &[f64], causal: bool) -> $crate::feature::ConventionParams {
+                let base = $crate::feature::FeatureConventions {
                     window: self.window,
                     shape: self.shape,
                     mel: self.mel,
@@ -195,13 +204,13 @@ macro_rules! feature_params {
                     causal,
                     ..$crate::feature::FeatureConventions::trial()
                 };
-                $crate::feature::Given {
+                $crate::feature::ConventionParams {
                     unit: self.unit,
                     frame: self.frame.map(|n| n as u32),
                     bands: self.bands.map(|n| n as u32),
                     floor_from: self.floor_from,
                     floor: self.floor,
-                    rest,
+                    base,
                 }
             }
         }

@@ -1,9 +1,9 @@
-//! Models and measures that the tests of this folder share.
+//! Models and measures for the tests of this folder.
 
-use super::model::FrictionModel;
+use crate::friction::FrictionModel;
 
-/// A model whose amplitude at each `(speed, peak)` is a Gaussian bump of the given width over a small floor, at a level
-/// that grows with speed.
+/// Returns a model whose amplitude at each `(speed, peak)` is a Gaussian bump of the given width over a small floor.
+/// The level is proportional to speed.
 pub(crate) fn bump_model(peaks: &[(f64, f64)], width: f64, fs: f64, clip_samples: usize) -> FrictionModel {
     let bins = clip_samples / 2 + 1;
     let df = fs / clip_samples as f64;
@@ -22,7 +22,7 @@ pub(crate) fn bump_model(peaks: &[(f64, f64)], width: f64, fs: f64, clip_samples
     FrictionModel::from_psd(["bump".into(), "table".into()], speeds, psd, fs).expect("test model is valid")
 }
 
-/// Power in third octaves from 25 Hz up: `[(centre, power)]`.
+/// Returns the power in third octaves from 25 Hz: `[(centre, power)]`.
 pub(crate) fn third_octaves(psd: &[f64], df: f64) -> Vec<(f64, f64)> {
     let nyquist = (psd.len() - 1) as f64 * df;
     (-16..)

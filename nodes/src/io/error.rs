@@ -1,60 +1,60 @@
-//! What can be wrong with an audio file, and what is merely odd about one.
+//! Errors of audio files, and warnings about files that can be read.
 
 use std::fmt;
 use std::io;
 
-/// Why an audio file cannot be read or written.
+/// An error of reading or writing an audio file.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum AudioError {
     /// The source or sink failed.
     #[error("reading or writing the audio file failed: {0}")]
     Io(#[from] io::Error),
-    /// The first bytes belong to no format that is read.
+    /// The first bytes belong to no supported format.
     #[error(
-        "the file begins with {found}, which is no audio file known here; WAV, FLAC, Ogg Vorbis and MP3 are read"
+        "the file begins with {found}, which is not a known audio format; WAV, FLAC, Ogg Vorbis and MP3 are supported"
     )]
     UnknownFormat {
-        /// The first bytes, printable ones as text.
+        /// The first bytes; printable ones as text.
         found: String,
     },
-    /// A known format in a variant that is not read.
+    /// A known format in an unsupported variant.
     #[error("{found} is not supported; {wanted}")]
     Unsupported {
-        /// What the file holds.
+        /// Variant of the file.
         found: String,
-        /// What would be read.
+        /// Supported variants.
         wanted: &'static str,
     },
-    /// The file breaks its format so that nothing can be read.
-    #[error("the {format} file is broken at byte {at}: {what}")]
+    /// The file violates its format and cannot be read.
+    #[error("the {format} file is malformed at byte {at}: {what}")]
     Malformed {
-        /// Which format the file claims to be.
+        /// Format of the file.
         format: &'static str,
-        /// Byte position of the trouble.
+        /// Byte offset of the error.
         at: u64,
-        /// What was found and what would be right.
+        /// What was found and what is expected.
         what: String,
     },
-    /// The file breaks its format somewhere that its decoder does not tell.
+    /// The file violates its format at a position that its decoder does not report.
     #[error("the {format} file cannot be decoded: {what}")]
     Undecodable {
-        /// Which format the file claims to be.
+        /// Format of the file.
         format: &'static str,
-        /// What its decoder says.
+        /// Message of its decoder.
         what: String,
     },
-    /// A value beyond the limits of this reader.
+    /// A value above the limits of the reader.
     #[error("the file has {found} {what}, above the limit of {limit}")]
     Limit {
-        /// Which limit: seconds, channels or samples per second.
+        /// The limited quantity: seconds, channels or samples per second.
         what: &'static str,
-        /// What the file has.
+        /// Value of the file.
         found: f64,
-        /// The limit in force.
+        /// The limit.
         limit: f64,
     },
-    /// A sample that is no number.
+    /// A sample that is NaN or infinite.
     #[error("frame {frame}, channel {channel} is {value}; samples must be finite numbers")]
     NotFinite {
         /// Frame index from the start of the file.
@@ -64,81 +64,81 @@ pub enum AudioError {
         /// The value found.
         value: f64,
     },
-    /// A buffer that holds no whole number of frames.
-    #[error("a buffer of {len} samples holds no whole number of frames of {channels} channels")]
+    /// A buffer whose length is not an integer number of frames.
+    #[error("a buffer of {len} samples is not an integer number of frames of {channels} channels")]
     PartialFrame {
         /// Length of the buffer.
         len: usize,
         /// Channels of the file.
         channels: usize,
     },
-    /// A position behind the end.
-    #[error("frame {frame} is behind the end; the file has {frames} frames")]
-    SeekBehindEnd {
-        /// The frame asked for.
+    /// A position after the end.
+    #[error("frame {frame} is after the end; the file has {frames} frames")]
+    SeekPastEnd {
+        /// Requested frame.
         frame: u64,
-        /// Frames of the file.
+        /// Number of frames.
         frames: u64,
     },
-    /// A channel count or rate that the format cannot carry.
+    /// A channel count or rate that the format cannot represent.
     #[error("cannot write {what} = {found}; {wanted}")]
     WriteSpec {
-        /// The parameter.
+        /// Name of the parameter.
         what: &'static str,
         /// Its value.
         found: u64,
-        /// What would be right.
+        /// Valid values.
         wanted: &'static str,
     },
 }
 
-/// Something odd about a file that can be read all the same.
+/// An irregularity of a file that can be read.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum AudioWarning {
-    /// The header promises another length than the bytes hold.
+    /// The header states another length than the file has.
     LengthDiffers {
-        /// Frames promised.
+        /// Frames in the header.
         header_frames: u64,
-        /// Frames that are there.
+        /// Frames in the file.
         frames: u64,
         /// Samples per second.
         rate: u32,
     },
-    /// A chunk before the samples whose length leads out of the file; the next one was found by its name.
-    FalseChunk {
-        /// Its name.
+    /// A chunk before the samples whose size exceeds the file; the next chunk was found by its identifier.
+    InvalidChunkSize {
+        /// Identifier of the chunk.
         chunk: String,
-        /// Where it begins, bytes.
+        /// Byte offset of the chunk.
         at: u64,
-        /// Bytes that it promises.
+        /// Size in the header of the chunk, bytes.
         size: u64,
-        /// Bytes that follow.
-        there: u64,
+        /// Size of the rest of the file, bytes.
+        available: u64,
     },
-    /// A header without a length, as programs write that stream into a pipe; everything to the end is taken.
-    OpenLength,
-    /// Bytes of an incomplete last frame, dropped.
+    /// A header without a length, as programs write it into a pipe; the samples extend to the end of the file.
+    UnknownLength,
+    /// The last frame is incomplete and dropped.
     PartialLastFrame {
-        /// How many bytes.
+        /// Bytes of the incomplete frame.
         bytes: u64,
     },
-    /// The stream breaks off before its marked end.
+    /// The stream ends before its end marker.
     NoEnd,
-    /// 24-bit samples that sit in the low instead of the high bytes of their 32-bit containers.
+    /// 24-bit samples are in the low instead of the high bytes of their 32-bit containers.
     LowAligned24,
-    /// Packets that did not decode; silence stands in their place.
+    /// Packets do not decode and are replaced by silence.
     CorruptPackets {
-        /// How many so far.
+        /// Number of such packets so far.
         packets: u64,
     },
-    /// A second stream in the same file, not read.
+    /// The file has another stream, which is not read.
     ExtraStream,
-    /// Another stream follows behind the end of the first one, not read.
+    /// Another stream follows the first one and is not read.
     Chained {
-        /// Frames of the first one.
+        /// Frames of the first stream.
         frames: u64,
-        /// Frames per second.
+        /// Samples per second.
         rate: u32,
     },
 }
@@ -150,32 +150,32 @@ impl fmt::Display for AudioWarning {
                 let seconds = |n: u64| n as f64 / f64::from((*rate).max(1));
                 write!(
                     f,
-                    "the header says {header_frames} frames ({:.3} s), the file holds {frames} ({:.3} s): read what is there",
+                    "the header states {header_frames} frames ({:.3} s), the file has {frames} ({:.3} s): these are read",
                     seconds(*header_frames),
                     seconds(*frames)
                 )
             }
-            Self::FalseChunk { chunk, at, size, there } => write!(
+            Self::InvalidChunkSize { chunk, at, size, available } => write!(
                 f,
-                "the chunk {chunk:?} at byte {at} says it has {size} bytes, {there} follow: what stands behind it was looked for by name"
+                "the chunk {chunk:?} at byte {at} states a size of {size} bytes, but {available} bytes follow: the next chunk was searched by its identifier"
             ),
-            Self::OpenLength => f.write_str("the header leaves the length open: read to the end of the file"),
+            Self::UnknownLength => f.write_str("the header states no length: the file is read to its end"),
             Self::PartialLastFrame { bytes } => {
                 write!(f, "the last frame is incomplete: its {bytes} bytes are dropped")
             }
-            Self::NoEnd => f.write_str("the stream breaks off before its marked end: read what is there"),
-            Self::LowAligned24 => {
-                f.write_str("24-bit samples sit in the low bytes of 32-bit containers: read as such")
-            }
+            Self::NoEnd => f.write_str("the stream ends before its end marker: it is read as far as it goes"),
+            Self::LowAligned24 => f.write_str(
+                "24-bit samples are in the low bytes of 32-bit containers: they are read from there",
+            ),
             Self::CorruptPackets { packets } => {
-                write!(f, "{packets} packets do not decode: silence in their place")
+                write!(f, "{packets} packets do not decode and are replaced by silence")
             }
-            Self::ExtraStream => f.write_str("the file holds more than one stream: only the first is read"),
+            Self::ExtraStream => f.write_str("the file has more than one stream: only the first is read"),
             Self::Chained { frames, rate } => {
                 let seconds = *frames as f64 / f64::from(*rate);
                 write!(
                     f,
-                    "another stream follows behind the first one, which ends after {frames} frames ({seconds:.3} s): \
+                    "another stream follows the first one, which ends after {frames} frames ({seconds:.3} s): \
                      only the first is read"
                 )
             }

@@ -1,4 +1,4 @@
-//! The node that reads a recording.
+//! The node `WavIn`.
 
 use super::{AudioError, AudioInfo, AudioReader};
 use crate::core::fault::{Fault, Reject};
@@ -19,9 +19,9 @@ params! {
     pub struct WavInParams {
         /// The file.
         path: AssetPath;
-        /// Where in the file to begin, to the nearest sample.
+        /// Start in the file, rounded to the nearest sample.
         start: f64 = 0.0, unit "s", range 0.0..=86_400.0;
-        /// How much to play at most; None plays to the end.
+        /// Maximum length; None plays to the end.
         duration: Option<f64> = None, unit "s", range 0.0..=86_400.0;
     }
 }
@@ -41,13 +41,13 @@ pub struct WavInNode {
     reader: AudioReader<'static>,
     /// Frame of the file at time zero.
     start: u64,
-    /// Frame to be played next, counted from `start`.
+    /// Next frame, counted from `start`.
     next: i64,
     played: u64,
 }
 
-/// The frames that are played: first, and one past the last.
-fn cut(p: &WavInParams, info: &AudioInfo) -> Result<(u64, u64), Reject> {
+/// Range of frames to play: the first, and one after the last.
+fn frame_range(p: &WavInParams, info: &AudioInfo) -> Result<(u64, u64), Reject> {
     let frames = |seconds: f64| (seconds * f64::from(info.rate)).round() as u64;
     let start = frames(p.start);
     if start > info.frames {
@@ -59,7 +59,7 @@ fn cut(p: &WavInParams, info: &AudioInfo) -> Result<(u64, u64), Reject> {
     Ok((start, end))
 }
 
-fn unreadable(path: &AssetPath, e: &AudioError) -> Reject {
+fn reject(path: &AssetPath, e: &AudioError) -> Reject {
     Reject::new("F065", format!("{:?}: {e}", path.0)).at("path")
 }
 
@@ -71,9 +71,9 @@ impl Node for WavInNode {
     const COST: f64 = 4.0;
 
     fn shape(p: &WavInParams, s: &mut Shape<'_, '_, WavInPorts>) -> Result<(), Reject> {
-        let info = super::probe(s.open("path", &p.path.0)?).map_err(|e| unreadable(&p.path, &e))?;
-        info.odd(&p.path.0).for_each(|text| s.note(text));
-        let (start, end) = cut(p, &info)?;
+        let info = super::probe(s.open("path", &p.path.0)?).map_err(|e| reject(&p.path, &e))?;
+        info.warning_texts(&p.path.0).for_each(|text| s.note(text));
+        let (start, end) = frame_range(p, &info)?;
         let rate = Rate::new(info.rate.into(), 1);
         let (Some(rate), Ok(channels)) = (rate, u16::try_from(info.channels)) else {
             let message = format!("{:?} has {} channels at {} Hz", p.path.0, info.channels, info.rate);
@@ -86,24 +86,24 @@ impl Node for WavInNode {
 
     fn build(p: &WavInParams, cx: &Build<'_>) -> Result<Self, Fault> {
         let source = cx.open("path", &p.path.0)?;
-        let mut reader = AudioReader::open(source).map_err(|e| unreadable(&p.path, &e))?;
-        let (start, _) = cut(p, reader.info())?;
-        reader.seek(start).map_err(|e| unreadable(&p.path, &e))?;
+        let mut reader = AudioReader::open(source).map_err(|e| reject(&p.path, &e))?;
+        let (start, _) = frame_range(p, reader.info())?;
+        reader.seek(start).map_err(|e| reject(&p.path, &e))?;
         Ok(Self { reader, start, next: 0, played: 0 })
     }
 
     fn run(&mut self, mut io: WavInIo<'_>) -> Result<(), Fault> {
-        let (wanted, time) = (io.audio.len(), io.audio.rate().tick(io.audio.first()));
+        let (requested, time) = (io.audio.len(), io.audio.rate().tick(io.audio.first()));
         let fault = |message: String| Fault::new("F066", message).at("path").when(time);
         if self.next != io.audio.first() {
-            // It takes over in a graph that plays already.
+            // The node replaces another one in a running graph.
             let frame = self.start.saturating_add_signed(io.audio.first());
             self.reader.seek(frame).map_err(|e| fault(e.to_string()))?;
         }
-        self.next = io.audio.first() + wanted as i64;
+        self.next = io.audio.first() + requested as i64;
         let read = self.reader.read(io.audio.items()).map_err(|e| fault(e.to_string()))?;
-        if read < wanted {
-            return Err(fault(format!("the recording broke off {} samples early", wanted - read)));
+        if read < requested {
+            return Err(fault(format!("the recording ends {} samples early", requested - read)));
         }
         self.played += read as u64;
         Ok(())
@@ -112,9 +112,9 @@ impl Node for WavInNode {
     fn finish(&mut self, _: WavInIo<'_>) -> Result<Summary, Fault> {
         let info = self.reader.info();
         let warnings: Vec<String> = info.warnings.iter().map(ToString::to_string).collect();
-        let mut told: Summary = vec![("frames", self.played.into()), ("warnings", warnings.into())];
-        told.extend(info.corrupt().map(|warning| ("warning", warning.to_string().into())));
-        Ok(told)
+        let mut summary: Summary = vec![("frames", self.played.into()), ("warnings", warnings.into())];
+        summary.extend(info.corrupt_packets().map(|warning| ("warning", warning.to_string().into())));
+        Ok(summary)
     }
 
     archive_state!(played);

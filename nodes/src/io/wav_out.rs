@@ -1,4 +1,4 @@
-//! The node that writes a recording.
+//! The node `WavOut`.
 
 use super::{AudioError, AudioWriter, Dither, ReadLimits, WriteFormat, WriteSpec};
 use crate::core::fault::{Fault, Reject};
@@ -11,26 +11,27 @@ use crate::core::time::Rate;
 use crate::{archive_state, choices, params, ports};
 
 choices!(@param WriteFormat {
-    /// 16-bit linear; clips at full scale.
+    /// 16-bit linear, clipped at full scale.
     Pcm16,
-    /// 24-bit linear; clips at full scale.
+    /// 24-bit linear, clipped at full scale.
     Pcm24,
-    /// 32-bit float; nothing is clipped or rounded.
+    /// 32-bit float, without rounding or clipping.
     Float32,
 });
 params! {
     /// Writes audio to a WAV file.
     ///
-    /// A file too long for WAV becomes RF64. The report has its peak, root mean square and the samples beyond full scale.
+    /// A file that is too long for WAV becomes RF64. The report has the peak, the root mean square and the number of samples
+    /// beyond full scale.
     ///
     /// # Randomness
-    /// Dither is a function of the seed, the channel and the sample's place.
+    /// Dither is a function of the seed, the channel and the frame.
     pub struct WavOutParams {
         /// The file.
         path: OutPath;
         /// How samples are stored.
         format: WriteFormat = WriteFormat::Pcm24;
-        /// Whether triangular noise of one step is added before rounding, which makes the error independent of the sound.
+        /// True to add triangular noise of one step before rounding, which makes the error independent of the signal.
         dither: bool = true;
     }
 }
@@ -38,7 +39,7 @@ ports! {
     /// Ports of `WavOut`.
     pub struct WavOutPorts / WavOutIo {
         in {
-            /// Audio with any number of channels, at a whole number of samples per second.
+            /// Audio with any number of channels, at an integer number of samples per second.
             audio: Stream<f32>,
         }
         out {}
@@ -56,18 +57,18 @@ pub struct WavOutNode {
 fn spec(p: &WavOutParams, audio: &Incoming<f32>, dither: Dither) -> Result<WriteSpec, Reject> {
     let rate = u32::try_from(audio.rate.num()).ok().filter(|_| audio.rate.den() == 1);
     let Some(rate) = rate else {
-        let message = format!("a WAV file has a whole number of samples per second, `audio` {}", audio.rate);
-        return Err(Reject::new("F045", message).at("audio").help("put Resample before it"));
-    };
-    let most = ReadLimits::default().max_rate;
-    if rate > most {
         let message =
-            format!("a WAV file of {rate} samples per second would not be read again; {most} at most are");
-        return Err(Reject::new("F045", message).at("audio").help("put Resample before it"));
+            format!("a WAV file has an integer number of samples per second, `audio` has {}", audio.rate);
+        return Err(Reject::new("F045", message).at("audio").help("insert Resample before it"));
+    };
+    let max_rate = ReadLimits::default().max_rate;
+    if rate > max_rate {
+        let message = format!("a WAV file of {rate} samples per second is above the maximum of {max_rate}");
+        return Err(Reject::new("F045", message).at("audio").help("insert Resample before it"));
     }
     let spec = WriteSpec::new(rate, audio.format.0.into(), p.format);
-    let whole = if p.dither && p.format != WriteFormat::Float32 { dither } else { Dither::None };
-    Ok(WriteSpec { dither: whole, ..spec })
+    let dither = if p.dither && p.format != WriteFormat::Float32 { dither } else { Dither::None };
+    Ok(WriteSpec { dither, ..spec })
 }
 
 fn fault(e: &AudioError) -> Fault {
@@ -83,9 +84,9 @@ impl Node for WavOutNode {
 
     fn shape(p: &WavOutParams, s: &mut Shape<'_, '_, WavOutPorts>) -> Result<(), Reject> {
         spec(p, &s.input(WavOutPorts::audio), Dither::None)?;
-        let ending = p.path.0.rsplit_once('.').map(|(_, ending)| ending.to_ascii_lowercase());
-        if !matches!(ending.as_deref(), Some("wav" | "wave" | "rf64" | "bw64")) {
-            s.note(format!("{:?} is written as WAV, whatever its name says: end it in .wav", p.path.0));
+        let extension = p.path.0.rsplit_once('.').map(|(_, extension)| extension.to_ascii_lowercase());
+        if !matches!(extension.as_deref(), Some("wav" | "wave" | "rf64" | "bw64")) {
+            s.note(format!("{:?} is written as WAV: use the extension .wav", p.path.0));
         }
         Ok(())
     }

@@ -1,56 +1,56 @@
-//! What can be wrong with a mesh file, in words that say what would have been right.
+//! Errors of mesh files.
 
 use thiserror::Error;
 
-/// Why a mesh or an animation could not be read.
+/// An error in a mesh or an animation.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum MeshError {
-    /// The reader under the file failed.
+    /// Reading the file failed.
     #[error("the {format} file could not be read: {source}")]
     Io {
         /// Name of the file format.
         format: &'static str,
-        /// The error of the reader.
+        /// The underlying error.
         source: std::io::Error,
     },
-    /// The bytes are not of this format.
+    /// The file has another format.
     #[error("this is not {expected}: {found}")]
     Format {
-        /// What the reader reads.
+        /// Format of the reader.
         expected: &'static str,
-        /// What the bytes are instead.
+        /// Format or first bytes that were found.
         found: String,
     },
-    /// The file ends before the bytes that it announces.
-    #[error("the {format} file is truncated: {what} needs {needed} bytes, {available} are there")]
+    /// The file is shorter than it states.
+    #[error("the {format} file is truncated: {what} needs {needed} bytes, {available} are present")]
     Truncated {
         /// Name of the file format.
         format: &'static str,
-        /// The part that is cut off.
+        /// The truncated part.
         what: String,
-        /// Bytes that the part needs, counted like `available`.
+        /// Bytes that the part needs, counted from the same start as `available`.
         needed: u64,
-        /// Bytes that are there.
+        /// Bytes that are present.
         available: u64,
     },
-    /// The structure of the file contradicts its format.
+    /// The structure of the file violates its format.
     #[error("the {format} file is malformed: {what}")]
     Malformed {
         /// Name of the file format.
         format: &'static str,
-        /// What was found and what would be right.
+        /// What was found and what is expected.
         what: String,
     },
-    /// A text file has a wrong line.
+    /// A line of a text file is invalid.
     #[error("line {line} of the OBJ file: {what}")]
     Line {
         /// Line number, from 1.
         line: usize,
-        /// What was found and what would be right.
+        /// What was found and what is expected.
         what: String,
     },
-    /// The file uses a feature that this reader does not read.
+    /// The file uses a feature that the reader does not support.
     #[error("the {format} file uses {what}")]
     Unsupported {
         /// Name of the file format.
@@ -58,43 +58,43 @@ pub enum MeshError {
         /// The feature, and what to use instead.
         what: String,
     },
-    /// A caller's limit is exceeded.
+    /// A limit of the caller is exceeded.
     #[error("the file has {found} {what}; at most {limit} are read (`MeshLimits::{field}`)")]
     Limit {
-        /// What there is too much of.
+        /// The limited quantity.
         what: &'static str,
         /// The field of [`MeshLimits`](super::MeshLimits) to raise.
         field: &'static str,
-        /// What the file has.
+        /// Quantity in the file.
         found: u64,
-        /// What is allowed.
+        /// Maximum.
         limit: u64,
     },
-    /// No mesh of the wanted name.
+    /// No mesh has the wanted name.
     #[error("there is no mesh `{wanted}`; the file has: {}", list(.available))]
     NoSuchMesh {
-        /// The name asked for.
+        /// The wanted name.
         wanted: String,
-        /// The names that would have worked.
+        /// The existing names.
         available: Vec<String>,
     },
-    /// No animation of the wanted name.
+    /// No animation has the wanted name.
     #[error("there is no animation `{wanted}`; the file has: {}", list(.available))]
     NoSuchAnimation {
-        /// The name asked for.
+        /// The wanted name.
         wanted: String,
-        /// The names that would have worked.
+        /// The existing names.
         available: Vec<String>,
     },
-    /// The file holds several meshes, none was named and none has more vertices than all others.
-    #[error("the file has {} meshes and no largest one, name one of them: {}", .available.len(), list(.available))]
+    /// No mesh was named, and several meshes share the largest number of vertices.
+    #[error("the file has {} meshes and no largest one; name one of them: {}", .available.len(), list(.available))]
     AmbiguousMesh {
-        /// The names that would have worked.
+        /// The existing names.
         available: Vec<String>,
     },
-    /// The mesh has nothing to read.
+    /// The mesh has no vertices, faces or frames.
     #[error(
-        "the mesh `{mesh}` is empty: it has {vertices} vertices, {faces} faces and {frames} frames, each must be at least 1"
+        "the mesh `{mesh}` is empty: it has {vertices} vertices, {faces} faces and {frames} frames; each must be at least 1"
     )]
     Empty {
         /// Name of the mesh.
@@ -106,66 +106,66 @@ pub enum MeshError {
         /// Frames found.
         frames: usize,
     },
-    /// A face names a vertex that does not exist.
-    #[error("face {face} names vertex {vertex}, the mesh has {vertices} (0 to {})", .vertices.saturating_sub(1))]
+    /// A face refers to a vertex that does not exist.
+    #[error("face {face} refers to vertex {vertex}; the mesh has {vertices} vertices (0 to {})", .vertices.saturating_sub(1))]
     FaceIndex {
-        /// Face number, from 0.
+        /// Index of the face.
         face: usize,
-        /// Vertex named.
+        /// Vertex of the face.
         vertex: i64,
-        /// Vertices that there are.
+        /// Number of vertices.
         vertices: usize,
     },
-    /// The animation moves another number of vertices than the base mesh has.
+    /// The animation and the base mesh differ in their numbers of vertices.
     #[error(
-        "frame {frame} has {found} vertices, the base mesh has {expected}: the animation belongs to another mesh"
+        "frame {frame} has {found} vertices, the base mesh has {expected}: the animation is of another mesh"
     )]
     VertexCount {
-        /// Frame number, from 0.
+        /// Index of the frame.
         frame: usize,
         /// Vertices in the animation.
         found: u64,
         /// Vertices of the base mesh.
         expected: u64,
     },
-    /// Faces differ between frames.
+    /// The faces differ between frames.
     #[error(
-        "the faces change at frame {frame} ({what}): a stream of frames has one topology, split the file there"
+        "the faces change at frame {frame} ({what}): all frames of a stream share one topology; split the file at this frame"
     )]
     TopologyChanged {
-        /// First frame whose faces differ, from 0.
+        /// Index of the first frame with other faces.
         frame: usize,
         /// What differs.
         what: String,
     },
-    /// A position is NaN, infinite or too far to be one.
+    /// A position is NaN, infinite or too large.
     #[error("vertex {vertex} of frame {frame} is at ({}, {}, {}): positions must be finite and within 1e9 m", .position[0], .position[1], .position[2])]
     NotFinite {
-        /// Frame number, from 0.
+        /// Index of the frame.
         frame: usize,
-        /// Vertex number, from 0.
+        /// Index of the vertex.
         vertex: usize,
         /// The position found.
         position: [f64; 3],
     },
     /// Frame times do not increase.
     #[error(
-        "frame {frame} is at {time} s, the frame before it at {previous} s: times must be finite and increase"
+        "frame {frame} is at {time} s, the previous frame at {previous} s: times must be finite and increase"
     )]
     Times {
-        /// Frame number, from 0.
+        /// Index of the frame.
         frame: usize,
-        /// Its time in seconds.
+        /// Time of the frame in seconds.
         time: f64,
-        /// The time of the frame before it.
+        /// Time of the previous frame in seconds.
         previous: f64,
     },
-    /// A frame outside of the clip was asked for.
-    #[error("there is no frame {frame}, the clip has {frames} (0 to {})", .frames.saturating_sub(1))]
+    /// A frame outside of the clip was requested.
+    #[error("there is no frame {frame}; the clip has {frames} frames (0 to {})", .frames.saturating_sub(1))]
     NoSuchFrame {
-        /// Frame asked for.
+        /// Requested frame.
         frame: usize,
-        /// Frames that there are.
+        /// Number of frames.
         frames: usize,
     },
     /// The caller's slice has the wrong length.
@@ -183,36 +183,36 @@ pub enum MeshError {
         name: &'static str,
         /// Value found.
         value: f64,
-        /// What would be right.
+        /// Valid values.
         expected: &'static str,
     },
-    /// A connected component has no consistent winding (as a Möbius strip).
-    #[error("component {component} is not orientable: faces {} and {} cannot be wound alike across their common edge", .faces[0], .faces[1])]
+    /// A connected component has no consistent winding, like a Möbius strip.
+    #[error("component {component} is not orientable: faces {} and {} cannot have the same winding across their common edge", .faces[0], .faces[1])]
     NonOrientable {
-        /// Component number, from 0.
+        /// Index of the component.
         component: usize,
-        /// Two faces where the contradiction shows.
+        /// Two faces with contradicting windings.
         faces: [usize; 2],
     },
-    /// One frame of a sequence cannot be had.
+    /// A frame of a sequence cannot be read.
     #[error("frame {frame} of the sequence: {source}")]
     Frame {
-        /// Frame number, from 0.
+        /// Index of the frame.
         frame: usize,
-        /// What is wrong with it.
+        /// Error of the frame.
         source: Box<MeshError>,
     },
 }
 
-/// Names for an error message: at most twelve, then how many more.
+/// Names for an error message: at most twelve, then the number of the others.
 fn list(names: &[String]) -> String {
-    const SHOWN: usize = 12;
+    const MAX_NAMES: usize = 12;
     if names.is_empty() {
         return "none".to_owned();
     }
-    let mut text = names.iter().take(SHOWN).cloned().collect::<Vec<_>>().join(", ");
-    if names.len() > SHOWN {
-        text.push_str(&format!(" and {} more", names.len() - SHOWN));
+    let mut text = names.iter().take(MAX_NAMES).cloned().collect::<Vec<_>>().join(", ");
+    if names.len() > MAX_NAMES {
+        text.push_str(&format!(" and {} more", names.len() - MAX_NAMES));
     }
     text
 }

@@ -1,4 +1,4 @@
-//! Synthetic animated meshes with known motion, for tests and demonstrations.
+//! Synthetic meshes with known motion, for tests and demonstrations.
 
 use std::f64::consts::{PI, TAU};
 
@@ -7,19 +7,19 @@ use super::Topology;
 /// A mesh whose positions are a function of time.
 ///
 /// # Shapes
-/// `positions(t)` gives as many positions as `topology().rest`, in metres, Z up; the rest pose is that of `t = 0`.
+/// `positions(t)` writes one position per vertex of `topology()`, in metres with Z up; the rest pose is that of `t = 0`.
 pub trait Synthetic {
     /// Triangles and rest pose.
     fn topology(&self) -> Topology;
 
-    /// Positions at a time in seconds, written into `out` as far as both reach.
+    /// Writes the positions at a time in seconds into `out`, up to the shorter of both lengths.
     fn positions(&self, t: f64, out: &mut [[f32; 3]]);
 }
 
 /// Vertices of a grid of `nx` by `ny`, row by row, centred on the origin.
 fn grid_points(nx: usize, ny: usize, size: [f64; 2]) -> impl Iterator<Item = [f64; 2]> {
-    let at = |k: usize, n: usize, length: f64| length * (k as f64 / (n - 1) as f64 - 0.5);
-    (0..nx * ny).map(move |k| [at(k % nx, nx, size[0]), at(k / nx, ny, size[1])])
+    let coordinate = |k: usize, n: usize, length: f64| length * (k as f64 / (n - 1) as f64 - 0.5);
+    (0..nx * ny).map(move |k| [coordinate(k % nx, nx, size[0]), coordinate(k / nx, ny, size[1])])
 }
 
 /// Triangles of a grid whose first vertex has index `first`, facing +z.
@@ -38,7 +38,8 @@ fn write(out: &mut [[f32; 3]], points: impl Iterator<Item = [f64; 3]>) {
     out.iter_mut().zip(points).for_each(|(o, p)| *o = p.map(|x| x as f32));
 }
 
-fn built(synthetic: &impl Synthetic, vertices: usize, triangles: Vec<[u32; 3]>) -> Topology {
+/// Topology of a synthetic mesh with the rest pose of time 0.
+fn topology_at_rest(synthetic: &impl Synthetic, vertices: usize, triangles: Vec<[u32; 3]>) -> Topology {
     let mut rest = vec![[0.0; 3]; vertices];
     synthetic.positions(0.0, &mut rest);
     Topology { rest, triangles }
@@ -64,7 +65,7 @@ impl Synthetic for FlatSheet {
         let (nx, ny) = counts(self.vertices);
         let mut triangles = Vec::new();
         grid_triangles(nx, ny, 0, &mut triangles);
-        built(self, nx * ny, triangles)
+        topology_at_rest(self, nx * ny, triangles)
     }
 
     fn positions(&self, t: f64, out: &mut [[f32; 3]]) {
@@ -74,7 +75,7 @@ impl Synthetic for FlatSheet {
     }
 }
 
-/// Two flat sheets, one `gap` above the other, the upper one sliding along x at `speed`: the slip speed is `speed`.
+/// Two flat sheets at a distance of `gap`; the upper one slides along x, so that the slip speed is `speed`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SlidingPlanes {
     /// Vertices of each sheet along x and y; fewer than 2 count as 2.
@@ -93,7 +94,7 @@ impl Synthetic for SlidingPlanes {
         let mut triangles = Vec::new();
         grid_triangles(nx, ny, 0, &mut triangles);
         grid_triangles(nx, ny, nx * ny, &mut triangles);
-        built(self, 2 * nx * ny, triangles)
+        topology_at_rest(self, 2 * nx * ny, triangles)
     }
 
     fn positions(&self, t: f64, out: &mut [[f32; 3]]) {
@@ -105,9 +106,9 @@ impl Synthetic for SlidingPlanes {
     }
 }
 
-/// A sheet with a travelling wave: z = amplitude sin(2 pi (x / wavelength - frequency t)).
+/// A sheet with a travelling wave z = amplitude sin(2 pi (x / wavelength - frequency t)).
 ///
-/// Its mean curvature is known in closed form: h'' / (2 (1 + h'^2)^(3/2)).
+/// Its mean curvature is h'' / (2 (1 + h'^2)^(3/2)).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SineSheet {
     /// Vertices along x and y; fewer than 2 count as 2.
@@ -127,7 +128,7 @@ impl Synthetic for SineSheet {
         let (nx, ny) = counts(self.vertices);
         let mut triangles = Vec::new();
         grid_triangles(nx, ny, 0, &mut triangles);
-        built(self, nx * ny, triangles)
+        topology_at_rest(self, nx * ny, triangles)
     }
 
     fn positions(&self, t: f64, out: &mut [[f32; 3]]) {
@@ -137,15 +138,15 @@ impl Synthetic for SineSheet {
     }
 }
 
-/// A paraboloid z = k(t) (x^2 + y^2) / 2 whose curvature k swings between `curvature` and `-curvature`: it pops
-/// from a bowl into a dome, so that every vertex buckles twice a period.
+/// A paraboloid z = k(t) (x^2 + y^2) / 2 with k(t) = `curvature` cos(2 pi `frequency` t): it changes from a bowl to a dome
+/// and back, so that every vertex buckles twice per period.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bowl {
     /// Vertices along x and y; fewer than 2 count as 2.
     pub vertices: [usize; 2],
     /// Size in metres.
     pub size: [f64; 2],
-    /// Mean curvature at the bottom at t = 0, 1/m.
+    /// Mean curvature at the centre at t = 0, 1/m.
     pub curvature: f64,
     /// Periods per second.
     pub frequency: f64,
@@ -156,7 +157,7 @@ impl Synthetic for Bowl {
         let (nx, ny) = counts(self.vertices);
         let mut triangles = Vec::new();
         grid_triangles(nx, ny, 0, &mut triangles);
-        built(self, nx * ny, triangles)
+        topology_at_rest(self, nx * ny, triangles)
     }
 
     fn positions(&self, t: f64, out: &mut [[f32; 3]]) {
@@ -166,14 +167,14 @@ impl Synthetic for Bowl {
     }
 }
 
-/// An icosphere that turns about z: a closed surface of curvature 1 / radius.
+/// An icosphere that rotates about z: a closed surface of mean curvature 1 / radius.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sphere {
-    /// How often the icosahedron's triangles are split into four; more than 7 counts as 7 (163,842 vertices).
+    /// Number of subdivisions of the triangles of an icosahedron into four; at most 7 (163,842 vertices).
     pub subdivisions: u32,
     /// Radius in metres.
     pub radius: f64,
-    /// Turns per second about z.
+    /// Revolutions per second about z.
     pub turns: f64,
 }
 
@@ -184,14 +185,14 @@ impl Sphere {
         for (a, b) in [(1.0, g), (-1.0, g), (1.0, -g), (-1.0, -g)] {
             points.extend([[0.0, a, b], [a, b, 0.0], [b, 0.0, a]]);
         }
-        // Faces of an icosahedron: the triples of vertices that are one edge (2) apart, turned outward.
-        let near = |p: [f64; 3], q: [f64; 3]| (0..3).map(|k| (p[k] - q[k]).powi(2)).sum::<f64>() < 4.5;
+        // Faces of an icosahedron: the triples of vertices at the distance of one edge (2), facing outward.
+        let adjacent = |p: [f64; 3], q: [f64; 3]| (0..3).map(|k| (p[k] - q[k]).powi(2)).sum::<f64>() < 4.5;
         let mut triangles = Vec::new();
         for a in 0..12u32 {
             for b in a + 1..12 {
                 for c in b + 1..12 {
                     let [p, q, r] = [a, b, c].map(|k| points[k as usize]);
-                    if near(p, q) && near(q, r) && near(r, p) {
+                    if adjacent(p, q) && adjacent(q, r) && adjacent(r, p) {
                         let cross =
                             [q[1] * r[2] - q[2] * r[1], q[2] * r[0] - q[0] * r[2], q[0] * r[1] - q[1] * r[0]];
                         let outward = (0..3).map(|k| p[k] * cross[k]).sum::<f64>() > 0.0;
@@ -201,21 +202,21 @@ impl Sphere {
             }
         }
         for _ in 0..self.subdivisions.min(7) {
-            let mut middles = std::collections::BTreeMap::new();
-            let mut middle = |a: u32, b: u32, points: &mut Vec<[f64; 3]>| {
-                *middles.entry((a.min(b), a.max(b))).or_insert_with(|| {
+            let mut midpoints = std::collections::BTreeMap::new();
+            let mut midpoint = |a: u32, b: u32, points: &mut Vec<[f64; 3]>| {
+                *midpoints.entry((a.min(b), a.max(b))).or_insert_with(|| {
                     let (p, q) = (points[a as usize], points[b as usize]);
                     points.push(std::array::from_fn(|k| (p[k] + q[k]) / 2.0));
                     points.len() as u32 - 1
                 })
             };
-            let mut finer = Vec::with_capacity(4 * triangles.len());
+            let mut subdivided = Vec::with_capacity(4 * triangles.len());
             for [a, b, c] in triangles {
                 let (ab, bc, ca) =
-                    (middle(a, b, &mut points), middle(b, c, &mut points), middle(c, a, &mut points));
-                finer.extend([[a, ab, ca], [b, bc, ab], [c, ca, bc], [ab, bc, ca]]);
+                    (midpoint(a, b, &mut points), midpoint(b, c, &mut points), midpoint(c, a, &mut points));
+                subdivided.extend([[a, ab, ca], [b, bc, ab], [c, ca, bc], [ab, bc, ca]]);
             }
-            triangles = finer;
+            triangles = subdivided;
             for p in &mut points {
                 let length = p.iter().map(|x| x * x).sum::<f64>().sqrt();
                 p.iter_mut().for_each(|x| *x /= length);
@@ -232,7 +233,7 @@ impl Sphere {
 impl Synthetic for Sphere {
     fn topology(&self) -> Topology {
         let (points, triangles) = self.mesh();
-        built(self, points.len(), triangles)
+        topology_at_rest(self, points.len(), triangles)
     }
 
     fn positions(&self, t: f64, out: &mut [[f32; 3]]) {
@@ -242,20 +243,20 @@ impl Synthetic for Sphere {
     }
 }
 
-/// An open tube about z that twists: the turning angle grows along it from 0 to 2 pi `twist` sin(2 pi `frequency` t).
+/// An open tube about z that twists: the rotation angle grows along z from 0 to 2 pi `twist` sin(2 pi `frequency` t).
 ///
 /// Its mean curvature at rest is 1 / (2 radius).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cylinder {
-    /// Vertices around (fewer than 3 count as 3) and along z (fewer than 2 count as 2).
+    /// Vertices around z (fewer than 3 count as 3) and along z (fewer than 2 count as 2).
     pub vertices: [usize; 2],
     /// Radius in metres.
     pub radius: f64,
     /// Length in metres.
     pub length: f64,
-    /// Greatest twist between the ends, turns.
+    /// Maximum twist between the ends, revolutions.
     pub twist: f64,
-    /// Twists per second.
+    /// Periods of the twist per second.
     pub frequency: f64,
 }
 
@@ -271,7 +272,7 @@ impl Synthetic for Cylinder {
                 triangles.extend([[a, b, d], [a, d, c]]);
             }
         }
-        built(self, around * along, triangles)
+        topology_at_rest(self, around * along, triangles)
     }
 
     fn positions(&self, t: f64, out: &mut [[f32; 3]]) {
@@ -331,7 +332,7 @@ mod tests {
     }
 
     #[test]
-    fn a_bowl_turns_into_a_dome_after_half_a_period() {
+    fn a_bowl_is_a_dome_after_half_a_period() {
         let bowl = Bowl { vertices: [5, 5], size: [0.2, 0.2], curvature: 4.0, frequency: 1.0 };
         let (t, mut dome) = (bowl.topology(), vec![[0.0; 3]; 25]);
         bowl.positions(0.5, &mut dome);

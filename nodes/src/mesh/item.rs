@@ -1,4 +1,4 @@
-//! Meshes that travel between nodes.
+//! Meshes as items of streams.
 
 use std::sync::Arc;
 
@@ -7,26 +7,26 @@ use super::{Materials, Topology};
 use crate::core::item::Item;
 use crate::core::random::Rng;
 
-/// A triangle mesh that moves: one position in metres per vertex and frame, over faces that stay.
+/// A moving triangle mesh: one position in metres per vertex and frame, with constant faces.
 #[derive(Debug)]
 pub struct Mesh;
 
-/// What is fixed about a moving mesh.
+/// The constant part of a moving mesh.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MeshFormat {
     /// Triangles and rest pose.
     pub topology: Arc<Topology>,
-    /// Whether every frame is the rest pose, so that the rate of the stream says nothing.
-    pub still: bool,
-    /// What its triangles are made of.
+    /// True if every frame is the rest pose, so that the rate of the stream has no meaning.
+    pub is_static: bool,
+    /// Materials of the triangles.
     pub materials: Arc<Materials>,
 }
 
 impl MeshFormat {
-    /// The format of a mesh that moves.
+    /// Format of a moving mesh of one unnamed material.
     #[must_use]
     pub fn moving(topology: Topology) -> Self {
-        Self { topology: Arc::new(topology), still: false, materials: Arc::default() }
+        Self { topology: Arc::new(topology), is_static: false, materials: Arc::default() }
     }
 }
 
@@ -42,21 +42,21 @@ impl Item for Mesh {
 
     fn describe(format: &MeshFormat) -> String {
         let Topology { rest, triangles } = &*format.topology;
-        let still = if format.still { ", still" } else { "" };
-        format!("{} vertices, {} triangles{still}", rest.len(), triangles.len())
+        let static_note = if format.is_static { ", still" } else { "" };
+        format!("{} vertices, {} triangles{static_note}", rest.len(), triangles.len())
     }
 
     fn trial_format(rng: &mut Rng) -> MeshFormat {
         let vertices = [2 + rng.below(4), 2 + rng.below(4)];
         let mut sheet = FlatSheet { vertices, size: [0.1, 0.1], velocity: [0.0; 3] }.topology();
-        // Some height, so that sheets of one trial pass through each other.
+        // Different heights, so that sheets of one trial intersect.
         let height = rng.between(0.0, 0.04) as f32;
         sheet.rest.iter_mut().for_each(|p| p[2] += height);
         MeshFormat::moving(sheet)
     }
 
-    fn trial(format: &MeshFormat, place: usize, rng: &mut Rng) -> [f32; 3] {
-        let rest = format.topology.rest.get(place).copied().unwrap_or_default();
+    fn trial(format: &MeshFormat, index: usize, rng: &mut Rng) -> [f32; 3] {
+        let rest = format.topology.rest.get(index).copied().unwrap_or_default();
         rest.map(|x| x + rng.between(-0.01, 0.01) as f32)
     }
 

@@ -1,29 +1,19 @@
-//! Things that are struck: impacts, the forces they make, and the modes that ring.
+//! Objects that are struck: impacts, their forces, and the modes that ring.
 //!
-//! An [`Impact`] is one blow; [`force`] turns blows into force at audio rate; a [`Bank`] rings [`Modes`], which come from a
-//! file, from a recording of one blow ([`mod@extract`]), or from a sheet that is pulled tight ([`Membrane`]).
+//! An [`Impact`] is one collision. [`impact`] turns impacts into force at audio rate. A [`Bank`] rings [`Modes`], which come
+//! from a file, from a recording of one impact ([`extract`]), or from a stretched sheet ([`Membrane`]).
 
 pub mod bank;
-pub mod bank_node;
-mod coefficients;
-pub mod extract;
-pub mod force;
-pub mod force_node;
-pub mod from_recording;
+pub mod extraction;
 pub mod impact;
-pub mod impact_file;
-pub mod impact_file_node;
-mod kernel;
-pub mod membrane;
-pub mod membrane_node;
-pub mod modes;
-pub mod modes_file;
+pub mod mode;
 
-pub use bank::Bank;
-pub use extract::{ExtractError, ExtractParams, Extracted, Partial, extract};
-pub use force::{ForceRing, Law, PulseShape, contact_time};
-pub use impact::{Body, Impact};
-pub use impact_file::{Defaults, ImpactError, read_impacts};
-pub use membrane::Membrane;
-pub use modes::{Modes, ModesError};
-pub use modes_file::read_modes;
+pub use bank::resonators::Bank;
+pub use extraction::extract::{ExtractError, ExtractParams, Extracted, Partial, extract};
+pub use impact::event::{Body, Impact};
+pub use impact::force_ring::ForceRing;
+pub use impact::pulse::{Law, PulseShape, contact_time};
+pub use impact::reader::{Defaults, ImpactError, read_impacts};
+pub use mode::membrane::Membrane;
+pub use mode::modes::{Modes, ModesError};
+pub use mode::modes_file::read_modes;

@@ -133,7 +133,7 @@ impl<const C: usize> Plane<C> {
         for y in -(PAD[0] as i64)..(h + PAD[1]) as i64 {
             for x in -(PAD[0] as i64)..(w + PAD[1]) as i64 {
                 let place = [x, y];
-                let at = [0, 1].map(|k| wrap.place(place[k], size[k]));
+                let at = [0, 1].map(|k| wrap.index(place[k], size[k]));
                 let turn = [0, 1].map(|k| turn(place[k], size[k], wrap));
                 data.push(std::array::from_fn(|c| {
                     let sign: f32 = (0..2).map(|k| if along[c][k] { turn[k] } else { 1.0 }).product();

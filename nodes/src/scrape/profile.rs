@@ -4,7 +4,7 @@ use super::item::PathPiece;
 use super::plane::{Interp, Plane};
 use crate::core::item::Data;
 use crate::core::random::Rng;
-use crate::texture::image;
+use crate::texture::image_element;
 use crate::texture::{Grid, Surface};
 use serde::{Deserialize, Serialize};
 use std::fmt::Write;
@@ -107,7 +107,7 @@ impl Data for PathProfile {
             "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {wide} {height:.0}\" font-family=\"sans-serif\" \
              font-size=\"11\">\n<rect width=\"{wide}\" height=\"{height:.0}\" fill=\"white\"/>\n"
         );
-        svg.push_str(&image(&self.picture, [0.0, 1.0], [0.0, 0.0, wide, tall])?);
+        svg.push_str(&image_element(&self.picture, [0.0, 1.0], [0.0, 0.0, wide, tall])?);
         // Writing to a string does not fail.
         for (k, met) in self.ways.iter().enumerate() {
             let colour = crate::plot::colour(k, self.ways.len());

@@ -195,7 +195,7 @@ impl Envelope {
         rise: impl Fn([f64; 3], f64) -> f64,
     ) {
         let n = row.len();
-        let sample = |k: usize| row.get(wrap.place(k as i64 - reach as i64, n)).copied().unwrap_or_default();
+        let sample = |k: usize| row.get(wrap.index(k as i64 - reach as i64, n)).copied().unwrap_or_default();
         self.line.clear();
         self.line.extend((0..n + 2 * reach).map(|k| f64::from(sample(k))));
         self.tops.clear();
@@ -262,7 +262,7 @@ mod tests {
                     let mut best = f64::MIN;
                     for dy in -12..=12_i64 {
                         for dx in -18..=18_i64 {
-                            let [x, y] = [wrap.place(x + dx, 19), wrap.place(y + dy, 13)];
+                            let [x, y] = [wrap.index(x + dx, 19), wrap.index(y + dy, 13)];
                             let (mx, my) = (dx as f64 / 1000.0, dy as f64 / 1500.0);
                             let h = f64::from(heights.samples[y * 19 + x]);
                             best = best.max(h - (mx * mx + my * my) / 0.04);

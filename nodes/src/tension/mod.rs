@@ -1,9 +1,9 @@
 //! Cloth that is pulled tight: flags and whipped sheets.
 //!
-//! [`Tightness`] follows how far each part of a cloth is stretched, and tells where one that was slack is caught; a membrane rings
-//! under that ([`Membrane`](crate::modal::Membrane)).
+//! [`Tightness`] computes the stretch of each part of a cloth, and finds the parts that turn from slack to taut. A
+//! [`Membrane`](crate::modal::Membrane) rings under these impacts.
 
-pub mod node;
-pub mod taut;
+pub mod tension_impact;
+pub mod tightness;
 
-pub use taut::{Snap, TautParams, Tightness};
+pub use tightness::{Snap, TautParams, Tightness};

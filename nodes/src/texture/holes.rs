@@ -1,68 +1,34 @@
-//! Holes in an image: pixels that are not there, and that count for nothing.
+//! Holes in an image: transparent pixels, which take no part in any computation.
 //!
-//! Holes are a list as long as the image, or an empty one where there is none.
+//! Holes are a list as long as the image, or an empty list if there are none.
 
-use super::filter::{Kernel, smooth};
-use super::item::{Grid, Wrap};
+use super::grid::Grid;
 
-/// A tone so far from any luminance that no pixel looks like it.
-const NOWHERE: f32 = 1e6;
-
-/// Whether pixel `k` is a hole.
+/// Returns true if pixel `k` is a hole.
 #[must_use]
 pub fn is_hole(holes: &[bool], k: usize) -> bool {
     holes.get(k) == Some(&true)
 }
 
-/// The values of all pixels that are there.
-pub fn solid<'a>(grid: &'a Grid, holes: &'a [bool]) -> impl Iterator<Item = f32> + Clone + 'a {
+/// Values of all pixels outside holes.
+pub fn valid_samples<'a>(grid: &'a Grid, holes: &'a [bool]) -> impl Iterator<Item = f32> + Clone + 'a {
     grid.samples.iter().enumerate().filter(|(k, _)| !is_hole(holes, *k)).map(|(_, x)| *x)
 }
 
-/// The stretches of one row between holes, in order.
-pub fn stretches<'a>(grid: &'a Grid, holes: &[bool], y: usize) -> Vec<&'a [f32]> {
+/// Segments of one row between holes, in order.
+pub fn row_segments<'a>(grid: &'a Grid, holes: &[bool], y: usize) -> Vec<&'a [f32]> {
     let row = y * grid.width..(y + 1) * grid.width;
     let Some(samples) = grid.samples.get(row.clone()).filter(|row| !row.is_empty()) else {
         return Vec::new();
     };
     let Some(holes) = holes.get(row) else { return vec![samples] };
-    let mut at = 0;
-    let parts = holes.chunk_by(|a, b| a == b).filter_map(|same| {
-        let from = at;
-        at += same.len();
-        samples.get(from..at).filter(|_| same.first() == Some(&false))
+    let mut end = 0;
+    let segments = holes.chunk_by(|a, b| a == b).filter_map(|run| {
+        let start = end;
+        end += run.len();
+        samples.get(start..end).filter(|_| run.first() == Some(&false))
     });
-    parts.collect()
-}
-
-/// An image whose holes look like no pixel of it: a filter that asks who looks alike passes over them.
-#[must_use]
-pub fn apart(grid: &Grid, holes: &[bool]) -> Grid {
-    let each = |(k, x): (usize, &f32)| if is_hole(holes, k) { NOWHERE } else { *x };
-    Grid { samples: grid.samples.iter().enumerate().map(each).collect(), ..*grid }
-}
-
-/// A blurred image, in which holes and what is not finite do not count; not a number where they are.
-///
-/// # Complexity
-/// As [`smooth`], twice where there are holes.
-#[must_use]
-pub fn smooth_around(grid: &Grid, holes: &[bool], kernel: &Kernel, wrap: Wrap) -> Grid {
-    let missing = |k: usize, x: f32| is_hole(holes, k) || !x.is_finite();
-    if !grid.samples.iter().enumerate().any(|(k, x)| missing(k, *x)) {
-        return smooth(grid, kernel, wrap);
-    }
-    let each = |f: &dyn Fn(usize, f32) -> f32| Grid {
-        samples: grid.samples.iter().enumerate().map(|(k, x)| f(k, *x)).collect(),
-        ..*grid
-    };
-    let inside = each(&|k, x| f32::from(u8::from(!missing(k, x))));
-    let filled = each(&|k, x| if missing(k, x) { 0.0 } else { x });
-    let [mut sums, weights] = [filled, inside].map(|grid| smooth(&grid, kernel, wrap));
-    for (k, (sum, weight)) in sums.samples.iter_mut().zip(&weights.samples).enumerate() {
-        *sum = if missing(k, grid.samples[k]) { f32::NAN } else { *sum / weight };
-    }
-    sums
+    segments.collect()
 }
 
 #[cfg(test)]
@@ -70,12 +36,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn stretches_lie_between_holes() {
+    fn segments_lie_between_holes() {
         let grid = Grid::from_fn(6, 2, |x, y| (6 * y + x) as f32);
         let holes = [true, false, false, true, false, true].repeat(2);
-        assert_eq!(stretches(&grid, &holes, 0), [&[1.0, 2.0][..], &[4.0]]);
-        assert_eq!(stretches(&grid, &[], 1), [[6.0, 7.0, 8.0, 9.0, 10.0, 11.0]]);
-        assert!(stretches(&grid, &[true; 12], 1).is_empty() && stretches(&grid, &[], 2).is_empty());
-        assert_eq!(solid(&grid, &holes).collect::<Vec<_>>(), [1.0, 2.0, 4.0, 7.0, 8.0, 10.0]);
+        assert_eq!(row_segments(&grid, &holes, 0), [&[1.0, 2.0][..], &[4.0]]);
+        assert_eq!(row_segments(&grid, &[], 1), [[6.0, 7.0, 8.0, 9.0, 10.0, 11.0]]);
+        assert!(row_segments(&grid, &[true; 12], 1).is_empty() && row_segments(&grid, &[], 2).is_empty());
+        assert_eq!(valid_samples(&grid, &holes).collect::<Vec<_>>(), [1.0, 2.0, 4.0, 7.0, 8.0, 10.0]);
     }
 }

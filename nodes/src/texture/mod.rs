@@ -1,54 +1,43 @@
-//! Images of surfaces, and what of them can be heard: maps of discontinuities, isophotes, features and noise.
+//! Images of surfaces, and the maps, isophotes and noise made from them.
 //!
-//! A [`Luma`] image is the start of everything; each map keeps its density, so that a place in metres means the same on all.
-//! [`decode`] and [`luma`] read images, [`histogram`] tells simple from complex ones; [`sobel`] and [`code`] make the maps of simple
-//! ones, [`bilateral`], [`dog`] and [`split`] part complex ones into features and noise, [`profile`], [`spectrum`], [`psd`] and [`detail`]
-//! make one line of that noise. [`isophotes()`] draws curves of equal luminance through them.
+//! A [`Luma`] image is the start of everything. Each map stores its density, so that a position in metres means the same on all.
+//! Data flows one way: [`image`] reads files; [`class`] finds simple and complex textures; [`filter`] makes gradients and
+//! features; [`map_code`], [`noise`] and [`isophote`] make what a contact reads; [`size`] compares their bytes.
 
-pub mod bilateral;
-pub mod class_node;
-pub mod code;
-mod contour;
-pub mod decode;
-pub mod detail;
-pub mod dog;
-pub mod feature_nodes;
+pub mod class;
 mod figure;
-mod filter;
-pub mod histogram;
+pub mod filter;
+pub mod grid;
 pub mod holes;
-pub mod image_node;
-mod isophote_code;
-mod isophote_value;
-mod isophotes;
-pub mod isophotes_node;
-mod item;
-pub mod luma;
-mod map_code;
-pub mod map_file_node;
-pub mod map_nodes;
-mod orientation;
-mod palette;
-mod picture;
-pub mod profile;
-pub mod profile_node;
-pub mod psd;
-mod pyramid;
-mod simplify;
-pub mod sizes;
-pub mod sobel;
-pub mod spectrum;
-pub mod split;
-pub mod texture_report;
+pub mod image;
+pub mod isophote;
+pub mod map_code;
+pub mod maps;
+pub mod noise;
+pub mod size;
 
-pub(crate) use picture::image;
+pub(crate) use figure::picture::image_element;
+pub(crate) use filter::pyramid::level_for;
 
-pub use contour::{Field, Line, Lines, Saddle, contours};
-pub use filter::{Kernel, smooth};
-pub use isophote_code::{decode_isophotes, encode_isophotes};
-pub use isophotes::{Curve, Drawing, Isophotes, IsophotesError, Levels, isophotes};
-pub use item::{DiscontinuityMap, FeatureMap, Grid, Luma, LumaKind, NoiseMap, NoiseProfile, Surface, Wrap};
-pub use map_code::{decode_map, encode_map};
-pub(crate) use pyramid::level_for;
-pub use pyramid::{Pyramid, PyramidLevel};
-pub use simplify::{Tolerance, simplify};
+#[doc(no_inline)]
+pub use class::histogram;
+#[doc(no_inline)]
+pub use filter::{bilateral, dog, sobel};
+#[doc(no_inline)]
+pub use image::{decode, luma};
+#[doc(no_inline)]
+pub use map_code::code;
+#[doc(no_inline)]
+pub use noise::{detail, profile, psd, spectrum, split};
+
+pub use filter::kernel::Kernel;
+pub use filter::pyramid::{Pyramid, PyramidLevel};
+pub use filter::separable::smooth;
+pub use grid::{Grid, Wrap};
+pub use isophote::code::{decode_isophotes, encode_isophotes};
+pub use isophote::contour::{Field, Line, Lines, Saddle, contours};
+pub use isophote::curves::{Curve, Isophotes};
+pub use isophote::extract::{Drawing, IsophotesError, Levels, isophotes};
+pub use isophote::simplify::{Tolerance, simplify};
+pub use map_code::file::{decode_map, encode_map};
+pub use maps::{DiscontinuityMap, FeatureMap, Luma, LumaKind, NoiseMap, NoiseProfile, Surface};

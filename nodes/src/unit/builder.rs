@@ -96,7 +96,7 @@ pub fn build(takes: &[Take], c: &FeatureConventions, gap: Option<Gap>) -> Result
     let features = |s: &Stretch| {
         let made =
             per_unit(s, c, &cepstrum, c.n as usize, |cepstrum, frame, out| cepstrum.process(frame, out));
-        let filtered = filter.stretch(&made);
+        let filtered = filter.process_segment(&made);
         (made, filtered)
     };
     let (unfiltered, filtered): (Vec<_>, Vec<_>) = stretches.par_iter().map(features).unzip();

@@ -13,8 +13,8 @@ use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
 use crate::dsp::{Quality, Resampler};
 use crate::feature::FeatureConventions;
-use crate::io::look_at;
-use crate::io::{AudioReader, oddities, trial_wav};
+use crate::io::check_recordings;
+use crate::io::{AudioReader, recording_warnings, trial_wav};
 use crate::{feature_params, params, ports};
 use rayon::prelude::*;
 use std::io::Read;
@@ -84,8 +84,8 @@ fn reader<'a>(path: &str, file: Box<dyn ReadSeek + 'a>) -> Result<(AudioReader<'
 }
 
 fn conventions(p: &UnitDatabaseParams, joined: u32) -> Result<FeatureConventions, Reject> {
-    crate::feature::gaussian_node::check_widths(&p.widths, p.n)?;
-    p.given(&p.widths, p.causal).conventions(p.rate, joined)
+    crate::feature::params::check_widths(&p.widths, p.n)?;
+    p.convention_params(&p.widths, p.causal).conventions(p.rate, joined)
 }
 
 /// All of a recording at another rate, channel by channel, and a digest of what it holds.
@@ -162,7 +162,9 @@ impl Func for UnitDatabaseNode {
             s.wrong(Reject::new("F051", message).at("tags").help("give one for each, one for all, or none"));
         }
         s.check(conventions(p, 1));
-        look_at(s, "recordings", &p.recordings, |path, file| Ok(reader(path, file)?.0.info().clone()));
+        check_recordings(s, "recordings", &p.recordings, |path, file| {
+            Ok(reader(path, file)?.0.info().clone())
+        });
         Ok(())
     }
 
@@ -175,7 +177,7 @@ impl Func for UnitDatabaseNode {
                 ..e
             })?;
             // Its mean is taken out on the way into the database.
-            odd.extend(oddities(&path.0, file.info(), &[]));
+            odd.extend(recording_warnings(&path.0, file.info(), &[]));
             takes.push(Take { channels, source: source(p, k, content) });
         }
         let joined = if p.joint { takes.first().map_or(1, |take| take.channels.len()) } else { 1 };

@@ -1,4 +1,4 @@
-"""Contours of twenty images by scikit-image's find_contours, for `nodes/src/texture/contour_tests.rs`.
+"""Contours of twenty images by scikit-image's find_contours, for `nodes/src/texture/isophote/contour/tests.rs`.
 
     python3 nodes/tests/oracles/contours.py nodes/tests/data/contours.bin > nodes/tests/data/contours.csv
 

@@ -1,4 +1,4 @@
-//! Random trials of registered nodes: parameters, files and inputs that go together.
+//! Random trials of registered nodes: compatible parameters, files and inputs.
 #![allow(dead_code)]
 
 use foley_nodes::core::fault::Fault;
@@ -15,25 +15,25 @@ use foley_nodes::registry::all;
 use std::fmt;
 use std::sync::Arc;
 
-/// Draws after which a node counts as one that accepts nothing.
+/// Largest number of attempts to find a trial that a node accepts.
 const TRIES: u64 = 2000;
-/// Items of a stream beyond which a trial takes too long.
-const LONGEST: i64 = 6000;
-/// Where endless nodes are stopped.
+/// Largest number of items of a stream in a trial.
+const MAX_ITEMS: i64 = 6000;
+/// Time at which endless nodes are stopped.
 const UNTIL: Tick = TICKS_PER_SECOND / 2;
 
-/// What audio inputs hold.
+/// Content of audio inputs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Level {
     /// Noise.
     Random,
     /// Zeros.
     Silence,
-    /// One value.
+    /// A constant.
     Constant,
-    /// Full scale of either sign.
+    /// Full scale with random signs.
     FullScale,
-    /// The smallest numbers there are.
+    /// The smallest denormal numbers.
     Denormal,
 }
 
@@ -68,10 +68,10 @@ impl fmt::Debug for Trial {
     }
 }
 
-/// Trials that a node accepts.
+/// Returns trials that a node accepts.
 ///
 /// # Panics
-/// When it accepts almost none of what it is offered.
+/// If the node accepts too few trials.
 pub fn accepted(node: usize, level: Level, wanted: usize) -> Vec<Trial> {
     let mut trials = Vec::new();
     let mut reasons = Vec::new();
@@ -92,18 +92,18 @@ pub fn accepted(node: usize, level: Level, wanted: usize) -> Vec<Trial> {
     )
 }
 
-/// All trials that a node accepts, one after the other: maybe few.
+/// Returns all trials that a node accepts, possibly few.
 pub fn possible(node: usize, level: Level) -> impl Iterator<Item = Trial> {
     (0..TRIES).filter_map(move |number| Trial::new(node, number, level).ok())
 }
 
-/// Trials that a node accepts and that do not depend on its place in the registry.
+/// Returns trials that a node accepts and that do not depend on its position in the registry.
 ///
 /// # Panics
-/// When it accepts almost none of what it is offered.
+/// If the node accepts too few trials.
 pub fn accepted_by_name(node: usize, wanted: usize) -> Vec<Trial> {
     let name = all()[node].name;
-    // FNV-1a: the same everywhere.
+    // FNV-1a, which is the same on all machines.
     let seed = name
         .bytes()
         .fold(0xcbf2_9ce4_8422_2325, |h: u64, b| (h ^ u64::from(b)).wrapping_mul(0x100_0000_01b3));
@@ -124,11 +124,11 @@ fn is_audio(item: &ItemType) -> bool {
     (item.id)() == (OfItem::<f32>::INFO.id)()
 }
 
-/// A stream; like one that came before it, as far as there is one and `alike` asks for it.
+/// Creates a stream, with the format of `like` if possible.
 fn stream(rng: &mut Rng, item: &ItemType, rate: Rate, like: Option<&Feed>, level: Level) -> Feed {
-    // Streams end at different times, and now and then before they begin.
-    let most = if is_audio(item) { 300.0 } else { 60.0 };
-    let items = if rng.below(20) == 0 { 0 } else { rng.between(most / 10.0, most) as i64 };
+    // Streams end at different times; some are empty.
+    let max_items = if is_audio(item) { 300.0 } else { 60.0 };
+    let items = if rng.below(20) == 0 { 0 } else { rng.between(max_items / 10.0, max_items) as i64 };
     let like = like.and_then(|feed| match feed.shape() {
         LinkShape::Stream(shape) if (shape.item.id)() == (item.id)() => Some(shape),
         _ => None,
@@ -157,10 +157,10 @@ impl Trial {
             Rate::hz(1000),
             Rate::hz(403),
             Rate::new(24_000, 1001).expect("a film rate"),
-            Rate::new(44_101, 64).expect("a rate that divides nothing"),
+            Rate::new(44_101, 64).expect("a rate without common divisors"),
         ];
         let one_rate = rates[rng.below(rates.len())];
-        // Most nodes want inputs that are alike; some take what comes.
+        // Most nodes require inputs of the same format.
         let alike = rng.below(4) > 0;
         let mut feeds: Vec<Vec<Feed>> = Vec::new();
         for port in ty.inputs {
@@ -193,18 +193,18 @@ impl Trial {
         let shape = trial.shape().map_err(|reject| reject.message)?;
         trial.end = shape.end.unwrap_or(UNTIL);
         let rates = shape.outputs.iter().flatten().map(|stream| stream.rate);
-        if rates.map(|rate| rate.first_at(trial.end)).any(|items| items > LONGEST) {
+        if rates.map(|rate| rate.first_at(trial.end)).any(|items| items > MAX_ITEMS) {
             return Err(format!("{} ticks are too long for a trial", trial.end));
         }
         Ok(trial)
     }
 
-    /// The type of the node.
+    /// Returns the type of the node.
     pub fn ty(&self) -> Arc<NodeType> {
         all().swap_remove(self.node)
     }
 
-    /// The node with its inputs, ready to run.
+    /// Returns the node with its inputs, ready to run.
     pub fn standalone(&self, window: Tick) -> Standalone {
         let mut standalone = Standalone::of_type(self.ty(), self.params.boxed()).window(window);
         for (port, feeds) in self.feeds.iter().enumerate() {
@@ -218,17 +218,17 @@ impl Trial {
         standalone
     }
 
-    /// What the node declares.
+    /// Returns the shape that the node declares.
     pub fn shape(&self) -> Result<NodeShape, foley_nodes::core::fault::Reject> {
         self.standalone(1).shape()
     }
 
-    /// When the node ends, or is stopped.
+    /// Returns the time at which the node ends or is stopped.
     pub fn length(&self) -> Tick {
         self.end
     }
 
-    /// A window longer than any trial.
+    /// Returns a window longer than the trial.
     pub fn whole_window(&self) -> Tick {
         let ahead = self.feeds.iter().flatten().map(|feed| match feed.shape() {
             LinkShape::Stream(stream) => stream.end.unwrap_or(0),
@@ -238,7 +238,7 @@ impl Trial {
         2 * self.end + 2 * ahead.max().unwrap_or(0) + TICKS_PER_SECOND
     }
 
-    /// The fastest rate at any port; 1 kHz where there is none.
+    /// Returns the highest rate at any port; 1 kHz without streams.
     pub fn fastest_rate(&self) -> Rate {
         let outputs = self.shape().map(|shape| shape.outputs).unwrap_or_default();
         let inputs = (0..self.feeds.len()).filter_map(|port| self.input_rate(port));
@@ -246,7 +246,7 @@ impl Trial {
         rates.max_by(|a, b| a.as_f64().total_cmp(&b.as_f64())).unwrap_or(Rate::hz(1000))
     }
 
-    /// The rate of the first link of an input, where it is a stream.
+    /// Returns the rate of the first link of an input, if it is a stream.
     pub fn input_rate(&self, port: usize) -> Option<Rate> {
         match self.feeds[port].first()?.shape() {
             LinkShape::Stream(stream) => Some(stream.rate),
@@ -254,7 +254,7 @@ impl Trial {
         }
     }
 
-    /// The items of the first link of an input, where it is a stream.
+    /// Returns the number of items of the first link of an input, if it is a stream.
     pub fn input_items(&self, port: usize) -> Option<i64> {
         match self.feeds[port].first()?.shape() {
             LinkShape::Stream(stream) => stream.end.map(|end| stream.rate.first_at(end)),
@@ -262,7 +262,7 @@ impl Trial {
         }
     }
 
-    /// The same trial with other numbers in one item of an input stream.
+    /// Returns the trial with other numbers in one item of an input stream.
     pub fn varied(&self, port: usize, item: usize, rng: &mut Rng) -> Self {
         let mut feeds = self.feeds.clone();
         feeds[port][0] = feeds[port][0].vary(item, rng).expect("only streams are varied");
@@ -270,12 +270,12 @@ impl Trial {
         Self { feeds, params, files, ..*self }
     }
 
-    /// Its parameters.
+    /// Returns the parameters.
     pub fn params(&self) -> &dyn AnyParams {
         &*self.params
     }
 
-    /// The same inputs with the parameters, and the files, of another trial of the node.
+    /// Returns the inputs with the parameters and files of another trial of the node.
     pub fn with_params(&self, other: &Self) -> Self {
         let (params, files) = (other.params.boxed(), other.files.clone());
         Self { feeds: self.feeds.clone(), params, files, ..*self }
@@ -290,7 +290,7 @@ impl Trial {
 }
 
 impl Trial {
-    /// Runs in windows, the first of them in another node, which is saved and of which nothing else is kept.
+    /// Runs the first windows in one node, saves its state, and resumes in another node.
     pub fn interrupted(&self, window: Tick, windows: usize) -> Outcome {
         let failed = |fault: Fault| -> ! { panic!("{fault}: {self:?}") };
         let first = self.standalone(window);
@@ -310,7 +310,7 @@ impl Trial {
     }
 }
 
-/// Everything that a node has given.
+/// All outputs of a run.
 pub struct Outcome {
     streams: Vec<(Option<Rate>, usize, Vec<u32>)>,
     events: Vec<String>,
@@ -318,7 +318,7 @@ pub struct Outcome {
     file: Option<Vec<u8>>,
     summary: String,
     times: Vec<Vec<(Tick, String)>>,
-    /// Whether all numbers in streams are finite.
+    /// True if all numbers in streams are finite.
     pub finite: bool,
 }
 
@@ -351,12 +351,12 @@ impl Outcome {
         }
     }
 
-    /// All of it, to compare.
+    /// Returns all outputs for comparison.
     pub fn bits(self) -> impl PartialEq {
         (self.streams, self.events, self.values, self.file, self.summary)
     }
 
-    /// The time of the earliest item or event that differs.
+    /// Returns the time of the earliest item or event that differs.
     pub fn first_difference(&self, other: &Self) -> Option<Tick> {
         let streams = self.streams.iter().zip(&other.streams).filter_map(|((rate, width, a), (_, _, b))| {
             let at = a.iter().zip(b).position(|(a, b)| a != b)?;

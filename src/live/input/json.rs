@@ -1,7 +1,7 @@
 //! Messages as JSON lines.
 
 use super::hub::Hub;
-use foley_nodes::live::{Sent, contact_to_message, control_to_message, to_message};
+use foley_nodes::live_input::{ContactMessage, contact_to_message, control_to_message, impact_to_message};
 use foley_nodes::modal::{Body, Defaults, read_impacts};
 use serde_json::{Map, Value};
 use std::io::BufRead;
@@ -61,7 +61,7 @@ pub fn read_line(line: &str, hub: &Hub) -> Result<(), String> {
         object.insert("time_s".to_owned(), Value::from(0));
         let line = Value::Object(object).to_string();
         let impacts = read_impacts(line.as_bytes(), &defaults()).map_err(|e| e.message)?;
-        for message in impacts.iter().filter_map(|(_, impact)| to_message(impact)) {
+        for message in impacts.iter().filter_map(|(_, impact)| impact_to_message(impact)) {
             hub.deliver(&channel, message, wait);
         }
         return Ok(());
@@ -88,7 +88,7 @@ pub fn read_line(line: &str, hub: &Hub) -> Result<(), String> {
 /// Delivers one contact, or all contacts of a frame.
 fn contacts(channel: &str, mut object: Map<String, Value>, wait: Duration, hub: &Hub) -> Result<(), String> {
     let one = |object: &Map<String, Value>| {
-        let sent = Sent::from_json(object)?;
+        let sent = ContactMessage::from_json(object)?;
         contact_to_message(&sent).ok_or_else(|| "its numbers are too large".to_owned())
     };
     let Some(list) = object.remove("contacts") else {
@@ -137,7 +137,7 @@ mod tests {
     use crossbeam_channel::unbounded;
     use foley_nodes::core::input::Inputs;
     use foley_nodes::core::random::Rng;
-    use foley_nodes::live::from_message;
+    use foley_nodes::live_input::impact_from_message;
     use std::sync::atomic::Ordering::Relaxed;
 
     #[test]
@@ -149,7 +149,7 @@ mod tests {
             {\"control\": \"pos\", \"values\": [1, 2.5, -3]}\n{\"set\": \"level\", \"value\": 0.5}\n{\"oops\": 1}\n";
         let mut wrong = Vec::new();
         read_lines(lines.as_bytes(), &hub, |line, message| wrong.push(format!("{line}: {message}")));
-        let impact = from_message(&hits.next(1).unwrap().1).unwrap();
+        let impact = impact_from_message(&hits.next(1).unwrap().1).unwrap();
         assert!((impact.energy - 1.0).abs() < 1e-6);
         assert_eq!(numbers.next(1).unwrap().1.numbers(), [1.0, 2.5, -3.0]);
         assert_eq!(set.recv().unwrap(), super::super::Set { target: "level".into(), value: "0.5".into() });
@@ -169,12 +169,12 @@ mod tests {
         )
         .unwrap();
         let ids: Vec<_> = std::iter::from_fn(|| inbox.next(1))
-            .filter_map(|(_, m)| foley_nodes::live::contact_from_message(&m))
+            .filter_map(|(_, m)| foley_nodes::live_input::contact_from_message(&m))
             .map(|sent| (sent.id, sent.ends))
             .collect();
         assert_eq!(ids, [(1, false), (1, false), (2, true)]);
         let wrong = format!("{{\"contact\": \"ball\", \"contacts\": [{{{one}}}, {{\"id\": 2}}]}}");
-        assert!(read_line(&wrong, &hub).unwrap_err().contains("`force` is nothing"));
+        assert!(read_line(&wrong, &hub).unwrap_err().contains("`force` is missing"));
         assert!(inbox.next(1).is_none(), "all or none");
     }
 

@@ -16,7 +16,7 @@
 use super::hub::{Hub, Moment};
 use super::listener::Listener;
 use foley_nodes::core::time::{Tick, seconds, ticks};
-use foley_nodes::mesh::FARTHEST;
+use foley_nodes::mesh::MAX_COORDINATE;
 use std::io::{ErrorKind, Read};
 use std::net::{SocketAddr, TcpListener};
 use std::sync::Arc;
@@ -193,7 +193,7 @@ fn deliver_frames<R: Read>(bytes: &mut Bytes<'_, R>, hub: &Hub) -> Result<(), Re
         for (number, bytes) in numbers.iter_mut().zip(positions.as_chunks::<4>().0) {
             *number = f32::from_le_bytes(*bytes);
         }
-        let wrong = numbers.iter().position(|x| x.is_nan() || x.abs() > FARTHEST);
+        let wrong = numbers.iter().position(|x| x.is_nan() || x.abs() > MAX_COORDINATE);
         if let Some(vertex) = wrong.map(|k| k / 3) {
             let position = &numbers[3 * vertex..3 * vertex + 3];
             return malformed(format!(

@@ -11,7 +11,7 @@
 
 use super::hub::Hub;
 use super::listener::Listener;
-use foley_nodes::live::{Sent, contact_to_message, control_to_message, to_message};
+use foley_nodes::live_input::{ContactMessage, contact_to_message, control_to_message, impact_to_message};
 use foley_nodes::modal::{Body, Impact};
 use rosc::{OscPacket, OscTime, OscType};
 use std::net::{SocketAddr, UdpSocket};
@@ -87,8 +87,10 @@ fn deliver_message(message: &rosc::OscMessage, wait: Duration, hub: &Hub) -> Opt
     }
     let numbers = || message.args.iter().map(number).collect::<Option<Vec<f64>>>();
     match kind {
-        "impact" => hub.deliver(name, to_message(&impact(&numbers()?)?)?, wait),
-        "contact" => hub.deliver(name, contact_to_message(&Sent::from_numbers(&numbers()?)?)?, wait),
+        "impact" => hub.deliver(name, impact_to_message(&impact(&numbers()?)?)?, wait),
+        "contact" => {
+            hub.deliver(name, contact_to_message(&ContactMessage::from_numbers(&numbers()?)?)?, wait)
+        }
         "control" => hub.deliver(name, control_to_message(&numbers()?)?, wait),
         "set" => hub.set(name.replace('/', "."), ron(message.args.first()?)?),
         _ => return None,
@@ -146,7 +148,7 @@ mod tests {
     use foley_nodes::core::input::Inputs;
     use foley_nodes::core::random::Rng;
     use foley_nodes::core::time::{seconds, ticks};
-    use foley_nodes::live::from_message;
+    use foley_nodes::live_input::impact_from_message;
     use rosc::{OscBundle, OscMessage, encoder::encode};
 
     fn bytes(addr: &str, args: Vec<OscType>) -> Vec<u8> {
@@ -167,7 +169,7 @@ mod tests {
         for wrong in ["/foley/impact/hits", "/foley/nothing/x", "/other", "/foley/set/"] {
             read_packet(&bytes(wrong, Vec::new()), &hub);
         }
-        let impact = from_message(&hits.next(1).unwrap().1).unwrap();
+        let impact = impact_from_message(&hits.next(1).unwrap().1).unwrap();
         assert_eq!((impact.energy, impact.hardness, impact.object), (0.5, 0.1, 2));
         assert_eq!(numbers.next(1).unwrap().1.numbers(), [1.0, -2.0]);
         assert_eq!(
@@ -192,7 +194,7 @@ mod tests {
         read_packet(&encode(&OscPacket::Bundle(bundle)).unwrap(), &hub);
         read_packet(&bytes("/foley/contact/ball", vec![OscType::Int(7)]), &hub);
         let ids: Vec<_> = std::iter::from_fn(|| inbox.next(1))
-            .filter_map(|(_, m)| foley_nodes::live::contact_from_message(&m))
+            .filter_map(|(_, m)| foley_nodes::live_input::contact_from_message(&m))
             .map(|sent| (sent.id, sent.ends))
             .collect();
         assert_eq!(ids.len(), 41);

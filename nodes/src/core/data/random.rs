@@ -49,7 +49,7 @@ impl Rng {
     /// The sequence of one seed.
     #[must_use]
     pub fn new(seed: u64) -> Self {
-        Self { random: Random::new(seed, "rng"), next: 0 }
+        Self { random: Random::new(seed, "draw"), next: 0 }
     }
 
     /// Uniform on `[0, 1)`.

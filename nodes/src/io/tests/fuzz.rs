@@ -13,7 +13,7 @@ fn written(format: WriteFormat, channels: usize, riff_limit: u64) -> Vec<u8> {
     file.into_inner()
 }
 
-/// Changes some bytes, cuts, doubles or removes a stretch; mostly near the start, where headers are.
+/// Changes bytes, truncates, duplicates or removes a segment; often near the start, where headers are.
 fn mutate(file: &[u8], random: &Random, case: u64) -> Vec<u8> {
     let mut bytes = file.to_vec();
     let changes = 1 + random.words(0, case, 0)[0] % 6;
@@ -32,8 +32,8 @@ fn mutate(file: &[u8], random: &Random, case: u64) -> Vec<u8> {
             }
             2 => {
                 let end = (at + w[2] as usize % 64).min(bytes.len());
-                let stretch = bytes[at..end].to_vec();
-                bytes.splice(at..at, stretch);
+                let segment = bytes[at..end].to_vec();
+                bytes.splice(at..at, segment);
             }
             3 => bytes[at] = [0, 1, 0x7F, 0x80, 0xFF][w[2] as usize % 5],
             _ => bytes[at] ^= 1 << (w[2] % 8),
@@ -42,7 +42,7 @@ fn mutate(file: &[u8], random: &Random, case: u64) -> Vec<u8> {
     bytes
 }
 
-/// Makes the checksums of an Ogg file's pages true, so that mutations reach the decoder behind them.
+/// Recomputes the checksums of the pages of an Ogg file, so that mutations reach the decoder.
 fn repair_ogg(bytes: &mut [u8]) {
     let mut at = 0;
     while bytes.len() >= at + 27 && bytes[at..].starts_with(b"OggS") {

@@ -1,4 +1,4 @@
-//! Tests of the readers and the writer.
+//! Tests of the readers, the writer and the nodes.
 
 mod fuzz;
 mod nodes;
@@ -23,7 +23,7 @@ pub fn open(bytes: &[u8]) -> Result<AudioReader<'_>, AudioError> {
     AudioReader::open(Box::new(Cursor::new(bytes)))
 }
 
-/// Everything in a file, read in blocks of `block` frames.
+/// All samples of a file, read in blocks of `block` frames.
 pub fn read_all(bytes: &[u8], block: usize) -> Result<(AudioInfo, Vec<f32>), AudioError> {
     let mut reader = open(bytes)?;
     let mut samples = Vec::new();
@@ -39,7 +39,7 @@ pub fn read_all(bytes: &[u8], block: usize) -> Result<(AudioInfo, Vec<f32>), Aud
     Ok((reader.info().clone(), samples))
 }
 
-/// Largest distance of a channel from the sine that the test files hold.
+/// Maximum difference between a channel and the sine of the test files.
 pub fn tone_error(samples: &[f32], channels: usize, channel: usize, rate: f64) -> f64 {
     let step = std::f64::consts::TAU * 1000.0 * (channel + 1) as f64 / rate;
     let gain = 10_f64.powf(-0.3);

@@ -17,7 +17,7 @@ fn play(bytes: &[u8], start: f64, duration: Option<f64>) -> Standalone {
 }
 
 #[test]
-fn what_is_written_is_read_back_and_cut_to_the_sample() {
+fn a_written_file_is_read_back_with_an_exact_range() {
     let audio: Vec<f32> = (0..3000).map(|k| (k as f32 * 0.37).sin()).collect();
     let standalone = out(WriteFormat::Float32, 2, audio.clone());
     standalone.run().unwrap();
@@ -28,17 +28,17 @@ fn what_is_written_is_read_back_and_cut_to_the_sample() {
 }
 
 #[test]
-fn the_report_tells_peak_rms_and_clipping() {
+fn the_report_has_peak_rms_and_clipping() {
     let run = out(WriteFormat::Pcm16, 1, vec![0.5, -2.0, 0.5, 0.5]).run().unwrap();
-    let told = |key| run.summary.iter().find(|(k, _)| *k == key).map(|(_, v)| v.clone()).unwrap();
-    assert_eq!(told("path"), "a/b.wav");
-    assert_eq!((told("frames"), told("channels"), told("rate")), (4.into(), 1.into(), 8000.into()));
-    assert_eq!((told("peak"), told("clipped")), (2.0.into(), 1.into()));
-    assert!((told("rms").as_f64().unwrap() - (4.75_f64 / 4.0).sqrt()).abs() < 1e-12);
+    let entry = |key| run.summary.iter().find(|(k, _)| *k == key).map(|(_, v)| v.clone()).unwrap();
+    assert_eq!(entry("path"), "a/b.wav");
+    assert_eq!((entry("frames"), entry("channels"), entry("rate")), (4.into(), 1.into(), 8000.into()));
+    assert_eq!((entry("peak"), entry("clipped")), (2.0.into(), 1.into()));
+    assert!((entry("rms").as_f64().unwrap() - (4.75_f64 / 4.0).sqrt()).abs() < 1e-12);
 }
 
 #[test]
-fn other_formats_play_as_they_decode() {
+fn other_formats_play_as_decoded() {
     for bytes in [super::FLAC, super::OGG, super::MP3] {
         let run = play(bytes, 0.0, None).run().unwrap();
         let (info, samples) = super::read_all(bytes, 1000).unwrap();
@@ -48,7 +48,7 @@ fn other_formats_play_as_they_decode() {
 }
 
 #[test]
-fn what_cannot_be_played_is_refused_with_the_field() {
+fn errors_name_the_parameter() {
     let field = |standalone: Standalone| standalone.shape().unwrap_err().field.unwrap();
     assert_eq!(field(play(b"no audio at all", 0.0, None)), "path");
     assert_eq!(field(play(super::FLAC, 1e4, None)), "start");
@@ -58,7 +58,7 @@ fn what_cannot_be_played_is_refused_with_the_field() {
 }
 
 #[test]
-fn a_number_that_is_none_stops_the_run_at_its_time() {
+fn a_nan_stops_the_run_at_its_time() {
     let mut audio = vec![0.0; 800];
     audio[400] = f32::NAN;
     let fault = out(WriteFormat::Pcm24, 1, audio).run().err().unwrap();
@@ -66,7 +66,7 @@ fn a_number_that_is_none_stops_the_run_at_its_time() {
 }
 
 #[test]
-fn a_fractional_rate_is_no_wav_file() {
+fn a_fractional_rate_is_rejected() {
     let params = WavOutParams { path: "x".into(), format: WriteFormat::Pcm16, dither: false };
     let rate = Rate::new(24_000, 1001).unwrap();
     let standalone =
@@ -75,7 +75,7 @@ fn a_fractional_rate_is_no_wav_file() {
 }
 
 #[test]
-fn what_is_odd_about_files_is_told() {
+fn irregular_files_cause_warnings() {
     let notes = |path: &str| {
         let params = WavOutParams { path: path.into(), format: WriteFormat::Pcm16, dither: false };
         let standalone = Standalone::new::<WavOutNode>(params);
@@ -83,8 +83,8 @@ fn what_is_odd_about_files_is_told() {
     };
     assert!(notes("a.wav").is_empty() && notes("A.WAV").is_empty());
     for other in ["a", "a.mp3", "b.wav/a"] {
-        let told = notes(other);
-        assert!(told.len() == 1 && told[0].contains("end it in .wav"), "{other}: {told:?}");
+        let found = notes(other);
+        assert!(found.len() == 1 && found[0].contains("use the extension .wav"), "{other}: {found:?}");
     }
     let warned = |bytes: &[u8]| {
         let run = play(bytes, 0.0, None).run().unwrap();

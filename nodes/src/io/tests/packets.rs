@@ -20,7 +20,7 @@ fn flac_gives_the_exact_samples() {
 }
 
 #[test]
-fn encoder_delay_and_padding_are_cut_off() {
+fn encoder_delay_and_padding_are_removed() {
     for (bytes, frames, channels, rate, worst) in [
         (OGG, 5000, 1, 22_050.0, 0.03),
         (OGG_STEREO, 6000, 2, 44_100.0, 0.03),
@@ -31,10 +31,10 @@ fn encoder_delay_and_padding_are_cut_off() {
         assert_eq!((info.frames, info.channels), (frames, channels));
         assert_eq!(info.sample_format, SampleFormat::Lossy);
         assert_eq!(info.warnings, [], "{:?}", info.format);
-        // The ends carry pre- and post-echoes; the middle is the tone within the codec's noise, in phase.
+        // The ends have pre- and post-echoes; the middle is the tone in phase, within the noise of the codec.
         for channel in 0..channels {
-            let whole = tone_error(&samples, channels, channel, rate);
-            assert!(whole < 0.6, "{:?} {whole}", info.format);
+            let error = tone_error(&samples, channels, channel, rate);
+            assert!(error < 0.6, "{:?} {error}", info.format);
             let mut middle = samples.clone();
             let clean = |n: usize| {
                 let x = std::f64::consts::TAU * 1000.0 * (channel + 1) as f64 / rate * n as f64;
@@ -52,28 +52,28 @@ fn encoder_delay_and_padding_are_cut_off() {
 }
 
 #[test]
-fn an_mp3_without_a_tag_keeps_every_packet() {
+fn all_packets_of_an_mp3_without_a_tag_are_read() {
     let (info, _) = read_all(MP3_UNTAGGED, 100).unwrap();
-    // LAME adds 576 frames of delay and fills the last packet; the decoder adds none of its own.
+    // LAME adds 576 frames of delay and pads the last packet; the decoder adds no delay.
     assert_eq!(info.frames % 576, 0);
     assert!((5576..=5000 + 4 * 576).contains(&info.frames), "{}", info.frames);
     assert_eq!(info.warnings, []);
 }
 
 #[test]
-fn blocks_of_any_size_give_the_same_samples() {
+fn blocks_of_any_size_return_the_same_samples() {
     for bytes in [FLAC, FLAC_24, OGG, OGG_STEREO, MP3, MP3_STEREO, MP3_UNTAGGED] {
-        let whole = read_all(bytes, 100_000).unwrap().1;
+        let expected = read_all(bytes, 100_000).unwrap().1;
         for block in [1, 7, 64, 1000] {
-            assert!(read_all(bytes, block).unwrap().1 == whole);
+            assert!(read_all(bytes, block).unwrap().1 == expected);
         }
     }
 }
 
 #[test]
-fn a_seek_gives_the_samples_of_a_read_from_the_start() {
+fn a_seek_returns_the_samples_of_a_read_from_the_start() {
     for bytes in [FLAC, FLAC_24, OGG, OGG_STEREO, OGG_LONG, MP3, MP3_STEREO] {
-        let whole = read_all(bytes, 4096).unwrap().1;
+        let expected = read_all(bytes, 4096).unwrap().1;
         let mut reader = open(bytes).unwrap();
         let channels = reader.info().channels;
         let frames = reader.info().frames;
@@ -85,39 +85,39 @@ fn a_seek_gives_the_samples_of_a_read_from_the_start() {
             assert_eq!(n as u64, (frames - frame).min(900));
             let at = frame as usize * channels;
             assert!(
-                out[..n * channels] == whole[at..at + n * channels],
+                out[..n * channels] == expected[at..at + n * channels],
                 "{:?} {frame}",
                 reader.info().format
             );
         }
-        assert!(matches!(reader.seek(frames + 1), Err(AudioError::SeekBehindEnd { .. })));
+        assert!(matches!(reader.seek(frames + 1), Err(AudioError::SeekPastEnd { .. })));
     }
 }
 
-/// A long MP3, so that a seek must skip packets and warm the decoder up: the tone file's packets repeated.
+/// A long MP3 of repeated packets, so that a seek must skip packets and restore the decoder state.
 #[test]
 fn a_seek_into_a_long_mp3_restores_the_decoder_state() {
     let bytes: Vec<u8> = MP3_UNTAGGED.repeat(30);
-    let whole = read_all(&bytes, 4096).unwrap().1;
+    let expected = read_all(&bytes, 4096).unwrap().1;
     let mut reader = open(&bytes).unwrap();
     assert!(reader.info().frames > 150_000);
     for frame in [149_000_u64, 90_001, 100_000] {
         reader.seek(frame).unwrap();
         let mut out = vec![0.0; 2000];
         assert_eq!(reader.read(&mut out).unwrap(), 2000);
-        assert!(out == whole[frame as usize..frame as usize + 2000], "{frame}");
+        assert!(out == expected[frame as usize..frame as usize + 2000], "{frame}");
     }
 }
 
 #[test]
-fn a_truncated_file_gives_what_is_there_and_says_so() {
+fn a_truncated_file_is_read_with_a_warning() {
     for bytes in [FLAC, FLAC_24, OGG_LONG, MP3, MP3_STEREO] {
-        let whole = read_all(bytes, 1000).unwrap().1;
+        let expected = read_all(bytes, 1000).unwrap().1;
         let cut = &bytes[..bytes.len() * 3 / 4];
         let (info, samples) = read_all(cut, 1000).unwrap();
-        assert!(info.frames > 1000 && samples.len() < whole.len(), "{:?} {}", info.format, info.frames);
-        let sure = samples.len() - 2000.min(samples.len());
-        assert!(samples[..sure] == whole[..sure], "{:?}", info.format);
+        assert!(info.frames > 1000 && samples.len() < expected.len(), "{:?} {}", info.format, info.frames);
+        let intact = samples.len() - 2000.min(samples.len());
+        assert!(samples[..intact] == expected[..intact], "{:?}", info.format);
         assert!(
             info.warnings
                 .iter()
@@ -129,12 +129,12 @@ fn a_truncated_file_gives_what_is_there_and_says_so() {
 }
 
 #[test]
-fn a_corrupt_packet_becomes_counted_silence_and_the_rest_stays_in_time() {
+fn a_corrupt_packet_is_counted_silence_and_later_samples_keep_their_times() {
     let mut bytes = FLAC.to_vec();
     // The second of five frames of 1024 samples: its residual, not its header.
     let sync = |from: usize| from + bytes[from..].windows(2).position(|w| w == [0xFF, 0xF8]).unwrap();
     let second = sync(sync(42) + 2);
-    let whole = read_all(FLAC, 1000).unwrap().1;
+    let expected = read_all(FLAC, 1000).unwrap().1;
     for b in &mut bytes[second + 100..second + 130] {
         *b ^= 0x5A;
     }
@@ -142,13 +142,13 @@ fn a_corrupt_packet_becomes_counted_silence_and_the_rest_stays_in_time() {
     assert_eq!(info.frames, 5000);
     assert_eq!(info.warnings, [AudioWarning::CorruptPackets { packets: 1 }]);
     assert!(samples[1024..2048].iter().all(|&x| x == 0.0));
-    assert!(samples[..1024] == whole[..1024]);
-    assert!(samples[2048..] == whole[2048..], "what follows keeps its place");
+    assert!(samples[..1024] == expected[..1024]);
+    assert!(samples[2048..] == expected[2048..], "later samples keep their times");
 }
 
-/// Known limit: the pages behind a page with a broken checksum move forward, but not in silence.
+/// Known limit: pages after a page with a wrong checksum move forward in time, with a warning.
 #[test]
-fn a_second_ogg_stream_behind_the_first_is_reported() {
+fn a_second_ogg_stream_after_the_first_is_reported() {
     let (info, samples) = read_all(&[OGG, OGG_STEREO].concat(), 333).unwrap();
     assert_eq!((info.frames, info.channels, samples.len()), (5000, 1, 5000));
     assert_eq!(info.warnings, [AudioWarning::Chained { frames: 5000, rate: 22_050 }]);
@@ -156,7 +156,7 @@ fn a_second_ogg_stream_behind_the_first_is_reported() {
 }
 
 #[test]
-fn a_file_that_ends_in_its_header_says_so() {
+fn a_file_that_ends_in_its_header_is_an_error() {
     for bytes in [&FLAC[..30], &OGG[..60]] {
         let error = read_all(bytes, 333).unwrap_err().to_string();
         assert!(error.ends_with("it ends within its header") && !error.contains("byte 0"), "{error}");
@@ -167,19 +167,19 @@ fn a_file_that_ends_in_its_header_says_so() {
 fn a_lost_ogg_page_is_reported() {
     let page = |(i, w): (usize, &[u8])| (w == b"OggS").then_some(i);
     let pages: Vec<usize> = OGG_LONG.windows(4).enumerate().filter_map(page).collect();
-    let whole = read_all(OGG_LONG, 1000).unwrap().1;
-    assert_eq!(whole.len(), 320_000);
+    let expected = read_all(OGG_LONG, 1000).unwrap().1;
+    assert_eq!(expected.len(), 320_000);
     let mut bytes = OGG_LONG.to_vec();
     bytes[pages[pages.len() - 2] + 60] ^= 1;
     let (info, samples) = read_all(&bytes, 1000).unwrap();
     let frames = info.frames;
     assert!(frames > 70_000 && frames < 100_000);
     assert_eq!(info.warnings, [AudioWarning::LengthDiffers { header_frames: 160_000, frames, rate: 44_100 }]);
-    assert!(samples[..120_000] == whole[..120_000]);
+    assert!(samples[..120_000] == expected[..120_000]);
 }
 
 #[test]
-fn an_id3_tag_before_the_sound_is_stepped_over() {
+fn an_id3_tag_before_the_audio_is_skipped() {
     let mut bytes = b"ID3\x04\0\0\0\0\x01\x00".to_vec();
     bytes.extend([0; 128]);
     for file in [MP3, FLAC] {
@@ -201,7 +201,7 @@ fn limits_are_errors_that_name_the_limit() {
 }
 
 #[test]
-fn other_formats_are_refused_by_name() {
+fn unsupported_formats_are_rejected_by_name() {
     let name = |bytes: &[u8]| probe(Cursor::new(bytes)).unwrap_err().to_string();
     assert!(name(b"").contains("empty"));
     assert!(name(b"hello world").contains("hello"));
@@ -209,7 +209,7 @@ fn other_formats_are_refused_by_name() {
     assert!(name(b"\0\0\0\x20ftypM4A ").contains("MPEG-4"));
 }
 
-/// Every recording of the data set has the length that its table states (two decimals).
+/// The recordings of the data set have the lengths of its table (two decimals).
 #[test]
 fn real_recordings_have_the_lengths_of_their_table() {
     let root = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data"));

@@ -62,7 +62,7 @@ fn every_linear_format_maps_full_scale_to_one() {
 }
 
 #[test]
-fn twenty_four_bits_in_thirty_two_are_read_from_either_side() {
+fn low_and_high_aligned_24_bit_samples_are_read() {
     let high = riff(&[extensible(1, 2, 4, 24, 3), chunk(b"data", &[0, 1, 0, 0x40, 0, 0xFF, 0xFF, 0xFF])]);
     let (info, read) = read_all(&high, 5).unwrap();
     assert_eq!(info.sample_format, SampleFormat::Int { bits: 24 });
@@ -76,7 +76,7 @@ fn twenty_four_bits_in_thirty_two_are_read_from_either_side() {
 }
 
 #[test]
-fn eight_channels_stay_in_order() {
+fn eight_channels_are_in_order() {
     let body: Vec<i16> = (0..24).map(|i| i * 256).collect();
     let file = riff(&[extensible(1, 8, 2, 16, 0x63F), chunk(b"data", &pcm16(&body))]);
     let (info, read) = read_all(&file, 2).unwrap();
@@ -85,18 +85,18 @@ fn eight_channels_stay_in_order() {
 }
 
 #[test]
-fn chunks_may_stand_anywhere_with_or_without_their_pad_byte() {
+fn chunks_are_found_in_any_order_with_or_without_padding() {
     let data = chunk(b"data", &pcm16(&[1, 2, 3]));
-    let odd = chunk(b"LIST", b"odd");
-    let unpadded = odd[..odd.len() - 1].to_vec();
+    let odd_chunk = chunk(b"LIST", b"odd");
+    let unpadded = odd_chunk[..odd_chunk.len() - 1].to_vec();
     let fact = chunk(b"fact", &3_u32.to_le_bytes());
     let format = fmt(1, 1, 2, 16);
     let expected = [1.0, 2.0, 3.0].map(|x: f32| x / 32_768.0);
     for chunks in [
-        vec![odd.clone(), format.clone(), fact.clone(), data.clone(), odd.clone()],
+        vec![odd_chunk.clone(), format.clone(), fact.clone(), data.clone(), odd_chunk.clone()],
         vec![unpadded.clone(), format.clone(), unpadded.clone(), data.clone(), fact.clone()],
         vec![chunk(b"JUNK", &[0; 28]), format.clone(), chunk(b"xyz1", b"a"), data.clone()],
-        vec![data.clone(), odd, format],
+        vec![data.clone(), odd_chunk, format],
     ] {
         let (info, read) = read_all(&riff(&chunks), 2).unwrap();
         assert_eq!(read, expected);
@@ -105,20 +105,20 @@ fn chunks_may_stand_anywhere_with_or_without_their_pad_byte() {
 }
 
 #[test]
-fn an_open_length_reads_to_the_end() {
+fn a_file_of_unknown_length_is_read_to_the_end() {
     for size in [0_u32, u32::MAX] {
         let mut data = chunk(b"data", &pcm16(&[5, 6, 7]));
         data[4..8].copy_from_slice(&size.to_le_bytes());
         let (info, _) = read_all(&riff(&[fmt(1, 1, 2, 16), data]), 2).unwrap();
-        assert_eq!((info.frames, info.warnings), (3, vec![AudioWarning::OpenLength]));
+        assert_eq!((info.frames, info.warnings), (3, vec![AudioWarning::UnknownLength]));
     }
-    // A data chunk that is really empty, followed by another chunk.
+    // An empty data chunk, followed by another chunk.
     let empty = riff(&[fmt(1, 1, 2, 16), chunk(b"data", b""), chunk(b"LIST", b"abcd")]);
     assert_eq!(read_all(&empty, 2).unwrap().0.frames, 0);
 }
 
 #[test]
-fn a_header_longer_than_the_file_is_not_believed() {
+fn a_length_in_the_header_is_limited_by_the_file() {
     let mut data = chunk(b"data", &pcm16(&[1; 9]));
     data[4..8].copy_from_slice(&40_000_u32.to_le_bytes());
     data.pop();
@@ -128,39 +128,39 @@ fn a_header_longer_than_the_file_is_not_believed() {
     assert_eq!(*differs, AudioWarning::LengthDiffers { header_frames: 10_000, frames: 4, rate: 8000 });
     assert_eq!(
         differs.to_string(),
-        "the header says 10000 frames (1.250 s), the file holds 4 (0.001 s): read what is there"
+        "the header states 10000 frames (1.250 s), the file has 4 (0.001 s): these are read"
     );
     assert_eq!(*partial, AudioWarning::PartialLastFrame { bytes: 1 });
 }
 
 #[test]
-fn a_wide_length_that_was_never_filled_in_reads_to_the_end() {
+fn a_missing_64_bit_length_reads_to_the_end() {
     let mut data = chunk(b"data", &pcm16(&[1, 2, 3]));
     data[4..8].copy_from_slice(&u32::MAX.to_le_bytes());
     let file = riff(&[chunk(b"ds64", &[0; 28]), fmt(1, 1, 2, 16), data]);
     let (info, read) = read_all(&file, 2).unwrap();
     assert_eq!((info.frames, read.len()), (3, 3));
-    assert!(info.warnings.contains(&AudioWarning::OpenLength), "{:?}", info.warnings);
+    assert!(info.warnings.contains(&AudioWarning::UnknownLength), "{:?}", info.warnings);
 }
 
 #[test]
-fn a_chunk_whose_length_leads_out_of_the_file_is_passed_over() {
+fn a_chunk_whose_size_exceeds_the_file_is_skipped() {
     let (format, data) = (fmt(1, 1, 2, 16), chunk(b"data", &pcm16(&[1, 2, 3])));
     let mut list = chunk(b"LIST", b"INFOabcdefgh");
     list[4..8].copy_from_slice(&1_000_000_000_u32.to_le_bytes());
     for chunks in [[format.clone(), list.clone(), data.clone()], [list.clone(), format.clone(), data]] {
         let (info, read) = read_all(&riff(&chunks), 2).unwrap();
         assert_eq!((info.frames, read.len()), (3, 3));
-        let told = info.warnings.iter().map(ToString::to_string).collect::<String>();
-        assert!(told.contains("\"LIST\"") && told.contains("1000000000 bytes"), "{told}");
+        let text = info.warnings.iter().map(ToString::to_string).collect::<String>();
+        assert!(text.contains("\"LIST\"") && text.contains("1000000000 bytes"), "{text}");
     }
     let file = riff(&[format, list]);
-    let told = read_all(&file, 2).unwrap_err().to_string();
-    assert!(told.contains("\"LIST\" at byte 36") && told.contains("no \"data\" chunk"), "{told}");
+    let text = read_all(&file, 2).unwrap_err().to_string();
+    assert!(text.contains("\"LIST\" at byte 36") && text.contains("no \"data\" chunk"), "{text}");
 }
 
 #[test]
-fn rf64_and_bw64_take_their_length_from_ds64() {
+fn rf64_and_bw64_have_the_length_of_ds64() {
     for id in [b"RF64", b"BW64"] {
         let mut sizes = [0; 28];
         sizes[8..16].copy_from_slice(&6_u64.to_le_bytes());
@@ -174,7 +174,7 @@ fn rf64_and_bw64_take_their_length_from_ds64() {
 }
 
 #[test]
-fn a_sample_that_is_no_number_is_named() {
+fn a_nan_is_named_with_its_frame() {
     let body: Vec<u8> = [0.0, 1.0, 2.0, f32::NAN].iter().flat_map(|x| x.to_le_bytes()).collect();
     let file = riff(&[fmt(3, 2, 4, 32), chunk(b"data", &body)]);
     let error = read_all(&file, 1).unwrap_err();
@@ -184,7 +184,7 @@ fn a_sample_that_is_no_number_is_named() {
 }
 
 #[test]
-fn what_cannot_be_read_is_said() {
+fn errors_name_the_reason() {
     let text = |file: &[u8]| open(file).err().unwrap().to_string();
     assert!(text(&riff(&[fmt(6, 1, 1, 8), chunk(b"data", b"ab")])).contains("A-law"));
     assert!(text(&riff(&[fmt(1, 1, 2, 16)])).contains("\"data\""));
@@ -201,11 +201,11 @@ fn a_seek_moves_to_the_frame() {
     assert_eq!((reader.read(&mut out).unwrap(), out), (2, [0.25, 0.5]));
     reader.seek(3).unwrap();
     assert_eq!(reader.read(&mut out).unwrap(), 0);
-    assert!(matches!(reader.seek(4), Err(AudioError::SeekBehindEnd { frame: 4, frames: 3 })));
+    assert!(matches!(reader.seek(4), Err(AudioError::SeekPastEnd { frame: 4, frames: 3 })));
 }
 
 #[test]
-fn files_that_hound_writes_are_read_alike() {
+fn files_of_hound_are_read() {
     for (bits, format) in [
         (8, hound::SampleFormat::Int),
         (16, hound::SampleFormat::Int),
@@ -232,7 +232,7 @@ fn files_that_hound_writes_are_read_alike() {
     }
 }
 
-/// What a sample's bytes mean, in the words of the standard.
+/// Value of the bytes of a sample by the standard.
 fn defined(tag: u16, low: bool, bytes: &[u8]) -> f32 {
     let four =
         |b: &[u8]| -> [u8; 4] { std::array::from_fn(|i| (i + b.len()).checked_sub(4).map_or(0, |k| b[k])) };
@@ -247,9 +247,9 @@ fn defined(tag: u16, low: bool, bytes: &[u8]) -> f32 {
 }
 
 #[test]
-fn every_layout_means_the_same_bits_in_any_block_and_behind_any_seek() {
+fn every_layout_returns_the_same_bits_for_any_block_and_seek() {
     let random = Random::new(5, "samples");
-    // Tag, bytes, valid bits, whether in the low end.
+    // Tag, bytes, valid bits, true for low-aligned.
     let layouts = [
         (1, 1, 8, false),
         (1, 2, 12, false),
@@ -263,7 +263,7 @@ fn every_layout_means_the_same_bits_in_any_block_and_behind_any_seek() {
         (3, 8, 64, false),
     ];
     for (case, (tag, container, bits, low)) in layouts.into_iter().enumerate() {
-        // More than one block of 64 KiB, and no whole number of them.
+        // More than one block of 64 KiB, and not a multiple of it.
         let frames = 70_003 / (3 * usize::from(container)) + 1;
         let body: Vec<u8> = (0..3 * frames)
             .flat_map(|n| {
@@ -280,24 +280,24 @@ fn every_layout_means_the_same_bits_in_any_block_and_behind_any_seek() {
         let file = riff(&[extensible(tag, 3, container, bits, 7), chunk(b"data", &body)]);
         let expected: Vec<u32> =
             body.chunks(usize::from(container)).map(|b| defined(tag, low, b).to_bits()).collect();
-        let (info, whole) = read_all(&file, frames).unwrap();
+        let (info, all) = read_all(&file, frames).unwrap();
         assert_eq!(info.warnings.contains(&AudioWarning::LowAligned24), low);
-        let found: Vec<u32> = whole.iter().map(|x| x.to_bits()).collect();
+        let found: Vec<u32> = all.iter().map(|x| x.to_bits()).collect();
         assert!(found == expected, "{tag} {container} {bits}");
-        assert!(read_all(&file, 977).unwrap().1 == whole, "{tag} {container} {bits}");
+        assert!(read_all(&file, 977).unwrap().1 == all, "{tag} {container} {bits}");
         let mut reader = open(&file).unwrap();
         let mut out = [0.0; 3 * 50];
         for at in [frames - 50, 1, frames / 2, 0] {
             reader.seek(at as u64).unwrap();
             assert_eq!(reader.read(&mut out).unwrap(), 50);
-            assert_eq!(out, whole[3 * at..3 * (at + 50)], "{tag} {container} {bits}");
+            assert_eq!(out, all[3 * at..3 * (at + 50)], "{tag} {container} {bits}");
         }
     }
 }
 
-/// More channels than a frame's 16-bit size can say: the header's block wraps, the bits speak.
+/// More channels than the 16-bit size of a frame allows: the block size overflows, and the bits determine the container.
 #[test]
-fn frames_wider_than_a_header_can_say_are_read() {
+fn frames_that_are_too_wide_for_the_header_are_read() {
     let channels = 40_000_u16;
     let mut format = fmt(1, 1, 4, 32);
     format[10..12].copy_from_slice(&channels.to_le_bytes());
@@ -310,7 +310,7 @@ fn frames_wider_than_a_header_can_say_are_read() {
     assert!(out.iter().enumerate().all(|(v, &x)| x == v as f32 / 8_388_608.0));
 }
 
-/// A header, then 16-bit samples that count up, without end and without memory.
+/// A header and an unlimited sequence of counting 16-bit samples, without memory.
 struct Counting {
     header: Vec<u8>,
     len: u64,
@@ -344,7 +344,7 @@ impl Seek for Counting {
 }
 
 #[test]
-fn samples_behind_four_gibibytes_are_read() {
+fn samples_after_four_gibibytes_are_read() {
     let frames = (1_u64 << 32) + 1001;
     let mut sizes = [0; 28];
     sizes[8..16].copy_from_slice(&(2 * frames).to_le_bytes());
@@ -357,7 +357,7 @@ fn samples_behind_four_gibibytes_are_read() {
     let mut reader = AudioReader::open_with(Box::new(source), limits).unwrap();
     assert_eq!((reader.info().frames, reader.info().warnings.len()), (frames, 0));
     let mut out = [0.0; 100];
-    // Bytes and then frames pass 2^32 inside the block; then the end.
+    // Byte and frame offsets exceed 2^32 inside the block; then the end.
     for (at, count) in [((1 << 31) - 50, 100), ((1 << 32) - 50, 100), (frames - 30, 30)] {
         reader.seek(at).unwrap();
         assert_eq!(reader.read(&mut out).unwrap(), count);

@@ -21,7 +21,7 @@ fn ramp(n: usize) -> Vec<f32> {
 }
 
 #[test]
-fn what_is_written_is_read_back_within_the_dither() {
+fn written_samples_are_read_back_within_the_dither() {
     for format in FORMATS {
         for channels in [1, 2, 3, 5, 8, 12] {
             let samples = ramp(channels * 501);
@@ -42,19 +42,19 @@ fn what_is_written_is_read_back_within_the_dither() {
 }
 
 #[test]
-fn blocks_of_any_size_give_the_same_file() {
+fn blocks_of_any_size_write_the_same_file() {
     let samples = ramp(2 * 3000);
     for format in FORMATS {
         let spec = WriteSpec::new(44_100, 2, format);
-        let whole = write_in_blocks(spec, &samples, 3000, u64::MAX);
+        let expected = write_in_blocks(spec, &samples, 3000, u64::MAX);
         for block in [1, 7, 64, 1000] {
-            assert!(write_in_blocks(spec, &samples, block, u64::MAX) == whole, "{format:?} {block}");
+            assert!(write_in_blocks(spec, &samples, block, u64::MAX) == expected, "{format:?} {block}");
         }
     }
 }
 
 #[test]
-fn hound_reads_what_is_written() {
+fn hound_reads_written_files() {
     for format in FORMATS {
         for channels in [1, 2, 6] {
             let samples = ramp(channels * 101);
@@ -106,7 +106,7 @@ fn samples_beyond_full_scale_are_clamped_and_counted() {
     assert_eq!((read_all(&file, 9).unwrap().1, info.clipped), (samples.to_vec(), 2));
 }
 
-/// Triangular dither makes the mean error zero and its variance a quarter step squared, whatever the level.
+/// Triangular dither makes the mean error 0 and its variance a quarter of a squared step at any level.
 #[test]
 fn dither_makes_the_error_independent_of_the_signal() {
     for level in [0.0, 0.25, 0.5, 0.8] {
@@ -128,7 +128,7 @@ fn dither_makes_the_error_independent_of_the_signal() {
 }
 
 #[test]
-fn channels_and_seeds_have_their_own_dither() {
+fn channels_and_seeds_have_different_dither() {
     let silence = [0.0; 2000];
     let file = |seed| {
         let dither = Dither::Triangular(Random::new(seed, "out"));
@@ -141,7 +141,7 @@ fn channels_and_seeds_have_their_own_dither() {
 }
 
 #[test]
-fn an_unfinished_file_reads_to_its_end() {
+fn an_unfinished_file_is_read_to_its_end() {
     let mut file = Cursor::new(Vec::new());
     let mut writer = AudioWriter::new(&mut file, WriteSpec::new(8000, 1, WriteFormat::Float32)).unwrap();
     writer.write(&[0.5; 10]).unwrap();
@@ -150,7 +150,7 @@ fn an_unfinished_file_reads_to_its_end() {
 }
 
 #[test]
-fn wrong_specs_and_samples_are_errors() {
+fn invalid_specs_and_samples_are_errors() {
     let new = |rate, channels| {
         AudioWriter::new(Cursor::new(Vec::new()), WriteSpec::new(rate, channels, WriteFormat::Pcm24))
     };

@@ -360,7 +360,7 @@ fn filtered(rng: &mut Rng, n: usize, scatter: f64) -> Vec<f32> {
             out.push((*x + scatter * rng.between(-1.0, 1.0)) as f32);
         }
     }
-    crate::feature::TemporalFilter::new(&[20.0, 50.0, 10.0], false).stretch(&out)
+    crate::feature::TemporalFilter::new(&[20.0, 50.0, 10.0], false).process_segment(&out)
 }
 
 #[test]

@@ -117,7 +117,7 @@ fn damaged_bytes_do_not_panic() {
         let mut inbox = hub.open_frames("sheet", 6).unwrap();
         let _ = read(&bytes, &hub);
         inbox.latest(Tick::MAX, &mut shown);
-        assert!(shown.iter().all(|x| x.abs() <= FARTHEST), "{seed}: {shown:?}");
+        assert!(shown.iter().all(|x| x.abs() <= MAX_COORDINATE), "{seed}: {shown:?}");
     }
     assert!(hub.malformed.load(Relaxed) > 1000 && hub.delivered.load(Relaxed) > 1000);
 }

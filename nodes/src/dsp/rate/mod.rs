@@ -1,0 +1,4 @@
+//! Sample rate conversion.
+
+pub mod resample;
+pub mod resampler;

@@ -1,0 +1,11 @@
+//! Sources of audio and of triggers, as functions of the sample index.
+
+pub mod impulses;
+pub mod metronome;
+pub mod noise;
+pub mod noise_generator;
+pub mod oscillator;
+pub mod output;
+pub mod sweep;
+pub mod tone;
+pub mod trigger;

@@ -1,0 +1,243 @@
+//! Mel band energies and mel cepstrum of one unit of sound.
+
+use realfft::num_complex::Complex;
+use realfft::{RealFftPlanner, RealToComplex};
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+use super::conventions::{BandShape, FeatureConventions, FeatureWindow, LogScale, MelScale};
+
+impl MelScale {
+    /// Converts a frequency in hertz to the scale.
+    #[must_use]
+    pub fn mel(self, f: f64) -> f64 {
+        match self {
+            Self::Htk => 2595.0 * (1.0 + f / 700.0).log10(),
+            Self::Slaney if f < 1000.0 => f * 3.0 / 200.0,
+            Self::Slaney => 15.0 + (f / 1000.0).ln() * 27.0 / 6.4_f64.ln(),
+        }
+    }
+
+    /// Converts a value on the scale to a frequency in hertz.
+    #[must_use]
+    pub fn hz(self, mel: f64) -> f64 {
+        match self {
+            Self::Htk => 700.0 * (10f64.powf(mel / 2595.0) - 1.0),
+            Self::Slaney if mel < 15.0 => mel * 200.0 / 3.0,
+            Self::Slaney => 1000.0 * ((mel - 15.0) * 6.4_f64.ln() / 27.0).exp(),
+        }
+    }
+
+    /// Returns `count + 1` frequencies from `low` to `high`, equally spaced on the scale.
+    #[must_use]
+    pub fn edges(self, low: f64, high: f64, count: usize) -> Vec<f64> {
+        let (from, to) = (self.mel(low), self.mel(high));
+        let mut edges: Vec<f64> =
+            (0..=count).map(|k| self.hz(from + (to - from) * k as f64 / count.max(1) as f64)).collect();
+        // The ends are exact.
+        edges[0] = low;
+        edges[count] = high;
+        edges
+    }
+}
+
+impl FeatureWindow {
+    /// Returns the samples of the window.
+    #[must_use]
+    pub fn samples(self, frame: usize) -> Vec<f64> {
+        let position = |i: usize| (i as f64 + 0.5) / frame as f64;
+        match self {
+            Self::Sine2 => (0..frame).map(|i| (PI * position(i)).sin()).collect(),
+            Self::Rect => vec![1.0; frame],
+            // Periodic, for spectral analysis.
+            Self::Hann => {
+                (0..frame).map(|i| 0.5 - 0.5 * (2.0 * PI * i as f64 / frame as f64).cos()).collect()
+            }
+        }
+    }
+}
+
+/// One band: weights of adjacent bins.
+#[derive(Clone, Debug, PartialEq)]
+struct Band {
+    first: usize,
+    weights: Vec<f64>,
+}
+
+/// Returns the weights of the bins of a spectrum in each band.
+fn bands(c: &FeatureConventions, length: usize) -> Vec<Band> {
+    let (count, rate) = (c.bands as usize, c.rate.as_f64());
+    let (bins, df) = (length / 2 + 1, rate / length as f64);
+    match c.shape {
+        BandShape::Rectangular => {
+            let edges = c.mel.edges(c.f_lo, c.f_hi, count);
+            edges.windows(2).map(|e| sparse((0..bins).map(|k| share(k, df, rate, e[0], e[1])))).collect()
+        }
+        BandShape::Triangular | BandShape::TriangularArea => {
+            let edges = c.mel.edges(c.f_lo, c.f_hi, count + 1);
+            let scale = |e: &[f64]| match c.shape {
+                BandShape::TriangularArea => 2.0 / (e[2] - e[0]),
+                _ => 1.0,
+            };
+            let at =
+                |f: f64, e: &[f64]| ((f - e[0]) / (e[1] - e[0])).min((e[2] - f) / (e[2] - e[1])).max(0.0);
+            edges.windows(3).map(|e| sparse((0..bins).map(|k| scale(e) * at(k as f64 * df, e)))).collect()
+        }
+    }
+}
+
+/// Returns the share of bin `k`, from half a bin below to half a bin above its centre, that lies in a band.
+fn share(k: usize, df: f64, rate: f64, low: f64, high: f64) -> f64 {
+    let from = ((k as f64 - 0.5) * df).max(0.0);
+    let to = ((k as f64 + 0.5) * df).min(rate / 2.0);
+    ((to.min(high) - from.max(low)) / (to - from)).max(0.0)
+}
+
+/// Returns the range of non-zero weights.
+fn sparse(weights: impl Iterator<Item = f64>) -> Band {
+    let all: Vec<f64> = weights.collect();
+    let first = all.iter().position(|w| *w > 0.0).unwrap_or(0);
+    let end = all.iter().rposition(|w| *w > 0.0).map_or(first, |last| last + 1);
+    Band { first, weights: all[first..end].to_vec() }
+}
+
+/// Computes the mel cepstrum of the samples of one unit.
+///
+/// # Complexity
+/// One real FFT in f64, of the length of the window rounded up to a power of two. In f32, loud bands would mask quiet ones.
+///
+/// # Source
+/// An, James and Marschner (SIGGRAPH 2012), section 4.2; Davis and Mermelstein (1980) for the cepstrum. Rectangular bands
+/// count every frequency once; their energies are the mean squares of the unit within the band.
+///
+/// # Example
+/// ```
+/// use foley_nodes::core::time::Rate;
+/// use foley_nodes::feature::{FeatureConventions, MelCepstrum};
+/// let mut cepstrum = MelCepstrum::new(&FeatureConventions::cloth(Rate::hz(96_000), 400), 1e-10);
+/// let mut features = [0.0; 3];
+/// cepstrum.process(&[0.0; 800], &mut features);
+/// // Silence is at the floor in every band.
+/// assert!((features[0] - 3f32.sqrt() * 1e-10f32.ln()).abs() < 1e-4 && features[1].abs() < 1e-4);
+/// ```
+#[derive(Clone)]
+pub struct MelCepstrum {
+    window: Vec<f64>,
+    bands: Vec<Band>,
+    /// `[n, bands]`.
+    cosines: Vec<f64>,
+    log: LogScale,
+    floor: f64,
+    fft: Arc<dyn RealToComplex<f64>>,
+    /// Scale of a squared magnitude; half of it for DC and Nyquist.
+    scale: f64,
+    samples: Vec<f64>,
+    spectrum: Vec<Complex<f64>>,
+    power: Vec<f64>,
+    scratch: Vec<Complex<f64>>,
+    energies: Vec<f64>,
+}
+
+impl std::fmt::Debug for MelCepstrum {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "MelCepstrum({} bands of {} samples)", self.bands.len(), self.window.len())
+    }
+}
+
+impl MelCepstrum {
+    /// Plans the transform. `floor` is the lowest energy of a band, as mean square relative to full scale.
+    #[must_use]
+    pub fn new(c: &FeatureConventions, floor: f64) -> Self {
+        let frame = c.frame.max(1) as usize;
+        // The transform needs at least two samples.
+        let length = frame.next_power_of_two().max(2);
+        let fft = RealFftPlanner::new().plan_fft_forward(length);
+        let window = c.window.samples(frame);
+        let energy: f64 = window.iter().map(|w| w * w).sum();
+        Self {
+            bands: bands(c, length),
+            cosines: cosines(c.first as usize, c.n as usize, c.bands as usize),
+            log: c.log,
+            floor: floor.max(f64::MIN_POSITIVE),
+            samples: vec![0.0; length],
+            spectrum: fft.make_output_vec(),
+            power: vec![0.0; length / 2 + 1],
+            scratch: fft.make_scratch_vec(),
+            energies: vec![0.0; c.bands as usize],
+            scale: 2.0 / (length as f64 * energy.max(f64::MIN_POSITIVE)),
+            window,
+            fft,
+        }
+    }
+
+    /// Sets the lowest energy of a band.
+    pub fn set_floor(&mut self, floor: f64) {
+        self.floor = floor.max(f64::MIN_POSITIVE);
+    }
+
+    /// Returns the mean natural logarithm of the band energies of the last processed unit.
+    #[must_use]
+    pub fn level(&self) -> f64 {
+        let per_neper = match self.log {
+            LogScale::Natural => 1.0,
+            LogScale::Decibel => 10.0 / std::f64::consts::LN_10,
+        };
+        self.energies.iter().sum::<f64>() / (self.energies.len().max(1) as f64 * per_neper)
+    }
+
+    /// Returns the length of the window in samples, which is centred on the unit.
+    #[must_use]
+    pub fn frame(&self) -> usize {
+        self.window.len()
+    }
+
+    /// Returns the mean square of the windowed samples in each band.
+    pub fn energies(&mut self, frame: &[f32]) -> &[f64] {
+        self.samples.fill(0.0);
+        for ((out, &x), w) in self.samples.iter_mut().zip(frame).zip(&self.window) {
+            *out = f64::from(x) * w;
+        }
+        // The transform fails only for buffers of other lengths than planned.
+        let done = self.fft.process_with_scratch(&mut self.samples, &mut self.spectrum, &mut self.scratch);
+        debug_assert!(done.is_ok());
+        for (power, x) in self.power.iter_mut().zip(&self.spectrum) {
+            *power = self.scale * x.norm_sqr();
+        }
+        let last = self.power.len() - 1;
+        self.power[0] *= 0.5;
+        self.power[last] *= 0.5;
+        for (energy, band) in self.energies.iter_mut().zip(&self.bands) {
+            let bins = &self.power[band.first..band.first + band.weights.len()];
+            *energy = bins.iter().zip(&band.weights).map(|(p, w)| p * w).sum();
+        }
+        &self.energies
+    }
+
+    /// Writes the cepstral coefficients of one unit.
+    pub fn process(&mut self, frame: &[f32], out: &mut [f32]) {
+        self.energies(frame);
+        let (floor, log) = (self.floor, self.log);
+        for energy in &mut self.energies {
+            let floored = energy.max(floor);
+            *energy = match log {
+                LogScale::Natural => floored.ln(),
+                LogScale::Decibel => 10.0 * floored.log10(),
+            };
+        }
+        for (out, row) in out.iter_mut().zip(self.cosines.chunks_exact(self.energies.len())) {
+            *out = row.iter().zip(&self.energies).map(|(c, e)| c * e).sum::<f64>() as f32;
+        }
+    }
+}
+
+/// Returns rows `first..first + count` of the orthonormal DCT-II of `size` points.
+fn cosines(first: usize, count: usize, size: usize) -> Vec<f64> {
+    let row = |k: usize| {
+        let scale = if k == 0 { 1.0 } else { 2.0_f64 } / size as f64;
+        (0..size).map(move |b| scale.sqrt() * (PI * k as f64 * (b as f64 + 0.5) / size as f64).cos())
+    };
+    (first..first + count).flat_map(row).collect()
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,102 @@
+//! Parameters of inverse Fourier transform noise.
+
+use serde::{Deserialize, Serialize};
+
+use super::window::Window;
+use crate::choices;
+use crate::friction::model::Gain;
+
+/// Magnitude of a bin around its expected value.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Magnitude {
+    /// The expected value.
+    #[default]
+    Fixed,
+    /// Rayleigh distributed, as in Gaussian noise.
+    Rayleigh,
+}
+
+choices! { @param Magnitude {
+    /// Every bin has the magnitude of the model, as in the paper.
+    Fixed,
+    /// Magnitudes are Rayleigh distributed around that of the model, as in Gaussian noise.
+    Rayleigh,
+} }
+
+/// Grouping of vertices into sound sources.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Emitters {
+    /// Vertices in one cell of a grid share phases. Without positions all vertices share phases.
+    Clustered {
+        /// Maximum number of clusters.
+        max: usize,
+        /// Edge length of a cell, in metres.
+        cell: f32,
+    },
+    /// Every vertex has phases of its own: the slow reference.
+    PerVertex,
+}
+
+impl Default for Emitters {
+    fn default() -> Self {
+        Self::Clustered { max: 64, cell: 0.1 }
+    }
+}
+
+choices! {
+    /// Grouping of vertices into sound sources.
+    pub enum EmitterKind {
+        /// The powers of the vertices of a cluster are added before phases are drawn: one transform per clip. For
+        /// `IftNoise`, which has no positions, all vertices are one cluster.
+        Clustered,
+        /// Every vertex has phases of its own: the slow reference.
+        PerVertex,
+    }
+}
+
+/// Level of a vertex as a function of its area.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum AreaWeight {
+    /// Power in proportion to area: the level does not depend on the resolution of the mesh.
+    #[default]
+    Sqrt,
+    /// Independent of area.
+    None,
+}
+
+choices! { @param AreaWeight {
+    /// Power in proportion to the area of a vertex: the level does not depend on the resolution of the mesh.
+    Sqrt,
+    /// Independent of area, as in the paper: four times the vertices are 6 dB louder.
+    None,
+} }
+
+/// Parameters of [`IftNoise`].
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct IftNoiseParams {
+    /// Length of a clip in seconds, rounded to an even number of samples.
+    pub clip: f64,
+    /// Crossfade between clips.
+    pub window: Window,
+    /// Magnitude of a bin around its expected value.
+    pub magnitude: Magnitude,
+    /// Grouping of vertices into sound sources.
+    pub emitters: Emitters,
+    /// Level of a vertex as a function of its area.
+    pub area_weight: AreaWeight,
+    /// Level of spectra between measured speeds.
+    pub gain: Gain,
+}
+
+impl Default for IftNoiseParams {
+    fn default() -> Self {
+        Self {
+            clip: 0.050,
+            window: Window::default(),
+            magnitude: Magnitude::default(),
+            emitters: Emitters::default(),
+            area_weight: AreaWeight::default(),
+            gain: Gain::default(),
+        }
+    }
+}

@@ -1,0 +1,88 @@
+//! Recordings that nodes load as a whole: checks, warnings and trial files.
+
+use super::{AudioInfo, AudioWriter, ReadSeek, WriteFormat, WriteSpec};
+use crate::core::fault::Reject;
+use crate::core::node::Summary;
+use crate::core::params::AssetPath;
+use crate::core::shape::Shape;
+
+/// Checks each recording of a list that a node loads: reports errors, notes warnings and reserves memory.
+pub(crate) fn check_recordings<P>(
+    s: &mut Shape<'_, '_, P>,
+    list: &str,
+    paths: &[AssetPath],
+    open: impl Fn(&str, Box<dyn ReadSeek + '_>) -> Result<AudioInfo, Reject>,
+) {
+    for (k, AssetPath(path)) in paths.iter().enumerate() {
+        let field = format!("{list}[{k}]");
+        let opened = s.open(&field, path).and_then(|file| open(path, file));
+        let Some(info) = s.check(opened.map_err(|reject| reject.at(&field))) else { continue };
+        let reserved = s.hold(&field, path, info.analysis_bytes());
+        if s.check(reserved).is_none() {
+            // The memory limit is reached: the following recordings would exceed it too.
+            break;
+        }
+        info.warning_texts(path).for_each(|text| s.note(text));
+    }
+}
+
+/// Bytes of a mono WAV for trials of nodes that read one; empty if it cannot be written.
+pub(crate) fn trial_wav(samples: &[f32], rate: u32) -> Vec<u8> {
+    let mut file = std::io::Cursor::new(Vec::new());
+    let spec = WriteSpec::new(rate, 1, WriteFormat::Float32);
+    let written = AudioWriter::new(&mut file, spec).and_then(|mut writer| {
+        writer.write(samples)?;
+        writer.finish()
+    });
+    if written.is_ok() { file.into_inner() } else { Vec::new() }
+}
+
+/// Fraction of the power of a recording in its mean above which a warning appears.
+const MAX_DC_FRACTION: f64 = 0.1;
+
+/// Warnings about a recording that has been read: corrupt packets, and a constant offset.
+pub(crate) fn recording_warnings(path: &str, info: &AudioInfo, samples: &[f32]) -> Summary {
+    let n = samples.len().max(1) as f64;
+    let mean = samples.iter().map(|&x| f64::from(x)).sum::<f64>() / n;
+    let power = samples.iter().map(|&x| f64::from(x) * f64::from(x)).sum::<f64>() / n;
+    let dc_fraction = if power > 0.0 { mean * mean / power } else { 0.0 };
+    let offset = (dc_fraction > MAX_DC_FRACTION).then(|| {
+        let percent = 100.0 * dc_fraction;
+        format!(
+            "{path:?}: {percent:.0} % of the power is a constant offset of {mean:.3}, which is inaudible but distorts every analysis: \
+             remove the DC offset first"
+        )
+    });
+    let corrupt = info.corrupt_packets().map(|warning| format!("{path:?}: {warning}"));
+    corrupt.into_iter().chain(offset).map(|text| ("warning", text.into())).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::io::{AudioWarning, FileFormat, SampleFormat};
+
+    #[test]
+    fn a_constant_offset_and_corrupt_packets_are_warnings() {
+        let info = AudioInfo {
+            format: FileFormat::Flac,
+            rate: 8000,
+            channels: 1,
+            frames: 4,
+            sample_format: SampleFormat::Int { bits: 16 },
+            channel_mask: None,
+            warnings: vec![AudioWarning::NoEnd],
+        };
+        let texts = |info: &AudioInfo, samples: &[f32]| -> Vec<String> {
+            recording_warnings("a.flac", info, samples).iter().map(|(_, text)| text.to_string()).collect()
+        };
+        assert!(texts(&info, &[0.5, -0.5, 0.5, -0.4]).is_empty());
+        assert!(texts(&info, &[]).is_empty() && texts(&info, &[0.0; 4]).is_empty());
+        let found = texts(&info, &[0.3, 0.3, 0.3, 0.3]);
+        assert!(found.len() == 1 && found[0].contains("100 %") && found[0].contains("0.300"), "{found:?}");
+        let lost = AudioInfo { warnings: vec![AudioWarning::CorruptPackets { packets: 2 }], ..info };
+        let found = texts(&lost, &[0.5, -0.5]);
+        assert!(found.len() == 1 && found[0].contains("2 packets"), "{found:?}");
+        assert_eq!(lost.warning_texts("a.flac").count(), 1);
+    }
+}

@@ -1,0 +1,26 @@
+//! File formats, each with one reader that opens a [`MeshStream`](super::MeshStream).
+
+mod affine;
+pub mod alembic;
+mod bytes;
+#[cfg(test)]
+mod fuzz;
+pub mod gltf;
+mod obj;
+mod obj_sequence;
+mod point_cache;
+
+use super::clip::{self, FrameReader, MeshClip, MeshLimits, MeshStream, ReadOptions};
+use super::topology::{Materials, Topology, Triangulator};
+use super::{MeshError, ReadSeek};
+pub use obj::ObjMesh;
+pub use obj_sequence::{OpenFrame, open_obj_sequence};
+pub use point_cache::{open_mdd, open_pc2};
+
+#[cfg(test)]
+pub(super) mod test_files {
+    //! Small files of each format for the tests of the readers and of `MeshSequence`.
+
+    pub(in crate::mesh) use super::gltf::tests::{asset, floats};
+    pub(in crate::mesh) use super::point_cache::tests::{mdd, pc2};
+}

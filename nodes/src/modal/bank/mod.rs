@@ -1,0 +1,6 @@
+//! The modal bank: damped sines in parallel.
+
+mod coefficients;
+mod kernel;
+pub mod modal_bank;
+pub mod resonators;

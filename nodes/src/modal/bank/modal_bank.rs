@@ -1,0 +1,252 @@
+//! The modal bank, as a node.
+
+use super::resonators::Bank;
+use crate::core::fault::{Fault, Reject};
+use crate::core::files::MemoryFiles;
+use crate::core::item::Channels;
+use crate::core::node::{Class, Node, Retune, Summary, same_rate};
+use crate::core::params::Params;
+use crate::core::ports::{Many, Stream, Value};
+use crate::core::random::Rng;
+use crate::core::shape::{Build, Ends, Incoming, Shape};
+use crate::core::time::{Rate, ticks};
+use crate::dsp::{Gain, db_to_linear, linear_to_db, ramp_frames};
+use crate::modal::mode::modes::Modes;
+use crate::{archive_state, params, ports};
+
+params! {
+    /// Rings the modes of an object under forces.
+    ///
+    /// The response of a mode to an impulse is a damped sine, exact at any frequency; thousands of modes run at once. A mono force
+    /// acts at its contact point in `points`, or at point 0 if it has none there. A force of several channels acts with channel 0
+    /// at point 0, and so on. All forces add up.
+    ///
+    /// Modes at or above 0.49 of the sample rate are left out, and so are modes that are weaker than the strongest by more than
+    /// `cull` at every contact point; the summary counts them. For a distant object a second bank with a `cull` of -40 dB is enough.
+    /// A mode that has fallen below `floor` is silent until the next force. `gain`, `damping` and `pitch` can be changed while it
+    /// rings: they are reached in 10 ms. A link to `damping` replaces the number: it multiplies the dampings over time, by one
+    /// factor for all modes or by one channel for each mode. It is read at every 64th sample and may have any rate.
+    ///
+    /// # Source
+    /// Picard, Tsingos and Faure (VRIPHYS 2008), section 5; Sterling, Rewkowski, Klatzky and Lin, "Audio-Material Reconstruction
+    /// for Virtualized Reality Using a Probabilistic Damping Model" (IEEE TVCG 2019).
+    pub struct ModalBankParams {
+        /// Factor of the sound; gains of modes are full scale per N s.
+        gain: f32 = 1.0, unit "", range -1_000_000.0..=1_000_000.0_f32;
+        /// Level change in addition to `gain`.
+        db: f32 = 0.0, unit "dB", range -120.0..=120.0_f32;
+        /// Factor of all dampings: above 1 for a shorter decay.
+        damping: f64 = 1.0, unit "", range 0.001..=1000.0;
+        /// Factor of all frequencies: 0.5 for an object of twice the size.
+        pitch: f64 = 1.0, unit "", range 0.01..=100.0;
+        /// Contact point of each mono force, in the order of the links.
+        points: Vec<u16> = Vec::new(), unit "", range 0..=65_535_u16;
+        /// Level below which a mode is silent.
+        floor: f64 = -140.0, unit "dB", range -300.0..=-60.0;
+        /// Gain relative to the strongest mode below which a mode is left out.
+        cull: f64 = -80.0, unit "dB", range -300.0..=0.0;
+        /// Time for which the modes still ring after the end of the last force.
+        tail: f64 = 3.0, unit "s", range 0.0..=3600.0;
+    }
+}
+ports! {
+    pub struct ModalBankPorts / ModalBankIo {
+        in {
+            /// Forces in N, at the sample rate of the sound.
+            forces: Many<Stream<f32>>,
+            /// The modes of the object.
+            modes: Value<Modes>,
+            /// Factor of the dampings over time.
+            damping: Option<Stream<f32>>,
+        }
+        out {
+            /// The sound, mono.
+            audio: Stream<f32>,
+        }
+    }
+}
+
+/// The node `ModalBank`.
+#[derive(Debug)]
+pub struct ModalBankNode {
+    bank: Bank,
+    gain: Gain,
+    params: ModalBankParams,
+    rate: Rate,
+    /// Samples of force per second: a force of 1 N for one sample is an impulse of 1 / rate.
+    per_sample: f32,
+    modes: usize,
+    /// True if a link replaces the number of `damping`.
+    linked: bool,
+}
+
+fn reject(e: impl std::fmt::Display) -> Reject {
+    Reject::new("F078", e.to_string()).at("modes")
+}
+
+fn factor(p: &ModalBankParams) -> f64 {
+    f64::from(p.gain) * db_to_linear(p.db.into())
+}
+
+/// Errors for forces and dampings that do not fit the modes.
+fn mismatches<'a>(
+    p: &'a ModalBankParams,
+    forces: &'a [Incoming<f32>],
+    damping: Option<&'a Incoming<f32>>,
+    modes: &'a Modes,
+) -> impl Iterator<Item = Reject> + 'a {
+    let points = modes.points();
+    let beyond_points = move |(k, force): (usize, &Incoming<f32>)| {
+        let Channels(channels) = force.format;
+        let point = p.points.get(k).copied().unwrap_or(0);
+        let (last, field) =
+            if channels == 1 { (point, "points".into()) } else { (channels - 1, format!("forces[{k}]")) };
+        let message =
+            format!("force {k} acts at contact point {last}; the modes have {points}, counted from 0");
+        (usize::from(last) >= points).then(|| Reject::new("F078", message).at(field))
+    };
+    let width = damping.map(|damping| usize::from(damping.format.0));
+    let wide = width.filter(|n| *n != 1 && *n != modes.len()).map(|n| {
+        let message = format!("`damping` has {n} channels for {} modes", modes.len());
+        Reject::new("F046", message).at("damping").help("one channel, or one for each mode")
+    });
+    forces.iter().enumerate().filter_map(beyond_points).chain(wide)
+}
+
+impl ModalBankNode {
+    fn set_floor(&mut self) {
+        // The floor is a level of the output, but a small gain must not stop the modes earlier.
+        let gain = factor(&self.params).abs().max(1.0);
+        self.bank.set_floor(self.params.floor - linear_to_db(gain));
+    }
+}
+
+impl Node for ModalBankNode {
+    type Params = ModalBankParams;
+    type Ports = ModalBankPorts;
+    const NAME: &'static str = "ModalBank";
+    const VERSION: u32 = 2;
+    const CLASS: Class = Class::Audio;
+    const COST: f64 = 3.0;
+
+    fn shape(p: &ModalBankParams, s: &mut Shape<'_, '_, ModalBankPorts>) -> Result<(), Reject> {
+        let forces = s.many(ModalBankPorts::forces);
+        let Some(first) = forces.first() else {
+            return Err(Reject::new("F078", "there is no force").at("forces"));
+        };
+        for (k, force) in forces.iter().enumerate() {
+            s.check(same_rate(&format!("forces[{k}]"), force.rate, "`forces[0]`", first.rate));
+        }
+        if let Some(modes) = s.value(ModalBankPorts::modes) {
+            modes.validate().map_err(reject)?;
+            let damping = s.optional(ModalBankPorts::damping);
+            mismatches(p, &forces, damping.as_ref(), &modes).for_each(|found| s.wrong(found));
+            let dropped = Bank::culled(&modes, first.rate.as_f64(), p.cull).map_err(reject)?.dropped();
+            if dropped > 0 {
+                let (n, rate) = (modes.len(), first.rate);
+                s.note(format!("{dropped} of {n} modes lie above 0.49 of {rate} and are left out"));
+            }
+        }
+        // A damping that lasts longer must not extend the output.
+        let end = forces.iter().map(|force| force.end).try_fold(0, |end, e| e.map(|e| end.max(e)));
+        s.ends(end);
+        s.tail(ticks(p.tail));
+        s.lookaround(ModalBankPorts::damping, 1, 0);
+        s.when_ended(ModalBankPorts::damping, Ends::Hold);
+        s.output(ModalBankPorts::audio, first.rate, Channels(1));
+        Ok(())
+    }
+
+    fn build(p: &ModalBankParams, cx: &Build<'_>) -> Result<Self, Fault> {
+        let modes = cx.value(ModalBankPorts::modes);
+        let (forces, damping) = (cx.many(ModalBankPorts::forces), cx.optional(ModalBankPorts::damping));
+        modes.validate().map_err(reject)?;
+        if let Some(found) = mismatches(p, &forces, damping.as_ref(), &modes).next() {
+            return Err(found.into());
+        }
+        let rate = cx.output(ModalBankPorts::audio).rate;
+        let mut bank = Bank::culled(&modes, rate.as_f64(), p.cull).map_err(reject)?;
+        let linked = damping.is_some();
+        bank.start(if linked { 1.0 } else { p.damping }, p.pitch, ramp_frames(rate));
+        let gain = Gain::new(factor(p), ramp_frames(rate), 1);
+        let per_sample = (1.0 / rate.as_f64()) as f32;
+        let mut node = Self { bank, gain, params: p.clone(), rate, per_sample, modes: modes.len(), linked };
+        node.set_floor();
+        Ok(node)
+    }
+
+    fn run(&mut self, mut io: ModalBankIo<'_>) -> Result<(), Fault> {
+        let first = io.audio.first();
+        self.bank.align(first);
+        let out = io.audio.items();
+        let mut at = 0;
+        while at < out.len() {
+            if let Some(damping) = io.damping.as_ref().filter(|_| self.bank.at_grid()) {
+                let now = self.rate.tick(first + at as i64);
+                // The latest factor, or the one before the window.
+                let index = damping.rate().first_at(now + 1) - 1 - damping.first();
+                self.bank.damp(damping.item(index.max(-1) as isize));
+            }
+            let n = self.bank.until_grid().min(out.len() - at);
+            for (k, force) in io.forces.iter().enumerate() {
+                let width = force.width().max(1);
+                let frames = force.items().get(at * width..(at + n) * width).unwrap_or_default();
+                let point = self.params.points.get(k).filter(|_| width == 1).copied().unwrap_or(0);
+                for channel in 0..width {
+                    let sum = self.bank.force(usize::from(point) + channel);
+                    for (sum, frame) in sum.iter_mut().zip(frames.chunks_exact(width)) {
+                        *sum += frame[channel] * self.per_sample;
+                    }
+                }
+            }
+            self.bank.advance(&mut out[at..at + n]);
+            at += n;
+        }
+        self.gain.process(out);
+        Ok(())
+    }
+
+    fn finish(&mut self, _: ModalBankIo<'_>) -> Result<Summary, Fault> {
+        let mut summary = vec![("modes", (self.modes - self.bank.dropped() - self.bank.faint()).into())];
+        if self.bank.dropped() > 0 {
+            summary.push(("modes_left_out", self.bank.dropped().into()));
+        }
+        if self.bank.faint() > 0 {
+            summary.push(("modes_too_weak", self.bank.faint().into()));
+        }
+        if self.bank.diverged() > 0 {
+            summary.push(("modes_stopped_that_grew_beyond_bounds", self.bank.diverged().into()));
+        }
+        Ok(summary)
+    }
+
+    fn retune(&mut self, new: &ModalBankParams) -> Retune {
+        let same = (new.tail, new.cull) == (self.params.tail, self.params.cull);
+        if new.points != self.params.points || !same {
+            return Retune::Rebuild;
+        }
+        // Cloning the list would allocate.
+        self.params = ModalBankParams { points: std::mem::take(&mut self.params.points), ..*new };
+        self.gain.set_target(factor(new));
+        self.bank.glide(if self.linked { 1.0 } else { new.damping }, new.pitch);
+        self.set_floor();
+        Retune::Done
+    }
+
+    fn adopt(&mut self, old: &mut Self) {
+        self.gain.start_from(old.gain.current());
+        self.bank.take_state(&old.bank);
+    }
+
+    archive_state!(bank, gain);
+
+    fn trial(rng: &mut Rng) -> (ModalBankParams, MemoryFiles) {
+        let params = ModalBankParams::trial(rng);
+        let points = (0..rng.below(2)).map(|_| rng.below(3) as u16).collect();
+        let tail = rng.between(0.0, 2.0);
+        (ModalBankParams { points, tail, ..params }, MemoryFiles::default())
+    }
+}
+
+#[cfg(test)]
+mod tests;

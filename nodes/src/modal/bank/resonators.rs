@@ -1,0 +1,345 @@
+//! The modal bank: many modes, several forces, time-varying damping.
+
+use super::coefficients::{Group, MAX_FREQUENCY, audible};
+use super::kernel::{self, Forces, GRID, InputGain, LANES, Lanes};
+use crate::dsp::{Gain, db_to_linear};
+use crate::impl_state;
+use crate::modal::mode::modes::{Modes, ModesError};
+use fearless_simd::{Level, dispatch};
+
+/// Squared magnitude below which a mode is set to zero even under a force. It lies far above the denormal numbers, which are
+/// a hundred times slower.
+const MIN_POWER: f32 = 1e-30;
+/// Squared magnitude above which a mode has diverged, by forces that are not finite or close to it.
+const MAX_POWER: f32 = 1e30;
+
+/// The resonators of one object.
+///
+/// Each mode is one complex number `z`. Every sample rotates and shrinks it, `z <- z exp((-d + 2 pi i f)/fs)`, and the force
+/// at each contact point adds `g exp(i phase)` times its value. The output is the sum of the imaginary parts. This is the exact
+/// response to a train of impulses, at any frequency and damping. The state stays valid when damping or frequency
+/// change; changes take effect at every 64th sample.
+///
+/// A decayed mode is set to zero, and vectors of modes at zero cost nothing until the next force. The output does not depend on
+/// how the samples are divided into calls, bit for bit.
+///
+/// # Complexity
+/// O(sounding modes) per sample.
+///
+/// # Source
+/// The recursion is the coupled form (Gold and Rader 1969). In single precision the two-pole form fails at low frequencies, where
+/// its coefficients lose digits.
+///
+/// # Example
+/// ```
+/// use foley_nodes::modal::{Bank, Modes};
+///
+/// let bell = Modes::new("bell", vec![440.0, 1210.0], vec![3.0, 5.0], vec![1.0, 0.5])?;
+/// let mut bank = Bank::new(&bell, 44_100.0)?;
+/// let (mut force, mut sound) = ([0.0; 4410], [0.0; 4410]);
+/// force[0] = 0.2;
+/// bank.process(&force, &mut sound);
+/// assert!(sound.iter().any(|x| x.abs() > 0.1));
+/// # Ok::<(), foley_nodes::modal::ModesError>(())
+/// ```
+#[derive(Debug)]
+pub struct Bank {
+    level: Level,
+    /// Indices of the modes in the object.
+    indices: Vec<usize>,
+    groups: Vec<Group>,
+    /// Modes of the object, including those left out.
+    total: usize,
+    /// Modes that are too high for the sample rate.
+    high: usize,
+    lanes: Vec<Lanes>,
+    awake: Vec<bool>,
+    /// `[vectors, points]`.
+    gains: Vec<InputGain>,
+    forces: Vec<[f32; GRID]>,
+    active: Vec<usize>,
+    /// Position in the current grid interval.
+    phase: usize,
+    /// True if there was no force since the last grid point.
+    quiet: bool,
+    /// Squared magnitude at which a mode without force counts as silent.
+    floor: f32,
+    damping: Gain,
+    pitch: Gain,
+    /// True if the coefficients are out of date.
+    stale: bool,
+    /// Modes that diverged and were set to zero.
+    diverged: u64,
+}
+impl_state!(Bank { groups, lanes, awake, phase, quiet, damping, pitch, stale, diverged });
+
+impl Bank {
+    /// A bank at rest, at a sample rate in Hz.
+    ///
+    /// Modes at or above 0.49 of the rate are left out: see [`dropped`](Self::dropped).
+    ///
+    /// # Errors
+    /// As [`Modes::validate`].
+    pub fn new(modes: &Modes, rate: f64) -> Result<Self, ModesError> {
+        Self::culled(modes, rate, f64::NEG_INFINITY)
+    }
+
+    /// A bank without the modes that are more than `-cull` dB weaker than the strongest mode, at every contact point.
+    ///
+    /// # Errors
+    /// As [`Modes::validate`].
+    pub fn culled(modes: &Modes, rate: f64, cull: f64) -> Result<Self, ModesError> {
+        modes.validate()?;
+        let min_gain = db_to_linear(cull);
+        let high = modes.frequencies.iter().filter(|f| **f >= MAX_FREQUENCY * rate).count();
+        let (indices, groups) = audible(modes, rate, min_gain);
+        let (vectors, points) = (groups.len(), modes.points());
+        let mut gains = vec![InputGain { re: [0.0; LANES], im: [0.0; LANES] }; vectors * points];
+        for (k, i) in indices.iter().enumerate() {
+            let phase = f64::from(modes.phases.get(*i).copied().unwrap_or(0.0));
+            let (sin, cos) = (libm::sin(phase), libm::cos(phase));
+            for point in 0..points {
+                let gain = f64::from(modes.row(point)[*i]);
+                let input = &mut gains[k / LANES * points + point];
+                (input.re[k % LANES], input.im[k % LANES]) = ((gain * cos) as f32, (gain * sin) as f32);
+            }
+        }
+        let mut bank = Self {
+            level: Level::new(),
+            total: modes.len(),
+            high,
+            lanes: vec![Lanes::SILENT; vectors],
+            awake: vec![false; vectors],
+            gains,
+            forces: vec![[0.0; GRID]; points],
+            active: Vec::with_capacity(points),
+            phase: 0,
+            quiet: true,
+            floor: 0.0,
+            damping: Gain::new(1.0, 0, 1),
+            pitch: Gain::new(1.0, 0, 1),
+            stale: true,
+            diverged: 0,
+            indices,
+            groups,
+        };
+        bank.set_floor(-140.0);
+        Ok(bank)
+    }
+
+    /// Number of modes left out because they are too high for the sample rate.
+    #[must_use]
+    pub fn dropped(&self) -> usize {
+        self.high
+    }
+
+    /// Number of modes left out because they are too weak against the strongest.
+    #[must_use]
+    pub fn faint(&self) -> usize {
+        self.total - self.high - self.indices.len()
+    }
+
+    /// Number of contact points.
+    #[must_use]
+    pub fn points(&self) -> usize {
+        self.forces.len()
+    }
+
+    /// Number of modes that diverged and were set to zero.
+    #[must_use]
+    pub fn diverged(&self) -> u64 {
+        self.diverged
+    }
+
+    /// Number of modes that sound now, rounded up to vectors of sixteen.
+    #[must_use]
+    pub fn sounding(&self) -> usize {
+        LANES * self.awake.iter().filter(|awake| **awake).count()
+    }
+
+    /// Sets the level, in dB of full scale, below which a mode without force is silent.
+    pub fn set_floor(&mut self, db: f64) {
+        self.floor = (db_to_linear(db).powi(2) as f32).max(MIN_POWER);
+    }
+
+    /// Sets factors of all dampings and frequencies at once; later changes are reached in `ramp` samples.
+    pub fn start(&mut self, damping: f64, pitch: f64, ramp: u64) {
+        let steps = ramp.div_ceil(GRID as u64);
+        self.damping = Gain::new(damping, steps, 1);
+        self.pitch = Gain::new(pitch, steps, 1);
+        self.set_pitches();
+        self.stale = true;
+    }
+
+    /// Sets the targets of the factors of all dampings and frequencies.
+    pub fn glide(&mut self, damping: f64, pitch: f64) {
+        self.damping.set_target(damping);
+        self.pitch.set_target(pitch);
+    }
+
+    /// Sets factors of the dampings from the next grid point, in addition to that of [`start`](Self::start).
+    ///
+    /// # Shapes
+    /// One factor for all modes, or one for each mode of the object. A factor that is negative or not a number counts as 0.
+    pub fn damp(&mut self, factors: &[f32]) {
+        let Some(last) = factors.last() else { return };
+        let mut stale = false;
+        for (group, indices) in self.groups.iter_mut().zip(self.indices.chunks(LANES)) {
+            let mut targets = [*last; LANES];
+            if factors.len() > 1 {
+                targets.iter_mut().zip(indices).for_each(|(a, i)| *a = *factors.get(*i).unwrap_or(last));
+            }
+            for (old, new) in group.factors.iter_mut().zip(targets) {
+                let new = if new > 0.0 { new } else { 0.0 };
+                stale |= *old != new;
+                *old = new;
+            }
+        }
+        self.stale |= stale;
+    }
+
+    /// Samples until the next grid point: the longest block of [`advance`](Self::advance).
+    #[must_use]
+    pub fn until_grid(&self) -> usize {
+        GRID - self.phase
+    }
+
+    /// Returns true if the next sample is a grid point, where [`damp`](Self::damp) takes effect.
+    #[must_use]
+    pub fn at_grid(&self) -> bool {
+        self.phase == 0
+    }
+
+    /// Aligns the grid with the next sample, of index `index`.
+    pub fn align(&mut self, index: i64) {
+        self.phase = index.rem_euclid(GRID as i64) as usize;
+    }
+
+    /// The forces of the next block at a contact point, to be written; empty if the point does not exist.
+    pub fn force(&mut self, point: usize) -> &mut [f32] {
+        self.forces.get_mut(point).map_or(&mut [], |force| force.as_mut_slice())
+    }
+
+    /// Computes `out.len()` samples, at most [`until_grid`](Self::until_grid), under the forces written, and clears the forces.
+    pub fn advance(&mut self, out: &mut [f32]) {
+        let n = out.len().min(self.until_grid());
+        if self.phase == 0 {
+            self.grid_point();
+        }
+        self.active.clear();
+        for (point, force) in self.forces.iter_mut().enumerate() {
+            let mut on = false;
+            for f in &mut force[..n] {
+                *f = if f.is_finite() { *f } else { 0.0 };
+                on |= *f != 0.0;
+            }
+            if on {
+                self.active.push(point);
+            }
+        }
+        if !self.active.is_empty() {
+            self.quiet = false;
+            self.awake.fill(true);
+        }
+        let mut sums = [[0.0; LANES]; GRID];
+        let forces = Forces { samples: &self.forces, active: &self.active, gains: &self.gains };
+        kernel::advance(self.level, &mut self.lanes, &self.awake, forces, &mut sums[..n]);
+        kernel::sum_lanes(self.level, &sums[..n], &mut out[..n]);
+        self.forces.iter_mut().for_each(|force| force[..n].fill(0.0));
+        self.phase = (self.phase + n) % GRID;
+    }
+
+    /// Computes samples under a force at contact point 0.
+    pub fn process(&mut self, force: &[f32], out: &mut [f32]) {
+        let (mut force, mut out) = (force, out);
+        while !out.is_empty() {
+            let n = self.until_grid().min(out.len());
+            let (now, later) = force.split_at(n.min(force.len()));
+            self.force(0)[..now.len()].copy_from_slice(now);
+            let (block, rest) = out.split_at_mut(n);
+            self.advance(block);
+            (force, out) = (later, rest);
+        }
+    }
+
+    /// Takes over the states of the modes that are in both banks; `old` must be of an object with as many modes.
+    pub fn take_state(&mut self, old: &Self) {
+        if old.total != self.total {
+            return;
+        }
+        let mut others = old.indices.iter().enumerate().peekable();
+        for (k, index) in self.indices.iter().enumerate() {
+            while others.next_if(|(_, other)| *other < index).is_some() {}
+            let Some((j, _)) = others.next_if(|(_, other)| *other == index) else { continue };
+            let from = &old.lanes[j / LANES];
+            let to = &mut self.lanes[k / LANES];
+            (to.re[k % LANES], to.im[k % LANES]) = (from.re[j % LANES], from.im[j % LANES]);
+            self.awake[k / LANES] |= old.awake[j / LANES];
+        }
+        (self.phase, self.quiet) = (old.phase, old.quiet);
+        self.damping.start_from(old.damping.current());
+        self.pitch.start_from(old.pitch.current());
+        self.set_pitches();
+        self.stale = true;
+    }
+
+    /// The update at every 64th sample: decayed modes are set to zero, and coefficients follow their targets.
+    fn grid_point(&mut self) {
+        let floor = if self.quiet { self.floor } else { MIN_POWER };
+        let (level, diverged) = (self.level, &mut self.diverged);
+        let all = self.lanes.iter_mut().zip(&mut self.awake);
+        dispatch!(level, _simd => {
+            for (lanes, awake) in all {
+                // The common case: all of them sound.
+                *awake = *awake && (lanes.all_within(floor, MAX_POWER) || silence(lanes, floor, diverged));
+            }
+        });
+        self.quiet = true;
+        if self.pitch.is_moving() {
+            self.pitch.advance();
+            self.set_pitches();
+            self.stale = true;
+        }
+        if self.damping.is_moving() {
+            self.damping.advance();
+            self.stale = true;
+        }
+        if std::mem::take(&mut self.stale) {
+            self.set_steps();
+        }
+    }
+
+    fn set_pitches(&mut self) {
+        let pitch = self.pitch.current();
+        self.groups.iter_mut().for_each(|group| group.set_pitch(pitch));
+    }
+
+    fn set_steps(&mut self) {
+        let (level, damping) = (self.level, self.damping.current());
+        let Self { lanes, groups, .. } = self;
+        dispatch!(level, _simd => {
+            for (lanes, group) in lanes.iter_mut().zip(&*groups) {
+                group.steps(damping, &mut lanes.less_one, &mut lanes.sin);
+            }
+        });
+    }
+}
+
+/// Sets modes to zero that have decayed or diverged; returns true if any other is left.
+fn silence(lanes: &mut Lanes, floor: f32, diverged: &mut u64) -> bool {
+    let mut awake = false;
+    for (re, im) in lanes.re.iter_mut().zip(&mut lanes.im) {
+        let size = *re * *re + *im * *im;
+        if size > floor && size < MAX_POWER {
+            awake = true;
+        } else {
+            // NaN is not below the maximum either.
+            *diverged += u64::from(size.is_nan() || size >= MAX_POWER);
+            (*re, *im) = (0.0, 0.0);
+        }
+    }
+    awake
+}
+
+#[cfg(test)]
+mod tests;

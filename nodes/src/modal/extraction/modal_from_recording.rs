@@ -1,0 +1,200 @@
+//! Modes from a recording, as a value node.
+
+use super::extract::{ExtractParams, extract};
+use crate::core::fault::{Fault, Reject};
+use crate::core::files::{MemoryFiles, ReadSeek};
+use crate::core::node::{Func, Summary};
+use crate::core::params::{AssetPath, Params};
+use crate::core::ports::Value;
+use crate::core::random::Rng;
+use crate::core::shape::{Build, Shape};
+use crate::io::{AudioReader, recording_warnings, trial_wav};
+use crate::modal::mode::modes::Modes;
+use crate::{params, ports};
+
+params! {
+    /// Modes of an object from a recording of one impact on it.
+    ///
+    /// Damped sines are fitted to the sound after the impact, one after the other, and then again, each on the residual of the
+    /// others. Several channels are averaged. The summary lists the number of modes, the time of the impact, and the energy of
+    /// the residual.
+    ///
+    /// # Source
+    /// Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section 5, who give no
+    /// method; Li and Stoica, "Efficient mixed-spectrum estimation with applications to target feature extraction" (IEEE TSP 44(2),
+    /// 1996) for the repeated fits.
+    pub struct ModalFromRecordingParams {
+        /// The recording, of at most a minute.
+        recording: AssetPath;
+        /// Maximum number of modes.
+        count: usize = 64, unit "modes", range 1..=1024;
+        /// Level below the highest peak from which on peaks are no modes.
+        range: f64 = 60.0, unit "dB", range 1.0..=120.0;
+        /// Lowest frequency of a mode.
+        lowest: f64 = 30.0, unit "Hz", range 1.0..=100_000.0;
+        /// Highest frequency of a mode; at most 0.45 of the recording's rate.
+        highest: f64 = 18_000.0, unit "Hz", range 2.0..=200_000.0;
+        /// Number of times that all modes are fitted again.
+        passes: usize = 3, unit "", range 0..=100;
+        /// Impulse of the recorded impact, if known: an impact of this impulse sounds as loud as the recording.
+        impulse: f64 = 0.05, unit "N s", range 0.000000001..=1_000_000.0;
+        /// True to start modes with their phases in the recording, false to start them as sines.
+        phases: bool = true;
+    }
+}
+ports! {
+    pub struct ModalFromRecordingPorts / ModalFromRecordingIo {
+        in {}
+        out {
+            /// The modes.
+            modes: Value<Modes>,
+        }
+    }
+}
+
+/// The node over [`extract`].
+#[derive(Debug)]
+pub struct ModalFromRecording;
+
+/// Energy of the residual in dB above which there is a warning: half of the recording.
+const MAX_RESIDUAL: f64 = -3.0;
+/// Maximum length of a recording, in seconds.
+const MAX_SECONDS: u64 = 60;
+
+fn unusable(path: &str, what: impl std::fmt::Display) -> Reject {
+    Reject::new("F077", format!("{path:?}: {what}")).at("recording")
+}
+
+fn reader<'a>(path: &str, file: Box<dyn ReadSeek + 'a>) -> Result<AudioReader<'a>, Reject> {
+    let reader = AudioReader::open(Box::new(file)).map_err(|e| unusable(path, e))?;
+    let (frames, max) = (reader.info().frames, MAX_SECONDS * u64::from(reader.info().rate));
+    if frames > max {
+        return Err(unusable(path, format!("{frames} frames; at most {MAX_SECONDS} s, {max}, are read")));
+    }
+    Ok(reader)
+}
+
+impl Func for ModalFromRecording {
+    type Params = ModalFromRecordingParams;
+    type Ports = ModalFromRecordingPorts;
+    const NAME: &'static str = "ModalFromRecording";
+    // The modes are named after the recording.
+    const EXPOSES_PATHS: bool = true;
+
+    fn check(
+        p: &ModalFromRecordingParams,
+        s: &mut Shape<'_, '_, ModalFromRecordingPorts>,
+    ) -> Result<(), Reject> {
+        if p.highest <= p.lowest {
+            let message = format!("`highest` is {} Hz, `lowest` {} Hz", p.highest, p.lowest);
+            s.wrong(Reject::new("F077", message).at("highest").help("it must be more"));
+        }
+        let path = &p.recording.0;
+        let reader = reader(path, s.open("recording", path)?)?;
+        s.hold("recording", path, reader.info().bytes())?;
+        reader.info().warning_texts(path).for_each(|text| s.note(text));
+        Ok(())
+    }
+
+    fn eval(
+        p: &ModalFromRecordingParams,
+        cx: &Build<'_>,
+        mut io: ModalFromRecordingIo<'_>,
+    ) -> Result<Summary, Fault> {
+        let path = &p.recording.0;
+        let mut reader = reader(path, cx.open("recording", path)?)?;
+        let samples = reader.read_mono().map_err(|e| unusable(path, e))?;
+        let rate = f64::from(reader.info().rate);
+        let params = ExtractParams {
+            modes: p.count,
+            range: p.range,
+            lowest: p.lowest,
+            highest: p.highest,
+            passes: p.passes,
+        };
+        let found = extract(&samples, rate, &params).map_err(|e| unusable(path, e))?;
+        let modes = found.modes(path, p.impulse, p.phases);
+        let mut summary = modes.summary();
+        summary.push(("onset_s", (found.onset as f64 / rate).into()));
+        summary.push(("unexplained_db", found.residual_db.into()));
+        if found.residual_db > MAX_RESIDUAL {
+            let share = 100.0 * 10.0_f64.powf(found.residual_db / 10.0);
+            let text = format!(
+                "{share:.0} % of the recording's energy belongs to none of the modes; it should be a single impact that rings out"
+            );
+            summary.push(("warning", text.into()));
+        }
+        summary.extend(recording_warnings(path, reader.info(), &samples));
+        io.modes.set(modes);
+        Ok(summary)
+    }
+
+    fn trial(rng: &mut Rng) -> (ModalFromRecordingParams, MemoryFiles) {
+        let mut files = MemoryFiles::default();
+        let (f, d) = (rng.between(200.0, 2000.0), rng.between(5.0, 30.0));
+        let sample = |n: usize| {
+            let t = n as f64 / 8000.0;
+            (0.5 * (-d * t).exp() * (std::f64::consts::TAU * f * t).sin()) as f32
+        };
+        files.insert("hit.wav", trial_wav(&(0..4000).map(sample).collect::<Vec<_>>(), 8000));
+        let p = ModalFromRecordingParams::trial(rng);
+        let params = ModalFromRecordingParams {
+            recording: "hit.wav".into(),
+            count: 1 + rng.below(8),
+            lowest: rng.between(10.0, 100.0),
+            highest: rng.between(2500.0, 5000.0),
+            passes: rng.below(3),
+            ..p
+        };
+        (params, files)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::core::params::Datum;
+    use crate::core::standalone::{Standalone, StandaloneRun};
+
+    fn run(bytes: Vec<u8>) -> Result<StandaloneRun, Fault> {
+        let path = Datum::Text("hit".into());
+        let p = ModalFromRecordingParams::read(&|name| (name == "recording").then(|| path.clone())).unwrap();
+        let mut standalone = Standalone::func::<ModalFromRecording>(p);
+        standalone.files.insert("hit", bytes);
+        standalone.run()
+    }
+
+    #[test]
+    fn most_energy_of_recorded_impacts_is_in_modes() {
+        for (name, min_db) in [("drum_cowbell.flac", 6.0), ("glass_hit_a1.flac", 3.0)] {
+            let path = format!("{}/../graphs/assets/recordings/{name}", env!("CARGO_MANIFEST_DIR"));
+            let run = run(std::fs::read(path).unwrap()).unwrap();
+            println!("{name}: {:?}", run.summary);
+            let residual = run.summary.iter().find(|(k, _)| *k == "unexplained_db").unwrap();
+            assert!(residual.1.as_f64().unwrap() < -min_db, "{name}");
+            assert!(run.value(0).unwrap().get::<Modes>().unwrap().len() > 3, "{name}");
+        }
+    }
+
+    #[test]
+    fn recordings_of_more_than_one_impact_give_a_warning() {
+        let ring = |n: usize| {
+            let t = n as f64 / 8000.0;
+            0.5 * (-6.0 * t).exp() * (std::f64::consts::TAU * 440.0 * t).sin()
+        };
+        let warned = |samples: Vec<f32>| {
+            let run = run(trial_wav(&samples, 8000)).unwrap();
+            run.summary.iter().any(|(k, text)| *k == "warning" && text.to_string().contains("single impact"))
+        };
+        assert!(!warned((0..8000).map(|n| ring(n) as f32).collect()));
+        let mut rng = Rng::new(4);
+        assert!(warned((0..8000).map(|_| rng.between(-0.5, 0.5) as f32).collect()));
+    }
+
+    #[test]
+    fn a_recording_without_an_impact_is_named() {
+        let fault = run(trial_wav(&[0.0; 5000], 8000)).err().unwrap();
+        assert!(fault.code == "F077" && fault.message.contains("silent"), "{fault:?}");
+        assert_eq!(run(b"no audio".to_vec()).err().unwrap().code, "F077");
+    }
+}

@@ -1,0 +1,9 @@
+//! Positions and orientations over time: poses, and the nodes that make them.
+
+pub(crate) mod interpolation;
+pub mod item;
+pub mod orbit;
+pub mod pose;
+pub mod pose_file;
+pub mod pose_track;
+pub mod vertex_pose;

@@ -1,0 +1,4 @@
+//! Drawings of maps as SVG.
+
+mod maps;
+pub mod picture;
