@@ -1,4 +1,4 @@
-//! A run that was interrupted goes on where it was last written down, with the same bits.
+//! A run that was interrupted resumes at its last checkpoint, with the same bits.
 
 mod common;
 
@@ -15,7 +15,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::SeqCst};
 use std::time::{Duration, Instant};
 
-/// Every phase is written down as often as the disk allows.
+/// Every phase saves checkpoints as often as the disk allows.
 const OFTEN: Duration = Duration::from_millis(5);
 
 /// One graph, run again and again into one folder over one cache.
@@ -91,21 +91,21 @@ impl Case {
             .collect()
     }
 
-    /// Interrupts runs at some shares of the work, runs one to its end, and compares it with one that nobody interrupted. Says
-    /// how often a run went on.
+    /// Interrupts runs at some shares of the work, runs one to its end, and compares it with one without interruption.
+    /// Returns the number of runs that resumed.
     fn interrupt(&self, shares: &[f64]) -> usize {
         let name = self.graph.display();
         let wanted = self.run("whole", false, None).unwrap_or_else(|e| panic!("{name}: {e:?}"));
-        let (mut went_on, mut last) = (0, false);
+        let (mut resumed, mut last) = (0, false);
         for share in shares {
             let Err(e) = self.run("parts", true, Some(*share)) else {
                 last = false;
                 break;
             };
             assert!(e.iter().all(|e| e.code == "F091"), "{name}: {e:?}");
-            // A later phase may have been stopped before its first mark: then it begins again.
-            last = e.iter().any(|e| e.help.as_ref().is_some_and(|help| help.contains("goes on at")));
-            went_on += usize::from(last);
+            // A later phase may have been stopped before its first checkpoint: then it begins again.
+            last = e.iter().any(|e| e.help.as_ref().is_some_and(|help| help.contains("resumes at")));
+            resumed += usize::from(last);
         }
         let report = self.run("parts", true, None).unwrap_or_else(|e| panic!("{name}: {e:?}"));
         assert!(report.resumed_at.is_some() || !last, "{name} begins again");
@@ -119,8 +119,8 @@ impl Case {
         assert!(left.is_empty(), "{name} leaves {left:?}");
         let told = |r: &Report| -> Vec<_> { r.nodes.iter().map(|n| n.summary.clone()).collect() };
         let (own, wanted) = (told(&report), told(&wanted));
-        assert!(went_on == 0 || own == wanted, "{name}: its nodes tell {own:#?}, wanted {wanted:#?}");
-        went_on
+        assert!(resumed == 0 || own == wanted, "{name}: summaries {own:#?}, expected {wanted:#?}");
+        resumed
     }
 }
 
@@ -137,17 +137,17 @@ Graph(
 ";
 
 #[test]
-fn a_loop_goes_on_with_the_same_bits() {
+fn a_loop_resumes_with_the_same_bits() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("loop.ron");
     fs::write(&path, LOOP).unwrap();
     let case = Case { options: PlanOptions { threads: 2, ..PlanOptions::default() }, ..Case::of(&path) };
-    assert!(case.interrupt(&[0.2, 0.5, 0.8]) > 0, "it was never gone on with");
+    assert!(case.interrupt(&[0.2, 0.5, 0.8]) > 0, "it never resumed");
 }
 
 /// Examples that between them have every kind of buffer, folds of several phases, and kept streams.
 #[test]
-fn examples_go_on_with_the_same_bits() {
+fn examples_resume_with_the_same_bits() {
     let graphs = [
         "cloth/crumple.ron",
         "cloth/couch.ron",
@@ -155,15 +155,15 @@ fn examples_go_on_with_the_same_bits() {
         "texture/grass.ron",
         "texture/tiles_ball.ron",
     ];
-    // A quick machine may have done the one or the other before its first mark.
-    let went_on = graphs.map(|name| Case::of(&common::graphs().join(name)).interrupt(&[0.3, 0.7]));
-    assert!(went_on.iter().any(|times| *times > 0), "{went_on:?}");
+    // A fast machine may have finished some of them before their first checkpoint.
+    let resumed = graphs.map(|name| Case::of(&common::graphs().join(name)).interrupt(&[0.3, 0.7]));
+    assert!(resumed.iter().any(|times| *times > 0), "{resumed:?}");
 }
 
 #[test]
 #[ignore = "takes minutes: cargo test --test checkpoints -- --ignored"]
-fn all_examples_go_on_with_the_same_bits() {
-    let mut went_on = 0;
+fn all_examples_resume_with_the_same_bits() {
+    let mut resumed = 0;
     for path in common::all_graphs().iter().filter(|p| common::is_whole(p)) {
         for policy in [
             CachePolicy::default(),
@@ -171,15 +171,15 @@ fn all_examples_go_on_with_the_same_bits() {
         ] {
             let case = Case { policy, ..Case::of(path) };
             let count = case.interrupt(&[0.1, 0.6, 0.35, 0.9]);
-            println!("{}: went on {count} times", path.display());
-            went_on += usize::from(count > 0);
+            println!("{}: resumed {count} times", path.display());
+            resumed += usize::from(count > 0);
         }
     }
-    assert!(went_on > 20, "{went_on}");
+    assert!(resumed > 20, "{resumed}");
 }
 
 #[test]
-fn taps_of_every_kind_go_on() {
+fn taps_of_every_kind_resume() {
     let taps = [
         "target.speed=speed.npy",
         "target.events=events.jsonl",
@@ -225,12 +225,12 @@ impl Shell {
         command
     }
 
-    /// Starts a run and waits for its first mark.
+    /// Starts a run and waits for its first checkpoint.
     fn started(&self) -> Child {
         let child = self.command(&[]).spawn().unwrap();
         let start = Instant::now();
         while self.named(".foley/cache", ".run").is_empty() {
-            assert!(start.elapsed() < Duration::from_secs(60), "it never writes down how far it is");
+            assert!(start.elapsed() < Duration::from_secs(60), "it never saves a checkpoint");
             std::thread::sleep(Duration::from_millis(2));
         }
         child
@@ -255,7 +255,7 @@ impl Shell {
 }
 
 #[test]
-fn a_run_that_was_killed_goes_on_and_one_of_another_graph_does_not() {
+fn a_run_that_was_killed_resumes_and_one_of_another_graph_does_not() {
     let shell = Shell::new();
     shell.finish(&["--no-cache", "--out", "whole"]);
     let mut child = shell.started();
@@ -275,9 +275,9 @@ fn a_run_that_was_killed_goes_on_and_one_of_another_graph_does_not() {
     let said = shell.finish(&[]);
     assert!(!said.contains("went on"), "{said}");
     assert!(shell.sound("out") != shell.sound("whole"));
-    assert_eq!(shell.named("out", "").len(), 1, "what was begun for the graph of before goes with the run");
+    assert_eq!(shell.named("out", "").len(), 1, "the partial files of the earlier graph are removed");
 
-    // Nodes of the same names that hear others.
+    // Nodes of the same names with other inputs.
     shell.edit(LONG);
     let mut child = shell.started();
     child.kill().unwrap();
@@ -291,7 +291,7 @@ fn a_run_that_was_killed_goes_on_and_one_of_another_graph_does_not() {
 }
 
 #[test]
-fn who_stops_a_run_is_told_where_it_goes_on() {
+fn a_stopped_run_reports_where_it_resumes() {
     let shell = Shell::new();
     let child = shell.started();
     assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
@@ -305,7 +305,7 @@ fn who_stops_a_run_is_told_where_it_goes_on() {
     let report: serde_json::Value = serde_json::from_str(&report).unwrap();
     assert!(report["went_on_at"].as_f64().unwrap() > 0.0);
     assert_eq!(report["outputs"][0]["frames"], 120 * 96_000);
-    // Without a mark there is nothing to go on from, and nothing is left behind.
+    // Without a checkpoint it cannot resume, and nothing is left behind.
     let mut child = shell.command(&["--checkpoint", "0"]).spawn().unwrap();
     std::thread::sleep(Duration::from_millis(300));
     assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());

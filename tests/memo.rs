@@ -1,4 +1,4 @@
-//! The promises of the memo: values are kept from run to run, and no result depends on it.
+//! The promises of the cache: values are cached from run to run, and no result depends on the cache.
 
 mod common;
 
@@ -14,7 +14,7 @@ use std::path::Path;
 use std::process::Command;
 
 #[test]
-fn a_second_run_takes_a_fold_from_the_memo_and_leaves_its_phase_out() {
+fn a_second_run_takes_a_fold_from_the_cache_and_skips_its_phase() {
     let project = Project::new(LEVEL);
     let first = project.run();
     let wav = project.out("loud.wav");
@@ -29,7 +29,7 @@ fn a_second_run_takes_a_fold_from_the_memo_and_leaves_its_phase_out() {
 }
 
 #[test]
-fn a_known_fold_is_left_out_of_a_phase_that_runs_for_a_writer() {
+fn a_cached_fold_is_skipped_in_a_phase_that_runs_for_a_writer() {
     let also = LEVEL.replace("\"out\":", "\"raw\": WavOut(audio: \"soft\", path: \"raw.wav\"), \"out\":");
     let project = Project::new(&also);
     project.run();
@@ -42,7 +42,7 @@ fn a_known_fold_is_left_out_of_a_phase_that_runs_for_a_writer() {
 }
 
 #[test]
-fn a_late_parameter_does_not_recompute_what_stands_before_it() {
+fn a_parameter_does_not_recompute_the_nodes_upstream() {
     let project = Project::new(LEVEL);
     project.run();
     project.edit(&LEVEL.replace("peak_db: -6.0", "peak_db: -12.0"));
@@ -76,7 +76,7 @@ Graph(
 ";
 
 #[test]
-fn another_correspondence_fits_and_warps_anew_and_loads_no_audio() {
+fn another_correspondence_fits_and_warps_again_and_loads_no_audio() {
     let project = Project::new(WARPED);
     for (name, seed) in [("a.wav", 3), ("b.wav", 4), ("c.wav", 5)] {
         project.record(name, seed);
@@ -109,7 +109,7 @@ fn another_correspondence_fits_and_warps_anew_and_loads_no_audio() {
 }
 
 #[test]
-fn every_parameter_above_a_fold_recomputes_it_and_window_and_threads_do_not() {
+fn every_parameter_upstream_of_a_fold_recomputes_it_and_window_and_threads_do_not() {
     let project = Project::new(LEVEL);
     project.run();
     for (from, to) in [("gain: 0.5", "gain: 0.25"), ("seed: 5", "seed: 6"), ("\"soft\"", "\"quiet\"")] {
@@ -305,7 +305,7 @@ fn a_renamed_recording_stands_in_the_provenance_of_its_model() {
 }
 
 #[test]
-fn the_size_is_kept_and_what_saves_least_per_byte_goes_first() {
+fn the_size_is_limited_and_entries_that_save_least_per_byte_are_removed_first() {
     let dir = tempfile::tempdir().unwrap();
     let store = Store::new(dir.path(), 4000);
     let entry = |name: char, seconds: f64| foley::memo::Entry {

@@ -1,5 +1,5 @@
-//! The promises of the memo for streams: what is dear is kept at its lower edge, only what follows an edit runs again, and no
-//! result depends on it.
+//! The promises of the cache for streams: the last streams of an expensive part are cached, only nodes downstream of an edit run
+//! again, and no result depends on the cache.
 
 mod common;
 
@@ -14,10 +14,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Keeps every stream that can be kept.
+/// Caches every stream that can be cached.
 const ALL: CachePolicy =
     CachePolicy { seconds_per_byte: 0.0, min_seconds: 0.0, read_seconds_per_byte: 0.0, max_nodes: 1000 };
-/// Keeps what takes long, whatever it weighs: contacts alone, in the graphs of these tests.
+/// Caches only what takes long, of any size: contacts, in the graphs of these tests.
 const EXPENSIVE: CachePolicy =
     CachePolicy { seconds_per_byte: 8e-9, min_seconds: 0.01, read_seconds_per_byte: 2.5e-9, max_nodes: 1000 };
 
@@ -48,29 +48,29 @@ fn louder(text: &str) -> String {
     text.replace("level: 0.3", "level: 0.2")
 }
 
-/// What the graph of a project gives without a memo.
+/// The output of a project without a cache.
 fn without(project: &Project, options: &PlanOptions, name: &str) -> Vec<u8> {
     let report = project.run_with(false, options, None);
     assert!(report.nodes.iter().all(|n| !n.cached));
     project.out(name)
 }
 
-const ABOVE: [&str; 3] = ["planes", "contacts", "speed"];
+const UPSTREAM: [&str; 3] = ["planes", "contacts", "speed"];
 
 #[test]
-fn an_edit_of_a_late_node_runs_only_what_follows() {
+fn an_edit_of_a_late_node_runs_only_the_nodes_downstream() {
     let project = project(MODEL, ALL);
     let first = project.run();
-    assert!(ABOVE.iter().all(|id| !cached(&first, id) && calls(&first, id) > 0));
+    assert!(UPSTREAM.iter().all(|id| !cached(&first, id) && calls(&first, id) > 0));
     project.edit(&louder(MODEL));
     let second = project.run();
-    assert!(ABOVE.iter().all(|id| cached(&second, id) && calls(&second, id) == 0), "{second:?}");
+    assert!(UPSTREAM.iter().all(|id| cached(&second, id) && calls(&second, id) == 0), "{second:?}");
     assert!(cached(&second, "model") && !cached(&second, "sound") && calls(&second, "sound") > 0);
     let wav = project.out("sound.wav");
     assert_eq!(wav, without(&project, &PlanOptions::default(), "sound.wav"));
-    // What the nodes told of themselves is told again.
+    // The summaries of skipped nodes are the same.
     let summary = |r: &Report, id: &str| r.nodes.iter().find(|n| n.id == id).unwrap().summary.clone();
-    for id in ABOVE {
+    for id in UPSTREAM {
         assert_eq!(summary(&first, id), summary(&second, id), "{id}");
     }
     // Nothing but the writer runs when nothing has changed.
@@ -79,7 +79,7 @@ fn an_edit_of_a_late_node_runs_only_what_follows() {
 }
 
 #[test]
-fn only_what_is_dear_is_kept() {
+fn only_expensive_streams_are_cached() {
     let text = MODEL.replace("size: [0.3, 0.3]", "size: [0.4, 0.4]");
     let project = project(&text, EXPENSIVE);
     for name in ["a.wav", "b.wav"] {
@@ -93,7 +93,7 @@ fn only_what_is_dear_is_kept() {
 }
 
 #[test]
-fn a_parameter_above_a_kept_stream_recomputes_it() {
+fn a_parameter_upstream_of_a_cached_stream_recomputes_it() {
     let project = project(MODEL, ALL);
     project.run();
     for (from, to) in
@@ -110,7 +110,7 @@ fn a_parameter_above_a_kept_stream_recomputes_it() {
 }
 
 #[test]
-fn kept_streams_are_the_same_for_any_window_and_threads() {
+fn cached_streams_are_the_same_for_any_window_and_threads() {
     let ahead = MODEL.replace("gate: Causal", "gate: Interval");
     for (text, edited, wav) in [
         (MODEL.to_owned(), louder(MODEL), "sound.wav"),
@@ -148,7 +148,7 @@ fn kept_streams_are_the_same_for_any_window_and_threads() {
 }
 
 #[test]
-fn until_cuts_a_kept_stream_as_it_cuts_a_computed_one() {
+fn until_truncates_a_cached_stream_like_a_computed_one() {
     let project = project(LOOP, ALL);
     let until = |seconds| PlanOptions { until: Some(ticks(seconds)), ..PlanOptions::default() };
     for seconds in [0.3, 0.5, 0.3] {
@@ -161,7 +161,7 @@ fn until_cuts_a_kept_stream_as_it_cuts_a_computed_one() {
 }
 
 #[test]
-fn a_tap_of_a_kept_stream_is_the_same_file() {
+fn a_tap_of_a_cached_stream_is_the_same_file() {
     for (text, node, tap) in [
         (MODEL, "speed", "tap.npy"),
         (MODEL, "contacts", "tap.npy"),
@@ -209,7 +209,7 @@ fn an_unusable_stream_is_computed_again_with_a_warning() {
 }
 
 #[test]
-fn what_is_held_in_memory_is_not_read_again() {
+fn entries_in_memory_are_not_read_again() {
     let project = project(MODEL, ALL);
     let memo = project.memo().with_memory(MEMORY);
     let run = || project.run_over(Some(&memo), &PlanOptions::default(), None);
@@ -226,11 +226,11 @@ fn what_is_held_in_memory_is_not_read_again() {
         report.notes
     );
     assert_eq!(project.out("sound.wav"), wav);
-    assert!(warned(&project.run(), "F084"), "another memo holds nothing");
+    assert!(warned(&project.run(), "F084"), "another cache has nothing in memory");
 }
 
 #[test]
-fn streams_stay_within_the_size_and_leave_no_parts_behind() {
+fn streams_stay_within_the_size_and_leave_no_partial_files() {
     let mut project = project(MODEL, ALL);
     project.cap = 60_000;
     project.run();
@@ -246,7 +246,7 @@ fn streams_stay_within_the_size_and_leave_no_parts_behind() {
 }
 
 #[test]
-fn the_command_tells_of_kept_streams() {
+fn the_command_lists_cached_streams() {
     let project = project(MODEL, ALL);
     project.run();
     let stat = foley(&project, &["cache", "stat"]);
@@ -267,7 +267,7 @@ fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
 }
 
 #[test]
-fn every_example_is_the_same_with_all_its_streams_kept() {
+fn every_example_is_the_same_with_all_its_streams_cached() {
     for path in common::all_graphs().into_iter().filter(|path| common::is_whole(path)) {
         let dir = tempfile::tempdir().unwrap();
         let until = common::cut(&path, 0.6);

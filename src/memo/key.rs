@@ -82,11 +82,11 @@ impl<'a> Keys<'a> {
             ("node id".to_owned(), self.graph.nodes[n].id.clone()),
         ];
         let mut known = true;
-        self.parts(n, "", duration, values, &mut parts, &mut known)?;
+        self.add_parts(n, "", duration, values, &mut parts, &mut known)?;
         let upstream: BTreeMap<&str, usize> =
             self.upstream(n).into_iter().map(|m| (self.graph.nodes[m].id.as_str(), m)).collect();
         for (id, m) in upstream {
-            self.parts(m, &format!("{id}."), duration, values, &mut parts, &mut known)?;
+            self.add_parts(m, &format!("{id}."), duration, values, &mut parts, &mut known)?;
         }
         let hash = known.then(|| {
             let mut hasher = blake3::Hasher::new();
@@ -122,7 +122,8 @@ impl<'a> Keys<'a> {
         found
     }
 
-    fn parts(
+    /// Adds the parts of one node.
+    fn add_parts(
         &self,
         n: usize,
         prefix: &str,

@@ -284,7 +284,8 @@ impl<'j> PartialPhase<'j> {
             };
             pending.extend(self.start_stream(n, port, *codec, values, cache));
         }
-        let own = (std::mem::replace(&mut self.needed, needed), std::mem::replace(&mut self.cached, cached));
+        let previous =
+            (std::mem::replace(&mut self.needed, needed), std::mem::replace(&mut self.cached, cached));
         self.resumed = self.lay_out(pending).ok().filter(|layout| {
             let phase = layout.replanned.as_ref().map_or(self.phase, |(_, phase)| phase);
             let subset = self.subset(&layout.streams);
@@ -292,7 +293,7 @@ impl<'j> PartialPhase<'j> {
             checkpoint_key(self.job, cache, run, values) == Some(header.key)
         });
         if self.resumed.is_none() {
-            (self.needed, self.cached) = own;
+            (self.needed, self.cached) = previous;
         }
     }
 

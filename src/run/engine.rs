@@ -172,10 +172,10 @@ fn collect(
             Ok(Outcome::Failed(region, node, fault)) => {
                 errors.push(describe(job, &shared.regions[region], node, fault))
             }
-            Ok(Outcome::Panicked(region, what)) => {
+            Ok(Outcome::Panicked(region, panic)) => {
                 let ids: Vec<&str> =
                     shared.regions[region].nodes.iter().filter_map(|n| node_id(job, n.runnable)).collect();
-                let message = format!("a node panicked ({what}) among: {}", ids.join(", "));
+                let message = format!("a node panicked ({panic}) among: {}", ids.join(", "));
                 errors.push(
                     Diagnostic::general("F099", message).help("this is a defect in foley: please report it"),
                 );
@@ -304,9 +304,9 @@ impl Shared {
     fn bytes(&self) -> usize {
         let in_transit =
             |slot: &Mutex<Box<dyn AnyBuffer>>| slot.lock().unwrap_or_else(PoisonError::into_inner).bytes();
-        let own = |cell: &Cell| cell.stage.lock().unwrap_or_else(PoisonError::into_inner).bytes();
+        let in_stage = |cell: &Cell| cell.stage.lock().unwrap_or_else(PoisonError::into_inner).bytes();
         self.slots.values().flatten().map(in_transit).sum::<usize>()
-            + self.cells.iter().map(own).sum::<usize>()
+            + self.cells.iter().map(in_stage).sum::<usize>()
     }
 
     fn halted(&self) -> bool {

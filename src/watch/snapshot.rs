@@ -127,18 +127,18 @@ pub struct Snapshot {
 impl Snapshot {
     /// Adds files that were opened; returns true if one of them has changed since it was opened.
     pub fn add(&mut self, asked: &Asked) -> bool {
-        let mut late = false;
+        let mut changed = false;
         for (path, stamp) in &asked.files {
             self.entries.entry(Key::Path(path.clone())).or_insert_with_key(|key| {
                 let entry = Entry::read(key);
-                late |= entry.stamp != *stamp && entry.content != Content::Other;
+                changed |= entry.stamp != *stamp && entry.content != Content::Other;
                 entry
             });
         }
         for pattern in &asked.sequences {
             self.entries.entry(Key::Sequence(pattern.clone())).or_insert_with_key(Entry::read);
         }
-        late
+        changed
     }
 
     /// Retains only the files in `asked`.

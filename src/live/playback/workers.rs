@@ -80,7 +80,7 @@ pub struct Workers {
     shared: Arc<Shared>,
     threads: Vec<(Sender<Command>, JoinHandle<()>)>,
     /// The regions, if there are no threads.
-    own: Vec<WorkerRegion>,
+    local: Vec<WorkerRegion>,
     faults: (Sender<WorkerFault>, Receiver<WorkerFault>),
     /// The thread of each region.
     thread_of: Vec<(usize, usize)>,
@@ -102,7 +102,7 @@ impl Workers {
             // If no thread can be started, `pump` runs the regions.
             .filter_map(Result::ok)
             .collect();
-        Self { timing, shared, threads, own: Vec::new(), faults, thread_of: Vec::new() }
+        Self { timing, shared, threads, local: Vec::new(), faults, thread_of: Vec::new() }
     }
 
     /// Starts to run regions.
@@ -110,7 +110,7 @@ impl Workers {
         self.thread_of.clear();
         for (k, region) in regions.into_iter().enumerate() {
             let Some(thread) = k.checked_rem(self.threads.len()) else {
-                self.own.push(region);
+                self.local.push(region);
                 continue;
             };
             self.thread_of.push((region.number, thread));
@@ -120,7 +120,7 @@ impl Workers {
 
     /// Stops and returns all regions, in their order.
     pub fn halt(&mut self) -> Vec<WorkerRegion> {
-        let mut regions = std::mem::take(&mut self.own);
+        let mut regions = std::mem::take(&mut self.local);
         for (thread, _) in &self.threads {
             let (reply, received) = bounded(1);
             if thread.send(Command::Halt(reply)).is_ok() {
@@ -134,7 +134,7 @@ impl Workers {
     /// Runs all regions that can run, if there are no threads.
     pub fn pump(&mut self) {
         let played = self.shared.window.load(Acquire);
-        for region in &mut self.own {
+        for region in &mut self.local {
             while region.step(&self.timing, played) {}
             if let Some((node, fault)) = region.fault.take() {
                 let _ = self.faults.0.send((region.number, node, fault));
@@ -151,9 +151,9 @@ impl Workers {
         }
     }
 
-    /// Gives new parameters to a node.
+    /// Sets the parameters of a node.
     pub fn retune(&mut self, number: usize, node: usize, params: Box<dyn AnyParams>) {
-        if let Some(region) = self.own.iter_mut().find(|r| r.number == number) {
+        if let Some(region) = self.local.iter_mut().find(|r| r.number == number) {
             region.stage.nodes_mut()[node].node.retune(&*params);
         } else if let Some(&(_, thread)) = self.thread_of.iter().find(|(r, _)| *r == number) {
             let _ = self.threads[thread].0.send(Command::Retune(number, node, params));

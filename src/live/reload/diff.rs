@@ -1,4 +1,4 @@
-//! Reload actions: what a reload does with each node.
+//! Reload actions, found by comparing two graphs node by node.
 
 use crate::graph::{Graph, GraphNode, Stamp};
 use crate::plan::Draft;
@@ -29,7 +29,7 @@ pub struct GraphState<'a> {
     pub on_worker: Vec<bool>,
 }
 
-/// What a reload does with a node of the new graph. Indices are those of the old graph.
+/// The action of a reload for a node of the new graph. Indices are those of the old graph.
 pub enum ReloadAction {
     /// The old node continues.
     Keep(usize),
