@@ -8,7 +8,7 @@ use foley_nodes::core::params::Params;
 use foley_nodes::core::random::Rng;
 use foley_nodes::core::standalone::Standalone;
 use foley_nodes::core::time::{Rate, ticks};
-use foley_nodes::scrape::isophote_node::{
+use foley_nodes::scrape::isophote::isophote_excitation::{
     IsophoteExcitation, IsophoteExcitationParams, IsophoteExcitationPorts,
 };
 use foley_nodes::scrape::{IsophoteIndex, PathPiece, Reading};
