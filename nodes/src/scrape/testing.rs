@@ -1,6 +1,6 @@
 //! Paths and figures for tests.
 
-use super::item::PathPiece;
+use super::path::PathPiece;
 use crate::core::time::ticks;
 
 /// Even motion from a position in m at a velocity in m/s under 1 N.

@@ -4,16 +4,15 @@
 //! line `y` of the second lie at the same position when the contact has come `a` over the one and `b` over the other with
 //! `a + b = x + y`: so the meetings of two even gratings come at the sum of their frequencies, as in their joint envelope.
 
+use crate::impl_state;
 use crate::scrape::force::law::Law;
 use crate::scrape::force::motion::AT_REST;
-use crate::scrape::force::pulses::{LONGEST, Pulses};
+use crate::scrape::force::pulses::{LONGEST, PULSE, Pulses};
 use crate::scrape::force::ramp::Ramp;
 use crate::scrape::force::voices::{CELL, Segment};
 use crate::scrape::isophote::curve_piece::{CurvePiece, across};
 use crate::scrape::isophote::index::IsophoteIndex;
-use crate::scrape::path::piece::velocity;
-use super::{PULSE, item::position};
-use crate::impl_state;
+use crate::scrape::path::piece::{position, velocity};
 use crate::texture::Isophotes;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;

@@ -1,12 +1,6 @@
 //! The node `FeatureCrossings`.
 
 use super::crossing_force::{CrossingForce, CrossingVoice};
-use crate::scrape::force::pulses::LONGEST;
-use crate::scrape::force::ramp::Ramp;
-use crate::scrape::force::strength::{Strength, linked, self, silent};
-use crate::scrape::force::voices::Voices;
-use crate::scrape::isophote::isophote_excitation::check;
-use crate::scrape::path::piece::PathPiece;
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::item::Channels;
@@ -16,6 +10,12 @@ use crate::core::ports::{Events, Stream, Value};
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::{Rate, ticks};
+use crate::scrape::force::pulses::LONGEST;
+use crate::scrape::force::ramp::Ramp;
+use crate::scrape::force::strength::{self, Strength, linked, silent};
+use crate::scrape::force::voices::Voices;
+use crate::scrape::isophote::isophote_excitation::check;
+use crate::scrape::path::piece::PathPiece;
 use crate::texture::Isophotes;
 use crate::{archive_state, params, ports};
 
@@ -128,7 +128,16 @@ impl Node for FeatureCrossings {
         let object = self.params.object;
         let Self { force, voices, .. } = self;
         let fresh = |_: &PathPiece| CrossingVoice::default();
-        voices.play_cells(events, object, first, out, force, fresh, CrossingForce::add, CrossingForce::ring_out);
+        voices.play_cells(
+            events,
+            object,
+            first,
+            out,
+            force,
+            fresh,
+            CrossingForce::add,
+            CrossingForce::ring_out,
+        );
         voices.made(first, out);
         Ok(())
     }
@@ -172,5 +181,4 @@ impl Node for FeatureCrossings {
 }
 
 #[cfg(test)]
-#[path = "meet_node_tests.rs"]
 mod tests;

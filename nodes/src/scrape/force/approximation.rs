@@ -4,13 +4,13 @@
 ///
 /// Made of sums and products alone: loops over it become vectors, and every machine gives the same bits.
 #[inline(always)]
-fn power(x: f32, a: f32) -> f32 {
+pub(super) fn power(x: f32, a: f32) -> f32 {
     if x > f32::MIN_POSITIVE { exp2(a * log2(x)) } else { 0.0 }
 }
 
 /// Logarithm of a normal number above 0.
 #[inline(always)]
-pub(super) fn log2(x: f32) -> f32 {
+pub(in crate::scrape) fn log2(x: f32) -> f32 {
     // The mantissa within a factor of sqrt 2 of 1.
     let bits = x.to_bits().wrapping_sub(0x3f35_04f3);
     let exponent = (bits as i32) >> 23;

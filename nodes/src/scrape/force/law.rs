@@ -2,9 +2,9 @@
 
 use super::approximation::power;
 use super::motion::Motion;
+use super::ramp::Ramp;
 use super::speed_curve::SpeedCurve;
 use super::voices::{CELL, Cell, Segment};
-use super::ramp::Ramp;
 
 /// Amplitude `kappa (f/f_ref)^a (v/v_ref)^b` with `f_ref` = 1 N and `v_ref` = 1 m/s, every part of which can be turned while
 /// it sounds.

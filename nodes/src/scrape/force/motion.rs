@@ -161,7 +161,8 @@ mod tests {
                 |_| Heading::default(),
                 |heading, segment, _| {
                     motion.follow(segment, &segment.path(), [1.0; 2], heading);
-                    let (x, y) = (segment.part(&mut motion.tx).to_vec(), segment.part(&mut motion.ty).to_vec());
+                    let (x, y) =
+                        (segment.part(&mut motion.tx).to_vec(), segment.part(&mut motion.ty).to_vec());
                     seen.extend(x.into_iter().zip(y));
                 },
             );

@@ -4,6 +4,8 @@ use crate::impl_state;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
+/// Area of a pulse over its amplitude, s: a crossing of 1 per pixel is 1 N for 1 ms.
+pub const PULSE: f64 = 1e-3;
 /// Fewest samples that a pulse lasts.
 const SHORTEST: f64 = 2.0;
 /// Longest that a pulse lasts, s.

@@ -3,8 +3,8 @@
 use super::approximation::log2;
 use serde::{Deserialize, Serialize};
 
-/// Greatest factor.
-const MOST: f64 = 1e6;
+/// Greatest strength, and greatest factor of it.
+pub(super) const MOST: f64 = 1e6;
 /// Speeds at which a curve is known.
 pub const POINTS: usize = 17;
 /// Of these to the octave.
@@ -54,7 +54,7 @@ impl SpeedCurve {
         a + (position - low as f32) * (b - a)
     }
 
-    fn holds(&self) -> bool {
+    pub(super) fn holds(&self) -> bool {
         self.lowest.is_normal()
             && self.lowest > 0.0
             && (0.0..=1.0).contains(&self.growth)

@@ -1,15 +1,12 @@
 //! How strong an excitation has to be, as another node has found: a number, and what it is worth at each speed.
 
 use super::law::Law;
-use super::speed_curve::{POINTS, SpeedCurve};
+use super::speed_curve::{MOST, POINTS, SpeedCurve};
 use crate::core::fault::Reject;
 use crate::core::item::Data;
 use crate::core::random::Rng;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
-
-/// Greatest strength, as of the parameter, and greatest factor of it.
-const MOST: f64 = 1e6;
 
 /// How strong an excitation has to be.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -48,7 +45,7 @@ impl Data for Strength {
 }
 
 /// The strength that is linked to `kappa`, where one is.
-pub(super) fn linked(kappa: Option<Arc<Strength>>) -> Result<Option<Strength>, Reject> {
+pub(in crate::scrape) fn linked(kappa: Option<Arc<Strength>>) -> Result<Option<Strength>, Reject> {
     let Some(found) = kappa.as_deref().copied() else { return Ok(None) };
     let problem = if !found.kappa.is_finite() || found.kappa.abs() > MOST {
         format!("is {}; -{MOST} to {MOST} are taken", found.kappa)
@@ -61,12 +58,12 @@ pub(super) fn linked(kappa: Option<Arc<Strength>>) -> Result<Option<Strength>, R
 }
 
 /// The law of three numbers, the strength in front; with one that is linked in place of it.
-pub(super) fn law(numbers: [f64; 3], linked: Option<Strength>, rate: f64) -> Law {
+pub(in crate::scrape) fn law(numbers: [f64; 3], linked: Option<Strength>, rate: f64) -> Law {
     Law { curve: linked.and_then(|strength| strength.curve), ..Law::new(numbers, rate) }
 }
 
 /// Whether the strength that is linked is none: then `out` is silent, and nothing else has to be done.
-pub(super) fn silent(linked: Option<Strength>, out: &mut [f32]) -> bool {
+pub(in crate::scrape) fn silent(linked: Option<Strength>, out: &mut [f32]) -> bool {
     let silent = linked.is_some_and(|strength| strength.kappa == 0.0);
     if silent {
         out.fill(0.0);

@@ -4,12 +4,12 @@
 //! anchor, which is the first of its samples in a cell: anchored in double precision, small enough from there for single
 //! precision, and the same however the samples are cut into calls.
 
-use crate::scrape::path::piece::{PathPiece, position, shifted};
 use crate::archive_state;
 use crate::core::node::Summary;
 use crate::core::state::Stateful;
 use crate::core::time::{Rate, TICKS_PER_SECOND, Tick};
 use crate::dsp::LevelMeter;
+use crate::scrape::path::piece::{PathPiece, position, shifted};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
@@ -54,7 +54,7 @@ impl Segment {
 
     /// Polynomial of the place in samples from the anchor, m.
     #[must_use]
-    pub fn way(&self) -> [[f64; 2]; 4] {
+    pub fn path(&self) -> [[f64; 2]; 4] {
         shifted(&self.piece.position, self.s, self.step)
     }
 

@@ -1,20 +1,14 @@
 //! The positions of a contact over one segment, cut into parts that lie in small boxes on one tile.
 
+use super::end_points::{LINE, Line, Strip};
+use super::index::{IsophoteIndex, Tile};
 use crate::scrape::force::ramp::Ramp;
 use crate::scrape::force::voices::{CELL, Segment};
-use super::end_points::Strip;
-use super::index::{IsophoteIndex, Tile};
 
 /// Longest box of a segment that is asked for at once, and longest chord, px.
 const BOX: f64 = 8.0;
 /// How far the place of a contact may jump between two pieces that touch, px.
 const JOINT: f64 = 0.5;
-
-/// Samples of a segment and the one after.
-pub(super) const LINE: usize = CELL + 1;
-
-/// A number for each of these.
-pub(super) type Line = [f64; LINE];
 
 /// The positions at the samples of a segment and at the one after.
 #[derive(Clone, Debug)]

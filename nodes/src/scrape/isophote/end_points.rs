@@ -2,6 +2,14 @@
 //!
 //! Single precision, sixteen at a time; whoever asks has to allow for its rounding.
 
+use crate::scrape::force::voices::CELL;
+
+/// Samples of a segment and the one after.
+pub(super) const LINE: usize = CELL + 1;
+
+/// A number for each of these.
+pub(super) type Line = [f64; LINE];
+
 /// Pieces that are looked at together.
 pub(super) const LANES: usize = 16;
 

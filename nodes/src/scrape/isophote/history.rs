@@ -90,7 +90,10 @@ mod tests {
         // Rest, or a way too short for its inverse, with a whole step left over.
         for way in [0.0, 1e-320] {
             let mut history = SlopeHistory { since: APART / STEPS as f64, ..SlopeHistory::default() };
-            assert!(history.go(way, 2.0).is_finite() && history.slopes.iter().all(|x| x.is_finite()), "{way}");
+            assert!(
+                history.go(way, 2.0).is_finite() && history.slopes.iter().all(|x| x.is_finite()),
+                "{way}"
+            );
         }
         // A step of many pixels: only its end counts.
         let mut history = SlopeHistory::default();

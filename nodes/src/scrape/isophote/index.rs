@@ -1,8 +1,7 @@
 //! Isophotes that a moving contact can ask for what is near.
 
-use super::chords::{LINE, Line};
-use super::curve_piece::{Entry, CurvePiece, LinearGradient};
-use super::end_points::{EndPoints, LANES, Strip};
+use super::curve_piece::{CurvePiece, Entry, LinearGradient};
+use super::end_points::{EndPoints, LANES, LINE, Line, Strip};
 use crate::texture::{Isophotes, Wrap};
 use std::ops::Range;
 
@@ -382,5 +381,4 @@ fn less(position: [f64; 2], shift: [f64; 2]) -> [f32; 2] {
 }
 
 #[cfg(test)]
-#[path = "isophote_index_tests.rs"]
 mod tests;

@@ -1,10 +1,6 @@
 //! The node around [`IsophoteForce`].
 
-use crate::scrape::force::pulses::LONGEST;
-use crate::scrape::force::strength::{Strength, linked, self, silent};
-use crate::scrape::force::voices::Voices;
 use super::isophote_force::{IsophoteForce, IsophoteVoice, Reading};
-use crate::scrape::path::piece::PathPiece;
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::item::Channels;
@@ -14,6 +10,10 @@ use crate::core::ports::{Events, Stream, Value};
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::{Rate, ticks};
+use crate::scrape::force::pulses::LONGEST;
+use crate::scrape::force::strength::{self, Strength, linked, silent};
+use crate::scrape::force::voices::Voices;
+use crate::scrape::path::piece::PathPiece;
 use crate::texture::Isophotes;
 use crate::{archive_state, choices, params, ports};
 
@@ -102,7 +102,7 @@ fn law(p: &IsophoteExcitationParams, kappa: Option<Strength>) -> [f64; 3] {
 }
 
 /// Refuses isophotes that cannot be read.
-pub(super) fn check(field: &'static str, all: &Isophotes) -> Result<(), Reject> {
+pub(in crate::scrape) fn check(field: &'static str, all: &Isophotes) -> Result<(), Reject> {
     let density = all.surface.density;
     let message = if !density.iter().all(|d| (1e-3..1e9).contains(d)) {
         format!("`{field}` has {density:?} pixels per metre; 0.001 to 1e9 can be read")
@@ -211,5 +211,4 @@ impl Node for IsophoteExcitation {
 }
 
 #[cfg(test)]
-#[path = "isophote_node_tests.rs"]
 mod tests;

@@ -5,24 +5,23 @@
 //! curve. So each crossing counts once, also at the points of curves and of chords. A chord leaves the cubic by less than a
 //! hundred thousandth of a pixel at any speed that is heard.
 
-use crate::scrape::force::law::Law;
-use crate::scrape::force::motion::{AT_REST, Heading, Motion};
-use crate::scrape::force::pulses::{LONGEST, Pulses};
-use crate::scrape::force::ramp::Ramp;
-use crate::scrape::force::voices::{CELL, Segment};
-use super::chords::{LINE, SegmentPart, Chords, norm};
-use super::curve_piece::CurvePiece;
+use super::chords::{Chords, SegmentPart, norm};
+use super::curve_piece::{CurvePiece, across};
+use super::end_points::LINE;
 use super::history::SlopeHistory;
 use super::index::IsophoteIndex;
 use super::nearest::NearestCurve;
 use crate::impl_state;
+use crate::scrape::force::law::Law;
+use crate::scrape::force::motion::{AT_REST, Heading, Motion};
+use crate::scrape::force::pulses::{LONGEST, PULSE, Pulses};
+use crate::scrape::force::ramp::Ramp;
+use crate::scrape::force::voices::{CELL, Segment};
 use crate::texture::Isophotes;
 use fearless_simd::{Level, dispatch};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// Area of a pulse over its amplitude, s: a crossing of 1 per pixel is 1 N for 1 ms.
-pub const PULSE: f64 = 1e-3;
 /// Most crossings that a contact has in a cell of samples.
 const MOST: usize = 32;
 
@@ -45,6 +44,7 @@ pub struct IsophoteVoice {
     met: Option<f64>,
     /// Cell of samples, and crossings in it.
     quota: (i64, usize),
+    #[serde(rename = "past")]
     history: SlopeHistory,
 }
 
@@ -311,12 +311,6 @@ impl IsophoteForce {
     }
 }
 
-/// On which side of a line a position lies: 0 on it.
-#[inline(always)]
-pub(super) fn across([a, b]: &[[f64; 2]; 2], p: [f64; 2]) -> f64 {
-    (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0])
-}
-
 /// Sorts a crossing in by its time; of more than there may be the earliest stay.
 fn put(found: &mut Vec<Crossing>, new: Crossing) {
     let later = |old: &Crossing| (old.time, old.piece.number) <= (new.time, new.piece.number);
@@ -324,28 +318,5 @@ fn put(found: &mut Vec<Crossing>, new: Crossing) {
     if position < MOST {
         found.truncate(MOST - 1);
         found.insert(position, new);
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn each_point_of_a_curve_is_crossed_once() {
-        // Two pieces that meet on the chord's line.
-        let chord = [[0.0, 1.0], [2.0, 1.0]];
-        let crosses = |ends: [[f64; 2]; 2]| {
-            let [a, b] = ends.map(|p| across(&chord, p));
-            let [c, d] = chord.map(|p| across(&ends, p));
-            (a >= 0.0) != (b >= 0.0) && (c >= 0.0) != (d >= 0.0)
-        };
-        for tilt in [-0.5, 0.0, 0.7] {
-            let (low, middle, high) = ([1.0 - tilt, 0.0], [1.0, 1.0], [1.0 + tilt, 2.0]);
-            assert!(crosses([low, middle]) != crosses([middle, high]), "{tilt}");
-        }
-        // A corner that only touches it is crossed twice or not at all.
-        let touch = [[[0.5, 2.0], [1.0, 1.0]], [[1.0, 1.0], [1.5, 2.0]]];
-        assert_eq!(crosses(touch[0]), crosses(touch[1]));
     }
 }

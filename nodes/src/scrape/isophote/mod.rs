@@ -8,10 +8,8 @@ pub(super) mod index;
 pub mod isophote_excitation;
 pub(super) mod isophote_force;
 mod nearest;
-mod tile;
 
 pub use curve_piece::CurvePiece;
 pub use end_points::Strip;
-pub use index::IsophoteIndex;
+pub use index::{IsophoteIndex, Tile};
 pub use isophote_force::{IsophoteForce, IsophoteVoice, Reading};
-pub use tile::Tile;

@@ -1,9 +1,9 @@
 //! Which curve is nearest to each sample of a segment.
 
-use crate::scrape::force::voices::{CELL, Cell};
-use super::chords::{SegmentPart, Chords};
+use super::chords::{Chords, SegmentPart};
 use super::curve_piece::CurvePiece;
 use super::index::IsophoteIndex;
+use crate::scrape::force::voices::{CELL, Cell};
 
 /// Pieces of curves that are compared at once.
 const MOST: usize = 512;
@@ -65,7 +65,14 @@ impl NearestCurve {
 
     /// Finds what is nearest within `reach` of the samples of a part, whose positions are counted from `origin`.
     #[inline(always)]
-    pub fn find(&mut self, index: &IsophoteIndex, chords: &Chords, part: &SegmentPart, origin: [f64; 2], reach: f64) {
+    pub fn find(
+        &mut self,
+        index: &IsophoteIndex,
+        chords: &Chords,
+        part: &SegmentPart,
+        origin: [f64; 2],
+        reach: f64,
+    ) {
         let best = &mut self.best;
         for n in 0..CELL {
             let position = chords.on_image(n);

@@ -1,16 +1,7 @@
 //! The node `LevelMatcher`.
 
-use crate::scrape::force::speed_curve::{POINTS, SpeedCurve};
-use crate::scrape::force::strength::Strength;
-use crate::scrape::isophote::isophote_force::{IsophoteForce, IsophoteVoice, Reading};
 use super::matching::{by_speed, factor, fastest, heard, parts, rms, share, sum};
 use super::standard_stroke::{RATE, StandardStroke, exponents};
-use crate::scrape::map::map_excitation::MapValue;
-use crate::scrape::map::map_force::{MapForce, MapVoice};
-use crate::scrape::map::padded_map::{Interp, check_grid};
-use crate::scrape::map::surface_map::SurfaceMap;
-use crate::scrape::noise::bands::NoiseBands;
-use super::{isophote_node, noise_node};
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::node::{Func, Summary};
@@ -19,6 +10,15 @@ use crate::core::ports::Value;
 use crate::core::random::Rng;
 use crate::core::shape::Build;
 use crate::modal::Modes;
+use crate::scrape::force::speed_curve::{POINTS, SpeedCurve};
+use crate::scrape::force::strength::Strength;
+use crate::scrape::isophote::isophote_force::{IsophoteForce, IsophoteVoice, Reading};
+use crate::scrape::map::map_excitation::MapValue;
+use crate::scrape::map::map_force::{MapForce, MapVoice};
+use crate::scrape::map::padded_map::{Interp, check_grid};
+use crate::scrape::map::surface_map::SurfaceMap;
+use crate::scrape::noise::bands::NoiseBands;
+use crate::scrape::{isophote::isophote_excitation, noise::noise_excitation};
 use crate::texture::histogram::{Class, TextureClass};
 use crate::texture::sobel::gradient;
 use crate::texture::{DiscontinuityMap, FeatureMap, Isophotes, NoiseMap, NoiseProfile, Surface};
@@ -151,7 +151,7 @@ struct Found {
 
 /// A line of noise for strokes of up to a speed, m/s.
 pub(super) fn bands(profile: &NoiseProfile, fastest: f64) -> Result<NoiseBands, Reject> {
-    noise_node::check(profile)?;
+    noise_excitation::check(profile)?;
     Ok(NoiseBands::up_to(profile, fastest / (profile.spacing * FS)))
 }
 
@@ -160,7 +160,7 @@ impl<'a> Surfaces<'a> {
         // The finest level of a simple surface is its map.
         let simple = io.class.is_some_and(|found| found.class == Class::Simple);
         let curves = |all: &Isophotes| {
-            isophote_node::check("isophotes", all)?;
+            isophote_excitation::check("isophotes", all)?;
             let mut force = IsophoteForce::new(all, p.reading, exponents(p.map_law), FS, 2);
             force.set(p.width, p.radius, 1.0);
             Ok::<_, Reject>(force)
@@ -316,5 +316,4 @@ impl Func for LevelMatcher {
 }
 
 #[cfg(test)]
-#[path = "levels_node_tests.rs"]
 mod tests;

@@ -1,8 +1,6 @@
 //! The node around [`LodSelector`].
 
-use super::lod_selector::{LodSelector, LEVELS, LodRules};
-use crate::scrape::path::piece::PathPiece;
-use crate::scrape::path::queue::Queue;
+use super::lod_selector::{LEVELS, LodRules, LodSelector};
 use crate::contact::vector::{norm, sub};
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
@@ -14,6 +12,8 @@ use crate::core::random::Rng;
 use crate::core::shape::{Build, Ends, Shape};
 use crate::core::time::Tick;
 use crate::rigid::ContactState;
+use crate::scrape::path::piece::PathPiece;
+use crate::scrape::path::queue::Queue;
 use crate::spatial::Poses;
 use crate::{archive_state, params, ports};
 
@@ -119,7 +119,8 @@ impl LodSelect {
     }
 
     fn distance(&self, io: &LodSelectIo<'_>, tick: Tick, contact: u64) -> f64 {
-        let position = self.positions.iter().find(|(c, _)| *c == contact).filter(|_| io.contacts_at.is_some());
+        let position =
+            self.positions.iter().find(|(c, _)| *c == contact).filter(|_| io.contacts_at.is_some());
         if let Some((_, position)) = position {
             let at = io.listener.as_ref().and_then(|poses| latest(poses, tick));
             let at = at.map_or(self.params.listener, |pose| pose.position.map(f64::from));
@@ -249,5 +250,4 @@ impl LodSelect {
 }
 
 #[cfg(test)]
-#[path = "lod_node_tests.rs"]
 mod tests;

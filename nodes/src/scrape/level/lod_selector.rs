@@ -4,11 +4,11 @@
 //! Picard, Tsingos and Faure (VRIPHYS 2008), section 4.2, use two levels, the coarser for what is far; five levels, their
 //! distances and the budget are choices.
 
-use crate::scrape::path::piece::PathPiece;
-use crate::scrape::path::queue::Queue;
 use crate::core::time::{Tick, ticks};
 use crate::dsp::FadeLaw;
 use crate::impl_state;
+use crate::scrape::path::piece::PathPiece;
+use crate::scrape::path::queue::Queue;
 use serde::{Deserialize, Serialize};
 
 /// Levels that sound.

@@ -90,3 +90,41 @@ pub fn share(whole: [&Grid; 2], noise: [&Grid; 2]) -> f64 {
     let (whole, noise) = (power(whole), power(noise));
     if whole > 0.0 { (noise / whole).clamp(0.0, 1.0) } else { 0.0 }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::core::random::Rng;
+
+    #[test]
+    fn features_and_noise_together_have_the_wanted_power_whatever_they_share() {
+        let mut rng = Rng::new(9);
+        let noise: Vec<f32> = (0..20_000).map(|_| rng.between(-3.0, 3.0) as f32).collect();
+        let features: Vec<f32> = noise.iter().map(|n| 0.2 * n + rng.between(-1.0, 1.0) as f32).collect();
+        for share in [0.0, 0.3, 1.0] {
+            let [f, n] = parts(2.5, [&features, &noise], share);
+            let both = rms(&sum([&features, &noise], [f, n]));
+            assert!((both / 2.5 - 1.0).abs() < 1e-6, "{share}: {both}");
+            let power =
+                (n * rms(&noise)).powi(2) / ((n * rms(&noise)).powi(2) + (f * rms(&features)).powi(2));
+            assert!((power - share).abs() < 1e-9, "{share}: {power}");
+        }
+        let silent = vec![0.0; 20_000];
+        let [f, n] = parts(2.5, [&silent, &noise], 0.3);
+        assert!(f == 0.0 && (n * rms(&noise) / 2.5 - 1.0).abs() < 1e-6, "the noise does all");
+        assert_eq!(parts(2.5, [&silent, &silent], 0.3), [0.0; 2]);
+        assert_eq!(
+            [factor(1.0, 1e-7), factor(0.0, 0.0), factor(0.0, 2.0), factor(3.0, 2.0)],
+            [0.0, 0.0, 0.0, 1.5]
+        );
+    }
+
+    #[test]
+    fn the_share_of_noise_is_that_of_its_slopes() {
+        let whole = Grid::from_fn(8, 8, |x, _| if x % 2 == 0 { 2.0 } else { -2.0 });
+        let part = Grid::from_fn(8, 8, |x, _| if x % 2 == 0 { 1.0 } else { -1.0 });
+        let none = Grid::from_fn(8, 8, |_, _| 0.0);
+        assert_eq!(share([&whole, &none], [&part, &none]), 0.25);
+        assert_eq!([share([&none; 2], [&part; 2]), share([&part; 2], [&whole; 2])], [0.0, 1.0]);
+    }
+}

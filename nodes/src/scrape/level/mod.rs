@@ -1,8 +1,8 @@
 //! Levels of detail: the choice of one for each contact, and the strengths with which all are equally loud.
 
 pub mod level_matcher;
-mod lod_selector;
 pub mod lod_select;
+mod lod_selector;
 mod matching;
 pub mod pair_matcher;
 mod standard_stroke;

@@ -1,18 +1,8 @@
 //! The node `PairMatcher`.
 
-use crate::scrape::crossing::crossing_force::{CrossingForce, CrossingVoice};
-use crate::scrape::force::motion::Heading;
-use crate::scrape::force::speed_curve::SpeedCurve;
-use crate::scrape::force::strength::Strength;
 use super::level_matcher::bands;
 use super::matching::{by_speed, factor, fastest, heard, parts, rms, share, sum};
 use super::standard_stroke::{RATE, StandardStroke, exponents};
-use crate::scrape::map::padded_map::check_grid;
-use crate::scrape::noise::bands::NoiseBands;
-use crate::scrape::relief::heights::{Relief, heights};
-use crate::scrape::relief::pair_force::PairForce;
-use crate::scrape::relief::two_textures::check;
-use super::isophote_node;
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::node::{Func, Summary};
@@ -21,6 +11,16 @@ use crate::core::ports::Value;
 use crate::core::random::Rng;
 use crate::core::shape::Build;
 use crate::modal::Modes;
+use crate::scrape::crossing::crossing_force::{CrossingForce, CrossingVoice};
+use crate::scrape::force::motion::Heading;
+use crate::scrape::force::speed_curve::SpeedCurve;
+use crate::scrape::force::strength::Strength;
+use crate::scrape::isophote::isophote_excitation;
+use crate::scrape::map::padded_map::check_grid;
+use crate::scrape::noise::bands::NoiseBands;
+use crate::scrape::relief::heights::{Relief, heights};
+use crate::scrape::relief::pair_force::PairForce;
+use crate::scrape::relief::two_textures::check;
 use crate::texture::sobel::gradient;
 use crate::texture::{Isophotes, Luma, NoiseMap, NoiseProfile};
 use crate::{params, ports};
@@ -171,8 +171,8 @@ impl<'a> Pair<'a> {
         check("a", io.a)?;
         check("b", io.b)?;
         let lines = |(a, b): (&Isophotes, &Isophotes)| {
-            isophote_node::check("lines_a", a)?;
-            isophote_node::check("lines_b", b)?;
+            isophote_excitation::check("lines_a", a)?;
+            isophote_excitation::check("lines_b", b)?;
             let mut force = CrossingForce::new([a, b], exponents(p.crossing_law), FS, 2);
             (force.reach, force.width) = (p.reach, p.width);
             Ok::<_, Reject>(force)
@@ -321,5 +321,4 @@ impl Func for PairMatcher {
 }
 
 #[cfg(test)]
-#[path = "pair_levels_node_tests.rs"]
 mod tests;

@@ -3,18 +3,15 @@
 //! All are moved along the same way, the [`StandardStroke`], and what they draw from it is compared with what the whole map of
 //! the surface does.
 
+use crate::core::time::{Rate, Tick, seconds};
 use crate::scrape::force::law::Law;
-use crate::scrape::force::speed_curve::{POINTS, SpeedCurve};
 use crate::scrape::force::voices::{Segment, Voices};
 use crate::scrape::noise::bands::NoiseBands;
 use crate::scrape::noise::noise_force::{NoiseForce, NoiseVoice};
 use crate::scrape::path::knots::{StrokeContact, circle, pieces};
 use crate::scrape::path::other_surface::exchanged;
 use crate::scrape::path::piece::PathPiece;
-use crate::core::time::{Rate, Tick, seconds};
-use crate::dsp::LevelMeter;
-use crate::modal::{Bank, Modes, ModesError};
-use crate::texture::{Grid, Surface, Wrap};
+use crate::texture::{Surface, Wrap};
 use std::f64::consts::{PI, TAU};
 
 /// Samples per second of what is compared.
@@ -28,6 +25,7 @@ const SAMPLES: [f64; 2] = [8192.0, 32_768.0];
 const FADE: f64 = 0.2;
 /// Steps of the best even spread over a plane: powers of the plastic number.
 const SPREAD: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_3];
+
 /// A way over a surface in all directions at an even speed: circles around positions that are spread over the image, each of
 /// which fades in and out so slowly that the fades are not heard beside it.
 #[derive(Clone, Debug)]
@@ -142,10 +140,11 @@ pub fn exponents([a, b]: [f64; 2]) -> Law {
 
 #[cfg(test)]
 mod tests {
+    use super::super::matching::{fastest, rms};
     use super::*;
     use crate::core::random::Rng;
     use crate::scrape::{Interp, Law, MapForce, MapVoice, SurfaceMap};
-    use crate::texture::{DiscontinuityMap, FeatureMap};
+    use crate::texture::{DiscontinuityMap, FeatureMap, Grid};
     use realfft::RealFftPlanner;
 
     fn surface(density: f64, wrap: Wrap) -> Surface {
@@ -204,29 +203,6 @@ mod tests {
     }
 
     #[test]
-    fn features_and_noise_together_have_the_wanted_power_whatever_they_share() {
-        let mut rng = Rng::new(9);
-        let noise: Vec<f32> = (0..20_000).map(|_| rng.between(-3.0, 3.0) as f32).collect();
-        let features: Vec<f32> = noise.iter().map(|n| 0.2 * n + rng.between(-1.0, 1.0) as f32).collect();
-        for share in [0.0, 0.3, 1.0] {
-            let [f, n] = parts(2.5, [&features, &noise], share);
-            let both = rms(&sum([&features, &noise], [f, n]));
-            assert!((both / 2.5 - 1.0).abs() < 1e-6, "{share}: {both}");
-            let power =
-                (n * rms(&noise)).powi(2) / ((n * rms(&noise)).powi(2) + (f * rms(&features)).powi(2));
-            assert!((power - share).abs() < 1e-9, "{share}: {power}");
-        }
-        let silent = vec![0.0; 20_000];
-        let [f, n] = parts(2.5, [&silent, &noise], 0.3);
-        assert!(f == 0.0 && (n * rms(&noise) / 2.5 - 1.0).abs() < 1e-6, "the noise does all");
-        assert_eq!(parts(2.5, [&silent, &silent], 0.3), [0.0; 2]);
-        assert_eq!(
-            [factor(1.0, 1e-7), factor(0.0, 0.0), factor(0.0, 2.0), factor(3.0, 2.0)],
-            [0.0, 0.0, 0.0, 1.5]
-        );
-    }
-
-    #[test]
     fn fades_are_not_heard_beside_what_they_fade() {
         // A map of slow waves has no high tones; steps at the ends of the circles would.
         let grid = Grid::from_fn(256, 256, |x, y| {
@@ -247,14 +223,5 @@ mod tests {
         };
         let level = 10.0 * (power(2000.0) / power(0.0)).log10();
         assert!(level < -80.0, "{level} dB above 2 kHz");
-    }
-
-    #[test]
-    fn the_share_of_noise_is_that_of_its_slopes() {
-        let whole = Grid::from_fn(8, 8, |x, _| if x % 2 == 0 { 2.0 } else { -2.0 });
-        let part = Grid::from_fn(8, 8, |x, _| if x % 2 == 0 { 1.0 } else { -1.0 });
-        let none = Grid::from_fn(8, 8, |_, _| 0.0);
-        assert_eq!(share([&whole, &none], [&part, &none]), 0.25);
-        assert_eq!([share([&none; 2], [&part; 2]), share([&part; 2], [&whole; 2])], [0.0, 1.0]);
     }
 }

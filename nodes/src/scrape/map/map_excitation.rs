@@ -1,11 +1,8 @@
 //! The node around [`MapForce`].
 
-use crate::scrape::force::strength::{Strength, linked, self, silent};
-use crate::scrape::force::voices::Voices;
 use super::map_force::{MapForce, MapVoice};
-use super::padded_map::Interp;
+use super::padded_map::{Interp, check_grid};
 use super::surface_map::SurfaceMap;
-use crate::scrape::path::piece::PathPiece;
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::item::Channels;
@@ -15,8 +12,11 @@ use crate::core::ports::{Events, Stream, Value};
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
+use crate::scrape::force::strength::{self, Strength, linked, silent};
+use crate::scrape::force::voices::Voices;
+use crate::scrape::path::piece::PathPiece;
 use crate::texture::code::{CodedMap, Coding};
-use crate::texture::{DiscontinuityMap, FeatureMap, Grid, Surface};
+use crate::texture::{DiscontinuityMap, FeatureMap};
 use crate::{archive_state, choices, params, ports};
 
 choices! {
@@ -108,20 +108,6 @@ pub struct MapExcitation {
     map: SurfaceMap,
     force: MapForce,
     voices: Voices<MapVoice>,
-}
-
-/// Refuses grids that do not hold what they say.
-pub(super) fn check_grid(field: &'static str, grid: &Grid, surface: &Surface) -> Result<(), Reject> {
-    let problem = if grid.width == 0 || grid.samples.len() != grid.width.saturating_mul(grid.height) {
-        format!("`{field}` has {} numbers for {} x {} pixels", grid.samples.len(), grid.width, grid.height)
-    } else if !grid.samples.iter().all(|x| x.abs() < 1e9) {
-        format!("`{field}` holds numbers beyond 1e9 or none at all")
-    } else if !surface.density.iter().all(|d| (1e-3..1e9).contains(d)) {
-        format!("`{field}` has {:?} pixels per metre; 0.001 to 1e9 can be read", surface.density)
-    } else {
-        return Ok(());
-    };
-    Err(Reject::new("F128", problem).at(field))
 }
 
 /// What a contact reads: a map, or features. A code is read back as one of them.

@@ -1,12 +1,11 @@
 //! The force that a contact draws from a map of a surface.
 
-use crate::scrape::force::approximation::log2;
+use super::padded_map::Interp;
+use super::surface_map::{Positions, SurfaceMap};
 use crate::scrape::force::law::Law;
 use crate::scrape::force::motion::{Heading, Motion};
 use crate::scrape::force::ramp::Ramp;
 use crate::scrape::force::voices::{CELL, Cell, Segment};
-use super::padded_map::{Interp, Lanes, Patch, PaddedMap};
-use crate::texture::{DiscontinuityMap, FeatureMap, Grid, Pyramid, Surface, level_for};
 use fearless_simd::{Level, dispatch};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
@@ -72,7 +71,7 @@ impl MapForce {
         footprints.iter_mut().for_each(|v| *v *= dense);
         let far = segment.part(&mut footprints).iter().any(|x| *x > 0.5);
         let Self { motion, x, y, .. } = &*self;
-        let positions = Places { base, x, y, tx: &motion.tx, ty: &motion.ty };
+        let positions = Positions { base, x, y, tx: &motion.tx, ty: &motion.ty };
         let mut made = [0.0; CELL];
         map.read(self.interp, &positions, far.then_some(&footprints), range, &mut made);
         if !map.directional() {

@@ -1,7 +1,8 @@
 //! Maps laid out for reading between pixels: four by four neighbours without a question about borders.
 
+use crate::core::fault::Reject;
 use crate::scrape::force::voices::{CELL, Cell};
-use crate::texture::{Grid, Wrap};
+use crate::texture::{Grid, Surface, Wrap};
 
 /// How a map is read between its pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -301,6 +302,24 @@ impl PaddedMap<1> {
         let [value] = self.at(base, [x, y], |patch, t| patch.values(interp, t));
         value
     }
+}
+
+/// Refuses grids that do not hold what they say.
+pub(in crate::scrape) fn check_grid(
+    field: &'static str,
+    grid: &Grid,
+    surface: &Surface,
+) -> Result<(), Reject> {
+    let problem = if grid.width == 0 || grid.samples.len() != grid.width.saturating_mul(grid.height) {
+        format!("`{field}` has {} numbers for {} x {} pixels", grid.samples.len(), grid.width, grid.height)
+    } else if !grid.samples.iter().all(|x| x.abs() < 1e9) {
+        format!("`{field}` holds numbers beyond 1e9 or none at all")
+    } else if !surface.density.iter().all(|d| (1e-3..1e9).contains(d)) {
+        format!("`{field}` has {:?} pixels per metre; 0.001 to 1e9 can be read", surface.density)
+    } else {
+        return Ok(());
+    };
+    Err(Reject::new("F128", problem).at(field))
 }
 
 #[cfg(test)]

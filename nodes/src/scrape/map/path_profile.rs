@@ -2,11 +2,11 @@
 
 use super::padded_map::{PaddedMap, check_grid};
 use super::profile::{ContactProfile, PathProfile, meet, picture};
-use crate::scrape::path::piece::PathPiece;
 use crate::core::fault::{Fault, Reject};
 use crate::core::node::{Class, Node, Summary};
 use crate::core::ports::{Events, Fold, Many, Value};
 use crate::core::shape::{Build, Shape};
+use crate::scrape::path::piece::PathPiece;
 use crate::texture::{DiscontinuityMap, FeatureMap, Grid, Luma, NoiseMap, Surface};
 use crate::{archive_state, params, ports};
 

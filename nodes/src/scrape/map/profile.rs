@@ -1,9 +1,9 @@
 //! What contacts meet along their ways over a map, as a figure.
 
 use super::padded_map::{Interp, PaddedMap};
-use crate::scrape::path::piece::PathPiece;
 use crate::core::item::Data;
 use crate::core::random::Rng;
+use crate::scrape::path::piece::PathPiece;
 use crate::texture::image;
 use crate::texture::{Grid, Surface};
 use serde::{Deserialize, Serialize};
@@ -22,6 +22,7 @@ pub struct ContactProfile {
     /// Way from its start, m.
     pub way: Vec<f32>,
     /// Places, m.
+    #[serde(rename = "places")]
     pub positions: Vec<[f32; 2]>,
     /// What stands in the map there.
     pub values: Vec<f32>,
@@ -60,7 +61,13 @@ pub fn picture(map: &Grid) -> Grid {
 }
 
 /// Adds what a piece meets, at steps of at most half a pixel, to its way.
-pub fn meet(met: &mut ContactProfile, piece: &PathPiece, padded: &PaddedMap<1>, surface: &Surface, most: usize) {
+pub fn meet(
+    met: &mut ContactProfile,
+    piece: &PathPiece,
+    padded: &PaddedMap<1>,
+    surface: &Surface,
+    most: usize,
+) {
     let length: f64 = (0..16)
         .map(|k| {
             let [a, b] = [k, k + 1].map(|k| piece.position_at(f64::from(k) / 16.0));
@@ -93,8 +100,12 @@ impl Data for PathProfile {
 
     fn trial(rng: &mut Rng) -> Self {
         let picture = Grid::from_fn(3, 2, |_, _| rng.uniform() as f32);
-        let met =
-            ContactProfile { way: vec![0.0, 0.1], positions: vec![[0.0; 2]; 2], values: vec![0.5, 0.2], ..ContactProfile::default() };
+        let met = ContactProfile {
+            way: vec![0.0, 0.1],
+            positions: vec![[0.0; 2]; 2],
+            values: vec![0.5, 0.2],
+            ..ContactProfile::default()
+        };
         Self { picture, size: [1.0, 0.5], ways: vec![met] }
     }
 

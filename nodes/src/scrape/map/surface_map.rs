@@ -1,6 +1,6 @@
 //! A map of a surface as a pyramid, read at the level of detail of the speed.
 
-use super::padded_map::{Interp, Lanes, Patch, PaddedMap};
+use super::padded_map::{Interp, Lanes, PaddedMap, Patch};
 use crate::scrape::force::approximation::log2;
 use crate::scrape::force::voices::{CELL, Cell};
 use crate::texture::{DiscontinuityMap, FeatureMap, Grid, Pyramid, Surface, level_for};
@@ -26,9 +26,9 @@ enum Reading {
 #[derive(Clone, Debug, PartialEq)]
 pub struct SurfaceMap {
     reading: Reading,
-    surface: Surface,
+    pub(super) surface: Surface,
     /// Factors of changes along x and y, where these are per metre in place of per pixel.
-    per_metre: Option<[f32; 2]>,
+    pub(super) per_metre: Option<[f32; 2]>,
 }
 
 fn levels(grid: &Grid, surface: &Surface) -> Vec<(Grid, [f64; 2])> {
@@ -102,10 +102,10 @@ impl SurfaceMap {
     /// Reads it at positions of pixels from pixel `base`; `footprints` are pixels from one sample to the next, where any is
     /// above a half.
     #[inline(always)]
-    fn read(
+    pub(super) fn read(
         &self,
         interp: Interp,
-        positions: &Places,
+        positions: &Positions,
         footprints: Option<&Cell>,
         range: [usize; 2],
         out: &mut Cell,
@@ -161,12 +161,13 @@ impl SurfaceMap {
     }
 }
 
-struct Places<'a> {
-    base: [i64; 2],
-    x: &'a Cell,
-    y: &'a Cell,
-    tx: &'a Cell,
-    ty: &'a Cell,
+/// Positions of samples in pixels from pixel `base`, and the directions there.
+pub(super) struct Positions<'a> {
+    pub base: [i64; 2],
+    pub x: &'a Cell,
+    pub y: &'a Cell,
+    pub tx: &'a Cell,
+    pub ty: &'a Cell,
 }
 
 /// Reads the samples of a range, each between the two levels that suit its step: `full` reads many positions of the map
@@ -174,7 +175,7 @@ struct Places<'a> {
 #[inline(always)]
 fn each<const C: usize, const D: usize>(
     levels: &[Scaled<C>],
-    positions: &Places,
+    positions: &Positions,
     footprints: Option<&Cell>,
     [from, to]: [usize; 2],
     out: &mut [Cell; D],
@@ -182,7 +183,7 @@ fn each<const C: usize, const D: usize>(
     one: impl Fn(&Patch<C>, &[Lanes<1>; 2], [f32; 2]) -> [Lanes<1>; D],
 ) {
     let Some((map, _)) = levels.first() else { return };
-    let Places { base, x, y, .. } = *positions;
+    let Positions { base, x, y, .. } = *positions;
     let Some(footprints) = footprints else {
         map.read(base, [x, y], [from, to], out, full);
         return;

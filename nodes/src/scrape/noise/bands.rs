@@ -1,5 +1,6 @@
 //! A loop of noise that can be read at any speed, forwards and backwards, without images and without anything folding down.
 
+use super::interpolation::{NoiseInterp, PHASES, Row, TAPS, weights};
 use crate::scrape::force::approximation::log2;
 use crate::scrape::force::voices::{CELL, Cell};
 use crate::texture::NoiseProfile;
@@ -8,14 +9,10 @@ use fearless_simd::prelude::*;
 use rayon::prelude::*;
 use realfft::num_complex::Complex;
 use realfft::{ComplexToReal, RealFftPlanner};
-use std::f64::consts::{FRAC_PI_2, PI};
+use std::f64::consts::PI;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Samples that one reading weighs.
-pub const TAPS: usize = 32;
-/// Places between two samples for which weights are stored.
-const PHASES: usize = 1024;
 /// Bands to the octave.
 const OCTAVE: f64 = 8.0;
 /// Step in samples up to which the loop is read as it is.
@@ -35,9 +32,6 @@ struct Band {
     samples: Vec<f32>,
     density: f64,
 }
-
-/// Weights of the samples at one stored position, and what they change by up to the next one.
-type Row = [[f32; TAPS]; 2];
 
 /// A loop of noise with what is left of it below each eighth of an octave.
 ///

@@ -3,9 +3,9 @@
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Samples that one reading weighs.
-pub const TAPS: usize = 32;
+pub(super) const TAPS: usize = 32;
 /// Places between two samples for which weights are stored.
-const PHASES: usize = 1024;
+pub(super) const PHASES: usize = 1024;
 
 /// Weights of the samples at one stored position, and what they change by up to the next one.
 pub(super) type Row = [[f32; TAPS]; 2];
@@ -25,7 +25,7 @@ pub enum NoiseInterp {
 
 impl NoiseInterp {
     /// Weight of a sample at a distance.
-    fn weight(self, x: f64) -> f64 {
+    pub(super) fn weight(self, x: f64) -> f64 {
         let d = x.abs();
         match self {
             Self::Sinc32 => {
@@ -43,7 +43,8 @@ impl NoiseInterp {
     }
 }
 
-fn weights(interp: NoiseInterp) -> Vec<Row> {
+/// Weights at all stored positions.
+pub(super) fn weights(interp: NoiseInterp) -> Vec<Row> {
     let taps = |phase: usize| -> [f32; TAPS] {
         let position = phase as f64 / PHASES as f64;
         std::array::from_fn(|t| interp.weight(t as f64 - (TAPS / 2 - 1) as f64 - position) as f32)

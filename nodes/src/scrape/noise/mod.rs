@@ -3,7 +3,7 @@
 pub(super) mod bands;
 mod interpolation;
 pub mod noise_excitation;
-mod noise_force;
+pub(super) mod noise_force;
 
 pub use bands::NoiseBands;
 pub use interpolation::NoiseInterp;

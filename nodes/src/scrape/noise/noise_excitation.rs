@@ -1,11 +1,8 @@
 //! The node around [`NoiseForce`].
 
-use crate::scrape::force::strength::{Strength, linked, self, silent};
-use crate::scrape::force::voices::Voices;
 use super::bands::NoiseBands;
 use super::interpolation::NoiseInterp;
 use super::noise_force::{NoiseForce, NoiseVoice};
-use crate::scrape::path::piece::PathPiece;
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::item::Channels;
@@ -15,6 +12,9 @@ use crate::core::ports::{Events, Stream, Value};
 use crate::core::random::{Random, Rng};
 use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
+use crate::scrape::force::strength::{self, Strength, linked, silent};
+use crate::scrape::force::voices::Voices;
+use crate::scrape::path::piece::PathPiece;
 use crate::texture::NoiseProfile;
 use crate::{archive_state, choices, params, ports};
 
@@ -106,7 +106,7 @@ fn law(p: &NoiseExcitationParams, kappa: Option<Strength>) -> [f64; 3] {
     [kappa.map_or(p.kappa, |s| s.kappa) * p.gain, p.a, p.b]
 }
 
-pub(super) fn check(noise: &NoiseProfile) -> Result<(), Reject> {
+pub(in crate::scrape) fn check(noise: &NoiseProfile) -> Result<(), Reject> {
     let count = noise.samples.len();
     let message = if count == 0 || count > LONGEST {
         format!("`noise` has {count} samples; 1 to {LONGEST} can be read")

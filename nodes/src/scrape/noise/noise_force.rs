@@ -1,10 +1,10 @@
 //! The force that a contact draws from a line of noise.
 
+use super::bands::NoiseBands;
 use crate::scrape::force::law::Law;
 use crate::scrape::force::motion::{Heading, Motion};
 use crate::scrape::force::ramp::Ramp;
 use crate::scrape::force::voices::{CELL, Segment};
-use super::bands::NoiseBands;
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch};
 use serde::{Deserialize, Serialize};
@@ -14,6 +14,7 @@ use serde::{Deserialize, Serialize};
 pub struct NoiseVoice {
     heading: Heading,
     /// Place on the loop, in samples.
+    #[serde(rename = "place")]
     position: f64,
 }
 

@@ -2,7 +2,7 @@
 
 use super::piece::PathPiece;
 use super::queue::Queue;
-use super::sample::{PathRules, ContactSample};
+use super::sample::{ContactSample, PathRules};
 use super::tracker::{END_FADE, Tracker};
 use crate::contact::vector::{Vec3, dot, sub, widen};
 use crate::core::fault::{Fault, Reject};
@@ -379,5 +379,4 @@ impl Node for ContactPath {
 }
 
 #[cfg(test)]
-#[path = "path_node_tests.rs"]
 mod tests;

@@ -17,7 +17,11 @@ pub(super) fn turned(velocity: [f64; 2], [turn, growth]: [f64; 2], time: f64) ->
 }
 
 /// Velocity at a frame from those around it (Catmull and Rom).
-pub(super) fn central(before: Option<(Tick, [f64; 2])>, at: &ContactSample, after: &ContactSample) -> [f64; 2] {
+pub(super) fn central(
+    before: Option<(Tick, [f64; 2])>,
+    at: &ContactSample,
+    after: &ContactSample,
+) -> [f64; 2] {
     let (tick, position) = before.unwrap_or((at.tick, at.position));
     rate(position, after.position, after.tick - tick)
 }

@@ -1,7 +1,7 @@
 //! Ways that are drawn rather than simulated.
 
 use super::piece::PathPiece;
-use super::tracker::{JUMP_FADE, END_FADE};
+use super::tracker::{END_FADE, JUMP_FADE};
 use crate::core::time::{Tick, ticks};
 use std::f64::consts::TAU;
 
@@ -102,8 +102,12 @@ pub fn pieces(knots: &[Knot], pen: StrokeContact) -> Vec<(Tick, PathPiece)> {
         let part = |f: &dyn Fn(usize) -> f64| [f(0), f(1)];
         let gap: [f64; 2] = std::array::from_fn(|k| b.position[k] - a.position[k]);
         let (v, w) = (a.velocity[1].map(|v| v * time), b.velocity[0].map(|v| v * time));
-        let position =
-            [a.position, v, part(&|k| 3.0 * gap[k] - 2.0 * v[k] - w[k]), part(&|k| v[k] + w[k] - 2.0 * gap[k])];
+        let position = [
+            a.position,
+            v,
+            part(&|k| 3.0 * gap[k] - 2.0 * v[k] - w[k]),
+            part(&|k| v[k] + w[k] - 2.0 * gap[k]),
+        ];
         all.push((start, piece(pen, position, end - start, [a.force, b.force], [1.0; 2])));
     }
     if let (Some(knot), Some((start, last))) = (knots.last(), all.last().copied()) {
@@ -115,7 +119,13 @@ pub fn pieces(knots: &[Knot], pen: StrokeContact) -> Vec<(Tick, PathPiece)> {
     all
 }
 
-fn piece(pen: StrokeContact, position: [[f64; 2]; 4], duration: Tick, force: [f64; 2], gain: [f32; 2]) -> PathPiece {
+fn piece(
+    pen: StrokeContact,
+    position: [[f64; 2]; 4],
+    duration: Tick,
+    force: [f64; 2],
+    gain: [f32; 2],
+) -> PathPiece {
     PathPiece {
         contact: pen.contact,
         jump: 0,

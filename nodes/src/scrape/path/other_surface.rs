@@ -34,7 +34,7 @@ pub struct OtherSurface {
 }
 
 /// A piece with its surfaces exchanged, where both are known.
-pub(super) fn exchanged(piece: &PathPiece) -> Option<PathPiece> {
+pub(in crate::scrape) fn exchanged(piece: &PathPiece) -> Option<PathPiece> {
     piece.other.map(|other| PathPiece { position: other, other: Some(piece.position), ..*piece })
 }
 
@@ -84,7 +84,9 @@ mod tests {
     use crate::core::random::Rng;
     use crate::core::standalone::{Feed, Standalone};
     use crate::core::time::{Rate, ticks};
-    use crate::scrape::noise::noise_excitation::{NoiseExcitation, NoiseExcitationParams, NoiseExcitationPorts};
+    use crate::scrape::noise::noise_excitation::{
+        NoiseExcitation, NoiseExcitationParams, NoiseExcitationPorts,
+    };
     use crate::scrape::testing::{piece, rms};
     use crate::texture::NoiseProfile;
 

@@ -21,6 +21,7 @@ pub struct PathPiece {
     /// How long it lasts.
     pub duration: Tick,
     /// Coefficients of the place on the surface, m.
+    #[serde(rename = "place")]
     pub position: [[f64; 2]; 4],
     /// The same on the other surface, where it is known, m.
     pub other: Option<[[f64; 2]; 4]>,
@@ -84,6 +85,11 @@ impl PathPiece {
 pub(crate) fn position(c: &[[f64; 2]; 4], s: f64) -> [f64; 2] {
     let [a, b, c, d] = c;
     std::array::from_fn(|k| a[k] + s * (b[k] + s * (c[k] + s * d[k])))
+}
+
+/// The velocity on a polynomial in samples, `n` samples after its anchor, m/s.
+pub(crate) fn velocity(c: &[[f64; 2]; 4], n: f64, rate: f64) -> [f64; 2] {
+    std::array::from_fn(|k| rate * (c[1][k] + n * (2.0 * c[2][k] + n * 3.0 * c[3][k])))
 }
 
 /// The coefficients of `p(s + t scale)` as a polynomial of `t`.

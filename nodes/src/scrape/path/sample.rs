@@ -11,6 +11,7 @@ pub struct ContactSample {
     /// When.
     pub tick: Tick,
     /// Place, m.
+    #[serde(rename = "place")]
     pub position: [f64; 2],
     /// Velocity over the surface, where it is known, m/s.
     pub velocity: Option<[f64; 2]>,

@@ -7,7 +7,7 @@
 use super::hermite::{central, cubic, onward, rate, turned};
 use super::piece::PathPiece;
 use super::queue::Queue;
-use super::sample::{PathRules, ContactSample};
+use super::sample::{ContactSample, PathRules};
 use crate::core::time::{Tick, seconds, ticks};
 use crate::impl_state;
 use serde::{Deserialize, Serialize};
@@ -162,7 +162,8 @@ impl Tracker {
     /// Keeps a frame until the next tells its velocity, and takes the one before.
     fn wait(&mut self, contact: &mut TrackedContact, sample: &ContactSample, out: &mut Queue) {
         if let Some(mut waiting) = contact.waiting.take() {
-            let back = contact.before.map(|(tick, position)| rate(position, waiting.position, waiting.tick - tick));
+            let back =
+                contact.before.map(|(tick, position)| rate(position, waiting.position, waiting.tick - tick));
             let time = sample.tick - waiting.tick;
             let parted = sample.begins || self.parted(waiting.position, sample.position, back, None, time);
             waiting.velocity = if parted { back } else { Some(central(contact.before, &waiting, sample)) };

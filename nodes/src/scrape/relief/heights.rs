@@ -2,8 +2,7 @@
 
 use crate::scrape::force::voices::{CELL, Cell};
 use crate::scrape::map::padded_map::{Interp, PaddedMap};
-use crate::scrape::map::surface_map::SurfaceMap;
-use crate::texture::{Grid, Luma, LumaKind, Surface, Wrap};
+use crate::texture::{Grid, Luma, LumaKind, Surface};
 
 /// The heights of a surface in m, for reading at positions in m.
 #[derive(Clone, Debug, PartialEq)]
@@ -32,7 +31,11 @@ impl Relief {
         let ends = |(low, high): (f32, f32), h: &f32| (low.min(*h), high.max(*h));
         let (low, high) = heights.samples.iter().fold((f32::MAX, f32::MIN), ends);
         let range = f64::from(high - low).max(0.0);
-        Self { padded: PaddedMap::new([heights], [[false; 2]], surface.wrap), density: surface.density, range }
+        Self {
+            padded: PaddedMap::new([heights], [[false; 2]], surface.wrap),
+            density: surface.density,
+            range,
+        }
     }
 
     /// Highest less lowest, m.

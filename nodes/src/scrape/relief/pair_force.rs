@@ -1,10 +1,10 @@
 //! The force between two textured surfaces that touch along a short line.
 
+use super::heights::Relief;
 use crate::scrape::force::law::Law;
 use crate::scrape::force::motion::{AT_REST, Heading, Motion};
 use crate::scrape::force::voices::{CELL, Cell, Segment};
-use crate::scrape::path::piece::position;
-use super::heights::Relief;
+use crate::scrape::path::piece::{position, velocity};
 use fearless_simd::{Level, dispatch};
 
 /// Most points along the line of contact.
@@ -50,11 +50,6 @@ struct Ways {
     a: [[f64; 2]; 4],
     b: [[f64; 2]; 4],
     rate: f64,
-}
-
-/// Velocity on a way, `n` samples after its anchor, m/s.
-pub(super) fn velocity(c: &[[f64; 2]; 4], n: f64, rate: f64) -> [f64; 2] {
-    std::array::from_fn(|k| rate * (c[1][k] + n * (2.0 * c[2][k] + n * 3.0 * c[3][k])))
 }
 
 fn along(position: [f64; 2], direction: [f64; 2], way: f64) -> [f64; 2] {
@@ -226,7 +221,7 @@ impl Line {
         let top = rest.iter().fold(best, |m, x| higher(m, *x));
         let has = |group: &[f32; 8]| group.iter().fold(false, |any, x| any | (*x >= top));
         let past = 8 * groups.iter().position(has).unwrap_or(groups.len());
-        let j = history + z[history..].iter().position(|x| *x >= top).unwrap_or(0);
+        let j = past + z[past..].iter().position(|x| *x >= top).unwrap_or(0);
         let offset = self.offsets.get(j).copied().unwrap_or(0.0);
         let (Some(before), Some(after)) = (j.checked_sub(1).and_then(|j| z.get(j)), z.get(j + 1)) else {
             return offset;

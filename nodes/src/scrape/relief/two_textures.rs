@@ -1,13 +1,5 @@
 //! The node around [`PairForce`] and the map of a rolling ball.
 
-use crate::scrape::force::law::Law;
-use crate::scrape::force::motion::Heading;
-use crate::scrape::force::strength::{Strength, linked, self};
-use crate::scrape::force::voices::Voices;
-use crate::scrape::map::map_force::{MapForce, MapVoice};
-use crate::scrape::map::padded_map::{Interp, check_grid};
-use crate::scrape::map::surface_map::SurfaceMap;
-use crate::scrape::path::piece::PathPiece;
 use super::heights::{Relief, heights};
 use super::pair_force::PairForce;
 use super::rolling_ball::ball_map;
@@ -21,6 +13,14 @@ use crate::core::ports::{Events, Stream, Value};
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
+use crate::scrape::force::law::Law;
+use crate::scrape::force::motion::Heading;
+use crate::scrape::force::strength::{self, Strength, linked};
+use crate::scrape::force::voices::Voices;
+use crate::scrape::map::map_force::{MapForce, MapVoice};
+use crate::scrape::map::padded_map::{Interp, check_grid};
+use crate::scrape::map::surface_map::SurfaceMap;
+use crate::scrape::path::piece::PathPiece;
 use crate::texture::Luma;
 use crate::{archive_state, params, ports};
 
@@ -105,7 +105,7 @@ fn law(p: &TwoTexturesParams, kappa: Option<Strength>, ball: bool) -> [f64; 3] {
     [kappa.map_or(p.kappa, |s| s.kappa) * p.gain, p.a_exponent, if ball { 1.0 } else { 0.0 }]
 }
 
-pub(super) fn check(field: &'static str, luma: &Luma) -> Result<(), Reject> {
+pub(in crate::scrape) fn check(field: &'static str, luma: &Luma) -> Result<(), Reject> {
     check_grid(field, &luma.grid, &luma.surface)?;
     if (0.0..=1.0).contains(&luma.surface.depth) {
         return Ok(());
@@ -214,5 +214,4 @@ impl Node for TwoTextures {
 }
 
 #[cfg(test)]
-#[path = "pair_node_tests.rs"]
 mod tests;

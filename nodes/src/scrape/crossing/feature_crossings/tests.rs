@@ -116,7 +116,8 @@ fn windows_change_no_bit_and_surfaces_count_alike() {
             "{n}"
         );
     }
-    let turned = |one: PathPiece| PathPiece { position: one.other.unwrap(), other: Some(one.position), ..one };
+    let turned =
+        |one: PathPiece| PathPiece { position: one.other.unwrap(), other: Some(one.position), ..one };
     let back = Standalone::new::<FeatureCrossings>(p)
         .events(FeatureCrossingsPorts::paths, vec![(ticks(0.05), turned(two))], ticks(0.5))
         .value(FeatureCrossingsPorts::first, lines(LINES[1], 1.0))

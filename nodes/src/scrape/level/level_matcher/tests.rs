@@ -6,12 +6,14 @@ use crate::core::random::Random;
 use crate::core::standalone::{Feed, Standalone, StandaloneRun};
 use crate::core::time::{Rate, Tick, ticks};
 use crate::scrape::PathPiece;
-use crate::scrape::testing::db;
-use crate::scrape::isophote::isophote_excitation::{IsophoteExcitation, IsophoteExcitationParams, IsophoteExcitationPorts};
+use crate::scrape::isophote::isophote_excitation::{
+    IsophoteExcitation, IsophoteExcitationParams, IsophoteExcitationPorts,
+};
 use crate::scrape::level::lod_select::{LodSelect, LodSelectParams, LodSelectPorts};
 use crate::scrape::map::map_excitation::{MapExcitation, MapExcitationParams, MapExcitationPorts};
 use crate::scrape::noise::noise_excitation::{NoiseExcitation, NoiseExcitationParams, NoiseExcitationPorts};
 use crate::scrape::path::knots::{StrokeContact, circle, pieces, through};
+use crate::scrape::testing::db;
 use crate::texture::bilateral::{BilateralParams, bilateral};
 use crate::texture::decode::decode;
 use crate::texture::detail::extend;

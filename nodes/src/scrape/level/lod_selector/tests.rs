@@ -113,8 +113,7 @@ fn a_budget_takes_from_the_farthest_first_and_each_rests_for_half_a_second() {
                     let rest = seconds_of(ticks(t) - *since);
                     assert!(c.down.abs_diff(*down) == 1, "{t}: one step at a time");
                     assert!(rest >= STABLE - 1e-9, "{t}: contact {} after {rest} s", c.contact);
-                    (fell, rose) =
-                        (fell + usize::from(c.down > *down), rose + usize::from(c.down < *down));
+                    (fell, rose) = (fell + usize::from(c.down > *down), rose + usize::from(c.down < *down));
                     (*since, *down) = (ticks(t), c.down);
                 }
                 // Whoever is nearer is no coarser for longer than it takes both to rest.

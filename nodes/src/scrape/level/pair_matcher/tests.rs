@@ -5,12 +5,14 @@ use crate::core::ports::{Port, Stream};
 use crate::core::standalone::{Feed, Standalone, StandaloneRun};
 use crate::core::time::{Rate, Tick, ticks};
 use crate::scrape::PathPiece;
-use crate::scrape::testing::db;
-use crate::scrape::crossing::feature_crossings::{FeatureCrossings, FeatureCrossingsParams, FeatureCrossingsPorts};
+use crate::scrape::crossing::feature_crossings::{
+    FeatureCrossings, FeatureCrossingsParams, FeatureCrossingsPorts,
+};
 use crate::scrape::noise::noise_excitation::{NoiseExcitation, NoiseExcitationParams, NoiseExcitationPorts};
 use crate::scrape::path::knots::{StrokeContact, pieces, through};
 use crate::scrape::path::other_surface::exchanged;
 use crate::scrape::relief::two_textures::{TwoTextures, TwoTexturesParams, TwoTexturesPorts};
+use crate::scrape::testing::db;
 use crate::texture::bilateral::{BilateralParams, bilateral};
 use crate::texture::profile::{PROFILE, profile};
 use crate::texture::split::noise as noise_of;

@@ -9,10 +9,7 @@ fn params() -> NoiseExcitationParams {
 
 fn white(n: usize) -> NoiseProfile {
     let mut rng = Rng::new(4);
-    NoiseProfile {
-        samples: (0..n).map(|_| rng.between(-1.0, 1.0) as f32).collect(),
-        spacing: 1.0 / 4096.0,
-    }
+    NoiseProfile { samples: (0..n).map(|_| rng.between(-1.0, 1.0) as f32).collect(), spacing: 1.0 / 4096.0 }
 }
 
 fn standalone(p: NoiseExcitationParams, paths: Vec<(Tick, PathPiece)>, end: f64) -> Standalone {
@@ -73,11 +70,8 @@ fn contacts_begin_at_places_of_their_own_that_the_seed_decides() {
 fn windows_change_no_bit() {
     let there = piece([0.0; 2], [0.5, 0.0], 0.11);
     let back = piece([0.05, 0.0], [-40.5, 0.1], 0.09);
-    let paths = vec![
-        (ticks(0.0123), there),
-        (ticks(0.05), PathPiece { contact: 5, ..back }),
-        (ticks(0.1223), back),
-    ];
+    let paths =
+        vec![(ticks(0.0123), there), (ticks(0.05), PathPiece { contact: 5, ..back }), (ticks(0.1223), back)];
     let run = |n: usize| {
         let window = Rate::hz(44_100).span(n);
         standalone(params(), paths.clone(), 0.3)
@@ -138,8 +132,7 @@ fn the_sample_rate_changes_nothing_that_is_heard() {
 #[test]
 fn rest_and_no_force_are_silent() {
     let p = NoiseExcitationParams { a: 0.0, b: 0.0, ..params() };
-    let play =
-        |paths| standalone(p.clone(), paths, 0.4).run().unwrap().stream(NoiseExcitationPorts::force);
+    let play = |paths| standalone(p.clone(), paths, 0.4).run().unwrap().stream(NoiseExcitationPorts::force);
     let go = piece([0.0; 2], [0.5, 0.0], 0.2);
     let rest = piece([0.1, 0.0], [0.0; 2], 0.2);
     let out = play(vec![(0, go), (ticks(0.2), rest)]);

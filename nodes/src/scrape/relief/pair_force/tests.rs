@@ -1,8 +1,8 @@
 use super::*;
 use crate::core::time::Rate;
-use crate::scrape::testing::{amplitude, db, piece, rms};
 use crate::scrape::force::voices::Voices;
 use crate::scrape::path::piece::PathPiece;
+use crate::scrape::testing::{amplitude, db, piece, rms};
 use crate::texture::{Grid, Surface};
 use std::f64::consts::TAU;
 
@@ -10,8 +10,7 @@ const FS: f64 = 44_100.0;
 const RADIUS: f64 = 0.02;
 
 fn grating(cycles: usize, density: f64, depth: f64) -> Relief {
-    let wave =
-        |x: usize, _: usize| (0.5 * depth * (1.0 + (TAU * (cycles * x) as f64 / 2048.0).cos())) as f32;
+    let wave = |x: usize, _: usize| (0.5 * depth * (1.0 + (TAU * (cycles * x) as f64 / 2048.0).cos())) as f32;
     let surface = Surface { density: [density; 2], ..Surface::default() };
     Relief::new(&Grid::from_fn(2048, 8, wave), &surface)
 }
