@@ -20,8 +20,7 @@ use crate::spatial::{Distance, Head, Pose, Poses, StaticSource};
 use crate::{archive_state, params, ports};
 
 params! {
-    /// Plays a recorded sample for each event at the two ears of a listener: as `CrumplePlayer`, with the position of
-    /// every event.
+    /// Plays a recorded sample for each event at the two ears of a listener, as `CrumplePlayer` with positions.
     ///
     /// A sample has the direction and distance of its event, as in `StructuralHrtf` and `DistanceGain`: it is earlier
     /// and louder at the nearer ear, has the reflections of the pinna, and its level decreases with distance. The pose

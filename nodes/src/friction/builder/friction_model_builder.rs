@@ -26,8 +26,7 @@ choices! { @param Signal {
 } }
 
 params! {
-    /// Measures a friction model from a roller recording: cloth turns against cloth while an encoder measures its
-    /// speed.
+    /// Measures a friction model from a roller recording: cloth turns against cloth at a measured speed.
     ///
     /// The readings of the encoder come from a CSV, or from a signal linked to `turning`: a second channel of the
     /// recording, or a file of any rate. About 1000 samples per second of the signal are used. A noisy signal needs a

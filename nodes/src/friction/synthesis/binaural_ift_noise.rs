@@ -25,8 +25,7 @@ use crate::spatial::{Distance, Head, HeadReceiver, Pose, Poses};
 use crate::{archive_state, params, ports};
 
 params! {
-    /// Synthesises the sound of sliding cloth at the two ears of a listener: as `IftNoise`, with the position of every
-    /// cluster of vertices.
+    /// Synthesises the sound of sliding cloth at the two ears of a listener, as `IftNoise` with positions.
     ///
     /// `mesh` is the cloth whose vertices slide. Vertices in one cell of a grid are a cluster and share phases. A
     /// cluster has its own direction and distance, as in `StructuralHrtf` and `DistanceGain`. Both ears receive the

@@ -21,8 +21,7 @@ use crate::friction::model::{FrictionModel, Gain};
 use crate::{archive_state, params, ports};
 
 params! {
-    /// Synthesises the sound of sliding cloth: noise with the spectrum of the friction model at the speed of every
-    /// vertex.
+    /// Synthesises the sound of sliding cloth: noise with the spectrum of a friction model at each vertex's speed.
     ///
     /// Each item of `speeds` is the middle of one clip, or its start (`motion_at`). Clips overlap by half, so a clip is
     /// two items long: 50 ms at 40 speeds per second. A clip is the inverse Fourier transform of the model's amplitudes

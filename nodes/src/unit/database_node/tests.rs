@@ -92,7 +92,7 @@ fn what_is_odd_about_recordings_is_told() {
     cut.files.insert("a.wav", whole[..whole.len() / 2].to_vec());
     let notes = cut.shape().unwrap().notes;
     assert!(
-        !notes.is_empty() && notes[0].contains("a.wav") && notes[0].contains("the header says"),
+        !notes.is_empty() && notes[0].contains("a.wav") && notes[0].contains("the header states"),
         "{notes:?}"
     );
     let warned = |standalone: &Standalone| {
