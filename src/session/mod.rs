@@ -216,8 +216,8 @@ impl Session {
     pub fn prepare(&self) -> Preparation {
         let (loaded, files) = self.load();
         let mut diagnostics = loaded.diagnostics;
-        let asked = files.asked();
         let mut prepared = None;
+        let mut asked = files.asked();
         if let Some(graph) = loaded.graph {
             let (mut taps, mut errors) = (Vec::new(), Vec::new());
             let to_files = self.taps.iter().map(|text| check_tap(&graph, text));
@@ -238,7 +238,10 @@ impl Session {
                 taps: taps.iter().map(|tap| (tap.node, tap.port)).collect(),
                 ..PlanOptions::default()
             };
-            match Plan::new(&graph, &files, &options) {
+            let plan = Plan::new(&graph, &files, &options);
+            // The plan opens files as well, those that are missing among them.
+            asked = files.asked();
+            match plan {
                 Ok(plan) if errors.is_empty() => {
                     let seed = self.seed.unwrap_or(graph.seed);
                     let (memo, progress) = (self.memo.clone(), Arc::clone(&self.progress));
