@@ -8,7 +8,7 @@ use foley_nodes::core::params::Params;
 use foley_nodes::core::random::Rng;
 use foley_nodes::core::standalone::Standalone;
 use foley_nodes::core::time::{Rate, ticks};
-use foley_nodes::scrape::isophote_node::{
+use foley_nodes::scrape::isophote::isophote_excitation::{
     IsophoteExcitation, IsophoteExcitationParams, IsophoteExcitationPorts,
 };
 use foley_nodes::scrape::{IsophoteIndex, PathPiece, Reading};
@@ -135,7 +135,7 @@ fn force(all: &Isophotes) -> Result<(), Box<dyn Error>> {
                     jump: 0,
                     object: 0,
                     duration: ticks(1.0 / 60.0),
-                    place: [from, v, [0.0; 2], [0.0; 2]],
+                    position: [from, v, [0.0; 2], [0.0; 2]],
                     other: None,
                     force: [1.0; 2],
                     gain: [1.0; 2],

@@ -7,9 +7,9 @@ use foley_nodes::core::random::Rng;
 use foley_nodes::core::time::{Rate, Tick, ticks};
 use foley_nodes::modal::{Bank, ForceRing, Modes, PulseShape};
 use foley_nodes::scrape::{
-    Heading, Interp, Law, MapForce, MapVoice, MeetForce, MeetVoice, NoiseBands, NoiseForce, NoiseVoice,
-    PairForce, PathPiece, PathRules, Queue, Relief, Sample, SpeedCurve, Stretch, SurfaceMap, Tracker, Voices,
-    ball_map,
+    ContactSample, CrossingForce, CrossingVoice, Heading, Interp, Law, MapForce, MapVoice, NoiseBands,
+    NoiseForce, NoiseVoice, PairForce, PathPiece, PathRules, Queue, Relief, Segment, SpeedCurve, SurfaceMap,
+    Tracker, Voices, ball_map,
 };
 use foley_nodes::texture::{
     DiscontinuityMap, Drawing, FeatureMap, Grid, Kernel, Levels, Luma, LumaKind, NoiseProfile, Surface,
@@ -29,20 +29,20 @@ const BLOCKS: usize = 16;
 /// Returns the path of a contact that moves on a circle at a given speed, in frames of 1/60 s.
 fn contact(number: u64, speed: f64) -> Vec<(Tick, PathPiece)> {
     let (frame, radius) = (1.0 / 60.0, 0.08);
-    let place = |t: f64| {
+    let position = |t: f64| {
         let (sin, cos) = (t * speed / radius + number as f64).sin_cos();
         [radius * cos, radius * sin]
     };
     (0..60)
         .map(|k| {
-            let [a, b] = [k, k + 1].map(|k| place(f64::from(k) * frame));
+            let [a, b] = [k, k + 1].map(|k| position(f64::from(k) * frame));
             let gap = [b[0] - a[0], b[1] - a[1]];
             let piece = PathPiece {
                 contact: number,
                 jump: 0,
                 object: 0,
                 duration: ticks(frame),
-                place: [a, gap, [1e-6, 0.0], [0.0; 2]],
+                position: [a, gap, [1e-6, 0.0], [0.0; 2]],
                 other: Some([[0.1, 0.2], gap.map(|x| 0.5 * x), [0.0; 2], [0.0; 2]]),
                 force: [1.0, 2.0],
                 gain: [1.0; 2],
@@ -57,7 +57,7 @@ fn time<S: Clone>(
     count: u64,
     speed: f64,
     blank: S,
-    mut sound: impl FnMut(&mut S, &Stretch, &mut [f32]),
+    mut sound: impl FnMut(&mut S, &Segment, &mut [f32]),
 ) -> f64 {
     let fresh = blank.clone();
     time_blocks(count, speed, blank, |voices, now, first, out| {
@@ -117,10 +117,10 @@ fn paths() -> f64 {
             let tick = Rate::hz(60).tick(k);
             for contact in 0..contacts {
                 let at = 0.01 * k as f64;
-                let sample = Sample {
+                let sample = ContactSample {
                     contact,
                     tick,
-                    place: [at, 0.0],
+                    position: [at, 0.0],
                     velocity: Some([0.6, 0.0]),
                     other: None,
                     force: 1.0,
@@ -250,10 +250,19 @@ fn main() -> Result<(), Box<dyn Error>> {
     let soft = smooth(&grid, &Kernel::gaussian(3.0, 4.0), surface.wrap);
     let luma = Luma { grid: soft, holes: Vec::new(), kind: LumaKind::Lstar, surface };
     let curves = isophotes(&luma, &Drawing { levels: Levels::Quantiles(2), ..Drawing::default() })?;
-    let mut force = MeetForce::new([&curves; 2], law(0.0), FS.into(), 1);
-    let fresh = |_: &PathPiece| MeetVoice::default();
-    let us = time_blocks(1, 0.5, MeetVoice::default(), |voices, now, first, out| {
-        voices.play_cells(now, None, first, out, &mut force, fresh, MeetForce::add, MeetForce::ring_out);
+    let mut force = CrossingForce::new([&curves; 2], law(0.0), FS.into(), 1);
+    let fresh = |_: &PathPiece| CrossingVoice::default();
+    let us = time_blocks(1, 0.5, CrossingVoice::default(), |voices, now, first, out| {
+        voices.play_cells(
+            now,
+            None,
+            first,
+            out,
+            &mut force,
+            fresh,
+            CrossingForce::add,
+            CrossingForce::ring_out,
+        );
     });
     line("two sets of lines, 2 levels, 2 mm, 0.5 m/s", us, 25.0);
 

@@ -9,7 +9,7 @@ pub mod scene;
 use foley::diag::{Diagnostic, render};
 use foley::graph::{DirFiles, Graph, Limits, LoadOptions, load, load_text};
 use foley::plan::{Plan, PlanOptions};
-use foley::run::{DirOutputs, Job, Progress, Report, check_tap, run};
+use foley::run::{DirOutputs, Job, Progress, Report, TapTarget, check_tap, run};
 use foley_nodes::core::time::{Tick, ticks};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -98,7 +98,11 @@ pub fn run_unmeasured(
     let text = |e: Vec<Diagnostic>| render(&e, &graph.sources, false);
     let taps = taps.iter().map(|tap| check_tap(graph, tap).map_err(|e| text(vec![e])));
     let mut taps = taps.collect::<Result<Vec<_>, _>>()?;
-    taps.iter_mut().for_each(|tap| tap.path = out.join(&tap.path));
+    for tap in &mut taps {
+        if let TapTarget::File(path) = &mut tap.target {
+            *path = out.join(&*path);
+        }
+    }
     let tapped = taps.iter().map(|tap| (tap.node, tap.port)).collect();
     let plan = Plan::new(graph, files, &PlanOptions { taps: tapped, ..options.clone() }).map_err(text)?;
     let outputs = DirOutputs::new(out);

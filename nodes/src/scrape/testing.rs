@@ -1,16 +1,16 @@
 //! Paths and figures for tests.
 
-use super::item::PathPiece;
+use super::path::PathPiece;
 use crate::core::time::ticks;
 
-/// Even motion from a place in m at a velocity in m/s under 1 N.
+/// Even motion from a position in m at a velocity in m/s under 1 N.
 pub(crate) fn piece(from: [f64; 2], velocity: [f64; 2], duration: f64) -> PathPiece {
     PathPiece {
         contact: 1,
         jump: 0,
         object: 0,
         duration: ticks(duration),
-        place: [from, velocity.map(|v| v * duration), [0.0; 2], [0.0; 2]],
+        position: [from, velocity.map(|v| v * duration), [0.0; 2], [0.0; 2]],
         other: None,
         force: [1.0; 2],
         gain: [1.0; 2],

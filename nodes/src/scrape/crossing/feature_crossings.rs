@@ -1,0 +1,184 @@
+//! The node `FeatureCrossings`.
+
+use super::crossing_force::{CrossingForce, CrossingVoice};
+use crate::core::fault::{Fault, Reject};
+use crate::core::files::MemoryFiles;
+use crate::core::item::Channels;
+use crate::core::node::{Class, Node, Retune, Summary};
+use crate::core::params::Params;
+use crate::core::ports::{Events, Stream, Value};
+use crate::core::random::Rng;
+use crate::core::shape::{Build, Shape};
+use crate::core::time::{Rate, ticks};
+use crate::scrape::force::pulses::LONGEST;
+use crate::scrape::force::ramp::Ramp;
+use crate::scrape::force::strength::{self, Strength, linked, silent};
+use crate::scrape::force::voices::Voices;
+use crate::scrape::isophote::isophote_excitation::check;
+use crate::scrape::path::piece::PathPiece;
+use crate::texture::Isophotes;
+use crate::{archive_state, params, ports};
+
+params! {
+    /// Turns the ways of contacts between two surfaces into pulses where a feature of one meets a feature of the other.
+    ///
+    /// This is what is left of TwoTextures where there is little time: of both surfaces only lines are known, isophotes of few levels.
+    /// The surfaces touch along a line of `2 reach` in the direction of the way. Where a line of one meets a line of the other within it,
+    /// a pulse begins at that very moment: its area is the product of the slopes of both along the way, times
+    /// `1 ms gain kappa (f/1 N)^a (v/1 m/s)^b`, with the speed `v` at which the lines approach each other. Evenly spaced lines meet at the
+    /// sum of the frequencies at which they pass.
+    ///
+    /// Noise of both surfaces is added by a NoiseExcitation for each, the other one with the ways of OtherSurface. Where
+    /// ways do not tell of the other surface, the same position of it touches all the time. `gain`, `kappa`, `a`, `b` and `scale` can be
+    /// changed while it sounds. A link to `kappa` takes the place of the number. A contact has at most 32 meetings in 64 samples; the summary counts them and those that were left out. In
+    /// tight bends a meeting may be missed or counted twice.
+    ///
+    /// # Source
+    /// Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section 6, leave two
+    /// textures to future work; pulses for meetings are a choice.
+    pub struct FeatureCrossingsParams {
+        /// Half the length of the line of contact.
+        reach: f64 = 0.002, unit "m", range 0.00001..=0.1;
+        /// Way over which a meeting is felt, in pixels of the first surface.
+        width: f64 = 1.0, unit "px", range 0.01..=100.0;
+        /// Force in N that slopes of 1 give at 1 N and 1 m/s.
+        kappa: f64 = 1.0, unit "N", range -1_000_000.0..=1_000_000.0;
+        /// Exponent of the normal force.
+        a: f64 = 1.0, unit "", range 0.0..=2.0;
+        /// Exponent of the speed.
+        b: f64 = 0.0, unit "", range 0.0..=2.0;
+        /// Factor of the force.
+        gain: f64 = 1.0, unit "", range -1000.0..=1000.0;
+        /// Size of the surfaces: with 2 all that is on them is twice as large, and `reach` too.
+        scale: f64 = 1.0, unit "", range 0.001..=1000.0;
+        /// Number of the object whose contacts are taken; None takes all.
+        object: Option<u32> = None, unit "", range 0..=4_294_967_295_u32;
+        /// Contacts that can sound at once.
+        contacts: u16 = 64, unit "contacts", range 1..=1024_u16;
+        /// Samples per second.
+        rate: Rate = Rate::hz(48_000);
+    }
+}
+ports! {
+    pub struct FeatureCrossingsPorts / FeatureCrossingsIo {
+        in {
+            /// The ways of the contacts over both surfaces.
+            paths: Events<PathPiece>,
+            /// Lines of the surface that is followed.
+            first: Value<Isophotes>,
+            /// Lines of the other.
+            second: Value<Isophotes>,
+            /// Strength in place of the number, as PairMatcher finds it.
+            kappa: Option<Value<Strength>>,
+        }
+        out {
+            /// Force, mono, N.
+            force: Stream<f32>,
+        }
+    }
+}
+
+/// The node `FeatureCrossings`.
+#[derive(Debug)]
+pub struct FeatureCrossings {
+    params: FeatureCrossingsParams,
+    /// Strength that is linked.
+    kappa: Option<Strength>,
+    force: CrossingForce,
+    voices: Voices<CrossingVoice>,
+}
+
+/// The law of the parameters, with the strength that is linked in place of the number.
+fn law(p: &FeatureCrossingsParams, kappa: Option<Strength>) -> [f64; 3] {
+    [kappa.map_or(p.kappa, |s| s.kappa) * p.gain, p.a, p.b]
+}
+
+impl Node for FeatureCrossings {
+    type Params = FeatureCrossingsParams;
+    type Ports = FeatureCrossingsPorts;
+    const NAME: &'static str = "FeatureCrossings";
+    const VERSION: u32 = 2;
+    const CLASS: Class = Class::Audio;
+    const COST: f64 = 15.0;
+
+    fn shape(p: &FeatureCrossingsParams, s: &mut Shape<'_, '_, FeatureCrossingsPorts>) -> Result<(), Reject> {
+        s.tail(ticks(LONGEST) + p.rate.span(3));
+        s.output(FeatureCrossingsPorts::force, p.rate, Channels(1));
+        Ok(())
+    }
+
+    fn build(p: &FeatureCrossingsParams, cx: &Build<'_>) -> Result<Self, Fault> {
+        let (a, b) = (cx.value(FeatureCrossingsPorts::first), cx.value(FeatureCrossingsPorts::second));
+        check("first", &a)?;
+        check("second", &b)?;
+        let rate = p.rate.as_f64();
+        let kappa = linked(cx.optional_value(FeatureCrossingsPorts::kappa))?;
+        let law = strength::law(law(p, kappa), kappa, rate);
+        let mut force = CrossingForce::new([&a, &b], law, rate, p.contacts.into());
+        (force.reach, force.width, force.scale) = (p.reach, p.width, Ramp::new(p.scale, rate));
+        let voices = Voices::new(p.contacts.into(), p.rate, CrossingVoice::default());
+        Ok(Self { params: p.clone(), kappa, force, voices })
+    }
+
+    fn run(&mut self, mut io: FeatureCrossingsIo<'_>) -> Result<(), Fault> {
+        let (first, events, out) = (io.force.first(), io.paths.events(), io.force.items());
+        if silent(self.kappa, out) {
+            return Ok(());
+        }
+        let object = self.params.object;
+        let Self { force, voices, .. } = self;
+        let fresh = |_: &PathPiece| CrossingVoice::default();
+        voices.play_cells(
+            events,
+            object,
+            first,
+            out,
+            force,
+            fresh,
+            CrossingForce::add,
+            CrossingForce::ring_out,
+        );
+        voices.made(first, out);
+        Ok(())
+    }
+
+    fn finish(&mut self, _: FeatureCrossingsIo<'_>) -> Result<Summary, Fault> {
+        let mut summary = self.voices.summary();
+        summary.push(("meetings", self.force.meetings.into()));
+        if self.force.all_left_out() > 0 {
+            summary.push(("meetings_left_out", self.force.all_left_out().into()));
+        }
+        Ok(summary)
+    }
+
+    fn retune(&mut self, new: &FeatureCrossingsParams) -> Retune {
+        let fixed = |p: &FeatureCrossingsParams| (p.object, p.contacts, p.rate);
+        if fixed(new) != fixed(&self.params) {
+            return Retune::Rebuild;
+        }
+        self.force.law.ramp_to(law(new, self.kappa), self.voices.now());
+        self.force.scale.ramp_to(new.scale, self.voices.now());
+        (self.force.reach, self.force.width) = (new.reach, new.width);
+        self.params = new.clone();
+        Retune::Done
+    }
+
+    fn adopt(&mut self, old: &mut Self) {
+        self.voices.take_state(&old.voices);
+        self.force.take_state(&old.force);
+    }
+
+    archive_state!(force, voices);
+
+    fn trial(rng: &mut Rng) -> (FeatureCrossingsParams, MemoryFiles) {
+        let params = FeatureCrossingsParams::trial(rng);
+        let object = params.object.map(|_| rng.below(2) as u32);
+        let contacts = 1 + rng.below(5) as u16;
+        let (width, scale) = (rng.between(0.1, 5.0), rng.between(0.2, 5.0));
+        let reach = rng.between(0.0001, 0.01);
+        (FeatureCrossingsParams { object, contacts, width, scale, reach, ..params }, MemoryFiles::default())
+    }
+}
+
+#[cfg(test)]
+mod tests;

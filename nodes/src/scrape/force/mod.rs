@@ -1,0 +1,19 @@
+//! What all excitations share: the contacts that sound at one time, their motion, the law of force and speed, parameters that
+//! change smoothly, and pulses of force.
+
+pub(super) mod approximation;
+pub(super) mod law;
+pub(super) mod motion;
+pub(super) mod pulses;
+pub(super) mod ramp;
+pub(super) mod speed_curve;
+pub(super) mod strength;
+pub(super) mod voices;
+
+pub use law::Law;
+pub use motion::{AT_REST, FADE, Heading, Motion};
+pub use pulses::{PULSE, Pulses};
+pub use ramp::{RAMP_TIME, Ramp};
+pub use speed_curve::SpeedCurve;
+pub use strength::Strength;
+pub use voices::{CELL, Cell, Segment, Voices};

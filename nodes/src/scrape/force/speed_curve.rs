@@ -1,0 +1,63 @@
+//! The strength of an excitation by speed.
+
+use super::approximation::log2;
+use serde::{Deserialize, Serialize};
+
+/// Greatest strength, and greatest factor of it.
+pub(super) const MOST: f64 = 1e6;
+/// Speeds at which a curve is known.
+pub const POINTS: usize = 17;
+/// Of these to the octave.
+const OCTAVE: f64 = 4.0;
+
+/// What a strength is worth at each speed, over two octaves to either side of one speed; beyond them as at their ends.
+///
+/// How loud a surface is at a speed depends on what its image holds and on what rings: no power of the speed says it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SpeedCurve {
+    /// The lowest speed, m/s.
+    lowest: f32,
+    /// Factors at each quarter of an octave from there on.
+    factors: [f32; POINTS],
+    /// Power of the size of the surface with which it grows.
+    pub growth: f32,
+}
+
+impl SpeedCurve {
+    /// The speeds of a curve around one in the middle, m/s.
+    #[must_use]
+    pub fn speeds(middle: f64) -> [f64; POINTS] {
+        std::array::from_fn(|k| middle * libm::exp2((k as f64 - (POINTS / 2) as f64) / OCTAVE))
+    }
+
+    /// A curve around a speed in m/s.
+    #[must_use]
+    pub fn new(middle: f64, factors: [f64; POINTS]) -> Self {
+        let [lowest, ..] = Self::speeds(middle);
+        Self { lowest: lowest as f32, factors: factors.map(|x| x as f32), growth: 0.0 }
+    }
+
+    /// The same for what is compared with a relief: one of twice the size is twice as high as well.
+    #[must_use]
+    pub fn of_relief(self) -> Self {
+        Self { growth: 1.0, ..self }
+    }
+
+    /// The factor at a speed, m/s.
+    #[inline]
+    #[must_use]
+    pub fn at(&self, speed: f32) -> f32 {
+        let position = OCTAVE as f32 * log2((speed / self.lowest).max(1.0));
+        let position = position.min((POINTS - 1) as f32);
+        let low = (position as usize).min(POINTS - 2);
+        let [a, b] = [self.factors[low], self.factors[low + 1]];
+        a + (position - low as f32) * (b - a)
+    }
+
+    pub(super) fn holds(&self) -> bool {
+        self.lowest.is_normal()
+            && self.lowest > 0.0
+            && (0.0..=1.0).contains(&self.growth)
+            && self.factors.iter().all(|x| (0.0..=MOST as f32).contains(x))
+    }
+}

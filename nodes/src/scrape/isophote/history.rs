@@ -1,0 +1,103 @@
+//! What a contact met a little while ago, measured along its way.
+
+use crate::core::state::long;
+use serde::{Deserialize, Serialize};
+
+/// Way over which slopes are compared, px, and positions on it.
+const APART: f64 = 1.0;
+const STEPS: usize = 32;
+/// Places that are kept: more than a pixel and a power of two.
+const KEPT: usize = 64;
+
+/// LinearGradient that a contact met, at even steps of its way.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct SlopeHistory {
+    #[serde(with = "long")]
+    slopes: [f64; KEPT],
+    newest: usize,
+    /// Way since the newest of them, px.
+    since: f64,
+    last: f64,
+}
+
+impl Default for SlopeHistory {
+    fn default() -> Self {
+        Self { slopes: [0.0; KEPT], newest: 0, since: 0.0, last: 0.0 }
+    }
+}
+
+impl SlopeHistory {
+    /// Goes on by a way in px to a position of another slope, and gives the slope one pixel before that position.
+    #[inline(always)]
+    pub fn go(&mut self, way: f64, slope: f64) -> f64 {
+        let step = APART / STEPS as f64;
+        let mut since = self.since + way;
+        if since >= step {
+            since = self.pass(way, slope);
+        }
+        self.since = since;
+        self.last = slope;
+        let back = (APART - self.since) / step;
+        // Never negative: a cast is the floor.
+        let whole = back as usize;
+        let at = |k: usize| self.slopes[(self.newest + KEPT - k) % KEPT];
+        let (a, b) = (at(whole), at(whole + 1));
+        a + (b - a) * (back - whole as f64)
+    }
+
+    /// Keeps the slopes at the steps on a way, and gives what is left of it after the last.
+    #[inline(always)]
+    fn pass(&mut self, way: f64, slope: f64) -> f64 {
+        let step = APART / STEPS as f64;
+        let mut next = step - self.since;
+        // Only the last pixel counts.
+        if way > next + KEPT as f64 * step {
+            next += (((way - next) / step).floor() - KEPT as f64) * step;
+        }
+        // Rounding can leave a whole step over for a contact that then rests.
+        let share = 1.0 / way.max(f64::MIN_POSITIVE);
+        while next <= way {
+            self.newest = (self.newest + 1) % KEPT;
+            self.slopes[self.newest] = self.last + (slope - self.last) * (next * share);
+            next += step;
+        }
+        (way - (next - step)).max(0.0)
+    }
+
+    /// The slope that it met last.
+    pub fn last(&self) -> f64 {
+        self.last
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_past_is_one_pixel_behind() {
+        for way in [0.001, 0.0116, 0.03125, 0.2, 0.7] {
+            let (mut history, mut x) = (SlopeHistory::default(), 0.0);
+            for n in 0..4000 {
+                x += way;
+                let before = history.go(way, 3.0 * x);
+                if x > 1.2 && n > 3 {
+                    assert!((before - 3.0 * (x - 1.0)).abs() < 1e-9, "{way} {x}: {before}");
+                }
+            }
+            assert_eq!(history.go(0.0, 3.0 * x), history.go(0.0, 3.0 * x), "at rest nothing changes");
+        }
+        // Rest, or a way too short for its inverse, with a whole step left over.
+        for way in [0.0, 1e-320] {
+            let mut history = SlopeHistory { since: APART / STEPS as f64, ..SlopeHistory::default() };
+            assert!(
+                history.go(way, 2.0).is_finite() && history.slopes.iter().all(|x| x.is_finite()),
+                "{way}"
+            );
+        }
+        // A step of many pixels: only its end counts.
+        let mut history = SlopeHistory::default();
+        history.go(100.0, 50.0);
+        assert!((history.go(0.5, 50.25) - 49.75).abs() < 1e-9);
+    }
+}

@@ -1,0 +1,214 @@
+//! The node around [`IsophoteForce`].
+
+use super::isophote_force::{IsophoteForce, IsophoteVoice, Reading};
+use crate::core::fault::{Fault, Reject};
+use crate::core::files::MemoryFiles;
+use crate::core::item::Channels;
+use crate::core::node::{Class, Node, Retune, Summary};
+use crate::core::params::Params;
+use crate::core::ports::{Events, Stream, Value};
+use crate::core::random::Rng;
+use crate::core::shape::{Build, Shape};
+use crate::core::time::{Rate, ticks};
+use crate::scrape::force::pulses::LONGEST;
+use crate::scrape::force::strength::{self, Strength, linked, silent};
+use crate::scrape::force::voices::Voices;
+use crate::scrape::path::piece::PathPiece;
+use crate::texture::Isophotes;
+use crate::{archive_state, choices, params, ports};
+
+choices! { @param Reading {
+    /// A pulse for each curve that is crossed: as strong as the slope has changed since the curve before.
+    Crossing,
+    /// A force near curves: as strong as the slope of the nearest has changed over the last pixel.
+    Proximity,
+} }
+
+params! {
+    /// Turns the ways of contacts over the isophotes of a surface into the force that they meet.
+    ///
+    /// The slope of a curve is the gradient of its image along the way of the contact. `Crossing` gives a pulse, a raised cosine, for
+    /// each curve that is crossed, at the very moment; it is felt over `width`, so for `width / density / speed` seconds, between two
+    /// samples and 5 ms. Its area is that of `m` over 1 ms, where `m` is the slope less that of the curve crossed before; the first
+    /// curve counts whole. `Proximity` gives `m = (1 - (d / radius)^2)^2` times the change of the slope of the nearest curve over
+    /// the last pixel, at a distance `d`. The force is `gain kappa (f/1 N)^a (v/1 m/s)^b m`, added up over all contacts; at rest
+    /// it has gone after 5 ms. Evenly sloped ground is silent but for its first curve, and so is a way along a curve. A way back turns
+    /// the sign of slopes, and so of the first pulse; changes of slopes are the same both ways.
+    ///
+    /// `gain`, `kappa`, `a`, `b`, `scale`, `width` and `radius` can be changed while it sounds; a link to `kappa` takes the place of
+    /// the number. A contact has at most 32 crossings in 64
+    /// samples; the summary counts crossings, and those that were left out. This node makes audio from something that is
+    /// none, so it has a sample rate of its own.
+    ///
+    /// # Source
+    /// Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section 4.2, who tell of
+    /// the proximity to an isocurve and of the difference between gradients, of which both readings are made; that difference is
+    /// taken over a way here, since between two samples it would fall with the sample rate.
+    pub struct IsophoteExcitationParams {
+        /// What of the isophotes is turned into force.
+        reading: Reading = Reading::Crossing;
+        /// Way over which a crossing is felt.
+        width: f64 = 1.0, unit "px", range 0.01..=100.0;
+        /// Distance from which a curve is felt, with `Proximity`.
+        radius: f64 = 2.0, unit "px", range 0.1..=8.0;
+        /// Force in N that a change of slope of 1 gives at 1 N and 1 m/s.
+        kappa: f64 = 1.0, unit "N", range -1_000_000.0..=1_000_000.0;
+        /// Exponent of the normal force.
+        a: f64 = 1.0, unit "", range 0.0..=2.0;
+        /// Exponent of the speed.
+        b: f64 = 0.0, unit "", range 0.0..=2.0;
+        /// Factor of the force.
+        gain: f64 = 1.0, unit "", range -1000.0..=1000.0;
+        /// Size of the surface: with 2 all that is on it is twice as large.
+        scale: f64 = 1.0, unit "", range 0.001..=1000.0;
+        /// Number of the object whose contacts are taken; None takes all.
+        object: Option<u32> = None, unit "", range 0..=4_294_967_295_u32;
+        /// Contacts that can sound at once.
+        contacts: u16 = 64, unit "contacts", range 1..=1024_u16;
+        /// Samples per second.
+        rate: Rate = Rate::hz(48_000);
+    }
+}
+ports! {
+    pub struct IsophoteExcitationPorts / IsophoteExcitationIo {
+        in {
+            /// The ways of the contacts over the surface.
+            paths: Events<PathPiece>,
+            /// The curves of the surface.
+            isophotes: Value<Isophotes>,
+            /// Strength in place of the number, as LevelMatcher finds it.
+            kappa: Option<Value<Strength>>,
+        }
+        out {
+            /// Force, mono, N.
+            force: Stream<f32>,
+        }
+    }
+}
+
+/// The node `IsophoteExcitation`.
+#[derive(Debug)]
+pub struct IsophoteExcitation {
+    params: IsophoteExcitationParams,
+    /// Strength that is linked.
+    kappa: Option<Strength>,
+    force: IsophoteForce,
+    voices: Voices<IsophoteVoice>,
+}
+
+/// The law of the parameters, with the strength that is linked in place of the number.
+fn law(p: &IsophoteExcitationParams, kappa: Option<Strength>) -> [f64; 3] {
+    [kappa.map_or(p.kappa, |s| s.kappa) * p.gain, p.a, p.b]
+}
+
+/// Refuses isophotes that cannot be read.
+pub(in crate::scrape) fn check(field: &'static str, all: &Isophotes) -> Result<(), Reject> {
+    let density = all.surface.density;
+    let message = if !density.iter().all(|d| (1e-3..1e9).contains(d)) {
+        format!("`{field}` has {density:?} pixels per metre; 0.001 to 1e9 can be read")
+    } else if all.points.len() != all.gradients.len() {
+        format!("`{field}` has {} points and {} gradients", all.points.len(), all.gradients.len())
+    } else {
+        return Ok(());
+    };
+    Err(Reject::new("F127", message).at(field))
+}
+
+impl Node for IsophoteExcitation {
+    type Params = IsophoteExcitationParams;
+    type Ports = IsophoteExcitationPorts;
+    const NAME: &'static str = "IsophoteExcitation";
+    const VERSION: u32 = 2;
+    const CLASS: Class = Class::Audio;
+    const COST: f64 = 15.0;
+
+    fn shape(
+        p: &IsophoteExcitationParams,
+        s: &mut Shape<'_, '_, IsophoteExcitationPorts>,
+    ) -> Result<(), Reject> {
+        if let Some(all) = s.value(IsophoteExcitationPorts::isophotes) {
+            check("isophotes", &all)?;
+        }
+        s.tail(ticks(LONGEST) + p.rate.span(3));
+        s.output(IsophoteExcitationPorts::force, p.rate, Channels(1));
+        Ok(())
+    }
+
+    fn build(p: &IsophoteExcitationParams, cx: &Build<'_>) -> Result<Self, Fault> {
+        let all = cx.value(IsophoteExcitationPorts::isophotes);
+        check("isophotes", &all)?;
+        let kappa = linked(cx.optional_value(IsophoteExcitationPorts::kappa))?;
+        let rate = p.rate.as_f64();
+        let mut force = IsophoteForce::new(
+            &all,
+            p.reading,
+            strength::law(law(p, kappa), kappa, rate),
+            rate,
+            p.contacts.into(),
+        );
+        force.set(p.width, p.radius, p.scale);
+        let voices = Voices::new(p.contacts.into(), p.rate, IsophoteVoice::default());
+        Ok(Self { params: p.clone(), kappa, force, voices })
+    }
+
+    fn run(&mut self, mut io: IsophoteExcitationIo<'_>) -> Result<(), Fault> {
+        let (first, events, out) = (io.force.first(), io.paths.events(), io.force.items());
+        if silent(self.kappa, out) {
+            return Ok(());
+        }
+        self.voices.play_cells(
+            events,
+            self.params.object,
+            first,
+            out,
+            &mut self.force,
+            |_| IsophoteVoice::default(),
+            IsophoteForce::add,
+            IsophoteForce::ring_out,
+        );
+        self.voices.made(first, out);
+        Ok(())
+    }
+
+    fn finish(&mut self, _: IsophoteExcitationIo<'_>) -> Result<Summary, Fault> {
+        let mut summary = self.voices.summary();
+        if self.params.reading == Reading::Crossing {
+            summary.push(("crossings", self.force.crossings.into()));
+        }
+        if self.force.all_left_out() > 0 {
+            summary.push(("crossings_left_out", self.force.all_left_out().into()));
+        }
+        Ok(summary)
+    }
+
+    fn retune(&mut self, new: &IsophoteExcitationParams) -> Retune {
+        let fixed = |p: &IsophoteExcitationParams| (p.reading, p.object, p.contacts, p.rate);
+        if fixed(new) != fixed(&self.params) {
+            return Retune::Rebuild;
+        }
+        self.force.law.ramp_to(law(new, self.kappa), self.voices.now());
+        self.force.scale.ramp_to(new.scale, self.voices.now());
+        self.force.radius.ramp_to(new.radius, self.voices.now());
+        self.force.width = new.width;
+        self.params = new.clone();
+        Retune::Done
+    }
+
+    fn adopt(&mut self, old: &mut Self) {
+        self.voices.take_state(&old.voices);
+        self.force.take_state(&old.force);
+    }
+
+    archive_state!(force, voices);
+
+    fn trial(rng: &mut Rng) -> (IsophoteExcitationParams, MemoryFiles) {
+        let params = IsophoteExcitationParams::trial(rng);
+        let object = params.object.map(|_| rng.below(2) as u32);
+        let contacts = 1 + rng.below(5) as u16;
+        let (width, scale) = (rng.between(0.1, 5.0), rng.between(0.2, 5.0));
+        (IsophoteExcitationParams { object, contacts, width, scale, ..params }, MemoryFiles::default())
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,319 @@
+//! The node `LevelMatcher`.
+
+use super::matching::{by_speed, factor, fastest, heard, parts, rms, share, sum};
+use super::standard_stroke::{RATE, StandardStroke, exponents};
+use crate::core::fault::{Fault, Reject};
+use crate::core::files::MemoryFiles;
+use crate::core::node::{Func, Summary};
+use crate::core::params::Params;
+use crate::core::ports::Value;
+use crate::core::random::Rng;
+use crate::core::shape::Build;
+use crate::modal::Modes;
+use crate::scrape::force::speed_curve::{POINTS, SpeedCurve};
+use crate::scrape::force::strength::Strength;
+use crate::scrape::isophote::isophote_force::{IsophoteForce, IsophoteVoice, Reading};
+use crate::scrape::map::map_excitation::MapValue;
+use crate::scrape::map::map_force::{MapForce, MapVoice};
+use crate::scrape::map::padded_map::{Interp, check_grid};
+use crate::scrape::map::surface_map::SurfaceMap;
+use crate::scrape::noise::bands::NoiseBands;
+use crate::scrape::{isophote::isophote_excitation, noise::noise_excitation};
+use crate::texture::histogram::{Class, TextureClass};
+use crate::texture::sobel::gradient;
+use crate::texture::{DiscontinuityMap, FeatureMap, Isophotes, NoiseMap, NoiseProfile, Surface};
+use crate::{params, ports};
+use rayon::prelude::*;
+
+/// Samples per second of what is compared.
+const FS: f64 = RATE as f64;
+/// Share of the noise where there is no noise map to tell it.
+const HALF: f64 = 0.5;
+
+params! {
+    /// Finds how strong the excitations of one surface have to be, so that all levels of detail are equally loud.
+    ///
+    /// Before anything sounds, each excitation is moved along one and the same way over the surface: circles in all directions, at
+    /// `speed` and under `force`. The map of the whole surface has the strength `kappa`; the other outputs are the strengths with
+    /// which the force has the same root of the mean square: of isophotes, of features and the noise beside them (both
+    /// together), of the noise alone and of noise from its spectrum. Link them to the `kappa` of the excitations. An output
+    /// whose input has no link is 0.
+    ///
+    /// Of the power of features and noise together the noise has the share that the slopes of its map `rest` have in those of the whole
+    /// map, or one half where `rest` has no link; `gain` of the excitations changes that by ear.
+    ///
+    /// Simple surfaces sound best by their map from near, complex ones by their isophotes: with a link to `class` that of `full` and
+    /// `full_isophotes` which does not suit is 0, and an excitation whose `kappa` is linked to 0 costs nothing.
+    ///
+    /// A map holds low tones and fine noise holds high ones: equal forces ring high modes differently. With a link to `modes`
+    /// what is compared is the sound of these modes at `pitch` and `damping`, in place of the force.
+    ///
+    /// What is heard of a surface changes with speed as its waves pass the modes, and of each level otherwise: so a strength is found
+    /// for each quarter of an octave up to two octaves below and above `speed`, and the excitations read it at the speed of the
+    /// contact. All levels then follow the whole map, whatever their exponents of speed; without `by_speed` they do so at `speed`
+    /// alone. With force levels change by their own exponents, `map_law` and `noise_law` here, and are equally loud under `force`.
+    ///
+    /// # Source
+    /// Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section 4.2, add features
+    /// and noise when they are rendered and do not say how strong; equal power is a choice.
+    pub struct LevelMatcherParams {
+        /// Force in N that a whole map of 1 gives at 1 N and 1 m/s.
+        kappa: f64 = 1.0, unit "N", range 0.0..=1_000_000.0;
+        /// Speed of the stroke.
+        speed: f64 = 1.0, unit "m/s", range 0.001..=100.0;
+        /// Whether strengths follow the speed of the contact.
+        by_speed: bool = true;
+        /// Normal force of the stroke.
+        force: f64 = 1.0, unit "N", range 0.001..=100_000.0;
+        /// Exponents of force and speed of maps, features and isophotes.
+        map_law: [f64; 2] = [1.0, 0.0], unit "", range 0.0..=2.0;
+        /// Exponents of force and speed of noise.
+        noise_law: [f64; 2] = [0.5, 0.5], unit "", range 0.0..=2.0;
+        /// What of maps and features is turned into force.
+        value: MapValue = MapValue::Directional;
+        /// What of the isophotes is turned into force.
+        reading: Reading = Reading::Crossing;
+        /// Way over which the crossing of an isophote is felt.
+        width: f64 = 1.0, unit "px", range 0.01..=100.0;
+        /// Distance from which an isophote is felt, with `Proximity`.
+        radius: f64 = 2.0, unit "px", range 0.1..=8.0;
+        /// Factor of the frequencies of `modes`.
+        pitch: f64 = 1.0, unit "", range 0.01..=100.0;
+        /// Factor of the dampings of `modes`.
+        damping: f64 = 1.0, unit "", range 0.001..=1000.0;
+    }
+}
+ports! {
+    pub struct LevelMatcherPorts / LevelMatcherIo {
+        in {
+            /// Where the whole surface changes: what all others are compared with.
+            map: Value<DiscontinuityMap>,
+            /// Whether it is simple or complex: only the finest level of its class is then above 0.
+            class: Option<Value<TextureClass>>,
+            /// Its isophotes.
+            isophotes: Option<Value<Isophotes>>,
+            /// Its features.
+            features: Option<Value<FeatureMap>>,
+            /// Its noise map, which tells the share of the noise.
+            rest: Option<Value<NoiseMap>>,
+            /// Its noise as a line.
+            noise: Option<Value<NoiseProfile>>,
+            /// Its noise from a spectrum.
+            spectrum: Option<Value<NoiseProfile>>,
+            /// How what is scraped rings.
+            modes: Option<Value<Modes>>,
+        }
+        out {
+            /// Strength of the whole map.
+            full: Value<Strength>,
+            /// Strength of the isophotes in place of it.
+            full_isophotes: Value<Strength>,
+            /// Strength of the features, with noise beside them.
+            split_features: Value<Strength>,
+            /// Strength of the noise beside features.
+            split_noise: Value<Strength>,
+            /// Strength of the noise alone.
+            only_noise: Value<Strength>,
+            /// Strength of noise from a spectrum alone.
+            only_spectrum: Value<Strength>,
+        }
+    }
+}
+
+/// The node `LevelMatcher`.
+#[derive(Debug)]
+pub struct LevelMatcher;
+
+/// All that is made of a surface before anything moves over it.
+struct Surfaces<'a> {
+    p: LevelMatcherParams,
+    modes: Option<&'a Modes>,
+    map: SurfaceMap,
+    position: Surface,
+    size: [usize; 2],
+    features: Option<SurfaceMap>,
+    noise: Option<NoiseBands>,
+    alike: Option<NoiseBands>,
+    curves: Option<IsophoteForce>,
+    /// Share of the noise in the power of features and noise.
+    share: f64,
+}
+
+/// What is found at one speed.
+struct Found {
+    /// How strong the whole map is.
+    wanted: f64,
+    /// Strengths: of the whole map, of isophotes, features, noise beside them, noise alone, noise from a spectrum alone.
+    strengths: [f64; 6],
+    /// How strong features and noise are together, and which share the noise has in their power.
+    split: [f64; 2],
+}
+
+/// A line of noise for strokes of up to a speed, m/s.
+pub(super) fn bands(profile: &NoiseProfile, fastest: f64) -> Result<NoiseBands, Reject> {
+    noise_excitation::check(profile)?;
+    Ok(NoiseBands::up_to(profile, fastest / (profile.spacing * FS)))
+}
+
+impl<'a> Surfaces<'a> {
+    fn new(p: &LevelMatcherParams, io: &LevelMatcherIo<'a>) -> Result<Self, Reject> {
+        // The finest level of a simple surface is its map.
+        let simple = io.class.is_some_and(|found| found.class == Class::Simple);
+        let curves = |all: &Isophotes| {
+            isophote_excitation::check("isophotes", all)?;
+            let mut force = IsophoteForce::new(all, p.reading, exponents(p.map_law), FS, 2);
+            force.set(p.width, p.radius, 1.0);
+            Ok::<_, Reject>(force)
+        };
+        let bands = |profile| bands(profile, fastest(p.speed, p.by_speed));
+        Ok(Self {
+            p: p.clone(),
+            modes: io.modes,
+            map: whole(p, io.map)?,
+            position: io.map.surface,
+            size: [io.map.gx.width, io.map.gx.height],
+            features: io.features.map(|f| features(p, f)).transpose()?,
+            noise: io.noise.map(bands).transpose()?,
+            alike: io.spectrum.map(bands).transpose()?,
+            curves: io.isophotes.filter(|_| !simple).map(curves).transpose()?,
+            share: share_of(io.map, io.rest)?,
+        })
+    }
+
+    fn heard(&self, force: Vec<f32>) -> Result<Vec<f32>, Fault> {
+        heard(force, self.modes, [self.p.damping, self.p.pitch])
+            .map_err(|e| Reject::new("F078", e.to_string()).at("modes").into())
+    }
+
+    fn map(&self, stroke: &StandardStroke, map: &SurfaceMap) -> Result<Vec<f32>, Fault> {
+        let mut force = MapForce::new(exponents(self.p.map_law), 1.0, Interp::Bspline3, FS);
+        self.heard(stroke.draw(
+            &mut force,
+            |_| MapVoice::default(),
+            |force, voice, segment, out| force.add(map, voice, segment, out),
+            |_, _, _| {},
+        ))
+    }
+
+    fn noise(&self, stroke: &StandardStroke, bands: &NoiseBands) -> Result<Vec<f32>, Fault> {
+        self.heard(stroke.noise(bands, self.p.noise_law))
+    }
+
+    fn isophotes(&self, stroke: &StandardStroke, curves: &IsophoteForce) -> Result<Vec<f32>, Fault> {
+        self.heard(stroke.draw(
+            &mut curves.clone(),
+            |_| IsophoteVoice::default(),
+            IsophoteForce::add,
+            IsophoteForce::ring_out,
+        ))
+    }
+
+    /// How strong each excitation has to be at a speed, m/s.
+    fn at(&self, speed: f64) -> Result<Found, Fault> {
+        let stroke = StandardStroke::new(&self.position, self.size, speed, self.p.force);
+        let of_map = |map: &Option<SurfaceMap>| map.as_ref().map(|map| self.map(&stroke, map)).transpose();
+        let of_noise =
+            |noise: &Option<NoiseBands>| noise.as_ref().map(|n| self.noise(&stroke, n)).transpose();
+        let wanted = self.p.kappa * rms(&self.map(&stroke, &self.map)?);
+        let lines = of_map(&self.features)?.unwrap_or_default();
+        let noise = of_noise(&self.noise)?.unwrap_or_default();
+        let curves =
+            self.curves.as_ref().map(|c| self.isophotes(&stroke, c)).transpose()?.unwrap_or_default();
+        let alone = |drawn: &[f32]| factor(wanted, rms(drawn));
+        let [features, beside] = if lines.is_empty() || noise.is_empty() {
+            [alone(&lines), alone(&noise)]
+        } else {
+            parts(wanted, [&lines, &noise], self.share)
+        };
+        let power = [features * rms(&lines), beside * rms(&noise)].map(|x| x * x);
+        let alike = alone(&of_noise(&self.alike)?.unwrap_or_default());
+        Ok(Found {
+            wanted,
+            strengths: [self.p.kappa, alone(&curves), features, beside, alone(&noise), alike],
+            split: [
+                rms(&sum([&lines, &noise], [features, beside])),
+                power[1] / (power[0] + power[1]).max(f64::MIN_POSITIVE),
+            ],
+        })
+    }
+
+    /// The same at all speeds of a curve around that of the stroke.
+    fn at_all(&self) -> Result<Vec<Found>, Fault> {
+        SpeedCurve::speeds(self.p.speed).into_par_iter().map(|speed| self.at(speed)).collect()
+    }
+}
+
+fn strength(speed: f64, found: &[Found], level: usize) -> Strength {
+    let (kappa, factors) = by_speed(|k| found[k].strengths[level], found.len());
+    let bent = factors != [1.0; POINTS];
+    Strength { kappa, curve: bent.then(|| SpeedCurve::new(speed, factors)) }
+}
+
+fn whole(p: &LevelMatcherParams, map: &DiscontinuityMap) -> Result<SurfaceMap, Reject> {
+    check_grid("map", &map.gx, &map.surface)?;
+    check_grid("map", &map.gy, &map.surface)?;
+    Ok(match p.value {
+        MapValue::Directional => SurfaceMap::slope(map),
+        MapValue::Magnitude => SurfaceMap::size(map),
+    })
+}
+
+fn features(p: &LevelMatcherParams, features: &FeatureMap) -> Result<SurfaceMap, Reject> {
+    check_grid("features", &features.grid, &features.surface)?;
+    Ok(match p.value {
+        MapValue::Directional => SurfaceMap::feature_change(features),
+        MapValue::Magnitude => SurfaceMap::feature(features),
+    })
+}
+
+fn share_of(map: &DiscontinuityMap, rest: Option<&NoiseMap>) -> Result<f64, Reject> {
+    let Some(rest) = rest else { return Ok(HALF) };
+    check_grid("rest", &rest.grid, &rest.surface)?;
+    let [x, y] = gradient(&rest.grid, rest.surface.wrap);
+    Ok(share([&map.gx, &map.gy], [&x, &y]))
+}
+
+impl Func for LevelMatcher {
+    type Params = LevelMatcherParams;
+    type Ports = LevelMatcherPorts;
+    const NAME: &'static str = "LevelMatcher";
+    const VERSION: u32 = 5;
+
+    fn eval(p: &LevelMatcherParams, _: &Build<'_>, mut io: LevelMatcherIo<'_>) -> Result<Summary, Fault> {
+        let surfaces = Surfaces::new(p, &io)?;
+        let all = if p.by_speed { surfaces.at_all()? } else { vec![surfaces.at(p.speed)?] };
+        let Some(Found { wanted, split, .. }) = all.get(all.len() / 2) else { return Ok(Vec::new()) };
+        let mut told: Summary =
+            vec![("rms", (*wanted).into()), ("split_rms", split[0].into()), ("noise_share", split[1].into())];
+        // A complex surface without isophotes has only its map.
+        let complex = io.class.is_some_and(|found| found.class == Class::Complex);
+        let only_curves = complex && io.isophotes.is_some();
+        for (level, (key, slot)) in [
+            ("full", &mut io.full),
+            ("full_isophotes", &mut io.full_isophotes),
+            ("split_features", &mut io.split_features),
+            ("split_noise", &mut io.split_noise),
+            ("only_noise", &mut io.only_noise),
+            ("only_spectrum", &mut io.only_spectrum),
+        ]
+        .into_iter()
+        .enumerate()
+        {
+            let none = level == 0 && only_curves;
+            let value = if none { Strength::constant(0.0) } else { strength(p.speed, &all, level) };
+            slot.set(value);
+            told.push((key, value.kappa.into()));
+        }
+        Ok(told)
+    }
+
+    fn trial(rng: &mut Rng) -> (LevelMatcherParams, MemoryFiles) {
+        // Fast strokes, which are short, and mostly one.
+        let (speed, by_speed) = (rng.between(50.0, 100.0), rng.below(32) == 0);
+        let p = LevelMatcherParams { speed, by_speed, ..LevelMatcherParams::trial(rng) };
+        (p, MemoryFiles::default())
+    }
+}
+
+#[cfg(test)]
+mod tests;

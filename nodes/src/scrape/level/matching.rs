@@ -1,0 +1,130 @@
+//! Strengths with which excitations are equally loud.
+
+use super::standard_stroke::RATE;
+use crate::dsp::LevelMeter;
+use crate::modal::{Bank, Modes, ModesError};
+use crate::scrape::force::speed_curve::{POINTS, SpeedCurve};
+use crate::texture::Grid;
+
+/// Greatest factor between two excitations.
+pub const MOST: f64 = 1e6;
+
+/// Of strengths found at each speed of a curve, or at one speed: the one in the middle, and what the others are of it. Where nothing was
+/// found at a speed, it is as in the middle.
+#[must_use]
+pub fn by_speed(found: impl Fn(usize) -> f64, speeds: usize) -> (f64, [f64; POINTS]) {
+    let middle = found(speeds / 2);
+    let at = |k: usize| if k < speeds { found(k) } else { 0.0 };
+    (middle, std::array::from_fn(|k| if at(k) > 0.0 && middle > 0.0 { at(k) / middle } else { 1.0 }))
+}
+
+/// The fastest that a stroke goes to find a strength at a speed, or by speed, m/s: a circle of cubics is a little uneven.
+#[must_use]
+pub fn fastest(speed: f64, by_speed: bool) -> f64 {
+    let [.., highest] = SpeedCurve::speeds(speed);
+    1.05 * if by_speed { highest } else { speed }
+}
+
+/// What is heard of a force where it rings modes of other dampings and frequencies; the force itself where there are none.
+///
+/// # Errors
+/// As [`Modes::validate`].
+pub fn heard(
+    force: Vec<f32>,
+    modes: Option<&Modes>,
+    [damping, pitch]: [f64; 2],
+) -> Result<Vec<f32>, ModesError> {
+    let Some(modes) = modes else { return Ok(force) };
+    let mut bank = Bank::new(modes, f64::from(RATE))?;
+    bank.start(damping, pitch, 0);
+    let mut sound = vec![0.0; force.len()];
+    bank.process(&force, &mut sound);
+    Ok(sound)
+}
+
+/// Root of the mean square.
+#[must_use]
+pub fn rms(x: &[f32]) -> f64 {
+    let mut meter = LevelMeter::default();
+    meter.process(x);
+    meter.level().rms
+}
+
+/// The factor that brings `found` to `wanted`; 0 where there is nothing to bring there.
+#[must_use]
+pub fn factor(wanted: f64, found: f64) -> f64 {
+    let factor = wanted / found;
+    if factor.is_finite() && found * MOST > wanted { factor } else { 0.0 }
+}
+
+/// Factors of features and noise with which both together are as strong as `wanted`, the noise with `share` of the power.
+#[must_use]
+pub fn parts(wanted: f64, [features, noise]: [&[f32]; 2], share: f64) -> [f64; 2] {
+    let alone = [features, noise].map(|x| factor(wanted, rms(x)));
+    // Where one is silent the other does all.
+    let share = match alone {
+        [_, 0.0] => 0.0,
+        [0.0, _] => 1.0,
+        _ => share.clamp(0.0, 1.0),
+    };
+    let factors = [alone[0] * (1.0 - share).sqrt(), alone[1] * share.sqrt()];
+    // They may have something to do with each other.
+    let found = rms(&sum([features, noise], factors));
+    factors.map(|x| x * factor(wanted, found))
+}
+
+/// Two sounds, each times its factor, added up.
+#[must_use]
+pub fn sum([a, b]: [&[f32]; 2], factors: [f64; 2]) -> Vec<f32> {
+    let [p, q] = factors;
+    a.iter().zip(b).map(|(a, b)| (p * f64::from(*a) + q * f64::from(*b)) as f32).collect()
+}
+
+/// The share that the slopes of a noise map have in the power of the slopes of the whole.
+#[must_use]
+pub fn share(whole: [&Grid; 2], noise: [&Grid; 2]) -> f64 {
+    let power = |grids: [&Grid; 2]| {
+        let squares = grids.map(|g| g.samples.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>());
+        (squares[0] + squares[1]) / grids[0].samples.len().max(1) as f64
+    };
+    let (whole, noise) = (power(whole), power(noise));
+    if whole > 0.0 { (noise / whole).clamp(0.0, 1.0) } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::core::random::Rng;
+
+    #[test]
+    fn features_and_noise_together_have_the_wanted_power_whatever_they_share() {
+        let mut rng = Rng::new(9);
+        let noise: Vec<f32> = (0..20_000).map(|_| rng.between(-3.0, 3.0) as f32).collect();
+        let features: Vec<f32> = noise.iter().map(|n| 0.2 * n + rng.between(-1.0, 1.0) as f32).collect();
+        for share in [0.0, 0.3, 1.0] {
+            let [f, n] = parts(2.5, [&features, &noise], share);
+            let both = rms(&sum([&features, &noise], [f, n]));
+            assert!((both / 2.5 - 1.0).abs() < 1e-6, "{share}: {both}");
+            let power =
+                (n * rms(&noise)).powi(2) / ((n * rms(&noise)).powi(2) + (f * rms(&features)).powi(2));
+            assert!((power - share).abs() < 1e-9, "{share}: {power}");
+        }
+        let silent = vec![0.0; 20_000];
+        let [f, n] = parts(2.5, [&silent, &noise], 0.3);
+        assert!(f == 0.0 && (n * rms(&noise) / 2.5 - 1.0).abs() < 1e-6, "the noise does all");
+        assert_eq!(parts(2.5, [&silent, &silent], 0.3), [0.0; 2]);
+        assert_eq!(
+            [factor(1.0, 1e-7), factor(0.0, 0.0), factor(0.0, 2.0), factor(3.0, 2.0)],
+            [0.0, 0.0, 0.0, 1.5]
+        );
+    }
+
+    #[test]
+    fn the_share_of_noise_is_that_of_its_slopes() {
+        let whole = Grid::from_fn(8, 8, |x, _| if x % 2 == 0 { 2.0 } else { -2.0 });
+        let part = Grid::from_fn(8, 8, |x, _| if x % 2 == 0 { 1.0 } else { -1.0 });
+        let none = Grid::from_fn(8, 8, |_, _| 0.0);
+        assert_eq!(share([&whole, &none], [&part, &none]), 0.25);
+        assert_eq!([share([&none; 2], [&part; 2]), share([&part; 2], [&whole; 2])], [0.0, 1.0]);
+    }
+}

@@ -1,0 +1,324 @@
+//! The node `PairMatcher`.
+
+use super::level_matcher::bands;
+use super::matching::{by_speed, factor, fastest, heard, parts, rms, share, sum};
+use super::standard_stroke::{RATE, StandardStroke, exponents};
+use crate::core::fault::{Fault, Reject};
+use crate::core::files::MemoryFiles;
+use crate::core::node::{Func, Summary};
+use crate::core::params::Params;
+use crate::core::ports::Value;
+use crate::core::random::Rng;
+use crate::core::shape::Build;
+use crate::modal::Modes;
+use crate::scrape::crossing::crossing_force::{CrossingForce, CrossingVoice};
+use crate::scrape::force::motion::Heading;
+use crate::scrape::force::speed_curve::SpeedCurve;
+use crate::scrape::force::strength::Strength;
+use crate::scrape::isophote::isophote_excitation;
+use crate::scrape::map::padded_map::check_grid;
+use crate::scrape::noise::bands::NoiseBands;
+use crate::scrape::relief::heights::{Relief, heights};
+use crate::scrape::relief::pair_force::PairForce;
+use crate::scrape::relief::two_textures::check;
+use crate::texture::sobel::gradient;
+use crate::texture::{Isophotes, Luma, NoiseMap, NoiseProfile};
+use crate::{params, ports};
+use rayon::prelude::*;
+
+/// Samples per second of what is compared.
+const FS: f64 = RATE as f64;
+/// Share of the noise where there are no noise maps to tell it.
+const HALF: f64 = 0.5;
+/// Slowest speed around which a strength is known, m/s.
+const SLOWEST: f64 = 1e-6;
+
+params! {
+    /// Finds how strong the excitations of two surfaces on each other have to be, so that all levels of detail are equally loud.
+    ///
+    /// As LevelMatcher does for one surface: before anything sounds, the reliefs of TwoTextures are moved over each other along circles in
+    /// all directions, at `speed` over the first surface and at `other` times that over the second one. TwoTextures has the strength `kappa`; the
+    /// other outputs are the strengths with which the force, or with a link to `modes` the sound, has the same root of the mean square: of
+    /// FeatureCrossings and the noise of both surfaces beside it, of both noises alone, and of both noises from their spectra.
+    /// Link them to the `kappa` of the excitations. An output whose input has no link is 0.
+    ///
+    /// Noises share their power as the slopes of their maps do, in metres of height per second of the way; beside the crossings they have
+    /// the share that these have in the slopes of the whole reliefs, one half where no noise map is linked.
+    ///
+    /// A strength is found for each quarter of an octave up to two octaves below and above `speed`, and read at the speed of the contact;
+    /// without `by_speed` for `speed` alone. A relief of twice the size is twice as high, and strengths follow that: all levels are equally
+    /// loud whatever the `scale` of the excitations, if it is the same for all. `radius`, `taps`, `reach`, `width` and the exponents are those of
+    /// the excitations.
+    ///
+    /// # Source
+    /// Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section 4.2, for the levels of
+    /// detail; section 6 leaves two textures to future work, and equal power is a choice.
+    pub struct PairMatcherParams {
+        /// Force in N at 1 N where the surfaces part at 1 m/s.
+        kappa: f64 = 1.0, unit "N", range 0.0..=1_000_000.0;
+        /// Speed of the stroke over the first surface.
+        speed: f64 = 1.0, unit "m/s", range 0.001..=100.0;
+        /// How much of the way is gone on the second surface.
+        other: f64 = 1.0, unit "", range -100.0..=100.0;
+        /// Whether strengths follow the speed of the contact.
+        by_speed: bool = true;
+        /// Normal force of the stroke.
+        force: f64 = 1.0, unit "N", range 0.001..=100_000.0;
+        /// Common radius of curvature at the contact.
+        radius: f64 = 0.02, unit "m", range 0.0001..=10.0;
+        /// Points of the line of contact; an odd number.
+        taps: u16 = 33, unit "points", range 3..=129_u16;
+        /// Half the length of the line along which lines meet.
+        reach: f64 = 0.002, unit "m", range 0.00001..=0.1;
+        /// Way over which a meeting is felt, in pixels of the first surface.
+        width: f64 = 1.0, unit "px", range 0.01..=100.0;
+        /// Exponent of force of reliefs.
+        relief_law: f64 = 1.0, unit "", range 0.0..=2.0;
+        /// Exponents of force and speed of crossings.
+        crossing_law: [f64; 2] = [1.0, 0.0], unit "", range 0.0..=2.0;
+        /// Exponents of force and speed of noise.
+        noise_law: [f64; 2] = [0.5, 0.5], unit "", range 0.0..=2.0;
+        /// Factor of the frequencies of `modes`.
+        pitch: f64 = 1.0, unit "", range 0.01..=100.0;
+        /// Factor of the dampings of `modes`.
+        damping: f64 = 1.0, unit "", range 0.001..=1000.0;
+    }
+}
+ports! {
+    pub struct PairMatcherPorts / PairMatcherIo {
+        in {
+            /// The relief of the surface that is followed: with `b`, what all others are compared with.
+            a: Value<Luma>,
+            /// The relief of the other.
+            b: Value<Luma>,
+            /// Lines of the first surface.
+            lines_a: Option<Value<Isophotes>>,
+            /// Lines of the second.
+            lines_b: Option<Value<Isophotes>>,
+            /// Noise map of the first surface, which tells the share of its noise.
+            rest_a: Option<Value<NoiseMap>>,
+            /// Noise map of the second.
+            rest_b: Option<Value<NoiseMap>>,
+            /// Noise of the first surface as a line.
+            noise_a: Option<Value<NoiseProfile>>,
+            /// Noise of the second.
+            noise_b: Option<Value<NoiseProfile>>,
+            /// Noise of the first surface from a spectrum.
+            spectrum_a: Option<Value<NoiseProfile>>,
+            /// Noise of the second from a spectrum.
+            spectrum_b: Option<Value<NoiseProfile>>,
+            /// How what is scraped rings.
+            modes: Option<Value<Modes>>,
+        }
+        out {
+            /// Strength of the reliefs.
+            full: Value<Strength>,
+            /// Strength of the crossings, with both noises beside them.
+            split_crossings: Value<Strength>,
+            /// Strength of the first noise beside crossings.
+            split_noise_a: Value<Strength>,
+            /// Strength of the second noise beside crossings.
+            split_noise_b: Value<Strength>,
+            /// Strength of the first noise, with the second one alone.
+            only_noise_a: Value<Strength>,
+            /// Strength of the second noise, with the first one alone.
+            only_noise_b: Value<Strength>,
+            /// Strength of the first noise from a spectrum, with the second one alone.
+            only_spectrum_a: Value<Strength>,
+            /// Strength of the second noise from a spectrum, with the first one alone.
+            only_spectrum_b: Value<Strength>,
+        }
+    }
+}
+
+/// The node `PairMatcher`.
+#[derive(Debug)]
+pub struct PairMatcher;
+
+/// All that is made of two surfaces before anything moves over them.
+struct Pair<'a> {
+    p: PairMatcherParams,
+    a: &'a Luma,
+    modes: Option<&'a Modes>,
+    reliefs: [Relief; 2],
+    lines: Option<CrossingForce>,
+    noises: [Option<NoiseBands>; 2],
+    alike: [Option<NoiseBands>; 2],
+    /// Share of the noises in the power of crossings and noises, and of the second noise in that of both.
+    shares: [f64; 2],
+}
+
+/// Strengths at one speed, in the order of the outputs.
+type Found = [f64; 8];
+
+/// Mean square of the slopes of a relief in m per m, and the share that its noise has in it.
+fn slopes(luma: &Luma, rest: Option<&NoiseMap>, field: &'static str) -> Result<[f64; 2], Reject> {
+    let heights = heights(luma);
+    let of_heights = gradient(&heights, luma.surface.wrap);
+    let power = |axis: usize| {
+        let squares = of_heights[axis].samples.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>();
+        squares * luma.surface.density[axis].powi(2) / heights.samples.len().max(1) as f64
+    };
+    let Some(rest) = rest else { return Ok([power(0) + power(1), HALF]) };
+    check_grid(field, &rest.grid, &rest.surface)?;
+    let whole = gradient(&luma.grid, luma.surface.wrap);
+    let [x, y] = gradient(&rest.grid, rest.surface.wrap);
+    Ok([power(0) + power(1), share([&whole[0], &whole[1]], [&x, &y])])
+}
+
+impl<'a> Pair<'a> {
+    fn new(p: &PairMatcherParams, io: &PairMatcherIo<'a>) -> Result<Self, Reject> {
+        check("a", io.a)?;
+        check("b", io.b)?;
+        let lines = |(a, b): (&Isophotes, &Isophotes)| {
+            isophote_excitation::check("lines_a", a)?;
+            isophote_excitation::check("lines_b", b)?;
+            let mut force = CrossingForce::new([a, b], exponents(p.crossing_law), FS, 2);
+            (force.reach, force.width) = (p.reach, p.width);
+            Ok::<_, Reject>(force)
+        };
+        let lines = io.lines_a.zip(io.lines_b).map(lines).transpose()?;
+        let [first, own_first] = slopes(io.a, io.rest_a, "rest_a")?;
+        let [second, own_second] = slopes(io.b, io.rest_b, "rest_b")?;
+        // What passes faster changes faster.
+        let second = second * p.other.powi(2);
+        let noise = [first * own_first, second * own_second];
+        let fastest = fastest(p.speed, p.by_speed);
+        let first_bands = |profile| bands(profile, fastest);
+        let second_bands = |profile| bands(profile, fastest * p.other.abs());
+        let part = |x: f64, of: f64| if of > 0.0 { x / of } else { HALF };
+        Ok(Self {
+            p: p.clone(),
+            a: io.a,
+            modes: io.modes,
+            reliefs: [io.a, io.b].map(|luma| Relief::new(&heights(luma), &luma.surface)),
+            lines,
+            noises: [io.noise_a.map(first_bands).transpose()?, io.noise_b.map(second_bands).transpose()?],
+            alike: [
+                io.spectrum_a.map(first_bands).transpose()?,
+                io.spectrum_b.map(second_bands).transpose()?,
+            ],
+            shares: [part(noise[0] + noise[1], first + second), part(noise[1], noise[0] + noise[1])],
+        })
+    }
+
+    fn heard(&self, force: Vec<f32>) -> Result<Vec<f32>, Fault> {
+        heard(force, self.modes, [self.p.damping, self.p.pitch])
+            .map_err(|e| Reject::new("F078", e.to_string()).at("modes").into())
+    }
+
+    fn reliefs(&self, stroke: &StandardStroke) -> Result<Vec<f32>, Fault> {
+        let [a, b] = &self.reliefs;
+        let law = exponents([self.p.relief_law, 0.0]);
+        let mut force = PairForce::new(law, self.p.taps.into(), self.p.radius, a.range() + b.range());
+        self.heard(stroke.draw(
+            &mut force,
+            |_| Heading::default(),
+            |force, heading, segment, out| force.add([a, b], heading, segment, out),
+            |_, _, _| {},
+        ))
+    }
+
+    fn crossings(&self, stroke: &StandardStroke) -> Result<Vec<f32>, Fault> {
+        let Some(mut force) = self.lines.clone() else { return Ok(Vec::new()) };
+        let fresh = |_| CrossingVoice::default();
+        self.heard(stroke.draw(&mut force, fresh, CrossingForce::add, CrossingForce::ring_out))
+    }
+
+    fn noise(&self, stroke: &StandardStroke, bands: Option<&NoiseBands>) -> Result<Vec<f32>, Fault> {
+        bands.map_or(Ok(Vec::new()), |bands| self.heard(stroke.noise(bands, self.p.noise_law)))
+    }
+
+    /// Factors with which both noises together are as strong as 1, and what they sound like then.
+    fn both(
+        &self,
+        strokes: [&StandardStroke; 2],
+        [a, b]: &[Option<NoiseBands>; 2],
+    ) -> Result<([f64; 2], Vec<f32>), Fault> {
+        let [a, b] = [self.noise(strokes[0], a.as_ref())?, self.noise(strokes[1], b.as_ref())?];
+        if a.is_empty() || b.is_empty() {
+            let one = if a.is_empty() { &b } else { &a };
+            let factors = [&a, &b].map(|x| factor(1.0, rms(x)));
+            return Ok((factors, sum([one, one], [factors[0] + factors[1], 0.0])));
+        }
+        let factors = parts(1.0, [&a, &b], self.shares[1]);
+        Ok((factors, sum([&a, &b], factors)))
+    }
+
+    /// How strong each excitation has to be at a speed over the first surface, m/s.
+    fn at(&self, speed: f64) -> Result<Found, Fault> {
+        let size = [self.a.grid.width, self.a.grid.height];
+        let stroke = StandardStroke::new(&self.a.surface, size, speed, self.p.force);
+        let stroke = stroke.over_both(self.p.other);
+        let strokes = [&stroke, &stroke.on_other()];
+        let wanted = self.p.kappa * rms(&self.reliefs(&stroke)?);
+        let crossings = self.crossings(&stroke)?;
+        let ([a, b], noise) = self.both(strokes, &self.noises)?;
+        let ([c, d], _) = self.both(strokes, &self.alike)?;
+        let [lines, beside] = if crossings.is_empty() || noise.is_empty() {
+            [factor(wanted, rms(&crossings)), wanted]
+        } else {
+            parts(wanted, [&crossings, &noise], self.shares[0])
+        };
+        let [all, full] = [wanted, self.p.kappa];
+        Ok([full, lines, beside * a, beside * b, all * a, all * b, all * c, all * d])
+    }
+}
+
+fn strength(speed: f64, found: &[Found], level: usize) -> Strength {
+    let (kappa, factors) = by_speed(|k| found[k][level], found.len());
+    Strength { kappa, curve: Some(SpeedCurve::new(speed.max(SLOWEST), factors).of_relief()) }
+}
+
+impl Func for PairMatcher {
+    type Params = PairMatcherParams;
+    type Ports = PairMatcherPorts;
+    const NAME: &'static str = "PairMatcher";
+
+    fn eval(p: &PairMatcherParams, _: &Build<'_>, mut io: PairMatcherIo<'_>) -> Result<Summary, Fault> {
+        let pair = Pair::new(p, &io)?;
+        let all: Vec<Found> = if p.by_speed {
+            SpeedCurve::speeds(p.speed)
+                .into_par_iter()
+                .map(|speed| pair.at(speed))
+                .collect::<Result<_, _>>()?
+        } else {
+            vec![pair.at(p.speed)?]
+        };
+        let mut told: Summary =
+            vec![("noise_share", pair.shares[0].into()), ("second_noise_share", pair.shares[1].into())];
+        // At which speed each is read: its own, of crossings that at which lines approach each other.
+        let (first, second) = (p.speed, p.speed * p.other.abs());
+        let meeting = p.speed * (1.0 + p.other).abs();
+        for (level, (key, slot, speed)) in [
+            ("full", &mut io.full, first),
+            ("split_crossings", &mut io.split_crossings, meeting),
+            ("split_noise_a", &mut io.split_noise_a, first),
+            ("split_noise_b", &mut io.split_noise_b, second),
+            ("only_noise_a", &mut io.only_noise_a, first),
+            ("only_noise_b", &mut io.only_noise_b, second),
+            ("only_spectrum_a", &mut io.only_spectrum_a, first),
+            ("only_spectrum_b", &mut io.only_spectrum_b, second),
+        ]
+        .into_iter()
+        .enumerate()
+        {
+            let value = strength(speed, &all, level);
+            slot.set(value);
+            told.push((key, value.kappa.into()));
+        }
+        Ok(told)
+    }
+
+    fn trial(rng: &mut Rng) -> (PairMatcherParams, MemoryFiles) {
+        // Fast strokes, which are short, and mostly one.
+        let (speed, by_speed) = (rng.between(50.0, 100.0), rng.below(32) == 0);
+        // A short line of contact, on which few lines of the surfaces meet.
+        let (taps, reach) = (3 + 2 * rng.below(8) as u16, rng.between(0.00001, 0.001));
+        let p = PairMatcherParams { speed, by_speed, taps, reach, ..PairMatcherParams::trial(rng) };
+        (p, MemoryFiles::default())
+    }
+}
+
+#[cfg(test)]
+mod tests;

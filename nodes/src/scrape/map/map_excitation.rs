@@ -1,0 +1,270 @@
+//! The node around [`MapForce`].
+
+use super::map_force::{MapForce, MapVoice};
+use super::padded_map::{Interp, check_grid};
+use super::surface_map::SurfaceMap;
+use crate::core::fault::{Fault, Reject};
+use crate::core::files::MemoryFiles;
+use crate::core::item::Channels;
+use crate::core::node::{Class, Node, Retune, Summary};
+use crate::core::params::Params;
+use crate::core::ports::{Events, Stream, Value};
+use crate::core::random::Rng;
+use crate::core::shape::{Build, Shape};
+use crate::core::time::Rate;
+use crate::scrape::force::strength::{self, Strength, linked, silent};
+use crate::scrape::force::voices::Voices;
+use crate::scrape::path::piece::PathPiece;
+use crate::texture::code::{CodedMap, Coding};
+use crate::texture::{DiscontinuityMap, FeatureMap};
+use crate::{archive_state, choices, params, ports};
+
+choices! {
+    /// What of a map is turned into force.
+    pub enum MapValue {
+        /// The slope along the way: it turns its sign with the direction.
+        Directional,
+        /// The size of the gradient, or the strength of a feature, without its mean (high-pass at 20 Hz).
+        Magnitude,
+    }
+}
+
+choices! { @param Interp {
+    /// Straight lines between pixels: 25 dB above what the map cannot hold.
+    Linear,
+    /// A cubic through the pixels: 43 dB.
+    Catmull,
+    /// A cubic B-spline: 52 dB, and half of what is finest in the map.
+    Bspline3,
+} }
+
+params! {
+    /// Turns the ways of contacts over a map of a surface into the force that they meet.
+    ///
+    /// The map is a discontinuity map, a feature map, or the code of a map: link one of them. Of codes only signed pairs know directions;
+    /// of bytes and bits the change along the way is read, as of features. With `m` for what is read of it under a contact,
+    /// the force is `gain kappa (f/1 N)^a (v/1 m/s)^b m`, added up over all contacts. A contact at rest fades out in 5 ms. Where a
+    /// contact passes more than half a pixel from one sample to the next, a halving of the map is read instead, so that
+    /// nothing folds down.
+    ///
+    /// `gain`, `kappa`, `a`, `b` and `scale` can be changed while it sounds: they are reached in 20 ms. A link to `kappa` takes the place
+    /// of the number. The summary says how strong
+    /// the force was, and how many contacts sounded at once. This node makes audio from something that is none, so it
+    /// has a sample rate of its own.
+    ///
+    /// # Source
+    /// Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section 4.1; the
+    /// exponents and the slope along the way are choices.
+    pub struct MapExcitationParams {
+        /// What of the map is turned into force.
+        value: MapValue = MapValue::Directional;
+        /// How the map is read between its pixels.
+        interp: Interp = Interp::Bspline3;
+        /// Force in N that a map of 1 gives at 1 N and 1 m/s.
+        kappa: f64 = 1.0, unit "N", range -1_000_000.0..=1_000_000.0;
+        /// Exponent of the normal force.
+        a: f64 = 1.0, unit "", range 0.0..=2.0;
+        /// Exponent of the speed.
+        b: f64 = 0.0, unit "", range 0.0..=2.0;
+        /// Factor of the force.
+        gain: f64 = 1.0, unit "", range -1000.0..=1000.0;
+        /// Size of the surface: with 2 all that is on it is twice as large.
+        scale: f64 = 1.0, unit "", range 0.001..=1000.0;
+        /// Number of the object whose contacts are taken; None takes all.
+        object: Option<u32> = None, unit "", range 0..=4_294_967_295_u32;
+        /// Contacts that can sound at once.
+        contacts: u16 = 64, unit "contacts", range 1..=1024_u16;
+        /// Samples per second.
+        rate: Rate = Rate::hz(48_000);
+    }
+}
+ports! {
+    pub struct MapExcitationPorts / MapExcitationIo {
+        in {
+            /// The ways of the contacts over the surface.
+            paths: Events<PathPiece>,
+            /// Where the surface changes.
+            map: Option<Value<DiscontinuityMap>>,
+            /// The features of the surface, in place of that.
+            features: Option<Value<FeatureMap>>,
+            /// The code of a map, in place of both.
+            coded: Option<Value<CodedMap>>,
+            /// Strength in place of the number, as LevelMatcher finds it.
+            kappa: Option<Value<Strength>>,
+        }
+        out {
+            /// Force, mono, N.
+            force: Stream<f32>,
+        }
+    }
+}
+
+/// The node `MapExcitation`.
+#[derive(Debug)]
+pub struct MapExcitation {
+    params: MapExcitationParams,
+    /// Strength that is linked.
+    kappa: Option<Strength>,
+    map: SurfaceMap,
+    force: MapForce,
+    voices: Voices<MapVoice>,
+}
+
+/// What a contact reads: a map, or features. A code is read back as one of them.
+enum Source<'a> {
+    Map(&'a DiscontinuityMap),
+    Features(&'a FeatureMap),
+}
+
+impl Source<'_> {
+    fn read(&self, value: MapValue, field: &'static str) -> Result<SurfaceMap, Reject> {
+        match self {
+            Source::Map(map) => {
+                check_grid(field, &map.gx, &map.surface)?;
+                check_grid(field, &map.gy, &map.surface)?;
+                Ok(match value {
+                    MapValue::Directional => SurfaceMap::slope(map),
+                    MapValue::Magnitude => SurfaceMap::size(map),
+                })
+            }
+            Source::Features(features) => {
+                check_grid(field, &features.grid, &features.surface)?;
+                Ok(match value {
+                    MapValue::Directional => SurfaceMap::feature_change(features),
+                    MapValue::Magnitude => SurfaceMap::feature(features),
+                })
+            }
+        }
+    }
+}
+
+/// A code as it is read back: signed pairs know directions, bytes the length of the gradient, bits where there is an edge.
+fn coded_map(value: MapValue, coded: &CodedMap) -> Result<SurfaceMap, Reject> {
+    if let Some(map) = coded.gradient() {
+        return Source::Map(&map).read(value, "coded");
+    }
+    let mut grid = coded.magnitude();
+    if coded.coding == Coding::Byte {
+        grid.samples.iter_mut().for_each(|x| *x *= coded.scale);
+    }
+    Source::Features(&FeatureMap { grid, surface: coded.surface }).read(value, "coded")
+}
+
+fn surface_map(
+    value: MapValue,
+    map: Option<&DiscontinuityMap>,
+    features: Option<&FeatureMap>,
+    coded: Option<&CodedMap>,
+) -> Result<SurfaceMap, Reject> {
+    match (map, features, coded) {
+        (Some(map), None, None) => Source::Map(map).read(value, "map"),
+        (None, Some(features), None) => Source::Features(features).read(value, "features"),
+        (None, None, Some(coded)) => coded_map(value, coded),
+        _ => Err(one_of([map.is_some(), features.is_some(), coded.is_some()])),
+    }
+}
+
+/// Refuses none of the maps, and more than one.
+fn one_of(linked: [bool; 3]) -> Reject {
+    let names = ["`map`", "`features`", "`coded`"];
+    let given: Vec<&str> =
+        names.into_iter().zip(linked).filter(|(_, on)| *on).map(|(name, _)| name).collect();
+    let message = if given.is_empty() {
+        "neither `map` nor `features` nor `coded` is linked".into()
+    } else {
+        format!("{} are linked at once", given.join(" and "))
+    };
+    Reject::new("F128", message).at("map").help(
+        "link one of them: map takes a SobelMap, features what DogFeatures gives, coded what MapCoder or MapFile gives",
+    )
+}
+
+/// The law of the parameters, with the strength that is linked in place of the number.
+fn law(p: &MapExcitationParams, kappa: Option<Strength>) -> [f64; 3] {
+    [kappa.map_or(p.kappa, |s| s.kappa) * p.gain, p.a, p.b]
+}
+
+impl Node for MapExcitation {
+    type Params = MapExcitationParams;
+    type Ports = MapExcitationPorts;
+    const NAME: &'static str = "MapExcitation";
+    const VERSION: u32 = 4;
+    const CLASS: Class = Class::Audio;
+    const COST: f64 = 15.0;
+
+    fn shape(p: &MapExcitationParams, s: &mut Shape<'_, '_, MapExcitationPorts>) -> Result<(), Reject> {
+        let linked = [
+            s.linked(MapExcitationPorts::map),
+            s.linked(MapExcitationPorts::features),
+            s.linked(MapExcitationPorts::coded),
+        ];
+        if linked.iter().filter(|on| **on).count() != 1 {
+            return Err(one_of(linked));
+        }
+        s.output(MapExcitationPorts::force, p.rate, Channels(1));
+        Ok(())
+    }
+
+    fn build(p: &MapExcitationParams, cx: &Build<'_>) -> Result<Self, Fault> {
+        let (map, features) =
+            (cx.optional_value(MapExcitationPorts::map), cx.optional_value(MapExcitationPorts::features));
+        let coded = cx.optional_value(MapExcitationPorts::coded);
+        let map = surface_map(p.value, map.as_deref(), features.as_deref(), coded.as_deref())?;
+        let kappa = linked(cx.optional_value(MapExcitationPorts::kappa))?;
+        let rate = p.rate.as_f64();
+        Ok(Self {
+            kappa,
+            map,
+            force: MapForce::new(strength::law(law(p, kappa), kappa, rate), p.scale, p.interp, rate),
+            voices: Voices::new(p.contacts.into(), p.rate, MapVoice::default()),
+            params: p.clone(),
+        })
+    }
+
+    fn run(&mut self, mut io: MapExcitationIo<'_>) -> Result<(), Fault> {
+        let (first, out) = (io.force.first(), io.force.items());
+        if silent(self.kappa, out) {
+            return Ok(());
+        }
+        let Self { map, force, voices, .. } = self;
+        voices.play(
+            io.paths.events(),
+            self.params.object,
+            first,
+            out,
+            |_| MapVoice::default(),
+            |voice, segment, out| force.add(map, voice, segment, out),
+        );
+        self.voices.made(first, out);
+        Ok(())
+    }
+
+    fn finish(&mut self, _: MapExcitationIo<'_>) -> Result<Summary, Fault> {
+        Ok(self.voices.summary())
+    }
+
+    fn retune(&mut self, new: &MapExcitationParams) -> Retune {
+        let old = &self.params;
+        let fixed = |p: &MapExcitationParams| (p.value, p.interp, p.object, p.contacts, p.rate);
+        if fixed(new) != fixed(old) {
+            return Retune::Rebuild;
+        }
+        self.force.law.ramp_to(law(new, self.kappa), self.voices.now());
+        self.force.scale.ramp_to(new.scale, self.voices.now());
+        self.params = new.clone();
+        Retune::Done
+    }
+
+    fn adopt(&mut self, old: &mut Self) {
+        self.voices.take_state(&old.voices);
+    }
+
+    archive_state!(voices);
+
+    fn trial(rng: &mut Rng) -> (MapExcitationParams, MemoryFiles) {
+        let params = MapExcitationParams::trial(rng);
+        let object = params.object.map(|_| rng.below(2) as u32);
+        let contacts = 1 + rng.below(5) as u16;
+        (MapExcitationParams { object, contacts, ..params }, MemoryFiles::default())
+    }
+}

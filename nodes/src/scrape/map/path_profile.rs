@@ -1,0 +1,172 @@
+//! The node `PathProfile`.
+
+use super::padded_map::{PaddedMap, check_grid};
+use super::profile::{ContactProfile, PathProfile, meet, picture};
+use crate::core::fault::{Fault, Reject};
+use crate::core::node::{Class, Node, Summary};
+use crate::core::ports::{Events, Fold, Many, Value};
+use crate::core::shape::{Build, Shape};
+use crate::scrape::path::piece::PathPiece;
+use crate::texture::{DiscontinuityMap, FeatureMap, Grid, Luma, NoiseMap, Surface};
+use crate::{archive_state, params, ports};
+
+/// Ways of one link beyond which a figure shows no more.
+const WAYS: usize = 24;
+
+params! {
+    /// Shows what contacts meet along their ways over a map: the ways over a picture of it, and a profile for each.
+    ///
+    /// Link one of `luma`, `map` (the size of its gradient), `features` and `noise`, and tap `profile` as .svg for the figure or
+    /// as .json for its numbers. The first 24 ways of each link are shown.
+    ///
+    /// # Source
+    /// Figure 6 of Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008): three
+    /// trajectories over a texture and their noise profiles, which look alike.
+    pub struct PathProfileParams {
+        /// Most values of one profile.
+        most: usize = 4096, unit "values", range 2..=1_000_000_usize;
+    }
+}
+ports! {
+    pub struct PathProfilePorts / PathProfileIo {
+        in {
+            /// Ways over the map.
+            paths: Many<Events<PathPiece>>,
+            /// An image.
+            luma: Option<Value<Luma>>,
+            /// Where it changes.
+            map: Option<Value<DiscontinuityMap>>,
+            /// Its features.
+            features: Option<Value<FeatureMap>>,
+            /// Its noise.
+            noise: Option<Value<NoiseMap>>,
+        }
+        out {
+            /// Ways and what they met.
+            profile: Fold<PathProfile>,
+        }
+    }
+}
+
+/// The node `PathProfile`.
+#[derive(Debug)]
+pub struct PathProfileNode {
+    params: PathProfileParams,
+    padded: PaddedMap<1>,
+    surface: Surface,
+    profile: PathProfile,
+}
+
+fn source(cx: &Build<'_>) -> Result<(&'static str, Grid, Surface), Reject> {
+    type Port = PathProfilePorts;
+    let mut all: Vec<(&'static str, Grid, Surface)> = Vec::new();
+    if let Some(luma) = cx.optional_value(Port::luma) {
+        all.push(("luma", luma.grid.clone(), luma.surface));
+    }
+    if let Some(map) = cx.optional_value(Port::map) {
+        let samples = map.gx.samples.iter().zip(&map.gy.samples).map(|(x, y)| x.hypot(*y)).collect();
+        all.push(("map", Grid { samples, ..map.gx }, map.surface));
+    }
+    if let Some(features) = cx.optional_value(Port::features) {
+        all.push(("features", features.grid.clone(), features.surface));
+    }
+    if let Some(noise) = cx.optional_value(Port::noise) {
+        all.push(("noise", noise.grid.clone(), noise.surface));
+    }
+    let count = all.len();
+    all.pop().filter(|_| count == 1).ok_or_else(|| one_of(count))
+}
+
+fn one_of(count: usize) -> Reject {
+    let message = format!("{count} of `luma`, `map`, `features` and `noise` are linked; one is needed");
+    Reject::new("F128", message).at("luma")
+}
+
+impl Node for PathProfileNode {
+    type Params = PathProfileParams;
+    type Ports = PathProfilePorts;
+    const NAME: &'static str = "PathProfile";
+    const CLASS: Class = Class::Offline;
+
+    fn shape(_: &PathProfileParams, s: &mut Shape<'_, '_, PathProfilePorts>) -> Result<(), Reject> {
+        type Port = PathProfilePorts;
+        let linked =
+            [s.linked(Port::luma), s.linked(Port::map), s.linked(Port::features), s.linked(Port::noise)];
+        let count = linked.iter().filter(|l| **l).count();
+        if count == 1 { Ok(()) } else { Err(one_of(count)) }
+    }
+
+    fn build(p: &PathProfileParams, cx: &Build<'_>) -> Result<Self, Fault> {
+        let (name, grid, surface) = source(cx)?;
+        check_grid(name, &grid, &surface)?;
+        let [dx, dy] = surface.density;
+        let profile = PathProfile {
+            picture: picture(&grid),
+            size: [grid.width as f64 / dx, grid.height as f64 / dy],
+            ways: Vec::new(),
+        };
+        let padded = PaddedMap::new([&grid], [[false; 2]], surface.wrap);
+        Ok(Self { params: p.clone(), padded, surface, profile })
+    }
+
+    fn run(&mut self, io: PathProfileIo<'_>) -> Result<(), Fault> {
+        let Self { params, padded, surface, profile } = self;
+        for (link, paths) in io.paths.iter().enumerate() {
+            for (_, piece) in paths.events() {
+                let ways = &mut profile.ways;
+                let known = ways.iter().position(|m| (m.link, m.contact) == (link, piece.contact));
+                let k = known.unwrap_or(ways.len());
+                if known.is_none() && ways.iter().filter(|m| m.link == link).count() < WAYS {
+                    ways.push(ContactProfile { link, contact: piece.contact, ..ContactProfile::default() });
+                }
+                if let Some(met) = ways.get_mut(k) {
+                    meet(met, piece, padded, surface, params.most);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self, mut io: PathProfileIo<'_>) -> Result<Summary, Fault> {
+        // Links are read one after the other within a window: the order of the figure is that of the links.
+        self.profile.ways.sort_by_key(|m| (m.link, m.contact));
+        let ways = self.profile.ways.len();
+        io.profile.set(std::mem::take(&mut self.profile));
+        Ok(vec![("ways", ways.into())])
+    }
+
+    archive_state!(profile);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::core::item::{AnyValue, Data};
+    use crate::core::params::Params;
+    use crate::core::standalone::{Feed, Standalone};
+    use crate::core::time::ticks;
+    use crate::scrape::testing::piece;
+
+    #[test]
+    fn a_way_meets_what_stands_along_it() {
+        let map = FeatureMap {
+            grid: Grid::from_fn(64, 64, |x, _| x as f32 / 64.0),
+            surface: Surface { density: [64.0; 2], ..Surface::default() },
+        };
+        let params = PathProfileParams::read(&|_| None).unwrap();
+        let ways = vec![(0, piece([0.25, 0.5], [0.5, 0.0], 1.0))];
+        let standalone = Standalone::new::<PathProfileNode>(params)
+            .feed(PathProfilePorts::paths.index(), Feed::events(ways, ticks(1.0)))
+            .feed(PathProfilePorts::features.index(), Feed::value(AnyValue::new(map)));
+        let run = standalone.run().unwrap();
+        let profile = run.value(0).unwrap();
+        let profile = profile.get::<PathProfile>().unwrap();
+        let met = &profile.ways[0];
+        for (way, value) in met.way.iter().zip(&met.values) {
+            assert!((value - 0.25 - way).abs() < 1e-4, "{way}: {value}");
+        }
+        assert_eq!(profile.picture.width, 64);
+        let svg = profile.plot().unwrap();
+        assert!(svg.contains("<polyline") && svg.contains("<path d=\"M") && svg.ends_with("</svg>\n"));
+    }
+}

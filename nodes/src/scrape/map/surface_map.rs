@@ -1,0 +1,214 @@
+//! A map of a surface as a pyramid, read at the level of detail of the speed.
+
+use super::padded_map::{Interp, Lanes, PaddedMap, Patch};
+use crate::scrape::force::approximation::log2;
+use crate::scrape::force::voices::{CELL, Cell};
+use crate::texture::{DiscontinuityMap, FeatureMap, Grid, Pyramid, Surface, level_for};
+
+/// Most levels of a pyramid: steps of 2048 pixels.
+const LEVELS: usize = 13;
+
+/// One level of a map: the map, and what one of its pixels is of a full one along x and y.
+type Scaled<const C: usize> = (PaddedMap<C>, [f64; 2]);
+
+/// What is read of a map.
+#[derive(Clone, Debug, PartialEq)]
+enum Reading {
+    /// A gradient along the way.
+    Slope(Vec<Scaled<2>>),
+    /// The change of a value along the way.
+    Change(Vec<Scaled<1>>),
+    /// A value.
+    Value(Vec<Scaled<1>>),
+}
+
+/// A map of a surface, ready to be read at any position and at any speed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SurfaceMap {
+    reading: Reading,
+    pub(super) surface: Surface,
+    /// Factors of changes along x and y, where these are per metre in place of per pixel.
+    pub(super) per_metre: Option<[f32; 2]>,
+}
+
+fn levels(grid: &Grid, surface: &Surface) -> Vec<(Grid, [f64; 2])> {
+    let pyramid = Pyramid::new(grid.clone(), surface.wrap);
+    pyramid.levels.into_iter().take(LEVELS).map(|level| (level.grid, level.scale)).collect()
+}
+
+fn scalar(grid: &Grid, surface: &Surface) -> Vec<Scaled<1>> {
+    let laid = |(grid, scale): (Grid, _)| (PaddedMap::new([&grid], [[false; 2]], surface.wrap), scale);
+    levels(grid, surface).into_iter().map(laid).collect()
+}
+
+impl SurfaceMap {
+    /// The slope that a contact meets: the gradient of a map along its way.
+    #[must_use]
+    pub fn slope(map: &DiscontinuityMap) -> Self {
+        let surface = map.surface;
+        let both = levels(&map.gx, &surface).into_iter().zip(levels(&map.gy, &surface));
+        let along = [[true, false], [false, true]];
+        let laid = both.map(|((x, scale), (y, _))| (PaddedMap::new([&x, &y], along, surface.wrap), scale));
+        Self { reading: Reading::Slope(laid.collect()), surface, per_metre: None }
+    }
+
+    /// The size of the gradient of a map.
+    #[must_use]
+    pub fn size(map: &DiscontinuityMap) -> Self {
+        let samples = map.gx.samples.iter().zip(&map.gy.samples).map(|(x, y)| x.hypot(*y)).collect();
+        let size = Grid { width: map.gx.width, height: map.gx.height, samples };
+        Self { reading: Reading::Value(scalar(&size, &map.surface)), surface: map.surface, per_metre: None }
+    }
+
+    /// How features change along the way of a contact, per pixel.
+    #[must_use]
+    pub fn feature_change(map: &FeatureMap) -> Self {
+        Self {
+            reading: Reading::Change(scalar(&map.grid, &map.surface)),
+            surface: map.surface,
+            per_metre: None,
+        }
+    }
+
+    /// How heights in m change along the way of a contact, m/m.
+    #[must_use]
+    pub fn height_change(heights: &Grid, surface: Surface) -> Self {
+        let per_metre = Some(surface.density.map(|d| d as f32));
+        Self { reading: Reading::Change(scalar(heights, &surface)), surface, per_metre }
+    }
+
+    /// The strength of features.
+    #[must_use]
+    pub fn feature(map: &FeatureMap) -> Self {
+        Self {
+            reading: Reading::Value(scalar(&map.grid, &map.surface)),
+            surface: map.surface,
+            per_metre: None,
+        }
+    }
+
+    /// How it lies on the surface.
+    #[must_use]
+    pub fn surface(&self) -> Surface {
+        self.surface
+    }
+
+    /// Whether the sign of what is read depends on the direction; otherwise it is never negative.
+    #[must_use]
+    pub fn directional(&self) -> bool {
+        !matches!(self.reading, Reading::Value(_))
+    }
+
+    /// Reads it at positions of pixels from pixel `base`; `footprints` are pixels from one sample to the next, where any is
+    /// above a half.
+    #[inline(always)]
+    pub(super) fn read(
+        &self,
+        interp: Interp,
+        positions: &Positions,
+        footprints: Option<&Cell>,
+        range: [usize; 2],
+        out: &mut Cell,
+    ) {
+        let mut both = [[0.0; CELL]; 2];
+        match &self.reading {
+            Reading::Value(levels) => {
+                let mut one = [[0.0; CELL]];
+                each(
+                    levels,
+                    positions,
+                    footprints,
+                    range,
+                    &mut one,
+                    #[inline(always)]
+                    |patch, t| patch.values(interp, t),
+                    #[inline(always)]
+                    |patch, t, _| patch.values(interp, t),
+                );
+                *out = one[0];
+                return;
+            }
+            Reading::Slope(levels) => each(
+                levels,
+                positions,
+                footprints,
+                range,
+                &mut both,
+                #[inline(always)]
+                |patch, t| patch.values(interp, t),
+                #[inline(always)]
+                |patch, t, _| patch.values(interp, t),
+            ),
+            Reading::Change(levels) => each(
+                levels,
+                positions,
+                footprints,
+                range,
+                &mut both,
+                #[inline(always)]
+                |patch, t| patch.gradient(interp, t),
+                #[inline(always)]
+                |patch, t, scale| {
+                    let [x, y] = patch.gradient(interp, t);
+                    [[x[0] * scale[0]], [y[0] * scale[1]]]
+                },
+            ),
+        }
+        let ([x, y], [ux, uy]) = (&both, self.per_metre.unwrap_or([1.0; 2]));
+        for n in 0..CELL {
+            out[n] = x[n] * (ux * positions.tx[n]) + y[n] * (uy * positions.ty[n]);
+        }
+    }
+}
+
+/// Positions of samples in pixels from pixel `base`, and the directions there.
+pub(super) struct Positions<'a> {
+    pub base: [i64; 2],
+    pub x: &'a Cell,
+    pub y: &'a Cell,
+    pub tx: &'a Cell,
+    pub ty: &'a Cell,
+}
+
+/// Reads the samples of a range, each between the two levels that suit its step: `full` reads many positions of the map
+/// itself, `one` a position of a level whose pixels are as much smaller as it is told.
+#[inline(always)]
+fn each<const C: usize, const D: usize>(
+    levels: &[Scaled<C>],
+    positions: &Positions,
+    footprints: Option<&Cell>,
+    [from, to]: [usize; 2],
+    out: &mut [Cell; D],
+    full: impl Fn(&Patch<C>, &[Lanes; 2]) -> [Lanes; D],
+    one: impl Fn(&Patch<C>, &[Lanes<1>; 2], [f32; 2]) -> [Lanes<1>; D],
+) {
+    let Some((map, _)) = levels.first() else { return };
+    let Positions { base, x, y, .. } = *positions;
+    let Some(footprints) = footprints else {
+        map.read(base, [x, y], [from, to], out, full);
+        return;
+    };
+    let last = levels.len() - 1;
+    // A coarser level has a scale of its own; its positions are found in double precision.
+    let coarse = |level: usize, n: usize| {
+        let Some((padded, scale)) = levels.get(level).filter(|_| level > 0) else {
+            return map.at(base, [x[n], y[n]], |patch, t| one(patch, t, [1.0; 2]));
+        };
+        let at = [(base[0], x[n]), (base[1], y[n])].map(|(base, x)| base as f64 + f64::from(x));
+        let at = [at[0] / scale[0], at[1] / scale[1]];
+        let whole = at.map(f64::floor);
+        let part = [0, 1].map(|k| (at[k] - whole[k]) as f32);
+        let smaller = scale.map(|s| (1.0 / s) as f32);
+        padded.at(whole.map(|x| x as i64), part, |patch, t| one(patch, t, smaller))
+    };
+    for n in from..to.min(CELL) {
+        let depth = level_for(log2(footprints[n].max(0.5))).min(last as f32);
+        let level = depth as usize;
+        let way = depth - level as f32;
+        let near = coarse(level, n);
+        let far = if way > 0.0 { coarse((level + 1).min(last), n) } else { near };
+        for (out, (near, far)) in out.iter_mut().zip(near.into_iter().zip(far)) {
+            out[n] = near + way * (far - near);
+        }
+    }
+}

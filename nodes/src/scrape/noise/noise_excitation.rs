@@ -1,0 +1,202 @@
+//! The node around [`NoiseForce`].
+
+use super::bands::NoiseBands;
+use super::interpolation::NoiseInterp;
+use super::noise_force::{NoiseForce, NoiseVoice};
+use crate::core::fault::{Fault, Reject};
+use crate::core::files::MemoryFiles;
+use crate::core::item::Channels;
+use crate::core::node::{Class, Node, Retune, Summary};
+use crate::core::params::Params;
+use crate::core::ports::{Events, Stream, Value};
+use crate::core::random::{Random, Rng};
+use crate::core::shape::{Build, Shape};
+use crate::core::time::Rate;
+use crate::scrape::force::strength::{self, Strength, linked, silent};
+use crate::scrape::force::voices::Voices;
+use crate::scrape::path::piece::PathPiece;
+use crate::texture::NoiseProfile;
+use crate::{archive_state, choices, params, ports};
+
+/// Longest loop that is taken: 17 times its memory is needed.
+const LONGEST: usize = 1 << 21;
+
+choices! { @param NoiseInterp {
+    /// A sinc of 32 taps: 108 dB above what the line cannot hold, and nearly all that it holds.
+    Sinc32,
+    /// Straight lines between samples: 25 dB.
+    Linear,
+    /// A cubic through the samples: 43 dB.
+    Catmull,
+    /// A cubic B-spline: 52 dB, and half of what is finest in the line.
+    Bspline3,
+} }
+
+params! {
+    /// Turns the ways of contacts into the noise of a surface that has no features to be told apart.
+    ///
+    /// A contact passes over the loop of noise at its speed, backwards where it turns back, and the force is
+    /// `gain kappa (f/1 N)^a (v/1 m/s)^b` times what stands there, added up over all contacts. With the default exponents the
+    /// amplitude goes with the square root of the power of friction. A contact at rest fades out in 5 ms. At any speed
+    /// all is there up to 0.4 of the sample rate, and nothing folds down from above half of it.
+    ///
+    /// `gain`, `kappa`, `a`, `b` and `scale` can be changed while it sounds: they are reached in 20 ms. A link to
+    /// `kappa` takes the place of the number. This node makes audio from
+    /// something that is none, so it has a sample rate of its own.
+    ///
+    /// # Randomness
+    /// Where on the loop a contact begins follows from the seed, its number and how often it has jumped.
+    ///
+    /// # Source
+    /// Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section 4.2; the
+    /// exponents are a choice. Reading at another speed than that of the recording as in van den Doel, Kry and Pai, "FoleyAutomatic"
+    /// (SIGGRAPH 2001).
+    pub struct NoiseExcitationParams {
+        /// How the line is read between its samples.
+        interp: NoiseInterp = NoiseInterp::Sinc32;
+        /// Force in N that a noise of 1 gives at 1 N and 1 m/s.
+        kappa: f64 = 1.0, unit "N", range -1_000_000.0..=1_000_000.0;
+        /// Exponent of the normal force.
+        a: f64 = 0.5, unit "", range 0.0..=2.0;
+        /// Exponent of the speed.
+        b: f64 = 0.5, unit "", range 0.0..=2.0;
+        /// Factor of the force.
+        gain: f64 = 1.0, unit "", range -1000.0..=1000.0;
+        /// Size of the surface: with 2 all that is on it is twice as large.
+        scale: f64 = 1.0, unit "", range 0.001..=1000.0;
+        /// Number of the object whose contacts are taken; None takes all.
+        object: Option<u32> = None, unit "", range 0..=4_294_967_295_u32;
+        /// Contacts that can sound at once.
+        contacts: u16 = 64, unit "contacts", range 1..=1024_u16;
+        /// Samples per second.
+        rate: Rate = Rate::hz(48_000);
+    }
+}
+ports! {
+    pub struct NoiseExcitationPorts / NoiseExcitationIo {
+        in {
+            /// The ways of the contacts over the surface.
+            paths: Events<PathPiece>,
+            /// The noise of the surface.
+            noise: Value<NoiseProfile>,
+            /// Strength in place of the number, as LevelMatcher finds it.
+            kappa: Option<Value<Strength>>,
+        }
+        out {
+            /// Force, mono, N.
+            force: Stream<f32>,
+        }
+    }
+}
+
+/// The node `NoiseExcitation`.
+#[derive(Debug)]
+pub struct NoiseExcitation {
+    params: NoiseExcitationParams,
+    /// Strength that is linked.
+    kappa: Option<Strength>,
+    noise: NoiseBands,
+    random: Random,
+    force: NoiseForce,
+    voices: Voices<NoiseVoice>,
+}
+
+/// The law of the parameters, with the strength that is linked in place of the number.
+fn law(p: &NoiseExcitationParams, kappa: Option<Strength>) -> [f64; 3] {
+    [kappa.map_or(p.kappa, |s| s.kappa) * p.gain, p.a, p.b]
+}
+
+pub(in crate::scrape) fn check(noise: &NoiseProfile) -> Result<(), Reject> {
+    let count = noise.samples.len();
+    let message = if count == 0 || count > LONGEST {
+        format!("`noise` has {count} samples; 1 to {LONGEST} can be read")
+    } else if !noise.samples.iter().all(|x| x.abs() < 1e9) {
+        "`noise` holds numbers beyond 1e9 or none at all".into()
+    } else if !(1e-9..1e3).contains(&noise.spacing) {
+        format!("`noise` has a sample every {} m; 1e-9 to 1000 m can be read", noise.spacing)
+    } else {
+        return Ok(());
+    };
+    Err(Reject::new("F128", message).at("noise"))
+}
+
+impl Node for NoiseExcitation {
+    type Params = NoiseExcitationParams;
+    type Ports = NoiseExcitationPorts;
+    const NAME: &'static str = "NoiseExcitation";
+    const VERSION: u32 = 4;
+    const CLASS: Class = Class::Audio;
+    const COST: f64 = 15.0;
+
+    fn shape(p: &NoiseExcitationParams, s: &mut Shape<'_, '_, NoiseExcitationPorts>) -> Result<(), Reject> {
+        s.output(NoiseExcitationPorts::force, p.rate, Channels(1));
+        Ok(())
+    }
+
+    fn build(p: &NoiseExcitationParams, cx: &Build<'_>) -> Result<Self, Fault> {
+        let noise = cx.value(NoiseExcitationPorts::noise);
+        check(&noise)?;
+        let kappa = linked(cx.optional_value(NoiseExcitationPorts::kappa))?;
+        let rate = p.rate.as_f64();
+        Ok(Self {
+            kappa,
+            noise: NoiseBands::read_by(&noise, p.interp),
+            random: cx.random,
+            force: NoiseForce::new(strength::law(law(p, kappa), kappa, rate), p.scale, rate),
+            voices: Voices::new(p.contacts.into(), p.rate, NoiseVoice::default()),
+            params: p.clone(),
+        })
+    }
+
+    fn run(&mut self, mut io: NoiseExcitationIo<'_>) -> Result<(), Fault> {
+        let (first, out) = (io.force.first(), io.force.items());
+        if silent(self.kappa, out) {
+            return Ok(());
+        }
+        let Self { noise, force, voices, random, .. } = self;
+        let start = |piece: &PathPiece| {
+            let part = random.uniform(piece.jump, piece.contact, 0);
+            NoiseVoice::at(part * noise.round())
+        };
+        voices.play(io.paths.events(), self.params.object, first, out, start, |voice, segment, out| {
+            force.add(noise, voice, segment, out);
+        });
+        self.voices.made(first, out);
+        Ok(())
+    }
+
+    fn finish(&mut self, _: NoiseExcitationIo<'_>) -> Result<Summary, Fault> {
+        Ok(self.voices.summary())
+    }
+
+    fn retune(&mut self, new: &NoiseExcitationParams) -> Retune {
+        let old = &self.params;
+        let fixed = |p: &NoiseExcitationParams| (p.interp, p.object, p.contacts, p.rate);
+        if fixed(new) != fixed(old) {
+            return Retune::Rebuild;
+        }
+        self.force.law.ramp_to(law(new, self.kappa), self.voices.now());
+        self.force.scale.ramp_to(new.scale, self.voices.now());
+        self.params = new.clone();
+        Retune::Done
+    }
+
+    fn adopt(&mut self, old: &mut Self) {
+        // A position on a loop of another length means nothing.
+        if self.noise.round() == old.noise.round() {
+            self.voices.take_state(&old.voices);
+        }
+    }
+
+    archive_state!(voices);
+
+    fn trial(rng: &mut Rng) -> (NoiseExcitationParams, MemoryFiles) {
+        let params = NoiseExcitationParams::trial(rng);
+        let object = params.object.map(|_| rng.below(2) as u32);
+        let contacts = 1 + rng.below(5) as u16;
+        (NoiseExcitationParams { object, contacts, ..params }, MemoryFiles::default())
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,382 @@
+//! The node around [`Tracker`].
+
+use super::piece::PathPiece;
+use super::queue::Queue;
+use super::sample::{ContactSample, PathRules};
+use super::tracker::{END_FADE, Tracker};
+use crate::contact::vector::{Vec3, dot, sub, widen};
+use crate::core::fault::{Fault, Reject};
+use crate::core::files::MemoryFiles;
+use crate::core::node::{Class, Node, Retune, Summary};
+use crate::core::params::Params;
+use crate::core::ports::{Events, Value};
+use crate::core::random::Rng;
+use crate::core::shape::{Build, Shape};
+use crate::core::time::{Tick, ticks};
+use crate::rigid::{ContactFrame, ContactState, State};
+use crate::spatial::pose::unit;
+use crate::texture::Luma;
+use crate::{archive_state, choices, params, ports};
+
+/// Pieces that may wait for their time, per contact.
+const WAITING: usize = 8;
+
+choices! {
+    /// Whose surface is followed.
+    pub enum Side {
+        /// That of the first body of the contact.
+        A,
+        /// That of the second.
+        B,
+    }
+}
+
+choices! {
+    /// In which axes positions are taken.
+    pub enum Axes {
+        /// Those of the world: for surfaces that stand still.
+        World,
+        /// Those of the body: for surfaces that move. Velocities then follow from the positions.
+        Body,
+    }
+}
+
+choices! {
+    /// How the way from one frame to the next is found.
+    pub enum PathMode {
+        /// A cubic between both, one frame later.
+        Hermite,
+        /// Predicted at once from position and velocity, and corrected over the next frame.
+        Extrapolate,
+    }
+}
+
+choices! {
+    /// Where velocities over the surface come from.
+    pub enum Velocities {
+        /// From the contacts; where they do not tell, from the last two positions.
+        Given,
+        /// From the positions before and after (Catmull and Rom), for which the way is known one frame later.
+        Differences,
+    }
+}
+
+params! {
+    /// Follows contacts over a surface and gives their ways in pieces that any sample can be read from.
+    ///
+    /// A point `p` of a contact lies on the surface at `((p - origin) u, (p - origin) v)`, with `u` and `v` made unit vectors. Between two
+    /// frames the way is a cubic through positions and velocities; forces go in straight lines and are never below 0. It is
+    /// known one frame after it begins (two with `Differences`, at once with `Extrapolate`): a constant latency that the plan
+    /// shows.
+    ///
+    /// A contact begins within 2 ms. One that is further from where its velocity would bring it than `teleport` pixels and twice the way
+    /// that it goes in a frame has jumped: the old way goes on and fades out in 2 ms while a new one fades in, and so with a
+    /// number that begins again. One that hears nothing of itself goes straight on for two frames and then fades out in 5 ms,
+    /// and so does one that ends with a force still on it.
+    ///
+    /// Frames may come at any rate and unevenly; `frame` is what is expected. Kinds of contact with a weight of 0 are followed, but
+    /// silent.
+    ///
+    /// # Source
+    /// Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section 4: contacts at
+    /// the rate of the physics, forces at that of the sound. How one becomes the other is a choice.
+    pub struct ContactPathParams {
+        /// Whose surface is followed.
+        surface: Side = Side::A;
+        /// Number of the first body; None takes all.
+        a: Option<u32> = None, unit "", range 0..=4_294_967_295_u32;
+        /// Number of the second body; None takes all.
+        b: Option<u32> = None, unit "", range 0..=4_294_967_295_u32;
+        /// In which axes positions are taken.
+        frame_of: Axes = Axes::World;
+        /// Where the surface has its origin.
+        origin: [f64; 3] = [0.0; 3], unit "m", range -100_000.0..=100_000.0;
+        /// Along which direction its first axis goes.
+        u: [f64; 3] = [1.0, 0.0, 0.0], unit "", range -100_000.0..=100_000.0;
+        /// Along which direction its second axis goes.
+        v: [f64; 3] = [0.0, 1.0, 0.0], unit "", range -100_000.0..=100_000.0;
+        /// Whether the place on the other body's surface, in its own axes along the same directions, is followed as well.
+        both: bool = false;
+        /// Amplitude of contacts that slide.
+        sliding: f32 = 1.0, unit "", range 0.0..=1000.0_f32;
+        /// Amplitude of contacts that roll.
+        rolling: f32 = 1.0, unit "", range 0.0..=1000.0_f32;
+        /// Amplitude of contacts between rolling and sliding.
+        mixed: f32 = 1.0, unit "", range 0.0..=1000.0_f32;
+        /// Amplitude of contacts that are none of these nor at rest.
+        unsteady: f32 = 0.0, unit "", range 0.0..=1000.0_f32;
+        /// How the way from one frame to the next is found.
+        mode: PathMode = PathMode::Hermite;
+        /// Where velocities over the surface come from.
+        velocities: Velocities = Velocities::Given;
+        /// Whether a way is straight where the velocities are too large for its length.
+        guard: bool = true;
+        /// Whether all contacts of two bodies are one, at the middle of their forces: points that an engine shifts about within
+        /// one patch of contact sound like noise.
+        join: bool = false;
+        /// Time constant of a low-pass over the positions, against the same; 0 for none, 0.02 for rough engines.
+        smooth: f64 = 0.0, unit "s", range 0.0..=1.0;
+        /// Distance from the expected position beyond which a contact has jumped, in pixels of the map that it moves over.
+        teleport: f64 = 8.0, unit "px", range 0.01..=1_000_000.0;
+        /// Pixels per metre of that map, where no image is linked.
+        density: f64 = 512.0, unit "px/m", range 0.1..=1_000_000.0;
+        /// Longest time from one frame of the physics to the next; ContactLog tells it as `longest_frame_ms`.
+        frame: f64 = 1.0 / 60.0, unit "s", range 0.0005..=0.5;
+        /// Number of the object that is excited.
+        object: u32 = 0, unit "", range 0..=4_294_967_295_u32;
+        /// Contacts that can be followed at once.
+        most: u16 = 256, unit "contacts", range 1..=4096_u16;
+    }
+}
+ports! {
+    pub struct ContactPathPorts / ContactPathIo {
+        in {
+            /// Contacts and of what kind they are.
+            contacts: Events<ContactState>,
+            /// The image of the surface, for the size of its pixels in place of `density`.
+            image: Option<Value<Luma>>,
+        }
+        out {
+            /// Their ways over the surface.
+            paths: Events<PathPiece>,
+        }
+    }
+}
+
+/// The node `ContactPath`.
+#[derive(Debug)]
+pub struct ContactPath {
+    params: ContactPathParams,
+    axes: [Vec3; 2],
+    tracker: Tracker,
+    queue: Queue,
+    /// Contacts of one pair at one time, while they are joined.
+    pairs: Vec<(ContactSample, f64)>,
+    /// All that came before has been taken.
+    seen: Tick,
+    /// Pixels per metre of the image that is linked.
+    density: Option<f64>,
+}
+
+fn rules(p: &ContactPathParams, density: Option<f64>) -> PathRules {
+    PathRules {
+        frame: ticks(p.frame),
+        look_ahead: p.mode == PathMode::Hermite,
+        differences: p.velocities == Velocities::Differences || p.frame_of == Axes::Body,
+        guard: p.guard,
+        teleport: p.teleport / density.unwrap_or(p.density),
+        object: p.object,
+        smooth: p.smooth,
+    }
+}
+
+fn axes(p: &ContactPathParams) -> Result<[Vec3; 2], Reject> {
+    let refuse = |field: &str, message: String| {
+        let help = "give two directions in the surface, such as u: [1, 0, 0] and v: [0, 1, 0]";
+        Reject::new("F129", message).at(field).help(help)
+    };
+    let unit_of =
+        |name: &str, v: Vec3| unit(v).ok_or_else(|| refuse(name, format!("`{name}` is {v:?}: no direction")));
+    let (u, v) = (unit_of("u", p.u)?, unit_of("v", p.v)?);
+    if dot(u, v).abs() > 0.999 {
+        return Err(refuse("v", format!("`u` {:?} and `v` {:?} point the same way", p.u, p.v)));
+    }
+    Ok([u, v])
+}
+
+impl ContactPath {
+    fn takes(&self, frame: &ContactFrame) -> bool {
+        let p = &self.params;
+        p.a.is_none_or(|a| a == frame.bodies[0]) && p.b.is_none_or(|b| b == frame.bodies[1])
+    }
+
+    fn on_plane(&self, point: Vec3) -> [f64; 2] {
+        self.axes.map(|axis| dot(sub(point, self.params.origin), axis))
+    }
+
+    fn weight(&self, state: State) -> f32 {
+        match state {
+            State::Unsteady => self.params.unsteady,
+            State::Static => 0.0,
+            State::Sliding => self.params.sliding,
+            State::Rolling => self.params.rolling,
+            State::Mixed => self.params.mixed,
+        }
+    }
+
+    fn sample(&self, tick: Tick, contact: &ContactState) -> ContactSample {
+        let (p, frame) = (&self.params, &contact.frame);
+        let side = usize::from(p.surface == Side::B);
+        let velocity = match p.frame_of {
+            Axes::World if p.velocities == Velocities::Given => frame.travel[side],
+            _ => None,
+        };
+        ContactSample {
+            contact: frame.contact,
+            tick,
+            position: self.on_plane(if p.frame_of == Axes::World { frame.point } else { frame.local[side] }),
+            velocity: velocity.map(|v| self.axes.map(|axis| dot(widen(v), axis))),
+            other: p.both.then(|| self.axes.map(|axis| dot(frame.local[1 - side], axis))),
+            force: frame.force.max(0.0),
+            gain: self.weight(contact.state),
+            begins: frame.begins,
+            ends: frame.ends,
+        }
+    }
+
+    /// Adds a contact to the one of its pair.
+    fn gather(&mut self, sample: ContactSample, bodies: [u32; 2]) {
+        let contact = PathPiece::pair(bodies);
+        let sample = ContactSample { contact, ..sample };
+        let weight = f64::from(sample.force) + 1e-9;
+        let Some((pair, total)) = self.pairs.iter_mut().find(|(pair, _)| pair.contact == contact) else {
+            if self.pairs.len() < usize::from(self.params.most) {
+                self.pairs.push((sample, weight));
+            } else {
+                self.tracker.left_out += 1;
+            }
+            return;
+        };
+        if sample.ends != pair.ends {
+            // Those that end have no say beside those that last.
+            if pair.ends {
+                (*pair, *total) = (sample, weight);
+            }
+            pair.begins = false;
+            return;
+        }
+        let share = weight / (*total + weight);
+        let mix = |a: [f64; 2], b: [f64; 2]| std::array::from_fn(|k| a[k] + share * (b[k] - a[k]));
+        pair.position = mix(pair.position, sample.position);
+        pair.velocity = pair.velocity.zip(sample.velocity).map(|(a, b)| mix(a, b));
+        pair.other = pair.other.zip(sample.other).map(|(a, b)| mix(a, b));
+        pair.gain += share as f32 * (sample.gain - pair.gain);
+        pair.force += sample.force;
+        pair.begins &= sample.begins;
+        *total += weight;
+    }
+
+    /// Takes the contacts of one time.
+    fn take(&mut self, contacts: &[(Tick, ContactState)]) {
+        let usable = |c: &ContactState| {
+            let numbers = c.frame.point.iter().chain(c.frame.local.iter().flatten());
+            c.frame.force.is_finite() && numbers.into_iter().all(|x| x.is_finite())
+        };
+        for (tick, contact) in contacts {
+            if !self.takes(&contact.frame) || !usable(contact) {
+                continue;
+            }
+            self.tracker.due(*tick, &mut self.queue);
+            let sample = self.sample(*tick, contact);
+            if self.params.join {
+                self.gather(sample, contact.frame.bodies);
+            } else {
+                self.tracker.frame(&sample, &mut self.queue);
+            }
+        }
+        while let Some((sample, _)) = self.pairs.pop() {
+            self.tracker.frame(&sample, &mut self.queue);
+        }
+    }
+}
+
+impl Node for ContactPath {
+    type Params = ContactPathParams;
+    type Ports = ContactPathPorts;
+    const NAME: &'static str = "ContactPath";
+    const VERSION: u32 = 3;
+    const CLASS: Class = Class::Audio;
+    const COST: f64 = 50.0;
+
+    fn shape(p: &ContactPathParams, s: &mut Shape<'_, '_, ContactPathPorts>) -> Result<(), Reject> {
+        axes(p)?;
+        let rules = rules(p, None);
+        s.lookaround(ContactPathPorts::contacts, 0, rules.latency() as usize);
+        s.tail(rules.stall() + rules.latency() + 2 * ticks(END_FADE));
+        Ok(())
+    }
+
+    fn build(p: &ContactPathParams, cx: &Build<'_>) -> Result<Self, Fault> {
+        let room = usize::from(p.most);
+        // Where pixels are longer one way than the other, the mean of both.
+        let density = cx.optional_value(ContactPathPorts::image).map(|image| {
+            let [x, y] = image.surface.density;
+            (x * y).sqrt()
+        });
+        let density = density.filter(|d| d.is_finite() && *d > 0.0);
+        Ok(Self {
+            axes: axes(p)?,
+            tracker: Tracker::new(rules(p, density), room),
+            queue: Queue::new(WAITING * room),
+            pairs: Vec::with_capacity(room),
+            params: p.clone(),
+            seen: Tick::MIN,
+            density,
+        })
+    }
+
+    fn run(&mut self, mut io: ContactPathIo<'_>) -> Result<(), Fault> {
+        let (_, to) = io.paths.window();
+        let events = io.contacts.events();
+        let mut fresh = &events[events.partition_point(|(tick, _)| *tick < self.seen)..];
+        let latency = rules(&self.params, None).latency();
+        while let Some((tick, _)) = fresh.first() {
+            // Nothing that starts before that is changed any more: the queue stays short in windows of any length.
+            self.queue.give(to.min(tick - latency), |tick, piece| io.paths.push(tick, piece));
+            let (now, later) = fresh.split_at(fresh.partition_point(|(t, _)| t <= tick));
+            self.take(now);
+            fresh = later;
+        }
+        self.seen = to + latency;
+        self.tracker.due(self.seen, &mut self.queue);
+        self.queue.give(to, |tick, piece| io.paths.push(tick, piece));
+        Ok(())
+    }
+
+    fn finish(&mut self, _: ContactPathIo<'_>) -> Result<Summary, Fault> {
+        let t = &self.tracker;
+        let mut summary: Summary = vec![("pieces", t.pieces.into()), ("jumps", t.jumps.into())];
+        let left_out = t.left_out + self.queue.left_out;
+        let others = [("late_frames", t.late), ("stalls", t.stalls), ("left_out", left_out)];
+        summary.extend(others.into_iter().filter(|(_, n)| *n > 0).map(|(name, n)| (name, n.into())));
+        Ok(summary)
+    }
+
+    fn retune(&mut self, new: &ContactPathParams) -> Retune {
+        let latency = |p: &ContactPathParams| rules(p, None).latency();
+        let same = latency(new) == latency(&self.params) && new.most == self.params.most;
+        match axes(new) {
+            Ok(axes) if same && (new.frame_of, new.join) == (self.params.frame_of, self.params.join) => {
+                self.axes = axes;
+                self.tracker.set_rules(rules(new, self.density));
+                self.params = new.clone();
+                Retune::Done
+            }
+            _ => Retune::Rebuild,
+        }
+    }
+
+    fn adopt(&mut self, old: &mut Self) {
+        self.tracker.take_state(&old.tracker);
+        self.queue.take_state(&old.queue);
+        if rules(&old.params, None).latency() == rules(&self.params, None).latency() {
+            self.seen = old.seen;
+        }
+    }
+
+    archive_state!(tracker, queue, pairs, seen);
+
+    fn trial(rng: &mut Rng) -> (ContactPathParams, MemoryFiles) {
+        let params = ContactPathParams::trial(rng);
+        let (a, b) = (params.a.map(|_| 0), params.b.map(|_| rng.below(3) as u32));
+        let frame = [1.0 / 30.0, 1.0 / 60.0, 1.0 / 240.0][rng.below(3)];
+        let teleport = rng.between(5.0, 1000.0);
+        let u = [1.0, rng.between(-0.4, 0.4), 0.3];
+        let v = [rng.between(-0.4, 0.4), 1.0, 0.1];
+        let most = 1 + rng.below(6) as u16;
+        (ContactPathParams { a, b, frame, teleport, u, v, most, ..params }, MemoryFiles::default())
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,58 @@
+//! Pieces of path that are known before their time has come.
+
+use super::piece::PathPiece;
+use crate::core::time::Tick;
+use crate::impl_state;
+
+/// Pieces in the order of their starts; it never grows beyond its room.
+#[derive(Clone, Debug)]
+pub struct Queue {
+    pieces: Vec<(Tick, PathPiece)>,
+    room: usize,
+    /// Pieces for which there was no room.
+    pub left_out: u64,
+}
+impl_state!(Queue { pieces, left_out });
+
+impl Queue {
+    /// Room for `room` pieces.
+    #[must_use]
+    pub fn new(room: usize) -> Self {
+        Self { pieces: Vec::with_capacity(room), room, left_out: 0 }
+    }
+
+    /// Adds a piece that starts at a time.
+    ///
+    /// What was to come of the same way from then on is replaced.
+    pub fn push(&mut self, tick: Tick, piece: PathPiece) {
+        self.cut(tick, &piece);
+        if self.pieces.len() >= self.room {
+            self.left_out += 1;
+            return;
+        }
+        let at = self.pieces.partition_point(|(t, _)| *t <= tick);
+        self.pieces.insert(at, (tick, piece));
+    }
+
+    /// Forgets what was to come from a time on of the way of a piece.
+    pub fn cut(&mut self, tick: Tick, piece: &PathPiece) {
+        let way = |p: &PathPiece| (p.contact, p.jump);
+        self.pieces.retain(|(t, p)| *t < tick || way(p) != way(piece));
+    }
+
+    /// Gives away those that start before a time.
+    pub fn give(&mut self, until: Tick, mut take: impl FnMut(Tick, PathPiece)) {
+        let count = self.pieces.partition_point(|(t, _)| *t < until);
+        for (tick, piece) in self.pieces.drain(..count) {
+            take(tick, piece);
+        }
+    }
+
+    /// Takes over what another one of the same size holds.
+    pub fn take_state(&mut self, old: &Self) {
+        if self.room == old.room {
+            self.pieces.clone_from(&old.pieces);
+            self.left_out = old.left_out;
+        }
+    }
+}

@@ -1,0 +1,63 @@
+//! A contact at one frame of the physics, and by which rules its way goes on from there.
+
+use crate::core::time::Tick;
+use serde::{Deserialize, Serialize};
+
+/// A contact at one frame, seen on a plane.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ContactSample {
+    /// Which contact.
+    pub contact: u64,
+    /// When.
+    pub tick: Tick,
+    /// Place, m.
+    #[serde(rename = "place")]
+    pub position: [f64; 2],
+    /// Velocity over the surface, where it is known, m/s.
+    pub velocity: Option<[f64; 2]>,
+    /// Place on the other surface, where it is wanted, m.
+    pub other: Option<[f64; 2]>,
+    /// Normal force, N.
+    pub force: f32,
+    /// Amplitude by the kind of contact.
+    pub gain: f32,
+    /// The first frame of a contact.
+    pub begins: bool,
+    /// The contact has ended.
+    pub ends: bool,
+}
+
+/// How the way between frames is found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PathRules {
+    /// Time from one frame to the next that is expected.
+    pub frame: Tick,
+    /// Whether a way is known before its end: otherwise it is predicted and corrected over the next frame.
+    pub look_ahead: bool,
+    /// Whether velocities come from the positions before and after, one frame later, in place of those given.
+    pub differences: bool,
+    /// Whether a way whose velocities are too large for it is straight.
+    pub guard: bool,
+    /// Distance from the expected position beyond which a contact has jumped, m.
+    pub teleport: f64,
+    /// Number of the object that pieces carry.
+    pub object: u32,
+    /// Time constant of a low-pass over positions and velocities, s; 0 for none.
+    pub smooth: f64,
+}
+
+impl PathRules {
+    /// How long after a frame its way must be known.
+    #[must_use]
+    pub fn latency(&self) -> Tick {
+        // A hundredth for frames that come a little late.
+        let frames = i64::from(self.look_ahead) * (1 + i64::from(self.differences));
+        frames * (self.frame + self.frame / 100)
+    }
+
+    /// How long after the last frame a contact that hears no more of itself falls silent.
+    #[must_use]
+    pub fn stall(&self) -> Tick {
+        2 * self.frame
+    }
+}

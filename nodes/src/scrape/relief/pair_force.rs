@@ -1,0 +1,236 @@
+//! The force between two textured surfaces that touch along a short line.
+
+use super::heights::Relief;
+use crate::scrape::force::law::Law;
+use crate::scrape::force::motion::{AT_REST, Heading, Motion};
+use crate::scrape::force::voices::{CELL, Cell, Segment};
+use crate::scrape::path::piece::{position, velocity};
+use fearless_simd::{Level, dispatch};
+
+/// Most points along the line of contact.
+pub const MOST_TAPS: usize = 129;
+/// Samples that share one reading of both surfaces.
+const GROUP: usize = 32;
+/// Most points of such a reading.
+const PROFILE: usize = 512;
+
+/// The line along which two surfaces touch.
+#[derive(Clone, Debug, PartialEq)]
+struct Line {
+    /// Offsets of its points, m.
+    offsets: Vec<f64>,
+    /// How far the curved surfaces are apart there, m.
+    gaps: Vec<f32>,
+    /// From one point to the next, m.
+    step: f64,
+}
+
+/// The force of two reliefs that pass over each other: `kappa (f/f_ref)^a (dz/dt)/v_ref`, where
+/// `z(t) = max over xi of (hA(uA + xi t) + hB(uB - xi t) - xi^2/2R)` is how far they hold each other apart.
+///
+/// The change of a maximum is that of what is highest: slopes are read at the highest point, which lies between three points of
+/// the line by the parabola through them. To find it both reliefs are read once for 32 samples, along the direction in
+/// the middle of these.
+///
+/// # Complexity
+/// About 8 reads of a relief per sample and contact, and 3 operations for each point of the line.
+#[derive(Clone, Debug)]
+pub struct PairForce {
+    simd: Level,
+    /// Strength.
+    pub law: Law,
+    line: Line,
+    motion: Motion,
+    profiles: [Vec<f32>; 2],
+}
+
+/// The motion of a contact over both surfaces within a segment, as polynomials in samples.
+#[derive(Clone, Copy, Debug)]
+struct Ways {
+    a: [[f64; 2]; 4],
+    b: [[f64; 2]; 4],
+    rate: f64,
+}
+
+fn along(position: [f64; 2], direction: [f64; 2], way: f64) -> [f64; 2] {
+    [position[0] + way * direction[0], position[1] + way * direction[1]]
+}
+
+impl Ways {
+    /// Unit vector in which the surfaces slip, by the first that moves.
+    fn direction(&self, n: f64) -> [f64; 2] {
+        for way in [&self.a, &self.b] {
+            let v = velocity(way, n, self.rate);
+            let speed = v[0].hypot(v[1]);
+            if speed >= f64::from(AT_REST) {
+                return v.map(|v| v / speed);
+            }
+        }
+        [1.0, 0.0]
+    }
+}
+
+impl PairForce {
+    /// A force over a line of `taps` points (odd, so that its middle is one) for surfaces of a common radius in m and of
+    /// heights that differ by up to `range` m.
+    #[must_use]
+    pub fn new(law: Law, taps: usize, radius: f64, range: f64) -> Self {
+        let half = (2.0 * radius * range.max(1e-12)).sqrt();
+        let taps = taps.clamp(3, MOST_TAPS) | 1;
+        let step = 2.0 * half / (taps - 1) as f64;
+        let middle = (taps / 2) as f64;
+        let offsets: Vec<f64> = (0..taps).map(|j| (j as f64 - middle) * step).collect();
+        let gaps = offsets.iter().map(|xi| (xi * xi / (2.0 * radius)) as f32).collect();
+        Self {
+            simd: Level::new(),
+            law,
+            line: Line { offsets, gaps, step },
+            motion: Motion::new(),
+            profiles: [vec![0.0; PROFILE], vec![0.0; PROFILE]],
+        }
+    }
+
+    /// Adds the force of one contact over one segment, N.
+    pub fn add(&mut self, reliefs: [&Relief; 2], heading: &mut Heading, segment: &Segment, out: &mut [f32]) {
+        let simd = self.simd;
+        dispatch!(simd, _simd => self.segment(reliefs, heading, segment, out));
+    }
+
+    #[inline(always)]
+    fn segment(&mut self, reliefs: [&Relief; 2], heading: &mut Heading, segment: &Segment, out: &mut [f32]) {
+        let way = segment.path();
+        let other = segment.other_path().unwrap_or([[0.0; 2]; 4]);
+        self.motion.follow(segment, &way, [1.0; 2], heading);
+        let ways = Ways { a: way, b: other, rate: segment.rate };
+        let mut made = [0.0; CELL];
+        let last = segment.to.min(CELL);
+        for group in segment.from / GROUP..last.div_ceil(GROUP) {
+            let first = group * GROUP;
+            let range = [segment.from.max(first), last.min(first + GROUP)];
+            self.group(reliefs, &ways, first, range, &mut made);
+        }
+        // What rests on one side may slip on the other.
+        for n in segment.from..last {
+            let v = velocity(&ways.b, n as f64, ways.rate);
+            if v[0] * v[0] + v[1] * v[1] >= f64::from(AT_REST).powi(2) {
+                self.motion.gate[n] = 1.0;
+            }
+        }
+        // The speed is in the change of the gap already.
+        self.motion.speed = [1.0; CELL];
+        self.law.apply(segment, &self.motion, [1.0; 2], &mut made);
+        out.iter_mut().zip(segment.part(&mut made)).for_each(|(out, x)| *out += *x);
+    }
+
+    /// Speed at which the surfaces part at the samples of a range, m/s.
+    #[inline(always)]
+    fn group(
+        &mut self,
+        [a, b]: [&Relief; 2],
+        ways: &Ways,
+        first: usize,
+        [from, to]: [usize; 2],
+        out: &mut [f32; CELL],
+    ) {
+        let middle = (first + GROUP / 2) as f64;
+        let t = ways.direction(middle);
+        let centres = [position(&ways.a, middle), position(&ways.b, middle)];
+        // How far both have come along the direction, from the middle.
+        let come = |c: &[[f64; 2]; 4], centre: [f64; 2], n: usize| {
+            let at = position(c, n as f64);
+            (at[0] - centre[0]) * t[0] + (at[1] - centre[1]) * t[1]
+        };
+        let ca: [f64; GROUP] = std::array::from_fn(|k| come(&ways.a, centres[0], first + k));
+        let cb: [f64; GROUP] = std::array::from_fn(|k| come(&ways.b, centres[1], first + k));
+        let ends = |c: &[f64; GROUP]| c.iter().fold((f64::MAX, f64::MIN), |(l, h), x| (l.min(*x), h.max(*x)));
+        let ((low, far), (near, high)) = (ends(&ca), ends(&cb));
+        let (reach_a, reach_b) = (far - low, high - near);
+        let Line { offsets, step, .. } = &self.line;
+        let (taps, step) = (offsets.len(), *step);
+        let half = offsets.last().copied().unwrap_or(0.0);
+        let points = |reach: f64| taps + (reach / step) as usize + 2;
+        let counts = [points(reach_a), points(reach_b)];
+        let shared = counts.iter().all(|n| *n <= PROFILE);
+        if shared {
+            let forth = t.map(|t| t * step);
+            let [pa, pb] = &mut self.profiles;
+            a.line(along(centres[0], t, low - half), forth, &mut pa[..counts[0]]);
+            b.line(along(centres[1], t, high + half), forth.map(|x| -x), &mut pb[..counts[1]]);
+        }
+        let mut z = [f32::MIN; MOST_TAPS];
+        let (mut at_a, mut at_b) = ([[0.0; 2]; CELL], [[0.0; 2]; CELL]);
+        for n in from..to.min(CELL) {
+            let (ua, ub) = (position(&ways.a, n as f64), position(&ways.b, n as f64));
+            if shared {
+                let behind = [(ca[n - first] - low) / step, (high - cb[n - first]) / step];
+                self.between(behind, &mut z[..taps]);
+            } else {
+                for ((z, xi), gap) in z.iter_mut().zip(offsets).zip(&self.line.gaps) {
+                    *z = a.height(along(ua, t, *xi)) + b.height(along(ub, t, -xi)) - gap;
+                }
+            }
+            let xi = self.line.highest(&z[..taps]);
+            (at_a[n], at_b[n]) = (along(ua, t, xi), along(ub, t, -xi));
+        }
+        let (mut slopes_a, mut slopes_b) = ([[0.0; CELL]; 2], [[0.0; CELL]; 2]);
+        a.slopes(centres[0], &at_a, [from, to], &mut slopes_a);
+        b.slopes(centres[1], &at_b, [from, to], &mut slopes_b);
+        for n in from..to.min(CELL) {
+            let (va, vb) = (velocity(&ways.a, n as f64, ways.rate), velocity(&ways.b, n as f64, ways.rate));
+            let change = |g: &[Cell; 2], v: [f64; 2]| g[0][n] * v[0] as f32 + g[1][n] * v[1] as f32;
+            out[n] = change(&slopes_a, va) + change(&slopes_b, vb);
+        }
+    }
+
+    /// Heights of the points of the line, from the readings of the group.
+    #[inline(always)]
+    fn between(&self, behind: [f64; 2], z: &mut [f32]) {
+        let taps = z.len();
+        let whole = behind.map(|x| x as usize);
+        let [fa, fb] = [0, 1].map(|k| (behind[k] - whole[k] as f64) as f32);
+        let part = |k: usize| self.profiles[k].get(whole[k]..whole[k] + taps + 1);
+        let (Some(a), Some(b)) = (part(0), part(1)) else { return };
+        let (a0, a1, b0, b1) = (&a[..taps], &a[1..=taps], &b[..taps], &b[1..=taps]);
+        for j in 0..taps.min(self.line.gaps.len()) {
+            let a = a0[j] + fa * (a1[j] - a0[j]);
+            let b = b0[j] + fb * (b1[j] - b0[j]);
+            z[j] = a + b - self.line.gaps[j];
+        }
+    }
+}
+
+/// The greater of two numbers, one of which may not be a NaN: one instruction, unlike `max`.
+#[inline(always)]
+fn higher(a: f32, b: f32) -> f32 {
+    if b > a { b } else { a }
+}
+
+impl Line {
+    /// Offset at which `z` is highest, by the parabola through the highest point and its neighbours.
+    #[inline(always)]
+    fn highest(&self, z: &[f32]) -> f64 {
+        let mut best = [f32::MIN; 8];
+        let (groups, rest) = z.as_chunks::<8>();
+        for group in groups {
+            for k in 0..8 {
+                best[k] = higher(best[k], group[k]);
+            }
+        }
+        let [a, b, c, d, e, f, g, h] = best;
+        let best = higher(higher(higher(a, e), higher(b, f)), higher(higher(c, g), higher(d, h)));
+        let top = rest.iter().fold(best, |m, x| higher(m, *x));
+        let has = |group: &[f32; 8]| group.iter().fold(false, |any, x| any | (*x >= top));
+        let past = 8 * groups.iter().position(has).unwrap_or(groups.len());
+        let j = past + z[past..].iter().position(|x| *x >= top).unwrap_or(0);
+        let offset = self.offsets.get(j).copied().unwrap_or(0.0);
+        let (Some(before), Some(after)) = (j.checked_sub(1).and_then(|j| z.get(j)), z.get(j + 1)) else {
+            return offset;
+        };
+        let bend = 2.0 * top - before - after;
+        let way = if bend > 0.0 { (0.5 * (after - before) / bend).clamp(-0.5, 0.5) } else { 0.0 };
+        offset + f64::from(way) * self.step
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,217 @@
+//! The node around [`PairForce`] and the map of a rolling ball.
+
+use super::heights::{Relief, heights};
+use super::pair_force::PairForce;
+use super::rolling_ball::ball_map;
+use super::size_fade::SizeFade;
+use crate::core::fault::{Fault, Reject};
+use crate::core::files::MemoryFiles;
+use crate::core::item::Channels;
+use crate::core::node::{Class, Node, Retune, Summary};
+use crate::core::params::Params;
+use crate::core::ports::{Events, Stream, Value};
+use crate::core::random::Rng;
+use crate::core::shape::{Build, Shape};
+use crate::core::time::Rate;
+use crate::scrape::force::law::Law;
+use crate::scrape::force::motion::Heading;
+use crate::scrape::force::strength::{self, Strength, linked};
+use crate::scrape::force::voices::Voices;
+use crate::scrape::map::map_force::{MapForce, MapVoice};
+use crate::scrape::map::padded_map::{Interp, check_grid};
+use crate::scrape::map::surface_map::SurfaceMap;
+use crate::scrape::path::piece::PathPiece;
+use crate::texture::Luma;
+use crate::{archive_state, params, ports};
+
+params! {
+    /// Turns the ways of contacts between two surfaces, both with a relief, into the force between them.
+    ///
+    /// The surfaces touch along a short line in the direction of the way, and only what stands out most is felt:
+    /// `z = max over xi of hA(uA + xi t) + hB(uB - xi t) - xi^2/2R` is how far they hold each other apart, and the force is
+    /// `gain kappa (f/1 N)^a (dz/dt)/(1 m/s)`. Heights follow from luminance by the `depth` of each image. So teeth of both
+    /// catch in each other, which a sum of two forces cannot do.
+    ///
+    /// Without `b` the other surface is smooth: a ball of the radius, or a tip, that rolls or slides over `a`. It reaches the bottom of
+    /// no gap narrower than itself, and knocks at each. This is worked out before the sound starts and costs no more than
+    /// MapExcitation.
+    ///
+    /// Where ways do not tell of the other surface, the same position of it touches all the time. `gain`, `kappa`, `a_exponent` and `scale` can
+    /// be changed while it sounds: they are reached in 20 ms. A link to `kappa` takes the place of the number.
+    ///
+    /// # Source
+    /// Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section 6, leave two
+    /// textures to future work; the joint envelope is a choice.
+    pub struct TwoTexturesParams {
+        /// Common radius of curvature at the contact: 1/R = 1/R_A + 1/R_B.
+        radius: f64 = 0.02, unit "m", range 0.0001..=10.0;
+        /// Points of the line of contact; an odd number.
+        taps: u16 = 33, unit "points", range 3..=129_u16;
+        /// Force in N at 1 N where the surfaces part at 1 m/s.
+        kappa: f64 = 1.0, unit "N", range -1_000_000.0..=1_000_000.0;
+        /// Exponent of the normal force.
+        a_exponent: f64 = 1.0, unit "", range 0.0..=2.0;
+        /// Factor of the force.
+        gain: f64 = 1.0, unit "", range -1000.0..=1000.0;
+        /// Size of the surfaces: with 2 all that is on them is twice as large, their heights and `radius` too.
+        scale: f64 = 1.0, unit "", range 0.001..=1000.0;
+        /// Number of the object whose contacts are taken; None takes all.
+        object: Option<u32> = None, unit "", range 0..=4_294_967_295_u32;
+        /// Contacts that can sound at once.
+        contacts: u16 = 64, unit "contacts", range 1..=1024_u16;
+        /// Samples per second.
+        rate: Rate = Rate::hz(48_000);
+    }
+}
+ports! {
+    pub struct TwoTexturesPorts / TwoTexturesIo {
+        in {
+            /// The ways of the contacts over both surfaces.
+            paths: Events<PathPiece>,
+            /// The relief of the surface that is followed.
+            a: Value<Luma>,
+            /// The relief of the other.
+            b: Option<Value<Luma>>,
+            /// Strength in place of the number, as LevelMatcher finds it.
+            kappa: Option<Value<Strength>>,
+        }
+        out {
+            /// Force, mono, N.
+            force: Stream<f32>,
+        }
+    }
+}
+
+/// How the force is found.
+#[derive(Debug)]
+enum Way {
+    Ball(Box<(SurfaceMap, MapForce)>),
+    Pair(Box<([Relief; 2], PairForce, SizeFade)>),
+}
+
+/// The node `TwoTextures`.
+#[derive(Debug)]
+pub struct TwoTextures {
+    params: TwoTexturesParams,
+    /// Strength that is linked.
+    kappa: Option<Strength>,
+    way: Way,
+    voices: Voices<(Heading, MapVoice)>,
+}
+
+/// The law of the parameters, with the strength that is linked in place of the number.
+fn law(p: &TwoTexturesParams, kappa: Option<Strength>, ball: bool) -> [f64; 3] {
+    // The map of a ball holds changes per metre, which its speed turns into changes in time.
+    [kappa.map_or(p.kappa, |s| s.kappa) * p.gain, p.a_exponent, if ball { 1.0 } else { 0.0 }]
+}
+
+pub(in crate::scrape) fn check(field: &'static str, luma: &Luma) -> Result<(), Reject> {
+    check_grid(field, &luma.grid, &luma.surface)?;
+    if (0.0..=1.0).contains(&luma.surface.depth) {
+        return Ok(());
+    }
+    let message = format!("`{field}` is {} m deep; 0 to 1 m can be felt", luma.surface.depth);
+    Err(Reject::new("F128", message).at(field))
+}
+
+impl Node for TwoTextures {
+    type Params = TwoTexturesParams;
+    type Ports = TwoTexturesPorts;
+    const NAME: &'static str = "TwoTextures";
+    const VERSION: u32 = 5;
+    const CLASS: Class = Class::Audio;
+    const COST: f64 = 50.0;
+
+    fn shape(p: &TwoTexturesParams, s: &mut Shape<'_, '_, TwoTexturesPorts>) -> Result<(), Reject> {
+        s.output(TwoTexturesPorts::force, p.rate, Channels(1));
+        Ok(())
+    }
+
+    fn build(p: &TwoTexturesParams, cx: &Build<'_>) -> Result<Self, Fault> {
+        let (a, b) = (cx.value(TwoTexturesPorts::a), cx.optional_value(TwoTexturesPorts::b));
+        check("a", &a)?;
+        let rate = p.rate.as_f64();
+        let kappa = linked(cx.optional_value(TwoTexturesPorts::kappa))?;
+        let law = strength::law(law(p, kappa, b.is_none()), kappa, rate);
+        let way = if let Some(b) = b {
+            check("b", &b)?;
+            let reliefs = [&a, &b].map(|luma| Relief::new(&heights(luma), &luma.surface));
+            let range = reliefs[0].range() + reliefs[1].range();
+            // Of two surfaces no speed is known at which one of them alone is matched.
+            let law = Law { curve: None, ..law };
+            let force = PairForce::new(law, p.taps.into(), p.radius, range);
+            Way::Pair(Box::new((reliefs, force, SizeFade::new(p.scale, rate))))
+        } else {
+            let map = ball_map(&heights(&a), &a.surface, p.radius);
+            Way::Ball(Box::new((map, MapForce::new(law, p.scale, Interp::Bspline3, rate))))
+        };
+        let blank = (Heading::default(), MapVoice::default());
+        let voices = Voices::new(p.contacts.into(), p.rate, blank);
+        Ok(Self { kappa, way, voices, params: p.clone() })
+    }
+
+    fn run(&mut self, mut io: TwoTexturesIo<'_>) -> Result<(), Fault> {
+        let (first, out) = (io.force.first(), io.force.items());
+        let (object, way) = (self.params.object, &mut self.way);
+        self.voices.play(
+            io.paths.events(),
+            object,
+            first,
+            out,
+            |_| Default::default(),
+            |(heading, voice), segment, out| match way {
+                Way::Ball(ball) => ball.1.add(&ball.0, voice, segment, out),
+                Way::Pair(pair) => {
+                    let ([a, b], force, size) = &mut **pair;
+                    let before = *heading;
+                    size.add(segment, out, |segment, out| {
+                        *heading = before;
+                        force.add([a, b], heading, segment, out);
+                    });
+                }
+            },
+        );
+        self.voices.made(first, out);
+        Ok(())
+    }
+
+    fn finish(&mut self, _: TwoTexturesIo<'_>) -> Result<Summary, Fault> {
+        Ok(self.voices.summary())
+    }
+
+    fn retune(&mut self, new: &TwoTexturesParams) -> Retune {
+        let fixed = |p: &TwoTexturesParams| (p.radius, p.taps, p.object, p.contacts, p.rate);
+        if fixed(new) != fixed(&self.params) {
+            return Retune::Rebuild;
+        }
+        match &mut self.way {
+            Way::Ball(ball) => {
+                ball.1.law.ramp_to(law(new, self.kappa, true), self.voices.now());
+                ball.1.scale.ramp_to(new.scale, self.voices.now());
+            }
+            Way::Pair(pair) => {
+                pair.1.law.ramp_to(law(new, self.kappa, false), self.voices.now());
+                pair.2.ramp_to(new.scale, self.voices.now());
+            }
+        }
+        self.params = new.clone();
+        Retune::Done
+    }
+
+    fn adopt(&mut self, old: &mut Self) {
+        self.voices.take_state(&old.voices);
+    }
+
+    archive_state!(voices);
+
+    fn trial(rng: &mut Rng) -> (TwoTexturesParams, MemoryFiles) {
+        let params = TwoTexturesParams::trial(rng);
+        let object = params.object.map(|_| rng.below(2) as u32);
+        let contacts = 1 + rng.below(5) as u16;
+        let scale = rng.between(0.2, 5.0);
+        (TwoTexturesParams { object, contacts, scale, ..params }, MemoryFiles::default())
+    }
+}
+
+#[cfg(test)]
+mod tests;
