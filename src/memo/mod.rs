@@ -2,8 +2,8 @@
 //! nodes and of folds, and the streams that are expensive to compute for their size.
 //!
 //! [`Keys`] makes the keys, [`Store`] holds the entries on disk and [`Memory`] the most recent ones, [`choose_streams`] selects
-//! the streams, [`stream`] is their file format, and [`Index`] holds the parts of the last keys. [`RunCache`] is the cache during one
-//! run.
+//! the streams, [`stream`] is their file format, and [`Index`] holds the parts of the last keys. [`RunCache`] is the cache
+//! during one run.
 
 mod atomic_file;
 mod cacheable;

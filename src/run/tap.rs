@@ -1,7 +1,7 @@
 //! Taps: outputs of nodes that are written to files.
 //!
-//! Audio is written as WAV, numbers as NPY or CSV, events as CSV or JSON lines, values as JSON, as SVG or in a file format of their
-//! own.
+//! Audio is written as WAV, numbers as NPY or CSV, events as CSV or JSON lines, values as JSON, as SVG or in a file format
+//! of their own.
 
 use super::memory_tap::MemoryTap;
 use crate::diag::Diagnostic;

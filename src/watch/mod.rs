@@ -1,7 +1,7 @@
 //! Reports that a graph, or a file that it reads, has changed, and the differences.
 //!
-//! Events ([`FolderEvents`]) only trigger a comparison; changes are found by comparing contents ([`Snapshot`]), and their effect on
-//! the graph by comparing it node by node ([`Changes`]).
+//! Events ([`FolderEvents`]) only trigger a comparison; changes are found by comparing contents ([`Snapshot`]), and their
+//! effect on the graph by comparing it node by node ([`Changes`]).
 
 mod changes;
 mod events;

@@ -242,8 +242,10 @@ impl TransitionBuilder<'_> {
 
     /// Inserts a cross-fade between two outputs; `None` if they cannot be mixed.
     fn fade(&mut self, before: Option<&Link>, after: Option<&Link>) -> Option<Link> {
-        let of = |side: &GraphState<'_>, link: &Link| side.shapes[link.node].outputs[link.port].clone();
-        let (old, new) = (before.and_then(|l| of(self.old, l)), after.and_then(|l| of(self.new, l)));
+        let shape_of =
+            |state: &GraphState<'_>, link: &Link| state.shapes[link.node].outputs[link.port].clone();
+        let old = before.and_then(|l| shape_of(self.old, l));
+        let new = after.and_then(|l| shape_of(self.new, l));
         let shape = old.as_ref().or(new.as_ref())?;
         let matches =
             |other: &StreamShape| other.item.wave && (other.rate, other.width) == (shape.rate, shape.width);
