@@ -1,10 +1,11 @@
 //! The plain list of all node types.
 
-use crate::contact::analytic_node::AnalyticCollider;
-use crate::contact::detector_node::ContactDetector;
-use crate::contact::router::MaterialRouter;
-use crate::contact::skinned_node::SkinnedSlip;
-use crate::contact::speed_nodes::{SlidingSpeed, SpeedMapNode};
+use crate::contact::analytic::analytic_collider::AnalyticCollider;
+use crate::contact::detection::contact_detector::ContactDetector;
+use crate::contact::material_router::MaterialRouter;
+use crate::contact::skinned::skinned_slip::SkinnedSlip;
+use crate::contact::sliding::sliding_speed::SlidingSpeed;
+use crate::contact::sliding::speed_map::SpeedMapNode;
 use crate::core::node::NodeType;
 use crate::crumple::bank_nodes::{CrumpleBankFile, CrumpleExtractor};
 use crate::crumple::binaural_player_node::BinauralCrumplePlayer;
@@ -14,8 +15,8 @@ use crate::crumple::events_node::CrumpleEventsNode;
 use crate::crumple::matcher_node::HistogramMatcher;
 use crate::crumple::picture::BuckleFigure;
 use crate::crumple::player_node::CrumplePlayer;
-use crate::curvature::mean_node::MeanCurvatureNode;
-use crate::curvature::rest::RestNoiseNode;
+use crate::curvature::mean_curvature::MeanCurvatureNode;
+use crate::curvature::rest_noise::RestNoiseNode;
 use crate::feature::gaussian_node::TemporalGaussian;
 use crate::feature::mfcc_node::Mfcc;
 use crate::friction::between::InterpolatedSpectra;
@@ -33,8 +34,8 @@ use crate::modal::from_recording::ModalFromRecording;
 use crate::modal::impact_file_node::ImpactFile;
 use crate::modal::membrane_node::MembraneModes;
 use crate::modal::modes_file::ModesFile;
-use crate::rigid::classify_node::ContactClassifier;
-use crate::rigid::log_node::ContactLog;
+use crate::rigid::classification::contact_classifier::ContactClassifier;
+use crate::rigid::log::contact_log::ContactLog;
 use crate::scrape::isophote_node::IsophoteExcitation;
 use crate::scrape::levels_node::LevelMatcher;
 use crate::scrape::lod_node::LodSelect;

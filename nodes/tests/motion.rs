@@ -1,7 +1,9 @@
 //! The chain from a simulated cloth to its friction sound, node by node, on real data where it is present.
 
-use foley_nodes::contact::detector_node::{ContactDetector, ContactDetectorParams, ContactDetectorPorts};
-use foley_nodes::contact::speed_nodes::{SlidingSpeed, SlidingSpeedParams, SlidingSpeedPorts};
+use foley_nodes::contact::detection::contact_detector::{
+    ContactDetector, ContactDetectorParams, ContactDetectorPorts,
+};
+use foley_nodes::contact::sliding::sliding_speed::{SlidingSpeed, SlidingSpeedParams, SlidingSpeedPorts};
 use foley_nodes::contact::{Contact, Contacts, Speeds};
 use foley_nodes::core::files::MemoryFiles;
 use foley_nodes::core::item::{Item, StreamShape};

@@ -1,8 +1,10 @@
-//! What can be wrong with the meshes and parameters given to contact.
+//! Errors in the meshes and parameters of contact detection.
 
 use thiserror::Error;
 
-/// A mesh, frame or parameter that contact can't work with.
+use crate::core::fault::Fault;
+
+/// An unusable mesh, frame or parameter.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum ContactError {
     /// A parameter lies outside its range.
@@ -10,9 +12,9 @@ pub enum ContactError {
     Parameter {
         /// Name of the parameter.
         name: &'static str,
-        /// The value that was given.
+        /// The given value.
         found: f64,
-        /// What would have been right.
+        /// The values that are possible.
         expected: &'static str,
     },
     /// A triangle names a vertex that the surface doesn't have.
@@ -24,7 +26,7 @@ pub enum ContactError {
         surface: usize,
         /// Triangle index.
         triangle: usize,
-        /// The vertex index that was found.
+        /// The vertex index.
         found: u32,
         /// Number of vertices of the surface.
         vertices: usize,
@@ -39,24 +41,24 @@ pub enum ContactError {
         /// The largest count possible.
         limit: usize,
     },
-    /// What a vertex may not touch of its own cloth is most of the cloth.
+    /// The neighbourhoods that vertices must not touch are about as large as the cloth.
     #[error(
         "each of {vertices} vertices is kept from touching about {patch} others around it, which takes too long to work out"
     )]
     Patches {
         /// Vertices of the cloth.
         vertices: usize,
-        /// Vertices in the neighbourhood of one of them, on average.
+        /// Mean number of vertices in a neighbourhood.
         patch: usize,
     },
     /// A slice has the wrong length.
     #[error("{what} has length {found}; it must have {expected}")]
     Length {
-        /// What was counted.
+        /// Name of the slice.
         what: &'static str,
-        /// The length that was given.
+        /// The given length.
         found: usize,
-        /// The length that would have been right.
+        /// The right length.
         expected: usize,
     },
     /// The positions of a surface don't match its topology.
@@ -69,7 +71,7 @@ pub enum ContactError {
         /// Vertices of the topology.
         expected: usize,
     },
-    /// A position is NaN, infinite or too far.
+    /// A position is NaN, infinite or farther than 1e15 m from the origin.
     #[error("vertex {vertex} of surface {surface} has a position that is not finite, or farther than 1e15 m")]
     NotFinite {
         /// Surface: 0 is the cloth, 1 and up the others.
@@ -87,4 +89,30 @@ pub enum ContactError {
         /// Time of the frame before, seconds.
         previous: f64,
     },
+}
+
+impl ContactError {
+    /// The same as a fault of a node whose inputs are `mesh` and `others`.
+    pub(super) fn fault(&self) -> Fault {
+        let field = match self {
+            Self::Corner { surface, .. }
+            | Self::Size { surface, .. }
+            | Self::Positions { surface, .. }
+            | Self::NotFinite { surface, .. }
+                if *surface > 0 =>
+            {
+                "others"
+            }
+            Self::Parameter { name, .. } => name,
+            Self::Patches { .. } => "radius",
+            _ => "mesh",
+        };
+        let fault = Fault::new("F073", self.to_string()).at(field);
+        match self {
+            Self::Patches { .. } => {
+                fault.help("make `radius` small beside the cloth, or set `exclude`, in metres along it")
+            }
+            _ => fault,
+        }
+    }
 }

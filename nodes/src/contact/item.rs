@@ -1,46 +1,82 @@
-//! Contacts and sliding speeds that travel between nodes.
+//! Contacts and sliding speeds, the items of streams between nodes.
 
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-use super::Contact;
 use crate::core::item::Item;
 use crate::core::random::Rng;
 use crate::mesh::Materials;
 
+/// A contact of a cloth vertex with a triangle.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Contact {
+    /// Touched surface: 0 is the cloth itself, 1 and up the others; [`Contact::NONE`] in an empty slot.
+    pub surface: u32,
+    /// Triangle of that surface.
+    pub triangle: u32,
+    /// Distance to the closest point of the triangle, metres.
+    pub distance: f32,
+    /// In-plane coordinates at this frame, not clamped to the triangle: x = a + b0 (b - a) + b1 (c - a) + height n.
+    /// Over a degenerate triangle, the barycentric weights of the closest point.
+    pub beta: [f32; 2],
+    /// Distance moved along the triangle until the next frame, metres.
+    pub slide: f32,
+    /// Change of the distance from the triangle's plane until the next frame, metres; negative while approaching.
+    pub approach: f32,
+}
+
+impl Contact {
+    /// The surface of an empty slot.
+    pub const NONE: u32 = u32::MAX;
+
+    /// Returns true if the slot holds a contact.
+    #[must_use]
+    pub fn is_some(&self) -> bool {
+        self.surface != Self::NONE
+    }
+}
+
+impl Default for Contact {
+    fn default() -> Self {
+        Self { surface: Self::NONE, triangle: 0, distance: 0.0, beta: [0.0; 2], slide: 0.0, approach: 0.0 }
+    }
+}
+
 /// The contacts of every vertex of a cloth, frame by frame.
 ///
-/// `slide` and `approach` lead to the next frame, so those of the last frame say nothing.
+/// `slide` and `approach` are measured to the next frame, so those of the last frame have no meaning.
 #[derive(Debug)]
 pub struct Contacts;
 
-/// What is fixed about a stream of contacts.
+/// Format of a stream of contacts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ContactsFormat {
     /// Area of cloth that each vertex stands for at rest, m^2.
     pub areas: Arc<[f32]>,
-    /// Contacts per vertex at most, nearest first.
+    /// Largest number of contacts per vertex, nearest first.
     pub slots: usize,
-    /// The material of each vertex of the cloth: an index into the names of the first of `surfaces`.
+    /// Material of each vertex of the cloth, an index into the names of the first of `surfaces`.
     pub cloth: Arc<[u16]>,
-    /// What the triangles of each surface are made of, the cloth's own first.
+    /// Materials of the triangles of each surface, those of the cloth first.
     pub surfaces: Arc<[Arc<Materials>]>,
 }
 
 impl ContactsFormat {
-    /// Contacts of a cloth that is all of one unnamed material, with others alike.
+    /// The format of contacts between surfaces of one unnamed material.
     #[must_use]
     pub fn plain(areas: Arc<[f32]>, slots: usize) -> Self {
         Self { cloth: vec![0; areas.len()].into(), areas, slots, surfaces: Arc::from([]) }
     }
 
-    /// The names of the materials that meet in a contact of a vertex; empty for what has none.
+    /// Returns the names of the two materials of a contact of a vertex; empty where there is none.
     #[must_use]
     pub fn pair(&self, vertex: usize, contact: &Contact) -> [&str; 2] {
-        let of = |surface: usize, material: u16| self.surfaces.get(surface).map_or("", |m| m.name(material));
+        let name =
+            |surface: usize, material: u16| self.surfaces.get(surface).map_or("", |m| m.name(material));
         let cloth = self.cloth.get(vertex).copied().unwrap_or(0);
         let surface = contact.surface as usize;
-        let touched = self.surfaces.get(surface).map_or(0, |m| m.of_triangle(contact.triangle));
-        [of(0, cloth), of(surface, touched)]
+        let other = self.surfaces.get(surface).map_or(0, |m| m.of_triangle(contact.triangle));
+        [name(0, cloth), name(surface, other)]
     }
 }
 

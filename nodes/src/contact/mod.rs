@@ -1,36 +1,23 @@
-//! Sliding contact: which triangle a vertex touches, and how fast it slides along it.
-//! Read in the order of the data: [`triangle`], [`exclusion`], [`tree`] and [`detector`] find the contacts, [`slip`] measures
-//! them, [`gate`], [`spline`] and [`speed`] turn the measurements into the sliding speed that a friction sound follows.
+//! Sliding contact: the triangle that a vertex touches, and the speed at which it slides along it.
+//!
+//! Data flows through the rooms in this order: [`broad_phase`] and [`detection`] find the contacts, measured by [`triangle`] and
+//! [`slip`]; [`analytic`] adds colliders given by a formula, [`material_router`] selects contacts by material; [`sliding`] turns
+//! slides into the sliding speed that a friction sound follows. [`skinned`] approximates both for cloth that was not simulated.
 
 pub mod analytic;
-pub mod analytic_node;
-mod boxes;
-pub mod detector;
-pub mod detector_node;
+pub mod broad_phase;
+pub mod detection;
 mod error;
-pub mod exclusion;
-pub mod gate;
 mod item;
-pub mod late;
-mod neighbourhood;
-mod query;
-pub mod reference;
-pub mod router;
-mod sieve;
+pub mod material_router;
 pub mod skinned;
-pub mod skinned_node;
 pub mod sliding;
 pub mod slip;
-pub mod speed;
-pub mod speed_nodes;
-pub mod spline;
-pub mod tree;
 pub mod triangle;
 pub(crate) mod vector;
 
-#[cfg(test)]
-mod tests;
-
-pub use detector::{Contact, Detection, Detector, DetectorParams, Exclude};
+pub use broad_phase::Exclude;
+pub use detection::{Detection, Detector, DetectorParams};
 pub use error::ContactError;
-pub use item::{Contacts, ContactsFormat, Speeds};
+pub use item::{Contact, Contacts, ContactsFormat, Speeds};
+pub use slip::SlipMode;

@@ -1,23 +1,23 @@
-//! How far a vertex slides over the triangle that it touches, from one frame to the next.
+//! Distance that a vertex slides over the triangle that it touches, from one frame to the next.
 
 use serde::{Deserialize, Serialize};
 
 use super::triangle::{closest_point, is_degenerate};
 use super::vector::{Vec3, add, cross, dot, norm, scale, sub};
 
-/// How the slide of a contact is measured.
+/// Measure of the slide of a contact.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum SlipMode {
-    /// Along the triangle, exactly 0 under any rigid motion of the pair: [`slide`].
+    /// Distance along the triangle, exactly 0 under any rigid motion of the pair: [`slide`].
     #[default]
     Exact,
-    /// The displacement against the closest point: [`naive`].
+    /// Displacement relative to the closest point: [`naive`].
     Naive,
 }
 
 /// Motion of a vertex relative to one triangle between two frames, metres.
 ///
-/// Divide by the time between the frames for speeds; the stamp of those is the middle of the two frame times.
+/// Divided by the time between the frames it is a speed, at the middle of the two frame times.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Slide {
     /// Distance moved along the triangle; never negative.
@@ -26,20 +26,20 @@ pub struct Slide {
     pub normal: f64,
     /// Unclamped in-plane coordinates at the first frame: x = a + beta_0 (b - a) + beta_1 (c - a) + height n.
     pub beta: [f64; 2],
-    /// Whether the triangle was degenerate at either frame, which makes every other field 0.
+    /// True if the triangle was degenerate at either frame; every other field is then 0.
     pub degenerate: bool,
 }
 
-/// Where a point stands over a triangle's plane: in-plane coordinates, metric and height.
-struct Stance {
+/// A point in the frame of a triangle: in-plane coordinates, metric and height.
+struct LocalPoint {
     beta: [f64; 2],
     /// e1.e1, e1.e2, e2.e2.
     metric: [f64; 3],
     height: f64,
 }
 
-fn stance(x: Vec3, [a, b, c]: [Vec3; 3]) -> Option<Stance> {
-    let (e1, e2, away) = (sub(b, a), sub(c, a), sub(x, a));
+fn local_point(x: Vec3, [a, b, c]: [Vec3; 3]) -> Option<LocalPoint> {
+    let (e1, e2, offset) = (sub(b, a), sub(c, a), sub(x, a));
     let metric = [dot(e1, e1), dot(e1, e2), dot(e2, e2)];
     let normal = cross(e1, e2);
     // |e1 x e2|^2 is the determinant of the metric, without the cancellation of e1.e1 e2.e2 - (e1.e2)^2.
@@ -48,41 +48,40 @@ fn stance(x: Vec3, [a, b, c]: [Vec3; 3]) -> Option<Stance> {
     if is_degenerate(determinant, metric[0].max(metric[2]).max(dot(bc, bc))) {
         return None;
     }
-    let (r1, r2) = (dot(e1, away), dot(e2, away));
-    Some(Stance {
+    let (r1, r2) = (dot(e1, offset), dot(e2, offset));
+    Some(LocalPoint {
         beta: [
             (metric[2] * r1 - metric[1] * r2) / determinant,
             (metric[0] * r2 - metric[1] * r1) / determinant,
         ],
         metric,
-        height: dot(normal, away) / determinant.sqrt(),
+        height: dot(normal, offset) / determinant.sqrt(),
     })
 }
 
-/// The unclamped in-plane coordinates of a point, or none over a degenerate triangle.
+/// Returns the unclamped in-plane coordinates of a point; none over a degenerate triangle.
 #[must_use]
 pub fn in_plane(x: [f64; 3], triangle: [[f64; 3]; 3]) -> Option<[f64; 2]> {
-    stance(x, triangle).map(|s| s.beta)
+    local_point(x, triangle).map(|local| local.beta)
 }
 
-/// Height of a point over the triangle's plane, positive on the side that the winding calls outside; none if degenerate.
+/// Returns the height of a point over the triangle's plane, positive on its outer side by winding; none if degenerate.
 #[must_use]
 pub fn height(x: [f64; 3], triangle: [[f64; 3]; 3]) -> Option<f64> {
-    stance(x, triangle).map(|s| s.height)
+    local_point(x, triangle).map(|local| local.height)
 }
 
-/// Measures how far `x` slides over the *same* triangle while both move from frame 0 to frame 1.
+/// Measures the distance that `x` slides over the *same* triangle while both move from frame 0 to frame 1.
 ///
-/// The in-plane coordinates are not clamped to the triangle: a clamp at one end only would read as a slip. A rigid motion
-/// of the pair gives exactly no slip, and so does a vertex glued to a triangle that stretches.
+/// The in-plane coordinates are not clamped to the triangle: a clamp in one frame only would appear as slip. The slip is exactly
+/// 0 under a rigid motion of the pair, and for a vertex glued to a triangle that stretches.
 ///
 /// # Source
-/// An, James and Marschner 2012, section 2, forms a difference of "relative contact speed" without saying of which point
-/// or in which direction; this is the form that is invariant under rigid motion:
-/// sqrt(dbeta^T G dbeta) with G the mean metric of the two frames.
+/// An, James and Marschner 2012, section 2, take a difference of "relative contact speed" without naming the point or the
+/// direction. This form is invariant under rigid motion: sqrt(dbeta^T G dbeta) with G the mean metric of the two frames.
 #[must_use]
 pub fn slide(x0: [f64; 3], triangle0: [[f64; 3]; 3], x1: [f64; 3], triangle1: [[f64; 3]; 3]) -> Slide {
-    let (Some(first), Some(second)) = (stance(x0, triangle0), stance(x1, triangle1)) else {
+    let (Some(first), Some(second)) = (local_point(x0, triangle0), local_point(x1, triangle1)) else {
         return Slide { degenerate: true, ..Slide::default() };
     };
     let d = [second.beta[0] - first.beta[0], second.beta[1] - first.beta[1]];
@@ -96,14 +95,14 @@ pub fn slide(x0: [f64; 3], triangle0: [[f64; 3]; 3], x1: [f64; 3], triangle1: [[
     }
 }
 
-/// Relative displacement of `x` against the closest point of frame 0 carried along, metres: the plain reading of the paper.
+/// Displacement of `x` relative to the material point that was closest in frame 0, metres: the literal reading of the paper.
 ///
-/// For comparison only. It keeps the normal part and sees a rotation of the pair as sliding at omega times the gap.
+/// For comparison only. It includes the normal component, and a rotation of the pair counts as sliding at omega times the gap.
 #[must_use]
 pub fn naive(x0: [f64; 3], triangle0: [[f64; 3]; 3], x1: [f64; 3], triangle1: [[f64; 3]; 3]) -> f64 {
     let w = closest_point(x0, triangle0).barycentric;
-    let carried = |t: [Vec3; 3]| add(scale(t[0], w[0]), add(scale(t[1], w[1]), scale(t[2], w[2])));
-    norm(sub(sub(x1, carried(triangle1)), sub(x0, carried(triangle0))))
+    let material = |t: [Vec3; 3]| add(scale(t[0], w[0]), add(scale(t[1], w[1]), scale(t[2], w[2])));
+    norm(sub(sub(x1, material(triangle1)), sub(x0, material(triangle0))))
 }
 
 #[cfg(test)]
@@ -121,8 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn rotation_at_5_rad_per_second_over_a_5_cm_gap_slides_nothing_yet_the_naive_form_sees_25_cm_per_second()
-    {
+    fn rotation_at_5_rad_per_second_over_a_5_cm_gap_is_no_slide_but_25_cm_per_second_in_the_naive_form() {
         let dt = 1.0 / 60.0;
         let turn = |x: Vec3| moved(x, [1.0, 0.0, 0.0], 5.0 * dt, [0.0; 3]);
         let x = [0.04, 0.03, 0.05];
@@ -151,13 +149,13 @@ mod tests {
     }
 
     #[test]
-    fn a_vertex_that_leaves_the_triangle_still_slides_its_whole_way() {
+    fn a_vertex_that_leaves_the_triangle_slides_the_full_distance() {
         let far = slide([0.05, 0.01, 0.01], TRIANGLE, [0.25, 0.01, 0.01], TRIANGLE);
         assert!((far.tangential - 0.2).abs() < 1e-14);
     }
 
     #[test]
-    fn a_degenerate_triangle_at_either_frame_gives_zero_and_says_so() {
+    fn a_degenerate_triangle_at_either_frame_gives_zero_and_is_reported() {
         let flat = [[0.0; 3], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]];
         for (first, second) in [(TRIANGLE, flat), (flat, TRIANGLE), (flat, flat)] {
             let found = slide([0.1; 3], first, [0.2; 3], second);
@@ -165,25 +163,25 @@ mod tests {
         }
     }
 
-    fn coordinate(reach: f64) -> impl Strategy<Value = [f64; 3]> {
-        prop::array::uniform3(-reach..reach)
+    fn coordinate(limit: f64) -> impl Strategy<Value = [f64; 3]> {
+        prop::array::uniform3(-limit..limit)
     }
 
     proptest! {
         #[test]
         fn rigid_motion_of_the_scene_leaves_slides_unchanged(
             x in coordinate(0.1), step in coordinate(0.02), axis in coordinate(1.0), angle in -3.0..3.0f64,
-            shift in coordinate(2.0), late in coordinate(2.0),
+            shift in coordinate(2.0), second_shift in coordinate(2.0),
         ) {
             prop_assume!(norm(axis) > 0.1);
             let axis = scale(axis, 1.0 / norm(axis));
             let (x1, t1) = (add(x, step), TRIANGLE.map(|c| [c[0] * 1.02, c[1], c[2] + 0.001]));
-            let still = slide(x, TRIANGLE, x1, t1);
+            let plain = slide(x, TRIANGLE, x1, t1);
             let first = |p| moved(p, axis, angle, shift);
-            let second = |p| moved(p, axis, -0.4 * angle, late);
-            let carried = slide(first(x), TRIANGLE.map(first), second(x1), t1.map(second));
-            prop_assert!((carried.tangential - still.tangential).abs() < 1e-9 * still.tangential + 1e-13);
-            prop_assert!((carried.normal - still.normal).abs() < 1e-9 * still.normal.abs() + 1e-13);
+            let second = |p| moved(p, axis, -0.4 * angle, second_shift);
+            let moved = slide(first(x), TRIANGLE.map(first), second(x1), t1.map(second));
+            prop_assert!((moved.tangential - plain.tangential).abs() < 1e-9 * plain.tangential + 1e-13);
+            prop_assert!((moved.normal - plain.normal).abs() < 1e-9 * plain.normal.abs() + 1e-13);
         }
 
         #[test]

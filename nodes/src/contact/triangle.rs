@@ -2,18 +2,18 @@
 
 use super::vector::{Vec3, add, cross, dot, scale, sub};
 
-/// Which part of the triangle the closest point lies on.
+/// Part of a triangle that the closest point lies on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Feature {
     /// Corner 0, 1 or 2.
     Vertex(u8),
-    /// The inside of the edge from corner k to corner (k + 1) mod 3.
+    /// The interior of the edge from corner k to corner (k + 1) mod 3.
     Edge(u8),
-    /// The inside of the face.
+    /// The interior of the face.
     Face,
 }
 
-/// The point of a triangle that lies nearest to a query point.
+/// The point of a triangle nearest to a query point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Closest {
     /// The point itself.
@@ -26,27 +26,27 @@ pub struct Closest {
     pub squared_distance: f64,
 }
 
-/// Squared area over the fourth power of the longest edge below which a triangle is only its longest edge: (1e-12)^2.
+/// Squared area over the fourth power of the longest edge below which a triangle is degenerate: (1e-12)^2.
 const DEGENERATE: f64 = 1e-24;
 
-/// Whether a triangle with this squared normal |e1 x e2|^2 and longest squared edge has less area than 1e-12 edge^2.
+/// Returns true if a triangle with this squared normal |e1 x e2|^2 and longest squared edge has less area than 1e-12 edge^2.
 #[inline]
 pub(crate) fn is_degenerate(squared_normal: f64, longest_squared_edge: f64) -> bool {
-    // The area is half the normal's length. `<=` catches the triangle that is a single point.
+    // The area is half the normal's length. `<=` includes the triangle that is a single point.
     squared_normal <= 4.0 * DEGENERATE * longest_squared_edge * longest_squared_edge
 }
 
 /// Finds the point of a triangle nearest to `p` by the seven Voronoi regions (three corners, three edges, the face).
 ///
 /// A degenerate triangle (area < 1e-12 longest edge^2) counts as its longest edge. Two triangles that share the closest
-/// edge or corner report exactly the same distance whichever way round they name it, so ties between neighbours are ties.
+/// edge or corner give exactly the same distance, whatever the order of its corners, so ties between neighbours are exact.
 ///
 /// # Source
 /// Regions after Ericson, *Real-Time Collision Detection*, section 5.1.5.
 #[inline]
 #[must_use]
 pub fn closest_point(p: [f64; 3], [a, b, c]: [[f64; 3]; 3]) -> Closest {
-    // Everything is relative to p, so that the error scales with the triangle and not with its distance from the origin.
+    // Relative to p, so that the error scales with the triangle and not with its distance from the origin.
     let q = [sub(a, p), sub(b, p), sub(c, p)];
     let (ab, ac, bc) = (sub(b, a), sub(c, a), sub(c, b));
     let normal = cross(ab, ac);
@@ -98,6 +98,12 @@ pub fn closest_point(p: [f64; 3], [a, b, c]: [[f64; 3]; 3]) -> Closest {
     }
 }
 
+/// Returns true if a point lies on the inner side of the triangle's plane.
+#[inline]
+pub(super) fn is_behind(p: [f64; 3], [a, b, c]: [[f64; 3]; 3]) -> bool {
+    dot(cross(sub(b, a), sub(c, a)), sub(p, a)) < 0.0
+}
+
 #[inline]
 fn on_corner(p: Vec3, q: &[Vec3; 3], k: usize) -> Closest {
     let mut barycentric = [0.0; 3];
@@ -113,7 +119,7 @@ fn on_corner(p: Vec3, q: &[Vec3; 3], k: usize) -> Closest {
 #[inline]
 fn on_edge(p: Vec3, q: &[Vec3; 3], k: usize) -> Closest {
     let (mut i, mut j) = (k, (k + 1) % 3);
-    // Both triangles of an edge walk it in the same direction, so that both round alike.
+    // Both triangles of an edge use the same direction, so that both round alike.
     if q[j] < q[i] {
         (i, j) = (j, i);
     }
@@ -162,19 +168,19 @@ mod tests {
             let found = closest_point(p, TRIANGLE);
             assert_eq!(found.feature, feature, "at {p:?}");
             assert_eq!(found.point, point, "at {p:?}");
-            let away = sub(p, point);
-            assert_eq!(found.squared_distance, dot(away, away), "at {p:?}");
+            let offset = sub(p, point);
+            assert_eq!(found.squared_distance, dot(offset, offset), "at {p:?}");
         }
     }
 
     #[test]
     fn a_degenerate_triangle_is_its_longest_edge() {
-        let line = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [3.0, 0.0, 0.0]];
-        let found = closest_point([2.0, 1.0, 0.0], line);
+        let collinear = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [3.0, 0.0, 0.0]];
+        let found = closest_point([2.0, 1.0, 0.0], collinear);
         assert_eq!((found.point, found.feature), ([2.0, 0.0, 0.0], Feature::Edge(2)));
         assert!((found.barycentric[2] - 2.0 / 3.0).abs() < 1e-15 && found.barycentric[1] == 0.0);
-        let dot_like = [[1.0, 1.0, 1.0]; 3];
-        assert_eq!(closest_point([1.0, 1.0, 3.0], dot_like).squared_distance, 4.0);
+        let point = [[1.0, 1.0, 1.0]; 3];
+        assert_eq!(closest_point([1.0, 1.0, 3.0], point).squared_distance, 4.0);
     }
 
     #[test]

@@ -1,14 +1,13 @@
-//! Angles between 0 and a half turn, many at once.
+//! Angles from 0 to pi by vector instructions.
 
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
 use fearless_simd::{Level, dispatch};
 
-/// The angles whose sines and cosines are in the ratios `y : x`, for `y` of 0 or more, within 2 units in the last
-/// place; NaN where both are 0.
+/// Computes `atan2(y, x)` for `y` of 0 or more, within 2 units in the last place; NaN where both are 0.
 ///
 /// # Source
-/// Moshier, *Methods and Programs for Mathematical Functions* (1989): one rational function over half of an eighth of a turn.
+/// Moshier, *Methods and Programs for Mathematical Functions* (1989): one rational function for angles up to pi / 8.
 pub(super) fn angles<const N: usize>(level: Level, y: &[f64; N], x: &[f64; N]) -> [f64; N] {
     let mut out = [0.0; N];
     dispatch!(level, simd => {
@@ -37,22 +36,23 @@ const Q: [f64; 5] = [
     194.550_657_148_261_4,
 ];
 
-// Without branches, so that it can be done for several at once.
+// Without branches, so that the compiler can vectorise it.
 #[inline(always)]
 fn angle(y: f64, x: f64) -> f64 {
     let a = x.abs();
-    let steep = y > a;
-    let (low, high) = if steep { (a, y) } else { (y, a) };
-    let wide = low > 0.66 * high;
-    let (rise, run) = if wide { (low - high, low + high) } else { (low, high) };
+    let above_diagonal = y > a;
+    let (low, high) = if above_diagonal { (a, y) } else { (y, a) };
+    let near_diagonal = low > 0.66 * high;
+    // Near the diagonal the angle relative to pi / 4.
+    let (rise, run) = if near_diagonal { (low - high, low + high) } else { (low, high) };
     let t = rise / run;
     let z = t * t;
-    let over = (((P[0] * z + P[1]) * z + P[2]) * z + P[3]) * z + P[4];
-    let under = ((((z + Q[0]) * z + Q[1]) * z + Q[2]) * z + Q[3]) * z + Q[4];
-    let eighth = t + t * (z * over / under);
-    let eighth = if wide { FRAC_PI_4 + eighth } else { eighth };
-    let quarter = if steep { FRAC_PI_2 - eighth } else { eighth };
-    if x < 0.0 { PI - quarter } else { quarter }
+    let numerator = (((P[0] * z + P[1]) * z + P[2]) * z + P[3]) * z + P[4];
+    let denominator = ((((z + Q[0]) * z + Q[1]) * z + Q[2]) * z + Q[3]) * z + Q[4];
+    let angle = t + t * (z * numerator / denominator);
+    let angle = if near_diagonal { FRAC_PI_4 + angle } else { angle };
+    let angle = if above_diagonal { FRAC_PI_2 - angle } else { angle };
+    if x < 0.0 { PI - angle } else { angle }
 }
 
 #[cfg(test)]

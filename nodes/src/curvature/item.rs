@@ -1,4 +1,4 @@
-//! Curvatures that travel between nodes.
+//! Curvatures, the items of streams between nodes.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,24 +7,24 @@ use crate::core::item::Item;
 use crate::core::random::Rng;
 use crate::mesh::{Mesh, MeshFormat};
 
-/// How a surface bends at one vertex in one frame, and where that vertex is.
+/// Curvature, area, normal and position of one vertex in one frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Curvature {
-    /// Signed mean curvature, 1/m: above 0 where it bulges towards its outside.
+    /// Signed mean curvature, 1/m: above 0 where the surface is convex outwards.
     pub h: f64,
-    /// Area that the vertex stands for, m^2.
+    /// Area of the vertex, m^2.
     pub area: f64,
     /// Unit normal.
     pub normal: [f32; 3],
     /// Position, m.
     pub position: [f32; 3],
-    /// Whether the curvature has a meaning: not at a hem, a fin or a lone vertex.
+    /// False where the curvature is not defined: at a boundary, at a non-manifold vertex and at an isolated one.
     pub valid: bool,
-    /// How the curvature was measured.
+    /// Measure of the curvature.
     pub method: Method,
 }
 
-/// The curvature of a mesh that moves, frame by frame: one [`Curvature`] per vertex.
+/// The curvature of a moving mesh, frame by frame: one [`Curvature`] per vertex.
 #[derive(Debug)]
 pub struct Curvatures;
 
@@ -46,9 +46,9 @@ impl Item for Curvatures {
         Mesh::trial_format(rng)
     }
 
-    fn trial(format: &MeshFormat, place: usize, rng: &mut Rng) -> Curvature {
+    fn trial(format: &MeshFormat, index: usize, rng: &mut Rng) -> Curvature {
         let h = if rng.below(6) == 0 { 0.0 } else { rng.between(-5.0, 5.0) };
-        let position = Mesh::trial(format, place, rng);
+        let position = Mesh::trial(format, index, rng);
         Curvature {
             h,
             area: rng.between(1e-5, 1e-3),
@@ -60,8 +60,8 @@ impl Item for Curvatures {
     }
 
     fn finite(c: &Curvature) -> bool {
-        let places = c.normal.into_iter().chain(c.position);
-        c.h.is_finite() && c.area.is_finite() && places.into_iter().all(f32::is_finite)
+        let mut vectors = c.normal.into_iter().chain(c.position);
+        c.h.is_finite() && c.area.is_finite() && vectors.all(f32::is_finite)
     }
 
     fn poison() -> Curvature {

@@ -5,11 +5,11 @@ use serde::{Deserialize, Serialize};
 
 use super::Curvature;
 use super::angle::angles;
-use super::fans::{Fan, fans};
+use super::one_ring::{OneRing, one_rings};
 use crate::contact::vector::{Vec3, add, cross, dot, norm, scale, sub, widen};
 use crate::mesh::{MeshError, MeshPrepare, Topology};
 
-/// How curvature is measured.
+/// Discretisation of mean curvature.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Method {
     #[default]
@@ -21,9 +21,9 @@ pub enum Method {
 
 /// A position in single or double precision.
 pub trait Point: Copy {
-    /// In double precision.
+    /// Converts to double precision.
     fn wide(self) -> [f64; 3];
-    /// In single precision.
+    /// Converts to single precision.
     fn narrow(self) -> [f32; 3];
 }
 
@@ -52,37 +52,38 @@ impl Point for [f64; 3] {
 }
 
 /// Area below which a vertex has no curvature, m^2.
-const LEAST_AREA: f64 = 1e-14;
-/// Cotangent of one degree: needles count as triangles of that angle.
-const MOST_COT: f64 = 57.289_961_630_759_42;
+const MIN_AREA: f64 = 1e-14;
+/// Cotangent of one degree, the largest cotangent: needles count as triangles of that angle.
+const MAX_COT: f64 = 57.289_961_630_759_42;
 
-/// What triangles add up to at a vertex.
+/// Sums over the triangles of a vertex.
 #[derive(Clone, Copy, Default)]
 struct Sums {
-    /// Cotangent sum, or for dihedral angles its first number alone: the sum of length times angle.
+    /// Cotangent sum; for dihedral angles the first component is the sum of length times angle.
     bend: Vec3,
     normal: Vec3,
     area: f64,
 }
 
-/// An edge between two triangles: its ends as the first triangle runs it, and the corner opposite in each.
+/// An edge between two triangles: its ends in the order of the first triangle, and the opposite corner of each.
 #[derive(Clone, Copy, Debug)]
 struct Hinge {
     ends: [u32; 2],
-    wings: [u32; 2],
+    opposite: [u32; 2],
 }
 
-/// Measures the mean curvature of one mesh, frame after frame.
+/// Mean curvature of one mesh, frame by frame.
 ///
-/// With `K_v = 1/(2 A_v) sum (cot a + cot b)(x_v - x_w)` and the angle-weighted normal `n_v`, `H_v = K_v . n_v / 2`: projected, since
+/// With `K_v = 1/(2 A_v) sum (cot a + cot b)(x_v - x_w)` and the angle-weighted normal `n_v`, `H_v = K_v . n_v / 2`: projected, because
 /// near `H = 0` the length of `K_v` is mostly tangential noise of the mesh. A sphere of radius `R` wound outwards has
-/// `H = 1/R`. The areas `A_v` are mixed ones, so that they add up to the mesh's area.
+/// `H = 1/R`. The areas `A_v` are mixed areas, so that they add up to the area of the mesh.
 ///
-/// Winding is made consistent first, as [`MeshPrepare`] does.
+/// [`MeshPrepare`] makes the winding consistent first.
 ///
 /// # Limits
-/// Where the valence alternates (a grid with alternating diagonals) the pointwise value keeps an error of some per cent however fine
-/// the mesh; its integral converges. Positions in single precision 100 m away from the origin cost 0.01 1/m on edges of 25 mm.
+/// Where the valence alternates (a grid with alternating diagonals) the pointwise value has an error of some per cent at any
+/// resolution; its integral converges. Positions in single precision 100 m from the origin cause an error of 0.01 1/m on edges of
+/// 25 mm.
 ///
 /// # Source
 /// Meyer, Desbrun, Schröder and Barr, "Discrete Differential-Geometry Operators for Triangulated 2-Manifolds" (2003); used by An,
@@ -90,26 +91,26 @@ struct Hinge {
 pub struct MeanCurvature {
     triangles: Vec<[u32; 3]>,
     hinges: Vec<Hinge>,
-    fans: Vec<Fan>,
+    one_rings: Vec<OneRing>,
     valid: Vec<bool>,
     sums: Vec<Sums>,
     method: Method,
     level: Level,
 }
 
-/// Triangles whose angles are taken together.
+/// Number of triangles whose angles are computed together.
 const BATCH: usize = 32;
 
 impl MeanCurvature {
-    /// Prepares for a mesh.
+    /// Prepares a mesh.
     ///
     /// # Errors
-    /// A mesh that cannot be oriented, or a triangle outside of it.
+    /// [`MeshError`] for a mesh that cannot be oriented, and for a triangle with absent vertices.
     pub fn new(topology: &Topology, method: Method) -> Result<Self, MeshError> {
         let mesh = MeshPrepare::new(topology)?;
         let vertices = topology.vertex_count();
-        let fans = fans(&mesh, vertices);
-        let valid = fans.iter().map(|fan| *fan == Fan::Closed).collect();
+        let one_rings = one_rings(&mesh, vertices);
+        let valid = one_rings.iter().map(|ring| *ring == OneRing::Closed).collect();
         let hinges = match method {
             Method::Cotan => Vec::new(),
             Method::Dihedral => hinges(&mesh),
@@ -118,7 +119,7 @@ impl MeanCurvature {
         Ok(Self {
             triangles,
             hinges,
-            fans,
+            one_rings,
             valid,
             sums: vec![Sums::default(); vertices],
             method,
@@ -126,28 +127,28 @@ impl MeanCurvature {
         })
     }
 
-    /// Per vertex: whether curvature can have a meaning there.
+    /// Returns true for each vertex at which curvature is defined.
     #[must_use]
     pub fn valid(&self) -> &[bool] {
         &self.valid
     }
 
-    /// Per vertex: how its triangles lie, which tells why it has no curvature.
+    /// Returns the one-ring of each vertex, which is the reason if it has no curvature.
     #[must_use]
-    pub fn fans(&self) -> &[Fan] {
-        &self.fans
+    pub fn one_rings(&self) -> &[OneRing] {
+        &self.one_rings
     }
 
     /// Measures one frame.
     ///
     /// # Shapes
-    /// `positions` and `out`: one per vertex; what is missing on either side is left out.
+    /// `positions` and `out`: one per vertex; vertices beyond the end of `out` are left out.
     ///
     /// # Errors
-    /// The first vertex whose position is not finite.
+    /// The first vertex whose position is missing or not finite.
     ///
     /// # Complexity
-    /// O(V + T), nothing allocated.
+    /// O(V + T). Never allocates.
     pub fn measure<P: Point>(&mut self, positions: &[P], out: &mut [Curvature]) -> Result<(), usize> {
         if positions.len() < self.sums.len() {
             return Err(positions.len());
@@ -158,10 +159,10 @@ impl MeanCurvature {
         self.sums.fill(Sums::default());
         let mut corners = Corners::default();
         for triangles in self.triangles.chunks(BATCH) {
-            let parts = triangles.iter().enumerate().map(|(k, t)| corners.enter(k, *t, positions));
+            let parts = triangles.iter().enumerate().map(|(k, t)| corners.set(k, *t, positions));
             let mut batch = [Triangle::default(); BATCH];
-            batch.iter_mut().zip(parts).for_each(|(place, part)| *place = part);
-            let [first, second] = corners.dots.map(|dots| angles(self.level, &corners.doubles, &dots));
+            batch.iter_mut().zip(parts).for_each(|(slot, part)| *slot = part);
+            let [first, second] = corners.dots.map(|dots| angles(self.level, &corners.double_areas, &dots));
             for (k, (t, part)) in triangles.iter().zip(&batch).enumerate() {
                 part.add(*t, [first[k], second[k]], self.method == Method::Cotan, &mut self.sums);
             }
@@ -181,7 +182,7 @@ impl Method {
     fn curvature(self, sums: &Sums, valid: bool, position: [f32; 3]) -> Curvature {
         let length = norm(sums.normal);
         let normal = if length > 0.0 { scale(sums.normal, 1.0 / length) } else { [0.0; 3] };
-        let valid = valid && sums.area >= LEAST_AREA && length > 0.0;
+        let valid = valid && sums.area >= MIN_AREA && length > 0.0;
         let h = match self {
             _ if !valid => 0.0,
             Self::Cotan => 0.25 * dot(sums.bend, normal) / sums.area,
@@ -195,29 +196,29 @@ impl Method {
 
 /// Twice the areas of a batch of triangles, and the products of the sides at their first two corners.
 struct Corners {
-    doubles: [f64; BATCH],
+    double_areas: [f64; BATCH],
     dots: [[f64; BATCH]; 2],
 }
 
 impl Default for Corners {
     fn default() -> Self {
-        Self { doubles: [1.0; BATCH], dots: [[0.0; BATCH]; 2] }
+        Self { double_areas: [1.0; BATCH], dots: [[0.0; BATCH]; 2] }
     }
 }
 
 impl Corners {
-    /// Measures a triangle and puts it in place `k`.
+    /// Measures a triangle and sets the entries of index `k`.
     #[inline]
-    fn enter<P: Point>(&mut self, k: usize, t: [u32; 3], positions: &[P]) -> Triangle {
+    fn set<P: Point>(&mut self, k: usize, t: [u32; 3], positions: &[P]) -> Triangle {
         let [a, b, c] = t.map(|v| positions[v as usize].wide());
         let sides = [sub(c, b), sub(a, c), sub(b, a)];
         let normal = cross(sides[2], scale(sides[1], -1.0));
-        let double = norm(normal);
+        let double_area = norm(normal);
         let dots = [-dot(sides[2], sides[1]), -dot(sides[0], sides[2]), -dot(sides[1], sides[0])];
-        self.doubles[k] = double;
+        self.double_areas[k] = double_area;
         self.dots[0][k] = dots[0];
         self.dots[1][k] = dots[1];
-        Triangle { sides, normal, double, dots }
+        Triangle { sides, normal, double_area, dots }
     }
 }
 
@@ -225,23 +226,23 @@ impl Corners {
 #[derive(Clone, Copy, Default)]
 struct Triangle {
     sides: [Vec3; 3],
-    /// As long as twice the area.
+    /// Normal of twice the area's length.
     normal: Vec3,
-    double: f64,
+    double_area: f64,
     /// Products of the sides at each corner.
     dots: [f64; 3],
 }
 
 impl Triangle {
-    /// Adds its cotangents on request, its mixed areas and its part of the normals, by its first two angles.
+    /// Adds the mixed areas, the weighted normals and, if `cotan`, the cotangent terms, given the first two angles.
     #[inline]
     fn add(&self, t: [u32; 3], [first, second]: [f64; 2], cotan: bool, sums: &mut [Sums]) {
-        let Self { sides, normal, double, dots } = self;
+        let Self { sides, normal, double_area, dots } = self;
         let t = t.map(|v| v as usize);
-        if *double > 0.0 {
-            let unit = scale(*normal, 1.0 / double);
+        if *double_area > 0.0 {
+            let unit = scale(*normal, 1.0 / double_area);
             let angles = [first, second, std::f64::consts::PI - first - second];
-            let areas = mixed_areas(*double, *dots, sides);
+            let areas = mixed_areas(*double_area, *dots, sides);
             for k in 0..3 {
                 let sums = &mut sums[t[k]];
                 sums.normal = add(sums.normal, scale(unit, angles[k]));
@@ -251,40 +252,41 @@ impl Triangle {
         if cotan {
             for k in 0..3 {
                 let (j, l) = ((k + 1) % 3, (k + 2) % 3);
-                let pull = scale(sides[k], cotangent(dots[k], *double));
-                sums[t[j]].bend = sub(sums[t[j]].bend, pull);
-                sums[t[l]].bend = add(sums[t[l]].bend, pull);
+                let term = scale(sides[k], cotangent(dots[k], *double_area));
+                sums[t[j]].bend = sub(sums[t[j]].bend, term);
+                sums[t[l]].bend = add(sums[t[l]].bend, term);
             }
         }
     }
 }
 
 #[inline]
-fn cotangent(dot: f64, double: f64) -> f64 {
-    let cot = dot / double;
-    if cot.is_nan() { 0.0 } else { cot.clamp(-MOST_COT, MOST_COT) }
+fn cotangent(dot: f64, double_area: f64) -> f64 {
+    let cot = dot / double_area;
+    if cot.is_nan() { 0.0 } else { cot.clamp(-MAX_COT, MAX_COT) }
 }
 
-/// Shares of a triangle's area: of Voronoi where no angle is obtuse, half to the obtuse corner and a quarter to the others.
+/// Mixed areas of a triangle's corners: Voronoi areas if no angle is obtuse, else half the area for the obtuse corner and a quarter
+/// for the others.
 #[inline]
-fn mixed_areas(double: f64, dots: [f64; 3], sides: &[Vec3; 3]) -> [f64; 3] {
-    let area = 0.5 * double;
+fn mixed_areas(double_area: f64, dots: [f64; 3], sides: &[Vec3; 3]) -> [f64; 3] {
+    let area = 0.5 * double_area;
     if let Some(obtuse) = dots.iter().position(|d| *d < 0.0) {
         let mut areas = [0.25 * area; 3];
         areas[obtuse] = 0.5 * area;
         return areas;
     }
-    let shares = [0, 1, 2].map(|k| dot(sides[k], sides[k]) * dots[k] / double / 8.0);
+    let shares = [0, 1, 2].map(|k| dot(sides[k], sides[k]) * dots[k] / double_area / 8.0);
     [shares[1] + shares[2], shares[2] + shares[0], shares[0] + shares[1]]
 }
 
-/// Adds length times angle of up to [`BATCH`] edges, which is above 0 where the surface is convex.
+/// Adds length times dihedral angle of up to [`BATCH`] edges, positive where the surface is convex.
 fn add_hinges<P: Point>(level: Level, hinges: &[Hinge], positions: &[P], sums: &mut [Sums]) {
     let at = |v: u32| positions[v as usize].wide();
     let (mut lengths, mut sines, mut cosines) = ([0.0; BATCH], [0.0; BATCH], [1.0; BATCH]);
     for (k, hinge) in hinges.iter().enumerate() {
         let [a, b] = hinge.ends.map(at);
-        let [c, d] = hinge.wings.map(at);
+        let [c, d] = hinge.opposite.map(at);
         let edge = sub(b, a);
         let (n, m) = (cross(edge, sub(c, a)), cross(sub(d, a), edge));
         lengths[k] = norm(edge);
@@ -293,7 +295,7 @@ fn add_hinges<P: Point>(level: Level, hinges: &[Hinge], positions: &[P], sums: &
     }
     let angles = angles(level, &sines.map(f64::abs), &cosines);
     for (k, hinge) in hinges.iter().enumerate() {
-        // Triangles without area have no angle between them.
+        // The angle between triangles without area is not defined.
         let bend = if angles[k].is_nan() { 0.0 } else { angles[k].copysign(sines[k]) * lengths[k] };
         for v in hinge.ends {
             sums[v as usize].bend[0] += bend;
@@ -301,7 +303,7 @@ fn add_hinges<P: Point>(level: Level, hinges: &[Hinge], positions: &[P], sums: &
     }
 }
 
-/// All edges with a triangle on either side.
+/// Edges between two triangles.
 fn hinges(mesh: &MeshPrepare) -> Vec<Hinge> {
     let mut sides: Vec<([u32; 2], bool, u32)> = Vec::with_capacity(3 * mesh.triangles().len());
     for t in mesh.triangles() {
@@ -312,12 +314,11 @@ fn hinges(mesh: &MeshPrepare) -> Vec<Hinge> {
     }
     sides.sort_unstable();
     let pairs = sides.chunk_by(|a, b| a.0 == b.0).filter_map(|group| match *group {
-        [(ends, false, down), (_, true, up)] => Some(Hinge { ends, wings: [up, down] }),
+        [(ends, false, down), (_, true, up)] => Some(Hinge { ends, opposite: [up, down] }),
         _ => None,
     });
     pairs.collect()
 }
 
 #[cfg(test)]
-#[path = "mean_tests.rs"]
 mod tests;

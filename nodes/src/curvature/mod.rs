@@ -1,16 +1,17 @@
-//! How a cloth bends: signed mean curvature at every vertex of a mesh that moves.
-//! [`mean`] is the measure itself, `fans` says where it has a meaning, [`rest`] how much of it is noise.
+//! Bending of cloth: signed mean curvature at every vertex of a moving mesh.
+//!
+//! [`mean`] is the measure, `one_ring` selects the vertices where it is defined, [`rest_noise`] measures its noise at rest.
 
 mod angle;
-mod fans;
 mod item;
 pub mod mean;
-pub mod mean_node;
-pub mod rest;
+pub mod mean_curvature;
+mod one_ring;
+pub mod rest_noise;
 #[cfg(test)]
 pub(crate) mod scenes;
 
-pub use fans::Fan;
 pub use item::{Curvature, Curvatures};
 pub use mean::{MeanCurvature, Method, Point};
-pub use rest::{RestNoise, RestParams};
+pub use one_ring::OneRing;
+pub use rest_noise::{RestNoise, RestParams};

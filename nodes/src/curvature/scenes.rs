@@ -1,4 +1,4 @@
-//! Surfaces of known curvature, in double precision.
+//! Surfaces of known curvature in double precision, for tests.
 
 use crate::mesh::Topology;
 
@@ -88,10 +88,10 @@ pub(crate) fn icosphere(level: usize) -> Scene {
     Scene { points, triangles }
 }
 
-/// A grid of `nx` by `ny` over the unit square, facing +z where it is flat; diagonals all one way, or alternating.
+/// A grid of `nx` by `ny` over the unit square, facing +z where it is flat; with parallel or alternating diagonals.
 pub(crate) fn grid(nx: usize, ny: usize, alternating: bool, at: impl Fn(f64, f64) -> [f64; 3]) -> Scene {
-    let place = |k: usize, n: usize| k as f64 / (n - 1) as f64;
-    let points = (0..nx * ny).map(|k| at(place(k % nx, nx), place(k / nx, ny))).collect();
+    let coordinate = |k: usize, n: usize| k as f64 / (n - 1) as f64;
+    let points = (0..nx * ny).map(|k| at(coordinate(k % nx, nx), coordinate(k / nx, ny))).collect();
     let mut triangles = Vec::new();
     for y in 0..ny - 1 {
         for x in 0..nx - 1 {
@@ -115,7 +115,7 @@ pub(crate) fn paraboloid(q: f64) -> Scene {
     })
 }
 
-/// Turns and shifts a point.
+/// Rotates and translates a point.
 pub(crate) fn moved(p: [f64; 3], angle: f64, shift: [f64; 3]) -> [f64; 3] {
     let (s, c) = angle.sin_cos();
     let [x, y, z] = [c * p[0] - s * p[1], s * p[0] + c * p[1], p[2]];
@@ -123,7 +123,7 @@ pub(crate) fn moved(p: [f64; 3], angle: f64, shift: [f64; 3]) -> [f64; 3] {
     [x + shift[0], c * y - s * z + shift[1], s * y + c * z + shift[2]]
 }
 
-/// A sheet with folds at random places, the same for the same seed.
+/// A sheet with random folds, the same for the same seed.
 pub(crate) fn crumpled(n: usize, seed: u64) -> Scene {
     let random = crate::core::random::Random::new(seed, "crumpled");
     let wave = |k: u64| {
@@ -132,7 +132,7 @@ pub(crate) fn crumpled(n: usize, seed: u64) -> Scene {
     };
     let waves: Vec<_> = (0..6).map(wave).collect();
     grid(n, n, true, |u, v| {
-        let z = waves.iter().map(|(a, b, phase, high)| high * (a * u + b * v + phase).sin()).sum();
+        let z = waves.iter().map(|(a, b, phase, amplitude)| amplitude * (a * u + b * v + phase).sin()).sum();
         [u, v, z]
     })
 }

@@ -1,4 +1,4 @@
-//! What travels between the nodes of rigid contacts.
+//! Contact frames and their states, the events between nodes of rigid contacts.
 
 use crate::core::item::Event;
 use crate::core::random::Rng;
@@ -7,46 +7,46 @@ use serde::{Deserialize, Serialize};
 
 /// One contact of two bodies during one frame of the physics.
 ///
-/// All in SI units. It holds no memory of its own, so that it may cross into the audio thread.
+/// All quantities are in SI units. It owns no heap memory, so that it can be sent to the audio thread.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ContactFrame {
-    /// Which contact: the same number for as long as it lasts.
+    /// Number of the contact, constant while it lasts.
     pub contact: u64,
     /// Numbers of body a and body b; 0 is the first of the names given, or the world.
     pub bodies: [u32; 2],
-    /// Ticks from the frame before, or the expected ones of the first.
+    /// Ticks since the previous frame; for the first frame the expected number.
     pub interval: Tick,
-    /// Where, in the world, m.
+    /// Position of the contact in the world, m.
     pub point: [f64; 3],
-    /// The same in the frames of body a and of body b, m; a body of unknown pose lies at the origin of the world.
+    /// The same in the frames of body a and of body b, m; a body of unknown pose is at the origin of the world.
     pub local: [[f64; 3]; 2],
     /// Unit normal from a to b.
     pub normal: [f32; 3],
-    /// Normal force, at least 0, N.
+    /// Normal force, N, at least 0.
     pub force: f32,
-    /// Friction on b, where the engine tells, N.
+    /// Friction force on b, N, if known.
     pub friction: Option<[f32; 3]>,
     /// Velocity of b relative to a at the point, m/s.
     pub velocity: [f32; 3],
-    /// Velocity of the contact point over the surface of a, and over that of b, where it is known, m/s in the world.
+    /// Velocity of the contact point over the surfaces of a and of b, m/s in the world, if known.
     pub travel: [Option<[f32; 3]>; 2],
-    /// Fastest approach along the normal within the frame, where the engine tells, m/s, at least 0.
+    /// Largest speed of approach along the normal within the frame, m/s, at least 0, if known.
     pub approach: Option<f32>,
-    /// Effective mass of the pair, where it is known, kg.
+    /// Effective mass of the pair, kg, if known.
     pub mass: Option<f32>,
-    /// The first frame of the contact.
+    /// True for the first frame of the contact.
     pub begins: bool,
-    /// The contact has ended with this frame; its force is 0 from here on.
+    /// True for the last frame of the contact.
     pub ends: bool,
 }
 
-/// What kind of contact it is.
+/// Kind of a contact.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum State {
-    /// Too short or too unsteady to be any of the others.
+    /// Too short or too variable for any of the others.
     #[default]
     Unsteady,
-    /// Held without moving: silent.
+    /// At rest: silent.
     Static,
     /// One surface slips over the other.
     Sliding,
@@ -56,28 +56,28 @@ pub enum State {
     Mixed,
 }
 
-/// A frame of a contact and what was found of it.
+/// A frame of a contact with its classification.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ContactState {
     /// The frame.
     pub frame: ContactFrame,
-    /// What kind of contact it is.
+    /// Kind of contact.
     pub state: State,
-    /// How much of it is slip: 1 sliding, 0 rolling.
+    /// Slip ratio: 1 for sliding, 0 for rolling.
     pub slip: f32,
-    /// Power that the contact turns into sound and heat, W.
+    /// Power dissipated by the contact, W.
     pub power: f32,
-    /// Amplitude that follows from the power: 1 at the reference.
+    /// Amplitude by the power law: 1 at the reference power.
     pub gain: f32,
     /// Speed of slip, m/s.
     pub sliding: f32,
     /// Speed of the contact point over surface a, m/s.
     pub rolling: f32,
-    /// Standard deviation over mean of force and of speed, by which it is steady or not; 0 in the first frames, in which they are not known.
+    /// Standard deviation over mean of force and of speed, compared with the limits of continuous contact; 0 in the first frames.
     pub variation: [f32; 2],
-    /// How far its mean force stands out from the least before, N, by which it is a blow or not.
+    /// Mean force above its recent minimum, N, compared with the smallest prominence of an impact.
     pub prominence: f32,
-    /// Median of its mean force before, by which it has to stand out at least, N.
+    /// Recent median of its mean force, N, which the prominence of an impact must exceed as well.
     pub median: f32,
 }
 

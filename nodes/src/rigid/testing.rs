@@ -1,15 +1,15 @@
-//! Logs of a physics engine for tests.
+//! Logs of a physics engine, for tests.
 
 use std::fs::read_to_string;
 use std::path::Path;
 
-/// Contacts and poses of a scene at 60 frames a second that the example graphs use.
+/// Contacts and poses of a scene of the example graphs, at 60 frames per second.
 pub(crate) fn shipped(scene: &str) -> [String; 2] {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs/assets/contacts");
     ["contacts", "poses"].map(|name| read_to_string(folder.join(format!("{scene}.{name}.csv"))).unwrap())
 }
 
-/// A log of which every other frame after a time in s is left out. What it has of impulses is that of the longer frames.
+/// A log without every other frame after a time in s, and with the impulses of the longer frames.
 pub(crate) fn thinned(contacts: &str, from: f64) -> String {
     let mut lines = contacts.lines();
     let header = lines.next().unwrap();

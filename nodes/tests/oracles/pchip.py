@@ -1,4 +1,4 @@
-"""Prints PCHIP values on non-uniform knots, from SciPy, for the tests of contact::spline."""
+"""Prints PCHIP values on non-uniform knots, from SciPy, for the tests of contact::sliding::pchip."""
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 

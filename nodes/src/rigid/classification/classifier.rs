@@ -1,0 +1,360 @@
+//! Classification of contacts frame by frame.
+
+use super::history::{History, Sample};
+use super::impacts::MAX_IMPACTS;
+use super::rules::Rules;
+use crate::contact::vector::{Vec3, dot, norm, scale, sub, widen};
+use crate::core::time::{Tick, seconds, ticks};
+use crate::impl_state;
+use crate::modal::Impact;
+use crate::rigid::item::{ContactFrame, ContactState, State};
+use serde::{Deserialize, Serialize};
+
+/// One contact and its recent frames.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub(super) struct TrackedContact {
+    pub id: u64,
+    pub latest: ContactFrame,
+    pub history: History,
+    /// Times of the first and of the latest frame.
+    pub first_tick: Tick,
+    last_tick: Tick,
+    state: State,
+    steady: bool,
+    /// Time of the last change of state.
+    last_change: Option<Tick>,
+    pub last_impact: Option<Tick>,
+    /// True while the latest frame is not tested for an impact.
+    pub pending: bool,
+    /// Position of the contact on body a in the latest frame.
+    position: Vec3,
+    /// Velocity over the surface of a, if it is computed from positions.
+    travel: Option<Vec3>,
+}
+
+/// Classifier of contacts: impacts, and static, sliding, rolling or mixed contact.
+///
+/// # Complexity
+/// Per frame of a contact linear in the frames of the last quarter second, at most 64; no allocation.
+///
+/// # Source
+/// Picard, Tsingos and Faure, "Retargetting Example Sounds to Interactive Physics-Driven Animations" (AES 35, 2009), section 4.2:
+/// impacts are peaks of force and of relative speed, rolling is continuous contact without relative speed. The thresholds are
+/// choices of this project, and so is the power of sliding and rolling: the paper's force times velocity vanishes for both.
+#[derive(Debug)]
+pub struct Classifier {
+    pub(super) rules: Rules,
+    contacts: Vec<TrackedContact>,
+    max_contacts: usize,
+    /// Impacts not read yet, with their contacts, in the order of time.
+    pub(super) impacts: Vec<(Tick, u64, Impact)>,
+    /// Number of impacts so far.
+    pub impact_count: u64,
+    /// Number of frames that are not finite.
+    pub not_finite: u64,
+    /// Number of contacts and impacts beyond the capacity.
+    pub dropped: u64,
+    /// Number of frames in each state.
+    pub frames: [u64; 5],
+}
+impl_state!(Classifier { contacts, impacts, impact_count, not_finite, dropped, frames });
+
+/// Slip along the surface, and speed along the normal, m/s.
+fn split_velocity(frame: &ContactFrame) -> (Vec3, f64) {
+    let (v, n) = (widen(frame.velocity), widen(frame.normal));
+    let normal_speed = dot(v, n);
+    (sub(v, scale(n, normal_speed)), normal_speed)
+}
+
+fn is_finite(frame: &ContactFrame) -> bool {
+    let numbers = [frame.force, frame.approach.unwrap_or(0.0), frame.mass.unwrap_or(0.0)];
+    let vectors = frame.normal.iter().chain(&frame.velocity).chain(frame.travel.iter().flatten().flatten());
+    let vectors = vectors.chain(frame.friction.iter().flatten());
+    numbers.iter().chain(vectors).all(|x| x.is_finite()) && frame.point.iter().all(|x| x.is_finite())
+}
+
+impl Classifier {
+    /// A classifier of at most `max_contacts` contacts at a time.
+    #[must_use]
+    pub fn new(rules: Rules, max_contacts: usize) -> Self {
+        Self {
+            rules,
+            contacts: Vec::with_capacity(max_contacts),
+            max_contacts,
+            impacts: Vec::with_capacity(MAX_IMPACTS),
+            impact_count: 0,
+            not_finite: 0,
+            dropped: 0,
+            frames: [0; 5],
+        }
+    }
+
+    /// Sets the rules for the next frames.
+    pub fn set_rules(&mut self, rules: &Rules) {
+        self.rules.clone_from(rules);
+    }
+
+    /// Copies the state of another classifier; allocates nothing.
+    pub fn take_state(&mut self, old: &Self) {
+        self.contacts.clear();
+        self.contacts.extend(old.contacts.iter().take(self.max_contacts).copied());
+        self.impacts.clear();
+        self.impacts.extend_from_slice(&old.impacts);
+        (self.impact_count, self.not_finite, self.dropped, self.frames) =
+            (old.impact_count, old.not_finite, old.dropped, old.frames);
+    }
+
+    /// Classifies the next frame of a contact; frames come in the order of time. Returns `None` for one that is not finite.
+    pub fn take(&mut self, tick: Tick, frame: &ContactFrame) -> Option<ContactState> {
+        if !is_finite(frame) {
+            self.not_finite += 1;
+            return None;
+        }
+        // Pending frames are tested here, so that results do not depend on the length of windows.
+        self.advance_to(tick);
+        let index = self.contacts.iter().position(|c| c.id == frame.contact);
+        let mut contact = match index.map(|k| self.contacts.swap_remove(k)) {
+            Some(contact) if !frame.begins => contact,
+            previous => {
+                if let Some(mut previous) = previous.filter(|previous| previous.pending) {
+                    self.detect_impact(&mut previous, None);
+                }
+                TrackedContact::new(tick, frame)
+            }
+        };
+        let state = self.classify(&mut contact, tick, frame);
+        if frame.ends {
+            self.detect_impact(&mut contact, None);
+            return Some(state);
+        }
+        if self.contacts.len() >= self.max_contacts {
+            self.drop_oldest();
+        }
+        if self.contacts.len() < self.max_contacts {
+            self.contacts.push(contact);
+        }
+        Some(state)
+    }
+
+    /// Drops the contact whose latest frame is the oldest.
+    fn drop_oldest(&mut self) {
+        let oldest = self.contacts.iter().enumerate().min_by_key(|(_, c)| (c.last_tick, c.id));
+        if let Some(k) = oldest.map(|(k, _)| k) {
+            self.contacts.swap_remove(k);
+            self.dropped += 1;
+        }
+    }
+
+    /// Declares that all frames before a time have been taken.
+    pub fn advance_to(&mut self, now: Tick) {
+        let (overdue_time, end_time) = (self.rules.overdue_time(), self.rules.end_time());
+        let mut k = 0;
+        while let Some((pending, last)) = self.contacts.get(k).map(|c| (c.pending, c.last_tick)) {
+            if pending && last + overdue_time < now {
+                self.detect_last_impact(k);
+            }
+            if last + end_time < now {
+                self.contacts.swap_remove(k);
+            } else {
+                k += 1;
+            }
+        }
+    }
+
+    /// Tests the latest frame of contact `k` for an impact, without a next frame.
+    fn detect_last_impact(&mut self, k: usize) {
+        let Some(mut contact) = self.contacts.get(k).copied() else { return };
+        self.detect_impact(&mut contact, None);
+        if let Some(slot) = self.contacts.get_mut(k) {
+            *slot = contact;
+        }
+    }
+
+    /// Removes and returns the next impact before a time.
+    pub fn next_impact(&mut self, before: Tick) -> Option<(Tick, Impact)> {
+        let (tick, _, impact) = *self.impacts.first().filter(|(tick, ..)| *tick < before)?;
+        self.impacts.remove(0);
+        Some((tick, impact))
+    }
+
+    fn classify(&mut self, contact: &mut TrackedContact, tick: Tick, frame: &ContactFrame) -> ContactState {
+        let step = seconds(frame.interval).clamp(1e-6, 1.0);
+        let (slip, normal_speed) = split_velocity(frame);
+        let sliding = norm(slip);
+        let rolling = contact.update_travel_speed(frame, step);
+        let mass = frame.mass.filter(|m| *m > 0.0).map(f64::from);
+        // An engine that does not report the speed of approach reports the velocity after the impact.
+        let approach = match (frame.approach, frame.begins) {
+            (Some(v), _) => f64::from(v).max(0.0),
+            (None, false) => (-normal_speed).max(0.0),
+            (None, true) => {
+                let impulse = f64::from(frame.force) * step;
+                let from_impulse = mass.map_or(0.0, |m| impulse / (m * (1.0 + self.rules.restitution)));
+                normal_speed.abs().max(from_impulse)
+            }
+        };
+        let sample = Sample {
+            tick,
+            step,
+            force: f64::from(frame.force).max(0.0),
+            mean_force: 0.0,
+            approach,
+            normal_speed: approach.max(normal_speed.abs()),
+            speed: norm(widen(frame.velocity)).max(approach),
+            surface_speed: sliding.max(rolling),
+        };
+        contact.history.push(sample);
+        let mean_force = contact.history.mean_force(self.rules.blend);
+        contact.history.set_mean_force(mean_force);
+        if contact.pending {
+            self.detect_impact(contact, Some(Sample { mean_force, ..sample }));
+        }
+        contact.latest = *frame;
+        contact.last_tick = tick;
+        contact.pending = true;
+        let variation = self.update_state(contact, tick, sliding, rolling);
+        let min_force = contact.history.min_force(0, self.rules.impact_memory);
+        let min_force = min_force.filter(|_| !self.is_new(contact, tick));
+        ContactState {
+            variation: variation.unwrap_or_default().map(|x| x as f32),
+            prominence: (mean_force - min_force.unwrap_or_default().1) as f32,
+            median: contact.history.median_force(0, self.rules.impact_median).unwrap_or(0.0) as f32,
+            ..self.contact_state(contact, frame, slip, rolling)
+        }
+    }
+
+    /// Returns true if a contact began within the time of `impact_memory`, so that its force was 0 then.
+    pub(super) fn is_new(&self, contact: &TrackedContact, tick: Tick) -> bool {
+        tick - contact.first_tick < ticks(self.rules.impact_memory)
+    }
+
+    /// Updates the state of a contact after its latest frame; returns the variation of force and speed, if defined.
+    fn update_state(
+        &mut self,
+        contact: &mut TrackedContact,
+        tick: Tick,
+        sliding: f64,
+        rolling: f64,
+    ) -> Option<[f64; 2]> {
+        let rules = &self.rules;
+        let is_held =
+            tick - contact.first_tick >= ticks(rules.held) && contact.history.count >= rules.held_frames;
+        let limit = if contact.steady { rules.steady_leave } else { rules.steady_enter };
+        // A contact with hardly any force or speed is steady, whatever its noise.
+        let min_means = [rules.impact_force, rules.static_speed];
+        let variation = contact.history.variation(rules.steady_window, min_means);
+        contact.steady = is_held && variation.is_some_and(|v| v.iter().all(|v| *v < limit));
+        let next =
+            if contact.steady { self.steady_state(contact.state, sliding, rolling) } else { State::Unsteady };
+        let can_change = contact.last_change.is_none_or(|at| tick - at >= ticks(self.rules.dwell));
+        if next != contact.state && can_change {
+            contact.state = next;
+            contact.last_change = Some(tick);
+        }
+        if let Some(count) = self.frames.get_mut(contact.state as usize) {
+            *count += 1;
+        }
+        variation
+    }
+
+    /// State of a steady contact with these speeds after a previous state.
+    fn steady_state(&self, previous: State, sliding: f64, rolling: f64) -> State {
+        let rules = &self.rules;
+        let max_slip = rules.rolling_slip.max(rules.rolling_share * rolling);
+        let rolls = match previous {
+            State::Rolling => sliding <= 2.0 * max_slip && rolling >= rules.rolling_leave,
+            _ => sliding <= max_slip && rolling >= rules.rolling_speed,
+        };
+        let slides = match previous {
+            State::Sliding => sliding >= rules.sliding_leave,
+            _ => sliding >= rules.sliding_speed,
+        };
+        let rests = sliding < rules.static_speed && rolling < rules.static_speed;
+        match previous {
+            State::Rolling if rolls => State::Rolling,
+            State::Sliding if slides => State::Sliding,
+            _ if rests => State::Static,
+            _ if rolls => State::Rolling,
+            _ if slides => State::Sliding,
+            State::Unsteady | State::Static => State::Mixed,
+            other => other,
+        }
+    }
+
+    /// State with slip ratio, power and gain.
+    fn contact_state(
+        &self,
+        contact: &TrackedContact,
+        frame: &ContactFrame,
+        slip: Vec3,
+        rolling: f64,
+    ) -> ContactState {
+        let sliding = norm(slip);
+        let slip_ratio = match contact.state {
+            State::Sliding => 1.0,
+            State::Rolling | State::Static => 0.0,
+            State::Mixed | State::Unsteady if sliding > 0.0 => (sliding / rolling.max(sliding)).min(1.0),
+            State::Mixed | State::Unsteady => 0.0,
+        };
+        let force = f64::from(frame.force);
+        let coulomb_power = self.rules.friction * force * sliding;
+        let friction_power = frame.friction.map_or(coulomb_power, |f| dot(widen(f), slip).abs());
+        let rolling_power = self.rules.rolling_resistance * force * rolling;
+        let power = match contact.state {
+            State::Static => 0.0,
+            _ => slip_ratio * friction_power + (1.0 - slip_ratio) * rolling_power,
+        };
+        let is_audible = matches!(contact.state, State::Sliding | State::Rolling | State::Mixed);
+        ContactState {
+            frame: *frame,
+            state: contact.state,
+            slip: slip_ratio as f32,
+            power: power as f32,
+            gain: if is_audible { self.rules.gain(power) as f32 } else { 0.0 },
+            sliding: sliding as f32,
+            rolling: rolling as f32,
+            variation: [0.0; 2],
+            prominence: 0.0,
+            median: 0.0,
+        }
+    }
+}
+
+impl TrackedContact {
+    fn new(tick: Tick, frame: &ContactFrame) -> Self {
+        Self {
+            id: frame.contact,
+            latest: *frame,
+            history: History::new(),
+            first_tick: tick,
+            last_tick: tick,
+            state: State::Unsteady,
+            steady: false,
+            last_change: None,
+            last_impact: None,
+            pending: false,
+            position: frame.local[0],
+            travel: None,
+        }
+    }
+
+    /// Speed of the contact point over the surface of a: from the frame, or else from successive positions.
+    fn update_travel_speed(&mut self, frame: &ContactFrame, step: f64) -> f64 {
+        /// Time constant of smoothing, s.
+        const SMOOTHING: f64 = 0.02;
+        if let Some(travel) = frame.travel[0] {
+            return norm(widen(travel));
+        }
+        if self.history.count > 0 {
+            let now = scale(sub(frame.local[0], self.position), 1.0 / step);
+            let part = 1.0 - (-step / SMOOTHING).exp();
+            let old = self.travel.unwrap_or(now);
+            self.travel = Some([0, 1, 2].map(|k| old[k] + part * (now[k] - old[k])));
+        }
+        self.position = frame.local[0];
+        self.travel.map_or(0.0, norm)
+    }
+}
+
+#[cfg(test)]
+mod tests;

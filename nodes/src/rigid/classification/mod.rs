@@ -1,0 +1,10 @@
+//! Classification of contacts: impacts, and static, sliding and rolling contact.
+
+mod classifier;
+pub mod contact_classifier;
+mod history;
+mod impacts;
+mod rules;
+
+pub use classifier::Classifier;
+pub use rules::{ImpactObjects, PowerLaw, Rules};
