@@ -63,9 +63,9 @@ fn windows_of_any_length_give_the_same_contacts() {
         let run = over_floor(Rate::hz(60), false).window(window).run().unwrap();
         run.stream(ContactDetectorPorts::contacts)
     };
-    let whole = contacts(TICKS_PER_SECOND);
+    let reference = contacts(TICKS_PER_SECOND);
     for window in [ticks(0.001), ticks(0.0123), Rate::hz(60).tick(7)] {
-        assert_eq!(contacts(window), whole);
+        assert_eq!(contacts(window), reference);
     }
 }
 
