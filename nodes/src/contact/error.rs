@@ -43,7 +43,7 @@ pub enum ContactError {
     },
     /// The neighbourhoods that vertices must not touch are about as large as the cloth.
     #[error(
-        "each of {vertices} vertices is kept from touching about {patch} others around it, which takes too long to work out"
+        "each of {vertices} vertices excludes about {patch} others around it from contact, which takes too long to compute"
     )]
     Patches {
         /// Vertices of the cloth.
@@ -109,9 +109,8 @@ impl ContactError {
         };
         let fault = Fault::new("F073", self.to_string()).at(field);
         match self {
-            Self::Patches { .. } => {
-                fault.help("make `radius` small beside the cloth, or set `exclude`, in metres along it")
-            }
+            Self::Patches { .. } => fault
+                .help("make `radius` small compared with the cloth, or set `exclude`, in metres along it"),
             _ => fault,
         }
     }

@@ -2,10 +2,19 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Method;
 use crate::core::item::Item;
 use crate::core::random::Rng;
 use crate::mesh::{Mesh, MeshFormat};
+
+/// Discretisation of mean curvature.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Method {
+    #[default]
+    /// Cotangent Laplacian over mixed areas, projected on the normal.
+    Cotan,
+    /// Angles between the triangles at each edge, over mixed areas.
+    Dihedral,
+}
 
 /// Curvature, area, normal and position of one vertex in one frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]

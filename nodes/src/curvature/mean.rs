@@ -1,23 +1,12 @@
 //! Signed mean curvature of a triangle mesh, at every vertex.
 
 use fearless_simd::Level;
-use serde::{Deserialize, Serialize};
 
-use super::Curvature;
 use super::angle::angles;
+use super::item::{Curvature, Method};
 use super::one_ring::{OneRing, one_rings};
 use crate::contact::vector::{Vec3, add, cross, dot, norm, scale, sub, widen};
 use crate::mesh::{MeshError, MeshPrepare, Topology};
-
-/// Discretisation of mean curvature.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Method {
-    #[default]
-    /// Cotangent Laplacian over mixed areas, projected on the normal.
-    Cotan,
-    /// Angles between the triangles at each edge, over mixed areas.
-    Dihedral,
-}
 
 /// A position in single or double precision.
 pub trait Point: Copy {

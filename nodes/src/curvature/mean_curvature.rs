@@ -1,7 +1,7 @@
 //! The node `MeanCurvature`.
 
-use super::item::Curvatures;
-use super::mean::{self, Method};
+use super::item::{Curvatures, Method};
+use super::mean;
 use super::one_ring::OneRing;
 use crate::core::fault::{Fault, Reject};
 use crate::core::node::{Class, Node, Summary};

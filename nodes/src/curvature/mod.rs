@@ -11,7 +11,7 @@ pub mod rest_noise;
 #[cfg(test)]
 pub(crate) mod scenes;
 
-pub use item::{Curvature, Curvatures};
-pub use mean::{MeanCurvature, Method, Point};
+pub use item::{Curvature, Curvatures, Method};
+pub use mean::{MeanCurvature, Point};
 pub use one_ring::OneRing;
 pub use rest_noise::{RestNoise, RestParams};

@@ -122,7 +122,7 @@ impl Node for RestNoiseNode {
         }
         if s.input(RestPorts::curvature).end.is_none() {
             let found = match s.input(RestPorts::curvature).format.is_static {
-                true => "is of a mesh of one frame, which stands still and never ends",
+                true => "is of a mesh of one frame, which is static and never ends",
                 false => "does not end",
             };
             let message = format!("`curvature` {found}; an animation of at least two frames is needed");

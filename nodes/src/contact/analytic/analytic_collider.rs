@@ -133,8 +133,8 @@ impl Node for AnalyticCollider {
         if let Some(poses) = s.optional(Port::pose) {
             let poses_per_frame = frames_per_item(mesh.rate, poses.rate);
             // A pose between two others is on a cubic through two more.
-            let beyond = if items_on_frames(mesh.rate, poses.rate) { 0 } else { 2 };
-            s.lookaround(Port::pose, 2, poses_per_frame + beyond);
+            let cubic = if items_on_frames(mesh.rate, poses.rate) { 0 } else { 2 };
+            s.lookaround(Port::pose, 2, poses_per_frame + cubic);
         }
         s.when_ended(Port::pose, Ends::Hold);
         let mut surfaces = surfaces(&contacts.format);

@@ -169,7 +169,7 @@ impl Node for ContactDetector {
             s.check(same_rate(mesh.rate, k, other));
         }
         if mesh.end.is_none() && mesh.format.is_static {
-            let message = "`mesh` has one frame: it stands still and never ends; an animation of at least two frames is needed";
+            let message = "`mesh` has one frame: it is static and never ends; an animation of at least two frames is needed";
             let help = "export the motion of the cloth, not a pose of it, or give `duration` to MeshSequence";
             s.wrong(Reject::new("F075", message).at("mesh").help(help));
         }
@@ -181,7 +181,7 @@ impl Node for ContactDetector {
         let (coincident, vertices) = (topology.coincident(), topology.vertex_count());
         if 2 * coincident > vertices {
             s.note(format!(
-                "{coincident} of {vertices} vertices of `mesh` lie where another one does, so that the faces beside each other touch: \
+                "{coincident} of {vertices} vertices of `mesh` coincide with another one, so that neighbouring faces touch: \
                  merge vertices by distance before the export"
             ));
         }

@@ -140,7 +140,7 @@ impl Node for SlidingSpeed {
             let Some(frames) = contacts.items() else {
                 return Err(Reject::new(
                     "F075",
-                    "the gate `Ever` needs the whole take, and `contacts` does not end",
+                    "the gate `Ever` needs the complete animation, and `contacts` does not end",
                 )
                 .at("gate")
                 .help("use `gate: Interval`, or `gate: Causal` in a live graph"));

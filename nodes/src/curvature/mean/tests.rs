@@ -60,7 +60,7 @@ fn the_apex_of_a_paraboloid_has_the_known_value() {
 #[test]
 fn alternating_diagonals_leave_an_error_at_corners_and_a_tenth_of_that_at_the_apex() {
     let sheet = paraboloid(1.3);
-    let off: Vec<f64> = curvature(&sheet)
+    let errors: Vec<f64> = curvature(&sheet)
         .iter()
         .zip(&sheet.points)
         .filter(|(c, _)| c.valid)
@@ -69,7 +69,7 @@ fn alternating_diagonals_leave_an_error_at_corners_and_a_tenth_of_that_at_the_ap
             (c.h - 0.65 * (2.0 + square) / (1.0 + square).powf(1.5)).abs()
         })
         .collect();
-    let (worst, apex) = (off.iter().copied().fold(0.0, f64::max), off[19 * 39 + 19]);
+    let (worst, apex) = (errors.iter().copied().fold(0.0, f64::max), errors[19 * 39 + 19]);
     assert!((worst - 0.09).abs() < 0.01 && apex / 1.3 < 6e-4, "{worst} {apex}");
 }
 
@@ -130,10 +130,10 @@ fn a_flat_sheet_has_no_curvature_inside_and_none_defined_at_its_boundary() {
 
 /// Root mean square and largest difference of valid curvature.
 fn spread(a: &[Curvature], b: &[Curvature]) -> (f64, f64) {
-    let off: Vec<f64> = a.iter().zip(b).filter(|(a, _)| a.valid).map(|(a, b)| (a.h - b.h).abs()).collect();
+    let errors: Vec<f64> = a.iter().zip(b).filter(|(a, _)| a.valid).map(|(a, b)| (a.h - b.h).abs()).collect();
     (
-        (off.iter().map(|x| x * x).sum::<f64>() / off.len() as f64).sqrt(),
-        off.iter().copied().fold(0.0, f64::max),
+        (errors.iter().map(|x| x * x).sum::<f64>() / errors.len() as f64).sqrt(),
+        errors.iter().copied().fold(0.0, f64::max),
     )
 }
 

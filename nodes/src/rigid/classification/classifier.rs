@@ -1,7 +1,6 @@
 //! Classification of contacts frame by frame.
 
 use super::history::{History, Sample};
-use super::impacts::MAX_IMPACTS;
 use super::rules::Rules;
 use crate::contact::vector::{Vec3, dot, norm, scale, sub, widen};
 use crate::core::time::{Tick, seconds, ticks};
@@ -9,6 +8,9 @@ use crate::impl_state;
 use crate::modal::Impact;
 use crate::rigid::item::{ContactFrame, ContactState, State};
 use serde::{Deserialize, Serialize};
+
+/// Capacity of the queue of impacts.
+pub(super) const MAX_IMPACTS: usize = 1024;
 
 /// One contact and its recent frames.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]

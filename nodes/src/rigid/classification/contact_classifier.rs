@@ -173,7 +173,7 @@ fn check(p: &ContactClassifierParams) -> Result<(), Reject> {
     for (high, above, low, below) in pairs {
         if above < below {
             let message = if high == low {
-                format!("`{high}` is {below} to {above}; the least comes first")
+                format!("`{high}` is {below} to {above}; the smaller limit comes first")
             } else {
                 format!(
                     "`{high}` is {above}, less than `{low}`, which is {below}: states would change in every frame"

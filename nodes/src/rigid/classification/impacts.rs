@@ -1,14 +1,11 @@
 //! Detection of impacts: peaks of the normal force with a fast approach.
 
-use super::classifier::{Classifier, TrackedContact};
+use super::classifier::{Classifier, MAX_IMPACTS, TrackedContact};
 use super::history::Sample;
 use super::rules::ImpactObjects;
 use crate::core::time::{Tick, ticks};
 use crate::modal::Impact;
 use crate::rigid::item::ContactFrame;
-
-/// Capacity of the queue of impacts.
-pub(super) const MAX_IMPACTS: usize = 1024;
 
 impl Classifier {
     /// Tests the pending frame of a contact for an impact, with the next frame or without one.

@@ -37,7 +37,7 @@ impl Default for Motion {
 
 impl Motion {
     /// Converts a world point to the body's frame.
-    pub fn to_local(&self, point: Vec3) -> Vec3 {
+    pub fn to_local(self, point: Vec3) -> Vec3 {
         rotate_back(self.rotation, sub(point, self.position))
     }
 

@@ -72,8 +72,8 @@ fn a_rotating_sphere_slides_under_cloth_at_rest_and_a_capsule_extends_along_its_
     };
     let turning = standalone(sphere).optional(Port::pose, Rate::hz(60), (), (0..30).map(turn).collect());
     let speed = 60.0 * merged(&turning)[0].slide;
-    let wanted = 0.3_f32.hypot(std::f32::consts::PI * 0.11);
-    assert!((speed - wanted).abs() < 0.01 * wanted, "{speed} {wanted}");
+    let expected = 0.3_f32.hypot(std::f32::consts::PI * 0.11);
+    assert!((speed - expected).abs() < 0.01 * expected, "{speed} {expected}");
     let capsule = AnalyticColliderParams {
         form: ColliderForm::Capsule,
         size: 0.05,
@@ -94,9 +94,9 @@ fn windows_of_any_length_give_the_same_contacts() {
         let moving = standalone(params()).optional(Port::pose, Rate::hz(37), (), (0..18).map(turn).collect());
         merged(&moving.window(window))
     };
-    let whole = run(TICKS_PER_SECOND);
+    let reference = run(TICKS_PER_SECOND);
     for window in [ticks(0.001), ticks(0.0123), Rate::hz(60).tick(7)] {
-        assert_eq!(run(window), whole);
+        assert_eq!(run(window), reference);
     }
 }
 

@@ -1,4 +1,4 @@
-//! Tests of the whole search, against known scenes and against brute force.
+//! Tests of the complete search: known scenes, and comparison with brute force.
 
 mod moving;
 mod scenes;
@@ -6,7 +6,7 @@ mod soups;
 
 use crate::mesh::Topology;
 
-/// A flat grid of `n` by `n` vertices, `edge` apart, at height `z`, its diagonals all one way.
+/// A flat grid of `n` by `n` vertices, `edge` apart, at height `z`, with parallel diagonals.
 fn grid(n: usize, edge: f32, z: f32) -> Topology {
     let mut mesh = Topology::default();
     for j in 0..n {

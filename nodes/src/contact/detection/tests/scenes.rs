@@ -5,7 +5,7 @@ use crate::contact::{Contact, ContactError, Detector, DetectorParams, Exclude};
 use crate::mesh::Topology;
 use proptest::prelude::*;
 
-/// Lengths in these scenes are sums of few powers of two, so that single precision holds them exactly.
+/// Lengths in these scenes are sums of few powers of two, so that they are exact in single precision.
 const EDGE: f32 = 0.0625;
 
 fn params(radius: f32) -> DetectorParams {
@@ -21,7 +21,7 @@ fn slots(cloth: &Topology, params: &DetectorParams) -> Vec<Contact> {
 }
 
 #[test]
-fn two_parallel_planes_slide_at_their_relative_speed_whatever_the_approach() {
+fn two_parallel_planes_slide_at_their_relative_speed_for_any_approach() {
     let sheet = grid(9, EDGE, 0.03125);
     let floor = grid(21, 0.125, 0.0);
     let params = params(0.05);
@@ -52,7 +52,7 @@ fn two_parallel_planes_slide_at_their_relative_speed_whatever_the_approach() {
             touched = triangles;
             (now, under) = (next, under_next);
         }
-        // Another triangle in the next frame is no slide: places are followed on that of the first.
+        // A change of triangle is no slide: positions are measured on the triangle of the first frame.
         assert!(changes > 81, "{changes}");
     }
 }
@@ -60,22 +60,23 @@ fn two_parallel_planes_slide_at_their_relative_speed_whatever_the_approach() {
 const DT: f64 = 1.0 / 60.0;
 const SPEED: f64 = 0.37;
 
-/// A sheet that slides at [`SPEED`] over a floor while both turn at 5 rad/s and fly off.
-fn carried_planes() -> (Topology, Topology, Vec<Surfaces>) {
+/// A sheet that slides at [`SPEED`] over a floor while both rotate at 5 rad/s and move away.
+fn moving_planes() -> (Topology, Topology, Vec<Surfaces>) {
     let (sheet, floor) = (grid(5, EDGE, 0.03), grid(9, EDGE, 0.0));
     let frames = (0..6)
         .map(|i| {
             let t = f64::from(i) * DT;
             let (s, c) = (1.0 + 5.0 * t).sin_cos();
-            let carried = |x: [f64; 3]| {
+            let transformed = |x: [f64; 3]| {
                 let x = [x[0], c * x[1] - s * x[2], s * x[1] + c * x[2]];
                 [0.6 * x[0] + 0.8 * x[1] + 2.0 * t, 0.6 * x[1] - 0.8 * x[0], x[2] - 9.0 * t]
             };
-            let slid =
-                |x: [f64; 3]| carried([x[0] + 0.11 + 0.6 * SPEED * t, x[1] + 0.07 + 0.8 * SPEED * t, x[2]]);
+            let slid = |x: [f64; 3]| {
+                transformed([x[0] + 0.11 + 0.6 * SPEED * t, x[1] + 0.07 + 0.8 * SPEED * t, x[2]])
+            };
             vec![
                 sheet.rest.iter().map(|&p| slid(widen(p))).collect(),
-                floor.rest.iter().map(|&p| carried(widen(p))).collect(),
+                floor.rest.iter().map(|&p| transformed(widen(p))).collect(),
             ]
         })
         .collect();
@@ -87,9 +88,9 @@ fn narrow(points: &[[f64; 3]]) -> Vec<[f32; 3]> {
 }
 
 #[test]
-fn a_common_rotation_and_translation_leave_the_relative_speed_of_two_planes() {
+fn a_common_rotation_and_translation_do_not_change_the_relative_speed_of_two_planes() {
     let (dt, speed, params) = (DT, SPEED, params(0.05));
-    let (sheet, floor, frames) = carried_planes();
+    let (sheet, floor, frames) = moving_planes();
     let times: Vec<f64> = (0..6).map(|i| f64::from(i) * dt).collect();
     let speeds = sliding_speeds(&[&sheet, &floor], &frames, &times, &params).unwrap();
     assert_eq!(speeds.len(), 5);
@@ -111,15 +112,15 @@ fn a_common_rotation_and_translation_leave_the_relative_speed_of_two_planes() {
 }
 
 #[test]
-fn in_single_precision_a_common_motion_costs_the_rounding_of_positions_and_no_more() {
+fn in_single_precision_a_common_motion_has_only_the_error_of_rounded_positions() {
     let params = params(0.05);
-    let (sheet, floor, frames) = carried_planes();
+    let (sheet, floor, frames) = moving_planes();
     let mut detector = Detector::new(&sheet, &[&floor], params).unwrap();
     let mut out = slots(&sheet, &params);
-    // Coordinates below 1 m are off by half of 2^-24 m each, a point by the root of 3 times that. The vertex and the triangle's
-    // corners, in two frames, make four points; a tilt of the triangle counts half as much, for the gap is half an edge.
-    let off = 3.0_f64.sqrt() * 0.5 * 2.0_f64.powi(-24);
-    let bound = (4.0 + 2.0 * 0.5) * off;
+    // Coordinates below 1 m have an error of 2^-25 m each, a point of sqrt(3) times that. The vertex and the triangle's corners, in
+    // two frames, are four points; a tilt of the triangle counts half as much, since the gap is half an edge.
+    let point_error = 3.0_f64.sqrt() * 0.5 * 2.0_f64.powi(-24);
+    let bound = (4.0 + 2.0 * 0.5) * point_error;
     for pair in frames.windows(2) {
         let [now, under, next, under_next] =
             [&pair[0][0], &pair[0][1], &pair[1][0], &pair[1][1]].map(|points| narrow(points));
@@ -136,8 +137,8 @@ fn in_single_precision_a_common_motion_costs_the_rounding_of_positions_and_no_mo
 }
 
 #[test]
-fn quarter_turns_and_flights_of_both_planes_leave_the_speed_to_a_millionth() {
-    // Turns and ways that single precision holds exactly, another in each frame: what is left is the detector's own error.
+fn quarter_turns_and_translations_of_both_planes_change_the_speed_by_less_than_a_millionth() {
+    // Rotations and translations exact in single precision, different in each frame: the rest is the error of the detector.
     let turns: [fn([f32; 3]) -> [f32; 3]; 4] =
         [|p| p, |[x, y, z]| [-y, x, z], |[x, y, z]| [z, x, y], |[x, y, z]| [x, -z, y]];
     let (sheet, floor, params) = (grid(9, EDGE, 0.03125), grid(21, 0.125, 0.0), params(0.05));
@@ -146,9 +147,9 @@ fn quarter_turns_and_flights_of_both_planes_leave_the_speed_to_a_millionth() {
     let step = (3.0f32 / 512.0).hypot(12.0 / 512.0);
     let at = |frame: usize, points: &[[f32; 3]], slid: f32| -> Vec<[f32; 3]> {
         let k = frame as f32;
-        let away = [0.25 * k, -0.125 * k, 0.5 * k];
-        let place = |[x, y, z]: [f32; 3]| [x + slid * 3.0 / 512.0, y + slid * 12.0 / 512.0, z];
-        moved(&points.iter().map(|&p| turns[frame % 4](place(p))).collect::<Vec<_>>(), away)
+        let offset = [0.25 * k, -0.125 * k, 0.5 * k];
+        let slide = |[x, y, z]: [f32; 3]| [x + slid * 3.0 / 512.0, y + slid * 12.0 / 512.0, z];
+        moved(&points.iter().map(|&p| turns[frame % 4](slide(p))).collect::<Vec<_>>(), offset)
     };
     let inner = moved(&sheet.rest, [0.5, 0.5, 0.0]);
     for frame in 0..8 {
@@ -164,7 +165,7 @@ fn quarter_turns_and_flights_of_both_planes_leave_the_speed_to_a_millionth() {
     }
 }
 
-/// Any turn about an axis, then a flight.
+/// A rotation about an axis, then a translation.
 fn rigid(p: [f32; 3], axis: [f64; 3], angle: f64, shift: [f64; 3]) -> [f64; 3] {
     let (s, c) = angle.sin_cos();
     let x = widen(p);
@@ -185,7 +186,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
 
     #[test]
-    fn any_rigid_motion_of_the_scene_leaves_contacts_and_slides(
+    fn rigid_motion_of_the_scene_does_not_change_contacts_and_slides(
         axis in prop::array::uniform3(-1.0..1.0_f64), angle in -3.0..3.0_f64, shift in prop::array::uniform3(-1.0..1.0_f64),
         step in prop::array::uniform3(-0.02..0.02_f32),
     ) {
@@ -194,26 +195,26 @@ proptest! {
         let (sheet, floor) = rough_scene();
         let params = DetectorParams { self_contact: false, ..params(0.09375) };
         let next = moved(&sheet.rest, step);
-        let carry = |points: &[[f32; 3]]| points.iter().map(|&p| rigid(p, axis, angle, shift)).collect::<Vec<_>>();
-        // In double precision, by brute force: to a billionth.
+        let transform = |points: &[[f32; 3]]| points.iter().map(|&p| rigid(p, axis, angle, shift)).collect::<Vec<_>>();
+        // In double precision by brute force: relative error below 1e-9.
         let wide = |points: &[[f32; 3]]| points.iter().map(|&p| widen(p)).collect::<Vec<_>>();
-        let still = [vec![wide(&sheet.rest), wide(&floor.rest)], vec![wide(&next), wide(&floor.rest)]];
-        let turned = [vec![carry(&sheet.rest), carry(&floor.rest)], vec![carry(&next), carry(&floor.rest)]];
+        let fixed = [vec![wide(&sheet.rest), wide(&floor.rest)], vec![wide(&next), wide(&floor.rest)]];
+        let turned = [vec![transform(&sheet.rest), transform(&floor.rest)], vec![transform(&next), transform(&floor.rest)]];
         let run = |frames: &[Surfaces]| sliding_speeds(&[&sheet, &floor], frames, &[0.0, 1.0], &params).unwrap().remove(0);
-        let (a, b) = (run(&still), run(&turned));
+        let (a, b) = (run(&fixed), run(&turned));
         prop_assert!(a.contact.iter().flatten().count() > 50);
         for v in 0..sheet.vertex_count() {
             prop_assert_eq!(a.contact[v].is_some(), b.contact[v].is_some());
             prop_assert!((a.tangential[v] - b.tangential[v]).abs() < 1e-9 * a.tangential[v] + 1e-13);
             prop_assert!((a.normal[v] - b.normal[v]).abs() < 1e-9 * a.normal[v].abs() + 1e-13);
         }
-        // In single precision: to the rounding of positions, which are below 4 m; near the radius either side is right.
+        // In single precision: error of the rounding of positions below 4 m; near the radius both results are right.
         let mut detector = Detector::new(&sheet, &[&floor], params).unwrap();
         let (mut plain, mut found) = (slots(&sheet, &params), slots(&sheet, &params));
         detector.detect_and_slide(&sheet.rest, &next, &[&floor.rest], &[&floor.rest], &mut plain).unwrap();
-        let [cloth, cloth_next, under] = [carry(&sheet.rest), carry(&next), carry(&floor.rest)].map(|p| narrow(&p));
+        let [cloth, cloth_next, under] = [transform(&sheet.rest), transform(&next), transform(&floor.rest)].map(|p| narrow(&p));
         detector.detect_and_slide(&cloth, &cloth_next, &[&under], &[&under], &mut found).unwrap();
-        // The gap is nearly as long as an edge, so that a tilt of the triangle counts whole.
+        // The gap is nearly as long as an edge, so that a tilt of the triangle counts fully.
         let bound = (4.0 + 2.0) * 3.0_f32.sqrt() * 0.5 * 2.0_f32.powi(-22);
         for (a, b) in plain.iter().zip(&found) {
             let at_the_radius = a.distance.max(b.distance) > params.radius - bound;
@@ -244,7 +245,7 @@ fn a_folded_sheet_touches_its_other_layer_and_nothing_else() {
     let n = 33;
     let sheet = grid(n, EDGE, 0.0);
     let gap = 0.5 * EDGE;
-    // The right half lies back over the left, `gap` above it, around a square fold.
+    // The right half is folded over the left, `gap` above it, around a square fold.
     let folded: Vec<[f32; 3]> = sheet
         .rest
         .iter()
@@ -292,7 +293,7 @@ fn exclusion_equals_plain_relaxation_over_all_edges() {
 }
 
 #[test]
-fn quarter_turns_shifts_and_scales_by_two_leave_contacts_unchanged() {
+fn quarter_turns_shifts_and_scales_by_two_do_not_change_contacts() {
     let mut sheet = grid(12, EDGE, 0.0);
     for (v, p) in sheet.rest.iter_mut().enumerate() {
         p[2] = ((v * 7919 % 64) as f32) / 512.0;
@@ -335,7 +336,7 @@ fn of_equally_near_triangles_the_lower_surface_then_the_lower_triangle_is_touche
     let mut detector = Detector::new(&cloth, &[&floor, &floor], params).unwrap();
     let mut out = slots(&cloth, &params);
     detector.detect(&cloth.rest, &[&floor.rest, &floor.rest], &mut out).unwrap();
-    // The vertex stands over the edge between triangles 0 and 3.
+    // The vertex is over the edge between triangles 0 and 3.
     let keys: Vec<_> = out.iter().filter_map(key).collect();
     assert_eq!(keys, [(1, 0), (1, 3), (2, 0), (2, 3)]);
 }
@@ -354,21 +355,22 @@ fn one_sided_surfaces_are_not_touched_from_behind() {
 }
 
 #[test]
-fn a_degenerate_triangle_is_touched_and_counted_but_slides_nothing() {
-    let line =
+fn a_degenerate_triangle_is_touched_and_counted_but_has_no_slide() {
+    let degenerate =
         Topology { rest: vec![[0.0; 3], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]], triangles: vec![[0, 1, 2]] };
     let cloth = Topology { rest: vec![[0.5, 0.01, 0.0]], triangles: Vec::new() };
-    let mut detector = Detector::new(&cloth, &[&line], params(0.05)).unwrap();
+    let mut detector = Detector::new(&cloth, &[&degenerate], params(0.05)).unwrap();
     let mut out = [Contact::default()];
     let next = moved(&cloth.rest, [0.01, 0.0, 0.0]);
-    let found =
-        detector.detect_and_slide(&cloth.rest, &next, &[&line.rest], &[&line.rest], &mut out).unwrap();
+    let found = detector
+        .detect_and_slide(&cloth.rest, &next, &[&degenerate.rest], &[&degenerate.rest], &mut out)
+        .unwrap();
     assert_eq!((found.contacts, found.degenerate), (1, 1));
     assert_eq!((out[0].slide, out[0].approach, out[0].beta), (0.0, 0.0, [0.0, 0.25]));
 }
 
 #[test]
-fn wrong_input_is_an_error_that_says_where() {
+fn wrong_input_is_an_error_with_its_position() {
     let floor = grid(3, 0.125, 0.0);
     let bad = |radius| Detector::new(&floor, &[], params(radius)).map(|_| ()).unwrap_err();
     for radius in [0.0, -1.0, f32::NAN, f32::INFINITY] {
@@ -399,15 +401,16 @@ fn an_empty_scene_is_valid_and_silent() {
 }
 
 #[test]
-fn positions_whose_squares_are_no_numbers_are_refused_and_those_below_are_searched() {
+fn positions_whose_squares_are_not_finite_are_rejected() {
     let sheet = grid(12, EDGE, 0.0);
     let params = params(2.0 * EDGE);
     let mut detector = Detector::new(&sheet, &[], params).unwrap();
     let mut out = slots(&sheet, &params);
-    for (far, fine) in [(1e9, true), (1e15, true), (1e16, false), (1e37, false), (f32::NAN, false)] {
+    for (coordinate, is_valid) in [(1e9, true), (1e15, true), (1e16, false), (1e37, false), (f32::NAN, false)]
+    {
         let mut rest = sheet.rest.clone();
-        rest[17][1] = far;
+        rest[17][1] = coordinate;
         let found = detector.detect(&rest, &[], &mut out);
-        assert_eq!(found.is_ok(), fine, "{far}");
+        assert_eq!(found.is_ok(), is_valid, "{coordinate}");
     }
 }

@@ -6,7 +6,7 @@ use crate::contact::vector::widen;
 use crate::contact::{Contact, Detector, DetectorParams, Exclude};
 use crate::mesh::Topology;
 
-/// A small repeatable generator; the soups need variety, not quality.
+/// A small random generator for triangle soups.
 struct Dice(u64);
 
 impl Dice {
@@ -30,7 +30,7 @@ impl Dice {
         Topology { rest, triangles }
     }
 
-    /// Positions near those given, or anywhere.
+    /// Positions near the given ones, random or transformed.
     fn moved(&mut self, positions: &[[f32; 3]], coarse: bool) -> Vec<[f32; 3]> {
         match self.below(3) {
             0 => positions.iter().map(|_| self.point(coarse)).collect(),
@@ -41,7 +41,7 @@ impl Dice {
 }
 
 #[test]
-fn the_trees_find_what_brute_force_finds_on_1000_soups() {
+fn the_search_equals_brute_force_on_1000_triangle_soups() {
     let mut total = 0;
     for seed in 0..1000 {
         let mut dice = Dice(seed);
@@ -87,7 +87,7 @@ fn the_trees_find_what_brute_force_finds_on_1000_soups() {
 }
 
 #[test]
-fn a_surface_that_crumples_is_sorted_anew_and_still_finds_its_triangles() {
+fn a_surface_that_crumples_is_sorted_again_and_finds_its_triangles() {
     let mut dice = Dice(7);
     let flat = super::grid(20, 0.05, 0.0);
     let mut bvh = Bvh::new(&flat.rest, &flat.triangles);
@@ -102,9 +102,9 @@ fn a_surface_that_crumples_is_sorted_anew_and_still_finds_its_triangles() {
         let p = dice.point(false);
         let wide = crumpled.iter().map(|&p| widen(p)).collect();
         let expected = contacts_of(0, &[&nothing, &soup], &vec![vec![widen(p)], wide], &[], &params);
-        let odd: Vec<_> = expected.iter().filter(|e| e.2 % 2 == 1).collect();
+        let odd_triangles: Vec<_> = expected.iter().filter(|e| e.2 % 2 == 1).collect();
         let hit = bvh.closest(p, 0.3, |t| t % 2 == 1).map(|h| (h.squared_distance, 1, h.triangle));
-        assert_eq!(hit, odd.first().copied().copied());
+        assert_eq!(hit, odd_triangles.first().copied().copied());
     }
 }
 

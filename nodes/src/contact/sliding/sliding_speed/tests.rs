@@ -147,10 +147,10 @@ fn windows_of_any_length_give_the_same_speeds_for_every_gate_and_rate() {
                 standalone.poison = true;
                 standalone.run().unwrap().stream(SlidingSpeedPorts::speeds)
             };
-            let whole = run(2 * TICKS_PER_SECOND);
-            assert!(whole.iter().all(|s| s.is_finite()) && whole.iter().any(|s| *s > 0.0));
+            let reference = run(2 * TICKS_PER_SECOND);
+            assert!(reference.iter().all(|s| s.is_finite()) && reference.iter().any(|s| *s > 0.0));
             for window in [0.001, 0.0177, 0.1] {
-                assert_eq!(run(ticks(window)), whole, "{gate:?} {rate} {window}");
+                assert_eq!(run(ticks(window)), reference, "{gate:?} {rate} {window}");
             }
         }
     }
@@ -180,11 +180,11 @@ fn speeds_with_ages(p: SlidingSpeedParams, slides: &[f32], ages: Vec<f32>) -> Ve
             .window(ticks(window));
         standalone.run().unwrap().stream(SlidingSpeedPorts::speeds)
     };
-    let whole = run(10.0);
+    let reference = run(10.0);
     for window in [0.001, 0.0177, 0.1] {
-        assert_eq!(run(window), whole, "{window}");
+        assert_eq!(run(window), reference, "{window}");
     }
-    whole
+    reference
 }
 
 #[test]

@@ -32,8 +32,8 @@ fn frame(step: f64) -> ContactFrame {
 fn clock(rate: f64, jitter: bool, seconds: f64) -> Vec<(f64, f64)> {
     let mut rng = Rng::new(9);
     let count = (seconds * rate) as usize;
-    let off = |rng: &mut Rng| if jitter { rng.between(-0.2, 0.2) } else { 0.0 };
-    let times: Vec<f64> = (1..=count).map(|k| (k as f64 + off(&mut rng)) / rate).collect();
+    let offset = |rng: &mut Rng| if jitter { rng.between(-0.2, 0.2) } else { 0.0 };
+    let times: Vec<f64> = (1..=count).map(|k| (k as f64 + offset(&mut rng)) / rate).collect();
     (0..count).map(|k| (times[k], times[k] - if k > 0 { times[k - 1] } else { 0.0 })).collect()
 }
 
@@ -371,9 +371,9 @@ fn bounces_and_rolls(states: &[(f64, ContactState)], impacts: &[(f64, Impact)]) 
 
 #[test]
 fn a_logged_box_slides_down_its_slope_also_after_its_log_changes_to_half_the_rate() {
-    let whole = classify(rules(60.0), &shipped_log("box_slide_slope", f64::INFINITY, &[0.0, 0.0, 1.2]));
+    let complete = classify(rules(60.0), &shipped_log("box_slide_slope", f64::INFINITY, &[0.0, 0.0, 1.2]));
     let slower = classify(rules(60.0), &shipped_log("box_slide_slope", 1.2, &[0.0, 0.0, 1.2]));
-    for (name, (states, impacts)) in [("whole", &whole), ("slower", &slower)] {
+    for (name, (states, impacts)) in [("complete", &complete), ("slower", &slower)] {
         let slope: Vec<_> =
             states.iter().filter(|(t, s)| (1.0..2.2).contains(t) && s.frame.bodies == [1, 2]).collect();
         let slide = slope.iter().filter(|(_, s)| s.state == State::Sliding && s.frame.force > 1.0).count();

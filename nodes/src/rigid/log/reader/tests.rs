@@ -278,13 +278,13 @@ fn a_log_that_changes_its_rate_is_read_equally() {
         let read = |text: &str| {
             read_contacts(text.as_bytes(), Some(poses.as_bytes()), &LogOptions::default()).unwrap()
         };
-        let (whole, slower) = (read(&contacts), read(&thinned(&contacts, from)));
+        let (original, slower) = (read(&contacts), read(&thinned(&contacts, from)));
         // A box has contacts in every frame; a ball that rolls over rods does not.
         let bridged = |track: &ContactTrack| {
             track.frames.iter().filter(|(t, f)| seconds(*t) > from && f.force == 0.0 && !f.ends).count()
         };
-        println!("{scene}: {} and {} frames without force", bridged(&whole), bridged(&slower));
-        assert!(bridged(&slower) <= bridged(&whole), "{scene}");
+        println!("{scene}: {} and {} frames without force", bridged(&original), bridged(&slower));
+        assert!(bridged(&slower) <= bridged(&original), "{scene}");
         let long = slower.frames.iter().filter(|(t, _)| seconds(*t) > from + 0.1);
         let of_two =
             long.clone().filter(|(_, f)| (f.interval - ticks(1.0 / 30.0)).abs() < ticks(1e-4)).count();
