@@ -20,7 +20,7 @@ Graph(seed: 3, params: { "gain": 0.5 }, nodes: {
 
 fn samples(bytes: Vec<u8>) -> Vec<f32> {
     let mut reader = AudioReader::open(Box::new(Cursor::new(bytes))).unwrap();
-    let mut samples = vec![0.0; reader.info().frames as usize * usize::from(reader.info().channels)];
+    let mut samples = vec![0.0; reader.info().frames as usize * reader.info().channels];
     reader.read(&mut samples).unwrap();
     samples
 }

@@ -138,6 +138,7 @@ macro_rules! params {
             const SOURCE: $crate::core::params::SourceFile =
                 $crate::core::params::SourceFile { package: env!("CARGO_PKG_NAME"), file: file!() };
 
+            #[allow(clippy::vec_init_then_push)]
             fn specs() -> Vec<$crate::core::params::ParamSpec> {
                 #[allow(unused_mut)]
                 let mut specs = Vec::new();
@@ -173,6 +174,7 @@ macro_rules! params {
                 }
             }
 
+            #[allow(clippy::vec_init_then_push)]
             fn write(&self) -> Vec<(&'static str, $crate::core::params::Datum)> {
                 #[allow(unused_mut)]
                 let mut all = Vec::new();

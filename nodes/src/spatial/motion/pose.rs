@@ -44,14 +44,14 @@ impl Pose {
 
     /// Converts a point from scene axes to local axes.
     #[must_use]
-    pub fn to_local(&self, point: [f64; 3]) -> [f64; 3] {
+    pub fn to_local(self, point: [f64; 3]) -> [f64; 3] {
         let [w, x, y, z] = self.rotation.map(f64::from);
         rotate([w, -x, -y, -z], sub(point, widen(self.position)))
     }
 
     /// Converts a point from local axes to scene axes.
     #[must_use]
-    pub fn to_scene(&self, point: [f64; 3]) -> [f64; 3] {
+    pub fn to_scene(self, point: [f64; 3]) -> [f64; 3] {
         add(widen(self.position), rotate(self.rotation.map(f64::from), point))
     }
 
