@@ -71,7 +71,7 @@ choices! { @param AreaWeight {
     None,
 } }
 
-/// Parameters of [`IftNoise`].
+/// Parameters of [`IftNoise`](super::IftNoise).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct IftNoiseParams {
     /// Length of a clip in seconds, rounded to an even number of samples.

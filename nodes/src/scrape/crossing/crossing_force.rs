@@ -58,7 +58,7 @@ struct Crossed {
 ///
 /// # Complexity
 /// Per 64 samples: the cells of an index along the line of contact, and the pairs of the lines that cross it. Cheaper than the
-/// reliefs of [`PairForce`](super::PairForce) as long as lines are few.
+/// reliefs of [`PairForce`](crate::scrape::PairForce) as long as lines are few.
 ///
 /// # Source
 /// Picard, Tsingos and Faure (VRIPHYS 2008), section 6, leave two textures to future work; the joint envelope, and its lines in place of
