@@ -189,6 +189,27 @@ fn declared_look_ahead_is_needed() {
     }
 }
 
+/// `FooBar` as `foo_bar`.
+fn snake_case(name: &str) -> String {
+    let mut out = String::new();
+    for c in name.chars() {
+        if c.is_uppercase() && !out.is_empty() {
+            out.push('_');
+        }
+        out.extend(c.to_lowercase());
+    }
+    out
+}
+
+#[test]
+fn a_node_type_stands_in_the_file_of_its_name() {
+    // Two families have not been put in order yet.
+    for ty in all().iter().filter(|ty| !["unit", "warp"].contains(&ty.family)) {
+        let (path, file) = (ty.source.path(), format!("/{}.rs", snake_case(ty.name)));
+        assert!(path.starts_with("nodes/src/") && path.ends_with(&file), "`{}` stands in {path}", ty.name);
+    }
+}
+
 #[test]
 fn everything_is_documented() {
     let mut names = HashSet::new();
