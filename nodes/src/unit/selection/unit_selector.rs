@@ -1,0 +1,309 @@
+//! Unit selection as a node.
+
+use std::sync::Arc;
+
+use super::candidates::{allowed, comparable, few_units, not_finite, units};
+use super::channel_gate::{self, Sleepers};
+use super::counts::Counts;
+use super::greedy::selector;
+use super::picks::{Pick, PickFormat, Picks};
+use super::selector::{NotFinite, Selector, SelectorParams, Units};
+use crate::core::fault::{Fault, Reject};
+use crate::core::files::MemoryFiles;
+use crate::core::node::{Class, Node, Summary};
+use crate::core::params::{Params, Text};
+use crate::core::ports::{In, Stream, Value};
+use crate::core::random::Rng;
+use crate::core::shape::{Build, Shape};
+use crate::core::state::{StateArchive, Stateful};
+use crate::feature::Features;
+use crate::unit::UnitDatabase;
+use crate::{archive_state, params, ports};
+
+params! {
+    /// Chooses, for each unit of a target, the unit of a database that sounds most like it and goes on most like it.
+    ///
+    /// Of all units within `d_max` it takes the one with the least sum of distances over itself and the next `look` units.
+    /// Where there is none, it takes the nearest and marks it as a fallback: the summary tells their share, and more than a few
+    /// mean that target and database do not speak of the same sounds. The search is exact, needs no table of distances, and of
+    /// equally good units prefers the one that follows the last pick.
+    ///
+    /// Every channel of the target chooses alone: from the same channel of the recordings where these have as many, or else all
+    /// from the same units, which makes what lies in the middle wander; a note tells so.
+    ///
+    /// With the sound of the target at `target` a channel falls asleep with the output of `UnitConcatenator`: once that has faded
+    /// out nothing is chosen, until the target sounds again, and the choice goes on from where it was. The summary tells the
+    /// share of units that this saved.
+    ///
+    /// # Source
+    /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), algorithm 1, mended
+    /// where it is undefined: units in their rest are left out before the nearest are looked for, windows never leave a
+    /// recording and shorten at the end of the target, and where every unit rests, the one that has rested longest is taken.
+    /// `causal`, `loop_guard` and `tags` are additions.
+    pub struct UnitSelectorParams {
+        /// Units after the present one that are compared too.
+        look: usize = 5, unit "units", range 0..=1000_usize;
+        /// Greatest distance of features that sound alike; with the default features 2.0 is 5 dB.
+        d_max: f64 = 2.0, unit "", range 0.0..=1_000_000.0;
+        /// Targets for which a chosen unit is not chosen again.
+        cool_off: usize = 20, unit "units", range 0..=1_000_000_usize;
+        /// Time within which the last four picks are not repeated in order; 0 allows it, 0.5 is a good guard.
+        loop_guard: f64 = 0.0, unit "s", range 0.0..=60.0;
+        /// Compare the past in place of the future: nothing has to be waited for.
+        causal: bool = false;
+        /// Choose only from recordings with one of these tags; empty for all.
+        tags: Vec<Text> = Vec::new();
+        /// Each channel chooses from the same channel of the recordings alone; None does so where they have as many channels.
+        own_channels: Option<bool> = None;
+        /// Most units and groups of units that are looked at for one choice; 0 for all that matter. Where more would have to be, the run of
+        /// units goes on: 2500 keep a choice below 0.2 ms on a core of a server, for live use. It is work that is counted, not
+        /// time, so that the result is the same on every machine; the summary tells how often (`cut_share`).
+        effort: usize = 0, unit "units", range 0..=1_000_000_000_usize;
+        /// Go on choosing while the target is silent; None does so for joint (binaural) units alone, as `UnitConcatenator`.
+        keep_room_tone: Option<bool> = None;
+    }
+}
+
+ports! {
+    pub struct UnitSelectorPorts / UnitSelectorIo {
+        in {
+            /// Features of the target, made as those of the database.
+            features: Stream<Features>,
+            /// Units to choose from.
+            database: Value<UnitDatabase>,
+            /// The target, which sends the choice to sleep where it is silent.
+            target: Option<Stream<f32>>,
+        }
+        out {
+            /// The chosen units.
+            picks: Stream<Picks>,
+        }
+    }
+}
+
+/// The node over [`Selector`].
+pub struct UnitSelector {
+    channels: Vec<Channel>,
+    look: usize,
+    causal: bool,
+    dims: usize,
+    d_max: f64,
+    /// Where there are hardly more units than are kept from coming again.
+    few: Option<String>,
+    /// Where a silent target sends channels to sleep.
+    sleepers: Option<Sleepers>,
+    /// Units of the target, where it ends.
+    length: Option<i64>,
+}
+
+struct Channel {
+    selector: Box<dyn Selector>,
+    window: Vec<f32>,
+    picks: Vec<Pick>,
+    counts: Counts,
+}
+
+impl Stateful for Channel {
+    fn archive_state(&mut self, archive: &mut StateArchive<'_>) -> Result<(), Fault> {
+        self.selector.archive_state(archive)?;
+        self.counts.archive_state(archive)
+    }
+}
+
+impl Channel {
+    /// Chooses for all items of a window.
+    fn choose(
+        &mut self,
+        vector: usize,
+        features: &In<'_, Features>,
+        mut asleep: impl FnMut(i64) -> bool,
+        node: &Facts,
+    ) -> Result<(), Fault> {
+        self.picks.clear();
+        let around = features.around();
+        for k in 0..features.len() {
+            let at = features.first() + k as i64;
+            if asleep(at) {
+                self.picks.push(self.counts.asleep());
+                continue;
+            }
+            let most = if node.causal { at } else { node.length.map_or(i64::MAX, |n| n - 1 - at) };
+            let look = node.look.min(usize::try_from(most).unwrap_or(0));
+            let here = features.behind() + k;
+            let first = if node.causal { here - look } else { here };
+            self.window.clear();
+            for item in first..=first + look {
+                let from = item * features.width() + vector * node.dims;
+                self.window.extend_from_slice(around.get(from..from + node.dims).unwrap_or_default());
+            }
+            let chosen = self.selector.choose(&self.window).map_err(|NotFinite(k)| {
+                let before = if node.causal { look as i64 } else { 0 };
+                not_finite(features, at - before + k as i64)
+            })?;
+            let pick = Pick {
+                unit: chosen.unit as i32,
+                fallback: chosen.fallback,
+                asleep: false,
+                d1: chosen.d1 as f32,
+                d2: chosen.d2 as f32,
+            };
+            self.counts.note(&pick);
+            self.counts.cut += u64::from(chosen.cut);
+            self.picks.push(pick);
+        }
+        Ok(())
+    }
+}
+
+struct Facts {
+    look: usize,
+    causal: bool,
+    dims: usize,
+    length: Option<i64>,
+}
+
+/// Units that a channel of the target may choose from.
+fn own(db: &UnitDatabase, allowed: &[bool], vector: usize) -> Vec<bool> {
+    let mut out = vec![false; allowed.len()];
+    for segment in db.segments.iter().filter(|s| s.channel as usize == vector) {
+        out[segment.range()].copy_from_slice(&allowed[segment.range()]);
+    }
+    out
+}
+
+/// Whether channels choose from the same channel of recordings each.
+fn own_channels(p: &UnitSelectorParams, db: &UnitDatabase, vectors: usize) -> Result<bool, Reject> {
+    let allowed = allowed(db, &p.tags);
+    let open = |unit: u32| allowed.get(unit as usize).copied().unwrap_or(false);
+    let has = |vector: usize| db.segments.iter().any(|s| s.channel as usize == vector && open(s.start));
+    let missing = (0..vectors).find(|vector| !has(*vector));
+    match (p.own_channels, missing) {
+        (Some(true), Some(vector)) => {
+            let message = format!("no recording of the database has a channel {vector}, counted from 0");
+            let help = "give recordings of as many channels, or `own_channels: false`";
+            Err(Reject::new("F101", message).at("own_channels").help(help))
+        }
+        (wanted, _) => Ok(vectors > 1 && wanted.unwrap_or(missing.is_none())),
+    }
+}
+
+impl Node for UnitSelector {
+    type Params = UnitSelectorParams;
+    type Ports = UnitSelectorPorts;
+    const NAME: &'static str = "UnitSelector";
+    const VERSION: u32 = 5;
+    const CLASS: Class = Class::Worker;
+    const COST: f64 = 500.0;
+
+    fn shape(p: &UnitSelectorParams, s: &mut Shape<'_, '_, UnitSelectorPorts>) -> Result<(), Reject> {
+        let features = s.input(UnitSelectorPorts::features);
+        let format = &features.format;
+        comparable(format, s.value(UnitSelectorPorts::database), &p.tags)?;
+        // What is made of recordings is not known yet, and may have as many channels.
+        let own = match s.value(UnitSelectorPorts::database) {
+            Some(db) => own_channels(p, &db, format.vectors)?,
+            None => p.own_channels != Some(false),
+        };
+        if format.vectors > 1 && !own {
+            s.note("all channels choose from the same units: a sound in the middle may wander; Mfcc(channels: SharedMid) or Joint keep it");
+        }
+        channel_gate::check(&features, s.optional(UnitSelectorPorts::target).as_ref())?;
+        s.lookaround(UnitSelectorPorts::target, 0, channel_gate::reach(format.conventions.unit, 0));
+        s.ends(features.end);
+        let (past, ahead) = if p.causal { (p.look, 0) } else { (0, p.look) };
+        s.lookaround(UnitSelectorPorts::features, past, ahead);
+        let format = PickFormat { channels: format.vectors, conventions: Arc::clone(&format.conventions) };
+        s.output(UnitSelectorPorts::picks, features.rate, format);
+        Ok(())
+    }
+
+    fn build(p: &UnitSelectorParams, cx: &Build<'_>) -> Result<Self, Fault> {
+        let features = cx.input(UnitSelectorPorts::features);
+        let db = cx.value(UnitSelectorPorts::database);
+        let units = units(&features.format, &db, &p.tags)?;
+        let params = SelectorParams {
+            look: p.look,
+            d_max: p.d_max,
+            cool_off: p.cool_off,
+            loop_guard: (p.loop_guard * features.rate.as_f64()).round() as usize,
+            causal: p.causal,
+            effort: (p.effort > 0).then_some(p.effort),
+        };
+        let vectors = features.format.vectors;
+        let mut few = few_units(&units, p.look, p.cool_off);
+        let selectors = if own_channels(p, &db, vectors)? {
+            let of = |vector| {
+                let own = Units { allowed: own(&db, &units.allowed, vector), ..units.clone() };
+                few = few.take().or_else(|| few_units(&own, p.look, p.cool_off));
+                selector(&own, params.clone())
+            };
+            (0..vectors).map(of).collect::<Option<Vec<_>>>()
+        } else {
+            let one = selector(&units, params);
+            one.map(|one| (1..vectors).map(|_| one.another()).chain([one.another()]).collect())
+        };
+        let target = cx.optional(UnitSelectorPorts::target);
+        let channel =
+            |selector| Channel { selector, window: Vec::new(), picks: Vec::new(), counts: Counts::default() };
+        let channels: Option<Vec<Channel>> =
+            selectors.map(|selectors| selectors.into_iter().map(channel).collect());
+        let none = || Fault::new("F101", "there is no unit to choose from").at("database");
+        Ok(Self {
+            channels: channels.ok_or_else(none)?,
+            look: p.look,
+            causal: p.causal,
+            dims: db.dims(),
+            d_max: p.d_max,
+            few,
+            sleepers: target.and_then(|_| Sleepers::new(&db, features.rate, vectors, p.keep_room_tone, 0)),
+            length: features.items(),
+        })
+    }
+
+    fn run(&mut self, mut io: UnitSelectorIo<'_>) -> Result<(), Fault> {
+        let facts = Facts { look: self.look, causal: self.causal, dims: self.dims, length: self.length };
+        let (features, target) = (&io.features, io.target.as_ref());
+        for (vector, channel) in self.channels.iter_mut().enumerate() {
+            let mut sleepers = self.sleepers.as_mut().zip(target);
+            let asleep = |at| sleepers.as_mut().is_some_and(|(s, target)| s.sleeps(target, vector, at));
+            channel.choose(vector, features, asleep, &facts)?;
+        }
+        let width = self.channels.len();
+        let out = io.picks.items();
+        for (vector, channel) in self.channels.iter().enumerate() {
+            for (out, pick) in out.iter_mut().skip(vector).step_by(width).zip(&channel.picks) {
+                *out = *pick;
+            }
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self, _: UnitSelectorIo<'_>) -> Result<Summary, Fault> {
+        let mut summary = Counts::summary(self.channels.iter().map(|channel| channel.counts), self.d_max);
+        summary.extend(self.few.take().map(|text| ("warning", text.into())));
+        let picked = Counts::picked(self.channels.iter().map(|channel| channel.counts));
+        let cut: u64 = self.channels.iter().map(|channel| channel.counts.cut).sum();
+        summary.push(("cut_share", (cut as f64 / picked.max(1) as f64).into()));
+        summary.push(("asleep_share", channel_gate::share(self.sleepers.as_ref(), picked).into()));
+        Ok(summary)
+    }
+
+    archive_state!(each channels, each sleepers);
+
+    fn trial(rng: &mut Rng) -> (UnitSelectorParams, MemoryFiles) {
+        let p = UnitSelectorParams::trial(rng);
+        let params = UnitSelectorParams {
+            look: p.look % 6,
+            d_max: rng.between(0.0, 9.0),
+            cool_off: p.cool_off % 40,
+            loop_guard: p.loop_guard % 0.5,
+            tags: Vec::new(),
+            own_channels: None,
+            ..p
+        };
+        (params, MemoryFiles::default())
+    }
+}
+
+#[cfg(test)]
+mod tests;
