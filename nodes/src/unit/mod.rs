@@ -18,4 +18,4 @@ pub use database::{BuildError, DatabaseError, Gap, Segment, Take, UnitDatabase, 
 pub use selection::{ChannelReport, SelectionReport};
 pub use selection::{Choice, NotFinite, Selector, SelectorParams, Units, selector};
 pub use selection::{Pick, PickFormat, Picks};
-pub use silence::{Doze, SILENT, Sleep};
+pub use silence::{SILENT, SilenceGate, UnitGate};

@@ -5,8 +5,8 @@ use crate::impl_state;
 /// Magnitude up to which a target is silent: -100 dBFS, the floor under which features cannot tell sounds apart.
 pub const SILENT: f32 = 1e-5;
 /// Silence before the output fades, and the length of that, s.
-const PATIENCE: f64 = 0.5;
-const FADE: f64 = 0.05;
+const HOLD: f64 = 0.5;
+const RELEASE: f64 = 0.05;
 
 /// Fades out while there is nothing to follow, and in again when there is.
 ///
@@ -14,29 +14,29 @@ const FADE: f64 = 0.05;
 /// fades to exact zero in 50 ms, and comes back in 5 ms. Before the first sound of the target there is nothing at all: a target
 /// that never sounds gives silence.
 #[derive(Clone, Debug)]
-pub struct Sleep {
+pub struct SilenceGate {
     /// Samples of silence before the fade.
-    patience: u64,
+    hold: u64,
     /// Level per sample, down and up.
-    down: f32,
-    up: f32,
+    release: f32,
+    attack: f32,
     silent: u64,
     /// None before the first sample.
     level: Option<f32>,
 }
-impl_state!(Sleep { silent, level });
+impl_state!(SilenceGate { silent, level });
 
-impl Sleep {
+impl SilenceGate {
     /// Awake if the target begins with sound, asleep if it begins with silence.
     #[must_use]
     pub fn new(rate: f64) -> Self {
         let samples = |seconds: f64| (seconds * rate).round().max(1.0);
-        let patience = samples(PATIENCE) as u64;
+        let hold = samples(HOLD) as u64;
         Self {
-            patience,
-            down: (1.0 / samples(FADE)) as f32,
-            up: (1.0 / samples(0.005)) as f32,
-            silent: patience,
+            hold,
+            release: (1.0 / samples(RELEASE)) as f32,
+            attack: (1.0 / samples(0.005)) as f32,
+            silent: hold,
             level: None,
         }
     }
@@ -44,7 +44,7 @@ impl Sleep {
     /// The factor on one sample of the output, for whether the target is silent there.
     pub fn next(&mut self, silent: bool) -> f32 {
         self.silent = if silent { self.silent.saturating_add(1) } else { 0 };
-        let step = if self.silent > self.patience { -self.down } else { self.up };
+        let step = if self.silent > self.hold { -self.release } else { self.attack };
         let before = self.level.unwrap_or(if silent { 0.0 } else { 1.0 });
         let level = (before + step).clamp(0.0, 1.0);
         self.level = Some(level);
@@ -54,25 +54,25 @@ impl Sleep {
 
 /// Counts silent units, to tell when nothing that is chosen is heard any more.
 #[derive(Clone, Debug)]
-pub struct Doze {
-    patience: usize,
+pub struct UnitGate {
+    hold: usize,
     silent: usize,
 }
-impl_state!(Doze { silent });
+impl_state!(UnitGate { silent });
 
-impl Doze {
+impl UnitGate {
     /// For units that come at a rate per second; asleep until the first that is not silent.
     #[must_use]
     pub fn new(rate: f64) -> Self {
         // The last sound may lie at the end of its unit, and the unit that is faded out last has to be whole.
-        let patience = ((PATIENCE + FADE) * rate - 1e-9).ceil() as usize + 2;
-        Self { patience, silent: patience }
+        let hold = ((HOLD + RELEASE) * rate - 1e-9).ceil() as usize + 2;
+        Self { hold, silent: hold }
     }
 
     /// Whether the output is asleep all through the next unit, for whether the target is silent in it.
     pub fn next(&mut self, silent: bool) -> bool {
         self.silent = if silent { self.silent.saturating_add(1) } else { 0 };
-        self.silent > self.patience
+        self.silent > self.hold
     }
 }
 
@@ -82,8 +82,8 @@ mod tests {
 
     #[test]
     fn sleep_comes_after_half_a_second_and_ends_at_once() {
-        let mut sleep = Sleep::new(1000.0);
-        let mut gains = |n: usize, silent| (0..n).map(|_| sleep.next(silent)).collect::<Vec<_>>();
+        let mut gate = SilenceGate::new(1000.0);
+        let mut gains = |n: usize, silent| (0..n).map(|_| gate.next(silent)).collect::<Vec<_>>();
         assert!(gains(100, false).iter().chain(&gains(500, true)).all(|&g| g == 1.0));
         let fade = gains(60, true);
         assert!(fade[0] < 1.0 && fade[25] > 0.4 && fade[48] > 0.0 && fade[52..].iter().all(|&g| g == 0.0));
@@ -92,13 +92,13 @@ mod tests {
 
     #[test]
     fn nothing_is_heard_before_the_first_sound() {
-        let mut sleep = Sleep::new(1000.0);
-        let mut gains = |n: usize, silent| (0..n).map(|_| sleep.next(silent)).collect::<Vec<_>>();
+        let mut gate = SilenceGate::new(1000.0);
+        let mut gains = |n: usize, silent| (0..n).map(|_| gate.next(silent)).collect::<Vec<_>>();
         assert!(gains(20, true).iter().all(|&g| g == 0.0));
         let woken = gains(6, false);
         assert!(woken[0] > 0.0 && woken[0] < 1.0 && woken[5] == 1.0, "{woken:?}");
         assert!(gains(500, true).iter().all(|&g| g == 1.0));
-        let mut doze = Doze::new(240.0);
+        let mut doze = UnitGate::new(240.0);
         assert!(doze.next(true) && doze.next(true) && !doze.next(false) && !doze.next(true));
     }
 }

@@ -12,11 +12,11 @@ pub mod suggestion;
 #[cfg(test)]
 mod tests;
 
-pub use crate::artefact::text::{Location as Place, TextError};
+pub use crate::artefact::text::{Location, TextError};
 pub use correspondence::{
     Correspondence, CorrespondenceSet, SourceName, read_correspondences, write_correspondences,
 };
-pub use correspondence::{Pairing, SetError, SetErrors, Stretch, Target, pairs, stretches, whole_units};
+pub use correspondence::{Interval, Pairing, SetError, SetErrors, Target, intervals, pairs, whole_units};
 pub use diagnostics::{Baseline, Effect, LeaveOut, Suspicion, suspicions, without};
 pub use fit::{FitError, FitReport, MAX_NODES, Stiffness, WARP_VERSION, Warp, WarpMap, fit};
 pub use spline::{Pair, Tps, Warper};

@@ -11,7 +11,7 @@ use super::fit::warp_file::{WarpFile, WarpFileParams};
 use super::suggestion::correspondence_suggester::{
     CorrespondenceSuggester, CorrespondenceSuggesterParams, CorrespondenceSuggesterPorts,
 };
-use super::{CorrespondenceSet, Pairing, Place, SourceName, Warp, read_correspondences};
+use super::{CorrespondenceSet, Location, Pairing, SourceName, Warp, read_correspondences};
 use crate::core::item::AnyValue;
 use crate::core::params::Params;
 use crate::core::standalone::{Feed, Standalone};
@@ -258,7 +258,7 @@ fn files_are_read_and_what_is_wrong_in_them_is_named() {
     };
     let set = correspondences("(pairs: [(target: 0, database: 1, duration: 0.1)])").run().unwrap();
     let set = set.value(0).unwrap().get::<CorrespondenceSet>().unwrap().clone();
-    assert_eq!((set.file.as_str(), set.pairs[0].place), ("set.ron", Place { line: 1, column: 10 }));
+    assert_eq!((set.file.as_str(), set.pairs[0].location), ("set.ron", Location { line: 1, column: 10 }));
     let reject = correspondences("(pairs: [\n(target: 0)])").shape().unwrap_err();
     assert!(
         reject.code == "F110" && reject.message.starts_with("set.ron:2:1: `database` is missing"),

@@ -19,7 +19,7 @@ pub enum Blend {
 }
 
 /// Length of a fade where there is no zero crossing near.
-const BLIND: usize = 16;
+const CUT_FADE: usize = 16;
 
 /// One boundary between two units.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -69,8 +69,8 @@ pub fn join(
         .find(|&k| end + k < segment_a.end && end + k > segment_a.start && crosses(x, end + k));
     let found_before = (0..=room_before).find(|&k| start - k > segment_b.start && crosses(x, start - k));
     Join {
-        after: found_after.unwrap_or_else(|| BLIND.min(room_after)),
-        before: found_before.unwrap_or_else(|| BLIND.min(room_before)),
+        after: found_after.unwrap_or_else(|| CUT_FADE.min(room_after)),
+        before: found_before.unwrap_or_else(|| CUT_FADE.min(room_before)),
     }
 }
 
@@ -144,8 +144,8 @@ impl<'a> Concatenator<'a> {
     ) {
         let (length, x) = (self.db.unit(), self.db.channel(channel));
         let at = |unit: Option<u32>, offset: i64| {
-            let place = i64::from(unit?) * length as i64 + offset;
-            x.get(usize::try_from(place).ok()?).copied()
+            let index = i64::from(unit?) * length as i64 + offset;
+            x.get(usize::try_from(index).ok()?).copied()
         };
         for (k, out) in (from..).zip(out.iter_mut().step_by(step.max(1))) {
             let here = k as i64;

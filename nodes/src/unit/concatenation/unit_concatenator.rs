@@ -8,7 +8,7 @@ use crate::core::item::Channels;
 use crate::core::node::{Class, Node, Summary, same_rate};
 use crate::core::ports::{In, Stream, Value};
 use crate::core::shape::{Build, Shape};
-use crate::unit::silence::{SILENT, Sleep};
+use crate::unit::silence::{SILENT, SilenceGate};
 use crate::unit::{PickFormat, Picks, UnitDatabase};
 use crate::{archive_state, choices, params, ports};
 
@@ -66,7 +66,7 @@ ports! {
 pub struct UnitConcatenator {
     db: Arc<UnitDatabase>,
     blend: Blend,
-    sleep: Option<Sleep>,
+    gate: Option<SilenceGate>,
     /// Units of the target, where it ends.
     length: Option<i64>,
     /// Whether the target ends within its first unit, which then is none.
@@ -76,7 +76,7 @@ pub struct UnitConcatenator {
     joins: Vec<[Join; 2]>,
     /// Picks outside of the database, which are silent.
     outside: u64,
-    asleep: u64,
+    muted_samples: u64,
 }
 
 /// Channels of the output.
@@ -178,13 +178,13 @@ impl Node for UnitConcatenator {
         let target = cx.optional(UnitConcatenatorPorts::target).is_some();
         Ok(Self {
             blend: p.blend,
-            sleep: (target && !keep).then(|| Sleep::new(audio.rate.as_f64())),
+            gate: (target && !keep).then(|| SilenceGate::new(audio.rate.as_f64())),
             length: picks.items(),
             short: picks.end.is_some_and(|end| end < picks.rate.tick(1)),
             known: None,
             joins: vec![Default::default(); audio.format.0.into()],
             outside: 0,
-            asleep: 0,
+            muted_samples: 0,
             db,
         })
     }
@@ -206,11 +206,11 @@ impl Node for UnitConcatenator {
             }
             (at, out) = (at + frames as i64, rest);
         }
-        if let (Some(sleep), Some(target)) = (&mut self.sleep, &io.target) {
+        if let (Some(gate), Some(target)) = (&mut self.gate, &io.target) {
             let frames = io.audio.items().chunks_exact_mut(width);
-            for (frame, heard) in frames.zip(target.items().chunks_exact(target.width().max(1))) {
-                let gain = sleep.next(heard.iter().all(|x| x.abs() <= SILENT));
-                self.asleep += u64::from(gain == 0.0);
+            for (frame, target_frame) in frames.zip(target.items().chunks_exact(target.width().max(1))) {
+                let gain = gate.next(target_frame.iter().all(|x| x.abs() <= SILENT));
+                self.muted_samples += u64::from(gain == 0.0);
                 if gain < 1.0 {
                     frame.iter_mut().for_each(|x| *x *= gain);
                 }
@@ -220,10 +220,10 @@ impl Node for UnitConcatenator {
     }
 
     fn finish(&mut self, _: UnitConcatenatorIo<'_>) -> Result<Summary, Fault> {
-        Ok(vec![("outside", self.outside.into()), ("asleep_samples", self.asleep.into())])
+        Ok(vec![("outside", self.outside.into()), ("asleep_samples", self.muted_samples.into())])
     }
 
-    archive_state!(known, joins, outside, asleep, each sleep);
+    archive_state!(known, joins, outside, muted_samples, each gate);
 }
 
 #[cfg(test)]

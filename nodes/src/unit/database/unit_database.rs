@@ -66,7 +66,7 @@ ports! {
 pub struct UnitDatabaseNode;
 
 /// Longest recording, in frames: half an hour at 192 kHz.
-const LONGEST: u64 = 1800 * 192_000;
+const MAX_FRAMES: u64 = 1800 * 192_000;
 
 fn unusable(path: &str, what: impl std::fmt::Display) -> Reject {
     Reject::new("F101", format!("{path:?}: {what}")).at("recordings")
@@ -75,8 +75,8 @@ fn unusable(path: &str, what: impl std::fmt::Display) -> Reject {
 fn reader<'a>(path: &str, file: Box<dyn ReadSeek + 'a>) -> Result<(AudioReader<'a>, Rate), Reject> {
     let reader = AudioReader::open(Box::new(file)).map_err(|e| unusable(path, e))?;
     let info = reader.info();
-    if info.frames > LONGEST {
-        return Err(unusable(path, format!("{} frames; at most {LONGEST} are read", info.frames)));
+    if info.frames > MAX_FRAMES {
+        return Err(unusable(path, format!("{} frames; at most {MAX_FRAMES} are read", info.frames)));
     }
     let rate = Rate::new(u64::from(info.rate), 1).ok_or_else(|| unusable(path, "its rate is 0"))?;
     Ok((reader, rate))
@@ -157,7 +157,7 @@ impl Func for UnitDatabaseNode {
     }
 
     fn eval(p: &UnitDatabaseParams, cx: &Build<'_>, mut io: UnitDatabaseIo<'_>) -> Result<Summary, Fault> {
-        let (mut takes, mut odd) = (Vec::with_capacity(p.recordings.len()), Summary::new());
+        let (mut takes, mut warnings) = (Vec::with_capacity(p.recordings.len()), Summary::new());
         for (k, path) in p.recordings.iter().enumerate() {
             let (mut file, rate) = reader(&path.0, cx.open("recordings", &path.0)?)?;
             let (channels, content) = read(&mut file, rate, p.rate).map_err(|e| Reject {
@@ -165,7 +165,7 @@ impl Func for UnitDatabaseNode {
                 ..e
             })?;
             // Its mean is taken out on the way into the database.
-            odd.extend(recording_warnings(&path.0, file.info(), &[]));
+            warnings.extend(recording_warnings(&path.0, file.info(), &[]));
             takes.push(Take { channels, source: source(p, k, content) });
         }
         let joined = if p.joint { takes.first().map_or(1, |take| take.channels.len()) } else { 1 };
@@ -177,9 +177,9 @@ impl Func for UnitDatabaseNode {
         let db = build(&takes, &conventions, gap);
         let db = db.map_err(|e| Fault::new("F101", e.to_string()).at("recordings"))?;
         if db.audio.iter().all(|x| *x == 0.0) {
-            odd.push(("warning", "all recordings are silent, and so is everything made of them".into()));
+            warnings.push(("warning", "all recordings are silent, and so is everything made of them".into()));
         }
-        let summary = [database_summary(&db), odd].concat();
+        let summary = [database_summary(&db), warnings].concat();
         io.database.set(db);
         Ok(summary)
     }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::selector::{MOST_DIMS, Units};
+use super::selector::{MAX_DIMS, Units};
 use crate::core::fault::{Fault, Reject};
 use crate::core::params::Text;
 use crate::core::ports::In;
@@ -41,9 +41,9 @@ pub(crate) fn comparable(
     db: Option<Arc<UnitDatabase>>,
     tags: &[Text],
 ) -> Result<(), Reject> {
-    if format.dims() > MOST_DIMS {
+    if format.dims() > MAX_DIMS {
         let message =
-            format!("feature vectors of {} numbers; at most {MOST_DIMS} are searched", format.dims());
+            format!("feature vectors of {} numbers; at most {MAX_DIMS} are searched", format.dims());
         return Err(Reject::new("F051", message).at("features"));
     }
     if let Some(db) = db {
@@ -70,7 +70,7 @@ pub(crate) fn units<'a>(
 }
 
 /// What is wrong with a database of so few units that nearly all that may begin a comparison are kept from coming again.
-pub(super) fn few_units(units: &Units<'_>, look: usize, cool_off: usize) -> Option<String> {
+pub(super) fn few_units_warning(units: &Units<'_>, look: usize, cool_off: usize) -> Option<String> {
     let open = |start: usize, len: usize| {
         let inside = units.allowed.get(start..start + len.saturating_sub(look)).unwrap_or_default();
         inside.iter().filter(|allowed| **allowed).count()

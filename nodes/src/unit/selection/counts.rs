@@ -6,7 +6,7 @@ use super::picks::Pick;
 use crate::core::node::Summary;
 
 /// Share of units for which nothing is near enough from which on it is told.
-const MANY: f64 = 0.2;
+const MAX_FALLBACK_SHARE: f64 = 0.2;
 
 /// What is told of the picks of a channel.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
@@ -22,11 +22,11 @@ pub(super) struct Counts {
 
 impl Counts {
     /// What is given where nothing is chosen: the last pick, which is not heard.
-    pub fn asleep(&self) -> Pick {
+    pub fn inactive_pick(&self) -> Pick {
         Pick { unit: self.last.unwrap_or(0), asleep: true, ..Pick::default() }
     }
 
-    pub fn note(&mut self, pick: &Pick) {
+    pub fn record(&mut self, pick: &Pick) {
         self.picks += 1;
         self.fallbacks += u64::from(pick.fallback);
         self.runs += u64::from(self.last.is_some_and(|last| last + 1 == pick.unit));
@@ -45,20 +45,20 @@ impl Counts {
         let picks = sum(|c| c.picks as f64);
         let share = |x: f64| if picks > 0.0 { x / picks } else { 0.0 };
         let fallbacks = share(sum(|c| c.fallbacks as f64));
-        let mut told: Summary = vec![
+        let mut summary: Summary = vec![
             ("picks", (picks as u64).into()),
             ("fallback_share", fallbacks.into()),
             ("run_share", share(sum(|c| c.runs as f64)).into()),
             ("mean_d1", share(sum(|c| c.sum_d1)).into()),
         ];
-        if fallbacks > MANY {
+        if fallbacks > MAX_FALLBACK_SHARE {
             let text = format!(
                 "for {:.0} % of the units nothing in the database is within `d_max` {d_max}: add recordings of what is missing, \
                  mark correspondences or others, or raise `d_max` (SelectionReport tells when)",
                 100.0 * fallbacks
             );
-            told.push(("warning", text.into()));
+            summary.push(("warning", text.into()));
         }
-        told
+        summary
     }
 }

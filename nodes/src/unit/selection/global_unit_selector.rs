@@ -3,11 +3,11 @@
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-use super::candidates::{comparable, few_units, not_finite, units};
-use super::channel_gate::{self, Sleepers};
+use super::candidates::{comparable, few_units_warning, not_finite, units};
+use super::channel_gate::{self, ChannelGates};
 use super::counts::Counts;
 use super::global::{
-    BeamParams, FixedLag, GlobalParams, Joins, MOST_SWITCH_COST, Path, Table, beam, difference, distance_cap,
+    BeamParams, FixedLag, GlobalParams, Joins, MAX_SWITCH_COST, Path, Table, beam, difference, distance_cap,
     exact,
 };
 use super::greedy;
@@ -109,7 +109,7 @@ pub struct GlobalUnitSelector {
     /// Units that `FixedLag` looks ahead.
     lag: usize,
     /// Where a silent target sends channels to sleep.
-    sleepers: Option<Sleepers>,
+    gates: Option<ChannelGates>,
     length: i64,
     /// The first unit of the target that it has seen, once it has.
     first: Option<i64>,
@@ -118,7 +118,7 @@ pub struct GlobalUnitSelector {
     counts: Vec<Counts>,
     totals: Totals,
     /// Where there are hardly more units than are kept from coming again.
-    few: Option<String>,
+    few_units: Option<String>,
 }
 
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
@@ -163,9 +163,10 @@ impl GlobalUnitSelector {
         let take = features.around().get(features.behind() * width..).unwrap_or_default();
         self.picks = vec![Pick::default(); items * self.vectors];
         for vector in 0..self.vectors {
-            let mut sleepers = self.sleepers.as_mut().zip(target);
-            let mut sleeps = |at| sleepers.as_mut().is_some_and(|(s, target)| s.sleeps(target, vector, at));
-            let awake: Vec<usize> = (0..items).filter(|k| !sleeps(first + *k as i64)).collect();
+            let mut gates = self.gates.as_mut().zip(target);
+            let mut is_closed =
+                |at| gates.as_mut().is_some_and(|(s, target)| s.is_closed(target, vector, at));
+            let awake: Vec<usize> = (0..items).filter(|k| !is_closed(first + *k as i64)).collect();
             let own = awake.iter().filter_map(|k| take.get(k * width + vector * dims..)?.get(..dims));
             let target: Vec<f32> = own.flatten().copied().collect();
             let path = self.path(&target).map_err(|NotFinite(k)| {
@@ -188,12 +189,12 @@ impl GlobalUnitSelector {
         let mut chosen = awake.iter().zip(target.chunks_exact(self.table.dims())).zip(units).peekable();
         for (k, out) in self.picks.iter_mut().skip(vector).step_by(self.vectors).enumerate() {
             let Some(((_, features), &unit)) = chosen.next_if(|((at, _), _)| **at == k) else {
-                *out = counts.asleep();
+                *out = counts.inactive_pick();
                 continue;
             };
             let column = self.table.column(unit).unwrap_or(0);
             *out = Pick::of_distance(self.table.distance(features, column), unit, self.params.d_max);
-            counts.note(out);
+            counts.record(out);
         }
     }
 
@@ -201,7 +202,7 @@ impl GlobalUnitSelector {
         match self.params.method {
             Method::Exact => exact(&self.table, target, &self.path, None),
             Method::Beam => self.beam(target),
-            Method::FixedLag => self.rehearse(target),
+            Method::FixedLag => self.run_fixed_lag(target),
         }
     }
 
@@ -244,7 +245,7 @@ impl GlobalUnitSelector {
     }
 
     /// Chooses as if the target were still coming.
-    fn rehearse(&mut self, target: &[f32]) -> Result<Path, NotFinite> {
+    fn run_fixed_lag(&mut self, target: &[f32]) -> Result<Path, NotFinite> {
         let best = exact(&self.table, target, &self.path, None)?;
         let dims = self.table.dims();
         let mut online = FixedLag::new(self.table.clone(), self.path, self.lag);
@@ -288,7 +289,7 @@ impl Node for GlobalUnitSelector {
         s.lookaround(
             GlobalUnitSelectorPorts::target,
             0,
-            channel_gate::reach(features.format.conventions.unit, items),
+            channel_gate::target_look_ahead(features.format.conventions.unit, items),
         );
         s.ends(features.end);
         let vectors = features.format.vectors;
@@ -303,12 +304,12 @@ impl Node for GlobalUnitSelector {
         let none = || Fault::new("F101", "there is no unit to choose from").at("database");
         let units = units(&features.format, &db, &p.tags)?;
         let table = Table::new(&units).ok_or_else(none)?;
-        let few = few_units(&units, 0, p.cool_off);
-        let switch_cost = p.switch_cost.min(MOST_SWITCH_COST);
+        let few_units = few_units_warning(&units, 0, p.cool_off);
+        let switch_cost = p.switch_cost.min(MAX_SWITCH_COST);
         let target = cx.optional(GlobalUnitSelectorPorts::target);
         let vectors = features.format.vectors;
         Ok(Self {
-            sleepers: target.and_then(|_| Sleepers::new(&db, features.rate, vectors, p.keep_room_tone, 0)),
+            gates: target.and_then(|_| ChannelGates::new(&db, features.rate, vectors, p.keep_room_tone, 0)),
             path: GlobalParams { switch_cost, cap: distance_cap(p.d_max, p.penalty), cool_off: p.cool_off },
             db,
             table,
@@ -319,7 +320,7 @@ impl Node for GlobalUnitSelector {
             picks: Vec::new(),
             counts: vec![Counts::default(); vectors],
             totals: Totals::default(),
-            few,
+            few_units,
             params: p.clone(),
         })
     }
@@ -336,7 +337,7 @@ impl Node for GlobalUnitSelector {
 
     fn finish(&mut self, _: GlobalUnitSelectorIo<'_>) -> Result<Summary, Fault> {
         let mut summary = Counts::summary(self.counts.iter().copied(), self.params.d_max);
-        summary.extend(self.few.take().map(|text| ("warning", text.into())));
+        summary.extend(self.few_units.take().map(|text| ("warning", text.into())));
         summary.extend([
             ("cost", self.totals.cost.into()),
             ("free_cost", self.totals.free_cost.into()),
@@ -345,14 +346,14 @@ impl Node for GlobalUnitSelector {
             ("replaced", self.totals.replaced.into()),
         ]);
         let picked = Counts::picked(self.counts.iter().copied());
-        summary.push(("asleep_share", channel_gate::share(self.sleepers.as_ref(), picked).into()));
+        summary.push(("asleep_share", channel_gate::closed_share(self.gates.as_ref(), picked).into()));
         if self.params.method == Method::FixedLag {
             summary.push(("differs", self.totals.differs.into()));
         }
         Ok(summary)
     }
 
-    archive_state!(each sleepers, first, picks, counts, totals);
+    archive_state!(each gates, first, picks, counts, totals);
 
     fn trial(rng: &mut Rng) -> (GlobalUnitSelectorParams, MemoryFiles) {
         let p = GlobalUnitSelectorParams::trial(rng);

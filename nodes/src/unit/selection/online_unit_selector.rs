@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use super::candidates::{comparable, few_units, not_finite, units};
-use super::channel_gate::{self, Sleepers};
+use super::candidates::{comparable, few_units_warning, not_finite, units};
+use super::channel_gate::{self, ChannelGates};
 use super::counts::Counts;
 use super::global::{FixedLag, GlobalParams, Table, distance_cap};
 use super::picks::{Pick, PickFormat, Picks};
@@ -75,9 +75,9 @@ pub struct OnlineUnitSelector {
     dims: usize,
     d_max: f64,
     /// Where there are hardly more units than are kept from coming again.
-    few: Option<String>,
+    few_units: Option<String>,
     /// Where a silent target sends channels to sleep.
-    sleepers: Option<Sleepers>,
+    gates: Option<ChannelGates>,
     /// Units of the target, where it ends.
     length: Option<i64>,
 }
@@ -113,7 +113,7 @@ impl Node for OnlineUnitSelector {
         s.lookaround(
             OnlineUnitSelectorPorts::target,
             0,
-            channel_gate::reach(features.format.conventions.unit, lag),
+            channel_gate::target_look_ahead(features.format.conventions.unit, lag),
         );
         s.ends(features.end);
         let vectors = features.format.vectors;
@@ -138,14 +138,14 @@ impl Node for OnlineUnitSelector {
             |_| Channel { path: FixedLag::new(table.clone(), path, lag), counts: Counts::default() };
         let (vectors, target) = (features.format.vectors, cx.optional(OnlineUnitSelectorPorts::target));
         Ok(Self {
-            sleepers: target.and_then(|_| Sleepers::new(&db, features.rate, vectors, p.keep_room_tone, lag)),
+            gates: target.and_then(|_| ChannelGates::new(&db, features.rate, vectors, p.keep_room_tone, lag)),
             channels: (0..vectors).map(channel).collect(),
             window: Vec::with_capacity((lag + 1) * dims),
             ahead: Vec::with_capacity(lag + 1),
             lag,
             dims,
             d_max: p.d_max,
-            few: few_units(&units, 0, p.cool_off),
+            few_units: few_units_warning(&units, 0, p.cool_off),
             length: features.items(),
         })
     }
@@ -161,17 +161,17 @@ impl Node for OnlineUnitSelector {
             let here = features.behind() + k;
             for (vector, (channel, out)) in self.channels.iter_mut().zip(out).enumerate() {
                 let Channel { path, counts } = channel;
-                let mut sleepers = self.sleepers.as_mut().zip(io.target.as_ref());
-                let mut sleeps =
-                    |at| sleepers.as_mut().is_some_and(|(s, target)| s.sleeps(target, vector, at));
-                if sleeps(at) {
-                    *out = counts.asleep();
+                let mut gates = self.gates.as_mut().zip(io.target.as_ref());
+                let mut is_closed =
+                    |at| gates.as_mut().is_some_and(|(s, target)| s.is_closed(target, vector, at));
+                if is_closed(at) {
+                    *out = counts.inactive_pick();
                     continue;
                 }
                 self.window.clear();
                 self.ahead.clear();
                 // What will be slept through is no part of the path.
-                self.ahead.extend((0..=known).filter(|k| *k == 0 || !sleeps(at + *k as i64)));
+                self.ahead.extend((0..=known).filter(|k| *k == 0 || !is_closed(at + *k as i64)));
                 for item in &self.ahead {
                     let from = (here + item) * features.width() + vector * self.dims;
                     self.window.extend_from_slice(around.get(from..from + self.dims).unwrap_or_default());
@@ -181,7 +181,7 @@ impl Node for OnlineUnitSelector {
                     not_finite(features, at + ahead as i64)
                 })?;
                 *out = Pick::of_distance(chosen.d1, chosen.unit, self.d_max);
-                counts.note(out);
+                counts.record(out);
             }
         }
         Ok(())
@@ -189,15 +189,15 @@ impl Node for OnlineUnitSelector {
 
     fn finish(&mut self, _: OnlineUnitSelectorIo<'_>) -> Result<Summary, Fault> {
         let mut summary = Counts::summary(self.channels.iter().map(|c| c.counts), self.d_max);
-        summary.extend(self.few.take().map(|text| ("warning", text.into())));
+        summary.extend(self.few_units.take().map(|text| ("warning", text.into())));
         let replaced: usize = self.channels.iter().map(|c| c.path.replaced()).sum();
         summary.push(("replaced", replaced.into()));
         let picked = Counts::picked(self.channels.iter().map(|c| c.counts));
-        summary.push(("asleep_share", channel_gate::share(self.sleepers.as_ref(), picked).into()));
+        summary.push(("asleep_share", channel_gate::closed_share(self.gates.as_ref(), picked).into()));
         Ok(summary)
     }
 
-    archive_state!(each channels, each sleepers);
+    archive_state!(each channels, each gates);
 
     fn trial(rng: &mut Rng) -> (OnlineUnitSelectorParams, MemoryFiles) {
         let p = OnlineUnitSelectorParams::trial(rng);

@@ -13,7 +13,7 @@ use crate::unit::UnitDatabase;
 /// Window over which fallbacks are counted, seconds.
 const WINDOW: f64 = 0.5;
 /// Share of fallbacks in a window from which on it is listed.
-const MANY: f64 = 0.2;
+const POOR_SHARE: f64 = 0.2;
 
 /// One channel of a selection.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -112,21 +112,21 @@ impl ChannelReport {
 /// Where windows hold many fallbacks; overlapping ones are joined.
 fn poor(picks: &[Pick], rate: f64) -> Vec<[f64; 2]> {
     let window = ((WINDOW * rate).round() as usize).clamp(1, picks.len().max(1));
-    let (mut stretches, mut fallbacks): (Vec<[usize; 2]>, usize) = (Vec::new(), 0);
+    let (mut intervals, mut fallbacks): (Vec<[usize; 2]>, usize) = (Vec::new(), 0);
     for (i, pick) in picks.iter().enumerate() {
         fallbacks += usize::from(pick.fallback);
         if let Some(left) = i.checked_sub(window) {
             fallbacks -= usize::from(picks[left].fallback);
         }
         let from = (i + 1).saturating_sub(window);
-        if i + 1 >= window && fallbacks as f64 > MANY * window as f64 {
-            match stretches.last_mut() {
+        if i + 1 >= window && fallbacks as f64 > POOR_SHARE * window as f64 {
+            match intervals.last_mut() {
                 Some(last) if last[1] >= from => last[1] = i + 1,
-                _ => stretches.push([from, i + 1]),
+                _ => intervals.push([from, i + 1]),
             }
         }
     }
-    stretches.into_iter().map(|ends| ends.map(|k| k as f64 / rate)).collect()
+    intervals.into_iter().map(|ends| ends.map(|k| k as f64 / rate)).collect()
 }
 
 /// What tells that a report is of a database: its conventions and features, which picks are numbers of.
@@ -190,10 +190,10 @@ impl Data for SelectionReport {
         if count < 2 || !(low.is_finite() && high.is_finite()) {
             return None;
         }
-        let room = 0.05 * (high - low).max(1e-3);
+        let margin = 0.05 * (high - low).max(1e-3);
         let x = Axis { label: "time, s".into(), range: [0.0, seconds(count - 1)], log: false };
         let label = if self.target.is_empty() { "distance of features" } else { "features" };
-        let y = Axis { label: label.into(), range: [low - room, high + room], log: false };
+        let y = Axis { label: label.into(), range: [low - margin, high + margin], log: false };
         Some(chart("Target and chosen units", &x, &y, &lines))
     }
 }

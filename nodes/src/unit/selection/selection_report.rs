@@ -40,7 +40,7 @@ ports! {
 }
 
 /// Longest target, in units: four hours of milliseconds.
-const LONGEST: i64 = 14_400_000;
+const MAX_UNITS: i64 = 14_400_000;
 
 /// The node over [`ChannelReport`].
 pub struct SelectionReportNode {
@@ -53,10 +53,10 @@ pub struct SelectionReportNode {
 
 fn length(picks: Option<i64>) -> Result<usize, Reject> {
     match picks {
-        Some(n) if n <= LONGEST => Ok(n.max(0) as usize),
+        Some(n) if n <= MAX_UNITS => Ok(n.max(0) as usize),
         found => {
             let found = found.map_or("does not end".into(), |n| format!("has {n} units"));
-            let message = format!("`picks` {found}; a report is made of at most {LONGEST}");
+            let message = format!("`picks` {found}; a report is made of at most {MAX_UNITS}");
             Err(Reject::new("F075", message).at("picks").help("cut the target with Trim"))
         }
     }

@@ -76,7 +76,7 @@ pub trait Selector: Send + Sync {
     fn choose(&mut self, window: &[f32]) -> Result<Choice, NotFinite>;
 
     /// Goes on as if `picks`, the latest last, were all that has been chosen so far.
-    fn recall(&mut self, picks: &[u32]);
+    fn set_history(&mut self, picks: &[u32]);
 
     /// Saves what was chosen so far, or puts it back.
     ///
@@ -85,7 +85,7 @@ pub trait Selector: Send + Sync {
     fn archive_state(&mut self, archive: &mut StateArchive<'_>) -> Result<(), Fault>;
 
     /// Another one over the same units, which share the memory of this one.
-    fn another(&self) -> Box<dyn Selector>;
+    fn boxed_clone(&self) -> Box<dyn Selector>;
 }
 
 /// Features and gap-free stretches of a database.
@@ -102,4 +102,4 @@ pub struct Units<'a> {
 }
 
 /// Most dimensions of a vector.
-pub const MOST_DIMS: usize = 64;
+pub const MAX_DIMS: usize = 64;

@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use super::candidates::{allowed, comparable, few_units, not_finite, units};
-use super::channel_gate::{self, Sleepers};
+use super::candidates::{allowed, comparable, few_units_warning, not_finite, units};
+use super::channel_gate::{self, ChannelGates};
 use super::counts::Counts;
 use super::greedy::selector;
 use super::picks::{Pick, PickFormat, Picks};
@@ -89,9 +89,9 @@ pub struct UnitSelector {
     dims: usize,
     d_max: f64,
     /// Where there are hardly more units than are kept from coming again.
-    few: Option<String>,
+    few_units: Option<String>,
     /// Where a silent target sends channels to sleep.
-    sleepers: Option<Sleepers>,
+    gates: Option<ChannelGates>,
     /// Units of the target, where it ends.
     length: Option<i64>,
 }
@@ -117,14 +117,14 @@ impl Channel {
         vector: usize,
         features: &In<'_, Features>,
         mut asleep: impl FnMut(i64) -> bool,
-        node: &Facts,
+        node: &Layout,
     ) -> Result<(), Fault> {
         self.picks.clear();
         let around = features.around();
         for k in 0..features.len() {
             let at = features.first() + k as i64;
             if asleep(at) {
-                self.picks.push(self.counts.asleep());
+                self.picks.push(self.counts.inactive_pick());
                 continue;
             }
             let most = if node.causal { at } else { node.length.map_or(i64::MAX, |n| n - 1 - at) };
@@ -147,7 +147,7 @@ impl Channel {
                 d1: chosen.d1 as f32,
                 d2: chosen.d2 as f32,
             };
-            self.counts.note(&pick);
+            self.counts.record(&pick);
             self.counts.cut += u64::from(chosen.cut);
             self.picks.push(pick);
         }
@@ -155,7 +155,7 @@ impl Channel {
     }
 }
 
-struct Facts {
+struct Layout {
     look: usize,
     causal: bool,
     dims: usize,
@@ -208,7 +208,11 @@ impl Node for UnitSelector {
             s.note("all channels choose from the same units: a sound in the middle may wander; Mfcc(channels: SharedMid) or Joint keep it");
         }
         channel_gate::check(&features, s.optional(UnitSelectorPorts::target).as_ref())?;
-        s.lookaround(UnitSelectorPorts::target, 0, channel_gate::reach(format.conventions.unit, 0));
+        s.lookaround(
+            UnitSelectorPorts::target,
+            0,
+            channel_gate::target_look_ahead(format.conventions.unit, 0),
+        );
         s.ends(features.end);
         let (past, ahead) = if p.causal { (p.look, 0) } else { (0, p.look) };
         s.lookaround(UnitSelectorPorts::features, past, ahead);
@@ -230,17 +234,17 @@ impl Node for UnitSelector {
             effort: (p.effort > 0).then_some(p.effort),
         };
         let vectors = features.format.vectors;
-        let mut few = few_units(&units, p.look, p.cool_off);
+        let mut few_units = few_units_warning(&units, p.look, p.cool_off);
         let selectors = if own_channels(p, &db, vectors)? {
             let of = |vector| {
                 let own = Units { allowed: own(&db, &units.allowed, vector), ..units.clone() };
-                few = few.take().or_else(|| few_units(&own, p.look, p.cool_off));
+                few_units = few_units.take().or_else(|| few_units_warning(&own, p.look, p.cool_off));
                 selector(&own, params.clone())
             };
             (0..vectors).map(of).collect::<Option<Vec<_>>>()
         } else {
             let one = selector(&units, params);
-            one.map(|one| (1..vectors).map(|_| one.another()).chain([one.another()]).collect())
+            one.map(|one| (1..vectors).map(|_| one.boxed_clone()).chain([one.boxed_clone()]).collect())
         };
         let target = cx.optional(UnitSelectorPorts::target);
         let channel =
@@ -254,19 +258,19 @@ impl Node for UnitSelector {
             causal: p.causal,
             dims: db.dims(),
             d_max: p.d_max,
-            few,
-            sleepers: target.and_then(|_| Sleepers::new(&db, features.rate, vectors, p.keep_room_tone, 0)),
+            few_units,
+            gates: target.and_then(|_| ChannelGates::new(&db, features.rate, vectors, p.keep_room_tone, 0)),
             length: features.items(),
         })
     }
 
     fn run(&mut self, mut io: UnitSelectorIo<'_>) -> Result<(), Fault> {
-        let facts = Facts { look: self.look, causal: self.causal, dims: self.dims, length: self.length };
+        let layout = Layout { look: self.look, causal: self.causal, dims: self.dims, length: self.length };
         let (features, target) = (&io.features, io.target.as_ref());
         for (vector, channel) in self.channels.iter_mut().enumerate() {
-            let mut sleepers = self.sleepers.as_mut().zip(target);
-            let asleep = |at| sleepers.as_mut().is_some_and(|(s, target)| s.sleeps(target, vector, at));
-            channel.choose(vector, features, asleep, &facts)?;
+            let mut gates = self.gates.as_mut().zip(target);
+            let asleep = |at| gates.as_mut().is_some_and(|(s, target)| s.is_closed(target, vector, at));
+            channel.choose(vector, features, asleep, &layout)?;
         }
         let width = self.channels.len();
         let out = io.picks.items();
@@ -280,15 +284,15 @@ impl Node for UnitSelector {
 
     fn finish(&mut self, _: UnitSelectorIo<'_>) -> Result<Summary, Fault> {
         let mut summary = Counts::summary(self.channels.iter().map(|channel| channel.counts), self.d_max);
-        summary.extend(self.few.take().map(|text| ("warning", text.into())));
+        summary.extend(self.few_units.take().map(|text| ("warning", text.into())));
         let picked = Counts::picked(self.channels.iter().map(|channel| channel.counts));
         let cut: u64 = self.channels.iter().map(|channel| channel.counts.cut).sum();
         summary.push(("cut_share", (cut as f64 / picked.max(1) as f64).into()));
-        summary.push(("asleep_share", channel_gate::share(self.sleepers.as_ref(), picked).into()));
+        summary.push(("asleep_share", channel_gate::closed_share(self.gates.as_ref(), picked).into()));
         Ok(summary)
     }
 
-    archive_state!(each channels, each sleepers);
+    archive_state!(each channels, each gates);
 
     fn trial(rng: &mut Rng) -> (UnitSelectorParams, MemoryFiles) {
         let p = UnitSelectorParams::trial(rng);

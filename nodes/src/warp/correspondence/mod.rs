@@ -5,5 +5,5 @@ pub mod pairing;
 pub mod set;
 pub(crate) mod target_features;
 
-pub use pairing::{Pairing, SetError, SetErrors, Stretch, Target, pairs, stretches, whole_units};
+pub use pairing::{Interval, Pairing, SetError, SetErrors, Target, intervals, pairs, whole_units};
 pub use set::{Correspondence, CorrespondenceSet, SourceName, read_correspondences, write_correspondences};

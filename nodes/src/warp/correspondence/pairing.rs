@@ -4,7 +4,7 @@ use std::fmt;
 use std::ops::Range;
 
 use super::set::{Correspondence, CorrespondenceSet, SourceName};
-use crate::artefact::text::Location as Place;
+use crate::artefact::text::Location;
 use crate::unit::{Segment, UnitDatabase};
 use crate::warp::spline::Pair;
 
@@ -24,12 +24,12 @@ pub enum Pairing {
 
 /// A correspondence that does not fit the target or the database.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{file}:{place}: {message}")]
+#[error("{file}:{location}: {message}")]
 pub struct SetError {
     /// The file.
     pub file: String,
     /// Where in it.
-    pub place: Place,
+    pub location: Location,
     /// What was found and what would be right.
     pub message: String,
 }
@@ -39,7 +39,7 @@ pub struct SetError {
 pub struct SetErrors(pub Vec<SetError>);
 
 /// The most that are told in words.
-const TOLD: usize = 20;
+const MAX_LISTED: usize = 20;
 
 impl fmt::Display for SetErrors {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -47,8 +47,8 @@ impl fmt::Display for SetErrors {
             return only.fmt(f);
         }
         write!(f, "{} correspondences do not fit", self.0.len())?;
-        self.0.iter().take(TOLD).try_for_each(|e| write!(f, "; {e}"))?;
-        if self.0.len() > TOLD { write!(f, "; and {} more", self.0.len() - TOLD) } else { Ok(()) }
+        self.0.iter().take(MAX_LISTED).try_for_each(|e| write!(f, "; {e}"))?;
+        if self.0.len() > MAX_LISTED { write!(f, "; and {} more", self.0.len() - MAX_LISTED) } else { Ok(()) }
     }
 }
 
@@ -56,7 +56,7 @@ impl std::error::Error for SetErrors {}
 
 /// The units of a correspondence, for one vector of the target.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Stretch {
+pub struct Interval {
     /// Index in the set.
     pub correspondence: usize,
     /// Vector (channel) of the target.
@@ -161,18 +161,18 @@ fn of_units(c: &Correspondence, db: &UnitDatabase) -> Result<Range<usize>, Strin
 /// # Errors
 /// Names file, line and column of each one that lies outside of the target or the recordings, runs across a join, names a
 /// channel that is not there, or holds no whole unit.
-pub fn stretches(
+pub fn intervals(
     set: &CorrespondenceSet,
     target: Target,
     db: &UnitDatabase,
-) -> Result<Vec<Stretch>, SetErrors> {
+) -> Result<Vec<Interval>, SetErrors> {
     let (mut all, mut wrong) = (Vec::new(), Vec::new());
     for (index, c) in set.pairs.iter().enumerate().filter(|(_, c)| c.enabled) {
         match of_one(index, c, target, db) {
             Ok(found) => all.extend(found),
             Err(message) => wrong.push(SetError {
                 file: set.file.clone(),
-                place: c.place,
+                location: c.location,
                 message: format!("{}: {message}", c.name(index)),
             }),
         }
@@ -186,7 +186,7 @@ fn of_one(
     c: &Correspondence,
     target: Target,
     db: &UnitDatabase,
-) -> Result<Vec<Stretch>, String> {
+) -> Result<Vec<Interval>, String> {
     let mut all = Vec::new();
     if let Some(channel) = c.channel.filter(|channel| *channel as usize >= target.vectors) {
         let message =
@@ -214,7 +214,7 @@ fn of_one(
                 format!("{} s hold no whole unit of the {side}; a longer duration is needed", c.duration);
             return Err(message);
         }
-        all.push(Stretch { correspondence: index, vector, target: units.clone(), database });
+        all.push(Interval { correspondence: index, vector, target: units.clone(), database });
     }
     Ok(all)
 }
@@ -258,12 +258,12 @@ fn time_warp(a: &[&[f32]], b: &[&[f32]], d: usize) -> Vec<(usize, usize)> {
             total[i * m + j] = cost(i, j) + before(&total, i, j).map_or(0.0, |(p, q)| total[p * m + q]);
         }
     }
-    let mut way = vec![(n - 1, m - 1)];
-    while let Some(step) = way.last().and_then(|(i, j)| before(&total, *i, *j)) {
-        way.push(step);
+    let mut path = vec![(n - 1, m - 1)];
+    while let Some(step) = path.last().and_then(|(i, j)| before(&total, *i, *j)) {
+        path.push(step);
     }
-    way.reverse();
-    way
+    path.reverse();
+    path
 }
 
 /// Pairs of feature vectors for one vector (channel) of the target, each with its correspondence.
@@ -272,7 +272,7 @@ fn time_warp(a: &[&[f32]], b: &[&[f32]], d: usize) -> Vec<(usize, usize)> {
 /// `features: [units, vectors, d]` of the target.
 #[must_use]
 pub fn pairs(
-    stretches: &[Stretch],
+    intervals: &[Interval],
     vector: usize,
     pairing: Pairing,
     set: &CorrespondenceSet,
@@ -285,13 +285,13 @@ pub fn pairs(
         features.get(at..at + d).unwrap_or_default()
     };
     let mut all = Vec::new();
-    for stretch in stretches.iter().filter(|s| s.vector == vector) {
-        let weight = set.pairs.get(stretch.correspondence).map_or(1.0, |c| c.weight);
-        let from: Vec<&[f32]> = stretch.target.clone().map(target).collect();
-        let to: Vec<&[f32]> = stretch.database.clone().map(|unit| db.feature(unit)).collect();
+    for interval in intervals.iter().filter(|s| s.vector == vector) {
+        let weight = set.pairs.get(interval.correspondence).map_or(1.0, |c| c.weight);
+        let from: Vec<&[f32]> = interval.target.clone().map(target).collect();
+        let to: Vec<&[f32]> = interval.database.clone().map(|unit| db.feature(unit)).collect();
         let wide = |x: &[f32]| x.iter().map(|x| f64::from(*x)).collect::<Vec<_>>();
         let mut add =
-            |from: Vec<f64>, to: Vec<f64>| all.push((stretch.correspondence, Pair { from, to, weight }));
+            |from: Vec<f64>, to: Vec<f64>| all.push((interval.correspondence, Pair { from, to, weight }));
         match pairing {
             Pairing::InOrder => from.iter().zip(&to).for_each(|(a, b)| add(wide(a), wide(b))),
             Pairing::Centroid => add(mean(from.iter().copied(), d), mean(to.iter().copied(), d)),
@@ -334,10 +334,10 @@ mod tests {
 
     const TARGET: Target = Target { units: 480, vectors: 2, rate: 240.0 };
 
-    fn found(pairs: &str) -> Result<Vec<Stretch>, SetErrors> {
+    fn found(pairs: &str) -> Result<Vec<Interval>, SetErrors> {
         let mut set = read_correspondences(&format!("(pairs: [\n{pairs}\n])")).unwrap();
         set.file = "set.ron".into();
-        stretches(&set, TARGET, &database())
+        intervals(&set, TARGET, &database())
     }
 
     #[test]
@@ -405,7 +405,7 @@ mod tests {
              (label: \"far\", target: 0, database: 9, duration: 0.1),\n(target: 0, source: 7, database: 0, duration: 0.1)",
         )
         .unwrap_err();
-        let indices: Vec<u32> = e.0.iter().map(|e| e.place.line).collect();
+        let indices: Vec<u32> = e.0.iter().map(|e| e.location.line).collect();
         assert_eq!(indices, [2, 4, 5]);
         let text = e.to_string();
         for part in [
@@ -427,7 +427,7 @@ mod tests {
         .unwrap();
         let target = Target { vectors: 1, ..TARGET };
         let db = database();
-        let all = stretches(&set, target, &db).unwrap();
+        let all = intervals(&set, target, &db).unwrap();
         assert_eq!((all[0].target.len(), all[0].database.clone()), (12, 1..12));
         let features: Vec<f32> = (0..480 * 3).map(|k| (k / 3) as f32).collect();
         let of = |pairing| pairs(&all, 0, pairing, &set, (&features, 1), &db);

@@ -46,7 +46,8 @@ pub struct Correspondence {
     /// Whether it counts at all.
     pub enabled: bool,
     /// Where it stands in its file.
-    pub place: Location,
+    #[serde(rename = "place")]
+    pub location: Location,
 }
 
 /// Correspondences with the file that they stand in.
@@ -168,7 +169,7 @@ impl PairText {
             channel: self.channel,
             weight: self.weight.map_or(1.0, |weight| weight.0),
             enabled: self.enabled.unwrap_or(true),
-            place: location,
+            location: location,
         }
     }
 }
@@ -260,7 +261,7 @@ impl Data for CorrespondenceSet {
             channel: None,
             weight: rng.between(0.5, 2.0),
             enabled: rng.below(4) > 0,
-            place: Location::default(),
+            location: Location::default(),
         };
         let pairs = (0..rng.below(4)).map(|_| pair(rng)).collect();
         Self { pairs, ..Self::default() }
@@ -287,7 +288,7 @@ mod tests {
             }
             let text = write_correspondences(&set);
             let mut found = read_correspondences(&text).unwrap();
-            found.pairs.iter_mut().for_each(|c| c.place = Location::default());
+            found.pairs.iter_mut().for_each(|c| c.location = Location::default());
             assert_eq!(found, set, "{text}");
         }
     }
@@ -310,7 +311,7 @@ mod tests {
 
     #[test]
     fn errors_say_line_and_column() {
-        for (text, place, part) in [
+        for (text, location, part) in [
             ("(pairs: [\n(target: 1, duration: 0.1)])", "2:1", "`database` is missing"),
             ("(pairs: [(target: -1, database: 1, duration: 0.1)])", "1:19", "found -1; a number from 0 to"),
             (
@@ -332,7 +333,7 @@ mod tests {
             ),
         ] {
             let e = read_correspondences(text).unwrap_err();
-            assert!(e.location.to_string() == place && e.message.contains(part), "{text}: {e}");
+            assert!(e.location.to_string() == location && e.message.contains(part), "{text}: {e}");
         }
     }
 }

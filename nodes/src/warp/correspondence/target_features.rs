@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::pairing::{Pairing, Stretch, Target, pairs, stretches};
+use super::pairing::{Interval, Pairing, Target, intervals, pairs};
 use super::set::CorrespondenceSet;
 use crate::core::fault::{Fault, Reject};
 use crate::core::node::Summary;
@@ -14,7 +14,7 @@ use crate::warp::spline::Pair;
 
 /// A target that has been heard to its end, with what it is compared with.
 #[derive(Debug)]
-pub(in crate::warp) struct Heard {
+pub(in crate::warp) struct TargetFeatures {
     pub format: FeatureFormat,
     pub rate: f64,
     units: usize,
@@ -22,15 +22,15 @@ pub(in crate::warp) struct Heard {
     pub database: Arc<UnitDatabase>,
     pub pairs: Arc<CorrespondenceSet>,
 }
-impl_state!(Heard { features });
+impl_state!(TargetFeatures { features });
 
 /// Longest target, in units: a day at 240 units per second.
-const LONGEST: i64 = 86_400 * 240;
+const MAX_UNITS: i64 = 86_400 * 240;
 
 fn target(features: &Incoming<Features>) -> Result<Target, Reject> {
-    let units = features.items().filter(|units| *units <= LONGEST).ok_or_else(|| {
+    let units = features.items().filter(|units| *units <= MAX_UNITS).ok_or_else(|| {
         let found = features.items().map_or("do not end".into(), |n| format!("hold {n} units"));
-        let message = format!("`features` {found}; a target of at most {LONGEST} units is needed");
+        let message = format!("`features` {found}; a target of at most {MAX_UNITS} units is needed");
         Reject::new("F075", message).at("features").help("cut the stream, or fit offline and use WarpFile")
     })?;
     Ok(Target {
@@ -45,10 +45,10 @@ fn check(
     target: Target,
     features: &FeatureFormat,
     db: &UnitDatabase,
-) -> Result<Vec<Stretch>, Reject> {
+) -> Result<Vec<Interval>, Reject> {
     db.validate().map_err(|e| Reject::new("F111", e.to_string()).at("database"))?;
     features.conventions.check("features", &db.conventions, "database")?;
-    stretches(set, target, db).map_err(|e| Reject::new("F110", e.to_string()).at("pairs"))
+    intervals(set, target, db).map_err(|e| Reject::new("F110", e.to_string()).at("pairs"))
 }
 
 /// Checks what a fit needs before anything runs.
@@ -64,7 +64,7 @@ pub(in crate::warp) fn checked(
     Ok(())
 }
 
-impl Heard {
+impl TargetFeatures {
     /// Room for a target.
     pub fn new(
         features: Incoming<Features>,
@@ -85,8 +85,8 @@ impl Heard {
 
     /// Adds a window, without what stands after the end of the target.
     pub fn add(&mut self, items: &[f32]) {
-        let most = self.units * self.format.vectors * self.format.dims();
-        let left = most - self.features.len().min(most);
+        let capacity = self.units * self.format.vectors * self.format.dims();
+        let left = capacity - self.features.len().min(capacity);
         self.features.extend(items.iter().take(left));
     }
 
@@ -112,8 +112,8 @@ impl Heard {
     }
 
     /// Warnings of correspondences that were marked in another target or in other recordings.
-    pub fn strange(&self) -> Summary {
-        let (set, mut told) = (&*self.pairs, Summary::new());
+    pub fn mismatch_warnings(&self) -> Summary {
+        let (set, mut warnings) = (&*self.pairs, Summary::new());
         // Two units: how many the end of a sound makes depends on its rate.
         if let Some(length) = set.length.filter(|length| (length - self.seconds()).abs() * self.rate > 2.0) {
             let text = format!(
@@ -123,7 +123,7 @@ impl Heard {
                 set.target,
                 self.seconds()
             );
-            told.push(("warning", text.into()));
+            warnings.push(("warning", text.into()));
         }
         let recordings = self.database.recordings();
         if !set.database.is_empty() && set.database != recordings {
@@ -132,9 +132,9 @@ impl Heard {
                  or change `database` there",
                 set.file, set.database
             );
-            told.push(("warning", text.into()));
+            warnings.push(("warning", text.into()));
         }
-        told
+        warnings
     }
 
     /// Features of one vector of all units, `[units, d]`.

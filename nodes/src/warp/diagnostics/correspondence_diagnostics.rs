@@ -14,7 +14,7 @@ use crate::feature::Features;
 use crate::io::{AudioWriter, Dither, WriteFormat, WriteSpec};
 use crate::unit::selection::{comparable, units};
 use crate::unit::{Blend, Concatenator, SelectorParams, UnitDatabase};
-use crate::warp::correspondence::target_features::{Heard, checked};
+use crate::warp::correspondence::target_features::{TargetFeatures, checked};
 use crate::warp::correspondence::{CorrespondenceSet, Pairing};
 use crate::warp::fit::{FitError, Stiffness};
 use crate::warp::spline::{Pair, Tps};
@@ -23,8 +23,8 @@ use std::fmt;
 use std::ops::Range;
 
 /// Units that are played before and after the worst range, and the most of all.
-const AROUND: usize = 24;
-const MOST_PLAYED: f64 = 10.0;
+const MARGIN: usize = 24;
+const MAX_SECONDS: f64 = 10.0;
 
 params! {
     /// Leaves every correspondence out in turn, and tells which one the others would do better without.
@@ -80,7 +80,7 @@ ports! {
 }
 
 /// A stretch of one channel as two choices of units play it.
-struct Audition {
+struct Comparison {
     score: f64,
     with: Vec<u32>,
     without: Vec<u32>,
@@ -88,7 +88,7 @@ struct Audition {
 
 /// The node over [`suspicions`](super::leave_one_out::suspicions) and [`Baseline`].
 pub struct CorrespondenceDiagnostics {
-    heard: Heard,
+    target: TargetFeatures,
     params: CorrespondenceDiagnosticsParams,
     with: Option<Box<dyn WriteSeek>>,
     without: Option<Box<dyn WriteSeek>>,
@@ -103,17 +103,17 @@ impl fmt::Debug for CorrespondenceDiagnostics {
 impl CorrespondenceDiagnostics {
     /// The target as it is heard with all correspondences.
     fn baseline(&self, vector: usize, all: &Tps) -> Result<Baseline, Fault> {
-        let (heard, p) = (&self.heard, &self.params);
+        let (target, p) = (&self.target, &self.params);
         let params = SelectorParams {
             look: p.look,
             d_max: p.d_max,
             cool_off: p.cool_off,
             loop_guard: 0,
-            causal: heard.database.conventions.causal,
+            causal: target.database.conventions.causal,
             effort: None,
         };
-        let units = units(&heard.format, &heard.database, &p.tags)?;
-        let found = Baseline::new(heard.vector(vector), all, &units, params).map_err(strayed)?;
+        let units = units(&target.format, &target.database, &p.tags)?;
+        let found = Baseline::new(target.vector(vector), all, &units, params).map_err(not_finite)?;
         found.ok_or_else(|| Fault::new("F101", "there is no unit to choose from").at("database"))
     }
 
@@ -121,8 +121,8 @@ impl CorrespondenceDiagnostics {
         &self,
         vector: usize,
         pairs: &[(usize, Pair)],
-    ) -> Result<(ChannelDiagnosis, Option<Audition>), Fault> {
-        let d = self.heard.format.dims();
+    ) -> Result<(ChannelDiagnosis, Option<Comparison>), Fault> {
+        let d = self.target.format.dims();
         let wrong = |e: FitError| Fault::new("F111", e.to_string()).at("pairs");
         let stiffness = Stiffness::of(self.params.lambda, self.params.scale_free);
         let out = LeaveOut::as_stiff(pairs, d, stiffness).map_err(wrong)?;
@@ -132,17 +132,17 @@ impl CorrespondenceDiagnostics {
         let rest = found.iter().map(|s| out.without(s.correspondence));
         let rest: Vec<Tps> = rest.collect::<Result<_, _>>().map_err(wrong)?;
         let baseline = self.baseline(vector, &all)?;
-        let effects = baseline.effects(&rest).map_err(strayed)?;
-        let stretch = effects.first().and_then(|effect| self.stretch(&effect.ranges, baseline.len()));
-        let audition = match (stretch, rest.first(), found.first()) {
-            (Some(stretch), Some(rest), Some(suspect)) => Some(Audition {
+        let effects = baseline.effects(&rest).map_err(not_finite)?;
+        let interval = effects.first().and_then(|effect| self.interval(&effect.ranges, baseline.len()));
+        let comparison = match (interval, rest.first(), found.first()) {
+            (Some(interval), Some(rest), Some(suspect)) => Some(Comparison {
                 score: suspect.score,
-                with: baseline.picks().get(stretch.clone()).unwrap_or_default().to_vec(),
-                without: baseline.audition(rest, stretch).map_err(strayed)?,
+                with: baseline.picks().get(interval.clone()).unwrap_or_default().to_vec(),
+                without: baseline.picks_with(rest, interval).map_err(not_finite)?,
             }),
             _ => None,
         };
-        let verdicts = found.into_iter().zip(effects).map(|(s, e)| Verdict::new(s, e, &self.heard));
+        let verdicts = found.into_iter().zip(effects).map(|(s, e)| Verdict::new(s, e, &self.target));
         let diagnosis = ChannelDiagnosis {
             lambda: out.lambda(),
             degrees_of_freedom: freedom,
@@ -150,22 +150,22 @@ impl CorrespondenceDiagnostics {
             fold_share: baseline.fold_share(),
             verdicts: verdicts.collect(),
         };
-        Ok((diagnosis, audition))
+        Ok((diagnosis, comparison))
     }
 
     /// What is played of the longest of some ranges.
-    fn stretch(&self, ranges: &[[usize; 2]], units: usize) -> Option<Range<usize>> {
+    fn interval(&self, ranges: &[[usize; 2]], units: usize) -> Option<Range<usize>> {
         let [from, to] = ranges.iter().rev().max_by_key(|[from, to]| to - from)?;
-        let from = from.saturating_sub(AROUND);
-        let most = from + (MOST_PLAYED * self.heard.rate) as usize;
-        Some(from..(to + AROUND).min(units).min(most))
+        let from = from.saturating_sub(MARGIN);
+        let most = from + (MAX_SECONDS * self.target.rate) as usize;
+        Some(from..(to + MARGIN).min(units).min(most))
     }
 
     /// Writes what two choices of units sound like.
-    fn write(&mut self, audition: Option<Audition>) -> Result<(), Fault> {
-        let Audition { with, without, .. } =
-            audition.unwrap_or(Audition { score: 0.0, with: Vec::new(), without: Vec::new() });
-        let db = &self.heard.database;
+    fn write(&mut self, comparison: Option<Comparison>) -> Result<(), Fault> {
+        let Comparison { with, without, .. } =
+            comparison.unwrap_or(Comparison { score: 0.0, with: Vec::new(), without: Vec::new() });
+        let db = &self.target.database;
         let sinks = [("with", self.with.take(), with), ("without", self.without.take(), without)];
         for (field, sink, picks) in sinks {
             let Some(sink) = sink else { continue };
@@ -189,7 +189,7 @@ impl CorrespondenceDiagnostics {
     }
 }
 
-fn strayed(unit: crate::unit::NotFinite) -> Fault {
+fn not_finite(unit: crate::unit::NotFinite) -> Fault {
     Fault::new("F111", format!("the warp leads unit {} of the target to no finite place", unit.0)).at("pairs")
 }
 
@@ -213,35 +213,36 @@ impl Node for CorrespondenceDiagnostics {
 
     fn build(p: &CorrespondenceDiagnosticsParams, cx: &Build<'_>) -> Result<Self, Fault> {
         type Port = CorrespondenceDiagnosticsPorts;
-        let heard = Heard::new(cx.input(Port::features), cx.value(Port::database), cx.value(Port::pairs))?;
+        let target =
+            TargetFeatures::new(cx.input(Port::features), cx.value(Port::database), cx.value(Port::pairs))?;
         let create = |field: &str, path: &Option<OutPath>| {
             path.as_ref().map(|path| cx.create(field, &path.0)).transpose()
         };
         let (with, without) = (create("with", &p.with)?, create("without", &p.without)?);
-        Ok(Self { heard, params: p.clone(), with, without })
+        Ok(Self { target, params: p.clone(), with, without })
     }
 
     fn run(&mut self, io: CorrespondenceDiagnosticsIo<'_>) -> Result<(), Fault> {
-        self.heard.add(io.features.items());
+        self.target.add(io.features.items());
         Ok(())
     }
 
     fn finish(&mut self, mut io: CorrespondenceDiagnosticsIo<'_>) -> Result<Summary, Fault> {
-        let all = self.heard.pairs(self.params.pairing)?;
+        let all = self.target.pairs(self.params.pairing)?;
         let found = all.iter().enumerate().map(|(vector, pairs)| self.channel(vector, pairs));
-        let (channels, auditions): (Vec<_>, Vec<_>) =
+        let (channels, comparisons): (Vec<_>, Vec<_>) =
             found.collect::<Result<Vec<_>, Fault>>()?.into_iter().unzip();
-        let suspect = auditions.into_iter().flatten().max_by(|a, b| a.score.total_cmp(&b.score));
+        let suspect = comparisons.into_iter().flatten().max_by(|a, b| a.score.total_cmp(&b.score));
         self.write(suspect)?;
-        let diagnosis = Diagnosis { file: self.heard.pairs.file.clone(), channels };
+        let diagnosis = Diagnosis { file: self.target.pairs.file.clone(), channels };
         let mut summary = vec![("suspects", serde_json::json!(diagnosis.text()))];
         summary.extend(diagnosis.suspect().map(|text| ("warning", text.into())));
-        summary.extend(self.heard.strange());
+        summary.extend(self.target.mismatch_warnings());
         io.diagnosis.set(diagnosis);
         Ok(summary)
     }
 
-    archive_state!(heard);
+    archive_state!(target);
 
     fn trial(rng: &mut Rng) -> (CorrespondenceDiagnosticsParams, MemoryFiles) {
         let p = CorrespondenceDiagnosticsParams::trial(rng);

@@ -4,10 +4,10 @@ use serde::{Deserialize, Serialize};
 
 use super::effect::Effect;
 use super::leave_one_out::Suspicion;
-use crate::artefact::text::Location as Place;
+use crate::artefact::text::Location;
 use crate::core::item::Data;
 use crate::core::random::Rng;
-use crate::warp::correspondence::target_features::Heard;
+use crate::warp::correspondence::target_features::TargetFeatures;
 
 /// What was found of one correspondence.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -15,7 +15,8 @@ pub struct Verdict {
     /// What people call it.
     pub label: String,
     /// Where it stands in its file.
-    pub place: Place,
+    #[serde(rename = "place")]
+    pub location: Location,
     /// Index in the file.
     pub correspondence: usize,
     /// By how much the squared errors of predicting the others from each other fall without it.
@@ -67,12 +68,12 @@ impl Data for Diagnosis {
 }
 
 impl Verdict {
-    pub(super) fn new(suspicion: Suspicion, effect: Effect, heard: &Heard) -> Self {
-        let c = heard.pairs.pairs.get(suspicion.correspondence);
-        let seconds = |[from, to]: [usize; 2]| [from as f64 / heard.rate, to as f64 / heard.rate];
+    pub(super) fn new(suspicion: Suspicion, effect: Effect, target: &TargetFeatures) -> Self {
+        let c = target.pairs.pairs.get(suspicion.correspondence);
+        let seconds = |[from, to]: [usize; 2]| [from as f64 / target.rate, to as f64 / target.rate];
         Self {
             label: c.map(|c| c.label.clone()).unwrap_or_default(),
-            place: c.map(|c| c.place).unwrap_or_default(),
+            location: c.map(|c| c.location).unwrap_or_default(),
             correspondence: suspicion.correspondence,
             score: suspicion.score,
             rank: suspicion.rank,
@@ -101,14 +102,14 @@ impl Verdict {
 
     fn text(&self, channel: usize, file: &str) -> String {
         let longest = self.ranges.iter().max_by(|a, b| (a[1] - a[0]).total_cmp(&(b[1] - b[0])));
-        let heard = longest.map_or(String::new(), |[from, to]| {
+        let target = longest.map_or(String::new(), |[from, to]| {
             format!(", heard most from {from:.2} to {to:.2} s of {} ranges", self.ranges.len())
         });
         format!(
-            "channel {channel}, {}. {:?} at {file}:{}: score {:.3}; without it fallbacks {:+.1} %, folds {:+.1} %{heard}; {}",
+            "channel {channel}, {}. {:?} at {file}:{}: score {:.3}; without it fallbacks {:+.1} %, folds {:+.1} %{target}; {}",
             self.rank,
             self.label,
-            self.place,
+            self.location,
             self.score,
             100.0 * self.delta_fallback,
             100.0 * self.delta_folds,

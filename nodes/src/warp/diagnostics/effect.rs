@@ -6,16 +6,16 @@ use serde::{Deserialize, Serialize};
 use crate::unit::{Choice, NotFinite, Selector, SelectorParams, Units, selector};
 use crate::warp::spline::Tps;
 use crate::warp::spline::batch::warped;
-use crate::warp::spline::tps::{Turns, spread};
+use crate::warp::spline::tps::{Orientation, evenly_spaced};
 
 /// Units that move less than this in feature space are as good as unmoved.
-const MOVED: f64 = 0.25;
+const MIN_DISPLACEMENT: f64 = 0.25;
 /// Unchanged units within a range that do not split it.
 const GAP: usize = 24;
 /// Most units that are chosen again over all correspondences; of more, every second, third and so on.
-const CHOSEN_AGAIN: usize = 16_000;
+const MAX_CHOICES: usize = 16_000;
 /// Most units whose warp is looked at for folds.
-const SURVEYED: usize = 1024;
+const MAX_SURVEYED: usize = 1024;
 
 /// What leaving a correspondence out changes.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -73,8 +73,8 @@ impl Baseline {
     ) -> Result<Option<Self>, NotFinite> {
         let Some(selector) = selector(units, params.clone()) else { return Ok(None) };
         let (dims, warped) = (units.dims, warped(&target, &[all]).concat());
-        let surveyed: Vec<usize> = spread(target.len() / dims.max(1), SURVEYED).collect();
-        let folds = Turns::new(&target, all, &surveyed).folds();
+        let surveyed: Vec<usize> = evenly_spaced(target.len() / dims.max(1), MAX_SURVEYED).collect();
+        let folds = Orientation::new(&target, all, &surveyed).folds();
         let (choices, picks) = (Vec::new(), Vec::new());
         let mut this = Self { dims, target, warped, choices, picks, folds, surveyed, params, selector };
         let all = 0..this.len();
@@ -133,8 +133,8 @@ impl Baseline {
         units: std::ops::Range<usize>,
         before: &[u32],
     ) -> Result<Vec<Choice>, NotFinite> {
-        let mut selector = self.selector.another();
-        selector.recall(before);
+        let mut selector = self.selector.boxed_clone();
+        selector.set_history(before);
         let choose = |unit: usize| {
             selector.choose(self.window(warped, unit)).map_err(|k| k.after(self.window_start(unit)))
         };
@@ -161,14 +161,14 @@ impl Baseline {
         let warped = warped(&self.target, &rest.iter().collect::<Vec<_>>());
         let moved: Vec<Vec<usize>> = warped.par_iter().map(|warped| self.moved(warped)).collect();
         let total: usize = moved.iter().map(Vec::len).sum();
-        let step = total.div_ceil(CHOSEN_AGAIN).max(1);
+        let step = total.div_ceil(MAX_CHOICES).max(1);
         let effect = |((warped, moved), tps): ((&Vec<f32>, &Vec<usize>), &Tps)| {
             let some: Vec<usize> = moved.iter().copied().filter(|unit| unit % step == 0).collect();
-            let (changed, fallbacks) = self.chosen_again(warped, &some)?;
+            let (changed, fallbacks) = self.choose_again(warped, &some)?;
             let per = moved.len() as f64 / some.len().max(1) as f64 / self.len().max(1) as f64;
             Ok(Effect {
                 delta_fallback: fallbacks as f64 * per,
-                delta_folds: Turns::new(&self.target, tps, &self.surveyed).folds() - self.folds,
+                delta_folds: Orientation::new(&self.target, tps, &self.surveyed).folds() - self.folds,
                 moved: moved.len() as f64 / self.len().max(1) as f64,
                 ranges: ranges(&changed, step, self.len()),
             })
@@ -182,16 +182,19 @@ impl Baseline {
         let square = |(a, b): (&[f32], &[f32])| -> f64 {
             a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum()
         };
-        let far = vectors.map(square).enumerate().filter(|(_, square)| *square > MOVED * MOVED);
+        let far = vectors
+            .map(square)
+            .enumerate()
+            .filter(|(_, square)| *square > MIN_DISPLACEMENT * MIN_DISPLACEMENT);
         far.map(|(unit, _)| unit).collect()
     }
 
     /// Those of some units that are chosen differently, and how many more fall back.
-    fn chosen_again(&self, warped: &[f32], some: &[usize]) -> Result<(Vec<usize>, i64), NotFinite> {
-        let mut selector = self.selector.another();
+    fn choose_again(&self, warped: &[f32], some: &[usize]) -> Result<(Vec<usize>, i64), NotFinite> {
+        let mut selector = self.selector.boxed_clone();
         let (mut changed, mut fallbacks) = (Vec::new(), 0);
         for &unit in some {
-            selector.recall(self.resting(unit));
+            selector.set_history(self.resting(unit));
             let window = self.window(warped, unit);
             let choice = selector.choose(window).map_err(|k| k.after(self.window_start(unit)))?;
             let Some(before) = self.choices.get(unit) else { continue };
@@ -207,10 +210,10 @@ impl Baseline {
     ///
     /// # Errors
     /// Names a unit whose warped features are not finite.
-    pub fn audition(&self, rest: &Tps, stretch: std::ops::Range<usize>) -> Result<Vec<u32>, NotFinite> {
+    pub fn picks_with(&self, rest: &Tps, interval: std::ops::Range<usize>) -> Result<Vec<u32>, NotFinite> {
         let warped = warped(&self.target, &[rest]).concat();
-        let before = self.resting(stretch.start);
-        let chosen = self.run(&warped, stretch.start..stretch.end.min(self.len()), before)?;
+        let before = self.resting(interval.start);
+        let chosen = self.run(&warped, interval.start..interval.end.min(self.len()), before)?;
         Ok(chosen.into_iter().map(|choice| choice.unit).collect())
     }
 }
@@ -262,15 +265,15 @@ mod tests {
             Units { features: &world.database, dims: 2, segments: vec![(0, n)], allowed: vec![true; n] };
         let params =
             SelectorParams { look: 2, d_max, cool_off: 5, loop_guard: 0, causal: false, effort: None };
-        let heard = Baseline::new(world.target.clone(), &all, &units, params).unwrap().unwrap();
-        let effects = heard.effects(&rest).unwrap();
-        (heard, effects)
+        let baseline = Baseline::new(world.target.clone(), &all, &units, params).unwrap().unwrap();
+        let effects = baseline.effects(&rest).unwrap();
+        (baseline, effects)
     }
 
     #[test]
     fn dropping_a_bad_pair_mends_the_fallbacks_where_it_led_astray() {
-        let (heard, found) = effects(&world(Some(2)), 2.0);
-        assert!(heard.fallback_share() > 0.15, "{}", heard.fallback_share());
+        let (baseline, found) = effects(&world(Some(2)), 2.0);
+        assert!(baseline.fallback_share() > 0.15, "{}", baseline.fallback_share());
         assert!(found[2].delta_fallback < -0.15, "{found:?}");
         let better = found.iter().enumerate().all(|(k, e)| k == 2 || e.delta_fallback > -0.05);
         assert!(better, "no other one mends it: {found:?}");
@@ -284,18 +287,18 @@ mod tests {
 
     #[test]
     fn units_that_do_not_move_are_chosen_as_before() {
-        let (heard, _) = effects(&world(Some(1)), 2.0);
+        let (baseline, _) = effects(&world(Some(1)), 2.0);
         let plain: Vec<Pair> = world(Some(1)).pairs.into_iter().map(|(_, pair)| pair).collect();
         let (all, _) = fit(&plain, 2, Stiffness::Lambda(300.0)).unwrap();
-        let same = heard.effects(std::slice::from_ref(&all)).unwrap().remove(0);
+        let same = baseline.effects(std::slice::from_ref(&all)).unwrap().remove(0);
         assert_eq!(same, Effect::default());
-        assert_eq!(heard.audition(&all, 30..90).unwrap(), heard.picks()[30..90]);
+        assert_eq!(baseline.picks_with(&all, 30..90).unwrap(), baseline.picks()[30..90]);
         // A warp that mirrors everything folds nothing; one that flattens everything folds it all.
         let mut other = Tps::identity(2);
         other.affine[2] = -2.0;
-        assert_eq!(heard.effects(&[other.clone()]).unwrap()[0].delta_folds, -heard.fold_share());
+        assert_eq!(baseline.effects(&[other.clone()]).unwrap()[0].delta_folds, -baseline.fold_share());
         other.affine[2] = -1.0;
-        assert_eq!(heard.effects(&[other]).unwrap()[0].delta_folds, 1.0 - heard.fold_share());
+        assert_eq!(baseline.effects(&[other]).unwrap()[0].delta_folds, 1.0 - baseline.fold_share());
     }
 
     #[test]

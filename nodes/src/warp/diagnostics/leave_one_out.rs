@@ -13,7 +13,7 @@ use crate::warp::spline::linear::solve_dense;
 use crate::warp::spline::{Pair, Tps};
 
 /// lambda that stands for 0 where pairs may start in one place, relative to the squared spread of the nodes.
-const LEAST: f64 = 1e-9;
+const MIN_LAMBDA: f64 = 1e-9;
 
 /// What leaving a correspondence out does.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -64,7 +64,7 @@ impl<'a> LeaveOut<'a> {
     pub fn new(pairs: &'a [(usize, Pair)], d: usize, lambda: f64) -> Result<Self, FitError> {
         let plain: Vec<Pair> = pairs.iter().map(|(_, pair)| pair.clone()).collect();
         let problem = Problem::unmerged(&plain, d)?;
-        let used = lambda.max(LEAST * problem.squared_scale());
+        let used = lambda.max(MIN_LAMBDA * problem.squared_scale());
         let (matrix, moved) = problem.inverse(used).ok_or(FitError::Singular { lambda: used })?;
         let mut blocks: Vec<(usize, Vec<usize>)> = Vec::new();
         for (row, (correspondence, _)) in pairs.iter().enumerate() {
@@ -195,11 +195,12 @@ impl<'a> LeaveOut<'a> {
         let alone: Vec<Option<f64>> = (0..count).into_par_iter().map(left_out).collect();
         let total: f64 = alone.iter().flatten().sum();
         let left = self.left_without_each();
-        let ends: Vec<[Vec<f64>; 2]> =
-            self.blocks.iter().map(|(index, _)| middles(self.pairs, *index, self.d)).collect();
+        let centroids_of: Vec<[Vec<f64>; 2]> =
+            self.blocks.iter().map(|(index, _)| centroids(self.pairs, *index, self.d)).collect();
         let suspicion = |k: usize| {
             let conflicts = (0..count).filter(|q| *q != k).filter(|q| {
-                way(&ends[*q][0], &ends[k][0]) < near && way(&ends[*q][1], &ends[k][1]) > 3.0 * near
+                distance(&centroids_of[*q][0], &centroids_of[k][0]) < near
+                    && distance(&centroids_of[*q][1], &centroids_of[k][1]) > 3.0 * near
             });
             Suspicion {
                 correspondence: self.blocks[k].0,
@@ -212,23 +213,23 @@ impl<'a> LeaveOut<'a> {
         let mut found: Vec<Suspicion> = (0..count).map(suspicion).collect();
         let mut order: Vec<usize> = (0..count).collect();
         order.sort_by(|a, b| found[*b].score.total_cmp(&found[*a].score));
-        for (place, k) in order.into_iter().enumerate() {
-            found[k].rank = place + 1;
+        for (index, k) in order.into_iter().enumerate() {
+            found[k].rank = index + 1;
         }
         found
     }
 }
 
-fn middles(pairs: &[(usize, Pair)], correspondence: usize, d: usize) -> [Vec<f64>; 2] {
+fn centroids(pairs: &[(usize, Pair)], correspondence: usize, d: usize) -> [Vec<f64>; 2] {
     let own: Vec<&Pair> =
         pairs.iter().filter(|(index, _)| *index == correspondence).map(|(_, p)| p).collect();
-    let middle = |side: fn(&Pair) -> &Vec<f64>| {
+    let centroid = |side: fn(&Pair) -> &Vec<f64>| {
         (0..d).map(|i| own.iter().map(|p| side(p)[i]).sum::<f64>() / own.len().max(1) as f64).collect()
     };
-    [middle(|p| &p.from), middle(|p| &p.to)]
+    [centroid(|p| &p.from), centroid(|p| &p.to)]
 }
 
-fn way(a: &[f64], b: &[f64]) -> f64 {
+fn distance(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt()
 }
 

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use std::fmt::Write;
 
 use super::report::FitReport;
-use crate::warp::spline::tps::spread;
+use crate::warp::spline::tps::evenly_spaced;
 use crate::warp::spline::{Pair, Tps, Warper};
 
 const SIDE: f64 = 360.0;
@@ -22,14 +22,15 @@ pub struct Cloud {
 }
 
 impl Cloud {
-    /// At most `most` of each, evenly spread.
+    /// At most `max_points` of each, evenly spread.
     #[must_use]
-    pub fn new(pairs: &[Pair], target: &[f32], database: &[f32], d: usize, most: usize) -> Self {
+    pub fn new(pairs: &[Pair], target: &[f32], database: &[f32], d: usize, max_points: usize) -> Self {
         let some = |x: &[f32]| {
-            let rows = spread(x.len() / d.max(1), most).filter_map(|k| x.get(k * d..(k + 1) * d));
+            let rows =
+                evenly_spaced(x.len() / d.max(1), max_points).filter_map(|k| x.get(k * d..(k + 1) * d));
             rows.flatten().copied().collect()
         };
-        let ends = spread(pairs.len(), most).filter_map(|k| pairs.get(k));
+        let ends = evenly_spaced(pairs.len(), max_points).filter_map(|k| pairs.get(k));
         let ends = ends.flat_map(|p| p.from.iter().chain(&p.to)).map(|x| *x as f32);
         Self { target: some(target), database: some(database), pairs: ends.collect() }
     }
@@ -47,14 +48,14 @@ struct Panel {
 }
 
 impl Panel {
-    fn place(&self, p: [f64; 2]) -> [f64; 2] {
+    fn position(&self, p: [f64; 2]) -> [f64; 2] {
         let u = [0, 1].map(|k| (p[k] - self.low[k]) / self.span[k]);
         [self.left + u[0] * SIDE, MARGIN + (1.0 - u[1]) * SIDE]
     }
 
     fn dots(&self, svg: &mut String, points: &[[f64; 2]], radius: f64, colour: &str) {
         for p in points {
-            let [x, y] = self.place(*p);
+            let [x, y] = self.position(*p);
             // Writing to a string does not fail.
             let _ = writeln!(svg, "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius}\" fill=\"{colour}\"/>");
         }
@@ -123,7 +124,7 @@ pub(super) fn draw(spline: &Tps, cloud: &Cloud, report: &FitReport) -> String {
         panel.dots(&mut svg, target, 1.6, "#2166ac");
         for (pair, moved) in ends.chunks_exact(2).zip(moved.chunks_exact(2)) {
             let from = if k == 0 { pair[0] } else { moved[0] };
-            let ([x1, y1], [x2, y2]) = (panel.place(from), panel.place(pair[1]));
+            let ([x1, y1], [x2, y2]) = (panel.position(from), panel.position(pair[1]));
             let _ = writeln!(
                 svg,
                 "<line x1=\"{x1:.1}\" y1=\"{y1:.1}\" x2=\"{x2:.1}\" y2=\"{y2:.1}\" stroke=\"#e66101\" stroke-width=\"0.8\"/>"

@@ -5,12 +5,12 @@ use crate::warp::spline::kernel::thin_plate;
 use crate::warp::spline::linear::principal;
 
 /// Nodes nearer than this, relative to the scale of all, are one.
-const SAME: f64 = 1e-9;
+const MERGE_DISTANCE: f64 = 1e-9;
 /// Directions whose spread is below this, relative to the widest, are not there.
 ///
 /// Loudness spreads over some twenty units of feature space, and features of one sound differ by tenths: what is thinner than a
 /// hundredth of the widest is noise, and a slope fitted to it would throw everything beside the nodes anywhere.
-const FLAT: f64 = 1e-2;
+const MIN_SPREAD: f64 = 1e-2;
 
 /// Merged nodes in centred and scaled coordinates, `[n, d]` each.
 #[derive(Debug)]
@@ -32,8 +32,8 @@ fn spread_directions(points: &[f64], d: usize) -> Vec<Vec<f64>> {
     let found = principal(points, d);
     let widest = found.first().map_or(0.0, |(s, _)| *s);
     // Points in one place are not scaled, and spread by rounding alone.
-    let least = SAME * (points.len() as f64 / d.max(1) as f64).sqrt();
-    found.into_iter().filter(|(s, _)| *s > FLAT * widest && *s > least).map(|(_, v)| v).collect()
+    let min_spread = MERGE_DISTANCE * (points.len() as f64 / d.max(1) as f64).sqrt();
+    found.into_iter().filter(|(s, _)| *s > MIN_SPREAD * widest && *s > min_spread).map(|(_, v)| v).collect()
 }
 
 impl Nodes {
@@ -59,10 +59,11 @@ impl Nodes {
         let all: Vec<f64> = pairs.iter().flat_map(|p| this.scaled(p)).collect();
         this.directions = spread_directions(&all, d);
         pairs.iter().for_each(|p| this.add(p, d, merge));
-        this.conflict = pairs.iter().zip(&this.of_pair).fold(0.0, |most, (p, node)| {
+        this.conflict = pairs.iter().zip(&this.of_pair).fold(0.0, |max, (p, node)| {
             let mean = &this.moves[node * d..(node + 1) * d];
-            let way = p.from.iter().zip(&p.to).zip(mean).map(|((x, u), m)| (u - x - m).powi(2)).sum::<f64>();
-            f64::max(most, way.sqrt())
+            let distance =
+                p.from.iter().zip(&p.to).zip(mean).map(|((x, u), m)| (u - x - m).powi(2)).sum::<f64>();
+            f64::max(max, distance.sqrt())
         });
         this
     }
@@ -86,13 +87,15 @@ impl Nodes {
 
     fn add(&mut self, pair: &Pair, d: usize, merge: bool) {
         let point = self.flattened(self.scaled(pair));
-        let near = |p: &[f64]| p.iter().zip(&point).map(|(a, b)| (a - b).powi(2)).sum::<f64>() <= SAME * SAME;
-        let moved = pair.to.iter().zip(&pair.from).map(|(u, x)| u - x);
+        let near = |p: &[f64]| {
+            p.iter().zip(&point).map(|(a, b)| (a - b).powi(2)).sum::<f64>() <= MERGE_DISTANCE * MERGE_DISTANCE
+        };
+        let displacement = pair.to.iter().zip(&pair.from).map(|(u, x)| u - x);
         let known = if merge { self.points.chunks_exact(d).position(near) } else { None };
         match known {
             Some(node) => {
                 let total = self.weights[node] + pair.weight;
-                for (mean, v) in self.moves[node * d..].iter_mut().zip(moved) {
+                for (mean, v) in self.moves[node * d..].iter_mut().zip(displacement) {
                     *mean += pair.weight / total * (v - *mean);
                 }
                 self.weights[node] = total;
@@ -101,7 +104,7 @@ impl Nodes {
             None => {
                 self.of_pair.push(self.weights.len());
                 self.points.extend(point);
-                self.moves.extend(moved);
+                self.moves.extend(displacement);
                 self.weights.push(pair.weight);
             }
         }

@@ -8,7 +8,7 @@ use crate::core::ports::{Fold, Stream, Value};
 use crate::core::shape::{Build, Ends, Shape};
 use crate::feature::Features;
 use crate::unit::UnitDatabase;
-use crate::warp::correspondence::target_features::{Heard, checked};
+use crate::warp::correspondence::target_features::{TargetFeatures, checked};
 use crate::warp::correspondence::{CorrespondenceSet, Pairing};
 use crate::warp::spline::Pair;
 use crate::{archive_state, choices, params, ports};
@@ -68,7 +68,7 @@ ports! {
 /// The node over [`WarpMap::fit`].
 #[derive(Debug)]
 pub struct TpsFit {
-    heard: Heard,
+    target: TargetFeatures,
     params: TpsFitParams,
 }
 
@@ -91,48 +91,49 @@ impl Node for TpsFit {
 
     fn build(p: &TpsFitParams, cx: &Build<'_>) -> Result<Self, Fault> {
         let features = cx.input(TpsFitPorts::features);
-        let heard = Heard::new(features, cx.value(TpsFitPorts::database), cx.value(TpsFitPorts::pairs))?;
-        Ok(Self { heard, params: p.clone() })
+        let target =
+            TargetFeatures::new(features, cx.value(TpsFitPorts::database), cx.value(TpsFitPorts::pairs))?;
+        Ok(Self { target, params: p.clone() })
     }
 
     fn run(&mut self, io: TpsFitIo<'_>) -> Result<(), Fault> {
-        self.heard.add(io.features.items());
+        self.target.add(io.features.items());
         Ok(())
     }
 
     fn finish(&mut self, mut io: TpsFitIo<'_>) -> Result<Summary, Fault> {
         let warp = self.warp()?;
         let mut summary = warp.summary();
-        summary.extend(self.heard.strange());
+        summary.extend(self.target.mismatch_warnings());
         io.warp.set(warp);
         Ok(summary)
     }
 
-    archive_state!(heard);
+    archive_state!(target);
 }
 
 impl TpsFit {
     fn warp(&self) -> Result<Warp, Fault> {
-        let (heard, d) = (&self.heard, self.heard.format.dims());
+        let (target, d) = (&self.target, self.target.format.dims());
         let stiffness = Stiffness::of(self.params.lambda, self.params.scale_free);
         let map = |(vector, pairs): (usize, Vec<_>)| {
             let pairs: Vec<Pair> = pairs.into_iter().map(|(_, pair)| pair).collect();
-            WarpMap::fit(&pairs, d, stiffness, &heard.vector(vector), &heard.database.features)
+            WarpMap::fit(&pairs, d, stiffness, &target.vector(vector), &target.database.features)
                 .map_err(|e| Fault::new("F111", e.to_string()).at("pairs"))
         };
         Ok(Warp {
             version: WARP_VERSION,
-            conventions: heard.database.conventions.clone(),
-            maps: heard
+            conventions: target.database.conventions.clone(),
+            maps: target
                 .pairs(self.params.pairing)?
                 .into_iter()
                 .enumerate()
                 .map(map)
                 .collect::<Result<_, _>>()?,
-            correspondences: heard.pairs.file.clone(),
-            recordings: heard.database.sources.iter().map(|s| s.provenance.clone()).collect(),
-            contents: heard.database.sources.iter().map(|s| s.content.clone()).collect(),
-            correspondences_content: heard.pairs.content(),
+            correspondences: target.pairs.file.clone(),
+            recordings: target.database.sources.iter().map(|s| s.provenance.clone()).collect(),
+            contents: target.database.sources.iter().map(|s| s.content.clone()).collect(),
+            correspondences_content: target.pairs.content(),
             content: String::new(),
         }
         .sealed())

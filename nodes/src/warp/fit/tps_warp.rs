@@ -45,7 +45,7 @@ pub struct TpsWarp {
     maps: Vec<Warper>,
     dims: usize,
     /// In what way the warp is one of another database.
-    strange: Option<String>,
+    mismatch: Option<String>,
 }
 
 fn check(warp: &Warp, features: &FeatureFormat) -> Result<(), Reject> {
@@ -66,7 +66,7 @@ fn check(warp: &Warp, features: &FeatureFormat) -> Result<(), Reject> {
 
 /// How a warp is one of other recordings than those of a database, where it tells: by what they hold, in any order, where both know
 /// that, else by their names.
-fn strange(warp: &Warp, db: &UnitDatabase) -> Option<String> {
+fn mismatch(warp: &Warp, db: &UnitDatabase) -> Option<String> {
     let (fitted, found) = (file_names(warp.recordings.iter().map(String::as_str)), db.recordings());
     let (mut then, mut now) =
         (warp.contents.clone(), Vec::from_iter(db.sources.iter().map(|s| s.content.clone())));
@@ -107,22 +107,22 @@ impl Node for TpsWarp {
         check(&warp, &features)?;
         let map = |k: usize| warp.maps.get(k).or(warp.maps.first()).map(|map| Warper::new(&map.spline));
         let database = cx.optional_value(TpsWarpPorts::database);
-        let strange = database.and_then(|db| strange(&warp, &db));
-        Ok(Self { maps: (0..features.vectors).filter_map(map).collect(), dims: features.dims(), strange })
+        let mismatch = database.and_then(|db| mismatch(&warp, &db));
+        Ok(Self { maps: (0..features.vectors).filter_map(map).collect(), dims: features.dims(), mismatch })
     }
 
     fn run(&mut self, mut io: TpsWarpIo<'_>) -> Result<(), Fault> {
         let d = self.dims.max(1);
         let vectors = io.features.items().chunks_exact(d).zip(io.warped.items().chunks_exact_mut(d));
-        for ((from, to), place) in vectors.zip((0..self.maps.len()).cycle()) {
-            self.maps[place].warp(from, to);
+        for ((from, to), map) in vectors.zip((0..self.maps.len()).cycle()) {
+            self.maps[map].warp(from, to);
         }
         Ok(())
     }
 
     fn finish(&mut self, _: TpsWarpIo<'_>) -> Result<Summary, Fault> {
-        Ok(self.strange.take().map(|text| ("warning", text.into())).into_iter().collect())
+        Ok(self.mismatch.take().map(|text| ("warning", text.into())).into_iter().collect())
     }
 
-    archive_state!(strange);
+    archive_state!(mismatch);
 }

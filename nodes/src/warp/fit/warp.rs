@@ -10,17 +10,17 @@ use crate::core::item::Data;
 use crate::core::node::Summary;
 use crate::core::random::Rng;
 use crate::feature::FeatureConventions;
-use crate::warp::spline::tps::{Turns, spread};
+use crate::warp::spline::tps::{Orientation, evenly_spaced};
 use crate::warp::spline::{Pair, Tps};
 
 /// Format of [`Warp`] that this code reads and writes.
 pub const WARP_VERSION: u32 = 1;
 /// Most units whose warp is looked at for folds.
-const SURVEYED: usize = 4096;
+const MAX_SURVEYED: usize = 4096;
 /// Units farther from the middle than this many radii of the nodes are extrapolated.
-const FAR: f64 = 2.0;
+const MAX_RADII: f64 = 2.0;
 /// Most vectors of each kind that are kept for the figure.
-const DRAWN: usize = 400;
+const MAX_DRAWN: usize = 400;
 
 /// The warp of one channel.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -83,26 +83,34 @@ impl WarpMap {
         database: &[f32],
     ) -> Result<Self, FitError> {
         let (spline, report) = fit(pairs, d, stiffness)?;
-        let mut this =
-            Self { spline, report, cloud: Cloud::new(pairs, target, database, d, DRAWN), ..Self::default() };
+        let mut this = Self {
+            spline,
+            report,
+            cloud: Cloud::new(pairs, target, database, d, MAX_DRAWN),
+            ..Self::default()
+        };
         this.survey(target);
         Ok(this)
     }
 
     fn survey(&mut self, target: &[f32]) {
         let (d, tps) = (self.spline.dims, &self.spline);
-        let way = |x: &mut dyn Iterator<Item = f64>| {
+        let distance_from_centre = |x: &mut dyn Iterator<Item = f64>| {
             x.zip(&tps.centre).map(|(x, c)| (x - c).powi(2)).sum::<f64>().sqrt()
         };
-        self.radius = tps.nodes.chunks_exact(d).map(|x| way(&mut x.iter().copied())).fold(0.0, f64::max);
-        let units: Vec<usize> = spread(target.len() / d, SURVEYED).collect();
+        self.radius = tps
+            .nodes
+            .chunks_exact(d)
+            .map(|x| distance_from_centre(&mut x.iter().copied()))
+            .fold(0.0, f64::max);
+        let units: Vec<usize> = evenly_spaced(target.len() / d, MAX_SURVEYED).collect();
         let far = |k: &&usize| {
             let unit = target.get(*k * d..(*k + 1) * d).unwrap_or_default();
-            way(&mut unit.iter().map(|x| f64::from(*x))) > FAR * self.radius
+            distance_from_centre(&mut unit.iter().map(|x| f64::from(*x))) > MAX_RADII * self.radius
         };
         let outside = if tps.is_empty() { 0 } else { units.iter().filter(far).count() };
-        let turns = Turns::new(target, tps, &units);
-        (self.folds, self.mirrored) = (turns.folds(), turns.mirrored());
+        let orientation = Orientation::new(target, tps, &units);
+        (self.folds, self.mirrored) = (orientation.folds(), orientation.mirrored());
         self.outside = outside as f64 / units.len().max(1) as f64;
     }
 }

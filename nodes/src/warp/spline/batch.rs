@@ -6,9 +6,9 @@ use super::kernel::thin_plate;
 use super::tps::{Tps, Warper};
 
 /// Units in a part that one thread warps at a time.
-const PART: usize = 512;
+const CHUNK: usize = 512;
 /// Units whose kernels are kept while the weights of all splines go over them.
-const TOGETHER: usize = 4;
+const BATCH: usize = 4;
 /// Sums that a processor keeps at once.
 const LANES: usize = 4;
 
@@ -29,15 +29,15 @@ pub(crate) fn warped(features: &[f32], splines: &[&Tps]) -> Vec<Vec<f32>> {
         if shared.len() > 1 { Shared::new(&shared).warp(features) } else { Vec::new() }.into_iter();
     let each = splines.iter().map(|tps| match alike(tps).then(|| of_shared.next()).flatten() {
         Some(found) => found,
-        None => alone(features, tps),
+        None => warp_one(features, tps),
     });
     each.collect()
 }
 
-fn alone(features: &[f32], tps: &Tps) -> Vec<f32> {
+fn warp_one(features: &[f32], tps: &Tps) -> Vec<f32> {
     let d = tps.dims.max(1);
     let mut out = vec![0.0; features.len()];
-    let parts = out.par_chunks_mut(PART * d).zip(features.par_chunks(PART * d));
+    let parts = out.par_chunks_mut(CHUNK * d).zip(features.par_chunks(CHUNK * d));
     parts.for_each(|(out, x)| {
         let mut warper = Warper::new(tps);
         out.chunks_exact_mut(d).zip(x.chunks_exact(d)).for_each(|(out, x)| warper.warp(x, out));
@@ -80,7 +80,7 @@ impl<'a> Shared<'a> {
 
     fn warp(&self, features: &[f32]) -> Vec<Vec<f32>> {
         let d = self.d;
-        let parts: Vec<Vec<Vec<f32>>> = features.par_chunks(PART * d).map(|part| self.part(part)).collect();
+        let parts: Vec<Vec<Vec<f32>>> = features.par_chunks(CHUNK * d).map(|part| self.part(part)).collect();
         let of = |k: usize| parts.iter().filter_map(move |part| part.get(k)).flatten().copied().collect();
         (0..self.splines.len()).map(of).collect()
     }
@@ -89,9 +89,9 @@ impl<'a> Shared<'a> {
     fn part(&self, features: &[f32]) -> Vec<Vec<f32>> {
         let (d, padded) = (self.d, self.padded);
         let mut out = vec![Vec::with_capacity(features.len()); self.splines.len()];
-        let mut kernels = vec![0.0; TOGETHER * padded];
-        let mut at = vec![[0.0; TOGETHER]; d];
-        for units in features.chunks(TOGETHER * d) {
+        let mut kernels = vec![0.0; BATCH * padded];
+        let mut at = vec![[0.0; BATCH]; d];
+        for units in features.chunks(BATCH * d) {
             for (u, unit) in units.chunks_exact(d).enumerate() {
                 self.kernels(unit, u, &mut at, &mut kernels[u * padded..(u + 1) * padded]);
             }
@@ -114,12 +114,12 @@ impl<'a> Shared<'a> {
     }
 
     /// Kernels between a unit and all nodes; `at` becomes its scaled coordinates.
-    fn kernels(&self, unit: &[f32], place: usize, at: &mut [[f64; TOGETHER]], kernels: &mut [f64]) {
+    fn kernels(&self, unit: &[f32], slot: usize, at: &mut [[f64; BATCH]], kernels: &mut [f64]) {
         let first = self.splines[0];
         kernels.fill(0.0);
         for (i, ((at, x), centre)) in at.iter_mut().zip(unit).zip(&first.centre).enumerate() {
             let x = (f64::from(*x) - centre) / first.scale;
-            at[place] = x;
+            at[slot] = x;
             let nodes = &self.nodes[i * self.padded..(i + 1) * self.padded];
             kernels.iter_mut().zip(nodes).for_each(|(sum, node)| *sum += (x - node) * (x - node));
         }
@@ -127,9 +127,9 @@ impl<'a> Shared<'a> {
     }
 }
 
-/// Sums of products of one row of weights with the kernels of each unit, `[TOGETHER][padded]`.
-fn products(row: &[f64], kernels: &[f64], padded: usize) -> [f64; TOGETHER] {
-    let mut sums = [[0.0; LANES]; TOGETHER];
+/// Sums of products of one row of weights with the kernels of each unit, `[BATCH][padded]`.
+fn products(row: &[f64], kernels: &[f64], padded: usize) -> [f64; BATCH] {
+    let mut sums = [[0.0; LANES]; BATCH];
     let unit = |u: usize| kernels[u * padded..(u + 1) * padded].as_chunks::<LANES>().0;
     let [a, b, c, d] = [unit(0), unit(1), unit(2), unit(3)];
     for ((((w, a), b), c), d) in row.as_chunks::<LANES>().0.iter().zip(a).zip(b).zip(c).zip(d) {
@@ -170,7 +170,7 @@ mod tests {
             let found = warped(&features, &splines);
             assert_eq!(found.len(), 4);
             for (found, tps) in found.iter().zip(splines) {
-                let wanted = alone(&features, tps);
+                let wanted = warp_one(&features, tps);
                 let near = found.iter().zip(&wanted).all(|(a, b)| (a - b).abs() <= 1e-5 * b.abs().max(1.0));
                 assert!(found.len() == wanted.len() && near, "{n} {d}");
             }

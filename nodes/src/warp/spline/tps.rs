@@ -213,50 +213,53 @@ fn total(a: &[f64; GROUP], b: &[f64; GROUP]) -> f64 {
     ((lanes[0] + lanes[4]) + (lanes[1] + lanes[5])) + ((lanes[2] + lanes[6]) + (lanes[3] + lanes[7]))
 }
 /// Units of which one thread judges the folds at a time.
-const JUDGED: usize = 64;
+const CHUNK: usize = 64;
 
 /// Which way round a warp lays the units of a target.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Turns {
+pub(crate) struct Orientation {
     /// Share of the units around which it keeps the sense of rotation.
-    pub upright: f64,
+    pub preserved: f64,
     /// Share of those around which it turns it over. The rest is flattened.
-    pub over: f64,
+    pub reversed: f64,
 }
 
-impl Turns {
+impl Orientation {
     /// On all cores.
     ///
     /// # Shapes
     /// `features: [units, d]`; `units` are those that are looked at.
     pub fn new(features: &[f32], tps: &Tps, units: &[usize]) -> Self {
         let d = tps.dims.max(1);
-        let counted = units.par_chunks(JUDGED).map(|units| {
+        let counted = units.par_chunks(CHUNK).map(|units| {
             let mut warper = Warper::new(tps);
             let vectors = units.iter().filter_map(|k| features.get(k * d..(k + 1) * d));
-            vectors.fold([0_usize; 2], |[upright, over], x| {
-                let way = warper.determinant(x);
-                [upright + usize::from(way > 0.0), over + usize::from(way < 0.0)]
+            vectors.fold([0_usize; 2], |[preserved, reversed], x| {
+                let determinant_sign = warper.determinant(x);
+                [
+                    preserved + usize::from(determinant_sign > 0.0),
+                    reversed + usize::from(determinant_sign < 0.0),
+                ]
             })
         });
         let sum = counted.reduce(|| [0; 2], |a, b| [a[0] + b[0], a[1] + b[1]]);
-        let [upright, over] = sum.map(|count| count as f64 / units.len().max(1) as f64);
-        if units.is_empty() { Self { upright: 1.0, over: 0.0 } } else { Self { upright, over } }
+        let [preserved, reversed] = sum.map(|count| count as f64 / units.len().max(1) as f64);
+        if units.is_empty() { Self { preserved: 1.0, reversed: 0.0 } } else { Self { preserved, reversed } }
     }
 
     /// Whether most of the target is turned over. A mirror alone folds nothing: neighbours stay neighbours.
     pub fn mirrored(self) -> bool {
-        self.over > self.upright
+        self.reversed > self.preserved
     }
 
     /// Share of the units that are laid another way round than most: there the warp folds over.
     pub fn folds(self) -> f64 {
-        1.0 - self.upright.max(self.over)
+        1.0 - self.preserved.max(self.reversed)
     }
 }
 
 /// At most `most` indices below `count`, evenly spread.
-pub(crate) fn spread(count: usize, most: usize) -> impl Iterator<Item = usize> {
+pub(crate) fn evenly_spaced(count: usize, most: usize) -> impl Iterator<Item = usize> {
     let some = count.min(most);
     (0..some).map(move |k| k * count / some.max(1))
 }

@@ -1,8 +1,8 @@
 //! Proposals of correspondences, as a node.
 
 use super::params::{Cause, Silence, SuggestParams};
-use super::suggest::{Proposal, leaves_silence_out, suggest};
-use crate::artefact::text::Location as Place;
+use super::suggest::{Proposal, leaves_out_silence, suggest};
+use crate::artefact::text::Location;
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::WriteSeek;
 use crate::core::node::{Class, Node, Summary, same_rate};
@@ -13,7 +13,7 @@ use crate::core::state::{StateArchive, Stateful};
 use crate::feature::Features;
 use crate::unit::selection::check_tags;
 use crate::unit::{Segment, UnitDatabase};
-use crate::warp::correspondence::target_features::{Heard, checked};
+use crate::warp::correspondence::target_features::{TargetFeatures, checked};
 use crate::warp::correspondence::{Correspondence, CorrespondenceSet, SourceName, write_correspondences};
 use crate::{impl_state, params, ports};
 use std::fmt;
@@ -74,16 +74,16 @@ ports! {
 
 /// The node over [`suggest`].
 pub struct CorrespondenceSuggester {
-    heard: Heard,
+    target: TargetFeatures,
     file: Box<dyn WriteSeek>,
     params: CorrespondenceSuggesterParams,
     /// What is known of the causes named in [`CAUSES`].
-    causes: [Option<Heat>; 2],
+    causes: [Option<UnitPower>; 2],
 }
 
 /// Tags of recordings that come of the cause at the input of the same name, and that of those of none.
 const CAUSES: [&str; 2] = ["friction", "crumple"];
-const NONE: &str = "silence";
+const SILENCE_TAG: &str = "silence";
 
 /// A target is silent up to so far above the floor of its features, and a recording so far below the loudest of all and so near to the
 /// quietest; dB.
@@ -92,14 +92,14 @@ const BELOW: f64 = 30.0;
 const WITHIN: f64 = 6.0;
 
 /// Power of a sound per unit.
-struct Heat {
+struct UnitPower {
     unit: usize,
     power: Vec<f64>,
     most: usize,
 }
-impl_state!(Heat { power, most });
+impl_state!(UnitPower { power, most });
 
-impl Heat {
+impl UnitPower {
     fn add(&mut self, audio: &In<'_, f32>) {
         let first = usize::try_from(audio.first()).unwrap_or(0);
         for (sample, frame) in (first..).zip(audio.items().chunks_exact(audio.width().max(1))) {
@@ -119,7 +119,7 @@ impl Heat {
 
 /// Whether each segment of a database comes of a cause, where its tag tells.
 fn tagged(db: &UnitDatabase, segments: &[&Segment], cause: &str) -> Vec<Option<bool>> {
-    let known = |tag: &str| CAUSES.contains(&tag) || tag == NONE;
+    let known = |tag: &str| CAUSES.contains(&tag) || tag == SILENCE_TAG;
     let segment = |s: &&Segment| {
         let tag = db.sources.get(s.source as usize)?.tag.as_str();
         known(tag).then_some(tag == cause)
@@ -134,7 +134,7 @@ impl fmt::Debug for CorrespondenceSuggester {
 }
 
 /// Recording of a unit of the database, and when it begins there.
-fn place(db: &UnitDatabase, unit: usize) -> (u32, f64) {
+fn recording_time(db: &UnitDatabase, unit: usize) -> (u32, f64) {
     let Some(segment) = db.segment_of(unit).and_then(|k| db.segments.get(k)) else { return (0, 0.0) };
     let samples = segment.offset as f64 + ((unit - segment.start as usize) * db.unit()) as f64;
     (segment.source, samples / db.conventions.rate.as_f64())
@@ -142,10 +142,10 @@ fn place(db: &UnitDatabase, unit: usize) -> (u32, f64) {
 
 impl CorrespondenceSuggester {
     fn correspondence(&self, proposal: &Proposal, channel: Option<u32>) -> Correspondence {
-        let db = &self.heard.database;
-        let (source, database) = place(db, proposal.database);
+        let db = &self.target.database;
+        let (source, database) = recording_time(db, proposal.database);
         let others = proposal.alternatives.iter().map(|unit| {
-            let (source, seconds) = place(db, *unit);
+            let (source, seconds) = recording_time(db, *unit);
             format!(", or {seconds:.3} s of recording {source}")
         });
         Correspondence {
@@ -155,14 +155,14 @@ impl CorrespondenceSuggester {
                 (100.0 * proposal.gain).round() + 0.0,
                 others.collect::<String>()
             ),
-            target: proposal.target as f64 / self.heard.rate,
+            target: proposal.target as f64 / self.target.rate,
             database,
             source: Some(SourceName::Index(source)),
-            duration: self.params.window as f64 / self.heard.rate,
+            duration: self.params.window as f64 / self.target.rate,
             channel,
             weight: 1.0,
             enabled: true,
-            place: Place::default(),
+            location: Location::default(),
         }
     }
 }
@@ -199,16 +199,16 @@ impl Node for CorrespondenceSuggester {
     fn build(p: &CorrespondenceSuggesterParams, cx: &Build<'_>) -> Result<Self, Fault> {
         type Port = CorrespondenceSuggesterPorts;
         let none = Arc::new(CorrespondenceSet::default());
-        let heard = Heard::new(cx.input(Port::features), cx.value(Port::database), none)?;
-        let unit = heard.format.conventions.unit as usize;
+        let target = TargetFeatures::new(cx.input(Port::features), cx.value(Port::database), none)?;
+        let unit = target.format.conventions.unit as usize;
         let most = usize::try_from(cx.input(Port::features).items().unwrap_or(0)).unwrap_or(0);
-        let heat = |port| cx.optional(port).map(|_| Heat { unit, power: Vec::new(), most });
-        let causes = [heat(Port::friction), heat(Port::crumple)];
-        Ok(Self { heard, file: cx.create("path", &p.path.0)?, params: p.clone(), causes })
+        let unit_power = |port| cx.optional(port).map(|_| UnitPower { unit, power: Vec::new(), most });
+        let causes = [unit_power(Port::friction), unit_power(Port::crumple)];
+        Ok(Self { target, file: cx.create("path", &p.path.0)?, params: p.clone(), causes })
     }
 
     fn run(&mut self, io: CorrespondenceSuggesterIo<'_>) -> Result<(), Fault> {
-        self.heard.add(io.features.items());
+        self.target.add(io.features.items());
         for (cause, audio) in self.causes.iter_mut().zip([&io.friction, &io.crumple]) {
             if let (Some(cause), Some(audio)) = (cause, audio) {
                 cause.add(audio);
@@ -218,8 +218,8 @@ impl Node for CorrespondenceSuggester {
     }
 
     fn finish(&mut self, _: CorrespondenceSuggesterIo<'_>) -> Result<Summary, Fault> {
-        let (heard, p) = (&self.heard, &self.params);
-        let db = &heard.database;
+        let (target, p) = (&self.target, &self.params);
+        let db = &target.database;
         let allowed = check_tags(db, &p.tags)?;
         let open = db.segments.iter().filter(|s| allowed.get(s.range().start) == Some(&true));
         let open: Vec<&Segment> = open.collect();
@@ -239,22 +239,22 @@ impl Node for CorrespondenceSuggester {
             silence: db.conventions.loudness(db.floor_energy).map(silence),
             ..SuggestParams::default()
         };
-        let known = self.causes.iter().zip(CAUSES).filter_map(|(heat, name)| {
-            Some(Cause { power: heat.as_ref()?.power.clone(), segments: tagged(db, &open, name) })
+        let known = self.causes.iter().zip(CAUSES).filter_map(|(unit_power, name)| {
+            Some(Cause { power: unit_power.as_ref()?.power.clone(), segments: tagged(db, &open, name) })
         });
         let causes: Vec<Cause> = known.collect();
         let (mut pairs, mut silent) = (Vec::new(), false);
-        for vector in 0..heard.format.vectors {
-            let own = heard.vector(vector);
-            let (database, d) = (&heard.database.features, heard.format.dims());
+        for vector in 0..target.format.vectors {
+            let own = target.vector(vector);
+            let (database, d) = (&target.database.features, target.format.dims());
             let found = suggest(&own, database, &segments, d, &params, &causes)
                 .map_err(|e| Fault::new("F111", e.to_string()).at("features"))?;
-            silent |= leaves_silence_out(&found, &own, d, &params);
-            let channel = (heard.format.vectors > 1).then_some(vector as u32);
+            silent |= leaves_out_silence(&found, &own, d, &params);
+            let channel = (target.format.vectors > 1).then_some(vector as u32);
             pairs.extend(found.iter().map(|proposal| self.correspondence(proposal, channel)));
         }
         let set = CorrespondenceSet {
-            length: Some(heard.seconds()),
+            length: Some(target.seconds()),
             database: db.recordings(),
             pairs,
             ..CorrespondenceSet::default()
@@ -262,20 +262,20 @@ impl Node for CorrespondenceSuggester {
         let written =
             self.file.write_all(write_correspondences(&set).as_bytes()).and_then(|()| self.file.flush());
         written.map_err(|e| Fault::new("F080", format!("cannot write {:?}: {e}", p.path.0)).at("path"))?;
-        let mut told: Summary =
+        let mut summary: Summary =
             vec![("path", p.path.0.as_str().into()), ("proposals", set.pairs.len().into())];
         if silent {
             let text = format!(
                 "the target falls silent, and no recording is {BELOW} dB softer than the loudest: silence is left out; record some, or \
                  let the units sleep (`target` of UnitSelector)"
             );
-            told.push(("warning", text.into()));
+            summary.push(("warning", text.into()));
         }
-        Ok(told)
+        Ok(summary)
     }
 
     fn archive_state(&mut self, archive: &mut StateArchive<'_>) -> Result<(), Fault> {
-        self.heard.archive_state(archive)?;
+        self.target.archive_state(archive)?;
         self.causes.iter_mut().try_for_each(|cause| archive.each(cause))
     }
 }

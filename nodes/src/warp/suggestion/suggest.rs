@@ -13,14 +13,14 @@ use std::ops::Range;
 use super::params::{Cause, Silence, SuggestParams};
 use super::sliced_wasserstein::sliced_wasserstein;
 use super::transport::{clustered, squared, transported};
-use super::windows::{Window, add_causes, farthest, ranked, windows};
+use super::windows::{Window, add_causes, farthest_points, ranked, windows};
 use crate::warp::correspondence::pairing;
 use crate::warp::fit::{FitError, Stiffness, fit};
-use crate::warp::spline::tps::Turns;
+use crate::warp::spline::tps::Orientation;
 use crate::warp::spline::{Pair, Warper};
 
 /// Least share of the distance between the worlds that one more proposal gains.
-const LEAST_GAIN: f64 = 0.01;
+const MIN_GAIN: f64 = 0.01;
 
 /// Units of the target and of the database that might sound alike.
 #[derive(Clone, Debug, PartialEq)]
@@ -37,7 +37,7 @@ pub struct Proposal {
 }
 
 /// Both worlds as a search sees them.
-struct Worlds<'a> {
+struct FeatureSpaces<'a> {
     target: &'a [f32],
     database: &'a [f32],
     d: usize,
@@ -47,7 +47,7 @@ struct Worlds<'a> {
     some: [Vec<f32>; 2],
 }
 
-impl Worlds<'_> {
+impl FeatureSpaces<'_> {
     /// A pair of means for each proposal: within a window the two sides have nothing to do with each other, and slopes fitted to
     /// what one window holds by chance would throw everything else anywhere.
     fn means(&self, proposals: &[(usize, usize)]) -> Vec<Pair> {
@@ -86,30 +86,33 @@ impl Worlds<'_> {
             warper.warp(x, y);
         }
         let units: Vec<usize> = (0..target.len() / self.d).step_by(8).collect();
-        Ok((sliced_wasserstein(&warped, database, self.d), 1.0 - Turns::new(target, &tps, &units).upright))
+        Ok((
+            sliced_wasserstein(&warped, database, self.d),
+            1.0 - Orientation::new(target, &tps, &units).preserved,
+        ))
     }
 }
 
-fn thinned(x: &[f32], d: usize, most: usize) -> Vec<f32> {
+fn subsampled(x: &[f32], d: usize, most: usize) -> Vec<f32> {
     let units = x.len() / d;
     let some = units.min(most);
     (0..some).flat_map(|k| x[k * units / some * d..][..d].iter().copied()).collect()
 }
 
 /// The nearest of some windows, and up to two more from other segments.
-fn proposed(target: &Window, theirs: &[Window], far: impl Fn(usize) -> f64) -> Proposal {
-    let far: Vec<f64> = (0..theirs.len()).map(far).collect();
-    let mut near: Vec<usize> = (0..theirs.len()).collect();
+fn proposed(target: &Window, database_windows: &[Window], far: impl Fn(usize) -> f64) -> Proposal {
+    let far: Vec<f64> = (0..database_windows.len()).map(far).collect();
+    let mut near: Vec<usize> = (0..database_windows.len()).collect();
     near.sort_by(|a, b| far[*a].total_cmp(&far[*b]));
     let mut used: Vec<usize> = Vec::new();
     near.retain(|j| {
-        let other = used.len() < 3 && !used.contains(&theirs[*j].segment);
+        let other = used.len() < 3 && !used.contains(&database_windows[*j].segment);
         if other {
-            used.push(theirs[*j].segment);
+            used.push(database_windows[*j].segment);
         }
         other
     });
-    let mut starts = near.into_iter().map(|j| theirs[j].start);
+    let mut starts = near.into_iter().map(|j| database_windows[j].start);
     let database = starts.next().unwrap_or(0);
     Proposal { target: target.start, database, alternatives: starts.collect(), gain: 0.0 }
 }
@@ -117,18 +120,22 @@ fn proposed(target: &Window, theirs: &[Window], far: impl Fn(usize) -> f64) -> P
 /// Takes silence out of both sides, and what falls silent half-way: the proposal for it, if both have any.
 ///
 /// Digital silence has no colour, so that its ranks would lead it anywhere; it belongs to what is quietest, or to nothing.
-fn hushed(ours: &mut Vec<Window>, theirs: &mut Vec<Window>, silence: Silence) -> Option<Proposal> {
+fn split_silence(
+    target_windows: &mut Vec<Window>,
+    database_windows: &mut Vec<Window>,
+    silence: Silence,
+) -> Option<Proposal> {
     let (silent, mut sounding): (Vec<_>, Vec<_>) =
-        ours.drain(..).partition(|w| w.loudness() <= silence.target);
-    sounding.retain(|w| w.softest > silence.target);
-    *ours = sounding;
+        target_windows.drain(..).partition(|w| w.loudness() <= silence.target);
+    sounding.retain(|w| w.min_loudness > silence.target);
+    *target_windows = sounding;
     let quietest = silent.iter().min_by(|a, b| a.loudness().total_cmp(&b.loudness()))?;
-    let levels = || theirs.iter().map(Window::loudness);
+    let levels = || database_windows.iter().map(Window::loudness);
     let (low, high) = (levels().fold(f64::INFINITY, f64::min), levels().fold(f64::NEG_INFINITY, f64::max));
     let most = (high - silence.below).min(low + silence.within);
-    let (hush, heard): (Vec<_>, Vec<_>) = theirs.drain(..).partition(|w| w.loudness() <= most);
-    *theirs = heard;
-    (!hush.is_empty()).then(|| proposed(quietest, &hush, |j| hush[j].loudness()))
+    let (quiet, sounding): (Vec<_>, Vec<_>) = database_windows.drain(..).partition(|w| w.loudness() <= most);
+    *database_windows = sounding;
+    (!quiet.is_empty()).then(|| proposed(quietest, &quiet, |j| quiet[j].loudness()))
 }
 
 /// Windows of the target with what lies where transport takes them, the quietest first, and whether that is silence.
@@ -140,29 +147,31 @@ fn candidates(
     causes: &[Cause],
 ) -> (Vec<Proposal>, bool) {
     let whole = 0..target.len() / d.max(1);
-    let (mut ours, mut theirs) =
+    let (mut target_windows, mut database_windows) =
         (windows(target, std::slice::from_ref(&whole), d, p), windows(database, segments, d, p));
-    let hush = p.silence.and_then(|silence| hushed(&mut ours, &mut theirs, silence));
-    let silent = hush.is_some();
-    let mut all = Vec::from_iter(hush);
-    if ours.is_empty() || theirs.is_empty() {
+    let quiet =
+        p.silence.and_then(|silence| split_silence(&mut target_windows, &mut database_windows, silence));
+    let silent = quiet.is_some();
+    let mut all = Vec::from_iter(quiet);
+    if target_windows.is_empty() || database_windows.is_empty() {
         return (all, silent);
     }
-    let (mut from, mut to) = (ranked(&ours, d, causes.len()), ranked(&theirs, d, causes.len()));
-    [&mut from, &mut to].into_iter().for_each(|side| side.stretch(0, p.level));
-    add_causes(causes, d, p.window, (&ours, &mut from), (&theirs, &mut to));
-    let chosen = farthest(&ours, &from, p.count - all.len().min(p.count));
+    let (mut from, mut to) =
+        (ranked(&target_windows, d, causes.len()), ranked(&database_windows, d, causes.len()));
+    [&mut from, &mut to].into_iter().for_each(|side| side.scale_dim(0, p.level));
+    add_causes(causes, d, p.window, (&target_windows, &mut from), (&database_windows, &mut to));
+    let chosen = farthest_points(&target_windows, &from, p.count - all.len().min(p.count));
     let from = clustered(from, p.most);
     let goals = transported(&from, &clustered(to.clone(), p.most));
     all.extend(chosen.into_iter().map(|k| {
         let goal = goals.row(from.of.get(k).copied().unwrap_or(0));
-        proposed(&ours[k], &theirs, |j| squared(to.row(j), goal))
+        proposed(&target_windows[k], &database_windows, |j| squared(to.row(j), goal))
     }));
     (all, silent)
 }
 
 /// Whether a target is silent somewhere, and nothing is proposed for that.
-pub(super) fn leaves_silence_out(found: &[Proposal], target: &[f32], d: usize, p: &SuggestParams) -> bool {
+pub(super) fn leaves_out_silence(found: &[Proposal], target: &[f32], d: usize, p: &SuggestParams) -> bool {
     let Some(silence) = p.silence else { return false };
     let whole = 0..target.len() / d.max(1);
     let mut silent = windows(target, std::slice::from_ref(&whole), d, p);
@@ -200,14 +209,14 @@ pub fn suggest(
     // Silence that is left out is not to be brought nearer to anything either.
     let left_out = p.silence.filter(|_| !silent);
     let least = left_out.map_or(f64::NEG_INFINITY, |silence| silence.target);
-    let heard = target.chunks_exact(d.max(1)).filter(|x| x.first().is_some_and(|x| f64::from(*x) > least));
-    let heard: Vec<f32> = heard.flatten().copied().collect();
+    let sounding = target.chunks_exact(d.max(1)).filter(|x| x.first().is_some_and(|x| f64::from(*x) > least));
+    let sounding: Vec<f32> = sounding.flatten().copied().collect();
     let rows = |s: &Range<usize>| database.get(s.start * d..s.end * d).unwrap_or_default();
-    let theirs: Vec<f32> = segments.iter().flat_map(rows).copied().collect();
-    let some = [thinned(&heard, d, 1500), thinned(&theirs, d, 1500)];
-    let worlds = Worlds { target, database, d, window: p.window, lambda: p.lambda, some };
+    let database_windows: Vec<f32> = segments.iter().flat_map(rows).copied().collect();
+    let some = [subsampled(&sounding, d, 1500), subsampled(&database_windows, d, 1500)];
+    let spaces = FeatureSpaces { target, database, d, window: p.window, lambda: p.lambda, some };
     let mut listed: Vec<Proposal> = Vec::new();
-    let start = worlds.score(&[])?.0;
+    let start = spaces.score(&[])?.0;
     // What makes up for a distance that other proposals have made has gained nothing yet.
     let gain = |before: f64, after: f64| (before.min(start) - after) / start.max(f64::MIN_POSITIVE);
     let mut now = start;
@@ -217,13 +226,13 @@ pub fn suggest(
         let score = |proposal: &Proposal| {
             let all = listed.iter().chain(std::iter::once(proposal));
             let with: Vec<(usize, usize)> = all.map(|p| (p.target, p.database)).collect();
-            let (distance, folds) = worlds.score(&worlds.means(&with))?;
+            let (distance, folds) = spaces.score(&spaces.means(&with))?;
             Ok((distance + 0.1 * folds * start, distance))
         };
         let scores: Vec<(f64, f64)> = open[..tried].par_iter().map(score).collect::<Result<_, FitError>>()?;
         let best = scores.iter().enumerate().min_by(|a, b| a.1.0.total_cmp(&b.1.0));
         let Some((k, (_, distance))) = best else { break };
-        if !p.all && listed.len() > 1 && now - distance < LEAST_GAIN * start {
+        if !p.all && listed.len() > 1 && now - distance < MIN_GAIN * start {
             break;
         }
         let proposal = open.remove(k);
@@ -235,7 +244,7 @@ pub fn suggest(
         && !others.is_empty()
     {
         let others: Vec<(usize, usize)> = others.iter().map(|p| (p.target, p.database)).collect();
-        first.gain = gain(worlds.score(&worlds.means(&others))?.0, now);
+        first.gain = gain(spaces.score(&spaces.means(&others))?.0, now);
     }
     Ok(listed)
 }

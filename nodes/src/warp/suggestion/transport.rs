@@ -38,7 +38,7 @@ impl Points {
     }
 
     /// Makes one dimension count so many times as much.
-    pub fn stretch(&mut self, dim: usize, factor: f64) {
+    pub fn scale_dim(&mut self, dim: usize, factor: f64) {
         self.at.iter_mut().skip(dim).step_by(self.dims.max(1)).for_each(|x| *x *= factor);
     }
 
@@ -280,9 +280,9 @@ pub(super) fn transported(a: &Cloud, b: &Cloud) -> Points {
 mod tests {
     use super::*;
 
-    fn cloud(n: usize, seed: u64, spread: f64) -> Points {
+    fn cloud(n: usize, seed: u64, extent: f64) -> Points {
         let mut rng = Rng::new(seed);
-        Points { dims: 2, at: (0..2 * n).map(|_| spread * rng.between(-1.0, 1.0)).collect() }
+        Points { dims: 2, at: (0..2 * n).map(|_| extent * rng.between(-1.0, 1.0)).collect() }
     }
 
     /// All in logarithms and double precision, as the method is written down.

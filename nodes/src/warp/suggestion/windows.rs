@@ -7,9 +7,9 @@ use super::params::{Cause, SuggestParams};
 use super::transport::{Points, squared};
 
 /// Most windows of either side; more are thinned out evenly before anything else.
-const MOST_WINDOWS: usize = 20_000;
+const MAX_WINDOWS: usize = 20_000;
 /// Distance of two windows whose causes have nothing in common, where ranks spread by 1.
-const CAUSE: f64 = 2.0;
+const CAUSE_DISTANCE: f64 = 2.0;
 
 /// A stretch of units with the mean and the spread of its features.
 #[derive(Clone, Debug)]
@@ -19,7 +19,7 @@ pub(super) struct Window {
     mean: Vec<f64>,
     variance: f64,
     /// Least of the first feature.
-    pub softest: f64,
+    pub min_loudness: f64,
 }
 
 impl Window {
@@ -29,7 +29,7 @@ impl Window {
     }
 }
 
-/// Windows of all segments, at most [`MOST_WINDOWS`].
+/// Windows of all segments, at most [`MAX_WINDOWS`].
 pub(super) fn windows(
     features: &[f32],
     segments: &[Range<usize>],
@@ -41,19 +41,19 @@ pub(super) fn windows(
         for start in units.clone().step_by(p.hop.max(1)).take_while(|start| start + p.window <= units.end) {
             let rows = features.get(start * d..(start + p.window) * d).unwrap_or_default();
             let mut mean = vec![0.0; d];
-            let (mut square, mut softest) = (0.0, f64::INFINITY);
+            let (mut square, mut min_loudness) = (0.0, f64::INFINITY);
             for row in rows.chunks_exact(d) {
-                softest = row.first().map_or(softest, |x| softest.min(f64::from(*x)));
+                min_loudness = row.first().map_or(min_loudness, |x| min_loudness.min(f64::from(*x)));
                 for (m, x) in mean.iter_mut().zip(row) {
                     *m += f64::from(*x) / p.window as f64;
                     square += f64::from(*x).powi(2) / p.window as f64;
                 }
             }
             let variance = (square - mean.iter().map(|m| m * m).sum::<f64>()).max(0.0);
-            all.push(Window { start, segment, mean, variance, softest });
+            all.push(Window { start, segment, mean, variance, min_loudness });
         }
     }
-    let count = all.len().min(MOST_WINDOWS);
+    let count = all.len().min(MAX_WINDOWS);
     (0..count).map(|k| all[k * all.len() / count.max(1)].clone()).collect()
 }
 
@@ -88,31 +88,31 @@ pub(super) fn add_causes(
     causes: &[Cause],
     d: usize,
     window: usize,
-    ours: (&[Window], &mut Points),
-    theirs: (&[Window], &mut Points),
+    target_windows: (&[Window], &mut Points),
+    database_windows: (&[Window], &mut Points),
 ) {
     let power = |cause: &Cause, start: usize| -> f64 { cause.power.iter().skip(start).take(window).sum() };
     let most: f64 = causes.iter().flat_map(|cause| &cause.power).fold(0.0, |most, x| most.max(*x));
     for (c, cause) in causes.iter().enumerate() {
-        let dims = ours.1.dims;
+        let dims = target_windows.1.dims;
         let mut sum = 0.0;
-        for (w, at) in ours.0.iter().zip(ours.1.at.chunks_exact_mut(dims)) {
+        for (w, at) in target_windows.0.iter().zip(target_windows.1.at.chunks_exact_mut(dims)) {
             let all: f64 = causes.iter().map(|cause| power(cause, w.start)).sum();
             // What is 100 dB below the loudest unit has no cause.
             let share = if all > 1e-10 * most * window as f64 { power(cause, w.start) / all } else { 0.0 };
             sum += share;
-            at[d + c] = CAUSE * share;
+            at[d + c] = CAUSE_DISTANCE * share;
         }
-        let mean = sum / ours.0.len().max(1) as f64;
-        for (w, at) in theirs.0.iter().zip(theirs.1.at.chunks_exact_mut(dims)) {
+        let mean = sum / target_windows.0.len().max(1) as f64;
+        for (w, at) in database_windows.0.iter().zip(database_windows.1.at.chunks_exact_mut(dims)) {
             let known = cause.segments.get(w.segment).copied().flatten();
-            at[d + c] = CAUSE * known.map_or(mean, |of_this| f64::from(u8::from(of_this)));
+            at[d + c] = CAUSE_DISTANCE * known.map_or(mean, |of_this| f64::from(u8::from(of_this)));
         }
     }
 }
 
 /// Points that lie far from each other, the quietest first; steady ones are preferred.
-pub(super) fn farthest(windows: &[Window], at: &Points, count: usize) -> Vec<usize> {
+pub(super) fn farthest_points(windows: &[Window], at: &Points, count: usize) -> Vec<usize> {
     let n = windows.len();
     let mean = windows.iter().map(|w| w.variance).sum::<f64>() / n.max(1) as f64;
     let steady = |k: usize| 1.0 / (1.0 + windows[k].variance / mean.max(1e-12));

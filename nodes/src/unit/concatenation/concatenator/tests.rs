@@ -62,8 +62,8 @@ fn joins_reach_from_crossing_to_crossing_and_never_meet() {
         let join = c.join(0, (Some(a), Some(b)));
         assert!(join.after <= 100 && join.before <= 100);
         let (end, start) = ((a as usize + 1) * 200 + join.after, b as usize * 200 - join.before);
-        assert!([0, BLIND].contains(&join.after) || crosses(x, end));
-        assert!([0, BLIND].contains(&join.before) || crosses(x, start));
+        assert!([0, CUT_FADE].contains(&join.after) || crosses(x, end));
+        assert!([0, CUT_FADE].contains(&join.before) || crosses(x, start));
     }
 }
 
@@ -235,7 +235,7 @@ fn hardly_a_join_finds_no_crossing_within_two_hundred_samples() {
         let missing = |mut found: std::ops::RangeInclusive<usize>| !found.any(|at| crosses(x, at));
         let missed = [(missing(end..=end + 200), join.after), (missing(start - 200..=start), join.before)];
         for (missing, length) in missed {
-            assert!(!missing || length == BLIND);
+            assert!(!missing || length == CUT_FADE);
             (blind, sides, reach) = (blind + usize::from(missing), sides + 1, reach + length);
         }
     }

@@ -41,8 +41,8 @@ fn recordings_of_any_rate_become_units_and_survive_their_file() {
     assert!(UnitDatabase::from_bytes(&other).unwrap_err().contains("hash"));
     // A sample that somebody has changed.
     let mut other = bytes.clone();
-    let place = other.len() / 2;
-    other[place] ^= 1;
+    let middle = other.len() / 2;
+    other[middle] ^= 1;
     assert!(UnitDatabase::from_bytes(&other).unwrap_err().contains("was changed"));
     assert!(
         UnitDatabase::from_bytes(&bytes[..bytes.len() - 9]).is_err()

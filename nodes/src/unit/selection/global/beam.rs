@@ -3,7 +3,7 @@
 use super::path::{GlobalParams, Path};
 use super::table::Table;
 use crate::unit::selection::kdtree::{KdTree, Search};
-use crate::unit::selection::selector::{MOST_DIMS, NotFinite};
+use crate::unit::selection::selector::{MAX_DIMS, NotFinite};
 use rayon::prelude::*;
 
 /// Targets whose nearest units are looked up together.
@@ -110,7 +110,7 @@ pub fn beam(
         1..=4 => Beam::<4>::new(table, joins, params).path(target, &greedy),
         5..=8 => Beam::<8>::new(table, joins, params).path(target, &greedy),
         9..=16 => Beam::<16>::new(table, joins, params).path(target, &greedy),
-        _ => Beam::<MOST_DIMS>::new(table, joins, params).path(target, &greedy),
+        _ => Beam::<MAX_DIMS>::new(table, joins, params).path(target, &greedy),
     })
 }
 
@@ -120,7 +120,7 @@ struct Beam<'a, const P: usize> {
     params: &'a BeamParams,
     near: KdTree<P>,
     /// Column and predecessor of each followed path, row after row.
-    trail: Vec<(u32, u32)>,
+    backpointers: Vec<(u32, u32)>,
     /// Where each row begins in the trail.
     rows: Vec<usize>,
     forced: usize,
@@ -136,7 +136,7 @@ impl<'a, const P: usize> Beam<'a, P> {
     fn new(table: &'a Table, joins: &'a Joins, params: &'a BeamParams) -> Self {
         let points = (0..table.count()).map(|j| (j as u32, padded(table.features(j)))).collect();
         let near = KdTree::new(points);
-        Self { table, joins, params, near, trail: Vec::new(), rows: Vec::new(), forced: 0 }
+        Self { table, joins, params, near, backpointers: Vec::new(), rows: Vec::new(), forced: 0 }
     }
 
     /// The nearest columns of a target.
@@ -165,8 +165,8 @@ impl<'a, const P: usize> Beam<'a, P> {
                 tried.sort_unstable();
                 tried.dedup();
                 paths = self.follow(row, features, &paths, &tried, greedy);
-                self.rows.push(self.trail.len());
-                self.trail.extend(paths.iter().map(|path| (path.column as u32, path.back as u32)));
+                self.rows.push(self.backpointers.len());
+                self.backpointers.extend(paths.iter().map(|path| (path.column as u32, path.back as u32)));
                 row += 1;
             }
         }
@@ -213,9 +213,9 @@ impl<'a, const P: usize> Beam<'a, P> {
             }
         }
         paths.sort_by(|a, b| a.cost.total_cmp(&b.cost).then(a.column.cmp(&b.column)));
-        let kept = self.params.candidates.max(1);
-        let also = paths.iter().skip(kept).find(|path| Some(path.column) == greedy).copied();
-        paths.truncate(kept);
+        let capacity = self.params.candidates.max(1);
+        let also = paths.iter().skip(capacity).find(|path| Some(path.column) == greedy).copied();
+        paths.truncate(capacity);
         paths.extend(also);
         paths
     }
@@ -251,7 +251,7 @@ impl<'a, const P: usize> Beam<'a, P> {
         let mut at = k;
         let rows = self.rows.iter().take(row).rev();
         for &start in rows.take(self.params.path.cool_off) {
-            let Some(&(chosen, back)) = self.trail.get(start + at) else { return false };
+            let Some(&(chosen, back)) = self.backpointers.get(start + at) else { return false };
             if chosen as usize == column {
                 return true;
             }
@@ -265,7 +265,7 @@ impl<'a, const P: usize> Beam<'a, P> {
         let mut at = 0;
         let mut columns = Vec::with_capacity(self.rows.len());
         for &start in self.rows.iter().rev() {
-            let Some(&(column, back)) = self.trail.get(start + at) else { break };
+            let Some(&(column, back)) = self.backpointers.get(start + at) else { break };
             columns.push(column as usize);
             at = back as usize;
         }

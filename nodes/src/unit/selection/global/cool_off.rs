@@ -6,14 +6,14 @@ use crate::impl_state;
 
 /// When each column was last chosen.
 #[derive(Clone, Debug)]
-pub(super) struct Rest {
+pub(super) struct CoolOff {
     /// One more than the row; 0 for never.
     used: Vec<usize>,
     cool_off: usize,
 }
-impl_state!(Rest { used });
+impl_state!(CoolOff { used });
 
-impl Rest {
+impl CoolOff {
     pub fn new(columns: usize, cool_off: usize) -> Self {
         Self { used: vec![0; columns], cool_off }
     }
@@ -24,13 +24,13 @@ impl Rest {
         used > 0 && row + 1 - used <= self.cool_off
     }
 
-    pub fn note(&mut self, row: usize, column: usize) {
+    pub fn record(&mut self, row: usize, column: usize) {
         self.used[column] = row + 1;
     }
 
     /// `wanted` where it may be chosen, else the cheaper of the column that runs on and the nearest; where all rest, the one
     /// that has rested longest.
-    pub fn instead(
+    pub fn substitute(
         &self,
         table: &Table,
         features: &[f32],
@@ -49,7 +49,7 @@ impl Rest {
         };
         let free = (0..table.count()).filter(|&j| !self.barred(row, j));
         let best = free.map(|j| (cost(j), j)).min_by(|a, b| a.0.total_cmp(&b.0));
-        let rested = || (0..table.count()).min_by_key(|&j| self.used[j]);
-        best.map(|(_, j)| j).or_else(rested).unwrap_or(wanted)
+        let longest_unused = || (0..table.count()).min_by_key(|&j| self.used[j]);
+        best.map(|(_, j)| j).or_else(longest_unused).unwrap_or(wanted)
     }
 }

@@ -1,6 +1,6 @@
 //! The exact programme while the target is still coming: each unit is decided a fixed time after it.
 
-use super::cool_off::Rest;
+use super::cool_off::CoolOff;
 use super::path::GlobalParams;
 use super::programme::{Decisions, Front, Price};
 use super::table::Table;
@@ -26,16 +26,16 @@ pub struct FixedLag {
     before: Front,
     decisions: Decisions,
     /// Rows that decisions are kept of.
-    kept: usize,
+    capacity: usize,
     /// Rows that are known.
-    known: usize,
+    rows_read: usize,
     /// Rows that are decided.
     decided: usize,
-    rest: Rest,
+    cool_off: CoolOff,
     last: Option<usize>,
     replaced: usize,
 }
-impl_state!(FixedLag { front, before, decisions, known, decided, rest, last, replaced });
+impl_state!(FixedLag { front, before, decisions, rows_read, decided, cool_off, last, replaced });
 
 impl FixedLag {
     /// Before the first unit; `lag` units after one are looked at.
@@ -46,10 +46,10 @@ impl FixedLag {
             front: Front::start(count),
             before: Front::start(count),
             decisions: Decisions::new(count, lag + 1),
-            kept: lag + 1,
-            known: 0,
+            capacity: lag + 1,
+            rows_read: 0,
             decided: 0,
-            rest: Rest::new(count, params.cool_off),
+            cool_off: CoolOff::new(count, params.cool_off),
             last: None,
             replaced: 0,
             price: Price::new(&params),
@@ -68,18 +68,19 @@ impl FixedLag {
     pub fn choose(&mut self, window: &[f32]) -> Result<Choice, NotFinite> {
         let dims = self.table.dims();
         NotFinite::check(window, dims)?;
-        for features in window.chunks_exact(dims).take(self.kept).skip(self.known - self.decided) {
-            self.learn(features);
+        for features in window.chunks_exact(dims).take(self.capacity).skip(self.rows_read - self.decided) {
+            self.read_row(features);
         }
         let mut column = self.front.best;
-        for row in (self.decided + 1..self.known).rev() {
-            column = self.decisions.before(row % self.kept, column);
+        for row in (self.decided + 1..self.rows_read).rev() {
+            column = self.decisions.before(row % self.capacity, column);
         }
         let features = &window[..dims];
         let wanted = column;
-        column = self.rest.instead(&self.table, features, self.decided, wanted, self.last, &self.params);
+        column =
+            self.cool_off.substitute(&self.table, features, self.decided, wanted, self.last, &self.params);
         self.replaced += usize::from(column != wanted);
-        self.rest.note(self.decided, column);
+        self.cool_off.record(self.decided, column);
         self.decided += 1;
         self.last = Some(column);
         let d1 = self.table.distance(features, column);
@@ -92,11 +93,11 @@ impl FixedLag {
         self.replaced
     }
 
-    fn learn(&mut self, features: &[f32]) {
-        self.decisions.note(self.known % self.kept, &self.front, self.price);
+    fn read_row(&mut self, features: &[f32]) {
+        self.decisions.record(self.rows_read % self.capacity, &self.front, self.price);
         self.front.advance(&mut self.before, &self.table, self.price, features, &[], 1);
         self.front.find(self.price.level);
         self.front.close(&self.table);
-        self.known += 1;
+        self.rows_read += 1;
     }
 }

@@ -12,7 +12,7 @@ pub struct GlobalParams {
 }
 
 /// Most that a jump may cost: a larger price would drown distances in single precision.
-pub const MOST_SWITCH_COST: f64 = 1000.0;
+pub const MAX_SWITCH_COST: f64 = 1000.0;
 
 /// A path through the units of a database.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -1,6 +1,6 @@
 //! The best of all paths, by dynamic programming in O(n m) time and O(m sqrt n) memory.
 
-use super::path::{GlobalParams, MOST_SWITCH_COST};
+use super::path::{GlobalParams, MAX_SWITCH_COST};
 use super::row::{self, Target, WORD};
 use super::table::Table;
 use crate::impl_state;
@@ -36,7 +36,7 @@ impl Front {
         table: &Table,
         price: Price,
         features: &[f32],
-        extra: &[(usize, f32)],
+        surcharges: &[(usize, f32)],
         threads: usize,
     ) {
         std::mem::swap(self, before);
@@ -60,11 +60,11 @@ impl Front {
                 .reduce(|| f32::INFINITY, f32::min)
         };
         self.least = least;
-        if !extra.is_empty() {
-            for &(column, cost) in extra {
+        if !surcharges.is_empty() {
+            for &(column, cost) in surcharges {
                 own[column] += cost;
             }
-            self.least = row::least(level, own);
+            self.least = row::row_minimum(level, own);
         }
     }
 
@@ -92,7 +92,7 @@ pub(super) struct Price {
 
 impl Price {
     pub fn new(params: &GlobalParams) -> Self {
-        let switch = params.switch_cost.clamp(0.0, MOST_SWITCH_COST) as f32;
+        let switch = params.switch_cost.clamp(0.0, MAX_SWITCH_COST) as f32;
         Self { switch, cap: params.cap.max(0.0) as f32, level: Level::new() }
     }
 }
@@ -115,7 +115,7 @@ impl Decisions {
     }
 
     /// Notes how the row after `before` is reached.
-    pub fn note(&mut self, row: usize, before: &Front, price: Price) {
+    pub fn record(&mut self, row: usize, before: &Front, price: Price) {
         let bits = &mut self.bits[row * self.words..][..self.words];
         let columns = before.values.len() - 1;
         row::runs(price.level, &before.values[..columns], before.least, price.switch, bits);
@@ -141,7 +141,7 @@ pub(super) struct Programme<'a> {
     /// The best path, in columns.
     pub path: Vec<usize>,
     /// What cells cost besides, by row.
-    pub extra: BTreeMap<usize, Vec<(usize, f32)>>,
+    pub surcharges: BTreeMap<usize, Vec<(usize, f32)>>,
 }
 
 impl<'a> Programme<'a> {
@@ -155,7 +155,7 @@ impl<'a> Programme<'a> {
             block,
             fronts: Vec::with_capacity(rows.div_ceil(block) + 1),
             path: vec![0; rows],
-            extra: BTreeMap::new(),
+            surcharges: BTreeMap::new(),
         }
     }
 
@@ -171,21 +171,21 @@ impl<'a> Programme<'a> {
     /// Finds the best path again after what blocks cost has changed.
     pub fn solve(&mut self, changed: &[bool]) {
         let stale = self.forward(changed);
-        self.back(stale);
+        self.trace_back(stale);
     }
 
     /// Goes through the rows of a block; where `decisions` are wanted, notes them.
-    fn through(&self, b: usize, threads: usize, mut decisions: Option<&mut Decisions>) -> Front {
+    fn run_block(&self, b: usize, threads: usize, mut decisions: Option<&mut Decisions>) -> Front {
         let mut front = self.fronts.get(b).cloned().unwrap_or_else(|| Front::start(self.table.count()));
         let mut before = front.clone();
         let rows = b * self.block..((b + 1) * self.block).min(self.path.len());
         let last = rows.end - 1;
         for (k, i) in rows.enumerate() {
             if let Some(decisions) = &mut decisions {
-                decisions.note(k, &front, self.price);
+                decisions.record(k, &front, self.price);
             }
-            let extra = self.extra.get(&i).map_or(&[][..], Vec::as_slice);
-            front.advance(&mut before, self.table, self.price, self.row(i), extra, threads);
+            let surcharges = self.surcharges.get(&i).map_or(&[][..], Vec::as_slice);
+            front.advance(&mut before, self.table, self.price, self.row(i), surcharges, threads);
             // Only who walks back asks for the best of every row; the next block asks for that of the last.
             if decisions.is_some() || i == last {
                 front.find(self.price.level);
@@ -208,7 +208,7 @@ impl<'a> Programme<'a> {
                 continue;
             }
             *stale = true;
-            let front = self.through(b, threads, None);
+            let front = self.run_block(b, threads, None);
             // Costs are over the least of each row, so that a detour is soon forgotten.
             differs = self.fronts.get(b + 1) != Some(&front);
             match self.fronts.get_mut(b + 1) {
@@ -222,12 +222,12 @@ impl<'a> Programme<'a> {
     fn decide(&self, b: usize) -> Decisions {
         let rows = self.block.min(self.path.len() - b * self.block);
         let mut decisions = Decisions::new(self.table.count(), rows);
-        self.through(b, 1, Some(&mut decisions));
+        self.run_block(b, 1, Some(&mut decisions));
         decisions
     }
 
     /// Walks back from the best end, through the blocks whose decisions or whose end have changed.
-    fn back(&mut self, stale: Vec<bool>) {
+    fn trace_back(&mut self, stale: Vec<bool>) {
         let mut ready: BTreeMap<usize, Decisions> = BTreeMap::new();
         let mut end = self.fronts.last().map_or(0, |front| front.best);
         for b in (0..stale.len()).rev() {

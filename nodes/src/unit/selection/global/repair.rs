@@ -1,6 +1,6 @@
 //! Repair of an exact path in which units come back before the end of their cool-off.
 
-use super::cool_off::Rest;
+use super::cool_off::CoolOff;
 use super::path::GlobalParams;
 use super::programme::Programme;
 
@@ -20,13 +20,13 @@ pub(super) struct Repair {
 
 /// Rows at which a column comes back before its rest is over.
 fn repeats(path: &[usize], columns: usize, cool_off: usize) -> Vec<usize> {
-    let mut rest = Rest::new(columns, cool_off);
+    let mut cool_off = CoolOff::new(columns, cool_off);
     let mut found = Vec::new();
     for (row, &column) in path.iter().enumerate() {
-        if rest.barred(row, column) {
+        if cool_off.barred(row, column) {
             found.push(row);
         }
-        rest.note(row, column);
+        cool_off.record(row, column);
     }
     found
 }
@@ -40,41 +40,42 @@ pub(super) fn repair(programme: &mut Programme<'_>, params: &GlobalParams) -> Re
     if found.is_empty() {
         return repair;
     }
-    let (alone, replaced) = enforce(programme, params);
+    let (substituted, replaced) = enforce(programme, params);
     let cost = |path: &[usize]| programme.table.cost(programme.target, path, params);
-    let (alone_costs, mean) = (cost(&alone), cost(&programme.path) / alone.len() as f64);
+    let (substituted_cost, mean) = (cost(&substituted), cost(&programme.path) / substituted.len() as f64);
     // Enough to be felt at once, little enough not to chase the path from where it is good.
-    let mut dearer = (0.5 * params.switch_cost).max(0.1 * mean).max(1e-3) as f32;
+    let mut surcharge = (0.5 * params.switch_cost).max(0.1 * mean).max(1e-3) as f32;
     // Where there are too few units to go round, no price helps.
     while !found.is_empty() && repair.rounds < ROUNDS && columns > params.cool_off {
         let mut changed = vec![false; programme.blocks()];
         for &row in &found {
-            let cell = (programme.path[row], dearer);
-            programme.extra.entry(row).or_default().push(cell);
+            let cell = (programme.path[row], surcharge);
+            programme.surcharges.entry(row).or_default().push(cell);
             changed[row / programme.block] = true;
         }
         programme.solve(&changed);
         found = repeats(&programme.path, columns, params.cool_off);
         repair.rounds += 1;
-        dearer *= 2.0;
+        surcharge *= 2.0;
     }
     (programme.path, repair.replaced) = enforce(programme, params);
-    if alone_costs < programme.table.cost(programme.target, &programme.path, params) {
-        (programme.path, repair.replaced) = (alone, replaced);
+    if substituted_cost < programme.table.cost(programme.target, &programme.path, params) {
+        (programme.path, repair.replaced) = (substituted, replaced);
     }
     repair
 }
 
 /// The path with each unit replaced that comes back too early, and how many were.
 fn enforce(programme: &Programme<'_>, params: &GlobalParams) -> (Vec<usize>, usize) {
-    let mut rest = Rest::new(programme.table.count(), params.cool_off);
+    let mut cool_off = CoolOff::new(programme.table.count(), params.cool_off);
     let mut path: Vec<usize> = Vec::with_capacity(programme.path.len());
     let mut replaced = 0;
     for (row, &wanted) in programme.path.iter().enumerate() {
         let features = programme.row(row);
-        let column = rest.instead(programme.table, features, row, wanted, path.last().copied(), params);
+        let column =
+            cool_off.substitute(programme.table, features, row, wanted, path.last().copied(), params);
         replaced += usize::from(column != wanted);
-        rest.note(row, column);
+        cool_off.record(row, column);
         path.push(column);
     }
     (path, replaced)

@@ -43,7 +43,7 @@ pub(super) fn step(level: Level, target: Target<'_>, from: usize, before: &[f32]
 
 #[inline(always)]
 fn tiles(target: Target<'_>, from: usize, before: &[f32], out: &mut [f32]) -> f32 {
-    let mut least = [f32::INFINITY; LANES];
+    let mut lowest = [f32::INFINITY; LANES];
     let mut at = from;
     for (out, before) in out.chunks_mut(TILE).zip(before.chunks(TILE)) {
         out.fill(0.0);
@@ -54,40 +54,40 @@ fn tiles(target: Target<'_>, from: usize, before: &[f32], out: &mut [f32]) -> f3
             }
         }
         for (out, &before) in out.iter_mut().zip(before) {
-            *out = less(out.sqrt(), target.cap) + less(before - target.least, target.switch);
+            *out = minimum(out.sqrt(), target.cap) + minimum(before - target.least, target.switch);
         }
-        gather(out, &mut least);
+        gather(out, &mut lowest);
         at += out.len();
     }
-    least.into_iter().fold(f32::INFINITY, less)
+    lowest.into_iter().fold(f32::INFINITY, minimum)
 }
 
 /// The lesser; unlike `f32::min` one instruction, for nothing here is NaN.
 #[inline(always)]
-fn less(a: f32, b: f32) -> f32 {
+fn minimum(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 
 #[inline(always)]
-fn gather(values: &[f32], least: &mut [f32; LANES]) {
+fn gather(values: &[f32], lowest: &mut [f32; LANES]) {
     let mut chunks = values.chunks_exact(LANES);
     for chunk in &mut chunks {
-        for (least, &x) in least.iter_mut().zip(chunk) {
-            *least = less(x, *least);
+        for (lowest, &x) in lowest.iter_mut().zip(chunk) {
+            *lowest = minimum(x, *lowest);
         }
     }
-    for (least, &x) in least.iter_mut().zip(chunks.remainder()) {
-        *least = less(x, *least);
+    for (lowest, &x) in lowest.iter_mut().zip(chunks.remainder()) {
+        *lowest = minimum(x, *lowest);
     }
 }
 
 /// The least of a row.
-pub(super) fn least(level: Level, values: &[f32]) -> f32 {
+pub(super) fn row_minimum(level: Level, values: &[f32]) -> f32 {
     dispatch!(level, simd => {
         let _ = simd;
-        let mut least = [f32::INFINITY; LANES];
-        gather(values, &mut least);
-        least.into_iter().fold(f32::INFINITY, less)
+        let mut lowest = [f32::INFINITY; LANES];
+        gather(values, &mut lowest);
+        lowest.into_iter().fold(f32::INFINITY, minimum)
     })
 }
 
@@ -95,12 +95,12 @@ pub(super) fn least(level: Level, values: &[f32]) -> f32 {
 pub(super) fn first(level: Level, values: &[f32], value: f32) -> usize {
     dispatch!(level, simd => {
         let _ = simd;
-        place(values, value)
+        first_position(values, value)
     })
 }
 
 #[inline(always)]
-fn place(values: &[f32], value: f32) -> usize {
+fn first_position(values: &[f32], value: f32) -> usize {
     for (tile, values) in values.chunks(TILE).enumerate() {
         // Counting has no branch in it; the few values of one tile are then looked at one by one.
         if values.iter().map(|&x| u32::from(x == value)).sum::<u32>() > 0 {
@@ -111,19 +111,19 @@ fn place(values: &[f32], value: f32) -> usize {
 }
 
 /// Marks the units that are reached no worse from the unit that they follow than by a jump.
-pub(super) fn runs(level: Level, before: &[f32], least: f32, switch: f32, bits: &mut [u64]) {
+pub(super) fn runs(level: Level, before: &[f32], lowest: f32, switch: f32, bits: &mut [u64]) {
     dispatch!(level, simd => {
         let _ = simd;
-        words(before, least, switch, bits);
+        words(before, lowest, switch, bits);
     });
 }
 
 #[inline(always)]
-fn words(before: &[f32], least: f32, switch: f32, bits: &mut [u64]) {
+fn words(before: &[f32], lowest: f32, switch: f32, bits: &mut [u64]) {
     for (word, before) in bits.iter_mut().zip(before.chunks(WORD)) {
         *word = 0;
         for (k, &x) in before.iter().enumerate() {
-            *word |= u64::from(x - least <= switch) << k;
+            *word |= u64::from(x - lowest <= switch) << k;
         }
     }
 }

@@ -152,13 +152,13 @@ fn free_jumps_give_the_nearest_units_and_dear_ones_an_unbroken_run() {
 
 /// Units on a grid, so that the gap between any two is known, and a target that plays stretches of them with noise.
 fn planted(rng: &mut Rng, noise: f64) -> (Vec<f32>, Vec<(usize, usize)>, Vec<u32>, Vec<f32>) {
-    let place = |j: usize| [(j % 9) as f64, (j / 9 % 9) as f64, (j / 81) as f64];
+    let first_position = |j: usize| [(j % 9) as f64, (j / 9 % 9) as f64, (j / 81) as f64];
     let m = 243;
     let mut order: Vec<usize> = (0..m).collect();
     for k in (1..m).rev() {
         order.swap(k, rng.below(k + 1));
     }
-    let features: Vec<f32> = order.iter().flat_map(|&j| place(j)).map(|x| x as f32).collect();
+    let features: Vec<f32> = order.iter().flat_map(|&j| first_position(j)).map(|x| x as f32).collect();
     let mut path: Vec<u32> = Vec::new();
     while path.len() < 400 {
         // Stretches end before their recording does.
@@ -224,12 +224,12 @@ fn repaired(seed: u64, lengths: &[usize], rows: usize) -> (f64, f64) {
     assert_eq!(repeated(&rested.units, 10), 0);
     assert!(rested.rounds > 0 && rested.rounds <= 20);
     assert!((rested.free_cost - free.cost).abs() < 1e-12 && rested.cost >= free.cost);
-    let mut rest = super::cool_off::Rest::new(m, 10);
+    let mut cool_off = super::cool_off::CoolOff::new(m, 10);
     let mut replaced = columns(&table, &free.units);
     for i in 0..replaced.len() {
         let last = i.checked_sub(1).map(|k| replaced[k]);
-        replaced[i] = rest.instead(&table, &target[3 * i..3 * i + 3], i, replaced[i], last, &p);
-        rest.note(i, replaced[i]);
+        replaced[i] = cool_off.substitute(&table, &target[3 * i..3 * i + 3], i, replaced[i], last, &p);
+        cool_off.record(i, replaced[i]);
     }
     let beam_params = BeamParams { path: p, candidates: 40, feature: 0.0, level: 0.0, crossing: 0.0 };
     let found = beam(&table, &Joins::default(), &target, &[], &beam_params).unwrap();

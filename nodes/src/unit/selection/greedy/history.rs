@@ -7,7 +7,7 @@ use crate::unit::selection::selector::SelectorParams;
 
 /// What was chosen so far.
 #[derive(Clone)]
-pub(super) struct Past {
+pub(super) struct History {
     /// One more than the target for which a unit was last chosen; 0 where it never was.
     pub used: Vec<u64>,
     /// Targets so far.
@@ -19,9 +19,9 @@ pub(super) struct Past {
     cool_off: u64,
     loop_guard: usize,
 }
-impl_state!(Past { used, now, picks });
+impl_state!(History { used, now, picks });
 
-impl Past {
+impl History {
     pub fn new(units: usize, params: &SelectorParams) -> Self {
         Self {
             used: vec![0; units],
@@ -34,13 +34,13 @@ impl Past {
     }
 
     /// Whether a unit was chosen for one of the last targets.
-    pub fn cooling(&self, unit: usize) -> bool {
+    pub fn in_cool_off(&self, unit: usize) -> bool {
         let used = self.used[unit];
         used > 0 && self.now + 1 - used <= self.cool_off
     }
 
     pub fn barred(&self, unit: usize) -> bool {
-        self.cooling(unit) || self.guarded.contains(&(unit as u32))
+        self.in_cool_off(unit) || self.guarded.contains(&(unit as u32))
     }
 
     /// Finds the units that would go on with an exact repeat of the last picks.
@@ -56,12 +56,12 @@ impl Past {
     }
 
     /// Lets every unit rest for long enough.
-    pub fn forget(&mut self) {
+    pub fn release_all(&mut self) {
         self.now += self.cool_off + 1;
         self.picks.clear();
     }
 
-    pub fn note(&mut self, unit: u32) {
+    pub fn record(&mut self, unit: u32) {
         self.now += 1;
         self.used[unit as usize] = self.now;
         if self.picks.len() == self.loop_guard + 4 {

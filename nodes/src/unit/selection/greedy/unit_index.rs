@@ -13,13 +13,13 @@ pub(super) struct Index<const P: usize> {
     pub segment: Vec<(u32, u32)>,
     pub allowed: Vec<bool>,
     /// How many are allowed.
-    pub choosable: usize,
+    pub allowed_count: usize,
     /// Every unit that may be chosen, by its features.
-    pub near: KdTree<P>,
+    pub by_features: KdTree<P>,
     /// Every unit with room for a whole window, by the mean of its window; of those whose windows are alike the first alone.
-    pub means: KdTree<P>,
+    pub by_mean: KdTree<P>,
     /// The next unit whose window is like that of this one, or [`LAST`].
-    pub twins: Vec<u32>,
+    pub next_equal: Vec<u32>,
 }
 
 /// Marks a unit after which no other has a window like its own.
@@ -33,28 +33,32 @@ impl<const P: usize> Index<P> {
             segment[from..from + count].fill((from as u32, (from + count) as u32));
         }
         let all = (0..features.len()).filter(|&j| units.allowed[j]);
-        let near = KdTree::new(all.clone().map(|j| (j as u32, features[j])).collect());
+        let by_features = KdTree::new(all.clone().map(|j| (j as u32, features[j])).collect());
         let mut index = Self {
             dims: units.dims,
             features,
             segment,
-            choosable: units.allowed.iter().filter(|&&a| a).count(),
+            allowed_count: units.allowed.iter().filter(|&&a| a).count(),
             allowed: units.allowed.clone(),
-            near,
-            means: KdTree::new(Vec::new()),
-            twins: Vec::new(),
+            by_features,
+            by_mean: KdTree::new(Vec::new()),
+            next_equal: Vec::new(),
         };
-        let whole = all.filter_map(|j| {
+        let windows = all.filter_map(|j| {
             let start = index.start(j, params.look, params.causal)?;
             Some((j as u32, mean(&index.features[start..][..=params.look])))
         });
-        let whole = whole.collect();
-        (index.means, index.twins) = index.families(whole, params);
+        let windows = windows.collect();
+        (index.by_mean, index.next_equal) = index.distinct_windows(windows, params);
         index
     }
 
     /// The tree of all windows, of which those that are alike are one, and what leads from one of these to the next.
-    fn families(&self, mut whole: Vec<(u32, [f64; P])>, params: &SelectorParams) -> (KdTree<P>, Vec<u32>) {
+    fn distinct_windows(
+        &self,
+        mut windows: Vec<(u32, [f64; P])>,
+        params: &SelectorParams,
+    ) -> (KdTree<P>, Vec<u32>) {
         let window = |j: u32| {
             let start = self.start(j as usize, params.look, params.causal).unwrap_or(0);
             self.features[start..][..=params.look].as_flattened()
@@ -63,24 +67,24 @@ impl<const P: usize> Index<P> {
             let differs = a.iter().zip(b).map(|(a, b)| a.total_cmp(b)).find(|order| order.is_ne());
             differs.unwrap_or(Ordering::Equal)
         };
-        whole.sort_unstable_by(|(j, a), (k, b)| {
+        windows.sort_unstable_by(|(j, a), (k, b)| {
             order(a, b).then_with(|| order(window(*j), window(*k))).then(j.cmp(k))
         });
-        let (mut twins, mut firsts) = (vec![LAST; self.features.len()], Vec::new());
+        let (mut next_equal, mut firsts) = (vec![LAST; self.features.len()], Vec::new());
         let mut last: Option<u32> = None;
-        for (j, mean) in whole {
+        for (j, mean) in windows {
             match last {
-                Some(k) if window(k) == window(j) => twins[k as usize] = j,
+                Some(k) if window(k) == window(j) => next_equal[k as usize] = j,
                 _ => firsts.push((j, mean)),
             }
             last = Some(j);
         }
-        (KdTree::new(firsts), twins)
+        (KdTree::new(firsts), next_equal)
     }
 
     /// The next unit whose window is like that of unit `j`.
-    pub fn twin(&self, j: u32) -> Option<u32> {
-        self.twins.get(j as usize).copied().filter(|twin| *twin != LAST)
+    pub fn next_equal_window(&self, j: u32) -> Option<u32> {
+        self.next_equal.get(j as usize).copied().filter(|next_equal_window| *next_equal_window != LAST)
     }
 
     /// First unit of the window of `look + 1` units at unit `j`; `None` where it would leave the segment.

@@ -2,13 +2,13 @@
 
 use std::sync::Arc;
 
-use super::history::Past;
+use super::history::History;
 use super::unit_index::{Index, mean, padded};
 use crate::archive_state;
 use crate::unit::selection::kdtree::{Search, squared};
-use crate::unit::selection::selector::{Choice, MOST_DIMS, NotFinite, Selector, SelectorParams, Units};
+use crate::unit::selection::selector::{Choice, MAX_DIMS, NotFinite, Selector, SelectorParams, Units};
 
-/// A selector for vectors of `units.dims` dimensions; `None` where they are more than [`MOST_DIMS`] or no unit is allowed.
+/// A selector for vectors of `units.dims` dimensions; `None` where they are more than [`MAX_DIMS`] or no unit is allowed.
 #[must_use]
 pub fn selector(units: &Units<'_>, params: SelectorParams) -> Option<Box<dyn Selector>> {
     if units.dims == 0 || !units.allowed.contains(&true) {
@@ -19,7 +19,7 @@ pub fn selector(units: &Units<'_>, params: SelectorParams) -> Option<Box<dyn Sel
         1..=4 => Box::new(Exact::<4>::new(units, params)),
         5..=8 => Box::new(Exact::<8>::new(units, params)),
         9..=16 => Box::new(Exact::<16>::new(units, params)),
-        17..=MOST_DIMS => Box::new(Exact::<MOST_DIMS>::new(units, params)),
+        17..=MAX_DIMS => Box::new(Exact::<MAX_DIMS>::new(units, params)),
         _ => return None,
     })
 }
@@ -30,33 +30,33 @@ struct Exact<const P: usize> {
     index: Arc<Index<P>>,
     search: Search,
     window: Vec<[f64; P]>,
-    past: Past,
+    history: History,
 }
 
 /// Nearest units that are looked at before those of a low bound.
 const SEEDS: usize = 16;
 
 /// One search for the unit of one target.
-struct Running<const P: usize> {
+struct SearchState<const P: usize> {
     /// The unit that may be chosen although it is barred.
     rested: Option<usize>,
     /// The unit after the last pick.
     next: Option<usize>,
     /// Mean of the target's window.
     mean: [f64; P],
-    best: Option<Found>,
+    best: Option<Candidate>,
 }
 
 /// A unit that may be chosen.
 #[derive(Clone, Copy)]
-struct Found {
+struct Candidate {
     choice: Choice,
     continues: bool,
     /// Squared distance of the means.
     bound: f64,
 }
 
-impl Found {
+impl Candidate {
     /// What decides between two, the lesser first.
     fn key(&self) -> (f64, bool, f64, u32) {
         (self.choice.d2, !self.continues, self.bound, self.choice.unit)
@@ -67,7 +67,7 @@ impl<const P: usize> Exact<P> {
     fn new(units: &Units<'_>, params: SelectorParams) -> Self {
         let index = Arc::new(Index::new(units, &params));
         Self {
-            past: Past::new(index.features.len(), &params),
+            history: History::new(index.features.len(), &params),
             window: Vec::with_capacity(params.look + 1),
             search: Search::default(),
             index,
@@ -77,7 +77,7 @@ impl<const P: usize> Exact<P> {
 
     /// The unit after the last pick, in the same segment.
     fn continuation(&self) -> Option<usize> {
-        let last = *self.past.picks.front()? as usize;
+        let last = *self.history.picks.front()? as usize;
         let next = last + 1;
         (next < self.index.segment[last].1 as usize && self.index.allowed[next]).then_some(next)
     }
@@ -92,8 +92,8 @@ impl<const P: usize> Exact<P> {
     }
 
     /// Unit `j` as a choice, where it may be chosen and is better than `best`.
-    fn better(&self, j: usize, bound: Option<f64>, search: &Running<P>) -> Option<Found> {
-        if search.rested != Some(j) && self.past.barred(j) {
+    fn better(&self, j: usize, bound: Option<f64>, search: &SearchState<P>) -> Option<Candidate> {
+        if search.rested != Some(j) && self.history.barred(j) {
             return None;
         }
         let start = self.index.start(j, self.window.len() - 1, self.params.causal)?;
@@ -112,76 +112,77 @@ impl<const P: usize> Exact<P> {
         }
         let bound = bound.unwrap_or_else(|| squared(&mean(units), &search.mean));
         let choice = Choice { unit: j as u32, d1, d2, ..Choice::default() };
-        let found = Found { choice, continues: search.next == Some(j), bound };
+        let found = Candidate { choice, continues: search.next == Some(j), bound };
         (search.best.as_ref().is_none_or(|best| found.key() < best.key())).then_some(found)
     }
 
     /// The best admissible unit.
     fn best(&mut self, rested: Option<usize>) -> Option<Choice> {
-        let mut running = Running { rested, next: self.continuation(), mean: mean(&self.window), best: None };
+        let mut state =
+            SearchState { rested, next: self.continuation(), mean: mean(&self.window), best: None };
         if self.window.len() <= self.params.look {
             // Windows that an end of the target cuts short have no tree of means.
-            let most = self.params.effort.unwrap_or(usize::MAX);
-            if self.index.features.len() > most {
+            let limit = self.params.effort.unwrap_or(usize::MAX);
+            if self.index.features.len() > limit {
                 self.search.left = Some(0);
             }
-            for j in 0..self.index.features.len().min(most) {
-                let found = if self.index.allowed[j] { self.better(j, None, &running) } else { None };
-                running.best = found.or(running.best);
+            for j in 0..self.index.features.len().min(limit) {
+                let found = if self.index.allowed[j] { self.better(j, None, &state) } else { None };
+                state.best = found.or(state.best);
             }
-            return running.best.map(|found| found.choice);
+            return state.best.map(|found| found.choice);
         }
-        if let Some(j) = running.next {
-            running.best = self.better(j, None, &running);
+        if let Some(j) = state.next {
+            state.best = self.better(j, None, &state);
         }
-        let mut memory = std::mem::take(&mut self.search);
-        let all = running.best.is_none() && self.seed(&mut running, &mut memory);
+        let mut scratch = std::mem::take(&mut self.search);
+        let all = state.best.is_none() && self.seed(&mut state, &mut scratch);
         // Nothing is better than no distance at all: it goes on the run, or is the first such unit that the seeds met. In silence, where
         // thousands of units are alike, their bounds alone would not rule out one of them.
-        let perfect = running.best.is_some_and(|best| best.choice.d2 == 0.0);
+        let perfect = state.best.is_some_and(|best| best.choice.d2 == 0.0);
         if !all && !perfect {
-            self.by_bound(&mut running, &mut memory);
+            self.by_bound(&mut state, &mut scratch);
         }
-        self.search = memory;
-        running.best.map(|found| found.choice)
+        self.search = scratch;
+        state.best.map(|found| found.choice)
     }
 
     /// Looks at the nearest units until one may be chosen and some more were seen; true where all within `d_max` were seen.
-    fn seed(&self, running: &mut Running<P>, memory: &mut Search) -> bool {
+    fn seed(&self, state: &mut SearchState<P>, scratch: &mut Search) -> bool {
         let (mut seen, mut all) = (0, true);
         // The distance as compared with `d_max` is rounded once more.
         let within = (self.params.d_max * (1.0 + 1e-9)).powi(2);
-        self.index.near.nearest(self.present(), within, memory, |_, label| {
-            running.best = self.better(label as usize, None, running).or(running.best);
+        self.index.by_features.nearest(self.present(), within, scratch, |_, label| {
+            state.best = self.better(label as usize, None, state).or(state.best);
             seen += 1;
-            all = running.best.is_none() || seen < SEEDS;
+            all = state.best.is_none() || seen < SEEDS;
             if all { within } else { -1.0 }
         });
         all
     }
 
     /// Looks at units until no bound is low enough to be better.
-    fn by_bound(&self, running: &mut Running<P>, memory: &mut Search) {
+    fn by_bound(&self, state: &mut SearchState<P>, scratch: &mut Search) {
         let units = self.window.len() as f64;
         // No window whose mean is further away than this can sum to less.
-        let reach = |best: &Option<Found>| {
+        let radius = |best: &Option<Candidate>| {
             best.as_ref().map_or(f64::INFINITY, |best| (best.choice.d2 / units / (1.0 - 1e-9)).powi(2))
         };
-        let mean = running.mean;
-        self.index.means.within(&mean, reach(&running.best), memory, |bound, label| {
+        let mean = state.mean;
+        self.index.by_mean.within(&mean, radius(&state.best), scratch, |bound, label| {
             // Of units with windows alike, the first that may be chosen is as good as any: at most those at rest lie before it.
-            let mut family = std::iter::successors(Some(label), |j| self.index.twin(*j));
-            let free = |j: &u32| running.rested == Some(*j as usize) || !self.past.barred(*j as usize);
-            if let Some(j) = family.find(free) {
-                running.best = self.better(j as usize, Some(bound), running).or(running.best);
+            let mut equal_windows = std::iter::successors(Some(label), |j| self.index.next_equal_window(*j));
+            let free = |j: &u32| state.rested == Some(*j as usize) || !self.history.barred(*j as usize);
+            if let Some(j) = equal_windows.find(free) {
+                state.best = self.better(j as usize, Some(bound), state).or(state.best);
             }
-            reach(&running.best)
+            radius(&state.best)
         });
     }
 
     /// The unit after the last pick, whatever it sounds like, unless it is barred.
-    fn run_on(&self) -> Option<Choice> {
-        let next = self.continuation().filter(|next| !self.past.barred(*next))?;
+    fn continue_run(&self) -> Option<Choice> {
+        let next = self.continuation().filter(|next| !self.history.barred(*next))?;
         let d1 = self.d1(next);
         Some(Choice { unit: next as u32, fallback: d1 > self.params.d_max, d1, ..Choice::default() })
     }
@@ -189,10 +190,10 @@ impl<const P: usize> Exact<P> {
     /// The nearest unit that is not barred, whatever follows it.
     fn nearest(&mut self, least_recent: Option<usize>) -> Option<Choice> {
         let present = *self.present();
-        let free = |j: usize| least_recent == Some(j) || !self.past.barred(j);
+        let free = |j: usize| least_recent == Some(j) || !self.history.barred(j);
         let mut found: Option<(f64, u32)> = None;
         let mut search = std::mem::take(&mut self.search);
-        self.index.near.nearest(&present, f64::INFINITY, &mut search, |distance, label| {
+        self.index.by_features.nearest(&present, f64::INFINITY, &mut search, |distance, label| {
             found = free(label as usize).then_some((distance, label));
             if found.is_some() { -1.0 } else { f64::INFINITY }
         });
@@ -212,21 +213,23 @@ impl<const P: usize> Exact<P> {
 
     /// Where every unit is barred, the one that has rested longest.
     fn least_recent(&mut self) -> Option<usize> {
-        let free = |past: &Past| (0..past.used.len()).any(|j| self.index.allowed[j] && !past.barred(j));
+        let free =
+            |history: &History| (0..history.used.len()).any(|j| self.index.allowed[j] && !history.barred(j));
         // No more units are barred than targets bar one each.
-        if self.index.choosable > self.params.cool_off + self.past.guarded.len() || free(&self.past) {
+        if self.index.allowed_count > self.params.cool_off + self.history.guarded.len() || free(&self.history)
+        {
             return None;
         }
-        self.past.guarded.clear();
-        if free_without_guard(&self.past, &self.index.allowed) {
+        self.history.guarded.clear();
+        if free_without_guard(&self.history, &self.index.allowed) {
             return None;
         }
-        (0..self.past.used.len()).filter(|&j| self.index.allowed[j]).min_by_key(|&j| self.past.used[j])
+        (0..self.history.used.len()).filter(|&j| self.index.allowed[j]).min_by_key(|&j| self.history.used[j])
     }
 }
 
-fn free_without_guard(past: &Past, allowed: &[bool]) -> bool {
-    (0..past.used.len()).any(|j| allowed[j] && !past.cooling(j))
+fn free_without_guard(history: &History, allowed: &[bool]) -> bool {
+    (0..history.used.len()).any(|j| allowed[j] && !history.in_cool_off(j))
 }
 
 impl<const P: usize> Selector for Exact<P> {
@@ -234,29 +237,29 @@ impl<const P: usize> Selector for Exact<P> {
         NotFinite::check(window, self.index.dims)?;
         self.window.clear();
         self.window.extend(window.chunks_exact(self.index.dims).map(padded::<P>));
-        self.past.guard();
+        self.history.guard();
         let rested = self.least_recent();
         self.search.left = self.params.effort;
         let mut chosen = self.best(rested);
         let cut = self.search.left == Some(0);
         if cut {
-            chosen = self.run_on().or(chosen);
+            chosen = self.continue_run().or(chosen);
         }
         // No more units lie before the nearest free one than are barred: that search is short without a limit.
         self.search.left = None;
         let chosen = chosen.or_else(|| self.nearest(rested)).ok_or(NotFinite(0))?;
-        self.past.note(chosen.unit);
+        self.history.record(chosen.unit);
         Ok(Choice { cut, ..chosen })
     }
 
-    fn recall(&mut self, picks: &[u32]) {
-        self.past.forget();
-        picks.iter().for_each(|unit| self.past.note(*unit));
+    fn set_history(&mut self, picks: &[u32]) {
+        self.history.release_all();
+        picks.iter().for_each(|unit| self.history.record(*unit));
     }
 
-    archive_state!(past);
+    archive_state!(history);
 
-    fn another(&self) -> Box<dyn Selector> {
+    fn boxed_clone(&self) -> Box<dyn Selector> {
         Box::new(self.clone())
     }
 }

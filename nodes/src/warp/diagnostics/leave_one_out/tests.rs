@@ -6,10 +6,10 @@ use crate::warp::Warper;
 fn planted(rng: &mut Rng, bad: usize) -> Vec<(usize, Pair)> {
     let mut pairs = Vec::new();
     for k in 0..12 {
-        let middle = [0; 3].map(|_| rng.between(-8.0, 8.0));
+        let centroid = [0; 3].map(|_| rng.between(-8.0, 8.0));
         let wrong = [0; 3].map(|_| rng.between(-1.0, 1.0) * if k == bad { 8.0 } else { 0.0 });
         for _ in 0..10 {
-            let from = middle.map(|m| m + rng.between(-0.7, 0.7));
+            let from = centroid.map(|m| m + rng.between(-0.7, 0.7));
             let noise = [0; 3].map(|_| rng.between(-0.4, 0.4));
             let [x, y, z] = from;
             let smooth = [1.2 * x + 3.0 + 0.03 * y * y, 0.8 * y + 1.5 * (0.3 * x).sin(), z + 0.1 * x];
@@ -33,12 +33,12 @@ fn errors_of_blocks_left_out_are_those_of_fits_without_them() {
                 pairs.iter().filter(|(k, _)| !blocks.contains(k)).map(|(_, p)| p.clone()).collect();
             let mut warper = Warper::new(&fit(&rest, 3, Stiffness::Lambda(lambda)).unwrap().0);
             let rows = blocks.iter().flat_map(|b| 10 * b..10 * b + 10);
-            for (row, place) in rows.zip(0..) {
+            for (row, index) in rows.zip(0..) {
                 let pair = &pairs[row].1;
                 let moved = warper.displacement(pair.from.iter().copied()).to_vec();
                 for i in 0..3 {
                     let expected: f64 = pair.to[i] - pair.from[i] - moved[i];
-                    worst = worst.max((errors[i][place] - expected).abs());
+                    worst = worst.max((errors[i][index] - expected).abs());
                 }
             }
         }
@@ -64,7 +64,7 @@ fn the_warp_through_all_is_the_fitted_one_also_where_pairs_start_in_one_place() 
         for point in [[0.0, 0.0, 0.0], [5.0, -7.0, 3.0], [-20.0, 1.0, 15.0]] {
             let moved = quick.displacement(point.into_iter()).to_vec();
             let wanted = slow.displacement(point.into_iter());
-            assert!(way(&moved, wanted) < 1e-7, "{lambda}: {moved:?}, not {wanted:?}");
+            assert!(distance(&moved, wanted) < 1e-7, "{lambda}: {moved:?}, not {wanted:?}");
         }
     }
 }
@@ -88,7 +88,7 @@ fn the_warp_through_few_is_the_fitted_one() {
             let (mut quick, mut slow) = (Warper::new(&quick), Warper::new(&slow));
             let moved = quick.displacement([1.0, -2.0, 0.5].into_iter()).to_vec();
             let wanted = slow.displacement([1.0, -2.0, 0.5].into_iter());
-            assert!(way(&moved, wanted) < 1e-6, "{n} {lambda}: {moved:?} {wanted:?}");
+            assert!(distance(&moved, wanted) < 1e-6, "{n} {lambda}: {moved:?} {wanted:?}");
         }
     }
 }
@@ -106,7 +106,7 @@ fn the_quick_warp_without_a_correspondence_is_the_fitted_one() {
             for point in [[0.0, 0.0, 0.0], [5.0, -7.0, 3.0], [-20.0, 1.0, 15.0]] {
                 let moved = quick.displacement(point.into_iter()).to_vec();
                 let wanted = slow.displacement(point.into_iter());
-                assert!(way(&moved, wanted) < 1e-7, "{lambda} {k}: {moved:?}, not {wanted:?}");
+                assert!(distance(&moved, wanted) < 1e-7, "{lambda} {k}: {moved:?}, not {wanted:?}");
             }
         }
     }

@@ -54,9 +54,9 @@ fn removed(law: impl Fn([f64; 3]) -> [f64; 3]) -> f64 {
     assert!(target[3 * quiet] < -18.0, "silence is offered first");
     let left = [1e2, 1e3, 1e4].map(|lambda| {
         let some = [target.clone(), database.clone()];
-        let worlds = Worlds { target: &target, database: &database, d: 3, window: 24, lambda, some };
+        let spaces = FeatureSpaces { target: &target, database: &database, d: 3, window: 24, lambda, some };
         let with: Vec<_> = found.iter().map(|p| (p.target, p.database)).collect();
-        worlds.score(&worlds.units(&with)).unwrap().0
+        spaces.score(&spaces.units(&with)).unwrap().0
     });
     let after = left.into_iter().fold(f64::INFINITY, f64::min);
     println!("{} proposals: {before:.2} -> {after:.2}, floor {floor:.2}", found.len());
@@ -112,10 +112,10 @@ fn nothing_is_proposed_where_there_is_no_window() {
 /// Distance that some proposals leave, by their means and by their units, over that without any.
 fn left(target: &[f32], database: &[f32], lambda: f64, found: &[Proposal]) -> [f64; 2] {
     let some = [target.to_vec(), database.to_vec()];
-    let worlds = Worlds { target, database, d: 3, window: 24, lambda, some };
+    let spaces = FeatureSpaces { target, database, d: 3, window: 24, lambda, some };
     let with: Vec<_> = found.iter().map(|p| (p.target, p.database)).collect();
-    let start = worlds.score(&[]).unwrap().0;
-    [worlds.means(&with), worlds.units(&with)].map(|pairs| worlds.score(&pairs).unwrap().0 / start)
+    let start = spaces.score(&[]).unwrap().0;
+    [spaces.means(&with), spaces.units(&with)].map(|pairs| spaces.score(&pairs).unwrap().0 / start)
 }
 
 #[test]
@@ -154,14 +154,14 @@ fn silence_goes_to_the_quietest_recording_or_is_left_out() {
     let segments = [0..300, 300..600];
     let found = suggest(&target, &loud, &segments, 3, &p, &[]).unwrap();
     assert!(found.len() >= 3 && found.iter().all(|p| p.target + 24 <= 900), "{found:?}");
-    assert!(leaves_silence_out(&found, &target, 3, &p));
+    assert!(leaves_out_silence(&found, &target, 3, &p));
     // A recording of the room, whose colours are those of loud moments.
     let room: Vec<f32> = (0..100).flat_map(|k| [-34.0 + 0.01 * k as f32, 3.0, 1.0]).collect();
     let database = [loud, room].concat();
     let found = suggest(&target, &database, &[0..300, 300..600, 600..700], 3, &p, &[]).unwrap();
     assert!(found[0].target >= 900 && found[0].database == 600, "{found:?}");
     assert!(found[1..].iter().all(|p| p.target + 24 <= 900 && p.database < 600), "{found:?}");
-    assert!(!leaves_silence_out(&found, &target, 3, &p));
+    assert!(!leaves_out_silence(&found, &target, 3, &p));
 }
 
 #[test]

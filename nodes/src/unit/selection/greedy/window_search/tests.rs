@@ -15,9 +15,9 @@ fn algorithm_1(target: &[f32], units: &Units<'_>, p: &SelectorParams) -> Vec<Cho
     let segment = |j: usize| units.segments.iter().find(|(a, n)| (*a..a + n).contains(&j)).unwrap();
     for i in 0..n {
         let look = if p.causal { p.look.min(i) } else { p.look.min(n - 1 - i) };
-        let past = picks.clone();
+        let history = picks.clone();
         let last =
-            |k: usize| past.get(i.wrapping_sub(k)).map(|c| c.unit as usize).filter(|_| k >= 1 && k <= i);
+            |k: usize| history.get(i.wrapping_sub(k)).map(|c| c.unit as usize).filter(|_| k >= 1 && k <= i);
         let cooled = |j: usize| (1..=p.cool_off).any(|k| last(k) == Some(j));
         let guarded = |j: usize| {
             (1..=p.loop_guard).any(|lag| {
@@ -186,8 +186,8 @@ fn recordings_choose_themselves_but_for_a_window_before_each_join() {
         for cool_off in [0, 20, 500] {
             let p = SelectorParams { look, d_max: 2.0, cool_off, loop_guard: 0, causal: false, effort: None };
             let picks: Vec<u32> = run(&features, &units, &p).iter().map(|pick| pick.unit).collect();
-            let whole: Vec<_> = segments.iter().copied().filter(|(_, count)| *count > look).collect();
-            let others = itself_but_near_joins(&picks, &whole, look, cool_off);
+            let windows: Vec<_> = segments.iter().copied().filter(|(_, count)| *count > look).collect();
+            let others = itself_but_near_joins(&picks, &windows, look, cool_off);
             // A unit that was taken early makes its own target take another one early.
             assert!(cool_off * look > 0 || others == 0, "{look} {cool_off}: {others}");
             // Before a join no unit has room for a window of its own.
@@ -265,7 +265,7 @@ fn units_that_are_all_alike_are_not_looked_at_one_by_one() {
     let choose = |effort, picks: &[u32]| {
         let p = SelectorParams { look, d_max: 2.0, cool_off: 20, loop_guard: 0, causal: false, effort };
         let mut selector = selector(&units, p).unwrap();
-        selector.recall(picks);
+        selector.set_history(picks);
         (0..50).map(|_| selector.choose(&[0.5; 18]).unwrap()).collect::<Vec<_>>()
     };
     // From rest, in a run, and out of one that ends with its stretch.
@@ -288,7 +288,7 @@ fn units_that_are_all_as_far_are_not_looked_at_one_by_one_either() {
         let choose = |effort, picks: &[u32]| {
             let p = SelectorParams { look, d_max, cool_off: 20, loop_guard: 0, causal: false, effort };
             let mut selector = selector(&units, p).unwrap();
-            selector.recall(picks);
+            selector.set_history(picks);
             (0..60).map(|_| selector.choose(&[1.0; 33]).unwrap()).collect::<Vec<_>>()
         };
         for (picks, first) in
@@ -417,8 +417,8 @@ fn neither_threads_nor_the_order_of_the_index_change_a_choice() {
                 }
                 KdTree::new(points)
             };
-            let (near, means) = (mixed(&index.near), mixed(&index.means));
-            other.index = Arc::new(Index { near, means, ..index });
+            let (by_features, by_mean) = (mixed(&index.by_features), mixed(&index.by_mean));
+            other.index = Arc::new(Index { by_features, by_mean, ..index });
             let chosen = (0..200).map(|i| other.choose(&target[3 * i..3 * (i + 5).min(200)]).unwrap());
             assert!(chosen.eq(wanted.iter().copied()), "{seed}");
         }
@@ -440,7 +440,7 @@ fn a_heavy_tag_dimension_is_the_mask_and_a_light_one_is_a_wish() {
         let segments: Vec<_> = (0..4).map(|k| (90 * k, 90)).collect();
         let second = |j: usize| j / 90 % 2 == 1;
         let length = |f: &[f32]| f.iter().map(|x| x * x).sum::<f32>().sqrt();
-        let most = features.chunks(3).chain(target.chunks(3)).map(length).fold(0.0, f32::max);
+        let limit = features.chunks(3).chain(target.chunks(3)).map(length).fold(0.0, f32::max);
         let p = SelectorParams {
             look: [0, 5][round % 2],
             d_max: [0.5, 2.0, 100.0][round % 3],
@@ -461,8 +461,8 @@ fn a_heavy_tag_dimension_is_the_mask_and_a_light_one_is_a_wish() {
             wrong
         };
         for tag in [false, true] {
-            assert_eq!(wrong(2.01 * most, tag), 0, "round {round}");
-            assert!(wrong(0.05 * most, tag) > 0, "round {round}");
+            assert_eq!(wrong(2.01 * limit, tag), 0, "round {round}");
+            assert!(wrong(0.05 * limit, tag) > 0, "round {round}");
         }
     }
 }
@@ -510,10 +510,10 @@ fn what_is_recalled_is_all_that_is_known() {
     let mut differs = 0;
     // In any order: each choice follows from the picks of its rest alone.
     for i in (0..60_usize).rev() {
-        let past: Vec<u32> = picks[i.saturating_sub(12)..i].iter().map(|c| c.unit).collect();
-        again.recall(&past);
-        assert_eq!(again.another().choose(window(i)), Ok(picks[i]), "{i}");
-        again.recall(&[]);
+        let history: Vec<u32> = picks[i.saturating_sub(12)..i].iter().map(|c| c.unit).collect();
+        again.set_history(&history);
+        assert_eq!(again.boxed_clone().choose(window(i)), Ok(picks[i]), "{i}");
+        again.set_history(&[]);
         differs += usize::from(again.choose(window(i)).unwrap().unit != picks[i].unit);
     }
     assert!(differs > 0, "the rest of units matters here");
