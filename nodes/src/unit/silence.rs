@@ -4,15 +4,14 @@ use crate::impl_state;
 
 /// Magnitude up to which a target is silent: -100 dBFS, the floor under which features cannot tell sounds apart.
 pub const SILENT: f32 = 1e-5;
-/// Silence before the output fades, and the length of that, s.
+/// Silence before the output fades, and duration of the fade, s.
 const HOLD: f64 = 0.5;
 const RELEASE: f64 = 0.05;
 
-/// Fades out while there is nothing to follow, and in again when there is.
+/// Gate that fades the output out while the target is silent.
 ///
-/// Room tone that goes on for ever under a silent target is not wanted: after half a second of silence in the target the output
-/// fades to exact zero in 50 ms, and comes back in 5 ms. Before the first sound of the target there is nothing at all: a target
-/// that never sounds gives silence.
+/// After 0.5 s of silence in the target the output fades to exact zero in 50 ms; it fades in within 5 ms. The gate is closed
+/// before the first sound of the target, so that a silent target gives silence without room tone.
 #[derive(Clone, Debug)]
 pub struct SilenceGate {
     /// Samples of silence before the fade.
@@ -27,7 +26,7 @@ pub struct SilenceGate {
 impl_state!(SilenceGate { silent, level });
 
 impl SilenceGate {
-    /// Awake if the target begins with sound, asleep if it begins with silence.
+    /// Open if the target begins with sound, closed if it begins with silence.
     #[must_use]
     pub fn new(rate: f64) -> Self {
         let samples = |seconds: f64| (seconds * rate).round().max(1.0);
@@ -41,7 +40,7 @@ impl SilenceGate {
         }
     }
 
-    /// The factor on one sample of the output, for whether the target is silent there.
+    /// Returns the gain of the next sample; `silent` is true if the target is silent there.
     pub fn next(&mut self, silent: bool) -> f32 {
         self.silent = if silent { self.silent.saturating_add(1) } else { 0 };
         let step = if self.silent > self.hold { -self.release } else { self.attack };
@@ -52,7 +51,7 @@ impl SilenceGate {
     }
 }
 
-/// Counts silent units, to tell when nothing that is chosen is heard any more.
+/// Gate over units: closed while [`SilenceGate`] mutes the entire output of a unit.
 #[derive(Clone, Debug)]
 pub struct UnitGate {
     hold: usize,
@@ -61,15 +60,15 @@ pub struct UnitGate {
 impl_state!(UnitGate { silent });
 
 impl UnitGate {
-    /// For units that come at a rate per second; asleep until the first that is not silent.
+    /// For `rate` units per second; closed until the first that is not silent.
     #[must_use]
     pub fn new(rate: f64) -> Self {
-        // The last sound may lie at the end of its unit, and the unit that is faded out last has to be whole.
+        // The last sound may lie at the end of its unit, and the last fading unit has to be complete.
         let hold = ((HOLD + RELEASE) * rate - 1e-9).ceil() as usize + 2;
         Self { hold, silent: hold }
     }
 
-    /// Whether the output is asleep all through the next unit, for whether the target is silent in it.
+    /// Returns true if the gate is closed for the next unit; `silent` is true if the target is silent in it.
     pub fn next(&mut self, silent: bool) -> bool {
         self.silent = if silent { self.silent.saturating_add(1) } else { 0 };
         self.silent > self.hold

@@ -24,21 +24,21 @@ choices! { @param Blend {
 params! {
     /// Plays chosen units of a database one after the other, joined where they cross zero.
     ///
-    /// At a join the earlier unit goes on to its next zero crossing and the later one begins at the crossing before it, half a
-    /// unit away at most; in between both are mixed. Where a pick follows the one before it in its recording, the recording runs
-    /// through bit for bit.
+    /// At a join the earlier unit continues to its next zero crossing and the later one begins at the crossing before it, at most
+    /// half a unit away; both are mixed in between. If a pick follows the previous one in its recording, the recording is
+    /// reproduced bit for bit.
     ///
-    /// With the sound of the target at `target` the output falls asleep: half a second after the target has gone silent (below
-    /// -100 dBFS) it fades out in 50 ms to exact zeros, and comes back in 5 ms. It sleeps as well until the target sounds first.
-    /// A target that is shorter than one unit gives silence of its length.
+    /// With the sound of the target at `target`, a gate mutes the output in silence: 0.5 s after the target has gone silent (below
+    /// -100 dBFS) the output fades to exact zeros in 50 ms; it fades in within 5 ms. The gate is also closed before the first sound
+    /// of the target. A target that is shorter than one unit gives silence of its length.
     ///
     /// # Source
     /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 4.4. The paper
-    /// mixes nothing but adds; equal power keeps the level. Balance and sleep are additions.
+    /// adds without weights; equal power keeps the level. The balance and the gate are additions.
     pub struct UnitConcatenatorParams {
-        /// How sounds are mixed at a join.
+        /// Mix of the sounds at a join.
         blend: Blend = Blend::EqualPower;
-        /// Go on with room tone while the target is silent; None does so for joint (binaural) units alone.
+        /// Continue with room tone while the target is silent; None: only for joint (binaural) units.
         keep_room_tone: Option<bool> = None;
     }
 }
@@ -52,7 +52,7 @@ ports! {
             database: Value<UnitDatabase>,
             /// Level of every channel per unit, as `Mfcc` gives for `SharedMid`; reached on a straight line over a unit.
             balance: Option<Stream<f32>>,
-            /// The target, which sends the output to sleep where it is silent.
+            /// Sound of the target: the output is muted where it is silent.
             target: Option<Stream<f32>>,
         }
         out {
@@ -69,7 +69,7 @@ pub struct UnitConcatenator {
     gate: Option<SilenceGate>,
     /// Units of the target, where it ends.
     length: Option<i64>,
-    /// Whether the target ends within its first unit, which then is none.
+    /// True if the target ends within its first unit, which is then dropped.
     short: bool,
     /// The unit whose joins are known, and they per channel.
     known: Option<i64>,

@@ -19,20 +19,20 @@ use crate::{feature_params, ports};
 use rayon::prelude::*;
 
 feature_params! {
-    /// Cuts recordings into short units and measures the features of each: what `UnitSelector` chooses from.
+    /// Cuts recordings into short units and computes the features of each, for `UnitSelector` to choose from.
     ///
-    /// Every channel of every recording is a gap-free segment of its own (with `joint` every recording), and so is every stretch
-    /// between silences where `gap` is given. Nothing ever looks across the end of a segment. Each segment loses its mean, is
-    /// high-passed and cut into whole units; what is left at its end is dropped. Recordings are resampled to `rate`.
+    /// Every channel of every recording (with `joint` every recording) is a gap-free segment. With `gap`, silence splits it into
+    /// further segments. No filter and no selection crosses the end of a segment. Each segment has its mean removed, is high-passed
+    /// and cut into units; a remainder at its end is dropped. Recordings are resampled to `rate`.
     ///
-    /// The features must be made as those of the target: give `Mfcc` and `TemporalGaussian` the same parameters.
+    /// The features must be computed as those of the target: give `Mfcc` and `TemporalGaussian` the same parameters.
     ///
     /// # Source
     /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), sections 4.1 and 4.2.
     pub struct UnitDatabaseParams {
         /// The recordings, of any rates and lengths.
         recordings: Vec<AssetPath>;
-        /// What each recording sounds of, such as a material or a cause; one for each, one for all, or none.
+        /// Tag of each recording, such as a material or a cause; one for each, one for all, or none.
         tags: Vec<Text> = Vec::new();
         /// Rate of the units; that of the target.
         rate: Rate = Rate::hz(48_000);
@@ -40,9 +40,9 @@ feature_params! {
         joint: bool = false;
         /// Width of the Gaussian over time for each coefficient, or one for all; as in `TemporalGaussian`.
         widths: Vec<f64> = vec![20.0, 50.0, 10.0], unit "units", range 0.0..=10_000.0;
-        /// Whether that Gaussian only looks back.
+        /// Use only the past half of that Gaussian.
         causal: bool = false;
-        /// Silence of this length cuts a recording into segments; None never does.
+        /// Duration of a silence that splits a recording into segments; None never splits.
         gap: Option<f64> = None, unit "s", range 0.001..=60.0;
         /// Peak level below which it is silent.
         gap_level: f64 = -80.0, unit "dB", range -200.0..=0.0;

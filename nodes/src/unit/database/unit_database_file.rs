@@ -16,8 +16,8 @@ use crate::{params, ports};
 params! {
     /// A unit database from a file, as a tap of `UnitDatabase` wrote it: `--tap database=cotton.bin`.
     ///
-    /// It holds audio, features and how they were made, so that recordings need not be at hand. A file of another version, or a
-    /// damaged one, is refused.
+    /// It holds the audio, the features and their conventions, so that the recordings are not needed. A file of another version
+    /// or with damage is an error.
     pub struct UnitDatabaseFileParams {
         /// The database.
         path: AssetPath;

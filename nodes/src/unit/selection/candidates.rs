@@ -9,7 +9,7 @@ use crate::core::ports::In;
 use crate::feature::{FeatureFormat, Features};
 use crate::unit::UnitDatabase;
 
-/// Which units the tags allow.
+/// True for each unit that the tags allow.
 pub(super) fn allowed(db: &UnitDatabase, tags: &[Text]) -> Vec<bool> {
     let allows = |tag: &str| tags.is_empty() || tags.iter().any(|allowed| allowed.0 == tag);
     let mut out = vec![false; db.len()];
@@ -69,7 +69,7 @@ pub(crate) fn units<'a>(
     })
 }
 
-/// What is wrong with a database of so few units that nearly all that may begin a comparison are kept from coming again.
+/// Warning of a database with no more units than `cool_off` bars.
 pub(super) fn few_units_warning(units: &Units<'_>, look: usize, cool_off: usize) -> Option<String> {
     let open = |start: usize, len: usize| {
         let inside = units.allowed.get(start..start + len.saturating_sub(look)).unwrap_or_default();

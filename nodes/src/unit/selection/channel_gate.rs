@@ -1,4 +1,4 @@
-//! Units through which the choice for a channel sleeps, because its target is silent.
+//! Gates that skip units of a channel while its target is silent.
 
 use crate::core::fault::Reject;
 use crate::core::node::same_rate;
@@ -11,22 +11,21 @@ use crate::unit::UnitDatabase;
 use crate::unit::silence::{SILENT, UnitGate};
 use std::collections::VecDeque;
 
-/// What of every channel is slept through.
+/// Gates of all channels.
 ///
-/// A channel falls asleep with the output of `UnitConcatenator`: what is chosen from then on, until the target sounds again, is
-/// never heard.
+/// A gate closes when the output of `UnitConcatenator` has faded out; units chosen until the target sounds again would be inaudible.
 pub(super) struct ChannelGates {
     channels: Vec<ChannelGate>,
     /// Samples in a unit.
     unit: usize,
-    /// Units whose sleep is remembered.
+    /// Number of past units whose gate is remembered.
     memory: usize,
 }
 impl_state!(ChannelGates { each channels });
 
 struct ChannelGate {
     unit_gate: UnitGate,
-    /// Whether it sleeps through each of the last units.
+    /// True for each of the last units at which the gate was closed.
     closed: VecDeque<bool>,
     /// The unit after these.
     next: i64,
@@ -46,13 +45,13 @@ pub(super) fn check(features: &Incoming<Features>, target: Option<&Incoming<f32>
     )
 }
 
-/// Samples after the first of a unit that are looked at to know whether it and `ahead` more are slept through.
+/// Look-ahead, in samples, that the gates of a unit and of `ahead` more need.
 pub(super) fn target_look_ahead(unit: u32, ahead: usize) -> usize {
     (unit as usize).saturating_mul(ahead + 1).saturating_sub(1)
 }
 
 impl ChannelGates {
-    /// All awake; `keep` is whether quiet units are chosen for silence as well, as for the room tone of joint ones.
+    /// Open gates; `None` if `keep` says that units are also chosen in silence, as for the room tone of joint units.
     pub fn new(
         db: &UnitDatabase,
         rate: Rate,
@@ -72,7 +71,7 @@ impl ChannelGates {
         Some(Self { channels: (0..channels).map(gate).collect(), unit: db.unit(), memory: ahead + 1 })
     }
 
-    /// Whether a channel sleeps through unit `at`, which is among the last that were asked for or follows them.
+    /// Returns true if the gate of a channel is closed at unit `at`, which is among the last requested units or follows them.
     pub fn is_closed(&mut self, target: &In<'_, f32>, channel: usize, at: i64) -> bool {
         let (unit, vectors, memory) = (self.unit, self.channels.len(), self.memory);
         let Some(gate) = self.channels.get_mut(channel) else { return false };
@@ -81,32 +80,32 @@ impl ChannelGates {
         }
         while gate.next <= at {
             let silent = silent(target, gate.next, unit, (channel, vectors));
-            let closed_units = gate.unit_gate.next(silent);
-            gate.closed_units += u64::from(closed_units);
+            let closed = gate.unit_gate.next(silent);
+            gate.closed_units += u64::from(closed);
             gate.next += 1;
             if gate.closed.len() == memory {
                 gate.closed.pop_front();
             }
-            gate.closed.push_back(closed_units);
+            gate.closed.push_back(closed);
         }
         let age = usize::try_from(gate.next - at).unwrap_or(usize::MAX);
         let index = gate.closed.len().checked_sub(age);
-        index.and_then(|index| gate.closed.get(index)).is_some_and(|closed_units| *closed_units)
+        index.and_then(|index| gate.closed.get(index)).is_some_and(|closed| *closed)
     }
 
-    /// Units that were slept through, of all channels.
+    /// Number of skipped units, of all channels.
     pub fn closed_units(&self) -> u64 {
         self.channels.iter().map(|gate| gate.closed_units).sum()
     }
 }
 
-/// Share of all units that were slept through.
+/// Share of all units that were skipped.
 pub(super) fn closed_share(gates: Option<&ChannelGates>, picked: u64) -> f64 {
     let closed_units = gates.map_or(0, ChannelGates::closed_units);
     closed_units as f64 / (closed_units + picked).max(1) as f64
 }
 
-/// Whether the target is silent all through unit `at`: in the channel of a vector where it has one for each.
+/// Returns true if the target is silent in all of unit `at`: in the channel of the vector if it has one for each.
 fn silent(target: &In<'_, f32>, at: i64, unit: usize, (vector, vectors): (usize, usize)) -> bool {
     let width = target.width().max(1);
     let first = usize::try_from(at * unit as i64 - target.first() + target.behind() as i64).unwrap_or(0);

@@ -8,7 +8,7 @@ use crate::core::node::Summary;
 /// Share of units for which nothing is near enough from which on it is told.
 const MAX_FALLBACK_SHARE: f64 = 0.2;
 
-/// What is told of the picks of a channel.
+/// Counts of the picks of a channel.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Counts {
     picks: u64,
@@ -21,7 +21,7 @@ pub(super) struct Counts {
 }
 
 impl Counts {
-    /// What is given where nothing is chosen: the last pick, which is not heard.
+    /// The pick where nothing is chosen: the last unit, inaudible.
     pub fn inactive_pick(&self) -> Pick {
         Pick { unit: self.last.unwrap_or(0), asleep: true, ..Pick::default() }
     }

@@ -1,4 +1,4 @@
-//! Global unit selection as a node.
+//! Global unit selection, as a node.
 
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -25,56 +25,55 @@ use crate::unit::UnitDatabase;
 use crate::{archive_state, choices, params, ports};
 
 choices! {
-    /// How the path through the units is found.
+    /// Search for the path through the units.
     pub enum Method {
         /// The best path of all, where every jump costs the same.
         Exact,
-        /// The best among the likeliest, where a join also costs what is heard of it.
+        /// The best path among candidates, where a join also costs its audible differences.
         Beam,
-        /// What `OnlineUnitSelector` would choose while the target comes; the summary tells how often that is not the best path.
+        /// The choices of `OnlineUnitSelector`; the summary states how often they differ from the best path.
         FixedLag,
     }
 }
 
 params! {
-    /// Chooses the units of a database that together sound most like a whole target and go on most like it.
+    /// Chooses the sequence of units of a database that sounds and continues most like a target.
     ///
     /// A path costs the distance of each unit from the target, and `switch_cost` for each unit that does not follow the one
-    /// before it in its recording. Where `UnitSelector` looks a few units ahead, this finds the cheapest path through the whole take,
-    /// so it reads all features first, the take has to end, and it does not run live. Distances beyond `d_max` are marked as
-    /// fallbacks. The rest of units (`cool_off`) is no part of the search: what comes back too early is made dearer and searched
-    /// again in at most 20 rounds, then replaced. The summary tells what the path costs, and what it would cost without rest.
-    /// Every channel chooses alone, and with the sound of the target at `target` sleeps through its silence as in `UnitSelector`: the path
-    /// leads on from where it was.
+    /// before it in its recording. `UnitSelector` looks a few units ahead; this node finds the cheapest path for the entire target.
+    /// It reads all features first, so the target has to end, and it does not run live. Units beyond `d_max` are marked as
+    /// fallbacks. `cool_off` is no part of the search: units that come back too early get a surcharge and are searched again in at
+    /// most 20 rounds, then replaced. The summary states the cost of the path, and the cost without `cool_off`. Every channel
+    /// chooses independently. With the sound of the target at `target`, silence is skipped as in `UnitSelector`.
     ///
     /// # Source
     /// Viterbi (1967); Grice, Hughey and Speck, "Reduced space sequence alignment" (1997) for the memory; Hunt and Black, "Unit
     /// selection in a concatenative speech synthesis system using a large speech database" (1996) for `Beam`. In place of
     /// algorithm 1 of An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012).
     pub struct GlobalUnitSelectorParams {
-        /// How the path is found.
+        /// Search for the path.
         method: Method = Method::Exact;
-        /// Price of a jump, in distances of features.
+        /// Cost of a jump, in distances of features.
         switch_cost: f64 = 0.5, unit "", range 0.0..=1000.0;
         /// Greatest distance of features that sound alike.
         d_max: f64 = 2.0, unit "", range 0.0..=1_000_000.0;
         /// A unit beyond `d_max` costs no more than `d_max` and this; 0 sets no limit.
         penalty: f64 = 0.0, unit "", range 0.0..=1_000_000.0;
-        /// Targets for which a chosen unit is not chosen again; 0 allows it.
+        /// Number of targets for which a chosen unit is not chosen again; 0 allows it.
         cool_off: usize = 20, unit "units", range 0..=1_000_000_usize;
         /// Choose only from recordings with one of these tags; empty for all.
         tags: Vec<Text> = Vec::new();
-        /// Nearest units that `Beam` tries for each target.
+        /// Number of nearest units that are tried for each target (`Beam`).
         candidates: usize = 64, unit "units", range 1..=1024_usize;
-        /// What `Beam` asks for a feature distance of 1 between what would have come after a join and what comes.
+        /// Cost of a feature distance of 1 at a join, between the unit that would follow and the one that does (`Beam`).
         feature_cost: f64 = 0.3, unit "", range 0.0..=1000.0;
-        /// What `Beam` asks for a step of level by a factor of e at a join.
+        /// Cost of a step of level by a factor of e at a join (`Beam`).
         level_cost: f64 = 0.2, unit "", range 0.0..=1000.0;
-        /// What `Beam` asks for a join without a zero crossing near it.
+        /// Cost of a join without a zero crossing near it (`Beam`).
         crossing_cost: f64 = 0.2, unit "", range 0.0..=1000.0;
-        /// How long after a unit `FixedLag` chooses it.
+        /// Time from a unit to its choice (`FixedLag`).
         lag: f64 = 0.05, unit "s", range 0.0..=10.0;
-        /// Go on choosing while the target is silent; None does so for joint (binaural) units alone, as `UnitConcatenator`.
+        /// Continue to choose while the target is silent; None: only for joint (binaural) units, as in `UnitConcatenator`.
         keep_room_tone: Option<bool> = None;
     }
 }
@@ -86,7 +85,7 @@ ports! {
             features: Stream<Features>,
             /// Units to choose from.
             database: Value<UnitDatabase>,
-            /// The target, which sends the choice to sleep where it is silent.
+            /// Sound of the target: nothing is chosen while the output is faded out because the target is silent.
             target: Option<Stream<f32>>,
         }
         out {
@@ -108,7 +107,7 @@ pub struct GlobalUnitSelector {
     vectors: usize,
     /// Units that `FixedLag` looks ahead.
     lag: usize,
-    /// Where a silent target sends channels to sleep.
+    /// Gates that close where the target is silent.
     gates: Option<ChannelGates>,
     length: i64,
     /// The first unit of the target that it has seen, once it has.
@@ -117,7 +116,7 @@ pub struct GlobalUnitSelector {
     picks: Vec<Pick>,
     counts: Vec<Counts>,
     totals: Totals,
-    /// Where there are hardly more units than are kept from coming again.
+    /// Warning of a database with hardly more units than `cool_off` bars.
     few_units: Option<String>,
 }
 
@@ -131,7 +130,7 @@ struct Totals {
     differs: f64,
 }
 
-/// What joins between units are judged by: their levels, and where the sound crosses zero.
+/// Levels and zero crossings of the units, for the cost of joins.
 fn joins(db: &UnitDatabase, table: &Table) -> Joins {
     let (unit, near) = (db.unit(), db.unit() / 2);
     let crosses = |from: usize, to: usize| {
@@ -155,7 +154,7 @@ fn joins(db: &UnitDatabase, table: &Table) -> Joins {
 }
 
 impl GlobalUnitSelector {
-    /// Reads the whole take and chooses for all of it that is not slept through.
+    /// Reads all features and chooses for every unit whose gate is open.
     fn solve(&mut self, features: &In<'_, Features>, target: Option<&In<'_, f32>>) -> Result<(), Fault> {
         let first = features.first();
         let items = usize::try_from(self.length - first).unwrap_or(0);
@@ -183,7 +182,7 @@ impl GlobalUnitSelector {
         Ok(())
     }
 
-    /// Notes the units for those of the target that are awake; `target` are their features.
+    /// Writes the picks of one channel; `awake` are the indices of the units that are chosen for, `target` their features.
     fn write(&mut self, vector: usize, awake: &[usize], target: &[f32], units: &[u32]) {
         let Some(counts) = self.counts.get_mut(vector) else { return };
         let mut chosen = awake.iter().zip(target.chunks_exact(self.table.dims())).zip(units).peekable();
@@ -244,7 +243,7 @@ impl GlobalUnitSelector {
         beam(&self.table, &joins(&self.db, &self.table), target, &choices, &params)
     }
 
-    /// Chooses as if the target were still coming.
+    /// Chooses with a fixed lag.
     fn run_fixed_lag(&mut self, target: &[f32]) -> Result<Path, NotFinite> {
         let best = exact(&self.table, target, &self.path, None)?;
         let dims = self.table.dims();

@@ -21,29 +21,29 @@ use crate::unit::UnitDatabase;
 use crate::{archive_state, impl_state, params, ports};
 
 params! {
-    /// Chooses units as `GlobalUnitSelector` does, but a little after the target in place of after all of it: for live use.
+    /// Chooses units as `GlobalUnitSelector` does, but with a fixed lag after the target: for live use.
     ///
-    /// Each unit is chosen as the best path to the latest known unit has it. What is chosen is not taken back, so that the path is
-    /// not quite the best: `GlobalUnitSelector(method: FixedLag)` tells how often it differs over a take. Units that rest are
-    /// replaced. One step costs the same for every unit of the target, in proportion to the size of the database; with the sound of the
-    /// target at `target` a channel sleeps through its silence, as in `UnitSelector`, at no cost.
+    /// Each unit is chosen by the best path to the latest known unit. A choice is final, so that the path is not quite the best:
+    /// `GlobalUnitSelector(method: FixedLag)` states how often it differs for a target. Units in their cool-off are replaced. The
+    /// cost of one step is constant and proportional to the size of the database. With the sound of the target at `target`,
+    /// silence is skipped as in `UnitSelector`, at no cost.
     ///
     /// # Source
     /// Forney, "The Viterbi algorithm" (1973), section III.
     pub struct OnlineUnitSelectorParams {
-        /// How long after a unit it is chosen.
+        /// Time from a unit to its choice.
         lag: f64 = 0.05, unit "s", range 0.0..=10.0;
-        /// Price of a jump, in distances of features.
+        /// Cost of a jump, in distances of features.
         switch_cost: f64 = 0.5, unit "", range 0.0..=1000.0;
         /// Greatest distance of features that sound alike.
         d_max: f64 = 2.0, unit "", range 0.0..=1_000_000.0;
         /// A unit beyond `d_max` costs no more than `d_max` and this; 0 sets no limit.
         penalty: f64 = 0.0, unit "", range 0.0..=1_000_000.0;
-        /// Targets for which a chosen unit is not chosen again; 0 allows it.
+        /// Number of targets for which a chosen unit is not chosen again; 0 allows it.
         cool_off: usize = 20, unit "units", range 0..=1_000_000_usize;
         /// Choose only from recordings with one of these tags; empty for all.
         tags: Vec<Text> = Vec::new();
-        /// Go on choosing while the target is silent; None does so for joint (binaural) units alone, as `UnitConcatenator`.
+        /// Continue to choose while the target is silent; None: only for joint (binaural) units, as in `UnitConcatenator`.
         keep_room_tone: Option<bool> = None;
     }
 }
@@ -55,7 +55,7 @@ ports! {
             features: Stream<Features>,
             /// Units to choose from.
             database: Value<UnitDatabase>,
-            /// The target, which sends the choice to sleep where it is silent.
+            /// Sound of the target: nothing is chosen while the output is faded out because the target is silent.
             target: Option<Stream<f32>>,
         }
         out {
@@ -69,14 +69,14 @@ ports! {
 pub struct OnlineUnitSelector {
     channels: Vec<Channel>,
     window: Vec<f32>,
-    /// How far after the present unit those of the window are.
+    /// Offsets of the units of the window from the current one.
     ahead: Vec<usize>,
     lag: usize,
     dims: usize,
     d_max: f64,
-    /// Where there are hardly more units than are kept from coming again.
+    /// Warning of a database with hardly more units than `cool_off` bars.
     few_units: Option<String>,
-    /// Where a silent target sends channels to sleep.
+    /// Gates that close where the target is silent.
     gates: Option<ChannelGates>,
     /// Units of the target, where it ends.
     length: Option<i64>,
@@ -170,7 +170,7 @@ impl Node for OnlineUnitSelector {
                 }
                 self.window.clear();
                 self.ahead.clear();
-                // What will be slept through is no part of the path.
+                // Units with a closed gate are no part of the path.
                 self.ahead.extend((0..=known).filter(|k| *k == 0 || !is_closed(at + *k as i64)));
                 for item in &self.ahead {
                     let from = (here + item) * features.width() + vector * self.dims;

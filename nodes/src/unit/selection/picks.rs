@@ -12,9 +12,9 @@ use crate::feature::FeatureConventions;
 pub struct Pick {
     /// The unit of the database.
     pub unit: i32,
-    /// Whether nothing was near enough, and this is only the nearest.
+    /// True if no unit was within `d_max`, and this is the nearest.
     pub fallback: bool,
-    /// Whether nothing was chosen, because the target is silent: `unit` is the one before.
+    /// True if nothing was chosen because the target is silent: `unit` is the previous one.
     pub asleep: bool,
     /// Distance of its features from the target's.
     pub d1: f32,
@@ -40,12 +40,12 @@ impl Pick {
 #[derive(Debug)]
 pub struct Picks;
 
-/// What is fixed about a stream of picks.
+/// Format of a stream of picks.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PickFormat {
     /// Picks per unit of the target.
     pub channels: usize,
-    /// How the features were made that they follow from.
+    /// Conventions of the features that the picks were chosen by.
     pub conventions: Arc<FeatureConventions>,
 }
 

@@ -20,13 +20,13 @@ const POOR_SHARE: f64 = 0.2;
 pub struct ChannelReport {
     /// All picks in order.
     pub picks: Vec<Pick>,
-    /// Share of all units for which nothing was chosen, because the target is silent; they count in nothing below.
+    /// Share of all units for which nothing was chosen, because the target is silent; the figures below exclude them.
     pub asleep_share: f64,
     /// Share of picks for which nothing was near enough.
     pub fallback_share: f64,
     /// Mean distance between target and pick.
     pub mean_d1: f64,
-    /// How many runs of each length there are: units that follow each other in their recording.
+    /// Number of runs of each length; units of a run follow each other in their recording.
     pub runs: BTreeMap<u32, u32>,
     /// Picks of a unit that was chosen before.
     pub repeats: u64,
@@ -41,7 +41,7 @@ pub struct ChannelReport {
 /// Format of [`SelectionReport`] that this code writes.
 pub const REPORT_VERSION: u32 = 2;
 
-/// What a whole selection came to.
+/// Report of a selection.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SelectionReport {
     /// [`REPORT_VERSION`].
@@ -109,7 +109,7 @@ impl ChannelReport {
     }
 }
 
-/// Where windows hold many fallbacks; overlapping ones are joined.
+/// Times of windows with many fallbacks; overlapping windows are joined.
 fn poor(picks: &[Pick], rate: f64) -> Vec<[f64; 2]> {
     let window = ((WINDOW * rate).round() as usize).clamp(1, picks.len().max(1));
     let (mut intervals, mut fallbacks): (Vec<[usize; 2]>, usize) = (Vec::new(), 0);
@@ -129,7 +129,7 @@ fn poor(picks: &[Pick], rate: f64) -> Vec<[f64; 2]> {
     intervals.into_iter().map(|ends| ends.map(|k| k as f64 / rate)).collect()
 }
 
-/// What tells that a report is of a database: its conventions and features, which picks are numbers of.
+/// Digest of the conventions, segments and features of a database.
 pub(super) fn database_digest(db: &UnitDatabase) -> String {
     let mut hasher = blake3::Hasher::new();
     hasher.update(&db.conventions.hash()).update(format!("{:?}", db.segments).as_bytes());

@@ -11,14 +11,14 @@ use crate::unit::UnitDatabase;
 use crate::{archive_state, params, ports};
 
 params! {
-    /// Tells what a selection of units came to: tap it as JSON, or as a drawing of the features against time.
+    /// Reports a selection of units: tap it as JSON, or as a plot of the features against time.
     ///
-    /// It counts the picks for which nothing was near enough and lists where they are many, how much was slept through, how long recordings run through,
-    /// which units are repeated, and how much of the database was used. A fallback is no success: where many are listed, the
-    /// database lacks a sound, or the warp sends the features somewhere else.
+    /// It counts fallbacks and lists the times with many of them. It also states the share of units skipped in silence, the lengths of
+    /// runs, the repeats, and the share of the database that was used. Many fallbacks mean that the database lacks a sound, or that
+    /// the warp maps features to the wrong region.
     ///
     /// # Source
-    /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), figure 10, for the drawing.
+    /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), figure 10, for the plot.
     pub struct SelectionReportParams {}
 }
 
@@ -29,7 +29,7 @@ ports! {
             picks: Stream<Picks>,
             /// The database that they are of.
             database: Value<UnitDatabase>,
-            /// Features that they were chosen for, for the drawing.
+            /// Features of the target, for the plot.
             features: Option<Stream<Features>>,
         }
         out {

@@ -3,20 +3,20 @@
 use crate::core::fault::Fault;
 use crate::core::state::StateArchive;
 
-/// How units are chosen.
+/// Parameters of a selection.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SelectorParams {
-    /// Units after the present one that are compared too.
+    /// Number of units after the current one that are also compared.
     pub look: usize,
-    /// Distance beyond which a unit does not sound like the target.
+    /// Greatest distance of a unit that sounds like the target.
     pub d_max: f64,
-    /// Units for which a chosen one is not chosen again.
+    /// Number of targets for which a chosen unit is not chosen again.
     pub cool_off: usize,
-    /// Units within which the last picks are not repeated exactly; 0 to allow it.
+    /// Number of targets within which the last four picks are not repeated in order; 0 allows it.
     pub loop_guard: usize,
-    /// Whether units before the present one are compared in place of those after it.
+    /// Compare units before the current one in place of units after it.
     pub causal: bool,
-    /// Most nodes of a tree and units that are looked at for one choice; `None` looks at all that matter.
+    /// Maximal number of tree nodes and units that one choice examines; `None` for no limit.
     pub effort: Option<usize>,
 }
 
@@ -25,22 +25,22 @@ pub struct SelectorParams {
 pub struct Choice {
     /// The unit.
     pub unit: u32,
-    /// Whether nothing was near enough, and this is only the nearest.
+    /// True if no unit was within `d_max`, and this is the nearest.
     pub fallback: bool,
     /// Distance to the target.
     pub d1: f64,
     /// Sum of distances over the units compared; 0 for a fallback, which has none.
     pub d2: f64,
-    /// Whether the search was given up before it had seen all that matter.
+    /// True if the search stopped at the limit `effort`.
     pub cut: bool,
 }
 
-/// Names the first vector that is not finite, counted from 0 in what was given.
+/// Index of the first vector that is not finite.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct NotFinite(pub u64);
 
 impl NotFinite {
-    /// Refuses vectors with a number that is not finite, and no vector at all.
+    /// Returns an error for a number that is not finite, and for no vector at all.
     pub(in crate::unit) fn check(window: &[f32], dims: usize) -> Result<(), Self> {
         match window.iter().position(|x| !x.is_finite()) {
             Some(at) => Err(Self((at / dims.max(1)) as u64)),
@@ -49,7 +49,7 @@ impl NotFinite {
         }
     }
 
-    /// The same vector, counted with `before` others that come first.
+    /// The index after `before` other vectors.
     #[must_use]
     pub fn after(self, before: usize) -> Self {
         Self(self.0 + before as u64)
@@ -64,42 +64,41 @@ impl NotFinite {
 /// # Source
 /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), algorithm 1, whose table of all
 /// distances is replaced by a search in the order of a lower bound: the sum of distances over a window is at least its length times
-/// the distance of the means. A search that is longer than `effort` goes on with the run of units: an addition, for live use.
+/// the distance of the means. A search that exceeds `effort` continues the run of units: an addition, for live use.
 pub trait Selector: Send + Sync {
     /// Chooses for the next unit of the target.
     ///
-    /// `window` holds the vectors that are compared, in the order of time: the present one first or, where the selector looks back,
-    /// last.
+    /// `window` holds the compared vectors in order of time: the current one is the first or, if the selector is causal, the last.
     ///
     /// # Errors
     /// A feature that is not finite.
     fn choose(&mut self, window: &[f32]) -> Result<Choice, NotFinite>;
 
-    /// Goes on as if `picks`, the latest last, were all that has been chosen so far.
+    /// Replaces the history by `picks`, the latest last.
     fn set_history(&mut self, picks: &[u32]);
 
-    /// Saves what was chosen so far, or puts it back.
+    /// Saves or restores the history.
     ///
     /// # Errors
-    /// When something else was saved.
+    /// An archive of another type.
     fn archive_state(&mut self, archive: &mut StateArchive<'_>) -> Result<(), Fault>;
 
-    /// Another one over the same units, which share the memory of this one.
+    /// A copy that shares the features and trees.
     fn boxed_clone(&self) -> Box<dyn Selector>;
 }
 
-/// Features and gap-free stretches of a database.
+/// Features and segments of a database.
 #[derive(Clone, Debug)]
 pub struct Units<'a> {
     /// `[units * dims]`.
     pub features: &'a [f32],
     /// Numbers in a vector.
     pub dims: usize,
-    /// First unit and number of units of each stretch.
+    /// First unit and number of units of each segment.
     pub segments: Vec<(usize, usize)>,
-    /// Whether a unit may be chosen.
+    /// True for each unit that may be chosen.
     pub allowed: Vec<bool>,
 }
 
-/// Most dimensions of a vector.
+/// Maximal number of dimensions of a vector.
 pub const MAX_DIMS: usize = 64;

@@ -21,45 +21,45 @@ use crate::unit::UnitDatabase;
 use crate::{archive_state, params, ports};
 
 params! {
-    /// Chooses, for each unit of a target, the unit of a database that sounds most like it and goes on most like it.
+    /// Chooses, for each unit of a target, the unit of a database that sounds and continues most like it.
     ///
     /// Of all units within `d_max` it takes the one with the least sum of distances over itself and the next `look` units.
-    /// Where there is none, it takes the nearest and marks it as a fallback: the summary tells their share, and more than a few
-    /// mean that target and database do not speak of the same sounds. The search is exact, needs no table of distances, and of
-    /// equally good units prefers the one that follows the last pick.
+    /// If there is none, it takes the nearest unit and marks it as a fallback. The summary states their share: more than a few
+    /// mean that the database lacks sounds of the target. The search is exact and needs no table of distances. Of equally good
+    /// units it prefers the one that follows the last pick.
     ///
-    /// Every channel of the target chooses alone: from the same channel of the recordings where these have as many, or else all
-    /// from the same units, which makes what lies in the middle wander; a note tells so.
+    /// Every channel of the target chooses independently. It chooses from the same channel of the recordings if these have as
+    /// many channels; otherwise all channels choose from the same units, a sound in the middle may wander, and a note says so.
     ///
-    /// With the sound of the target at `target` a channel falls asleep with the output of `UnitConcatenator`: once that has faded
-    /// out nothing is chosen, until the target sounds again, and the choice goes on from where it was. The summary tells the
+    /// With the sound of the target at `target`, a channel chooses nothing while the output of `UnitConcatenator` is faded out
+    /// because the target is silent. When the target sounds again, the choice continues with its history. The summary states the
     /// share of units that this saved.
     ///
     /// # Source
-    /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), algorithm 1, mended
-    /// where it is undefined: units in their rest are left out before the nearest are looked for, windows never leave a
-    /// recording and shorten at the end of the target, and where every unit rests, the one that has rested longest is taken.
+    /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), algorithm 1, completed
+    /// where it is undefined: units in their cool-off are excluded before the search, windows never leave a recording and
+    /// shorten at the end of the target, and if every unit is in its cool-off, the least recently used one is taken.
     /// `causal`, `loop_guard` and `tags` are additions.
     pub struct UnitSelectorParams {
-        /// Units after the present one that are compared too.
+        /// Number of units after the current one that are also compared.
         look: usize = 5, unit "units", range 0..=1000_usize;
         /// Greatest distance of features that sound alike; with the default features 2.0 is 5 dB.
         d_max: f64 = 2.0, unit "", range 0.0..=1_000_000.0;
-        /// Targets for which a chosen unit is not chosen again.
+        /// Number of targets for which a chosen unit is not chosen again.
         cool_off: usize = 20, unit "units", range 0..=1_000_000_usize;
-        /// Time within which the last four picks are not repeated in order; 0 allows it, 0.5 is a good guard.
+        /// Time within which the last four picks are not repeated in order; 0 allows it, 0.5 is a good value.
         loop_guard: f64 = 0.0, unit "s", range 0.0..=60.0;
-        /// Compare the past in place of the future: nothing has to be waited for.
+        /// Compare units before the current one in place of units after it, so that there is no look-ahead.
         causal: bool = false;
         /// Choose only from recordings with one of these tags; empty for all.
         tags: Vec<Text> = Vec::new();
-        /// Each channel chooses from the same channel of the recordings alone; None does so where they have as many channels.
+        /// Each channel chooses only from the same channel of the recordings; None: if they have as many channels.
         own_channels: Option<bool> = None;
-        /// Most units and groups of units that are looked at for one choice; 0 for all that matter. Where more would have to be, the run of
-        /// units goes on: 2500 keep a choice below 0.2 ms on a core of a server, for live use. It is work that is counted, not
-        /// time, so that the result is the same on every machine; the summary tells how often (`cut_share`).
+        /// Maximal number of units and groups of units that one choice examines; 0 for no limit. A search that exceeds it continues
+        /// the run of units: 2500 keep a choice below 0.2 ms on a core of a server, for live use. The limit counts work and not
+        /// time, so that the result is the same on every machine. The summary states how often it applies (`cut_share`).
         effort: usize = 0, unit "units", range 0..=1_000_000_000_usize;
-        /// Go on choosing while the target is silent; None does so for joint (binaural) units alone, as `UnitConcatenator`.
+        /// Continue to choose while the target is silent; None: only for joint (binaural) units, as in `UnitConcatenator`.
         keep_room_tone: Option<bool> = None;
     }
 }
@@ -71,7 +71,7 @@ ports! {
             features: Stream<Features>,
             /// Units to choose from.
             database: Value<UnitDatabase>,
-            /// The target, which sends the choice to sleep where it is silent.
+            /// Sound of the target: nothing is chosen while the output is faded out because the target is silent.
             target: Option<Stream<f32>>,
         }
         out {
@@ -88,11 +88,11 @@ pub struct UnitSelector {
     causal: bool,
     dims: usize,
     d_max: f64,
-    /// Where there are hardly more units than are kept from coming again.
+    /// Warning of a database with hardly more units than `cool_off` bars.
     few_units: Option<String>,
-    /// Where a silent target sends channels to sleep.
+    /// Gates that close where the target is silent.
     gates: Option<ChannelGates>,
-    /// Units of the target, where it ends.
+    /// Number of units of the target, if it ends.
     length: Option<i64>,
 }
 
@@ -171,7 +171,7 @@ fn own(db: &UnitDatabase, allowed: &[bool], vector: usize) -> Vec<bool> {
     out
 }
 
-/// Whether channels choose from the same channel of recordings each.
+/// Returns true if each channel chooses from the same channel of the recordings.
 fn own_channels(p: &UnitSelectorParams, db: &UnitDatabase, vectors: usize) -> Result<bool, Reject> {
     let allowed = allowed(db, &p.tags);
     let open = |unit: u32| allowed.get(unit as usize).copied().unwrap_or(false);

@@ -11,7 +11,7 @@ use crate::warp::spline::Pair;
 /// Part of a unit by which an interval may miss it: times in files are decimals.
 const SLACK: f64 = 1e-6;
 
-/// How the units of both sides of a correspondence become pairs.
+/// Pairing of the units of both sides of a correspondence.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pairing {
     /// The first with the first, and so on; the longer side loses its end.
@@ -28,7 +28,7 @@ pub enum Pairing {
 pub struct SetError {
     /// The file.
     pub file: String,
-    /// Where in it.
+    /// Location in the file.
     pub location: Location,
     /// What was found and what would be right.
     pub message: String,
@@ -67,7 +67,7 @@ pub struct Interval {
     pub database: Range<usize>,
 }
 
-/// What is known of a target before its features are.
+/// Format of a target.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Target {
     /// Units.

@@ -17,7 +17,7 @@ pub const CORRESPONDENCES_VERSION: u32 = 1;
 /// Most mistakes that are reported at once.
 const MAX_ERRORS: usize = 20;
 
-/// How a recording of a database is named.
+/// Name of a recording of a database.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum SourceName {
     /// By its number, from 0.
@@ -29,7 +29,7 @@ pub enum SourceName {
 /// A stretch of the target and one of the database that should sound alike.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Correspondence {
-    /// What it is, for people.
+    /// Label for users.
     pub label: String,
     /// Start in the target, s.
     pub target: f64,
@@ -41,11 +41,11 @@ pub struct Correspondence {
     pub duration: f64,
     /// Channel that it is for; all where none is given.
     pub channel: Option<u32>,
-    /// How much it counts.
+    /// Weight in the fit.
     pub weight: f64,
-    /// Whether it counts at all.
+    /// False to ignore it.
     pub enabled: bool,
-    /// Where it stands in its file.
+    /// Location in its file.
     #[serde(rename = "place")]
     pub location: Location,
 }

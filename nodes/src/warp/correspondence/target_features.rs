@@ -12,7 +12,7 @@ use crate::impl_state;
 use crate::unit::UnitDatabase;
 use crate::warp::spline::Pair;
 
-/// A target that has been heard to its end, with what it is compared with.
+/// Features of a target up to its end, with its database and correspondences.
 #[derive(Debug)]
 pub(in crate::warp) struct TargetFeatures {
     pub format: FeatureFormat,

@@ -1,4 +1,4 @@
-//! Which correspondence hurts, as a node.
+//! Diagnosis of bad correspondences, as a node.
 
 use super::diagnosis::{ChannelDiagnosis, Diagnosis, Verdict};
 use super::effect::Baseline;
@@ -27,7 +27,7 @@ const MARGIN: usize = 24;
 const MAX_SECONDS: f64 = 10.0;
 
 params! {
-    /// Leaves every correspondence out in turn, and tells which one the others would do better without.
+    /// Leaves every correspondence out in turn and ranks them by how much the others improve without it.
     ///
     /// The score of a correspondence is how much better the remaining ones predict each other when it is gone: a bad one spoils its
     /// neighbours, so what it is itself predicted wrong tells less. The largest score is the suspect; listen to its ranges, move or
@@ -43,9 +43,9 @@ params! {
     pub struct CorrespondenceDiagnosticsParams {
         /// Stiffness as in `TpsFit`; None finds one.
         lambda: Option<f64> = None, unit "", range 0.0..=1e12;
-        /// Whether `lambda` is in units of the squared mean distance of nodes.
+        /// Measure `lambda` in units of the squared mean distance of nodes.
         scale_free: bool = false;
-        /// How units of both sides become pairs.
+        /// Pairing of the units of both sides.
         pairing: Pairing = Pairing::InOrder;
         /// Distance of features that counts as alike, as in the selection of units: pairs that start nearer and lead three times
         /// farther apart contradict each other.
@@ -56,9 +56,9 @@ params! {
         cool_off: usize = 20, unit "units", range 0..=1_000_000_usize;
         /// Tags of recordings that are chosen from, as in `UnitSelector`; empty for all.
         tags: Vec<Text> = Vec::new();
-        /// Where the suspect's longest range is written as it sounds.
+        /// File for the longest range of the suspect, with all correspondences.
         with: Option<OutPath> = None;
-        /// Where the same range is written as it would sound without the suspect.
+        /// File for the same range without the suspect.
         without: Option<OutPath> = None;
     }
 }
@@ -69,11 +69,11 @@ ports! {
             features: Stream<Features>,
             /// The database.
             database: Value<UnitDatabase>,
-            /// What should sound alike.
+            /// The correspondences.
             pairs: Value<CorrespondenceSet>,
         }
         out {
-            /// What was found, once the target has ended.
+            /// The diagnosis, once the target has ended.
             diagnosis: Fold<Diagnosis>,
         }
     }

@@ -9,12 +9,12 @@ use crate::core::item::Data;
 use crate::core::random::Rng;
 use crate::warp::correspondence::target_features::TargetFeatures;
 
-/// What was found of one correspondence.
+/// Diagnosis of one correspondence.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Verdict {
-    /// What people call it.
+    /// Label in its file.
     pub label: String,
-    /// Where it stands in its file.
+    /// Location in its file.
     #[serde(rename = "place")]
     pub location: Location,
     /// Index in the file.
@@ -23,7 +23,7 @@ pub struct Verdict {
     pub score: f64,
     /// Place by score, from 1.
     pub rank: usize,
-    /// How far its own mean is predicted wrong by all others.
+    /// Error of its own mean when predicted from all others.
     pub surprise: f64,
     /// Correspondences, by their index, that start near it and lead elsewhere.
     pub conflicts: Vec<usize>,
@@ -35,7 +35,7 @@ pub struct Verdict {
     pub delta_folds: f64,
 }
 
-/// What was found of all correspondences of one channel, the suspect first.
+/// Diagnosis of all correspondences of one channel, the suspect first.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ChannelDiagnosis {
     /// lambda of the fits.
@@ -50,7 +50,7 @@ pub struct ChannelDiagnosis {
     pub verdicts: Vec<Verdict>,
 }
 
-/// What was found of all correspondences.
+/// Diagnosis of all correspondences.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Diagnosis {
     /// File of the correspondences.
@@ -85,7 +85,7 @@ impl Verdict {
         }
     }
 
-    /// What to try.
+    /// A recommendation.
     fn advice(&self) -> String {
         if self.score <= 0.0 {
             "the others do no better without it".to_owned()

@@ -1,4 +1,4 @@
-//! What a correspondence does to the sound: which units are chosen differently without it, and how many fit worse.
+//! Effect of a correspondence on the selection: units that are chosen differently without it, and changes of fallbacks and folds.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -17,7 +17,7 @@ const MAX_CHOICES: usize = 16_000;
 /// Most units whose warp is looked at for folds.
 const MAX_SURVEYED: usize = 1024;
 
-/// What leaving a correspondence out changes.
+/// Changes of the selection without a correspondence.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Effect {
     /// Change of the share of units for which nothing is near enough.
@@ -89,13 +89,13 @@ impl Baseline {
         self.warped.len() / self.dims.max(1)
     }
 
-    /// Whether the target has none.
+    /// Returns true if the target has no unit.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// What was chosen with all correspondences.
+    /// Picks with all correspondences.
     #[must_use]
     pub fn picks(&self) -> &[u32] {
         &self.picks
@@ -147,7 +147,7 @@ impl Baseline {
         self.picks.get(from..unit.min(self.picks.len())).unwrap_or_default()
     }
 
-    /// What changes with each of other warps.
+    /// Changes of the selection with each of other warps.
     ///
     /// Every unit that a warp moves is chosen for again as if all units before it had been chosen as they were: what one change does
     /// to all that follow by the rest of units is no sign of its own. Of very many, an even share is chosen for.

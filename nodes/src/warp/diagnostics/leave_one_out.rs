@@ -1,4 +1,4 @@
-//! Which correspondence hurts: every one is left out in turn.
+//! Leave-one-out residuals of correspondences.
 //!
 //! # Source
 //! Wahba, "Spline Models for Observational Data" (1990), section 4.2, for residuals of what is left out, here of whole blocks.
@@ -15,7 +15,7 @@ use crate::warp::spline::{Pair, Tps};
 /// lambda that stands for 0 where pairs may start in one place, relative to the squared spread of the nodes.
 const MIN_LAMBDA: f64 = 1e-9;
 
-/// What leaving a correspondence out does.
+/// Leave-one-out score of a correspondence.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Suspicion {
     /// Index in the set.
@@ -24,7 +24,7 @@ pub struct Suspicion {
     pub score: f64,
     /// Place by score, from 1.
     pub rank: usize,
-    /// How far its own mean is predicted wrong by all others.
+    /// Error of its own mean when predicted from all others.
     pub surprise: f64,
     /// Correspondences that start near it and lead elsewhere.
     pub conflicts: Vec<usize>,
@@ -36,7 +36,7 @@ fn squared_mean(block: &[Vec<f64>], rows: std::ops::Range<usize>) -> f64 {
     block.iter().map(|output| (output[rows.clone()].iter().sum::<f64>() / count).powi(2)).sum()
 }
 
-/// Everything that is needed to leave blocks out: `M = Q2 (Q2^T K Q2 + lambda)^-1 Q2^T` and `M v`.
+/// A factored problem from which blocks of nodes are left out: `M = Q2 (Q2^T K Q2 + lambda)^-1 Q2^T` and `M v`.
 ///
 /// Without the rows B the fit predicts them wrong by `M_BB^-1 (M v)_B`, for any lambda.
 #[derive(Debug)]

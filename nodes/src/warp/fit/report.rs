@@ -5,7 +5,7 @@ use thiserror::Error;
 
 /// Most nodes of one fit: the time goes with their cube.
 pub const MAX_NODES: usize = 3000;
-/// How stiff the spline is.
+/// Stiffness of a spline.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Stiffness {
     /// lambda itself, in squared units of the vectors: 0 passes through every pair.
@@ -27,7 +27,7 @@ impl Stiffness {
     }
 }
 
-/// What a fit tells of itself.
+/// Figures of a fit.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct FitReport {
     /// Pairs given.
@@ -44,7 +44,7 @@ pub struct FitReport {
     pub residual: f64,
     /// Largest way between merged pairs and their mean: they contradict each other by that much.
     pub conflict: f64,
-    /// What somebody should know of.
+    /// Warnings for the user.
     pub warnings: Vec<String>,
 }
 

@@ -23,18 +23,18 @@ choices! { @param Pairing {
 } }
 
 params! {
-    /// Fits the warp that leads features of a target to those of a database, through correspondences that somebody marked.
+    /// Fits the warp from the features of a target to those of a database, through marked correspondences.
     ///
     /// The spline is the smoothest that comes near all pairs; `lambda` weighs smoothness against nearness, in squared units of the
     /// features: 0 passes through every pair, 1e5 is almost a shift, turn and stretch, and None takes the one of least generalised
     /// cross-validation. The paper's cotton has 1e2, its polyester and windbreaker 1e5, its corduroy 0.
     ///
-    /// The summary tells the degrees of freedom (from the number of nodes down to the dimensions and one), what is left at the
-    /// nodes, the share of the target where the warp folds over, whether it mirrors most of the target, which alone folds nothing
-    /// (few correspondences often turn round what they do not tell apart), and the share that is farther from the middle of the nodes
-    /// than twice their radius, where the warp is a guess. A tap of `warp` as SVG draws both worlds before and after. No correspondence
-    /// gives a warp that changes nothing. Which ones do not fit is told before the run where the database is known by then; a warning
-    /// tells of a file that was marked in another target or in other recordings.
+    /// The summary states the degrees of freedom (between the dimensions plus one and the number of nodes), the residual at the
+    /// nodes, the share of the target where the warp folds over, `mirrored` if it mirrors most of the target (common with few
+    /// correspondences; a mirror alone folds nothing), and the share outside of twice the radius of the nodes, where the warp
+    /// extrapolates. A tap of `warp` as SVG plots the features before and after. Without correspondences the warp is the
+    /// identity. Correspondences that do not fit are errors, before the run if the database is known by then. A warning names a
+    /// file that was marked in another target or in other recordings.
     ///
     /// # Source
     /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 4.3, eqs. 7 and 8; Wahba,
@@ -42,9 +42,9 @@ params! {
     pub struct TpsFitParams {
         /// Stiffness; None finds one.
         lambda: Option<f64> = None, unit "", range 0.0..=1e12;
-        /// Whether `lambda` is in units of the squared mean distance of nodes, so that it does not depend on the features' scale.
+        /// Measure `lambda` in units of the squared mean distance of nodes, so that it is independent of the scale of the features.
         scale_free: bool = false;
-        /// How units of both sides become pairs.
+        /// Pairing of the units of both sides.
         pairing: Pairing = Pairing::InOrder;
     }
 }
@@ -55,7 +55,7 @@ ports! {
             features: Stream<Features>,
             /// The database.
             database: Value<UnitDatabase>,
-            /// What should sound alike.
+            /// The correspondences.
             pairs: Value<CorrespondenceSet>,
         }
         out {

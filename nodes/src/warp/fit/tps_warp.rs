@@ -11,12 +11,12 @@ use crate::warp::spline::Warper;
 use crate::{archive_state, params, ports};
 
 params! {
-    /// Warps features of a target to where a database has the like.
+    /// Warps features of a target to those of similar sounds in a database.
     ///
-    /// The warp comes from `TpsFit` or `WarpFile`, and must have been made for features of the same conventions: after the same
-    /// `TemporalGaussian`. It has one map for all channels, or one each. With the `database` that units are chosen from, a note tells of a
-    /// warp that was fitted in other recordings: it leads to where those have the like. Recordings are known by what they hold,
-    /// whatever their files are called; those of a warp or a database that does not tell, by their names.
+    /// The warp comes from `TpsFit` or `WarpFile`, and must have been fitted to features of the same conventions: after the same
+    /// `TemporalGaussian`. It has one map for all channels, or one each. With the `database` that units are chosen from, a warning
+    /// names a warp that was fitted to other recordings. Recordings are compared by the digests of their contents, or by their
+    /// file names if digests are missing.
     ///
     /// # Source
     /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 4.3, eq. 8.
@@ -33,7 +33,7 @@ ports! {
             database: Option<Value<UnitDatabase>>,
         }
         out {
-            /// Features where the database has them.
+            /// The warped features.
             warped: Stream<Features>,
         }
     }
@@ -44,7 +44,7 @@ ports! {
 pub struct TpsWarp {
     maps: Vec<Warper>,
     dims: usize,
-    /// In what way the warp is one of another database.
+    /// Warning of a warp that was fitted to another database.
     mismatch: Option<String>,
 }
 

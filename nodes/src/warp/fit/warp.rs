@@ -27,13 +27,13 @@ const MAX_DRAWN: usize = 400;
 pub struct WarpMap {
     /// The spline.
     pub spline: Tps,
-    /// How it was fitted.
+    /// Figures of the fit.
     pub report: FitReport,
     /// Largest distance of a node from the middle of all.
     pub radius: f64,
     /// Share of the target's units where the warp folds over: those that it lays another way round than most.
     pub folds: f64,
-    /// Whether it lays most of them the other way round, as a mirror does, which folds nothing.
+    /// True if it mirrors most of them, which alone folds nothing.
     #[serde(default)]
     pub mirrored: bool,
     /// Share of the target's units farther than two radii from the middle of the nodes.
@@ -47,7 +47,7 @@ pub struct WarpMap {
 pub struct Warp {
     /// [`WARP_VERSION`].
     pub version: u32,
-    /// How the features were made.
+    /// Conventions of the features.
     pub conventions: FeatureConventions,
     /// One map per feature vector of a unit, or one for all.
     pub maps: Vec<WarpMap>,
@@ -116,7 +116,7 @@ impl WarpMap {
 }
 
 impl Warp {
-    /// What is wrong with it, if anything.
+    /// The first fault, if any.
     #[must_use]
     pub fn fault(&self) -> Option<String> {
         if self.version != WARP_VERSION {
@@ -148,13 +148,13 @@ impl Warp {
         Self { content: self.digest(), ..self }
     }
 
-    /// What tells that a warp of a file is not the one that was written, if anything.
+    /// A message if the warp of a file differs from the one that was written.
     #[must_use]
     pub fn altered(&self) -> Option<String> {
         altered_content(&self.content, &self.digest(), "fit it")
     }
 
-    /// What a report says of it, of its first map where there are more.
+    /// Figures of the first map for the summary of a run.
     #[must_use]
     pub fn summary(&self) -> Summary {
         let Some(map) = self.maps.first() else { return Summary::new() };

@@ -1,6 +1,6 @@
 //! Parameters of a search for correspondences, and known causes of a sound.
 
-/// How proposals are looked for.
+/// Parameters of the search for proposals.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SuggestParams {
     /// Units in a window: what a proposal marks.
@@ -21,7 +21,7 @@ pub struct SuggestParams {
     pub silence: Option<Silence>,
 }
 
-/// What tells silence by the first feature, which is that of loudness.
+/// Thresholds of silence, of the first feature (loudness).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Silence {
     /// A window of the target that is not louder on average is silent.
@@ -47,7 +47,7 @@ impl Default for SuggestParams {
     }
 }
 
-/// What a part of the target's sound comes from, known exactly where it is synthetic.
+/// Power of one cause of the target's sound, known if the target is synthetic.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Cause {
     /// Its power in each unit of the target.

@@ -1,4 +1,4 @@
-//! How far apart two clouds lie, whatever their points: sliced Wasserstein distance.
+//! Sliced Wasserstein distance of two clouds of points.
 
 use std::f64::consts::TAU;
 

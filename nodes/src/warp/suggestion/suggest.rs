@@ -170,7 +170,7 @@ fn candidates(
     (all, silent)
 }
 
-/// Whether a target is silent somewhere, and nothing is proposed for that.
+/// Returns true if a target has silence for which nothing is proposed.
 pub(super) fn leaves_out_silence(found: &[Proposal], target: &[f32], d: usize, p: &SuggestParams) -> bool {
     let Some(silence) = p.silence else { return false };
     let whole = 0..target.len() / d.max(1);

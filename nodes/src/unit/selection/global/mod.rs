@@ -1,7 +1,7 @@
-//! Which units of a database together sound most like a whole target, and go on most like it: global selection.
+//! Global selection: the path of units that sounds and continues most like a target.
 //!
-//! The best path through all units costs the distances of its units from the target, and a price for every jump. [`exact()`] finds
-//! it, [`beam()`] searches where joins cost what is heard of them, and [`FixedLag`] decides a little after the target.
+//! A path costs the distances of its units from the target, and a price for every jump. [`exact()`] finds the cheapest path,
+//! [`beam()`] adds the costs of audible differences at joins, and [`FixedLag`] decides with a fixed lag.
 
 mod beam;
 mod cool_off;

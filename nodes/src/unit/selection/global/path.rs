@@ -1,6 +1,6 @@
 //! Paths through the units of a database, and their costs.
 
-/// What a path costs.
+/// Costs of a path.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GlobalParams {
     /// Price of a unit that does not follow the one before it in its recording.
@@ -19,7 +19,7 @@ pub const MAX_SWITCH_COST: f64 = 1000.0;
 pub struct Path {
     /// A unit for each target.
     pub units: Vec<u32>,
-    /// What it costs.
+    /// Cost of the path.
     pub cost: f64,
     /// Cost of the best path without regard to the rest of units.
     pub free_cost: f64,
