@@ -32,7 +32,7 @@ fn kept_correspondences_are_those_that_are_suggested() {
         let read = |bytes: Vec<u8>| -> CorrespondenceSet {
             let mut set = read_correspondences(std::str::from_utf8(&bytes).unwrap()).unwrap();
             // A comment stands above the kept ones.
-            set.pairs.iter_mut().for_each(|c| c.place = Default::default());
+            set.pairs.iter_mut().for_each(|c| c.location = Default::default());
             set
         };
         let made = read(std::fs::read(out.path().join(&name)).unwrap());

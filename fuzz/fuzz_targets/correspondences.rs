@@ -3,7 +3,7 @@
 
 mod common;
 
-use foley_nodes::warp::nodes::Correspondences;
+use foley_nodes::warp::correspondence::correspondence_set::Correspondences;
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|bytes: &[u8]| {

@@ -3,7 +3,7 @@
 
 mod common;
 
-use foley_nodes::unit::database_node::UnitDatabaseFile;
+use foley_nodes::unit::database::unit_database_file::UnitDatabaseFile;
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|bytes: &[u8]| {

@@ -3,7 +3,7 @@
 
 mod common;
 
-use foley_nodes::warp::nodes::WarpFile;
+use foley_nodes::warp::fit::warp_file::WarpFile;
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|bytes: &[u8]| {

@@ -10,7 +10,7 @@ use foley_nodes::core::standalone::Standalone;
 use foley_nodes::core::time::Rate;
 use foley_nodes::feature::{FeatureConventions, FeatureFormat, MelCepstrum, TemporalFilter};
 use foley_nodes::unit::global::{BeamParams, FixedLag, GlobalParams, Joins, Table, beam, difference, exact};
-use foley_nodes::unit::selector_node::{UnitSelector, UnitSelectorParams, UnitSelectorPorts};
+use foley_nodes::unit::selection::unit_selector::{UnitSelector, UnitSelectorParams, UnitSelectorPorts};
 use foley_nodes::unit::{
     Blend, Concatenator, Segment, SelectorParams, Take, UnitDatabase, UnitSource, Units, build, selector,
 };

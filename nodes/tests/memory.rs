@@ -18,7 +18,7 @@ use foley_nodes::texture::map_code::map_coder::{MapCoder, MapCoderPorts};
 use foley_nodes::texture::noise::feature_noise_split::{FeatureNoiseSplit, FeatureNoiseSplitPorts};
 use foley_nodes::texture::noise::noise_profile::{NoiseProfileNode, NoiseProfilePorts};
 use foley_nodes::texture::{FeatureMap, Grid, Kernel, Luma, NoiseMap, Wrap, smooth};
-use foley_nodes::unit::selector::{SelectorParams, Units, selector};
+use foley_nodes::unit::{SelectorParams, Units, selector};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};

@@ -3,7 +3,7 @@
 use crate::contact::vector::{Vec3, add, cross, dot, norm, scale, sub, widen};
 use crate::impl_state;
 use crate::mesh::{Regions, Topology};
-use crate::warp::linear::principal;
+use crate::warp::spline::linear::principal;
 use serde::{Deserialize, Serialize};
 
 /// Ratio of the second to the first principal extent of a part below which it is a thread.

@@ -1,0 +1,6 @@
+//! Chosen units played one after the other, joined at zero crossings.
+
+pub mod concatenator;
+pub mod unit_concatenator;
+
+pub use concatenator::{Blend, Concatenator, Join, join};

@@ -1,0 +1,230 @@
+//! Concatenation as a node.
+
+use std::sync::Arc;
+
+use super::concatenator::{Blend, Concatenator, Join};
+use crate::core::fault::{Fault, Reject};
+use crate::core::item::Channels;
+use crate::core::node::{Class, Node, Summary, same_rate};
+use crate::core::ports::{In, Stream, Value};
+use crate::core::shape::{Build, Shape};
+use crate::unit::silence::{SILENT, SilenceGate};
+use crate::unit::{PickFormat, Picks, UnitDatabase};
+use crate::{archive_state, choices, params, ports};
+
+choices! { @param Blend {
+    /// Powers add up to one: for sounds that have nothing to do with each other.
+    EqualPower,
+    /// Amplitudes add up to one: for sounds that are alike.
+    Linear,
+    /// Both at full level, as the paper can be read: 3 dB too loud where they overlap.
+    Add,
+} }
+
+params! {
+    /// Plays chosen units of a database one after the other, joined where they cross zero.
+    ///
+    /// At a join the earlier unit continues to its next zero crossing and the later one begins at the crossing before it, at most
+    /// half a unit away; both are mixed in between. If a pick follows the previous one in its recording, the recording is
+    /// reproduced bit for bit.
+    ///
+    /// With the sound of the target at `target`, a gate mutes the output in silence: 0.5 s after the target has gone silent (below
+    /// -100 dBFS) the output fades to exact zeros in 50 ms; it fades in within 5 ms. The gate is also closed before the first sound
+    /// of the target. A target that is shorter than one unit gives silence of its length.
+    ///
+    /// # Source
+    /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 4.4. The paper
+    /// adds without weights; equal power keeps the level. The balance and the gate are additions.
+    pub struct UnitConcatenatorParams {
+        /// Mix of the sounds at a join.
+        blend: Blend = Blend::EqualPower;
+        /// Continue with room tone while the target is silent; None: only for joint (binaural) units.
+        keep_room_tone: Option<bool> = None;
+    }
+}
+
+ports! {
+    pub struct UnitConcatenatorPorts / UnitConcatenatorIo {
+        in {
+            /// The chosen units.
+            picks: Stream<Picks>,
+            /// The database that they are of.
+            database: Value<UnitDatabase>,
+            /// Level of every channel per unit, as `Mfcc` gives for `SharedMid`; reached on a straight line over a unit.
+            balance: Option<Stream<f32>>,
+            /// Sound of the target: the output is muted where it is silent.
+            target: Option<Stream<f32>>,
+        }
+        out {
+            /// The sound.
+            audio: Stream<f32>,
+        }
+    }
+}
+
+/// The node over [`Concatenator`].
+pub struct UnitConcatenator {
+    db: Arc<UnitDatabase>,
+    blend: Blend,
+    gate: Option<SilenceGate>,
+    /// Units of the target, where it ends.
+    length: Option<i64>,
+    /// True if the target ends within its first unit, which is then dropped.
+    short: bool,
+    /// The unit whose joins are known, and they per channel.
+    known: Option<i64>,
+    joins: Vec<[Join; 2]>,
+    /// Picks outside of the database, which are silent.
+    outside: u64,
+    muted_samples: u64,
+}
+
+/// Channels of the output.
+fn channels(format: &PickFormat, balance: Option<Channels>) -> Result<u16, Reject> {
+    let own = format.channels.max(format.conventions.joined as usize) as u16;
+    match balance {
+        Some(Channels(n)) if own == 1 || own == n => Ok(n),
+        Some(Channels(n)) => {
+            let message = format!("`balance` has {n} channels, the picks {own}");
+            Err(Reject::new("F046", message).at("balance"))
+        }
+        None => Ok(own),
+    }
+}
+
+impl UnitConcatenator {
+    /// Units before, at and after unit `k` of the output, in a channel of the picks.
+    fn around(&self, picks: &In<'_, Picks>, channel: usize, k: i64) -> [Option<u32>; 3] {
+        [k - 1, k, k + 1].map(|k| {
+            let here = k >= 0 && self.length.is_none_or(|n| k < n);
+            let pick = here.then(|| picks.item((k - picks.first()) as isize).get(channel).copied())?;
+            u32::try_from(pick?.unit).ok().filter(|&unit| (unit as usize) < self.db.len())
+        })
+    }
+
+    /// Writes samples `from..` of unit `k`.
+    fn unit(&mut self, picks: &In<'_, Picks>, k: i64, from: usize, out: &mut [f32], width: usize) {
+        let db = Arc::clone(&self.db);
+        let concatenator = Concatenator::new(&db, self.blend);
+        for channel in 0..width {
+            let units = self.around(picks, channel.min(picks.width() - 1), k);
+            let source = channel.min(db.channels() - 1);
+            if self.known != Some(k) {
+                self.outside += u64::from(units[1].is_none());
+                self.joins[channel] = [(units[0], units[1]), (units[1], units[2])]
+                    .map(|sides| concatenator.join(source, sides));
+            }
+            if let Some(out) = out.get_mut(channel..) {
+                concatenator.play(source, units, self.joins[channel], from, out, width);
+            }
+        }
+        self.known = Some(k);
+    }
+}
+
+/// Applies levels that move from the last unit's to this one's.
+fn balanced(balance: &In<'_, f32>, k: i64, from: usize, unit: usize, out: &mut [f32], width: usize) {
+    let at = (k - balance.first()) as isize;
+    let now = balance.item(at);
+    let before = if k > 0 { balance.item(at - 1) } else { now };
+    for (sample, frame) in (from..).zip(out.chunks_exact_mut(width)) {
+        let along = (sample + 1) as f32 / unit as f32;
+        for ((x, now), before) in frame.iter_mut().zip(now).zip(before) {
+            *x *= before + along * (now - before);
+        }
+    }
+}
+
+impl Node for UnitConcatenator {
+    type Params = UnitConcatenatorParams;
+    type Ports = UnitConcatenatorPorts;
+    const NAME: &'static str = "UnitConcatenator";
+    const VERSION: u32 = 4;
+    const CLASS: Class = Class::Audio;
+    const COST: f64 = 10.0;
+
+    fn shape(p: &UnitConcatenatorParams, s: &mut Shape<'_, '_, UnitConcatenatorPorts>) -> Result<(), Reject> {
+        let picks = s.input(UnitConcatenatorPorts::picks);
+        let conventions = &picks.format.conventions;
+        if let Some(db) = s.value(UnitConcatenatorPorts::database) {
+            conventions.check("picks", &db.conventions, "database")?;
+        }
+        let fast = || Reject::new("F045", format!("units come at {}, too often", picks.rate)).at("picks");
+        let rate = picks.rate.times(u64::from(conventions.unit)).ok_or_else(fast)?;
+        let balance = s.optional(UnitConcatenatorPorts::balance);
+        if let Some(balance) = &balance {
+            s.check(same_rate("balance", balance.rate, "`picks`", picks.rate));
+        }
+        if let Some(target) = s.optional(UnitConcatenatorPorts::target) {
+            s.check(same_rate("target", target.rate, "the sound of `picks`", rate));
+        }
+        let _ = p;
+        let width = channels(&picks.format, balance.map(|balance| balance.format))?;
+        // The unit under way began before the window, and is joined to the one before it and the one after.
+        s.lookaround(UnitConcatenatorPorts::picks, 2, 1);
+        s.lookaround(UnitConcatenatorPorts::balance, 2, 0);
+        s.ends(picks.end);
+        s.output(UnitConcatenatorPorts::audio, rate, Channels(width));
+        Ok(())
+    }
+
+    fn build(p: &UnitConcatenatorParams, cx: &Build<'_>) -> Result<Self, Fault> {
+        let picks = cx.input(UnitConcatenatorPorts::picks);
+        let db = cx.value(UnitConcatenatorPorts::database);
+        picks.format.conventions.check("picks", &db.conventions, "database")?;
+        db.validate().map_err(|e| Fault::new("F101", e.to_string()).at("database"))?;
+        let audio = cx.output(UnitConcatenatorPorts::audio);
+        let keep = p.keep_room_tone.unwrap_or(db.conventions.joined > 1);
+        let target = cx.optional(UnitConcatenatorPorts::target).is_some();
+        Ok(Self {
+            blend: p.blend,
+            gate: (target && !keep).then(|| SilenceGate::new(audio.rate.as_f64())),
+            length: picks.items(),
+            short: picks.end.is_some_and(|end| end < picks.rate.tick(1)),
+            known: None,
+            joins: vec![Default::default(); audio.format.0.into()],
+            outside: 0,
+            muted_samples: 0,
+            db,
+        })
+    }
+
+    fn run(&mut self, mut io: UnitConcatenatorIo<'_>) -> Result<(), Fault> {
+        if self.short {
+            io.audio.items().fill(0.0);
+            return Ok(());
+        }
+        let (unit, width) = (self.db.unit(), io.audio.width().max(1));
+        let (mut at, mut out) = (io.audio.first().max(0), io.audio.items());
+        while !out.is_empty() {
+            let (k, from) = (at / unit as i64, (at % unit as i64) as usize);
+            let frames = (unit - from).min(out.len() / width);
+            let (now, rest) = std::mem::take(&mut out).split_at_mut(frames * width);
+            self.unit(&io.picks, k, from, now, width);
+            if let Some(balance) = &io.balance {
+                balanced(balance, k, from, unit, now, width);
+            }
+            (at, out) = (at + frames as i64, rest);
+        }
+        if let (Some(gate), Some(target)) = (&mut self.gate, &io.target) {
+            let frames = io.audio.items().chunks_exact_mut(width);
+            for (frame, target_frame) in frames.zip(target.items().chunks_exact(target.width().max(1))) {
+                let gain = gate.next(target_frame.iter().all(|x| x.abs() <= SILENT));
+                self.muted_samples += u64::from(gain == 0.0);
+                if gain < 1.0 {
+                    frame.iter_mut().for_each(|x| *x *= gain);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self, _: UnitConcatenatorIo<'_>) -> Result<Summary, Fault> {
+        Ok(vec![("outside", self.outside.into()), ("asleep_samples", self.muted_samples.into())])
+    }
+
+    archive_state!(known, joins, outside, muted_samples, each gate);
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,271 @@
+//! Makes a unit database of recordings.
+
+use rayon::prelude::*;
+use std::ops::Range;
+use thiserror::Error;
+
+use super::units::{DATABASE_VERSION, DatabaseError, Segment, UnitDatabase, UnitSource};
+use crate::dsp::{Band, Butterworth, Cascade, DspError};
+use crate::feature::{FeatureConventions, FloorRule, MelCepstrum, TemporalFilter};
+
+/// A recording at the rate of the conventions.
+#[derive(Clone, Debug, Default)]
+pub struct Take {
+    /// Samples of each channel, equally many.
+    pub channels: Vec<Vec<f32>>,
+    /// What it is.
+    pub source: UnitSource,
+}
+
+/// Silence that cuts a recording into segments.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Gap {
+    /// Samples that it lasts at least.
+    pub samples: usize,
+    /// Magnitude that it stays below.
+    pub level: f32,
+}
+
+/// Why no database can be made.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum BuildError {
+    /// The database would be empty or invalid.
+    #[error(transparent)]
+    Database(#[from] DatabaseError),
+    /// A sample that is not a number.
+    #[error("sample {sample} of {recording:?} is {found}; only finite samples can be used")]
+    NotFinite {
+        /// Provenance of the recording.
+        recording: String,
+        /// Index of the sample.
+        sample: usize,
+        /// What it is.
+        found: f32,
+    },
+    /// Joint features of a recording with another number of channels.
+    #[error("{recording:?} has {found} channels; the database joins {wanted}")]
+    Channels {
+        /// Provenance of the recording.
+        recording: String,
+        /// Channels found.
+        found: usize,
+        /// Channels wanted.
+        wanted: usize,
+    },
+    /// The high-pass cannot be made.
+    #[error("high-pass: {0}")]
+    HighPass(#[from] DspError),
+}
+
+/// One gap-free stretch while it is worked on.
+struct Stretch {
+    source: u32,
+    channel: u32,
+    offset: usize,
+    /// Filtered samples per joined channel, with what comes after the last whole unit: its window looks there.
+    audio: Vec<Vec<f32>>,
+    units: usize,
+}
+
+/// Makes a database: each stretch without its DC, high-passed, cut into whole units, with features.
+///
+/// Channels are stretches of their own, unless the conventions join them.
+///
+/// # Errors
+/// Recordings that hold no whole unit, samples that are not finite, and joint recordings of other channel counts.
+///
+/// # Complexity
+/// One transform per unit and channel, on all cores; the audio is held twice while it is built.
+///
+/// # Source
+/// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), sections 4.1 and 4.2. The paper
+/// strings recordings end to end; segments keep what that would make neighbours apart.
+pub fn build(takes: &[Take], c: &FeatureConventions, gap: Option<Gap>) -> Result<UnitDatabase, BuildError> {
+    let stretches = stretches(takes, c, gap)?;
+    let units = stretches.iter().map(|s| s.units).sum::<usize>();
+    if units == 0 || c.unit == 0 || c.dims() == 0 {
+        return Err(DatabaseError::Empty { unit: c.unit }.into());
+    }
+    let floor_energy = match c.floor {
+        FloorRule::Level(db) => 10f64.powf(db / 10.0),
+        FloorRule::Database => percentile(&energies(&stretches, c), 0.05),
+    };
+    let cepstrum = MelCepstrum::new(c, floor_energy);
+    let filter = TemporalFilter::new(&(0..c.dims()).map(|dim| c.width(dim)).collect::<Vec<_>>(), c.causal);
+    let features = |s: &Stretch| {
+        let made =
+            per_unit(s, c, &cepstrum, c.n as usize, |cepstrum, frame, out| cepstrum.process(frame, out));
+        let filtered = filter.process_segment(&made);
+        (made, filtered)
+    };
+    let (unfiltered, filtered): (Vec<_>, Vec<_>) = stretches.par_iter().map(features).unzip();
+    let db = UnitDatabase {
+        version: DATABASE_VERSION,
+        conventions: c.clone(),
+        floor_energy,
+        segments: segments(&stretches),
+        sources: takes.iter().map(|take| take.source.clone()).collect(),
+        unfiltered: unfiltered.concat(),
+        features: filtered.concat(),
+        audio: audio(stretches, c),
+    };
+    db.validate()?;
+    Ok(db)
+}
+
+fn segments(stretches: &[Stretch]) -> Vec<Segment> {
+    let mut start = 0;
+    let segment = |s: &Stretch| {
+        let units = s.units as u32;
+        start += units;
+        Segment { start: start - units, units, source: s.source, channel: s.channel, offset: s.offset as u64 }
+    };
+    stretches.iter().map(segment).collect()
+}
+
+/// Whole units of all stretches, channel after channel.
+fn audio(stretches: Vec<Stretch>, c: &FeatureConventions) -> Vec<f32> {
+    let joined = c.joined.max(1) as usize;
+    let samples = stretches.iter().map(|s| s.units * c.unit as usize).sum::<usize>();
+    let mut audio = Vec::with_capacity(joined * samples);
+    for channel in 0..joined {
+        for s in &stretches {
+            let whole = s.units * c.unit as usize;
+            audio.extend(s.audio.get(channel).and_then(|x| x.get(..whole)).unwrap_or_default());
+        }
+    }
+    audio
+}
+
+fn stretches(takes: &[Take], c: &FeatureConventions, gap: Option<Gap>) -> Result<Vec<Stretch>, BuildError> {
+    let joined = c.joined.max(1) as usize;
+    let mut jobs = Vec::new();
+    for (source, take) in takes.iter().enumerate() {
+        check(take, joined)?;
+        let groups = take.channels.chunks(joined).enumerate();
+        for (group, channels) in groups {
+            for span in spans(channels, gap) {
+                if span.len() >= c.unit.max(1) as usize {
+                    jobs.push((source as u32, (group * joined) as u32, channels, span));
+                }
+            }
+        }
+    }
+    let design = match c.high_pass > 0.0 {
+        true => Some(Butterworth::design(
+            Band::HighPass,
+            c.high_pass_order as usize,
+            c.high_pass,
+            c.rate.as_f64(),
+        )?),
+        false => None,
+    };
+    let stretch = |(source, channel, channels, span): (u32, u32, &[Vec<f32>], Range<usize>)| Stretch {
+        source,
+        channel,
+        offset: span.start,
+        units: span.len() / c.unit.max(1) as usize,
+        audio: channels.iter().map(|x| clean(&x[span.clone()], design.as_ref(), c.frame as usize)).collect(),
+    };
+    Ok(jobs.into_par_iter().map(stretch).collect())
+}
+
+fn check(take: &Take, joined: usize) -> Result<(), BuildError> {
+    let recording = || take.source.provenance.clone();
+    if joined > 1 && take.channels.len() != joined {
+        return Err(BuildError::Channels {
+            recording: recording(),
+            found: take.channels.len(),
+            wanted: joined,
+        });
+    }
+    for channel in &take.channels {
+        if let Some((sample, &found)) = channel.iter().enumerate().find(|(_, x)| !x.is_finite()) {
+            return Err(BuildError::NotFinite { recording: recording(), sample, found });
+        }
+    }
+    Ok(())
+}
+
+/// Stretches between silences.
+fn spans(channels: &[Vec<f32>], gap: Option<Gap>) -> Vec<Range<usize>> {
+    let len = channels.iter().map(Vec::len).min().unwrap_or(0);
+    let Some(gap) = gap else { return std::iter::once(0..len).collect() };
+    let silent = |i: usize| channels.iter().all(|x| x[i].abs() < gap.level);
+    let (mut spans, mut from, mut quiet) = (Vec::new(), 0, 0);
+    for i in 0..len {
+        if silent(i) {
+            quiet += 1;
+            continue;
+        }
+        if quiet >= gap.samples.max(1) {
+            spans.push(from..i - quiet);
+            from = i;
+        }
+        quiet = 0;
+    }
+    spans.push(from..if quiet >= gap.samples.max(1) { len - quiet } else { len });
+    spans
+}
+
+/// Without its mean, high-passed from rest, and with what the filter still gives in `after` samples.
+fn clean(x: &[f32], design: Option<&Butterworth>, after: usize) -> Vec<f32> {
+    let mean = x.iter().map(|&x| f64::from(x)).sum::<f64>() / x.len().max(1) as f64;
+    let mut out: Vec<f32> = x.iter().map(|&x| (f64::from(x) - mean) as f32).collect();
+    out.resize(x.len() + after, 0.0);
+    if let Some(design) = design {
+        Cascade::new(design, 1).process(&mut out);
+    }
+    out
+}
+
+/// `count` numbers per unit and joined channel.
+fn per_unit(
+    s: &Stretch,
+    c: &FeatureConventions,
+    cepstrum: &MelCepstrum,
+    count: usize,
+    make: impl Fn(&mut MelCepstrum, &[f32], &mut [f32]) + Sync,
+) -> Vec<f32> {
+    let width = count * s.audio.len();
+    let mut out = vec![0.0; s.units * width];
+    let work = |(cepstrum, frame): &mut (MelCepstrum, Vec<f32>), (k, out): (usize, &mut [f32])| {
+        for (x, out) in s.audio.iter().zip(out.chunks_exact_mut(count)) {
+            let lead = (i64::from(c.frame) - i64::from(c.unit)).div_euclid(2);
+            let from = k as i64 * i64::from(c.unit) - lead;
+            for (i, sample) in (from..).zip(frame.iter_mut()) {
+                *sample = usize::try_from(i).ok().and_then(|i| x.get(i)).copied().unwrap_or(0.0);
+            }
+            make(cepstrum, frame, out);
+        }
+    };
+    let start = || (cepstrum.clone(), vec![0.0; c.frame as usize]);
+    out.par_chunks_exact_mut(width.max(1)).enumerate().with_min_len(64).for_each_init(start, work);
+    out
+}
+
+/// The energies of all bands of all units.
+fn energies(stretches: &[Stretch], c: &FeatureConventions) -> Vec<f32> {
+    let cepstrum = MelCepstrum::new(c, 0.0);
+    let of = |s: &Stretch| {
+        per_unit(s, c, &cepstrum, c.bands as usize, |cepstrum, frame, out| {
+            out.iter_mut().zip(cepstrum.energies(frame)).for_each(|(out, &e)| *out = e as f32);
+        })
+    };
+    stretches.iter().flat_map(of).collect()
+}
+
+/// Energy of a band, as mean square of full scale, that no recording's noise is below: -120 dB.
+const LEAST: f64 = 1e-12;
+
+fn percentile(values: &[f32], part: f64) -> f64 {
+    // Bands beyond half the rate hold nothing, and digital silence is no noise floor; nor is what the high-pass rings into it.
+    let mut sorted: Vec<f32> = values.iter().copied().filter(|x| f64::from(*x) > LEAST).collect();
+    sorted.sort_unstable_by(f32::total_cmp);
+    let at = (part * sorted.len().saturating_sub(1) as f64).round() as usize;
+    sorted.get(at).map_or(1e-10, |&x| f64::from(x))
+}
+
+#[cfg(test)]
+mod tests;

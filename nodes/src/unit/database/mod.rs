@@ -1,0 +1,11 @@
+//! Units of recordings with their features, made from recordings or read from a file.
+
+pub mod builder;
+mod file;
+pub mod unit_database;
+pub mod unit_database_file;
+pub mod units;
+
+pub use builder::{BuildError, Gap, Take, build};
+pub(crate) use units::file_names;
+pub use units::{DATABASE_VERSION, DatabaseError, Segment, UnitDatabase, UnitSource};

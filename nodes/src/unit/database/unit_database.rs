@@ -1,0 +1,215 @@
+//! The database builder as a node.
+
+use super::builder::{Gap, Take, build};
+use super::units::{UnitDatabase, UnitSource, database_summary};
+use crate::core::content::audio_digest;
+use crate::core::fault::{Fault, Reject};
+use crate::core::files::{MemoryFiles, ReadSeek};
+use crate::core::node::{Func, Summary};
+use crate::core::params::{AssetPath, Params, Text};
+use crate::core::ports::Value;
+use crate::core::random::Rng;
+use crate::core::shape::{Build, Shape};
+use crate::core::time::Rate;
+use crate::dsp::{Quality, Resampler};
+use crate::feature::FeatureConventions;
+use crate::io::check_recordings;
+use crate::io::{AudioReader, recording_warnings, trial_wav};
+use crate::{feature_params, ports};
+use rayon::prelude::*;
+
+feature_params! {
+    /// Cuts recordings into short units and computes the features of each, for `UnitSelector` to choose from.
+    ///
+    /// Every channel of every recording (with `joint` every recording) is a gap-free segment. With `gap`, silence splits it into
+    /// further segments. No filter and no selection crosses the end of a segment. Each segment has its mean removed, is high-passed
+    /// and cut into units; a remainder at its end is dropped. Recordings are resampled to `rate`.
+    ///
+    /// The features must be computed as those of the target: give `Mfcc` and `TemporalGaussian` the same parameters.
+    ///
+    /// # Source
+    /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), sections 4.1 and 4.2.
+    pub struct UnitDatabaseParams {
+        /// The recordings, of any rates and lengths.
+        recordings: Vec<AssetPath>;
+        /// Tag of each recording, such as a material or a cause; one for each, one for all, or none.
+        tags: Vec<Text> = Vec::new();
+        /// Rate of the units; that of the target.
+        rate: Rate = Rate::hz(48_000);
+        /// Keep the channels of a recording together in one feature vector, as for binaural recordings.
+        joint: bool = false;
+        /// Width of the Gaussian over time for each coefficient, or one for all; as in `TemporalGaussian`.
+        widths: Vec<f64> = vec![20.0, 50.0, 10.0], unit "units", range 0.0..=10_000.0;
+        /// Use only the past half of that Gaussian.
+        causal: bool = false;
+        /// Duration of a silence that splits a recording into segments; None never splits.
+        gap: Option<f64> = None, unit "s", range 0.001..=60.0;
+        /// Peak level below which it is silent.
+        gap_level: f64 = -80.0, unit "dB", range -200.0..=0.0;
+        /// The licence of the recordings; their paths stand as their provenance.
+        licence: Text = "".into();
+    }
+}
+
+ports! {
+    pub struct UnitDatabasePorts / UnitDatabaseIo {
+        in {}
+        out {
+            /// The units.
+            database: Value<UnitDatabase>,
+        }
+    }
+}
+
+/// The node over [`build`].
+#[derive(Debug)]
+pub struct UnitDatabaseNode;
+
+/// Longest recording, in frames: half an hour at 192 kHz.
+const MAX_FRAMES: u64 = 1800 * 192_000;
+
+fn unusable(path: &str, what: impl std::fmt::Display) -> Reject {
+    Reject::new("F101", format!("{path:?}: {what}")).at("recordings")
+}
+
+fn reader<'a>(path: &str, file: Box<dyn ReadSeek + 'a>) -> Result<(AudioReader<'a>, Rate), Reject> {
+    let reader = AudioReader::open(Box::new(file)).map_err(|e| unusable(path, e))?;
+    let info = reader.info();
+    if info.frames > MAX_FRAMES {
+        return Err(unusable(path, format!("{} frames; at most {MAX_FRAMES} are read", info.frames)));
+    }
+    let rate = Rate::new(u64::from(info.rate), 1).ok_or_else(|| unusable(path, "its rate is 0"))?;
+    Ok((reader, rate))
+}
+
+fn conventions(p: &UnitDatabaseParams, joined: u32) -> Result<FeatureConventions, Reject> {
+    crate::feature::params::check_widths(&p.widths, p.n)?;
+    p.convention_params(&p.widths, p.causal).conventions(p.rate, joined)
+}
+
+/// All of a recording at another rate, channel by channel, and a digest of what it holds.
+fn read(reader: &mut AudioReader<'_>, from: Rate, to: Rate) -> Result<(Vec<Vec<f32>>, String), Reject> {
+    let failed = |e: &dyn std::fmt::Display| unusable("", e);
+    let channels = reader.info().channels.max(1);
+    let mut samples = vec![0.0; reader.info().frames as usize * channels];
+    let frames = reader.read(&mut samples).map_err(|e| failed(&e))?;
+    samples.truncate(frames * channels);
+    let digest = audio_digest(reader.info().rate, channels, &samples);
+    let resampler = Resampler::new(from, to, Quality::High).map_err(|e| failed(&e))?;
+    let all: Result<_, Reject> = (0..channels)
+        .into_par_iter()
+        .map(|channel| {
+            let x: Vec<f32> = samples.iter().skip(channel).step_by(channels).copied().collect();
+            if from == to { Ok(x) } else { resampled(&resampler, &x, from, to).map_err(|e| failed(&e)) }
+        })
+        .collect();
+    Ok((all?, digest))
+}
+
+fn resampled(
+    resampler: &Resampler,
+    x: &[f32],
+    from: Rate,
+    to: Rate,
+) -> Result<Vec<f32>, crate::dsp::DspError> {
+    let outputs = to.first_at(from.tick(x.len() as i64));
+    let needed = resampler.inputs(0..outputs);
+    let before = usize::try_from(-needed.start).unwrap_or(0);
+    let mut padded = vec![0.0; before];
+    padded.extend_from_slice(x);
+    padded.resize(before + (needed.end.max(0) as usize).max(x.len()), 0.0);
+    let mut out = vec![0.0; outputs.max(0) as usize];
+    resampler.process(0, &padded, -(before as i64), 1, &mut out)?;
+    Ok(out)
+}
+
+fn source(p: &UnitDatabaseParams, k: usize, content: String) -> UnitSource {
+    let tag = p.tags.get(k).or(if p.tags.len() == 1 { p.tags.first() } else { None });
+    UnitSource {
+        provenance: p.recordings.get(k).map(|path| path.0.clone()).unwrap_or_default(),
+        licence: p.licence.0.clone(),
+        tag: tag.map(|tag| tag.0.clone()).unwrap_or_default(),
+        content,
+    }
+}
+
+impl Func for UnitDatabaseNode {
+    type Params = UnitDatabaseParams;
+    type Ports = UnitDatabasePorts;
+    const NAME: &'static str = "UnitDatabase";
+    const VERSION: u32 = 4;
+    // They are the provenance of the database's sources.
+    const EXPOSES_PATHS: bool = true;
+
+    fn check(p: &UnitDatabaseParams, s: &mut Shape<'_, '_, UnitDatabasePorts>) -> Result<(), Reject> {
+        if p.recordings.is_empty() {
+            return Err(Reject::new("F101", "there is no recording").at("recordings"));
+        }
+        if p.tags.len() > 1 && p.tags.len() != p.recordings.len() {
+            let message = format!("{} tags for {} recordings", p.tags.len(), p.recordings.len());
+            s.wrong(Reject::new("F051", message).at("tags").help("give one for each, one for all, or none"));
+        }
+        s.check(conventions(p, 1));
+        check_recordings(s, "recordings", &p.recordings, |path, file| {
+            Ok(reader(path, file)?.0.info().clone())
+        });
+        Ok(())
+    }
+
+    fn eval(p: &UnitDatabaseParams, cx: &Build<'_>, mut io: UnitDatabaseIo<'_>) -> Result<Summary, Fault> {
+        let (mut takes, mut warnings) = (Vec::with_capacity(p.recordings.len()), Summary::new());
+        for (k, path) in p.recordings.iter().enumerate() {
+            let (mut file, rate) = reader(&path.0, cx.open("recordings", &path.0)?)?;
+            let (channels, content) = read(&mut file, rate, p.rate).map_err(|e| Reject {
+                message: format!("{:?}{}", path.0, e.message.trim_start_matches("\"\"")),
+                ..e
+            })?;
+            // Its mean is taken out on the way into the database.
+            warnings.extend(recording_warnings(&path.0, file.info(), &[]));
+            takes.push(Take { channels, source: source(p, k, content) });
+        }
+        let joined = if p.joint { takes.first().map_or(1, |take| take.channels.len()) } else { 1 };
+        let conventions = conventions(p, joined as u32)?;
+        let gap = p.gap.map(|seconds| Gap {
+            samples: (seconds * p.rate.as_f64()).round() as usize,
+            level: 10f64.powf(p.gap_level / 20.0) as f32,
+        });
+        let db = build(&takes, &conventions, gap);
+        let db = db.map_err(|e| Fault::new("F101", e.to_string()).at("recordings"))?;
+        if db.audio.iter().all(|x| *x == 0.0) {
+            warnings.push(("warning", "all recordings are silent, and so is everything made of them".into()));
+        }
+        let summary = [database_summary(&db), warnings].concat();
+        io.database.set(db);
+        Ok(summary)
+    }
+
+    fn trial(rng: &mut Rng) -> (UnitDatabaseParams, MemoryFiles) {
+        let mut files = MemoryFiles::default();
+        let samples: Vec<f32> = (0..2000).map(|_| rng.between(-0.5, 0.5) as f32).collect();
+        files.insert("a.wav", trial_wav(&samples, 8000));
+        files.insert("b.wav", trial_wav(&samples[500..], 4000));
+        let p = UnitDatabaseParams::trial(rng);
+        let first = p.first % 3;
+        let n = 1 + p.n % 4;
+        let params = UnitDatabaseParams {
+            recordings: vec!["a.wav".into(), "b.wav".into()],
+            tags: Vec::new(),
+            rate: Rate::hz([4000, 8000][rng.below(2)]),
+            widths: vec![rng.between(0.0, 30.0)],
+            gap: None,
+            first,
+            n,
+            bands: p.bands.map(|bands| first + n + bands % 5),
+            f_lo: p.f_lo % 100.0,
+            f_hi: 200.0 + p.f_hi % 4000.0,
+            frame: p.frame.map(|frame| 1 + frame % 12),
+            high_pass: p.high_pass % 1000.0,
+            ..p
+        };
+        (params, files)
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,92 @@
+//! Units of a database that a node may choose from, and the errors of databases and targets that do not match.
+
+use std::sync::Arc;
+
+use super::selector::{MAX_DIMS, Units};
+use crate::core::fault::{Fault, Reject};
+use crate::core::params::Text;
+use crate::core::ports::In;
+use crate::feature::{FeatureFormat, Features};
+use crate::unit::UnitDatabase;
+
+/// True for each unit that the tags allow.
+pub(super) fn allowed(db: &UnitDatabase, tags: &[Text]) -> Vec<bool> {
+    let allows = |tag: &str| tags.is_empty() || tags.iter().any(|allowed| allowed.0 == tag);
+    let mut out = vec![false; db.len()];
+    for segment in &db.segments {
+        if db.sources.get(segment.source as usize).is_some_and(|source| allows(&source.tag)) {
+            out[segment.range()].fill(true);
+        }
+    }
+    out
+}
+
+/// Units that the tags allow, or what tags there are.
+pub(crate) fn check_tags(db: &UnitDatabase, tags: &[Text]) -> Result<Vec<bool>, Reject> {
+    let allowed = allowed(db, tags);
+    if allowed.contains(&true) {
+        return Ok(allowed);
+    }
+    let mut known: Vec<&str> = db.sources.iter().map(|source| source.tag.as_str()).collect();
+    known.sort_unstable();
+    known.dedup();
+    let wanted: Vec<&str> = tags.iter().map(|tag| tag.0.as_str()).collect();
+    let message = format!("no recording of the database has a tag of {wanted:?}");
+    Err(Reject::new("F101", message).at("tags").help(format!("it has {known:?}")))
+}
+
+/// Refuses features that cannot be compared with a database.
+pub(crate) fn comparable(
+    format: &FeatureFormat,
+    db: Option<Arc<UnitDatabase>>,
+    tags: &[Text],
+) -> Result<(), Reject> {
+    if format.dims() > MAX_DIMS {
+        let message =
+            format!("feature vectors of {} numbers; at most {MAX_DIMS} are searched", format.dims());
+        return Err(Reject::new("F051", message).at("features"));
+    }
+    if let Some(db) = db {
+        format.conventions.check("features", &db.conventions, "database")?;
+        check_tags(&db, tags)?;
+    }
+    Ok(())
+}
+
+/// The units of a valid database that was made as the features were.
+pub(crate) fn units<'a>(
+    format: &FeatureFormat,
+    db: &'a UnitDatabase,
+    tags: &[Text],
+) -> Result<Units<'a>, Fault> {
+    format.conventions.check("features", &db.conventions, "database")?;
+    db.validate().map_err(|e| Fault::new("F101", e.to_string()).at("database"))?;
+    Ok(Units {
+        features: &db.features,
+        dims: db.dims(),
+        segments: db.segments.iter().map(|s| (s.start as usize, s.units as usize)).collect(),
+        allowed: check_tags(db, tags)?,
+    })
+}
+
+/// Warning of a database with no more units than `cool_off` bars.
+pub(super) fn few_units_warning(units: &Units<'_>, look: usize, cool_off: usize) -> Option<String> {
+    let open = |start: usize, len: usize| {
+        let inside = units.allowed.get(start..start + len.saturating_sub(look)).unwrap_or_default();
+        inside.iter().filter(|allowed| **allowed).count()
+    };
+    let found: usize = units.segments.iter().map(|(start, len)| open(*start, *len)).sum();
+    (cool_off > 0 && found <= cool_off).then(|| {
+        format!(
+            "{found} units can be chosen, and each is kept from coming again for {cool_off} (`cool_off`), so that they only take \
+             turns: give longer recordings, or lower `cool_off`"
+        )
+    })
+}
+
+/// The fault of a target with a number that is not finite.
+pub(super) fn not_finite(features: &In<'_, Features>, at: i64) -> Fault {
+    Fault::new("F102", format!("a feature of unit {at} of the target is not a finite number"))
+        .at("features")
+        .when(features.rate().tick(at))
+}

@@ -1,0 +1,275 @@
+//! Paths whose joins cost what is heard of them: a search among the likeliest.
+
+use super::path::{GlobalParams, Path};
+use super::table::Table;
+use crate::unit::selection::kdtree::{KdTree, Search};
+use crate::unit::selection::selector::{MAX_DIMS, NotFinite};
+use rayon::prelude::*;
+
+/// Targets whose nearest units are looked up together.
+const AHEAD: usize = 4096;
+
+/// What joins cost besides the price of a jump, and how many units are tried.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BeamParams {
+    /// What all paths cost.
+    pub path: GlobalParams,
+    /// Nearest units that are tried for each target, and paths that are followed.
+    pub candidates: usize,
+    /// Price of a feature distance of 1 between what would have come and what comes.
+    pub feature: f64,
+    /// Price of a step of level by a factor of e.
+    pub level: f64,
+    /// Price of a join at which one side has no zero crossing near.
+    pub crossing: f64,
+}
+
+/// What joins are judged by, column by column.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Joins {
+    /// Natural logarithm of the level of a unit.
+    pub levels: Vec<f32>,
+    /// Whether the sound crosses zero soon after the end of a unit.
+    pub leaves: Vec<bool>,
+    /// Whether the sound crosses zero shortly before the start of a unit.
+    pub enters: Vec<bool>,
+}
+
+impl Joins {
+    /// What it costs to go from one column to another.
+    #[must_use]
+    pub fn cost(&self, table: &Table, a: usize, b: usize, p: &BeamParams) -> f64 {
+        if table.follows(a, b) {
+            return 0.0;
+        }
+        // At the end of a recording nothing would have come: the last unit stands for it.
+        let natural = table.next(a).unwrap_or(a);
+        let square = |(x, y): (f32, f32)| (f64::from(x) - f64::from(y)).powi(2);
+        let mut cost = p.path.switch_cost;
+        if p.feature > 0.0 {
+            cost +=
+                p.feature * table.features(natural).zip(table.features(b)).map(square).sum::<f64>().sqrt();
+        }
+        if let (Some(x), Some(y)) = (self.levels.get(natural), self.levels.get(b)) {
+            cost += p.level * f64::from((x - y).abs());
+        }
+        let blind = self.leaves.get(a) == Some(&false) || self.enters.get(b) == Some(&false);
+        cost + if blind { p.crossing } else { 0.0 }
+    }
+
+    /// What a path of units costs in all, infinite where one of them may not be chosen.
+    ///
+    /// # Shapes
+    /// `target`: `[units.len() * dims]`.
+    #[must_use]
+    pub fn path_cost(&self, table: &Table, target: &[f32], units: &[u32], p: &BeamParams) -> f64 {
+        let columns: Option<Vec<usize>> = units.iter().map(|&unit| table.column(unit)).collect();
+        let Some(columns) = columns else { return f64::INFINITY };
+        let free = GlobalParams { switch_cost: 0.0, ..p.path };
+        let joins: f64 = columns.windows(2).map(|w| self.cost(table, w[0], w[1], p)).sum();
+        table.cost(target, &columns, &free) + joins
+    }
+}
+
+/// One path that is followed: its last column, its cost, and the path of the row before that it goes on.
+#[derive(Clone, Copy, Debug)]
+struct Followed {
+    column: usize,
+    cost: f64,
+    back: usize,
+}
+
+/// The best of the paths through the nearest units, their successors and the units of `greedy`.
+///
+/// The `candidates` nearest units of each target are tried, with the unit that follows each followed path and the one that `greedy`
+/// chose; the best paths are followed. The path of `greedy` is always among those tried, so that without a rest of units the path
+/// found never costs more. A path in which a unit would come back before its rest is over is left; where none remains, one goes
+/// on all the same and is counted.
+///
+/// # Shapes
+/// `target`: `[n * dims]`; `greedy`: `[n]`, or empty.
+///
+/// # Errors
+/// A feature of the target that is not finite.
+///
+/// # Complexity
+/// O(n K²) at worst for K candidates, much less where a jump costs something: no cheaper join is looked for once none can be.
+///
+/// # Source
+/// Hunt and Black, "Unit selection in a concatenative speech synthesis system using a large speech database" (ICASSP 1996).
+pub fn beam(
+    table: &Table,
+    joins: &Joins,
+    target: &[f32],
+    greedy: &[u32],
+    params: &BeamParams,
+) -> Result<Path, NotFinite> {
+    table.check(target)?;
+    let greedy: Vec<Option<usize>> = greedy.iter().map(|&unit| table.column(unit)).collect();
+    Ok(match table.dims() {
+        1..=4 => Beam::<4>::new(table, joins, params).path(target, &greedy),
+        5..=8 => Beam::<8>::new(table, joins, params).path(target, &greedy),
+        9..=16 => Beam::<16>::new(table, joins, params).path(target, &greedy),
+        _ => Beam::<MAX_DIMS>::new(table, joins, params).path(target, &greedy),
+    })
+}
+
+struct Beam<'a, const P: usize> {
+    table: &'a Table,
+    joins: &'a Joins,
+    params: &'a BeamParams,
+    near: KdTree<P>,
+    /// Column and predecessor of each followed path, row after row.
+    backpointers: Vec<(u32, u32)>,
+    /// Where each row begins in the trail.
+    rows: Vec<usize>,
+    forced: usize,
+}
+
+fn padded<const P: usize>(features: impl Iterator<Item = f32>) -> [f64; P] {
+    let mut out = [0.0; P];
+    out.iter_mut().zip(features).for_each(|(out, x)| *out = f64::from(x));
+    out
+}
+
+impl<'a, const P: usize> Beam<'a, P> {
+    fn new(table: &'a Table, joins: &'a Joins, params: &'a BeamParams) -> Self {
+        let points = (0..table.count()).map(|j| (j as u32, padded(table.features(j)))).collect();
+        let near = KdTree::new(points);
+        Self { table, joins, params, near, backpointers: Vec::new(), rows: Vec::new(), forced: 0 }
+    }
+
+    /// The nearest columns of a target.
+    fn nearest(&self, features: &[f32], search: &mut Search) -> Vec<u32> {
+        let most = self.params.candidates.max(1);
+        let mut found = Vec::with_capacity(most);
+        self.near.nearest(&padded(features.iter().copied()), f64::INFINITY, search, |_, label| {
+            found.push(label);
+            if found.len() < most { f64::INFINITY } else { -1.0 }
+        });
+        found
+    }
+
+    fn path(&mut self, target: &[f32], greedy: &[Option<usize>]) -> Path {
+        let dims = self.table.dims();
+        let mut paths: Vec<Followed> = Vec::new();
+        let mut row = 0;
+        for part in target.chunks(AHEAD * dims) {
+            let rows: Vec<&[f32]> = part.chunks_exact(dims).collect();
+            let near: Vec<Vec<u32>> =
+                rows.par_iter().map_init(Search::default, |search, x| self.nearest(x, search)).collect();
+            for (features, near) in rows.iter().zip(&near) {
+                let greedy = greedy.get(row).copied().flatten();
+                let mut tried: Vec<usize> = near.iter().map(|&j| j as usize).chain(greedy).collect();
+                tried.extend(paths.iter().filter_map(|path| self.table.next(path.column)));
+                tried.sort_unstable();
+                tried.dedup();
+                paths = self.follow(row, features, &paths, &tried, greedy);
+                self.rows.push(self.backpointers.len());
+                self.backpointers.extend(paths.iter().map(|path| (path.column as u32, path.back as u32)));
+                row += 1;
+            }
+        }
+        let columns = self.back();
+        let units = self.table.named(&columns);
+        let cost = self.joins.path_cost(self.table, target, &units, self.params);
+        Path { units, cost, free_cost: cost, repeats: self.forced, ..Path::default() }
+    }
+
+    /// The best paths that end in the columns tried for a row, the cheapest first.
+    fn follow(
+        &mut self,
+        row: usize,
+        features: &[f32],
+        before: &[Followed],
+        tried: &[usize],
+        greedy: Option<usize>,
+    ) -> Vec<Followed> {
+        let mut by_column: Vec<(usize, usize)> =
+            before.iter().enumerate().map(|(k, path)| (path.column, k)).collect();
+        by_column.sort_unstable();
+        let run = |column: usize| {
+            let k = by_column.binary_search_by_key(&column.checked_sub(1)?, |(column, _)| *column).ok()?;
+            by_column.get(k).map(|(_, k)| *k)
+        };
+        let mut rested = true;
+        let mut paths: Vec<Followed> = Vec::new();
+        while paths.is_empty() {
+            let reached = |&column: &usize| {
+                let own = self.table.distance(features, column).min(self.params.path.cap);
+                if row == 0 {
+                    return Some(Followed { column, cost: own, back: 0 });
+                }
+                let (cost, back) = self.cheapest(row, before, column, run(column), rested)?;
+                Some(Followed { column, cost: cost + own, back })
+            };
+            paths = tried.iter().filter_map(reached).collect();
+            if paths.is_empty() {
+                if !rested {
+                    break;
+                }
+                rested = false;
+                self.forced += 1;
+            }
+        }
+        paths.sort_by(|a, b| a.cost.total_cmp(&b.cost).then(a.column.cmp(&b.column)));
+        let capacity = self.params.candidates.max(1);
+        let also = paths.iter().skip(capacity).find(|path| Some(path.column) == greedy).copied();
+        paths.truncate(capacity);
+        paths.extend(also);
+        paths
+    }
+
+    /// The cheapest way to a column: its cost and the path that it goes on.
+    fn cheapest(
+        &self,
+        row: usize,
+        before: &[Followed],
+        column: usize,
+        run: Option<usize>,
+        rested: bool,
+    ) -> Option<(f64, usize)> {
+        let free = |k: usize| !rested || !self.comes_back(row, k, column);
+        let runs = run.filter(|&k| self.table.follows(before[k].column, column) && free(k));
+        let mut best = runs.map(|k| (before[k].cost, k));
+        for (k, path) in before.iter().enumerate() {
+            let least = best.map_or(f64::INFINITY, |(cost, _)| cost);
+            // The cheapest come first, and no join costs less than a jump.
+            if path.cost + self.params.path.switch_cost >= least {
+                break;
+            }
+            let cost = path.cost + self.joins.cost(self.table, path.column, column, self.params);
+            if cost < least && free(k) {
+                best = Some((cost, k));
+            }
+        }
+        best
+    }
+
+    /// Whether a column was chosen lately on path `k` of the row before `row`.
+    fn comes_back(&self, row: usize, k: usize, column: usize) -> bool {
+        let mut at = k;
+        let rows = self.rows.iter().take(row).rev();
+        for &start in rows.take(self.params.path.cool_off) {
+            let Some(&(chosen, back)) = self.backpointers.get(start + at) else { return false };
+            if chosen as usize == column {
+                return true;
+            }
+            at = back as usize;
+        }
+        false
+    }
+
+    /// Walks back from the cheapest end.
+    fn back(&self) -> Vec<usize> {
+        let mut at = 0;
+        let mut columns = Vec::with_capacity(self.rows.len());
+        for &start in self.rows.iter().rev() {
+            let Some(&(column, back)) = self.backpointers.get(start + at) else { break };
+            columns.push(column as usize);
+            at = back as usize;
+        }
+        columns.reverse();
+        columns
+    }
+}

@@ -1,0 +1,50 @@
+//! The best of all paths, with the cool-off of units repaired.
+
+use super::path::{GlobalParams, Path};
+use super::programme::Programme;
+use super::repair::{Repair, repair};
+use super::table::Table;
+use crate::unit::selection::selector::NotFinite;
+
+/// The best path through the units of a database for a whole target.
+///
+/// V_i(j) = min(D1(i, j), cap) + min(V_{i-1}(j - 1) where j - 1 precedes j in its recording, min V_{i-1} + p): a jump costs the same
+/// from everywhere, so that one minimum per row stands for all of them. Of equal paths one that runs on is taken.
+///
+/// # Shapes
+/// `target`: `[n * dims]`. `block`: rows between checkpoints, which changes nothing but memory and time; `None` for about sqrt n.
+///
+/// # Errors
+/// A feature of the target that is not finite.
+///
+/// # Precision
+/// Rows are kept in single precision over the least cost of the row before, so that no number in them exceeds one price and one
+/// distance, and what is lost does not grow with the length of the take: the path costs at most 2^-22 (p + greatest distance) per
+/// target more than the best. Its cost is summed in double precision along the path.
+///
+/// # Complexity
+/// O(n m dims) time twice, `4 m sqrt n` bytes for the checkpoints and `m sqrt n / 8` per thread for one block of decisions.
+///
+/// # Source
+/// Viterbi (1967) for the programme; Hirschberg (1975) and Grice, Hughey and Speck, "Reduced space sequence alignment" (1997) for the
+/// checkpoints.
+pub fn exact(
+    table: &Table,
+    target: &[f32],
+    params: &GlobalParams,
+    block: Option<usize>,
+) -> Result<Path, NotFinite> {
+    table.check(target)?;
+    if target.len() < table.dims() {
+        return Ok(Path::default());
+    }
+    let mut programme = Programme::new(table, target, params, block);
+    let all = vec![true; programme.blocks()];
+    programme.solve(&all);
+    let free_cost = table.cost(target, &programme.path, params);
+    let repaired = repair(&mut programme, params);
+    let cost = table.cost(target, &programme.path, params);
+    let units = table.named(&programme.path);
+    let Repair { repeats, rounds, replaced } = repaired;
+    Ok(Path { units, cost, free_cost, repeats, rounds, replaced })
+}

@@ -1,0 +1,103 @@
+//! The exact programme while the target is still coming: each unit is decided a fixed time after it.
+
+use super::cool_off::CoolOff;
+use super::path::GlobalParams;
+use super::programme::{Decisions, Front, Price};
+use super::table::Table;
+use crate::impl_state;
+use crate::unit::selection::selector::{Choice, NotFinite};
+
+/// Chooses unit by unit, as the best path to the latest known unit of the target says.
+///
+/// What was committed is not taken back, so that a pick may jump where no path does; its distance from the best path shrinks as
+/// the lag grows. Units that rest are replaced when they are committed.
+///
+/// # Complexity
+/// O(m dims + lag) time for a unit; O(m dims + m lag / 8) memory, all of it allocated at the start.
+///
+/// # Source
+/// Forney, "The Viterbi algorithm" (1973), section III on truncated survivors.
+#[derive(Debug)]
+pub struct FixedLag {
+    table: Table,
+    params: GlobalParams,
+    price: Price,
+    front: Front,
+    before: Front,
+    decisions: Decisions,
+    /// Rows that decisions are kept of.
+    capacity: usize,
+    /// Rows that are known.
+    rows_read: usize,
+    /// Rows that are decided.
+    decided: usize,
+    cool_off: CoolOff,
+    last: Option<usize>,
+    replaced: usize,
+}
+impl_state!(FixedLag { front, before, decisions, rows_read, decided, cool_off, last, replaced });
+
+impl FixedLag {
+    /// Before the first unit; `lag` units after one are looked at.
+    #[must_use]
+    pub fn new(table: Table, params: GlobalParams, lag: usize) -> Self {
+        let count = table.count();
+        Self {
+            front: Front::start(count),
+            before: Front::start(count),
+            decisions: Decisions::new(count, lag + 1),
+            capacity: lag + 1,
+            rows_read: 0,
+            decided: 0,
+            cool_off: CoolOff::new(count, params.cool_off),
+            last: None,
+            replaced: 0,
+            price: Price::new(&params),
+            table,
+            params,
+        }
+    }
+
+    /// Chooses for the next unit of the target.
+    ///
+    /// # Shapes
+    /// `window`: `[units * dims]`, the unit and those after it that are known, no more of them than the lag.
+    ///
+    /// # Errors
+    /// A feature that is not finite, or no unit at all.
+    pub fn choose(&mut self, window: &[f32]) -> Result<Choice, NotFinite> {
+        let dims = self.table.dims();
+        NotFinite::check(window, dims)?;
+        for features in window.chunks_exact(dims).take(self.capacity).skip(self.rows_read - self.decided) {
+            self.read_row(features);
+        }
+        let mut column = self.front.best;
+        for row in (self.decided + 1..self.rows_read).rev() {
+            column = self.decisions.before(row % self.capacity, column);
+        }
+        let features = &window[..dims];
+        let wanted = column;
+        column =
+            self.cool_off.substitute(&self.table, features, self.decided, wanted, self.last, &self.params);
+        self.replaced += usize::from(column != wanted);
+        self.cool_off.record(self.decided, column);
+        self.decided += 1;
+        self.last = Some(column);
+        let d1 = self.table.distance(features, column);
+        Ok(Choice { unit: self.table.unit(column), d1, d2: d1, ..Choice::default() })
+    }
+
+    /// Units that the best path had and that rested.
+    #[must_use]
+    pub fn replaced(&self) -> usize {
+        self.replaced
+    }
+
+    fn read_row(&mut self, features: &[f32]) {
+        self.decisions.record(self.rows_read % self.capacity, &self.front, self.price);
+        self.front.advance(&mut self.before, &self.table, self.price, features, &[], 1);
+        self.front.find(self.price.level);
+        self.front.close(&self.table);
+        self.rows_read += 1;
+    }
+}

@@ -1,0 +1,45 @@
+//! Paths through the units of a database, and their costs.
+
+/// Costs of a path.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GlobalParams {
+    /// Price of a unit that does not follow the one before it in its recording.
+    pub switch_cost: f64,
+    /// Most that the distance of one unit costs; infinite for no limit.
+    pub cap: f64,
+    /// Targets for which a chosen unit is not chosen again.
+    pub cool_off: usize,
+}
+
+/// Most that a jump may cost: a larger price would drown distances in single precision.
+pub const MAX_SWITCH_COST: f64 = 1000.0;
+
+/// A path through the units of a database.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Path {
+    /// A unit for each target.
+    pub units: Vec<u32>,
+    /// Cost of the path.
+    pub cost: f64,
+    /// Cost of the best path without regard to the rest of units.
+    pub free_cost: f64,
+    /// Units of that path that came back before their rest was over.
+    pub repeats: usize,
+    /// Times that parts of it were searched again for that.
+    pub rounds: usize,
+    /// Units that had to be replaced in the end, whatever the cost.
+    pub replaced: usize,
+}
+
+/// Share of places at which two paths differ.
+#[must_use]
+pub fn difference(a: &[u32], b: &[u32]) -> f64 {
+    let differ = a.iter().zip(b).filter(|(a, b)| a != b).count() + a.len().abs_diff(b.len());
+    differ as f64 / a.len().max(b.len()).max(1) as f64
+}
+
+/// Greatest distance that counts as cost: `d_max` and `penalty`; no limit where `penalty` is 0.
+#[must_use]
+pub fn distance_cap(d_max: f64, penalty: f64) -> f64 {
+    if penalty > 0.0 { d_max + penalty } else { f64::INFINITY }
+}

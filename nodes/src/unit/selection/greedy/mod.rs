@@ -1,0 +1,7 @@
+//! Selection unit by unit: each choice is the best window, given the picks before it.
+
+mod history;
+mod unit_index;
+pub mod window_search;
+
+pub use window_search::selector;

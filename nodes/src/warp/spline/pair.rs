@@ -1,0 +1,12 @@
+//! Pairs of vectors that a spline is fitted to.
+
+/// One pair: a vector, where it should go, and how much that counts.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pair {
+    /// The vector.
+    pub from: Vec<f64>,
+    /// Where it should go.
+    pub to: Vec<f64>,
+    /// Weight, above 0.
+    pub weight: f64,
+}

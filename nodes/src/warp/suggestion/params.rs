@@ -1,0 +1,57 @@
+//! Parameters of a search for correspondences, and known causes of a sound.
+
+/// Parameters of the search for proposals.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SuggestParams {
+    /// Units in a window: what a proposal marks.
+    pub window: usize,
+    /// Units from window to window.
+    pub hop: usize,
+    /// Most proposals.
+    pub count: usize,
+    /// lambda of the warp that scores them.
+    pub lambda: f64,
+    /// Most windows of either side that are laid on each other; more go into as many clusters.
+    pub most: usize,
+    /// How much more the first feature, which is that of loudness, counts than each of the others where ranks are compared.
+    pub level: f64,
+    /// Whether all `count` are listed, also where one more gains little: loudness is followed the better the more there are.
+    pub all: bool,
+    /// What silence is, where that is known; otherwise the quietest moment of the target is taken for it.
+    pub silence: Option<Silence>,
+}
+
+/// Thresholds of silence, of the first feature (loudness).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Silence {
+    /// A window of the target that is not louder on average is silent.
+    pub target: f64,
+    /// A window of the database is silent that is as much below the loudest one,
+    pub below: f64,
+    /// and no more than this above the quietest one.
+    pub within: f64,
+}
+
+impl Default for SuggestParams {
+    fn default() -> Self {
+        Self {
+            window: 24,
+            hop: 12,
+            count: 12,
+            lambda: 1e3,
+            most: 2000,
+            level: 1.0,
+            all: false,
+            silence: None,
+        }
+    }
+}
+
+/// Power of one cause of the target's sound, known if the target is synthetic.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Cause {
+    /// Its power in each unit of the target.
+    pub power: Vec<f64>,
+    /// For each segment of the database whether it comes from this alone, where that is known.
+    pub segments: Vec<Option<bool>>,
+}

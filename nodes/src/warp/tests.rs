@@ -1,0 +1,469 @@
+//! From files to warped features.
+
+use super::correspondence::correspondence_set::{Correspondences, CorrespondencesParams};
+use super::diagnostics::correspondence_diagnostics::{
+    CorrespondenceDiagnostics, CorrespondenceDiagnosticsParams, CorrespondenceDiagnosticsPorts,
+};
+use super::diagnostics::diagnosis::Diagnosis;
+use super::fit::tps_fit::{TpsFit, TpsFitParams, TpsFitPorts};
+use super::fit::tps_warp::{TpsWarp, TpsWarpParams, TpsWarpPorts};
+use super::fit::warp_file::{WarpFile, WarpFileParams};
+use super::suggestion::correspondence_suggester::{
+    CorrespondenceSuggester, CorrespondenceSuggesterParams, CorrespondenceSuggesterPorts,
+};
+use super::{CorrespondenceSet, Location, Pairing, SourceName, Warp, read_correspondences};
+use crate::core::item::AnyValue;
+use crate::core::params::Params;
+use crate::core::standalone::{Feed, Standalone};
+use crate::core::time::{Rate, TICKS_PER_SECOND, ticks};
+use crate::feature::{FeatureConventions, FeatureFormat};
+use crate::unit::database::DATABASE_VERSION;
+use crate::unit::{Segment, UnitDatabase, UnitSource};
+use std::sync::Arc;
+
+const UNITS: usize = 960;
+
+fn conventions() -> FeatureConventions {
+    FeatureConventions::cloth(Rate::hz(96_000), 400)
+}
+
+fn format(vectors: usize) -> FeatureFormat {
+    FeatureFormat { vectors, conventions: Arc::new(conventions()) }
+}
+
+/// A gesture of features, and what the database makes of it: another level and colour.
+fn target(unit: usize) -> [f32; 3] {
+    let t = unit as f32 / 240.0;
+    [10.0 * (1.3 * t).sin() - 20.0, 3.0 * (2.9 * t).cos(), 2.0 * (4.1 * t).sin()]
+}
+
+fn planted([a, b, c]: [f32; 3]) -> [f32; 3] {
+    [1.2 * a + 5.0 + 0.05 * b * b, 0.8 * b - 1.0, c + 0.3 * b]
+}
+
+fn database() -> UnitDatabase {
+    let features: Vec<f32> = (0..UNITS).flat_map(|unit| planted(target(unit))).collect();
+    UnitDatabase {
+        version: DATABASE_VERSION,
+        conventions: conventions(),
+        floor_energy: 1e-10,
+        segments: vec![Segment { start: 0, units: UNITS as u32, source: 0, channel: 0, offset: 0 }],
+        sources: vec![UnitSource { provenance: "drag.wav".into(), ..UnitSource::default() }],
+        audio: vec![0.0; UNITS * 400],
+        unfiltered: features.clone(),
+        features,
+    }
+}
+
+fn set(text: &str) -> CorrespondenceSet {
+    CorrespondenceSet { file: "set.ron".into(), ..read_correspondences(text).unwrap() }
+}
+
+fn marked() -> CorrespondenceSet {
+    let pairs: Vec<String> = (0..12)
+        .map(|k| format!("(target: {t}, database: {t}, source: 0, duration: 0.1)", t = 0.3 * f64::from(k)))
+        .collect();
+    set(&format!("(pairs: [{}])", pairs.join(",")))
+}
+
+fn fit(p: TpsFitParams, set: CorrespondenceSet, vectors: usize) -> Standalone {
+    let features = (0..UNITS).flat_map(|unit| vec![target(unit); vectors]).flatten().collect();
+    Standalone::new::<TpsFit>(p)
+        .input(TpsFitPorts::features, Rate::hz(240), format(vectors), features)
+        .value(TpsFitPorts::database, database())
+        .value(TpsFitPorts::pairs, set)
+}
+
+fn params() -> TpsFitParams {
+    TpsFitParams::read(&|_| None).unwrap()
+}
+
+fn warp(p: TpsFitParams, vectors: usize) -> Warp {
+    fit(p, marked(), vectors).run().unwrap().value(0).unwrap().get::<Warp>().unwrap().clone()
+}
+
+fn apply(warp: Warp, vectors: usize, window: i64) -> Vec<f32> {
+    let features = (0..UNITS).flat_map(|unit| vec![target(unit); vectors]).flatten().collect();
+    let standalone = Standalone::new::<TpsWarp>(TpsWarpParams {})
+        .input(TpsWarpPorts::features, Rate::hz(240), format(vectors), features)
+        .value(TpsWarpPorts::warp, warp)
+        .window(window);
+    standalone.run().unwrap().stream(TpsWarpPorts::warped)
+}
+
+fn error(warped: &[f32], vectors: usize) -> f64 {
+    let wanted = (0..UNITS).flat_map(|unit| vec![planted(target(unit)); vectors]).flatten();
+    let square: f64 = warped.iter().zip(wanted).map(|(a, b)| f64::from(a - b).powi(2)).sum();
+    (square / (UNITS * vectors) as f64).sqrt()
+}
+
+#[test]
+fn a_planted_distortion_is_undone_with_a_lambda_that_the_fit_finds() {
+    let warp = warp(params(), 1);
+    let report = &warp.maps[0].report;
+    assert!(report.pairs == 12 * 24 && report.freedom > 4.0 && report.warnings.is_empty(), "{report:?}");
+    let before: Vec<f32> = (0..UNITS).flat_map(target).collect();
+    let out = apply(warp.clone(), 1, TICKS_PER_SECOND);
+    assert!(error(&out, 1) < 0.04 * error(&before, 1), "{} {}", error(&out, 1), error(&before, 1));
+    assert!(warp.maps[0].folds == 0.0 && warp.maps[0].outside == 0.0);
+    for window in [ticks(0.0042), ticks(0.5), Rate::hz(240).span(7)] {
+        assert!(apply(warp.clone(), 1, window) == out);
+    }
+    let stiff = self::warp(TpsFitParams { lambda: Some(1e9), ..params() }, 1);
+    assert!(stiff.maps[0].report.freedom < 4.01);
+    assert!(error(&apply(stiff, 1, TICKS_PER_SECOND), 1) > 2.0 * error(&out, 1));
+}
+
+#[test]
+fn channels_have_maps_of_their_own_and_one_map_serves_all() {
+    let two = warp(TpsFitParams { lambda: Some(0.0), pairing: Pairing::Centroid, ..params() }, 2);
+    assert_eq!((two.maps.len(), two.maps[0].report.pairs), (2, 12));
+    assert_eq!(two.maps[0].spline, two.maps[1].spline);
+    let one = Warp { maps: two.maps[..1].to_vec(), ..two.clone() };
+    let out = apply(two, 2, TICKS_PER_SECOND);
+    assert!(apply(one.clone(), 2, TICKS_PER_SECOND) == out);
+    assert_eq!(out[..3], apply(one, 1, TICKS_PER_SECOND)[..3]);
+}
+
+#[test]
+fn without_correspondences_nothing_changes() {
+    let warp =
+        fit(params(), set("(pairs: [])"), 1).run().unwrap().value(0).unwrap().get::<Warp>().unwrap().clone();
+    assert_eq!(warp.maps[0].report.warnings.len(), 1);
+    let plain: Vec<f32> = (0..UNITS).flat_map(target).collect();
+    assert!(apply(warp, 1, TICKS_PER_SECOND) == plain);
+}
+
+#[test]
+fn a_set_that_was_marked_elsewhere_is_told_and_used() {
+    let told = |head: &str| {
+        let set = set(&format!("({head}pairs: [(target: 0, database: 0, source: 0, duration: 0.1)])"));
+        let run = fit(params(), set, 1).run().unwrap();
+        let texts = run.summary.iter().filter(|(k, _)| *k == "warning");
+        texts.map(|(_, text)| text.as_str().unwrap_or_default().to_owned()).collect::<Vec<_>>()
+    };
+    for own in ["", "length: 4.0, database: \"drag.wav\", ", "length: 4.005, "] {
+        assert_eq!(told(own), Vec::<String>::new(), "{own}");
+    }
+    let found = told("target: \"take 7\", length: 7.6, database: \"drag.wav, fold.wav\", ");
+    assert_eq!(found.len(), 2);
+    assert!(
+        found[0]
+            .starts_with("set.ron was marked in \"take 7\", which lasts 7.600 s; this target lasts 4.000 s"),
+        "{found:?}"
+    );
+    assert!(found[1].contains("\"drag.wav, fold.wav\"; the database has \"drag.wav\""), "{found:?}");
+}
+
+#[test]
+fn a_warp_that_was_fitted_in_other_recordings_is_told_and_used() {
+    let warp = warp(TpsFitParams { lambda: Some(1.0), pairing: Pairing::Centroid, ..params() }, 1);
+    let known = |provenance: &str, content: &str, warp: &Warp| {
+        let (provenance, content) = (provenance.into(), content.into());
+        let sources = vec![UnitSource { provenance, content, ..UnitSource::default() }];
+        let standalone = Standalone::new::<TpsWarp>(TpsWarpParams {})
+            .input(TpsWarpPorts::features, Rate::hz(240), format(1), vec![0.0; 3])
+            .value(TpsWarpPorts::warp, warp.clone())
+            .feed(2, Feed::value(AnyValue::new(UnitDatabase { sources, ..database() })));
+        let summary = standalone.run().unwrap().summary;
+        summary.iter().map(|(key, text)| format!("{key}: {text}")).collect::<Vec<_>>()
+    };
+    let told = |provenance: &str, warp: &Warp| known(provenance, "", warp);
+    assert_eq!(told("elsewhere/drag.wav", &warp), Vec::<String>::new(), "the same file in another folder");
+    let found = told("fold.wav", &warp);
+    assert!(found.len() == 1 && found[0].starts_with("warning: \"`recordings` of the warp are"), "{found:?}");
+    assert!(found[0].contains("drag.wav") && found[0].contains("fold.wav"), "{found:?}");
+    assert_eq!(
+        told("fold.wav", &Warp { recordings: vec![], ..warp.clone() }),
+        Vec::<String>::new(),
+        "it does not tell"
+    );
+    // Where both know what the recordings hold, names say nothing.
+    let two = |contents: [&str; 1]| Warp { contents: contents.map(String::from).into(), ..warp.clone() };
+    assert_eq!(known("renamed.wav", "a1", &two(["a1"])), Vec::<String>::new());
+    let found = known("drag.wav", "b2", &two(["a1"]));
+    assert!(
+        found.len() == 1 && found[0].contains("of which some hold other sound than they did"),
+        "{found:?}"
+    );
+    assert_eq!(known("fold.wav", "b2", &two(["a1"])).len(), 1);
+    // Where one does not, names decide.
+    for (content, warp) in [("a1", warp.clone()), ("a1", two([""])), ("", two(["a1"]))] {
+        assert_eq!(known("drag.wav", content, &warp), Vec::<String>::new());
+        assert_eq!(known("renamed.wav", content, &warp).len(), 1);
+    }
+}
+
+#[test]
+fn a_warp_knows_the_correspondences_that_it_was_fitted_to() {
+    let of = |set: CorrespondenceSet| {
+        let p = TpsFitParams { lambda: Some(1.0), pairing: Pairing::Centroid, ..params() };
+        fit(p, set, 1).run().unwrap().value(0).unwrap().get::<Warp>().unwrap().clone()
+    };
+    let (set, mut other) = (marked(), marked());
+    let warp = of(set.clone());
+    assert_eq!(warp.correspondences_content, set.content());
+    assert_eq!(
+        of(CorrespondenceSet { file: "renamed.ron".into(), ..set }).correspondences_content,
+        warp.correspondences_content
+    );
+    other.pairs[3].enabled = false;
+    assert_ne!(of(other).correspondences_content, warp.correspondences_content);
+    // It is part of what the warp's own digest covers.
+    let bent = Warp { correspondences_content: "0123456789abcdef".into(), ..warp };
+    assert!(bent.altered().is_some());
+}
+
+#[test]
+fn a_warp_from_before_recordings_had_digests_is_read_and_keeps_its_own() {
+    let warp = warp(TpsFitParams { lambda: Some(1.0), pairing: Pairing::Centroid, ..params() }, 1);
+    let old = Warp { contents: Vec::new(), correspondences_content: String::new(), ..warp.clone() }.sealed();
+    let text = serde_json::to_string(&old).unwrap();
+    let later = ["\"contents\":[],", "\"correspondences_content\":\"\","];
+    assert!(later.iter().all(|field| text.contains(field)));
+    let before = later.iter().fold(text, |text, field| text.replacen(field, "", 1));
+    assert_eq!(serde_json::from_str::<Warp>(&before).unwrap(), old);
+    // The digest is the one of a file without the fields.
+    let plain = before.replace(&old.content, "");
+    assert_eq!(old.content, blake3::hash(plain.as_bytes()).to_hex()[..16]);
+    assert!(old.altered().is_none() && old.content != warp.content);
+}
+
+#[test]
+fn what_does_not_fit_is_named_before_the_run() {
+    let late = set("(pairs: [\n  (target: 0, database: 99, duration: 0.1),\n])");
+    let reject = fit(params(), late, 1).shape().unwrap_err();
+    assert_eq!((reject.code, reject.field.as_deref()), ("F110", Some("pairs")));
+    assert!(reject.message.starts_with("set.ron:2:3: correspondence 0: 99.000 to"), "{reject}");
+    let mut other = warp(TpsFitParams { lambda: Some(1.0), pairing: Pairing::Centroid, ..params() }, 1);
+    other.conventions.f_hi = 8000.0;
+    let standalone = Standalone::new::<TpsWarp>(TpsWarpParams {})
+        .input(TpsWarpPorts::features, Rate::hz(240), format(1), vec![0.0; 3])
+        .value(TpsWarpPorts::warp, other.clone());
+    assert!(standalone.shape().unwrap_err().message.contains("`f_hi`"));
+    let maps = Warp { maps: vec![other.maps[0].clone(); 3], conventions: conventions(), ..other };
+    let standalone = Standalone::new::<TpsWarp>(TpsWarpParams {})
+        .input(TpsWarpPorts::features, Rate::hz(240), format(2), vec![0.0; 6])
+        .value(TpsWarpPorts::warp, maps);
+    assert!(standalone.shape().unwrap_err().message.contains("3 channels"));
+}
+
+#[test]
+fn files_are_read_and_what_is_wrong_in_them_is_named() {
+    let correspondences = |text: &str| {
+        let mut standalone =
+            Standalone::func::<Correspondences>(CorrespondencesParams { path: "set.ron".into() });
+        standalone.files.insert("set.ron", text);
+        standalone
+    };
+    let set = correspondences("(pairs: [(target: 0, database: 1, duration: 0.1)])").run().unwrap();
+    let set = set.value(0).unwrap().get::<CorrespondenceSet>().unwrap().clone();
+    assert_eq!((set.file.as_str(), set.pairs[0].location), ("set.ron", Location { line: 1, column: 10 }));
+    let reject = correspondences("(pairs: [\n(target: 0)])").shape().unwrap_err();
+    assert!(
+        reject.code == "F110" && reject.message.starts_with("set.ron:2:1: `database` is missing"),
+        "{reject}"
+    );
+
+    let warp = warp(TpsFitParams { lambda: Some(1.0), pairing: Pairing::Centroid, ..params() }, 1);
+    let file = |bytes: Vec<u8>| {
+        let mut standalone = Standalone::func::<WarpFile>(WarpFileParams { path: "cotton.warp".into() });
+        standalone.files.insert("cotton.warp", bytes);
+        standalone
+    };
+    let read = file(serde_json::to_vec(&warp).unwrap()).run().unwrap().value(0).unwrap();
+    assert!(read.get::<Warp>() == Some(&warp));
+    // One without a digest is taken as it is; what was changed under one is told.
+    let open = Warp { content: String::new(), ..warp.clone() };
+    assert!(!warp.content.is_empty());
+    let read = file(serde_json::to_vec(&open).unwrap()).run().unwrap().value(0).unwrap();
+    assert!(read.get::<Warp>() == Some(&open));
+    let mut bent = warp.clone();
+    bent.maps[0].spline.affine[2] += 1e-9;
+    for changed in [bent, Warp { recordings: vec!["other.wav".into()], ..warp.clone() }] {
+        let reject = file(serde_json::to_vec(&changed).unwrap()).shape().unwrap_err();
+        let named = format!("`content` is {:?}", warp.content);
+        assert!(reject.code == "F111" && reject.message.contains(&named), "{reject}");
+        assert!(file(serde_json::to_vec(&changed.sealed()).unwrap()).shape().is_ok());
+    }
+    let old = Warp { version: 9, ..warp };
+    let reject = file(serde_json::to_vec(&old).unwrap()).shape().unwrap_err();
+    assert!(reject.code == "F111" && reject.message.contains("version 9"), "{reject}");
+}
+
+/// A set whose seventh correspondence is the wrong moment of the recording.
+fn slipped() -> CorrespondenceSet {
+    let mut set = marked();
+    set.pairs[6].database = 0.1;
+    set.pairs[6].label = "slip".into();
+    set
+}
+
+fn diagnosed(p: CorrespondenceDiagnosticsParams, db: UnitDatabase, set: CorrespondenceSet) -> Standalone {
+    let features = (0..UNITS).flat_map(target).collect();
+    Standalone::new::<CorrespondenceDiagnostics>(p)
+        .input(CorrespondenceDiagnosticsPorts::features, Rate::hz(240), format(1), features)
+        .value(CorrespondenceDiagnosticsPorts::database, db)
+        .value(CorrespondenceDiagnosticsPorts::pairs, set)
+}
+
+fn diagnostics() -> CorrespondenceDiagnosticsParams {
+    let p = CorrespondenceDiagnosticsParams::read(&|_| None).unwrap();
+    CorrespondenceDiagnosticsParams { lambda: Some(1.0), ..p }
+}
+
+#[test]
+fn a_correspondence_that_leads_astray_is_named_first_with_its_place_and_times() {
+    let run = diagnosed(diagnostics(), database(), slipped()).run().unwrap();
+    let found = run.value(0).unwrap().get::<Diagnosis>().unwrap().clone();
+    let channel = &found.channels[0];
+    let suspect = &channel.verdicts[0];
+    assert_eq!((suspect.label.as_str(), suspect.rank, suspect.correspondence), ("slip", 1, 6), "{found:?}");
+    assert!(suspect.ranges.iter().any(|[from, to]| *from <= 1.82 && *to >= 1.88), "{:?}", suspect.ranges);
+    assert!(suspect.delta_fallback < 0.0 || suspect.delta_folds < 0.0, "{suspect:?}");
+    assert!(channel.verdicts.len() == 12 && channel.degrees_of_freedom > 4.0);
+    let text = &found.text()[0];
+    assert!(text.contains("\"slip\" at set.ron:1:") && text.contains("move it"), "{text}");
+    // One flat record of each, as programs read it.
+    let json = serde_json::to_value(suspect).unwrap();
+    for field in ["label", "score", "rank", "conflicts", "ranges", "delta_fallback", "delta_folds"] {
+        assert!(json.get(field).is_some(), "{field}");
+    }
+    // The note of the run names it too, and there is none where nothing can hurt.
+    let noted = |set| {
+        let run = diagnosed(diagnostics(), database(), set).run().unwrap();
+        let notes = run.summary.into_iter().filter(|(key, _)| *key == "warning");
+        notes.map(|(_, text)| text.as_str().unwrap_or_default().to_owned()).collect::<Vec<_>>()
+    };
+    assert_eq!(noted(slipped()), std::slice::from_ref(text));
+    assert_eq!(noted(set("(pairs: [])")), Vec::<String>::new());
+    let good = diagnosed(diagnostics(), database(), marked()).run().unwrap();
+    let good = good.value(0).unwrap().get::<Diagnosis>().unwrap().clone();
+    assert!(good.channels[0].verdicts[0].score < 0.1 * suspect.score, "{good:?}");
+}
+
+#[test]
+fn the_worst_range_is_written_with_and_without_the_suspect() {
+    let mut db = database();
+    db.audio = (0..UNITS * 400).map(|k| (k / 400) as f32 / UNITS as f32).collect();
+    let paths = |p| CorrespondenceDiagnosticsParams {
+        with: Some("with.wav".into()),
+        without: Some("without.wav".into()),
+        ..p
+    };
+    let standalone = diagnosed(paths(diagnostics()), db.clone(), slipped());
+    let run = standalone.run().unwrap();
+    let found = run.value(0).unwrap().get::<Diagnosis>().unwrap().clone();
+    let length = |[from, to]: &[f64; 2]| to - from;
+    let longest = found.channels[0].verdicts[0].ranges.iter().map(length).fold(0.0, f64::max);
+    let clip = |standalone: &Standalone, path: &str| -> Vec<f32> {
+        let bytes = standalone.outputs.get(path).unwrap();
+        let mut reader = hound::WavReader::new(std::io::Cursor::new(bytes)).unwrap();
+        reader.samples::<f32>().map(Result::unwrap).collect()
+    };
+    let (with, without) = (clip(&standalone, "with.wav"), clip(&standalone, "without.wav"));
+    assert!(with.len() == without.len() && with.len() as f64 >= longest * 96_000.0, "{longest}");
+    let differs = with.iter().zip(&without).filter(|(a, b)| a != b).count();
+    assert!(differs * 3 > with.len(), "{differs} of {}", with.len());
+    // Nobody to suspect: nothing to hear.
+    let standalone = diagnosed(paths(diagnostics()), db, set("(pairs: [])"));
+    standalone.run().unwrap();
+    assert_eq!(clip(&standalone, "with.wav").len(), 0);
+}
+
+#[test]
+fn proposals_are_written_so_that_they_can_be_read_and_fitted() {
+    let p = CorrespondenceSuggesterParams { count: 5, lambda: 100.0, ..suggester() };
+    let features = (0..UNITS).flat_map(target).collect();
+    let standalone = Standalone::new::<CorrespondenceSuggester>(p)
+        .input(CorrespondenceSuggesterPorts::features, Rate::hz(240), format(1), features)
+        .value(CorrespondenceSuggesterPorts::database, database());
+    standalone.run().unwrap();
+    let text = String::from_utf8(standalone.outputs.get("new.ron").unwrap()).unwrap();
+    let set = set(&text);
+    assert_eq!((set.length, set.database.as_str()), (Some(4.0), "drag.wav"), "what it was made of");
+    assert!((2..=5).contains(&set.pairs.len()) && set.pairs[0].label.starts_with("gain"), "{text}");
+    let warp = fit(TpsFitParams { lambda: Some(100.0), ..params() }, set, 1).run().unwrap().value(0).unwrap();
+    let before: Vec<f32> = (0..UNITS).flat_map(target).collect();
+    let after = apply(warp.get::<Warp>().unwrap().clone(), 1, TICKS_PER_SECOND);
+    assert!(error(&after, 1) < 0.5 * error(&before, 1), "{} {text}", error(&after, 1));
+}
+
+#[test]
+fn only_recordings_of_the_tags_are_proposed() {
+    let mut db = database();
+    let half = UNITS as u32 / 2;
+    db.sources =
+        ["cotton", "nylon"].map(|tag| UnitSource { tag: tag.into(), ..UnitSource::default() }).into();
+    db.segments =
+        [0, 1].map(|k| Segment { start: k * half, units: half, source: k, channel: 0, offset: 0 }).into();
+    let standalone = |tag: &str| {
+        let p = CorrespondenceSuggesterParams { count: 4, all: true, tags: vec![tag.into()], ..suggester() };
+        Standalone::new::<CorrespondenceSuggester>(p)
+            .input(
+                CorrespondenceSuggesterPorts::features,
+                Rate::hz(240),
+                format(1),
+                (0..UNITS).flat_map(target).collect(),
+            )
+            .value(CorrespondenceSuggesterPorts::database, db.clone())
+    };
+    for (k, tag) in (0..).zip(["cotton", "nylon"]) {
+        let standalone = standalone(tag);
+        standalone.run().unwrap();
+        let set = set(&String::from_utf8(standalone.outputs.get("new.ron").unwrap()).unwrap());
+        assert_eq!(set.pairs.len(), 4);
+        assert!(set.pairs.iter().all(|c| c.source == Some(SourceName::Index(k))), "{tag}: {set:?}");
+    }
+    let reject = standalone("linen").shape().unwrap_err();
+    assert!(reject.field.as_deref() == Some("tags") && reject.to_string().contains("linen"), "{reject}");
+}
+
+#[test]
+fn causes_of_a_target_are_heard_at_the_rate_of_its_units_alone() {
+    use crate::core::item::Channels;
+    // The first half of the target is friction, the second crumpling; so are two recordings.
+    let mut db = database();
+    db.sources =
+        ["friction", "crumple"].map(|tag| UnitSource { tag: tag.into(), ..UnitSource::default() }).into();
+    let half = UNITS as u32 / 2;
+    db.segments =
+        [0, 1].map(|k| Segment { start: k * half, units: half, source: k, channel: 0, offset: 0 }).into();
+    let suggested = |rate: u32, window: i64| {
+        let p = CorrespondenceSuggesterParams { count: 8, lambda: 100.0, ..suggester() };
+        let features = (0..UNITS).flat_map(|unit| target(unit % (UNITS / 2))).collect();
+        let part = |first: bool| {
+            (0..UNITS * 400).map(|k| f32::from(u8::from((k < UNITS * 200) == first))).collect::<Vec<_>>()
+        };
+        Standalone::new::<CorrespondenceSuggester>(p)
+            .input(CorrespondenceSuggesterPorts::features, Rate::hz(240), format(1), features)
+            .value(CorrespondenceSuggesterPorts::database, db.clone())
+            .optional(CorrespondenceSuggesterPorts::friction, Rate::hz(rate), Channels(1), part(true))
+            .optional(CorrespondenceSuggesterPorts::crumple, Rate::hz(rate), Channels(1), part(false))
+            .window(window)
+    };
+    let of = |window: i64| {
+        let standalone = suggested(96_000, window);
+        standalone.run().unwrap();
+        String::from_utf8(standalone.outputs.get("new.ron").unwrap()).unwrap()
+    };
+    let text = of(TICKS_PER_SECOND);
+    let set = set(&text);
+    assert!(set.pairs.len() >= 2);
+    for pair in &set.pairs {
+        // What is half of each may go either way.
+        let mixed = (pair.target - 2.0).abs() < 0.11;
+        let source = SourceName::Index(u32::from(pair.target >= 2.0));
+        assert!(mixed || pair.source == Some(source), "{text}");
+    }
+    assert_eq!(of(ticks(0.0137)), text, "windows change nothing");
+    let reject = suggested(48_000, TICKS_PER_SECOND).shape().unwrap_err();
+    assert!(reject.field.as_deref() == Some("friction") || reject.message.contains("friction"), "{reject}");
+}
+
+fn suggester() -> CorrespondenceSuggesterParams {
+    let read = CorrespondenceSuggesterParams::read(&|name| {
+        (name == "path").then(|| crate::core::params::Datum::Text("new.ron".into()))
+    });
+    read.unwrap()
+}
