@@ -33,7 +33,7 @@ pub struct CrossingVoice {
 
 /// Two lines that meet.
 #[derive(Clone, Copy, Debug)]
-struct Meeting {
+struct LineCrossing {
     /// Samples since the anchor.
     time: f64,
     pieces: [u32; 2],
@@ -46,7 +46,7 @@ struct Meeting {
 
 /// A line that crosses the line of contact.
 #[derive(Clone, Copy, Debug)]
-struct Crossed {
+struct CrossedLine {
     /// Where along it, m from the middle of the cell.
     at: f64,
     /// Its slope along the way, per pixel.
@@ -74,19 +74,19 @@ pub struct CrossingForce {
     pub scale: Ramp,
     /// Half the length of the line of contact on surfaces of size 1, m.
     pub reach: f64,
-    /// Way over which a meeting is felt, px of the first surface.
+    /// Distance over which a pulse extends, px of the first surface.
     pub width: f64,
     /// Meetings so far.
-    pub meetings: u64,
+    pub crossings: u64,
     /// Meetings too many for their time, and samples that are too fast for lines to be told apart.
     pub left_out: u64,
     pulses: Pulses,
-    found: [Vec<Crossed>; 2],
-    met: Vec<Meeting>,
+    found: [Vec<CrossedLine>; 2],
+    pending: Vec<LineCrossing>,
     /// How far the contact has come over both at each sample, m from the middle of the cell.
-    come: [[f64; CELL + 1]; 2],
+    travel: [[f64; CELL + 1]; 2],
 }
-impl_state!(CrossingForce { meetings, left_out, pulses });
+impl_state!(CrossingForce { crossings, left_out, pulses });
 
 impl CrossingForce {
     /// Lines met by at most `contacts` contacts at once at a sample rate.
@@ -100,33 +100,34 @@ impl CrossingForce {
             scale: Ramp::new(1.0, rate),
             reach: 0.002,
             width: 1.0,
-            meetings: 0,
+            crossings: 0,
             left_out: 0,
             pulses: Pulses::new((contacts * MOST * cells).max(ROOM), rate),
             found: [(); 2].map(|()| Vec::with_capacity(MOST)),
-            met: Vec::with_capacity(MOST + 1),
-            come: [[0.0; CELL + 1]; 2],
+            pending: Vec::with_capacity(MOST + 1),
+            travel: [[0.0; CELL + 1]; 2],
         }
     }
 
     /// Adds the meetings of one contact over a segment, of which `out` holds the samples; they are heard by
     /// [`ring_out`](Self::ring_out).
     pub fn add(&mut self, voice: &mut CrossingVoice, segment: &Segment, _: &mut [f32]) {
-        let ways = [segment.path(), segment.other_path().unwrap_or([[0.0; 2]; 4])];
-        let Some(direction) = direction(&ways, self.rate) else { return };
+        let paths = [segment.path(), segment.other_path().unwrap_or([[0.0; 2]; 4])];
+        let Some(direction) = direction(&paths, self.rate) else { return };
         let middle = CELL as f64 / 2.0;
-        let bases = ways.map(|way| position(&way, middle));
-        for (side, way) in ways.iter().enumerate() {
-            for (n, come) in self.come[side].iter_mut().enumerate() {
-                let at = position(way, n as f64);
-                *come = (at[0] - bases[side][0]) * direction[0] + (at[1] - bases[side][1]) * direction[1];
+        let bases = paths.map(|path| position(&path, middle));
+        for (side, path) in paths.iter().enumerate() {
+            for (n, travel) in self.travel[side].iter_mut().enumerate() {
+                let at = position(path, n as f64);
+                *travel = (at[0] - bases[side][0]) * direction[0] + (at[1] - bases[side][1]) * direction[1];
             }
         }
         let size = self.scale.at(segment.anchor);
         let reach = self.reach * size;
         let mut near = true;
         for (side, base) in bases.into_iter().enumerate() {
-            let ends = self.come[side].iter().fold((f64::MAX, f64::MIN), |(l, h), x| (l.min(*x), h.max(*x)));
+            let ends =
+                self.travel[side].iter().fold((f64::MAX, f64::MIN), |(l, h), x| (l.min(*x), h.max(*x)));
             near &= self.cross(side, base, direction, [ends.0 - reach, ends.1 + reach], size);
         }
         if !near {
@@ -134,10 +135,10 @@ impl CrossingForce {
             self.left_out += (segment.to - segment.from) as u64;
             return;
         }
-        self.meet(segment, reach);
-        for k in 0..self.met.len() {
-            let meeting = self.met[k];
-            self.sound(voice, segment, &meeting, size);
+        self.find_crossings(segment, reach);
+        for k in 0..self.pending.len() {
+            let crossing = self.pending[k];
+            self.sound(voice, segment, &crossing, size);
         }
     }
 
@@ -149,7 +150,7 @@ impl CrossingForce {
     /// Takes over the pulses and counts of another one.
     pub fn take_state(&mut self, old: &Self) {
         self.pulses.take_state(&old.pulses);
-        (self.meetings, self.left_out) = (old.meetings, old.left_out);
+        (self.crossings, self.left_out) = (old.crossings, old.left_out);
     }
 
     /// All that was left out.
@@ -178,8 +179,8 @@ impl CrossingForce {
             return false;
         }
         let at = |k: f64| {
-            let way = low + (high - low) * k / steps;
-            [0, 1].map(|axis| base[axis] * density[axis] / size + way * pixels[axis])
+            let distance = low + (high - low) * k / steps;
+            [0, 1].map(|axis| base[axis] * density[axis] / size + distance * pixels[axis])
         };
         for k in 0..steps as usize {
             let ends = [at(k as f64), at(k as f64 + 1.0)];
@@ -190,14 +191,14 @@ impl CrossingForce {
             let slope =
                 |g: [f64; 2]| (g[0] * steps_on[0] * pixels[0] + g[1] * steps_on[1] * pixels[1]) / per_metre;
             index.near(from, to, |piece| {
-                let Some((part, along)) = crossing(&piece, [a, b]) else { return };
-                let one = Crossed {
+                let Some((part, along)) = intersection(&piece, [a, b]) else { return };
+                let one = CrossedLine {
                     at: low + (high - low) * (k as f64 + part) / steps,
                     slope: slope(index.gradient(&piece, along)),
                     piece: piece.number,
                 };
                 let same =
-                    |old: &Crossed| old.piece == one.piece && (old.at - one.at).abs() * per_metre < 1e-6;
+                    |old: &CrossedLine| old.piece == one.piece && (old.at - one.at).abs() * per_metre < 1e-6;
                 if !found.iter().any(same) && found.len() < MOST {
                     found.push(one);
                 }
@@ -212,12 +213,12 @@ impl CrossingForce {
     /// Finds the pairs of lines that meet within a segment, the earliest first.
     ///
     /// Those that make no sound do not count: then it makes no difference how a cell is cut.
-    fn meet(&mut self, segment: &Segment, reach: f64) {
+    fn find_crossings(&mut self, segment: &Segment, reach: f64) {
         let mut force = [0.0; CELL];
         segment.force(&mut force);
-        let Self { come, found: [found_a, found_b], met, .. } = self;
-        let sum: [f64; CELL + 1] = std::array::from_fn(|n| come[0][n] + come[1][n]);
-        met.clear();
+        let Self { travel, found: [found_a, found_b], pending, .. } = self;
+        let sum: [f64; CELL + 1] = std::array::from_fn(|n| travel[0][n] + travel[1][n]);
+        pending.clear();
         for (a, b) in found_a.iter().flat_map(|a| found_b.iter().map(move |b| (a, b))) {
             let wanted = a.at + b.at;
             for n in segment.from..segment.to.min(CELL) {
@@ -226,27 +227,27 @@ impl CrossingForce {
                     continue;
                 }
                 let part = before / (before - after);
-                let off = a.at - come[0][n] - part * (come[0][n + 1] - come[0][n]);
+                let off = a.at - travel[0][n] - part * (travel[0][n + 1] - travel[0][n]);
                 let speed = (after - before).abs() * self.rate;
                 let sounds = speed >= f64::from(AT_REST) && force[n] > 0.0;
                 if sounds && off.abs() <= reach {
                     let pieces = [a.piece, b.piece];
                     let time = n as f64 + part;
-                    self.left_out += u64::from(met.len() == MOST);
-                    put(met, Meeting { time, pieces, sample: n, slopes: a.slope * b.slope, speed });
+                    self.left_out += u64::from(pending.len() == MOST);
+                    put(pending, LineCrossing { time, pieces, sample: n, slopes: a.slope * b.slope, speed });
                 }
             }
         }
     }
 
     /// Adds the pulse of a meeting.
-    fn sound(&mut self, voice: &mut CrossingVoice, segment: &Segment, meeting: &Meeting, size: f64) {
+    fn sound(&mut self, voice: &mut CrossingVoice, segment: &Segment, crossing: &LineCrossing, size: f64) {
         let (mut force, mut gain) = ([0.0; CELL], [0.0; CELL]);
         segment.force(&mut force);
         segment.gain(&mut gain);
-        let [force, gain] = [force, gain].map(|x| f64::from(x[meeting.sample]));
-        let Meeting { speed, .. } = *meeting;
-        let sample = segment.anchor + meeting.sample as i64;
+        let [force, gain] = [force, gain].map(|x| f64::from(x[crossing.sample]));
+        let LineCrossing { speed, .. } = *crossing;
+        let sample = segment.anchor + crossing.sample as i64;
         let cell = sample.div_euclid(CELL as i64);
         let count = if voice.quota.0 == cell { voice.quota.1 } else { 0 };
         if count == MOST {
@@ -254,16 +255,16 @@ impl CrossingForce {
             return;
         }
         voice.quota = (cell, count + 1);
-        self.meetings += 1;
+        self.crossings += 1;
         let [kappa, a, b] = [self.law.kappa, self.law.a, self.law.b].map(|ramp| ramp.at(sample));
         let strength = libm::pow(force, a) * libm::pow(speed, b) * gain;
         let density = self.surfaces[0].1;
         let time = self.width * size / (density[0] * density[1]).sqrt() / speed;
         let bend = f64::from(self.law.bend(speed as f32, size, sample));
-        let area = PULSE * kappa * bend * strength * meeting.slopes;
+        let area = PULSE * kappa * bend * strength * crossing.slopes;
         self.pulses.add(
             segment.anchor,
-            meeting.time,
+            crossing.time,
             time,
             area,
             (segment.piece.contact, segment.piece.jump),
@@ -272,18 +273,18 @@ impl CrossingForce {
 }
 
 /// Sorts a meeting in by its time; of more than there may be the earliest stay.
-fn put(met: &mut Vec<Meeting>, new: Meeting) {
-    let position = met.partition_point(|old| (old.time, old.pieces) <= (new.time, new.pieces));
+fn put(pending: &mut Vec<LineCrossing>, new: LineCrossing) {
+    let position = pending.partition_point(|old| (old.time, old.pieces) <= (new.time, new.pieces));
     if position < MOST {
-        met.truncate(MOST - 1);
-        met.insert(position, new);
+        pending.truncate(MOST - 1);
+        pending.insert(position, new);
     }
 }
 
 /// Unit vector in which the surfaces slip in the middle of a cell, by the first that moves.
-fn direction(ways: &[[[f64; 2]; 4]; 2], rate: f64) -> Option<[f64; 2]> {
+fn direction(paths: &[[[f64; 2]; 4]; 2], rate: f64) -> Option<[f64; 2]> {
     let n = CELL as f64 / 2.0;
-    ways.iter().find_map(|c| {
+    paths.iter().find_map(|c| {
         let v = velocity(c, n, rate);
         let speed = v[0].hypot(v[1]);
         (speed >= f64::from(AT_REST)).then(|| v.map(|v| v / speed))
@@ -291,7 +292,7 @@ fn direction(ways: &[[[f64; 2]; 4]; 2], rate: f64) -> Option<[f64; 2]> {
 }
 
 /// Where a piece crosses a chord, as shares of the chord and of the piece.
-fn crossing(piece: &CurvePiece, chord: [[f64; 2]; 2]) -> Option<(f64, f64)> {
+fn intersection(piece: &CurvePiece, chord: [[f64; 2]; 2]) -> Option<(f64, f64)> {
     let [before, after] = chord.map(|p| across(&piece.ends, p));
     let [low, high] = piece.ends.map(|p| across(&chord, p));
     let crosses = (before >= 0.0) != (after >= 0.0) && (low >= 0.0) != (high >= 0.0);

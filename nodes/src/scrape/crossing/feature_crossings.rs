@@ -20,26 +20,26 @@ use crate::texture::Isophotes;
 use crate::{archive_state, params, ports};
 
 params! {
-    /// Turns the ways of contacts between two surfaces into pulses where a feature of one meets a feature of the other.
+    /// Excites an object with a pulse wherever a feature of one surface crosses a feature of the other.
     ///
-    /// This is what is left of TwoTextures where there is little time: of both surfaces only lines are known, isophotes of few levels.
-    /// The surfaces touch along a line of `2 reach` in the direction of the way. Where a line of one meets a line of the other within it,
-    /// a pulse begins at that very moment: its area is the product of the slopes of both along the way, times
-    /// `1 ms gain kappa (f/1 N)^a (v/1 m/s)^b`, with the speed `v` at which the lines approach each other. Evenly spaced lines meet at the
-    /// sum of the frequencies at which they pass.
+    /// A cheaper form of TwoTextures: both surfaces are reduced to lines, isophotes of few levels. The surfaces touch along a line of
+    /// length `2 reach` in the direction of motion. Where a line of one surface crosses a line of the other within it, a pulse begins at
+    /// that exact time. Its area is the product of the slopes of both lines along the path, times
+    /// `1 ms gain kappa (f/1 N)^a (v/1 m/s)^b`, with the speed `v` at which the lines approach each other. Evenly spaced lines cross at
+    /// the sum of the frequencies at which they pass.
     ///
-    /// Noise of both surfaces is added by a NoiseExcitation for each, the other one with the ways of OtherSurface. Where
-    /// ways do not tell of the other surface, the same position of it touches all the time. `gain`, `kappa`, `a`, `b` and `scale` can be
-    /// changed while it sounds. A link to `kappa` takes the place of the number. A contact has at most 32 meetings in 64 samples; the summary counts them and those that were left out. In
-    /// tight bends a meeting may be missed or counted twice.
+    /// Add the noise of both surfaces with one NoiseExcitation each, the second one on the paths of OtherSurface. Where paths have no
+    /// position on the other surface, that position is constant. `gain`, `kappa`, `a`, `b` and `scale` can change while the node runs. A
+    /// link to `kappa` replaces the number. A contact has at most 32 crossings in 64 samples; the summary counts the crossings and those
+    /// that were left out. In tight curves a crossing may be missed or counted twice.
     ///
     /// # Source
-    /// Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section 6, leave two
-    /// textures to future work; pulses for meetings are a choice.
+    /// Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section 6, leaves two
+    /// textures to future work; pulses at crossings are a choice.
     pub struct FeatureCrossingsParams {
         /// Half the length of the line of contact.
         reach: f64 = 0.002, unit "m", range 0.00001..=0.1;
-        /// Way over which a meeting is felt, in pixels of the first surface.
+        /// Distance over which a pulse extends, in pixels of the first surface.
         width: f64 = 1.0, unit "px", range 0.01..=100.0;
         /// Force in N that slopes of 1 give at 1 N and 1 m/s.
         kappa: f64 = 1.0, unit "N", range -1_000_000.0..=1_000_000.0;
@@ -49,11 +49,11 @@ params! {
         b: f64 = 0.0, unit "", range 0.0..=2.0;
         /// Factor of the force.
         gain: f64 = 1.0, unit "", range -1000.0..=1000.0;
-        /// Size of the surfaces: with 2 all that is on them is twice as large, and `reach` too.
+        /// Size of the surfaces: 2 makes everything on them twice as large, and `reach` too.
         scale: f64 = 1.0, unit "", range 0.001..=1000.0;
-        /// Number of the object whose contacts are taken; None takes all.
+        /// Number of the object whose contacts are read; None reads all.
         object: Option<u32> = None, unit "", range 0..=4_294_967_295_u32;
-        /// Contacts that can sound at once.
+        /// Maximum number of simultaneous contacts.
         contacts: u16 = 64, unit "contacts", range 1..=1024_u16;
         /// Samples per second.
         rate: Rate = Rate::hz(48_000);
@@ -62,13 +62,13 @@ params! {
 ports! {
     pub struct FeatureCrossingsPorts / FeatureCrossingsIo {
         in {
-            /// The ways of the contacts over both surfaces.
+            /// Paths of the contacts over both surfaces.
             paths: Events<PathPiece>,
-            /// Lines of the surface that is followed.
+            /// Lines of the first surface.
             first: Value<Isophotes>,
-            /// Lines of the other.
+            /// Lines of the second surface.
             second: Value<Isophotes>,
-            /// Strength in place of the number, as PairMatcher finds it.
+            /// Strength that replaces the number, from PairMatcher.
             kappa: Option<Value<Strength>>,
         }
         out {
@@ -82,13 +82,13 @@ ports! {
 #[derive(Debug)]
 pub struct FeatureCrossings {
     params: FeatureCrossingsParams,
-    /// Strength that is linked.
+    /// The linked strength.
     kappa: Option<Strength>,
     force: CrossingForce,
     voices: Voices<CrossingVoice>,
 }
 
-/// The law of the parameters, with the strength that is linked in place of the number.
+/// The law of the parameters; a linked strength replaces the number.
 fn law(p: &FeatureCrossingsParams, kappa: Option<Strength>) -> [f64; 3] {
     [kappa.map_or(p.kappa, |s| s.kappa) * p.gain, p.a, p.b]
 }
@@ -144,7 +144,7 @@ impl Node for FeatureCrossings {
 
     fn finish(&mut self, _: FeatureCrossingsIo<'_>) -> Result<Summary, Fault> {
         let mut summary = self.voices.summary();
-        summary.push(("meetings", self.force.meetings.into()));
+        summary.push(("meetings", self.force.crossings.into()));
         if self.force.all_left_out() > 0 {
             summary.push(("meetings_left_out", self.force.all_left_out().into()));
         }

@@ -56,11 +56,11 @@ impl Motion {
     pub fn follow(
         &mut self,
         segment: &Segment,
-        way: &[[f64; 2]; 4],
+        path: &[[f64; 2]; 4],
         aspect: [f32; 2],
         heading: &mut Heading,
     ) {
-        let [b, c, d] = [1, 2, 3].map(|k| way[k].map(|x| x as f32));
+        let [b, c, d] = [1, 2, 3].map(|k| path[k].map(|x| x as f32));
         let rate = segment.rate as f32;
         for n in 0..CELL {
             let t = n as f32;
@@ -152,7 +152,7 @@ mod tests {
             let creep = piece(go.position_at(1.0), [-back, 0.0], 0.1);
             let rate = Rate::hz(10_000);
             let mut voices = Voices::new(2, rate, Heading::default());
-            let (mut motion, mut seen) = (Motion::new(), Vec::new());
+            let (mut motion, mut directions) = (Motion::new(), Vec::new());
             voices.play(
                 &[(0, go), (rate.tick(1000), creep)],
                 None,
@@ -163,15 +163,15 @@ mod tests {
                     motion.follow(segment, &segment.path(), [1.0; 2], heading);
                     let (x, y) =
                         (segment.part(&mut motion.tx).to_vec(), segment.part(&mut motion.ty).to_vec());
-                    seen.extend(x.into_iter().zip(y));
+                    directions.extend(x.into_iter().zip(y));
                 },
             );
             let near = |(x, y): (f32, f32), right: (f32, f32)| (x - right.0).hypot(y - right.1) < 1e-4;
-            assert!(near(seen[500], (0.6, 0.8)));
+            assert!(near(directions[500], (0.6, 0.8)));
             assert!(
-                near(seen[1500], if turned { (-1.0, 0.0) } else { (0.6, 0.8) }),
+                near(directions[1500], if turned { (-1.0, 0.0) } else { (0.6, 0.8) }),
                 "{back}: {:?}",
-                seen[1500]
+                directions[1500]
             );
         }
     }

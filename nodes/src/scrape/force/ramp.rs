@@ -29,8 +29,8 @@ impl Ramp {
     /// The value at a sample.
     #[must_use]
     pub fn at(&self, sample: i64) -> f64 {
-        let way = ((sample - self.start) as f64 / self.samples).clamp(0.0, 1.0);
-        if way >= 1.0 { self.to } else { self.from + way * (self.to - self.from) }
+        let fraction = ((sample - self.start) as f64 / self.samples).clamp(0.0, 1.0);
+        if fraction >= 1.0 { self.to } else { self.from + fraction * (self.to - self.from) }
     }
 
     /// The values at the first and the last sample of a cell.

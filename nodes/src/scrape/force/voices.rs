@@ -366,10 +366,10 @@ mod tests {
             &mut [0.0; 700],
             |_| (),
             |(), segment, _| {
-                let way = segment.path();
+                let path = segment.path();
                 for n in segment.from..segment.to {
                     let t = (segment.anchor + n as i64) as f64 / 44_100.0;
-                    let found = position(&way, n as f64);
+                    let found = position(&path, n as f64);
                     worst = worst.max((found[0] - 3.7 - 1.3 * t).abs()).max((found[1] + 2.0 - 0.7 * t).abs());
                 }
             },

@@ -52,16 +52,16 @@ impl Chords {
         let (from, to) = (segment.from.min(CELL), segment.to.min(CELL));
         let settled = scale.settled(segment.anchor);
         for k in 0..2 {
-            let way = [a[k], b[k], c[k], d[k]];
+            let coefficients = [a[k], b[k], c[k], d[k]];
             if let Some(scale) = settled {
                 let pixels = density[k] / scale;
                 for n in 0..LINE {
-                    self.positions[k][n] = cubic(way, n as f64) * pixels;
+                    self.positions[k][n] = cubic(coefficients, n as f64) * pixels;
                 }
             } else {
                 for n in from..=to {
                     let scale = scale.at(segment.anchor + n as i64);
-                    self.positions[k][n] = cubic(way, n as f64) * (density[k] / scale);
+                    self.positions[k][n] = cubic(coefficients, n as f64) * (density[k] / scale);
                 }
             }
         }

@@ -29,11 +29,11 @@ impl Default for SlopeHistory {
 impl SlopeHistory {
     /// Goes on by a way in px to a position of another slope, and gives the slope one pixel before that position.
     #[inline(always)]
-    pub fn go(&mut self, way: f64, slope: f64) -> f64 {
+    pub fn go(&mut self, distance: f64, slope: f64) -> f64 {
         let step = APART / STEPS as f64;
-        let mut since = self.since + way;
+        let mut since = self.since + distance;
         if since >= step {
-            since = self.pass(way, slope);
+            since = self.pass(distance, slope);
         }
         self.since = since;
         self.last = slope;
@@ -47,21 +47,21 @@ impl SlopeHistory {
 
     /// Keeps the slopes at the steps on a way, and gives what is left of it after the last.
     #[inline(always)]
-    fn pass(&mut self, way: f64, slope: f64) -> f64 {
+    fn pass(&mut self, distance: f64, slope: f64) -> f64 {
         let step = APART / STEPS as f64;
         let mut next = step - self.since;
         // Only the last pixel counts.
-        if way > next + KEPT as f64 * step {
-            next += (((way - next) / step).floor() - KEPT as f64) * step;
+        if distance > next + KEPT as f64 * step {
+            next += (((distance - next) / step).floor() - KEPT as f64) * step;
         }
         // Rounding can leave a whole step over for a contact that then rests.
-        let share = 1.0 / way.max(f64::MIN_POSITIVE);
-        while next <= way {
+        let share = 1.0 / distance.max(f64::MIN_POSITIVE);
+        while next <= distance {
             self.newest = (self.newest + 1) % KEPT;
             self.slopes[self.newest] = self.last + (slope - self.last) * (next * share);
             next += step;
         }
-        (way - (next - step)).max(0.0)
+        (distance - (next - step)).max(0.0)
     }
 
     /// The slope that it met last.
@@ -76,23 +76,23 @@ mod tests {
 
     #[test]
     fn the_past_is_one_pixel_behind() {
-        for way in [0.001, 0.0116, 0.03125, 0.2, 0.7] {
+        for distance in [0.001, 0.0116, 0.03125, 0.2, 0.7] {
             let (mut history, mut x) = (SlopeHistory::default(), 0.0);
             for n in 0..4000 {
-                x += way;
-                let before = history.go(way, 3.0 * x);
+                x += distance;
+                let before = history.go(distance, 3.0 * x);
                 if x > 1.2 && n > 3 {
-                    assert!((before - 3.0 * (x - 1.0)).abs() < 1e-9, "{way} {x}: {before}");
+                    assert!((before - 3.0 * (x - 1.0)).abs() < 1e-9, "{distance} {x}: {before}");
                 }
             }
             assert_eq!(history.go(0.0, 3.0 * x), history.go(0.0, 3.0 * x), "at rest nothing changes");
         }
         // Rest, or a way too short for its inverse, with a whole step left over.
-        for way in [0.0, 1e-320] {
+        for distance in [0.0, 1e-320] {
             let mut history = SlopeHistory { since: APART / STEPS as f64, ..SlopeHistory::default() };
             assert!(
-                history.go(way, 2.0).is_finite() && history.slopes.iter().all(|x| x.is_finite()),
-                "{way}"
+                history.go(distance, 2.0).is_finite() && history.slopes.iter().all(|x| x.is_finite()),
+                "{distance}"
             );
         }
         // A step of many pixels: only its end counts.

@@ -18,38 +18,37 @@ use crate::texture::Isophotes;
 use crate::{archive_state, choices, params, ports};
 
 choices! { @param Reading {
-    /// A pulse for each curve that is crossed: as strong as the slope has changed since the curve before.
+    /// A pulse for each crossed curve, proportional to the change of slope since the previous curve.
     Crossing,
-    /// A force near curves: as strong as the slope of the nearest has changed over the last pixel.
+    /// A force near curves, proportional to the change of slope of the nearest curve over the last pixel.
     Proximity,
 } }
 
 params! {
-    /// Turns the ways of contacts over the isophotes of a surface into the force that they meet.
+    /// Excites an object with the force that contacts meet on the isophotes of a surface.
     ///
-    /// The slope of a curve is the gradient of its image along the way of the contact. `Crossing` gives a pulse, a raised cosine, for
-    /// each curve that is crossed, at the very moment; it is felt over `width`, so for `width / density / speed` seconds, between two
-    /// samples and 5 ms. Its area is that of `m` over 1 ms, where `m` is the slope less that of the curve crossed before; the first
-    /// curve counts whole. `Proximity` gives `m = (1 - (d / radius)^2)^2` times the change of the slope of the nearest curve over
-    /// the last pixel, at a distance `d`. The force is `gain kappa (f/1 N)^a (v/1 m/s)^b m`, added up over all contacts; at rest
-    /// it has gone after 5 ms. Evenly sloped ground is silent but for its first curve, and so is a way along a curve. A way back turns
-    /// the sign of slopes, and so of the first pulse; changes of slopes are the same both ways.
+    /// The slope of a curve is the gradient of its image along the path of the contact. `Crossing` gives a pulse, a raised cosine, at the
+    /// exact time at which a curve is crossed. The pulse lasts `width / density / speed` seconds, limited to between two samples and
+    /// 5 ms. Its area is that of `m` over 1 ms, where `m` is the slope less that of the curve crossed before; for the first curve `m` is
+    /// the slope itself. `Proximity` gives `m = (1 - (d / radius)^2)^2` times the change of the slope of the nearest curve over the last
+    /// pixel, at a distance `d`. The force is `gain kappa (f/1 N)^a (v/1 m/s)^b m`, summed over all contacts. A contact at rest fades out
+    /// in 5 ms. A surface of constant slope is silent after its first curve, and so is a path along a curve. A reversed path changes the
+    /// sign of the slopes, and so of the first pulse; the changes of slopes are the same in both directions.
     ///
-    /// `gain`, `kappa`, `a`, `b`, `scale`, `width` and `radius` can be changed while it sounds; a link to `kappa` takes the place of
-    /// the number. A contact has at most 32 crossings in 64
-    /// samples; the summary counts crossings, and those that were left out. This node makes audio from something that is
-    /// none, so it has a sample rate of its own.
+    /// `gain`, `kappa`, `a`, `b`, `scale`, `width` and `radius` can change while the node runs. A link to `kappa` replaces the number. A
+    /// contact has at most 32 crossings in 64 samples; the summary counts the crossings and those that were left out. The input is not
+    /// audio, so the node has a sample rate of its own.
     ///
     /// # Source
-    /// Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section 4.2, who tell of
-    /// the proximity to an isocurve and of the difference between gradients, of which both readings are made; that difference is
-    /// taken over a way here, since between two samples it would fall with the sample rate.
+    /// Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section 4.2, names
+    /// the proximity to an isocurve and the difference between gradients; both readings combine these. The difference is taken over a
+    /// distance here, because between two samples it would fall with the sample rate.
     pub struct IsophoteExcitationParams {
-        /// What of the isophotes is turned into force.
+        /// Reading of the isophotes that becomes force.
         reading: Reading = Reading::Crossing;
-        /// Way over which a crossing is felt.
+        /// Distance over which a pulse extends.
         width: f64 = 1.0, unit "px", range 0.01..=100.0;
-        /// Distance from which a curve is felt, with `Proximity`.
+        /// Distance up to which a curve acts, with `Proximity`.
         radius: f64 = 2.0, unit "px", range 0.1..=8.0;
         /// Force in N that a change of slope of 1 gives at 1 N and 1 m/s.
         kappa: f64 = 1.0, unit "N", range -1_000_000.0..=1_000_000.0;
@@ -59,11 +58,11 @@ params! {
         b: f64 = 0.0, unit "", range 0.0..=2.0;
         /// Factor of the force.
         gain: f64 = 1.0, unit "", range -1000.0..=1000.0;
-        /// Size of the surface: with 2 all that is on it is twice as large.
+        /// Size of the surface: 2 makes everything on it twice as large.
         scale: f64 = 1.0, unit "", range 0.001..=1000.0;
-        /// Number of the object whose contacts are taken; None takes all.
+        /// Number of the object whose contacts are read; None reads all.
         object: Option<u32> = None, unit "", range 0..=4_294_967_295_u32;
-        /// Contacts that can sound at once.
+        /// Maximum number of simultaneous contacts.
         contacts: u16 = 64, unit "contacts", range 1..=1024_u16;
         /// Samples per second.
         rate: Rate = Rate::hz(48_000);
@@ -72,11 +71,11 @@ params! {
 ports! {
     pub struct IsophoteExcitationPorts / IsophoteExcitationIo {
         in {
-            /// The ways of the contacts over the surface.
+            /// Paths of the contacts over the surface.
             paths: Events<PathPiece>,
             /// The curves of the surface.
             isophotes: Value<Isophotes>,
-            /// Strength in place of the number, as LevelMatcher finds it.
+            /// Strength that replaces the number, from LevelMatcher.
             kappa: Option<Value<Strength>>,
         }
         out {
@@ -90,18 +89,18 @@ ports! {
 #[derive(Debug)]
 pub struct IsophoteExcitation {
     params: IsophoteExcitationParams,
-    /// Strength that is linked.
+    /// The linked strength.
     kappa: Option<Strength>,
     force: IsophoteForce,
     voices: Voices<IsophoteVoice>,
 }
 
-/// The law of the parameters, with the strength that is linked in place of the number.
+/// The law of the parameters; a linked strength replaces the number.
 fn law(p: &IsophoteExcitationParams, kappa: Option<Strength>) -> [f64; 3] {
     [kappa.map_or(p.kappa, |s| s.kappa) * p.gain, p.a, p.b]
 }
 
-/// Refuses isophotes that cannot be read.
+/// Checks that isophotes can be read.
 pub(in crate::scrape) fn check(field: &'static str, all: &Isophotes) -> Result<(), Reject> {
     let density = all.surface.density;
     let message = if !density.iter().all(|d| (1e-3..1e9).contains(d)) {

@@ -25,12 +25,12 @@ use std::sync::Arc;
 /// Most crossings that a contact has in a cell of samples.
 const MOST: usize = 32;
 
-/// What of isophotes is turned into force.
+/// Reading of isophotes that becomes force.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reading {
-    /// A pulse for each curve that is crossed.
+    /// A pulse for each crossed curve.
     Crossing,
-    /// The nearness of the next curve.
+    /// The proximity of the nearest curve.
     Proximity,
 }
 
@@ -72,9 +72,9 @@ pub struct IsophoteForce {
     pub law: Law,
     /// Size of the surface.
     pub scale: Ramp,
-    /// Way over which a crossing is felt, px.
+    /// Distance over which a pulse extends, px.
     pub width: f64,
-    /// Distance from which a curve is felt, px.
+    /// Distance up to which a curve acts, px.
     pub radius: Ramp,
     /// Crossings so far.
     pub crossings: u64,
@@ -289,15 +289,15 @@ impl IsophoteForce {
         let aspect = self.density.map(|d| (d / most) as f32);
         self.motion.follow(segment, &segment.path(), aspect, &mut voice.heading);
         let Self { near, motion, chords, .. } = self;
-        let (mut ways, mut slopes, mut cell) = ([0.0; CELL], [0.0; CELL], [0.0; CELL]);
+        let (mut lengths, mut slopes, mut cell) = ([0.0; CELL], [0.0; CELL], [0.0; CELL]);
         for n in 0..CELL {
-            ways[n] = norm(chords.step(n));
+            lengths[n] = norm(chords.step(n));
             slopes[n] = near.x[n] * f64::from(motion.tx[n]) + near.y[n] * f64::from(motion.ty[n]);
         }
         let settled = self.radius.settled(segment.anchor);
         for n in segment.from..segment.to.min(CELL) {
             let slope = if near.found[n] { slopes[n] } else { voice.history.last() };
-            slopes[n] = slope - voice.history.go(ways[n], slope);
+            slopes[n] = slope - voice.history.go(lengths[n], slope);
         }
         for n in 0..CELL {
             let radius = settled.unwrap_or_else(|| self.radius.at(segment.anchor + n as i64));

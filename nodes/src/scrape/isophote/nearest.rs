@@ -209,9 +209,9 @@ mod tests {
                 assert_eq!(least, 1.0);
                 continue;
             };
-            let way = f64::from(best.along[n]);
+            let fraction = f64::from(best.along[n]);
             let [a, b] = piece.ends;
-            let point = [0, 1].map(|k| a[k] + way * (b[k] - a[k]));
+            let point = [0, 1].map(|k| a[k] + fraction * (b[k] - a[k]));
             assert!(((point[0] - at[0]).hypot(point[1] - at[1]) - least).abs() < 1e-5);
         }
     }

@@ -31,37 +31,36 @@ const FS: f64 = RATE as f64;
 const HALF: f64 = 0.5;
 
 params! {
-    /// Finds how strong the excitations of one surface have to be, so that all levels of detail are equally loud.
+    /// Finds the strengths at which all excitations of one surface, so all levels of detail, are equally loud.
     ///
-    /// Before anything sounds, each excitation is moved along one and the same way over the surface: circles in all directions, at
-    /// `speed` and under `force`. The map of the whole surface has the strength `kappa`; the other outputs are the strengths with
-    /// which the force has the same root of the mean square: of isophotes, of features and the noise beside them (both
-    /// together), of the noise alone and of noise from its spectrum. Link them to the `kappa` of the excitations. An output
-    /// whose input has no link is 0.
+    /// Before the sound starts, each excitation moves along the same path over the surface: circles in all directions, at `speed` and
+    /// under `force`. The map of the whole surface has the strength `kappa`. The other outputs are the strengths at which the force has
+    /// the same RMS: of isophotes, of features and noise together, of the noise alone and of noise from its spectrum. Link them to the
+    /// `kappa` of the excitations. An output without the input that it needs is 0.
     ///
-    /// Of the power of features and noise together the noise has the share that the slopes of its map `rest` have in those of the whole
-    /// map, or one half where `rest` has no link; `gain` of the excitations changes that by ear.
+    /// The share of the noise in the power of features and noise is that of the slopes of its map `rest` in those of the whole map, or
+    /// one half without a link to `rest`. Adjust it by ear with the `gain` of the excitations.
     ///
-    /// Simple surfaces sound best by their map from near, complex ones by their isophotes: with a link to `class` that of `full` and
-    /// `full_isophotes` which does not suit is 0, and an excitation whose `kappa` is linked to 0 costs nothing.
+    /// Near simple surfaces sound best by their map, complex ones by their isophotes. With a link to `class`, the one of `full` and
+    /// `full_isophotes` that does not suit is 0; an excitation whose `kappa` is linked to 0 costs nothing.
     ///
-    /// A map holds low tones and fine noise holds high ones: equal forces ring high modes differently. With a link to `modes`
-    /// what is compared is the sound of these modes at `pitch` and `damping`, in place of the force.
+    /// A map holds low frequencies and fine noise high ones, so equal forces excite high modes differently. With a link to `modes` the
+    /// sound of these modes at `pitch` and `damping` is compared in place of the force.
     ///
-    /// What is heard of a surface changes with speed as its waves pass the modes, and of each level otherwise: so a strength is found
-    /// for each quarter of an octave up to two octaves below and above `speed`, and the excitations read it at the speed of the
-    /// contact. All levels then follow the whole map, whatever their exponents of speed; without `by_speed` they do so at `speed`
-    /// alone. With force levels change by their own exponents, `map_law` and `noise_law` here, and are equally loud under `force`.
+    /// Loudness depends on the speed, differently at each level, as the spatial frequencies of the surface pass the modes. So a strength
+    /// is found for each quarter of an octave up to two octaves below and above `speed`, and the excitations use the one for the speed of
+    /// the contact. All levels then follow the whole map, whatever their exponents of speed; without `by_speed` they do so at `speed`
+    /// only. With the force, levels change by their own exponents, `map_law` and `noise_law` here, and are equally loud under `force`.
     ///
     /// # Source
-    /// Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section 4.2, add features
-    /// and noise when they are rendered and do not say how strong; equal power is a choice.
+    /// Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section 4.2, adds features
+    /// and noise at rendering without giving their strengths; equal power is a choice.
     pub struct LevelMatcherParams {
         /// Force in N that a whole map of 1 gives at 1 N and 1 m/s.
         kappa: f64 = 1.0, unit "N", range 0.0..=1_000_000.0;
         /// Speed of the stroke.
         speed: f64 = 1.0, unit "m/s", range 0.001..=100.0;
-        /// Whether strengths follow the speed of the contact.
+        /// Strengths depend on the speed of the contact.
         by_speed: bool = true;
         /// Normal force of the stroke.
         force: f64 = 1.0, unit "N", range 0.001..=100_000.0;
@@ -69,13 +68,13 @@ params! {
         map_law: [f64; 2] = [1.0, 0.0], unit "", range 0.0..=2.0;
         /// Exponents of force and speed of noise.
         noise_law: [f64; 2] = [0.5, 0.5], unit "", range 0.0..=2.0;
-        /// What of maps and features is turned into force.
+        /// Value of maps and features that becomes force.
         value: MapValue = MapValue::Directional;
-        /// What of the isophotes is turned into force.
+        /// Reading of the isophotes that becomes force.
         reading: Reading = Reading::Crossing;
-        /// Way over which the crossing of an isophote is felt.
+        /// Distance over which the pulse of a crossing extends.
         width: f64 = 1.0, unit "px", range 0.01..=100.0;
-        /// Distance from which an isophote is felt, with `Proximity`.
+        /// Distance up to which an isophote acts, with `Proximity`.
         radius: f64 = 2.0, unit "px", range 0.1..=8.0;
         /// Factor of the frequencies of `modes`.
         pitch: f64 = 1.0, unit "", range 0.01..=100.0;
@@ -86,31 +85,31 @@ params! {
 ports! {
     pub struct LevelMatcherPorts / LevelMatcherIo {
         in {
-            /// Where the whole surface changes: what all others are compared with.
+            /// Discontinuity map of the whole surface: the reference for all levels.
             map: Value<DiscontinuityMap>,
-            /// Whether it is simple or complex: only the finest level of its class is then above 0.
+            /// Class of the surface, simple or complex: only the finest level of its class is then above 0.
             class: Option<Value<TextureClass>>,
             /// Its isophotes.
             isophotes: Option<Value<Isophotes>>,
             /// Its features.
             features: Option<Value<FeatureMap>>,
-            /// Its noise map, which tells the share of the noise.
+            /// Its noise map, for the share of the noise.
             rest: Option<Value<NoiseMap>>,
-            /// Its noise as a line.
+            /// Its noise profile.
             noise: Option<Value<NoiseProfile>>,
             /// Its noise from a spectrum.
             spectrum: Option<Value<NoiseProfile>>,
-            /// How what is scraped rings.
+            /// Modes of the scraped object.
             modes: Option<Value<Modes>>,
         }
         out {
             /// Strength of the whole map.
             full: Value<Strength>,
-            /// Strength of the isophotes in place of it.
+            /// Strength of the isophotes.
             full_isophotes: Value<Strength>,
-            /// Strength of the features, with noise beside them.
+            /// Strength of the features, together with noise.
             split_features: Value<Strength>,
-            /// Strength of the noise beside features.
+            /// Strength of the noise, together with features.
             split_noise: Value<Strength>,
             /// Strength of the noise alone.
             only_noise: Value<Strength>,
@@ -124,7 +123,7 @@ ports! {
 #[derive(Debug)]
 pub struct LevelMatcher;
 
-/// All that is made of a surface before anything moves over it.
+/// Data of a surface that is prepared before strokes.
 struct Surfaces<'a> {
     p: LevelMatcherParams,
     modes: Option<&'a Modes>,
@@ -139,9 +138,9 @@ struct Surfaces<'a> {
     share: f64,
 }
 
-/// What is found at one speed.
+/// Results at one speed.
 struct Found {
-    /// How strong the whole map is.
+    /// RMS of the whole map.
     wanted: f64,
     /// Strengths: of the whole map, of isophotes, features, noise beside them, noise alone, noise from a spectrum alone.
     strengths: [f64; 6],
@@ -283,7 +282,7 @@ impl Func for LevelMatcher {
         let surfaces = Surfaces::new(p, &io)?;
         let all = if p.by_speed { surfaces.at_all()? } else { vec![surfaces.at(p.speed)?] };
         let Some(Found { wanted, split, .. }) = all.get(all.len() / 2) else { return Ok(Vec::new()) };
-        let mut told: Summary =
+        let mut summary: Summary =
             vec![("rms", (*wanted).into()), ("split_rms", split[0].into()), ("noise_share", split[1].into())];
         // A complex surface without isophotes has only its map.
         let complex = io.class.is_some_and(|found| found.class == Class::Complex);
@@ -302,9 +301,9 @@ impl Func for LevelMatcher {
             let none = level == 0 && only_curves;
             let value = if none { Strength::constant(0.0) } else { strength(p.speed, &all, level) };
             slot.set(value);
-            told.push((key, value.kappa.into()));
+            summary.push((key, value.kappa.into()));
         }
-        Ok(told)
+        Ok(summary)
     }
 
     fn trial(rng: &mut Rng) -> (LevelMatcherParams, MemoryFiles) {

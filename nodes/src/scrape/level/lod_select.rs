@@ -17,24 +17,23 @@ use crate::scrape::path::queue::Queue;
 use crate::spatial::Poses;
 use crate::{archive_state, params, ports};
 
-/// Parts of pieces that may wait for their time on one level, per contact.
+/// Maximum number of queued parts of pieces on one level, per contact.
 const WAITING: usize = 24;
 
 params! {
-    /// Chooses how finely each contact is made audible, by its distance from the listener and by what all may cost.
+    /// Selects a level of detail for each contact, by its distance from the listener and a budget of computing time.
     ///
     /// Up to the first of `distances` a contact goes to `full` (isophotes or the whole map), up to the second to `split` (features and
-    /// noise), then to `noise`, then to `spectrum` (noise from a spectrum), and beyond the last nowhere. Link each output to
-    /// excitations of its kind; what has no link costs nothing. A distance has to be passed by `hysteresis`
-    /// before a level changes; the change is a cross-fade of equal power over 50 ms.
+    /// noise), then to `noise`, then to `spectrum` (noise from a spectrum), and beyond the last to no output. Link each output to
+    /// excitations of its kind; an output without a link costs nothing. A level changes when a distance is passed by `hysteresis`, with a
+    /// crossfade of equal power over 50 ms.
     ///
-    /// With a `budget` the farthest contacts go down a level, and on, until the sum of `costs` fits, and back up where there is
-    /// room, each at most twice a second. Costs are figures, not measurements, so that the same bits come out
-    /// everywhere.
+    /// With a `budget` the farthest contacts go down one level, repeatedly, until the sum of `costs` fits, and up again when there is
+    /// room, each at most twice a second. Costs are fixed figures, not measurements, so that results are reproducible on every machine.
     ///
-    /// Where `contacts_at` is linked each contact has the distance of its own point from the listener, and those that ContactPath
-    /// joins that of the one that was told last; otherwise there is one distance for all: a stream, such as a LiveControl, or the
-    /// parameter.
+    /// With a link to `contacts_at` each contact has the distance of its own point from the listener; contacts that ContactPath joins
+    /// have that of the point received last. Otherwise all contacts have one distance: that of the stream `distance`, such as a
+    /// LiveControl, or of the parameter.
     ///
     /// # Source
     /// Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section 4.2, with two
@@ -42,42 +41,42 @@ params! {
     pub struct LodSelectParams {
         /// Distances at which the next level begins, rising.
         distances: [f64; 4] = [5.0, 15.0, 40.0, 100.0], unit "m", range 0.0..=1_000_000.0;
-        /// Share of a distance by which it has to be passed.
+        /// Fraction of a distance by which it has to be passed.
         hysteresis: f64 = 0.1, unit "", range 0.0..=0.5;
-        /// Distance of all contacts, where no link gives it.
+        /// Distance of all contacts without a link.
         distance: f64 = 0.0, unit "m", range 0.0..=1_000_000.0;
-        /// Place of the listener, where no link gives it.
+        /// Position of the listener without a link.
         listener: [f64; 3] = [0.0; 3], unit "m", range -100_000.0..=100_000.0;
         /// Cost of a contact on each level, in microseconds for 1024 samples. At up to 1 m/s and 44.1 kHz a core of a server takes 10
         /// for a map, 10 to 17 for isophotes, 10 for features and 12 for noise, however that is stored (`cargo bench -p foley-nodes --bench
         /// scrape`, isophotes by `--bench isophotes`); `full` counts as much as `split`, so that a level down never costs more.
         costs: [f64; 4] = [22.0, 22.0, 12.0, 12.0], unit "us", range 0.0..=1_000_000.0;
-        /// What all contacts may cost together, in microseconds for 1024 samples; None for no end.
+        /// Maximum cost of all contacts together, in microseconds for 1024 samples; None for no limit.
         budget: Option<f64> = None, unit "us", range 0.0..=1_000_000.0;
-        /// Contacts that can be followed at once.
+        /// Maximum number of simultaneous contacts.
         contacts: u16 = 256, unit "contacts", range 1..=4096_u16;
     }
 }
 ports! {
     pub struct LodSelectPorts / LodSelectIo {
         in {
-            /// The ways of the contacts.
+            /// Paths of the contacts.
             paths: Events<PathPiece>,
             /// The contacts themselves, for their distance.
             contacts_at: Option<Events<ContactState>>,
-            /// Where the listener is, in place of the parameter.
+            /// Poses of the listener, which replace the parameter.
             listener: Option<Stream<Poses>>,
-            /// Distance of all contacts, m, in place of the parameter.
+            /// Distance of all contacts, m, which replaces the parameter.
             distance: Option<Stream<f32>>,
         }
         out {
-            /// Ways that are heard in full.
+            /// Paths at the finest level.
             full: Events<PathPiece>,
-            /// Ways that are heard as features and noise.
+            /// Paths for features and noise.
             split: Events<PathPiece>,
-            /// Ways that are heard as noise.
+            /// Paths for noise.
             noise: Events<PathPiece>,
-            /// Ways that are heard as noise from a spectrum.
+            /// Paths for noise from a spectrum.
             spectrum: Events<PathPiece>,
         }
     }
@@ -89,7 +88,7 @@ pub struct LodSelect {
     params: LodSelectParams,
     selector: LodSelector,
     queues: [Queue; LEVELS],
-    /// Where contacts were seen last.
+    /// Last positions of contacts.
     positions: Vec<(u64, [f64; 3])>,
 }
 
@@ -172,20 +171,20 @@ impl Node for LodSelect {
 
     fn run(&mut self, mut io: LodSelectIo<'_>) -> Result<(), Fault> {
         let (_, to) = io.paths.window();
-        let mut seen = 0;
+        let mut read = 0;
         for k in 0..io.paths.events().len() {
             let Some((tick, piece)) = io.paths.events().get(k).copied() else { break };
             while let Some((_, contact)) =
-                io.contacts_at.as_ref().and_then(|c| c.events().get(seen)).filter(|(t, _)| *t <= tick)
+                io.contacts_at.as_ref().and_then(|c| c.events().get(read)).filter(|(t, _)| *t <= tick)
             {
                 self.see(contact);
-                seen += 1;
+                read += 1;
             }
             let distance = self.distance(&io, tick, piece.contact);
             self.give(&mut io, tick);
             self.selector.take(tick, &piece, distance, &mut self.queues);
         }
-        for (_, contact) in io.contacts_at.iter().flat_map(|c| c.events().iter().skip(seen)) {
+        for (_, contact) in io.contacts_at.iter().flat_map(|c| c.events().iter().skip(read)) {
             self.see(contact);
         }
         self.give(&mut io, to);

@@ -84,8 +84,8 @@ impl ContactLevel {
         if self.from == self.to {
             return if level == self.to { 1.0 } else { 0.0 };
         }
-        let way = (tick - self.turned) as f64 / ticks(FADE) as f64;
-        let (out, into) = FadeLaw::EqualPower.gains(way);
+        let fraction = (tick - self.turned) as f64 / ticks(FADE) as f64;
+        let (out, into) = FadeLaw::EqualPower.gains(fraction);
         if level == self.to {
             into
         } else if level == self.from {

@@ -34,20 +34,20 @@ const HALF: f64 = 0.5;
 const SLOWEST: f64 = 1e-6;
 
 params! {
-    /// Finds how strong the excitations of two surfaces on each other have to be, so that all levels of detail are equally loud.
+    /// Finds the strengths at which all excitations of two surfaces on each other, so all levels of detail, are equally loud.
     ///
-    /// As LevelMatcher does for one surface: before anything sounds, the reliefs of TwoTextures are moved over each other along circles in
-    /// all directions, at `speed` over the first surface and at `other` times that over the second one. TwoTextures has the strength `kappa`; the
-    /// other outputs are the strengths with which the force, or with a link to `modes` the sound, has the same root of the mean square: of
-    /// FeatureCrossings and the noise of both surfaces beside it, of both noises alone, and of both noises from their spectra.
-    /// Link them to the `kappa` of the excitations. An output whose input has no link is 0.
+    /// As LevelMatcher for one surface: before the sound starts, the reliefs of TwoTextures move over each other along circles in all
+    /// directions, at `speed` over the first surface and at `other` times that over the second one. TwoTextures has the strength
+    /// `kappa`. The other outputs are the strengths at which the force, or with a link to `modes` the sound, has the same RMS: of
+    /// FeatureCrossings together with the noise of both surfaces, of both noises alone, and of both noises from their spectra. Link them
+    /// to the `kappa` of the excitations. An output without the input that it needs is 0.
     ///
-    /// Noises share their power as the slopes of their maps do, in metres of height per second of the way; beside the crossings they have
-    /// the share that these have in the slopes of the whole reliefs, one half where no noise map is linked.
+    /// The noises share their power in the ratio of the slopes of their maps, in metres of height per second of motion. Together with
+    /// crossings, their share is that of these slopes in the slopes of the whole reliefs, or one half without a noise map.
     ///
     /// A strength is found for each quarter of an octave up to two octaves below and above `speed`, and read at the speed of the contact;
-    /// without `by_speed` for `speed` alone. A relief of twice the size is twice as high, and strengths follow that: all levels are equally
-    /// loud whatever the `scale` of the excitations, if it is the same for all. `radius`, `taps`, `reach`, `width` and the exponents are those of
+    /// without `by_speed` for `speed` only. A relief of twice the size is twice as high, and strengths follow that: all levels are equally
+    /// loud at any `scale` of the excitations, if it is the same for all. Set `radius`, `taps`, `reach`, `width` and the exponents as in
     /// the excitations.
     ///
     /// # Source
@@ -58,9 +58,9 @@ params! {
         kappa: f64 = 1.0, unit "N", range 0.0..=1_000_000.0;
         /// Speed of the stroke over the first surface.
         speed: f64 = 1.0, unit "m/s", range 0.001..=100.0;
-        /// How much of the way is gone on the second surface.
+        /// Distance travelled on the second surface per distance on the first.
         other: f64 = 1.0, unit "", range -100.0..=100.0;
-        /// Whether strengths follow the speed of the contact.
+        /// Strengths depend on the speed of the contact.
         by_speed: bool = true;
         /// Normal force of the stroke.
         force: f64 = 1.0, unit "N", range 0.001..=100_000.0;
@@ -68,9 +68,9 @@ params! {
         radius: f64 = 0.02, unit "m", range 0.0001..=10.0;
         /// Points of the line of contact; an odd number.
         taps: u16 = 33, unit "points", range 3..=129_u16;
-        /// Half the length of the line along which lines meet.
+        /// Half the length of the line of contact.
         reach: f64 = 0.002, unit "m", range 0.00001..=0.1;
-        /// Way over which a meeting is felt, in pixels of the first surface.
+        /// Distance over which a pulse extends, in pixels of the first surface.
         width: f64 = 1.0, unit "px", range 0.01..=100.0;
         /// Exponent of force of reliefs.
         relief_law: f64 = 1.0, unit "", range 0.0..=2.0;
@@ -87,45 +87,45 @@ params! {
 ports! {
     pub struct PairMatcherPorts / PairMatcherIo {
         in {
-            /// The relief of the surface that is followed: with `b`, what all others are compared with.
+            /// Relief of the first surface: with `b` the reference for all levels.
             a: Value<Luma>,
-            /// The relief of the other.
+            /// Relief of the second surface.
             b: Value<Luma>,
             /// Lines of the first surface.
             lines_a: Option<Value<Isophotes>>,
-            /// Lines of the second.
+            /// Lines of the second surface.
             lines_b: Option<Value<Isophotes>>,
-            /// Noise map of the first surface, which tells the share of its noise.
+            /// Noise map of the first surface, for the share of its noise.
             rest_a: Option<Value<NoiseMap>>,
-            /// Noise map of the second.
+            /// Noise map of the second surface.
             rest_b: Option<Value<NoiseMap>>,
-            /// Noise of the first surface as a line.
+            /// Noise profile of the first surface.
             noise_a: Option<Value<NoiseProfile>>,
-            /// Noise of the second.
+            /// Noise profile of the second surface.
             noise_b: Option<Value<NoiseProfile>>,
             /// Noise of the first surface from a spectrum.
             spectrum_a: Option<Value<NoiseProfile>>,
-            /// Noise of the second from a spectrum.
+            /// Noise of the second surface from a spectrum.
             spectrum_b: Option<Value<NoiseProfile>>,
-            /// How what is scraped rings.
+            /// Modes of the scraped object.
             modes: Option<Value<Modes>>,
         }
         out {
             /// Strength of the reliefs.
             full: Value<Strength>,
-            /// Strength of the crossings, with both noises beside them.
+            /// Strength of the crossings, together with both noises.
             split_crossings: Value<Strength>,
-            /// Strength of the first noise beside crossings.
+            /// Strength of the first noise, together with crossings.
             split_noise_a: Value<Strength>,
-            /// Strength of the second noise beside crossings.
+            /// Strength of the second noise, together with crossings.
             split_noise_b: Value<Strength>,
-            /// Strength of the first noise, with the second one alone.
+            /// Strength of the first noise, together with the second noise only.
             only_noise_a: Value<Strength>,
-            /// Strength of the second noise, with the first one alone.
+            /// Strength of the second noise, together with the first noise only.
             only_noise_b: Value<Strength>,
-            /// Strength of the first noise from a spectrum, with the second one alone.
+            /// Strength of the first noise from a spectrum, together with the second noise only.
             only_spectrum_a: Value<Strength>,
-            /// Strength of the second noise from a spectrum, with the first one alone.
+            /// Strength of the second noise from a spectrum, together with the first noise only.
             only_spectrum_b: Value<Strength>,
         }
     }
@@ -135,7 +135,7 @@ ports! {
 #[derive(Debug)]
 pub struct PairMatcher;
 
-/// All that is made of two surfaces before anything moves over them.
+/// Data of two surfaces that is prepared before strokes.
 struct Pair<'a> {
     p: PairMatcherParams,
     a: &'a Luma,
@@ -285,7 +285,7 @@ impl Func for PairMatcher {
         } else {
             vec![pair.at(p.speed)?]
         };
-        let mut told: Summary =
+        let mut summary: Summary =
             vec![("noise_share", pair.shares[0].into()), ("second_noise_share", pair.shares[1].into())];
         // At which speed each is read: its own, of crossings that at which lines approach each other.
         let (first, second) = (p.speed, p.speed * p.other.abs());
@@ -305,9 +305,9 @@ impl Func for PairMatcher {
         {
             let value = strength(speed, &all, level);
             slot.set(value);
-            told.push((key, value.kappa.into()));
+            summary.push((key, value.kappa.into()));
         }
-        Ok(told)
+        Ok(summary)
     }
 
     fn trial(rng: &mut Rng) -> (PairMatcherParams, MemoryFiles) {

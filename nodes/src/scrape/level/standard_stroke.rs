@@ -62,9 +62,9 @@ impl StandardStroke {
                 if inside { radius + part * (sides[axis] - 2.0 * radius) } else { part * sides[axis] }
             });
             let turns = speed * time / (TAU * radius);
-            let pen = StrokeContact { contact: k as u64, object: 0, other: None };
+            let contact = StrokeContact { contact: k as u64, object: 0, other: None };
             let knots = circle(centre, radius, turns, start, speed, force).unwrap_or_default();
-            let mut part = pieces(&knots, pen);
+            let mut part = pieces(&knots, contact);
             // The last one goes straight on: the next circle begins there.
             part.pop();
             for (tick, piece) in &mut part {

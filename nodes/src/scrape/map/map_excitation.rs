@@ -20,9 +20,9 @@ use crate::texture::{DiscontinuityMap, FeatureMap};
 use crate::{archive_state, choices, params, ports};
 
 choices! {
-    /// What of a map is turned into force.
+    /// Value of a map that becomes force.
     pub enum MapValue {
-        /// The slope along the way: it turns its sign with the direction.
+        /// The slope along the path, whose sign depends on the direction.
         Directional,
         /// The size of the gradient, or the strength of a feature, without its mean (high-pass at 20 Hz).
         Magnitude,
@@ -30,35 +30,33 @@ choices! {
 }
 
 choices! { @param Interp {
-    /// Straight lines between pixels: 25 dB above what the map cannot hold.
+    /// Linear: images at -25 dB.
     Linear,
-    /// A cubic through the pixels: 43 dB.
+    /// A cubic through the pixels: -43 dB.
     Catmull,
-    /// A cubic B-spline: 52 dB, and half of what is finest in the map.
+    /// A cubic B-spline: -52 dB; the finest detail is halved.
     Bspline3,
 } }
 
 params! {
-    /// Turns the ways of contacts over a map of a surface into the force that they meet.
+    /// Excites an object with the force that contacts meet on a map of a surface.
     ///
-    /// The map is a discontinuity map, a feature map, or the code of a map: link one of them. Of codes only signed pairs know directions;
-    /// of bytes and bits the change along the way is read, as of features. With `m` for what is read of it under a contact,
-    /// the force is `gain kappa (f/1 N)^a (v/1 m/s)^b m`, added up over all contacts. A contact at rest fades out in 5 ms. Where a
-    /// contact passes more than half a pixel from one sample to the next, a halving of the map is read instead, so that
-    /// nothing folds down.
+    /// The map is a discontinuity map, a feature map or the code of a map: link exactly one of them. Of the codes only signed pairs keep
+    /// directions; of bytes and bits the change along the path is read, as of features. With the value `m` read under a contact, the
+    /// force is `gain kappa (f/1 N)^a (v/1 m/s)^b m`, summed over all contacts. A contact at rest fades out in 5 ms. Where a contact
+    /// passes more than half a pixel per sample, coarser levels of an image pyramid are read against aliasing.
     ///
-    /// `gain`, `kappa`, `a`, `b` and `scale` can be changed while it sounds: they are reached in 20 ms. A link to `kappa` takes the place
-    /// of the number. The summary says how strong
-    /// the force was, and how many contacts sounded at once. This node makes audio from something that is none, so it
-    /// has a sample rate of its own.
+    /// `gain`, `kappa`, `a`, `b` and `scale` can change while the node runs and ramp over 20 ms. A link to `kappa` replaces the number.
+    /// The summary holds the peak and the RMS of the force and the largest number of simultaneous contacts. The input is not audio, so
+    /// the node has a sample rate of its own.
     ///
     /// # Source
-    /// Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section 4.1; the
-    /// exponents and the slope along the way are choices.
+    /// Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section 4.1. The
+    /// exponents and the slope along the path are choices.
     pub struct MapExcitationParams {
-        /// What of the map is turned into force.
+        /// Value of the map that becomes force.
         value: MapValue = MapValue::Directional;
-        /// How the map is read between its pixels.
+        /// Interpolation between the pixels of the map.
         interp: Interp = Interp::Bspline3;
         /// Force in N that a map of 1 gives at 1 N and 1 m/s.
         kappa: f64 = 1.0, unit "N", range -1_000_000.0..=1_000_000.0;
@@ -68,11 +66,11 @@ params! {
         b: f64 = 0.0, unit "", range 0.0..=2.0;
         /// Factor of the force.
         gain: f64 = 1.0, unit "", range -1000.0..=1000.0;
-        /// Size of the surface: with 2 all that is on it is twice as large.
+        /// Size of the surface: 2 makes everything on it twice as large.
         scale: f64 = 1.0, unit "", range 0.001..=1000.0;
-        /// Number of the object whose contacts are taken; None takes all.
+        /// Number of the object whose contacts are read; None reads all.
         object: Option<u32> = None, unit "", range 0..=4_294_967_295_u32;
-        /// Contacts that can sound at once.
+        /// Maximum number of simultaneous contacts.
         contacts: u16 = 64, unit "contacts", range 1..=1024_u16;
         /// Samples per second.
         rate: Rate = Rate::hz(48_000);
@@ -81,7 +79,7 @@ params! {
 ports! {
     pub struct MapExcitationPorts / MapExcitationIo {
         in {
-            /// The ways of the contacts over the surface.
+            /// Paths of the contacts over the surface.
             paths: Events<PathPiece>,
             /// Where the surface changes.
             map: Option<Value<DiscontinuityMap>>,
@@ -89,7 +87,7 @@ ports! {
             features: Option<Value<FeatureMap>>,
             /// The code of a map, in place of both.
             coded: Option<Value<CodedMap>>,
-            /// Strength in place of the number, as LevelMatcher finds it.
+            /// Strength that replaces the number, from LevelMatcher.
             kappa: Option<Value<Strength>>,
         }
         out {
@@ -103,7 +101,7 @@ ports! {
 #[derive(Debug)]
 pub struct MapExcitation {
     params: MapExcitationParams,
-    /// Strength that is linked.
+    /// The linked strength.
     kappa: Option<Strength>,
     map: SurfaceMap,
     force: MapForce,
@@ -179,7 +177,7 @@ fn one_of(linked: [bool; 3]) -> Reject {
     )
 }
 
-/// The law of the parameters, with the strength that is linked in place of the number.
+/// The law of the parameters; a linked strength replaces the number.
 fn law(p: &MapExcitationParams, kappa: Option<Strength>) -> [f64; 3] {
     [kappa.map_or(p.kappa, |s| s.kappa) * p.gain, p.a, p.b]
 }

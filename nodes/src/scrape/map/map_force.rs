@@ -30,7 +30,7 @@ pub struct MapForce {
     simd: Level,
     /// Strength.
     pub law: Law,
-    /// Size of the surface: 2 is everything twice as large.
+    /// Size of the surface: 2 makes everything on it twice as large.
     pub scale: Ramp,
     interp: Interp,
     /// Feedback of the high-pass.
@@ -57,13 +57,13 @@ impl MapForce {
 
     #[inline(always)]
     fn segment(&mut self, map: &SurfaceMap, voice: &mut MapVoice, segment: &Segment, out: &mut [f32]) {
-        let way = segment.path();
+        let path = segment.path();
         let [dx, dy] = map.surface.density;
         // Directions are those of pixels where changes are per pixel.
         let aspect =
             if map.per_metre.is_some() { [1.0; 2] } else { [dx / dy, dy / dx].map(|r| r.sqrt() as f32) };
-        self.motion.follow(segment, &way, aspect, &mut voice.heading);
-        let base = self.position(segment, &way, [dx, dy]);
+        self.motion.follow(segment, &path, aspect, &mut voice.heading);
+        let base = self.position(segment, &path, [dx, dy]);
         let range = [segment.from, segment.to];
         let size = self.scale.at(segment.anchor);
         let dense = (dx.max(dy) / size / segment.rate) as f32;
@@ -84,9 +84,9 @@ impl MapForce {
 
     /// The positions of a segment in pixels from a pixel that is returned.
     #[inline(always)]
-    fn position(&mut self, segment: &Segment, way: &[[f64; 2]; 4], density: [f64; 2]) -> [i64; 2] {
+    fn position(&mut self, segment: &Segment, path: &[[f64; 2]; 4], density: [f64; 2]) -> [i64; 2] {
         let size = self.scale.at(segment.anchor);
-        let start = [0, 1].map(|k| way[0][k] * density[k] / size);
+        let start = [0, 1].map(|k| path[0][k] * density[k] / size);
         let whole = start.map(f64::floor);
         let part = [0, 1].map(|k| start[k] - whole[k]);
         if self.scale.settled(segment.anchor).is_some() {
@@ -101,7 +101,7 @@ impl MapForce {
             for n in segment.from..segment.to.min(CELL) {
                 let size = self.scale.at(segment.anchor + n as i64);
                 let at = |k: usize, local: f32| {
-                    ((way[0][k] + f64::from(local)) * density[k] / size - whole[k]) as f32
+                    ((path[0][k] + f64::from(local)) * density[k] / size - whole[k]) as f32
                 };
                 self.x[n] = at(0, self.motion.x[n]);
                 self.y[n] = at(1, self.motion.y[n]);

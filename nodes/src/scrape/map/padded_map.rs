@@ -4,7 +4,7 @@ use crate::core::fault::Reject;
 use crate::scrape::force::voices::{CELL, Cell};
 use crate::texture::{Grid, Surface, Wrap};
 
-/// How a map is read between its pixels.
+/// Interpolation between the pixels of a map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Interp {
     /// Straight lines between neighbours.
@@ -304,7 +304,7 @@ impl PaddedMap<1> {
     }
 }
 
-/// Refuses grids that do not hold what they say.
+/// Checks that a grid has the samples and the density that it claims.
 pub(in crate::scrape) fn check_grid(
     field: &'static str,
     grid: &Grid,

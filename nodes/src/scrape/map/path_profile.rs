@@ -1,7 +1,7 @@
 //! The node `PathProfile`.
 
 use super::padded_map::{PaddedMap, check_grid};
-use super::profile::{ContactProfile, PathProfile, meet, picture};
+use super::profile::{ContactProfile, PathProfile, append, picture};
 use crate::core::fault::{Fault, Reject};
 use crate::core::node::{Class, Node, Summary};
 use crate::core::ports::{Events, Fold, Many, Value};
@@ -10,31 +10,31 @@ use crate::scrape::path::piece::PathPiece;
 use crate::texture::{DiscontinuityMap, FeatureMap, Grid, Luma, NoiseMap, Surface};
 use crate::{archive_state, params, ports};
 
-/// Ways of one link beyond which a figure shows no more.
-const WAYS: usize = 24;
+/// Maximum number of paths of one link in a figure.
+const MAX_PATHS: usize = 24;
 
 params! {
-    /// Shows what contacts meet along their ways over a map: the ways over a picture of it, and a profile for each.
+    /// Shows the paths of contacts over a map and the values of the map along each of them.
     ///
-    /// Link one of `luma`, `map` (the size of its gradient), `features` and `noise`, and tap `profile` as .svg for the figure or
-    /// as .json for its numbers. The first 24 ways of each link are shown.
+    /// Link one of `luma`, `map` (the size of its gradient), `features` and `noise`. Tap `profile` as .svg for the figure or as .json for
+    /// its numbers. The figure shows the first 24 paths of each link.
     ///
     /// # Source
     /// Figure 6 of Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008): three
     /// trajectories over a texture and their noise profiles, which look alike.
     pub struct PathProfileParams {
-        /// Most values of one profile.
+        /// Maximum number of values in a profile.
         most: usize = 4096, unit "values", range 2..=1_000_000_usize;
     }
 }
 ports! {
     pub struct PathProfilePorts / PathProfileIo {
         in {
-            /// Ways over the map.
+            /// Paths over the map.
             paths: Many<Events<PathPiece>>,
             /// An image.
             luma: Option<Value<Luma>>,
-            /// Where it changes.
+            /// Its discontinuity map.
             map: Option<Value<DiscontinuityMap>>,
             /// Its features.
             features: Option<Value<FeatureMap>>,
@@ -42,7 +42,7 @@ ports! {
             noise: Option<Value<NoiseMap>>,
         }
         out {
-            /// Ways and what they met.
+            /// Paths and the values along them.
             profile: Fold<PathProfile>,
         }
     }
@@ -116,11 +116,11 @@ impl Node for PathProfileNode {
                 let ways = &mut profile.ways;
                 let known = ways.iter().position(|m| (m.link, m.contact) == (link, piece.contact));
                 let k = known.unwrap_or(ways.len());
-                if known.is_none() && ways.iter().filter(|m| m.link == link).count() < WAYS {
+                if known.is_none() && ways.iter().filter(|m| m.link == link).count() < MAX_PATHS {
                     ways.push(ContactProfile { link, contact: piece.contact, ..ContactProfile::default() });
                 }
                 if let Some(met) = ways.get_mut(k) {
-                    meet(met, piece, padded, surface, params.most);
+                    append(met, piece, padded, surface, params.most);
                 }
             }
         }

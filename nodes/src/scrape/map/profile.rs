@@ -61,7 +61,7 @@ pub fn picture(map: &Grid) -> Grid {
 }
 
 /// Adds what a piece meets, at steps of at most half a pixel, to its way.
-pub fn meet(
+pub fn append(
     met: &mut ContactProfile,
     piece: &PathPiece,
     padded: &PaddedMap<1>,

@@ -204,11 +204,11 @@ fn each<const C: usize, const D: usize>(
     for n in from..to.min(CELL) {
         let depth = level_for(log2(footprints[n].max(0.5))).min(last as f32);
         let level = depth as usize;
-        let way = depth - level as f32;
+        let fraction = depth - level as f32;
         let near = coarse(level, n);
-        let far = if way > 0.0 { coarse((level + 1).min(last), n) } else { near };
+        let far = if fraction > 0.0 { coarse((level + 1).min(last), n) } else { near };
         for (out, (near, far)) in out.iter_mut().zip(near.into_iter().zip(far)) {
-            out[n] = near + way * (far - near);
+            out[n] = near + fraction * (far - near);
         }
     }
 }

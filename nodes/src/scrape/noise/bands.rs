@@ -279,8 +279,8 @@ fn band(
         if f >= stop {
             break;
         }
-        let way = ((f - pass) / (stop - pass)).max(0.0);
-        *bin = whole * (0.5 + 0.5 * libm::cos(PI * way));
+        let fraction = ((f - pass) / (stop - pass)).max(0.0);
+        *bin = whole * (0.5 + 0.5 * libm::cos(PI * fraction));
     }
     // The lengths are those of the plan, and nothing stands at half of the density.
     let _ = inverse.process(&mut bins, &mut part);

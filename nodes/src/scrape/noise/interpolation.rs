@@ -10,7 +10,7 @@ pub(super) const PHASES: usize = 1024;
 /// Weights of the samples at one stored position, and what they change by up to the next one.
 pub(super) type Row = [[f32; TAPS]; 2];
 
-/// How a line of noise is read between its samples.
+/// Interpolation between the samples of a noise profile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NoiseInterp {
     /// A sinc of 32 taps under a squared cosine.

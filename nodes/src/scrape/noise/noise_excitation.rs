@@ -18,41 +18,40 @@ use crate::scrape::path::piece::PathPiece;
 use crate::texture::NoiseProfile;
 use crate::{archive_state, choices, params, ports};
 
-/// Longest loop that is taken: 17 times its memory is needed.
+/// Maximum length of a loop; its bands need 17 times its memory.
 const LONGEST: usize = 1 << 21;
 
 choices! { @param NoiseInterp {
-    /// A sinc of 32 taps: 108 dB above what the line cannot hold, and nearly all that it holds.
+    /// Windowed sinc of 32 taps: images at -108 dB.
     Sinc32,
-    /// Straight lines between samples: 25 dB.
+    /// Linear: -25 dB.
     Linear,
-    /// A cubic through the samples: 43 dB.
+    /// A cubic through the samples: -43 dB.
     Catmull,
-    /// A cubic B-spline: 52 dB, and half of what is finest in the line.
+    /// A cubic B-spline: -52 dB; the finest detail is halved.
     Bspline3,
 } }
 
 params! {
-    /// Turns the ways of contacts into the noise of a surface that has no features to be told apart.
+    /// Excites an object with the noise of a surface that has no distinct features.
     ///
-    /// A contact passes over the loop of noise at its speed, backwards where it turns back, and the force is
-    /// `gain kappa (f/1 N)^a (v/1 m/s)^b` times what stands there, added up over all contacts. With the default exponents the
-    /// amplitude goes with the square root of the power of friction. A contact at rest fades out in 5 ms. At any speed
-    /// all is there up to 0.4 of the sample rate, and nothing folds down from above half of it.
+    /// A contact reads a loop of noise at its speed, backwards after a reversal. The force is `gain kappa (f/1 N)^a (v/1 m/s)^b` times
+    /// the noise at the position of the contact, summed over all contacts. With the default exponents the amplitude is proportional to
+    /// the square root of the power of friction. A contact at rest fades out in 5 ms. At any speed the spectrum is complete up to 0.4 of
+    /// the sample rate, and nothing aliases from above half of it.
     ///
-    /// `gain`, `kappa`, `a`, `b` and `scale` can be changed while it sounds: they are reached in 20 ms. A link to
-    /// `kappa` takes the place of the number. This node makes audio from
-    /// something that is none, so it has a sample rate of its own.
+    /// `gain`, `kappa`, `a`, `b` and `scale` can change while the node runs and ramp over 20 ms. A link to `kappa` replaces the number.
+    /// The input is not audio, so the node has a sample rate of its own.
     ///
     /// # Randomness
-    /// Where on the loop a contact begins follows from the seed, its number and how often it has jumped.
+    /// The position on the loop at which a contact begins follows from the seed, the number of the contact and the count of its jumps.
     ///
     /// # Source
     /// Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section 4.2; the
-    /// exponents are a choice. Reading at another speed than that of the recording as in van den Doel, Kry and Pai, "FoleyAutomatic"
+    /// exponents are a choice. Playback at a speed other than that of the recording: van den Doel, Kry and Pai, "FoleyAutomatic"
     /// (SIGGRAPH 2001).
     pub struct NoiseExcitationParams {
-        /// How the line is read between its samples.
+        /// Interpolation between the samples of the noise.
         interp: NoiseInterp = NoiseInterp::Sinc32;
         /// Force in N that a noise of 1 gives at 1 N and 1 m/s.
         kappa: f64 = 1.0, unit "N", range -1_000_000.0..=1_000_000.0;
@@ -62,11 +61,11 @@ params! {
         b: f64 = 0.5, unit "", range 0.0..=2.0;
         /// Factor of the force.
         gain: f64 = 1.0, unit "", range -1000.0..=1000.0;
-        /// Size of the surface: with 2 all that is on it is twice as large.
+        /// Size of the surface: 2 makes everything on it twice as large.
         scale: f64 = 1.0, unit "", range 0.001..=1000.0;
-        /// Number of the object whose contacts are taken; None takes all.
+        /// Number of the object whose contacts are read; None reads all.
         object: Option<u32> = None, unit "", range 0..=4_294_967_295_u32;
-        /// Contacts that can sound at once.
+        /// Maximum number of simultaneous contacts.
         contacts: u16 = 64, unit "contacts", range 1..=1024_u16;
         /// Samples per second.
         rate: Rate = Rate::hz(48_000);
@@ -75,11 +74,11 @@ params! {
 ports! {
     pub struct NoiseExcitationPorts / NoiseExcitationIo {
         in {
-            /// The ways of the contacts over the surface.
+            /// Paths of the contacts over the surface.
             paths: Events<PathPiece>,
             /// The noise of the surface.
             noise: Value<NoiseProfile>,
-            /// Strength in place of the number, as LevelMatcher finds it.
+            /// Strength that replaces the number, from LevelMatcher.
             kappa: Option<Value<Strength>>,
         }
         out {
@@ -93,7 +92,7 @@ ports! {
 #[derive(Debug)]
 pub struct NoiseExcitation {
     params: NoiseExcitationParams,
-    /// Strength that is linked.
+    /// The linked strength.
     kappa: Option<Strength>,
     noise: NoiseBands,
     random: Random,
@@ -101,7 +100,7 @@ pub struct NoiseExcitation {
     voices: Voices<NoiseVoice>,
 }
 
-/// The law of the parameters, with the strength that is linked in place of the number.
+/// The law of the parameters; a linked strength replaces the number.
 fn law(p: &NoiseExcitationParams, kappa: Option<Strength>) -> [f64; 3] {
     [kappa.map_or(p.kappa, |s| s.kappa) * p.gain, p.a, p.b]
 }

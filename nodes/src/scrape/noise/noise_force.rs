@@ -35,7 +35,7 @@ pub struct NoiseForce {
     simd: Level,
     /// Strength.
     pub law: Law,
-    /// Size of the surface: 2 is everything twice as large.
+    /// Size of the surface: 2 makes everything on it twice as large.
     pub scale: Ramp,
     motion: Motion,
 }
@@ -72,16 +72,16 @@ impl NoiseForce {
             let size = |n: usize| self.scale.at(segment.anchor + n as i64);
             sizes = std::array::from_fn(size);
         }
-        let (mut steps, mut ways, mut positions) = ([0.0; CELL], [0.0; CELL], [0.0; CELL]);
+        let (mut steps, mut advances, mut positions) = ([0.0; CELL], [0.0; CELL], [0.0; CELL]);
         for n in 0..CELL {
             let step = f64::from(self.motion.speed[n]) * dense / sizes[n];
             steps[n] = step as f32;
-            ways[n] = f64::from(self.motion.sign[n]) * step;
+            advances[n] = f64::from(self.motion.sign[n]) * step;
         }
         // Only where each sample is read has to be found one after the other.
         for n in from..to {
             positions[n] = voice.position;
-            let next = voice.position + ways[n];
+            let next = voice.position + advances[n];
             voice.position = if next >= 0.0 && next < round { next } else { wrapped(next, round) };
         }
         let mut made = noise.read_cell(simd, &positions, &steps, from..to);

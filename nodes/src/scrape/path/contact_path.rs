@@ -18,33 +18,33 @@ use crate::spatial::pose::unit;
 use crate::texture::Luma;
 use crate::{archive_state, choices, params, ports};
 
-/// Pieces that may wait for their time, per contact.
+/// Maximum number of queued pieces per contact.
 const WAITING: usize = 8;
 
 choices! {
-    /// Whose surface is followed.
+    /// Body whose surface the path lies on.
     pub enum Side {
-        /// That of the first body of the contact.
+        /// The first body of the contact.
         A,
-        /// That of the second.
+        /// The second body.
         B,
     }
 }
 
 choices! {
-    /// In which axes positions are taken.
+    /// Frame of reference of positions.
     pub enum Axes {
-        /// Those of the world: for surfaces that stand still.
+        /// The world: for surfaces at rest.
         World,
-        /// Those of the body: for surfaces that move. Velocities then follow from the positions.
+        /// The body: for moving surfaces. Velocities then follow from the positions.
         Body,
     }
 }
 
 choices! {
-    /// How the way from one frame to the next is found.
+    /// Interpolation between two frames.
     pub enum PathMode {
-        /// A cubic between both, one frame later.
+        /// A cubic through both, known one frame later.
         Hermite,
         /// Predicted at once from position and velocity, and corrected over the next frame.
         Extrapolate,
@@ -52,92 +52,91 @@ choices! {
 }
 
 choices! {
-    /// Where velocities over the surface come from.
+    /// Origin of velocities over the surface.
     pub enum Velocities {
-        /// From the contacts; where they do not tell, from the last two positions.
+        /// From the contacts, or from the last two positions if these have none.
         Given,
-        /// From the positions before and after (Catmull and Rom), for which the way is known one frame later.
+        /// From the positions before and after (Catmull and Rom); the path is known one frame later.
         Differences,
     }
 }
 
 params! {
-    /// Follows contacts over a surface and gives their ways in pieces that any sample can be read from.
+    /// Follows contacts over a surface and gives their paths as polynomials, which can be evaluated at any sample.
     ///
-    /// A point `p` of a contact lies on the surface at `((p - origin) u, (p - origin) v)`, with `u` and `v` made unit vectors. Between two
-    /// frames the way is a cubic through positions and velocities; forces go in straight lines and are never below 0. It is
-    /// known one frame after it begins (two with `Differences`, at once with `Extrapolate`): a constant latency that the plan
-    /// shows.
+    /// A point `p` of a contact lies on the surface at `((p - origin) u, (p - origin) v)`, with `u` and `v` normalized. Between two
+    /// frames the path is a cubic through positions and velocities; forces are linear and never below 0. A piece is known one frame after
+    /// it begins (two with `Differences`, at once with `Extrapolate`): a constant latency that the plan shows.
     ///
-    /// A contact begins within 2 ms. One that is further from where its velocity would bring it than `teleport` pixels and twice the way
-    /// that it goes in a frame has jumped: the old way goes on and fades out in 2 ms while a new one fades in, and so with a
-    /// number that begins again. One that hears nothing of itself goes straight on for two frames and then fades out in 5 ms,
-    /// and so does one that ends with a force still on it.
+    /// A contact begins within 2 ms. A contact has jumped if it is further from its predicted position than `teleport` pixels and than
+    /// twice its travel in a frame: the old path continues and fades out in 2 ms while a new one fades in. The same happens when a
+    /// number is used again for a new contact. A contact without new frames continues straight for two frames and then fades out in 5 ms;
+    /// so does one that ends with a force above 0.
     ///
-    /// Frames may come at any rate and unevenly; `frame` is what is expected. Kinds of contact with a weight of 0 are followed, but
-    /// silent.
+    /// Frames may come at any rate and unevenly; `frame` is the longest expected interval. Kinds of contact with an amplitude of 0 are
+    /// followed, but silent.
     ///
     /// # Source
-    /// Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section 4: contacts at
-    /// the rate of the physics, forces at that of the sound. How one becomes the other is a choice.
+    /// Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section 4: contacts at the
+    /// rate of the physics, forces at that of the sound. The interpolation between both is a choice.
     pub struct ContactPathParams {
-        /// Whose surface is followed.
+        /// Body whose surface the path lies on.
         surface: Side = Side::A;
-        /// Number of the first body; None takes all.
+        /// Number of the first body; None for all.
         a: Option<u32> = None, unit "", range 0..=4_294_967_295_u32;
-        /// Number of the second body; None takes all.
+        /// Number of the second body; None for all.
         b: Option<u32> = None, unit "", range 0..=4_294_967_295_u32;
-        /// In which axes positions are taken.
+        /// Frame of reference of positions.
         frame_of: Axes = Axes::World;
-        /// Where the surface has its origin.
+        /// Origin of the surface.
         origin: [f64; 3] = [0.0; 3], unit "m", range -100_000.0..=100_000.0;
-        /// Along which direction its first axis goes.
+        /// Direction of its first axis.
         u: [f64; 3] = [1.0, 0.0, 0.0], unit "", range -100_000.0..=100_000.0;
-        /// Along which direction its second axis goes.
+        /// Direction of its second axis.
         v: [f64; 3] = [0.0, 1.0, 0.0], unit "", range -100_000.0..=100_000.0;
-        /// Whether the place on the other body's surface, in its own axes along the same directions, is followed as well.
+        /// Also follows the position on the surface of the other body, in the frame of that body along the same directions.
         both: bool = false;
-        /// Amplitude of contacts that slide.
+        /// Amplitude of sliding contacts.
         sliding: f32 = 1.0, unit "", range 0.0..=1000.0_f32;
-        /// Amplitude of contacts that roll.
+        /// Amplitude of rolling contacts.
         rolling: f32 = 1.0, unit "", range 0.0..=1000.0_f32;
         /// Amplitude of contacts between rolling and sliding.
         mixed: f32 = 1.0, unit "", range 0.0..=1000.0_f32;
-        /// Amplitude of contacts that are none of these nor at rest.
+        /// Amplitude of contacts that neither slide, roll nor rest.
         unsteady: f32 = 0.0, unit "", range 0.0..=1000.0_f32;
-        /// How the way from one frame to the next is found.
+        /// Interpolation between two frames.
         mode: PathMode = PathMode::Hermite;
-        /// Where velocities over the surface come from.
+        /// Origin of velocities over the surface.
         velocities: Velocities = Velocities::Given;
-        /// Whether a way is straight where the velocities are too large for its length.
+        /// Makes a path straight where the velocities are too large for its length.
         guard: bool = true;
-        /// Whether all contacts of two bodies are one, at the middle of their forces: points that an engine shifts about within
-        /// one patch of contact sound like noise.
+        /// Joins all contacts of two bodies into one at the centre of their forces: points that an engine moves within one
+        /// contact patch sound like noise.
         join: bool = false;
-        /// Time constant of a low-pass over the positions, against the same; 0 for none, 0.02 for rough engines.
+        /// Time constant of a low-pass over the positions against such noise; 0 for none, 0.02 for rough engines.
         smooth: f64 = 0.0, unit "s", range 0.0..=1.0;
-        /// Distance from the expected position beyond which a contact has jumped, in pixels of the map that it moves over.
+        /// Distance from the predicted position beyond which a contact has jumped, in pixels of the map.
         teleport: f64 = 8.0, unit "px", range 0.01..=1_000_000.0;
-        /// Pixels per metre of that map, where no image is linked.
+        /// Pixels per metre of that map without a linked image.
         density: f64 = 512.0, unit "px/m", range 0.1..=1_000_000.0;
-        /// Longest time from one frame of the physics to the next; ContactLog tells it as `longest_frame_ms`.
+        /// Longest interval between two frames of the physics; ContactLog reports it as `longest_frame_ms`.
         frame: f64 = 1.0 / 60.0, unit "s", range 0.0005..=0.5;
         /// Number of the object that is excited.
         object: u32 = 0, unit "", range 0..=4_294_967_295_u32;
-        /// Contacts that can be followed at once.
+        /// Maximum number of simultaneous contacts.
         most: u16 = 256, unit "contacts", range 1..=4096_u16;
     }
 }
 ports! {
     pub struct ContactPathPorts / ContactPathIo {
         in {
-            /// Contacts and of what kind they are.
+            /// Contacts with their kinds.
             contacts: Events<ContactState>,
-            /// The image of the surface, for the size of its pixels in place of `density`.
+            /// Image of the surface, whose pixel size replaces `density`.
             image: Option<Value<Luma>>,
         }
         out {
-            /// Their ways over the surface.
+            /// Their paths over the surface.
             paths: Events<PathPiece>,
         }
     }
@@ -150,11 +149,11 @@ pub struct ContactPath {
     axes: [Vec3; 2],
     tracker: Tracker,
     queue: Queue,
-    /// Contacts of one pair at one time, while they are joined.
+    /// Contacts of one pair at one time, while they are being joined.
     pairs: Vec<(ContactSample, f64)>,
-    /// All that came before has been taken.
-    seen: Tick,
-    /// Pixels per metre of the image that is linked.
+    /// All contacts before this time have been processed.
+    processed: Tick,
+    /// Pixels per metre of the linked image.
     density: Option<f64>,
 }
 
@@ -224,7 +223,7 @@ impl ContactPath {
         }
     }
 
-    /// Adds a contact to the one of its pair.
+    /// Merges a contact into the one of its pair.
     fn gather(&mut self, sample: ContactSample, bodies: [u32; 2]) {
         let contact = PathPiece::pair(bodies);
         let sample = ContactSample { contact, ..sample };
@@ -238,7 +237,7 @@ impl ContactPath {
             return;
         };
         if sample.ends != pair.ends {
-            // Those that end have no say beside those that last.
+            // Contacts that end do not count among those that last.
             if pair.ends {
                 (*pair, *total) = (sample, weight);
             }
@@ -256,7 +255,7 @@ impl ContactPath {
         *total += weight;
     }
 
-    /// Takes the contacts of one time.
+    /// Processes the contacts of one time.
     fn take(&mut self, contacts: &[(Tick, ContactState)]) {
         let usable = |c: &ContactState| {
             let numbers = c.frame.point.iter().chain(c.frame.local.iter().flatten());
@@ -310,7 +309,7 @@ impl Node for ContactPath {
             queue: Queue::new(WAITING * room),
             pairs: Vec::with_capacity(room),
             params: p.clone(),
-            seen: Tick::MIN,
+            processed: Tick::MIN,
             density,
         })
     }
@@ -318,7 +317,7 @@ impl Node for ContactPath {
     fn run(&mut self, mut io: ContactPathIo<'_>) -> Result<(), Fault> {
         let (_, to) = io.paths.window();
         let events = io.contacts.events();
-        let mut fresh = &events[events.partition_point(|(tick, _)| *tick < self.seen)..];
+        let mut fresh = &events[events.partition_point(|(tick, _)| *tick < self.processed)..];
         let latency = rules(&self.params, None).latency();
         while let Some((tick, _)) = fresh.first() {
             // Nothing that starts before that is changed any more: the queue stays short in windows of any length.
@@ -327,8 +326,8 @@ impl Node for ContactPath {
             self.take(now);
             fresh = later;
         }
-        self.seen = to + latency;
-        self.tracker.due(self.seen, &mut self.queue);
+        self.processed = to + latency;
+        self.tracker.due(self.processed, &mut self.queue);
         self.queue.give(to, |tick, piece| io.paths.push(tick, piece));
         Ok(())
     }
@@ -360,11 +359,11 @@ impl Node for ContactPath {
         self.tracker.take_state(&old.tracker);
         self.queue.take_state(&old.queue);
         if rules(&old.params, None).latency() == rules(&self.params, None).latency() {
-            self.seen = old.seen;
+            self.processed = old.processed;
         }
     }
 
-    archive_state!(tracker, queue, pairs, seen);
+    archive_state!(tracker, queue, pairs, processed);
 
     fn trial(rng: &mut Rng) -> (ContactPathParams, MemoryFiles) {
         let params = ContactPathParams::trial(rng);

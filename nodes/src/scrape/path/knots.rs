@@ -90,7 +90,7 @@ pub fn circle(
 
 /// The pieces of a stroke with their starts: it begins within 2 ms and fades out in 5 ms after its last position.
 #[must_use]
-pub fn pieces(knots: &[Knot], pen: StrokeContact) -> Vec<(Tick, PathPiece)> {
+pub fn pieces(knots: &[Knot], contact: StrokeContact) -> Vec<(Tick, PathPiece)> {
     let mut all = Vec::new();
     for pair in knots.windows(2) {
         let (a, b) = (pair[0], pair[1]);
@@ -108,31 +108,34 @@ pub fn pieces(knots: &[Knot], pen: StrokeContact) -> Vec<(Tick, PathPiece)> {
             part(&|k| 3.0 * gap[k] - 2.0 * v[k] - w[k]),
             part(&|k| v[k] + w[k] - 2.0 * gap[k]),
         ];
-        all.push((start, piece(pen, position, end - start, [a.force, b.force], [1.0; 2])));
+        all.push((start, piece(contact, position, end - start, [a.force, b.force], [1.0; 2])));
     }
     if let (Some(knot), Some((start, last))) = (knots.last(), all.last().copied()) {
         let step = knot.velocity[0].map(|v| v * END_FADE);
         let position = [last.position_at(1.0), step, [0.0; 2], [0.0; 2]];
-        all.push((start + last.duration, piece(pen, position, ticks(END_FADE), [knot.force; 2], [1.0, 0.0])));
+        all.push((
+            start + last.duration,
+            piece(contact, position, ticks(END_FADE), [knot.force; 2], [1.0, 0.0]),
+        ));
     }
     fade_in(&mut all);
     all
 }
 
 fn piece(
-    pen: StrokeContact,
+    contact: StrokeContact,
     position: [[f64; 2]; 4],
     duration: Tick,
     force: [f64; 2],
     gain: [f32; 2],
 ) -> PathPiece {
     PathPiece {
-        contact: pen.contact,
+        contact: contact.contact,
         jump: 0,
-        object: pen.object,
+        object: contact.object,
         duration,
         position,
-        other: pen.other.map(|share| position.map(|c| c.map(|x| share * x))),
+        other: contact.other.map(|share| position.map(|c| c.map(|x| share * x))),
         force: force.map(|f| f as f32),
         gain,
     }

@@ -8,16 +8,16 @@ use crate::core::shape::{Build, Shape};
 use crate::{archive_state, params, ports};
 
 params! {
-    /// Gives the ways of contacts as they go over the other of the two surfaces that touch.
+    /// Exchanges the two surfaces of each path.
     ///
-    /// What hears them reads the other surface at its own speed: so both surfaces of a contact have a noise, a map or isophotes of their
-    /// own, which add up. Pieces that do not tell of the other surface are left out and counted.
+    /// A node that reads the result moves over the other surface at the speed of that surface. So each surface of a contact can have its
+    /// own noise, map or isophotes, whose forces add up. Pieces without a position on the other surface are left out and counted.
     pub struct OtherSurfaceParams {}
 }
 ports! {
     pub struct OtherSurfacePorts / OtherSurfaceIo {
         in {
-            /// Ways over both surfaces.
+            /// Paths over both surfaces.
             paths: Events<PathPiece>,
         }
         out {
@@ -33,7 +33,7 @@ pub struct OtherSurface {
     left_out: u64,
 }
 
-/// A piece with its surfaces exchanged, where both are known.
+/// The piece with its surfaces exchanged, if both are known.
 pub(in crate::scrape) fn exchanged(piece: &PathPiece) -> Option<PathPiece> {
     piece.other.map(|other| PathPiece { position: other, other: Some(piece.position), ..*piece })
 }

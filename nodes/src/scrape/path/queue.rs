@@ -36,8 +36,8 @@ impl Queue {
 
     /// Forgets what was to come from a time on of the way of a piece.
     pub fn cut(&mut self, tick: Tick, piece: &PathPiece) {
-        let way = |p: &PathPiece| (p.contact, p.jump);
-        self.pieces.retain(|(t, p)| *t < tick || way(p) != way(piece));
+        let key = |p: &PathPiece| (p.contact, p.jump);
+        self.pieces.retain(|(t, p)| *t < tick || key(p) != key(piece));
     }
 
     /// Gives away those that start before a time.

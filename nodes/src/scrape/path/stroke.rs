@@ -14,36 +14,35 @@ use crate::core::time::{Tick, ticks};
 use crate::{choices, params, ports};
 
 choices! {
-    /// What is drawn.
+    /// Shape of the stroke.
     pub enum StrokeShape {
         /// A smooth curve through `points`.
         Points,
         /// A straight line from `from` to `to`, and back and forth with more `laps`.
         Line,
-        /// Turns around `from` with `radius`; `laps` of them.
+        /// `laps` turns around `from` with `radius`.
         Circle,
-        /// From side to side, `laps` times, on the way from `from` to `to`; `width` across.
+        /// From side to side, `laps` times, between `from` and `to`, with `width`.
         Zigzag,
     }
 }
 
 params! {
-    /// Draws a way over a surface, so that a texture can be heard without any physics.
+    /// Generates the path of one contact from a drawn shape, without a physics engine.
     ///
-    /// It begins within 2 ms and fades out in 5 ms after its last position. All shapes but `Points` go at an even `speed` under an
-    /// even `force`. Link it wherever the ways of contacts go in.
+    /// It begins within 2 ms and fades out in 5 ms after its last position. All shapes but `Points` have a constant `speed` and a
+    /// constant `force`. Link it to any node that reads paths.
     ///
     /// # Source
-    /// The drawn trajectories of figure 6 in Picard, Tsingos and Faure, "Audio texture synthesis for complex contact
-    /// interactions" (VRIPHYS 2008).
+    /// The drawn trajectories of figure 6 in Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008).
     pub struct StrokeParams {
-        /// What is drawn.
+        /// Shape of the stroke.
         shape: StrokeShape = StrokeShape::Line;
         /// Waypoints [time in s, x in m, y in m, force in N] in the order of their times, for the shape `Points`.
         points: Vec<[f64; 4]> = Vec::new(), unit "s, m, m, N", range -100_000.0..=100_000.0;
-        /// Where it begins, or the centre of a circle.
+        /// Start, or the centre of a circle.
         from: [f64; 2] = [0.0; 2], unit "m", range -10_000.0..=10_000.0;
-        /// Where it ends.
+        /// End.
         to: [f64; 2] = [0.5, 0.0], unit "m", range -10_000.0..=10_000.0;
         /// Radius of a circle.
         radius: f64 = 0.1, unit "m", range 0.0001..=1000.0;
@@ -55,12 +54,12 @@ params! {
         speed: f64 = 0.25, unit "m/s", range 0.000001..=100.0;
         /// Normal force.
         force: f64 = 1.0, unit "N", range 0.0..=100_000.0;
-        /// When it begins.
+        /// Time of the start.
         start: f64 = 0.0, unit "s", range 0.0..=86_400.0;
-        /// How much of the way is gone on the surface of the other body: 0 for a tip that slides, 1 for what rolls; None knows no
+        /// Distance travelled on the other surface per distance on this one: 0 for a sliding tip, 1 for rolling; None for no
         /// other surface.
         other: Option<f64> = None, unit "", range -100.0..=100.0;
-        /// Number of the contact: strokes that meet in one node need different ones.
+        /// Number of the contact: strokes read by the same node need different numbers.
         contact: u32 = 0, unit "", range 0..=4_294_967_295_u32;
         /// Number of the object that is excited.
         object: u32 = 0, unit "", range 0..=4_294_967_295_u32;
@@ -70,7 +69,7 @@ ports! {
     pub struct StrokePorts / StrokeIo {
         in {}
         out {
-            /// The way in pieces.
+            /// The path as polynomials.
             paths: Events<PathPiece>,
         }
     }
@@ -123,14 +122,14 @@ fn knots(p: &StrokeParams) -> Result<Vec<Knot>, Reject> {
 }
 
 fn zigzag(p: &StrokeParams) -> Vec<[f64; 2]> {
-    let way = [p.to[0] - p.from[0], p.to[1] - p.from[1]];
-    let length = way[0].hypot(way[1]).max(1e-12);
-    let side = [-way[1] / length * p.width / 2.0, way[0] / length * p.width / 2.0];
+    let offset = [p.to[0] - p.from[0], p.to[1] - p.from[1]];
+    let length = offset[0].hypot(offset[1]).max(1e-12);
+    let side = [-offset[1] / length * p.width / 2.0, offset[0] / length * p.width / 2.0];
     let strokes = p.laps.ceil().max(1.0) as usize;
     let corner = |k: usize| {
         let along = k as f64 / strokes as f64;
         let sign = if k.is_multiple_of(2) { -1.0 } else { 1.0 };
-        [0, 1].map(|i| p.from[i] + along * way[i] + sign * side[i])
+        [0, 1].map(|i| p.from[i] + along * offset[i] + sign * side[i])
     };
     (0..=strokes).map(corner).collect()
 }
@@ -148,8 +147,8 @@ impl Node for Stroke {
     }
 
     fn build(p: &StrokeParams, _: &Build<'_>) -> Result<Self, Fault> {
-        let pen = StrokeContact { contact: p.contact.into(), object: p.object, other: p.other };
-        Ok(Self { pieces: pieces(&knots(p)?, pen) })
+        let contact = StrokeContact { contact: p.contact.into(), object: p.object, other: p.other };
+        Ok(Self { pieces: pieces(&knots(p)?, contact) })
     }
 
     fn run(&mut self, mut io: StrokeIo<'_>) -> Result<(), Fault> {

@@ -199,7 +199,7 @@ impl Tracker {
             return;
         }
         if self.rules.look_ahead {
-            self.reach(contact, &sample, out);
+            self.extend(contact, &sample, out);
         } else if sample.ends {
             contact.cut(sample.tick);
         } else {
@@ -224,11 +224,11 @@ impl Tracker {
         let step = seconds(time);
         let length = |v: [f64; 2]| v[0].hypot(v[1]);
         let gap: [f64; 2] = std::array::from_fn(|k| to[k] - from[k]);
-        let Some(way) = velocity.or(after).map(|v| v.map(|v| v * step)) else {
+        let Some(travel) = velocity.or(after).map(|v| v.map(|v| v * step)) else {
             return length(gap) > UNKNOWN * self.rules.teleport;
         };
-        let fastest = length(way).max(after.map_or(0.0, length) * step);
-        length([gap[0] - way[0], gap[1] - way[1]]) > self.rules.teleport + 2.0 * fastest
+        let fastest = length(travel).max(after.map_or(0.0, length) * step);
+        length([gap[0] - travel[0], gap[1] - travel[1]]) > self.rules.teleport + 2.0 * fastest
     }
 
     /// A way begins at a frame.
@@ -298,7 +298,7 @@ impl Tracker {
     }
 
     /// The way up to a frame that has come.
-    fn reach(&mut self, contact: &mut TrackedContact, sample: &ContactSample, out: &mut Queue) {
+    fn extend(&mut self, contact: &mut TrackedContact, sample: &ContactSample, out: &mut Queue) {
         if contact.guessed {
             // What was predicted from here on is replaced. The frame may be older than the one that let it be understood.
             let now = self.now - self.rules.latency();
@@ -468,8 +468,8 @@ impl TrackedContact {
         let s = (tick - start) as f64 / piece.duration.max(1) as f64;
         self.at = [piece.position_at(s), piece.velocity_at(s)];
         if let Some(other) = piece.other {
-            let way = PathPiece { position: other, ..piece };
-            self.other = Some([way.position_at(s), way.velocity_at(s)]);
+            let path = PathPiece { position: other, ..piece };
+            self.other = Some([path.position_at(s), path.velocity_at(s)]);
         }
         self.force = piece.force_at(s) as f32;
         self.gain = piece.gain_at(s) as f32;

@@ -46,21 +46,21 @@ pub struct PairForce {
 
 /// The motion of a contact over both surfaces within a segment, as polynomials in samples.
 #[derive(Clone, Copy, Debug)]
-struct Ways {
+struct Paths {
     a: [[f64; 2]; 4],
     b: [[f64; 2]; 4],
     rate: f64,
 }
 
-fn along(position: [f64; 2], direction: [f64; 2], way: f64) -> [f64; 2] {
-    [position[0] + way * direction[0], position[1] + way * direction[1]]
+fn along(position: [f64; 2], direction: [f64; 2], distance: f64) -> [f64; 2] {
+    [position[0] + distance * direction[0], position[1] + distance * direction[1]]
 }
 
-impl Ways {
+impl Paths {
     /// Unit vector in which the surfaces slip, by the first that moves.
     fn direction(&self, n: f64) -> [f64; 2] {
-        for way in [&self.a, &self.b] {
-            let v = velocity(way, n, self.rate);
+        for path in [&self.a, &self.b] {
+            let v = velocity(path, n, self.rate);
             let speed = v[0].hypot(v[1]);
             if speed >= f64::from(AT_REST) {
                 return v.map(|v| v / speed);
@@ -98,20 +98,20 @@ impl PairForce {
 
     #[inline(always)]
     fn segment(&mut self, reliefs: [&Relief; 2], heading: &mut Heading, segment: &Segment, out: &mut [f32]) {
-        let way = segment.path();
+        let path = segment.path();
         let other = segment.other_path().unwrap_or([[0.0; 2]; 4]);
-        self.motion.follow(segment, &way, [1.0; 2], heading);
-        let ways = Ways { a: way, b: other, rate: segment.rate };
+        self.motion.follow(segment, &path, [1.0; 2], heading);
+        let paths = Paths { a: path, b: other, rate: segment.rate };
         let mut made = [0.0; CELL];
         let last = segment.to.min(CELL);
         for group in segment.from / GROUP..last.div_ceil(GROUP) {
             let first = group * GROUP;
             let range = [segment.from.max(first), last.min(first + GROUP)];
-            self.group(reliefs, &ways, first, range, &mut made);
+            self.group(reliefs, &paths, first, range, &mut made);
         }
         // What rests on one side may slip on the other.
         for n in segment.from..last {
-            let v = velocity(&ways.b, n as f64, ways.rate);
+            let v = velocity(&paths.b, n as f64, paths.rate);
             if v[0] * v[0] + v[1] * v[1] >= f64::from(AT_REST).powi(2) {
                 self.motion.gate[n] = 1.0;
             }
@@ -127,21 +127,21 @@ impl PairForce {
     fn group(
         &mut self,
         [a, b]: [&Relief; 2],
-        ways: &Ways,
+        paths: &Paths,
         first: usize,
         [from, to]: [usize; 2],
         out: &mut [f32; CELL],
     ) {
         let middle = (first + GROUP / 2) as f64;
-        let t = ways.direction(middle);
-        let centres = [position(&ways.a, middle), position(&ways.b, middle)];
+        let t = paths.direction(middle);
+        let centres = [position(&paths.a, middle), position(&paths.b, middle)];
         // How far both have come along the direction, from the middle.
-        let come = |c: &[[f64; 2]; 4], centre: [f64; 2], n: usize| {
+        let travel = |c: &[[f64; 2]; 4], centre: [f64; 2], n: usize| {
             let at = position(c, n as f64);
             (at[0] - centre[0]) * t[0] + (at[1] - centre[1]) * t[1]
         };
-        let ca: [f64; GROUP] = std::array::from_fn(|k| come(&ways.a, centres[0], first + k));
-        let cb: [f64; GROUP] = std::array::from_fn(|k| come(&ways.b, centres[1], first + k));
+        let ca: [f64; GROUP] = std::array::from_fn(|k| travel(&paths.a, centres[0], first + k));
+        let cb: [f64; GROUP] = std::array::from_fn(|k| travel(&paths.b, centres[1], first + k));
         let ends = |c: &[f64; GROUP]| c.iter().fold((f64::MAX, f64::MIN), |(l, h), x| (l.min(*x), h.max(*x)));
         let ((low, far), (near, high)) = (ends(&ca), ends(&cb));
         let (reach_a, reach_b) = (far - low, high - near);
@@ -160,7 +160,7 @@ impl PairForce {
         let mut z = [f32::MIN; MOST_TAPS];
         let (mut at_a, mut at_b) = ([[0.0; 2]; CELL], [[0.0; 2]; CELL]);
         for n in from..to.min(CELL) {
-            let (ua, ub) = (position(&ways.a, n as f64), position(&ways.b, n as f64));
+            let (ua, ub) = (position(&paths.a, n as f64), position(&paths.b, n as f64));
             if shared {
                 let behind = [(ca[n - first] - low) / step, (high - cb[n - first]) / step];
                 self.between(behind, &mut z[..taps]);
@@ -176,7 +176,8 @@ impl PairForce {
         a.slopes(centres[0], &at_a, [from, to], &mut slopes_a);
         b.slopes(centres[1], &at_b, [from, to], &mut slopes_b);
         for n in from..to.min(CELL) {
-            let (va, vb) = (velocity(&ways.a, n as f64, ways.rate), velocity(&ways.b, n as f64, ways.rate));
+            let (va, vb) =
+                (velocity(&paths.a, n as f64, paths.rate), velocity(&paths.b, n as f64, paths.rate));
             let change = |g: &[Cell; 2], v: [f64; 2]| g[0][n] * v[0] as f32 + g[1][n] * v[1] as f32;
             out[n] = change(&slopes_a, va) + change(&slopes_b, vb);
         }
@@ -220,15 +221,15 @@ impl Line {
         let best = higher(higher(higher(a, e), higher(b, f)), higher(higher(c, g), higher(d, h)));
         let top = rest.iter().fold(best, |m, x| higher(m, *x));
         let has = |group: &[f32; 8]| group.iter().fold(false, |any, x| any | (*x >= top));
-        let past = 8 * groups.iter().position(has).unwrap_or(groups.len());
-        let j = past + z[past..].iter().position(|x| *x >= top).unwrap_or(0);
+        let skipped = 8 * groups.iter().position(has).unwrap_or(groups.len());
+        let j = skipped + z[skipped..].iter().position(|x| *x >= top).unwrap_or(0);
         let offset = self.offsets.get(j).copied().unwrap_or(0.0);
         let (Some(before), Some(after)) = (j.checked_sub(1).and_then(|j| z.get(j)), z.get(j + 1)) else {
             return offset;
         };
         let bend = 2.0 * top - before - after;
-        let way = if bend > 0.0 { (0.5 * (after - before) / bend).clamp(-0.5, 0.5) } else { 0.0 };
-        offset + f64::from(way) * self.step
+        let fraction = if bend > 0.0 { (0.5 * (after - before) / bend).clamp(-0.5, 0.5) } else { 0.0 };
+        offset + f64::from(fraction) * self.step
     }
 }
 

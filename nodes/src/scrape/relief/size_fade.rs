@@ -38,17 +38,17 @@ impl SizeFade {
     }
 
     /// How far it has gone from the first size to the second, and from there to the third, 0 to 1.
-    fn ways(&self, sample: i64) -> [f64; 2] {
-        let way = |start: i64| ((sample - start) as f64 / self.samples as f64).clamp(0.0, 1.0);
-        [way(self.start), if self.next.is_some() { way(self.start + self.samples) } else { 0.0 }]
+    fn progress(&self, sample: i64) -> [f64; 2] {
+        let fraction = |start: i64| ((sample - start) as f64 / self.samples as f64).clamp(0.0, 1.0);
+        [fraction(self.start), if self.next.is_some() { fraction(self.start + self.samples) } else { 0.0 }]
     }
 
     /// Adds what `draw` adds at the sizes that sound over a segment. `draw` takes the segment as it lies on the surface of size 1.
     pub fn add(&self, segment: &Segment, out: &mut [f32], mut draw: impl FnMut(&Segment, &mut [f32])) {
         let sizes = [Some(self.from), Some(self.to), self.next];
-        let ways = |n: usize| self.ways(segment.anchor + n as i64);
+        let progress = |n: usize| self.progress(segment.anchor + n as i64);
         let weights = |n: usize| {
-            let [one, two] = ways(n);
+            let [one, two] = progress(n);
             [1.0 - one, one * (1.0 - two), two]
         };
         let ends = [weights(segment.from), weights(segment.to.saturating_sub(1))];
@@ -81,13 +81,13 @@ mod tests {
     #[test]
     fn sizes_follow_each_other_and_the_newest_counts() {
         let mut size = SizeFade::new(1.0, 1000.0);
-        assert_eq!(size.ways(-5), [1.0, 0.0]);
+        assert_eq!(size.progress(-5), [1.0, 0.0]);
         size.ramp_to(2.0, 100);
-        assert_eq!([100, 110, 120].map(|n| size.ways(n)[0]), [0.0, 0.5, 1.0]);
+        assert_eq!([100, 110, 120].map(|n| size.progress(n)[0]), [0.0, 0.5, 1.0]);
         size.ramp_to(3.0, 104);
         size.ramp_to(4.0, 110);
         assert_eq!(
-            [110, 120, 130, 150].map(|n| size.ways(n)),
+            [110, 120, 130, 150].map(|n| size.progress(n)),
             [[0.5, 0.0], [1.0, 0.0], [1.0, 0.5], [1.0, 1.0]]
         );
         size.ramp_to(5.0, 130);

@@ -25,22 +25,22 @@ use crate::texture::Luma;
 use crate::{archive_state, params, ports};
 
 params! {
-    /// Turns the ways of contacts between two surfaces, both with a relief, into the force between them.
+    /// Excites an object with the force between two surfaces, both with a relief.
     ///
-    /// The surfaces touch along a short line in the direction of the way, and only what stands out most is felt:
-    /// `z = max over xi of hA(uA + xi t) + hB(uB - xi t) - xi^2/2R` is how far they hold each other apart, and the force is
-    /// `gain kappa (f/1 N)^a (dz/dt)/(1 m/s)`. Heights follow from luminance by the `depth` of each image. So teeth of both
-    /// catch in each other, which a sum of two forces cannot do.
+    /// The surfaces touch along a short line in the direction of motion, at its highest point only:
+    /// `z = max over xi of hA(uA + xi t) + hB(uB - xi t) - xi^2/2R` is their distance, and the force is
+    /// `gain kappa (f/1 N)^a (dz/dt)/(1 m/s)`. Heights follow from the luminance by the `depth` of each image. So the teeth of both
+    /// surfaces interlock, which a sum of two forces cannot express.
     ///
-    /// Without `b` the other surface is smooth: a ball of the radius, or a tip, that rolls or slides over `a`. It reaches the bottom of
-    /// no gap narrower than itself, and knocks at each. This is worked out before the sound starts and costs no more than
-    /// MapExcitation.
+    /// Without `b` the other surface is smooth: a ball or tip of the given radius that rolls or slides over `a`. It does not reach the
+    /// bottom of gaps narrower than itself, and hits the edges of each. This is computed before the sound starts; afterwards the cost is
+    /// that of MapExcitation.
     ///
-    /// Where ways do not tell of the other surface, the same position of it touches all the time. `gain`, `kappa`, `a_exponent` and `scale` can
-    /// be changed while it sounds: they are reached in 20 ms. A link to `kappa` takes the place of the number.
+    /// Where paths have no position on the other surface, that position is constant. `gain`, `kappa`, `a_exponent` and `scale` can change
+    /// while the node runs and ramp over 20 ms. A link to `kappa` replaces the number.
     ///
     /// # Source
-    /// Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section 6, leave two
+    /// Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section 6, leaves two
     /// textures to future work; the joint envelope is a choice.
     pub struct TwoTexturesParams {
         /// Common radius of curvature at the contact: 1/R = 1/R_A + 1/R_B.
@@ -53,11 +53,11 @@ params! {
         a_exponent: f64 = 1.0, unit "", range 0.0..=2.0;
         /// Factor of the force.
         gain: f64 = 1.0, unit "", range -1000.0..=1000.0;
-        /// Size of the surfaces: with 2 all that is on them is twice as large, their heights and `radius` too.
+        /// Size of the surfaces: 2 makes everything on them twice as large, their heights and `radius` too.
         scale: f64 = 1.0, unit "", range 0.001..=1000.0;
-        /// Number of the object whose contacts are taken; None takes all.
+        /// Number of the object whose contacts are read; None reads all.
         object: Option<u32> = None, unit "", range 0..=4_294_967_295_u32;
-        /// Contacts that can sound at once.
+        /// Maximum number of simultaneous contacts.
         contacts: u16 = 64, unit "contacts", range 1..=1024_u16;
         /// Samples per second.
         rate: Rate = Rate::hz(48_000);
@@ -66,13 +66,13 @@ params! {
 ports! {
     pub struct TwoTexturesPorts / TwoTexturesIo {
         in {
-            /// The ways of the contacts over both surfaces.
+            /// Paths of the contacts over both surfaces.
             paths: Events<PathPiece>,
-            /// The relief of the surface that is followed.
+            /// Relief of the first surface.
             a: Value<Luma>,
-            /// The relief of the other.
+            /// Relief of the second surface.
             b: Option<Value<Luma>>,
-            /// Strength in place of the number, as LevelMatcher finds it.
+            /// Strength that replaces the number, from LevelMatcher.
             kappa: Option<Value<Strength>>,
         }
         out {
@@ -82,9 +82,9 @@ ports! {
     }
 }
 
-/// How the force is found.
+/// Method by which the force is computed.
 #[derive(Debug)]
-enum Way {
+enum Method {
     Ball(Box<(SurfaceMap, MapForce)>),
     Pair(Box<([Relief; 2], PairForce, SizeFade)>),
 }
@@ -93,13 +93,13 @@ enum Way {
 #[derive(Debug)]
 pub struct TwoTextures {
     params: TwoTexturesParams,
-    /// Strength that is linked.
+    /// The linked strength.
     kappa: Option<Strength>,
-    way: Way,
+    method: Method,
     voices: Voices<(Heading, MapVoice)>,
 }
 
-/// The law of the parameters, with the strength that is linked in place of the number.
+/// The law of the parameters; a linked strength replaces the number.
 fn law(p: &TwoTexturesParams, kappa: Option<Strength>, ball: bool) -> [f64; 3] {
     // The map of a ball holds changes per metre, which its speed turns into changes in time.
     [kappa.map_or(p.kappa, |s| s.kappa) * p.gain, p.a_exponent, if ball { 1.0 } else { 0.0 }]
@@ -133,35 +133,35 @@ impl Node for TwoTextures {
         let rate = p.rate.as_f64();
         let kappa = linked(cx.optional_value(TwoTexturesPorts::kappa))?;
         let law = strength::law(law(p, kappa, b.is_none()), kappa, rate);
-        let way = if let Some(b) = b {
+        let method = if let Some(b) = b {
             check("b", &b)?;
             let reliefs = [&a, &b].map(|luma| Relief::new(&heights(luma), &luma.surface));
             let range = reliefs[0].range() + reliefs[1].range();
             // Of two surfaces no speed is known at which one of them alone is matched.
             let law = Law { curve: None, ..law };
             let force = PairForce::new(law, p.taps.into(), p.radius, range);
-            Way::Pair(Box::new((reliefs, force, SizeFade::new(p.scale, rate))))
+            Method::Pair(Box::new((reliefs, force, SizeFade::new(p.scale, rate))))
         } else {
             let map = ball_map(&heights(&a), &a.surface, p.radius);
-            Way::Ball(Box::new((map, MapForce::new(law, p.scale, Interp::Bspline3, rate))))
+            Method::Ball(Box::new((map, MapForce::new(law, p.scale, Interp::Bspline3, rate))))
         };
         let blank = (Heading::default(), MapVoice::default());
         let voices = Voices::new(p.contacts.into(), p.rate, blank);
-        Ok(Self { kappa, way, voices, params: p.clone() })
+        Ok(Self { kappa, method, voices, params: p.clone() })
     }
 
     fn run(&mut self, mut io: TwoTexturesIo<'_>) -> Result<(), Fault> {
         let (first, out) = (io.force.first(), io.force.items());
-        let (object, way) = (self.params.object, &mut self.way);
+        let (object, method) = (self.params.object, &mut self.method);
         self.voices.play(
             io.paths.events(),
             object,
             first,
             out,
             |_| Default::default(),
-            |(heading, voice), segment, out| match way {
-                Way::Ball(ball) => ball.1.add(&ball.0, voice, segment, out),
-                Way::Pair(pair) => {
+            |(heading, voice), segment, out| match method {
+                Method::Ball(ball) => ball.1.add(&ball.0, voice, segment, out),
+                Method::Pair(pair) => {
                     let ([a, b], force, size) = &mut **pair;
                     let before = *heading;
                     size.add(segment, out, |segment, out| {
@@ -184,12 +184,12 @@ impl Node for TwoTextures {
         if fixed(new) != fixed(&self.params) {
             return Retune::Rebuild;
         }
-        match &mut self.way {
-            Way::Ball(ball) => {
+        match &mut self.method {
+            Method::Ball(ball) => {
                 ball.1.law.ramp_to(law(new, self.kappa, true), self.voices.now());
                 ball.1.scale.ramp_to(new.scale, self.voices.now());
             }
-            Way::Pair(pair) => {
+            Method::Pair(pair) => {
                 pair.1.law.ramp_to(law(new, self.kappa, false), self.voices.now());
                 pair.2.ramp_to(new.scale, self.voices.now());
             }

@@ -18,7 +18,7 @@ use crate::texture::profile::{PROFILE, profile};
 use crate::texture::split::noise as noise_of;
 use crate::texture::{Drawing, Grid, Levels, LumaKind, Surface, Wrap, isophotes};
 
-/// How much of the way is gone on the second surface.
+/// Distance travelled on the second surface per distance on the first.
 const OTHER: f64 = 0.4;
 
 /// All that is made of one surface.
