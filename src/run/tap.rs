@@ -83,7 +83,7 @@ pub fn check_memory(graph: &Graph, name: &str, tap: &Arc<dyn MemoryTap>) -> Resu
     let kind = graph.nodes[node].ty.outputs[port].kind;
     if !kind.feeds(&tap.kind()) {
         let message = format!(
-            "`{name}` is {} of {}, not {} of {}",
+            "`{name}` is a {} of {}; this tap takes a {} of {}",
             kind.word(),
             kind.name(),
             tap.kind().word(),
