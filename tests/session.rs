@@ -62,8 +62,10 @@ Graph(nodes: {
     "bar": Metronome(interval: 0.25, duration: Some(1.0)),
 })"#;
     let mut session = Session::from_text(text, ".");
-    let (value, events) =
-        (Arc::new(ValueTap::<foley::nodes::dsp::Level>::new()), Arc::new(EventTap::<foley::nodes::dsp::Trigger>::new()));
+    let (value, events) = (
+        Arc::new(ValueTap::<foley::nodes::dsp::Level>::new()),
+        Arc::new(EventTap::<foley::nodes::dsp::Trigger>::new()),
+    );
     session.tap("loud", &value);
     session.tap("bar", &events);
     session.render_to_memory().unwrap();
@@ -76,7 +78,10 @@ Graph(nodes: {
     let errors = wrong.render_to_memory().unwrap_err();
     let codes: Vec<_> = errors.diagnostics.iter().map(|d| d.code).collect();
     assert_eq!(codes, ["F083", "F083"]);
-    assert!(errors.to_string().contains("`loud` is a fold of level; this tap takes a stream of audio"), "{errors}");
+    assert!(
+        errors.to_string().contains("`loud` is a fold of level; this tap takes a stream of audio"),
+        "{errors}"
+    );
 }
 
 #[test]

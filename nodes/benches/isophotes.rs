@@ -8,6 +8,7 @@ use foley_nodes::core::params::Params;
 use foley_nodes::core::random::Rng;
 use foley_nodes::core::standalone::Standalone;
 use foley_nodes::core::time::{Rate, ticks};
+use foley_nodes::scrape::ContactForceParams;
 use foley_nodes::scrape::isophote::isophote_excitation::{
     IsophoteExcitation, IsophoteExcitationParams, IsophoteExcitationPorts,
 };
@@ -144,11 +145,14 @@ fn force(all: &Isophotes) -> Result<(), Box<dyn Error>> {
             }
             let p = IsophoteExcitationParams::read(&|_| None).map_err(|e| format!("{e:?}"))?;
             let rate = Rate::hz(44_100);
-            let standalone =
-                Standalone::new::<IsophoteExcitation>(IsophoteExcitationParams { reading, rate, ..p })
-                    .events(IsophoteExcitationPorts::paths, pieces, ticks(SECONDS))
-                    .value(IsophoteExcitationPorts::isophotes, all.clone())
-                    .window(rate.span(1024));
+            let standalone = Standalone::new::<IsophoteExcitation>(IsophoteExcitationParams {
+                reading,
+                contact: ContactForceParams { rate, ..p.contact },
+                ..p
+            })
+            .events(IsophoteExcitationPorts::paths, pieces, ticks(SECONDS))
+            .value(IsophoteExcitationPorts::isophotes, all.clone())
+            .window(rate.span(1024));
             let time = (0..5).map(|_| {
                 let mut run = standalone.start()?;
                 let start = Instant::now();

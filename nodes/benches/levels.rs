@@ -7,6 +7,7 @@ use foley_nodes::core::params::Params;
 use foley_nodes::core::random::Random;
 use foley_nodes::core::standalone::{Feed, Standalone};
 use foley_nodes::modal::Modes;
+use foley_nodes::scrape::level::StrokeParams;
 use foley_nodes::scrape::level::level_matcher::{LevelMatcher, LevelMatcherParams, LevelMatcherPorts};
 use foley_nodes::scrape::level::pair_matcher::{PairMatcher, PairMatcherParams, PairMatcherPorts};
 use foley_nodes::texture::bilateral::{BilateralParams, bilateral};
@@ -75,7 +76,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let image = analyse(name, 512.0)?;
         for (what, by_speed) in [("17 speeds", true), ("one speed", false)] {
             let p = LevelMatcherParams::read(&|_| None).map_err(|e| format!("{e:?}"))?;
-            let p = LevelMatcherParams { speed: 1.2, force: 11.0, by_speed, ..p };
+            let p = LevelMatcherParams { speed: 1.2, stroke: StrokeParams { force: 11.0, by_speed }, ..p };
             type P = LevelMatcherPorts;
             let standalone = Standalone::func::<LevelMatcher>(p)
                 .feed(P::map.index(), Feed::value(AnyValue::new(image.map.clone())))
@@ -90,7 +91,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     let (a, b) = (analyse("sk_gravel", 2048.0)?, analyse("sk_brick", 4096.0)?);
     let p = PairMatcherParams::read(&|_| None).map_err(|e| format!("{e:?}"))?;
-    let p = PairMatcherParams { speed: 0.6, other: 0.4, force: 3.0, ..p };
+    let p =
+        PairMatcherParams { speed: 0.6, other: 0.4, stroke: StrokeParams { force: 3.0, ..p.stroke }, ..p };
     type P = PairMatcherPorts;
     let standalone = Standalone::func::<PairMatcher>(p)
         .feed(P::a.index(), Feed::value(AnyValue::new(a.luma)))

@@ -18,8 +18,8 @@ mod testing;
 
 pub use crossing::{CrossingForce, CrossingVoice};
 pub use force::{
-    AT_REST, CELL, Cell, FADE, Heading, Law, Motion, PULSE, Pulses, RAMP_TIME, Ramp, Segment, SpeedCurve,
-    Strength, Voices,
+    AT_REST, CELL, Cell, ContactForceParams, FADE, ForceLawParams, Heading, Law, Motion, PULSE, Pulses,
+    RAMP_TIME, Ramp, Segment, SpeedCurve, Strength, Voices,
 };
 pub use isophote::{CurvePiece, IsophoteForce, IsophoteIndex, IsophoteVoice, Reading, Strip, Tile};
 pub use level::{LodRules, LodSelector, StandardStroke};

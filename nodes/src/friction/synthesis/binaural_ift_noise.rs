@@ -1,11 +1,10 @@
 //! Friction noise at two ears, as a node.
 
 use super::clip_stream::ClipStream;
-use super::clip_timing::{MotionAt, hop};
+use super::clip_timing::hop;
 use super::noise::{ClipInput, IftNoise};
-use super::noise_params::{AreaWeight, EmitterKind, Emitters, IftNoiseParams, Magnitude};
+use super::noise_params::{ClipParams, EmitterKind, Emitters, IftNoiseParams, VertexLevelParams};
 use super::speed_coverage::coverage_summary;
-use super::window::Window;
 use crate::contact::Speeds;
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
@@ -17,7 +16,7 @@ use crate::core::random::Rng;
 use crate::core::shape::{Build, Ends, Shape};
 use crate::core::time::{Rate, Tick};
 use crate::dsp;
-use crate::friction::model::{FrictionModel, Gain};
+use crate::friction::model::FrictionModel;
 use crate::mesh::Mesh;
 use crate::spatial::Pinna;
 use crate::spatial::motion::interpolation::{frames_per_item, items_on_frames, listener_pose, pose_at};
@@ -55,24 +54,14 @@ params! {
         reference: Option<f64> = Some(1.0), unit "m", range 0.001..=10_000.0;
         /// Distance below which the level is constant.
         nearest: f64 = 0.1, unit "m", range 0.001..=10_000.0;
-        /// Crossfade between clips.
-        window: Window = Window::SqrtTriangle;
-        /// Magnitude of a bin around its expected value.
-        magnitude: Magnitude = Magnitude::Fixed;
-        /// Grouping of vertices into sound sources.
-        emitters: EmitterKind = EmitterKind::Clustered;
+        /// Clips.
+        [group] clips: ClipParams;
         /// Maximum number of clusters of `Clustered`; the weakest others join the nearest of them.
         clusters: usize = 64, unit "clusters", range 1..=4096;
         /// Edge length of the cell of a cluster.
         cell: f32 = 0.1, unit "m", range 0.001..=1000.0;
-        /// Time within a clip at which speeds, positions and the listener are sampled.
-        motion_at: MotionAt = MotionAt::Centre;
-        /// Level of a vertex as a function of its area.
-        area_weight: AreaWeight = AreaWeight::Sqrt;
-        /// Level of spectra between measured speeds.
-        gain: Gain = Gain::Rms;
-        /// Factor on the output. Changes while the graph runs are linear ramps of 10 ms.
-        level: f32 = 1.0, unit "", range 0.0..=1000.0;
+        /// Level.
+        [group] vertices: VertexLevelParams;
     }
 }
 
@@ -143,7 +132,7 @@ impl Node for BinauralIftNoise {
                 Reject::new("F067", message).at("mesh").help("link the mesh whose contacts give the speeds"),
             );
         }
-        let [behind, ahead] = p.motion_at.lookaround();
+        let [behind, ahead] = p.vertices.motion_at.lookaround();
         s.lookaround(Port::speeds, behind, ahead);
         s.when_ended(Port::speeds, Ends::Stop);
         let frames = frames_per_item(speeds.rate, mesh.rate);
@@ -168,14 +157,14 @@ impl Node for BinauralIftNoise {
         let (len, fs) = (2 * hop(p.rate, speeds.rate)?, p.rate.as_f64());
         let params = IftNoiseParams {
             clip: len as f64 / fs,
-            window: p.window,
-            magnitude: p.magnitude,
-            emitters: match p.emitters {
+            window: p.clips.window,
+            magnitude: p.clips.magnitude,
+            emitters: match p.clips.emitters {
                 EmitterKind::Clustered => Emitters::Clustered { max: p.clusters, cell: p.cell },
                 EmitterKind::PerVertex => Emitters::PerVertex,
             },
-            area_weight: p.area_weight,
-            gain: p.gain,
+            area_weight: p.vertices.area_weight,
+            gain: p.vertices.gain,
         };
         let head = Head { radius: p.radius, pinna: p.pinna.set(), ..Head::default() };
         let distance = p.reference.map(|reference| Distance { reference, nearest: p.nearest });
@@ -184,7 +173,7 @@ impl Node for BinauralIftNoise {
         let noise = noise.map_err(|e| Fault::new("F076", e.to_string()).at("model"))?;
         Ok(Self {
             clips: ClipStream::new(noise),
-            level: dsp::Gain::new(f64::from(p.level), (0.010 * fs).round() as u64, 2),
+            level: dsp::Gain::new(f64::from(p.vertices.level), (0.010 * fs).round() as u64, 2),
             peak: 0.0,
             positions: vec![[0.0; 3]; speeds.format.len()],
             planar: vec![0.0; len],
@@ -207,7 +196,7 @@ impl Node for BinauralIftNoise {
                 if self.clips.is_prepared(clip) {
                     continue;
                 }
-                let item = self.params.motion_at.item(clip);
+                let item = self.params.vertices.motion_at.item(clip);
                 let tick = rate.tick(item);
                 positions_at(&io.mesh, tick, &mut self.positions);
                 let head = io.listener.as_ref().map_or(self.listener, |poses| pose_at(poses, tick));
@@ -235,8 +224,16 @@ impl Node for BinauralIftNoise {
     }
 
     fn retune(&mut self, new: &BinauralIftNoiseParams) -> Retune {
-        let BinauralIftNoiseParams { level, listener, look, up, .. } = *new;
-        if (BinauralIftNoiseParams { level, listener, look, up, ..self.params.clone() }) != *new {
+        let BinauralIftNoiseParams { listener, look, up, vertices: VertexLevelParams { level, .. }, .. } =
+            *new;
+        if (BinauralIftNoiseParams {
+            listener,
+            look,
+            up,
+            vertices: VertexLevelParams { level, ..self.params.vertices },
+            ..self.params.clone()
+        }) != *new
+        {
             return Retune::Rebuild;
         }
         self.level.set_target(f64::from(level));

@@ -1,11 +1,10 @@
 //! Friction noise in one channel, as a node.
 
 use super::clip_stream::ClipStream;
-use super::clip_timing::{MotionAt, hop};
+use super::clip_timing::hop;
 use super::noise::{ClipInput, IftNoise};
-use super::noise_params::{AreaWeight, EmitterKind, Emitters, IftNoiseParams, Magnitude};
+use super::noise_params::{ClipParams, EmitterKind, Emitters, IftNoiseParams, VertexLevelParams};
 use super::speed_coverage::coverage_summary;
-use super::window::Window;
 use crate::contact::Speeds;
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
@@ -17,7 +16,7 @@ use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
 use crate::dsp;
-use crate::friction::model::{FrictionModel, Gain};
+use crate::friction::model::FrictionModel;
 use crate::{archive_state, params, ports};
 
 params! {
@@ -42,20 +41,10 @@ params! {
     pub struct IftNoiseNodeParams {
         /// Sample rate of the audio.
         rate: Rate = Rate::hz(48_000);
-        /// Crossfade between clips.
-        window: Window = Window::SqrtTriangle;
-        /// Magnitude of a bin around its expected value.
-        magnitude: Magnitude = Magnitude::Fixed;
-        /// Grouping of vertices into sound sources.
-        emitters: EmitterKind = EmitterKind::Clustered;
-        /// Time within a clip at which speeds are sampled.
-        motion_at: MotionAt = MotionAt::Centre;
-        /// Level of a vertex as a function of its area.
-        area_weight: AreaWeight = AreaWeight::Sqrt;
-        /// Level of spectra between measured speeds.
-        gain: Gain = Gain::Rms;
-        /// Factor on the output. Changes while the graph runs are linear ramps of 10 ms.
-        level: f32 = 1.0, unit "", range 0.0..=1000.0;
+        /// Clips.
+        [group] clips: ClipParams;
+        /// Level.
+        [group] vertices: VertexLevelParams;
     }
 }
 
@@ -96,7 +85,7 @@ impl Node for IftNoiseNode {
         if let Some(model) = s.value(IftNoisePorts::model) {
             s.check(model.validate().map_err(|e| Reject::new("F076", e.to_string()).at("model")));
         }
-        let [behind, ahead] = p.motion_at.lookaround();
+        let [behind, ahead] = p.vertices.motion_at.lookaround();
         s.lookaround(IftNoisePorts::speeds, behind, ahead);
         s.output(IftNoisePorts::audio, p.rate, Channels(1));
         Ok(())
@@ -109,19 +98,19 @@ impl Node for IftNoiseNode {
         let fs = p.rate.as_f64();
         let params = IftNoiseParams {
             clip: clip as f64 / fs,
-            window: p.window,
-            magnitude: p.magnitude,
-            emitters: match p.emitters {
+            window: p.clips.window,
+            magnitude: p.clips.magnitude,
+            emitters: match p.clips.emitters {
                 EmitterKind::Clustered => Emitters::default(),
                 EmitterKind::PerVertex => Emitters::PerVertex,
             },
-            area_weight: p.area_weight,
-            gain: p.gain,
+            area_weight: p.vertices.area_weight,
+            gain: p.vertices.gain,
         };
         let noise = IftNoise::new(&model, fs, params, &speeds.format, cx.random);
         let noise = noise.map_err(|e| Fault::new("F076", e.to_string()).at("model"))?;
         let ramp = (0.010 * fs).round() as u64;
-        let level = dsp::Gain::new(f64::from(p.level), ramp, 1);
+        let level = dsp::Gain::new(f64::from(p.vertices.level), ramp, 1);
         Ok(Self { clips: ClipStream::new(noise), level, peak: 0.0, params: p.clone() })
     }
 
@@ -129,7 +118,7 @@ impl Node for IftNoiseNode {
         let (speeds, first) = (&io.speeds, io.speeds.first());
         let from = io.audio.first().max(0) as u64;
         let out = io.audio.items();
-        let motion_at = self.params.motion_at;
+        let motion_at = self.params.vertices.motion_at;
         let clip = |clip: u64| ClipInput {
             speeds: speeds.item((motion_at.item(clip) - first) as isize),
             positions: None,
@@ -141,10 +130,14 @@ impl Node for IftNoiseNode {
     }
 
     fn retune(&mut self, new: &IftNoiseNodeParams) -> Retune {
-        if (IftNoiseNodeParams { level: new.level, ..self.params.clone() }) != *new {
+        if (IftNoiseNodeParams {
+            vertices: VertexLevelParams { level: new.vertices.level, ..self.params.vertices },
+            ..self.params.clone()
+        }) != *new
+        {
             return Retune::Rebuild;
         }
-        self.level.set_target(f64::from(new.level));
+        self.level.set_target(f64::from(new.vertices.level));
         self.params = new.clone();
         Retune::Done
     }

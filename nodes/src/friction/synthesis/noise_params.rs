@@ -2,9 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::clip_timing::MotionAt;
 use super::window::Window;
-use crate::choices;
 use crate::friction::model::Gain;
+use crate::{choices, params};
 
 /// Magnitude of a bin around its expected value.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -98,5 +99,31 @@ impl Default for IftNoiseParams {
             area_weight: AreaWeight::default(),
             gain: Gain::default(),
         }
+    }
+}
+
+params! {
+    /// Clips of the noise.
+    pub struct ClipParams {
+        /// Crossfade between clips.
+        window: Window = Window::SqrtTriangle;
+        /// Magnitude of a bin around its expected value.
+        magnitude: Magnitude = Magnitude::Fixed;
+        /// Grouping of vertices into sound sources.
+        emitters: EmitterKind = EmitterKind::Clustered;
+    }
+}
+
+params! {
+    /// Level of the noise of each vertex.
+    pub struct VertexLevelParams {
+        /// Time within a clip at which all inputs are sampled.
+        motion_at: MotionAt = MotionAt::Centre;
+        /// Level of a vertex as a function of its area.
+        area_weight: AreaWeight = AreaWeight::Sqrt;
+        /// Level of spectra between measured speeds.
+        gain: Gain = Gain::Rms;
+        /// Factor on the output. Changes while the graph runs are linear ramps of 10 ms.
+        level: f32 = 1.0, unit "", range 0.0..=1000.0;
     }
 }

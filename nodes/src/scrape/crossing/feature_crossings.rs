@@ -9,7 +9,8 @@ use crate::core::params::Params;
 use crate::core::ports::{Events, Stream, Value};
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
-use crate::core::time::{Rate, ticks};
+use crate::core::time::ticks;
+use crate::scrape::force::contact_force_params::{ContactForceParams, ForceLawParams};
 use crate::scrape::force::pulses::LONGEST;
 use crate::scrape::force::ramp::Ramp;
 use crate::scrape::force::strength::{self, Strength, linked, silent};
@@ -41,22 +42,10 @@ params! {
         reach: f64 = 0.002, unit "m", range 0.00001..=0.1;
         /// Distance over which a pulse extends, in pixels of the first surface.
         width: f64 = 1.0, unit "px", range 0.01..=100.0;
-        /// Force in N that slopes of 1 give at 1 N and 1 m/s.
-        kappa: f64 = 1.0, unit "N", range -1_000_000.0..=1_000_000.0;
-        /// Exponent of the normal force.
-        a: f64 = 1.0, unit "", range 0.0..=2.0;
-        /// Exponent of the speed.
-        b: f64 = 0.0, unit "", range 0.0..=2.0;
-        /// Factor of the force.
-        gain: f64 = 1.0, unit "", range -1000.0..=1000.0;
-        /// Size of the surfaces: 2 makes everything on them twice as large, and `reach` too.
-        scale: f64 = 1.0, unit "", range 0.001..=1000.0;
-        /// Number of the object whose contacts are read; None reads all.
-        object: Option<u32> = None, unit "", range 0..=4_294_967_295_u32;
-        /// Maximum number of simultaneous contacts.
-        contacts: u16 = 64, unit "contacts", range 1..=1024_u16;
-        /// Samples per second.
-        rate: Rate = Rate::hz(48_000);
+        /// Force per value.
+        [group] law: ForceLawParams;
+        /// Force and contacts.
+        [group] contact: ContactForceParams;
     }
 }
 ports! {
@@ -90,7 +79,7 @@ pub struct FeatureCrossings {
 
 /// The law of the parameters; a linked strength replaces the number.
 fn law(p: &FeatureCrossingsParams, kappa: Option<Strength>) -> [f64; 3] {
-    [kappa.map_or(p.kappa, |s| s.kappa) * p.gain, p.a, p.b]
+    [kappa.map_or(p.law.kappa, |s| s.kappa) * p.contact.gain, p.law.a, p.law.b]
 }
 
 impl Node for FeatureCrossings {
@@ -102,8 +91,8 @@ impl Node for FeatureCrossings {
     const COST: f64 = 15.0;
 
     fn shape(p: &FeatureCrossingsParams, s: &mut Shape<'_, '_, FeatureCrossingsPorts>) -> Result<(), Reject> {
-        s.tail(ticks(LONGEST) + p.rate.span(3));
-        s.output(FeatureCrossingsPorts::force, p.rate, Channels(1));
+        s.tail(ticks(LONGEST) + p.contact.rate.span(3));
+        s.output(FeatureCrossingsPorts::force, p.contact.rate, Channels(1));
         Ok(())
     }
 
@@ -111,12 +100,12 @@ impl Node for FeatureCrossings {
         let (a, b) = (cx.value(FeatureCrossingsPorts::first), cx.value(FeatureCrossingsPorts::second));
         check("first", &a)?;
         check("second", &b)?;
-        let rate = p.rate.as_f64();
+        let rate = p.contact.rate.as_f64();
         let kappa = linked(cx.optional_value(FeatureCrossingsPorts::kappa))?;
         let law = strength::law(law(p, kappa), kappa, rate);
-        let mut force = CrossingForce::new([&a, &b], law, rate, p.contacts.into());
-        (force.reach, force.width, force.scale) = (p.reach, p.width, Ramp::new(p.scale, rate));
-        let voices = Voices::new(p.contacts.into(), p.rate, CrossingVoice::default());
+        let mut force = CrossingForce::new([&a, &b], law, rate, p.contact.contacts.into());
+        (force.reach, force.width, force.scale) = (p.reach, p.width, Ramp::new(p.contact.scale, rate));
+        let voices = Voices::new(p.contact.contacts.into(), p.contact.rate, CrossingVoice::default());
         Ok(Self { params: p.clone(), kappa, force, voices })
     }
 
@@ -125,7 +114,7 @@ impl Node for FeatureCrossings {
         if silent(self.kappa, out) {
             return Ok(());
         }
-        let object = self.params.object;
+        let object = self.params.contact.object;
         let Self { force, voices, .. } = self;
         let fresh = |_: &PathPiece| CrossingVoice::default();
         voices.play_cells(
@@ -152,12 +141,12 @@ impl Node for FeatureCrossings {
     }
 
     fn retune(&mut self, new: &FeatureCrossingsParams) -> Retune {
-        let fixed = |p: &FeatureCrossingsParams| (p.object, p.contacts, p.rate);
+        let fixed = |p: &FeatureCrossingsParams| (p.contact.object, p.contact.contacts, p.contact.rate);
         if fixed(new) != fixed(&self.params) {
             return Retune::Rebuild;
         }
         self.force.law.ramp_to(law(new, self.kappa), self.voices.now());
-        self.force.scale.ramp_to(new.scale, self.voices.now());
+        self.force.scale.ramp_to(new.contact.scale, self.voices.now());
         (self.force.reach, self.force.width) = (new.reach, new.width);
         self.params = new.clone();
         Retune::Done
@@ -172,11 +161,19 @@ impl Node for FeatureCrossings {
 
     fn trial(rng: &mut Rng) -> (FeatureCrossingsParams, MemoryFiles) {
         let params = FeatureCrossingsParams::trial(rng);
-        let object = params.object.map(|_| rng.below(2) as u32);
+        let object = params.contact.object.map(|_| rng.below(2) as u32);
         let contacts = 1 + rng.below(5) as u16;
         let (width, scale) = (rng.between(0.1, 5.0), rng.between(0.2, 5.0));
         let reach = rng.between(0.0001, 0.01);
-        (FeatureCrossingsParams { object, contacts, width, scale, reach, ..params }, MemoryFiles::default())
+        (
+            FeatureCrossingsParams {
+                width,
+                reach,
+                contact: ContactForceParams { object, contacts, scale, ..params.contact },
+                ..params
+            },
+            MemoryFiles::default(),
+        )
     }
 }
 

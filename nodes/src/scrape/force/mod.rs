@@ -2,6 +2,7 @@
 //! change smoothly, and pulses of force.
 
 pub(super) mod approximation;
+pub(super) mod contact_force_params;
 pub(super) mod law;
 pub(super) mod motion;
 pub(super) mod pulses;
@@ -10,6 +11,7 @@ pub(super) mod speed_curve;
 pub(super) mod strength;
 pub(super) mod voices;
 
+pub use contact_force_params::{ContactForceParams, ForceLawParams};
 pub use law::Law;
 pub use motion::{AT_REST, FADE, Heading, Motion};
 pub use pulses::{PULSE, Pulses};

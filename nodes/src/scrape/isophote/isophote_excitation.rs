@@ -9,7 +9,8 @@ use crate::core::params::Params;
 use crate::core::ports::{Events, Stream, Value};
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
-use crate::core::time::{Rate, ticks};
+use crate::core::time::ticks;
+use crate::scrape::force::contact_force_params::{ContactForceParams, ForceLawParams};
 use crate::scrape::force::pulses::LONGEST;
 use crate::scrape::force::strength::{self, Strength, linked, silent};
 use crate::scrape::force::voices::Voices;
@@ -50,22 +51,10 @@ params! {
         width: f64 = 1.0, unit "px", range 0.01..=100.0;
         /// Distance up to which a curve acts, with `Proximity`.
         radius: f64 = 2.0, unit "px", range 0.1..=8.0;
-        /// Force in N that a change of slope of 1 gives at 1 N and 1 m/s.
-        kappa: f64 = 1.0, unit "N", range -1_000_000.0..=1_000_000.0;
-        /// Exponent of the normal force.
-        a: f64 = 1.0, unit "", range 0.0..=2.0;
-        /// Exponent of the speed.
-        b: f64 = 0.0, unit "", range 0.0..=2.0;
-        /// Factor of the force.
-        gain: f64 = 1.0, unit "", range -1000.0..=1000.0;
-        /// Size of the surface: 2 makes everything on it twice as large.
-        scale: f64 = 1.0, unit "", range 0.001..=1000.0;
-        /// Number of the object whose contacts are read; None reads all.
-        object: Option<u32> = None, unit "", range 0..=4_294_967_295_u32;
-        /// Maximum number of simultaneous contacts.
-        contacts: u16 = 64, unit "contacts", range 1..=1024_u16;
-        /// Samples per second.
-        rate: Rate = Rate::hz(48_000);
+        /// Force per value.
+        [group] law: ForceLawParams;
+        /// Force and contacts.
+        [group] contact: ContactForceParams;
     }
 }
 ports! {
@@ -97,7 +86,7 @@ pub struct IsophoteExcitation {
 
 /// The law of the parameters; a linked strength replaces the number.
 fn law(p: &IsophoteExcitationParams, kappa: Option<Strength>) -> [f64; 3] {
-    [kappa.map_or(p.kappa, |s| s.kappa) * p.gain, p.a, p.b]
+    [kappa.map_or(p.law.kappa, |s| s.kappa) * p.contact.gain, p.law.a, p.law.b]
 }
 
 /// Checks that isophotes can be read.
@@ -128,8 +117,8 @@ impl Node for IsophoteExcitation {
         if let Some(all) = s.value(IsophoteExcitationPorts::isophotes) {
             check("isophotes", &all)?;
         }
-        s.tail(ticks(LONGEST) + p.rate.span(3));
-        s.output(IsophoteExcitationPorts::force, p.rate, Channels(1));
+        s.tail(ticks(LONGEST) + p.contact.rate.span(3));
+        s.output(IsophoteExcitationPorts::force, p.contact.rate, Channels(1));
         Ok(())
     }
 
@@ -137,16 +126,16 @@ impl Node for IsophoteExcitation {
         let all = cx.value(IsophoteExcitationPorts::isophotes);
         check("isophotes", &all)?;
         let kappa = linked(cx.optional_value(IsophoteExcitationPorts::kappa))?;
-        let rate = p.rate.as_f64();
+        let rate = p.contact.rate.as_f64();
         let mut force = IsophoteForce::new(
             &all,
             p.reading,
             strength::law(law(p, kappa), kappa, rate),
             rate,
-            p.contacts.into(),
+            p.contact.contacts.into(),
         );
-        force.set(p.width, p.radius, p.scale);
-        let voices = Voices::new(p.contacts.into(), p.rate, IsophoteVoice::default());
+        force.set(p.width, p.radius, p.contact.scale);
+        let voices = Voices::new(p.contact.contacts.into(), p.contact.rate, IsophoteVoice::default());
         Ok(Self { params: p.clone(), kappa, force, voices })
     }
 
@@ -157,7 +146,7 @@ impl Node for IsophoteExcitation {
         }
         self.voices.play_cells(
             events,
-            self.params.object,
+            self.params.contact.object,
             first,
             out,
             &mut self.force,
@@ -181,12 +170,13 @@ impl Node for IsophoteExcitation {
     }
 
     fn retune(&mut self, new: &IsophoteExcitationParams) -> Retune {
-        let fixed = |p: &IsophoteExcitationParams| (p.reading, p.object, p.contacts, p.rate);
+        let fixed =
+            |p: &IsophoteExcitationParams| (p.reading, p.contact.object, p.contact.contacts, p.contact.rate);
         if fixed(new) != fixed(&self.params) {
             return Retune::Rebuild;
         }
         self.force.law.ramp_to(law(new, self.kappa), self.voices.now());
-        self.force.scale.ramp_to(new.scale, self.voices.now());
+        self.force.scale.ramp_to(new.contact.scale, self.voices.now());
         self.force.radius.ramp_to(new.radius, self.voices.now());
         self.force.width = new.width;
         self.params = new.clone();
@@ -202,10 +192,17 @@ impl Node for IsophoteExcitation {
 
     fn trial(rng: &mut Rng) -> (IsophoteExcitationParams, MemoryFiles) {
         let params = IsophoteExcitationParams::trial(rng);
-        let object = params.object.map(|_| rng.below(2) as u32);
+        let object = params.contact.object.map(|_| rng.below(2) as u32);
         let contacts = 1 + rng.below(5) as u16;
         let (width, scale) = (rng.between(0.1, 5.0), rng.between(0.2, 5.0));
-        (IsophoteExcitationParams { object, contacts, width, scale, ..params }, MemoryFiles::default())
+        (
+            IsophoteExcitationParams {
+                width,
+                contact: ContactForceParams { object, contacts, scale, ..params.contact },
+                ..params
+            },
+            MemoryFiles::default(),
+        )
     }
 }
 

@@ -1,6 +1,6 @@
 //! The node `LevelMatcher`.
 
-use super::matching::{by_speed, factor, fastest, heard, parts, rms, share, sum};
+use super::matching::{StrokeParams, TuningParams, by_speed, factor, fastest, heard, parts, rms, share, sum};
 use super::standard_stroke::{RATE, StandardStroke, exponents};
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
@@ -60,10 +60,8 @@ params! {
         kappa: f64 = 1.0, unit "N", range 0.0..=1_000_000.0;
         /// Speed of the stroke.
         speed: f64 = 1.0, unit "m/s", range 0.001..=100.0;
-        /// Strengths depend on the speed of the contact.
-        by_speed: bool = true;
-        /// Normal force of the stroke.
-        force: f64 = 1.0, unit "N", range 0.001..=100_000.0;
+        /// Comparison by strokes.
+        [group] stroke: StrokeParams;
         /// Exponents of force and speed of maps, features and isophotes.
         map_law: [f64; 2] = [1.0, 0.0], unit "", range 0.0..=2.0;
         /// Exponents of force and speed of noise.
@@ -76,10 +74,8 @@ params! {
         width: f64 = 1.0, unit "px", range 0.01..=100.0;
         /// Distance up to which an isophote acts, with `Proximity`.
         radius: f64 = 2.0, unit "px", range 0.1..=8.0;
-        /// Factor of the frequencies of `modes`.
-        pitch: f64 = 1.0, unit "", range 0.01..=100.0;
-        /// Factor of the dampings of `modes`.
-        damping: f64 = 1.0, unit "", range 0.001..=1000.0;
+        /// Tuning of `modes`.
+        [group] tuning: TuningParams;
     }
 }
 ports! {
@@ -164,7 +160,7 @@ impl<'a> Surfaces<'a> {
             force.set(p.width, p.radius, 1.0);
             Ok::<_, Reject>(force)
         };
-        let bands = |profile| bands(profile, fastest(p.speed, p.by_speed));
+        let bands = |profile| bands(profile, fastest(p.speed, p.stroke.by_speed));
         Ok(Self {
             p: p.clone(),
             modes: io.modes,
@@ -180,7 +176,7 @@ impl<'a> Surfaces<'a> {
     }
 
     fn heard(&self, force: Vec<f32>) -> Result<Vec<f32>, Fault> {
-        heard(force, self.modes, [self.p.damping, self.p.pitch])
+        heard(force, self.modes, [self.p.tuning.damping, self.p.tuning.pitch])
             .map_err(|e| Reject::new("F078", e.to_string()).at("modes").into())
     }
 
@@ -209,7 +205,7 @@ impl<'a> Surfaces<'a> {
 
     /// How strong each excitation has to be at a speed, m/s.
     fn at(&self, speed: f64) -> Result<Found, Fault> {
-        let stroke = StandardStroke::new(&self.position, self.size, speed, self.p.force);
+        let stroke = StandardStroke::new(&self.position, self.size, speed, self.p.stroke.force);
         let of_map = |map: &Option<SurfaceMap>| map.as_ref().map(|map| self.map(&stroke, map)).transpose();
         let of_noise =
             |noise: &Option<NoiseBands>| noise.as_ref().map(|n| self.noise(&stroke, n)).transpose();
@@ -280,7 +276,7 @@ impl Func for LevelMatcher {
 
     fn eval(p: &LevelMatcherParams, _: &Build<'_>, mut io: LevelMatcherIo<'_>) -> Result<Summary, Fault> {
         let surfaces = Surfaces::new(p, &io)?;
-        let all = if p.by_speed { surfaces.at_all()? } else { vec![surfaces.at(p.speed)?] };
+        let all = if p.stroke.by_speed { surfaces.at_all()? } else { vec![surfaces.at(p.speed)?] };
         let Some(Found { wanted, split, .. }) = all.get(all.len() / 2) else { return Ok(Vec::new()) };
         let mut summary: Summary =
             vec![("rms", (*wanted).into()), ("split_rms", split[0].into()), ("noise_share", split[1].into())];
@@ -309,7 +305,8 @@ impl Func for LevelMatcher {
     fn trial(rng: &mut Rng) -> (LevelMatcherParams, MemoryFiles) {
         // Fast strokes, which are short, and mostly one.
         let (speed, by_speed) = (rng.between(50.0, 100.0), rng.below(32) == 0);
-        let p = LevelMatcherParams { speed, by_speed, ..LevelMatcherParams::trial(rng) };
+        let mut p = LevelMatcherParams::trial(rng);
+        (p.speed, p.stroke.by_speed) = (speed, by_speed);
         (p, MemoryFiles::default())
     }
 }

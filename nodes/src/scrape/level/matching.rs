@@ -3,8 +3,29 @@
 use super::standard_stroke::RATE;
 use crate::dsp::LevelMeter;
 use crate::modal::{Bank, Modes, ModesError};
+use crate::params;
 use crate::scrape::force::speed_curve::{POINTS, SpeedCurve};
 use crate::texture::Grid;
+
+params! {
+    /// Force of the strokes that are compared.
+    pub struct StrokeParams {
+        /// Strengths depend on the speed of the contact.
+        by_speed: bool = true;
+        /// Normal force of the stroke.
+        force: f64 = 1.0, unit "N", range 0.001..=100_000.0;
+    }
+}
+
+params! {
+    /// Tuning of the modes with which excitations are compared.
+    pub struct TuningParams {
+        /// Factor of the frequencies of `modes`.
+        pitch: f64 = 1.0, unit "", range 0.01..=100.0;
+        /// Factor of the dampings of `modes`.
+        damping: f64 = 1.0, unit "", range 0.001..=1000.0;
+    }
+}
 
 /// Greatest factor between two excitations.
 pub const MOST: f64 = 1e6;

@@ -8,4 +8,5 @@ pub mod pair_matcher;
 mod standard_stroke;
 
 pub use lod_selector::{LodRules, LodSelector};
+pub use matching::{StrokeParams, TuningParams};
 pub use standard_stroke::StandardStroke;

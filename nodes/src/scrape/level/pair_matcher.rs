@@ -1,7 +1,7 @@
 //! The node `PairMatcher`.
 
 use super::level_matcher::bands;
-use super::matching::{by_speed, factor, fastest, heard, parts, rms, share, sum};
+use super::matching::{StrokeParams, TuningParams, by_speed, factor, fastest, heard, parts, rms, share, sum};
 use super::standard_stroke::{RATE, StandardStroke, exponents};
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
@@ -60,10 +60,8 @@ params! {
         speed: f64 = 1.0, unit "m/s", range 0.001..=100.0;
         /// Distance travelled on the second surface per distance on the first.
         other: f64 = 1.0, unit "", range -100.0..=100.0;
-        /// Strengths depend on the speed of the contact.
-        by_speed: bool = true;
-        /// Normal force of the stroke.
-        force: f64 = 1.0, unit "N", range 0.001..=100_000.0;
+        /// Comparison by strokes.
+        [group] stroke: StrokeParams;
         /// Common radius of curvature at the contact.
         radius: f64 = 0.02, unit "m", range 0.0001..=10.0;
         /// Points of the line of contact; an odd number.
@@ -78,10 +76,8 @@ params! {
         crossing_law: [f64; 2] = [1.0, 0.0], unit "", range 0.0..=2.0;
         /// Exponents of force and speed of noise.
         noise_law: [f64; 2] = [0.5, 0.5], unit "", range 0.0..=2.0;
-        /// Factor of the frequencies of `modes`.
-        pitch: f64 = 1.0, unit "", range 0.01..=100.0;
-        /// Factor of the dampings of `modes`.
-        damping: f64 = 1.0, unit "", range 0.001..=1000.0;
+        /// Tuning of `modes`.
+        [group] tuning: TuningParams;
     }
 }
 ports! {
@@ -183,7 +179,7 @@ impl<'a> Pair<'a> {
         // What passes faster changes faster.
         let second = second * p.other.powi(2);
         let noise = [first * own_first, second * own_second];
-        let fastest = fastest(p.speed, p.by_speed);
+        let fastest = fastest(p.speed, p.stroke.by_speed);
         let first_bands = |profile| bands(profile, fastest);
         let second_bands = |profile| bands(profile, fastest * p.other.abs());
         let part = |x: f64, of: f64| if of > 0.0 { x / of } else { HALF };
@@ -203,7 +199,7 @@ impl<'a> Pair<'a> {
     }
 
     fn heard(&self, force: Vec<f32>) -> Result<Vec<f32>, Fault> {
-        heard(force, self.modes, [self.p.damping, self.p.pitch])
+        heard(force, self.modes, [self.p.tuning.damping, self.p.tuning.pitch])
             .map_err(|e| Reject::new("F078", e.to_string()).at("modes").into())
     }
 
@@ -248,7 +244,7 @@ impl<'a> Pair<'a> {
     /// How strong each excitation has to be at a speed over the first surface, m/s.
     fn at(&self, speed: f64) -> Result<Found, Fault> {
         let size = [self.a.grid.width, self.a.grid.height];
-        let stroke = StandardStroke::new(&self.a.surface, size, speed, self.p.force);
+        let stroke = StandardStroke::new(&self.a.surface, size, speed, self.p.stroke.force);
         let stroke = stroke.over_both(self.p.other);
         let strokes = [&stroke, &stroke.on_other()];
         let wanted = self.p.kappa * rms(&self.reliefs(&stroke)?);
@@ -277,7 +273,7 @@ impl Func for PairMatcher {
 
     fn eval(p: &PairMatcherParams, _: &Build<'_>, mut io: PairMatcherIo<'_>) -> Result<Summary, Fault> {
         let pair = Pair::new(p, &io)?;
-        let all: Vec<Found> = if p.by_speed {
+        let all: Vec<Found> = if p.stroke.by_speed {
             SpeedCurve::speeds(p.speed)
                 .into_par_iter()
                 .map(|speed| pair.at(speed))
@@ -315,7 +311,9 @@ impl Func for PairMatcher {
         let (speed, by_speed) = (rng.between(50.0, 100.0), rng.below(32) == 0);
         // A short line of contact, on which few lines of the surfaces meet.
         let (taps, reach) = (3 + 2 * rng.below(8) as u16, rng.between(0.00001, 0.001));
-        let p = PairMatcherParams { speed, by_speed, taps, reach, ..PairMatcherParams::trial(rng) };
+        let mut p = PairMatcherParams::trial(rng);
+        (p.speed, p.stroke.by_speed) = (speed, by_speed);
+        (p.taps, p.reach) = (taps, reach);
         (p, MemoryFiles::default())
     }
 }

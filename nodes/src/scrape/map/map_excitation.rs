@@ -11,7 +11,7 @@ use crate::core::params::Params;
 use crate::core::ports::{Events, Stream, Value};
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
-use crate::core::time::Rate;
+use crate::scrape::force::contact_force_params::{ContactForceParams, ForceLawParams};
 use crate::scrape::force::strength::{self, Strength, linked, silent};
 use crate::scrape::force::voices::Voices;
 use crate::scrape::path::piece::PathPiece;
@@ -58,22 +58,10 @@ params! {
         value: MapValue = MapValue::Directional;
         /// Interpolation between the pixels of the map.
         interp: Interp = Interp::Bspline3;
-        /// Force in N that a map of 1 gives at 1 N and 1 m/s.
-        kappa: f64 = 1.0, unit "N", range -1_000_000.0..=1_000_000.0;
-        /// Exponent of the normal force.
-        a: f64 = 1.0, unit "", range 0.0..=2.0;
-        /// Exponent of the speed.
-        b: f64 = 0.0, unit "", range 0.0..=2.0;
-        /// Factor of the force.
-        gain: f64 = 1.0, unit "", range -1000.0..=1000.0;
-        /// Size of the surface: 2 makes everything on it twice as large.
-        scale: f64 = 1.0, unit "", range 0.001..=1000.0;
-        /// Number of the object whose contacts are read; None reads all.
-        object: Option<u32> = None, unit "", range 0..=4_294_967_295_u32;
-        /// Maximum number of simultaneous contacts.
-        contacts: u16 = 64, unit "contacts", range 1..=1024_u16;
-        /// Samples per second.
-        rate: Rate = Rate::hz(48_000);
+        /// Force per value.
+        [group] law: ForceLawParams;
+        /// Force and contacts.
+        [group] contact: ContactForceParams;
     }
 }
 ports! {
@@ -179,7 +167,7 @@ fn one_of(linked: [bool; 3]) -> Reject {
 
 /// The law of the parameters; a linked strength replaces the number.
 fn law(p: &MapExcitationParams, kappa: Option<Strength>) -> [f64; 3] {
-    [kappa.map_or(p.kappa, |s| s.kappa) * p.gain, p.a, p.b]
+    [kappa.map_or(p.law.kappa, |s| s.kappa) * p.contact.gain, p.law.a, p.law.b]
 }
 
 impl Node for MapExcitation {
@@ -199,7 +187,7 @@ impl Node for MapExcitation {
         if linked.iter().filter(|on| **on).count() != 1 {
             return Err(one_of(linked));
         }
-        s.output(MapExcitationPorts::force, p.rate, Channels(1));
+        s.output(MapExcitationPorts::force, p.contact.rate, Channels(1));
         Ok(())
     }
 
@@ -209,12 +197,12 @@ impl Node for MapExcitation {
         let coded = cx.optional_value(MapExcitationPorts::coded);
         let map = surface_map(p.value, map.as_deref(), features.as_deref(), coded.as_deref())?;
         let kappa = linked(cx.optional_value(MapExcitationPorts::kappa))?;
-        let rate = p.rate.as_f64();
+        let rate = p.contact.rate.as_f64();
         Ok(Self {
             kappa,
             map,
-            force: MapForce::new(strength::law(law(p, kappa), kappa, rate), p.scale, p.interp, rate),
-            voices: Voices::new(p.contacts.into(), p.rate, MapVoice::default()),
+            force: MapForce::new(strength::law(law(p, kappa), kappa, rate), p.contact.scale, p.interp, rate),
+            voices: Voices::new(p.contact.contacts.into(), p.contact.rate, MapVoice::default()),
             params: p.clone(),
         })
     }
@@ -227,7 +215,7 @@ impl Node for MapExcitation {
         let Self { map, force, voices, .. } = self;
         voices.play(
             io.paths.events(),
-            self.params.object,
+            self.params.contact.object,
             first,
             out,
             |_| MapVoice::default(),
@@ -243,12 +231,14 @@ impl Node for MapExcitation {
 
     fn retune(&mut self, new: &MapExcitationParams) -> Retune {
         let old = &self.params;
-        let fixed = |p: &MapExcitationParams| (p.value, p.interp, p.object, p.contacts, p.rate);
+        let fixed = |p: &MapExcitationParams| {
+            (p.value, p.interp, p.contact.object, p.contact.contacts, p.contact.rate)
+        };
         if fixed(new) != fixed(old) {
             return Retune::Rebuild;
         }
         self.force.law.ramp_to(law(new, self.kappa), self.voices.now());
-        self.force.scale.ramp_to(new.scale, self.voices.now());
+        self.force.scale.ramp_to(new.contact.scale, self.voices.now());
         self.params = new.clone();
         Retune::Done
     }
@@ -261,8 +251,14 @@ impl Node for MapExcitation {
 
     fn trial(rng: &mut Rng) -> (MapExcitationParams, MemoryFiles) {
         let params = MapExcitationParams::trial(rng);
-        let object = params.object.map(|_| rng.below(2) as u32);
+        let object = params.contact.object.map(|_| rng.below(2) as u32);
         let contacts = 1 + rng.below(5) as u16;
-        (MapExcitationParams { object, contacts, ..params }, MemoryFiles::default())
+        (
+            MapExcitationParams {
+                contact: ContactForceParams { object, contacts, ..params.contact },
+                ..params
+            },
+            MemoryFiles::default(),
+        )
     }
 }

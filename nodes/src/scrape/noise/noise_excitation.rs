@@ -11,7 +11,7 @@ use crate::core::params::Params;
 use crate::core::ports::{Events, Stream, Value};
 use crate::core::random::{Random, Rng};
 use crate::core::shape::{Build, Shape};
-use crate::core::time::Rate;
+use crate::scrape::force::contact_force_params::ContactForceParams;
 use crate::scrape::force::strength::{self, Strength, linked, silent};
 use crate::scrape::force::voices::Voices;
 use crate::scrape::path::piece::PathPiece;
@@ -59,16 +59,8 @@ params! {
         a: f64 = 0.5, unit "", range 0.0..=2.0;
         /// Exponent of the speed.
         b: f64 = 0.5, unit "", range 0.0..=2.0;
-        /// Factor of the force.
-        gain: f64 = 1.0, unit "", range -1000.0..=1000.0;
-        /// Size of the surface: 2 makes everything on it twice as large.
-        scale: f64 = 1.0, unit "", range 0.001..=1000.0;
-        /// Number of the object whose contacts are read; None reads all.
-        object: Option<u32> = None, unit "", range 0..=4_294_967_295_u32;
-        /// Maximum number of simultaneous contacts.
-        contacts: u16 = 64, unit "contacts", range 1..=1024_u16;
-        /// Samples per second.
-        rate: Rate = Rate::hz(48_000);
+        /// Force and contacts.
+        [group] contact: ContactForceParams;
     }
 }
 ports! {
@@ -102,7 +94,7 @@ pub struct NoiseExcitation {
 
 /// The law of the parameters; a linked strength replaces the number.
 fn law(p: &NoiseExcitationParams, kappa: Option<Strength>) -> [f64; 3] {
-    [kappa.map_or(p.kappa, |s| s.kappa) * p.gain, p.a, p.b]
+    [kappa.map_or(p.kappa, |s| s.kappa) * p.contact.gain, p.a, p.b]
 }
 
 pub(in crate::scrape) fn check(noise: &NoiseProfile) -> Result<(), Reject> {
@@ -128,7 +120,7 @@ impl Node for NoiseExcitation {
     const COST: f64 = 15.0;
 
     fn shape(p: &NoiseExcitationParams, s: &mut Shape<'_, '_, NoiseExcitationPorts>) -> Result<(), Reject> {
-        s.output(NoiseExcitationPorts::force, p.rate, Channels(1));
+        s.output(NoiseExcitationPorts::force, p.contact.rate, Channels(1));
         Ok(())
     }
 
@@ -136,13 +128,13 @@ impl Node for NoiseExcitation {
         let noise = cx.value(NoiseExcitationPorts::noise);
         check(&noise)?;
         let kappa = linked(cx.optional_value(NoiseExcitationPorts::kappa))?;
-        let rate = p.rate.as_f64();
+        let rate = p.contact.rate.as_f64();
         Ok(Self {
             kappa,
             noise: NoiseBands::read_by(&noise, p.interp),
             random: cx.random,
-            force: NoiseForce::new(strength::law(law(p, kappa), kappa, rate), p.scale, rate),
-            voices: Voices::new(p.contacts.into(), p.rate, NoiseVoice::default()),
+            force: NoiseForce::new(strength::law(law(p, kappa), kappa, rate), p.contact.scale, rate),
+            voices: Voices::new(p.contact.contacts.into(), p.contact.rate, NoiseVoice::default()),
             params: p.clone(),
         })
     }
@@ -157,9 +149,16 @@ impl Node for NoiseExcitation {
             let part = random.uniform(piece.jump, piece.contact, 0);
             NoiseVoice::at(part * noise.round())
         };
-        voices.play(io.paths.events(), self.params.object, first, out, start, |voice, segment, out| {
-            force.add(noise, voice, segment, out);
-        });
+        voices.play(
+            io.paths.events(),
+            self.params.contact.object,
+            first,
+            out,
+            start,
+            |voice, segment, out| {
+                force.add(noise, voice, segment, out);
+            },
+        );
         self.voices.made(first, out);
         Ok(())
     }
@@ -170,12 +169,13 @@ impl Node for NoiseExcitation {
 
     fn retune(&mut self, new: &NoiseExcitationParams) -> Retune {
         let old = &self.params;
-        let fixed = |p: &NoiseExcitationParams| (p.interp, p.object, p.contacts, p.rate);
+        let fixed =
+            |p: &NoiseExcitationParams| (p.interp, p.contact.object, p.contact.contacts, p.contact.rate);
         if fixed(new) != fixed(old) {
             return Retune::Rebuild;
         }
         self.force.law.ramp_to(law(new, self.kappa), self.voices.now());
-        self.force.scale.ramp_to(new.scale, self.voices.now());
+        self.force.scale.ramp_to(new.contact.scale, self.voices.now());
         self.params = new.clone();
         Retune::Done
     }
@@ -191,9 +191,15 @@ impl Node for NoiseExcitation {
 
     fn trial(rng: &mut Rng) -> (NoiseExcitationParams, MemoryFiles) {
         let params = NoiseExcitationParams::trial(rng);
-        let object = params.object.map(|_| rng.below(2) as u32);
+        let object = params.contact.object.map(|_| rng.below(2) as u32);
         let contacts = 1 + rng.below(5) as u16;
-        (NoiseExcitationParams { object, contacts, ..params }, MemoryFiles::default())
+        (
+            NoiseExcitationParams {
+                contact: ContactForceParams { object, contacts, ..params.contact },
+                ..params
+            },
+            MemoryFiles::default(),
+        )
     }
 }
 

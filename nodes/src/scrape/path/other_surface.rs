@@ -84,6 +84,7 @@ mod tests {
     use crate::core::random::Rng;
     use crate::core::standalone::{Feed, Standalone};
     use crate::core::time::{Rate, ticks};
+    use crate::scrape::force::contact_force_params::ContactForceParams;
     use crate::scrape::noise::noise_excitation::{
         NoiseExcitation, NoiseExcitationParams, NoiseExcitationPorts,
     };
@@ -119,7 +120,10 @@ mod tests {
         };
         let mut force = |path: PathPiece, seed: u64| {
             let p = NoiseExcitationParams {
-                rate: Rate::hz(44_100),
+                contact: ContactForceParams {
+                    rate: Rate::hz(44_100),
+                    ..NoiseExcitationParams::read(&|_| None).unwrap().contact
+                },
                 ..NoiseExcitationParams::read(&|_| None).unwrap()
             };
             let mut standalone = Standalone::new::<NoiseExcitation>(p)

@@ -12,7 +12,7 @@ use crate::core::params::Params;
 use crate::core::ports::{Events, Stream, Value};
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
-use crate::core::time::Rate;
+use crate::scrape::force::contact_force_params::ContactForceParams;
 use crate::scrape::force::law::Law;
 use crate::scrape::force::motion::Heading;
 use crate::scrape::force::strength::{self, Strength, linked};
@@ -51,16 +51,8 @@ params! {
         kappa: f64 = 1.0, unit "N", range -1_000_000.0..=1_000_000.0;
         /// Exponent of the normal force.
         a_exponent: f64 = 1.0, unit "", range 0.0..=2.0;
-        /// Factor of the force.
-        gain: f64 = 1.0, unit "", range -1000.0..=1000.0;
-        /// Size of the surfaces: 2 makes everything on them twice as large, their heights and `radius` too.
-        scale: f64 = 1.0, unit "", range 0.001..=1000.0;
-        /// Number of the object whose contacts are read; None reads all.
-        object: Option<u32> = None, unit "", range 0..=4_294_967_295_u32;
-        /// Maximum number of simultaneous contacts.
-        contacts: u16 = 64, unit "contacts", range 1..=1024_u16;
-        /// Samples per second.
-        rate: Rate = Rate::hz(48_000);
+        /// Force and contacts.
+        [group] contact: ContactForceParams;
     }
 }
 ports! {
@@ -102,7 +94,7 @@ pub struct TwoTextures {
 /// The law of the parameters; a linked strength replaces the number.
 fn law(p: &TwoTexturesParams, kappa: Option<Strength>, ball: bool) -> [f64; 3] {
     // The map of a ball holds changes per metre, which its speed turns into changes in time.
-    [kappa.map_or(p.kappa, |s| s.kappa) * p.gain, p.a_exponent, if ball { 1.0 } else { 0.0 }]
+    [kappa.map_or(p.kappa, |s| s.kappa) * p.contact.gain, p.a_exponent, if ball { 1.0 } else { 0.0 }]
 }
 
 pub(in crate::scrape) fn check(field: &'static str, luma: &Luma) -> Result<(), Reject> {
@@ -123,14 +115,14 @@ impl Node for TwoTextures {
     const COST: f64 = 50.0;
 
     fn shape(p: &TwoTexturesParams, s: &mut Shape<'_, '_, TwoTexturesPorts>) -> Result<(), Reject> {
-        s.output(TwoTexturesPorts::force, p.rate, Channels(1));
+        s.output(TwoTexturesPorts::force, p.contact.rate, Channels(1));
         Ok(())
     }
 
     fn build(p: &TwoTexturesParams, cx: &Build<'_>) -> Result<Self, Fault> {
         let (a, b) = (cx.value(TwoTexturesPorts::a), cx.optional_value(TwoTexturesPorts::b));
         check("a", &a)?;
-        let rate = p.rate.as_f64();
+        let rate = p.contact.rate.as_f64();
         let kappa = linked(cx.optional_value(TwoTexturesPorts::kappa))?;
         let law = strength::law(law(p, kappa, b.is_none()), kappa, rate);
         let method = if let Some(b) = b {
@@ -140,19 +132,19 @@ impl Node for TwoTextures {
             // Of two surfaces no speed is known at which one of them alone is matched.
             let law = Law { curve: None, ..law };
             let force = PairForce::new(law, p.taps.into(), p.radius, range);
-            Method::Pair(Box::new((reliefs, force, SizeFade::new(p.scale, rate))))
+            Method::Pair(Box::new((reliefs, force, SizeFade::new(p.contact.scale, rate))))
         } else {
             let map = ball_map(&heights(&a), &a.surface, p.radius);
-            Method::Ball(Box::new((map, MapForce::new(law, p.scale, Interp::Bspline3, rate))))
+            Method::Ball(Box::new((map, MapForce::new(law, p.contact.scale, Interp::Bspline3, rate))))
         };
         let blank = (Heading::default(), MapVoice::default());
-        let voices = Voices::new(p.contacts.into(), p.rate, blank);
+        let voices = Voices::new(p.contact.contacts.into(), p.contact.rate, blank);
         Ok(Self { kappa, method, voices, params: p.clone() })
     }
 
     fn run(&mut self, mut io: TwoTexturesIo<'_>) -> Result<(), Fault> {
         let (first, out) = (io.force.first(), io.force.items());
-        let (object, method) = (self.params.object, &mut self.method);
+        let (object, method) = (self.params.contact.object, &mut self.method);
         self.voices.play(
             io.paths.events(),
             object,
@@ -180,18 +172,19 @@ impl Node for TwoTextures {
     }
 
     fn retune(&mut self, new: &TwoTexturesParams) -> Retune {
-        let fixed = |p: &TwoTexturesParams| (p.radius, p.taps, p.object, p.contacts, p.rate);
+        let fixed =
+            |p: &TwoTexturesParams| (p.radius, p.taps, p.contact.object, p.contact.contacts, p.contact.rate);
         if fixed(new) != fixed(&self.params) {
             return Retune::Rebuild;
         }
         match &mut self.method {
             Method::Ball(ball) => {
                 ball.1.law.ramp_to(law(new, self.kappa, true), self.voices.now());
-                ball.1.scale.ramp_to(new.scale, self.voices.now());
+                ball.1.scale.ramp_to(new.contact.scale, self.voices.now());
             }
             Method::Pair(pair) => {
                 pair.1.law.ramp_to(law(new, self.kappa, false), self.voices.now());
-                pair.2.ramp_to(new.scale, self.voices.now());
+                pair.2.ramp_to(new.contact.scale, self.voices.now());
             }
         }
         self.params = new.clone();
@@ -206,10 +199,16 @@ impl Node for TwoTextures {
 
     fn trial(rng: &mut Rng) -> (TwoTexturesParams, MemoryFiles) {
         let params = TwoTexturesParams::trial(rng);
-        let object = params.object.map(|_| rng.below(2) as u32);
+        let object = params.contact.object.map(|_| rng.below(2) as u32);
         let contacts = 1 + rng.below(5) as u16;
         let scale = rng.between(0.2, 5.0);
-        (TwoTexturesParams { object, contacts, scale, ..params }, MemoryFiles::default())
+        (
+            TwoTexturesParams {
+                contact: ContactForceParams { object, contacts, scale, ..params.contact },
+                ..params
+            },
+            MemoryFiles::default(),
+        )
     }
 }
 

@@ -7,8 +7,8 @@ use super::candidates::{comparable, few_units_warning, not_finite, units};
 use super::channel_gate::{self, ChannelGates};
 use super::counts::Counts;
 use super::global::{
-    BeamParams, FixedLag, GlobalParams, Joins, MAX_SWITCH_COST, Path, Table, beam, difference, distance_cap,
-    exact,
+    BeamParams, FixedLag, GlobalParams, Joins, MAX_SWITCH_COST, Path, PathCostParams, Table, beam,
+    difference, distance_cap, exact,
 };
 use super::greedy;
 use super::picks::{Pick, PickFormat, Picks};
@@ -16,7 +16,7 @@ use super::selector::{NotFinite, SelectorParams, Units};
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::node::{Class, Node, Summary};
-use crate::core::params::{Params, Text};
+use crate::core::params::Params;
 use crate::core::ports::{In, Stream, Value};
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
@@ -53,16 +53,8 @@ params! {
     pub struct GlobalUnitSelectorParams {
         /// Search for the path.
         method: Method = Method::Exact;
-        /// Cost of a jump, in distances of features.
-        switch_cost: f64 = 0.5, unit "", range 0.0..=1000.0;
-        /// Greatest distance of features that sound alike.
-        d_max: f64 = 2.0, unit "", range 0.0..=1_000_000.0;
-        /// A unit beyond `d_max` costs no more than `d_max` and this; 0 sets no limit.
-        penalty: f64 = 0.0, unit "", range 0.0..=1_000_000.0;
-        /// Number of targets for which a chosen unit is not chosen again; 0 allows it.
-        cool_off: usize = 20, unit "units", range 0..=1_000_000_usize;
-        /// Choose only from recordings with one of these tags; empty for all.
-        tags: Vec<Text> = Vec::new();
+        /// Cost of a path.
+        [group] cost: PathCostParams;
         /// Number of nearest units that are tried for each target (`Beam`).
         candidates: usize = 64, unit "units", range 1..=1024_usize;
         /// Cost of a feature distance of 1 at a join, between the unit that would follow and the one that does (`Beam`).
@@ -192,7 +184,7 @@ impl GlobalUnitSelector {
                 continue;
             };
             let column = self.table.column(unit).unwrap_or(0);
-            *out = Pick::of_distance(self.table.distance(features, column), unit, self.params.d_max);
+            *out = Pick::of_distance(self.table.distance(features, column), unit, self.params.cost.d_max);
             counts.record(out);
         }
     }
@@ -216,8 +208,8 @@ impl GlobalUnitSelector {
         };
         let look_ahead = SelectorParams {
             look: GREEDY_LOOK,
-            d_max: p.d_max,
-            cool_off: p.cool_off,
+            d_max: p.cost.d_max,
+            cool_off: p.cost.cool_off,
             loop_guard: 0,
             causal: false,
             effort: None,
@@ -275,7 +267,7 @@ impl Node for GlobalUnitSelector {
         s: &mut Shape<'_, '_, GlobalUnitSelectorPorts>,
     ) -> Result<(), Reject> {
         let features = s.input(GlobalUnitSelectorPorts::features);
-        comparable(&features.format, s.value(GlobalUnitSelectorPorts::database), &p.tags)?;
+        comparable(&features.format, s.value(GlobalUnitSelectorPorts::database), &p.cost.tags)?;
         let Some(items) = features.items() else {
             let message = "the best path needs the whole take, and `features` does not end";
             return Err(Reject::new("F075", message)
@@ -301,15 +293,19 @@ impl Node for GlobalUnitSelector {
         let features = cx.input(GlobalUnitSelectorPorts::features);
         let db = cx.value(GlobalUnitSelectorPorts::database);
         let none = || Fault::new("F101", "there is no unit to choose from").at("database");
-        let units = units(&features.format, &db, &p.tags)?;
+        let units = units(&features.format, &db, &p.cost.tags)?;
         let table = Table::new(&units).ok_or_else(none)?;
-        let few_units = few_units_warning(&units, 0, p.cool_off);
-        let switch_cost = p.switch_cost.min(MAX_SWITCH_COST);
+        let few_units = few_units_warning(&units, 0, p.cost.cool_off);
+        let switch_cost = p.cost.switch_cost.min(MAX_SWITCH_COST);
         let target = cx.optional(GlobalUnitSelectorPorts::target);
         let vectors = features.format.vectors;
         Ok(Self {
             gates: target.and_then(|_| ChannelGates::new(&db, features.rate, vectors, p.keep_room_tone, 0)),
-            path: GlobalParams { switch_cost, cap: distance_cap(p.d_max, p.penalty), cool_off: p.cool_off },
+            path: GlobalParams {
+                switch_cost,
+                cap: distance_cap(p.cost.d_max, p.cost.penalty),
+                cool_off: p.cost.cool_off,
+            },
             db,
             table,
             vectors,
@@ -335,7 +331,7 @@ impl Node for GlobalUnitSelector {
     }
 
     fn finish(&mut self, _: GlobalUnitSelectorIo<'_>) -> Result<Summary, Fault> {
-        let mut summary = Counts::summary(self.counts.iter().copied(), self.params.d_max);
+        let mut summary = Counts::summary(self.counts.iter().copied(), self.params.cost.d_max);
         summary.extend(self.few_units.take().map(|text| ("warning", text.into())));
         summary.extend([
             ("cost", self.totals.cost.into()),
@@ -357,12 +353,15 @@ impl Node for GlobalUnitSelector {
     fn trial(rng: &mut Rng) -> (GlobalUnitSelectorParams, MemoryFiles) {
         let p = GlobalUnitSelectorParams::trial(rng);
         let params = GlobalUnitSelectorParams {
-            switch_cost: rng.between(0.0, 2.0),
-            d_max: rng.between(0.0, 9.0),
-            cool_off: p.cool_off % 40,
             candidates: 1 + p.candidates % 30,
             lag: p.lag % 0.2,
-            tags: Vec::new(),
+            cost: PathCostParams {
+                switch_cost: rng.between(0.0, 2.0),
+                d_max: rng.between(0.0, 9.0),
+                cool_off: p.cost.cool_off % 40,
+                tags: Vec::new(),
+                ..p.cost
+            },
             ..p
         };
         (params, MemoryFiles::default())

@@ -5,13 +5,13 @@ use std::sync::Arc;
 use super::candidates::{comparable, few_units_warning, not_finite, units};
 use super::channel_gate::{self, ChannelGates};
 use super::counts::Counts;
-use super::global::{FixedLag, GlobalParams, Table, distance_cap};
+use super::global::{FixedLag, GlobalParams, PathCostParams, Table, distance_cap};
 use super::picks::{Pick, PickFormat, Picks};
 use super::selector::NotFinite;
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::node::{Class, Node, Summary};
-use crate::core::params::{Params, Text};
+use crate::core::params::Params;
 use crate::core::ports::{Stream, Value};
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
@@ -33,16 +33,8 @@ params! {
     pub struct OnlineUnitSelectorParams {
         /// Time from a unit to its choice.
         lag: f64 = 0.05, unit "s", range 0.0..=10.0;
-        /// Cost of a jump, in distances of features.
-        switch_cost: f64 = 0.5, unit "", range 0.0..=1000.0;
-        /// Greatest distance of features that sound alike.
-        d_max: f64 = 2.0, unit "", range 0.0..=1_000_000.0;
-        /// A unit beyond `d_max` costs no more than `d_max` and this; 0 sets no limit.
-        penalty: f64 = 0.0, unit "", range 0.0..=1_000_000.0;
-        /// Number of targets for which a chosen unit is not chosen again; 0 allows it.
-        cool_off: usize = 20, unit "units", range 0..=1_000_000_usize;
-        /// Choose only from recordings with one of these tags; empty for all.
-        tags: Vec<Text> = Vec::new();
+        /// Cost of a path.
+        [group] cost: PathCostParams;
         /// Continue to choose while the target is silent; None: only for joint (binaural) units, as in `UnitConcatenator`.
         keep_room_tone: Option<bool> = None;
     }
@@ -106,7 +98,7 @@ impl Node for OnlineUnitSelector {
         s: &mut Shape<'_, '_, OnlineUnitSelectorPorts>,
     ) -> Result<(), Reject> {
         let features = s.input(OnlineUnitSelectorPorts::features);
-        comparable(&features.format, s.value(OnlineUnitSelectorPorts::database), &p.tags)?;
+        comparable(&features.format, s.value(OnlineUnitSelectorPorts::database), &p.cost.tags)?;
         channel_gate::check(&features, s.optional(OnlineUnitSelectorPorts::target).as_ref())?;
         let lag = lag(p, features.rate);
         s.lookaround(OnlineUnitSelectorPorts::features, 0, lag);
@@ -126,12 +118,12 @@ impl Node for OnlineUnitSelector {
         let features = cx.input(OnlineUnitSelectorPorts::features);
         let db = cx.value(OnlineUnitSelectorPorts::database);
         let none = || Fault::new("F101", "there is no unit to choose from").at("database");
-        let units = units(&features.format, &db, &p.tags)?;
+        let units = units(&features.format, &db, &p.cost.tags)?;
         let table = Table::new(&units).ok_or_else(none)?;
         let path = GlobalParams {
-            switch_cost: p.switch_cost,
-            cap: distance_cap(p.d_max, p.penalty),
-            cool_off: p.cool_off,
+            switch_cost: p.cost.switch_cost,
+            cap: distance_cap(p.cost.d_max, p.cost.penalty),
+            cool_off: p.cost.cool_off,
         };
         let (lag, dims) = (lag(p, features.rate), db.dims());
         let channel =
@@ -144,8 +136,8 @@ impl Node for OnlineUnitSelector {
             ahead: Vec::with_capacity(lag + 1),
             lag,
             dims,
-            d_max: p.d_max,
-            few_units: few_units_warning(&units, 0, p.cool_off),
+            d_max: p.cost.d_max,
+            few_units: few_units_warning(&units, 0, p.cost.cool_off),
             length: features.items(),
         })
     }
@@ -203,10 +195,13 @@ impl Node for OnlineUnitSelector {
         let p = OnlineUnitSelectorParams::trial(rng);
         let params = OnlineUnitSelectorParams {
             lag: rng.between(0.0, 0.1),
-            switch_cost: rng.between(0.0, 2.0),
-            d_max: rng.between(0.0, 9.0),
-            cool_off: p.cool_off % 40,
-            tags: Vec::new(),
+            cost: PathCostParams {
+                switch_cost: rng.between(0.0, 2.0),
+                d_max: rng.between(0.0, 9.0),
+                cool_off: p.cost.cool_off % 40,
+                tags: Vec::new(),
+                ..p.cost
+            },
             ..p
         };
         (params, MemoryFiles::default())

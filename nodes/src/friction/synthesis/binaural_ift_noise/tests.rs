@@ -3,6 +3,8 @@
 use super::*;
 use crate::core::standalone::Standalone;
 use crate::core::time::{TICKS_PER_SECOND, ticks};
+use crate::friction::synthesis::MotionAt;
+use crate::friction::synthesis::noise_params::VertexLevelParams;
 use crate::friction::testing::bump_model;
 use crate::mesh::{MeshFormat, Topology};
 use crate::spatial::Ear;
@@ -177,7 +179,10 @@ fn one_cluster_has_one_direction_and_two_clusters_have_two() {
 fn motion_at_the_start_of_a_clip_sounds_as_at_its_middle_half_a_clip_later() {
     let trajectory = |t: f32| [2.0, 1.5 - 3.0 * t, 0.0];
     let run = |motion_at| {
-        let p = BinauralIftNoiseParams { motion_at, ..params() };
+        let p = BinauralIftNoiseParams {
+            vertices: VertexLevelParams { motion_at, ..params().vertices },
+            ..params()
+        };
         let standalone = standalone(p, 1, trajectory);
         (standalone.shape().unwrap().lookaround[0].ahead, standalone.run().unwrap().stream(Port::audio))
     };

@@ -4,6 +4,9 @@ use super::*;
 use crate::core::random::Random;
 use crate::core::standalone::Standalone;
 use crate::core::time::{TICKS_PER_SECOND, ticks};
+use crate::friction::synthesis::noise_params::ClipParams;
+use crate::friction::synthesis::noise_params::VertexLevelParams;
+use crate::friction::synthesis::{MotionAt, Window};
 use crate::friction::testing::bump_model;
 
 const VERTICES: usize = 4;
@@ -44,7 +47,10 @@ fn cloth_at_rest_is_exactly_silent_and_audio_lasts_as_long_as_the_speeds() {
 fn motion_at_the_start_of_a_clip_sounds_from_that_time() {
     let mut speeds = vec![0.0; 40 * VERTICES];
     speeds[20 * VERTICES] = 0.4;
-    let p = IftNoiseNodeParams { motion_at: MotionAt::Start, ..params() };
+    let p = IftNoiseNodeParams {
+        vertices: VertexLevelParams { motion_at: MotionAt::Start, ..params().vertices },
+        ..params()
+    };
     let run = |window| {
         let standalone = standalone(p.clone(), Rate::hz(40), speeds.clone()).window(window);
         assert_eq!(standalone.shape().unwrap().lookaround[0].ahead, 0, "no look-ahead");
@@ -73,7 +79,8 @@ fn the_level_is_that_of_the_model_at_the_speed_and_follows_it() {
         let (found, expected) = (level(speed), VERTICES as f64 * model().power(f64::from(speed)));
         assert!((found / expected - 1.0).abs() < 0.03, "{speed}: {found} {expected}");
     }
-    let louder = IftNoiseNodeParams { level: 2.0, ..params() };
+    let louder =
+        IftNoiseNodeParams { vertices: VertexLevelParams { level: 2.0, ..params().vertices }, ..params() };
     let audio = standalone(louder, Rate::hz(40), vec![0.4; 200 * VERTICES])
         .run()
         .unwrap()
@@ -101,7 +108,7 @@ fn windows_of_any_length_give_the_same_bits() {
     for emitters in [EmitterKind::Clustered, EmitterKind::PerVertex] {
         for rate in [Rate::hz(40), Rate::hz(60)] {
             let run = |window| {
-                let p = IftNoiseNodeParams { emitters, ..params() };
+                let p = IftNoiseNodeParams { clips: ClipParams { emitters, ..params().clips }, ..params() };
                 let mut standalone = standalone(p, rate, speeds.clone()).window(window);
                 standalone.poison = true;
                 let run = standalone.run().unwrap();
@@ -119,18 +126,20 @@ fn windows_of_any_length_give_the_same_bits() {
 
 #[test]
 fn another_level_is_reached_without_a_rebuild_and_anything_else_needs_one() {
-    let p = IftNoiseNodeParams { level: 0.5, ..params() };
+    let p =
+        IftNoiseNodeParams { vertices: VertexLevelParams { level: 0.5, ..params().vertices }, ..params() };
     let areas = [1e-4; VERTICES];
     let noise = IftNoise::new(&model(), 48_000.0, IftNoiseParams::default(), &areas, Random::new(1, "n"));
     let level = dsp::Gain::new(0.5, 480, 1);
     let clips = ClipStream::new(noise.unwrap());
     let mut node = IftNoiseNode { clips, level, peak: 0.0, params: p.clone() };
-    let louder = IftNoiseNodeParams { level: 1.0, ..p };
+    let louder = IftNoiseNodeParams { vertices: VertexLevelParams { level: 1.0, ..p.vertices }, ..p };
     assert_eq!(node.retune(&louder), Retune::Done);
     let mut ones = [1.0; 481];
     node.level.process(&mut ones);
     assert!(ones.is_sorted() && ones[0] == 0.5 && ones[480] == 1.0);
-    let other = IftNoiseNodeParams { window: Window::Sine, ..louder.clone() };
+    let other =
+        IftNoiseNodeParams { clips: ClipParams { window: Window::Sine, ..louder.clips }, ..louder.clone() };
     assert_eq!(node.retune(&other), Retune::Rebuild);
     assert_eq!(node.retune(&louder), Retune::Done);
 }

@@ -1,6 +1,9 @@
 use super::*;
 use crate::core::standalone::Standalone;
+use crate::core::time::Rate;
 use crate::core::time::Tick;
+use crate::scrape::force::contact_force_params::ContactForceParams;
+use crate::scrape::force::contact_force_params::ForceLawParams;
 use crate::scrape::testing::{piece, rates_apart, rms};
 use crate::scrape::{PULSE, Pulses};
 use crate::texture::{Drawing, Grid, Levels, Luma, LumaKind, Surface, Wrap, isophotes};
@@ -49,7 +52,8 @@ fn lines_meet_when_both_ways_add_up_to_their_places_and_within_reach() {
     for (first, second, reach) in
         [(0.5, 0.3, 0.012), (0.4, 0.0, 0.03), (0.6, -0.2, 0.02), (-0.3, -0.35, 0.015)]
     {
-        let p = FeatureCrossingsParams { reach, kappa: 3.0, ..params() };
+        let p =
+            FeatureCrossingsParams { reach, law: ForceLawParams { kappa: 3.0, ..params().law }, ..params() };
         let path = passing(first, second);
         let (meetings, out) = count(&standalone(p, vec![(0, path)], [2.0, 0.5]));
         // The definition, pair by pair.
@@ -112,7 +116,7 @@ fn windows_change_no_bit_and_surfaces_count_alike() {
     assert!(meetings > 10 && rms(&whole) > 0.0);
     for n in [1, 32, 100, 1024, 4096] {
         assert!(
-            count(&standalone(p.clone(), paths.clone(), [1.0; 2]).window(p.rate.span(n))).1 == whole,
+            count(&standalone(p.clone(), paths.clone(), [1.0; 2]).window(p.contact.rate.span(n))).1 == whole,
             "{n}"
         );
     }
@@ -136,16 +140,19 @@ fn rest_and_no_force_are_silent_and_knobs_make_no_steps() {
     let plain = count(&standalone(p.clone(), vec![(0, passing(0.5, 0.3))], [1.0; 2])).1;
     let step = |x: &[f32]| x.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f32::max);
     for edit in [
-        FeatureCrossingsParams { kappa: 0.0, ..p.clone() },
-        FeatureCrossingsParams { scale: 1.3, ..p.clone() },
-        FeatureCrossingsParams { b: 0.5, ..p.clone() },
+        FeatureCrossingsParams { law: ForceLawParams { kappa: 0.0, ..p.law }, ..p.clone() },
+        FeatureCrossingsParams { contact: ContactForceParams { scale: 1.3, ..p.contact }, ..p.clone() },
+        FeatureCrossingsParams { law: ForceLawParams { b: 0.5, ..p.law }, ..p.clone() },
     ] {
         let standalone = standalone(p.clone(), vec![(0, passing(0.5, 0.3))], [1.0; 2]).window(ticks(0.005));
         let mut run = standalone.start().unwrap();
         for k in 0.. {
             if k == 20 {
                 assert_eq!(run.node().retune(&edit), Retune::Done);
-                let other = FeatureCrossingsParams { contacts: 3, ..edit.clone() };
+                let other = FeatureCrossingsParams {
+                    contact: ContactForceParams { contacts: 3, ..edit.contact },
+                    ..edit.clone()
+                };
                 assert_eq!(run.node().retune(&other), Retune::Rebuild);
             }
             if !run.step().unwrap() {
@@ -173,7 +180,12 @@ fn the_sample_rate_changes_nothing_that_is_heard() {
         ..piece([0.0, 0.003], [0.8, 0.02], 1.0)
     };
     let at = |rate: u32| {
-        let p = FeatureCrossingsParams { rate: Rate::hz(rate), width: 0.2, reach: 0.01, ..params() };
+        let p = FeatureCrossingsParams {
+            width: 0.2,
+            reach: 0.01,
+            contact: ContactForceParams { rate: Rate::hz(rate), ..params().contact },
+            ..params()
+        };
         let standalone = Standalone::new::<FeatureCrossings>(p)
             .events(FeatureCrossingsPorts::paths, vec![(0, path)], ticks(1.0))
             .value(FeatureCrossingsPorts::first, uneven([13, 21, 34, 18]))
@@ -191,7 +203,11 @@ fn with_a_linked_strength_all_that_is_twice_as_large_and_passed_twice_as_fast_is
     use crate::core::standalone::Feed;
     use crate::scrape::SpeedCurve;
     let play = |scale: f64, speed: f64, kappa: Strength| {
-        let p = FeatureCrossingsParams { scale, reach: 0.02, ..params() };
+        let p = FeatureCrossingsParams {
+            reach: 0.02,
+            contact: ContactForceParams { scale, ..params().contact },
+            ..params()
+        };
         let way = passing(0.5 * speed, 0.3 * speed);
         let big = |c: [[f64; 2]; 4]| [c[0].map(|x| x * scale), c[1], c[2], c[3]];
         let way = PathPiece { position: big(way.position), other: way.other.map(big), ..way };

@@ -1,7 +1,10 @@
 use super::*;
 use crate::core::random::Rng as Dice;
 use crate::core::standalone::Standalone;
+use crate::core::time::Rate;
 use crate::core::time::{Tick, seconds};
+use crate::scrape::force::contact_force_params::ContactForceParams;
+use crate::scrape::force::contact_force_params::ForceLawParams;
 use crate::scrape::testing::{db, piece, rates_apart, rms};
 use crate::texture::{Drawing, Grid, Levels, Luma, LumaKind, Surface, Wrap, isophotes};
 
@@ -210,7 +213,11 @@ fn the_sample_rate_changes_nothing_that_is_heard() {
     let way = [(0, straight([3.3, 5.1], [1.2, 0.45], 1.0))];
     for reading in [Reading::Crossing, Reading::Proximity] {
         let at = |rate: u32| {
-            let p = IsophoteExcitationParams { reading, rate: Rate::hz(rate), ..params() };
+            let p = IsophoteExcitationParams {
+                reading,
+                contact: ContactForceParams { rate: Rate::hz(rate), ..params().contact },
+                ..params()
+            };
             play(p, &all, &way, 1.0)
         };
         let (low, high) = (at(44_100), at(88_200));
@@ -227,7 +234,8 @@ fn rest_and_no_force_are_silent() {
     let go = straight([1.0, 2.0], [0.8, 0.5], 0.2);
     let rest = PathPiece { position: [go.position_at(1.0), [0.0; 2], [0.0; 2], [0.0; 2]], ..go };
     for reading in [Reading::Crossing, Reading::Proximity] {
-        let p = IsophoteExcitationParams { reading, a: 0.0, ..params() };
+        let p =
+            IsophoteExcitationParams { reading, law: ForceLawParams { a: 0.0, ..params().law }, ..params() };
         let out = play(p.clone(), &all, &[(0, go), (ticks(0.2), rest)], 0.4);
         assert!(rms(&out[..9600]) > 0.1);
         assert!(out[9600 + 245..].iter().all(|x| *x == 0.0), "{reading:?} goes on at rest");
@@ -254,7 +262,7 @@ fn blocks_of_any_length_give_the_same_bits() {
         let whole = play_in(p.clone(), &all, &way, 0.35, ticks(1.0));
         assert!(rms(&whole) > 0.01);
         for block in [1, 32, 64, 100, 256, 1024, 4096] {
-            let window = p.rate.span(block);
+            let window = p.contact.rate.span(block);
             assert!(
                 play_in(p.clone(), &all, &way, 0.35, window) == whole,
                 "{reading:?} in blocks of {block}"
@@ -270,12 +278,24 @@ fn law_gain_and_scale_do_what_they_say() {
     let go = straight([64.0, 64.0], [0.25, 0.0], 0.1);
     let (plain, _) = one(params(), go);
     let heavy = PathPiece { force: [4.0; 2], gain: [0.5; 2], ..go };
-    let (area, _) =
-        one(IsophoteExcitationParams { a: 0.5, b: 0.5, kappa: 3.0, gain: 2.0, ..params() }, heavy);
+    let (area, _) = one(
+        IsophoteExcitationParams {
+            law: ForceLawParams { a: 0.5, b: 0.5, kappa: 3.0 },
+            contact: ContactForceParams { gain: 2.0, ..params().contact },
+            ..params()
+        },
+        heavy,
+    );
     assert!((area / plain - 3.0 * 2.0 * 2.0 * 0.5 * 0.5).abs() < 1e-3, "{}", area / plain);
     // Twice the size is half the pixels at the same speed: from the corner that stays where it is.
     let far = straight([128.0, 128.0], [0.5, 0.0], 0.1);
-    let (big, centre) = one(IsophoteExcitationParams { scale: 2.0, ..params() }, far);
+    let (big, centre) = one(
+        IsophoteExcitationParams {
+            contact: ContactForceParams { scale: 2.0, ..params().contact },
+            ..params()
+        },
+        far,
+    );
     let (small, at) = one(params(), go);
     assert!((big - small).abs() < 1e-9 && (centre - at).abs() < 0.01, "{centre} {at}");
 }
@@ -287,7 +307,8 @@ fn turning_knobs_makes_no_steps_and_going_on_loses_nothing() {
     let all = curves([n, n], Wrap::Repeat, vec![45.0, 50.0, 55.0], tiled(&samples, n, |x| x));
     let way = [(0, straight([1.0, 2.0], [0.3, 0.2], 0.4))];
     let p = IsophoteExcitationParams { reading: Reading::Proximity, ..params() };
-    let quiet = IsophoteExcitationParams { kappa: 0.0, radius: 1.0, ..p.clone() };
+    let quiet =
+        IsophoteExcitationParams { radius: 1.0, law: ForceLawParams { kappa: 0.0, ..p.law }, ..p.clone() };
     let standalone = Standalone::new::<IsophoteExcitation>(p.clone())
         .events(IsophoteExcitationPorts::paths, way.to_vec(), ticks(0.4))
         .value(IsophoteExcitationPorts::isophotes, all.clone())
@@ -296,7 +317,10 @@ fn turning_knobs_makes_no_steps_and_going_on_loses_nothing() {
     for k in 0.. {
         if k == 20 {
             assert_eq!(run.node().retune(&quiet), Retune::Done);
-            let other = IsophoteExcitationParams { contacts: 3, ..quiet.clone() };
+            let other = IsophoteExcitationParams {
+                contact: ContactForceParams { contacts: 3, ..quiet.contact },
+                ..quiet.clone()
+            };
             assert_eq!(run.node().retune(&other), Retune::Rebuild);
         }
         if !run.step().unwrap() {

@@ -6,10 +6,12 @@ use crate::core::random::Random;
 use crate::core::standalone::{Feed, Standalone, StandaloneRun};
 use crate::core::time::{Rate, Tick, ticks};
 use crate::scrape::PathPiece;
+use crate::scrape::force::contact_force_params::ContactForceParams;
 use crate::scrape::isophote::isophote_excitation::{
     IsophoteExcitation, IsophoteExcitationParams, IsophoteExcitationPorts,
 };
 use crate::scrape::level::lod_select::{LodSelect, LodSelectParams, LodSelectPorts};
+use crate::scrape::level::matching::StrokeParams;
 use crate::scrape::map::map_excitation::{MapExcitation, MapExcitationParams, MapExcitationPorts};
 use crate::scrape::noise::noise_excitation::{NoiseExcitation, NoiseExcitationParams, NoiseExcitationPorts};
 use crate::scrape::path::knots::{StrokeContact, circle, pieces, through};
@@ -74,7 +76,10 @@ fn made_of(grid: Grid) -> Floor {
 
 fn params() -> LevelMatcherParams {
     // At one speed, where a test is of nothing else: it is quicker.
-    LevelMatcherParams { by_speed: false, ..LevelMatcherParams::read(&|_| None).unwrap() }
+    LevelMatcherParams {
+        stroke: StrokeParams { by_speed: false, ..LevelMatcherParams::read(&|_| None).unwrap().stroke },
+        ..LevelMatcherParams::read(&|_| None).unwrap()
+    }
 }
 
 fn value<T: crate::core::item::Data + Clone>(value: &T) -> Feed {
@@ -133,19 +138,28 @@ fn drawn<N: Node>(params: N::Params, way: &[(Tick, PathPiece)], feeds: Vec<(usiz
 fn levels(floor: &Floor, run: &StandaloneRun, way: &[(Tick, PathPiece)]) -> [Vec<f32>; 5] {
     let rate = Rate::hz(44_100);
     let map = |feed: (usize, Feed), port: usize| {
-        let p = MapExcitationParams { rate, ..MapExcitationParams::read(&|_| None).unwrap() };
+        let p = MapExcitationParams {
+            contact: ContactForceParams { rate, ..MapExcitationParams::read(&|_| None).unwrap().contact },
+            ..MapExcitationParams::read(&|_| None).unwrap()
+        };
         let feeds = vec![feed, (MapExcitationPorts::kappa.index(), value(&strength_of(run, port)))];
         drawn::<MapExcitation>(p, way, feeds)
     };
     let noise = |profile: &NoiseProfile, port: usize| {
-        let p = NoiseExcitationParams { rate, ..NoiseExcitationParams::read(&|_| None).unwrap() };
+        let p = NoiseExcitationParams {
+            contact: ContactForceParams { rate, ..NoiseExcitationParams::read(&|_| None).unwrap().contact },
+            ..NoiseExcitationParams::read(&|_| None).unwrap()
+        };
         let feeds = vec![
             (NoiseExcitationPorts::noise.index(), value(profile)),
             (NoiseExcitationPorts::kappa.index(), value(&strength_of(run, port))),
         ];
         drawn::<NoiseExcitation>(p, way, feeds)
     };
-    let p = IsophoteExcitationParams { rate, ..IsophoteExcitationParams::read(&|_| None).unwrap() };
+    let p = IsophoteExcitationParams {
+        contact: ContactForceParams { rate, ..IsophoteExcitationParams::read(&|_| None).unwrap().contact },
+        ..IsophoteExcitationParams::read(&|_| None).unwrap()
+    };
     let feeds = vec![
         (IsophoteExcitationPorts::isophotes.index(), value(&floor.isophotes)),
         (IsophoteExcitationPorts::kappa.index(), value(&strength_of(run, 1))),
@@ -234,7 +248,12 @@ fn who_walks_away_hears_no_click_and_no_level_louder_than_another() {
 #[test]
 fn they_are_so_at_the_speed_and_force_of_the_stroke_whatever_the_exponents() {
     let floor = floor(4.0);
-    let p = LevelMatcherParams { speed: 0.3, force: 2.5, kappa: 7.0, ..params() };
+    let p = LevelMatcherParams {
+        speed: 0.3,
+        kappa: 7.0,
+        stroke: StrokeParams { force: 2.5, ..params().stroke },
+        ..params()
+    };
     let run = matched(p, &floor, None);
     assert_eq!(kappa(&run, 0), 7.0);
     let all = levels(&floor, &run, &way(0.3, 2.5)).map(|x| rms(&x));
@@ -274,9 +293,17 @@ fn with_modes_all_levels_follow_the_whole_map_from_half_to_four_times_the_speed(
             floor.noise = extend(&floor.noise, extend_by, &Random::new(3, "fine")).0;
             floor.spectrum = extend(&floor.spectrum, extend_by, &Random::new(4, "fine")).0;
         }
-        let p = LevelMatcherParams { speed: 1.2, force: 2.0, by_speed: true, ..params() };
+        let p = LevelMatcherParams {
+            speed: 1.2,
+            stroke: StrokeParams { force: 2.0, by_speed: true },
+            ..params()
+        };
         let run = matched(p.clone(), &floor, Some(&modes));
-        let still = matched(LevelMatcherParams { by_speed: false, ..p }, &floor, Some(&modes));
+        let still = matched(
+            LevelMatcherParams { stroke: StrokeParams { by_speed: false, ..p.stroke }, ..p },
+            &floor,
+            Some(&modes),
+        );
         let mut worst = [0.0_f64; 2];
         for times in [0.5, 1.0, 2.0, 4.0] {
             let way = way(1.2 * times, 2.0);
@@ -297,7 +324,7 @@ fn with_modes_all_levels_follow_the_whole_map_from_half_to_four_times_the_speed(
 fn a_surface_of_twice_the_size_is_matched_as_well() {
     let floor = floor(4.0);
     let modes = Modes::new("bar", vec![271.0, 663.0], vec![9.0, 15.0], vec![1.0; 2]).unwrap();
-    let p = LevelMatcherParams { by_speed: true, ..params() };
+    let p = LevelMatcherParams { stroke: StrokeParams { by_speed: true, ..params().stroke }, ..params() };
     let run = matched(p, &floor, Some(&modes));
     let sized = |map: bool| {
         let way = way(1.6, 1.0);
@@ -307,7 +334,10 @@ fn a_surface_of_twice_the_size_is_matched_as_well() {
                 (MapExcitationPorts::map.index(), value(&floor.map)),
                 (MapExcitationPorts::kappa.index(), value(&strength_of(&run, 0))),
             ];
-            let p = MapExcitationParams { rate: Rate::hz(44_100), scale: 2.0, ..p };
+            let p = MapExcitationParams {
+                contact: ContactForceParams { rate: Rate::hz(44_100), scale: 2.0, ..p.contact },
+                ..p
+            };
             drawn::<MapExcitation>(p, &way, feeds)
         } else {
             let p = NoiseExcitationParams::read(&|_| None).unwrap();
@@ -315,7 +345,10 @@ fn a_surface_of_twice_the_size_is_matched_as_well() {
                 (NoiseExcitationPorts::noise.index(), value(&floor.noise)),
                 (NoiseExcitationPorts::kappa.index(), value(&strength_of(&run, 4))),
             ];
-            let p = NoiseExcitationParams { rate: Rate::hz(44_100), scale: 2.0, ..p };
+            let p = NoiseExcitationParams {
+                contact: ContactForceParams { rate: Rate::hz(44_100), scale: 2.0, ..p.contact },
+                ..p
+            };
             drawn::<NoiseExcitation>(p, &way, feeds)
         };
         rms(&heard(drawn, Some(&modes), [1.0; 2]).unwrap())

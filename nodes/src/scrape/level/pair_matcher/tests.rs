@@ -8,6 +8,8 @@ use crate::scrape::PathPiece;
 use crate::scrape::crossing::feature_crossings::{
     FeatureCrossings, FeatureCrossingsParams, FeatureCrossingsPorts,
 };
+use crate::scrape::force::contact_force_params::ContactForceParams;
+use crate::scrape::level::matching::StrokeParams;
 use crate::scrape::noise::noise_excitation::{NoiseExcitation, NoiseExcitationParams, NoiseExcitationPorts};
 use crate::scrape::path::knots::{StrokeContact, pieces, through};
 use crate::scrape::path::other_surface::exchanged;
@@ -56,7 +58,13 @@ fn value<T: crate::core::item::Data + Clone>(value: &T) -> Feed {
 
 fn params() -> PairMatcherParams {
     let p = PairMatcherParams::read(&|_| None).unwrap();
-    PairMatcherParams { speed: 0.6, other: OTHER, force: 3.0, reach: 0.004, ..p }
+    PairMatcherParams {
+        speed: 0.6,
+        other: OTHER,
+        reach: 0.004,
+        stroke: StrokeParams { force: 3.0, ..p.stroke },
+        ..p
+    }
 }
 
 fn matched(p: PairMatcherParams, [a, b]: &[Side; 2], modes: &Modes) -> StandaloneRun {
@@ -107,7 +115,10 @@ fn drawn<N: Node>(params: N::Params, way: &[(Tick, PathPiece)], feeds: Vec<(usiz
 /// What each level of detail draws from a way: reliefs, crossings and noises, noises alone.
 fn levels([a, b]: &[Side; 2], run: &StandaloneRun, way: &[(Tick, PathPiece)], scale: f64) -> [Vec<f32>; 3] {
     let rate = Rate::hz(44_100);
-    let p = TwoTexturesParams { rate, scale, ..TwoTexturesParams::read(&|_| None).unwrap() };
+    let p = TwoTexturesParams {
+        contact: ContactForceParams { rate, scale, ..TwoTexturesParams::read(&|_| None).unwrap().contact },
+        ..TwoTexturesParams::read(&|_| None).unwrap()
+    };
     let full = drawn::<TwoTextures>(
         p,
         way,
@@ -119,7 +130,11 @@ fn levels([a, b]: &[Side; 2], run: &StandaloneRun, way: &[(Tick, PathPiece)], sc
     );
     let p = FeatureCrossingsParams::read(&|_| None).unwrap();
     let crossings = drawn::<FeatureCrossings>(
-        FeatureCrossingsParams { rate, scale, reach: params().reach, ..p },
+        FeatureCrossingsParams {
+            reach: params().reach,
+            contact: ContactForceParams { rate, scale, ..p.contact },
+            ..p
+        },
         way,
         vec![
             (FeatureCrossingsPorts::first.index(), value(&a.lines)),
@@ -129,7 +144,14 @@ fn levels([a, b]: &[Side; 2], run: &StandaloneRun, way: &[(Tick, PathPiece)], sc
     );
     let turned: Vec<_> = way.iter().filter_map(|(tick, piece)| Some((*tick, exchanged(piece)?))).collect();
     let noise = |side: &Side, way: &[(Tick, PathPiece)], port: usize| {
-        let p = NoiseExcitationParams { rate, scale, ..NoiseExcitationParams::read(&|_| None).unwrap() };
+        let p = NoiseExcitationParams {
+            contact: ContactForceParams {
+                rate,
+                scale,
+                ..NoiseExcitationParams::read(&|_| None).unwrap().contact
+            },
+            ..NoiseExcitationParams::read(&|_| None).unwrap()
+        };
         let feeds = vec![
             (NoiseExcitationPorts::noise.index(), value(&side.noise)),
             (NoiseExcitationPorts::kappa.index(), value(&strength_of(run, port))),
@@ -164,7 +186,7 @@ fn all_levels_are_as_loud_as_the_reliefs_at_any_speed_and_of_any_size() {
 fn noises_share_their_power_as_their_slopes_do() {
     let mut sides = sides();
     let modes = modes();
-    let p = PairMatcherParams { by_speed: false, ..params() };
+    let p = PairMatcherParams { stroke: StrokeParams { by_speed: false, ..params().stroke }, ..params() };
     let told = |run: &StandaloneRun| {
         run.summary.iter().find(|(k, _)| *k == "second_noise_share").unwrap().1.as_f64()
     };
@@ -179,12 +201,16 @@ fn noises_share_their_power_as_their_slopes_do() {
 #[test]
 fn what_has_no_link_is_silent() {
     let [a, b] = sides();
-    let run = Standalone::func::<PairMatcher>(PairMatcherParams { by_speed: false, kappa: 3.0, ..params() })
-        .feed(PairMatcherPorts::a.index(), value(&a.luma))
-        .feed(PairMatcherPorts::b.index(), value(&b.luma))
-        .feed(PairMatcherPorts::noise_b.index(), value(&b.noise))
-        .run()
-        .unwrap();
+    let run = Standalone::func::<PairMatcher>(PairMatcherParams {
+        kappa: 3.0,
+        stroke: StrokeParams { by_speed: false, ..params().stroke },
+        ..params()
+    })
+    .feed(PairMatcherPorts::a.index(), value(&a.luma))
+    .feed(PairMatcherPorts::b.index(), value(&b.luma))
+    .feed(PairMatcherPorts::noise_b.index(), value(&b.noise))
+    .run()
+    .unwrap();
     let all: Vec<f64> = (0..8).map(|port| strength_of(&run, port).kappa).collect();
     assert_eq!((all[0], all[1], all[2], all[4], all[6], all[7]), (3.0, 0.0, 0.0, 0.0, 0.0, 0.0));
     assert!(all[3] > 0.0 && all[3] == all[5], "one noise does all: {all:?}");

@@ -1,5 +1,7 @@
 //! Forces of maps: frequencies, images and aliases, signs, silence, and edits while it sounds.
 
+use crate::scrape::force::contact_force_params::ForceLawParams;
+use crate::scrape::force::contact_force_params::ContactForceParams;
 use crate::scrape::testing::{amplitude, db, peak, piece, rms};
 use crate::scrape::map::map_excitation::*;
 use crate::scrape::map::padded_map::Interp;
@@ -15,7 +17,7 @@ use std::f64::consts::TAU;
 const FS: f64 = 44_100.0;
 
 fn params() -> MapExcitationParams {
-    MapExcitationParams { rate: Rate::hz(44_100), ..MapExcitationParams::read(&|_| None).unwrap() }
+    MapExcitationParams { contact: ContactForceParams { rate: Rate::hz(44_100), ..MapExcitationParams::read(&|_| None).unwrap().contact }, ..MapExcitationParams::read(&|_| None).unwrap() }
 }
 
 /// A grating of `cycles` over 512 pixels along x, as the gradient of a cosine.
@@ -181,7 +183,7 @@ fn rest_and_no_force_are_silent() {
     let rest = piece([0.1, 0.0], [0.0; 2], 0.5);
     assert!(force(params(), grating(8.0, 512.0), vec![(0, rest)], 0.5).iter().all(|x| *x == 0.0));
     let lifted = PathPiece { force: [0.0; 2], ..piece([0.1, 0.0], [1.0, 0.0], 0.5) };
-    let p = MapExcitationParams { a: 0.0, ..params() };
+    let p = MapExcitationParams { law: ForceLawParams { a: 0.0, ..params().law }, ..params() };
     assert!(force(p, grating(8.0, 512.0), vec![(0, lifted)], 0.5).iter().all(|x| *x == 0.0));
 }
 
@@ -250,7 +252,7 @@ fn edges_of_one_bit_sound_alike_at_both_rates_and_hold_grey_where_they_are_passe
         let code =
             CodedMap::new(&grating(cycles, 512.0), Coding::Bit, Some(0.3 * (TAU * cycles / 512.0) as f32));
         let value = crate::core::standalone::Feed::value(crate::core::item::AnyValue::new(code));
-        let p = MapExcitationParams { value: MapValue::Magnitude, rate: Rate::hz(rate), ..params() };
+        let p = MapExcitationParams { value: MapValue::Magnitude, contact: ContactForceParams { rate: Rate::hz(rate), ..params().contact }, ..params() };
         let path = vec![(0, piece([0.1, 0.0], [speed, 0.0], 0.5))];
         let standalone =
             Standalone::new::<MapExcitation>(p).events(MapExcitationPorts::paths, path, ticks(0.5));
@@ -293,7 +295,7 @@ fn contacts_of_one_object_add_up() {
     let mut mixed = vec![path(1, 0.1), path(2, 0.13)];
     mixed[1].1.object = 4;
     let of =
-        |object| force(MapExcitationParams { object, ..params() }, grating(8.0, 512.0), mixed.clone(), 0.4);
+        |object| force(MapExcitationParams { contact: ContactForceParams { object, ..params().contact }, ..params() }, grating(8.0, 512.0), mixed.clone(), 0.4);
     assert!(of(Some(0)) == one && of(Some(4)) == two && of(None) == both);
     assert!(of(Some(9)).iter().all(|x| *x == 0.0));
 }
@@ -306,7 +308,7 @@ fn the_force_is_the_same_at_twice_the_rate() {
             surface: Surface::default(),
         };
         let value = crate::core::standalone::Feed::value(crate::core::item::AnyValue::new(map));
-        let p = MapExcitationParams { rate: Rate::hz(rate), ..params() };
+        let p = MapExcitationParams { contact: ContactForceParams { rate: Rate::hz(rate), ..params().contact }, ..params() };
         let path = vec![(0, piece([0.1, 0.2], [0.6, 0.13], 1.0))];
         let standalone =
             Standalone::new::<MapExcitation>(p).events(MapExcitationPorts::paths, path, ticks(1.0));
@@ -334,7 +336,7 @@ fn zigzag() -> Vec<(Tick, PathPiece)> {
 fn windows_change_no_bit() {
     let map = grating(40.0, 512.0);
     for value in [MapValue::Directional, MapValue::Magnitude] {
-        let p = MapExcitationParams { value, b: 0.7, ..params() };
+        let p = MapExcitationParams { value, law: ForceLawParams { b: 0.7, ..params().law }, ..params() };
         let run = |n: usize| {
             let standalone =
                 standalone(p.clone(), map.clone(), zigzag(), 0.6).window(Rate::hz(44_100).span(n));
@@ -352,10 +354,10 @@ fn windows_change_no_bit() {
 fn edits_while_it_sounds_do_not_click() {
     let path = vec![(0, piece([0.0, 0.0], [0.4, 0.0], 2.0))];
     let edits = [
-        MapExcitationParams { kappa: 4.0, ..params() },
-        MapExcitationParams { a: 0.2, b: 0.8, ..params() },
-        MapExcitationParams { gain: 0.0, ..params() },
-        MapExcitationParams { scale: 1.02, ..params() },
+        MapExcitationParams { law: ForceLawParams { kappa: 4.0, ..params().law }, ..params() },
+        MapExcitationParams { law: ForceLawParams { a: 0.2, b: 0.8, ..params().law }, ..params() },
+        MapExcitationParams { contact: ContactForceParams { gain: 0.0, ..params().contact }, ..params() },
+        MapExcitationParams { contact: ContactForceParams { scale: 1.02, ..params().contact }, ..params() },
     ];
     for edit in edits {
         let standalone =

@@ -1,10 +1,18 @@
 use super::*;
 use crate::core::standalone::Standalone;
+use crate::core::time::Rate;
 use crate::core::time::{Tick, ticks};
+use crate::scrape::force::contact_force_params::ContactForceParams;
 use crate::scrape::testing::{piece, rates_apart, rms};
 
 fn params() -> NoiseExcitationParams {
-    NoiseExcitationParams { rate: Rate::hz(44_100), ..NoiseExcitationParams::read(&|_| None).unwrap() }
+    NoiseExcitationParams {
+        contact: ContactForceParams {
+            rate: Rate::hz(44_100),
+            ..NoiseExcitationParams::read(&|_| None).unwrap().contact
+        },
+        ..NoiseExcitationParams::read(&|_| None).unwrap()
+    }
 }
 
 fn white(n: usize) -> NoiseProfile {
@@ -91,10 +99,10 @@ fn edits_while_it_sounds_do_not_click() {
     let path = vec![(0, piece([0.0; 2], [0.1, 0.0], 1.0))];
     let edits = [
         NoiseExcitationParams { kappa: 5.0, ..params() },
-        NoiseExcitationParams { gain: 0.0, ..params() },
+        NoiseExcitationParams { contact: ContactForceParams { gain: 0.0, ..params().contact }, ..params() },
         NoiseExcitationParams { a: 1.5, b: 0.0, ..params() },
-        NoiseExcitationParams { scale: 0.5, ..params() },
-        NoiseExcitationParams { scale: 9.0, ..params() },
+        NoiseExcitationParams { contact: ContactForceParams { scale: 0.5, ..params().contact }, ..params() },
+        NoiseExcitationParams { contact: ContactForceParams { scale: 9.0, ..params().contact }, ..params() },
     ];
     for edit in edits {
         let standalone = standalone(params(), path.clone(), 1.0).window(Rate::hz(44_100).span(256));
@@ -119,7 +127,10 @@ fn the_sample_rate_changes_nothing_that_is_heard() {
     // Read as it is, and where it is passed so fast at one rate that less of it is left.
     for speed in [1.1, 7.0] {
         let at = |rate: u32| {
-            let p = NoiseExcitationParams { rate: Rate::hz(rate), ..params() };
+            let p = NoiseExcitationParams {
+                contact: ContactForceParams { rate: Rate::hz(rate), ..params().contact },
+                ..params()
+            };
             let path = vec![(0, piece([0.0; 2], [speed, 0.0], 1.0))];
             standalone(p, path, 1.0).run().unwrap().stream(NoiseExcitationPorts::force)
         };

@@ -1,5 +1,6 @@
 //! Ways between frames: exact where they must be, smooth elsewhere, and what happens at jumps, losses and stalls.
 
+use crate::scrape::force::contact_force_params::ContactForceParams;
 use crate::scrape::testing::{amplitude, db};
 use crate::scrape::map::map_excitation::{MapExcitation, MapExcitationParams, MapExcitationPorts};
 use crate::scrape::path::piece::PathPiece;
@@ -150,7 +151,7 @@ fn an_even_slope_gives_a_force_without_the_frames_which_straight_lines_do_not() 
     };
     let lines = |pieces: Pieces| {
         let p =
-            MapExcitationParams { rate: Rate::hz(44_100), ..MapExcitationParams::read(&|_| None).unwrap() };
+            MapExcitationParams { contact: ContactForceParams { rate: Rate::hz(44_100), ..MapExcitationParams::read(&|_| None).unwrap().contact }, ..MapExcitationParams::read(&|_| None).unwrap() };
         let standalone =
             Standalone::new::<MapExcitation>(p).events(MapExcitationPorts::paths, pieces, ticks(2.5));
         let standalone = standalone.feed(MapExcitationPorts::map.index(), Feed::value(AnyValue::new(map())));

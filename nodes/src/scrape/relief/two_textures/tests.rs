@@ -1,14 +1,22 @@
 use super::*;
 use crate::core::item::AnyValue;
 use crate::core::standalone::{Feed, Standalone};
+use crate::core::time::Rate;
 use crate::core::time::{Tick, ticks};
+use crate::scrape::force::contact_force_params::ContactForceParams;
 use crate::scrape::testing::{db, piece, rates_apart, rms};
 use crate::texture::{Grid, LumaKind, Surface};
 
 const FS: f64 = 44_100.0;
 
 fn params() -> TwoTexturesParams {
-    TwoTexturesParams { rate: Rate::hz(44_100), ..TwoTexturesParams::read(&|_| None).unwrap() }
+    TwoTexturesParams {
+        contact: ContactForceParams {
+            rate: Rate::hz(44_100),
+            ..TwoTexturesParams::read(&|_| None).unwrap().contact
+        },
+        ..TwoTexturesParams::read(&|_| None).unwrap()
+    }
 }
 
 fn luma(density: f64, depth: f64, width: usize, at: impl Fn(usize) -> f32) -> Luma {
@@ -216,7 +224,11 @@ fn a_scale_is_that_of_places_heights_and_the_radius() {
             let standalone = solo_of(p, ripple(density, depth, 24.0), other, vec![(0, path)], 0.3);
             standalone.run().unwrap().stream(TwoTexturesPorts::force)
         };
-        let one = at(2000.0, 1e-4, TwoTexturesParams { scale: 2.5, ..params() });
+        let one = at(
+            2000.0,
+            1e-4,
+            TwoTexturesParams { contact: ContactForceParams { scale: 2.5, ..params().contact }, ..params() },
+        );
         let two = at(800.0, 2.5e-4, TwoTexturesParams { radius: 2.5 * params().radius, ..params() });
         let difference: Vec<f32> = one.iter().zip(&two).map(|(a, b)| a - b).collect();
         assert!(rms(&two) > 1e-3 && db(rms(&difference) / rms(&two)) < -50.0, "{cycles:?}: {}", rms(&two));
@@ -231,14 +243,14 @@ fn edits_while_it_sounds_do_not_click() {
     };
     let edits = [
         TwoTexturesParams { kappa: 3.0, ..params() },
-        TwoTexturesParams { gain: 0.0, ..params() },
+        TwoTexturesParams { contact: ContactForceParams { gain: 0.0, ..params().contact }, ..params() },
         TwoTexturesParams { a_exponent: 0.3, ..params() },
-        TwoTexturesParams { scale: 1.02, ..params() },
-        TwoTexturesParams { scale: 1.7, ..params() },
+        TwoTexturesParams { contact: ContactForceParams { scale: 1.02, ..params().contact }, ..params() },
+        TwoTexturesParams { contact: ContactForceParams { scale: 1.7, ..params().contact }, ..params() },
     ];
     for (edit, b) in edits.iter().flat_map(|edit| [(edit, None), (edit, Some(ripple(2000.0, 1e-4, 7.0)))]) {
         // Far from the corner a size on its way would sweep a ball over many ripples: that is a sound of its own, not a click.
-        if b.is_none() && edit.scale > 1.5 {
+        if b.is_none() && edit.contact.scale > 1.5 {
             continue;
         }
         let standalone = standalone(ripple(2000.0, 1e-4, 8.0), b.clone(), vec![(0, path)], 1.0);
@@ -283,7 +295,10 @@ fn the_sample_rate_changes_nothing_that_is_heard() {
     for other in [None, Some(b)] {
         let alone = other.is_none();
         let at = |rate: u32| {
-            let p = TwoTexturesParams { rate: Rate::hz(rate), ..params() };
+            let p = TwoTexturesParams {
+                contact: ContactForceParams { rate: Rate::hz(rate), ..params().contact },
+                ..params()
+            };
             let standalone = solo_of(p, a.clone(), other.clone(), vec![(0, path)], 1.0);
             standalone.run().unwrap().stream(TwoTexturesPorts::force)
         };

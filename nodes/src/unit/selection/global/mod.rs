@@ -16,7 +16,7 @@ mod table;
 pub use beam::{BeamParams, Joins, beam};
 pub use exact::exact;
 pub use fixed_lag::FixedLag;
-pub use path::{GlobalParams, MAX_SWITCH_COST, Path, difference, distance_cap};
+pub use path::{GlobalParams, MAX_SWITCH_COST, Path, PathCostParams, difference, distance_cap};
 pub use table::Table;
 
 #[cfg(test)]

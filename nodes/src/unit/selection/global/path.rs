@@ -1,5 +1,24 @@
 //! Paths through the units of a database, and their costs.
 
+use crate::core::params::Text;
+use crate::params;
+
+params! {
+    /// Costs of a path, and the units that it may take.
+    pub struct PathCostParams {
+        /// Cost of a jump, in distances of features.
+        switch_cost: f64 = 0.5, unit "", range 0.0..=1000.0;
+        /// Greatest distance of features that sound alike.
+        d_max: f64 = 2.0, unit "", range 0.0..=1_000_000.0;
+        /// A unit beyond `d_max` costs no more than `d_max` and this; 0 sets no limit.
+        penalty: f64 = 0.0, unit "", range 0.0..=1_000_000.0;
+        /// Number of targets for which a chosen unit is not chosen again; 0 allows it.
+        cool_off: usize = 20, unit "units", range 0..=1_000_000_usize;
+        /// Choose only from recordings with one of these tags; empty for all.
+        tags: Vec<Text> = Vec::new();
+    }
+}
+
 /// Costs of a path.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GlobalParams {

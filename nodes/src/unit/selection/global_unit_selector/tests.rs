@@ -3,11 +3,13 @@
 use super::*;
 use crate::core::item::{AnyValue, Channels, StreamShape};
 use crate::core::node::NodeType;
+use crate::core::params::Text;
 use crate::core::shape::{LinkShape, RawShape};
 use crate::core::standalone::Standalone;
 use crate::core::time::{Rate, ticks};
 use crate::feature::{FeatureConventions, FeatureFormat};
 use crate::unit::global::exact;
+use crate::unit::selection::global::PathCostParams;
 use crate::unit::selection::online_unit_selector::{
     OnlineUnitSelector, OnlineUnitSelectorParams, OnlineUnitSelectorPorts,
 };
@@ -57,11 +59,15 @@ fn format(db: &UnitDatabase, vectors: usize) -> FeatureFormat {
 
 fn global(method: Method) -> GlobalUnitSelectorParams {
     let p = GlobalUnitSelectorParams::read(&|_| None).unwrap();
-    GlobalUnitSelectorParams { method, cool_off: 7, candidates: 16, ..p }
+    GlobalUnitSelectorParams { method, candidates: 16, cost: PathCostParams { cool_off: 7, ..p.cost }, ..p }
 }
 
 fn online(lag: f64) -> OnlineUnitSelectorParams {
-    OnlineUnitSelectorParams { lag, cool_off: 7, ..OnlineUnitSelectorParams::read(&|_| None).unwrap() }
+    OnlineUnitSelectorParams {
+        lag,
+        cost: PathCostParams { cool_off: 7, ..OnlineUnitSelectorParams::read(&|_| None).unwrap().cost },
+        ..OnlineUnitSelectorParams::read(&|_| None).unwrap()
+    }
 }
 
 fn of_global(
@@ -125,18 +131,22 @@ fn windows_of_any_size_give_the_same_picks() {
 #[test]
 fn the_node_gives_the_path_that_the_search_finds() {
     let (db, target) = (database(1), walk(3, 70, DIMS));
-    let p = GlobalUnitSelectorParams { cool_off: 0, ..global(Method::Exact) };
+    let p = GlobalUnitSelectorParams {
+        cost: PathCostParams { cool_off: 0, ..global(Method::Exact).cost },
+        ..global(Method::Exact)
+    };
     let set = units(&format(&db, 1), &db, &[]).unwrap();
     let table = Table::new(&set).unwrap();
-    let path = GlobalParams { switch_cost: p.switch_cost, cap: f64::INFINITY, cool_off: 0 };
+    let path = GlobalParams { switch_cost: p.cost.switch_cost, cap: f64::INFINITY, cool_off: 0 };
     let wanted = exact(&table, &target, &path, None).unwrap();
     let found = picks(of_global(&p, &db, 1, &target));
     let units: Vec<u32> = found.iter().map(|pick| pick.unit as u32).collect();
     assert_eq!(units, wanted.units);
     assert!(found.iter().any(|pick| pick.fallback) && found.iter().any(|pick| !pick.fallback));
-    assert!(found.iter().all(|pick| pick.fallback == (f64::from(pick.d1) > p.d_max)));
+    assert!(found.iter().all(|pick| pick.fallback == (f64::from(pick.d1) > p.cost.d_max)));
     // What decides after the end of the take decides as well as what reads it first; one unit later it knows less.
-    let free = OnlineUnitSelectorParams { cool_off: 0, ..online(1.0) };
+    let free =
+        OnlineUnitSelectorParams { cost: PathCostParams { cool_off: 0, ..online(1.0).cost }, ..online(1.0) };
     assert_eq!(chosen(&picks(of_online(&free, &db, 1, &target))), chosen(&found));
     let hasty = OnlineUnitSelectorParams { lag: 0.0, ..free };
     assert_ne!(chosen(&picks(of_online(&hasty, &db, 1, &target))), chosen(&found));
@@ -222,16 +232,26 @@ fn only_recordings_of_a_tag_are_chosen_from_by_every_method() {
     let (db, target) = (database(1), walk(7, 60, DIMS));
     for tags in [vec![Text::from("silk")], vec![Text::from("silk"), Text::from("wool")]] {
         for method in METHODS {
-            let p = GlobalUnitSelectorParams { tags: tags.clone(), ..global(method) };
+            let p = GlobalUnitSelectorParams {
+                cost: PathCostParams { tags: tags.clone(), ..global(method).cost },
+                ..global(method)
+            };
             assert!(picks(of_global(&p, &db, 1, &target)).iter().all(|p| p.unit >= 45), "{method:?}");
         }
-        let p = OnlineUnitSelectorParams { tags, ..online(0.05) };
+        let p =
+            OnlineUnitSelectorParams { cost: PathCostParams { tags, ..online(0.05).cost }, ..online(0.05) };
         assert!(picks(of_online(&p, &db, 1, &target)).iter().all(|p| p.unit >= 45));
     }
-    let p = GlobalUnitSelectorParams { tags: vec!["wool".into()], ..global(Method::Exact) };
+    let p = GlobalUnitSelectorParams {
+        cost: PathCostParams { tags: vec!["wool".into()], ..global(Method::Exact).cost },
+        ..global(Method::Exact)
+    };
     let reject = of_global(&p, &db, 1, &target).shape().unwrap_err();
     assert_eq!((reject.code, reject.field.as_deref()), ("F101", Some("tags")));
-    let p = OnlineUnitSelectorParams { tags: vec!["wool".into()], ..online(0.05) };
+    let p = OnlineUnitSelectorParams {
+        cost: PathCostParams { tags: vec!["wool".into()], ..online(0.05).cost },
+        ..online(0.05)
+    };
     assert_eq!(of_online(&p, &db, 1, &target).shape().unwrap_err().code, "F101");
 }
 
@@ -353,7 +373,11 @@ fn what_decides_online_sleeps_as_well_and_looks_at_nothing_that_is_slept_through
 fn the_report_tells_how_often_a_fixed_lag_departs_from_the_best_path() {
     let (db, target) = (database(1), walk(3, 70, DIMS));
     let differs = |method: Method, lag: f64, cool_off: usize| {
-        let p = GlobalUnitSelectorParams { lag, cool_off, ..global(method) };
+        let p = GlobalUnitSelectorParams {
+            lag,
+            cost: PathCostParams { cool_off, ..global(method).cost },
+            ..global(method)
+        };
         let run = of_global(&p, &db, 1, &target).run().unwrap();
         let told = run.summary.iter().find(|(name, _)| *name == "differs").and_then(|(_, x)| x.as_f64());
         (told, chosen(&run.stream(GlobalUnitSelectorPorts::picks)))
