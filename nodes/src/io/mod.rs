@@ -16,7 +16,7 @@ pub use crate::core::files::ReadSeek;
 pub use error::{AudioError, AudioWarning};
 pub use info::{AudioInfo, FileFormat, ReadLimits, SampleFormat};
 pub use reader::{AudioReader, probe, probe_with};
-pub(crate) use recordings::{check_recordings, recording_warnings, trial_wav};
+pub(crate) use recordings::{MaxLength, RecordingParam, recording_warnings, trial_wav};
 pub use wav::{AudioWriter, Dither, WriteFormat, WriteSpec, WrittenInfo};
 
 /// Nodes of this family.

@@ -1,28 +1,70 @@
 //! Recordings that nodes load as a whole: checks, warnings and trial files.
 
-use super::{AudioInfo, AudioWriter, ReadSeek, WriteFormat, WriteSpec};
+use super::{AudioInfo, AudioReader, AudioWriter, ReadSeek, WriteFormat, WriteSpec};
 use crate::core::fault::Reject;
 use crate::core::node::Summary;
 use crate::core::params::AssetPath;
 use crate::core::shape::Shape;
+use std::fmt::Display;
 
-/// Checks each recording of a list that a node loads: reports errors, notes warnings and reserves memory.
-pub(crate) fn check_recordings<P>(
-    s: &mut Shape<'_, '_, P>,
-    list: &str,
-    paths: &[AssetPath],
-    open: impl Fn(&str, Box<dyn ReadSeek + '_>) -> Result<AudioInfo, Reject>,
-) {
-    for (k, AssetPath(path)) in paths.iter().enumerate() {
-        let field = format!("{list}[{k}]");
-        let opened = s.open(&field, path).and_then(|file| open(path, file));
-        let Some(info) = s.check(opened.map_err(|reject| reject.at(&field))) else { continue };
-        let reserved = s.hold(&field, path, info.analysis_bytes());
-        if s.check(reserved).is_none() {
-            // The memory limit is reached: the following recordings would exceed it too.
-            break;
+/// Greatest length of a recording that a node loads.
+pub(crate) enum MaxLength {
+    /// Frames at any rate.
+    Frames(u64),
+    /// Seconds at the rate of the recording.
+    Seconds(u64),
+}
+
+/// A parameter with paths of recordings that a node loads as a whole.
+pub(crate) struct RecordingParam {
+    /// Its name.
+    pub name: &'static str,
+    /// Code of the diagnostics about its recordings.
+    pub code: &'static str,
+    /// Longest recording.
+    pub max: MaxLength,
+}
+
+impl RecordingParam {
+    /// An error about one recording.
+    pub(crate) fn unusable(&self, path: &str, problem: impl Display) -> Reject {
+        Reject::new(self.code, format!("{path:?}: {problem}")).at(self.name)
+    }
+
+    /// Opens a recording.
+    ///
+    /// # Errors
+    /// A file that is no audio, or is too long.
+    pub(crate) fn open<'a>(
+        &self,
+        path: &str,
+        file: Box<dyn ReadSeek + 'a>,
+    ) -> Result<AudioReader<'a>, Reject> {
+        let reader = AudioReader::open(Box::new(file)).map_err(|e| self.unusable(path, e))?;
+        let frames = reader.info().frames;
+        let (max, reason) = match self.max {
+            MaxLength::Frames(max) => (max, String::new()),
+            MaxLength::Seconds(max) => (max * u64::from(reader.info().rate), format!(" ({max} s)")),
+        };
+        if frames > max {
+            return Err(self.unusable(path, format!("{frames} frames; at most {max}{reason} are read")));
         }
-        info.warning_texts(path).for_each(|text| s.note(text));
+        Ok(reader)
+    }
+
+    /// Checks a list of recordings: reports errors, notes warnings and reserves memory.
+    pub(crate) fn check<P>(&self, s: &mut Shape<'_, '_, P>, paths: &[AssetPath]) {
+        for (k, AssetPath(path)) in paths.iter().enumerate() {
+            let field = format!("{}[{k}]", self.name);
+            let opened = s.open(&field, path).and_then(|file| Ok(self.open(path, file)?.info().clone()));
+            let Some(info) = s.check(opened.map_err(|reject| reject.at(&field))) else { continue };
+            let reserved = s.hold(&field, path, info.analysis_bytes());
+            if s.check(reserved).is_none() {
+                // The memory limit is reached: the following recordings would exceed it too.
+                break;
+            }
+            info.warning_texts(path).for_each(|text| s.note(text));
+        }
     }
 }
 

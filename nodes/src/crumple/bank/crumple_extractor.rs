@@ -4,7 +4,7 @@ use super::crumple_bank::{CrumpleBank, Cut, Origin, Recorded, resample};
 use super::extraction::{Extraction, cut, extents, windowed_energy};
 use super::report::bank_summary;
 use crate::core::fault::{Fault, Reject};
-use crate::core::files::{MemoryFiles, ReadSeek};
+use crate::core::files::MemoryFiles;
 use crate::core::node::{Func, Summary};
 use crate::core::params::{AssetPath, Params, Text};
 use crate::core::ports::Value;
@@ -12,8 +12,7 @@ use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
 use crate::dsp::{Quality, Resampler};
-use crate::io::check_recordings;
-use crate::io::{AudioReader, recording_warnings, trial_wav};
+use crate::io::{MaxLength, RecordingParam, recording_warnings, trial_wav};
 use crate::{params, ports};
 
 params! {
@@ -74,19 +73,8 @@ const OUTLINE_PARTS: usize = 480;
 /// Share of all recordings above which one sound is too long.
 const MAX_SHARE: f64 = 0.2;
 
-fn unusable(path: &str, problem: impl std::fmt::Display) -> Reject {
-    Reject::new("F077", format!("{path:?}: {problem}")).at("recordings")
-}
-
-/// Opens a recording of at most [`MAX_FRAMES`].
-fn reader<'a>(path: &str, file: Box<dyn ReadSeek + 'a>) -> Result<AudioReader<'a>, Reject> {
-    let reader = AudioReader::open(Box::new(file)).map_err(|e| unusable(path, e))?;
-    let frames = reader.info().frames;
-    if frames > MAX_FRAMES {
-        return Err(unusable(path, format!("{frames} frames; at most {MAX_FRAMES} are allowed")));
-    }
-    Ok(reader)
-}
+const RECORDINGS: RecordingParam =
+    RecordingParam { name: "recordings", code: "F077", max: MaxLength::Frames(MAX_FRAMES) };
 
 /// A recording at the rate of the bank.
 struct Recording {
@@ -97,20 +85,20 @@ struct Recording {
 
 impl Recording {
     fn read(p: &CrumpleExtractorParams, cx: &Build<'_>, path: &str) -> Result<Self, Fault> {
-        let mut reader = reader(path, cx.open("recordings", path)?)?;
-        let samples = reader.read_mono().map_err(|e| unusable(path, e))?;
+        let mut reader = RECORDINGS.open(path, cx.open("recordings", path)?)?;
+        let samples = reader.read_mono().map_err(|e| RECORDINGS.unusable(path, e))?;
         let notices = recording_warnings(path, reader.info(), &samples);
         if let Some(index) = samples.iter().position(|x| !x.is_finite()) {
-            return Err(unusable(path, format!("sample {index} is not finite")).into());
+            return Err(RECORDINGS.unusable(path, format!("sample {index} is not finite")).into());
         }
         let (from, to) = (reader.info().rate, p.rate);
         let samples = if Rate::new(from.into(), 1) == Some(to) {
             samples
         } else {
             let resampler = Rate::new(from.into(), 1).map(|from| Resampler::new(from, to, Quality::High));
-            let resampler = resampler.ok_or_else(|| unusable(path, "its rate is 0"))?;
+            let resampler = resampler.ok_or_else(|| RECORDINGS.unusable(path, "its rate is 0"))?;
             let ratio = to.as_f64() / f64::from(from);
-            resampler.and_then(|r| resample(&r, &samples, ratio)).map_err(|e| unusable(path, e))?
+            resampler.and_then(|r| resample(&r, &samples, ratio)).map_err(|e| RECORDINGS.unusable(path, e))?
         };
         let description = Recorded {
             provenance: path.to_owned(),
@@ -165,7 +153,7 @@ impl Func for CrumpleExtractor {
             let message = format!("`rate` is {}; 1000 to 768000 Hz is needed", p.rate);
             s.wrong(Reject::new("F106", message).at("rate"));
         }
-        check_recordings(s, "recordings", &p.recordings, |path, file| Ok(reader(path, file)?.info().clone()));
+        RECORDINGS.check(s, &p.recordings);
         Ok(())
     }
 

@@ -9,8 +9,7 @@ use crate::core::ports::Value;
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::friction::model::{FrictionModel, Source, model_summary};
-use crate::io::check_recordings;
-use crate::io::{AudioReader, recording_warnings, trial_wav};
+use crate::io::{MaxLength, RecordingParam, recording_warnings, trial_wav};
 use crate::{choices, params, ports};
 
 choices! {
@@ -86,22 +85,8 @@ pub struct FrictionModelFromClips;
 /// Maximum length of a recording in frames: ten minutes at 192 kHz.
 const MAX_FRAMES: u64 = 600 * 192_000;
 
-fn unusable(path: &str, problem: impl std::fmt::Display) -> Reject {
-    Reject::new("F077", format!("{path:?}: {problem}")).at("recordings")
-}
-
-/// Opens a recording of at most [`MAX_FRAMES`].
-fn reader<'a>(
-    path: &str,
-    file: Box<dyn crate::core::files::ReadSeek + 'a>,
-) -> Result<AudioReader<'a>, Reject> {
-    let reader = AudioReader::open(Box::new(file)).map_err(|e| unusable(path, e))?;
-    let frames = reader.info().frames;
-    if frames > MAX_FRAMES {
-        return Err(unusable(path, format!("{frames} frames; at most {MAX_FRAMES} are allowed")));
-    }
-    Ok(reader)
-}
+const RECORDINGS: RecordingParam =
+    RecordingParam { name: "recordings", code: "F077", max: MaxLength::Frames(MAX_FRAMES) };
 
 impl Func for FrictionModelFromClips {
     type Params = FrictionModelFromClipsParams;
@@ -122,7 +107,7 @@ impl Func for FrictionModelFromClips {
             let message = format!("`fastest` is {} m/s, `slowest` {} m/s", p.fastest, p.slowest);
             s.wrong(Reject::new("F077", message).at("fastest").help("it must be at least 0.1 % more"));
         }
-        check_recordings(s, "recordings", &p.recordings, |path, file| Ok(reader(path, file)?.info().clone()));
+        RECORDINGS.check(s, &p.recordings);
         Ok(())
     }
 
@@ -133,8 +118,8 @@ impl Func for FrictionModelFromClips {
     ) -> Result<Summary, Fault> {
         let (mut sources, mut notices) = (Vec::with_capacity(p.recordings.len()), Summary::new());
         for path in &p.recordings {
-            let mut reader = reader(&path.0, cx.open("recordings", &path.0)?)?;
-            let samples = reader.read_mono().map_err(|e| unusable(&path.0, e))?;
+            let mut reader = RECORDINGS.open(&path.0, cx.open("recordings", &path.0)?)?;
+            let samples = reader.read_mono().map_err(|e| RECORDINGS.unusable(&path.0, e))?;
             notices.extend(recording_warnings(&path.0, reader.info(), &samples));
             sources.push((samples, f64::from(reader.info().rate), &path.0));
         }

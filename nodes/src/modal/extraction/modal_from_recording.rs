@@ -2,13 +2,13 @@
 
 use super::extract::{ExtractParams, extract};
 use crate::core::fault::{Fault, Reject};
-use crate::core::files::{MemoryFiles, ReadSeek};
+use crate::core::files::MemoryFiles;
 use crate::core::node::{Func, Summary};
 use crate::core::params::{AssetPath, Params};
 use crate::core::ports::Value;
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
-use crate::io::{AudioReader, recording_warnings, trial_wav};
+use crate::io::{MaxLength, RecordingParam, recording_warnings, trial_wav};
 use crate::modal::mode::modes::Modes;
 use crate::{params, ports};
 
@@ -61,18 +61,8 @@ const MAX_RESIDUAL: f64 = -3.0;
 /// Maximum length of a recording, in seconds.
 const MAX_SECONDS: u64 = 60;
 
-fn unusable(path: &str, what: impl std::fmt::Display) -> Reject {
-    Reject::new("F077", format!("{path:?}: {what}")).at("recording")
-}
-
-fn reader<'a>(path: &str, file: Box<dyn ReadSeek + 'a>) -> Result<AudioReader<'a>, Reject> {
-    let reader = AudioReader::open(Box::new(file)).map_err(|e| unusable(path, e))?;
-    let (frames, max) = (reader.info().frames, MAX_SECONDS * u64::from(reader.info().rate));
-    if frames > max {
-        return Err(unusable(path, format!("{frames} frames; at most {MAX_SECONDS} s, {max}, are read")));
-    }
-    Ok(reader)
-}
+const RECORDING: RecordingParam =
+    RecordingParam { name: "recording", code: "F077", max: MaxLength::Seconds(MAX_SECONDS) };
 
 impl Func for ModalFromRecording {
     type Params = ModalFromRecordingParams;
@@ -90,7 +80,7 @@ impl Func for ModalFromRecording {
             s.wrong(Reject::new("F077", message).at("highest").help("it must be more"));
         }
         let path = &p.recording.0;
-        let reader = reader(path, s.open("recording", path)?)?;
+        let reader = RECORDING.open(path, s.open("recording", path)?)?;
         s.hold("recording", path, reader.info().bytes())?;
         reader.info().warning_texts(path).for_each(|text| s.note(text));
         Ok(())
@@ -102,8 +92,8 @@ impl Func for ModalFromRecording {
         mut io: ModalFromRecordingIo<'_>,
     ) -> Result<Summary, Fault> {
         let path = &p.recording.0;
-        let mut reader = reader(path, cx.open("recording", path)?)?;
-        let samples = reader.read_mono().map_err(|e| unusable(path, e))?;
+        let mut reader = RECORDING.open(path, cx.open("recording", path)?)?;
+        let samples = reader.read_mono().map_err(|e| RECORDING.unusable(path, e))?;
         let rate = f64::from(reader.info().rate);
         let params = ExtractParams {
             modes: p.count,
@@ -112,7 +102,7 @@ impl Func for ModalFromRecording {
             highest: p.highest,
             passes: p.passes,
         };
-        let found = extract(&samples, rate, &params).map_err(|e| unusable(path, e))?;
+        let found = extract(&samples, rate, &params).map_err(|e| RECORDING.unusable(path, e))?;
         let modes = found.modes(path, p.impulse, p.phases);
         let mut summary = modes.summary();
         summary.push(("onset_s", (found.onset as f64 / rate).into()));

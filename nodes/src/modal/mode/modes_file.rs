@@ -1,15 +1,9 @@
 //! Modes from JSON or CSV, as a function and as a value node.
 
 use super::modes::{MODES_VERSION, Modes};
-use crate::core::fault::{Fault, Reject};
-use crate::core::files::MemoryFiles;
-use crate::core::item::Data;
-use crate::core::node::{Func, Summary};
-use crate::core::params::AssetPath;
-use crate::core::ports::Value;
-use crate::core::random::Rng;
-use crate::core::shape::{Build, Shape};
-use crate::{params, ports};
+use crate::artefact::value_file::Artefact;
+use crate::artefact_file;
+use crate::core::node::Summary;
 
 /// Reads modes from JSON, as a tap of modes writes it, or from CSV.
 ///
@@ -79,62 +73,35 @@ fn from_csv(bytes: &[u8]) -> Result<Modes, String> {
     })
 }
 
-params! {
+impl Artefact for Modes {
+    const CODE: &'static str = "F078";
+
+    fn from_file(bytes: &[u8]) -> Result<Self, String> {
+        read_modes(bytes)
+    }
+
+    fn summary(&self) -> Summary {
+        Modes::summary(self)
+    }
+}
+
+artefact_file! {
     /// Modes of an object from a file.
     ///
     /// The file is JSON as a tap of modes writes it, or CSV. Columns of a CSV are `frequency_hz`, `damping` (decay rate of the
     /// amplitude in 1/s), `gain` (full scale per N s), `gain_1`, `gain_2` and so on for further contact points, and optionally
     /// `phase` (radians).
-    pub struct ModesFileParams {
-        /// The file.
-        path: AssetPath;
-    }
-}
-ports! {
-    pub struct ModesFilePorts / ModesFileIo {
-        in {}
-        out {
-            /// The modes.
-            modes: Value<Modes>,
-        }
-    }
-}
-
-/// The node `ModesFile`.
-#[derive(Debug)]
-pub struct ModesFile;
-
-fn parse(path: &str, bytes: &[u8]) -> Result<Modes, Reject> {
-    read_modes(bytes).map_err(|e| Reject::new("F078", format!("{path:?}: {e}")).at("path"))
-}
-
-impl Func for ModesFile {
-    type Params = ModesFileParams;
-    type Ports = ModesFilePorts;
-    const NAME: &'static str = "ModesFile";
-
-    fn check(p: &ModesFileParams, s: &mut Shape<'_, '_, ModesFilePorts>) -> Result<(), Reject> {
-        parse(&p.path.0, &s.bytes("path", &p.path.0)?).map(|_| ())
-    }
-
-    fn eval(p: &ModesFileParams, cx: &Build<'_>, mut io: ModesFileIo<'_>) -> Result<Summary, Fault> {
-        let modes = parse(&p.path.0, &cx.bytes("path", &p.path.0)?)?;
-        let summary = modes.summary();
-        io.modes.set(modes);
-        Ok(summary)
-    }
-
-    fn trial(rng: &mut Rng) -> (ModesFileParams, MemoryFiles) {
-        let mut files = MemoryFiles::default();
-        let modes = serde_json::to_vec(&<Modes as Data>::trial(rng));
-        files.insert("modes.json", modes.unwrap_or_default());
-        (ModesFileParams { path: "modes.json".into() }, files)
-    }
+    pub struct ModesFile / ModesFileParams / ModesFilePorts / ModesFileIo, version 1;
+    /// The file.
+    path: "modes.json";
+    /// The modes.
+    modes: Modes;
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::core::random::Rng;
     use crate::core::standalone::Standalone;
 
     #[test]

@@ -1,71 +1,39 @@
 //! Isophotes from a file, as a value node.
 
-use super::code::{decode_isophotes, encode_isophotes};
+use super::code::decode_isophotes;
 use super::curves::Isophotes;
 use super::value::summary;
-use crate::core::fault::{Fault, Reject};
-use crate::core::files::MemoryFiles;
-use crate::core::item::Data;
-use crate::core::node::{Func, Summary};
-use crate::core::params::AssetPath;
-use crate::core::ports::Value;
-use crate::core::random::Rng;
-use crate::core::shape::{Build, Shape};
-use crate::{params, ports};
+use crate::artefact::value_file::Artefact;
+use crate::artefact_file;
+use crate::core::node::Summary;
 
-params! {
+impl Artefact for Isophotes {
+    const CODE: &'static str = "F126";
+    const HELP: Option<&'static str> = Some("a tap of `Isophotes` to a file that ends with .bin writes one");
+
+    fn from_file(bytes: &[u8]) -> Result<Self, String> {
+        decode_isophotes(bytes)
+    }
+
+    fn summary(&self) -> Summary {
+        summary(self)
+    }
+}
+
+artefact_file! {
     /// Reads isophotes from a file, as a tap of `Isophotes` writes it, so that no image is needed.
-    pub struct IsophotesFileParams {
-        /// The file.
-        path: AssetPath;
-    }
-}
-ports! {
-    pub struct IsophotesFilePorts / IsophotesFileIo {
-        in {}
-        out {
-            /// The isophotes.
-            isophotes: Value<Isophotes>,
-        }
-    }
-}
-
-/// The node over [`decode_isophotes`].
-#[derive(Debug)]
-pub struct IsophotesFile;
-
-impl Func for IsophotesFile {
-    type Params = IsophotesFileParams;
-    type Ports = IsophotesFilePorts;
-    const NAME: &'static str = "IsophotesFile";
-
-    fn check(p: &IsophotesFileParams, s: &mut Shape<'_, '_, IsophotesFilePorts>) -> Result<(), Reject> {
-        let bytes = s.bytes("path", &p.path.0)?;
-        decode_isophotes(&bytes).map(|_| ()).map_err(|e| wrong(&p.path.0, &e))
-    }
-
-    fn eval(p: &IsophotesFileParams, cx: &Build<'_>, mut io: IsophotesFileIo<'_>) -> Result<Summary, Fault> {
-        let found = decode_isophotes(&cx.bytes("path", &p.path.0)?).map_err(|e| wrong(&p.path.0, &e))?;
-        let summary = summary(&found);
-        io.isophotes.set(found);
-        Ok(summary)
-    }
-
-    fn trial(rng: &mut Rng) -> (IsophotesFileParams, MemoryFiles) {
-        let mut files = MemoryFiles::default();
-        files.insert("texture.isophotes", encode_isophotes(&Isophotes::trial(rng)));
-        (IsophotesFileParams { path: AssetPath("texture.isophotes".into()) }, files)
-    }
-}
-
-fn wrong(path: &str, what: &str) -> Reject {
-    let help = "a tap of `Isophotes` to a file that ends with .bin writes one";
-    Reject::new("F126", format!("{path:?}: {what}")).at("path").help(help)
+    pub struct IsophotesFile / IsophotesFileParams / IsophotesFilePorts / IsophotesFileIo, version 1;
+    /// The file.
+    path: "texture.isophotes";
+    /// The isophotes.
+    isophotes: Isophotes;
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::core::files::MemoryFiles;
+    use crate::core::params::AssetPath;
     use crate::core::standalone::Standalone;
 
     #[test]

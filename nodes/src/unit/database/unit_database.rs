@@ -4,7 +4,7 @@ use super::builder::{Gap, Take, build};
 use super::units::{UnitDatabase, UnitSource, database_summary};
 use crate::core::content::audio_digest;
 use crate::core::fault::{Fault, Reject};
-use crate::core::files::{MemoryFiles, ReadSeek};
+use crate::core::files::MemoryFiles;
 use crate::core::node::{Func, Summary};
 use crate::core::params::{AssetPath, Params, Text};
 use crate::core::ports::Value;
@@ -13,8 +13,7 @@ use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
 use crate::dsp::{Quality, Resampler};
 use crate::feature::FeatureConventions;
-use crate::io::check_recordings;
-use crate::io::{AudioReader, recording_warnings, trial_wav};
+use crate::io::{AudioReader, MaxLength, RecordingParam, recording_warnings, trial_wav};
 use crate::{feature_params, ports};
 use rayon::prelude::*;
 
@@ -68,19 +67,8 @@ pub struct UnitDatabaseNode;
 /// Longest recording, in frames: half an hour at 192 kHz.
 const MAX_FRAMES: u64 = 1800 * 192_000;
 
-fn unusable(path: &str, what: impl std::fmt::Display) -> Reject {
-    Reject::new("F101", format!("{path:?}: {what}")).at("recordings")
-}
-
-fn reader<'a>(path: &str, file: Box<dyn ReadSeek + 'a>) -> Result<(AudioReader<'a>, Rate), Reject> {
-    let reader = AudioReader::open(Box::new(file)).map_err(|e| unusable(path, e))?;
-    let info = reader.info();
-    if info.frames > MAX_FRAMES {
-        return Err(unusable(path, format!("{} frames; at most {MAX_FRAMES} are read", info.frames)));
-    }
-    let rate = Rate::new(u64::from(info.rate), 1).ok_or_else(|| unusable(path, "its rate is 0"))?;
-    Ok((reader, rate))
-}
+const RECORDINGS: RecordingParam =
+    RecordingParam { name: "recordings", code: "F101", max: MaxLength::Frames(MAX_FRAMES) };
 
 fn conventions(p: &UnitDatabaseParams, joined: u32) -> Result<FeatureConventions, Reject> {
     crate::feature::params::check_widths(&p.widths, p.n)?;
@@ -89,7 +77,7 @@ fn conventions(p: &UnitDatabaseParams, joined: u32) -> Result<FeatureConventions
 
 /// All of a recording at another rate, channel by channel, and a digest of what it holds.
 fn read(reader: &mut AudioReader<'_>, from: Rate, to: Rate) -> Result<(Vec<Vec<f32>>, String), Reject> {
-    let failed = |e: &dyn std::fmt::Display| unusable("", e);
+    let failed = |e: &dyn std::fmt::Display| RECORDINGS.unusable("", e);
     let channels = reader.info().channels.max(1);
     let mut samples = vec![0.0; reader.info().frames as usize * channels];
     let frames = reader.read(&mut samples).map_err(|e| failed(&e))?;
@@ -150,16 +138,16 @@ impl Func for UnitDatabaseNode {
             s.wrong(Reject::new("F051", message).at("tags").help("give one for each, one for all, or none"));
         }
         s.check(conventions(p, 1));
-        check_recordings(s, "recordings", &p.recordings, |path, file| {
-            Ok(reader(path, file)?.0.info().clone())
-        });
+        RECORDINGS.check(s, &p.recordings);
         Ok(())
     }
 
     fn eval(p: &UnitDatabaseParams, cx: &Build<'_>, mut io: UnitDatabaseIo<'_>) -> Result<Summary, Fault> {
         let (mut takes, mut warnings) = (Vec::with_capacity(p.recordings.len()), Summary::new());
         for (k, path) in p.recordings.iter().enumerate() {
-            let (mut file, rate) = reader(&path.0, cx.open("recordings", &path.0)?)?;
+            let mut file = RECORDINGS.open(&path.0, cx.open("recordings", &path.0)?)?;
+            let rate = Rate::new(u64::from(file.info().rate), 1)
+                .ok_or_else(|| RECORDINGS.unusable(&path.0, "its rate is 0"))?;
             let (channels, content) = read(&mut file, rate, p.rate).map_err(|e| Reject {
                 message: format!("{:?}{}", path.0, e.message.trim_start_matches("\"\"")),
                 ..e
