@@ -1,4 +1,4 @@
-"""Oracle values of nodes/tests/cloth_oracles.rs: curvature, events, energies, the head, high-pass, cepstrum, Gaussian and warp.
+"""Oracle values of nodes/tests/maths/cloth_oracles.rs: curvature, events, energies, the head, high-pass, cepstrum, Gaussian and warp.
 
 Needs numpy, scipy, scikit-image, librosa, libigl, and trimesh with rtree.
 """

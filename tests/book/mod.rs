@@ -1,0 +1,5 @@
+//! The pages of the book, the example graphs and the presets.
+
+mod examples;
+mod pages;
+mod presets;

@@ -1,0 +1,8 @@
+//! The command line as a user runs it, and its messages.
+
+mod commands;
+mod diagnostics;
+mod messages;
+mod tools;
+#[cfg(unix)]
+mod watch;

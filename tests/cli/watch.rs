@@ -1,0 +1,379 @@
+//! `foley watch` as a user runs it: every way in which programs save files, errors in between, and the end.
+
+use std::fs::{self, File};
+use std::io::{BufRead, BufReader, Read, Write};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::time::{Duration, Instant};
+
+/// Far more than any step takes, so that a slow machine is no failure.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+fn tone(level: f64) -> String {
+    format!(
+        "#![schema = \"foley:graph/1\"]\nGraph(nodes: {{\n    \"tone\": Tone(frequency: 440.0, rate: 48000, \
+         duration: Some(0.1), level: {level:?}),\n    \"out\": WavOut(audio: \"tone\", path: \"out.wav\"),\n}})\n"
+    )
+}
+
+/// A project in a folder of its own below a temporary one, so that the whole folder can be replaced.
+struct Project {
+    base: tempfile::TempDir,
+}
+
+impl Project {
+    fn new(files: &[(&str, &str)]) -> Self {
+        let base = tempfile::tempdir().unwrap();
+        let project = Self { base };
+        for (name, text) in files {
+            let path = project.path(name);
+            fs::create_dir_all(path.parent().unwrap()).unwrap();
+            fs::write(path, text).unwrap();
+        }
+        project
+    }
+
+    fn path(&self, name: &str) -> std::path::PathBuf {
+        self.base.path().join("project").join(name)
+    }
+
+    fn command(&self, args: &[&str]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_foley"));
+        command.args(args).current_dir(self.base.path()).env("NO_COLOR", "1");
+        command
+    }
+
+    /// What one plain run of the graph gives now.
+    fn fresh(&self) -> Vec<u8> {
+        let run = self.command(&["run", "project/main.ron", "--out", "fresh"]).output().unwrap();
+        assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+        fs::read(self.base.path().join("fresh/out.wav")).unwrap()
+    }
+
+    fn output(&self) -> Vec<u8> {
+        fs::read(self.base.path().join("out/out.wav")).unwrap()
+    }
+
+    fn watch(&self, more: &[&str]) -> Watched {
+        let mut args = vec!["watch", "project/main.ron"];
+        args.extend(more);
+        let mut child = self.command(&args).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        let (sender, lines) = channel();
+        forward(child.stdout.take().unwrap(), sender.clone());
+        forward(child.stderr.take().unwrap(), sender);
+        Watched { child, lines, told: String::new() }
+    }
+}
+
+fn forward(from: impl Read + Send + 'static, to: Sender<String>) {
+    std::thread::spawn(move || {
+        for line in BufReader::new(from).lines().map_while(Result::ok) {
+            let _ = to.send(line);
+        }
+    });
+}
+
+/// A running `foley watch`.
+struct Watched {
+    child: Child,
+    lines: Receiver<String>,
+    told: String,
+}
+
+impl Watched {
+    /// Waits for a line that holds a text; gives all lines up to it.
+    fn expect(&mut self, text: &str) -> String {
+        let start = Instant::now();
+        let mut all = String::new();
+        loop {
+            let left = PATIENCE.saturating_sub(start.elapsed());
+            let line = self.lines.recv_timeout(left);
+            let line = line.unwrap_or_else(|e| panic!("no {text:?} ({e}) after\n{}{all}", self.told));
+            all.push_str(&line);
+            all.push('\n');
+            if line.contains(text) {
+                self.told.push_str(&all);
+                return all;
+            }
+        }
+    }
+
+    /// Ends it as Ctrl-C does.
+    fn end(mut self) -> (Option<i32>, String) {
+        let pid = self.child.id().to_string();
+        assert!(Command::new("kill").args(["-INT", &pid]).status().unwrap().success());
+        let code = self.child.wait().unwrap().code();
+        (code, self.lines.iter().map(|l| l + "\n").collect())
+    }
+}
+
+impl Drop for Watched {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// The kinds of saving that the graph file goes through, each with its level.
+fn save_in_every_style(more: &[&str]) {
+    let project = Project::new(&[("main.ron", &tone(0.5))]);
+    let mut watched = project.watch(more);
+    watched.expect("watching 1 file");
+    assert_eq!(project.output(), project.fresh());
+    go_through_styles(&project, &mut watched, tone, |watched, style| {
+        let told = watched.expect("reran in ");
+        assert!(told.contains("1 parameter changed (tone.level)"), "{style}: {told}");
+        assert!(!told.contains("error"), "{style}: {told}");
+        assert_eq!(project.output(), project.fresh(), "{style}");
+    });
+    assert_eq!(watched.end().0, Some(0));
+}
+
+/// A tone that plays until it is stopped.
+fn endless(level: f64) -> String {
+    tone(level).replace("Some(0.1)", "None")
+}
+
+/// The same for a graph that plays.
+fn save_in_every_style_live(more: &[&str]) {
+    let project = Project::new(&[("main.ron", &endless(0.5))]);
+    let mut args = vec!["--live", "--device", "null", "--osc", "off"];
+    args.extend(more);
+    let mut watched = project.watch(&args);
+    watched.expect("watching 1 file");
+    go_through_styles(&project, &mut watched, endless, |watched, style| {
+        let told = watched.expect("reloaded in ");
+        assert!(told.contains("1 retuned (tone), 1 node kept"), "{style}: {told}");
+        assert!(!told.contains("error"), "{style}: {told}");
+    });
+    let (code, told) = watched.end();
+    assert_eq!(code, Some(0));
+    assert!(told.contains("0 window(s) missed"), "{told}");
+}
+
+fn go_through_styles(
+    project: &Project,
+    watched: &mut Watched,
+    tone: fn(f64) -> String,
+    check: impl Fn(&mut Watched, &str),
+) {
+    let main = project.path("main.ron");
+    let mut check = |style: &str| check(watched, style);
+
+    fs::write(&main, tone(0.1)).unwrap();
+    check("in place");
+
+    fs::write(project.path("4913"), tone(0.2)).unwrap();
+    fs::rename(&main, project.path("main.ron~")).unwrap();
+    fs::rename(project.path("4913"), &main).unwrap();
+    fs::remove_file(project.path("main.ron~")).unwrap();
+    check("Vim");
+
+    fs::write(project.path(".main.ron.tmp"), tone(0.3)).unwrap();
+    fs::rename(project.path(".main.ron.tmp"), &main).unwrap();
+    check("temporary file and rename");
+
+    let text = tone(0.4);
+    let mut file = File::create(&main).unwrap();
+    std::thread::sleep(Duration::from_millis(150));
+    file.write_all(&text.as_bytes()[..60]).unwrap();
+    std::thread::sleep(Duration::from_millis(150));
+    file.write_all(&text.as_bytes()[60..]).unwrap();
+    drop(file);
+    check("truncated, then written in pieces");
+
+    fs::remove_file(&main).unwrap();
+    std::thread::sleep(Duration::from_millis(150));
+    fs::write(&main, tone(0.6)).unwrap();
+    check("gone for a moment");
+
+    let (folder, next) = (project.path(""), project.base.path().join("next"));
+    for level in [0.7, 0.8] {
+        fs::create_dir(&next).unwrap();
+        fs::write(next.join("main.ron"), tone(level)).unwrap();
+        fs::rename(&folder, project.base.path().join(format!("old-{level}"))).unwrap();
+        fs::rename(&next, &folder).unwrap();
+        check("folder replaced");
+    }
+
+    fs::write(&main, tone(0.9)).unwrap();
+    check("in place, in the folder that was put there");
+}
+
+#[test]
+fn every_style_of_saving_reruns_the_graph() {
+    save_in_every_style(&[]);
+}
+
+#[test]
+fn every_style_of_saving_reruns_the_graph_without_events() {
+    save_in_every_style(&["--poll", "0.05"]);
+}
+
+#[test]
+fn every_style_of_saving_is_heard_in_a_graph_that_plays() {
+    save_in_every_style_live(&[]);
+}
+
+#[test]
+fn every_style_of_saving_is_heard_without_events() {
+    save_in_every_style_live(&["--poll", "0.05"]);
+}
+
+#[test]
+fn a_graph_that_plays_outlives_a_broken_save() {
+    let project = Project::new(&[("main.ron", &endless(0.5))]);
+    let report = project.base.path().join("report.json");
+    let report = report.to_str().unwrap();
+    let mut watched = project.watch(&["--live", "--device", "null", "--osc", "off", "--report", report]);
+    watched.expect("watching 1 file");
+    fs::write(project.path("main.ron"), endless(0.25).replace("Tone(", "Tune(")).unwrap();
+    let told = watched.expect("the graph that plays is the older one");
+    assert!(told.contains("F010"), "{told}");
+    fs::write(project.path("main.ron"), endless(0.25)).unwrap();
+    watched.expect("1 retuned (tone)");
+    assert_eq!(watched.end().0, Some(0));
+    let report: serde_json::Value = serde_json::from_str(&fs::read_to_string(report).unwrap()).unwrap();
+    assert_eq!(report["missed"], 0);
+    assert_eq!(report["reload_ms"].as_array().unwrap().len(), 1);
+    assert!(report["nodes"].as_array().unwrap().iter().any(|n| n["id"] == "tone"));
+}
+
+#[test]
+fn a_rerun_tells_what_was_kept_and_what_was_computed() {
+    let graph = |peak: f64| {
+        format!(
+            "#![schema = \"foley:graph/1\"]\nGraph(nodes: {{
+                \"noise\": Noise(colour: White, rate: 8000, duration: Some(0.3)),
+                \"measured\": Loudness(audio: \"noise\"),
+                \"even\": Normalize(audio: \"noise\", level: \"measured\", peak_db: {peak:?}),
+                \"out\": WavOut(audio: \"even\", path: \"out.wav\"),
+            }})"
+        )
+    };
+    let project = Project::new(&[("main.ron", &graph(-6.0))]);
+    let mut watched = project.watch(&[]);
+    watched.expect("watching 1 file");
+    fs::write(project.path("main.ron"), graph(-9.0)).unwrap();
+    let told = watched.expect("reran in ");
+    assert!(
+        told.contains("1 parameter changed (even.peak_db), 1 node kept, 2 recomputed (noise, even)"),
+        "{told}"
+    );
+    assert_eq!(project.output(), project.fresh());
+    assert_eq!(watched.end().0, Some(0));
+}
+
+#[test]
+fn after_a_broken_save_the_last_good_result_stays() {
+    let project = Project::new(&[("main.ron", &tone(0.5))]);
+    let mut watched = project.watch(&[]);
+    watched.expect("watching 1 file");
+    let good = project.output();
+    let broken = tone(0.25).replace("Tone(", "Tune(").replace("audio:", "audoi:");
+    fs::write(project.path("main.ron"), broken).unwrap();
+    let told = watched.expect("the last good result stays; waiting for the next save");
+    assert!(told.contains("F010") && told.contains("F011"), "{told}");
+    assert_eq!(project.output(), good);
+    fs::write(project.path("main.ron"), tone(0.25)).unwrap();
+    let told = watched.expect("reran in ");
+    assert!(told.contains("1 parameter changed (tone.level)"), "{told}");
+    assert_eq!(project.output(), project.fresh());
+    assert_eq!(watched.end().0, Some(0));
+}
+
+#[test]
+fn a_deleted_graph_is_an_error_until_it_is_back() {
+    let project = Project::new(&[("main.ron", &tone(0.5))]);
+    let mut watched = project.watch(&[]);
+    watched.expect("watching 1 file");
+    fs::remove_file(project.path("main.ron")).unwrap();
+    watched.expect("F060");
+    watched.expect("the last good result stays");
+    fs::write(project.path("main.ron"), tone(0.25)).unwrap();
+    watched.expect("1 parameter changed (tone.level)");
+    assert_eq!(project.output(), project.fresh());
+}
+
+const PARTS: &str = "#![schema = \"foley:graph/1\"]
+Graph(
+    use: { \"part\": \"parts/part.ron\" },
+    nodes: { \"out\": WavOut(audio: \"part.sound\", path: \"out.wav\") },
+)
+";
+const PART: &str = "#![schema = \"foley:graph/1\"]
+Graph(nodes: {
+    \"sound\": WavIn(path: \"../in.wav\"),
+})
+";
+
+#[test]
+fn a_changed_sub_graph_and_a_changed_input_rerun() {
+    let project = Project::new(&[("main.ron", &tone(0.5))]);
+    let first = project.fresh();
+    fs::write(project.path("main.ron"), tone(0.25)).unwrap();
+    let second = project.fresh();
+    // Nothing that the graph names is there yet.
+    fs::write(project.path("main.ron"), PARTS).unwrap();
+    let mut watched = project.watch(&[]);
+    watched.expect("there is no result yet; waiting for the next save");
+    fs::create_dir(project.path("parts")).unwrap();
+    fs::write(project.path("parts/part.ron"), PART).unwrap();
+    watched.expect("in.wav");
+    watched.expect("there is no result yet; waiting for the next save");
+    fs::write(project.path("in.wav"), &first).unwrap();
+    watched.expect("wrote ");
+    watched.expect("times real time");
+    let before = project.output();
+    fs::write(project.path("in.wav"), &second).unwrap();
+    let told = watched.expect("reran in ");
+    assert!(told.contains("1 file changed (") && told.contains("in.wav)"), "{told}");
+    assert_ne!(project.output(), before);
+    assert_eq!(project.output(), project.fresh());
+    let louder = PART.replace("\"sound\": WavIn", "\"wave\": WavIn");
+    let louder = louder.replace("\n})", "\n    \"sound\": Gain(audio: \"wave\", gain: 0.5),\n})");
+    fs::write(project.path("parts/part.ron"), louder).unwrap();
+    let told = watched.expect("reran in ");
+    assert!(told.contains("1 node added (part.wave)"), "{told}");
+    assert_eq!(project.output(), project.fresh());
+    fs::write(project.path("parts/part.ron"), format!("{PART}// A comment.\n")).unwrap();
+    let told = watched.expect("reran in ");
+    assert!(told.contains("1 node removed (part.wave)"), "{told}");
+    assert_eq!(watched.end().0, Some(0));
+}
+
+#[test]
+fn a_newer_save_stops_a_long_run() {
+    let endless = tone(0.5).replace("Some(0.1)", "Some(80000.0)");
+    let project = Project::new(&[("main.ron", &endless)]);
+    let mut watched = project.watch(&[]);
+    // The run has begun once its file is there under another name.
+    let start = Instant::now();
+    let out = project.base.path().join("out");
+    while !fs::read_dir(&out).is_ok_and(|mut files| files.next().is_some()) {
+        assert!(start.elapsed() < PATIENCE, "the run does not begin");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    fs::write(project.path("main.ron"), tone(0.25)).unwrap();
+    watched.expect("wrote ");
+    watched.expect("watching 1 file");
+    assert_eq!(project.output(), project.fresh());
+    let left: Vec<_> = fs::read_dir(&out).unwrap().flatten().map(|e| e.file_name()).collect();
+    assert_eq!(left, ["out.wav"]);
+}
+
+#[test]
+fn the_options_of_a_run_hold_at_each_rerun() {
+    let project = Project::new(&[("main.ron", &tone(0.5))]);
+    let tap = project.base.path().join("tap.npy");
+    let tap_arg = format!("tone={}", tap.display());
+    let mut watched = project.watch(&["--set", "tone.frequency=220.0", "--out", "else", "--tap", &tap_arg]);
+    watched.expect("watching 1 file");
+    let first = fs::read(&tap).unwrap();
+    fs::write(project.path("main.ron"), tone(0.25)).unwrap();
+    watched.expect("1 parameter changed (tone.level)");
+    assert_ne!(fs::read(&tap).unwrap(), first);
+    assert!(Path::new(&project.base.path().join("else/out.wav")).exists());
+    assert_eq!(watched.end(), (Some(0), String::new()));
+}

@@ -1,0 +1,9 @@
+//! Cloth: from the animation to the sound.
+
+mod chain;
+mod data;
+mod figures;
+mod follows;
+mod friction;
+mod motion;
+mod warps;

@@ -1,0 +1,6 @@
+//! The graph language.
+
+mod checker;
+mod formatter;
+mod plain;
+mod syntax;

@@ -1,0 +1,4 @@
+//! Graphs that play.
+
+mod commands;
+mod playback;

@@ -1,0 +1,11 @@
+//! All tests of graphs and of the command line, in one binary: one module a room.
+
+mod common;
+
+mod book;
+mod cli;
+mod cloth;
+mod lang;
+mod live;
+mod run;
+mod scrape;
