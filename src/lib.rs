@@ -29,6 +29,9 @@ pub mod book_writing_a_node {}
 #[doc = include_str!("../docs/src/library.md")]
 pub mod book_library {}
 #[cfg(doctest)]
+#[doc = include_str!("../docs/src/from-another-tool.md")]
+pub mod book_from_another_tool {}
+#[cfg(doctest)]
 #[doc = include_str!("../docs/src/impact.md")]
 pub mod book_impact {}
 #[cfg(doctest)]

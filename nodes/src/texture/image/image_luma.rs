@@ -2,7 +2,6 @@
 
 use super::blockiness::blockiness;
 use super::decode::{ImageError, decode, header};
-use super::luma::luminance;
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::node::{Func, Summary};
@@ -98,16 +97,17 @@ impl Func for ImageLuma {
     fn eval(p: &ImageLumaParams, cx: &Build<'_>, mut io: ImageLumaIo<'_>) -> Result<Summary, Fault> {
         let path = &p.path.0;
         let picture = decode(&cx.bytes("path", path)?).map_err(|e| wrong(path, &e))?;
-        let (grid, holes) = luminance(&picture, p.kind, p.invert).map_err(|e| wrong(path, &e))?;
         let density = [p.density, p.density_y.unwrap_or(p.density)];
+        let surface = Surface { density, depth: p.depth, wrap: p.wrap };
+        let luma = Luma::new(&picture, p.kind, p.invert, surface).map_err(|e| wrong(path, &e))?;
         let mut summary: Summary = vec![
-            ("width", grid.width.into()),
-            ("height", grid.height.into()),
+            ("width", luma.grid.width.into()),
+            ("height", luma.grid.height.into()),
             ("format", picture.format.name().into()),
-            ("holes", holes.iter().filter(|hole| **hole).count().into()),
+            ("holes", luma.holes.iter().filter(|hole| **hole).count().into()),
             ("highest_hz_at_1_m_s", (0.5 * density[0].min(density[1])).into()),
         ];
-        let blocks = blockiness(&grid);
+        let blocks = blockiness(&luma.grid);
         if blocks > MAX_BLOCKINESS {
             let text = format!(
                 "the image has JPEG blocks of 8 pixels (blockiness {blocks:.2} of 1): at 1 m/s they sound at {:.0} Hz",
@@ -115,12 +115,7 @@ impl Func for ImageLuma {
             );
             summary.push(("warning", text.into()));
         }
-        io.luma.set(Luma {
-            grid,
-            holes,
-            kind: p.kind,
-            surface: Surface { density, depth: p.depth, wrap: p.wrap },
-        });
+        io.luma.set(luma);
         Ok(summary)
     }
 

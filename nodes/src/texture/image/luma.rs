@@ -5,7 +5,7 @@
 
 use super::format::{ImageError, Picture, Samples};
 use crate::texture::grid::Grid;
-use crate::texture::maps::LumaKind;
+use crate::texture::maps::{Luma, LumaKind, Surface};
 use rayon::prelude::*;
 
 /// Converts a coded sRGB value to linear light, both 0 to 1.
@@ -75,6 +75,25 @@ impl Tables {
             [r, g, b, a] => (self.colour([r, g, b].map(Into::into)), hole(a)),
             _ => (0.0, true),
         }
+    }
+}
+
+impl Luma {
+    /// Converts an image to luminance. `invert` inverts it, for images with bright grooves.
+    ///
+    /// # Errors
+    /// An image of which every pixel is a hole.
+    ///
+    /// # Complexity
+    /// `O(pixels)`.
+    pub fn new(
+        picture: &Picture,
+        kind: LumaKind,
+        invert: bool,
+        surface: Surface,
+    ) -> Result<Self, ImageError> {
+        let (grid, holes) = luminance(picture, kind, invert)?;
+        Ok(Self { grid, holes, kind, surface })
     }
 }
 

@@ -9,7 +9,7 @@ use crate::core::node::Summary;
 impl Artefact for UnitDatabase {
     const CODE: &'static str = "F101";
     const HELP: Option<&'static str> = Some("write one with --tap database=FILE.bin");
-    const MAGIC: &'static [u8] = &MARK;
+    const MAGIC: &'static [u8] = MARK;
 
     fn from_file(bytes: &[u8]) -> Result<Self, String> {
         Self::from_bytes(bytes)

@@ -61,12 +61,7 @@ pub(crate) fn units<'a>(
 ) -> Result<Units<'a>, Fault> {
     format.conventions.check("features", &db.conventions, "database")?;
     db.validate().map_err(|e| Fault::new("F101", e.to_string()).at("database"))?;
-    Ok(Units {
-        features: &db.features,
-        dims: db.dims(),
-        segments: db.segments.iter().map(|s| (s.start as usize, s.units as usize)).collect(),
-        allowed: check_tags(db, tags)?,
-    })
+    Ok(Units { allowed: check_tags(db, tags)?, ..Units::from(db) })
 }
 
 /// Warning of a database with no more units than `cool_off` bars.

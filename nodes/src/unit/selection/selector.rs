@@ -2,6 +2,7 @@
 
 use crate::core::fault::Fault;
 use crate::core::state::StateArchive;
+use crate::unit::database::UnitDatabase;
 
 /// Parameters of a selection.
 #[derive(Clone, Debug, PartialEq)]
@@ -18,6 +19,12 @@ pub struct SelectorParams {
     pub causal: bool,
     /// Maximal number of tree nodes and units that one choice examines; `None` for no limit.
     pub effort: Option<usize>,
+}
+
+impl Default for SelectorParams {
+    fn default() -> Self {
+        Self { look: 5, d_max: 2.0, cool_off: 20, loop_guard: 0, causal: false, effort: None }
+    }
 }
 
 /// One choice.
@@ -98,6 +105,18 @@ pub struct Units<'a> {
     pub segments: Vec<(usize, usize)>,
     /// True for each unit that may be chosen.
     pub allowed: Vec<bool>,
+}
+
+/// All units of a database.
+impl<'a> From<&'a UnitDatabase> for Units<'a> {
+    fn from(db: &'a UnitDatabase) -> Self {
+        Self {
+            features: &db.features,
+            dims: db.dims(),
+            segments: db.segments.iter().map(|s| (s.start as usize, s.units as usize)).collect(),
+            allowed: vec![true; db.len()],
+        }
+    }
 }
 
 /// Maximal number of dimensions of a vector.

@@ -169,7 +169,7 @@ impl PairText {
             channel: self.channel,
             weight: self.weight.map_or(1.0, |weight| weight.0),
             enabled: self.enabled.unwrap_or(true),
-            location: location,
+            location,
         }
     }
 }

@@ -90,7 +90,7 @@ impl Panel {
 pub(super) fn draw(spline: &Tps, cloud: &Cloud, report: &FitReport) -> String {
     let d = spline.dims.max(1);
     let rows = |x: &[f32]| x.chunks_exact(d).map(flat).collect::<Vec<_>>();
-    let mut warper = Warper::new(&spline);
+    let mut warper = Warper::new(spline);
     let mut out = vec![0.0; d];
     let mut warped = |x: &[f32]| {
         x.chunks_exact(d)
