@@ -74,7 +74,7 @@ ports! {
     }
 }
 
-/// The node over [`decode`] and [`luminance`].
+/// The node over [`decode`] and [`Luma::new`].
 #[derive(Debug)]
 pub struct ImageLuma;
 

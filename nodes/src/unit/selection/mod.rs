@@ -1,7 +1,7 @@
 //! Selection of units: unit by unit ([`greedy`]) or for a whole target ([`global`]).
 //!
-//! A node checks the database ([`candidates`]), chooses per channel while its gate is open ([`channel_gate`]), counts the
-//! choices ([`counts`]) and writes [`picks`].
+//! A node checks the database (`candidates`), chooses per channel while its gate is open (`channel_gate`), counts the
+//! choices (`counts`) and writes [`picks`].
 
 mod candidates;
 mod channel_gate;

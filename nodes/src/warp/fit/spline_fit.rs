@@ -12,7 +12,7 @@ use crate::warp::spline::{Pair, Tps};
 /// shift.
 ///
 /// # Errors
-/// Numbers that are not finite, weights or lambda out of range, more than [`MAX_NODES`] nodes, or nodes that double precision
+/// Numbers that are not finite, weights or lambda out of range, more than `MAX_NODES` nodes, or nodes that double precision
 /// cannot tell apart.
 ///
 /// # Complexity
