@@ -130,7 +130,7 @@ fn table_7_has_the_bytes_that_the_book_says() {
     for (row, what) in [
         ("one bit, the paper's", "map, one bit"),
         ("one byte", "map, one byte"),
-        ("signed pairs, which know directions", "map, signed pairs"),
+        ("signed pairs, which have directions", "map, signed pairs"),
         ("features as bits, noise as a profile", "features as bits, noise as a profile"),
     ] {
         assert_eq!(told(row)[2].replace(',', ""), bytes(what).to_string(), "{row}");
