@@ -71,10 +71,10 @@ fn saves() {
         }
         let start = Instant::now();
         let (next, _) = material(&path);
-        let told = player.load(next).expect("the graph can be loaded");
-        assert!(matches!(told, Reloaded::Edit(_)));
+        let reported = player.load(next).expect("the graph can be loaded");
+        assert!(matches!(reported, Reloaded::Edit(_)));
         loads.push(start.elapsed().as_secs_f64() * 1e3);
-        while !player.tick().iter().any(|told| matches!(told, PlayerEvent::Swapped)) {
+        while !player.tick().iter().any(|reported| matches!(reported, PlayerEvent::Swapped)) {
             std::thread::sleep(Duration::from_micros(300));
         }
         heard.push(saved.elapsed().as_secs_f64() * 1e3);

@@ -92,7 +92,7 @@ fn main() {
     std::fs::write(folder.join("pairs.ron"), pairs(99)).expect("the folder can be written");
     let graph = folder.join("graph.ron");
     let fresh = || Memo::new(folder.join("cache"), 2 << 30, &graph);
-    let told = |what: &str, (seconds, report): (f64, Report)| {
+    let reported = |what: &str, (seconds, report): (f64, Report)| {
         let (kept, computed) = (report.nodes.iter().filter(|n| n.cached).count(), report.computed());
         println!("{what:<44} {seconds:>7.3} s  {kept} kept, computed: {}", computed.join(", "));
     };
@@ -100,15 +100,15 @@ fn main() {
         "60 s at 96 kHz, 14400 targets, 225 s of recordings, two threads; from load to the written file. An edit may take 2 s (paper: 5 to \
          197 s to choose units again, and up to 3 hours of edits for a warp)"
     );
-    told("cold", run_once(folder, 100.0, &fresh()));
-    told("another lambda, cache on disk", run_once(folder, 1000.0, &fresh()));
+    reported("cold", run_once(folder, 100.0, &fresh()));
+    reported("another lambda, cache on disk", run_once(folder, 1000.0, &fresh()));
     std::fs::write(folder.join("pairs.ron"), pairs(5)).expect("the folder can be written");
-    told("a correspondence moved, cache on disk", run_once(folder, 1000.0, &fresh()));
+    reported("a correspondence moved, cache on disk", run_once(folder, 1000.0, &fresh()));
     let held = fresh().with_memory(MEMORY);
     run_once(folder, 1000.0, &held);
-    told("another lambda, watching", run_once(folder, 10.0, &held));
+    reported("another lambda, watching", run_once(folder, 10.0, &held));
     std::fs::write(folder.join("pairs.ron"), pairs(7)).expect("the folder can be written");
-    told("a correspondence moved, watching", run_once(folder, 10.0, &held));
+    reported("a correspondence moved, watching", run_once(folder, 10.0, &held));
     shipped(&folder.join("shipped"));
     sleep(folder);
 }

@@ -123,8 +123,8 @@ impl Stand {
             self.callback.fill(&mut self.block);
             self.calls += CALLS.get() - before;
             self.blocks += 1;
-            for told in self.player.tick() {
-                assert!(!matches!(told, PlayerEvent::Failed(_)), "{told:?}");
+            for reported in self.player.tick() {
+                assert!(!matches!(reported, PlayerEvent::Failed(_)), "{reported:?}");
             }
         }
     }

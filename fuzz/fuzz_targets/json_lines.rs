@@ -7,11 +7,11 @@ use libfuzzer_sys::fuzz_target;
 use std::sync::atomic::Ordering::Relaxed;
 
 fuzz_target!(|bytes: &[u8]| {
-    let (sets, told) = crossbeam_channel::unbounded();
+    let (sets, reported) = crossbeam_channel::unbounded();
     let hub = Hub::new(sets);
     let inbox = hub.open("hits");
     let mut said = 0_u64;
     read_lines(bytes, &hub, |_, _| said += 1);
     assert_eq!(said, hub.malformed.load(Relaxed));
-    drop((inbox, told));
+    drop((inbox, reported));
 });

@@ -6,9 +6,9 @@ use foley_nodes::core::input::Inputs;
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|bytes: &[u8]| {
-    let (sets, told) = crossbeam_channel::unbounded();
+    let (sets, reported) = crossbeam_channel::unbounded();
     let hub = Hub::new(sets);
     let inbox = hub.open("hits");
     read_packet(bytes, &hub);
-    drop((inbox, told));
+    drop((inbox, reported));
 });

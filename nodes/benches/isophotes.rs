@@ -161,9 +161,10 @@ fn force(all: &Isophotes) -> Result<(), Box<dyn Error>> {
             });
             let time = time.collect::<Result<Vec<_>, _>>()?.into_iter().fold(f64::INFINITY, f64::min);
             let blocks = SECONDS * 44_100.0 / 1024.0 * contacts as f64;
-            let told = standalone.run()?.summary;
-            let told = told.iter().find(|(key, _)| *key == "crossings").and_then(|(_, count)| count.as_f64());
-            let crossings = told.unwrap_or(0.0) / SECONDS / contacts as f64;
+            let reported = standalone.run()?.summary;
+            let reported =
+                reported.iter().find(|(key, _)| *key == "crossings").and_then(|(_, count)| count.as_f64());
+            let crossings = reported.unwrap_or(0.0) / SECONDS / contacts as f64;
             found.push([crossings, 1e6 * time / (1000.0 * SECONDS * contacts as f64)]);
             println!(
                 "{reading:?} at {speed:4} m/s: {:6.2} us per contact and block of 1024, {:.3} us per contact and millisecond",

@@ -13,12 +13,12 @@ use std::sync::Arc;
 #[derive(Debug, Parser)]
 #[command(name = "foley", version, max_term_width = 100)]
 pub struct Args {
-    /// What to do.
+    /// The command.
     #[command(subcommand)]
     pub command: Command,
 }
 
-/// What to do.
+/// The command.
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// Run a graph to its end and write its files
@@ -33,13 +33,13 @@ pub enum Command {
     Fmt(FmtArgs),
     /// Show rates, delays, buffers, memory and latency before running
     Plan(PlanArgs),
-    /// List node types, or tell all about one
+    /// List node types, or describe one
     Nodes(NodesArgs),
-    /// Tell more about the code of an error
+    /// Explain the code of an error
     Explain(ExplainArgs),
     /// Draw a graph
     Graph(DrawArgs),
-    /// Look at, empty or explain the results that are kept from earlier runs
+    /// Inspect, empty or explain the cached results of earlier runs
     Cache(CacheArgs),
     /// Make a small project that runs
     New(NewArgs),
@@ -51,7 +51,7 @@ pub enum Command {
     Completions(CompletionsArgs),
 }
 
-/// Which graph, and with what in it.
+/// The graph and its settings.
 #[derive(Clone, Debug, ClapArgs)]
 pub struct GraphArgs {
     /// The graph file
@@ -89,22 +89,22 @@ impl GraphArgs {
     }
 }
 
-/// What a graph and its files may cost.
+/// Limits of a graph and its files.
 #[derive(Clone, Debug, ClapArgs)]
 pub struct LimitArgs {
-    /// Most memory for buffers, and for a file that is held as a whole, such as 512M
+    /// Maximum memory for buffers, and for a file that is read as a whole, such as 512M
     #[arg(long, value_name = "SIZE", allow_negative_numbers = true, default_value = "4G", value_parser = parse_size)]
     pub memory: usize,
-    /// Most bytes of one input file
+    /// Maximum size of one input file
     #[arg(long, value_name = "SIZE", allow_negative_numbers = true, value_parser = parse_size, default_value = "64G")]
     pub max_file: usize,
-    /// Most nodes of a graph
+    /// Maximum number of nodes
     #[arg(long, value_name = "COUNT", default_value_t = 20_000)]
     pub max_nodes: usize,
-    /// Most links of a graph
+    /// Maximum number of links
     #[arg(long, value_name = "COUNT", default_value_t = 200_000)]
     pub max_links: usize,
-    /// Most sub-graphs inside each other
+    /// Maximum depth of sub-graphs
     #[arg(long, value_name = "COUNT", default_value_t = 16, value_parser = clap::value_parser!(u8).range(1..=64))]
     pub max_depth: u8,
 }
@@ -124,7 +124,7 @@ impl LimitArgs {
     }
 }
 
-/// How to run or plan.
+/// Settings of a run or plan.
 #[derive(Clone, Debug, ClapArgs)]
 pub struct EngineArgs {
     /// Threads that compute [default: all cores]
@@ -162,7 +162,7 @@ pub struct RunArgs {
     /// The engine.
     #[command(flatten)]
     pub engine: EngineArgs,
-    /// Where results are kept.
+    /// The cache.
     #[command(flatten)]
     pub memo: MemoArgs,
     /// Folder for the files that the graph writes
@@ -171,7 +171,7 @@ pub struct RunArgs {
     /// Write what the run took and gave as JSON
     #[arg(long, value_name = "FILE.json")]
     pub report: Option<PathBuf>,
-    /// Write down how far a run is each time that it has taken so long, for the same command to go on there; 0 never does
+    /// Write a checkpoint at this interval, from which the same command resumes; 0 writes none
     #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, default_value_t = 60.0, value_parser = parse_pause)]
     pub checkpoint: f64,
     /// Print errors only
@@ -187,7 +187,7 @@ impl RunArgs {
     }
 }
 
-/// Where results are kept from run to run.
+/// The cache of a run.
 #[derive(Clone, Debug, ClapArgs)]
 pub struct MemoArgs {
     /// Keep results in this folder [default: .foley/cache beside the graph]
@@ -196,7 +196,7 @@ pub struct MemoArgs {
     /// Keep no results, and use none of earlier runs
     #[arg(long, conflicts_with = "cache")]
     pub no_cache: bool,
-    /// Most bytes of all results that are kept
+    /// Maximum size of the cache
     #[arg(long, value_name = "SIZE", allow_negative_numbers = true, value_parser = parse_size, default_value = "1G")]
     pub cache_size: usize,
 }
@@ -213,28 +213,28 @@ impl MemoArgs {
 /// Arguments of `foley cache`.
 #[derive(Clone, Debug, ClapArgs)]
 pub struct CacheArgs {
-    /// What to do.
+    /// The command.
     #[command(subcommand)]
     pub command: CacheCommand,
 }
 
-/// What to do with the results that are kept.
+/// A command about cached results.
 #[derive(Clone, Debug, Subcommand)]
 pub enum CacheCommand {
     /// Count entries and bytes, by node type
     Stat(StatArgs),
     /// Remove what is worth least until the rest fits the size
     Gc(GcArgs),
-    /// Tell what a result depends on that has changed since the last run
+    /// List the dependencies of a result that have changed since the last run
     Why(WhyArgs),
 }
 
-/// Which cache.
+/// The cache.
 #[derive(Clone, Debug, ClapArgs)]
 pub struct CacheDirArgs {
-    /// The graph file beside which results are kept [default: the working folder]
+    /// The graph file beside the cache [default: the working folder]
     pub graph: Option<PathBuf>,
-    /// The folder in which results are kept
+    /// The folder of the cache
     #[arg(long, value_name = "DIR", conflicts_with = "graph")]
     pub cache: Option<PathBuf>,
 }
@@ -242,7 +242,7 @@ pub struct CacheDirArgs {
 /// Arguments of `foley cache stat`.
 #[derive(Clone, Debug, ClapArgs)]
 pub struct StatArgs {
-    /// Which cache.
+    /// The cache.
     #[command(flatten)]
     pub dir: CacheDirArgs,
     /// Print JSON
@@ -253,10 +253,10 @@ pub struct StatArgs {
 /// Arguments of `foley cache gc`.
 #[derive(Clone, Debug, ClapArgs)]
 pub struct GcArgs {
-    /// Which cache.
+    /// The cache.
     #[command(flatten)]
     pub dir: CacheDirArgs,
-    /// Most bytes that stay
+    /// Maximum size of the remaining results
     #[arg(long, value_name = "SIZE", allow_negative_numbers = true, value_parser = parse_size, default_value = "1G")]
     pub cache_size: usize,
     /// Remove everything
@@ -275,7 +275,7 @@ pub struct WhyArgs {
     /// The engine.
     #[command(flatten)]
     pub engine: EngineArgs,
-    /// The folder in which results are kept [default: .foley/cache beside the graph]
+    /// The folder of the cache [default: .foley/cache beside the graph]
     #[arg(long, value_name = "DIR")]
     pub cache: Option<PathBuf>,
 }
@@ -292,12 +292,12 @@ pub struct WatchArgs {
     /// Play the graph and go over to each save of it while it plays, instead of running it
     #[arg(long)]
     pub live: bool,
-    /// What takes the sound; needs --live
+    /// The device; needs --live
     #[command(flatten)]
     pub device: DeviceArgs,
 }
 
-/// What takes the sound, and what comes in.
+/// The device, and the inputs.
 #[derive(Clone, Debug, ClapArgs)]
 pub struct DeviceArgs {
     /// `null` (a clock without sound), `file:PATH`, or the name of a sound card (in builds with the feature `live`)
@@ -309,7 +309,7 @@ pub struct DeviceArgs {
     /// Frames per window
     #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 128, value_parser = parse_quantum)]
     pub quantum: usize,
-    /// How far nodes that may not run in the audio callback work ahead of it
+    /// Lead of nodes outside of the audio callback
     #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, default_value_t = 0.08, value_parser = parse_seconds)]
     pub lead: f64,
     /// Listen for OSC at this port of this machine, or at ADDRESS:PORT; `off` for not at all
@@ -329,10 +329,10 @@ pub struct LiveArgs {
     /// The graph.
     #[command(flatten)]
     pub graph: GraphArgs,
-    /// What takes the sound.
+    /// The device.
     #[command(flatten)]
     pub device: DeviceArgs,
-    /// Where values are kept.
+    /// The cache.
     #[command(flatten)]
     pub memo: MemoArgs,
     /// Write times and counts as JSON at the end

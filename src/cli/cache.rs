@@ -13,7 +13,7 @@ use std::io::{self, Write};
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// Looks at, empties or explains the values kept from earlier runs.
+/// Inspects, empties or explains the cached results of earlier runs.
 ///
 /// # Errors
 /// When standard output goes away.

@@ -23,14 +23,14 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
-/// How often the player is looked after.
+/// Interval between two calls of the player.
 const TICK: Duration = Duration::from_millis(3);
-/// How often the state is shown.
+/// Interval between two status lines.
 const STATUS: Duration = Duration::from_secs(1);
-/// How often a device that is gone is asked for again.
+/// Interval between two attempts to reopen a device.
 const AGAIN: Duration = Duration::from_secs(2);
 
-/// What `foley live` and `foley watch --live` have in common.
+/// Shared settings of `foley live` and `foley watch --live`.
 struct Asking<'a> {
     graph: &'a GraphArgs,
     registry: &'a Arc<Registry>,
@@ -62,7 +62,7 @@ pub fn live(args: &LiveArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit> {
     })
 }
 
-/// Plays a graph, and goes over to it anew after each save.
+/// Plays a graph, and goes over to it again after each save.
 ///
 /// # Errors
 /// As [`live`].
@@ -84,11 +84,11 @@ pub fn watch(args: &WatchArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit>
 struct Pending {
     /// When it happened.
     at: Instant,
-    /// Whether a parameter was set.
+    /// True if a parameter was set.
     set: bool,
 }
 
-/// A load that failed, and is told unless another comes soon.
+/// A load that failed, and is reported unless another comes soon.
 struct Wrong {
     at: Instant,
     errors: Vec<Diagnostic>,
@@ -119,7 +119,7 @@ struct Session<'a> {
     over: bool,
 }
 
-/// What a graph file came to.
+/// Result of loading a graph file.
 struct Found {
     material: Option<LiveGraph>,
     found: Vec<Diagnostic>,
@@ -283,7 +283,7 @@ fn times(histogram: &Histogram) -> serde_json::Value {
 }
 
 impl Session<'_> {
-    /// Tells what is about to be heard.
+    /// Prints the device and the latency.
     fn begin(self, listening: &[(&str, Listener)]) -> std::io::Result<Self> {
         let asking = self.asking;
         if !asking.quiet && !asking.json {
@@ -386,10 +386,10 @@ impl Session<'_> {
             }
         };
         match result {
-            Ok(told) => {
+            Ok(reported) => {
                 self.wrong = None;
                 self.good.clone_from(&self.overrides);
-                if let Reloaded::Edit(edit) = told {
+                if let Reloaded::Edit(edit) = reported {
                     self.coming = Some((pending.at, edit.to_string()));
                 }
             }
@@ -423,7 +423,7 @@ impl Session<'_> {
         Ok(Reloaded::Unchanged)
     }
 
-    /// Tells what the player has to say; false where a node has failed.
+    /// Reports an event of the player; returns false if a node has failed.
     fn on_event(&mut self, event: PlayerEvent) -> std::io::Result<bool> {
         match event {
             PlayerEvent::Swapped => {
@@ -445,7 +445,7 @@ impl Session<'_> {
         Ok(true)
     }
 
-    /// Tells errors that last.
+    /// Reports errors that persist.
     fn tell_wrong(&mut self) {
         if self.wrong.as_ref().is_some_and(|wrong| wrong.at.elapsed() >= SETTLE || self.watcher.is_none())
             && let Some(wrong) = self.wrong.take()
@@ -460,12 +460,12 @@ impl Session<'_> {
         }
     }
 
-    /// Goes over to a clock where a card is gone, and back when it returns.
+    /// Switches to a clock when the card disappears, and back when it returns.
     fn look_after_device(&mut self) {
         if self.device.as_ref().is_some_and(Running::is_lost)
             && let Some(Ok(Some(callback))) = self.device.take().map(Running::stop)
         {
-            eprintln!("foley: the device is gone; the piece goes on unheard until it is back");
+            eprintln!("foley: the device is gone; the piece continues silently until it is back");
             self.device = device::start(&Device::Null, callback).ok();
             self.lost = Some(Instant::now());
         }

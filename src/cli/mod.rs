@@ -27,7 +27,7 @@ use foley_nodes::registry::Registry;
 use std::process::ExitCode;
 use std::sync::Arc;
 
-/// What the command came to.
+/// Exit code of the command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Exit {
     /// Done.
@@ -41,7 +41,7 @@ pub enum Exit {
 }
 
 impl Exit {
-    /// What a run came to that ended with these errors: it failed if the machine did, or foley; all else is the graph's or an input's.
+    /// Exit code for these errors: failure if the machine or foley failed, otherwise an error of the graph or an input.
     #[must_use]
     pub fn of(errors: &[Diagnostic]) -> Self {
         let failed = |d: &Diagnostic| d.code == "F080" || d.code.starts_with("F09");

@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::io::{Write as _, stdout};
 
-/// Lists node types, or tells all about one.
+/// Lists node types, or describes one.
 ///
 /// # Errors
 /// When standard output goes away.
@@ -48,7 +48,7 @@ fn list(registry: &Registry) -> String {
     out
 }
 
-/// What a port carries, in words.
+/// Describes the type of a port.
 #[must_use]
 pub fn port_words(spec: &PortSpec) -> String {
     let many = match spec.arity {
@@ -60,7 +60,7 @@ pub fn port_words(spec: &PortSpec) -> String {
     format!("{} of {}{many}{late}", spec.kind.word(), spec.kind.name())
 }
 
-/// What a parameter takes, in words.
+/// Describes the values of a parameter.
 #[must_use]
 pub fn param_words(spec: &ParamSpec) -> String {
     let mut words = spec.kind.to_string();

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// How often a run looks how far it is.
+/// Interval between two updates of the progress.
 const LOOK: Duration = Duration::from_millis(100);
 /// Least time from one plain line to the next, and from the start to the first.
 const PAUSE: Duration = Duration::from_secs(5);
@@ -64,28 +64,28 @@ fn write_lines(title: &str, progress: &Progress, over: &AtomicBool) {
     while !over.load(Ordering::Relaxed) {
         let (done, total) = (progress.done.load(Ordering::Relaxed), progress.total.load(Ordering::Relaxed));
         if let Some(line) = lines.due(start.elapsed(), done, total) {
-            // A run goes on though nobody can be told of it.
+            // A run continues though nobody can be informed of it.
             let _ = writeln!(std::io::stderr(), "{title}: {line}");
         }
         std::thread::park_timeout(LOOK);
     }
 }
 
-/// Which lines have been written.
+/// The lines written so far.
 #[derive(Debug, Default)]
 struct Lines {
     last: Duration,
-    told: u64,
+    reported: u64,
 }
 
 impl Lines {
     /// The line that is due after some time: never two within [`PAUSE`], nor two of the same.
     fn due(&mut self, spent: Duration, done: u64, total: u64) -> Option<String> {
         let percent = 100 * done.min(total) / total.max(1);
-        if spent < self.last + PAUSE || percent == self.told {
+        if spent < self.last + PAUSE || percent == self.reported {
             return None;
         }
-        (self.last, self.told) = (spent, percent);
+        (self.last, self.reported) = (spent, percent);
         Some(format!("{percent} % after {:.0} s", spent.as_secs_f64()))
     }
 }

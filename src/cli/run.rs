@@ -78,7 +78,7 @@ pub fn render_files(ready: &Prepared, args: &RunArgs) -> Result<Report, Vec<Diag
     result
 }
 
-/// Tells what a run gave, on standard output and in the report.
+/// Prints the results of a run, and writes the report.
 ///
 /// # Errors
 /// When standard output is gone, or the report cannot be written.

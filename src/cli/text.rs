@@ -48,7 +48,7 @@ pub fn fmt(args: &FmtArgs) -> anyhow::Result<Exit> {
     Ok(exit)
 }
 
-/// Tells more about a code.
+/// Explains a code.
 ///
 /// # Errors
 /// None at present.

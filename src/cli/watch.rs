@@ -17,7 +17,7 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-/// How long an error has to last before it is told: until then the file may be half written.
+/// Time that an error has to persist before it is reported: the file may be half written.
 pub(super) const SETTLE: Duration = Duration::from_millis(400);
 type Ran = Result<Report, Vec<Diagnostic>>;
 
@@ -37,7 +37,7 @@ enum Woken {
     Stop,
 }
 
-/// How an attempt to run went.
+/// Result of an attempt to run.
 enum Attempt {
     /// To its end, good or bad.
     Over,
@@ -57,7 +57,7 @@ struct Session<'a> {
     memo: Option<Arc<Memo>>,
     /// The graph of the last good run, and the contents that it came from.
     good: Option<(Graph, Contents)>,
-    /// Whether what was told last is an error.
+    /// True if what was reported last is an error.
     wrong: bool,
 }
 
@@ -85,7 +85,7 @@ pub fn watch(args: &WatchArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit>
     session.watch()
 }
 
-/// Tells why files are looked at from time to time only.
+/// Explains why files are polled.
 pub(super) fn no_events(watcher: &mut FileWatcher) {
     if let Some(message) = watcher.take_warning() {
         let warning = Diagnostic { severity: Severity::Warning, ..Diagnostic::general("F092", message) };
@@ -137,7 +137,7 @@ impl Session<'_> {
         show(&found, &sources);
         let ready = Arc::new(ready);
         self.start(&ready);
-        // Large files are hashed while the run goes on.
+        // Large files are hashed while the run continues.
         let mut newer = self.watcher.watch(&asked, true).then_some(at);
         let contents = self.watcher.contents();
         let mut stop = false;
@@ -186,7 +186,7 @@ impl Session<'_> {
         });
     }
 
-    /// Tells what a good run gave and what had changed.
+    /// Prints the results of a successful run and the changes.
     fn succeed(
         &mut self,
         report: &Report,
@@ -218,7 +218,7 @@ impl Session<'_> {
         Ok(())
     }
 
-    /// Tells errors that last; a file that is only half written gets the time to become whole.
+    /// Reports errors that persist; a half written file gets time to become complete.
     fn fail(&mut self, late: Option<Instant>, errors: &[Diagnostic], sources: &Sources) -> Attempt {
         let woken = match late {
             Some(at) => Woken::Changed(at),
@@ -267,7 +267,7 @@ impl Session<'_> {
     }
 }
 
-/// How many nodes came from the memo, and which did not.
+/// Number of cached nodes, and the names of the others.
 fn economy(report: &Report) -> String {
     let kept = report.nodes.iter().filter(|n| n.cached).count();
     let computed = report.computed();

@@ -1,4 +1,4 @@
-//! Every code of a diagnostic, with what it means and how to mend it: the text of `codes.md` beside this file.
+//! Every code of a diagnostic, with what it means and how to correct it: the text of `codes.md` beside this file.
 
 use std::sync::LazyLock;
 
@@ -7,9 +7,9 @@ use std::sync::LazyLock;
 pub struct Code {
     /// The code.
     pub code: &'static str,
-    /// What it means in a few words.
+    /// A short title.
     pub title: &'static str,
-    /// What it means, why it is so, and how to mend it, as Markdown.
+    /// Meaning, reason and correction, as Markdown.
     pub text: &'static str,
 }
 

@@ -11,7 +11,7 @@ use std::collections::HashSet;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Whether a diagnostic stops the run.
+/// True if a diagnostic stops the run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Severity {
     /// The graph cannot run.
@@ -23,7 +23,7 @@ pub enum Severity {
 /// A place in one of the [`Sources`].
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Place {
-    /// Which file.
+    /// The file.
     pub file: usize,
     /// Byte range in it.
     pub span: Range<usize>,
@@ -32,9 +32,9 @@ pub struct Place {
 /// A further place that explains a diagnostic.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Label {
-    /// Where.
+    /// Location.
     pub place: Place,
-    /// What it shows.
+    /// The text of the label.
     pub text: String,
 }
 
@@ -43,19 +43,19 @@ pub struct Label {
 pub struct Diagnostic {
     /// Stable code; `foley explain CODE` tells more.
     pub code: &'static str,
-    /// Whether it stops the run.
+    /// True if it stops the run.
     pub severity: Severity,
-    /// What was found.
+    /// Description of the mistake.
     pub message: String,
-    /// Where; `None` for what has no place in a file, such as an argument of the command.
+    /// Location; `None` for mistakes outside of files, such as those of an argument.
     pub place: Option<Place>,
-    /// What the place shows.
+    /// The label of the location.
     pub note: String,
     /// Further places.
     pub labels: Vec<Label>,
     /// The node that it is about.
     pub node: Option<String>,
-    /// What would be right.
+    /// Advice on the correct form.
     pub help: Option<String>,
     /// When in the piece, for faults while running.
     pub time: Option<Tick>,
@@ -116,14 +116,14 @@ impl Diagnostic {
         self
     }
 
-    /// Says what would be right.
+    /// Adds advice on the correct form.
     #[must_use]
     pub fn help(mut self, help: impl Into<String>) -> Self {
         self.help = Some(help.into());
         self
     }
 
-    /// Says what the place shows.
+    /// Sets the label of the location.
     #[must_use]
     pub fn note(mut self, note: impl Into<String>) -> Self {
         self.note = note.into();
@@ -184,17 +184,17 @@ impl Sources {
     }
 }
 
-/// Puts diagnostics in the order of the texts that they point into; what a sub-graph says each time that it is used is left once.
+/// Sorts diagnostics in the order of their texts, and removes duplicates of a sub-graph that is used several times.
 pub fn sort(diagnostics: &mut Vec<Diagnostic>, sources: &Sources) {
     diagnostics.sort_by_key(|d| (d.place.as_ref().map(|p| (p.file, p.span.start)), d.code));
-    let mut told = HashSet::new();
+    let mut reported = HashSet::new();
     diagnostics.retain(|d| {
         let at = d.place.as_ref().and_then(|p| Some((&sources.get(p.file)?.name, p.span.clone())));
-        at.is_none_or(|at| told.insert((d.code, at, d.message.clone())))
+        at.is_none_or(|at| reported.insert((d.code, at, d.message.clone())))
     });
 }
 
-/// Whether any of these stops the run.
+/// Returns true if any of these stops the run.
 #[must_use]
 pub fn any_error(diagnostics: &[Diagnostic]) -> bool {
     diagnostics.iter().any(|d| d.severity == Severity::Error)

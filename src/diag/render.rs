@@ -5,14 +5,14 @@ use annotate_snippets::{AnnotationKind, Group, Level, Origin, Renderer, Snippet}
 use serde_json::{Value, json};
 use std::ops::Range;
 
-/// Most diagnostics that are shown to a person.
+/// Maximum number of diagnostics in text output.
 const MOST_SHOWN: usize = 100;
-/// Most further places of one diagnostic that are shown.
+/// Maximum number of further locations of a diagnostic in text output.
 const MOST_LABELS: usize = 24;
-/// Most characters of a message.
+/// Maximum length of a message, in characters.
 const LONGEST_TITLE: usize = 2000;
 
-/// Bytes of a line that is shown; of a longer one the place is told, which is what a program that wrote it can use.
+/// Bytes of a line that is shown; of a longer one the place is reported, which is what a program that wrote it can use.
 const LONGEST_LINE: usize = 4000;
 
 /// Text for people: message, the lines in question, help; of very many the first hundred, errors before warnings.
@@ -172,9 +172,9 @@ mod tests {
         let place = |k: usize| Place { file: 0, span: at(k)..at(k) + 4 };
         let found = Diagnostic::error("F001", "wrong", place(4000)).label(place(3990), "see here");
         sources.add("a.ron", text.clone());
-        let told = render(&[found], &sources, false);
-        assert!(told.contains("--> a.ron:4000:1") && told.contains("4000 | line 4000"), "{told}");
-        assert!(told.contains("3990 | line 3990") && told.lines().count() < 12, "{told}");
+        let reported = render(&[found], &sources, false);
+        assert!(reported.contains("--> a.ron:4000:1") && reported.contains("4000 | line 4000"), "{reported}");
+        assert!(reported.contains("3990 | line 3990") && reported.lines().count() < 12, "{reported}");
         let end = Diagnostic::error("F001", "cut off", Place { file: 0, span: text.len()..text.len() });
         assert!(render(&[end], &sources, false).contains("cut off"));
     }
@@ -185,9 +185,9 @@ mod tests {
         sources.add("a.ron", format!("first\nä{}", "x".repeat(200_000)));
         let at = |k: usize| Place { file: 0, span: 6 + k..7 + k };
         let found = Diagnostic::error("F001", "wrong", at(150_000)).label(at(2), "see here").help("mend it");
-        let told = render(&[found], &sources, false);
-        assert!(told.contains("--> a.ron:2:150000") && told.contains("a.ron:2:2"), "{told}");
-        assert!(told.contains("mend it") && told.len() < 300, "{told}");
+        let reported = render(&[found], &sources, false);
+        assert!(reported.contains("--> a.ron:2:150000") && reported.contains("a.ron:2:2"), "{reported}");
+        assert!(reported.contains("mend it") && reported.len() < 300, "{reported}");
     }
 
     #[test]
@@ -197,10 +197,13 @@ mod tests {
         let at = || Place { file: 0, span: 0..4 };
         let mut all: Vec<_> = (0..300).map(|_| Diagnostic::warning("F026", "odd", at())).collect();
         all.push(Diagnostic::error("F025", format!("a loop: {}", "node -> ".repeat(4000)), at()));
-        let told = render(&all, &sources, false);
-        assert!(told.starts_with("error[F025]: a loop: node") && told.contains(" ... "), "{told}");
-        assert!(told.ends_with("\n\n... and 201 more\n") && told.matches("odd").count() == 99);
-        assert!(told.len() < 20_000, "{}", told.len());
+        let reported = render(&all, &sources, false);
+        assert!(
+            reported.starts_with("error[F025]: a loop: node") && reported.contains(" ... "),
+            "{reported}"
+        );
+        assert!(reported.ends_with("\n\n... and 201 more\n") && reported.matches("odd").count() == 99);
+        assert!(reported.len() < 20_000, "{}", reported.len());
         assert_eq!(render(&all[..100], &sources, false).matches("odd").count(), 100);
     }
 }

@@ -78,7 +78,7 @@ fn cli(command: Command) -> String {
     out
 }
 
-/// The summary with its part `# Reference` made anew; the other parts stay.
+/// The summary with its part `# Reference` made again; the other parts stay.
 fn with_reference(summary: &str, families: &[&str]) -> String {
     let mut part = String::from("# Reference\n\n- [Nodes](reference/nodes.md)\n");
     for family in families {

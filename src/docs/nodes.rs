@@ -16,7 +16,7 @@ use std::path::Path;
 /// Example graphs by the node types in them; paths are relative to the root, with `/`.
 pub type Examples = BTreeMap<String, BTreeSet<String>>;
 
-/// Which example graphs use which node types.
+/// Example graphs by node type.
 pub fn examples(root: &Path) -> io::Result<Examples> {
     let mut all = Examples::new();
     let mut folders = vec!["graphs".to_owned()];

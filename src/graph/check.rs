@@ -26,7 +26,7 @@ pub(super) struct Half {
     /// The files that it writes, with the fields that name them.
     pub outputs: Vec<(&'static str, String)>,
     pub fields: BTreeMap<String, Place>,
-    /// Where the value was given, for fields that stand for a parameter of the graph.
+    /// Location of the value, for fields that refer to a parameter of the graph.
     origins: BTreeMap<String, Place>,
 }
 
@@ -43,7 +43,7 @@ pub(super) fn check(mut loader: Loader) -> Loaded {
         *good &= loader.found.len() == before;
     }
     let mut found = std::mem::take(&mut loader.found);
-    // Of nodes with one id the first one is meant, so that the others are told once.
+    // Of nodes with one id the first one is meant, so that the others are reported once.
     let by_id: HashMap<&str, usize> = raw.iter().enumerate().rev().map(|(k, n)| (n.id.as_str(), k)).collect();
     let mut links: Vec<Vec<Vec<Link>>> = Vec::new();
     let mut count = 0;
@@ -243,7 +243,7 @@ fn datum(given: &Given, spec: &ParamSpec, loader: &mut Loader) -> Option<Datum> 
     convert(&value, given, path, loader)
 }
 
-/// What the command line gives for a text or a path, as it was typed: what has to be in quotes in a file may be bare there.
+/// Text or path from the command line, as typed: it needs no quotes there.
 fn bare_text(given: &Given, kind: &ParamKind, loader: &Loader) -> Option<Value> {
     let text = loader.argument(given)?;
     let quoted = matches!(given.value.value, ValueKind::Str(_));
@@ -300,7 +300,7 @@ fn asset(text: &str, given: &Given, loader: &mut Loader) -> String {
     joined
 }
 
-/// Where the items of a list stand, and those of lists in it: `inputs[2]`.
+/// Locations of the items of a list, and of nested lists: `inputs[2]`.
 fn item_places(name: &str, list: &Value, file: usize, places: &mut BTreeMap<String, Place>) {
     let (ValueKind::List(items) | ValueKind::Tuple(items)) = &list.value else { return };
     for (k, item) in items.iter().enumerate() {
@@ -341,7 +341,7 @@ fn missing_assets(
     }
 }
 
-/// What a parameter, or an item of it, does not take; `name` is that of the item.
+/// Error for a value that a parameter, or the item `name` of it, does not accept.
 fn mismatched(name: &str, mismatch: &Mismatch, spec: Option<&ParamSpec>, place: Place) -> Diagnostic {
     let unit = spec.and_then(|s| s.unit).filter(|unit| !unit.is_empty());
     let unit = unit.map(|unit| format!(" {unit}")).unwrap_or_default();

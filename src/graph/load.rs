@@ -23,19 +23,19 @@ pub struct RawNode {
     pub id: String,
     /// Name of its type.
     pub type_name: String,
-    /// Where the type's name stands.
+    /// Location of the type's name.
     pub type_place: Place,
-    /// Where its id stands.
+    /// Location of its id.
     pub place: Place,
-    /// Where its text ends in that file.
+    /// End of its text in that file.
     pub end: usize,
     /// Its fields in order: name, place of the name, value.
     pub fields: Vec<(String, Place, Given)>,
-    /// Whether its text is complete enough to check.
+    /// True if its text is complete enough to check.
     pub whole: bool,
 }
 
-/// What a graph is loaded with, beside its text.
+/// Settings for loading a graph.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct LoadOptions {
@@ -92,7 +92,7 @@ impl LoadOptions {
     }
 }
 
-/// What loading gives: a graph where there was no error, and everything that was found.
+/// Result of loading: the graph, if there was no error, and all diagnostics.
 #[derive(Debug)]
 pub struct Loaded {
     /// The graph, if it can run.
@@ -103,7 +103,7 @@ pub struct Loaded {
     pub diagnostics: Vec<Diagnostic>,
     /// The texts that they point into.
     pub sources: Sources,
-    /// What the graph may read.
+    /// The files that the graph may read.
     pub root: Root,
 }
 
@@ -120,18 +120,18 @@ pub(super) struct Loader {
     pub all_params: Vec<(String, Place)>,
     pub root: Root,
     pub limits: Limits,
-    /// How often sub-graphs were used, and the bytes that all of them had.
+    /// Number of uses of sub-graphs, and their size in bytes.
     pub uses: usize,
     pub text_bytes: u64,
-    /// What the ids of sub-graphs begin with that could not be read.
+    /// Prefixes of the ids of unreadable sub-graphs.
     pub lost: Vec<String>,
-    /// Whether a limit was met: it is said once, and nothing more is read.
+    /// True if a limit was met: it is said once, and nothing more is read.
     pub full: bool,
 }
 
 /// Reads and checks the graph at `path`.
 ///
-/// All that is wrong comes back in [`Loaded::diagnostics`].
+/// All mistakes are in [`Loaded::diagnostics`].
 #[must_use]
 pub fn load(path: &Path, options: &LoadOptions) -> Loaded {
     let mut loader = Loader::new(path, options);
@@ -331,7 +331,7 @@ impl Loader {
         map.iter().filter(|e| e.key.as_str().is_some()).collect()
     }
 
-    /// Says that a limit was met, and reads nothing more.
+    /// Reports an exceeded limit, and stops reading.
     pub(super) fn stop(&mut self, found: Diagnostic) {
         if !self.full {
             self.found.push(found);
@@ -342,7 +342,7 @@ impl Loader {
     pub(super) fn bad_id(&mut self, id: &str, place: Place) {
         let found = Diagnostic::error("F007", format!("{id:?} cannot be an id"), place);
         self.found
-            .push(found.help("an id starts with a letter and goes on with letters, digits, `_` and `-`"));
+            .push(found.help("an id starts with a letter and continues with letters, digits, `_` and `-`"));
     }
 
     fn node_list(

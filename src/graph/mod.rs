@@ -28,7 +28,7 @@ use std::sync::Arc;
 /// A graph in which every node has a type, parameters and links.
 #[derive(Debug, Default)]
 pub struct Graph {
-    /// What it is called.
+    /// Its title.
     pub title: String,
     /// Seed of all randomness in it.
     pub seed: u64,
@@ -53,11 +53,11 @@ pub struct GraphNode {
     pub params: Box<dyn AnyParams>,
     /// Links per input port.
     pub links: Vec<Vec<Link>>,
-    /// Where it stands.
+    /// Its location.
     pub place: Place,
-    /// Where its fields stand: the values of parameters and inputs, and each link or path of a list, as `inputs[2]`.
+    /// Locations of its fields: values of parameters and inputs, and each link or path of a list, as `inputs[2]`.
     pub fields: BTreeMap<String, Place>,
-    /// Whether all of its links are what the text says, as in every graph that can run.
+    /// True if all of its links are what the text says, as in every graph that can run.
     pub whole: bool,
 }
 
@@ -68,7 +68,7 @@ pub struct Link {
     pub node: usize,
     /// Output port that it comes from.
     pub port: usize,
-    /// Where it stands in the text.
+    /// Its location in the text.
     pub place: Place,
 }
 

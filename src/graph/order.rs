@@ -62,7 +62,7 @@ pub(super) fn order(
     order
 }
 
-/// How often loops are looked for again without the links that close those already found.
+/// Maximum number of rounds of the search for loops; each omits the links that close the loops found before.
 const ROUNDS: usize = 20;
 
 /// Prints loops, each once and whole: one of each knot, then those that do not need the link that closes it.

@@ -49,8 +49,8 @@ pub(super) fn check(raw: &[RawNode], halves: &[Option<Half>], found: &mut Vec<Di
             };
             if let Some(earlier) = first.get(&full) {
                 let message = format!("two outputs have the path {}", full.display());
-                let told = Diagnostic::error("F081", message, place).node(&node.id);
-                found.push(told.label(earlier.clone(), "first here"));
+                let reported = Diagnostic::error("F081", message, place).node(&node.id);
+                found.push(reported.label(earlier.clone(), "first here"));
             } else {
                 first.insert(full, place);
             }

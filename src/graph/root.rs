@@ -1,4 +1,4 @@
-//! Which files a graph may read, and opening them.
+//! Access of graphs to files: permission and opening.
 
 use foley_nodes::core::files::{FileError, Files, ReadSeek, number_in, sorted_sequence};
 use std::collections::{BTreeMap, BTreeSet};
@@ -8,7 +8,7 @@ use std::path::{Component, Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::SystemTime;
 
-/// What files may cost.
+/// Limits of files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limits {
     /// Bytes of one graph file, and of all its sub-graphs, each as often as it is used.
@@ -58,7 +58,7 @@ pub struct Asked {
     pub sequences: BTreeSet<String>,
 }
 
-/// What tells without reading a file that it is probably the same as before.
+/// Properties of a file that identify its content without reading it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stamp {
     /// Bytes.
@@ -91,7 +91,7 @@ impl From<&Metadata> for Stamp {
 }
 
 impl Root {
-    /// What the graph at `path` may read without being allowed more.
+    /// Returns the default permissions of the graph at `path`.
     #[must_use]
     pub fn of(path: &Path) -> Self {
         let mut root = Self::default();
@@ -216,7 +216,7 @@ impl DirFiles {
         Self { root, limits, opened: Arc::default() }
     }
 
-    /// What they may cost.
+    /// Returns the limits of files.
     #[must_use]
     pub fn limits(&self) -> Limits {
         self.limits
@@ -228,7 +228,7 @@ impl DirFiles {
         self.root.asked()
     }
 
-    /// What tells the present content of a file from another, without reading it.
+    /// Returns the stamp of the present content of a file.
     #[must_use]
     pub fn stamp(&self, path: &str) -> Option<Stamp> {
         Stamp::of(&self.root.resolve(path).ok()?)

@@ -6,7 +6,7 @@ use super::{Graph, GraphNode, Link};
 use crate::diag::{Diagnostic, Place, Severity};
 use foley_nodes::core::ports::Arity;
 
-/// How much of a node is known.
+/// Completeness of the knowledge about a node.
 #[derive(Clone, Copy, PartialEq)]
 enum Known {
     /// It is wrong, or reads something that is.
@@ -17,7 +17,7 @@ enum Known {
     All,
 }
 
-/// Which nodes stand in the text as they were meant, as far as reading it has told; none of a text that cannot be understood.
+/// Returns true for each node that was read without mistake; false for all if the text cannot be parsed.
 pub(super) fn readable(raw: &[RawNode], found: &[Diagnostic]) -> Vec<bool> {
     let mut good: Vec<bool> = raw.iter().map(|node| node.whole).collect();
     for d in found.iter().filter(|d| d.severity == Severity::Error) {
@@ -71,7 +71,7 @@ pub(super) fn graph(nodes: Vec<Option<GraphNode>>, order: &[usize]) -> Graph {
     graph
 }
 
-/// How much of each node is known; a broken node takes with it all that reads it.
+/// Determines the completeness of each node; an incomplete node makes all of its readers incomplete.
 fn known(nodes: &[Option<GraphNode>], order: &[usize]) -> Vec<Known> {
     let mut known = vec![Known::Nothing; nodes.len()];
     order.iter().filter(|&&n| nodes[n].is_some()).for_each(|&n| known[n] = Known::All);

@@ -22,9 +22,9 @@ pub struct Override {
 pub struct Given {
     /// The value.
     pub value: Value,
-    /// Where it stands.
+    /// Its location.
     pub place: Place,
-    /// What paths in it are relative to.
+    /// Folder to which its paths are relative.
     pub folder: PathBuf,
     /// Prefix of the ids that links in it can name.
     pub scope: Scope,
@@ -38,7 +38,7 @@ impl Given {
     }
 }
 
-/// Where names in a text are looked up.
+/// Scope of the names in a text.
 #[derive(Clone, Debug, Default)]
 pub struct Scope {
     /// Prefix of ids, such as `material.`.

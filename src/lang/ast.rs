@@ -1,6 +1,6 @@
 //! The values of a document as plain data with spans.
 //!
-//! What is broken in the text is a [`ValueKind::Error`] here and everything else is as it was written:
+//! Malformed parts of the text are [`ValueKind::Error`], and all others are as written:
 //! entries and fields in order, duplicates kept. A span covers the value alone, without the white space
 //! and comments around it.
 
@@ -23,11 +23,11 @@ pub struct Document {
 pub struct Attribute {
     /// The whole attribute.
     pub span: Span,
-    /// What it says.
+    /// Its kind.
     pub kind: AttributeKind,
 }
 
-/// What an attribute says.
+/// Kind of an attribute.
 #[derive(Clone, Debug, PartialEq)]
 pub enum AttributeKind {
     /// `#![enable(...)]`
@@ -41,14 +41,14 @@ pub enum AttributeKind {
 /// Something with a place in the text.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Spanned<T> {
-    /// Where it stands.
+    /// Its location.
     pub span: Span,
-    /// What it is.
+    /// The value.
     pub value: T,
 }
 
 impl<T> Spanned<T> {
-    /// Where it stands.
+    /// Its location.
     pub fn span(&self) -> Span {
         self.span.clone()
     }
@@ -60,7 +60,7 @@ pub type Name = Spanned<String>;
 /// A value.
 pub type Value = Spanned<ValueKind>;
 
-/// What a value is.
+/// Kind of a value.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ValueKind {
     /// `()`
@@ -104,7 +104,7 @@ pub struct RangeValue {
     pub start: Option<Value>,
     /// The number after the dots.
     pub end: Option<Value>,
-    /// Whether it is `..=`.
+    /// True if it is `..=`.
     pub inclusive: bool,
 }
 
@@ -201,12 +201,12 @@ impl Value {
         self.as_map()?.iter().find(|entry| entry.key.as_str() == Some(key)).map(|entry| &entry.value)
     }
 
-    /// Whether the value itself is broken; its parts may still be.
+    /// Returns true if the value itself is broken; its parts may still be.
     pub fn is_error(&self) -> bool {
         self.value == ValueKind::Error
     }
 
-    /// What the value is, in words, for messages such as "expected a number, found a string".
+    /// Describes the value, for messages such as "expected a number, found a string".
     pub fn describe(&self) -> &'static str {
         match &self.value {
             ValueKind::Unit => "the unit `()`",

@@ -9,9 +9,9 @@ use super::syntax::Parse;
 /// The replacement of a span by a new text.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TextEdit {
-    /// What is replaced; empty to insert.
+    /// The replaced range; empty to insert.
     pub span: Span,
-    /// What stands there afterwards.
+    /// The new text.
     pub new_text: String,
 }
 

@@ -1,4 +1,4 @@
-//! What can be wrong with the text of a graph.
+//! Errors in the text of a graph.
 
 use std::ops::Range;
 
@@ -13,7 +13,7 @@ pub struct SyntaxError {
     pub span: Span,
     /// One sentence that says what was found.
     pub message: String,
-    /// What would have been right here, where that is known.
+    /// The expected token, if it is known.
     pub expected: Option<String>,
     /// The class of the error.
     pub code: ErrorKind,

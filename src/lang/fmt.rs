@@ -44,7 +44,7 @@ pub fn format(text: &str) -> Result<String, Vec<SyntaxError>> {
     Ok(printer.out)
 }
 
-/// What the lines of a text end in, as the first one does that ends outside of strings and block comments.
+/// Line ending of a text: that of the first line that ends outside of strings and block comments.
 fn line_end(text: &str, root: &SyntaxNode) -> &'static str {
     let tokens = root.descendants_with_tokens().filter_map(|element| element.into_token());
     let mut spaces = tokens.filter(|token| token.kind() == Whitespace);
@@ -56,7 +56,7 @@ fn line_end(text: &str, root: &SyntaxNode) -> &'static str {
 
 struct Printer {
     out: String,
-    /// What the text's own lines end in.
+    /// Line ending of the text.
     end: &'static str,
 }
 
@@ -260,7 +260,7 @@ fn has_brackets(node: &SyntaxNode) -> bool {
         && node.children_with_tokens().any(|child| child.kind().closer().is_some())
 }
 
-/// Whether two kinds stand without a space between them on one line.
+/// Returns true if two kinds stand without a space between them on one line.
 fn touch(before: SyntaxKind, after: SyntaxKind) -> bool {
     match (before, after) {
         (LBrace, RBrace) => true,

@@ -1,4 +1,4 @@
-//! Where the brackets of an unbalanced text were probably meant to be.
+//! Probable positions of the missing brackets of an unbalanced text.
 //!
 //! A text whose brackets match is parsed by its brackets alone. Only when they do not, the layout is
 //! consulted: which lines are indented how far, and which bracket there are too many of.
@@ -19,7 +19,7 @@ pub(super) struct Place {
 pub(super) struct Layout {
     /// One place for each significant token.
     places: Vec<Place>,
-    /// How many more closing than opening brackets there are, for `)`, `]`, `}`.
+    /// Excess of closing brackets over opening ones, for `)`, `]`, `}`.
     excess: [isize; 3],
 }
 
@@ -83,7 +83,7 @@ impl Layout {
         self.places.get(significant).copied().unwrap_or_default()
     }
 
-    /// Whether there are too many closing brackets of this kind; if so, this one is taken as one of them.
+    /// Returns true if there are too many closing brackets of this kind; if so, this one is taken as one of them.
     pub(super) fn take_excess(&mut self, closer: SyntaxKind) -> bool {
         let Some((which, _)) = shape(closer) else { return false };
         let taken = self.excess[which] > 0;
@@ -91,7 +91,7 @@ impl Layout {
         taken
     }
 
-    /// Whether a bracket opened at `opener` must have ended before the significant token `next`: its line
+    /// Returns true if a bracket opened at `opener` must have ended before the significant token `next`: its line
     /// is indented no further than the opener's, and it is not the closing bracket. A bracket whose content
     /// is not indented says nothing.
     pub(super) fn ended(&self, opener_at: usize, next: usize, next_closes: bool) -> bool {
@@ -103,12 +103,12 @@ impl Layout {
             && if next_closes { next.indent < opener.indent } else { next.indent <= opener.indent }
     }
 
-    /// Whether there are too few closing brackets of this kind.
+    /// Returns true if there are too few closing brackets of this kind.
     pub(super) fn lacks(&self, closer: SyntaxKind) -> bool {
         shape(closer).is_some_and(|(which, _)| self.excess[which] < 0)
     }
 
-    /// Whether a matching closing bracket stands where only a stray one would: in the middle of a line,
+    /// Returns true if a matching closing bracket stands where only a stray one would: in the middle of a line,
     /// though the opening bracket ended its line, and there are too many of its kind.
     pub(super) fn strays(&self, opener: usize, closer_at: usize, closer: SyntaxKind) -> bool {
         let many = shape(closer).is_some_and(|(which, _)| self.excess[which] > 0);

@@ -35,7 +35,7 @@ pub(super) fn lex(text: &str) -> Lexed {
     if by_line.open_strings == 1 { by_line.into() } else { whole.into() }
 }
 
-/// What some editors put in front of UTF-8.
+/// The byte order mark that some editors write.
 const BYTE_ORDER_MARK: char = '\u{feff}';
 
 struct Lexer<'t> {

@@ -1,7 +1,7 @@
 //! Tokens to the tree.
 //!
 //! The grammar is the one that `ron::Deserializer::deserialize_any` walks, down to where it demands
-//! that two tokens touch. After an error the parser goes on with the next element it can make out; the
+//! that two tokens touch. After an error the parser continues with the next element it can make out; the
 //! brackets of a text in which they do not match are placed by its [`Layout`].
 
 use rowan::{GreenNode, GreenNodeBuilder, Language};
@@ -96,12 +96,12 @@ struct Parser<'t> {
     significant: Vec<usize>,
     /// The next significant token, as an index into `significant`.
     next: usize,
-    /// How many tokens are in the tree.
+    /// Number of tokens in the tree.
     written: usize,
     builder: GreenNodeBuilder<'static>,
     errors: Vec<SyntaxError>,
     extensions: Extensions,
-    /// How much deeper values may be nested, see [`DEFAULT_RECURSION_LIMIT`].
+    /// Remaining depth of nested values, see [`DEFAULT_RECURSION_LIMIT`].
     budget: usize,
     /// The brackets that are open: what closes them, and where they were opened.
     open: Vec<(SyntaxKind, usize)>,
@@ -132,13 +132,13 @@ impl Parser<'_> {
         self.ahead(n).map_or("", |token| &self.text[token.start..token.end])
     }
 
-    /// Whether no trivia stands before the token `n` places ahead.
+    /// Returns true if no trivia stands before the token `n` places ahead.
     fn touches(&self, n: usize) -> bool {
         let index = self.next + n;
         index > 0 && self.ahead(n).is_some() && self.significant[index] == self.significant[index - 1] + 1
     }
 
-    /// Whether the token `n` places ahead is on the same line as the one before it.
+    /// Returns true if the token `n` places ahead is on the same line as the one before it.
     fn same_line(&self, n: usize) -> bool {
         match (self.next + n).checked_sub(1).map(|last| self.tokens[self.significant[last]]) {
             Some(last) => self.ahead(n).is_some_and(|token| !self.text[last.end..token.start].contains('\n')),
@@ -155,7 +155,7 @@ impl Parser<'_> {
         self.next.checked_sub(1).map_or(0, |last| self.tokens[self.significant[last]].end)
     }
 
-    /// Where the next token is, or the end of the text.
+    /// Returns the position of the next token, or of the end of the text.
     fn here(&self) -> Span {
         self.ahead(0).map_or(self.text.len()..self.text.len(), |token| token.start..token.end)
     }
@@ -276,13 +276,13 @@ impl Parser<'_> {
         self.builder.finish_node();
     }
 
-    /// Whether the next token can begin a value. Malformed characters count: their error is known.
+    /// Returns true if the next token can begin a value. Malformed characters count: their error is known.
     fn starts_value(&self) -> bool {
         self.kind().is_some_and(begins_value)
     }
 }
 
-/// Whether a token of this kind can begin a value.
+/// Returns true if a token of this kind can begin a value.
 fn begins_value(kind: SyntaxKind) -> bool {
     matches!(kind, LParen | LBracket | LBrace | DotDot | DotDotEq | Ident | RawIdent) || is_literal(kind)
 }
@@ -295,7 +295,7 @@ fn is_name(kind: Option<SyntaxKind>) -> bool {
     matches!(kind, Some(Ident | RawIdent))
 }
 
-/// Whether a token is a number, also one that looks like a name.
+/// Returns true if a token is a number, also one that looks like a name.
 fn is_number(kind: Option<SyntaxKind>, text: &str) -> bool {
     matches!(kind, Some(Number | Byte)) || kind == Some(Ident) && number::named(text).is_some()
 }

@@ -1,8 +1,8 @@
-//! What stands between quotes: escapes of strings, byte strings, characters and bytes.
+//! Quoted text: escapes of strings, byte strings, characters and bytes.
 
 use super::error::Span;
 
-/// Which escapes are allowed, and what they make.
+/// The allowed escapes, and their meaning.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Encoding {
     /// `"..."`: `\x` escapes may spell out the UTF-8 bytes of one character.

@@ -98,17 +98,17 @@ kinds! {
 }
 
 impl SyntaxKind {
-    /// Whether a token of this kind is white space or a comment.
+    /// Returns true if a token of this kind is white space or a comment.
     pub fn is_trivia(self) -> bool {
         matches!(self, Self::Whitespace | Self::LineComment | Self::BlockComment)
     }
 
-    /// Whether a token of this kind is a comment.
+    /// Returns true if a token of this kind is a comment.
     pub fn is_comment(self) -> bool {
         matches!(self, Self::LineComment | Self::BlockComment)
     }
 
-    /// Whether a node of this kind is a value.
+    /// Returns true if a node of this kind is a value.
     pub fn is_value(self) -> bool {
         matches!(
             self,
@@ -179,7 +179,7 @@ impl Parse {
         &self.errors
     }
 
-    /// Whether the text has no syntax error, that is, whether `ron` accepts it.
+    /// Returns true if the text has no syntax error, that is, whether `ron` accepts it.
     pub fn is_ok(&self) -> bool {
         self.errors.is_empty()
     }

@@ -25,7 +25,7 @@ use swap::{PendingSwap, SwapRequest};
 /// Slots of the rings to and from the callback.
 const RING_SLOTS: usize = 64;
 
-/// How to play.
+/// Settings of playback.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
     /// Frames per window.

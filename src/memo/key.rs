@@ -16,7 +16,7 @@ const KEY_FORMAT: &[u8] = b"foley memo 1";
 /// One item that a result depends on: its name and its content.
 pub type KeyPart = (String, String);
 
-/// All that a result depends on.
+/// All dependencies of a result.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Key {
     /// The parts by name; content hashes stand for files and for values.

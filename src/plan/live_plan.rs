@@ -143,7 +143,7 @@ impl Draft {
         let sinks = audio_sinks(graph);
         let mut errors = Vec::new();
         let Some(first) = sinks.first() else {
-            let none = Diagnostic::general("F052", "the graph has nothing to hear");
+            let none = Diagnostic::general("F052", "the graph has no output to play");
             return Err(vec![none.help("add a WavOut: in a live run its sound goes to the device")]);
         };
         let rate_of =

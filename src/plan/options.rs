@@ -2,7 +2,7 @@
 
 use foley_nodes::core::time::{TICKS_PER_SECOND, Tick};
 
-/// How a graph is to be run.
+/// Settings of a run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlanOptions {
     /// Length of one window, ticks.

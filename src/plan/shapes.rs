@@ -19,7 +19,7 @@ pub struct Shaped {
 
 /// Shapes every node, in topological order; nodes downstream of one that failed are skipped without a message.
 ///
-/// Where an input takes many links and only some of them failed, the others are still compared.
+/// If only some links of an input with many failed, the others are still compared.
 pub fn shape_all(graph: &Graph, files: &dyn Files) -> Shaped {
     let mut shapes: Vec<NodeShape> = graph.nodes.iter().map(|_| NodeShape::default()).collect();
     let mut failed = vec![false; graph.nodes.len()];

@@ -142,7 +142,7 @@ impl Wiring<'_> {
         }
     }
 
-    /// Gives an output its buffer, and a buffer of their own to readers in other regions or with another pad rule.
+    /// Assigns a buffer to an output, and separate buffers to readers in other regions or with another pad rule.
     fn wire_output(
         &mut self,
         u: usize,

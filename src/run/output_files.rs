@@ -13,7 +13,7 @@ use std::sync::{Mutex, PoisonError};
 #[derive(Debug)]
 pub struct DirOutputs {
     root: PathBuf,
-    /// Where the graph's outputs go in place of the folder.
+    /// Memory for the outputs of the graph, in place of the folder.
     memory: Option<MemoryOutputs>,
     /// Temporary path and final path of the files that are being written.
     pending: Mutex<Vec<(PathBuf, PathBuf)>>,

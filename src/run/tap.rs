@@ -17,11 +17,11 @@ pub struct Tap {
     pub node: usize,
     /// Its output port.
     pub port: usize,
-    /// Where its output goes.
+    /// Destination of its output.
     pub target: TapTarget,
 }
 
-/// Where a tapped output goes.
+/// Destination of a tapped output.
 #[derive(Clone, Debug)]
 pub enum TapTarget {
     /// To a file, in a format by its extension.

@@ -21,7 +21,7 @@ use foley_nodes::registry::Registry;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Where the text of a graph comes from.
+/// Source of the text of a graph.
 #[derive(Clone, Debug)]
 enum Source {
     File(PathBuf),

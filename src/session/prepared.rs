@@ -24,7 +24,7 @@ pub struct Prepared {
     pub threads: usize,
     /// Seed.
     pub seed: u64,
-    /// Where results are cached, if at all.
+    /// The cache, if there is one.
     pub memo: Option<Arc<Memo>>,
     /// The progress of its runs.
     pub progress: Arc<Progress>,
@@ -79,7 +79,7 @@ impl Prepared {
     }
 }
 
-/// What preparing a graph gives.
+/// Result of preparing a graph.
 pub struct Preparation {
     /// The graph, if it can run.
     pub prepared: Option<Prepared>,

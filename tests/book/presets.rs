@@ -92,10 +92,10 @@ fn every_preset_plays_a_cloth() {
     assert!(names.len() >= 10, "{names:?}");
     let (first, later): (Vec<_>, Vec<_>) = names.iter().partition(|name| first_of(name) == *name);
     for name in first {
-        let told =
+        let reported =
             run(dir.path(), &graph(name, &format!("{OURS} {marked}")), Some(&format!("{name}.warp.json")));
-        assert!(told["peak"].as_f64().unwrap() > 1e-3, "{name}: {told}");
-        assert_eq!(told["channels"], 1);
+        assert!(reported["peak"].as_f64().unwrap() > 1e-3, "{name}: {reported}");
+        assert_eq!(reported["channels"], 1);
     }
     for name in later {
         let text = if name.ends_with("first_person") {
@@ -104,9 +104,9 @@ fn every_preset_plays_a_cloth() {
         } else {
             graph(name, &format!("{OURS} \"warp\": \"{}.warp.json\"", first_of(name)))
         };
-        let told = run(dir.path(), &text, None);
-        assert!(told["peak"].as_f64().unwrap() > 1e-3, "{name}: {told}");
-        assert_eq!(told["channels"], if name.ends_with("first_person") { 2 } else { 1 }, "{name}");
+        let reported = run(dir.path(), &text, None);
+        assert!(reported["peak"].as_f64().unwrap() > 1e-3, "{name}: {reported}");
+        assert_eq!(reported["channels"], if name.ends_with("first_person") { 2 } else { 1 }, "{name}");
     }
 }
 

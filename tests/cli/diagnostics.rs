@@ -1,7 +1,7 @@
 //! What foley says about wrong graphs: every case in `tests/diagnostics` with its text, byte for byte.
 //!
 //! A case is a graph; its first lines may hold arguments, such as `// --set wind.level=3`. `FOLEY_BLESS=1` writes the
-//! texts anew: look at the difference before it is committed.
+//! texts again: look at the difference before it is committed.
 
 use foley::diag::{Diagnostic, Severity, Sources, any_error, codes, json, render, sort};
 use foley::graph::{DirFiles, Limits, LoadOptions, Override, load, load_text};
@@ -93,7 +93,7 @@ fn every_case_is_told_as_its_text_has_it() {
         if bless {
             fs::write(&stored, text).unwrap();
         } else if fs::read_to_string(&stored).unwrap_or_default() != text {
-            wrong.push(format!("{} is told otherwise:\n{text}", path.display()));
+            wrong.push(format!("{} is reported otherwise:\n{text}", path.display()));
         }
     }
     assert!(wrong.is_empty(), "{}\nFOLEY_BLESS=1 stores the new texts", wrong.join("\n"));
@@ -105,7 +105,7 @@ fn every_case_provokes_the_code_in_its_name() {
         let name = path.file_stem().unwrap().to_str().unwrap();
         let code = name.split('_').next().unwrap().to_uppercase();
         let (found, _) = findings(&path);
-        assert!(!found.is_empty(), "{name} is told nothing");
+        assert!(!found.is_empty(), "{name} is reported nothing");
         if codes::find(&code).is_some() {
             assert!(found.iter().any(|d| d.code == code), "{name}: {found:#?}");
         }
@@ -157,7 +157,7 @@ fn all_errors_of_a_file_come_in_one_pass() {
 #[test]
 fn errors_of_the_text_and_of_the_plan_come_in_one_pass_and_what_follows_from_them_is_not_told() {
     let (found, _) = findings(&Path::new(CASES).join("text_and_plan_at_once.ron"));
-    let told: Vec<_> = found.iter().map(|d| (d.code, d.node.as_deref().unwrap_or_default())).collect();
+    let reported: Vec<_> = found.iter().map(|d| (d.code, d.node.as_deref().unwrap_or_default())).collect();
     let wanted = [
         ("F060", "gone"),
         ("F011", "typo"),
@@ -169,15 +169,15 @@ fn errors_of_the_text_and_of_the_plan_come_in_one_pass_and_what_follows_from_the
         ("F082", "o2"),
         ("F081", "o3"),
     ];
-    assert_eq!(told, wanted);
+    assert_eq!(reported, wanted);
 }
 
 #[test]
 fn loops_that_share_a_node_are_told_each() {
     let (found, _) = findings(&Path::new(CASES).join("f025_knot.ron"));
-    let mut told: Vec<&str> = found.iter().filter_map(|d| d.message.rsplit(": ").next()).collect();
-    told.sort();
-    assert_eq!(told, ["sum -> left -> sum", "sum -> right -> sum", "sum -> sum"]);
+    let mut reported: Vec<&str> = found.iter().filter_map(|d| d.message.rsplit(": ").next()).collect();
+    reported.sort();
+    assert_eq!(reported, ["sum -> left -> sum", "sum -> right -> sum", "sum -> sum"]);
     assert!(found.iter().all(|d| d.code == "F025"));
 }
 
@@ -289,7 +289,7 @@ fn a_graph_that_is_right_is_told_nothing() {
     let template = foley::cli::template("a");
     let (name, text) = &template[0];
     let loaded = load_text(name, text, Path::new(name), &LoadOptions::default());
-    let told = render(&loaded.diagnostics, &loaded.sources, false);
-    assert!(loaded.graph.is_some() && loaded.diagnostics.is_empty(), "{told}");
+    let reported = render(&loaded.diagnostics, &loaded.sources, false);
+    assert!(loaded.graph.is_some() && loaded.diagnostics.is_empty(), "{reported}");
     assert!(!any_error(&loaded.diagnostics));
 }

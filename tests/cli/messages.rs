@@ -1,6 +1,6 @@
 //! What the program says about what no graph alone provokes: a case each, its text byte for byte in `tests/diagnostics/cli`.
 //!
-//! `FOLEY_BLESS=1` writes the texts anew: look at the difference before it is committed.
+//! `FOLEY_BLESS=1` writes the texts again: look at the difference before it is committed.
 
 use std::fs;
 use std::net::UdpSocket;
@@ -44,11 +44,11 @@ fn foley(folder: &Path, arguments: &[&str]) -> Command {
     command
 }
 
-/// What is told without what differs from run to run: the folder, words of the operating system, and some more of the case.
-fn stable(told: &str, folder: &Path, more: &[(&str, &str)]) -> String {
+/// What is reported without what differs from run to run: the folder, words of the operating system, and some more of the case.
+fn stable(reported: &str, folder: &Path, more: &[(&str, &str)]) -> String {
     let real = folder.canonicalize().unwrap();
     let mut text =
-        told.replace(&real.display().to_string(), "DIR").replace(&folder.display().to_string(), "DIR");
+        reported.replace(&real.display().to_string(), "DIR").replace(&folder.display().to_string(), "DIR");
     for (from, to) in more {
         text = text.replace(from, to);
     }
@@ -72,7 +72,7 @@ fn case(code: &str, exit: i32, output: &Output, folder: &Path, more: &[(&str, &s
         fs::write(&path, text).unwrap();
     } else {
         let stored = fs::read_to_string(&path).unwrap_or_default();
-        assert!(stored == text, "{code} is told otherwise:\n{text}\nFOLEY_BLESS=1 stores the new text");
+        assert!(stored == text, "{code} is reported otherwise:\n{text}\nFOLEY_BLESS=1 stores the new text");
     }
 }
 
@@ -81,25 +81,25 @@ fn f052_nothing_to_hear() {
     let folder = folder(
         "#![schema = \"foley:graph/1\"]\nGraph(nodes: { \"tone\": Tone(frequency: 100.0, rate: 48000) })\n",
     );
-    let told =
+    let reported =
         foley(folder.path(), &["live", "main.ron", "--device", "null", "--osc", "off"]).output().unwrap();
-    case("F052", 2, &told, folder.path(), &[]);
+    case("F052", 2, &reported, folder.path(), &[]);
 }
 
 #[test]
 fn f053_a_node_that_runs_offline_only() {
     let graph = "graphs/cloth/units_global.ron";
     let arguments = ["live", graph, "--device", "null", "--osc", "off", "--no-cache"];
-    let told = foley(Path::new(env!("CARGO_MANIFEST_DIR")), &arguments).output().unwrap();
-    case("F053", 2, &told, Path::new(env!("CARGO_MANIFEST_DIR")), &[]);
+    let reported = foley(Path::new(env!("CARGO_MANIFEST_DIR")), &arguments).output().unwrap();
+    case("F053", 2, &reported, Path::new(env!("CARGO_MANIFEST_DIR")), &[]);
 }
 
 #[test]
 fn f054_the_device_cannot_be_had() {
     let folder = folder(TONE);
     let arguments = ["live", "main.ron", "--device", "file:main.ron/a.wav", "--osc", "off"];
-    let told = foley(folder.path(), &arguments).output().unwrap();
-    case("F054", 1, &told, folder.path(), &[]);
+    let reported = foley(folder.path(), &arguments).output().unwrap();
+    case("F054", 1, &reported, folder.path(), &[]);
 }
 
 #[test]
@@ -107,8 +107,8 @@ fn f055_no_osc_while_another_program_listens() {
     let (folder, other) = (folder(TONE), UdpSocket::bind("127.0.0.1:0").unwrap());
     let port = other.local_addr().unwrap().port().to_string();
     let arguments = ["live", "main.ron", "--device", "null", "--osc", &port, "--for", "0.1"];
-    let told = foley(folder.path(), &arguments).output().unwrap();
-    case("F055", 0, &told, folder.path(), &[(&port, "PORT")]);
+    let reported = foley(folder.path(), &arguments).output().unwrap();
+    case("F055", 0, &reported, folder.path(), &[(&port, "PORT")]);
 }
 
 /// A file is no folder that holds another.
@@ -121,16 +121,16 @@ fn f061_the_file_cannot_be_read() {
     \"out\": WavOut(audio: \"in\", path: \"out.wav\"),
 })\n",
     );
-    let told = foley(folder.path(), &["run", "main.ron", "--no-cache"]).output().unwrap();
-    case("F061", 2, &told, folder.path(), &[]);
+    let reported = foley(folder.path(), &["run", "main.ron", "--no-cache"]).output().unwrap();
+    case("F061", 2, &reported, folder.path(), &[]);
 }
 
 #[test]
 fn f080_the_output_folder_is_a_file() {
     let folder = folder(SHORT);
-    let told =
+    let reported =
         foley(folder.path(), &["run", "main.ron", "--no-cache", "--out", "main.ron"]).output().unwrap();
-    case("F080", 1, &told, folder.path(), &[]);
+    case("F080", 1, &reported, folder.path(), &[]);
     assert_eq!(fs::read_to_string(folder.path().join("main.ron")).unwrap(), SHORT, "nothing is touched");
 }
 
@@ -138,8 +138,8 @@ fn f080_the_output_folder_is_a_file() {
 fn f083_a_tap_of_what_is_not_there() {
     let folder = folder(SHORT);
     let arguments = ["run", "main.ron", "--no-cache", "--tap", "ton=a.npy", "--tap", "tone=a.txt"];
-    let told = foley(folder.path(), &arguments).output().unwrap();
-    case("F083", 2, &told, folder.path(), &[]);
+    let reported = foley(folder.path(), &arguments).output().unwrap();
+    case("F083", 2, &reported, folder.path(), &[]);
 }
 
 #[test]
@@ -153,8 +153,8 @@ fn f085_an_output_over_an_input() {
     fs::write(folder.path().join("short.ron"), SHORT.replace("tone.wav", "take.wav")).unwrap();
     assert!(foley(folder.path(), &["run", "short.ron", "--out", "."]).output().unwrap().status.success());
     let arguments = ["run", "main.ron", "--no-cache", "--out", ".", "--report", "take.wav"];
-    let told = foley(folder.path(), &arguments).output().unwrap();
-    case("F085", 2, &told, folder.path(), &[]);
+    let reported = foley(folder.path(), &arguments).output().unwrap();
+    case("F085", 2, &reported, folder.path(), &[]);
 }
 
 #[test]
@@ -174,15 +174,16 @@ fn f084_a_damaged_entry_of_the_cache_is_made_anew() {
         *bytes.last_mut().unwrap() ^= 1;
         fs::write(entry, bytes).unwrap();
     }
-    let mut told = run();
+    let mut reported = run();
     // Beside what the run says of its sound, which is not an error.
-    let all = String::from_utf8_lossy(&told.stdout).into_owned() + &String::from_utf8_lossy(&told.stderr);
+    let all =
+        String::from_utf8_lossy(&reported.stdout).into_owned() + &String::from_utf8_lossy(&reported.stderr);
     let notes: Vec<&str> = all.lines().filter(|line| line.contains("F084")).collect();
-    told.stderr = (notes.join("\n") + "\n").into_bytes();
+    reported.stderr = (notes.join("\n") + "\n").into_bytes();
     let names: Vec<String> =
         entries.iter().map(|path| path.file_stem().unwrap().to_string_lossy().into_owned()).collect();
     let names: Vec<(&str, &str)> = names.iter().map(|name| (name.as_str(), "KEY")).collect();
-    case("F084", 0, &told, folder.path(), &names);
+    case("F084", 0, &reported, folder.path(), &names);
     assert!(fs::read(folder.path().join("even.wav")).unwrap() == heard);
 }
 
@@ -202,8 +203,8 @@ fn f091_stopped_by_ctrl_c() {
         std::thread::sleep(Duration::from_millis(50));
     }
     assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
-    let told = child.wait_with_output().unwrap();
-    case("F091", 75, &told, folder.path(), &[]);
+    let reported = child.wait_with_output().unwrap();
+    case("F091", 75, &reported, folder.path(), &[]);
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "nothing is left behind");
 }
 

@@ -62,7 +62,7 @@ impl Project {
         let (sender, lines) = channel();
         forward(child.stdout.take().unwrap(), sender.clone());
         forward(child.stderr.take().unwrap(), sender);
-        Watched { child, lines, told: String::new() }
+        Watched { child, lines, reported: String::new() }
     }
 }
 
@@ -78,7 +78,7 @@ fn forward(from: impl Read + Send + 'static, to: Sender<String>) {
 struct Watched {
     child: Child,
     lines: Receiver<String>,
-    told: String,
+    reported: String,
 }
 
 impl Watched {
@@ -89,11 +89,11 @@ impl Watched {
         loop {
             let left = PATIENCE.saturating_sub(start.elapsed());
             let line = self.lines.recv_timeout(left);
-            let line = line.unwrap_or_else(|e| panic!("no {text:?} ({e}) after\n{}{all}", self.told));
+            let line = line.unwrap_or_else(|e| panic!("no {text:?} ({e}) after\n{}{all}", self.reported));
             all.push_str(&line);
             all.push('\n');
             if line.contains(text) {
-                self.told.push_str(&all);
+                self.reported.push_str(&all);
                 return all;
             }
         }
@@ -122,9 +122,9 @@ fn save_in_every_style(more: &[&str]) {
     watched.expect("watching 1 file");
     assert_eq!(project.output(), project.fresh());
     go_through_styles(&project, &mut watched, tone, |watched, style| {
-        let told = watched.expect("reran in ");
-        assert!(told.contains("1 parameter changed (tone.level)"), "{style}: {told}");
-        assert!(!told.contains("error"), "{style}: {told}");
+        let reported = watched.expect("reran in ");
+        assert!(reported.contains("1 parameter changed (tone.level)"), "{style}: {reported}");
+        assert!(!reported.contains("error"), "{style}: {reported}");
         assert_eq!(project.output(), project.fresh(), "{style}");
     });
     assert_eq!(watched.end().0, Some(0));
@@ -143,13 +143,13 @@ fn save_in_every_style_live(more: &[&str]) {
     let mut watched = project.watch(&args);
     watched.expect("watching 1 file");
     go_through_styles(&project, &mut watched, endless, |watched, style| {
-        let told = watched.expect("reloaded in ");
-        assert!(told.contains("1 retuned (tone), 1 node kept"), "{style}: {told}");
-        assert!(!told.contains("error"), "{style}: {told}");
+        let reported = watched.expect("reloaded in ");
+        assert!(reported.contains("1 retuned (tone), 1 node kept"), "{style}: {reported}");
+        assert!(!reported.contains("error"), "{style}: {reported}");
     });
-    let (code, told) = watched.end();
+    let (code, reported) = watched.end();
     assert_eq!(code, Some(0));
-    assert!(told.contains("0 window(s) missed"), "{told}");
+    assert!(reported.contains("0 window(s) missed"), "{reported}");
 }
 
 fn go_through_styles(
@@ -229,8 +229,8 @@ fn a_graph_that_plays_outlives_a_broken_save() {
     let mut watched = project.watch(&["--live", "--device", "null", "--osc", "off", "--report", report]);
     watched.expect("watching 1 file");
     fs::write(project.path("main.ron"), endless(0.25).replace("Tone(", "Tune(")).unwrap();
-    let told = watched.expect("the graph that plays is the older one");
-    assert!(told.contains("F010"), "{told}");
+    let reported = watched.expect("the graph that plays is the older one");
+    assert!(reported.contains("F010"), "{reported}");
     fs::write(project.path("main.ron"), endless(0.25)).unwrap();
     watched.expect("1 retuned (tone)");
     assert_eq!(watched.end().0, Some(0));
@@ -256,10 +256,10 @@ fn a_rerun_tells_what_was_kept_and_what_was_computed() {
     let mut watched = project.watch(&[]);
     watched.expect("watching 1 file");
     fs::write(project.path("main.ron"), graph(-9.0)).unwrap();
-    let told = watched.expect("reran in ");
+    let reported = watched.expect("reran in ");
     assert!(
-        told.contains("1 parameter changed (even.peak_db), 1 node kept, 2 recomputed (noise, even)"),
-        "{told}"
+        reported.contains("1 parameter changed (even.peak_db), 1 node kept, 2 recomputed (noise, even)"),
+        "{reported}"
     );
     assert_eq!(project.output(), project.fresh());
     assert_eq!(watched.end().0, Some(0));
@@ -273,12 +273,12 @@ fn after_a_broken_save_the_last_good_result_stays() {
     let good = project.output();
     let broken = tone(0.25).replace("Tone(", "Tune(").replace("audio:", "audoi:");
     fs::write(project.path("main.ron"), broken).unwrap();
-    let told = watched.expect("the last good result stays; waiting for the next save");
-    assert!(told.contains("F010") && told.contains("F011"), "{told}");
+    let reported = watched.expect("the last good result stays; waiting for the next save");
+    assert!(reported.contains("F010") && reported.contains("F011"), "{reported}");
     assert_eq!(project.output(), good);
     fs::write(project.path("main.ron"), tone(0.25)).unwrap();
-    let told = watched.expect("reran in ");
-    assert!(told.contains("1 parameter changed (tone.level)"), "{told}");
+    let reported = watched.expect("reran in ");
+    assert!(reported.contains("1 parameter changed (tone.level)"), "{reported}");
     assert_eq!(project.output(), project.fresh());
     assert_eq!(watched.end().0, Some(0));
 }
@@ -327,19 +327,19 @@ fn a_changed_sub_graph_and_a_changed_input_rerun() {
     watched.expect("times real time");
     let before = project.output();
     fs::write(project.path("in.wav"), &second).unwrap();
-    let told = watched.expect("reran in ");
-    assert!(told.contains("1 file changed (") && told.contains("in.wav)"), "{told}");
+    let reported = watched.expect("reran in ");
+    assert!(reported.contains("1 file changed (") && reported.contains("in.wav)"), "{reported}");
     assert_ne!(project.output(), before);
     assert_eq!(project.output(), project.fresh());
     let louder = PART.replace("\"sound\": WavIn", "\"wave\": WavIn");
     let louder = louder.replace("\n})", "\n    \"sound\": Gain(audio: \"wave\", gain: 0.5),\n})");
     fs::write(project.path("parts/part.ron"), louder).unwrap();
-    let told = watched.expect("reran in ");
-    assert!(told.contains("1 node added (part.wave)"), "{told}");
+    let reported = watched.expect("reran in ");
+    assert!(reported.contains("1 node added (part.wave)"), "{reported}");
     assert_eq!(project.output(), project.fresh());
     fs::write(project.path("parts/part.ron"), format!("{PART}// A comment.\n")).unwrap();
-    let told = watched.expect("reran in ");
-    assert!(told.contains("1 node removed (part.wave)"), "{told}");
+    let reported = watched.expect("reran in ");
+    assert!(reported.contains("1 node removed (part.wave)"), "{reported}");
     assert_eq!(watched.end().0, Some(0));
 }
 

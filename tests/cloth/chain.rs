@@ -178,13 +178,13 @@ fn every_cause_is_followed_by_its_own_recordings_in_time() {
     let report = run(folder, &["--tap", &known, "--threads", "1"]);
     let (chosen, out) = (picks(folder), heard(folder));
 
-    let told = format!("{report:#}");
+    let reported = format!("{report:#}");
     let right = [
         share(&target(1), &chosen, [0.05, 1.55], -60.0, 0..720),
         share(&target(1), &chosen, [1.7, 2.4], -200.0, 1440..1800),
         share(&target(1), &chosen, [2.55, 4.05], -40.0, 720..1440),
     ];
-    assert!(right.iter().all(|share| *share >= 0.9), "{right:?}\n{told}");
+    assert!(right.iter().all(|share| *share >= 0.9), "{right:?}\n{reported}");
 
     // In time, where the level rises and falls.
     let lag = lag(&target(1)[..samples(1.6)], &out[..samples(1.6)]);

@@ -143,7 +143,7 @@ fn replaced(cloth: &Path, bodies: &[PathBuf], example: &Example) -> Vec<String> 
 }
 
 /// Runs a graph with its parts replaced, looks at what it leaves, none of which may clip, and says how long it took.
-fn sounds(graph: &str, sets: &[String], wanted: &str, told: &str) -> f64 {
+fn sounds(graph: &str, sets: &[String], wanted: &str, reported: &str) -> f64 {
     let (folder, path) = (tempfile::tempdir().unwrap(), graphs().join("cloth").join(graph));
     let path = path.display().to_string();
     let data = shared("").unwrap().display().to_string();
@@ -152,17 +152,20 @@ fn sounds(graph: &str, sets: &[String], wanted: &str, told: &str) -> f64 {
     let start = Instant::now();
     let report = foley(folder.path(), &arguments);
     for output in report["outputs"].as_array().unwrap() {
-        assert!(output["clipped"].as_u64().is_none_or(|clipped| clipped == 0), "{graph} {told}: {output}");
+        assert!(
+            output["clipped"].as_u64().is_none_or(|clipped| clipped == 0),
+            "{graph} {reported}: {output}"
+        );
     }
     let audio = wav(&folder.path().join(wanted));
-    assert!(audio.iter().all(|x| x.is_finite()), "{told}");
+    assert!(audio.iter().all(|x| x.is_finite()), "{reported}");
     let peak = audio.iter().fold(0.0_f32, |peak, x| peak.max(x.abs()));
     let seconds = audio.len() as f64 / 48_000.0;
     println!(
-        "{graph:16} {told:44} {seconds:5.2} s of sound, peak {peak:.4}, in {:.1} s",
+        "{graph:16} {reported:44} {seconds:5.2} s of sound, peak {peak:.4}, in {:.1} s",
         start.elapsed().as_secs_f64()
     );
-    assert!(seconds > 0.5, "{told}: {seconds} s");
+    assert!(seconds > 0.5, "{reported}: {seconds} s");
     f64::from(peak)
 }
 
@@ -185,9 +188,9 @@ fn every_example_sounds_of_every_animation() {
         // Two materials need a body that is of the other one.
         let alone = example.graph == "two_materials.ron";
         for (cloth, bodies) in all.iter().filter(|(_, bodies)| !(alone && bodies.is_empty())) {
-            let told = name(cloth);
-            if sounds(example.graph, &replaced(cloth, bodies, example), example.wav, &told) == 0.0 {
-                silent.push(told);
+            let reported = name(cloth);
+            if sounds(example.graph, &replaced(cloth, bodies, example), example.wav, &reported) == 0.0 {
+                silent.push(reported);
             }
         }
         // What belongs to another cloth, such as its radius, may be too little for some.

@@ -46,8 +46,8 @@ fn figure_6_has_the_vertices_that_buckle_in_three_frames() {
         .collect();
     assert!(counts.len() == 6 && counts.iter().all(|count| *count > 10), "{counts:?}");
     let dots = |colour| values(&svg, "circle", colour, "fill").len();
-    let told = |way: usize| counts.iter().skip(way).step_by(2).sum::<usize>();
-    assert_eq!([dots("#b2182b"), dots("#2166ac")], [told(0), told(1)]);
+    let reported = |way: usize| counts.iter().skip(way).step_by(2).sum::<usize>();
+    assert_eq!([dots("#b2182b"), dots("#2166ac")], [reported(0), reported(1)]);
     assert_eq!(values(&svg, "path", "", "d").len(), 3, "the mesh under each");
 }
 
@@ -55,12 +55,12 @@ fn figure_6_has_the_vertices_that_buckle_in_three_frames() {
 fn figure_8_has_every_extracted_event_in_its_recording() {
     let svg = figure("8");
     let title = labels(&svg, " s").into_iter().find(|text| text.contains("samples of")).unwrap();
-    let told: usize = title.split(' ').next().unwrap().parse().unwrap();
+    let reported: usize = title.split(' ').next().unwrap().parse().unwrap();
     let (from, width) = (
         numbers(&svg, "rect", "class=\"sample\"", " x"),
         numbers(&svg, "rect", "class=\"sample\"", " width"),
     );
-    assert!(told >= 30 && from.len() == told, "{title}");
+    assert!(reported >= 30 && from.len() == reported, "{title}");
     assert!(from.iter().zip(&width).all(|(x, width)| *x >= 12.0 && *width > 0.0 && x + width <= 949.0));
     assert_eq!(values(&svg, "polygon", "", "points").len(), 4, "the waveform of each recording");
 }

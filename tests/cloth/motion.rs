@@ -60,13 +60,13 @@ fn an_animation_of_one_frame_is_told_with_what_is_needed() {
     ] {
         sheet(folder.path(), 1, lift);
         let ran = run(graph, folder.path(), sets);
-        let told = String::from_utf8_lossy(&ran.stderr).into_owned();
+        let reported = String::from_utf8_lossy(&ran.stderr).into_owned();
         assert!(!ran.status.success(), "{graph}");
         assert!(
-            told.contains("one frame") && told.contains("at least two frames is needed"),
-            "{graph}: {told}"
+            reported.contains("one frame") && reported.contains("at least two frames is needed"),
+            "{graph}: {reported}"
         );
-        assert!(told.contains("export the motion of the cloth"), "{graph}: {told}");
+        assert!(reported.contains("export the motion of the cloth"), "{graph}: {reported}");
     }
 }
 
@@ -79,11 +79,12 @@ fn an_animation_without_contact_or_snap_is_silence_of_its_length_with_a_note_tha
         ("crumple.ron", "crumple.wav", 1.1, "the cloth never snaps"),
     ] {
         let ran = run(graph, folder.path(), &[]);
-        let told = [ran.stdout, ran.stderr].map(|text| String::from_utf8_lossy(&text).into_owned()).concat();
-        assert!(ran.status.success(), "{graph}: {told}");
-        let notes: Vec<_> = told.lines().filter(|line| line.starts_with("note:")).collect();
-        assert!(notes.iter().filter(|note| note.contains(part)).count() == 1, "{graph}: {told}");
-        assert!(notes.iter().any(|note| note.contains("metres_per_unit")), "{graph}: {told}");
+        let reported =
+            [ran.stdout, ran.stderr].map(|text| String::from_utf8_lossy(&text).into_owned()).concat();
+        assert!(ran.status.success(), "{graph}: {reported}");
+        let notes: Vec<_> = reported.lines().filter(|line| line.starts_with("note:")).collect();
+        assert!(notes.iter().filter(|note| note.contains(part)).count() == 1, "{graph}: {reported}");
+        assert!(notes.iter().any(|note| note.contains("metres_per_unit")), "{graph}: {reported}");
         let sound = common::wav(&folder.path().join(file));
         assert_eq!(sound.len(), (seconds * 48_000.0) as usize, "{graph}");
         // The file is dithered.

@@ -86,8 +86,8 @@ fn judge_with(text: &str, sets: &[Override]) -> bool {
         &LoadOptions::default().overrides(sets.to_vec()),
     );
     assert_eq!(loaded.graph.is_none(), any_error(&loaded.diagnostics), "{text}");
-    let told = render(&loaded.diagnostics, &loaded.sources, false);
-    assert_eq!(told.is_empty(), loaded.diagnostics.is_empty());
+    let reported = render(&loaded.diagnostics, &loaded.sources, false);
+    assert_eq!(reported.is_empty(), loaded.diagnostics.is_empty());
     assert_eq!(
         json(&loaded.diagnostics, &loaded.sources).as_array().unwrap().len(),
         loaded.diagnostics.len()

@@ -1,4 +1,4 @@
-//! `foley live` as a user runs it: a file as the device, blows on standard input and over OSC, and what is refused.
+//! `foley live` as a user runs it: a file as the device, impacts on standard input and over OSC, and what is refused.
 
 use foley_nodes::io::AudioReader;
 use std::fs::File;
@@ -127,7 +127,7 @@ fn contacts_from_lines_and_from_osc_strike_and_end_when_their_sender_stalls() {
     assert_eq!((&messages["delivered"], &messages["malformed"]), (&3.into(), &1.into()));
 }
 
-/// What `graphs/texture/live.ron` plays of the log of the demo, without its blows: contact by contact, at their own times.
+/// What `graphs/texture/live.ron` plays of the log of the demo, without its impacts: contact by contact, at their own times.
 fn rolled(osc: bool) -> Vec<f32> {
     let folder = tempfile::tempdir().unwrap();
     let path = graph("texture/live.ron");
@@ -142,11 +142,11 @@ fn rolled(osc: bool) -> Vec<f32> {
     command.args(numbers).args(["--no-cache", "--osc", if osc { &port } else { "off" }]);
     let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
     let mut lines = child.stdin.take().unwrap();
-    let mut told = BufReader::new(child.stdout.take().unwrap());
+    let mut reported = BufReader::new(child.stdout.take().unwrap());
     let mut line = String::new();
     while !line.starts_with("playing") {
         line.clear();
-        assert!(told.read_line(&mut line).unwrap() > 0, "it never plays");
+        assert!(reported.read_line(&mut line).unwrap() > 0, "it never plays");
     }
     let text = std::fs::read_to_string(graph("assets/contacts/rolling_ball.jsonl")).unwrap();
     let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
@@ -186,7 +186,7 @@ fn rolled(osc: bool) -> Vec<f32> {
             lines.flush().unwrap();
         }
     }
-    told.read_to_string(&mut line).unwrap();
+    reported.read_to_string(&mut line).unwrap();
     assert!(child.wait().unwrap().success());
     let report = std::fs::read_to_string(folder.path().join("r.json")).unwrap();
     let report: serde_json::Value = serde_json::from_str(&report).unwrap();
@@ -225,9 +225,9 @@ fn meshes_are_taken_at_their_port_and_a_wrong_one_is_told_of() {
     let mut command = foley(&args, folder.path());
     command.args(["--meshes", "127.0.0.1:0"]).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut child = command.spawn().unwrap();
-    let mut told = BufReader::new(child.stdout.take().unwrap());
+    let mut reported = BufReader::new(child.stdout.take().unwrap());
     let mut line = String::new();
-    told.read_line(&mut line).unwrap();
+    reported.read_line(&mut line).unwrap();
     let at = line.split("meshes at ").nth(1).unwrap_or_else(|| panic!("{line}")).trim().to_owned();
     let head = |vertices: u32| {
         let mut bytes = [&b"foleymsh"[..], &1_u32.to_le_bytes(), &5_u32.to_le_bytes(), b"sheet"].concat();
@@ -239,8 +239,8 @@ fn meshes_are_taken_at_their_port_and_a_wrong_one_is_told_of() {
     TcpStream::connect(&at).unwrap().write_all(&head(4)).unwrap();
     let run = child.wait_with_output().unwrap();
     assert!(run.status.success());
-    let told = String::from_utf8_lossy(&run.stderr).into_owned();
-    assert!(told.contains("it has 4 vertices; the LiveMesh of \"sheet\" has 3"), "{told}");
+    let reported = String::from_utf8_lossy(&run.stderr).into_owned();
+    assert!(reported.contains("it has 4 vertices; the LiveMesh of \"sheet\" has 3"), "{reported}");
     let report = std::fs::read_to_string(folder.path().join("r.json")).unwrap();
     let report: serde_json::Value = serde_json::from_str(&report).unwrap();
     let messages = &report["messages"];
@@ -271,8 +271,8 @@ fn what_cannot_play_is_refused_with_a_reason() {
         std::fs::write(folder.path().join("main.ron"), nodes).unwrap();
         let args = [&["live", "main.ron", "--osc", "off", "--for", "0.2"], more].concat();
         let run = foley(&args, folder.path()).output().unwrap();
-        let told = String::from_utf8_lossy(&run.stderr).into_owned();
-        assert!(!run.status.success() && told.contains(code), "{code}: {told}");
+        let reported = String::from_utf8_lossy(&run.stderr).into_owned();
+        assert!(!run.status.success() && reported.contains(code), "{code}: {reported}");
     };
     let tone = "\"a\": Tone(frequency: 100.0, rate: 48000), \"o\": WavOut(audio: \"a\", path: \"o.wav\")";
     refused("\"a\": Tone(frequency: 100.0, rate: 48000)", &["--device", "null"], "F052");

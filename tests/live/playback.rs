@@ -1,4 +1,4 @@
-//! A graph that plays gives what it gives offline, and goes on while it is edited.
+//! A graph that plays gives what it gives offline, and continues while it is edited.
 
 use crate::common;
 use foley::graph::{DirFiles, Limits, LoadOptions, Override, load, load_text};
@@ -61,8 +61,8 @@ impl Stand {
             let n = out.len().min(wanted - self.heard.len());
             self.callback.fill(&mut out[..n]);
             self.heard.extend_from_slice(&out[..n]);
-            for told in self.player.tick() {
-                assert!(!matches!(told, foley::live::PlayerEvent::Failed(_)), "{told:?}");
+            for reported in self.player.tick() {
+                assert!(!matches!(reported, foley::live::PlayerEvent::Failed(_)), "{reported:?}");
             }
         }
     }
@@ -527,7 +527,7 @@ fn what_is_read_ahead_goes_on_over_an_edit() {
     let to = stand.heard.len() as f64 / 44_100.0;
     let (a, b) = (part(&stand.heard, to - 0.05, to), part(&wanted, to - 0.05, to));
     assert!(greatest_difference(a, b) < 1e-4);
-    // The reader is built anew and begins in the middle.
+    // The reader is built again and begins in the middle.
     stand.load(&with(500.0, 0.05));
     stand.settle();
     stand.play(2500, 128);
@@ -759,28 +759,29 @@ fn after_a_node_has_failed_the_next_load_plays_again() {
     let options = Options { threads: 0, ..Options::default() };
     let (mut player, mut callback) = Player::start(load(&text(0.1)), options).unwrap();
     let mut play = |player: &mut Player, blocks: usize| {
-        let (mut block, mut told, mut loudest) = (vec![0.0; 128], Vec::new(), 0.0_f32);
+        let (mut block, mut reported, mut loudest) = (vec![0.0; 128], Vec::new(), 0.0_f32);
         for _ in 0..blocks {
             player.pump();
             callback.fill(&mut block);
-            told.extend(player.tick());
+            reported.extend(player.tick());
             loudest = block.iter().fold(0.0, |m, x| m.max(x.abs()));
         }
-        (told, loudest)
+        (reported, loudest)
     };
     play(&mut player, 100);
     let whole = std::fs::read(&path).unwrap();
     File::options().write(true).open(&path).unwrap().set_len(400_000).unwrap();
-    let (told, _) = play(&mut player, 4000);
-    let failed = |told: &[foley::live::PlayerEvent]| {
-        told.iter()
+    let (reported, _) = play(&mut player, 4000);
+    let failed = |reported: &[foley::live::PlayerEvent]| {
+        reported
+            .iter()
             .any(|t| matches!(t, foley::live::PlayerEvent::Failed(d) if d.node.as_deref() == Some("a")))
     };
-    assert!(failed(&told), "{told:?}");
+    assert!(failed(&reported), "{reported:?}");
     std::fs::write(&path, whole).unwrap();
     player.load(load(&text(0.2))).unwrap();
-    let (told, loudest) = play(&mut player, 300);
-    assert!(!failed(&told) && loudest > 0.1, "{told:?}, {loudest}");
+    let (reported, loudest) = play(&mut player, 300);
+    assert!(!failed(&reported) && loudest > 0.1, "{reported:?}, {loudest}");
     assert!(!player.is_busy());
 }
 

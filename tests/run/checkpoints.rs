@@ -116,8 +116,8 @@ impl Case {
         let cache = cache.map(|e| e.unwrap().path());
         let left: Vec<_> = cache.filter(|p| p.extension().is_some_and(|e| e == "run")).collect();
         assert!(left.is_empty(), "{name} leaves {left:?}");
-        let told = |r: &Report| -> Vec<_> { r.nodes.iter().map(|n| n.summary.clone()).collect() };
-        let (own, wanted) = (told(&report), told(&wanted));
+        let reported = |r: &Report| -> Vec<_> { r.nodes.iter().map(|n| n.summary.clone()).collect() };
+        let (own, wanted) = (reported(&report), reported(&wanted));
         assert!(resumed == 0 || own == wanted, "{name}: summaries {own:#?}, expected {wanted:#?}");
         resumed
     }

@@ -90,7 +90,7 @@ fn another_correspondence_fits_and_warps_again_and_loads_no_audio() {
     let first = project.run();
     assert!(["database", "pairs", "target"].iter().chain(&after).all(|id| !cached(&first, id)));
     let heard = project.out("out.wav");
-    // A recording that is changed where nobody looks would be seen: the database is not made anew, from memo or files.
+    // A recording that is changed where nobody looks would be seen: the database is not made again, from memo or files.
     pairs(0.2);
     let second = project.run();
     assert!(cached(&second, "database") && calls(&second, "database") == 0, "{second:?}");

@@ -123,7 +123,7 @@ fn table_7_has_the_bytes_that_the_book_says() {
         found.unwrap_or_else(|| panic!("{what}: {sizes}"))["bytes"].as_u64().unwrap()
     };
     // The second column of each row of the book's tables.
-    let told = |row: &str| {
+    let reported = |row: &str| {
         let row = BOOK.lines().find(|line| line.starts_with(&format!("| {row} |"))).unwrap();
         row.split('|').map(str::trim).collect::<Vec<_>>()
     };
@@ -133,12 +133,12 @@ fn table_7_has_the_bytes_that_the_book_says() {
         ("signed pairs, which have directions", "map, signed pairs"),
         ("features as bits, noise as a profile", "features as bits, noise as a profile"),
     ] {
-        assert_eq!(told(row)[2].replace(',', ""), bytes(what).to_string(), "{row}");
+        assert_eq!(reported(row)[2].replace(',', ""), bytes(what).to_string(), "{row}");
     }
     let thousands = |bytes: u64| format!("{:.0}", bytes as f64 / 1000.0);
-    assert_eq!(told("image")[3], thousands(sizes["image"].as_u64().unwrap()));
-    assert_eq!(told("isophotes")[3], thousands(bytes("isophotes")));
-    assert_eq!(told("features and noise")[3], thousands(bytes("features as bits, noise as a profile")));
+    assert_eq!(reported("image")[3], thousands(sizes["image"].as_u64().unwrap()));
+    assert_eq!(reported("isophotes")[3], thousands(bytes("isophotes")));
+    assert_eq!(reported("features and noise")[3], thousands(bytes("features as bits, noise as a profile")));
     // As in the paper, features and noise take least and the isophotes most of what a complex texture is stored as.
     assert!(
         bytes("features as bits, noise as a profile") < bytes("map, one byte")

@@ -14,7 +14,7 @@ fn noise(id: &str) -> String {
     format!("\"{id}_out\": WavOut(audio: \"{id}_sound\", path: \"{id}.wav\", format: Float32),")
 }
 
-/// A sheet that slides over two floors, one after the other; what is heard of each pair.
+/// A sheet that slides over two floors, one after the other; what is reported of each pair.
 fn scene(left: &str, right: &str, heard: PairNodes) -> String {
     let model = |id: &str, name: &str| {
         format!(
@@ -237,8 +237,8 @@ fn every_class_of_the_example_finds_what_it_needs_by_a_warp_of_its_own() {
         let report =
             common::foley(folder.path(), &[&["run", "graphs/cloth/two_materials.ron"], set].concat());
         ["itself", "cover", "crumple"].map(|class| {
-            let told = &report["nodes"][format!("{class}_units.selector")]["summary"];
-            told["fallback_share"].as_f64().unwrap()
+            let reported = &report["nodes"][format!("{class}_units.selector")]["summary"];
+            reported["fallback_share"].as_f64().unwrap()
         })
     };
     let warped = fallbacks(&[]);

@@ -61,9 +61,9 @@ impl fmt::Display for Location {
 #[derive(Clone, Debug, Default, PartialEq, Eq, thiserror::Error)]
 #[error("{location}: {message}")]
 pub struct TextError {
-    /// Where it stands.
+    /// Its location.
     pub location: Location,
-    /// What was found and what would be right.
+    /// Description of the mistake, and of the correct form.
     pub message: String,
 }
 

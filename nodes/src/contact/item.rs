@@ -68,7 +68,7 @@ impl ContactsFormat {
         Self { cloth: vec![0; areas.len()].into(), areas, slots, surfaces: Arc::from([]) }
     }
 
-    /// Returns the names of the two materials of a contact of a vertex; empty where there is none.
+    /// Returns the names of the two materials of a contact of a vertex; empty without one.
     #[must_use]
     pub fn pair(&self, vertex: usize, contact: &Contact) -> [&str; 2] {
         let name =

@@ -1,4 +1,4 @@
-//! What a node is: time, ports, parameters, shapes, randomness and faults.
+//! The node contract: time, ports, parameters, shapes, randomness and faults.
 //!
 //! A node describes itself once; running, checking, documenting and testing it all follow from that description.
 //! Four layers, each of which imports only those before it: data types and time; ports, parameters and shapes; the

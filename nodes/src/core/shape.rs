@@ -1,4 +1,4 @@
-//! What a node declares before anything runs: rates, formats, how far it looks, when it ends.
+//! Declarations of a node before a run: rates, formats, look-around and end.
 
 use super::fault::{Fault, Reject};
 use super::files::{FileError, Files, Outputs, ReadSeek, WriteSeek, too_large};
@@ -12,21 +12,21 @@ use std::any::Any;
 use std::marker::PhantomData;
 use std::sync::Arc;
 
-/// What happens to a node when an input stream ends.
+/// Effect of the end of an input stream on a node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
 pub enum Ends {
     /// The node ends with it.
     Stop,
-    /// It goes on as silence while the other inputs last.
+    /// It continues as silence while the other inputs last.
     #[default]
     Silence,
-    /// It goes on as its last item; before its start it is its first item.
+    /// It continues as its last item; before its start it is its first item.
     Hold,
     /// It must not end before the others.
     Error,
 }
 
-/// What a node declared of one input port.
+/// Declarations of a node about one input port.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Lookaround {
     /// Items (ticks for events) before the window.
@@ -35,24 +35,24 @@ pub struct Lookaround {
     pub ahead: usize,
     /// Items by which the whole input is read late; an input that is read late may close a loop.
     pub delay: usize,
-    /// What happens when it ends.
+    /// Effect of its end.
     pub ends: Ends,
 }
 
-/// What a node's shape is, once its parameters and inputs are known.
+/// Shape of a node with given parameters and inputs.
 #[derive(Clone, Debug, Default)]
 pub struct NodeShape {
     /// Per input port.
     pub lookaround: Vec<Lookaround>,
     /// Per output port; `None` for events and values.
     pub outputs: Vec<Option<StreamShape>>,
-    /// How far its outputs are behind its window.
+    /// Lag of its outputs behind its window.
     pub lag: Tick,
     /// When it ends; `None` for a node without end.
     pub end: Option<Tick>,
     /// Warnings for people.
     pub notes: Vec<String>,
-    /// What it wants to find again when it is built.
+    /// Data for its construction.
     pub kept: Option<Arc<dyn Any + Send + Sync>>,
     /// Files that were opened.
     pub opened: Vec<String>,
@@ -70,7 +70,7 @@ pub struct RawShape<'a> {
     end: Option<Option<Tick>>,
     /// Bytes that the node will hold of files.
     held: u64,
-    /// What is wrong so far.
+    /// Errors so far.
     wrong: Vec<Reject>,
 }
 
@@ -154,7 +154,7 @@ impl<K: HasLookaround> HasLookaround for Late<K> {}
 pub struct Incoming<T: Item> {
     /// Items per second.
     pub rate: Rate,
-    /// What is fixed for the stream.
+    /// Constant properties of the stream.
     pub format: T::Format,
     /// When it ends.
     pub end: Option<Tick>,
@@ -212,7 +212,7 @@ impl<'s, 'a, P> Shape<'s, 'a, P> {
         self.raw.links[port.index()].iter().filter_map(Incoming::of).collect()
     }
 
-    /// Whether anything is linked to an input.
+    /// Returns true if anything is linked to an input.
     #[must_use]
     pub fn linked<K>(&self, port: Port<K>) -> bool {
         self.link(port.index(), 0).is_some()
@@ -255,7 +255,7 @@ impl<'s, 'a, P> Shape<'s, 'a, P> {
         self.raw.shape.lag = lag;
     }
 
-    /// Declares that the node goes on sounding after its inputs have ended.
+    /// Declares that the node continues sounding after its inputs have ended.
     pub fn tail(&mut self, tail: Tick) {
         self.raw.tail = tail;
     }
@@ -274,7 +274,7 @@ impl<'s, 'a, P> Shape<'s, 'a, P> {
         self.raw.files.open(path).map_err(|e| reject(field, &e))
     }
 
-    /// Says that the node will hold so many bytes of an asset, as samples or whatever it makes of it.
+    /// Reserves memory for data that the node derives from an asset.
     ///
     /// # Errors
     /// When all that it holds is more than the memory limit; the error names `field`.
@@ -306,12 +306,12 @@ impl<'s, 'a, P> Shape<'s, 'a, P> {
         Ok(found)
     }
 
-    /// Notes what is wrong, if anything, and goes on: one look finds all the mistakes of a node.
+    /// Notes what is wrong, if anything, and continues: one look finds all the mistakes of a node.
     pub fn check<T>(&mut self, found: Result<T, Reject>) -> Option<T> {
         found.map_err(|reject| self.wrong(reject)).ok()
     }
 
-    /// Notes something wrong and goes on.
+    /// Notes something wrong and continues.
     pub fn wrong(&mut self, reject: Reject) {
         self.raw.wrong.push(reject);
     }
@@ -331,7 +331,7 @@ fn reject(field: &str, e: &FileError) -> Reject {
     Reject::new(e.code, e.message.clone()).at(field)
 }
 
-/// What a node has at hand when it is built.
+/// Context for the construction of a node.
 pub struct Build<'a> {
     /// Randomness of this node.
     pub random: Random,
@@ -345,7 +345,7 @@ pub struct Build<'a> {
     pub files: &'a dyn Files,
     /// Starts outputs.
     pub outputs: &'a dyn Outputs,
-    /// What comes in while the graph plays.
+    /// External inputs.
     pub inputs: &'a dyn Inputs,
 }
 
@@ -410,7 +410,7 @@ impl Build<'_> {
         rate.first_at(self.window) as usize + 1
     }
 
-    /// What `shape` kept.
+    /// Returns the data that `shape` stored.
     #[must_use]
     pub fn kept<T: Send + Sync + 'static>(&self) -> Option<Arc<T>> {
         self.shape.kept.clone()?.downcast().ok()

@@ -33,7 +33,7 @@ pub enum AudioError {
         format: &'static str,
         /// Byte offset of the error.
         at: u64,
-        /// What was found and what is expected.
+        /// Description of the mistake, and of the expected form.
         what: String,
     },
     /// The file violates its format at a position that its decoder does not report.

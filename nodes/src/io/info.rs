@@ -27,7 +27,7 @@ impl FileFormat {
     }
 }
 
-/// How samples are stored in a file.
+/// Format of the samples in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum SampleFormat {
@@ -56,7 +56,7 @@ pub struct AudioInfo {
     pub channels: usize,
     /// Exact number of frames that [`AudioReader::read`](super::AudioReader::read) returns.
     pub frames: u64,
-    /// How samples are stored.
+    /// Format of the stored samples.
     pub sample_format: SampleFormat,
     /// Speakers of the channels as a WAVE channel mask, if the file states them.
     pub channel_mask: Option<u32>,

@@ -29,7 +29,7 @@ params! {
     pub struct WavOutParams {
         /// The file.
         path: OutPath;
-        /// How samples are stored.
+        /// Format of the stored samples.
         format: WriteFormat = WriteFormat::Pcm24;
         /// True to add triangular noise of one step before rounding, which makes the error independent of the signal.
         dither: bool = true;

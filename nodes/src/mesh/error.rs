@@ -39,7 +39,7 @@ pub enum MeshError {
     Malformed {
         /// Name of the file format.
         format: &'static str,
-        /// What was found and what is expected.
+        /// Description of the mistake, and of the expected form.
         what: String,
     },
     /// A line of a text file is invalid.
@@ -47,7 +47,7 @@ pub enum MeshError {
     Line {
         /// Line number, from 1.
         line: usize,
-        /// What was found and what is expected.
+        /// Description of the mistake, and of the expected form.
         what: String,
     },
     /// The file uses a feature that the reader does not support.
@@ -135,7 +135,7 @@ pub enum MeshError {
     TopologyChanged {
         /// Index of the first frame with other faces.
         frame: usize,
-        /// What differs.
+        /// The difference.
         what: String,
     },
     /// A position is NaN, infinite or too large.

@@ -64,7 +64,7 @@ fn powers(x: &[f32]) -> Vec<f64> {
     out.iter().map(|z| z.norm_sqr()).collect()
 }
 
-/// How far a second at 44.1 kHz and the same at 88.2 kHz are apart at most, in bands of a third of an octave from 100 Hz to 4 kHz, dB.
+/// Maximum difference of a second at 44.1 kHz and the same at 88.2 kHz, in bands of a third of an octave from 100 Hz to 4 kHz, dB.
 pub(crate) fn rates_apart(low: &[f32], high: &[f32]) -> f64 {
     let [a, b] = [powers(&low[..44_100]), powers(&high[..88_200])];
     let miss = (0..16).map(|k| {

@@ -136,16 +136,16 @@ fn without_correspondences_nothing_changes() {
 
 #[test]
 fn a_set_that_was_marked_elsewhere_is_told_and_used() {
-    let told = |head: &str| {
+    let reported = |head: &str| {
         let set = set(&format!("({head}pairs: [(target: 0, database: 0, source: 0, duration: 0.1)])"));
         let run = fit(params(), set, 1).run().unwrap();
         let texts = run.summary.iter().filter(|(k, _)| *k == "warning");
         texts.map(|(_, text)| text.as_str().unwrap_or_default().to_owned()).collect::<Vec<_>>()
     };
     for own in ["", "length: 4.0, database: \"drag.wav\", ", "length: 4.005, "] {
-        assert_eq!(told(own), Vec::<String>::new(), "{own}");
+        assert_eq!(reported(own), Vec::<String>::new(), "{own}");
     }
-    let found = told("target: \"take 7\", length: 7.6, database: \"drag.wav, fold.wav\", ");
+    let found = reported("target: \"take 7\", length: 7.6, database: \"drag.wav, fold.wav\", ");
     assert_eq!(found.len(), 2);
     assert!(
         found[0]
@@ -168,13 +168,17 @@ fn a_warp_that_was_fitted_in_other_recordings_is_told_and_used() {
         let summary = standalone.run().unwrap().summary;
         summary.iter().map(|(key, text)| format!("{key}: {text}")).collect::<Vec<_>>()
     };
-    let told = |provenance: &str, warp: &Warp| known(provenance, "", warp);
-    assert_eq!(told("elsewhere/drag.wav", &warp), Vec::<String>::new(), "the same file in another folder");
-    let found = told("fold.wav", &warp);
+    let reported = |provenance: &str, warp: &Warp| known(provenance, "", warp);
+    assert_eq!(
+        reported("elsewhere/drag.wav", &warp),
+        Vec::<String>::new(),
+        "the same file in another folder"
+    );
+    let found = reported("fold.wav", &warp);
     assert!(found.len() == 1 && found[0].starts_with("warning: \"`recordings` of the warp are"), "{found:?}");
     assert!(found[0].contains("drag.wav") && found[0].contains("fold.wav"), "{found:?}");
     assert_eq!(
-        told("fold.wav", &Warp { recordings: vec![], ..warp.clone() }),
+        reported("fold.wav", &Warp { recordings: vec![], ..warp.clone() }),
         Vec::<String>::new(),
         "it does not tell"
     );
@@ -273,7 +277,7 @@ fn files_are_read_and_what_is_wrong_in_them_is_named() {
     };
     let read = file(serde_json::to_vec(&warp).unwrap()).run().unwrap().value(0).unwrap();
     assert!(read.get::<Warp>() == Some(&warp));
-    // One without a digest is taken as it is; what was changed under one is told.
+    // One without a digest is taken as it is; what was changed under one is reported.
     let open = Warp { content: String::new(), ..warp.clone() };
     assert!(!warp.content.is_empty());
     let read = file(serde_json::to_vec(&open).unwrap()).run().unwrap().value(0).unwrap();

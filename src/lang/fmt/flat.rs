@@ -1,4 +1,4 @@
-//! What fits on one line.
+//! Layout on one line.
 
 use super::*;
 
@@ -7,7 +7,7 @@ pub(super) fn width(text: &str) -> usize {
     text.chars().count()
 }
 
-/// Whether a comment cannot stand inside a line; outside of brackets it moves before its item.
+/// Returns true if a comment cannot stand inside a line; outside of brackets it moves before its item.
 pub(super) fn hoists(comment: &SyntaxToken) -> bool {
     comment.kind() == LineComment || comment.text().contains('\n')
 }
@@ -43,7 +43,7 @@ pub(super) fn flat(node: &SyntaxNode) -> Option<String> {
     Some(out)
 }
 
-/// Whether a comma is needed on one line: not the last one, except of a tuple of one.
+/// Returns true if a comma is needed on one line: not the last one, except of a tuple of one.
 fn comma_stays(comma: &SyntaxToken) -> bool {
     let mut after =
         comma.siblings_with_tokens(rowan::Direction::Next).skip(1).filter(|next| !next.kind().is_trivia());

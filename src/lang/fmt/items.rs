@@ -18,7 +18,7 @@ pub(super) struct Item {
     pub newline_before: bool,
 }
 
-/// What stands between two brackets.
+/// Items between two brackets.
 #[derive(Default)]
 pub(super) struct Inside {
     /// Comments behind the opening bracket on its line.
@@ -58,7 +58,7 @@ struct Reader {
     leads: Vec<Lead>,
     /// Line feeds since the last thing that was not white space.
     newlines: usize,
-    /// Whether a line feed has come since the last item.
+    /// True if a line feed has come since the last item.
     broken: bool,
 }
 
@@ -132,7 +132,7 @@ impl Reader {
     }
 }
 
-/// Whether only comments and white space follow a comment on its line.
+/// Returns true if only comments and white space follow a comment on its line.
 fn ends_its_line(comment: &SyntaxToken) -> bool {
     let mut next = comment.next_token();
     while let Some(token) = next {
@@ -196,7 +196,7 @@ fn has_gap(item: &Item) -> bool {
 struct Row {
     key: usize,
     value: usize,
-    /// How far the value's start is from the key's in the text, if they are on the same line.
+    /// Offset of the value from its key in the text, if they are on the same line.
     offset: Option<usize>,
 }
 

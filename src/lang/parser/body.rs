@@ -1,8 +1,8 @@
-//! What stands between two brackets, and how the parser recovers there.
+//! Items between two brackets, and the recovery of the parser from errors.
 
 use super::*;
 
-/// What a pair of brackets holds.
+/// Content of a pair of brackets.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Body {
     /// Values.
@@ -86,7 +86,7 @@ impl Parser<'_> {
         });
     }
 
-    /// Whether a comma and another element stand between here and the closing bracket.
+    /// Returns true if a comma and another element stand between here and the closing bracket.
     fn has_second_element(&self) -> bool {
         let mut depth = 0_usize;
         for n in 0.. {
@@ -136,7 +136,7 @@ impl Parser<'_> {
         }
     }
 
-    /// Whether another item stands before the closing bracket. Stray brackets are passed over.
+    /// Returns true if another item stands before the closing bracket. Stray brackets are passed over.
     fn more(&mut self, body: Body, closer: SyntaxKind) -> bool {
         loop {
             let Some(kind) = self.kind() else { return false };
@@ -189,12 +189,12 @@ impl Parser<'_> {
         1
     }
 
-    /// Whether the layout says that the bracket opened at `opener` should have been closed before here.
+    /// Returns true if the layout says that the bracket opened at `opener` should have been closed before here.
     fn ended(&self, opener: usize, closer: SyntaxKind) -> bool {
         self.layout.as_ref().is_some_and(|layout| layout.ended(opener, self.next, self.at(closer)))
     }
 
-    /// Whether a quoted key stands here, in no map, because a bracket is missing before it.
+    /// Returns true if a quoted key stands here, in no map, because a bracket is missing before it.
     fn at_outer_key(&self, closer: SyntaxKind) -> bool {
         self.layout.as_ref().is_some_and(|layout| layout.lacks(closer))
             && self.at(Str)

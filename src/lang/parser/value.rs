@@ -70,13 +70,13 @@ impl Parser<'_> {
         }
     }
 
-    /// Whether a name stands here with fields in braces, as other languages write them.
+    /// Returns true if a name stands here with fields in braces, as other languages write them.
     fn fields_in_braces(&self) -> bool {
         let braced = self.kind_ahead(1) == Some(LBrace) && self.same_line(1);
         braced && (self.kind_ahead(2) == Some(RBrace) || self.field_at(2))
     }
 
-    /// Whether a named field begins `n` tokens ahead. Only a name with a colon is right; the others are
+    /// Returns true if a named field begins `n` tokens ahead. Only a name with a colon is right; the others are
     /// wrong in any case, and most probably meant as fields.
     pub(super) fn field_at(&self, n: usize) -> bool {
         let (first, second) = (self.kind_ahead(n), self.kind_ahead(n + 1));

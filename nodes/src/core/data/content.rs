@@ -29,7 +29,7 @@ pub fn audio_digest(rate: u32, channels: usize, samples: &[f32]) -> String {
     hasher.finalize().to_hex()[..16].to_owned()
 }
 
-/// What tells that an artefact of a file is not the one that was written, if anything: the digest that it carries is not that of what
+/// Returns an error message if an artefact was changed after it was written: its digest differs from that of what
 /// it holds. `remedy` says how another one is made: `fit it`.
 #[must_use]
 pub fn altered_content(found: &str, wanted: &str, remedy: &str) -> Option<String> {

@@ -1,4 +1,4 @@
-//! What can go wrong in a node, as values.
+//! Errors of nodes.
 
 use super::time::Tick;
 use std::fmt;
@@ -8,11 +8,11 @@ use std::fmt;
 pub struct Reject {
     /// Stable code of the message, such as `F031`.
     pub code: &'static str,
-    /// What was found.
+    /// Description of the mistake.
     pub message: String,
     /// The parameter or input port that it is about.
     pub field: Option<String>,
-    /// What would be right.
+    /// Advice on the correct form.
     pub help: Option<String>,
 }
 
@@ -30,7 +30,7 @@ impl Reject {
         self
     }
 
-    /// Says what would be right.
+    /// Adds advice on the correct form.
     #[must_use]
     pub fn help(mut self, help: impl Into<String>) -> Self {
         self.help = Some(help.into());
@@ -50,16 +50,16 @@ impl fmt::Display for Reject {
 
 impl std::error::Error for Reject {}
 
-/// What went wrong while a node was built or ran.
+/// An error while a node was built or ran.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fault {
     /// Stable code of the message.
     pub code: &'static str,
-    /// What was found.
+    /// Description of the mistake.
     pub message: String,
     /// The parameter or input port that it is about.
     pub field: Option<String>,
-    /// What would be right.
+    /// Advice on the correct form.
     pub help: Option<String>,
     /// When in the piece, where that is known.
     pub time: Option<Tick>,
@@ -79,14 +79,14 @@ impl Fault {
         self
     }
 
-    /// Says what would be right.
+    /// Adds advice on the correct form.
     #[must_use]
     pub fn help(mut self, help: impl Into<String>) -> Self {
         self.help = Some(help.into());
         self
     }
 
-    /// Says when in the piece it happened.
+    /// Adds its time in the piece.
     #[must_use]
     pub fn when(mut self, time: Tick) -> Self {
         self.time = Some(time);

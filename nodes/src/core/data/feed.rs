@@ -52,7 +52,7 @@ impl Feed {
         Self { shape: LinkShape::Value(Some(value)), source: None }
     }
 
-    /// What a node sees of it when it is shaped.
+    /// The shape that a node receives when it is shaped.
     #[must_use]
     pub fn shape(&self) -> &LinkShape {
         &self.shape

@@ -1,4 +1,4 @@
-//! How a node reads and writes files without ever opening a path itself.
+//! Access of nodes to files, without paths of the file system.
 
 use std::collections::BTreeMap;
 use std::io::{Cursor, Read, Seek, Write};
@@ -18,7 +18,7 @@ impl<T: Write + Seek + Send> WriteSeek for T {}
 pub struct FileError {
     /// Stable code of the message.
     pub code: &'static str,
-    /// What was found and what would be right.
+    /// Description of the mistake, and of the correct form.
     pub message: String,
 }
 
@@ -41,7 +41,7 @@ pub trait Files: Send + Sync {
         None
     }
 
-    /// Most bytes that one node may hold of files.
+    /// Maximum number of bytes of files that one node may hold.
     fn room(&self) -> u64 {
         u64::MAX
     }
@@ -64,16 +64,16 @@ pub trait Files: Send + Sync {
     }
 }
 
-/// What is said of files that take more memory than there is.
+/// Error for files that exceed the memory limit.
 pub(in crate::core) fn too_large(path: &str, bytes: u64, room: u64) -> FileError {
     let message =
         format!("{path:?} is held as a whole and takes {bytes} bytes or more; the memory limit is {room}");
     FileError { code: "F063", message }
 }
 
-/// Where outputs go; they appear under their names only once the run has succeeded.
+/// Destination of outputs; they appear under their names when the run has succeeded.
 pub trait Outputs: Send + Sync {
-    /// Starts an output file, or opens the one that is to be gone on with: at its beginning, with all that it holds.
+    /// Starts an output file, or opens the one that is to be resumed: at its beginning, with all that it holds.
     ///
     /// # Errors
     /// When the path leaves the output folder or cannot be written.
@@ -129,12 +129,12 @@ type Bytes = Arc<Mutex<Vec<u8>>>;
 #[derive(Clone, Debug, Default)]
 pub struct MemoryOutputs {
     files: Arc<Mutex<BTreeMap<String, Bytes>>>,
-    /// Whether a file that is there already is gone on with.
+    /// True if a file that is there already is resumed.
     goes_on: bool,
 }
 
 impl MemoryOutputs {
-    /// Copies of what has been written so far, for a run that goes on with it.
+    /// Copies of what has been written so far, for a run that continues with it.
     #[must_use]
     pub fn to_resume(&self) -> Self {
         let copy = |(path, bytes): (&String, &Bytes)| {
@@ -150,7 +150,7 @@ impl MemoryOutputs {
         self.files.lock().map(|files| files.keys().cloned().collect()).unwrap_or_default()
     }
 
-    /// What has been written to `path`.
+    /// Returns the bytes written to `path`.
     #[must_use]
     pub fn get(&self, path: &str) -> Option<Vec<u8>> {
         let files = self.files.lock().ok()?;
@@ -216,7 +216,7 @@ pub fn number_in(pattern: &str, name: &str) -> Option<u64> {
 /// Numbers go up in equal steps: by 1, or by 2 where every other frame was written.
 ///
 /// # Errors
-/// When `found` is empty, a number stands twice, or one is left out: a motion would go on too early behind the hole.
+/// When `found` is empty, a number stands twice, or one is left out: a motion would continue too early behind the hole.
 pub fn sorted_sequence(
     pattern: &str,
     mut found: Vec<(u64, String)>,

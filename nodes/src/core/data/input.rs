@@ -1,8 +1,8 @@
-//! What comes into a graph from outside while it plays.
+//! External inputs of a playing graph.
 
 use super::time::Tick;
 
-/// Most numbers of one message.
+/// Maximum number of numbers in a message.
 pub const MOST: usize = 24;
 
 /// One message: up to [`MOST`] numbers, whose meaning the node that reads them knows.
@@ -31,13 +31,13 @@ impl Message {
     }
 }
 
-/// What a node reads messages from.
+/// A queue of messages for a node.
 pub trait Inbox: Send {
     /// Takes the earliest message before a tick, if one is there; never waits, allocates or locks.
     fn next(&mut self, before: Tick) -> Option<(Tick, Message)>;
 }
 
-/// What a node reads frames of a fixed size from, such as the positions of a mesh.
+/// A queue of frames of a fixed size, such as the positions of a mesh.
 pub trait Frames: Send {
     /// Writes the newest frame before a tick and gives its time, where one has come since the last call; older ones are passed over, and
     /// later ones wait. It never waits, allocates or locks.
@@ -47,7 +47,7 @@ pub trait Frames: Send {
     fn latest(&mut self, before: Tick, into: &mut [f32]) -> Option<Tick>;
 }
 
-/// Where messages come from.
+/// A source of messages.
 pub trait Inputs: Send + Sync {
     /// Starts to collect the messages of a channel; `None` where nothing ever comes, as in an offline run.
     fn open(&self, channel: &str) -> Option<Box<dyn Inbox>>;

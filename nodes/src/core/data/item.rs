@@ -10,19 +10,19 @@ use std::fmt::{self, Debug};
 use std::io::{self, BufWriter};
 use std::sync::Arc;
 
-/// What one item of a stream is made of.
+/// The type of the items of a stream.
 ///
 /// The *format* is what is fixed for a whole stream when the graph is planned: a channel count, the faces of a mesh.
 pub trait Item: 'static {
     /// One element; an item is `width` of them in a row.
     type Elem: Copy + Default + PartialEq + Debug + Serialize + DeserializeOwned + Send + Sync + 'static;
-    /// What is fixed for the whole stream.
+    /// Properties that are constant over a stream.
     type Format: Clone + PartialEq + Debug + Send + Sync + 'static;
     /// The name that people see, such as `audio`.
     const NAME: &'static str;
     /// Names of the numbers in one element; one empty name where it is one number.
     const COLUMNS: &'static [&'static str];
-    /// Whether it is a waveform: tapped as a WAV file.
+    /// True if it is a waveform: tapped as a WAV file.
     const WAVE: bool = false;
     /// Elements per item.
     fn width(format: &Self::Format) -> usize;
@@ -32,7 +32,7 @@ pub trait Item: 'static {
     fn trial_format(rng: &mut Rng) -> Self::Format;
     /// A valid element at place `place` of an item of this format, for trials.
     fn trial(format: &Self::Format, place: usize, rng: &mut Rng) -> Self::Elem;
-    /// Whether every number in it is finite.
+    /// Returns true if every number in it is finite.
     fn finite(elem: &Self::Elem) -> bool;
     /// An element that no node writes, to find those left unwritten.
     fn poison() -> Self::Elem;
@@ -81,11 +81,11 @@ impl Item for f32 {
     }
 }
 
-/// How many channels an audio stream has.
+/// Number of channels of an audio stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Channels(pub u16);
 
-/// What one event carries.
+/// The type of an event.
 pub trait Event: Clone + PartialEq + Debug + Serialize + DeserializeOwned + Send + Sync + 'static {
     /// The name that people see.
     const NAME: &'static str;
@@ -97,9 +97,9 @@ pub trait Event: Clone + PartialEq + Debug + Serialize + DeserializeOwned + Send
 pub trait Data: Debug + PartialEq + Serialize + DeserializeOwned + Send + Sync + 'static {
     /// The name that people see, such as `friction model`.
     const NAME: &'static str;
-    /// Whether its values have drawings, but for some that are empty.
+    /// True if its values have drawings, but for some that are empty.
     const PLOTS: bool = false;
-    /// Whether they have files of their own kind.
+    /// True if they have files of their own kind.
     const FILES: bool = false;
     /// A valid value for trials.
     fn trial(rng: &mut Rng) -> Self;
@@ -126,7 +126,7 @@ impl Data for f64 {
 pub struct ItemType {
     /// The name that people see.
     pub name: &'static str,
-    /// Whether it is a waveform.
+    /// True if it is a waveform.
     pub wave: bool,
     /// Names of the numbers in an element.
     pub columns: &'static [&'static str],
@@ -138,7 +138,7 @@ pub struct ItemType {
     pub buffer_bytes: fn(usize, usize) -> usize,
     /// Numbers of the elements `[from, to)` of a buffer.
     pub numbers: fn(&dyn AnyBuffer, i64, i64, &mut Vec<f32>),
-    /// Whether all of the elements `[from, to)` are finite.
+    /// True if all of the elements `[from, to)` are finite.
     pub finite: fn(&dyn AnyBuffer, i64, i64) -> bool,
     /// Bytes of one element in memory; on disk it takes about as many.
     pub elem_bytes: usize,
@@ -158,9 +158,9 @@ impl Debug for ItemType {
     }
 }
 
-/// Gives the runtime's view of a type.
+/// Describes a type to the runtime.
 pub trait Described {
-    /// That view.
+    /// The type of the description.
     type Info: 'static;
     /// The one instance of it.
     const INFO: &'static Self::Info;
@@ -310,9 +310,9 @@ pub struct DataType {
     pub id: fn() -> TypeId,
     /// The value as JSON, written as it goes: of a large value the tree would take many times its memory.
     pub json: fn(&AnyValue, &mut dyn io::Write) -> io::Result<()>,
-    /// Whether its values have drawings.
+    /// True if its values have drawings.
     pub plots: bool,
-    /// Whether they have files of their own kind.
+    /// True if they have files of their own kind.
     pub files: bool,
     /// The value drawn as SVG.
     pub plot: fn(&AnyValue) -> Option<String>,
@@ -457,7 +457,7 @@ impl Debug for StreamShape {
     }
 }
 
-/// What is known of one link of an input.
+/// Shape of one link of an input.
 #[derive(Clone, Debug)]
 pub enum LinkShape {
     /// A stream.

@@ -1,4 +1,4 @@
-//! What a node carries from one window to the next, saved, and put back into a node that was just built.
+//! State of nodes: saved to an archive, and restored into a new node.
 //!
 //! One description serves both ways: a node names what it carries in [`Node::archive_state`](crate::core::node::Node::archive_state), and a
 //! [`StateArchive`] either writes it to bytes or replaces it by what stands in bytes.
@@ -7,7 +7,7 @@ use super::fault::Fault;
 use serde::{Serialize, de::DeserializeOwned};
 use std::io::{Seek, SeekFrom, Write};
 
-/// Saves what it is shown, or puts back what was saved, in the same order.
+/// Saves what it is shown, or restores what was saved, in the same order.
 #[derive(Debug)]
 pub struct StateArchive<'a>(Way<'a>);
 
@@ -24,25 +24,25 @@ impl<'a> StateArchive<'a> {
         Self(Way::Save(bytes))
     }
 
-    /// Puts back what stands in these bytes.
+    /// Restores from these bytes.
     #[must_use]
     pub fn restore(bytes: &'a [u8]) -> Self {
         Self(Way::Restore(bytes))
     }
 
-    /// Whether something is put back.
+    /// Returns true if something is restored.
     #[must_use]
     pub fn restores(&self) -> bool {
         matches!(self.0, Way::Restore(_))
     }
 
-    /// Whether all that was saved has been put back.
+    /// Returns true if all that was saved has been restored.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         matches!(self.0, Way::Restore([]))
     }
 
-    /// Saves or replaces every state of a list, which has to be as long when it is put back as it was when it was saved.
+    /// Saves or replaces every state of a list, which has to be as long when it is restored as it was when it was saved.
     ///
     /// # Errors
     /// When it is not, or as [`Stateful::archive_state`].
@@ -60,13 +60,13 @@ impl<'a> StateArchive<'a> {
     }
 }
 
-/// What is said of bytes that hold something else.
+/// Error for bytes of another type.
 pub(super) fn mismatch() -> Fault {
     Fault::new("F084", "what was kept of a run does not fit its nodes")
         .help("run it from its beginning: --checkpoint 0")
 }
 
-/// A state that can be saved and put back.
+/// A state that can be saved and restored.
 pub trait Stateful {
     /// Saves the state, or replaces it.
     ///
@@ -89,7 +89,7 @@ impl<T: Serialize + DeserializeOwned> Stateful for T {
     }
 }
 
-/// Saves how far a sink has been written, or goes on there in one that holds all that came before.
+/// Saves how far a sink has been written, or continues there in one that holds all that came before.
 ///
 /// # Errors
 /// When the sink fails.
@@ -138,7 +138,7 @@ pub mod long {
 
 /// Names the fields of a type that change while it works: `impl_state!(Filter { z, each stages })`.
 ///
-/// A field after `each` is a list, an array or an option of states that is as long when it is put back.
+/// A field after `each` is a list, an array or an option of states that is as long when it is restored.
 #[macro_export]
 macro_rules! impl_state {
     ($ty:ty { $($fields:tt)* }) => {

@@ -16,7 +16,7 @@ use super::shape::{Build, Shape};
 use super::state::StateArchive;
 use super::time::Rate;
 
-/// Where a node may run.
+/// Threads that may run a node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Class {
     /// In the audio callback: no allocation, lock or system call in `run`.
@@ -42,16 +42,16 @@ impl Class {
     }
 }
 
-/// What a node says of its new parameters while it runs.
+/// Answer of a running node to new parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Retune {
     /// It has taken them over.
     Done,
-    /// It has to be built anew.
+    /// It has to be built again.
     Rebuild,
 }
 
-/// What a node tells of a finished run: counters and measures for the report.
+/// Counters and measures of a finished run, for the report.
 pub type Summary = Vec<(&'static str, serde_json::Value)>;
 
 /// A node: a thin, typed description around maths on slices.
@@ -70,9 +70,9 @@ pub trait Node: Sized + Send + 'static {
     type Ports: Ports;
     /// Its name in graphs.
     const NAME: &'static str;
-    /// Goes up whenever the same inputs give another output.
+    /// Version, which increases when the same inputs give another output.
     const VERSION: u32 = 1;
-    /// Where it may run.
+    /// Threads that may run it.
     const CLASS: Class;
     /// Rough nanoseconds per element of its widest input or output, from which offline runs cut a graph into parallel parts.
     const COST: f64 = 1.0;
@@ -94,7 +94,7 @@ pub trait Node: Sized + Send + 'static {
     /// A node that does next to nothing per item marks its `run` as `#[inline]`: then its views never leave the registers.
     ///
     /// # Errors
-    /// When the data make it impossible to go on.
+    /// When the data make it impossible to continue.
     fn run(&mut self, io: <Self::Ports as Ports>::Io<'_>) -> Result<(), Fault>;
 
     /// Ends the run: gives folds, completes files, tells its counters.
@@ -106,9 +106,9 @@ pub trait Node: Sized + Send + 'static {
         Ok(Summary::new())
     }
 
-    /// Takes over new parameters while running, or asks to be built anew.
+    /// Takes over new parameters while running, or asks to be built again.
     ///
-    /// Whether it can depends on the two sets of parameters alone, and is the same the other way round. Nothing may be
+    /// Returns true if it can depends on the two sets of parameters alone, and is the same the other way round. Nothing may be
     /// allocated here.
     fn retune(&mut self, new: &Self::Params) -> Retune {
         let _ = new;
@@ -122,7 +122,7 @@ pub trait Node: Sized + Send + 'static {
         let _ = old;
     }
 
-    /// Saves what it carries from one window to the next, or puts it back into a node that was just built, which then goes on
+    /// Saves what it carries from one window to the next, or puts it back into a node that was just built, which then continues
     /// with the same bits. Most nodes name their fields with [`archive_state!`](crate::archive_state).
     ///
     /// A node whose windows depend on its inputs and its parameters alone carries nothing.
@@ -148,12 +148,12 @@ pub trait Func: 'static {
     type Ports: Ports;
     /// Its name in graphs.
     const NAME: &'static str;
-    /// Goes up whenever the same inputs give another output.
+    /// Version, which increases when the same inputs give another output.
     const VERSION: u32 = 1;
-    /// Whether the paths of its assets, not only what they hold, stand in its outputs.
+    /// True if the paths of its assets, not only what they hold, stand in its outputs.
     const EXPOSES_PATHS: bool = false;
 
-    /// Looks at parameters and assets before the run.
+    /// Checks parameters and assets before the run.
     ///
     /// # Errors
     /// When they do not go together.
@@ -182,13 +182,13 @@ pub trait Func: 'static {
 pub trait Each: Sized + Send + 'static {
     /// Its parameters.
     type Params: Params;
-    /// What comes in.
+    /// The input item.
     type In: Item;
-    /// What goes out.
+    /// The output item.
     type Out: Item;
     /// Its name in graphs.
     const NAME: &'static str;
-    /// Goes up whenever the same inputs give another output.
+    /// Version, which increases when the same inputs give another output.
     const VERSION: u32 = 1;
     /// Name and documentation of the input.
     const INPUT: (&'static str, &'static str);
@@ -210,7 +210,7 @@ pub trait Each: Sized + Send + 'static {
     /// Makes one item.
     fn each(&mut self, item: &[<Self::In as Item>::Elem], out: &mut [<Self::Out as Item>::Elem]);
 
-    /// Tells its counters at the end.
+    /// Returns its counters at the end.
     fn summary(&self) -> Summary {
         Summary::new()
     }

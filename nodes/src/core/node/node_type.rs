@@ -87,13 +87,13 @@ pub struct NodeType {
     pub name: &'static str,
     /// Version of its output.
     pub version: u32,
-    /// Whether the paths of its assets, not only what they hold, stand in its outputs.
+    /// True if the paths of its assets, not only what they hold, stand in its outputs.
     pub exposes_paths: bool,
-    /// Where it may run.
+    /// Threads that may run it.
     pub class: Class,
     /// Rough nanoseconds per element of its widest input or output.
     pub cost: f64,
-    /// What it does; the first line is its summary.
+    /// Its documentation; the first line is the summary.
     pub doc: &'static str,
     /// The source file that declares it.
     pub source: SourceFile,

@@ -27,7 +27,7 @@ pub fn read_choice<T: Copy>(
     place.and_then(|k| all.get(k).copied()).ok_or_else(|| Mismatch::Choice { found: name.clone(), choices })
 }
 
-/// What was wrong with one field of a node.
+/// An error in one field of a node.
 #[derive(Clone, Debug, PartialEq)]
 pub enum FieldError {
     /// A parameter without a default was not given.
@@ -58,7 +58,7 @@ impl SourceFile {
 
 /// The parameters of one node type.
 pub trait Params: Clone + Debug + PartialEq + Send + Sync + 'static {
-    /// What the node does: the first line is its summary.
+    /// Documentation of the node; the first line is the summary.
     const DOC: &'static str;
     /// The file in which they are declared, which is that of their node.
     const SOURCE: SourceFile;
@@ -267,7 +267,7 @@ mod tests {
         pub struct Own {
             /// Before the group.
             first: bool = true;
-            /// What it shares.
+            /// Shared parameters.
             [group] common: Common;
             /// After the group.
             last: f64 = 2.0;

@@ -26,7 +26,7 @@ pub enum Datum {
 }
 
 impl Datum {
-    /// What it is, for messages.
+    /// Describes the value, for messages.
     #[must_use]
     pub fn describe(&self) -> String {
         match self {
@@ -62,26 +62,26 @@ impl fmt::Display for Datum {
 pub enum Mismatch {
     /// Another type of value.
     Type {
-        /// What the parameter takes.
+        /// The expected kind of value.
         expected: String,
-        /// What was there.
+        /// The value that was found.
         found: String,
     },
     /// A number outside the declared range.
     Range {
-        /// What was there.
+        /// The value that was found.
         found: f64,
         /// The declared range.
         bounds: Bounds,
     },
     /// An infinity or NaN.
     NotFinite {
-        /// What was there.
+        /// The value that was found.
         found: String,
     },
     /// A name that is none of the choices.
     Choice {
-        /// What was there.
+        /// The value that was found.
         found: String,
         /// The names that exist.
         choices: &'static [(&'static str, &'static str)],
@@ -91,10 +91,10 @@ pub enum Mismatch {
 }
 
 impl Mismatch {
-    /// How many items of a list are told.
+    /// Maximum number of reported items of a list.
     pub const MOST: usize = 100;
 
-    /// What is wrong, with its place in lists of lists: `[2]` for the third item, nothing for the value as a whole.
+    /// Returns all mismatches with their positions in lists of lists: `[2]` for the third item, empty for the complete value.
     #[must_use]
     pub fn each(&self) -> Vec<(String, &Self)> {
         let Self::Items(items) = self else { return vec![(String::new(), self)] };
@@ -118,7 +118,7 @@ impl Bounds {
     /// Any finite number.
     pub const ALL: Self = Self { min: f64::MIN, max: f64::MAX };
 
-    /// Whether a number lies within.
+    /// Returns true if a number lies within.
     #[must_use]
     pub fn holds(&self, x: f64) -> bool {
         (self.min..=self.max).contains(&x)
@@ -159,7 +159,7 @@ macro_rules! into_bounds {
 }
 into_bounds!(f32, f64, u16, u32, u64, usize, i32, i64);
 
-/// What kind of value a parameter takes.
+/// Kind of value of a parameter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ParamKind {
     /// `true` or `false`.
@@ -185,7 +185,7 @@ pub enum ParamKind {
 }
 
 impl ParamKind {
-    /// Whether values of it are numbers, which need a unit and a range.
+    /// Returns true if values of it are numbers, which need a unit and a range.
     #[must_use]
     pub fn is_number(&self) -> bool {
         match self {
@@ -230,9 +230,9 @@ impl fmt::Display for ParamKind {
 pub struct ParamSpec {
     /// Its name in graphs.
     pub name: &'static str,
-    /// What it means.
+    /// Its documentation.
     pub doc: &'static str,
-    /// What it takes.
+    /// Its kind of value.
     pub kind: ParamKind,
     /// Its unit; empty for a pure number.
     pub unit: Option<&'static str>,
@@ -244,7 +244,7 @@ pub struct ParamSpec {
 
 /// A type that a parameter can have.
 pub trait Param: Sized {
-    /// What graphs write for it.
+    /// Its kind of value in graphs.
     const KIND: ParamKind;
     /// Takes a value.
     ///

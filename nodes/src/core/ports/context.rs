@@ -1,4 +1,4 @@
-//! What a node sees of a run in one window: the wires of its ports, and the windows on the clocks of their streams.
+//! Context of a node in one window: the wires of its ports, and the windows on the clocks of their streams.
 
 use crate::core::buffer::{AnyBuffer, BoxedBuffer};
 use crate::core::item::AnyValue;
@@ -9,7 +9,7 @@ use std::marker::PhantomData;
 /// A buffer that one node writes and others read.
 pub type BufferCell = RefCell<BoxedBuffer>;
 
-/// Where one link of an input comes from.
+/// Source of one link of an input.
 #[derive(Debug)]
 pub enum InWire {
     /// A stream.
@@ -44,7 +44,7 @@ pub enum InWire {
     Value(AnyValue),
 }
 
-/// Where an output goes.
+/// Destination of an output.
 #[derive(Debug)]
 pub enum OutWire {
     /// A stream.
@@ -69,12 +69,12 @@ pub enum OutWire {
     Value(RefCell<Option<AnyValue>>),
 }
 
-/// How a window of the run becomes a range of items: items of `rate` (ticks where it is `None`), `delay` later, until `end`.
+/// Converts a window of the run to a range of items: items of `rate` (ticks if it is `None`), delayed by `delay`, until `end`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Clock {
     /// Items per second; `None` counts ticks.
     pub rate: Option<Rate>,
-    /// How far behind the run it is.
+    /// Delay relative to the run.
     pub delay: Tick,
     /// When its stream ends.
     pub end: Option<Tick>,
@@ -102,18 +102,18 @@ pub struct Span {
     pub to: i64,
     /// One behind the last position, the stream's end ignored.
     pub full: i64,
-    /// Whether nothing came before this window.
+    /// True if nothing came before this window.
     pub first: bool,
 }
 
 impl Span {
-    /// Whether it neither begins nor continues a stream, so that there is nothing to pad.
+    /// Returns true if it neither begins nor continues a stream, so that there is nothing to pad.
     pub(in crate::core) fn steady(&self) -> bool {
         self.full == self.to && !self.first
     }
 }
 
-/// What a node may know of the run in one window.
+/// A window of the run, for a node.
 #[derive(Clone, Copy, Debug)]
 pub struct Window<'a> {
     /// First tick.
@@ -123,17 +123,17 @@ pub struct Window<'a> {
     run: PhantomData<&'a ()>,
 }
 
-/// What all nodes of a stage have in common in one window.
+/// Data that all nodes of a stage share in one window.
 #[derive(Clone, Copy)]
 pub(in crate::core) struct Shared<'a> {
     pub(in crate::core) buffers: &'a [BufferCell],
     pub(in crate::core) spans: &'a [Span],
     pub(in crate::core) poison: bool,
-    /// Whether the streams have ended: what was around the last window may be gone by now.
+    /// True if the streams have ended: what was around the last window may be gone by now.
     pub(in crate::core) closing: bool,
 }
 
-/// What there is without streams.
+/// Shared data without streams.
 const NOTHING: &Shared<'static> = &Shared { buffers: &[], spans: &[], poison: false, closing: false };
 
 /// Everything that the views of one node need to open.

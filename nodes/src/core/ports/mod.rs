@@ -67,7 +67,7 @@ impl PortKind {
         }
     }
 
-    /// Whether a link from an output of kind `self` to an input of kind `input` carries the same thing.
+    /// Returns true if a link from an output of kind `self` to an input of kind `input` carries the same thing.
     #[must_use]
     pub fn feeds(&self, input: &Self) -> bool {
         match (self, input) {
@@ -79,7 +79,7 @@ impl PortKind {
     }
 }
 
-/// How many links an input takes.
+/// Number of links of an input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Arity {
     /// Exactly one.
@@ -95,13 +95,13 @@ pub enum Arity {
 pub struct PortSpec {
     /// Its name in graphs.
     pub name: &'static str,
-    /// What it carries.
+    /// Its content.
     pub doc: &'static str,
     /// Kind and type.
     pub kind: PortKind,
-    /// How many links it takes; outputs have [`Arity::One`].
+    /// Number of its links; outputs have [`Arity::One`].
     pub arity: Arity,
-    /// Whether it may close a loop.
+    /// True if it may close a loop.
     pub late: bool,
 }
 
@@ -128,7 +128,7 @@ impl<K> Port<K> {
 
 /// The ports of one node type.
 pub trait Ports: 'static {
-    /// What the node sees of them in one window.
+    /// View of the ports in one window.
     type Io<'a>;
     /// Inputs in order.
     const INPUTS: &'static [PortSpec];
@@ -140,13 +140,13 @@ pub trait Ports: 'static {
 
 /// A kind that an input can have.
 pub trait InKind {
-    /// What the node sees.
+    /// View of the port.
     type View<'a>;
     /// Kind and type.
     const KIND: PortKind;
-    /// How many links.
+    /// Number of links.
     const ARITY: Arity;
-    /// Whether it may close a loop.
+    /// True if it may close a loop.
     const LATE: bool = false;
     /// Opens the view of one window.
     fn view<'a>(cx: &Cx<'a>, port: usize) -> Self::View<'a>;
@@ -160,7 +160,7 @@ pub trait One: InKind {
 
 /// A kind that an output can have.
 pub trait OutKind {
-    /// What the node writes to.
+    /// View of the port.
     type View<'a>;
     /// Kind and type.
     const KIND: PortKind;

@@ -1,4 +1,4 @@
-//! What a node reads and writes in one window.
+//! Views of the ports in one window.
 //!
 //! Views are opened for every node in every window, so opening one is always part of its caller: a view that came back
 //! through memory would be written word by word and read two words at a time, which stalls a processor for longer than a
@@ -52,7 +52,7 @@ impl<T: Item> In<'_, T> {
         self.len
     }
 
-    /// Whether the window holds no item.
+    /// Returns true if the window holds no item.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len == 0
@@ -104,7 +104,7 @@ impl<T: Item> Out<'_, T> {
         self.items.len() / self.width.max(1)
     }
 
-    /// Whether the window holds no item.
+    /// Returns true if the window holds no item.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.items.is_empty()
@@ -180,7 +180,7 @@ pub struct Slot<'a, T: Data> {
 }
 
 impl<T: Data> Slot<'_, T> {
-    /// Gives the value.
+    /// Sets the value.
     pub fn set(&mut self, value: T) {
         *self.place = Some(AnyValue::new(value));
     }
@@ -195,13 +195,13 @@ pub struct Links<'a, K> {
 }
 
 impl<'a, K: One> Links<'a, K> {
-    /// How many there are.
+    /// Returns their number.
     #[must_use]
     pub fn len(&self) -> usize {
         self.wires.len()
     }
 
-    /// Whether there is none.
+    /// Returns true if there is none.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.wires.is_empty()

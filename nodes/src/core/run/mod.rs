@@ -1,4 +1,4 @@
-//! What runs nodes: a stage of wired nodes, and one node standalone.
+//! Execution: a stage of wired nodes, and one node standalone.
 
 pub mod stage;
 pub mod standalone;

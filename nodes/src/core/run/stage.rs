@@ -47,7 +47,7 @@ pub struct Stage {
     spent: Vec<Spent>,
     timed: bool,
     poison: bool,
-    /// Whether no clock has anything to pad in the present window.
+    /// True if no clock has anything to pad in the present window.
     steady: bool,
     /// The buffers whose size depends on what comes in.
     growing: Vec<usize>,
@@ -89,7 +89,7 @@ impl Stage {
         &mut self.spent
     }
 
-    /// Lets a node take over what fits from another, both by their places; the other stays as it is.
+    /// Lets a node adopt the state of another, both by index; the other is unchanged.
     pub fn adopt(&mut self, from: usize, to: usize) {
         if let Ok([old, new]) = self.nodes.get_disjoint_mut([from, to]) {
             new.node.adopt(&mut *old.node);
@@ -145,7 +145,7 @@ impl Stage {
         }
     }
 
-    /// Tells every node that its streams have ended, in order.
+    /// Finishes all nodes in order, after their streams have ended.
     ///
     /// # Errors
     /// The first fault of a node.
@@ -200,7 +200,7 @@ impl Stage {
         }
     }
 
-    /// Gives a buffer the history of one of another stage.
+    /// Copies the history of a buffer of another stage.
     pub fn seed(&mut self, old: &mut Self, from: usize, to: usize) {
         self.buffers[to].get_mut().any_mut().seed(old.buffers[from].get_mut().any());
     }
@@ -226,9 +226,9 @@ impl Stage {
         self.buffers.iter().map(|t| t.borrow().any().bytes()).sum()
     }
 
-    /// Goes on where another stage stopped: takes nodes and buffers, each given as its place there and its place here.
+    /// Continues another stage: takes nodes and buffers, each given by its index there and its index here.
     ///
-    /// What stood here in the place of a node that is taken goes to the other stage, to be dropped with it. Nothing is
+    /// The node that is replaced goes to the other stage, to be dropped with it. Nothing is
     /// allocated or freed.
     pub fn take_over(&mut self, old: &mut Self, nodes: &[(usize, usize)], buffers: &[(usize, usize)]) {
         for &(from, to) in nodes {
@@ -260,7 +260,7 @@ impl Stage {
     }
 }
 
-/// What is said of a buffer of events that found no more memory, at the node that writes it, or else at one that reads it.
+/// Error for a buffer of events beyond the memory limit, at its writer or else at a reader.
 #[cold]
 fn outgrown(nodes: &[StageNode], buffer: usize, bytes: usize) -> StageFault {
     let of = |link: &InWire| matches!(link, InWire::Events { buffer: t, .. } if *t == buffer);

@@ -49,9 +49,9 @@ pub struct Standalone {
     pub window: Tick,
     /// The node's first tick; what comes before it is not made.
     pub begin: Tick,
-    /// Where an endless node is stopped.
+    /// End of the run of an endless node.
     pub until: Tick,
-    /// Whether to fill windows with unusable numbers first.
+    /// True if to fill windows with unusable numbers first.
     pub poison: bool,
 }
 
@@ -86,7 +86,7 @@ impl Standalone {
         }
     }
 
-    /// Gives a stream to an input.
+    /// Links a stream to an input.
     #[must_use]
     pub fn input<T: Item>(
         self,
@@ -98,7 +98,7 @@ impl Standalone {
         self.feed(port.index(), Feed::stream::<T>(rate, format, data))
     }
 
-    /// Gives a stream to an input that may be left open.
+    /// Links a stream to an optional input.
     #[must_use]
     pub fn optional<T: Item>(
         self,
@@ -122,13 +122,13 @@ impl Standalone {
         self.feed(port.index(), Feed::stream::<T>(rate, format, data))
     }
 
-    /// Gives a value to an input.
+    /// Links a value to an input.
     #[must_use]
     pub fn value<T: Data>(self, port: Port<Value<T>>, value: T) -> Self {
         self.feed(port.index(), Feed::value(AnyValue::new(value)))
     }
 
-    /// Gives events to an input.
+    /// Links events to an input.
     #[must_use]
     pub fn events<T: Event>(self, port: Port<Events<T>>, events: Vec<(Tick, T)>, end: Tick) -> Self {
         self.feed(port.index(), Feed::events(events, end))
@@ -148,7 +148,7 @@ impl Standalone {
         self
     }
 
-    /// What the node declares over these inputs.
+    /// Returns the shape of the node for these inputs.
     ///
     /// # Errors
     /// As [`Node::shape`]; the first of several.
@@ -156,7 +156,7 @@ impl Standalone {
         self.shape_or_all().map_err(|mut wrong| wrong.remove(0))
     }
 
-    /// What the node declares over these inputs, or all that is wrong.
+    /// Returns the shape of the node for these inputs, or all errors.
     ///
     /// # Errors
     /// As [`Node::shape`].
@@ -364,7 +364,7 @@ pub struct StandaloneRun {
     now: Tick,
     until: Tick,
     outputs: Option<Vec<OutWire>>,
-    /// What the node told at its end.
+    /// Summary of the node.
     pub summary: Summary,
 }
 
@@ -398,7 +398,7 @@ impl StandaloneRun {
         Ok(bytes)
     }
 
-    /// Goes on where a run of the same node over the same inputs was saved; this one has not run yet.
+    /// Resumes a saved run of the same node over the same inputs; this one must not have run yet.
     ///
     /// # Errors
     /// As [`Node::archive_state`].
@@ -435,7 +435,7 @@ impl StandaloneRun {
         }
     }
 
-    /// All that a stream output has given so far.
+    /// Returns the items of a stream output so far.
     #[must_use]
     pub fn stream<T: Item>(&self, port: Port<Stream<T>>) -> Vec<T::Elem> {
         let OutWire::Stream { buffer, .. } = &self.wires()[port.index()] else { return Vec::new() };

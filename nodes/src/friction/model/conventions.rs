@@ -1,4 +1,4 @@
-//! How the spectra of a friction model were made.
+//! Conventions of the spectra of a friction model.
 
 use serde::{Deserialize, Serialize};
 

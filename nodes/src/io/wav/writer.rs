@@ -22,7 +22,7 @@ const DS64: u32 = 28;
 /// Size from which a RIFF file becomes RF64.
 const RIFF_LIMIT: u64 = 0xFFFF_FFFF;
 
-/// How samples are stored.
+/// Format of the stored samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WriteFormat {
     /// 16-bit linear.
@@ -64,7 +64,7 @@ pub struct WriteSpec {
     pub rate: u32,
     /// Interleaved channels.
     pub channels: usize,
-    /// How samples are stored.
+    /// Format of the stored samples.
     pub format: WriteFormat,
     /// Dither of integer samples; unused for floats.
     pub dither: Dither,

@@ -32,7 +32,7 @@ pub const COLUMNS: [&str; 12] = [
 pub struct ImpactError {
     /// Line of the file, from 1.
     pub line: u64,
-    /// What was found and what would be right.
+    /// Description of the mistake, and of the correct form.
     pub message: String,
 }
 

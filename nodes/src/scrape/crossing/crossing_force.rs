@@ -17,14 +17,14 @@ use crate::texture::Isophotes;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// Most lines of one surface within reach, and most meetings in a cell of samples.
+/// Maximum number of lines of one surface within reach, and of crossings in a cell of samples.
 const MOST: usize = 32;
 /// Least room for pulses: at low sample rates many contacts begin within one cell.
 const ROOM: usize = 8192;
-/// Most pixels along which lines are looked for at once.
+/// Maximum length in pixels of one search for lines.
 const LONG: usize = 256;
 
-/// What is remembered of one contact.
+/// State of one contact.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct CrossingVoice {
     /// Cell of samples, and meetings in it.
@@ -47,9 +47,9 @@ struct LineCrossing {
 /// A line that crosses the line of contact.
 #[derive(Clone, Copy, Debug)]
 struct CrossedLine {
-    /// Where along it, m from the middle of the cell.
+    /// Position along it, m from the middle of the cell.
     at: f64,
-    /// Its slope along the way, per pixel.
+    /// Its slope along the path, per pixel.
     slope: f64,
     piece: u32,
 }
@@ -83,7 +83,7 @@ pub struct CrossingForce {
     pulses: Pulses,
     found: [Vec<CrossedLine>; 2],
     pending: Vec<LineCrossing>,
-    /// How far the contact has come over both at each sample, m from the middle of the cell.
+    /// Distance travelled over both surfaces at each sample, m from the middle of the cell.
     travel: [[f64; CELL + 1]; 2],
 }
 impl_state!(CrossingForce { crossings, left_out, pulses });
@@ -153,7 +153,7 @@ impl CrossingForce {
         (self.crossings, self.left_out) = (old.crossings, old.left_out);
     }
 
-    /// All that was left out.
+    /// Returns the number of omitted pulses.
     #[must_use]
     pub fn all_left_out(&self) -> u64 {
         self.left_out + self.pulses.left_out
@@ -184,7 +184,7 @@ impl CrossingForce {
         };
         for k in 0..steps as usize {
             let ends = [at(k as f64), at(k as f64 + 1.0)];
-            // In steps of a pixel each lies on one tile, or as near to it as lines go on.
+            // In steps of a pixel each lies on one tile, or as near to it as lines continue.
             let tile = index.tile(at(k as f64 + 0.5));
             let [(a, steps_on), (b, _)] = ends.map(|p| index.on_image(&tile, p));
             let (from, to) = ([a[0].min(b[0]), a[1].min(b[1])], [a[0].max(b[0]), a[1].max(b[1])]);
@@ -291,7 +291,7 @@ fn direction(paths: &[[[f64; 2]; 4]; 2], rate: f64) -> Option<[f64; 2]> {
     })
 }
 
-/// Where a piece crosses a chord, as shares of the chord and of the piece.
+/// Intersection of a piece with a chord, as fractions of the chord and of the piece.
 fn intersection(piece: &CurvePiece, chord: [[f64; 2]; 2]) -> Option<(f64, f64)> {
     let [before, after] = chord.map(|p| across(&piece.ends, p));
     let [low, high] = piece.ends.map(|p| across(&chord, p));

@@ -1,4 +1,4 @@
-//! How strongly a surface answers: the law of force and speed that all excitations share.
+//! The law of force and speed that all excitations share.
 
 use super::approximation::power;
 use super::motion::Motion;
@@ -19,7 +19,7 @@ pub struct Law {
     pub a: Ramp,
     /// Exponent of the speed.
     pub b: Ramp,
-    /// What the factor is worth at each speed, where that is known.
+    /// Multiplier of the factor at each speed, if it is known.
     pub curve: Option<SpeedCurve>,
 }
 
@@ -37,7 +37,7 @@ impl Law {
         self.b.ramp_to(b, sample);
     }
 
-    /// What the curve makes of a speed on a surface of a size: what is twice as large is met half as fast, and then the law, which
+    /// Multiplier at a speed on a surface of a size: a surface of twice the size passes half as fast, and then the law, which
     /// knows nothing of that, counts the whole speed; a relief is twice as high.
     #[inline]
     #[must_use]
@@ -107,7 +107,7 @@ mod tests {
     use crate::scrape::path::PathPiece;
     use crate::scrape::testing::piece;
 
-    /// What `law` makes of ones over pieces of 0.1 s each.
+    /// Output of `law` for ones over pieces of 0.1 s each.
     fn over(pieces: &[PathPiece], law: Law) -> Vec<f32> {
         let rate = Rate::hz(10_000);
         let mut voices = Voices::new(2, rate, Heading::default());

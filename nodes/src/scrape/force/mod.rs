@@ -1,4 +1,4 @@
-//! What all excitations share: the contacts that sound at one time, their motion, the law of force and speed, parameters that
+//! Shared parts of all excitations: the contacts that sound at one time, their motion, the law of force and speed, parameters that
 //! change smoothly, and pulses of force.
 
 pub(super) mod approximation;

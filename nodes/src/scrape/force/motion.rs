@@ -5,12 +5,12 @@ use serde::{Deserialize, Serialize};
 
 /// Speed below which a contact counts as at rest, m/s.
 pub const AT_REST: f32 = 1e-4;
-/// How long a contact that comes to rest takes to fall silent, s.
+/// Fade of a contact that comes to rest, s.
 pub const FADE: f64 = 0.005;
 /// Speeds beyond this count as this, m/s: no number leaves the range of single precision.
 const FASTEST: f32 = 1e6;
 
-/// What an excitation remembers of the motion of a contact.
+/// State of the motion of a contact.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Heading {
     /// Unit vector along which it went last.
@@ -37,7 +37,7 @@ pub struct Motion {
     pub ty: Cell,
     /// 1 in motion, down to 0 at rest.
     pub gate: Cell,
-    /// Sign of the direction along the way: it changes with each reversal.
+    /// Sign of the direction along the path: it changes with each reversal.
     pub sign: Cell,
 }
 
@@ -77,7 +77,7 @@ impl Motion {
         self.head(segment, heading);
     }
 
-    /// Whether the contact neither rests nor turns back: then there is nothing to do sample by sample.
+    /// Returns true if the contact neither rests nor turns back: then there is nothing to do sample by sample.
     #[inline(always)]
     fn goes_on(&self, segment: &Segment, direction: [f32; 2]) -> bool {
         let (from, to) = (segment.from, segment.to.min(CELL));

@@ -11,7 +11,7 @@ const SHORTEST: f64 = 2.0;
 /// Longest that a pulse lasts, s.
 pub const LONGEST: f64 = 0.005;
 
-/// Who a pulse belongs to: pulses that begin at the same sample add up in this order.
+/// Owner of a pulse: pulses that begin at the same sample are added in this order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 struct Key {
     first: i64,
@@ -145,9 +145,9 @@ mod tests {
         assert_eq!(drawn(44_100.0, &pulses, &[7, 93, 300]), whole);
         let mut set = Pulses::new(8, 44_100.0);
         let mut other = Pulses::new(8, 44_100.0);
-        let told = [(3.2, 1.0, 5), (3.4, 0.3, 2), (3.1, -0.9, 9)];
-        told.iter().for_each(|(start, area, who)| set.add(10, *start, 0.002, *area, (*who, 0)));
-        told.iter().rev().for_each(|(start, area, who)| other.add(10, *start, 0.002, *area, (*who, 0)));
+        let reported = [(3.2, 1.0, 5), (3.4, 0.3, 2), (3.1, -0.9, 9)];
+        reported.iter().for_each(|(start, area, who)| set.add(10, *start, 0.002, *area, (*who, 0)));
+        reported.iter().rev().for_each(|(start, area, who)| other.add(10, *start, 0.002, *area, (*who, 0)));
         let (mut a, mut b) = ([0.0; 200], [0.0; 200]);
         set.read(0, &mut a);
         other.read(0, &mut b);

@@ -2,7 +2,7 @@
 
 use super::voices::CELL;
 
-/// How long a changed parameter takes to its new value, s.
+/// Ramp of a changed parameter, s.
 pub const RAMP_TIME: f64 = 0.02;
 
 /// A number that goes to its target in [`RAMP_TIME`] seconds; a function of the sample alone.

@@ -10,9 +10,9 @@ pub const POINTS: usize = 17;
 /// Of these to the octave.
 const OCTAVE: f64 = 4.0;
 
-/// What a strength is worth at each speed, over two octaves to either side of one speed; beyond them as at their ends.
+/// Multiplier of a strength at each speed, over two octaves on either side of one speed, constant beyond.
 ///
-/// How loud a surface is at a speed depends on what its image holds and on what rings: no power of the speed says it.
+/// The loudness of a surface at a speed depends on its image and on the modes: it is no power of the speed.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SpeedCurve {
     /// The lowest speed, m/s.

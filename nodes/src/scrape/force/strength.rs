@@ -1,4 +1,4 @@
-//! How strong an excitation has to be, as another node has found: a number, and what it is worth at each speed.
+//! Strength of an excitation, found by another node: a number, and a multiplier at each speed.
 
 use super::law::Law;
 use super::speed_curve::{MOST, POINTS, SpeedCurve};
@@ -8,12 +8,12 @@ use crate::core::random::Rng;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// How strong an excitation has to be.
+/// Strength of an excitation.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Strength {
     /// Force at 1 N and 1 m/s, N.
     pub kappa: f64,
-    /// What that is worth at each speed; the same at any where there is none.
+    /// Multiplier at each speed; 1 without a curve.
     pub curve: Option<SpeedCurve>,
 }
 
@@ -62,7 +62,7 @@ pub(in crate::scrape) fn law(numbers: [f64; 3], linked: Option<Strength>, rate: 
     Law { curve: linked.and_then(|strength| strength.curve), ..Law::new(numbers, rate) }
 }
 
-/// Whether the strength that is linked is none: then `out` is silent, and nothing else has to be done.
+/// Returns true if the strength that is linked is none: then `out` is silent, and nothing else has to be done.
 pub(in crate::scrape) fn silent(linked: Option<Strength>, out: &mut [f32]) -> bool {
     let silent = linked.is_some_and(|strength| strength.kappa == 0.0);
     if silent {
@@ -93,12 +93,12 @@ mod tests {
 
     #[test]
     fn strengths_that_are_none_are_refused() {
-        let told = |strength: Strength| linked(Some(Arc::new(strength))).unwrap_err().to_string();
-        assert!(told(Strength::constant(f64::NAN)).contains("NaN"));
-        assert!(told(Strength::constant(2e6)).contains("2000000"));
+        let reported = |strength: Strength| linked(Some(Arc::new(strength))).unwrap_err().to_string();
+        assert!(reported(Strength::constant(f64::NAN)).contains("NaN"));
+        assert!(reported(Strength::constant(2e6)).contains("2000000"));
         let curve = |middle: f64, factor: f64| Some(SpeedCurve::new(middle, [factor; POINTS]));
         for curve in [curve(1.0, -1.0), curve(1.0, f64::NAN), curve(0.0, 1.0), curve(f64::NAN, 1.0)] {
-            assert!(told(Strength { kappa: 1.0, curve }).contains("factors by speed"), "{curve:?}");
+            assert!(reported(Strength { kappa: 1.0, curve }).contains("factors by speed"), "{curve:?}");
         }
         assert!(linked(None).unwrap().is_none());
     }

@@ -101,7 +101,7 @@ impl Segment {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct Voice<S> {
     start: Tick,
-    /// Where its piece ends; a voice is free from there on.
+    /// End of its piece; the voice is free afterwards.
     end: Tick,
     piece: PathPiece,
     state: S,
@@ -109,13 +109,13 @@ struct Voice<S> {
 
 /// A fixed number of contacts that sound at once, each with a state of type `S`.
 ///
-/// A piece goes on with the voice of its contact where it touches the piece before it, or cuts it short; otherwise it begins
-/// anew. One that finds no free voice is left out and counted.
+/// A piece continues with the voice of its contact where it touches the piece before it, or cuts it short; otherwise it begins
+/// again. One that finds no free voice is left out and counted.
 #[derive(Clone, Debug)]
 pub struct Voices<S> {
     voices: Vec<Voice<S>>,
     rate: Rate,
-    /// Most at once so far.
+    /// Maximum number of simultaneous voices so far.
     pub most: usize,
     /// Pieces that found no voice.
     pub left_out: u64,
@@ -147,7 +147,7 @@ impl<S: Clone> Voices<S> {
         Self { voices, rate, most: 0, left_out: 0, meter: LevelMeter::default(), now: 0 }
     }
 
-    /// Takes a piece; `fresh` makes the state of one that does not go on from another.
+    /// Takes a piece; `fresh` makes the state of one that does not continue from another.
     fn begin(&mut self, tick: Tick, piece: &PathPiece, fresh: impl FnOnce(&PathPiece) -> S) {
         let end = tick.saturating_add(piece.duration);
         let same = |v: &Voice<S>| (v.piece.contact, v.piece.jump) == (piece.contact, piece.jump);
@@ -193,7 +193,7 @@ impl<S: Clone> Voices<S> {
         self.sweep(first, (next, last), out, &mut sound);
     }
 
-    /// As [`play`](Self::play), cell by cell: `after` adds to each cell what goes on by itself, such as pulses that have begun, so
+    /// As [`play`](Self::play), cell by cell: `after` adds to each cell what continues by itself, such as pulses that have begun, so
     /// that only those of one cell are waiting at a time.
     #[allow(clippy::too_many_arguments)]
     pub fn play_cells<F>(
@@ -234,7 +234,7 @@ impl<S: Clone> Voices<S> {
         self.now
     }
 
-    /// What to tell of a run: how strong the force was, and how many contacts made it.
+    /// Returns the summary of a run: level of the force, and number of contacts.
     #[must_use]
     pub fn summary(&self) -> Summary {
         let level = self.meter.level();
@@ -279,7 +279,7 @@ impl<S: Clone> Voices<S> {
         }
     }
 
-    /// Takes over the contacts under way of another set of the same size, and what is told of both.
+    /// Takes over the contacts under way of another set of the same size, and what is reported of both.
     pub fn take_state(&mut self, old: &Self) {
         if (old.voices.len(), old.rate) == (self.voices.len(), self.rate) {
             self.voices.clone_from_slice(&old.voices);
@@ -289,7 +289,7 @@ impl<S: Clone> Voices<S> {
     }
 }
 
-/// Whether all numbers of a piece are finite; others would stay in the filters of an excitation.
+/// Returns true if all numbers of a piece are finite; others would stay in the filters of an excitation.
 fn is_sound(piece: &PathPiece) -> bool {
     let positions = piece.position.iter().chain(piece.other.iter().flatten()).flatten();
     let small = |x: &f64| x.abs() < 1e9;

@@ -7,7 +7,7 @@ use crate::scrape::force::voices::{CELL, Segment};
 
 /// Longest box of a segment that is asked for at once, and longest chord, px.
 const BOX: f64 = 8.0;
-/// How far the place of a contact may jump between two pieces that touch, px.
+/// Maximum jump of a contact between two touching pieces, px.
 const JOINT: f64 = 0.5;
 
 /// The positions at the samples of a segment and at the one after.
@@ -28,7 +28,7 @@ pub(super) struct SegmentPart {
     pub tile: [Tile; 2],
     /// The box around the positions on the image.
     pub bounds: [[f64; 2]; 2],
-    /// Whether it is too long for anything to be told apart.
+    /// True if it is too long for anything to be told apart.
     pub long: bool,
 }
 
@@ -112,7 +112,7 @@ impl Chords {
         SegmentPart { range: [from, to], tile, bounds: [[x[0], y[0]], [x[1], y[1]]], long }
     }
 
-    /// How many samples from `from` on begin chords on a tile and keep to a small box: at least one.
+    /// Returns the number of samples from `from` on whose chords begin on a tile and stay in a small box: at least one.
     #[inline(always)]
     fn first(&self, index: &IsophoteIndex, tile: &[Tile; 2], from: usize, end: usize) -> usize {
         let (mut low, mut high) = (self.position(from), self.position(from));

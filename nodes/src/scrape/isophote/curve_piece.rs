@@ -7,7 +7,7 @@ pub struct CurvePiece {
     pub number: u32,
     /// The point of the isophotes that the segment begins with of which it is a part.
     pub point: u32,
-    /// Which part, of how many.
+    /// Index of the part, and number of parts.
     pub part: [u16; 2],
     /// Both ends.
     pub ends: [[f64; 2]; 2],
@@ -20,17 +20,17 @@ pub(super) struct Entry {
     pub point: u32,
     pub part: [u16; 2],
     pub ends: [[f32; 2]; 2],
-    /// Whether the cell before it, along x and along y, has it too.
+    /// True if the cell before it, along x and along y, has it too.
     pub again: [bool; 2],
 }
 
-/// How the gradient goes along a piece.
+/// Gradient along a piece.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LinearGradient {
     /// At the start of its segment, and how much further it is at the end.
     pub start: [f64; 2],
     pub step: [f64; 2],
-    /// Which part of the segment the piece is, of how many.
+    /// Fraction of the segment that the piece covers.
     pub part: f64,
     pub parts: f64,
 }

@@ -1,4 +1,4 @@
-//! Where many pieces of curves lie: which of them are worth a closer look.
+//! End points of many pieces of curves, to select candidates.
 //!
 //! Single precision, sixteen at a time; whoever asks has to allow for its rounding.
 
@@ -13,7 +13,7 @@ pub(super) type Line = [f64; LINE];
 /// Pieces that are looked at together.
 pub(super) const LANES: usize = 16;
 
-/// Where pieces end, one list for each coordinate: all that has to be known of most of them. There are [`LANES`] more than
+/// End points of pieces, one list for each coordinate. There are [`LANES`] more than
 /// pieces.
 #[derive(Clone, Debug, Default)]
 pub(super) struct EndPoints([Vec<f32>; 4]);
@@ -51,7 +51,7 @@ impl EndPoints {
         squares
     }
 
-    /// How far the pieces from `k` on lie at least from a strip around a position; what is not above 0 may touch it.
+    /// Lower bounds of the distance of the pieces from `k` on to a strip around a position; those that are not above 0 may touch it.
     #[inline(always)]
     pub fn apart(&self, k: usize, [x, y]: [f32; 2], strip: &Strip) -> [f32; LANES] {
         let (ax, ay, bx, by) = (self.lanes(0, k), self.lanes(1, k), self.lanes(2, k), self.lanes(3, k));
@@ -67,7 +67,7 @@ impl EndPoints {
     }
 }
 
-/// How far the span between two numbers lies outside another.
+/// Distance of an interval from another.
 #[inline(always)]
 fn outside(a: f32, b: f32, [low, high]: [f32; 2]) -> f32 {
     let (least, most) = if a < b { (a, b) } else { (b, a) };
@@ -78,7 +78,7 @@ fn outside(a: f32, b: f32, [low, high]: [f32; 2]) -> f32 {
 /// A straight strip of the image, around its middle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Strip {
-    /// What it is told from, px.
+    /// Reference position, px.
     pub middle: [f64; 2],
     /// Unit vector along it.
     pub direction: [f32; 2],

@@ -1,4 +1,4 @@
-//! What a contact met a little while ago, measured along its way.
+//! Recent slopes under a contact, by distance along its path.
 
 use crate::core::state::long;
 use serde::{Deserialize, Serialize};
@@ -27,7 +27,7 @@ impl Default for SlopeHistory {
 }
 
 impl SlopeHistory {
-    /// Goes on by a way in px to a position of another slope, and gives the slope one pixel before that position.
+    /// Advances by a distance in px to a position of another slope, and returns the slope one pixel before that position.
     #[inline(always)]
     pub fn go(&mut self, distance: f64, slope: f64) -> f64 {
         let step = APART / STEPS as f64;

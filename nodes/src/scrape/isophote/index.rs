@@ -7,7 +7,7 @@ use std::ops::Range;
 
 /// Side of a grid cell at most, and length of a piece at most, px.
 const CELL: f64 = 4.0;
-/// How far curves go on beyond the border of an image that is not repeated, px.
+/// Extension of curves beyond the border of an image that is not repeated, px.
 const MARGIN: f64 = 1.0;
 
 /// A uniform grid over isophotes, whose cells list the pieces of curves in them.
@@ -30,10 +30,10 @@ pub struct IsophoteIndex {
     gradients: Vec<[f32; 2]>,
 }
 
-/// Where a position of the endless surface lies on the image.
+/// Position on the image of a position on the endless surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tile {
-    /// Where it begins and ends, counted from what lies before the first pixel.
+    /// Its start and end, relative to the position before the first pixel.
     start: f64,
     end: f64,
     base: f64,
@@ -163,13 +163,13 @@ impl IsophoteIndex {
         })
     }
 
-    /// What lies before the first pixel on its tile: mirrors stand half a pixel beyond the first and the last pixel.
+    /// Position before the first pixel on its tile: mirrors are half a pixel beyond the first and the last pixel.
     #[inline(always)]
     fn before(&self) -> f64 {
         if self.wrap == Wrap::Mirror { 0.5 } else { 0.0 }
     }
 
-    /// Whether a tile is that around a position.
+    /// Returns true if a tile is that around a position.
     #[inline(always)]
     #[must_use]
     pub fn holds(&self, tile: &[Tile; 2], position: [f64; 2]) -> bool {
@@ -208,7 +208,7 @@ impl IsophoteIndex {
         }
     }
 
-    /// What steps along one axis count at the positions of a line.
+    /// Signs of steps along one axis at the positions of a line.
     #[inline(always)]
     pub(super) fn line_steps(&self, tile: &[Tile; 2], axis: usize, line: &Line) -> Line {
         let mut steps = [tile[axis].sign; LINE];
@@ -220,7 +220,7 @@ impl IsophoteIndex {
         steps
     }
 
-    /// Gives `take` the entries of the cells that a box on the image touches, a row of cells at a time, with how far these lie from
+    /// Passes to `take` the entries of the cells that a box on the image touches, a row of cells at a time, with their distance from
     /// those of the image, and which of them are new: those from a number on that do not lie in the cell before, and all that do
     /// not lie in the row before where there is one.
     #[inline(always)]
@@ -244,7 +244,7 @@ impl IsophoteIndex {
         }
     }
 
-    /// Gives `take` those entries of a box which come near enough, each once: `far` says how far sixteen entries from a number
+    /// Passes to `take` the entries of a box that are near enough, each once: `far` returns the distances of sixteen entries from a number
     /// on are, with the repetition of the image in which they lie.
     #[inline(always)]
     fn select(
@@ -278,7 +278,7 @@ impl IsophoteIndex {
         );
     }
 
-    /// Gives `take` each piece that may touch a box on the image.
+    /// Passes to `take` each piece that may touch a box on the image.
     #[inline(always)]
     pub fn near(&self, low: [f64; 2], high: [f64; 2], mut take: impl FnMut(CurvePiece)) {
         self.select(
@@ -295,7 +295,7 @@ impl IsophoteIndex {
         );
     }
 
-    /// Gives `take` each piece that may touch a strip, which lies in a box on the image.
+    /// Passes to `take` each piece that may touch a strip inside a box on the image.
     #[inline(always)]
     pub fn beside(&self, bounds: [[f64; 2]; 2], strip: &Strip, take: impl FnMut(CurvePiece)) {
         // Places are rounded to single precision.
@@ -309,7 +309,7 @@ impl IsophoteIndex {
         );
     }
 
-    /// Gives `take` each piece in a box that is nearer to a position than `most`, and not further than the nearest by more than
+    /// Passes to `take` each piece in a box that is nearer to a position than `most`, and not further than the nearest by more than
     /// `wide`, about.
     #[inline(always)]
     pub fn around(
@@ -360,7 +360,7 @@ impl IsophoteIndex {
         self.slopes(piece).at(along)
     }
 
-    /// How the gradient goes along a piece.
+    /// Gradient along a piece.
     #[inline(always)]
     pub(super) fn slopes(&self, piece: &CurvePiece) -> LinearGradient {
         let k = piece.point as usize;

@@ -22,7 +22,7 @@ use fearless_simd::{Level, dispatch};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// Most crossings that a contact has in a cell of samples.
+/// Maximum number of crossings of a contact in a cell of samples.
 const MOST: usize = 32;
 
 /// Reading of isophotes that becomes force.
@@ -34,11 +34,11 @@ pub enum Reading {
     Proximity,
 }
 
-/// What is remembered of one contact.
+/// State of one contact.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct IsophoteVoice {
     heading: Heading,
-    /// Where it was at a sample, px.
+    /// Its position at a sample, px.
     trace: Option<(i64, [f64; 2])>,
     /// Slope at the last curve that it crossed.
     met: Option<f64>,
@@ -55,7 +55,7 @@ struct Crossing {
     time: f64,
     chord: usize,
     piece: CurvePiece,
-    /// Where on the piece, 0 to 1.
+    /// Position on the piece, 0 to 1.
     along: f64,
 }
 
@@ -168,7 +168,7 @@ impl IsophoteForce {
         (self.crossings, self.left_out) = (old.crossings, old.left_out);
     }
 
-    /// All that was left out.
+    /// Returns the number of omitted pulses.
     #[must_use]
     pub fn all_left_out(&self) -> u64 {
         self.left_out + self.pulses.left_out

@@ -1,4 +1,4 @@
-//! Which curve is nearest to each sample of a segment.
+//! Nearest curve at each sample of a segment.
 
 use super::chords::{Chords, SegmentPart};
 use super::curve_piece::CurvePiece;
@@ -25,7 +25,7 @@ pub(super) struct NearestCurve {
     pub y: [f64; CELL],
     /// Square of its distance, px.
     pub squares: Cell,
-    /// Whether there is one within reach.
+    /// True if there is one within reach.
     pub found: [bool; CELL],
 }
 
@@ -37,7 +37,7 @@ struct Best {
     y: Cell,
     /// Square of its distance, px.
     square: Cell,
-    /// Where on the piece it lies, 0 to 1.
+    /// Position on the piece, 0 to 1.
     along: Cell,
     /// The number of the piece, and its position in the list.
     number: [u32; CELL],

@@ -140,7 +140,7 @@ struct Found {
     wanted: f64,
     /// Strengths: of the whole map, of isophotes, features, noise beside them, noise alone, noise from a spectrum alone.
     strengths: [f64; 6],
-    /// How strong features and noise are together, and which share the noise has in their power.
+    /// Strength of features and noise together, and the share of the noise in their power.
     split: [f64; 2],
 }
 
@@ -203,7 +203,7 @@ impl<'a> Surfaces<'a> {
         ))
     }
 
-    /// How strong each excitation has to be at a speed, m/s.
+    /// Finds the strength of each excitation at a speed, m/s.
     fn at(&self, speed: f64) -> Result<Found, Fault> {
         let stroke = StandardStroke::new(&self.position, self.size, speed, self.p.stroke.force);
         let of_map = |map: &Option<SurfaceMap>| map.as_ref().map(|map| self.map(&stroke, map)).transpose();

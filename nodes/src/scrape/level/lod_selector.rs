@@ -1,4 +1,4 @@
-//! How much is made of a contact, by how far away it is and what there is time for.
+//! Level of detail of a contact, by its distance and a budget.
 //!
 //! # Source
 //! Picard, Tsingos and Faure (VRIPHYS 2008), section 4.2, use two levels, the coarser for what is far; five levels, their
@@ -20,7 +20,7 @@ pub const STABLE: f64 = 0.5;
 /// Parts of a cross-fade, in each of which the gain is a straight line.
 const PARTS: i64 = 8;
 
-/// What decides between levels.
+/// Rules for the choice of a level.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LodRules {
     /// Distances at which the next level begins, m, rising; beyond the last there is silence.
@@ -29,7 +29,7 @@ pub struct LodRules {
     pub hysteresis: f64,
     /// Cost of a contact on each level.
     pub costs: [f64; LEVELS],
-    /// What all may cost together; `None` for no end.
+    /// Total budget; `None` for no limit.
     pub budget: Option<f64>,
 }
 

@@ -46,7 +46,7 @@ pub fn fastest(speed: f64, by_speed: bool) -> f64 {
     1.05 * if by_speed { highest } else { speed }
 }
 
-/// What is heard of a force where it rings modes of other dampings and frequencies; the force itself where there are none.
+/// Returns the sound of a force that excites modes with other dampings and frequencies, or the force itself without modes.
 ///
 /// # Errors
 /// As [`Modes::validate`].

@@ -28,7 +28,7 @@ use rayon::prelude::*;
 
 /// Samples per second of what is compared.
 const FS: f64 = RATE as f64;
-/// Share of the noise where there are no noise maps to tell it.
+/// Share of the noise without noise maps to tell it.
 const HALF: f64 = 0.5;
 /// Slowest speed around which a strength is known, m/s.
 const SLOWEST: f64 = 1e-6;
@@ -241,7 +241,7 @@ impl<'a> Pair<'a> {
         Ok((factors, sum([&a, &b], factors)))
     }
 
-    /// How strong each excitation has to be at a speed over the first surface, m/s.
+    /// Finds the strength of each excitation at a speed over the first surface, m/s.
     fn at(&self, speed: f64) -> Result<Found, Fault> {
         let size = [self.a.grid.width, self.a.grid.height];
         let stroke = StandardStroke::new(&self.a.surface, size, speed, self.p.stroke.force);

@@ -1,4 +1,4 @@
-//! How strong the excitations of one surface have to be, so that all of them are equally loud.
+//! Strengths at which the excitations of one surface are equally loud.
 //!
 //! All are moved along the same way, the [`StandardStroke`], and what they draw from it is compared with what the whole map of
 //! the surface does.
@@ -93,7 +93,7 @@ impl StandardStroke {
         Self { pieces: pieces.collect(), ..*self }
     }
 
-    /// What a line of noise gives on the stroke, by exponents of force and speed, N.
+    /// Force of a line of noise on the stroke, by exponents of force and speed, N.
     #[must_use]
     pub fn noise(&self, bands: &NoiseBands, law: [f64; 2]) -> Vec<f32> {
         let mut force = NoiseForce::new(exponents(law), 1.0, self.rate.as_f64());
@@ -112,7 +112,7 @@ impl StandardStroke {
         self.rate
     }
 
-    /// What an excitation draws from the stroke, N. `fresh` makes what it remembers of circle `k`, `sound` adds a segment, and
+    /// Force of an excitation on the stroke, N. `fresh` makes the state of circle `k`, `sound` adds a segment, and
     /// `after` ends each cell of samples.
     ///
     /// # Complexity

@@ -69,7 +69,7 @@ ports! {
         in {
             /// Paths of the contacts over the surface.
             paths: Events<PathPiece>,
-            /// Where the surface changes.
+            /// Discontinuities of the surface.
             map: Option<Value<DiscontinuityMap>>,
             /// The features of the surface, in place of that.
             features: Option<Value<FeatureMap>>,
@@ -96,7 +96,7 @@ pub struct MapExcitation {
     voices: Voices<MapVoice>,
 }
 
-/// What a contact reads: a map, or features. A code is read back as one of them.
+/// Map or features that a contact reads; a code is decoded to one of them.
 enum Source<'a> {
     Map(&'a DiscontinuityMap),
     Features(&'a FeatureMap),

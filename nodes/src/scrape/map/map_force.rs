@@ -13,7 +13,7 @@ use std::f64::consts::TAU;
 /// Corner of the high-pass that takes the mean from a map that is never negative, Hz.
 const CORNER: f64 = 20.0;
 
-/// What one contact leaves behind in a [`MapForce`].
+/// State of one contact in a [`MapForce`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct MapVoice {
     heading: Heading,

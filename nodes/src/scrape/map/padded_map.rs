@@ -113,7 +113,7 @@ pub const LANES: usize = 16;
 /// One number for each of `L` positions.
 pub type Lanes<const L: usize = LANES> = [f32; L];
 
-/// What is around the positions on one pixel.
+/// Pixels around the positions on one pixel.
 #[derive(Clone, Copy, Debug)]
 pub struct Patch<const C: usize> {
     /// Four rows of four pixels.
@@ -164,7 +164,7 @@ impl<const C: usize> PaddedMap<C> {
         ((whole + PAD[0] as i64 - 1) as usize, free)
     }
 
-    /// What is around the positions on a pixel.
+    /// Returns the pixels around the positions on a pixel.
     #[inline(always)]
     fn patch(&self, pixel: [i64; 2]) -> Patch<C> {
         let ((i, x), (j, y)) = (self.inside(0, pixel[0]), self.inside(1, pixel[1]));
@@ -282,7 +282,7 @@ fn split(x: f32) -> (i32, f32) {
     (whole, x - whole as f32)
 }
 
-/// What becomes of a change along an axis at a pixel beyond the border.
+/// Sign of a change along an axis at a pixel beyond the border.
 fn turn(at: i64, len: usize, wrap: Wrap) -> f32 {
     let n = len as i64;
     match wrap {

@@ -1,4 +1,4 @@
-//! What contacts meet along their ways over a map, as a figure.
+//! Figure of the profiles of contacts along their paths over a map.
 
 use super::padded_map::{Interp, PaddedMap};
 use crate::core::item::Data;
@@ -24,7 +24,7 @@ pub struct ContactProfile {
     /// Places, m.
     #[serde(rename = "places")]
     pub positions: Vec<[f32; 2]>,
-    /// What stands in the map there.
+    /// Values of the map there.
     pub values: Vec<f32>,
 }
 
@@ -33,7 +33,7 @@ pub struct ContactProfile {
 pub struct PathProfile {
     /// A small picture of the map, 0 to 1.
     pub picture: Grid,
-    /// What it covers, m.
+    /// Its size, m.
     pub size: [f64; 2],
     /// The ways in the order in which they began.
     pub ways: Vec<ContactProfile>,

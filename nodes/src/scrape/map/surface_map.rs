@@ -5,18 +5,18 @@ use crate::scrape::force::approximation::log2;
 use crate::scrape::force::voices::{CELL, Cell};
 use crate::texture::{DiscontinuityMap, FeatureMap, Grid, Pyramid, Surface, level_for};
 
-/// Most levels of a pyramid: steps of 2048 pixels.
+/// Maximum number of levels of a pyramid: steps of 2048 pixels.
 const LEVELS: usize = 13;
 
 /// One level of a map: the map, and what one of its pixels is of a full one along x and y.
 type Scaled<const C: usize> = (PaddedMap<C>, [f64; 2]);
 
-/// What is read of a map.
+/// Reading of a map.
 #[derive(Clone, Debug, PartialEq)]
 enum Reading {
-    /// A gradient along the way.
+    /// A gradient along the path.
     Slope(Vec<Scaled<2>>),
-    /// The change of a value along the way.
+    /// The change of a value along the path.
     Change(Vec<Scaled<1>>),
     /// A value.
     Value(Vec<Scaled<1>>),
@@ -42,7 +42,7 @@ fn scalar(grid: &Grid, surface: &Surface) -> Vec<Scaled<1>> {
 }
 
 impl SurfaceMap {
-    /// The slope that a contact meets: the gradient of a map along its way.
+    /// The slope that a contact meets: the gradient of a map along its path.
     #[must_use]
     pub fn slope(map: &DiscontinuityMap) -> Self {
         let surface = map.surface;
@@ -60,7 +60,7 @@ impl SurfaceMap {
         Self { reading: Reading::Value(scalar(&size, &map.surface)), surface: map.surface, per_metre: None }
     }
 
-    /// How features change along the way of a contact, per pixel.
+    /// Map of the change of features along the path of a contact, per pixel.
     #[must_use]
     pub fn feature_change(map: &FeatureMap) -> Self {
         Self {
@@ -70,7 +70,7 @@ impl SurfaceMap {
         }
     }
 
-    /// How heights in m change along the way of a contact, m/m.
+    /// Map of the change of heights in m along the path of a contact, m/m.
     #[must_use]
     pub fn height_change(heights: &Grid, surface: Surface) -> Self {
         let per_metre = Some(surface.density.map(|d| d as f32));
@@ -87,13 +87,13 @@ impl SurfaceMap {
         }
     }
 
-    /// How it lies on the surface.
+    /// Returns its scale on the surface.
     #[must_use]
     pub fn surface(&self) -> Surface {
         self.surface
     }
 
-    /// Whether the sign of what is read depends on the direction; otherwise it is never negative.
+    /// Returns true if the sign of what is read depends on the direction; otherwise it is never negative.
     #[must_use]
     pub fn directional(&self) -> bool {
         !matches!(self.reading, Reading::Value(_))
@@ -171,7 +171,7 @@ pub(super) struct Positions<'a> {
 }
 
 /// Reads the samples of a range, each between the two levels that suit its step: `full` reads many positions of the map
-/// itself, `one` a position of a level whose pixels are as much smaller as it is told.
+/// itself, `one` a position of a level whose pixels are as much smaller as it is reported.
 #[inline(always)]
 fn each<const C: usize, const D: usize>(
     levels: &[Scaled<C>],

@@ -17,13 +17,13 @@ use std::sync::Arc;
 const OCTAVE: f64 = 8.0;
 /// Step in samples up to which the loop is read as it is.
 const WHOLE: f64 = 0.9;
-/// What of the rate of the sound is kept whole, and what is kept out.
+/// End of the pass band and start of the stop band, in parts of the rate of the sound.
 const KEPT: [f64; 2] = [0.4, 0.5];
-/// Most bands: steps of 2^12 samples.
+/// Maximum number of bands: steps of 2^12 samples.
 const MOST: usize = 96;
 /// Samples of the shortest band.
 const SHORTEST: usize = 64;
-/// Where the content of a stored band may end, in parts of its density.
+/// Maximum frequency of a stored band, in parts of its density.
 const CONTENT: f64 = 0.3;
 
 /// One band-limited form of a loop: its samples with those around the seam, and samples of it per sample of the whole.
@@ -116,7 +116,7 @@ impl NoiseBands {
         self.spacing
     }
 
-    /// What stands at `position` (0 to [`round`](Self::round)) for steps of `step` samples.
+    /// Reads at `position` (0 to [`round`](Self::round)) for steps of `step` samples.
     #[inline(always)]
     #[must_use]
     pub(super) fn read(&self, simd: impl Simd, position: f64, step: f32) -> f32 {
@@ -265,7 +265,7 @@ fn spectrum(samples: &[f32], n: usize, planner: &mut RealFftPlanner<f64>) -> Vec
     bins
 }
 
-/// What a loop of `n` samples holds up to `pass`, and less and less of it up to `stop`, both in cycles per sample, in as many samples as
+/// Low-pass of a loop of `n` samples, with a transition from `pass` to `stop`, both in cycles per sample, in as many samples as
 /// `inverse` gives.
 fn band(
     spectrum: &[Complex<f64>],

@@ -9,7 +9,7 @@ use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch};
 use serde::{Deserialize, Serialize};
 
-/// What one contact leaves behind in a [`NoiseForce`].
+/// State of one contact in a [`NoiseForce`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct NoiseVoice {
     heading: Heading,

@@ -1,4 +1,4 @@
-//! The way of a contact between two frames, a cubic through positions and velocities, and the velocities where none are told.
+//! The way of a contact between two frames, a cubic through positions and velocities, and the velocities where none are reported.
 
 use super::sample::ContactSample;
 use crate::core::time::{Tick, seconds};
@@ -9,7 +9,7 @@ pub(super) fn rate(from: [f64; 2], to: [f64; 2], time: Tick) -> [f64; 2] {
     std::array::from_fn(|k| (to[k] - from[k]) / time)
 }
 
-/// A velocity that goes on turning and growing for a time.
+/// A velocity that continues turning and growing for a time.
 pub(super) fn turned(velocity: [f64; 2], [turn, growth]: [f64; 2], time: f64) -> [f64; 2] {
     let (sin, cos) = libm::sincos(turn * time);
     let size = (1.0 + growth * time).max(0.0);

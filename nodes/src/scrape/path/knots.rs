@@ -23,14 +23,14 @@ pub struct Knot {
     pub force: f64,
 }
 
-/// What all pieces of a stroke share.
+/// Common properties of all pieces of a stroke.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StrokeContact {
     /// Number of the contact.
     pub contact: u64,
     /// Number of the object.
     pub object: u32,
-    /// How much of the way is gone on the other surface: 0 for a tip, 1 for what rolls; `None` knows no other surface.
+    /// Distance on the other surface per distance on this one: 0 for a tip, 1 for rolling; `None` without another surface.
     pub other: Option<f64>,
 }
 

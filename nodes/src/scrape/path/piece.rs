@@ -1,4 +1,4 @@
-//! What travels between the nodes of scraping.
+//! Items of the links between the nodes of scraping.
 
 use crate::core::item::Event;
 use crate::core::random::Rng;
@@ -8,17 +8,17 @@ use serde::{Deserialize, Serialize};
 /// The way of one contact over a surface between two frames of the physics.
 ///
 /// It begins at the time of its event. With `s` from 0 to 1 over its duration the place is `c[0] + c[1] s + c[2] s^2 + c[3] s^3`; force
-/// and gain go in a straight line. Pieces of one contact that touch in time go on smoothly; where a contact jumps, an
+/// and gain go in a straight line. Pieces of one contact that touch in time continue smoothly; where a contact jumps, an
 /// old piece fades out while a new one with another `piece` fades in.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PathPiece {
-    /// Which contact: the same number for as long as it lasts.
+    /// Number of the contact, constant while it lasts.
     pub contact: u64,
     /// Counts the jumps of the contact: pieces of the same count join.
     pub jump: u32,
     /// Number of the object that is excited.
     pub object: u32,
-    /// How long it lasts.
+    /// Its duration.
     pub duration: Tick,
     /// Coefficients of the place on the surface, m.
     #[serde(rename = "place")]

@@ -23,7 +23,7 @@ impl Queue {
 
     /// Adds a piece that starts at a time.
     ///
-    /// What was to come of the same way from then on is replaced.
+    /// Later pieces of the same path are replaced.
     pub fn push(&mut self, tick: Tick, piece: PathPiece) {
         self.cut(tick, &piece);
         if self.pieces.len() >= self.room {
@@ -40,7 +40,7 @@ impl Queue {
         self.pieces.retain(|(t, p)| *t < tick || key(p) != key(piece));
     }
 
-    /// Gives away those that start before a time.
+    /// Removes the pieces that start before a time.
     pub fn give(&mut self, until: Tick, mut take: impl FnMut(Tick, PathPiece)) {
         let count = self.pieces.partition_point(|(t, _)| *t < until);
         for (tick, piece) in self.pieces.drain(..count) {

@@ -1,4 +1,4 @@
-//! A contact at one frame of the physics, and by which rules its way goes on from there.
+//! A contact at one frame of the physics, and by which rules its way continues from there.
 
 use crate::core::time::Tick;
 use serde::{Deserialize, Serialize};
@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 /// A contact at one frame, seen on a plane.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ContactSample {
-    /// Which contact.
+    /// Number of the contact.
     pub contact: u64,
     /// When.
     pub tick: Tick,
@@ -27,16 +27,16 @@ pub struct ContactSample {
     pub ends: bool,
 }
 
-/// How the way between frames is found.
+/// Rules for the path between frames.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PathRules {
     /// Time from one frame to the next that is expected.
     pub frame: Tick,
-    /// Whether a way is known before its end: otherwise it is predicted and corrected over the next frame.
+    /// True if a way is known before its end: otherwise it is predicted and corrected over the next frame.
     pub look_ahead: bool,
-    /// Whether velocities come from the positions before and after, one frame later, in place of those given.
+    /// True if velocities come from the positions before and after, one frame later, in place of those given.
     pub differences: bool,
-    /// Whether a way whose velocities are too large for it is straight.
+    /// True if a way whose velocities are too large for it is straight.
     pub guard: bool,
     /// Distance from the expected position beyond which a contact has jumped, m.
     pub teleport: f64,
@@ -47,7 +47,7 @@ pub struct PathRules {
 }
 
 impl PathRules {
-    /// How long after a frame its way must be known.
+    /// Delay after a frame at which its path is known.
     #[must_use]
     pub fn latency(&self) -> Tick {
         // A hundredth for frames that come a little late.
@@ -55,7 +55,7 @@ impl PathRules {
         frames * (self.frame + self.frame / 100)
     }
 
-    /// How long after the last frame a contact that hears no more of itself falls silent.
+    /// Time after the last frame at which a contact without frames becomes silent.
     #[must_use]
     pub fn stall(&self) -> Tick {
         2 * self.frame

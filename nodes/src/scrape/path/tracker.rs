@@ -2,7 +2,7 @@
 //!
 //! # Source
 //! Picard, Tsingos and Faure (VRIPHYS 2008), section 4, follow contacts at the rate of the physics; how the way between two frames
-//! is found, and what happens where there is none, are choices.
+//! is found, and what happens without one, are choices.
 
 use super::hermite::{central, cubic, onward, rate, turned};
 use super::piece::PathPiece;
@@ -38,13 +38,13 @@ struct TrackedContact {
     other: Option<[[f64; 2]; 2]>,
     force: f32,
     gain: f32,
-    /// Whether it still has to fade in.
+    /// True if it still has to fade in.
     fresh: bool,
-    /// Whether what is known last was predicted.
+    /// True if what is known last was predicted.
     guessed: bool,
-    /// Whether it has been lost: its number may come again.
+    /// True if it has been lost: its number may come again.
     lost: bool,
-    /// Whether it has ever begun.
+    /// True if it has ever begun.
     begun: bool,
     /// Time and position of the last frame as it came.
     raw: (Tick, [f64; 2]),
@@ -211,7 +211,7 @@ impl Tracker {
         contact.last = sample;
     }
 
-    /// Whether a contact is not where its velocity would have brought it; where no velocity is known, only whether it is very
+    /// Returns true if a contact is not where its velocity would have brought it; where no velocity is known, only whether it is very
     /// far away.
     fn parted(
         &self,
@@ -279,7 +279,7 @@ impl Tracker {
         contact.lost = true;
     }
 
-    /// Goes on along a straight line until a time.
+    /// Continues along a straight line until a time.
     fn straight(&mut self, contact: &mut TrackedContact, to: Tick, gain: f32, out: &mut Queue) {
         let step = seconds(to - contact.known);
         let velocity = contact.known_velocity().unwrap_or_default();
@@ -392,7 +392,7 @@ impl Tracker {
         (contact.force, contact.gain) = (end.force.max(0.0), end.gain);
     }
 
-    /// When the next contact has to be gone on with although no frame has come, and which.
+    /// When the next contact has to be resumed although no frame has come, and which.
     fn next_due(&self) -> Option<(Tick, usize)> {
         let live = self.tracks.iter().enumerate().filter(|(_, t)| !t.lost || t.waiting.is_some());
         live.map(|(k, contact)| (self.due_of(contact), k)).min()
@@ -403,7 +403,7 @@ impl Tracker {
         contact.waiting.map_or(own, |waiting| own.min(waiting.tick + self.rules.latency() / 2))
     }
 
-    /// Goes on with contacts whose next frame has not come, as of `until`.
+    /// Continues contacts whose next frame is missing at `until`.
     pub fn due(&mut self, until: Tick, out: &mut Queue) {
         while let Some((due, k)) = self.next_due().filter(|(due, _)| *due < until) {
             self.now = due;
@@ -447,8 +447,8 @@ impl TrackedContact {
         self.at[1].iter().all(|v| v.is_finite()).then_some(self.at[1])
     }
 
-    /// How fast the velocity has turned since the last frame, and by which share of its size it has grown, 1/s, where the change is
-    /// small enough to go on.
+    /// Turn and relative growth of the velocity since the last frame, 1/s, if the change is
+    /// small enough to continue.
     fn turn(&self, sample: &ContactSample) -> [f64; 2] {
         let time = sample.tick - self.last.tick;
         let (Some(v), Some(w)) = (self.last.velocity, sample.velocity) else { return [0.0; 2] };

@@ -7,11 +7,11 @@ use crate::scrape::force::voices::{CELL, Cell, Segment};
 use crate::scrape::path::piece::{position, velocity};
 use fearless_simd::{Level, dispatch};
 
-/// Most points along the line of contact.
+/// Maximum number of points along the line of contact.
 pub const MOST_TAPS: usize = 129;
 /// Samples that share one reading of both surfaces.
 const GROUP: usize = 32;
-/// Most points of such a reading.
+/// Maximum number of points of such a reading.
 const PROFILE: usize = 512;
 
 /// The line along which two surfaces touch.
@@ -19,7 +19,7 @@ const PROFILE: usize = 512;
 struct Line {
     /// Offsets of its points, m.
     offsets: Vec<f64>,
-    /// How far the curved surfaces are apart there, m.
+    /// Gap of the curved surfaces there, m.
     gaps: Vec<f32>,
     /// From one point to the next, m.
     step: f64,

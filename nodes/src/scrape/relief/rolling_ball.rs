@@ -6,7 +6,7 @@ use crate::texture::{Grid, Surface, Wrap};
 /// Bends of the ball up to which a surface counts as round between three pixels, and from which on as an edge.
 const ROUND: [f64; 2] = [4.0, 8.0];
 
-/// Where the centre of a ball of radius `radius` m goes that rolls over heights in m: their dilation by its paraboloid.
+/// Returns the path of the centre of a ball of radius `radius` m that rolls over heights in m: their dilation by its paraboloid.
 ///
 /// A round surface is touched between pixels, on the parabola through three of them: from pixel to pixel alone the ball would rattle.
 ///
@@ -20,7 +20,7 @@ pub fn rolled_over(heights: &Grid, surface: &Surface, radius: f64) -> Grid {
     dilated(heights, surface, radius, between_pixels)
 }
 
-/// How far the vertex of the parabola through three heights, of which the middle one is highest, lies above it; no more than a round
+/// Height of the vertex of the parabola through three heights above the middle one, which is highest; at most that of a round
 /// surface lets it.
 fn between_pixels([before, top, after]: [f64; 3], bend: f64) -> f64 {
     let own = 2.0 * top - before - after;
@@ -67,7 +67,7 @@ struct Envelope {
     line: Vec<f64>,
     /// Parabolas that are highest somewhere, from left to right.
     tops: Vec<usize>,
-    /// Where each of them takes over.
+    /// Start of each of them.
     from: Vec<f64>,
 }
 

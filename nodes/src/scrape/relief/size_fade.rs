@@ -37,7 +37,7 @@ impl SizeFade {
         }
     }
 
-    /// How far it has gone from the first size to the second, and from there to the third, 0 to 1.
+    /// Returns the progress from the first size to the second, and from there to the third, 0 to 1.
     fn progress(&self, sample: i64) -> [f64; 2] {
         let fraction = |start: i64| ((sample - start) as f64 / self.samples as f64).clamp(0.0, 1.0);
         [fraction(self.start), if self.next.is_some() { fraction(self.start + self.samples) } else { 0.0 }]

@@ -6,7 +6,7 @@ use std::ops::Range;
 
 use crate::unit::UnitDatabase;
 
-/// How the two sounds at a join are mixed.
+/// Mix of the two sounds at a join.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Blend {
     /// Their powers add up to one: for sounds that have nothing to do with each other.
@@ -24,7 +24,7 @@ const CUT_FADE: usize = 16;
 /// One boundary between two units.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Join {
-    /// Samples by which the earlier unit goes on.
+    /// Samples by which the earlier unit continues.
     pub after: usize,
     /// Samples by which the later unit begins early.
     pub before: usize,
@@ -37,21 +37,21 @@ impl Join {
         self.after + self.before
     }
 
-    /// Whether nothing is mixed.
+    /// Returns true if nothing is mixed.
     #[must_use]
     pub fn is_empty(self) -> bool {
         self.len() == 0
     }
 }
 
-/// Whether the samples before and at `at` differ in sign; zero counts as positive.
+/// Returns true if the samples before and at `at` differ in sign; zero counts as positive.
 fn crosses(x: &[f32], at: usize) -> bool {
     (x[at - 1] < 0.0) != (x[at] < 0.0)
 }
 
-/// Where a sound that ends before `end` and one that begins at `start` are joined.
+/// Finds the join of a sound that ends before `end` and one that begins at `start`.
 ///
-/// The earlier one goes on to its next sign change, the later one begins at the sign change before it; both within half a unit,
+/// The earlier one continues to its next sign change, the later one begins at the sign change before it; both within half a unit,
 /// so that neighbouring joins never overlap, and within their segments.
 #[must_use]
 pub fn join(
@@ -87,12 +87,12 @@ impl Blend {
     }
 }
 
-/// What is known of one boundary: the units on both sides, where there are any.
+/// Units on both sides of a boundary, if there are any.
 type Sides = (Option<u32>, Option<u32>);
 
 /// Plays units of a database one after the other.
 ///
-/// Where a unit follows the one that follows it in its recording, the recording runs through untouched.
+/// Units that follow each other in their recording are not joined: the recording is copied.
 ///
 /// # Source
 /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 4.4, which says in one
@@ -116,7 +116,7 @@ impl<'a> Concatenator<'a> {
         Some(segment.start * self.db.unit()..segment.end * self.db.unit())
     }
 
-    /// How two units are joined in a channel; nothing is mixed where the one follows the other, or one is missing.
+    /// Finds the join of two units in a channel; there is no mix if one follows the other, or one is missing.
     #[must_use]
     pub fn join(&self, channel: usize, (a, b): Sides) -> Join {
         let joined = a.zip(b).and_then(|(a, b)| {
@@ -152,7 +152,7 @@ impl<'a> Concatenator<'a> {
             let own = at(unit, here).unwrap_or(0.0);
             let left = length - k.min(length);
             *out = if k < joins[0].after {
-                // The unit before goes on into this one.
+                // The unit before continues into this one.
                 let (a, b) = self.blend.weights(joins[0].before + k, joins[0].len());
                 a * at(before, length as i64 + here).unwrap_or(0.0) + b * own
             } else if left <= joins[1].before {

@@ -13,7 +13,7 @@ use crate::feature::{FeatureConventions, FloorRule, MelCepstrum, TemporalFilter}
 pub struct Take {
     /// Samples of each channel, equally many.
     pub channels: Vec<Vec<f32>>,
-    /// What it is.
+    /// The value.
     pub source: UnitSource,
 }
 
@@ -40,7 +40,7 @@ pub enum BuildError {
         recording: String,
         /// Index of the sample.
         sample: usize,
-        /// What it is.
+        /// The value.
         found: f32,
     },
     /// Joint features of a recording with another number of channels.

@@ -38,11 +38,11 @@ impl Segment {
 /// A recording that went into a database.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct UnitSource {
-    /// What was recorded and by whom: the path where nothing else was said.
+    /// Provenance of the recording: its path by default.
     pub provenance: String,
     /// The licence that it came under.
     pub licence: String,
-    /// What it sounds of: a material, or a cause such as `friction`; may be empty.
+    /// A material, or a cause such as `friction`; may be empty.
     pub tag: String,
     /// Digest of what it holds, whatever its file is called; empty where that is not known.
     pub content: String,
@@ -53,7 +53,7 @@ pub struct UnitSource {
 pub struct UnitDatabase {
     /// [`DATABASE_VERSION`].
     pub version: u32,
-    /// How the features were made, with the widths of the Gaussian that filtered them.
+    /// Conventions of the features, with the widths of the Gaussian that filtered them.
     pub conventions: FeatureConventions,
     /// Least energy of a band, as mean square of full scale.
     pub floor_energy: f64,
@@ -102,7 +102,7 @@ pub enum DatabaseError {
         index: usize,
         /// Its first unit.
         found: usize,
-        /// Where it should begin.
+        /// The expected start.
         expected: usize,
     },
     /// A number that is not finite.
@@ -112,7 +112,7 @@ pub enum DatabaseError {
         field: &'static str,
         /// The unit.
         unit: usize,
-        /// What it holds.
+        /// The value.
         found: f32,
     },
 }
@@ -124,19 +124,19 @@ pub(crate) fn file_names<'a>(paths: impl Iterator<Item = &'a str>) -> String {
 }
 
 impl UnitDatabase {
-    /// How many units there are.
+    /// Returns the number of units.
     #[must_use]
     pub fn len(&self) -> usize {
         self.segments.last().map_or(0, |last| last.range().end)
     }
 
-    /// Whether there is none.
+    /// Returns true if there is none.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// What it is of, for people and to tell it from others: the file names of its recordings in order.
+    /// Returns the file names of its recordings in order, which identify it.
     #[must_use]
     pub fn recordings(&self) -> String {
         file_names(self.sources.iter().map(|s| s.provenance.as_str()))

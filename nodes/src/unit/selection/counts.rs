@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::picks::Pick;
 use crate::core::node::Summary;
 
-/// Share of units for which nothing is near enough from which on it is told.
+/// Share of units for which nothing is near enough from which on it is reported.
 const MAX_FALLBACK_SHARE: f64 = 0.2;
 
 /// Counts of the picks of a channel.
@@ -54,7 +54,7 @@ impl Counts {
         if fallbacks > MAX_FALLBACK_SHARE {
             let text = format!(
                 "for {:.0} % of the units nothing in the database is within `d_max` {d_max}: add recordings of what is missing, \
-                 mark correspondences or others, or raise `d_max` (SelectionReport tells when)",
+                 mark correspondences or others, or raise `d_max` (SelectionReport lists them)",
                 100.0 * fallbacks
             );
             summary.push(("warning", text.into()));

@@ -35,7 +35,7 @@ pub struct KdTree<const P: usize> {
     labels: Vec<u32>,
 }
 
-/// What waits in the queue of a search.
+/// Entry of the queue of a search.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Waiting {
     squared: f64,

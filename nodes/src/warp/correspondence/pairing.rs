@@ -30,7 +30,7 @@ pub struct SetError {
     pub file: String,
     /// Location in the file.
     pub location: Location,
-    /// What was found and what would be right.
+    /// Description of the mistake, and of the correct form.
     pub message: String,
 }
 
@@ -38,7 +38,7 @@ pub struct SetError {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SetErrors(pub Vec<SetError>);
 
-/// The most that are told in words.
+/// The most that are reported in words.
 const MAX_LISTED: usize = 20;
 
 impl fmt::Display for SetErrors {

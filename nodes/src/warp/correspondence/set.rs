@@ -10,11 +10,11 @@ use crate::artefact::text::{
 use crate::core::item::Data;
 use crate::core::random::Rng;
 
-/// Most correspondences of one file.
+/// Maximum number of correspondences of one file.
 pub const MAX_CORRESPONDENCES: usize = 10_000;
 /// Format of a file of correspondences that this code reads and writes.
 pub const CORRESPONDENCES_VERSION: u32 = 1;
-/// Most mistakes that are reported at once.
+/// Maximum number of mistakes that are reported at once.
 const MAX_ERRORS: usize = 20;
 
 /// Name of a recording of a database.
@@ -57,7 +57,7 @@ pub struct CorrespondenceSet {
     pub file: String,
     /// The render that the times of targets are of, for people.
     pub target: String,
-    /// How long that is, s, where it is said: what tells it from another.
+    /// Its length, s, if it is given: it identifies the target.
     pub length: Option<f64>,
     /// The database, by the file names of its recordings as [`UnitDatabase::recordings`](crate::unit::UnitDatabase::recordings) gives
     /// them; empty where it is not said.
@@ -75,7 +75,7 @@ impl CorrespondenceSet {
 }
 
 impl Correspondence {
-    /// What people know it by: number, label and place.
+    /// Returns its name for messages: number, label and time.
     #[must_use]
     pub fn name(&self, index: usize) -> String {
         if self.label.is_empty() {

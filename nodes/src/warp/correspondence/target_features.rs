@@ -118,7 +118,7 @@ impl TargetFeatures {
         if let Some(length) = set.length.filter(|length| (length - self.seconds()).abs() * self.rate > 2.0) {
             let text = format!(
                 "{} was marked in {:?}, which lasts {length:.3} s; this target lasts {:.3} s: other moments may be marked. Mark \
-                 them anew, or change `length` there",
+                 them again, or change `length` there",
                 set.file,
                 set.target,
                 self.seconds()
@@ -128,7 +128,7 @@ impl TargetFeatures {
         let recordings = self.database.recordings();
         if !set.database.is_empty() && set.database != recordings {
             let text = format!(
-                "{} was marked in the recordings {:?}; the database has {recordings:?}: other moments may be marked. Mark them anew, \
+                "{} was marked in the recordings {:?}; the database has {recordings:?}: other moments may be marked. Mark them again, \
                  or change `database` there",
                 set.file, set.database
             );

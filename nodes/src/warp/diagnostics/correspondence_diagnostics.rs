@@ -153,7 +153,7 @@ impl CorrespondenceDiagnostics {
         Ok((diagnosis, comparison))
     }
 
-    /// What is played of the longest of some ranges.
+    /// Returns the interval of the longest of some ranges that is played.
     fn interval(&self, ranges: &[[usize; 2]], units: usize) -> Option<Range<usize>> {
         let [from, to] = ranges.iter().rev().max_by_key(|[from, to]| to - from)?;
         let from = from.saturating_sub(MARGIN);

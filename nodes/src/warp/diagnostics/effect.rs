@@ -12,9 +12,9 @@ use crate::warp::spline::tps::{Orientation, evenly_spaced};
 const MIN_DISPLACEMENT: f64 = 0.25;
 /// Unchanged units within a range that do not split it.
 const GAP: usize = 24;
-/// Most units that are chosen again over all correspondences; of more, every second, third and so on.
+/// Maximum number of units that are chosen again over all correspondences; of more, every second, third and so on.
 const MAX_CHOICES: usize = 16_000;
-/// Most units whose warp is looked at for folds.
+/// Maximum number of units that are tested for folds.
 const MAX_SURVEYED: usize = 1024;
 
 /// Changes of the selection without a correspondence.

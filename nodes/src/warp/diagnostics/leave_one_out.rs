@@ -165,7 +165,7 @@ impl<'a> LeaveOut<'a> {
         self.lambda
     }
 
-    /// How far the mean of each of two blocks is predicted wrong, squared, where both are left out.
+    /// Squared error of the predicted mean of each of two blocks, if both are left out.
     fn both_left_out(&self, [a, b]: [usize; 2]) -> Option<[f64; 2]> {
         let errors = self.errors(&[a, b])?;
         let (first, all) = (self.blocks[a].1.len(), self.blocks[a].1.len() + self.blocks[b].1.len());

@@ -46,7 +46,7 @@ pub(crate) struct Problem {
     form: OnceLock<Form>,
 }
 
-/// What makes every lambda cheap: further reflections, and what they leave.
+/// Further reflections and their remainder, which make every lambda cheap.
 #[derive(Debug)]
 struct Form {
     matrix: Tridiagonal,

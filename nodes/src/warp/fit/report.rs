@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-/// Most nodes of one fit: the time goes with their cube.
+/// Maximum number of nodes of one fit: the time is proportional to their cube.
 pub const MAX_NODES: usize = 3000;
 /// Stiffness of a spline.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -57,7 +57,7 @@ pub enum FitError {
     Pair {
         /// Index of the pair.
         pair: usize,
-        /// What was found and what would be right.
+        /// Description of the mistake, and of the correct form.
         message: String,
     },
     /// More than [`MAX_NODES`].

@@ -64,7 +64,7 @@ fn check(warp: &Warp, features: &FeatureFormat) -> Result<(), Reject> {
     Ok(())
 }
 
-/// How a warp is one of other recordings than those of a database, where it tells: by what they hold, in any order, where both know
+/// Returns the difference between the recordings of a warp and of a database, if there is one: by content, in any order, if both know
 /// that, else by their names.
 fn mismatch(warp: &Warp, db: &UnitDatabase) -> Option<String> {
     let (fitted, found) = (file_names(warp.recordings.iter().map(String::as_str)), db.recordings());

@@ -15,11 +15,11 @@ use crate::warp::spline::{Pair, Tps};
 
 /// Format of [`Warp`] that this code reads and writes.
 pub const WARP_VERSION: u32 = 1;
-/// Most units whose warp is looked at for folds.
+/// Maximum number of units that are tested for folds.
 const MAX_SURVEYED: usize = 4096;
 /// Units farther from the middle than this many radii of the nodes are extrapolated.
 const MAX_RADII: f64 = 2.0;
-/// Most vectors of each kind that are kept for the figure.
+/// Maximum number of vectors of each kind in the figure.
 const MAX_DRAWN: usize = 400;
 
 /// The warp of one channel.

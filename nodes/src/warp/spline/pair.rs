@@ -5,7 +5,7 @@
 pub struct Pair {
     /// The vector.
     pub from: Vec<f64>,
-    /// Where it should go.
+    /// Its image.
     pub to: Vec<f64>,
     /// Weight, above 0.
     pub weight: f64,

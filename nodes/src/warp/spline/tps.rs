@@ -49,19 +49,19 @@ impl Tps {
         }
     }
 
-    /// How many nodes it has.
+    /// Returns the number of nodes.
     #[must_use]
     pub fn len(&self) -> usize {
         self.nodes.len() / self.dims.max(1)
     }
 
-    /// Whether it is affine.
+    /// Returns true if it is affine.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.nodes.is_empty()
     }
 
-    /// What is wrong with its fields, if anything.
+    /// Returns an error message if its fields are inconsistent.
     #[must_use]
     pub fn fault(&self) -> Option<String> {
         let d = self.dims;
@@ -215,7 +215,7 @@ fn total(a: &[f64; GROUP], b: &[f64; GROUP]) -> f64 {
 /// Units of which one thread judges the folds at a time.
 const CHUNK: usize = 64;
 
-/// Which way round a warp lays the units of a target.
+/// Orientation of the units of a target under a warp.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Orientation {
     /// Share of the units around which it keeps the sense of rotation.
@@ -247,7 +247,7 @@ impl Orientation {
         if units.is_empty() { Self { preserved: 1.0, reversed: 0.0 } } else { Self { preserved, reversed } }
     }
 
-    /// Whether most of the target is turned over. A mirror alone folds nothing: neighbours stay neighbours.
+    /// Returns true if most of the target is turned over. A mirror alone folds nothing: neighbours stay neighbours.
     pub fn mirrored(self) -> bool {
         self.reversed > self.preserved
     }

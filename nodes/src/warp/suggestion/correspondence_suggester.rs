@@ -34,21 +34,21 @@ params! {
     /// Silence of the target is proposed with the quietest moment of recordings that fall 30 dB below their loudest. Where none does, it
     /// is left out and a warning says so: no recording sounds like it.
     ///
-    /// Where the parts of a synthetic target are given at `friction` and `crumple`, moments of either are proposed, and recordings
+    /// If the parts of a synthetic target are linked to `friction` and `crumple`, moments of either are proposed, and recordings
     /// with the tags `friction`, `crumple` and `silence` are taken for what they are.
     ///
     /// # Source
     /// Cuturi, "Sinkhorn distances" (NIPS 2013); Bonneel et al., "Sliced and Radon Wasserstein barycenters of measures" (2015).
     pub struct CorrespondenceSuggesterParams {
-        /// Where the file is written.
+        /// The file to write.
         path: OutPath;
-        /// Most proposals.
+        /// Maximum number of proposals.
         count: usize = 12, unit "proposals", range 1..=50;
         /// Length of a proposal.
         window: usize = 24, unit "units", range 1..=1000;
         /// lambda of the warp that ranks them.
         lambda: f64 = 1000.0, unit "", range 0.0001..=1e12;
-        /// How much more loudness counts than colour where both worlds are laid on each other.
+        /// Weight of loudness relative to spectral shape in the alignment of target and recordings.
         level: f64 = 1.0, unit "", range 0.0..=100.0;
         /// List all `count` proposals, also those that gain little.
         all: bool = false;
@@ -77,7 +77,7 @@ pub struct CorrespondenceSuggester {
     target: TargetFeatures,
     file: Box<dyn WriteSeek>,
     params: CorrespondenceSuggesterParams,
-    /// What is known of the causes named in [`CAUSES`].
+    /// Powers of the causes named in [`CAUSES`].
     causes: [Option<UnitPower>; 2],
 }
 
@@ -117,7 +117,7 @@ impl UnitPower {
     }
 }
 
-/// Whether each segment of a database comes of a cause, where its tag tells.
+/// Returns true if each segment of a database comes of a cause, where its tag tells.
 fn tagged(db: &UnitDatabase, segments: &[&Segment], cause: &str) -> Vec<Option<bool>> {
     let known = |tag: &str| CAUSES.contains(&tag) || tag == SILENCE_TAG;
     let segment = |s: &&Segment| {

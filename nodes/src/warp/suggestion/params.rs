@@ -7,15 +7,15 @@ pub struct SuggestParams {
     pub window: usize,
     /// Units from window to window.
     pub hop: usize,
-    /// Most proposals.
+    /// Maximum number of proposals.
     pub count: usize,
     /// lambda of the warp that scores them.
     pub lambda: f64,
-    /// Most windows of either side that are laid on each other; more go into as many clusters.
+    /// Maximum number of windows of either side in the alignment; more are clustered.
     pub most: usize,
     /// How much more the first feature, which is that of loudness, counts than each of the others where ranks are compared.
     pub level: f64,
-    /// Whether all `count` are listed, also where one more gains little: loudness is followed the better the more there are.
+    /// True if all `count` are listed, also where one more gains little: loudness is followed the better the more there are.
     pub all: bool,
     /// What silence is, where that is known; otherwise the quietest moment of the target is taken for it.
     pub silence: Option<Silence>,

@@ -169,7 +169,7 @@ impl<'a> Scaling<'a> {
         self.potentials[1].len().max(1)
     }
 
-    /// One round on the potentials themselves, which nothing can lose, and the kernel anew.
+    /// One round on the potentials themselves, which nothing can lose, and the kernel again.
     fn exactly(&mut self) {
         let (m, scaled, masses) = (self.width(), &self.scaled, self.masses);
         let [f, g] = &mut self.potentials;

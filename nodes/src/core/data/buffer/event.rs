@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Bytes by which all buffers of a run together may still grow.
 ///
-/// How many events will come is known to nobody before the run; this is what keeps them within the memory limit.
+/// Memory for events, shared by all buffers: their number is not known before the run.
 #[derive(Clone, Debug)]
 pub struct Budget(Arc<AtomicUsize>);
 
@@ -88,7 +88,7 @@ impl<E: Clone + Send + 'static> EventBuffer<E> {
         self.events.insert(at, (tick, event));
     }
 
-    /// Says that all events before `end` are in.
+    /// Declares that all events before `end` have been written.
     pub fn advance(&mut self, end: Tick) {
         self.end = self.end.max(end);
         let keep = self.end - self.span;

@@ -12,7 +12,7 @@ use super::fault::Fault;
 use super::state::StateArchive;
 use std::any::Any;
 
-/// What stands in a stream before its first and after its last item.
+/// Padding of a stream before its first and after its last item.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Pad {
     /// The element's default: silence, the origin, no contact.
@@ -31,11 +31,11 @@ pub trait AnyBuffer: Any + Send {
     fn append_from(&mut self, other: &dyn AnyBuffer, from: i64, to: i64);
     /// Forgets everything and starts again at zero, with the padding before it.
     fn reset(&mut self);
-    /// Forgets everything and goes on at position `at`, without padding.
+    /// Forgets everything and continues at position `at`, without padding.
     fn restart(&mut self, at: i64);
-    /// Forgets everything and goes on at position `at`, with a whole span of padding before it.
+    /// Forgets everything and continues at position `at`, with a whole span of padding before it.
     fn begin(&mut self, at: i64);
-    /// Goes on where a buffer of the same type stopped: with what it holds, as far as the span goes, and padding before that.
+    /// Continues a buffer of the same type: takes its items over the span, with padding before them.
     ///
     /// Nothing is allocated; the other buffer is of no use afterwards.
     fn take_over(&mut self, old: &mut dyn AnyBuffer);
@@ -54,11 +54,11 @@ pub trait AnyBuffer: Any + Send {
     fn archive_state(&mut self, archive: &mut StateArchive<'_>) -> Result<(), Fault>;
     /// Bytes that the buffer holds in memory.
     fn bytes(&self) -> usize;
-    /// Whether its size depends on what comes in.
+    /// Returns true if its size depends on what comes in.
     fn grows(&self) -> bool {
         false
     }
-    /// Whether something was left out because the [`Budget`] was spent.
+    /// Returns true if something was left out because the [`Budget`] was spent.
     fn overrun(&self) -> bool {
         false
     }

@@ -49,7 +49,7 @@ impl<E: Copy + Default + Serialize + DeserializeOwned + Send + 'static> StreamBu
         Self::storage(width, span.max(Self::LEAST)).saturating_mul(size_of::<E>())
     }
 
-    /// Where an item stands in the storage.
+    /// Index of an item in the storage.
     #[inline(always)]
     pub(super) fn at(&self, item: i64) -> usize {
         (item - self.origin) as usize * self.width

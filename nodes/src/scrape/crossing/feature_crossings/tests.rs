@@ -10,7 +10,7 @@ use crate::texture::{Drawing, Grid, Levels, Luma, LumaKind, Surface, Wrap, isoph
 
 const RATE: f64 = 48_000.0;
 const DENSITY: f64 = 512.0;
-/// Where the lines of both surfaces lie, px.
+/// Positions of the lines of both surfaces, px.
 const LINES: [&[f32]; 2] =
     [&[11.0, 24.0, 33.0, 51.0, 64.0, 90.0, 101.0], &[17.0, 21.0, 40.0, 58.0, 77.0, 84.0]];
 
@@ -36,8 +36,8 @@ fn standalone(p: FeatureCrossingsParams, paths: Vec<(Tick, PathPiece)>, slopes: 
 
 fn count(standalone: &Standalone) -> (u64, Vec<f32>) {
     let run = standalone.run().unwrap();
-    let told = run.summary.iter().find(|(key, _)| *key == "meetings").unwrap();
-    (told.1.as_u64().unwrap(), run.stream(FeatureCrossingsPorts::force))
+    let reported = run.summary.iter().find(|(key, _)| *key == "meetings").unwrap();
+    (reported.1.as_u64().unwrap(), run.stream(FeatureCrossingsPorts::force))
 }
 
 /// Along the first surface at one speed, along the second at another, m/s.

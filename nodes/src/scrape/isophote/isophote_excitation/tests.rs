@@ -189,7 +189,7 @@ fn seams_mirrors_and_borders_are_those_of_the_larger_image() {
             assert!(db(rms(&miss) / rms(&a)) < -60.0, "{reading:?} {small:?}: {}", rms(&miss) / rms(&a));
         }
     }
-    // Beyond the border the image goes on as its border.
+    // Beyond the border the image continues as its border.
     let wide =
         curves([120, 120], Wrap::Clamp, levels(), tiled(&samples, n, |x| x.saturating_sub(40).min(39)));
     let moved: Vec<_> = way
@@ -345,8 +345,8 @@ fn too_many_crossings_and_too_much_speed_are_counted() {
             .events(IsophoteExcitationPorts::paths, way, ticks(0.1))
             .value(IsophoteExcitationPorts::isophotes, all.clone());
         let run = standalone.run().unwrap();
-        let told = run.summary.iter().find(|(name, _)| *name == "crossings_left_out");
-        assert!(told.is_some_and(|(_, count)| count.as_u64() > Some(100)), "{v}: {:?}", run.summary);
+        let reported = run.summary.iter().find(|(name, _)| *name == "crossings_left_out");
+        assert!(reported.is_some_and(|(_, count)| count.as_u64() > Some(100)), "{v}: {:?}", run.summary);
         assert!(run.stream(IsophoteExcitationPorts::force).iter().all(|x| x.is_finite()));
     }
 }

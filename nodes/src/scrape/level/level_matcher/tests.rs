@@ -26,7 +26,7 @@ use crate::texture::spectrum::NoiseModel;
 use crate::texture::split::{noise as noise_of, statistics};
 use crate::texture::{Drawing, Grid, Luma, LumaKind, Surface, Wrap, isophotes};
 
-/// All that is made of an image: paving with joints, and grain everywhere.
+/// All maps of an image: paving with joints, and grain everywhere.
 struct Floor {
     map: DiscontinuityMap,
     isophotes: Isophotes,
@@ -134,7 +134,7 @@ fn drawn<N: Node>(params: N::Params, way: &[(Tick, PathPiece)], feeds: Vec<(usiz
     run.stream(crate::core::ports::Port::<crate::core::ports::Stream<f32>>::new(0))
 }
 
-/// What each level of detail draws from a way: map, isophotes, features and noise, noise, noise from a spectrum.
+/// Output of each level of detail along a path: map, isophotes, features and noise, noise, noise from a spectrum.
 fn levels(floor: &Floor, run: &StandaloneRun, way: &[(Tick, PathPiece)]) -> [Vec<f32>; 5] {
     let rate = Rate::hz(44_100);
     let map = |feed: (usize, Feed), port: usize| {
@@ -180,8 +180,8 @@ fn all_levels_of_detail_are_equally_strong_within_two_db() {
     for grain in [1.0, 8.0] {
         let floor = floor(grain);
         let run = matched(params(), &floor, None);
-        let told = |key: &str| run.summary.iter().find(|(k, _)| *k == key).unwrap().1.as_f64().unwrap();
-        assert!((told("split_rms") / told("rms") - 1.0).abs() < 1e-6, "{:?}", run.summary);
+        let reported = |key: &str| run.summary.iter().find(|(k, _)| *k == key).unwrap().1.as_f64().unwrap();
+        assert!((reported("split_rms") / reported("rms") - 1.0).abs() < 1e-6, "{:?}", run.summary);
         let all = levels(&floor, &run, &way(1.0, 1.0)).map(|x| rms(&x));
         for (k, level) in all.iter().enumerate() {
             assert!(db(level / all[0]).abs() < 2.0, "grain {grain}, level {k}: {} dB", db(level / all[0]));

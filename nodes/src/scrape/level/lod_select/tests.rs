@@ -79,7 +79,7 @@ fn heard(standalone: Standalone, contact: u64) -> [bool; LEVELS] {
 #[test]
 fn a_nearer_contact_has_the_finer_level() {
     let frame = 1.0 / 60.0;
-    // Contacts 1 and 2 with bodies 3 and 4, one near the listener and one 20 m away; a third of both bodies is told of by nobody.
+    // Contacts 1 and 2 with bodies 3 and 4, one near the listener and one 20 m away; a third of both bodies is reported of by nobody.
     let far = |contact: u64| if contact == 2 { 20.0 } else { 1.0 };
     let mut rng = Rng::new(4);
     let blank = <ContactState as crate::core::item::Event>::trial(&mut rng);

@@ -8,7 +8,7 @@ fn rules(budget: Option<f64>) -> LodRules {
 
 type Parts = [Vec<(Tick, PathPiece)>; LEVELS];
 
-/// What pieces at distances give on each level.
+/// Pieces on each level, for pieces at distances.
 fn parts(rules: LodRules, pieces: &[(Tick, PathPiece, f64)]) -> (Parts, LodSelector) {
     let mut selector = LodSelector::new(rules, 64);
     let mut queues = [(); LEVELS].map(|()| Queue::new(2000));

@@ -23,7 +23,7 @@ use crate::texture::{Drawing, Grid, Levels, LumaKind, Surface, Wrap, isophotes};
 /// Distance travelled on the second surface per distance on the first.
 const OTHER: f64 = 0.4;
 
-/// All that is made of one surface.
+/// All data of one surface.
 struct Side {
     luma: Luma,
     lines: Isophotes,
@@ -112,7 +112,7 @@ fn drawn<N: Node>(params: N::Params, way: &[(Tick, PathPiece)], feeds: Vec<(usiz
     standalone.run().unwrap().stream(Port::<Stream<f32>>::new(0))
 }
 
-/// What each level of detail draws from a way: reliefs, crossings and noises, noises alone.
+/// Output of each level of detail along a path: reliefs, crossings and noises, noises alone.
 fn levels([a, b]: &[Side; 2], run: &StandaloneRun, way: &[(Tick, PathPiece)], scale: f64) -> [Vec<f32>; 3] {
     let rate = Rate::hz(44_100);
     let p = TwoTexturesParams {
@@ -187,13 +187,13 @@ fn noises_share_their_power_as_their_slopes_do() {
     let mut sides = sides();
     let modes = modes();
     let p = PairMatcherParams { stroke: StrokeParams { by_speed: false, ..params().stroke }, ..params() };
-    let told = |run: &StandaloneRun| {
+    let reported = |run: &StandaloneRun| {
         run.summary.iter().find(|(k, _)| *k == "second_noise_share").unwrap().1.as_f64()
     };
-    let before = told(&matched(p.clone(), &sides, &modes)).unwrap();
+    let before = reported(&matched(p.clone(), &sides, &modes)).unwrap();
     // Heights twice as large have four times the power.
     sides[1].luma.surface.depth *= 2.0;
-    let after = told(&matched(p, &sides, &modes)).unwrap();
+    let after = reported(&matched(p, &sides, &modes)).unwrap();
     let odds = |share: f64| share / (1.0 - share);
     assert!((odds(after) / odds(before) - 4.0).abs() < 1e-3, "{before} {after}");
 }

@@ -97,7 +97,7 @@ fn passed(cycles: f64, step: f64) -> [f64; 2] {
     [db(tone[0].hypot(tone[1]) / 2_f64.sqrt() / drawn), db(rms(&rest) / drawn)]
 }
 
-/// Whatever is drawn on a map, nothing that a fast contact reads of it folds down. The requirement of T16 that amplitudes
+/// A fast contact reads any map without aliasing. The requirement of T16 that amplitudes
 /// stay within 0.5 dB up to 0.4 of the rate, and fall below -60 dB from there to half of it, is not met by a map that is read once
 /// for each sample: a spline alone takes 0.6 dB at 0.1 cycles per pixel and 7.7 dB at 0.35, at any speed, and one without loss would
 /// draw images at -20 dB or let everything fold that lies between 0.4 and 0.6. What is met is the half that is heard as a
@@ -277,10 +277,10 @@ fn the_report_has_the_peak_and_the_root_mean_square_of_the_force() {
         .run()
         .unwrap();
     let out = run.stream(MapExcitationPorts::force);
-    let told = |key: &str| run.summary.iter().find(|(k, _)| *k == key).unwrap().1.as_f64().unwrap();
+    let reported = |key: &str| run.summary.iter().find(|(k, _)| *k == key).unwrap().1.as_f64().unwrap();
     let most = out.iter().fold(0.0_f32, |most, x| most.max(x.abs()));
-    assert!((told("peak_n") / f64::from(most) - 1.0).abs() < 1e-6, "{} {most}", told("peak_n"));
-    assert!((told("rms_n") / rms(&out) - 1.0).abs() < 1e-5, "{} {}", told("rms_n"), rms(&out));
+    assert!((reported("peak_n") / f64::from(most) - 1.0).abs() < 1e-6, "{} {most}", reported("peak_n"));
+    assert!((reported("rms_n") / rms(&out) - 1.0).abs() < 1e-5, "{} {}", reported("rms_n"), rms(&out));
 }
 
 #[test]

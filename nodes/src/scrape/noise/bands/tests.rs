@@ -15,7 +15,7 @@ fn read(bands: &NoiseBands, position: f64, step: f32) -> f32 {
     dispatch!(level, simd => bands.read(simd, position, step))
 }
 
-/// What is heard of a loop that is passed at `step` samples a sample.
+/// Sound of a loop that is passed at `step` samples a sample.
 fn heard(bands: &NoiseBands, step: f64, samples: usize) -> Vec<f32> {
     let position = |k: usize| (k as f64 * step).rem_euclid(bands.round());
     (0..samples).map(|k| read(bands, position(k), step as f32)).collect()

@@ -172,7 +172,7 @@ fn without_slip_the_places_on_both_bodies_go_on_together() {
     }
 }
 
-/// Weighted force of the box along its way, N, from 1.2 s to 2.2 s in steps of 1 ms.
+/// Weighted force of the box along its path, N, from 1.2 s to 2.2 s in steps of 1 ms.
 fn slid(contacts: &str, poses: &str) -> Vec<f64> {
     let options = LogOptions { masses: vec![0.0, 0.0, 1.2], ..LogOptions::default() };
     let contact = read_contacts(contacts.as_bytes(), Some(poses.as_bytes()), &options).unwrap();

@@ -37,7 +37,7 @@ fn passing(va: [f64; 2], vb: [f64; 2], time: f64) -> PathPiece {
     PathPiece { other: Some(piece([0.4, 0.001], vb, time).position), ..one }
 }
 
-/// How far the surfaces hold each other apart, from the definition with `taps` points.
+/// Distance of the surfaces, from the definition with `taps` points.
 fn apart(a: &Relief, b: &Relief, piece: &PathPiece, time: f64, taps: i32) -> f64 {
     let s = time / crate::core::time::seconds(piece.duration);
     let other = PathPiece { position: piece.other.unwrap(), ..*piece };

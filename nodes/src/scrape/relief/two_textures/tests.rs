@@ -80,7 +80,7 @@ fn period(x: &[f32], around: [f64; 2]) -> f64 {
     best as f64 * hop as f64 / FS
 }
 
-/// How often it is half as loud as it gets, with 30 ms of quiet before.
+/// Number of rises above half of the maximum after 30 ms of silence.
 fn knocks(x: &[f32]) -> usize {
     let loud = x.iter().fold(0.0_f32, |m, x| m.max(x.abs())) * 0.5;
     let (mut count, mut last) = (0, -FS);

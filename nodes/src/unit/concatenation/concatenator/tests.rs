@@ -71,7 +71,7 @@ fn joins_reach_from_crossing_to_crossing_and_never_meet() {
 fn where_nothing_crosses_zero_the_blend_is_sixteen_samples() {
     let x = vec![1.0; 2000];
     assert_eq!(join(&x, 200, 600, &(0..2000), 1000, &(0..2000)), Join { after: 16, before: 16 });
-    // At the ends of segments there is nothing to go on with.
+    // At the ends of segments there is nothing to continue with.
     assert_eq!(join(&x, 200, 600, &(0..600), 1000, &(1000..2000)), Join::default());
     assert_eq!(join(&x, 200, 600, &(0..605), 1000, &(990..2000)), Join { after: 5, before: 10 });
 }
@@ -146,7 +146,7 @@ fn joins_click_less_than_cuts() {
         (ends, inside - 1.0 + 0.999_f64.powf(steps))
     };
     let (add, equal, linear) = (with(Blend::Add), with(Blend::EqualPower), with(Blend::Linear));
-    // What the recordings themselves do at the same places: the unit that goes on where the other begins, and the other way round.
+    // What the recordings themselves do at the same places: the unit that continues where the other begins, and the other way round.
     let joins: Vec<[u32; 2]> = picks.windows(2).map(|p| [p[0], p[1]]).filter(|[a, b]| *b != a + 1).collect();
     let own = joins.iter().filter(|[a, b]| {
         let join = Concatenator::new(&db, Blend::EqualPower).join(0, (Some(*a), Some(*b)));

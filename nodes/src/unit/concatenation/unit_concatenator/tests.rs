@@ -189,7 +189,7 @@ fn a_silent_target_sends_it_to_sleep_and_a_balance_makes_channels() {
     let out = followed(target);
     assert!(out[..24_000] == db.channel(0)[..24_000]);
     assert!(out[26_500..].iter().all(|x| *x == 0.0));
-    // Room tone goes on after a click, and where there never is a sound.
+    // Room tone continues after a click, and where there never is a sound.
     let mut click = vec![0.0; 48_000];
     click[0] = 0.5;
     for target in [click, vec![0.0; 48_000]] {

@@ -104,6 +104,6 @@ fn what_is_odd_about_recordings_is_told() {
     assert!(warned(&standalone(&["a.wav"])).is_empty());
     let mut silent = standalone(&["a.wav"]);
     silent.files.insert("a.wav", trial_wav(&[0.0; 24_000], 48_000));
-    let told = warned(&silent);
-    assert!(told.len() == 1 && told[0].contains("silent"), "{told:?}");
+    let reported = warned(&silent);
+    assert!(reported.len() == 1 && reported[0].contains("silent"), "{reported:?}");
 }

@@ -1,4 +1,4 @@
-//! Paths whose joins cost what is heard of them: a search among the likeliest.
+//! Paths whose joins cost what is reported of them: a search among the likeliest.
 
 use super::path::{GlobalParams, Path};
 use super::table::Table;
@@ -9,10 +9,10 @@ use rayon::prelude::*;
 /// Targets whose nearest units are looked up together.
 const AHEAD: usize = 4096;
 
-/// What joins cost besides the price of a jump, and how many units are tried.
+/// Costs of joins in addition to that of a jump, and the number of candidates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BeamParams {
-    /// What all paths cost.
+    /// Costs of all paths.
     pub path: GlobalParams,
     /// Nearest units that are tried for each target, and paths that are followed.
     pub candidates: usize,
@@ -24,19 +24,19 @@ pub struct BeamParams {
     pub crossing: f64,
 }
 
-/// What joins are judged by, column by column.
+/// Data for the costs of joins, by column.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Joins {
     /// Natural logarithm of the level of a unit.
     pub levels: Vec<f32>,
-    /// Whether the sound crosses zero soon after the end of a unit.
+    /// True if the sound crosses zero soon after the end of a unit.
     pub leaves: Vec<bool>,
-    /// Whether the sound crosses zero shortly before the start of a unit.
+    /// True if the sound crosses zero shortly before the start of a unit.
     pub enters: Vec<bool>,
 }
 
 impl Joins {
-    /// What it costs to go from one column to another.
+    /// Returns the cost of a join of two columns.
     #[must_use]
     pub fn cost(&self, table: &Table, a: usize, b: usize, p: &BeamParams) -> f64 {
         if table.follows(a, b) {
@@ -57,7 +57,7 @@ impl Joins {
         cost + if blind { p.crossing } else { 0.0 }
     }
 
-    /// What a path of units costs in all, infinite where one of them may not be chosen.
+    /// Returns the total cost of a path of units, infinite if one of them is not allowed.
     ///
     /// # Shapes
     /// `target`: `[units.len() * dims]`.
@@ -71,7 +71,7 @@ impl Joins {
     }
 }
 
-/// One path that is followed: its last column, its cost, and the path of the row before that it goes on.
+/// One path that is followed: its last column, its cost, and the path of the row before that it continues.
 #[derive(Clone, Copy, Debug)]
 struct Followed {
     column: usize,
@@ -121,7 +121,7 @@ struct Beam<'a, const P: usize> {
     near: KdTree<P>,
     /// Column and predecessor of each followed path, row after row.
     backpointers: Vec<(u32, u32)>,
-    /// Where each row begins in the trail.
+    /// Start of each row in the trail.
     rows: Vec<usize>,
     forced: usize,
 }
@@ -220,7 +220,7 @@ impl<'a, const P: usize> Beam<'a, P> {
         paths
     }
 
-    /// The cheapest way to a column: its cost and the path that it goes on.
+    /// The cheapest way to a column: its cost and the path that it continues.
     fn cheapest(
         &self,
         row: usize,
@@ -246,7 +246,7 @@ impl<'a, const P: usize> Beam<'a, P> {
         best
     }
 
-    /// Whether a column was chosen lately on path `k` of the row before `row`.
+    /// Returns true if a column was chosen lately on path `k` of the row before `row`.
     fn comes_back(&self, row: usize, k: usize, column: usize) -> bool {
         let mut at = k;
         let rows = self.rows.iter().take(row).rev();

@@ -9,7 +9,7 @@ use crate::unit::selection::selector::{Choice, NotFinite};
 
 /// Chooses unit by unit, as the best path to the latest known unit of the target says.
 ///
-/// What was committed is not taken back, so that a pick may jump where no path does; its distance from the best path shrinks as
+/// Committed picks are final, so that a pick may jump where no path does; its distance from the best path shrinks as
 /// the lag grows. Units that rest are replaced when they are committed.
 ///
 /// # Complexity

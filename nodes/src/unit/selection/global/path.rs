@@ -24,13 +24,13 @@ params! {
 pub struct GlobalParams {
     /// Price of a unit that does not follow the one before it in its recording.
     pub switch_cost: f64,
-    /// Most that the distance of one unit costs; infinite for no limit.
+    /// Maximum cost of the distance of one unit; infinite for no limit.
     pub cap: f64,
     /// Targets for which a chosen unit is not chosen again.
     pub cool_off: usize,
 }
 
-/// Most that a jump may cost: a larger price would drown distances in single precision.
+/// Maximum cost of a jump: a larger one would exceed the precision of distances.
 pub const MAX_SWITCH_COST: f64 = 1000.0;
 
 /// A path through the units of a database.

@@ -82,7 +82,7 @@ impl Front {
     }
 }
 
-/// What rows need besides features.
+/// Costs of rows in addition to features.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Price {
     pub switch: f32,
@@ -97,7 +97,7 @@ impl Price {
     }
 }
 
-/// How each column of some rows was reached.
+/// Predecessor of each column of some rows.
 #[derive(Debug)]
 pub(super) struct Decisions {
     words: usize,
@@ -140,7 +140,7 @@ pub(super) struct Programme<'a> {
     fronts: Vec<Front>,
     /// The best path, in columns.
     pub path: Vec<usize>,
-    /// What cells cost besides, by row.
+    /// Surcharges of cells, by row.
     pub surcharges: BTreeMap<usize, Vec<(usize, f32)>>,
 }
 
@@ -174,7 +174,7 @@ impl<'a> Programme<'a> {
         self.trace_back(stale);
     }
 
-    /// Goes through the rows of a block; where `decisions` are wanted, notes them.
+    /// Computes the rows of a block, and stores `decisions` on request.
     fn run_block(&self, b: usize, threads: usize, mut decisions: Option<&mut Decisions>) -> Front {
         let mut front = self.fronts.get(b).cloned().unwrap_or_else(|| Front::start(self.table.count()));
         let mut before = front.clone();
@@ -195,7 +195,7 @@ impl<'a> Programme<'a> {
         front
     }
 
-    /// Computes the fronts anew from the first change on, as far as they differ; tells which blocks were passed through.
+    /// Computes the fronts again from the first change on, as far as they differ; tells which blocks were passed through.
     fn forward(&mut self, changed: &[bool]) -> Vec<bool> {
         let threads = rayon::current_num_threads().max(2);
         let mut stale = vec![false; changed.len()];

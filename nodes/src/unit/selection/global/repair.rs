@@ -7,7 +7,7 @@ use super::programme::Programme;
 /// Rounds of a repair.
 const ROUNDS: usize = 20;
 
-/// What a repair did.
+/// Result of a repair.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Repair {
     /// Units that came back too early at first.

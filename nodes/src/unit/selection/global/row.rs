@@ -26,7 +26,7 @@ pub(super) struct Target<'a> {
     pub least: f32,
     /// Cost of a jump.
     pub switch: f32,
-    /// Most that a distance costs.
+    /// Maximum cost of a distance.
     pub cap: f32,
 }
 

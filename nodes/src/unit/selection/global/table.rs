@@ -18,7 +18,7 @@ pub struct Table {
 }
 
 impl Table {
-    /// Gathers the units; `None` where there is none, or no dimension.
+    /// Gathers the units; `None` without one, or no dimension.
     #[must_use]
     pub fn new(units: &Units<'_>) -> Option<Self> {
         let mut chosen = Vec::new();
@@ -40,7 +40,7 @@ impl Table {
         Some(Self { dims, columns: columns.filter(|c| !c.is_empty())?, units: chosen, ends })
     }
 
-    /// How many units may be chosen.
+    /// Returns the number of allowed units.
     #[must_use]
     pub fn count(&self) -> usize {
         self.units.len()
@@ -64,7 +64,7 @@ impl Table {
         self.units.binary_search(&unit).ok()
     }
 
-    /// Whether column `b` follows column `a` in a recording.
+    /// Returns true if column `b` follows column `a` in a recording.
     #[must_use]
     pub fn follows(&self, a: usize, b: usize) -> bool {
         b == a + 1 && self.next(a).is_some()
@@ -88,7 +88,7 @@ impl Table {
         self.features(column).zip(target).map(square).sum::<f64>().sqrt()
     }
 
-    /// What a path of columns costs.
+    /// Returns the cost of a path of columns.
     ///
     /// # Shapes
     /// `target`: `[path.len() * dims]`.

@@ -379,16 +379,16 @@ fn the_report_tells_how_often_a_fixed_lag_departs_from_the_best_path() {
             ..global(method)
         };
         let run = of_global(&p, &db, 1, &target).run().unwrap();
-        let told = run.summary.iter().find(|(name, _)| *name == "differs").and_then(|(_, x)| x.as_f64());
-        (told, chosen(&run.stream(GlobalUnitSelectorPorts::picks)))
+        let reported = run.summary.iter().find(|(name, _)| *name == "differs").and_then(|(_, x)| x.as_f64());
+        (reported, chosen(&run.stream(GlobalUnitSelectorPorts::picks)))
     };
     for cool_off in [0, 7] {
         let (none, best) = differs(Method::Exact, 0.0, cool_off);
         assert_eq!(none, None);
         for lag in [0.0, 0.0125, 0.05, 1.0] {
-            let (told, found) = differs(Method::FixedLag, lag, cool_off);
+            let (reported, found) = differs(Method::FixedLag, lag, cool_off);
             let others = found.iter().zip(&best).filter(|(a, b)| a != b).count() as f64 / 70.0;
-            assert_eq!(told, Some(others), "lag {lag}");
+            assert_eq!(reported, Some(others), "lag {lag}");
             // One unit known is less than the path needs; all of them are all that it needs.
             assert!(others > 0.0 || lag > 0.0, "{cool_off}");
             assert!(others == 0.0 || lag < 1.0 || cool_off > 0, "{cool_off}");

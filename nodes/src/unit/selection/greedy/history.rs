@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use crate::impl_state;
 use crate::unit::selection::selector::SelectorParams;
 
-/// What was chosen so far.
+/// The choices so far.
 #[derive(Clone)]
 pub(super) struct History {
     /// One more than the target for which a unit was last chosen; 0 where it never was.
@@ -33,7 +33,7 @@ impl History {
         }
     }
 
-    /// Whether a unit was chosen for one of the last targets.
+    /// Returns true if a unit was chosen for one of the last targets.
     pub fn in_cool_off(&self, unit: usize) -> bool {
         let used = self.used[unit];
         used > 0 && self.now + 1 - used <= self.cool_off
@@ -43,7 +43,7 @@ impl History {
         self.in_cool_off(unit) || self.guarded.contains(&(unit as u32))
     }
 
-    /// Finds the units that would go on with an exact repeat of the last picks.
+    /// Finds the units that would continue with an exact repeat of the last picks.
     pub fn guard(&mut self) {
         self.guarded.clear();
         let picks = &self.picks;
@@ -55,7 +55,7 @@ impl History {
         }
     }
 
-    /// Lets every unit rest for long enough.
+    /// Ends the cool-off of all units.
     pub fn release_all(&mut self) {
         self.now += self.cool_off + 1;
         self.picks.clear();

@@ -5,14 +5,14 @@ use std::cmp::Ordering;
 use crate::unit::selection::kdtree::KdTree;
 use crate::unit::selection::selector::{SelectorParams, Units};
 
-/// What is known of the units, whoever chooses among them.
+/// Index of the units, shared by all searches.
 pub(super) struct Index<const P: usize> {
     pub dims: usize,
     pub features: Vec<[f64; P]>,
     /// Segment of each unit, with its first unit and the one after its last.
     pub segment: Vec<(u32, u32)>,
     pub allowed: Vec<bool>,
-    /// How many are allowed.
+    /// Number of allowed units.
     pub allowed_count: usize,
     /// Every unit that may be chosen, by its features.
     pub by_features: KdTree<P>,

@@ -57,7 +57,7 @@ struct Candidate {
 }
 
 impl Candidate {
-    /// What decides between two, the lesser first.
+    /// Sort key, the lesser first.
     fn key(&self) -> (f64, bool, f64, u32) {
         (self.choice.d2, !self.continues, self.bound, self.choice.unit)
     }
@@ -137,7 +137,7 @@ impl<const P: usize> Exact<P> {
         }
         let mut scratch = std::mem::take(&mut self.search);
         let all = state.best.is_none() && self.seed(&mut state, &mut scratch);
-        // Nothing is better than no distance at all: it goes on the run, or is the first such unit that the seeds met. In silence, where
+        // Nothing is better than no distance at all: it continues the run, or is the first such unit that the seeds met. In silence, where
         // thousands of units are alike, their bounds alone would not rule out one of them.
         let perfect = state.best.is_some_and(|best| best.choice.d2 == 0.0);
         if !all && !perfect {
@@ -147,7 +147,7 @@ impl<const P: usize> Exact<P> {
         state.best.map(|found| found.choice)
     }
 
-    /// Looks at the nearest units until one may be chosen and some more were seen; true where all within `d_max` were seen.
+    /// Examines the nearest units until one is allowed and some more have been seen; returns true if all within `d_max` have been seen.
     fn seed(&self, state: &mut SearchState<P>, scratch: &mut Search) -> bool {
         let (mut seen, mut all) = (0, true);
         // The distance as compared with `d_max` is rounded once more.
@@ -161,7 +161,7 @@ impl<const P: usize> Exact<P> {
         all
     }
 
-    /// Looks at units until no bound is low enough to be better.
+    /// Examines units until no bound is low enough.
     fn by_bound(&self, state: &mut SearchState<P>, scratch: &mut Search) {
         let units = self.window.len() as f64;
         // No window whose mean is further away than this can sum to less.
@@ -211,7 +211,7 @@ impl<const P: usize> Exact<P> {
         })
     }
 
-    /// Where every unit is barred, the one that has rested longest.
+    /// Returns the least recently used unit, if all are in their cool-off.
     fn least_recent(&mut self) -> Option<usize> {
         let free =
             |history: &History| (0..history.used.len()).any(|j| self.index.allowed[j] && !history.barred(j));

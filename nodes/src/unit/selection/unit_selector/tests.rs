@@ -183,16 +183,20 @@ fn many_fallbacks_and_too_few_units_are_told_once() {
     let near = UnitSelectorParams { d_max: 1000.0, ..params() };
     assert_eq!(warnings(&selection(&near, &db, 1, &features)), Vec::<String>::new());
     let far = UnitSelectorParams { d_max: 0.001, ..params() };
-    let told = warnings(&selection(&far, &db, 1, &features).window(ticks(0.1)));
-    assert!(told.len() == 1 && told[0].contains("within `d_max` 0.001"), "{told:?}");
+    let reported = warnings(&selection(&far, &db, 1, &features).window(ticks(0.1)));
+    assert!(reported.len() == 1 && reported[0].contains("within `d_max` 0.001"), "{reported:?}");
     // Of 60 units 55 have five more after them.
     let few = |cool_off| {
         let p = UnitSelectorParams { cool_off, look: 5, ..near.clone() };
         warnings(&selection(&p, &db, 1, &features))
     };
     assert_eq!(few(54), Vec::<String>::new());
-    let told = few(55);
-    assert!(told.len() == 1 && told[0].contains("55 units can be chosen") && told[0].contains("`cool_off`"));
+    let reported = few(55);
+    assert!(
+        reported.len() == 1
+            && reported[0].contains("55 units can be chosen")
+            && reported[0].contains("`cool_off`")
+    );
 }
 
 #[test]

@@ -110,7 +110,7 @@ fn the_quick_warp_without_a_correspondence_is_the_fitted_one() {
             }
         }
     }
-    // Without the other one, silence is left, which lies in one place: that is fitted anew.
+    // Without the other one, silence is left, which lies in one place: that is fitted again.
     let mut two = pairs[..20].to_vec();
     two[..10].iter_mut().for_each(|(_, pair)| pair.from = vec![-20.0, 0.0, 0.0]);
     let all = LeaveOut::new(&two, 3, 1.0).unwrap();

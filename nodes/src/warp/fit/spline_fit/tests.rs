@@ -354,7 +354,7 @@ fn pairs_from_one_place_count_as_their_mean() {
     assert_eq!((report.nodes, report.rank), (1, 0));
 }
 
-/// What the whole system of all pairs says at a point, twins and all: `[K + lambda / weights, P; P^T, 0]` in plain coordinates.
+/// Solution of the complete system of all pairs at a point, duplicates included: `[K + lambda / weights, P; P^T, 0]` in plain coordinates.
 fn unmerged(pairs: &[Pair], lambda: f64, point: &[f64]) -> Vec<f64> {
     let (n, d) = (pairs.len(), point.len());
     let m = n + d + 1;
@@ -420,8 +420,11 @@ fn the_order_of_the_pairs_does_not_matter() {
             // Steps that share no factor with the number of pairs visit all of them, here backwards.
             let order = (0..=n).map(|k| (n - k) * step % (n + 1));
             let other: Vec<Pair> = order.map(|k| pairs[k].clone()).collect();
-            let (found, told) = fit(&other, d, Stiffness::Lambda(lambda)).unwrap();
-            assert_eq!((told.pairs, told.nodes, told.rank), (report.pairs, report.nodes, report.rank));
+            let (found, reported) = fit(&other, d, Stiffness::Lambda(lambda)).unwrap();
+            assert_eq!(
+                (reported.pairs, reported.nodes, reported.rank),
+                (report.pairs, report.nodes, report.rank)
+            );
             for point in numbers(6 * d, 5).chunks(d).map(|x| x.iter().map(|x| 8.0 * x).collect::<Vec<_>>()) {
                 worst = worst.max(apart(&at(&wanted, &point), &at(&found, &point)));
             }
