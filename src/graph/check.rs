@@ -1,7 +1,8 @@
 //! From nodes as they stand in the text to a checked graph.
 
-use super::links::{RawLink, feeders, link, links_of};
-use super::load::{Loaded, Loader, RawNode};
+use super::checked_node::{CheckedNode, RawLink};
+use super::links::{feeders, link, links_of};
+use super::loader::{Loaded, Loader, RawNode};
 use super::order::{order, unused};
 use super::outputs;
 use super::root::join;
@@ -11,33 +12,20 @@ use super::values::Given;
 use super::{Graph, GraphNode, Link};
 use crate::diag::{Diagnostic, Place, any_error, sort};
 use crate::lang::{Value, ValueKind};
-use foley_nodes::core::node::NodeType;
-use foley_nodes::core::params::{AnyParams, Datum, FieldError, Mismatch, ParamKind, ParamSpec};
+use foley_nodes::core::params::{Datum, FieldError, Mismatch, ParamKind, ParamSpec};
 use foley_nodes::core::ports::Arity;
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 use std::sync::Arc;
 
-/// A node whose own fields are checked.
-pub(super) struct Half {
-    pub ty: Arc<NodeType>,
-    pub params: Option<Box<dyn AnyParams>>,
-    pub links: Vec<Vec<RawLink>>,
-    /// The files that it writes, with the fields that name them.
-    pub outputs: Vec<(&'static str, String)>,
-    pub fields: BTreeMap<String, Place>,
-    /// Location of the value, for fields that refer to a parameter of the graph.
-    origins: BTreeMap<String, Place>,
-}
-
 /// Checks everything that was read.
 pub(super) fn check(mut loader: Loader) -> Loaded {
     let raw = std::mem::take(&mut loader.nodes);
     let mut good = sound::readable(&raw, &loader.found);
-    let mut halves: Vec<Option<Half>> = Vec::new();
+    let mut checked: Vec<Option<CheckedNode>> = Vec::new();
     for (node, good) in raw.iter().zip(&mut good) {
         let before = loader.found.len();
-        halves.push(fields(node, &mut loader));
+        checked.push(fields(node, &mut loader));
         let own = loader.found[before..].iter_mut().filter(|d| d.node.is_none());
         own.for_each(|d| d.node = Some(node.id.clone()));
         *good &= loader.found.len() == before;
@@ -47,13 +35,13 @@ pub(super) fn check(mut loader: Loader) -> Loaded {
     let by_id: HashMap<&str, usize> = raw.iter().enumerate().rev().map(|(k, n)| (n.id.as_str(), k)).collect();
     let mut links: Vec<Vec<Vec<Link>>> = Vec::new();
     let mut count = 0;
-    for (k, half) in halves.iter().enumerate() {
-        let Some(half) = half else {
+    for (k, checked_node) in checked.iter().enumerate() {
+        let Some(checked_node) = checked_node else {
             links.push(Vec::new());
             continue;
         };
-        let per_port = half.ty.inputs.iter().zip(&half.links).map(|(spec, texts)| {
-            let one = |text: &RawLink| match link(text, spec, &raw, &halves, &by_id, &loader) {
+        let per_port = checked_node.ty.inputs.iter().zip(&checked_node.links).map(|(spec, texts)| {
+            let one = |text: &RawLink| match link(text, spec, &raw, &checked, &by_id, &loader) {
                 Ok(link) => link,
                 Err(diagnostic) => {
                     found.push(diagnostic.node(&raw[k].id));
@@ -64,7 +52,7 @@ pub(super) fn check(mut loader: Loader) -> Loaded {
             texts.iter().filter_map(one).collect()
         });
         let resolved: Vec<Vec<Link>> = per_port.collect();
-        let all = half.links.iter().map(Vec::len).sum::<usize>();
+        let all = checked_node.links.iter().map(Vec::len).sum::<usize>();
         good[k] &= resolved.iter().map(Vec::len).sum::<usize>() == all;
         links.push(resolved);
         count += all;
@@ -74,11 +62,11 @@ pub(super) fn check(mut loader: Loader) -> Loaded {
         found.push(Diagnostic::general("F009", message).help("--max-links allows more"));
         good.fill(false);
     }
-    outputs::check(&raw, &halves, &mut found);
-    let order = order(&raw, &halves, &links, &mut found);
+    outputs::check(&raw, &checked, &mut found);
+    let order = order(&raw, &checked, &links, &mut found);
     // What is wrong can be why something seems to be unused.
     if !any_error(&found) {
-        unused(&raw, &halves, &links, &mut found);
+        unused(&raw, &checked, &links, &mut found);
         found.extend(loader.unused_params());
     }
     let sources = std::mem::take(&mut loader.sources);
@@ -88,9 +76,9 @@ pub(super) fn check(mut loader: Loader) -> Loaded {
         found.push(Diagnostic::warning("F026", "the graph has no nodes", Place::default()));
     }
     let mut nodes = Vec::new();
-    for (((raw, half), links), good) in raw.into_iter().zip(halves).zip(links).zip(good) {
-        nodes.push(match half {
-            Some(Half { ty, params: Some(params), fields, .. }) if good => {
+    for (((raw, checked_node), links), good) in raw.into_iter().zip(checked).zip(links).zip(good) {
+        nodes.push(match checked_node {
+            Some(CheckedNode { ty, params: Some(params), fields, .. }) if good => {
                 Some(GraphNode { id: raw.id, ty, params, links, place: raw.place, fields, whole: true })
             }
             _ => None,
@@ -112,7 +100,7 @@ pub(super) fn check(mut loader: Loader) -> Loaded {
 }
 
 /// Checks type, parameters and presence of inputs of one node.
-fn fields(node: &RawNode, loader: &mut Loader) -> Option<Half> {
+fn fields(node: &RawNode, loader: &mut Loader) -> Option<CheckedNode> {
     if node.type_name.is_empty() {
         return None;
     }
@@ -127,7 +115,7 @@ fn fields(node: &RawNode, loader: &mut Loader) -> Option<Half> {
         return None;
     };
     let specs = (ty.params)();
-    let mut half = Half {
+    let mut checked_node = CheckedNode {
         ty: Arc::clone(&ty),
         params: None,
         links: ty.inputs.iter().map(|_| Vec::new()).collect(),
@@ -158,11 +146,11 @@ fn fields(node: &RawNode, loader: &mut Loader) -> Option<Half> {
             continue;
         };
         if given.place != place {
-            half.origins.insert(name.clone(), given.place.clone());
+            checked_node.origins.insert(name.clone(), given.place.clone());
         } else {
-            item_places(name, &given.value, place.file, &mut half.fields);
+            item_places(name, &given.value, place.file, &mut checked_node.fields);
         }
-        half.fields.insert(name.clone(), place);
+        checked_node.fields.insert(name.clone(), place);
         // A list is of links, unless it is one of numbers for a parameter of the same name.
         let is_link = |v: &Value, spec: &ParamSpec| match v.value {
             ValueKind::Str(_) | ValueKind::Option(None) => true,
@@ -172,10 +160,10 @@ fn fields(node: &RawNode, loader: &mut Loader) -> Option<Half> {
         match (port, param) {
             (Some(port), None) => {
                 linked[port] = true;
-                half.links[port] = links_of(&given, &ty.inputs[port], node, loader);
+                checked_node.links[port] = links_of(&given, &ty.inputs[port], node, loader);
             }
             (Some(port), Some(spec)) if is_link(&given.value, spec) => {
-                half.links[port] = links_of(&given, &ty.inputs[port], node, loader);
+                checked_node.links[port] = links_of(&given, &ty.inputs[port], node, loader);
             }
             (_, Some(spec)) => match datum(&given, spec, loader) {
                 Some(datum) => drop(data.insert(spec.name, datum)),
@@ -195,8 +183,8 @@ fn fields(node: &RawNode, loader: &mut Loader) -> Option<Half> {
     }
     match (ty.read)(&|name| data.get(name).cloned()) {
         Ok(params) => {
-            half.outputs = outputs::written(&ty, &*params).collect();
-            half.params = Some(params);
+            checked_node.outputs = outputs::written(&ty, &*params).collect();
+            checked_node.params = Some(params);
         }
         Err(errors) => {
             let text = |spec: &ParamSpec| match data.get(spec.name) {
@@ -204,8 +192,8 @@ fn fields(node: &RawNode, loader: &mut Loader) -> Option<Half> {
                 _ => None,
             };
             let output = |spec: &&ParamSpec| *spec.kind.innermost() == ParamKind::Output;
-            half.outputs = specs.iter().filter(output).filter_map(text).collect();
-            missing_assets(&specs, &data, &half.fields, node, loader);
+            checked_node.outputs = specs.iter().filter(output).filter_map(text).collect();
+            missing_assets(&specs, &data, &checked_node.fields, node, loader);
             for e in errors {
                 match &e {
                     FieldError::Missing(name) | FieldError::Value(name, _) if broken.contains(name) => {}
@@ -218,12 +206,12 @@ fn fields(node: &RawNode, loader: &mut Loader) -> Option<Half> {
                     }
                     FieldError::Value(name, mismatch) => {
                         let spec = specs.iter().find(|s| s.name == *name);
-                        let place = half.fields.get(*name).unwrap_or(&node.place);
+                        let place = checked_node.fields.get(*name).unwrap_or(&node.place);
                         for (item, mismatch) in mismatch.each() {
                             let name = format!("{name}{item}");
-                            let place = half.fields.get(&name).unwrap_or(place).clone();
+                            let place = checked_node.fields.get(&name).unwrap_or(place).clone();
                             let mut found = mismatched(&name, mismatch, spec, place).node(&node.id);
-                            if let Some(origin) = half.origins.get(spec.map_or("", |s| s.name)) {
+                            if let Some(origin) = checked_node.origins.get(spec.map_or("", |s| s.name)) {
                                 found = found.label(origin.clone(), "the value is given here");
                             }
                             loader.found.push(found);
@@ -233,7 +221,7 @@ fn fields(node: &RawNode, loader: &mut Loader) -> Option<Half> {
             }
         }
     }
-    Some(half)
+    Some(checked_node)
 }
 
 /// The value as a parameter reads it; paths are made relative to the working folder.

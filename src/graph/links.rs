@@ -1,8 +1,8 @@
 //! Links: from their text to the output that they name.
 
 use super::Link;
-use super::check::Half;
-use super::load::{Loader, RawNode};
+use super::checked_node::{CheckedNode, RawLink};
+use super::loader::{Loader, RawNode};
 use super::suggest::help;
 use super::values::Given;
 use crate::diag::{Diagnostic, Place};
@@ -12,13 +12,6 @@ use foley_nodes::core::ports::{Arity, PortKind, PortSpec};
 use foley_nodes::registry::Registry;
 use std::collections::HashMap;
 use std::sync::Arc;
-
-/// A link as it stands in the text: the text, and where.
-pub(super) struct RawLink {
-    pub text: String,
-    pub scope: String,
-    pub place: Place,
-}
 
 /// Node types whose outputs an input takes.
 pub(super) fn feeders(spec: &PortSpec, registry: &Registry) -> String {
@@ -87,7 +80,7 @@ pub(super) fn link(
     raw: &RawLink,
     input: &PortSpec,
     nodes: &[RawNode],
-    halves: &[Option<Half>],
+    checked: &[Option<CheckedNode>],
     by_id: &HashMap<&str, usize>,
     loader: &Loader,
 ) -> Result<Option<Link>, Diagnostic> {
@@ -110,8 +103,8 @@ pub(super) fn link(
             }
         },
     };
-    let Some(half) = &halves[node] else { return Ok(None) };
-    let ty = &half.ty;
+    let Some(checked_node) = &checked[node] else { return Ok(None) };
+    let ty = &checked_node.ty;
     let ports = ty.outputs;
     let at = match port {
         Some(port) => match ports.iter().position(|p| p.name == port) {

@@ -3,17 +3,21 @@
 //! [`load`] reads a graph file and its sub-graphs; every error of all of them comes back in one pass.
 
 mod check;
+mod checked_node;
 mod links;
 mod load;
+mod loader;
 mod order;
 mod outputs;
+mod parameters;
 mod root;
 mod sound;
 mod sub_graphs;
 mod suggest;
 mod values;
 
-pub use load::{LoadOptions, Loaded, SCHEMA, load, load_text};
+pub use load::{load, load_text};
+pub use loader::{LoadOptions, Loaded, SCHEMA};
 pub use outputs::{output_path, written};
 pub use root::{Asked, DirFiles, Limits, Root, Stamp, matching};
 pub use suggest::nearest;

@@ -1,8 +1,8 @@
 //! The order in which nodes can run, the loops that have none, and the nodes that nothing needs.
 
 use super::Link;
-use super::check::Half;
-use super::load::RawNode;
+use super::checked_node::CheckedNode;
+use super::loader::RawNode;
 use crate::diag::Diagnostic;
 use foley_nodes::core::node::NodeType;
 use foley_nodes::core::ports::PortKind;
@@ -13,11 +13,11 @@ use std::collections::{BTreeMap, HashMap};
 /// The topological order. A loop is an error unless an input that is read late closes it.
 pub(super) fn order(
     raw: &[RawNode],
-    halves: &[Option<Half>],
+    checked: &[Option<CheckedNode>],
     links: &[Vec<Vec<Link>>],
     found: &mut Vec<Diagnostic>,
 ) -> Vec<usize> {
-    let late = |v: usize, port: usize| halves[v].as_ref().is_some_and(|h| h.ty.inputs[port].late);
+    let late = |v: usize, port: usize| checked[v].as_ref().is_some_and(|h| h.ty.inputs[port].late);
     let mut all = DiGraph::<(), ()>::new();
     let index: Vec<_> = raw.iter().map(|_| all.add_node(())).collect();
     let edges = || {
@@ -157,12 +157,12 @@ fn shortest_loop(first: usize, below: &[Vec<usize>], members: &[usize]) -> Vec<u
 /// Warns of nodes that no output file needs. Those of sub-graphs are on offer: who uses one may leave others alone.
 pub(super) fn unused(
     raw: &[RawNode],
-    halves: &[Option<Half>],
+    checked: &[Option<CheckedNode>],
     links: &[Vec<Vec<Link>>],
     found: &mut Vec<Diagnostic>,
 ) {
     let mut used = vec![false; raw.len()];
-    let sink = |n: usize| halves[n].as_ref().is_none_or(|h| h.ty.outputs.is_empty());
+    let sink = |n: usize| checked[n].as_ref().is_none_or(|h| h.ty.outputs.is_empty());
     let mut stack: Vec<usize> = (0..raw.len()).filter(|&n| sink(n)).collect();
     // A graph that writes nothing at all is meant to be used by others.
     if stack.is_empty() {
@@ -175,7 +175,7 @@ pub(super) fn unused(
     }
     // What only folds a take is a report: it is there for taps.
     let folds = |ty: &NodeType| ty.outputs.iter().all(|o| matches!(o.kind, PortKind::Fold(_)));
-    let tells = |n: usize| halves[n].as_ref().is_some_and(|h| folds(&h.ty));
+    let tells = |n: usize| checked[n].as_ref().is_some_and(|h| folds(&h.ty));
     let mut feeds = vec![false; raw.len()];
     links.iter().flatten().flatten().for_each(|l| feeds[l.node] = true);
     for (n, node) in raw.iter().enumerate() {

@@ -1,7 +1,7 @@
 //! The files that a graph writes: where they may lie, and that no two are one.
 
-use super::check::Half;
-use super::load::RawNode;
+use super::checked_node::CheckedNode;
+use super::loader::RawNode;
 use crate::diag::{Diagnostic, Place};
 use foley_nodes::core::files::FileError;
 use foley_nodes::core::node::NodeType;
@@ -34,10 +34,10 @@ pub fn written(ty: &NodeType, params: &dyn AnyParams) -> impl Iterator<Item = (&
 }
 
 /// Finds output paths that lead elsewhere, and those that are given twice.
-pub(super) fn check(raw: &[RawNode], halves: &[Option<Half>], found: &mut Vec<Diagnostic>) {
+pub(super) fn check(raw: &[RawNode], checked: &[Option<CheckedNode>], found: &mut Vec<Diagnostic>) {
     let mut first: HashMap<PathBuf, Place> = HashMap::new();
-    for (node, half) in raw.iter().zip(halves) {
-        let Some(Half { outputs, fields, .. }) = half else { continue };
+    for (node, checked_node) in raw.iter().zip(checked) {
+        let Some(CheckedNode { outputs, fields, .. }) = checked_node else { continue };
         for (name, path) in outputs {
             let place = fields.get(*name).unwrap_or(&node.place).clone();
             let full = match output_path(path) {

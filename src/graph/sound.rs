@@ -1,7 +1,7 @@
 //! The sound part of a graph: the nodes that can be shaped although others are wrong, so that what is wrong with them is
 //! told in the same pass.
 
-use super::load::RawNode;
+use super::loader::RawNode;
 use super::{Graph, GraphNode, Link};
 use crate::diag::{Diagnostic, Place, Severity};
 use foley_nodes::core::ports::Arity;

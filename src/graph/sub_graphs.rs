@@ -1,6 +1,6 @@
 //! The sub-graphs that a graph file uses.
 
-use super::load::{Loader, read_text, valid_id};
+use super::loader::{Loader, read_text, valid_id};
 use super::root::join;
 use super::values::{Given, Scope};
 use crate::diag::{Diagnostic, Place, any_error};

@@ -1,11 +1,9 @@
 //! Values of a text: what the command line gives for them, and the parameters that they may stand for.
 
-use super::load::Loader;
-use super::suggest::help;
-use crate::diag::{Diagnostic, Place};
-use crate::lang::{self, Value, ValueKind};
+use crate::diag::Place;
+use crate::lang::Value;
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 /// A value given on the command line for a graph parameter or for `NODE.PARAM`.
@@ -45,129 +43,4 @@ pub struct Scope {
     pub prefix: String,
     /// The parameters of the graph file.
     pub params: Arc<BTreeMap<String, Given>>,
-}
-
-impl Loader {
-    /// Parses the values given on the command line, each as a text of its own.
-    pub(super) fn overrides(&mut self, overrides: &[Override]) -> Vec<(String, Given)> {
-        let mut given = Vec::new();
-        for Override { target, value } in overrides {
-            let parsed = lang::parse(value);
-            let document = parsed.document();
-            let text = |file| Place { file, span: 0..value.len() };
-            let file = self.sources.add(format!("--set {target}"), value.as_str());
-            let node = match document.value {
-                // A bare word that no value starts with is text, and so is a path.
-                Some(found)
-                    if parsed.is_ok()
-                        && !matches!(found.value, ValueKind::Struct(..) | ValueKind::NamedTuple(..)) =>
-                {
-                    found
-                }
-                _ => Value { span: 0..value.len(), value: ValueKind::Str(value.clone()) },
-            };
-            let scope = Scope::default();
-            given.push((
-                target.clone(),
-                Given { value: node, place: text(file), folder: PathBuf::new(), scope },
-            ));
-        }
-        given
-    }
-
-    /// The graph's parameters with what was given for them, and what was given for nodes.
-    pub(super) fn params(
-        &mut self,
-        value: Option<&Value>,
-        given: &[(String, Given)],
-        file: usize,
-        folder: &Path,
-        prefix: &str,
-    ) -> (BTreeMap<String, Given>, Vec<(String, Given)>) {
-        let mut params: BTreeMap<String, Given> = BTreeMap::new();
-        for entry in self.entries(value, file, "params") {
-            let Some(name) = entry.key.as_str() else { continue };
-            let place = Place { file, span: entry.value.span() };
-            let scope = Scope { prefix: prefix.to_owned(), ..Scope::default() };
-            let own = Given { value: entry.value.clone(), place, folder: folder.to_owned(), scope };
-            let key = Place { file, span: entry.key.span() };
-            if params.insert(name.to_owned(), own).is_some() {
-                self.error("F005", format!("parameter `{name}` is given twice"), key);
-            } else {
-                self.all_params.push((format!("{prefix}{name}"), key));
-            }
-        }
-        let mut node_sets = Vec::new();
-        for (target, value) in given {
-            if target.contains('.') {
-                node_sets.push((target.clone(), value.clone()));
-            } else if params.contains_key(target) {
-                params.insert(target.clone(), value.clone());
-            } else {
-                let names = params.keys().map(String::as_str);
-                let message = format!("this graph has no parameter `{target}`");
-                let found = Diagnostic::error("F028", message, value.place.clone());
-                self.found.push(found.help(format!(
-                    "{}; a parameter of a node is set as NODE.PARAM=VALUE",
-                    help(target, "parameters", names)
-                )));
-            }
-        }
-        (params, node_sets)
-    }
-
-    /// Follows `"$name"` to the parameter that it stands for.
-    pub(super) fn resolve(&mut self, given: Given) -> Option<Given> {
-        let mut given = given;
-        for _ in 0..=self.limits.depth {
-            let Some(name) = given.value.as_str().and_then(|t| t.strip_prefix('$')).map(str::to_owned) else {
-                return Some(given);
-            };
-            if let Some(literal) = name.strip_prefix('$') {
-                given.value.value = ValueKind::Str(format!("${literal}"));
-                return Some(given);
-            }
-            self.used_params.borrow_mut().insert(format!("{}{name}", given.scope.prefix));
-            match given.scope.params.get(&name).cloned() {
-                Some(mut next) => {
-                    // A parameter may stand for another one of the same file.
-                    if next.scope.params.is_empty() && next.scope.prefix == given.scope.prefix {
-                        next.scope = given.scope;
-                    }
-                    given = next;
-                }
-                None => {
-                    let names: Vec<String> = given.scope.params.keys().cloned().collect();
-                    let found = Diagnostic::error(
-                        "F027",
-                        format!("this graph has no parameter `{name}`"),
-                        given.place,
-                    );
-                    self.found.push(found.help(help(&name, "parameters", names.iter().map(String::as_str))));
-                    return None;
-                }
-            }
-        }
-        self.error("F027", "parameters that stand for each other in a circle", given.place);
-        None
-    }
-
-    /// The text of the argument of the command that gave a value, where one did.
-    pub(super) fn argument(&self, given: &Given) -> Option<&str> {
-        let source = self.sources.get(given.place.file).filter(|s| s.name.starts_with("--set"))?;
-        given.folder.as_os_str().is_empty().then_some(&*source.text)
-    }
-
-    /// Warnings of parameters that nothing used.
-    pub(super) fn unused_params(&self) -> Vec<Diagnostic> {
-        let used = self.used_params.borrow();
-        let unused = self.all_params.iter().filter(|(name, _)| !used.contains(name));
-        let warn = |(name, place): &(String, Place)| {
-            let own = name.rsplit('.').next().unwrap_or(name);
-            let message = format!("nothing uses the parameter `{name}`");
-            Diagnostic::warning("F029", message, place.clone())
-                .help(format!("write \"${own}\" where its value is to stand"))
-        };
-        unused.map(warn).collect()
-    }
 }

@@ -130,6 +130,13 @@ pub struct Field {
     pub value: Value,
 }
 
+impl Parse {
+    /// The document's values with their spans, also where the text has errors elsewhere.
+    pub fn document(&self) -> Document {
+        Document::read(self)
+    }
+}
+
 impl Document {
     pub(super) fn read(parse: &Parse) -> Self {
         read::document(&parse.syntax())

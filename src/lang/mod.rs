@@ -17,5 +17,5 @@ mod syntax;
 pub use ast::{Document, Value, ValueKind};
 pub use error::{ErrorKind, Span, SyntaxError};
 pub use lines::{LineColumn, LineIndex};
-pub use parser::{DEFAULT_RECURSION_LIMIT, Extensions, MAX_ERRORS, parse, parse_with_limit};
-pub use syntax::{Parse, RonLanguage, SyntaxKind, SyntaxNode, SyntaxToken};
+pub use parser::{DEFAULT_RECURSION_LIMIT, MAX_ERRORS, parse, parse_with_limit};
+pub use syntax::{Extensions, Parse, RonLanguage, SyntaxKind, SyntaxNode, SyntaxToken};

@@ -11,7 +11,7 @@ use super::layout::Layout;
 use super::lexer::{Token, lex};
 use super::number;
 use super::syntax::SyntaxKind::{self, *};
-use super::syntax::{Parse, RonLanguage};
+use super::syntax::{Extensions, Parse, RonLanguage};
 
 mod attribute;
 mod body;
@@ -26,19 +26,6 @@ pub const MAX_ERRORS: usize = 10_000;
 
 /// Deeper recursion could overflow a small thread's stack.
 const HIGHEST_RECURSION_LIMIT: usize = 512;
-
-/// The extensions a document enables with `#![enable(...)]`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Extensions {
-    /// Newtype structs are written as their content.
-    pub unwrap_newtypes: bool,
-    /// Optional values are written without `Some(...)`.
-    pub implicit_some: bool,
-    /// The content of `Some(...)` is written without its own parentheses.
-    pub unwrap_variant_newtypes: bool,
-    /// Structs must have their names.
-    pub explicit_struct_names: bool,
-}
 
 /// Parses a text as RON.
 ///

@@ -1,8 +1,6 @@
 //! The kinds of tokens and nodes, and the parsed tree.
 
-use super::ast::Document;
 use super::error::SyntaxError;
-use super::parser::Extensions;
 
 macro_rules! kinds {
     ($($(#[$doc:meta])* $name:ident,)*) => {
@@ -160,6 +158,19 @@ pub type SyntaxNode = rowan::SyntaxNode<RonLanguage>;
 /// A token of the tree.
 pub type SyntaxToken = rowan::SyntaxToken<RonLanguage>;
 
+/// The extensions a document enables with `#![enable(...)]`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Extensions {
+    /// Newtype structs are written as their content.
+    pub unwrap_newtypes: bool,
+    /// Optional values are written without `Some(...)`.
+    pub implicit_some: bool,
+    /// The content of `Some(...)` is written without its own parentheses.
+    pub unwrap_variant_newtypes: bool,
+    /// Structs must have their names.
+    pub explicit_struct_names: bool,
+}
+
 /// A parsed text: the whole text as a tree, and all its errors in text order.
 #[derive(Clone, Debug)]
 pub struct Parse {
@@ -187,10 +198,5 @@ impl Parse {
     /// The extensions that the document enables.
     pub fn extensions(&self) -> Extensions {
         self.extensions
-    }
-
-    /// The document's values with their spans, also where the text has errors elsewhere.
-    pub fn document(&self) -> Document {
-        Document::read(self)
     }
 }

@@ -1,0 +1,26 @@
+//! A node whose own fields are checked, and whose links are still text.
+
+use crate::diag::Place;
+use foley_nodes::core::node::NodeType;
+use foley_nodes::core::params::AnyParams;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// A link as it stands in the text: the text, and where.
+pub(super) struct RawLink {
+    pub text: String,
+    pub scope: String,
+    pub place: Place,
+}
+
+/// A node whose own fields are checked.
+pub(super) struct CheckedNode {
+    pub ty: Arc<NodeType>,
+    pub params: Option<Box<dyn AnyParams>>,
+    pub links: Vec<Vec<RawLink>>,
+    /// The files that it writes, with the fields that name them.
+    pub outputs: Vec<(&'static str, String)>,
+    pub fields: BTreeMap<String, Place>,
+    /// Location of the value, for fields that refer to a parameter of the graph.
+    pub origins: BTreeMap<String, Place>,
+}

@@ -1,0 +1,415 @@
+//! Reads a graph file and its sub-graphs into one flat list of nodes, each with where it came from.
+
+use super::Graph;
+use super::root::{Limits, Root};
+use super::suggest::help;
+use super::values::{Given, Override, Scope};
+use crate::diag::{Diagnostic, Place, Sources};
+use crate::lang::{self, Value};
+use foley_nodes::core::files::FileError;
+use foley_nodes::registry::Registry;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, LazyLock};
+
+/// The schema that graph files of this version declare.
+pub const SCHEMA: &str = "foley:graph/1";
+
+/// A node as it stands in the text.
+#[derive(Debug)]
+pub struct RawNode {
+    /// Its full id.
+    pub id: String,
+    /// Name of its type.
+    pub type_name: String,
+    /// Location of the type's name.
+    pub type_place: Place,
+    /// Location of its id.
+    pub place: Place,
+    /// End of its text in that file.
+    pub end: usize,
+    /// Its fields in order: name, place of the name, value.
+    pub fields: Vec<(String, Place, Given)>,
+    /// True if its text is complete enough to check.
+    pub whole: bool,
+}
+
+/// Settings for loading a graph.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct LoadOptions {
+    /// The node types that it can use.
+    pub registry: Arc<Registry>,
+    /// Values for its parameters and nodes; later ones win.
+    pub overrides: Vec<Override>,
+    /// Folders outside its own that it may read.
+    pub allow_read: Vec<PathBuf>,
+    /// Bounds of what it may read and hold.
+    pub limits: Limits,
+}
+
+impl Default for LoadOptions {
+    /// The node types of `foley-nodes`, no overrides, the graph's own folder, the default limits.
+    fn default() -> Self {
+        static STANDARD: LazyLock<Arc<Registry>> = LazyLock::new(|| Arc::new(Registry::standard()));
+        Self {
+            registry: Arc::clone(&STANDARD),
+            overrides: Vec::new(),
+            allow_read: Vec::new(),
+            limits: Limits::default(),
+        }
+    }
+}
+
+impl LoadOptions {
+    /// Sets the node types.
+    #[must_use]
+    pub fn registry(mut self, registry: Arc<Registry>) -> Self {
+        self.registry = registry;
+        self
+    }
+
+    /// Adds overrides.
+    #[must_use]
+    pub fn overrides(mut self, overrides: impl IntoIterator<Item = Override>) -> Self {
+        self.overrides.extend(overrides);
+        self
+    }
+
+    /// Adds a folder that may be read.
+    #[must_use]
+    pub fn allow_read(mut self, folder: impl Into<PathBuf>) -> Self {
+        self.allow_read.push(folder.into());
+        self
+    }
+
+    /// Sets the limits.
+    #[must_use]
+    pub fn limits(mut self, limits: Limits) -> Self {
+        self.limits = limits;
+        self
+    }
+}
+
+/// Result of loading: the graph, if there was no error, and all diagnostics.
+#[derive(Debug)]
+pub struct Loaded {
+    /// The graph, if it can run.
+    pub graph: Option<Graph>,
+    /// Otherwise the nodes that are right, and read only such: what else is wrong with them can be found in the same pass.
+    pub sound: Option<Graph>,
+    /// Errors and warnings.
+    pub diagnostics: Vec<Diagnostic>,
+    /// The texts that they point into.
+    pub sources: Sources,
+    /// The files that the graph may read.
+    pub root: Root,
+}
+
+/// Everything read so far.
+#[derive(Debug, Default)]
+pub(super) struct Loader {
+    pub registry: Arc<Registry>,
+    pub title: Option<String>,
+    pub seed: Option<u64>,
+    pub nodes: Vec<RawNode>,
+    pub found: Vec<Diagnostic>,
+    pub sources: Sources,
+    pub used_params: std::cell::RefCell<std::collections::BTreeSet<String>>,
+    pub all_params: Vec<(String, Place)>,
+    pub root: Root,
+    pub limits: Limits,
+    /// Number of uses of sub-graphs, and their size in bytes.
+    pub uses: usize,
+    pub text_bytes: u64,
+    /// Prefixes of the ids of unreadable sub-graphs.
+    pub lost: Vec<String>,
+    /// True if a limit was met: it is said once, and nothing more is read.
+    pub full: bool,
+}
+
+/// The text at a path; `show` is its name for people.
+pub(super) fn read_text(path: &Path, show: &str, limit: u64) -> Result<String, FileError> {
+    let error = |code, message: String| FileError { code, message };
+    let unreadable = |e: std::io::Error| {
+        let code = if e.kind() == std::io::ErrorKind::NotFound { "F060" } else { "F061" };
+        error(code, format!("cannot read {show}: {e}"))
+    };
+    let meta = std::fs::metadata(path).map_err(unreadable)?;
+    if !meta.is_file() {
+        return Err(error("F064", format!("{show} is not a plain file")));
+    }
+    if meta.len() > limit {
+        let message = format!("{show} has {} bytes, a graph file at most {limit}", meta.len());
+        return Err(error("F063", message));
+    }
+    let bytes = std::fs::read(path).map_err(unreadable)?;
+    String::from_utf8(bytes).map_err(|e| {
+        let message = format!("{show} is not UTF-8 from byte {} on", e.utf8_error().valid_up_to());
+        error("F061", message)
+    })
+}
+
+pub(super) fn valid_id(id: &str) -> bool {
+    let start = id.chars().next().is_some_and(|c| c.is_alphabetic() || c == '_');
+    start && id.chars().all(|c| c.is_alphanumeric() || c == '_' || c == '-')
+}
+
+impl Loader {
+    pub(super) fn new(path: &Path, options: &LoadOptions) -> Self {
+        Self {
+            registry: Arc::clone(&options.registry),
+            root: Root::of(path),
+            limits: options.limits,
+            ..Self::default()
+        }
+    }
+
+    pub(super) fn error(&mut self, code: &'static str, message: impl Into<String>, place: Place) {
+        self.found.push(Diagnostic::error(code, message, place));
+    }
+
+    /// Reads one file below the id `prefix`; `given` are values for its parameters and nodes.
+    pub(super) fn file(
+        &mut self,
+        name: &str,
+        text: String,
+        path: &Path,
+        prefix: &str,
+        given: Vec<(String, Given)>,
+        chain: &mut Vec<PathBuf>,
+    ) {
+        let parsed = lang::parse(&text);
+        let file = self.sources.add(name, text);
+        for e in parsed.errors() {
+            let mut diagnostic = Diagnostic::error("F001", &e.message, Place { file, span: e.span.clone() });
+            diagnostic.help = e.expected.as_ref().map(|expected| format!("expected {expected}"));
+            self.found.push(diagnostic);
+        }
+        let document = parsed.document();
+        let at = |span: std::ops::Range<usize>| Place { file, span };
+        match document.attribute("schema") {
+            Some(schema) if schema.value == SCHEMA => {}
+            Some(schema) => {
+                let message = format!("schema {:?} is not one that this version reads", schema.value);
+                self.found.push(
+                    Diagnostic::error("F003", message, at(schema.span()))
+                        .help(format!("write #![schema = {SCHEMA:?}]")),
+                );
+            }
+            None => {
+                let warning =
+                    Diagnostic::warning("F003", "the file does not say which schema it follows", at(0..0));
+                self.found.push(warning.help(format!("begin with #![schema = {SCHEMA:?}]")));
+            }
+        }
+        let Some(value) = document.value else { return };
+        let fields = match value.as_struct() {
+            Some((Some(name), fields)) if name.value == "Graph" => fields,
+            _ => {
+                if !value.is_error() {
+                    let what = match value.as_struct() {
+                        Some((Some(name), _)) => format!("{}(...)", name.value),
+                        _ => value.describe().to_owned(),
+                    };
+                    let found = format!("expected Graph(...), found {what}");
+                    self.error("F002", found, at(value.span()));
+                }
+                return;
+            }
+        };
+        let folder = path.parent().map(Path::to_owned).unwrap_or_default();
+        let mut seen: BTreeMap<&str, Place> = BTreeMap::new();
+        for field in fields {
+            let name = field.name.value.as_str();
+            if let Some(first) = seen.get(name) {
+                let found =
+                    Diagnostic::error("F005", format!("`{name}` is given twice"), at(field.name.span()));
+                self.found.push(found.label(first.clone(), "first here"));
+                continue;
+            }
+            seen.insert(name, at(field.name.span()));
+            let known = ["title", "seed", "params", "use", "nodes"];
+            if !known.contains(&name) {
+                let found = Diagnostic::error(
+                    "F004",
+                    format!("a graph has no field `{name}`"),
+                    at(field.name.span()),
+                );
+                self.found.push(found.help(help(name, "fields", known)));
+            }
+        }
+        let get = |name: &str| fields.iter().find(|f| f.name.value == name).map(|f| &f.value);
+        if prefix.is_empty() {
+            self.header(get("title"), get("seed"), file);
+        }
+        let (params, node_sets) = self.params(get("params"), &given, file, &folder, prefix);
+        let scope = Scope { prefix: prefix.to_owned(), params: Arc::new(params) };
+        let uses = self.uses(get("use"), file, &folder, &scope, &node_sets, chain);
+        self.node_list(get("nodes"), file, &folder, &scope, &node_sets, &uses);
+    }
+
+    fn header(&mut self, title: Option<&Value>, seed: Option<&Value>, file: usize) {
+        let at = |v: &Value| Place { file, span: v.span() };
+        if let Some(v) = title.filter(|v| !v.is_error()) {
+            match v.as_str() {
+                Some(title) => self.title = Some(title.to_owned()),
+                None => {
+                    self.error("F008", format!("the title is text in quotes, found {}", v.describe()), at(v))
+                }
+            }
+        }
+        if let Some(v) = seed.filter(|v| !v.is_error()) {
+            match v.as_int().and_then(|i| u64::try_from(i).ok()) {
+                Some(seed) => self.seed = Some(seed),
+                None => self.error(
+                    "F008",
+                    format!("the seed is a whole number from 0 on, found {}", v.describe()),
+                    at(v),
+                ),
+            }
+        }
+    }
+
+    /// The entries of a map field with text keys, in order; anything else is an error.
+    pub(super) fn entries<'v>(
+        &mut self,
+        value: Option<&'v Value>,
+        file: usize,
+        what: &str,
+    ) -> Vec<&'v lang::ast::Entry> {
+        let Some(value) = value.filter(|v| !v.is_error()) else { return Vec::new() };
+        let Some(map) = value.as_map() else {
+            let message = format!("`{what}` is a map such as {{\"name\": ...}}, found {}", value.describe());
+            self.error("F008", message, Place { file, span: value.span() });
+            return Vec::new();
+        };
+        for entry in map.iter().filter(|e| e.key.as_str().is_none() && !e.key.is_error()) {
+            let message = format!("names in `{what}` are text in quotes, found {}", entry.key.describe());
+            self.error("F007", message, Place { file, span: entry.key.span() });
+        }
+        map.iter().filter(|e| e.key.as_str().is_some()).collect()
+    }
+
+    /// Reports an exceeded limit, and stops reading.
+    pub(super) fn stop(&mut self, found: Diagnostic) {
+        if !self.full {
+            self.found.push(found);
+        }
+        self.full = true;
+    }
+
+    pub(super) fn bad_id(&mut self, id: &str, place: Place) {
+        let found = Diagnostic::error("F007", format!("{id:?} cannot be an id"), place);
+        self.found
+            .push(found.help("an id starts with a letter and continues with letters, digits, `_` and `-`"));
+    }
+
+    fn node_list(
+        &mut self,
+        value: Option<&Value>,
+        file: usize,
+        folder: &Path,
+        scope: &Scope,
+        sets: &[(String, Given)],
+        uses: &[String],
+    ) {
+        let mut first: BTreeMap<String, Place> = BTreeMap::new();
+        let start = self.nodes.len();
+        for entry in self.entries(value, file, "nodes") {
+            let Some(id) = entry.key.as_str() else { continue };
+            let key = Place { file, span: entry.key.span() };
+            // A node whose id is wrong is checked like any other.
+            if !valid_id(id) {
+                self.bad_id(id, key.clone());
+            } else if let Some(earlier) = first.get(id) {
+                let found = Diagnostic::error("F006", format!("the id `{id}` exists twice"), key.clone());
+                self.found.push(
+                    found
+                        .label(earlier.clone(), "first here")
+                        .help("ids are the identity of nodes: give one of them another name"),
+                );
+            } else if uses.iter().any(|u| u == id) {
+                self.error("F006", format!("`{id}` is the name of a sub-graph already"), key.clone());
+            }
+            first.entry(id.to_owned()).or_insert_with(|| key.clone());
+            if self.nodes.len() >= self.limits.nodes {
+                let found = Diagnostic::error("F009", format!("more than {} nodes", self.limits.nodes), key);
+                self.stop(found.help("--max-nodes allows more"));
+                return;
+            }
+            self.node(id, key, &entry.value, file, folder, scope);
+        }
+        for (target, value) in sets {
+            let Some((id, param)) = target.split_once('.') else { continue };
+            if uses.iter().any(|u| u == id) {
+                continue;
+            }
+            match self.nodes[start..].iter_mut().find(|n| n.id == format!("{}{id}", scope.prefix)) {
+                Some(node) => {
+                    node.fields.retain(|(name, _, _)| name != param);
+                    node.fields.push((param.to_owned(), value.place.clone(), value.clone()));
+                }
+                None => {
+                    let names: Vec<String> = self.nodes[start..].iter().map(|n| n.id.clone()).collect();
+                    let found = Diagnostic::error(
+                        "F028",
+                        format!("this graph has no node `{id}`"),
+                        value.place.clone(),
+                    );
+                    self.found.push(found.help(help(id, "nodes", names.iter().map(String::as_str))));
+                }
+            }
+        }
+    }
+
+    fn node(&mut self, id: &str, place: Place, value: &Value, file: usize, folder: &Path, scope: &Scope) {
+        let at = |span: std::ops::Range<usize>| Place { file, span };
+        let id = format!("{}{id}", scope.prefix);
+        let (name, fields) = match value.as_struct() {
+            Some((Some(name), fields)) => (name, fields),
+            _ => {
+                if !value.is_error() {
+                    let message =
+                        format!("a node is NodeType(field: value, ...), found {}", value.describe());
+                    self.found.push(Diagnostic::error("F010", message, at(value.span())).node(&id));
+                }
+                self.nodes.push(RawNode {
+                    id,
+                    type_name: String::new(),
+                    type_place: at(value.span()),
+                    place,
+                    end: value.span().end,
+                    fields: Vec::new(),
+                    whole: false,
+                });
+                return;
+            }
+        };
+        let mut whole = true;
+        let mut seen: BTreeMap<&str, Place> = BTreeMap::new();
+        let mut read = Vec::new();
+        for field in fields {
+            let field_name = field.name.value.as_str();
+            let key = at(field.name.span());
+            if let Some(first) = seen.get(field_name) {
+                let found =
+                    Diagnostic::error("F005", format!("`{field_name}` is given twice"), key).node(&id);
+                self.found.push(found.label(first.clone(), "first here"));
+                continue;
+            }
+            seen.insert(field_name, key.clone());
+            whole &= !field.value.is_error();
+            let given = Given {
+                value: field.value.clone(),
+                place: at(field.value.span()),
+                folder: folder.to_owned(),
+                scope: scope.clone(),
+            };
+            read.push((field_name.to_owned(), key, given));
+        }
+        let (type_name, type_place) = (name.value.clone(), at(name.span()));
+        let end = value.span().end;
+        self.nodes.push(RawNode { id, type_name, type_place, place, end, fields: read, whole });
+    }
+}
