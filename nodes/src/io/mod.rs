@@ -5,12 +5,15 @@
 
 mod error;
 mod info;
+#[cfg(feature = "compressed-audio")]
 mod packets;
 mod reader;
 mod recordings;
 mod wav;
 mod wav_in;
 mod wav_out;
+#[cfg(not(feature = "compressed-audio"))]
+mod without_packets;
 
 pub use crate::core::files::ReadSeek;
 pub use error::{AudioError, AudioWarning};

@@ -3,8 +3,11 @@
 use std::io::{Read, Seek, SeekFrom};
 
 use super::info::{AudioInfo, FileFormat, ReadLimits, check_finite};
+#[cfg(feature = "compressed-audio")]
 use super::packets::Packets;
 use super::wav::{WavHeader, WavReader};
+#[cfg(not(feature = "compressed-audio"))]
+use super::without_packets::Packets;
 use super::{AudioError, ReadSeek};
 
 /// Reads the format and length of an audio file under the default limits.

@@ -5,10 +5,13 @@ pub mod alembic;
 mod bytes;
 #[cfg(test)]
 mod fuzz;
+#[cfg(feature = "gltf")]
 pub mod gltf;
 mod obj;
 mod obj_sequence;
 mod point_cache;
+#[cfg(not(feature = "gltf"))]
+pub mod without_gltf;
 
 use super::clip::{self, FrameReader, MeshClip, MeshLimits, MeshStream, ReadOptions};
 use super::topology::{Materials, Topology, Triangulator};
@@ -16,6 +19,8 @@ use super::{MeshError, ReadSeek};
 pub use obj::ObjMesh;
 pub use obj_sequence::{OpenFrame, open_obj_sequence};
 pub use point_cache::{open_mdd, open_pc2};
+#[cfg(not(feature = "gltf"))]
+pub use without_gltf as gltf;
 
 #[cfg(test)]
 pub(super) mod test_files {

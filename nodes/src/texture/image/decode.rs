@@ -1,16 +1,15 @@
 //! Decoding of PNG, JPEG and TIFF images into plain samples, with a check of the header before any allocation.
 
 pub use super::format::{Format, Header, ImageError, MAX_PIXELS, MAX_SIDE, Picture, Samples};
-use super::format::{MAX_RATIO, Read, tiff_error};
+use super::format::{MAX_RATIO, Read};
+#[cfg(feature = "images")]
+use super::jpeg_file::{jpeg_samples, jpeg_size};
 use super::orientation::Orientation;
-use super::tiff_file::{tiff_kind, tiff_samples};
+#[cfg(feature = "images")]
+use super::tiff_file::{tiff_samples, tiff_size};
+#[cfg(not(feature = "images"))]
+use super::without_images::{jpeg_samples, jpeg_size, tiff_samples, tiff_size};
 use std::io::Cursor;
-use tiff::decoder::Decoder as Tiff;
-use zune_jpeg::JpegDecoder;
-use zune_jpeg::errors::DecodeErrors;
-use zune_jpeg::zune_core::bytestream::ZCursor;
-use zune_jpeg::zune_core::colorspace::ColorSpace;
-use zune_jpeg::zune_core::options::DecoderOptions;
 
 /// Reads the header of an image.
 ///
@@ -25,18 +24,8 @@ pub fn header(bytes: &[u8]) -> Result<Header, ImageError> {
             let info = decoder.read_header_info().map_err(|e| damaged(e.to_string()))?;
             (u64::from(info.width), u64::from(info.height))
         }
-        Format::Jpeg => {
-            let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), jpeg_options());
-            decoder.decode_headers().map_err(|e| jpeg_error(&e))?;
-            let (width, height) = decoder.dimensions().ok_or_else(|| damaged("it has no size".into()))?;
-            (width as u64, height as u64)
-        }
-        Format::Tiff => {
-            let mut tiff = Tiff::new(Cursor::new(bytes)).map_err(|e| tiff_error(&e))?;
-            tiff_kind(&mut tiff)?;
-            let (width, height) = tiff.dimensions().map_err(|e| tiff_error(&e))?;
-            (u64::from(width), u64::from(height))
-        }
+        Format::Jpeg => jpeg_size(bytes)?,
+        Format::Tiff => tiff_size(bytes)?,
     };
     if width > u64::from(MAX_SIDE) || height > u64::from(MAX_SIDE) || width * height > MAX_PIXELS {
         return Err(ImageError::TooLarge { width, height });
@@ -119,35 +108,6 @@ fn png_samples(bytes: &[u8]) -> Result<Read, ImageError> {
     };
     let orientation = reader.info().exif_metadata.as_deref().map(Orientation::in_exif).unwrap_or_default();
     Ok((frame.color_type.samples(), samples, orientation))
-}
-
-fn jpeg_options() -> DecoderOptions {
-    let side = MAX_SIDE as usize;
-    DecoderOptions::default().set_strict_mode(true).set_max_width(side).set_max_height(side)
-}
-
-fn jpeg_error(e: &DecodeErrors) -> ImageError {
-    let format = Format::Jpeg;
-    match e {
-        DecodeErrors::LargeDimensions(side) => {
-            ImageError::TooLarge { width: *side as u64, height: *side as u64 }
-        }
-        DecodeErrors::Unsupported(what) => ImageError::Unsupported { format, found: format!("{what:?}") },
-        other => ImageError::Damaged { format, reason: format!("{other:?}") },
-    }
-}
-
-fn jpeg_samples(bytes: &[u8]) -> Result<Read, ImageError> {
-    let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), jpeg_options());
-    decoder.decode_headers().map_err(|e| jpeg_error(&e))?;
-    let (channels, space) = match decoder.input_colorspace() {
-        Some(ColorSpace::Luma) => (1, ColorSpace::Luma),
-        _ => (3, ColorSpace::RGB),
-    };
-    decoder.set_options(jpeg_options().jpeg_set_out_colorspace(space));
-    let data = decoder.decode().map_err(|e| jpeg_error(&e))?;
-    let orientation = decoder.exif().map(|exif| Orientation::in_exif(exif)).unwrap_or_default();
-    Ok((channels, Samples::Bytes(data), orientation))
 }
 
 #[cfg(test)]

@@ -2,7 +2,6 @@
 
 use super::orientation::Orientation;
 use thiserror::Error;
-use tiff::TiffError;
 
 /// Maximum side of an image.
 pub const MAX_SIDE: u32 = 16_384;
@@ -76,6 +75,9 @@ pub enum ImageError {
         /// The unsupported kind.
         found: String,
     },
+    /// A format that this build does not read.
+    #[error("this build reads PNG only; the feature `images` adds {}", .0.name())]
+    NotBuilt(Format),
     /// All pixels are holes.
     #[error("every pixel is transparent; a texture needs pixels of an alpha of at least half")]
     Transparent,
@@ -89,7 +91,7 @@ impl ImageError {
             Self::NoImage(_) => "F120",
             Self::TooLarge { .. } => "F121",
             Self::Damaged { .. } => "F122",
-            Self::Unsupported { .. } | Self::Transparent => "F123",
+            Self::Unsupported { .. } | Self::NotBuilt(_) | Self::Transparent => "F123",
         }
     }
 }
@@ -131,11 +133,3 @@ pub struct Header {
 
 /// Channels, samples as stored, and orientation.
 pub(super) type Read = (usize, Samples, Orientation);
-
-pub(super) fn tiff_error(e: &TiffError) -> ImageError {
-    let format = Format::Tiff;
-    match e {
-        TiffError::UnsupportedError(what) => ImageError::Unsupported { format, found: what.to_string() },
-        other => ImageError::Damaged { format, reason: other.to_string() },
-    }
-}

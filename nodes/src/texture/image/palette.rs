@@ -2,8 +2,9 @@
 //!
 //! The decoder reads their samples only if they are declared as grey, and gives the palette as a tag.
 
-use super::format::{Format, ImageError, tiff_error};
+use super::format::{Format, ImageError};
 use std::io::Cursor;
+use tiff::TiffError;
 use tiff::decoder::Decoder;
 use tiff::tags::Tag;
 
@@ -76,6 +77,14 @@ pub(super) fn as_grey(bytes: &[u8]) -> Option<Vec<u8>> {
         }
     }
     None
+}
+
+pub(super) fn tiff_error(e: &TiffError) -> ImageError {
+    let format = Format::Tiff;
+    match e {
+        TiffError::UnsupportedError(what) => ImageError::Unsupported { format, found: what.to_string() },
+        other => ImageError::Damaged { format, reason: other.to_string() },
+    }
 }
 
 #[cfg(test)]

@@ -1,12 +1,20 @@
 //! Decoding of TIFF images.
 
-use super::format::{Format, ImageError, MAX_PIXELS, Read, Samples, tiff_error};
+use super::format::{Format, ImageError, MAX_PIXELS, Read, Samples};
 use super::orientation::Orientation;
-use super::palette::{self, Palette};
+use super::palette::{self, Palette, tiff_error};
 use std::io::Cursor;
 use tiff::decoder::{Decoder as Tiff, DecodingResult, Limits};
 use tiff::tags::{PhotometricInterpretation, PlanarConfiguration, Tag};
 use tiff::{ColorType as TiffColour, TiffError};
+
+/// Columns and rows, from the header.
+pub(super) fn tiff_size(bytes: &[u8]) -> Result<(u64, u64), ImageError> {
+    let mut tiff = Tiff::new(Cursor::new(bytes)).map_err(|e| tiff_error(&e))?;
+    tiff_kind(&mut tiff)?;
+    let (width, height) = tiff.dimensions().map_err(|e| tiff_error(&e))?;
+    Ok((u64::from(width), u64::from(height)))
+}
 
 pub(super) fn tiff_samples(bytes: &[u8]) -> Result<Read, ImageError> {
     let mut tiff = tiff_reader(bytes)?;
@@ -57,7 +65,7 @@ const PALETTE: &str =
     "an unsupported palette (convert it to RGB, for example by `magick in.tif -type TrueColor out.png`)";
 
 /// Returns the kind of a TIFF, if it is supported.
-pub(super) fn tiff_kind(tiff: &mut Tiff<Cursor<&[u8]>>) -> Result<TiffKind, ImageError> {
+fn tiff_kind(tiff: &mut Tiff<Cursor<&[u8]>>) -> Result<TiffKind, ImageError> {
     let bad = |e: TiffError| tiff_error(&e);
     let photometric = tiff.find_tag_unsigned::<u16>(Tag::PhotometricInterpretation).map_err(bad)?;
     if photometric == Some(PhotometricInterpretation::RGBPalette.to_u16()) {
