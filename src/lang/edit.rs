@@ -17,6 +17,7 @@ pub struct TextEdit {
 
 /// Why an edit cannot be made.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum EditError {
     /// No value of the document has exactly this span.
     #[error("no value stands at {}..{}", .0.start, .0.end)]

@@ -6,6 +6,7 @@ use crate::core::fault::Fault;
 
 /// An unusable mesh, frame or parameter.
 #[derive(Clone, Debug, PartialEq, Error)]
+#[non_exhaustive]
 pub enum ContactError {
     /// A parameter lies outside its range.
     #[error("{name} is {found}; it must be {expected}")]

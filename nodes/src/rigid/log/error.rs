@@ -34,6 +34,7 @@ impl std::fmt::Display for LogFault {
 
 /// An error in one of the files of a contact log.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[non_exhaustive]
 pub enum LogError {
     /// An error in the contacts.
     #[error("{0}")]

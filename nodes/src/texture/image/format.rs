@@ -45,6 +45,7 @@ impl Format {
 
 /// Error in an image file.
 #[derive(Clone, Debug, PartialEq, Error)]
+#[non_exhaustive]
 pub enum ImageError {
     /// Empty, or of another format.
     #[error("{0}; PNG, JPEG and TIFF are read")]

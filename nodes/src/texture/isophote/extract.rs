@@ -56,6 +56,7 @@ impl Default for Drawing {
 
 /// Error of [`isophotes`].
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum IsophotesError {
     /// The image has no cell of four pixels.
     #[error("the image has {0} x {1} pixels; isophotes need 2 x 2")]
