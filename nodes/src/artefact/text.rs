@@ -1,4 +1,4 @@
-//! RON files that people edit: read with `serde`, with line and column of every record that is wrong.
+//! RON files that people edit: read with `serde`, with line and column of every record that is wrong, and written with comments.
 //!
 //! A file is a struct whose lists hold [`RawValue`]s; [`records`] reads these one by one, so that one mistake does not hide
 //! the next, and gives each record its location. Fields that check themselves, such as [`Seconds`], make `ron` report
@@ -192,18 +192,74 @@ impl<'de> Deserialize<'de> for Duration {
     }
 }
 
-/// Version `N` of a format; no other is read.
+/// Version of a format, from `OLDEST` to `NEWEST`; others are refused. A reader converts the older ones.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Version<const N: u32>;
+pub struct Version<const OLDEST: u32, const NEWEST: u32>(pub u32);
 
-impl<'de, const N: u32> Deserialize<'de> for Version<N> {
+impl<'de, const OLDEST: u32, const NEWEST: u32> Deserialize<'de> for Version<OLDEST, NEWEST> {
     fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
         match u32::deserialize(from)? {
-            version if version == N => Ok(Self),
+            version if (OLDEST..=NEWEST).contains(&version) => Ok(Self(version)),
             version => {
-                Err(D::Error::custom(format!("the file has version {version}; this reads version {N}")))
+                let read = if OLDEST == NEWEST {
+                    format!("version {NEWEST}")
+                } else {
+                    format!("versions {OLDEST} to {NEWEST}")
+                };
+                Err(D::Error::custom(format!("the file has version {version}; this reads {read}")))
             }
         }
+    }
+}
+
+/// Writer of a file as [`read`] and [`records`] read it: comments, fields, and lists with one record a line.
+#[derive(Debug)]
+pub struct TextWriter(String);
+
+impl TextWriter {
+    /// Begins a file. `comments` are lines before the value, for provenance and units.
+    #[must_use]
+    pub fn new(comments: &[&str], name: &str, version: u32) -> Self {
+        let mut out: String =
+            comments.iter().flat_map(|text| text.lines()).map(|line| format!("// {line}\n")).collect();
+        out += &format!("{name}(\n    version: {version},\n");
+        Self(out)
+    }
+
+    /// Adds a field, whose value is RON.
+    pub fn field(&mut self, name: &str, value: impl fmt::Display) {
+        self.0 += &format!("    {name}: {value},\n");
+    }
+
+    /// Adds a list of records.
+    pub fn list(&mut self, name: &str, records: impl IntoIterator<Item = RecordWriter>) {
+        self.0 += &format!("    {name}: [\n");
+        for record in records {
+            self.0 += &format!("        ({}),\n", record.0);
+        }
+        self.0 += "    ],\n";
+    }
+
+    /// Ends the file.
+    #[must_use]
+    pub fn finish(self) -> String {
+        self.0 + ")\n"
+    }
+}
+
+/// Writer of one record of a list.
+#[derive(Debug, Default)]
+pub struct RecordWriter(String);
+
+impl RecordWriter {
+    /// Adds a field, whose value is RON; `None` omits it.
+    #[must_use]
+    pub fn field(mut self, name: &str, value: Option<impl fmt::Display>) -> Self {
+        if let Some(value) = value {
+            let comma = if self.0.is_empty() { "" } else { ", " };
+            self.0 += &format!("{comma}{name}: {value}");
+        }
+        self
     }
 }
 
@@ -316,6 +372,31 @@ mod tests {
             if let Ok(scene) = read::<Scene<'_>>(&text) {
                 let _ = records::<Mark>(&text, &scene.marks);
             }
+        }
+    }
+
+    #[test]
+    fn versions_in_a_range_are_read_and_what_is_written_is_read_again() {
+        #[derive(Debug, Deserialize)]
+        #[serde(rename = "Scene", deny_unknown_fields)]
+        struct Versioned<'a> {
+            version: Version<1, 3>,
+            title: String,
+            #[serde(borrow)]
+            marks: Vec<&'a RawValue>,
+        }
+        let mut file = TextWriter::new(&["Made by a test.", "`at` in s."], "Scene", 2);
+        file.field("title", quote("a \"b\""));
+        let record = |at: f64| RecordWriter::default().field("at", Some(at)).field("gain", None::<f64>);
+        file.list("marks", [record(0.5), record(1.5)]);
+        let text = file.finish();
+        let found: Versioned<'_> = read(&text).unwrap();
+        assert_eq!((found.version.0, found.title.as_str(), found.marks.len()), (2, "a \"b\"", 2), "{text}");
+        assert!(text.starts_with("// Made by a test.\n// `at` in s.\nScene(\n"), "{text}");
+        for version in [0, 4] {
+            let error = read::<Versioned<'_>>(&text.replace("version: 2", &format!("version: {version}")))
+                .unwrap_err();
+            assert!(error.to_string().contains("this reads versions 1 to 3"), "{error}");
         }
     }
 }

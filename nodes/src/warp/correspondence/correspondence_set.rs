@@ -76,7 +76,7 @@ impl Func for Correspondences {
 
     fn trial(rng: &mut Rng) -> (CorrespondencesParams, MemoryFiles) {
         let mut files = MemoryFiles::default();
-        files.insert("set.ron", write_correspondences(&CorrespondenceSet::trial(rng)));
+        files.insert("set.ron", write_correspondences(&CorrespondenceSet::trial(rng), &[]));
         (CorrespondencesParams { path: "set.ron".into() }, files)
     }
 }

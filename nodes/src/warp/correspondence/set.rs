@@ -2,10 +2,11 @@
 
 use serde::de::{Error, Unexpected, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
-use std::fmt::{self, Write};
+use std::fmt;
 
 use crate::artefact::text::{
-    Duration, Location, RawValue, Seconds, TextError, Version, quote, read, records, within,
+    Duration, Location, RawValue, RecordWriter, Seconds, TextError, TextWriter, Version, quote, read,
+    records, within,
 };
 use crate::core::item::Data;
 use crate::core::random::Rng;
@@ -70,7 +71,7 @@ impl CorrespondenceSet {
     /// Digest of what it says, whatever its file is called and however it is laid out.
     #[must_use]
     pub fn content(&self) -> String {
-        blake3::hash(write_correspondences(self).as_bytes()).to_hex()[..16].to_owned()
+        blake3::hash(write_correspondences(self, &[]).as_bytes()).to_hex()[..16].to_owned()
     }
 }
 
@@ -91,7 +92,7 @@ impl Correspondence {
 #[serde(rename = "Correspondences", deny_unknown_fields)]
 struct FileText<'a> {
     #[serde(default, rename = "version")]
-    _version: Option<Version<CORRESPONDENCES_VERSION>>,
+    _version: Option<Version<1, CORRESPONDENCES_VERSION>>,
     #[serde(default)]
     target: Option<String>,
     #[serde(default)]
@@ -206,10 +207,10 @@ pub fn read_correspondences(text: &str) -> Result<CorrespondenceSet, TextError> 
     })
 }
 
-/// Writes correspondences as [`read_correspondences`] reads them, one a line.
+/// Writes correspondences as [`read_correspondences`] reads them, one a line, below lines of comments.
 #[must_use]
-pub fn write_correspondences(set: &CorrespondenceSet) -> String {
-    let mut out = format!("Correspondences(\n    version: {CORRESPONDENCES_VERSION},\n");
+pub fn write_correspondences(set: &CorrespondenceSet, comments: &[&str]) -> String {
+    let mut file = TextWriter::new(comments, "Correspondences", CORRESPONDENCES_VERSION);
     let text = |text: &str| (!text.is_empty()).then(|| quote(text));
     let head = [
         ("target", text(&set.target)),
@@ -218,33 +219,27 @@ pub fn write_correspondences(set: &CorrespondenceSet) -> String {
     ];
     for (name, value) in head {
         if let Some(value) = value {
-            // Writing to a string does not fail.
-            let _ = writeln!(out, "    {name}: {value},");
+            file.field(name, value);
         }
     }
-    out.push_str("    pairs: [\n");
-    for c in &set.pairs {
-        let source = match &c.source {
-            None => String::new(),
-            Some(SourceName::Index(k)) => format!("source: {k}, "),
-            Some(SourceName::Provenance(text)) => format!("source: {}, ", quote(text)),
-        };
-        let label = if c.label.is_empty() { String::new() } else { format!("label: {}, ", quote(&c.label)) };
-        let _ = write!(
-            out,
-            "        ({label}target: {:?}, {source}database: {:?}, duration: {:?}",
-            c.target, c.database, c.duration
-        );
-        if let Some(channel) = c.channel {
-            let _ = write!(out, ", channel: {channel}");
-        }
-        if c.weight != 1.0 {
-            let _ = write!(out, ", weight: {:?}", c.weight);
-        }
-        out.push_str(if c.enabled { "),\n" } else { ", enabled: false),\n" });
-    }
-    out.push_str("    ],\n)\n");
-    out
+    let number = |x: f64| Some(format!("{x:?}"));
+    let record = |c: &Correspondence| {
+        let source = c.source.as_ref().map(|source| match source {
+            SourceName::Index(k) => k.to_string(),
+            SourceName::Provenance(path) => quote(path),
+        });
+        RecordWriter::default()
+            .field("label", text(&c.label))
+            .field("target", number(c.target))
+            .field("source", source)
+            .field("database", number(c.database))
+            .field("duration", number(c.duration))
+            .field("channel", c.channel)
+            .field("weight", number(c.weight).filter(|_| c.weight != 1.0))
+            .field("enabled", (!c.enabled).then_some(false))
+    };
+    file.list("pairs", set.pairs.iter().map(record));
+    file.finish()
 }
 
 impl Data for CorrespondenceSet {
@@ -286,7 +281,8 @@ mod tests {
                 c.channel = [None, Some(1)][k % 2];
                 c.label = ["", "two\nlines"][k % 2].into();
             }
-            let text = write_correspondences(&set);
+            let text = write_correspondences(&set, &["Marked by ear.", "Times in s."]);
+            assert!(text.starts_with("// Marked by ear.\n// Times in s.\nCorrespondences("), "{text}");
             let mut found = read_correspondences(&text).unwrap();
             found.pairs.iter_mut().for_each(|c| c.location = Location::default());
             assert_eq!(found, set, "{text}");

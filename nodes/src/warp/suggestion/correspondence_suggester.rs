@@ -259,8 +259,8 @@ impl Node for CorrespondenceSuggester {
             pairs,
             ..CorrespondenceSet::default()
         };
-        let written =
-            self.file.write_all(write_correspondences(&set).as_bytes()).and_then(|()| self.file.flush());
+        let text = write_correspondences(&set, &[]);
+        let written = self.file.write_all(text.as_bytes()).and_then(|()| self.file.flush());
         written.map_err(|e| Fault::new("F080", format!("cannot write {:?}: {e}", p.path.0)).at("path"))?;
         let mut summary: Summary =
             vec![("path", p.path.0.as_str().into()), ("proposals", set.pairs.len().into())];
