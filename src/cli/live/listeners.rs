@@ -1,0 +1,54 @@
+//! Listeners for messages and meshes.
+
+use super::LiveSettings;
+use crate::cli::run::show;
+use crate::diag::{Diagnostic, Severity, Sources};
+use crate::live::input::{Hub, Listener, listen_to_meshes, listen_to_osc, read_lines};
+use std::io::IsTerminal;
+use std::net::{Ipv4Addr, SocketAddr};
+use std::sync::Arc;
+
+/// Opens the listeners, each with its name.
+pub(super) fn listen(settings: &LiveSettings<'_>, hub: &Arc<Hub>) -> Vec<(&'static str, Listener)> {
+    let quiet = settings.quiet;
+    if !std::io::stdin().is_terminal() {
+        let hub = Arc::clone(hub);
+        // It ends with the process: reading cannot be interrupted.
+        std::thread::spawn(move || {
+            read_lines(std::io::stdin().lock(), &hub, |line, message| {
+                if !quiet {
+                    eprintln!("foley: standard input, line {line}: {message}");
+                }
+            });
+        });
+    }
+    let tell = move |message: &str| {
+        if !quiet {
+            eprintln!("foley: {message}");
+        }
+    };
+    let osc = port(&settings.device.osc).map(|at| ("OSC", "--osc", at, listen_to_osc(at, Arc::clone(hub))));
+    let meshes = port(&settings.device.meshes)
+        .map(|at| ("meshes", "--meshes", at, listen_to_meshes(at, Arc::clone(hub), tell)));
+    let mut all = Vec::new();
+    for (what, option, at, listening) in osc.into_iter().chain(meshes) {
+        match listening {
+            Ok(listening) => all.push((what, listening)),
+            Err(e) => {
+                let message = format!("cannot listen for {what} at {at}: {e}");
+                let warning =
+                    Diagnostic { severity: Severity::Warning, ..Diagnostic::general("F055", message) };
+                let help = format!("{option} PORT takes another port, {option} off none");
+                show(&[warning.help(help)], &Sources::default());
+            }
+        }
+    }
+    all
+}
+
+/// The address of an option: a port of this machine, ADDRESS:PORT, or `off`.
+fn port(text: &str) -> Option<SocketAddr> {
+    // Clap has checked that it is one of them.
+    let here = || Some(SocketAddr::from((Ipv4Addr::LOCALHOST, text.parse().ok()?)));
+    text.parse().ok().or_else(here)
+}

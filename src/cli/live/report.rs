@@ -1,0 +1,124 @@
+//! Status lines and the report of a graph that plays.
+
+use super::session::Session;
+use crate::cli::Exit;
+use crate::cli::run::{show, write_whole};
+use crate::cli::watch::say;
+use crate::diag::{Diagnostic, Sources};
+use crate::live::Histogram;
+use crate::live::device::Running;
+use foley_nodes::core::time::seconds;
+use serde_json::json;
+use std::io::{IsTerminal, Write as _};
+use std::sync::atomic::Ordering::Relaxed;
+use std::time::{Duration, Instant};
+
+/// Interval between two status lines.
+const STATUS: Duration = Duration::from_secs(1);
+
+fn us(time: Duration) -> f64 {
+    (time.as_secs_f64() * 1e7).round() / 10.0
+}
+
+fn times(histogram: &Histogram) -> serde_json::Value {
+    json!({
+        "calls": histogram.calls(),
+        "median_us": us(histogram.quantile(0.5)),
+        "p99_us": us(histogram.quantile(0.99)),
+        "worst_us": us(histogram.worst()),
+    })
+}
+
+impl Session<'_> {
+    pub(super) fn status(&mut self) -> std::io::Result<()> {
+        let terminal = std::io::stderr().is_terminal();
+        if self.shown.elapsed() < STATUS || self.settings.quiet || !(self.settings.json || terminal) {
+            return Ok(());
+        }
+        self.shown = Instant::now();
+        let shared = self.player.shared();
+        let meter = &shared.meter;
+        let budget = self.settings.device.quantum as f64 / self.player.plan().rate.as_f64();
+        let played = shared.window.load(Relaxed) as f64 * budget;
+        let peak = meter.take_peak();
+        if self.settings.json {
+            let late = self.device.as_ref().map_or(0, |d| d.status.late.load(Relaxed));
+            return say(&json!({
+                "played_s": played,
+                "callback": times(&meter.callback),
+                "missed": meter.missed.load(Relaxed),
+                "overruns": meter.overruns.load(Relaxed),
+                "late": late,
+                "peak": peak,
+                "nodes": self.nodes(),
+            })
+            .to_string());
+        }
+        let load = meter.callback.quantile(0.99).as_secs_f64() / budget * 100.0;
+        eprint!(
+            "\r{played:8.1} s   load {load:5.1} %   worst {:7.0} us   missed {}   peak {:6.1} dB \x1b[K",
+            us(meter.callback.worst()),
+            meter.missed.load(Relaxed),
+            20.0 * f64::from(peak.max(1e-6)).log10()
+        );
+        std::io::stderr().flush()
+    }
+
+    fn nodes(&self) -> Vec<serde_json::Value> {
+        let one = |n: crate::live::NodeMeter| {
+            json!({
+                "id": n.id,
+                "calls": n.calls,
+                "median_us": us(n.median),
+                "p99_us": us(n.p99),
+                "worst_us": us(n.worst),
+            })
+        };
+        self.player.node_meters().into_iter().map(one).collect()
+    }
+
+    pub(super) fn end(mut self, exit: Exit) -> anyhow::Result<Exit> {
+        let late = self.device.as_ref().map_or(0, |d| d.status.late.load(Relaxed));
+        if let Some(Err(e)) = self.device.take().map(Running::stop) {
+            show(&[Diagnostic::general("F080", e)], &Sources::default());
+            return Ok(Exit::Failed);
+        }
+        let shared = self.player.shared();
+        let (meter, plan) = (&shared.meter, self.player.plan());
+        let played =
+            shared.window.load(Relaxed) as f64 * self.settings.device.quantum as f64 / plan.rate.as_f64();
+        if !self.settings.quiet && !self.settings.json {
+            say(&format!(
+                "played {played:.2} s; callback median {:.0} us, worst {:.0} us; {} window(s) missed, {} overrun(s)",
+                us(meter.callback.quantile(0.5)),
+                us(meter.callback.worst()),
+                meter.missed.load(Relaxed),
+                meter.overruns.load(Relaxed)
+            ))?;
+        }
+        if let Some(path) = self.settings.report {
+            let report = json!({
+                "played_s": played,
+                "rate": plan.rate.as_f64(),
+                "quantum": self.settings.device.quantum,
+                "channels": plan.channels,
+                "latency_s": seconds(plan.latency),
+                "callback": times(&meter.callback),
+                "missed": meter.missed.load(Relaxed),
+                "overruns": meter.overruns.load(Relaxed),
+                "late": late,
+                "late_swaps": meter.late_swaps.load(Relaxed),
+                "not_finite": meter.not_finite.load(Relaxed),
+                "reload_ms": self.delays,
+                "messages": {
+                    "delivered": self.hub.delivered.load(Relaxed),
+                    "malformed": self.hub.malformed.load(Relaxed),
+                    "unclaimed": self.hub.unclaimed.load(Relaxed),
+                },
+                "nodes": self.nodes(),
+            });
+            write_whole(path, &format!("{report:#}\n"))?;
+        }
+        Ok(exit)
+    }
+}
