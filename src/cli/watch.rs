@@ -27,7 +27,7 @@ enum Message {
 }
 
 enum Woken {
-    /// Something has another content, first heard of at this time.
+    /// A content has changed, first noticed at this time.
     Changed(Instant),
     /// The run has ended.
     Ran(Box<Ran>),
@@ -53,11 +53,11 @@ struct Session<'a> {
     watcher: FileWatcher,
     received: Receiver<Message>,
     sender: Sender<Message>,
-    /// Holds what was kept in memory, from run to run.
+    /// The cache in memory, from run to run.
     memo: Option<Arc<Memo>>,
     /// The graph of the last good run, and the contents that it came from.
     good: Option<(Graph, Contents)>,
-    /// True if what was reported last is an error.
+    /// True if the last message was an error.
     wrong: bool,
 }
 

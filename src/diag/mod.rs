@@ -41,7 +41,7 @@ pub struct Label {
 /// One finding.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Diagnostic {
-    /// Stable code; `foley explain CODE` tells more.
+    /// Stable code; `foley explain CODE` explains it.
     pub code: &'static str,
     /// True if it stops the run.
     pub severity: Severity,

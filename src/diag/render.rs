@@ -123,7 +123,7 @@ fn files_of(d: &Diagnostic, place: &Place) -> Vec<usize> {
     files
 }
 
-/// The span, kept inside the text and on character boundaries.
+/// The span, clamped to the text and to character boundaries.
 fn clip(place: &Place, text: &str) -> Range<usize> {
     let floor = |mut at: usize| {
         at = at.min(text.len());

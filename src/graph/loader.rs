@@ -124,7 +124,7 @@ pub(super) struct Loader {
     pub text_bytes: u64,
     /// Prefixes of the ids of unreadable sub-graphs.
     pub lost: Vec<String>,
-    /// True if a limit was met: it is said once, and nothing more is read.
+    /// True if a limit was exceeded: it is reported once, and reading stops.
     pub full: bool,
 }
 

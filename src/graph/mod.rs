@@ -61,7 +61,7 @@ pub struct GraphNode {
     pub place: Place,
     /// Locations of its fields: values of parameters and inputs, and each link or path of a list, as `inputs[2]`.
     pub fields: BTreeMap<String, Place>,
-    /// True if all of its links are what the text says, as in every graph that can run.
+    /// True if all of its links are those of the text, as in every graph that can run.
     pub whole: bool,
 }
 

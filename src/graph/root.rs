@@ -305,7 +305,7 @@ pub fn matching(pattern: &str) -> Result<Vec<(u64, String)>, (PathBuf, std::io::
     Ok(found.collect())
 }
 
-/// `folder/path` with `.` and `..` taken out as far as the text alone tells.
+/// `folder/path` with `.` and `..` resolved in the text alone.
 #[must_use]
 pub fn join(folder: &Path, path: &str) -> String {
     let mut out = PathBuf::new();

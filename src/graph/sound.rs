@@ -1,5 +1,5 @@
 //! The sound part of a graph: the nodes that can be shaped although others are wrong, so that what is wrong with them is
-//! told in the same pass.
+//! reported in the same pass.
 
 use super::loader::RawNode;
 use super::{Graph, GraphNode, Link};

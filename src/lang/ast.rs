@@ -1,7 +1,7 @@
 //! The values of a document as plain data with spans.
 //!
 //! Malformed parts of the text are [`ValueKind::Error`], and all others are as written:
-//! entries and fields in order, duplicates kept. A span covers the value alone, without the white space
+//! entries and fields in order, with duplicates. A span covers the value alone, without the white space
 //! and comments around it.
 
 use super::error::Span;

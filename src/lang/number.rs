@@ -1,7 +1,7 @@
 //! The numbers of RON: how long one is in the text, and its value.
 //!
 //! `ron` reads a number in two tries: digits that look like an integer are read as one, and as a float
-//! when that fails (`1e5` and `1f32` consist of hexadecimal digits only). Both tries are kept here, since
+//! when that fails (`1e5` and `1f32` consist of hexadecimal digits only). Both attempts are made here, since
 //! the set of accepted numbers follows from them.
 
 use unicode_ident::is_xid_continue;

@@ -21,7 +21,7 @@ mod value;
 /// costs one. So 64 nested lists are within the limit.
 pub const DEFAULT_RECURSION_LIMIT: usize = 128;
 
-/// No more errors than this are kept for one text.
+/// Maximum number of errors of one text.
 pub const MAX_ERRORS: usize = 10_000;
 
 /// Deeper recursion could overflow a small thread's stack.

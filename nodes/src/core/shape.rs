@@ -321,7 +321,7 @@ impl<'s, 'a, P> Shape<'s, 'a, P> {
         self.raw.shape.notes.push(note.into());
     }
 
-    /// Keeps what was read for [`Build::kept`].
+    /// Stores data for [`Build::kept`].
     pub fn keep<T: Send + Sync + 'static>(&mut self, thing: T) {
         self.raw.shape.kept = Some(Arc::new(thing));
     }

@@ -2,7 +2,7 @@
 
 use crate::impl_state;
 
-/// Magnitude up to which a target is silent: -100 dBFS, the floor under which features cannot tell sounds apart.
+/// Magnitude up to which a target is silent: -100 dBFS, the floor below which features cannot distinguish sounds.
 pub const SILENT: f32 = 1e-5;
 /// Silence before the output fades, and duration of the fade, s.
 const HOLD: f64 = 0.5;

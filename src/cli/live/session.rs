@@ -46,7 +46,7 @@ pub(super) struct Session<'a> {
     pub(super) overrides: Vec<Override>,
     /// Those of the last load that was right.
     pub(super) good: Vec<Override>,
-    /// Holds what was kept in memory, from load to load.
+    /// The cache in memory, from load to load.
     pub(super) memo: Option<Arc<Memo>>,
     pub(super) watcher: Option<FileWatcher>,
     pub(super) player: Player,

@@ -62,7 +62,7 @@ pub struct Detection {
 /// Search for the closest triangles of all surfaces within a radius of each cloth vertex.
 ///
 /// Of equally near triangles the one of the lower surface comes first, then the lower triangle. The result is exact and
-/// depends on the frame alone; state kept from frame to frame affects only the speed.
+/// depends on the frame alone; state from earlier frames affects only the speed.
 ///
 /// # Source
 /// An, James and Marschner, *Motion-driven Concatenative Synthesis of Cloth Sounds*, SIGGRAPH 2012, section 2.

@@ -15,7 +15,7 @@ pub fn content_digest(artefact: &impl Serialize, later: &[&str]) -> String {
     blake3::hash(text.as_bytes()).to_hex()[..16].to_owned()
 }
 
-/// Digest of a recording, whatever its file is called: its samples as they were decoded, before anything else is done to them.
+/// Digest of the decoded samples of a recording, independent of the name of its file.
 #[must_use]
 pub fn audio_digest(rate: u32, channels: usize, samples: &[f32]) -> String {
     let mut hasher = blake3::Hasher::new();

@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 use std::io::{Cursor, Read, Seek, Write};
 use std::sync::{Arc, Mutex};
 
-/// Anything that bytes can be read from at any place, and that can be moved to another thread.
+/// A source of bytes with random access, which can be moved to another thread.
 pub trait ReadSeek: Read + Seek + Send {}
 impl<T: Read + Seek + Send + ?Sized> ReadSeek for T {}
 
-/// Anything that bytes can be written to at any place.
+/// A sink of bytes with random access.
 pub trait WriteSeek: Write + Seek + Send {}
 impl<T: Write + Seek + Send> WriteSeek for T {}
 
@@ -36,7 +36,7 @@ pub trait Files: Send + Sync {
     /// When there is none.
     fn sequence(&self, pattern: &str) -> Result<Vec<(u64, String)>, FileError>;
 
-    /// The same files to keep, for a node that opens some of them only while it runs; `None` where they cannot be kept.
+    /// The same files for a node that opens some of them during the run; `None` if that is not possible.
     fn kept(&self) -> Option<Arc<dyn Files>> {
         None
     }
@@ -125,7 +125,7 @@ impl Files for MemoryFiles {
 
 type Bytes = Arc<Mutex<Vec<u8>>>;
 
-/// Outputs kept in memory.
+/// Outputs in memory.
 #[derive(Clone, Debug, Default)]
 pub struct MemoryOutputs {
     files: Arc<Mutex<BTreeMap<String, Bytes>>>,
@@ -201,7 +201,7 @@ impl Seek for SharedBytes {
     }
 }
 
-/// The number that stands in `name` where `pattern` has its run of `#`.
+/// Returns the number of `name` at the `#` of `pattern`.
 #[must_use]
 pub fn number_in(pattern: &str, name: &str) -> Option<u64> {
     let at = pattern.find('#')?;
@@ -216,7 +216,7 @@ pub fn number_in(pattern: &str, name: &str) -> Option<u64> {
 /// Numbers go up in equal steps: by 1, or by 2 where every other frame was written.
 ///
 /// # Errors
-/// When `found` is empty, a number stands twice, or one is left out: a motion would continue too early behind the hole.
+/// If `found` is empty, or a number is missing or given twice: a motion would continue too early after the gap.
 pub fn sorted_sequence(
     pattern: &str,
     mut found: Vec<(u64, String)>,

@@ -30,7 +30,7 @@ pub trait Item: 'static {
     fn describe(format: &Self::Format) -> String;
     /// A small format for trials.
     fn trial_format(rng: &mut Rng) -> Self::Format;
-    /// A valid element at place `place` of an item of this format, for trials.
+    /// A valid element at index `place` of an item of this format, for trials.
     fn trial(format: &Self::Format, place: usize, rng: &mut Rng) -> Self::Elem;
     /// Returns true if every number in it is finite.
     fn finite(elem: &Self::Elem) -> bool;
@@ -97,9 +97,9 @@ pub trait Event: Clone + PartialEq + Debug + Serialize + DeserializeOwned + Send
 pub trait Data: Debug + PartialEq + Serialize + DeserializeOwned + Send + Sync + 'static {
     /// The name that people see, such as `friction model`.
     const NAME: &'static str;
-    /// True if its values have drawings, but for some that are empty.
+    /// True if its values have drawings, except empty ones.
     const PLOTS: bool = false;
-    /// True if they have files of their own kind.
+    /// True if they have a file format of their own.
     const FILES: bool = false;
     /// A valid value for trials.
     fn trial(rng: &mut Rng) -> Self;
@@ -230,7 +230,7 @@ pub type EventsJson = fn(&dyn AnyBuffer, Tick, Tick) -> Vec<(Tick, serde_json::V
 /// Adds a part of a buffer to bytes; `None` where the buffer is of another type.
 pub type EncodeBuffer = fn(&dyn AnyBuffer, i64, i64, &mut Vec<u8>) -> Option<()>;
 
-/// Appends what stands in bytes to a buffer; `None` where they say nothing or the buffer is of another type.
+/// Appends the items in bytes to a buffer; `None` if they are malformed or the buffer has another type.
 pub type DecodeBuffer = fn(&mut dyn AnyBuffer, &[u8]) -> Option<()>;
 
 fn encode<T: Serialize>(what: &T, out: &mut Vec<u8>) -> Option<()> {
@@ -312,7 +312,7 @@ pub struct DataType {
     pub json: fn(&AnyValue, &mut dyn io::Write) -> io::Result<()>,
     /// True if its values have drawings.
     pub plots: bool,
-    /// True if they have files of their own kind.
+    /// True if they have a file format of their own.
     pub files: bool,
     /// The value drawn as SVG.
     pub plot: fn(&AnyValue) -> Option<String>,

@@ -1,7 +1,7 @@
 //! State of nodes: saved to an archive, and restored into a new node.
 //!
-//! One description serves both ways: a node names what it carries in [`Node::archive_state`](crate::core::node::Node::archive_state), and a
-//! [`StateArchive`] either writes it to bytes or replaces it by what stands in bytes.
+//! One description serves both directions: a node lists its state in [`Node::archive_state`](crate::core::node::Node::archive_state), and a
+//! [`StateArchive`] either writes it to bytes or restores it from bytes.
 
 use super::fault::Fault;
 use serde::{Serialize, de::DeserializeOwned};
@@ -30,13 +30,13 @@ impl<'a> StateArchive<'a> {
         Self(Way::Restore(bytes))
     }
 
-    /// Returns true if something is restored.
+    /// Returns true for an archive that restores.
     #[must_use]
     pub fn restores(&self) -> bool {
         matches!(self.0, Way::Restore(_))
     }
 
-    /// Returns true if all that was saved has been restored.
+    /// Returns true if all saved data has been restored.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         matches!(self.0, Way::Restore([]))

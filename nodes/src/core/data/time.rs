@@ -11,7 +11,7 @@ pub const TICKS_PER_SECOND: Tick = 705_600_000;
 
 /// Items per second as an exact fraction in lowest terms.
 ///
-/// Item `i` stands at `floor(i * TICKS_PER_SECOND * den / num)`, computed in 128 bits, so no error accumulates.
+/// Item `i` has the tick `floor(i * TICKS_PER_SECOND * den / num)`, computed in 128 bits, so no error accumulates.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Rate {
     num: u64,
@@ -94,14 +94,14 @@ impl Rate {
         self.num as f64 / self.den as f64
     }
 
-    /// When item `index` stands.
+    /// Tick of item `index`.
     #[must_use]
     pub fn tick(self, index: i64) -> Tick {
         let scaled = i128::from(index) * i128::from(TICKS_PER_SECOND) * i128::from(self.den);
         clamp(scaled.div_euclid(i128::from(self.num)))
     }
 
-    /// The first item that stands at `tick` or later; also the number of items in `[0, tick)`.
+    /// The first item at `tick` or later; also the number of items in `[0, tick)`.
     #[must_use]
     pub fn first_at(self, tick: Tick) -> i64 {
         let period = i128::from(TICKS_PER_SECOND) * i128::from(self.den);

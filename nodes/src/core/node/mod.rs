@@ -1,4 +1,4 @@
-//! The contract between a node and whatever runs it.
+//! The contract between a node and its runner.
 
 mod node_type;
 mod per_item;
@@ -60,7 +60,7 @@ pub type Summary = Vec<(&'static str, serde_json::Value)>;
 /// 1. `shape` says, from parameters and the shapes of its inputs, what it gives and how far it looks.
 /// 2. `build` allocates everything.
 /// 3. `run` fills one window after the other without gaps, from time zero or, in a graph that plays already, from
-///    wherever it takes over: the views tell.
+///    wherever it continues: the views report it.
 /// 4. `finish` once, after the last window.
 /// 5. `retune` and `adopt` in between, when its graph is edited.
 pub trait Node: Sized + Send + 'static {
@@ -97,7 +97,7 @@ pub trait Node: Sized + Send + 'static {
     /// When the data make it impossible to continue.
     fn run(&mut self, io: <Self::Ports as Ports>::Io<'_>) -> Result<(), Fault>;
 
-    /// Ends the run: gives folds, completes files, tells its counters.
+    /// Ends the run: outputs folds, completes files, returns its counters.
     ///
     /// # Errors
     /// When that cannot be done.
@@ -122,10 +122,10 @@ pub trait Node: Sized + Send + 'static {
         let _ = old;
     }
 
-    /// Saves what it carries from one window to the next, or puts it back into a node that was just built, which then continues
+    /// Saves its state, or restores it into a node that was just built, which then continues
     /// with the same bits. Most nodes name their fields with [`archive_state!`](crate::archive_state).
     ///
-    /// A node whose windows depend on its inputs and its parameters alone carries nothing.
+    /// A node whose windows depend on its inputs and its parameters alone has no state.
     ///
     /// # Errors
     /// When what was saved is not of this node.
@@ -150,7 +150,7 @@ pub trait Func: 'static {
     const NAME: &'static str;
     /// Version, which increases when the same inputs give another output.
     const VERSION: u32 = 1;
-    /// True if the paths of its assets, not only what they hold, stand in its outputs.
+    /// True if its outputs contain the paths of its assets.
     const EXPOSES_PATHS: bool = false;
 
     /// Checks parameters and assets before the run.

@@ -35,7 +35,7 @@ pub trait DynNode: Send {
     fn adopt(&mut self, old: &mut dyn DynNode) {
         let _ = old;
     }
-    /// Saves what it carries from one window to the next, or puts it back.
+    /// Saves or restores its state.
     ///
     /// # Errors
     /// As [`Node::archive_state`].
@@ -87,7 +87,7 @@ pub struct NodeType {
     pub name: &'static str,
     /// Version of its output.
     pub version: u32,
-    /// True if the paths of its assets, not only what they hold, stand in its outputs.
+    /// True if its outputs contain the paths of its assets.
     pub exposes_paths: bool,
     /// Threads that may run it.
     pub class: Class,
@@ -177,7 +177,7 @@ impl NodeType {
     /// Declares rates, formats and lookaround over known links.
     ///
     /// # Errors
-    /// As [`Node::shape`], all that can be told at once.
+    /// As [`Node::shape`], with all errors at once.
     pub fn shape(&self, params: &dyn AnyParams, mut raw: RawShape<'_>) -> Result<NodeShape, Vec<Reject>> {
         let declared = (self.shape)(params, &mut raw);
         let shape = raw.close(declared)?;

@@ -4,7 +4,7 @@ use crate::core::random::Rng;
 use serde::{Deserialize, Serialize};
 use std::fmt::{self, Debug};
 
-/// A value as it stands in a graph file, before a parameter has taken it.
+/// A value of a graph file, before a parameter has read it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Datum {
     /// `()`.
@@ -86,7 +86,7 @@ pub enum Mismatch {
         /// The names that exist.
         choices: &'static [(&'static str, &'static str)],
     },
-    /// Items of a list, each with its place from 0 on: as many as [`Self::MOST`].
+    /// Items of a list, each with its index from 0 on: at most [`Self::MOST`].
     Items(Vec<(usize, Mismatch)>),
 }
 
@@ -118,7 +118,7 @@ impl Bounds {
     /// Any finite number.
     pub const ALL: Self = Self { min: f64::MIN, max: f64::MAX };
 
-    /// Returns true if a number lies within.
+    /// Returns true for a number in the range.
     #[must_use]
     pub fn holds(&self, x: f64) -> bool {
         (self.min..=self.max).contains(&x)

@@ -78,7 +78,7 @@ pub struct Clock {
     pub delay: Tick,
     /// When its stream ends.
     pub end: Option<Tick>,
-    /// Its first tick: 0, or where it takes over in a graph that plays already.
+    /// Its first tick: 0, or its start in a graph that plays already.
     pub from: Tick,
 }
 
@@ -102,12 +102,12 @@ pub struct Span {
     pub to: i64,
     /// One behind the last position, the stream's end ignored.
     pub full: i64,
-    /// True if nothing came before this window.
+    /// True for the first window.
     pub first: bool,
 }
 
 impl Span {
-    /// Returns true if it neither begins nor continues a stream, so that there is nothing to pad.
+    /// Returns true if it needs no padding at the start or end of a stream.
     pub(in crate::core) fn steady(&self) -> bool {
         self.full == self.to && !self.first
     }
@@ -129,7 +129,7 @@ pub(in crate::core) struct Shared<'a> {
     pub(in crate::core) buffers: &'a [BufferCell],
     pub(in crate::core) spans: &'a [Span],
     pub(in crate::core) poison: bool,
-    /// True if the streams have ended: what was around the last window may be gone by now.
+    /// True if the streams have ended; the surroundings of the last window may be gone.
     pub(in crate::core) closing: bool,
 }
 

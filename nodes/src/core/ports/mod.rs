@@ -67,7 +67,7 @@ impl PortKind {
         }
     }
 
-    /// Returns true if a link from an output of kind `self` to an input of kind `input` carries the same thing.
+    /// Returns true if an output of kind `self` can be linked to an input of kind `input`.
     #[must_use]
     pub fn feeds(&self, input: &Self) -> bool {
         match (self, input) {
@@ -119,7 +119,7 @@ impl<K> Port<K> {
         Self { index, kind: PhantomData }
     }
 
-    /// Its place in the declaration.
+    /// Its index in the declaration.
     #[must_use]
     pub fn index(&self) -> usize {
         self.index

@@ -35,7 +35,7 @@ pub struct Spent {
     pub calls: u64,
 }
 
-/// A fault and the place in the stage of the node that raised it.
+/// A fault, and the index in the stage of the node that raised it.
 pub type StageFault = (usize, Fault);
 
 /// Nodes in topological order with the buffers between them.
@@ -84,7 +84,7 @@ impl Stage {
         &self.spent
     }
 
-    /// Time spent per node, to be read and cleared by whoever keeps statistics.
+    /// Time spent per node; statistics read and clear it.
     pub fn spent_mut(&mut self) -> &mut [Spent] {
         &mut self.spent
     }
@@ -163,13 +163,13 @@ impl Stage {
         Ok(summaries)
     }
 
-    /// The output wires of a node, by its place.
+    /// The output wires of a node, by its index.
     #[must_use]
     pub fn outputs(&self, node: usize) -> &[OutWire] {
         &self.nodes[node].outputs
     }
 
-    /// The value that a node has given, by its place and output port.
+    /// The value of an output port of a node, by its index.
     #[must_use]
     pub fn value(&self, node: usize, port: usize) -> Option<AnyValue> {
         match self.nodes.get(node)?.outputs.get(port)? {
@@ -205,7 +205,7 @@ impl Stage {
         self.buffers[to].get_mut().any_mut().seed(old.buffers[from].get_mut().any());
     }
 
-    /// Moves the end of a buffer to `to` with what stands for missing items.
+    /// Moves the end of a buffer to `to` with padding.
     pub fn pad(&mut self, buffer: usize, to: i64) {
         self.buffers[buffer].get_mut().any_mut().pad_to(to);
     }

@@ -51,7 +51,7 @@ pub struct Standalone {
     pub begin: Tick,
     /// End of the run of an endless node.
     pub until: Tick,
-    /// True if to fill windows with unusable numbers first.
+    /// True to fill windows with unusable numbers before the node writes them.
     pub poison: bool,
 }
 
@@ -445,7 +445,7 @@ impl StandaloneRun {
         })
     }
 
-    /// The numbers of a stream output, and whether all of them are finite, whatever its type.
+    /// The numbers of a stream output of any type, and true if all of them are finite.
     #[must_use]
     pub fn numbers(&self, port: usize) -> (Vec<f32>, bool) {
         let (Some(OutWire::Stream { buffer, .. }), Some(PortKind::Stream(item))) =
@@ -470,7 +470,7 @@ impl StandaloneRun {
         })
     }
 
-    /// All events that an output has given so far, whatever their type.
+    /// All events of an output so far, of any type.
     #[must_use]
     pub fn events_json(&self, port: usize) -> Vec<(Tick, serde_json::Value)> {
         match (self.wires().get(port), self.specs.get(port).map(|spec| spec.kind)) {

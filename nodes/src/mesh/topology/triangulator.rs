@@ -34,7 +34,7 @@ impl Triangulator {
 
     /// Adds one polygon over `positions`.
     ///
-    /// Repeated neighbouring corners count once. A triangle of three different vertices without area is kept: it may
+    /// Repeated neighbouring corners count once. A triangle of three different vertices without area stays: it may
     /// have area in a later frame.
     ///
     /// # Errors

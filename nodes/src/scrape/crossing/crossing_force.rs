@@ -78,7 +78,7 @@ pub struct CrossingForce {
     pub width: f64,
     /// Meetings so far.
     pub crossings: u64,
-    /// Meetings too many for their time, and samples that are too fast for lines to be told apart.
+    /// Crossings beyond the maximum, and samples that are too fast for lines to be resolved.
     pub left_out: u64,
     pulses: Pulses,
     found: [Vec<CrossedLine>; 2],

@@ -13,7 +13,7 @@ const FASTEST: f32 = 1e6;
 /// State of the motion of a contact.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Heading {
-    /// Unit vector along which it went last.
+    /// Unit vector of its last motion.
     direction: [f32; 2],
     /// 1, or -1 after an odd number of reversals.
     sign: f32,
@@ -77,7 +77,7 @@ impl Motion {
         self.head(segment, heading);
     }
 
-    /// Returns true if the contact neither rests nor turns back: then there is nothing to do sample by sample.
+    /// Returns true if the contact neither rests nor reverses: then no work per sample is needed.
     #[inline(always)]
     fn goes_on(&self, segment: &Segment, direction: [f32; 2]) -> bool {
         let (from, to) = (segment.from, segment.to.min(CELL));

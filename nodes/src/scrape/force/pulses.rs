@@ -32,7 +32,7 @@ struct Pulse {
 
 /// All pulses under way, at most as many as there is room for.
 ///
-/// They are kept in an order of their own, so that what they add up to does not depend on when they were told of.
+/// They have a fixed order, so that their sum does not depend on the order of their arrival.
 #[derive(Clone, Debug)]
 pub struct Pulses {
     pulses: Vec<Pulse>,

@@ -28,7 +28,7 @@ pub(super) struct SegmentPart {
     pub tile: [Tile; 2],
     /// The box around the positions on the image.
     pub bounds: [[f64; 2]; 2],
-    /// True if it is too long for anything to be told apart.
+    /// True if it is too long to be resolved.
     pub long: bool,
 }
 

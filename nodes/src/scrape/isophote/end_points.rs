@@ -1,6 +1,6 @@
 //! End points of many pieces of curves, to select candidates.
 //!
-//! Single precision, sixteen at a time; whoever asks has to allow for its rounding.
+//! Single precision, sixteen at a time; callers have to allow for its rounding.
 
 use crate::scrape::force::voices::CELL;
 

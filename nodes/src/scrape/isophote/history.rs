@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 /// Way over which slopes are compared, px, and positions on it.
 const APART: f64 = 1.0;
 const STEPS: usize = 32;
-/// Places that are kept: more than a pixel and a power of two.
+/// Stored positions: more than a pixel, and a power of two.
 const KEPT: usize = 64;
 
 /// LinearGradient that a contact met, at even steps of its way.

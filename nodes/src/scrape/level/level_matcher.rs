@@ -27,7 +27,7 @@ use rayon::prelude::*;
 
 /// Samples per second of what is compared.
 const FS: f64 = RATE as f64;
-/// Share of the noise where there is no noise map to tell it.
+/// Share of the noise without a noise map.
 const HALF: f64 = 0.5;
 
 params! {

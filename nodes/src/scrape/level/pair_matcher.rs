@@ -28,7 +28,7 @@ use rayon::prelude::*;
 
 /// Samples per second of what is compared.
 const FS: f64 = RATE as f64;
-/// Share of the noise without noise maps to tell it.
+/// Share of the noise without noise maps.
 const HALF: f64 = 0.5;
 /// Slowest speed around which a strength is known, m/s.
 const SLOWEST: f64 = 1e-6;

@@ -94,7 +94,7 @@ fn each<const L: usize>(t: &Lanes<L>, weights: impl Fn(f32) -> [f32; 4]) -> [Lan
     all
 }
 
-/// Pixels kept beyond the low and the high border.
+/// Pixels of padding beyond the low and the high border.
 const PAD: [usize; 2] = [3, 4];
 
 /// A map of `C` numbers per pixel with its surroundings.

@@ -93,7 +93,7 @@ impl SurfaceMap {
         self.surface
     }
 
-    /// Returns true if the sign of what is read depends on the direction; otherwise it is never negative.
+    /// Returns true if the sign of a reading depends on the direction; otherwise it is never negative.
     #[must_use]
     pub fn directional(&self) -> bool {
         !matches!(self.reading, Reading::Value(_))

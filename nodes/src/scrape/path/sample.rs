@@ -32,15 +32,15 @@ pub struct ContactSample {
 pub struct PathRules {
     /// Time from one frame to the next that is expected.
     pub frame: Tick,
-    /// True if a way is known before its end: otherwise it is predicted and corrected over the next frame.
+    /// True if a path is known before its end; otherwise it is predicted, and corrected over the next frame.
     pub look_ahead: bool,
     /// True if velocities come from the positions before and after, one frame later, in place of those given.
     pub differences: bool,
-    /// True if a way whose velocities are too large for it is straight.
+    /// True to replace a path by a straight line if its velocities are too large.
     pub guard: bool,
     /// Distance from the expected position beyond which a contact has jumped, m.
     pub teleport: f64,
-    /// Number of the object that pieces carry.
+    /// Number of the object in the pieces.
     pub object: u32,
     /// Time constant of a low-pass over positions and velocities, s; 0 for none.
     pub smooth: f64,

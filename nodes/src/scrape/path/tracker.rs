@@ -38,9 +38,9 @@ struct TrackedContact {
     other: Option<[[f64; 2]; 2]>,
     force: f32,
     gain: f32,
-    /// True if it still has to fade in.
+    /// True until it has faded in.
     fresh: bool,
-    /// True if what is known last was predicted.
+    /// True if the last state was predicted.
     guessed: bool,
     /// True if it has been lost: its number may come again.
     lost: bool,
@@ -159,7 +159,7 @@ impl Tracker {
         }
     }
 
-    /// Keeps a frame until the next tells its velocity, and takes the one before.
+    /// Stores a frame until the next gives its velocity, and returns the one before.
     fn wait(&mut self, contact: &mut TrackedContact, sample: &ContactSample, out: &mut Queue) {
         if let Some(mut waiting) = contact.waiting.take() {
             let back =

@@ -28,7 +28,7 @@ fn between_pixels([before, top, after]: [f64; 3], bend: f64) -> f64 {
     if own > 0.0 { round * (after - before).powi(2) / (8.0 * own) } else { 0.0 }
 }
 
-/// The dilation, where `rise` tells how far the touching point lies above the highest pixel and its neighbours.
+/// The dilation, where `rise` is the height of the touching point above the highest pixel and its neighbours.
 fn dilated(
     heights: &Grid,
     surface: &Surface,

@@ -35,7 +35,7 @@ impl Segment {
     }
 }
 
-/// A recording that went into a database.
+/// A recording of a database.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct UnitSource {
     /// Provenance of the recording: its path by default.

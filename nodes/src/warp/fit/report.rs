@@ -72,7 +72,7 @@ pub enum FitError {
         /// The number found.
         found: f64,
     },
-    /// Kernels that cannot be told apart.
+    /// Kernels that cannot be distinguished.
     #[error("nodes lie too close together for lambda {lambda}; a larger one is needed")]
     Singular {
         /// lambda as used.

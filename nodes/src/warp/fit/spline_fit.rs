@@ -13,7 +13,7 @@ use crate::warp::spline::{Pair, Tps};
 ///
 /// # Errors
 /// Numbers that are not finite, weights or lambda out of range, more than `MAX_NODES` nodes, or nodes that double precision
-/// cannot tell apart.
+/// cannot separate.
 ///
 /// # Complexity
 /// O(n^3) once, then O(n) for every lambda tried.

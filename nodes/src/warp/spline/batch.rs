@@ -7,7 +7,7 @@ use super::tps::{Tps, Warper};
 
 /// Units in a part that one thread warps at a time.
 const CHUNK: usize = 512;
-/// Units whose kernels are kept while the weights of all splines go over them.
+/// Units whose kernels are stored for the weights of all splines.
 const BATCH: usize = 4;
 /// Sums that a processor keeps at once.
 const LANES: usize = 4;

@@ -247,7 +247,7 @@ impl Orientation {
         if units.is_empty() { Self { preserved: 1.0, reversed: 0.0 } } else { Self { preserved, reversed } }
     }
 
-    /// Returns true if most of the target is turned over. A mirror alone folds nothing: neighbours stay neighbours.
+    /// Returns true if most of the target is mirrored. A mirror alone has no folds: neighbours stay neighbours.
     pub fn mirrored(self) -> bool {
         self.reversed > self.preserved
     }

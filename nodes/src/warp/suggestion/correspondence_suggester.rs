@@ -25,10 +25,10 @@ params! {
     ///
     /// Windows of both worlds are compared by the ranks of their features, laid on each other by optimal transport, and moments of
     /// the target that lie far apart are proposed with what lies there in the database: the quietest first, then what brings the two worlds
-    /// nearest, until one more gains less than 1 %. A label tells the gain, as a share of the distance that there is without a warp, and other
+    /// nearest, until one more gains less than 1 %. A label states the gain, as a share of the distance that there is without a warp, and other
     /// places of other recordings to try. Nothing is applied: listen, then keep, move or disable each.
     ///
-    /// Gains tell how near the worlds come as a whole, not whether what is loud stays loud. Where it should, give `level: 3.0` and
+    /// Gains measure the distance in total, not whether loud moments stay loud. Where it should, give `level: 3.0` and
     /// `all: true`: then moments are spread over all levels, and each goes to what is as loud among the recordings.
     ///
     /// Silence of the target is proposed with the quietest moment of recordings that fall 30 dB below their loudest. Where none does, it
@@ -117,7 +117,7 @@ impl UnitPower {
     }
 }
 
-/// Returns true if each segment of a database comes of a cause, where its tag tells.
+/// Returns for each segment of a database whether it has a cause, if its tag states one.
 fn tagged(db: &UnitDatabase, segments: &[&Segment], cause: &str) -> Vec<Option<bool>> {
     let known = |tag: &str| CAUSES.contains(&tag) || tag == SILENCE_TAG;
     let segment = |s: &&Segment| {

@@ -15,7 +15,7 @@ pub struct SuggestParams {
     pub most: usize,
     /// How much more the first feature, which is that of loudness, counts than each of the others where ranks are compared.
     pub level: f64,
-    /// True if all `count` are listed, also where one more gains little: loudness is followed the better the more there are.
+    /// True to list all `count` proposals, also those of little gain: more of them follow the loudness better.
     pub all: bool,
     /// What silence is, where that is known; otherwise the quietest moment of the target is taken for it.
     pub silence: Option<Silence>,

@@ -57,7 +57,7 @@ pub(super) struct Cloud {
     pub points: Points,
     /// They add up to 1.
     pub masses: Vec<f64>,
-    /// The point that each original one went into.
+    /// Index of the merged point of each original one.
     pub of: Vec<usize>,
 }
 

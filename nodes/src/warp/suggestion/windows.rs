@@ -23,7 +23,7 @@ pub(super) struct Window {
 }
 
 impl Window {
-    /// Mean of the first feature, which tells loudness.
+    /// Mean of the first feature, that of loudness.
     pub fn loudness(&self) -> f64 {
         self.mean.first().copied().unwrap_or(0.0)
     }

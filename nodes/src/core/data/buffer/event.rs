@@ -79,7 +79,7 @@ impl<E: Clone + Send + 'static> EventBuffer<E> {
     }
 
     /// Adds one event; events come in the order of their times. Without room it is left out, which
-    /// [`AnyBuffer::overrun`] tells from then on.
+    /// [`AnyBuffer::overrun`] reports it from then on.
     pub fn push(&mut self, tick: Tick, event: E) {
         if !self.grow(1) {
             return;

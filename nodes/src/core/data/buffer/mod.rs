@@ -54,11 +54,11 @@ pub trait AnyBuffer: Any + Send {
     fn archive_state(&mut self, archive: &mut StateArchive<'_>) -> Result<(), Fault>;
     /// Bytes that the buffer holds in memory.
     fn bytes(&self) -> usize;
-    /// Returns true if its size depends on what comes in.
+    /// Returns true if its size depends on the input.
     fn grows(&self) -> bool {
         false
     }
-    /// Returns true if something was left out because the [`Budget`] was spent.
+    /// Returns true if events were dropped because the [`Budget`] was exhausted.
     fn overrun(&self) -> bool {
         false
     }
@@ -66,7 +66,7 @@ pub trait AnyBuffer: Any + Send {
     fn sibling(&self, items: usize) -> Box<dyn AnyBuffer>;
 }
 
-/// A buffer in its place in a stage: audio, by far the most frequent, without a pointer and a virtual call in between.
+/// A buffer of a stage: audio, by far the most frequent type, without a pointer and a virtual call.
 pub enum BoxedBuffer {
     /// Numbers.
     Samples(StreamBuffer<f32>),

@@ -16,7 +16,7 @@ pub struct StreamBuffer<E> {
     span: usize,
     front: usize,
     pad: Pad,
-    /// The item that stands, or stood, at the start of the storage.
+    /// The item at the start of the storage.
     origin: i64,
     /// The first item that is still there.
     first: i64,
@@ -82,7 +82,7 @@ impl<E: Copy + Default + Serialize + DeserializeOwned + Send + 'static> StreamBu
         &mut self.data[at..at + count]
     }
 
-    /// Moves what is still read to the front of the storage, and tells where the next `n` items go.
+    /// Moves the items that are still read to the front of the storage, and returns the index of the next `n` items.
     #[inline(never)]
     fn make_room(&mut self, n: usize) -> usize {
         let kept = self.span.saturating_sub(n) as i64;

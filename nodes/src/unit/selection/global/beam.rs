@@ -246,7 +246,7 @@ impl<'a, const P: usize> Beam<'a, P> {
         best
     }
 
-    /// Returns true if a column was chosen lately on path `k` of the row before `row`.
+    /// Returns true if a column was chosen recently on path `k` of the row before `row`.
     fn comes_back(&self, row: usize, k: usize, column: usize) -> bool {
         let mut at = k;
         let rows = self.rows.iter().take(row).rev();

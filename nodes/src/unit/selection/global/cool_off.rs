@@ -18,7 +18,7 @@ impl CoolOff {
         Self { used: vec![0; columns], cool_off }
     }
 
-    /// Returns true if a column rests at a row.
+    /// Returns true if a column is in its cool-off at a row.
     pub fn barred(&self, row: usize, column: usize) -> bool {
         let used = self.used[column];
         used > 0 && row + 1 - used <= self.cool_off

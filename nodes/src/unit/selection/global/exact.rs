@@ -18,7 +18,7 @@ use crate::unit::selection::selector::NotFinite;
 /// A feature of the target that is not finite.
 ///
 /// # Precision
-/// Rows are kept in single precision over the least cost of the row before, so that no number in them exceeds one price and one
+/// Rows are stored in single precision over the least cost of the row before, so that no number in them exceeds one price and one
 /// distance, and what is lost does not grow with the length of the take: the path costs at most 2^-22 (p + greatest distance) per
 /// target more than the best. Its cost is summed in double precision along the path.
 ///

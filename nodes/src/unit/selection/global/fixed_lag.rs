@@ -25,7 +25,7 @@ pub struct FixedLag {
     front: Front,
     before: Front,
     decisions: Decisions,
-    /// Rows that decisions are kept of.
+    /// Rows with stored decisions.
     capacity: usize,
     /// Rows that are known.
     rows_read: usize,

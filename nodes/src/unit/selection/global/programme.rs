@@ -129,7 +129,7 @@ impl Decisions {
     }
 }
 
-/// The programme over a target, with what has to be kept to do parts of it again.
+/// The programme over a target, with the data for computing parts of it again.
 pub(super) struct Programme<'a> {
     pub table: &'a Table,
     pub target: &'a [f32],
@@ -195,7 +195,7 @@ impl<'a> Programme<'a> {
         front
     }
 
-    /// Computes the fronts again from the first change on, as far as they differ; tells which blocks were passed through.
+    /// Computes the fronts again from the first change on, as far as they differ; returns the computed blocks.
     fn forward(&mut self, changed: &[bool]) -> Vec<bool> {
         let threads = rayon::current_num_threads().max(2);
         let mut stale = vec![false; changed.len()];

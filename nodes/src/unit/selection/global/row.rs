@@ -8,9 +8,9 @@ use fearless_simd::{Level, dispatch};
 
 /// Units that are treated together: their sums stay in the nearest cache.
 const TILE: usize = 256;
-/// Minima that are kept side by side.
+/// Minima that are computed in parallel.
 const LANES: usize = 16;
-/// Units that tell in one word of bits how they were reached.
+/// Units whose predecessors are stored in one word of bits.
 pub(super) const WORD: usize = 64;
 
 /// One target, and what any unit costs that is jumped to.
