@@ -12,9 +12,9 @@ fuzz_target!(|text: &str| {
     assert_eq!(loaded.graph.is_none(), any_error(&loaded.diagnostics));
     let _ = render(&loaded.diagnostics, &loaded.sources, false);
     let _ = json(&loaded.diagnostics, &loaded.sources);
-    for place in loaded.diagnostics.iter().filter_map(|d| d.place.as_ref()) {
-        if let Some(source) = loaded.sources.get(place.file) {
-            assert!(source.text.get(place.span.clone()).is_some());
+    for location in loaded.diagnostics.iter().filter_map(|d| d.location.as_ref()) {
+        if let Some(source) = loaded.sources.get(location.file) {
+            assert!(source.text.get(location.span.clone()).is_some());
         }
     }
     if let Some(graph) = loaded.graph {

@@ -125,20 +125,20 @@ fn why(args: &WhyArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit> {
         None => writeln!(out, "no earlier run of this graph has come to it")?,
         Some(trace) if trace.last != key.parts => {
             writeln!(out, "since the last run has changed:")?;
-            tell(&mut out, &trace.last, &key.parts)?;
+            print_changes(&mut out, &trace.last, &key.parts)?;
         }
         Some(trace) => {
             writeln!(out, "nothing that it depends on has changed since the last run")?;
             if !trace.before.is_empty() {
                 writeln!(out, "what had changed when it last got another key:")?;
-                tell(&mut out, &trace.before, &trace.last)?;
+                print_changes(&mut out, &trace.before, &trace.last)?;
             }
         }
     }
     Ok(Exit::Done)
 }
 
-fn tell(out: &mut impl Write, was: &[KeyPart], is: &[KeyPart]) -> io::Result<()> {
+fn print_changes(out: &mut impl Write, was: &[KeyPart], is: &[KeyPart]) -> io::Result<()> {
     for (name, was, is) in changes(was, is) {
         writeln!(out, "  {name}: {} -> {}", was.unwrap_or("(none)"), is.unwrap_or("(none)"))?;
     }

@@ -47,7 +47,7 @@ pub fn run(args: &RunArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit> {
     });
     match render_files(&ready, args) {
         Ok(report) => {
-            tell(&report, &ready, args)?;
+            print_results(&report, &ready, args)?;
             Ok(Exit::Done)
         }
         Err(errors) => {
@@ -82,7 +82,7 @@ pub fn render_files(ready: &Prepared, args: &RunArgs) -> Result<Report, Vec<Diag
 ///
 /// # Errors
 /// When standard output is gone, or the report cannot be written.
-pub fn tell(report: &Report, ready: &Prepared, args: &RunArgs) -> anyhow::Result<()> {
+pub fn print_results(report: &Report, ready: &Prepared, args: &RunArgs) -> anyhow::Result<()> {
     if report.outputs.is_empty() && ready.taps.is_empty() {
         eprintln!("foley: the graph writes nothing: add a WavOut, or give --tap NODE.PORT=FILE");
     }

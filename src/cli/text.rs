@@ -3,7 +3,7 @@
 use super::Exit;
 use super::args::{Args, CompletionsArgs, ExplainArgs, FmtArgs};
 use super::run::{show, write_whole};
-use crate::diag::{Diagnostic, Place, Sources, codes};
+use crate::diag::{Diagnostic, SourceLocation, Sources, codes};
 use crate::graph::nearest;
 use crate::lang::fmt::format;
 use anyhow::Context as _;
@@ -36,7 +36,8 @@ pub fn fmt(args: &FmtArgs) -> anyhow::Result<Exit> {
                 let mut sources = Sources::default();
                 let file = sources.add(name, text);
                 let one = |e: &crate::lang::SyntaxError| {
-                    let mut d = Diagnostic::error("F001", &e.message, Place { file, span: e.span.clone() });
+                    let mut d =
+                        Diagnostic::error("F001", &e.message, SourceLocation { file, span: e.span.clone() });
                     d.help = e.expected.as_ref().map(|x| format!("expected {x}"));
                     d
                 };

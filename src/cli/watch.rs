@@ -2,7 +2,7 @@
 
 use super::Exit;
 use super::args::WatchArgs;
-use super::run::{render_files, show, tell};
+use super::run::{print_results, render_files, show};
 use crate::diag::{Diagnostic, Severity, Sources};
 use crate::graph::Graph;
 use crate::memo::{MEMORY, Memo};
@@ -198,7 +198,7 @@ impl Session<'_> {
         for (key, content) in self.watcher.contents() {
             contents.entry(key).or_insert(content);
         }
-        if let Err(e) = tell(report, &ready, &self.args.run) {
+        if let Err(e) = print_results(report, &ready, &self.args.run) {
             if e.downcast_ref::<std::io::Error>().is_some() {
                 return Err(e);
             }

@@ -20,20 +20,20 @@ pub enum Severity {
     Warning,
 }
 
-/// A place in one of the [`Sources`].
+/// A location in one of the [`Sources`].
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Place {
+pub struct SourceLocation {
     /// The file.
     pub file: usize,
     /// Byte range in it.
     pub span: Range<usize>,
 }
 
-/// A further place that explains a diagnostic.
+/// A further location that explains a diagnostic.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Label {
     /// Location.
-    pub place: Place,
+    pub location: SourceLocation,
     /// The text of the label.
     pub text: String,
 }
@@ -48,7 +48,7 @@ pub struct Diagnostic {
     /// Description of the mistake.
     pub message: String,
     /// Location; `None` for mistakes outside of files, such as those of an argument.
-    pub place: Option<Place>,
+    pub location: Option<SourceLocation>,
     /// The label of the location.
     pub note: String,
     /// Further places.
@@ -64,14 +64,14 @@ pub struct Diagnostic {
 impl Diagnostic {
     /// An error at a place.
     #[must_use]
-    pub fn error(code: &'static str, message: impl Into<String>, place: Place) -> Self {
-        Self { place: Some(place), ..Self::general(code, message) }
+    pub fn error(code: &'static str, message: impl Into<String>, location: SourceLocation) -> Self {
+        Self { location: Some(location), ..Self::general(code, message) }
     }
 
     /// A warning at a place.
     #[must_use]
-    pub fn warning(code: &'static str, message: impl Into<String>, place: Place) -> Self {
-        Self { severity: Severity::Warning, ..Self::error(code, message, place) }
+    pub fn warning(code: &'static str, message: impl Into<String>, location: SourceLocation) -> Self {
+        Self { severity: Severity::Warning, ..Self::error(code, message, location) }
     }
 
     /// An error without a place.
@@ -81,7 +81,7 @@ impl Diagnostic {
             code,
             severity: Severity::Error,
             message: message.into(),
-            place: None,
+            location: None,
             note: String::new(),
             labels: Vec::new(),
             node: None,
@@ -92,18 +92,18 @@ impl Diagnostic {
 
     /// A node's rejection at the place of the field that it names.
     #[must_use]
-    pub fn of_reject(reject: Reject, place: Place, node: &str) -> Self {
-        Self::of_fault(reject.into(), place, node)
+    pub fn of_reject(reject: Reject, location: SourceLocation, node: &str) -> Self {
+        Self::of_fault(reject.into(), location, node)
     }
 
     /// A node's fault at the place of the field that it names.
     #[must_use]
-    pub fn of_fault(fault: Fault, place: Place, node: &str) -> Self {
+    pub fn of_fault(fault: Fault, location: SourceLocation, node: &str) -> Self {
         let message = match fault.time {
             Some(time) => format!("at {:.6} s: {}", seconds(time), fault.message),
             None => fault.message,
         };
-        let mut diagnostic = Self::error(fault.code, message, place).node(node);
+        let mut diagnostic = Self::error(fault.code, message, location).node(node);
         diagnostic.help = fault.help;
         diagnostic.time = fault.time;
         diagnostic
@@ -132,8 +132,8 @@ impl Diagnostic {
 
     /// Adds a further place.
     #[must_use]
-    pub fn label(mut self, place: Place, text: impl Into<String>) -> Self {
-        self.labels.push(Label { place, text: text.into() });
+    pub fn label(mut self, location: SourceLocation, text: impl Into<String>) -> Self {
+        self.labels.push(Label { location, text: text.into() });
         self
     }
 }
@@ -186,10 +186,10 @@ impl Sources {
 
 /// Sorts diagnostics in the order of their texts, and removes duplicates of a sub-graph that is used several times.
 pub fn sort(diagnostics: &mut Vec<Diagnostic>, sources: &Sources) {
-    diagnostics.sort_by_key(|d| (d.place.as_ref().map(|p| (p.file, p.span.start)), d.code));
+    diagnostics.sort_by_key(|d| (d.location.as_ref().map(|p| (p.file, p.span.start)), d.code));
     let mut reported = HashSet::new();
     diagnostics.retain(|d| {
-        let at = d.place.as_ref().and_then(|p| Some((&sources.get(p.file)?.name, p.span.clone())));
+        let at = d.location.as_ref().and_then(|p| Some((&sources.get(p.file)?.name, p.span.clone())));
         at.is_none_or(|at| reported.insert((d.code, at, d.message.clone())))
     });
 }

@@ -1,14 +1,14 @@
 //! Diagnostics as text for people and as JSON for programs.
 
-use super::{Diagnostic, Place, Severity, Source, Sources};
+use super::{Diagnostic, Severity, Source, SourceLocation, Sources};
 use annotate_snippets::{AnnotationKind, Group, Level, Origin, Renderer, Snippet};
 use serde_json::{Value, json};
 use std::ops::Range;
 
 /// Maximum number of diagnostics in text output.
-const MOST_SHOWN: usize = 100;
+const MAX_SHOWN: usize = 100;
 /// Maximum number of further locations of a diagnostic in text output.
-const MOST_LABELS: usize = 24;
+const MAX_LABELS: usize = 24;
 /// Maximum length of a message, in characters.
 const LONGEST_TITLE: usize = 2000;
 
@@ -20,10 +20,10 @@ const LONGEST_LINE: usize = 4000;
 pub fn render(diagnostics: &[Diagnostic], sources: &Sources, colour: bool) -> String {
     let renderer = if colour { Renderer::styled() } else { Renderer::plain() };
     let mut shown: Vec<&Diagnostic> = diagnostics.iter().collect();
-    if shown.len() > MOST_SHOWN {
+    if shown.len() > MAX_SHOWN {
         // No warning takes the place of an error.
         shown.sort_by_key(|d| d.severity == Severity::Warning);
-        shown.truncate(MOST_SHOWN);
+        shown.truncate(MAX_SHOWN);
     }
     let left = diagnostics.len() - shown.len();
     let mut texts: Vec<String> = shown.into_iter().map(|d| renderer.render(&groups(d, sources))).collect();
@@ -59,12 +59,13 @@ fn groups<'a>(d: &'a Diagnostic, sources: &'a Sources) -> Vec<Group<'a>> {
     };
     let title = shortened(title);
     let mut group = Group::with_title(level.primary_title(title).id(d.code));
-    if let Some(place) = &d.place {
-        for file in files_of(d, place) {
+    if let Some(location) = &d.location {
+        for file in files_of(d, location) {
             let Some(source) = sources.get(file) else { continue };
-            let labels: Vec<_> = d.labels.iter().filter(|l| l.place.file == file).take(MOST_LABELS).collect();
-            let own = (place.file == file).then(|| clip(place, &source.text));
-            let others = labels.iter().map(|l| clip(&l.place, &source.text));
+            let labels: Vec<_> =
+                d.labels.iter().filter(|l| l.location.file == file).take(MAX_LABELS).collect();
+            let own = (location.file == file).then(|| clip(location, &source.text));
+            let others = labels.iter().map(|l| clip(&l.location, &source.text));
             let spans: Vec<Range<usize>> = own.clone().into_iter().chain(others).collect();
             let (range, number) = lines(&source.text, &spans);
             if source.text[range.clone()].lines().any(|line| line.len() > LONGEST_LINE) {
@@ -82,7 +83,7 @@ fn groups<'a>(d: &'a Diagnostic, sources: &'a Sources) -> Vec<Group<'a>> {
                     snippet.annotation(if d.note.is_empty() { primary } else { primary.label(&*d.note) });
             }
             for label in labels {
-                let span = within(clip(&label.place, &source.text));
+                let span = within(clip(&label.location, &source.text));
                 snippet = snippet.annotation(AnnotationKind::Context.span(span).label(&*label.text));
             }
             group = group.element(snippet);
@@ -113,18 +114,18 @@ fn shortened(text: String) -> String {
     format!("{start} ... {end}")
 }
 
-fn files_of(d: &Diagnostic, place: &Place) -> Vec<usize> {
-    let mut files = vec![place.file];
+fn files_of(d: &Diagnostic, location: &SourceLocation) -> Vec<usize> {
+    let mut files = vec![location.file];
     for label in &d.labels {
-        if !files.contains(&label.place.file) {
-            files.push(label.place.file);
+        if !files.contains(&label.location.file) {
+            files.push(label.location.file);
         }
     }
     files
 }
 
 /// The span, clamped to the text and to character boundaries.
-fn clip(place: &Place, text: &str) -> Range<usize> {
+fn clip(location: &SourceLocation, text: &str) -> Range<usize> {
     let floor = |mut at: usize| {
         at = at.min(text.len());
         while !text.is_char_boundary(at) {
@@ -132,15 +133,15 @@ fn clip(place: &Place, text: &str) -> Range<usize> {
         }
         at
     };
-    let start = floor(place.span.start);
-    start..floor(place.span.end).max(start)
+    let start = floor(location.span.start);
+    start..floor(location.span.end).max(start)
 }
 
 /// An array of `{code, severity, message, file, line, column, end_line, end_column, node, help}`.
 #[must_use]
 pub fn json(diagnostics: &[Diagnostic], sources: &Sources) -> Value {
     let one = |d: &Diagnostic| {
-        let at = d.place.as_ref().map(|p| {
+        let at = d.location.as_ref().map(|p| {
             let file = sources.get(p.file).map(|s| s.name.clone());
             (file, sources.line_column(p.file, p.span.start), sources.line_column(p.file, p.span.end))
         });
@@ -169,13 +170,14 @@ mod tests {
         let mut sources = Sources::default();
         let text: String = (1..=5000).map(|k| format!("line {k}\n")).collect();
         let at = |k: usize| text.find(&format!("line {k}\n")).unwrap();
-        let place = |k: usize| Place { file: 0, span: at(k)..at(k) + 4 };
-        let found = Diagnostic::error("F001", "wrong", place(4000)).label(place(3990), "see here");
+        let location = |k: usize| SourceLocation { file: 0, span: at(k)..at(k) + 4 };
+        let found = Diagnostic::error("F001", "wrong", location(4000)).label(location(3990), "see here");
         sources.add("a.ron", text.clone());
         let reported = render(&[found], &sources, false);
         assert!(reported.contains("--> a.ron:4000:1") && reported.contains("4000 | line 4000"), "{reported}");
         assert!(reported.contains("3990 | line 3990") && reported.lines().count() < 12, "{reported}");
-        let end = Diagnostic::error("F001", "cut off", Place { file: 0, span: text.len()..text.len() });
+        let end =
+            Diagnostic::error("F001", "cut off", SourceLocation { file: 0, span: text.len()..text.len() });
         assert!(render(&[end], &sources, false).contains("cut off"));
     }
 
@@ -183,7 +185,7 @@ mod tests {
     fn of_a_very_long_line_the_place_is_told() {
         let mut sources = Sources::default();
         sources.add("a.ron", format!("first\nä{}", "x".repeat(200_000)));
-        let at = |k: usize| Place { file: 0, span: 6 + k..7 + k };
+        let at = |k: usize| SourceLocation { file: 0, span: 6 + k..7 + k };
         let found = Diagnostic::error("F001", "wrong", at(150_000)).label(at(2), "see here").help("mend it");
         let reported = render(&[found], &sources, false);
         assert!(reported.contains("--> a.ron:2:150000") && reported.contains("a.ron:2:2"), "{reported}");
@@ -194,7 +196,7 @@ mod tests {
     fn of_very_many_the_errors_are_shown_first_and_the_rest_is_counted() {
         let mut sources = Sources::default();
         sources.add("a.ron", "text");
-        let at = || Place { file: 0, span: 0..4 };
+        let at = || SourceLocation { file: 0, span: 0..4 };
         let mut all: Vec<_> = (0..300).map(|_| Diagnostic::warning("F026", "odd", at())).collect();
         all.push(Diagnostic::error("F025", format!("a loop: {}", "node -> ".repeat(4000)), at()));
         let reported = render(&all, &sources, false);

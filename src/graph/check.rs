@@ -10,7 +10,7 @@ use super::sound;
 use super::suggest::{help, nearest};
 use super::values::Given;
 use super::{Graph, GraphNode, Link};
-use crate::diag::{Diagnostic, Place, any_error, sort};
+use crate::diag::{Diagnostic, SourceLocation, any_error, sort};
 use crate::lang::{Value, ValueKind};
 use foley_nodes::core::params::{Datum, FieldError, Mismatch, ParamKind, ParamSpec};
 use foley_nodes::core::ports::Arity;
@@ -73,13 +73,13 @@ pub(super) fn check(mut loader: Loader) -> Loaded {
     sort(&mut found, &sources);
     let root = std::mem::take(&mut loader.root);
     if raw.is_empty() && !any_error(&found) {
-        found.push(Diagnostic::warning("F026", "the graph has no nodes", Place::default()));
+        found.push(Diagnostic::warning("F026", "the graph has no nodes", SourceLocation::default()));
     }
     let mut nodes = Vec::new();
     for (((raw, checked_node), links), good) in raw.into_iter().zip(checked).zip(links).zip(good) {
         nodes.push(match checked_node {
             Some(CheckedNode { ty, params: Some(params), fields, .. }) if good => {
-                Some(GraphNode { id: raw.id, ty, params, links, place: raw.place, fields, whole: true })
+                Some(GraphNode { id: raw.id, ty, params, links, location: raw.location, fields, whole: true })
             }
             _ => None,
         });
@@ -104,13 +104,14 @@ fn fields(node: &RawNode, loader: &mut Loader) -> Option<CheckedNode> {
     if node.type_name.is_empty() {
         return None;
     }
-    let error =
-        |code, message: String, place: &Place| Diagnostic::error(code, message, place.clone()).node(&node.id);
+    let error = |code, message: String, location: &SourceLocation| {
+        Diagnostic::error(code, message, location.clone()).node(&node.id)
+    };
     let Some(ty) = loader.registry.get(&node.type_name).map(Arc::clone) else {
         let near = nearest(&node.type_name, loader.registry.types().iter().map(|ty| ty.name));
         let hint = near.map(|name| format!("did you mean `{name}`? ")).unwrap_or_default();
         let message = format!("there is no node type `{}`", node.type_name);
-        let found = error("F010", message, &node.type_place);
+        let found = error("F010", message, &node.type_location);
         loader.found.push(found.help(format!("{hint}`foley nodes` lists all node types")));
         return None;
     };
@@ -137,7 +138,7 @@ fn fields(node: &RawNode, loader: &mut Loader) -> Option<CheckedNode> {
             loader.found.push(error("F011", message, key).help(help(name, "fields", names)));
             continue;
         }
-        let place = given.place.clone();
+        let location = given.location.clone();
         let Some(given) = loader.resolve(given.clone()) else {
             broken.push(name);
             if let Some(port) = port {
@@ -145,12 +146,12 @@ fn fields(node: &RawNode, loader: &mut Loader) -> Option<CheckedNode> {
             }
             continue;
         };
-        if given.place != place {
-            checked_node.origins.insert(name.clone(), given.place.clone());
+        if given.location != location {
+            checked_node.origins.insert(name.clone(), given.location.clone());
         } else {
-            item_places(name, &given.value, place.file, &mut checked_node.fields);
+            item_locations(name, &given.value, location.file, &mut checked_node.fields);
         }
-        checked_node.fields.insert(name.clone(), place);
+        checked_node.fields.insert(name.clone(), location);
         // A list is of links, unless it is one of numbers for a parameter of the same name.
         let is_link = |v: &Value, spec: &ParamSpec| match v.value {
             ValueKind::Str(_) | ValueKind::Option(None) => true,
@@ -178,7 +179,7 @@ fn fields(node: &RawNode, loader: &mut Loader) -> Option<CheckedNode> {
                 format!("input `{}` ({} of {}) has no link", spec.name, spec.kind.word(), spec.kind.name());
             let feeders = feeders(spec, &loader.registry);
             let help = format!("link it to a node that gives {}: {feeders}", spec.kind.name());
-            loader.found.push(error("F012", message, &node.place).help(help));
+            loader.found.push(error("F012", message, &node.location).help(help));
         }
     }
     match (ty.read)(&|name| data.get(name).cloned()) {
@@ -202,15 +203,15 @@ fn fields(node: &RawNode, loader: &mut Loader) -> Option<CheckedNode> {
                         let kind = specs.iter().find(|s| s.name == *name).map(|s| s.kind.to_string());
                         let message =
                             format!("parameter `{name}` ({}) has to be given", kind.unwrap_or_default());
-                        loader.found.push(error("F013", message, &node.place));
+                        loader.found.push(error("F013", message, &node.location));
                     }
                     FieldError::Value(name, mismatch) => {
                         let spec = specs.iter().find(|s| s.name == *name);
-                        let place = checked_node.fields.get(*name).unwrap_or(&node.place);
+                        let location = checked_node.fields.get(*name).unwrap_or(&node.location);
                         for (item, mismatch) in mismatch.each() {
                             let name = format!("{name}{item}");
-                            let place = checked_node.fields.get(&name).unwrap_or(place).clone();
-                            let mut found = mismatched(&name, mismatch, spec, place).node(&node.id);
+                            let location = checked_node.fields.get(&name).unwrap_or(location).clone();
+                            let mut found = mismatched(&name, mismatch, spec, location).node(&node.id);
                             if let Some(origin) = checked_node.origins.get(spec.map_or("", |s| s.name)) {
                                 found = found.label(origin.clone(), "the value is given here");
                             }
@@ -241,7 +242,7 @@ fn bare_text(given: &Given, kind: &ParamKind, loader: &Loader) -> Option<Value> 
         (kind, _) => kind,
     };
     let takes = matches!(kind, ParamKind::Text | ParamKind::Asset | ParamKind::Output);
-    let value = || Value { span: given.place.span.clone(), value: ValueKind::Str(text.to_owned()) };
+    let value = || Value { span: given.location.span.clone(), value: ValueKind::Str(text.to_owned()) };
     (takes && !quoted).then(value)
 }
 
@@ -289,12 +290,12 @@ fn asset(text: &str, given: &Given, loader: &mut Loader) -> String {
 }
 
 /// Locations of the items of a list, and of nested lists: `inputs[2]`.
-fn item_places(name: &str, list: &Value, file: usize, places: &mut BTreeMap<String, Place>) {
+fn item_locations(name: &str, list: &Value, file: usize, locations: &mut BTreeMap<String, SourceLocation>) {
     let (ValueKind::List(items) | ValueKind::Tuple(items)) = &list.value else { return };
     for (k, item) in items.iter().enumerate() {
         let name = format!("{name}[{k}]");
-        item_places(&name, item, file, places);
-        places.insert(name, Place { file, span: item.span() });
+        item_locations(&name, item, file, locations);
+        locations.insert(name, SourceLocation { file, span: item.span() });
     }
 }
 
@@ -302,7 +303,7 @@ fn item_places(name: &str, list: &Value, file: usize, places: &mut BTreeMap<Stri
 fn missing_assets(
     specs: &[ParamSpec],
     data: &BTreeMap<&str, Datum>,
-    fields: &BTreeMap<String, Place>,
+    fields: &BTreeMap<String, SourceLocation>,
     node: &RawNode,
     loader: &mut Loader,
 ) {
@@ -321,35 +322,40 @@ fn missing_assets(
                 continue;
             }
             if let Err(e) = loader.root.resolve(path) {
-                let whole = fields.get(spec.name).unwrap_or(&node.place);
-                let place = fields.get(&format!("{}{item}", spec.name)).unwrap_or(whole);
-                loader.found.push(Diagnostic::error(e.code, e.message, place.clone()).node(&node.id));
+                let whole = fields.get(spec.name).unwrap_or(&node.location);
+                let location = fields.get(&format!("{}{item}", spec.name)).unwrap_or(whole);
+                loader.found.push(Diagnostic::error(e.code, e.message, location.clone()).node(&node.id));
             }
         }
     }
 }
 
 /// Error for a value that a parameter, or the item `name` of it, does not accept.
-fn mismatched(name: &str, mismatch: &Mismatch, spec: Option<&ParamSpec>, place: Place) -> Diagnostic {
+fn mismatched(
+    name: &str,
+    mismatch: &Mismatch,
+    spec: Option<&ParamSpec>,
+    location: SourceLocation,
+) -> Diagnostic {
     let unit = spec.and_then(|s| s.unit).filter(|unit| !unit.is_empty());
     let unit = unit.map(|unit| format!(" {unit}")).unwrap_or_default();
     match mismatch {
         Mismatch::Type { expected, found } => {
-            Diagnostic::error("F014", format!("`{name}` takes {expected}, found {found}"), place)
+            Diagnostic::error("F014", format!("`{name}` takes {expected}, found {found}"), location)
         }
         Mismatch::Range { found, bounds } => {
             let message = format!("`{name}` is {found}{unit}, out of its range");
             let help = format!("from {} to {}{unit}", bounds.min, bounds.max);
-            Diagnostic::error("F015", message, place).help(help)
+            Diagnostic::error("F015", message, location).help(help)
         }
         Mismatch::NotFinite { found } => {
-            Diagnostic::error("F016", format!("`{name}` is {found}, which is not a finite number"), place)
+            Diagnostic::error("F016", format!("`{name}` is {found}, which is not a finite number"), location)
         }
         Mismatch::Choice { found, choices } => {
             let names = choices.iter().map(|(n, _)| *n);
-            Diagnostic::error("F017", format!("`{name}` has no choice `{found}`"), place)
+            Diagnostic::error("F017", format!("`{name}` has no choice `{found}`"), location)
                 .help(help(found, "choices", names))
         }
-        Mismatch::Items(_) => Diagnostic::error("F014", format!("`{name}` has wrong items"), place),
+        Mismatch::Items(_) => Diagnostic::error("F014", format!("`{name}` has wrong items"), location),
     }
 }

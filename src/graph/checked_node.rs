@@ -1,6 +1,6 @@
 //! A node whose own fields are checked, and whose links are still text.
 
-use crate::diag::Place;
+use crate::diag::SourceLocation;
 use foley_nodes::core::node::NodeType;
 use foley_nodes::core::params::AnyParams;
 use std::collections::BTreeMap;
@@ -10,7 +10,7 @@ use std::sync::Arc;
 pub(super) struct RawLink {
     pub text: String,
     pub scope: String,
-    pub place: Place,
+    pub location: SourceLocation,
 }
 
 /// A node whose own fields are checked.
@@ -20,7 +20,7 @@ pub(super) struct CheckedNode {
     pub links: Vec<Vec<RawLink>>,
     /// The files that it writes, with the fields that name them.
     pub outputs: Vec<(&'static str, String)>,
-    pub fields: BTreeMap<String, Place>,
+    pub fields: BTreeMap<String, SourceLocation>,
     /// Location of the value, for fields that refer to a parameter of the graph.
-    pub origins: BTreeMap<String, Place>,
+    pub origins: BTreeMap<String, SourceLocation>,
 }

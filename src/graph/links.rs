@@ -5,7 +5,7 @@ use super::checked_node::{CheckedNode, RawLink};
 use super::loader::{Loader, RawNode};
 use super::suggest::help;
 use super::values::Given;
-use crate::diag::{Diagnostic, Place};
+use crate::diag::{Diagnostic, SourceLocation};
 use crate::lang::{Value, ValueKind};
 use foley_nodes::core::node::NodeType;
 use foley_nodes::core::ports::{Arity, PortKind, PortSpec};
@@ -23,14 +23,14 @@ pub(super) fn feeders(spec: &PortSpec, registry: &Registry) -> String {
 pub(super) fn links_of(given: &Given, spec: &PortSpec, node: &RawNode, loader: &mut Loader) -> Vec<RawLink> {
     let bare = loader.argument(given).is_some();
     let mut wrong = |value: &Value, what: &str| {
-        let place = Place { file: given.place.file, span: value.span() };
+        let location = SourceLocation { file: given.location.file, span: value.span() };
         let message = format!("input `{}` takes {what}, found {}", spec.name, value.describe());
-        loader.found.push(Diagnostic::error("F018", message, place).node(&node.id));
+        loader.found.push(Diagnostic::error("F018", message, location).node(&node.id));
     };
     let raw = |value: &Value, text: &str| RawLink {
         text: text.to_owned(),
         scope: given.scope.prefix.clone(),
-        place: Place { file: given.place.file, span: value.span() },
+        location: SourceLocation { file: given.location.file, span: value.span() },
     };
     match (&given.value.value, spec.arity) {
         (ValueKind::Str(text), _) => vec![raw(&given.value, text)],
@@ -44,14 +44,14 @@ pub(super) fn links_of(given: &Given, spec: &PortSpec, node: &RawNode, loader: &
             for item in items {
                 match loader.resolve(given.inside(item)) {
                     Some(Given { value: Value { value: ValueKind::Str(text), .. }, scope, .. }) => {
-                        let place = Place { file: given.place.file, span: item.span() };
-                        links.push(RawLink { text, scope: scope.prefix, place });
+                        let location = SourceLocation { file: given.location.file, span: item.span() };
+                        links.push(RawLink { text, scope: scope.prefix, location });
                     }
                     Some(other) if !other.value.is_error() => {
-                        let place = other.place.clone();
+                        let location = other.location.clone();
                         let message =
                             format!("a link is text such as \"node.port\", found {}", other.value.describe());
-                        loader.found.push(Diagnostic::error("F018", message, place).node(&node.id));
+                        loader.found.push(Diagnostic::error("F018", message, location).node(&node.id));
                     }
                     _ => {}
                 }
@@ -60,7 +60,7 @@ pub(super) fn links_of(given: &Given, spec: &PortSpec, node: &RawNode, loader: &
         }
         (ValueKind::List(items), _) if items.len() != 1 => {
             let message = format!("input `{}` takes one link, found a list of {}", spec.name, items.len());
-            let found = Diagnostic::error("F024", message, given.place.clone()).node(&node.id);
+            let found = Diagnostic::error("F024", message, given.location.clone()).node(&node.id);
             loader.found.push(found.help("put Mix in between to join several"));
             Vec::new()
         }
@@ -84,7 +84,7 @@ pub(super) fn link(
     by_id: &HashMap<&str, usize>,
     loader: &Loader,
 ) -> Result<Option<Link>, Diagnostic> {
-    let error = |code, message: String| Diagnostic::error(code, message, raw.place.clone());
+    let error = |code, message: String| Diagnostic::error(code, message, raw.location.clone());
     let full = format!("{}{}", raw.scope, raw.text);
     let (node, port) = match by_id.get(full.as_str()) {
         Some(&node) => (node, None),
@@ -145,7 +145,7 @@ pub(super) fn link(
         );
         let between = between(&output.kind, &input.kind, &loader.registry);
         let found = error("F023", message)
-            .label(nodes[node].place.clone(), format!("gives {}", kind_words(&output.kind)));
+            .label(nodes[node].location.clone(), format!("gives {}", kind_words(&output.kind)));
         return Err(match between {
             Some(name) => found.help(format!("put {name} in between")),
             None => found.help(format!(
@@ -155,7 +155,7 @@ pub(super) fn link(
             )),
         });
     }
-    Ok(Some(Link { node, port: at, place: raw.place.clone() }))
+    Ok(Some(Link { node, port: at, location: raw.location.clone() }))
 }
 
 fn kind_words(kind: &PortKind) -> String {

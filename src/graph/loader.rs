@@ -4,7 +4,7 @@ use super::Graph;
 use super::root::{Limits, Root};
 use super::suggest::help;
 use super::values::{Given, Override, Scope};
-use crate::diag::{Diagnostic, Place, Sources};
+use crate::diag::{Diagnostic, SourceLocation, Sources};
 use crate::lang::{self, Value};
 use foley_nodes::core::files::FileError;
 use foley_nodes::registry::Registry;
@@ -23,13 +23,13 @@ pub struct RawNode {
     /// Name of its type.
     pub type_name: String,
     /// Location of the type's name.
-    pub type_place: Place,
+    pub type_location: SourceLocation,
     /// Location of its id.
-    pub place: Place,
+    pub location: SourceLocation,
     /// End of its text in that file.
     pub end: usize,
     /// Its fields in order: name, place of the name, value.
-    pub fields: Vec<(String, Place, Given)>,
+    pub fields: Vec<(String, SourceLocation, Given)>,
     /// True if its text is complete enough to check.
     pub whole: bool,
 }
@@ -116,7 +116,7 @@ pub(super) struct Loader {
     pub found: Vec<Diagnostic>,
     pub sources: Sources,
     pub used_params: std::cell::RefCell<std::collections::BTreeSet<String>>,
-    pub all_params: Vec<(String, Place)>,
+    pub all_params: Vec<(String, SourceLocation)>,
     pub root: Root,
     pub limits: Limits,
     /// Number of uses of sub-graphs, and their size in bytes.
@@ -165,8 +165,8 @@ impl Loader {
         }
     }
 
-    pub(super) fn error(&mut self, code: &'static str, message: impl Into<String>, place: Place) {
-        self.found.push(Diagnostic::error(code, message, place));
+    pub(super) fn error(&mut self, code: &'static str, message: impl Into<String>, location: SourceLocation) {
+        self.found.push(Diagnostic::error(code, message, location));
     }
 
     /// Reads one file below the id `prefix`; `given` are values for its parameters and nodes.
@@ -182,12 +182,13 @@ impl Loader {
         let parsed = lang::parse(&text);
         let file = self.sources.add(name, text);
         for e in parsed.errors() {
-            let mut diagnostic = Diagnostic::error("F001", &e.message, Place { file, span: e.span.clone() });
+            let mut diagnostic =
+                Diagnostic::error("F001", &e.message, SourceLocation { file, span: e.span.clone() });
             diagnostic.help = e.expected.as_ref().map(|expected| format!("expected {expected}"));
             self.found.push(diagnostic);
         }
         let document = parsed.document();
-        let at = |span: std::ops::Range<usize>| Place { file, span };
+        let at = |span: std::ops::Range<usize>| SourceLocation { file, span };
         match document.attribute("schema") {
             Some(schema) if schema.value == SCHEMA => {}
             Some(schema) => {
@@ -219,7 +220,7 @@ impl Loader {
             }
         };
         let folder = path.parent().map(Path::to_owned).unwrap_or_default();
-        let mut seen: BTreeMap<&str, Place> = BTreeMap::new();
+        let mut seen: BTreeMap<&str, SourceLocation> = BTreeMap::new();
         for field in fields {
             let name = field.name.value.as_str();
             if let Some(first) = seen.get(name) {
@@ -250,7 +251,7 @@ impl Loader {
     }
 
     fn header(&mut self, title: Option<&Value>, seed: Option<&Value>, file: usize) {
-        let at = |v: &Value| Place { file, span: v.span() };
+        let at = |v: &Value| SourceLocation { file, span: v.span() };
         if let Some(v) = title.filter(|v| !v.is_error()) {
             match v.as_str() {
                 Some(title) => self.title = Some(title.to_owned()),
@@ -281,12 +282,12 @@ impl Loader {
         let Some(value) = value.filter(|v| !v.is_error()) else { return Vec::new() };
         let Some(map) = value.as_map() else {
             let message = format!("`{what}` is a map such as {{\"name\": ...}}, found {}", value.describe());
-            self.error("F008", message, Place { file, span: value.span() });
+            self.error("F008", message, SourceLocation { file, span: value.span() });
             return Vec::new();
         };
         for entry in map.iter().filter(|e| e.key.as_str().is_none() && !e.key.is_error()) {
             let message = format!("names in `{what}` are text in quotes, found {}", entry.key.describe());
-            self.error("F007", message, Place { file, span: entry.key.span() });
+            self.error("F007", message, SourceLocation { file, span: entry.key.span() });
         }
         map.iter().filter(|e| e.key.as_str().is_some()).collect()
     }
@@ -299,8 +300,8 @@ impl Loader {
         self.full = true;
     }
 
-    pub(super) fn bad_id(&mut self, id: &str, place: Place) {
-        let found = Diagnostic::error("F007", format!("{id:?} cannot be an id"), place);
+    pub(super) fn bad_id(&mut self, id: &str, location: SourceLocation) {
+        let found = Diagnostic::error("F007", format!("{id:?} cannot be an id"), location);
         self.found
             .push(found.help("an id starts with a letter and continues with letters, digits, `_` and `-`"));
     }
@@ -314,11 +315,11 @@ impl Loader {
         sets: &[(String, Given)],
         uses: &[String],
     ) {
-        let mut first: BTreeMap<String, Place> = BTreeMap::new();
+        let mut first: BTreeMap<String, SourceLocation> = BTreeMap::new();
         let start = self.nodes.len();
         for entry in self.entries(value, file, "nodes") {
             let Some(id) = entry.key.as_str() else { continue };
-            let key = Place { file, span: entry.key.span() };
+            let key = SourceLocation { file, span: entry.key.span() };
             // A node whose id is wrong is checked like any other.
             if !valid_id(id) {
                 self.bad_id(id, key.clone());
@@ -348,14 +349,14 @@ impl Loader {
             match self.nodes[start..].iter_mut().find(|n| n.id == format!("{}{id}", scope.prefix)) {
                 Some(node) => {
                     node.fields.retain(|(name, _, _)| name != param);
-                    node.fields.push((param.to_owned(), value.place.clone(), value.clone()));
+                    node.fields.push((param.to_owned(), value.location.clone(), value.clone()));
                 }
                 None => {
                     let names: Vec<String> = self.nodes[start..].iter().map(|n| n.id.clone()).collect();
                     let found = Diagnostic::error(
                         "F028",
                         format!("this graph has no node `{id}`"),
-                        value.place.clone(),
+                        value.location.clone(),
                     );
                     self.found.push(found.help(help(id, "nodes", names.iter().map(String::as_str))));
                 }
@@ -363,8 +364,16 @@ impl Loader {
         }
     }
 
-    fn node(&mut self, id: &str, place: Place, value: &Value, file: usize, folder: &Path, scope: &Scope) {
-        let at = |span: std::ops::Range<usize>| Place { file, span };
+    fn node(
+        &mut self,
+        id: &str,
+        location: SourceLocation,
+        value: &Value,
+        file: usize,
+        folder: &Path,
+        scope: &Scope,
+    ) {
+        let at = |span: std::ops::Range<usize>| SourceLocation { file, span };
         let id = format!("{}{id}", scope.prefix);
         let (name, fields) = match value.as_struct() {
             Some((Some(name), fields)) => (name, fields),
@@ -377,8 +386,8 @@ impl Loader {
                 self.nodes.push(RawNode {
                     id,
                     type_name: String::new(),
-                    type_place: at(value.span()),
-                    place,
+                    type_location: at(value.span()),
+                    location,
                     end: value.span().end,
                     fields: Vec::new(),
                     whole: false,
@@ -387,7 +396,7 @@ impl Loader {
             }
         };
         let mut whole = true;
-        let mut seen: BTreeMap<&str, Place> = BTreeMap::new();
+        let mut seen: BTreeMap<&str, SourceLocation> = BTreeMap::new();
         let mut read = Vec::new();
         for field in fields {
             let field_name = field.name.value.as_str();
@@ -402,14 +411,14 @@ impl Loader {
             whole &= !field.value.is_error();
             let given = Given {
                 value: field.value.clone(),
-                place: at(field.value.span()),
+                location: at(field.value.span()),
                 folder: folder.to_owned(),
                 scope: scope.clone(),
             };
             read.push((field_name.to_owned(), key, given));
         }
-        let (type_name, type_place) = (name.value.clone(), at(name.span()));
+        let (type_name, type_location) = (name.value.clone(), at(name.span()));
         let end = value.span().end;
-        self.nodes.push(RawNode { id, type_name, type_place, place, end, fields: read, whole });
+        self.nodes.push(RawNode { id, type_name, type_location, location, end, fields: read, whole });
     }
 }

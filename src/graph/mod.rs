@@ -23,7 +23,7 @@ pub use root::{Asked, DirFiles, Limits, Root, Stamp, matching};
 pub use suggest::nearest;
 pub use values::Override;
 
-use crate::diag::{Place, Sources};
+use crate::diag::{SourceLocation, Sources};
 use foley_nodes::core::node::NodeType;
 use foley_nodes::core::params::AnyParams;
 use std::collections::BTreeMap;
@@ -58,9 +58,9 @@ pub struct GraphNode {
     /// Links per input port.
     pub links: Vec<Vec<Link>>,
     /// Its location.
-    pub place: Place,
+    pub location: SourceLocation,
     /// Locations of its fields: values of parameters and inputs, and each link or path of a list, as `inputs[2]`.
-    pub fields: BTreeMap<String, Place>,
+    pub fields: BTreeMap<String, SourceLocation>,
     /// True if all of its links are those of the text, as in every graph that can run.
     pub whole: bool,
 }
@@ -73,7 +73,7 @@ pub struct Link {
     /// Output port that it comes from.
     pub port: usize,
     /// Its location in the text.
-    pub place: Place,
+    pub location: SourceLocation,
 }
 
 impl Graph {
@@ -123,7 +123,7 @@ impl Graph {
                 true => vec![Vec::new(); node.links.len()],
                 false => node.links.clone(),
             },
-            place: node.place.clone(),
+            location: node.location.clone(),
             fields: node.fields.clone(),
             whole: node.whole,
         };
@@ -139,11 +139,11 @@ impl Graph {
 
     /// The place of a field of a node, or of the node where it does not stand in the text.
     #[must_use]
-    pub fn place(&self, node: usize, field: Option<&str>) -> Place {
+    pub fn location(&self, node: usize, field: Option<&str>) -> SourceLocation {
         let node = &self.nodes[node];
         // What is not given link by link or path by path is meant as a whole.
         let whole = |field: &str| node.fields.get(field.split('[').next().unwrap_or(field));
         let of = |field: &str| node.fields.get(field).or_else(|| whole(field));
-        field.and_then(of).unwrap_or(&node.place).clone()
+        field.and_then(of).unwrap_or(&node.location).clone()
     }
 }

@@ -116,14 +116,14 @@ fn loop_error(raw: &[RawNode], links: &[Vec<Vec<Link>>], path: &[usize]) -> Diag
     let mut diagnostic = Diagnostic::error(
         "F025",
         format!("these nodes feed each other in a loop: {}", names.join(" -> ")),
-        link(first, closing).map_or_else(|| raw[first].place.clone(), |l| l.place.clone()),
+        link(first, closing).map_or_else(|| raw[first].location.clone(), |l| l.location.clone()),
     )
     .node(&raw[first].id)
     .help("a loop has to go through a Feedback node, which says how long it takes");
     for pair in path.windows(2) {
         if let Some(link) = link(pair[1], pair[0]) {
             let text = format!("`{}` needs `{}`", raw[pair[1]].id, raw[pair[0]].id);
-            diagnostic = diagnostic.label(link.place.clone(), text);
+            diagnostic = diagnostic.label(link.location.clone(), text);
         }
     }
     diagnostic
@@ -179,9 +179,9 @@ pub(super) fn unused(
     let mut feeds = vec![false; raw.len()];
     links.iter().flatten().flatten().for_each(|l| feeds[l.node] = true);
     for (n, node) in raw.iter().enumerate() {
-        if !used[n] && !feeds[n] && node.place.file == 0 && !tells(n) {
+        if !used[n] && !feeds[n] && node.location.file == 0 && !tells(n) {
             let warning =
-                Diagnostic::warning("F026", format!("nothing uses `{}`", node.id), node.place.clone());
+                Diagnostic::warning("F026", format!("nothing uses `{}`", node.id), node.location.clone());
             found.push(warning.node(&node.id).help("link it to a node that writes a file, or remove it"));
         }
     }

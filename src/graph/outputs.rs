@@ -2,7 +2,7 @@
 
 use super::checked_node::CheckedNode;
 use super::loader::RawNode;
-use crate::diag::{Diagnostic, Place};
+use crate::diag::{Diagnostic, SourceLocation};
 use foley_nodes::core::files::FileError;
 use foley_nodes::core::node::NodeType;
 use foley_nodes::core::params::{AnyParams, Datum, ParamKind};
@@ -35,24 +35,24 @@ pub fn written(ty: &NodeType, params: &dyn AnyParams) -> impl Iterator<Item = (&
 
 /// Finds output paths that lead elsewhere, and those that are given twice.
 pub(super) fn check(raw: &[RawNode], checked: &[Option<CheckedNode>], found: &mut Vec<Diagnostic>) {
-    let mut first: HashMap<PathBuf, Place> = HashMap::new();
+    let mut first: HashMap<PathBuf, SourceLocation> = HashMap::new();
     for (node, checked_node) in raw.iter().zip(checked) {
         let Some(CheckedNode { outputs, fields, .. }) = checked_node else { continue };
         for (name, path) in outputs {
-            let place = fields.get(*name).unwrap_or(&node.place).clone();
+            let location = fields.get(*name).unwrap_or(&node.location).clone();
             let full = match output_path(path) {
                 Ok(full) => full,
                 Err(e) => {
-                    found.push(Diagnostic::error(e.code, e.message, place).node(&node.id));
+                    found.push(Diagnostic::error(e.code, e.message, location).node(&node.id));
                     continue;
                 }
             };
             if let Some(earlier) = first.get(&full) {
                 let message = format!("two outputs have the path {}", full.display());
-                let reported = Diagnostic::error("F081", message, place).node(&node.id);
+                let reported = Diagnostic::error("F081", message, location).node(&node.id);
                 found.push(reported.label(earlier.clone(), "first here"));
             } else {
-                first.insert(full, place);
+                first.insert(full, location);
             }
         }
     }

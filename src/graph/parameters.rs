@@ -3,7 +3,7 @@
 use super::loader::Loader;
 use super::suggest::help;
 use super::values::{Given, Override, Scope};
-use crate::diag::{Diagnostic, Place};
+use crate::diag::{Diagnostic, SourceLocation};
 use crate::lang::{self, Value, ValueKind};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -15,7 +15,7 @@ impl Loader {
         for Override { target, value } in overrides {
             let parsed = lang::parse(value);
             let document = parsed.document();
-            let text = |file| Place { file, span: 0..value.len() };
+            let text = |file| SourceLocation { file, span: 0..value.len() };
             let file = self.sources.add(format!("--set {target}"), value.as_str());
             let node = match document.value {
                 // A bare word that no value starts with is text, and so is a path.
@@ -30,7 +30,7 @@ impl Loader {
             let scope = Scope::default();
             given.push((
                 target.clone(),
-                Given { value: node, place: text(file), folder: PathBuf::new(), scope },
+                Given { value: node, location: text(file), folder: PathBuf::new(), scope },
             ));
         }
         given
@@ -48,10 +48,10 @@ impl Loader {
         let mut params: BTreeMap<String, Given> = BTreeMap::new();
         for entry in self.entries(value, file, "params") {
             let Some(name) = entry.key.as_str() else { continue };
-            let place = Place { file, span: entry.value.span() };
+            let location = SourceLocation { file, span: entry.value.span() };
             let scope = Scope { prefix: prefix.to_owned(), ..Scope::default() };
-            let own = Given { value: entry.value.clone(), place, folder: folder.to_owned(), scope };
-            let key = Place { file, span: entry.key.span() };
+            let own = Given { value: entry.value.clone(), location, folder: folder.to_owned(), scope };
+            let key = SourceLocation { file, span: entry.key.span() };
             if params.insert(name.to_owned(), own).is_some() {
                 self.error("F005", format!("parameter `{name}` is given twice"), key);
             } else {
@@ -67,7 +67,7 @@ impl Loader {
             } else {
                 let names = params.keys().map(String::as_str);
                 let message = format!("this graph has no parameter `{target}`");
-                let found = Diagnostic::error("F028", message, value.place.clone());
+                let found = Diagnostic::error("F028", message, value.location.clone());
                 self.found.push(found.help(format!(
                     "{}; a parameter of a node is set as NODE.PARAM=VALUE",
                     help(target, "parameters", names)
@@ -102,20 +102,20 @@ impl Loader {
                     let found = Diagnostic::error(
                         "F027",
                         format!("this graph has no parameter `{name}`"),
-                        given.place,
+                        given.location,
                     );
                     self.found.push(found.help(help(&name, "parameters", names.iter().map(String::as_str))));
                     return None;
                 }
             }
         }
-        self.error("F027", "parameters that stand for each other in a circle", given.place);
+        self.error("F027", "parameters that stand for each other in a circle", given.location);
         None
     }
 
     /// The text of the argument of the command that gave a value, where one did.
     pub(super) fn argument(&self, given: &Given) -> Option<&str> {
-        let source = self.sources.get(given.place.file).filter(|s| s.name.starts_with("--set"))?;
+        let source = self.sources.get(given.location.file).filter(|s| s.name.starts_with("--set"))?;
         given.folder.as_os_str().is_empty().then_some(&*source.text)
     }
 
@@ -123,10 +123,10 @@ impl Loader {
     pub(super) fn unused_params(&self) -> Vec<Diagnostic> {
         let used = self.used_params.borrow();
         let unused = self.all_params.iter().filter(|(name, _)| !used.contains(name));
-        let warn = |(name, place): &(String, Place)| {
+        let warn = |(name, location): &(String, SourceLocation)| {
             let own = name.rsplit('.').next().unwrap_or(name);
             let message = format!("nothing uses the parameter `{name}`");
-            Diagnostic::warning("F029", message, place.clone())
+            Diagnostic::warning("F029", message, location.clone())
                 .help(format!("write \"${own}\" where its value is to stand"))
         };
         unused.map(warn).collect()

@@ -3,7 +3,7 @@
 
 use super::loader::RawNode;
 use super::{Graph, GraphNode, Link};
-use crate::diag::{Diagnostic, Place, Severity};
+use crate::diag::{Diagnostic, Severity, SourceLocation};
 use foley_nodes::core::ports::Arity;
 
 /// Completeness of the knowledge about a node.
@@ -21,12 +21,14 @@ enum Known {
 pub(super) fn readable(raw: &[RawNode], found: &[Diagnostic]) -> Vec<bool> {
     let mut good: Vec<bool> = raw.iter().map(|node| node.whole).collect();
     for d in found.iter().filter(|d| d.severity == Severity::Error) {
-        let places = || d.place.iter().chain(d.labels.iter().map(|l| &l.place));
+        let locations = || d.location.iter().chain(d.labels.iter().map(|l| &l.location));
         let touches = |node: &RawNode| {
-            let meets = |p: &Place| {
-                p.file == node.place.file && p.span.start <= node.end && node.place.span.start <= p.span.end
+            let meets = |p: &SourceLocation| {
+                p.file == node.location.file
+                    && p.span.start <= node.end
+                    && node.location.span.start <= p.span.end
             };
-            d.node.as_ref() == Some(&node.id) || places().any(meets)
+            d.node.as_ref() == Some(&node.id) || locations().any(meets)
         };
         let mut one = false;
         for (node, good) in raw.iter().zip(&mut good) {
@@ -65,8 +67,8 @@ pub(super) fn graph(nodes: Vec<Option<GraphNode>>, order: &[usize]) -> Graph {
     }
     graph.order = order.iter().filter(|&&n| known[n] != Known::Nothing).map(|&n| at[n]).collect();
     graph.rank = vec![0; graph.nodes.len()];
-    for (place, &n) in graph.order.iter().enumerate() {
-        graph.rank[n] = place;
+    for (location, &n) in graph.order.iter().enumerate() {
+        graph.rank[n] = location;
     }
     graph
 }

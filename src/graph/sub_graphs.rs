@@ -3,7 +3,7 @@
 use super::loader::{Loader, read_text, valid_id};
 use super::root::join;
 use super::values::{Given, Scope};
-use crate::diag::{Diagnostic, Place, any_error};
+use crate::diag::{Diagnostic, SourceLocation, any_error};
 use crate::lang::{self, Value, ValueKind};
 use std::path::{Path, PathBuf};
 
@@ -21,7 +21,7 @@ impl Loader {
         let (mut names, start) = (Vec::new(), self.found.len());
         for entry in self.entries(value, file, "use") {
             let Some(name) = entry.key.as_str() else { continue };
-            let key = Place { file, span: entry.key.span() };
+            let key = SourceLocation { file, span: entry.key.span() };
             if !valid_id(name) {
                 self.bad_id(name, key);
                 continue;
@@ -31,14 +31,14 @@ impl Loader {
                 continue;
             }
             names.push(name.to_owned());
-            let place = Place { file, span: entry.value.span() };
+            let location = SourceLocation { file, span: entry.value.span() };
             let inner = |params: Option<&Value>| -> Vec<(String, Given)> {
                 let entries = params.and_then(Value::as_map).unwrap_or_default();
                 let one = |e: &lang::ast::Entry| {
-                    let place = Place { file, span: e.value.span() };
+                    let location = SourceLocation { file, span: e.value.span() };
                     let given = Given {
                         value: e.value.clone(),
-                        place,
+                        location,
                         folder: folder.to_owned(),
                         scope: scope.clone(),
                     };
@@ -58,7 +58,7 @@ impl Loader {
                         "a sub-graph is a path, or Sub(path: \"...\", params: {{...}}), found {}",
                         entry.value.describe()
                     );
-                    self.error("F030", message, place);
+                    self.error("F030", message, location);
                     continue;
                 }
             };
@@ -68,7 +68,7 @@ impl Loader {
                     given.push((rest.to_owned(), value.clone()));
                 }
             }
-            self.sub_graph(&join(folder, &path), place, &format!("{}{own}", scope.prefix), given, chain);
+            self.sub_graph(&join(folder, &path), location, &format!("{}{own}", scope.prefix), given, chain);
         }
         if any_error(&self.found[start..]) {
             let prefixes = names.iter().map(|name| format!("{}{name}.", scope.prefix));
@@ -81,7 +81,7 @@ impl Loader {
     fn sub_graph(
         &mut self,
         path: &str,
-        place: Place,
+        location: SourceLocation,
         prefix: &str,
         given: Vec<(String, Given)>,
         chain: &mut Vec<PathBuf>,
@@ -92,23 +92,23 @@ impl Loader {
         let real = match self.root.resolve(path) {
             Ok(real) => real,
             Err(e) => {
-                self.error(e.code, e.message, place);
+                self.error(e.code, e.message, location);
                 return;
             }
         };
         if chain.contains(&real) {
-            self.error("F031", format!("{path:?} uses itself"), place);
+            self.error("F031", format!("{path:?} uses itself"), location);
             return;
         }
         if chain.len() > self.limits.depth {
             let message = format!("more than {} sub-graphs inside each other", self.limits.depth);
-            self.found.push(Diagnostic::error("F009", message, place).help("--max-depth allows more"));
+            self.found.push(Diagnostic::error("F009", message, location).help("--max-depth allows more"));
             return;
         }
         self.uses += 1;
         if self.uses > self.limits.nodes {
             let message = format!("more than {} uses of sub-graphs", self.limits.nodes);
-            self.stop(Diagnostic::error("F009", message, place).help("--max-nodes allows more"));
+            self.stop(Diagnostic::error("F009", message, location).help("--max-nodes allows more"));
             return;
         }
         match read_text(&real, path, self.limits.graph_bytes) {
@@ -119,14 +119,14 @@ impl Loader {
                     let message = format!(
                         "the sub-graphs have more than {most} bytes, each counted as often as it is used"
                     );
-                    self.stop(Diagnostic::error("F009", message, place));
+                    self.stop(Diagnostic::error("F009", message, location));
                     return;
                 }
                 chain.push(real);
                 self.file(path, text, Path::new(path), prefix, given, chain);
                 chain.pop();
             }
-            Err(e) => self.error("F030", e.message, place),
+            Err(e) => self.error("F030", e.message, location),
         }
     }
 }

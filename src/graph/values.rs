@@ -1,6 +1,6 @@
 //! Values of a text: what the command line gives for them, and the parameters that they may stand for.
 
-use crate::diag::Place;
+use crate::diag::SourceLocation;
 use crate::lang::Value;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -21,7 +21,7 @@ pub struct Given {
     /// The value.
     pub value: Value,
     /// Its location.
-    pub place: Place,
+    pub location: SourceLocation,
     /// Folder to which its paths are relative.
     pub folder: PathBuf,
     /// Prefix of the ids that links in it can name.
@@ -31,8 +31,8 @@ pub struct Given {
 impl Given {
     /// A value that stands inside this one, without a copy of all of this one.
     pub fn inside(&self, value: &Value) -> Self {
-        let place = Place { file: self.place.file, span: value.span() };
-        Self { value: value.clone(), place, folder: self.folder.clone(), scope: self.scope.clone() }
+        let location = SourceLocation { file: self.location.file, span: value.span() };
+        Self { value: value.clone(), location, folder: self.folder.clone(), scope: self.scope.clone() }
     }
 }
 

@@ -6,9 +6,9 @@
 use super::lexer::Token;
 use super::syntax::SyntaxKind;
 
-/// A place in the text's layout: does it start its line, and how far is that line indented.
+/// Layout of a token: true if it starts or ends its line, and the indentation of the line.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Place {
+pub(super) struct TokenLayout {
     pub starts_line: bool,
     pub ends_line: bool,
     pub indent: usize,
@@ -17,8 +17,8 @@ pub(super) struct Place {
 /// The layout of an unbalanced text.
 #[derive(Debug)]
 pub(super) struct Layout {
-    /// One place for each significant token.
-    places: Vec<Place>,
+    /// One token_layout for each significant token.
+    places: Vec<TokenLayout>,
     /// Excess of closing brackets over opening ones, for `)`, `]`, `}`.
     excess: [isize; 3],
 }
@@ -68,18 +68,18 @@ impl Layout {
             let starts_line = newline.is_some() || places.is_empty();
             if starts_line {
                 indent = token.start - line_start;
-                if let Some(Place { ends_line, .. }) = places.last_mut() {
+                if let Some(TokenLayout { ends_line, .. }) = places.last_mut() {
                     *ends_line = true;
                 }
             }
-            places.push(Place { starts_line, ends_line: false, indent });
+            places.push(TokenLayout { starts_line, ends_line: false, indent });
             seen = token.end;
         }
         Some(Layout { places, excess })
     }
 
-    /// The place of a significant token.
-    pub(super) fn place(&self, significant: usize) -> Place {
+    /// The token_layout of a significant token.
+    pub(super) fn token_layout(&self, significant: usize) -> TokenLayout {
         self.places.get(significant).copied().unwrap_or_default()
     }
 
@@ -95,8 +95,8 @@ impl Layout {
     /// is indented no further than the opener's, and it is not the closing bracket. A bracket whose content
     /// is not indented says nothing.
     pub(super) fn ended(&self, opener_at: usize, next: usize, next_closes: bool) -> bool {
-        let (opener, next) = (self.place(opener_at), self.place(next));
-        if opener.ends_line && self.place(opener_at + 1).indent <= opener.indent {
+        let (opener, next) = (self.token_layout(opener_at), self.token_layout(next));
+        if opener.ends_line && self.token_layout(opener_at + 1).indent <= opener.indent {
             return false;
         }
         next.starts_line
@@ -112,6 +112,6 @@ impl Layout {
     /// though the opening bracket ended its line, and there are too many of its kind.
     pub(super) fn strays(&self, opener: usize, closer_at: usize, closer: SyntaxKind) -> bool {
         let many = shape(closer).is_some_and(|(which, _)| self.excess[which] > 0);
-        many && self.place(opener).ends_line && !self.place(closer_at).starts_line
+        many && self.token_layout(opener).ends_line && !self.token_layout(closer_at).starts_line
     }
 }

@@ -372,8 +372,8 @@ impl Player {
         };
         match self.graph().zip(id).and_then(|(graph, id)| Some((graph, graph.find(id)?))) {
             Some((graph, n)) => {
-                let place = graph.place(n, fault.field.as_deref());
-                Diagnostic::of_fault(fault, place, &graph.nodes[n].id)
+                let location = graph.location(n, fault.field.as_deref());
+                Diagnostic::of_fault(fault, location, &graph.nodes[n].id)
             }
             None => Diagnostic::general(fault.code, fault.message),
         }

@@ -139,7 +139,7 @@ pub fn longest_window(graph: &Graph, shapes: &[NodeShape], nodes: &[usize]) -> R
                     seconds(-ahead)
                 );
                 errors.push(
-                    Diagnostic::error("F049", message, link.place.clone())
+                    Diagnostic::error("F049", message, link.location.clone())
                         .node(&graph.nodes[v].id)
                         .help("make the delay longer than the look-ahead of the nodes in the loop"),
                 );
@@ -188,7 +188,7 @@ pub fn endless(
     let endless = nodes.iter().filter(|&&n| ends_phase(graph, n, options) && shapes[n].end.is_none());
     let error = |&n: &usize| {
         let id = &graph.nodes[n].id;
-        Diagnostic::error("F048", format!("`{id}` never ends"), graph.nodes[n].place.clone())
+        Diagnostic::error("F048", format!("`{id}` never ends"), graph.nodes[n].location.clone())
             .node(id)
             .help("give a source in front of it a duration, or run with --until SECONDS")
     };

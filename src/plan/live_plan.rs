@@ -153,8 +153,8 @@ impl Draft {
             let found = rate_of(other).map_or_else(String::new, |r| r.to_string());
             let message = format!("`{}` runs at {found}, `{}` at {rate}", other.id, first.id);
             let wanted = format!("put Resample(rate: {rate}) before it").replace(" Hz", "");
-            let place = graph.nodes[other.node].place.clone();
-            errors.push(Diagnostic::error("F045", message, place).node(&other.id).help(wanted));
+            let location = graph.nodes[other.node].location.clone();
+            errors.push(Diagnostic::error("F045", message, location).node(&other.id).help(wanted));
         }
         let ends: Vec<usize> = sinks.iter().map(|sink| sink.link.node).collect();
         let split = phases::split_live(graph, &ends);
@@ -273,7 +273,7 @@ fn offline_only(graph: &Graph, nodes: &[usize]) -> Vec<Diagnostic> {
         .map(|&n| {
             let node = &graph.nodes[n];
             let message = format!("`{}` ({}) runs offline only", node.id, node.ty.name);
-            Diagnostic::error("F053", message, node.place.clone())
+            Diagnostic::error("F053", message, node.location.clone())
                 .node(&node.id)
                 .help("render it with `foley run`, and play the file that it gives")
         })

@@ -59,6 +59,6 @@ pub fn check_limit<'r>(
         "the largest are {}; allow more with --memory, or use a shorter --window or less look-ahead",
         largest.join(", ")
     ));
-    diagnostic.place = outputs.first().map(|(n, _, _)| graph.nodes[*n].place.clone());
+    diagnostic.location = outputs.first().map(|(n, _, _)| graph.nodes[*n].location.clone());
     Err(vec![diagnostic])
 }

@@ -38,8 +38,8 @@ pub fn shape_all(graph: &Graph, files: &dyn Files) -> Shaped {
             Err(rejects) => {
                 failed[n] = true;
                 errors.extend(rejects.into_iter().map(|reject| {
-                    let place = graph.place(n, reject.field.as_deref());
-                    Diagnostic::of_reject(reject, place, &node.id)
+                    let location = graph.location(n, reject.field.as_deref());
+                    Diagnostic::of_reject(reject, location, &node.id)
                 }));
             }
         }
@@ -99,7 +99,8 @@ fn check_loops(graph: &Graph, shapes: &[NodeShape], failed: &[bool]) -> Vec<Diag
                     "the stream that closes the loop is {}, {}; the node expects {}, {}",
                     back.rate, back.text, out.rate, out.text
                 );
-                errors.push(Diagnostic::error("F045", message, link.place.clone()).node(&graph.nodes[n].id));
+                errors
+                    .push(Diagnostic::error("F045", message, link.location.clone()).node(&graph.nodes[n].id));
             }
         }
     }

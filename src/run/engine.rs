@@ -17,7 +17,7 @@ use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, unbounded};
 use foley_nodes::core::buffer::{AnyBuffer, Budget};
 use foley_nodes::core::fault::Fault;
 use foley_nodes::core::node::Summary;
-use foley_nodes::core::stage::{Spent, Stage, StageFault};
+use foley_nodes::core::stage::{NodeTime, Stage, StageFault};
 use foley_nodes::core::time::{Tick, seconds};
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::SeqCst};
@@ -211,7 +211,7 @@ fn collect(
         let stage = shared.cells[r].stage.lock().unwrap_or_else(PoisonError::into_inner);
         for (k, node) in shared.regions[r].nodes.iter().enumerate() {
             let Runnable::Node(n) = node.runnable else { continue };
-            let Spent { time, calls } = stage.spent()[k];
+            let NodeTime { time, calls } = stage.spent()[k];
             let summary = summaries.as_ref().map(|s| s[k].clone()).unwrap_or_default();
             // A cached stream that is read in place of a node does not count as calls of it.
             report.add(n, time, if streams.reads(n) { 0 } else { calls }, summary);
@@ -236,7 +236,7 @@ fn node_id<'j>(job: &'j Job<'_>, runnable: Runnable) -> Option<&'j str> {
 fn describe(job: &Job<'_>, region: &Region, node: usize, fault: Fault) -> Diagnostic {
     match region.nodes[node].runnable {
         Runnable::Node(n) => {
-            let at = job.graph.place(n, fault.field.as_deref());
+            let at = job.graph.location(n, fault.field.as_deref());
             Diagnostic::of_fault(fault, at, &job.graph.nodes[n].id)
         }
         Runnable::Tap(_) => Diagnostic::general(fault.code, fault.message),

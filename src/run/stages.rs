@@ -84,8 +84,8 @@ impl<'a> BuildSite<'a> {
 
     /// The diagnostic of a fault of a node.
     fn diagnostic(&self, n: usize, fault: Fault) -> Diagnostic {
-        let place = self.graph.place(n, fault.field.as_deref());
-        Diagnostic::of_fault(fault, place, &self.graph.nodes[n].id)
+        let location = self.graph.location(n, fault.field.as_deref());
+        Diagnostic::of_fault(fault, location, &self.graph.nodes[n].id)
     }
 }
 

@@ -2,7 +2,7 @@
 //! output folder.
 
 use super::{DirOutputs, Tap};
-use crate::diag::{Diagnostic, Place};
+use crate::diag::{Diagnostic, SourceLocation};
 use crate::graph::{Asked, Graph, written};
 use std::collections::{HashMap, HashSet};
 use std::fs;
@@ -15,7 +15,7 @@ struct Target<'a> {
     /// The node or flag that writes it.
     writer: String,
     /// The node that writes it, and the source location of its path.
-    node: Option<(&'a str, Place)>,
+    node: Option<(&'a str, SourceLocation)>,
 }
 
 impl Target<'_> {
@@ -25,7 +25,7 @@ impl Target<'_> {
 
     fn error(&self, code: &'static str, message: String) -> Diagnostic {
         match &self.node {
-            Some((id, place)) => Diagnostic::error(code, message, place.clone()).node(id),
+            Some((id, location)) => Diagnostic::error(code, message, location.clone()).node(id),
             None => Diagnostic::general(code, message),
         }
     }
@@ -43,14 +43,14 @@ pub fn check(
     let (mut targets, mut errors) = (Vec::new(), Vec::new());
     for (n, node) in graph.nodes.iter().enumerate() {
         for (field, path) in written(&node.ty, &*node.params) {
-            let place = graph.place(n, Some(field));
+            let location = graph.location(n, Some(field));
             match outputs.resolve(&path) {
                 Ok(path) => targets.push(Target {
                     path,
                     writer: format!("`{}`", node.id),
-                    node: Some((&node.id, place)),
+                    node: Some((&node.id, location)),
                 }),
-                Err(e) => errors.push(Diagnostic::error(e.code, e.message, place).node(&node.id)),
+                Err(e) => errors.push(Diagnostic::error(e.code, e.message, location).node(&node.id)),
             }
         }
     }

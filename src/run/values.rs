@@ -58,8 +58,8 @@ pub fn evaluate(
         match result {
             Ok(summary) => report.add(n, time, 1, summary),
             Err(fault) => {
-                let place = job.graph.place(n, fault.field.as_deref());
-                errors.push(Diagnostic::of_fault(fault, place, &node.id));
+                let location = job.graph.location(n, fault.field.as_deref());
+                errors.push(Diagnostic::of_fault(fault, location, &node.id));
             }
         }
         for (port, out) in outputs.iter().enumerate() {

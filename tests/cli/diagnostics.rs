@@ -134,13 +134,13 @@ fn no_finding_repeats_another_or_lacks_its_place() {
         let (found, sources) = findings(&path);
         for (k, one) in found.iter().enumerate() {
             let same = |other: &Diagnostic| {
-                (other.code, &other.message, &other.place) == (one.code, &one.message, &one.place)
+                (other.code, &other.message, &other.location) == (one.code, &one.message, &one.location)
             };
             assert!(!found[..k].iter().any(same), "{}: twice {one:?}", path.display());
             assert!(codes::find(one.code).is_some(), "{} has no entry", one.code);
-            let Some(place) = &one.place else { continue };
-            let source = sources.get(place.file).unwrap_or_else(|| panic!("{one:?}"));
-            assert!(source.text.get(place.span.clone()).is_some(), "{one:?}");
+            let Some(location) = &one.location else { continue };
+            let source = sources.get(location.file).unwrap_or_else(|| panic!("{one:?}"));
+            assert!(source.text.get(location.span.clone()).is_some(), "{one:?}");
         }
     }
 }
@@ -251,7 +251,7 @@ fn lines_and_columns_count_characters_from_one() {
     let path = Path::new(CASES).join("unicode.ron");
     let (found, sources) = findings(&path);
     let text = fs::read_to_string(&path).unwrap();
-    let place = |needle: &str| {
+    let location = |needle: &str| {
         let (line, content) = text.lines().enumerate().find(|(_, l)| l.contains(needle)).unwrap();
         (line + 1, content[..content.find(needle).unwrap()].chars().count() + 1)
     };
@@ -261,9 +261,9 @@ fn lines_and_columns_count_characters_from_one() {
         let number = |key: &str| one[key].as_u64().unwrap() as usize;
         [(number("line"), number("column")), (number("end_line"), number("end_column"))]
     };
-    let (line, column) = place("1000.0");
+    let (line, column) = location("1000.0");
     assert_eq!(at("F015"), [(line, column), (line, column + 6)]);
-    let (line, column) = place("gian");
+    let (line, column) = location("gian");
     assert_eq!(at("F011"), [(line, column), (line, column + 4)]);
 }
 
@@ -279,7 +279,7 @@ fn json_has_all_fields_for_every_case() {
             assert_eq!(object.len(), fields.len());
             assert!(fields.iter().all(|f| object.contains_key(*f)), "{one}");
             assert_eq!(one["severity"], if d.severity == Severity::Error { "error" } else { "warning" });
-            assert_eq!(one["line"].is_u64(), d.place.is_some());
+            assert_eq!(one["line"].is_u64(), d.location.is_some());
         }
     }
 }

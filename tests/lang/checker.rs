@@ -92,15 +92,15 @@ fn judge_with(text: &str, sets: &[Override]) -> bool {
         json(&loaded.diagnostics, &loaded.sources).as_array().unwrap().len(),
         loaded.diagnostics.len()
     );
-    for place in loaded.diagnostics.iter().filter_map(|d| d.place.as_ref()) {
-        let source = loaded.sources.get(place.file).unwrap_or_else(|| panic!("{text}"));
-        assert!(source.text.get(place.span.clone()).is_some(), "{place:?} in\n{text}");
+    for location in loaded.diagnostics.iter().filter_map(|d| d.location.as_ref()) {
+        let source = loaded.sources.get(location.file).unwrap_or_else(|| panic!("{text}"));
+        assert!(source.text.get(location.span.clone()).is_some(), "{location:?} in\n{text}");
     }
     // What is left of a damaged graph can be shaped, and says where it is wrong.
     assert_eq!(loaded.graph.is_none(), loaded.sound.is_some());
     let files = DirFiles::new(loaded.root, Limits::default());
     for d in loaded.sound.iter().flat_map(|sound| faults(sound, &files, &PlanOptions::default())) {
-        assert!(d.place.is_some() && d.node.is_some(), "{d:?} in\n{text}");
+        assert!(d.location.is_some() && d.node.is_some(), "{d:?} in\n{text}");
     }
     if let Some(graph) = &loaded.graph {
         assert!(svg(&Drawing::of(graph, None)).ends_with("</svg>\n"));

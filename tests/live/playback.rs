@@ -798,8 +798,8 @@ fn a_node_that_runs_offline_only_is_refused_where_it_stands() {
     let [only] = refused.as_slice() else { panic!("{refused:?}") };
     assert_eq!((only.code, only.node.as_deref()), ("F053", Some("a")));
     assert!(only.help.iter().any(|help| help.contains("foley run")), "{only:?}");
-    let place = only.place.as_ref().unwrap();
-    assert_eq!(&text[place.span.clone()], "\"a\"", "{only:?}");
+    let location = only.location.as_ref().unwrap();
+    assert_eq!(&text[location.span.clone()], "\"a\"", "{only:?}");
 }
 
 #[test]

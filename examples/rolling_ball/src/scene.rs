@@ -60,10 +60,10 @@ impl Scene {
         for (x, y) in (0..TILES).flat_map(|x| (0..TILES).map(move |y| (x, y))) {
             // No tile lies quite level with its neighbours.
             let rise = 0.0003 * scatter(x, y);
-            let place = |k: i32| (k as f32 + 0.5) * TILE - half;
+            let location = |k: i32| (k as f32 + 0.5) * TILE - half;
             let side = (TILE - GAP) / 2.0;
             let tile = ColliderBuilder::cuboid(side, side, 0.05)
-                .translation(Vector::new(place(x), place(y), rise - 0.05))
+                .translation(Vector::new(location(x), location(y), rise - 0.05))
                 .friction(0.4)
                 .restitution(0.5);
             world.insert_collider(tile, None);

@@ -22,14 +22,14 @@ pub(super) fn listen(settings: &LiveSettings<'_>, hub: &Arc<Hub>) -> Vec<(&'stat
             });
         });
     }
-    let tell = move |message: &str| {
+    let report = move |message: &str| {
         if !quiet {
             eprintln!("foley: {message}");
         }
     };
     let osc = port(&settings.device.osc).map(|at| ("OSC", "--osc", at, listen_to_osc(at, Arc::clone(hub))));
     let meshes = port(&settings.device.meshes)
-        .map(|at| ("meshes", "--meshes", at, listen_to_meshes(at, Arc::clone(hub), tell)));
+        .map(|at| ("meshes", "--meshes", at, listen_to_meshes(at, Arc::clone(hub), report)));
     let mut all = Vec::new();
     for (what, option, at, listening) in osc.into_iter().chain(meshes) {
         match listening {

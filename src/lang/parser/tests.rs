@@ -41,12 +41,12 @@ fn one_error(from: &str, to: &str, code: ErrorKind, at: &str) {
     let [error] = parsed.errors() else { panic!("{from:?} -> {to:?}: {:#?}", parsed.errors()) };
     assert_eq!(error.code, code, "{error:?}");
     assert!(error.expected.is_some(), "{error:?}");
-    let place = if error.span.is_empty() {
+    let right = if error.span.is_empty() {
         text[..error.span.start].ends_with(at)
     } else {
         text[error.span.start..].starts_with(at)
     };
-    assert!(place, "{from:?} -> {to:?}: {error:?} at {:?}", &text[error.span.start..]);
+    assert!(right, "{from:?} -> {to:?}: {error:?} at {:?}", &text[error.span.start..]);
     assert_eq!(ids(&parsed), ["sheet", "contacts", "speed", "out"], "{from:?} -> {to:?}");
 }
 

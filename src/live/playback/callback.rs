@@ -7,7 +7,7 @@ use super::window_ring::RingReceiver;
 use foley_nodes::core::fault::Fault;
 use foley_nodes::core::node::Retune;
 use foley_nodes::core::params::AnyParams;
-use foley_nodes::core::stage::{Spent, Stage};
+use foley_nodes::core::stage::{NodeTime, Stage};
 use foley_nodes::core::time::Rate;
 use rtrb::{Consumer, Producer};
 use std::sync::Arc;
@@ -199,7 +199,7 @@ impl Callback {
         for (times, spent) in times.iter().zip(stage.spent_mut()) {
             if spent.calls > 0 {
                 times.count(spent.time);
-                *spent = Spent::default();
+                *spent = NodeTime::default();
             }
         }
     }

@@ -10,7 +10,7 @@ use super::window_ring::RingSender;
 use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, bounded, unbounded};
 use foley_nodes::core::fault::Fault;
 use foley_nodes::core::params::AnyParams;
-use foley_nodes::core::stage::{Spent, Stage};
+use foley_nodes::core::stage::{NodeTime, Stage};
 use std::sync::Arc;
 use std::sync::atomic::Ordering::Acquire;
 use std::thread::JoinHandle;
@@ -54,7 +54,7 @@ impl WorkerRegion {
         for (times, spent) in self.times.iter().zip(self.stage.spent_mut()) {
             if spent.calls > 0 {
                 times.count(spent.time);
-                *spent = Spent::default();
+                *spent = NodeTime::default();
             }
         }
         for link in &mut self.links {

@@ -74,7 +74,7 @@ fn copy(node: &GraphNode) -> GraphNode {
         ty: Arc::clone(&node.ty),
         params: node.params.boxed(),
         links: node.links.clone(),
-        place: node.place.clone(),
+        location: node.location.clone(),
         fields: node.fields.clone(),
         whole: node.whole,
     }
@@ -254,7 +254,7 @@ impl TransitionBuilder<'_> {
         {
             return None;
         }
-        let place = before.or(after)?.place.clone();
+        let location = before.or(after)?.location.clone();
         let links = [before.map(|l| Link { node: self.old_node(l.node), ..l.clone() }), after.cloned()];
         let law = if self.correlated(&links) { FadeLaw::Linear } else { FadeLaw::EqualPower };
         let node = self.out.graph.nodes.len();
@@ -265,7 +265,7 @@ impl TransitionBuilder<'_> {
             ty: crossfade(),
             params: Box::new(CrossfadeParams { at: 0.0, duration: FADE, law }),
             links: links.into_iter().map(|l| l.into_iter().collect()).collect(),
-            place: place.clone(),
+            location: location.clone(),
             fields: Default::default(),
             whole: true,
         });
@@ -282,7 +282,7 @@ impl TransitionBuilder<'_> {
             ..NodeShape::default()
         });
         self.out.fades.push(Fade { node, before, after });
-        Some(Link { node, port: 0, place })
+        Some(Link { node, port: 0, location })
     }
 
     /// Returns true if both outputs have a continued node upstream: their sounds are correlated.

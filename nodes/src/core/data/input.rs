@@ -3,12 +3,12 @@
 use super::time::Tick;
 
 /// Maximum number of numbers in a message.
-pub const MOST: usize = 24;
+pub const MAX_COUNT: usize = 24;
 
-/// One message: up to [`MOST`] numbers, whose meaning the node that reads them knows.
+/// One message: up to [`MAX_COUNT`] numbers, whose meaning the node that reads them knows.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Message {
-    numbers: [f64; MOST],
+    numbers: [f64; MAX_COUNT],
     len: usize,
 }
 
@@ -16,8 +16,8 @@ impl Message {
     /// A message of these numbers; `None` where they are too many or one is not finite.
     #[must_use]
     pub fn new(numbers: &[f64]) -> Option<Self> {
-        let mut message = Self { numbers: [0.0; MOST], len: numbers.len() };
-        let fits = numbers.len() <= MOST && numbers.iter().all(|x| x.is_finite());
+        let mut message = Self { numbers: [0.0; MAX_COUNT], len: numbers.len() };
+        let fits = numbers.len() <= MAX_COUNT && numbers.iter().all(|x| x.is_finite());
         fits.then(|| {
             message.numbers[..numbers.len()].copy_from_slice(numbers);
             message

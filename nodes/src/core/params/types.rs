@@ -175,7 +175,7 @@ impl<P: Param> Param for Vec<P> {
                 Ok(item) => taken.push(item),
                 Err(e) => wrong.push((k, e)),
             }
-            if wrong.len() == Mismatch::MOST {
+            if wrong.len() == Mismatch::MAX_COUNT {
                 break;
             }
         }

@@ -86,13 +86,13 @@ pub enum Mismatch {
         /// The names that exist.
         choices: &'static [(&'static str, &'static str)],
     },
-    /// Items of a list, each with its index from 0 on: at most [`Self::MOST`].
+    /// Items of a list, each with its index from 0 on: at most [`Self::MAX_COUNT`].
     Items(Vec<(usize, Mismatch)>),
 }
 
 impl Mismatch {
     /// Maximum number of reported items of a list.
-    pub const MOST: usize = 100;
+    pub const MAX_COUNT: usize = 100;
 
     /// Returns all mismatches with their positions in lists of lists: `[2]` for the third item, empty for the complete value.
     #[must_use]

@@ -28,7 +28,7 @@ pub struct StageNode {
 
 /// Time spent in one node.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Spent {
+pub struct NodeTime {
     /// Wall time in `run`.
     pub time: Duration,
     /// Calls of `run`.
@@ -44,7 +44,7 @@ pub struct Stage {
     clocks: Vec<Clock>,
     spans: Vec<Span>,
     nodes: Vec<StageNode>,
-    spent: Vec<Spent>,
+    spent: Vec<NodeTime>,
     timed: bool,
     poison: bool,
     /// True if no clock has anything to pad in the present window.
@@ -62,7 +62,7 @@ impl Stage {
             Span { from: stop, to: stop, full, first: true }
         };
         let spans = clocks.iter().map(begin).collect();
-        let spent = vec![Spent::default(); nodes.len()];
+        let spent = vec![NodeTime::default(); nodes.len()];
         let growing = (0..buffers.len()).filter(|&k| buffers[k].grows()).collect();
         let buffers = buffers.into_iter().map(|buffer| RefCell::new(BoxedBuffer::new(buffer))).collect();
         Self { buffers, clocks, spans, nodes, spent, timed: false, poison: false, steady: false, growing }
@@ -80,12 +80,12 @@ impl Stage {
 
     /// Time spent per node.
     #[must_use]
-    pub fn spent(&self) -> &[Spent] {
+    pub fn spent(&self) -> &[NodeTime] {
         &self.spent
     }
 
     /// Time spent per node; statistics read and clear it.
-    pub fn spent_mut(&mut self) -> &mut [Spent] {
+    pub fn spent_mut(&mut self) -> &mut [NodeTime] {
         &mut self.spent
     }
 

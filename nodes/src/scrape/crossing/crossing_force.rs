@@ -18,7 +18,7 @@ use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// Maximum number of lines of one surface within reach, and of crossings in a cell of samples.
-const MOST: usize = 32;
+const MAX_COUNT: usize = 32;
 /// Least room for pulses: at low sample rates many contacts begin within one cell.
 const ROOM: usize = 8192;
 /// Maximum length in pixels of one search for lines.
@@ -102,9 +102,9 @@ impl CrossingForce {
             width: 1.0,
             crossings: 0,
             left_out: 0,
-            pulses: Pulses::new((contacts * MOST * cells).max(ROOM), rate),
-            found: [(); 2].map(|()| Vec::with_capacity(MOST)),
-            pending: Vec::with_capacity(MOST + 1),
+            pulses: Pulses::new((contacts * MAX_COUNT * cells).max(ROOM), rate),
+            found: [(); 2].map(|()| Vec::with_capacity(MAX_COUNT)),
+            pending: Vec::with_capacity(MAX_COUNT + 1),
             travel: [[0.0; CELL + 1]; 2],
         }
     }
@@ -199,7 +199,7 @@ impl CrossingForce {
                 };
                 let same =
                     |old: &CrossedLine| old.piece == one.piece && (old.at - one.at).abs() * per_metre < 1e-6;
-                if !found.iter().any(same) && found.len() < MOST {
+                if !found.iter().any(same) && found.len() < MAX_COUNT {
                     found.push(one);
                 }
             });
@@ -233,7 +233,7 @@ impl CrossingForce {
                 if sounds && off.abs() <= reach {
                     let pieces = [a.piece, b.piece];
                     let time = n as f64 + part;
-                    self.left_out += u64::from(pending.len() == MOST);
+                    self.left_out += u64::from(pending.len() == MAX_COUNT);
                     put(pending, LineCrossing { time, pieces, sample: n, slopes: a.slope * b.slope, speed });
                 }
             }
@@ -250,7 +250,7 @@ impl CrossingForce {
         let sample = segment.anchor + crossing.sample as i64;
         let cell = sample.div_euclid(CELL as i64);
         let count = if voice.quota.0 == cell { voice.quota.1 } else { 0 };
-        if count == MOST {
+        if count == MAX_COUNT {
             self.left_out += 1;
             return;
         }
@@ -275,8 +275,8 @@ impl CrossingForce {
 /// Sorts a meeting in by its time; of more than there may be the earliest stay.
 fn put(pending: &mut Vec<LineCrossing>, new: LineCrossing) {
     let position = pending.partition_point(|old| (old.time, old.pieces) <= (new.time, new.pieces));
-    if position < MOST {
-        pending.truncate(MOST - 1);
+    if position < MAX_COUNT {
+        pending.truncate(MAX_COUNT - 1);
         pending.insert(position, new);
     }
 }

@@ -4,7 +4,7 @@ use super::approximation::log2;
 use serde::{Deserialize, Serialize};
 
 /// Greatest strength, and greatest factor of it.
-pub(super) const MOST: f64 = 1e6;
+pub(super) const MAX_FACTOR: f64 = 1e6;
 /// Speeds at which a curve is known.
 pub const POINTS: usize = 17;
 /// Of these to the octave.
@@ -58,6 +58,6 @@ impl SpeedCurve {
         self.lowest.is_normal()
             && self.lowest > 0.0
             && (0.0..=1.0).contains(&self.growth)
-            && self.factors.iter().all(|x| (0.0..=MOST as f32).contains(x))
+            && self.factors.iter().all(|x| (0.0..=MAX_FACTOR as f32).contains(x))
     }
 }

@@ -1,7 +1,7 @@
 //! Strength of an excitation, found by another node: a number, and a multiplier at each speed.
 
 use super::law::Law;
-use super::speed_curve::{MOST, POINTS, SpeedCurve};
+use super::speed_curve::{MAX_FACTOR, POINTS, SpeedCurve};
 use crate::core::fault::Reject;
 use crate::core::item::Data;
 use crate::core::random::Rng;
@@ -47,10 +47,10 @@ impl Data for Strength {
 /// The strength that is linked to `kappa`, where one is.
 pub(in crate::scrape) fn linked(kappa: Option<Arc<Strength>>) -> Result<Option<Strength>, Reject> {
     let Some(found) = kappa.as_deref().copied() else { return Ok(None) };
-    let problem = if !found.kappa.is_finite() || found.kappa.abs() > MOST {
-        format!("is {}; -{MOST} to {MOST} are taken", found.kappa)
+    let problem = if !found.kappa.is_finite() || found.kappa.abs() > MAX_FACTOR {
+        format!("is {}; -{MAX_FACTOR} to {MAX_FACTOR} are taken", found.kappa)
     } else if !found.curve.is_none_or(|curve| curve.holds()) {
-        format!("has factors by speed that are not all between 0 and {MOST}")
+        format!("has factors by speed that are not all between 0 and {MAX_FACTOR}")
     } else {
         return Ok(Some(found));
     };

@@ -23,7 +23,7 @@ use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// Maximum number of crossings of a contact in a cell of samples.
-const MOST: usize = 32;
+const MAX_COUNT: usize = 32;
 
 /// Reading of isophotes that becomes force.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -93,7 +93,7 @@ impl IsophoteForce {
     #[must_use]
     pub fn new(all: &Isophotes, reading: Reading, law: Law, rate: f64, contacts: usize) -> Self {
         let cells = (LONGEST * rate / CELL as f64).ceil() as usize + 2;
-        let room = if reading == Reading::Crossing { contacts * MOST * cells } else { 0 };
+        let room = if reading == Reading::Crossing { contacts * MAX_COUNT * cells } else { 0 };
         Self {
             simd: Level::new(),
             index: Arc::new(IsophoteIndex::new(all)),
@@ -108,7 +108,7 @@ impl IsophoteForce {
             left_out: 0,
             pulses: Pulses::new(room, rate),
             chords: Chords::new(),
-            found: Vec::with_capacity(MOST + 1),
+            found: Vec::with_capacity(MAX_COUNT + 1),
             near: NearestCurve::new(),
             motion: Motion::new(),
         }
@@ -251,7 +251,7 @@ impl IsophoteForce {
         }
         let cell = sample.div_euclid(CELL as i64);
         let count = if voice.quota.0 == cell { voice.quota.1 } else { 0 };
-        if count == MOST {
+        if count == MAX_COUNT {
             self.left_out += 1;
             return;
         }
@@ -315,8 +315,8 @@ impl IsophoteForce {
 fn put(found: &mut Vec<Crossing>, new: Crossing) {
     let later = |old: &Crossing| (old.time, old.piece.number) <= (new.time, new.piece.number);
     let position = found.partition_point(later);
-    if position < MOST {
-        found.truncate(MOST - 1);
+    if position < MAX_COUNT {
+        found.truncate(MAX_COUNT - 1);
         found.insert(position, new);
     }
 }

@@ -6,7 +6,7 @@ use super::index::IsophoteIndex;
 use crate::scrape::force::voices::{CELL, Cell};
 
 /// Pieces of curves that are compared at once.
-const MOST: usize = 512;
+const MAX_COUNT: usize = 512;
 /// A position without a curve within reach.
 const NONE: u32 = u32::MAX;
 
@@ -49,7 +49,7 @@ impl NearestCurve {
     pub fn new() -> Self {
         let (zero, none) = ([0.0; CELL], [NONE; CELL]);
         Self {
-            pieces: Vec::with_capacity(MOST),
+            pieces: Vec::with_capacity(MAX_COUNT),
             best: Best { x: zero, y: zero, square: zero, along: zero, number: none, position: none },
             x: [0.0; CELL],
             y: [0.0; CELL],
@@ -93,7 +93,7 @@ impl NearestCurve {
             [reach + half, 2.0 * half],
             #[inline(always)]
             |piece| {
-                if self.pieces.len() == MOST {
+                if self.pieces.len() == MAX_COUNT {
                     self.compare(index, chords, part, origin);
                 }
                 self.pieces.push(piece);

@@ -1,6 +1,8 @@
 //! The node `LevelMatcher`.
 
-use super::matching::{StrokeParams, TuningParams, by_speed, factor, fastest, heard, parts, rms, share, sum};
+use super::matching::{
+    StrokeParams, TuningParams, by_speed, factor, fastest, parts, rendered, rms, share, sum,
+};
 use super::standard_stroke::{RATE, StandardStroke, exponents};
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
@@ -175,14 +177,14 @@ impl<'a> Surfaces<'a> {
         })
     }
 
-    fn heard(&self, force: Vec<f32>) -> Result<Vec<f32>, Fault> {
-        heard(force, self.modes, [self.p.tuning.damping, self.p.tuning.pitch])
+    fn rendered(&self, force: Vec<f32>) -> Result<Vec<f32>, Fault> {
+        rendered(force, self.modes, [self.p.tuning.damping, self.p.tuning.pitch])
             .map_err(|e| Reject::new("F078", e.to_string()).at("modes").into())
     }
 
     fn map(&self, stroke: &StandardStroke, map: &SurfaceMap) -> Result<Vec<f32>, Fault> {
         let mut force = MapForce::new(exponents(self.p.map_law), 1.0, Interp::Bspline3, FS);
-        self.heard(stroke.draw(
+        self.rendered(stroke.draw(
             &mut force,
             |_| MapVoice::default(),
             |force, voice, segment, out| force.add(map, voice, segment, out),
@@ -191,11 +193,11 @@ impl<'a> Surfaces<'a> {
     }
 
     fn noise(&self, stroke: &StandardStroke, bands: &NoiseBands) -> Result<Vec<f32>, Fault> {
-        self.heard(stroke.noise(bands, self.p.noise_law))
+        self.rendered(stroke.noise(bands, self.p.noise_law))
     }
 
     fn isophotes(&self, stroke: &StandardStroke, curves: &IsophoteForce) -> Result<Vec<f32>, Fault> {
-        self.heard(stroke.draw(
+        self.rendered(stroke.draw(
             &mut curves.clone(),
             |_| IsophoteVoice::default(),
             IsophoteForce::add,

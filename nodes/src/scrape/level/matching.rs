@@ -28,7 +28,7 @@ params! {
 }
 
 /// Greatest factor between two excitations.
-pub const MOST: f64 = 1e6;
+pub const MAX_FACTOR: f64 = 1e6;
 
 /// Of strengths found at each speed of a curve, or at one speed: the one in the middle, and what the others are of it. Where nothing was
 /// found at a speed, it is as in the middle.
@@ -50,7 +50,7 @@ pub fn fastest(speed: f64, by_speed: bool) -> f64 {
 ///
 /// # Errors
 /// As [`Modes::validate`].
-pub fn heard(
+pub fn rendered(
     force: Vec<f32>,
     modes: Option<&Modes>,
     [damping, pitch]: [f64; 2],
@@ -75,7 +75,7 @@ pub fn rms(x: &[f32]) -> f64 {
 #[must_use]
 pub fn factor(wanted: f64, found: f64) -> f64 {
     let factor = wanted / found;
-    if factor.is_finite() && found * MOST > wanted { factor } else { 0.0 }
+    if factor.is_finite() && found * MAX_FACTOR > wanted { factor } else { 0.0 }
 }
 
 /// Factors of features and noise with which both together are as strong as `wanted`, the noise with `share` of the power.

@@ -1,7 +1,9 @@
 //! The node `PairMatcher`.
 
 use super::level_matcher::bands;
-use super::matching::{StrokeParams, TuningParams, by_speed, factor, fastest, heard, parts, rms, share, sum};
+use super::matching::{
+    StrokeParams, TuningParams, by_speed, factor, fastest, parts, rendered, rms, share, sum,
+};
 use super::standard_stroke::{RATE, StandardStroke, exponents};
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
@@ -198,8 +200,8 @@ impl<'a> Pair<'a> {
         })
     }
 
-    fn heard(&self, force: Vec<f32>) -> Result<Vec<f32>, Fault> {
-        heard(force, self.modes, [self.p.tuning.damping, self.p.tuning.pitch])
+    fn rendered(&self, force: Vec<f32>) -> Result<Vec<f32>, Fault> {
+        rendered(force, self.modes, [self.p.tuning.damping, self.p.tuning.pitch])
             .map_err(|e| Reject::new("F078", e.to_string()).at("modes").into())
     }
 
@@ -207,7 +209,7 @@ impl<'a> Pair<'a> {
         let [a, b] = &self.reliefs;
         let law = exponents([self.p.relief_law, 0.0]);
         let mut force = PairForce::new(law, self.p.taps.into(), self.p.radius, a.range() + b.range());
-        self.heard(stroke.draw(
+        self.rendered(stroke.draw(
             &mut force,
             |_| Heading::default(),
             |force, heading, segment, out| force.add([a, b], heading, segment, out),
@@ -218,11 +220,11 @@ impl<'a> Pair<'a> {
     fn crossings(&self, stroke: &StandardStroke) -> Result<Vec<f32>, Fault> {
         let Some(mut force) = self.lines.clone() else { return Ok(Vec::new()) };
         let fresh = |_| CrossingVoice::default();
-        self.heard(stroke.draw(&mut force, fresh, CrossingForce::add, CrossingForce::ring_out))
+        self.rendered(stroke.draw(&mut force, fresh, CrossingForce::add, CrossingForce::ring_out))
     }
 
     fn noise(&self, stroke: &StandardStroke, bands: Option<&NoiseBands>) -> Result<Vec<f32>, Fault> {
-        bands.map_or(Ok(Vec::new()), |bands| self.heard(stroke.noise(bands, self.p.noise_law)))
+        bands.map_or(Ok(Vec::new()), |bands| self.rendered(stroke.noise(bands, self.p.noise_law)))
     }
 
     /// Factors with which both noises together are as strong as 1, and what they sound like then.

@@ -20,7 +20,7 @@ const WHOLE: f64 = 0.9;
 /// End of the pass band and start of the stop band, in parts of the rate of the sound.
 const KEPT: [f64; 2] = [0.4, 0.5];
 /// Maximum number of bands: steps of 2^12 samples.
-const MOST: usize = 96;
+const MAX_COUNT: usize = 96;
 /// Samples of the shortest band.
 const SHORTEST: usize = 64;
 /// Maximum frequency of a stored band, in parts of its density.
@@ -84,7 +84,7 @@ impl NoiseBands {
         let mut bands = vec![closed(profile.samples.get(..n).unwrap_or(&[0.0]), 1.0)];
         let mut planner = RealFftPlanner::<f64>::new();
         let ratio = 2_f64.powf(1.0 / OCTAVE);
-        let parts = (1..MOST).map_while(|k| {
+        let parts = (1..MAX_COUNT).map_while(|k| {
             let step = WHOLE * ratio.powi(k as i32);
             // It is mixed in from the step before it, and is still read at the next.
             let [pass, stop] = [KEPT[0] * ratio / step, KEPT[1] / (ratio * step)];

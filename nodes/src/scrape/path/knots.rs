@@ -8,7 +8,7 @@ use std::f64::consts::TAU;
 /// Longest piece of a curve, s.
 const PIECE: f64 = 1.0 / 60.0;
 /// Pieces beyond which a stroke is too long.
-const MOST: f64 = 1e6;
+const MAX_FACTOR: f64 = 1e6;
 
 /// A position of a stroke: when, where, how fast, under which force.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -63,7 +63,7 @@ pub fn lines(positions: &[[f64; 2]], start: f64, speed: f64, force: f64) -> Opti
         time += length / speed;
         knots.push(Knot { time, position: q, velocity: [velocity; 2], force });
     }
-    (time - start < MOST * PIECE).then_some(knots)
+    (time - start < MAX_FACTOR * PIECE).then_some(knots)
 }
 
 /// Turns around a centre at an even speed, anticlockwise for y up; `None` as for [`lines`].
@@ -85,7 +85,7 @@ pub fn circle(
         let position = [centre[0] + radius * cos, centre[1] + radius * sin];
         Knot { time: start + time * part, position, velocity: [velocity; 2], force }
     };
-    (steps <= MOST).then(|| (0..=steps as u32).map(knot).collect())
+    (steps <= MAX_FACTOR).then(|| (0..=steps as u32).map(knot).collect())
 }
 
 /// The pieces of a stroke with their starts: it begins within 2 ms and fades out in 5 ms after its last position.

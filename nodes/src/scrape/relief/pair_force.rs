@@ -8,7 +8,7 @@ use crate::scrape::path::piece::{position, velocity};
 use fearless_simd::{Level, dispatch};
 
 /// Maximum number of points along the line of contact.
-pub const MOST_TAPS: usize = 129;
+pub const MAX_TAPS: usize = 129;
 /// Samples that share one reading of both surfaces.
 const GROUP: usize = 32;
 /// Maximum number of points of such a reading.
@@ -76,7 +76,7 @@ impl PairForce {
     #[must_use]
     pub fn new(law: Law, taps: usize, radius: f64, range: f64) -> Self {
         let half = (2.0 * radius * range.max(1e-12)).sqrt();
-        let taps = taps.clamp(3, MOST_TAPS) | 1;
+        let taps = taps.clamp(3, MAX_TAPS) | 1;
         let step = 2.0 * half / (taps - 1) as f64;
         let middle = (taps / 2) as f64;
         let offsets: Vec<f64> = (0..taps).map(|j| (j as f64 - middle) * step).collect();
@@ -157,7 +157,7 @@ impl PairForce {
             a.line(along(centres[0], t, low - half), forth, &mut pa[..counts[0]]);
             b.line(along(centres[1], t, high + half), forth.map(|x| -x), &mut pb[..counts[1]]);
         }
-        let mut z = [f32::MIN; MOST_TAPS];
+        let mut z = [f32::MIN; MAX_TAPS];
         let (mut at_a, mut at_b) = ([[0.0; 2]; CELL], [[0.0; 2]; CELL]);
         for n in from..to.min(CELL) {
             let (ua, ub) = (position(&paths.a, n as f64), position(&paths.b, n as f64));

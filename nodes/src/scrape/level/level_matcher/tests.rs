@@ -269,7 +269,7 @@ fn with_modes_it_is_their_sound_that_is_equally_loud() {
     floor.noise = extend(&floor.noise, 16, &Random::new(3, "fine")).0;
     floor.spectrum = extend(&floor.spectrum, 16, &Random::new(4, "fine")).0;
     let modes = Modes::new("bar", vec![1410.0, 3130.0], vec![4.0, 6.0], vec![1.0, 0.6]).unwrap();
-    let ring = |force: &Vec<f32>| rms(&heard(force.clone(), Some(&modes), [1.0; 2]).unwrap());
+    let ring = |force: &Vec<f32>| rms(&rendered(force.clone(), Some(&modes), [1.0; 2]).unwrap());
     let plain = levels(&floor, &matched(params(), &floor, None), &way(1.0, 1.0));
     let far = db(ring(&plain[3]) / ring(&plain[0])).abs();
     assert!(far > 3.0, "equal forces ring unequally: {far} dB");
@@ -307,7 +307,7 @@ fn with_modes_all_levels_follow_the_whole_map_from_half_to_four_times_the_speed(
         let mut worst = [0.0_f64; 2];
         for times in [0.5, 1.0, 2.0, 4.0] {
             let way = way(1.2 * times, 2.0);
-            let ring = |force: Vec<f32>| rms(&heard(force, Some(&modes), [1.0; 2]).unwrap());
+            let ring = |force: Vec<f32>| rms(&rendered(force, Some(&modes), [1.0; 2]).unwrap());
             for (run, worst) in [&run, &still].into_iter().zip(&mut worst) {
                 let all = levels(&floor, run, &way).map(ring);
                 let miss = all.map(|level| db(level / all[0]));
@@ -351,7 +351,7 @@ fn a_surface_of_twice_the_size_is_matched_as_well() {
             };
             drawn::<NoiseExcitation>(p, &way, feeds)
         };
-        rms(&heard(drawn, Some(&modes), [1.0; 2]).unwrap())
+        rms(&rendered(drawn, Some(&modes), [1.0; 2]).unwrap())
     };
     let miss = db(sized(false) / sized(true));
     assert!(miss.abs() < 2.0, "{miss} dB");

@@ -67,7 +67,7 @@ fn edits_while_it_sounds_cross_fade() {
 }
 
 /// The levels on which a contact is heard one second after it began.
-fn heard(standalone: Standalone, contact: u64) -> [bool; LEVELS] {
+fn rendered(standalone: Standalone, contact: u64) -> [bool; LEVELS] {
     let run = standalone.window(ticks(0.01)).run().unwrap();
     let all = [LodSelectPorts::full, LodSelectPorts::split, LodSelectPorts::noise, LodSelectPorts::spectrum];
     all.map(|port| {
@@ -104,10 +104,14 @@ fn a_nearer_contact_has_the_finer_level() {
     let (full, split, noise) =
         ([true, false, false, false], [false, true, false, false], [false, false, true, false]);
     for (near, away) in [(1, 2), (PathPiece::pair([0, 3]), PathPiece::pair([0, 4]))] {
-        assert_eq!(heard(standalone([0.0; 3]), near), full);
-        assert_eq!(heard(standalone([0.0; 3]), away), noise);
+        assert_eq!(rendered(standalone([0.0; 3]), near), full);
+        assert_eq!(rendered(standalone([0.0; 3]), away), noise);
         // Who stands beside the other one hears that one in full.
-        assert_eq!([near, away].map(|c| heard(standalone([20.0, 0.0, 0.0]), c)), [noise, full]);
+        assert_eq!([near, away].map(|c| rendered(standalone([20.0, 0.0, 0.0]), c)), [noise, full]);
     }
-    assert_eq!(heard(standalone([0.0; 3]), 9), split, "of whom no position is known has the distance of all");
+    assert_eq!(
+        rendered(standalone([0.0; 3]), 9),
+        split,
+        "of whom no position is known has the distance of all"
+    );
 }

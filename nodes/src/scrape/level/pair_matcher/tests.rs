@@ -174,7 +174,7 @@ fn all_levels_are_as_loud_as_the_reliefs_at_any_speed_and_of_any_size() {
     let modes = modes();
     let run = matched(params(), &sides, &modes);
     for (scale, speed) in [(1.0, 0.6), (0.5, 0.6), (2.0, 0.6), (1.0, 0.3), (1.0, 1.2)] {
-        let ring = |force: Vec<f32>| rms(&heard(force, Some(&modes), [1.0; 2]).unwrap());
+        let ring = |force: Vec<f32>| rms(&rendered(force, Some(&modes), [1.0; 2]).unwrap());
         let all = levels(&sides, &run, &way(speed), scale).map(ring);
         let miss = all.map(|level| db(level / all[0]));
         println!("{scale} x at {speed} m/s: {miss:.1?} dB");
