@@ -284,7 +284,7 @@ impl Files for DirFiles {
         sorted_sequence(pattern, found.collect())
     }
 
-    fn kept(&self) -> Option<Arc<dyn Files>> {
+    fn shared(&self) -> Option<Arc<dyn Files>> {
         Some(Arc::new(self.clone()))
     }
 }
@@ -386,7 +386,7 @@ mod tests {
         assert_eq!(found_there.len(), 2);
         assert_eq!(named.bytes(&found_there[1].1).unwrap(), b"x");
         assert!(named.sequence(base.join("other/#.obj").to_str().unwrap()).is_err());
-        assert_eq!(files.kept().unwrap().bytes(&found[0].1).unwrap(), b"x");
+        assert_eq!(files.shared().unwrap().bytes(&found[0].1).unwrap(), b"x");
         assert_eq!(files.opened().len(), 1);
     }
 }

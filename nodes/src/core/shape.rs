@@ -53,7 +53,7 @@ pub struct NodeShape {
     /// Warnings for people.
     pub notes: Vec<String>,
     /// Data for its construction.
-    pub kept: Option<Arc<dyn Any + Send + Sync>>,
+    pub prepared: Option<Arc<dyn Any + Send + Sync>>,
     /// Files that were opened.
     pub opened: Vec<String>,
 }
@@ -321,9 +321,9 @@ impl<'s, 'a, P> Shape<'s, 'a, P> {
         self.raw.shape.notes.push(note.into());
     }
 
-    /// Stores data for [`Build::kept`].
-    pub fn keep<T: Send + Sync + 'static>(&mut self, thing: T) {
-        self.raw.shape.kept = Some(Arc::new(thing));
+    /// Stores data for [`Build::prepared`].
+    pub fn prepare<T: Send + Sync + 'static>(&mut self, thing: T) {
+        self.raw.shape.prepared = Some(Arc::new(thing));
     }
 }
 
@@ -412,8 +412,8 @@ impl Build<'_> {
 
     /// Returns the data that `shape` stored.
     #[must_use]
-    pub fn kept<T: Send + Sync + 'static>(&self) -> Option<Arc<T>> {
-        self.shape.kept.clone()?.downcast().ok()
+    pub fn prepared<T: Send + Sync + 'static>(&self) -> Option<Arc<T>> {
+        self.shape.prepared.clone()?.downcast().ok()
     }
 
     /// Opens an asset.

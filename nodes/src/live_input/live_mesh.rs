@@ -113,7 +113,7 @@ impl Node for LiveMesh {
     fn shape(p: &LiveMeshParams, s: &mut Shape<'_, '_, LiveMeshPorts>) -> Result<(), Reject> {
         let (topology, materials, up_axis) = rest_mesh(&sequence_params(p), s)?;
         let format = MeshFormat { materials: Arc::new(materials), ..MeshFormat::moving(topology) };
-        s.keep(up_axis);
+        s.prepare(up_axis);
         s.output(LiveMeshPorts::mesh, p.rate, format);
         s.output(LiveMeshPorts::age, p.rate, Channels(1));
         s.ends(p.duration.map(ticks));
@@ -128,7 +128,7 @@ impl Node for LiveMesh {
             positions: rest,
             frame_time: 0,
             scale: p.metres_per_unit,
-            up_axis: cx.kept().map_or(UpAxis::Z, |up_axis| *up_axis),
+            up_axis: cx.prepared().map_or(UpAxis::Z, |up_axis| *up_axis),
             frame_count: 0,
             left_out: 0,
         })

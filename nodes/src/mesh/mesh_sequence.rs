@@ -128,7 +128,7 @@ impl Assets for &Build<'_> {
     }
 
     fn frames(&mut self, paths: Vec<String>) -> Result<OpenFrame, Reject> {
-        let (files, paths): (Arc<dyn Files>, _) = match self.files.kept() {
+        let (files, paths): (Arc<dyn Files>, _) = match self.files.shared() {
             Some(files) => (files, paths),
             None => {
                 let mut memory = MemoryFiles::default();

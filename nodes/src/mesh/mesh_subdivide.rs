@@ -87,13 +87,13 @@ impl Node for MeshSubdivide {
             is_static: mesh.format.is_static,
             materials: Arc::new(subdivision.materials(&mesh.format.topology, &mesh.format.materials)),
         };
-        s.keep(subdivision);
+        s.prepare(subdivision);
         s.output(MeshSubdividePorts::fine, mesh.rate, format);
         Ok(())
     }
 
     fn build(p: &MeshSubdivideParams, cx: &Build<'_>) -> Result<Self, Fault> {
-        let subdivision = match cx.kept::<Subdivision>() {
+        let subdivision = match cx.prepared::<Subdivision>() {
             Some(cached) => cached,
             None => Arc::new(subdivision(p, &cx.input(MeshSubdividePorts::mesh).format)?),
         };

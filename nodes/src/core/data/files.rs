@@ -37,7 +37,7 @@ pub trait Files: Send + Sync {
     fn sequence(&self, pattern: &str) -> Result<Vec<(u64, String)>, FileError>;
 
     /// The same files for a node that opens some of them during the run; `None` if that is not possible.
-    fn kept(&self) -> Option<Arc<dyn Files>> {
+    fn shared(&self) -> Option<Arc<dyn Files>> {
         None
     }
 
@@ -112,7 +112,7 @@ impl Files for MemoryFiles {
         }
     }
 
-    fn kept(&self) -> Option<Arc<dyn Files>> {
+    fn shared(&self) -> Option<Arc<dyn Files>> {
         Some(Arc::new(self.clone()))
     }
 

@@ -62,7 +62,7 @@ impl<'a> StateArchive<'a> {
 
 /// Error for bytes of another type.
 pub(super) fn mismatch() -> Fault {
-    Fault::new("F084", "what was kept of a run does not fit its nodes")
+    Fault::new("F084", "the saved state of a run does not fit its nodes")
         .help("run it from its beginning: --checkpoint 0")
 }
 

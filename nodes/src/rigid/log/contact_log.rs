@@ -131,12 +131,12 @@ impl Node for ContactLog {
             s.note(note);
         }
         s.ends(Some(track.frames.last().map_or(0, |(tick, _)| tick + 1)));
-        s.keep(track);
+        s.prepare(track);
         Ok(())
     }
 
     fn build(p: &ContactLogParams, cx: &Build<'_>) -> Result<Self, Fault> {
-        if let Some(track) = cx.kept::<ContactTrack>() {
+        if let Some(track) = cx.prepared::<ContactTrack>() {
             return Ok(Self { track });
         }
         let contacts = cx.bytes("path", &p.path.0)?;
