@@ -4,7 +4,7 @@
 
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch, f32x16};
-use foley_nodes::modal::{Bank, Modes};
+use foley_nodes::modal::{Bank, BankOutput, Modes};
 use std::error::Error;
 use std::hint::black_box;
 use std::time::{Duration, Instant};
@@ -89,7 +89,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let mut impulse = vec![0.0; 1024];
         impulse[0] = 1.0;
         let mut time = |name: &str, force: &[f32], damped: bool| -> Result<(), Box<dyn Error>> {
-            let mut bank = Bank::new(&modes, RATE)?;
+            let mut bank = Bank::new(&modes, RATE, BankOutput::Acceleration)?;
             let mut k = 0_u32;
             let found = best(|| {
                 k += 1;
@@ -118,7 +118,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         time("continuous force      ", &scrape, false)?;
         time("damping every 64      ", &impulse, true)?;
     }
-    let mut quiet = Bank::new(&modes(10_000)?, RATE)?;
+    let mut quiet = Bank::new(&modes(10_000)?, RATE, BankOutput::Acceleration)?;
     let mut out = vec![0.0; 1024];
     let found = best(|| {
         quiet.process(&[], &mut out);

@@ -5,7 +5,7 @@
 
 use foley_nodes::core::random::Rng;
 use foley_nodes::core::time::{Rate, Tick, ticks};
-use foley_nodes::modal::{Bank, ForceRing, Modes, PulseShape};
+use foley_nodes::modal::{Bank, BankOutput, ForceRing, Modes, PulseShape};
 use foley_nodes::scrape::{
     ContactSample, CrossingForce, CrossingVoice, Heading, Interp, Law, MapForce, MapVoice, NoiseBands,
     NoiseForce, NoiseVoice, PairForce, PathPiece, PathRules, Queue, Relief, Segment, SpeedCurve, SurfaceMap,
@@ -161,7 +161,7 @@ fn impact(time: f64) -> f64 {
 fn objects(count: usize) -> Result<f64, Box<dyn Error>> {
     let frequencies = (0..32).map(|k| 150.0 * 1.14_f64.powi(k)).collect();
     let modes = Modes::new("bench", frequencies, vec![4.0; 32], vec![1e-3; 32])?;
-    let mut bank = Bank::new(&modes, FS.into())?;
+    let mut bank = Bank::new(&modes, FS.into(), BankOutput::Acceleration)?;
     let mut rng = Rng::new(1);
     let force: Vec<f32> = (0..BLOCK).map(|_| rng.between(-1.0, 1.0) as f32).collect();
     let mut sound = vec![0.0; BLOCK];

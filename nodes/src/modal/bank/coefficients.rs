@@ -1,6 +1,6 @@
 //! Coefficients of the recursion from frequencies and dampings, in double precision.
 
-use super::kernel::LANES;
+use super::kernel::{InputGain, LANES, Lanes};
 use crate::modal::mode::modes::Modes;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
@@ -15,7 +15,7 @@ const MIN_DECAY: f64 = 3e-7;
 /// Sixteen modes at one sample rate.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(crate) struct Group {
-    /// Radians per sample.
+    /// Radians per sample, before the pitch factor.
     angle: [f64; LANES],
     /// Nepers per sample.
     decay: [f64; LANES],
@@ -23,6 +23,8 @@ pub(crate) struct Group {
     sin: [f64; LANES],
     /// `1 - cos(angle)` after the pitch factor, without cancellation; 1 for such a mode.
     versine: [f64; LANES],
+    /// Factor of all frequencies.
+    pitch: f64,
     /// Factors of the dampings.
     pub factors: [f32; LANES],
 }
@@ -31,7 +33,8 @@ impl Group {
     /// Up to sixteen modes of frequencies in Hz and dampings in 1/s.
     fn new(modes: impl Iterator<Item = (f64, f64)>, rate: f64) -> Self {
         let zero = [0.0; LANES];
-        let mut group = Self { angle: zero, decay: zero, sin: zero, versine: zero, factors: [1.0; LANES] };
+        let mut group =
+            Self { angle: zero, decay: zero, sin: zero, versine: zero, pitch: 1.0, factors: [1.0; LANES] };
         for (l, (frequency, damping)) in modes.take(LANES).enumerate() {
             (group.angle[l], group.decay[l]) = (TAU * frequency / rate, damping / rate);
         }
@@ -41,6 +44,7 @@ impl Group {
 
     /// Sets the factor of all frequencies.
     pub fn set_pitch(&mut self, factor: f64) {
+        self.pitch = factor;
         for l in 0..LANES {
             let angle = self.angle[l] * factor;
             let sounds = angle < TAU * MAX_FREQUENCY;
@@ -71,6 +75,48 @@ impl Group {
             less_one[l] = (shrink[l] - radius * self.versine[l]) as f32;
             sin[l] = (radius * self.sin[l]) as f32;
         }
+    }
+}
+
+/// What turns sixteen damped sines into their second derivatives over `-|p|^2`, where `p = -d + 2 pi i f` is the pole.
+pub(crate) struct Radiation {
+    /// `-(p / |p|)^2`, real and imaginary part; 0 for modes without sound.
+    turn: [[f32; LANES]; 2],
+    /// `1 / (1 - exp(p / fs))`: response of the recursion to a constant force of 1.
+    constant: [[f32; LANES]; 2],
+}
+
+impl Radiation {
+    /// For modes whose steps are set, with `damping` times all dampings.
+    #[inline(always)]
+    pub fn new(group: &Group, damping: f64, lanes: &Lanes) -> Self {
+        let mut radiation = Self { turn: [[0.0; LANES]; 2], constant: [[0.0; LANES]; 2] };
+        for l in 0..LANES {
+            let d = (group.decay[l] * damping) as f32 * group.factors[l];
+            let w = (group.angle[l] * group.pitch) as f32;
+            let power = (d * d + w * w).max(f32::MIN_POSITIVE);
+            let sounds = if group.sin[l] != 0.0 { 1.0 / power } else { 0.0 };
+            radiation.turn[0][l] = (w * w - d * d) * sounds;
+            radiation.turn[1][l] = 2.0 * d * w * sounds;
+            let (re, im) = (-lanes.less_one[l], lanes.sin[l]);
+            let power = (re * re + im * im).max(f32::MIN_POSITIVE);
+            radiation.constant[0][l] = re / power;
+            radiation.constant[1][l] = im / power;
+        }
+        radiation
+    }
+
+    /// Turns input gains, and returns the sum of the responses to a constant force of 1.
+    #[inline(always)]
+    pub fn apply(&self, gain: &InputGain, turned: &mut InputGain) -> f32 {
+        let mut sums = [0.0; LANES];
+        for l in 0..LANES {
+            let [x, y] = [self.turn[0][l], self.turn[1][l]];
+            turned.re[l] = gain.re[l] * x - gain.im[l] * y;
+            turned.im[l] = gain.re[l] * y + gain.im[l] * x;
+            sums[l] = turned.re[l] * self.constant[1][l] + turned.im[l] * self.constant[0][l];
+        }
+        sums.iter().sum()
     }
 }
 

@@ -44,7 +44,7 @@ impl Lanes {
 }
 
 /// Input gains of sixteen modes at one contact point.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 #[repr(align(64))]
 pub(crate) struct InputGain {
     /// Change of the real part for a force of 1.

@@ -1,6 +1,6 @@
 //! The modal bank, as a node.
 
-use super::resonators::Bank;
+use super::resonators::{Bank, BankOutput};
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::item::Channels;
@@ -17,7 +17,9 @@ use crate::{archive_state, params, ports};
 params! {
     /// Rings the modes of an object under forces.
     ///
-    /// The response of a mode to an impulse is a damped sine, exact at any frequency; thousands of modes run at once. A mono force
+    /// The response of a mode to an impulse is a damped sine; thousands of modes run at once. By default the output is the acceleration
+    /// of the surface, which radiates sound: each mode has its gain at its own frequency, and slow forces are not heard, as they move the
+    /// object without waves in the air. A mono force
     /// acts at its contact point in `points`, or at point 0 if it has none there. A force of several channels acts with channel 0
     /// at point 0, and so on. All forces add up.
     ///
@@ -31,6 +33,8 @@ params! {
     /// Picard, Tsingos and Faure (VRIPHYS 2008), section 5; Sterling, Rewkowski, Klatzky and Lin, "Audio-Material Reconstruction
     /// for Virtualized Reality Using a Probabilistic Damping Model" (IEEE TVCG 2019).
     pub struct ModalBankParams {
+        /// BankOutput of the surface that becomes sound.
+        output: BankOutput = BankOutput::Acceleration;
         /// Factor of the sound; gains of modes are full scale per N s.
         gain: f32 = 1.0, unit "", range -1_000_000.0..=1_000_000.0_f32;
         /// Level change in addition to `gain`.
@@ -125,7 +129,7 @@ impl Node for ModalBankNode {
     type Params = ModalBankParams;
     type Ports = ModalBankPorts;
     const NAME: &'static str = "ModalBank";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     const CLASS: Class = Class::Audio;
     const COST: f64 = 3.0;
 
@@ -141,7 +145,8 @@ impl Node for ModalBankNode {
             modes.validate().map_err(reject)?;
             let damping = s.optional(ModalBankPorts::damping);
             mismatches(p, &forces, damping.as_ref(), &modes).for_each(|found| s.wrong(found));
-            let dropped = Bank::culled(&modes, first.rate.as_f64(), p.cull).map_err(reject)?.dropped();
+            let dropped =
+                Bank::culled(&modes, first.rate.as_f64(), p.output, p.cull).map_err(reject)?.dropped();
             if dropped > 0 {
                 let (n, rate) = (modes.len(), first.rate);
                 s.note(format!("{dropped} of {n} modes lie above 0.49 of {rate} and are left out"));
@@ -165,7 +170,7 @@ impl Node for ModalBankNode {
             return Err(found.into());
         }
         let rate = cx.output(ModalBankPorts::audio).rate;
-        let mut bank = Bank::culled(&modes, rate.as_f64(), p.cull).map_err(reject)?;
+        let mut bank = Bank::culled(&modes, rate.as_f64(), p.output, p.cull).map_err(reject)?;
         let linked = damping.is_some();
         bank.start(if linked { 1.0 } else { p.damping }, p.pitch, ramp_frames(rate));
         let gain = Gain::new(factor(p), ramp_frames(rate), 1);
@@ -221,7 +226,8 @@ impl Node for ModalBankNode {
     }
 
     fn retune(&mut self, new: &ModalBankParams) -> Retune {
-        let same = (new.tail, new.cull) == (self.params.tail, self.params.cull);
+        let same =
+            (new.tail, new.cull, new.output) == (self.params.tail, self.params.cull, self.params.output);
         if new.points != self.params.points || !same {
             return Retune::Rebuild;
         }

@@ -1,10 +1,10 @@
 //! The modal bank: many modes, several forces, time-varying damping.
 
-use super::coefficients::{Group, MAX_FREQUENCY, audible};
+use super::coefficients::{Group, MAX_FREQUENCY, Radiation, audible};
 use super::kernel::{self, Forces, GRID, InputGain, LANES, Lanes};
 use crate::dsp::{Gain, db_to_linear};
-use crate::impl_state;
 use crate::modal::mode::modes::{Modes, ModesError};
+use crate::{choices, impl_state};
 use fearless_simd::{Level, dispatch};
 
 /// Squared magnitude below which a mode is set to zero even under a force. It lies far above the denormal numbers, which are
@@ -13,12 +13,28 @@ const MIN_POWER: f32 = 1e-30;
 /// Squared magnitude above which a mode has diverged, by forces that are not finite or close to it.
 const MAX_POWER: f32 = 1e30;
 
+choices! {
+    /// Motion of the surface that becomes sound.
+    pub enum BankOutput {
+        /// Acceleration, which radiates sound. The gain of a mode is that at its own frequency, and 0 for a constant force.
+        Acceleration,
+        /// Displacement: damped sines in themselves. A constant force gives a constant output.
+        Displacement,
+    }
+}
+
 /// The resonators of one object.
 ///
 /// Each mode is one complex number `z`. Every sample rotates and shrinks it, `z <- z exp((-d + 2 pi i f)/fs)`, and the force
 /// at each contact point adds `g exp(i phase)` times its value. The output is the sum of the imaginary parts. This is the exact
 /// response to a train of impulses, at any frequency and damping. The state stays valid when damping or frequency
 /// change; changes take effect at every 64th sample.
+///
+/// With [`BankOutput::Displacement`] this is the output. [`BankOutput::Acceleration`] outputs its second derivative, divided by
+/// `-|p|^2` for each mode, where `p = -d + 2 pi i f`: the damped sine is rotated by `-(p / |p|)^2`, and the force times a constant is
+/// subtracted so that the response to a constant force is 0. The gain of a mode at its own frequency stays the same, falls with the
+/// square of the frequency below it, and is constant far above. Input gains include the rotation, so it costs one product per sample and
+/// contact point, and one update of the gains when pitch or damping changes.
 ///
 /// A decayed mode is set to zero, and vectors of modes at zero cost nothing until the next force. The output does not depend on
 /// how the samples are divided into calls, bit for bit.
@@ -32,10 +48,10 @@ const MAX_POWER: f32 = 1e30;
 ///
 /// # Example
 /// ```
-/// use foley_nodes::modal::{Bank, Modes};
+/// use foley_nodes::modal::{Bank, BankOutput, Modes};
 ///
 /// let bell = Modes::new("bell", vec![440.0, 1210.0], vec![3.0, 5.0], vec![1.0, 0.5])?;
-/// let mut bank = Bank::new(&bell, 44_100.0)?;
+/// let mut bank = Bank::new(&bell, 44_100.0, BankOutput::Acceleration)?;
 /// let (mut force, mut sound) = ([0.0; 4410], [0.0; 4410]);
 /// force[0] = 0.2;
 /// bank.process(&force, &mut sound);
@@ -54,8 +70,14 @@ pub struct Bank {
     high: usize,
     lanes: Vec<Lanes>,
     awake: Vec<bool>,
-    /// `[vectors, points]`.
+    /// Motion that is put out.
+    output: BankOutput,
+    /// Gains of displacement, `[vectors, points]`.
     gains: Vec<InputGain>,
+    /// Gains of acceleration under the current pitch and damping; empty for displacement.
+    turned: Vec<InputGain>,
+    /// Output per force at each point in addition to that of the modes; 0 for displacement.
+    direct: Vec<f32>,
     forces: Vec<[f32; GRID]>,
     active: Vec<usize>,
     /// Position in the current grid interval.
@@ -71,7 +93,7 @@ pub struct Bank {
     /// Modes that diverged and were set to zero.
     diverged: u64,
 }
-impl_state!(Bank { groups, lanes, awake, phase, quiet, damping, pitch, stale, diverged });
+impl_state!(Bank { groups, lanes, turned, direct, awake, phase, quiet, damping, pitch, stale, diverged });
 
 impl Bank {
     /// A bank at rest, at a sample rate in Hz.
@@ -80,15 +102,15 @@ impl Bank {
     ///
     /// # Errors
     /// As [`Modes::validate`].
-    pub fn new(modes: &Modes, rate: f64) -> Result<Self, ModesError> {
-        Self::culled(modes, rate, f64::NEG_INFINITY)
+    pub fn new(modes: &Modes, rate: f64, output: BankOutput) -> Result<Self, ModesError> {
+        Self::culled(modes, rate, output, f64::NEG_INFINITY)
     }
 
     /// A bank without the modes that are more than `-cull` dB weaker than the strongest mode, at every contact point.
     ///
     /// # Errors
     /// As [`Modes::validate`].
-    pub fn culled(modes: &Modes, rate: f64, cull: f64) -> Result<Self, ModesError> {
+    pub fn culled(modes: &Modes, rate: f64, output: BankOutput, cull: f64) -> Result<Self, ModesError> {
         modes.validate()?;
         let min_gain = db_to_linear(cull);
         let high = modes.frequencies.iter().filter(|f| **f >= MAX_FREQUENCY * rate).count();
@@ -110,6 +132,9 @@ impl Bank {
             high,
             lanes: vec![Lanes::SILENT; vectors],
             awake: vec![false; vectors],
+            output,
+            turned: if output == BankOutput::Acceleration { gains.clone() } else { Vec::new() },
+            direct: vec![0.0; points],
             gains,
             forces: vec![[0.0; GRID]; points],
             active: Vec::with_capacity(points),
@@ -124,6 +149,7 @@ impl Bank {
             groups,
         };
         bank.set_floor(-140.0);
+        bank.set_steps();
         Ok(bank)
     }
 
@@ -242,9 +268,16 @@ impl Bank {
             self.awake.fill(true);
         }
         let mut sums = [[0.0; LANES]; GRID];
-        let forces = Forces { samples: &self.forces, active: &self.active, gains: &self.gains };
+        let gains = if self.turned.is_empty() { &self.gains } else { &self.turned };
+        let forces = Forces { samples: &self.forces, active: &self.active, gains };
         kernel::advance(self.level, &mut self.lanes, &self.awake, forces, &mut sums[..n]);
         kernel::sum_lanes(self.level, &sums[..n], &mut out[..n]);
+        if self.output == BankOutput::Acceleration {
+            for &point in &self.active {
+                let direct = self.direct[point];
+                out.iter_mut().zip(&self.forces[point][..n]).for_each(|(out, force)| *out += direct * force);
+            }
+        }
         self.forces.iter_mut().for_each(|force| force[..n].fill(0.0));
         self.phase = (self.phase + n) % GRID;
     }
@@ -316,10 +349,24 @@ impl Bank {
 
     fn set_steps(&mut self) {
         let (level, damping) = (self.level, self.damping.current());
-        let Self { lanes, groups, .. } = self;
+        let Self { lanes, groups, output, gains, turned, direct, .. } = self;
         dispatch!(level, _simd => {
             for (lanes, group) in lanes.iter_mut().zip(&*groups) {
                 group.steps(damping, &mut lanes.less_one, &mut lanes.sin);
+            }
+        });
+        if *output == BankOutput::Displacement {
+            return;
+        }
+        direct.fill(0.0);
+        let points = direct.len();
+        let all = gains.chunks(points).zip(turned.chunks_mut(points)).zip(lanes.iter().zip(&*groups));
+        dispatch!(level, _simd => {
+            for ((gains, turned), (lanes, group)) in all {
+                let radiation = Radiation::new(group, damping, lanes);
+                for ((gain, turned), direct) in gains.iter().zip(turned).zip(&mut *direct) {
+                    *direct -= radiation.apply(gain, turned);
+                }
             }
         });
     }

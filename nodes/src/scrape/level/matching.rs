@@ -2,7 +2,7 @@
 
 use super::standard_stroke::RATE;
 use crate::dsp::LevelMeter;
-use crate::modal::{Bank, Modes, ModesError};
+use crate::modal::{Bank, BankOutput, Modes, ModesError};
 use crate::params;
 use crate::scrape::force::speed_curve::{POINTS, SpeedCurve};
 use crate::texture::Grid;
@@ -56,7 +56,7 @@ pub fn rendered(
     [damping, pitch]: [f64; 2],
 ) -> Result<Vec<f32>, ModesError> {
     let Some(modes) = modes else { return Ok(force) };
-    let mut bank = Bank::new(modes, f64::from(RATE))?;
+    let mut bank = Bank::new(modes, f64::from(RATE), BankOutput::Acceleration)?;
     bank.start(damping, pitch, 0);
     let mut sound = vec![0.0; force.len()];
     bank.process(&force, &mut sound);

@@ -25,7 +25,7 @@ fn reference(modes: &Modes, point: usize, rate: f64, force: &[f32], samples: usi
 fn impulse_response(modes: &Modes, rate: f64, samples: usize) -> Vec<f32> {
     let (mut force, mut out) = (vec![0.0; samples], vec![0.0; samples]);
     force[0] = 1.0;
-    Bank::new(modes, rate).unwrap().process(&force, &mut out);
+    Bank::new(modes, rate, BankOutput::Displacement).unwrap().process(&force, &mut out);
     out
 }
 
@@ -61,7 +61,7 @@ fn a_force_rings_modes_as_the_filters_of_scipy_do() {
         .map(|n| if n < 700 { ((37 * n + 11 * n * n) % 33 - 16) as f32 / 16.0 } else { 0.0 })
         .collect();
     let mut out = vec![0.0; force.len()];
-    Bank::new(&modes, 44_100.0).unwrap().process(&force, &mut out);
+    Bank::new(&modes, 44_100.0, BankOutput::Displacement).unwrap().process(&force, &mut out);
     for (k, (found, right)) in out.iter().step_by(40).zip(LFILTER).enumerate() {
         assert!((f64::from(*found) - right).abs() < 1e-4, "sample {}: {found} for {right}", 40 * k);
     }
@@ -102,7 +102,7 @@ fn several_forces_at_several_points_add_up() {
     let mut rng = Rng::new(3);
     let forces: Vec<Vec<f32>> =
         (0..3).map(|_| (0..200).map(|_| rng.between(-1.0, 1.0) as f32).collect()).collect();
-    let mut bank = Bank::new(&modes, 8000.0).unwrap();
+    let mut bank = Bank::new(&modes, 8000.0, BankOutput::Displacement).unwrap();
     let mut out = vec![0.0; 400];
     let mut at = 0;
     while at < 400 {
@@ -138,7 +138,7 @@ fn blocks_of_any_length_give_the_same_bits() {
         force[at] = f;
     }
     let run = |piece: usize| {
-        let mut bank = Bank::new(&modes, 44_100.0).unwrap();
+        let mut bank = Bank::new(&modes, 44_100.0, BankOutput::Displacement).unwrap();
         bank.start(1.0, 1.0, 441);
         let mut out = vec![0.0; force.len()];
         let mut at = 0;
@@ -163,7 +163,7 @@ fn blocks_of_any_length_give_the_same_bits() {
 #[test]
 fn decayed_modes_are_skipped_and_ring_again_exactly() {
     let modes = random_modes(150);
-    let mut bank = Bank::new(&modes, 44_100.0).unwrap();
+    let mut bank = Bank::new(&modes, 44_100.0, BankOutput::Displacement).unwrap();
     let (mut force, mut out) = (vec![0.0; 44_100], vec![0.0; 44_100]);
     bank.process(&force, &mut out);
     assert!(bank.sounding() == 0 && out.iter().all(|x| *x == 0.0));
@@ -185,7 +185,7 @@ fn decayed_modes_are_skipped_and_ring_again_exactly() {
 
 #[test]
 fn energy_never_grows_without_force_at_any_damping() {
-    let mut bank = Bank::new(&one(700.0, 1.0), 44_100.0).unwrap();
+    let mut bank = Bank::new(&one(700.0, 1.0), 44_100.0, BankOutput::Displacement).unwrap();
     bank.set_floor(-400.0);
     bank.process(&[1.0], &mut [0.0]);
     let mut rng = Rng::new(5);
@@ -204,7 +204,7 @@ fn energy_never_grows_without_force_at_any_damping() {
 #[test]
 fn damping_can_be_given_per_mode() {
     let modes = Modes::new("two", vec![500.0, 900.0], vec![10.0, 10.0], vec![1.0, 1.0]).unwrap();
-    let mut bank = Bank::new(&modes, 8000.0).unwrap();
+    let mut bank = Bank::new(&modes, 8000.0, BankOutput::Displacement).unwrap();
     bank.damp(&[1.0, 8.0]);
     let mut out = vec![0.0; 800];
     bank.process(&[1.0], &mut out);
@@ -217,9 +217,9 @@ fn damping_can_be_given_per_mode() {
 #[test]
 fn modes_beyond_half_the_rate_are_left_out() {
     let modes = Modes::new("high", vec![100.0, 490.0, 489.0], vec![1.0; 3], vec![1.0; 3]).unwrap();
-    let bank = Bank::new(&modes, 1000.0).unwrap();
+    let bank = Bank::new(&modes, 1000.0, BankOutput::Displacement).unwrap();
     assert_eq!((bank.dropped(), bank.points()), (1, 1));
-    let mut all_gone = Bank::new(&one(600.0, 1.0), 1000.0).unwrap();
+    let mut all_gone = Bank::new(&one(600.0, 1.0), 1000.0, BankOutput::Displacement).unwrap();
     let mut out = [1.0; 100];
     all_gone.process(&[1.0; 100], &mut out);
     assert_eq!(out, [0.0; 100]);
@@ -232,7 +232,7 @@ fn the_sum_of_gains_bounds_the_sound() {
     let mut rng = Rng::new(8);
     let force: Vec<f32> = (0..20_000).map(|_| rng.between(-1.0, 1.0) as f32).collect();
     let mut out = vec![0.0; force.len()];
-    Bank::new(&modes, rate).unwrap().process(&force, &mut out);
+    Bank::new(&modes, rate, BankOutput::Displacement).unwrap().process(&force, &mut out);
     let each = modes.dampings.iter().zip(&modes.gains);
     let bound: f64 = each.map(|(d, g)| f64::from(g.abs()) / (1.0 - (-d / rate).exp())).sum();
     assert!(out.iter().all(|x| f64::from(x.abs()) <= bound));
@@ -240,7 +240,7 @@ fn the_sum_of_gains_bounds_the_sound() {
 
 #[test]
 fn numbers_that_are_not_finite_do_not_stay() {
-    let mut bank = Bank::new(&random_modes(20), 44_100.0).unwrap();
+    let mut bank = Bank::new(&random_modes(20), 44_100.0, BankOutput::Displacement).unwrap();
     let mut out = vec![0.0; 1000];
     bank.process(&[f32::NAN, f32::INFINITY, 1.0], &mut out);
     assert!(out.iter().all(|x| x.is_finite()));
@@ -253,7 +253,7 @@ fn numbers_that_are_not_finite_do_not_stay() {
 #[test]
 fn no_denormal_numbers_arise_in_a_minute_after_an_impulse() {
     let modes = random_modes(400);
-    let mut bank = Bank::new(&modes, 44_100.0).unwrap();
+    let mut bank = Bank::new(&modes, 44_100.0, BankOutput::Displacement).unwrap();
     let mut out = vec![0.0; 44_100];
     bank.process(&[1.0], &mut out);
     let mut smallest = f32::MAX;
@@ -284,11 +284,11 @@ fn leaving_out_modes_80_db_below_the_strongest_costs_little_accuracy() {
         bank.process(&force, &mut out);
         out
     };
-    let all = ring(Bank::new(&modes, 44_100.0).unwrap());
+    let all = ring(Bank::new(&modes, 44_100.0, BankOutput::Displacement).unwrap());
     let rms = |x: &[f32]| x.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>().sqrt();
     // The error is about as strong as the strongest mode that is left out.
     for (cull, kept) in [(-80.0, 27), (-40.0, 14), (0.0, 1)] {
-        let bank = Bank::culled(&modes, 44_100.0, cull).unwrap();
+        let bank = Bank::culled(&modes, 44_100.0, BankOutput::Displacement, cull).unwrap();
         assert_eq!((bank.faint(), bank.dropped()), (40 - kept, 0), "{cull}");
         let less = ring(bank);
         let missed: Vec<f32> = all.iter().zip(&less).map(|(a, b)| a - b).collect();
@@ -297,10 +297,10 @@ fn leaving_out_modes_80_db_below_the_strongest_costs_little_accuracy() {
         println!("cull {cull} dB: {} of 40 modes, {level:.1} dB missed", kept);
         assert!((first - 5.0..first + 3.1).contains(&level), "{cull}: {level}");
     }
-    assert_eq!(Bank::new(&modes, 44_100.0).unwrap().faint(), 0);
+    assert_eq!(Bank::new(&modes, 44_100.0, BankOutput::Displacement).unwrap().faint(), 0);
     // A mode that is strong anywhere is kept.
     let two = Modes { gains: vec![1.0, 1e-5, 1e-5, 1.0], ..graded(&[0.0, 0.0]) };
-    assert_eq!(Bank::culled(&two, 44_100.0, -80.0).unwrap().faint(), 0);
+    assert_eq!(Bank::culled(&two, 44_100.0, BankOutput::Displacement, -80.0).unwrap().faint(), 0);
 }
 
 #[test]
@@ -309,14 +309,82 @@ fn a_bank_with_another_cull_takes_over_the_modes_in_both() {
     let modes = graded(&levels);
     let (mut force, mut out) = ([0.0; 640], [0.0; 640]);
     force[0] = 1.0;
-    let mut full = Bank::new(&modes, 44_100.0).unwrap();
+    let mut full = Bank::new(&modes, 44_100.0, BankOutput::Displacement).unwrap();
     full.process(&force, &mut out);
-    let mut less = Bank::culled(&modes, 44_100.0, -40.0).unwrap();
+    let mut less = Bank::culled(&modes, 44_100.0, BankOutput::Displacement, -40.0).unwrap();
     less.take_state(&full);
-    let mut alone = Bank::culled(&modes, 44_100.0, -40.0).unwrap();
+    let mut alone = Bank::culled(&modes, 44_100.0, BankOutput::Displacement, -40.0).unwrap();
     alone.process(&force, &mut out);
     let (mut a, mut b) = ([0.0; 640], [0.0; 640]);
     less.process(&[], &mut a);
     alone.process(&[], &mut b);
     assert!(a == b && a.iter().any(|x| x.abs() > 0.1));
+}
+
+/// Gain of a bank at a frequency, from a long sine after the modes have settled.
+fn gain_at(bank: &mut Bank, frequency: f64, rate: f64) -> f64 {
+    let samples = 2 * rate as usize;
+    let sine = |n: usize| (TAU * frequency * n as f64 / rate).sin();
+    let force: Vec<f32> = (0..samples).map(|n| sine(n) as f32).collect();
+    let mut out = vec![0.0; samples];
+    bank.process(&force, &mut out);
+    // A whole number of periods at the end.
+    let periods = (frequency / 2.0).max(1.0).floor();
+    let from = samples - (periods * rate / frequency).round() as usize;
+    let [mut re, mut im] = [0.0, 0.0];
+    for (n, y) in out.iter().enumerate().skip(from) {
+        re += f64::from(*y) * (TAU * frequency * n as f64 / rate).cos();
+        im += f64::from(*y) * sine(n);
+    }
+    2.0 * re.hypot(im) / (samples - from) as f64
+}
+
+/// Gain of `a w / ((s + d)^2 + w^2)` times `s^2 / (d^2 + w^2)` in samples of force, `s = 2 pi i f`.
+fn radiated(f: f64, mode: f64, d: f64, rate: f64) -> f64 {
+    let (s, w) = (TAU * f, TAU * mode);
+    let power = d * d + w * w;
+    w * rate * s * s / power / (power - s * s).hypot(2.0 * d * s)
+}
+
+#[test]
+fn acceleration_has_the_gain_of_a_mode_at_its_frequency_and_the_square_law_below() {
+    let rate = 44_100.0;
+    for (mode, d) in [(60.0, 6.0), (400.0, 8.0), (2000.0, 30.0), (500.0, 400.0)] {
+        let bank = |motion| Bank::new(&one(mode, d), rate, motion).unwrap();
+        let [moved, fast] = [BankOutput::Displacement, BankOutput::Acceleration]
+            .map(|motion| gain_at(&mut bank(motion), (mode * mode + (d / TAU).powi(2)).sqrt(), rate));
+        assert!(d > 100.0 || (fast / moved - 1.0).abs() < 0.005, "{mode} Hz: {fast} for {moved}");
+        for f in [0.05 * mode, 0.25 * mode, 0.8 * mode, mode, 2.0 * mode, 4.0 * mode] {
+            let (found, right) =
+                (gain_at(&mut bank(BankOutput::Acceleration), f, rate), radiated(f, mode, d, rate));
+            let db = 20.0 * (found / right).log10();
+            println!("{mode} Hz, {d}/s at {f} Hz: {db:+.3} dB");
+            assert!(db.abs() < 0.5, "{mode} Hz at {f} Hz: {found} for {right}");
+        }
+    }
+}
+
+#[test]
+fn a_constant_force_is_not_heard_as_acceleration_whatever_pitch_and_damping() {
+    let modes = Modes {
+        phases: vec![0.0, 0.7, -1.2, 0.0],
+        ..Modes::new("four", vec![80.0, 700.0, 3100.0, 30_000.0], vec![20.0, 60.0, 3000.0, 9.0], vec![1.0; 4])
+            .unwrap()
+    };
+    let mut bank = Bank::new(&modes, 44_100.0, BankOutput::Acceleration).unwrap();
+    bank.start(1.0, 1.0, 441);
+    let force = vec![1.0; 88_200];
+    for (damping, pitch) in [(1.0, 1.0), (3.0, 0.5), (0.8, 1.9)] {
+        bank.glide(damping, pitch);
+        let mut out = vec![0.0; force.len()];
+        bank.process(&force, &mut out);
+        let end = out[80_000..].iter().fold(0.0_f32, |max, y| max.max(y.abs()));
+        let moved = Bank::new(&modes, 44_100.0, BankOutput::Displacement).map(|mut bank| {
+            bank.start(damping, pitch, 0);
+            let mut out = vec![0.0; force.len()];
+            bank.process(&force, &mut out);
+            out[88_199].abs()
+        });
+        assert!(end < 1e-5 * moved.unwrap(), "{damping} {pitch}: {end}");
+    }
 }

@@ -78,7 +78,9 @@ fn the_modes_of_a_bank_are_found_in_its_output() {
         Modes::new("bar", vec![523.0, 1442.0, 2826.0], vec![4.0, 11.0, 30.0], vec![0.8, 0.5, 0.4]).unwrap();
     let (mut force, mut out) = (vec![0.0; 60_000], vec![0.0; 60_000]);
     force[500] = 0.5;
-    crate::modal::Bank::new(&modes, 44_100.0).unwrap().process(&force, &mut out);
+    crate::modal::Bank::new(&modes, 44_100.0, crate::modal::BankOutput::Displacement)
+        .unwrap()
+        .process(&force, &mut out);
     let found = extract(&out, 44_100.0, &ExtractParams { modes: 3, ..Default::default() }).unwrap();
     let again = found.modes("bar", 0.5, false);
     for k in 0..3 {
