@@ -1,5 +1,5 @@
-//! What the whole chain of cloth costs while it plays: `graphs/cloth/live.ron` with a sheet of 5041 vertices, at 96 kHz in windows of
-//! 256, on a clock without a card.
+//! Cost of the whole chain of cloth in live use: `graphs/cloth/live.ron` with a sheet of 5041 vertices, at 96 kHz in
+//! windows of 256, on a clock without a card.
 //!
 //! `cargo bench --bench budget`, or with `-- 600` for ten minutes instead of one. Budget: half a core for audio, one for the
 //! analysis of the motion, and no window late.
@@ -19,7 +19,7 @@ const SIDE: usize = 50;
 const FINE: usize = 71;
 const RATE: u32 = 96_000;
 const QUANTUM: usize = 256;
-/// What looks at motion; all other nodes make sound.
+/// Nodes that analyse motion; all other nodes make sound.
 const MOTION: [&str; 10] =
     ["sheet", "floor", "wall1", "wall2", "contacts", "speed", "curvature", "buckles", "events", "match"];
 
@@ -34,7 +34,7 @@ fn read_pc2(path: &Path) -> Vec<Frame> {
     (0..frames).map(|f| (0..vertices).map(|v| point(f * vertices + v)).collect()).collect()
 }
 
-/// Writes an animation that goes to and fro until it has `count` frames.
+/// Writes an animation that moves to and fro until it has `count` frames.
 fn write_pc2(path: &Path, frames: &[Frame], count: usize) {
     let (n, last) = (frames[0].len(), frames.len() - 1);
     let mut bytes = b"POINTCACHE2\0".to_vec();
@@ -93,7 +93,7 @@ fn obj(rest: &Frame) -> String {
     text
 }
 
-/// Writes what plays into a folder, and gives what of the graph that makes different.
+/// Writes the input files into a folder, and returns the overrides of the graph that they require.
 fn inputs(folder: &Path, seconds: f64) -> Vec<Override> {
     let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("graphs/assets/cloth");
     let name = "cotton_sheet_drag_drop_crumple";
@@ -107,7 +107,7 @@ fn inputs(folder: &Path, seconds: f64) -> Vec<Override> {
         let base = assets.join(format!("{name}.body_{wall}.obj"));
         std::fs::copy(base, folder.join(format!("{wall}.obj"))).expect("the folder can be written");
     }
-    // The same warp for features of another rate: their bands are given in hertz, their units in seconds.
+    // The same warp for features of another rate: their bands are in hertz, their units in seconds.
     let warp = std::fs::read_to_string(assets.join("cotton_live.warp.json")).expect("a warp that ships");
     let mut warp: serde_json::Value = serde_json::from_str(&warp).expect("it is JSON");
     // It is not the warp that its digest was made of any more.
@@ -135,7 +135,7 @@ fn material(folder: &Path, seconds: f64) -> LiveGraph {
     LiveGraph { seed: graph.seed, graph, files, memo: None, inputs: Arc::new(NoInputs) }
 }
 
-/// Seconds of processor time of this process, where the system tells.
+/// Seconds of processor time of this process, where the system reports them.
 fn cpu() -> f64 {
     let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
     let fields = stat.rsplit(')').next().unwrap_or_default();
@@ -160,7 +160,7 @@ fn main() {
     let late = running.status.late.load(Relaxed);
     let _ = running.stop();
     let share = |time: Duration| 100.0 * time.as_secs_f64() / played;
-    // What was computed before the clock began is no part of it.
+    // Values computed before the clock began do not count.
     let spent = |node: &NodeMeter| {
         let before = meters.iter().find(|m| m.id == node.id).map_or(Duration::ZERO, |m| m.total);
         node.total.saturating_sub(before)

@@ -1,5 +1,5 @@
-//! What the engine itself costs: nanoseconds per call of a node in chains of gains, planned memory against what was there, and
-//! one thread against two.
+//! Cost of the engine itself: nanoseconds per call of a node in chains of gains, planned memory against memory in use,
+//! and one thread against two.
 //!
 //! `cargo bench --bench engine`, or one part of it: `cargo bench --bench engine -- chain`, `memory` or `threads`.
 
@@ -93,7 +93,7 @@ fn seconds(path: &Path) -> [f64; 2] {
     best
 }
 
-/// Bytes of a run: planned for buffers, there in buffers, and of the whole process with all values, files and code.
+/// Bytes of a run: planned for buffers, used by buffers, and of the whole process with all values, files and code.
 ///
 /// The most that a process has taken never falls: every graph has a process of its own.
 fn memory_in_child(path: &Path) -> Option<String> {
@@ -103,7 +103,7 @@ fn memory_in_child(path: &Path) -> Option<String> {
     (!text.is_empty()).then_some(text)
 }
 
-/// The argument that asks for the memory of one graph.
+/// Argument that selects the memory of one graph.
 const ONE: &str = "memory-of";
 
 fn memory(path: &Path) {
@@ -114,7 +114,7 @@ fn memory(path: &Path) {
     print!("{planned:>10.2} {there:>10.2} {process:>10.1}");
 }
 
-/// The example graphs, but those for playing alone.
+/// The example graphs, except those that only play.
 fn examples(root: &Path) -> Vec<PathBuf> {
     let folders = std::fs::read_dir(root).into_iter().flatten().flatten().map(|e| e.path());
     let mut graphs: Vec<_> = folders

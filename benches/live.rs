@@ -1,4 +1,4 @@
-//! What playing costs: from a saved file to its sound, the callback around a swap, and an idle graph per node.
+//! Cost of live use: time from a saved file to its sound, the callback around a swap, and an idle graph per node.
 //!
 //! `cargo bench --bench live`
 

@@ -1,5 +1,5 @@
-//! What the memo saves: a graph of 30 nodes, run without anything known, then after an edit of its last, a middle and its first
-//! parameter, each against the same run without the memo.
+//! Time that the cache saves: a graph of 30 nodes, run with an empty cache, then after an edit of its last, a middle
+//! and its first parameter, each against the same run without the cache.
 //!
 //! `cargo bench --bench memo`
 
@@ -17,7 +17,7 @@ struct Edit {
     first: f64,
     /// Level of the friction sound, before the loop of filters.
     middle: f64,
-    /// Level of what is written.
+    /// Level of the output.
     last: f64,
 }
 
@@ -70,7 +70,7 @@ fn main() {
     let (plain, ..) = run_once(folder.path(), &START, None);
     let (cold, report, _) = run_once(folder.path(), &START, Some(&fresh()));
     println!("{} nodes, {:.1} s of sound; seconds of a run, two threads", report.nodes.len(), report.length);
-    println!("{:<34} {:>8} {:>8} {:>8}  kept, computed", "", "disk", "memory", "no memo");
+    println!("{:<34} {:>8} {:>8} {:>8}  cached, computed", "", "disk", "memory", "no memo");
     println!("{:<34} {cold:>8.3} {:>8} {plain:>8.3}", "cold", "");
     let edits = [
         ("nothing", START, START),
@@ -85,9 +85,9 @@ fn main() {
         let held = fresh().with_memory(MEMORY);
         run_once(folder.path(), &START, Some(&held));
         let (memory, ..) = run_once(folder.path(), &other, Some(&held));
-        let (kept, computed) = (report.nodes.iter().filter(|n| n.cached).count(), report.computed().len());
+        let (cached, computed) = (report.nodes.iter().filter(|n| n.cached).count(), report.computed().len());
         println!(
-            "{name:<34} {disk:>8.3} {memory:>8.3} {plain:>8.3}  {kept}, {computed}  ({:.1} times faster)",
+            "{name:<34} {disk:>8.3} {memory:>8.3} {plain:>8.3}  {cached}, {computed}  ({:.1} times faster)",
             plain / disk
         );
     }

@@ -1,5 +1,6 @@
-//! From an edit of the warp to a new file, with everything before the edit kept by the memo: of a minute of cloth at 96 kHz over
-//! almost four minutes of recordings, as in the paper's cotton sheet, and of `graphs/cloth/sheet.ron` with a minute of motion.
+//! Time from an edit of the warp to a new file, with everything before the edit cached: of a minute of cloth at 96 kHz
+//! over almost four minutes of recordings, as in the paper's cotton sheet, and of `graphs/cloth/sheet.ron` with a
+//! minute of motion.
 //!
 //! `cargo bench --bench sheet`
 
@@ -63,7 +64,7 @@ fn text(lambda: f64) -> String {
     )
 }
 
-/// 14 correspondences, as the paper marks for cotton, of which `moved` starts a little later.
+/// 14 correspondences, as many as in the paper for cotton; correspondence `moved` starts a little later.
 fn pairs(moved: usize) -> String {
     let mut text = String::from("Correspondences(pairs: [\n");
     for k in 0..14 {
@@ -93,8 +94,8 @@ fn main() {
     let graph = folder.join("graph.ron");
     let fresh = || Memo::new(folder.join("cache"), 2 << 30, &graph);
     let reported = |what: &str, (seconds, report): (f64, Report)| {
-        let (kept, computed) = (report.nodes.iter().filter(|n| n.cached).count(), report.computed());
-        println!("{what:<44} {seconds:>7.3} s  {kept} kept, computed: {}", computed.join(", "));
+        let (cached, computed) = (report.nodes.iter().filter(|n| n.cached).count(), report.computed());
+        println!("{what:<44} {seconds:>7.3} s  {cached} cached, computed: {}", computed.join(", "));
     };
     println!(
         "60 s at 96 kHz, 14400 targets, 225 s of recordings, two threads; from load to the written file. An edit may take 2 s (paper: 5 to \
@@ -116,7 +117,7 @@ fn main() {
 /// Frames of a minute.
 const FRAMES: usize = 3600;
 
-/// Plays a point cache to and fro until it is long enough; its mesh lies beside it.
+/// Extends a point cache to and fro until it is long enough; its mesh lies beside it.
 fn longer(name: &str, folder: &Path) -> PathBuf {
     let from = Path::new(env!("CARGO_MANIFEST_DIR")).join("graphs/assets/cloth").join(name);
     let cache = std::fs::read(from.with_extension("pc2")).expect("the animation ships");
@@ -167,9 +168,9 @@ fn shipped(folder: &Path) {
             last.value = lambda.into();
         }
         let (seconds, report) = common::run_file(&graph, &sets, folder, Some(&memo()));
-        let kept = report.nodes.iter().filter(|n| n.cached).count();
+        let cached = report.nodes.iter().filter(|n| n.cached).count();
         println!(
-            "sheet.ron over {FRAMES} frames, {what:<28} {seconds:>7.3} s  {kept} of {} nodes kept",
+            "sheet.ron over {FRAMES} frames, {what:<28} {seconds:>7.3} s  {cached} of {} nodes cached",
             report.nodes.len()
         );
     };
@@ -179,7 +180,7 @@ fn shipped(folder: &Path) {
     run("a correspondence changed", "1000.0", "0.08");
 }
 
-/// What sleep saves on a take that ships: two materials, of which one is silent for a while.
+/// Time that sleep saves on an example take with two materials, one of which is silent for a while.
 fn sleep(folder: &Path) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("graphs/cloth/two_materials.ron");
     for id in ["itself_units", "cover_units"] {

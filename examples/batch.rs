@@ -1,4 +1,4 @@
-//! Renders one graph for many animations, with one cache: what they share is computed once.
+//! Renders one graph for many animations, with one cache: results that they share are computed once.
 //!
 //! `cargo run --release --example batch -- GRAPH PARAM OUT FILE...` sets the parameter to each file in turn, for example
 //! `graphs/cloth/friction.ron sheet.path out shot1.abc shot2.abc`. A file that fails does not stop the others.

@@ -15,7 +15,7 @@ use std::io::{BufReader, Write};
 use std::net::TcpStream;
 use std::time::{Duration, Instant};
 
-/// What a PC2 does not tell.
+/// Frame rate, which a PC2 file does not store.
 const FRAMES_PER_SECOND: f64 = 60.0;
 
 fn main() -> anyhow::Result<()> {

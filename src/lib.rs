@@ -1,12 +1,15 @@
 //! The runtime of foley: RON graphs of typed nodes, checked, planned and run.
 //!
 //! Data goes down these rooms once: [`lang`] reads the text, [`graph`] checks it, [`plan`] finds what it needs,
-//! [`run`] runs it. [`Session`] leads through all of them. [`diag`] says what is wrong on the way, [`watch`] notices that files have changed, and [`cli`] is the command.
+//! [`run`] runs it. [`Session`] leads through all of them. [`diag`] describes errors, [`watch`] detects changed files,
+//! and [`cli`] is the command.
 #![forbid(unsafe_code)]
 
 pub mod cli;
 pub mod diag;
+#[doc(hidden)]
 pub mod docs;
+#[doc(hidden)]
 pub mod draw;
 pub mod graph;
 pub mod lang;
@@ -15,6 +18,7 @@ pub mod memo;
 pub mod plan;
 pub mod run;
 pub mod session;
+#[doc(hidden)]
 pub mod watch;
 
 pub use foley_nodes as nodes;

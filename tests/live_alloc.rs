@@ -30,19 +30,19 @@ fn count(bytes: i64) {
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         count(layout.size() as i64);
-        // SAFETY: the caller keeps the contract of `alloc`.
+        // SAFETY: the caller fulfils the contract of `alloc`.
         unsafe { System.alloc(layout) }
     }
 
     unsafe fn dealloc(&self, at: *mut u8, layout: Layout) {
         count(-(layout.size() as i64));
-        // SAFETY: the caller keeps the contract of `dealloc`.
+        // SAFETY: the caller fulfils the contract of `dealloc`.
         unsafe { System.dealloc(at, layout) }
     }
 
     unsafe fn realloc(&self, at: *mut u8, layout: Layout, size: usize) -> *mut u8 {
         count(size as i64 - layout.size() as i64);
-        // SAFETY: the caller keeps the contract of `realloc`.
+        // SAFETY: the caller fulfils the contract of `realloc`.
         unsafe { System.realloc(at, layout, size) }
     }
 }
@@ -59,7 +59,7 @@ fn material(text: &str) -> LiveGraph {
     LiveGraph { seed: graph.seed, graph, files, memo: None, inputs: Arc::new(NoInputs) }
 }
 
-/// Edits of every kind: numbers, nodes that come and go, other links, look-ahead, a loop, a file, modes.
+/// Edits of every kind: numbers, added and removed nodes, other links, look-ahead, a loop, a file, modes.
 fn version(draw: &mut Rng) -> String {
     let gain = draw.between(0.1, 0.9);
     let tone = 100 + draw.below(3) * 50;

@@ -1,4 +1,4 @@
-//! All tests of graphs and of the command line, in one binary: one module a room.
+//! All tests of graphs and of the command line, in one binary: one module per folder.
 
 mod common;
 

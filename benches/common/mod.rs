@@ -1,5 +1,5 @@
-//! What the benches of whole graphs share.
-#![allow(dead_code, reason = "no bench runs graphs in every way")]
+//! Functions shared by the benches of whole graphs.
+#![allow(dead_code, reason = "no bench uses all of these functions")]
 
 use foley::graph::{DirFiles, Limits, LoadOptions, Override, load};
 use foley::memo::Memo;
@@ -17,7 +17,7 @@ pub fn run_text(folder: &Path, text: &str, memo: Option<&Memo>) -> (f64, Report)
     run_file(&path, &[], folder, memo)
 }
 
-/// The same for a graph that is there, and that may read what lies in `folder` too.
+/// The same for an existing graph, which may also read files in `folder`.
 pub fn run_file(path: &Path, sets: &[Override], folder: &Path, memo: Option<&Memo>) -> (f64, Report) {
     run_by(path, sets, folder, memo, &PlanOptions { threads: 2, ..PlanOptions::default() })
 }

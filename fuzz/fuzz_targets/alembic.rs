@@ -1,4 +1,4 @@
-//! Any bytes as an Alembic archive: every mesh of it is opened.
+//! Any bytes as an Alembic archive: the target opens every mesh of it.
 #![no_main]
 
 mod meshes;

@@ -1,4 +1,4 @@
-//! Any bytes as an audio file: what is read is no longer than the header says, also after seeking.
+//! Any bytes as an audio file: no more frames are read than the header states, also after seeking.
 #![no_main]
 
 use foley_nodes::io::{AudioReader, ReadLimits};

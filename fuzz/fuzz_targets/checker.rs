@@ -1,4 +1,4 @@
-//! Any text as a graph: it is one, or there is at least one error; all places are in the text; drawing it works.
+//! Any text as a graph: it is valid, or there is at least one error; all locations are in the text; drawing it works.
 #![no_main]
 
 use foley::diag::{any_error, json, render};

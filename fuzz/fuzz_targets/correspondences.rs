@@ -1,4 +1,4 @@
-//! Correspondences from RON: refused, or such that they can be shown and kept.
+//! Correspondences from RON: rejected, or valid for taps and the cache.
 #![no_main]
 
 mod common;

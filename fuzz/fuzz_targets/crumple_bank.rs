@@ -1,4 +1,4 @@
-//! Banks of crumples from JSON: refused, or such that they can be shown and kept.
+//! Banks of crumples from JSON: rejected, or valid for taps and the cache.
 #![no_main]
 
 mod common;

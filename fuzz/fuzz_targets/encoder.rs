@@ -1,4 +1,4 @@
-//! Any bytes as the table of a shaft encoder, and the motion that it tells.
+//! Any bytes as the table of a shaft encoder, and the motion that it describes.
 #![no_main]
 
 use foley_nodes::friction::EncoderTrack;

@@ -1,4 +1,4 @@
-//! Calibrations of crumple energies from JSON: refused, or such that they can be shown and kept.
+//! Calibrations of crumple energies from JSON: rejected, or valid for taps and the cache.
 #![no_main]
 
 mod common;

@@ -1,4 +1,5 @@
-//! Images from PNG, JPEG and TIFF: refused, or of as many samples as they have pixels. Begins from those of the tests and of the examples:
+//! Images from PNG, JPEG and TIFF: rejected, or of one sample per pixel. The corpus starts with the images of tests and
+//! examples:
 //! `mkdir -p fuzz/corpus/image; cargo +nightly fuzz run image fuzz/corpus/image nodes/src/texture/testdata graphs/assets/images`.
 #![no_main]
 

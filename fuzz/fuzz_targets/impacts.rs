@@ -1,4 +1,4 @@
-//! Impacts from CSV or JSON lines: refused, or in the order of time.
+//! Impacts from CSV or JSON lines: rejected, or in the order of time.
 #![no_main]
 
 use foley_nodes::modal::{Body, Defaults, read_impacts};

@@ -1,4 +1,5 @@
-//! Isophotes as `IsophotesFile` reads them: refused, or such that they can be written and read again. Begins from those of an example:
+//! Isophotes as `IsophotesFile` reads them: rejected, or valid to write and read again. The corpus starts with an
+//! example:
 //! `mkdir -p fuzz/corpus/isophotes; cargo +nightly fuzz run isophotes fuzz/corpus/isophotes graphs/assets/images`.
 #![no_main]
 

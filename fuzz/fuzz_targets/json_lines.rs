@@ -1,4 +1,4 @@
-//! JSON lines from standard input: counted as malformed, or brought on.
+//! JSON lines from standard input: counted as malformed, or delivered.
 #![no_main]
 
 use foley::live::input::{Hub, read_lines};
@@ -10,8 +10,8 @@ fuzz_target!(|bytes: &[u8]| {
     let (sets, reported) = crossbeam_channel::unbounded();
     let hub = Hub::new(sets);
     let inbox = hub.open("hits");
-    let mut said = 0_u64;
-    read_lines(bytes, &hub, |_, _| said += 1);
-    assert_eq!(said, hub.malformed.load(Relaxed));
+    let mut reports = 0_u64;
+    read_lines(bytes, &hub, |_, _| reports += 1);
+    assert_eq!(reports, hub.malformed.load(Relaxed));
     drop((inbox, reported));
 });

@@ -1,4 +1,4 @@
-//! Values as the cache keeps them: the first byte says of which type; refused, or such that they can be kept again.
+//! Values as the cache stores them; the first byte selects the type. They are rejected, or valid to store again.
 #![no_main]
 
 use foley_nodes::core::ports::PortKind;
@@ -16,6 +16,6 @@ fuzz_target!(|bytes: &[u8]| {
         .collect();
     let kind = kinds[usize::from(which) % kinds.len()];
     if let Some(value) = (kind.decode)(rest) {
-        assert!((kind.encode)(&value).is_some(), "a value that was read cannot be kept");
+        assert!((kind.encode)(&value).is_some(), "a value that was read cannot be cached");
     }
 });

@@ -1,4 +1,4 @@
-//! Coded maps: refused, or such that they can be shown and kept.
+//! Coded maps: rejected, or valid for taps and the cache.
 #![no_main]
 
 mod common;

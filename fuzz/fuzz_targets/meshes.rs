@@ -1,4 +1,4 @@
-//! What the targets of mesh files share.
+//! Functions shared by the targets of mesh files.
 
 use foley_nodes::mesh::*;
 
@@ -9,7 +9,7 @@ pub fn options() -> ReadOptions {
     ReadOptions { metres_per_unit: 1.0, limits }
 }
 
-/// Reads the first and the last frame of what could be opened.
+/// Reads the first and the last frame of a clip, if it could be opened.
 pub fn read_ends(stream: Result<MeshStream, MeshError>) {
     if let Ok(mut stream) = stream {
         let mut out = vec![[0.0; 3]; stream.clip.vertex_count()];

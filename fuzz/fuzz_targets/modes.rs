@@ -1,4 +1,4 @@
-//! Modes from JSON or CSV: refused, or such that they pass the check again.
+//! Modes from JSON or CSV: rejected, or valid when checked again.
 #![no_main]
 
 use foley_nodes::modal::read_modes;

@@ -1,4 +1,4 @@
-//! OSC packets from a socket: counted as malformed, or brought on. A packet is at most one datagram.
+//! OSC packets from a socket: counted as malformed, or delivered. A packet is at most one datagram.
 #![no_main]
 
 use foley::live::input::{Hub, read_packet};

@@ -1,4 +1,4 @@
-//! The tree keeps every text, gives `ron`'s verdict on it, and formatting it twice changes nothing more.
+//! The tree preserves every text and agrees with `ron` on its validity; formatting it twice changes nothing more.
 #![no_main]
 
 use foley::lang::{fmt, parse};

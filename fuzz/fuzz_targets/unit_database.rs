@@ -1,4 +1,4 @@
-//! Databases of units from their own files: refused, or such that they can be shown and kept.
+//! Databases of units from their own files: rejected, or valid for taps and the cache.
 #![no_main]
 
 mod common;

@@ -1,4 +1,4 @@
-//! Warps from JSON: refused, or such that they can be shown and kept.
+//! Warps from JSON: rejected, or valid for taps and the cache.
 #![no_main]
 
 mod common;

@@ -26,7 +26,7 @@ const REPETITIONS: usize = 300;
 /// Blocks of one repetition.
 const BLOCKS: usize = 16;
 
-/// Returns the path of a contact that moves on a circle at a given speed, in frames of 1/60 s.
+/// Returns the path of a contact that moves on a circle at one speed, in frames of 1/60 s.
 fn contact(number: u64, speed: f64) -> Vec<(Tick, PathPiece)> {
     let (frame, radius) = (1.0 / 60.0, 0.08);
     let position = |t: f64| {
@@ -52,7 +52,7 @@ fn contact(number: u64, speed: f64) -> Vec<(Tick, PathPiece)> {
         .collect()
 }
 
-/// Returns the time per contact and block in us, with `count` contacts at a given speed.
+/// Returns the time per contact and block in us, with `count` contacts at one speed.
 fn time<S: Clone>(
     count: u64,
     speed: f64,

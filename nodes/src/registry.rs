@@ -128,7 +128,7 @@ impl Registry {
     /// Adds a [`Node`].
     ///
     /// # Panics
-    /// When there is a node type of that name: graphs could not say which one they mean.
+    /// When there is a node type of that name: graphs could not name one of them.
     #[must_use]
     pub fn with<N: Node>(self) -> Self {
         let family = self.family;

@@ -94,7 +94,7 @@ fn why(args: &WhyArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit> {
     let graph = &ready.graph;
     let dir = args.cache.clone().unwrap_or_else(|| default_dir(&args.graph.graph));
     let memo = Memo::new(dir, u64::MAX, &args.graph.graph);
-    // Which streams are kept shows when a run has kept them.
+    // The streams that are cached are known after a run has cached them.
     let has = |n: &GraphNode| has_cacheable_values(&n.ty) || memo.index().get(&n.id).is_some();
     let kept: Vec<&str> = graph.nodes.iter().filter(|n| has(n)).map(|n| n.id.as_str()).collect();
     let Some(n) = graph.find(&args.node).filter(|&n| has(&graph.nodes[n])) else {

@@ -9,7 +9,7 @@ use serde_json::Value;
 use std::io::{Write as _, stdout};
 use std::sync::Arc;
 
-/// Checks graphs: text, types, links, and what the files they read say.
+/// Checks graphs: text, types, links, and the contents of the files that they read.
 ///
 /// # Errors
 /// When standard output goes away.

@@ -56,7 +56,7 @@ pub fn port_words(spec: &PortSpec) -> String {
         Arity::Optional => ", may be left open",
         Arity::Many => ", a list of links",
     };
-    let late = if spec.late { ", may close a loop" } else { "" };
+    let late = if spec.delayed { ", may close a loop" } else { "" };
     format!("{} of {}{many}{late}", spec.kind.word(), spec.kind.name())
 }
 
@@ -126,7 +126,7 @@ pub fn describe(ty: &NodeType) -> Value {
         json!({
             "name": p.name, "doc": plain(p.doc), "kind": p.kind.word(), "type": p.kind.name(),
             "arity": match p.arity { Arity::One => "one", Arity::Optional => "optional", Arity::Many => "many" },
-            "late": p.late,
+            "late": p.delayed,
         })
     };
     let param = |p: &ParamSpec| {

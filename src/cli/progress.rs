@@ -10,10 +10,10 @@ use std::time::{Duration, Instant};
 
 /// Interval between two updates of the progress.
 const LOOK: Duration = Duration::from_millis(100);
-/// Least time from one plain line to the next, and from the start to the first.
+/// Minimum time between two plain lines, and from the start to the first.
 const PAUSE: Duration = Duration::from_secs(5);
 
-/// Shows how far a run is until it ends.
+/// Shows the progress of a run until it ends.
 pub struct Watch {
     over: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
@@ -64,7 +64,7 @@ fn write_lines(title: &str, progress: &Progress, over: &AtomicBool) {
     while !over.load(Ordering::Relaxed) {
         let (done, total) = (progress.done.load(Ordering::Relaxed), progress.total.load(Ordering::Relaxed));
         if let Some(line) = lines.due(start.elapsed(), done, total) {
-            // A run continues though nobody can be informed of it.
+            // A run continues even if its progress cannot be shown.
             let _ = writeln!(std::io::stderr(), "{title}: {line}");
         }
         std::thread::park_timeout(LOOK);

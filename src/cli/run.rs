@@ -18,7 +18,7 @@ pub fn show(diagnostics: &[Diagnostic], sources: &Sources) {
     eprint!("{}", render(diagnostics, sources, colour));
 }
 
-/// Loads, checks and plans a graph; prints what is wrong.
+/// Loads, checks and plans a graph; prints its errors.
 pub fn prepare(session: &Session) -> Option<Prepared> {
     let preparation = session.prepare();
     show(&preparation.diagnostics, &preparation.sources);
@@ -28,7 +28,7 @@ pub fn prepare(session: &Session) -> Option<Prepared> {
 /// Runs a graph.
 ///
 /// # Errors
-/// When the report cannot be written, which is known before the run but for a disk that fills up.
+/// When the report cannot be written, which is checked before the run; only a full disk is found later.
 pub fn run(args: &RunArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit> {
     let mut memo = args.memo.memo(&args.graph.graph);
     if args.checkpoint > 0.0 {
@@ -37,9 +37,9 @@ pub fn run(args: &RunArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit> {
     let session = args.session(registry).with_memo(memo.map(Arc::new));
     let Some(ready) = prepare(&session) else { return Ok(Exit::Wrong) };
     let stop = Arc::clone(session.progress());
-    // Only the first handler of a process can be set; a second run in the same process keeps the first.
+    // Only the first handler of a process can be set; a second run in the same process uses the first one.
     let _ = ctrlc::set_handler(move || {
-        // The first waits for what is being computed, so that nothing half written stays; who asks twice does not.
+        // The first signal waits for the current computation, so that no partial file remains; the second one does not.
         if stop.stop.swap(true, Ordering::SeqCst) {
             eprintln!("stopped at once: what was begun may lie in the output folder as `.part`");
             std::process::exit(Exit::Again.code().into());

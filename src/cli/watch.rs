@@ -68,7 +68,7 @@ struct Session<'a> {
 pub fn watch(args: &WatchArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit> {
     let (sender, received) = unbounded();
     let stop = sender.clone();
-    // Only the first handler of a process can be set; a second session in the same process keeps the first.
+    // Only the first handler of a process can be set; a second session in the same process uses the first one.
     let _ = ctrlc::set_handler(move || {
         let _ = stop.send(Message::Stop);
     });
@@ -131,8 +131,8 @@ impl Session<'_> {
         let session = run.session(&self.registry).with_memo(self.memo.clone());
         let Preparation { prepared, diagnostics: found, sources, asked } = session.prepare();
         let Some(ready) = prepared else {
-            let late = self.watcher.watch(&asked, false);
-            return Ok(self.fail(late.then_some(at), &found, &sources));
+            let stale = self.watcher.watch(&asked, false);
+            return Ok(self.fail(stale.then_some(at), &found, &sources));
         };
         show(&found, &sources);
         let ready = Arc::new(ready);
@@ -153,9 +153,9 @@ impl Session<'_> {
             }
         };
         // The run may have opened more than the plan did.
-        let late = self.watcher.watch(&ready.files.asked(), false);
+        let stale = self.watcher.watch(&ready.files.asked(), false);
         let now = self.watcher.contents();
-        if late || contents.iter().any(|(key, content)| now.get(key) != Some(content)) {
+        if stale || contents.iter().any(|(key, content)| now.get(key) != Some(content)) {
             newer = newer.or(Some(at));
         }
         match ran {
@@ -194,7 +194,7 @@ impl Session<'_> {
         mut contents: Contents,
         at: Instant,
     ) -> anyhow::Result<()> {
-        // What was opened only while running belongs to this result as well.
+        // Files that were opened only during the run belong to this result as well.
         for (key, content) in self.watcher.contents() {
             contents.entry(key).or_insert(content);
         }
@@ -219,8 +219,8 @@ impl Session<'_> {
     }
 
     /// Reports errors that persist; a half written file gets time to become complete.
-    fn fail(&mut self, late: Option<Instant>, errors: &[Diagnostic], sources: &Sources) -> Attempt {
-        let woken = match late {
+    fn fail(&mut self, changed: Option<Instant>, errors: &[Diagnostic], sources: &Sources) -> Attempt {
+        let woken = match changed {
             Some(at) => Woken::Changed(at),
             None => self.wait(Some(SETTLE)),
         };
@@ -269,11 +269,11 @@ impl Session<'_> {
 
 /// Number of cached nodes, and the names of the others.
 fn economy(report: &Report) -> String {
-    let kept = report.nodes.iter().filter(|n| n.cached).count();
+    let cached = report.nodes.iter().filter(|n| n.cached).count();
     let computed = report.computed();
-    let plural = if kept == 1 { "" } else { "s" };
+    let plural = if cached == 1 { "" } else { "s" };
     let names = if computed.is_empty() { String::new() } else { format!(" ({})", list(&computed)) };
-    format!("{kept} node{plural} kept, {} recomputed{names}", computed.len())
+    format!("{cached} node{plural} kept, {} recomputed{names}", computed.len())
 }
 
 /// Prints a line at once.

@@ -1,4 +1,4 @@
-//! Every code of a diagnostic, with what it means and how to correct it: the text of `codes.md` beside this file.
+//! Every code of a diagnostic, with its meaning and correction: the text of `codes.md` beside this file.
 
 use std::sync::LazyLock;
 

@@ -1,4 +1,4 @@
-//! Diagnostics: what is wrong, where, and what would be right, as data and as text.
+//! Diagnostics: an error, its location and the correct form, as data and as text.
 
 pub mod codes;
 mod render;
@@ -16,7 +16,7 @@ use std::sync::Arc;
 pub enum Severity {
     /// The graph cannot run.
     Error,
-    /// The graph runs, but perhaps not as meant.
+    /// The graph runs, but perhaps not as intended.
     Warning,
 }
 
@@ -57,7 +57,7 @@ pub struct Diagnostic {
     pub node: Option<String>,
     /// Advice on the correct form.
     pub help: Option<String>,
-    /// When in the piece, for faults while running.
+    /// Time in the piece, for faults while running.
     pub time: Option<Tick>,
 }
 
@@ -141,7 +141,7 @@ impl Diagnostic {
 /// One text that diagnostics point into.
 #[derive(Clone, Debug)]
 pub struct Source {
-    /// Its name for people: the path as it was given.
+    /// Its name for people: the path as the user wrote it.
     pub name: String,
     /// Its content.
     pub text: Arc<str>,

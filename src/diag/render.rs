@@ -12,7 +12,7 @@ const MAX_LABELS: usize = 24;
 /// Maximum length of a message, in characters.
 const LONGEST_TITLE: usize = 2000;
 
-/// Bytes of a line that is shown; of a longer one the place is reported, which is what a program that wrote it can use.
+/// Maximum bytes of a line that is shown; of a longer line only the position is reported.
 const LONGEST_LINE: usize = 4000;
 
 /// Text for people: message, the lines in question, help; of very many the first hundred, errors before warnings.
@@ -37,7 +37,7 @@ pub fn render(diagnostics: &[Diagnostic], sources: &Sources, colour: bool) -> St
     all
 }
 
-/// The lines that a diagnostic speaks of, so that the rest of a long file costs nothing: their bytes, and the number of the first.
+/// The lines of a diagnostic, so that the rest of a long file costs nothing: their bytes, and the first number.
 fn lines(text: &str, spans: &[Range<usize>]) -> (Range<usize>, usize) {
     let first = spans.iter().map(|s| s.start).min().unwrap_or(0);
     let last = spans.iter().map(|s| s.end).max().unwrap_or(0);
@@ -95,7 +95,7 @@ fn groups<'a>(d: &'a Diagnostic, sources: &'a Sources) -> Vec<Group<'a>> {
     vec![group]
 }
 
-/// The place alone, of what stands in a line that is too long to be shown.
+/// The location alone, for a line that is too long to be shown.
 fn origin(source: &Source, at: usize) -> Origin<'_> {
     let before = &source.text[..at];
     let line = before.rfind('\n').map_or(before, |end| &before[end + 1..]);
@@ -103,7 +103,7 @@ fn origin(source: &Source, at: usize) -> Origin<'_> {
     Origin::path(&*source.name).line(number).char_column(1 + line.chars().count())
 }
 
-/// A text of which the middle is left out where it is very long, such as a loop of thousands of nodes.
+/// A text without its middle if it is very long, such as a loop of thousands of nodes.
 fn shortened(text: String) -> String {
     let length = text.chars().count();
     if length <= LONGEST_TITLE {

@@ -1,6 +1,6 @@
 //! The pages of the book that come from the code: the reference of nodes, errors and the command.
 //!
-//! [`pages`] makes their texts; nothing that stands in them is written down a second time.
+//! [`pages`] makes their texts; none of their content is written by hand.
 
 mod nodes;
 
@@ -46,11 +46,11 @@ fn errors() -> String {
     out
 }
 
-/// The anchor that a book gives to a heading.
+/// The anchor that a book generates for a heading.
 #[must_use]
 pub fn anchor(heading: &str) -> String {
-    let kept = heading.chars().filter(|c| c.is_alphanumeric() || matches!(c, '-' | '_' | ' '));
-    kept.map(|c| if c == ' ' { '-' } else { c.to_ascii_lowercase() }).collect()
+    let allowed = heading.chars().filter(|c| c.is_alphanumeric() || matches!(c, '-' | '_' | ' '));
+    allowed.map(|c| if c == ' ' { '-' } else { c.to_ascii_lowercase() }).collect()
 }
 
 fn cli(command: Command) -> String {

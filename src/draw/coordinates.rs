@@ -13,7 +13,7 @@ pub(super) const MARGIN: f64 = 24.0;
 const BOX_GAP: f64 = 26.0;
 /// Space beside a bend.
 const BEND_GAP: f64 = 12.0;
-/// Width between two layers in which links change height.
+/// Width between two layers, in which links change height.
 const LANE_WIDTH: f64 = 64.0;
 /// Maximum number of characters of a name.
 pub(super) const MAX_CHARS: usize = 44;
@@ -143,7 +143,7 @@ pub fn assign_coordinates(drawing: &Drawing) -> Coordinates {
     Coordinates { boxes, wires, width: width.max(520.0), height: bottom + MARGIN }
 }
 
-/// Tops of all cells: each cell is attracted by its neighbours, without overlaps and in the given order.
+/// Tops of all cells: each cell is attracted by its neighbours, without overlaps and in the order of the list.
 fn cell_tops(layers: &Layers, height: &dyn Fn(usize) -> f64) -> Vec<f64> {
     let gap = |a: usize, b: usize| match (layers.cells[a], layers.cells[b]) {
         (Cell::Box(_), Cell::Box(_)) => BOX_GAP,

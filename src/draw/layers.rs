@@ -74,7 +74,7 @@ impl Layers {
         self.segments.len() - 1
     }
 
-    /// Sweeps over the layers, and keeps the order with the fewest crossings.
+    /// Sweeps over the layers, and uses the order with the fewest crossings.
     fn reduce_crossings(&mut self) {
         let mut incoming: Vec<Vec<usize>> = vec![Vec::new(); self.cells.len()];
         let mut outgoing = incoming.clone();

@@ -42,7 +42,7 @@ fn short(text: &str) -> String {
     }
 }
 
-/// Formats a drawing as an SVG file; the same drawing always gives the same text.
+/// Formats a drawing as an SVG file; the same drawing always results in the same text.
 #[must_use]
 pub fn svg(drawing: &Drawing) -> String {
     let coordinates = assign_coordinates(drawing);

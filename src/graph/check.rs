@@ -1,4 +1,4 @@
-//! From nodes as they stand in the text to a checked graph.
+//! Checks the nodes of the text.
 
 use super::checked_node::{CheckedNode, RawLink};
 use super::links::{feeders, link, links_of};
@@ -31,7 +31,7 @@ pub(super) fn check(mut loader: Loader) -> Loaded {
         *good &= loader.found.len() == before;
     }
     let mut found = std::mem::take(&mut loader.found);
-    // Of nodes with one id the first one is meant, so that the others are reported once.
+    // An id refers to the first of several nodes with it, so that the others are reported once.
     let by_id: HashMap<&str, usize> = raw.iter().enumerate().rev().map(|(k, n)| (n.id.as_str(), k)).collect();
     let mut links: Vec<Vec<Vec<Link>>> = Vec::new();
     let mut count = 0;
@@ -64,7 +64,7 @@ pub(super) fn check(mut loader: Loader) -> Loaded {
     }
     outputs::check(&raw, &checked, &mut found);
     let order = order(&raw, &checked, &links, &mut found);
-    // What is wrong can be why something seems to be unused.
+    // An error can be the reason why something seems to be unused.
     if !any_error(&found) {
         unused(&raw, &checked, &links, &mut found);
         found.extend(loader.unused_params());
@@ -252,7 +252,7 @@ fn convert(value: &Value, given: &Given, path: bool, loader: &mut Loader) -> Opt
             let inner = loader.resolve(given.inside(item))?;
             convert(&inner.value, &inner, path, loader)
         };
-        // All of them first, so that each tells what is wrong with it.
+        // All of them first, so that each reports its errors.
         let items: Vec<Option<Datum>> = items.iter().map(&mut one).collect();
         items.into_iter().collect::<Option<Vec<Datum>>>().map(Datum::List)
     };
@@ -279,7 +279,7 @@ fn convert(value: &Value, given: &Given, path: bool, loader: &mut Loader) -> Opt
     })
 }
 
-/// The path of an asset. One that was given on the command line may be read wherever it is, unless it is absolute.
+/// The path of an asset. A path from the command line may be read anywhere, unless it is absolute.
 fn asset(text: &str, given: &Given, loader: &mut Loader) -> String {
     let command_line = loader.argument(given).is_some();
     let joined = join(&given.folder, text);

@@ -6,7 +6,7 @@ use foley_nodes::core::params::AnyParams;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// A link as it stands in the text: the text, and where.
+/// A link as written: its text and location.
 pub(super) struct RawLink {
     pub text: String,
     pub scope: String,

@@ -35,7 +35,7 @@ pub(super) fn links_of(given: &Given, spec: &PortSpec, node: &RawNode, loader: &
     match (&given.value.value, spec.arity) {
         (ValueKind::Str(text), _) => vec![raw(&given.value, text)],
         (ValueKind::Option(None), Arity::Optional) | (ValueKind::Error, _) => Vec::new(),
-        // What has to be in quotes in a file may be bare on the command line.
+        // A text that needs quotes in a file may be bare on the command line.
         (ValueKind::Name(name), _) if bare => {
             vec![raw(&given.value, &name.value)]
         }
@@ -167,7 +167,7 @@ fn kind_words(kind: &PortKind) -> String {
     }
 }
 
-/// A node type that takes what one port gives, alone, and gives what the other takes.
+/// A node type that converts the output of one port, as its only input, to the type of the other port.
 fn between(from: &PortKind, to: &PortKind, registry: &Registry) -> Option<&'static str> {
     let fits = |ty: &&Arc<NodeType>| {
         let needed = ty.inputs.iter().filter(|p| p.arity != Arity::Optional).count();

@@ -1,4 +1,4 @@
-//! Reads a graph file and its sub-graphs into one flat list of nodes, each with where it came from.
+//! Reads a graph file and its sub-graphs into one flat list of nodes, each with its origin.
 
 use super::Graph;
 use super::root::{Limits, Root};
@@ -15,7 +15,7 @@ use std::sync::{Arc, LazyLock};
 /// The schema that graph files of this version declare.
 pub const SCHEMA: &str = "foley:graph/1";
 
-/// A node as it stands in the text.
+/// A node as written in the text.
 #[derive(Debug)]
 pub struct RawNode {
     /// Its full id.
@@ -44,7 +44,7 @@ pub struct LoadOptions {
     pub overrides: Vec<Override>,
     /// Folders outside its own that it may read.
     pub allow_read: Vec<PathBuf>,
-    /// Bounds of what it may read and hold.
+    /// Limits on its files and its size.
     pub limits: Limits,
 }
 
@@ -96,7 +96,7 @@ impl LoadOptions {
 pub struct Loaded {
     /// The graph, if it can run.
     pub graph: Option<Graph>,
-    /// Otherwise the nodes that are right, and read only such: what else is wrong with them can be found in the same pass.
+    /// Otherwise the valid nodes that read only valid nodes, in which further errors can be found in the same pass.
     pub sound: Option<Graph>,
     /// Errors and warnings.
     pub diagnostics: Vec<Diagnostic>,

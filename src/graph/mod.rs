@@ -1,4 +1,4 @@
-//! A checked graph: node types, parameters and links, with the place in the text that each came from.
+//! A checked graph: node types, parameters and links, each with its location in the text.
 //!
 //! [`load`] reads a graph file and its sub-graphs; every error of all of them comes back in one pass.
 
@@ -38,7 +38,7 @@ pub struct Graph {
     pub seed: u64,
     /// Nodes in the order of the text.
     pub nodes: Vec<GraphNode>,
-    /// Places of `nodes` in topological order; links that are read late do not count.
+    /// Places of `nodes` in topological order; delayed links do not count.
     pub order: Vec<usize>,
     /// Place of each node in `order`.
     pub rank: Vec<usize>,
@@ -77,13 +77,13 @@ pub struct Link {
 }
 
 impl Graph {
-    /// Finds the topological order again after links have changed; what stands in a loop that nothing reads late comes last.
+    /// Finds the topological order again after links have changed; nodes in a loop without a delayed input come last.
     pub(crate) fn sort(&mut self) {
         let count = self.nodes.len();
         let mut waits = vec![0_usize; count];
         let mut readers = vec![Vec::new(); count];
         for (n, node) in self.nodes.iter().enumerate() {
-            let now = node.ty.inputs.iter().zip(&node.links).filter(|(spec, _)| !spec.late);
+            let now = node.ty.inputs.iter().zip(&node.links).filter(|(spec, _)| !spec.delayed);
             for link in now.flat_map(|(_, links)| links) {
                 waits[n] += 1;
                 readers[link.node].push(n);
@@ -137,11 +137,11 @@ impl Graph {
         }
     }
 
-    /// The place of a field of a node, or of the node where it does not stand in the text.
+    /// The location of a field of a node, or of the node if the field is not in the text.
     #[must_use]
     pub fn location(&self, node: usize, field: Option<&str>) -> SourceLocation {
         let node = &self.nodes[node];
-        // What is not given link by link or path by path is meant as a whole.
+        // A field that is not set item by item has one location.
         let whole = |field: &str| node.fields.get(field.split('[').next().unwrap_or(field));
         let of = |field: &str| node.fields.get(field).or_else(|| whole(field));
         field.and_then(of).unwrap_or(&node.location).clone()

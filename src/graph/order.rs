@@ -1,4 +1,4 @@
-//! The order in which nodes can run, the loops that have none, and the nodes that nothing needs.
+//! The order in which nodes can run, loops that have no order, and unused nodes.
 
 use super::Link;
 use super::checked_node::CheckedNode;
@@ -10,14 +10,14 @@ use petgraph::algo::tarjan_scc;
 use petgraph::graph::DiGraph;
 use std::collections::{BTreeMap, HashMap};
 
-/// The topological order. A loop is an error unless an input that is read late closes it.
+/// The topological order. A loop is an error unless a delayed input closes it.
 pub(super) fn order(
     raw: &[RawNode],
     checked: &[Option<CheckedNode>],
     links: &[Vec<Vec<Link>>],
     found: &mut Vec<Diagnostic>,
 ) -> Vec<usize> {
-    let late = |v: usize, port: usize| checked[v].as_ref().is_some_and(|h| h.ty.inputs[port].late);
+    let delayed = |v: usize, port: usize| checked[v].as_ref().is_some_and(|h| h.ty.inputs[port].delayed);
     let mut all = DiGraph::<(), ()>::new();
     let index: Vec<_> = raw.iter().map(|_| all.add_node(())).collect();
     let edges = || {
@@ -35,16 +35,16 @@ pub(super) fn order(
     for (k, members) in tarjan_scc(&all).iter().enumerate() {
         members.iter().for_each(|n| group[n.index()] = k);
     }
-    // Inside a loop, the links that are read late do not count.
+    // Inside a loop, delayed links do not count.
     let mut below: Vec<Vec<usize>> = vec![Vec::new(); raw.len()];
     let mut above = vec![0_usize; raw.len()];
     for (u, v, port, _) in edges() {
-        if !(late(v, port) && group[u] == group[v]) {
+        if !(delayed(v, port) && group[u] == group[v]) {
             below[u].push(v);
             above[v] += 1;
         }
     }
-    // Last in, first out keeps chains together, so that few buffers cross from one part to another.
+    // Last in, first out holds chains together, so that few buffers cross from one part to another.
     let mut ready: Vec<usize> = (0..raw.len()).rev().filter(|&n| above[n] == 0).collect();
     let mut order = Vec::with_capacity(raw.len());
     while let Some(n) = ready.pop() {
@@ -65,7 +65,7 @@ pub(super) fn order(
 /// Maximum number of rounds of the search for loops; each omits the links that close the loops found before.
 const ROUNDS: usize = 20;
 
-/// Prints loops, each once and whole: one of each knot, then those that do not need the link that closes it.
+/// Reports each loop once and completely: one of each connected group, then those without the link that closes it.
 fn report_loops(
     raw: &[RawNode],
     below: &[Vec<usize>],
@@ -129,7 +129,7 @@ fn loop_error(raw: &[RawNode], links: &[Vec<Vec<Link>>], path: &[usize]) -> Diag
     diagnostic
 }
 
-/// The shortest way from a node back to itself inside a sorted set of nodes, without the closing step.
+/// The shortest path from a node back to itself inside a sorted set of nodes, without the closing step.
 fn shortest_loop(first: usize, below: &[Vec<usize>], members: &[usize]) -> Vec<usize> {
     let mut from: HashMap<usize, usize> = HashMap::new();
     let mut queue = std::collections::VecDeque::from([first]);
@@ -154,7 +154,7 @@ fn shortest_loop(first: usize, below: &[Vec<usize>], members: &[usize]) -> Vec<u
     vec![first]
 }
 
-/// Warns of nodes that no output file needs. Those of sub-graphs are on offer: who uses one may leave others alone.
+/// Warns about nodes that no output file needs. Nodes of sub-graphs are optional: a graph may use only some of them.
 pub(super) fn unused(
     raw: &[RawNode],
     checked: &[Option<CheckedNode>],
@@ -164,7 +164,7 @@ pub(super) fn unused(
     let mut used = vec![false; raw.len()];
     let sink = |n: usize| checked[n].as_ref().is_none_or(|h| h.ty.outputs.is_empty());
     let mut stack: Vec<usize> = (0..raw.len()).filter(|&n| sink(n)).collect();
-    // A graph that writes nothing at all is meant to be used by others.
+    // A graph that writes nothing at all is for use by others.
     if stack.is_empty() {
         return;
     }
@@ -173,13 +173,13 @@ pub(super) fn unused(
             stack.extend(links[n].iter().flatten().map(|l| l.node));
         }
     }
-    // What only folds a take is a report: it is there for taps.
+    // A node with only folds is a report, for taps.
     let folds = |ty: &NodeType| ty.outputs.iter().all(|o| matches!(o.kind, PortKind::Fold(_)));
-    let tells = |n: usize| checked[n].as_ref().is_some_and(|h| folds(&h.ty));
+    let is_report = |n: usize| checked[n].as_ref().is_some_and(|h| folds(&h.ty));
     let mut feeds = vec![false; raw.len()];
     links.iter().flatten().flatten().for_each(|l| feeds[l.node] = true);
     for (n, node) in raw.iter().enumerate() {
-        if !used[n] && !feeds[n] && node.location.file == 0 && !tells(n) {
+        if !used[n] && !feeds[n] && node.location.file == 0 && !is_report(n) {
             let warning =
                 Diagnostic::warning("F026", format!("nothing uses `{}`", node.id), node.location.clone());
             found.push(warning.node(&node.id).help("link it to a node that writes a file, or remove it"));

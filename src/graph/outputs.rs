@@ -1,4 +1,4 @@
-//! The files that a graph writes: where they may lie, and that no two are one.
+//! Checks of the files that a graph writes: allowed folders, and no path twice.
 
 use super::checked_node::CheckedNode;
 use super::loader::RawNode;
@@ -33,7 +33,7 @@ pub fn written(ty: &NodeType, params: &dyn AnyParams) -> impl Iterator<Item = (&
     })
 }
 
-/// Finds output paths that lead elsewhere, and those that are given twice.
+/// Finds output paths outside the output folder, and those that occur twice.
 pub(super) fn check(raw: &[RawNode], checked: &[Option<CheckedNode>], found: &mut Vec<Diagnostic>) {
     let mut first: HashMap<PathBuf, SourceLocation> = HashMap::new();
     for (node, checked_node) in raw.iter().zip(checked) {

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 impl Loader {
-    /// Parses the values given on the command line, each as a text of its own.
+    /// Parses the values from the command line, each as a text of its own.
     pub(super) fn overrides(&mut self, overrides: &[Override]) -> Vec<(String, Given)> {
         let mut given = Vec::new();
         for Override { target, value } in overrides {
@@ -36,7 +36,7 @@ impl Loader {
         given
     }
 
-    /// The graph's parameters with what was given for them, and what was given for nodes.
+    /// The graph's parameters with the values from outside, and values for nodes.
     pub(super) fn params(
         &mut self,
         value: Option<&Value>,
@@ -119,7 +119,7 @@ impl Loader {
         given.folder.as_os_str().is_empty().then_some(&*source.text)
     }
 
-    /// Warnings of parameters that nothing used.
+    /// Warnings about unused parameters.
     pub(super) fn unused_params(&self) -> Vec<Diagnostic> {
         let used = self.used_params.borrow();
         let unused = self.all_params.iter().filter(|(name, _)| !used.contains(name));

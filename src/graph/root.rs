@@ -45,14 +45,14 @@ pub struct Root {
     files: Vec<PathBuf>,
     /// Numbered sequences whose folders may be listed for them alone.
     patterns: Vec<PathBuf>,
-    /// Shared by all copies, so that what nodes open is known as well.
+    /// Shared by all copies, so that it includes the files that nodes open.
     asked: Arc<Mutex<Asked>>,
 }
 
-/// Everything that was asked for while a graph was read and run, also what was not there.
+/// All files that were requested while a graph was read and run, also missing ones.
 #[derive(Clone, Debug, Default)]
 pub struct Asked {
-    /// Files and folders, by the path that was asked for, with what they looked like before they were read first.
+    /// Files and folders, by the requested path, with their stamps before they were first read.
     pub files: BTreeMap<PathBuf, Option<Stamp>>,
     /// Patterns of numbered sequences.
     pub sequences: BTreeSet<String>,
@@ -63,14 +63,14 @@ pub struct Asked {
 pub struct Stamp {
     /// Bytes.
     pub len: u64,
-    /// When its content was changed last.
+    /// Time of the last change of its content.
     pub modified: Option<SystemTime>,
-    /// Device, inode, and time of the last change of either, where the system has them.
+    /// Device, inode, and time of the last change of either, if the system has them.
     pub identity: Option<(u64, u64, i64, i64)>,
 }
 
 impl Stamp {
-    /// The stamp of what is at a path; `None` where there is nothing.
+    /// The stamp of the file at a path; `None` if there is none.
     #[must_use]
     pub fn of(path: &Path) -> Option<Self> {
         fs::metadata(path).ok().map(|meta| Self::from(&meta))
@@ -130,13 +130,13 @@ impl Root {
         self.files.extend(all.filter_map(|file| fs::canonicalize(file).ok()));
     }
 
-    /// Everything that was asked for so far.
+    /// All files that were requested so far.
     #[must_use]
     pub fn asked(&self) -> Asked {
         self.asked.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// Keeps in mind that a path was asked for.
+    /// Records that a path was requested.
     pub(super) fn note(&self, path: &Path) {
         let mut asked = self.asked.lock().unwrap_or_else(PoisonError::into_inner);
         asked.files.entry(path.to_owned()).or_insert_with(|| Stamp::of(path));
@@ -222,7 +222,7 @@ impl DirFiles {
         self.limits
     }
 
-    /// Everything that was asked for so far, by the graph's texts and by its nodes.
+    /// All files that were requested so far, by the graph's texts and by its nodes.
     #[must_use]
     pub fn asked(&self) -> Asked {
         self.root.asked()
@@ -378,7 +378,7 @@ mod tests {
         assert_eq!(list("cloth/none/f_#.obj"), Err("F060"));
         assert_eq!(list("cloth/g_#.obj"), Err("F060"));
         assert!(files.opened().is_empty());
-        // What somebody names on the command line may lie anywhere.
+        // A path on the command line may be anywhere.
         let mut root = Root::of(&base.join("cloth/graph.ron"));
         root.allow_named(&base.join("other/f_#.obj"));
         let named = DirFiles::new(root, Limits::default());

@@ -1,4 +1,4 @@
-//! The sound part of a graph: the nodes that can be shaped although others are wrong, so that what is wrong with them is
+//! The valid part of a graph: the nodes that can be shaped although others are wrong, so that their errors are
 //! reported in the same pass.
 
 use super::loader::RawNode;
@@ -44,7 +44,7 @@ pub(super) fn readable(raw: &[RawNode], found: &[Diagnostic]) -> Vec<bool> {
     good
 }
 
-/// The graph of all nodes that are given, and of no link to another; `order` is topological.
+/// The graph of all nodes in the list, without links to others; `order` is topological.
 ///
 /// A link to a missing node, at an input that takes many, becomes one to the first node of that input: so the others can
 /// be compared. Such a node is not [`whole`](GraphNode::whole).
@@ -77,7 +77,7 @@ pub(super) fn graph(nodes: Vec<Option<GraphNode>>, order: &[usize]) -> Graph {
 fn known(nodes: &[Option<GraphNode>], order: &[usize]) -> Vec<Known> {
     let mut known = vec![Known::Nothing; nodes.len()];
     order.iter().filter(|&&n| nodes[n].is_some()).for_each(|&n| known[n] = Known::All);
-    // One round is enough but for links that are read late, which come from further down.
+    // One round is enough except for delayed links, which come from later nodes.
     loop {
         let before = known.clone();
         for &n in order {

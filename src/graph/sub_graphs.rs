@@ -8,7 +8,7 @@ use crate::lang::{self, Value, ValueKind};
 use std::path::{Path, PathBuf};
 
 impl Loader {
-    /// Reads the sub-graphs; gives their names.
+    /// Reads the sub-graphs; returns their names.
     pub(super) fn uses(
         &mut self,
         value: Option<&Value>,

@@ -1,6 +1,6 @@
 //! "Did you mean": the nearest of the names that exist.
 
-/// The name nearest to what was written, where one is near enough to have been meant.
+/// The name nearest to the written one, if it is near enough to be the intended one.
 ///
 /// # Complexity
 /// O(names * length^2).
@@ -10,7 +10,7 @@ pub fn nearest<'a>(found: &str, names: impl IntoIterator<Item = &'a str>) -> Opt
     let near = |name: &str| distance(&lower, &name.to_lowercase());
     let best = names.into_iter().map(|name| (near(name), name)).min()?;
     let room = (found.chars().count() / 3).max(1);
-    // Of a name of one letter nothing is left that could be near.
+    // A name of one letter has no near names.
     (best.0 <= room && best.0 < found.chars().count()).then_some(best.1)
 }
 

@@ -1,4 +1,4 @@
-//! Values of a text: what the command line gives for them, and the parameters that they may stand for.
+//! Values of a text: overrides from the command line, and references to parameters.
 
 use crate::diag::SourceLocation;
 use crate::lang::Value;
@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// A value given on the command line for a graph parameter or for `NODE.PARAM`.
+/// A value from the command line for a graph parameter or for `NODE.PARAM`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Override {
     /// `NAME` or `NODE.PARAM`.
@@ -15,7 +15,7 @@ pub struct Override {
     pub value: String,
 }
 
-/// A value in a text, with what is needed to understand it.
+/// A value in a text, with its context.
 #[derive(Clone, Debug)]
 pub struct Given {
     /// The value.
@@ -29,7 +29,7 @@ pub struct Given {
 }
 
 impl Given {
-    /// A value that stands inside this one, without a copy of all of this one.
+    /// A value inside this one, without a copy of all of this one.
     pub fn inside(&self, value: &Value) -> Self {
         let location = SourceLocation { file: self.location.file, span: value.span() };
         Self { value: value.clone(), location, folder: self.folder.clone(), scope: self.scope.clone() }

@@ -111,7 +111,7 @@ pub struct RangeValue {
 /// One entry of a map. What is missing is a [`ValueKind::Error`] with an empty span.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Entry {
-    /// From the key to the value.
+    /// Span from the key to the value.
     pub span: Span,
     /// The key.
     pub key: Value,
@@ -122,7 +122,7 @@ pub struct Entry {
 /// One field of a struct. A missing value is a [`ValueKind::Error`] with an empty span.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Field {
-    /// From the name to the value.
+    /// Span from the name to the value.
     pub span: Span,
     /// The name.
     pub name: Name,

@@ -1,10 +1,15 @@
 //! Changes to a text as edits of their own places, so that comments and layout stay.
 
 use super::ast::{Document, Entry, Field, Value, ValueKind};
-use super::error::{ErrorKind, Span, SyntaxError};
+use super::error::{Span, SyntaxError};
 use super::parser::parse;
 use super::quoted::quote;
 use super::syntax::Parse;
+use items::{Brackets, not_an_item};
+
+mod items;
+
+pub use items::{insert_item, remove_item, set_field};
 
 /// The replacement of a span by a new text.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -34,6 +39,14 @@ pub enum EditError {
     /// The map has this key already.
     #[error("the map has the key {0:?} already")]
     Taken(String),
+    /// The list, struct or map has fewer items.
+    #[error("item {index} cannot be inserted: there are {items}")]
+    NoItem {
+        /// Number of the item, from 0.
+        index: usize,
+        /// Number of items.
+        items: usize,
+    },
     /// Two edits touch the same text.
     #[error("the edits at {}..{} and {}..{} overlap", .0.start, .0.end, .1.start, .1.end)]
     Overlap(Span, Span),
@@ -59,8 +72,12 @@ pub fn set_value(parse: &Parse, span: Span, new_text: &str) -> Result<Vec<TextEd
     Ok(vec![TextEdit { span, new_text: new_text.to_owned() }])
 }
 
-/// Checks the text as the element of a list, under the document's extensions.
 fn check_value(document: &Parse, text: &str) -> Result<(), EditError> {
+    check_item(document, text, Brackets::List)
+}
+
+/// Checks the text as the only item between brackets, under the document's extensions.
+fn check_item(document: &Parse, text: &str, brackets: Brackets) -> Result<(), EditError> {
     let extensions = document.extensions();
     let names = [
         (extensions.unwrap_newtypes, "unwrap_newtypes"),
@@ -72,22 +89,22 @@ fn check_value(document: &Parse, text: &str) -> Result<(), EditError> {
     for (_, name) in names.iter().filter(|(enabled, _)| *enabled) {
         head.push_str(&format!("#![enable({name})]"));
     }
-    head.push('[');
-    let parsed = parse(&format!("{head}{text}]"));
+    let (open, close) = brackets.pair();
+    // A name, where structs need one.
+    let name = if matches!(brackets, Brackets::Tuple | Brackets::Struct) { "X" } else { "" };
+    head.push_str(name);
+    head.push_str(open);
+    let parsed = parse(&format!("{head}{text}{close}"));
     if let Some(error) = parsed.errors().first() {
         let clip = |at: usize| at.saturating_sub(head.len()).min(text.len());
         let span = clip(error.span.start)..clip(error.span.end);
         return Err(EditError::NotAValue(SyntaxError { span, ..error.clone() }));
     }
-    // Nothing but the value may stand there: a comma or a comment could change what follows it.
-    match parsed.document().value.as_ref().and_then(Value::as_list) {
-        Some([value]) if value.span == (head.len()..head.len() + text.len()) => Ok(()),
-        _ => Err(EditError::NotAValue(SyntaxError {
-            span: 0..text.len(),
-            message: "found something else than one value".to_owned(),
-            expected: Some("one value".to_owned()),
-            code: ErrorKind::MissingValue,
-        })),
+    // Nothing but the item may stand there: a comma or a comment could change what follows it.
+    let whole = head.len()..head.len() + text.len();
+    match parsed.document().value.as_ref().and_then(items::items) {
+        Some((found, items)) if found == brackets && items == [whole] => Ok(()),
+        _ => Err(not_an_item(text)),
     }
 }
 

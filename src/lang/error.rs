@@ -11,7 +11,7 @@ pub type Span = Range<usize>;
 pub struct SyntaxError {
     /// The offending text; empty where something is missing.
     pub span: Span,
-    /// One sentence that says what was found.
+    /// One sentence that states what was found.
     pub message: String,
     /// The expected token, if it is known.
     pub expected: Option<String>,
@@ -54,7 +54,7 @@ pub enum ErrorKind {
     TrailingText,
     /// An attribute `#![...]` that is not understood.
     BadAttribute,
-    /// An extension that `ron` does not know.
+    /// An extension that `ron` does not support.
     UnknownExtension,
     /// `Some` without a value in parentheses.
     BareSome,

@@ -1,7 +1,7 @@
 //! The layout of a graph's text.
 //!
 //! Four spaces for each level. A container that stood on one line and fits 100 columns stays on one line;
-//! otherwise each entry or field gets its own line, and the elements of lists and tuples keep the lines
+//! otherwise each entry or field gets its own line, and the elements of lists and tuples retain the lines
 //! they were on. All comments stay, and at most one blank line between two items; lines end as the first one does,
 //! in LF or CRLF. The values of
 //! consecutive one-line map entries stay aligned if all of them were.

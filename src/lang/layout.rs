@@ -93,7 +93,7 @@ impl Layout {
 
     /// Returns true if a bracket opened at `opener` must have ended before the significant token `next`: its line
     /// is indented no further than the opener's, and it is not the closing bracket. A bracket whose content
-    /// is not indented says nothing.
+    /// is not indented has no information.
     pub(super) fn ended(&self, opener_at: usize, next: usize, next_closes: bool) -> bool {
         let (opener, next) = (self.token_layout(opener_at), self.token_layout(next));
         if opener.ends_line && self.token_layout(opener_at + 1).indent <= opener.indent {

@@ -42,7 +42,7 @@ struct Lexer<'t> {
     text: &'t str,
     at: usize,
     strings_end_with_line: bool,
-    /// The end of the line that was last asked for, so that long lines are searched once.
+    /// The end of the line of the last query, so that long lines are searched once.
     line_end: usize,
     open_strings: usize,
     tokens: Vec<Token>,

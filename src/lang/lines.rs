@@ -9,7 +9,7 @@ pub struct LineColumn {
     pub column: usize,
 }
 
-/// A character that is longer than one byte, and what all of them up to it add to the byte count.
+/// A character that is longer than one byte, and the number of extra bytes of all of them up to it.
 #[derive(Clone, Copy, Debug)]
 struct Wide {
     start: usize,

@@ -1,6 +1,6 @@
 //! The text of a graph: a lossless, error-tolerant RON syntax tree that accepts what `ron` 0.12 accepts.
 //! [`parse`] makes the tree and every syntax error, [`ast`] reads it with spans, [`fmt`] lays it out,
-//! and [`edit`] changes it as text edits that keep comments.
+//! and [`edit`] changes it as text edits that preserve comments.
 
 pub mod ast;
 pub mod edit;

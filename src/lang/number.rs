@@ -52,7 +52,7 @@ pub(super) fn scan(text: &str) -> (usize, Result<Number, String>) {
     }
 }
 
-/// The length of what a reader would see as part of the same word.
+/// The length of the text that a reader would see as part of the same word.
 fn glued_len(text: &str) -> usize {
     let word = text.find(|c| !(is_xid_continue(c) || matches!(c, '.' | '+' | '-'))).unwrap_or(text.len());
     text[..word].find("..").unwrap_or(word)
@@ -93,7 +93,7 @@ fn digits(text: &str) -> Result<(usize, Number), String> {
     integer(text).or_else(|why| float(text).map_err(|_| why))
 }
 
-/// Why the digits are no integer, when they were read as a float only up to the offending character.
+/// Reason why the digits are no integer, if they were read as a float only up to the offending character.
 fn digits_error(text: &str) -> Option<String> {
     let body = unsigned(text);
     if float_run(body) > run(body, is_int_char) { None } else { integer(text).err() }

@@ -30,7 +30,7 @@ const HIGHEST_RECURSION_LIMIT: usize = 512;
 /// Parses a text as RON.
 ///
 /// # Errors
-/// None: the errors are in the result. A text of 4 GiB or more gives an empty tree and one error.
+/// None: the errors are in the result. A text of 4 GiB or more results in an empty tree and one error.
 ///
 /// # Complexity
 /// Linear in the text's length.
@@ -90,9 +90,9 @@ struct Parser<'t> {
     extensions: Extensions,
     /// Remaining depth of nested values, see [`DEFAULT_RECURSION_LIMIT`].
     budget: usize,
-    /// The brackets that are open: what closes them, and where they were opened.
+    /// The open brackets: the token that closes each, and the position of each.
     open: Vec<(SyntaxKind, usize)>,
-    /// Only of a text whose brackets do not match.
+    /// Layout analysis, only for a text whose brackets do not match.
     layout: Option<Layout>,
 }
 

@@ -15,7 +15,7 @@ pub(super) enum Encoding {
     Byte,
 }
 
-/// An escape that is none: where in the given text, and why.
+/// An invalid escape: its position in the text, and the reason.
 pub(super) struct BadEscape {
     pub span: Span,
     pub why: &'static str,

@@ -1,4 +1,4 @@
-//! The side that may wait: builds graphs for the callback, and replaces one by another while it plays.
+//! The side of playback that may wait: builds graphs for the callback, and replaces one by another while it plays.
 
 mod swap;
 
@@ -358,7 +358,7 @@ impl Player {
         self.playing.prepared = Some(prepared);
     }
 
-    /// The diagnostic of a fault, given region (`None` for the callback) and index of the node.
+    /// The diagnostic of a fault, from region (`None` for the callback) and index of the node.
     fn diagnostic(&self, region: Option<usize>, node: usize, fault: Fault) -> Diagnostic {
         let (plan, ids) = match &self.pending_swap {
             Some(pending) if !pending.workers_swapped => (&pending.plan, &pending.ids),

@@ -69,7 +69,7 @@ impl Memory {
         self.inner().bytes
     }
 
-    /// Finds an entry, and marks it as used.
+    /// Finds an entry, and records its use.
     #[must_use]
     pub fn get(&self, key: &str) -> Option<CachedEntry> {
         let mut inner = self.inner();

@@ -94,7 +94,7 @@ impl<'a> RunCache<'a> {
         }
     }
 
-    /// Looks up the values of a node, given the values that it reads.
+    /// Looks up the values of a node, from the values that it reads.
     pub fn look_up(&mut self, n: usize, values: &Values) -> Option<Hit> {
         let key = self.key(n, values)?;
         if let Some(CachedEntry::Values(hit)) = self.memo.memory().get(&key) {

@@ -168,7 +168,7 @@ impl Draft {
         Ok(Self { prelude, nodes: split.nodes, sinks, rate, channels })
     }
 
-    /// Lays the graph out in windows of `window` ticks, so that it continues the given schedule.
+    /// Lays the graph out in windows of `window` ticks, so that it continues a schedule.
     ///
     /// # Errors
     /// A loop shorter than the window, buffers beyond the memory limit.

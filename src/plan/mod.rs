@@ -1,4 +1,4 @@
-//! From a checked graph to what is known before it runs: delays, buffers, memory, phases and regions.
+//! Plans of checked graphs: delays, buffers, memory, phases and regions, computed before a run.
 //!
 //! [`Plan::new`] shapes every node, then computes the delay of each behind the run:
 //! `D(v) = max over inputs (D(u) + lag(u) + ahead(v))`, so that in topological order every node can always run.

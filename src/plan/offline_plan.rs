@@ -114,7 +114,7 @@ pub struct Plan {
     pub bytes: usize,
     /// Memory limit of the buffers, bytes; what the plan leaves of it is for more events than were planned.
     pub limit: usize,
-    /// Nodes that nothing uses.
+    /// Unused nodes.
     pub unused: Vec<usize>,
 }
 

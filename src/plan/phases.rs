@@ -18,7 +18,7 @@ pub struct Split {
 /// Splits a graph at its folds.
 ///
 /// A node belongs to the phase after the last fold upstream of it. A stream that a later phase also needs is computed again
-/// there instead of stored: memory stays bounded, and the same node gives the same bits.
+/// there instead of stored: memory stays bounded, and the same node computes the same bits.
 pub fn split(graph: &Graph, taps: &[(usize, usize)]) -> Split {
     let phase_of = phase_of(graph);
     let roots: Vec<usize> = (0..graph.nodes.len())

@@ -59,7 +59,7 @@ fn link_shape(graph: &Graph, shapes: &[NodeShape], link: &Link) -> Option<LinkSh
     }
 }
 
-/// The shapes of a node's links; of an input that takes many, the first known one stands for those that are lost.
+/// The shapes of a node's links; for an input that takes many, the first known one replaces the missing ones.
 fn known_shapes(
     graph: &Graph,
     shapes: &[NodeShape],

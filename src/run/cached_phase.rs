@@ -248,7 +248,7 @@ impl<'j> PartialPhase<'j> {
 
     /// Selects and lays out the nodes as the run of the last checkpoint did, if its state can be restored.
     ///
-    /// The cache may hold more by now than it did then, but a state does not fit another selection of nodes.
+    /// The cache may hold more than at that time, but a state does not fit another selection of nodes.
     fn follow_checkpoint(&mut self, number: usize, cache: &mut RunCache<'_>, values: &Values) {
         if self.needed.is_empty() || !self.uses_streams {
             return;

@@ -52,7 +52,7 @@ pub fn checkpoint_key(
     let nodes: Vec<usize> = run.subset.nodes.iter().filter_map(known).collect();
     let paths = nodes.iter().map(|&n| &job.graph.nodes[n]).flat_map(|n| written(&n.ty, &*n.params));
     let paths: Vec<_> = paths.collect();
-    // What was collected in memory is gone when a run resumes.
+    // Data collected in memory is lost when a run resumes.
     let taps: Vec<_> = job.taps.iter().map(|tap| tap.path()).collect::<Option<_>>()?;
     let Phase { regions, windows, .. } = run.phase;
     let (window, subset, build) = (job.plan.window, run.subset, build());

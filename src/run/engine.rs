@@ -232,7 +232,7 @@ fn node_id<'j>(job: &'j Job<'_>, runnable: Runnable) -> Option<&'j str> {
     }
 }
 
-/// The diagnostic of a fault, given the index of the node in its region.
+/// The diagnostic of a fault, from the index of the node in its region.
 fn describe(job: &Job<'_>, region: &Region, node: usize, fault: Fault) -> Diagnostic {
     match region.nodes[node].runnable {
         Runnable::Node(n) => {

@@ -1,4 +1,4 @@
-//! Taps into memory: outputs of nodes collected as typed arrays while a run goes.
+//! Taps into memory: outputs of nodes collected as typed arrays during a run.
 
 use foley_nodes::core::buffer::{EventBuffer, StreamBuffer};
 use foley_nodes::core::fault::Fault;
@@ -15,7 +15,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 pub trait MemoryTap: Debug + Send + Sync {
     /// The kind and type of outputs that it receives.
     fn kind(&self) -> PortKind;
-    /// Starts to collect a stream, whose shape is given, or events.
+    /// Starts to collect a stream with its shape, or events.
     fn start(&self, shape: Option<&StreamShape>) -> Box<dyn DynNode>;
     /// Receives a value.
     fn set(&self, value: &AnyValue);

@@ -128,7 +128,7 @@ impl Report {
         self.buffer_bytes = self.buffer_bytes.max(bytes);
     }
 
-    /// Notes that a checkpoint could not be saved.
+    /// Records that a checkpoint could not be saved.
     pub(super) fn note_checkpoint_error(&mut self, e: &std::io::Error) {
         let text = format!("cannot save a checkpoint, so the run could not be resumed: {e}");
         self.notes.push(("checkpoint".to_owned(), text));

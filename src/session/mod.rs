@@ -1,4 +1,4 @@
-//! A graph with everything that it is loaded, planned and run with: what programs use, and what the command line is made of.
+//! A graph with its settings for loading, planning and running: the interface of programs and of the command line.
 //!
 //! [`Session`] holds the settings; [`Session::prepare`] makes a [`Prepared`] graph of them, which renders as often as wanted.
 
@@ -104,7 +104,7 @@ impl Session {
         self
     }
 
-    /// Sets what the graph is loaded with.
+    /// Sets the load settings of the graph.
     #[must_use]
     pub fn with_load_options(mut self, options: LoadOptions) -> Self {
         self.options = options;
@@ -139,7 +139,7 @@ impl Session {
         self
     }
 
-    /// Writes outputs to files, each given as `NODE.PORT=FILE`.
+    /// Writes outputs to files, each named as `NODE.PORT=FILE`.
     #[must_use]
     pub fn with_taps(mut self, taps: impl IntoIterator<Item = impl Into<String>>) -> Self {
         self.taps.extend(taps.into_iter().map(Into::into));
@@ -153,7 +153,7 @@ impl Session {
         self.memory_taps.push((output.into(), Arc::clone(tap) as _));
     }
 
-    /// Leaves warnings out.
+    /// Omits warnings.
     #[must_use]
     pub fn with_quiet(mut self, quiet: bool) -> Self {
         self.quiet = quiet;
@@ -176,7 +176,7 @@ impl Session {
         self.options.overrides.push(new);
     }
 
-    /// Forgets the value that was set for a target.
+    /// Removes the value that was set for a target.
     pub fn unset(&mut self, target: &str) {
         self.options.overrides.retain(|given| given.target != target);
     }
@@ -258,7 +258,7 @@ impl Session {
         Preparation { prepared, diagnostics, sources: loaded.sources, asked }
     }
 
-    /// Everything that is wrong with the graph or worth a warning, found without running it.
+    /// All errors and warnings of the graph, found without running it.
     ///
     /// A graph without an end is not wrong: it may be meant to be played.
     #[must_use]

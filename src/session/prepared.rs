@@ -87,7 +87,7 @@ pub struct Preparation {
     pub diagnostics: Vec<Diagnostic>,
     /// The texts that they point into.
     pub sources: Sources,
-    /// The files that were asked for.
+    /// The files that were requested.
     pub asked: Asked,
 }
 

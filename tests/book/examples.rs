@@ -1,4 +1,5 @@
-//! Every example graph runs, leaves sound, and gives the same bits for any window and thread count; every node type has one.
+//! Every example graph runs, writes sound, and produces the same bits for any window and thread count; every node type
+//! has one.
 
 use crate::common;
 use foley::Registry;

@@ -32,7 +32,7 @@ fn book() -> Vec<(PathBuf, String)> {
     all.into_iter().map(|p| (p.clone(), fs::read_to_string(p).unwrap())).collect()
 }
 
-/// The text without its blocks of code, and the blocks: what they are marked as, and their text.
+/// The text without its blocks of code, and the blocks with their language and text.
 fn split(text: &str) -> (String, Vec<(String, String)>) {
     let (mut prose, mut blocks) = (String::new(), Vec::new());
     let mut open: Option<(String, String)> = None;

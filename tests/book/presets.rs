@@ -22,10 +22,10 @@ fn first_of(name: &str) -> &str {
     name.split('_').next().unwrap_or(name)
 }
 
-/// What the sleeve needs, which is smaller and slower than the paper's clothes.
+/// Overrides for the sleeve, which is smaller and slower than the paper's clothes.
 const OURS: &str = "\"radius\": 0.01, \"threshold\": 0.02, \"d_max\": 4.0,";
 
-/// A graph in which a sleeve is of this material; `more` is given to the preset.
+/// A graph in which a sleeve is of this material; `more` is passed to the preset.
 fn graph(name: &str, more: &str) -> String {
     let graphs = graphs().display().to_string();
     format!(
@@ -43,7 +43,7 @@ Graph(seed: 3, use: {{
     )
 }
 
-/// A run that has to succeed, with what it tells of `a.wav`; the warp goes to a file of that name where one is given.
+/// Runs a graph, which must succeed, and returns its report on `a.wav`; writes the warp to a file if one is named.
 fn run(dir: &Path, text: &str, warp: Option<&str>) -> Value {
     let [graph, read] = [dir.join("g.ron"), graphs()].map(|path| path.display().to_string());
     fs::write(&graph, text).unwrap();
@@ -52,7 +52,7 @@ fn run(dir: &Path, text: &str, warp: Option<&str>) -> Value {
     common::foley(dir, &[&["run", &graph, "--allow-read", &read], &tap[..]].concat())["outputs"][0].clone()
 }
 
-/// What the ears of somebody might have heard: clicks and noise, another level in each ear.
+/// A binaural recording: clicks and noise, with another level in each ear.
 fn binaural_recording(path: &Path) {
     let spec = hound::WavSpec {
         channels: 2,
@@ -227,7 +227,7 @@ fn presets_hold_the_values_of_table_2_where_their_nodes_read_them() {
         is("UnitSelector", "d_max", &row.select[..1]);
         is("UnitSelector", "look", &row.select[1..]);
         is("UnitSelector", "cool_off", &[20.0]);
-        // Not in the table, and off unless it is asked for.
+        // Not in the table, and off by default.
         is("UnitSelector", "loop_guard", &[0.5]);
         match row.lambda {
             Some(lambda) => is("TpsFit", "lambda", &[lambda]),

@@ -172,7 +172,7 @@ fn outputs_stay_in_their_folder() {
     assert_eq!(code(&run), 2);
     assert!(stderr(&run).contains("F082"), "{}", stderr(&run));
     assert!(!dir.path().join("tone.wav").exists());
-    // Nobody has to run it to be told.
+    // The error is reported without a run.
     let check = foley(dir.path(), &["check", "tone.ron"]);
     assert_eq!(code(&check), 2);
     assert!(stderr(&check).contains("F082") && stderr(&check).contains("tone.ron:"), "{}", stderr(&check));
@@ -211,7 +211,7 @@ Graph(nodes: {
     refused(&["run", "tone.ron", "--tap", "in.audio=out/take.wav"], "F081", "tone.ron:5:40");
     #[cfg(unix)]
     {
-        // Neither by another way to the same folder.
+        // Nor by another path to the same folder.
         std::os::unix::fs::symlink(dir.path(), dir.path().join("here")).unwrap();
         refused(&["run", "tone.ron", "--out", "here"], "F085", "take.wav");
     }
@@ -236,7 +236,7 @@ fn what_plays_is_not_recorded_over_what_it_reads() {
     assert_eq!(fs::read(dir.path().join("take.wav")).unwrap(), take);
 }
 
-/// Buffers are most of what a run with a long look-ahead holds: the process is compared with the plan.
+/// Buffers are most of the memory of a run with a long look-ahead: the process is compared with the plan.
 #[test]
 fn a_process_takes_the_memory_that_was_planned() {
     let dir = project("");
@@ -257,7 +257,7 @@ fn a_process_takes_the_memory_that_was_planned() {
         Some((bytes("planned_bytes").unwrap(), bytes("peak_process_bytes")?))
     };
     let Some((little, base)) = measured("short.ron", 0.01) else {
-        return eprintln!("skipped: this system does not tell the memory of a process");
+        return eprintln!("skipped: this system does not report the memory of a process");
     };
     let (planned, process) = measured("long.ron", 60.0).unwrap();
     assert!(planned - little > 50e6, "{planned} bytes are planned");

@@ -1,4 +1,4 @@
-//! What foley says about wrong graphs: every case in `tests/diagnostics` with its text, byte for byte.
+//! Diagnostics of wrong graphs: every case in `tests/diagnostics` with its text, byte for byte.
 //!
 //! A case is a graph; its first lines may hold arguments, such as `// --set wind.level=3`. `FOLEY_BLESS=1` writes the
 //! texts again: look at the difference before it is committed.
@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 const CASES: &str = "tests/diagnostics";
 
-/// Codes without a case, and why there can be none.
+/// Codes without a case, and the reason.
 const WITHOUT_A_CASE: [(&str, &str); 3] = [
     ("F090", "the system has to refuse a thread"),
     ("F092", "the file system has to lack events; `watch` looks once a second then, which its own tests do"),
@@ -27,7 +27,7 @@ fn cases() -> Vec<PathBuf> {
     all
 }
 
-/// Everything that is said about a graph on its way from the text to its files.
+/// All diagnostics of a graph, from its text to its files.
 fn findings(path: &Path) -> (Vec<Diagnostic>, Sources) {
     let text = fs::read_to_string(path).unwrap();
     let (mut limits, mut options, mut sets) = (Limits::default(), PlanOptions::default(), Vec::new());
@@ -200,7 +200,7 @@ Graph(params: {\"name\": \"a.wav\"}, nodes: {
         assert_eq!(path("name", value), wanted);
         assert_eq!(path("out.path", value), wanted);
     }
-    // What takes no text is read as before.
+    // Parameters that take no text are read as before.
     assert_eq!(path("out.dither", "foo"), "F014");
     assert_eq!(path("in.duration", "foo"), "F014");
 }

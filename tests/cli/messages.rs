@@ -1,4 +1,4 @@
-//! What the program says about what no graph alone provokes: a case each, its text byte for byte in `tests/diagnostics/cli`.
+//! Messages of the program that no graph alone causes: one case each, with its exact text in `tests/diagnostics/cli`.
 //!
 //! `FOLEY_BLESS=1` writes the texts again: look at the difference before it is committed.
 
@@ -44,7 +44,7 @@ fn foley(folder: &Path, arguments: &[&str]) -> Command {
     command
 }
 
-/// What is reported without what differs from run to run: the folder, words of the operating system, and some more of the case.
+/// The report without its variable parts: the folder, messages of the operating system, and further parts of the case.
 fn stable(reported: &str, folder: &Path, more: &[(&str, &str)]) -> String {
     let real = folder.canonicalize().unwrap();
     let mut text =
@@ -61,7 +61,7 @@ fn stable(reported: &str, folder: &Path, more: &[(&str, &str)]) -> String {
     text
 }
 
-/// Compares what a command says with the text of the case, whose name is its code.
+/// Compares the output of a command with the text of the case, whose name is its code.
 fn case(code: &str, exit: i32, output: &Output, folder: &Path, more: &[(&str, &str)]) {
     let text = stable(&String::from_utf8_lossy(&output.stderr), folder, more);
     assert_eq!(output.status.code(), Some(exit), "{code}: {text}");
@@ -166,7 +166,7 @@ fn f084_a_damaged_entry_of_the_cache_is_made_anew() {
         command.output().unwrap()
     };
     assert!(run().status.success());
-    let heard = fs::read(folder.path().join("even.wav")).unwrap();
+    let sound = fs::read(folder.path().join("even.wav")).unwrap();
     let files = fs::read_dir(folder.path().join("cache")).unwrap().map(|entry| entry.unwrap().path());
     let entries: Vec<_> = files.filter(|path| path.extension().is_some_and(|e| e == "memo")).collect();
     for entry in &entries {
@@ -175,7 +175,7 @@ fn f084_a_damaged_entry_of_the_cache_is_made_anew() {
         fs::write(entry, bytes).unwrap();
     }
     let mut reported = run();
-    // Beside what the run says of its sound, which is not an error.
+    // Besides the report on the sound, which is not an error.
     let all =
         String::from_utf8_lossy(&reported.stdout).into_owned() + &String::from_utf8_lossy(&reported.stderr);
     let notes: Vec<&str> = all.lines().filter(|line| line.contains("F084")).collect();
@@ -184,10 +184,10 @@ fn f084_a_damaged_entry_of_the_cache_is_made_anew() {
         entries.iter().map(|path| path.file_stem().unwrap().to_string_lossy().into_owned()).collect();
     let names: Vec<(&str, &str)> = names.iter().map(|name| (name.as_str(), "KEY")).collect();
     case("F084", 0, &reported, folder.path(), &names);
-    assert!(fs::read(folder.path().join("even.wav")).unwrap() == heard);
+    assert!(fs::read(folder.path().join("even.wav")).unwrap() == sound);
 }
 
-/// As Ctrl-C does.
+/// Sends the signal of Ctrl-C.
 #[cfg(unix)]
 #[test]
 fn f091_stopped_by_ctrl_c() {

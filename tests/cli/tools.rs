@@ -104,7 +104,7 @@ fn docs_are_written_and_then_up_to_date() {
     stdout(&foley(dir.path(), &["docs", "--check"]));
     assert!(!source.join("reference/nodes/gone.md").exists());
     assert!(fs::read_to_string(source.join("reference/nodes/dsp.md")).unwrap().contains("## Gain\n"));
-    assert_ne!(foley(dir.path(), &["docs"]).status.code(), Some(0), "write or check has to be said");
+    assert_ne!(foley(dir.path(), &["docs"]).status.code(), Some(0), "write or check is required");
 }
 
 /// A reader that has seen enough, such as `head`, is no reason to panic.
@@ -141,9 +141,9 @@ fn limits_are_said_with_the_flag_that_raises_them() {
     for command in ["check", "run"] {
         for (flag, enough) in [("--max-depth", 2), ("--max-nodes", 3), ("--max-links", 2)] {
             let refused = foley(dir.path(), &[command, "outer.ron", flag, &(enough - 1).to_string()]);
-            let said = String::from_utf8_lossy(&refused.stderr).into_owned();
-            assert_eq!(refused.status.code(), Some(2), "{command} {flag}: {said}");
-            assert!(said.contains("F009") && said.contains(flag), "{command} {flag}: {said}");
+            let output = String::from_utf8_lossy(&refused.stderr).into_owned();
+            assert_eq!(refused.status.code(), Some(2), "{command} {flag}: {output}");
+            assert!(output.contains("F009") && output.contains(flag), "{command} {flag}: {output}");
             stdout(&foley(dir.path(), &[command, "outer.ron", flag, &enough.to_string()]));
         }
     }
@@ -165,9 +165,9 @@ fn small_files_that_stand_for_millions_of_nodes_are_refused_once() {
     for node in ["", "\"t\": Tone(frequency: 100.0, rate: 8000, duration: Some(0.1))"] {
         nested(dir.path(), 14, node);
         let refused = foley(dir.path(), &["check", "g0.ron"]);
-        let said = String::from_utf8_lossy(&refused.stderr).into_owned();
-        assert_eq!(refused.status.code(), Some(2), "{said}");
-        assert_eq!(said.matches("F009").count(), 1, "{said}");
+        let output = String::from_utf8_lossy(&refused.stderr).into_owned();
+        assert_eq!(refused.status.code(), Some(2), "{output}");
+        assert_eq!(output.matches("F009").count(), 1, "{output}");
     }
     nested(dir.path(), 4, "\"t\": Tone(frequency: 100.0, rate: 8000, duration: Some(0.1))");
     stdout(&foley(dir.path(), &["check", "g0.ron"]));

@@ -1,4 +1,4 @@
-//! `foley watch` as a user runs it: every way in which programs save files, errors in between, and the end.
+//! `foley watch` as a user runs it: every method by which programs save files, errors in between, and the end.
 
 use std::fs::{self, File};
 use std::io::{BufRead, BufReader, Read, Write};
@@ -7,7 +7,7 @@ use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::{Duration, Instant};
 
-/// Far more than any step takes, so that a slow machine is no failure.
+/// Much longer than any step takes, so that a slow machine causes no failure.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 fn tone(level: f64) -> String {
@@ -44,7 +44,7 @@ impl Project {
         command
     }
 
-    /// What one plain run of the graph gives now.
+    /// The output of one plain run of the graph.
     fn fresh(&self) -> Vec<u8> {
         let run = self.command(&["run", "project/main.ron", "--out", "fresh"]).output().unwrap();
         assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
@@ -82,7 +82,7 @@ struct Watched {
 }
 
 impl Watched {
-    /// Waits for a line that holds a text; gives all lines up to it.
+    /// Waits for a line that contains a text; returns all lines up to it.
     fn expect(&mut self, text: &str) -> String {
         let start = Instant::now();
         let mut all = String::new();
@@ -314,7 +314,7 @@ fn a_changed_sub_graph_and_a_changed_input_rerun() {
     let first = project.fresh();
     fs::write(project.path("main.ron"), tone(0.25)).unwrap();
     let second = project.fresh();
-    // Nothing that the graph names is there yet.
+    // The files that the graph names do not exist yet.
     fs::write(project.path("main.ron"), PARTS).unwrap();
     let mut watched = project.watch(&[]);
     watched.expect("there is no result yet; waiting for the next save");

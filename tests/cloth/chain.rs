@@ -105,7 +105,7 @@ const RECORDED: &str = "\"target\": WavIn(path: \"target.wav\"),";
 const FITTED: &str = "\"pairs\": CorrespondenceSet(path: \"pairs.ron\"),
     \"warp\": TpsFit(features: \"features\", database: \"database\", pairs: \"pairs\", lambda: 100.0),";
 
-/// Moments by what they sound of: loud, middling and soft friction, strong crumples, silence.
+/// Moments by their sound: loud, middling and soft friction, strong crumples, silence.
 const PAIRS: &str = "Correspondences(pairs: [
     (target: 0.08, source: 0, database: 0.08, duration: 0.1),
     (target: 0.2, source: 0, database: 0.2, duration: 0.1),
@@ -215,7 +215,7 @@ fn every_cause_is_followed_by_its_own_recordings_in_time() {
     assert!(right.iter().all(|share| *share >= 0.9), "{right:?}");
 }
 
-/// What the motion says, with both of its parts as files of their own; crumples begin with their frame.
+/// Sound of the motion, with both of its parts as files of their own; crumples begin with their frame.
 fn scene_graph() -> String {
     let graphs = common::graphs().display().to_string();
     let subs = format!(
@@ -252,7 +252,7 @@ fn clicks() -> Vec<f32> {
     (0..8).flat_map(apart).collect()
 }
 
-/// Seconds at which something is heard after 5 ms of nothing.
+/// Times in s at which a sound follows 5 ms of silence.
 fn onsets(x: &[f32]) -> Vec<f64> {
     let (mut found, mut silent) = (Vec::new(), usize::MAX);
     for (n, x) in x.iter().enumerate() {
@@ -304,7 +304,7 @@ fn a_motion_is_heard_when_it_slips_and_snaps_as_loud_as_it_is_fast_and_not_at_al
         assert!((level - wanted).abs() < 1.0, "{speed} m/s: {level} dB, not {wanted} dB");
     }
 
-    // What is put together of it: each cause has its own recordings, in time.
+    // The concatenated sound: each cause has its own recordings, in time.
     let chosen = picks(folder);
     let right = [
         share(&slides, &chosen, [0.1, 4.9], -60.0, 0..720),

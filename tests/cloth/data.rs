@@ -42,10 +42,10 @@ struct Example {
     graph: &'static str,
     wav: &'static str,
     mesh: &'static str,
-    /// Nodes that stand for bodies, which other bodies can take the place of, and the field that lists them.
+    /// Nodes of bodies that other bodies can replace, and the field that lists them.
     bodies: &'static [&'static str],
     others: &'static str,
-    /// Frames per second of point caches, which do not tell.
+    /// Frames per second of point caches, which do not store them.
     fps: u32,
     /// Fields that name correspondences, which belong to the graph's own animation.
     marked: &'static [&'static str],
@@ -142,7 +142,7 @@ fn replaced(cloth: &Path, bodies: &[PathBuf], example: &Example) -> Vec<String> 
     sets
 }
 
-/// Runs a graph with its parts replaced, looks at what it leaves, none of which may clip, and says how long it took.
+/// Runs a graph with its parts replaced, checks its outputs, none of which may clip, and reports the time.
 fn sounds(graph: &str, sets: &[String], wanted: &str, reported: &str) -> f64 {
     let (folder, path) = (tempfile::tempdir().unwrap(), graphs().join("cloth").join(graph));
     let path = path.display().to_string();
@@ -193,7 +193,7 @@ fn every_example_sounds_of_every_animation() {
                 silent.push(reported);
             }
         }
-        // What belongs to another cloth, such as its radius, may be too little for some.
+        // Values for another cloth, such as its radius, may be too small for some.
         assert!(4 * silent.len() <= all.len(), "{}: silent for {silent:?}", example.graph);
     }
 }

@@ -1,4 +1,4 @@
-//! The figures of the cloth paper, drawn by the very commands that the book gives, hold what the paper's figures show.
+//! The figures of the cloth paper, drawn by the commands in the book, have the content of the paper's figures.
 
 use crate::common::figure::{commands, heights, labels, mean, numbers, run, values};
 
@@ -46,7 +46,7 @@ fn figure_6_has_the_vertices_that_buckle_in_three_frames() {
         .collect();
     assert!(counts.len() == 6 && counts.iter().all(|count| *count > 10), "{counts:?}");
     let dots = |colour| values(&svg, "circle", colour, "fill").len();
-    let reported = |way: usize| counts.iter().skip(way).step_by(2).sum::<usize>();
+    let reported = |side: usize| counts.iter().skip(side).step_by(2).sum::<usize>();
     assert_eq!([dots("#b2182b"), dots("#2166ac")], [reported(0), reported(1)]);
     assert_eq!(values(&svg, "path", "", "d").len(), 3, "the mesh under each");
 }

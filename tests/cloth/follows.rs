@@ -15,7 +15,7 @@ fn levels(path: &Path) -> Vec<f64> {
     common::wav(path).chunks_exact(2400).map(level).collect()
 }
 
-/// Correlation of the levels of two sounds where the first is heard, and dB of the second for each dB of the first.
+/// Correlation of the levels of two sounds where the first is audible, and dB of the second for each dB of the first.
 fn follows(target: &Path, sound: &Path) -> (f64, f64, usize) {
     let pairs: Vec<(f64, f64)> =
         levels(target).into_iter().zip(levels(sound)).filter(|(target, _)| *target > -60.0).collect();

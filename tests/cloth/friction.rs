@@ -1,4 +1,4 @@
-//! The friction of `graphs/cloth/friction.ron`, heard against the sliding that it is made of.
+//! The friction of `graphs/cloth/friction.ron`, compared with the sliding that causes it.
 
 use crate::common::{foley, npy, wav};
 use foley_nodes::friction::FrictionModel;
@@ -35,7 +35,7 @@ static TAKE: LazyLock<Take> = LazyLock::new(|| {
     }
 });
 
-/// What lies between two neighbouring speeds is made of the clips of both and of no other.
+/// A sound between two neighbouring speeds is made of the clips of both and of no other.
 fn between() -> impl Iterator<Item = ([&'static [f32]; 2], &'static [f32])> {
     let speeds = TAKE.speeds.windows(2).map(|w| [&w[0][..], &w[1][..]]);
     speeds.zip(TAKE.audio.chunks_exact(HOP))

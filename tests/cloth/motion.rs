@@ -1,5 +1,5 @@
-//! Animations in which there is nothing to hear, through the program: what was found and what is needed is said, and silence is as long
-//! as the motion.
+//! Animations without a sound, through the program: messages state what was found and what is needed, and silence is as
+//! long as the motion.
 
 use crate::common;
 use crate::common::graphs;

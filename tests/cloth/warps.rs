@@ -21,7 +21,7 @@ fn asset(name: &str) -> Vec<u8> {
 }
 
 #[test]
-fn kept_correspondences_are_those_that_are_suggested() {
+fn stored_correspondences_are_those_that_are_suggested() {
     let out = tempfile::tempdir().unwrap();
     run(out.path(), "cloth/suggest.ron", &[]);
     run(out.path(), "cloth/suggest_more.ron", &[]);
@@ -29,7 +29,7 @@ fn kept_correspondences_are_those_that_are_suggested() {
         let name = format!("{name}.correspondences.ron");
         let read = |bytes: Vec<u8>| -> CorrespondenceSet {
             let mut set = read_correspondences(std::str::from_utf8(&bytes).unwrap()).unwrap();
-            // A comment stands above the kept ones.
+            // A comment stands above those in the file.
             set.pairs.iter_mut().for_each(|c| c.location = Default::default());
             set
         };
@@ -40,7 +40,7 @@ fn kept_correspondences_are_those_that_are_suggested() {
 }
 
 #[test]
-fn kept_warps_are_those_that_are_fitted() {
+fn stored_warps_are_those_that_are_fitted() {
     for (graph, tap, name) in [
         ("cloth/sheet.ron", "cotton.recomposed.fit.warp", "cotton.warp.json"),
         ("cloth/live_warp.ron", "fit.warp", "cotton_live.warp.json"),
@@ -49,12 +49,13 @@ fn kept_warps_are_those_that_are_fitted() {
         let out = tempfile::tempdir().unwrap();
         run(out.path(), graph, &[(tap, "warp.json")]);
         let read = |bytes: &[u8]| serde_json::from_slice::<Warp>(bytes).unwrap();
-        let (made, kept) = (read(&std::fs::read(out.path().join("warp.json")).unwrap()), read(&asset(name)));
-        assert!(kept.fault().is_none() && kept.altered().is_none(), "{name}");
-        assert_eq!(kept.conventions, made.conventions, "{name}: fit it anew");
-        assert_eq!(kept.maps.len(), made.maps.len(), "{name}: fit it anew");
-        for (kept, made) in kept.maps.iter().zip(&made.maps) {
-            let (a, b) = (&kept.spline, &made.spline);
+        let (made, stored) =
+            (read(&std::fs::read(out.path().join("warp.json")).unwrap()), read(&asset(name)));
+        assert!(stored.fault().is_none() && stored.altered().is_none(), "{name}");
+        assert_eq!(stored.conventions, made.conventions, "{name}: fit it anew");
+        assert_eq!(stored.maps.len(), made.maps.len(), "{name}: fit it anew");
+        for (stored, made) in stored.maps.iter().zip(&made.maps) {
+            let (a, b) = (&stored.spline, &made.spline);
             assert_eq!((a.nodes.len(), a.weights.len()), (b.nodes.len(), b.weights.len()), "{name}");
             let far = a.nodes.iter().zip(&b.nodes).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
             assert!(far < 1e-3, "{name}: nodes are {far} away from where they are today; fit it anew");

@@ -1,4 +1,4 @@
-//! Figures of the book: the commands beside their numbers, and what their drawings hold.
+//! Figures of the book: the commands beside their numbers, and the contents of their drawings.
 
 use super::foley;
 use std::fs;
@@ -17,7 +17,7 @@ pub fn commands(book: &str, row: &str) -> Vec<Vec<String>> {
     std::iter::once(first[2..].to_vec()).chain(rest).collect()
 }
 
-/// What a command of the book writes, in the order of its taps.
+/// The output of a command of the book, in the order of its taps.
 pub fn run(command: &[String]) -> Vec<String> {
     let folder: TempDir = tempfile::tempdir().unwrap();
     let mut words: Vec<String> = vec!["run".into()];
@@ -59,7 +59,7 @@ pub fn mean(x: &[f64]) -> f64 {
     x.iter().sum::<f64>() / x.len() as f64
 }
 
-/// Texts in the drawing that end in some way, without that end.
+/// Texts in the drawing with a suffix, without that suffix.
 pub fn labels<'a>(svg: &'a str, end: &str) -> Vec<&'a str> {
     let texts = svg.split("</text>").filter_map(|part| Some(part.rsplit_once('>')?.1));
     texts.filter_map(|text| text.strip_suffix(end)).collect()

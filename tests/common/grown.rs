@@ -14,7 +14,7 @@ struct Audio {
     channels: usize,
 }
 
-/// A graph that grows: what there is to link to.
+/// A graph that grows, with the nodes that can be linked to.
 struct Plant {
     draw: Rng,
     nodes: String,
@@ -100,7 +100,7 @@ impl Plant {
         FRAMES[self.draw.below(FRAMES.len())]
     }
 
-    /// Something that is made of one sound, or of all that go together with it.
+    /// A node that is made of one sound, or of all that are compatible with it.
     fn audio_node(&mut self, id: &str) {
         let Audio { id: from, rate, channels } = self.any_audio();
         let (mut made, mut wide) = (rate, channels);
@@ -118,7 +118,7 @@ impl Plant {
                 }
             }
             5 => {
-                // A loop: what comes in, mixed with its own past.
+                // A loop: the input, mixed with its own past.
                 let seconds = self.draw.between(0.003, 0.1);
                 let back = format!(
                     "Feedback(audio: \"{id}\", like: \"{from}\", delay: {seconds:.4}, gain: 0.5, tail: 0.1)"
@@ -211,7 +211,7 @@ impl Plant {
         }
     }
 
-    /// How loud a sound is in each frame.
+    /// The level of a sound in each frame.
     fn levels(&mut self, k: usize, id: &str) {
         let (from, rate) = (self.any_audio().id, self.frames());
         self.node(id, &format!("LevelMeter(audio: \"{from}\", rate: {rate})"));
@@ -240,7 +240,7 @@ impl Plant {
         );
     }
 
-    /// Events of a cloth, with a dead band that a fold measures or that is given.
+    /// Events of a cloth, with a dead band that a fold measures or that is constant.
     fn buckles(&mut self) {
         let curvature = self.any(|plant| &plant.curvatures);
         let band = if self.draw.below(2) == 0 {

@@ -1,4 +1,4 @@
-//! What the tests of whole graphs share.
+//! Functions shared by the tests of whole graphs.
 #![allow(dead_code)]
 
 pub mod figure;
@@ -43,7 +43,7 @@ pub fn is_whole(path: &Path) -> bool {
     !path.components().any(|c| c.as_os_str() == "lib")
 }
 
-/// Where a run of an example may be cut, to be quick; marked moments lie anywhere in a piece, which then runs whole.
+/// Time at which a run of an example may be cut, to save time; a piece with marked moments runs whole.
 pub fn cut(path: &Path, seconds: f64) -> Option<Tick> {
     let graph = load(path, &LoadOptions::default()).graph?;
     let marked = graph.nodes.iter().any(|node| node.ty.name == "CorrespondenceSet");
@@ -87,7 +87,7 @@ pub fn run_tapped(
     Ok(report)
 }
 
-/// The same, whatever the buffers take: those of events may outgrow the plan.
+/// The same without a check of the buffers: those of events may outgrow the plan.
 pub fn run_unmeasured(
     graph: &Graph,
     files: &DirFiles,
@@ -127,7 +127,7 @@ pub fn run_file(path: &Path, options: &PlanOptions, out: &Path) -> Result<Report
     run_graph(&graph, &DirFiles::new(loaded.root, Limits::default()), options, out)
 }
 
-/// A file or folder of the data beside the repository, where it is there; `FOLEY_DATA` names another place.
+/// A file or folder of the data beside the repository, if it exists; `FOLEY_DATA` names another folder.
 pub fn shared(path: &str) -> Option<PathBuf> {
     let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data");
     let folder = std::env::var_os("FOLEY_DATA").map_or_else(beside, PathBuf::from);

@@ -25,7 +25,7 @@ Graph(
 )
 ";
 
-/// Recordings of which a friction model is made, and a sound made of that.
+/// A friction model made of recordings, and a sound made of that.
 pub const MODEL: &str = "#![schema = \"foley:graph/1\"]
 Graph(
     seed: 5,
@@ -40,7 +40,7 @@ Graph(
 )
 ";
 
-/// Keeps no streams, so that a test can look at values alone.
+/// Caches no streams, so that a test can examine values alone.
 pub const NONE: CachePolicy = CachePolicy {
     seconds_per_byte: 1.0,
     min_seconds: f64::INFINITY,
@@ -91,8 +91,8 @@ impl Project {
         self.run_with(true, &PlanOptions::default(), None)
     }
 
-    pub fn run_with(&self, kept: bool, options: &PlanOptions, tap: Option<&str>) -> Report {
-        let memo = kept.then(|| self.memo());
+    pub fn run_with(&self, with_cache: bool, options: &PlanOptions, tap: Option<&str>) -> Report {
+        let memo = with_cache.then(|| self.memo());
         self.run_over(memo.as_ref(), options, tap)
     }
 
@@ -183,7 +183,7 @@ fn tap_name(graph: &Graph, id: &str) -> &'static str {
     }
 }
 
-/// Runs the command in the folder of a project; what it prints on both outputs.
+/// Runs the command in the folder of a project; returns the text of both outputs.
 pub fn foley(project: &Project, args: &[&str]) -> String {
     let output = Command::new(env!("CARGO_BIN_EXE_foley"))
         .args(args)

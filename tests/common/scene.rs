@@ -9,7 +9,7 @@ use std::path::Path;
 pub const FPS: f64 = 60.0;
 /// Frames of the scene: 5 s.
 pub const FRAMES: usize = 300;
-/// Seconds in which the patch slides, and how fast, m/s.
+/// Times at which the patch slides, s, and its speeds, m/s.
 pub const SLIDES: [([f64; 2], f64); 3] = [([0.5, 0.9], 0.1), ([0.9, 1.3], 0.2), ([1.3, 1.7], 0.4)];
 /// Area of the patch, m^2.
 pub const AREA: f64 = 0.04;
@@ -33,7 +33,7 @@ fn square(side: usize) -> impl Iterator<Item = [f64; 2]> {
     (0..side * side).map(move |v| [at(v % side), at(v / side)])
 }
 
-/// How far the patch has gone by a time, m.
+/// Displacement of the patch at a time, m.
 fn slid(time: f64) -> f64 {
     SLIDES.iter().map(|([from, to], speed)| speed * (time.clamp(*from, *to) - from)).sum()
 }

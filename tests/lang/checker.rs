@@ -96,7 +96,7 @@ fn judge_with(text: &str, sets: &[Override]) -> bool {
         let source = loaded.sources.get(location.file).unwrap_or_else(|| panic!("{text}"));
         assert!(source.text.get(location.span.clone()).is_some(), "{location:?} in\n{text}");
     }
-    // What is left of a damaged graph can be shaped, and says where it is wrong.
+    // The rest of a damaged graph can be shaped, and reports its errors with locations.
     assert_eq!(loaded.graph.is_none(), loaded.sound.is_some());
     let files = DirFiles::new(loaded.root, Limits::default());
     for d in loaded.sound.iter().flat_map(|sound| faults(sound, &files, &PlanOptions::default())) {

@@ -1,4 +1,4 @@
-//! The formatter keeps values and comments, and formats what it has formatted no further.
+//! The formatter preserves values and comments, and does not change formatted text.
 
 use super::plain::Plain;
 use foley::lang::{fmt::format, parse};
@@ -103,7 +103,7 @@ fn lines_end_as_they_did() {
     let windows = unix.replace('\n', "\r\n");
     assert_eq!(format(&windows).unwrap(), windows);
     assert_eq!(format(&windows.replace("    ", " ")).unwrap(), windows);
-    // A text keeps its own; they are part of the value.
+    // Those of a string stay; they are part of the value.
     let mixed = "[\r\n    \"two\nlines\", // c\r\n]\r\n";
     assert_eq!(format(mixed).unwrap(), mixed);
 }

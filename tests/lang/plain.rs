@@ -1,4 +1,4 @@
-//! What `ron` shows of a document to a visitor, with order and duplicates kept, unlike `ron::Value`.
+//! A document as `ron` passes it to a visitor, with order and duplicates, unlike `ron::Value`.
 
 use serde::de::{Deserialize, Deserializer, MapAccess, SeqAccess, Visitor};
 

@@ -4,14 +4,14 @@ use super::plain::Plain;
 use foley::lang::{Value, ValueKind, parse};
 use serde::de::IgnoredAny;
 
-/// What `ron` says: `deserialize_any` over the whole document, with nothing asked of the values.
+/// Verdict of `ron`: `deserialize_any` over the whole document, without requirements on the values.
 fn ron_accepts(text: &str) -> bool {
     ron::from_str::<IgnoredAny>(text).is_ok()
 }
 
 fn assert_same(text: &str) {
     let parsed = parse(text);
-    assert_eq!(parsed.syntax().text().to_string(), text, "the tree keeps the text");
+    assert_eq!(parsed.syntax().text().to_string(), text, "the tree preserves the text");
     let theirs = ron::from_str::<IgnoredAny>(text);
     assert_eq!(parsed.is_ok(), theirs.is_ok(), "{text:?}\nours: {:?}\nron: {theirs:?}", parsed.errors());
     for error in parsed.errors() {
@@ -42,7 +42,7 @@ fn assert_spans(text: &str, document: &foley::lang::Document, whole: bool) {
     });
 }
 
-/// Our value as far as `ron` shows it to a visitor.
+/// Our value as far as `ron` passes it to a visitor.
 fn plain(value: &Value) -> Plain {
     let all = |values: &[Value]| Plain::Seq(values.iter().map(plain).collect());
     let text = |text: &str| Plain::Str(text.to_owned());

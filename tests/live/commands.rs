@@ -127,7 +127,7 @@ fn contacts_from_lines_and_from_osc_strike_and_end_when_their_sender_stalls() {
     assert_eq!((&messages["delivered"], &messages["malformed"]), (&3.into(), &1.into()));
 }
 
-/// What `graphs/texture/live.ron` plays of the log of the demo, without its impacts: contact by contact, at their own times.
+/// Output of `graphs/texture/live.ron` for the demo's log, without impacts: contact by contact, at their own times.
 fn rolled(osc: bool) -> Vec<f32> {
     let folder = tempfile::tempdir().unwrap();
     let path = graph("texture/live.ron");

@@ -1,4 +1,4 @@
-//! A graph that plays gives what it gives offline, and continues while it is edited.
+//! A graph that plays produces its offline output, and continues while it is edited.
 
 use crate::common;
 use foley::graph::{DirFiles, Limits, LoadOptions, Override, load, load_text};
@@ -35,7 +35,7 @@ fn material(text: &str) -> LiveGraph {
     }
 }
 
-/// Both sides in the hands of one thread.
+/// Both sides, run by one thread.
 struct Stand {
     player: Player,
     callback: Callback,
@@ -123,7 +123,7 @@ fn samples() -> Vec<String> {
 #[test]
 fn a_graph_that_plays_gives_the_bits_of_an_offline_run() {
     for text in samples() {
-        // What is read ahead comes too early for the cut of an offline run.
+        // Sound that is read ahead comes too early for the cut of an offline run.
         let mut wanted = offline(&text, 0.6);
         wanted.truncate(wanted.len() * 5 / 6);
         for (quantum, block) in [(64, 64), (128, 100), (256, 1000)] {
@@ -141,7 +141,7 @@ fn a_graph_that_plays_gives_the_bits_of_an_offline_run() {
     }
 }
 
-/// Two planes that slide and a bowl that snaps, from motion to sound, in the forms that wait for nothing.
+/// Two planes that slide and a bowl that snaps, from motion to sound, in the forms without look-ahead.
 fn cloth() -> String {
     graph(&format!(
         "\"planes\": MeshGenerator(kind: Planes, speed: 0.8, duration: 0.5, size: [0.3, 0.3], vertices: (9, 9)), \
@@ -347,7 +347,7 @@ fn slide(speeds: &[(f64, f64)], end: f64) -> Vec<(Tick, Message)> {
     all
 }
 
-/// What `graphs/texture/live.ron` plays of messages, without what it plays by itself, from the time on at which they are heard.
+/// Output of `graphs/texture/live.ron` for messages, without its own sounds, from their audible start.
 fn scraped(messages: Vec<(Tick, Message)>, distance: &str, seconds: f64) -> Vec<f32> {
     // Noise as coarse as the image, and levels at one speed, which are quick to make.
     let numbers = [
@@ -396,7 +396,7 @@ fn contacts_that_come_in_scrape_from_their_first_to_their_last_and_by_their_spee
     println!("levels {levels:?}");
     assert!(levels[1] > 1.5 * levels[0] && levels[0] > 1e-4, "faster is louder: {levels:?}");
     assert!(levels[2] < 1e-2 * levels[1], "it only rings on: {levels:?}");
-    // Whoever rests is not heard.
+    // A contact at rest is silent.
     let heard = scraped(slide(&[(0.5, 0.5), (1.5, 0.0)], 3.0), "1.0", 3.0);
     assert!(level(&heard, 2.5, 3.0) < 0.05 * level(&heard, 0.7, 1.4));
     assert!(scraped(Vec::new(), "1.0", 0.5).iter().all(|x| *x == 0.0), "nobody touches the floor");
@@ -418,7 +418,7 @@ fn sheet_at(x: f64) -> Vec<[f32; 3]> {
     (0..25).map(|v| [(x + 0.1 * f64::from(v / 5)) as f32, 0.1 * (v % 5) as f32, 0.005]).collect()
 }
 
-/// A graph that plays the friction of a sheet that comes in, and a folder with its files.
+/// A graph that plays the friction of a received sheet, and a folder with its files.
 fn sent_sheet() -> (tempfile::TempDir, String) {
     let dir = tempfile::tempdir().unwrap();
     let mut sheet = String::new();
@@ -459,7 +459,7 @@ fn a_mesh_that_comes_in_is_heard_goes_on_while_frames_are_late_falls_silent_and_
     let options = Options { quantum: 160, threads: 0, ..Options::default() };
     let (player, callback) = Player::start(material, options).unwrap();
     hub.set_clock(Arc::clone(player.shared()), callback.rate(), callback.quantum(), player.depth());
-    // The first frame is shown by the first window that has not been made yet, and heard by the latency later.
+    // The first frame is shown by the first window that has not been made yet, and is audible after the latency.
     let begun = (player.depth() * 160) as usize + callback.rate().first_at(player.plan().latency) as usize;
     let mut stand = Stand { player, callback, heard: Vec::new() };
     let listening =
@@ -578,7 +578,7 @@ fn a_graph_that_is_wrong_leaves_the_old_one_playing() {
 /// A graph of tones, filters and delays, made and edited at random.
 #[derive(Clone)]
 struct Sketch {
-    /// Frequency of each tone and what its sound goes through.
+    /// Frequency of each tone and the nodes behind it.
     chains: Vec<(f64, Vec<(String, String)>)>,
     next: usize,
 }
@@ -711,7 +711,7 @@ fn a_swap_that_comes_too_late_is_tried_again() {
         (callback, loudest)
     });
     let late = |player: &Player| player.shared().meter.late_swaps.load(std::sync::atomic::Ordering::Relaxed);
-    // How often one comes late depends on the machine: there are as many as it takes.
+    // The share of late ones depends on the machine: the loop runs until one is late.
     for k in 1..4000 {
         if k > 40 && late(&player) > 0 {
             break;

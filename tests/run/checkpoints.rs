@@ -144,7 +144,7 @@ fn a_loop_resumes_with_the_same_bits() {
     assert!(case.interrupt(&[0.2, 0.5, 0.8]) > 0, "it never resumed");
 }
 
-/// Examples that between them have every kind of buffer, folds of several phases, and kept streams.
+/// Examples that together have every kind of buffer, folds of several phases, and cached streams.
 #[test]
 fn examples_resume_with_the_same_bits() {
     let graphs = [
@@ -241,7 +241,7 @@ impl Shell {
         names.filter(|name| name.ends_with(ending)).collect()
     }
 
-    /// Runs to the end; gives what it says.
+    /// Runs to the end; returns the text of its output.
     fn finish(&self, more: &[&str]) -> String {
         let output = self.command(more).output().unwrap();
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
@@ -261,8 +261,8 @@ fn a_run_that_was_killed_resumes_and_one_of_another_graph_does_not() {
     child.kill().unwrap();
     child.wait().unwrap();
     assert_eq!(shell.named("out", ".part").len(), 1);
-    let said = shell.finish(&[]);
-    assert!(said.contains("went on at "), "{said}");
+    let output_text = shell.finish(&[]);
+    assert!(output_text.contains("went on at "), "{output_text}");
     assert!(shell.sound("out") == shell.sound("whole"), "not the same bits");
     assert_eq!(shell.named("out", "").len(), 1, "nothing else is left");
     assert!(shell.named(".foley/cache", ".run").is_empty());
@@ -271,8 +271,8 @@ fn a_run_that_was_killed_resumes_and_one_of_another_graph_does_not() {
     child.kill().unwrap();
     child.wait().unwrap();
     shell.edit(&LONG.replace("500.0", "600.0"));
-    let said = shell.finish(&[]);
-    assert!(!said.contains("went on"), "{said}");
+    let output_text = shell.finish(&[]);
+    assert!(!output_text.contains("went on"), "{output_text}");
     assert!(shell.sound("out") != shell.sound("whole"));
     assert_eq!(shell.named("out", "").len(), 1, "the partial files of the earlier graph are removed");
 
@@ -283,8 +283,8 @@ fn a_run_that_was_killed_resumes_and_one_of_another_graph_does_not() {
     child.wait().unwrap();
     let soft = "\"soft\": Gain(audio: \"low\", gain: 0.5), \"high\": HighPass(audio: \"soft\",";
     shell.edit(&LONG.replace("\"high\": HighPass(audio: \"low\",", soft));
-    let said = shell.finish(&[]);
-    assert!(!said.contains("went on"), "{said}");
+    let output_text = shell.finish(&[]);
+    assert!(!output_text.contains("went on"), "{output_text}");
     shell.finish(&["--no-cache", "--out", "soft"]);
     assert!(shell.sound("out") == shell.sound("soft"), "not the same bits");
 }
@@ -295,11 +295,11 @@ fn a_stopped_run_reports_where_it_resumes() {
     let child = shell.started();
     assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
     let output = child.wait_with_output().unwrap();
-    let said = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(75), "{said}");
-    assert!(said.contains("F091") && said.contains("resumes at "), "{said}");
-    let said = shell.finish(&["--report", "report.json"]);
-    assert!(said.contains("went on at "), "{said}");
+    let output_text = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(75), "{output_text}");
+    assert!(output_text.contains("F091") && output_text.contains("resumes at "), "{output_text}");
+    let output_text = shell.finish(&["--report", "report.json"]);
+    assert!(output_text.contains("went on at "), "{output_text}");
     let report = fs::read_to_string(shell.0.path().join("report.json")).unwrap();
     let report: serde_json::Value = serde_json::from_str(&report).unwrap();
     assert!(report["went_on_at"].as_f64().unwrap() > 0.0);

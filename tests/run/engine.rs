@@ -8,7 +8,7 @@ use foley_nodes::core::time::{Tick, ticks};
 use std::fs;
 use std::path::Path;
 
-/// Every file that a run leaves, by name. Cut into as many parts as can be, so that hand-overs are tried too.
+/// Every file that a run writes, by name. Cut into as many parts as can be, so that hand-overs are tried too.
 fn outputs(text: &str, taps: &[String], window: Tick, threads: usize) -> Vec<(String, Vec<u8>)> {
     let dir = tempfile::tempdir().unwrap();
     let options = PlanOptions { window, threads, min_region_ns: 0.0, ..PlanOptions::default() };
@@ -25,7 +25,7 @@ fn outputs(text: &str, taps: &[String], window: Tick, threads: usize) -> Vec<(St
     files.iter().map(|f| (name(f), fs::read(f).unwrap())).collect()
 }
 
-/// Any window and any thread count give the same bits; nothing hangs; buffers stay within the plan.
+/// Any window and any thread count produce the same bits; nothing hangs; buffers stay within the plan.
 fn same_for_any_window_and_threads(text: &str, taps: &[String]) -> Vec<(String, Vec<u8>)> {
     let whole = outputs(text, taps, ticks(5.0), 1);
     for ms in [1.0, 7.3, 10.0, 100.0, 5000.0] {
@@ -60,7 +60,7 @@ fn random_graphs_of_frames_units_events_and_folds_do_too() {
             bytes += file.len();
         }
     }
-    // What is compared says something: each kind of output was met, and more than headers.
+    // The comparison is not empty: each kind of output occurred, with more than headers.
     let met: Vec<&str> = kinds.iter().map(String::as_str).collect();
     assert_eq!(
         met,
@@ -109,7 +109,7 @@ fn a_branch_that_looks_far_ahead_joins_its_sibling() {
         \"whole\": WavOut(audio: \"in\", path: \"in.wav\", format: Float32),
         \"out\": WavOut(audio: \"sum\", path: \"sum.wav\", format: Float32),
     })";
-    // What both files hold behind the first 100,000 samples, which were dropped; the delay sounds on for as long.
+    // The contents of both files after the first 100,000 samples, which were dropped; the delay sounds on for as long.
     let behind = |file: &[u8]| -> Vec<f32> {
         let start = file.windows(4).position(|id| id == b"data").unwrap() + 8;
         let samples = file[start..].chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]));
@@ -122,7 +122,7 @@ fn a_branch_that_looks_far_ahead_joins_its_sibling() {
                 let files = outputs(text, &[], window, threads);
                 let (whole, sum) = (behind(&files[0].1), behind(&files[1].1));
                 assert_eq!((whole.len(), sum.len()), (140_000, 140_000));
-                // What was moved earlier and later again meets its sibling to the sample.
+                // A sound that was moved earlier and later again matches its sibling to the sample.
                 assert!(whole.iter().zip(&sum).all(|(x, half)| *half == 0.5 * x));
                 assert!(whole.iter().any(|x| x.abs() > 0.05));
             }

@@ -45,9 +45,9 @@ fn a_parameter_does_not_recompute_the_nodes_upstream() {
     project.run();
     project.edit(&LEVEL.replace("peak_db: -6.0", "peak_db: -12.0"));
     assert!(cached(&project.run(), "measured"));
-    let kept = project.out("loud.wav");
+    let stored = project.out("loud.wav");
     project.run_with(false, &PlanOptions::default(), None);
-    assert_eq!(project.out("loud.wav"), kept);
+    assert_eq!(project.out("loud.wav"), stored);
 
     let project = Project::new(MODEL);
     assert!(!cached(&project.run(), "model"));
@@ -55,7 +55,7 @@ fn a_parameter_does_not_recompute_the_nodes_upstream() {
     assert!(cached(&project.run(), "model"));
 }
 
-/// A sound put together from units of recordings, through a warp that somebody's correspondences give.
+/// A sound put together from units of recordings, through a warp from a user's correspondences.
 const WARPED: &str = "#![schema = \"foley:graph/1\"]
 Graph(
     nodes: {
@@ -89,21 +89,21 @@ fn another_correspondence_fits_and_warps_again_and_loads_no_audio() {
     pairs(0.3);
     let first = project.run();
     assert!(["database", "pairs", "target"].iter().chain(&after).all(|id| !cached(&first, id)));
-    let heard = project.out("out.wav");
-    // A recording that is changed where nobody looks would be seen: the database is not made again, from memo or files.
+    let sound = project.out("out.wav");
+    // A change of the recording would be detected: the database is not made again, from cache or files.
     pairs(0.2);
     let second = project.run();
     assert!(cached(&second, "database") && calls(&second, "database") == 0, "{second:?}");
     assert!(after.iter().all(|id| !cached(&second, id)) && calls(&second, "fit") > 0, "{second:?}");
     assert!(["warped", "selector", "audio"].iter().all(|id| calls(&second, id) > 0));
     let other = project.out("out.wav");
-    assert!(other != heard);
+    assert!(other != sound);
     project.run_with(false, &PlanOptions::default(), None);
     assert_eq!(project.out("out.wav"), other, "the same as all of it anew");
-    // Back again, the first fit is known too.
+    // Back again, the first fit is cached too.
     pairs(0.3);
     let third = project.run();
-    assert!(cached(&third, "database") && cached(&third, "fit") && project.out("out.wav") == heard);
+    assert!(cached(&third, "database") && cached(&third, "fit") && project.out("out.wav") == sound);
 }
 
 #[test]
@@ -154,7 +154,7 @@ fn the_content_of_a_recording_counts_and_not_its_time() {
     assert_eq!(fs::metadata(project.path("b.wav")).unwrap().len(), bytes.len() as u64);
     fs::File::options().append(true).open(project.path("b.wav")).unwrap().set_modified(time).unwrap();
     assert!(!cached(&project.run(), "model"));
-    // And back: what was kept first is still there.
+    // And back: the first entry is still cached.
     fs::write(project.path("b.wav"), &bytes).unwrap();
     assert!(cached(&project.run(), "model"));
 }
@@ -168,7 +168,7 @@ fn a_changed_node_that_gives_an_equal_value_stops_the_recomputation_below_it() {
     let text = text.replace("audio: \"loud\", path", "audio: \"equal\", path");
     let project = Project::new(&text);
     project.run();
-    // `measured` hears the noise through another gain of 1, so it has another key and gives an equal value.
+    // `measured` reads the noise through another gain of 1, so it has another key and an equal value.
     let refit = text.replace(
         "\"measured\": Loudness(audio: \"soft\")",
         "\"same\": Gain(audio: \"soft\", gain: 1.0), \"measured\": Loudness(audio: \"same\")",
@@ -215,7 +215,7 @@ fn unusable_entries_are_computed_again_with_a_warning() {
     }
 }
 
-/// Nobody but this program writes entries; one that was made up all the same, with a hash that fits, ends no run.
+/// Only this program writes entries; a forged entry with a valid hash does not end a run.
 #[test]
 fn made_up_entries_with_fitting_hashes_are_told_or_taken_and_never_panic() {
     let project = Project::new(MODEL);
@@ -282,8 +282,8 @@ fn results_are_the_same_bits_with_and_without_the_memo() {
     for (text, wav, value) in [(LEVEL, "loud.wav", "measured"), (MODEL, "sound.wav", "model")] {
         let project = Project::new(text);
         let options = PlanOptions::default();
-        let runs = [false, true, true].map(|kept| {
-            project.run_with(kept, &options, Some(value));
+        let runs = [false, true, true].map(|with_cache| {
+            project.run_with(with_cache, &options, Some(value));
             (project.out(wav), fs::read(project.path("tap.json")).unwrap())
         });
         assert_eq!(runs[0], runs[1]);
@@ -322,7 +322,7 @@ fn the_size_is_limited_and_entries_that_save_least_per_byte_are_removed_first() 
         names.collect()
     };
     assert_eq!(names(), ["c", "a", "d"]);
-    // What this run uses stays, also when it is worth least; what does not fit beside it is not kept.
+    // Entries that this run uses stay, also if they are worth least; others that do not fit beside them are removed.
     let used: HashSet<String> = ["c", "a", "d"].iter().map(|n| n.repeat(64)).collect();
     assert!(!store.write(&entry('e', 9.0), &[0; 900], &used).unwrap());
     assert!(!store.write(&entry('f', 9.0), &[0; 5000], &HashSet::new()).unwrap());

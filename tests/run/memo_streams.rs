@@ -16,7 +16,7 @@ use std::sync::Arc;
 /// Caches every stream that can be cached.
 const ALL: CachePolicy =
     CachePolicy { seconds_per_byte: 0.0, min_seconds: 0.0, read_seconds_per_byte: 0.0, max_nodes: 1000 };
-/// Caches only what takes long, of any size: contacts, in the graphs of these tests.
+/// Caches only expensive streams, of any size: contacts, in the graphs of these tests.
 const EXPENSIVE: CachePolicy =
     CachePolicy { seconds_per_byte: 8e-9, min_seconds: 0.01, read_seconds_per_byte: 2.5e-9, max_nodes: 1000 };
 
@@ -85,10 +85,13 @@ fn only_expensive_streams_are_cached() {
         project.record(name, 3);
     }
     project.run();
-    let kept: Vec<String> =
+    let cached_ids: Vec<String> =
         project.store().list().into_iter().filter_map(|l| l.entry).map(|e| e.node).collect();
-    assert!(kept.iter().any(|id| id == "contacts"), "{kept:?}");
-    assert!(!kept.iter().any(|id| id == "planes"), "a generated mesh is made faster than read: {kept:?}");
+    assert!(cached_ids.iter().any(|id| id == "contacts"), "{cached_ids:?}");
+    assert!(
+        !cached_ids.iter().any(|id| id == "planes"),
+        "a generated mesh is made faster than read: {cached_ids:?}"
+    );
 }
 
 #[test]
@@ -168,8 +171,8 @@ fn a_tap_of_a_cached_stream_is_the_same_file() {
         (LOOP, "last", "tap.npy"),
     ] {
         let project = project(text, ALL);
-        let runs = [false, true, true].map(|kept| {
-            let report = project.run_with(kept, &PlanOptions::default(), Some(node));
+        let runs = [false, true, true].map(|with_cache| {
+            let report = project.run_with(with_cache, &PlanOptions::default(), Some(node));
             (cached(&report, node), fs::read(project.path(tap)).unwrap())
         });
         assert_eq!(runs.each_ref().map(|(cached, _)| *cached), [false, false, true]);

@@ -1,4 +1,5 @@
-//! The figures of Picard, Tsingos and Faure (2008), drawn by the very commands that the book gives, hold what the paper's figures show.
+//! The figures of Picard, Tsingos and Faure (2008), drawn by the commands in the book, have the content of the paper's
+//! figures.
 
 use crate::common::figure::{commands, heights, labels, mean, numbers, run, values};
 use foley_nodes::texture::decode::{Samples, decode};
@@ -10,7 +11,7 @@ fn figure(row: &str) -> Vec<String> {
     commands(BOOK, row).iter().flat_map(|command| run(command)).collect()
 }
 
-/// The bytes of an image within a drawing, row by row, and how many there are in a row.
+/// The bytes of an image within a drawing, row by row, and the number of bytes in a row.
 fn picture(svg: &str) -> (Vec<f64>, usize) {
     let text = svg.split("base64,").nth(1).unwrap().split('"').next().unwrap();
     let digits = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
@@ -40,7 +41,7 @@ fn figure_2_has_a_broad_histogram_of_a_complex_texture_and_a_narrow_one_of_a_sim
     let drawings = figure("2");
     let bars: Vec<Vec<f64>> = drawings.iter().map(|svg| numbers(svg, "rect", "#2166ac", " height")).collect();
     assert!(drawings[0].contains("(complex; simple below 0.2)") && drawings[1].contains("(simple; simple"));
-    // How many tones have more than a twentieth of the most frequent one.
+    // Number of tones with more than a twentieth of the most frequent one.
     let broad = bars.iter().map(|bars| {
         let most = bars.iter().fold(0.0_f64, |most, bar| most.max(*bar));
         bars.iter().filter(|bar| **bar > 0.05 * most).count()
@@ -71,8 +72,8 @@ fn figure_4_has_curves_of_eight_levels_that_are_mostly_closed() {
     let svg = &figure("4")[0];
     let levels = numbers(svg, "path", "data-level", "data-level");
     assert!(levels.len() == 8 && levels.is_sorted_by(|a, b| a < b), "{levels:?}");
-    for (level, way) in levels.iter().zip(values(svg, "path", "data-level", " d")) {
-        let (curves, closed) = (way.matches('M').count(), way.matches('Z').count());
+    for (level, path) in levels.iter().zip(values(svg, "path", "data-level", " d")) {
+        let (curves, closed) = (path.matches('M').count(), path.matches('Z').count());
         assert!(curves > 100 && closed > curves / 2, "{level}: {closed} of {curves} are closed");
     }
 }
@@ -98,8 +99,8 @@ fn figure_5_has_few_dark_features_and_noise_that_leaves_them_out() {
 fn figure_6_has_three_ways_over_an_image_and_what_each_meets() {
     let svg = &figure("6")[0];
     assert!(!picture(svg).0.is_empty());
-    let ways = values(svg, "path", "", "d");
-    assert_eq!(ways.len(), 3, "a way each");
+    let paths = values(svg, "path", "", "d");
+    assert_eq!(paths.len(), 3, "a path each");
     let profiles = heights(svg);
     let lengths: Vec<f64> = labels(svg, " m").iter().filter_map(|text| text.parse().ok()).collect();
     assert!(profiles.len() == 3 && lengths.len() == 3 && lengths.iter().all(|m| *m > 0.5), "{lengths:?}");
@@ -110,7 +111,7 @@ fn figure_6_has_three_ways_over_an_image_and_what_each_meets() {
         assert!(profile.len() > 200 && above.count() > 50 && below.count() > 50, "profile {k}");
         let next = &profiles[(k + 1) % 3];
         let both = profile.len().min(next.len());
-        assert!(correlation(&profile[..both], &next[..both]).abs() < 0.5, "each way meets something else");
+        assert!(correlation(&profile[..both], &next[..both]).abs() < 0.5, "each path crosses something else");
     }
 }
 

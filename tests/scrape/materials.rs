@@ -6,7 +6,7 @@ use foley::plan::PlanOptions;
 use foley_nodes::io::AudioReader;
 use std::path::Path;
 
-/// What a scene holds besides the sheet: nodes for each pair of materials.
+/// Nodes of a scene besides the sheet, for each pair of materials.
 type PairNodes = fn(&str) -> String;
 
 /// Friction noise of a pair, as a file.
@@ -14,7 +14,7 @@ fn noise(id: &str) -> String {
     format!("\"{id}_out\": WavOut(audio: \"{id}_sound\", path: \"{id}.wav\", format: Float32),")
 }
 
-/// A sheet that slides over two floors, one after the other; what is reported of each pair.
+/// A sheet that slides over two floors, one after the other, with the nodes of each pair.
 fn scene(left: &str, right: &str, heard: PairNodes) -> String {
     let model = |id: &str, name: &str| {
         format!(
@@ -52,7 +52,7 @@ fn scene(left: &str, right: &str, heard: PairNodes) -> String {
     )
 }
 
-/// What was heard, in bits.
+/// The output sound, in bits.
 fn heard(folder: &Path, name: &str) -> Vec<u32> {
     let file = std::fs::File::open(folder.join(name)).unwrap();
     let samples = AudioReader::open(Box::new(file)).unwrap().read_mono().unwrap();
@@ -131,7 +131,7 @@ fn with_databases(scene: &str) -> String {
     scene.replacen("nodes: {", &format!("nodes: {{ {all} {wool} {nylon}"), 1)
 }
 
-/// Where a sound wakes for the last time: after a tenth of a second of nothing, or at its beginning.
+/// The last start of a sound: after a tenth of a second of silence, or at its beginning.
 fn wakes(samples: &[u32]) -> usize {
     let (first, last) = sounding(samples).unwrap();
     let (mut woken, mut silent) = (first, 0);
@@ -161,7 +161,7 @@ fn a_pair_is_made_of_its_own_recordings_and_sleeps_where_it_is_silent() {
 #[test]
 fn swapped_materials_swap_the_units_that_are_heard() {
     let [wool, nylon] = run(&with_databases(&scene("wool", "nylon", units)));
-    // What is on the left now, and was on the right, is heard first.
+    // The material that was on the right is now on the left, and sounds first.
     let [later, earlier] = run(&with_databases(&scene("nylon", "wool", units)));
     // To a unit or two: seeds are those of the nodes, which are named after the materials.
     for (swapped, there) in [(earlier, wool), (later, nylon)] {
@@ -224,7 +224,7 @@ fn swapped_materials_swap_what_is_heard_of_them_bit_for_bit() {
         let [one, two] = of(order, order);
         let [other_one, other_two] = of(swapped, order);
         assert!(one != other_one && two != other_two, "they slide over other floors");
-        // The same as if each were told to listen to the other's pair.
+        // The same as if each read the other's pair.
         assert!(of(order, swapped) == [other_one, other_two]);
         assert!(of(swapped, swapped) == [one, two]);
     }
@@ -244,7 +244,7 @@ fn every_class_of_the_example_finds_what_it_needs_by_a_warp_of_its_own() {
     let warped = fallbacks(&[]);
     println!("fallbacks of each class: {warped:.3?}");
     assert!(warped.iter().all(|share| *share < 0.02), "{warped:?}");
-    // Without the moments that somebody marked, most of what snaps has no like among the recordings.
+    // Without the marked moments, most snaps have no similar unit in the recordings.
     let none = "graphs/assets/cloth/none.correspondences.ron";
     let sets = ["itself", "cover", "crumple"].map(|class| format!("{class}_units.correspondences={none}"));
     let plain = fallbacks(&sets.each_ref().map(|set| ["--set", set]).concat());

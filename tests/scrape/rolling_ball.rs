@@ -1,4 +1,5 @@
-//! What `examples/rolling_ball` sends, captured to a log, sounds in the graph that receives it: the ball is heard at the joints of the floor.
+//! The messages of `examples/rolling_ball`, captured to a log, sound in the graph that receives them: the ball sounds
+//! at the joints of the floor.
 
 use crate::common;
 use foley::graph::{DirFiles, Limits, LoadOptions, Override, load_text};
@@ -9,9 +10,9 @@ use std::fs::File;
 use std::path::Path;
 
 const FS: f64 = 44_100.0;
-/// Samples of which a level is taken.
+/// Number of samples of a level.
 const HOP: usize = 44;
-/// From when on the ball rolls, and the end of the log, s.
+/// Start of the rolling, and end of the log, s.
 const ROLLS: [f64; 2] = [1.1, 3.15];
 
 fn samples(path: &Path) -> Vec<f32> {
@@ -30,7 +31,7 @@ fn log() -> Vec<(f64, [f64; 2])> {
     floor.map(|row| (number(&row["time_s"]), [0, 1].map(|k| number(&row["point"][k])))).collect()
 }
 
-/// How much the level rises in each millisecond of the time in which the ball rolls, of the most that it does.
+/// Rise of the level in each millisecond in which the ball rolls, relative to the largest rise.
 fn rises(x: &[f32]) -> Vec<(f64, f64)> {
     let levels: Vec<f64> = x.chunks(HOP).map(|x| x.iter().map(|x| f64::from(x.abs())).sum()).collect();
     let all =
@@ -40,7 +41,7 @@ fn rises(x: &[f32]) -> Vec<(f64, f64)> {
     rolling.into_iter().map(|(t, rise)| (t, rise / most)).collect()
 }
 
-/// Way to the nearest joint: they lie at 0.05 m, 0.15 m, ...
+/// Distance to the nearest joint: they lie at 0.05 m, 0.15 m, ...
 fn off([x, y]: [f64; 2]) -> f64 {
     let off = |c: f64| (c.rem_euclid(0.1) - 0.05).abs();
     off(x).min(off(y))
@@ -76,13 +77,14 @@ fn a_ball_that_was_sent_is_heard_where_it_meets_the_joints_of_its_floor() {
         let ((a, p), (b, q)) = (log[k - 1], log[k]);
         [0, 1].map(|axis| p[axis] + (time - a) / (b - a) * (q[axis] - p[axis]))
     };
-    // The tiles give force at their joints alone, 4 mm wide and as wide again by the interpolation of an image of 2 mm.
+    // The tiles produce force at their joints alone, 4 mm wide and as wide again by the interpolation of an image of 2
+    // mm.
     let knocks: Vec<f64> = force.iter().filter(|(_, rise)| *rise > 0.12).map(|(t, _)| *t).collect();
     assert!(knocks.len() >= 8, "{knocks:?}");
     for t in knocks {
         assert!(off(at(t)) < 0.009, "{t} s: a knock {} m from a joint", off(at(t)));
     }
-    // And each joint that the ball rolls over in x is heard, as it comes to its edge.
+    // And each joint that the ball crosses in x sounds when the ball reaches its edge.
     let tile = |x: f64| ((x - 0.05) / 0.1).floor();
     let met: Vec<f64> = log
         .windows(2)
@@ -93,6 +95,6 @@ fn a_ball_that_was_sent_is_heard_where_it_meets_the_joints_of_its_floor() {
     for t in met {
         let near = sound.iter().filter(|(at, _)| (t - 0.02..t + 0.005).contains(at));
         let most = near.fold(0.0_f64, |most, (_, rise)| most.max(*rise));
-        assert!(most > 0.12, "{t} s: a joint is passed and heard with {most} of the loudest");
+        assert!(most > 0.12, "{t} s: a joint is passed and sounds with {most} of the loudest");
     }
 }

@@ -1,4 +1,4 @@
-//! What surfaces promise, from graphs to sound.
+//! Promised properties of surfaces, from graphs to sound.
 
 use crate::common;
 use foley::graph::{DirFiles, Limits, LoadOptions, Override, load};
@@ -137,8 +137,8 @@ fn a_box_that_slides_faster_and_faster_is_as_loud_on_all_levels() {
     let heard = ["1.0", "7.0", "25.0", "60.0"].map(|distance| {
         sound("brick_slide", &[("distance", distance), ("brick.extend", "false")], 3.5, 1024)
     });
-    // The box goes at 0.2 m/s first and at 1.5 m/s in the end. One line over the bricks is not the mean of all ways, over which levels
-    // agree: the shorter a part of it, the less. Matched at one speed they are 12 dB apart.
+    // The box moves at 0.2 m/s first and at 1.5 m/s in the end. One line over the bricks is not the mean of all paths,
+    // over which levels agree: the shorter a part of it, the less. Matched at one speed they are 12 dB apart.
     for (from, to, bound) in
         [(0.0, 3.4, 2.5), (0.2, 0.7, 5.5), (0.7, 1.2, 5.5), (1.2, 1.7, 5.5), (1.7, 2.2, 5.5)]
     {
@@ -173,7 +173,7 @@ fn levels_of_detail_are_as_strong_along_another_way_as_along_those_they_were_mat
             words.extend(["--tap".into(), format!("{name}_levels={}", file(name).display())]);
         }
         common::foley(dir.path(), &words.iter().map(String::as_str).collect::<Vec<_>>());
-        // Of each sixtieth of a second: its time, the peak and the root mean square.
+        // For each sixtieth of a second: its time, the peak and the root mean square.
         let levels = names.map(|name| {
             let text = std::fs::read_to_string(file(name)).unwrap();
             let rms = |row: &str| row.rsplit(',').next().unwrap().parse::<f64>().unwrap();

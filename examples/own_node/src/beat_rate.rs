@@ -1,10 +1,6 @@
 //! Musical tempo as a rate of modulation: a node that computes a value before streams start.
 
-use foley::nodes::core::fault::Fault;
-use foley::nodes::core::node::{Func, Summary};
-use foley::nodes::core::ports::Value;
-use foley::nodes::core::shape::Build;
-use foley::nodes::{params, ports};
+use foley::nodes::prelude::node::*;
 
 /// Cycles per second of a tempo in beats per minute.
 pub fn beat_rate(tempo: f64, cycles_per_beat: f64) -> f64 {

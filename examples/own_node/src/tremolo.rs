@@ -1,10 +1,6 @@
 //! Amplitude modulation: a node with a stream, a value and a state.
 
-use foley::nodes::core::fault::{Fault, Reject};
-use foley::nodes::core::node::{Class, Node};
-use foley::nodes::core::ports::{Stream, Value};
-use foley::nodes::core::shape::{Build, Shape};
-use foley::nodes::{params, ports};
+use foley::nodes::prelude::node::*;
 
 /// A low-frequency oscillator that scales a signal.
 pub struct Modulator {
@@ -86,7 +82,6 @@ impl Node for Tremolo {
         &mut self,
         archive: &mut foley::nodes::core::state::StateArchive<'_>,
     ) -> Result<(), Fault> {
-        use foley::nodes::core::state::Stateful as _;
         self.0.phase.archive_state(archive)
     }
 }

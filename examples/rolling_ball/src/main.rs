@@ -1,4 +1,5 @@
-//! A ball on a tiled floor between four walls, kicked every few seconds. Its contacts go out as `foley live` hears them.
+//! A ball on a tiled floor between four walls, kicked every few seconds. Its contacts are sent in the formats that
+//! `foley live` reads.
 //!
 //! ```text
 //! rolling_ball [--seconds S] [--wait S] [--rate HZ] [--osc ADDRESS:PORT | --offline FILE]
@@ -12,19 +13,19 @@ use std::io::Write;
 use std::net::UdpSocket;
 use std::time::{Duration, Instant};
 
-/// Where contacts go.
+/// Destination of the contacts.
 enum To {
-    /// JSON lines, a frame each, as they happen.
+    /// JSON lines in real time, one per frame.
     Lines,
-    /// OSC bundles, a frame each, as they happen.
+    /// OSC bundles in real time, one per frame.
     Osc(UdpSocket, String),
-    /// A log for `ContactLog`, as fast as the machine goes.
+    /// A log for `ContactLog`, written as fast as possible.
     Log(std::io::BufWriter<std::fs::File>),
 }
 
 struct Options {
     seconds: f64,
-    /// Before the first frame: what is sent while the listener starts would all happen at once.
+    /// Pause before the first frame, s: frames sent while the listener starts would all arrive at once.
     wait: f64,
     rate: f64,
     to: To,
@@ -63,7 +64,7 @@ fn number(text: &str) -> Result<f64, String> {
     number.ok_or(format!("{text:?} is there; a number above 0 is needed"))
 }
 
-/// To a millionth: what single precision holds, and no more digits.
+/// Rounds to a millionth, the digits that single precision holds.
 fn short(x: f32) -> f64 {
     (f64::from(x) * 1e6).round() / 1e6
 }

@@ -1,16 +1,16 @@
-//! The scene, and what the physics engine knows of its contacts. Metres, z up.
+//! The scene, and its contacts as the physics engine reports them. Metres, z up.
 
 use rapier3d::prelude::*;
 
 const RADIUS: f32 = 0.05;
-/// Length of a tile with its gap, and the gap: those of the image `tiles.png` that `live.ron` sounds by.
+/// Length of a tile with its gap, and the gap, as in the image `tiles.png` of `live.ron`.
 const TILE: f32 = 0.1;
 const GAP: f32 = 0.004;
 /// Tiles along each side. An odd number, so that one lies in the middle and gaps at 0.05 m from it and each 0.1 m on, as in the image.
 const TILES: i32 = 23;
 /// Seconds from one kick to the next.
 const KICK: f32 = 6.0;
-/// Marble, kg/m^3.
+/// Density of marble, kg/m^3.
 const DENSITY: f32 = 2700.0;
 
 /// One contact in one frame; body 0 is the floor, 1 the ball, 2 the walls.
@@ -19,11 +19,11 @@ pub struct Contact {
     pub id: i32,
     pub bodies: [i32; 2],
     pub point: [f32; 3],
-    /// From the first body to the second.
+    /// Normal from the first body to the second.
     pub normal: [f32; 3],
     /// N s within the frame.
     pub impulse: f32,
-    /// Of the second body relative to the first, m/s.
+    /// Velocity of the second body relative to the first, m/s.
     pub velocity: [f32; 3],
     pub approach: f32,
     pub mass: f32,
@@ -37,7 +37,7 @@ pub struct Scene {
     ball: RigidBodyHandle,
     ball_shape: ColliderHandle,
     walls: Vec<ColliderHandle>,
-    /// Which contacts there were in the last frame: with the floor, with the walls.
+    /// True for contacts in the last frame: with the floor, with the walls.
     touched: [bool; 2],
     time: f32,
     kicked: i32,
@@ -68,7 +68,7 @@ impl Scene {
                 .restitution(0.5);
             world.insert_collider(tile, None);
         }
-        // Under the gaps.
+        // Below the gaps.
         let ground = ColliderBuilder::cuboid(half, half, 0.05).translation(Vector::new(0.0, 0.0, -0.06));
         world.insert_collider(ground, None);
         let mut walls = Vec::new();
@@ -92,7 +92,7 @@ impl Scene {
         Self { world, ball, ball_shape, walls, touched: [false; 2], time: 0.0, kicked: 0 }
     }
 
-    /// Goes on by one frame, and tells what touched in it.
+    /// Advances by one frame, and returns its contacts.
     pub fn step(&mut self) -> Vec<Contact> {
         self.time += self.world.integration_parameters.dt;
         if self.time > KICK * (self.kicked + 1) as f32 {

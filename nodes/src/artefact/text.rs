@@ -1,7 +1,7 @@
 //! RON files that people edit: read with `serde`, with line and column of every record that is wrong, and written with comments.
 //!
 //! A file is a struct whose lists hold [`RawValue`]s; [`records`] reads these one by one, so that one mistake does not hide
-//! the next, and gives each record its location. Fields that check themselves, such as [`Seconds`], make `ron` report
+//! the next, and assigns each record its location. Fields that check themselves, such as [`Seconds`], make `ron` report
 //! the location of a value that is out of range.
 
 use ron::Options;
@@ -74,7 +74,7 @@ impl TextError {
         Self { location, message: message.into() }
     }
 
-    /// The error of `ron` in a text that starts at `start`; what is missing is missing from the whole text.
+    /// The error of `ron` in a text that starts at `start`; a missing field is missing from the whole text.
     fn of(error: &SpannedError, text: &str, start: Location) -> Self {
         let location = match error.code {
             RonError::MissingStructField { .. } => start,

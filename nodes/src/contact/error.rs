@@ -13,7 +13,7 @@ pub enum ContactError {
     Parameter {
         /// Name of the parameter.
         name: &'static str,
-        /// The given value.
+        /// The value.
         found: f64,
         /// The values that are possible.
         expected: &'static str,
@@ -57,7 +57,7 @@ pub enum ContactError {
     Length {
         /// Name of the slice.
         what: &'static str,
-        /// The given length.
+        /// The length.
         found: usize,
         /// The right length.
         expected: usize,

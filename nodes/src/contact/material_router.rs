@@ -9,11 +9,11 @@ use crate::core::random::Rng;
 use crate::params;
 
 params! {
-    /// Selects the contacts between two given materials; other contacts are removed.
+    /// Selects the contacts between two materials; other contacts are removed.
     ///
-    /// One such node per pair gives each pair its own sliding speeds, and so its own friction model, level and units of recordings:
-    /// a loud pair cannot mask another. Materials come from the meshes (`MeshSequence`, parameter `material`, and `usemtl` of an
-    /// OBJ). The material of a vertex between two materials is that of the larger area.
+    /// One such node per pair provides each pair with its own sliding speeds, and so its own friction model, level and
+    /// units of recordings: a loud pair cannot mask another. Materials come from the meshes (`MeshSequence`, parameter
+    /// `material`, and `usemtl` of an OBJ). The material of a vertex between two materials is that of the larger area.
     ///
     /// # Source
     /// An addition to An, James and Marschner (SIGGRAPH 2012), who have one material per scene.

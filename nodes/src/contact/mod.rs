@@ -1,8 +1,9 @@
 //! Sliding contact: the triangle that a vertex touches, and the speed at which it slides along it.
 //!
 //! Data flows through the rooms in this order: [`broad_phase`] and [`detection`] find the contacts, measured by [`triangle`] and
-//! [`slip`]; [`analytic`] adds colliders given by a formula, [`material_router`] selects contacts by material; [`sliding`] turns
-//! slides into the sliding speed that a friction sound follows. [`skinned`] approximates both for cloth that was not simulated.
+//! [`slip`]; [`analytic`] adds colliders defined by a formula, [`material_router`] selects contacts by material;
+//! [`sliding`] turns slides into the sliding speed that a friction sound follows. [`skinned`] approximates both for
+//! cloth that was not simulated.
 
 pub mod analytic;
 pub mod broad_phase;

@@ -39,7 +39,8 @@ pub(crate) fn is_degenerate(squared_normal: f64, longest_squared_edge: f64) -> b
 /// Finds the point of a triangle nearest to `p` by the seven Voronoi regions (three corners, three edges, the face).
 ///
 /// A degenerate triangle (area < 1e-12 longest edge^2) counts as its longest edge. Two triangles that share the closest
-/// edge or corner give exactly the same distance, whatever the order of its corners, so ties between neighbours are exact.
+/// edge or corner have exactly the same distance, whatever the order of its corners, so ties between neighbours are
+/// exact.
 ///
 /// # Source
 /// Regions after Ericson, *Real-Time Collision Detection*, section 5.1.5.

@@ -5,7 +5,7 @@ use super::files::{FileError, Files, Outputs, ReadSeek, WriteSeek, too_large};
 use super::input::Inputs;
 pub use super::item::LinkShape;
 use super::item::{Data, Item, StreamShape};
-use super::ports::{Events, Late, Many, Port, Stream, Value};
+use super::ports::{Delayed, Events, Many, Port, Stream, Value};
 use super::random::Random;
 use super::time::{Rate, Tick};
 use std::any::Any;
@@ -33,13 +33,13 @@ pub struct Lookaround {
     pub behind: usize,
     /// Items (ticks for events) after the window.
     pub ahead: usize,
-    /// Items by which the whole input is read late; an input that is read late may close a loop.
+    /// Items by which the whole input is delayed; a delayed input may close a loop.
     pub delay: usize,
     /// Effect of its end.
     pub ends: Ends,
 }
 
-/// Shape of a node with given parameters and inputs.
+/// Shape of a node with its parameters and inputs.
 #[derive(Clone, Debug, Default)]
 pub struct NodeShape {
     /// Per input port.
@@ -48,11 +48,11 @@ pub struct NodeShape {
     pub outputs: Vec<Option<StreamShape>>,
     /// Lag of its outputs behind its window.
     pub lag: Tick,
-    /// When it ends; `None` for a node without end.
+    /// Tick at which it ends; `None` for a node without end.
     pub end: Option<Tick>,
     /// Warnings for people.
     pub notes: Vec<String>,
-    /// Data for its construction.
+    /// Data for the construction of the node.
     pub prepared: Option<Arc<dyn Any + Send + Sync>>,
     /// Files that were opened.
     pub opened: Vec<String>,
@@ -86,7 +86,7 @@ impl<'a> RawShape<'a> {
         Self { links, files, shape, tail: 0, end: None, held: 0, wrong: Vec::new() }
     }
 
-    /// Ends the declaration: when the node ends follows from its inputs unless it said so.
+    /// Completes the declaration: the end of the node follows from its inputs unless it declared one.
     ///
     /// # Errors
     /// All that was found wrong: what the node noted, what it gave up for, and an input that has to last but ends before
@@ -147,9 +147,9 @@ impl<T: Item> HasLookaround for Stream<T> {}
 impl<T: super::item::Event> HasLookaround for Events<T> {}
 impl<K: HasLookaround> HasLookaround for Option<K> {}
 impl<K: HasLookaround> HasLookaround for Many<K> {}
-impl<K: HasLookaround> HasLookaround for Late<K> {}
+impl<K: HasLookaround> HasLookaround for Delayed<K> {}
 
-/// One stream that comes in, typed.
+/// One input stream, typed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Incoming<T: Item> {
     /// Items per second.
@@ -200,9 +200,9 @@ impl<'s, 'a, P> Shape<'s, 'a, P> {
         self.link(port.index(), 0).and_then(Incoming::of)
     }
 
-    /// The stream at an input that is read late, where it is known: not while it comes from a node behind this one.
+    /// The stream at a delayed input; `None` as long as it comes from a node behind this one.
     #[must_use]
-    pub fn late<T: Item>(&self, port: Port<Late<Stream<T>>>) -> Option<Incoming<T>> {
+    pub fn delayed_input<T: Item>(&self, port: Port<Delayed<Stream<T>>>) -> Option<Incoming<T>> {
         self.link(port.index(), 0).and_then(Incoming::of)
     }
 
@@ -218,7 +218,7 @@ impl<'s, 'a, P> Shape<'s, 'a, P> {
         self.link(port.index(), 0).is_some()
     }
 
-    /// The value at an input, where it is known before the run.
+    /// The value at an input, if it is known before the run.
     #[must_use]
     pub fn value<T: Data>(&self, port: Port<Value<T>>) -> Option<Arc<T>> {
         match self.link(port.index(), 0) {
@@ -227,16 +227,16 @@ impl<'s, 'a, P> Shape<'s, 'a, P> {
         }
     }
 
-    /// Declares how many items before and after each window the node has to see; ticks for events.
+    /// Declares how many items (ticks for events) before and after each window the node reads.
     pub fn lookaround<K: HasLookaround>(&mut self, port: Port<K>, behind: usize, ahead: usize) {
         let lookaround = &mut self.raw.shape.lookaround[port.index()];
         (lookaround.behind, lookaround.ahead) = (behind, ahead);
     }
 
-    /// Declares that a stream is read `items` late: the window shows what it held that many items ago.
+    /// Declares that a stream is read with a delay of `items`: the window shows the items from that many items ago.
     ///
     /// Such an input may close a loop, as long as the delay is no shorter than one window.
-    pub fn delayed<K: HasLookaround>(&mut self, port: Port<Late<K>>, items: usize) {
+    pub fn delay<K: HasLookaround>(&mut self, port: Port<Delayed<K>>, items: usize) {
         self.raw.shape.lookaround[port.index()].delay = items;
     }
 
@@ -306,12 +306,12 @@ impl<'s, 'a, P> Shape<'s, 'a, P> {
         Ok(found)
     }
 
-    /// Notes what is wrong, if anything, and continues: one look finds all the mistakes of a node.
+    /// Adds an error, if there is one, and continues, so that all errors of a node are found at once.
     pub fn check<T>(&mut self, found: Result<T, Reject>) -> Option<T> {
         found.map_err(|reject| self.wrong(reject)).ok()
     }
 
-    /// Notes something wrong and continues.
+    /// Adds an error and continues.
     pub fn wrong(&mut self, reject: Reject) {
         self.raw.wrong.push(reject);
     }

@@ -223,7 +223,7 @@ struct Triangle {
 }
 
 impl Triangle {
-    /// Adds the mixed areas, the weighted normals and, if `cotan`, the cotangent terms, given the first two angles.
+    /// Adds the mixed areas, the weighted normals and, if `cotan`, the cotangent terms, from the first two angles.
     #[inline]
     fn add(&self, t: [u32; 3], [first, second]: [f64; 2], cotan: bool, sums: &mut [Sums]) {
         let Self { sides, normal, double_area, dots } = self;

@@ -1,7 +1,7 @@
 //! Filters, gains, delays, resampling and signal sources on audio.
 //!
 //! All functions work on interleaved slices without allocation. Their output does not depend on how a signal is cut into blocks:
-//! sources are functions of the absolute sample index, and processors keep their state from sample to sample.
+//! sources are functions of the absolute sample index, and processors store their state from sample to sample.
 
 mod channel;
 mod error;

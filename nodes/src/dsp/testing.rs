@@ -1,7 +1,7 @@
 //! Tests that the cut of a signal into blocks does not change its bits.
 
-/// Asserts that `process(start, block)` gives the same bits in blocks of 1, 7, 64 and 1000 frames as in one block. Each run starts
-/// with a new state from `new`.
+/// Asserts that `process(start, block)` writes the same bits in blocks of 1, 7, 64 and 1000 frames as in one block.
+/// Each run starts with a new state from `new`.
 pub fn assert_block_invariant<S>(
     signal: &[f32],
     channels: usize,

@@ -24,7 +24,7 @@ choices! {
         Independent,
         /// One vector of the coefficients of all channels in sequence.
         Joint,
-        /// One vector of the mean of all channels; `balance` gives their levels.
+        /// One vector of the mean of all channels; `balance` outputs their levels.
         SharedMid,
     }
 }
@@ -53,7 +53,7 @@ ports! {
         in {
             /// The sound.
             audio: Stream<f32>,
-            /// Database that gives the lowest energy with `floor_from: Database`.
+            /// Database that contains the lowest energy with `floor_from: Database`.
             database: Option<Value<UnitDatabase>>,
         }
         out {

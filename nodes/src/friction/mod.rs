@@ -1,7 +1,7 @@
 //! Friction sound: spectra measured against sliding speed, and noise synthesised from them.
 //!
 //! A [`FrictionModel`] holds one power density per speed ([`model`]). It is made from recordings ([`builder`]) and
-//! gives the spectra of noise ([`synthesis`]).
+//! computes the spectra of noise ([`synthesis`]).
 
 pub mod builder;
 pub mod model;

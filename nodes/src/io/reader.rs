@@ -21,7 +21,7 @@ pub fn probe(reader: impl ReadSeek) -> Result<AudioInfo, AudioError> {
     probe_with(reader, ReadLimits::default())
 }
 
-/// [`probe`] under given limits.
+/// [`probe`] with other limits.
 ///
 /// # Errors
 /// As [`AudioReader::open`].
@@ -74,7 +74,7 @@ impl<'s> AudioReader<'s> {
         Self::open_with(source, ReadLimits::default())
     }
 
-    /// Opens a file under given limits.
+    /// Opens a file with other limits.
     ///
     /// # Errors
     /// As [`AudioReader::open`].

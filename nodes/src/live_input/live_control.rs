@@ -66,7 +66,7 @@ impl Glide {
         Self { start: numbers.to_vec(), target: numbers.to_vec(), items, elapsed: items }
     }
 
-    /// Starts ramps to other numbers; missing numbers keep their targets.
+    /// Starts ramps to other numbers; the targets of missing numbers do not change.
     pub fn set_targets(&mut self, numbers: &[f64]) {
         for k in 0..self.target.len() {
             self.start[k] = self.value(k);

@@ -21,7 +21,7 @@ params! {
     /// Each item is the newest frame that is not later than the item. Without a new frame the mesh does not move, and `age`
     /// grows. A file has the faces, the materials and the rest pose. The mesh has the rest pose before the first frame, so
     /// the motion should begin in this pose. Frames have the vertices of the file in the same order, unit and upward axis.
-    /// In an offline run there are no frames: the mesh keeps the rest pose, and `age` is the time since the start.
+    /// In an offline run there are no frames: the mesh stays in the rest pose, and `age` is the time since the start.
     pub struct LiveMeshParams {
         /// Name of the channel.
         channel: Text;

@@ -22,9 +22,9 @@ params! {
     /// Splits each triangle of a moving mesh into four, with the same weights in all frames.
     ///
     /// A coarse simulation then has enough vertices for the detection of contacts and crumples. Subdivision adds no motion.
-    /// Vertices of the coarse mesh keep their indices. One vertex per edge follows, in the order of the lower and then of
-    /// the higher vertex of the edge. An edge of one triangle, or of more than two, is a boundary. Vertices are never
-    /// merged: a mesh whose faces share no vertices falls apart, so merge its vertices first.
+    /// The indices of the coarse vertices do not change. One vertex per edge follows, in the order of the lower and
+    /// then of the higher vertex of the edge. An edge of one triangle, or of more than two, is a boundary. Vertices are
+    /// never merged: a mesh whose faces share no vertices falls apart, so merge its vertices first.
     ///
     /// # Source
     /// Loop, "Smooth subdivision surfaces based on triangles" (1987); Hoppe et al., "Piecewise smooth surface

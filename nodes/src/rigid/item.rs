@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 pub struct ContactFrame {
     /// Number of the contact, constant while it lasts.
     pub contact: u64,
-    /// Numbers of body a and body b; 0 is the first of the names given, or the world.
+    /// Numbers of body a and body b; 0 is the first of the list of names, or the world.
     pub bodies: [u32; 2],
     /// Ticks since the previous frame; for the first frame the expected number.
     pub interval: Tick,

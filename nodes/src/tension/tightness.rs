@@ -39,7 +39,7 @@ pub struct Snap {
     pub position: [f32; 3],
 }
 
-/// A part of a cloth: the weights that give its centroid and its affine map from the positions of its vertices.
+/// A part of a cloth: the weights of its centroid and its affine map as sums over the positions of its vertices.
 #[derive(Clone, Debug)]
 struct Part {
     vertices: Vec<u32>,

@@ -1,8 +1,9 @@
 //! Images of surfaces, and the maps, isophotes and noise made from them.
 //!
 //! A [`Luma`] image is the start of everything. Each map stores its density, so that a position in metres means the same on all.
-//! Data flows one way: [`image`] reads files; [`class`] finds simple and complex textures; [`filter`] makes gradients and
-//! features; [`map_code`], [`noise`] and [`isophote`] make what a contact reads; [`size`] compares their bytes.
+//! Data flows in one direction: [`image`] reads files; [`class`] finds simple and complex textures; [`filter`] makes
+//! gradients and features; [`map_code`], [`noise`] and [`isophote`] make what a contact reads; [`size`] compares their
+//! bytes.
 
 pub mod class;
 mod figure;

@@ -1,4 +1,4 @@
-//! Concatenative synthesis: a sound is put together from short units of recordings that sound most like it.
+//! Concatenative synthesis: a sound made of the short units of recordings that are most similar to a target.
 //!
 //! A [`UnitDatabase`] holds the units and their features ([`mod@database`]). A selector chooses one for each unit of a target
 //! ([`mod@selection`]), and a [`Concatenator`] joins the chosen ones ([`mod@concatenation`]).

@@ -11,7 +11,7 @@ const RELEASE: f64 = 0.05;
 /// Gate that fades the output out while the target is silent.
 ///
 /// After 0.5 s of silence in the target the output fades to exact zero in 50 ms; it fades in within 5 ms. The gate is closed
-/// before the first sound of the target, so that a silent target gives silence without room tone.
+/// before the first sound of the target, so that a silent target results in silence without room tone.
 #[derive(Clone, Debug)]
 pub struct SilenceGate {
     /// Samples of silence before the fade.

@@ -1,4 +1,4 @@
-//! From files to warped features.
+//! Tests from files to warped features.
 
 use super::correspondence::correspondence_set::{Correspondences, CorrespondencesParams};
 use super::diagnostics::correspondence_diagnostics::{
@@ -31,7 +31,7 @@ fn format(vectors: usize) -> FeatureFormat {
     FeatureFormat { vectors, conventions: Arc::new(conventions()) }
 }
 
-/// A gesture of features, and what the database makes of it: another level and colour.
+/// A gesture of features, and the same in the database with another level and colour.
 fn target(unit: usize) -> [f32; 3] {
     let t = unit as f32 / 240.0;
     [10.0 * (1.3 * t).sin() - 20.0, 3.0 * (2.9 * t).cos(), 2.0 * (4.1 * t).sin()]
@@ -180,9 +180,9 @@ fn a_warp_that_was_fitted_in_other_recordings_is_told_and_used() {
     assert_eq!(
         reported("fold.wav", &Warp { recordings: vec![], ..warp.clone() }),
         Vec::<String>::new(),
-        "it does not tell"
+        "it names none"
     );
-    // Where both know what the recordings hold, names say nothing.
+    // If both store the contents of the recordings, names do not matter.
     let two = |contents: [&str; 1]| Warp { contents: contents.map(String::from).into(), ..warp.clone() };
     assert_eq!(known("renamed.wav", "a1", &two(["a1"])), Vec::<String>::new());
     let found = known("drag.wav", "b2", &two(["a1"]));
@@ -191,7 +191,7 @@ fn a_warp_that_was_fitted_in_other_recordings_is_told_and_used() {
         "{found:?}"
     );
     assert_eq!(known("fold.wav", "b2", &two(["a1"])).len(), 1);
-    // Where one does not, names decide.
+    // If one of them does not, names decide.
     for (content, warp) in [("a1", warp.clone()), ("a1", two([""])), ("", two(["a1"]))] {
         assert_eq!(known("drag.wav", content, &warp), Vec::<String>::new());
         assert_eq!(known("renamed.wav", content, &warp).len(), 1);
@@ -199,7 +199,7 @@ fn a_warp_that_was_fitted_in_other_recordings_is_told_and_used() {
 }
 
 #[test]
-fn a_warp_knows_the_correspondences_that_it_was_fitted_to() {
+fn a_warp_stores_the_correspondences_that_it_was_fitted_to() {
     let of = |set: CorrespondenceSet| {
         let p = TpsFitParams { lambda: Some(1.0), pairing: Pairing::Centroid, ..params() };
         fit(p, set, 1).run().unwrap().value(0).unwrap().get::<Warp>().unwrap().clone()
@@ -369,7 +369,7 @@ fn the_worst_range_is_written_with_and_without_the_suspect() {
     assert!(with.len() == without.len() && with.len() as f64 >= longest * 96_000.0, "{longest}");
     let differs = with.iter().zip(&without).filter(|(a, b)| a != b).count();
     assert!(differs * 3 > with.len(), "{differs} of {}", with.len());
-    // Nobody to suspect: nothing to hear.
+    // Without a suspect there is no sound.
     let standalone = diagnosed(paths(diagnostics()), db, set("(pairs: [])"));
     standalone.run().unwrap();
     assert_eq!(clip(&standalone, "with.wav").len(), 0);
@@ -455,7 +455,7 @@ fn causes_of_a_target_are_heard_at_the_rate_of_its_units_alone() {
     let set = set(&text);
     assert!(set.pairs.len() >= 2);
     for pair in &set.pairs {
-        // What is half of each may go either way.
+        // Units that are half of each may be either.
         let mixed = (pair.target - 2.0).abs() < 0.11;
         let source = SourceName::Index(u32::from(pair.target >= 2.0));
         assert!(mixed || pair.source == Some(source), "{text}");

@@ -1,5 +1,5 @@
-//! What SciPy, scikit-image, librosa, libigl and trimesh give for curvature, events, energies, the head, the high-pass, features and the warp:
-//! made by `tests/oracles/cloth.py`.
+//! Results that SciPy, scikit-image, librosa, libigl and trimesh return for curvature, events, energies, the head, the
+//! high-pass, features and the warp: made by `tests/oracles/cloth.py`.
 
 use foley_nodes::core::time::Rate;
 use foley_nodes::crumple::matching::{EnergyMap, Mapping};
@@ -28,7 +28,7 @@ fn near(found: impl IntoIterator<Item = f64>, wanted: &[f64], tolerance: f64, wh
     assert!(far < tolerance, "{what}: {far} away: {found:?}, not {wanted:?}");
 }
 
-/// A grid of `n` by `rows` vertices whose diagonals all go one way.
+/// A grid of `n` by `rows` vertices whose diagonals all have one direction.
 fn triangles(n: usize, rows: usize) -> Vec<[u32; 3]> {
     let step = n as u32;
     let cells = || (0..(n - 1) * (rows - 1)).map(|k| (k % (n - 1) + k / (n - 1) * n) as u32);
@@ -93,7 +93,7 @@ fn integrals_of_curvature_are_the_measures_of_trimesh() {
         let (mesh, points) = lumpy(n, rows, a, tall);
         let sum = |method| integrated(&mesh, &points, method).iter().sum::<f64>();
         near([sum(Method::Dihedral)], &[*wanted], 1e-10, "sum over all edges");
-        // Cotangents are another discretisation, which meshes as coarse as this tell apart.
+        // Cotangents are another discretisation, which differs on meshes as coarse as this.
         let cotan = sum(Method::Cotan);
         assert!((cotan / wanted - 1.0).abs() < 0.1, "{cotan} for {wanted}");
     }
@@ -137,7 +137,7 @@ fn energies_are_matched_as_scikit_image_matches_them() {
         x
     };
     let energies: Vec<f64> = (1..=25).map(|k| f64::from(k).powi(3) / 16.0).collect();
-    // As many of both, none twice: both rules give each the one of its place.
+    // As many of both, none twice: both rules assign to each the one of its place.
     let other: Vec<f64> = (0..25).map(|k| (f64::from(k * 7 % 25) / 5.0).exp()).collect();
     let map = EnergyMap::new(&sorted(other.clone()), &energies, Mapping::Ecdf);
     near(other.iter().step_by(3).map(|e| map.wanted(map.rank(*e))), MATCHED_AS_MANY, 1e-9, "as many");
@@ -208,9 +208,9 @@ fn the_warp_is_that_of_scipy() {
         let pairs: Vec<Pair> = from.chunks(d).zip(off.chunks(d)).map(pair).collect();
         let (warp, _) = fit(&pairs, d, Stiffness::Lambda(lambda)).unwrap();
         let mut warper = Warper::new(&warp);
-        let ask: Vec<f64> = noise(2 * d, 19).iter().map(|x| 2.0 * x).collect();
+        let queries: Vec<f64> = noise(2 * d, 19).iter().map(|x| 2.0 * x).collect();
         let mut found = Vec::new();
-        for x in ask.chunks(d) {
+        for x in queries.chunks(d) {
             found.extend(warper.displacement(x.iter().copied()).iter().zip(x).map(|(moved, x)| x + moved));
         }
         // The values have twelve digits.

@@ -43,7 +43,7 @@ fn windows_of_any_length_give_the_same_bits() {
     });
 }
 
-/// A node that starts in the middle of a run fills all later items. A source gives the same items as from the beginning.
+/// A node that starts in the middle of a run fills all later items. A source makes the same items as from its start.
 #[test]
 fn a_node_can_begin_anywhere() {
     each_trial(Level::Random, |trial| {
@@ -143,7 +143,7 @@ fn distance(trial: &Trial, shape: &NodeShape, port: usize, item: i64, tick: Tick
 }
 
 /// Changes single items of the inputs and finds the earliest output that changes: with a declared look-ahead of `n` the distance must
-/// be `n` items in some trial. (It cannot be larger: the engine gives access to no later items.)
+/// be `n` items in some trial. (It cannot be larger: the engine allows no access to later items.)
 #[test]
 fn declared_look_ahead_is_needed() {
     for node in 0..all().len() {

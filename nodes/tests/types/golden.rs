@@ -24,7 +24,7 @@ const TRIALS: usize = 4;
 const SUMS: usize = 3;
 /// Tolerance relative to the peak.
 const TOLERANCE: f64 = 1e-4;
-/// The row with the parameters of a trial, to tell a change of the trials from a change of the output.
+/// The row with the parameters of a trial, to distinguish a change of the trials from a change of the output.
 const PARAMETERS: &str = "(parameters)";
 const HEAD: &str = "node,version,trial,what,count,peak,sum 1,sum 2,sum 3";
 

@@ -1,4 +1,4 @@
-//! The rules that every node type keeps.
+//! The rules that every node type obeys.
 
 mod conformance;
 mod defaults;

@@ -1,5 +1,5 @@
-//! A fuzzer with fixed seeds for every node that reads a file. A damaged file gives an error with a reason or a usable value; it never
-//! gives a panic, numbers that are not finite, or unbounded memory.
+//! A fuzzer with fixed seeds for every node that reads a file. A damaged file results in an error with a reason or a
+//! usable value; it never causes a panic, numbers that are not finite, or unbounded memory.
 
 use foley_nodes::core::buffer::{Budget, Pad};
 use foley_nodes::core::item::AnyValue;

@@ -110,7 +110,7 @@ fn play(settings: &LiveSettings<'_>) -> anyhow::Result<Exit> {
     let hub = Arc::new(Hub::new(sender));
     let stop = Arc::new(AtomicBool::new(false));
     let stopped = Arc::clone(&stop);
-    // Only the first handler of a process can be set; a second session in the same process keeps the first.
+    // Only the first handler of a process can be set; a second session in the same process uses the first one.
     let _ = ctrlc::set_handler(move || stopped.store(true, Relaxed));
     let memo = settings.memo.memo(&settings.graph.graph).map(|memo| Arc::new(memo.with_memory(MEMORY)));
     let LoadedGraph { material, found, sources, asked } = load_graph(settings, &[], &hub, memo.as_ref());

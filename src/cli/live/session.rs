@@ -30,7 +30,7 @@ pub(super) struct Pending {
     set: bool,
 }
 
-/// A load that failed, and is reported unless another comes soon.
+/// A failed load, which is reported unless another load comes soon.
 pub(super) struct FailedLoad {
     at: Instant,
     errors: Vec<Diagnostic>,
@@ -44,7 +44,7 @@ pub(super) struct Session<'a> {
     pub(super) sets: Receiver<Set>,
     pub(super) stop: Arc<AtomicBool>,
     pub(super) overrides: Vec<Override>,
-    /// Those of the last load that was right.
+    /// Contents of the last successful load.
     pub(super) good: Vec<Override>,
     /// The cache in memory, from load to load.
     pub(super) memo: Option<Arc<Memo>>,
@@ -53,7 +53,7 @@ pub(super) struct Session<'a> {
     pub(super) device: Option<Running>,
     pub(super) pending: Option<Pending>,
     pub(super) wrong: Option<FailedLoad>,
-    /// Loads on their way to being heard: when they began, what they are.
+    /// Loads that are not audible yet: the time at which they began, and their description.
     pub(super) coming: Option<(Instant, String)>,
     /// Milliseconds from each save to its sound.
     pub(super) delays: Vec<f64>,
@@ -135,7 +135,7 @@ impl Session<'_> {
         self.end(exit)
     }
 
-    /// Takes up a parameter that came in; the newest value of each counts.
+    /// Applies a received parameter; the newest value of each counts.
     fn set(&mut self, set: Set) {
         let new = Override { target: set.target, value: set.value };
         self.overrides.retain(|o| o.target != new.target);
@@ -175,7 +175,7 @@ impl Session<'_> {
             }
             Err(errors) => {
                 if pending.set {
-                    // What cannot be set is forgotten, or nothing else could be loaded any more.
+                    // A value that cannot be set is discarded; otherwise no other load would succeed.
                     self.overrides.clone_from(&self.good);
                 }
                 self.wrong = Some(FailedLoad { at: Instant::now(), errors, sources });

@@ -71,3 +71,105 @@ fn edits_that_overlap_or_reach_outside_are_refused() {
     assert!(matches!(apply("abcd", &[edit(3..5, "")]), Err(EditError::Outside(_))));
     assert!(matches!(apply("é", &[edit(1..2, "")]), Err(EditError::Outside(_))));
 }
+
+/// The value at a path of fields and indices such as `pairs.1.target`.
+fn at<'a>(document: &'a Document, path: &str) -> &'a Value {
+    let root = document.value.as_ref().unwrap();
+    path.split('.').filter(|step| !step.is_empty()).fold(root, |value, step| match step.parse::<usize>() {
+        Ok(index) => &value.as_list().unwrap()[index],
+        Err(_) => value.field(step).unwrap(),
+    })
+}
+
+fn inserted(text: &str, path: &str, index: usize, item: &str) -> String {
+    let parsed = parse(text);
+    let span = at(&parsed.document(), path).span();
+    apply(text, &insert_item(&parsed, span, index, item).unwrap()).unwrap()
+}
+
+fn removed(text: &str, path: &str) -> String {
+    let parsed = parse(text);
+    let span = at(&parsed.document(), path).span();
+    apply(text, &remove_item(&parsed, span).unwrap()).unwrap()
+}
+
+#[test]
+fn items_are_inserted_in_the_layout_of_the_others() {
+    for (text, index, expected) in [
+        ("[]", 0, "[9]"),
+        ("[1, 2]", 0, "[9, 1, 2]"),
+        ("[1, 2]", 1, "[1, 9, 2]"),
+        ("[1, 2]", 2, "[1, 2, 9]"),
+        ("[1, 2,]", 2, "[1, 2, 9,]"),
+        ("[\n    1, // one\n    2, // two\n]", 1, "[\n    1, // one\n    9,\n    2, // two\n]"),
+        ("[\n    1, // one\n    2, // two\n]", 2, "[\n    1, // one\n    2, // two\n    9,\n]"),
+        ("[\n    // first\n    1\n    // end\n]", 1, "[\n    // first\n    1,\n    9\n    // end\n]"),
+        ("[1 // one\n]", 1, "[1, // one\n9\n]"),
+        ("[1 /* one */, 2]", 1, "[1 /* one */, 9, 2]"),
+        ("[1\n// late\n, 2]", 1, "[1\n// late\n, 9, 2]"),
+    ] {
+        assert_eq!(inserted(text, "", index, "9"), expected, "{text:?} at {index}");
+    }
+    assert_eq!(inserted("A(a: 1)", "", 1, " b: 2 "), "A(a: 1, b: 2)");
+    assert_eq!(inserted("A()", "", 0, "b: 2"), "A(b: 2)");
+    assert_eq!(inserted("{\"a\": 1}", "", 0, "\"b\": 2"), "{\"b\": 2, \"a\": 1}");
+    let list = parse("[1]");
+    for wrong in ["", "1, 2", "1]", "a: 1", "1 // c"] {
+        assert!(matches!(insert_item(&list, 0..3, 0, wrong), Err(EditError::NotAValue(_))), "{wrong:?}");
+    }
+    assert_eq!(insert_item(&list, 0..3, 2, "1"), Err(EditError::NoItem { index: 2, items: 1 }));
+    assert_eq!(insert_item(&list, 1..2, 0, "1"), Err(EditError::NoValue(1..2)));
+}
+
+#[test]
+fn items_are_removed_with_their_lines() {
+    for (text, path, expected) in [
+        ("[1]", "0", "[]"),
+        ("[1, 2, 3]", "0", "[2, 3]"),
+        ("[1, 2, 3]", "1", "[1, 3]"),
+        ("[1, 2, 3]", "2", "[1, 2,]"),
+        ("[\n    // first\n    1, // one\n    2, // two\n]", "0", "[\n    // first\n    2, // two\n]"),
+        ("[\n    1, // one\n    2 // two\n]", "1", "[\n    1, // one\n]"),
+        ("[\n    (a: 1,\n     b: 2),\n    3,\n]", "0", "[\n    3,\n]"),
+        ("[1, // one\n 2, 3]", "1", "[1, // one\n 3]"),
+    ] {
+        assert_eq!(removed(text, path), expected, "{text:?} without {path}");
+        assert!(parse(expected).is_ok());
+    }
+    assert_eq!(remove_item(&parse("[1]"), 0..1), Err(EditError::NoValue(0..1)));
+}
+
+#[test]
+fn a_file_of_correspondences_is_edited_and_read_again() {
+    let text = "// Marked by ear.\nCorrespondences(\n    length: 7.0, // s\n    pairs: [\n        // the fold\n        \
+                (target: 1.1, database: 0.3, duration: 0.1),\n        (target: 6.5, database: 0.05, duration: 0.1), // soft\n    ],\n)\n";
+    let edit = |text: String, make: &dyn Fn(&Parse, &Document) -> Vec<TextEdit>| {
+        let parsed = parse(&text);
+        let edits = make(&parsed, &parsed.document());
+        apply(&text, &edits).unwrap()
+    };
+    let text = edit(text.to_owned(), &|parse, file| {
+        set_field(parse, at(file, "pairs.0").span(), "label", "\"fold\"").unwrap()
+    });
+    let text =
+        edit(text, &|parse, file| set_value(parse, at(file, "pairs.1.target").span(), "6.25").unwrap());
+    let text = edit(text, &|parse, file| {
+        insert_item(parse, at(file, "pairs").span(), 2, "(target: 3.0, database: 1.0, duration: 0.2)")
+            .unwrap()
+    });
+    let text =
+        edit(text, &|parse, file| set_field(parse, at(file, "").span(), "database", "\"a.wav\"").unwrap());
+    let expected = "// Marked by ear.\nCorrespondences(\n    length: 7.0, // s\n    pairs: [\n        // the fold\n        \
+                    (target: 1.1, database: 0.3, duration: 0.1, label: \"fold\"),\n        \
+                    (target: 6.25, database: 0.05, duration: 0.1), // soft\n        \
+                    (target: 3.0, database: 1.0, duration: 0.2),\n    ],\n    database: \"a.wav\",\n)\n";
+    assert_eq!(text, expected);
+    let set = foley_nodes::warp::read_correspondences(&text).unwrap();
+    let targets: Vec<f64> = set.pairs.iter().map(|pair| pair.target).collect();
+    assert_eq!((targets, set.database.as_str()), (vec![1.1, 6.25, 3.0], "a.wav"));
+    let text = edit(text, &|parse, file| remove_item(parse, at(file, "pairs.0").span()).unwrap());
+    assert_eq!(foley_nodes::warp::read_correspondences(&text).unwrap().pairs.len(), 2);
+    assert!(text.contains("// the fold") && text.contains("// soft"), "{text}");
+    let name = parse("Loop");
+    assert_eq!(apply("Loop", &set_field(&name, 0..4, "gain", "1").unwrap()).unwrap(), "Loop(gain: 1)");
+}

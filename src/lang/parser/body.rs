@@ -189,7 +189,7 @@ impl Parser<'_> {
         1
     }
 
-    /// Returns true if the layout says that the bracket opened at `opener` should have been closed before here.
+    /// Returns true if the layout indicates that the bracket opened at `opener` should have been closed before here.
     fn ended(&self, opener: usize, closer: SyntaxKind) -> bool {
         self.layout.as_ref().is_some_and(|layout| layout.ended(opener, self.next, self.at(closer)))
     }

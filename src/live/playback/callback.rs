@@ -62,7 +62,7 @@ pub struct Swap {
     pub retunes: Retunes,
     /// True if no node continues, so that the output has to be smoothed.
     pub discontinuous: bool,
-    /// True if it came too late and was not done.
+    /// True if it came too late and was not executed.
     pub late: bool,
 }
 
@@ -76,7 +76,7 @@ pub enum Command {
 
 /// A message from the callback; it returns all memory that is to be freed.
 pub enum Reply {
-    /// A swap that was done, or was too late.
+    /// A swap that was executed or too late.
     Swap(Box<Swap>),
     /// Parameters that were set.
     Retuned(Retunes),

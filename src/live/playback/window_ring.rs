@@ -28,7 +28,7 @@ pub struct RingReceiver {
     dropout: Option<Dropout>,
 }
 
-/// Makes a ring of `depth` windows, given buffer and clock of both sides; `make` makes an empty buffer.
+/// Makes a ring of `depth` windows, from buffer and clock of both sides; `make` makes an empty buffer.
 #[must_use]
 pub fn ring(
     depth: usize,

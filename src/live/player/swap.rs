@@ -43,7 +43,7 @@ pub struct PendingSwap {
     pub workers_swapped: bool,
 }
 
-/// Histories that move between outputs, and pairs of nodes of which the second adopts the state of the first.
+/// Histories that move between outputs, and pairs of nodes; the second adopts the state of the first.
 struct Handover<'a> {
     fade_seeds: &'a OutputPairs,
     successor_seeds: &'a OutputPairs,

@@ -95,7 +95,7 @@ impl StateTransfer<'_> {
         (0..).zip(&new.imports).filter_map(pair).collect()
     }
 
-    /// Finds the pairs of nodes in a region of which the second adopts the state of the first.
+    /// Finds the pairs of nodes in a region whose second node adopts the state of the first.
     pub fn adoptions(&self, region: usize, adoptions: &[(usize, usize)]) -> IndexPairs {
         let find =
             |n: usize| self.new.regions[region].nodes.iter().position(|p| p.runnable == Runnable::Node(n));

@@ -2,7 +2,7 @@
 //!
 //! It contains the new graph and the part of the old one that is faded out. Wherever the input of a node that continues
 //! changes, a `Crossfade` is inserted. It is planned like any graph, and when its fades are over the new graph alone replaces
-//! it in the same way.
+//! it likewise.
 
 use super::diff::{GraphState, ReloadAction};
 use super::state_transfer::OutputPairs;
@@ -63,7 +63,7 @@ struct TransitionBuilder<'a> {
     kept: HashMap<usize, usize>,
     /// New index of the copies of old nodes that fade out.
     copies: HashMap<usize, usize>,
-    /// New index of the copies of old nodes of which only the values are used.
+    /// New index of the copies of old nodes whose values alone are used.
     values: HashMap<usize, usize>,
     out: TransitionGraph,
 }
@@ -86,7 +86,7 @@ fn crossfade() -> Arc<NodeType> {
     Arc::clone(&TYPE)
 }
 
-/// Makes the transition graph of two graphs, given the reload actions and the sinks of both.
+/// Makes the transition graph of two graphs, from the reload actions and the sinks of both.
 pub fn transition(
     old: &GraphState<'_>,
     new: &GraphState<'_>,
@@ -337,7 +337,7 @@ impl TransitionGraph {
 
     /// Returns pairs of a cross-fade and the output that replaces it with its history when the transition is over.
     ///
-    /// An output with other readers that look behind keeps its own history.
+    /// An output with other readers that look behind retains its own history.
     #[must_use]
     pub fn successor_seeds(&self) -> OutputPairs {
         let is_looked_behind = |output: (usize, usize)| {
@@ -366,8 +366,8 @@ impl TransitionGraph {
         self.fades.is_empty()
     }
 
-    /// Sets the begin of the cross-fades, given the delays and the first tick `at`: the time at which the look-behind of the
-    /// new nodes upstream is filled. Returns the tick of the run at which the last cross-fade is over.
+    /// Sets the begin of the cross-fades, from the delays and the first tick `at`: the time at which the look-behind of
+    /// the new nodes upstream is filled. Returns the tick of the run at which the last cross-fade is over.
     pub fn set_fades(&mut self, delays: &Delays, at: Tick) -> Tick {
         let mut valid = vec![0; self.graph.nodes.len()];
         for &n in &self.graph.order {

@@ -1,4 +1,4 @@
-//! Verifies stream files, and reads them in place of the nodes that gave the streams.
+//! Verifies stream files, and reads them in place of the nodes that produced the streams.
 
 use super::codec::Codec;
 use super::format::{BLOCK, PREFIX, read_block, verify};

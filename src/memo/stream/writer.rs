@@ -24,7 +24,7 @@ pub struct PartialStream {
     max_bytes: u64,
     end: i64,
     hash: blake3::Hasher,
-    /// Why it cannot be written.
+    /// Reason why it cannot be written.
     failed: Option<io::Error>,
 }
 

@@ -1,4 +1,4 @@
-//! Shape, pose and contacts of colliders given by a formula, which are cheaper than meshes and perfectly smooth.
+//! Shape, pose and contacts of colliders defined by a formula, which are cheaper than meshes and perfectly smooth.
 
 use serde::{Deserialize, Serialize};
 

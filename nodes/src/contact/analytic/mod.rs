@@ -1,4 +1,4 @@
-//! Colliders given by a formula: a plane, a sphere, a capsule.
+//! Colliders defined by a formula: a plane, a sphere, a capsule.
 
 pub mod analytic_collider;
 pub mod collider;

@@ -98,7 +98,7 @@ impl OtherSurface {
     }
 }
 
-/// Empties a list and gives its memory another lifetime.
+/// Empties a list and returns its memory with another lifetime.
 fn recycled<'a>(mut list: Vec<&[[f32; 3]]>) -> Vec<&'a [[f32; 3]]> {
     list.clear();
     // Collecting from a list of items of the same size reuses its memory.

@@ -61,8 +61,8 @@ pub struct Detection {
 
 /// Search for the closest triangles of all surfaces within a radius of each cloth vertex.
 ///
-/// Of equally near triangles the one of the lower surface comes first, then the lower triangle. The result is exact and
-/// depends on the frame alone; state from earlier frames affects only the speed.
+/// Among equally near triangles the one of the lower surface comes first, then the lower triangle. The result is exact
+/// and depends on the frame alone; state from earlier frames affects only the speed.
 ///
 /// # Source
 /// An, James and Marschner, *Motion-driven Concatenative Synthesis of Cloth Sounds*, SIGGRAPH 2012, section 2.
@@ -163,7 +163,7 @@ impl Detector {
     /// slots per vertex, nearest contact first.
     ///
     /// # Errors
-    /// [`ContactError`] for wrong lengths and for positions that are not finite; `out` then keeps its values.
+    /// [`ContactError`] for wrong lengths and for positions that are not finite; `out` is then unchanged.
     ///
     /// # Complexity
     /// Expected O(F + V log F). Never allocates.

@@ -135,7 +135,7 @@ impl Scene<'_> {
         let bvh = &self.hierarchies[surface];
         pairs.clear();
         for leaf in leaves {
-            // Most leaves found are near the cluster's box, but near none of the vertices allowed.
+            // Most leaves found are near the cluster's box, but not near any of the allowed vertices.
             let mut near = leaf.members();
             if let Some((parent, lane)) = bvh.parent(leaf) {
                 near &= points_near_box(self.level, parent, lane, points);

@@ -203,7 +203,7 @@ impl IntervalGate {
         while next < self.pushed {
             let speed = self.ring[self.row(next) + v];
             if speed > self.threshold {
-                // `untested` keeps its value: the frames after this one are untested for later runs.
+                // `untested` is unchanged: the frames after this one are untested for later runs.
                 return true;
             }
             if speed < 0.0 {
@@ -224,7 +224,7 @@ impl IntervalGate {
 pub struct CausalGate {
     threshold: f32,
     hold: f64,
-    /// Time of the last frame that kept the gate open; minus infinity while it is closed.
+    /// Time of the last frame that held the gate open; minus infinity while it is closed.
     last_open: Vec<f64>,
 }
 impl_state!(CausalGate { last_open });

@@ -42,7 +42,7 @@ pub enum Stamp {
     /// Half-way between the frames, where the difference is exact to second order.
     #[default]
     Midpoint,
-    /// At the first frame: half a frame early.
+    /// At the first frame, half a frame early.
     Start,
 }
 

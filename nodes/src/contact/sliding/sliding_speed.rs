@@ -41,7 +41,7 @@ choices! { @param Between {
 choices! { @param Stamp {
     /// Half-way between the two frames of a difference, where the difference is exact to second order.
     Midpoint,
-    /// At the first of the two frames: half a frame early.
+    /// At the first of the two frames, half a frame early.
     Start,
 } }
 
@@ -53,9 +53,9 @@ params! {
     /// the first and after the last sample the speed is 0. The comparison with the threshold is strict: a threshold of 0 still
     /// silences vertices that never move.
     ///
-    /// A mesh that arrives while the graph plays comes with the `age` of its frame. While the frame stays the same, vertices keep
-    /// their last speed for `late_hold` and then slow down to 0 in `late_ramp`. A slide over a gap is divided by the time between
-    /// the two frames, so that a late frame causes no jump of speed.
+    /// A mesh that arrives while the graph plays comes with the `age` of its frame. While the frame stays the same,
+    /// vertices hold their last speed for `late_hold` and then slow down to 0 in `late_ramp`. A slide over a gap is
+    /// divided by the time between the two frames, so that a late frame causes no jump of speed.
     ///
     /// # Source
     /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 2; Fritsch
@@ -80,7 +80,7 @@ params! {
         factor: f32 = 1.0, unit "", range 0.0..=1000.0;
         /// Exponent of the speed.
         power: f32 = 1.0, unit "", range 0.1..=10.0;
-        /// Time for which a vertex keeps its last speed while no new frame arrives, if `age` is linked.
+        /// Time for which a vertex holds its last speed while no new frame arrives, if `age` is linked.
         late_hold: f64 = 0.1, unit "s", range 0.0..=60.0;
         /// Time of the ramp from there to 0.
         late_ramp: f64 = 0.1, unit "s", range 0.0..=60.0;

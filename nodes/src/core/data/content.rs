@@ -1,11 +1,11 @@
-//! Digests of what artefacts and recordings hold, so that a change is seen.
+//! Digests of the contents of artefacts and recordings, which detect changes.
 
 use serde::Serialize;
 
 /// Digest of an artefact whose own digest is left empty.
 ///
 /// `later` are fields that came after the first such digests, written as JSON writes them where they hold nothing, with the comma
-/// behind: they count only where they hold something, so that files from before them keep their digest.
+/// behind: they count only where they hold something, so that the digest of older files does not change.
 #[must_use]
 pub fn content_digest(artefact: &impl Serialize, later: &[&str]) -> String {
     // Numbers are written so that they are read as the same ones again.
@@ -30,7 +30,7 @@ pub fn audio_digest(rate: u32, channels: usize, samples: &[f32]) -> String {
 }
 
 /// Returns an error message if an artefact was changed after it was written: its digest differs from that of what
-/// it holds. `remedy` says how another one is made: `fit it`.
+/// it holds. `remedy` states how to make another one: `fit it`.
 #[must_use]
 pub fn altered_content(found: &str, wanted: &str, remedy: &str) -> Option<String> {
     (!found.is_empty() && found != wanted).then(|| {

@@ -3,7 +3,7 @@
 use super::time::Tick;
 use std::fmt;
 
-/// Why a node's parameters and inputs do not go together: found before anything runs.
+/// Reason why a node's parameters and inputs are incompatible, found before anything runs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reject {
     /// Stable code of the message, such as `F031`.
@@ -17,7 +17,7 @@ pub struct Reject {
 }
 
 impl Reject {
-    /// A rejection with its code and what was found.
+    /// A rejection with its code and the finding.
     #[must_use]
     pub fn new(code: &'static str, message: impl Into<String>) -> Self {
         Self { code, message: message.into(), field: None, help: None }
@@ -61,12 +61,12 @@ pub struct Fault {
     pub field: Option<String>,
     /// Advice on the correct form.
     pub help: Option<String>,
-    /// When in the piece, where that is known.
+    /// Time in the piece, if it is known.
     pub time: Option<Tick>,
 }
 
 impl Fault {
-    /// A fault with its code and what was found.
+    /// A fault with its code and the finding.
     #[must_use]
     pub fn new(code: &'static str, message: impl Into<String>) -> Self {
         Self { code, message: message.into(), field: None, help: None, time: None }

@@ -12,7 +12,7 @@ impl<T: Read + Seek + Send + ?Sized> ReadSeek for T {}
 pub trait WriteSeek: Write + Seek + Send {}
 impl<T: Write + Seek + Send> WriteSeek for T {}
 
-/// Why a file could not be had.
+/// Reason why a file is not available.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{message}")]
 pub struct FileError {
@@ -73,7 +73,7 @@ pub(in crate::core) fn too_large(path: &str, bytes: u64, room: u64) -> FileError
 
 /// Destination of outputs; they appear under their names when the run has succeeded.
 pub trait Outputs: Send + Sync {
-    /// Starts an output file, or opens the one that is to be resumed: at its beginning, with all that it holds.
+    /// Starts an output file, or opens the one to resume, at its beginning and with its content.
     ///
     /// # Errors
     /// When the path leaves the output folder or cannot be written.
@@ -129,12 +129,12 @@ type Bytes = Arc<Mutex<Vec<u8>>>;
 #[derive(Clone, Debug, Default)]
 pub struct MemoryOutputs {
     files: Arc<Mutex<BTreeMap<String, Bytes>>>,
-    /// True if a file that is there already is resumed.
+    /// True if an existing file is resumed.
     goes_on: bool,
 }
 
 impl MemoryOutputs {
-    /// Copies of what has been written so far, for a run that continues with it.
+    /// Copies of the output so far, for a run that continues it.
     #[must_use]
     pub fn to_resume(&self) -> Self {
         let copy = |(path, bytes): (&String, &Bytes)| {
@@ -211,12 +211,12 @@ pub fn number_in(pattern: &str, name: &str) -> Option<u64> {
     plain.then(|| digits.parse().ok()).flatten()
 }
 
-/// Orders the files of a sequence, or says that there are none or that one is missing.
+/// Orders the files of a sequence, or reports that there are none or that one is missing.
 ///
 /// Numbers go up in equal steps: by 1, or by 2 where every other frame was written.
 ///
 /// # Errors
-/// If `found` is empty, or a number is missing or given twice: a motion would continue too early after the gap.
+/// If `found` is empty, or a number is missing or occurs twice: a motion would continue too early after the gap.
 pub fn sorted_sequence(
     pattern: &str,
     mut found: Vec<(u64, String)>,

@@ -5,7 +5,7 @@ use super::time::Tick;
 /// Maximum number of numbers in a message.
 pub const MAX_COUNT: usize = 24;
 
-/// One message: up to [`MAX_COUNT`] numbers, whose meaning the node that reads them knows.
+/// One message: up to [`MAX_COUNT`] numbers; the node that reads them defines their meaning.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Message {
     numbers: [f64; MAX_COUNT],
@@ -33,32 +33,32 @@ impl Message {
 
 /// A queue of messages for a node.
 pub trait Inbox: Send {
-    /// Takes the earliest message before a tick, if one is there; never waits, allocates or locks.
+    /// Takes the earliest message before a tick, if there is one; never waits, allocates or locks.
     fn next(&mut self, before: Tick) -> Option<(Tick, Message)>;
 }
 
 /// A queue of frames of a fixed size, such as the positions of a mesh.
 pub trait Frames: Send {
-    /// Writes the newest frame before a tick and gives its time, where one has come since the last call; older ones are passed over, and
-    /// later ones wait. It never waits, allocates or locks.
+    /// Writes the newest frame before a tick and returns its time, if one has come since the last call; older ones are
+    /// skipped, and later ones wait. It never waits, allocates or locks.
     ///
     /// # Shapes
-    /// `into` has the numbers that were asked for when this was opened.
+    /// `into` has as many numbers as were requested when this was opened.
     fn latest(&mut self, before: Tick, into: &mut [f32]) -> Option<Tick>;
 }
 
 /// A source of messages.
 pub trait Inputs: Send + Sync {
-    /// Starts to collect the messages of a channel; `None` where nothing ever comes, as in an offline run.
+    /// Starts to collect the messages of a channel; `None` if none can come, as in an offline run.
     fn open(&self, channel: &str) -> Option<Box<dyn Inbox>>;
 
-    /// Starts to collect the frames of a channel, of so many numbers each; `None` where none ever comes.
+    /// Starts to collect the frames of a channel, of `count` numbers each; `None` if none can come.
     fn open_frames(&self, _channel: &str, _numbers: usize) -> Option<Box<dyn Frames>> {
         None
     }
 }
 
-/// Nothing comes in.
+/// Inputs without messages.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct NoInputs;
 

@@ -1,4 +1,4 @@
-//! The types that travel over links, and what the runtime knows of each.
+//! The types that travel over links, and their description for the runtime.
 
 use super::buffer::{AnyBuffer, Budget, EventBuffer, Pad, StreamBuffer};
 use super::feed::Feed;
@@ -107,7 +107,7 @@ pub trait Data: Debug + PartialEq + Serialize + DeserializeOwned + Send + Sync +
     fn plot(&self) -> Option<String> {
         None
     }
-    /// Its file, for types that would be too large as text.
+    /// Its binary file, for types that are too large as text.
     fn file(&self) -> Option<Vec<u8>> {
         None
     }
@@ -224,7 +224,7 @@ fn trial_stream<T: Item>(rng: &mut Rng, rate: Rate, format: T::Format, items: i6
     Feed::stream::<T>(rate, format, data)
 }
 
-/// Turns the events of a part of a buffer into JSON.
+/// Converts the events of a part of a buffer to JSON.
 pub type EventsJson = fn(&dyn AnyBuffer, Tick, Tick) -> Vec<(Tick, serde_json::Value)>;
 
 /// Adds a part of a buffer to bytes; `None` where the buffer is of another type.
@@ -308,7 +308,7 @@ pub struct DataType {
     pub name: &'static str,
     /// Identity.
     pub id: fn() -> TypeId,
-    /// The value as JSON, written as it goes: of a large value the tree would take many times its memory.
+    /// Writes the value as JSON without a tree, which would take many times the memory of a large value.
     pub json: fn(&AnyValue, &mut dyn io::Write) -> io::Result<()>,
     /// True if its values have drawings.
     pub plots: bool,
@@ -386,7 +386,7 @@ impl AnyValue {
     #[must_use]
     pub fn json(&self) -> String {
         let mut text = Vec::new();
-        // Writing to memory cannot fail; what has no JSON gives none.
+        // Writing to memory cannot fail; a value without JSON writes none.
         let _ = (self.kind.json)(self, &mut text);
         String::from_utf8(text).unwrap_or_default()
     }
@@ -423,7 +423,7 @@ pub struct StreamShape {
     pub rate: Rate,
     /// Elements per item.
     pub width: usize,
-    /// When it ends; `None` for a stream without end.
+    /// Tick at which it ends; `None` for a stream without end.
     pub end: Option<Tick>,
     /// The format for people.
     pub text: String,
@@ -464,6 +464,6 @@ pub enum LinkShape {
     Stream(StreamShape),
     /// Events that end at a time.
     Events(Option<Tick>),
-    /// A value; not there yet where it is made by the run itself.
+    /// A value; absent as long as the run has not computed it.
     Value(Option<AnyValue>),
 }

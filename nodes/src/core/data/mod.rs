@@ -1,4 +1,4 @@
-//! Data types and time: what travels between nodes, and the buffers, files and states that hold it.
+//! Data types and time: the types that travel between nodes, and the buffers, files and states that hold it.
 
 pub mod buffer;
 pub mod content;

@@ -1,4 +1,4 @@
-//! Counter-based randomness: a number is a function of what it is for, never of what was drawn before.
+//! Counter-based randomness: a number is a function of its purpose, not of earlier numbers.
 //!
 //! # Source
 //! Salmon, Moraes, Dror and Shaw, "Parallel Random Numbers: As Easy as 1, 2, 3" (SC 2011), Philox4x32-10.
@@ -38,7 +38,7 @@ impl Random {
     }
 }
 
-/// A sequence of draws, for trials and searches that are not part of a signal.
+/// A sequence of random numbers, for trials and searches that are not part of a signal.
 #[derive(Clone, Debug)]
 pub struct Rng {
     random: Random,

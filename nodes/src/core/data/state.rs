@@ -7,12 +7,12 @@ use super::fault::Fault;
 use serde::{Serialize, de::DeserializeOwned};
 use std::io::{Seek, SeekFrom, Write};
 
-/// Saves what it is shown, or restores what was saved, in the same order.
+/// Saves states to bytes, or restores them in the same order.
 #[derive(Debug)]
-pub struct StateArchive<'a>(Way<'a>);
+pub struct StateArchive<'a>(Mode<'a>);
 
 #[derive(Debug)]
-enum Way<'a> {
+enum Mode<'a> {
     Save(&'a mut Vec<u8>),
     Restore(&'a [u8]),
 }
@@ -21,28 +21,28 @@ impl<'a> StateArchive<'a> {
     /// Saves to the end of these bytes.
     #[must_use]
     pub fn save(bytes: &'a mut Vec<u8>) -> Self {
-        Self(Way::Save(bytes))
+        Self(Mode::Save(bytes))
     }
 
     /// Restores from these bytes.
     #[must_use]
     pub fn restore(bytes: &'a [u8]) -> Self {
-        Self(Way::Restore(bytes))
+        Self(Mode::Restore(bytes))
     }
 
     /// Returns true for an archive that restores.
     #[must_use]
     pub fn restores(&self) -> bool {
-        matches!(self.0, Way::Restore(_))
+        matches!(self.0, Mode::Restore(_))
     }
 
     /// Returns true if all saved data has been restored.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        matches!(self.0, Way::Restore([]))
+        matches!(self.0, Mode::Restore([]))
     }
 
-    /// Saves or replaces every state of a list, which has to be as long when it is restored as it was when it was saved.
+    /// Saves or restores every state of a list, which must have the same length when it is restored as when it was saved.
     ///
     /// # Errors
     /// When it is not, or as [`Stateful::archive_state`].
@@ -60,7 +60,7 @@ impl<'a> StateArchive<'a> {
     }
 }
 
-/// Error for bytes of another type.
+/// Error for bytes of another state type.
 pub(super) fn mismatch() -> Fault {
     Fault::new("F084", "the saved state of a run does not fit its nodes")
         .help("run it from its beginning: --checkpoint 0")
@@ -78,8 +78,8 @@ pub trait Stateful {
 impl<T: Serialize + DeserializeOwned> Stateful for T {
     fn archive_state(&mut self, archive: &mut StateArchive<'_>) -> Result<(), Fault> {
         match &mut archive.0 {
-            Way::Save(bytes) => postcard::to_io(self, bytes).map(drop).map_err(|_| mismatch()),
-            Way::Restore(bytes) => {
+            Mode::Save(bytes) => postcard::to_io(self, bytes).map(drop).map_err(|_| mismatch()),
+            Mode::Restore(bytes) => {
                 let (state, rest) = postcard::take_from_bytes(bytes).map_err(|_| mismatch())?;
                 *self = state;
                 *bytes = rest;
@@ -89,7 +89,7 @@ impl<T: Serialize + DeserializeOwned> Stateful for T {
     }
 }
 
-/// Saves how far a sink has been written, or continues there in one that holds all that came before.
+/// Saves the position of a sink, or continues at it in a sink that holds everything before it.
 ///
 /// # Errors
 /// When the sink fails.
@@ -107,12 +107,12 @@ pub fn archive_position<W: Write + Seek + ?Sized>(
     Ok(())
 }
 
-/// Serde for arrays that are longer than serde knows: `#[serde(with = "long")]`.
+/// Serde for arrays that are longer than serde supports: `#[serde(with = "long")]`.
 pub mod long {
     use serde::de::{DeserializeOwned, Error};
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-    /// Writes the elements, and how many there are.
+    /// Writes the elements and their number.
     ///
     /// # Errors
     /// As the serializer.

@@ -45,9 +45,9 @@ impl Class {
 /// Answer of a running node to new parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Retune {
-    /// It has taken them over.
+    /// The node has adopted them.
     Done,
-    /// It has to be built again.
+    /// The node has to be built again.
     Rebuild,
 }
 
@@ -57,10 +57,10 @@ pub type Summary = Vec<(&'static str, serde_json::Value)>;
 /// A node: a thin, typed description around maths on slices.
 ///
 /// Life of a node:
-/// 1. `shape` says, from parameters and the shapes of its inputs, what it gives and how far it looks.
+/// 1. `shape` declares outputs and look-around, from parameters and the shapes of the inputs.
 /// 2. `build` allocates everything.
-/// 3. `run` fills one window after the other without gaps, from time zero or, in a graph that plays already, from
-///    wherever it continues: the views report it.
+/// 3. `run` fills one window after the other without gaps, from time zero or, in a graph that already plays, from
+///    the time at which it continues; the views report this time.
 /// 4. `finish` once, after the last window.
 /// 5. `retune` and `adopt` in between, when its graph is edited.
 pub trait Node: Sized + Send + 'static {
@@ -70,7 +70,7 @@ pub trait Node: Sized + Send + 'static {
     type Ports: Ports;
     /// Its name in graphs.
     const NAME: &'static str;
-    /// Version, which increases when the same inputs give another output.
+    /// Version, which increases when the same inputs result in another output.
     const VERSION: u32 = 1;
     /// Threads that may run it.
     const CLASS: Class;
@@ -106,9 +106,9 @@ pub trait Node: Sized + Send + 'static {
         Ok(Summary::new())
     }
 
-    /// Takes over new parameters while running, or asks to be built again.
+    /// Adopts new parameters while running, or requires a rebuild.
     ///
-    /// Returns true if it can depends on the two sets of parameters alone, and is the same the other way round. Nothing may be
+    /// The result depends only on the two sets of parameters, and is the same if they are exchanged. Nothing may be
     /// allocated here.
     fn retune(&mut self, new: &Self::Params) -> Retune {
         let _ = new;
@@ -148,7 +148,7 @@ pub trait Func: 'static {
     type Ports: Ports;
     /// Its name in graphs.
     const NAME: &'static str;
-    /// Version, which increases when the same inputs give another output.
+    /// Version, which increases when the same inputs result in another output.
     const VERSION: u32 = 1;
     /// True if its outputs contain the paths of its assets.
     const EXPOSES_PATHS: bool = false;
@@ -188,7 +188,7 @@ pub trait Each: Sized + Send + 'static {
     type Out: Item;
     /// Its name in graphs.
     const NAME: &'static str;
-    /// Version, which increases when the same inputs give another output.
+    /// Version, which increases when the same inputs result in another output.
     const VERSION: u32 = 1;
     /// Name and documentation of the input.
     const INPUT: (&'static str, &'static str);

@@ -11,7 +11,7 @@ use crate::core::state::StateArchive;
 use std::any::Any;
 use std::fmt;
 
-/// A node whose type only itself knows.
+/// A node of an erased type.
 pub trait DynNode: Send {
     /// Fills one window.
     ///
@@ -31,7 +31,7 @@ pub trait DynNode: Send {
         let _ = new;
         Retune::Rebuild
     }
-    /// Takes over state; nothing happens between different types.
+    /// Adopts state; does nothing between different types.
     fn adopt(&mut self, old: &mut dyn DynNode) {
         let _ = old;
     }
@@ -81,7 +81,7 @@ type ReadParams = fn(&dyn Fn(&str) -> Option<Datum>) -> Result<Box<dyn AnyParams
 type Make = fn(&dyn AnyParams, &Build<'_>) -> Result<Box<dyn DynNode>, Fault>;
 type Eval = fn(&dyn AnyParams, &Build<'_>, &Cx<'_>) -> Result<Summary, Fault>;
 
-/// A node type as the registry lists it: everything that the runtime, the documentation and the editors know of it.
+/// A node type as the registry lists it, with everything that the runtime, the documentation and the editors read.
 pub struct NodeType {
     /// Its name in graphs.
     pub name: &'static str,

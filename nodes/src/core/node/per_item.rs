@@ -25,14 +25,14 @@ impl<E: Each> Ports for EachPorts<E> {
         doc: E::INPUT.1,
         kind: PortKind::Stream(OfItem::<E::In>::INFO),
         arity: Arity::One,
-        late: false,
+        delayed: false,
     }];
     const OUTPUTS: &'static [PortSpec] = &[PortSpec {
         name: E::OUTPUT.0,
         doc: E::OUTPUT.1,
         kind: PortKind::Stream(OfItem::<E::Out>::INFO),
         arity: Arity::One,
-        late: false,
+        delayed: false,
     }];
 
     fn open<'a>(cx: &Cx<'a>) -> Self::Io<'a> {

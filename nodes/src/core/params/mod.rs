@@ -30,7 +30,7 @@ pub fn read_choice<T: Copy>(
 /// An error in one field of a node.
 #[derive(Clone, Debug, PartialEq)]
 pub enum FieldError {
-    /// A parameter without a default was not given.
+    /// A parameter without a default is missing.
     Missing(&'static str),
     /// A value was not taken.
     Value(&'static str, Mismatch),
@@ -41,7 +41,7 @@ pub enum FieldError {
 pub struct SourceFile {
     /// Its crate.
     pub package: &'static str,
-    /// Its path as the compiler was given it; made by [`params!`](crate::params).
+    /// Its path as passed to the compiler; made by [`params!`](crate::params).
     pub file: &'static str,
 }
 
@@ -69,13 +69,13 @@ pub trait Params: Clone + Debug + PartialEq + Send + Sync + 'static {
     /// # Errors
     /// One per field that is missing or wrong.
     fn read(get: &dyn Fn(&str) -> Option<Datum>) -> Result<Self, Vec<FieldError>>;
-    /// All of them as graphs write them.
+    /// All parameters, as graphs write them.
     fn write(&self) -> Vec<(&'static str, Datum)>;
     /// Valid parameters for trials.
     fn trial(rng: &mut Rng) -> Self;
 }
 
-/// Parameters of a node type that only the node knows.
+/// Parameters of an erased type, which only the node reads.
 pub trait AnyParams: Debug + Send + Sync {
     /// Downcast.
     fn as_any(&self) -> &dyn Any;
@@ -116,7 +116,7 @@ pub fn read_field<P: Param>(
 
 /// Declares the parameters of a node: `name: Type = default, unit "s", range 0.0..=1.0;` with a doc comment each.
 ///
-/// A parameter without a default has to be given. The doc comment of the struct is the documentation of the node.
+/// A parameter without a default is required. The doc comment of the struct is the documentation of the node.
 /// `[group] name: Group;` includes all parameters of `Group`, which `params!` declares as well, at this position:
 /// graphs write them as parameters of the node itself.
 #[macro_export]
@@ -301,7 +301,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_optional_says_what_it_takes() {
+    fn optional_parameters_state_their_values() {
         let expected = |e: Mismatch| match e {
             Mismatch::Type { expected, .. } => expected,
             e => panic!("{e:?}"),

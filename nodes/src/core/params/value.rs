@@ -21,7 +21,7 @@ pub enum Datum {
     Name(String),
     /// `[a, b]` or `(a, b)`.
     List(Vec<Datum>),
-    /// Anything that no parameter takes, by what it is called.
+    /// A value that no parameter takes, by its name.
     Other(String),
 }
 
@@ -57,7 +57,7 @@ impl fmt::Display for Datum {
     }
 }
 
-/// Why a parameter does not take a value.
+/// Reason why a parameter rejects a value.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Mismatch {
     /// Another type of value.
@@ -124,7 +124,7 @@ impl Bounds {
         (self.min..=self.max).contains(&x)
     }
 
-    /// A number within: an end now and then, otherwise spread over the range's magnitude.
+    /// A random number in the range: sometimes an end, otherwise spread over the range's magnitude.
     pub fn trial(&self, rng: &mut Rng) -> f64 {
         let (min, max) = (self.min.max(-1e6), self.max.min(1e6));
         match rng.below(8) {
@@ -178,9 +178,9 @@ pub enum ParamKind {
     Rate,
     /// One of several names, each with its explanation.
     Choice(&'static [(&'static str, &'static str)]),
-    /// Several of one kind; the count where it is fixed.
+    /// Several values of one kind, with their count if it is fixed.
     List(&'static ParamKind, Option<usize>),
-    /// Nothing (`None`), or one of a kind.
+    /// `None`, or a value of one kind.
     Maybe(&'static ParamKind),
 }
 
@@ -238,7 +238,7 @@ pub struct ParamSpec {
     pub unit: Option<&'static str>,
     /// Its range, for numbers.
     pub bounds: Option<Bounds>,
-    /// Its default; `None` where it has to be given.
+    /// Its default; `None` if it is required.
     pub default: Option<Datum>,
 }
 

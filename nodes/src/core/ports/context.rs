@@ -22,7 +22,7 @@ pub enum InWire {
         behind: usize,
         /// Items after the window that are shown.
         ahead: usize,
-        /// Items by which it is read late.
+        /// Items by which the read is delayed.
         delay: usize,
         /// Elements per item.
         width: usize,
@@ -65,7 +65,7 @@ pub enum OutWire {
         /// Clock number of the writer's window.
         clock: usize,
     },
-    /// A value, once there is one.
+    /// A value, as soon as it exists.
     Value(RefCell<Option<AnyValue>>),
 }
 
@@ -76,7 +76,7 @@ pub struct Clock {
     pub rate: Option<Rate>,
     /// Delay relative to the run.
     pub delay: Tick,
-    /// When its stream ends.
+    /// Tick at which its stream ends.
     pub end: Option<Tick>,
     /// Its first tick: 0, or its start in a graph that plays already.
     pub from: Tick,
@@ -129,7 +129,7 @@ pub(in crate::core) struct Shared<'a> {
     pub(in crate::core) buffers: &'a [BufferCell],
     pub(in crate::core) spans: &'a [Span],
     pub(in crate::core) poison: bool,
-    /// True if the streams have ended; the surroundings of the last window may be gone.
+    /// True if the streams have ended; items around the last window may be missing.
     pub(in crate::core) closing: bool,
 }
 
@@ -166,7 +166,7 @@ impl<'a> Cx<'a> {
         Some(read(self.shared.buffers[buffer].borrow().any(), self.shared.spans[clock]))
     }
 
-    /// Writes the buffer behind one output without knowing its type; the present window on it is to be appended.
+    /// Writes the buffer of one output without its type; the current window is to be appended.
     pub fn raw_output<R>(&self, port: usize, write: impl FnOnce(&mut dyn AnyBuffer, Span) -> R) -> Option<R> {
         let (buffer, clock) = match self.outputs.get(port)? {
             OutWire::Stream { buffer, clock, .. } | OutWire::Events { buffer, clock } => (*buffer, *clock),

@@ -28,9 +28,9 @@ pub struct Fold<T>(PhantomData<T>);
 #[derive(Debug)]
 pub struct Many<K>(PhantomData<K>);
 
-/// One link that is read late, and therefore may close a loop.
+/// One link that is read with a delay, and therefore may close a loop.
 #[derive(Debug)]
-pub struct Late<K>(PhantomData<K>);
+pub struct Delayed<K>(PhantomData<K>);
 
 /// Kind and type of a port.
 #[derive(Clone, Copy, Debug)]
@@ -46,7 +46,7 @@ pub enum PortKind {
 }
 
 impl PortKind {
-    /// The name of what travels.
+    /// The name of the item type.
     #[must_use]
     pub fn name(&self) -> &'static str {
         match self {
@@ -102,7 +102,7 @@ pub struct PortSpec {
     /// Number of its links; outputs have [`Arity::One`].
     pub arity: Arity,
     /// True if it may close a loop.
-    pub late: bool,
+    pub delayed: bool,
 }
 
 /// A typed name of a port.
@@ -147,7 +147,7 @@ pub trait InKind {
     /// Number of links.
     const ARITY: Arity;
     /// True if it may close a loop.
-    const LATE: bool = false;
+    const DELAYED: bool = false;
     /// Opens the view of one window.
     fn view<'a>(cx: &Cx<'a>, port: usize) -> Self::View<'a>;
 }
@@ -207,14 +207,14 @@ macro_rules! ports {
                 doc: concat!($($idoc, "\n",)+),
                 kind: <$it as $crate::core::ports::InKind>::KIND,
                 arity: <$it as $crate::core::ports::InKind>::ARITY,
-                late: <$it as $crate::core::ports::InKind>::LATE,
+                delayed: <$it as $crate::core::ports::InKind>::DELAYED,
             }, )* ];
             const OUTPUTS: &'static [$crate::core::ports::PortSpec] = &[ $( $crate::core::ports::PortSpec {
                 name: stringify!($out),
                 doc: concat!($($odoc, "\n",)+),
                 kind: <$ot as $crate::core::ports::OutKind>::KIND,
                 arity: $crate::core::ports::Arity::One,
-                late: false,
+                delayed: false,
             }, )* ];
 
             #[inline(always)]

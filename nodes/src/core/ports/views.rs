@@ -5,7 +5,7 @@
 //! light node takes.
 
 use super::context::{Cx, InWire, OutWire};
-use super::{Arity, Events, Fold, InKind, Late, Many, One, OutKind, PortKind, Stream, Value};
+use super::{Arity, Delayed, Events, Fold, InKind, Many, One, OutKind, PortKind, Stream, Value};
 use crate::core::buffer::{EventBuffer, StreamBuffer};
 use crate::core::item::{AnyValue, Data, Described, Event, Item, OfData, OfEvent, OfItem};
 use crate::core::time::{Rate, Tick};
@@ -33,13 +33,13 @@ impl<T: Item> In<'_, T> {
         &self.items[self.behind * self.width..(self.behind + self.len) * self.width]
     }
 
-    /// The items of the window with those before and after it that the shape asked for.
+    /// The items of the window, with those before and after it that the shape declared.
     #[must_use]
     pub fn around(&self) -> &[T::Elem] {
         &self.items
     }
 
-    /// Item `k` of the window; negative before it, from `len` on after it, as far as the shape asked for.
+    /// Item `k` of the window; negative before it, from `len` on after it, as far as the shape declared.
     #[must_use]
     pub fn item(&self, k: isize) -> &[T::Elem] {
         let at = (self.behind as isize + k) as usize * self.width;
@@ -303,11 +303,11 @@ impl<K: One> InKind for Option<K> {
     }
 }
 
-impl<K: One> InKind for Late<K> {
+impl<K: One> InKind for Delayed<K> {
     type View<'a> = K::View<'a>;
     const KIND: PortKind = K::KIND;
     const ARITY: Arity = Arity::One;
-    const LATE: bool = true;
+    const DELAYED: bool = true;
 
     #[inline(always)]
     fn view<'a>(cx: &Cx<'a>, port: usize) -> Self::View<'a> {

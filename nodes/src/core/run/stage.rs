@@ -49,7 +49,7 @@ pub struct Stage {
     poison: bool,
     /// True if no clock has anything to pad in the present window.
     steady: bool,
-    /// The buffers whose size depends on what comes in.
+    /// Buffers whose size depends on the input.
     growing: Vec<usize>,
 }
 
@@ -73,7 +73,7 @@ impl Stage {
         self.timed = timed;
     }
 
-    /// Fills every window with unusable numbers before its node runs, so that a test finds what was left unwritten.
+    /// Fills every window with unusable numbers before its node runs, so that a test finds values that were not written.
     pub fn set_poison(&mut self, poison: bool) {
         self.poison = poison;
     }
@@ -187,7 +187,7 @@ impl Stage {
         }
     }
 
-    /// Appends what [`Stage::export`] of another stage gave for the same window.
+    /// Appends the data that [`Stage::export`] of another stage returned for the same window.
     pub fn import(&self, buffer: usize, clock: usize, from: &dyn AnyBuffer) {
         let span = self.spans[clock];
         let mut buffer = self.buffers[buffer].borrow_mut();
@@ -226,7 +226,7 @@ impl Stage {
         self.buffers.iter().map(|t| t.borrow().any().bytes()).sum()
     }
 
-    /// Continues another stage: takes nodes and buffers, each given by its index there and its index here.
+    /// Continues another stage: takes nodes and buffers, each by its index there and its index here.
     ///
     /// The node that is replaced goes to the other stage, to be dropped with it. Nothing is
     /// allocated or freed.
@@ -240,7 +240,7 @@ impl Stage {
         }
     }
 
-    /// Saves all that the next window depends on, or puts it back into a stage of the same plan that has not run yet.
+    /// Saves everything that the next window depends on, or restores it into a stage of the same plan that has not run yet.
     ///
     /// # Errors
     /// The fault of the node, or [`None`] and that of a buffer, which cannot be saved or does not fit.
@@ -277,7 +277,7 @@ fn outgrown(nodes: &[StageNode], buffer: usize, bytes: usize) -> StageFault {
     )
 }
 
-/// Pads what a node has written, and copies it where another rule of padding holds.
+/// Pads the output of a node, and copies it to buffers with another pad rule.
 #[inline(never)]
 fn complete(cx: &Cx<'_>, copies: &[(usize, usize, usize)]) {
     for wire in cx.outputs {
@@ -302,7 +302,7 @@ fn complete(cx: &Cx<'_>, copies: &[(usize, usize, usize)]) {
     }
 }
 
-/// Continues a stream that has ended by its pad rule, and fills in what a held start waits for.
+/// Continues an ended stream by its pad rule, and fills in the padding that a held start waits for.
 fn settle(buffer: &BufferCell, span: Span) {
     if !span.steady() {
         let mut buffer = buffer.borrow_mut();

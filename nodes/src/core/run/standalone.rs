@@ -47,7 +47,7 @@ pub struct Standalone {
     pub seed: u64,
     /// Length of the windows; the first repeats until the end.
     pub window: Tick,
-    /// The node's first tick; what comes before it is not made.
+    /// The node's first tick; no earlier items are made.
     pub begin: Tick,
     /// End of the run of an endless node.
     pub until: Tick,
@@ -68,7 +68,7 @@ impl Standalone {
         Self::of_type(Arc::new(NodeType::func::<F>("")), Box::new(params))
     }
 
-    /// A node of a type that is known only when running.
+    /// A node whose type is determined at run time.
     #[must_use]
     pub fn of_type(ty: Arc<NodeType>, params: Box<dyn AnyParams>) -> Self {
         let links = ty.inputs.iter().map(|_| Vec::new()).collect();
@@ -169,7 +169,7 @@ impl Standalone {
         self.links.iter().map(|feeds| feeds.iter().map(|f| f.shape().clone()).collect()).collect()
     }
 
-    /// Wires the node and runs nothing yet.
+    /// Wires the node without running it.
     ///
     /// # Errors
     /// As [`Node::shape`] and [`Node::build`].
@@ -313,20 +313,20 @@ impl Wiring {
     }
 
     fn input(&mut self, feed: &Feed, lookaround: Lookaround, reader: Clock, window: Tick) -> InWire {
-        let Lookaround { behind, ahead, delay: late, ends } = lookaround;
+        let Lookaround { behind, ahead, delay, ends } = lookaround;
         let pad = if ends == Ends::Hold { Pad::Hold } else { Pad::Silence };
         let player = feed.source().map(|source| Box::new(Player(Arc::clone(source))) as Box<dyn DynNode>);
         match feed.shape() {
             LinkShape::Value(value) => InWire::Value(value.clone().expect("a feed holds its value")),
             LinkShape::Stream(stream) => {
                 let rate = stream.rate;
-                let span = max_items(rate, reader.delay + window) + behind + ahead + late + 3;
-                let buffer = self.buffer((stream.item.buffer)(stream.width, span, behind + late, pad));
+                let span = max_items(rate, reader.delay + window) + behind + ahead + delay + 3;
+                let buffer = self.buffer((stream.item.buffer)(stream.width, span, behind + delay, pad));
                 let write = self.feed_clock(Some(rate), stream.end);
                 let clock = self.clock(reader.at_rate(Some(rate)));
                 let out = OutWire::Stream { buffer, clock: write, width: stream.width, rate };
                 self.play(player, stream.end, out);
-                InWire::Stream { buffer, clock, behind, ahead, delay: late, width: stream.width, rate }
+                InWire::Stream { buffer, clock, behind, ahead, delay, width: stream.width, rate }
             }
             LinkShape::Events(stop) => {
                 let event = feed.source().and_then(|source| source.event_type());
@@ -460,7 +460,7 @@ impl StandaloneRun {
         })
     }
 
-    /// All events that an output has given so far.
+    /// All events that an output has produced so far.
     #[must_use]
     pub fn events<T: Event>(&self, port: Port<Events<T>>) -> Vec<(Tick, T)> {
         let OutWire::Events { buffer, .. } = &self.wires()[port.index()] else { return Vec::new() };

@@ -346,7 +346,7 @@ pub(crate) fn trial_bank() -> CrumpleBank {
 
 #[cfg(test)]
 impl CrumpleBank {
-    /// Creates a bank of one-value samples with the given energies.
+    /// Creates a bank of one-value samples with these energies.
     pub(crate) fn testing(energies: &[f64]) -> Self {
         let cut = |e: &f64| Cut { samples: vec![e.sqrt() as f32], origin: Origin::default() };
         let mut bank = Self::new(

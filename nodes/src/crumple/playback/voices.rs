@@ -92,8 +92,8 @@ struct Voice<F> {
 
 /// Plays samples of a bank, each with its own onset and filter.
 ///
-/// Frame numbers are absolute, and voices are added in the order of their onsets, so blocks of any length give the same
-/// bits. Nothing is allocated while it plays.
+/// Frame numbers are absolute, and voices are added in the order of their onsets, so blocks of any length produce the
+/// same bits. Nothing is allocated while it plays.
 #[derive(Clone, Debug)]
 pub struct Player<F> {
     samples: Vec<f32>,

@@ -98,7 +98,7 @@ impl Cascade {
         Self { stages, channels }
     }
 
-    /// Changes the coefficients and keeps the state. Returns false, and changes nothing, if the number of sections differs.
+    /// Changes the coefficients but not the state. Returns false, and changes nothing, if the number of sections differs.
     pub fn set_design(&mut self, design: &Butterworth) -> bool {
         let fits = design.sections().len() == self.stages.len();
         if fits {

@@ -173,7 +173,7 @@ impl Biquad {
         Self { section, state: vec![[0.0; 2]; channels] }
     }
 
-    /// Changes the coefficients and keeps the state.
+    /// Changes the coefficients but not the state.
     pub fn set_section(&mut self, section: Section) {
         self.section = section;
     }
@@ -204,7 +204,7 @@ impl Biquad {
     /// Filters interleaved samples in place.
     ///
     /// # Shapes
-    /// `samples`: a whole number of frames of the channels given to [`Biquad::new`].
+    /// `samples`: a whole number of frames of the channels passed to [`Biquad::new`].
     pub fn process(&mut self, samples: &mut [f32]) {
         let channels = self.state.len();
         for frame in samples.chunks_exact_mut(channels.max(1)) {

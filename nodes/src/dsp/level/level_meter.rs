@@ -21,8 +21,8 @@ params! {
     /// Measures peak and root mean square of each frame of a sound or of a force.
     ///
     /// Frame `k` covers the samples from `k / rate` seconds to the next frame. At the rate of a physics engine, the output is the strength
-    /// of each of its steps. Each input channel gives two output channels: peak and root mean square. A `.csv` tap lists them with
-    /// their times.
+    /// of each of its steps. Each input channel has two output channels: peak and root mean square. A `.csv` tap lists
+    /// them with their times.
     ///
     /// # Source
     /// The intensity that Picard, Tsingos and Faure plot with their contacts, "Audio texture synthesis for complex contact

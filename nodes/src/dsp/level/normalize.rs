@@ -8,7 +8,7 @@ use crate::core::ports::{Stream, Value};
 use crate::core::shape::{Build, Shape};
 use crate::{params, ports};
 params! {
-    /// Scales a recording to a given peak.
+    /// Scales a recording to a peak level.
     ///
     /// `Normalize(audio: "x", level: "loudness")` with `"loudness": Loudness(audio: "x")` runs `x` twice, the first time to measure it.
     /// Silence stays silence.

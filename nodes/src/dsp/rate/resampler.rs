@@ -1,8 +1,8 @@
 //! Sample rate conversion as a pure function of the input around a position.
 //!
 //! Output `j` is the windowed-sinc sum at input time `j * in_rate / out_rate`, in exact integers. Any block, start and thread therefore
-//! give the same bits, and sample 0 stays sample 0. In `rubato`, chunks, delay and the position of the first output are state of the
-//! object. The price is the speed of an FFT.
+//! produce the same bits, and sample 0 stays sample 0. In `rubato`, chunks, delay and the position of the first output
+//! are state of the object. The price is the speed of an FFT.
 //!
 //! # Source
 //! J. O. Smith, "Digital Audio Resampling" (bandlimited interpolation); Kaiser's window and length formulas.

@@ -37,7 +37,7 @@ fn fill(first: i64, out: &mut [f32], group_samples: impl Fn(i64) -> [f32; 4]) {
     });
 }
 
-/// White noise, uniform on [-1, 1), with rms 1 / sqrt(3). One call of the generator gives four samples.
+/// White noise, uniform on [-1, 1), with rms 1 / sqrt(3). One call of the generator returns four samples.
 #[derive(Clone, Copy, Debug)]
 pub struct UniformNoise {
     random: Random,
@@ -61,7 +61,7 @@ impl UniformNoise {
     }
 }
 
-/// White noise, normal with mean 0 and variance 1. One call of the generator gives four samples.
+/// White noise, normal with mean 0 and variance 1. One call of the generator returns four samples.
 ///
 /// # Source
 /// Box and Muller, "A Note on the Generation of Random Normal Deviates" (1958). With 32-bit numbers the tails end at 6.8 sigma.
@@ -137,7 +137,8 @@ const WARM_UP: i64 = 16_384;
 /// Within +-0.05 dB of 1 / f from 0.0002 to 0.45 of the rate (10 Hz to 20 kHz at 44.1 kHz), flat below.
 ///
 /// The state of a recursive filter depends on all earlier samples. Here the state at every 65,536th sample, the anchor, is that after
-/// the 16,384 samples before it, from zero. Any start therefore gives the same bits; the step at an anchor is below 1e-8.
+/// the 16,384 samples before it, from zero. Any start therefore produces the same bits; the step at an anchor is below
+/// 1e-8.
 ///
 /// # Complexity
 /// O(1) per sample in order, without bursts, since the filter for the next anchor runs in parallel. A jump costs up to 81,920 samples.

@@ -126,7 +126,7 @@ fn lagrange(f: f64) -> [f64; 4] {
 }
 
 params! {
-    /// Delays audio by the number of samples nearest to a given time. The samples stay the same bit for bit.
+    /// Delays audio by the number of samples nearest to a time. The samples stay the same bit for bit.
     ///
     /// The output ends later than the input by the delay.
     pub struct DelayParams {

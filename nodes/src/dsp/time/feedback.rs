@@ -4,7 +4,7 @@ use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::node::{Class, Node, Retune, same_channels, same_rate};
 use crate::core::params::Params;
-use crate::core::ports::{Late, Stream};
+use crate::core::ports::{Delayed, Stream};
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::ticks;
@@ -31,7 +31,7 @@ ports! {
     pub struct FeedbackPorts / FeedbackIo {
         in {
             /// The returned audio; it may come from a node that this one feeds.
-            audio: Late<Stream<f32>>,
+            audio: Delayed<Stream<f32>>,
             /// A stream of the same rate and channels from outside the loop.
             like: Stream<f32>,
         }
@@ -57,11 +57,11 @@ impl Node for FeedbackNode {
 
     fn shape(p: &FeedbackParams, s: &mut Shape<'_, '_, FeedbackPorts>) -> Result<(), Reject> {
         let like = s.input(FeedbackPorts::like);
-        if let Some(audio) = s.late(FeedbackPorts::audio) {
+        if let Some(audio) = s.delayed_input(FeedbackPorts::audio) {
             s.check(same_rate("audio", audio.rate, "`like`", like.rate));
             s.check(same_channels("audio", audio.format, "`like`", like.format));
         }
-        s.delayed(FeedbackPorts::audio, nearest_items(like.rate, p.delay).max(1));
+        s.delay(FeedbackPorts::audio, nearest_items(like.rate, p.delay).max(1));
         s.ends(like.end.map(|end| end + ticks(p.tail)));
         s.output(FeedbackPorts::out, like.rate, like.format);
         Ok(())

@@ -1,4 +1,4 @@
-//! Crossfades from one sound to another at a given time.
+//! Crossfades from one sound to another at a set time.
 
 use super::fade::{Fade, FadeLaw};
 use crate::core::fault::{Fault, Reject};
@@ -9,7 +9,7 @@ use crate::dsp::nearest_items;
 use crate::{params, ports};
 
 params! {
-    /// Crossfades from one sound to another at a given time.
+    /// Crossfades from one sound to another at a set time.
     ///
     /// With one input only, that sound fades out, or in. The output is as long as the longer input.
     pub struct CrossfadeParams {
@@ -40,7 +40,7 @@ ports! {
 /// Crossfades from `before` to `after`. The samples begin at frame `first`.
 ///
 /// # Shapes
-/// `before` and `after`, if given, are as long as `out`: frames of `channels` samples.
+/// `before` and `after`, if present, are as long as `out`: frames of `channels` samples.
 pub fn crossfade(
     (out_fade, in_fade): (Fade, Fade),
     first: i64,

@@ -14,7 +14,7 @@ pub enum Origin {
     RollerRaw,
     /// Plain recordings whose speeds are assumed, not measured.
     Recordings,
-    /// Spectra given by a caller.
+    /// Spectra from a caller.
     Given,
     /// Half-way between the models of two materials, of a pair that was not recorded.
     Inferred,

@@ -32,7 +32,7 @@ pub const EPSILON: f64 = 1e-9;
 
 /// Writes the fraction of the amplitude below each bin edge: `bins + 1` values from exactly 0 to exactly 1.
 ///
-/// A silent spectrum gives a straight line, so that it can be one end of an interpolation.
+/// A silent spectrum has a straight line, so that it can be one end of an interpolation.
 pub(super) fn distribution(amplitude: &[f64], epsilon: f64, out: &mut [f64]) {
     let largest = amplitude.iter().copied().fold(0.0, f64::max);
     let lift = if largest > 0.0 { epsilon * largest } else { 1.0 };
@@ -113,7 +113,7 @@ pub(super) fn blend(a: End<'_>, b: End<'_>, alpha: f64, gain: Gain, out: &mut [f
     out.iter_mut().for_each(|v| *v *= scale);
 }
 
-/// Writes the amplitude spectrum at `alpha` between `a` (0) and `b` (1). Two silent spectra give zeros.
+/// Writes the amplitude spectrum at `alpha` between `a` (0) and `b` (1). Two silent spectra result in zeros.
 ///
 /// A slice shorter than `out` is continued by zeros.
 ///

@@ -44,7 +44,7 @@ pub struct Split {
 ///
 /// Measured: a bump 300 Hz wide that sweeps from 2 to 8 kHz between two speeds is off by less than 0.2 % on average and
 /// 0.24 % at worst (L1 of the density); 0.3 % at worst over five speeds a hundredfold apart. Equidistant rows with
-/// linearly interpolated power give 0.57 % at worst.
+/// linearly interpolated power have 0.57 % at worst.
 ///
 /// # Complexity
 /// Building: O(rows bins). Memory: 4 rows bins bytes, 2.5 MB for 50 ms at 96 kHz.

@@ -36,7 +36,7 @@ params! {
     ///
     /// # Source
     /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 2;
-    /// Rodet and Depalle, "Spectral envelopes and inverse FFT synthesis" (1992). The paper gives no output window. The
+    /// Rodet and Depalle, "Spectral envelopes and inverse FFT synthesis" (1992). The paper states no output window. The
     /// triangle of its analysis would have dips of 3 dB at the clip rate.
     pub struct IftNoiseNodeParams {
         /// Sample rate of the audio.

@@ -9,7 +9,7 @@ use crate::choices;
 /// Crossfade of clips that overlap by half.
 ///
 /// Clips with random phases add in power, so the squares of two overlapping windows must sum to one. Two triangles
-/// sum to 1/2 in the middle of every overlap, which gives 3 dB dips at the clip rate, audible as roughness.
+/// sum to 1/2 in the middle of every overlap, which causes 3 dB dips at the clip rate, audible as roughness.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Window {
     /// Square root of the triangle: power complementary.

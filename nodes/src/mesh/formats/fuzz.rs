@@ -23,7 +23,7 @@ impl SplitMix {
 
 fn damage(valid: &[u8], random: &mut SplitMix) -> Vec<u8> {
     let mut bytes = valid.to_vec();
-    // Half of the files keep their lengths, so that the damage reaches the contents and not only the container.
+    // Half of the files retain their lengths, so that the damage reaches the contents and not only the container.
     let (edits, first, kinds) = if random.below(2) == 0 { (0, 1, 2) } else { (random.below(4), 0, 7) };
     for _ in 0..=edits {
         if bytes.is_empty() {

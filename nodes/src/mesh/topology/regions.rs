@@ -28,7 +28,7 @@ impl Regions {
                 coordinates().fold(f64::NEG_INFINITY, f64::max),
             );
             let length = (high - low).max(0.0);
-            // The tolerance keeps a length that is a multiple of `size` from getting one more box by rounding.
+            // The tolerance prevents one more box, by rounding, for a length that is a multiple of `size`.
             let count = (length / size.max(f64::MIN_POSITIVE) - 1e-6).ceil().clamp(1.0, 1e6);
             (low, length / count, count as i64 - 1)
         };

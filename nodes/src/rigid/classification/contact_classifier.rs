@@ -123,7 +123,7 @@ const MAX_STATES: usize = 8192;
 pub struct ContactClassifier {
     classifier: Classifier,
     states: VecDeque<(Tick, ContactState)>,
-    /// Latency and `room`, whose change needs a rebuild.
+    /// Latency and `room`; a change of them requires a rebuild.
     fixed: (Tick, u16),
     dropped: u64,
 }

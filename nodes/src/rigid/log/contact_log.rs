@@ -18,10 +18,10 @@ use std::sync::Arc;
 params! {
     /// Reads contacts of rigid bodies from the log of a physics engine: CSV with a header, or one JSON object per line.
     ///
-    /// Columns are identified by name; the chapter on contacts of the book lists those of foley, MuJoCo and Bullet. A suffix gives a
-    /// unit other than SI, as in `time_ms` or `px_mm`. Every contact point is one row, with the time, the two bodies, position,
-    /// normal, force or impulse, and the velocity of b relative to a. A separate file of poses of the bodies gives positions on the
-    /// bodies, velocities that the log does not have, and speeds of approach.
+    /// Columns are identified by name; the chapter on contacts of the book lists those of foley, MuJoCo and Bullet. A
+    /// suffix states a unit other than SI, as in `time_ms` or `px_mm`. Every contact point is one row, with the time,
+    /// the two bodies, position, normal, force or impulse, and the velocity of b relative to a. A separate file of
+    /// poses of the bodies adds positions on the bodies, velocities that the log does not have, and speeds of approach.
     ///
     /// Body a of a pair is always the one with the smaller number. Points are tracked from frame to frame to find their contacts. A
     /// contact that is missing for up to `hold` continues without force; after a longer gap it has ended.

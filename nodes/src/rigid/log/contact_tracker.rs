@@ -24,7 +24,7 @@ const MIN_COSINE_BETWEEN_FRAMES: f64 = 0.7;
 const SMOOTHING: f64 = 0.02;
 /// Largest number of frames filled in for a gap.
 const MAX_MISSING: f64 = 64.0;
-/// Time for which a contact keeps its extent without an observation of it, s.
+/// Time for which a contact retains its extent without an observation of it, s.
 const EXTENT_HOLD: f64 = 0.25;
 
 /// Parameters of contact tracking.

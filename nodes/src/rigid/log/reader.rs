@@ -69,7 +69,7 @@ fn frame_times(rows: &[Row]) -> Vec<Tick> {
     times
 }
 
-/// Reads a contact log, and poses of its bodies if given.
+/// Reads a contact log, and poses of its bodies if there are any.
 ///
 /// # Shapes
 /// One [`ContactFrame`] per contact and frame; body a is the one with the smaller number. Force is the mean over the frame if the

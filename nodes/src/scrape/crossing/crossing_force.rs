@@ -1,8 +1,10 @@
-//! The force between two surfaces of which only the lines are known: a pulse where a line of one meets a line of the other.
+//! Force between two surfaces from their lines alone: a pulse where a line of one crosses a line of the other.
 //!
-//! Along the direction of the way the lines of both surfaces are points that approach each other. A line `x` of the first and a
-//! line `y` of the second lie at the same position when the contact has come `a` over the one and `b` over the other with
-//! `a + b = x + y`: so the meetings of two even gratings come at the sum of their frequencies, as in their joint envelope.
+//! Along the path, the lines of both surfaces are points that approach each other. A line `x` of the first surface and
+//! a line `y` of the second lie at the same position when the contact has come `a` over the one and `b` over the other
+//! with
+//! `a + b = x + y`. The crossings of two even gratings therefore occur at the sum of their frequencies, as in their
+//! joint envelope.
 
 use crate::impl_state;
 use crate::scrape::force::law::Law;
@@ -19,7 +21,7 @@ use std::sync::Arc;
 
 /// Maximum number of lines of one surface within reach, and of crossings in a cell of samples.
 const MAX_COUNT: usize = 32;
-/// Least room for pulses: at low sample rates many contacts begin within one cell.
+/// Minimum capacity for pulses: at low sample rates many contacts begin within one cell.
 const ROOM: usize = 8192;
 /// Maximum length in pixels of one search for lines.
 const LONG: usize = 256;
@@ -27,11 +29,11 @@ const LONG: usize = 256;
 /// State of one contact.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct CrossingVoice {
-    /// Cell of samples, and meetings in it.
+    /// Cell of samples, and crossings in it.
     quota: (i64, usize),
 }
 
-/// Two lines that meet.
+/// Two lines that cross.
 #[derive(Clone, Copy, Debug)]
 struct LineCrossing {
     /// Samples since the anchor.
@@ -76,7 +78,7 @@ pub struct CrossingForce {
     pub reach: f64,
     /// Distance over which a pulse extends, px of the first surface.
     pub width: f64,
-    /// Meetings so far.
+    /// Crossings so far.
     pub crossings: u64,
     /// Crossings beyond the maximum, and samples that are too fast for lines to be resolved.
     pub left_out: u64,
@@ -89,7 +91,7 @@ pub struct CrossingForce {
 impl_state!(CrossingForce { crossings, left_out, pulses });
 
 impl CrossingForce {
-    /// Lines met by at most `contacts` contacts at once at a sample rate.
+    /// Creates the force for at most `contacts` simultaneous contacts at a sample rate.
     #[must_use]
     pub fn new(surfaces: [&Isophotes; 2], law: Law, rate: f64, contacts: usize) -> Self {
         let cells = (LONGEST * rate / CELL as f64).ceil() as usize + 2;
@@ -109,8 +111,7 @@ impl CrossingForce {
         }
     }
 
-    /// Adds the meetings of one contact over a segment, of which `out` holds the samples; they are heard by
-    /// [`ring_out`](Self::ring_out).
+    /// Adds the crossings of one contact over a segment; [`ring_out`](Self::ring_out) writes their pulses.
     pub fn add(&mut self, voice: &mut CrossingVoice, segment: &Segment, _: &mut [f32]) {
         let paths = [segment.path(), segment.other_path().unwrap_or([[0.0; 2]; 4])];
         let Some(direction) = direction(&paths, self.rate) else { return };
@@ -131,7 +132,7 @@ impl CrossingForce {
             near &= self.cross(side, base, direction, [ends.0 - reach, ends.1 + reach], size);
         }
         if !near {
-            // Faster than lines could be told apart.
+            // Too fast for lines to be resolved.
             self.left_out += (segment.to - segment.from) as u64;
             return;
         }
@@ -142,7 +143,7 @@ impl CrossingForce {
         }
     }
 
-    /// Adds what is left of pulses to the samples from `first` on.
+    /// Adds the rest of the pulses to the samples from `first` on.
     pub fn ring_out(&mut self, first: i64, out: &mut [f32]) {
         self.pulses.read(first, out);
     }
@@ -159,8 +160,8 @@ impl CrossingForce {
         self.left_out + self.pulses.left_out
     }
 
-    /// Finds the lines of one surface that cross the straight line through `base`, between two positions on it in m; says whether
-    /// these are near enough.
+    /// Finds the lines of one surface that cross the straight line through `base`, between two positions on it in m.
+    /// Returns true if these positions are near enough.
     fn cross(
         &mut self,
         side: usize,
@@ -210,7 +211,7 @@ impl CrossingForce {
         true
     }
 
-    /// Finds the pairs of lines that meet within a segment, the earliest first.
+    /// Finds the pairs of lines that cross within a segment, the earliest first.
     ///
     /// Those that make no sound do not count: then it makes no difference how a cell is cut.
     fn find_crossings(&mut self, segment: &Segment, reach: f64) {
@@ -272,7 +273,7 @@ impl CrossingForce {
     }
 }
 
-/// Sorts a meeting in by its time; of more than there may be the earliest stay.
+/// Inserts a crossing in the order of time; beyond the capacity the latest ones are dropped.
 fn put(pending: &mut Vec<LineCrossing>, new: LineCrossing) {
     let position = pending.partition_point(|old| (old.time, old.pieces) <= (new.time, new.pieces));
     if position < MAX_COUNT {
@@ -281,7 +282,7 @@ fn put(pending: &mut Vec<LineCrossing>, new: LineCrossing) {
     }
 }
 
-/// Unit vector in which the surfaces slip in the middle of a cell, by the first that moves.
+/// Unit vector of the slip in the middle of a cell, from the first surface that moves.
 fn direction(paths: &[[[f64; 2]; 4]; 2], rate: f64) -> Option<[f64; 2]> {
     let n = CELL as f64 / 2.0;
     paths.iter().find_map(|c| {

@@ -1,8 +1,8 @@
-//! Powers and logarithms in single precision, made of sums and products alone.
+//! Powers and logarithms in single precision, from sums and products alone.
 
 /// `x^a` for `x >= 0`, to 1e-6; 0 stays 0.
 ///
-/// Made of sums and products alone: loops over it become vectors, and every machine gives the same bits.
+/// Consists of sums and products alone: loops over it become vectors, and every machine computes the same bits.
 #[inline(always)]
 pub(super) fn power(x: f32, a: f32) -> f32 {
     if x > f32::MIN_POSITIVE { exp2(a * log2(x)) } else { 0.0 }

@@ -6,7 +6,7 @@ use crate::params;
 params! {
     /// Force law of an excitation: `kappa (f/1 N)^a (v/1 m/s)^b` times the value read under the contact.
     pub struct ForceLawParams {
-        /// Force in N that a value of 1 gives at 1 N and 1 m/s.
+        /// Force in N of a value of 1 at 1 N and 1 m/s.
         kappa: f64 = 1.0, unit "N", range -1_000_000.0..=1_000_000.0;
         /// Exponent of the normal force.
         a: f64 = 1.0, unit "", range 0.0..=2.0;
@@ -16,7 +16,7 @@ params! {
 }
 
 params! {
-    /// Contacts that an excitation reads, and the size of what they touch.
+    /// Contacts that an excitation reads, and the size of the surface that they touch.
     pub struct ContactForceParams {
         /// Factor of the force.
         gain: f64 = 1.0, unit "", range -1000.0..=1000.0;

@@ -6,11 +6,11 @@ use super::ramp::Ramp;
 use super::speed_curve::SpeedCurve;
 use super::voices::{CELL, Cell, Segment};
 
-/// Amplitude `kappa (f/f_ref)^a (v/v_ref)^b` with `f_ref` = 1 N and `v_ref` = 1 m/s, every part of which can be turned while
+/// Amplitude `kappa (f/f_ref)^a (v/v_ref)^b` with `f_ref` = 1 N and `v_ref` = 1 m/s. Every parameter can change while
 /// it sounds.
 ///
 /// # Source
-/// Picard, Tsingos and Faure (VRIPHYS 2008), section 4, say that position, force and velocity are used; the law is a choice.
+/// Picard, Tsingos and Faure (VRIPHYS 2008), section 4, use position, force and velocity; the law is a choice.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Law {
     /// Factor.
@@ -19,26 +19,26 @@ pub struct Law {
     pub a: Ramp,
     /// Exponent of the speed.
     pub b: Ramp,
-    /// Multiplier of the factor at each speed, if it is known.
+    /// Multiplier of the factor at each speed, if it was measured.
     pub curve: Option<SpeedCurve>,
 }
 
 impl Law {
-    /// A law at rest.
+    /// A law with constant parameters.
     #[must_use]
     pub fn new([kappa, a, b]: [f64; 3], rate: f64) -> Self {
         Self { kappa: Ramp::new(kappa, rate), a: Ramp::new(a, rate), b: Ramp::new(b, rate), curve: None }
     }
 
-    /// Sets off for another law at a sample.
+    /// Starts a ramp to another law at a sample.
     pub fn ramp_to(&mut self, [kappa, a, b]: [f64; 3], sample: i64) {
         self.kappa.ramp_to(kappa, sample);
         self.a.ramp_to(a, sample);
         self.b.ramp_to(b, sample);
     }
 
-    /// Multiplier at a speed on a surface of a size: a surface of twice the size passes half as fast, and then the law, which
-    /// knows nothing of that, counts the whole speed; a relief is twice as high.
+    /// Multiplier at a speed on a surface of a size: a surface of twice the size passes half as fast, but the law
+    /// counts the whole speed; a relief is twice as high.
     #[inline]
     #[must_use]
     pub fn bend(&self, speed: f32, size: f64, sample: i64) -> f32 {
@@ -85,7 +85,7 @@ impl Law {
     }
 }
 
-/// Raises all to a power; 0 stays 0, also to the power of 0.
+/// Raises all numbers to a power; 0 stays 0, also to the power of 0.
 #[inline(always)]
 fn raise(x: &mut Cell, exponent: f32) {
     if exponent == 1.0 {

@@ -25,9 +25,9 @@ pub struct Heading {
 /// The motion of a contact over one segment.
 #[derive(Clone, Copy, Debug)]
 pub struct Motion {
-    /// Way from the anchor, m.
+    /// Displacement from the anchor, m.
     pub x: Cell,
-    /// Way from the anchor, m.
+    /// Displacement from the anchor, m.
     pub y: Cell,
     /// Speed, m/s.
     pub speed: Cell,
@@ -49,7 +49,7 @@ impl Motion {
         Self { x: cell, y: cell, speed: cell, tx: cell, ty: cell, gate: cell, sign: cell }
     }
 
-    /// Follows a way, given as a polynomial in samples from the anchor, m.
+    /// Follows a path, a polynomial in samples from the anchor, m.
     ///
     /// `aspect` is the density along x and along y over a common one: directions are those of pixels.
     #[inline(always)]

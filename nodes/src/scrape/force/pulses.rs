@@ -6,9 +6,9 @@ use std::f64::consts::TAU;
 
 /// Area of a pulse over its amplitude, s: a crossing of 1 per pixel is 1 N for 1 ms.
 pub const PULSE: f64 = 1e-3;
-/// Fewest samples that a pulse lasts.
+/// Minimum duration of a pulse, samples.
 const SHORTEST: f64 = 2.0;
-/// Longest that a pulse lasts, s.
+/// Maximum duration of a pulse, s.
 pub const LONGEST: f64 = 0.005;
 
 /// Owner of a pulse: pulses that begin at the same sample are added in this order.
@@ -19,7 +19,7 @@ struct Key {
     jump: u32,
 }
 
-/// A raised cosine under way: `scale (1 - cos)`.
+/// An active pulse, a raised cosine: `scale (1 - cos)`.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Pulse {
     key: Key,
@@ -30,7 +30,7 @@ struct Pulse {
     step: [f64; 2],
 }
 
-/// All pulses under way, at most as many as there is room for.
+/// All active pulses, up to a fixed capacity.
 ///
 /// They have a fixed order, so that their sum does not depend on the order of their arrival.
 #[derive(Clone, Debug)]
@@ -38,13 +38,13 @@ pub struct Pulses {
     pulses: Vec<Pulse>,
     room: usize,
     rate: f64,
-    /// Pulses that found no room.
+    /// Pulses beyond the capacity.
     pub left_out: u64,
 }
 impl_state!(Pulses { pulses, left_out });
 
 impl Pulses {
-    /// Room for `room` pulses at once at a sample rate.
+    /// Allocates memory for `room` simultaneous pulses at a sample rate.
     #[must_use]
     pub fn new(room: usize, rate: f64) -> Self {
         Self { pulses: Vec::with_capacity(room), room, rate, left_out: 0 }
@@ -92,7 +92,7 @@ impl Pulses {
         self.pulses.retain(|pulse| pulse.left > 0);
     }
 
-    /// Takes over the pulses under way of another set.
+    /// Adopts the active pulses of another set.
     pub fn take_state(&mut self, old: &Self) {
         if old.rate == self.rate {
             self.pulses.clear();

@@ -1,11 +1,11 @@
-//! Numbers that move to new values on a straight line, so that turning a knob does not click.
+//! Numbers that move to new values on a straight line, so that a change of a parameter does not click.
 
 use super::voices::CELL;
 
 /// Ramp of a changed parameter, s.
 pub const RAMP_TIME: f64 = 0.02;
 
-/// A number that goes to its target in [`RAMP_TIME`] seconds; a function of the sample alone.
+/// A number that moves to its target in [`RAMP_TIME`] seconds, as a function of the sample alone.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ramp {
     from: f64,
@@ -15,13 +15,13 @@ pub struct Ramp {
 }
 
 impl Ramp {
-    /// At rest.
+    /// A constant number.
     #[must_use]
     pub fn new(value: f64, rate: f64) -> Self {
         Self { from: value, to: value, start: 0, samples: (RAMP_TIME * rate).max(1.0) }
     }
 
-    /// Sets off for another value at a sample.
+    /// Starts a ramp to another value at a sample.
     pub fn ramp_to(&mut self, value: f64, sample: i64) {
         (self.from, self.to, self.start) = (self.at(sample), value, sample);
     }
@@ -39,7 +39,7 @@ impl Ramp {
         [self.at(anchor), self.at(anchor + CELL as i64 - 1)]
     }
 
-    /// The value from a sample on, where it has arrived.
+    /// The value from a sample on, if the ramp has ended.
     #[must_use]
     pub fn settled(&self, sample: i64) -> Option<f64> {
         let arrived = self.from == self.to || (sample - self.start) as f64 >= self.samples;

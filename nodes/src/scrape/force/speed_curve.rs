@@ -3,11 +3,11 @@
 use super::approximation::log2;
 use serde::{Deserialize, Serialize};
 
-/// Greatest strength, and greatest factor of it.
+/// Maximum strength, and maximum factor of it.
 pub(super) const MAX_FACTOR: f64 = 1e6;
-/// Speeds at which a curve is known.
+/// Number of speeds of a curve.
 pub const POINTS: usize = 17;
-/// Of these to the octave.
+/// Number of these speeds per octave.
 const OCTAVE: f64 = 4.0;
 
 /// Multiplier of a strength at each speed, over two octaves on either side of one speed, constant beyond.
@@ -37,7 +37,7 @@ impl SpeedCurve {
         Self { lowest: lowest as f32, factors: factors.map(|x| x as f32), growth: 0.0 }
     }
 
-    /// The same for what is compared with a relief: one of twice the size is twice as high as well.
+    /// The same for forces that are compared with a relief: a relief of twice the size is also twice as high.
     #[must_use]
     pub fn of_relief(self) -> Self {
         Self { growth: 1.0, ..self }

@@ -62,7 +62,7 @@ pub(in crate::scrape) fn law(numbers: [f64; 3], linked: Option<Strength>, rate: 
     Law { curve: linked.and_then(|strength| strength.curve), ..Law::new(numbers, rate) }
 }
 
-/// Returns true if the linked strength is 0: then `out` is silent, and nothing else has to be computed.
+/// Returns true if the linked strength is 0: then `out` is silent, and nothing else needs to be computed.
 pub(in crate::scrape) fn silent(linked: Option<Strength>, out: &mut [f32]) -> bool {
     let silent = linked.is_some_and(|strength| strength.kappa == 0.0);
     if silent {

@@ -1,4 +1,4 @@
-//! Contacts under way: which piece of its path each is on, and what an excitation remembers of it.
+//! Active contacts: the current piece of the path of each, and its state in an excitation.
 //!
 //! Time is cut into [`CELL`]s of 64 samples that begin at multiples of 64, whatever the windows. A piece is evaluated from an
 //! anchor, which is the first of its samples in a cell: anchored in double precision, small enough from there for single
@@ -19,22 +19,22 @@ pub const CELL: usize = 64;
 /// One number for each sample from an anchor on.
 pub type Cell = [f32; CELL];
 
-/// Samples of one piece of a path that are to be made, all in one cell.
+/// Samples to compute of one piece of a path, all in one cell.
 #[derive(Clone, Copy, Debug)]
 pub struct Segment {
     /// The piece.
     pub piece: PathPiece,
-    /// Sample that everything is counted from: the first one of the piece in this cell.
+    /// Reference sample: the first one of the piece in this cell.
     pub anchor: i64,
-    /// First sample to be made, counted from the anchor.
+    /// First sample to compute, counted from the anchor.
     pub from: usize,
     /// The sample after the last, at most [`CELL`].
     pub to: usize,
     /// Samples per second.
     pub rate: f64,
-    /// Place of the anchor in the piece, 0 to 1.
+    /// Position of the anchor in the piece, 0 to 1.
     s: f64,
-    /// Way from one sample to the next, in parts of the piece.
+    /// Step from one sample to the next, as a fraction of the piece.
     step: f64,
 }
 
@@ -52,7 +52,7 @@ impl Segment {
         }
     }
 
-    /// Polynomial of the place in samples from the anchor, m.
+    /// Polynomial of the position in samples from the anchor, m.
     #[must_use]
     pub fn path(&self) -> [[f64; 2]; 4] {
         shifted(&self.piece.position, self.s, self.step)
@@ -91,7 +91,7 @@ impl Segment {
         }
     }
 
-    /// The samples to be made, of one number for each.
+    /// The samples to compute, of one number for each.
     #[must_use]
     pub fn part<'a>(&self, cell: &'a mut Cell) -> &'a mut [f32] {
         cell.get_mut(self.from..self.to).unwrap_or_default()
@@ -117,7 +117,7 @@ pub struct Voices<S> {
     rate: Rate,
     /// Maximum number of simultaneous voices so far.
     pub most: usize,
-    /// Pieces that found no voice.
+    /// Pieces without a free voice.
     pub left_out: u64,
     meter: LevelMeter,
     /// The sample after the last one made.
@@ -129,7 +129,7 @@ impl<S: Serialize + DeserializeOwned> Stateful for Voices<S> {
 }
 
 impl<S: Clone> Voices<S> {
-    /// Room for `count` contacts.
+    /// Allocates memory for `count` contacts.
     #[must_use]
     pub fn new(count: usize, rate: Rate, blank: S) -> Self {
         let piece = PathPiece {
@@ -167,7 +167,7 @@ impl<S: Clone> Voices<S> {
         self.most = self.most.max(sounding);
     }
 
-    /// Makes the samples from `first` on of all contacts: `sound` adds those of one segment to its part of `out`.
+    /// Computes the samples from `first` on of all contacts: `sound` adds those of one segment to its part of `out`.
     ///
     /// `events` are the pieces that begin in the time of these samples.
     pub fn play(
@@ -193,8 +193,8 @@ impl<S: Clone> Voices<S> {
         self.sweep(first, (next, last), out, &mut sound);
     }
 
-    /// As [`play`](Self::play), cell by cell: `after` adds to each cell what continues by itself, such as pulses that have begun, so
-    /// that only those of one cell are waiting at a time.
+    /// As [`play`](Self::play), cell by cell: `after` adds to each cell the sound that continues by itself, such as
+    /// active pulses, so that only those of one cell are waiting at a time.
     #[allow(clippy::too_many_arguments)]
     pub fn play_cells<F>(
         &mut self,
@@ -222,13 +222,13 @@ impl<S: Clone> Voices<S> {
         }
     }
 
-    /// Notes the samples from `first` on as they leave the node.
+    /// Records the level of the output samples from `first` on.
     pub fn made(&mut self, first: i64, out: &[f32]) {
         self.meter.process(out);
         self.now = first + out.len() as i64;
     }
 
-    /// The sample from which on a change of parameters is heard.
+    /// The first sample to which a change of parameters applies.
     #[must_use]
     pub fn now(&self) -> i64 {
         self.now
@@ -259,7 +259,7 @@ impl<S: Clone> Voices<S> {
     ) {
         let rate = self.rate;
         for voice in &mut self.voices {
-            // A voice never sounds before its piece: whoever begins it has swept up to there.
+            // A voice never sounds before its piece: all samples before it have been computed.
             if voice.end == Tick::MIN {
                 continue;
             }
@@ -279,7 +279,7 @@ impl<S: Clone> Voices<S> {
         }
     }
 
-    /// Takes over the contacts under way of another set of the same size, and what is reported of both.
+    /// Adopts the active contacts of another set of the same size, and combines the figures of both.
     pub fn take_state(&mut self, old: &Self) {
         if (old.voices.len(), old.rate) == (self.voices.len(), self.rate) {
             self.voices.clone_from_slice(&old.voices);
@@ -289,7 +289,7 @@ impl<S: Clone> Voices<S> {
     }
 }
 
-/// Returns true if all numbers of a piece are finite; others would stay in the filters of an excitation.
+/// Returns true if all numbers of a piece are finite; other numbers would stay in the filters of an excitation.
 fn is_sound(piece: &PathPiece) -> bool {
     let positions = piece.position.iter().chain(piece.other.iter().flatten()).flatten();
     let small = |x: &f64| x.abs() < 1e9;

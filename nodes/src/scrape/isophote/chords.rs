@@ -5,7 +5,7 @@ use super::index::{IsophoteIndex, Tile};
 use crate::scrape::force::ramp::Ramp;
 use crate::scrape::force::voices::{CELL, Segment};
 
-/// Longest box of a segment that is asked for at once, and longest chord, px.
+/// Maximum length of a box of a segment in one query, and of a chord, px.
 const BOX: f64 = 8.0;
 /// Maximum jump of a contact between two touching pieces, px.
 const JOINT: f64 = 0.5;
@@ -13,9 +13,9 @@ const JOINT: f64 = 0.5;
 /// The positions at the samples of a segment and at the one after.
 #[derive(Clone, Debug)]
 pub(super) struct Chords {
-    /// Along x and along y, px.
+    /// Positions along x and along y, px.
     pub positions: [Line; 2],
-    /// Those of the part that was cut last, on the image.
+    /// Positions of the part that was cut last, on the image.
     pub local: [Line; 2],
 }
 
@@ -33,13 +33,13 @@ pub(super) struct SegmentPart {
 }
 
 impl Chords {
-    /// Without positions.
+    /// Chords without positions.
     pub fn new() -> Self {
         Self { positions: [[0.0; LINE]; 2], local: [[0.0; LINE]; 2] }
     }
 
     /// Takes the positions of a segment in pixels. A chord begins where the one before has ended, to the bit: `trace` is the last
-    /// sample of the contact, and where it was.
+    /// sample of the contact, and its position.
     #[inline(always)]
     pub fn walk(
         &mut self,

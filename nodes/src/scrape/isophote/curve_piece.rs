@@ -5,15 +5,15 @@
 pub struct CurvePiece {
     /// Its number.
     pub number: u32,
-    /// The point of the isophotes that the segment begins with of which it is a part.
+    /// Point of the isophotes at the beginning of the segment that this piece is a part of.
     pub point: u32,
     /// Index of the part, and number of parts.
     pub part: [u16; 2],
-    /// Both ends.
+    /// Both ends of the piece.
     pub ends: [[f64; 2]; 2],
 }
 
-/// A piece as the cells keep it.
+/// A piece as the cells store it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Entry {
     pub number: u32,
@@ -27,7 +27,7 @@ pub(super) struct Entry {
 /// Gradient along a piece.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LinearGradient {
-    /// At the start of its segment, and how much further it is at the end.
+    /// Gradient at the start of its segment, and its change up to the end.
     pub start: [f64; 2],
     pub step: [f64; 2],
     /// Fraction of the segment that the piece covers.

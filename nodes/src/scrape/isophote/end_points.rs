@@ -10,7 +10,7 @@ pub(super) const LINE: usize = CELL + 1;
 /// A number for each of these.
 pub(super) type Line = [f64; LINE];
 
-/// Pieces that are looked at together.
+/// Number of pieces that are processed together.
 pub(super) const LANES: usize = 16;
 
 /// End points of pieces, one list for each coordinate. There are [`LANES`] more than
@@ -19,7 +19,7 @@ pub(super) const LANES: usize = 16;
 pub(super) struct EndPoints([Vec<f32>; 4]);
 
 impl EndPoints {
-    /// Of pieces in the order in which they are asked for.
+    /// Coordinates of pieces, in the order of the queries.
     pub fn new(pieces: impl Iterator<Item = [[f32; 2]; 2]> + Clone) -> Self {
         let list = |end: usize, axis: usize| {
             let all = pieces.clone().map(|ends| ends[end][axis]);
@@ -82,8 +82,8 @@ pub struct Strip {
     pub middle: [f64; 2],
     /// Unit vector along it.
     pub direction: [f32; 2],
-    /// From where to where it goes along that, px.
+    /// Start and end along that vector, px.
     pub along: [f32; 2],
-    /// From where to where across.
+    /// Start and end across it, px.
     pub beside: [f32; 2],
 }

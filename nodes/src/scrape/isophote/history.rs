@@ -3,26 +3,26 @@
 use crate::core::state::long;
 use serde::{Deserialize, Serialize};
 
-/// Way over which slopes are compared, px, and positions on it.
+/// Distance over which slopes are compared, px, and number of positions on it.
 const APART: f64 = 1.0;
 const STEPS: usize = 32;
 /// Stored positions: more than a pixel, and a power of two.
-const KEPT: usize = 64;
+const STORED: usize = 64;
 
-/// LinearGradient that a contact met, at even steps of its way.
+/// Slopes under a contact, at even steps along its path.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct SlopeHistory {
     #[serde(with = "long")]
-    slopes: [f64; KEPT],
+    slopes: [f64; STORED],
     newest: usize,
-    /// Way since the newest of them, px.
+    /// Distance since the newest of them, px.
     since: f64,
     last: f64,
 }
 
 impl Default for SlopeHistory {
     fn default() -> Self {
-        Self { slopes: [0.0; KEPT], newest: 0, since: 0.0, last: 0.0 }
+        Self { slopes: [0.0; STORED], newest: 0, since: 0.0, last: 0.0 }
     }
 }
 
@@ -40,31 +40,31 @@ impl SlopeHistory {
         let back = (APART - self.since) / step;
         // Never negative: a cast is the floor.
         let whole = back as usize;
-        let at = |k: usize| self.slopes[(self.newest + KEPT - k) % KEPT];
+        let at = |k: usize| self.slopes[(self.newest + STORED - k) % STORED];
         let (a, b) = (at(whole), at(whole + 1));
         a + (b - a) * (back - whole as f64)
     }
 
-    /// Keeps the slopes at the steps on a way, and gives what is left of it after the last.
+    /// Stores the slopes at the steps along a path, and returns the distance after the last step.
     #[inline(always)]
     fn pass(&mut self, distance: f64, slope: f64) -> f64 {
         let step = APART / STEPS as f64;
         let mut next = step - self.since;
         // Only the last pixel counts.
-        if distance > next + KEPT as f64 * step {
-            next += (((distance - next) / step).floor() - KEPT as f64) * step;
+        if distance > next + STORED as f64 * step {
+            next += (((distance - next) / step).floor() - STORED as f64) * step;
         }
         // Rounding can leave a whole step over for a contact that then rests.
         let share = 1.0 / distance.max(f64::MIN_POSITIVE);
         while next <= distance {
-            self.newest = (self.newest + 1) % KEPT;
+            self.newest = (self.newest + 1) % STORED;
             self.slopes[self.newest] = self.last + (slope - self.last) * (next * share);
             next += step;
         }
         (distance - (next - step)).max(0.0)
     }
 
-    /// The slope that it met last.
+    /// The latest slope.
     pub fn last(&self) -> f64 {
         self.last
     }
@@ -87,7 +87,7 @@ mod tests {
             }
             assert_eq!(history.go(0.0, 3.0 * x), history.go(0.0, 3.0 * x), "at rest nothing changes");
         }
-        // Rest, or a way too short for its inverse, with a whole step left over.
+        // Rest, or a path too short for its inverse, with a whole step left over.
         for distance in [0.0, 1e-320] {
             let mut history = SlopeHistory { since: APART / STEPS as f64, ..SlopeHistory::default() };
             assert!(

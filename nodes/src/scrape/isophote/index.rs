@@ -1,11 +1,11 @@
-//! Isophotes that a moving contact can ask for what is near.
+//! Spatial index of isophotes for queries by moving contacts.
 
 use super::curve_piece::{CurvePiece, Entry, LinearGradient};
 use super::end_points::{EndPoints, LANES, LINE, Line, Strip};
 use crate::texture::{Isophotes, Wrap};
 use std::ops::Range;
 
-/// Side of a grid cell at most, and length of a piece at most, px.
+/// Maximum side of a grid cell, and maximum length of a piece, px.
 const CELL: f64 = 4.0;
 /// Extension of curves beyond the border of an image that is not repeated, px.
 const MARGIN: f64 = 1.0;
@@ -37,7 +37,7 @@ pub struct Tile {
     start: f64,
     end: f64,
     base: f64,
-    /// 1, or -1 where the image lies mirrored.
+    /// 1, or -1 where the image is mirrored.
     sign: f64,
 }
 
@@ -129,8 +129,8 @@ impl IsophoteIndex {
         ((x + origin) / self.side[axis]).floor() as i64
     }
 
-    /// The number of a cell of the endless grid, and how far it lies from the one of the image; `None` beyond an image that is
-    /// not repeated.
+    /// The number of a cell of the endless grid, and its offset from the cell of the image; `None` beyond an image that
+    /// is not repeated.
     #[inline(always)]
     fn wrapped(&self, at: [i64; 2]) -> Option<(usize, [f64; 2])> {
         let n = self.cells.map(|n| n as i64);
@@ -176,7 +176,7 @@ impl IsophoteIndex {
         (0..2).all(|k| (tile[k].start..tile[k].end).contains(&(position[k] + self.before())))
     }
 
-    /// A position on the image, and what steps along each axis count there: 1, -1 where it is mirrored, 0 beyond its border.
+    /// A position on the image, and the sign of steps along each axis there: -1 where mirrored, 0 beyond the border.
     #[inline(always)]
     #[must_use]
     pub fn on_image(&self, tile: &[Tile; 2], position: [f64; 2]) -> ([f64; 2], [f64; 2]) {
@@ -244,8 +244,8 @@ impl IsophoteIndex {
         }
     }
 
-    /// Passes to `take` the entries of a box that are near enough, each once: `far` returns the distances of sixteen entries from a number
-    /// on are, with the repetition of the image in which they lie.
+    /// Passes to `take` the entries of a box that are near enough, each once: `far` returns the distances of sixteen
+    /// entries from a number on, with the repetition of the image in which they lie.
     #[inline(always)]
     fn select(
         &self,
@@ -346,7 +346,7 @@ impl IsophoteIndex {
         );
     }
 
-    /// By how much distances from a position may be wrong in single precision, px.
+    /// Maximum error of distances from a position in single precision, px.
     #[inline(always)]
     fn slack(&self, position: [f64; 2]) -> f32 {
         let far = self.size[0] + self.size[1] + position[0].abs() + position[1].abs();
@@ -374,7 +374,7 @@ impl IsophoteIndex {
     }
 }
 
-/// A position in a repetition of the image, as it lies on the image.
+/// Converts a position in a repetition of the image to one on the image.
 #[inline(always)]
 fn less(position: [f64; 2], shift: [f64; 2]) -> [f32; 2] {
     [(position[0] - shift[0]) as f32, (position[1] - shift[1]) as f32]

@@ -28,13 +28,15 @@ choices! { @param Reading {
 params! {
     /// Excites an object with the force that contacts meet on the isophotes of a surface.
     ///
-    /// The slope of a curve is the gradient of its image along the path of the contact. `Crossing` gives a pulse, a raised cosine, at the
-    /// exact time at which a curve is crossed. The pulse lasts `width / density / speed` seconds, limited to between two samples and
-    /// 5 ms. Its area is that of `m` over 1 ms, where `m` is the slope less that of the curve crossed before; for the first curve `m` is
-    /// the slope itself. `Proximity` gives `m = (1 - (d / radius)^2)^2` times the change of the slope of the nearest curve over the last
-    /// pixel, at a distance `d`. The force is `gain kappa (f/1 N)^a (v/1 m/s)^b m`, summed over all contacts. A contact at rest fades out
-    /// in 5 ms. A surface of constant slope is silent after its first curve, and so is a path along a curve. A reversed path changes the
-    /// sign of the slopes, and so of the first pulse; the changes of slopes are the same in both directions.
+    /// The slope of a curve is the gradient of its image along the path of the contact. `Crossing` produces a pulse, a
+    /// raised cosine, at the exact time at which a curve is crossed. The pulse lasts `width / density / speed` seconds,
+    /// limited to between two samples and 5 ms. Its area is that of `m` over 1 ms, where `m` is the slope less that of
+    /// the curve crossed before; for the first curve `m` is the slope itself. `Proximity` produces
+    /// `m = (1 - (d / radius)^2)^2` times the change of the slope of the nearest curve over the last pixel, at a
+    /// distance `d`. The force is `gain kappa (f/1 N)^a (v/1 m/s)^b m`, summed over all contacts. A contact at rest
+    /// fades out in 5 ms. A surface of constant slope is silent after its first curve, and so is a path along a curve.
+    /// A reversed path changes the sign of the slopes, and so of the first pulse; the changes of slopes are the same in
+    /// both directions.
     ///
     /// `gain`, `kappa`, `a`, `b`, `scale`, `width` and `radius` can change while the node runs. A link to `kappa` replaces the number. A
     /// contact has at most 32 crossings in 64 samples; the summary counts the crossings and those that were left out. The input is not
@@ -45,7 +47,7 @@ params! {
     /// the proximity to an isocurve and the difference between gradients; both readings combine these. The difference is taken over a
     /// distance here, because between two samples it would fall with the sample rate.
     pub struct IsophoteExcitationParams {
-        /// Reading of the isophotes that becomes force.
+        /// Reading of the isophotes that becomes the force.
         reading: Reading = Reading::Crossing;
         /// Distance over which a pulse extends.
         width: f64 = 1.0, unit "px", range 0.01..=100.0;

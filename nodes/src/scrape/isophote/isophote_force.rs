@@ -1,9 +1,9 @@
-//! The force that a contact draws from isophotes.
+//! The force of isophotes on a contact.
 //!
-//! The way of a contact is cut into chords from one sample to the next, whose ends are computed once and belong to both
-//! chords that meet there; a curve is crossed where its ends lie on both sides of a chord, and the chord's on both sides of the
-//! curve. So each crossing counts once, also at the points of curves and of chords. A chord leaves the cubic by less than a
-//! hundred thousandth of a pixel at any speed that is heard.
+//! The path of a contact is cut into chords from one sample to the next, whose ends are computed once and belong to
+//! both chords that meet there; a curve is crossed where its ends lie on both sides of a chord, and the chord's on both
+//! sides of the curve. So each crossing counts once, also at the points of curves and of chords. A chord leaves the
+//! cubic by less than a hundred thousandth of a pixel at any audible speed.
 
 use super::chords::{Chords, SegmentPart, norm};
 use super::curve_piece::{CurvePiece, across};
@@ -59,7 +59,7 @@ struct Crossing {
     along: f64,
 }
 
-/// Isophotes that contacts move over, and how they answer.
+/// Isophotes that contacts move over, and their force.
 #[derive(Clone, Debug)]
 pub struct IsophoteForce {
     simd: Level,
@@ -78,7 +78,7 @@ pub struct IsophoteForce {
     pub radius: Ramp,
     /// Crossings so far.
     pub crossings: u64,
-    /// Crossings too many for their time, and chords too long.
+    /// Crossings beyond the maximum per time, and chords that are too long.
     pub left_out: u64,
     pulses: Pulses,
     chords: Chords,
@@ -89,7 +89,7 @@ pub struct IsophoteForce {
 impl_state!(IsophoteForce { crossings, left_out, pulses });
 
 impl IsophoteForce {
-    /// Isophotes read by at most `contacts` contacts at once at a sample rate.
+    /// Creates the force for at most `contacts` simultaneous contacts at a sample rate.
     #[must_use]
     pub fn new(all: &Isophotes, reading: Reading, law: Law, rate: f64, contacts: usize) -> Self {
         let cells = (LONGEST * rate / CELL as f64).ceil() as usize + 2;
@@ -120,7 +120,7 @@ impl IsophoteForce {
         (self.radius, self.scale) = (Ramp::new(radius, self.rate), Ramp::new(scale, self.rate));
     }
 
-    /// Adds what one contact draws over a segment; `out` holds the samples of the segment.
+    /// Adds the force of one contact over a segment; `out` holds the samples of the segment.
     pub fn add(&mut self, voice: &mut IsophoteVoice, segment: &Segment, out: &mut [f32]) {
         let simd = self.simd;
         dispatch!(simd, _simd => self.segment(voice, segment, out));
@@ -148,7 +148,7 @@ impl IsophoteForce {
         while from < end {
             let part = self.chords.part(&self.index, from, end);
             if part.long {
-                // Faster than anything that could be told apart.
+                // Too fast to be resolved.
                 self.left_out += 1;
             } else {
                 take(self, &part);
@@ -157,7 +157,7 @@ impl IsophoteForce {
         }
     }
 
-    /// Adds what is left of pulses to the samples from `first` on.
+    /// Adds the rest of the pulses to the samples from `first` on.
     pub fn ring_out(&mut self, first: i64, out: &mut [f32]) {
         self.pulses.read(first, out);
     }
@@ -311,7 +311,7 @@ impl IsophoteForce {
     }
 }
 
-/// Sorts a crossing in by its time; of more than there may be the earliest stay.
+/// Inserts a crossing in the order of time; beyond the capacity the latest ones are dropped.
 fn put(found: &mut Vec<Crossing>, new: Crossing) {
     let later = |old: &Crossing| (old.time, old.piece.number) <= (new.time, new.piece.number);
     let position = found.partition_point(later);

@@ -29,10 +29,10 @@ pub(super) struct NearestCurve {
     pub found: [bool; CELL],
 }
 
-/// The nearest point of what has been compared, for all samples; only those of the range mean something.
+/// The nearest point compared so far, for all samples; only those of the range are valid.
 #[derive(Clone, Debug)]
 struct Best {
-    /// Places of the samples, px.
+    /// Positions of the samples, px.
     x: Cell,
     y: Cell,
     /// Square of its distance, px.
@@ -45,7 +45,7 @@ struct Best {
 }
 
 impl NearestCurve {
-    /// Without any sample.
+    /// An empty result, without samples.
     pub fn new() -> Self {
         let (zero, none) = ([0.0; CELL], [NONE; CELL]);
         Self {
@@ -58,12 +58,12 @@ impl NearestCurve {
         }
     }
 
-    /// Forgets what was found.
+    /// Clears the results.
     pub fn clear(&mut self) {
         self.found = [false; CELL];
     }
 
-    /// Finds what is nearest within `reach` of the samples of a part, whose positions are counted from `origin`.
+    /// Finds the nearest points within `reach` of the samples of a part, whose positions are relative to `origin`.
     #[inline(always)]
     pub fn find(
         &mut self,
@@ -86,7 +86,7 @@ impl NearestCurve {
         let half = (dx * dx + dy * dy).sqrt();
         let bounds = [[low[0] - reach, low[1] - reach], [high[0] + reach, high[1] + reach]];
         self.pieces.clear();
-        // What is further from the middle than the nearest by a whole box is nowhere the nearest.
+        // A piece that is further from the middle than the nearest by a whole box is nowhere the nearest.
         index.around(
             bounds,
             middle,
@@ -102,7 +102,7 @@ impl NearestCurve {
         self.compare(index, chords, part, origin);
     }
 
-    /// Compares all pieces of the list, and begins another.
+    /// Compares all pieces of the list, and clears it.
     #[inline(always)]
     fn compare(&mut self, index: &IsophoteIndex, chords: &Chords, part: &SegmentPart, origin: [f64; 2]) {
         let Self { pieces, best, .. } = self;
@@ -135,7 +135,7 @@ impl NearestCurve {
 }
 
 impl Best {
-    /// Compares the distances of all samples from one more piece; of equal ones the piece of lower number counts.
+    /// Compares the distances of all samples from one more piece; on a tie the piece of the lower number counts.
     #[inline(always)]
     fn take(&mut self, origin: [f64; 2], (position, piece): (u32, &CurvePiece)) {
         let [a, b] = piece.ends;

@@ -27,7 +27,7 @@ use crate::texture::{DiscontinuityMap, FeatureMap, Isophotes, NoiseMap, NoisePro
 use crate::{params, ports};
 use rayon::prelude::*;
 
-/// Samples per second of what is compared.
+/// Samples per second of the compared forces.
 const FS: f64 = RATE as f64;
 /// Share of the noise without a noise map.
 const HALF: f64 = 0.5;
@@ -56,9 +56,9 @@ params! {
     ///
     /// # Source
     /// Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section 4.2, adds features
-    /// and noise at rendering without giving their strengths; equal power is a choice.
+    /// and noise at rendering without stating their strengths; equal power is a choice.
     pub struct LevelMatcherParams {
-        /// Force in N that a whole map of 1 gives at 1 N and 1 m/s.
+        /// Force in N of a whole map of 1 at 1 N and 1 m/s.
         kappa: f64 = 1.0, unit "N", range 0.0..=1_000_000.0;
         /// Speed of the stroke.
         speed: f64 = 1.0, unit "m/s", range 0.001..=100.0;

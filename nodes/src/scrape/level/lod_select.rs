@@ -41,7 +41,7 @@ params! {
     pub struct LodSelectParams {
         /// Distances at which the next level begins, rising.
         distances: [f64; 4] = [5.0, 15.0, 40.0, 100.0], unit "m", range 0.0..=1_000_000.0;
-        /// Fraction of a distance by which it has to be passed.
+        /// Fraction of a distance by which a contact has to pass it.
         hysteresis: f64 = 0.1, unit "", range 0.0..=0.5;
         /// Distance of all contacts without a link.
         distance: f64 = 0.0, unit "m", range 0.0..=1_000_000.0;
@@ -99,7 +99,7 @@ fn rules(p: &LodSelectParams) -> LodRules {
 impl LodSelect {
     fn see(&mut self, contact: &ContactState) {
         let frame = &contact.frame;
-        // The way that is heard may be that of all contacts of two bodies.
+        // The path that sounds may be that of all contacts of two bodies.
         for number in [frame.contact, PathPiece::pair(frame.bodies)] {
             self.see_at(number, frame.point);
         }
@@ -110,7 +110,7 @@ impl LodSelect {
             position.1 = point;
         } else {
             if self.positions.len() >= 2 * usize::from(self.params.contacts) {
-                // The oldest gives way.
+                // The oldest is dropped.
                 self.positions.remove(0);
             }
             self.positions.push((number, point));

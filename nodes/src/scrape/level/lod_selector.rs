@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 pub const LEVELS: usize = 4;
 /// Cross-fade from one level to another, s.
 pub const FADE: f64 = 0.05;
-/// Shortest time between two changes that a budget asks for, s.
+/// Shortest time between two changes that a budget requires, s.
 pub const STABLE: f64 = 0.5;
 /// Parts of a cross-fade, in each of which the gain is a straight line.
 const PARTS: i64 = 8;
@@ -25,7 +25,7 @@ const PARTS: i64 = 8;
 pub struct LodRules {
     /// Distances at which the next level begins, m, rising; beyond the last there is silence.
     pub distances: [f64; LEVELS],
-    /// Share of a distance by which it has to be passed before a level changes.
+    /// Share of a distance by which a contact has to pass it before its level changes.
     pub hysteresis: f64,
     /// Cost of a contact on each level.
     pub costs: [f64; LEVELS],
@@ -34,7 +34,7 @@ pub struct LodRules {
 }
 
 impl LodRules {
-    /// The level (`LEVELS` is silence) for a distance, from a level that has been there.
+    /// The level (`LEVELS` is silence) for a distance, from the previous level.
     #[must_use]
     pub fn level(&self, distance: f64, before: Option<usize>) -> usize {
         let plain = |factor: f64| self.distances.iter().filter(|d| distance > **d * factor).count();
@@ -60,15 +60,15 @@ impl LodRules {
 struct ContactLevel {
     contact: u64,
     distance: f64,
-    /// By distance alone.
+    /// Level by distance alone.
     own: usize,
-    /// Steps down for the budget.
+    /// Levels stepped down for the budget.
     down: usize,
-    /// When these last changed.
+    /// Tick at which these last changed.
     since: Tick,
-    /// When it is surely over.
+    /// Tick at which it is certainly over.
     until: Tick,
-    /// Levels it comes from and goes to, and when it set off.
+    /// Start and target level of its cross-fade, and the tick at which the fade began.
     from: usize,
     to: usize,
     turned: Tick,
@@ -102,11 +102,11 @@ pub struct LodSelector {
     rules: LodRules,
     chosen: Vec<ContactLevel>,
     room: usize,
-    /// When the order of levels was last looked after.
+    /// Tick at which the order of levels was last updated.
     ordered: Tick,
     /// Changes of level so far.
     pub changes: u64,
-    /// Contacts for which there was no room.
+    /// Contacts beyond the capacity.
     pub left_out: u64,
     /// Highest cost so far.
     pub peak: f64,
@@ -133,7 +133,7 @@ impl LodSelector {
         self.rules = rules;
     }
 
-    /// Takes a piece of a contact at a distance in m, and gives its parts to the queues of the levels.
+    /// Takes a piece of a contact at a distance in m, and adds its parts to the queues of the levels.
     pub fn take(&mut self, tick: Tick, piece: &PathPiece, distance: f64, out: &mut [Queue; LEVELS]) {
         let rules = self.rules;
         self.chosen.retain(|c| c.until + ticks(STABLE) > tick || c.contact == piece.contact);
@@ -174,7 +174,8 @@ impl LodSelector {
         split(chosen, tick, piece, out);
     }
 
-    /// Steps the farthest contacts down until all can be paid, and back up where there is room, each at rest for half a second.
+    /// Steps the farthest contacts down until the cost is within the budget, and back up where there is room. Each
+    /// contact waits half a second between its steps.
     fn keep_budget(&mut self, tick: Tick) {
         let rules = self.rules;
         let total = |all: &[ContactLevel]| {
@@ -226,7 +227,7 @@ impl LodSelector {
         }
     }
 
-    /// Takes over what another one of the same size holds.
+    /// Adopts the state of another one of the same size.
     pub fn take_state(&mut self, old: &Self) {
         if self.room == old.room {
             self.chosen.clone_from(&old.chosen);

@@ -30,8 +30,8 @@ params! {
 /// Greatest factor between two excitations.
 pub const MAX_FACTOR: f64 = 1e6;
 
-/// Of strengths found at each speed of a curve, or at one speed: the one in the middle, and what the others are of it. Where nothing was
-/// found at a speed, it is as in the middle.
+/// Strength in the middle of those found at each speed of a curve (or at one speed), and the ratio of the others to it.
+/// A speed without a strength has that in the middle.
 #[must_use]
 pub fn by_speed(found: impl Fn(usize) -> f64, speeds: usize) -> (f64, [f64; POINTS]) {
     let middle = found(speeds / 2);
@@ -39,7 +39,7 @@ pub fn by_speed(found: impl Fn(usize) -> f64, speeds: usize) -> (f64, [f64; POIN
     (middle, std::array::from_fn(|k| if at(k) > 0.0 && middle > 0.0 { at(k) / middle } else { 1.0 }))
 }
 
-/// The fastest that a stroke goes to find a strength at a speed, or by speed, m/s: a circle of cubics is a little uneven.
+/// Maximum speed of a stroke that finds a strength at a speed, or by speed, m/s: a circle of cubics is a little uneven.
 #[must_use]
 pub fn fastest(speed: f64, by_speed: bool) -> f64 {
     let [.., highest] = SpeedCurve::speeds(speed);
@@ -71,7 +71,7 @@ pub fn rms(x: &[f32]) -> f64 {
     meter.level().rms
 }
 
-/// The factor that brings `found` to `wanted`; 0 where there is nothing to bring there.
+/// The factor from `found` to `wanted`; 0 if `found` is silent.
 #[must_use]
 pub fn factor(wanted: f64, found: f64) -> f64 {
     let factor = wanted / found;
@@ -82,7 +82,7 @@ pub fn factor(wanted: f64, found: f64) -> f64 {
 #[must_use]
 pub fn parts(wanted: f64, [features, noise]: [&[f32]; 2], share: f64) -> [f64; 2] {
     let alone = [features, noise].map(|x| factor(wanted, rms(x)));
-    // Where one is silent the other does all.
+    // If one is silent, the other has all of the power.
     let share = match alone {
         [_, 0.0] => 0.0,
         [0.0, _] => 1.0,

@@ -28,11 +28,11 @@ use crate::texture::{Isophotes, Luma, NoiseMap, NoiseProfile};
 use crate::{params, ports};
 use rayon::prelude::*;
 
-/// Samples per second of what is compared.
+/// Samples per second of the compared forces.
 const FS: f64 = RATE as f64;
 /// Share of the noise without noise maps.
 const HALF: f64 = 0.5;
-/// Slowest speed around which a strength is known, m/s.
+/// Slowest speed around which a strength is computed, m/s.
 const SLOWEST: f64 = 1e-6;
 
 params! {
@@ -178,7 +178,7 @@ impl<'a> Pair<'a> {
         let lines = io.lines_a.zip(io.lines_b).map(lines).transpose()?;
         let [first, own_first] = slopes(io.a, io.rest_a, "rest_a")?;
         let [second, own_second] = slopes(io.b, io.rest_b, "rest_b")?;
-        // What passes faster changes faster.
+        // A pattern that passes faster changes faster.
         let second = second * p.other.powi(2);
         let noise = [first * own_first, second * own_second];
         let fastest = fastest(p.speed, p.stroke.by_speed);
@@ -227,7 +227,7 @@ impl<'a> Pair<'a> {
         bands.map_or(Ok(Vec::new()), |bands| self.rendered(stroke.noise(bands, self.p.noise_law)))
     }
 
-    /// Factors with which both noises together are as strong as 1, and what they sound like then.
+    /// Factors with which both noises together are as strong as 1, and the resulting sound.
     fn both(
         &self,
         strokes: [&StandardStroke; 2],
@@ -285,7 +285,7 @@ impl Func for PairMatcher {
         };
         let mut summary: Summary =
             vec![("noise_share", pair.shares[0].into()), ("second_noise_share", pair.shares[1].into())];
-        // At which speed each is read: its own, of crossings that at which lines approach each other.
+        // The speed at which each is read: its own; for crossings, that at which lines approach each other.
         let (first, second) = (p.speed, p.speed * p.other.abs());
         let meeting = p.speed * (1.0 + p.other).abs();
         for (level, (key, slot, speed)) in [

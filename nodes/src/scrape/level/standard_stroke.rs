@@ -1,7 +1,7 @@
 //! Strengths at which the excitations of one surface are equally loud.
 //!
-//! All are moved along the same way, the [`StandardStroke`], and what they draw from it is compared with what the whole map of
-//! the surface does.
+//! All are moved along the same path, the [`StandardStroke`], and their force is compared with that of the whole map of
+//! the surface.
 
 use crate::core::time::{Rate, Tick, seconds};
 use crate::scrape::force::law::Law;
@@ -14,11 +14,11 @@ use crate::scrape::path::piece::PathPiece;
 use crate::texture::{Surface, Wrap};
 use std::f64::consts::{PI, TAU};
 
-/// Samples per second of what is compared.
+/// Samples per second of the compared forces.
 pub const RATE: u32 = 44_100;
-/// Circles of a stroke, and the way along each, px.
+/// Number of circles of a stroke, and length of the path along each, px.
 const CIRCLES: usize = 8;
-const WAY: f64 = 512.0;
+const PATH_LENGTH: f64 = 512.0;
 /// Shortest and longest time for a circle, samples.
 const SAMPLES: [f64; 2] = [8192.0, 32_768.0];
 /// Share of a circle over which it fades in, and out.
@@ -26,8 +26,8 @@ const FADE: f64 = 0.2;
 /// Steps of the best even spread over a plane: powers of the plastic number.
 const SPREAD: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_3];
 
-/// A way over a surface in all directions at an even speed: circles around positions that are spread over the image, each of
-/// which fades in and out so slowly that the fades are not heard beside it.
+/// A path over a surface in all directions at an even speed: circles around positions that are spread over the image.
+/// Each circle fades in and out so slowly that the fades are inaudible beside it.
 #[derive(Clone, Debug)]
 pub struct StandardStroke {
     pieces: Vec<(Tick, PathPiece)>,
@@ -48,12 +48,12 @@ impl StandardStroke {
         let rate = Rate::hz(RATE);
         let fs = rate.as_f64();
         let density = (surface.density[0] * surface.density[1]).sqrt();
-        let time = (WAY / density / speed).clamp(SAMPLES[0] / fs, SAMPLES[1] / fs);
+        let time = (PATH_LENGTH / density / speed).clamp(SAMPLES[0] / fs, SAMPLES[1] / fs);
         let sides: [f64; 2] = std::array::from_fn(|k| size[k] as f64 / surface.density[k]);
-        // Beyond a clamped border there is nothing to hear.
+        // Beyond a clamped border there is silence.
         let inside = surface.wrap == Wrap::Clamp;
         let most = if inside { 0.45 * sides[0].min(sides[1]) } else { f64::INFINITY };
-        let radius = (WAY / density / TAU).min(most);
+        let radius = (PATH_LENGTH / density / TAU).min(most);
         let mut all = Vec::new();
         let mut start = 0.0;
         for k in 0..CIRCLES {
@@ -77,7 +77,7 @@ impl StandardStroke {
         Self { pieces: all, samples: (start * fs).ceil() as usize, rate }
     }
 
-    /// The same with a share of the way gone on another surface.
+    /// The same stroke with a share of the motion on another surface.
     #[must_use]
     pub fn over_both(mut self, share: f64) -> Self {
         for (_, piece) in &mut self.pieces {
@@ -86,7 +86,7 @@ impl StandardStroke {
         self
     }
 
-    /// The same as it goes over the other surface.
+    /// The same stroke as it moves over the other surface.
     #[must_use]
     pub fn on_other(&self) -> Self {
         let pieces = self.pieces.iter().filter_map(|(tick, piece)| Some((*tick, exchanged(piece)?)));
@@ -106,7 +106,7 @@ impl StandardStroke {
         )
     }
 
-    /// Samples per second of what is drawn.
+    /// Samples per second of the force.
     #[must_use]
     pub fn rate(&self) -> Rate {
         self.rate
@@ -186,7 +186,7 @@ mod tests {
 
     #[test]
     fn the_stroke_finds_the_power_of_a_map() {
-        // Slopes of variance 1 in each direction: that along any way has it too, less the power of the fades.
+        // Slopes of variance 1 in each direction: the slope along any path has it too, less the power of the fades.
         let mut rng = Rng::new(3);
         let mut soft = |_: usize, _: usize| (0..12).map(|_| rng.uniform() as f32).sum::<f32>() - 6.0;
         let (gx, gy) = (Grid::from_fn(256, 256, &mut soft), Grid::from_fn(256, 256, &mut soft));
@@ -195,7 +195,7 @@ mod tests {
             let stroke = StandardStroke::new(&surface(512.0, Wrap::Repeat), [256; 2], speed, 1.0);
             rms(&drawn(&stroke, &map))
         });
-        // A cubic B-spline keeps (151/315)^2 of white noise in two dimensions, and the window 1 - 5/4 of its edges.
+        // A cubic B-spline retains (151/315)^2 of white noise in two dimensions, and the window 1 - 5/4 of its edges.
         let right = (151.0 / 315.0) * (1.0_f64 - 1.25 * FADE).sqrt();
         for found in found {
             assert!((found / right - 1.0).abs() < 0.1, "{found} for {right}");

@@ -41,10 +41,11 @@ choices! { @param Interp {
 params! {
     /// Excites an object with the force that contacts meet on a map of a surface.
     ///
-    /// The map is a discontinuity map, a feature map or the code of a map: link exactly one of them. Of the codes only signed pairs keep
-    /// directions; of bytes and bits the change along the path is read, as of features. With the value `m` read under a contact, the
-    /// force is `gain kappa (f/1 N)^a (v/1 m/s)^b m`, summed over all contacts. A contact at rest fades out in 5 ms. Where a contact
-    /// passes more than half a pixel per sample, coarser levels of an image pyramid are read against aliasing.
+    /// The map is a discontinuity map, a feature map or the code of a map: link exactly one of them. Among the codes
+    /// only signed pairs retain directions; of bytes and bits the change along the path is read, as of features. With
+    /// the value `m` read under a contact, the force is `gain kappa (f/1 N)^a (v/1 m/s)^b m`, summed over all contacts.
+    /// A contact at rest fades out in 5 ms. Where a contact passes more than half a pixel per sample, coarser levels of
+    /// an image pyramid are read against aliasing.
     ///
     /// `gain`, `kappa`, `a`, `b` and `scale` can change while the node runs and ramp over 20 ms. A link to `kappa` replaces the number.
     /// The summary holds the peak and the RMS of the force and the largest number of simultaneous contacts. The input is not audio, so
@@ -124,7 +125,7 @@ impl Source<'_> {
     }
 }
 
-/// A code as it is read back: signed pairs know directions, bytes the length of the gradient, bits where there is an edge.
+/// Decoded map: signed pairs hold directions, bytes the length of the gradient, bits the positions of edges.
 fn coded_map(value: MapValue, coded: &CodedMap) -> Result<SurfaceMap, Reject> {
     if let Some(map) = coded.gradient() {
         return Source::Map(&map).read(value, "coded");

@@ -1,4 +1,4 @@
-//! The force that a contact draws from a map of a surface.
+//! The force of a map of a surface on a contact.
 
 use super::padded_map::Interp;
 use super::surface_map::{Positions, SurfaceMap};
@@ -10,7 +10,7 @@ use fearless_simd::{Level, dispatch};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
-/// Corner of the high-pass that takes the mean from a map that is never negative, Hz.
+/// Corner of the high-pass that removes the mean of a map that is never negative, Hz.
 const CORNER: f64 = 20.0;
 
 /// State of one contact in a [`MapForce`].

@@ -1,4 +1,4 @@
-//! Maps laid out for reading between pixels: four by four neighbours without a question about borders.
+//! Maps laid out for reading between pixels: four by four neighbours without tests for borders.
 
 use crate::core::fault::Reject;
 use crate::scrape::force::voices::{CELL, Cell};
@@ -11,7 +11,7 @@ pub enum Interp {
     Linear,
     /// Cubic through the pixels.
     Catmull,
-    /// Cubic B-spline: smoothest, and softens what is near the finest that a map holds.
+    /// Cubic B-spline: smoothest, and softens the finest details of a map.
     Bspline3,
 }
 
@@ -107,7 +107,7 @@ pub struct PaddedMap<const C: usize> {
     data: Vec<[f32; C]>,
 }
 
-/// Places that are read at once.
+/// Number of positions that are read at once.
 pub const LANES: usize = 16;
 
 /// One number for each of `L` positions.
@@ -123,8 +123,8 @@ pub struct Patch<const C: usize> {
 }
 
 impl<const C: usize> PaddedMap<C> {
-    /// Lays out maps of one size. `along` gives, per map, whether it is a change along x or along y: such a one turns its
-    /// sign in a mirror, and is zero where nothing changes beyond a clamped border.
+    /// Lays out maps of one size. `along` states, per map, whether it is a change along x or along y: such a map turns
+    /// its sign in a mirror, and is zero where nothing changes beyond a clamped border.
     #[must_use]
     pub fn new(maps: [&Grid; C], along: [[bool; 2]; C], wrap: Wrap) -> Self {
         let size = maps.first().map_or([1; 2], |map| [map.width.max(1), map.height.max(1)]);
@@ -146,7 +146,7 @@ impl<const C: usize> PaddedMap<C> {
         Self { period: [w as i64, h as i64], clamped: wrap == Wrap::Clamp, stride, data }
     }
 
-    /// A pixel brought into the map, and whether the way beyond it counts.
+    /// A pixel index mapped into the map, and true if the fraction beyond it counts.
     #[inline(always)]
     fn inside(&self, axis: usize, whole: i64) -> (usize, f32) {
         let n = self.period[axis];
@@ -176,7 +176,7 @@ impl<const C: usize> PaddedMap<C> {
         Patch { rows: [row(0), row(1), row(2), row(3)], free: [x, y] }
     }
 
-    /// Reads `D` numbers at the positions `[from, to)`, given in pixels from pixel `base`.
+    /// Reads `D` numbers at the positions `[from, to)`, in pixels from pixel `base`.
     ///
     /// # Complexity
     /// Places one after the other on the same pixel are read together.
@@ -274,7 +274,7 @@ impl Patch<1> {
     }
 }
 
-/// The whole number at or below a position, and the way beyond it; without a call, which `floor` is on many machines.
+/// The whole number at or below a position, and the fraction beyond it; without `floor`, often a call.
 #[inline(always)]
 fn split(x: f32) -> (i32, f32) {
     let toward_zero = x as i32;

@@ -103,7 +103,7 @@ impl Node for PathProfileNode {
         let profile = PathProfile {
             picture: picture(&grid),
             size: [grid.width as f64 / dx, grid.height as f64 / dy],
-            ways: Vec::new(),
+            contacts: Vec::new(),
         };
         let padded = PaddedMap::new([&grid], [[false; 2]], surface.wrap);
         Ok(Self { params: p.clone(), padded, surface, profile })
@@ -113,13 +113,17 @@ impl Node for PathProfileNode {
         let Self { params, padded, surface, profile } = self;
         for (link, paths) in io.paths.iter().enumerate() {
             for (_, piece) in paths.events() {
-                let ways = &mut profile.ways;
-                let known = ways.iter().position(|m| (m.link, m.contact) == (link, piece.contact));
-                let k = known.unwrap_or(ways.len());
-                if known.is_none() && ways.iter().filter(|m| m.link == link).count() < MAX_PATHS {
-                    ways.push(ContactProfile { link, contact: piece.contact, ..ContactProfile::default() });
+                let contacts = &mut profile.contacts;
+                let known = contacts.iter().position(|m| (m.link, m.contact) == (link, piece.contact));
+                let k = known.unwrap_or(contacts.len());
+                if known.is_none() && contacts.iter().filter(|m| m.link == link).count() < MAX_PATHS {
+                    contacts.push(ContactProfile {
+                        link,
+                        contact: piece.contact,
+                        ..ContactProfile::default()
+                    });
                 }
-                if let Some(met) = ways.get_mut(k) {
+                if let Some(met) = contacts.get_mut(k) {
                     append(met, piece, padded, surface, params.most);
                 }
             }
@@ -129,10 +133,10 @@ impl Node for PathProfileNode {
 
     fn finish(&mut self, mut io: PathProfileIo<'_>) -> Result<Summary, Fault> {
         // Links are read one after the other within a window: the order of the figure is that of the links.
-        self.profile.ways.sort_by_key(|m| (m.link, m.contact));
-        let ways = self.profile.ways.len();
+        self.profile.contacts.sort_by_key(|m| (m.link, m.contact));
+        let contacts = self.profile.contacts.len();
         io.profile.set(std::mem::take(&mut self.profile));
-        Ok(vec![("ways", ways.into())])
+        Ok(vec![("contacts", contacts.into())])
     }
 
     archive_state!(profile);
@@ -148,22 +152,22 @@ mod tests {
     use crate::scrape::testing::piece;
 
     #[test]
-    fn a_way_meets_what_stands_along_it() {
+    fn a_profile_holds_the_values_along_its_path() {
         let map = FeatureMap {
             grid: Grid::from_fn(64, 64, |x, _| x as f32 / 64.0),
             surface: Surface { density: [64.0; 2], ..Surface::default() },
         };
         let params = PathProfileParams::read(&|_| None).unwrap();
-        let ways = vec![(0, piece([0.25, 0.5], [0.5, 0.0], 1.0))];
+        let pieces = vec![(0, piece([0.25, 0.5], [0.5, 0.0], 1.0))];
         let standalone = Standalone::new::<PathProfileNode>(params)
-            .feed(PathProfilePorts::paths.index(), Feed::events(ways, ticks(1.0)))
+            .feed(PathProfilePorts::paths.index(), Feed::events(pieces, ticks(1.0)))
             .feed(PathProfilePorts::features.index(), Feed::value(AnyValue::new(map)));
         let run = standalone.run().unwrap();
         let profile = run.value(0).unwrap();
         let profile = profile.get::<PathProfile>().unwrap();
-        let met = &profile.ways[0];
-        for (way, value) in met.way.iter().zip(&met.values) {
-            assert!((value - 0.25 - way).abs() < 1e-4, "{way}: {value}");
+        let met = &profile.contacts[0];
+        for (distance, value) in met.distance.iter().zip(&met.values) {
+            assert!((value - 0.25 - distance).abs() < 1e-4, "{distance}: {value}");
         }
         assert_eq!(profile.picture.width, 64);
         let svg = profile.plot().unwrap();

@@ -12,31 +12,31 @@ use std::fmt::Write;
 /// Columns of the picture of a map.
 const COLUMNS: usize = 96;
 
-/// The way of one contact and what it met.
+/// The path of one contact and the values along it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ContactProfile {
-    /// Number of the link it came from.
+    /// Number of the link that it came from.
     pub link: usize,
     /// Number of the contact.
     pub contact: u64,
-    /// Way from its start, m.
-    pub way: Vec<f32>,
-    /// Places, m.
+    /// Distance from its start, m.
+    pub distance: Vec<f32>,
+    /// Positions, m.
     #[serde(rename = "places")]
     pub positions: Vec<[f32; 2]>,
-    /// Values of the map there.
+    /// Values of the map at these positions.
     pub values: Vec<f32>,
 }
 
-/// Ways over a map, each with its profile.
+/// Paths over a map, each with its profile.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PathProfile {
     /// A small picture of the map, 0 to 1.
     pub picture: Grid,
     /// Its size, m.
     pub size: [f64; 2],
-    /// The ways in the order in which they began.
-    pub ways: Vec<ContactProfile>,
+    /// The contacts in the order in which they began.
+    pub contacts: Vec<ContactProfile>,
 }
 
 /// A small picture of a map, its numbers spread over 0 to 1.
@@ -60,7 +60,7 @@ pub fn picture(map: &Grid) -> Grid {
     Grid::from_fn(width, height, mean)
 }
 
-/// Adds what a piece meets, at steps of at most half a pixel, to its way.
+/// Adds the values along a piece, at steps of at most half a pixel, to its profile.
 pub fn append(
     met: &mut ContactProfile,
     piece: &PathPiece,
@@ -88,7 +88,7 @@ pub fn append(
         let value = padded.value(Interp::Bspline3, whole.map(|x| x as i64), x, y);
         let before = met.positions.last().copied().unwrap_or(position.map(|x| x as f32));
         let step = (position[0] as f32 - before[0]).hypot(position[1] as f32 - before[1]);
-        met.way.push(met.way.last().copied().unwrap_or(0.0) + step);
+        met.distance.push(met.distance.last().copied().unwrap_or(0.0) + step);
         met.positions.push(position.map(|x| x as f32));
         met.values.push(value);
     }
@@ -101,27 +101,27 @@ impl Data for PathProfile {
     fn trial(rng: &mut Rng) -> Self {
         let picture = Grid::from_fn(3, 2, |_, _| rng.uniform() as f32);
         let met = ContactProfile {
-            way: vec![0.0, 0.1],
+            distance: vec![0.0, 0.1],
             positions: vec![[0.0; 2]; 2],
             values: vec![0.5, 0.2],
             ..ContactProfile::default()
         };
-        Self { picture, size: [1.0, 0.5], ways: vec![met] }
+        Self { picture, size: [1.0, 0.5], contacts: vec![met] }
     }
 
     fn plot(&self) -> Option<String> {
         let wide = 480.0;
         let tall = (wide * self.size[1] / self.size[0].max(1e-12)).clamp(20.0, 960.0);
         let (row, gap) = (70.0, 14.0);
-        let height = tall + gap + (row + gap) * self.ways.len() as f64;
+        let height = tall + gap + (row + gap) * self.contacts.len() as f64;
         let mut svg = format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {wide} {height:.0}\" font-family=\"sans-serif\" \
              font-size=\"11\">\n<rect width=\"{wide}\" height=\"{height:.0}\" fill=\"white\"/>\n"
         );
         svg.push_str(&image_element(&self.picture, [0.0, 1.0], [0.0, 0.0, wide, tall])?);
         // Writing to a string does not fail.
-        for (k, met) in self.ways.iter().enumerate() {
-            let colour = crate::plot::colour(k, self.ways.len());
+        for (k, met) in self.contacts.iter().enumerate() {
+            let colour = crate::plot::colour(k, self.contacts.len());
             // A surface repeats; the figure shows it once.
             let position = |p: &[f32; 2]| {
                 let part = |k: usize| (f64::from(p[k]) / self.size[k].max(1e-12)).rem_euclid(1.0);
@@ -144,14 +144,14 @@ impl Data for PathProfile {
 }
 
 impl PathProfile {
-    /// The profile of one way in a frame `[left, top, width, height]`.
+    /// The profile of one path in a frame `[left, top, width, height]`.
     fn profile(&self, met: &ContactProfile, colour: &str, [left, top, width, height]: [f64; 4]) -> String {
-        let values = self.ways.iter().flat_map(|met| &met.values);
+        let values = self.contacts.iter().flat_map(|met| &met.values);
         let (low, high) = values.fold((f32::MAX, f32::MIN), |(low, high), x| (low.min(*x), high.max(*x)));
-        let end = f64::from(met.way.last().copied().unwrap_or(1.0)).max(1e-9);
-        let points = met.way.iter().zip(&met.values).map(|(way, value)| {
+        let end = f64::from(met.distance.last().copied().unwrap_or(1.0)).max(1e-9);
+        let points = met.distance.iter().zip(&met.values).map(|(distance, value)| {
             let up = f64::from(value - low) / f64::from(high - low).max(1e-12);
-            format!("{:.1},{:.1}", left + width * f64::from(*way) / end, top + height * (1.0 - up))
+            format!("{:.1},{:.1}", left + width * f64::from(*distance) / end, top + height * (1.0 - up))
         });
         let points = points.collect::<Vec<_>>().join(" ");
         format!(

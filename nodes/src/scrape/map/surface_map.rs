@@ -8,7 +8,7 @@ use crate::texture::{DiscontinuityMap, FeatureMap, Grid, Pyramid, Surface, level
 /// Maximum number of levels of a pyramid: steps of 2048 pixels.
 const LEVELS: usize = 13;
 
-/// One level of a map: the map, and what one of its pixels is of a full one along x and y.
+/// One level of a map: the map, and the size of its pixels relative to full ones along x and y.
 type Scaled<const C: usize> = (PaddedMap<C>, [f64; 2]);
 
 /// Reading of a map.
@@ -27,7 +27,7 @@ enum Reading {
 pub struct SurfaceMap {
     reading: Reading,
     pub(super) surface: Surface,
-    /// Factors of changes along x and y, where these are per metre in place of per pixel.
+    /// Factors of changes along x and y, if these are per metre instead of per pixel.
     pub(super) per_metre: Option<[f32; 2]>,
 }
 
@@ -42,7 +42,7 @@ fn scalar(grid: &Grid, surface: &Surface) -> Vec<Scaled<1>> {
 }
 
 impl SurfaceMap {
-    /// The slope that a contact meets: the gradient of a map along its path.
+    /// Slope under a contact: the gradient of a map along its path.
     #[must_use]
     pub fn slope(map: &DiscontinuityMap) -> Self {
         let surface = map.surface;

@@ -13,7 +13,7 @@ use std::f64::consts::PI;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Bands to the octave.
+/// Bands per octave.
 const OCTAVE: f64 = 8.0;
 /// Step in samples up to which the loop is read as it is.
 const WHOLE: f64 = 0.9;
@@ -33,7 +33,7 @@ struct Band {
     density: f64,
 }
 
-/// A loop of noise with what is left of it below each eighth of an octave.
+/// A loop of noise with its low-passed versions, one per eighth of an octave.
 ///
 /// Between two samples a sinc of 32 taps under a squared cosine is read, of which 1024 positions are stored and what is between
 /// them is interpolated. Steps of more than a sample read a form of the loop that holds nothing above half of the rate of the sound: for
@@ -61,19 +61,19 @@ fn closed(samples: &[f32], density: f64) -> Band {
 }
 
 impl NoiseBands {
-    /// All bands of a loop of at least one sample.
+    /// Creates all bands of a loop of at least one sample.
     #[must_use]
     pub fn new(profile: &NoiseProfile) -> Self {
         Self::made(profile, NoiseInterp::Sinc32, f64::INFINITY)
     }
 
-    /// The same, read in another way.
+    /// The same bands with another interpolation.
     #[must_use]
     pub fn read_by(profile: &NoiseProfile, interp: NoiseInterp) -> Self {
         Self::made(profile, interp, f64::INFINITY)
     }
 
-    /// Those of the bands that steps of up to `fastest` samples read: they give the same, and slow ones need only the loop itself.
+    /// The bands that steps of up to `fastest` samples read, with the same results; slow steps need only the loop.
     #[must_use]
     pub fn up_to(profile: &NoiseProfile, fastest: f64) -> Self {
         Self::made(profile, NoiseInterp::Sinc32, fastest)
@@ -164,7 +164,7 @@ impl NoiseBands {
             }
             return made;
         };
-        // In three loops, in the first and the last of which several samples are treated at once.
+        // Three loops; the first and the last process several samples at once.
         let (mut wholes, mut rows, mut betweens) = ([0; CELL], [0; CELL], [0.0; CELL]);
         for n in 0..CELL {
             (wholes[n], rows[n], betweens[n]) = parts(positions[n]);
@@ -196,7 +196,7 @@ impl NoiseBands {
 struct Spot {
     /// The sample before it.
     whole: usize,
-    /// The stored position before it, and the way from there to the next, 0 to 1.
+    /// The stored position before it, and the fraction from there to the next, 0 to 1.
     row: usize,
     between: f32,
 }
@@ -208,7 +208,7 @@ impl Spot {
         Self { whole: whole as usize, row: row as usize, between }
     }
 
-    /// The samples around it: the first stands 15 before the place, and the seam is padded by 16.
+    /// The samples around it: the first is 15 before the position, and the seam is padded by 16.
     #[inline(always)]
     fn samples(self, band: &Band) -> Option<&[f32; TAPS]> {
         let at = self.whole + 1;
@@ -216,7 +216,7 @@ impl Spot {
     }
 }
 
-/// The sample before a position, the stored position before it, and the way from there to the next, 0 to 1.
+/// The sample before a position, the stored position before it, and the fraction from there to the next, 0 to 1.
 ///
 /// Places are never negative, and loops so short that a cast to 32 bits, which is quick, is their floor.
 #[inline(always)]
@@ -255,7 +255,7 @@ fn total([a, b, c, d]: [f32; 4]) -> f32 {
     (a + b) + (c + d)
 }
 
-/// The half of the spectrum of a loop that says it all.
+/// The half of the spectrum of a loop that determines the other half.
 fn spectrum(samples: &[f32], n: usize, planner: &mut RealFftPlanner<f64>) -> Vec<Complex<f64>> {
     let forward = planner.plan_fft_forward(n);
     let (mut whole, mut bins) = (forward.make_input_vec(), forward.make_output_vec());
@@ -266,7 +266,7 @@ fn spectrum(samples: &[f32], n: usize, planner: &mut RealFftPlanner<f64>) -> Vec
 }
 
 /// Low-pass of a loop of `n` samples, with a transition from `pass` to `stop`, both in cycles per sample, in as many samples as
-/// `inverse` gives.
+/// `inverse` returns.
 fn band(
     spectrum: &[Complex<f64>],
     n: usize,

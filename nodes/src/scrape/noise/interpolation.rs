@@ -4,10 +4,10 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Samples that one reading weighs.
 pub(super) const TAPS: usize = 32;
-/// Places between two samples for which weights are stored.
+/// Number of positions between two samples for which weights are stored.
 pub(super) const PHASES: usize = 1024;
 
-/// Weights of the samples at one stored position, and what they change by up to the next one.
+/// Weights of the samples at one stored position, and their change up to the next one.
 pub(super) type Row = [[f32; TAPS]; 2];
 
 /// Interpolation between the samples of a noise profile.

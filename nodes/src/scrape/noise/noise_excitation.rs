@@ -53,7 +53,7 @@ params! {
     pub struct NoiseExcitationParams {
         /// Interpolation between the samples of the noise.
         interp: NoiseInterp = NoiseInterp::Sinc32;
-        /// Force in N that a noise of 1 gives at 1 N and 1 m/s.
+        /// Force in N of a noise of 1 at 1 N and 1 m/s.
         kappa: f64 = 1.0, unit "N", range -1_000_000.0..=1_000_000.0;
         /// Exponent of the normal force.
         a: f64 = 0.5, unit "", range 0.0..=2.0;

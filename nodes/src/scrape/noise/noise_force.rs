@@ -1,4 +1,4 @@
-//! The force that a contact draws from a line of noise.
+//! The force of a line of noise on a contact.
 
 use super::bands::NoiseBands;
 use crate::scrape::force::law::Law;
@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct NoiseVoice {
     heading: Heading,
-    /// Place on the loop, in samples.
+    /// Position on the loop, in samples.
     #[serde(rename = "place")]
     position: f64,
 }

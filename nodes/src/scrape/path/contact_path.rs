@@ -36,7 +36,7 @@ choices! {
     pub enum Axes {
         /// The world: for surfaces at rest.
         World,
-        /// The body: for moving surfaces. Velocities then follow from the positions.
+        /// The frame of the body, for moving surfaces; velocities then follow from the positions.
         Body,
     }
 }
@@ -62,7 +62,7 @@ choices! {
 }
 
 params! {
-    /// Follows contacts over a surface and gives their paths as polynomials, which can be evaluated at any sample.
+    /// Follows contacts over a surface and outputs their paths as polynomials, which can be evaluated at any sample.
     ///
     /// A point `p` of a contact lies on the surface at `((p - origin) u, (p - origin) v)`, with `u` and `v` normalized. Between two
     /// frames the path is a cubic through positions and velocities; forces are linear and never below 0. A piece is known one frame after
@@ -136,7 +136,7 @@ ports! {
             image: Option<Value<Luma>>,
         }
         out {
-            /// Their paths over the surface.
+            /// Paths of the contacts over the surface.
             paths: Events<PathPiece>,
         }
     }
@@ -297,7 +297,7 @@ impl Node for ContactPath {
 
     fn build(p: &ContactPathParams, cx: &Build<'_>) -> Result<Self, Fault> {
         let room = usize::from(p.most);
-        // Where pixels are longer one way than the other, the mean of both.
+        // Where pixels are longer along one axis than along the other, the mean of both.
         let density = cx.optional_value(ContactPathPorts::image).map(|image| {
             let [x, y] = image.surface.density;
             (x * y).sqrt()

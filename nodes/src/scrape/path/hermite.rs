@@ -1,4 +1,5 @@
-//! The way of a contact between two frames, a cubic through positions and velocities, and the velocities where none are reported.
+//! The path of a contact between two frames, a cubic through positions and velocities, and estimates of missing
+//! velocities.
 
 use super::sample::ContactSample;
 use crate::core::time::{Tick, seconds};
@@ -26,8 +27,7 @@ pub(super) fn central(
     rate(position, after.position, after.tick - tick)
 }
 
-/// Velocity at the end of a way of which only the start is known: half of what keeps the acceleration even, which does not
-/// swing.
+/// Velocity at the end of a path whose start alone is known: half of that for constant acceleration, without overshoot.
 pub(super) fn onward([from, velocity]: [[f64; 2]; 2], to: [f64; 2], time: f64) -> [f64; 2] {
     std::array::from_fn(|k| {
         let mean = (to[k] - from[k]) / time;

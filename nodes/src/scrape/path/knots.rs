@@ -1,4 +1,4 @@
-//! Ways that are drawn rather than simulated.
+//! Paths that are drawn rather than simulated.
 
 use super::piece::PathPiece;
 use super::tracker::{END_FADE, JUMP_FADE};
@@ -15,7 +15,7 @@ const MAX_FACTOR: f64 = 1e6;
 pub struct Knot {
     /// Time, s.
     pub time: f64,
-    /// Place, m.
+    /// Position, m.
     pub position: [f64; 2],
     /// Velocity before and after it, m/s: a corner has two.
     pub velocity: [[f64; 2]; 2],
@@ -47,7 +47,7 @@ pub fn through(points: &[[f64; 4]]) -> Vec<Knot> {
     points.iter().enumerate().map(|(k, p)| knot(k, p)).collect()
 }
 
-/// Straight lines from position to position at an even speed; `None` where there would be more than a million pieces.
+/// Straight lines from position to position at an even speed; `None` if there would be more than a million pieces.
 #[must_use]
 pub fn lines(positions: &[[f64; 2]], start: f64, speed: f64, force: f64) -> Option<Vec<Knot>> {
     let mut knots: Vec<Knot> = Vec::new();

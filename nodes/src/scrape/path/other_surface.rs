@@ -92,7 +92,7 @@ mod tests {
     use crate::texture::NoiseProfile;
 
     #[test]
-    fn surfaces_are_exchanged_and_what_knows_one_is_left_out() {
+    fn surfaces_are_exchanged_and_paths_on_one_surface_are_left_out() {
         let both = PathPiece {
             other: Some(piece([7.0, 1.0], [0.2, 0.0], 0.1).position),
             ..piece([0.0; 2], [1.0, 0.5], 0.1)

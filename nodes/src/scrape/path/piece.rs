@@ -5,7 +5,7 @@ use crate::core::random::Rng;
 use crate::core::time::{Tick, seconds, ticks};
 use serde::{Deserialize, Serialize};
 
-/// The way of one contact over a surface between two frames of the physics.
+/// The path of one contact over a surface between two frames of the physics.
 ///
 /// It begins at the time of its event. With `s` from 0 to 1 over its duration the place is `c[0] + c[1] s + c[2] s^2 + c[3] s^3`; force
 /// and gain go in a straight line. Pieces of one contact that touch in time continue smoothly; where a contact jumps, an
@@ -20,10 +20,10 @@ pub struct PathPiece {
     pub object: u32,
     /// Its duration.
     pub duration: Tick,
-    /// Coefficients of the place on the surface, m.
+    /// Coefficients of the position on the surface, m.
     #[serde(rename = "place")]
     pub position: [[f64; 2]; 4],
-    /// The same on the other surface, where it is known, m.
+    /// The same on the other surface, if it is known, m.
     pub other: Option<[[f64; 2]; 4]>,
     /// Normal force at its start and end, N.
     pub force: [f32; 2],
@@ -127,7 +127,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_part_goes_the_same_way() {
+    fn a_part_has_the_same_path() {
         let whole = PathPiece::trial(&mut Rng::new(3));
         let part = whole.part(0.25, 0.75, whole.duration / 2);
         for t in [0.0, 0.3, 1.0] {

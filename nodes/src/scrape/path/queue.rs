@@ -1,4 +1,4 @@
-//! Pieces of path that are known before their time has come.
+//! Queue of pieces of paths that are known before their time.
 
 use super::piece::PathPiece;
 use crate::core::time::Tick;
@@ -9,13 +9,13 @@ use crate::impl_state;
 pub struct Queue {
     pieces: Vec<(Tick, PathPiece)>,
     room: usize,
-    /// Pieces for which there was no room.
+    /// Pieces beyond the capacity.
     pub left_out: u64,
 }
 impl_state!(Queue { pieces, left_out });
 
 impl Queue {
-    /// Room for `room` pieces.
+    /// Allocates memory for `room` pieces.
     #[must_use]
     pub fn new(room: usize) -> Self {
         Self { pieces: Vec::with_capacity(room), room, left_out: 0 }
@@ -34,7 +34,7 @@ impl Queue {
         self.pieces.insert(at, (tick, piece));
     }
 
-    /// Forgets what was to come from a time on of the way of a piece.
+    /// Removes the part of the path of a piece from a time on.
     pub fn cut(&mut self, tick: Tick, piece: &PathPiece) {
         let key = |p: &PathPiece| (p.contact, p.jump);
         self.pieces.retain(|(t, p)| *t < tick || key(p) != key(piece));
@@ -48,7 +48,7 @@ impl Queue {
         }
     }
 
-    /// Takes over what another one of the same size holds.
+    /// Adopts the content of another one of the same size.
     pub fn take_state(&mut self, old: &Self) {
         if self.room == old.room {
             self.pieces.clone_from(&old.pieces);

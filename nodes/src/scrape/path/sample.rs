@@ -1,4 +1,4 @@
-//! A contact at one frame of the physics, and by which rules its way continues from there.
+//! A contact at one frame of the physics, and the rules by which its path continues from there.
 
 use crate::core::time::Tick;
 use serde::{Deserialize, Serialize};
@@ -8,14 +8,14 @@ use serde::{Deserialize, Serialize};
 pub struct ContactSample {
     /// Number of the contact.
     pub contact: u64,
-    /// When.
+    /// Time.
     pub tick: Tick,
-    /// Place, m.
+    /// Position, m.
     #[serde(rename = "place")]
     pub position: [f64; 2],
-    /// Velocity over the surface, where it is known, m/s.
+    /// Velocity over the surface, if it is known, m/s.
     pub velocity: Option<[f64; 2]>,
-    /// Place on the other surface, where it is wanted, m.
+    /// Position on the other surface, if it is wanted, m.
     pub other: Option<[f64; 2]>,
     /// Normal force, N.
     pub force: f32,
@@ -34,7 +34,7 @@ pub struct PathRules {
     pub frame: Tick,
     /// True if a path is known before its end; otherwise it is predicted, and corrected over the next frame.
     pub look_ahead: bool,
-    /// True if velocities come from the positions before and after, one frame later, in place of those given.
+    /// True if velocities come from the positions before and after, one frame later, in place of the reported ones.
     pub differences: bool,
     /// True to replace a path by a straight line if its velocities are too large.
     pub guard: bool,

@@ -22,7 +22,7 @@ choices! {
         Line,
         /// `laps` turns around `from` with `radius`.
         Circle,
-        /// From side to side, `laps` times, between `from` and `to`, with `width`.
+        /// Zigzag of `laps` strokes between `from` and `to`, with `width`.
         Zigzag,
     }
 }

@@ -1,8 +1,8 @@
-//! The way of contacts over a plane, from frames of a physics engine to pieces of path.
+//! The paths of contacts over a plane, from frames of a physics engine to pieces of path.
 //!
 //! # Source
-//! Picard, Tsingos and Faure (VRIPHYS 2008), section 4, follow contacts at the rate of the physics; how the way between two frames
-//! is found, and what happens without one, are choices.
+//! Picard, Tsingos and Faure (VRIPHYS 2008), section 4, follow contacts at the rate of the physics; the path between
+//! two frames, and that without a next frame, are choices.
 
 use super::hermite::{central, cubic, onward, rate, turned};
 use super::piece::PathPiece;
@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 pub const JUMP_FADE: f64 = 0.002;
 /// Fade of a contact that is lost, s.
 pub const END_FADE: f64 = 0.005;
-/// Distances of a jump that a contact of unknown velocity may go in one frame.
+/// Maximum distance of a contact of unknown velocity in one frame, in distances of a jump.
 const UNKNOWN: f64 = 16.0;
 
 /// One contact that is followed.
@@ -29,11 +29,11 @@ struct TrackedContact {
     before: Option<(Tick, [f64; 2])>,
     /// A frame whose velocity is not known yet.
     waiting: Option<ContactSample>,
-    /// The piece under way and its start.
+    /// The current piece and its start.
     path: Option<(Tick, PathPiece)>,
-    /// Until when the way is known.
+    /// Time until which the path is known.
     known: Tick,
-    /// Place, velocity, and velocity on the other surface at that time.
+    /// Position, velocity, and velocity on the other surface at that time.
     at: [[f64; 2]; 2],
     other: Option<[[f64; 2]; 2]>,
     force: f32,
@@ -42,13 +42,13 @@ struct TrackedContact {
     fresh: bool,
     /// True if the last state was predicted.
     guessed: bool,
-    /// True if it has been lost: its number may come again.
+    /// True if the contact has been lost; its number may be used again.
     lost: bool,
     /// True if it has ever begun.
     begun: bool,
-    /// Time and position of the last frame as it came.
+    /// Time and position of the last frame, without smoothing.
     raw: (Tick, [f64; 2]),
-    /// Place and velocity in the low-pass.
+    /// Position and velocity in the low-pass.
     smooth: [[f64; 2]; 2],
 }
 
@@ -64,24 +64,24 @@ pub struct Tracker {
     pub pieces: u64,
     /// Jumps so far.
     pub jumps: u64,
-    /// Frames that came after their way was needed.
+    /// Frames that came after their path was needed.
     pub late: u64,
-    /// Contacts that heard no more of themselves.
+    /// Contacts that received no further frames.
     pub stalls: u64,
-    /// Frames of contacts for which there was no room.
+    /// Frames of contacts beyond the capacity.
     pub left_out: u64,
 }
 impl_state!(Tracker { tracks, now, pieces, jumps, late, stalls, left_out });
 
 impl Tracker {
-    /// Room for `room` contacts at once.
+    /// Allocates memory for `room` simultaneous contacts.
     #[must_use]
     pub fn new(rules: PathRules, room: usize) -> Self {
         let tracks = Vec::with_capacity(room);
         Self { rules, tracks, room, now: 0, pieces: 0, jumps: 0, late: 0, stalls: 0, left_out: 0 }
     }
 
-    /// Changes what does not change the latency.
+    /// Changes rules that do not affect the latency.
     pub fn set_rules(&mut self, rules: PathRules) {
         self.rules = rules;
     }
@@ -96,7 +96,7 @@ impl Tracker {
         };
         let Some(mut contact) = self.tracks.get(k).copied() else { return };
         if known.is_some() && sample.tick <= contact.raw.0 {
-            // Of two frames of one contact at one time the first is taken.
+            // The first of two frames of one contact at one time counts.
             return;
         }
         let sample = self.smooth(&mut contact, sample, known.is_some());
@@ -159,7 +159,7 @@ impl Tracker {
         }
     }
 
-    /// Stores a frame until the next gives its velocity, and returns the one before.
+    /// Stores a frame until the next determines its velocity, and returns the one before.
     fn wait(&mut self, contact: &mut TrackedContact, sample: &ContactSample, out: &mut Queue) {
         if let Some(mut waiting) = contact.waiting.take() {
             let back =
@@ -178,7 +178,7 @@ impl Tracker {
         }
     }
 
-    /// Takes a frame with all that is known of it.
+    /// Processes a complete frame.
     fn take(&mut self, contact: &mut TrackedContact, sample: &ContactSample, out: &mut Queue) {
         if contact.lost {
             if !sample.ends {
@@ -211,8 +211,8 @@ impl Tracker {
         contact.last = sample;
     }
 
-    /// Returns true if a contact is not where its velocity would have brought it; where no velocity is known, only whether it is very
-    /// far away.
+    /// Returns true if a contact is not where its velocity would have brought it; without a velocity, true only if it
+    /// is very far away.
     fn parted(
         &self,
         from: [f64; 2],
@@ -231,7 +231,7 @@ impl Tracker {
         length([gap[0] - travel[0], gap[1] - travel[1]]) > self.rules.teleport + 2.0 * fastest
     }
 
-    /// A way begins at a frame.
+    /// Begins a path at a frame.
     fn start(&mut self, contact: &mut TrackedContact, sample: &ContactSample, out: &mut Queue) {
         let jump = if contact.begun { contact.jump.wrapping_add(1) } else { 0 };
         *contact = TrackedContact {
@@ -240,7 +240,7 @@ impl Tracker {
             before: None,
             path: None,
             known: sample.tick,
-            // Without a known velocity it sets off at the mean pace of its first way.
+            // Without a known velocity it starts at the mean speed of its first piece.
             at: [sample.position, sample.velocity.unwrap_or([f64::NAN; 2])],
             other: sample.other.map(|position| [position, [f64::NAN; 2]]),
             force: sample.force,
@@ -256,7 +256,7 @@ impl Tracker {
         }
     }
 
-    /// The old way fades out where a new one begins.
+    /// Fades the old path out and begins a new one.
     fn leap(&mut self, contact: &mut TrackedContact, sample: &ContactSample, out: &mut Queue) {
         self.jumps += 1;
         if contact.known < sample.tick {
@@ -271,7 +271,7 @@ impl Tracker {
         }
     }
 
-    /// A contact is gone: what is left of it fades.
+    /// Fades out a contact that has ended.
     fn lose(&mut self, contact: &mut TrackedContact, out: &mut Queue) {
         if contact.force > 0.0 && contact.gain != 0.0 {
             self.straight(contact, contact.known + ticks(END_FADE), 0.0, out);
@@ -297,10 +297,10 @@ impl Tracker {
         self.join(contact, &end, out);
     }
 
-    /// The way up to a frame that has come.
+    /// Extends the path up to a frame that has come.
     fn extend(&mut self, contact: &mut TrackedContact, sample: &ContactSample, out: &mut Queue) {
         if contact.guessed {
-            // What was predicted from here on is replaced. The frame may be older than the one that let it be understood.
+            // The prediction from here on is replaced. The frame may be older than the one that revealed the delay.
             let now = self.now - self.rules.latency();
             self.late += 1;
             contact.cut(now);
@@ -310,7 +310,7 @@ impl Tracker {
         self.join(contact, &end, out);
     }
 
-    /// From where the prediction of the last frame has come to, over to that of this one, within a frame.
+    /// Predicts the path: from the end of the last prediction to that from this frame, within a frame.
     fn predict(&mut self, contact: &mut TrackedContact, sample: &ContactSample, out: &mut Queue) {
         if contact.known > sample.tick {
             contact.cut(sample.tick);
@@ -331,7 +331,7 @@ impl Tracker {
         });
         let end = ContactSample {
             tick: sample.tick + self.rules.frame,
-            // Simpson's rule: the way is as long as its velocities say.
+            // Simpson's rule: the length of the path follows from its velocities.
             position: std::array::from_fn(|k| {
                 sample.position[k] + step / 6.0 * (velocity[k] + 4.0 * half[k] + last[k])
             }),
@@ -342,7 +342,7 @@ impl Tracker {
         self.join(contact, &end, out);
     }
 
-    /// Makes the piece from the end of what is known to another position.
+    /// Makes the piece from the end of the known path to another position.
     fn join(&mut self, contact: &mut TrackedContact, end: &ContactSample, out: &mut Queue) {
         let duration = end.tick - contact.known;
         if duration <= 0 {
@@ -375,7 +375,7 @@ impl Tracker {
         let fade = ticks(JUMP_FADE);
         let silent = (contact.gain == 0.0 && end.gain == 0.0) || piece.force == [0.0; 2];
         if silent {
-            // Nothing to hear of it.
+            // It is silent.
         } else if contact.fresh && duration > fade {
             let s = fade as f64 / duration as f64;
             let first = piece.part(0.0, s, fade);
@@ -392,7 +392,7 @@ impl Tracker {
         (contact.force, contact.gain) = (end.force.max(0.0), end.gain);
     }
 
-    /// When the next contact has to be resumed although no frame has come, and which.
+    /// The time at which the next contact has to continue without a frame, and its index.
     fn next_due(&self) -> Option<(Tick, usize)> {
         let live = self.tracks.iter().enumerate().filter(|(_, t)| !t.lost || t.waiting.is_some());
         live.map(|(k, contact)| (self.due_of(contact), k)).min()
@@ -432,7 +432,7 @@ impl Tracker {
         }
     }
 
-    /// Takes over what another one follows.
+    /// Adopts the contacts of another tracker.
     pub fn take_state(&mut self, old: &Self) {
         if old.room == self.room && old.rules.latency() == self.rules.latency() {
             self.tracks.clone_from(&old.tracks);
@@ -461,7 +461,7 @@ impl TrackedContact {
         [angle, 1.0 - before].map(|x| x / seconds(time))
     }
 
-    /// Forgets what is known beyond a time.
+    /// Discards the path beyond a time.
     fn cut(&mut self, tick: Tick) {
         let Some((start, piece)) = self.path.filter(|_| tick < self.known) else { return };
         let tick = tick.max(start);

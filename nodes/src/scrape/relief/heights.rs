@@ -1,4 +1,4 @@
-//! Heights of a surface, what a ball feels of them, and what two of them make of each other.
+//! Heights of a surface, and their offsets under a ball and between two surfaces.
 
 use crate::scrape::force::voices::{CELL, Cell};
 use crate::scrape::map::padded_map::{Interp, PaddedMap};
@@ -9,7 +9,7 @@ use crate::texture::{Grid, Luma, LumaKind, Surface};
 pub struct Relief {
     padded: PaddedMap<1>,
     density: [f64; 2],
-    /// Highest less lowest, m.
+    /// Highest minus lowest height, m.
     range: f64,
 }
 
@@ -38,7 +38,7 @@ impl Relief {
         }
     }
 
-    /// Highest less lowest, m.
+    /// Highest minus lowest height, m.
     #[must_use]
     pub fn range(&self) -> f64 {
         self.range

@@ -19,9 +19,9 @@ const PROFILE: usize = 512;
 struct Line {
     /// Offsets of its points, m.
     offsets: Vec<f64>,
-    /// Gap of the curved surfaces there, m.
+    /// Gap of the curved surfaces at each point, m.
     gaps: Vec<f32>,
-    /// From one point to the next, m.
+    /// Distance from one point to the next, m.
     step: f64,
 }
 
@@ -57,7 +57,7 @@ fn along(position: [f64; 2], direction: [f64; 2], distance: f64) -> [f64; 2] {
 }
 
 impl Paths {
-    /// Unit vector in which the surfaces slip, by the first that moves.
+    /// Unit vector of the slip, from the first surface that moves.
     fn direction(&self, n: f64) -> [f64; 2] {
         for path in [&self.a, &self.b] {
             let v = velocity(path, n, self.rate);
@@ -71,8 +71,8 @@ impl Paths {
 }
 
 impl PairForce {
-    /// A force over a line of `taps` points (odd, so that its middle is one) for surfaces of a common radius in m and of
-    /// heights that differ by up to `range` m.
+    /// Creates a force over a line of `taps` points (odd, so that its middle is one) for surfaces of a common radius in
+    /// m and of heights that differ by up to `range` m.
     #[must_use]
     pub fn new(law: Law, taps: usize, radius: f64, range: f64) -> Self {
         let half = (2.0 * radius * range.max(1e-12)).sqrt();
@@ -109,7 +109,7 @@ impl PairForce {
             let range = [segment.from.max(first), last.min(first + GROUP)];
             self.group(reliefs, &paths, first, range, &mut made);
         }
-        // What rests on one side may slip on the other.
+        // A contact that rests on one side may slip on the other.
         for n in segment.from..last {
             let v = velocity(&paths.b, n as f64, paths.rate);
             if v[0] * v[0] + v[1] * v[1] >= f64::from(AT_REST).powi(2) {
@@ -135,7 +135,7 @@ impl PairForce {
         let middle = (first + GROUP / 2) as f64;
         let t = paths.direction(middle);
         let centres = [position(&paths.a, middle), position(&paths.b, middle)];
-        // How far both have come along the direction, from the middle.
+        // Displacement of both along the direction, from the middle.
         let travel = |c: &[[f64; 2]; 4], centre: [f64; 2], n: usize| {
             let at = position(c, n as f64);
             (at[0] - centre[0]) * t[0] + (at[1] - centre[1]) * t[1]

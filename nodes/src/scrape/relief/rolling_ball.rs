@@ -3,7 +3,8 @@
 use crate::scrape::map::surface_map::SurfaceMap;
 use crate::texture::{Grid, Surface, Wrap};
 
-/// Bends of the ball up to which a surface counts as round between three pixels, and from which on as an edge.
+/// Multiples of the ball's curvature: up to the first a surface counts as round between three pixels, from the second
+/// on as an edge.
 const ROUND: [f64; 2] = [4.0, 8.0];
 
 /// Returns the path of the centre of a ball of radius `radius` m that rolls over heights in m: their dilation by its paraboloid.
@@ -65,7 +66,7 @@ fn dilated(
 #[derive(Debug, Default)]
 struct Envelope {
     line: Vec<f64>,
-    /// Parabolas that are highest somewhere, from left to right.
+    /// Parabolas of the upper envelope, from left to right.
     tops: Vec<usize>,
     /// Start of each of them.
     from: Vec<f64>,
@@ -119,7 +120,7 @@ impl Envelope {
     }
 }
 
-/// The change of the way of a rolling ball per metre, as a map to be read.
+/// The change of the path of a rolling ball per metre, as a map for reading.
 #[must_use]
 pub fn ball_map(heights: &Grid, surface: &Surface, radius: f64) -> SurfaceMap {
     SurfaceMap::height_change(&rolled_over(heights, surface, radius), *surface)

@@ -1,13 +1,13 @@
-//! Sizes of surfaces that go over into each other.
+//! Cross-fades between sizes of a surface.
 
 use crate::scrape::force::ramp::RAMP_TIME;
 use crate::scrape::force::voices::{CELL, Cell, Segment};
 use crate::scrape::path::piece::PathPiece;
 
-/// A size that goes to another one by a cross-fade of [`RAMP_TIME`] seconds: what is drawn at both sounds meanwhile, without the sweep
-/// that a size on its way makes of positions far from the corner of a surface.
+/// A size that changes to another one by a cross-fade of [`RAMP_TIME`] seconds between the sounds at both sizes. A
+/// gliding size would sweep the positions far from the corner of a surface.
 ///
-/// A third one that is asked for during a cross-fade follows it; the newest counts.
+/// A third size that is set during a cross-fade follows it; the newest counts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SizeFade {
     from: f64,
@@ -18,14 +18,14 @@ pub struct SizeFade {
 }
 
 impl SizeFade {
-    /// At rest.
+    /// A constant size.
     #[must_use]
     pub fn new(size: f64, rate: f64) -> Self {
         let samples = (RAMP_TIME * rate).max(1.0) as i64;
         Self { from: size, to: size, next: None, start: i64::MIN / 2, samples }
     }
 
-    /// Sets off for another size at a sample.
+    /// Starts a cross-fade to another size at a sample.
     pub fn ramp_to(&mut self, size: f64, sample: i64) {
         if let Some(next) = self.next.filter(|_| sample >= self.start + self.samples) {
             (self.from, self.to, self.next, self.start) = (self.to, next, None, self.start + self.samples);
@@ -43,7 +43,7 @@ impl SizeFade {
         [fraction(self.start), if self.next.is_some() { fraction(self.start + self.samples) } else { 0.0 }]
     }
 
-    /// Adds what `draw` adds at the sizes that sound over a segment. `draw` takes the segment as it lies on the surface of size 1.
+    /// Calls `draw` for each size that sounds over a segment, with the segment as it lies on the surface of size 1.
     pub fn add(&self, segment: &Segment, out: &mut [f32], mut draw: impl FnMut(&Segment, &mut [f32])) {
         let sizes = [Some(self.from), Some(self.to), self.next];
         let progress = |n: usize| self.progress(segment.anchor + n as i64);

@@ -32,12 +32,12 @@ params! {
     /// `gain kappa (f/1 N)^a (dz/dt)/(1 m/s)`. Heights follow from the luminance by the `depth` of each image. So the teeth of both
     /// surfaces interlock, which a sum of two forces cannot express.
     ///
-    /// Without `b` the other surface is smooth: a ball or tip of the given radius that rolls or slides over `a`. It does not reach the
-    /// bottom of gaps narrower than itself, and hits the edges of each. This is computed before the sound starts; afterwards the cost is
-    /// that of MapExcitation.
+    /// Without `b` the other surface is smooth: a ball or tip of radius `radius` that rolls or slides over `a`. It does
+    /// not reach the bottom of gaps narrower than itself, and hits the edges of each. This is computed before the sound
+    /// starts; afterwards the cost is that of MapExcitation.
     ///
-    /// Where paths have no position on the other surface, that position is constant. `gain`, `kappa`, `a_exponent` and `scale` can change
-    /// while the node runs and ramp over 20 ms. A link to `kappa` replaces the number.
+    /// If paths have no position on the other surface, that position is constant. `gain`, `kappa`, `a_exponent` and
+    /// `scale` can change while the node runs and ramp over 20 ms. A link to `kappa` replaces the number.
     ///
     /// # Source
     /// Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section 6, leaves two
@@ -129,7 +129,7 @@ impl Node for TwoTextures {
             check("b", &b)?;
             let reliefs = [&a, &b].map(|luma| Relief::new(&heights(luma), &luma.surface));
             let range = reliefs[0].range() + reliefs[1].range();
-            // Of two surfaces no speed is known at which one of them alone is matched.
+            // With two surfaces there is no speed at which one of them alone is matched.
             let law = Law { curve: None, ..law };
             let force = PairForce::new(law, p.taps.into(), p.radius, range);
             Method::Pair(Box::new((reliefs, force, SizeFade::new(p.contact.scale, rate))))

@@ -16,7 +16,7 @@ use crate::core::time::{Rate, ticks};
 use crate::{params, ports};
 
 params! {
-    /// Moves a body around a point at constant speed; the body faces the point. It gives a source or a listener of known motion.
+    /// Moves a body around a point at constant speed; the body faces the point. It provides a source or a listener of known motion.
     ///
     /// The body starts in the direction of the scene's x axis, projected onto the plane of the circle (of y, if the axis is x). It turns
     /// by the right-hand rule about the axis: to the left of a listener who looks along x with z above.
@@ -87,7 +87,7 @@ impl Node for Orbit {
         let (first, period) = (io.pose.first(), 1.0 / io.pose.rate().as_f64());
         let (p, [axis, start, quarter]) = (&self.params, self.axes);
         for (k, out) in (first..).zip(io.pose.items()) {
-            // The fraction keeps the angle exact after hours.
+            // With the fraction the angle stays exact after hours.
             let turns = (p.frequency * k as f64 * period).fract();
             let angle = TAU * turns + p.start.to_radians();
             let offset = add(scale(start, libm::cos(angle)), scale(quarter, libm::sin(angle)));

@@ -130,8 +130,8 @@ impl Columns {
 /// Reads poses from CSV with a header: `time_s`, `x`, `y`, `z` and, if the body turns, `qw`, `qx`, `qy`, `qz`.
 ///
 /// # Errors
-/// A missing or unknown column, a field that is not a number or out of range, times that do not increase, and no rows. The error gives
-/// the line and the valid values.
+/// A missing or unknown column, a field that is not a number or out of range, times that do not increase, and no rows.
+/// The error states the line and the valid values.
 ///
 /// # Example
 /// ```

@@ -12,15 +12,15 @@ use crate::mesh::{Mesh, MeshFormat};
 use crate::params;
 
 params! {
-    /// Gives the pose of a vertex of a moving mesh, such as the head of a character, or a source that moves with a body.
+    /// Outputs the pose of a vertex of a moving mesh, such as the head of a character, or a source that moves with a body.
     ///
     /// The position is that of the vertex `origin`, moved by `offset` in local axes. Two more vertices define the orientation: seen from
     /// the origin, `front` is in front and `up` above, as far as perpendicular to the front. Without them the local axes are those of the
-    /// scene. If the three vertices are on one line, the pose keeps its last orientation.
+    /// scene. If the three vertices are on one line, the pose retains its last orientation.
     pub struct VertexPoseParams {
         /// Vertex at the position.
         origin: usize = 0, unit "vertices", range 0..=100_000_000;
-        /// Vertex in front of the origin; None, together with `up`, keeps the axes of the scene.
+        /// Vertex in front of the origin; None, together with `up`, uses the axes of the scene.
         front: Option<usize> = None, unit "vertices", range 0..=100_000_000;
         /// Vertex above the origin.
         up: Option<usize> = None, unit "vertices", range 0..=100_000_000;

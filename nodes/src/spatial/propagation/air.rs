@@ -26,7 +26,7 @@ const SECTIONS: usize = 4;
 /// Frequency at which their loss equals that of air, in Hz.
 const MATCHED_FREQUENCY: f64 = 8000.0;
 
-/// A low-pass filter that models the absorption of air for a source at a given distance.
+/// A low-pass filter that models the absorption of air for a source at a known distance.
 ///
 /// Below 12 kHz it is within 0.6 dB of [`loss`] up to 20 m. At larger distances very weak high frequencies lose less than in air.
 #[derive(Clone, Debug)]

@@ -41,7 +41,7 @@ impl Distance {
 /// Gain and, optionally, delay and absorption by air of a source whose distance changes.
 ///
 /// The distance is read once per [`control_interval`]; gain and delay change linearly in between. The delay is fractional, so a uniform
-/// approach gives a steady Doppler shift.
+/// approach has a steady Doppler shift.
 #[derive(Clone, Debug)]
 pub struct DistanceLine {
     distance: Distance,
@@ -150,7 +150,7 @@ mod tests {
         let mut line = DistanceLine::new(Distance { reference: 1.0, nearest: 1e9 }, Some(50.0), false, 1, fs);
         let mut y = vec![0.0; x.len()];
         line.process(0, &x, &mut y, |n| 20.0 - speed * n as f64 / fs);
-        // The phase difference between two times gives the frequency.
+        // The frequency follows from the phase difference between two times.
         let phase = |at: usize| {
             let f = tone * (1.0 + speed / SPEED_OF_SOUND);
             let sum = (0..4800).fold([0.0; 2], |s, k| {

@@ -4,7 +4,8 @@
 //! a fraction of all. Unlike a distance between percentiles, it does not depend on the contrast of two tones.
 //!
 //! # Source
-//! Picard, Tsingos and Faure (VRIPHYS 2008), section 4.1 and figure 2, who write "narrow" and "broad" and give no measure.
+//! Picard, Tsingos and Faure (VRIPHYS 2008), section 4.1 and figure 2, who write "narrow" and "broad" and state no
+//! measure.
 
 use crate::core::item::Data;
 use crate::core::random::Rng;

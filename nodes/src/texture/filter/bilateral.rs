@@ -117,7 +117,7 @@ fn one_row<S: Simd>(simd: S, rows: &[f32], middle: usize, taps: &[Tap], slope: f
 }
 
 params! {
-    /// Smooths a texture and keeps its edges: each pixel becomes the mean of its neighbours, weighted by distance and similarity.
+    /// Smooths a texture and preserves its edges: each pixel becomes the mean of its neighbours, weighted by distance and similarity.
     ///
     /// The neighbourhood is a circle with a radius of two standard deviations. The defaults are for lightness from 0 to 100.
     ///

@@ -17,7 +17,8 @@ params! {
     ///
     /// # Source
     /// Picard, Tsingos and Faure (VRIPHYS 2008), section 4.2 and figure 5, with the operator of Winnemoeller, Olsen and Gooch,
-    /// "Real-time video abstraction" (SIGGRAPH 2006). The root of 1.6 is the square root; the printed cube root gives thinner lines.
+    /// "Real-time video abstraction" (SIGGRAPH 2006). The root of 1.6 is the square root; the printed cube root results
+    /// in thinner lines.
     pub struct DogFeaturesParams {
         /// Standard deviation of the narrow Gaussian.
         sigma_e: f64 = 1.0, unit "px", range 0.1..=10.0;

@@ -60,7 +60,7 @@ pub(super) fn store_block<S: Simd>(pixels: [f32x16<S>; 4], row: &mut [f32], at: 
     }
 }
 
-/// `2^x` of sixteen numbers up to 0, to 2 parts in 10^7; those below -126 give `2^-126`.
+/// `2^x` of sixteen numbers up to 0, to 2 parts in 10^7; those below -126 become `2^-126`.
 #[inline(always)]
 pub(super) fn exp2<S: Simd>(simd: S, x: f32x16<S>) -> f32x16<S> {
     // Adding 1.5 * 2^23 rounds to an integer, which is then in the lowest bits.

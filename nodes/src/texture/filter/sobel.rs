@@ -1,6 +1,6 @@
 //! Gradients of an image by the Sobel operator, in units of luminance per pixel.
 //!
-//! `gx = [1 2 1]^T [-1 0 1] / 8 * L`, `gy` transposed. A ramp of one unit per pixel gives exactly 1.
+//! `gx = [1 2 1]^T [-1 0 1] / 8 * L`, `gy` transposed. A ramp of one unit per pixel results in exactly 1.
 //!
 //! # Source
 //! Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section 4.1.
@@ -35,7 +35,7 @@ pub fn gradient(image: &Grid, wrap: Wrap) -> [Grid; 2] {
 
 /// Returns the magnitude of the gradient.
 ///
-/// `skimage.filters.sobel` gives `sqrt(2)` times this value.
+/// `skimage.filters.sobel` returns `sqrt(2)` times this value.
 ///
 /// # Complexity
 /// As [`gradient`].

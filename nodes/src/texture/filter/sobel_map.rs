@@ -13,8 +13,9 @@ use crate::{params, ports};
 params! {
     /// The gradient of the luminance of a surface by the Sobel operator, in luminance per pixel.
     ///
-    /// A step of luminance is two to three pixels wide in the map; a thin line gives a pair of opposite signs. The density of the image
-    /// limits the sharpness of edges: there are no frequencies above half the density times the speed. A tap as SVG draws the map.
+    /// A step of luminance is two to three pixels wide in the map; a thin line appears as a pair of opposite signs. The
+    /// density of the image limits the sharpness of edges: there are no frequencies above half the density times the
+    /// speed. A tap as SVG draws the map.
     ///
     /// # Source
     /// Picard, Tsingos and Faure (VRIPHYS 2008), section 4.1 and figure 3.

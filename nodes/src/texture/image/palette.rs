@@ -1,6 +1,6 @@
 //! TIFF images with a palette.
 //!
-//! The decoder reads their samples only if they are declared as grey, and gives the palette as a tag.
+//! The decoder reads their samples only if they are declared as grey, and returns the palette as a tag.
 
 use super::format::{Format, ImageError};
 use std::io::Cursor;

@@ -328,7 +328,7 @@ fn trace(points: &[[f64; 2]], next: &mut [u32], has_previous: &[bool], period: O
                 }
                 previous = stored;
                 let point = [stored[0] + offset[0], stored[1] + offset[1]];
-                // A sample exactly on the level gives the same point on several edges.
+                // A sample exactly on the level yields the same point on several edges.
                 if out.points[from..].last() != Some(&point) {
                     out.points.push(point);
                 }

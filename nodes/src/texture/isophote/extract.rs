@@ -23,7 +23,7 @@ pub enum Levels {
     Quantiles(usize),
     /// A number of levels, evenly spaced from the 2nd percentile to the 98th.
     Uniform(usize),
-    /// Given levels.
+    /// Explicit levels.
     These(Vec<f32>),
 }
 
@@ -36,7 +36,7 @@ pub struct Drawing {
     pub pre_blur: f64,
     /// Rule for cells with two opposite high corners.
     pub saddle: Saddle,
-    /// Maximum distance of a simplified curve from the exact one, in pixels; 0 keeps all points.
+    /// Maximum distance of a simplified curve from the exact one, in pixels; 0 retains all points.
     pub simplify: f64,
     /// Maximum relative error of the gradient along a simplified curve.
     pub gradient_error: f64,
@@ -67,7 +67,7 @@ pub enum IsophotesError {
     /// No level is in the range of the luminance.
     #[error("none of the {count} levels lies in the luminance of the image, {low} to {high}")]
     Outside {
-        /// Number of given levels.
+        /// Number of explicit levels.
         count: usize,
         /// Lowest luminance after the blur.
         low: f32,
@@ -82,7 +82,7 @@ pub enum IsophotesError {
 /// an image of constant luminance has none.
 ///
 /// # Errors
-/// An image without cells, or no given level in the range of its luminance.
+/// An image without cells, or no explicit level in the range of its luminance.
 ///
 /// # Complexity
 /// O(pixels x levels + points log points). In addition to the result it needs memory for one image (two if it is not periodic) and for

@@ -42,8 +42,8 @@ params! {
     /// and points, and the size of their file.
     ///
     /// # Source
-    /// Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section 4.2, who do not give
-    /// the number of levels and their spacing.
+    /// Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section
+    /// 4.2, who do not state the number of levels and their spacing.
     pub struct IsophotesParams {
         /// Number of levels.
         count: u16 = 8, unit "levels", range 1..=64_u16;
@@ -55,7 +55,7 @@ params! {
         pre_blur: f64 = 1.0, unit "px", range 0.0..=32.0;
         /// Corners that are connected in a cell of four pixels with two opposite high ones.
         saddle: Saddle = Saddle::Decider;
-        /// Maximum distance of a simplified curve from the exact one; 0 keeps all points.
+        /// Maximum distance of a simplified curve from the exact one; 0 retains all points.
         simplify: f64 = 0.25, unit "px", range 0.0..=8.0;
         /// Maximum relative error of the gradient at an omitted point; for gradients below 0.3 of their root mean square, relative to that.
         gradient_error: f64 = 0.05, unit "", range 0.001..=10.0;

@@ -6,7 +6,7 @@ const MAX_SPAN: usize = 256;
 /// Tolerance of a simplified line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tolerance {
-    /// Maximum distance in pixels of an omitted point from the line; 0 keeps all points.
+    /// Maximum distance in pixels of an omitted point from the line; 0 retains all points.
     pub distance: f64,
     /// Maximum relative error of the gradient interpolated at an omitted point.
     pub gradient: f64,

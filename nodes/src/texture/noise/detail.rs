@@ -29,7 +29,7 @@ pub struct Extension {
     pub added: f64,
 }
 
-/// Returns the smallest power of two that gives the spacing of audio samples at `v_max` m/s, within [`MAX_EXTENDED`] samples.
+/// Returns the smallest power of two for the spacing of audio samples at `v_max` m/s, within [`MAX_EXTENDED`] samples.
 #[must_use]
 pub fn factor_for(profile: &NoiseProfile, v_max: f64) -> usize {
     let wanted = profile.spacing / (v_max / NOMINAL_RATE);

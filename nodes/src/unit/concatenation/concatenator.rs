@@ -9,16 +9,16 @@ use crate::unit::UnitDatabase;
 /// Mix of the two sounds at a join.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Blend {
-    /// Their powers add up to one: for sounds that have nothing to do with each other.
+    /// Their powers add up to one: for unrelated sounds.
     EqualPower,
     /// Their amplitudes add up to one: for sounds that are alike.
     Linear,
-    /// Both at full level, from zero crossing to zero crossing, as the paper says; 3 dB too loud where they overlap, and 2.4 dB in the
-    /// millisecond to either side of a join.
+    /// Both at full level, from zero crossing to zero crossing, as in the paper; 3 dB too loud where they overlap, and
+    /// 2.4 dB in the millisecond to either side of a join.
     Add,
 }
 
-/// Length of a fade where there is no zero crossing near.
+/// Length of a fade if no zero crossing is near.
 const CUT_FADE: usize = 16;
 
 /// One boundary between two units.
@@ -95,8 +95,8 @@ type Sides = (Option<u32>, Option<u32>);
 /// Units that follow each other in their recording are not joined: the recording is copied.
 ///
 /// # Source
-/// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 4.4, which says in one
-/// sentence that units are extended to their next zero crossing and overlapped.
+/// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 4.4, which
+/// states in one sentence that units are extended to their next zero crossing and overlapped.
 #[derive(Clone, Copy, Debug)]
 pub struct Concatenator<'a> {
     db: &'a UnitDatabase,
@@ -104,7 +104,7 @@ pub struct Concatenator<'a> {
 }
 
 impl<'a> Concatenator<'a> {
-    /// Over a database that is valid.
+    /// Creates a concatenator over a valid database.
     #[must_use]
     pub fn new(db: &'a UnitDatabase, blend: Blend) -> Self {
         Self { db, blend }
@@ -164,7 +164,7 @@ impl<'a> Concatenator<'a> {
         }
     }
 
-    /// All of one channel.
+    /// All samples of one channel.
     #[must_use]
     pub fn whole(&self, channel: usize, picks: &[u32]) -> Vec<f32> {
         let length = self.db.unit();

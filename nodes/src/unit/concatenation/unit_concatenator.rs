@@ -13,7 +13,7 @@ use crate::unit::{PickFormat, Picks, UnitDatabase};
 use crate::{archive_state, choices, params, ports};
 
 choices! { @param Blend {
-    /// Powers add up to one: for sounds that have nothing to do with each other.
+    /// Powers add up to one: for unrelated sounds.
     EqualPower,
     /// Amplitudes add up to one: for sounds that are alike.
     Linear,
@@ -30,11 +30,11 @@ params! {
     ///
     /// With the sound of the target at `target`, a gate mutes the output in silence: 0.5 s after the target has gone silent (below
     /// -100 dBFS) the output fades to exact zeros in 50 ms; it fades in within 5 ms. The gate is also closed before the first sound
-    /// of the target. A target that is shorter than one unit gives silence of its length.
+    /// of the target. A target that is shorter than one unit results in silence of its length.
     ///
     /// # Source
     /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 4.4. The paper
-    /// adds without weights; equal power keeps the level. The balance and the gate are additions.
+    /// adds without weights; equal power preserves the level. The balance and the gate are additions.
     pub struct UnitConcatenatorParams {
         /// Mix of the sounds at a join.
         blend: Blend = Blend::EqualPower;
@@ -50,7 +50,7 @@ ports! {
             picks: Stream<Picks>,
             /// The database that they are of.
             database: Value<UnitDatabase>,
-            /// Level of every channel per unit, as `Mfcc` gives for `SharedMid`; reached on a straight line over a unit.
+            /// Level of every channel per unit, as from `Mfcc` for `SharedMid`; reached on a straight line over a unit.
             balance: Option<Stream<f32>>,
             /// Sound of the target: the output is muted where it is silent.
             target: Option<Stream<f32>>,
@@ -122,7 +122,7 @@ impl UnitConcatenator {
     }
 }
 
-/// Applies levels that move from the last unit's to this one's.
+/// Applies levels that move from those of the last unit to those of this one.
 fn balanced(balance: &In<'_, f32>, k: i64, from: usize, unit: usize, out: &mut [f32], width: usize) {
     let at = (k - balance.first()) as isize;
     let now = balance.item(at);
@@ -160,7 +160,7 @@ impl Node for UnitConcatenator {
         }
         let _ = p;
         let width = channels(&picks.format, balance.map(|balance| balance.format))?;
-        // The unit under way began before the window, and is joined to the one before it and the one after.
+        // The current unit began before the window, and is joined to the one before it and the one after.
         s.lookaround(UnitConcatenatorPorts::picks, 2, 1);
         s.lookaround(UnitConcatenatorPorts::balance, 2, 0);
         s.ends(picks.end);

@@ -22,11 +22,11 @@ pub struct Take {
 pub struct Gap {
     /// Samples that it lasts at least.
     pub samples: usize,
-    /// Magnitude that it stays below.
+    /// Magnitude below which the silence stays.
     pub level: f32,
 }
 
-/// Why no database can be made.
+/// Reasons why no database can be made.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum BuildError {
@@ -63,7 +63,7 @@ struct Stretch {
     source: u32,
     channel: u32,
     offset: usize,
-    /// Filtered samples per joined channel, with what comes after the last whole unit: its window looks there.
+    /// Filtered samples per joined channel, with those after the last whole unit, which its window reads.
     audio: Vec<Vec<f32>>,
     units: usize,
 }
@@ -80,7 +80,7 @@ struct Stretch {
 ///
 /// # Source
 /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), sections 4.1 and 4.2. The paper
-/// strings recordings end to end; segments keep what that would make neighbours apart.
+/// strings recordings end to end; segments separate the units that this would make neighbours.
 pub fn build(takes: &[Take], c: &FeatureConventions, gap: Option<Gap>) -> Result<UnitDatabase, BuildError> {
     let stretches = stretches(takes, c, gap)?;
     let units = stretches.iter().map(|s| s.units).sum::<usize>();
@@ -209,7 +209,7 @@ fn spans(channels: &[Vec<f32>], gap: Option<Gap>) -> Vec<Range<usize>> {
     spans
 }
 
-/// Without its mean, high-passed from rest, and with what the filter still gives in `after` samples.
+/// Removes the mean, high-passes from rest, and appends the output of the filter in `after` more samples.
 fn clean(x: &[f32], design: Option<&Butterworth>, after: usize) -> Vec<f32> {
     let mean = x.iter().map(|&x| f64::from(x)).sum::<f64>() / x.len().max(1) as f64;
     let mut out: Vec<f32> = x.iter().map(|&x| (f64::from(x) - mean) as f32).collect();
@@ -256,7 +256,7 @@ fn energies(stretches: &[Stretch], c: &FeatureConventions) -> Vec<f32> {
     stretches.iter().flat_map(of).collect()
 }
 
-/// Energy of a band, as mean square of full scale, that no recording's noise is below: -120 dB.
+/// Energy of a band, as mean square of full scale, that the noise of every recording exceeds: -120 dB.
 const LEAST: f64 = 1e-12;
 
 fn percentile(values: &[f32], part: f64) -> f64 {

@@ -6,7 +6,7 @@ use super::units::{DATABASE_VERSION, DatabaseError, UnitDatabase};
 pub(super) const MARK: &[u8] = b"foley:units\n";
 
 impl UnitDatabase {
-    /// The database as one file: a mark, the version, the hash of the conventions, that of all fields, and these.
+    /// The database as one file: a signature, the version, the hash of the conventions, that of all fields, and these.
     ///
     /// # Errors
     /// When it cannot be encoded.
@@ -26,10 +26,10 @@ impl UnitDatabase {
     /// Other files, other versions, damaged fields.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, String> {
         let head = MARK.len() + 4 + 2 * 32;
-        let (Some(mark), Some(rest)) = (bytes.get(..MARK.len()), bytes.get(head..)) else {
+        let (Some(signature), Some(rest)) = (bytes.get(..MARK.len()), bytes.get(head..)) else {
             return Err("this is no unit database: it is too short".into());
         };
-        if mark != MARK {
+        if signature != MARK {
             return Err("this is no unit database".into());
         }
         let mut version = [0; 4];

@@ -18,13 +18,13 @@ use crate::{feature_params, ports};
 use rayon::prelude::*;
 
 feature_params! {
-    /// Cuts recordings into short units and computes the features of each, for `UnitSelector` to choose from.
+    /// Cuts recordings into short units with features, from which `UnitSelector` chooses.
     ///
     /// Every channel of every recording (with `joint` every recording) is a gap-free segment. With `gap`, silence splits it into
     /// further segments. No filter and no selection crosses the end of a segment. Each segment has its mean removed, is high-passed
     /// and cut into units; a remainder at its end is dropped. Recordings are resampled to `rate`.
     ///
-    /// The features must be computed as those of the target: give `Mfcc` and `TemporalGaussian` the same parameters.
+    /// The features must be computed as those of the target: set the same parameters on `Mfcc` and `TemporalGaussian`.
     ///
     /// # Source
     /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), sections 4.1 and 4.2.
@@ -45,7 +45,7 @@ feature_params! {
         gap: Option<f64> = None, unit "s", range 0.001..=60.0;
         /// Peak level below which it is silent.
         gap_level: f64 = -80.0, unit "dB", range -200.0..=0.0;
-        /// The licence of the recordings; their paths stand as their provenance.
+        /// The licence of the recordings; their paths are their provenance.
         licence: Text = "".into();
     }
 }
@@ -75,7 +75,7 @@ fn conventions(p: &UnitDatabaseParams, joined: u32) -> Result<FeatureConventions
     p.convention_params(&p.widths, p.causal).conventions(p.rate, joined)
 }
 
-/// All of a recording at another rate, channel by channel, and a digest of what it holds.
+/// A recording at another rate, channel by channel, and a digest of its content.
 fn read(reader: &mut AudioReader<'_>, from: Rate, to: Rate) -> Result<(Vec<Vec<f32>>, String), Reject> {
     let failed = |e: &dyn std::fmt::Display| RECORDINGS.unusable("", e);
     let channels = reader.info().channels.max(1);
@@ -152,7 +152,7 @@ impl Func for UnitDatabaseNode {
                 message: format!("{:?}{}", path.0, e.message.trim_start_matches("\"\"")),
                 ..e
             })?;
-            // Its mean is taken out on the way into the database.
+            // The database removes its mean.
             warnings.extend(recording_warnings(&path.0, file.info(), &[]));
             takes.push(Take { channels, source: source(p, k, content) });
         }

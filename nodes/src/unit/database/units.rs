@@ -1,4 +1,4 @@
-//! Units of recordings with their features: what concatenative synthesis chooses from.
+//! Units of recordings with their features, from which concatenative synthesis chooses.
 
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
@@ -40,11 +40,11 @@ impl Segment {
 pub struct UnitSource {
     /// Provenance of the recording: its path by default.
     pub provenance: String,
-    /// The licence that it came under.
+    /// Licence of the recording.
     pub licence: String,
     /// A material, or a cause such as `friction`; may be empty.
     pub tag: String,
-    /// Digest of what it holds, whatever its file is called; empty where that is not known.
+    /// Digest of its content, independent of the file name; empty if it is unknown.
     pub content: String,
 }
 
@@ -61,25 +61,25 @@ pub struct UnitDatabase {
     pub segments: Vec<Segment>,
     /// Recordings that the units come from.
     pub sources: Vec<UnitSource>,
-    /// Samples, channel by channel: `[joined * units * unit]`, high-passed as the conventions say.
+    /// Samples, channel by channel: `[joined * units * unit]`, high-passed as the conventions state.
     pub audio: Vec<f32>,
     /// Features as made, `[units * dims]`.
     pub unfiltered: Vec<f32>,
-    /// Features after the Gaussian over time, `[units * dims]`: what targets are compared with.
+    /// Features after the Gaussian over time, `[units * dims]`, which are compared with targets.
     pub features: Vec<f32>,
 }
 
-/// Why a unit database cannot be used.
+/// Reasons why a unit database cannot be used.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum DatabaseError {
-    /// Written by other code.
+    /// Another version of the format.
     #[error("unit database has version {found}; this reads version {DATABASE_VERSION}: build it again")]
     Version {
         /// The version found.
         found: u32,
     },
-    /// There is nothing to choose from.
+    /// No units.
     #[error("the unit database holds no unit: give recordings of at least one unit, {unit} samples")]
     Empty {
         /// Samples in a unit.
@@ -130,7 +130,7 @@ impl UnitDatabase {
         self.segments.last().map_or(0, |last| last.range().end)
     }
 
-    /// Returns true if there is none.
+    /// Returns true if there are no units.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
@@ -189,7 +189,7 @@ impl UnitDatabase {
         self.sources.get(segment.source as usize)
     }
 
-    /// Checks what the type cannot hold together: lengths, segments, finite numbers.
+    /// Checks the invariants that the type does not enforce: lengths, segments, finite numbers.
     ///
     /// # Errors
     /// The first thing found, with its place.
@@ -304,7 +304,7 @@ mod tests {
     }
 
     #[test]
-    fn a_unit_knows_its_segment() {
+    fn a_unit_has_its_segment() {
         let mut rng = Rng::new(5);
         let db = UnitDatabase::trial(&mut rng);
         for (k, segment) in db.segments.iter().enumerate() {

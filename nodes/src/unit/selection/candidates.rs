@@ -21,7 +21,7 @@ pub(super) fn allowed(db: &UnitDatabase, tags: &[Text]) -> Vec<bool> {
     out
 }
 
-/// Units that the tags allow, or what tags there are.
+/// Units that the tags allow, or an error that lists the existing tags.
 pub(crate) fn check_tags(db: &UnitDatabase, tags: &[Text]) -> Result<Vec<bool>, Reject> {
     let allowed = allowed(db, tags);
     if allowed.contains(&true) {
@@ -64,7 +64,7 @@ pub(crate) fn units<'a>(
     Ok(Units { allowed: check_tags(db, tags)?, ..Units::from(db) })
 }
 
-/// Warning of a database with no more units than `cool_off` bars.
+/// Warning about a database with no more units than `cool_off` excludes.
 pub(super) fn few_units_warning(units: &Units<'_>, look: usize, cool_off: usize) -> Option<String> {
     let open = |start: usize, len: usize| {
         let inside = units.allowed.get(start..start + len.saturating_sub(look)).unwrap_or_default();

@@ -45,13 +45,13 @@ pub(super) fn check(features: &Incoming<Features>, target: Option<&Incoming<f32>
     )
 }
 
-/// Look-ahead, in samples, that the gates of a unit and of `ahead` more need.
+/// Look-ahead, in samples, that the gates of a unit and of `ahead` further units need.
 pub(super) fn target_look_ahead(unit: u32, ahead: usize) -> usize {
     (unit as usize).saturating_mul(ahead + 1).saturating_sub(1)
 }
 
 impl ChannelGates {
-    /// Open gates; `None` if `keep` says that units are also chosen in silence, as for the room tone of joint units.
+    /// Open gates; `None` if `keep` states that units are also chosen in silence, as for the room tone of joint units.
     pub fn new(
         db: &UnitDatabase,
         rate: Rate,

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::picks::Pick;
 use crate::core::node::Summary;
 
-/// Share of units for which nothing is near enough from which on it is reported.
+/// Share of units without a near enough match from which on it is reported.
 const MAX_FALLBACK_SHARE: f64 = 0.2;
 
 /// Counts of the picks of a channel.
@@ -13,7 +13,7 @@ const MAX_FALLBACK_SHARE: f64 = 0.2;
 pub(super) struct Counts {
     picks: u64,
     fallbacks: u64,
-    /// Searches that were given up.
+    /// Searches that were abandoned.
     pub cut: u64,
     runs: u64,
     sum_d1: f64,
@@ -21,7 +21,7 @@ pub(super) struct Counts {
 }
 
 impl Counts {
-    /// The pick where nothing is chosen: the last unit, inaudible.
+    /// The pick if nothing is chosen: the last unit, inaudible.
     pub fn inactive_pick(&self) -> Pick {
         Pick { unit: self.last.unwrap_or(0), asleep: true, ..Pick::default() }
     }
@@ -39,7 +39,7 @@ impl Counts {
         channels.map(|c| c.picks).sum()
     }
 
-    /// The counters of all channels, for the report, and a warning where for many units nothing was near enough.
+    /// The counters of all channels, for the report, and a warning if many units had no near enough match.
     pub fn summary(channels: impl Iterator<Item = Self> + Clone, d_max: f64) -> Summary {
         let sum = |get: fn(&Self) -> f64| channels.clone().map(|c| get(&c)).sum::<f64>();
         let picks = sum(|c| c.picks as f64);

@@ -73,7 +73,7 @@ params! {
 ports! {
     pub struct GlobalUnitSelectorPorts / GlobalUnitSelectorIo {
         in {
-            /// Features of the target, made as those of the database.
+            /// Features of the target, computed as those of the database.
             features: Stream<Features>,
             /// Units to choose from.
             database: Value<UnitDatabase>,
@@ -87,7 +87,7 @@ ports! {
     }
 }
 
-/// Units after the present one that the choice compares from which [`Method::Beam`] starts.
+/// Number of units after the current one that the initial choice of [`Method::Beam`] compares.
 const GREEDY_LOOK: usize = 5;
 
 /// The node over [`exact()`], [`beam()`] and [`FixedLag`].
@@ -108,7 +108,7 @@ pub struct GlobalUnitSelector {
     picks: Vec<Pick>,
     counts: Vec<Counts>,
     totals: Totals,
-    /// Warning of a database with hardly more units than `cool_off` bars.
+    /// Warning about a database with hardly more units than `cool_off` excludes.
     few_units: Option<String>,
 }
 

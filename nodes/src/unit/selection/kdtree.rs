@@ -17,7 +17,7 @@ struct Node<const P: usize> {
     to: u32,
     /// First child; the other one follows it. 0 in a leaf.
     child: u32,
-    /// Least label below.
+    /// Least label in the subtree.
     least: u32,
 }
 
@@ -62,7 +62,7 @@ impl PartialOrd for Waiting {
     }
 }
 
-/// Memory of searches, to be used again, and how far they may go.
+/// Reusable memory of searches, and their limit.
 #[derive(Clone, Debug, Default)]
 pub struct Search {
     queue: BinaryHeap<Waiting>,
@@ -71,7 +71,7 @@ pub struct Search {
     pub left: Option<usize>,
 }
 
-/// Counts one node or point; false where none is left.
+/// Counts one node or point; returns false if none is left.
 #[inline]
 fn spend(left: &mut Option<usize>) -> bool {
     match left {
@@ -129,10 +129,11 @@ impl<const P: usize> KdTree<P> {
         self.labels.iter().copied().zip(self.points.iter().copied()).collect()
     }
 
-    /// Visits points by increasing distance from `query`, equally near ones by increasing label, until `visit` says that it has
-    /// seen enough, or `search.left` is used up.
+    /// Visits points by increasing distance from `query`, equally near ones by increasing label, until `visit` ends the
+    /// search or `search.left` is used up.
     ///
-    /// `visit` gets the squared distance and the label, and gives the squared distance beyond which nothing interests it any more.
+    /// `visit` gets the squared distance and the label, and returns the squared distance beyond which it needs no more
+    /// points.
     pub fn nearest(
         &self,
         query: &[f64; P],
@@ -176,10 +177,10 @@ impl<const P: usize> KdTree<P> {
 }
 
 impl<const P: usize> KdTree<P> {
-    /// Visits all points within a squared distance of `query`, in no order but those likely near first, until `search.left` is used up.
+    /// Visits all points within a squared distance of `query`, roughly nearest first, until `search.left` is used up.
     ///
-    /// `visit` gets the squared distance and the label, and gives the squared distance beyond which nothing interests it any more. Where
-    /// all near points are wanted this is quicker than [`nearest`](Self::nearest), which has to keep every one in order.
+    /// `visit` gets the squared distance and the label, and returns the squared distance beyond which it needs no more
+    /// points. If all near points are wanted this is faster than [`nearest`](Self::nearest), which has to sort them.
     pub fn within(
         &self,
         query: &[f64; P],

@@ -43,7 +43,7 @@ params! {
 ports! {
     pub struct OnlineUnitSelectorPorts / OnlineUnitSelectorIo {
         in {
-            /// Features of the target, made as those of the database.
+            /// Features of the target, computed as those of the database.
             features: Stream<Features>,
             /// Units to choose from.
             database: Value<UnitDatabase>,
@@ -66,7 +66,7 @@ pub struct OnlineUnitSelector {
     lag: usize,
     dims: usize,
     d_max: f64,
-    /// Warning of a database with hardly more units than `cool_off` bars.
+    /// Warning about a database with hardly more units than `cool_off` excludes.
     few_units: Option<String>,
     /// Gates that close where the target is silent.
     gates: Option<ChannelGates>,

@@ -22,7 +22,7 @@ pub struct ChannelReport {
     pub picks: Vec<Pick>,
     /// Share of all units for which nothing was chosen, because the target is silent; the figures below exclude them.
     pub asleep_share: f64,
-    /// Share of picks for which nothing was near enough.
+    /// Share of picks without a near enough match.
     pub fallback_share: f64,
     /// Mean distance between target and pick.
     pub mean_d1: f64,
@@ -54,7 +54,7 @@ pub struct SelectionReport {
     pub units: u64,
     /// Each channel.
     pub channels: Vec<ChannelReport>,
-    /// Numbers in a feature vector, where the features of the target were given.
+    /// Numbers in a feature vector, if the features of the target are linked.
     pub dims: usize,
     /// Features of the target's first vector, `[picks, dims]`; may be empty.
     pub target: Vec<f32>,
@@ -221,7 +221,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_report_tells_its_version_and_the_database_that_it_is_of() {
+    fn a_report_states_its_version_and_its_database() {
         let (report, other) =
             (SelectionReport::trial(&mut Rng::new(1)), SelectionReport::trial(&mut Rng::new(2)));
         let json = serde_json::to_value(&report).unwrap();
@@ -256,7 +256,7 @@ mod tests {
         picks.extend([asleep; 6]);
         let report = ChannelReport::new([picks, vec![pick(2, false), pick(3, true)]].concat(), &db, 8.0);
         assert_eq!((report.asleep_share, report.fallback_share, report.mean_d1), (0.6, 0.5, 3.0));
-        // What comes after the sleep is no run with what was before, and sleeping repeats nothing.
+        // Picks before and after the sleep form no run, and sleep does not count as a repeat.
         assert_eq!((report.runs, report.repeats, report.distinct), (BTreeMap::from([(2, 2)]), 0, 4));
     }
 

@@ -9,7 +9,7 @@ use crate::unit::database::UnitDatabase;
 pub struct SelectorParams {
     /// Number of units after the current one that are also compared.
     pub look: usize,
-    /// Greatest distance of a unit that sounds like the target.
+    /// Maximum distance of a unit that sounds like the target.
     pub d_max: f64,
     /// Number of targets for which a chosen unit is not chosen again.
     pub cool_off: usize,

@@ -29,7 +29,8 @@ params! {
     /// units it prefers the one that follows the last pick.
     ///
     /// Every channel of the target chooses independently. It chooses from the same channel of the recordings if these have as
-    /// many channels; otherwise all channels choose from the same units, a sound in the middle may wander, and a note says so.
+    /// many channels; otherwise all channels choose from the same units, a sound in the middle may wander, and a note
+    /// reports it.
     ///
     /// With the sound of the target at `target`, a channel chooses nothing while the output of `UnitConcatenator` is faded out
     /// because the target is silent. When the target sounds again, the choice continues with its history. The summary states the
@@ -67,7 +68,7 @@ params! {
 ports! {
     pub struct UnitSelectorPorts / UnitSelectorIo {
         in {
-            /// Features of the target, made as those of the database.
+            /// Features of the target, computed as those of the database.
             features: Stream<Features>,
             /// Units to choose from.
             database: Value<UnitDatabase>,
@@ -88,7 +89,7 @@ pub struct UnitSelector {
     causal: bool,
     dims: usize,
     d_max: f64,
-    /// Warning of a database with hardly more units than `cool_off` bars.
+    /// Warning about a database with hardly more units than `cool_off` excludes.
     few_units: Option<String>,
     /// Gates that close where the target is silent.
     gates: Option<ChannelGates>,
@@ -199,7 +200,7 @@ impl Node for UnitSelector {
         let features = s.input(UnitSelectorPorts::features);
         let format = &features.format;
         comparable(format, s.value(UnitSelectorPorts::database), &p.tags)?;
-        // What is made of recordings is not known yet, and may have as many channels.
+        // Recordings that are not computed yet may have as many channels.
         let own = match s.value(UnitSelectorPorts::database) {
             Some(db) => own_channels(p, &db, format.vectors)?,
             None => p.own_channels != Some(false),

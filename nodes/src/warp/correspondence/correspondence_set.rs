@@ -17,11 +17,12 @@ params! {
     /// The file is RON: `Correspondences(pairs: [(label: "slow drag", target: 1.25, source: 0, database: 3.4, duration: 0.1)])`. `target` is
     /// the start in the target and `database` that in the recording `source` (its number, or its path in quotes), or without
     /// one in the database, whose units stand one after the other; all in seconds. Further there may be `channel` (from 0; all
-    /// where none is given), `weight` (1), `enabled` (true) and `label`. Mark 0.1 or 0.2 s; 5 to 15 pairs are usual, silence being
-    /// one. What does not fit the target or the database is named with line and column where they meet, in `TpsFit`. The file
-    /// may say `version`, which is 1, the `target` in words with its `length` in s, and the file names of the recordings of the
+    /// where none is named), `weight` (1), `enabled` (true) and `label`. Mark 0.1 or 0.2 s; 5 to 15 pairs are usual,
+    /// silence being one. What does not fit the target or the database is named with line and column where they meet,
+    /// in `TpsFit`. The file may state `version`, which is 1, the `target` in words with its `length` in s, and the
+    /// file names of the recordings of the
     /// `database`, as `CorrespondenceSuggester` writes them: `length: 7.6, database: "drag.wav, fold.wav"`. Where the target or the
-    /// recordings are others when the warp is fitted, a warning says so.
+    /// recordings are others when the warp is fitted, a warning reports it.
     ///
     /// # Source
     /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 4.3.

@@ -1,4 +1,4 @@
-//! Correspondences between a target and a database, and the pairs of feature vectors made of them.
+//! Correspondences between a target and a database, and the pairs of feature vectors from them.
 
 pub mod correspondence_set;
 pub mod pairing;

@@ -8,7 +8,7 @@ use crate::artefact::text::Location;
 use crate::unit::{Segment, UnitDatabase};
 use crate::warp::spline::Pair;
 
-/// Part of a unit by which an interval may miss it: times in files are decimals.
+/// Fraction of a unit by which an interval may miss it: times in files are decimals.
 const SLACK: f64 = 1e-6;
 
 /// Pairing of the units of both sides of a correspondence.
@@ -239,7 +239,7 @@ fn standard(vectors: &[&[f32]], d: usize) -> Vec<Vec<f64>> {
     centred.into_iter().map(|v| v.into_iter().map(|x| x * scale).collect()).collect()
 }
 
-/// The cheapest way through two sequences, each compared after its own mean and spread are taken off.
+/// The cheapest path through two sequences, which are compared after removal of their own mean and spread.
 ///
 /// # Source
 /// Sakoe and Chiba, "Dynamic programming algorithm optimization for spoken word recognition" (IEEE ASSP 26(1), 1978).
@@ -420,7 +420,7 @@ mod tests {
     }
 
     #[test]
-    fn units_are_paired_in_order_by_their_means_or_along_the_cheapest_way() {
+    fn units_are_paired_in_order_by_their_means_or_along_the_cheapest_path() {
         let set = read_correspondences(
             "(pairs: [(target: 0, source: 0, database: 0.002, duration: 0.05, weight: 2)])",
         )
@@ -447,9 +447,9 @@ mod tests {
         let faster: Vec<[f32; 2]> = (0..20).map(|k| at((k as f32 / 19.0).powi(2))).collect();
         let rows = |x: &'static [[f32; 2]]| x.iter().map(|r| &r[..]).collect::<Vec<&[f32]>>();
         let (a, b) = (rows(Vec::leak(steady)), rows(Vec::leak(faster)));
-        let ways = time_warp(&a, &b, 2);
+        let path = time_warp(&a, &b, 2);
         let late = |(i, j): &(usize, usize)| (*i as f32 / 19.0 - (*j as f32 / 19.0).powi(2)).abs();
-        let found = ways.iter().map(late).sum::<f32>() / ways.len() as f32;
+        let found = path.iter().map(late).sum::<f32>() / path.len() as f32;
         let in_order = (0..20).map(|k| late(&(k, k))).sum::<f32>() / 20.0;
         assert!(found < 0.5 * in_order, "{found} {in_order}");
     }

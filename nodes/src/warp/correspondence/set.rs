@@ -23,7 +23,7 @@ const MAX_ERRORS: usize = 20;
 pub enum SourceName {
     /// By its number, from 0.
     Index(u32),
-    /// By what the database says of it: its path, where nothing else was said.
+    /// By its provenance in the database: its path, unless another one was set.
     Provenance(String),
 }
 
@@ -40,7 +40,7 @@ pub struct Correspondence {
     pub source: Option<SourceName>,
     /// Length of both, s.
     pub duration: f64,
-    /// Channel that it is for; all where none is given.
+    /// Channel that it is for; all if it is `None`.
     pub channel: Option<u32>,
     /// Weight in the fit.
     pub weight: f64,
@@ -51,24 +51,25 @@ pub struct Correspondence {
     pub location: Location,
 }
 
-/// Correspondences with the file that they stand in.
+/// Correspondences with their file.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct CorrespondenceSet {
     /// Path of the file, for messages.
     pub file: String,
     /// The render that the times of targets are of, for people.
     pub target: String,
-    /// Its length, s, if it is given: it identifies the target.
+    /// Its length, s, if the file states it: it identifies the target.
     pub length: Option<f64>,
-    /// The database, by the file names of its recordings as [`UnitDatabase::recordings`](crate::unit::UnitDatabase::recordings) gives
-    /// them; empty where it is not said.
+    /// The database, by the file names of its recordings as
+    /// [`UnitDatabase::recordings`](crate::unit::UnitDatabase::recordings) returns them; empty if the file does not
+    /// state them.
     pub database: String,
-    /// All of them, also those that do not count.
+    /// All correspondences, also the disabled ones.
     pub pairs: Vec<Correspondence>,
 }
 
 impl CorrespondenceSet {
-    /// Digest of what it says, whatever its file is called and however it is laid out.
+    /// Digest of its content, independent of the name and the layout of the file.
     #[must_use]
     pub fn content(&self) -> String {
         blake3::hash(write_correspondences(self, &[]).as_bytes()).to_hex()[..16].to_owned()
@@ -290,7 +291,7 @@ mod tests {
     }
 
     #[test]
-    fn a_set_is_known_by_what_it_says_and_not_by_how_it_is_written() {
+    fn a_set_is_identified_by_its_content_and_not_by_its_layout() {
         let text = "(pairs: [(label: \"drag\", target: 1, database: 2, duration: 0.1)])";
         let set = CorrespondenceSet { file: "a.ron".into(), ..read_correspondences(text).unwrap() };
         let spread = "// Marked by ear.\nCorrespondences(version: 1, pairs: [\n    (target: 1.0, database: 2.0, duration: 0.10, label: \"drag\", \

@@ -51,7 +51,7 @@ fn check(
     intervals(set, target, db).map_err(|e| Reject::new("F110", e.to_string()).at("pairs"))
 }
 
-/// Checks what a fit needs before anything runs.
+/// Checks the requirements of a fit before anything runs.
 pub(in crate::warp) fn checked(
     features: &Incoming<Features>,
     database: Option<Arc<UnitDatabase>>,
@@ -65,7 +65,7 @@ pub(in crate::warp) fn checked(
 }
 
 impl TargetFeatures {
-    /// Room for a target.
+    /// Allocates memory for a target.
     pub fn new(
         features: Incoming<Features>,
         database: Arc<UnitDatabase>,
@@ -83,7 +83,7 @@ impl TargetFeatures {
         })
     }
 
-    /// Adds a window, without what stands after the end of the target.
+    /// Adds a window, without items after the end of the target.
     pub fn add(&mut self, items: &[f32]) {
         let capacity = self.units * self.format.vectors * self.format.dims();
         let left = capacity - self.features.len().min(capacity);
@@ -111,7 +111,7 @@ impl TargetFeatures {
         self.units as f64 / self.rate
     }
 
-    /// Warnings of correspondences that were marked in another target or in other recordings.
+    /// Warnings about correspondences that were marked in another target or in other recordings.
     pub fn mismatch_warnings(&self) -> Summary {
         let (set, mut warnings) = (&*self.pairs, Summary::new());
         // Two units: how many the end of a sound makes depends on its rate.

@@ -30,10 +30,11 @@ params! {
     /// Leaves every correspondence out in turn and ranks them by how much the others improve without it.
     ///
     /// The score of a correspondence is how much better the remaining ones predict each other when it is gone: a bad one spoils its
-    /// neighbours, so what it is itself predicted wrong tells less. The largest score is the suspect; listen to its ranges, move or
-    /// disable it, and look again. A tap of `diagnosis` as JSON holds, for each channel, the degrees of freedom of the warp and a
-    /// record of each correspondence (a note of the run names the first): label, place in the file, score and rank, those that contradict it, the times of the target
-    /// for which another unit is chosen without it, and by how much the shares of fallbacks and of folds change.
+    /// neighbours, so its own prediction error shows less. The largest score is the suspect; listen to its ranges, move
+    /// or disable it, and look again. A tap of `diagnosis` as JSON holds, for each channel, the degrees of freedom of
+    /// the warp and a record of each correspondence (a note of the run names the first): label, place in the file,
+    /// score and rank, those that contradict it, the times of the target for which another unit is chosen without it,
+    /// and the changes of the shares of fallbacks and of folds.
     ///
     /// With `with` and `without`, the longest range of the suspect is written as two recordings to compare: as it sounds with all
     /// correspondences, and as it would sound without the suspect.
@@ -101,7 +102,7 @@ impl fmt::Debug for CorrespondenceDiagnostics {
 }
 
 impl CorrespondenceDiagnostics {
-    /// The target as it is heard with all correspondences.
+    /// The target as it sounds with all correspondences.
     fn baseline(&self, vector: usize, all: &Tps) -> Result<Baseline, Fault> {
         let (target, p) = (&self.target, &self.params);
         let params = SelectorParams {
@@ -161,7 +162,7 @@ impl CorrespondenceDiagnostics {
         Some(from..(to + MARGIN).min(units).min(most))
     }
 
-    /// Writes what two choices of units sound like.
+    /// Writes the sounds of two choices of units.
     fn write(&mut self, comparison: Option<Comparison>) -> Result<(), Fault> {
         let Comparison { with, without, .. } =
             comparison.unwrap_or(Comparison { score: 0.0, with: Vec::new(), without: Vec::new() });

@@ -19,7 +19,7 @@ pub struct Verdict {
     pub location: Location,
     /// Index in the file.
     pub correspondence: usize,
-    /// By how much the squared errors of predicting the others from each other fall without it.
+    /// Decrease without it of the squared errors of predicting the others from each other.
     pub score: f64,
     /// Place by score, from 1.
     pub rank: usize,
@@ -29,7 +29,7 @@ pub struct Verdict {
     pub conflicts: Vec<usize>,
     /// Times of the target, from and to in s, for which another unit is chosen without it.
     pub ranges: Vec<[f64; 2]>,
-    /// Change of the share of units for which nothing is near enough.
+    /// Change of the share of units without a near enough match.
     pub delta_fallback: f64,
     /// Change of the share of the target where the warp folds over.
     pub delta_folds: f64,
@@ -42,7 +42,7 @@ pub struct ChannelDiagnosis {
     pub lambda: f64,
     /// Degrees of freedom of the warp through all.
     pub degrees_of_freedom: f64,
-    /// Share of units for which nothing is near enough, with all.
+    /// Share of units without a near enough match, with all correspondences.
     pub fallback_share: f64,
     /// Share of the target where the warp through all folds over.
     pub fold_share: f64,
@@ -128,7 +128,7 @@ impl Diagnosis {
         lines.collect()
     }
 
-    /// The one that hurts most in a line, if the others do better without any.
+    /// The most harmful one in one line, if the others are better without one of them.
     #[must_use]
     pub fn suspect(&self) -> Option<String> {
         let firsts = self.channels.iter().enumerate();

@@ -20,7 +20,7 @@ const MAX_SURVEYED: usize = 1024;
 /// Changes of the selection without a correspondence.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Effect {
-    /// Change of the share of units for which nothing is near enough.
+    /// Change of the share of units without a near enough match.
     pub delta_fallback: f64,
     /// Change of the share of the target where the warp folds over.
     pub delta_folds: f64,
@@ -30,7 +30,7 @@ pub struct Effect {
     pub ranges: Vec<[usize; 2]>,
 }
 
-/// A target as it is heard with all correspondences.
+/// A target as it sounds with all correspondences.
 pub struct Baseline {
     dims: usize,
     target: Vec<f32>,
@@ -44,7 +44,7 @@ pub struct Baseline {
     selector: Box<dyn Selector>,
 }
 
-/// Ranges of units, each of `step` from those given; gaps up to [`GAP`] are closed.
+/// Ranges of units, each of `step` from those in the list; gaps up to [`GAP`] are closed.
 fn ranges(changed: &[usize], step: usize, units: usize) -> Vec<[usize; 2]> {
     let mut ranges: Vec<[usize; 2]> = Vec::new();
     for unit in changed {
@@ -58,7 +58,7 @@ fn ranges(changed: &[usize], step: usize, units: usize) -> Vec<[usize; 2]> {
 }
 
 impl Baseline {
-    /// Chooses units for the whole target, warped by `all`; `None` where there is nothing to choose from.
+    /// Chooses units for the whole target, warped by `all`; `None` if there are no units.
     ///
     /// # Shapes
     /// `target: [units, d]`.
@@ -101,7 +101,7 @@ impl Baseline {
         &self.picks
     }
 
-    /// Share of units for which nothing was near enough.
+    /// Share of units without a near enough match.
     #[must_use]
     pub fn fallback_share(&self) -> f64 {
         self.choices.iter().filter(|c| c.fallback).count() as f64 / self.len().max(1) as f64
@@ -189,7 +189,7 @@ impl Baseline {
         far.map(|(unit, _)| unit).collect()
     }
 
-    /// Those of some units that are chosen differently, and how many more fall back.
+    /// The units that are chosen differently, and the increase of fallbacks.
     fn choose_again(&self, warped: &[f32], some: &[usize]) -> Result<(Vec<usize>, i64), NotFinite> {
         let mut selector = self.selector.boxed_clone();
         let (mut changed, mut fallbacks) = (Vec::new(), 0);
@@ -281,7 +281,7 @@ mod tests {
         assert!(found[2].ranges.iter().any(|[from, to]| *from <= 82 && *to >= 118), "{found:?}");
         let (good, found) = effects(&world(None), 2.0);
         assert_eq!(good.fallback_share(), 0.0);
-        // Without a good one, what only it knew of may lead anywhere, but nothing gets better.
+        // Without a good one, units that only it determined may change, but nothing improves.
         assert!(found.iter().all(|e| e.delta_fallback >= 0.0), "{found:?}");
     }
 

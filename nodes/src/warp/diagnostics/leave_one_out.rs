@@ -20,7 +20,7 @@ const MIN_LAMBDA: f64 = 1e-9;
 pub struct Suspicion {
     /// Index in the set.
     pub correspondence: usize,
-    /// By how much the squared errors of predicting the others from each other fall without it; the largest is the suspect.
+    /// Decrease without it of the squared errors of predicting the others from each other; the largest is the suspect.
     pub score: f64,
     /// Place by score, from 1.
     pub rank: usize,
@@ -43,7 +43,7 @@ fn squared_mean(block: &[Vec<f64>], rows: std::ops::Range<usize>) -> f64 {
 pub struct LeaveOut<'a> {
     pairs: &'a [(usize, Pair)],
     d: usize,
-    /// lambda asked for, and the one that is used.
+    /// Requested lambda, and the lambda in use.
     lambda: f64,
     used: f64,
     problem: Problem,
@@ -101,7 +101,7 @@ impl<'a> LeaveOut<'a> {
         blocks.iter().flat_map(|b| &self.blocks[*b].1).copied().collect()
     }
 
-    /// Errors of predicting the rows of `blocks` from all others, per output; `None` where the others are too few.
+    /// Errors of predicting the rows of `blocks` from all others, per output; `None` if the others are too few.
     fn errors(&self, blocks: &[usize]) -> Option<Vec<Vec<f64>>> {
         let rows = self.rows(blocks);
         let mut errors = self.scaled_errors(&rows)?;
@@ -159,7 +159,7 @@ impl<'a> LeaveOut<'a> {
         fit(&plain, self.d, Stiffness::Lambda(self.lambda)).map(|(tps, report)| (tps, report.freedom))
     }
 
-    /// lambda as asked for.
+    /// Requested lambda.
     #[must_use]
     pub fn lambda(&self) -> f64 {
         self.lambda
@@ -172,7 +172,7 @@ impl<'a> LeaveOut<'a> {
         Some([squared_mean(&errors, 0..first), squared_mean(&errors, first..all)])
     }
 
-    /// Sum of the squared errors of all others, each predicted without block `k` as well; `None` where they are too few.
+    /// Sum of the squared errors of all others, each predicted without block `k` as well; `None` if they are too few.
     fn left_without_each(&self) -> Vec<Option<f64>> {
         let count = self.blocks.len();
         let pairs: Vec<[usize; 2]> = (0..count).flat_map(|a| (a + 1..count).map(move |b| [a, b])).collect();
@@ -235,8 +235,9 @@ fn distance(a: &[f64], b: &[f64]) -> f64 {
 
 /// Ranks correspondences by how much better the others predict each other without each.
 ///
-/// A bad pair spoils the predictions of its neighbours, so what it is predicted wrong by itself says less than what its absence
-/// mends. Two correspondences are in conflict if their middles start nearer than `near` and lead farther apart than `3 near`.
+/// A bad pair spoils the predictions of its neighbours, so its own prediction error shows less than the improvement
+/// without it. Two correspondences are in conflict if their middles start nearer than `near` and lead farther apart
+/// than `3 near`.
 ///
 /// # Errors
 /// As [`fit`](crate::warp::fit()).

@@ -13,9 +13,9 @@ const MARGIN: f64 = 44.0;
 /// Some vectors of the target and of the database, and some of the pairs.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Cloud {
-    /// Of the target, `[n, d]`.
+    /// Vectors of the target, `[n, d]`.
     pub target: Vec<f32>,
-    /// Of the database, `[n, d]`.
+    /// Vectors of the database, `[n, d]`.
     pub database: Vec<f32>,
     /// Both ends of pairs, `[n, 2, d]`.
     pub pairs: Vec<f32>,

@@ -6,7 +6,7 @@ use crate::warp::spline::linear::principal;
 
 /// Nodes nearer than this, relative to the scale of all, are one.
 const MERGE_DISTANCE: f64 = 1e-9;
-/// Directions whose spread is below this, relative to the widest, are not there.
+/// Spread relative to the widest below which a direction is ignored.
 ///
 /// Loudness spreads over some twenty units of feature space, and features of one sound differ by tenths: what is thinner than a
 /// hundredth of the widest is noise, and a slope fitted to it would throw everything beside the nodes anywhere.
@@ -23,7 +23,7 @@ pub(super) struct Nodes {
     /// Node of each pair.
     pub of_pair: Vec<usize>,
     pub conflict: f64,
-    /// Directions in which the nodes spread, `[rank][d]`; they lie in no other.
+    /// Directions in which the nodes spread, `[rank][d]`; all nodes lie in their span.
     pub directions: Vec<Vec<f64>>,
 }
 
@@ -37,7 +37,7 @@ fn spread_directions(points: &[f64], d: usize) -> Vec<Vec<f64>> {
 }
 
 impl Nodes {
-    /// Centred and scaled pairs; those that start in one place become one where `merge` says so.
+    /// Centred and scaled pairs; with `merge`, those that start in one place become one.
     pub fn of(pairs: &[Pair], d: usize, merge: bool) -> Self {
         let n = pairs.len().max(1) as f64;
         let centre: Vec<f64> = (0..d).map(|i| pairs.iter().map(|p| p.from[i]).sum::<f64>() / n).collect();
@@ -72,7 +72,7 @@ impl Nodes {
         pair.from.iter().zip(&self.centre).map(|(x, c)| (x - c) / self.scale).collect()
     }
 
-    /// A point without its part along directions that are not there: the kernels need side conditions along all others.
+    /// A point without its part along ignored directions: the kernels need side conditions along all others.
     fn flattened(&self, point: Vec<f64>) -> Vec<f64> {
         if self.directions.len() == point.len() {
             return point;
@@ -143,7 +143,7 @@ impl Nodes {
     }
 }
 
-/// In how many directions the starts of pairs spread.
+/// Number of directions in which the starts of pairs spread.
 pub(in crate::warp) fn rank(pairs: &[Pair], d: usize) -> usize {
     Nodes::of(pairs, d, false).directions.len()
 }

@@ -22,7 +22,7 @@ fn check(pairs: &[Pair], d: usize) -> Result<(), FitError> {
     Ok(())
 }
 
-/// A problem taken apart once, so that every lambda is then solved in O(n), and any nodes are left out in O(n^2).
+/// A problem factored once, so that every lambda is then solved in O(n), and any nodes are left out in O(n^2).
 ///
 /// With the roots of the weights multiplied into rows and columns, `K + lambda D` becomes `K + lambda`. Reflections make the
 /// columns of P upper triangular; what they leave of K is positive definite, and further ones make it tridiagonal. One lambda alone
@@ -68,7 +68,7 @@ impl Problem {
         Self::of(pairs, d, true)
     }
 
-    /// One node per pair, for those who leave pairs out.
+    /// Creates a problem with one node per pair, for leaving pairs out.
     pub fn unmerged(pairs: &[Pair], d: usize) -> Result<Self, FitError> {
         Self::of(pairs, d, false)
     }
@@ -104,7 +104,7 @@ impl Problem {
         Some((matrix, moved))
     }
 
-    /// Degrees of freedom, given the matrix of [`Problem::inverse`].
+    /// Degrees of freedom, from the matrix of [`Problem::inverse`].
     pub fn freedom(&self, matrix: &[f64], lambda: f64) -> f64 {
         let n = self.nodes.len();
         let trace: f64 = (0..n).filter_map(|k| matrix.get(k * n + k)).sum();
@@ -143,7 +143,7 @@ impl Problem {
         Ok(this)
     }
 
-    /// Made when it is first asked for: who needs one lambda alone is quicker without.
+    /// Form for many lambdas, made at its first use: a single lambda is faster without it.
     fn form(&self) -> &Form {
         self.form.get_or_init(|| {
             let (n, p) = (self.nodes.len(), self.triangle.len());
@@ -213,7 +213,7 @@ impl Problem {
         })
     }
 
-    /// Weighted sum of squares of what is left at the nodes, over all outputs.
+    /// Weighted sum of squared residuals at the nodes, over all outputs.
     fn left(&self, solution: &Solution) -> f64 {
         let squares: f64 = solution.scaled.iter().flatten().map(|w| w * w).sum();
         solution.lambda * solution.lambda * squares

@@ -30,7 +30,7 @@ impl Stiffness {
 /// Figures of a fit.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct FitReport {
-    /// Pairs given.
+    /// Number of pairs.
     pub pairs: usize,
     /// Nodes after pairs that start in one place were merged.
     pub nodes: usize,
@@ -40,15 +40,15 @@ pub struct FitReport {
     pub lambda: f64,
     /// Effective degrees of freedom per output: from the number of nodes (passes through all) down to rank + 1 (affine).
     pub freedom: f64,
-    /// Root mean square of what is left at the nodes.
+    /// Root mean square of the residuals at the nodes.
     pub residual: f64,
-    /// Largest way between merged pairs and their mean: they contradict each other by that much.
+    /// Largest distance between merged pairs and their mean: they contradict each other by that much.
     pub conflict: f64,
     /// Warnings for the user.
     pub warnings: Vec<String>,
 }
 
-/// Why a spline cannot be fitted.
+/// Reasons why a spline cannot be fitted.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum FitError {

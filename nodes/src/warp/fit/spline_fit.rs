@@ -8,8 +8,8 @@ use crate::warp::spline::{Pair, Tps};
 ///
 /// Pairs that start in one place (nearer than 1e-9 of the spread) become one node at their mean, which changes nothing for
 /// lambda above 0. Directions in which the nodes spread less than a hundredth of the widest are taken as noise: the nodes are
-/// put on the line or plane of the others, and the affine part leaves those directions alone. No pair gives the identity, one a
-/// shift.
+/// put on the line or plane of the others, and the affine part leaves those directions alone. Without pairs the warp is
+/// the identity, with one pair a shift.
 ///
 /// # Errors
 /// Numbers that are not finite, weights or lambda out of range, more than `MAX_NODES` nodes, or nodes that double precision

@@ -18,7 +18,7 @@ choices! { @param Pairing {
     InOrder,
     /// One pair of the means of both sides.
     Centroid,
-    /// Along the cheapest way through both (dynamic time warping), for gestures of different pace.
+    /// Along the cheapest path through both (dynamic time warping), for gestures of different speed.
     Dtw,
 } }
 

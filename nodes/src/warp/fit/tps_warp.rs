@@ -44,7 +44,7 @@ ports! {
 pub struct TpsWarp {
     maps: Vec<Warper>,
     dims: usize,
-    /// Warning of a warp that was fitted to another database.
+    /// Warning about a warp that was fitted to another database.
     mismatch: Option<String>,
 }
 
@@ -64,8 +64,8 @@ fn check(warp: &Warp, features: &FeatureFormat) -> Result<(), Reject> {
     Ok(())
 }
 
-/// Returns the difference between the recordings of a warp and of a database, if there is one: by content, in any order, if both know
-/// that, else by their names.
+/// Returns the difference between the recordings of a warp and of a database, if there is one: by content, in any
+/// order, if both store it that, else by their names.
 fn mismatch(warp: &Warp, db: &UnitDatabase) -> Option<String> {
     let (fitted, found) = (file_names(warp.recordings.iter().map(String::as_str)), db.recordings());
     let (mut then, mut now) =

@@ -31,9 +31,9 @@ pub struct WarpMap {
     pub report: FitReport,
     /// Largest distance of a node from the middle of all.
     pub radius: f64,
-    /// Share of the target's units where the warp folds over: those that it lays another way round than most.
+    /// Share of the target's units where the warp folds over: those with an orientation opposite to most.
     pub folds: f64,
-    /// True if it mirrors most of them, which alone folds nothing.
+    /// True if it mirrors most of them, which alone is no fold.
     #[serde(default)]
     pub mirrored: bool,
     /// Share of the target's units farther than two radii from the middle of the nodes.
@@ -42,7 +42,7 @@ pub struct WarpMap {
     pub cloud: Cloud,
 }
 
-/// A warp of target features to where the database has the like, with what it was made of.
+/// A warp of target features to similar features of the database, with its sources.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Warp {
     /// [`WARP_VERSION`].
@@ -55,20 +55,20 @@ pub struct Warp {
     pub correspondences: String,
     /// Recordings of the database.
     pub recordings: Vec<String>,
-    /// Digest of what each of them holds; nothing in files that were written before there was one.
+    /// Digest of the content of each of them; empty in older files.
     #[serde(default)]
     pub contents: Vec<String>,
-    /// Digest of the correspondences, as [`CorrespondenceSet::content`](crate::warp::CorrespondenceSet::content) gives it, whatever their file is
-    /// called; empty in files that were written before there was one.
+    /// Digest of the correspondences, as [`CorrespondenceSet::content`](crate::warp::CorrespondenceSet::content)
+    /// returns it, independent of the file name; empty in older files.
     #[serde(default)]
     pub correspondences_content: String,
-    /// Digest of all of the above, so that a change by hand is seen; empty where none was written.
+    /// Digest of all of the above, which detects changes by hand; empty if none was written.
     #[serde(default)]
     pub content: String,
 }
 
 impl WarpMap {
-    /// Fits a map and looks at what it does to the target.
+    /// Fits a map and measures its effect on the target.
     ///
     /// # Shapes
     /// `target` and `database`: `[units, d]`.
@@ -142,7 +142,7 @@ impl Warp {
         content_digest(&Self { content: String::new(), ..self.clone() }, &later)
     }
 
-    /// The same with the digest of what it holds.
+    /// The same warp with the digest of its content.
     #[must_use]
     pub fn sealed(self) -> Self {
         Self { content: self.digest(), ..self }

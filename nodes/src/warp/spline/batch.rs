@@ -1,4 +1,4 @@
-//! Features warped by several splines at once, as those are that leave out one correspondence each.
+//! Features warped by several splines at once, such as those that leave out one correspondence each.
 
 use rayon::prelude::*;
 
@@ -9,7 +9,7 @@ use super::tps::{Tps, Warper};
 const CHUNK: usize = 512;
 /// Units whose kernels are stored for the weights of all splines.
 const BATCH: usize = 4;
-/// Sums that a processor keeps at once.
+/// Number of sums that a processor holds at once.
 const LANES: usize = 4;
 
 /// Warped features for each of some splines, `[units, d]` each; on all cores.

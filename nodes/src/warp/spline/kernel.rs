@@ -8,7 +8,7 @@ const WHOLE: u64 = 0x4330_0000_0000_0000;
 /// Natural logarithm of a positive normal number, off by less than 1e-12 relative to the larger of it and 1.
 ///
 /// Without branches or tables, so that a loop over it is computed in vector registers; the same bits on every machine. Zero and
-/// denormal numbers give a finite number near -709, which a factor of zero takes away.
+/// denormal numbers result in a finite number near -709, which a factor of zero removes.
 #[inline(always)]
 fn ln(x: f64) -> f64 {
     let bits = x.to_bits();

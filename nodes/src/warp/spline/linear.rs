@@ -41,7 +41,7 @@ impl Reflection {
         (Self { start, v, tau }, onto * largest)
     }
 
-    /// Reflects a vector, given from coordinate 0 on.
+    /// Reflects a vector that starts at coordinate 0.
     pub fn apply(&self, x: &mut [f64]) {
         let x = &mut x[self.start..];
         let along = self.tau * dot(&self.v, x);
@@ -126,7 +126,7 @@ impl Tridiagonal {
 /// Pivots below this, relative to the largest diagonal entry, are zero but for rounding.
 const PIVOT: f64 = 1e-14;
 
-/// Inverse of a symmetric positive definite matrix of `n` rows, of which the lower triangle is read; `None` where it is not.
+/// Inverse of a symmetric positive definite matrix of `n` rows, from its lower triangle; `None` if it is not.
 ///
 /// # Complexity
 /// n^3 operations, two thirds of them on all cores.
@@ -209,7 +209,7 @@ pub(crate) fn principal(points: &[f64], d: usize) -> Vec<(f64, Vec<f64>)> {
     found
 }
 
-/// Solves a dense system of `m` rows with partial pivoting, in place; the determinant, 0 where it cannot be solved.
+/// Solves a dense system of `m` rows with partial pivoting, in place; returns the determinant, or 0.
 ///
 /// # Shapes
 /// `matrix: [m, m]`, each of `right: [m]`.

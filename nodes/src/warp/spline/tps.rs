@@ -6,12 +6,12 @@ use serde::{Deserialize, Serialize};
 use super::kernel::thin_plate;
 use super::linear::solve_dense;
 
-/// Nodes taken together, so that radii and kernels of a group stay in registers and in the cache.
+/// Number of nodes processed together, so that radii and kernels of a group stay in registers and in the cache.
 const GROUP: usize = 32;
 
 /// W(f) = f + [1, g] A + sum_k w_k U(|g - g_k|) with g = (f - centre) / scale and U(r) = r^2 ln r^2.
 ///
-/// Centred and scaled coordinates keep the sums small; the spline is the same as one in plain coordinates.
+/// Centred and scaled coordinates make the sums small; the spline is the same as one in plain coordinates.
 ///
 /// # Shapes
 /// `nodes: [n, d]` in plain coordinates, `weights: [n, d]`, `affine: [d + 1, d]`.
@@ -36,7 +36,7 @@ pub struct Tps {
 }
 
 impl Tps {
-    /// The warp that changes nothing.
+    /// The identity.
     #[must_use]
     pub fn identity(dims: usize) -> Self {
         Self {
@@ -212,15 +212,15 @@ fn total(a: &[f64; GROUP], b: &[f64; GROUP]) -> f64 {
     }
     ((lanes[0] + lanes[4]) + (lanes[1] + lanes[5])) + ((lanes[2] + lanes[6]) + (lanes[3] + lanes[7]))
 }
-/// Units of which one thread judges the folds at a time.
+/// Number of units whose folds one thread checks at a time.
 const CHUNK: usize = 64;
 
 /// Orientation of the units of a target under a warp.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Orientation {
-    /// Share of the units around which it keeps the sense of rotation.
+    /// Share of the units around which it preserves the sense of rotation.
     pub preserved: f64,
-    /// Share of those around which it turns it over. The rest is flattened.
+    /// Share of the units around which it reverses it. The rest is flattened.
     pub reversed: f64,
 }
 
@@ -252,7 +252,7 @@ impl Orientation {
         self.reversed > self.preserved
     }
 
-    /// Share of the units that are laid another way round than most: there the warp folds over.
+    /// Share of the units with an orientation opposite to most: there the warp folds over.
     pub fn folds(self) -> f64 {
         1.0 - self.preserved.max(self.reversed)
     }

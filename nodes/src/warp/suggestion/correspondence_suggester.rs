@@ -20,19 +20,26 @@ use std::fmt;
 use std::ops::Range;
 use std::sync::Arc;
 
+/// First lines of the file: provenance and units.
+const COMMENTS: [&str; 3] = [
+    "Proposed by CorrespondenceSuggester of foley: listen, then keep, move or disable each.",
+    "`target` and `database` are starts in s, `source` the recording in which `database` is counted (from 0), `duration` in s.",
+    "`label`: gain in the distance between target and recordings, and other places to try.",
+];
+
 params! {
-    /// Writes a file of correspondences that somebody might want, for `CorrespondenceSet` to read once they are accepted.
+    /// Proposes a file of correspondences, which `CorrespondenceSet` reads once they are accepted.
     ///
     /// Windows of both worlds are compared by the ranks of their features, laid on each other by optimal transport, and moments of
     /// the target that lie far apart are proposed with what lies there in the database: the quietest first, then what brings the two worlds
     /// nearest, until one more gains less than 1 %. A label states the gain, as a share of the distance that there is without a warp, and other
     /// places of other recordings to try. Nothing is applied: listen, then keep, move or disable each.
     ///
-    /// Gains measure the distance in total, not whether loud moments stay loud. Where it should, give `level: 3.0` and
+    /// Gains measure the distance in total, not whether loud moments stay loud. Where it should, set `level: 3.0` and
     /// `all: true`: then moments are spread over all levels, and each goes to what is as loud among the recordings.
     ///
     /// Silence of the target is proposed with the quietest moment of recordings that fall 30 dB below their loudest. Where none does, it
-    /// is left out and a warning says so: no recording sounds like it.
+    /// is left out with a warning: no recording sounds like it.
     ///
     /// If the parts of a synthetic target are linked to `friction` and `crumple`, moments of either are proposed, and recordings
     /// with the tags `friction`, `crumple` and `silence` are taken for what they are.
@@ -81,7 +88,7 @@ pub struct CorrespondenceSuggester {
     causes: [Option<UnitPower>; 2],
 }
 
-/// Tags of recordings that come of the cause at the input of the same name, and that of those of none.
+/// Tags of recordings of the cause at the input of the same name, and the tag of recordings without a cause.
 const CAUSES: [&str; 2] = ["friction", "crumple"];
 const SILENCE_TAG: &str = "silence";
 
@@ -133,7 +140,7 @@ impl fmt::Debug for CorrespondenceSuggester {
     }
 }
 
-/// Recording of a unit of the database, and when it begins there.
+/// Recording of a unit of the database, and the time at which the unit begins in it.
 fn recording_time(db: &UnitDatabase, unit: usize) -> (u32, f64) {
     let Some(segment) = db.segment_of(unit).and_then(|k| db.segments.get(k)) else { return (0, 0.0) };
     let samples = segment.offset as f64 + ((unit - segment.start as usize) * db.unit()) as f64;
@@ -259,7 +266,7 @@ impl Node for CorrespondenceSuggester {
             pairs,
             ..CorrespondenceSet::default()
         };
-        let text = write_correspondences(&set, &[]);
+        let text = write_correspondences(&set, &COMMENTS);
         let written = self.file.write_all(text.as_bytes()).and_then(|()| self.file.flush());
         written.map_err(|e| Fault::new("F080", format!("cannot write {:?}: {e}", p.path.0)).at("path"))?;
         let mut summary: Summary =

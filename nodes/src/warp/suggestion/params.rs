@@ -3,7 +3,7 @@
 /// Parameters of the search for proposals.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SuggestParams {
-    /// Units in a window: what a proposal marks.
+    /// Units in a window, the length of a proposal.
     pub window: usize,
     /// Units from window to window.
     pub hop: usize,
@@ -13,22 +13,22 @@ pub struct SuggestParams {
     pub lambda: f64,
     /// Maximum number of windows of either side in the alignment; more are clustered.
     pub most: usize,
-    /// How much more the first feature, which is that of loudness, counts than each of the others where ranks are compared.
+    /// Weight of the first feature, which is loudness, relative to each of the others in the comparison of ranks.
     pub level: f64,
     /// True to list all `count` proposals, also those of little gain: more of them follow the loudness better.
     pub all: bool,
-    /// What silence is, where that is known; otherwise the quietest moment of the target is taken for it.
+    /// Thresholds of silence, if they are known; otherwise the quietest moment of the target counts as silence.
     pub silence: Option<Silence>,
 }
 
 /// Thresholds of silence, of the first feature (loudness).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Silence {
-    /// A window of the target that is not louder on average is silent.
+    /// Maximum mean of a silent window of the target.
     pub target: f64,
-    /// A window of the database is silent that is as much below the loudest one,
+    /// Minimum difference of a silent window of the database from the loudest one.
     pub below: f64,
-    /// and no more than this above the quietest one.
+    /// Maximum difference of a silent window of the database from the quietest one.
     pub within: f64,
 }
 
@@ -52,6 +52,6 @@ impl Default for SuggestParams {
 pub struct Cause {
     /// Its power in each unit of the target.
     pub power: Vec<f64>,
-    /// For each segment of the database whether it comes from this alone, where that is known.
+    /// For each segment of the database whether it comes from this alone, if that is known.
     pub segments: Vec<Option<bool>>,
 }

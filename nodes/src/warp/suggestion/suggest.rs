@@ -1,4 +1,4 @@
-//! Proposals of what might sound alike, for somebody to accept, move or reject.
+//! Proposals of moments that may sound alike, for a user to accept, move or reject.
 //!
 //! Both worlds are brought to a common scale by ranks, laid on each other by optimal transport, and a few moments that lie far apart
 //! are proposed, those first that bring the worlds nearest.
@@ -19,7 +19,7 @@ use crate::warp::fit::{FitError, Stiffness, fit};
 use crate::warp::spline::tps::Orientation;
 use crate::warp::spline::{Pair, Warper};
 
-/// Least share of the distance between the worlds that one more proposal gains.
+/// Minimum share of the distance between target and database that one more proposal gains.
 const MIN_GAIN: f64 = 0.01;
 
 /// Units of the target and of the database that might sound alike.
@@ -36,7 +36,7 @@ pub struct Proposal {
     pub gain: f64,
 }
 
-/// Both worlds as a search sees them.
+/// Target and database as a search uses them.
 struct FeatureSpaces<'a> {
     target: &'a [f32],
     database: &'a [f32],
@@ -48,8 +48,8 @@ struct FeatureSpaces<'a> {
 }
 
 impl FeatureSpaces<'_> {
-    /// A pair of means for each proposal: within a window the two sides have nothing to do with each other, and slopes fitted to
-    /// what one window holds by chance would throw everything else anywhere.
+    /// A pair of means for each proposal: within a window the two sides are unrelated, and slopes fitted to the random
+    /// content of one window would displace everything else.
     fn means(&self, proposals: &[(usize, usize)]) -> Vec<Pair> {
         let mean = |x: &[f32], unit: usize| {
             let rows = x.get(unit * self.d..(unit + self.window) * self.d).unwrap_or_default();
@@ -63,7 +63,7 @@ impl FeatureSpaces<'_> {
         proposals.iter().map(pair).collect()
     }
 
-    /// The pairs of units that somebody who accepts proposals gets.
+    /// The pairs of units that result from accepted proposals.
     #[cfg(test)]
     fn units(&self, proposals: &[(usize, usize)]) -> Vec<Pair> {
         let row = |x: &[f32], unit: usize| {
@@ -76,7 +76,7 @@ impl FeatureSpaces<'_> {
             .collect()
     }
 
-    /// Distance of the warped target to the database, and the share of it that is not the right way round.
+    /// Distance of the warped target to the database, and the share of the target with reversed orientation.
     fn score(&self, pairs: &[Pair]) -> Result<(f64, f64), FitError> {
         let [target, database] = &self.some;
         let (tps, _) = fit(pairs, self.d, Stiffness::Lambda(self.lambda))?;
@@ -117,9 +117,10 @@ fn proposed(target: &Window, database_windows: &[Window], far: impl Fn(usize) ->
     Proposal { target: target.start, database, alternatives: starts.collect(), gain: 0.0 }
 }
 
-/// Takes silence out of both sides, and what falls silent half-way: the proposal for it, if both have any.
+/// Removes silence, and windows that become silent half-way, from both sides. Returns the proposal for silence, if both
+/// have any.
 ///
-/// Digital silence has no colour, so that its ranks would lead it anywhere; it belongs to what is quietest, or to nothing.
+/// Digital silence has no colour, so its ranks are arbitrary; it corresponds to the quietest windows, or to none.
 fn split_silence(
     target_windows: &mut Vec<Window>,
     database_windows: &mut Vec<Window>,
@@ -138,7 +139,7 @@ fn split_silence(
     (!quiet.is_empty()).then(|| proposed(quietest, &quiet, |j| quiet[j].loudness()))
 }
 
-/// Windows of the target with what lies where transport takes them, the quietest first, and whether that is silence.
+/// Windows of the target with the windows at their transported positions, the quietest first, and true for silence.
 fn candidates(
     (target, database): (&[f32], &[f32]),
     segments: &[Range<usize>],
@@ -180,7 +181,7 @@ pub(super) fn leaves_out_silence(found: &[Proposal], target: &[f32], d: usize, p
 }
 
 /// Proposes correspondences, best first, until one more brings the worlds less than 1 % nearer, or all of them
-/// where `all` says so. Nothing is applied.
+/// with `all`. Nothing is applied.
 ///
 /// # Shapes
 /// `target` and `database`: `[units, d]`; `segments` are the gap-free stretches of the database.
@@ -217,7 +218,7 @@ pub fn suggest(
     let spaces = FeatureSpaces { target, database, d, window: p.window, lambda: p.lambda, some };
     let mut listed: Vec<Proposal> = Vec::new();
     let start = spaces.score(&[])?.0;
-    // What makes up for a distance that other proposals have made has gained nothing yet.
+    // A proposal that only compensates for a distance caused by others has gained nothing.
     let gain = |before: f64, after: f64| (before.min(start) - after) / start.max(f64::MIN_POSITIVE);
     let mut now = start;
     while !open.is_empty() {

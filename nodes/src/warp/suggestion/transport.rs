@@ -9,15 +9,15 @@ use rayon::prelude::*;
 
 use crate::core::random::Rng;
 
-/// Most rounds of scaling.
+/// Maximum number of rounds of scaling.
 const ROUNDS: usize = 300;
-/// Change of a potential, over epsilon, from which on it has settled.
+/// Change of a potential, over epsilon, below which it has settled.
 const SETTLED: f64 = 1e-4;
-/// Logarithm of a factor from which on it is moved into the potentials.
+/// Logarithm from which on a factor is moved into the potentials.
 const LARGE: f64 = 20.0;
 /// Rows that are summed as one part, whatever the threads.
 const ROWS: usize = 64;
-/// Times that points are given to their nearest centre.
+/// Number of times that points are assigned to their nearest centre.
 const LLOYD: usize = 8;
 
 /// Points, one after the other.
@@ -55,7 +55,7 @@ pub(super) fn squared(a: &[f64], b: &[f64]) -> f64 {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Cloud {
     pub points: Points,
-    /// They add up to 1.
+    /// Masses of the points, which add up to 1.
     pub masses: Vec<f64>,
     /// Index of the merged point of each original one.
     pub of: Vec<usize>,
@@ -138,7 +138,7 @@ fn dot(a: &[f32], b: &[f32]) -> f32 {
     sums.iter().sum::<f32>() + a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum::<f32>()
 }
 
-/// `ln sum mass exp(value)`, from the largest value on, so that none is lost.
+/// `ln sum mass exp(value)`, relative to the largest value, without underflow.
 fn log_sum(values: impl Iterator<Item = (f64, f64)> + Clone) -> f64 {
     let largest = values.clone().map(|(value, _)| value).fold(f64::NEG_INFINITY, f64::max);
     largest + libm::log(values.map(|(value, mass)| mass * libm::exp(value - largest)).sum::<f64>())
@@ -169,7 +169,7 @@ impl<'a> Scaling<'a> {
         self.potentials[1].len().max(1)
     }
 
-    /// One round on the potentials themselves, which nothing can lose, and the kernel again.
+    /// One round on the potentials themselves, without loss of precision, and the kernel again.
     fn exactly(&mut self) {
         let (m, scaled, masses) = (self.width(), &self.scaled, self.masses);
         let [f, g] = &mut self.potentials;
@@ -249,7 +249,8 @@ impl<'a> Scaling<'a> {
     }
 }
 
-/// Where entropic optimal transport takes each point of `a` among those of `b`, with an entropy of 0.05 of the median cost.
+/// Position among the points of `b` to which entropic optimal transport moves each of `a`, with
+/// an entropy of 0.05 of the median cost.
 ///
 /// # Complexity
 /// O(n m) per round, of which there are at most 300; two tables of n x m in single precision. On all cores, with the same result
@@ -285,7 +286,7 @@ mod tests {
         Points { dims: 2, at: (0..2 * n).map(|_| extent * rng.between(-1.0, 1.0)).collect() }
     }
 
-    /// All in logarithms and double precision, as the method is written down.
+    /// The method as published, in logarithms and double precision.
     fn plainly(a: &Cloud, b: &Cloud, epsilon: f64) -> Points {
         let (n, m) = (a.points.len(), b.points.len());
         let s = |i: usize, j: usize| -squared(a.points.row(i), b.points.row(j)) / epsilon;
@@ -360,7 +361,7 @@ mod tests {
         assert_eq!(found, clustered(points.clone(), 3), "the same every time");
         let all = clustered(points.clone(), n);
         assert!(all.points == points && all.of == (0..n).collect::<Vec<_>>());
-        // As many alike as there are: nothing to tell clusters by.
+        // All points are equal: there are no clusters.
         let alike = clustered(Points { dims: 2, at: vec![1.0; 40] }, 5);
         assert!((alike.masses.iter().sum::<f64>() - 1.0).abs() < 1e-12);
     }

@@ -1,4 +1,4 @@
-//! Stretches of both worlds on a common scale: ranks of their features, shares of their causes.
+//! Windows of target and database on a common scale: ranks of their features, shares of their causes.
 
 use std::ops::Range;
 
@@ -6,9 +6,9 @@ use super::normal_quantile::probit;
 use super::params::{Cause, SuggestParams};
 use super::transport::{Points, squared};
 
-/// Most windows of either side; more are thinned out evenly before anything else.
+/// Maximum number of windows of either side; more are thinned out evenly first.
 const MAX_WINDOWS: usize = 20_000;
-/// Distance of two windows whose causes have nothing in common, where ranks spread by 1.
+/// Distance of two windows without common causes, relative to a spread of ranks of 1.
 const CAUSE_DISTANCE: f64 = 2.0;
 
 /// A stretch of units with the mean and the spread of its features.
@@ -18,7 +18,7 @@ pub(super) struct Window {
     pub segment: usize,
     mean: Vec<f64>,
     variance: f64,
-    /// Least of the first feature.
+    /// Minimum of the first feature.
     pub min_loudness: f64,
 }
 
@@ -57,7 +57,7 @@ pub(super) fn windows(
     (0..count).map(|k| all[k * all.len() / count.max(1)].clone()).collect()
 }
 
-/// Each dimension by the normal quantile of its rank, ties at their middle: what no monotone distortion changes.
+/// Each dimension by the normal quantile of its rank, ties at their middle; no monotone distortion changes it.
 pub(super) fn ranked(windows: &[Window], d: usize, causes: usize) -> Points {
     let (n, dims) = (windows.len(), d + causes);
     let mut out = Points { dims, at: vec![0.0; n * dims] };
@@ -83,7 +83,7 @@ pub(super) fn ranked(windows: &[Window], d: usize, causes: usize) -> Points {
     out
 }
 
-/// Adds the shares of causes to windows of both sides; segments whose cause nobody knows lie in the middle of the target's.
+/// Adds the shares of causes to windows of both sides; segments of unknown cause lie in the middle of the target's.
 pub(super) fn add_causes(
     causes: &[Cause],
     d: usize,
@@ -98,7 +98,7 @@ pub(super) fn add_causes(
         let mut sum = 0.0;
         for (w, at) in target_windows.0.iter().zip(target_windows.1.at.chunks_exact_mut(dims)) {
             let all: f64 = causes.iter().map(|cause| power(cause, w.start)).sum();
-            // What is 100 dB below the loudest unit has no cause.
+            // A unit 100 dB below the loudest one has no cause.
             let share = if all > 1e-10 * most * window as f64 { power(cause, w.start) / all } else { 0.0 };
             sum += share;
             at[d + c] = CAUSE_DISTANCE * share;

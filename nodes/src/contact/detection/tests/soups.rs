@@ -30,7 +30,7 @@ impl Dice {
         Topology { rest, triangles }
     }
 
-    /// Positions near the given ones, random or transformed.
+    /// Positions near those of a scene, random or transformed.
     fn moved(&mut self, positions: &[[f32; 3]], coarse: bool) -> Vec<[f32; 3]> {
         match self.below(3) {
             0 => positions.iter().map(|_| self.point(coarse)).collect(),

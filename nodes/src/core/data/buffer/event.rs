@@ -10,12 +10,12 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Bytes by which all buffers of a run together may still grow.
 ///
-/// Memory for events, shared by all buffers: their number is not known before the run.
+/// Memory for events, shared by all buffers: the number of events is unknown before the run.
 #[derive(Clone, Debug)]
 pub struct Budget(Arc<AtomicUsize>);
 
 impl Default for Budget {
-    /// As good as no limit.
+    /// A budget without an effective limit.
     fn default() -> Self {
         Self::new(usize::MAX)
     }
@@ -28,7 +28,7 @@ impl Budget {
         Self(Arc::new(AtomicUsize::new(bytes)))
     }
 
-    /// Takes bytes, or nothing where fewer are left.
+    /// Takes bytes; takes none and returns false if fewer are left.
     fn take(&self, bytes: usize) -> bool {
         self.0.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |left| left.checked_sub(bytes)).is_ok()
     }
@@ -45,7 +45,7 @@ pub struct EventBuffer<E> {
 }
 
 impl<E: Clone + Send + 'static> EventBuffer<E> {
-    /// A buffer that keeps the events of the last `span` ticks before its watermark, and grows as far as the budget goes.
+    /// A buffer that stores the events of the last `span` ticks before its watermark, and grows as far as the budget goes.
     #[must_use]
     pub fn new(span: Tick, budget: &Budget) -> Self {
         Self { events: Vec::with_capacity(Self::ROOM), span, end: 0, budget: budget.clone(), overrun: false }
@@ -62,7 +62,7 @@ impl<E: Clone + Send + 'static> EventBuffer<E> {
         &self.events[at..stop.max(at)]
     }
 
-    /// Makes room for `more` events; says whether there is.
+    /// Makes room for `more` events; returns true if there is room.
     fn grow(&mut self, more: usize) -> bool {
         let (len, held) = (self.events.len(), self.events.capacity());
         if len + more <= held {
@@ -93,7 +93,7 @@ impl<E: Clone + Send + 'static> EventBuffer<E> {
         self.end = self.end.max(end);
         let keep = self.end - self.span;
         let gone = self.events.partition_point(|(t, _)| *t < keep);
-        // Moving the rest is worth it only once a good part of it has gone.
+        // Moving the rest pays off only after a large part has been removed.
         if gone * 2 > self.events.len() {
             self.events.drain(..gone);
         }

@@ -21,7 +21,7 @@ pub enum Pad {
     Hold,
 }
 
-/// A buffer of a type that is known to its ports only.
+/// A buffer whose type only its ports define.
 pub trait AnyBuffer: Any + Send {
     /// First position after the last item: an item index, or the watermark tick for events.
     fn end(&self) -> i64;
@@ -29,25 +29,25 @@ pub trait AnyBuffer: Any + Send {
     fn pad_to(&mut self, to: i64);
     /// Appends `[from, to)` of a buffer of the same type, which must hold it.
     fn append_from(&mut self, other: &dyn AnyBuffer, from: i64, to: i64);
-    /// Forgets everything and starts again at zero, with the padding before it.
+    /// Clears the buffer and starts again at zero, with the padding before it.
     fn reset(&mut self);
-    /// Forgets everything and continues at position `at`, without padding.
+    /// Clears the buffer and continues at position `at`, without padding.
     fn restart(&mut self, at: i64);
-    /// Forgets everything and continues at position `at`, with a whole span of padding before it.
+    /// Clears the buffer and continues at position `at`, with a whole span of padding before it.
     fn begin(&mut self, at: i64);
     /// Continues a buffer of the same type: takes its items over the span, with padding before them.
     ///
     /// Nothing is allocated; the other buffer is of no use afterwards.
     fn take_over(&mut self, old: &mut dyn AnyBuffer);
-    /// Replaces what came before the end by what another buffer of the same type holds of it, as far as that goes.
+    /// Replaces the items before the end by those that another buffer of the same type still holds.
     ///
     /// Nothing is allocated. Events stay as they are.
     fn seed(&mut self, other: &dyn AnyBuffer) {
         let _ = other;
     }
-    /// Fills in what had to wait for the first item.
+    /// Fills in the padding that depends on the first item.
     fn settle(&mut self) {}
-    /// Saves what it still holds, or puts it back into a buffer of the same plan.
+    /// Saves the content of the buffer, or restores it into a buffer of the same plan.
     ///
     /// # Errors
     /// When what was saved is of another type or size.

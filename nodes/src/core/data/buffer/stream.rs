@@ -18,7 +18,7 @@ pub struct StreamBuffer<E> {
     pad: Pad,
     /// The item at the start of the storage.
     origin: i64,
-    /// The first item that is still there.
+    /// The first item that the buffer still holds.
     first: i64,
     /// The first item that is no padding.
     start: i64,
@@ -26,7 +26,7 @@ pub struct StreamBuffer<E> {
 }
 
 impl<E: Copy + Default + Serialize + DeserializeOwned + Send + 'static> StreamBuffer<E> {
-    /// A buffer that keeps `span` items and starts with `front` padded items before item 0.
+    /// A buffer that stores `span` items and starts with `front` padded items before item 0.
     #[must_use]
     pub fn new(width: usize, span: usize, front: usize, pad: Pad) -> Self {
         let span = span.max(front).max(Self::LEAST);
@@ -55,7 +55,7 @@ impl<E: Copy + Default + Serialize + DeserializeOwned + Send + 'static> StreamBu
         (item - self.origin) as usize * self.width
     }
 
-    /// Adds items; `None`, and nothing is added, where the elements do not make whole items.
+    /// Adds items; returns `None` and adds nothing if the elements are not whole items.
     pub fn append_elements(&mut self, elements: &[E]) -> Option<()> {
         let items = if elements.is_empty() { 0 } else { elements.len().checked_div(self.width)? };
         if items * self.width != elements.len() {
@@ -65,7 +65,7 @@ impl<E: Copy + Default + Serialize + DeserializeOwned + Send + 'static> StreamBu
         Some(())
     }
 
-    /// Adds `n` items and gives them to be filled; they hold stale values.
+    /// Adds `n` items and returns them for writing; they hold stale values.
     #[inline(always)]
     pub fn append(&mut self, n: usize) -> &mut [E] {
         if n >= self.span {
@@ -98,7 +98,7 @@ impl<E: Copy + Default + Serialize + DeserializeOwned + Send + 'static> StreamBu
         at
     }
 
-    /// Replaces the padding before the first item by copies of it, where the rule is to hold.
+    /// Replaces the padding before the first item by copies of it, if the rule is to hold.
     fn hold_front(&mut self) {
         if self.pad == Pad::Hold && self.front > 0 && self.end > self.start && self.first <= self.start {
             let real = self.at(self.start);

@@ -26,7 +26,7 @@ fn kolmogorov(a: &[f64], b: &[f64]) -> f64 {
 fn ranks_match_heavy_tails_where_equal_bins_do_not() {
     // A thousand events and two hundred samples, both log-normal of sigma 2. The distance of ranks is half a step of
     // each set, 0.003, as in the specification. That of bins depends on the maximum of the draw, here 0.11 to 0.53 and
-    // 0.029 to 0.037. The specification has 0.117 and 0.040 for a draw and a bank that it does not give.
+    // 0.029 to 0.037. The specification has 0.117 and 0.040 for a draw and a bank that it does not state.
     let (n, m) = (1000, 200);
     let mut all = Vec::new();
     for seed in 0..12 {

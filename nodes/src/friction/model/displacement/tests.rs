@@ -33,7 +33,7 @@ fn a_mirrored_pair_of_four_bins_has_the_known_middle() {
 }
 
 #[test]
-fn unequal_masses_a_quarter_of_the_way_give_the_known_spectrum() {
+fn unequal_masses_at_a_quarter_result_in_the_known_spectrum() {
     let mut out = [0.0; 4];
     displace_with(&[3.0, 1.0, 0.5, 0.5], &[1.0, 1.0, 2.0, 6.0], 0.25, Gain::Mass, NO_LIFT, &mut out);
     close(&out, &[1.875, 2.5, 1.085_526_315_8, 0.789_473_684_2], 1e-10);

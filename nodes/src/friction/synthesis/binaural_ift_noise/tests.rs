@@ -108,7 +108,7 @@ fn the_level_in_front_is_that_of_the_model_at_the_distance() {
     assert!((near / far / 16.0 - 1.0).abs() < 0.01, "{}", near / far);
     let without = power(4.0, BinauralIftNoiseParams { reference: None, ..params() });
     assert!((without / near - 1.0).abs() < 0.01);
-    // Ears at 100 degrees hear the front with a gain between 1 and that of high frequencies.
+    // Ears at 100 degrees receive the front with a gain between 1 and that of high frequencies.
     let head = Head::default();
     let gain = head.high_gain(100_f64.to_radians()).powi(2);
     let mono = 2.0 * model().power(0.5);

@@ -318,7 +318,7 @@ proptest! {
             }
             from += cut;
         }
-        // Reading backwards renders again and gives the same.
+        // Reading backwards renders the same again.
         let mut out = vec![0.0; total.min(100)];
         parts.fill(0, &mut out, input).unwrap();
         prop_assert_eq!(&out[..], &whole[..out.len()]);

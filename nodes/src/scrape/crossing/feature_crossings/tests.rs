@@ -18,7 +18,7 @@ fn params() -> FeatureCrossingsParams {
     FeatureCrossingsParams::read(&|_| None).unwrap()
 }
 
-/// Upright lines at positions in px, of a slope.
+/// Vertical lines at positions in px, all with one slope.
 fn lines(positions: &[f32], slope: f32) -> Isophotes {
     let surface = Surface { wrap: Wrap::Clamp, ..Surface::default() };
     let grid = Grid::from_fn(120, 30, |x, _| slope * x as f32);
@@ -48,7 +48,7 @@ fn passing(first: f64, second: f64) -> PathPiece {
 }
 
 #[test]
-fn lines_meet_when_both_ways_add_up_to_their_places_and_within_reach() {
+fn lines_cross_when_both_displacements_add_up_to_their_positions_and_within_reach() {
     for (first, second, reach) in
         [(0.5, 0.3, 0.012), (0.4, 0.0, 0.03), (0.6, -0.2, 0.02), (-0.3, -0.35, 0.015)]
     {
@@ -60,7 +60,7 @@ fn lines_meet_when_both_ways_add_up_to_their_places_and_within_reach() {
         let mut right = Pulses::new(1000, RATE);
         let mut expected = 0;
         let (a, b) = (path.position_at(0.0)[0], path.other.unwrap()[0][0]);
-        // Along the way: a surface passed backwards has its lines mirrored.
+        // Along the path: a surface that is passed backwards has mirrored lines.
         let sign = f64::signum(first);
         for (x, y) in LINES[0].iter().flat_map(|x| LINES[1].iter().map(move |y| (*x, *y))) {
             let [x, y] = [x, y].map(|x| f64::from(x) / DENSITY);
@@ -208,12 +208,12 @@ fn with_a_linked_strength_all_that_is_twice_as_large_and_passed_twice_as_fast_is
             contact: ContactForceParams { scale, ..params().contact },
             ..params()
         };
-        let way = passing(0.5 * speed, 0.3 * speed);
+        let path = passing(0.5 * speed, 0.3 * speed);
         let big = |c: [[f64; 2]; 4]| [c[0].map(|x| x * scale), c[1], c[2], c[3]];
-        let way = PathPiece { position: big(way.position), other: way.other.map(big), ..way };
+        let path = PathPiece { position: big(path.position), other: path.other.map(big), ..path };
         let kappa = Feed::value(AnyValue::new(kappa));
         let standalone =
-            standalone(p, vec![(0, way)], [1.0; 2]).feed(FeatureCrossingsPorts::kappa.index(), kappa);
+            standalone(p, vec![(0, path)], [1.0; 2]).feed(FeatureCrossingsPorts::kappa.index(), kappa);
         count(&standalone)
     };
     let curve = Some(SpeedCurve::new(0.8, std::array::from_fn(|k| 1.0 + 0.2 * k as f64)).of_relief());

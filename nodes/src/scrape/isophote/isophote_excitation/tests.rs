@@ -14,7 +14,7 @@ fn params() -> IsophoteExcitationParams {
     IsophoteExcitationParams::read(&|_| None).unwrap()
 }
 
-/// Isophotes of a function, every point kept.
+/// Isophotes of a function, with all points.
 fn curves(size: [usize; 2], wrap: Wrap, levels: Vec<f32>, f: impl FnMut(usize, usize) -> f32) -> Isophotes {
     let surface = Surface { wrap, ..Surface::default() };
     let grid = Grid::from_fn(size[0], size[1], f);
@@ -46,12 +46,12 @@ fn play_in(
     standalone.window(window).run().unwrap().stream(IsophoteExcitationPorts::force)
 }
 
-/// From a position in px at a velocity in m/s.
+/// Path from a position in px at a velocity in m/s.
 fn straight(px: [f64; 2], velocity: [f64; 2], duration: f64) -> PathPiece {
     piece(px.map(|x| x / 512.0), velocity, duration)
 }
 
-/// A wandering way over a surface, px.
+/// A wandering path over a surface, px.
 fn wander(from: [f64; 2], reach: f64, count: usize) -> Vec<(Tick, PathPiece)> {
     let mut dice = Dice::new(11);
     let frame = ticks(1.0 / 60.0);
@@ -88,7 +88,7 @@ fn pulses(x: &[f32]) -> Vec<(f64, f64)> {
     found
 }
 
-/// The radii that rings of a bowl are drawn at, px.
+/// The radii of the rings of a bowl, px.
 const RINGS: [f64; 5] = [8.5, 15.5, 22.5, 40.5, 47.5];
 
 /// A bowl of height r^2, whose slope at r is 2 r; rings exactly where the path crosses them.
@@ -102,7 +102,7 @@ fn bowl() -> Isophotes {
 #[test]
 fn rings_are_met_at_their_radius_over_the_speed() {
     for v in [0.5, 1.0] {
-        // Along a row of pixels, where all points of curves lie on the way.
+        // Along a row of pixels, where all points of curves lie on the path.
         let out = play(params(), &bowl(), &[(0, straight([64.0, 64.0], [v, 0.0], 0.2))], 0.25);
         let found = pulses(&out);
         let count = RINGS.iter().filter(|r| **r < 0.2 * v * 512.0).count();
@@ -118,7 +118,7 @@ fn rings_are_met_at_their_radius_over_the_speed() {
 }
 
 #[test]
-fn a_way_back_turns_the_first_pulse_and_meets_the_same_changes() {
+fn a_path_back_reverses_the_first_pulse_and_meets_the_same_changes() {
     let out = play(params(), &bowl(), &[(0, straight([64.0, 64.0], [1.0, 0.0], 0.12))], 0.2);
     let back = play(params(), &bowl(), &[(0, straight([125.44, 64.0], [-1.0, 0.0], 0.12))], 0.2);
     let (out, back) = (pulses(&out), pulses(&back));
@@ -130,7 +130,7 @@ fn a_way_back_turns_the_first_pulse_and_meets_the_same_changes() {
 }
 
 #[test]
-fn even_ground_sounds_once_and_a_way_along_a_curve_never() {
+fn even_ground_sounds_once_and_a_path_along_a_curve_never() {
     let slope = |x: usize, y: usize| 3.0 * x as f32 + y as f32;
     let padded = curves([100, 100], Wrap::Clamp, (1..20).map(|k| 17.3 * k as f32).collect(), slope);
     let over = play(params(), &padded, &[(0, straight([10.0, 20.0], [0.5, 0.2], 0.3))], 0.35);
@@ -178,12 +178,12 @@ fn seams_mirrors_and_borders_are_those_of_the_larger_image() {
     let image = |wrap| curves([n, n], wrap, levels(), tiled(&samples, n, |x| x));
     let twice = |map: fn(usize) -> usize| curves([80, 80], Wrap::Repeat, levels(), tiled(&samples, n, map));
     let mirrored = |x: usize| if x % 80 < 40 { x % 80 } else { 79 - x % 80 };
-    let way = wander([30.0, 35.0], 60.0, 90);
+    let path = wander([30.0, 35.0], 60.0, 90);
     for reading in [Reading::Crossing, Reading::Proximity] {
         let p = IsophoteExcitationParams { reading, ..params() };
         for (small, large) in [(Wrap::Repeat, twice(|x| x % 40)), (Wrap::Mirror, twice(mirrored))] {
-            let a = play(p.clone(), &image(small), &way, 1.6);
-            let b = play(p.clone(), &large, &way, 1.6);
+            let a = play(p.clone(), &image(small), &path, 1.6);
+            let b = play(p.clone(), &large, &path, 1.6);
             let miss: Vec<f32> = a.iter().zip(&b).map(|(a, b)| a - b).collect();
             assert!(rms(&a) > 0.3, "{reading:?} {small:?} is silent");
             assert!(db(rms(&miss) / rms(&a)) < -60.0, "{reading:?} {small:?}: {}", rms(&miss) / rms(&a));
@@ -192,7 +192,7 @@ fn seams_mirrors_and_borders_are_those_of_the_larger_image() {
     // Beyond the border the image continues as its border.
     let wide =
         curves([120, 120], Wrap::Clamp, levels(), tiled(&samples, n, |x| x.saturating_sub(40).min(39)));
-    let moved: Vec<_> = way
+    let moved: Vec<_> = path
         .iter()
         .map(|(t, one)| {
             let mut one = *one;
@@ -200,7 +200,7 @@ fn seams_mirrors_and_borders_are_those_of_the_larger_image() {
             (*t, one)
         })
         .collect();
-    let (a, b) = (play(params(), &image(Wrap::Clamp), &way, 1.6), play(params(), &wide, &moved, 1.6));
+    let (a, b) = (play(params(), &image(Wrap::Clamp), &path, 1.6), play(params(), &wide, &moved, 1.6));
     let miss: Vec<f32> = a.iter().zip(&b).map(|(a, b)| a - b).collect();
     assert!(db(rms(&miss) / rms(&a)) < -20.0, "{}", rms(&miss) / rms(&a));
 }
@@ -210,7 +210,7 @@ fn the_sample_rate_changes_nothing_that_is_heard() {
     let n = 96;
     let samples = noise(7, n);
     let all = curves([n, n], Wrap::Repeat, vec![42.0, 46.0, 50.0, 54.0, 58.0], tiled(&samples, n, |x| x));
-    let way = [(0, straight([3.3, 5.1], [1.2, 0.45], 1.0))];
+    let path = [(0, straight([3.3, 5.1], [1.2, 0.45], 1.0))];
     for reading in [Reading::Crossing, Reading::Proximity] {
         let at = |rate: u32| {
             let p = IsophoteExcitationParams {
@@ -218,7 +218,7 @@ fn the_sample_rate_changes_nothing_that_is_heard() {
                 contact: ContactForceParams { rate: Rate::hz(rate), ..params().contact },
                 ..params()
             };
-            play(p, &all, &way, 1.0)
+            play(p, &all, &path, 1.0)
         };
         let (low, high) = (at(44_100), at(88_200));
         let miss = rates_apart(&low, &high);
@@ -251,20 +251,20 @@ fn blocks_of_any_length_give_the_same_bits() {
     let n = 40;
     let samples = noise(5, n);
     let all = curves([n, n], Wrap::Mirror, vec![45.0, 50.0, 55.0], tiled(&samples, n, |x| x));
-    let mut way = wander([0.0, 20.0], 50.0, 20);
+    let mut path = wander([0.0, 20.0], 50.0, 20);
     // A second contact, one that jumps, and one that is cut short.
     let other = PathPiece { contact: 2, ..straight([5.0, 5.0], [1.0, 1.0], 0.1) };
-    way.extend([(ticks(0.0503), other), (ticks(0.0911), PathPiece { jump: 1, ..other })]);
-    way.push((ticks(0.12), straight([9.0, 5.0], [-1.0, 1.0], 0.1)));
-    way.sort_by_key(|(tick, _)| *tick);
+    path.extend([(ticks(0.0503), other), (ticks(0.0911), PathPiece { jump: 1, ..other })]);
+    path.push((ticks(0.12), straight([9.0, 5.0], [-1.0, 1.0], 0.1)));
+    path.sort_by_key(|(tick, _)| *tick);
     for reading in [Reading::Crossing, Reading::Proximity] {
         let p = IsophoteExcitationParams { reading, ..params() };
-        let whole = play_in(p.clone(), &all, &way, 0.35, ticks(1.0));
+        let whole = play_in(p.clone(), &all, &path, 0.35, ticks(1.0));
         assert!(rms(&whole) > 0.01);
         for block in [1, 32, 64, 100, 256, 1024, 4096] {
             let window = p.contact.rate.span(block);
             assert!(
-                play_in(p.clone(), &all, &way, 0.35, window) == whole,
+                play_in(p.clone(), &all, &path, 0.35, window) == whole,
                 "{reading:?} in blocks of {block}"
             );
         }
@@ -305,12 +305,12 @@ fn turning_knobs_makes_no_steps_and_going_on_loses_nothing() {
     let n = 40;
     let samples = noise(5, n);
     let all = curves([n, n], Wrap::Repeat, vec![45.0, 50.0, 55.0], tiled(&samples, n, |x| x));
-    let way = [(0, straight([1.0, 2.0], [0.3, 0.2], 0.4))];
+    let path = [(0, straight([1.0, 2.0], [0.3, 0.2], 0.4))];
     let p = IsophoteExcitationParams { reading: Reading::Proximity, ..params() };
     let quiet =
         IsophoteExcitationParams { radius: 1.0, law: ForceLawParams { kappa: 0.0, ..p.law }, ..p.clone() };
     let standalone = Standalone::new::<IsophoteExcitation>(p.clone())
-        .events(IsophoteExcitationPorts::paths, way.to_vec(), ticks(0.4))
+        .events(IsophoteExcitationPorts::paths, path.to_vec(), ticks(0.4))
         .value(IsophoteExcitationPorts::isophotes, all.clone())
         .window(ticks(0.01));
     let mut run = standalone.start().unwrap();
@@ -328,7 +328,7 @@ fn turning_knobs_makes_no_steps_and_going_on_loses_nothing() {
         }
     }
     let out = run.stream(IsophoteExcitationPorts::force);
-    let plain = play(p, &all, &way, 0.4);
+    let plain = play(p, &all, &path, 0.4);
     assert_eq!(out[..9600], plain[..9600]);
     let step = |x: &[f32]| x.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f32::max);
     assert!(step(&out[9500..]) <= 1.1 * step(&plain) && out[10_700..].iter().all(|x| *x == 0.0));
@@ -340,9 +340,9 @@ fn too_many_crossings_and_too_much_speed_are_counted() {
     let samples = noise(5, n);
     let all = curves([n, n], Wrap::Repeat, (35..65).map(|k| k as f32).collect(), tiled(&samples, n, |x| x));
     for v in [150.0, 5000.0] {
-        let way = vec![(0, straight([1.0, 2.0], [v, 0.3 * v], 0.1))];
+        let path = vec![(0, straight([1.0, 2.0], [v, 0.3 * v], 0.1))];
         let standalone = Standalone::new::<IsophoteExcitation>(params())
-            .events(IsophoteExcitationPorts::paths, way, ticks(0.1))
+            .events(IsophoteExcitationPorts::paths, path, ticks(0.1))
             .value(IsophoteExcitationPorts::isophotes, all.clone());
         let run = standalone.run().unwrap();
         let reported = run.summary.iter().find(|(name, _)| *name == "crossings_left_out");

@@ -26,7 +26,7 @@ use crate::texture::spectrum::NoiseModel;
 use crate::texture::split::{noise as noise_of, statistics};
 use crate::texture::{Drawing, Grid, Luma, LumaKind, Surface, Wrap, isophotes};
 
-/// All maps of an image: paving with joints, and grain everywhere.
+/// All maps of an image of paving with joints and grain.
 struct Floor {
     map: DiscontinuityMap,
     isophotes: Isophotes,
@@ -75,7 +75,7 @@ fn made_of(grid: Grid) -> Floor {
 }
 
 fn params() -> LevelMatcherParams {
-    // At one speed, where a test is of nothing else: it is quicker.
+    // At one speed, which is faster, if a test does not depend on speed.
     LevelMatcherParams {
         stroke: StrokeParams { by_speed: false, ..LevelMatcherParams::read(&|_| None).unwrap().stroke },
         ..LevelMatcherParams::read(&|_| None).unwrap()
@@ -108,8 +108,8 @@ fn kappa(run: &StandaloneRun, port: usize) -> f64 {
     strength_of(run, port).kappa
 }
 
-/// A way that has nothing to do with the standard stroke, at about a speed.
-fn way(speed: f64, force: f64) -> Vec<(Tick, PathPiece)> {
+/// A path that is unrelated to the standard stroke, at about a speed.
+fn path(speed: f64, force: f64) -> Vec<(Tick, PathPiece)> {
     let mut rng = Rng::new(5);
     let (mut position, mut angle, mut time) = ([0.3, 0.2], 0.4, 0.0);
     let points: Vec<[f64; 4]> = (0..200)
@@ -125,9 +125,10 @@ fn way(speed: f64, force: f64) -> Vec<(Tick, PathPiece)> {
     pieces(&through(&points), StrokeContact { contact: 1, object: 0, other: None })
 }
 
-fn drawn<N: Node>(params: N::Params, way: &[(Tick, PathPiece)], feeds: Vec<(usize, Feed)>) -> Vec<f32> {
-    let end = way.last().map_or(0, |(tick, piece)| tick + piece.duration);
-    let standalone = Standalone::new::<N>(params).feed(0, Feed::events(way.to_vec(), end)).window(ticks(1.0));
+fn drawn<N: Node>(params: N::Params, path: &[(Tick, PathPiece)], feeds: Vec<(usize, Feed)>) -> Vec<f32> {
+    let end = path.last().map_or(0, |(tick, piece)| tick + piece.duration);
+    let standalone =
+        Standalone::new::<N>(params).feed(0, Feed::events(path.to_vec(), end)).window(ticks(1.0));
     let standalone =
         feeds.into_iter().fold(standalone, |standalone, (port, feed)| standalone.feed(port, feed));
     let run = standalone.run().unwrap();
@@ -135,7 +136,7 @@ fn drawn<N: Node>(params: N::Params, way: &[(Tick, PathPiece)], feeds: Vec<(usiz
 }
 
 /// Output of each level of detail along a path: map, isophotes, features and noise, noise, noise from a spectrum.
-fn levels(floor: &Floor, run: &StandaloneRun, way: &[(Tick, PathPiece)]) -> [Vec<f32>; 5] {
+fn levels(floor: &Floor, run: &StandaloneRun, path: &[(Tick, PathPiece)]) -> [Vec<f32>; 5] {
     let rate = Rate::hz(44_100);
     let map = |feed: (usize, Feed), port: usize| {
         let p = MapExcitationParams {
@@ -143,7 +144,7 @@ fn levels(floor: &Floor, run: &StandaloneRun, way: &[(Tick, PathPiece)]) -> [Vec
             ..MapExcitationParams::read(&|_| None).unwrap()
         };
         let feeds = vec![feed, (MapExcitationPorts::kappa.index(), value(&strength_of(run, port)))];
-        drawn::<MapExcitation>(p, way, feeds)
+        drawn::<MapExcitation>(p, path, feeds)
     };
     let noise = |profile: &NoiseProfile, port: usize| {
         let p = NoiseExcitationParams {
@@ -154,7 +155,7 @@ fn levels(floor: &Floor, run: &StandaloneRun, way: &[(Tick, PathPiece)]) -> [Vec
             (NoiseExcitationPorts::noise.index(), value(profile)),
             (NoiseExcitationPorts::kappa.index(), value(&strength_of(run, port))),
         ];
-        drawn::<NoiseExcitation>(p, way, feeds)
+        drawn::<NoiseExcitation>(p, path, feeds)
     };
     let p = IsophoteExcitationParams {
         contact: ContactForceParams { rate, ..IsophoteExcitationParams::read(&|_| None).unwrap().contact },
@@ -168,7 +169,7 @@ fn levels(floor: &Floor, run: &StandaloneRun, way: &[(Tick, PathPiece)]) -> [Vec
     let both = sum([&lines, &noise(&floor.noise, 3)], [1.0; 2]);
     [
         map((MapExcitationPorts::map.index(), value(&floor.map)), 0),
-        drawn::<IsophoteExcitation>(p, way, feeds),
+        drawn::<IsophoteExcitation>(p, path, feeds),
         both,
         noise(&floor.noise, 4),
         noise(&floor.spectrum, 5),
@@ -182,22 +183,22 @@ fn all_levels_of_detail_are_equally_strong_within_two_db() {
         let run = matched(params(), &floor, None);
         let reported = |key: &str| run.summary.iter().find(|(k, _)| *k == key).unwrap().1.as_f64().unwrap();
         assert!((reported("split_rms") / reported("rms") - 1.0).abs() < 1e-6, "{:?}", run.summary);
-        let all = levels(&floor, &run, &way(1.0, 1.0)).map(|x| rms(&x));
+        let all = levels(&floor, &run, &path(1.0, 1.0)).map(|x| rms(&x));
         for (k, level) in all.iter().enumerate() {
             assert!(db(level / all[0]).abs() < 2.0, "grain {grain}, level {k}: {} dB", db(level / all[0]));
         }
     }
 }
 
-/// The way of `graphs/lib/levels.ron`: a circle that has nothing to do with those of the standard stroke.
+/// The path of `graphs/lib/levels.ron`: a circle that is unrelated to those of the standard stroke.
 #[test]
 fn surfaces_of_the_examples_are_equally_strong_on_all_levels() {
     for name in ["tiles", "sk_brick", "sk_gravel"] {
         let floor = picture(name);
         let run = matched(LevelMatcherParams { speed: 0.8, ..params() }, &floor, None);
         let pen = StrokeContact { contact: 0, object: 0, other: None };
-        let way = pieces(&circle([0.5; 2], 0.3, 1.0, 0.0, 0.8, 1.0).unwrap(), pen);
-        let all = levels(&floor, &run, &way).map(|x| rms(&x));
+        let path = pieces(&circle([0.5; 2], 0.3, 1.0, 0.0, 0.8, 1.0).unwrap(), pen);
+        let all = levels(&floor, &run, &path).map(|x| rms(&x));
         let levels = all.map(|level| db(level / all[0]));
         println!("{name}: {levels:.1?} dB");
         assert!(levels.iter().all(|level| level.abs() < 2.0), "{name}: {levels:?} dB");
@@ -208,14 +209,14 @@ fn surfaces_of_the_examples_are_equally_strong_on_all_levels() {
 fn who_walks_away_hears_no_click_and_no_level_louder_than_another() {
     let floor = floor(4.0);
     let run = matched(params(), &floor, None);
-    let way = way(1.0, 1.0);
-    let end = way.last().map_or(0, |(tick, piece)| tick + piece.duration);
-    // From 1 m to 55 m: through all levels in which something sounds.
+    let path = path(1.0, 1.0);
+    let end = path.last().map_or(0, |(tick, piece)| tick + piece.duration);
+    // From 1 m to 55 m: through all audible levels.
     let rate = Rate::hz(100);
     let distances =
         (0..rate.first_at(end)).map(|k| 1.0 + 54.0 * (k as f32) / rate.first_at(end) as f32).collect();
     let lod = Standalone::new::<LodSelect>(LodSelectParams::read(&|_| None).unwrap())
-        .events(LodSelectPorts::paths, way.clone(), end)
+        .events(LodSelectPorts::paths, path.clone(), end)
         .optional(LodSelectPorts::distance, rate, Channels(1), distances)
         .run()
         .unwrap();
@@ -238,7 +239,7 @@ fn who_walks_away_hears_no_click_and_no_level_louder_than_another() {
         assert!(n < 2000 || step < 4.0 * most, "{n}: {step} after {most}");
         most = most.max(step);
     }
-    // Half a second of the way at a time is as loud as all of it, within the unevenness of the floor.
+    // Each half second of the path is as loud as all of it, within the unevenness of the floor.
     let whole = rms(&out);
     for part in out[..out.len() - 22_050].chunks_exact(22_050) {
         assert!(db(rms(part) / whole).abs() < 3.5, "{} dB", db(rms(part) / whole));
@@ -256,7 +257,7 @@ fn they_are_so_at_the_speed_and_force_of_the_stroke_whatever_the_exponents() {
     };
     let run = matched(p, &floor, None);
     assert_eq!(kappa(&run, 0), 7.0);
-    let all = levels(&floor, &run, &way(0.3, 2.5)).map(|x| rms(&x));
+    let all = levels(&floor, &run, &path(0.3, 2.5)).map(|x| rms(&x));
     for (k, level) in all.iter().enumerate() {
         assert!(db(level / all[0]).abs() < 2.0, "level {k}: {} dB", db(level / all[0]));
     }
@@ -270,11 +271,11 @@ fn with_modes_it_is_their_sound_that_is_equally_loud() {
     floor.spectrum = extend(&floor.spectrum, 16, &Random::new(4, "fine")).0;
     let modes = Modes::new("bar", vec![1410.0, 3130.0], vec![4.0, 6.0], vec![1.0, 0.6]).unwrap();
     let ring = |force: &Vec<f32>| rms(&rendered(force.clone(), Some(&modes), [1.0; 2]).unwrap());
-    let plain = levels(&floor, &matched(params(), &floor, None), &way(1.0, 1.0));
+    let plain = levels(&floor, &matched(params(), &floor, None), &path(1.0, 1.0));
     let far = db(ring(&plain[3]) / ring(&plain[0])).abs();
     assert!(far > 3.0, "equal forces ring unequally: {far} dB");
     let run = matched(params(), &floor, Some(&modes));
-    let all = levels(&floor, &run, &way(1.0, 1.0));
+    let all = levels(&floor, &run, &path(1.0, 1.0));
     for (k, level) in all.iter().enumerate() {
         let miss = db(ring(level) / ring(&all[0]));
         assert!(miss.abs() < 2.0, "level {k}: {miss} dB");
@@ -284,7 +285,7 @@ fn with_modes_it_is_their_sound_that_is_equally_loud() {
 /// The slope of bricks and the box of `graphs/texture/brick_slide.ron`, and gravel, which is not matched by its map alone.
 #[test]
 fn with_modes_all_levels_follow_the_whole_map_from_half_to_four_times_the_speed() {
-    // Narrow modes would hear but a few waves of noise on a short way.
+    // Narrow modes would receive only a few waves of noise on a short path.
     let dampings = vec![40.0, 50.0, 60.0, 80.0];
     let modes = Modes::new("box", vec![271.0, 410.0, 663.0, 1190.0], dampings, vec![1.0; 4]).unwrap();
     for (name, extend_by) in [("sk_brick", 16), ("sk_gravel", 1)] {
@@ -306,10 +307,10 @@ fn with_modes_all_levels_follow_the_whole_map_from_half_to_four_times_the_speed(
         );
         let mut worst = [0.0_f64; 2];
         for times in [0.5, 1.0, 2.0, 4.0] {
-            let way = way(1.2 * times, 2.0);
+            let path = path(1.2 * times, 2.0);
             let ring = |force: Vec<f32>| rms(&rendered(force, Some(&modes), [1.0; 2]).unwrap());
             for (run, worst) in [&run, &still].into_iter().zip(&mut worst) {
-                let all = levels(&floor, run, &way).map(ring);
+                let all = levels(&floor, run, &path).map(ring);
                 let miss = all.map(|level| db(level / all[0]));
                 println!("{name} at {times} x: {miss:.1?} dB");
                 *worst = miss.iter().fold(*worst, |w, miss| w.max(miss.abs()));
@@ -327,7 +328,7 @@ fn a_surface_of_twice_the_size_is_matched_as_well() {
     let p = LevelMatcherParams { stroke: StrokeParams { by_speed: true, ..params().stroke }, ..params() };
     let run = matched(p, &floor, Some(&modes));
     let sized = |map: bool| {
-        let way = way(1.6, 1.0);
+        let path = path(1.6, 1.0);
         let drawn = if map {
             let p = MapExcitationParams::read(&|_| None).unwrap();
             let feeds = vec![
@@ -338,7 +339,7 @@ fn a_surface_of_twice_the_size_is_matched_as_well() {
                 contact: ContactForceParams { rate: Rate::hz(44_100), scale: 2.0, ..p.contact },
                 ..p
             };
-            drawn::<MapExcitation>(p, &way, feeds)
+            drawn::<MapExcitation>(p, &path, feeds)
         } else {
             let p = NoiseExcitationParams::read(&|_| None).unwrap();
             let feeds = vec![
@@ -349,7 +350,7 @@ fn a_surface_of_twice_the_size_is_matched_as_well() {
                 contact: ContactForceParams { rate: Rate::hz(44_100), scale: 2.0, ..p.contact },
                 ..p
             };
-            drawn::<NoiseExcitation>(p, &way, feeds)
+            drawn::<NoiseExcitation>(p, &path, feeds)
         };
         rms(&rendered(drawn, Some(&modes), [1.0; 2]).unwrap())
     };

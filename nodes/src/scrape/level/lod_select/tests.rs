@@ -66,7 +66,7 @@ fn edits_while_it_sounds_cross_fade() {
     }
 }
 
-/// The levels on which a contact is heard one second after it began.
+/// The levels on which a contact sounds one second after it began.
 fn rendered(standalone: Standalone, contact: u64) -> [bool; LEVELS] {
     let run = standalone.window(ticks(0.01)).run().unwrap();
     let all = [LodSelectPorts::full, LodSelectPorts::split, LodSelectPorts::noise, LodSelectPorts::spectrum];
@@ -79,7 +79,8 @@ fn rendered(standalone: Standalone, contact: u64) -> [bool; LEVELS] {
 #[test]
 fn a_nearer_contact_has_the_finer_level() {
     let frame = 1.0 / 60.0;
-    // Contacts 1 and 2 with bodies 3 and 4, one near the listener and one 20 m away; a third of both bodies is reported of by nobody.
+    // Contacts 1 and 2 with bodies 3 and 4, one near the listener and one 20 m away; a third contact of both bodies has
+    // no report.
     let far = |contact: u64| if contact == 2 { 20.0 } else { 1.0 };
     let mut rng = Rng::new(4);
     let blank = <ContactState as crate::core::item::Event>::trial(&mut rng);
@@ -106,7 +107,7 @@ fn a_nearer_contact_has_the_finer_level() {
     for (near, away) in [(1, 2), (PathPiece::pair([0, 3]), PathPiece::pair([0, 4]))] {
         assert_eq!(rendered(standalone([0.0; 3]), near), full);
         assert_eq!(rendered(standalone([0.0; 3]), away), noise);
-        // Who stands beside the other one hears that one in full.
+        // A listener beside the other contact receives that contact on the full level.
         assert_eq!([near, away].map(|c| rendered(standalone([20.0, 0.0, 0.0]), c)), [noise, full]);
     }
     assert_eq!(

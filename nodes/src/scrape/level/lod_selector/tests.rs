@@ -46,13 +46,13 @@ fn a_level_changes_only_where_a_distance_is_well_passed() {
 fn who_walks_away_hears_no_step_and_costs_less_and_less() {
     // From 2 m to 150 m at 50 m/s, in frames of 1/60 s.
     let frame = 1.0 / 60.0;
-    let way: Vec<_> = (0..180)
+    let path: Vec<_> = (0..180)
         .map(|k| {
             let t = f64::from(k) * frame;
             (ticks(t), piece([t, 0.0], [1.0, 0.0], frame), 2.0 + 50.0 * t)
         })
         .collect();
-    let (parts, selector) = parts(rules(None), &way);
+    let (parts, selector) = parts(rules(None), &path);
     assert_eq!(selector.changes, 4);
     let mut before: Option<[f64; LEVELS]> = None;
     let (mut cost, mut fading) = (f64::INFINITY, false);
@@ -63,7 +63,7 @@ fn who_walks_away_hears_no_step_and_costs_less_and_less() {
         if k < 2000 {
             assert!((power - 1.0).abs() < 0.02, "{k} ms: {power}");
         }
-        // What sounds costs; in a cross-fade both levels do, for 50 ms.
+        // Levels that sound have a cost; in a cross-fade both levels do, for 50 ms.
         let paid = (0..LEVELS).filter(|level| now[*level] > 0.0);
         let both = paid.clone().count() > 1;
         let paid: f64 = paid.map(|level| selector.rules.costs[level]).sum();

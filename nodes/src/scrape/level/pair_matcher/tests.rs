@@ -88,8 +88,8 @@ fn strength_of(run: &StandaloneRun, port: usize) -> Strength {
     *run.value(port).unwrap().get::<Strength>().unwrap()
 }
 
-/// A way that has nothing to do with the standard stroke, at about a speed.
-fn way(speed: f64) -> Vec<(Tick, PathPiece)> {
+/// A path that is unrelated to the standard stroke, at about a speed.
+fn path(speed: f64) -> Vec<(Tick, PathPiece)> {
     let mut rng = Rng::new(5);
     let (mut position, mut angle, mut time) = ([0.3, 0.2], 0.4, 0.0);
     let points: Vec<[f64; 4]> = (0..150)
@@ -104,16 +104,17 @@ fn way(speed: f64) -> Vec<(Tick, PathPiece)> {
     pieces(&through(&points), StrokeContact { contact: 1, object: 0, other: Some(OTHER) })
 }
 
-fn drawn<N: Node>(params: N::Params, way: &[(Tick, PathPiece)], feeds: Vec<(usize, Feed)>) -> Vec<f32> {
-    let end = way.last().map_or(0, |(tick, piece)| tick + piece.duration);
-    let standalone = Standalone::new::<N>(params).feed(0, Feed::events(way.to_vec(), end)).window(ticks(1.0));
+fn drawn<N: Node>(params: N::Params, path: &[(Tick, PathPiece)], feeds: Vec<(usize, Feed)>) -> Vec<f32> {
+    let end = path.last().map_or(0, |(tick, piece)| tick + piece.duration);
+    let standalone =
+        Standalone::new::<N>(params).feed(0, Feed::events(path.to_vec(), end)).window(ticks(1.0));
     let standalone =
         feeds.into_iter().fold(standalone, |standalone, (port, feed)| standalone.feed(port, feed));
     standalone.run().unwrap().stream(Port::<Stream<f32>>::new(0))
 }
 
 /// Output of each level of detail along a path: reliefs, crossings and noises, noises alone.
-fn levels([a, b]: &[Side; 2], run: &StandaloneRun, way: &[(Tick, PathPiece)], scale: f64) -> [Vec<f32>; 3] {
+fn levels([a, b]: &[Side; 2], run: &StandaloneRun, path: &[(Tick, PathPiece)], scale: f64) -> [Vec<f32>; 3] {
     let rate = Rate::hz(44_100);
     let p = TwoTexturesParams {
         contact: ContactForceParams { rate, scale, ..TwoTexturesParams::read(&|_| None).unwrap().contact },
@@ -121,7 +122,7 @@ fn levels([a, b]: &[Side; 2], run: &StandaloneRun, way: &[(Tick, PathPiece)], sc
     };
     let full = drawn::<TwoTextures>(
         p,
-        way,
+        path,
         vec![
             (TwoTexturesPorts::a.index(), value(&a.luma)),
             (TwoTexturesPorts::b.index(), value(&b.luma)),
@@ -135,15 +136,15 @@ fn levels([a, b]: &[Side; 2], run: &StandaloneRun, way: &[(Tick, PathPiece)], sc
             contact: ContactForceParams { rate, scale, ..p.contact },
             ..p
         },
-        way,
+        path,
         vec![
             (FeatureCrossingsPorts::first.index(), value(&a.lines)),
             (FeatureCrossingsPorts::second.index(), value(&b.lines)),
             (FeatureCrossingsPorts::kappa.index(), value(&strength_of(run, 1))),
         ],
     );
-    let turned: Vec<_> = way.iter().filter_map(|(tick, piece)| Some((*tick, exchanged(piece)?))).collect();
-    let noise = |side: &Side, way: &[(Tick, PathPiece)], port: usize| {
+    let turned: Vec<_> = path.iter().filter_map(|(tick, piece)| Some((*tick, exchanged(piece)?))).collect();
+    let noise = |side: &Side, path: &[(Tick, PathPiece)], port: usize| {
         let p = NoiseExcitationParams {
             contact: ContactForceParams {
                 rate,
@@ -156,15 +157,15 @@ fn levels([a, b]: &[Side; 2], run: &StandaloneRun, way: &[(Tick, PathPiece)], sc
             (NoiseExcitationPorts::noise.index(), value(&side.noise)),
             (NoiseExcitationPorts::kappa.index(), value(&strength_of(run, port))),
         ];
-        drawn::<NoiseExcitation>(p, way, feeds)
+        drawn::<NoiseExcitation>(p, path, feeds)
     };
-    let both = |port: usize| sum([&noise(a, way, port), &noise(b, &turned, port + 1)], [1.0; 2]);
+    let both = |port: usize| sum([&noise(a, path, port), &noise(b, &turned, port + 1)], [1.0; 2]);
     let split = sum([&crossings, &both(2)], [1.0; 2]);
     [full, split, both(4)]
 }
 
 fn modes() -> Modes {
-    // Narrow modes would hear but a few waves of noise on a short way.
+    // Narrow modes would receive only a few waves of noise on a short path.
     Modes::new("plate", vec![310.0, 740.0, 1260.0], vec![60.0, 70.0, 90.0], vec![1.0; 3]).unwrap()
 }
 
@@ -175,7 +176,7 @@ fn all_levels_are_as_loud_as_the_reliefs_at_any_speed_and_of_any_size() {
     let run = matched(params(), &sides, &modes);
     for (scale, speed) in [(1.0, 0.6), (0.5, 0.6), (2.0, 0.6), (1.0, 0.3), (1.0, 1.2)] {
         let ring = |force: Vec<f32>| rms(&rendered(force, Some(&modes), [1.0; 2]).unwrap());
-        let all = levels(&sides, &run, &way(speed), scale).map(ring);
+        let all = levels(&sides, &run, &path(speed), scale).map(ring);
         let miss = all.map(|level| db(level / all[0]));
         println!("{scale} x at {speed} m/s: {miss:.1?} dB");
         assert!(miss.iter().all(|miss| miss.abs() < 2.0), "{scale} x at {speed} m/s: {miss:?} dB");

@@ -68,7 +68,7 @@ fn a_grating_sounds_at_its_frequency_and_its_images_stay_low() {
     }
 }
 
-/// A grating passed in steps of some pixels: the level of its tone against what is drawn, and of all else, dB.
+/// A grating passed in steps of some pixels: the level of its tone relative to the image, and of everything else, dB.
 fn passed(cycles: f64, step: f64) -> [f64; 2] {
     let density = 4096.0;
     let path = piece([0.0; 2], [step * FS / density, 0.0], 0.6);
@@ -100,8 +100,9 @@ fn passed(cycles: f64, step: f64) -> [f64; 2] {
 /// A fast contact reads any map without aliasing. The requirement of T16 that amplitudes
 /// stay within 0.5 dB up to 0.4 of the rate, and fall below -60 dB from there to half of it, is not met by a map that is read once
 /// for each sample: a spline alone takes 0.6 dB at 0.1 cycles per pixel and 7.7 dB at 0.35, at any speed, and one without loss would
-/// draw images at -20 dB or let everything fold that lies between 0.4 and 0.6. What is met is the half that is heard as a
-/// wrong tone; of amplitudes the levels of the pyramid and the spline take what is asserted here, whatever the step.
+/// draw images at -20 dB or let everything fold that lies between 0.4 and 0.6. The test measures the half that sounds
+/// as a wrong tone; of amplitudes the levels of the pyramid and the spline take what is asserted here, whatever the
+/// step.
 #[test]
 fn fast_contacts_read_coarser_maps_and_nothing_folds_down() {
     for step in [1.0, 1.2, 1.7, 2.0, 2.3, 2.45, 3.1, 4.0, 4.9, 7.3] {
@@ -136,7 +137,7 @@ fn interpolators_leave_the_images_of_the_table() {
         f64::from(state >> 8) as f32 / (1 << 24) as f32 - 0.5
     });
     let rows = Grid::from_fn(4096, 4, |x, _| noise.samples[x]);
-    for (interp, images, kept) in
+    for (interp, images, retained) in
         [(Interp::Linear, -25.0, 0.66), (Interp::Catmull, -43.0, 0.81), (Interp::Bspline3, -52.0, 0.48)]
     {
         let padded = super::padded::PaddedMap::<1>::new([&rows], [[false; 2]], crate::texture::Wrap::Repeat);
@@ -151,8 +152,8 @@ fn interpolators_leave_the_images_of_the_table() {
         let mean = x.iter().sum::<f64>() / x.len() as f64;
         let variance = x.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / x.len() as f64;
         let drawn = rows.samples[..4096].iter().map(|x| f64::from(*x).powi(2)).sum::<f64>() / 4096.0;
-        assert!((variance / drawn - kept).abs() < 0.04, "{interp:?}: {}", variance / drawn);
-        // What is above 4 kHz, by a transform of the whole.
+        assert!((variance / drawn - retained).abs() < 0.04, "{interp:?}: {}", variance / drawn);
+        // Level above 4 kHz, by a transform of the whole.
         let mut planner = rustfft::FftPlanner::<f64>::new();
         let window = |k: usize| 0.5 - 0.5 * (TAU * k as f64 / n as f64).cos();
         let mut buffer: Vec<_> = x
@@ -219,7 +220,7 @@ fn the_high_pass_of_a_positive_map_has_its_corner_at_20_hz() {
 }
 
 #[test]
-fn features_push_by_their_slope_along_the_way() {
+fn features_push_by_their_slope_along_the_path() {
     // 4 cycles over 512 pixels, as features and as the slopes of those.
     let k = TAU * 4.0 / 512.0;
     let features = FeatureMap {
@@ -265,7 +266,7 @@ fn edges_of_one_bit_sound_alike_at_both_rates_and_hold_grey_where_they_are_passe
     let (slow, fast) = (played(44_100, 9.0, 0.5), played(88_200, 9.0, 0.5));
     let miss: Vec<f32> = slow.iter().zip(fast.iter().step_by(2)).map(|(a, b)| a - b).collect();
     assert!(rms(&slow) > 0.1 && db(rms(&miss) / rms(&slow)) < -50.0, "{} dB", db(rms(&miss) / rms(&slow)));
-    // Lines of 8 pixels in steps of 16: what bits would give as a beat is the grey of their mean, which the high-pass takes.
+    // Lines of 8 pixels in steps of 16: the beat of bits is the grey of their mean, which the high-pass removes.
     let quick = played(44_100, 64.0, 16.0 * FS / 512.0);
     let slow = played(44_100, 64.0, 0.5);
     assert!(db(rms(&quick[4410..]) / rms(&slow)) < -50.0, "{} dB", db(rms(&quick[4410..]) / rms(&slow)));

@@ -64,7 +64,7 @@ fn images_and_aliases_stay_below_60_db() {
 
 #[test]
 fn a_white_profile_keeps_97_percent_and_has_no_images() {
-    // Energy above 4 kHz of a profile at 4000 samples per second, and the variance kept.
+    // Energy above 4 kHz of a profile at 4000 samples per second, and the remaining variance.
     let table = [
         (NoiseInterp::Linear, -25.0, 3.0, 0.66),
         (NoiseInterp::Catmull, -43.0, 3.0, 0.81),
@@ -72,16 +72,16 @@ fn a_white_profile_keeps_97_percent_and_has_no_images() {
         (NoiseInterp::Sinc32, -108.0, 1.0, 0.97),
     ];
     for (interp, images, slack, variance) in table {
-        let (level, kept) = images_of(interp);
-        println!("{interp:?}: {level:.1} dB above 4 kHz, {kept:.3} of the variance");
+        let (level, retained) = images_of(interp);
+        println!("{interp:?}: {level:.1} dB above 4 kHz, {retained:.3} of the variance");
         assert!(
-            (kept - variance).abs() < 0.04 && (level - images).abs() < slack,
-            "{interp:?}: {level} {kept}"
+            (retained - variance).abs() < 0.04 && (level - images).abs() < slack,
+            "{interp:?}: {level} {retained}"
         );
     }
 }
 
-/// Level in dB of what is above 4 kHz, and the share of the variance that is kept.
+/// Level in dB above 4 kHz, and the share of the variance that remains.
 fn images_of(interp: NoiseInterp) -> (f64, f64) {
     let mut state = 7_u32;
     let samples: Vec<f32> = (0..8192)
@@ -94,7 +94,7 @@ fn images_of(interp: NoiseInterp) -> (f64, f64) {
     let bands = NoiseBands::read_by(&NoiseProfile { samples, spacing: 1e-3 }, interp);
     let step = 4000.0 / 44_100.0;
     let out = heard(&bands, step, 44_100);
-    let kept = (rms(&out) / drawn).powi(2);
+    let retained = (rms(&out) / drawn).powi(2);
     let n = out.len();
     let mut buffer: Vec<_> = (0..n)
         .map(|k| Complex::new(f64::from(out[k]) * (0.5 - 0.5 * (TAU * k as f64 / n as f64).cos()), 0.0))
@@ -102,7 +102,7 @@ fn images_of(interp: NoiseInterp) -> (f64, f64) {
     FftPlanner::new().plan_fft_forward(n).process(&mut buffer);
     let energy = |from: usize, to: usize| buffer[from..to].iter().map(Complex::norm_sqr).sum::<f64>();
     let level = 10.0 * (energy(4000, n / 2) / energy(0, n / 2)).log10();
-    (level, kept)
+    (level, retained)
 }
 
 #[test]

@@ -47,11 +47,11 @@ fn contact(position: [f64; 2], velocity: [f64; 2]) -> ContactState {
     }
 }
 
-/// Contacts on a way, at 60 frames a second.
-fn along(way: impl Fn(f64) -> [f64; 4], count: u32) -> Vec<(Tick, ContactState)> {
+/// Contacts on a path, at 60 frames a second.
+fn along(path: impl Fn(f64) -> [f64; 4], count: u32) -> Vec<(Tick, ContactState)> {
     let frame = |k: u32| {
         let t = f64::from(k) * FRAME;
-        let [x, y, vx, vy] = way(t);
+        let [x, y, vx, vy] = path(t);
         (ticks(t), contact([x, y], [vx, vy]))
     };
     (0..count).map(frame).collect()
@@ -75,17 +75,17 @@ fn at(pieces: &Pieces, time: f64) -> Option<(PathPiece, f64)> {
 #[test]
 fn even_motion_is_exact_to_a_nanometre() {
     // Velocities travel in single precision.
-    let way = |t: f64| [0.3 + 0.75 * t, -0.1875 * t, 0.75, -0.1875];
+    let path = |t: f64| [0.3 + 0.75 * t, -0.1875 * t, 0.75, -0.1875];
     for (mode, velocities) in [
         (PathMode::Hermite, Velocities::Given),
         (PathMode::Hermite, Velocities::Differences),
         (PathMode::Extrapolate, Velocities::Given),
     ] {
-        let pieces = follow(ContactPathParams { mode, velocities, ..params() }, along(way, 40));
+        let pieces = follow(ContactPathParams { mode, velocities, ..params() }, along(path, 40));
         for k in 0..500 {
             let t = 0.06 + f64::from(k) * 1e-3;
             let (piece, s) = at(&pieces, t).expect("a piece");
-            let ([x, y], right) = (piece.position_at(s), way(t));
+            let ([x, y], right) = (piece.position_at(s), path(t));
             assert!((x - right[0]).abs() < 1e-9 && (y - right[1]).abs() < 1e-9, "{mode:?} {t}: {x} {y}");
         }
     }
@@ -94,12 +94,12 @@ fn even_motion_is_exact_to_a_nanometre() {
 #[test]
 fn a_circle_of_twelve_frames_is_round_within_half_a_percent() {
     let (w, r) = (TAU / (12.0 * FRAME), 0.05);
-    let way = |t: f64| {
+    let path = |t: f64| {
         let (sin, cos) = (w * t).sin_cos();
         [r * cos, r * sin, -r * w * sin, r * w * cos]
     };
     for velocities in [Velocities::Given, Velocities::Differences] {
-        let pieces = follow(ContactPathParams { velocities, ..params() }, along(way, 60));
+        let pieces = follow(ContactPathParams { velocities, ..params() }, along(path, 60));
         for k in 0..800 {
             let (piece, s) = at(&pieces, 0.06 + f64::from(k) * 1e-3).expect("a piece");
             let [x, y] = piece.position_at(s);
@@ -109,26 +109,26 @@ fn a_circle_of_twelve_frames_is_round_within_half_a_percent() {
 }
 
 #[test]
-fn the_guard_goes_straight_where_velocities_do_not_fit_the_way() {
-    // Four times as fast as the positions say, across: a cubic would swing far out.
-    let way = |t: f64| [0.2 * t, 0.0, 0.0, 0.8];
+fn the_guard_goes_straight_where_velocities_do_not_fit_the_path() {
+    // Four times as fast as the positions state, across: a cubic would swing far out.
+    let path = |t: f64| [0.2 * t, 0.0, 0.0, 0.8];
     let swing = |guard: bool| {
         let p = ContactPathParams { guard, teleport: 1e6, ..params() };
-        let pieces = follow(p, along(way, 30));
+        let pieces = follow(p, along(path, 30));
         let mut out = 0.0_f64;
         for k in 0..300 {
             let t = 0.05 + f64::from(k) * 1e-3;
             let (piece, s) = at(&pieces, t).expect("a piece");
             let [x, y] = piece.position_at(s);
             if guard {
-                assert!((x - 0.2 * t).abs() < 1e-9, "{t}: even along the way");
+                assert!((x - 0.2 * t).abs() < 1e-9, "{t}: even along the path");
             }
             out = out.max(y.abs());
         }
         out
     };
     assert!(swing(true) < 1e-12 && swing(false) > 1e-3, "{} {}", swing(true), swing(false));
-    // Just below three times the way nothing is cut off.
+    // Just below three times the distance nothing is cut off.
     let fits = |t: f64| [0.2 * t, 0.0, 0.0, 0.59];
     let pieces = follow(params(), along(fits, 30));
     assert!(pieces.iter().any(|(_, p)| p.position[2] != [0.0; 2]));
@@ -189,7 +189,7 @@ fn slid(contacts: &str, poses: &str) -> Vec<f64> {
 }
 
 #[test]
-fn a_box_whose_log_goes_on_at_half_the_rate_presses_on_its_way_as_before() {
+fn a_box_whose_log_continues_at_half_the_rate_presses_as_before() {
     let [contacts, poses] = shipped("box_slide_slope");
     let [whole, slower] = [contacts.clone(), thinned(&contacts, 1.0)].map(|text| slid(&text, &poses));
     let mean = |x: &[f64]| x.iter().sum::<f64>() / x.len() as f64;
@@ -202,7 +202,7 @@ fn a_box_whose_log_goes_on_at_half_the_rate_presses_on_its_way_as_before() {
 #[test]
 fn a_jump_is_measured_in_pixels_of_the_map() {
     // 20 mm aside after ten frames: more than 8 pixels at 512 px/m (15.6 mm), less at 256 px/m (31 mm).
-    let way = |t: f64| [0.1 * t, if t > 9.5 * FRAME { 0.02 } else { 0.0 }, 0.1, 0.0];
+    let path = |t: f64| [0.1 * t, if t > 9.5 * FRAME { 0.02 } else { 0.0 }, 0.1, 0.0];
     let image = |density: f64| Luma {
         grid: Grid::from_fn(4, 4, |_, _| 0.0),
         holes: Vec::new(),
@@ -210,7 +210,7 @@ fn a_jump_is_measured_in_pixels_of_the_map() {
         surface: Surface { density: [density; 2], ..Surface::default() },
     };
     let jumps = |p: ContactPathParams, linked: Option<f64>| {
-        let mut standalone = standalone(p, along(way, 20));
+        let mut standalone = standalone(p, along(path, 20));
         if let Some(density) = linked {
             let feed = Feed::value(AnyValue::new(image(density)));
             standalone = standalone.feed(ContactPathPorts::image.index(), feed);
@@ -226,8 +226,8 @@ fn a_jump_is_measured_in_pixels_of_the_map() {
 }
 
 #[test]
-fn edits_while_it_sounds_do_not_move_the_way() {
-    let way = |t: f64| {
+fn edits_while_it_sounds_do_not_move_the_path() {
+    let path = |t: f64| {
         let (sin, cos) = (4.0 * t).sin_cos();
         [0.3 * cos, 0.3 * sin, -1.2 * sin, 1.2 * cos]
     };
@@ -238,7 +238,7 @@ fn edits_while_it_sounds_do_not_move_the_way() {
         ContactPathParams { density: 100.0, ..params() },
     ];
     for edit in edits {
-        let mut run = standalone(params(), along(way, 60)).start().unwrap();
+        let mut run = standalone(params(), along(path, 60)).start().unwrap();
         let mut count = 0;
         while run.step().unwrap() {
             count += 1;

@@ -1,4 +1,4 @@
-//! Ways between frames: exact where they must be, smooth elsewhere, and what happens at jumps, losses and stalls.
+//! Paths between frames: exact where they must be, smooth elsewhere; jumps, losses and stalls.
 
 use crate::scrape::force::contact_force_params::ContactForceParams;
 use crate::scrape::testing::{amplitude, db};
@@ -65,7 +65,7 @@ fn follow(rules: PathRules, frames: &[ContactSample], window: f64, until: f64) -
     (pieces, tracker)
 }
 
-/// The piece of the newest way at a time and the place in it.
+/// The piece of the newest path at a time and the position in it.
 fn at(pieces: &Pieces, time: f64) -> Option<(PathPiece, f64)> {
     let tick = ticks(time);
     let under_way = |(start, p): &&(Tick, PathPiece)| (*start..start + p.duration).contains(&tick);
@@ -75,11 +75,11 @@ fn at(pieces: &Pieces, time: f64) -> Option<(PathPiece, f64)> {
 
 #[test]
 fn even_motion_is_exact_at_any_even_or_uneven_frames() {
-    let way = |t: f64| [0.3 + 0.7 * t, -0.2 * t];
+    let path = |t: f64| [0.3 + 0.7 * t, -0.2 * t];
     for (frame, uneven) in [(1.0 / 60.0, 0.0), (1.0 / 30.0, 0.0), (1.0 / 240.0, 0.0), (1.0 / 60.0, 0.009)] {
         for differences in [false, true] {
             let times = (0..40).map(|k| frame * f64::from(k) + uneven * f64::from((k * 7) % 5) / 5.0);
-            let frames: Vec<_> = times.map(|t| sample(t, way(t), [0.7, -0.2])).collect();
+            let frames: Vec<_> = times.map(|t| sample(t, path(t), [0.7, -0.2])).collect();
             let rules = PathRules { differences, ..rules(frame) };
             let (pieces, tracker) = follow(rules, &frames, 0.003, 20.0 * frame);
             assert_eq!((tracker.stalls, tracker.jumps), (0, 0));
@@ -87,7 +87,7 @@ fn even_motion_is_exact_at_any_even_or_uneven_frames() {
                 let t = 0.02 + f64::from(k) * frame * 19.0 / 500.0;
                 let Some((piece, s)) = at(&pieces, t) else { continue };
                 let [x, y] = piece.position_at(s);
-                let right = way(t);
+                let right = path(t);
                 assert!((x - right[0]).abs() < 1e-9 && (y - right[1]).abs() < 1e-9, "{frame} {t}: {x} {y}");
             }
         }
@@ -170,9 +170,9 @@ fn an_even_slope_gives_a_force_without_the_frames_which_straight_lines_do_not() 
         assert!(level < -60.0, "{look_ahead}: {level} dB");
     }
     let straight = |ends: &[ContactSample]| {
-        let way = [0, 1].map(|k| ends[1].position[k] - ends[0].position[k]);
+        let path = [0, 1].map(|k| ends[1].position[k] - ends[0].position[k]);
         let duration = ends[1].tick - ends[0].tick;
-        let piece = super::testing::piece(ends[0].position, way, 1.0);
+        let piece = super::testing::piece(ends[0].position, path, 1.0);
         (ends[0].tick, PathPiece { duration, ..piece })
     };
     let level = lines(frames.windows(2).map(straight).collect());
@@ -180,7 +180,7 @@ fn an_even_slope_gives_a_force_without_the_frames_which_straight_lines_do_not() 
 }
 
 #[test]
-fn the_way_is_known_one_frame_later_two_without_velocities_and_at_once_where_it_is_predicted() {
+fn the_path_is_known_one_frame_later_two_without_velocities_and_at_once_where_it_is_predicted() {
     let frame = 1.0 / 60.0;
     for (look_ahead, differences, frames) in
         [(true, false, 1), (true, true, 2), (false, false, 0), (false, true, 0)]
@@ -199,9 +199,9 @@ fn the_way_is_known_one_frame_later_two_without_velocities_and_at_once_where_it_
 fn what_was_predicted_goes_over_to_what_was_true_without_a_step_or_a_kink() {
     let frame = 1.0 / 60.0;
     // Uneven acceleration, so that every prediction is wrong.
-    let way = |t: f64| [0.3 * t + 0.05 * (9.0 * t).sin(), 0.04 * (7.0 * t).cos()];
+    let path = |t: f64| [0.3 * t + 0.05 * (9.0 * t).sin(), 0.04 * (7.0 * t).cos()];
     let pace = |t: f64| [0.3 + 0.45 * (9.0 * t).cos(), -0.28 * (7.0 * t).sin()];
-    let frames: Vec<_> = (0..40).map(|k| f64::from(k) * frame).map(|t| sample(t, way(t), pace(t))).collect();
+    let frames: Vec<_> = (0..40).map(|k| f64::from(k) * frame).map(|t| sample(t, path(t), pace(t))).collect();
     let (pieces, tracker) = follow(PathRules { look_ahead: false, ..rules(frame) }, &frames, 0.004, 0.6);
     assert_eq!((tracker.stalls, tracker.jumps), (0, 0));
     let (mut before, mut worst): (Option<([f64; 2], [f64; 2])>, _) = (None, 0.0_f64);
@@ -213,7 +213,7 @@ fn what_was_predicted_goes_over_to_what_was_true_without_a_step_or_a_kink() {
             assert!((0..2).all(|i| (now.0[i] - p[i] - 1e-4 * v[i]).abs() < 2e-6), "{t}: no step");
             assert!((0..2).all(|i| (now.1[i] - v[i]).abs() < 0.02), "{t}: no kink: {v:?} to {:?}", now.1);
         }
-        let right = way(t);
+        let right = path(t);
         worst = worst.max((now.0[0] - right[0]).hypot(now.0[1] - right[1]));
         before = Some(now);
     }
@@ -242,7 +242,7 @@ fn forces_go_straight_from_frame_to_frame_and_are_never_below_0() {
 
 #[test]
 fn a_fast_contact_may_be_further_off_than_a_slow_one_before_it_has_jumped() {
-    // 8 pixels at 512 a metre are 15.6 mm; at 1.2 m/s twice the way of a frame are 40 mm more.
+    // 8 pixels at 512 a metre are 15.6 mm; at 1.2 m/s twice the distance of a frame is 40 mm more.
     let frame = 1.0 / 60.0;
     for (speed, off, jumps) in [(0.0, 0.0150, 0), (0.0, 0.0162, 1), (1.2, 0.0550, 0), (1.2, 0.0562, 1)] {
         let frames: Vec<_> = (0..20)
@@ -257,7 +257,7 @@ fn a_fast_contact_may_be_further_off_than_a_slow_one_before_it_has_jumped() {
 }
 
 #[test]
-fn a_jump_is_a_new_way_and_crossfades() {
+fn a_jump_is_a_new_path_and_crossfades() {
     let frame = 1.0 / 60.0;
     let frames: Vec<_> = (0..20)
         .map(|k| {
@@ -275,7 +275,7 @@ fn a_jump_is_a_new_way_and_crossfades() {
 }
 
 #[test]
-fn a_number_that_begins_again_is_a_new_way() {
+fn a_number_that_begins_again_is_a_new_path() {
     let frame = 1.0 / 60.0;
     let frames: Vec<_> = (0..20)
         .map(|k| {

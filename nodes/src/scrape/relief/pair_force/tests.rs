@@ -122,7 +122,7 @@ fn features_of_both_meet_as_no_sum_of_two_forces_could() {
     // 400 and 530 a metre, passed at 1 and 0.6 m/s: 400 and 318 Hz, and their sum.
     let (a, b) = (grating(200, 4096.0, 1.45e-4), grating(265, 4096.0, 1.45e-4));
     let p = passing([1.0, 0.0], [0.6, 0.0], 1.0);
-    // Of the force, which is the change of the gap: amplitudes of the gap in m.
+    // Amplitudes of the gap in m, from the force, which is the change of the gap.
     let line = |x: &[f32]| amplitude(&x[2000..42_000], 718.0, FS) / (TAU * 718.0);
     let both = sounds(&a, &b, p, 44_100);
     let flat = grating(0, 4096.0, 0.0);

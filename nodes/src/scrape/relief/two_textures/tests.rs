@@ -104,7 +104,7 @@ fn a_ball_over_tiles_knocks_at_each_joint() {
 }
 
 /// A capsule of 60 mm between its ends that rolls at a speed along x, its axis turned by an angle from straight across: as physics
-/// engines tell it, one contact under each end, with half of the load.
+/// engines report it, one contact under each end, with half of the load.
 fn capsule(v: f64, turn: f64) -> Vec<(Tick, PathPiece)> {
     let end = |contact: u64, side: f64| {
         let from = [0.05 + side * 0.03 * f64::sin(turn), 0.05 + side * 0.03 * f64::cos(turn)];
@@ -249,7 +249,8 @@ fn edits_while_it_sounds_do_not_click() {
         TwoTexturesParams { contact: ContactForceParams { scale: 1.7, ..params().contact }, ..params() },
     ];
     for (edit, b) in edits.iter().flat_map(|edit| [(edit, None), (edit, Some(ripple(2000.0, 1e-4, 7.0)))]) {
-        // Far from the corner a size on its way would sweep a ball over many ripples: that is a sound of its own, not a click.
+        // Far from the corner a gliding size would sweep a ball over many ripples: that is a sound of its own, not a
+        // click.
         if b.is_none() && edit.contact.scale > 1.5 {
             continue;
         }
@@ -270,7 +271,7 @@ fn edits_while_it_sounds_do_not_click() {
     }
 }
 
-/// A relief of waves that have nothing to do with each other, and the way of two of them over each other.
+/// A relief of unrelated waves, and the path of two of them over each other.
 fn rough_pair() -> ([Luma; 2], PathPiece) {
     let rough = |density: f64, seeds: [u64; 8]| {
         luma(density, 2e-4, 1024, move |x| {
@@ -326,7 +327,7 @@ fn rest_and_no_force_are_silent() {
         assert!(out[8820 + 225..].iter().all(|x| *x == 0.0), "it goes on at rest");
         assert!(play(vec![(0, PathPiece { duration: ticks(0.5), ..rest })]).iter().all(|x| *x == 0.0));
         assert!(play(vec![(0, PathPiece { force: [0.0; 2], ..go })]).iter().all(|x| *x == 0.0));
-        // What rests on one side and slips on the other sounds, where there are two sides.
+        // A contact that rests on one side and slips on the other sounds, if there are two sides.
         let slips = PathPiece { other: go.other, ..piece(go.position_at(0.0), [0.0; 2], 0.2) };
         assert_eq!(rms(&play(vec![(0, slips)])) > 0.0, b.is_some());
     }

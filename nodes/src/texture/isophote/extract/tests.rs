@@ -119,7 +119,7 @@ fn simplified_curves_are_within_the_tolerance() {
     let mut left = short.iter().peekable();
     let (mut dropped, mut max) = (0, [0.0_f64; 2]);
     for (curve, points, _) in all.iter() {
-        // Points half way between two steps have too few digits to know how they are rounded.
+        // Points half-way between two steps have too few digits for a unique rounding.
         let clear =
             |p: &&[f32; 2]| p.iter().all(|x| ((f64::from(*x) * STEPS).fract().abs() - 0.5).abs() > 1e-3);
         let round = |p: &[f32; 2]| p.map(|x| (f64::from(x) * STEPS).round() / STEPS);

@@ -9,7 +9,7 @@ fn conventions() -> FeatureConventions {
     FeatureConventions { frame: 100, ..FeatureConventions::cloth(Rate::hz(48_000), 200) }
 }
 
-/// Noise without much high treble, so that there is something to click.
+/// Noise without much high treble, so that clicks are measurable.
 fn recording(seed: u64, n: usize) -> Vec<f32> {
     let mut rng = Rng::new(seed);
     let mut y = [0.0; 2];
@@ -146,7 +146,8 @@ fn joins_click_less_than_cuts() {
         (ends, inside - 1.0 + 0.999_f64.powf(steps))
     };
     let (add, equal, linear) = (with(Blend::Add), with(Blend::EqualPower), with(Blend::Linear));
-    // What the recordings themselves do at the same places: the unit that continues where the other begins, and the other way round.
+    // The steps of the recordings themselves at the same places: of the unit that continues where the other begins, and
+    // vice versa.
     let joins: Vec<[u32; 2]> = picks.windows(2).map(|p| [p[0], p[1]]).filter(|[a, b]| *b != a + 1).collect();
     let own = joins.iter().filter(|[a, b]| {
         let join = Concatenator::new(&db, Blend::EqualPower).join(0, (Some(*a), Some(*b)));

@@ -146,7 +146,7 @@ fn joint_channels_share_their_picks_and_cross_where_each_of_them_does() {
     let own = chosen(&sound);
     assert!(own.len() == 200 && own.iter().enumerate().all(|(i, pick)| pick.unit == i as i32));
     assert!(heard(own) == [0, 1].map(|channel| db.channel(channel).to_vec()));
-    // The second channel has a say.
+    // The second channel has an influence.
     let picks = chosen(&other);
     assert!(picks.len() == 120 && picks != chosen(&[other[0].clone(), noise(5, 200 * 120)]));
     let units: Vec<u32> = picks.iter().map(|pick| pick.unit as u32).collect();
@@ -247,7 +247,7 @@ fn a_feature_that_is_no_number_is_named_by_its_unit() {
     let db =
         build(&[Take { channels: vec![noise(1, 8000)], ..Take::default() }], &conventions(), None).unwrap();
     let format = FeatureFormat { vectors: 1, conventions: Arc::new(conventions()) };
-    // Whether what comes is looked at, and the bad unit is first seen five units ahead, or what has been.
+    // With look-ahead the bad unit is first seen five units ahead; with look-behind, afterwards.
     for causal in [false, true] {
         let mut features = vec![0.0; 60];
         features[33] = f32::NAN;

@@ -39,7 +39,7 @@ fn recordings_of_any_rate_become_units_and_survive_their_file() {
     let mut other = bytes.clone();
     other[MARK.len() + 10] ^= 1;
     assert!(UnitDatabase::from_bytes(&other).unwrap_err().contains("hash"));
-    // A sample that somebody has changed.
+    // A sample that was changed by hand.
     let mut other = bytes.clone();
     let middle = other.len() / 2;
     other[middle] ^= 1;

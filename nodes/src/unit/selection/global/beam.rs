@@ -1,4 +1,4 @@
-//! Paths whose joins cost what is reported of them: a search among the likeliest.
+//! Beam search for paths with costs of their joins, among the likeliest paths.
 
 use super::path::{GlobalParams, Path};
 use super::table::Table;
@@ -6,7 +6,7 @@ use crate::unit::selection::kdtree::{KdTree, Search};
 use crate::unit::selection::selector::{MAX_DIMS, NotFinite};
 use rayon::prelude::*;
 
-/// Targets whose nearest units are looked up together.
+/// Number of targets whose nearest units are looked up together.
 const AHEAD: usize = 4096;
 
 /// Costs of joins in addition to that of a jump, and the number of candidates.
@@ -14,13 +14,13 @@ const AHEAD: usize = 4096;
 pub struct BeamParams {
     /// Costs of all paths.
     pub path: GlobalParams,
-    /// Nearest units that are tried for each target, and paths that are followed.
+    /// Number of nearest units that are tried for each target, and of paths that are followed.
     pub candidates: usize,
-    /// Price of a feature distance of 1 between what would have come and what comes.
+    /// Price of a feature distance of 1 between the unit that would follow and the one that does.
     pub feature: f64,
     /// Price of a step of level by a factor of e.
     pub level: f64,
-    /// Price of a join at which one side has no zero crossing near.
+    /// Price of a join without a zero crossing near it on one side.
     pub crossing: f64,
 }
 
@@ -42,7 +42,7 @@ impl Joins {
         if table.follows(a, b) {
             return 0.0;
         }
-        // At the end of a recording nothing would have come: the last unit stands for it.
+        // At the end of a recording no unit follows: the last unit stands for it.
         let natural = table.next(a).unwrap_or(a);
         let square = |(x, y): (f32, f32)| (f64::from(x) - f64::from(y)).powi(2);
         let mut cost = p.path.switch_cost;
@@ -220,7 +220,7 @@ impl<'a, const P: usize> Beam<'a, P> {
         paths
     }
 
-    /// The cheapest way to a column: its cost and the path that it continues.
+    /// The cheapest path to a column: its cost and the path that it continues.
     fn cheapest(
         &self,
         row: usize,

@@ -1,10 +1,10 @@
-//! The rest of units in an exact programme, which cannot know of it.
+//! Cool-off of units in an exact programme, which does not include it.
 
 use super::path::GlobalParams;
 use super::table::Table;
 use crate::impl_state;
 
-/// When each column was last chosen.
+/// Target at which each column was last chosen.
 #[derive(Clone, Debug)]
 pub(super) struct CoolOff {
     /// One more than the row; 0 for never.
@@ -28,8 +28,8 @@ impl CoolOff {
         self.used[column] = row + 1;
     }
 
-    /// `wanted` where it may be chosen, else the cheaper of the column that runs on and the nearest; where all rest, the one
-    /// that has rested longest.
+    /// `wanted` if it may be chosen, else the cheaper of the column that runs on and the nearest; if all are in their
+    /// cool-off, the one that was chosen longest ago.
     pub fn substitute(
         &self,
         table: &Table,

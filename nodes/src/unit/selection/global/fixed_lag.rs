@@ -7,7 +7,7 @@ use super::table::Table;
 use crate::impl_state;
 use crate::unit::selection::selector::{Choice, NotFinite};
 
-/// Chooses unit by unit, as the best path to the latest known unit of the target says.
+/// Chooses unit by unit from the best path to the latest known unit of the target.
 ///
 /// Committed picks are final, so that a pick may jump where no path does; its distance from the best path shrinks as
 /// the lag grows. Units that rest are replaced when they are committed.
@@ -27,7 +27,7 @@ pub struct FixedLag {
     decisions: Decisions,
     /// Rows with stored decisions.
     capacity: usize,
-    /// Rows that are known.
+    /// Number of known rows.
     rows_read: usize,
     /// Rows that are decided.
     decided: usize,
@@ -38,7 +38,7 @@ pub struct FixedLag {
 impl_state!(FixedLag { front, before, decisions, rows_read, decided, cool_off, last, replaced });
 
 impl FixedLag {
-    /// Before the first unit; `lag` units after one are looked at.
+    /// Creates the state before the first unit; each choice reads `lag` units after its own.
     #[must_use]
     pub fn new(table: Table, params: GlobalParams, lag: usize) -> Self {
         let count = table.count();
@@ -61,7 +61,7 @@ impl FixedLag {
     /// Chooses for the next unit of the target.
     ///
     /// # Shapes
-    /// `window`: `[units * dims]`, the unit and those after it that are known, no more of them than the lag.
+    /// `window`: `[units * dims]`, the unit and the known ones after it, at most as many as the lag.
     ///
     /// # Errors
     /// A feature that is not finite, or no unit at all.

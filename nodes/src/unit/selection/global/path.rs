@@ -8,7 +8,7 @@ params! {
     pub struct PathCostParams {
         /// Cost of a jump, in distances of features.
         switch_cost: f64 = 0.5, unit "", range 0.0..=1000.0;
-        /// Greatest distance of features that sound alike.
+        /// Maximum distance of features that sound alike.
         d_max: f64 = 2.0, unit "", range 0.0..=1_000_000.0;
         /// A unit beyond `d_max` costs no more than `d_max` and this; 0 sets no limit.
         penalty: f64 = 0.0, unit "", range 0.0..=1_000_000.0;
@@ -42,7 +42,7 @@ pub struct Path {
     pub cost: f64,
     /// Cost of the best path without regard to the rest of units.
     pub free_cost: f64,
-    /// Units of that path that came back before their rest was over.
+    /// Units of that path that recurred before the end of their cool-off.
     pub repeats: usize,
     /// Times that parts of it were searched again for that.
     pub rounds: usize,
@@ -57,7 +57,7 @@ pub fn difference(a: &[u32], b: &[u32]) -> f64 {
     differ as f64 / a.len().max(b.len()).max(1) as f64
 }
 
-/// Greatest distance that counts as cost: `d_max` and `penalty`; no limit where `penalty` is 0.
+/// Maximum distance that counts as cost: `d_max` and `penalty`; no limit if `penalty` is 0.
 #[must_use]
 pub fn distance_cap(d_max: f64, penalty: f64) -> f64 {
     if penalty > 0.0 { d_max + penalty } else { f64::INFINITY }

@@ -15,7 +15,7 @@ const SHARE: usize = 8192;
 /// Costs of all columns after a row.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Front {
-    /// An infinite one, and then for each column its cost over the least of the row before; infinite where nothing follows.
+    /// Infinity, then for each column its cost over the least of the row before; infinite if no unit follows.
     pub values: Vec<f32>,
     /// The least of them.
     pub least: f32,
@@ -24,7 +24,7 @@ pub(super) struct Front {
 }
 
 impl Front {
-    /// Before the first row: every column costs nothing.
+    /// Costs before the first row: every column costs nothing.
     pub fn start(columns: usize) -> Self {
         Self { values: vec![0.0; columns + 1], least: 0.0, best: 0 }
     }
@@ -68,12 +68,12 @@ impl Front {
         }
     }
 
-    /// Finds the best column, before those that nothing follows are closed.
+    /// Finds the best column, before those without a following unit are closed.
     pub fn find(&mut self, level: Level) {
         self.best = row::first(level, &self.values[1..], self.least);
     }
 
-    /// Nothing runs on from the end of a recording.
+    /// Closes the columns at the ends of recordings.
     pub fn close(&mut self, table: &Table) {
         self.values[0] = f32::INFINITY;
         for &end in &table.ends {
@@ -101,7 +101,7 @@ impl Price {
 #[derive(Debug)]
 pub(super) struct Decisions {
     words: usize,
-    /// One bit per cell: whether it was reached from the column before it.
+    /// One bit per cell: set if it was reached from the column before it.
     bits: Vec<u64>,
     /// Per row, the column that all others jumped from.
     sources: Vec<usize>,
@@ -114,7 +114,7 @@ impl Decisions {
         Self { words, bits: vec![0; words * rows], sources: vec![0; rows] }
     }
 
-    /// Notes how the row after `before` is reached.
+    /// Stores how the row after `before` is reached.
     pub fn record(&mut self, row: usize, before: &Front, price: Price) {
         let bits = &mut self.bits[row * self.words..][..self.words];
         let columns = before.values.len() - 1;
@@ -168,7 +168,7 @@ impl<'a> Programme<'a> {
         &self.target[row * self.table.dims()..][..self.table.dims()]
     }
 
-    /// Finds the best path again after what blocks cost has changed.
+    /// Finds the best path again after the costs of some blocks have changed.
     pub fn solve(&mut self, changed: &[bool]) {
         let stale = self.forward(changed);
         self.trace_back(stale);
@@ -186,7 +186,7 @@ impl<'a> Programme<'a> {
             }
             let surcharges = self.surcharges.get(&i).map_or(&[][..], Vec::as_slice);
             front.advance(&mut before, self.table, self.price, self.row(i), surcharges, threads);
-            // Only who walks back asks for the best of every row; the next block asks for that of the last.
+            // The best of every row is needed only to trace back; the next block needs that of the last row.
             if decisions.is_some() || i == last {
                 front.find(self.price.level);
             }

@@ -10,7 +10,7 @@ const ROUNDS: usize = 20;
 /// Result of a repair.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Repair {
-    /// Units that came back too early at first.
+    /// Units that recurred too early at first.
     pub repeats: usize,
     /// Times that blocks were searched again.
     pub rounds: usize,
@@ -18,7 +18,7 @@ pub(super) struct Repair {
     pub replaced: usize,
 }
 
-/// Rows at which a column comes back before its rest is over.
+/// Rows at which a column recurs before the end of its cool-off.
 fn repeats(path: &[usize], columns: usize, cool_off: usize) -> Vec<usize> {
     let mut cool_off = CoolOff::new(columns, cool_off);
     let mut found = Vec::new();
@@ -31,8 +31,8 @@ fn repeats(path: &[usize], columns: usize, cool_off: usize) -> Vec<usize> {
     found
 }
 
-/// Makes what comes back too early dearer, twice as much each time, and searches the blocks around it again; then replaces what is
-/// left. Where replacing alone is cheaper, as among few units, that stands.
+/// Adds a cost to units that recur too early, twice as much each time, and searches the blocks around them again; then
+/// replaces those that remain. If replacing alone is cheaper, as among few units, that result is used.
 pub(super) fn repair(programme: &mut Programme<'_>, params: &GlobalParams) -> Repair {
     let columns = programme.table.count();
     let mut found = repeats(&programme.path, columns, params.cool_off);
@@ -45,7 +45,7 @@ pub(super) fn repair(programme: &mut Programme<'_>, params: &GlobalParams) -> Re
     let (substituted_cost, mean) = (cost(&substituted), cost(&programme.path) / substituted.len() as f64);
     // Enough to be felt at once, little enough not to chase the path from where it is good.
     let mut surcharge = (0.5 * params.switch_cost).max(0.1 * mean).max(1e-3) as f32;
-    // Where there are too few units to go round, no price helps.
+    // With too few units no price helps.
     while !found.is_empty() && repair.rounds < ROUNDS && columns > params.cool_off {
         let mut changed = vec![false; programme.blocks()];
         for &row in &found {
@@ -65,7 +65,7 @@ pub(super) fn repair(programme: &mut Programme<'_>, params: &GlobalParams) -> Re
     repair
 }
 
-/// The path with each unit replaced that comes back too early, and how many were.
+/// The path with each unit replaced that recurs too early, and the number of replaced units.
 fn enforce(programme: &Programme<'_>, params: &GlobalParams) -> (Vec<usize>, usize) {
     let mut cool_off = CoolOff::new(programme.table.count(), params.cool_off);
     let mut path: Vec<usize> = Vec::with_capacity(programme.path.len());

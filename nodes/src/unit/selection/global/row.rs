@@ -1,8 +1,8 @@
 //! The inner loop of the exact programme: one target against all units.
 //!
 //! Plain loops over short tiles, which the compiler turns into vectors of whatever width the machine has. No fused multiplication
-//! is used, every operation is rounded as IEEE 754 says and a minimum is the same in any order, so that the bits do not depend
-//! on the machine or on how the units are parted among threads.
+//! is used, every operation is rounded as IEEE 754 requires and a minimum is the same in any order, so that the bits do
+//! not depend on the machine or on how the units are parted among threads.
 
 use fearless_simd::{Level, dispatch};
 
@@ -13,7 +13,7 @@ const LANES: usize = 16;
 /// Units whose predecessors are stored in one word of bits.
 pub(super) const WORD: usize = 64;
 
-/// One target, and what any unit costs that is jumped to.
+/// One target, and the cost of a jump to any unit.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Target<'a> {
     /// Features of the units, `[dims, count]`.
@@ -30,7 +30,7 @@ pub(super) struct Target<'a> {
     pub cap: f32,
 }
 
-/// Costs of the units from `from` on, over the least cost of the target before; gives the least of them.
+/// Computes the costs of the units from `from` on, over the least cost of the target before; returns the least of them.
 ///
 /// # Shapes
 /// `before[k]`: cost, before this target, of the unit that unit `from + k` follows.
@@ -62,7 +62,7 @@ fn tiles(target: Target<'_>, from: usize, before: &[f32], out: &mut [f32]) -> f3
     lowest.into_iter().fold(f32::INFINITY, minimum)
 }
 
-/// The lesser; unlike `f32::min` one instruction, for nothing here is NaN.
+/// The lesser of two numbers that are not NaN; unlike `f32::min` one instruction.
 #[inline(always)]
 fn minimum(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }

@@ -3,7 +3,7 @@
 use super::path::GlobalParams;
 use crate::unit::selection::selector::{NotFinite, Units};
 
-/// Features of all units that may be chosen, dimension by dimension, and where no unit follows.
+/// Features of all units that may be chosen, dimension by dimension, and the columns without a following unit.
 ///
 /// A unit's place here is called its column; units that may not be chosen have none.
 #[derive(Clone, Debug)]
@@ -18,7 +18,7 @@ pub struct Table {
 }
 
 impl Table {
-    /// Gathers the units; `None` without one, or no dimension.
+    /// Gathers the units; `None` without units or dimensions.
     #[must_use]
     pub fn new(units: &Units<'_>) -> Option<Self> {
         let mut chosen = Vec::new();

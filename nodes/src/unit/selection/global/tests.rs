@@ -2,7 +2,7 @@ use super::*;
 use crate::core::random::Rng;
 use crate::unit::{SelectorParams, Units, selector};
 
-/// Random features, of units in segments of the given lengths.
+/// Random features, of units in segments of these lengths.
 fn units(rng: &mut Rng, lengths: &[usize], features: &mut Vec<f32>) -> (usize, Vec<(usize, usize)>) {
     let m: usize = lengths.iter().sum();
     *features = walk(rng, m);
@@ -55,7 +55,7 @@ fn columns(table: &Table, units: &[u32]) -> Vec<usize> {
 }
 
 #[test]
-fn the_path_costs_what_the_full_programme_says() {
+fn the_path_costs_as_much_as_that_of_the_full_programme() {
     let mut rng = Rng::new(1);
     for (case, lengths) in [vec![90], vec![1, 30, 40, 19], vec![45, 45], vec![1; 90]].into_iter().enumerate()
     {
@@ -209,7 +209,7 @@ fn repeated(path: &[u32], cool_off: usize) -> usize {
     (0..path.len()).filter(|&i| path[i.saturating_sub(cool_off)..i].contains(&path[i])).count()
 }
 
-/// Cost of a path with a rest of 10 units, and of one that only replaces what comes back too early.
+/// Cost of a path with a cool-off of 10 units, and of one that only replaces units that recur too early.
 fn repaired(seed: u64, lengths: &[usize], rows: usize) -> (f64, f64) {
     let mut rng = Rng::new(seed);
     let mut features = Vec::new();

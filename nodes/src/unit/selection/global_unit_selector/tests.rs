@@ -1,4 +1,4 @@
-//! Both global selectors as nodes: windows, channels, ends, and where they are refused.
+//! Both global selectors as nodes: windows, channels, ends, and rejected inputs.
 
 use super::*;
 use crate::core::item::{AnyValue, Channels, StreamShape};
@@ -144,7 +144,7 @@ fn the_node_gives_the_path_that_the_search_finds() {
     assert_eq!(units, wanted.units);
     assert!(found.iter().any(|pick| pick.fallback) && found.iter().any(|pick| !pick.fallback));
     assert!(found.iter().all(|pick| pick.fallback == (f64::from(pick.d1) > p.cost.d_max)));
-    // What decides after the end of the take decides as well as what reads it first; one unit later it knows less.
+    // A choice after the end of the take is as good as one that reads it first; one unit later it has read less.
     let free =
         OnlineUnitSelectorParams { cost: PathCostParams { cool_off: 0, ..online(1.0).cost }, ..online(1.0) };
     assert_eq!(chosen(&picks(of_online(&free, &db, 1, &target))), chosen(&found));
@@ -182,7 +182,7 @@ fn joint_channels_have_one_pick_for_both_and_shared_ones_as_well() {
         assert_eq!(widths(standalone.shape().unwrap()), Some(1));
         let found = picks(standalone);
         assert!(found.len() == 40 && found.iter().all(|p| (0..90).contains(&p.unit)), "{method:?}");
-        // Both channels count: the second one says something else alone.
+        // Both channels count: the second one alone results in another choice.
         let mut other = target.clone();
         other.chunks_mut(2 * DIMS).for_each(|unit| unit[DIMS..].iter_mut().for_each(|x| *x = -*x));
         assert!(picks(of_global(&global(method), &db, 1, &other)) != found, "{method:?}");
@@ -287,7 +287,7 @@ fn a_number_that_is_not_finite_is_told_with_its_unit() {
         let fault = standalone.run().map(|_| ()).unwrap_err();
         assert!(fault.code == "F102" && fault.message.contains("unit 17 of"), "{fault}");
     }
-    // Where units before it are slept through, they are counted as well.
+    // Units before it that were skipped in sleep are counted as well.
     let (sound, asleep) = resting(&db);
     let mut target = walk(5, 360, DIMS);
     target[DIMS * (asleep.end + 3)] = f32::NAN;
@@ -370,7 +370,7 @@ fn what_decides_online_sleeps_as_well_and_looks_at_nothing_that_is_slept_through
 }
 
 #[test]
-fn the_report_tells_how_often_a_fixed_lag_departs_from_the_best_path() {
+fn the_report_states_how_often_a_fixed_lag_departs_from_the_best_path() {
     let (db, target) = (database(1), walk(3, 70, DIMS));
     let differs = |method: Method, lag: f64, cool_off: usize| {
         let p = GlobalUnitSelectorParams {
@@ -389,7 +389,7 @@ fn the_report_tells_how_often_a_fixed_lag_departs_from_the_best_path() {
             let (reported, found) = differs(Method::FixedLag, lag, cool_off);
             let others = found.iter().zip(&best).filter(|(a, b)| a != b).count() as f64 / 70.0;
             assert_eq!(reported, Some(others), "lag {lag}");
-            // One unit known is less than the path needs; all of them are all that it needs.
+            // One known unit is less than the path needs; all of them are all that it needs.
             assert!(others > 0.0 || lag > 0.0, "{cool_off}");
             assert!(others == 0.0 || lag < 1.0 || cool_off > 0, "{cool_off}");
         }

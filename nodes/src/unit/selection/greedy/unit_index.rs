@@ -16,13 +16,13 @@ pub(super) struct Index<const P: usize> {
     pub allowed_count: usize,
     /// Every unit that may be chosen, by its features.
     pub by_features: KdTree<P>,
-    /// Every unit with room for a whole window, by the mean of its window; of those whose windows are alike the first alone.
+    /// Every unit with room for a whole window, by the mean of its window; only the first of those with equal windows.
     pub by_mean: KdTree<P>,
-    /// The next unit whose window is like that of this one, or [`LAST`].
+    /// The next unit with a window equal to that of this one, or [`LAST`].
     pub next_equal: Vec<u32>,
 }
 
-/// Marks a unit after which no other has a window like its own.
+/// Marks a unit without a later unit of an equal window.
 const LAST: u32 = u32::MAX;
 
 impl<const P: usize> Index<P> {
@@ -53,7 +53,7 @@ impl<const P: usize> Index<P> {
         index
     }
 
-    /// The tree of all windows, of which those that are alike are one, and what leads from one of these to the next.
+    /// The tree of all distinct windows, and the links from each unit to the next with an equal window.
     fn distinct_windows(
         &self,
         mut windows: Vec<(u32, [f64; P])>,
@@ -87,7 +87,7 @@ impl<const P: usize> Index<P> {
         self.next_equal.get(j as usize).copied().filter(|next_equal_window| *next_equal_window != LAST)
     }
 
-    /// First unit of the window of `look + 1` units at unit `j`; `None` where it would leave the segment.
+    /// First unit of the window of `look + 1` units at unit `j`; `None` if it would leave the segment.
     pub fn start(&self, j: usize, look: usize, causal: bool) -> Option<usize> {
         let (from, to) = self.segment[j];
         if causal {

@@ -33,12 +33,12 @@ struct Exact<const P: usize> {
     history: History,
 }
 
-/// Nearest units that are looked at before those of a low bound.
+/// Number of nearest units that are examined before those of a low bound.
 const SEEDS: usize = 16;
 
 /// One search for the unit of one target.
 struct SearchState<const P: usize> {
-    /// The unit that may be chosen although it is barred.
+    /// The unit that may be chosen in spite of its cool-off.
     rested: Option<usize>,
     /// The unit after the last pick.
     next: Option<usize>,
@@ -91,7 +91,7 @@ impl<const P: usize> Exact<P> {
         squared(&self.index.features[j], self.present()).sqrt()
     }
 
-    /// Unit `j` as a choice, where it may be chosen and is better than `best`.
+    /// Unit `j` as a choice, if it may be chosen and is better than `best`.
     fn better(&self, j: usize, bound: Option<f64>, search: &SearchState<P>) -> Option<Candidate> {
         if search.rested != Some(j) && self.history.barred(j) {
             return None;
@@ -170,7 +170,8 @@ impl<const P: usize> Exact<P> {
         };
         let mean = state.mean;
         self.index.by_mean.within(&mean, radius(&state.best), scratch, |bound, label| {
-            // Of units with windows alike, the first that may be chosen is as good as any: at most those at rest lie before it.
+            // Among units with equal windows the first that may be chosen is as good as any: only those in their
+            // cool-off lie before it.
             let mut equal_windows = std::iter::successors(Some(label), |j| self.index.next_equal_window(*j));
             let free = |j: &u32| state.rested == Some(*j as usize) || !self.history.barred(*j as usize);
             if let Some(j) = equal_windows.find(free) {
@@ -197,7 +198,7 @@ impl<const P: usize> Exact<P> {
             found = free(label as usize).then_some((distance, label));
             if found.is_some() { -1.0 } else { f64::INFINITY }
         });
-        // Of those equally near, the one that follows the last pick.
+        // Among equally near ones, the one that follows the last pick.
         if let Some(next) = self.continuation().filter(|next| free(*next)) {
             let distance = squared(&self.index.features[next], &present);
             found = found.filter(|(least, _)| *least < distance).or(Some((distance, next as u32)));

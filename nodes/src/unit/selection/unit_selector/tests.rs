@@ -160,7 +160,7 @@ fn channels_choose_from_their_own_recordings_or_share_those_of_one() {
     let shared = UnitSelectorParams { own_channels: Some(false), ..params() };
     let any = picks(&selection(&shared, &stereo, 2, &features)).0;
     assert!(any.iter().step_by(2).any(|pick| pick.unit as usize / 60 % 2 == 1));
-    // One channel of recordings for both: a note tells what that costs, and each chooses as if alone.
+    // One channel of recordings for both: a note states the consequence, and each chooses as if alone.
     let mono = database(&[0, 0]);
     let standalone = selection(&params(), &mono, 2, &features);
     assert!(standalone.shape().unwrap().notes[0].contains("the same units"));

@@ -43,7 +43,7 @@ fn errors_of_blocks_left_out_are_those_of_fits_without_them() {
             }
         }
     }
-    // As near as two ways to solve systems of this condition can come, for errors of a few units.
+    // As near as two methods of solving systems of this condition can come, for errors of a few units.
     assert!(worst < 2e-11, "{worst:e}");
 }
 
@@ -129,7 +129,7 @@ fn a_planted_bad_pair_is_the_suspect() {
         first += usize::from(found[bad].rank == 1);
         by_surprise += usize::from(found.iter().all(|s| s.surprise <= found[bad].surprise));
     }
-    // What a pair is predicted wrong by itself names the culprit less often.
+    // The own prediction error of a pair identifies the culprit less often.
     assert!(first == 40 && by_surprise < first, "{first} and {by_surprise} of 40");
 }
 

@@ -130,7 +130,7 @@ fn there_is_a_spline_in_every_dimension() {
 }
 
 #[test]
-fn degrees_of_freedom_are_what_each_pair_says_at_its_own_node() {
+fn degrees_of_freedom_are_the_influence_of_each_pair_at_its_own_node() {
     let mut pairs = scattered(14, 3, 6);
     pairs[4].weight = 3.0;
     for lambda in [0.01, 1.0, 40.0] {
@@ -345,8 +345,8 @@ fn pairs_from_one_place_count_as_their_mean() {
     }
     let (tps, report) = fit(&pairs, 3, Stiffness::Lambda(0.0)).unwrap();
     assert!(near(&at(&tps, &twin.from), &mean, 1e-10));
-    let way = twin.to.iter().zip(&mean).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
-    assert!((report.conflict - way).abs() < 1e-12);
+    let distance = twin.to.iter().zip(&mean).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
+    assert!((report.conflict - distance).abs() < 1e-12);
     // All in one place: a shift.
     let silence = vec![pair(&[-30.0, 0.0, 1.0], &[-20.0, 1.0, 1.0]); 23];
     let (tps, report) = fit(&silence, 3, Stiffness::Lambda(100.0)).unwrap();
@@ -473,7 +473,7 @@ fn nodes_that_are_nearly_on_a_line_do_not_throw_what_lies_beside_it() {
         assert!(report.warnings[0].contains("on a line") && report.warnings[0].contains("of rank 1"));
         let beside = at(&tps, &[2.0, 5.0, -4.0]);
         assert!(near(&beside, &[2.0, 5.0, -4.0], 6.0), "{lambda}: {beside:?}");
-        // Noise that is a hundred times less gives the same warp.
+        // Noise that is a hundred times less results in the same warp.
         let (less, _) = fit(&nearly(0.01), 3, Stiffness::Lambda(lambda)).unwrap();
         assert!(near(&at(&less, &[2.0, 5.0, -4.0]), &beside, 0.1), "{lambda}");
     }
@@ -502,10 +502,11 @@ fn scaling_everything_scales_lambda_with_the_square() {
     let free = |p: &[Pair]| fit(p, 3, Stiffness::ScaleFree(0.1)).unwrap().1;
     assert!((free(&scaled).lambda / free(&pairs).lambda - 100.0).abs() < 1e-9);
     // A tenth of the square of the mean distance of two nodes.
-    let way =
+    let distance =
         |a: &Pair, b: &Pair| a.from.iter().zip(&b.from).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
-    let ways = || (0..15).flat_map(|i| (0..i).map(move |j| (i, j))).map(|(i, j)| way(&pairs[i], &pairs[j]));
-    let mean = ways().sum::<f64>() / ways().count() as f64;
+    let distances =
+        || (0..15).flat_map(|i| (0..i).map(move |j| (i, j))).map(|(i, j)| distance(&pairs[i], &pairs[j]));
+    let mean = distances().sum::<f64>() / distances().count() as f64;
     assert!((free(&pairs).lambda / (0.1 * mean * mean) - 1.0).abs() < 1e-12);
     assert!((free(&scaled).freedom - free(&pairs).freedom).abs() < 1e-9);
 }
@@ -565,7 +566,7 @@ fn cross_validation_takes_the_least_of_all_stiffnesses() {
 }
 
 #[test]
-fn the_jacobian_is_that_of_differences_and_tells_folds() {
+fn the_jacobian_is_that_of_differences_and_detects_folds() {
     let (tps, _) = fit(&golden(), 3, Stiffness::Lambda(0.1)).unwrap();
     let point = [0.3_f32, 0.7, 0.2];
     let found = Warper::new(&tps).jacobian(&point);
@@ -609,8 +610,8 @@ fn a_mirror_is_told_from_a_fold() {
 fn units_beyond_twice_the_radius_of_the_nodes_are_extrapolated() {
     let pairs = golden();
     let (tps, _) = fit(&pairs, 3, Stiffness::Lambda(1.0)).unwrap();
-    let way = |x: &[f64]| x.iter().zip(&tps.centre).map(|(x, c)| (x - c).powi(2)).sum::<f64>().sqrt();
-    let radius = FROM.iter().map(|x| way(x)).fold(0.0, f64::max);
+    let distance = |x: &[f64]| x.iter().zip(&tps.centre).map(|(x, c)| (x - c).powi(2)).sum::<f64>().sqrt();
+    let radius = FROM.iter().map(|x| distance(x)).fold(0.0, f64::max);
     // Along the first axis from the middle of the nodes, every twentieth of four radii: half of them are too far.
     let along = |k: i32| [tps.centre[0] + (f64::from(k) + 0.5) / 5.0 * radius, tps.centre[1], tps.centre[2]];
     let target: Vec<f32> = (0..20).flat_map(along).map(|x| x as f32).collect();

@@ -1,4 +1,4 @@
-//! Planted distortions are undone, and causes keep what sounds alike apart.
+//! Planted distortions are undone, and causes separate sounds that are alike.
 
 use super::*;
 use crate::warp::suggestion::normal_quantile::probit;
@@ -197,7 +197,7 @@ fn clusters_stand_for_many_windows() {
 
 #[test]
 fn causes_keep_what_sounds_alike_apart() {
-    // Two causes that sound the same: only their shares tell which recording belongs to which.
+    // Two causes that sound the same: only their shares show which recording belongs to which.
     let target = gestures(1200, 3);
     let database = gestures(1200, 4);
     let loud = |of: bool| (0..1200).map(|k| f64::from(u8::from((k / 300 % 2 == 0) == of))).collect();

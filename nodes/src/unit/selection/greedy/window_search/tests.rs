@@ -2,7 +2,7 @@ use super::*;
 use crate::core::random::Rng;
 use crate::unit::selection::kdtree::KdTree;
 
-/// Algorithm 1 as repaired, over the whole table of distances.
+/// The repaired algorithm 1, over the whole table of distances.
 fn algorithm_1(target: &[f32], units: &Units<'_>, p: &SelectorParams) -> Vec<Choice> {
     let dims = units.dims;
     let (n, m) = (target.len() / dims, units.features.len() / dims);
@@ -78,7 +78,7 @@ fn run(target: &[f32], units: &Units<'_>, p: &SelectorParams) -> Vec<Choice> {
         .collect()
 }
 
-/// Features that wander, on a coarse grid now and then so that there are ties.
+/// Features that wander, sometimes on a coarse grid so that there are ties.
 fn wander(rng: &mut Rng, n: usize, dims: usize, grid: bool) -> Vec<f32> {
     let mut at = vec![0.0; dims];
     let mut out = Vec::new();
@@ -92,7 +92,7 @@ fn wander(rng: &mut Rng, n: usize, dims: usize, grid: bool) -> Vec<f32> {
 }
 
 #[test]
-fn the_search_finds_what_the_whole_table_says() {
+fn the_search_finds_the_choice_of_the_whole_table() {
     let mut rng = Rng::new(7);
     for round in 0..200 {
         let dims = 1 + rng.below(6);
@@ -211,7 +211,7 @@ fn smooth(rng: &mut Rng, n: usize) -> Vec<f32> {
     out
 }
 
-/// For each target the units within `d_max`, and of those the one of the least sum over the window: the plain way to an exact answer.
+/// For each target the units within `d_max`, and of those the one of the least sum over the window; exact.
 fn by_ball(target: &[f32], units: &Units<'_>, p: &SelectorParams) -> Vec<(u32, bool)> {
     let at = |x: &[f32], i: usize| [0, 1, 2].map(|d| f64::from(x[3 * i + d]));
     let (a, b): (Vec<_>, Vec<_>) = (
@@ -248,7 +248,7 @@ fn among_many_units_few_are_looked_at_and_the_best_is_found() {
         let picks: Vec<(u32, bool)> = found.iter().map(|c| (c.unit, c.fallback)).collect();
         assert_eq!(picks, by_ball(&target, &units, &p), "{d_max}");
         // But for the last targets, whose windows are shorter than those of the index, groups and units that are as many as one unit in
-        // twenty are enough to know that.
+        // twenty are enough to show that.
         let few = run(&target, &units, &SelectorParams { effort: Some(1000), ..p });
         assert!(few[..110].iter().all(|c| !c.cut), "{}", few.iter().filter(|c| c.cut).count());
         assert_eq!(few[..110], found[..110], "{d_max}");
@@ -299,7 +299,7 @@ fn units_that_are_all_as_far_are_not_looked_at_one_by_one_either() {
             assert!(found.iter().all(|c| !c.cut && c.fallback == (d_max < 0.8)), "{d_max} {picks:?}");
             assert_eq!(found, choose(None, &picks));
         }
-        // Where nothing is near enough, the search for the nearest has no limit but needs none.
+        // If nothing is near enough, the search for the nearest unit needs no limit.
         let p = SelectorParams { look, d_max, cool_off: 20, loop_guard: 0, causal: false, effort: None };
         let mut selector = Exact::<4>::new(&units, p);
         (0..60).for_each(|_| assert!(!selector.choose(&[1.0; 33]).unwrap().cut));
@@ -457,7 +457,7 @@ fn a_heavy_tag_dimension_is_the_mask_and_a_light_one_is_a_wish() {
                 Units { features: &both, dims: 4, segments: segments.clone(), allowed: vec![true; 360] };
             let (hard, soft) = (run(&target, &masked, &p), run(&tagged(&target, weight, |_| tag), &soft, &p));
             let wrong = soft.iter().filter(|pick| second(pick.unit as usize) != tag).count();
-            assert!(wrong > 0 || soft == hard, "{weight}: allowed, but not what the mask says");
+            assert!(wrong > 0 || soft == hard, "{weight}: allowed, but not what the mask allows");
             wrong
         };
         for tag in [false, true] {
