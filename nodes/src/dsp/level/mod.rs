@@ -3,6 +3,9 @@
 pub mod gain;
 pub mod level_meter;
 pub mod loudness;
+pub mod loudness_meter;
 pub mod meter;
 pub mod normalize;
 pub mod ramp;
+pub mod sound_meter;
+pub mod weighting;

@@ -82,6 +82,7 @@ impl Node for NormalizeNode {
 #[cfg(test)]
 mod tests {
     use super::super::loudness::{LoudnessNode, LoudnessParams, LoudnessPorts};
+    use super::super::weighting::Weighting;
     use super::*;
     use crate::core::item::Channels;
     use crate::core::standalone::Standalone;
@@ -90,7 +91,7 @@ mod tests {
     #[test]
     fn a_measured_recording_is_scaled_to_the_given_peak() {
         let (rate, audio) = (Rate::hz(100), vec![0.1, -0.25, 0.2, 0.0]);
-        let measure = Standalone::new::<LoudnessNode>(LoudnessParams {});
+        let measure = Standalone::new::<LoudnessNode>(LoudnessParams { weighting: Weighting::None });
         let run = measure.input(LoudnessPorts::audio, rate, Channels(2), audio.clone()).run().unwrap();
         let level = *run.value(0).unwrap().get::<Level>().unwrap();
         assert_eq!(level.peak, 0.25);
