@@ -1,6 +1,6 @@
 //! A graph as a layered drawing: sources on the left, files on the right, links by kind.
 //!
-//! [`Drawing::of`] takes the boxes and links of a graph, [`assign_coordinates`] lays them out, [`svg`] formats them.
+//! [`Drawing::of`] takes the boxes and links of a graph, [`assign_coordinates`] lays them out, `svg` formats them.
 
 mod coordinates;
 mod layers;
