@@ -224,7 +224,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     line("map, slope, a pixel a sample", us, 15.0);
 
     let samples = (0..8192).map(|_| rng.between(-1.0, 1.0) as f32).collect();
-    let noise = NoiseBands::new(&NoiseProfile { samples, spacing: 2.0 / f64::from(FS) });
+    let noise =
+        NoiseBands::new(&NoiseProfile { samples, spacing: 2.0 / f64::from(FS), ..NoiseProfile::default() });
     for (name, speed) in [("noise, 0.5 m/s", 0.5), ("noise, 6 m/s, three samples a sample", 6.0)] {
         let mut force = NoiseForce::new(Law::new([1.0, 0.5, 0.5], FS.into()), 1.0, FS.into());
         let us = time(1, speed, NoiseVoice::default(), |s, stretch, out| force.add(&noise, s, stretch, out));

@@ -69,6 +69,7 @@ use crate::texture::map_code::map_coder::MapCoder;
 use crate::texture::map_code::map_file::MapFile;
 use crate::texture::noise::feature_noise_split::FeatureNoiseSplit;
 use crate::texture::noise::noise_profile::NoiseProfileNode;
+use crate::texture::noise::noise_profile_file::NoiseProfileFile;
 use crate::texture::size::map_sizes::MapSizes;
 use crate::texture::size::texture_report::TextureReport;
 use crate::unit::concatenation::unit_concatenator::UnitConcatenator;
@@ -287,6 +288,7 @@ impl Registry {
             .with_func::<DogFeatures>()
             .with_func::<FeatureNoiseSplit>()
             .with_func::<NoiseProfileNode>()
+            .with_func::<NoiseProfileFile>()
             .with_func::<MapSizes>()
             .family("scrape")
             .with::<ContactPath>()

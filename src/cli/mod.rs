@@ -5,6 +5,7 @@ mod cache;
 mod check;
 mod docs;
 mod draw;
+mod levels;
 mod live;
 mod new;
 mod nodes;
@@ -16,6 +17,7 @@ mod text;
 mod watch;
 
 pub use args::Args;
+pub use levels::{HEADING, measure, row};
 pub use new::template;
 pub use nodes::{describe, param_words, plain, port_words};
 pub use schema::schema;
@@ -103,6 +105,7 @@ pub fn main(args: Args, registry: &Arc<Registry>) -> anyhow::Result<Exit> {
         Command::Nodes(args) => nodes::nodes(&args, registry),
         Command::Explain(args) => text::explain(&args),
         Command::Graph(args) => draw::draw(&args, registry),
+        Command::Levels(args) => levels::levels(&args),
         Command::Cache(args) => cache::cache(&args, registry),
         Command::New(args) => new::new(&args),
         Command::Schema => schema::print(registry),

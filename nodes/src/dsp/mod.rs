@@ -25,6 +25,7 @@ pub use level::loudness_meter::LoudnessMeter;
 pub use level::meter::{Level, LevelMeter};
 pub(crate) use level::ramp::ramp_frames;
 pub use level::ramp::{Gain, db_to_linear, linear_to_db, modulate};
+pub use level::reference::Reference;
 pub use level::sound_meter::{SoundFigures, SoundMeter};
 pub use level::weighting::{LUFS_OFFSET, Weighting, WeightingFilter, weighted_rms};
 pub use rate::resampler::{Quality, Resampler};

@@ -80,12 +80,47 @@ pub struct NoiseMap {
 }
 
 /// A closed loop of noise at a known spacing: the profile under a scraping tip.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+///
+/// Detail finer than the image is not stored: [`line`](Self::line) adds it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct NoiseProfile {
-    /// One period of the loop.
+    /// One period of the loop, in units of luminance.
     pub samples: Vec<f32>,
-    /// Distance between samples, m.
+    /// Distance between samples, m: one pixel.
     pub spacing: f64,
+    /// Detail that is added when the profile is read.
+    pub detail: Option<Detail>,
+    /// Part of the spectrum that is read.
+    pub part: NoisePart,
+}
+
+/// Detail finer than an image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Detail {
+    /// Samples with detail for each one without.
+    pub factor: u32,
+    /// Seed of the detail.
+    pub seed: u64,
+}
+
+/// Part of the spectrum of a noise profile.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum NoisePart {
+    /// The noise of the image, and the detail.
+    #[default]
+    Whole,
+    /// The detail alone, to be added to a map of the image.
+    Detail,
+}
+
+/// Quantity that a tip follows on a noise profile.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum NoiseValue {
+    /// Change of luminance per pixel, as of maps.
+    #[default]
+    Slope,
+    /// Luminance.
+    Height,
 }
 
 impl Default for Surface {

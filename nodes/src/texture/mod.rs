@@ -41,4 +41,8 @@ pub use isophote::curves::{Curve, Isophotes};
 pub use isophote::extract::{Drawing, IsophotesError, Levels, isophotes};
 pub use isophote::simplify::{Tolerance, simplify};
 pub use map_code::file::{decode_map, encode_map};
-pub use maps::{DiscontinuityMap, FeatureMap, Luma, LumaKind, NoiseMap, NoiseProfile, Surface};
+pub use maps::{
+    Detail, DiscontinuityMap, FeatureMap, Luma, LumaKind, NoiseMap, NoisePart, NoiseProfile, NoiseValue,
+    Surface,
+};
+pub use noise::detail::NoiseLine;

@@ -42,6 +42,8 @@ pub enum Command {
     Explain(ExplainArgs),
     /// Draw a graph
     Graph(DrawArgs),
+    /// Measure audio files: level, loudness, and where their energy lies
+    Levels(LevelsArgs),
     /// Inspect, empty or explain the cached results of earlier runs
     Cache(CacheArgs),
     /// Make a small project that runs
@@ -432,6 +434,17 @@ pub struct DrawArgs {
     /// Write the drawing to this file, instead of to standard output
     #[arg(long, value_name = "FILE")]
     pub svg: Option<PathBuf>,
+}
+
+/// Arguments of `foley levels`.
+#[derive(Clone, Debug, ClapArgs)]
+pub struct LevelsArgs {
+    /// The audio files
+    #[arg(required = true)]
+    pub files: Vec<PathBuf>,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// Arguments of `foley new`.

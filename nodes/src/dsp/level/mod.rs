@@ -7,5 +7,6 @@ pub mod loudness_meter;
 pub mod meter;
 pub mod normalize;
 pub mod ramp;
+pub mod reference;
 pub mod sound_meter;
 pub mod weighting;

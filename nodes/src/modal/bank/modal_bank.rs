@@ -10,7 +10,7 @@ use crate::core::ports::{Many, Stream, Value};
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Ends, Incoming, Shape};
 use crate::core::time::{Rate, ticks};
-use crate::dsp::{Gain, db_to_linear, linear_to_db, ramp_frames};
+use crate::dsp::{Gain, Reference, db_to_linear, linear_to_db, ramp_frames};
 use crate::modal::mode::modes::Modes;
 use crate::{archive_state, params, ports};
 
@@ -35,7 +35,10 @@ params! {
     pub struct ModalBankParams {
         /// BankOutput of the surface that becomes sound.
         output: BankOutput = BankOutput::Acceleration;
-        /// Factor of the sound; gains of modes are full scale per N s.
+        /// Scale of the gains: `Normalized` so that a force of 1 N RMS, white up to 20 kHz, sounds at -20 dB K-weighted; `Absolute`
+        /// for gains of modes in full scale per N s.
+        reference: Reference = Reference::Normalized;
+        /// Factor of the sound.
         gain: f32 = 1.0, unit "", range -1_000_000.0..=1_000_000.0_f32;
         /// Level change in addition to `gain`.
         db: f32 = 0.0, unit "dB", range -120.0..=120.0_f32;
@@ -76,6 +79,8 @@ pub struct ModalBankNode {
     bank: Bank,
     gain: Gain,
     params: ModalBankParams,
+    /// Loudness of the modes under a force of 1 N.
+    loudness: f64,
     rate: Rate,
     /// Samples of force per second: a force of 1 N for one sample is an impulse of 1 / rate.
     per_sample: f32,
@@ -84,12 +89,18 @@ pub struct ModalBankNode {
     linked: bool,
 }
 
+/// Frequency below which hardly anything is heard, Hz.
+const LOW: f64 = 60.0;
+/// Level of the sound of a white force of 1 N RMS with normalized gains.
+const REFERENCE: f64 = 0.1;
+
 fn reject(e: impl std::fmt::Display) -> Reject {
     Reject::new("F078", e.to_string()).at("modes")
 }
 
-fn factor(p: &ModalBankParams) -> f64 {
-    f64::from(p.gain) * db_to_linear(p.db.into())
+fn factor(p: &ModalBankParams, loudness: f64) -> f64 {
+    let unit = p.reference.unit(loudness / REFERENCE);
+    f64::from(p.gain) * db_to_linear(p.db.into()) * unit
 }
 
 /// Errors for forces and dampings that do not fit the modes.
@@ -120,7 +131,7 @@ fn mismatches<'a>(
 impl ModalBankNode {
     fn set_floor(&mut self) {
         // The floor is a level of the output, but a small gain must not stop the modes earlier.
-        let gain = factor(&self.params).abs().max(1.0);
+        let gain = factor(&self.params, self.loudness).abs().max(1.0);
         self.bank.set_floor(self.params.floor - linear_to_db(gain));
     }
 }
@@ -147,6 +158,12 @@ impl Node for ModalBankNode {
             mismatches(p, &forces, damping.as_ref(), &modes).for_each(|found| s.wrong(found));
             let dropped =
                 Bank::culled(&modes, first.rate.as_f64(), p.output, p.cull).map_err(reject)?.dropped();
+            if modes.frequencies.iter().all(|f| f * p.pitch < LOW) {
+                let n = modes.len();
+                s.note(format!(
+                    "all {n} modes lie below {LOW} Hz, where hardly anything is heard: raise `pitch`"
+                ));
+            }
             if dropped > 0 {
                 let (n, rate) = (modes.len(), first.rate);
                 s.note(format!("{dropped} of {n} modes lie above 0.49 of {rate} and are left out"));
@@ -173,9 +190,11 @@ impl Node for ModalBankNode {
         let mut bank = Bank::culled(&modes, rate.as_f64(), p.output, p.cull).map_err(reject)?;
         let linked = damping.is_some();
         bank.start(if linked { 1.0 } else { p.damping }, p.pitch, ramp_frames(rate));
-        let gain = Gain::new(factor(p), ramp_frames(rate), 1);
+        let loudness = modes.loudness();
+        let gain = Gain::new(factor(p, loudness), ramp_frames(rate), 1);
         let per_sample = (1.0 / rate.as_f64()) as f32;
-        let mut node = Self { bank, gain, params: p.clone(), rate, per_sample, modes: modes.len(), linked };
+        let mut node =
+            Self { bank, gain, params: p.clone(), loudness, rate, per_sample, modes: modes.len(), linked };
         node.set_floor();
         Ok(node)
     }
@@ -226,14 +245,13 @@ impl Node for ModalBankNode {
     }
 
     fn retune(&mut self, new: &ModalBankParams) -> Retune {
-        let same =
-            (new.tail, new.cull, new.output) == (self.params.tail, self.params.cull, self.params.output);
-        if new.points != self.params.points || !same {
+        let fixed = |p: &ModalBankParams| (p.tail, p.cull, p.output, p.reference);
+        if new.points != self.params.points || fixed(new) != fixed(&self.params) {
             return Retune::Rebuild;
         }
         // Cloning the list would allocate.
         self.params = ModalBankParams { points: std::mem::take(&mut self.params.points), ..*new };
-        self.gain.set_target(factor(new));
+        self.gain.set_target(factor(new, self.loudness));
         self.bank.glide(if self.linked { 1.0 } else { new.damping }, new.pitch);
         self.set_floor();
         Retune::Done

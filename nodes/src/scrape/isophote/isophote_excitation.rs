@@ -10,6 +10,7 @@ use crate::core::ports::{Events, Stream, Value};
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::ticks;
+use crate::dsp::Reference;
 use crate::scrape::force::contact_force_params::{ContactForceParams, ForceLawParams};
 use crate::scrape::force::pulses::LONGEST;
 use crate::scrape::force::strength::{self, Strength, linked, silent};
@@ -36,7 +37,7 @@ params! {
     /// distance `d`. The force is `gain kappa (f/1 N)^a (v/1 m/s)^b m`, summed over all contacts. A contact at rest
     /// fades out in 5 ms. A surface of constant slope is silent after its first curve, and so is a path along a curve.
     /// A reversed path changes the sign of the slopes, and so of the first pulse; the changes of slopes are the same in
-    /// both directions.
+    /// both directions. By default slopes are divided by their RMS over all curves.
     ///
     /// `gain`, `kappa`, `a`, `b`, `scale`, `width` and `radius` can change while the node runs. A link to `kappa` replaces the number. A
     /// contact has at most 32 crossings in 64 samples; the summary counts the crossings and those that were left out. The input is not
@@ -49,6 +50,8 @@ params! {
     pub struct IsophoteExcitationParams {
         /// Reading of the isophotes that becomes the force.
         reading: Reading = Reading::Crossing;
+        /// Scale of the slopes: `Normalized` for an RMS of 1 over all curves. A linked strength has a scale of its own.
+        reference: Reference = Reference::Normalized;
         /// Distance over which a pulse extends.
         width: f64 = 1.0, unit "px", range 0.01..=100.0;
         /// Distance up to which a curve acts, with `Proximity`.
@@ -82,13 +85,21 @@ pub struct IsophoteExcitation {
     params: IsophoteExcitationParams,
     /// The linked strength.
     kappa: Option<Strength>,
+    /// RMS of the slopes.
+    rms: f64,
     force: IsophoteForce,
     voices: Voices<IsophoteVoice>,
 }
 
 /// The law of the parameters; a linked strength replaces the number.
-fn law(p: &IsophoteExcitationParams, kappa: Option<Strength>) -> [f64; 3] {
-    [kappa.map_or(p.law.kappa, |s| s.kappa) * p.contact.gain, p.law.a, p.law.b]
+fn law(p: &IsophoteExcitationParams, kappa: Option<Strength>, rms: f64) -> [f64; 3] {
+    [kappa.map_or(p.law.kappa * p.reference.unit(rms), |s| s.kappa) * p.contact.gain, p.law.a, p.law.b]
+}
+
+/// RMS of the part of the gradients of all points along any direction.
+fn rms(all: &Isophotes) -> f64 {
+    let squares = all.gradients.iter().flatten().map(|g| f64::from(*g).powi(2)).sum::<f64>();
+    (0.5 * squares / all.gradients.len().max(1) as f64).sqrt()
 }
 
 /// Checks that isophotes can be read.
@@ -108,7 +119,7 @@ impl Node for IsophoteExcitation {
     type Params = IsophoteExcitationParams;
     type Ports = IsophoteExcitationPorts;
     const NAME: &'static str = "IsophoteExcitation";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     const CLASS: Class = Class::Audio;
     const COST: f64 = 15.0;
 
@@ -128,17 +139,17 @@ impl Node for IsophoteExcitation {
         let all = cx.value(IsophoteExcitationPorts::isophotes);
         check("isophotes", &all)?;
         let kappa = linked(cx.optional_value(IsophoteExcitationPorts::kappa))?;
-        let rate = p.contact.rate.as_f64();
+        let (rate, rms) = (p.contact.rate.as_f64(), rms(&all));
         let mut force = IsophoteForce::new(
             &all,
             p.reading,
-            strength::law(law(p, kappa), kappa, rate),
+            strength::law(law(p, kappa, rms), kappa, rate),
             rate,
             p.contact.contacts.into(),
         );
         force.set(p.width, p.radius, p.contact.scale);
         let voices = Voices::new(p.contact.contacts.into(), p.contact.rate, IsophoteVoice::default());
-        Ok(Self { params: p.clone(), kappa, force, voices })
+        Ok(Self { params: p.clone(), kappa, rms, force, voices })
     }
 
     fn run(&mut self, mut io: IsophoteExcitationIo<'_>) -> Result<(), Fault> {
@@ -177,7 +188,7 @@ impl Node for IsophoteExcitation {
         if fixed(new) != fixed(&self.params) {
             return Retune::Rebuild;
         }
-        self.force.law.ramp_to(law(new, self.kappa), self.voices.now());
+        self.force.law.ramp_to(law(new, self.kappa, self.rms), self.voices.now());
         self.force.scale.ramp_to(new.contact.scale, self.voices.now());
         self.force.radius.ramp_to(new.radius, self.voices.now());
         self.force.width = new.width;

@@ -1,7 +1,7 @@
 //! The node `LevelMatcher`.
 
 use super::matching::{
-    StrokeParams, TuningParams, by_speed, factor, fastest, parts, rendered, rms, share, sum,
+    StrokeParams, TuningParams, by_speed, factor, fastest, loudness, rendered, rms, share, sum,
 };
 use super::standard_stroke::{RATE, StandardStroke, exponents};
 use crate::core::fault::{Fault, Reject};
@@ -11,6 +11,7 @@ use crate::core::params::Params;
 use crate::core::ports::Value;
 use crate::core::random::Rng;
 use crate::core::shape::Build;
+use crate::dsp::Reference;
 use crate::modal::Modes;
 use crate::scrape::force::speed_curve::{POINTS, SpeedCurve};
 use crate::scrape::force::strength::Strength;
@@ -23,7 +24,7 @@ use crate::scrape::noise::bands::NoiseBands;
 use crate::scrape::{isophote::isophote_excitation, noise::noise_excitation};
 use crate::texture::histogram::{Class, TextureClass};
 use crate::texture::sobel::gradient;
-use crate::texture::{DiscontinuityMap, FeatureMap, Isophotes, NoiseMap, NoiseProfile, Surface};
+use crate::texture::{DiscontinuityMap, FeatureMap, Isophotes, NoiseMap, NoiseProfile, NoiseValue, Surface};
 use crate::{params, ports};
 use rayon::prelude::*;
 
@@ -36,12 +37,16 @@ params! {
     /// Finds the strengths at which all excitations of one surface, so all levels of detail, are equally loud.
     ///
     /// Before the sound starts, each excitation moves along the same path over the surface: circles in all directions, at `speed` and
-    /// under `force`. The map of the whole surface has the strength `kappa`. The other outputs are the strengths at which the force has
-    /// the same RMS: of isophotes, of features and noise together, of the noise alone and of noise from its spectrum. Link them to the
-    /// `kappa` of the excitations. An output without the input that it needs is 0.
+    /// under `force`. The map of the whole surface has the strength `kappa`, and so has the detail finer than the image, `detail`, whose
+    /// slopes continue those of the map. Both together are the reference. The other outputs are the strengths at which the sound has the
+    /// same loudness by `weighting`: of isophotes and detail, of features and noise, of the noise alone and of noise from its spectrum. Link
+    /// them to the `kappa` of the excitations. An output without the input that it needs is 0.
     ///
-    /// The share of the noise in the power of features and noise is that of the slopes of its map `rest` in those of the whole map, or
-    /// one half without a link to `rest`. Adjust it by ear with the `gain` of the excitations.
+    /// Within a level the forces have the ratio that they have on the surface: isophotes have the RMS of the map, noise and detail
+    /// the slopes of the image, and features the rest of the power of the map, after the share that the slopes of the noise map `rest` have
+    /// in it, or one half without a link to `rest`. Adjust it by ear with the `gain` of the excitations.
+    ///
+    /// Detail is a part of the map: its NoiseExcitation needs the exponents of `map_law`, by default `a: 1, b: 0`.
     ///
     /// Near simple surfaces sound best by their map, complex ones by their isophotes. With a link to `class`, the one of `full` and
     /// `full_isophotes` that does not suit is 0; an excitation whose `kappa` is linked to 0 costs nothing.
@@ -58,8 +63,10 @@ params! {
     /// Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section 4.2, adds features
     /// and noise at rendering without stating their strengths; equal power is a choice.
     pub struct LevelMatcherParams {
-        /// Force in N of a whole map of 1 at 1 N and 1 m/s.
+        /// Force in N of a value of 1 of the whole map at 1 N and 1 m/s.
         kappa: f64 = 1.0, unit "N", range 0.0..=1_000_000.0;
+        /// Scale of the map: `Normalized` for an RMS of 1 over the whole map.
+        reference: Reference = Reference::Normalized;
         /// Speed of the stroke.
         speed: f64 = 1.0, unit "m/s", range 0.001..=100.0;
         /// Comparison by strokes.
@@ -95,6 +102,8 @@ ports! {
             rest: Option<Value<NoiseMap>>,
             /// Its noise profile.
             noise: Option<Value<NoiseProfile>>,
+            /// Detail finer than the image, beside the map or the isophotes: a NoiseProfile with `part: Detail`.
+            detail: Option<Value<NoiseProfile>>,
             /// Its noise from a spectrum.
             spectrum: Option<Value<NoiseProfile>>,
             /// Modes of the scraped object.
@@ -105,6 +114,10 @@ ports! {
             full: Value<Strength>,
             /// Strength of the isophotes.
             full_isophotes: Value<Strength>,
+            /// Strength of the detail beside the whole map.
+            full_detail: Value<Strength>,
+            /// Strength of the detail beside the isophotes.
+            isophotes_detail: Value<Strength>,
             /// Strength of the features, together with noise.
             split_features: Value<Strength>,
             /// Strength of the noise, together with features.
@@ -130,6 +143,7 @@ struct Surfaces<'a> {
     size: [usize; 2],
     features: Option<SurfaceMap>,
     noise: Option<NoiseBands>,
+    detail: Option<NoiseBands>,
     alike: Option<NoiseBands>,
     curves: Option<IsophoteForce>,
     /// Share of the noise in the power of features and noise.
@@ -138,18 +152,22 @@ struct Surfaces<'a> {
 
 /// Results at one speed.
 struct Found {
-    /// RMS of the whole map.
+    /// Loudness of the whole map with its detail.
     wanted: f64,
-    /// Strengths: of the whole map, of isophotes, features, noise beside them, noise alone, noise from a spectrum alone.
-    strengths: [f64; 6],
-    /// Strength of features and noise together, and the share of the noise in their power.
+    /// Strengths in the order of the outputs.
+    strengths: [f64; OUTPUTS],
+    /// Loudness of features and noise together, and the share of the noise in the power of both.
     split: [f64; 2],
 }
 
+/// Number of strengths.
+const OUTPUTS: usize = 8;
+
 /// A line of noise for strokes of up to a speed, m/s.
-pub(super) fn bands(profile: &NoiseProfile, fastest: f64) -> Result<NoiseBands, Reject> {
+pub(super) fn bands(profile: &NoiseProfile, value: NoiseValue, fastest: f64) -> Result<NoiseBands, Reject> {
     noise_excitation::check(profile)?;
-    Ok(NoiseBands::up_to(profile, fastest / (profile.spacing * FS)))
+    let line = profile.line(value);
+    Ok(NoiseBands::up_to(&line, fastest / (line.spacing * FS)))
 }
 
 impl<'a> Surfaces<'a> {
@@ -162,7 +180,7 @@ impl<'a> Surfaces<'a> {
             force.set(p.width, p.radius, 1.0);
             Ok::<_, Reject>(force)
         };
-        let bands = |profile| bands(profile, fastest(p.speed, p.stroke.by_speed));
+        let bands = |profile| bands(profile, p.stroke.noise_value, fastest(p.speed, p.stroke.by_speed));
         Ok(Self {
             p: p.clone(),
             modes: io.modes,
@@ -171,66 +189,85 @@ impl<'a> Surfaces<'a> {
             size: [io.map.gx.width, io.map.gx.height],
             features: io.features.map(|f| features(p, f)).transpose()?,
             noise: io.noise.map(bands).transpose()?,
+            detail: io.detail.map(bands).transpose()?,
             alike: io.spectrum.map(bands).transpose()?,
             curves: io.isophotes.filter(|_| !simple).map(curves).transpose()?,
             share: share_of(io.map, io.rest)?,
         })
     }
 
-    fn rendered(&self, force: Vec<f32>) -> Result<Vec<f32>, Fault> {
-        rendered(force, self.modes, [self.p.tuning.damping, self.p.tuning.pitch])
-            .map_err(|e| Reject::new("F078", e.to_string()).at("modes").into())
+    /// Loudness of the sound of a force.
+    fn loudness(&self, force: Vec<f32>) -> Result<f64, Fault> {
+        let sound = rendered(force, self.modes, [self.p.tuning.damping, self.p.tuning.pitch])
+            .map_err(|e| Reject::new("F078", e.to_string()).at("modes"))?;
+        Ok(loudness(&sound, self.p.stroke.weighting))
     }
 
-    fn map(&self, stroke: &StandardStroke, map: &SurfaceMap) -> Result<Vec<f32>, Fault> {
+    fn map(&self, stroke: &StandardStroke, map: &SurfaceMap) -> Vec<f32> {
         let mut force = MapForce::new(exponents(self.p.map_law), 1.0, Interp::Bspline3, FS);
-        self.rendered(stroke.draw(
+        stroke.draw(
             &mut force,
             |_| MapVoice::default(),
             |force, voice, segment, out| force.add(map, voice, segment, out),
             |_, _, _| {},
-        ))
+        )
     }
 
-    fn noise(&self, stroke: &StandardStroke, bands: &NoiseBands) -> Result<Vec<f32>, Fault> {
-        self.rendered(stroke.noise(bands, self.p.noise_law))
-    }
-
-    fn isophotes(&self, stroke: &StandardStroke, curves: &IsophoteForce) -> Result<Vec<f32>, Fault> {
-        self.rendered(stroke.draw(
+    fn isophotes(&self, stroke: &StandardStroke, curves: &IsophoteForce) -> Vec<f32> {
+        stroke.draw(
             &mut curves.clone(),
             |_| IsophoteVoice::default(),
             IsophoteForce::add,
             IsophoteForce::ring_out,
-        ))
+        )
     }
 
     /// Finds the strength of each excitation at a speed, m/s.
     fn at(&self, speed: f64) -> Result<Found, Fault> {
-        let stroke = StandardStroke::new(&self.position, self.size, speed, self.p.stroke.force);
-        let of_map = |map: &Option<SurfaceMap>| map.as_ref().map(|map| self.map(&stroke, map)).transpose();
-        let of_noise =
-            |noise: &Option<NoiseBands>| noise.as_ref().map(|n| self.noise(&stroke, n)).transpose();
-        let wanted = self.p.kappa * rms(&self.map(&stroke, &self.map)?);
-        let lines = of_map(&self.features)?.unwrap_or_default();
-        let noise = of_noise(&self.noise)?.unwrap_or_default();
-        let curves =
-            self.curves.as_ref().map(|c| self.isophotes(&stroke, c)).transpose()?.unwrap_or_default();
-        let alone = |drawn: &[f32]| factor(wanted, rms(drawn));
-        let [features, beside] = if lines.is_empty() || noise.is_empty() {
-            [alone(&lines), alone(&noise)]
-        } else {
-            parts(wanted, [&lines, &noise], self.share)
+        let (p, kappa) = (&self.p, self.p.kappa * self.p.reference.unit(self.map.rms()));
+        let stroke = StandardStroke::new(&self.position, self.size, speed, p.stroke.force);
+        let noise_of = |noise: &Option<NoiseBands>, law| {
+            noise.as_ref().map(|bands| stroke.noise(bands, law)).unwrap_or_default()
         };
-        let power = [features * rms(&lines), beside * rms(&noise)].map(|x| x * x);
-        let alike = alone(&of_noise(&self.alike)?.unwrap_or_default());
+        let map = self.map(&stroke, &self.map);
+        let power = rms(&map);
+        let detail = noise_of(&self.detail, p.map_law);
+        let wanted = self.loudness(sum([&map, &detail], [kappa; 2]))?;
+        // Factors of two forces in a ratio with which both together are as loud as the reference.
+        let together = |forces: [&[f32]; 2], ratio: [f64; 2]| -> Result<[f64; 2], Fault> {
+            let both = factor(wanted, self.loudness(sum(forces, ratio))?);
+            Ok(ratio.map(|x| x * both))
+        };
+        let curves = self.curves.as_ref().map(|c| self.isophotes(&stroke, c)).unwrap_or_default();
+        let [curves, beside] = together([&curves, &detail], [kappa * factor(power, rms(&curves)), kappa])?;
+        let lines = self.features.as_ref().map(|map| self.map(&stroke, map)).unwrap_or_default();
+        let noise = noise_of(&self.noise, p.noise_law);
+        // The noise has its own law, and the strength of the map under the force and at the speed of the stroke.
+        let [a, b] = [0, 1].map(|k| p.map_law[k] - p.noise_law[k]);
+        let own = kappa * p.stroke.force.powf(a) * speed.powf(b);
+        let share = if noise.is_empty() { 0.0 } else { self.share };
+        let ratio = [kappa * factor(power * (1.0 - share).sqrt(), rms(&lines)), own];
+        let [features, rest] = together([&lines, &noise], ratio)?;
+        let powers = [features * rms(&lines), rest * rms(&noise)].map(|x| x * x);
+        let split = self.loudness(sum([&lines, &noise], [features, rest]))?;
+        let alone = |force: Vec<f32>| self.loudness(force).map(|found| factor(wanted, found));
+        let only_noise = alone(noise)?;
+        let alike = alone(noise_of(&self.alike, p.noise_law))?;
+        let none = |factor: f64, there: bool| if there { factor } else { 0.0 };
+        let finer = self.detail.is_some();
         Ok(Found {
             wanted,
-            strengths: [self.p.kappa, alone(&curves), features, beside, alone(&noise), alike],
-            split: [
-                rms(&sum([&lines, &noise], [features, beside])),
-                power[1] / (power[0] + power[1]).max(f64::MIN_POSITIVE),
+            strengths: [
+                kappa,
+                none(curves, self.curves.is_some()),
+                none(kappa, finer),
+                none(beside, finer && self.curves.is_some()),
+                none(features, self.features.is_some()),
+                none(rest, self.noise.is_some()),
+                only_noise,
+                alike,
             ],
+            split: [split, powers[1] / (powers[0] + powers[1]).max(f64::MIN_POSITIVE)],
         })
     }
 
@@ -274,20 +311,25 @@ impl Func for LevelMatcher {
     type Params = LevelMatcherParams;
     type Ports = LevelMatcherPorts;
     const NAME: &'static str = "LevelMatcher";
-    const VERSION: u32 = 5;
+    const VERSION: u32 = 6;
 
     fn eval(p: &LevelMatcherParams, _: &Build<'_>, mut io: LevelMatcherIo<'_>) -> Result<Summary, Fault> {
         let surfaces = Surfaces::new(p, &io)?;
         let all = if p.stroke.by_speed { surfaces.at_all()? } else { vec![surfaces.at(p.speed)?] };
         let Some(Found { wanted, split, .. }) = all.get(all.len() / 2) else { return Ok(Vec::new()) };
-        let mut summary: Summary =
-            vec![("rms", (*wanted).into()), ("split_rms", split[0].into()), ("noise_share", split[1].into())];
+        let mut summary: Summary = vec![
+            ("loudness", (*wanted).into()),
+            ("split_loudness", split[0].into()),
+            ("noise_share", split[1].into()),
+        ];
         // A complex surface without isophotes has only its map.
         let complex = io.class.is_some_and(|found| found.class == Class::Complex);
         let only_curves = complex && io.isophotes.is_some();
         for (level, (key, slot)) in [
             ("full", &mut io.full),
             ("full_isophotes", &mut io.full_isophotes),
+            ("full_detail", &mut io.full_detail),
+            ("isophotes_detail", &mut io.isophotes_detail),
             ("split_features", &mut io.split_features),
             ("split_noise", &mut io.split_noise),
             ("only_noise", &mut io.only_noise),
@@ -296,7 +338,7 @@ impl Func for LevelMatcher {
         .into_iter()
         .enumerate()
         {
-            let none = level == 0 && only_curves;
+            let none = (level == 0 || level == 2) && only_curves;
             let value = if none { Strength::constant(0.0) } else { strength(p.speed, &all, level) };
             slot.set(value);
             summary.push((key, value.kappa.into()));

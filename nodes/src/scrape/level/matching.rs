@@ -1,11 +1,11 @@
 //! Strengths with which excitations are equally loud.
 
 use super::standard_stroke::RATE;
-use crate::dsp::LevelMeter;
+use crate::dsp::{LevelMeter, Weighting, weighted_rms};
 use crate::modal::{Bank, BankOutput, Modes, ModesError};
 use crate::params;
 use crate::scrape::force::speed_curve::{POINTS, SpeedCurve};
-use crate::texture::Grid;
+use crate::texture::{Grid, NoiseValue};
 
 params! {
     /// Force of the strokes that are compared.
@@ -14,6 +14,10 @@ params! {
         by_speed: bool = true;
         /// Normal force of the stroke.
         force: f64 = 1.0, unit "N", range 0.001..=100_000.0;
+        /// Frequency weighting of the loudness that is compared.
+        weighting: Weighting = Weighting::K;
+        /// Quantity of noise that becomes force, as in NoiseExcitation.
+        noise_value: NoiseValue = NoiseValue::Slope;
     }
 }
 
@@ -71,6 +75,12 @@ pub fn rms(x: &[f32]) -> f64 {
     meter.level().rms
 }
 
+/// Root of the mean square under a weighting.
+#[must_use]
+pub fn loudness(x: &[f32], weighting: Weighting) -> f64 {
+    weighted_rms(x, RATE.into(), weighting)
+}
+
 /// The factor from `found` to `wanted`; 0 if `found` is silent.
 #[must_use]
 pub fn factor(wanted: f64, found: f64) -> f64 {
@@ -80,8 +90,8 @@ pub fn factor(wanted: f64, found: f64) -> f64 {
 
 /// Factors of features and noise with which both together are as strong as `wanted`, the noise with `share` of the power.
 #[must_use]
-pub fn parts(wanted: f64, [features, noise]: [&[f32]; 2], share: f64) -> [f64; 2] {
-    let alone = [features, noise].map(|x| factor(wanted, rms(x)));
+pub fn parts(wanted: f64, [features, noise]: [&[f32]; 2], share: f64, weighting: Weighting) -> [f64; 2] {
+    let alone = [features, noise].map(|x| factor(wanted, loudness(x, weighting)));
     // If one is silent, the other has all of the power.
     let share = match alone {
         [_, 0.0] => 0.0,
@@ -90,15 +100,15 @@ pub fn parts(wanted: f64, [features, noise]: [&[f32]; 2], share: f64) -> [f64; 2
     };
     let factors = [alone[0] * (1.0 - share).sqrt(), alone[1] * share.sqrt()];
     // They may have something to do with each other.
-    let found = rms(&sum([features, noise], factors));
+    let found = loudness(&sum([features, noise], factors), weighting);
     factors.map(|x| x * factor(wanted, found))
 }
 
-/// Two sounds, each times its factor, added up.
+/// Two sounds, each times its factor, added up; the shorter one ends in silence.
 #[must_use]
-pub fn sum([a, b]: [&[f32]; 2], factors: [f64; 2]) -> Vec<f32> {
-    let [p, q] = factors;
-    a.iter().zip(b).map(|(a, b)| (p * f64::from(*a) + q * f64::from(*b)) as f32).collect()
+pub fn sum([a, b]: [&[f32]; 2], [p, q]: [f64; 2]) -> Vec<f32> {
+    let sample = |x: &[f32], k: usize| f64::from(x.get(k).copied().unwrap_or(0.0));
+    (0..a.len().max(b.len())).map(|k| (p * sample(a, k) + q * sample(b, k)) as f32).collect()
 }
 
 /// The share that the slopes of a noise map have in the power of the slopes of the whole.
@@ -123,7 +133,7 @@ mod tests {
         let noise: Vec<f32> = (0..20_000).map(|_| rng.between(-3.0, 3.0) as f32).collect();
         let features: Vec<f32> = noise.iter().map(|n| 0.2 * n + rng.between(-1.0, 1.0) as f32).collect();
         for share in [0.0, 0.3, 1.0] {
-            let [f, n] = parts(2.5, [&features, &noise], share);
+            let [f, n] = parts(2.5, [&features, &noise], share, Weighting::None);
             let both = rms(&sum([&features, &noise], [f, n]));
             assert!((both / 2.5 - 1.0).abs() < 1e-6, "{share}: {both}");
             let power =

@@ -2,7 +2,7 @@
 
 use super::level_matcher::bands;
 use super::matching::{
-    StrokeParams, TuningParams, by_speed, factor, fastest, parts, rendered, rms, share, sum,
+    StrokeParams, TuningParams, by_speed, factor, fastest, loudness, parts, rendered, share, sum,
 };
 use super::standard_stroke::{RATE, StandardStroke, exponents};
 use crate::core::fault::{Fault, Reject};
@@ -182,8 +182,8 @@ impl<'a> Pair<'a> {
         let second = second * p.other.powi(2);
         let noise = [first * own_first, second * own_second];
         let fastest = fastest(p.speed, p.stroke.by_speed);
-        let first_bands = |profile| bands(profile, fastest);
-        let second_bands = |profile| bands(profile, fastest * p.other.abs());
+        let first_bands = |profile| bands(profile, p.stroke.noise_value, fastest);
+        let second_bands = |profile| bands(profile, p.stroke.noise_value, fastest * p.other.abs());
         let part = |x: f64, of: f64| if of > 0.0 { x / of } else { HALF };
         Ok(Self {
             p: p.clone(),
@@ -203,6 +203,10 @@ impl<'a> Pair<'a> {
     fn rendered(&self, force: Vec<f32>) -> Result<Vec<f32>, Fault> {
         rendered(force, self.modes, [self.p.tuning.damping, self.p.tuning.pitch])
             .map_err(|e| Reject::new("F078", e.to_string()).at("modes").into())
+    }
+
+    fn loud(&self, sound: &[f32]) -> f64 {
+        loudness(sound, self.p.stroke.weighting)
     }
 
     fn reliefs(&self, stroke: &StandardStroke) -> Result<Vec<f32>, Fault> {
@@ -236,10 +240,10 @@ impl<'a> Pair<'a> {
         let [a, b] = [self.noise(strokes[0], a.as_ref())?, self.noise(strokes[1], b.as_ref())?];
         if a.is_empty() || b.is_empty() {
             let one = if a.is_empty() { &b } else { &a };
-            let factors = [&a, &b].map(|x| factor(1.0, rms(x)));
+            let factors = [&a, &b].map(|x| factor(1.0, self.loud(x)));
             return Ok((factors, sum([one, one], [factors[0] + factors[1], 0.0])));
         }
-        let factors = parts(1.0, [&a, &b], self.shares[1]);
+        let factors = parts(1.0, [&a, &b], self.shares[1], self.p.stroke.weighting);
         Ok((factors, sum([&a, &b], factors)))
     }
 
@@ -249,14 +253,14 @@ impl<'a> Pair<'a> {
         let stroke = StandardStroke::new(&self.a.surface, size, speed, self.p.stroke.force);
         let stroke = stroke.over_both(self.p.other);
         let strokes = [&stroke, &stroke.on_other()];
-        let wanted = self.p.kappa * rms(&self.reliefs(&stroke)?);
+        let wanted = self.p.kappa * self.loud(&self.reliefs(&stroke)?);
         let crossings = self.crossings(&stroke)?;
         let ([a, b], noise) = self.both(strokes, &self.noises)?;
         let ([c, d], _) = self.both(strokes, &self.alike)?;
         let [lines, beside] = if crossings.is_empty() || noise.is_empty() {
-            [factor(wanted, rms(&crossings)), wanted]
+            [factor(wanted, self.loud(&crossings)), wanted]
         } else {
-            parts(wanted, [&crossings, &noise], self.shares[0])
+            parts(wanted, [&crossings, &noise], self.shares[0], self.p.stroke.weighting)
         };
         let [all, full] = [wanted, self.p.kappa];
         Ok([full, lines, beside * a, beside * b, all * a, all * b, all * c, all * d])
@@ -272,6 +276,7 @@ impl Func for PairMatcher {
     type Params = PairMatcherParams;
     type Ports = PairMatcherPorts;
     const NAME: &'static str = "PairMatcher";
+    const VERSION: u32 = 2;
 
     fn eval(p: &PairMatcherParams, _: &Build<'_>, mut io: PairMatcherIo<'_>) -> Result<Summary, Fault> {
         let pair = Pair::new(p, &io)?;

@@ -11,6 +11,7 @@ use crate::core::params::Params;
 use crate::core::ports::{Events, Stream, Value};
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
+use crate::dsp::Reference;
 use crate::scrape::force::contact_force_params::{ContactForceParams, ForceLawParams};
 use crate::scrape::force::strength::{self, Strength, linked, silent};
 use crate::scrape::force::voices::Voices;
@@ -43,7 +44,7 @@ params! {
     ///
     /// The map is a discontinuity map, a feature map or the code of a map: link exactly one of them. Among the codes
     /// only signed pairs retain directions; of bytes and bits the change along the path is read, as of features. With
-    /// the value `m` read under a contact, the force is `gain kappa (f/1 N)^a (v/1 m/s)^b m`, summed over all contacts.
+    /// the value `m` read under a contact, divided by its RMS over the whole map by default, the force is `gain kappa (f/1 N)^a (v/1 m/s)^b m`, summed over all contacts.
     /// A contact at rest fades out in 5 ms. Where a contact passes more than half a pixel per sample, coarser levels of
     /// an image pyramid are read against aliasing.
     ///
@@ -57,6 +58,8 @@ params! {
     pub struct MapExcitationParams {
         /// Value of the map that becomes force.
         value: MapValue = MapValue::Directional;
+        /// Scale of the value: `Normalized` for an RMS of 1 over the whole map. A linked strength has a scale of its own.
+        reference: Reference = Reference::Normalized;
         /// Interpolation between the pixels of the map.
         interp: Interp = Interp::Bspline3;
         /// Force per value.
@@ -167,15 +170,15 @@ fn one_of(linked: [bool; 3]) -> Reject {
 }
 
 /// The law of the parameters; a linked strength replaces the number.
-fn law(p: &MapExcitationParams, kappa: Option<Strength>) -> [f64; 3] {
-    [kappa.map_or(p.law.kappa, |s| s.kappa) * p.contact.gain, p.law.a, p.law.b]
+fn law(p: &MapExcitationParams, kappa: Option<Strength>, rms: f64) -> [f64; 3] {
+    [kappa.map_or(p.law.kappa * p.reference.unit(rms), |s| s.kappa) * p.contact.gain, p.law.a, p.law.b]
 }
 
 impl Node for MapExcitation {
     type Params = MapExcitationParams;
     type Ports = MapExcitationPorts;
     const NAME: &'static str = "MapExcitation";
-    const VERSION: u32 = 4;
+    const VERSION: u32 = 5;
     const CLASS: Class = Class::Audio;
     const COST: f64 = 15.0;
 
@@ -201,8 +204,13 @@ impl Node for MapExcitation {
         let rate = p.contact.rate.as_f64();
         Ok(Self {
             kappa,
+            force: MapForce::new(
+                strength::law(law(p, kappa, map.rms()), kappa, rate),
+                p.contact.scale,
+                p.interp,
+                rate,
+            ),
             map,
-            force: MapForce::new(strength::law(law(p, kappa), kappa, rate), p.contact.scale, p.interp, rate),
             voices: Voices::new(p.contact.contacts.into(), p.contact.rate, MapVoice::default()),
             params: p.clone(),
         })
@@ -238,7 +246,7 @@ impl Node for MapExcitation {
         if fixed(new) != fixed(old) {
             return Retune::Rebuild;
         }
-        self.force.law.ramp_to(law(new, self.kappa), self.voices.now());
+        self.force.law.ramp_to(law(new, self.kappa, self.map.rms()), self.voices.now());
         self.force.scale.ramp_to(new.contact.scale, self.voices.now());
         self.params = new.clone();
         Retune::Done

@@ -3,6 +3,7 @@
 use super::padded_map::{Interp, Lanes, PaddedMap, Patch};
 use crate::scrape::force::approximation::log2;
 use crate::scrape::force::voices::{CELL, Cell};
+use crate::texture::sobel::gradient;
 use crate::texture::{DiscontinuityMap, FeatureMap, Grid, Pyramid, Surface, level_for};
 
 /// Maximum number of levels of a pyramid: steps of 2048 pixels.
@@ -29,6 +30,27 @@ pub struct SurfaceMap {
     pub(super) surface: Surface,
     /// Factors of changes along x and y, if these are per metre instead of per pixel.
     pub(super) per_metre: Option<[f32; 2]>,
+    rms: f64,
+}
+
+/// Root mean square of the part of a gradient along any direction.
+fn slope_rms([gx, gy]: [&Grid; 2], [x, y]: [f64; 2]) -> f64 {
+    let squares = |grid: &Grid| grid.samples.iter().map(|g| f64::from(*g).powi(2)).sum::<f64>();
+    let all = squares(gx) * x * x + squares(gy) * y * y;
+    (0.5 * all / gx.samples.len().max(1) as f64).sqrt()
+}
+
+/// The same of the gradient of a grid.
+fn change_rms(grid: &Grid, surface: &Surface, unit: [f64; 2]) -> f64 {
+    let [gx, gy] = gradient(grid, surface.wrap);
+    slope_rms([&gx, &gy], unit)
+}
+
+/// Standard deviation.
+fn deviation(grid: &Grid) -> f64 {
+    let n = grid.samples.len().max(1) as f64;
+    let mean = grid.samples.iter().map(|x| f64::from(*x)).sum::<f64>() / n;
+    (grid.samples.iter().map(|x| (f64::from(*x) - mean).powi(2)).sum::<f64>() / n).sqrt()
 }
 
 fn levels(grid: &Grid, surface: &Surface) -> Vec<(Grid, [f64; 2])> {
@@ -49,7 +71,8 @@ impl SurfaceMap {
         let both = levels(&map.gx, &surface).into_iter().zip(levels(&map.gy, &surface));
         let along = [[true, false], [false, true]];
         let laid = both.map(|((x, scale), (y, _))| (PaddedMap::new([&x, &y], along, surface.wrap), scale));
-        Self { reading: Reading::Slope(laid.collect()), surface, per_metre: None }
+        let rms = slope_rms([&map.gx, &map.gy], [1.0; 2]);
+        Self { reading: Reading::Slope(laid.collect()), surface, per_metre: None, rms }
     }
 
     /// The size of the gradient of a map.
@@ -57,7 +80,8 @@ impl SurfaceMap {
     pub fn size(map: &DiscontinuityMap) -> Self {
         let samples = map.gx.samples.iter().zip(&map.gy.samples).map(|(x, y)| x.hypot(*y)).collect();
         let size = Grid { width: map.gx.width, height: map.gx.height, samples };
-        Self { reading: Reading::Value(scalar(&size, &map.surface)), surface: map.surface, per_metre: None }
+        let reading = Reading::Value(scalar(&size, &map.surface));
+        Self { reading, surface: map.surface, per_metre: None, rms: deviation(&size) }
     }
 
     /// Map of the change of features along the path of a contact, per pixel.
@@ -67,6 +91,7 @@ impl SurfaceMap {
             reading: Reading::Change(scalar(&map.grid, &map.surface)),
             surface: map.surface,
             per_metre: None,
+            rms: change_rms(&map.grid, &map.surface, [1.0; 2]),
         }
     }
 
@@ -74,7 +99,8 @@ impl SurfaceMap {
     #[must_use]
     pub fn height_change(heights: &Grid, surface: Surface) -> Self {
         let per_metre = Some(surface.density.map(|d| d as f32));
-        Self { reading: Reading::Change(scalar(heights, &surface)), surface, per_metre }
+        let rms = change_rms(heights, &surface, surface.density);
+        Self { reading: Reading::Change(scalar(heights, &surface)), surface, per_metre, rms }
     }
 
     /// The strength of features.
@@ -84,6 +110,7 @@ impl SurfaceMap {
             reading: Reading::Value(scalar(&map.grid, &map.surface)),
             surface: map.surface,
             per_metre: None,
+            rms: deviation(&map.grid),
         }
     }
 
@@ -91,6 +118,12 @@ impl SurfaceMap {
     #[must_use]
     pub fn surface(&self) -> Surface {
         self.surface
+    }
+
+    /// Root mean square of its readings without their mean, over all positions and directions.
+    #[must_use]
+    pub fn rms(&self) -> f64 {
+        self.rms
     }
 
     /// Returns true if the sign of a reading depends on the direction; otherwise it is never negative.

@@ -3,7 +3,7 @@
 use super::interpolation::{NoiseInterp, PHASES, Row, TAPS, weights};
 use crate::scrape::force::approximation::log2;
 use crate::scrape::force::voices::{CELL, Cell};
-use crate::texture::NoiseProfile;
+use crate::texture::NoiseLine;
 use fearless_simd::f32x8;
 use fearless_simd::prelude::*;
 use rayon::prelude::*;
@@ -63,25 +63,25 @@ fn closed(samples: &[f32], density: f64) -> Band {
 impl NoiseBands {
     /// Creates all bands of a loop of at least one sample.
     #[must_use]
-    pub fn new(profile: &NoiseProfile) -> Self {
-        Self::made(profile, NoiseInterp::Sinc32, f64::INFINITY)
+    pub fn new(line: &NoiseLine) -> Self {
+        Self::made(line, NoiseInterp::Sinc32, f64::INFINITY)
     }
 
     /// The same bands with another interpolation.
     #[must_use]
-    pub fn read_by(profile: &NoiseProfile, interp: NoiseInterp) -> Self {
-        Self::made(profile, interp, f64::INFINITY)
+    pub fn read_by(line: &NoiseLine, interp: NoiseInterp) -> Self {
+        Self::made(line, interp, f64::INFINITY)
     }
 
     /// The bands that steps of up to `fastest` samples read, with the same results; slow steps need only the loop.
     #[must_use]
-    pub fn up_to(profile: &NoiseProfile, fastest: f64) -> Self {
-        Self::made(profile, NoiseInterp::Sinc32, fastest)
+    pub fn up_to(line: &NoiseLine, fastest: f64) -> Self {
+        Self::made(line, NoiseInterp::Sinc32, fastest)
     }
 
-    fn made(profile: &NoiseProfile, interp: NoiseInterp, fastest: f64) -> Self {
-        let n = profile.samples.len().max(1);
-        let mut bands = vec![closed(profile.samples.get(..n).unwrap_or(&[0.0]), 1.0)];
+    fn made(line: &NoiseLine, interp: NoiseInterp, fastest: f64) -> Self {
+        let n = line.samples.len().max(1);
+        let mut bands = vec![closed(line.samples.get(..n).unwrap_or(&[0.0]), 1.0)];
         let mut planner = RealFftPlanner::<f64>::new();
         let ratio = 2_f64.powf(1.0 / OCTAVE);
         let parts = (1..MAX_COUNT).map_while(|k| {
@@ -95,13 +95,13 @@ impl NoiseBands {
         });
         let parts: Vec<_> = parts.collect();
         if !parts.is_empty() {
-            let spectrum = spectrum(&profile.samples, n, &mut planner);
+            let spectrum = spectrum(&line.samples, n, &mut planner);
             let band = |([pass, stop], inverse): ([f64; 2], Arc<dyn ComplexToReal<f64>>)| {
                 band(&spectrum, n, [pass, stop], &*inverse)
             };
             bands.par_extend(parts.into_par_iter().map(band));
         }
-        Self { bands, weights: weights(interp), len: n as f64, spacing: profile.spacing }
+        Self { bands, weights: weights(interp), len: n as f64, spacing: line.spacing }
     }
 
     /// Samples of one round.

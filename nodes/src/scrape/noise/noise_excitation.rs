@@ -11,11 +11,12 @@ use crate::core::params::Params;
 use crate::core::ports::{Events, Stream, Value};
 use crate::core::random::{Random, Rng};
 use crate::core::shape::{Build, Shape};
+use crate::dsp::Reference;
 use crate::scrape::force::contact_force_params::ContactForceParams;
 use crate::scrape::force::strength::{self, Strength, linked, silent};
 use crate::scrape::force::voices::Voices;
 use crate::scrape::path::piece::PathPiece;
-use crate::texture::NoiseProfile;
+use crate::texture::{NoiseProfile, NoiseValue};
 use crate::{archive_state, choices, params, ports};
 
 /// Maximum length of a loop; its bands need 17 times its memory.
@@ -32,11 +33,18 @@ choices! { @param NoiseInterp {
     Bspline3,
 } }
 
+choices! { @param NoiseValue {
+    /// Change of the noise per pixel of its image: the slope that a slider meets, as of maps.
+    Slope,
+    /// The noise itself.
+    Height,
+} }
+
 params! {
     /// Excites an object with the noise of a surface that has no distinct features.
     ///
     /// A contact reads a loop of noise at its speed, backwards after a reversal. The force is `gain kappa (f/1 N)^a (v/1 m/s)^b` times
-    /// the noise at the position of the contact, summed over all contacts. With the default exponents the amplitude is proportional to
+    /// the slope of the noise at the position of the contact, divided by its RMS by default, summed over all contacts. With the default exponents the amplitude is proportional to
     /// the square root of the power of friction. A contact at rest fades out in 5 ms. At any speed the spectrum is complete up to 0.4 of
     /// the sample rate, and nothing aliases from above half of it.
     ///
@@ -53,7 +61,11 @@ params! {
     pub struct NoiseExcitationParams {
         /// Interpolation between the samples of the noise.
         interp: NoiseInterp = NoiseInterp::Sinc32;
-        /// Force in N of a noise of 1 at 1 N and 1 m/s.
+        /// Quantity of the noise that becomes force.
+        value: NoiseValue = NoiseValue::Slope;
+        /// Scale of the value: `Normalized` for an RMS of 1 over the whole loop. A linked strength has a scale of its own.
+        reference: Reference = Reference::Normalized;
+        /// Force in N of a value of 1 at 1 N and 1 m/s.
         kappa: f64 = 1.0, unit "N", range -1_000_000.0..=1_000_000.0;
         /// Exponent of the normal force.
         a: f64 = 0.5, unit "", range 0.0..=2.0;
@@ -86,19 +98,28 @@ pub struct NoiseExcitation {
     params: NoiseExcitationParams,
     /// The linked strength.
     kappa: Option<Strength>,
+    /// RMS of the values of the loop.
+    rms: f64,
     noise: NoiseBands,
     random: Random,
     force: NoiseForce,
     voices: Voices<NoiseVoice>,
 }
 
+/// Root of the mean square.
+fn rms(samples: &[f32]) -> f64 {
+    let squares = samples.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>();
+    (squares / samples.len().max(1) as f64).sqrt()
+}
+
 /// The law of the parameters; a linked strength replaces the number.
-fn law(p: &NoiseExcitationParams, kappa: Option<Strength>) -> [f64; 3] {
-    [kappa.map_or(p.kappa, |s| s.kappa) * p.contact.gain, p.a, p.b]
+fn law(p: &NoiseExcitationParams, kappa: Option<Strength>, rms: f64) -> [f64; 3] {
+    [kappa.map_or(p.kappa * p.reference.unit(rms), |s| s.kappa) * p.contact.gain, p.a, p.b]
 }
 
 pub(in crate::scrape) fn check(noise: &NoiseProfile) -> Result<(), Reject> {
-    let count = noise.samples.len();
+    let factor = noise.detail.map_or(1, |detail| detail.factor as usize);
+    let count = noise.samples.len().saturating_mul(factor);
     let message = if count == 0 || count > LONGEST {
         format!("`noise` has {count} samples; 1 to {LONGEST} can be read")
     } else if !noise.samples.iter().all(|x| x.abs() < 1e9) {
@@ -115,7 +136,7 @@ impl Node for NoiseExcitation {
     type Params = NoiseExcitationParams;
     type Ports = NoiseExcitationPorts;
     const NAME: &'static str = "NoiseExcitation";
-    const VERSION: u32 = 4;
+    const VERSION: u32 = 5;
     const CLASS: Class = Class::Audio;
     const COST: f64 = 15.0;
 
@@ -129,11 +150,14 @@ impl Node for NoiseExcitation {
         check(&noise)?;
         let kappa = linked(cx.optional_value(NoiseExcitationPorts::kappa))?;
         let rate = p.contact.rate.as_f64();
+        let line = noise.line(p.value);
+        let rms = rms(&line.samples);
         Ok(Self {
+            rms,
             kappa,
-            noise: NoiseBands::read_by(&noise, p.interp),
+            noise: NoiseBands::read_by(&line, p.interp),
             random: cx.random,
-            force: NoiseForce::new(strength::law(law(p, kappa), kappa, rate), p.contact.scale, rate),
+            force: NoiseForce::new(strength::law(law(p, kappa, rms), kappa, rate), p.contact.scale, rate),
             voices: Voices::new(p.contact.contacts.into(), p.contact.rate, NoiseVoice::default()),
             params: p.clone(),
         })
@@ -169,12 +193,13 @@ impl Node for NoiseExcitation {
 
     fn retune(&mut self, new: &NoiseExcitationParams) -> Retune {
         let old = &self.params;
-        let fixed =
-            |p: &NoiseExcitationParams| (p.interp, p.contact.object, p.contact.contacts, p.contact.rate);
+        let fixed = |p: &NoiseExcitationParams| {
+            (p.interp, p.value, p.contact.object, p.contact.contacts, p.contact.rate)
+        };
         if fixed(new) != fixed(old) {
             return Retune::Rebuild;
         }
-        self.force.law.ramp_to(law(new, self.kappa), self.voices.now());
+        self.force.law.ramp_to(law(new, self.kappa, self.rms), self.voices.now());
         self.force.scale.ramp_to(new.contact.scale, self.voices.now());
         self.params = new.clone();
         Retune::Done

@@ -117,6 +117,7 @@ mod tests {
         let mut profile = || NoiseProfile {
             samples: (0..8192).map(|_| rng.between(-1.0, 1.0) as f32).collect(),
             spacing: 1.0 / 8192.0,
+            ..NoiseProfile::default()
         };
         let mut force = |path: PathPiece, seed: u64| {
             let p = NoiseExcitationParams {

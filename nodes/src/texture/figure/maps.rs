@@ -7,8 +7,13 @@ use crate::plot::{Axis, Line, chart};
 use crate::texture::filter::sobel::length;
 use crate::texture::grid::{Grid, Wrap, percentile};
 use crate::texture::holes::valid_samples;
-use crate::texture::maps::{DiscontinuityMap, FeatureMap, Luma, LumaKind, NoiseMap, NoiseProfile, Surface};
-use crate::texture::noise::profile::{stored, variance};
+use crate::texture::map_code::code::CodedMap;
+use crate::texture::map_code::file::encode_map;
+use crate::texture::maps::{
+    Detail, DiscontinuityMap, FeatureMap, Luma, LumaKind, NoiseMap, NoisePart, NoiseProfile, Surface,
+};
+use crate::texture::noise::noise_profile_file::encode_profile;
+use crate::texture::noise::profile::variance;
 
 /// Maximum length of a drawn profile, in samples.
 const MAX_SHOWN: usize = 2000;
@@ -108,6 +113,7 @@ impl Data for DiscontinuityMap {
 impl Data for FeatureMap {
     const NAME: &'static str = "feature map";
     const PLOTS: bool = true;
+    const FILES: bool = true;
 
     fn trial(rng: &mut Rng) -> Self {
         Self { grid: trial_grid(rng, 0.0, 1.0), surface: trial_surface(rng) }
@@ -115,6 +121,11 @@ impl Data for FeatureMap {
 
     fn plot(&self) -> Option<String> {
         features(self)
+    }
+
+    /// A byte per pixel, for `MapFile`.
+    fn file(&self) -> Option<Vec<u8>> {
+        Some(encode_map(&CodedMap::of_features(self)))
     }
 }
 
@@ -144,15 +155,16 @@ impl Data for NoiseProfile {
 
     fn trial(rng: &mut Rng) -> Self {
         let samples = (0..64 + rng.below(200)).map(|_| rng.between(-5.0, 5.0) as f32).collect();
-        Self { samples, spacing: 1.0 / rng.between(500.0, 20_000.0) }
+        let spacing = 1.0 / rng.between(500.0, 20_000.0);
+        let detail = (rng.below(2) == 0).then(|| Detail { factor: 1 << (1 + rng.below(3)), seed: 9 });
+        Self { samples, spacing, detail, part: NoisePart::Whole }
     }
 
     fn plot(&self) -> Option<String> {
         profile(self)
     }
 
-    /// The samples as 16-bit floats, little endian.
     fn file(&self) -> Option<Vec<u8>> {
-        Some(self.samples.iter().flat_map(|x| stored(*x).to_le_bytes()).collect())
+        Some(encode_profile(self))
     }
 }

@@ -3,7 +3,7 @@
 use crate::texture::filter::sobel::length;
 use crate::texture::filter::{Kernel, smooth};
 use crate::texture::grid::{Grid, percentile};
-use crate::texture::maps::{DiscontinuityMap, Surface};
+use crate::texture::maps::{DiscontinuityMap, FeatureMap, Surface};
 use serde::{Deserialize, Serialize};
 
 /// Standard deviation, in pixels, of the Gaussian over decoded bits, which smooths their steps.
@@ -68,6 +68,15 @@ impl CodedMap {
         };
         let (width, height) = (map.gx.width, map.gx.height);
         Self { coding, width, height, scale, bytes, surface: map.surface }
+    }
+
+    /// Codes features, 0 to 1, with a byte per pixel.
+    #[must_use]
+    pub fn of_features(map: &FeatureMap) -> Self {
+        let byte = |x: &f32| (x.clamp(0.0, 1.0) * 255.0).round() as u8;
+        let FeatureMap { grid: Grid { width, height, samples }, surface } = map;
+        let bytes = samples.iter().map(byte).collect();
+        Self { coding: Coding::Byte, width: *width, height: *height, scale: 1.0, bytes, surface: *surface }
     }
 
     /// Returns the gradients of a signed code, with an error of at most `scale / 254`; `None` for the other codings.

@@ -1,7 +1,7 @@
 //! The coding of discontinuity maps, as a value node.
 
 use super::code::{CodedMap, Coding};
-use crate::core::fault::Fault;
+use crate::core::fault::{Fault, Reject};
 use crate::core::node::{Func, Summary};
 use crate::core::ports::Value;
 use crate::core::shape::Build;
@@ -18,7 +18,7 @@ choices! { @param Coding {
 } }
 
 params! {
-    /// Codes a discontinuity map with a bit, a byte or a pair of signed bytes per pixel.
+    /// Codes a discontinuity map with a bit, a byte or a pair of signed bytes per pixel, or features with a byte per pixel.
     ///
     /// `coded` is the code, which `MapExcitation` plays and a tap as `.bin` writes for `MapFile`. `magnitude` is the decoded magnitude
     /// of the gradient, 0 to 1. Decoded bits are smoothed by a Gaussian of 0.7 pixels; without it their steps would make the sound
@@ -38,7 +38,9 @@ ports! {
     pub struct MapCoderPorts / MapCoderIo {
         in {
             /// The gradient.
-            map: Value<DiscontinuityMap>,
+            map: Option<Value<DiscontinuityMap>>,
+            /// Features, in place of a gradient.
+            features: Option<Value<FeatureMap>>,
         }
         out {
             /// The code.
@@ -57,9 +59,18 @@ impl Func for MapCoder {
     type Params = MapCoderParams;
     type Ports = MapCoderPorts;
     const NAME: &'static str = "MapCoder";
+    const VERSION: u32 = 2;
 
     fn eval(p: &MapCoderParams, _: &Build<'_>, mut io: MapCoderIo<'_>) -> Result<Summary, Fault> {
-        let coded = CodedMap::new(io.map, p.coding, p.threshold);
+        let coded = match (io.map, io.features) {
+            (Some(map), None) => CodedMap::new(map, p.coding, p.threshold),
+            (None, Some(features)) => CodedMap::of_features(features),
+            (map, _) => {
+                let found = if map.is_some() { "both" } else { "neither" };
+                let message = format!("{found} of `map` and `features` are linked");
+                return Err(Reject::new("F128", message).at("map").help("link one of them").into());
+            }
+        };
         let summary = vec![("bytes", coded.bytes.len().into()), ("scale", coded.scale.into())];
         io.magnitude.set(FeatureMap { grid: coded.magnitude(), surface: coded.surface });
         io.coded.set(coded);

@@ -1,7 +1,7 @@
 //! The noise profile of a noise map, as a value node.
 
-use super::detail::{MAX_EXTENDED, extend, factor_for};
-use super::profile::{PROFILE, profile, variance};
+use super::detail::{MAX_EXTENDED, factor_for};
+use super::profile::{PROFILE, profile, stored, variance};
 use super::spectrum::NoiseModel;
 use super::split::statistics;
 use crate::core::fault::Fault;
@@ -11,7 +11,7 @@ use crate::core::params::Params;
 use crate::core::ports::Value;
 use crate::core::random::Rng;
 use crate::core::shape::Build;
-use crate::texture::maps::{NoiseMap, NoiseProfile};
+use crate::texture::maps::{Detail, NoiseMap, NoisePart, NoiseProfile, NoiseValue};
 use crate::{choices, params, ports};
 
 /// Maximum length of synthesised noise before its extension, in samples.
@@ -31,6 +31,13 @@ choices! {
     }
 }
 
+choices! { @param NoisePart {
+    /// The noise of the image, and the detail.
+    Whole,
+    /// The detail alone, to be added to a map of the image.
+    Detail,
+} }
+
 params! {
     /// A profile of a noise map: a closed loop of samples at a known spacing.
     ///
@@ -38,7 +45,10 @@ params! {
     /// An image has no wavelengths below two pixels. `extend` continues the spectrum above that with the slope of its upper two
     /// octaves, until one sample of the profile is at most one sample of audio at `v_max`; it adds at most a quarter of the variance.
     ///
-    /// A tap as `.bin` writes the samples as 16-bit floats; a tap as SVG draws them.
+    /// A map of the image lacks the same wavelengths: `part: Detail` is what to add to it.
+    ///
+    /// A tap as `.bin` writes the profile without its detail, as 16-bit floats, for `NoiseProfileFile`, which adds the same detail again; a
+    /// tap as SVG draws it.
     ///
     /// # Randomness
     /// Synthesised noise and added detail depend on the seed.
@@ -54,6 +64,8 @@ params! {
         extend: bool = true;
         /// Maximum speed of contacts, for the spacing of the added detail.
         v_max: f64 = 2.0, unit "m/s", range 0.001..=1000.0;
+        /// Part of the spectrum that is read.
+        part: NoisePart = NoisePart::Whole;
     }
 }
 
@@ -78,11 +90,11 @@ impl Func for NoiseProfileNode {
     type Params = NoiseProfileParams;
     type Ports = NoiseProfilePorts;
     const NAME: &'static str = "NoiseProfile";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
 
     fn eval(p: &NoiseProfileParams, cx: &Build<'_>, mut io: NoiseProfileIo<'_>) -> Result<Summary, Fault> {
         let factor = |profile: &NoiseProfile| if p.extend { factor_for(profile, p.v_max) } else { 1 };
-        let (base, bytes) = match p.code {
+        let (mut base, bytes) = match p.code {
             NoiseCode::Profile => (profile(io.noise, p.samples), 2 * p.samples),
             code => {
                 let kurtosis = statistics(&io.noise.grid, &io.noise.holes).kurtosis;
@@ -90,12 +102,20 @@ impl Func for NoiseProfileNode {
                 let model = fit(io.noise, kurtosis);
                 let spacing = 1.0 / io.noise.surface.density[0];
                 // A larger factor gets a shorter loop, within the same maximum size.
-                let coarse = NoiseProfile { samples: vec![0.0; MIN_LENGTH], spacing };
+                let coarse =
+                    NoiseProfile { samples: vec![0.0; MIN_LENGTH], spacing, ..NoiseProfile::default() };
                 let count = (MAX_EXTENDED / factor(&coarse)).clamp(MIN_LENGTH, MAX_LENGTH);
-                (NoiseProfile { samples: model.synthesize(count, &cx.random), spacing }, model.bytes())
+                let samples = model.synthesize(count, &cx.random);
+                // What plays is what a file stores.
+                let samples = samples.into_iter().map(|x| stored(x).to_f32()).collect();
+                (NoiseProfile { samples, spacing, ..NoiseProfile::default() }, model.bytes())
             }
         };
-        let (fine, extension) = extend(&base, factor(&base), &cx.random);
+        let [low, high, ..] = cx.random.words(2, 0, 0);
+        let seed = u64::from(low) | u64::from(high) << 32;
+        base.detail = Some(Detail { factor: factor(&base) as u32, seed }).filter(|detail| detail.factor > 1);
+        let (fine, extension) = base.extended(NoiseValue::Height);
+        base.part = p.part;
         let summary = vec![
             ("bytes", bytes.into()),
             ("samples", fine.samples.len().into()),
@@ -105,7 +125,7 @@ impl Func for NoiseProfileNode {
             ("added_variance", extension.added.into()),
             ("slope_db_per_octave", extension.slope_db.into()),
         ];
-        io.profile.set(fine);
+        io.profile.set(base);
         Ok(summary)
     }
 
@@ -119,6 +139,7 @@ impl Func for NoiseProfileNode {
 
 #[cfg(test)]
 mod tests {
+    use super::super::noise_profile_file::decode_profile;
     use super::*;
     use crate::core::item::Data;
     use crate::core::params::Datum;
@@ -148,16 +169,17 @@ mod tests {
     fn stored_profiles_take_16_kb_and_lose_nothing_in_16_bits() {
         let paper = made("Profile", false);
         assert_eq!((paper.samples.len(), paper.spacing), (8192, 1.0 / 512.0));
-        let bytes = paper.file().unwrap();
-        assert_eq!(bytes.len(), 16_384);
-        let back = |pair: &[u8; 2]| half::f16::from_le_bytes(*pair).to_f32();
-        assert!(bytes.as_chunks().0.iter().map(back).eq(paper.samples.iter().copied()));
+        for profile in [paper, made("Profile", true), made("Spectrum", true)] {
+            let bytes = profile.file().unwrap();
+            assert!(bytes.len() <= 2 * profile.samples.len() + 64, "{} bytes", bytes.len());
+            assert_eq!(decode_profile(&bytes).unwrap(), profile);
+        }
     }
 
     #[test]
     fn the_spacing_of_detail_is_that_of_audio_at_the_highest_speed() {
         for code in ["Profile", "Spectrum", "Bands"] {
-            let fine = made(code, true);
+            let fine = made(code, true).line(NoiseValue::Height);
             assert!(fine.spacing <= 2.0 / 44_100.0, "{code}: {}", fine.spacing);
             assert!(
                 fine.samples.len() <= 1 << 20

@@ -29,7 +29,7 @@ pub fn profile(noise: &NoiseMap, count: usize) -> NoiseProfile {
     let spacing = 1.0 / noise.surface.density[0];
     let rows = Rows::new(noise);
     if rows.rows.is_empty() || count == 0 {
-        return NoiseProfile { samples: vec![0.0; count], spacing };
+        return NoiseProfile { samples: vec![0.0; count], spacing, ..NoiseProfile::default() };
     }
     let power = variance(valid_samples(&noise.grid, &noise.holes));
     let mut line = rows.zigzag(count + rows.fade, power);
@@ -37,7 +37,7 @@ pub fn profile(noise: &NoiseMap, count: usize) -> NoiseProfile {
     line.truncate(count);
     set_variance(&mut line, power);
     line.iter_mut().for_each(|x| *x = stored(*x).to_f32());
-    NoiseProfile { samples: line, spacing }
+    NoiseProfile { samples: line, spacing, ..NoiseProfile::default() }
 }
 
 /// Converts a sample to 16 bits, clamped to the finite range.

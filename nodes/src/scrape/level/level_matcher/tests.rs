@@ -69,7 +69,7 @@ fn made_of(grid: Grid) -> Floor {
         isophotes: isophotes(&luma, &Drawing::default()).unwrap(),
         features: FeatureMap { grid: features, surface },
         noise: profile(&rest, PROFILE),
-        spectrum: NoiseProfile { samples, spacing },
+        spectrum: NoiseProfile { samples, spacing, ..NoiseProfile::default() },
         rest,
     }
 }

@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 
 fn wave(cycles: usize, n: usize) -> NoiseBands {
     let samples = (0..n).map(|k| (TAU * (cycles * k) as f64 / n as f64).sin() as f32).collect();
-    NoiseBands::new(&NoiseProfile { samples, spacing: 1e-3 })
+    NoiseBands::new(&NoiseLine { samples, spacing: 1e-3 })
 }
 
 fn read(bands: &NoiseBands, position: f64, step: f32) -> f32 {
@@ -91,7 +91,7 @@ fn images_of(interp: NoiseInterp) -> (f64, f64) {
         })
         .collect();
     let drawn = rms(&samples);
-    let bands = NoiseBands::read_by(&NoiseProfile { samples, spacing: 1e-3 }, interp);
+    let bands = NoiseBands::read_by(&NoiseLine { samples, spacing: 1e-3 }, interp);
     let step = 4000.0 / 44_100.0;
     let out = heard(&bands, step, 44_100);
     let retained = (rms(&out) / drawn).powi(2);
@@ -109,7 +109,7 @@ fn images_of(interp: NoiseInterp) -> (f64, f64) {
 fn what_is_read_is_the_sum_of_all_samples_times_their_weights() {
     let mut rng = Rng::new(12);
     let samples: Vec<f32> = (0..1000).map(|_| rng.between(-1.0, 1.0) as f32).collect();
-    let bands = NoiseBands::new(&NoiseProfile { samples, spacing: 1e-3 });
+    let bands = NoiseBands::new(&NoiseLine { samples, spacing: 1e-3 });
     // The definition, of one band, in double precision.
     let naive = |k: usize, position: f64| -> f64 {
         let band = &bands.bands[k];
@@ -135,7 +135,7 @@ fn what_is_read_is_the_sum_of_all_samples_times_their_weights() {
 fn what_slow_steps_need_is_the_same_of_fewer_bands() {
     let mut rng = Rng::new(4);
     let samples: Vec<f32> = (0..3000).map(|_| rng.between(-1.0, 1.0) as f32).collect();
-    let profile = NoiseProfile { samples, spacing: 1e-3 };
+    let profile = NoiseLine { samples, spacing: 1e-3 };
     let all = NoiseBands::new(&profile);
     for (fastest, count) in [(0.0, 1), (0.89, 1), (1.7, 9), (4.0, 19)] {
         let few = NoiseBands::up_to(&profile, fastest);
@@ -151,7 +151,7 @@ fn what_slow_steps_need_is_the_same_of_fewer_bands() {
 fn a_cell_is_read_as_its_samples_are() {
     let mut rng = Rng::new(5);
     let samples: Vec<f32> = (0..500).map(|_| rng.between(-1.0, 1.0) as f32).collect();
-    let bands = NoiseBands::new(&NoiseProfile { samples, spacing: 1e-3 });
+    let bands = NoiseBands::new(&NoiseLine { samples, spacing: 1e-3 });
     for fastest in [0.5, 0.9, 1.8] {
         let steps: Cell = std::array::from_fn(|_| rng.between(0.0, fastest) as f32);
         let positions = std::array::from_fn(|_| rng.between(0.0, bands.round()));

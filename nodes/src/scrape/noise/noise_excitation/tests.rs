@@ -17,7 +17,11 @@ fn params() -> NoiseExcitationParams {
 
 fn white(n: usize) -> NoiseProfile {
     let mut rng = Rng::new(4);
-    NoiseProfile { samples: (0..n).map(|_| rng.between(-1.0, 1.0) as f32).collect(), spacing: 1.0 / 4096.0 }
+    NoiseProfile {
+        samples: (0..n).map(|_| rng.between(-1.0, 1.0) as f32).collect(),
+        spacing: 1.0 / 4096.0,
+        ..NoiseProfile::default()
+    }
 }
 
 fn standalone(p: NoiseExcitationParams, paths: Vec<(Tick, PathPiece)>, end: f64) -> Standalone {
@@ -155,7 +159,7 @@ fn rest_and_no_force_are_silent() {
 
 #[test]
 fn a_loop_without_samples_is_an_error() {
-    let empty = NoiseProfile { samples: Vec::new(), spacing: 1.0 };
+    let empty = NoiseProfile { samples: Vec::new(), spacing: 1.0, ..NoiseProfile::default() };
     let standalone = Standalone::new::<NoiseExcitation>(params()).events::<PathPiece>(
         NoiseExcitationPorts::paths,
         vec![],
