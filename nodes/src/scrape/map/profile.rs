@@ -20,6 +20,7 @@ pub struct ContactProfile {
     /// Number of the contact.
     pub contact: u64,
     /// Distance from its start, m.
+    #[serde(rename = "way")]
     pub distance: Vec<f32>,
     /// Positions, m.
     #[serde(rename = "places")]
@@ -36,6 +37,7 @@ pub struct PathProfile {
     /// Its size, m.
     pub size: [f64; 2],
     /// The contacts in the order in which they began.
+    #[serde(rename = "ways")]
     pub contacts: Vec<ContactProfile>,
 }
 
