@@ -12,7 +12,7 @@ use foley_nodes::scrape::{
     Tracker, Voices, ball_map,
 };
 use foley_nodes::texture::{
-    DiscontinuityMap, Drawing, FeatureMap, Grid, Kernel, Levels, Luma, LumaKind, NoiseProfile, Surface,
+    DiscontinuityMap, Drawing, FeatureMap, Grid, Kernel, Levels, Luma, LumaKind, NoiseLine, Surface,
     isophotes, smooth,
 };
 use std::error::Error;
@@ -224,8 +224,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     line("map, slope, a pixel a sample", us, 15.0);
 
     let samples = (0..8192).map(|_| rng.between(-1.0, 1.0) as f32).collect();
-    let noise =
-        NoiseBands::new(&NoiseProfile { samples, spacing: 2.0 / f64::from(FS), ..NoiseProfile::default() });
+    let noise = NoiseBands::new(&NoiseLine { samples, spacing: 2.0 / f64::from(FS) });
     for (name, speed) in [("noise, 0.5 m/s", 0.5), ("noise, 6 m/s, three samples a sample", 6.0)] {
         let mut force = NoiseForce::new(Law::new([1.0, 0.5, 0.5], FS.into()), 1.0, FS.into());
         let us = time(1, speed, NoiseVoice::default(), |s, stretch, out| force.add(&noise, s, stretch, out));

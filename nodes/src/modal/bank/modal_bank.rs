@@ -35,7 +35,7 @@ params! {
     pub struct ModalBankParams {
         /// BankOutput of the surface that becomes sound.
         output: BankOutput = BankOutput::Acceleration;
-        /// Scale of the gains: `Normalized` so that a force of 1 N RMS, white up to 20 kHz, sounds at -20 dB K-weighted; `Absolute`
+        /// Scale of the gains: `Normalized` so that a force of 1 N RMS, white up to 20 kHz, sounds at -40 dB K-weighted; `Absolute`
         /// for gains of modes in full scale per N s.
         reference: Reference = Reference::Normalized;
         /// Factor of the sound.
@@ -92,7 +92,7 @@ pub struct ModalBankNode {
 /// Frequency below which hardly anything is heard, Hz.
 const LOW: f64 = 60.0;
 /// Level of the sound of a white force of 1 N RMS with normalized gains.
-const REFERENCE: f64 = 0.1;
+const REFERENCE: f64 = 0.01;
 
 fn reject(e: impl std::fmt::Display) -> Reject {
     Reject::new("F078", e.to_string()).at("modes")

@@ -65,7 +65,7 @@ params! {
     pub struct LevelMatcherParams {
         /// Force in N of a value of 1 of the whole map at 1 N and 1 m/s.
         kappa: f64 = 1.0, unit "N", range 0.0..=1_000_000.0;
-        /// Scale of the map: `Normalized` for an RMS of 1 over the whole map.
+        /// Scale of `kappa`: `Normalized` if it is the weighted RMS of the force of map and detail at 1 N and at `speed`.
         reference: Reference = Reference::Normalized;
         /// Speed of the stroke.
         speed: f64 = 1.0, unit "m/s", range 0.001..=100.0;
@@ -137,6 +137,8 @@ pub struct LevelMatcher;
 /// Data of a surface that is prepared before strokes.
 struct Surfaces<'a> {
     p: LevelMatcherParams,
+    /// Force in N of a value of 1 of the map at 1 N and 1 m/s.
+    kappa: f64,
     modes: Option<&'a Modes>,
     map: SurfaceMap,
     position: Surface,
@@ -183,6 +185,7 @@ impl<'a> Surfaces<'a> {
         let bands = |profile| bands(profile, p.stroke.noise_value, fastest(p.speed, p.stroke.by_speed));
         Ok(Self {
             p: p.clone(),
+            kappa: p.kappa,
             modes: io.modes,
             map: whole(p, io.map)?,
             position: io.map.surface,
@@ -222,9 +225,17 @@ impl<'a> Surfaces<'a> {
         )
     }
 
+    /// Weighted RMS of the force of map and detail at 1 N and at the speed of the stroke, N.
+    fn reference(&self) -> f64 {
+        let p = &self.p;
+        let stroke = StandardStroke::new(&self.position, self.size, p.speed, 1.0);
+        let detail = self.detail.as_ref().map(|bands| stroke.noise(bands, p.map_law)).unwrap_or_default();
+        loudness(&sum([&self.map(&stroke, &self.map), &detail], [1.0; 2]), p.stroke.weighting)
+    }
+
     /// Finds the strength of each excitation at a speed, m/s.
     fn at(&self, speed: f64) -> Result<Found, Fault> {
-        let (p, kappa) = (&self.p, self.p.kappa * self.p.reference.unit(self.map.rms()));
+        let (p, kappa) = (&self.p, self.kappa);
         let stroke = StandardStroke::new(&self.position, self.size, speed, p.stroke.force);
         let noise_of = |noise: &Option<NoiseBands>, law| {
             noise.as_ref().map(|bands| stroke.noise(bands, law)).unwrap_or_default()
@@ -314,7 +325,8 @@ impl Func for LevelMatcher {
     const VERSION: u32 = 6;
 
     fn eval(p: &LevelMatcherParams, _: &Build<'_>, mut io: LevelMatcherIo<'_>) -> Result<Summary, Fault> {
-        let surfaces = Surfaces::new(p, &io)?;
+        let mut surfaces = Surfaces::new(p, &io)?;
+        surfaces.kappa *= p.reference.unit(surfaces.reference());
         let all = if p.stroke.by_speed { surfaces.at_all()? } else { vec![surfaces.at(p.speed)?] };
         let Some(Found { wanted, split, .. }) = all.get(all.len() / 2) else { return Ok(Vec::new()) };
         let mut summary: Summary = vec![

@@ -141,9 +141,9 @@ mod tests {
             assert!((power - share).abs() < 1e-9, "{share}: {power}");
         }
         let silent = vec![0.0; 20_000];
-        let [f, n] = parts(2.5, [&silent, &noise], 0.3);
+        let [f, n] = parts(2.5, [&silent, &noise], 0.3, Weighting::None);
         assert!(f == 0.0 && (n * rms(&noise) / 2.5 - 1.0).abs() < 1e-6, "the noise does all");
-        assert_eq!(parts(2.5, [&silent, &silent], 0.3), [0.0; 2]);
+        assert_eq!(parts(2.5, [&silent, &silent], 0.3, Weighting::None), [0.0; 2]);
         assert_eq!(
             [factor(1.0, 1e-7), factor(0.0, 0.0), factor(0.0, 2.0), factor(3.0, 2.0)],
             [0.0, 0.0, 0.0, 1.5]

@@ -125,6 +125,8 @@ mod tests {
                     rate: Rate::hz(44_100),
                     ..NoiseExcitationParams::read(&|_| None).unwrap().contact
                 },
+                value: crate::texture::NoiseValue::Height,
+                reference: crate::dsp::Reference::Absolute,
                 ..NoiseExcitationParams::read(&|_| None).unwrap()
             };
             let mut standalone = Standalone::new::<NoiseExcitation>(p)

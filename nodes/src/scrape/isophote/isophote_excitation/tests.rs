@@ -11,7 +11,10 @@ use crate::texture::{Drawing, Grid, Levels, Luma, LumaKind, Surface, Wrap, isoph
 const RATE: f64 = 48_000.0;
 
 fn params() -> IsophoteExcitationParams {
-    IsophoteExcitationParams::read(&|_| None).unwrap()
+    IsophoteExcitationParams {
+        reference: crate::dsp::Reference::Absolute,
+        ..IsophoteExcitationParams::read(&|_| None).unwrap()
+    }
 }
 
 /// Isophotes of a function, with all points.

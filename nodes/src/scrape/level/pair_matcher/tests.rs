@@ -4,6 +4,7 @@ use crate::core::node::Node;
 use crate::core::ports::{Port, Stream};
 use crate::core::standalone::{Feed, Standalone, StandaloneRun};
 use crate::core::time::{Rate, Tick, ticks};
+use crate::dsp::Weighting;
 use crate::scrape::PathPiece;
 use crate::scrape::crossing::feature_crossings::{
     FeatureCrossings, FeatureCrossingsParams, FeatureCrossingsPorts,
@@ -175,7 +176,8 @@ fn all_levels_are_as_loud_as_the_reliefs_at_any_speed_and_of_any_size() {
     let modes = modes();
     let run = matched(params(), &sides, &modes);
     for (scale, speed) in [(1.0, 0.6), (0.5, 0.6), (2.0, 0.6), (1.0, 0.3), (1.0, 1.2)] {
-        let ring = |force: Vec<f32>| rms(&rendered(force, Some(&modes), [1.0; 2]).unwrap());
+        let ring =
+            |force: Vec<f32>| loudness(&rendered(force, Some(&modes), [1.0; 2]).unwrap(), Weighting::K);
         let all = levels(&sides, &run, &path(speed), scale).map(ring);
         let miss = all.map(|level| db(level / all[0]));
         println!("{scale} x at {speed} m/s: {miss:.1?} dB");

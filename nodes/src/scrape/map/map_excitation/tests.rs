@@ -17,7 +17,7 @@ use std::f64::consts::TAU;
 const FS: f64 = 44_100.0;
 
 fn params() -> MapExcitationParams {
-    MapExcitationParams { contact: ContactForceParams { rate: Rate::hz(44_100), ..MapExcitationParams::read(&|_| None).unwrap().contact }, ..MapExcitationParams::read(&|_| None).unwrap() }
+    MapExcitationParams { reference: crate::dsp::Reference::Absolute, contact: ContactForceParams { rate: Rate::hz(44_100), ..MapExcitationParams::read(&|_| None).unwrap().contact }, ..MapExcitationParams::read(&|_| None).unwrap() }
 }
 
 /// A grating of `cycles` over 512 pixels along x, as the gradient of a cosine.
@@ -357,8 +357,8 @@ fn edits_while_it_sounds_do_not_click() {
     let edits = [
         MapExcitationParams { law: ForceLawParams { kappa: 4.0, ..params().law }, ..params() },
         MapExcitationParams { law: ForceLawParams { a: 0.2, b: 0.8, ..params().law }, ..params() },
-        MapExcitationParams { contact: ContactForceParams { gain: 0.0, ..params().contact }, ..params() },
-        MapExcitationParams { contact: ContactForceParams { scale: 1.02, ..params().contact }, ..params() },
+        MapExcitationParams { reference: crate::dsp::Reference::Absolute, contact: ContactForceParams { gain: 0.0, ..params().contact }, ..params() },
+        MapExcitationParams { reference: crate::dsp::Reference::Absolute, contact: ContactForceParams { scale: 1.02, ..params().contact }, ..params() },
     ];
     for edit in edits {
         let standalone =

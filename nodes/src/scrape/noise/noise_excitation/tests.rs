@@ -11,6 +11,8 @@ fn params() -> NoiseExcitationParams {
             rate: Rate::hz(44_100),
             ..NoiseExcitationParams::read(&|_| None).unwrap().contact
         },
+        value: crate::texture::NoiseValue::Height,
+        reference: crate::dsp::Reference::Absolute,
         ..NoiseExcitationParams::read(&|_| None).unwrap()
     }
 }

@@ -151,7 +151,7 @@ fn an_even_slope_gives_a_force_without_the_frames_which_straight_lines_do_not() 
     };
     let lines = |pieces: Pieces| {
         let p =
-            MapExcitationParams { contact: ContactForceParams { rate: Rate::hz(44_100), ..MapExcitationParams::read(&|_| None).unwrap().contact }, ..MapExcitationParams::read(&|_| None).unwrap() };
+            MapExcitationParams { reference: crate::dsp::Reference::Absolute, contact: ContactForceParams { rate: Rate::hz(44_100), ..MapExcitationParams::read(&|_| None).unwrap().contact }, ..MapExcitationParams::read(&|_| None).unwrap() };
         let standalone =
             Standalone::new::<MapExcitation>(p).events(MapExcitationPorts::paths, pieces, ticks(2.5));
         let standalone = standalone.feed(MapExcitationPorts::map.index(), Feed::value(AnyValue::new(map())));
