@@ -77,9 +77,9 @@ params! {
     /// Frames may come at any rate and unevenly; `frame` is the longest expected interval. Kinds of contact with an amplitude of 0 are
     /// followed, but silent.
     ///
-    /// The force is the mean over the last `force_smooth` seconds, one frame of 60 Hz: solvers alternate between too much and too little
-    /// force, and the sound must not depend on the rate of the log. The mean is causal and adds no latency; with frames of 1/60 s or
-    /// longer it has no effect. What exceeds `force_limit` times the larger of the median over `force_median` seconds and the weight is
+    /// The force is averaged twice over the last `force_smooth` seconds, one frame of 60 Hz: solvers alternate between too much and too
+    /// little force, and the sound must not depend on the rate of the log. The mean is causal and adds no latency; with frames of 1/60 s
+    /// or longer it has no effect. What exceeds `force_limit` times the larger of the median over `force_median` seconds and the weight is
     /// an impact, which ImpactForce makes audible, and is left out. The weight is that of the effective mass; if none is known, that of
     /// the mass that the first impact had. The summary has the share of the friction work (friction coefficient times force times slip
     /// times time) in frames that sound, `friction_work_heard`, and the share of the smoothed work in these that was left out as part of

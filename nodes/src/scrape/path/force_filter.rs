@@ -78,6 +78,12 @@ impl Recent {
         self.within(window).map(|[time, value]| time * value).sum::<f64>() / window
     }
 
+    /// Mean over what there is of a window.
+    fn mean_since_begin(&self, window: f64) -> f64 {
+        let sums = self.within(window).fold([0.0; 2], |[t, sum], [time, value]| [t + time, sum + time * value]);
+        if sums[0] > 0.0 { sums[1] / sums[0] } else { 0.0 }
+    }
+
     /// Median over a window; before the contact began the value was 0.
     fn median(&self, window: f64) -> f64 {
         let mut all = [[0.0; 2]; CAPACITY];
@@ -162,9 +168,11 @@ impl ForceFilter {
         let ForceRules { smooth, median, limit } = self.rules;
         contact.last = sample.tick;
         contact.raw.push(step, force, smooth);
-        // A frame longer than the window counts alone.
-        let smoothed = if step >= smooth { force } else { contact.raw.mean(smooth) };
-        contact.smooth.push(step, smoothed, median);
+        // A frame longer than the window counts alone. Frames of 1/60 s are means that are joined by straight lines; shorter ones are
+        // averaged twice, which leaves as little of the noise at high frequencies.
+        let mean = if step >= smooth { force } else { contact.raw.mean(smooth) };
+        contact.smooth.push(step, mean, median.max(smooth));
+        let smoothed = if step >= smooth { force } else { contact.smooth.mean_since_begin(smooth) };
         let limited = if step >= median {
             smoothed
         } else {
