@@ -25,7 +25,7 @@ const SMOOTHING: f64 = 0.02;
 /// Largest number of frames filled in for a gap.
 const MAX_MISSING: f64 = 64.0;
 /// Time for which a contact keeps its extent without an observation of it, s.
-const EXTENT_HOLD: f64 = 0.25;
+const EXTENT_HOLD: f64 = 1.0;
 
 /// Parameters of contact tracking.
 #[derive(Clone, Debug)]

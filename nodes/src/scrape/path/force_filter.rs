@@ -80,7 +80,8 @@ impl Recent {
 
     /// Mean over what there is of a window.
     fn mean_since_begin(&self, window: f64) -> f64 {
-        let sums = self.within(window).fold([0.0; 2], |[t, sum], [time, value]| [t + time, sum + time * value]);
+        let sums =
+            self.within(window).fold([0.0; 2], |[t, sum], [time, value]| [t + time, sum + time * value]);
         if sums[0] > 0.0 { sums[1] / sums[0] } else { 0.0 }
     }
 
@@ -221,7 +222,12 @@ mod tests {
     const RULES: ForceRules = ForceRules { smooth: 1.0 / 60.0, median: 0.1, limit: 2.0 };
 
     /// Forces over frames of a rate, as they leave the filter; the first has a speed of approach.
-    fn filtered(rate: f64, approach: f64, force: impl Fn(usize) -> f64, count: usize) -> (Vec<f64>, FrictionWork) {
+    fn filtered(
+        rate: f64,
+        approach: f64,
+        force: impl Fn(usize) -> f64,
+        count: usize,
+    ) -> (Vec<f64>, FrictionWork) {
         let mut filter = ForceFilter::new(RULES, 4);
         let frame = |k: usize| {
             let sample = ContactSample {
@@ -247,10 +253,15 @@ mod tests {
         // All of the force in every fourth frame of 240 Hz.
         let (out, work) = filtered(240.0, 0.0, |k| if k % 4 == 0 { 40.0 } else { 0.0 }, 100);
         assert!(out[60..].iter().all(|f| (f - 10.0).abs() < 1e-6), "{out:?}");
-        assert!((work.all - work.heard).abs() < 1e-9 && (share(work.limited, work.smoothed) - 1.0).abs() < 0.1);
+        assert!(
+            (work.all - work.heard).abs() < 1e-9 && (share(work.limited, work.smoothed) - 1.0).abs() < 0.1
+        );
         for rate in [30.0, 60.0] {
             let (out, _) = filtered(rate, 0.0, |k| 10.0 + (k % 2) as f64, 100);
-            assert!(out[20..].iter().enumerate().all(|(k, f)| (f - 10.0 - (k % 2) as f64).abs() < 1e-3), "{rate}");
+            assert!(
+                out[20..].iter().enumerate().all(|(k, f)| (f - 10.0 - (k % 2) as f64).abs() < 1e-3),
+                "{rate}"
+            );
         }
         // 1200 frames a second: half of the frames without force.
         let (out, _) = filtered(1200.0, 0.0, |k| if k % 2 == 0 { 20.0 } else { 0.0 }, 600);

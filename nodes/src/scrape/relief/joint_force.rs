@@ -91,7 +91,9 @@ impl JointForce {
                 (low[k], high[k]) = (low[k].min(position[k]), high[k].max(position[k]));
             }
         }
-        let Some(end) = to.checked_sub(1).and_then(|n| positions.get(n)).filter(|_| from < to) else { return };
+        let Some(end) = to.checked_sub(1).and_then(|n| positions.get(n)).filter(|_| from < to) else {
+            return;
+        };
         if creases.skip(voice, low, high, *end) {
             return;
         }

@@ -62,7 +62,8 @@ fn dilated(
         for (y, (c, dy)) in column.iter().zip(&across).enumerate() {
             let row = surface.wrap.index(y as i64 + i64::from(*dy), h);
             let dx = along.get(row * w + x).copied().unwrap_or_default();
-            if let (Some(position), Some(touch)) = (out.samples.get_mut(y * w + x), touch.get_mut(y * w + x)) {
+            if let (Some(position), Some(touch)) = (out.samples.get_mut(y * w + x), touch.get_mut(y * w + x))
+            {
                 (*position, *touch) = (*c, [dx, *dy]);
             }
         }

@@ -69,7 +69,10 @@ fn each_joint_has_the_impulse_of_its_width_and_the_speed() {
             for t in joints(gap, v, end) {
                 let [from, to] = [t - 0.002 / v, t + 0.02].map(|t| (t * FS) as usize);
                 let area = out[from..to.min(out.len())].iter().map(|f| f64::from(*f)).sum::<f64>() / FS;
-                assert!((area / right - 1.0).abs() < 0.01, "{gap} px at {v} m/s, {t} s: {area} for {right} N s");
+                assert!(
+                    (area / right - 1.0).abs() < 0.01,
+                    "{gap} px at {v} m/s, {t} s: {area} for {right} N s"
+                );
             }
         }
     }
@@ -89,7 +92,8 @@ fn each_joint_is_heard_over_the_rolling_between_them() {
             let level = db(rms(&out[start..start + window]) / rms(&out[between..between + window]));
             println!("{gap} mm at {v} m/s, {t:.3} s: {level:.1} dB over the rolling");
             assert!(level > 6.0, "{gap} mm at {v} m/s, {t} s: {level} dB");
-            let loudest = (start..start + window).max_by(|a, b| out[*a].abs().total_cmp(&out[*b].abs())).unwrap();
+            let loudest =
+                (start..start + window).max_by(|a, b| out[*a].abs().total_cmp(&out[*b].abs())).unwrap();
             peaks.push(loudest as f64 / FS);
         }
         assert!(peaks.len() >= 9, "{}", peaks.len());
@@ -99,7 +103,8 @@ fn each_joint_is_heard_over_the_rolling_between_them() {
 
 #[test]
 fn windows_change_no_bit_of_overlapping_impacts() {
-    let rough = Luma { grid: Grid::from_fn(256, 6, |x, y| ((x * 3 * x + 7 * y * x) % 101) as f32), ..tiles(1) };
+    let rough =
+        Luma { grid: Grid::from_fn(256, 6, |x, y| ((x * 3 * x + 7 * y * x) % 101) as f32), ..tiles(1) };
     let contact = |contact: u64, v: [f64; 2]| PathPiece { contact, ..piece([0.01, 0.002], v, 0.15) };
     let paths = vec![
         (ticks(0.0111), contact(1, [0.4, 0.1])),
