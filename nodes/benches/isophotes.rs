@@ -140,6 +140,7 @@ fn force(all: &Isophotes) -> Result<(), Box<dyn Error>> {
                     other: None,
                     force: [1.0; 2],
                     gain: [1.0; 2],
+                    mass: None,
                 };
                 pieces.push((ticks(1.0 / 60.0) * k, piece));
             }

@@ -46,6 +46,7 @@ fn contact(number: u64, speed: f64) -> Vec<(Tick, PathPiece)> {
                 other: Some([[0.1, 0.2], gap.map(|x| 0.5 * x), [0.0; 2], [0.0; 2]]),
                 force: [1.0, 2.0],
                 gain: [1.0; 2],
+                mass: None,
             };
             (Rate::hz(60).tick(k.into()), piece)
         })

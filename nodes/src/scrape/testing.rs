@@ -14,6 +14,7 @@ pub(crate) fn piece(from: [f64; 2], velocity: [f64; 2], duration: f64) -> PathPi
         other: None,
         force: [1.0; 2],
         gain: [1.0; 2],
+        mass: None,
     }
 }
 

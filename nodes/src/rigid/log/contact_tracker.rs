@@ -25,7 +25,7 @@ const SMOOTHING: f64 = 0.02;
 /// Largest number of frames filled in for a gap.
 const MAX_MISSING: f64 = 64.0;
 /// Time for which a contact retains its extent without an observation of it, s.
-const EXTENT_HOLD: f64 = 0.25;
+const EXTENT_HOLD: f64 = 1.0;
 
 /// Parameters of contact tracking.
 #[derive(Clone, Debug)]
@@ -240,10 +240,17 @@ impl<'a> ContactTracker<'a> {
         let gap = tick - track.last_tick;
         let missing = (gap as f64 / self.step as f64).round().clamp(1.0, MAX_MISSING) as i64 - 1;
         let step = gap / (missing + 1);
-        // The force is 0 in missing frames.
+        track.advance(new, seconds(gap), self.params.jump);
+        track.last_tick = tick;
+        let frame = self.contact_frame(&track, new, step);
+        // The force is 0 in missing frames, and the contact moves evenly: at rest it would jump after them.
         if let Some((at, old)) = self.frames.get(track.frame_index).copied() {
             for n in 1..=missing {
+                let share = n as f64 / (missing + 1) as f64;
+                let between = |a: Vec3, b: Vec3| add(a, scale(sub(b, a), share));
                 let frame = ContactFrame {
+                    point: between(old.point, frame.point),
+                    local: [0, 1].map(|k| between(old.local[k], frame.local[k])),
                     force: 0.0,
                     friction: old.friction.map(|_| [0.0; 3]),
                     approach: old.approach.map(|_| 0.0),
@@ -255,9 +262,6 @@ impl<'a> ContactTracker<'a> {
                 self.bridged += 1;
             }
         }
-        track.advance(new, seconds(gap), self.params.jump);
-        track.last_tick = tick;
-        let frame = self.contact_frame(&track, new, step);
         track.frame_index = self.frames.len();
         self.frames.push((tick, frame));
         if let Some(slot) = self.tracks.get_mut(k) {

@@ -141,6 +141,7 @@ impl<S: Clone> Voices<S> {
             other: None,
             force: [0.0; 2],
             gain: [0.0; 2],
+            mass: None,
         };
         let voice = Voice { start: Tick::MIN, end: Tick::MIN, piece, state: blank };
         let voices = vec![voice; count.max(1)];

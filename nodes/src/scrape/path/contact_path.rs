@@ -1,5 +1,6 @@
 //! The node around [`Tracker`].
 
+use super::force_filter::{ForceFilter, ForceRules, FrameForce, share, step};
 use super::piece::PathPiece;
 use super::queue::Queue;
 use super::sample::{ContactSample, PathRules};
@@ -76,6 +77,14 @@ params! {
     /// Frames may come at any rate and unevenly; `frame` is the longest expected interval. Kinds of contact with an amplitude of 0 are
     /// followed, but silent.
     ///
+    /// The force is averaged twice over the last `force_smooth` seconds, one frame of 60 Hz: solvers alternate between too much and too
+    /// little force, and the sound must not depend on the rate of the log. The mean is causal and adds no latency; with frames of 1/60 s
+    /// or longer it has no effect. What exceeds `force_limit` times the larger of the median over `force_median` seconds and the weight is
+    /// an impact, which ImpactForce makes audible, and is left out. The weight is that of the effective mass; if none is known, that of
+    /// the mass that the first impact had. The summary has the share of the friction work (friction coefficient times force times slip
+    /// times time) in frames that sound, `friction_work_heard`, and the share of the smoothed work in these that was left out as part of
+    /// impacts, `friction_work_of_impacts`.
+    ///
     /// # Source
     /// Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section 4: contacts at the
     /// rate of the physics, forces at that of the sound. The interpolation between both is a choice.
@@ -103,7 +112,7 @@ params! {
         /// Amplitude of contacts between rolling and sliding.
         mixed: f32 = 1.0, unit "", range 0.0..=1000.0_f32;
         /// Amplitude of contacts that neither slide, roll nor rest.
-        unsteady: f32 = 0.0, unit "", range 0.0..=1000.0_f32;
+        unsteady: f32 = 1.0, unit "", range 0.0..=1000.0_f32;
         /// Interpolation between two frames.
         mode: PathMode = PathMode::Hermite;
         /// Origin of velocities over the surface.
@@ -115,6 +124,12 @@ params! {
         join: bool = false;
         /// Time constant of a low-pass over the positions against such noise; 0 for none, 0.02 for rough engines.
         smooth: f64 = 0.0, unit "s", range 0.0..=1.0;
+        /// Time over which the force is averaged; 0 for none.
+        force_smooth: f64 = 0.0166666666667, unit "s", range 0.0..=1.0;
+        /// Time of the median to which the force is compared; 0 for no limit.
+        force_median: f64 = 0.1, unit "s", range 0.0..=1.0;
+        /// Largest force over the larger of median and weight.
+        force_limit: f64 = 2.0, unit "", range 1.0..=1_000_000.0;
         /// Distance from the predicted position beyond which a contact has jumped, in pixels of the map.
         teleport: f64 = 8.0, unit "px", range 0.01..=1_000_000.0;
         /// Pixels per metre of that map without a linked image.
@@ -150,7 +165,8 @@ pub struct ContactPath {
     tracker: Tracker,
     queue: Queue,
     /// Contacts of one pair at one time, while they are being joined.
-    pairs: Vec<(ContactSample, f64)>,
+    pairs: Vec<(ContactSample, FrameForce, f64)>,
+    forces: ForceFilter,
     /// All contacts before this time have been processed.
     processed: Tick,
     /// Pixels per metre of the linked image.
@@ -169,6 +185,10 @@ fn rules(p: &ContactPathParams, density: Option<f64>) -> PathRules {
     }
 }
 
+fn force_rules(p: &ContactPathParams) -> ForceRules {
+    ForceRules { smooth: p.force_smooth, median: p.force_median, limit: p.force_limit }
+}
+
 fn axes(p: &ContactPathParams) -> Result<[Vec3; 2], Reject> {
     let refuse = |field: &str, message: String| {
         let help = "give two directions in the surface, such as u: [1, 0, 0] and v: [0, 1, 0]";
@@ -181,6 +201,16 @@ fn axes(p: &ContactPathParams) -> Result<[Vec3; 2], Reject> {
         return Err(refuse("v", format!("`u` {:?} and `v` {:?} point the same way", p.u, p.v)));
     }
     Ok([u, v])
+}
+
+/// What the force of a contact depends on.
+fn frame_force(contact: &ContactState) -> FrameForce {
+    let frame = &contact.frame;
+    let along: f32 = frame.velocity.iter().zip(frame.normal).map(|(v, n)| v * n).sum();
+    let approach = f64::from(frame.approach.unwrap_or(along.abs()));
+    let slip = f64::from(contact.sliding);
+    let known = |x: f64| if x.is_finite() { x.max(0.0) } else { 0.0 };
+    FrameForce { step: step(frame.interval), approach: known(approach), slip: known(slip) }
 }
 
 impl ContactPath {
@@ -218,19 +248,21 @@ impl ContactPath {
             other: p.both.then(|| self.axes.map(|axis| dot(frame.local[1 - side], axis))),
             force: frame.force.max(0.0),
             gain: self.weight(contact.state),
+            mass: frame.mass.filter(|m| m.is_finite() && *m > 0.0),
             begins: frame.begins,
             ends: frame.ends,
         }
     }
 
     /// Merges a contact into the one of its pair.
-    fn gather(&mut self, sample: ContactSample, bodies: [u32; 2]) {
+    fn gather(&mut self, sample: ContactSample, frame: FrameForce, bodies: [u32; 2]) {
         let contact = PathPiece::pair(bodies);
         let sample = ContactSample { contact, ..sample };
         let weight = f64::from(sample.force) + 1e-9;
-        let Some((pair, total)) = self.pairs.iter_mut().find(|(pair, _)| pair.contact == contact) else {
+        let found = self.pairs.iter_mut().find(|(pair, ..)| pair.contact == contact);
+        let Some((pair, pair_frame, total)) = found else {
             if self.pairs.len() < usize::from(self.params.most) {
-                self.pairs.push((sample, weight));
+                self.pairs.push((sample, frame, weight));
             } else {
                 self.tracker.left_out += 1;
             }
@@ -239,7 +271,7 @@ impl ContactPath {
         if sample.ends != pair.ends {
             // Contacts that end do not count among those that last.
             if pair.ends {
-                (*pair, *total) = (sample, weight);
+                (*pair, *pair_frame, *total) = (sample, frame, weight);
             }
             pair.begins = false;
             return;
@@ -251,8 +283,16 @@ impl ContactPath {
         pair.other = pair.other.zip(sample.other).map(|(a, b)| mix(a, b));
         pair.gain += share as f32 * (sample.gain - pair.gain);
         pair.force += sample.force;
+        pair_frame.slip += share * (frame.slip - pair_frame.slip);
+        pair_frame.approach = pair_frame.approach.max(frame.approach);
         pair.begins &= sample.begins;
         *total += weight;
+    }
+
+    /// Passes a contact on with the force that presses on its path.
+    fn follow(&mut self, sample: ContactSample, frame: &FrameForce) {
+        let force = self.forces.take(&sample, frame);
+        self.tracker.frame(&ContactSample { force, ..sample }, &mut self.queue);
     }
 
     /// Processes the contacts of one time.
@@ -266,15 +306,15 @@ impl ContactPath {
                 continue;
             }
             self.tracker.due(*tick, &mut self.queue);
-            let sample = self.sample(*tick, contact);
+            let (sample, frame) = (self.sample(*tick, contact), frame_force(contact));
             if self.params.join {
-                self.gather(sample, contact.frame.bodies);
+                self.gather(sample, frame, contact.frame.bodies);
             } else {
-                self.tracker.frame(&sample, &mut self.queue);
+                self.follow(sample, &frame);
             }
         }
-        while let Some((sample, _)) = self.pairs.pop() {
-            self.tracker.frame(&sample, &mut self.queue);
+        while let Some((sample, frame, _)) = self.pairs.pop() {
+            self.follow(sample, &frame);
         }
     }
 }
@@ -283,7 +323,7 @@ impl Node for ContactPath {
     type Params = ContactPathParams;
     type Ports = ContactPathPorts;
     const NAME: &'static str = "ContactPath";
-    const VERSION: u32 = 3;
+    const VERSION: u32 = 4;
     const CLASS: Class = Class::Audio;
     const COST: f64 = 50.0;
 
@@ -308,6 +348,7 @@ impl Node for ContactPath {
             tracker: Tracker::new(rules(p, density), room),
             queue: Queue::new(WAITING * room),
             pairs: Vec::with_capacity(room),
+            forces: ForceFilter::new(force_rules(p), room),
             params: p.clone(),
             processed: Tick::MIN,
             density,
@@ -338,6 +379,11 @@ impl Node for ContactPath {
         let left_out = t.left_out + self.queue.left_out;
         let others = [("late_frames", t.late), ("stalls", t.stalls), ("left_out", left_out)];
         summary.extend(others.into_iter().filter(|(_, n)| *n > 0).map(|(name, n)| (name, n.into())));
+        let work = self.forces.work;
+        if work.all > 0.0 {
+            summary.push(("friction_work_heard", share(work.heard, work.all).into()));
+            summary.push(("friction_work_of_impacts", (1.0 - share(work.limited, work.smoothed)).into()));
+        }
         Ok(summary)
     }
 
@@ -348,6 +394,7 @@ impl Node for ContactPath {
             Ok(axes) if same && (new.frame_of, new.join) == (self.params.frame_of, self.params.join) => {
                 self.axes = axes;
                 self.tracker.set_rules(rules(new, self.density));
+                self.forces.set_rules(force_rules(new));
                 self.params = new.clone();
                 Retune::Done
             }
@@ -357,13 +404,14 @@ impl Node for ContactPath {
 
     fn adopt(&mut self, old: &mut Self) {
         self.tracker.take_state(&old.tracker);
+        self.forces.take_state(&old.forces);
         self.queue.take_state(&old.queue);
         if rules(&old.params, None).latency() == rules(&self.params, None).latency() {
             self.processed = old.processed;
         }
     }
 
-    archive_state!(tracker, queue, pairs, processed);
+    archive_state!(tracker, queue, pairs, forces, processed);
 
     fn trial(rng: &mut Rng) -> (ContactPathParams, MemoryFiles) {
         let params = ContactPathParams::trial(rng);

@@ -138,6 +138,7 @@ fn piece(
         other: contact.other.map(|share| position.map(|c| c.map(|x| share * x))),
         force: force.map(|f| f as f32),
         gain,
+        mass: None,
     }
 }
 

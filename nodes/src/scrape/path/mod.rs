@@ -1,6 +1,7 @@
 //! Paths of contacts over a surface, as polynomials: from contacts of a physics engine, or drawn.
 
 pub mod contact_path;
+pub(super) mod force_filter;
 mod hermite;
 pub(super) mod knots;
 pub mod other_surface;

@@ -29,6 +29,9 @@ pub struct PathPiece {
     pub force: [f32; 2],
     /// Amplitude at its start and end: fades, kinds of contact, levels of detail.
     pub gain: [f32; 2],
+    /// Effective mass of the two bodies, kg, if known.
+    #[serde(default)]
+    pub mass: Option<f32>,
 }
 
 impl PathPiece {
@@ -118,6 +121,7 @@ impl Event for PathPiece {
             other: (rng.below(2) == 0).then_some(position),
             force: [rng.between(0.0, 20.0) as f32, rng.between(0.0, 20.0) as f32],
             gain: [rng.uniform() as f32, rng.uniform() as f32],
+            mass: (rng.below(2) == 0).then_some(0.2),
         }
     }
 }

@@ -21,6 +21,8 @@ pub struct ContactSample {
     pub force: f32,
     /// Amplitude by the kind of contact.
     pub gain: f32,
+    /// Effective mass of the pair, kg, if known.
+    pub mass: Option<f32>,
     /// The first frame of a contact.
     pub begins: bool,
     /// The contact has ended.

@@ -369,6 +369,7 @@ impl Tracker {
             other: other.map(|o| o.0),
             force: [contact.force.max(0.0), end.force.max(0.0)],
             gain: [contact.gain, end.gain],
+            mass: end.mass,
         };
         self.pieces += 1;
         contact.path = Some((contact.known, piece));

@@ -1,6 +1,8 @@
 //! Excitation from heights: two surfaces on each other, or a ball that rolls over one.
 
+mod creases;
 pub(super) mod heights;
+mod joint_force;
 pub(super) mod pair_force;
 mod rolling_ball;
 mod size_fade;

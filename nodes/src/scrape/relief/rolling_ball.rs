@@ -18,6 +18,11 @@ const ROUND: [f64; 2] = [4.0, 8.0];
 /// Felzenszwalb and Huttenlocher, "Distance transforms of sampled functions" (2012), turned upside down.
 #[must_use]
 pub fn rolled_over(heights: &Grid, surface: &Surface, radius: f64) -> Grid {
+    dilated(heights, surface, radius, between_pixels).0
+}
+
+/// The same with the pixel that the ball touches, counted from each pixel.
+pub(super) fn rolled_with_touch(heights: &Grid, surface: &Surface, radius: f64) -> (Grid, Vec<[i32; 2]>) {
     dilated(heights, surface, radius, between_pixels)
 }
 
@@ -29,13 +34,13 @@ fn between_pixels([before, top, after]: [f64; 3], bend: f64) -> f64 {
     if own > 0.0 { round * (after - before).powi(2) / (8.0 * own) } else { 0.0 }
 }
 
-/// The dilation, where `rise` is the height of the touching point above the highest pixel and its neighbours.
+/// The dilation and the touched pixels, where `rise` is the height of the touching point above the highest pixel and its neighbours.
 fn dilated(
     heights: &Grid,
     surface: &Surface,
     radius: f64,
     rise: impl Fn([f64; 3], f64) -> f64 + Copy,
-) -> Grid {
+) -> (Grid, Vec<[i32; 2]>) {
     let bend = |density: f64| 1.0 / (2.0 * radius * density * density);
     let [bx, by] = surface.density.map(bend);
     let ends = |(low, high): (f32, f32), h: &f32| (low.min(*h), high.max(*h));
@@ -45,21 +50,26 @@ fn dilated(
     let (w, h) = (heights.width, heights.height);
     let mut envelope = Envelope::default();
     let mut out = heights.clone();
-    for row in out.samples.chunks_exact_mut(w.max(1)) {
-        envelope.over(row, bx, reach(bx, w), surface.wrap, rise);
+    let mut along = vec![0; out.samples.len()];
+    for (row, along) in out.samples.chunks_exact_mut(w.max(1)).zip(along.chunks_exact_mut(w.max(1))) {
+        envelope.over(row, along, bx, reach(bx, w), surface.wrap, rise);
     }
-    let mut column = vec![0.0; h];
+    let (mut column, mut across) = (vec![0.0; h], vec![0; h]);
+    let mut touch = vec![[0; 2]; out.samples.len()];
     for x in 0..w {
         let from = |y: usize| out.samples.get(y * w + x).copied().unwrap_or_default();
         column.iter_mut().enumerate().for_each(|(y, c)| *c = from(y));
-        envelope.over(&mut column, by, reach(by, h), surface.wrap, rise);
-        for (y, c) in column.iter().enumerate() {
-            if let Some(position) = out.samples.get_mut(y * w + x) {
-                *position = *c;
+        envelope.over(&mut column, &mut across, by, reach(by, h), surface.wrap, rise);
+        for (y, (c, dy)) in column.iter().zip(&across).enumerate() {
+            let row = surface.wrap.index(y as i64 + i64::from(*dy), h);
+            let dx = along.get(row * w + x).copied().unwrap_or_default();
+            if let (Some(position), Some(touch)) = (out.samples.get_mut(y * w + x), touch.get_mut(y * w + x))
+            {
+                (*position, *touch) = (*c, [dx, *dy]);
             }
         }
     }
-    out
+    (out, touch)
 }
 
 /// The highest of parabolas that open downwards, one on each sample of a line.
@@ -76,6 +86,7 @@ impl Envelope {
     fn over(
         &mut self,
         row: &mut [f32],
+        touch: &mut [i32],
         bend: f64,
         reach: usize,
         wrap: Wrap,
@@ -105,12 +116,14 @@ impl Envelope {
             self.from.push(at);
         }
         let mut k = 0;
-        for (x, out) in row.iter_mut().enumerate() {
-            let x = (x + reach) as f64;
+        for (x, (out, touch)) in row.iter_mut().zip(touch).enumerate() {
+            let middle = x + reach;
+            let x = middle as f64;
             while self.from.get(k + 1).is_some_and(|from| *from < x) {
                 k += 1;
             }
             let Some(&p) = self.tops.get(k) else { continue };
+            *touch = p as i32 - middle as i32;
             let height = |j: usize| self.line.get(j).map(|f| f - bend * (x - j as f64).powi(2));
             let Some(top) = height(p) else { continue };
             let around = p.checked_sub(1).and_then(height).zip(height(p + 1));
@@ -143,7 +156,7 @@ mod tests {
         });
         for wrap in [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp] {
             let surface = Surface { density: [1000.0, 1500.0], wrap, ..Surface::default() };
-            let fast = dilated(&heights, &surface, 0.02, |_, _| 0.0);
+            let fast = dilated(&heights, &surface, 0.02, |_, _| 0.0).0;
             for y in 0..13_i64 {
                 for x in 0..19_i64 {
                     let mut best = f64::MIN;
@@ -171,7 +184,7 @@ mod tests {
         let slope = |s: f64| -0.5 * depth * k * (k * s).sin();
         let grid = Grid::from_fn(512, 4, |x, _| height(x as f64 / density) as f32);
         let z = rolled_over(&grid, &surface(density), radius);
-        let plain = dilated(&grid, &surface(density), radius, |_, _| 0.0);
+        let plain = dilated(&grid, &surface(density), radius, |_, _| 0.0).0;
         let (mut worst, mut rattle) = (0.0_f64, 0.0_f64);
         for x in 0..512 {
             let at = x as f64 / density;

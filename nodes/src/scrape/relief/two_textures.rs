@@ -1,8 +1,9 @@
 //! The node around [`PairForce`] and the map of a rolling ball.
 
+use super::creases::{CreaseVoice, Creases, ball_map_and_creases};
 use super::heights::{Relief, heights};
+use super::joint_force::{JointForce, JointParams};
 use super::pair_force::PairForce;
-use super::rolling_ball::ball_map;
 use super::size_fade::SizeFade;
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
@@ -12,6 +13,8 @@ use crate::core::params::Params;
 use crate::core::ports::{Events, Stream, Value};
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
+use crate::core::time::ticks;
+use crate::modal::impact::pulse::LONGEST;
 use crate::scrape::force::contact_force_params::ContactForceParams;
 use crate::scrape::force::law::Law;
 use crate::scrape::force::motion::Heading;
@@ -36,12 +39,19 @@ params! {
     /// not reach the bottom of gaps narrower than itself, and hits the edges of each. This is computed before the sound
     /// starts; afterwards the cost is that of MapExcitation.
     ///
-    /// If paths have no position on the other surface, that position is constant. `gain`, `kappa`, `a_exponent` and
-    /// `scale` can change while the node runs and ramp over 20 ms. A link to `kappa` replaces the number.
+    /// Where the touching point of the ball jumps, as over a joint, the slope of its path jumps by `ds`: the distance between both
+    /// points over the radius, `g/R` for a groove of width `g`. The ball lands on the far edge at the normal speed `v ds`, an impact
+    /// of `J = impacts gain m v ds (1 + restitution)`, whose pulse follows the Hertz law of ImpactForce (`tau`, `energy_ref`,
+    /// `hardness`, `shape`) and adds to the force of the slope. `m` is the effective mass of the contact, or `mass` if it has none. It does
+    /// not depend on `kappa` or on the normal force, as long as there is one. While `scale` ramps there are no impacts. With `b`
+    /// there are none either: impacts are those of a smooth ball. The summary counts them as `impacts`.
+    ///
+    /// Where paths have no position on the other surface, that position is constant. `gain`, `kappa`, `a_exponent` and `scale` can change
+    /// while the node runs and ramp over 20 ms. A link to `kappa` replaces the number.
     ///
     /// # Source
     /// Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section 6, leaves two
-    /// textures to future work; the joint envelope is a choice.
+    /// textures to future work; the joint envelope is a choice, and so are impacts at its creases.
     pub struct TwoTexturesParams {
         /// Common radius of curvature at the contact: 1/R = 1/R_A + 1/R_B.
         radius: f64 = 0.02, unit "m", range 0.0001..=10.0;
@@ -53,6 +63,8 @@ params! {
         a_exponent: f64 = 1.0, unit "", range 0.0..=2.0;
         /// Force and contacts.
         [group] contact: ContactForceParams;
+        /// Impacts at joints.
+        [group] joints: JointParams;
     }
 }
 ports! {
@@ -77,7 +89,7 @@ ports! {
 /// Method by which the force is computed.
 #[derive(Debug)]
 enum Method {
-    Ball(Box<(SurfaceMap, MapForce)>),
+    Ball(Box<(SurfaceMap, MapForce, Creases)>),
     Pair(Box<([Relief; 2], PairForce, SizeFade)>),
 }
 
@@ -88,7 +100,8 @@ pub struct TwoTextures {
     /// The linked strength.
     kappa: Option<Strength>,
     method: Method,
-    voices: Voices<(Heading, MapVoice)>,
+    joints: JointForce,
+    voices: Voices<(Heading, MapVoice, CreaseVoice)>,
 }
 
 /// The law of the parameters; a linked strength replaces the number.
@@ -110,11 +123,12 @@ impl Node for TwoTextures {
     type Params = TwoTexturesParams;
     type Ports = TwoTexturesPorts;
     const NAME: &'static str = "TwoTextures";
-    const VERSION: u32 = 5;
+    const VERSION: u32 = 6;
     const CLASS: Class = Class::Audio;
     const COST: f64 = 50.0;
 
     fn shape(p: &TwoTexturesParams, s: &mut Shape<'_, '_, TwoTexturesPorts>) -> Result<(), Reject> {
+        s.tail(ticks(LONGEST) + p.contact.rate.span(9));
         s.output(TwoTexturesPorts::force, p.contact.rate, Channels(1));
         Ok(())
     }
@@ -134,25 +148,35 @@ impl Node for TwoTextures {
             let force = PairForce::new(law, p.taps.into(), p.radius, range);
             Method::Pair(Box::new((reliefs, force, SizeFade::new(p.contact.scale, rate))))
         } else {
-            let map = ball_map(&heights(&a), &a.surface, p.radius);
-            Method::Ball(Box::new((map, MapForce::new(law, p.contact.scale, Interp::Bspline3, rate))))
+            let (map, creases) = ball_map_and_creases(&heights(&a), &a.surface, p.radius);
+            let force = MapForce::new(law, p.contact.scale, Interp::Bspline3, rate);
+            Method::Ball(Box::new((map, force, creases)))
         };
-        let blank = (Heading::default(), MapVoice::default());
+        let blank = Default::default();
+        let joints = JointForce::new(&p.joints, p.contact.gain, rate, p.contact.contacts.into());
         let voices = Voices::new(p.contact.contacts.into(), p.contact.rate, blank);
-        Ok(Self { kappa, method, voices, params: p.clone() })
+        Ok(Self { kappa, method, joints, voices, params: p.clone() })
     }
 
     fn run(&mut self, mut io: TwoTexturesIo<'_>) -> Result<(), Fault> {
         let (first, out) = (io.force.first(), io.force.items());
-        let (object, method) = (self.params.contact.object, &mut self.method);
-        self.voices.play(
+        let object = self.params.contact.object;
+        let mut both = (&mut self.method, &mut self.joints);
+        self.voices.play_cells(
             io.paths.events(),
             object,
             first,
             out,
+            &mut both,
             |_| Default::default(),
-            |(heading, voice), segment, out| match method {
-                Method::Ball(ball) => ball.1.add(&ball.0, voice, segment, out),
+            |(method, joints), (heading, voice, crease), segment, out| match method {
+                Method::Ball(ball) => {
+                    ball.1.add(&ball.0, voice, segment, out);
+                    match ball.1.scale.settled(segment.anchor).filter(|_| joints.params.impacts > 0.0) {
+                        Some(size) => joints.find(&ball.2, size, crease, segment),
+                        None => *crease = CreaseVoice::default(),
+                    }
+                }
                 Method::Pair(pair) => {
                     let ([a, b], force, size) = &mut **pair;
                     let before = *heading;
@@ -162,13 +186,21 @@ impl Node for TwoTextures {
                     });
                 }
             },
+            |(_, joints), first, out| joints.add(first, out),
         );
         self.voices.made(first, out);
         Ok(())
     }
 
     fn finish(&mut self, _: TwoTexturesIo<'_>) -> Result<Summary, Fault> {
-        Ok(self.voices.summary())
+        let mut summary = self.voices.summary();
+        if matches!(self.method, Method::Ball(_)) {
+            summary.push(("impacts", self.joints.count.into()));
+        }
+        if self.joints.left_out > 0 {
+            summary.push(("impacts_left_out", self.joints.left_out.into()));
+        }
+        Ok(summary)
     }
 
     fn retune(&mut self, new: &TwoTexturesParams) -> Retune {
@@ -187,15 +219,17 @@ impl Node for TwoTextures {
                 pair.2.ramp_to(new.contact.scale, self.voices.now());
             }
         }
+        (self.joints.params, self.joints.gain) = (new.joints.clone(), new.contact.gain);
         self.params = new.clone();
         Retune::Done
     }
 
     fn adopt(&mut self, old: &mut Self) {
         self.voices.take_state(&old.voices);
+        self.joints.take_state(&old.joints);
     }
 
-    archive_state!(voices);
+    archive_state!(joints, voices);
 
     fn trial(rng: &mut Rng) -> (TwoTexturesParams, MemoryFiles) {
         let params = TwoTexturesParams::trial(rng);

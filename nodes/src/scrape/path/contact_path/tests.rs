@@ -262,3 +262,5 @@ fn edits_while_it_sounds_do_not_move_the_path() {
         }
     }
 }
+
+mod rates;

@@ -37,6 +37,7 @@ fn sample(time: f64, position: [f64; 2], velocity: [f64; 2]) -> ContactSample {
         other: None,
         force: 2.0,
         gain: 1.0,
+        mass: None,
         begins: false,
         ends: false,
     }

@@ -4,13 +4,17 @@ use crate::core::standalone::{Feed, Standalone};
 use crate::core::time::Rate;
 use crate::core::time::{Tick, ticks};
 use crate::scrape::force::contact_force_params::ContactForceParams;
+use crate::scrape::relief::joint_force::JointParams;
 use crate::scrape::testing::{db, piece, rates_apart, rms};
 use crate::texture::{Grid, LumaKind, Surface};
 
 const FS: f64 = 44_100.0;
 
+/// Parameters without impacts at joints, whose tests stand beside them.
 fn params() -> TwoTexturesParams {
+    let joints = JointParams { impacts: 0.0, ..TwoTexturesParams::read(&|_| None).unwrap().joints };
     TwoTexturesParams {
+        joints,
         contact: ContactForceParams {
             rate: Rate::hz(44_100),
             ..TwoTexturesParams::read(&|_| None).unwrap().contact
