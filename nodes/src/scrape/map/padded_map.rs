@@ -275,10 +275,12 @@ impl Patch<1> {
 }
 
 /// The whole number at or below a position, and the fraction beyond it; without `floor`, often a call.
+///
+/// Beyond the range of an `i32`, where nothing is read, it wraps: a piece shorter than a sample is evaluated far beyond its end.
 #[inline(always)]
 fn split(x: f32) -> (i32, f32) {
     let toward_zero = x as i32;
-    let whole = toward_zero - i32::from(toward_zero as f32 > x);
+    let whole = toward_zero.wrapping_sub(i32::from(toward_zero as f32 > x));
     (whole, x - whole as f32)
 }
 
