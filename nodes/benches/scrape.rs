@@ -126,6 +126,7 @@ fn paths() -> f64 {
                     other: None,
                     force: 1.0,
                     gain: 1.0,
+                    mass: None,
                     begins: false,
                     ends: false,
                 };
