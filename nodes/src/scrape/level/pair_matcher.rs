@@ -44,6 +44,10 @@ params! {
     /// FeatureCrossings together with the noise of both surfaces, of both noises alone, and of both noises from their spectra. Link them
     /// to the `kappa` of the excitations. An output without the input that it needs is 0.
     ///
+    /// Reliefs end at half of the pixels of their images per metre. The slopes of `detail_a` and `detail_b` continue them, and all together
+    /// are the reference. A NoiseExcitation of detail needs the exponents `a` of `relief_law` and `b: 1`, since a relief acts by the speed at
+    /// which its heights change.
+    ///
     /// The noises share their power in the ratio of the slopes of their maps, in metres of height per second of motion. Together with
     /// crossings, their share is that of these slopes in the slopes of the whole reliefs, or one half without a noise map.
     ///
@@ -105,6 +109,10 @@ ports! {
             spectrum_a: Option<Value<NoiseProfile>>,
             /// Noise of the second surface from a spectrum.
             spectrum_b: Option<Value<NoiseProfile>>,
+            /// Detail of the first surface finer than its image, beside the reliefs: a NoiseProfile with `part: Detail`.
+            detail_a: Option<Value<NoiseProfile>>,
+            /// Detail of the second surface.
+            detail_b: Option<Value<NoiseProfile>>,
             /// Modes of the scraped object.
             modes: Option<Value<Modes>>,
         }
@@ -125,6 +133,10 @@ ports! {
             only_spectrum_a: Value<Strength>,
             /// Strength of the second noise from a spectrum, together with the first noise only.
             only_spectrum_b: Value<Strength>,
+            /// Strength of the detail of the first surface beside the reliefs.
+            full_detail_a: Value<Strength>,
+            /// Strength of the detail of the second surface beside the reliefs.
+            full_detail_b: Value<Strength>,
         }
     }
 }
@@ -142,12 +154,15 @@ struct Pair<'a> {
     lines: Option<CrossingForce>,
     noises: [Option<NoiseBands>; 2],
     alike: [Option<NoiseBands>; 2],
+    details: [Option<NoiseBands>; 2],
+    /// Slopes of the surfaces in m per m for changes of luminance of 1 per pixel.
+    steepness: [f64; 2],
     /// Share of the noises in the power of crossings and noises, and of the second noise in that of both.
     shares: [f64; 2],
 }
 
 /// Strengths at one speed, in the order of the outputs.
-type Found = [f64; 8];
+type Found = [f64; 10];
 
 /// Mean square of the slopes of a relief in m per m, and the share that its noise has in it.
 fn slopes(luma: &Luma, rest: Option<&NoiseMap>, field: &'static str) -> Result<[f64; 2], Reject> {
@@ -196,6 +211,11 @@ impl<'a> Pair<'a> {
                 io.spectrum_a.map(first_bands).transpose()?,
                 io.spectrum_b.map(second_bands).transpose()?,
             ],
+            details: [io.detail_a.map(first_bands).transpose()?, io.detail_b.map(second_bands).transpose()?],
+            steepness: [io.a, io.b].map(|luma| {
+                let [x, y] = luma.surface.density;
+                luma.surface.depth / f64::from(luma.kind.max()) * (x * y).sqrt()
+            }),
             shares: [part(noise[0] + noise[1], first + second), part(noise[1], noise[0] + noise[1])],
         })
     }
@@ -207,6 +227,17 @@ impl<'a> Pair<'a> {
 
     fn loud(&self, sound: &[f32]) -> f64 {
         loudness(sound, self.p.stroke.weighting)
+    }
+
+    /// Sound of both reliefs with their detail, of strength 1.
+    fn whole(&self, strokes: [&StandardStroke; 2]) -> Result<Vec<f32>, Fault> {
+        let mut all = self.reliefs(strokes[0])?;
+        for k in 0..2 {
+            let Some(bands) = &self.details[k] else { continue };
+            let detail = self.rendered(strokes[k].noise(bands, [self.p.relief_law, 1.0]))?;
+            all = sum([&all, &detail], [1.0, self.steepness[k]]);
+        }
+        Ok(all)
     }
 
     fn reliefs(&self, stroke: &StandardStroke) -> Result<Vec<f32>, Fault> {
@@ -253,7 +284,7 @@ impl<'a> Pair<'a> {
         let stroke = StandardStroke::new(&self.a.surface, size, speed, self.p.stroke.force);
         let stroke = stroke.over_both(self.p.other);
         let strokes = [&stroke, &stroke.on_other()];
-        let wanted = self.p.kappa * self.loud(&self.reliefs(&stroke)?);
+        let wanted = self.p.kappa * self.loud(&self.whole(strokes)?);
         let crossings = self.crossings(&stroke)?;
         let ([a, b], noise) = self.both(strokes, &self.noises)?;
         let ([c, d], _) = self.both(strokes, &self.alike)?;
@@ -263,7 +294,8 @@ impl<'a> Pair<'a> {
             parts(wanted, [&crossings, &noise], self.shares[0], self.p.stroke.weighting)
         };
         let [all, full] = [wanted, self.p.kappa];
-        Ok([full, lines, beside * a, beside * b, all * a, all * b, all * c, all * d])
+        let [e, f] = [0, 1].map(|k| if self.details[k].is_some() { full * self.steepness[k] } else { 0.0 });
+        Ok([full, lines, beside * a, beside * b, all * a, all * b, all * c, all * d, e, f])
     }
 }
 
@@ -302,6 +334,8 @@ impl Func for PairMatcher {
             ("only_noise_b", &mut io.only_noise_b, second),
             ("only_spectrum_a", &mut io.only_spectrum_a, first),
             ("only_spectrum_b", &mut io.only_spectrum_b, second),
+            ("full_detail_a", &mut io.full_detail_a, first),
+            ("full_detail_b", &mut io.full_detail_b, second),
         ]
         .into_iter()
         .enumerate()
