@@ -2,7 +2,7 @@
 
 use super::level_matcher::bands;
 use super::matching::{
-    StrokeParams, TuningParams, by_speed, factor, fastest, loudness, parts, rendered, share, sum,
+    StrokeParams, TuningParams, by_speed, factor, fastest, loudness, rendered, rms, share, sum,
 };
 use super::standard_stroke::{RATE, StandardStroke, exponents};
 use crate::core::fault::{Fault, Reject};
@@ -48,8 +48,9 @@ params! {
     /// are the reference. A NoiseExcitation of detail needs the exponents `a` of `relief_law` and `b: 1`, since a relief acts by the speed at
     /// which its heights change.
     ///
-    /// The noises share their power in the ratio of the slopes of their maps, in metres of height per second of motion. Together with
-    /// crossings, their share is that of these slopes in the slopes of the whole reliefs, or one half without a noise map.
+    /// Within a level the forces have the ratio that they have on the surfaces: noises the slopes of their maps, in metres of height per
+    /// second of motion, and crossings the rest of the power of the reliefs, after the share of these slopes in the slopes of the whole
+    /// reliefs, or one half without a noise map.
     ///
     /// A strength is found for each quarter of an octave up to two octaves below and above `speed`, and read at the speed of the contact;
     /// without `by_speed` for `speed` only. A relief of twice the size is twice as high, and strengths follow that: all levels are equally
@@ -225,77 +226,66 @@ impl<'a> Pair<'a> {
             .map_err(|e| Reject::new("F078", e.to_string()).at("modes").into())
     }
 
-    fn loud(&self, sound: &[f32]) -> f64 {
-        loudness(sound, self.p.stroke.weighting)
-    }
-
-    /// Sound of both reliefs with their detail, of strength 1.
-    fn whole(&self, strokes: [&StandardStroke; 2]) -> Result<Vec<f32>, Fault> {
-        let mut all = self.reliefs(strokes[0])?;
-        for k in 0..2 {
-            let Some(bands) = &self.details[k] else { continue };
-            let detail = self.rendered(strokes[k].noise(bands, [self.p.relief_law, 1.0]))?;
-            all = sum([&all, &detail], [1.0, self.steepness[k]]);
-        }
-        Ok(all)
-    }
-
-    fn reliefs(&self, stroke: &StandardStroke) -> Result<Vec<f32>, Fault> {
+    fn reliefs(&self, stroke: &StandardStroke) -> Vec<f32> {
         let [a, b] = &self.reliefs;
         let law = exponents([self.p.relief_law, 0.0]);
         let mut force = PairForce::new(law, self.p.taps.into(), self.p.radius, a.range() + b.range());
-        self.rendered(stroke.draw(
+        stroke.draw(
             &mut force,
             |_| Heading::default(),
             |force, heading, segment, out| force.add([a, b], heading, segment, out),
             |_, _, _| {},
-        ))
+        )
     }
 
-    fn crossings(&self, stroke: &StandardStroke) -> Result<Vec<f32>, Fault> {
-        let Some(mut force) = self.lines.clone() else { return Ok(Vec::new()) };
-        let fresh = |_| CrossingVoice::default();
-        self.rendered(stroke.draw(&mut force, fresh, CrossingForce::add, CrossingForce::ring_out))
+    fn crossings(&self, stroke: &StandardStroke) -> Vec<f32> {
+        let Some(mut force) = self.lines.clone() else { return Vec::new() };
+        stroke.draw(&mut force, |_| CrossingVoice::default(), CrossingForce::add, CrossingForce::ring_out)
     }
 
-    fn noise(&self, stroke: &StandardStroke, bands: Option<&NoiseBands>) -> Result<Vec<f32>, Fault> {
-        bands.map_or(Ok(Vec::new()), |bands| self.rendered(stroke.noise(bands, self.p.noise_law)))
-    }
-
-    /// Factors with which both noises together are as strong as 1, and the resulting sound.
-    fn both(
-        &self,
-        strokes: [&StandardStroke; 2],
-        [a, b]: &[Option<NoiseBands>; 2],
-    ) -> Result<([f64; 2], Vec<f32>), Fault> {
-        let [a, b] = [self.noise(strokes[0], a.as_ref())?, self.noise(strokes[1], b.as_ref())?];
-        if a.is_empty() || b.is_empty() {
-            let one = if a.is_empty() { &b } else { &a };
-            let factors = [&a, &b].map(|x| factor(1.0, self.loud(x)));
-            return Ok((factors, sum([one, one], [factors[0] + factors[1], 0.0])));
-        }
-        let factors = parts(1.0, [&a, &b], self.shares[1], self.p.stroke.weighting);
-        Ok((factors, sum([&a, &b], factors)))
+    /// Loudness of the sound of forces, each times its factor.
+    fn loud(&self, forces: &[&[f32]], factors: &[f64]) -> Result<f64, Fault> {
+        let all = forces.iter().zip(factors).fold(Vec::new(), |all, (x, by)| sum([&all, x], [1.0, *by]));
+        Ok(loudness(&self.rendered(all)?, self.p.stroke.weighting))
     }
 
     /// Finds the strength of each excitation at a speed over the first surface, m/s.
     fn at(&self, speed: f64) -> Result<Found, Fault> {
+        let (p, full) = (&self.p, self.p.kappa);
         let size = [self.a.grid.width, self.a.grid.height];
-        let stroke = StandardStroke::new(&self.a.surface, size, speed, self.p.stroke.force);
-        let stroke = stroke.over_both(self.p.other);
+        let stroke = StandardStroke::new(&self.a.surface, size, speed, p.stroke.force);
+        let stroke = stroke.over_both(p.other);
         let strokes = [&stroke, &stroke.on_other()];
-        let wanted = self.p.kappa * self.loud(&self.whole(strokes)?);
-        let crossings = self.crossings(&stroke)?;
-        let ([a, b], noise) = self.both(strokes, &self.noises)?;
-        let ([c, d], _) = self.both(strokes, &self.alike)?;
-        let [lines, beside] = if crossings.is_empty() || noise.is_empty() {
-            [factor(wanted, self.loud(&crossings)), wanted]
-        } else {
-            parts(wanted, [&crossings, &noise], self.shares[0], self.p.stroke.weighting)
+        let forces = |bands: &[Option<NoiseBands>; 2], law: [f64; 2]| {
+            [0, 1].map(|k| bands[k].as_ref().map(|bands| strokes[k].noise(bands, law)).unwrap_or_default())
         };
-        let [all, full] = [wanted, self.p.kappa];
-        let [e, f] = [0, 1].map(|k| if self.details[k].is_some() { full * self.steepness[k] } else { 0.0 });
-        Ok([full, lines, beside * a, beside * b, all * a, all * b, all * c, all * d, e, f])
+        let reliefs = self.reliefs(&stroke);
+        let [c, d] = forces(&self.details, [p.relief_law, 1.0]);
+        let beside = self.steepness.map(|steep| full * steep);
+        let wanted = self.loud(&[&reliefs, &c, &d], &[full, beside[0], beside[1]])?;
+        // Factors of forces in a ratio with which all together are as loud as the reference.
+        let together = |forces: [&[f32]; 3], ratio: [f64; 3]| -> Result<[f64; 3], Fault> {
+            let all = factor(wanted, self.loud(&forces, &ratio)?);
+            let strengths: [f64; 3] =
+                std::array::from_fn(|k| if forces[k].is_empty() { 0.0 } else { ratio[k] });
+            Ok(strengths.map(|x| x * all))
+        };
+        // Noise has its own law, and the strength of the reliefs under the force and at the speed of the stroke.
+        let own: [f64; 2] = std::array::from_fn(|k| {
+            let speed = if k == 0 { speed } else { speed * p.other.abs() };
+            let [a, b] = [p.relief_law - p.noise_law[0], 1.0 - p.noise_law[1]];
+            beside[k] * p.stroke.force.powf(a) * speed.powf(b)
+        });
+        let crossings = self.crossings(&stroke);
+        let [a, b] = forces(&self.noises, p.noise_law);
+        let share = if a.is_empty() && b.is_empty() { 0.0 } else { self.shares[0] };
+        let lines = full * factor(rms(&reliefs) * (1.0 - share).sqrt(), rms(&crossings));
+        let [lines, split_a, split_b] = together([&crossings, &a, &b], [lines, own[0], own[1]])?;
+        let [_, only_a, only_b] = together([&[], &a, &b], [0.0, own[0], own[1]])?;
+        let [a, b] = forces(&self.alike, p.noise_law);
+        let [_, alike_a, alike_b] = together([&[], &a, &b], [0.0, own[0], own[1]])?;
+        let details = [0, 1].map(|k| if self.details[k].is_some() { beside[k] } else { 0.0 });
+        Ok([full, lines, split_a, split_b, only_a, only_b, alike_a, alike_b, details[0], details[1]])
     }
 }
 
