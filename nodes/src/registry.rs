@@ -59,6 +59,7 @@ use crate::spatial::obstruction::occlusion::Occlusion;
 use crate::spatial::propagation::distance_gain::DistanceGain;
 use crate::tension::tension_impact::TensionImpact;
 use crate::texture::class::histogram_class::HistogramClass;
+use crate::texture::figure::texture_figure::TextureFigure;
 use crate::texture::filter::bilateral::Bilateral;
 use crate::texture::filter::dog_features::DogFeatures;
 use crate::texture::filter::sobel_map::SobelMap;
@@ -296,6 +297,7 @@ impl Registry {
             .with_func::<IsophotesNode>()
             .with_func::<IsophotesFile>()
             .with_func::<TextureReport>()
+            .with_func::<TextureFigure>()
             .family("scrape")
             .with::<FeatureCrossings>()
             .with::<IsophoteExcitation>()

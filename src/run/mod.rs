@@ -5,6 +5,7 @@
 
 mod cached_phase;
 mod cached_streams;
+mod chart_writer;
 mod checkpointer;
 mod engine;
 mod job;

@@ -1,6 +1,6 @@
 //! Taps: outputs of nodes that are written to files.
 //!
-//! Audio is written as WAV, numbers as NPY or CSV, events as CSV or JSON lines, values as JSON, as SVG or in a file format
+//! Audio is written as WAV, numbers as NPY, as CSV or as a chart in SVG, events as CSV or JSON lines, values as JSON, as SVG or in a file format
 //! of their own.
 
 use super::memory_tap::MemoryTap;
@@ -54,8 +54,8 @@ pub fn check(graph: &Graph, text: &str) -> Result<Tap, Diagnostic> {
     let path = PathBuf::from(path);
     let ending = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_lowercase();
     let fits: &[&str] = match graph.nodes[node].ty.outputs[port].kind {
-        PortKind::Stream(item) if item.wave => &["wav", "npy", "csv"],
-        PortKind::Stream(_) => &["npy", "csv"],
+        PortKind::Stream(item) if item.wave => &["wav", "npy", "csv", "svg"],
+        PortKind::Stream(_) => &["npy", "csv", "svg"],
         PortKind::Events(_) => &["csv", "jsonl"],
         PortKind::Value(data) | PortKind::Fold(data) => match (data.plots, data.files) {
             (true, true) => &["json", "svg", "bin"],

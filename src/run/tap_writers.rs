@@ -1,5 +1,6 @@
 //! Writes taps to files: streams and events by nodes that run along, values when the run has ended.
 
+use super::chart_writer::ChartWriter;
 use super::{Job, TapTarget, Values};
 use crate::diag::Diagnostic;
 use foley_nodes::archive_state;
@@ -37,6 +38,12 @@ pub fn writer(job: &Job<'_>, k: usize) -> Result<Box<dyn DynNode>, Diagnostic> {
             let spec = WriteSpec::new(rate, stream.width, WriteFormat::Float32);
             let writer = AudioWriter::new(file, spec).map_err(|e| general("F080", e.to_string()))?;
             Ok(Box::new(WavWriter { item, writer: Some(writer), numbers: Vec::new() }))
+        }
+        (PortKind::Stream(item), Some(stream)) if path.extension().is_some_and(|e| e == "svg") => {
+            let node = &job.graph.nodes[tap.node];
+            let title = format!("{}.{}", node.id, node.ty.outputs[tap.port].name);
+            let names = column_names(item, stream.width);
+            Ok(Box::new(ChartWriter::new(file, item, names, stream.rate, title)))
         }
         (PortKind::Stream(item), Some(stream)) if csv => {
             let writer = CsvWriter::start(file, item, stream.width, stream.rate);
@@ -101,6 +108,16 @@ macro_rules! as_any {
             self
         }
     };
+}
+
+/// Names of the numbers of an item: channel, column, or both.
+fn column_names(item: &ItemType, width: usize) -> Vec<String> {
+    let name = |k: usize, column: &str| match (column, width) {
+        ("", _) => format!("{k}"),
+        (_, 1) => column.to_owned(),
+        _ => format!("{k}.{column}"),
+    };
+    (0..width).flat_map(|k| item.columns.iter().map(move |column| name(k, column))).collect()
 }
 
 /// Writes audio as 32-bit float WAV.
@@ -209,13 +226,7 @@ impl CsvWriter {
         width: usize,
         rate: Rate,
     ) -> io::Result<Self> {
-        let name = |k: usize, column: &str| match (column, width) {
-            ("", _) => format!("{k}"),
-            (_, 1) => column.to_owned(),
-            _ => format!("{k}.{column}"),
-        };
-        let names = (0..width).flat_map(|k| item.columns.iter().map(move |column| name(k, column)));
-        writeln!(file, "time,{}", names.collect::<Vec<_>>().join(","))?;
+        writeln!(file, "time,{}", column_names(item, width).join(","))?;
         Ok(Self { file, item, width: width * item.columns.len(), rate, numbers: Vec::new() })
     }
 

@@ -6,7 +6,7 @@
 //! bytes.
 
 pub mod class;
-mod figure;
+pub mod figure;
 pub mod filter;
 pub mod grid;
 pub mod holes;

@@ -20,7 +20,7 @@ fn nodes_of_textures_have_the_specified_defaults() {
                 ("wrap", name("Repeat")),
             ],
         ),
-        ("HistogramClass", vec![("threshold", Float(0.2)), ("class", name("Auto"))]),
+        ("HistogramClass", vec![("threshold", Float(0.5)), ("stretch", Bool(true)), ("class", name("Auto"))]),
         ("SobelMap", vec![("pre_blur", Float(0.0))]),
         ("MapCoder", vec![("coding", name("Signed"))]),
         (

@@ -145,7 +145,11 @@ impl Hub {
         let now =
             clock.as_ref().map_or(0, |c| window_start(c.rate, c.quantum, c.shared.window.load(Acquire)));
         drop(clock);
-        let at = now.saturating_add(ticks(wait.as_secs_f64().min(3600.0)));
+        self.deliver_at(channel, message, now.saturating_add(ticks(wait.as_secs_f64().min(3600.0))));
+    }
+
+    /// Delivers a message to the nodes of a channel, to be read at a tick, or at the next window if that is past.
+    pub fn deliver_at(&self, channel: &str, message: Message, at: Tick) {
         let mut messages = self.messages.lock().unwrap_or_else(PoisonError::into_inner);
         let mut taken = false;
         for sender in messages.get_mut(channel).into_iter().flatten() {

@@ -1,6 +1,9 @@
 //! Messages as JSON lines.
 
 use super::hub::Hub;
+use super::log_clock::{LogClock, MAX_LOG};
+use foley_nodes::core::input::Message;
+use foley_nodes::core::time::Tick;
 use foley_nodes::live_input::{ContactMessage, contact_to_message, control_to_message, impact_to_message};
 use foley_nodes::modal::{Body, Defaults, read_impacts};
 use serde_json::{Map, Value};
@@ -32,6 +35,24 @@ fn ron(value: &Value) -> Option<String> {
     }
 }
 
+/// Time of a message.
+#[derive(Clone, Copy, Debug)]
+enum When {
+    /// Seconds from now.
+    In(Duration),
+    /// A tick of the piece.
+    At(Tick),
+}
+
+impl When {
+    fn deliver(self, hub: &Hub, channel: &str, message: Message) {
+        match self {
+            Self::In(wait) => hub.deliver(channel, message, wait),
+            Self::At(tick) => hub.deliver_at(channel, message, tick),
+        }
+    }
+}
+
 /// Reads one line:
 ///
 /// - `{"impact": CHANNEL, "velocity": 2.0, ...}`: an impact, with the keys of an impact file; `in` seconds from now.
@@ -39,9 +60,11 @@ fn ron(value: &Value) -> Option<String> {
 /// - `{"control": CHANNEL, "values": [...]}`: numbers for a `LiveControl`.
 /// - `{"set": NAME, "value": VALUE}`: a parameter, as with `--set`.
 ///
+/// `time_s` in an impact, a contact or a control is a time on the sender's clock, as in a log: see [`LogClock`].
+///
 /// # Errors
 /// A message with the error found and the expected form.
-pub fn read_line(line: &str, hub: &Hub) -> Result<(), String> {
+pub fn read_line(line: &str, hub: &Hub, log: &mut LogClock) -> Result<(), String> {
     let mut object: Map<String, Value> =
         serde_json::from_str(line).map_err(|e| format!("no JSON object on one line: {e}"))?;
     let text = |object: &mut Map<String, Value>, key: &str| match object.remove(key) {
@@ -56,25 +79,32 @@ pub fn read_line(line: &str, hub: &Hub) -> Result<(), String> {
             seconds.ok_or_else(|| format!("`in` is {wait}; seconds from 0 to 3600 are needed"))?
         }
     };
-    let wait = Duration::from_secs_f64(wait);
+    let when = match object.remove("time_s") {
+        None => When::In(Duration::from_secs_f64(wait)),
+        Some(time) => {
+            let seconds = time.as_f64().filter(|s| (0.0..=MAX_LOG).contains(s));
+            let seconds = seconds.ok_or_else(|| format!("`time_s` is {time}; seconds from 0 are needed"))?;
+            When::At(log.tick(seconds + wait, hub))
+        }
+    };
     if let Some(channel) = text(&mut object, "impact")? {
         object.insert("time_s".to_owned(), Value::from(0));
         let line = Value::Object(object).to_string();
         let impacts = read_impacts(line.as_bytes(), &defaults()).map_err(|e| e.message)?;
         for message in impacts.iter().filter_map(|(_, impact)| impact_to_message(impact)) {
-            hub.deliver(&channel, message, wait);
+            when.deliver(hub, &channel, message);
         }
         return Ok(());
     }
     if let Some(channel) = text(&mut object, "contact")? {
-        return contacts(&channel, object, wait, hub);
+        return contacts(&channel, object, when, hub);
     }
     if let Some(channel) = text(&mut object, "control")? {
         let values = object.remove("values");
         let list = values.as_ref().and_then(Value::as_array);
         let numbers: Option<Vec<f64>> = list.and_then(|list| list.iter().map(Value::as_f64).collect());
         let message = numbers.as_deref().and_then(control_to_message);
-        hub.deliver(&channel, message.ok_or("`values` has to be a list of up to 16 numbers")?, wait);
+        when.deliver(hub, &channel, message.ok_or("`values` has to be a list of up to 16 numbers")?);
         return Ok(());
     }
     if let Some(target) = text(&mut object, "set")? {
@@ -86,13 +116,13 @@ pub fn read_line(line: &str, hub: &Hub) -> Result<(), String> {
 }
 
 /// Delivers one contact, or all contacts of a frame.
-fn contacts(channel: &str, mut object: Map<String, Value>, wait: Duration, hub: &Hub) -> Result<(), String> {
+fn contacts(channel: &str, mut object: Map<String, Value>, when: When, hub: &Hub) -> Result<(), String> {
     let one = |object: &Map<String, Value>| {
         let sent = ContactMessage::from_json(object)?;
         contact_to_message(&sent).ok_or_else(|| "its numbers are too large".to_owned())
     };
     let Some(list) = object.remove("contacts") else {
-        hub.deliver(channel, one(&object)?, wait);
+        when.deliver(hub, channel, one(&object)?);
         return Ok(());
     };
     if let Some(key) = object.keys().next() {
@@ -104,7 +134,7 @@ fn contacts(channel: &str, mut object: Map<String, Value>, wait: Duration, hub: 
         .iter()
         .map(|item| one(item.as_object().ok_or("`contacts` has to be a list of objects")?))
         .collect();
-    messages?.into_iter().for_each(|message| hub.deliver(channel, message, wait));
+    messages?.into_iter().for_each(|message| when.deliver(hub, channel, message));
     Ok(())
 }
 
@@ -112,6 +142,7 @@ fn contacts(channel: &str, mut object: Map<String, Value>, wait: Duration, hub: 
 pub fn read_lines(mut from: impl BufRead, hub: &Hub, mut report: impl FnMut(u64, &str)) {
     let mut line = Vec::new();
     let mut number = 0;
+    let mut log = LogClock::default();
     loop {
         line.clear();
         number += 1;
@@ -124,7 +155,7 @@ pub fn read_lines(mut from: impl BufRead, hub: &Hub, mut report: impl FnMut(u64,
         if text.trim().is_empty() {
             continue;
         }
-        if let Err(message) = read_line(text.trim(), hub) {
+        if let Err(message) = read_line(text.trim(), hub, &mut log) {
             hub.reject();
             report(number, &message);
         }
@@ -161,11 +192,13 @@ mod tests {
     fn contacts_arrive_alone_or_as_a_whole_frame() {
         let hub = Hub::new(unbounded().0);
         let mut inbox = hub.open("ball").unwrap();
+        let mut log = LogClock::default();
         let one = "\"id\": 1, \"a\": 0, \"b\": 1, \"point\": [0,0,0], \"normal\": [0,0,1], \"force\": 2, \"velocity\": [1,0,0]";
-        read_line(&format!("{{\"contact\": \"ball\", {one}}}"), &hub).unwrap();
+        read_line(&format!("{{\"contact\": \"ball\", {one}}}"), &hub, &mut log).unwrap();
         read_line(
             &format!("{{\"contact\": \"ball\", \"contacts\": [{{{one}}}, {{\"id\": 2, \"ends\": true}}]}}"),
             &hub,
+            &mut log,
         )
         .unwrap();
         let ids: Vec<_> = std::iter::from_fn(|| inbox.next(1))
@@ -174,7 +207,7 @@ mod tests {
             .collect();
         assert_eq!(ids, [(1, false), (1, false), (2, true)]);
         let wrong = format!("{{\"contact\": \"ball\", \"contacts\": [{{{one}}}, {{\"id\": 2}}]}}");
-        assert!(read_line(&wrong, &hub).unwrap_err().contains("`force` is missing"));
+        assert!(read_line(&wrong, &hub, &mut log).unwrap_err().contains("`force` is missing"));
         assert!(inbox.next(1).is_none(), "all or none");
     }
 

@@ -3,6 +3,7 @@
 mod hub;
 mod json;
 mod listener;
+mod log_clock;
 mod meshes;
 mod osc;
 

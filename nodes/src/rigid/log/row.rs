@@ -215,10 +215,10 @@ fn checked(row: Row) -> Result<Row, String> {
     Ok(row.with_ordered_bodies())
 }
 
-/// Keys of a contact as JSON.
-pub const KEYS: [&str; 15] = [
-    "time_s", "id", "a", "b", "point", "normal", "force", "impulse", "friction", "velocity", "approach",
-    "mass", "travel_a", "travel_b", "step",
+/// Keys of a contact as JSON. `contact`, the channel of a line that `foley live` reads, has no meaning in a log.
+pub const KEYS: [&str; 16] = [
+    "contact", "time_s", "id", "a", "b", "point", "normal", "force", "impulse", "friction", "velocity",
+    "approach", "mass", "travel_a", "travel_b", "step",
 ];
 
 /// Converts one contact from JSON.

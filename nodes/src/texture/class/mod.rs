@@ -2,3 +2,4 @@
 
 pub mod histogram;
 pub mod histogram_class;
+mod stretch;

@@ -86,7 +86,7 @@ impl Func for ImageLuma {
     type Params = ImageLumaParams;
     type Ports = ImageLumaPorts;
     const NAME: &'static str = "ImageLuma";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
 
     fn check(p: &ImageLumaParams, s: &mut Shape<'_, '_, ImageLumaPorts>) -> Result<(), Reject> {
         let path = &p.path.0;
@@ -181,6 +181,16 @@ mod tests {
             "",
             "the same grain, hardly compressed"
         );
+    }
+
+    #[test]
+    fn a_png_of_lines_with_a_pitch_of_8_pixels_causes_no_warning_of_blocks() {
+        let pixels: Vec<u8> = (0..128 * 128)
+            .map(|k| if k % 8 == 0 || k / 128 % 8 == 0 { 60 + (k * 7919 % 13) as u8 } else { 200 })
+            .collect();
+        let lines = Grid { width: 128, height: 128, samples: Vec::new() };
+        let run = standalone(encode_png(&lines, &pixels).unwrap(), &[]).run().unwrap();
+        assert_eq!(figure(&run, "warning"), "");
     }
 
     #[test]

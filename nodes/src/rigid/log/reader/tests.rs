@@ -54,6 +54,9 @@ fn json_lines_give_the_same_contacts() {
     let json = "{\"time_s\": 0, \"a\": \"world\", \"b\": \"box\", \"point\": [0,0,0], \"normal\": [0,0,1], \"impulse\": 0.05, \"velocity\": [0.5,0,0], \"friction\": [-1,0,0]}\n\n\
         {\"time_s\": 0.01, \"a\": \"world\", \"b\": \"box\", \"point\": [0.005,0,0], \"normal\": [0,0,1], \"impulse\": 0.05, \"velocity\": [0.5,0,0], \"friction\": [-1,0,0]}\n";
     assert_eq!(read(json).unwrap().frames, read(OWN).unwrap().frames);
+    // Lines that `foley live` reads name their channel.
+    let sent = json.replace("{\"time_s\"", "{\"contact\": \"ball\", \"time_s\"");
+    assert_eq!(read(&sent).unwrap().frames, read(OWN).unwrap().frames);
 }
 
 /// Rows of points `(time, x, y, force)` of one pair, at 100 frames per second, that slip at 1 m/s in x.
