@@ -229,10 +229,8 @@ fn the_log_that_ships_plays_at_its_times_as_standard_input() {
     let report = std::fs::read_to_string(folder.path().join("r.json")).unwrap();
     let report: serde_json::Value = serde_json::from_str(&report).unwrap();
     let messages = &report["messages"];
-    assert_eq!(
-        [&messages["delivered"], &messages["malformed"], &messages["unclaimed"]],
-        [&lines.into(), &0.into(), &0.into()]
-    );
+    let counts = ["delivered", "malformed", "unclaimed"].map(|key| messages[key].as_u64());
+    assert_eq!(counts, [Some(lines), Some(0), Some(0)]);
     // The first three impacts of the log are at 0.342, 0.708 and 0.9 s.
     let (heard, rate) = samples(&folder.path().join("played.wav"));
     let first = heard.iter().position(|x| x.abs() > 1e-3).unwrap();
