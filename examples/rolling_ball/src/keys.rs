@@ -41,7 +41,8 @@ impl Keys {
             let (time, keys) = line.split_once(' ').unwrap_or((line, ""));
             let time = time.parse::<f64>().ok().filter(|t| t.is_finite() && *t >= 0.0);
             let time = time.filter(|t| all.back().is_none_or(|(last, _)| last <= t));
-            let time = time.ok_or(format!("script, line {}: {line:?}: a time from the last on is needed", k + 1))?;
+            let time =
+                time.ok_or(format!("script, line {}: {line:?}: a time from the last on is needed", k + 1))?;
             // A space alone is a jump; spaces beside letters are not.
             let keys = if keys.trim().is_empty() { keys.get(..1).unwrap_or("") } else { keys.trim() };
             all.extend(keys.chars().map(|key| (time, key)));

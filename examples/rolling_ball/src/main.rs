@@ -36,7 +36,8 @@ struct Options {
 }
 
 fn options() -> Result<Options, String> {
-    let mut options = Options { seconds: f64::INFINITY, wait: 3.0, rate: 120.0, to: To::Lines, keys: Keys::None };
+    let mut options =
+        Options { seconds: f64::INFINITY, wait: 3.0, rate: 120.0, to: To::Lines, keys: Keys::None };
     let mut words = std::env::args().skip(1);
     while let Some(word) = words.next() {
         let mut next = || words.next().ok_or(format!("{word} needs a value"));

@@ -104,7 +104,9 @@ impl Scene {
             ),
             // Its axis lies along y, so it rolls along x.
             Roller::Capsule => (
-                body.translation(Vector::new(0.0, 0.0, RADIUS + 0.02)).linear_damping(0.2).angular_damping(0.4),
+                body.translation(Vector::new(0.0, 0.0, RADIUS + 0.02))
+                    .linear_damping(0.2)
+                    .angular_damping(0.4),
                 ColliderBuilder::capsule_y(HALF_AXIS, RADIUS).density(DENSITY),
             ),
         };
