@@ -17,6 +17,25 @@ pub fn commands(book: &str, row: &str) -> Vec<Vec<String>> {
     std::iter::once(first[2..].to_vec()).chain(rest).collect()
 }
 
+/// The drawing of the `foley graph` command in the row of a figure.
+pub fn graph(book: &str, row: &str) -> String {
+    let row = book.lines().find(|line| line.starts_with(&format!("| {row}, "))).unwrap();
+    let words: Vec<&str> = row.split('`').nth(1).unwrap().split_whitespace().collect();
+    assert_eq!((&words[..2], words[3]), (&["foley", "graph"][..], "--svg"), "{row}");
+    let folder: TempDir = tempfile::tempdir().unwrap();
+    let file = folder.path().join(words[4]);
+    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_foley"));
+    command.current_dir(env!("CARGO_MANIFEST_DIR")).args(["graph", words[2], "--svg"]).arg(&file);
+    let ran = command.output().unwrap();
+    assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stderr));
+    fs::read_to_string(file).unwrap()
+}
+
+/// The documents of the panels within a drawing, from left to right.
+pub fn panels(svg: &str) -> Vec<&str> {
+    svg.split("<svg x=").skip(1).map(|rest| rest.split("</svg>").next().unwrap()).collect()
+}
+
 /// The output of a command of the book, in the order of its taps.
 pub fn run(command: &[String]) -> Vec<String> {
     let folder: TempDir = tempfile::tempdir().unwrap();

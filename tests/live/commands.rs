@@ -213,6 +213,38 @@ fn contacts_from_lines_and_from_osc_scrape_a_playing_surface() {
 }
 
 #[test]
+fn the_log_that_ships_plays_at_its_times_as_standard_input() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = graph("texture/live.ron");
+    let args =
+        ["live", path.to_str().unwrap(), "--device", "file:played.wav", "--for", "6", "--report", "r.json"];
+    let quick = ["profile.extend=false", "alike.extend=false", "equal.by_speed=false", "bell.gain=0.0"];
+    let mut command = foley(&args, folder.path());
+    command.args(quick.iter().flat_map(|number| ["--set", number])).args(["--no-cache", "--osc", "off"]);
+    let log = graph("assets/contacts/rolling_ball.jsonl");
+    let lines = std::fs::read_to_string(&log).unwrap().lines().count() as u64;
+    let ran = command.stdin(File::open(log).unwrap()).output().unwrap();
+    assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stderr));
+    assert!(ran.stderr.is_empty(), "{}", String::from_utf8_lossy(&ran.stderr));
+    let report = std::fs::read_to_string(folder.path().join("r.json")).unwrap();
+    let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+    let messages = &report["messages"];
+    let counts = ["delivered", "malformed", "unclaimed"].map(|key| messages[key].as_u64());
+    assert_eq!(counts, [Some(lines), Some(0), Some(0)]);
+    // The first three impacts of the log are at 0.342, 0.708 and 0.9 s.
+    let (heard, rate) = samples(&folder.path().join("played.wav"));
+    let first = heard.iter().position(|x| x.abs() > 1e-3).unwrap();
+    let level = |from: f64, to: f64| {
+        let part = [from, to].map(|s| first + (s * f64::from(rate)) as usize);
+        heard[part[0]..part[1]].iter().fold(0.0_f32, |most, x| most.max(x.abs()))
+    };
+    for later in [0.708 - 0.342, 0.9 - 0.342] {
+        let [before, after] = [level(later - 0.03, later - 0.012), level(later - 0.012, later + 0.03)];
+        assert!(after > 2.0 * before, "{later} s after the first impact: {before} to {after}");
+    }
+}
+
+#[test]
 fn meshes_are_taken_at_their_port_and_a_wrong_one_is_told_of() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("a.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();

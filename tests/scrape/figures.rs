@@ -1,7 +1,7 @@
 //! The figures of Picard, Tsingos and Faure (2008), drawn by the commands in the book, have the content of the paper's
 //! figures.
 
-use crate::common::figure::{commands, heights, labels, mean, numbers, run, values};
+use crate::common::figure::{commands, graph, heights, labels, mean, numbers, panels, run, values};
 use foley_nodes::texture::decode::{Samples, decode};
 
 const BOOK: &str = include_str!("../../docs/src/texture.md");
@@ -36,11 +36,74 @@ fn correlation(x: &[f64], y: &[f64]) -> f64 {
     product(x, m, y, n) / (product(x, m, x, m) * product(y, n, y, n)).sqrt()
 }
 
+/// Correlation of a map with the magnitude of central differences of its image, without the border.
+fn edges([image, map]: [&str; 2]) -> f64 {
+    let ((image, width), (map, same)) = (picture(image), picture(map));
+    assert_eq!((width, image.len()), (same, map.len()));
+    let inside = (0..image.len())
+        .filter(|k| *k > width && *k < image.len() - width && k % width > 0 && k % width < width - 1);
+    let change = |k: usize| {
+        let [x, y] = [image[k + 1] - image[k - 1], image[k + width] - image[k - width]];
+        x.hypot(y)
+    };
+    let (changes, bright): (Vec<f64>, Vec<f64>) = inside.map(|k| (change(k), map[k])).unzip();
+    correlation(&changes, &bright)
+}
+
+#[test]
+fn figure_1_has_impacts_and_continuous_contacts_that_excite_modes() {
+    let svg = graph(BOOK, "1");
+    for node in ["ContactLog", "ContactClassifier", "ImpactForce", "ContactPath", "TwoTextures", "ModalBank"]
+    {
+        assert!(svg.contains(node), "{node}");
+    }
+}
+
+#[test]
+fn figure_8_has_the_image_the_contacts_and_the_modes_of_an_audio_shader() {
+    let svg = graph(BOOK, "8");
+    for node in [
+        "ContactPath",
+        "ImageLuma",
+        "HistogramClass",
+        "LodSelect",
+        "MapExcitation",
+        "IsophoteExcitation",
+        "NoiseExcitation",
+        "ModalFromRecording",
+        "ModalBank",
+    ] {
+        assert!(svg.contains(node), "{node}");
+    }
+}
+
+#[test]
+fn figure_9_has_peak_and_rms_of_the_force_in_each_frame() {
+    let svg = &figure("9")[0];
+    assert!(svg.contains("time, s"));
+    let lines = heights(svg);
+    assert_eq!(lines.len(), 2, "peak and RMS");
+    // A log of four seconds at 60 frames per second, and what ends after it.
+    assert!(lines[0].len() >= 240 && lines[0].len() == lines[1].len(), "{} frames", lines[0].len());
+    assert!(lines[0].iter().zip(&lines[1]).all(|(peak, rms)| peak >= rms));
+    let [low, high] = [f64::min, f64::max].map(|end| lines[0].iter().copied().reduce(end).unwrap());
+    // The fall is the strongest, and most of the time the force is small beside it.
+    let strongest = lines[0].iter().position(|x| *x == high).unwrap();
+    let strong = lines[0].iter().filter(|x| **x > low + 0.5 * (high - low)).count();
+    assert!(high - low > 200.0 && strongest < 120 && (1..20).contains(&strong), "{strongest} {strong}");
+}
+
 #[test]
 fn figure_2_has_a_broad_histogram_of_a_complex_texture_and_a_narrow_one_of_a_simple_one() {
     let drawings = figure("2");
     let bars: Vec<Vec<f64>> = drawings.iter().map(|svg| numbers(svg, "rect", "#2166ac", " height")).collect();
-    assert!(drawings[0].contains("(complex; simple below 0.2)") && drawings[1].contains("(simple; simple"));
+    assert!(drawings[0].contains("(complex; simple below 0.5)") && drawings[1].contains("(simple; simple"));
+    for (drawing, middle) in drawings.iter().zip([80.0..200.0, 180.0..256.0]) {
+        let panels = panels(drawing);
+        assert!(panels.len() == 2 && panels[1].contains("#2166ac"), "image and histogram");
+        let (image, _) = picture(panels[0]);
+        assert!(middle.contains(&mean(&image)), "{}", mean(&image));
+    }
     // Number of tones with more than a twentieth of the most frequent one.
     let broad = bars.iter().map(|bars| {
         let most = bars.iter().fold(0.0_f64, |most, bar| most.max(*bar));
@@ -53,23 +116,20 @@ fn figure_2_has_a_broad_histogram_of_a_complex_texture_and_a_narrow_one_of_a_sim
 #[test]
 fn figure_3_has_an_image_and_bright_lines_where_it_changes() {
     let drawings = figure("3");
-    let ((image, width), (map, same)) = (picture(&drawings[0]), picture(&drawings[1]));
-    assert_eq!((width, image.len()), (same, map.len()));
-    // Central differences in the middle of the image.
-    let inside = (0..image.len())
-        .filter(|k| *k > width && *k < image.len() - width && k % width > 0 && k % width < width - 1);
-    let change = |k: usize| {
-        let [x, y] = [image[k + 1] - image[k - 1], image[k + width] - image[k - width]];
-        x.hypot(y)
-    };
-    let (changes, bright): (Vec<f64>, Vec<f64>) = inside.map(|k| (change(k), map[k])).unzip();
-    let found = correlation(&changes, &bright);
+    let found = edges([&drawings[0], &drawings[1]]);
     assert!(found > 0.9, "{found}");
 }
 
 #[test]
 fn figure_4_has_curves_of_eight_levels_that_are_mostly_closed() {
-    let svg = &figure("4")[0];
+    let drawing = &figure("4")[0];
+    let panels = panels(drawing);
+    let [image, svg, map] = panels[..] else { panic!("{} panels", panels.len()) };
+    let found = edges([image, map]);
+    assert!(found > 0.9, "{found}");
+    for label in ["(a) image", "(b) isophotes", "(c) discontinuity map by the Sobel filter"] {
+        assert!(drawing.contains(label), "{label}");
+    }
     let levels = numbers(svg, "path", "data-level", "data-level");
     assert!(levels.len() == 8 && levels.is_sorted_by(|a, b| a < b), "{levels:?}");
     for (level, path) in levels.iter().zip(values(svg, "path", "data-level", " d")) {
@@ -80,8 +140,11 @@ fn figure_4_has_curves_of_eight_levels_that_are_mostly_closed() {
 
 #[test]
 fn figure_5_has_few_dark_features_and_noise_that_leaves_them_out() {
-    let drawings = figure("5");
-    let ((features, _), (noise, _)) = (picture(&drawings[0]), picture(&drawings[1]));
+    let drawing = &figure("5")[0];
+    let panels = panels(drawing);
+    let [image, features, noise] = panels[..] else { panic!("{} panels", panels.len()) };
+    let [(image, _), (features, _), (noise, _)] = [image, features, noise].map(picture);
+    assert!(image.len() == features.len() && image.len() == noise.len());
     let dark = features.iter().filter(|x| **x < 128.0).count() as f64 / features.len() as f64;
     assert!((0.05..0.5).contains(&dark), "{dark} are features");
     let middle = mean(&noise);
@@ -96,7 +159,7 @@ fn figure_5_has_few_dark_features_and_noise_that_leaves_them_out() {
 }
 
 #[test]
-fn figure_6_has_three_ways_over_an_image_and_what_each_meets() {
+fn figure_6_has_three_paths_over_an_image_and_their_profiles() {
     let svg = &figure("6")[0];
     assert!(!picture(svg).0.is_empty());
     let paths = values(svg, "path", "", "d");

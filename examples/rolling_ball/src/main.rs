@@ -1,13 +1,15 @@
-//! A ball on a tiled floor between four walls, kicked every few seconds. Its contacts are sent in the formats that
-//! `foley live` reads.
+//! A ball on a tiled floor between four walls, kicked every few seconds, or a capsule that a person steers. Its contacts are sent
+//! in the formats that `foley live` reads.
 //!
 //! ```text
-//! rolling_ball [--seconds S] [--wait S] [--rate HZ] [--osc ADDRESS:PORT | --offline FILE]
+//! rolling_ball [--steer | --script FILE] [--seconds S] [--wait S] [--rate HZ] [--osc ADDRESS:PORT | --offline FILE]
 //! ```
 
+mod keys;
 mod scene;
 
-use scene::{Contact, Scene};
+use keys::Keys;
+use scene::{Contact, Roller, Scene};
 use serde_json::{Value, json};
 use std::io::Write;
 use std::net::UdpSocket;
@@ -29,10 +31,13 @@ struct Options {
     wait: f64,
     rate: f64,
     to: To,
+    /// Keys that steer the capsule in place of the ball.
+    keys: Keys,
 }
 
 fn options() -> Result<Options, String> {
-    let mut options = Options { seconds: f64::INFINITY, wait: 3.0, rate: 120.0, to: To::Lines };
+    let mut options =
+        Options { seconds: f64::INFINITY, wait: 3.0, rate: 120.0, to: To::Lines, keys: Keys::None };
     let mut words = std::env::args().skip(1);
     while let Some(word) = words.next() {
         let mut next = || words.next().ok_or(format!("{word} needs a value"));
@@ -40,6 +45,14 @@ fn options() -> Result<Options, String> {
             "--seconds" => options.seconds = number(&next()?)?,
             "--wait" => options.wait = number(&next()?)?,
             "--rate" => options.rate = number(&next()?)?,
+            "--steer" => options.keys = Keys::typed(),
+            "--script" => {
+                let file = next()?;
+                let text = std::fs::read_to_string(&file).map_err(|e| format!("{file}: {e}"))?;
+                options.keys = Keys::script(&text)?;
+                // It rolls on for a while after the last key.
+                options.seconds = options.seconds.min(options.keys.end().unwrap_or(0.0) + 2.0);
+            }
             "--osc" => {
                 let socket = UdpSocket::bind("0.0.0.0:0").map_err(|e| e.to_string())?;
                 options.to = To::Osc(socket, next()?);
@@ -51,7 +64,7 @@ fn options() -> Result<Options, String> {
             }
             other => {
                 return Err(format!(
-                    "{other:?} is there; --seconds, --wait, --rate, --osc and --offline are known"
+                    "{other:?} is there; --steer, --script, --seconds, --wait, --rate, --osc and --offline are known"
                 ));
             }
         }
@@ -81,6 +94,8 @@ fn as_json(contact: &Contact, step: f64, time: Option<f64>) -> Value {
         "travel_a": contact.travel.map(short), "step": short(step as f32),
     });
     if let Some(time) = time {
+        // `foley live` reads the log by its channel, `ContactLog` without.
+        value["contact"] = json!("ball");
         value["time_s"] = json!((time * 1e6).round() / 1e6);
     }
     value
@@ -133,9 +148,10 @@ fn send(to: &mut To, contacts: &[Contact], step: f64, time: f64) -> Result<(), B
 }
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let Options { seconds, wait, rate, mut to } = options()?;
+    let Options { seconds, wait, rate, mut to, mut keys } = options()?;
     let step = 1.0 / rate;
-    let mut scene = Scene::new(step as f32);
+    let roller = if matches!(keys, Keys::None) { Roller::Ball } else { Roller::Capsule };
+    let mut scene = Scene::new(step as f32, roller);
     if !matches!(to, To::Log(_)) {
         std::thread::sleep(Duration::from_secs_f64(wait));
     }
@@ -144,6 +160,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let time = frame as f64 * step;
         if time > seconds {
             break;
+        }
+        for key in keys.pressed(time) {
+            if key == 'q' {
+                return Ok(());
+            }
+            scene.press(key);
         }
         let contacts = scene.step();
         if !matches!(to, To::Log(_)) {

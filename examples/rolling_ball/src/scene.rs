@@ -3,6 +3,11 @@
 use rapier3d::prelude::*;
 
 const RADIUS: f32 = 0.05;
+/// Half the length of the axis of the capsule.
+const HALF_AXIS: f32 = 0.06;
+/// Change of speed by one key, and speed of a jump, m/s.
+const PUSH: f32 = 0.35;
+const JUMP: f32 = 1.8;
 /// Length of a tile with its gap, and the gap, as in the image `tiles.png` of `live.ron`.
 const TILE: f32 = 0.1;
 const GAP: f32 = 0.004;
@@ -13,7 +18,16 @@ const KICK: f32 = 6.0;
 /// Density of marble, kg/m^3.
 const DENSITY: f32 = 2700.0;
 
-/// One contact in one frame; body 0 is the floor, 1 the ball, 2 the walls.
+/// Body that rolls on the floor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Roller {
+    /// A ball that is kicked every few seconds.
+    Ball,
+    /// A capsule that a person steers.
+    Capsule,
+}
+
+/// One contact in one frame; body 0 is the floor, 1 the ball or capsule, 2 the walls.
 #[derive(Clone, Copy, Debug)]
 pub struct Contact {
     pub id: i32,
@@ -41,6 +55,7 @@ pub struct Scene {
     touched: [bool; 2],
     time: f32,
     kicked: i32,
+    roller: Roller,
 }
 
 /// A number from -1 to 1 for each pair of numbers, the same in every run.
@@ -52,7 +67,7 @@ fn scatter(x: i32, y: i32) -> f32 {
 }
 
 impl Scene {
-    pub fn new(step: f32) -> Self {
+    pub fn new(step: f32, roller: Roller) -> Self {
         let mut world = PhysicsWorld::new();
         world.gravity = Vector::new(0.0, 0.0, -9.81);
         world.integration_parameters.dt = step;
@@ -81,21 +96,28 @@ impl Scene {
             let wall = wall.translation(Vector::new(x * half, y * half, 0.5)).friction(0.2).restitution(0.7);
             walls.push(world.insert_collider(wall, None));
         }
-        let (ball, ball_shape) = world.insert(
-            RigidBodyBuilder::dynamic()
-                .translation(Vector::new(-0.8, 0.1, 0.6))
-                .linvel(Vector::new(0.7, 0.25, 0.0))
-                .ccd_enabled(true)
-                .can_sleep(false),
-            ColliderBuilder::ball(RADIUS).density(DENSITY).friction(0.4).restitution(0.6),
-        );
-        Self { world, ball, ball_shape, walls, touched: [false; 2], time: 0.0, kicked: 0 }
+        let body = RigidBodyBuilder::dynamic().ccd_enabled(true).can_sleep(false);
+        let (body, shape) = match roller {
+            Roller::Ball => (
+                body.translation(Vector::new(-0.8, 0.1, 0.6)).linvel(Vector::new(0.7, 0.25, 0.0)),
+                ColliderBuilder::ball(RADIUS).density(DENSITY),
+            ),
+            // Its axis lies along y, so it rolls along x.
+            Roller::Capsule => (
+                body.translation(Vector::new(0.0, 0.0, RADIUS + 0.02))
+                    .linear_damping(0.2)
+                    .angular_damping(0.4),
+                ColliderBuilder::capsule_y(HALF_AXIS, RADIUS).density(DENSITY),
+            ),
+        };
+        let (ball, ball_shape) = world.insert(body, shape.friction(0.4).restitution(0.6));
+        Self { world, ball, ball_shape, walls, touched: [false; 2], time: 0.0, kicked: 0, roller }
     }
 
     /// Advances by one frame, and returns its contacts.
     pub fn step(&mut self) -> Vec<Contact> {
         self.time += self.world.integration_parameters.dt;
-        if self.time > KICK * (self.kicked + 1) as f32 {
+        if self.roller == Roller::Ball && self.time > KICK * (self.kicked + 1) as f32 {
             self.kicked += 1;
             let body = &mut self.world.bodies[self.ball];
             let (x, y) = (scatter(self.kicked, 1), scatter(self.kicked, 2));
@@ -121,9 +143,26 @@ impl Scene {
         found
     }
 
+    /// Acts on a key: `w`, `a`, `s` and `d` push away, to the left, near and to the right; a space or `j` jumps from the floor.
+    pub fn press(&mut self, key: char) {
+        let push = match key.to_ascii_lowercase() {
+            'w' => Vector::new(0.0, PUSH, 0.0),
+            's' => Vector::new(0.0, -PUSH, 0.0),
+            'a' => Vector::new(-PUSH, 0.0, 0.0),
+            'd' => Vector::new(PUSH, 0.0, 0.0),
+            ' ' | 'j' if self.touched[0] => Vector::new(0.0, 0.0, JUMP),
+            _ => return,
+        };
+        let body = &mut self.world.bodies[self.ball];
+        let mass = body.mass();
+        body.apply_impulse(push * mass, true);
+    }
+
     /// All contacts of the ball with the floor (0) or with the walls (1) as one.
     fn joined(&self, kind: usize, before: Vector) -> Option<Contact> {
-        let mut sum = Vector::ZERO;
+        let body = &self.world.bodies[self.ball];
+        // The sum of impulses, and of the places on the body times their impulses.
+        let (mut sum, mut weight, mut places) = (Vector::ZERO, 0.0, Vector::ZERO);
         for pair in self.world.narrow_phase.contact_pairs() {
             let second = pair.collider2 == self.ball_shape;
             let other = if second { pair.collider1 } else { pair.collider2 };
@@ -131,20 +170,30 @@ impl Scene {
                 continue;
             }
             for manifold in pair.manifolds() {
-                let impulse: f32 = manifold.points.iter().map(|point| point.data.impulse).sum();
-                sum += manifold.data.normal * (if second { impulse } else { -impulse });
+                for point in &manifold.points {
+                    let (impulse, place) =
+                        (point.data.impulse, if second { point.local_p2 } else { point.local_p1 });
+                    sum += manifold.data.normal * (if second { impulse } else { -impulse });
+                    weight += impulse;
+                    places += body.position().transform_point(place) * impulse;
+                }
             }
         }
         let impulse = sum.length();
-        if impulse <= 0.0 {
+        if impulse <= 0.0 || weight <= 0.0 {
             return None;
         }
-        let body = &self.world.bodies[self.ball];
         let towards_ball = sum / impulse;
-        let point = body.translation() - towards_ball * RADIUS;
+        let point = match self.roller {
+            Roller::Ball => body.translation() - towards_ball * RADIUS,
+            Roller::Capsule => places / weight,
+        };
         // The walls have the greater number, so there the ball is the first body: all turns round.
         let (bodies, sign) = if kind == 0 { ([0, 1], 1.0) } else { ([1, 2], -1.0) };
         let speed = body.linvel();
+        // A body that turns about the normal takes its contact point along.
+        let turn = towards_ball * body.angvel().dot(towards_ball);
+        let speed = speed + turn.cross(point - body.translation());
         let over_floor = speed - towards_ball * speed.dot(towards_ball);
         let slip = body.velocity_at_point(point);
         let travel = if kind == 0 { over_floor } else { over_floor - slip };

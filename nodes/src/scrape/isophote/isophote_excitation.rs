@@ -44,9 +44,10 @@ params! {
     /// audio, so the node has a sample rate of its own.
     ///
     /// # Source
-    /// Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section 4.2, names
-    /// the proximity to an isocurve and the difference between gradients; both readings combine these. The difference is taken over a
-    /// distance here, because between two samples it would fall with the sample rate.
+    /// Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section 4.1, names
+    /// the proximity to an isocurve and the difference between gradients, without a formula. Both readings are choices: `Crossing`, the
+    /// default, has no proximity but exact times, and the difference of `Proximity` is taken over a distance, because between two samples
+    /// it would fall with the sample rate. Shapes, widths and exponents are choices as well.
     pub struct IsophoteExcitationParams {
         /// Reading of the isophotes that becomes the force.
         reading: Reading = Reading::Crossing;

@@ -53,8 +53,8 @@ params! {
     /// the node has a sample rate of its own.
     ///
     /// # Source
-    /// Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section 4.1. The
-    /// exponents and the slope along the path are choices.
+    /// Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section 4.1. The paper
+    /// interpolates "the closest pixel values"; the cubic B-spline, the exponents and the slope along the path are choices.
     pub struct MapExcitationParams {
         /// Value of the map that becomes force.
         value: MapValue = MapValue::Directional;

@@ -123,7 +123,8 @@ params! {
     ///
     /// # Source
     /// Tomasi and Manduchi, "Bilateral filtering for gray and color images" (ICCV 1998), as used by Picard, Tsingos and Faure
-    /// (VRIPHYS 2008), section 4.2.
+    /// (VRIPHYS 2008), section 4.2, without values. The deviations of 3 px and 4.25, those of a public implementation of the
+    /// video abstraction that `DogFeatures` cites, are a choice.
     pub struct BilateralNodeParams {
         /// Standard deviation of the distance.
         sigma_d: f64 = 3.0, unit "px", range 0.1..=30.0;

@@ -89,7 +89,7 @@ pub enum IsophotesError {
 /// all points of one level.
 ///
 /// # Source
-/// Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section 4.2.
+/// Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section 4.1.
 pub fn isophotes(luma: &Luma, drawing: &Drawing) -> Result<Isophotes, IsophotesError> {
     let Grid { width, height, ref samples } = luma.grid;
     if width < 2 || height < 2 {

@@ -43,7 +43,7 @@ params! {
     ///
     /// # Source
     /// Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section
-    /// 4.2, who do not state the number of levels and their spacing.
+    /// 4.1: marching squares. The paper does not state the number of levels, their spacing, a blur or a simplification: all are choices.
     pub struct IsophotesParams {
         /// Number of levels.
         count: u16 = 8, unit "levels", range 1..=64_u16;

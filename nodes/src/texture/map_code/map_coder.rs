@@ -25,7 +25,8 @@ params! {
     /// depend on the sample rate.
     ///
     /// # Source
-    /// Picard, Tsingos and Faure (VRIPHYS 2008), section 4.1; Otsu (1979) for the threshold.
+    /// Picard, Tsingos and Faure (VRIPHYS 2008), section 4.1, whose map is binary; Otsu (1979) for the threshold. Bytes, signed pairs and the
+    /// Gaussian over decoded bits are choices.
     pub struct MapCoderParams {
         /// Coding of the map.
         coding: Coding = Coding::Signed;
