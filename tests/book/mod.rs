@@ -1,5 +1,6 @@
 //! The pages of the book, the example graphs and the presets.
 
 mod examples;
+mod levels;
 mod pages;
 mod presets;

@@ -8,6 +8,7 @@ pub mod extraction;
 pub mod impact;
 pub mod mode;
 
+pub use bank::loudness::loudness;
 pub use bank::resonators::{Bank, BankOutput};
 pub use extraction::extract::{ExtractError, ExtractParams, Extracted, Partial, extract};
 pub use impact::event::{Body, Impact};

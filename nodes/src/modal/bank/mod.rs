@@ -2,5 +2,6 @@
 
 mod coefficients;
 mod kernel;
+pub mod loudness;
 pub mod modal_bank;
 pub mod resonators;

@@ -1,5 +1,6 @@
 //! The modal bank, as a node.
 
+use super::loudness::loudness;
 use super::resonators::{Bank, BankOutput};
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
@@ -190,7 +191,8 @@ impl Node for ModalBankNode {
         let mut bank = Bank::culled(&modes, rate.as_f64(), p.output, p.cull).map_err(reject)?;
         let linked = damping.is_some();
         bank.start(if linked { 1.0 } else { p.damping }, p.pitch, ramp_frames(rate));
-        let loudness = modes.loudness();
+        let loudness =
+            if p.reference == Reference::Normalized { loudness(&modes).map_err(reject)? } else { 1.0 };
         let gain = Gain::new(factor(p, loudness), ramp_frames(rate), 1);
         let per_sample = (1.0 / rate.as_f64()) as f32;
         let mut node =

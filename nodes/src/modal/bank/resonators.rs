@@ -58,7 +58,7 @@ choices! {
 /// assert!(sound.iter().any(|x| x.abs() > 0.1));
 /// # Ok::<(), foley_nodes::modal::ModesError>(())
 /// ```
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Bank {
     level: Level,
     /// Indices of the modes in the object.

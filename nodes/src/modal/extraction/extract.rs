@@ -157,6 +157,11 @@ pub fn extract(samples: &[f32], rate: f64, params: &ExtractParams) -> Result<Ext
             add(&mut residual, rate, partial, -1.0);
         }
     }
+    // A fit may drift to a constant, which rings nothing and would hide the modes by its gain.
+    let (inside, outside): (Vec<_>, Vec<_>) =
+        partials.into_iter().partition(|p| p.frequency >= params.lowest);
+    let mut partials = inside;
+    outside.iter().for_each(|partial| add(&mut residual, rate, partial, 1.0));
     let energy = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>();
     partials.sort_by(|a, b| a.frequency.total_cmp(&b.frequency));
     if partials.is_empty() {

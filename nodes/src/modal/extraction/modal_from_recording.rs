@@ -68,6 +68,7 @@ impl Func for ModalFromRecording {
     type Params = ModalFromRecordingParams;
     type Ports = ModalFromRecordingPorts;
     const NAME: &'static str = "ModalFromRecording";
+    const VERSION: u32 = 2;
     // The modes are named after the recording.
     const EXPOSES_PATHS: bool = true;
 

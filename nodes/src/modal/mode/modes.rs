@@ -3,7 +3,6 @@
 use crate::core::item::Data;
 use crate::core::node::Summary;
 use crate::core::random::Rng;
-use crate::dsp::Weighting;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -76,9 +75,6 @@ pub enum ModesError {
     },
 }
 
-/// Bandwidth of the force that loudness refers to, Hz.
-const BANDWIDTH: f64 = 20_000.0;
-
 impl Modes {
     /// Modes with one contact point, as sines.
     ///
@@ -118,21 +114,6 @@ impl Modes {
     #[must_use]
     pub fn row(&self, point: usize) -> &[f32] {
         self.gains.chunks_exact(self.len().max(1)).nth(point).unwrap_or_default()
-    }
-
-    /// K-weighted RMS of the sound of a force of 1 N RMS with a constant power density up to 20 kHz, averaged over the contact points.
-    ///
-    /// Modes count as independent, with the power `a^2 / 4d` of a damped sine.
-    #[must_use]
-    pub fn loudness(&self) -> f64 {
-        let points = self.points().max(1) as f64;
-        let modes = self.frequencies.iter().zip(&self.dampings).enumerate();
-        let power = |(i, (f, d)): (usize, (&f64, &f64))| {
-            let gains = (0..self.points()).map(|p| f64::from(self.row(p)[i]).powi(2)).sum::<f64>();
-            gains / points * Weighting::K.gain_at(*f).powi(2) / (4.0 * d)
-        };
-        let audible = modes.filter(|(_, (f, _))| **f < BANDWIDTH);
-        (audible.map(power).sum::<f64>() / (2.0 * BANDWIDTH)).sqrt()
     }
 
     /// Checks the invariants that a [`Bank`](crate::modal::Bank) requires.

@@ -12,7 +12,7 @@ use crate::core::ports::Value;
 use crate::core::random::Rng;
 use crate::core::shape::Build;
 use crate::dsp::Reference;
-use crate::modal::Modes;
+use crate::modal::{Modes, loudness as modes_loudness};
 use crate::scrape::force::speed_curve::{POINTS, SpeedCurve};
 use crate::scrape::force::strength::Strength;
 use crate::scrape::isophote::isophote_force::{IsophoteForce, IsophoteVoice, Reading};
@@ -65,7 +65,8 @@ params! {
     pub struct LevelMatcherParams {
         /// Force in N of a value of 1 of the whole map at 1 N and 1 m/s.
         kappa: f64 = 1.0, unit "N", range 0.0..=1_000_000.0;
-        /// Scale of `kappa`: `Normalized` if it is the weighted RMS of the force of map and detail at 1 N and at `speed`.
+        /// Scale of `kappa`: `Normalized` if it is the weighted RMS of the force of map and detail at 1 N and at `speed`; with modes, the
+        /// RMS of a white force whose sound is as loud.
         reference: Reference = Reference::Normalized;
         /// Speed of the stroke.
         speed: f64 = 1.0, unit "m/s", range 0.001..=100.0;
@@ -225,12 +226,16 @@ impl<'a> Surfaces<'a> {
         )
     }
 
-    /// Weighted RMS of the force of map and detail at 1 N and at the speed of the stroke, N.
-    fn reference(&self) -> f64 {
+    /// Weighted RMS of the force of map and detail at 1 N and at the speed of the stroke, N; with modes that of a white force whose
+    /// sound is as loud.
+    fn reference(&self) -> Result<f64, Fault> {
         let p = &self.p;
         let stroke = StandardStroke::new(&self.position, self.size, p.speed, 1.0);
         let detail = self.detail.as_ref().map(|bands| stroke.noise(bands, p.map_law)).unwrap_or_default();
-        loudness(&sum([&self.map(&stroke, &self.map), &detail], [1.0; 2]), p.stroke.weighting)
+        let white = self.modes.map(modes_loudness).transpose();
+        let white =
+            white.map_err(|e| Reject::new("F078", e.to_string()).at("modes"))?.map_or(1.0, |x| FS * x);
+        Ok(self.loudness(sum([&self.map(&stroke, &self.map), &detail], [1.0; 2]))? / white)
     }
 
     /// Finds the strength of each excitation at a speed, m/s.
@@ -326,7 +331,7 @@ impl Func for LevelMatcher {
 
     fn eval(p: &LevelMatcherParams, _: &Build<'_>, mut io: LevelMatcherIo<'_>) -> Result<Summary, Fault> {
         let mut surfaces = Surfaces::new(p, &io)?;
-        surfaces.kappa *= p.reference.unit(surfaces.reference());
+        surfaces.kappa *= p.reference.unit(surfaces.reference()?);
         let all = if p.stroke.by_speed { surfaces.at_all()? } else { vec![surfaces.at(p.speed)?] };
         let Some(Found { wanted, split, .. }) = all.get(all.len() / 2) else { return Ok(Vec::new()) };
         let mut summary: Summary = vec![

@@ -88,22 +88,6 @@ pub fn factor(wanted: f64, found: f64) -> f64 {
     if factor.is_finite() && found * MAX_FACTOR > wanted { factor } else { 0.0 }
 }
 
-/// Factors of features and noise with which both together are as strong as `wanted`, the noise with `share` of the power.
-#[must_use]
-pub fn parts(wanted: f64, [features, noise]: [&[f32]; 2], share: f64, weighting: Weighting) -> [f64; 2] {
-    let alone = [features, noise].map(|x| factor(wanted, loudness(x, weighting)));
-    // If one is silent, the other has all of the power.
-    let share = match alone {
-        [_, 0.0] => 0.0,
-        [0.0, _] => 1.0,
-        _ => share.clamp(0.0, 1.0),
-    };
-    let factors = [alone[0] * (1.0 - share).sqrt(), alone[1] * share.sqrt()];
-    // They may have something to do with each other.
-    let found = loudness(&sum([features, noise], factors), weighting);
-    factors.map(|x| x * factor(wanted, found))
-}
-
 /// Two sounds, each times its factor, added up; the shorter one ends in silence.
 #[must_use]
 pub fn sum([a, b]: [&[f32]; 2], [p, q]: [f64; 2]) -> Vec<f32> {
@@ -125,29 +109,14 @@ pub fn share(whole: [&Grid; 2], noise: [&Grid; 2]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::core::random::Rng;
 
     #[test]
-    fn features_and_noise_together_have_the_wanted_power_whatever_they_share() {
-        let mut rng = Rng::new(9);
-        let noise: Vec<f32> = (0..20_000).map(|_| rng.between(-3.0, 3.0) as f32).collect();
-        let features: Vec<f32> = noise.iter().map(|n| 0.2 * n + rng.between(-1.0, 1.0) as f32).collect();
-        for share in [0.0, 0.3, 1.0] {
-            let [f, n] = parts(2.5, [&features, &noise], share, Weighting::None);
-            let both = rms(&sum([&features, &noise], [f, n]));
-            assert!((both / 2.5 - 1.0).abs() < 1e-6, "{share}: {both}");
-            let power =
-                (n * rms(&noise)).powi(2) / ((n * rms(&noise)).powi(2) + (f * rms(&features)).powi(2));
-            assert!((power - share).abs() < 1e-9, "{share}: {power}");
-        }
-        let silent = vec![0.0; 20_000];
-        let [f, n] = parts(2.5, [&silent, &noise], 0.3, Weighting::None);
-        assert!(f == 0.0 && (n * rms(&noise) / 2.5 - 1.0).abs() < 1e-6, "the noise does all");
-        assert_eq!(parts(2.5, [&silent, &silent], 0.3, Weighting::None), [0.0; 2]);
+    fn factors_are_bounded_and_sums_are_as_long_as_the_longer_sound() {
         assert_eq!(
             [factor(1.0, 1e-7), factor(0.0, 0.0), factor(0.0, 2.0), factor(3.0, 2.0)],
             [0.0, 0.0, 0.0, 1.5]
         );
+        assert_eq!(sum([&[1.0, 2.0], &[3.0]], [2.0, 1.0]), [5.0, 4.0]);
     }
 
     #[test]

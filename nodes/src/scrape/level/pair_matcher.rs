@@ -2,7 +2,7 @@
 
 use super::level_matcher::bands;
 use super::matching::{
-    StrokeParams, TuningParams, by_speed, factor, fastest, loudness, parts, rendered, share, sum,
+    StrokeParams, TuningParams, by_speed, factor, fastest, loudness, rendered, rms, share, sum,
 };
 use super::standard_stroke::{RATE, StandardStroke, exponents};
 use crate::core::fault::{Fault, Reject};
@@ -44,8 +44,13 @@ params! {
     /// FeatureCrossings together with the noise of both surfaces, of both noises alone, and of both noises from their spectra. Link them
     /// to the `kappa` of the excitations. An output without the input that it needs is 0.
     ///
-    /// The noises share their power in the ratio of the slopes of their maps, in metres of height per second of motion. Together with
-    /// crossings, their share is that of these slopes in the slopes of the whole reliefs, or one half without a noise map.
+    /// Reliefs end at half of the pixels of their images per metre. The slopes of `detail_a` and `detail_b` continue them, and all together
+    /// are the reference. A NoiseExcitation of detail needs the exponents `a` of `relief_law` and `b: 1`, since a relief acts by the speed at
+    /// which its heights change.
+    ///
+    /// Within a level the forces have the ratio that they have on the surfaces: noises the slopes of their maps, in metres of height per
+    /// second of motion, and crossings the rest of the power of the reliefs, after the share of these slopes in the slopes of the whole
+    /// reliefs, or one half without a noise map.
     ///
     /// A strength is found for each quarter of an octave up to two octaves below and above `speed`, and read at the speed of the contact;
     /// without `by_speed` for `speed` only. A relief of twice the size is twice as high, and strengths follow that: all levels are equally
@@ -105,6 +110,10 @@ ports! {
             spectrum_a: Option<Value<NoiseProfile>>,
             /// Noise of the second surface from a spectrum.
             spectrum_b: Option<Value<NoiseProfile>>,
+            /// Detail of the first surface finer than its image, beside the reliefs: a NoiseProfile with `part: Detail`.
+            detail_a: Option<Value<NoiseProfile>>,
+            /// Detail of the second surface.
+            detail_b: Option<Value<NoiseProfile>>,
             /// Modes of the scraped object.
             modes: Option<Value<Modes>>,
         }
@@ -125,6 +134,10 @@ ports! {
             only_spectrum_a: Value<Strength>,
             /// Strength of the second noise from a spectrum, together with the first noise only.
             only_spectrum_b: Value<Strength>,
+            /// Strength of the detail of the first surface beside the reliefs.
+            full_detail_a: Value<Strength>,
+            /// Strength of the detail of the second surface beside the reliefs.
+            full_detail_b: Value<Strength>,
         }
     }
 }
@@ -142,12 +155,15 @@ struct Pair<'a> {
     lines: Option<CrossingForce>,
     noises: [Option<NoiseBands>; 2],
     alike: [Option<NoiseBands>; 2],
+    details: [Option<NoiseBands>; 2],
+    /// Slopes of the surfaces in m per m for changes of luminance of 1 per pixel.
+    steepness: [f64; 2],
     /// Share of the noises in the power of crossings and noises, and of the second noise in that of both.
     shares: [f64; 2],
 }
 
 /// Strengths at one speed, in the order of the outputs.
-type Found = [f64; 8];
+type Found = [f64; 10];
 
 /// Mean square of the slopes of a relief in m per m, and the share that its noise has in it.
 fn slopes(luma: &Luma, rest: Option<&NoiseMap>, field: &'static str) -> Result<[f64; 2], Reject> {
@@ -196,6 +212,11 @@ impl<'a> Pair<'a> {
                 io.spectrum_a.map(first_bands).transpose()?,
                 io.spectrum_b.map(second_bands).transpose()?,
             ],
+            details: [io.detail_a.map(first_bands).transpose()?, io.detail_b.map(second_bands).transpose()?],
+            steepness: [io.a, io.b].map(|luma| {
+                let [x, y] = luma.surface.density;
+                luma.surface.depth / f64::from(luma.kind.max()) * (x * y).sqrt()
+            }),
             shares: [part(noise[0] + noise[1], first + second), part(noise[1], noise[0] + noise[1])],
         })
     }
@@ -205,65 +226,66 @@ impl<'a> Pair<'a> {
             .map_err(|e| Reject::new("F078", e.to_string()).at("modes").into())
     }
 
-    fn loud(&self, sound: &[f32]) -> f64 {
-        loudness(sound, self.p.stroke.weighting)
-    }
-
-    fn reliefs(&self, stroke: &StandardStroke) -> Result<Vec<f32>, Fault> {
+    fn reliefs(&self, stroke: &StandardStroke) -> Vec<f32> {
         let [a, b] = &self.reliefs;
         let law = exponents([self.p.relief_law, 0.0]);
         let mut force = PairForce::new(law, self.p.taps.into(), self.p.radius, a.range() + b.range());
-        self.rendered(stroke.draw(
+        stroke.draw(
             &mut force,
             |_| Heading::default(),
             |force, heading, segment, out| force.add([a, b], heading, segment, out),
             |_, _, _| {},
-        ))
+        )
     }
 
-    fn crossings(&self, stroke: &StandardStroke) -> Result<Vec<f32>, Fault> {
-        let Some(mut force) = self.lines.clone() else { return Ok(Vec::new()) };
-        let fresh = |_| CrossingVoice::default();
-        self.rendered(stroke.draw(&mut force, fresh, CrossingForce::add, CrossingForce::ring_out))
+    fn crossings(&self, stroke: &StandardStroke) -> Vec<f32> {
+        let Some(mut force) = self.lines.clone() else { return Vec::new() };
+        stroke.draw(&mut force, |_| CrossingVoice::default(), CrossingForce::add, CrossingForce::ring_out)
     }
 
-    fn noise(&self, stroke: &StandardStroke, bands: Option<&NoiseBands>) -> Result<Vec<f32>, Fault> {
-        bands.map_or(Ok(Vec::new()), |bands| self.rendered(stroke.noise(bands, self.p.noise_law)))
-    }
-
-    /// Factors with which both noises together are as strong as 1, and the resulting sound.
-    fn both(
-        &self,
-        strokes: [&StandardStroke; 2],
-        [a, b]: &[Option<NoiseBands>; 2],
-    ) -> Result<([f64; 2], Vec<f32>), Fault> {
-        let [a, b] = [self.noise(strokes[0], a.as_ref())?, self.noise(strokes[1], b.as_ref())?];
-        if a.is_empty() || b.is_empty() {
-            let one = if a.is_empty() { &b } else { &a };
-            let factors = [&a, &b].map(|x| factor(1.0, self.loud(x)));
-            return Ok((factors, sum([one, one], [factors[0] + factors[1], 0.0])));
-        }
-        let factors = parts(1.0, [&a, &b], self.shares[1], self.p.stroke.weighting);
-        Ok((factors, sum([&a, &b], factors)))
+    /// Loudness of the sound of forces, each times its factor.
+    fn loud(&self, forces: &[&[f32]], factors: &[f64]) -> Result<f64, Fault> {
+        let all = forces.iter().zip(factors).fold(Vec::new(), |all, (x, by)| sum([&all, x], [1.0, *by]));
+        Ok(loudness(&self.rendered(all)?, self.p.stroke.weighting))
     }
 
     /// Finds the strength of each excitation at a speed over the first surface, m/s.
     fn at(&self, speed: f64) -> Result<Found, Fault> {
+        let (p, full) = (&self.p, self.p.kappa);
         let size = [self.a.grid.width, self.a.grid.height];
-        let stroke = StandardStroke::new(&self.a.surface, size, speed, self.p.stroke.force);
-        let stroke = stroke.over_both(self.p.other);
+        let stroke = StandardStroke::new(&self.a.surface, size, speed, p.stroke.force);
+        let stroke = stroke.over_both(p.other);
         let strokes = [&stroke, &stroke.on_other()];
-        let wanted = self.p.kappa * self.loud(&self.reliefs(&stroke)?);
-        let crossings = self.crossings(&stroke)?;
-        let ([a, b], noise) = self.both(strokes, &self.noises)?;
-        let ([c, d], _) = self.both(strokes, &self.alike)?;
-        let [lines, beside] = if crossings.is_empty() || noise.is_empty() {
-            [factor(wanted, self.loud(&crossings)), wanted]
-        } else {
-            parts(wanted, [&crossings, &noise], self.shares[0], self.p.stroke.weighting)
+        let forces = |bands: &[Option<NoiseBands>; 2], law: [f64; 2]| {
+            [0, 1].map(|k| bands[k].as_ref().map(|bands| strokes[k].noise(bands, law)).unwrap_or_default())
         };
-        let [all, full] = [wanted, self.p.kappa];
-        Ok([full, lines, beside * a, beside * b, all * a, all * b, all * c, all * d])
+        let reliefs = self.reliefs(&stroke);
+        let [c, d] = forces(&self.details, [p.relief_law, 1.0]);
+        let beside = self.steepness.map(|steep| full * steep);
+        let wanted = self.loud(&[&reliefs, &c, &d], &[full, beside[0], beside[1]])?;
+        // Factors of forces in a ratio with which all together are as loud as the reference.
+        let together = |forces: [&[f32]; 3], ratio: [f64; 3]| -> Result<[f64; 3], Fault> {
+            let all = factor(wanted, self.loud(&forces, &ratio)?);
+            let strengths: [f64; 3] =
+                std::array::from_fn(|k| if forces[k].is_empty() { 0.0 } else { ratio[k] });
+            Ok(strengths.map(|x| x * all))
+        };
+        // Noise has its own law, and the strength of the reliefs under the force and at the speed of the stroke.
+        let own: [f64; 2] = std::array::from_fn(|k| {
+            let speed = if k == 0 { speed } else { speed * p.other.abs() };
+            let [a, b] = [p.relief_law - p.noise_law[0], 1.0 - p.noise_law[1]];
+            beside[k] * p.stroke.force.powf(a) * speed.powf(b)
+        });
+        let crossings = self.crossings(&stroke);
+        let [a, b] = forces(&self.noises, p.noise_law);
+        let share = if a.is_empty() && b.is_empty() { 0.0 } else { self.shares[0] };
+        let lines = full * factor(rms(&reliefs) * (1.0 - share).sqrt(), rms(&crossings));
+        let [lines, split_a, split_b] = together([&crossings, &a, &b], [lines, own[0], own[1]])?;
+        let [_, only_a, only_b] = together([&[], &a, &b], [0.0, own[0], own[1]])?;
+        let [a, b] = forces(&self.alike, p.noise_law);
+        let [_, alike_a, alike_b] = together([&[], &a, &b], [0.0, own[0], own[1]])?;
+        let details = [0, 1].map(|k| if self.details[k].is_some() { beside[k] } else { 0.0 });
+        Ok([full, lines, split_a, split_b, only_a, only_b, alike_a, alike_b, details[0], details[1]])
     }
 }
 
@@ -302,6 +324,8 @@ impl Func for PairMatcher {
             ("only_noise_b", &mut io.only_noise_b, second),
             ("only_spectrum_a", &mut io.only_spectrum_a, first),
             ("only_spectrum_b", &mut io.only_spectrum_b, second),
+            ("full_detail_a", &mut io.full_detail_a, first),
+            ("full_detail_b", &mut io.full_detail_b, second),
         ]
         .into_iter()
         .enumerate()

@@ -20,7 +20,7 @@ use crate::texture::Luma;
 use crate::{archive_state, choices, params, ports};
 
 /// Maximum number of queued pieces per contact.
-const WAITING: usize = 8;
+const WAITING: usize = 32;
 
 choices! {
     /// Body whose surface the path lies on.

@@ -73,6 +73,17 @@ fn two_close_modes_are_resolved() {
 }
 
 #[test]
+fn a_step_that_decays_is_no_mode() {
+    // A slow offset such as of a pressed microphone beside a mode that rings.
+    let mut samples = sound(&[partial(1000.0, 30.0, 0.3, 0.0)], 44_100.0, 1.0, 100, 1e-5);
+    let offset = |n: usize| 2.0 * (-600.0 * n as f64 / 44_100.0).exp();
+    samples.iter_mut().skip(100).enumerate().for_each(|(n, x)| *x += offset(n) as f32);
+    let found = extract(&samples, 44_100.0, &ExtractParams::default()).unwrap();
+    assert!(found.partials.iter().all(|p| p.frequency >= 30.0), "{:?}", found.partials);
+    assert!(found.partials.iter().any(|p| (p.frequency - 1000.0).abs() < 1.0), "{:?}", found.partials);
+}
+
+#[test]
 fn the_modes_of_a_bank_are_found_in_its_output() {
     let modes =
         Modes::new("bar", vec![523.0, 1442.0, 2826.0], vec![4.0, 11.0, 30.0], vec![0.8, 0.5, 0.4]).unwrap();
