@@ -119,7 +119,7 @@ fn nodes_that_read_images_take_at_most_six_of_them() {
     measured::<foley_nodes::texture::histogram::TextureClass>("HistogramClass", &histogram, 1);
     let sobel = node::<SobelMap>().value(SobelMapPorts::luma, luma.clone());
     let map = measured::<foley_nodes::texture::DiscontinuityMap>("SobelMap", &sobel, 1);
-    let coder = node::<MapCoder>().optional_value(MapCoderPorts::map, map);
+    let coder = node::<MapCoder>().value(MapCoderPorts::map, map);
     measured::<foley_nodes::texture::code::CodedMap>("MapCoder", &coder, 2);
     let bilateral = node::<Bilateral>().value(BilateralPorts::luma, luma.clone());
     let soft: Luma = measured("Bilateral", &bilateral, 1);
