@@ -3,11 +3,11 @@
 //! The counting allocator counts all threads, so these tests are a separate binary and run one after the other.
 #![allow(unsafe_code)]
 
-use foley_nodes::core::item::Data;
+use foley_nodes::core::item::{AnyValue, Data};
 use foley_nodes::core::node::Func;
 use foley_nodes::core::params::{Datum, Params};
 use foley_nodes::core::random::Rng;
-use foley_nodes::core::standalone::{Standalone, StandaloneRun};
+use foley_nodes::core::standalone::{Feed, Standalone, StandaloneRun};
 use foley_nodes::texture::class::histogram_class::{HistogramClass, HistogramClassPorts};
 use foley_nodes::texture::filter::bilateral::{Bilateral, BilateralPorts};
 use foley_nodes::texture::filter::dog_features::{DogFeatures, DogFeaturesPorts};
@@ -119,7 +119,7 @@ fn nodes_that_read_images_take_at_most_six_of_them() {
     measured::<foley_nodes::texture::histogram::TextureClass>("HistogramClass", &histogram, 1);
     let sobel = node::<SobelMap>().value(SobelMapPorts::luma, luma.clone());
     let map = measured::<foley_nodes::texture::DiscontinuityMap>("SobelMap", &sobel, 1);
-    let coder = node::<MapCoder>().value(MapCoderPorts::map, map);
+    let coder = node::<MapCoder>().feed(MapCoderPorts::map.index(), Feed::value(AnyValue::new(map)));
     measured::<foley_nodes::texture::code::CodedMap>("MapCoder", &coder, 2);
     let bilateral = node::<Bilateral>().value(BilateralPorts::luma, luma.clone());
     let soft: Luma = measured("Bilateral", &bilateral, 1);
