@@ -133,7 +133,9 @@ fn an_image_has_one_class_and_one_bandwidth_at_any_contrast() {
                     "{file} at {contrast}: {} of {}",
                     low.bandwidth, found.bandwidth
                 );
-                assert!((ratio - 1.0).abs() < most, "{file} at {contrast}: {ratio}");
+                // The few tones of tiles differ by half a bin.
+                let bins = (low.bandwidth - found.bandwidth).abs() * BINS as f32;
+                assert!((ratio - 1.0).abs() < most || bins < 1.0, "{file} at {contrast}: {ratio}");
             }
         }
     }
