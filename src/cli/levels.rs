@@ -19,7 +19,7 @@ const BLOCK: usize = 1 << 16;
 pub fn measure(path: &Path) -> anyhow::Result<SoundFigures> {
     let file = std::fs::File::open(path).with_context(|| path.display().to_string())?;
     let mut reader = AudioReader::open(Box::new(file)).with_context(|| path.display().to_string())?;
-    let (rate, channels) = (f64::from(reader.info().rate), usize::from(reader.info().channels));
+    let (rate, channels) = (f64::from(reader.info().rate), reader.info().channels);
     let mut meter = SoundMeter::new(rate, channels);
     let mut block = vec![0.0; BLOCK / channels.max(1) * channels];
     loop {

@@ -109,13 +109,12 @@ impl Radiation {
     /// Turns input gains, and returns the sum of the responses to a constant force of 1.
     #[inline(always)]
     pub fn apply(&self, gain: &InputGain, turned: &mut InputGain) -> f32 {
-        let mut sums = [0.0; LANES];
-        for l in 0..LANES {
+        let sums: [f32; LANES] = std::array::from_fn(|l| {
             let [x, y] = [self.turn[0][l], self.turn[1][l]];
             turned.re[l] = gain.re[l] * x - gain.im[l] * y;
             turned.im[l] = gain.re[l] * y + gain.im[l] * x;
-            sums[l] = turned.re[l] * self.constant[1][l] + turned.im[l] * self.constant[0][l];
-        }
+            turned.re[l] * self.constant[1][l] + turned.im[l] * self.constant[0][l]
+        });
         sums.iter().sum()
     }
 }

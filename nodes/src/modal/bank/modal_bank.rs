@@ -31,7 +31,7 @@ params! {
     /// factor for all modes or by one channel for each mode. It is read at every 64th sample and may have any rate.
     ///
     /// # Source
-    /// Picard, Tsingos and Faure (VRIPHYS 2008), section 5; Sterling, Rewkowski, Klatzky and Lin, "Audio-Material Reconstruction
+    /// Picard, Tsingos and Faure (VRIPHYS 2008), section 5, do not state what of an object is heard: acceleration is a choice. Sterling, Rewkowski, Klatzky and Lin, "Audio-Material Reconstruction
     /// for Virtualized Reality Using a Probabilistic Damping Model" (IEEE TVCG 2019).
     pub struct ModalBankParams {
         /// BankOutput of the surface that becomes sound.
