@@ -4,7 +4,6 @@
 
 use foley_nodes::core::item::AnyValue;
 use foley_nodes::core::params::Params;
-use foley_nodes::core::random::Random;
 use foley_nodes::core::standalone::{Feed, Standalone};
 use foley_nodes::modal::Modes;
 use foley_nodes::scrape::level::StrokeParams;
@@ -12,14 +11,13 @@ use foley_nodes::scrape::level::level_matcher::{LevelMatcher, LevelMatcherParams
 use foley_nodes::scrape::level::pair_matcher::{PairMatcher, PairMatcherParams, PairMatcherPorts};
 use foley_nodes::texture::bilateral::{BilateralParams, bilateral};
 use foley_nodes::texture::decode::decode;
-use foley_nodes::texture::detail::extend;
 use foley_nodes::texture::dog::{DogParams, features};
 use foley_nodes::texture::luma::luminance;
 use foley_nodes::texture::profile::{PROFILE, profile};
 use foley_nodes::texture::sobel::gradient;
 use foley_nodes::texture::split::noise;
 use foley_nodes::texture::{
-    DiscontinuityMap, Drawing, FeatureMap, Isophotes, Levels, Luma, LumaKind, NoiseMap, NoiseProfile,
+    Detail, DiscontinuityMap, Drawing, FeatureMap, Isophotes, Levels, Luma, LumaKind, NoiseMap, NoiseProfile,
     Surface, isophotes,
 };
 use std::error::Error;
@@ -46,11 +44,11 @@ fn analyse(name: &str, density: f64) -> Result<Analysis, Box<dyn Error>> {
     let [gx, gy] = gradient(&grid, surface.wrap);
     let luma = Luma { grid, holes: Vec::new(), kind: LumaKind::Lstar, surface };
     // The spacing of one sample at 2 m/s.
-    let times = (44_100.0 / 2.0 / density).ceil() as usize;
+    let times = (44_100.0 / 2.0 / density).ceil() as u32;
     Ok(Analysis {
         map: DiscontinuityMap { gx, gy, surface },
         features: FeatureMap { grid: lines, surface },
-        noise: extend(&profile(&rest, PROFILE), times, &Random::new(1, "bench")).0,
+        noise: NoiseProfile { detail: Some(Detail { factor: times, seed: 1 }), ..profile(&rest, PROFILE) },
         rest,
         curves: isophotes(&luma, &Drawing::default())?,
         lines: isophotes(&luma, &Drawing { levels: Levels::Quantiles(2), ..Drawing::default() })?,
@@ -76,7 +74,11 @@ fn main() -> Result<(), Box<dyn Error>> {
         let image = analyse(name, 512.0)?;
         for (what, by_speed) in [("17 speeds", true), ("one speed", false)] {
             let p = LevelMatcherParams::read(&|_| None).map_err(|e| format!("{e:?}"))?;
-            let p = LevelMatcherParams { speed: 1.2, stroke: StrokeParams { force: 11.0, by_speed }, ..p };
+            let p = LevelMatcherParams {
+                speed: 1.2,
+                stroke: StrokeParams { force: 11.0, by_speed, ..p.stroke },
+                ..p
+            };
             type P = LevelMatcherPorts;
             let standalone = Standalone::func::<LevelMatcher>(p)
                 .feed(P::map.index(), Feed::value(AnyValue::new(image.map.clone())))

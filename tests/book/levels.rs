@@ -17,8 +17,11 @@ fn all_sounds() -> Vec<(String, SoundFigures)> {
     for path in common::all_graphs().iter().filter(|p| common::is_whole(p)) {
         let dir = tempfile::tempdir().unwrap();
         let options = PlanOptions { threads: 2, ..PlanOptions::default() };
-        if let Err(e) = common::run_file(path, &options, dir.path()) {
-            panic!("{}: {e}", path.display());
+        match common::run_file(path, &options, dir.path()) {
+            // It plays live input, which has no end.
+            Err(e) if e.contains("F048") => continue,
+            Err(e) => panic!("{}: {e}", path.display()),
+            Ok(_) => {}
         }
         let folder = path.parent().unwrap().file_name().unwrap().to_string_lossy().into_owned();
         let graph = path.file_stem().unwrap().to_string_lossy().into_owned();

@@ -4,7 +4,7 @@ use super::code::{CodedMap, Coding};
 use crate::core::fault::{Fault, Reject};
 use crate::core::node::{Func, Summary};
 use crate::core::ports::Value;
-use crate::core::shape::Build;
+use crate::core::shape::{Build, Shape};
 use crate::texture::maps::{DiscontinuityMap, FeatureMap};
 use crate::{choices, params, ports};
 
@@ -52,6 +52,16 @@ ports! {
     }
 }
 
+/// Refuses none of the inputs, and both.
+fn one_of(map: bool, features: bool) -> Result<(), Reject> {
+    let found = match (map, features) {
+        (true, true) => "both `map` and `features` are linked",
+        (false, false) => "neither `map` nor `features` is linked",
+        _ => return Ok(()),
+    };
+    Err(Reject::new("F128", found).at("map").help("link one of them"))
+}
+
 /// The node over [`CodedMap`].
 #[derive(Debug)]
 pub struct MapCoder;
@@ -62,14 +72,16 @@ impl Func for MapCoder {
     const NAME: &'static str = "MapCoder";
     const VERSION: u32 = 2;
 
+    fn check(_: &MapCoderParams, s: &mut Shape<'_, '_, MapCoderPorts>) -> Result<(), Reject> {
+        one_of(s.linked(MapCoderPorts::map), s.linked(MapCoderPorts::features))
+    }
+
     fn eval(p: &MapCoderParams, _: &Build<'_>, mut io: MapCoderIo<'_>) -> Result<Summary, Fault> {
         let coded = match (io.map, io.features) {
             (Some(map), None) => CodedMap::new(map, p.coding, p.threshold),
             (None, Some(features)) => CodedMap::of_features(features),
-            (map, _) => {
-                let found = if map.is_some() { "both" } else { "neither" };
-                let message = format!("{found} of `map` and `features` are linked");
-                return Err(Reject::new("F128", message).at("map").help("link one of them").into());
+            (map, features) => {
+                return one_of(map.is_some(), features.is_some()).map(|()| Vec::new()).map_err(Into::into);
             }
         };
         let summary = vec![("bytes", coded.bytes.len().into()), ("scale", coded.scale.into())];
