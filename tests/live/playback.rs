@@ -349,15 +349,9 @@ fn slide(speeds: &[(f64, f64)], end: f64) -> Vec<(Tick, Message)> {
 
 /// Output of `graphs/texture/live.ron` for messages, without its own sounds, from their audible start.
 fn scraped(messages: Vec<(Tick, Message)>, distance: &str, seconds: f64) -> Vec<f32> {
-    // Noise as coarse as the image, and levels at one speed, which are quick to make.
-    let numbers = [
-        ("bell.gain", "0.0"),
-        ("level", "1.0"),
-        ("distance", distance),
-        ("profile.extend", "false"),
-        ("alike.extend", "false"),
-        ("equal.by_speed", "false"),
-    ];
+    // Levels at one speed, which are quick to make.
+    let numbers =
+        [("bell.gain", "0.0"), ("level", "1.0"), ("distance", distance), ("equal.by_speed", "false")];
     let given = numbers.map(|(key, value)| Override { target: key.into(), value: value.into() });
     let loaded = load(&common::graphs().join("texture/live.ron"), &LoadOptions::default().overrides(given));
     let shown = foley::diag::render(&loaded.diagnostics, &loaded.sources, false);
