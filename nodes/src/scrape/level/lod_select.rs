@@ -141,7 +141,7 @@ impl Node for LodSelect {
     type Params = LodSelectParams;
     type Ports = LodSelectPorts;
     const NAME: &'static str = "LodSelect";
-    const VERSION: u32 = 3;
+    const VERSION: u32 = 4;
     const CLASS: Class = Class::Audio;
     const COST: f64 = 50.0;
 

@@ -42,6 +42,7 @@ impl Node for OtherSurface {
     type Params = OtherSurfaceParams;
     type Ports = OtherSurfacePorts;
     const NAME: &'static str = "OtherSurface";
+    const VERSION: u32 = 2;
     const CLASS: Class = Class::Audio;
 
     fn shape(_: &OtherSurfaceParams, _: &mut Shape<'_, '_, OtherSurfacePorts>) -> Result<(), Reject> {

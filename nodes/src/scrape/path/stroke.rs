@@ -138,6 +138,7 @@ impl Node for Stroke {
     type Params = StrokeParams;
     type Ports = StrokePorts;
     const NAME: &'static str = "Stroke";
+    const VERSION: u32 = 2;
     const CLASS: Class = Class::Audio;
 
     fn shape(p: &StrokeParams, s: &mut Shape<'_, '_, StrokePorts>) -> Result<(), Reject> {
