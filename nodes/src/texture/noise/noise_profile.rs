@@ -82,7 +82,7 @@ ports! {
     }
 }
 
-/// The node over [`profile`], [`NoiseModel`] and [`extend`].
+/// The node over [`profile`], [`NoiseModel`] and [`NoiseProfile::extended`].
 #[derive(Debug)]
 pub struct NoiseProfileNode;
 
