@@ -60,7 +60,7 @@ impl When {
 /// - `{"control": CHANNEL, "values": [...]}`: numbers for a `LiveControl`.
 /// - `{"set": NAME, "value": VALUE}`: a parameter, as with `--set`.
 ///
-/// `time_s` in an impact, a contact or a control is a time on the sender's clock, as in a log: see [`LogClock`].
+/// `time_s` in an impact, a contact or a control is a time on the sender's clock, as in a log: see `LogClock`.
 ///
 /// # Errors
 /// A message with the error found and the expected form.
