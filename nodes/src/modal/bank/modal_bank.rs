@@ -34,7 +34,7 @@ params! {
     /// Picard, Tsingos and Faure (VRIPHYS 2008), section 5, do not state what of an object is heard: acceleration is a choice. Sterling, Rewkowski, Klatzky and Lin, "Audio-Material Reconstruction
     /// for Virtualized Reality Using a Probabilistic Damping Model" (IEEE TVCG 2019).
     pub struct ModalBankParams {
-        /// BankOutput of the surface that becomes sound.
+        /// Motion of the surface that becomes sound.
         output: BankOutput = BankOutput::Acceleration;
         /// Scale of the gains: `Normalized` so that a force of 1 N RMS, white up to 20 kHz, sounds at -40 dB K-weighted; `Absolute`
         /// for gains of modes in full scale per N s.
