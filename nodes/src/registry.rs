@@ -332,6 +332,7 @@ impl Registry {
             .with::<live_input::LiveControl>()
             .with::<live_input::LiveImpacts>()
             .with::<live_input::LiveMesh>()
+            .with::<live_input::LiveMeter>()
             .family("own")
     }
 }

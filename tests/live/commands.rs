@@ -220,7 +220,12 @@ fn the_log_that_ships_plays_at_its_times_as_standard_input() {
         ["live", path.to_str().unwrap(), "--device", "file:played.wav", "--for", "6", "--report", "r.json"];
     let quick = ["profile.extend=false", "alike.extend=false", "equal.by_speed=false", "bell.gain=0.0"];
     let mut command = foley(&args, folder.path());
-    command.args(quick.iter().flat_map(|number| ["--set", number])).args(["--no-cache", "--osc", "off"]);
+    command.args(quick.iter().flat_map(|number| ["--set", number])).args([
+        "--no-cache",
+        "--osc",
+        "off",
+        "--json",
+    ]);
     let log = graph("assets/contacts/rolling_ball.jsonl");
     let lines = std::fs::read_to_string(&log).unwrap().lines().count() as u64;
     let ran = command.stdin(File::open(log).unwrap()).output().unwrap();
@@ -231,6 +236,15 @@ fn the_log_that_ships_plays_at_its_times_as_standard_input() {
     let messages = &report["messages"];
     let counts = ["delivered", "malformed", "unclaimed"].map(|key| messages[key].as_u64());
     assert_eq!(counts, [Some(lines), Some(0), Some(0)]);
+    // The meter of the force on the floor has 30 readings a second, some of them of impacts.
+    let output = String::from_utf8_lossy(&ran.stdout).into_owned();
+    let peaks: Vec<f64> = output
+        .lines()
+        .filter_map(|line| serde_json::from_str::<serde_json::Value>(line).ok())
+        .flat_map(|status| status["meters"][0]["peak"].as_array().cloned().unwrap_or_default())
+        .filter_map(|peak| peak.as_f64())
+        .collect();
+    assert!(peaks.len() > 60 && peaks.iter().any(|peak| *peak > 100.0), "{peaks:?}");
     // The first three impacts of the log are at 0.342, 0.708 and 0.9 s.
     let (heard, rate) = samples(&folder.path().join("played.wav"));
     let first = heard.iter().position(|x| x.abs() > 1e-3).unwrap();

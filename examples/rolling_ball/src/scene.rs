@@ -5,6 +5,8 @@ use rapier3d::prelude::*;
 const RADIUS: f32 = 0.05;
 /// Half the length of the axis of the capsule.
 const HALF_AXIS: f32 = 0.06;
+/// Sine of the tilt from which the capsule touches with one end alone.
+const TILT: f32 = 0.05;
 /// Change of speed by one key, and speed of a jump, m/s.
 const PUSH: f32 = 0.35;
 const JUMP: f32 = 1.8;
@@ -15,8 +17,8 @@ const GAP: f32 = 0.004;
 const TILES: i32 = 23;
 /// Seconds from one kick to the next.
 const KICK: f32 = 6.0;
-/// Density of marble, kg/m^3.
-const DENSITY: f32 = 2700.0;
+/// Densities of a marble ball and of a wooden capsule, kg/m^3.
+const DENSITIES: [f32; 2] = [2700.0, 700.0];
 
 /// Body that rolls on the floor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -100,14 +102,14 @@ impl Scene {
         let (body, shape) = match roller {
             Roller::Ball => (
                 body.translation(Vector::new(-0.8, 0.1, 0.6)).linvel(Vector::new(0.7, 0.25, 0.0)),
-                ColliderBuilder::ball(RADIUS).density(DENSITY),
+                ColliderBuilder::ball(RADIUS).density(DENSITIES[0]),
             ),
             // Its axis lies along y, so it rolls along x.
             Roller::Capsule => (
                 body.translation(Vector::new(0.0, 0.0, RADIUS + 0.02))
                     .linear_damping(0.2)
                     .angular_damping(0.4),
-                ColliderBuilder::capsule_y(HALF_AXIS, RADIUS).density(DENSITY),
+                ColliderBuilder::capsule_y(HALF_AXIS, RADIUS).density(DENSITIES[1]),
             ),
         };
         let (ball, ball_shape) = world.insert(body, shape.friction(0.4).restitution(0.6));
@@ -161,8 +163,7 @@ impl Scene {
     /// All contacts of the ball with the floor (0) or with the walls (1) as one.
     fn joined(&self, kind: usize, before: Vector) -> Option<Contact> {
         let body = &self.world.bodies[self.ball];
-        // The sum of impulses, and of the places on the body times their impulses.
-        let (mut sum, mut weight, mut places) = (Vector::ZERO, 0.0, Vector::ZERO);
+        let mut sum = Vector::ZERO;
         for pair in self.world.narrow_phase.contact_pairs() {
             let second = pair.collider2 == self.ball_shape;
             let other = if second { pair.collider1 } else { pair.collider2 };
@@ -171,23 +172,26 @@ impl Scene {
             }
             for manifold in pair.manifolds() {
                 for point in &manifold.points {
-                    let (impulse, place) =
-                        (point.data.impulse, if second { point.local_p2 } else { point.local_p1 });
+                    let impulse = point.data.impulse;
                     sum += manifold.data.normal * (if second { impulse } else { -impulse });
-                    weight += impulse;
-                    places += body.position().transform_point(place) * impulse;
                 }
             }
         }
         let impulse = sum.length();
-        if impulse <= 0.0 || weight <= 0.0 {
+        if impulse <= 0.0 {
             return None;
         }
         let towards_ball = sum / impulse;
         let point = match self.roller {
-            Roller::Ball => body.translation() - towards_ball * RADIUS,
-            Roller::Capsule => places / weight,
+            Roller::Ball => Vector::ZERO,
+            // It touches along a line, and on one end where it tilts. Its centre of pressure would leap along the line from frame
+            // to frame, which is no motion over the floor.
+            Roller::Capsule => {
+                let axis = body.rotation() * Vector::Y;
+                axis * (-HALF_AXIS * (axis.dot(towards_ball) / TILT).clamp(-1.0, 1.0))
+            }
         };
+        let point = body.translation() + point - towards_ball * RADIUS;
         // The walls have the greater number, so there the ball is the first body: all turns round.
         let (bodies, sign) = if kind == 0 { ([0, 1], 1.0) } else { ([1, 2], -1.0) };
         let speed = body.linvel();

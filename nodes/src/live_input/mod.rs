@@ -1,5 +1,5 @@
 //! Nodes whose input comes from outside while a graph plays: impacts, contacts and numbers from OSC or from JSON lines on
-//! standard input, and meshes over TCP.
+//! standard input, and meshes over TCP; and meters that show levels meanwhile.
 //!
 //! In an offline run there is no input: the outputs are those before the first message.
 
@@ -9,6 +9,7 @@ mod live_contacts;
 mod live_control;
 mod live_impacts;
 mod live_mesh;
+mod live_meter;
 
 pub use contact_message::{ContactMessage, contact_from_message, contact_to_message};
 pub use contact_tracker::ContactTracker;
@@ -18,3 +19,4 @@ pub use live_impacts::{
     LiveImpacts, LiveImpactsParams, LiveImpactsPorts, impact_from_message, impact_to_message,
 };
 pub use live_mesh::{LiveMesh, LiveMeshParams, LiveMeshPorts};
+pub use live_meter::{LiveMeter, LiveMeterParams, LiveMeterPorts};

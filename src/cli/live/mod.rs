@@ -1,5 +1,6 @@
 //! `foley live`, and `foley watch --live`.
 
+mod level_curve;
 mod listeners;
 mod report;
 mod session;
@@ -17,6 +18,7 @@ use crate::run::check_given;
 use crate::watch::FileWatcher;
 use crossbeam_channel::unbounded;
 use foley_nodes::registry::Registry;
+use level_curve::LevelCurves;
 use listeners::listen;
 use session::Session;
 use std::path::Path;
@@ -178,6 +180,7 @@ fn play(settings: &LiveSettings<'_>) -> anyhow::Result<Exit> {
         coming: None,
         delays: Vec::new(),
         shown: Instant::now(),
+        curves: LevelCurves::default(),
         lost: None,
         over: false,
     };

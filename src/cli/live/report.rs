@@ -1,5 +1,6 @@
 //! Status lines and the report of a graph that plays.
 
+use super::level_curve::COLUMNS_PER_SECOND;
 use super::session::Session;
 use crate::cli::Exit;
 use crate::cli::run::{show, write_whole};
@@ -7,6 +8,8 @@ use crate::cli::watch::say;
 use crate::diag::{Diagnostic, Sources};
 use crate::live::Histogram;
 use crate::live::device::Running;
+use crate::live::input::MeterReadings;
+use foley_nodes::core::input::Reading;
 use foley_nodes::core::time::seconds;
 use serde_json::json;
 use std::io::{IsTerminal, Write as _};
@@ -29,10 +32,17 @@ fn times(histogram: &Histogram) -> serde_json::Value {
     })
 }
 
+fn levels(meter: &MeterReadings) -> serde_json::Value {
+    let list = |level: fn(&Reading) -> f32| meter.readings.iter().map(level).collect::<Vec<_>>();
+    json!({ "name": meter.name, "rate": meter.rate, "peak": list(|r| r.peak), "rms": list(|r| r.rms) })
+}
+
 impl Session<'_> {
     pub(super) fn status(&mut self) -> std::io::Result<()> {
         let terminal = std::io::stderr().is_terminal();
-        if self.shown.elapsed() < STATUS || self.settings.quiet || !(self.settings.json || terminal) {
+        let columns = Duration::from_secs_f64(1.0 / COLUMNS_PER_SECOND);
+        let interval = if self.curves.is_empty() || self.settings.json { STATUS } else { columns };
+        if self.shown.elapsed() < interval || self.settings.quiet || !(self.settings.json || terminal) {
             return Ok(());
         }
         self.shown = Instant::now();
@@ -41,6 +51,7 @@ impl Session<'_> {
         let budget = self.settings.device.quantum as f64 / self.player.plan().rate.as_f64();
         let played = shared.window.load(Relaxed) as f64 * budget;
         let peak = meter.take_peak();
+        let readings = self.hub.meters.take();
         if self.settings.json {
             let late = self.device.as_ref().map_or(0, |d| d.status.late.load(Relaxed));
             return say(&json!({
@@ -50,16 +61,19 @@ impl Session<'_> {
                 "overruns": meter.overruns.load(Relaxed),
                 "late": late,
                 "peak": peak,
+                "meters": readings.iter().map(levels).collect::<Vec<_>>(),
                 "nodes": self.nodes(),
             })
             .to_string());
         }
+        self.curves.add(&readings);
         let load = meter.callback.quantile(0.99).as_secs_f64() / budget * 100.0;
         eprint!(
-            "\r{played:8.1} s   load {load:5.1} %   worst {:7.0} us   missed {}   peak {:6.1} dB \x1b[K",
+            "\r{played:8.1} s   load {load:5.1} %   worst {:7.0} us   missed {}   peak {:6.1} dB{} \x1b[K",
             us(meter.callback.worst()),
             meter.missed.load(Relaxed),
-            20.0 * f64::from(peak.max(1e-6)).log10()
+            20.0 * f64::from(peak.max(1e-6)).log10(),
+            self.curves.draw()
         );
         std::io::stderr().flush()
     }

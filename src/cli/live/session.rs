@@ -1,5 +1,6 @@
 //! A graph that plays: loads, reloads, device and messages.
 
+use super::level_curve::LevelCurves;
 use super::{LiveSettings, LoadedGraph, load_graph};
 use crate::cli::Exit;
 use crate::cli::run::show;
@@ -58,6 +59,8 @@ pub(super) struct Session<'a> {
     /// Milliseconds from each save to its sound.
     pub(super) delays: Vec<f64>,
     pub(super) shown: Instant,
+    /// Levels of the last seconds.
+    pub(super) curves: LevelCurves,
     pub(super) lost: Option<Instant>,
     pub(super) over: bool,
 }

@@ -1,9 +1,10 @@
 //! Delivers messages to the nodes that wait for them.
 
+use super::meters::Meters;
 use crate::live::playback::callback::Shared;
 use crate::live::playback::timing::window_start;
 use crossbeam_channel::Sender;
-use foley_nodes::core::input::{Frames, Inbox, Inputs, Message};
+use foley_nodes::core::input::{Display, Frames, Inbox, Inputs, Message};
 use foley_nodes::core::time::{Rate, Tick, ticks};
 use rtrb::{Consumer, Producer, RingBuffer};
 use std::collections::HashMap;
@@ -61,6 +62,8 @@ pub struct Hub {
     clock: Mutex<Option<Clock>>,
     pieces: AtomicU64,
     sets: Sender<Set>,
+    /// Meters of the nodes.
+    pub meters: Meters,
     /// Messages delivered to a node.
     pub delivered: AtomicU64,
     /// Packets and lines that cannot be parsed.
@@ -79,6 +82,7 @@ impl Hub {
             clock: Mutex::default(),
             pieces: AtomicU64::new(0),
             sets,
+            meters: Meters::default(),
             delivered: AtomicU64::new(0),
             malformed: AtomicU64::new(0),
             unclaimed: AtomicU64::new(0),
@@ -191,6 +195,10 @@ impl Inputs for Hub {
         frames.retain(|sender| !sender.full.is_abandoned());
         frames.push(FrameSender { numbers, last: Tick::MIN, full, free });
         Some(Box::new(FrameReceiver { full: received, free: returned }))
+    }
+
+    fn open_display(&self, name: &str, rate: f64) -> Option<Box<dyn Display>> {
+        Some(self.meters.open(name, rate))
     }
 }
 

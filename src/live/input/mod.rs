@@ -5,10 +5,12 @@ mod json;
 mod listener;
 mod log_clock;
 mod meshes;
+mod meters;
 mod osc;
 
 pub use hub::{Hub, Moment, Set};
 pub use json::{read_line, read_lines};
 pub use listener::Listener;
 pub use meshes::{MAGIC, VERSION, listen_to_meshes, read_frames};
+pub use meters::{MeterReadings, Meters};
 pub use osc::{listen_to_osc, read_packet};

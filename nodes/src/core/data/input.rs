@@ -47,6 +47,21 @@ pub trait Frames: Send {
     fn latest(&mut self, before: Tick, into: &mut [f32]) -> Option<Tick>;
 }
 
+/// The level of a stretch of sound, for display while it plays.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Reading {
+    /// Largest magnitude.
+    pub peak: f32,
+    /// Root mean square.
+    pub rms: f32,
+}
+
+/// Takes the readings of a node to a display.
+pub trait Display: Send {
+    /// Sends a reading, or drops it if nobody has read the ones before; never waits, allocates or locks.
+    fn show(&mut self, reading: Reading);
+}
+
 /// A source of messages.
 pub trait Inputs: Send + Sync {
     /// Starts to collect the messages of a channel; `None` if none can come, as in an offline run.
@@ -54,6 +69,11 @@ pub trait Inputs: Send + Sync {
 
     /// Starts to collect the frames of a channel, of `count` numbers each; `None` if none can come.
     fn open_frames(&self, _channel: &str, _numbers: usize) -> Option<Box<dyn Frames>> {
+        None
+    }
+
+    /// Opens a display of readings, `rate` of them a second; `None` if there is none, as in an offline run.
+    fn open_display(&self, _name: &str, _rate: f64) -> Option<Box<dyn Display>> {
         None
     }
 }

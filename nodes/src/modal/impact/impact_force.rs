@@ -100,6 +100,21 @@ pub struct ImpactForce {
     count: u64,
     /// Impacts on points beyond the last one.
     beyond_last: u64,
+    /// Smallest and largest magnitude of an impulse, N s.
+    impulses: [f32; 2],
+}
+
+/// Range of impulses in dB above which the summary warns: what is so far below the strongest is not heard beside it.
+const WIDE_RANGE: f64 = 80.0;
+
+/// What a listener hears of impulses whose strengths are far apart.
+fn range_warning([low, high]: [f32; 2]) -> Option<String> {
+    let range = 20.0 * (f64::from(high) / f64::from(low)).log10();
+    (low > 0.0 && range > WIDE_RANGE).then(|| {
+        format!(
+            "impulses are {low:.1e} to {high:.1e} N s, {range:.0} dB apart: the soft ones will not be heard; are all of them in N s?"
+        )
+    })
 }
 
 impl ImpactForce {
@@ -130,6 +145,11 @@ impl ImpactForce {
             self.ring.add(delay - early, impact.point as usize, impulse * weight(k) / total, time, p.shape);
         }
         self.count += 1;
+        if impulse != 0.0 {
+            let size = impact.impulse.abs();
+            let [low, high] = self.impulses;
+            self.impulses = [if low == 0.0 { size } else { low.min(size) }, high.max(size)];
+        }
         self.beyond_last += u64::from(impact.point >= p.points.into());
     }
 }
@@ -149,7 +169,7 @@ impl Node for ImpactForce {
 
     fn build(p: &ImpactForceParams, cx: &Build<'_>) -> Result<Self, Fault> {
         let ring = ForceRing::new(p.rate.as_f64(), p.points.into(), LONGEST + MICRO_SPAN);
-        Ok(Self { params: p.clone(), random: cx.random, ring, count: 0, beyond_last: 0 })
+        Ok(Self { params: p.clone(), random: cx.random, ring, count: 0, beyond_last: 0, impulses: [0.0; 2] })
     }
 
     fn run(&mut self, mut io: ImpactForceIo<'_>) -> Result<(), Fault> {
@@ -175,6 +195,7 @@ impl Node for ImpactForce {
         if self.beyond_last > 0 {
             summary.push(("beyond_the_last_point", self.beyond_last.into()));
         }
+        summary.extend(range_warning(self.impulses).map(|text| ("warning", text.into())));
         Ok(summary)
     }
 
@@ -189,10 +210,10 @@ impl Node for ImpactForce {
 
     fn adopt(&mut self, old: &mut Self) {
         self.ring.take_state(&old.ring);
-        (self.count, self.beyond_last) = (old.count, old.beyond_last);
+        (self.count, self.beyond_last, self.impulses) = (old.count, old.beyond_last, old.impulses);
     }
 
-    archive_state!(ring, count, beyond_last);
+    archive_state!(ring, count, beyond_last, impulses);
 
     fn trial(rng: &mut Rng) -> (ImpactForceParams, MemoryFiles) {
         let params = ImpactForceParams::trial(rng);
@@ -240,6 +261,25 @@ mod tests {
             let samples = force(ImpactForceParams { micro, ..params() }, impacts, ticks(0.01));
             assert!((area(&samples) / sum - 1.0).abs() < 1e-6, "{} for {sum}", area(&samples));
         }
+    }
+
+    #[test]
+    fn impulses_far_apart_have_a_warning() {
+        let warned = |energies: [f64; 2]| {
+            let impacts =
+                energies.map(impact).into_iter().enumerate().map(|(k, i)| (ticks(0.01 * k as f64), i));
+            let standalone = Standalone::new::<ImpactForce>(params()).events(
+                ImpactForcePorts::impacts,
+                impacts.collect(),
+                ticks(0.1),
+            );
+            let run = standalone.run().unwrap();
+            run.summary.iter().find(|(k, _)| *k == "warning").map(|(_, text)| text.to_string())
+        };
+        // A thousandth of the impulse is a millionth of the energy.
+        assert_eq!(warned([1.0, 1e-6]), None);
+        let text = warned([1e6, 1e-6]).unwrap();
+        assert!(text.contains("120 dB apart") && text.contains("N s"), "{text}");
     }
 
     #[test]

@@ -384,6 +384,8 @@ impl Node for ContactPath {
             summary.push(("friction_work_heard", share(work.heard, work.all).into()));
             summary.push(("friction_work_of_impacts", (1.0 - share(work.limited, work.smoothed)).into()));
         }
+        let warning = self.forces.jitter.warning(self.params.force_smooth);
+        summary.extend(warning.map(|text| ("warning", text.into())));
         Ok(summary)
     }
 

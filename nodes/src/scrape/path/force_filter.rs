@@ -62,6 +62,11 @@ impl Recent {
         self.count += 1;
     }
 
+    /// The value that was added last.
+    fn newest(&self) -> Option<f64> {
+        self.count.checked_sub(1).map(|k| self.values[k % CAPACITY][1])
+    }
+
     /// Durations and values within a window, the newest first.
     fn within(&self, window: f64) -> impl Iterator<Item = [f64; 2]> {
         let mut left = window;
@@ -138,14 +143,55 @@ pub struct ForceFilter {
     room: usize,
     /// Work so far.
     pub work: FrictionWork,
+    /// How much forces change from frame to frame.
+    pub jitter: Jitter,
 }
-impl_state!(ForceFilter { contacts, work });
+impl_state!(ForceFilter { contacts, work, jitter });
+
+/// Changes of a force from frame to frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Jitter {
+    frames: u64,
+    force: f64,
+    change: f64,
+}
+
+/// Frames below which nothing is said about jitter.
+const FEW_FRAMES: u64 = 20;
+/// Mean change over the mean force above which a force is said to jump.
+const JUMPS: f64 = 0.5;
+
+impl Jitter {
+    fn count(&mut self, before: f64, now: f64) {
+        self.frames += 1;
+        self.force += 0.5 * (before + now);
+        self.change += (now - before).abs();
+    }
+
+    /// What will be heard of forces that jump in each frame.
+    #[must_use]
+    pub fn warning(&self, smooth: f64) -> Option<String> {
+        let share = self.change / self.force;
+        (self.frames >= FEW_FRAMES && share > JUMPS).then(|| {
+            format!(
+                "the force of contacts changes by {:.0} % of its mean from frame to frame: means over `force_smooth`, {smooth:.4} s, are heard; a longer one smooths more",
+                100.0 * share
+            )
+        })
+    }
+}
 
 impl ForceFilter {
     /// Room for `room` contacts at once.
     #[must_use]
     pub fn new(rules: ForceRules, room: usize) -> Self {
-        Self { rules, contacts: Vec::with_capacity(room), room, work: FrictionWork::default() }
+        Self {
+            rules,
+            contacts: Vec::with_capacity(room),
+            room,
+            work: FrictionWork::default(),
+            jitter: Jitter::default(),
+        }
     }
 
     /// Changes the rules from the next frame on.
@@ -168,6 +214,9 @@ impl ForceFilter {
         });
         let ForceRules { smooth, median, limit } = self.rules;
         contact.last = sample.tick;
+        if let Some(before) = contact.raw.newest() {
+            self.jitter.count(before, force);
+        }
         contact.raw.push(step, force, smooth);
         // A frame longer than the window counts alone. Frames of 1/60 s are means that are joined by straight lines; shorter ones are
         // averaged twice, which leaves as little of the noise at high frequencies.
@@ -200,7 +249,7 @@ impl ForceFilter {
     pub fn take_state(&mut self, old: &Self) {
         self.contacts.clear();
         self.contacts.extend(old.contacts.iter().take(self.room).copied());
-        self.work = old.work;
+        (self.work, self.jitter) = (old.work, old.jitter);
     }
 }
 
@@ -266,6 +315,18 @@ mod tests {
         // 1200 frames a second: half of the frames without force.
         let (out, _) = filtered(1200.0, 0.0, |k| if k % 2 == 0 { 20.0 } else { 0.0 }, 600);
         assert!(out[200..].iter().all(|f| (f - 10.0).abs() < 0.6), "{out:?}");
+    }
+
+    #[test]
+    fn forces_that_jump_in_each_frame_have_a_warning() {
+        let jitter = |force: fn(usize) -> f64| {
+            let mut jitter = Jitter::default();
+            (1..100).for_each(|k| jitter.count(force(k - 1), force(k)));
+            jitter.warning(1.0 / 60.0)
+        };
+        assert_eq!(jitter(|k| 10.0 + (k as f64 * 0.3).sin()), None);
+        let text = jitter(|k| if k % 2 == 0 { 20.0 } else { 0.0 }).unwrap();
+        assert!(text.contains("200 %") && text.contains("0.0167 s"), "{text}");
     }
 
     #[test]

@@ -82,6 +82,21 @@ fn wrong(path: &str, e: &ImageError) -> Reject {
     Reject::new(e.code(), format!("{path:?}: {e}")).at("path")
 }
 
+/// What is not heard of an image of one tone, or of one line.
+fn even(grid: &Grid) -> Option<String> {
+    let tones =
+        grid.samples.iter().fold([f32::INFINITY, f32::NEG_INFINITY], |[a, b], x| [a.min(*x), b.max(*x)]);
+    if tones[0] >= tones[1] {
+        let tone = tones[0];
+        return Some(format!(
+            "all pixels have the same tone, {tone}: no contact makes a sound on this image"
+        ));
+    }
+    let (across, along) = if grid.height == 1 { ("high", "x") } else { ("wide", "y") };
+    (grid.width == 1 || grid.height == 1)
+        .then(|| format!("the image is 1 pixel {across}: only motion along {along} makes a sound on it"))
+}
+
 impl Func for ImageLuma {
     type Params = ImageLumaParams;
     type Ports = ImageLumaPorts;
@@ -107,6 +122,7 @@ impl Func for ImageLuma {
             ("holes", luma.holes.iter().filter(|hole| **hole).count().into()),
             ("highest_hz_at_1_m_s", (0.5 * density[0].min(density[1])).into()),
         ];
+        summary.extend(even(&luma.grid).map(|text| ("warning", text.into())));
         let blocks = blockiness(&luma.grid);
         if blocks > MAX_BLOCKINESS {
             let text = format!(
@@ -191,6 +207,22 @@ mod tests {
         let lines = Grid { width: 128, height: 128, samples: Vec::new() };
         let run = standalone(encode_png(&lines, &pixels).unwrap(), &[]).run().unwrap();
         assert_eq!(figure(&run, "warning"), "");
+    }
+
+    #[test]
+    fn images_of_one_tone_or_of_one_line_have_a_warning_of_silence() {
+        for (width, height, tones, expected) in [
+            (8, 8, 1, "the same tone"),
+            (64, 1, 50, "1 pixel high"),
+            (1, 64, 50, "1 pixel wide"),
+            (8, 8, 50, ""),
+        ] {
+            let grid = Grid { width, height, samples: Vec::new() };
+            let pixels: Vec<u8> = (0..width * height).map(|k| 90 + (k * 31 % tones) as u8).collect();
+            let run = standalone(encode_png(&grid, &pixels).unwrap(), &[]).run().unwrap();
+            let warning = figure(&run, "warning");
+            assert!(warning.contains(expected) && warning.is_empty() == expected.is_empty(), "{warning}");
+        }
     }
 
     #[test]

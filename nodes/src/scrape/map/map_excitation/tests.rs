@@ -438,3 +438,14 @@ fn a_code_beside_a_map_is_refused() {
     let error = standalone.feed(MapExcitationPorts::coded.index(), value).run().map(|_| ()).unwrap_err();
     assert!(error.code == "F128" && error.to_string().contains("`map` and `coded` are linked"), "{error}");
 }
+
+#[test]
+fn an_even_surface_has_a_warning_of_silence() {
+    let warned = |map: DiscontinuityMap| {
+        let run = standalone(params(), map, vec![(0, piece([0.03, 0.0], [0.5, 0.0], 0.2))], 0.2).run().unwrap();
+        run.summary.iter().any(|(k, text)| *k == "warning" && text.to_string().contains("even"))
+    };
+    let surface = Surface { density: [512.0; 2], ..Surface::default() };
+    let even = DiscontinuityMap { gx: Grid::from_fn(64, 64, |_, _| 0.0), gy: Grid::from_fn(64, 64, |_, _| 0.0), surface };
+    assert!(warned(even) && !warned(grating(40.0, 512.0)));
+}
