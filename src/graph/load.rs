@@ -21,7 +21,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Loaded {
     }
     match read_text(path, &path.display().to_string(), options.limits.graph_bytes) {
         Ok(text) => {
-            let given = loader.overrides(&options.overrides);
+            let given = loader.overrides(options);
             let mut chain = vec![std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned())];
             loader.file(&path.display().to_string(), text, path, "", given, &mut chain);
         }
@@ -39,7 +39,7 @@ pub fn load_text(name: &str, text: &str, path: &Path, options: &LoadOptions) -> 
             loader.found.push(Diagnostic::general("F060", format!("{}: {e}", folder.display())));
         }
     }
-    let given = loader.overrides(&options.overrides);
+    let given = loader.overrides(options);
     loader.file(name, text.to_owned(), path, "", given, &mut vec![path.to_owned()]);
     check::check(loader)
 }

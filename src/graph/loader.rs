@@ -3,7 +3,7 @@
 use super::Graph;
 use super::root::{Limits, Root};
 use super::suggest::help;
-use super::values::{Given, Override, Scope};
+use super::values::{Given, Origin, Override, Scope};
 use crate::diag::{Diagnostic, SourceLocation, Sources};
 use crate::lang::{self, Value};
 use foley_nodes::core::files::FileError;
@@ -42,6 +42,8 @@ pub struct LoadOptions {
     pub registry: Arc<Registry>,
     /// Values for its parameters and nodes; later ones win.
     pub overrides: Vec<Override>,
+    /// Values that arrived in messages; they win over `overrides`, and name only files below the graph's own folder.
+    pub messages: Vec<Override>,
     /// Folders outside its own that it may read.
     pub allow_read: Vec<PathBuf>,
     /// Limits on its files and its size.
@@ -55,6 +57,7 @@ impl Default for LoadOptions {
         Self {
             registry: Arc::clone(&STANDARD),
             overrides: Vec::new(),
+            messages: Vec::new(),
             allow_read: Vec::new(),
             limits: Limits::default(),
         }
@@ -73,6 +76,13 @@ impl LoadOptions {
     #[must_use]
     pub fn overrides(mut self, overrides: impl IntoIterator<Item = Override>) -> Self {
         self.overrides.extend(overrides);
+        self
+    }
+
+    /// Adds values that arrived in messages.
+    #[must_use]
+    pub fn messages(mut self, messages: impl IntoIterator<Item = Override>) -> Self {
+        self.messages.extend(messages);
         self
     }
 
@@ -118,6 +128,8 @@ pub(super) struct Loader {
     pub used_params: std::cell::RefCell<std::collections::BTreeSet<String>>,
     pub all_params: Vec<(String, SourceLocation)>,
     pub root: Root,
+    /// Folder of the graph, as its paths begin.
+    pub folder: PathBuf,
     pub limits: Limits,
     /// Number of uses of sub-graphs, and their size in bytes.
     pub uses: usize,
@@ -160,6 +172,7 @@ impl Loader {
         Self {
             registry: Arc::clone(&options.registry),
             root: Root::of(path),
+            folder: path.parent().map(Path::to_owned).unwrap_or_default(),
             limits: options.limits,
             ..Self::default()
         }
@@ -414,6 +427,7 @@ impl Loader {
                 location: at(field.value.span()),
                 folder: folder.to_owned(),
                 scope: scope.clone(),
+                origin: Origin::Text,
             };
             read.push((field_name.to_owned(), key, given));
         }

@@ -2,7 +2,7 @@
 
 use super::loader::{Loader, read_text, valid_id};
 use super::root::join;
-use super::values::{Given, Scope};
+use super::values::{Given, Origin, Scope};
 use crate::diag::{Diagnostic, SourceLocation, any_error};
 use crate::lang::{self, Value, ValueKind};
 use std::path::{Path, PathBuf};
@@ -41,6 +41,7 @@ impl Loader {
                         location,
                         folder: folder.to_owned(),
                         scope: scope.clone(),
+                        origin: Origin::Text,
                     };
                     Some((e.key.as_str()?.to_owned(), given))
                 };

@@ -172,13 +172,22 @@ impl Session {
     /// An earlier value of the same target is replaced.
     pub fn set(&mut self, target: impl Into<String>, value: impl Into<String>) {
         let new = Override { target: target.into(), value: value.into() };
-        self.unset(&new.target);
+        self.options.overrides.retain(|given| given.target != new.target);
         self.options.overrides.push(new);
+    }
+
+    /// Sets a parameter as [`Session::set`] does, to a value of a message that anybody may have sent: a path in it is relative to
+    /// the graph, and has to lie below the graph's own folder. It wins over a value of [`Session::set`].
+    pub fn set_from_message(&mut self, target: impl Into<String>, value: impl Into<String>) {
+        let new = Override { target: target.into(), value: value.into() };
+        self.options.messages.retain(|given| given.target != new.target);
+        self.options.messages.push(new);
     }
 
     /// Removes the value that was set for a target.
     pub fn unset(&mut self, target: &str) {
         self.options.overrides.retain(|given| given.target != target);
+        self.options.messages.retain(|given| given.target != target);
     }
 
     /// The values that are set.

@@ -91,7 +91,7 @@ fn load_graph(
     let args = settings.graph;
     let mut session = args.session(settings.registry).with_until(Some(1.0)).with_quiet(settings.quiet);
     for given in overrides {
-        session.set(&given.target, &given.value);
+        session.set_from_message(&given.target, &given.value);
     }
     let (loaded, files) = session.load();
     let asked = files.asked();

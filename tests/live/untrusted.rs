@@ -1,0 +1,165 @@
+//! Input of a playing graph from senders that nobody trusts: what they may name, and what they may not stop.
+
+use foley::diag::Severity;
+use foley::graph::{LoadOptions, Override, load};
+use std::fs;
+use std::io::{BufRead, BufReader, Write};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+
+/// A graph that plays a recording from its own folder for ever.
+const GRAPH: &str = "#![schema = \"foley:graph/1\"]
+Graph(params: { \"take\": \"own.wav\", \"level\": 0.5 }, nodes: {
+    \"in\": WavIn(path: \"$take\"),
+    \"loud\": Gain(audio: \"in\", gain: \"$level\"),
+    \"out\": WavOut(audio: \"loud\", path: \"o.wav\"),
+})
+";
+
+fn wav(path: &Path) {
+    let spec = hound::WavSpec {
+        channels: 1,
+        sample_rate: 8000,
+        bits_per_sample: 16,
+        sample_format: hound::SampleFormat::Int,
+    };
+    let mut writer = hound::WavWriter::create(path, spec).unwrap();
+    (0..80_000).for_each(|k| writer.write_sample((k % 100) as i16).unwrap());
+    writer.finalize().unwrap();
+}
+
+/// `piece/main.ron` with a recording, and recordings in other folders.
+fn project() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    for path in ["piece/own.wav", "piece/inner/more.wav", "secret/s.wav", "assets/shared.wav", "work/w.wav"] {
+        let path = folder.path().join(path);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        wav(&path);
+    }
+    fs::write(folder.path().join("piece/main.ron"), GRAPH).unwrap();
+    folder
+}
+
+fn message(target: &str, value: impl Into<String>) -> Override {
+    Override { target: target.into(), value: value.into() }
+}
+
+#[test]
+fn a_message_names_files_below_the_folder_of_the_graph_only() {
+    let folder = project();
+    let graph = folder.path().join("piece/main.ron");
+    let absolute = |path: &str| folder.path().join(path).display().to_string();
+    let codes = |value: &str| -> Vec<&'static str> {
+        ["in.path", "take"]
+            .iter()
+            .map(|target| {
+                let loaded = load(&graph, &LoadOptions::default().messages([message(target, value)]));
+                let errors = loaded.diagnostics.iter().filter(|d| d.severity == Severity::Error);
+                let errors: Vec<_> = errors.map(|d| d.code).collect();
+                assert!(errors.len() <= 1, "{errors:?}");
+                errors.first().copied().unwrap_or("loaded")
+            })
+            .collect()
+    };
+    #[cfg(unix)]
+    std::os::unix::fs::symlink(folder.path().join("secret/s.wav"), folder.path().join("piece/link.wav"))
+        .unwrap();
+    for right in ["own.wav", "inner/more.wav", "inner/../own.wav", "./own.wav"] {
+        assert_eq!(codes(right), ["loaded"; 2], "{right}");
+    }
+    let wrong = [
+        "../secret/s.wav".to_owned(),
+        "../secret/nothing.wav".to_owned(),
+        // The text of the graph may name this one.
+        "../assets/shared.wav".to_owned(),
+        "inner/../../secret/s.wav".to_owned(),
+        absolute("secret/s.wav"),
+        absolute("piece/own.wav"),
+        "/etc/passwd".to_owned(),
+        "\"../secret/s.wav\"".to_owned(),
+        #[cfg(unix)]
+        "link.wav".to_owned(),
+    ];
+    for wrong in wrong {
+        assert_eq!(codes(&wrong), ["F062"; 2], "{wrong}");
+    }
+    // A person may name it, and a message wins over that only where it may.
+    let named = LoadOptions::default().overrides([message("take", "own.wav")]);
+    let wins = load(&graph, &named.clone().messages([message("take", "../secret/s.wav")]));
+    assert!(wins.graph.is_none());
+    assert!(load(&graph, &named.messages([message("take", "inner/more.wav")])).graph.is_some());
+}
+
+fn live(folder: &Path, arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_foley"));
+    command.args(["live", "main.ron", "--no-cache", "--osc", "off"]).args(arguments);
+    command.current_dir(folder).env("NO_COLOR", "1").stdin(Stdio::piped());
+    command.stdout(Stdio::piped()).stderr(Stdio::piped());
+    command
+}
+
+/// Waits until it plays.
+fn playing(child: &mut Child) -> BufReader<std::process::ChildStdout> {
+    let mut reported = BufReader::new(child.stdout.take().unwrap());
+    let mut line = String::new();
+    while !line.starts_with("Ctrl-C") {
+        line.clear();
+        assert!(reported.read_line(&mut line).unwrap() > 0, "it never plays");
+    }
+    reported
+}
+
+#[test]
+fn a_line_that_names_a_file_elsewhere_is_refused_and_nothing_of_the_file_is_shown() {
+    let folder = project();
+    fs::write(folder.path().join("secret/key"), "SECRETSECRETSECRET").unwrap();
+    let mut child = live(&folder.path().join("piece"), &["--device", "null", "--for", "3"]).spawn().unwrap();
+    let reported = playing(&mut child);
+    let mut lines = child.stdin.take().unwrap();
+    writeln!(lines, "{{\"set\": \"in.path\", \"value\": \"../secret/key\"}}").unwrap();
+    lines.flush().unwrap();
+    let run = child.wait_with_output().unwrap();
+    let text = String::from_utf8_lossy(&run.stderr);
+    assert!(run.status.success(), "{text}");
+    assert!(text.contains("F062") && text.contains("a message may not name"), "{text}");
+    assert!(!text.contains("SECRET"), "{text}");
+    drop((lines, reported));
+}
+
+/// Plays for two seconds with a reader of standard error that has gone, while wrong lines arrive; returns the sound.
+#[test]
+fn a_reader_of_standard_error_that_has_gone_ends_nothing() {
+    let folder = project();
+    let piece = folder.path().join("piece");
+    let arguments = ["--device", "file:played.wav", "--report", "r.json", "--for", "2"];
+    let mut child = live(&piece, &arguments).spawn().unwrap();
+    let reported = playing(&mut child);
+    drop(child.stderr.take());
+    let mut lines = child.stdin.take().unwrap();
+    for _ in 0..3 {
+        writeln!(lines, "wrong\n{{\"set\": \"in.nothing\", \"value\": 1}}").unwrap();
+        lines.flush().unwrap();
+        std::thread::sleep(std::time::Duration::from_millis(200));
+    }
+    assert!(child.wait().unwrap().success());
+    let report: serde_json::Value =
+        serde_json::from_str(&fs::read_to_string(piece.join("r.json")).unwrap()).unwrap();
+    assert_eq!(report["messages"]["malformed"], 3, "every line is read");
+    assert!(hound::WavReader::open(piece.join("played.wav")).unwrap().duration() > 8000);
+    drop((lines, reported));
+}
+
+#[test]
+fn a_reader_of_standard_output_that_has_gone_ends_the_piece_with_a_whole_recording() {
+    let folder = project();
+    let piece = folder.path().join("piece");
+    let arguments = ["--device", "file:played.wav", "--report", "r.json", "--for", "20", "--json"];
+    let mut child = live(&piece, &arguments).spawn().unwrap();
+    let mut reported = BufReader::new(child.stdout.take().unwrap());
+    let mut line = String::new();
+    reported.read_line(&mut line).unwrap();
+    drop(reported);
+    assert!(child.wait_with_output().unwrap().status.success());
+    assert!(piece.join("r.json").exists());
+    assert!(hound::WavReader::open(piece.join("played.wav")).unwrap().duration() > 800);
+}
