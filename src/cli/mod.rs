@@ -3,6 +3,7 @@
 mod args;
 mod cache;
 mod check;
+mod console;
 mod docs;
 mod draw;
 mod levels;
@@ -83,7 +84,7 @@ pub fn run(registry: Registry) -> ExitCode {
             ExitCode::SUCCESS
         }
         Err(e) => {
-            eprintln!("foley: {e:#}");
+            console::tell(format_args!("{e:#}"));
             ExitCode::FAILURE
         }
     }

@@ -2,6 +2,7 @@
 
 use super::Exit;
 use super::args::{Args, CompletionsArgs, ExplainArgs, FmtArgs};
+use super::console::stdout;
 use super::run::{show, write_whole};
 use crate::diag::{Diagnostic, SourceLocation, Sources, codes};
 use crate::graph::nearest;
@@ -9,7 +10,7 @@ use crate::lang::fmt::format;
 use anyhow::Context as _;
 use clap::CommandFactory as _;
 use std::fs;
-use std::io::{Write as _, stdout};
+use std::io::Write as _;
 
 /// Lays out graph files.
 ///
@@ -63,7 +64,7 @@ pub fn explain(args: &ExplainArgs) -> anyhow::Result<Exit> {
         None => {
             let near = nearest(&wanted, codes::all().iter().map(|c| c.code));
             let hint = near.map(|n| format!("; did you mean {n}?")).unwrap_or_default();
-            eprintln!("foley: there is no code {wanted}{hint}");
+            super::console::tell(format_args!("there is no code {wanted}{hint}"));
             Ok(Exit::Wrong)
         }
     }

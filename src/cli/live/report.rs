@@ -2,14 +2,14 @@
 
 use super::session::Session;
 use crate::cli::Exit;
+use crate::cli::console::{say, tell_styled};
 use crate::cli::run::{show, write_whole};
-use crate::cli::watch::say;
 use crate::diag::{Diagnostic, Sources};
 use crate::live::Histogram;
 use crate::live::device::Running;
 use foley_nodes::core::time::seconds;
 use serde_json::json;
-use std::io::{IsTerminal, Write as _};
+use std::io::IsTerminal;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, Instant};
 
@@ -55,13 +55,13 @@ impl Session<'_> {
             .to_string());
         }
         let load = meter.callback.quantile(0.99).as_secs_f64() / budget * 100.0;
-        eprint!(
+        tell_styled(&format!(
             "\r{played:8.1} s   load {load:5.1} %   worst {:7.0} us   missed {}   peak {:6.1} dB \x1b[K",
             us(meter.callback.worst()),
             meter.missed.load(Relaxed),
             20.0 * f64::from(peak.max(1e-6)).log10()
-        );
-        std::io::stderr().flush()
+        ));
+        Ok(())
     }
 
     fn nodes(&self) -> Vec<serde_json::Value> {
@@ -87,15 +87,6 @@ impl Session<'_> {
         let (meter, plan) = (&shared.meter, self.player.plan());
         let played =
             shared.window.load(Relaxed) as f64 * self.settings.device.quantum as f64 / plan.rate.as_f64();
-        if !self.settings.quiet && !self.settings.json {
-            say(&format!(
-                "played {played:.2} s; callback median {:.0} us, worst {:.0} us; {} window(s) missed, {} overrun(s)",
-                us(meter.callback.quantile(0.5)),
-                us(meter.callback.worst()),
-                meter.missed.load(Relaxed),
-                meter.overruns.load(Relaxed)
-            ))?;
-        }
         if let Some(path) = self.settings.report {
             let report = json!({
                 "played_s": played,
@@ -118,6 +109,15 @@ impl Session<'_> {
                 "nodes": self.nodes(),
             });
             write_whole(path, &format!("{report:#}\n"))?;
+        }
+        if !self.settings.quiet && !self.settings.json {
+            say(&format!(
+                "played {played:.2} s; callback median {:.0} us, worst {:.0} us; {} window(s) missed, {} overrun(s)",
+                us(meter.callback.quantile(0.5)),
+                us(meter.callback.worst()),
+                meter.missed.load(Relaxed),
+                meter.overruns.load(Relaxed)
+            ))?;
         }
         Ok(exit)
     }

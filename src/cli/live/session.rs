@@ -2,8 +2,9 @@
 
 use super::{LiveSettings, LoadedGraph, load_graph};
 use crate::cli::Exit;
+use crate::cli::console::{say, tell};
 use crate::cli::run::show;
-use crate::cli::watch::{SETTLE, no_events, say};
+use crate::cli::watch::{SETTLE, no_events};
 use crate::diag::{Diagnostic, Sources};
 use crate::graph::Override;
 use crate::live::device::{self, Device, Running};
@@ -90,7 +91,15 @@ impl Session<'_> {
         Ok(self)
     }
 
+    /// Plays to the end, and finishes the recording and the report even if nobody reads standard output any more.
     pub(super) fn run_loop(mut self) -> anyhow::Result<Exit> {
+        match self.play() {
+            Ok(exit) => self.end(exit),
+            Err(e) => self.end(Exit::Done).and(Err(e)),
+        }
+    }
+
+    fn play(&mut self) -> anyhow::Result<Exit> {
         let start = Instant::now();
         let limit = self.settings.device.duration.map(Duration::from_secs_f64);
         let mut exit = Exit::Done;
@@ -132,7 +141,7 @@ impl Session<'_> {
                 break;
             }
         }
-        self.end(exit)
+        Ok(exit)
     }
 
     /// Applies a received parameter; the newest value of each counts.
@@ -232,10 +241,8 @@ impl Session<'_> {
         {
             show(&wrong.errors, &wrong.sources);
             match self.watcher {
-                Some(_) => {
-                    eprintln!("foley: the graph that plays is the older one; waiting for the next save")
-                }
-                None => eprintln!("foley: the graph plays on as it was"),
+                Some(_) => tell("the graph that plays is the older one; waiting for the next save"),
+                None => tell("the graph plays on as it was"),
             }
         }
     }
@@ -245,7 +252,7 @@ impl Session<'_> {
         if self.device.as_ref().is_some_and(Running::is_lost)
             && let Some(Ok(Some(callback))) = self.device.take().map(Running::stop)
         {
-            eprintln!("foley: the device is gone; the piece continues silently until it is back");
+            tell("the device is gone; the piece continues silently until it is back");
             self.device = device::start(&Device::Null, callback).ok();
             self.lost = Some(Instant::now());
         }
@@ -255,7 +262,7 @@ impl Session<'_> {
             let wanted = Device::parse(self.settings.device.device.as_deref());
             match device::start(&wanted, callback) {
                 Ok(running) => {
-                    eprintln!("foley: the device is back");
+                    tell("the device is back");
                     (self.device, self.lost) = (Some(running), None);
                 }
                 Err((callback, _)) => {

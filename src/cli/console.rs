@@ -1,0 +1,87 @@
+//! Standard output and standard error: what is written there is text, and the reader may have gone.
+
+use std::borrow::Cow;
+use std::fmt::Display;
+use std::io::{self, IsTerminal as _, StderrLock, StdoutLock, Write};
+
+/// A text without control characters, so that a name from a file or from a message cannot command the terminal: each becomes
+/// its picture, such as `␛`. Tabs and ends of lines stay.
+pub fn plain(text: &str) -> Cow<'_, str> {
+    let commands = |c: char| c.is_control() && c != '\n' && c != '\t';
+    if !text.contains(commands) {
+        return Cow::Borrowed(text);
+    }
+    let picture = |c: char| match c {
+        c if !commands(c) => c,
+        '\0'..='\x1f' => char::from_u32(0x2400 + u32::from(c)).unwrap_or(char::REPLACEMENT_CHARACTER),
+        '\x7f' => '\u{2421}',
+        _ => char::REPLACEMENT_CHARACTER,
+    };
+    Cow::Owned(text.chars().map(picture).collect())
+}
+
+/// Writes text without its control characters.
+pub struct PlainText<W>(W);
+
+impl<W: Write> Write for PlainText<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.0.write_all(plain(&String::from_utf8_lossy(bytes)).as_bytes())?;
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.0.flush()
+    }
+}
+
+/// Standard output.
+pub fn stdout() -> PlainText<StdoutLock<'static>> {
+    PlainText(io::stdout().lock())
+}
+
+/// Prints a line on standard output at once.
+///
+/// # Errors
+/// When the reader has gone.
+pub fn say(line: &str) -> io::Result<()> {
+    let mut out = stdout();
+    writeln!(out, "{line}")?;
+    out.flush()
+}
+
+/// Writes to standard error. That nobody reads it is no reason to end: failures are ignored.
+fn write_error(write: impl FnOnce(&mut StderrLock<'_>) -> io::Result<()>) {
+    let _ = write(&mut io::stderr().lock());
+}
+
+/// Prints a message of the command on standard error.
+pub fn tell(message: impl Display) {
+    write_error(|err| writeln!(err, "foley: {}", plain(&message.to_string())));
+}
+
+/// Prints a text on standard error whose control characters are wanted: colours, or a line that is written again.
+pub fn tell_styled(text: &str) {
+    write_error(|err| {
+        err.write_all(text.as_bytes())?;
+        err.flush()
+    });
+}
+
+/// True if messages may have colours.
+pub fn colours() -> bool {
+    io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn control_characters_are_shown_as_pictures() {
+        assert_eq!(plain("a\tb\nä"), "a\tb\nä");
+        assert_eq!(plain("\x1b]0;x\x07\r\x7f\u{9b}2J"), "␛]0;x␇␍␡\u{fffd}2J");
+        let mut out = PlainText(Vec::new());
+        write!(out, "{} is {}", "\x1b[2J", 3).unwrap();
+        assert_eq!(out.0, "␛[2J is 3".as_bytes());
+    }
+}
