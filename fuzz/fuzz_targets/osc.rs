@@ -6,9 +6,8 @@ use foley_nodes::core::input::Inputs;
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|bytes: &[u8]| {
-    let (sets, reported) = crossbeam_channel::unbounded();
-    let hub = Hub::new(sets);
+    let hub = Hub::new();
     let inbox = hub.open("hits");
     read_packet(bytes, &hub);
-    drop((inbox, reported));
+    drop(inbox);
 });

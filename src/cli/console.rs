@@ -3,6 +3,8 @@
 use std::borrow::Cow;
 use std::fmt::Display;
 use std::io::{self, IsTerminal as _, StderrLock, StdoutLock, Write};
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 /// A text without control characters, so that a name from a file or from a message cannot command the terminal: each becomes
 /// its picture, such as `␛`. Tabs and ends of lines stay.
@@ -65,6 +67,55 @@ pub fn tell_styled(text: &str) {
         err.write_all(text.as_bytes())?;
         err.flush()
     });
+}
+
+/// Messages of a kind of which anybody can cause any number: ten a second are shown, and the rest are counted.
+pub struct Throttle(Mutex<Shown>);
+
+/// The messages of the present second.
+struct Shown {
+    since: Instant,
+    shown: usize,
+    left_out: usize,
+}
+
+impl Default for Throttle {
+    fn default() -> Self {
+        Self(Mutex::new(Shown { since: Instant::now(), shown: 0, left_out: 0 }))
+    }
+}
+
+impl Throttle {
+    /// Messages a second.
+    pub const MOST: usize = 10;
+
+    /// Returns the number of `wanted` messages that may be shown now.
+    pub fn allow(&self, wanted: usize) -> usize {
+        self.flush();
+        let mut state = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let allowed = wanted.min(Self::MOST - state.shown);
+        state.shown += allowed;
+        state.left_out += wanted - allowed;
+        allowed
+    }
+
+    /// Prints a message as [`tell`] does, if it may be shown.
+    pub fn tell(&self, message: impl Display) {
+        if self.allow(1) == 1 {
+            tell(message);
+        }
+    }
+
+    /// Prints the number of messages that were left out, when their second is over.
+    pub fn flush(&self) {
+        let mut state = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if state.since.elapsed() >= Duration::from_secs(1) {
+            if state.left_out > 0 {
+                tell(format_args!("{} more", state.left_out));
+            }
+            *state = Shown { since: Instant::now(), shown: 0, left_out: 0 };
+        }
+    }
 }
 
 /// True if messages may have colours.

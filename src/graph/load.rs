@@ -19,8 +19,11 @@ pub fn load(path: &Path, options: &LoadOptions) -> Loaded {
             loader.found.push(Diagnostic::general("F060", message));
         }
     }
-    match read_text(path, &path.display().to_string(), options.limits.graph_bytes) {
+    let known = options.texts.as_ref().and_then(|texts| texts.get(path)).map(|(_, text)| text);
+    let read = || read_text(path, &path.display().to_string(), options.limits.graph_bytes);
+    match known.map_or_else(read, Ok) {
         Ok(text) => {
+            loader.keep_text(path, path, &text);
             let given = loader.overrides(options);
             let mut chain = vec![std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned())];
             loader.file(&path.display().to_string(), text, path, "", given, &mut chain);

@@ -10,7 +10,7 @@ use foley_nodes::core::files::FileError;
 use foley_nodes::registry::Registry;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, LazyLock};
+use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 
 /// The schema that graph files of this version declare.
 pub const SCHEMA: &str = "foley:graph/1";
@@ -34,6 +34,24 @@ pub struct RawNode {
     pub whole: bool,
 }
 
+/// Texts of graph files as they were first read: loads that share them do not read the files again, so that a half-done edit
+/// on the disk stays where it is.
+#[derive(Debug, Default)]
+pub struct Texts(Mutex<BTreeMap<PathBuf, (PathBuf, String)>>);
+
+impl Texts {
+    /// The real path and the text of a file that was read before.
+    pub(super) fn get(&self, path: &Path) -> Option<(PathBuf, String)> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).get(path).cloned()
+    }
+
+    /// Keeps the text of a file.
+    pub(super) fn keep(&self, path: &Path, real: &Path, text: &str) {
+        let mut texts = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        texts.entry(path.to_owned()).or_insert_with(|| (real.to_owned(), text.to_owned()));
+    }
+}
+
 /// Settings for loading a graph.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
@@ -48,6 +66,8 @@ pub struct LoadOptions {
     pub allow_read: Vec<PathBuf>,
     /// Limits on its files and its size.
     pub limits: Limits,
+    /// Texts of its files from an earlier load.
+    pub texts: Option<Arc<Texts>>,
 }
 
 impl Default for LoadOptions {
@@ -60,6 +80,7 @@ impl Default for LoadOptions {
             messages: Vec::new(),
             allow_read: Vec::new(),
             limits: Limits::default(),
+            texts: None,
         }
     }
 }
@@ -131,6 +152,7 @@ pub(super) struct Loader {
     /// Folder of the graph, as its paths begin.
     pub folder: PathBuf,
     pub limits: Limits,
+    pub texts: Option<Arc<Texts>>,
     /// Number of uses of sub-graphs, and their size in bytes.
     pub uses: usize,
     pub text_bytes: u64,
@@ -174,7 +196,15 @@ impl Loader {
             root: Root::of(path),
             folder: path.parent().map(Path::to_owned).unwrap_or_default(),
             limits: options.limits,
+            texts: options.texts.clone(),
             ..Self::default()
+        }
+    }
+
+    /// Keeps a text for the loads that share [`LoadOptions::texts`].
+    pub(super) fn keep_text(&self, path: &Path, real: &Path, text: &str) {
+        if let Some(texts) = &self.texts {
+            texts.keep(path, real, text);
         }
     }
 

@@ -8,6 +8,12 @@ use crate::lang::{self, Value, ValueKind};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+/// Name of the source of a value that a message sets, as diagnostics show it.
+#[must_use]
+pub fn message_source(target: &str) -> String {
+    format!("message that sets {target}")
+}
+
 impl Loader {
     /// Parses the values from outside, each as a text of its own; those of messages follow those of the command line.
     pub(super) fn overrides(&mut self, options: &LoadOptions) -> Vec<(String, Given)> {
@@ -19,7 +25,7 @@ impl Loader {
             let document = parsed.document();
             let text = |file| SourceLocation { file, span: 0..value.len() };
             let source = match origin {
-                Origin::Message => format!("message that sets {target}"),
+                Origin::Message => message_source(target),
                 Origin::Text | Origin::CommandLine => format!("--set {target}"),
             };
             let file = self.sources.add(source, value.as_str());

@@ -90,12 +90,19 @@ impl Loader {
         if self.full {
             return;
         }
-        let real = match self.root.resolve(path) {
-            Ok(real) => real,
-            Err(e) => {
-                self.error(e.code, e.message, location);
-                return;
+        let known = self.texts.as_ref().and_then(|texts| texts.get(Path::new(path)));
+        let (real, known) = match known {
+            Some((real, text)) => {
+                self.root.note(Path::new(path));
+                (real, Some(text))
             }
+            None => match self.root.resolve(path) {
+                Ok(real) => (real, None),
+                Err(e) => {
+                    self.error(e.code, e.message, location);
+                    return;
+                }
+            },
         };
         if chain.contains(&real) {
             self.error("F031", format!("{path:?} uses itself"), location);
@@ -112,8 +119,10 @@ impl Loader {
             self.stop(Diagnostic::error("F009", message, location).help("--max-nodes allows more"));
             return;
         }
-        match read_text(&real, path, self.limits.graph_bytes) {
+        let limit = self.limits.graph_bytes;
+        match known.map_or_else(|| read_text(&real, path, limit), Ok) {
             Ok(text) => {
+                self.keep_text(Path::new(path), &real, &text);
                 self.text_bytes += text.len() as u64;
                 if self.text_bytes > self.limits.graph_bytes {
                     let most = self.limits.graph_bytes;

@@ -9,7 +9,7 @@ pub use errors::Errors;
 pub use prepared::{Preparation, Prepared};
 
 use crate::diag::{Severity, any_error, sort};
-use crate::graph::{DirFiles, LoadOptions, Loaded, Override, load, load_text};
+use crate::graph::{DirFiles, LoadOptions, Loaded, Override, Texts, load, load_text};
 use crate::live::{Callback, LiveGraph, Options, Player};
 use crate::memo::Memo;
 use crate::plan::{Plan, PlanOptions, faults};
@@ -108,6 +108,13 @@ impl Session {
     #[must_use]
     pub fn with_load_options(mut self, options: LoadOptions) -> Self {
         self.options = options;
+        self
+    }
+
+    /// Takes the texts of the graph from an earlier load with the same `texts`, and leaves those that it reads itself there.
+    #[must_use]
+    pub fn with_texts(mut self, texts: Option<Arc<Texts>>) -> Self {
+        self.options.texts = texts;
         self
     }
 

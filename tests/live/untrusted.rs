@@ -163,3 +163,75 @@ fn a_reader_of_standard_output_that_has_gone_ends_the_piece_with_a_whole_recordi
     assert!(piece.join("r.json").exists());
     assert!(hound::WavReader::open(piece.join("played.wav")).unwrap().duration() > 800);
 }
+
+/// Messages and report of a graph that plays for `seconds` while `send` writes lines.
+fn play(folder: &Path, seconds: &str, send: impl FnOnce(&mut dyn Write)) -> (String, serde_json::Value) {
+    let arguments = ["--device", "file:played.wav", "--report", "r.json", "--for", seconds];
+    let mut child = live(folder, &arguments).spawn().unwrap();
+    let reported = playing(&mut child);
+    let mut lines = child.stdin.take().unwrap();
+    send(&mut lines);
+    let run = child.wait_with_output().unwrap();
+    let text = String::from_utf8_lossy(&run.stderr).into_owned();
+    assert!(run.status.success(), "{text}");
+    drop((lines, reported));
+    (text, serde_json::from_str(&fs::read_to_string(folder.join("r.json")).unwrap()).unwrap())
+}
+
+/// The greatest magnitude in the last quarter of a second of the recording.
+fn last_peak(folder: &Path) -> f32 {
+    let mut reader = hound::WavReader::open(folder.join("played.wav")).unwrap();
+    let samples: Vec<f32> = reader.samples::<f32>().map(Result::unwrap).collect();
+    samples[samples.len() - 2000..].iter().fold(0.0, |peak, x| peak.max(x.abs()))
+}
+
+/// The recording has a peak of 99 of 32768.
+const PEAK: f32 = 99.0 / 32768.0;
+
+#[test]
+fn wrong_sets_take_no_right_one_with_them() {
+    let folder = project();
+    let piece = folder.path().join("piece");
+    let (text, _) = play(&piece, "3", |lines| {
+        // All in one load: two that no graph can have, one that only planning refuses, and one that is right.
+        let sets = [("nothing", "1"), ("in.path", "\"inner\""), ("level", "0.25"), ("loud.gain", "\"loud\"")];
+        for (target, value) in sets {
+            writeln!(lines, "{{\"set\": \"{target}\", \"value\": {value}}}").unwrap();
+        }
+        lines.flush().unwrap();
+    });
+    assert!(text.contains("nothing") && text.contains("F064") && text.contains("loud"), "{text}");
+    assert!((last_peak(&piece) / PEAK - 0.25).abs() < 0.01, "{}", last_peak(&piece) / PEAK);
+}
+
+#[test]
+fn a_flood_of_wrong_sets_delays_no_right_one_and_is_reported_by_tens() {
+    let folder = project();
+    let piece = folder.path().join("piece");
+    let (text, report) = play(&piece, "4", |lines| {
+        for k in 0..30_000 {
+            writeln!(lines, "{{\"set\": \"nothing{}\", \"value\": {k}}}\nwrong", k % 200).unwrap();
+        }
+        writeln!(lines, "{{\"set\": \"level\", \"value\": 0.25}}").unwrap();
+        lines.flush().unwrap();
+    });
+    let errors =
+        text.lines().filter(|line| line.starts_with("error") || line.contains("standard input")).count();
+    assert!(errors <= 60, "{errors}");
+    assert!(text.contains(" more"), "{text}");
+    assert_eq!(report["messages"]["malformed"], 30_000);
+    assert!((last_peak(&piece) / PEAK - 0.25).abs() < 0.01, "{}", last_peak(&piece) / PEAK);
+}
+
+#[test]
+fn a_set_applies_to_the_graph_that_plays_and_not_to_a_half_done_edit_on_the_disk() {
+    let folder = project();
+    let piece = folder.path().join("piece");
+    let (text, _) = play(&piece, "2", |lines| {
+        fs::write(piece.join("main.ron"), GRAPH.replace("Gain(audio", "Gain(audio: \"half done")).unwrap();
+        writeln!(lines, "{{\"set\": \"level\", \"value\": 0.25}}").unwrap();
+        lines.flush().unwrap();
+    });
+    assert!(text.is_empty(), "{text}");
+    assert!((last_peak(&piece) / PEAK - 0.25).abs() < 0.01, "{}", last_peak(&piece) / PEAK);
+}

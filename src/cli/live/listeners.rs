@@ -1,7 +1,7 @@
 //! Listeners for messages and meshes.
 
 use super::LiveSettings;
-use crate::cli::console::tell;
+use crate::cli::console::Throttle;
 use crate::cli::run::show;
 use crate::diag::{Diagnostic, Severity, Sources};
 use crate::live::input::{Hub, Listener, listen_to_meshes, listen_to_osc, read_lines};
@@ -10,22 +10,27 @@ use std::net::{Ipv4Addr, SocketAddr};
 use std::sync::Arc;
 
 /// Opens the listeners, each with its name.
-pub(super) fn listen(settings: &LiveSettings<'_>, hub: &Arc<Hub>) -> Vec<(&'static str, Listener)> {
+pub(super) fn listen(
+    settings: &LiveSettings<'_>,
+    hub: &Arc<Hub>,
+    errors: &Arc<Throttle>,
+) -> Vec<(&'static str, Listener)> {
     let quiet = settings.quiet;
     if !std::io::stdin().is_terminal() {
-        let hub = Arc::clone(hub);
+        let (hub, errors) = (Arc::clone(hub), Arc::clone(errors));
         // It ends with the process: reading cannot be interrupted.
         std::thread::spawn(move || {
             read_lines(std::io::stdin().lock(), &hub, |line, message| {
                 if !quiet {
-                    tell(format_args!("standard input, line {line}: {message}"));
+                    errors.tell(format_args!("standard input, line {line}: {message}"));
                 }
             });
         });
     }
+    let errors = Arc::clone(errors);
     let report = move |message: &str| {
         if !quiet {
-            tell(message);
+            errors.tell(message);
         }
     };
     let osc = port(&settings.device.osc).map(|at| ("OSC", "--osc", at, listen_to_osc(at, Arc::clone(hub))));

@@ -105,6 +105,7 @@ impl Session<'_> {
                     "delivered": self.hub.delivered.load(Relaxed),
                     "malformed": self.hub.malformed.load(Relaxed),
                     "unclaimed": self.hub.unclaimed.load(Relaxed),
+                    "too_early": self.hub.too_early.load(Relaxed),
                 },
                 "nodes": self.nodes(),
             });

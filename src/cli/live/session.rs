@@ -2,18 +2,18 @@
 
 use super::{LiveSettings, LoadedGraph, load_graph};
 use crate::cli::Exit;
-use crate::cli::console::{say, tell};
+use crate::cli::console::{Throttle, say, tell};
 use crate::cli::run::show;
 use crate::cli::watch::{SETTLE, no_events};
 use crate::diag::{Diagnostic, Sources};
-use crate::graph::Override;
+use crate::graph::{Override, Texts, message_source};
 use crate::live::device::{self, Device, Running};
-use crate::live::input::{Hub, Listener, Set};
+use crate::live::input::{Hub, Listener, MAX_SETS, Set};
 use crate::live::{LiveGraph, Player, PlayerEvent, Reloaded};
 use crate::memo::Memo;
 use crate::watch::FileWatcher;
-use crossbeam_channel::{Receiver, RecvTimeoutError};
 use foley_nodes::core::time::seconds;
+use std::collections::HashSet;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
@@ -22,14 +22,6 @@ use std::time::{Duration, Instant};
 const TICK: Duration = Duration::from_millis(3);
 /// Interval between two attempts to reopen a device.
 const AGAIN: Duration = Duration::from_secs(2);
-
-/// A change that has to be loaded.
-pub(super) struct Pending {
-    /// When it happened.
-    at: Instant,
-    /// True if a parameter was set.
-    set: bool,
-}
 
 /// A failed load, which is reported unless another load comes soon.
 pub(super) struct FailedLoad {
@@ -42,17 +34,24 @@ pub(super) struct FailedLoad {
 pub(super) struct Session<'a> {
     pub(super) settings: &'a LiveSettings<'a>,
     pub(super) hub: Arc<Hub>,
-    pub(super) sets: Receiver<Set>,
+    /// Errors that anybody can cause.
+    pub(super) errors: Arc<Throttle>,
     pub(super) stop: Arc<AtomicBool>,
-    pub(super) overrides: Vec<Override>,
-    /// Contents of the last successful load.
-    pub(super) good: Vec<Override>,
+    /// Parameters that messages have set in the graph that plays.
+    pub(super) messages: Vec<Override>,
+    /// Parameters that wait to be set, and the time of the first message.
+    pub(super) waiting: Vec<(Instant, Override)>,
+    /// True if those that wait are set one at a time, since they cannot be set together.
+    pub(super) one_by_one: bool,
+    /// Texts of the graph that plays.
+    pub(super) texts: Arc<Texts>,
     /// The cache in memory, from load to load.
     pub(super) memo: Option<Arc<Memo>>,
     pub(super) watcher: Option<FileWatcher>,
     pub(super) player: Player,
     pub(super) device: Option<Running>,
-    pub(super) pending: Option<Pending>,
+    /// When a file has changed that has to be loaded.
+    pub(super) pending: Option<Instant>,
     pub(super) wrong: Option<FailedLoad>,
     /// Loads that are not audible yet: the time at which they began, and their description.
     pub(super) coming: Option<(Instant, String)>,
@@ -104,21 +103,21 @@ impl Session<'_> {
         let limit = self.settings.device.duration.map(Duration::from_secs_f64);
         let mut exit = Exit::Done;
         while !self.stop.load(Relaxed) && limit.is_none_or(|limit| start.elapsed() < limit) {
-            match self.sets.recv_timeout(TICK) {
-                Ok(set) => self.set(set),
-                Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => {}
-            }
+            self.hub.take_sets(TICK).into_iter().for_each(|set| self.queue(set));
+            self.errors.flush();
             if let Some(watcher) = &mut self.watcher {
                 no_events(watcher);
             }
             if let Some(at) = self.watcher.as_mut().and_then(FileWatcher::changed) {
-                let before = self.pending.take();
-                let at = before.as_ref().map_or(at, |p| p.at.min(at));
-                self.pending = Some(Pending { at, set: before.is_some_and(|p| p.set) });
+                self.pending = Some(self.pending.map_or(at, |before| before.min(at)));
                 self.wrong = None;
             }
-            if self.pending.is_some() && !self.player.is_busy() {
-                self.load()?;
+            if !self.player.is_busy() {
+                if let Some(at) = self.pending.take() {
+                    self.load_files(at);
+                } else if !self.waiting.is_empty() {
+                    self.load_messages();
+                }
             }
             for event in self.player.tick() {
                 if !self.on_event(event)? {
@@ -144,53 +143,100 @@ impl Session<'_> {
         Ok(exit)
     }
 
-    /// Applies a received parameter; the newest value of each counts.
-    fn set(&mut self, set: Set) {
+    /// Queues a parameter to set; the newest value of each counts, and those for which there is no room are left out.
+    fn queue(&mut self, set: Set) {
         let new = Override { target: set.target, value: set.value };
-        self.overrides.retain(|o| o.target != new.target);
-        self.overrides.push(new);
-        let at = self.pending.as_ref().map_or_else(Instant::now, |p| p.at);
-        self.pending = Some(Pending { at, set: true });
+        match self.waiting.iter().position(|(_, waits)| waits.target == new.target) {
+            Some(k) => self.waiting[k].1 = new,
+            None if self.waiting.len() < MAX_SETS => self.waiting.push((Instant::now(), new)),
+            None => {
+                self.hub.unclaimed.fetch_add(1, Relaxed);
+            }
+        }
     }
 
-    fn load(&mut self) -> anyhow::Result<()> {
-        let Some(pending) = self.pending.take() else { return Ok(()) };
+    /// Loads the files as they are now, with the parameters that messages have set.
+    fn load_files(&mut self, at: Instant) {
+        let texts = Arc::new(Texts::default());
+        let (mut result, mut sources) = self.load(&texts, self.messages.clone(), at);
+        // A parameter that the new text lacks must not keep it from playing.
+        if let Err(errors) = &result
+            && let lost = set_by(errors, &sources, &self.messages)
+            && !lost.is_empty()
+        {
+            self.messages.retain(|set| !lost.contains(&set.target));
+            tell(format_args!("what messages set no longer fits, and is dropped: {}", lost.join(", ")));
+            (result, sources) = self.load(&texts, self.messages.clone(), at);
+        }
+        match result {
+            Ok(()) => (self.wrong, self.texts) = (None, texts),
+            Err(errors) => self.wrong = Some(FailedLoad { at: Instant::now(), errors, sources }),
+        }
+    }
+
+    /// Sets the parameters that wait, in the texts of the graph that plays: all together, or after an error one by one.
+    fn load_messages(&mut self) {
+        let count = if self.one_by_one { 1 } else { self.waiting.len() };
+        let batch: Vec<_> = self.waiting.drain(..count).collect();
+        let mut all = self.messages.clone();
+        all.retain(|set| batch.iter().all(|(_, new)| new.target != set.target));
+        all.extend(batch.iter().map(|(_, new)| new.clone()));
+        let at = batch.iter().map(|(at, _)| *at).min().unwrap_or_else(Instant::now);
+        let (result, sources) = self.load(&Arc::clone(&self.texts), all.clone(), at);
+        let Err(errors) = result else {
+            self.messages = all;
+            self.one_by_one &= !self.waiting.is_empty();
+            return;
+        };
+        let wrong = set_by(&errors, &sources, &all);
+        let (bad, rest): (Vec<_>, Vec<_>) =
+            batch.into_iter().partition(|(_, set)| count == 1 || wrong.contains(&set.target));
+        if bad.is_empty() {
+            self.one_by_one = true;
+        } else {
+            let shown: Vec<_> = errors.iter().take(self.errors.allow(errors.len())).cloned().collect();
+            if !shown.is_empty() {
+                show(&shown, &sources);
+                tell("the graph plays on as it was");
+            }
+        }
+        // What came in the meantime is newer.
+        let newer = std::mem::take(&mut self.waiting);
+        self.waiting = rest;
+        for (at, set) in newer {
+            self.waiting.retain(|(_, waits)| waits.target != set.target);
+            self.waiting.push((at, set));
+        }
+        self.one_by_one &= !self.waiting.is_empty();
+    }
+
+    /// Loads the graph of these texts with parameters that messages have set.
+    fn load(
+        &mut self,
+        texts: &Arc<Texts>,
+        messages: Vec<Override>,
+        at: Instant,
+    ) -> (Result<(), Vec<Diagnostic>>, Sources) {
         let LoadedGraph { material, found, sources, asked } =
-            load_graph(self.settings, &self.overrides, &self.hub, self.memo.as_ref());
+            load_graph(self.settings, &messages, texts, &self.hub, self.memo.as_ref());
         if let Some(watcher) = &mut self.watcher
             && watcher.watch(&asked, material.is_some())
         {
             // It has changed again already.
-            self.pending = Some(Pending { at: pending.at, set: false });
+            self.pending = Some(at);
         }
-        let result = match material {
-            None => Err(found),
-            Some(material) => {
-                let files = material.files.clone();
-                let result = if self.over { self.begin_again(material) } else { self.player.load(material) };
-                if let Some(watcher) = &mut self.watcher {
-                    watcher.watch(&files.asked(), false);
-                }
-                result
-            }
-        };
-        match result {
-            Ok(reported) => {
-                self.wrong = None;
-                self.good.clone_from(&self.overrides);
-                if let Reloaded::Edit(edit) = reported {
-                    self.coming = Some((pending.at, edit.to_string()));
-                }
-            }
-            Err(errors) => {
-                if pending.set {
-                    // A value that cannot be set is discarded; otherwise no other load would succeed.
-                    self.overrides.clone_from(&self.good);
-                }
-                self.wrong = Some(FailedLoad { at: Instant::now(), errors, sources });
-            }
+        let Some(material) = material else { return (Err(found), sources) };
+        let files = material.files.clone();
+        let result = if self.over { self.begin_again(material) } else { self.player.load(material) };
+        if let Some(watcher) = &mut self.watcher {
+            watcher.watch(&files.asked(), false);
         }
-        Ok(())
+        let result = result.map(|reported| {
+            if let Reloaded::Edit(edit) = reported {
+                self.coming = Some((at, edit.to_string()));
+            }
+        });
+        (result, sources)
     }
 
     /// Plays from the beginning.
@@ -272,4 +318,15 @@ impl Session<'_> {
             }
         }
     }
+}
+
+/// The targets among `messages` that errors point to.
+fn set_by(errors: &[Diagnostic], sources: &Sources, messages: &[Override]) -> Vec<String> {
+    let files = errors.iter().flat_map(|error| {
+        let labels = error.labels.iter().map(|label| label.location.file);
+        error.location.iter().map(|location| location.file).chain(labels)
+    });
+    let names: HashSet<&str> = files.filter_map(|file| Some(&*sources.get(file)?.name)).collect();
+    let targets = messages.iter().map(|set| &set.target);
+    targets.filter(|target| names.contains(&*message_source(target))).cloned().collect()
 }

@@ -1,6 +1,6 @@
 //! Messages as JSON lines.
 
-use super::hub::Hub;
+use super::hub::{Hub, MAX_AHEAD};
 use super::log_clock::{LogClock, MAX_LOG};
 use foley_nodes::core::input::Message;
 use foley_nodes::core::time::Tick;
@@ -75,8 +75,9 @@ pub fn read_line(line: &str, hub: &Hub, log: &mut LogClock) -> Result<(), String
     let wait = match object.remove("in") {
         None => 0.0,
         Some(wait) => {
-            let seconds = wait.as_f64().filter(|s| (0.0..=3600.0).contains(s));
-            seconds.ok_or_else(|| format!("`in` is {wait}; seconds from 0 to 3600 are needed"))?
+            let longest = MAX_AHEAD.as_secs();
+            let seconds = wait.as_f64().filter(|s| (0.0..=MAX_AHEAD.as_secs_f64()).contains(s));
+            seconds.ok_or_else(|| format!("`in` is {wait}; seconds from 0 to {longest} are needed"))?
         }
     };
     let when = match object.remove("time_s") {
@@ -165,7 +166,6 @@ pub fn read_lines(mut from: impl BufRead, hub: &Hub, mut report: impl FnMut(u64,
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crossbeam_channel::unbounded;
     use foley_nodes::core::input::Inputs;
     use foley_nodes::core::random::Rng;
     use foley_nodes::live_input::impact_from_message;
@@ -173,8 +173,7 @@ mod tests {
 
     #[test]
     fn each_kind_of_line_arrives() {
-        let (sets, set) = unbounded();
-        let hub = Hub::new(sets);
+        let hub = Hub::new();
         let (mut hits, mut numbers) = (hub.open("hits").unwrap(), hub.open("pos").unwrap());
         let lines = "{\"impact\": \"hits\", \"velocity\": 2, \"mass\": 0.5}\n\n\
             {\"control\": \"pos\", \"values\": [1, 2.5, -3]}\n{\"set\": \"level\", \"value\": 0.5}\n{\"oops\": 1}\n";
@@ -183,14 +182,17 @@ mod tests {
         let impact = impact_from_message(&hits.next(1).unwrap().1).unwrap();
         assert!((impact.energy - 1.0).abs() < 1e-6);
         assert_eq!(numbers.next(1).unwrap().1.numbers(), [1.0, 2.5, -3.0]);
-        assert_eq!(set.recv().unwrap(), super::super::Set { target: "level".into(), value: "0.5".into() });
+        assert_eq!(
+            hub.take_sets(Duration::ZERO)[0],
+            super::super::Set { target: "level".into(), value: "0.5".into() }
+        );
         assert_eq!(wrong, ["5: one of `impact`, `contact`, `control` and `set` is needed"]);
         assert_eq!((hub.delivered.load(Relaxed), hub.malformed.load(Relaxed)), (3, 1));
     }
 
     #[test]
     fn contacts_arrive_alone_or_as_a_whole_frame() {
-        let hub = Hub::new(unbounded().0);
+        let hub = Hub::new();
         let mut inbox = hub.open("ball").unwrap();
         let mut log = LogClock::default();
         let one = "\"id\": 1, \"a\": 0, \"b\": 1, \"point\": [0,0,0], \"normal\": [0,0,1], \"force\": 2, \"velocity\": [1,0,0]";
@@ -213,7 +215,7 @@ mod tests {
 
     #[test]
     fn damaged_lines_do_not_panic() {
-        let hub = Hub::new(unbounded().0);
+        let hub = Hub::new();
         let _inbox = hub.open("hits");
         let good = "{\"impact\": \"hits\", \"velocity\": 2, \"mass\": 0.5, \"in\": 0.1}";
         for seed in 0..3000 {

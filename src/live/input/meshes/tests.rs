@@ -2,7 +2,6 @@
 
 use super::*;
 use crate::live::playback::callback::Shared;
-use crossbeam_channel::unbounded;
 use foley_nodes::core::input::Inputs;
 use foley_nodes::core::random::Rng;
 use foley_nodes::core::time::Rate;
@@ -11,7 +10,7 @@ use std::net::TcpStream;
 use std::sync::Mutex;
 
 fn hub() -> Arc<Hub> {
-    Arc::new(Hub::new(unbounded().0))
+    Arc::new(Hub::new())
 }
 
 fn begin(channel: &str, vertices: u32) -> Vec<u8> {
