@@ -2,4 +2,5 @@
 
 mod commands;
 mod playback;
+mod recovery;
 mod untrusted;

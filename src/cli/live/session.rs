@@ -271,6 +271,11 @@ impl Session<'_> {
                 }
             }
             PlayerEvent::TransitionOver => {}
+            PlayerEvent::Renewed(id) => {
+                tell(format_args!(
+                    "`{id}`: its output was not finite; it begins anew, and again without a message"
+                ));
+            }
             PlayerEvent::Failed(fault) => {
                 let sources = self.player.graph().map(|g| g.sources.clone()).unwrap_or_default();
                 show(&[*fault], &sources);

@@ -5,7 +5,7 @@ use super::meter::{Histogram, Meter};
 use super::timing::window_start;
 use super::window_ring::RingReceiver;
 use foley_nodes::core::fault::Fault;
-use foley_nodes::core::node::Retune;
+use foley_nodes::core::node::{DynNode, Retune};
 use foley_nodes::core::params::AnyParams;
 use foley_nodes::core::stage::{NodeTime, Stage};
 use foley_nodes::core::time::Rate;
@@ -13,6 +13,9 @@ use rtrb::{Consumer, Producer};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed, Ordering::Release};
 use std::time::{Duration, Instant};
+
+/// Windows between two reports of a node whose output is not finite.
+pub const REPORT_INTERVAL: u64 = 64;
 
 /// Status that both sides share.
 #[derive(Default)]
@@ -72,6 +75,8 @@ pub enum Command {
     Swap(Box<Swap>),
     /// Sets parameters.
     Retune(Retunes),
+    /// Replaces the node with this index by a new one of its type and parameters.
+    Renew(usize, Box<dyn DynNode>),
 }
 
 /// A message from the callback; it returns all memory that is to be freed.
@@ -80,6 +85,10 @@ pub enum Reply {
     Swap(Box<Swap>),
     /// Parameters that were set.
     Retuned(Retunes),
+    /// The node that was replaced.
+    Renewed(Box<dyn DynNode>),
+    /// The output of the node with this index is not finite, and silenced.
+    NotFinite(usize),
     /// The fault of the node with this index.
     Fault(usize, Fault),
 }
@@ -100,6 +109,8 @@ pub struct Callback {
     taken: usize,
     /// Time that one window lasts.
     budget: Duration,
+    /// The window from which on a node that is not finite is reported again.
+    next_report: u64,
 }
 
 impl Callback {
@@ -117,7 +128,20 @@ impl Callback {
         let budget = Duration::from_secs_f64(quantum as f64 / rate.as_f64());
         let taken = block.len();
         let current = stage;
-        Self { current, commands, replies, shared, rate, quantum, channels, window: 0, block, taken, budget }
+        Self {
+            current,
+            commands,
+            replies,
+            shared,
+            rate,
+            quantum,
+            channels,
+            window: 0,
+            block,
+            taken,
+            budget,
+            next_report: 0,
+        }
     }
 
     /// Returns the samples per second.
@@ -196,6 +220,12 @@ impl Callback {
                 std::mem::forget(fault);
             }
         }
+        if let Some(index) = stage.take_not_finite()
+            && self.window >= self.next_report
+        {
+            self.next_report = self.window + REPORT_INTERVAL;
+            let _ = self.replies.push(Reply::NotFinite(index));
+        }
         for (times, spent) in times.iter().zip(stage.spent_mut()) {
             if spent.calls > 0 {
                 times.count(spent.time);
@@ -243,6 +273,10 @@ impl Callback {
                 Ok(Command::Retune(retunes)) => {
                     retune(&mut self.current.stage, &retunes);
                     let _ = self.replies.push(Reply::Retuned(retunes));
+                }
+                Ok(Command::Renew(index, node)) => {
+                    let old = self.current.stage.replace(index, node);
+                    let _ = self.replies.push(Reply::Renewed(old));
                 }
                 Err(_) => return,
             }
