@@ -130,6 +130,7 @@ impl Assembly<'_> {
                 times,
                 failed: false,
                 fault: None,
+                late: None,
                 not_finite: None,
                 next_report: 0,
             });

@@ -14,6 +14,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed, Ordering::Release};
 use std::time::{Duration, Instant};
 
+/// Largest magnitude that a device gets: 120 dB above full scale, far above any force in N that a graph may record.
+pub const CEILING: f32 = 1e6;
 /// Windows between two reports of a node whose output is not finite.
 pub const REPORT_INTERVAL: u64 = 64;
 
@@ -212,7 +214,7 @@ impl Callback {
         for link in links {
             missed += u64::from(!link.receive(stage, self.window));
         }
-        self.shared.meter.missed.fetch_add(missed, Relaxed);
+        self.shared.meter.count_missed(missed);
         if let Err((node, fault)) = stage.run() {
             self.shared.failed.store(true, Relaxed);
             // If the ring is full, it holds other faults already; to drop this one here would free its text.
@@ -238,15 +240,22 @@ impl Callback {
     fn mix_outputs(&mut self) {
         let (block, channels) = (&mut self.block, self.channels);
         for_each_output(&mut self.current, |output| output.add_to(block, channels));
-        let (mut peak, mut not_finite) = (0.0_f32, 0);
+        let (mut peak, mut not_finite, mut cut) = (0.0_f32, 0, 0);
         for x in &mut self.block {
             if !x.is_finite() {
                 *x = 0.0;
                 not_finite += 1;
             }
+            if x.abs() > CEILING {
+                *x = x.clamp(-CEILING, CEILING);
+                cut += 1;
+            }
             peak = peak.max(x.abs());
         }
         self.shared.meter.note_peak(peak);
+        if cut > 0 {
+            self.shared.meter.cut.fetch_add(cut, Relaxed);
+        }
         if not_finite > 0 {
             self.shared.meter.not_finite.fetch_add(not_finite, Relaxed);
         }

@@ -32,6 +32,8 @@ pub struct WorkerRegion {
     pub failed: bool,
     /// The fault with the index of the node, until it is reported.
     pub fault: Option<(usize, Fault)>,
+    /// True if the windows are late, as the nodes know; `None` before they do.
+    pub late: Option<bool>,
     /// A node whose output is not finite, until it is reported.
     pub not_finite: Option<usize>,
     /// The window from which on such a node is reported again.
@@ -42,15 +44,21 @@ impl WorkerRegion {
     /// Runs the next window, unless it is far enough ahead of the callback or has failed; returns true if it ran.
     pub fn step(&mut self, timing: &WindowTiming, played: u64) -> bool {
         let ahead = self.window < played + timing.depth;
-        if self.failed || !ahead || !self.links.iter().all(RingSender::has_room) {
+        // Of a window that has begun nothing is heard any more, and nothing is sent.
+        let late = self.window < played;
+        if self.failed || !ahead || !(late || self.links.iter().all(RingSender::has_room)) {
             return false;
         }
-        self.run_window(timing);
+        if self.late != Some(late) {
+            self.late = Some(late);
+            self.stage.set_late(late);
+        }
+        self.run_window(timing, !late);
         true
     }
 
-    /// Runs the next window.
-    fn run_window(&mut self, timing: &WindowTiming) {
+    /// Runs the next window, and sends it to the callback.
+    fn run_window(&mut self, timing: &WindowTiming, send: bool) {
         self.stage.advance(timing.window_start(self.window + 1));
         if let Err(fault) = self.stage.run() {
             (self.failed, self.fault) = (true, Some(fault));
@@ -62,7 +70,7 @@ impl WorkerRegion {
                 *spent = NodeTime::default();
             }
         }
-        for link in &mut self.links {
+        for link in self.links.iter_mut().filter(|_| send) {
             link.send(&self.stage, self.window);
         }
         if let Some(node) = self.stage.take_not_finite()
@@ -168,7 +176,7 @@ impl Workers {
     pub fn align(&self, regions: &mut [WorkerRegion], window: u64) {
         for region in regions {
             while region.window < window && !region.failed {
-                region.run_window(&self.timing);
+                region.run_window(&self.timing, true);
             }
         }
     }

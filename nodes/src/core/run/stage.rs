@@ -95,6 +95,11 @@ impl Stage {
         self.guarded = guarded;
     }
 
+    /// Tells all nodes whether the windows from now on are late: see [`Node::set_late`](crate::core::node::Node::set_late).
+    pub fn set_late(&mut self, late: bool) {
+        self.nodes.iter_mut().for_each(|n| n.node.set_late(late));
+    }
+
     /// Takes the index of the first node whose output was silenced since the last call.
     pub fn take_not_finite(&mut self) -> Option<usize> {
         self.not_finite.take()
