@@ -1,26 +1,10 @@
 //! Standard output and standard error: what is written there is text, and the reader may have gone.
 
-use std::borrow::Cow;
+use crate::diag::plain;
 use std::fmt::Display;
 use std::io::{self, IsTerminal as _, StderrLock, StdoutLock, Write};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
-
-/// A text without control characters, so that a name from a file or from a message cannot command the terminal: each becomes
-/// its picture, such as `␛`. Tabs and ends of lines stay.
-pub fn plain(text: &str) -> Cow<'_, str> {
-    let commands = |c: char| c.is_control() && c != '\n' && c != '\t';
-    if !text.contains(commands) {
-        return Cow::Borrowed(text);
-    }
-    let picture = |c: char| match c {
-        c if !commands(c) => c,
-        '\0'..='\x1f' => char::from_u32(0x2400 + u32::from(c)).unwrap_or(char::REPLACEMENT_CHARACTER),
-        '\x7f' => '\u{2421}',
-        _ => char::REPLACEMENT_CHARACTER,
-    };
-    Cow::Owned(text.chars().map(picture).collect())
-}
 
 /// Writes text without its control characters.
 pub struct PlainText<W>(W);

@@ -5,7 +5,7 @@ use super::args::{Args, CompletionsArgs, ExplainArgs, FmtArgs};
 use super::console::stdout;
 use super::run::{show, write_whole};
 use crate::diag::{Diagnostic, SourceLocation, Sources, codes};
-use crate::graph::nearest;
+use crate::graph::{Limits, nearest, read_text};
 use crate::lang::fmt::format;
 use anyhow::Context as _;
 use clap::CommandFactory as _;
@@ -20,7 +20,8 @@ pub fn fmt(args: &FmtArgs) -> anyhow::Result<Exit> {
     let mut exit = Exit::Done;
     for path in &args.graphs {
         let name = path.display().to_string();
-        let text = fs::read_to_string(path).with_context(|| name.clone())?;
+        let text =
+            read_text(path, &name, Limits::default().graph_bytes).map_err(|e| anyhow::anyhow!(e.message))?;
         match format(&text) {
             Ok(laid_out) if laid_out == text => {}
             Ok(_) if args.check => {

@@ -19,6 +19,7 @@ use crate::watch::FileWatcher;
 use foley_nodes::registry::Registry;
 use listeners::listen;
 use session::Session;
+use std::collections::HashSet;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
@@ -186,6 +187,10 @@ fn play(settings: &LiveSettings<'_>) -> anyhow::Result<Exit> {
         shown: Instant::now(),
         lost: None,
         over: false,
+        lost_windows: 0,
+        loud: false,
+        noted: HashSet::new(),
+        starved: false,
     };
     session.begin(&listening)?.run_loop()
 }

@@ -10,6 +10,7 @@ use crate::live::device::Running;
 use foley_nodes::core::time::seconds;
 use serde_json::json;
 use std::io::IsTerminal;
+use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, Instant};
 
@@ -78,11 +79,14 @@ impl Session<'_> {
     }
 
     pub(super) fn end(mut self, exit: Exit) -> anyhow::Result<Exit> {
-        let late = self.device.as_ref().map_or(0, |d| d.status.late.load(Relaxed));
-        if let Some(Err(e)) = self.device.take().map(Running::stop) {
+        let status = self.device.as_ref().map(|device| Arc::clone(&device.status)).unwrap_or_default();
+        let stopped = self.device.take().map(Running::stop);
+        let failure = stopped.and_then(Result::err).or_else(|| status.take_failure());
+        if let Some(e) = failure {
             show(&[Diagnostic::general("F080", e)], &Sources::default());
-            return Ok(Exit::Failed);
+            status.cut.store(true, Relaxed);
         }
+        let exit = if status.cut.load(Relaxed) { Exit::Failed } else { exit };
         let shared = self.player.shared();
         let (meter, plan) = (&shared.meter, self.player.plan());
         let played =
@@ -97,9 +101,11 @@ impl Session<'_> {
                 "callback": times(&meter.callback),
                 "missed": meter.missed.load(Relaxed),
                 "overruns": meter.overruns.load(Relaxed),
-                "late": late,
+                "late": status.late.load(Relaxed),
+                "lost_windows": status.lost_windows.load(Relaxed),
                 "late_swaps": meter.late_swaps.load(Relaxed),
                 "not_finite": meter.not_finite.load(Relaxed),
+                "cut": meter.cut.load(Relaxed),
                 "reload_ms": self.delays,
                 "messages": {
                     "delivered": self.hub.delivered.load(Relaxed),

@@ -9,7 +9,7 @@ use crate::diag::{Diagnostic, Sources};
 use crate::graph::{Override, Texts, message_source};
 use crate::live::device::{self, Device, Running};
 use crate::live::input::{Hub, Listener, MAX_SETS, Set};
-use crate::live::{LiveGraph, Player, PlayerEvent, Reloaded};
+use crate::live::{CEILING, LiveGraph, Player, PlayerEvent, Reloaded};
 use crate::memo::Memo;
 use crate::watch::FileWatcher;
 use foley_nodes::core::time::seconds;
@@ -20,6 +20,8 @@ use std::time::{Duration, Instant};
 
 /// Interval between two calls of the player.
 const TICK: Duration = Duration::from_millis(3);
+/// Time for which windows are missed before it is reported, s.
+const LONG_GAP: f64 = 0.5;
 /// Interval between two attempts to reopen a device.
 const AGAIN: Duration = Duration::from_secs(2);
 
@@ -60,11 +62,19 @@ pub(super) struct Session<'a> {
     pub(super) shown: Instant,
     pub(super) lost: Option<Instant>,
     pub(super) over: bool,
+    /// Windows that are reported as missing in the recording.
+    pub(super) lost_windows: u64,
+    /// True if it is reported that the sound is too loud.
+    pub(super) loud: bool,
+    /// Notes of nodes that are reported.
+    pub(super) noted: HashSet<(String, String)>,
+    /// True if it is reported that windows are missed.
+    pub(super) starved: bool,
 }
 
 impl Session<'_> {
     /// Prints the device and the latency.
-    pub(super) fn begin(self, listening: &[(&str, Listener)]) -> std::io::Result<Self> {
+    pub(super) fn begin(mut self, listening: &[(&str, Listener)]) -> std::io::Result<Self> {
         let settings = self.settings;
         if !settings.quiet && !settings.json {
             let plan = self.player.plan();
@@ -87,6 +97,7 @@ impl Session<'_> {
             say(&line)?;
             say("Ctrl-C ends")?;
         }
+        self.report_notes();
         Ok(self)
     }
 
@@ -125,6 +136,9 @@ impl Session<'_> {
                 }
             }
             self.report_errors();
+            self.report_missed();
+            self.report_device();
+            self.report_loudness();
             self.check_device();
             self.status()?;
             if self.player.is_over() && !self.over {
@@ -236,6 +250,9 @@ impl Session<'_> {
                 self.coming = Some((at, edit.to_string()));
             }
         });
+        if result.is_ok() {
+            self.report_notes();
+        }
         (result, sources)
     }
 
@@ -295,6 +312,64 @@ impl Session<'_> {
                 Some(_) => tell("the graph that plays is the older one; waiting for the next save"),
                 None => tell("the graph plays on as it was"),
             }
+        }
+    }
+
+    /// Reports once that windows have been missed for half a second.
+    fn report_missed(&mut self) {
+        let plan = self.player.plan();
+        let window = self.settings.device.quantum as f64 / plan.rate.as_f64();
+        let missed = self.player.shared().meter.missed_in_a_row.load(Relaxed) as f64 * window;
+        if missed == 0.0 {
+            self.starved = false;
+        } else if missed > LONG_GAP && !std::mem::replace(&mut self.starved, true) {
+            tell(format_args!(
+                "nothing has come from the nodes ahead of the callback for {LONG_GAP} s: they take longer than their sound; \
+                 what depends on them is silent until they have caught up"
+            ));
+        }
+    }
+
+    /// Reports once that the sound is louder than the device plays.
+    fn report_loudness(&mut self) {
+        let meter = &self.player.shared().meter;
+        let card = matches!(Device::parse(self.settings.device.device.as_deref()), Device::Card(_));
+        let (ceiling, what) = if card { (1.0, "full scale") } else { (CEILING, "120 dB over full scale") };
+        if !self.loud && (meter.loudest() > ceiling || meter.cut.load(Relaxed) > 0) {
+            self.loud = true;
+            tell(format_args!("the sound is louder than {what}, and is cut there: lower the level"));
+        }
+    }
+
+    /// Prints the notes of the nodes that are new, such as that a recording ends early.
+    fn report_notes(&mut self) {
+        for (node, note) in self.player.notes() {
+            if !self.settings.quiet && self.noted.insert((node.clone(), note.clone())) {
+                tell(format_args!("note: {node}: {note}"));
+            }
+        }
+    }
+
+    /// Reports at once what the device loses.
+    fn report_device(&mut self) {
+        let Some(status) = self.device.as_ref().map(|device| &device.status) else { return };
+        if let Some(failure) = status.take_failure() {
+            show(&[Diagnostic::general("F080", failure)], &Sources::default());
+            tell("the piece continues without a recording");
+        }
+        let stopped = status.stopped_ms.swap(0, Relaxed);
+        if stopped > 0 {
+            tell(format_args!(
+                "the clock stood still for {:.1} s: the process was stopped, or the machine slept",
+                stopped as f64 / 1e3
+            ));
+        }
+        let lost = status.lost_windows.load(Relaxed);
+        if lost > self.lost_windows && !status.cut.load(Relaxed) && self.errors.allow(1) == 1 {
+            let seconds =
+                lost as f64 * self.settings.device.quantum as f64 / self.player.plan().rate.as_f64();
+            tell(format_args!("{seconds:.2} s of sound are missing in the recording: the disk is too slow"));
+            self.lost_windows = lost;
         }
     }
 
