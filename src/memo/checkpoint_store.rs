@@ -5,6 +5,7 @@
 //! files of its graph and output folder; a second run at the same time saves no checkpoints.
 
 use super::atomic_file::write_atomically;
+use super::plain_file;
 use serde::{Deserialize, Serialize};
 use std::fs::{self, File};
 use std::io;
@@ -193,9 +194,20 @@ pub fn remove_all(dir: &Path) {
     }
 }
 
+/// Returns true if a file can be the partial file of an output: `NAME.NUMBER.part` beside `NAME`, and no link. A checkpoint that
+/// somebody else has written must not have other files resumed or removed.
+fn is_partial(file: &PartialFile) -> bool {
+    let text = |path: &Path| path.file_name().and_then(|name| name.to_str()).map(str::to_owned);
+    let (Some(part), Some(to)) = (text(&file.part), text(&file.to)) else { return false };
+    let number = part.strip_prefix(&to).and_then(|rest| rest.strip_prefix('.')?.strip_suffix(".part"));
+    let named = number.is_some_and(|number| !number.is_empty() && number.bytes().all(|b| b.is_ascii_digit()));
+    let plain = fs::symlink_metadata(&file.part).map_or(true, |meta| meta.is_file());
+    named && plain && file.part.parent() == file.to.parent()
+}
+
 /// Reads a complete checkpoint; the hash is compared before any length in it is used.
 fn read(path: &Path) -> Option<Checkpoint> {
-    let bytes = fs::read(path).ok()?;
+    let bytes = plain_file::read(path, plain_file::MAX_BYTES).ok()?;
     let (prefix, rest) = bytes.split_at_checked(PREFIX)?;
     let known = prefix[..8] == MAGIC[..] && prefix[8..12] == FORMAT.to_le_bytes();
     if !known || blake3::hash(rest).as_bytes()[..] != prefix[12..] {
@@ -204,6 +216,9 @@ fn read(path: &Path) -> Option<Checkpoint> {
     let (length, rest) = rest.split_first_chunk()?;
     let (header, mut rest) = rest.split_at_checked(usize::try_from(u64::from_le_bytes(*length)).ok()?)?;
     let header: CheckpointHeader = serde_json::from_slice(header).ok()?;
+    if !header.outputs.iter().all(is_partial) {
+        return None;
+    }
     let mut states = Vec::new();
     for size in &header.sizes {
         let (state, after) = rest.split_at_checked(*size)?;
