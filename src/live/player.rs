@@ -206,6 +206,14 @@ impl Player {
         self.playing.prepared.as_ref().map(|prepared| &prepared.source.graph)
     }
 
+    /// Returns the notes of the nodes of the graph, such as that a recording is shorter than its header says.
+    #[must_use]
+    pub fn notes(&self) -> Vec<(String, String)> {
+        let Some(prepared) = &self.playing.prepared else { return Vec::new() };
+        let nodes = prepared.source.graph.nodes.iter().zip(&prepared.draft.prelude.shapes);
+        nodes.flat_map(|(n, shape)| shape.notes.iter().map(|note| (n.id.clone(), note.clone()))).collect()
+    }
+
     /// Returns the times of the nodes, if they are measured.
     #[must_use]
     pub fn node_meters(&self) -> Vec<NodeMeter> {
