@@ -162,8 +162,11 @@ pub(super) struct Loader {
     pub full: bool,
 }
 
-/// The text at a path; `show` is its name for people.
-pub(super) fn read_text(path: &Path, show: &str, limit: u64) -> Result<String, FileError> {
+/// The text of a graph file of at most `limit` bytes; `show` is its name for people.
+///
+/// # Errors
+/// When it is missing, no plain file, too large, or no UTF-8.
+pub fn read_text(path: &Path, show: &str, limit: u64) -> Result<String, FileError> {
     let error = |code, message: String| FileError { code, message };
     let unreadable = |e: std::io::Error| {
         let code = if e.kind() == std::io::ErrorKind::NotFound { "F060" } else { "F061" };

@@ -17,7 +17,7 @@ mod suggest;
 mod values;
 
 pub use load::{load, load_text};
-pub use loader::{LoadOptions, Loaded, SCHEMA, Texts};
+pub use loader::{LoadOptions, Loaded, SCHEMA, Texts, read_text};
 pub use outputs::{output_path, written};
 pub use parameters::message_source;
 pub use root::{Asked, DirFiles, Limits, Root, Stamp, matching};
