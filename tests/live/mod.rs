@@ -3,4 +3,5 @@
 mod commands;
 mod playback;
 mod recovery;
+mod soak;
 mod untrusted;

@@ -6,6 +6,7 @@ use std::fs;
 use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
+use std::time::Duration;
 
 /// A graph that plays a recording from its own folder for ever.
 const GRAPH: &str = "#![schema = \"foley:graph/1\"]
@@ -139,7 +140,7 @@ fn a_reader_of_standard_error_that_has_gone_ends_nothing() {
     for _ in 0..3 {
         writeln!(lines, "wrong\n{{\"set\": \"in.nothing\", \"value\": 1}}").unwrap();
         lines.flush().unwrap();
-        std::thread::sleep(std::time::Duration::from_millis(200));
+        std::thread::sleep(Duration::from_millis(200));
     }
     assert!(child.wait().unwrap().success());
     let report: serde_json::Value =
@@ -234,4 +235,61 @@ fn a_set_applies_to_the_graph_that_plays_and_not_to_a_half_done_edit_on_the_disk
     });
     assert!(text.is_empty(), "{text}");
     assert!((last_peak(&piece) / PEAK - 0.25).abs() < 0.01, "{}", last_peak(&piece) / PEAK);
+}
+
+#[cfg(unix)]
+fn signal(child: &Child, name: &str) {
+    let status = Command::new("kill").args([name, &child.id().to_string()]).status().unwrap();
+    assert!(status.success());
+}
+
+#[cfg(unix)]
+#[test]
+fn a_process_that_is_stopped_for_a_while_records_all_that_it_plays() {
+    let folder = project();
+    let piece = folder.path().join("piece");
+    let arguments = ["--device", "file:played.wav", "--report", "r.json", "--for", "4"];
+    let mut child = live(&piece, &arguments).spawn().unwrap();
+    let reported = playing(&mut child);
+    std::thread::sleep(Duration::from_millis(500));
+    signal(&child, "-STOP");
+    std::thread::sleep(Duration::from_millis(2500));
+    signal(&child, "-CONT");
+    let run = child.wait_with_output().unwrap();
+    let text = String::from_utf8_lossy(&run.stderr);
+    assert!(run.status.success() && text.contains("the clock stood still for 2."), "{text}");
+    let report: serde_json::Value =
+        serde_json::from_str(&fs::read_to_string(piece.join("r.json")).unwrap()).unwrap();
+    let recorded = f64::from(hound::WavReader::open(piece.join("played.wav")).unwrap().duration()) / 8000.0;
+    assert_eq!((report["played_s"].as_f64().unwrap(), &report["lost_windows"]), (recorded, &0.into()));
+    drop(reported);
+}
+
+/// A limit of the size of files stands for a full disk.
+#[cfg(unix)]
+#[test]
+fn a_recording_that_the_disk_refuses_is_reported_at_once_and_kept_as_far_as_it_came() {
+    let folder = project();
+    let piece = folder.path().join("piece");
+    let mut command = Command::new("sh");
+    // 100 blocks of 512 bytes are 1.6 s.
+    command.args([
+        "-c",
+        "ulimit -f 100; exec \"$0\" live main.ron --no-cache --osc off --device file:played.wav --for 5",
+    ]);
+    command.arg(env!("CARGO_BIN_EXE_foley")).current_dir(&piece).env("NO_COLOR", "1").stdin(Stdio::piped());
+    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let reported = playing(&mut child);
+    let mut errors = BufReader::new(child.stderr.take().unwrap());
+    let mut line = String::new();
+    errors.read_line(&mut line).unwrap();
+    assert!(line.contains("F080") && line.contains("played.wav"), "{line}");
+    assert!(child.try_wait().unwrap().is_none(), "it plays on");
+    assert_eq!(child.wait().unwrap().code(), Some(1));
+    let mut reader = hound::WavReader::open(piece.join("played.wav")).unwrap();
+    assert!((11_000..=12_800).contains(&reader.duration()), "{}", reader.duration());
+    assert!(reader.samples::<f32>().all(|x| x.is_ok()));
+    let names = fs::read_dir(&piece).unwrap().map(|entry| entry.unwrap().file_name());
+    assert!(names.into_iter().all(|name| !name.to_string_lossy().ends_with(".part")));
+    drop((reported, errors));
 }
