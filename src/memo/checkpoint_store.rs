@@ -233,7 +233,7 @@ mod tests {
     use super::*;
 
     fn partial_file(dir: &Path, name: &str, bytes: &[u8]) -> PartialFile {
-        let part = dir.join(name);
+        let part = dir.join(format!("out.wav.{name}"));
         fs::write(&part, bytes).unwrap();
         PartialFile { part, to: dir.join("out.wav"), length: bytes.len() as u64 }
     }
@@ -262,9 +262,9 @@ mod tests {
         assert!(store.save(0, &made).unwrap());
         assert_eq!(store.find(0, "a").as_ref(), Some(&made));
         assert_eq!((store.find(0, "b"), store.find(1, "a")), (None, None));
-        fs::write(dir.path().join("1.part"), b"1234567").unwrap();
+        fs::write(dir.path().join("out.wav.1.part"), b"1234567").unwrap();
         assert!(store.find(0, "a").is_some(), "later bytes are ignored");
-        fs::write(dir.path().join("1.part"), b"1234").unwrap();
+        fs::write(dir.path().join("out.wav.1.part"), b"1234").unwrap();
         assert_eq!(store.find(0, "a"), None, "bytes are missing");
     }
 
@@ -284,7 +284,7 @@ mod tests {
     #[test]
     fn all_checkpoints_are_removed_except_those_of_a_running_process() {
         let dir = tempfile::tempdir().unwrap();
-        let [old, other] = ["old.part", "own.part"].map(|name| partial_file(dir.path(), name, b"x"));
+        let [old, other] = ["3.part", "4.part"].map(|name| partial_file(dir.path(), name, b"x"));
         let running = store_in(dir.path());
         running.save(0, &checkpoint("a", vec![other.clone()])).unwrap();
         let ended = CheckpointStore::new(dir.path(), "other.ron", Path::new("out"), Duration::ZERO);
@@ -328,5 +328,28 @@ mod tests {
         assert!(first.find(0, "b").is_some(), "the second run does not remove it");
         drop(first);
         assert!(store_in(dir.path()).find(0, "b").is_some(), "the next run finds it");
+    }
+
+    #[test]
+    fn a_checkpoint_that_names_another_file_is_none_and_the_file_stays() {
+        let dir = tempfile::tempdir().unwrap();
+        let store = store_in(dir.path());
+        let other = dir.path().join("other");
+        fs::write(&other, b"mine").unwrap();
+        let to = || dir.path().join("other");
+        let named = |part: &str| PartialFile { part: dir.path().join(part), to: to(), length: 0 };
+        for wrong in ["other", "other.part", "other..part", "other.x1.part", "sub/other.1.part"] {
+            store.save(0, &checkpoint("a", vec![named(wrong)])).unwrap();
+            assert_eq!(store.find(0, "a"), None, "{wrong}");
+        }
+        #[cfg(unix)]
+        {
+            std::os::unix::fs::symlink(&other, dir.path().join("other.1.part")).unwrap();
+            store.save(0, &checkpoint("a", vec![named("other.1.part")])).unwrap();
+            assert_eq!(store.find(0, "a"), None);
+        }
+        store.remove();
+        remove_all(dir.path());
+        assert_eq!(fs::read(&other).unwrap(), b"mine");
     }
 }

@@ -29,7 +29,7 @@ Graph(params: {{ \"level\": {level} }}, nodes: {{
     \"hits\": LiveImpacts(channel: \"hits\"),
     \"force\": ImpactForce(impacts: \"hits\", rate: 8000),
     \"x\": LiveControl(channel: \"x\", initial: [0.1], rate: 8000),
-    \"low\": LowPass(audio: \"x\", cutoff: 500.0),
+    \"low\": HighPass(audio: \"x\", cutoff: 500.0),
     \"take\": WavIn(path: \"take.wav\"),
     \"loud\": Gain(audio: \"take\", gain: \"$level\"),
     \"all\": Mix(inputs: [\"friction\", \"force\", \"low\", \"loud\"]),
@@ -207,11 +207,37 @@ impl Stage<'_> {
     }
 }
 
-#[test]
-#[ignore = "takes half an hour, or FOLEY_SOAK_SECONDS"]
-fn a_piece_plays_on_under_edits_floods_collapsed_frames_and_stops() {
-    let seconds: f64 =
-        std::env::var("FOLEY_SOAK_SECONDS").ok().and_then(|s| s.parse().ok()).unwrap_or(1800.0);
+/// What a piece has left.
+struct Outcome {
+    samples: Vec<f32>,
+    /// What it wrote to standard error.
+    told: String,
+    report: serde_json::Value,
+    /// Seconds, and MB in memory then.
+    sizes: Vec<(f64, f64)>,
+    /// Time from Ctrl-C to its end.
+    ending: Duration,
+}
+
+impl Outcome {
+    /// Lengths of the silences above 0.5 s, s.
+    fn silences(&self) -> Vec<f64> {
+        let silent = |x: &f32| x.abs() < 1e-6;
+        let parts = self.samples.chunk_by(|a, b| silent(a) == silent(b)).filter(|part| silent(&part[0]));
+        parts.map(|part| part.len() as f64 / 8000.0).filter(|s| *s > 0.5).collect()
+    }
+
+    /// Median of the memory between two parts of the time, MB.
+    fn memory(&self, seconds: f64, from: f64, to: f64) -> f64 {
+        let within = self.sizes.iter().filter(|(at, _)| (from..to).contains(&(at / seconds)));
+        let mut within: Vec<f64> = within.map(|(_, mb)| *mb).collect();
+        within.sort_by(f64::total_cmp);
+        within[within.len() / 2]
+    }
+}
+
+/// Plays for `seconds`, while `act` does one thing after the other, and ends by Ctrl-C.
+fn play(seconds: f64, mut act: impl FnMut(&mut Stage<'_>)) -> Outcome {
     let folder = tempfile::tempdir().unwrap();
     project(folder.path(), seconds);
     let port = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port().to_string();
@@ -251,9 +277,9 @@ fn a_piece_plays_on_under_edits_floods_collapsed_frames_and_stops() {
     let mut stage = Stage { folder: folder.path(), child, lines, osc, meshes, sender: None, time: 0.0, rng };
     let (start, mut sizes) = (Instant::now(), Vec::new());
     while start.elapsed().as_secs_f64() < seconds {
-        stage.act();
+        act(&mut stage);
         assert!(stage.child.try_wait().unwrap().is_none(), "it has ended: {}", told.lock().unwrap());
-        sizes.push((start.elapsed().as_secs_f64(), memory(&stage.child)));
+        sizes.push((start.elapsed().as_secs_f64(), memory(&stage.child) as f64 / 1024.0));
     }
     let Stage { mut child, lines, sender, .. } = stage;
     signal(&child, "-INT");
@@ -271,35 +297,50 @@ fn a_piece_plays_on_under_edits_floods_collapsed_frames_and_stops() {
     fs::File::open(folder.path().join("played.wav")).unwrap().read_to_end(&mut wav).unwrap();
     let samples: Vec<f32> =
         hound::WavReader::new(&wav[..]).unwrap().samples::<f32>().map(Result::unwrap).collect();
-    let silences = samples.chunk_by(|a, b| (a.abs() < 1e-6) == (b.abs() < 1e-6));
-    let silences = silences.filter(|part| part[0].abs() < 1e-6).map(|part| part.len() as f64 / 8000.0);
-    let long: Vec<f64> = silences.filter(|s| *s > 0.5).collect();
-    let gaps = told.matches("nothing has come from the nodes").count();
-    let median = |from: f64, to: f64| {
-        let within = sizes.iter().filter(|(at, _)| (from..to).contains(&(at / seconds)));
-        let mut within: Vec<u64> = within.map(|(_, kb)| *kb).collect();
-        within.sort_unstable();
-        within[within.len() / 2] as f64 / 1024.0
-    };
-    let (early, late) = (median(0.2, 0.4), median(0.8, 1.0));
-    let played = report["played_s"].as_f64().unwrap();
+    Outcome { samples, told, report, sizes, ending }
+}
+
+#[test]
+fn collapsed_frames_and_a_sender_that_stops_silence_no_piece() {
+    let mut step = 0;
+    let outcome = play(4.0, |stage| {
+        step += 1;
+        match step {
+            1 => stage.frames(30, false),
+            2 => stage.frames(10, true),
+            3 => stage.sender = None,
+            _ => std::thread::sleep(Duration::from_millis(100)),
+        }
+    });
+    assert!(outcome.silences().is_empty(), "{:?} s of silence: {}", outcome.silences(), outcome.told);
+    assert!(outcome.report["messages"]["delivered"].as_u64().unwrap() > 30, "{}", outcome.report["messages"]);
+}
+
+#[test]
+#[ignore = "takes half an hour, or FOLEY_SOAK_SECONDS"]
+fn a_piece_plays_on_under_edits_floods_collapsed_frames_and_stops() {
+    let seconds: f64 =
+        std::env::var("FOLEY_SOAK_SECONDS").ok().and_then(|s| s.parse().ok()).unwrap_or(1800.0);
+    let outcome = play(seconds, |stage| stage.act());
+    let (long, recorded) = (outcome.silences(), outcome.samples.len() as f64 / 8000.0);
+    let gaps = outcome.told.matches("nothing has come from the nodes").count();
+    let (early, late) = (outcome.memory(seconds, 0.2, 0.4), outcome.memory(seconds, 0.8, 1.0));
+    let played = outcome.report["played_s"].as_f64().unwrap();
     println!(
-        "{:.0} s, {} acts: {played:.1} s played, {:.1} s recorded; memory {early:.1} to {late:.1} MB; \
+        "{} acts: {played:.1} s played, {recorded:.1} s recorded; memory {early:.1} to {late:.1} MB; \
          {} silences above 0.5 s (longest {:.2} s), {gaps} reported; ended in {:.0} ms; worst callback {} us; \
          missed {}, messages {}; {} lines on standard error",
-        start.elapsed().as_secs_f64(),
-        sizes.len(),
-        samples.len() as f64 / 8000.0,
+        outcome.sizes.len(),
         long.len(),
         long.iter().copied().fold(0.0, f64::max),
-        ending.as_secs_f64() * 1e3,
-        report["callback"]["worst_us"],
-        report["missed"],
-        report["messages"],
-        told.lines().count(),
+        outcome.ending.as_secs_f64() * 1e3,
+        outcome.report["callback"]["worst_us"],
+        outcome.report["missed"],
+        outcome.report["messages"],
+        outcome.told.lines().count(),
     );
-    assert!((played - samples.len() as f64 / 8000.0).abs() < 1e-6, "all that was played is recorded");
+    assert!((played - recorded).abs() < 1e-6, "all that was played is recorded");
     assert!(late < 1.1 * early, "memory grows from {early} to {late} MB");
     assert!(long.len() <= gaps, "{long:?} s of silence, {gaps} are reported");
-    assert!(ending < Duration::from_millis(500), "{ending:?}");
+    assert!(outcome.ending < Duration::from_millis(500), "{:?}", outcome.ending);
 }

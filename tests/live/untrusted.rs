@@ -293,3 +293,25 @@ fn a_recording_that_the_disk_refuses_is_reported_at_once_and_kept_as_far_as_it_c
     assert!(names.into_iter().all(|name| !name.to_string_lossy().ends_with(".part")));
     drop((reported, errors));
 }
+
+#[test]
+fn a_recording_that_ends_early_and_a_sound_that_is_too_loud_are_reported_while_it_plays() {
+    let folder = project();
+    let piece = folder.path().join("piece");
+    let whole = fs::read(piece.join("own.wav")).unwrap();
+    fs::write(piece.join("own.wav"), &whole[..whole.len() / 2]).unwrap();
+    let text = GRAPH.replace("audio: \"loud\", path", "audio: \"both\", path").replace(
+        "\"out\":",
+        "\"x\": LiveControl(channel: \"x\", rate: 8000), \"both\": Mix(inputs: [\"loud\", \"x\"]), \"out\":",
+    );
+    fs::write(piece.join("main.ron"), text).unwrap();
+    let (text, report) = play(&piece, "2", |lines| {
+        writeln!(lines, "{{\"control\": \"x\", \"values\": [1e39]}}").unwrap();
+        lines.flush().unwrap();
+    });
+    let early = text.lines().find(|line| line.contains("note: in:")).unwrap_or_else(|| panic!("{text}"));
+    assert!(early.contains("own.wav"), "{early}");
+    assert_eq!(text.matches("louder than 120 dB").count(), 1, "{text}");
+    assert!(report["cut"].as_u64().unwrap() > 0);
+    assert_eq!(last_peak(&piece), 1e6);
+}

@@ -192,5 +192,5 @@ fn play(settings: &LiveSettings<'_>) -> anyhow::Result<Exit> {
         noted: HashSet::new(),
         starved: false,
     };
-    session.begin(&listening)?.run_loop()
+    session.run_loop(&listening)
 }

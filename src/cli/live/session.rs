@@ -74,7 +74,7 @@ pub(super) struct Session<'a> {
 
 impl Session<'_> {
     /// Prints the device and the latency.
-    pub(super) fn begin(mut self, listening: &[(&str, Listener)]) -> std::io::Result<Self> {
+    fn begin(&mut self, listening: &[(&str, Listener)]) -> std::io::Result<()> {
         let settings = self.settings;
         if !settings.quiet && !settings.json {
             let plan = self.player.plan();
@@ -98,12 +98,12 @@ impl Session<'_> {
             say("Ctrl-C ends")?;
         }
         self.report_notes();
-        Ok(self)
+        Ok(())
     }
 
     /// Plays to the end, and finishes the recording and the report even if nobody reads standard output any more.
-    pub(super) fn run_loop(mut self) -> anyhow::Result<Exit> {
-        match self.play() {
+    pub(super) fn run_loop(mut self, listening: &[(&str, Listener)]) -> anyhow::Result<Exit> {
+        match self.begin(listening).map_err(Into::into).and_then(|()| self.play()) {
             Ok(exit) => self.end(exit),
             Err(e) => self.end(Exit::Done).and(Err(e)),
         }
@@ -172,19 +172,19 @@ impl Session<'_> {
     /// Loads the files as they are now, with the parameters that messages have set.
     fn load_files(&mut self, at: Instant) {
         let texts = Arc::new(Texts::default());
-        let (mut result, mut sources) = self.load(&texts, self.messages.clone(), at);
+        let (result, sources) = self.load(&texts, self.messages.clone(), at);
+        let Err(errors) = result else {
+            (self.wrong, self.texts) = (None, texts);
+            return;
+        };
         // A parameter that the new text lacks must not keep it from playing.
-        if let Err(errors) = &result
-            && let lost = set_by(errors, &sources, &self.messages)
-            && !lost.is_empty()
-        {
-            self.messages.retain(|set| !lost.contains(&set.target));
+        let lost = set_by(&errors, &sources, &self.messages);
+        let kept: Vec<_> = self.messages.iter().filter(|set| !lost.contains(&set.target)).cloned().collect();
+        if !lost.is_empty() && self.load(&texts, kept.clone(), at).0.is_ok() {
             tell(format_args!("what messages set no longer fits, and is dropped: {}", lost.join(", ")));
-            (result, sources) = self.load(&texts, self.messages.clone(), at);
-        }
-        match result {
-            Ok(()) => (self.wrong, self.texts) = (None, texts),
-            Err(errors) => self.wrong = Some(FailedLoad { at: Instant::now(), errors, sources }),
+            (self.wrong, self.texts, self.messages) = (None, texts, kept);
+        } else {
+            self.wrong = Some(FailedLoad { at: Instant::now(), errors, sources });
         }
     }
 
@@ -289,9 +289,7 @@ impl Session<'_> {
             }
             PlayerEvent::TransitionOver => {}
             PlayerEvent::Renewed(id) => {
-                tell(format_args!(
-                    "`{id}`: its output was not finite; it begins anew, and again without a message"
-                ));
+                tell(format_args!("`{id}`: its output was not finite; it is reset, and reported once"));
             }
             PlayerEvent::Failed(fault) => {
                 let sources = self.player.graph().map(|g| g.sources.clone()).unwrap_or_default();

@@ -49,9 +49,13 @@ impl WorkerRegion {
         if self.failed || !ahead || !(late || self.links.iter().all(RingSender::has_room)) {
             return false;
         }
-        if self.late != Some(late) {
-            self.late = Some(late);
-            self.stage.set_late(late);
+        // Once late, the nodes stay so until they are as far ahead as they can be: otherwise the next expensive window would be late
+        // at once.
+        let caught_up = self.window + 1 >= played + timing.depth;
+        let hurries = late || (self.late == Some(true) && !caught_up);
+        if self.late != Some(hurries) {
+            self.late = Some(hurries);
+            self.stage.set_late(hurries);
         }
         self.run_window(timing, !late);
         true

@@ -63,6 +63,8 @@ pub struct Detection {
 
 /// Leaves that overlap the box of a cluster of vertices, on average, from which on a frame is crowded. Cloth in a heap has tens.
 const CROWDED_LEAVES: usize = 256;
+/// Leaves that a search visits beyond the average of a crowded frame before it finds out whether the frame is.
+const JUDGED_LEAVES: usize = 2048;
 /// Leaves that overlap the boxes of all clusters together, up to which no frame is crowded.
 const FEW_LEAVES: usize = 16_384;
 
@@ -239,7 +241,7 @@ impl Detector {
         for (cluster, (vertices, candidates)) in clusters.enumerate() {
             visited += scene.query(cluster, vertices, candidates, &mut self.scratch);
             // A crowded frame visits more leaves than overlap, whatever the previous frames were.
-            if visited > limit && !judged {
+            if visited > JUDGED_LEAVES + CROWDED_LEAVES * (cluster + 1) && !judged {
                 judged = true;
                 if scene.overlaps(&self.order, limit, &mut self.scratch) > limit {
                     out.fill(Contact::default());

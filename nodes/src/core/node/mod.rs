@@ -122,9 +122,9 @@ pub trait Node: Sized + Send + 'static {
         let _ = old;
     }
 
-    /// Learns that the windows from now on are late in a graph that plays (true), so that nobody hears them, or in time again.
+    /// Learns that the windows from now on are late in a graph that plays (true), or that its thread has caught up.
     ///
-    /// An expensive node leaves out work whose result only late windows have, so that it catches up. Nothing may be allocated
+    /// Nobody hears late windows: an expensive node leaves out work whose result only they have. Nothing may be allocated
     /// here. An offline run is never late.
     fn set_late(&mut self, late: bool) {
         let _ = late;
