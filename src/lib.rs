@@ -4,6 +4,8 @@
 //! [`run`] runs it. [`Session`] leads through all of them. [`diag`] describes errors, [`watch`] detects changed files,
 //! and [`cli`] is the command.
 #![forbid(unsafe_code)]
+// Messages go through `cli::console`: the macros panic where nobody reads them.
+#![cfg_attr(not(test), deny(clippy::print_stderr, clippy::print_stdout))]
 
 pub mod cli;
 pub mod diag;

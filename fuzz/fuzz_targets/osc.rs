@@ -1,14 +1,6 @@
-//! OSC packets from a socket: counted as malformed, or delivered. A packet is at most one datagram.
+//! OSC packets from a socket, bundles inside each other among them: counted as malformed, or delivered.
 #![no_main]
 
-use foley::live::input::{Hub, read_packet};
-use foley_nodes::core::input::Inputs;
 use libfuzzer_sys::fuzz_target;
 
-fuzz_target!(|bytes: &[u8]| {
-    let (sets, reported) = crossbeam_channel::unbounded();
-    let hub = Hub::new(sets);
-    let inbox = hub.open("hits");
-    read_packet(bytes, &hub);
-    drop((inbox, reported));
-});
+fuzz_target!(|bytes: &[u8]| foley::live::checks::check_packet(bytes));

@@ -8,6 +8,7 @@
 //! put together from recordings. [`core`] defines nodes, and [`prelude`] holds the names of each family that a program
 //! needs first.
 #![forbid(unsafe_code)]
+#![cfg_attr(not(test), deny(clippy::print_stderr, clippy::print_stdout))]
 
 pub mod artefact;
 pub mod contact;

@@ -43,7 +43,7 @@ fn stat(args: &StatArgs) -> anyhow::Result<Exit> {
         *sum = (sum.0 + 1, sum.1 + listed.bytes, sum.2 + seconds);
     }
     let bytes: u64 = all.iter().map(|l| l.bytes).sum();
-    let mut out = io::stdout().lock();
+    let mut out = super::console::stdout();
     if args.json {
         let kinds: serde_json::Map<_, _> = kinds
             .into_iter()
@@ -77,7 +77,7 @@ fn gc(args: &GcArgs) -> anyhow::Result<Exit> {
     let after = store.list();
     let bytes = |all: &[StoredFile]| format_bytes(all.iter().map(|l| l.bytes).sum::<u64>() as usize);
     writeln!(
-        io::stdout(),
+        super::console::stdout(),
         "{}: {} entries, {}; {} entries, {} before",
         store.dir().display(),
         after.len(),
@@ -103,18 +103,21 @@ fn why(args: &WhyArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit> {
             None => "is no node",
         };
         let list = if kept.is_empty() { "none".to_owned() } else { kept.join(", ") };
-        eprintln!("foley: `{}` {what}; nodes of which something is kept: {list}", args.node);
+        super::console::tell(format_args!(
+            "`{}` {what}; nodes of which something is kept: {list}",
+            args.node
+        ));
         return Ok(Exit::Wrong);
     };
     let cache = RunCache::new(&memo, graph, &ready.plan, &ready.files, ready.seed);
     let Some((key, there)) = cache.status(n) else {
-        eprintln!(
-            "foley: `{}` does not run in this graph, or a file that it reads cannot be read",
+        super::console::tell(format_args!(
+            "`{}` does not run in this graph, or a file that it reads cannot be read",
             args.node
-        );
+        ));
         return Ok(Exit::Wrong);
     };
-    let mut out = io::stdout().lock();
+    let mut out = super::console::stdout();
     let id = &args.node;
     if there {
         writeln!(out, "{id}: kept; the next run does not compute it")?;

@@ -2,11 +2,12 @@
 
 use super::Exit;
 use super::args::CheckArgs;
+use super::console::stdout;
 use super::run::show;
 use crate::diag::json;
 use foley_nodes::registry::Registry;
 use serde_json::Value;
-use std::io::{Write as _, stdout};
+use std::io::Write as _;
 use std::sync::Arc;
 
 /// Checks graphs: text, types, links, and the contents of the files that they read.

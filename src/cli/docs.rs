@@ -2,13 +2,14 @@
 
 use super::Exit;
 use super::args::{Args, DocsArgs};
+use super::console::stdout;
 use super::run::write_whole;
 use crate::docs::pages;
 use anyhow::Context as _;
 use clap::CommandFactory as _;
 use foley_nodes::registry::Registry;
 use std::fs;
-use std::io::{Write as _, stdout};
+use std::io::Write as _;
 
 /// Writes the generated pages of the book, or checks that they are up to date.
 ///
@@ -17,7 +18,10 @@ use std::io::{Write as _, stdout};
 pub fn docs(args: &DocsArgs, registry: &Registry) -> anyhow::Result<Exit> {
     let source = args.root.join("docs/src");
     if !source.join("SUMMARY.md").is_file() {
-        eprintln!("foley: there is no book: {} is missing", source.join("SUMMARY.md").display());
+        super::console::tell(format_args!(
+            "there is no book: {} is missing",
+            source.join("SUMMARY.md").display()
+        ));
         return Ok(Exit::Wrong);
     }
     let pages = pages(&args.root, Args::command(), registry).context("reading the book")?;

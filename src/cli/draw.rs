@@ -2,12 +2,13 @@
 
 use super::Exit;
 use super::args::DrawArgs;
+use super::console::stdout;
 use super::run::{show, write_whole};
 use crate::draw::{Drawing, svg};
 use crate::plan::{Plan, PlanOptions};
 use foley_nodes::core::time::ticks;
 use foley_nodes::registry::Registry;
-use std::io::{Write as _, stdout};
+use std::io::Write as _;
 use std::sync::Arc;
 
 /// Draws a graph; rates and formats are there where the graph can be planned.

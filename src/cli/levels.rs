@@ -2,11 +2,12 @@
 
 use super::Exit;
 use super::args::LevelsArgs;
+use super::console::stdout;
 use anyhow::Context as _;
 use foley_nodes::dsp::{SoundFigures, SoundMeter};
 use foley_nodes::io::AudioReader;
 use serde_json::json;
-use std::io::{Write as _, stdout};
+use std::io::Write as _;
 use std::path::Path;
 
 /// Samples that are read at once.

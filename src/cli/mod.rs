@@ -3,6 +3,7 @@
 mod args;
 mod cache;
 mod check;
+mod console;
 mod docs;
 mod draw;
 mod levels;
@@ -73,6 +74,9 @@ impl From<Exit> for ExitCode {
 /// A program with nodes of its own is this call: see `examples/own_node`.
 #[must_use]
 pub fn run(registry: Registry) -> ExitCode {
+    // A file beyond the limit of the process is an error of the write then, and does not end the process: threads inherit this.
+    #[cfg(unix)]
+    let _ = nix::sys::signal::SigSet::from(nix::sys::signal::Signal::SIGXFSZ).thread_block();
     match main(Args::parse(), &Arc::new(registry)) {
         Ok(exit) => exit.into(),
         // A reader of standard output that ends early, such as `head`, is not a failure.
@@ -83,7 +87,7 @@ pub fn run(registry: Registry) -> ExitCode {
             ExitCode::SUCCESS
         }
         Err(e) => {
-            eprintln!("foley: {e:#}");
+            console::tell(format_args!("{e:#}"));
             ExitCode::FAILURE
         }
     }

@@ -2,9 +2,10 @@
 
 use super::Exit;
 use super::args::NewArgs;
+use super::console::stdout;
 use anyhow::Context as _;
 use std::fs;
-use std::io::{Write as _, stdout};
+use std::io::Write as _;
 
 /// The files of a new project: names and texts.
 #[must_use]
@@ -25,7 +26,7 @@ pub fn new(args: &NewArgs) -> anyhow::Result<Exit> {
     let dir = &args.dir;
     let shown = dir.display();
     if fs::read_dir(dir).is_ok_and(|mut entries| entries.next().is_some()) || dir.is_file() {
-        eprintln!("foley: {shown} exists already and is not empty");
+        super::console::tell(format_args!("{shown} exists already and is not empty"));
         return Ok(Exit::Wrong);
     }
     fs::create_dir_all(dir).with_context(|| shown.to_string())?;

@@ -2,6 +2,7 @@
 
 use super::Exit;
 use super::args::NodesArgs;
+use super::console::stdout;
 use crate::graph::nearest;
 use foley_nodes::core::node::NodeType;
 use foley_nodes::core::params::{ParamKind, ParamSpec};
@@ -9,7 +10,7 @@ use foley_nodes::core::ports::{Arity, PortSpec};
 use foley_nodes::registry::Registry;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
-use std::io::{Write as _, stdout};
+use std::io::Write as _;
 
 /// Lists node types, or describes one.
 ///
@@ -29,7 +30,9 @@ pub fn nodes(args: &NodesArgs, registry: &Registry) -> anyhow::Result<Exit> {
             None => {
                 let near = nearest(name, registry.types().iter().map(|t| t.name));
                 let hint = near.map(|n| format!("; did you mean {n}?")).unwrap_or_default();
-                eprintln!("foley: there is no node type {name}{hint} (`foley nodes` lists all)");
+                super::console::tell(format_args!(
+                    "there is no node type {name}{hint} (`foley nodes` lists all)"
+                ));
                 return Ok(Exit::Wrong);
             }
         },

@@ -2,9 +2,10 @@
 
 use super::Exit;
 use super::args::PlanArgs;
+use super::console::stdout;
 use super::run::prepare;
 use foley_nodes::registry::Registry;
-use std::io::{Write as _, stdout};
+use std::io::Write as _;
 use std::sync::Arc;
 
 /// Shows a plan.

@@ -2,20 +2,20 @@
 
 use super::Exit;
 use super::args::RunArgs;
+use super::console;
 use super::progress::Watch;
 use crate::diag::{Diagnostic, Sources, render};
 use crate::run::{DirOutputs, Report, Tap};
 use crate::session::{Prepared, Session};
 use foley_nodes::registry::Registry;
-use std::io::{IsTerminal, Write};
+use std::io::Write;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 /// Prints diagnostics on standard error.
 pub fn show(diagnostics: &[Diagnostic], sources: &Sources) {
-    let colour = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
-    eprint!("{}", render(diagnostics, sources, colour));
+    console::tell_styled(&render(diagnostics, sources, console::colours()));
 }
 
 /// Loads, checks and plans a graph; prints its errors.
@@ -41,7 +41,7 @@ pub fn run(args: &RunArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit> {
     let _ = ctrlc::set_handler(move || {
         // The first signal waits for the current computation, so that no partial file remains; the second one does not.
         if stop.stop.swap(true, Ordering::SeqCst) {
-            eprintln!("stopped at once: what was begun may lie in the output folder as `.part`");
+            console::tell("stopped at once: what was begun may lie in the output folder as `.part`");
             std::process::exit(Exit::Again.code().into());
         }
     });
@@ -84,7 +84,7 @@ pub fn render_files(ready: &Prepared, args: &RunArgs) -> Result<Report, Vec<Diag
 /// When standard output is gone, or the report cannot be written.
 pub fn print_results(report: &Report, ready: &Prepared, args: &RunArgs) -> anyhow::Result<()> {
     if report.outputs.is_empty() && ready.taps.is_empty() {
-        eprintln!("foley: the graph writes nothing: add a WavOut, or give --tap NODE.PORT=FILE");
+        console::tell("the graph writes nothing: add a WavOut, or give --tap NODE.PORT=FILE");
     }
     if !args.quiet {
         print_report(report, ready)?;
@@ -108,7 +108,7 @@ pub(super) fn write_whole(path: &std::path::Path, text: &str) -> anyhow::Result<
 }
 
 fn print_report(report: &Report, ready: &Prepared) -> std::io::Result<()> {
-    let mut out = std::io::stdout().lock();
+    let mut out = console::stdout();
     for (id, note) in report.warnings() {
         writeln!(out, "note: {id}: {note}")?;
     }

@@ -1,6 +1,7 @@
 //! `foley schema`.
 
 use super::Exit;
+use super::console::stdout;
 use super::nodes::plain;
 use crate::graph::SCHEMA;
 use foley_nodes::core::node::NodeType;
@@ -8,7 +9,7 @@ use foley_nodes::core::params::{Datum, ParamKind, ParamSpec};
 use foley_nodes::core::ports::{Arity, PortSpec};
 use foley_nodes::registry::Registry;
 use serde_json::{Map, Value, json};
-use std::io::{Write as _, stdout};
+use std::io::Write as _;
 
 /// Prints the schema.
 ///

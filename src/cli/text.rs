@@ -2,14 +2,15 @@
 
 use super::Exit;
 use super::args::{Args, CompletionsArgs, ExplainArgs, FmtArgs};
+use super::console::stdout;
 use super::run::{show, write_whole};
 use crate::diag::{Diagnostic, SourceLocation, Sources, codes};
-use crate::graph::nearest;
+use crate::graph::{Limits, nearest, read_text};
 use crate::lang::fmt::format;
 use anyhow::Context as _;
 use clap::CommandFactory as _;
 use std::fs;
-use std::io::{Write as _, stdout};
+use std::io::Write as _;
 
 /// Lays out graph files.
 ///
@@ -19,7 +20,8 @@ pub fn fmt(args: &FmtArgs) -> anyhow::Result<Exit> {
     let mut exit = Exit::Done;
     for path in &args.graphs {
         let name = path.display().to_string();
-        let text = fs::read_to_string(path).with_context(|| name.clone())?;
+        let text =
+            read_text(path, &name, Limits::default().graph_bytes).map_err(|e| anyhow::anyhow!(e.message))?;
         match format(&text) {
             Ok(laid_out) if laid_out == text => {}
             Ok(_) if args.check => {
@@ -63,7 +65,7 @@ pub fn explain(args: &ExplainArgs) -> anyhow::Result<Exit> {
         None => {
             let near = nearest(&wanted, codes::all().iter().map(|c| c.code));
             let hint = near.map(|n| format!("; did you mean {n}?")).unwrap_or_default();
-            eprintln!("foley: there is no code {wanted}{hint}");
+            super::console::tell(format_args!("there is no code {wanted}{hint}"));
             Ok(Exit::Wrong)
         }
     }

@@ -2,6 +2,7 @@
 
 use super::Exit;
 use super::args::WatchArgs;
+use super::console::{say, tell};
 use super::run::{print_results, render_files, show};
 use crate::diag::{Diagnostic, Severity, Sources};
 use crate::graph::Graph;
@@ -11,7 +12,6 @@ use crate::session::{Preparation, Prepared};
 use crate::watch::{Changes, Contents, FileWatcher, list};
 use crossbeam_channel::{Receiver, Sender, select, unbounded};
 use foley_nodes::registry::Registry;
-use std::io::Write as _;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -202,7 +202,7 @@ impl Session<'_> {
             if e.downcast_ref::<std::io::Error>().is_some() {
                 return Err(e);
             }
-            eprintln!("foley: {e:#}");
+            tell(format_args!("{e:#}"));
         }
         if let Some((old, was)) = &self.good
             && !self.args.run.quiet
@@ -232,8 +232,8 @@ impl Session<'_> {
         show(errors, sources);
         self.wrong = true;
         match self.good {
-            Some(_) => eprintln!("foley: the last good result stays; waiting for the next save"),
-            None => eprintln!("foley: there is no result yet; waiting for the next save"),
+            Some(_) => tell("the last good result stays; waiting for the next save"),
+            None => tell("there is no result yet; waiting for the next save"),
         }
         Attempt::Over
     }
@@ -274,11 +274,4 @@ fn economy(report: &Report) -> String {
     let plural = if cached == 1 { "" } else { "s" };
     let names = if computed.is_empty() { String::new() } else { format!(" ({})", list(&computed)) };
     format!("{cached} node{plural} kept, {} recomputed{names}", computed.len())
-}
-
-/// Prints a line at once.
-pub(super) fn say(line: &str) -> std::io::Result<()> {
-    let mut out = std::io::stdout().lock();
-    writeln!(out, "{line}")?;
-    out.flush()
 }

@@ -3,7 +3,7 @@
 pub mod codes;
 mod render;
 
-pub use render::{json, render};
+pub use render::{json, plain, render};
 
 use foley_nodes::core::fault::{Fault, Reject};
 use foley_nodes::core::time::{Tick, seconds};

@@ -3,6 +3,7 @@
 use super::{Diagnostic, Severity, Source, SourceLocation, Sources};
 use annotate_snippets::{AnnotationKind, Group, Level, Origin, Renderer, Snippet};
 use serde_json::{Value, json};
+use std::borrow::Cow;
 use std::ops::Range;
 
 /// Maximum number of diagnostics in text output.
@@ -34,7 +35,24 @@ pub fn render(diagnostics: &[Diagnostic], sources: &Sources, colour: bool) -> St
     if !all.is_empty() {
         all.push('\n');
     }
-    all
+    // The renderer leaves some of those in the lines of the text.
+    if colour { all } else { plain(&all).into_owned() }
+}
+
+/// A text without control characters, so that a name from a file or from a message cannot command the terminal: each becomes
+/// its picture, such as `␛`. Tabs and ends of lines stay.
+pub fn plain(text: &str) -> Cow<'_, str> {
+    let commands = |c: char| c.is_control() && c != '\n' && c != '\t';
+    if !text.contains(commands) {
+        return Cow::Borrowed(text);
+    }
+    let picture = |c: char| match c {
+        c if !commands(c) => c,
+        '\0'..='\x1f' => char::from_u32(0x2400 + u32::from(c)).unwrap_or(char::REPLACEMENT_CHARACTER),
+        '\x7f' => '\u{2421}',
+        _ => char::REPLACEMENT_CHARACTER,
+    };
+    Cow::Owned(text.chars().map(picture).collect())
 }
 
 /// The lines of a diagnostic, so that the rest of a long file costs nothing: their bytes, and the first number.
@@ -57,7 +75,7 @@ fn groups<'a>(d: &'a Diagnostic, sources: &'a Sources) -> Vec<Group<'a>> {
         Some(node) if !d.message.contains(&format!("`{node}`")) => format!("node `{node}`: {}", d.message),
         _ => d.message.clone(),
     };
-    let title = shortened(title);
+    let title = plain(&shortened(title)).into_owned();
     let mut group = Group::with_title(level.primary_title(title).id(d.code));
     if let Some(location) = &d.location {
         for file in files_of(d, location) {
@@ -75,22 +93,25 @@ fn groups<'a>(d: &'a Diagnostic, sources: &'a Sources) -> Vec<Group<'a>> {
             let within = |span: Range<usize>| span.start - range.start..span.end - range.start;
             let mut snippet = Snippet::source(&source.text[range.clone()])
                 .line_start(number)
-                .path(&*source.name)
+                .path(plain(&source.name))
                 .fold(true);
             if let Some(own) = own {
                 let primary = AnnotationKind::Primary.span(within(own));
-                snippet =
-                    snippet.annotation(if d.note.is_empty() { primary } else { primary.label(&*d.note) });
+                snippet = snippet.annotation(if d.note.is_empty() {
+                    primary
+                } else {
+                    primary.label(plain(&d.note))
+                });
             }
             for label in labels {
                 let span = within(clip(&label.location, &source.text));
-                snippet = snippet.annotation(AnnotationKind::Context.span(span).label(&*label.text));
+                snippet = snippet.annotation(AnnotationKind::Context.span(span).label(plain(&label.text)));
             }
             group = group.element(snippet);
         }
     }
     if let Some(help) = &d.help {
-        group = group.element(Level::HELP.message(&**help));
+        group = group.element(Level::HELP.message(plain(help)));
     }
     vec![group]
 }
@@ -100,7 +121,7 @@ fn origin(source: &Source, at: usize) -> Origin<'_> {
     let before = &source.text[..at];
     let line = before.rfind('\n').map_or(before, |end| &before[end + 1..]);
     let number = 1 + before.bytes().filter(|b| *b == b'\n').count();
-    Origin::path(&*source.name).line(number).char_column(1 + line.chars().count())
+    Origin::path(plain(&source.name)).line(number).char_column(1 + line.chars().count())
 }
 
 /// A text without its middle if it is very long, such as a loop of thousands of nodes.
@@ -164,6 +185,20 @@ pub fn json(diagnostics: &[Diagnostic], sources: &Sources) -> Value {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn control_characters_of_texts_and_names_are_shown_as_pictures() {
+        let mut sources = Sources::default();
+        sources.add("\x1b]0;name\x07.ron", "a \x1b[2J text \u{9b}2J");
+        let at = || SourceLocation { file: 0, span: 2..7 };
+        let found = Diagnostic::error("F001", "\x1b[31mwrong", at())
+            .label(at(), "\x1b[1m")
+            .help("\u{9b}1m\x07")
+            .note("\x1b");
+        let reported = render(&[found], &sources, false);
+        assert!(reported.contains("␛]0;name␇.ron"), "{reported}");
+        assert!(!reported.contains(|c: char| c.is_control() && c != '\n'), "{reported:?}");
+    }
 
     #[test]
     fn lines_far_down_are_shown_by_their_numbers_alone() {

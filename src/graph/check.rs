@@ -8,7 +8,7 @@ use super::outputs;
 use super::root::join;
 use super::sound;
 use super::suggest::{help, nearest};
-use super::values::Given;
+use super::values::{Given, Origin};
 use super::{Graph, GraphNode, Link};
 use crate::diag::{Diagnostic, SourceLocation, any_error, sort};
 use crate::lang::{Value, ValueKind};
@@ -262,7 +262,7 @@ fn convert(value: &Value, given: &Given, path: bool, loader: &mut Loader) -> Opt
         ValueKind::Char(c) => Datum::Text(c.to_string()),
         ValueKind::Int(i) => i64::try_from(*i).map_or_else(|_| Datum::Float(*i as f64), Datum::Int),
         ValueKind::Float(x) => Datum::Float(*x),
-        ValueKind::Str(text) if path => Datum::Text(asset(text, given, loader)),
+        ValueKind::Str(text) if path => Datum::Text(asset(text, given, loader)?),
         ValueKind::Str(text) => Datum::Text(text.clone()),
         ValueKind::List(items) | ValueKind::Tuple(items) => return list(items, loader),
         ValueKind::Name(name) => Datum::Name(name.value.clone()),
@@ -279,14 +279,28 @@ fn convert(value: &Value, given: &Given, path: bool, loader: &mut Loader) -> Opt
     })
 }
 
-/// The path of an asset. A path from the command line may be read anywhere, unless it is absolute.
-fn asset(text: &str, given: &Given, loader: &mut Loader) -> String {
-    let command_line = loader.argument(given).is_some();
+/// The path of an asset; `None` if its origin may not name it. A path from the command line may be read anywhere, unless it
+/// is absolute; one of a message only below the folder of the graph.
+fn asset(text: &str, given: &Given, loader: &mut Loader) -> Option<String> {
     let joined = join(&given.folder, text);
-    if command_line && !Path::new(text).is_absolute() {
-        loader.root.allow_named(Path::new(&joined));
+    match given.origin {
+        Origin::CommandLine if !Path::new(text).is_absolute() => {
+            loader.root.allow_named(Path::new(&joined));
+        }
+        Origin::Message
+            if Path::new(text).is_absolute() || !loader.root.own_folder_holds(&given.folder, &joined) =>
+        {
+            let message =
+                format!("a message may not name {text:?}, which lies outside the folder of the graph");
+            let found = Diagnostic::error("F062", message, given.location.clone());
+            loader
+                .found
+                .push(found.help("copy the file beside the graph, or name it by --set when foley starts"));
+            return None;
+        }
+        Origin::Text | Origin::CommandLine | Origin::Message => {}
     }
-    joined
+    Some(joined)
 }
 
 /// Locations of the items of a list, and of nested lists: `inputs[2]`.

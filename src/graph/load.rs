@@ -19,9 +19,12 @@ pub fn load(path: &Path, options: &LoadOptions) -> Loaded {
             loader.found.push(Diagnostic::general("F060", message));
         }
     }
-    match read_text(path, &path.display().to_string(), options.limits.graph_bytes) {
+    let known = options.texts.as_ref().and_then(|texts| texts.get(path)).map(|(_, text)| text);
+    let read = || read_text(path, &path.display().to_string(), options.limits.graph_bytes);
+    match known.map_or_else(read, Ok) {
         Ok(text) => {
-            let given = loader.overrides(&options.overrides);
+            loader.keep_text(path, path, &text);
+            let given = loader.overrides(options);
             let mut chain = vec![std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned())];
             loader.file(&path.display().to_string(), text, path, "", given, &mut chain);
         }
@@ -39,7 +42,7 @@ pub fn load_text(name: &str, text: &str, path: &Path, options: &LoadOptions) -> 
             loader.found.push(Diagnostic::general("F060", format!("{}: {e}", folder.display())));
         }
     }
-    let given = loader.overrides(&options.overrides);
+    let given = loader.overrides(options);
     loader.file(name, text.to_owned(), path, "", given, &mut vec![path.to_owned()]);
     check::check(loader)
 }

@@ -3,14 +3,14 @@
 use super::Graph;
 use super::root::{Limits, Root};
 use super::suggest::help;
-use super::values::{Given, Override, Scope};
+use super::values::{Given, Origin, Override, Scope};
 use crate::diag::{Diagnostic, SourceLocation, Sources};
 use crate::lang::{self, Value};
 use foley_nodes::core::files::FileError;
 use foley_nodes::registry::Registry;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, LazyLock};
+use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 
 /// The schema that graph files of this version declare.
 pub const SCHEMA: &str = "foley:graph/1";
@@ -34,6 +34,24 @@ pub struct RawNode {
     pub whole: bool,
 }
 
+/// Texts of graph files as they were first read: loads that share them do not read the files again, so that a half-done edit
+/// on the disk stays where it is.
+#[derive(Debug, Default)]
+pub struct Texts(Mutex<BTreeMap<PathBuf, (PathBuf, String)>>);
+
+impl Texts {
+    /// The real path and the text of a file that was read before.
+    pub(super) fn get(&self, path: &Path) -> Option<(PathBuf, String)> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).get(path).cloned()
+    }
+
+    /// Keeps the text of a file.
+    pub(super) fn keep(&self, path: &Path, real: &Path, text: &str) {
+        let mut texts = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        texts.entry(path.to_owned()).or_insert_with(|| (real.to_owned(), text.to_owned()));
+    }
+}
+
 /// Settings for loading a graph.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
@@ -42,10 +60,14 @@ pub struct LoadOptions {
     pub registry: Arc<Registry>,
     /// Values for its parameters and nodes; later ones win.
     pub overrides: Vec<Override>,
+    /// Values that arrived in messages; they win over `overrides`, and name only files below the graph's own folder.
+    pub messages: Vec<Override>,
     /// Folders outside its own that it may read.
     pub allow_read: Vec<PathBuf>,
     /// Limits on its files and its size.
     pub limits: Limits,
+    /// Texts of its files from an earlier load.
+    pub texts: Option<Arc<Texts>>,
 }
 
 impl Default for LoadOptions {
@@ -55,8 +77,10 @@ impl Default for LoadOptions {
         Self {
             registry: Arc::clone(&STANDARD),
             overrides: Vec::new(),
+            messages: Vec::new(),
             allow_read: Vec::new(),
             limits: Limits::default(),
+            texts: None,
         }
     }
 }
@@ -73,6 +97,13 @@ impl LoadOptions {
     #[must_use]
     pub fn overrides(mut self, overrides: impl IntoIterator<Item = Override>) -> Self {
         self.overrides.extend(overrides);
+        self
+    }
+
+    /// Adds values that arrived in messages.
+    #[must_use]
+    pub fn messages(mut self, messages: impl IntoIterator<Item = Override>) -> Self {
+        self.messages.extend(messages);
         self
     }
 
@@ -118,7 +149,10 @@ pub(super) struct Loader {
     pub used_params: std::cell::RefCell<std::collections::BTreeSet<String>>,
     pub all_params: Vec<(String, SourceLocation)>,
     pub root: Root,
+    /// Folder of the graph, as its paths begin.
+    pub folder: PathBuf,
     pub limits: Limits,
+    pub texts: Option<Arc<Texts>>,
     /// Number of uses of sub-graphs, and their size in bytes.
     pub uses: usize,
     pub text_bytes: u64,
@@ -128,8 +162,11 @@ pub(super) struct Loader {
     pub full: bool,
 }
 
-/// The text at a path; `show` is its name for people.
-pub(super) fn read_text(path: &Path, show: &str, limit: u64) -> Result<String, FileError> {
+/// The text of a graph file of at most `limit` bytes; `show` is its name for people.
+///
+/// # Errors
+/// When it is missing, no plain file, too large, or no UTF-8.
+pub fn read_text(path: &Path, show: &str, limit: u64) -> Result<String, FileError> {
     let error = |code, message: String| FileError { code, message };
     let unreadable = |e: std::io::Error| {
         let code = if e.kind() == std::io::ErrorKind::NotFound { "F060" } else { "F061" };
@@ -160,8 +197,17 @@ impl Loader {
         Self {
             registry: Arc::clone(&options.registry),
             root: Root::of(path),
+            folder: path.parent().map(Path::to_owned).unwrap_or_default(),
             limits: options.limits,
+            texts: options.texts.clone(),
             ..Self::default()
+        }
+    }
+
+    /// Keeps a text for the loads that share [`LoadOptions::texts`].
+    pub(super) fn keep_text(&self, path: &Path, real: &Path, text: &str) {
+        if let Some(texts) = &self.texts {
+            texts.keep(path, real, text);
         }
     }
 
@@ -414,6 +460,7 @@ impl Loader {
                 location: at(field.value.span()),
                 folder: folder.to_owned(),
                 scope: scope.clone(),
+                origin: Origin::Text,
             };
             read.push((field_name.to_owned(), key, given));
         }

@@ -17,8 +17,9 @@ mod suggest;
 mod values;
 
 pub use load::{load, load_text};
-pub use loader::{LoadOptions, Loaded, SCHEMA};
+pub use loader::{LoadOptions, Loaded, SCHEMA, Texts, read_text};
 pub use outputs::{output_path, written};
+pub use parameters::message_source;
 pub use root::{Asked, DirFiles, Limits, Root, Stamp, matching};
 pub use suggest::nearest;
 pub use values::Override;

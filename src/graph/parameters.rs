@@ -1,22 +1,34 @@
 //! Parameters of a graph: overrides from the command line, and `"$name"` in texts.
 
-use super::loader::Loader;
+use super::loader::{LoadOptions, Loader};
 use super::suggest::help;
-use super::values::{Given, Override, Scope};
+use super::values::{Given, Origin, Override, Scope};
 use crate::diag::{Diagnostic, SourceLocation};
 use crate::lang::{self, Value, ValueKind};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+/// Name of the source of a value that a message sets, as diagnostics show it.
+#[must_use]
+pub fn message_source(target: &str) -> String {
+    format!("message that sets {target}")
+}
+
 impl Loader {
-    /// Parses the values from the command line, each as a text of its own.
-    pub(super) fn overrides(&mut self, overrides: &[Override]) -> Vec<(String, Given)> {
+    /// Parses the values from outside, each as a text of its own; those of messages follow those of the command line.
+    pub(super) fn overrides(&mut self, options: &LoadOptions) -> Vec<(String, Given)> {
+        let named = options.overrides.iter().map(|given| (given, Origin::CommandLine));
+        let received = options.messages.iter().map(|given| (given, Origin::Message));
         let mut given = Vec::new();
-        for Override { target, value } in overrides {
+        for (Override { target, value }, origin) in named.chain(received) {
             let parsed = lang::parse(value);
             let document = parsed.document();
             let text = |file| SourceLocation { file, span: 0..value.len() };
-            let file = self.sources.add(format!("--set {target}"), value.as_str());
+            let source = match origin {
+                Origin::Message => message_source(target),
+                Origin::Text | Origin::CommandLine => format!("--set {target}"),
+            };
+            let file = self.sources.add(source, value.as_str());
             let node = match document.value {
                 // A bare word that no value starts with is text, and so is a path.
                 Some(found)
@@ -28,10 +40,9 @@ impl Loader {
                 _ => Value { span: 0..value.len(), value: ValueKind::Str(value.clone()) },
             };
             let scope = Scope::default();
-            given.push((
-                target.clone(),
-                Given { value: node, location: text(file), folder: PathBuf::new(), scope },
-            ));
+            // A message names files as the text of the graph does.
+            let folder = if origin == Origin::Message { self.folder.clone() } else { PathBuf::new() };
+            given.push((target.clone(), Given { value: node, location: text(file), folder, scope, origin }));
         }
         given
     }
@@ -50,7 +61,13 @@ impl Loader {
             let Some(name) = entry.key.as_str() else { continue };
             let location = SourceLocation { file, span: entry.value.span() };
             let scope = Scope { prefix: prefix.to_owned(), ..Scope::default() };
-            let own = Given { value: entry.value.clone(), location, folder: folder.to_owned(), scope };
+            let own = Given {
+                value: entry.value.clone(),
+                location,
+                folder: folder.to_owned(),
+                scope,
+                origin: Origin::Text,
+            };
             let key = SourceLocation { file, span: entry.key.span() };
             if params.insert(name.to_owned(), own).is_some() {
                 self.error("F005", format!("parameter `{name}` is given twice"), key);
@@ -113,10 +130,10 @@ impl Loader {
         None
     }
 
-    /// The text of the argument of the command that gave a value, where one did.
+    /// The text of the argument of the command, or of the message, that gave a value, where one did.
     pub(super) fn argument(&self, given: &Given) -> Option<&str> {
-        let source = self.sources.get(given.location.file).filter(|s| s.name.starts_with("--set"))?;
-        given.folder.as_os_str().is_empty().then_some(&*source.text)
+        let source = self.sources.get(given.location.file).filter(|_| given.origin != Origin::Text)?;
+        Some(&*source.text)
     }
 
     /// Warnings about unused parameters.

@@ -130,6 +130,21 @@ impl Root {
         self.files.extend(all.filter_map(|file| fs::canonicalize(file).ok()));
     }
 
+    /// Returns true if a path lies below the graph's own folder, which is written as `folder`, links followed. A file that
+    /// is missing counts by its text, so that the answer does not tell which files exist elsewhere.
+    pub(super) fn own_folder_holds(&self, folder: &Path, path: &str) -> bool {
+        let folder = join(folder, "");
+        let path =
+            if folder == "." { Some(Path::new(path)) } else { Path::new(path).strip_prefix(&folder).ok() };
+        let inside = |path: &&Path| path.components().all(|part| matches!(part, Component::Normal(_)));
+        let Some(path) = path.filter(inside).map(|inside| Path::new(&folder).join(inside)) else {
+            return false;
+        };
+        let sequence = path.to_string_lossy().contains('#').then(|| path.parent()).flatten();
+        let real = fs::canonicalize(sequence.unwrap_or(&path));
+        self.folders.first().is_some_and(|own| real.map_or(true, |real| real.starts_with(own)))
+    }
+
     /// All files that were requested so far.
     #[must_use]
     pub fn asked(&self) -> Asked {

@@ -2,7 +2,7 @@
 
 use super::loader::{Loader, read_text, valid_id};
 use super::root::join;
-use super::values::{Given, Scope};
+use super::values::{Given, Origin, Scope};
 use crate::diag::{Diagnostic, SourceLocation, any_error};
 use crate::lang::{self, Value, ValueKind};
 use std::path::{Path, PathBuf};
@@ -41,6 +41,7 @@ impl Loader {
                         location,
                         folder: folder.to_owned(),
                         scope: scope.clone(),
+                        origin: Origin::Text,
                     };
                     Some((e.key.as_str()?.to_owned(), given))
                 };
@@ -89,12 +90,19 @@ impl Loader {
         if self.full {
             return;
         }
-        let real = match self.root.resolve(path) {
-            Ok(real) => real,
-            Err(e) => {
-                self.error(e.code, e.message, location);
-                return;
+        let known = self.texts.as_ref().and_then(|texts| texts.get(Path::new(path)));
+        let (real, known) = match known {
+            Some((real, text)) => {
+                self.root.note(Path::new(path));
+                (real, Some(text))
             }
+            None => match self.root.resolve(path) {
+                Ok(real) => (real, None),
+                Err(e) => {
+                    self.error(e.code, e.message, location);
+                    return;
+                }
+            },
         };
         if chain.contains(&real) {
             self.error("F031", format!("{path:?} uses itself"), location);
@@ -111,8 +119,10 @@ impl Loader {
             self.stop(Diagnostic::error("F009", message, location).help("--max-nodes allows more"));
             return;
         }
-        match read_text(&real, path, self.limits.graph_bytes) {
+        let limit = self.limits.graph_bytes;
+        match known.map_or_else(|| read_text(&real, path, limit), Ok) {
             Ok(text) => {
+                self.keep_text(Path::new(path), &real, &text);
                 self.text_bytes += text.len() as u64;
                 if self.text_bytes > self.limits.graph_bytes {
                     let most = self.limits.graph_bytes;

@@ -1,4 +1,4 @@
-//! Values of a text: overrides from the command line, and references to parameters.
+//! Values of a text: overrides from outside, and references to parameters.
 
 use crate::diag::SourceLocation;
 use crate::lang::Value;
@@ -6,13 +6,25 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// A value from the command line for a graph parameter or for `NODE.PARAM`.
+/// A value from outside the text, for a graph parameter or for `NODE.PARAM`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Override {
     /// `NAME` or `NODE.PARAM`.
     pub target: String,
     /// A RON value, or text.
     pub value: String,
+}
+
+/// Origin of a value, which decides the files that it may name.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Origin {
+    /// A graph file.
+    #[default]
+    Text,
+    /// An argument of the command: a person has named the file.
+    CommandLine,
+    /// A message that arrived while the graph plays: anybody may have sent it.
+    Message,
 }
 
 /// A value in a text, with its context.
@@ -26,13 +38,16 @@ pub struct Given {
     pub folder: PathBuf,
     /// Prefix of the ids that links in it can name.
     pub scope: Scope,
+    /// Its origin.
+    pub origin: Origin,
 }
 
 impl Given {
     /// A value inside this one, without a copy of all of this one.
     pub fn inside(&self, value: &Value) -> Self {
         let location = SourceLocation { file: self.location.file, span: value.span() };
-        Self { value: value.clone(), location, folder: self.folder.clone(), scope: self.scope.clone() }
+        let (folder, scope, origin) = (self.folder.clone(), self.scope.clone(), self.origin);
+        Self { value: value.clone(), location, folder, scope, origin }
     }
 }
 

@@ -4,13 +4,15 @@
 //! nodes that may run in an audio callback, and receives the finished windows of all others from workers over rings. The two
 //! sides communicate over rings without locks; the callback neither allocates nor frees.
 
+#[doc(hidden)]
+pub mod checks;
 pub mod device;
 pub mod input;
 mod playback;
 mod player;
 mod reload;
 
-pub use playback::callback::{Callback, Shared};
+pub use playback::callback::{CEILING, Callback, Shared};
 pub use playback::meter::{Histogram, Meter, NodeMeter};
 pub use player::{Options, Player, PlayerEvent, Reloaded};
 pub use reload::diff::Edit;

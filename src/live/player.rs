@@ -16,7 +16,7 @@ use crate::graph::Graph;
 use crate::plan::{Continuation, Draft, LivePlan, Runnable, SinkContinuation};
 use foley_nodes::core::fault::Fault;
 use rtrb::{Consumer, Producer, RingBuffer};
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::sync::Arc;
 use std::sync::atomic::Ordering::Acquire;
 use std::time::Duration;
@@ -79,6 +79,8 @@ pub enum PlayerEvent {
     Swapped,
     /// The transition is over.
     TransitionOver,
+    /// The output of this node was not finite, and the node begins anew; reported once for each node.
+    Renewed(String),
     /// A node failed; there is silence until the next load.
     Failed(Box<Diagnostic>),
 }
@@ -102,6 +104,10 @@ pub struct Player {
     pending_swap: Option<PendingSwap>,
     /// True after a fault of a node: no node that plays can continue.
     failed: bool,
+    /// True while a new node is in transit to the callback, to replace one whose output is not finite.
+    renewing: bool,
+    /// Ids of the nodes that were replaced.
+    renewed: HashSet<String>,
     /// Events that are not reported yet.
     events: Vec<PlayerEvent>,
     times: BTreeMap<String, Arc<Histogram>>,
@@ -161,6 +167,8 @@ impl Player {
             retuning: false,
             pending_swap: None,
             failed: false,
+            renewing: false,
+            renewed: HashSet::new(),
             events: Vec::new(),
             times,
             assembly_time: Duration::from_millis(1),
@@ -198,6 +206,14 @@ impl Player {
         self.playing.prepared.as_ref().map(|prepared| &prepared.source.graph)
     }
 
+    /// Returns the notes of the nodes of the graph, such as that a recording is shorter than its header says.
+    #[must_use]
+    pub fn notes(&self) -> Vec<(String, String)> {
+        let Some(prepared) = &self.playing.prepared else { return Vec::new() };
+        let nodes = prepared.source.graph.nodes.iter().zip(&prepared.draft.prelude.shapes);
+        nodes.flat_map(|(n, shape)| shape.notes.iter().map(|note| (n.id.clone(), note.clone()))).collect()
+    }
+
     /// Returns the times of the nodes, if they are measured.
     #[must_use]
     pub fn node_meters(&self) -> Vec<NodeMeter> {
@@ -208,7 +224,7 @@ impl Player {
     /// Returns true during a transition; a load has to wait until it is over.
     #[must_use]
     pub fn is_busy(&self) -> bool {
-        self.retuning || self.pending_swap.is_some() || self.transition_end.is_some()
+        self.retuning || self.renewing || self.pending_swap.is_some() || self.transition_end.is_some()
     }
 
     /// Returns true if the piece is over.
@@ -326,17 +342,42 @@ impl Player {
                         self.events.push(PlayerEvent::TransitionOver);
                     }
                 }
+                Reply::Renewed(_) => self.renewing = false,
+                Reply::NotFinite(node) => self.renew(None, node),
                 Reply::Fault(node, fault) => self.on_fault(None, node, fault),
             }
         }
         while let Some((region, node, fault)) = self.workers.take_fault() {
-            self.on_fault(Some(region), node, fault);
+            match fault {
+                Some(fault) => self.on_fault(Some(region), node, fault),
+                None => self.renew(Some(region), node),
+            }
         }
         let played = self.shared.window.load(Acquire);
         if self.pending_swap.is_none() && self.transition_end.is_some_and(|end| played >= end) {
             self.end_transition();
         }
         std::mem::take(&mut self.events)
+    }
+
+    /// Replaces a node whose output is not finite by a new one; during a change it is reported again later.
+    fn renew(&mut self, region: Option<usize>, node: usize) {
+        if self.is_busy() || self.renewing || self.failed {
+            return;
+        }
+        let regions = &self.playing.plan.regions;
+        let number = region.unwrap_or(regions.len() - 1);
+        let runnable = regions.get(number).and_then(|r| r.nodes.get(node)).map(|n| n.runnable);
+        let (Some(Runnable::Node(n)), Some(prepared)) = (runnable, &self.playing.prepared) else { return };
+        let Some(id) = prepared.source.graph.nodes.get(n).map(|node| node.id.clone()) else { return };
+        let Ok(new) = prepared.site(self.timing.window_ticks()).build(n, &prepared.values) else { return };
+        match region {
+            Some(region) => self.workers.renew(region, node, new),
+            None => self.renewing = self.commands.push(Command::Renew(node, new)).is_ok(),
+        }
+        if self.renewed.insert(id.clone()) {
+            self.events.push(PlayerEvent::Renewed(id));
+        }
     }
 
     fn on_fault(&mut self, region: Option<usize>, node: usize, fault: Fault) {

@@ -5,6 +5,7 @@
 //! files of its graph and output folder; a second run at the same time saves no checkpoints.
 
 use super::atomic_file::write_atomically;
+use super::plain_file;
 use serde::{Deserialize, Serialize};
 use std::fs::{self, File};
 use std::io;
@@ -193,9 +194,20 @@ pub fn remove_all(dir: &Path) {
     }
 }
 
+/// Returns true if a file can be the partial file of an output: `NAME.NUMBER.part` beside `NAME`, and no link. A checkpoint that
+/// somebody else has written must not have other files resumed or removed.
+fn is_partial(file: &PartialFile) -> bool {
+    let text = |path: &Path| path.file_name().and_then(|name| name.to_str()).map(str::to_owned);
+    let (Some(part), Some(to)) = (text(&file.part), text(&file.to)) else { return false };
+    let number = part.strip_prefix(&to).and_then(|rest| rest.strip_prefix('.')?.strip_suffix(".part"));
+    let named = number.is_some_and(|number| !number.is_empty() && number.bytes().all(|b| b.is_ascii_digit()));
+    let plain = fs::symlink_metadata(&file.part).map_or(true, |meta| meta.is_file());
+    named && plain && file.part.parent() == file.to.parent()
+}
+
 /// Reads a complete checkpoint; the hash is compared before any length in it is used.
 fn read(path: &Path) -> Option<Checkpoint> {
-    let bytes = fs::read(path).ok()?;
+    let bytes = plain_file::read(path, plain_file::MAX_BYTES).ok()?;
     let (prefix, rest) = bytes.split_at_checked(PREFIX)?;
     let known = prefix[..8] == MAGIC[..] && prefix[8..12] == FORMAT.to_le_bytes();
     if !known || blake3::hash(rest).as_bytes()[..] != prefix[12..] {
@@ -204,6 +216,9 @@ fn read(path: &Path) -> Option<Checkpoint> {
     let (length, rest) = rest.split_first_chunk()?;
     let (header, mut rest) = rest.split_at_checked(usize::try_from(u64::from_le_bytes(*length)).ok()?)?;
     let header: CheckpointHeader = serde_json::from_slice(header).ok()?;
+    if !header.outputs.iter().all(is_partial) {
+        return None;
+    }
     let mut states = Vec::new();
     for size in &header.sizes {
         let (state, after) = rest.split_at_checked(*size)?;
@@ -218,7 +233,7 @@ mod tests {
     use super::*;
 
     fn partial_file(dir: &Path, name: &str, bytes: &[u8]) -> PartialFile {
-        let part = dir.join(name);
+        let part = dir.join(format!("out.wav.{name}"));
         fs::write(&part, bytes).unwrap();
         PartialFile { part, to: dir.join("out.wav"), length: bytes.len() as u64 }
     }
@@ -247,9 +262,9 @@ mod tests {
         assert!(store.save(0, &made).unwrap());
         assert_eq!(store.find(0, "a").as_ref(), Some(&made));
         assert_eq!((store.find(0, "b"), store.find(1, "a")), (None, None));
-        fs::write(dir.path().join("1.part"), b"1234567").unwrap();
+        fs::write(dir.path().join("out.wav.1.part"), b"1234567").unwrap();
         assert!(store.find(0, "a").is_some(), "later bytes are ignored");
-        fs::write(dir.path().join("1.part"), b"1234").unwrap();
+        fs::write(dir.path().join("out.wav.1.part"), b"1234").unwrap();
         assert_eq!(store.find(0, "a"), None, "bytes are missing");
     }
 
@@ -269,7 +284,7 @@ mod tests {
     #[test]
     fn all_checkpoints_are_removed_except_those_of_a_running_process() {
         let dir = tempfile::tempdir().unwrap();
-        let [old, other] = ["old.part", "own.part"].map(|name| partial_file(dir.path(), name, b"x"));
+        let [old, other] = ["3.part", "4.part"].map(|name| partial_file(dir.path(), name, b"x"));
         let running = store_in(dir.path());
         running.save(0, &checkpoint("a", vec![other.clone()])).unwrap();
         let ended = CheckpointStore::new(dir.path(), "other.ron", Path::new("out"), Duration::ZERO);
@@ -313,5 +328,28 @@ mod tests {
         assert!(first.find(0, "b").is_some(), "the second run does not remove it");
         drop(first);
         assert!(store_in(dir.path()).find(0, "b").is_some(), "the next run finds it");
+    }
+
+    #[test]
+    fn a_checkpoint_that_names_another_file_is_none_and_the_file_stays() {
+        let dir = tempfile::tempdir().unwrap();
+        let store = store_in(dir.path());
+        let other = dir.path().join("other");
+        fs::write(&other, b"mine").unwrap();
+        let to = || dir.path().join("other");
+        let named = |part: &str| PartialFile { part: dir.path().join(part), to: to(), length: 0 };
+        for wrong in ["other", "other.part", "other..part", "other.x1.part", "sub/other.1.part"] {
+            store.save(0, &checkpoint("a", vec![named(wrong)])).unwrap();
+            assert_eq!(store.find(0, "a"), None, "{wrong}");
+        }
+        #[cfg(unix)]
+        {
+            std::os::unix::fs::symlink(&other, dir.path().join("other.1.part")).unwrap();
+            store.save(0, &checkpoint("a", vec![named("other.1.part")])).unwrap();
+            assert_eq!(store.find(0, "a"), None);
+        }
+        store.remove();
+        remove_all(dir.path());
+        assert_eq!(fs::read(&other).unwrap(), b"mine");
     }
 }

@@ -2,9 +2,9 @@
 
 use super::atomic_file::write_atomically;
 use super::key::KeyPart;
+use super::plain_file;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -47,7 +47,7 @@ impl<'a> Index<'a> {
     /// Reads the types of nodes and their costs in earlier runs, ns per element, by id.
     #[must_use]
     pub fn costs(&self) -> BTreeMap<String, (String, f64)> {
-        let text = fs::read(self.costs_path()).ok();
+        let text = plain_file::read(&self.costs_path(), plain_file::MAX_BYTES).ok();
         text.and_then(|text| serde_json::from_slice(&text).ok()).unwrap_or_default()
     }
 
@@ -62,7 +62,7 @@ impl<'a> Index<'a> {
     /// Reads the key history of a node; `None` if there is none that can be read.
     #[must_use]
     pub fn get(&self, node: &str) -> Option<KeyHistory> {
-        let text = fs::read(self.path(node)).ok()?;
+        let text = plain_file::read(&self.path(node), plain_file::MAX_BYTES).ok()?;
         let history: KeyHistory = serde_json::from_slice(&text).ok()?;
         (history.graph == self.graph && history.node == node).then_some(history)
     }

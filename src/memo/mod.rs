@@ -13,6 +13,7 @@ mod graph_memo;
 mod index;
 mod key;
 mod memory;
+mod plain_file;
 mod run_cache;
 mod store;
 pub mod stream;

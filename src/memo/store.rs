@@ -6,6 +6,7 @@
 use super::atomic_file::write_atomically;
 use super::checkpoint_store;
 use super::entry::{Entry, Unusable};
+use super::plain_file;
 use super::stream;
 use std::collections::HashSet;
 use std::fs::{self, File};
@@ -101,7 +102,7 @@ impl Store {
     pub fn read(&self, key: &str) -> Result<Option<(Entry, Vec<u8>)>, Unusable> {
         let path = self.path(key);
         let unusable = |reason: &str| Err(Unusable(reason.to_owned()));
-        let bytes = match File::open(&path).and_then(|file| read_up_to(file, self.cap)) {
+        let bytes = match plain_file::read(&path, self.cap) {
             Ok(bytes) => bytes,
             Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(None),
             Err(e) => return Err(Unusable(format!("it cannot be read: {e}"))),
@@ -224,16 +225,6 @@ impl Store {
     }
 }
 
-/// Reads a file of at most `cap` bytes.
-fn read_up_to(file: File, cap: u64) -> io::Result<Vec<u8>> {
-    if file.metadata()?.len() > cap {
-        return Err(io::Error::new(io::ErrorKind::FileTooLarge, "it is larger than the whole cache may be"));
-    }
-    let mut bytes = Vec::new();
-    file.take(cap).read_to_end(&mut bytes)?;
-    Ok(bytes)
-}
-
 fn number(bytes: &[u8], at: usize) -> u32 {
     bytes.get(at..at + 4).and_then(|b| b.try_into().ok()).map_or(0, u32::from_le_bytes)
 }
@@ -251,7 +242,7 @@ fn is_entry(path: &Path) -> bool {
 }
 
 fn read_header(path: &Path) -> Option<Entry> {
-    let mut file = File::open(path).ok()?;
+    let mut file = plain_file::open(path).ok()?;
     let mut prefix = [0; PREFIX];
     file.read_exact(&mut prefix).ok()?;
     let length = number(&prefix, 12) as usize;

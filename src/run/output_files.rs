@@ -89,6 +89,14 @@ impl DirOutputs {
     /// # Errors
     /// When it cannot be written, or when another output has the same path.
     pub fn create_at(&self, path: &Path) -> Result<Box<dyn WriteSeek>, FileError> {
+        Ok(Box::new(OutputFile(BufWriter::with_capacity(1 << 16, self.create_file_at(path)?))))
+    }
+
+    /// Creates a file as [`DirOutputs::create_at`] does, without a buffer.
+    ///
+    /// # Errors
+    /// As [`DirOutputs::create_at`].
+    pub fn create_file_at(&self, path: &Path) -> Result<File, FileError> {
         let error = |e: &io::Error| FileError {
             code: "F080",
             message: format!("cannot write {}: {e}", path.display()),
@@ -122,7 +130,7 @@ impl DirOutputs {
         };
         let file = file.map_err(|e| error(&e))?;
         pending.push((part, path.to_owned()));
-        Ok(Box::new(OutputFile(BufWriter::with_capacity(1 << 16, file))))
+        Ok(file)
     }
 
     fn take_resumed(&self, to: &Path) -> Option<PartialFile> {

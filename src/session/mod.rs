@@ -9,7 +9,7 @@ pub use errors::Errors;
 pub use prepared::{Preparation, Prepared};
 
 use crate::diag::{Severity, any_error, sort};
-use crate::graph::{DirFiles, LoadOptions, Loaded, Override, load, load_text};
+use crate::graph::{DirFiles, LoadOptions, Loaded, Override, Texts, load, load_text};
 use crate::live::{Callback, LiveGraph, Options, Player};
 use crate::memo::Memo;
 use crate::plan::{Plan, PlanOptions, faults};
@@ -111,6 +111,13 @@ impl Session {
         self
     }
 
+    /// Takes the texts of the graph from an earlier load with the same `texts`, and leaves those that it reads itself there.
+    #[must_use]
+    pub fn with_texts(mut self, texts: Option<Arc<Texts>>) -> Self {
+        self.options.texts = texts;
+        self
+    }
+
     /// Sets the seed of all randomness, in place of the graph's own.
     #[must_use]
     pub fn with_seed(mut self, seed: Option<u64>) -> Self {
@@ -172,13 +179,22 @@ impl Session {
     /// An earlier value of the same target is replaced.
     pub fn set(&mut self, target: impl Into<String>, value: impl Into<String>) {
         let new = Override { target: target.into(), value: value.into() };
-        self.unset(&new.target);
+        self.options.overrides.retain(|given| given.target != new.target);
         self.options.overrides.push(new);
+    }
+
+    /// Sets a parameter as [`Session::set`] does, to a value of a message that anybody may have sent: a path in it is relative to
+    /// the graph, and has to lie below the graph's own folder. It wins over a value of [`Session::set`].
+    pub fn set_from_message(&mut self, target: impl Into<String>, value: impl Into<String>) {
+        let new = Override { target: target.into(), value: value.into() };
+        self.options.messages.retain(|given| given.target != new.target);
+        self.options.messages.push(new);
     }
 
     /// Removes the value that was set for a target.
     pub fn unset(&mut self, target: &str) {
         self.options.overrides.retain(|given| given.target != target);
+        self.options.messages.retain(|given| given.target != target);
     }
 
     /// The values that are set.

@@ -111,6 +111,18 @@ fn f055_no_osc_while_another_program_listens() {
     case("F055", 0, &reported, folder.path(), &[(&port, "PORT")]);
 }
 
+#[test]
+fn f056_a_port_that_other_machines_reach() {
+    let folder = folder(TONE);
+    let arguments = ["live", "main.ron", "--device", "null", "--osc", "0.0.0.0:0", "--for", "0.1"];
+    let mut reported = foley(folder.path(), &arguments).output().unwrap();
+    let text = String::from_utf8_lossy(&reported.stderr).into_owned();
+    let port: String =
+        text.split("0.0.0.0:").nth(1).unwrap_or_default().chars().take_while(char::is_ascii_digit).collect();
+    reported.stderr = text.replace(&format!(":{port} "), ":PORT ").into_bytes();
+    case("F056", 0, &reported, folder.path(), &[]);
+}
+
 /// A file is no folder that holds another.
 #[cfg(unix)]
 #[test]

@@ -3,6 +3,7 @@
 mod commands;
 mod diagnostics;
 mod messages;
+mod refused;
 mod tools;
 #[cfg(unix)]
 mod watch;

@@ -2,3 +2,6 @@
 
 mod commands;
 mod playback;
+mod recovery;
+mod soak;
+mod untrusted;

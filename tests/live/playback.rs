@@ -441,7 +441,7 @@ fn a_mesh_that_comes_in_is_heard_goes_on_while_frames_are_late_falls_silent_and_
     let (dir, text) = sent_sheet();
     let loaded = load_text("test", &text, &dir.path().join("main.ron"), &LoadOptions::default());
     let shown = foley::diag::render(&loaded.diagnostics, &loaded.sources, false);
-    let hub = Arc::new(Hub::new(crossbeam_channel::unbounded().0));
+    let hub = Arc::new(Hub::new());
     let material = LiveGraph {
         graph: loaded.graph.unwrap_or_else(|| panic!("{shown}")),
         files: DirFiles::new(loaded.root, Limits::default()),

@@ -12,6 +12,8 @@ use crate::core::shape::{Build, Shape};
 use crate::core::time::{Rate, Tick, ticks};
 use crate::{params, ports};
 
+/// Maximum magnitude of a number.
+const MAX_NUMBER: f64 = 1e9;
 /// Maximum number of values in one message.
 const MAX_VALUES: usize = 16;
 
@@ -24,7 +26,8 @@ pub fn control_to_message(numbers: &[f64]) -> Option<Message> {
 params! {
     /// Numbers that come in while the graph plays, such as a position, a speed or a level, as a stream.
     ///
-    /// Each message sets all channels; the stream changes to them linearly. In an offline run it stays at `initial`.
+    /// Each message sets all channels; the stream changes to them linearly. Numbers are clamped to the range of `initial`. In an
+    /// offline run it stays at `initial`.
     pub struct LiveControlParams {
         /// Name of the channel: messages are sent to `/foley/control/CHANNEL`.
         channel: Text;
@@ -66,12 +69,12 @@ impl Glide {
         Self { start: numbers.to_vec(), target: numbers.to_vec(), items, elapsed: items }
     }
 
-    /// Starts ramps to other numbers; the targets of missing numbers do not change.
+    /// Starts ramps to other numbers, each clamped to the range of `initial`; the targets of missing numbers do not change.
     pub fn set_targets(&mut self, numbers: &[f64]) {
         for k in 0..self.target.len() {
             self.start[k] = self.value(k);
             if let Some(x) = numbers.get(k) {
-                self.target[k] = *x;
+                self.target[k] = x.clamp(-MAX_NUMBER, MAX_NUMBER);
             }
         }
         self.elapsed = 0;
@@ -161,6 +164,16 @@ impl Node for LiveControl {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn numbers_beyond_the_range_are_clamped() {
+        let mut glide = Glide::new(&[0.0, 1.0], 2);
+        glide.set_targets(&[1e39, -1e300]);
+        let mut out = [0.0; 6];
+        glide.fill(&mut out);
+        assert_eq!(out[4..], [1e9, -1e9]);
+        assert!(out.iter().all(|x| x.is_finite()));
+    }
 
     #[test]
     fn numbers_change_linearly() {

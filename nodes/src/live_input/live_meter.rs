@@ -127,8 +127,7 @@ mod tests {
             let mut node =
                 LiveMeter { display: Some(display), interval: 100, left: 100, meter: LevelMeter::default() };
             audio.chunks(2 * window).for_each(|samples| node.measure(samples, 2));
-            let found = list.lock().unwrap().clone();
-            found
+            std::mem::take(&mut *list.lock().unwrap())
         };
         let found = read(1000);
         assert_eq!(found.len(), 10);

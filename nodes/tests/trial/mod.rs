@@ -35,6 +35,8 @@ pub enum Level {
     FullScale,
     /// The smallest denormal numbers.
     Denormal,
+    /// What a control can send: any number within 1e9, most often an end of the range or 0.
+    Control,
 }
 
 impl Level {
@@ -45,6 +47,10 @@ impl Level {
             Self::Constant => 0.7,
             Self::FullScale => [-1.0, 1.0][rng.below(2)],
             Self::Denormal => f32::from_bits(1 + rng.below(8) as u32),
+            Self::Control => {
+                let any = 10.0_f64.powf(rng.between(-12.0, 9.0)) as f32;
+                [1e9, -1e9, 1e9, 0.0, 1.0, any, -any][rng.below(7)]
+            }
         }
     }
 }
@@ -120,7 +126,8 @@ fn audio(rng: &mut Rng, rate: Rate, channels: Channels, items: i64, level: Level
     Feed::stream::<f32>(rate, channels, (0..count).map(|_| level.sample(rng)).collect())
 }
 
-fn is_audio(item: &ItemType) -> bool {
+/// Returns true for streams of numbers, such as audio and controls.
+pub fn is_audio(item: &ItemType) -> bool {
     (item.id)() == (OfItem::<f32>::INFO.id)()
 }
 

@@ -2,12 +2,13 @@
 //!
 //! Every node of the registry is tested.
 
-use crate::trial::{Level, Trial, accepted, possible};
+use crate::trial::{Level, Trial, accepted, is_audio, possible};
 use foley_nodes::core::node::{Class, NodeType};
 use foley_nodes::core::params::{Bounds, Datum, ParamKind, ParamSpec};
 use foley_nodes::core::ports::{Arity, PortKind, PortSpec};
 use foley_nodes::core::random::Rng;
 use foley_nodes::core::shape::NodeShape;
+use foley_nodes::core::standalone::StandaloneRun;
 use foley_nodes::core::time::{Rate, Tick};
 use foley_nodes::registry::all;
 use std::collections::{BTreeMap, HashSet};
@@ -116,6 +117,29 @@ fn outputs_stay_finite_whatever_the_level() {
             assert!(out.finite, "{level:?} gives a number that is not finite: {trial:?}");
         });
     }
+}
+
+/// No number that a control can send fails a node or makes an output that is not finite, so none silences it for good.
+#[test]
+fn no_extreme_of_a_control_silences_a_node() {
+    let mut wrong = std::collections::BTreeMap::new();
+    for node in 0..all().len() {
+        let ty = all().swap_remove(node);
+        let control = |port: &PortSpec| matches!(port.kind, PortKind::Stream(item) if is_audio(item));
+        if ty.class == Class::Offline || !ty.inputs.iter().any(control) {
+            continue;
+        }
+        for trial in accepted(node, Level::Control, trials(node)) {
+            let run = trial.standalone(trial.fastest_rate().span(13)).run();
+            let finite = |run: &StandaloneRun| (0..ty.outputs.len()).all(|port| run.numbers(port).1);
+            match run {
+                Ok(run) if finite(&run) => {}
+                Ok(_) => drop(wrong.insert(ty.name, format!("not finite: {trial:?}"))),
+                Err(fault) => drop(wrong.insert(ty.name, format!("{fault}: {trial:?}"))),
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{wrong:#?}");
 }
 
 /// The output of a node depends on the seed if and only if its documentation has a section `# Randomness`.

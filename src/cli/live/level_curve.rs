@@ -73,7 +73,8 @@ impl LevelCurves {
             };
             let bars: String = curve.peaks.iter().map(block).collect();
             let last = curve.peaks.back().copied().unwrap_or(0.0);
-            format!("   {} {bars} {:6.1} dB", curve.name, db(last).max(-99.9))
+            let name: String = curve.name.chars().filter(|c| !c.is_control()).collect();
+            format!("   {name} {bars} {:6.1} dB", db(last).max(-99.9))
         };
         self.0.iter().map(draw).collect()
     }

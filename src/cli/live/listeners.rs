@@ -1,6 +1,7 @@
 //! Listeners for messages and meshes.
 
 use super::LiveSettings;
+use crate::cli::console::Throttle;
 use crate::cli::run::show;
 use crate::diag::{Diagnostic, Severity, Sources};
 use crate::live::input::{Hub, Listener, listen_to_meshes, listen_to_osc, read_lines};
@@ -9,22 +10,27 @@ use std::net::{Ipv4Addr, SocketAddr};
 use std::sync::Arc;
 
 /// Opens the listeners, each with its name.
-pub(super) fn listen(settings: &LiveSettings<'_>, hub: &Arc<Hub>) -> Vec<(&'static str, Listener)> {
+pub(super) fn listen(
+    settings: &LiveSettings<'_>,
+    hub: &Arc<Hub>,
+    errors: &Arc<Throttle>,
+) -> Vec<(&'static str, Listener)> {
     let quiet = settings.quiet;
     if !std::io::stdin().is_terminal() {
-        let hub = Arc::clone(hub);
+        let (hub, errors) = (Arc::clone(hub), Arc::clone(errors));
         // It ends with the process: reading cannot be interrupted.
         std::thread::spawn(move || {
             read_lines(std::io::stdin().lock(), &hub, |line, message| {
                 if !quiet {
-                    eprintln!("foley: standard input, line {line}: {message}");
+                    errors.tell(format_args!("standard input, line {line}: {message}"));
                 }
             });
         });
     }
+    let errors = Arc::clone(errors);
     let report = move |message: &str| {
         if !quiet {
-            eprintln!("foley: {message}");
+            errors.tell(message);
         }
     };
     let osc = port(&settings.device.osc).map(|at| ("OSC", "--osc", at, listen_to_osc(at, Arc::clone(hub))));
@@ -33,17 +39,26 @@ pub(super) fn listen(settings: &LiveSettings<'_>, hub: &Arc<Hub>) -> Vec<(&'stat
     let mut all = Vec::new();
     for (what, option, at, listening) in osc.into_iter().chain(meshes) {
         match listening {
-            Ok(listening) => all.push((what, listening)),
+            Ok(listening) => {
+                if !listening.at.ip().is_loopback() {
+                    let message = format!("{what} at {} can be sent from other machines", listening.at);
+                    let help = "whoever reaches the port can play and set parameters; a port number alone is of this machine";
+                    warn(Diagnostic::general("F056", message).help(help));
+                }
+                all.push((what, listening));
+            }
             Err(e) => {
                 let message = format!("cannot listen for {what} at {at}: {e}");
-                let warning =
-                    Diagnostic { severity: Severity::Warning, ..Diagnostic::general("F055", message) };
                 let help = format!("{option} PORT takes another port, {option} off none");
-                show(&[warning.help(help)], &Sources::default());
+                warn(Diagnostic::general("F055", message).help(help));
             }
         }
     }
     all
+}
+
+fn warn(found: Diagnostic) {
+    show(&[Diagnostic { severity: Severity::Warning, ..found }], &Sources::default());
 }
 
 /// The address of an option: a port of this machine, ADDRESS:PORT, or `off`.

@@ -7,20 +7,21 @@ mod session;
 
 use super::Exit;
 use super::args::{DeviceArgs, GraphArgs, LiveArgs, MemoArgs, WatchArgs};
+use super::console::Throttle;
 use super::run::show;
 use crate::diag::{Diagnostic, Sources};
-use crate::graph::{Asked, Override};
+use crate::graph::{Asked, Override, Texts};
 use crate::live::device::{self, Device};
 use crate::live::input::Hub;
 use crate::live::{LiveGraph, Options, Player};
 use crate::memo::{MEMORY, Memo};
 use crate::run::check_given;
 use crate::watch::FileWatcher;
-use crossbeam_channel::unbounded;
 use foley_nodes::registry::Registry;
 use level_curve::LevelCurves;
 use listeners::listen;
 use session::Session;
+use std::collections::HashSet;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
@@ -86,14 +87,16 @@ struct LoadedGraph {
 
 fn load_graph(
     settings: &LiveSettings<'_>,
-    overrides: &[Override],
+    messages: &[Override],
+    texts: &Arc<Texts>,
     hub: &Arc<Hub>,
     memo: Option<&Arc<Memo>>,
 ) -> LoadedGraph {
     let args = settings.graph;
     let mut session = args.session(settings.registry).with_until(Some(1.0)).with_quiet(settings.quiet);
-    for given in overrides {
-        session.set(&given.target, &given.value);
+    session = session.with_texts(Some(Arc::clone(texts)));
+    for given in messages {
+        session.set_from_message(&given.target, &given.value);
     }
     let (loaded, files) = session.load();
     let asked = files.asked();
@@ -108,14 +111,15 @@ fn load_graph(
 }
 
 fn play(settings: &LiveSettings<'_>) -> anyhow::Result<Exit> {
-    let (sender, sets) = unbounded();
-    let hub = Arc::new(Hub::new(sender));
+    let hub = Arc::new(Hub::new());
     let stop = Arc::new(AtomicBool::new(false));
     let stopped = Arc::clone(&stop);
     // Only the first handler of a process can be set; a second session in the same process uses the first one.
     let _ = ctrlc::set_handler(move || stopped.store(true, Relaxed));
     let memo = settings.memo.memo(&settings.graph.graph).map(|memo| Arc::new(memo.with_memory(MEMORY)));
-    let LoadedGraph { material, found, sources, asked } = load_graph(settings, &[], &hub, memo.as_ref());
+    let texts = Arc::new(Texts::default());
+    let LoadedGraph { material, found, sources, asked } =
+        load_graph(settings, &[], &texts, &hub, memo.as_ref());
     show(&found, &sources);
     let Some(material) = material else { return Ok(Exit::Wrong) };
     let files = material.files.clone();
@@ -163,14 +167,17 @@ fn play(settings: &LiveSettings<'_>) -> anyhow::Result<Exit> {
         watcher.watch(&files.asked(), false);
         watcher
     });
-    let listening = listen(settings, &hub);
+    let errors = Arc::new(Throttle::default());
+    let listening = listen(settings, &hub, &errors);
     let session = Session {
         settings,
         hub,
-        sets,
+        errors,
         stop,
-        overrides: Vec::new(),
-        good: Vec::new(),
+        messages: Vec::new(),
+        waiting: Vec::new(),
+        one_by_one: false,
+        texts,
         memo,
         watcher,
         player,
@@ -183,6 +190,10 @@ fn play(settings: &LiveSettings<'_>) -> anyhow::Result<Exit> {
         curves: LevelCurves::default(),
         lost: None,
         over: false,
+        lost_windows: 0,
+        loud: false,
+        noted: HashSet::new(),
+        starved: false,
     };
-    session.begin(&listening)?.run_loop()
+    session.run_loop(&listening)
 }

@@ -3,8 +3,8 @@
 use super::level_curve::COLUMNS_PER_SECOND;
 use super::session::Session;
 use crate::cli::Exit;
+use crate::cli::console::{say, tell_styled};
 use crate::cli::run::{show, write_whole};
-use crate::cli::watch::say;
 use crate::diag::{Diagnostic, Sources};
 use crate::live::Histogram;
 use crate::live::device::Running;
@@ -12,7 +12,8 @@ use crate::live::input::MeterReadings;
 use foley_nodes::core::input::Reading;
 use foley_nodes::core::time::seconds;
 use serde_json::json;
-use std::io::{IsTerminal, Write as _};
+use std::io::IsTerminal;
+use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, Instant};
 
@@ -68,14 +69,14 @@ impl Session<'_> {
         }
         self.curves.add(&readings);
         let load = meter.callback.quantile(0.99).as_secs_f64() / budget * 100.0;
-        eprint!(
+        tell_styled(&format!(
             "\r{played:8.1} s   load {load:5.1} %   worst {:7.0} us   missed {}   peak {:6.1} dB{} \x1b[K",
             us(meter.callback.worst()),
             meter.missed.load(Relaxed),
             20.0 * f64::from(peak.max(1e-6)).log10(),
             self.curves.draw()
-        );
-        std::io::stderr().flush()
+        ));
+        Ok(())
     }
 
     fn nodes(&self) -> Vec<serde_json::Value> {
@@ -92,24 +93,18 @@ impl Session<'_> {
     }
 
     pub(super) fn end(mut self, exit: Exit) -> anyhow::Result<Exit> {
-        let late = self.device.as_ref().map_or(0, |d| d.status.late.load(Relaxed));
-        if let Some(Err(e)) = self.device.take().map(Running::stop) {
+        let status = self.device.as_ref().map(|device| Arc::clone(&device.status)).unwrap_or_default();
+        let stopped = self.device.take().map(Running::stop);
+        let failure = stopped.and_then(Result::err).or_else(|| status.take_failure());
+        if let Some(e) = failure {
             show(&[Diagnostic::general("F080", e)], &Sources::default());
-            return Ok(Exit::Failed);
+            status.cut.store(true, Relaxed);
         }
+        let exit = if status.cut.load(Relaxed) { Exit::Failed } else { exit };
         let shared = self.player.shared();
         let (meter, plan) = (&shared.meter, self.player.plan());
         let played =
             shared.window.load(Relaxed) as f64 * self.settings.device.quantum as f64 / plan.rate.as_f64();
-        if !self.settings.quiet && !self.settings.json {
-            say(&format!(
-                "played {played:.2} s; callback median {:.0} us, worst {:.0} us; {} window(s) missed, {} overrun(s)",
-                us(meter.callback.quantile(0.5)),
-                us(meter.callback.worst()),
-                meter.missed.load(Relaxed),
-                meter.overruns.load(Relaxed)
-            ))?;
-        }
         if let Some(path) = self.settings.report {
             let report = json!({
                 "played_s": played,
@@ -120,18 +115,30 @@ impl Session<'_> {
                 "callback": times(&meter.callback),
                 "missed": meter.missed.load(Relaxed),
                 "overruns": meter.overruns.load(Relaxed),
-                "late": late,
+                "late": status.late.load(Relaxed),
+                "lost_windows": status.lost_windows.load(Relaxed),
                 "late_swaps": meter.late_swaps.load(Relaxed),
                 "not_finite": meter.not_finite.load(Relaxed),
+                "cut": meter.cut.load(Relaxed),
                 "reload_ms": self.delays,
                 "messages": {
                     "delivered": self.hub.delivered.load(Relaxed),
                     "malformed": self.hub.malformed.load(Relaxed),
                     "unclaimed": self.hub.unclaimed.load(Relaxed),
+                    "too_early": self.hub.too_early.load(Relaxed),
                 },
                 "nodes": self.nodes(),
             });
             write_whole(path, &format!("{report:#}\n"))?;
+        }
+        if !self.settings.quiet && !self.settings.json {
+            say(&format!(
+                "played {played:.2} s; callback median {:.0} us, worst {:.0} us; {} window(s) missed, {} overrun(s)",
+                us(meter.callback.quantile(0.5)),
+                us(meter.callback.worst()),
+                meter.missed.load(Relaxed),
+                meter.overruns.load(Relaxed)
+            ))?;
         }
         Ok(exit)
     }

@@ -3,33 +3,28 @@
 use super::level_curve::LevelCurves;
 use super::{LiveSettings, LoadedGraph, load_graph};
 use crate::cli::Exit;
+use crate::cli::console::{Throttle, say, tell};
 use crate::cli::run::show;
-use crate::cli::watch::{SETTLE, no_events, say};
+use crate::cli::watch::{SETTLE, no_events};
 use crate::diag::{Diagnostic, Sources};
-use crate::graph::Override;
+use crate::graph::{Override, Texts, message_source};
 use crate::live::device::{self, Device, Running};
-use crate::live::input::{Hub, Listener, Set};
-use crate::live::{LiveGraph, Player, PlayerEvent, Reloaded};
+use crate::live::input::{Hub, Listener, MAX_SETS, Set};
+use crate::live::{CEILING, LiveGraph, Player, PlayerEvent, Reloaded};
 use crate::memo::Memo;
 use crate::watch::FileWatcher;
-use crossbeam_channel::{Receiver, RecvTimeoutError};
 use foley_nodes::core::time::seconds;
+use std::collections::HashSet;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
 /// Interval between two calls of the player.
 const TICK: Duration = Duration::from_millis(3);
+/// Time for which windows are missed before it is reported, s.
+const LONG_GAP: f64 = 0.5;
 /// Interval between two attempts to reopen a device.
 const AGAIN: Duration = Duration::from_secs(2);
-
-/// A change that has to be loaded.
-pub(super) struct Pending {
-    /// When it happened.
-    at: Instant,
-    /// True if a parameter was set.
-    set: bool,
-}
 
 /// A failed load, which is reported unless another load comes soon.
 pub(super) struct FailedLoad {
@@ -42,17 +37,24 @@ pub(super) struct FailedLoad {
 pub(super) struct Session<'a> {
     pub(super) settings: &'a LiveSettings<'a>,
     pub(super) hub: Arc<Hub>,
-    pub(super) sets: Receiver<Set>,
+    /// Errors that anybody can cause.
+    pub(super) errors: Arc<Throttle>,
     pub(super) stop: Arc<AtomicBool>,
-    pub(super) overrides: Vec<Override>,
-    /// Contents of the last successful load.
-    pub(super) good: Vec<Override>,
+    /// Parameters that messages have set in the graph that plays.
+    pub(super) messages: Vec<Override>,
+    /// Parameters that wait to be set, and the time of the first message.
+    pub(super) waiting: Vec<(Instant, Override)>,
+    /// True if those that wait are set one at a time, since they cannot be set together.
+    pub(super) one_by_one: bool,
+    /// Texts of the graph that plays.
+    pub(super) texts: Arc<Texts>,
     /// The cache in memory, from load to load.
     pub(super) memo: Option<Arc<Memo>>,
     pub(super) watcher: Option<FileWatcher>,
     pub(super) player: Player,
     pub(super) device: Option<Running>,
-    pub(super) pending: Option<Pending>,
+    /// When a file has changed that has to be loaded.
+    pub(super) pending: Option<Instant>,
     pub(super) wrong: Option<FailedLoad>,
     /// Loads that are not audible yet: the time at which they began, and their description.
     pub(super) coming: Option<(Instant, String)>,
@@ -63,11 +65,19 @@ pub(super) struct Session<'a> {
     pub(super) curves: LevelCurves,
     pub(super) lost: Option<Instant>,
     pub(super) over: bool,
+    /// Windows that are reported as missing in the recording.
+    pub(super) lost_windows: u64,
+    /// True if it is reported that the sound is too loud.
+    pub(super) loud: bool,
+    /// Notes of nodes that are reported.
+    pub(super) noted: HashSet<(String, String)>,
+    /// True if it is reported that windows are missed.
+    pub(super) starved: bool,
 }
 
 impl Session<'_> {
     /// Prints the device and the latency.
-    pub(super) fn begin(self, listening: &[(&str, Listener)]) -> std::io::Result<Self> {
+    fn begin(&mut self, listening: &[(&str, Listener)]) -> std::io::Result<()> {
         let settings = self.settings;
         if !settings.quiet && !settings.json {
             let plan = self.player.plan();
@@ -90,29 +100,38 @@ impl Session<'_> {
             say(&line)?;
             say("Ctrl-C ends")?;
         }
-        Ok(self)
+        self.report_notes();
+        Ok(())
     }
 
-    pub(super) fn run_loop(mut self) -> anyhow::Result<Exit> {
+    /// Plays to the end, and finishes the recording and the report even if nobody reads standard output any more.
+    pub(super) fn run_loop(mut self, listening: &[(&str, Listener)]) -> anyhow::Result<Exit> {
+        match self.begin(listening).map_err(Into::into).and_then(|()| self.play()) {
+            Ok(exit) => self.end(exit),
+            Err(e) => self.end(Exit::Done).and(Err(e)),
+        }
+    }
+
+    fn play(&mut self) -> anyhow::Result<Exit> {
         let start = Instant::now();
         let limit = self.settings.device.duration.map(Duration::from_secs_f64);
         let mut exit = Exit::Done;
         while !self.stop.load(Relaxed) && limit.is_none_or(|limit| start.elapsed() < limit) {
-            match self.sets.recv_timeout(TICK) {
-                Ok(set) => self.set(set),
-                Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => {}
-            }
+            self.hub.take_sets(TICK).into_iter().for_each(|set| self.queue(set));
+            self.errors.flush();
             if let Some(watcher) = &mut self.watcher {
                 no_events(watcher);
             }
             if let Some(at) = self.watcher.as_mut().and_then(FileWatcher::changed) {
-                let before = self.pending.take();
-                let at = before.as_ref().map_or(at, |p| p.at.min(at));
-                self.pending = Some(Pending { at, set: before.is_some_and(|p| p.set) });
+                self.pending = Some(self.pending.map_or(at, |before| before.min(at)));
                 self.wrong = None;
             }
-            if self.pending.is_some() && !self.player.is_busy() {
-                self.load()?;
+            if !self.player.is_busy() {
+                if let Some(at) = self.pending.take() {
+                    self.load_files(at);
+                } else if !self.waiting.is_empty() {
+                    self.load_messages();
+                }
             }
             for event in self.player.tick() {
                 if !self.on_event(event)? {
@@ -120,6 +139,9 @@ impl Session<'_> {
                 }
             }
             self.report_errors();
+            self.report_missed();
+            self.report_device();
+            self.report_loudness();
             self.check_device();
             self.status()?;
             if self.player.is_over() && !self.over {
@@ -135,56 +157,106 @@ impl Session<'_> {
                 break;
             }
         }
-        self.end(exit)
+        Ok(exit)
     }
 
-    /// Applies a received parameter; the newest value of each counts.
-    fn set(&mut self, set: Set) {
+    /// Queues a parameter to set; the newest value of each counts, and those for which there is no room are left out.
+    fn queue(&mut self, set: Set) {
         let new = Override { target: set.target, value: set.value };
-        self.overrides.retain(|o| o.target != new.target);
-        self.overrides.push(new);
-        let at = self.pending.as_ref().map_or_else(Instant::now, |p| p.at);
-        self.pending = Some(Pending { at, set: true });
+        match self.waiting.iter().position(|(_, waits)| waits.target == new.target) {
+            Some(k) => self.waiting[k].1 = new,
+            None if self.waiting.len() < MAX_SETS => self.waiting.push((Instant::now(), new)),
+            None => {
+                self.hub.unclaimed.fetch_add(1, Relaxed);
+            }
+        }
     }
 
-    fn load(&mut self) -> anyhow::Result<()> {
-        let Some(pending) = self.pending.take() else { return Ok(()) };
+    /// Loads the files as they are now, with the parameters that messages have set.
+    fn load_files(&mut self, at: Instant) {
+        let texts = Arc::new(Texts::default());
+        let (result, sources) = self.load(&texts, self.messages.clone(), at);
+        let Err(errors) = result else {
+            (self.wrong, self.texts) = (None, texts);
+            return;
+        };
+        // A parameter that the new text lacks must not keep it from playing.
+        let lost = set_by(&errors, &sources, &self.messages);
+        let kept: Vec<_> = self.messages.iter().filter(|set| !lost.contains(&set.target)).cloned().collect();
+        if !lost.is_empty() && self.load(&texts, kept.clone(), at).0.is_ok() {
+            tell(format_args!("what messages set no longer fits, and is dropped: {}", lost.join(", ")));
+            (self.wrong, self.texts, self.messages) = (None, texts, kept);
+        } else {
+            self.wrong = Some(FailedLoad { at: Instant::now(), errors, sources });
+        }
+    }
+
+    /// Sets the parameters that wait, in the texts of the graph that plays: all together, or after an error one by one.
+    fn load_messages(&mut self) {
+        let count = if self.one_by_one { 1 } else { self.waiting.len() };
+        let batch: Vec<_> = self.waiting.drain(..count).collect();
+        let mut all = self.messages.clone();
+        all.retain(|set| batch.iter().all(|(_, new)| new.target != set.target));
+        all.extend(batch.iter().map(|(_, new)| new.clone()));
+        let at = batch.iter().map(|(at, _)| *at).min().unwrap_or_else(Instant::now);
+        let (result, sources) = self.load(&Arc::clone(&self.texts), all.clone(), at);
+        let Err(errors) = result else {
+            self.messages = all;
+            self.one_by_one &= !self.waiting.is_empty();
+            return;
+        };
+        let wrong = set_by(&errors, &sources, &all);
+        let (bad, rest): (Vec<_>, Vec<_>) =
+            batch.into_iter().partition(|(_, set)| count == 1 || wrong.contains(&set.target));
+        if bad.is_empty() {
+            self.one_by_one = true;
+        } else {
+            let shown: Vec<_> = errors.iter().take(self.errors.allow(errors.len())).cloned().collect();
+            if !shown.is_empty() {
+                show(&shown, &sources);
+                tell("the graph plays on as it was");
+            }
+        }
+        // What came in the meantime is newer.
+        let newer = std::mem::take(&mut self.waiting);
+        self.waiting = rest;
+        for (at, set) in newer {
+            self.waiting.retain(|(_, waits)| waits.target != set.target);
+            self.waiting.push((at, set));
+        }
+        self.one_by_one &= !self.waiting.is_empty();
+    }
+
+    /// Loads the graph of these texts with parameters that messages have set.
+    fn load(
+        &mut self,
+        texts: &Arc<Texts>,
+        messages: Vec<Override>,
+        at: Instant,
+    ) -> (Result<(), Vec<Diagnostic>>, Sources) {
         let LoadedGraph { material, found, sources, asked } =
-            load_graph(self.settings, &self.overrides, &self.hub, self.memo.as_ref());
+            load_graph(self.settings, &messages, texts, &self.hub, self.memo.as_ref());
         if let Some(watcher) = &mut self.watcher
             && watcher.watch(&asked, material.is_some())
         {
             // It has changed again already.
-            self.pending = Some(Pending { at: pending.at, set: false });
+            self.pending = Some(at);
         }
-        let result = match material {
-            None => Err(found),
-            Some(material) => {
-                let files = material.files.clone();
-                let result = if self.over { self.begin_again(material) } else { self.player.load(material) };
-                if let Some(watcher) = &mut self.watcher {
-                    watcher.watch(&files.asked(), false);
-                }
-                result
-            }
-        };
-        match result {
-            Ok(reported) => {
-                self.wrong = None;
-                self.good.clone_from(&self.overrides);
-                if let Reloaded::Edit(edit) = reported {
-                    self.coming = Some((pending.at, edit.to_string()));
-                }
-            }
-            Err(errors) => {
-                if pending.set {
-                    // A value that cannot be set is discarded; otherwise no other load would succeed.
-                    self.overrides.clone_from(&self.good);
-                }
-                self.wrong = Some(FailedLoad { at: Instant::now(), errors, sources });
-            }
+        let Some(material) = material else { return (Err(found), sources) };
+        let files = material.files.clone();
+        let result = if self.over { self.begin_again(material) } else { self.player.load(material) };
+        if let Some(watcher) = &mut self.watcher {
+            watcher.watch(&files.asked(), false);
         }
-        Ok(())
+        let result = result.map(|reported| {
+            if let Reloaded::Edit(edit) = reported {
+                self.coming = Some((at, edit.to_string()));
+            }
+        });
+        if result.is_ok() {
+            self.report_notes();
+        }
+        (result, sources)
     }
 
     /// Plays from the beginning.
@@ -219,6 +291,9 @@ impl Session<'_> {
                 }
             }
             PlayerEvent::TransitionOver => {}
+            PlayerEvent::Renewed(id) => {
+                tell(format_args!("`{id}`: its output was not finite; it is reset, and reported once"));
+            }
             PlayerEvent::Failed(fault) => {
                 let sources = self.player.graph().map(|g| g.sources.clone()).unwrap_or_default();
                 show(&[*fault], &sources);
@@ -235,11 +310,67 @@ impl Session<'_> {
         {
             show(&wrong.errors, &wrong.sources);
             match self.watcher {
-                Some(_) => {
-                    eprintln!("foley: the graph that plays is the older one; waiting for the next save")
-                }
-                None => eprintln!("foley: the graph plays on as it was"),
+                Some(_) => tell("the graph that plays is the older one; waiting for the next save"),
+                None => tell("the graph plays on as it was"),
             }
+        }
+    }
+
+    /// Reports once that windows have been missed for half a second.
+    fn report_missed(&mut self) {
+        let plan = self.player.plan();
+        let window = self.settings.device.quantum as f64 / plan.rate.as_f64();
+        let missed = self.player.shared().meter.missed_in_a_row.load(Relaxed) as f64 * window;
+        if missed == 0.0 {
+            self.starved = false;
+        } else if missed > LONG_GAP && !std::mem::replace(&mut self.starved, true) {
+            tell(format_args!(
+                "nothing has come from the nodes ahead of the callback for {LONG_GAP} s: they take longer than their sound; \
+                 what depends on them is silent until they have caught up"
+            ));
+        }
+    }
+
+    /// Reports once that the sound is louder than the device plays.
+    fn report_loudness(&mut self) {
+        let meter = &self.player.shared().meter;
+        let card = matches!(Device::parse(self.settings.device.device.as_deref()), Device::Card(_));
+        let (ceiling, what) = if card { (1.0, "full scale") } else { (CEILING, "120 dB over full scale") };
+        if !self.loud && (meter.loudest() > ceiling || meter.cut.load(Relaxed) > 0) {
+            self.loud = true;
+            tell(format_args!("the sound is louder than {what}, and is cut there: lower the level"));
+        }
+    }
+
+    /// Prints the notes of the nodes that are new, such as that a recording ends early.
+    fn report_notes(&mut self) {
+        for (node, note) in self.player.notes() {
+            if !self.settings.quiet && self.noted.insert((node.clone(), note.clone())) {
+                tell(format_args!("note: {node}: {note}"));
+            }
+        }
+    }
+
+    /// Reports at once what the device loses.
+    fn report_device(&mut self) {
+        let Some(status) = self.device.as_ref().map(|device| &device.status) else { return };
+        if let Some(failure) = status.take_failure() {
+            show(&[Diagnostic::general("F080", failure)], &Sources::default());
+            tell("the piece continues without a recording");
+        }
+        let stopped = status.stopped_ms.swap(0, Relaxed);
+        if stopped > 0 {
+            tell(format_args!(
+                "the clock stood still for {:.1} s: the process was stopped, or the machine slept",
+                stopped as f64 / 1e3
+            ));
+        }
+        let lost = status.lost_windows.load(Relaxed);
+        if lost > self.lost_windows && !status.cut.load(Relaxed) && self.errors.allow(1) == 1 {
+            let seconds =
+                lost as f64 * self.settings.device.quantum as f64 / self.player.plan().rate.as_f64();
+            tell(format_args!("{seconds:.2} s of sound are missing in the recording: the disk is too slow"));
+            self.lost_windows = lost;
         }
     }
 
@@ -248,7 +379,7 @@ impl Session<'_> {
         if self.device.as_ref().is_some_and(Running::is_lost)
             && let Some(Ok(Some(callback))) = self.device.take().map(Running::stop)
         {
-            eprintln!("foley: the device is gone; the piece continues silently until it is back");
+            tell("the device is gone; the piece continues silently until it is back");
             self.device = device::start(&Device::Null, callback).ok();
             self.lost = Some(Instant::now());
         }
@@ -258,7 +389,7 @@ impl Session<'_> {
             let wanted = Device::parse(self.settings.device.device.as_deref());
             match device::start(&wanted, callback) {
                 Ok(running) => {
-                    eprintln!("foley: the device is back");
+                    tell("the device is back");
                     (self.device, self.lost) = (Some(running), None);
                 }
                 Err((callback, _)) => {
@@ -268,4 +399,15 @@ impl Session<'_> {
             }
         }
     }
+}
+
+/// The targets among `messages` that errors point to.
+fn set_by(errors: &[Diagnostic], sources: &Sources, messages: &[Override]) -> Vec<String> {
+    let files = errors.iter().flat_map(|error| {
+        let labels = error.labels.iter().map(|label| label.location.file);
+        error.location.iter().map(|location| location.file).chain(labels)
+    });
+    let names: HashSet<&str> = files.filter_map(|file| Some(&*sources.get(file)?.name)).collect();
+    let targets = messages.iter().map(|set| &set.target);
+    targets.filter(|target| names.contains(&*message_source(target))).cloned().collect()
 }

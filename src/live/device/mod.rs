@@ -1,5 +1,6 @@
 //! Audio devices: a clock without sound, a file that is written in real time, or a sound card (feature `live`).
 
+mod recording;
 #[cfg(feature = "live")]
 mod sound_card;
 mod timing;
@@ -7,10 +8,8 @@ mod timing;
 pub use timing::DeviceStatus;
 
 use super::playback::callback::Callback;
-use crate::run::DirOutputs;
-use foley_nodes::io::{AudioWriter, WriteFormat, WriteSpec};
-use rtrb::RingBuffer;
-use std::path::{Path, PathBuf};
+use recording::{RecordingSender, start_recording};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::thread::JoinHandle;
@@ -59,15 +58,18 @@ pub struct Running {
 /// The message of the system about a card or file that cannot be opened, with the callback.
 pub fn start(device: &Device, callback: Callback) -> Result<Running, (Box<Callback>, String)> {
     match device {
-        Device::Null => Ok(start_clock(callback, None)),
-        Device::File(path) => match start_writer(path, &callback) {
-            Ok((ring, thread)) => {
-                let mut running = start_clock(callback, Some(ring));
-                running.writer = Some(thread);
-                Ok(running)
+        Device::Null => Ok(start_clock(callback, None, Arc::default())),
+        Device::File(path) => {
+            let status = Arc::default();
+            match start_recording(path, &callback, &status) {
+                Ok((sender, thread)) => {
+                    let mut running = start_clock(callback, Some(sender), status);
+                    running.writer = Some(thread);
+                    Ok(running)
+                }
+                Err(e) => Err((Box::new(callback), e)),
             }
-            Err(e) => Err((Box::new(callback), e)),
-        },
+        }
         #[cfg(feature = "live")]
         Device::Card(name) => sound_card::start(name.as_deref(), callback).map(|(card, status)| Running {
             stop: Arc::default(),
@@ -87,30 +89,41 @@ pub fn start(device: &Device, callback: Callback) -> Result<Running, (Box<Callba
     }
 }
 
-/// Starts a thread that computes one window per window length, and writes it to a ring.
-fn start_clock(mut callback: Callback, mut ring: Option<rtrb::Producer<f32>>) -> Running {
-    let (stop, status) = (Arc::new(AtomicBool::new(false)), Arc::new(DeviceStatus::default()));
+/// Time by which a clock catches up at most: if it stood still for longer, it continues from now.
+const CATCH_UP: Duration = Duration::from_millis(500);
+
+/// Starts a thread that computes one window per window length, and records it.
+fn start_clock(
+    mut callback: Callback,
+    mut recording: Option<RecordingSender>,
+    status: Arc<DeviceStatus>,
+) -> Running {
+    let stop = Arc::new(AtomicBool::new(false));
     let (stopped, clock) = (Arc::clone(&stop), Arc::clone(&status));
     let thread = std::thread::spawn(move || {
         let (frames, rate) = (callback.quantum(), callback.rate().as_f64());
         let mut block = vec![0.0; frames * callback.channels()];
-        let start = Instant::now();
-        let mut window = 0_u64;
+        let mut start = Instant::now();
+        let (mut window, mut late) = (0_u64, false);
         while !stopped.load(Relaxed) {
             callback.fill(&mut block);
-            if let Some(ring) = &mut ring {
-                // Samples that do not fit are lost: a slow disk must not stop the clock.
-                for x in &block {
-                    let _ = ring.push(*x);
-                }
+            if let Some(recording) = &mut recording {
+                recording.send(&block, late);
             }
             window += 1;
             let due = Duration::from_secs_f64(window as f64 * frames as f64 / rate);
-            match due.checked_sub(start.elapsed()) {
-                Some(wait) => std::thread::sleep(wait),
-                None => {
-                    clock.late.fetch_add(1, Relaxed);
+            let elapsed = start.elapsed();
+            late = elapsed > due;
+            if late {
+                clock.late.fetch_add(1, Relaxed);
+                let behind = elapsed - due;
+                // The nodes ahead of the callback have stood still as well: in a burst, they would miss all of it.
+                if behind > CATCH_UP {
+                    start += behind;
+                    clock.stopped_ms.fetch_add(behind.as_millis() as u64, Relaxed);
                 }
+            } else {
+                std::thread::sleep(due - elapsed);
             }
         }
         callback
@@ -123,39 +136,6 @@ fn start_clock(mut callback: Callback, mut ring: Option<rtrb::Producer<f32>>) ->
         card: None,
         status,
     }
-}
-
-/// Samples to a writer thread, and the thread.
-type FileWriter = (rtrb::Producer<f32>, JoinHandle<Result<(), String>>);
-
-/// Starts a thread that writes the samples of a clock to a file, which is renamed when it is complete.
-fn start_writer(path: &Path, callback: &Callback) -> Result<FileWriter, String> {
-    let (rate, channels) = (callback.rate(), callback.channels());
-    let outputs = DirOutputs::new(".");
-    let file = outputs.create_at(path).map_err(|e| e.message)?;
-    let spec = WriteSpec::new(rate.num() as u32, channels, WriteFormat::Float32);
-    let mut writer = AudioWriter::new(file, spec).map_err(|e| e.to_string())?;
-    // Room for two seconds.
-    let (ring, mut samples) = RingBuffer::<f32>::new(2 * rate.num() as usize * channels);
-    let thread = std::thread::spawn(move || {
-        let mut block = Vec::new();
-        loop {
-            let last = samples.is_abandoned();
-            let n = samples.slots() / channels * channels;
-            if let Ok(chunk) = samples.read_chunk(n) {
-                block.clear();
-                block.extend(chunk);
-                writer.write(&block).map_err(|e| e.to_string())?;
-            }
-            if last {
-                break;
-            }
-            std::thread::sleep(Duration::from_millis(20));
-        }
-        writer.finish().map_err(|e| e.to_string())?;
-        outputs.commit().map_err(|e| e.to_string())
-    });
-    Ok((ring, thread))
 }
 
 impl Running {

@@ -3,19 +3,26 @@
 use super::meters::Meters;
 use crate::live::playback::callback::Shared;
 use crate::live::playback::timing::window_start;
-use crossbeam_channel::Sender;
 use foley_nodes::core::input::{Display, Frames, Inbox, Inputs, Message};
 use foley_nodes::core::time::{Rate, Tick, ticks};
 use rtrb::{Consumer, Producer, RingBuffer};
 use std::collections::HashMap;
-use std::sync::atomic::{AtomicU64, Ordering::Acquire, Ordering::Relaxed};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering::Acquire, Ordering::Relaxed, Ordering::Release};
+use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::time::Duration;
 
-/// Maximum number of unread messages of a node.
+/// Maximum number of unread messages of a node: of those that are due, and of those that are ahead.
 const MAX_MESSAGES: usize = 1024;
+/// Maximum number of messages that a node reads in one window; more of them are read in the next.
+const MAX_PER_WINDOW: usize = 1024;
 /// Maximum number of unread frames of a node.
 const MAX_FRAMES: usize = 16;
+/// Maximum number of parameters that wait to be set.
+pub const MAX_SETS: usize = 256;
+/// Maximum time by which a message may be ahead of the graph that plays.
+pub const MAX_AHEAD: Duration = Duration::from_secs(10);
+/// Time ahead up to which a message counts as due, s: a message that is read at once is never behind those of the future.
+const DUE: f64 = 0.02;
 
 /// A parameter to set, as with `--set`.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -26,7 +33,29 @@ pub struct Set {
     pub value: String,
 }
 
-type MessageSender = Producer<(Tick, Message)>;
+/// Messages to a node: those that are due, and those that are ahead.
+struct MessageSender {
+    due: QueueSender,
+    ahead: QueueSender,
+}
+
+/// One queue of messages, with the number that are unread.
+struct QueueSender {
+    ring: Producer<(Tick, Message)>,
+    unread: Arc<AtomicUsize>,
+}
+
+impl QueueSender {
+    /// Adds a message; returns false if the queue is full.
+    fn push(&mut self, message: (Tick, Message)) -> bool {
+        // Only this side adds, so the number does not grow in between.
+        let room = self.unread.load(Acquire) < MAX_MESSAGES;
+        if room {
+            self.unread.fetch_add(1, Release);
+        }
+        room && self.ring.push(message).is_ok()
+    }
+}
 type Frame = Box<[f32]>;
 
 /// Frames to a node, and empty frames that it returns.
@@ -55,17 +84,23 @@ pub struct Moment {
     pub tick: Tick,
 }
 
-/// Receives messages and queues them for nodes.
+/// Receives messages and queues them for nodes; whatever comes, it holds a bounded number.
+#[derive(Default)]
 pub struct Hub {
     messages: Mutex<HashMap<String, Vec<MessageSender>>>,
     frames: Mutex<HashMap<String, Vec<FrameSender>>>,
     clock: Mutex<Option<Clock>>,
     pieces: AtomicU64,
-    sets: Sender<Set>,
+    /// Parameters that wait to be set, in the order in which they came.
+    sets: Mutex<Vec<Set>>,
     /// Meters of the nodes.
     pub meters: Meters,
+    /// Woken when a parameter is to be set.
+    set: Condvar,
     /// Messages delivered to a node.
     pub delivered: AtomicU64,
+    /// Messages more than [`MAX_AHEAD`] ahead.
+    pub too_early: AtomicU64,
     /// Packets and lines that cannot be parsed.
     pub malformed: AtomicU64,
     /// Messages without a node that waits for them, or with a full queue.
@@ -73,20 +108,10 @@ pub struct Hub {
 }
 
 impl Hub {
-    /// A hub without a clock; parameters to set are sent to `sets`.
+    /// A hub without a clock.
     #[must_use]
-    pub fn new(sets: Sender<Set>) -> Self {
-        Self {
-            messages: Mutex::default(),
-            frames: Mutex::default(),
-            clock: Mutex::default(),
-            pieces: AtomicU64::new(0),
-            sets,
-            meters: Meters::default(),
-            delivered: AtomicU64::new(0),
-            malformed: AtomicU64::new(0),
-            unclaimed: AtomicU64::new(0),
-        }
+    pub fn new() -> Self {
+        Self::default()
     }
 
     /// Sets the clock of messages to a graph that begins to play; workers are `depth` windows ahead of it.
@@ -143,29 +168,66 @@ impl Hub {
         fits
     }
 
-    /// Delivers a message to the nodes of a channel, to be read `wait` from now.
-    pub fn deliver(&self, channel: &str, message: Message, wait: Duration) {
+    /// Returns the next tick of the callback; 0 before anything plays.
+    fn now(&self) -> Tick {
         let clock = self.clock.lock().unwrap_or_else(PoisonError::into_inner);
-        let now =
-            clock.as_ref().map_or(0, |c| window_start(c.rate, c.quantum, c.shared.window.load(Acquire)));
-        drop(clock);
-        self.deliver_at(channel, message, now.saturating_add(ticks(wait.as_secs_f64().min(3600.0))));
+        clock.as_ref().map_or(0, |c| window_start(c.rate, c.quantum, c.shared.window.load(Acquire)))
+    }
+
+    /// Delivers a message to the nodes of a channel, to be read `wait` from now.
+    ///
+    /// A message more than [`MAX_AHEAD`] ahead is counted as too early, and one that finds all queues full as unclaimed.
+    pub fn deliver(&self, channel: &str, message: Message, wait: Duration) {
+        let now = self.now();
+        let wait = wait.min(2 * MAX_AHEAD).as_secs_f64();
+        self.queue(channel, message, now, now.saturating_add(ticks(wait)));
     }
 
     /// Delivers a message to the nodes of a channel, to be read at a tick, or at the next window if that is past.
+    ///
+    /// It is counted as that of [`Hub::deliver`].
     pub fn deliver_at(&self, channel: &str, message: Message, at: Tick) {
+        self.queue(channel, message, self.now(), at);
+    }
+
+    fn queue(&self, channel: &str, message: Message, now: Tick, at: Tick) {
+        let ahead = at.saturating_sub(now);
+        if ahead > ticks(MAX_AHEAD.as_secs_f64()) {
+            self.too_early.fetch_add(1, Relaxed);
+            return;
+        }
         let mut messages = self.messages.lock().unwrap_or_else(PoisonError::into_inner);
         let mut taken = false;
         for sender in messages.get_mut(channel).into_iter().flatten() {
-            taken |= sender.push((at, message)).is_ok();
+            let queue = if ahead > ticks(DUE) { &mut sender.ahead } else { &mut sender.due };
+            taken |= queue.push((at, message));
         }
         if taken { &self.delivered } else { &self.unclaimed }.fetch_add(1, Relaxed);
     }
 
-    /// Sends a parameter to set.
+    /// Queues a parameter to set. The newest value of each target counts; a target beyond 256 that wait is counted as
+    /// unclaimed.
     pub fn set(&self, target: String, value: String) {
+        let mut sets = self.sets.lock().unwrap_or_else(PoisonError::into_inner);
+        match sets.iter().position(|set| set.target == target) {
+            Some(k) => sets[k].value = value,
+            None if sets.len() < MAX_SETS => sets.push(Set { target, value }),
+            None => {
+                self.unclaimed.fetch_add(1, Relaxed);
+                return;
+            }
+        }
         self.delivered.fetch_add(1, Relaxed);
-        let _ = self.sets.send(Set { target, value });
+        self.set.notify_all();
+    }
+
+    /// Takes all parameters to set, in the order in which their targets came first; waits for one for `limit` at most.
+    pub fn take_sets(&self, limit: Duration) -> Vec<Set> {
+        let mut sets = self.sets.lock().unwrap_or_else(PoisonError::into_inner);
+        if sets.is_empty() {
+            sets = self.set.wait_timeout(sets, limit).unwrap_or_else(PoisonError::into_inner).0;
+        }
+        std::mem::take(&mut *sets)
     }
 
     /// Counts a message that cannot be parsed.
@@ -176,12 +238,17 @@ impl Hub {
 
 impl Inputs for Hub {
     fn open(&self, channel: &str) -> Option<Box<dyn Inbox>> {
-        let (producer, consumer) = RingBuffer::new(MAX_MESSAGES);
+        let ((due, due_receiver), (ahead, ahead_receiver)) = (queue(), queue());
         let mut messages = self.messages.lock().unwrap_or_else(PoisonError::into_inner);
         let messages = messages.entry(channel.to_owned()).or_default();
-        messages.retain(|sender| !sender.is_abandoned());
-        messages.push(producer);
-        Some(Box::new(MessageReceiver { receiver: consumer, sorted: Vec::with_capacity(MAX_MESSAGES) }))
+        messages.retain(|sender| !sender.due.ring.is_abandoned());
+        messages.push(MessageSender { due, ahead });
+        Some(Box::new(MessageReceiver {
+            due: due_receiver,
+            ahead: ahead_receiver,
+            window: Tick::MIN,
+            read: 0,
+        }))
     }
 
     fn open_frames(&self, channel: &str, numbers: usize) -> Option<Box<dyn Frames>> {
@@ -224,88 +291,73 @@ impl Frames for FrameReceiver {
     }
 }
 
+/// The end of one queue of messages at a node.
+struct QueueReceiver {
+    ring: Consumer<(Tick, Message)>,
+    unread: Arc<AtomicUsize>,
+    /// In descending order of time; it has room for all that are unread.
+    sorted: Vec<(Tick, Message)>,
+}
+
+fn queue() -> (QueueSender, QueueReceiver) {
+    let (producer, consumer) = RingBuffer::new(MAX_MESSAGES);
+    let unread = Arc::new(AtomicUsize::new(0));
+    let sender = QueueSender { ring: producer, unread: Arc::clone(&unread) };
+    (sender, QueueReceiver { ring: consumer, unread, sorted: Vec::with_capacity(MAX_MESSAGES) })
+}
+
+impl QueueReceiver {
+    /// Takes in what has come, and returns the time of the earliest message.
+    fn earliest(&mut self) -> Option<Tick> {
+        while self.sorted.len() < self.sorted.capacity() {
+            let Ok((at, message)) = self.ring.pop() else { break };
+            let index = self.sorted.partition_point(|(t, _)| *t > at);
+            self.sorted.insert(index, (at, message));
+        }
+        self.sorted.last().map(|(at, _)| *at)
+    }
+
+    fn take(&mut self) -> Option<(Tick, Message)> {
+        let message = self.sorted.pop();
+        if message.is_some() {
+            self.unread.fetch_sub(1, Release);
+        }
+        message
+    }
+}
+
 /// The end of a channel of messages at a node.
 struct MessageReceiver {
-    receiver: Consumer<(Tick, Message)>,
-    /// In descending order of time.
-    sorted: Vec<(Tick, Message)>,
+    due: QueueReceiver,
+    ahead: QueueReceiver,
+    /// End of the present window.
+    window: Tick,
+    /// Messages read in it.
+    read: usize,
 }
 
 impl Inbox for MessageReceiver {
     fn next(&mut self, before: Tick) -> Option<(Tick, Message)> {
-        while self.sorted.len() < self.sorted.capacity() {
-            let Ok((at, message)) = self.receiver.pop() else { break };
-            let index = self.sorted.partition_point(|(t, _)| *t > at);
-            self.sorted.insert(index, (at, message));
+        if before != self.window {
+            (self.window, self.read) = (before, 0);
         }
-        self.sorted.pop_if(|(at, _)| *at < before)
+        if self.read == MAX_PER_WINDOW {
+            return None;
+        }
+        let (due, ahead) = (self.due.earliest(), self.ahead.earliest());
+        let (at, queue) = match (due, ahead) {
+            (Some(due), Some(ahead)) if ahead < due => (ahead, &mut self.ahead),
+            (Some(due), _) => (due, &mut self.due),
+            (None, Some(ahead)) => (ahead, &mut self.ahead),
+            (None, None) => return None,
+        };
+        if at >= before {
+            return None;
+        }
+        self.read += 1;
+        queue.take()
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crossbeam_channel::unbounded;
-
-    #[test]
-    fn messages_arrive_in_the_order_of_their_times() {
-        let hub = Hub::new(unbounded().0);
-        let mut inbox = hub.open("a").unwrap();
-        for (x, wait) in [(1.0, 30), (2.0, 10), (3.0, 20)] {
-            hub.deliver("a", Message::new(&[x]).unwrap(), Duration::from_millis(wait));
-        }
-        hub.deliver("nobody", Message::new(&[9.0]).unwrap(), Duration::ZERO);
-        let mut next = |ms: f64| inbox.next(ticks(ms / 1e3)).map(|(_, m)| m.numbers()[0]);
-        assert_eq!(
-            [next(15.0), next(15.0), next(25.0), next(99.0), next(99.0)],
-            [Some(2.0), None, Some(3.0), Some(1.0), None]
-        );
-        assert_eq!((hub.delivered.load(Relaxed), hub.unclaimed.load(Relaxed)), (3, 1));
-    }
-
-    #[test]
-    fn the_latest_due_frame_is_read_and_later_ones_wait() {
-        let hub = Hub::new(unbounded().0);
-        let mut frames = hub.open_frames("sheet", 3).unwrap();
-        let mut shown = [9.0; 3];
-        assert_eq!(frames.latest(100, &mut shown), None);
-        for (at, x) in [(10, 1.0), (20, 2.0), (30, 3.0), (30, 4.0), (25, 5.0)] {
-            assert!(hub.deliver_frame("sheet", at, &[x; 3]));
-        }
-        let mut latest = |before| frames.latest(before, &mut shown).map(|at| (at, shown));
-        assert_eq!(
-            [latest(10), latest(21), latest(30), latest(31), latest(99)],
-            [None, Some((20, [2.0; 3])), None, Some((30, [3.0; 3])), None]
-        );
-        assert!(!hub.deliver_frame("sheet", 40, &[0.0; 6]) && !hub.deliver_frame("other", 40, &[0.0; 3]));
-        // Two that are not later than the one before, and two without a node.
-        assert_eq!((hub.delivered.load(Relaxed), hub.unclaimed.load(Relaxed)), (3, 4));
-    }
-
-    #[test]
-    fn frames_are_reused_and_those_without_a_slot_are_counted() {
-        let hub = Hub::new(unbounded().0);
-        let mut frames = hub.open_frames("sheet", 2).unwrap();
-        let mut shown = [0.0; 2];
-        for round in 0..10 {
-            for k in 0..MAX_FRAMES as i64 + 3 {
-                assert!(hub.deliver_frame("sheet", 100 * round + k, &[k as f32; 2]));
-            }
-            assert_eq!(frames.latest(Tick::MAX, &mut shown), Some(100 * round + MAX_FRAMES as i64 - 1));
-            assert_eq!(shown, [MAX_FRAMES as f32 - 1.0; 2]);
-        }
-        assert_eq!((hub.delivered.load(Relaxed), hub.unclaimed.load(Relaxed)), (10 * MAX_FRAMES as u64, 30));
-    }
-
-    #[test]
-    fn a_channel_exists_as_long_as_its_node() {
-        let hub = Hub::new(unbounded().0);
-        let (a, b) = (hub.open_frames("a", 3), hub.open_frames("b", 6));
-        assert_eq!(hub.frame_channels(), [("a".to_owned(), 3), ("b".to_owned(), 6)]);
-        drop(a);
-        assert_eq!(hub.frame_channels(), [("b".to_owned(), 6)]);
-        assert!(!hub.deliver_frame("a", 1, &[0.0; 3]));
-        drop(b);
-        assert!(hub.frame_channels().is_empty());
-    }
-}
+mod tests;

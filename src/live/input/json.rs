@@ -1,6 +1,6 @@
 //! Messages as JSON lines.
 
-use super::hub::Hub;
+use super::hub::{Hub, MAX_AHEAD};
 use super::log_clock::{LogClock, MAX_LOG};
 use foley_nodes::core::input::Message;
 use foley_nodes::core::time::Tick;
@@ -75,8 +75,9 @@ pub fn read_line(line: &str, hub: &Hub, log: &mut LogClock) -> Result<(), String
     let wait = match object.remove("in") {
         None => 0.0,
         Some(wait) => {
-            let seconds = wait.as_f64().filter(|s| (0.0..=3600.0).contains(s));
-            seconds.ok_or_else(|| format!("`in` is {wait}; seconds from 0 to 3600 are needed"))?
+            let longest = MAX_AHEAD.as_secs();
+            let seconds = wait.as_f64().filter(|s| (0.0..=MAX_AHEAD.as_secs_f64()).contains(s));
+            seconds.ok_or_else(|| format!("`in` is {wait}; seconds from 0 to {longest} are needed"))?
         }
     };
     let when = match object.remove("time_s") {
@@ -151,11 +152,19 @@ pub fn read_lines(mut from: impl BufRead, hub: &Hub, mut report: impl FnMut(u64,
             Ok(0) | Err(_) => return,
             Ok(_) => {}
         }
-        let text = String::from_utf8_lossy(&line);
-        if text.trim().is_empty() {
-            continue;
-        }
-        if let Err(message) = read_line(text.trim(), hub, &mut log) {
+        let result = if line.len() == MAX_LINE_BYTES && !line.ends_with(b"\n") {
+            // What follows is a part of this line, and no line of its own.
+            let rest = from.skip_until(b'\n');
+            let most = MAX_LINE_BYTES - 1;
+            rest.map_err(|e| e.to_string())
+                .and(Err(format!("a line has at most {most} bytes; this one is ignored")))
+        } else {
+            let text = String::from_utf8_lossy(&line);
+            // Some programs begin with a byte order mark.
+            let text = text.trim_start_matches('\u{feff}').trim();
+            if text.is_empty() { Ok(()) } else { read_line(text, hub, &mut log) }
+        };
+        if let Err(message) = result {
             hub.reject();
             report(number, &message);
         }
@@ -165,7 +174,7 @@ pub fn read_lines(mut from: impl BufRead, hub: &Hub, mut report: impl FnMut(u64,
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crossbeam_channel::unbounded;
+    use crate::live::checks::check_lines;
     use foley_nodes::core::input::Inputs;
     use foley_nodes::core::random::Rng;
     use foley_nodes::live_input::impact_from_message;
@@ -173,8 +182,7 @@ mod tests {
 
     #[test]
     fn each_kind_of_line_arrives() {
-        let (sets, set) = unbounded();
-        let hub = Hub::new(sets);
+        let hub = Hub::new();
         let (mut hits, mut numbers) = (hub.open("hits").unwrap(), hub.open("pos").unwrap());
         let lines = "{\"impact\": \"hits\", \"velocity\": 2, \"mass\": 0.5}\n\n\
             {\"control\": \"pos\", \"values\": [1, 2.5, -3]}\n{\"set\": \"level\", \"value\": 0.5}\n{\"oops\": 1}\n";
@@ -183,14 +191,17 @@ mod tests {
         let impact = impact_from_message(&hits.next(1).unwrap().1).unwrap();
         assert!((impact.energy - 1.0).abs() < 1e-6);
         assert_eq!(numbers.next(1).unwrap().1.numbers(), [1.0, 2.5, -3.0]);
-        assert_eq!(set.recv().unwrap(), super::super::Set { target: "level".into(), value: "0.5".into() });
+        assert_eq!(
+            hub.take_sets(Duration::ZERO)[0],
+            super::super::Set { target: "level".into(), value: "0.5".into() }
+        );
         assert_eq!(wrong, ["5: one of `impact`, `contact`, `control` and `set` is needed"]);
         assert_eq!((hub.delivered.load(Relaxed), hub.malformed.load(Relaxed)), (3, 1));
     }
 
     #[test]
     fn contacts_arrive_alone_or_as_a_whole_frame() {
-        let hub = Hub::new(unbounded().0);
+        let hub = Hub::new();
         let mut inbox = hub.open("ball").unwrap();
         let mut log = LogClock::default();
         let one = "\"id\": 1, \"a\": 0, \"b\": 1, \"point\": [0,0,0], \"normal\": [0,0,1], \"force\": 2, \"velocity\": [1,0,0]";
@@ -212,23 +223,40 @@ mod tests {
     }
 
     #[test]
-    fn damaged_lines_do_not_panic() {
-        let hub = Hub::new(unbounded().0);
-        let _inbox = hub.open("hits");
-        let good = "{\"impact\": \"hits\", \"velocity\": 2, \"mass\": 0.5, \"in\": 0.1}";
+    fn a_line_that_is_too_long_is_ignored_with_its_end_and_a_byte_order_mark_is_skipped() {
+        let hub = Hub::new();
+        let good = "{\"set\": \"a\", \"value\": 1}";
+        let lines = format!(
+            "\u{feff}{good}\n{}{good}\n{}{good}",
+            " ".repeat(65_536),
+            " ".repeat(65_535 - good.len())
+        );
+        let mut wrong = Vec::new();
+        read_lines(lines.as_bytes(), &hub, |line, message| wrong.push(format!("{line}: {message}")));
+        assert_eq!(wrong, ["2: a line has at most 65535 bytes; this one is ignored"]);
+        assert_eq!((hub.delivered.load(Relaxed), hub.malformed.load(Relaxed)), (2, 1));
+    }
+
+    #[test]
+    fn damaged_lines_are_counted_or_delivered() {
+        let good = [
+            "{\"impact\": \"hits\", \"velocity\": 2, \"mass\": 0.5, \"in\": 0.1}",
+            "{\"contact\": \"ball\", \"contacts\": [{\"id\": 1, \"ends\": true}, {\"id\": 2, \"ends\": true}]}",
+            "{\"control\": \"x\", \"values\": [0.5, -1e9]}\n{\"set\": \"level\", \"value\": [true, \"a\"]}",
+        ];
         for seed in 0..3000 {
             let mut rng = Rng::new(seed);
-            let mut bytes = good.as_bytes().to_vec();
-            for _ in 0..1 + rng.below(4) {
+            let mut bytes = good[seed as usize % 3].as_bytes().to_vec();
+            for _ in 0..rng.below(5) {
                 let at = rng.below(bytes.len());
-                match rng.below(3) {
+                match rng.below(4) {
                     0 => bytes[at] = rng.below(256) as u8,
                     1 => drop(bytes.remove(at)),
+                    2 => bytes.extend_from_within(at..),
                     _ => bytes.insert(at, b"{}[]\",:0e-1"[rng.below(11)]),
                 }
             }
-            read_lines(&bytes[..], &hub, |_, _| {});
+            check_lines(&bytes);
         }
-        assert!(hub.malformed.load(Relaxed) > 1000);
     }
 }

@@ -20,7 +20,8 @@ use foley_nodes::mesh::MAX_COORDINATE;
 use std::io::{ErrorKind, Read};
 use std::net::{SocketAddr, TcpListener};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
+use std::thread::ScopedJoinHandle;
 use std::time::{Duration, Instant};
 
 /// First bytes of a connection.
@@ -34,6 +35,8 @@ const MAX_NAME_BYTES: u32 = 200;
 const MAX_CONNECTIONS: usize = 8;
 /// Time in which a sender has to send the header.
 const HEADER_TIMEOUT: Duration = Duration::from_secs(5);
+/// Time of silence from which on a connection gives its place to another one.
+const SILENCE: Duration = Duration::from_secs(15);
 /// Maximum time for which a thread reads or sleeps before it polls the stop flag.
 const POLL_INTERVAL: Duration = Duration::from_millis(50);
 /// Time by which a frame is delivered early, s: it also waits at its node, and no sleep is exact.
@@ -54,10 +57,34 @@ fn malformed<T>(message: String) -> Result<T, Refused> {
     Err(Refused::Malformed(message))
 }
 
+/// Activity of one connection, by which the listener finds those that are silent.
+struct Activity {
+    start: Instant,
+    /// Milliseconds from `start` to its last byte, or to the last frame that was due.
+    last_ms: AtomicU64,
+    /// True if it has to give its place to another one.
+    close: AtomicBool,
+}
+
+impl Activity {
+    fn new() -> Self {
+        Self { start: Instant::now(), last_ms: AtomicU64::new(0), close: AtomicBool::new(false) }
+    }
+
+    fn note(&self) {
+        self.last_ms.store(self.start.elapsed().as_millis() as u64, Relaxed);
+    }
+
+    fn silence(&self) -> Duration {
+        self.start.elapsed().saturating_sub(Duration::from_millis(self.last_ms.load(Relaxed)))
+    }
+}
+
 /// The bytes of one sender.
 struct Bytes<'a, R> {
     from: R,
     stop: &'a AtomicBool,
+    activity: &'a Activity,
     /// End of the time for the header.
     until: Option<Instant>,
 }
@@ -70,6 +97,12 @@ impl<R: Read> Bytes<'_, R> {
             if self.stop.load(Relaxed) {
                 return Ok(false);
             }
+            if self.activity.close.load(Relaxed) {
+                let s = SILENCE.as_secs();
+                return malformed(format!(
+                    "it has sent nothing for {s} s, and another sender wants its place"
+                ));
+            }
             match self.from.read(&mut into[read..]) {
                 Ok(0) if read == 0 => return Ok(false),
                 Ok(0) => {
@@ -78,7 +111,10 @@ impl<R: Read> Bytes<'_, R> {
                         into.len()
                     ));
                 }
-                Ok(n) => read += n,
+                Ok(n) => {
+                    read += n;
+                    self.activity.note();
+                }
                 Err(e) if e.kind() == ErrorKind::Interrupted => {}
                 Err(e) if matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
                     if self.until.is_some_and(|until| Instant::now() > until) {
@@ -209,6 +245,7 @@ fn deliver_frames<R: Read>(bytes: &mut Bytes<'_, R>, hub: &Hub) -> Result<(), Re
         if !wait_until_due(at, frame, hub, bytes.stop)? {
             break;
         }
+        bytes.activity.note();
         if !hub.deliver_frame(&channel, at, &numbers) {
             let message =
                 format!("no LiveMesh has the channel {channel:?} with {} vertices any more", count / 3);
@@ -242,7 +279,11 @@ fn wait_until_due(at: Tick, frame: u64, hub: &Hub, stop: &AtomicBool) -> Result<
 /// # Errors
 /// A message with the error found and the expected form; the error is counted already.
 pub fn read_frames(from: impl Read, hub: &Hub, stop: &AtomicBool) -> Result<(), String> {
-    let mut bytes = Bytes { from, stop, until: Some(Instant::now() + HEADER_TIMEOUT) };
+    read_active(from, hub, stop, &Activity::new())
+}
+
+fn read_active(from: impl Read, hub: &Hub, stop: &AtomicBool, activity: &Activity) -> Result<(), String> {
+    let mut bytes = Bytes { from, stop, activity, until: Some(Instant::now() + HEADER_TIMEOUT) };
     deliver_frames(&mut bytes, hub).map_err(|refused| match refused {
         Refused::Malformed(message) => {
             hub.reject();
@@ -255,7 +296,8 @@ pub fn read_frames(from: impl Read, hub: &Hub, stop: &AtomicBool) -> Result<(), 
     })
 }
 
-/// Listens for connections, up to 8 at a time on a thread each; calls `report` with the errors of those that it closes.
+/// Listens for connections, up to 8 at a time on a thread each; one more takes the place of the one that has been silent longest,
+/// if that is 15 s or more. Calls `report` with the errors of those that it closes.
 ///
 /// # Errors
 /// When the address cannot be bound.
@@ -269,14 +311,14 @@ pub fn listen_to_meshes(
     let at = listener.local_addr()?;
     Ok(Listener::start(at, move |stop| {
         std::thread::scope(|scope| {
-            let mut senders = Vec::new();
+            let mut senders: Vec<(ScopedJoinHandle<'_, ()>, Arc<Activity>)> = Vec::new();
             while !stop.load(Relaxed) {
                 let Ok((stream, from)) = listener.accept() else {
                     std::thread::sleep(POLL_INTERVAL);
                     continue;
                 };
-                senders.retain(|sender: &std::thread::ScopedJoinHandle<'_, ()>| !sender.is_finished());
-                if senders.len() >= MAX_CONNECTIONS {
+                senders.retain(|(sender, _)| !sender.is_finished());
+                if senders.len() >= MAX_CONNECTIONS && !make_place(&mut senders, SILENCE) {
                     hub.reject();
                     report(&format!(
                         "mesh from {from}: {MAX_CONNECTIONS} others are connected, and no more are accepted"
@@ -285,17 +327,29 @@ pub fn listen_to_meshes(
                 }
                 let ready =
                     stream.set_nonblocking(false).and_then(|()| stream.set_read_timeout(Some(POLL_INTERVAL)));
-                let (hub, report) = (&hub, &report);
-                senders.push(scope.spawn(move || {
-                    let result =
-                        ready.map_err(|e| e.to_string()).and_then(|()| read_frames(stream, hub, stop));
-                    if let Err(message) = result {
+                let (hub, report, activity) = (&hub, &report, Arc::new(Activity::new()));
+                let noted = Arc::clone(&activity);
+                let sender = scope.spawn(move || {
+                    let read = |()| read_active(stream, hub, stop, &noted);
+                    if let Err(message) = ready.map_err(|e| e.to_string()).and_then(read) {
                         report(&format!("mesh from {from}: {message}"));
                     }
-                }));
+                });
+                senders.push((sender, activity));
             }
         });
     }))
+}
+
+/// Closes the connection that has been silent longest, if that is `silence` or more; returns true if it has given its place.
+fn make_place(senders: &mut Vec<(ScopedJoinHandle<'_, ()>, Arc<Activity>)>, silence: Duration) -> bool {
+    let longest = (0..senders.len()).max_by_key(|&k| senders[k].1.silence());
+    let Some(k) = longest.filter(|&k| senders[k].1.silence() >= silence) else { return false };
+    let (sender, activity) = senders.swap_remove(k);
+    activity.close.store(true, Relaxed);
+    // It polls this flag.
+    let _ = sender.join();
+    true
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@ mod meshes;
 mod meters;
 mod osc;
 
-pub use hub::{Hub, Moment, Set};
+pub use hub::{Hub, MAX_AHEAD, MAX_SETS, Moment, Set};
 pub use json::{read_line, read_lines};
 pub use listener::Listener;
 pub use meshes::{MAGIC, VERSION, listen_to_meshes, read_frames};

@@ -98,28 +98,68 @@ fn deliver_message(message: &rosc::OscMessage, wait: Duration, hub: &Hub) -> Opt
     Some(())
 }
 
-/// Delivers the messages of a packet.
-fn deliver_packet(packet: &OscPacket, time: Duration, now: f64, depth: usize, hub: &Hub) {
-    match packet {
-        OscPacket::Message(m) => {
-            if deliver_message(m, time, hub).is_none() {
-                hub.reject();
-            }
-        }
-        OscPacket::Bundle(bundle) if depth < MAX_DEPTH => {
-            let time = wait(bundle.timetag, now);
-            bundle.content.iter().for_each(|inner| deliver_packet(inner, time, now, depth + 1, hub));
-        }
-        OscPacket::Bundle(_) => hub.reject(),
+/// Time tag and elements of a bundle; `None` if the packet is no bundle.
+fn bundle(packet: &[u8]) -> Option<(OscTime, &[u8])> {
+    let (tag, elements) = packet.strip_prefix(b"#bundle\0")?.split_first_chunk::<8>()?;
+    let [seconds, fractional] =
+        [&tag[..4], &tag[4..]].map(|half| half.iter().fold(0, |word, byte| word << 8 | u32::from(*byte)));
+    Some((OscTime { seconds, fractional }, elements))
+}
+
+/// Splits the first element off a bundle; `None` if its size is not that of a packet inside the bundle.
+fn element(elements: &[u8]) -> Option<(&[u8], &[u8])> {
+    let (size, rest) = elements.split_first_chunk::<4>()?;
+    let size = u32::from_be_bytes(*size) as usize;
+    if size.is_multiple_of(4) { rest.split_at_checked(size) } else { None }
+}
+
+/// Decodes a message, whose size is a multiple of 4.
+///
+/// Arrays are refused before they are decoded: no message has one, and to free them takes stack for each level.
+fn message(packet: &[u8]) -> Option<rosc::OscMessage> {
+    let end = packet.iter().position(|byte| *byte == 0)?;
+    let tags = packet.get(end / 4 * 4 + 4..)?.split(|byte| *byte == 0).next()?;
+    if packet.first() != Some(&b'/') || tags.contains(&b'[') {
+        return None;
+    }
+    match rosc::decoder::decode_udp(packet) {
+        Ok((_, OscPacket::Message(message))) => Some(message),
+        Ok((_, OscPacket::Bundle(_))) | Err(_) => None,
     }
 }
 
-/// Reads one packet; malformed ones are counted.
+/// Reads one packet; malformed ones are counted, as are bundles deeper than [`MAX_DEPTH`] and messages in a bundle.
+///
+/// The bundles are walked here, in memory that the depth does not change: the decoder calls itself for each level.
 pub fn read_packet(bytes: &[u8], hub: &Hub) {
     let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs_f64();
-    match rosc::decoder::decode_udp(bytes) {
-        Ok((_, found)) => deliver_packet(&found, Duration::ZERO, now, 0, hub),
-        Err(_) => hub.reject(),
+    // Bundles that are open: what is left of each, and its time.
+    let mut open: Vec<(&[u8], Duration)> = Vec::with_capacity(MAX_DEPTH);
+    let mut next = Some((bytes, Duration::ZERO));
+    loop {
+        if let Some((packet, time)) = next.take() {
+            match bundle(packet) {
+                Some((tag, elements)) if open.len() < MAX_DEPTH => open.push((elements, wait(tag, now))),
+                Some(_) => hub.reject(),
+                None if message(packet).and_then(|m| deliver_message(&m, time, hub)).is_none() => {
+                    hub.reject()
+                }
+                None => {}
+            }
+        }
+        let Some((elements, time)) = open.last_mut() else { return };
+        match element(elements) {
+            Some((first, rest)) => {
+                *elements = rest;
+                next = Some((first, *time));
+            }
+            None => {
+                if !elements.is_empty() {
+                    hub.reject();
+                }
+                open.pop();
+            }
+        }
     }
 }
 
@@ -144,7 +184,7 @@ pub fn listen_to_osc(at: SocketAddr, hub: Arc<Hub>) -> std::io::Result<Listener>
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crossbeam_channel::unbounded;
+    use crate::live::checks::check_packet;
     use foley_nodes::core::input::Inputs;
     use foley_nodes::core::random::Rng;
     use foley_nodes::core::time::{seconds, ticks};
@@ -157,8 +197,7 @@ mod tests {
 
     #[test]
     fn each_kind_of_message_arrives() {
-        let (sets, set) = unbounded();
-        let hub = Hub::new(sets);
+        let hub = Hub::new();
         let (mut hits, mut numbers) = (hub.open("hits").unwrap(), hub.open("a/b").unwrap());
         read_packet(
             &bytes("/foley/impact/hits", vec![OscType::Float(0.5), OscType::Float(0.1), OscType::Int(2)]),
@@ -173,7 +212,7 @@ mod tests {
         assert_eq!((impact.energy, impact.hardness, impact.object), (0.5, 0.1, 2));
         assert_eq!(numbers.next(1).unwrap().1.numbers(), [1.0, -2.0]);
         assert_eq!(
-            set.recv().unwrap(),
+            hub.take_sets(Duration::ZERO)[0],
             super::super::Set { target: "bell.gain".into(), value: "0.25".into() }
         );
         assert_eq!(hub.malformed.load(Relaxed), 4);
@@ -181,7 +220,7 @@ mod tests {
 
     #[test]
     fn a_bundle_delivers_all_contacts_of_a_frame() {
-        let hub = Hub::new(unbounded().0);
+        let hub = Hub::new();
         let mut inbox = hub.open("ball").unwrap();
         let contact = |id: i32| {
             let numbers = [0.5_f32, 0.0, 0.0, 0.0, 0.0, 1.0, 9.5, 0.3, 0.0, -0.1];
@@ -204,7 +243,7 @@ mod tests {
 
     #[test]
     fn the_messages_of_a_bundle_have_its_time() {
-        let hub = Hub::new(unbounded().0);
+        let hub = Hub::new();
         let mut inbox = hub.open("c").unwrap();
         let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap().as_secs_f64() + EPOCH + 0.5;
         let timetag = OscTime { seconds: now as u32, fractional: (now.fract() * 4_294_967_296.0) as u32 };
@@ -215,29 +254,86 @@ mod tests {
         assert!((seconds(at) - 0.5).abs() < 0.1, "{}", seconds(at));
     }
 
+    /// A packet inside `depth` bundles.
+    fn nested(packet: &[u8], depth: usize) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        for level in (0..depth).rev() {
+            bytes.extend(b"#bundle\0\0\0\0\0\0\0\0\x01");
+            bytes.extend((packet.len() as u32 + 20 * level as u32).to_be_bytes());
+        }
+        bytes.extend(packet);
+        bytes
+    }
+
+    #[test]
+    fn bundles_inside_each_other_are_refused_before_they_are_decoded() {
+        let hub = Hub::new();
+        let mut inbox = hub.open("x").unwrap();
+        let message = bytes("/foley/control/x", vec![OscType::Float(4.0)]);
+        // 3,276 levels are all that a packet has room for.
+        for (depth, read) in [(0, 1), (1, 1), (8, 1), (9, 0), (2200, 0), (3276, 0)] {
+            let before = hub.malformed.load(Relaxed);
+            let packet = if depth == 3276 { nested(&[], depth) } else { nested(&message, depth) };
+            assert!(packet.len() <= 65_535);
+            read_packet(&packet, &hub);
+            assert_eq!(std::iter::from_fn(|| inbox.next(1)).count(), read, "{depth}");
+            assert_eq!(hub.malformed.load(Relaxed) - before, 1 - read as u64, "{depth}");
+        }
+    }
+
+    #[test]
+    fn arrays_inside_each_other_are_refused_before_they_are_decoded() {
+        let hub = Hub::new();
+        let mut packet = b"/foley/set/x\0\0\0\0,".to_vec();
+        packet.extend([b'['; 32_000]);
+        packet.extend([b']'; 32_000]);
+        packet.extend([0; 3]);
+        std::thread::scope(|scope| drop(scope.spawn(|| read_packet(&packet, &hub))));
+        assert_eq!(hub.malformed.load(Relaxed), 1);
+    }
+
+    #[test]
+    fn a_malformed_element_of_a_bundle_does_not_hide_the_next() {
+        let hub = Hub::new();
+        let mut inbox = hub.open("x").unwrap();
+        let message = bytes("/foley/control/x", vec![OscType::Float(4.0)]);
+        let mut packet = b"#bundle\0\0\0\0\0\0\0\0\x01".to_vec();
+        for element in [&message[..], b"oops", &message[..]] {
+            packet.extend((element.len() as u32).to_be_bytes());
+            packet.extend(element);
+        }
+        packet.extend([0, 0, 0, 9]);
+        read_packet(&packet, &hub);
+        assert_eq!(std::iter::from_fn(|| inbox.next(1)).count(), 2);
+        assert_eq!(hub.malformed.load(Relaxed), 2);
+    }
+
     #[test]
     fn damaged_packets_do_not_panic() {
-        let hub = Hub::new(unbounded().0);
-        let _inbox = hub.open("hits");
-        let good = bytes("/foley/impact/hits", vec![OscType::Float(0.5), OscType::Int(1)]);
-        for seed in 0..5000 {
+        let message = bytes("/foley/impact/hits", vec![OscType::Float(0.5), OscType::Int(1)]);
+        let mut many = nested(&message, 3);
+        many.extend((message.len() as u32).to_be_bytes());
+        many.extend(&message);
+        let good = [message.clone(), nested(&message, 7), many];
+        for seed in 0..6000 {
             let mut rng = Rng::new(seed);
-            let mut bytes = good.clone();
+            let mut bytes = good[seed as usize % 3].clone();
             for _ in 0..1 + rng.below(6) {
                 let at = rng.below(bytes.len());
-                match rng.below(3) {
+                match rng.below(4) {
                     0 => bytes.truncate(at.max(1)),
                     1 => bytes[at] = rng.below(256) as u8,
+                    2 => bytes.extend_from_within(at..),
                     _ => bytes.push(rng.below(256) as u8),
                 }
             }
-            read_packet(&bytes, &hub);
+            check_packet(&bytes);
         }
     }
 
     #[test]
     fn packets_arrive_over_the_network() {
-        let hub = Arc::new(Hub::new(unbounded().0));
+        let hub = Arc::new(Hub::new());
         let mut inbox = hub.open("x").unwrap();
         let listening = listen_to_osc("127.0.0.1:0".parse().unwrap(), Arc::clone(&hub)).unwrap();
         let socket = UdpSocket::bind("127.0.0.1:0").unwrap();

@@ -91,6 +91,7 @@ impl Assembly<'_> {
             match run::assemble(region, values, &budget, |runnable| self.make(runnable)) {
                 Ok(mut stage) => {
                     stage.set_timed(self.metered);
+                    stage.set_guarded(true);
                     stages.push(stage);
                 }
                 Err(e) => errors.extend(e),
@@ -129,6 +130,9 @@ impl Assembly<'_> {
                 times,
                 failed: false,
                 fault: None,
+                late: None,
+                not_finite: None,
+                next_report: 0,
             });
         }
         let is_output = |node: &PlanNode| matches!(node.runnable, Runnable::Tap(_));

@@ -5,7 +5,7 @@ use super::meter::{Histogram, Meter};
 use super::timing::window_start;
 use super::window_ring::RingReceiver;
 use foley_nodes::core::fault::Fault;
-use foley_nodes::core::node::Retune;
+use foley_nodes::core::node::{DynNode, Retune};
 use foley_nodes::core::params::AnyParams;
 use foley_nodes::core::stage::{NodeTime, Stage};
 use foley_nodes::core::time::Rate;
@@ -13,6 +13,11 @@ use rtrb::{Consumer, Producer};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed, Ordering::Release};
 use std::time::{Duration, Instant};
+
+/// Largest magnitude that a device gets: 120 dB above full scale, far above any force in N that a graph may record.
+pub const CEILING: f32 = 1e6;
+/// Windows between two reports of a node whose output is not finite.
+pub const REPORT_INTERVAL: u64 = 64;
 
 /// Status that both sides share.
 #[derive(Default)]
@@ -72,6 +77,8 @@ pub enum Command {
     Swap(Box<Swap>),
     /// Sets parameters.
     Retune(Retunes),
+    /// Replaces the node with this index by a new one of its type and parameters.
+    Renew(usize, Box<dyn DynNode>),
 }
 
 /// A message from the callback; it returns all memory that is to be freed.
@@ -80,6 +87,10 @@ pub enum Reply {
     Swap(Box<Swap>),
     /// Parameters that were set.
     Retuned(Retunes),
+    /// The node that was replaced.
+    Renewed(Box<dyn DynNode>),
+    /// The output of the node with this index is not finite, and silenced.
+    NotFinite(usize),
     /// The fault of the node with this index.
     Fault(usize, Fault),
 }
@@ -100,6 +111,8 @@ pub struct Callback {
     taken: usize,
     /// Time that one window lasts.
     budget: Duration,
+    /// The window from which on a node that is not finite is reported again.
+    next_report: u64,
 }
 
 impl Callback {
@@ -117,7 +130,20 @@ impl Callback {
         let budget = Duration::from_secs_f64(quantum as f64 / rate.as_f64());
         let taken = block.len();
         let current = stage;
-        Self { current, commands, replies, shared, rate, quantum, channels, window: 0, block, taken, budget }
+        Self {
+            current,
+            commands,
+            replies,
+            shared,
+            rate,
+            quantum,
+            channels,
+            window: 0,
+            block,
+            taken,
+            budget,
+            next_report: 0,
+        }
     }
 
     /// Returns the samples per second.
@@ -188,13 +214,19 @@ impl Callback {
         for link in links {
             missed += u64::from(!link.receive(stage, self.window));
         }
-        self.shared.meter.missed.fetch_add(missed, Relaxed);
+        self.shared.meter.count_missed(missed);
         if let Err((node, fault)) = stage.run() {
             self.shared.failed.store(true, Relaxed);
             // If the ring is full, it holds other faults already; to drop this one here would free its text.
             if let Err(rtrb::PushError::Full(fault)) = self.replies.push(Reply::Fault(node, fault)) {
                 std::mem::forget(fault);
             }
+        }
+        if let Some(index) = stage.take_not_finite()
+            && self.window >= self.next_report
+        {
+            self.next_report = self.window + REPORT_INTERVAL;
+            let _ = self.replies.push(Reply::NotFinite(index));
         }
         for (times, spent) in times.iter().zip(stage.spent_mut()) {
             if spent.calls > 0 {
@@ -208,15 +240,22 @@ impl Callback {
     fn mix_outputs(&mut self) {
         let (block, channels) = (&mut self.block, self.channels);
         for_each_output(&mut self.current, |output| output.add_to(block, channels));
-        let (mut peak, mut not_finite) = (0.0_f32, 0);
+        let (mut peak, mut not_finite, mut cut) = (0.0_f32, 0, 0);
         for x in &mut self.block {
             if !x.is_finite() {
                 *x = 0.0;
                 not_finite += 1;
             }
+            if x.abs() > CEILING {
+                *x = x.clamp(-CEILING, CEILING);
+                cut += 1;
+            }
             peak = peak.max(x.abs());
         }
         self.shared.meter.note_peak(peak);
+        if cut > 0 {
+            self.shared.meter.cut.fetch_add(cut, Relaxed);
+        }
         if not_finite > 0 {
             self.shared.meter.not_finite.fetch_add(not_finite, Relaxed);
         }
@@ -243,6 +282,10 @@ impl Callback {
                 Ok(Command::Retune(retunes)) => {
                     retune(&mut self.current.stage, &retunes);
                     let _ = self.replies.push(Reply::Retuned(retunes));
+                }
+                Ok(Command::Renew(index, node)) => {
+                    let old = self.current.stage.replace(index, node);
+                    let _ = self.replies.push(Reply::Renewed(old));
                 }
                 Err(_) => return,
             }

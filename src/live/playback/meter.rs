@@ -90,14 +90,20 @@ pub struct Meter {
     pub callback: Histogram,
     /// Dropouts: windows of workers that did not arrive in time.
     pub missed: AtomicU64,
+    /// Windows in a row, up to now, in which something did not arrive in time.
+    pub missed_in_a_row: AtomicU64,
     /// Windows that took longer to compute than they last.
     pub overruns: AtomicU64,
     /// Swaps that came too late and were repeated.
     pub late_swaps: AtomicU64,
     /// Samples that were not finite and were set to 0.
     pub not_finite: AtomicU64,
+    /// Samples that exceeded the ceiling of a device and were cut to it.
+    pub cut: AtomicU64,
     /// Peak magnitude since the last reading, as bits.
     pub peak: AtomicU32,
+    /// Peak magnitude since the start, as bits.
+    loudest: AtomicU32,
 }
 
 impl Meter {
@@ -106,9 +112,25 @@ impl Meter {
         f32::from_bits(self.peak.swap(0, Relaxed))
     }
 
+    /// Returns the peak magnitude since the start.
+    pub fn loudest(&self) -> f32 {
+        f32::from_bits(self.loudest.load(Relaxed))
+    }
+
+    /// Counts the windows of workers that one window of the callback has missed.
+    pub(super) fn count_missed(&self, missed: u64) {
+        if missed == 0 {
+            self.missed_in_a_row.store(0, Relaxed);
+        } else {
+            self.missed.fetch_add(missed, Relaxed);
+            self.missed_in_a_row.fetch_add(1, Relaxed);
+        }
+    }
+
     pub(super) fn note_peak(&self, peak: f32) {
         // The bits of non-negative floats are in the order of the floats.
         self.peak.fetch_max(peak.to_bits(), Relaxed);
+        self.loudest.fetch_max(peak.to_bits(), Relaxed);
     }
 }
 

@@ -3,12 +3,13 @@
 //! The callback cannot wake a thread without a system call. A worker therefore sleeps for a part of the time by which it is
 //! ahead; only commands wake it earlier.
 
-use super::callback::Shared;
+use super::callback::{REPORT_INTERVAL, Shared};
 use super::meter::Histogram;
 use super::timing::WindowTiming;
 use super::window_ring::RingSender;
 use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, bounded, unbounded};
 use foley_nodes::core::fault::Fault;
+use foley_nodes::core::node::DynNode;
 use foley_nodes::core::params::AnyParams;
 use foley_nodes::core::stage::{NodeTime, Stage};
 use std::sync::Arc;
@@ -31,21 +32,37 @@ pub struct WorkerRegion {
     pub failed: bool,
     /// The fault with the index of the node, until it is reported.
     pub fault: Option<(usize, Fault)>,
+    /// True if the windows are late, as the nodes know; `None` before they do.
+    pub late: Option<bool>,
+    /// A node whose output is not finite, until it is reported.
+    pub not_finite: Option<usize>,
+    /// The window from which on such a node is reported again.
+    pub next_report: u64,
 }
 
 impl WorkerRegion {
     /// Runs the next window, unless it is far enough ahead of the callback or has failed; returns true if it ran.
     pub fn step(&mut self, timing: &WindowTiming, played: u64) -> bool {
         let ahead = self.window < played + timing.depth;
-        if self.failed || !ahead || !self.links.iter().all(RingSender::has_room) {
+        // Of a window that has begun nothing is heard any more, and nothing is sent.
+        let late = self.window < played;
+        if self.failed || !ahead || !(late || self.links.iter().all(RingSender::has_room)) {
             return false;
         }
-        self.run_window(timing);
+        // Once late, the nodes stay so until they are as far ahead as they can be: otherwise the next expensive window would be late
+        // at once.
+        let caught_up = self.window + 1 >= played + timing.depth;
+        let hurries = late || (self.late == Some(true) && !caught_up);
+        if self.late != Some(hurries) {
+            self.late = Some(hurries);
+            self.stage.set_late(hurries);
+        }
+        self.run_window(timing, !late);
         true
     }
 
-    /// Runs the next window.
-    fn run_window(&mut self, timing: &WindowTiming) {
+    /// Runs the next window, and sends it to the callback.
+    fn run_window(&mut self, timing: &WindowTiming, send: bool) {
         self.stage.advance(timing.window_start(self.window + 1));
         if let Err(fault) = self.stage.run() {
             (self.failed, self.fault) = (true, Some(fault));
@@ -57,10 +74,28 @@ impl WorkerRegion {
                 *spent = NodeTime::default();
             }
         }
-        for link in &mut self.links {
+        for link in self.links.iter_mut().filter(|_| send) {
             link.send(&self.stage, self.window);
         }
+        if let Some(node) = self.stage.take_not_finite()
+            && self.window >= self.next_report
+        {
+            self.next_report = self.window + REPORT_INTERVAL;
+            self.not_finite = Some(node);
+        }
         self.window += 1;
+    }
+}
+
+impl WorkerRegion {
+    /// Sends what is wrong with a node.
+    fn report(&mut self, to: &Sender<WorkerFault>) {
+        if let Some((node, fault)) = self.fault.take() {
+            let _ = to.send((self.number, node, Some(fault)));
+        }
+        if let Some(node) = self.not_finite.take() {
+            let _ = to.send((self.number, node, None));
+        }
     }
 }
 
@@ -68,11 +103,12 @@ enum Command {
     Add(Box<WorkerRegion>),
     Halt(Sender<Vec<WorkerRegion>>),
     Retune(usize, usize, Box<dyn AnyParams>),
+    Renew(usize, usize, Box<dyn DynNode>),
     Quit,
 }
 
-/// Region, index of the node, and fault.
-pub type WorkerFault = (usize, usize, Fault);
+/// Region, index of the node, and its fault; without one its output is not finite, and silenced.
+pub type WorkerFault = (usize, usize, Option<Fault>);
 
 /// All regions that run ahead, on threads or, for tests, in [`Workers::pump`].
 pub struct Workers {
@@ -136,9 +172,7 @@ impl Workers {
         let played = self.shared.window.load(Acquire);
         for region in &mut self.local {
             while region.step(&self.timing, played) {}
-            if let Some((node, fault)) = region.fault.take() {
-                let _ = self.faults.0.send((region.number, node, fault));
-            }
+            region.report(&self.faults.0);
         }
     }
 
@@ -146,7 +180,7 @@ impl Workers {
     pub fn align(&self, regions: &mut [WorkerRegion], window: u64) {
         for region in regions {
             while region.window < window && !region.failed {
-                region.run_window(&self.timing);
+                region.run_window(&self.timing, true);
             }
         }
     }
@@ -157,6 +191,15 @@ impl Workers {
             region.stage.nodes_mut()[node].node.retune(&*params);
         } else if let Some(&(_, thread)) = self.thread_of.iter().find(|(r, _)| *r == number) {
             let _ = self.threads[thread].0.send(Command::Retune(number, node, params));
+        }
+    }
+
+    /// Replaces a node by a new one of its type and parameters.
+    pub fn renew(&mut self, number: usize, node: usize, new: Box<dyn DynNode>) {
+        if let Some(region) = self.local.iter_mut().find(|r| r.number == number) {
+            drop(region.stage.replace(node, new));
+        } else if let Some(&(_, thread)) = self.thread_of.iter().find(|(r, _)| *r == number) {
+            let _ = self.threads[thread].0.send(Command::Renew(number, node, new));
         }
     }
 
@@ -193,6 +236,11 @@ fn work(timing: &WindowTiming, shared: &Shared, commands: &Receiver<Command>, fa
                     region.stage.nodes_mut()[node].node.retune(&*params);
                 }
             }
+            Ok(Command::Renew(number, node, new)) => {
+                if let Some(region) = regions.iter_mut().find(|r| r.number == number) {
+                    drop(region.stage.replace(node, new));
+                }
+            }
             Ok(Command::Quit) | Err(RecvTimeoutError::Disconnected) => return,
             Err(RecvTimeoutError::Timeout) => {}
         }
@@ -206,9 +254,7 @@ fn work(timing: &WindowTiming, shared: &Shared, commands: &Receiver<Command>, fa
             }
         }
         for region in &mut regions {
-            if let Some((node, fault)) = region.fault.take() {
-                let _ = faults.send((region.number, node, fault));
-            }
+            region.report(faults);
         }
     }
 }

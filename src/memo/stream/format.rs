@@ -1,7 +1,7 @@
 //! The parts of a stream file: blocks, header and tail.
 
 use crate::memo::entry::Entry;
-use std::fs::File;
+use crate::memo::plain_file;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 
@@ -76,7 +76,7 @@ fn read_tail(file: &mut (impl Read + Seek)) -> Result<(Entry, u64), &'static str
 
 /// Reads the header of a file; `None` if it cannot be read.
 pub fn read_header(path: &Path) -> Option<Entry> {
-    read_tail(&mut File::open(path).ok()?).ok().map(|(entry, _)| entry)
+    read_tail(&mut plain_file::open(path).ok()?).ok().map(|(entry, _)| entry)
 }
 
 /// Reads a whole file, compares every hash, and checks the key and the end position.

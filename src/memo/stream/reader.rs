@@ -3,6 +3,7 @@
 use super::codec::Codec;
 use super::format::{BLOCK, PREFIX, read_block, verify};
 use crate::memo::entry::{Entry, Unusable};
+use crate::memo::plain_file;
 use foley_nodes::core::buffer::AnyBuffer;
 use foley_nodes::core::fault::Fault;
 use foley_nodes::core::node::DynNode;
@@ -34,7 +35,7 @@ impl Source {
         max_bytes: u64,
     ) -> Result<Option<(Entry, Self)>, Unusable> {
         let unusable = |reason: &str| Unusable(reason.to_owned());
-        let mut file = match File::open(path) {
+        let mut file = match plain_file::open(path) {
             Ok(file) => file,
             Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(None),
             Err(e) => return Err(Unusable(format!("it cannot be read: {e}"))),

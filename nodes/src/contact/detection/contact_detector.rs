@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::detector::{Detection, Detector, DetectorParams};
 use crate::contact::broad_phase::exclusion::Exclude;
-use crate::contact::item::{Contacts, ContactsFormat};
+use crate::contact::item::{Contact, Contacts, ContactsFormat};
 use crate::contact::slip::SlipMode;
 use crate::core::fault::{Fault, Reject};
 use crate::core::node::{Class, Node, Summary};
@@ -32,6 +32,9 @@ params! {
     ///
     /// A static mesh among `others` can have any rate; a moving one must have the rate of `mesh`. Meshes that end before `mesh`
     /// stay at their last frame.
+    ///
+    /// A frame in which the surfaces are crowded, such as a cloth that has collapsed into one point, has no contacts: everything
+    /// would touch everything. While a graph plays, late frames have none either.
     ///
     /// # Source
     /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 2. The
@@ -75,6 +78,8 @@ pub struct ContactDetector {
     /// Memory for references to the positions of all others in this frame and the next; empty between frames.
     positions: [Vec<&'static [[f32; 3]]>; 2],
     totals: Totals,
+    /// True while nobody hears the contacts.
+    late: bool,
 }
 
 /// Positions of another surface in this frame and in the next.
@@ -112,6 +117,7 @@ struct Totals {
     max_contacts: usize,
     degenerate: u64,
     rebuilt: u64,
+    crowded: u64,
 }
 
 impl Totals {
@@ -121,6 +127,7 @@ impl Totals {
         self.max_contacts = self.max_contacts.max(found.contacts);
         self.degenerate += found.degenerate as u64;
         self.rebuilt += found.rebuilt as u64;
+        self.crowded += u64::from(found.crowded);
     }
 }
 
@@ -160,6 +167,7 @@ impl Node for ContactDetector {
     type Params = ContactDetectorParams;
     type Ports = ContactDetectorPorts;
     const NAME: &'static str = "ContactDetector";
+    const VERSION: u32 = 2;
     const CLASS: Class = Class::Worker;
     const COST: f64 = 1000.0;
 
@@ -207,7 +215,7 @@ impl Node for ContactDetector {
             Detector::new(&cloth.topology, &surfaces, detector_params(p)).map_err(|e| e.fault())?;
         let positions = [0; 2].map(|_| Vec::with_capacity(others.len()));
         let others = others.iter().map(|other| OtherSurface::new(&other.format)).collect();
-        Ok(Self { detector, others, positions, totals: Totals::default() })
+        Ok(Self { detector, others, positions, totals: Totals::default(), late: false })
     }
 
     fn run(&mut self, mut io: ContactDetectorIo<'_>) -> Result<(), Fault> {
@@ -215,6 +223,10 @@ impl Node for ContactDetector {
         for (k, out) in io.contacts.items().chunks_exact_mut(width).enumerate() {
             let k = k as isize;
             self.others.iter_mut().zip(io.others.iter()).for_each(|(other, mesh)| other.update(&mesh, k));
+            if self.late {
+                out.fill(Contact::default());
+                continue;
+            }
             let [mut now, mut next] = std::mem::take(&mut self.positions).map(recycled);
             now.extend(self.others.iter().map(|other| &other.now[..]));
             next.extend(self.others.iter().map(|other| &other.next[..]));
@@ -228,12 +240,20 @@ impl Node for ContactDetector {
 
     fn finish(&mut self, _: ContactDetectorIo<'_>) -> Result<Summary, Fault> {
         let totals = &self.totals;
-        Ok(vec![
+        let mut summary = vec![
             ("contacts_per_frame", (totals.contacts as f64 / totals.frames.max(1) as f64).into()),
             ("contacts_at_most", totals.max_contacts.into()),
             ("degenerate", totals.degenerate.into()),
             ("rebuilt", totals.rebuilt.into()),
-        ])
+        ];
+        if totals.crowded > 0 {
+            summary.push(("crowded_frames", totals.crowded.into()));
+        }
+        Ok(summary)
+    }
+
+    fn set_late(&mut self, late: bool) {
+        self.late = late;
     }
 
     archive_state!(detector, totals);

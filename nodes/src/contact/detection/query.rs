@@ -76,11 +76,67 @@ impl Scene<'_> {
         self.triangles[candidate.surface as usize][candidate.triangle as usize]
     }
 
-    /// Replaces the contacts of a cluster in the previous frame, `found`, by those of this frame.
+    /// Counts the leaves that overlap the boxes of the clusters; stops above `limit`.
+    ///
+    /// # Complexity
+    /// O(V log F + limit).
+    pub fn overlaps(&self, order: &[u32], limit: usize, scratch: &mut Scratch) -> usize {
+        let mut count = 0;
+        for (cluster, vertices) in order.chunks(CLUSTER).enumerate() {
+            let (mut lo, mut hi) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
+            for p in vertices.iter().map(|&v| self.now.vertex(v as usize)) {
+                for axis in 0..3 {
+                    lo[axis] = min(p[axis], lo[axis]);
+                    hi[axis] = max(p[axis], hi[axis]);
+                }
+            }
+            let region = SearchRegion { lo, hi, squared_radius: 0.0 };
+            for surface in 0..self.hierarchies.len() {
+                self.collect(surface, cluster, &region, all_members(vertices.len()), scratch);
+                count += scratch.leaves.len();
+            }
+            if count > limit {
+                break;
+            }
+        }
+        count
+    }
+
+    /// Collects the leaves of a surface in the region around a cluster that some of its vertices may touch.
+    #[inline]
+    fn collect(
+        &self,
+        surface: usize,
+        cluster: usize,
+        region: &SearchRegion,
+        members: u16,
+        scratch: &mut Scratch,
+    ) {
+        let (bvh, Scratch { leaves, skipped, .. }) = (&self.hierarchies[surface], scratch);
+        leaves.clear();
+        if surface == 0 {
+            let covers = self.excluded_leaves.covers(cluster);
+            covers.iter().for_each(|&node| skipped[node as usize] = true);
+            bvh.collect_leaves(region, members, |node| skipped[node], leaves);
+            covers.iter().for_each(|&node| skipped[node as usize] = false);
+            bvh.filter_leaves(region, self.excluded_leaves.partial(cluster), leaves);
+        } else {
+            bvh.collect_leaves(region, members, |_| false, leaves);
+        }
+    }
+
+    /// Replaces the contacts of a cluster in the previous frame, `found`, by those of this frame. Returns the number of leaves
+    /// visited.
     ///
     /// # Shapes
     /// `found` holds the same number of slots for each of `vertices`, nearest first.
-    pub fn query(&self, cluster: usize, vertices: &[u32], found: &mut [Candidate], scratch: &mut Scratch) {
+    pub fn query(
+        &self,
+        cluster: usize,
+        vertices: &[u32],
+        found: &mut [Candidate],
+        scratch: &mut Scratch,
+    ) -> usize {
         let slots = scratch.previous.len();
         let mut points = ClusterPoints { columns: [[0.0; CLUSTER]; 3], limits: [0.0; CLUSTER] };
         let (mut lo, mut hi) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
@@ -101,22 +157,16 @@ impl Scene<'_> {
             points.limits[i] = self.limit(nearest);
         }
         let members = all_members(vertices.len());
-        let Scratch { leaves, skipped, pairs, .. } = scratch;
-        for (surface, bvh) in self.hierarchies.iter().enumerate() {
-            leaves.clear();
+        let mut visited = 0;
+        for surface in 0..self.hierarchies.len() {
             let squared_radius = points.limits.iter().copied().fold(0.0, max);
             let region = SearchRegion { lo, hi, squared_radius };
-            if surface == 0 {
-                let covers = self.excluded_leaves.covers(cluster);
-                covers.iter().for_each(|&node| skipped[node as usize] = true);
-                bvh.collect_leaves(&region, members, |node| skipped[node], leaves);
-                covers.iter().for_each(|&node| skipped[node as usize] = false);
-                bvh.filter_leaves(&region, self.excluded_leaves.partial(cluster), leaves);
-            } else {
-                bvh.collect_leaves(&region, members, |_| false, leaves);
-            }
+            self.collect(surface, cluster, &region, members, scratch);
+            visited += scratch.leaves.len();
+            let Scratch { leaves, pairs, .. } = &mut *scratch;
             self.test_leaves(surface, leaves, pairs, &mut points, found, slots);
         }
+        visited
     }
 
     /// Inserts the triangles of some leaves into the candidates of the vertices that they are near.
@@ -186,11 +236,15 @@ impl Scene<'_> {
         triangle: u32,
         nearest: &mut [Candidate],
     ) -> bool {
+        let Some(farthest) = nearest.last() else { return false };
+        // Of many triangles through one place only the lowest count.
+        if farthest.squared_distance == 0.0 && (surface, triangle) >= (farthest.surface, farthest.triangle) {
+            return false;
+        }
         let [a, b, c] = corners;
         let (p, corners) = (widen(p), [widen(a), widen(b), widen(c)]);
         let squared_distance = closest_point(p, corners).squared_distance;
         let candidate = Candidate { squared_distance, surface, triangle };
-        let Some(farthest) = nearest.last() else { return false };
         if squared_distance > self.squared_radius || candidate >= *farthest {
             return false;
         }

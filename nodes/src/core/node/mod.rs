@@ -122,6 +122,14 @@ pub trait Node: Sized + Send + 'static {
         let _ = old;
     }
 
+    /// Learns that the windows from now on are late in a graph that plays (true), or that its thread has caught up.
+    ///
+    /// Nobody hears late windows: an expensive node leaves out work whose result only they have. Nothing may be allocated
+    /// here. An offline run is never late.
+    fn set_late(&mut self, late: bool) {
+        let _ = late;
+    }
+
     /// Saves its state, or restores it into a node that was just built, which then continues
     /// with the same bits. Most nodes name their fields with [`archive_state!`](crate::archive_state).
     ///

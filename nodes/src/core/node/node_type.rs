@@ -31,6 +31,10 @@ pub trait DynNode: Send {
         let _ = new;
         Retune::Rebuild
     }
+    /// As [`Node::set_late`].
+    fn set_late(&mut self, late: bool) {
+        let _ = late;
+    }
     /// Adopts state; does nothing between different types.
     fn adopt(&mut self, old: &mut dyn DynNode) {
         let _ = old;
@@ -66,6 +70,10 @@ impl<N: Node> DynNode for Wrap<N> {
         if let Some(old) = old.as_any_mut().downcast_mut::<Self>() {
             self.0.adopt(&mut old.0);
         }
+    }
+
+    fn set_late(&mut self, late: bool) {
+        self.0.set_late(late);
     }
 
     fn archive_state(&mut self, archive: &mut StateArchive<'_>) -> Result<(), Fault> {

@@ -2,7 +2,7 @@
 
 pub use crate::core::ports::{BufferCell, Clock, Cx, InWire, OutWire, Span, Window, max_items};
 
-use crate::core::buffer::{AnyBuffer, BoxedBuffer};
+use crate::core::buffer::{AnyBuffer, BoxedBuffer, StreamBuffer};
 use crate::core::fault::Fault;
 use crate::core::item::AnyValue;
 use crate::core::node::DynNode;
@@ -51,6 +51,10 @@ pub struct Stage {
     steady: bool,
     /// Buffers whose size depends on the input.
     growing: Vec<usize>,
+    /// True if outputs that are not finite are silenced.
+    guarded: bool,
+    /// The first node with such an output since the last look.
+    not_finite: Option<usize>,
 }
 
 impl Stage {
@@ -65,12 +69,45 @@ impl Stage {
         let spent = vec![NodeTime::default(); nodes.len()];
         let growing = (0..buffers.len()).filter(|&k| buffers[k].grows()).collect();
         let buffers = buffers.into_iter().map(|buffer| RefCell::new(BoxedBuffer::new(buffer))).collect();
-        Self { buffers, clocks, spans, nodes, spent, timed: false, poison: false, steady: false, growing }
+        Self {
+            buffers,
+            clocks,
+            spans,
+            nodes,
+            spent,
+            timed: false,
+            poison: false,
+            steady: false,
+            growing,
+            guarded: false,
+            not_finite: None,
+        }
     }
 
     /// Measures the time in each node from now on.
     pub fn set_timed(&mut self, timed: bool) {
         self.timed = timed;
+    }
+
+    /// Silences streams of numbers that are not finite from now on, each in the window in which its node has written it, so that
+    /// no node after it takes them into its state.
+    pub fn set_guarded(&mut self, guarded: bool) {
+        self.guarded = guarded;
+    }
+
+    /// Tells all nodes whether the windows from now on are late: see [`Node::set_late`](crate::core::node::Node::set_late).
+    pub fn set_late(&mut self, late: bool) {
+        self.nodes.iter_mut().for_each(|n| n.node.set_late(late));
+    }
+
+    /// Takes the index of the first node whose output was silenced since the last call.
+    pub fn take_not_finite(&mut self) -> Option<usize> {
+        self.not_finite.take()
+    }
+
+    /// Replaces a node by another of its type, and returns it.
+    pub fn replace(&mut self, index: usize, node: Box<dyn DynNode>) -> Box<dyn DynNode> {
+        std::mem::replace(&mut self.nodes[index].node, node)
     }
 
     /// Fills every window with unusable numbers before its node runs, so that a test finds values that were not written.
@@ -119,7 +156,9 @@ impl Stage {
     /// The first fault of a node, or F050 where a buffer of events has outgrown its [`Budget`](crate::core::buffer::Budget); the
     /// stage is of no use afterwards.
     pub fn run(&mut self) -> Result<(), StageFault> {
-        let Self { buffers, spans, nodes, spent, timed, poison, steady, growing, .. } = self;
+        let Self {
+            buffers, spans, nodes, spent, timed, poison, steady, growing, guarded, not_finite, ..
+        } = self;
         let shared = Shared { buffers, spans, poison: *poison, closing: false };
         for (k, (stage_node, spent)) in nodes.iter_mut().zip(spent).enumerate() {
             let StageNode { node, clock, inputs, outputs, copies } = stage_node;
@@ -133,6 +172,9 @@ impl Stage {
                 if let Some(start) = start {
                     spent.time += start.elapsed();
                     spent.calls += 1;
+                }
+                if *guarded && silence_not_finite(&cx) {
+                    not_finite.get_or_insert(k);
                 }
             }
             if !*steady || !copies.is_empty() {
@@ -275,6 +317,25 @@ fn outgrown(nodes: &[StageNode], buffer: usize, bytes: usize) -> StageFault {
         place.unwrap_or(0),
         Fault::new("F050", message).help("allow more with --memory, or use a shorter --window"),
     )
+}
+
+/// Silences the streams of numbers that a node has written in this window if any is not finite; returns true then.
+fn silence_not_finite(cx: &Cx<'_>) -> bool {
+    let mut found = false;
+    for wire in cx.outputs {
+        let OutWire::Stream { buffer, clock, .. } = wire else { continue };
+        let span = cx.span(*clock);
+        let mut buffer = cx.shared.buffers[*buffer].borrow_mut();
+        let Some(samples) = buffer.typed_mut::<StreamBuffer<f32>>() else { continue };
+        let written = samples.last_mut((span.to - span.from).max(0) as usize);
+        // The bits of magnitudes are in the order of the magnitudes, and this loop needs no branch.
+        let largest = written.iter().fold(0, |largest, x| (x.to_bits() & 0x7fff_ffff).max(largest));
+        if largest >= f32::INFINITY.to_bits() {
+            written.fill(0.0);
+            found = true;
+        }
+    }
+    found
 }
 
 /// Pads the output of a node, and copies it to buffers with another pad rule.

@@ -1,7 +1,9 @@
 //! Calls into the demuxers of `symphonia`, guarded against panics.
 
+use std::cell::Cell;
 use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Once;
 
 use symphonia::core::errors::Error as CodecError;
 use symphonia::core::formats::{FormatOptions, FormatReader};
@@ -33,9 +35,31 @@ pub(super) fn demux<'s>(
 /// Error of a call that panicked.
 pub(super) const PANICKED: CodecError = CodecError::DecodeError("its decoder panicked");
 
-/// Calls code of `symphonia`; returns `None` if it panics.
+thread_local! {
+    /// True while a panic of this thread is caught, and reported as an error of the file.
+    static CAUGHT: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Lets the panic hook print nothing for panics that are caught.
+fn install_hook() {
+    static ONCE: Once = Once::new();
+    ONCE.call_once(|| {
+        let print = std::panic::take_hook();
+        std::panic::set_hook(Box::new(move |info| {
+            if !CAUGHT.get() {
+                print(info);
+            }
+        }));
+    });
+}
+
+/// Calls code of `symphonia`; returns `None` if it panics, and prints nothing then.
 pub(super) fn guarded<T>(call: impl FnOnce() -> T) -> Option<T> {
-    catch_unwind(AssertUnwindSafe(call)).ok()
+    install_hook();
+    let before = CAUGHT.replace(true);
+    let result = catch_unwind(AssertUnwindSafe(call)).ok();
+    CAUGHT.set(before);
+    result
 }
 
 pub(super) fn codec_error(format: FileFormat, error: CodecError) -> AudioError {

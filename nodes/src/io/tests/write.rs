@@ -163,3 +163,50 @@ fn invalid_specs_and_samples_are_errors() {
     let error = writer.write(&[0.0, 0.0, 0.0, f32::INFINITY]).unwrap_err();
     assert!(matches!(error, AudioError::NotFinite { frame: 3, channel: 1, .. }), "{error}");
 }
+
+/// A disk that refuses all bytes beyond its room.
+struct FullDisk {
+    file: std::io::Cursor<Vec<u8>>,
+    room: usize,
+}
+
+impl std::io::Write for FullDisk {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        let left = self.room.saturating_sub(self.file.position() as usize).min(bytes.len());
+        if left == 0 && !bytes.is_empty() {
+            return Err(std::io::ErrorKind::StorageFull.into());
+        }
+        self.file.write(&bytes[..left])
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+impl std::io::Seek for FullDisk {
+    fn seek(&mut self, to: std::io::SeekFrom) -> std::io::Result<u64> {
+        self.file.seek(to)
+    }
+}
+
+#[test]
+fn a_file_that_a_full_disk_cuts_has_the_whole_frames_that_are_there() {
+    use crate::io::{AudioReader, AudioWriter, WriteFormat, WriteSpec};
+    for format in [WriteFormat::Pcm16, WriteFormat::Pcm24, WriteFormat::Float32] {
+        for channels in [1, 2, 3] {
+            for room in 1000..1013 {
+                let mut disk = FullDisk { file: std::io::Cursor::default(), room };
+                let mut writer = AudioWriter::new(&mut disk, WriteSpec::new(8000, channels, format)).unwrap();
+                let block = vec![0.5; 60 * channels];
+                while writer.write(&block).is_ok() {}
+                let written = writer.finish_cut().unwrap();
+                let bytes = disk.file.into_inner();
+                let reader = AudioReader::open(Box::new(std::io::Cursor::new(bytes))).unwrap();
+                let info = reader.info();
+                assert_eq!(info.frames, written.frames, "{format:?}, {channels} channels, {room} bytes");
+                assert!(info.warnings.is_empty() && written.frames > 60, "{info:?}");
+            }
+        }
+    }
+}

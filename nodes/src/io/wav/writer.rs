@@ -84,6 +84,8 @@ impl WriteSpec {
 /// Statistics of a written file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WrittenInfo {
+    /// Samples per second.
+    pub rate: u32,
     /// Frames.
     pub frames: u64,
     /// Largest magnitude before clipping.
@@ -261,6 +263,11 @@ impl<W: Write + Seek> AudioWriter<W> {
         if data % 2 == 1 {
             self.sink.write_all(&[0])?;
         }
+        self.write_lengths()
+    }
+
+    fn write_lengths(mut self) -> Result<WrittenInfo, AudioError> {
+        let data = self.frames * u64::from(self.spec.format.bytes()) * self.spec.channels as u64;
         let data_start = self.data_size_at + 4;
         let riff = data_start + data + data % 2 - 8;
         if riff < self.riff_limit {
@@ -283,7 +290,32 @@ impl<W: Write + Seek> AudioWriter<W> {
         self.sink.flush()?;
         let samples = self.frames as f64 * self.spec.channels as f64;
         let rms = if samples > 0.0 { (self.sum_squares / samples).sqrt() } else { 0.0 };
-        Ok(WrittenInfo { frames: self.frames, peak: self.peak, rms, clipped: self.clipped })
+        Ok(WrittenInfo {
+            rate: self.spec.rate,
+            frames: self.frames,
+            peak: self.peak,
+            rms,
+            clipped: self.clipped,
+        })
+    }
+
+    /// Ends a file after a write that failed: the header states the whole frames that the sink holds.
+    ///
+    /// The sink must not hold back bytes, as a buffer does, and must have room for the header that is there already. The levels are
+    /// those of all samples that were to be written.
+    ///
+    /// # Errors
+    /// [`AudioError::Io`].
+    pub fn finish_cut(mut self) -> Result<WrittenInfo, AudioError> {
+        let end = self.sink.seek(SeekFrom::End(0))?;
+        let frame_bytes = u64::from(self.spec.format.bytes()) * self.spec.channels as u64;
+        let data = end.saturating_sub(self.data_size_at + 4);
+        self.frames = data / frame_bytes;
+        // A chunk of odd size needs a byte of padding.
+        if self.frames * frame_bytes == data && data % 2 == 1 {
+            self.frames = self.frames.saturating_sub(1);
+        }
+        self.write_lengths()
     }
 
     fn patch(&mut self, at: u64, bytes: &[u8]) -> Result<(), AudioError> {

@@ -1,8 +1,8 @@
 //! Connections with right and wrong frames.
 
 use super::*;
+use crate::live::checks::check_frames;
 use crate::live::playback::callback::Shared;
-use crossbeam_channel::unbounded;
 use foley_nodes::core::input::Inputs;
 use foley_nodes::core::random::Rng;
 use foley_nodes::core::time::Rate;
@@ -11,7 +11,7 @@ use std::net::TcpStream;
 use std::sync::Mutex;
 
 fn hub() -> Arc<Hub> {
-    Arc::new(Hub::new(unbounded().0))
+    Arc::new(Hub::new())
 }
 
 fn begin(channel: &str, vertices: u32) -> Vec<u8> {
@@ -96,11 +96,9 @@ fn errors_name_the_expected_form() {
 }
 
 #[test]
-fn damaged_bytes_do_not_panic() {
-    let hub = hub();
+fn damaged_bytes_are_refused_or_give_frames_that_a_mesh_can_have() {
     let mut good = begin("sheet", 2);
     (0..4).for_each(|k| good.extend(frame(f64::from(k) * 0.1, k as f32)));
-    let mut shown = [0.0; 6];
     for seed in 0..5000 {
         let mut rng = Rng::new(seed);
         let mut bytes = good.clone();
@@ -113,13 +111,8 @@ fn damaged_bytes_do_not_panic() {
                 _ => bytes.push(rng.below(256) as u8),
             }
         }
-        // A new channel each time: without a clock all frames begin at 0.
-        let mut inbox = hub.open_frames("sheet", 6).unwrap();
-        let _ = read(&bytes, &hub);
-        inbox.latest(Tick::MAX, &mut shown);
-        assert!(shown.iter().all(|x| x.abs() <= MAX_COORDINATE), "{seed}: {shown:?}");
+        check_frames(&bytes);
     }
-    assert!(hub.malformed.load(Relaxed) > 1000 && hub.delivered.load(Relaxed) > 1000);
 }
 
 /// A hub of a graph that has played 100 windows of 10 ms, with workers 10 windows ahead.
@@ -180,6 +173,43 @@ fn a_time_far_ahead_is_refused_and_another_piece_begins_with_its_own() {
     let mut inbox = hub.open_frames("sheet", 6).unwrap();
     read(&[begin("sheet", 2), frame(7.0, 1.0)].concat(), &hub).unwrap();
     assert_eq!(inbox.latest(ticks(0.2), &mut shown), Some(ticks(0.1)));
+}
+
+#[test]
+fn a_connection_that_is_silent_gives_its_place_to_another() {
+    std::thread::scope(|scope| {
+        let connect = |last_ms: u64| {
+            let start = Instant::now().checked_sub(Duration::from_secs(20)).unwrap();
+            let activity =
+                Arc::new(Activity { start, last_ms: AtomicU64::new(last_ms), close: AtomicBool::new(false) });
+            let read = Arc::clone(&activity);
+            let sender = scope.spawn(move || {
+                let stop = AtomicBool::new(false);
+                let mut bytes = Bytes { from: Waits, stop: &stop, activity: &read, until: None };
+                let found = bytes.fill(&mut [0], "frame 0");
+                assert!(
+                    matches!(found, Err(Refused::Malformed(message)) if message.contains("nothing for 15 s"))
+                );
+            });
+            (sender, activity)
+        };
+        let mut senders: Vec<_> = [19_000, 1000, 10_000].map(connect).into();
+        assert!(make_place(&mut senders, SILENCE));
+        let left: Vec<_> = senders.iter().map(|(_, activity)| activity.last_ms.load(Relaxed)).collect();
+        assert_eq!((left.len(), left.contains(&1000)), (2, false));
+        assert!(!make_place(&mut senders, SILENCE), "the others are not silent for long enough");
+        senders.iter().for_each(|(_, activity)| activity.close.store(true, Relaxed));
+    });
+}
+
+/// A connection on which nothing comes.
+struct Waits;
+
+impl Read for Waits {
+    fn read(&mut self, _: &mut [u8]) -> std::io::Result<usize> {
+        std::thread::sleep(Duration::from_millis(1));
+        Err(ErrorKind::WouldBlock.into())
+    }
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! Tests of the complete search: known scenes, and comparison with brute force.
 
+mod crowded;
 mod moving;
 mod scenes;
 mod soups;
