@@ -128,7 +128,7 @@ fn message(packet: &[u8]) -> Option<rosc::OscMessage> {
     }
 }
 
-/// Reads one packet; malformed ones are counted, as are bundles deeper than [`MAX_DEPTH`] and messages in a bundle.
+/// Reads one packet; malformed ones are counted, as are bundles deeper than 8 and messages in a bundle.
 ///
 /// The bundles are walked here, in memory that the depth does not change: the decoder calls itself for each level.
 pub fn read_packet(bytes: &[u8], hub: &Hub) {
