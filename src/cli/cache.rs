@@ -104,7 +104,7 @@ fn why(args: &WhyArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit> {
         };
         let list = if kept.is_empty() { "none".to_owned() } else { kept.join(", ") };
         super::console::tell(format_args!(
-            "`{}` {what}; nodes of which something is kept: {list}",
+            "`{}` {what}; nodes of which something is cached: {list}",
             args.node
         ));
         return Ok(Exit::Wrong);

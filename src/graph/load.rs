@@ -23,7 +23,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Loaded {
     let read = || read_text(path, &path.display().to_string(), options.limits.graph_bytes);
     match known.map_or_else(read, Ok) {
         Ok(text) => {
-            loader.keep_text(path, path, &text);
+            loader.cache_text(path, path, &text);
             let given = loader.overrides(options);
             let mut chain = vec![std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned())];
             loader.file(&path.display().to_string(), text, path, "", given, &mut chain);

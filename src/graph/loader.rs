@@ -45,8 +45,8 @@ impl Texts {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).get(path).cloned()
     }
 
-    /// Keeps the text of a file.
-    pub(super) fn keep(&self, path: &Path, real: &Path, text: &str) {
+    /// Caches the text of a file.
+    pub(super) fn insert(&self, path: &Path, real: &Path, text: &str) {
         let mut texts = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         texts.entry(path.to_owned()).or_insert_with(|| (real.to_owned(), text.to_owned()));
     }
@@ -204,10 +204,10 @@ impl Loader {
         }
     }
 
-    /// Keeps a text for the loads that share [`LoadOptions::texts`].
-    pub(super) fn keep_text(&self, path: &Path, real: &Path, text: &str) {
+    /// Caches a text for the loads that share [`LoadOptions::texts`].
+    pub(super) fn cache_text(&self, path: &Path, real: &Path, text: &str) {
         if let Some(texts) = &self.texts {
-            texts.keep(path, real, text);
+            texts.insert(path, real, text);
         }
     }
 

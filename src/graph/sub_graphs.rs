@@ -122,7 +122,7 @@ impl Loader {
         let limit = self.limits.graph_bytes;
         match known.map_or_else(|| read_text(&real, path, limit), Ok) {
             Ok(text) => {
-                self.keep_text(Path::new(path), &real, &text);
+                self.cache_text(Path::new(path), &real, &text);
                 self.text_bytes += text.len() as u64;
                 if self.text_bytes > self.limits.graph_bytes {
                     let most = self.limits.graph_bytes;

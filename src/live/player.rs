@@ -362,7 +362,7 @@ impl Player {
 
     /// Replaces a node whose output is not finite by a new one; during a change it is reported again later.
     fn renew(&mut self, region: Option<usize>, node: usize) {
-        if self.is_busy() || self.renewing || self.failed {
+        if self.is_busy() || self.failed {
             return;
         }
         let regions = &self.playing.plan.regions;

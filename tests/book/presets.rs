@@ -54,23 +54,14 @@ fn run(dir: &Path, text: &str, warp: Option<&str>) -> Value {
 
 /// A binaural recording: clicks and noise, with another level in each ear.
 fn binaural_recording(path: &Path) {
-    let spec = hound::WavSpec {
-        channels: 2,
-        sample_rate: 48_000,
-        bits_per_sample: 16,
-        sample_format: hound::SampleFormat::Int,
-    };
-    let mut writer = hound::WavWriter::create(path, spec).unwrap();
     let mut state = 1_u32;
-    for n in 0..96_000 {
+    let samples = (0..96_000).flat_map(|n| {
         state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
         let noise = f64::from(state >> 16) / 32_768.0 - 1.0;
         let swell = (f64::from(n) / 24_000.0).sin().abs() + 5.0 * f64::from(u8::from(n % 4000 < 200));
-        for level in [1500.0, 900.0] {
-            writer.write_sample((level * swell * noise) as i16).unwrap();
-        }
-    }
-    writer.finalize().unwrap();
+        [1500.0, 900.0].map(|level| (level * swell * noise) as i16)
+    });
+    common::write_wav(path, 2, 48_000, samples);
 }
 
 #[test]

@@ -149,6 +149,15 @@ pub fn npy(bytes: &[u8]) -> Vec<Vec<f32>> {
     all.chunks(width.max(1)).map(<[f32]>::to_vec).collect()
 }
 
+/// Writes a WAV file of 16 bits with interleaved samples.
+pub fn write_wav(path: &Path, channels: u16, rate: u32, samples: impl IntoIterator<Item = i16>) {
+    let sample_format = hound::SampleFormat::Int;
+    let spec = hound::WavSpec { channels, sample_rate: rate, bits_per_sample: 16, sample_format };
+    let mut writer = hound::WavWriter::create(path, spec).unwrap();
+    samples.into_iter().for_each(|x| writer.write_sample(x).unwrap());
+    writer.finalize().unwrap();
+}
+
 /// The samples of a WAV file, channels averaged.
 pub fn wav(path: &Path) -> Vec<f32> {
     let file = std::fs::File::open(path).unwrap();

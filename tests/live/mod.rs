@@ -1,6 +1,7 @@
 //! Graphs that play.
 
 mod commands;
+mod incoming;
 mod playback;
 mod recovery;
 mod soak;

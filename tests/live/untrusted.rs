@@ -17,25 +17,13 @@ Graph(params: { \"take\": \"own.wav\", \"level\": 0.5 }, nodes: {
 })
 ";
 
-fn wav(path: &Path) {
-    let spec = hound::WavSpec {
-        channels: 1,
-        sample_rate: 8000,
-        bits_per_sample: 16,
-        sample_format: hound::SampleFormat::Int,
-    };
-    let mut writer = hound::WavWriter::create(path, spec).unwrap();
-    (0..80_000).for_each(|k| writer.write_sample((k % 100) as i16).unwrap());
-    writer.finalize().unwrap();
-}
-
 /// `piece/main.ron` with a recording, and recordings in other folders.
 fn project() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     for path in ["piece/own.wav", "piece/inner/more.wav", "secret/s.wav", "assets/shared.wav", "work/w.wav"] {
         let path = folder.path().join(path);
         fs::create_dir_all(path.parent().unwrap()).unwrap();
-        wav(&path);
+        crate::common::write_wav(&path, 1, 8000, (0..80_000).map(|k| (k % 100) as i16));
     }
     fs::write(folder.path().join("piece/main.ron"), GRAPH).unwrap();
     folder

@@ -2,7 +2,7 @@
 
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
-use crate::core::input::{Display, Reading};
+use crate::core::input::Display;
 use crate::core::item::Channels;
 use crate::core::node::{Class, Node};
 use crate::core::params::{Params, Text};
@@ -63,7 +63,7 @@ impl LiveMeter {
             (samples, self.left) = (tail, self.left - now);
             if self.left == 0 {
                 let level = std::mem::take(&mut self.meter).level();
-                display.show(Reading { peak: level.peak, rms: level.rms as f32 });
+                display.show(level.peak, level.rms);
                 self.left = self.interval;
             }
         }
@@ -108,13 +108,14 @@ impl Node for LiveMeter {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dsp::Level;
     use std::sync::{Arc, Mutex};
 
-    struct List(Arc<Mutex<Vec<Reading>>>);
+    struct List(Arc<Mutex<Vec<Level>>>);
 
     impl Display for List {
-        fn show(&mut self, reading: Reading) {
-            self.0.lock().unwrap().push(reading);
+        fn show(&mut self, peak: f32, rms: f64) {
+            self.0.lock().unwrap().push(Level { peak, rms });
         }
     }
 
@@ -134,7 +135,7 @@ mod tests {
         for (reading, samples) in found.iter().zip(audio.chunks(200)) {
             let rms = (samples.iter().map(|x| x * x).sum::<f32>() / 200.0).sqrt();
             let peak = samples.iter().fold(0.0_f32, |peak, x| peak.max(x.abs()));
-            assert!(reading.peak == peak && (reading.rms - rms).abs() < 1e-6);
+            assert!(reading.peak == peak && (reading.rms - f64::from(rms)).abs() < 1e-6);
         }
         assert!(found == read(64) && found == read(7));
     }

@@ -1,10 +1,14 @@
-//! Curves of levels in one line of a terminal.
+//! Curves of levels in a terminal.
 
+use crate::diag::plain;
 use crate::live::input::MeterReadings;
+use foley_nodes::dsp::linear_to_db;
 use std::collections::VecDeque;
 
-/// Columns of a curve.
-const COLUMNS: usize = 24;
+/// Columns of a curve: with its name and its level it fits a line of 80.
+const COLUMNS: usize = 48;
+/// Characters of a name.
+const NAME: usize = 16;
 /// Columns per second.
 pub(super) const COLUMNS_PER_SECOND: f64 = 10.0;
 /// Range of a curve below its maximum, dB.
@@ -12,7 +16,7 @@ const RANGE: f64 = 48.0;
 const BLOCKS: [char; 9] = [' ', '▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
 
 fn db(x: f32) -> f64 {
-    20.0 * f64::from(x.max(1e-9)).log10()
+    linear_to_db(f64::from(x.max(1e-9)))
 }
 
 /// The last peaks of one meter.
@@ -63,7 +67,8 @@ impl LevelCurves {
         self.0.is_empty()
     }
 
-    /// Draws one curve after the other, each 48 dB high with its maximum so far at the top, and the last level in dB.
+    /// Draws the curves in lines of their own below the line of the cursor, which returns to it. Each is 48 dB high with its maximum
+    /// so far at the top, and is followed by the last level in dB.
     pub fn draw(&self) -> String {
         let draw = |curve: &Curve| {
             let top = db(curve.maximum);
@@ -73,30 +78,36 @@ impl LevelCurves {
             };
             let bars: String = curve.peaks.iter().map(block).collect();
             let last = curve.peaks.back().copied().unwrap_or(0.0);
-            let name: String = curve.name.chars().filter(|c| !c.is_control()).collect();
-            format!("   {name} {bars} {:6.1} dB", db(last).max(-99.9))
+            let name: String = plain(&curve.name).chars().take(NAME).collect();
+            format!("\r\n{name:>NAME$} {bars} {:6.1} dB\x1b[K", db(last).max(-99.9))
         };
-        self.0.iter().map(draw).collect()
+        let lines: String = self.0.iter().map(draw).collect();
+        if lines.is_empty() { lines } else { format!("{lines}\x1b[{}A", self.0.len()) }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use foley_nodes::core::input::Reading;
+    use foley_nodes::dsp::Level;
 
     #[test]
     fn a_column_shows_the_largest_peak_of_a_tenth_of_a_second() {
         let mut curves = LevelCurves::default();
         let readings = |peaks: &[f32]| {
-            let readings = peaks.iter().map(|&peak| Reading { peak, rms: 0.0 }).collect();
+            let readings = peaks.iter().map(|&peak| Level { peak, rms: 0.0 }).collect();
             vec![MeterReadings { name: "force".into(), rate: 30.0, readings }]
         };
         curves.add(&readings(&[0.1, 1.0, 0.5, 0.5, 0.25, 0.0, 0.0]));
         curves.add(&readings(&[0.0, 0.063]));
         let text = curves.draw();
-        assert!(text.starts_with("   force ") && text.ends_with("█▇▄  -24.0 dB"), "{text:?}");
+        assert!(
+            text.starts_with("\r\n           force  ") && text.ends_with("█▇▄  -24.0 dB\x1b[K\x1b[1A"),
+            "{text:?}"
+        );
+        let line = text.lines().nth(1).unwrap().split('\x1b').next().unwrap();
+        assert!(line.chars().count() < 80, "{line}");
         curves.add(&[]);
-        assert!(curves.is_empty());
+        assert!(curves.is_empty() && curves.draw().is_empty());
     }
 }

@@ -9,8 +9,8 @@ use crate::diag::{Diagnostic, Sources};
 use crate::live::Histogram;
 use crate::live::device::Running;
 use crate::live::input::MeterReadings;
-use foley_nodes::core::input::Reading;
 use foley_nodes::core::time::seconds;
+use foley_nodes::dsp::{Level, linear_to_db};
 use serde_json::json;
 use std::io::IsTerminal;
 use std::sync::Arc;
@@ -34,8 +34,8 @@ fn times(histogram: &Histogram) -> serde_json::Value {
 }
 
 fn levels(meter: &MeterReadings) -> serde_json::Value {
-    let list = |level: fn(&Reading) -> f32| meter.readings.iter().map(level).collect::<Vec<_>>();
-    json!({ "name": meter.name, "rate": meter.rate, "peak": list(|r| r.peak), "rms": list(|r| r.rms) })
+    let list = |value: fn(&Level) -> f64| meter.readings.iter().map(value).collect::<Vec<_>>();
+    json!({ "name": meter.name, "rate": meter.rate, "peak": list(|l| l.peak.into()), "rms": list(|l| l.rms) })
 }
 
 impl Session<'_> {
@@ -69,13 +69,13 @@ impl Session<'_> {
         }
         self.curves.add(&readings);
         let load = meter.callback.quantile(0.99).as_secs_f64() / budget * 100.0;
-        tell_styled(&format!(
-            "\r{played:8.1} s   load {load:5.1} %   worst {:7.0} us   missed {}   peak {:6.1} dB{} \x1b[K",
+        let status = format!(
+            "{played:8.1} s   load {load:5.1} %   worst {:7.0} us   missed {}   peak {:6.1} dB ",
             us(meter.callback.worst()),
             meter.missed.load(Relaxed),
-            20.0 * f64::from(peak.max(1e-6)).log10(),
-            self.curves.draw()
-        ));
+            linear_to_db(f64::from(peak.max(1e-6)))
+        );
+        tell_styled(&format!("\r{status}\x1b[K{}", self.curves.draw()));
         Ok(())
     }
 

@@ -182,10 +182,11 @@ impl Session<'_> {
         };
         // A parameter that the new text lacks must not keep it from playing.
         let lost = set_by(&errors, &sources, &self.messages);
-        let kept: Vec<_> = self.messages.iter().filter(|set| !lost.contains(&set.target)).cloned().collect();
-        if !lost.is_empty() && self.load(&texts, kept.clone(), at).0.is_ok() {
+        let remaining: Vec<_> =
+            self.messages.iter().filter(|set| !lost.contains(&set.target)).cloned().collect();
+        if !lost.is_empty() && self.load(&texts, remaining.clone(), at).0.is_ok() {
             tell(format_args!("what messages set no longer fits, and is dropped: {}", lost.join(", ")));
-            (self.wrong, self.texts, self.messages) = (None, texts, kept);
+            (self.wrong, self.texts, self.messages) = (None, texts, remaining);
         } else {
             self.wrong = Some(FailedLoad { at: Instant::now(), errors, sources });
         }

@@ -1,4 +1,4 @@
-//! The file of the device `file:PATH`: written by a thread of its own, in whole windows, and kept as far as it came.
+//! The file of the device `file:PATH`: written by a thread of its own, in whole windows, and complete as far as it came.
 
 use super::timing::DeviceStatus;
 use crate::live::playback::callback::Callback;
@@ -87,10 +87,12 @@ fn write(
             block.extend(chunk);
             if let Err(e) = writer.write(&block) {
                 drop(samples);
-                let kept = writer.finish_cut().map_err(|e| format!("cannot write {name}: {e}"))?;
+                let written = writer.finish_cut().map_err(|e| format!("cannot write {name}: {e}"))?;
                 outputs.commit().map_err(|e| e.to_string())?;
-                let seconds = kept.frames as f64 / f64::from(kept.rate);
-                status.fail(format!("the recording ends: cannot write {name}: {e}; {seconds:.2} s are kept"));
+                let seconds = written.frames as f64 / f64::from(written.rate);
+                status.fail(format!(
+                    "the recording ends: cannot write {name}: {e}; {seconds:.2} s are in the file"
+                ));
                 return Ok(());
             }
         }

@@ -1,6 +1,7 @@
 //! Readings of the meters of a graph, from the callback to a display.
 
-use foley_nodes::core::input::{Display, Reading};
+use foley_nodes::core::input::Display;
+use foley_nodes::dsp::Level;
 use rtrb::{Consumer, Producer, RingBuffer};
 use std::sync::{Mutex, PoisonError};
 
@@ -15,13 +16,13 @@ pub struct MeterReadings {
     /// Readings per second.
     pub rate: f64,
     /// The readings, the oldest first.
-    pub readings: Vec<Reading>,
+    pub readings: Vec<Level>,
 }
 
 struct Source {
     name: String,
     rate: f64,
-    readings: Consumer<Reading>,
+    readings: Consumer<Level>,
 }
 
 /// The meters of the graphs that play.
@@ -61,11 +62,11 @@ impl Meters {
     }
 }
 
-struct Sender(Producer<Reading>);
+struct Sender(Producer<Level>);
 
 impl Display for Sender {
-    fn show(&mut self, reading: Reading) {
-        let _ = self.0.push(reading);
+    fn show(&mut self, peak: f32, rms: f64) {
+        let _ = self.0.push(Level { peak, rms });
     }
 }
 
@@ -77,21 +78,22 @@ mod tests {
     fn readings_are_taken_once_and_a_meter_ends_with_its_node() {
         let meters = Meters::default();
         let (mut force, mut sound) = (meters.open("force", 30.0), meters.open("a sound", 10.0));
-        let reading = |peak| Reading { peak, rms: peak / 2.0 };
-        (0..2000).for_each(|k| force.show(reading(k as f32)));
-        sound.show(reading(1.0));
+        let level = |peak: f32| Level { peak, rms: f64::from(peak) / 2.0 };
+        let show = |meter: &mut Box<dyn Display>, peak| meter.show(peak, level(peak).rms);
+        (0..2000).for_each(|k| show(&mut force, k as f32));
+        show(&mut sound, 1.0);
         let found = meters.take();
         assert_eq!(
             found[0],
-            MeterReadings { name: "a sound".into(), rate: 10.0, readings: vec![reading(1.0)] }
+            MeterReadings { name: "a sound".into(), rate: 10.0, readings: vec![level(1.0)] }
         );
         // Nobody read the ones after: the first are in the ring.
-        assert_eq!(found[1].readings, (0..1024).map(|k| reading(k as f32)).collect::<Vec<_>>());
+        assert_eq!(found[1].readings, (0..1024).map(|k| level(k as f32)).collect::<Vec<_>>());
         assert!(meters.take().iter().all(|m| m.readings.is_empty()));
         let mut next = meters.open("force", 60.0);
-        force.show(reading(1.0));
-        next.show(reading(2.0));
-        assert_eq!(meters.take()[1].readings, [reading(2.0)]);
+        show(&mut force, 1.0);
+        show(&mut next, 2.0);
+        assert_eq!(meters.take()[1].readings, [level(2.0)]);
         drop((force, next, sound));
         assert!(meters.take().is_empty());
     }

@@ -78,7 +78,7 @@ pub struct ContactDetector {
     /// Memory for references to the positions of all others in this frame and the next; empty between frames.
     positions: [Vec<&'static [[f32; 3]]>; 2],
     totals: Totals,
-    /// True while nobody hears the contacts.
+    /// True while the windows are late, so that the contacts are not audible.
     late: bool,
 }
 

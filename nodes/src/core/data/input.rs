@@ -47,22 +47,14 @@ pub trait Frames: Send {
     fn latest(&mut self, before: Tick, into: &mut [f32]) -> Option<Tick>;
 }
 
-/// The level of a stretch of sound, for display while it plays.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Reading {
-    /// Largest magnitude.
-    pub peak: f32,
-    /// Root mean square.
-    pub rms: f32,
-}
-
-/// Takes the readings of a node to a display.
+/// Takes the levels that a node measures to a display.
 pub trait Display: Send {
-    /// Sends a reading, or drops it if nobody has read the ones before; never waits, allocates or locks.
-    fn show(&mut self, reading: Reading);
+    /// Sends the peak and the root mean square of a stretch of sound, or drops them if nobody has read the ones before; never
+    /// waits, allocates or locks.
+    fn show(&mut self, peak: f32, rms: f64);
 }
 
-/// A source of messages.
+/// What nodes of a playing graph exchange with the outside: messages and frames, and levels for a display.
 pub trait Inputs: Send + Sync {
     /// Starts to collect the messages of a channel; `None` if none can come, as in an offline run.
     fn open(&self, channel: &str) -> Option<Box<dyn Inbox>>;
@@ -72,7 +64,7 @@ pub trait Inputs: Send + Sync {
         None
     }
 
-    /// Opens a display of readings, `rate` of them a second; `None` if there is none, as in an offline run.
+    /// Opens a display of levels, `rate` of them a second; `None` if there is none, as in an offline run.
     fn open_display(&self, _name: &str, _rate: f64) -> Option<Box<dyn Display>> {
         None
     }

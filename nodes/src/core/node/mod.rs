@@ -124,7 +124,7 @@ pub trait Node: Sized + Send + 'static {
 
     /// Learns that the windows from now on are late in a graph that plays (true), or that its thread has caught up.
     ///
-    /// Nobody hears late windows: an expensive node leaves out work whose result only they have. Nothing may be allocated
+    /// Late windows are not audible: an expensive node leaves out work whose result only they have. Nothing may be allocated
     /// here. An offline run is never late.
     fn set_late(&mut self, late: bool) {
         let _ = late;

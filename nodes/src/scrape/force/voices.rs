@@ -248,7 +248,7 @@ impl<S: Clone> Voices<S> {
             summary.push(("left_out", self.left_out.into()));
         }
         if self.most > 0 && level.peak == 0.0 {
-            let text = "contacts move over the surface and make no force: it is even (an image of one tone?), or `gain` or `kappa` is 0";
+            let text = "contacts make no force: nothing moves, the surface is even (an image of one tone?), or `gain` or `kappa` is 0";
             summary.push(("warning", text.into()));
         }
         summary
