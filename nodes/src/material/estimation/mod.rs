@@ -1,0 +1,23 @@
+//! Estimators of damping models from points.
+
+pub mod diagnostics;
+pub mod emg;
+pub mod erfcx;
+pub mod estimate;
+pub mod fit;
+pub mod gamma_excess;
+pub mod likelihood;
+mod lbfgs;
+pub mod least_squares;
+mod linear;
+pub mod lower_bound;
+pub mod mixture;
+mod newton;
+pub mod nnls;
+pub mod point;
+pub mod reference;
+pub mod report;
+pub mod scan;
+pub mod uncertainty;
+#[cfg(test)]
+mod tests;
