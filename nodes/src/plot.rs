@@ -50,6 +50,22 @@ pub struct Line {
     pub label: String,
     /// Points of the line.
     pub points: Vec<[f64; 2]>,
+    /// True to draw a dot at each point, without a line between them.
+    pub dots: bool,
+}
+
+impl Line {
+    /// A line through points.
+    #[must_use]
+    pub fn new(label: impl Into<String>, points: Vec<[f64; 2]>) -> Self {
+        Self { label: label.into(), points, dots: false }
+    }
+
+    /// A dot at each point.
+    #[must_use]
+    pub fn dots(label: impl Into<String>, points: Vec<[f64; 2]>) -> Self {
+        Self { dots: true, ..Self::new(label, points) }
+    }
 }
 
 /// Draws a chart of lines as an SVG document; the colours change from blue for the first line to red for the last.
@@ -109,9 +125,18 @@ pub fn chart(title: &str, x: &Axis, y: &Axis, lines: &[Line]) -> String {
         }
     }
     for (k, line) in lines.iter().enumerate() {
+        let colour = colour(k, lines.len());
+        if line.dots {
+            for [x, y] in line.points.iter().map(|&p| pixel(p)) {
+                let _ = writeln!(
+                    svg,
+                    "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"2\" fill=\"{colour}\" fill-opacity=\"0.6\"/>"
+                );
+            }
+            continue;
+        }
         let points = line.points.iter().map(|&p| pixel(p)).map(|[x, y]| format!("{x:.1},{y:.1}"));
         let points = points.collect::<Vec<_>>().join(" ");
-        let colour = colour(k, lines.len());
         let _ = writeln!(svg, "<polyline points=\"{points}\" fill=\"none\" stroke=\"{colour}\"/>");
     }
     let (w, h) = (width - left - right, height - top - bottom);
@@ -120,6 +145,20 @@ pub fn chart(title: &str, x: &Axis, y: &Axis, lines: &[Line]) -> String {
         "<rect x=\"{left}\" y=\"{top}\" width=\"{w}\" height=\"{h}\" fill=\"none\" stroke=\"black\"/>\n</svg>"
     );
     svg
+}
+
+/// Puts charts beside each other as one SVG document.
+#[must_use]
+pub fn beside(charts: &[String]) -> String {
+    let [width, height] = SIZE;
+    let total = width * charts.len().max(1) as f64;
+    let mut svg = format!("<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {total} {height}\">\n");
+    for (k, chart) in charts.iter().enumerate() {
+        let x = width * k as f64;
+        let place = format!("<svg x=\"{x}\" width=\"{width}\" height=\"{height}\" ");
+        svg += &chart.replacen("<svg ", &place, 1);
+    }
+    svg + "</svg>\n"
 }
 
 /// Colour `k` of `count`, from blue to red.
@@ -166,10 +205,11 @@ mod tests {
 
     #[test]
     fn a_line_is_drawn_where_its_points_are() {
-        let lines = [Line { label: "a < b".into(), points: vec![[10.0, 1.0], [1000.0, 100.0]] }];
+        let ends = vec![[10.0, 1.0], [1000.0, 100.0]];
+        let lines = [Line::new("a < b", ends.clone()), Line::dots("c", ends)];
         let svg = chart("t", &log([10.0, 1000.0]), &log([1.0, 100.0]), &lines);
         assert!(svg.contains("points=\"70.0,388.0 590.0,34.0\""), "{svg}");
         assert!(svg.contains("a &lt; b") && svg.ends_with("</svg>\n"));
-        assert_eq!(svg.matches("<polyline").count(), 1);
+        assert_eq!((svg.matches("<polyline").count(), svg.matches("<circle").count()), (1, 2));
     }
 }

@@ -28,6 +28,11 @@ use crate::friction::model::interpolated_spectra::InterpolatedSpectra;
 use crate::friction::model::pair_friction_model::PairFrictionModel;
 use crate::friction::synthesis::binaural_ift_noise::BinauralIftNoise;
 use crate::friction::synthesis::ift_noise::IftNoiseNode;
+use crate::material::fitting::damping_fit::DampingFit;
+use crate::material::library::material_file::MaterialFile;
+use crate::material::library::material_out::MaterialOut;
+use crate::material::points::damping_points_file::DampingPointsFile;
+use crate::material::points::feature_gate::FeatureGate;
 use crate::mesh::mesh_generator::MeshGenerator;
 use crate::mesh::mesh_sequence::MeshSequence;
 use crate::mesh::mesh_subdivide::MeshSubdivide;
@@ -277,6 +282,12 @@ impl Registry {
             .with::<ModalBankNode>()
             .with_func::<ModalFromRecording>()
             .with_func::<ModesFile>()
+            .family("material")
+            .with_func::<DampingFit>()
+            .with_func::<DampingPointsFile>()
+            .with_func::<FeatureGate>()
+            .with_func::<MaterialFile>()
+            .with::<MaterialOut>()
             .family("tension")
             .with::<TensionImpact>()
             .family("texture")

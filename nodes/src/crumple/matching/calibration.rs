@@ -327,7 +327,7 @@ impl Data for EnergyCalibration {
         let x = Axis { label: format!("energy, {unit}"), range: [0.9 * low, 1.1 * high], log: true };
         let y = Axis { label: "share of events".into(), range: [0.0, 1.0], log: false };
         let title = format!("{} events in {:.1} s", self.events, self.seconds);
-        Some(chart(&title, &x, &y, &[Line { label: format!("from {:.3e}", self.e_min), points }]))
+        Some(chart(&title, &x, &y, &[Line::new(format!("from {:.3e}", self.e_min), points)]))
     }
 }
 

@@ -39,15 +39,11 @@ impl Data for FrictionModel {
         let lowest = self.df.max(20.0).min(0.5 * nyquist);
         let lines: Vec<Line> = (0..line_count)
             .map(|k| k * (count - 1) / (line_count - 1).max(1))
-            .map(|k| Line {
-                label: format!("{:.3} m/s", self.speeds[k]),
-                points: self
-                    .row(k)
-                    .iter()
-                    .enumerate()
-                    .map(|(bin, &s)| [bin as f64 * self.df, f64::from(s)])
-                    .filter(|p| p[0] >= lowest)
-                    .collect(),
+            .map(|k| {
+                let powers = self.row(k).iter().enumerate();
+                let points = powers.map(|(bin, &s)| [bin as f64 * self.df, f64::from(s)]);
+                let points = points.filter(|p| p[0] >= lowest).collect();
+                Line::new(format!("{:.3} m/s", self.speeds[k]), points)
             })
             .collect();
         let x = Axis { label: "frequency, Hz".into(), range: [lowest, nyquist], log: true };

@@ -28,6 +28,7 @@ pub enum Convention {
 /// linear dynamic systems" (J. Appl. Mech. 32, 1965); Adhikari, "Damping modelling using generalized proportional damping" (J.
 /// Sound Vib. 293, 2006), for the spline.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub enum DampingModel {
     /// `a1 + a2 lambda`.
     Rayleigh {
@@ -159,11 +160,20 @@ impl DampingModel {
                 let needed = format!("{least} to {most} are needed");
                 length("knots", knots.len(), (least..=most).contains(&knots.len()), needed)?;
                 let terms = MonotoneSpline::terms(knots.len());
-                length("rises", rises.len(), rises.len() == terms, format!("{terms} are needed: two more than knots"))?;
+                length(
+                    "rises",
+                    rises.len(),
+                    rises.len() == terms,
+                    format!("{terms} are needed: two more than knots"),
+                )?;
                 let mut last = 0.0;
                 for &knot in knots {
                     if !(knot.is_finite() && knot > last) {
-                        return Err(range("knots", knot, &format!("each has to be above the one before, {last} rad^2/s^2")));
+                        return Err(range(
+                            "knots",
+                            knot,
+                            &format!("each has to be above the one before, {last} rad^2/s^2"),
+                        ));
                     }
                     last = knot;
                 }
@@ -227,7 +237,10 @@ mod tests {
             (DampingModel::Rayleigh { a1: 3.0, a2: f64::NAN }, "`a2` is NaN"),
             (DampingModel::Hybrid { g1: 1.0, g2: 1e-9, g3: 2.5 }, "`g3` is 2.5; a number from 0.25 to 2"),
             (DampingModel::Caughey { a: vec![0.0; 7] }, "`a` holds 7 numbers; 1 to 6"),
-            (DampingModel::Spline { knots: vec![1.0; 4], rises: vec![0.0; 6] }, "`knots` is 1; each has to be above"),
+            (
+                DampingModel::Spline { knots: vec![1.0; 4], rises: vec![0.0; 6] },
+                "`knots` is 1; each has to be above",
+            ),
             (DampingModel::Spline { knots: vec![1.0, 2.0, 3.0, 4.0], rises: vec![] }, "6 are needed"),
         ] {
             let e = model.validate().unwrap_err().to_string();

@@ -118,7 +118,14 @@ pub fn terms(u: f64, k: f64) -> Terms {
     };
     let q = v - m;
     // q' = 1 + m q, which is 1 to the last digit far below 0.
-    Terms { value: k * (0.5 * k - u) + log_phi, u: m - k, k: q, uu: m * q, uk: -(1.0 + m * q), kk: 1.0 + m * q }
+    Terms {
+        value: k * (0.5 * k - u) + log_phi,
+        u: m - k,
+        k: q,
+        uu: m * q,
+        uk: -(1.0 + m * q),
+        kk: 1.0 + m * q,
+    }
 }
 
 /// `h(u, k)` alone.
@@ -149,14 +156,7 @@ pub fn negative_log_survivor(u: f64, k: f64) -> Terms {
     let (su, sk) = (-k * e / s, e * h.k / s);
     let (suu, suk) = (-k * e * h.u / s, -(e + k * e * h.k) / s);
     let skk = e * (h.kk + h.k * h.k) / s;
-    Terms {
-        value: -libm::log(s),
-        u: -su,
-        k: -sk,
-        uu: su * su - suu,
-        uk: su * sk - suk,
-        kk: sk * sk - skk,
-    }
+    Terms { value: -libm::log(s), u: -su, k: -sk, uu: su * su - suu, uk: su * sk - suk, kk: sk * sk - skk }
 }
 
 /// One distribution: the curve's value, the noise and the rate of the excess.

@@ -1,13 +1,19 @@
 //! One call from points to a report.
 
 use super::diagnostics;
+use super::emg::Emg;
 use super::fit::{Fit, FitOptions, fit};
+use super::hierarchical::fit_hierarchical;
 use super::least_squares::{LeastSquares, Space};
 use super::lower_bound::lower_bound;
 use super::mixture::{MixtureFit, MixtureOptions, fit_mixture};
 use super::point::{DampingPoint, EstimationError, Sample};
 use super::report::{AtFrequency, Diagnostics, FitReport, FitWarning, PointReport, REPORTED_HZ};
-use super::uncertainty::{Interval, IntervalMethod, Replicates, bootstrap, covariance, information, parametric_bootstrap, refit, wald};
+use super::uncertainty::{
+    Interval, IntervalMethod, NORMAL_95, Replicates, bootstrap, covariance, information,
+    parametric_bootstrap, refit, wald,
+};
+use crate::material::damping::DampingModel;
 use serde::{Deserialize, Serialize};
 
 /// Number of points above which the p value of the distance is not simulated.
@@ -20,6 +26,8 @@ pub enum Estimator {
     Mixture,
     /// Maximum likelihood.
     Likelihood,
+    /// Maximum likelihood with a support rate for each recording.
+    Hierarchical,
     /// Non-negative least squares.
     LeastSquares,
     /// The highest curve below all points.
@@ -79,6 +87,7 @@ pub fn estimate(points: &[DampingPoint], settings: &Settings) -> Result<FitRepor
             let found = fit_mixture(points, &settings.mixture)?;
             likelihood_report("Mixture", &found.fit, &found.information, Some(&found), points, settings)
         }
+        Estimator::Hierarchical => hierarchical_report(points, settings),
         Estimator::LeastSquares | Estimator::LowerBound => simple_report(points, settings),
     }
 }
@@ -98,7 +107,11 @@ fn recordings(points: &[DampingPoint]) -> usize {
 }
 
 /// Damping at the reported frequencies, with intervals from replicates.
-fn at_frequencies(fit_model: impl Fn(&[f64]) -> Option<crate::material::damping::DampingModel>, values: &[f64], replicates: Option<&Replicates>) -> Vec<AtFrequency> {
+fn at_frequencies(
+    fit_model: impl Fn(&[f64]) -> Option<DampingModel>,
+    values: &[f64],
+    replicates: Option<&Replicates>,
+) -> Vec<AtFrequency> {
     let Some(model) = fit_model(values) else { return Vec::new() };
     let each = |&frequency: &f64| {
         let interval = replicates.map(|r| {
@@ -125,7 +138,8 @@ fn likelihood_report(
     let cov = covariance(fit, information);
     let mut warnings = diagnostics::warnings(fit, points);
     if cov.is_none() {
-        let why = if fit.sigma_at_floor() { "the noise is at its floor" } else { "a parameter is at its bound" };
+        let why =
+            if fit.sigma_at_floor() { "the noise is at its floor" } else { "a parameter is at its bound" };
         warnings.push(FitWarning::NonRegular(why.into()));
     }
     let again = |sample: &Sample| match mixture {
@@ -133,7 +147,8 @@ fn likelihood_report(
         None => refit(fit, sample),
     };
     let replicates = (settings.draws > 0).then(|| {
-        if fit.sigma_at_floor() {
+        // Points of one recording are as independent as the model says.
+        if fit.sigma_at_floor() || (mixture.is_none() && recordings(points) == 1) {
             parametric_bootstrap(fit, settings.draws, settings.seed, again)
         } else {
             bootstrap(&fit.sample, points, settings.draws, settings.seed, again)
@@ -151,7 +166,8 @@ fn likelihood_report(
     let per_point = diagnostics::point_reports(fit, points, responsibility);
     let (ks, excess_shape, correlation) = diagnostics::tests_of_points(points, &per_point);
     let simulated = settings.ks_draws > 0 && points.len() <= MAX_SIMULATED;
-    let ks_p = if simulated { diagnostics::distance_p(fit, ks, settings.ks_draws, settings.seed) } else { 1.0 };
+    let ks_p =
+        if simulated { diagnostics::distance_p(fit, ks, settings.ks_draws, settings.seed) } else { 1.0 };
     warnings.extend(diagnostics::distribution_warnings(excess_shape[1], correlation[0], ks_p));
     if let Some(cov) = &cov {
         warnings.extend(diagnostics::recording_effect(fit, points, responsibility, cov));
@@ -195,6 +211,84 @@ fn likelihood_report(
         at: at_frequencies(model, &values, replicates.as_ref()),
         diagnostics: Diagnostics { ks, ks_p, excess_shape, correlation, comparisons, straight_p },
         warnings,
+        supports: Vec::new(),
+        points: points.iter().map(|p| [p.lambda, p.c]).collect(),
+        per_point,
+    })
+}
+
+/// The report of a joint fit of recordings, with intervals of two standard errors.
+fn hierarchical_report(points: &[DampingPoint], settings: &Settings) -> Result<FitReport, EstimationError> {
+    let options = &settings.mixture.fit;
+    let found = fit_hierarchical(points, options)?;
+    let sample = options.sample(points)?;
+    let knots = sample.physical_knots();
+    let model = options.family.model(&found.theta, &knots);
+    let names = model.names();
+    let ci = found.standard_errors.iter().flat_map(|errors| {
+        names.iter().zip(&found.theta).zip(errors).map(|((name, value), error)| {
+            let reach = NORMAL_95 * error;
+            Interval {
+                name: name.clone(),
+                low: value - reach,
+                high: value + reach,
+                method: IntervalMethod::Information,
+            }
+        })
+    });
+    let ci: Vec<Interval> = ci.collect();
+    let part = |p: &DampingPoint| {
+        let sd = if options.per_feature {
+            (found.sigma * found.sigma + p.sd_c * p.sd_c).sqrt()
+        } else {
+            found.sigma
+        };
+        let eta = found.eta.get(p.recording as usize).copied().unwrap_or(1.0);
+        let emg = Emg { c: model.c(p.lambda), sigma: sd, eta };
+        let (support_part, _) = emg.excess(p.c);
+        PointReport {
+            c_hat: emg.c,
+            support_part,
+            noise_part: p.c - emg.c - support_part,
+            pit: emg.cdf(p.c),
+            responsibility: 1.0,
+        }
+    };
+    let per_point: Vec<PointReport> = points.iter().map(part).collect();
+    let (ks, excess_shape, correlation) = diagnostics::tests_of_points(points, &per_point);
+    let mut warnings = diagnostics::distribution_warnings(excess_shape[1], correlation[0], 1.0);
+    let count = recordings(points);
+    if count < 10 {
+        warnings.push(FitWarning::FewRecordings(count));
+    }
+    if ci.is_empty() {
+        warnings
+            .push(FitWarning::NonRegular("the noise is at its floor, or a parameter at its bound".into()));
+    }
+    let fit_model = |p: &[f64]| Some(options.family.model(p, &knots));
+    Ok(FitReport {
+        estimator: "Hierarchical".into(),
+        at: at_frequencies(fit_model, &found.theta, None),
+        model,
+        names,
+        sigma: found.sigma,
+        eta: Some(libm::exp(found.mean_ln_eta)),
+        log_lik: found.log_likelihood,
+        n: points.len(),
+        n_recordings: count,
+        lambda_unit: sample.ls,
+        c_unit: sample.ys,
+        sigma_at_floor: found.sigma <= 1.001 * options.floor_of(&sample) * sample.ys,
+        certified: false,
+        pi: 0.0,
+        cov: None,
+        ci,
+        iterations: found.iterations,
+        evaluations: found.iterations,
+        starts: 1,
+        diagnostics: Diagnostics { ks, ks_p: 1.0, excess_shape, correlation, ..Diagnostics::default() },
+        warnings,
+        supports: found.eta.iter().map(|eta| 1.0 / eta).collect(),
         points: points.iter().map(|p| [p.lambda, p.c]).collect(),
         per_point,
     })
@@ -222,9 +316,8 @@ fn simple_report(points: &[DampingPoint], settings: &Settings) -> Result<FitRepo
     let values = sample.physical(&best);
     let knots = sample.physical_knots();
     let model = |p: &[f64]| Some(family.model(p, &knots));
-    let replicates = (settings.draws > 0).then(|| {
-        bootstrap(&sample, points, settings.draws, settings.seed, |s| Some(s.physical(&theta(s))))
-    });
+    let replicates = (settings.draws > 0)
+        .then(|| bootstrap(&sample, points, settings.draws, settings.seed, |s| Some(s.physical(&theta(s)))));
     let names = family.model(&values, &knots).names();
     let ci: Vec<Interval> = replicates.as_ref().map(|r| r.intervals(&names, &values)).unwrap_or_default();
     debug_assert!(ci.iter().all(|i| i.method == IntervalMethod::Bootstrap));
@@ -259,6 +352,7 @@ fn simple_report(points: &[DampingPoint], settings: &Settings) -> Result<FitRepo
         at: at_frequencies(model, &values, replicates.as_ref()),
         diagnostics: Diagnostics { ks_p: 1.0, ..Diagnostics::default() },
         warnings: few.into_iter().collect(),
+        supports: Vec::new(),
         points: points.iter().map(|p| [p.lambda, p.c]).collect(),
         per_point: points.iter().zip(&curve).map(parts).collect(),
     })

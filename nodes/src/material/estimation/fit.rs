@@ -17,8 +17,10 @@ pub const SIGMA_FLOOR: f64 = 1e-3;
 const EXPONENTS: [f64; 5] = [0.6, 0.8, 1.0, 1.2, 1.4];
 /// Standard deviations of the noise from which fits start, in those of the least-squares residual.
 const NOISES: [f64; 3] = [0.5, 0.05, 0.005];
+/// Quasi-Newton steps from a start before Newton steps.
+const ROUGH_STEPS: usize = 15;
 /// Iterations of the reference methods.
-const REFERENCE_STEPS: usize = 20_000;
+const REFERENCE_STEPS: usize = 5_000;
 
 /// Method by which the likelihood is maximised.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -295,13 +297,14 @@ fn from_starts(
     };
     for exponent in fixed {
         let from = start(&plain, exponent.unwrap_or(1.0), NOISES[0], floor);
-        starts.extend(scan(&plain, exponent, &from, floor, thorough, effort).into_iter().map(|m| m.z).take(2));
+        starts
+            .extend(scan(&plain, exponent, &from, floor, thorough, effort).into_iter().map(|m| m.z).take(2));
     }
     let count = starts.len();
     let mut found: Vec<LocalMaximum> = starts
         .into_iter()
         .map(|mut z| {
-            let rough = lbfgs(|z, g| likelihood.gradient(z, g), &bounds, &mut z, 1e-5, 200);
+            let rough = lbfgs(|z, g| likelihood.gradient(z, g), &bounds, &mut z, 1e-4, ROUGH_STEPS);
             effort.add(rough.steps, rough.evaluations);
             let out = newton(&mut likelihood.clone(), &bounds, &mut z, 1e-12, 60);
             effort.add(out.steps, out.evaluations);

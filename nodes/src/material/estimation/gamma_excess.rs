@@ -88,7 +88,10 @@ mod tests {
                 let (a, b) = (gamma.terms(u, k), terms(u, k));
                 let close = |x: f64, y: f64, most: f64| (x - y).abs() <= most * y.abs().max(1.0);
                 assert!(close(a.value, b.value, 1e-11), "{u} {k}: {a:?} {b:?}");
-                assert!(close(a.u, b.u, 1e-9) && close(a.k, b.k, 1e-9) && close(a.kk, b.kk, 1e-8), "{u} {k}: {a:?} {b:?}");
+                assert!(
+                    close(a.u, b.u, 1e-9) && close(a.k, b.k, 1e-9) && close(a.kk, b.kk, 1e-8),
+                    "{u} {k}: {a:?} {b:?}"
+                );
             }
         }
     }
@@ -99,7 +102,10 @@ mod tests {
         for (shape, v, exact) in GOLDEN {
             let gamma = GammaExcess::new(shape);
             let found = gamma.integral(v)[0] + 0.5 * gamma.peak(v).powi(2);
-            assert!((found - exact).abs() < 1e-10 * exact.abs().max(1.0), "{shape} {v}: {found}, not {exact}");
+            assert!(
+                (found - exact).abs() < 1e-10 * exact.abs().max(1.0),
+                "{shape} {v}: {found}, not {exact}"
+            );
         }
     }
 

@@ -51,7 +51,9 @@ impl LeastSquares {
             }
         }
         let step = (high - low) / 24.0;
-        let g3 = maximum_within((best.1 - step).max(low), (best.1 + step).min(high), |g3| -self.linear(sample, g3).1);
+        let g3 = maximum_within((best.1 - step).max(low), (best.1 + step).min(high), |g3| {
+            -self.linear(sample, g3).1
+        });
         let (mut theta, _) = self.linear(sample, g3);
         theta.push(g3);
         theta
@@ -69,9 +71,8 @@ impl LeastSquares {
         } else {
             nnls(&basis, &y, p)
         };
-        let square = |(row, y): (&[f64], &f64)| {
-            (y - row.iter().zip(&theta).map(|(b, t)| b * t).sum::<f64>()).powi(2)
-        };
+        let square =
+            |(row, y): (&[f64], &f64)| (y - row.iter().zip(&theta).map(|(b, t)| b * t).sum::<f64>()).powi(2);
         let sum = basis.chunks_exact(p).zip(&y).map(square).sum();
         (theta, sum)
     }
@@ -80,9 +81,8 @@ impl LeastSquares {
 /// The straight line through `ln y` over `ln x`, its slope within the range of exponents.
 fn log_power(sample: &Sample) -> Vec<f64> {
     let total = sample.total_weight();
-    let mean = |f: &dyn Fn(usize) -> f64| {
-        (0..sample.len()).map(|i| sample.weight[i] * f(i)).sum::<f64>() / total
-    };
+    let mean =
+        |f: &dyn Fn(usize) -> f64| (0..sample.len()).map(|i| sample.weight[i] * f(i)).sum::<f64>() / total;
     let log_y: Vec<f64> = sample.y.iter().map(|y| libm::log(*y)).collect();
     let (mx, my) = (mean(&|i| sample.log_x[i]), mean(&|i| log_y[i]));
     let cross = mean(&|i| (sample.log_x[i] - mx) * (log_y[i] - my));

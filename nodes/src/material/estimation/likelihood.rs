@@ -132,7 +132,8 @@ impl<'a> Likelihood<'a> {
                 None => log_shape(u, k),
                 Some(gamma) => gamma.terms(u, k).value,
             };
-            let below = self.truncated_below.map_or(0.0, |low| negative_log_survivor((low - c) / sd, k).value);
+            let below =
+                self.truncated_below.map_or(0.0, |low| negative_log_survivor((low - c) / sd, k).value);
             out.push(z[p + 1] + shape + below);
         }
     }

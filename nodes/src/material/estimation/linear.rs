@@ -75,13 +75,14 @@ pub(crate) fn least_squares(a: &[f64], b: &[f64], columns: usize, which: &[usize
         return None;
     }
     // Column-major copy.
-    let mut q: Vec<Vec<f64>> = which.iter().map(|&j| (0..rows).map(|i| a[i * columns + j]).collect()).collect();
+    let mut q: Vec<Vec<f64>> =
+        which.iter().map(|&j| (0..rows).map(|i| a[i * columns + j]).collect()).collect();
     let mut rhs = b.to_vec();
     let mut diagonal = vec![0.0; n];
     for j in 0..n {
         let whole = q[j].iter().map(|x| x * x).sum::<f64>().sqrt();
         let norm = q[j][j..].iter().map(|x| x * x).sum::<f64>().sqrt();
-        if !(norm > 1e-13 * whole) {
+        if norm.is_nan() || norm <= 1e-13 * whole {
             return None;
         }
         let alpha = if q[j][j] > 0.0 { -norm } else { norm };

@@ -224,7 +224,8 @@ pub fn fit_mixture(points: &[DampingPoint], options: &MixtureOptions) -> Result<
     let bounds = mixture.bounds(plain.floor);
     let mut starts = vec![plain.z.clone()];
     for noise in NOISES {
-        let mut z = start(&likelihood, plain.z.get(n.saturating_sub(3)).copied().unwrap_or(1.0), 0.5, plain.floor);
+        let mut z =
+            start(&likelihood, plain.z.get(n.saturating_sub(3)).copied().unwrap_or(1.0), 0.5, plain.floor);
         z[n - 2] = libm::log(noise).max(log_floor);
         starts.push(z);
     }
@@ -256,7 +257,9 @@ pub fn fit_mixture(points: &[DampingPoint], options: &MixtureOptions) -> Result<
             best = Some((out.value, z, out.gradient, trace));
         }
     }
-    let Some((_, z, gradient, trace)) = best else { return Err(EstimationError::Option("no start converged")) };
+    let Some((_, z, gradient, trace)) = best else {
+        return Err(EstimationError::Option("no start converged"));
+    };
     let mut responsibility = Vec::new();
     let penalised = mixture.responsibilities(&z, &mut responsibility);
     let log_likelihood = penalised - mixture.penalty(log_shares(z[n]));

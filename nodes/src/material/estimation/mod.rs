@@ -1,14 +1,16 @@
 //! Estimators of damping models from points.
 
 pub mod diagnostics;
+pub mod elastic_ratio;
 pub mod emg;
 pub mod erfcx;
 pub mod estimate;
 pub mod fit;
 pub mod gamma_excess;
-pub mod likelihood;
+pub mod hierarchical;
 mod lbfgs;
 pub mod least_squares;
+pub mod likelihood;
 mod linear;
 pub mod lower_bound;
 pub mod mixture;
@@ -18,6 +20,6 @@ pub mod point;
 pub mod reference;
 pub mod report;
 pub mod scan;
-pub mod uncertainty;
 #[cfg(test)]
 mod tests;
+pub mod uncertainty;

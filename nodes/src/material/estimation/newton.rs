@@ -61,7 +61,8 @@ pub(crate) fn newton(
     let (mut trial, mut direction) = (vec![0.0; n], Vec::with_capacity(n));
     let (mut system, mut free) = (Vec::with_capacity(n * n), Vec::with_capacity(n));
     z.iter_mut().zip(bounds).for_each(|(z, [low, high])| *z = z.clamp(*low, *high));
-    let mut out = Ascent { value: objective.derivatives(z, &mut g, &mut h), evaluations: 1, ..Ascent::default() };
+    let mut out =
+        Ascent { value: objective.derivatives(z, &mut g, &mut h), evaluations: 1, ..Ascent::default() };
     let mut damping = 0.0;
     'steps: while out.value.is_finite() {
         out.gradient = projected_norm(z, &g, bounds);

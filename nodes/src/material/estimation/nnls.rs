@@ -50,8 +50,12 @@ pub fn nnls(a: &[f64], b: &[f64], columns: usize) -> Vec<f64> {
             for (j, s) in passive.iter().zip(&solution) {
                 x[*j] += step * (s - x[*j]);
             }
-            let leaving: Vec<usize> =
-                passive.iter().zip(&solution).filter(|(j, s)| **s <= 0.0 && x[**j] <= 1e-15).map(|(j, _)| *j).collect();
+            let leaving: Vec<usize> = passive
+                .iter()
+                .zip(&solution)
+                .filter(|(j, s)| **s <= 0.0 && x[**j] <= 1e-15)
+                .map(|(j, _)| *j)
+                .collect();
             passive.retain(|j| !leaving.contains(j));
             leaving.iter().for_each(|j| x[*j] = 0.0);
             if leaving.contains(&next) {

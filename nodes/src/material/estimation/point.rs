@@ -44,7 +44,9 @@ pub enum EstimationError {
         needed: usize,
     },
     /// Frequencies that do not determine the curve.
-    #[error("the points have {distinct} distinct frequencies; {needed} are needed to tell the parameters apart")]
+    #[error(
+        "the points have {distinct} distinct frequencies; {needed} are needed to tell the parameters apart"
+    )]
     RankDeficient {
         /// Number of distinct frequencies.
         distinct: usize,
@@ -208,6 +210,24 @@ impl Sample {
             self.family.basis(&spline, *x, exponent, row);
         }
         out
+    }
+
+    /// Some of the points, in the same units.
+    #[must_use]
+    pub fn subset(&self, which: &[usize]) -> Self {
+        let of = |x: &[f64]| which.iter().map(|i| x[*i]).collect::<Vec<f64>>();
+        let p = self.family.linear_parameters();
+        let rows = |i: &usize| self.basis.get(i * p..(i + 1) * p).unwrap_or_default().iter().copied();
+        Self {
+            x: of(&self.x),
+            log_x: of(&self.log_x),
+            y: of(&self.y),
+            variance: of(&self.variance),
+            weight: of(&self.weight),
+            basis: which.iter().flat_map(rows).collect(),
+            knots: self.knots.clone(),
+            ..*self
+        }
     }
 
     /// Sum of the weights.

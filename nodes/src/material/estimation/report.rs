@@ -218,6 +218,8 @@ pub struct FitReport {
     pub diagnostics: Diagnostics,
     /// Reasons to doubt it.
     pub warnings: Vec<FitWarning>,
+    /// Mean support damping of each recording, 1/s, from a hierarchical fit; empty otherwise.
+    pub supports: Vec<f64>,
     /// The points: squared frequency in rad^2/s^2 and damping in 1/s.
     pub points: Vec<[f64; 2]>,
     /// One report for each point.

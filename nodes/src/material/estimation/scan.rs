@@ -187,7 +187,8 @@ pub fn scan(
         if !(left && right && value.is_finite()) {
             continue;
         }
-        let mut maximum = refine(likelihood, exponent, scan.parameters(grid[j], &profile[j].1), floor, &mut scan.effort);
+        let mut maximum =
+            refine(likelihood, exponent, scan.parameters(grid[j], &profile[j].1), floor, &mut scan.effort);
         let log_k = maximum.z[maximum.z.len() - 2] + maximum.z[maximum.z.len() - 1];
         let inside = (j == 0 || log_k < grid[j - 1]) && (j + 1 == count || log_k > grid[j + 1]);
         if !inside || maximum.value < value - 1e-12 {
@@ -258,7 +259,8 @@ pub(super) fn at_shape(likelihood: &Likelihood<'_>, k: f64) -> Vec<f64> {
     let objective = FixedShape { sample, basis: &basis, total: likelihood.total_weight(), k };
     let mut bounds = vec![[1e-9, 1e12]];
     bounds.extend(vec![[0.0, f64::MAX]; p]);
-    let mut scan = Scan { objective, scale: vec![1.0; p], bounds, tolerance: 1e-13, effort: Effort::default() };
+    let mut scan =
+        Scan { objective, scale: vec![1.0; p], bounds, tolerance: 1e-13, effort: Effort::default() };
     let mut z = vec![1.0];
     z.extend(vec![0.1; p]);
     // From a wide shape to a narrow one, or the reverse, each from the last.

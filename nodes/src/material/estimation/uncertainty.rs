@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 /// Fall of twice the log-likelihood at the ends of a 95 % interval.
 const CHI_SQUARE_95: f64 = 3.841_458_820_694_124;
 /// Half width of a 95 % interval in standard errors.
-const NORMAL_95: f64 = 1.959_963_984_540_054;
+pub(crate) const NORMAL_95: f64 = 1.959_963_984_540_054;
 
 /// Method of an interval.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -23,10 +23,10 @@ pub enum IntervalMethod {
     Information,
     /// Profile likelihood.
     Profile,
-    /// Percentiles over resampled recordings, or points where there is one recording.
+    /// Reflected percentiles over resampled recordings, or points where there is one recording.
     Bootstrap,
     /// Reflected percentiles over simulated data.
-    ReflectedBootstrap,
+    ParametricBootstrap,
 }
 
 /// A 95 % interval of one parameter.
@@ -153,7 +153,11 @@ pub fn profile(fit: &Fit, j: usize) -> Option<[f64; 2]> {
         }
         for _ in 0..40 {
             let middle = 0.5 * (inner + outer);
-            if fall(middle) > 0.0 { outer = middle } else { inner = middle }
+            if fall(middle) > 0.0 {
+                outer = middle
+            } else {
+                inner = middle
+            }
             if (outer - inner).abs() < 1e-7 * outer.abs().max(1e-9) {
                 break;
             }
@@ -214,7 +218,7 @@ pub fn bootstrap(
     points: &[DampingPoint],
     draws: usize,
     seed: u64,
-    refit: impl Fn(&Sample) -> Option<Vec<f64>> + Sync,
+    refit: impl Fn(&Sample) -> Option<Vec<f64>> + Sync + Send,
 ) -> Replicates {
     let mut ids: Vec<u32> = points.iter().map(|p| p.recording).collect();
     ids.sort_unstable();
@@ -241,18 +245,18 @@ pub fn parametric_bootstrap(
     fit: &Fit,
     draws: usize,
     seed: u64,
-    refit: impl Fn(&Sample) -> Option<Vec<f64>> + Sync,
+    refit: impl Fn(&Sample) -> Option<Vec<f64>> + Sync + Send,
 ) -> Replicates {
     let draw = |k: usize| refit(&simulate(fit, seed, k));
-    collect(draws, IntervalMethod::ReflectedBootstrap, draw)
+    collect(draws, IntervalMethod::ParametricBootstrap, draw)
 }
 
 fn collect(
     draws: usize,
     method: IntervalMethod,
-    draw: impl Fn(usize) -> Option<Vec<f64>> + Sync,
+    draw: impl Fn(usize) -> Option<Vec<f64>> + Sync + Send,
 ) -> Replicates {
-    let all: Vec<Option<Vec<f64>>> = (0..draws).into_par_iter().map(|k| draw(k)).collect();
+    let all: Vec<Option<Vec<f64>>> = (0..draws).into_par_iter().map(draw).collect();
     let failed = all.iter().filter(|x| x.is_none()).count();
     Replicates { parameters: all.into_iter().flatten().collect(), failed, method }
 }
@@ -286,17 +290,16 @@ pub fn simulate(fit: &Fit, seed: u64, k: usize) -> Sample {
 }
 
 impl Replicates {
-    /// The interval of a figure of each replicate, whose value for the estimate itself is `best`.
+    /// The interval of a figure of each replicate, whose value for the estimate itself is `best`: the percentiles, reflected around it,
+    /// because the estimate lies above a steep edge of the data and its error is skewed. A figure of at least 0 has an interval above 0.
     #[must_use]
     pub fn interval(&self, best: f64, figure: impl Fn(&[f64]) -> f64) -> [f64; 2] {
-        let mut values: Vec<f64> = self.parameters.iter().map(|p| figure(p)).filter(|x| x.is_finite()).collect();
+        let mut values: Vec<f64> =
+            self.parameters.iter().map(|p| figure(p)).filter(|x| x.is_finite()).collect();
         values.sort_by(f64::total_cmp);
         let [low, high] = [0.025, 0.975].map(|share| quantile(&values, share));
-        if self.method == IntervalMethod::ReflectedBootstrap {
-            [2.0 * best - high, 2.0 * best - low]
-        } else {
-            [low, high]
-        }
+        let reflected = 2.0 * best - high;
+        [if best >= 0.0 { reflected.max(0.0) } else { reflected }, 2.0 * best - low]
     }
 
     /// Intervals of all parameters.
@@ -318,9 +321,5 @@ pub fn distribution(fit: &Fit, i: usize, curve: &[f64]) -> Emg {
     let sigma = libm::exp(fit.z[p]);
     let variance = if fit.options.per_feature { fit.sample.variance[i] } else { 0.0 };
     let ys = fit.sample.ys;
-    Emg {
-        c: ys * curve[i],
-        sigma: ys * (sigma * sigma + variance).sqrt(),
-        eta: libm::exp(fit.z[p + 1]) / ys,
-    }
+    Emg { c: ys * curve[i], sigma: ys * (sigma * sigma + variance).sqrt(), eta: libm::exp(fit.z[p + 1]) / ys }
 }

@@ -62,7 +62,7 @@ fn profile(profile: &NoiseProfile) -> Option<String> {
         &format!("Noise profile: the first of {length:.2} m"),
         &axis("position, m", [0.0, (shown.len() - 1) as f64 * profile.spacing]),
         &axis("height, luminance", [-max, max]),
-        &[Line { label: String::new(), points }],
+        &[Line::new(String::new(), points)],
     ))
 }
 

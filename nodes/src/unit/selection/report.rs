@@ -165,9 +165,8 @@ impl Data for SelectionReport {
     fn plot(&self) -> Option<String> {
         let count = self.channels.first().map_or(0, |channel| channel.picks.len());
         let seconds = |i: usize| i as f64 / self.rate;
-        let line = |label: String, values: &mut dyn Iterator<Item = f64>| Line {
-            label,
-            points: values.enumerate().map(|(i, y)| [seconds(i), y]).collect(),
+        let line = |label: String, values: &mut dyn Iterator<Item = f64>| {
+            Line::new(label, values.enumerate().map(|(i, y)| [seconds(i), y]).collect())
         };
         let dims = self.dims;
         let row = |x: &[f32], dim: usize| -> Vec<f64> {

@@ -39,7 +39,7 @@ fn digits(found: f64, exact: f64, relative: f64) {
 #[test]
 fn estimates_have_all_digits() {
     let points = golden();
-    digits(points.iter().map(|p| p.c).sum(), 4639.885_752_779, 2e-13);
+    digits(points.iter().map(|p| p.c).sum(), 4_639.885_752_779, 2e-13);
     let fit = fit(&points, &FitOptions::paper(Family::Rayleigh)).unwrap();
     digits(fit.sample.ls, 1.776_528_792_2e8, 1e-10);
     digits(fit.sample.ys, 15.628_446_749_3, 1e-11);

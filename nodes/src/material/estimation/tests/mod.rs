@@ -1,5 +1,6 @@
 //! Known answers of the estimators.
 
+mod experiments;
 mod golden;
 mod properties;
 mod uncertainty;
@@ -10,7 +11,7 @@ use crate::material::statistics::normal::normal_quantile;
 use std::f64::consts::TAU;
 
 /// `n` points of a Rayleigh curve `[a1, a2, sigma, eta]` with frequencies log-uniform from 200 Hz to 15 kHz.
-fn simulated(rng: &mut Rng, n: usize, [a1, a2, sigma, eta]: [f64; 4]) -> Vec<DampingPoint> {
+pub(super) fn simulated(rng: &mut Rng, n: usize, [a1, a2, sigma, eta]: [f64; 4]) -> Vec<DampingPoint> {
     (0..n)
         .map(|_| {
             let lambda = (TAU * 200.0 * 75_f64.powf(rng.uniform())).powi(2);

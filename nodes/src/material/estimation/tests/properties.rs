@@ -22,7 +22,10 @@ const FAMILIES: [Family; 6] = [
 
 fn with_accuracies() -> Vec<DampingPoint> {
     let mut rng = Rng::new(5);
-    golden().into_iter().map(|p| DampingPoint { sd_c: rng.between(0.0, 0.2) * p.c, weight: rng.between(0.2, 2.0), ..p }).collect()
+    golden()
+        .into_iter()
+        .map(|p| DampingPoint { sd_c: rng.between(0.0, 0.2) * p.c, weight: rng.between(0.2, 2.0), ..p })
+        .collect()
 }
 
 #[test]
@@ -45,7 +48,10 @@ fn gradients_and_hessians_agree_with_differences() {
             (z[n - 2], z[n - 1]) = (-2.0, 0.4);
             let (mut g, mut h) = (vec![0.0; n], vec![0.0; n * n]);
             let value = f.derivatives(&z, &mut g, &mut h);
-            assert!((value - f.value(&z)).abs() < 1e-12 && (value - f.gradient(&z, &mut vec![0.0; n])).abs() < 1e-12);
+            assert!(
+                (value - f.value(&z)).abs() < 1e-12
+                    && (value - f.gradient(&z, &mut vec![0.0; n])).abs() < 1e-12
+            );
             for a in 0..n {
                 let step = 1e-5;
                 let (mut up, mut down) = (z.clone(), z.clone());
@@ -53,7 +59,11 @@ fn gradients_and_hessians_agree_with_differences() {
                 down[a] -= step;
                 let slope = (f.value(&up) - f.value(&down)) / (2.0 * step);
                 let scale = g.iter().fold(1.0, |m: f64, g| m.max(g.abs()));
-                assert!((slope - g[a]).abs() < 1e-6 * scale, "{family:?} {per_feature} {below:?} {excess:?} {a}: {slope} {}", g[a]);
+                assert!(
+                    (slope - g[a]).abs() < 1e-6 * scale,
+                    "{family:?} {per_feature} {below:?} {excess:?} {a}: {slope} {}",
+                    g[a]
+                );
                 let (mut gu, mut gd) = (vec![0.0; n], vec![0.0; n]);
                 f.gradient(&up, &mut gu);
                 f.gradient(&down, &mut gd);
@@ -61,7 +71,10 @@ fn gradients_and_hessians_agree_with_differences() {
                 for b in 0..n {
                     let bend = (gu[b] - gd[b]) / (2.0 * step);
                     let found = h[a * n + b];
-                    assert!((bend - found).abs() < 1e-6 * scale, "{family:?} {per_feature} {below:?} {excess:?} {a} {b}: {bend} {found}");
+                    assert!(
+                        (bend - found).abs() < 1e-6 * scale,
+                        "{family:?} {per_feature} {below:?} {excess:?} {a} {b}: {bend} {found}"
+                    );
                 }
             }
         }
@@ -118,7 +131,8 @@ fn parameters_transform_with_the_units_and_ignore_order_and_duplicates() {
         let options = FitOptions::paper(family);
         let base = fit(&points, &options).unwrap();
         let (s, t) = (37.0, 0.11);
-        let scaled: Vec<_> = points.iter().map(|p| DampingPoint { lambda: s * p.lambda, c: t * p.c, ..*p }).collect();
+        let scaled: Vec<_> =
+            points.iter().map(|p| DampingPoint { lambda: s * p.lambda, c: t * p.c, ..*p }).collect();
         let scaled = fit(&scaled, &options).unwrap();
         let p = family.linear_parameters();
         let exponent = base.theta().get(p).copied().unwrap_or(1.0);
@@ -131,7 +145,8 @@ fn parameters_transform_with_the_units_and_ignore_order_and_duplicates() {
         }
         assert!((scaled.sigma() / base.sigma() / t - 1.0).abs() < 1e-8);
         let reversed: Vec<_> = points.iter().rev().copied().collect();
-        let half = points.iter().chain(&points).map(|p| DampingPoint { weight: 0.5, ..*p }).collect::<Vec<_>>();
+        let half =
+            points.iter().chain(&points).map(|p| DampingPoint { weight: 0.5, ..*p }).collect::<Vec<_>>();
         for other in [reversed, half] {
             let other = fit(&other, &options).unwrap();
             assert!((other.log_likelihood - base.log_likelihood).abs() < 1e-9, "{family:?}");
@@ -179,13 +194,18 @@ fn lower_bounds_touch_but_never_cross_a_point() {
 
 #[test]
 fn least_squares_of_power_laws_find_their_exponent() {
-    let exact: Vec<_> = golden().iter().map(|p| DampingPoint::new(p.lambda, 2e-5 * p.lambda.powf(0.7))).collect();
+    let exact: Vec<_> =
+        golden().iter().map(|p| DampingPoint::new(p.lambda, 2e-5 * p.lambda.powf(0.7))).collect();
     let sample = Sample::new(&exact, Family::Power).unwrap();
     for space in [Space::Linear, Space::Log] {
         let found = sample.physical(&LeastSquares { space, unconstrained: false }.fit(&sample));
-        assert!((found[1] - 0.7).abs() < 1e-6 && (found[0] / 2e-5 - 1.0).abs() < 2e-5, "{space:?}: {found:?}");
+        assert!(
+            (found[1] - 0.7).abs() < 1e-6 && (found[0] / 2e-5 - 1.0).abs() < 2e-5,
+            "{space:?}: {found:?}"
+        );
     }
-    let falling: Vec<_> = golden().iter().map(|p| DampingPoint::new(p.lambda, 500.0 - 1e-8 * p.lambda)).collect();
+    let falling: Vec<_> =
+        golden().iter().map(|p| DampingPoint::new(p.lambda, 500.0 - 1e-8 * p.lambda)).collect();
     let sample = Sample::new(&falling, Family::Rayleigh).unwrap();
     let free = sample.physical(&LeastSquares { unconstrained: true, ..LeastSquares::default() }.fit(&sample));
     assert!((free[1] / -1e-8 - 1.0).abs() < 1e-9, "{free:?}");
@@ -218,21 +238,34 @@ fn impossible_inputs_are_named() {
         let text = fit(&points, &FitOptions::new(Family::Rayleigh)).unwrap_err().to_string();
         assert!(text.contains(&format!("`{field}` of point 7")), "{text}");
     }
-    let text = fit(&golden(), &FitOptions { truncated_below: Some(5.0), ..FitOptions::new(Family::Rayleigh) });
+    let text =
+        fit(&golden(), &FitOptions { truncated_below: Some(5.0), ..FitOptions::new(Family::Rayleigh) });
     assert!(text.unwrap_err().to_string().contains("dropped"));
 }
 
 #[test]
 fn degenerate_points_end_at_a_bound_and_not_in_nan() {
     for family in FAMILIES {
-        let on_a_curve: Vec<_> = golden().iter().map(|p| DampingPoint::new(p.lambda, 3.9 + 1e-8 * p.lambda)).collect();
+        let on_a_curve: Vec<_> =
+            golden().iter().map(|p| DampingPoint::new(p.lambda, 3.9 + 1e-8 * p.lambda)).collect();
         let flat: Vec<_> = golden().iter().map(|p| DampingPoint { c: 7.0, ..*p }).collect();
-        let twice: Vec<_> = golden().iter().map(|p| DampingPoint { lambda: if p.c > 15.0 { 1e6 } else { 3e9 }, ..*p }).collect();
+        let twice: Vec<_> = golden()
+            .iter()
+            .map(|p| DampingPoint { lambda: if p.c > 15.0 { 1e6 } else { 3e9 }, ..*p })
+            .collect();
         for (name, points) in [("curve", on_a_curve), ("flat", flat), ("two frequencies", twice)] {
             let Ok(fit) = fit(&points, &FitOptions::new(family)) else { continue };
-            assert!(fit.z.iter().all(|z| z.is_finite()) && fit.log_likelihood.is_finite(), "{family:?} {name}: {:?}", fit.z);
+            assert!(
+                fit.z.iter().all(|z| z.is_finite()) && fit.log_likelihood.is_finite(),
+                "{family:?} {name}: {:?}",
+                fit.z
+            );
             if name != "two frequencies" && !family.has_exponent() {
-                assert!(fit.sigma_at_floor() || family == Family::Spline(5) || family == Family::Caughey(1), "{family:?} {name}: {}", fit.sigma());
+                assert!(
+                    fit.sigma_at_floor() || family == Family::Spline(5) || family == Family::Caughey(1),
+                    "{family:?} {name}: {}",
+                    fit.sigma()
+                );
             }
         }
     }
@@ -251,6 +284,11 @@ fn a_spline_follows_a_curve_that_no_polynomial_has() {
     assert!(spline.log_likelihood > line.log_likelihood + 100.0);
     let model = Family::Spline(6).model(&spline.physical(), &spline.sample.physical_knots());
     for lambda in [1e7, 3e7, 1e8] {
-        assert!((model.c(lambda) / step(lambda) - 1.0).abs() < 0.1, "{lambda}: {} {}", model.c(lambda), step(lambda));
+        assert!(
+            (model.c(lambda) / step(lambda) - 1.0).abs() < 0.1,
+            "{lambda}: {} {}",
+            model.c(lambda),
+            step(lambda)
+        );
     }
 }
