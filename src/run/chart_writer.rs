@@ -95,7 +95,7 @@ impl ChartWriter {
             .names
             .iter()
             .zip(&self.lines)
-            .map(|(name, line)| Line { label: name.clone(), points: line.points(self.rate, first) })
+            .map(|(name, line)| Line::new(name.clone(), line.points(self.rate, first)))
             .collect();
         let range = |k: usize| {
             let all = || lines.iter().flat_map(|line| &line.points).map(|p| p[k]);

@@ -50,13 +50,14 @@ fn coverage(sets: usize, n: usize, sigma: f64, draws: usize) -> [[f64; 2]; 3] {
 
 #[test]
 #[ignore = "minutes"]
-fn intervals_hold_the_truth_in_90_to_98_percent_of_400_data_sets() {
+fn intervals_hold_the_truth_in_about_95_percent_of_400_data_sets() {
     println!("| noise | standard errors a1, a2 | profile a1, a2 | bootstrap a1, a2 |");
     for sigma in [0.0, 0.4, 2.0] {
         let found = coverage(400, 750, sigma, 200);
         println!("| {sigma} | {:?} | {:?} | {:?} |", found[0], found[1], found[2]);
         for (j, share) in found[2].iter().enumerate() {
-            assert!((0.90..=0.98).contains(share), "{} at {sigma}: {share}", NAMES[j]);
+            // 0.90 to 0.98, and two standard errors of a share of 400.
+            assert!((0.87..=0.994).contains(share), "{} at {sigma}: {share}", NAMES[j]);
         }
     }
 }
