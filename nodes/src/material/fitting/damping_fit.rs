@@ -77,6 +77,9 @@ params! {
     /// summary lists the parameters, their 95 % intervals, and the reasons to doubt them; a tap of `report` as SVG is the figure of
     /// the fit. Intervals are those of resampled recordings, so they need several.
     ///
+    /// # Randomness
+    /// Resampled and simulated data, and so the intervals and the test of the fit, are a function of the seed.
+    ///
     /// # Source
     /// Sterling et al., "Audio-material reconstruction for virtualized reality using a probabilistic damping model" (IEEE TVCG 25(5),
     /// 2019), section 4.
