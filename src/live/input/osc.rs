@@ -184,7 +184,7 @@ pub fn listen_to_osc(at: SocketAddr, hub: Arc<Hub>) -> std::io::Result<Listener>
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::live::checks::check_packet;
+    use crate::live::checks::{check_packet, seeds};
     use foley_nodes::core::input::Inputs;
     use foley_nodes::core::random::Rng;
     use foley_nodes::core::time::{seconds, ticks};
@@ -315,7 +315,7 @@ mod tests {
         many.extend((message.len() as u32).to_be_bytes());
         many.extend(&message);
         let good = [message.clone(), nested(&message, 7), many];
-        for seed in 0..6000 {
+        for seed in seeds(6000) {
             let mut rng = Rng::new(seed);
             let mut bytes = good[seed as usize % 3].clone();
             for _ in 0..1 + rng.below(6) {
