@@ -1,10 +1,10 @@
 //! Tests of a fit against its own assumptions.
 
 use super::fit::{Fit, FitOptions, fit};
-use super::point::{DampingPoint, EstimationError, Sample};
+use super::point::{DampingPoint, EstimationError, Sample, recordings};
 use super::report::{Comparison, FitWarning, PointReport};
-use super::uncertainty::{distribution, refit, simulate};
-use crate::material::damping::Family;
+use super::uncertainty::{distribution, optimum, refit, simulate};
+use crate::material::damping::{DampingModel, Family};
 use crate::material::statistics::ranks::{distance_to_uniform, spearman};
 use crate::material::statistics::special::{chi_square_above, digamma};
 use rayon::prelude::*;
@@ -39,12 +39,12 @@ pub fn point_reports(fit: &Fit, points: &[DampingPoint], responsibility: Option<
 }
 
 /// Transforms of the points that belong to modes.
-fn transforms(fit: &Fit, sample: &Sample, z: &[f64]) -> Vec<f64> {
-    let at = Fit { z: z.to_vec(), ..fit.clone() };
-    let curve = sample.curve(at.theta());
+fn transforms(fit: &Fit) -> Vec<f64> {
+    let sample = &fit.sample;
+    let curve = sample.curve(fit.theta());
     (0..sample.len())
         .filter(|i| sample.weight[*i] > 0.0)
-        .map(|i| distribution(&at, i, &curve).cdf(sample.ys * sample.y[i]))
+        .map(|i| distribution(fit, i, &curve).cdf(sample.ys * sample.y[i]))
         .collect()
 }
 
@@ -52,15 +52,10 @@ fn transforms(fit: &Fit, sample: &Sample, z: &[f64]) -> Vec<f64> {
 /// the tables of Kolmogorov and Smirnov hold for known parameters alone.
 #[must_use]
 pub fn distance_p(fit: &Fit, distance: f64, draws: usize, seed: u64) -> f64 {
-    let p = fit.sample.family.parameters();
     let larger = |k: &usize| {
         let sample = simulate(fit, seed ^ 0x5EED, *k);
-        let Some(found) = refit(fit, &sample) else { return false };
-        let mut z = sample.normalised(&found[..p]);
-        z.push(libm::log(found[p] / sample.ys));
-        z.push(libm::log(found[p + 1] * sample.ys));
-        let refitted = Fit { sample: sample.clone(), ..fit.clone() };
-        distance_to_uniform(&transforms(&refitted, &sample, &z)) >= distance
+        let Some(z) = optimum(fit, &sample) else { return false };
+        distance_to_uniform(&transforms(&Fit { sample, z, ..fit.clone() })) >= distance
     };
     let count = (0..draws).into_par_iter().filter(larger).count();
     (count + 1) as f64 / (draws + 1) as f64
@@ -141,9 +136,8 @@ pub fn compare(
     }
     found.sort_by(|a, b| a.aic.total_cmp(&b.aic));
     // A hybrid that gains no more than two units is no better than a Rayleigh curve.
-    let place = |of: &dyn Fn(&Comparison) -> bool| found.iter().position(of);
-    let hybrid = place(&|c| matches!(c.model, crate::material::damping::DampingModel::Hybrid { .. }));
-    let rayleigh = place(&|c| matches!(c.model, crate::material::damping::DampingModel::Rayleigh { .. }));
+    let hybrid = found.iter().position(|c| matches!(c.model, DampingModel::Hybrid { .. }));
+    let rayleigh = found.iter().position(|c| matches!(c.model, DampingModel::Rayleigh { .. }));
     if let (Some(h), Some(r)) = (hybrid, rayleigh)
         && h < r
         && found[r].aic - found[h].aic <= 2.0
@@ -166,9 +160,7 @@ pub fn recording_effect(
     responsibility: Option<&[f64]>,
     covariance: &[f64],
 ) -> Option<FitWarning> {
-    let mut ids: Vec<u32> = points.iter().map(|p| p.recording).collect();
-    ids.sort_unstable();
-    ids.dedup();
+    let ids = recordings(points);
     if !(2..=MAX_LEFT_OUT).contains(&ids.len()) {
         return None;
     }
@@ -216,13 +208,15 @@ pub fn warnings(fit: &Fit, points: &[DampingPoint]) -> Vec<FitWarning> {
     if octaves < 1.0 || highest - least < sigma + 1.0 / eta {
         out.push(FitWarning::NoLeverage { octaves });
     }
-    let mut ids: Vec<u32> = points.iter().map(|p| p.recording).collect();
-    ids.sort_unstable();
-    ids.dedup();
-    if ids.len() < MIN_RECORDINGS {
-        out.push(FitWarning::FewRecordings(ids.len()));
-    }
+    out.extend(few_recordings(points));
     out
+}
+
+/// A warning for fewer than ten recordings.
+#[must_use]
+pub fn few_recordings(points: &[DampingPoint]) -> Option<FitWarning> {
+    let found = recordings(points).len();
+    (found < MIN_RECORDINGS).then_some(FitWarning::FewRecordings(found))
 }
 
 /// Warnings about the distribution of the points.

@@ -9,7 +9,7 @@
 //! 20. Eqs. 12 and 15 overflow as printed, and eqs. 16 and 18 have errors in print; the forms here are those of the density itself.
 
 use super::erfcx::erfcx;
-use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
+use std::f64::consts::FRAC_1_SQRT_2;
 
 /// `sqrt(2 / pi)`.
 const SQRT_2_PI: f64 = 0.797_884_560_802_865_4;
@@ -243,12 +243,6 @@ impl Emg {
         let Hazard { q, dq, .. } = hazard(k - u);
         (-self.sigma * q, self.sigma * self.sigma * dq)
     }
-}
-
-/// `Phi(x)`.
-#[must_use]
-pub fn normal_cdf(x: f64) -> f64 {
-    0.5 * libm::erfc(-x / SQRT_2)
 }
 
 #[cfg(test)]

@@ -7,11 +7,10 @@ use super::hierarchical::fit_hierarchical;
 use super::least_squares::{LeastSquares, Space};
 use super::lower_bound::lower_bound;
 use super::mixture::{MixtureFit, MixtureOptions, fit_mixture};
-use super::point::{DampingPoint, EstimationError, Sample};
+use super::point::{DampingPoint, EstimationError, Sample, recordings};
 use super::report::{AtFrequency, Diagnostics, FitReport, FitWarning, PointReport, REPORTED_HZ};
 use super::uncertainty::{
-    Interval, IntervalMethod, NORMAL_95, Replicates, bootstrap, covariance, information,
-    parametric_bootstrap, refit, wald,
+    Replicates, bootstrap, covariance, information, parametric_bootstrap, refit, standard_errors, wald,
 };
 use crate::material::damping::DampingModel;
 use serde::{Deserialize, Serialize};
@@ -99,25 +98,16 @@ fn names(fit: &Fit) -> Vec<String> {
     names
 }
 
-fn recordings(points: &[DampingPoint]) -> usize {
-    let mut ids: Vec<u32> = points.iter().map(|p| p.recording).collect();
-    ids.sort_unstable();
-    ids.dedup();
-    ids.len()
-}
-
 /// Damping at the reported frequencies, with intervals from replicates.
 fn at_frequencies(
-    fit_model: impl Fn(&[f64]) -> Option<DampingModel>,
+    model_of: impl Fn(&[f64]) -> DampingModel,
     values: &[f64],
     replicates: Option<&Replicates>,
 ) -> Vec<AtFrequency> {
-    let Some(model) = fit_model(values) else { return Vec::new() };
+    let model = model_of(values);
     let each = |&frequency: &f64| {
-        let interval = replicates.map(|r| {
-            let figure = |p: &[f64]| fit_model(p).map_or(f64::NAN, |m| m.decay(frequency));
-            r.interval(model.decay(frequency), figure)
-        });
+        let figure = |p: &[f64]| model_of(p).decay(frequency);
+        let interval = replicates.map(|r| r.interval(model.decay(frequency), figure));
         AtFrequency::of(&model, frequency, interval.filter(|i| i[0].is_finite()))
     };
     REPORTED_HZ.iter().map(each).collect()
@@ -133,8 +123,7 @@ fn likelihood_report(
 ) -> Result<FitReport, EstimationError> {
     let family = fit.sample.family;
     let names = names(fit);
-    let mut values = fit.physical();
-    values.extend([fit.sigma(), fit.eta()]);
+    let values = fit.sample.physical_with_noise(&fit.z);
     let cov = covariance(fit, information);
     let mut warnings = diagnostics::warnings(fit, points);
     if cov.is_none() {
@@ -148,7 +137,7 @@ fn likelihood_report(
     };
     let replicates = (settings.draws > 0).then(|| {
         // Points of one recording are as independent as the model says.
-        if fit.sigma_at_floor() || (mixture.is_none() && recordings(points) == 1) {
+        if fit.sigma_at_floor() || (mixture.is_none() && recordings(points).len() == 1) {
             parametric_bootstrap(fit, settings.draws, settings.seed, again)
         } else {
             bootstrap(&fit.sample, points, settings.draws, settings.seed, again)
@@ -156,7 +145,7 @@ fn likelihood_report(
     });
     let ci = match (&replicates, &cov) {
         (Some(replicates), _) => replicates.intervals(&names, &values),
-        (None, Some(cov)) => wald(&names, &values, cov),
+        (None, Some(cov)) => wald(&names, &values, &standard_errors(cov)),
         (None, None) => Vec::new(),
     };
     if let Some(failed) = replicates.as_ref().map(|r| r.failed).filter(|f| *f > 0) {
@@ -188,16 +177,16 @@ fn likelihood_report(
         warnings.push(FitWarning::ManySpurious(pi));
     }
     let knots = fit.sample.physical_knots();
-    let model = |p: &[f64]| Some(family.model(&p[..family.parameters()], &knots));
+    let model = |p: &[f64]| family.model(&p[..family.parameters()], &knots);
     Ok(FitReport {
         estimator: estimator.into(),
-        model: family.model(&values[..family.parameters()], &knots),
+        model: model(&values),
         names,
         sigma: fit.sigma(),
         eta: Some(fit.eta()),
         log_lik: fit.physical_log_likelihood(),
         n: points.len(),
-        n_recordings: recordings(points),
+        n_recordings: recordings(points).len(),
         lambda_unit: fit.sample.ls,
         c_unit: fit.sample.ys,
         sigma_at_floor: fit.sigma_at_floor(),
@@ -225,18 +214,8 @@ fn hierarchical_report(points: &[DampingPoint], settings: &Settings) -> Result<F
     let knots = sample.physical_knots();
     let model = options.family.model(&found.theta, &knots);
     let names = model.names();
-    let ci = found.standard_errors.iter().flat_map(|errors| {
-        names.iter().zip(&found.theta).zip(errors).map(|((name, value), error)| {
-            let reach = NORMAL_95 * error;
-            Interval {
-                name: name.clone(),
-                low: value - reach,
-                high: value + reach,
-                method: IntervalMethod::Information,
-            }
-        })
-    });
-    let ci: Vec<Interval> = ci.collect();
+    let ci = found.standard_errors.as_ref().map(|errors| wald(&names, &found.theta, errors));
+    let ci = ci.unwrap_or_default();
     let part = |p: &DampingPoint| {
         let sd = if options.per_feature {
             (found.sigma * found.sigma + p.sd_c * p.sd_c).sqrt()
@@ -257,25 +236,22 @@ fn hierarchical_report(points: &[DampingPoint], settings: &Settings) -> Result<F
     let per_point: Vec<PointReport> = points.iter().map(part).collect();
     let (ks, excess_shape, correlation) = diagnostics::tests_of_points(points, &per_point);
     let mut warnings = diagnostics::distribution_warnings(excess_shape[1], correlation[0], 1.0);
-    let count = recordings(points);
-    if count < 10 {
-        warnings.push(FitWarning::FewRecordings(count));
-    }
+    warnings.extend(diagnostics::few_recordings(points));
     if ci.is_empty() {
         warnings
             .push(FitWarning::NonRegular("the noise is at its floor, or a parameter at its bound".into()));
     }
-    let fit_model = |p: &[f64]| Some(options.family.model(p, &knots));
+    let model_of = |p: &[f64]| options.family.model(p, &knots);
     Ok(FitReport {
         estimator: "Hierarchical".into(),
-        at: at_frequencies(fit_model, &found.theta, None),
+        at: at_frequencies(model_of, &found.theta, None),
         model,
         names,
         sigma: found.sigma,
         eta: Some(libm::exp(found.mean_ln_eta)),
         log_lik: found.log_likelihood,
         n: points.len(),
-        n_recordings: count,
+        n_recordings: recordings(points).len(),
         lambda_unit: sample.ls,
         c_unit: sample.ys,
         sigma_at_floor: found.sigma <= 1.001 * options.floor_of(&sample) * sample.ys,
@@ -315,12 +291,11 @@ fn simple_report(points: &[DampingPoint], settings: &Settings) -> Result<FitRepo
     };
     let values = sample.physical(&best);
     let knots = sample.physical_knots();
-    let model = |p: &[f64]| Some(family.model(p, &knots));
+    let model = |p: &[f64]| family.model(p, &knots);
     let replicates = (settings.draws > 0)
         .then(|| bootstrap(&sample, points, settings.draws, settings.seed, |s| Some(s.physical(&theta(s)))));
-    let names = family.model(&values, &knots).names();
-    let ci: Vec<Interval> = replicates.as_ref().map(|r| r.intervals(&names, &values)).unwrap_or_default();
-    debug_assert!(ci.iter().all(|i| i.method == IntervalMethod::Bootstrap));
+    let names = model(&values).names();
+    let ci = replicates.as_ref().map(|r| r.intervals(&names, &values)).unwrap_or_default();
     let parts = |(p, c): (&DampingPoint, &f64)| PointReport {
         c_hat: c * sample.ys,
         support_part: if bound { p.c - c * sample.ys } else { 0.0 },
@@ -328,17 +303,15 @@ fn simple_report(points: &[DampingPoint], settings: &Settings) -> Result<FitRepo
         pit: 0.5,
         responsibility: 1.0,
     };
-    let found = recordings(points);
-    let few = (found < 10).then_some(FitWarning::FewRecordings(found));
     Ok(FitReport {
         estimator: if bound { "LowerBound" } else { "LeastSquares" }.into(),
-        model: family.model(&values, &knots),
+        model: model(&values),
         names,
         sigma,
         eta,
         log_lik,
         n: points.len(),
-        n_recordings: found,
+        n_recordings: recordings(points).len(),
         lambda_unit: sample.ls,
         c_unit: sample.ys,
         sigma_at_floor: bound,
@@ -351,7 +324,7 @@ fn simple_report(points: &[DampingPoint], settings: &Settings) -> Result<FitRepo
         starts: 1,
         at: at_frequencies(model, &values, replicates.as_ref()),
         diagnostics: Diagnostics { ks_p: 1.0, ..Diagnostics::default() },
-        warnings: few.into_iter().collect(),
+        warnings: diagnostics::few_recordings(points).into_iter().collect(),
         supports: Vec::new(),
         points: points.iter().map(|p| [p.lambda, p.c]).collect(),
         per_point: points.iter().zip(&curve).map(parts).collect(),

@@ -250,12 +250,9 @@ pub fn fit(points: &[DampingPoint], options: &FitOptions) -> Result<Fit, Estimat
 pub(crate) fn start(likelihood: &Likelihood<'_>, exponent: f64, noise: f64, floor: f64) -> Vec<f64> {
     let sample = likelihood.sample();
     let p = sample.family.linear_parameters();
-    let mut z = LeastSquares::default().fit(sample);
+    let (mut z, _) = LeastSquares::default().linear(sample, exponent);
     if sample.family.has_exponent() {
-        z[p] = exponent;
-        let linear = Sample { family: sample.family, ..sample.clone() };
-        let basis = linear.basis_of(exponent);
-        z[..p].copy_from_slice(&super::nnls::nnls(&basis, &sample.y, p));
+        z.push(exponent);
     }
     let curve = sample.curve(&z);
     let square = curve.iter().zip(&sample.y).map(|(c, y)| (y - c).powi(2)).sum::<f64>() / sample.len() as f64;

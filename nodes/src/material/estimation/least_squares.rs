@@ -60,7 +60,7 @@ impl LeastSquares {
     }
 
     /// Linear parameters and the weighted sum of squares at an exponent.
-    fn linear(&self, sample: &Sample, exponent: f64) -> (Vec<f64>, f64) {
+    pub(super) fn linear(&self, sample: &Sample, exponent: f64) -> (Vec<f64>, f64) {
         let p = sample.family.linear_parameters();
         let mut basis = sample.basis_of(exponent);
         let root: Vec<f64> = sample.weight.iter().map(|w| w.sqrt()).collect();

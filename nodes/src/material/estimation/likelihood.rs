@@ -16,7 +16,7 @@ pub enum Excess {
     Gamma(f64),
 }
 
-/// Bounds of `sigma` and of `eta` in normalised units.
+/// Largest `sigma` in normalised units.
 pub const SIGMA_MAX: f64 = 100.0;
 /// Bounds of `eta` in normalised units.
 pub const ETA: [f64; 2] = [1e-4, 1e4];
@@ -202,8 +202,7 @@ impl<'a> Likelihood<'a> {
         value
     }
 
-    /// Sum of weighted log densities with the gradient and the Hessian of the sum, `[n * n]`; `outer` receives the sum of the
-    /// weighted outer products of the points' gradients, as mixtures need it.
+    /// Sum of weighted log densities with the gradient and the Hessian of the sum, `[n * n]`.
     pub fn sums(&self, z: &[f64], gradient: &mut [f64], hessian: &mut [f64]) -> f64 {
         let p = self.sample.family.parameters();
         let noise = [libm::exp(z[p]), libm::exp(z[p + 1])];

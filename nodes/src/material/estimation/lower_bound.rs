@@ -34,7 +34,7 @@ pub fn lower_bound(sample: &Sample) -> (Vec<f64>, f64) {
     (theta, excess / sample.total_weight())
 }
 
-/// The line of the lower hull over the mean abscissa, with its intercept and slope kept at 0 or above.
+/// The line of the lower hull over the mean abscissa, with its intercept and slope clamped to 0 or above.
 fn hull_edge(x: &[f64], y: &[f64], weight: &[f64]) -> Vec<f64> {
     let mut order: Vec<usize> = (0..x.len()).filter(|i| weight[*i] > 0.0).collect();
     // Of equal abscissae the lower point counts.

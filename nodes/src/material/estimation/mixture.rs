@@ -46,7 +46,8 @@ pub struct MixtureFit {
     pub pi: f64,
     /// Probability of each point to belong to a mode, `[n]`.
     pub responsibility: Vec<f64>,
-    /// Covariance of `theta`, `ln sigma`, `ln eta` in normalised units; `None` where it is not regular.
+    /// Minus the Hessian of the penalised log-likelihood over `theta`, `ln sigma`, `ln eta` and the logit of the share, in normalised
+    /// units.
     pub information: Vec<f64>,
     /// The options.
     pub options: MixtureOptions,
@@ -75,14 +76,7 @@ impl MixtureFit {
         let mut z = self.fit.z.clone();
         z.push(libm::log(self.pi / (1.0 - self.pi)));
         let out = newton(&mut mixture, &bounds, &mut z, 1e-7, 60);
-        if !out.value.is_finite() {
-            return None;
-        }
-        let p = sample.family.parameters();
-        let mut found = sample.physical(&z[..p]);
-        found.push(sample.ys * libm::exp(z[p]));
-        found.push(libm::exp(z[p + 1]) / sample.ys);
-        Some(found)
+        out.value.is_finite().then(|| sample.physical_with_noise(&z))
     }
 }
 

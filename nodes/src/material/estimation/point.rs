@@ -1,11 +1,13 @@
 //! Points of damping over frequency, and their normalised form.
 
 use crate::material::damping::{Family, MonotoneSpline};
+use crate::material::statistics::quantile;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 /// One mode of one recording, as estimators read it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct DampingPoint {
     /// Squared natural frequency, rad^2/s^2.
     pub lambda: f64,
@@ -27,6 +29,15 @@ impl DampingPoint {
     pub fn new(lambda: f64, c: f64) -> Self {
         Self { lambda, c, sd_c: 0.0, weight: 1.0, recording: 0, mode_cluster: 0 }
     }
+}
+
+/// The recordings of points, each once, in order.
+#[must_use]
+pub fn recordings(points: &[DampingPoint]) -> Vec<u32> {
+    let mut ids: Vec<u32> = points.iter().map(|p| p.recording).collect();
+    ids.sort_unstable();
+    ids.dedup();
+    ids
 }
 
 /// Error in points, or in what is to be fitted to them.
@@ -130,15 +141,6 @@ pub struct Sample {
     pub knots: Vec<f64>,
 }
 
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    let n = values.len();
-    if n == 0 {
-        return 1.0;
-    }
-    0.5 * (values[(n - 1) / 2] + values[n / 2])
-}
-
 impl Sample {
     /// Normalises points.
     ///
@@ -162,7 +164,9 @@ impl Sample {
             return Err(EstimationError::RankDeficient { distinct: distinct.len(), needed });
         }
         let ls = libm::exp(used().map(|p| libm::log(p.lambda)).sum::<f64>() / found as f64);
-        let ys = median(used().map(|p| p.c).collect());
+        let mut dampings: Vec<f64> = used().map(|p| p.c).collect();
+        dampings.sort_by(f64::total_cmp);
+        let ys = quantile(&dampings, 0.5);
         let x: Vec<f64> = points.iter().map(|p| p.lambda / ls).collect();
         let log_x: Vec<f64> = x.iter().map(|x| libm::log(*x)).collect();
         let knots = family
@@ -258,16 +262,12 @@ impl Sample {
         out
     }
 
-    /// Parameters in normalised units.
+    /// Parameters of the curve, `sigma` and `eta` in physical units, of `theta`, `ln sigma` and `ln eta` in normalised ones.
     #[must_use]
-    pub fn normalised(&self, physical: &[f64]) -> Vec<f64> {
-        let p = self.family.linear_parameters();
-        let exponent = physical.get(p).copied().unwrap_or(1.0);
-        let factors = self.family.factors(self.ls, self.ys, exponent);
-        let mut out: Vec<f64> = physical[..p].iter().zip(&factors).map(|(t, f)| t / f).collect();
-        if self.family.has_exponent() {
-            out.push(exponent);
-        }
+    pub fn physical_with_noise(&self, z: &[f64]) -> Vec<f64> {
+        let p = self.family.parameters();
+        let mut out = self.physical(&z[..p]);
+        out.extend([self.ys * libm::exp(z[p]), libm::exp(z[p + 1]) / self.ys]);
         out
     }
 

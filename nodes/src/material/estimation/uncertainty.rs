@@ -4,7 +4,7 @@ use super::emg::Emg;
 use super::fit::{Fit, start_at_lower_bound};
 use super::linear::inverse;
 use super::newton::newton;
-use super::point::{DampingPoint, Sample};
+use super::point::{DampingPoint, Sample, recordings};
 use crate::core::random::Rng;
 use crate::material::statistics::normal::normal_quantile;
 use crate::material::statistics::quantile;
@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 /// Fall of twice the log-likelihood at the ends of a 95 % interval.
 const CHI_SQUARE_95: f64 = 3.841_458_820_694_124;
 /// Half width of a 95 % interval in standard errors.
-pub(crate) const NORMAL_95: f64 = 1.959_963_984_540_054;
+const NORMAL_95: f64 = 1.959_963_984_540_054;
 
 /// Method of an interval.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -97,14 +97,19 @@ pub fn information(fit: &Fit) -> Vec<f64> {
     h.iter().map(|h| -h).collect()
 }
 
+/// Square roots of the diagonal of a covariance, row by row.
+#[must_use]
+pub fn standard_errors(covariance: &[f64]) -> Vec<f64> {
+    let n = (covariance.len() as f64).sqrt() as usize;
+    (0..n).map(|j| covariance[j * n + j].sqrt()).collect()
+}
+
 /// Intervals of two standard errors around values.
 #[must_use]
-pub fn wald(names: &[String], values: &[f64], covariance: &[f64]) -> Vec<Interval> {
-    let n = (covariance.len() as f64).sqrt() as usize;
-    let each = names.iter().zip(values).enumerate();
-    each.map(|(j, (name, value))| {
-        let reach = NORMAL_95 * covariance[j * n + j].sqrt();
-        let method = IntervalMethod::Information;
+pub fn wald(names: &[String], values: &[f64], errors: &[f64]) -> Vec<Interval> {
+    let each = names.iter().zip(values).zip(errors);
+    each.map(|((name, value), error)| {
+        let (reach, method) = (NORMAL_95 * error, IntervalMethod::Information);
         Interval { name: name.clone(), low: value - reach, high: value + reach, method }
     })
     .collect()
@@ -177,6 +182,11 @@ pub fn profile(fit: &Fit, j: usize) -> Option<[f64; 2]> {
 /// `None` if it does not converge.
 #[must_use]
 pub fn refit(fit: &Fit, sample: &Sample) -> Option<Vec<f64>> {
+    optimum(fit, sample).map(|z| sample.physical_with_noise(&z))
+}
+
+/// As [`refit`]; `theta`, `ln sigma`, `ln eta` in normalised units.
+pub(super) fn optimum(fit: &Fit, sample: &Sample) -> Option<Vec<f64>> {
     let mut likelihood = fit.options.likelihood(sample);
     let bounds = likelihood.bounds(fit.floor);
     let mut starts = vec![fit.z.clone()];
@@ -190,12 +200,7 @@ pub fn refit(fit: &Fit, sample: &Sample) -> Option<Vec<f64>> {
             best = Some((out.value, z));
         }
     }
-    let z = best?.1;
-    let p = sample.family.parameters();
-    let mut out = sample.physical(&z[..p]);
-    out.push(sample.ys * libm::exp(z[p]));
-    out.push(libm::exp(z[p + 1]) / sample.ys);
-    Some(out)
+    best.map(|(_, z)| z)
 }
 
 /// Refits of resampled or simulated data.
@@ -220,9 +225,7 @@ pub fn bootstrap(
     seed: u64,
     refit: impl Fn(&Sample) -> Option<Vec<f64>> + Sync + Send,
 ) -> Replicates {
-    let mut ids: Vec<u32> = points.iter().map(|p| p.recording).collect();
-    ids.sort_unstable();
-    ids.dedup();
+    let ids = recordings(points);
     let group: Vec<usize> = if ids.len() > 1 {
         points.iter().map(|p| ids.binary_search(&p.recording).unwrap_or(0)).collect()
     } else {

@@ -143,6 +143,9 @@ ports! {
 #[derive(Debug)]
 pub struct DampingFit;
 
+/// Warning where dropped features have no effect on the likelihood.
+const UNTRUNCATED: &str = "features below the `d_min` of the gate were dropped, which only the exponential excess of the default preset takes \
+                           into account: the constant part may be too high";
 /// Maximum number of warnings in a summary.
 const MAX_WARNINGS: usize = 8;
 
@@ -263,7 +266,10 @@ impl Func for DampingFit {
             licence: p.licence.0.clone(),
             ..Material::new(p.name.0.clone(), report.model.clone())
         };
-        let summary = summary(&report);
+        let mut summary = summary(&report);
+        if io.points.truncated_below.is_some() && settings.mixture.fit.truncated_below.is_none() {
+            summary.push(("warning", UNTRUNCATED.into()));
+        }
         io.material.set(material);
         io.report.set(report);
         Ok(summary)

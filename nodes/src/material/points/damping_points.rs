@@ -8,6 +8,7 @@ use crate::core::random::Rng;
 use crate::material::estimation::point::{DampingPoint, check_points};
 use crate::plot::{Axis, Line, chart};
 use serde::{Deserialize, Serialize};
+use std::collections::HashMap;
 use std::f64::consts::TAU;
 
 /// Maximum number of points.
@@ -30,6 +31,7 @@ pub enum DropReason {
 
 /// A feature that gave no point.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Dropped {
     /// Index of its recording.
     pub recording: u32,
@@ -45,6 +47,7 @@ pub struct Dropped {
 
 /// Points with their recordings, and what was dropped.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct DampingPoints {
     /// The points.
     pub points: Vec<DampingPoint>,
@@ -137,6 +140,7 @@ fn from_csv(bytes: &[u8]) -> Result<DampingPoints, String> {
         return Err(format!("columns are {text}; they may be {COLUMNS}"));
     }
     let mut out = DampingPoints::default();
+    let mut known: HashMap<String, u32> = HashMap::new();
     for record in csv.records() {
         let record = record.map_err(|e| e.to_string())?;
         let line = record.position().map_or(0, csv::Position::line);
@@ -160,18 +164,21 @@ fn from_csv(bytes: &[u8]) -> Result<DampingPoints, String> {
         };
         let c = factor * number(damping, 1e-9, 1e9)?;
         let name = recording.map(text).unwrap_or_default();
-        let known = out.recordings.iter().position(|r| r == name);
-        let recording = known.unwrap_or_else(|| {
-            out.recordings.push(name.chars().take(200).collect());
-            out.recordings.len() - 1
-        });
+        let recording = match known.get(name) {
+            Some(index) => *index,
+            None => {
+                known.insert(name.to_owned(), out.recordings.len() as u32);
+                out.recordings.push(name.chars().take(200).collect());
+                out.recordings.len() as u32 - 1
+            }
+        };
         let mode = mode.map(|k| number(k, 0.0, f64::from(u32::MAX))).transpose()?;
         out.points.push(DampingPoint {
             lambda,
             c,
             sd_c: sd.map(|k| number(k, 0.0, 1e9)).transpose()?.unwrap_or(0.0) * factor,
             weight: weight.map(|k| number(k, 0.0, 1e9)).transpose()?.unwrap_or(1.0),
-            recording: recording as u32,
+            recording,
             mode_cluster: mode.map_or(out.points.len() as u32, |m| m as u32),
         });
         if out.points.len() > MAX_POINTS {

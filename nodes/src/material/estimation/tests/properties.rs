@@ -164,8 +164,8 @@ fn fits_are_at_least_as_likely_as_the_truth() {
         let truth = super::simulated(&mut rng, 150, [a1, a2, sigma, 1.0 / support]);
         let fit = fit(&truth, &FitOptions::paper(Family::Rayleigh)).unwrap();
         let sample = &fit.sample;
-        let mut z = sample.normalised(&[a1, a2]);
-        z.extend([(sigma / sample.ys).ln(), (sample.ys / support).ln()]);
+        let noise = [(sigma / sample.ys).ln(), (sample.ys / support).ln()];
+        let z = [a1 / sample.ys, a2 * sample.ls / sample.ys, noise[0], noise[1]];
         let mut likelihood = Likelihood::new(sample, false, None, Excess::Exponential);
         let at_truth = likelihood.total_weight() * likelihood.value(&z);
         assert!(fit.log_likelihood >= at_truth - 1e-9, "{trial}: {} {at_truth}", fit.log_likelihood);
@@ -254,7 +254,14 @@ fn degenerate_points_end_at_a_bound_and_not_in_nan() {
             .map(|p| DampingPoint { lambda: if p.c > 15.0 { 1e6 } else { 3e9 }, ..*p })
             .collect();
         for (name, points) in [("curve", on_a_curve), ("flat", flat), ("two frequencies", twice)] {
-            let Ok(fit) = fit(&points, &FitOptions::new(family)) else { continue };
+            let fit = match fit(&points, &FitOptions::new(family)) {
+                Ok(fit) => fit,
+                Err(e) => {
+                    let few = matches!(e, EstimationError::RankDeficient { distinct: 2, .. });
+                    assert!(few && name == "two frequencies", "{family:?} {name}: {e}");
+                    continue;
+                }
+            };
             assert!(
                 fit.z.iter().all(|z| z.is_finite()) && fit.log_likelihood.is_finite(),
                 "{family:?} {name}: {:?}",
