@@ -37,11 +37,14 @@ use crate::mesh::mesh_generator::MeshGenerator;
 use crate::mesh::mesh_sequence::MeshSequence;
 use crate::mesh::mesh_subdivide::MeshSubdivide;
 use crate::modal::bank::modal_bank::ModalBankNode;
+use crate::modal::extraction::impacts_from_recording::ImpactsFromRecording;
 use crate::modal::extraction::modal_from_recording::ModalFromRecording;
+use crate::modal::extraction::sound_comparison::SoundComparison;
 use crate::modal::impact::impact_file::ImpactFile;
 use crate::modal::impact::impact_force::ImpactForce;
 use crate::modal::mode::membrane_modes::MembraneModes;
 use crate::modal::mode::modes_file::ModesFile;
+use crate::modal::residual::modal_residual::ModalResidual;
 use crate::rigid::classification::contact_classifier::ContactClassifier;
 use crate::rigid::log::contact_log::ContactLog;
 use crate::scrape::crossing::feature_crossings::FeatureCrossings;
@@ -277,10 +280,13 @@ impl Registry {
             .with::<SelectionReportNode>()
             .family("modal")
             .with::<ImpactFile>()
+            .with::<ImpactsFromRecording>()
+            .with::<SoundComparison>()
             .with::<ImpactForce>()
             .with_func::<MembraneModes>()
             .with::<ModalBankNode>()
             .with_func::<ModalFromRecording>()
+            .with::<ModalResidual>()
             .with_func::<ModesFile>()
             .family("material")
             .with_func::<DampingFit>()

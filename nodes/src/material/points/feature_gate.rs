@@ -6,8 +6,7 @@ use crate::core::fault::{Fault, Reject};
 use crate::core::node::{Func, Summary};
 use crate::core::ports::{Many, Value};
 use crate::core::shape::{Build, Shape};
-use crate::material::feature::{Feature, FeatureSet};
-use crate::modal::Modes;
+use crate::modal::{Feature, FeatureSet, Modes};
 use crate::{params, ports};
 
 params! {

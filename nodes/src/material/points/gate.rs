@@ -2,7 +2,7 @@
 
 use super::damping_points::{DampingPoints, DropReason, Dropped};
 use crate::material::estimation::point::DampingPoint;
-use crate::material::feature::FeatureSet;
+use crate::modal::FeatureSet;
 use std::f64::consts::TAU;
 
 /// Distance of hum from a multiple of its frequency, Hz.
@@ -134,7 +134,7 @@ fn cluster(points: &mut [DampingPoint], object_of: &[(usize, f64)]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::material::feature::Feature;
+    use crate::modal::Feature;
 
     fn feature(freq_hz: f64, decay: f64) -> Feature {
         Feature { freq_hz, decay, amp: 0.5, sd_decay: 0.1, ..Feature::default() }

@@ -4,6 +4,8 @@ use super::resonators::{Bank, BankOutput};
 use crate::dsp::{Weighting, weighted_rms};
 use crate::modal::mode::modes::{Modes, ModesError};
 
+/// Level of the sound of a white force of 1 N RMS with normalized gains.
+pub(in crate::modal) const REFERENCE: f64 = 0.01;
 /// Sample rate of the responses, Hz.
 const RATE: f64 = 48_000.0;
 /// Bandwidth of the force, Hz.

@@ -1,6 +1,6 @@
 //! The modal bank, as a node.
 
-use super::loudness::loudness;
+use super::loudness::{REFERENCE, loudness};
 use super::resonators::{Bank, BankOutput};
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
@@ -92,8 +92,6 @@ pub struct ModalBankNode {
 
 /// Frequency below which hardly anything is heard, Hz.
 const LOW: f64 = 60.0;
-/// Level of the sound of a white force of 1 N RMS with normalized gains.
-const REFERENCE: f64 = 0.01;
 
 fn reject(e: impl std::fmt::Display) -> Reject {
     Reject::new("F078", e.to_string()).at("modes")

@@ -1,8 +1,16 @@
 //! Modes from a recording of one impact.
 
+use super::dictionary::Problem;
+use super::exponentials::{C, add, energy};
+use super::feature::Feature;
+use super::noise_bands::noise_bands;
+use super::noise_floor::NoiseFloor;
+use super::onset::onset;
+use super::refinement::{Limits, Sines, all_products, refine, unit_deviations};
+use super::subband::candidates;
 use crate::modal::mode::modes::{MODES_VERSION, Modes};
-use realfft::RealFftPlanner;
-use std::f64::consts::{LN_10, PI, TAU};
+use crate::modal::residual::noise_band::NoiseBand;
+use std::f64::consts::{FRAC_PI_2, TAU};
 use thiserror::Error;
 
 /// Limits of the search for modes.
@@ -10,19 +18,15 @@ use thiserror::Error;
 pub struct ExtractParams {
     /// Maximum number of modes.
     pub modes: usize,
-    /// Level below the highest peak, in dB, from which on peaks are no modes.
-    pub range: f64,
     /// Lowest frequency, in Hz.
     pub lowest: f64,
     /// Highest frequency, in Hz; at most 0.45 of the rate.
     pub highest: f64,
-    /// Number of times that all modes are fitted again, each on the residual of the others.
-    pub passes: usize,
 }
 
 impl Default for ExtractParams {
     fn default() -> Self {
-        Self { modes: 64, range: 60.0, lowest: 30.0, highest: 18_000.0, passes: 3 }
+        Self { modes: 64, lowest: 20.0, highest: 20_000.0 }
     }
 }
 
@@ -52,84 +56,88 @@ pub enum ExtractError {
 
 /// Minimum number of samples after the impact.
 const MIN_SAMPLES: usize = 1024;
-
-/// One damped sine from the onset: `amplitude exp(-damping t) sin(2 pi frequency t + phase)`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Partial {
-    /// In Hz.
-    pub frequency: f64,
-    /// In 1/s.
-    pub damping: f64,
-    /// Of full scale.
-    pub amplitude: f64,
-    /// In radians.
-    pub phase: f64,
-}
+/// Range of the decay rates of modes, 1/s.
+const DECAYS: [f64; 2] = [0.1, 8000.0];
+/// Least decay of a mode over the recording, in nepers: 3 dB.
+const LEAST_DECAY: f64 = 0.35;
+/// Part of the energy after which the sound is cut for the search.
+const ENERGY: f64 = 0.9999;
+/// Maximum duration of the sound in the search, s.
+const LONGEST: f64 = 2.0;
+/// Maximum duration over which amplitudes are fitted, s.
+const LONGEST_AMPLITUDES: f64 = 10.0;
+/// Candidates selected per mode, before the weakest are removed.
+const SURPLUS: f64 = 1.5;
+/// Part of the energy that a mode must explain.
+const SMALLEST: f64 = 1e-8;
+/// Maximum amplitude of a mode relative to the peak of the recording: larger ones cancel each other.
+const MAX_AMPLITUDE: f64 = 4.0;
+/// Part of the energy that the penalty of a mode at [`MAX_AMPLITUDE`] amounts to, for each attempt.
+const PENALTIES: [f64; 4] = [1e-9, 1e-3, 1e-2, 1e-1];
+/// Distances from a mode at which the noise around it is measured, in half-power half-widths.
+const NEIGHBOURS: [f64; 6] = [-12.0, -9.0, -6.0, 6.0, 9.0, 12.0];
+/// Time after the recording in which modes should be silent, in its lengths.
+const AFTER: usize = 2;
+/// Time after the onset from which on the late residual is measured, s.
+const LATE: f64 = 0.005;
 
 /// The modes of a recording.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Extracted {
     /// The modes, in order of frequency.
-    pub partials: Vec<Partial>,
+    pub features: Vec<Feature>,
     /// Index of the first sample of the impact.
     pub onset: usize,
-    /// Energy of the residual, in dB relative to the recording.
+    /// The recording without the modes, from the onset on.
+    pub residual: Vec<f64>,
+    /// Energy of the residual from the onset to the end, in dB relative to the recording.
     pub residual_db: f64,
+    /// The same from 5 ms after the onset on.
+    pub late_residual_db: f64,
+    /// Bands of noise in place of the residual; their gains are full scale.
+    pub noise: Vec<NoiseBand>,
 }
 
 impl Extracted {
     /// Converts to modes with one contact point, so that an impact of `impulse` N s sounds like the recording.
     #[must_use]
     pub fn modes(&self, name: &str, impulse: f64, phases: bool) -> Modes {
-        let all = &self.partials;
+        let all = &self.features;
+        // Modes are sines, features cosines.
+        let phase = |f: &Feature| (f.phase + FRAC_PI_2) as f32;
         Modes {
             version: MODES_VERSION,
             name: name.to_owned(),
-            frequencies: all.iter().map(|p| p.frequency).collect(),
-            dampings: all.iter().map(|p| p.damping).collect(),
-            gains: all.iter().map(|p| (p.amplitude / impulse) as f32).collect(),
-            phases: if phases { all.iter().map(|p| p.phase as f32).collect() } else { Vec::new() },
+            frequencies: all.iter().map(|f| f.freq_hz).collect(),
+            dampings: all.iter().map(|f| f.decay).collect(),
+            gains: all.iter().map(|f| (f.amp / impulse) as f32).collect(),
+            phases: if phases { all.iter().map(phase).collect() } else { Vec::new() },
+            noise: self
+                .noise
+                .iter()
+                .map(|b| NoiseBand { gain: (f64::from(b.gain) / impulse) as f32, ..*b })
+                .collect(),
         }
     }
 }
 
-/// Index of the first sample of the impact.
-///
-/// It lies in the first millisecond of the run that ends with the loudest one, in which each has a hundredth of its power.
-#[must_use]
-pub fn onset(samples: &[f32], rate: f64) -> usize {
-    let hop = ((rate / 1000.0) as usize).max(1);
-    let power = |frame: &[f32]| frame.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>();
-    let powers: Vec<f64> = samples.chunks(hop).map(power).collect();
-    let (mut first, max) =
-        powers.iter().copied().enumerate().fold((0, 0.0), |best, p| if p.1 > best.1 { p } else { best });
-    while first > 0 && powers[first - 1] > 0.01 * max {
-        first -= 1;
-    }
-    // Within that millisecond, the first sample above a tenth of its peak.
-    let frame = samples.get(first * hop..).unwrap_or_default();
-    let frame = &frame[..hop.min(frame.len())];
-    let peak = frame.iter().fold(0.0_f32, |m, x| m.max(x.abs()));
-    first * hop + frame.iter().position(|x| x.abs() > 0.1 * peak).unwrap_or(0).saturating_sub(1)
-}
-
 /// Extracts the modes from a recording of one impact.
 ///
-/// The highest peak of the spectrum is fitted as a damped sine and subtracted, then the next one, while there are peaks. Then each
-/// mode is fitted again, `passes` times, on the residual of all the others. A fit demodulates the mode to 0 Hz, smooths it by
-/// Blackman-Harris windows, and fits straight lines to its log magnitude and its phase, over the first 30 dB of its decay and
-/// above the noise. Windows are longer for smaller dampings. Amplitude and phase minimise the energy of the residual, so that it
-/// never grows.
+/// Candidates are the poles that subband ESPRIT finds. Those that explain the most beside each other are selected, one after the other,
+/// and the least ones removed until `modes` are left, or until each explains more than noise would: by the Bayesian information
+/// criterion with four parameters a mode and the noise before the impact or at the end. Then all are refined jointly.
+///
+/// No amplitude is above four times the peak of the recording: a small penalty of squared amplitudes keeps close modes from cancelling
+/// each other. The standard deviations hold for noise of the density that the residual has around each mode while it rings.
 ///
 /// # Errors
 /// A recording that is silent, too short, not finite, or without a decaying sine.
 ///
 /// # Complexity
-/// O(passes modes samples), and one Fourier transform of the recording per mode.
+/// O(samples modes) per step of the refinement, of at most 2 s of sound.
 ///
 /// # Source
-/// Picard, Tsingos and Faure (VRIPHYS 2008) take modes from recordings of impulse responses and give no method. The repeated fits
-/// are RELAX: Li and Stoica, "Efficient mixed-spectrum estimation" (IEEE TSP 44(2), 1996).
+/// Sirdey et al. (DAFx 2011) for ESPRIT in bands; Sterling et al. (IEEE TVCG 25(5), 2019), section 4.1, for what a feature is.
 pub fn extract(samples: &[f32], rate: f64, params: &ExtractParams) -> Result<Extracted, ExtractError> {
     if let Some(index) = samples.iter().position(|x| !x.is_finite()) {
         return Err(ExtractError::NotFinite { index });
@@ -138,221 +146,160 @@ pub fn extract(samples: &[f32], rate: f64, params: &ExtractParams) -> Result<Ext
         return Err(ExtractError::Silent);
     }
     let onset = onset(samples, rate);
-    let sound: Vec<f64> = samples[onset..].iter().map(|x| f64::from(*x)).collect();
+    let all: Vec<f64> = samples.iter().map(|x| f64::from(*x)).collect();
+    let sound = &all[onset..];
     if sound.len() < MIN_SAMPLES {
         return Err(ExtractError::Short { found: sound.len() });
     }
-    let mut residual = sound.clone();
-    let mut partials = search(&mut residual, rate, params);
-    for _ in 0..params.passes {
-        for partial in &mut partials {
-            add(&mut residual, rate, partial, 1.0);
-            // A new amplitude at the old frequency and damping, or a new fit if that removes more energy.
-            let old = project(&residual, rate, partial.frequency, partial.damping);
-            let new = fit(&residual, rate, partial.frequency, partial.damping);
-            let better = old.into_iter().chain(new).max_by(|a, b| a.1.total_cmp(&b.1));
-            if let Some((better, _)) = better {
-                *partial = better;
-            }
-            add(&mut residual, rate, partial, -1.0);
-        }
-    }
-    // A fit may drift to a constant, which rings nothing and would hide the modes by its gain.
-    let (inside, outside): (Vec<_>, Vec<_>) =
-        partials.into_iter().partition(|p| p.frequency >= params.lowest);
-    let mut partials = inside;
-    outside.iter().for_each(|partial| add(&mut residual, rate, partial, 1.0));
-    let energy = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>();
-    partials.sort_by(|a, b| a.frequency.total_cmp(&b.frequency));
-    if partials.is_empty() {
+    let noise = NoiseFloor::new(&all, onset, rate);
+    let band = [params.lowest, params.highest.min(0.45 * rate)];
+    let short = &sound[..searched(sound, rate)];
+    let slowest = (LEAST_DECAY * rate / sound.len() as f64).max(DECAYS[0]);
+    let limits = Limits { band, decays: [slowest, DECAYS[1]] };
+    let sines = search(short, rate, &limits, params.modes, &noise);
+    if sines.exponents.is_empty() {
         return Err(ExtractError::Nothing);
     }
-    let residual_db = 10.0 * (energy(&residual) / energy(&sound)).max(1e-30).log10();
-    Ok(Extracted { partials, onset, residual_db })
-}
-
-/// Adds `sign` times a partial to the residual.
-fn add(residual: &mut [f64], rate: f64, p: &Partial, sign: f64) {
-    let (radius, w) = (libm::exp(-p.damping / rate), TAU * p.frequency / rate);
-    let (c, s) = (radius * libm::cos(w), radius * libm::sin(w));
-    let a = sign * p.amplitude;
-    let (mut re, mut im) = (a * libm::cos(p.phase), a * libm::sin(p.phase));
-    for x in residual {
-        *x += im;
-        (re, im) = (c * re - s * im, s * re + c * im);
-    }
-}
-
-/// Subtracts the modes of the spectral peaks, from the highest down.
-fn search(residual: &mut [f64], rate: f64, params: &ExtractParams) -> Vec<Partial> {
-    let n = (2 * residual.len()).next_power_of_two();
-    let plan = RealFftPlanner::<f64>::new().plan_fft_forward(n);
-    let (mut time, mut spectrum) = (plan.make_input_vec(), plan.make_output_vec());
-    let bin = rate / n as f64;
-    let bins = |f: f64| ((f / bin) as usize).min(n / 2);
-    let (low, high) = (bins(params.lowest).max(1), bins(params.highest.min(0.45 * rate)));
-    // Peaks that are no modes, or whose modes are found.
-    let mut blocked = vec![false; n / 2 + 1];
-    let block = |blocked: &mut Vec<bool>, f: f64, width: f64| {
-        let (a, b) = (bins((f - width).max(0.0)), bins(f + width));
-        blocked[a..=b].fill(true);
+    let sines = with_final_amplitudes(sound, rate, sines);
+    let mut residual = sound.to_vec();
+    let negative: Vec<C> = sines.amplitudes.iter().map(|a| -a).collect();
+    add(&mut residual, &sines.exponents, &negative);
+    let db = |from: usize| {
+        let ratio = energy(&residual[from..]) / energy(&sound[from..]).max(f64::MIN_POSITIVE);
+        10.0 * ratio.max(1e-30).log10()
     };
-    let resolution = rate / residual.len() as f64;
-    let mut partials: Vec<Partial> = Vec::new();
-    let mut first = None;
-    for _ in 0..2 * params.modes {
-        if partials.len() == params.modes {
+    let late = ((LATE * rate) as usize).min(sound.len() / 2);
+    let (residual_db, late_residual_db) = (db(0), db(late));
+    let mut features = features(short.len(), rate, &sines, &residual, &noise);
+    features.sort_by(|a, b| a.freq_hz.total_cmp(&b.freq_hz));
+    let noise = noise_bands(sound, &residual, rate, &noise);
+    Ok(Extracted { features, onset, residual, residual_db, late_residual_db, noise })
+}
+
+/// Number of samples that hold nearly all of the energy.
+fn searched(sound: &[f64], rate: f64) -> usize {
+    let total = energy(sound);
+    let mut sum = 0.0;
+    let passed = sound.iter().position(|x| {
+        sum += x * x;
+        sum >= ENERGY * total
+    });
+    (passed.unwrap_or(sound.len()) + 256).max(MIN_SAMPLES).min((LONGEST * rate) as usize).min(sound.len())
+}
+
+/// The problem with a penalty of squared amplitudes, at which a mode of the largest amplitude costs a part of the energy.
+fn problem(x: &[f64], part: f64) -> Problem {
+    let ridge = part * energy(x) / largest_amplitude(x).powi(2);
+    Problem { count: x.len(), after: AFTER * x.len(), ridge }
+}
+
+fn largest_amplitude(x: &[f64]) -> f64 {
+    MAX_AMPLITUDE * x.iter().fold(0.0_f64, |m, x| m.max(x.abs()))
+}
+
+/// Selects and refines modes.
+fn search(x: &[f64], rate: f64, limits: &Limits, modes: usize, noise: &NoiseFloor) -> Sines {
+    let mut exponents = candidates(x, rate, limits);
+    let total = energy(x);
+    // BIC: four parameters a mode.
+    let information = 4.0 * (x.len() as f64).ln();
+    let threshold = |s: &C| (information * noise.variance(s.im * rate / TAU)).max(SMALLEST * total);
+    let products: Vec<C> = all_products(x, &exponents).into_iter().map(|p| p[0]).collect();
+    let posed = problem(x, PENALTIES[0]);
+    let thresholds: Vec<f64> = exponents.iter().map(threshold).collect();
+    let surplus = ((modes as f64 * SURPLUS) as usize).max(modes + 4);
+    let chosen = posed.forward(&exponents, &products, &thresholds, surplus);
+    let pick = |from: &[C], chosen: &[usize]| chosen.iter().map(|i| from[*i]).collect::<Vec<C>>();
+    exponents = pick(&exponents, &chosen);
+    let products = pick(&products, &chosen);
+    let thresholds: Vec<f64> = exponents.iter().map(threshold).collect();
+    let left = posed.backward(&exponents, &products, &thresholds, modes);
+    exponents = pick(&exponents, &left);
+    let limit = largest_amplitude(x);
+    for part in PENALTIES {
+        if exponents.is_empty() {
             break;
         }
-        time.fill(0.0);
-        time[..residual.len()].copy_from_slice(residual);
-        if plan.process(&mut time, &mut spectrum).is_err() {
+        let posed = problem(x, part);
+        let Some(found) = refine(x, &posed, rate, limits, &exponents) else { break };
+        exponents.clone_from(&found.exponents);
+        if found.amplitudes.iter().all(|a| a.norm() <= limit) {
             break;
         }
-        let power: Vec<f64> = spectrum.iter().map(|z| z.norm_sqr()).collect();
-        let peaks =
-            (low..high).filter(|k| !blocked[*k] && power[*k] >= power[k - 1] && power[*k] >= power[k + 1]);
-        let Some(peak) = peaks.max_by(|a, b| power[*a].total_cmp(&power[*b])) else { break };
-        let highest = *first.get_or_insert(power[peak]);
-        if power[peak] <= highest * 10.0_f64.powf(-0.1 * params.range) {
-            break;
-        }
-        let frequency = peak as f64 * bin;
-        // The half-power width of a damped sine's peak is d / pi.
-        let half_width = |step: isize| {
-            let mut k = peak as isize;
-            while k > 1 && (k as usize) < n / 2 && power[k as usize] > 0.5 * power[peak] {
-                k += step;
+    }
+    // Those that the refinement made superfluous, one at a time.
+    let posed = problem(x, PENALTIES[0]);
+    let products: Vec<C> = all_products(x, &exponents).into_iter().map(|p| p[0]).collect();
+    let thresholds: Vec<f64> = exponents.iter().map(threshold).collect();
+    let left = posed.backward(&exponents, &products, &thresholds, modes);
+    Sines { exponents: pick(&exponents, &left), amplitudes: Vec::new() }
+}
+
+/// Fits amplitudes to the whole sound, and removes modes until none is above the limit.
+fn with_final_amplitudes(sound: &[f64], rate: f64, sines: Sines) -> Sines {
+    let x = &sound[..sound.len().min((LONGEST_AMPLITUDES * rate) as usize)];
+    let limit = largest_amplitude(x);
+    let mut exponents = sines.exponents;
+    let mut products: Vec<C> = all_products(x, &exponents).into_iter().map(|p| p[0]).collect();
+    loop {
+        let mut found = None;
+        for part in [PENALTIES[0], PENALTIES[2]] {
+            let posed = problem(x, part);
+            found = posed.amplitudes(&exponents, &products).map(|f| f.0);
+            if found.as_ref().is_some_and(|a| a.iter().all(|a| a.norm() <= limit)) {
+                break;
             }
-            (k - peak as isize).unsigned_abs()
+        }
+        let sizes: Vec<f64> = match &found {
+            Some(amplitudes) => amplitudes.iter().map(|a| a.norm()).collect(),
+            // Linearly dependent: the last one goes.
+            None => (0..exponents.len()).map(|k| limit + 1.0 + k as f64).collect(),
         };
-        let width = (half_width(1) + half_width(-1)) as f64 * bin;
-        match fit(residual, rate, frequency, PI * width) {
-            Some((partial, _)) if (partial.frequency - frequency).abs() < 2.0 * width.max(resolution) => {
-                add(residual, rate, &partial, -1.0);
-                block(&mut blocked, partial.frequency, (0.5 * resolution).max(partial.damping / TAU));
-                partials.push(partial);
+        let largest = (0..sizes.len()).max_by(|a, b| sizes[*a].total_cmp(&sizes[*b]));
+        match (largest, found) {
+            (Some(largest), _) if sizes[largest] > limit => {
+                exponents.remove(largest);
+                products.remove(largest);
             }
-            _ => block(&mut blocked, frequency, resolution.max(0.5 * width)),
+            (_, amplitudes) => return Sines { exponents, amplitudes: amplitudes.unwrap_or_default() },
         }
     }
-    partials
 }
 
-/// Blackman-Harris window, four terms.
-fn window(length: usize) -> Vec<f64> {
-    const A: [f64; 4] = [0.358_75, 0.488_29, 0.141_28, 0.011_68];
-    let at = |n: usize| {
-        let x = TAU * (n as f64 + 0.5) / length as f64;
-        A[0] - A[1] * libm::cos(x) + A[2] * libm::cos(2.0 * x) - A[3] * libm::cos(3.0 * x)
+/// The modes with their standard deviations and relative residuals.
+fn features(count: usize, rate: f64, sines: &Sines, residual: &[f64], noise: &NoiseFloor) -> Vec<Feature> {
+    let problem = Problem { count, after: 0, ridge: 0.0 };
+    let short = &residual[..count];
+    // White noise of variance v has products of the variance v sum |exp(s n)|^2 with exponentials of any frequency.
+    let around = |s: &C| {
+        let width = (-s.re).max(2.0 / count as f64);
+        NEIGHBOURS.map(|k| C::new(s.re, (s.im + k * width).abs()))
     };
-    (0..length).map(at).collect()
-}
-
-/// Fits a damped sine near a frequency; `None` if nothing decays there. Returns it with the energy that it removes.
-fn fit(residual: &[f64], rate: f64, frequency: f64, damping: f64) -> Option<(Partial, f64)> {
-    // The time of a decay by about 20 dB, within limits that resolve close modes.
-    let length = (2.5 * rate / damping.max(1.0)) as usize;
-    let length = length.clamp(256, 16_384).min(residual.len() / 2);
-    let hop = (length / 8).max(1);
-    let frames = (residual.len() - length) / hop + 1;
-    let window = window(length);
-    let w = TAU * frequency / rate;
-    let demodulated = |at: usize| {
-        let (mut re, mut im) = (0.0, 0.0);
-        let (c, s) = (libm::cos(w), libm::sin(w));
-        let (mut a, mut b) = (libm::cos(w * at as f64), -libm::sin(w * at as f64));
-        for (x, h) in residual[at..at + length].iter().zip(&window) {
-            re += x * h * a;
-            im += x * h * b;
-            (a, b) = (c * a + s * b, c * b - s * a);
-        }
-        (re, im)
-    };
-    let envelope: Vec<(f64, f64)> = (0..frames).map(|k| demodulated(k * hop)).collect();
-    let magnitude: Vec<f64> = envelope.iter().map(|(re, im)| re.hypot(*im)).collect();
-    let used = decay_frames(&magnitude);
-    if used < 3 {
-        return None;
-    }
-    let mut lines = Lines::default();
-    let (mut phase, mut last) = (0.0, 0.0);
-    for k in 0..used {
-        let angle = libm::atan2(envelope[k].1, envelope[k].0);
-        phase = if k == 0 { angle } else { phase + (angle - last + PI).rem_euclid(TAU) - PI };
-        last = angle;
-        lines.add(k as f64 * hop as f64 / rate, magnitude[k].ln(), phase, magnitude[k] * magnitude[k]);
-    }
-    let (slope, phase_slope) = lines.slopes()?;
-    let (d, f) = (-slope, frequency + phase_slope / TAU);
-    // A decay by less than 4 dB over the recording is hum.
-    let plausible = d > 0.5 * rate / residual.len() as f64 && d < 0.5 * rate && f > 0.0 && f < 0.5 * rate;
-    if !plausible {
-        return None;
-    }
-    project(residual, rate, f, d)
-}
-
-/// Projects the residual on the damped sines of a frequency and damping. Returns the projection and its energy.
-fn project(residual: &[f64], rate: f64, frequency: f64, damping: f64) -> Option<(Partial, f64)> {
-    let (radius, w) = (libm::exp(-damping / rate), TAU * frequency / rate);
-    let (c, s) = (radius * libm::cos(w), radius * libm::sin(w));
-    let (mut cos, mut sin) = (1.0, 0.0);
-    let (mut cc, mut ss, mut cs, mut xc, mut xs) = (0.0, 0.0, 0.0, 0.0, 0.0);
-    for x in residual {
-        cc += cos * cos;
-        ss += sin * sin;
-        cs += cos * sin;
-        xc += x * cos;
-        xs += x * sin;
-        (cos, sin) = (c * cos - s * sin, s * cos + c * sin);
-    }
-    let det = cc * ss - cs * cs;
-    let (of_sin, of_cos) = ((xs * cc - xc * cs) / det, (xc * ss - xs * cs) / det);
-    let partial =
-        Partial { frequency, damping, amplitude: of_sin.hypot(of_cos), phase: libm::atan2(of_cos, of_sin) };
-    let removed = of_sin * xs + of_cos * xc;
-    (removed.is_finite() && removed > 0.0).then_some((partial, removed))
-}
-
-/// Number of frames from the first with the first 30 dB of the decay, above the noise.
-fn decay_frames(magnitude: &[f64]) -> usize {
-    let max = magnitude.iter().copied().fold(0.0, f64::max);
-    let mut tail = magnitude[magnitude.len() - magnitude.len() / 4..].to_vec();
-    tail.sort_by(f64::total_cmp);
-    let noise = tail.get(tail.len() / 2).copied().unwrap_or(0.0);
-    // A tail within 20 dB of the maximum is the mode itself, not noise.
-    let noise = if noise < 0.1 * max { 3.0 * noise } else { 0.0 };
-    let min = (max * (-1.5 * LN_10).exp()).max(noise);
-    magnitude.iter().position(|x| *x <= min).unwrap_or(magnitude.len())
-}
-
-/// Two straight lines over time by weighted least squares.
-#[derive(Default)]
-struct Lines {
-    w: f64,
-    t: f64,
-    tt: f64,
-    a: (f64, f64),
-    b: (f64, f64),
-}
-
-impl Lines {
-    fn add(&mut self, t: f64, a: f64, b: f64, w: f64) {
-        self.w += w;
-        self.t += w * t;
-        self.tt += w * t * t;
-        self.a = (self.a.0 + w * a, self.a.1 + w * a * t);
-        self.b = (self.b.0 + w * b, self.b.1 + w * b * t);
-    }
-
-    /// Slopes of both lines.
-    fn slopes(&self) -> Option<(f64, f64)> {
-        let det = self.w * self.tt - self.t * self.t;
-        let slope = |(y, ty): (f64, f64)| (ty * self.w - y * self.t) / det;
-        let (a, b) = (slope(self.a), slope(self.b));
-        (det > 0.0 && a.is_finite() && b.is_finite()).then_some((a, b))
-    }
+    let neighbours: Vec<C> = sines.exponents.iter().flat_map(around).collect();
+    let products = all_products(short, &neighbours);
+    let deviations = unit_deviations(sines, &problem);
+    let each = sines.exponents.iter().zip(&sines.amplitudes).zip(products.chunks_exact(NEIGHBOURS.len()));
+    each.enumerate()
+        .map(|(k, ((s, a), products))| {
+            let decays = -libm::expm1(2.0 * s.re * count as f64) / -libm::expm1(2.0 * s.re);
+            let mean = products.iter().map(|p| p[0].norm_sqr()).sum::<f64>() / products.len() as f64;
+            let frequency = s.im * rate / TAU;
+            let variance = (mean / decays).max(noise.variance(frequency));
+            let own = 0.5 * a.norm_sqr() * decays;
+            let deviation =
+                |i: usize| deviations.as_ref().map_or(0.0, |all| all[k][i]) * variance.sqrt() * rate;
+            Feature {
+                freq_hz: frequency,
+                amp: a.norm(),
+                decay: -s.re * rate,
+                phase: a.arg(),
+                sd_freq: deviation(0) / TAU,
+                sd_decay: deviation(1),
+                level: 0,
+                quality: (2.0 * variance / own.max(f64::MIN_POSITIVE)).min(1e6) as f32,
+            }
+        })
+        .collect()
 }
 
 #[cfg(test)]

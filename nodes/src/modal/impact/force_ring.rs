@@ -41,8 +41,15 @@ impl ForceRing {
         if !usable || start >= frames as f64 {
             return;
         }
-        let short = (time * self.rate).is_nan() || time * self.rate < MIN_LENGTH;
-        let length = if short { IMPULSE_LENGTH } else { time * self.rate };
+        let single = shape == PulseShape::Impulse;
+        let short = !single && ((time * self.rate).is_nan() || time * self.rate < MIN_LENGTH);
+        let length = if single {
+            1.0
+        } else if short {
+            IMPULSE_LENGTH
+        } else {
+            time * self.rate
+        };
         let first = start.ceil().max(0.0) as usize;
         let last = ((start + length).ceil() as usize).min(frames).max(first);
         let count = last - first;
@@ -189,6 +196,16 @@ mod tests {
         assert!((area(0) - 1.0).abs() < 1e-6 && (area(1) - 6.0).abs() < 1e-5);
         ring.read(&mut out);
         assert!(out.iter().all(|f| *f == 0.0), "read samples are gone");
+    }
+
+    #[test]
+    fn an_impulse_is_one_sample() {
+        for (start, at) in [(0.0, 0), (3.0, 3), (3.2, 4), (-0.5, 0)] {
+            let samples = pulse(start, 0.5, 0.001, PulseShape::Impulse, 1000.0);
+            let found: Vec<(usize, f32)> =
+                samples.iter().copied().enumerate().filter(|(_, x)| *x != 0.0).collect();
+            assert_eq!(found, [(at, 500.0)], "{start}");
+        }
     }
 
     #[test]

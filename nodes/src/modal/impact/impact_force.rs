@@ -36,6 +36,8 @@ choices! { @param PulseShape {
     HalfSine,
     /// A Gaussian, cut off at three standard deviations.
     Gaussian,
+    /// A single sample, the first one that is not before the impact: for the response of a bank itself.
+    Impulse,
 } }
 
 params! {

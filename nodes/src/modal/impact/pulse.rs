@@ -49,6 +49,8 @@ pub enum PulseShape {
     HalfSine,
     /// A Gaussian, cut off at three standard deviations.
     Gaussian,
+    /// A single sample, the first one that is not before the impact.
+    Impulse,
 }
 
 /// Samples of a pulse that are computed together.
@@ -65,6 +67,11 @@ impl PulseShape {
             Self::Cosine => wave(TAU * first, TAU * step, heights, |cos, _| 1.0 - cos),
             Self::HalfSine => wave(PI * first, PI * step, heights, |_, sin| sin),
             Self::Gaussian => gaussian(6.0 * first - 3.0, 6.0 * step, heights),
+            Self::Impulse => heights
+                .as_flattened_mut()
+                .iter_mut()
+                .enumerate()
+                .for_each(|(n, x)| *x = f64::from(u8::from(n == 0))),
         }
     }
 }
@@ -146,6 +153,7 @@ mod tests {
             PulseShape::Cosine => 1.0 - (TAU * x).cos(),
             PulseShape::HalfSine => (PI * x).sin(),
             PulseShape::Gaussian => (-0.5 * (6.0 * x - 3.0).powi(2)).exp(),
+            PulseShape::Impulse => f64::from(u8::from(x <= 0.0)),
         }
     }
 

@@ -54,6 +54,7 @@ impl Func for MembraneModes {
     type Params = MembraneModesParams;
     type Ports = MembraneModesPorts;
     const NAME: &'static str = "MembraneModes";
+    const VERSION: u32 = 2;
 
     fn check(_: &MembraneModesParams, _: &mut Shape<'_, '_, MembraneModesPorts>) -> Result<(), Reject> {
         Ok(())

@@ -3,6 +3,7 @@
 use crate::core::item::Data;
 use crate::core::node::Summary;
 use crate::core::random::Rng;
+use crate::modal::residual::noise_band::{MAX_BANDS, NoiseBand};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -33,6 +34,9 @@ pub struct Modes {
     /// Phases in radians, `[modes]`; empty for sines, which start at 0.
     #[serde(default)]
     pub phases: Vec<f32>,
+    /// What no mode explains: noise in bands, at all contact points; empty if there is none.
+    #[serde(default)]
+    pub noise: Vec<NoiseBand>,
 }
 
 /// Error in modes.
@@ -73,6 +77,18 @@ pub enum ModesError {
         /// The further condition.
         above: &'static str,
     },
+    /// A value of a band of noise out of range.
+    #[error("`{field}` of noise band {band} is {found}; it has to be finite{above}")]
+    Noise {
+        /// Name of the field.
+        field: &'static str,
+        /// Index of the band, from 0.
+        band: usize,
+        /// The value.
+        found: f64,
+        /// The further condition.
+        above: &'static str,
+    },
 }
 
 impl Modes {
@@ -86,8 +102,8 @@ impl Modes {
         dampings: Vec<f64>,
         gains: Vec<f32>,
     ) -> Result<Self, ModesError> {
-        let (version, phases) = (MODES_VERSION, Vec::new());
-        let modes = Self { version, name: name.into(), frequencies, dampings, gains, phases };
+        let (version, phases, noise) = (MODES_VERSION, Vec::new(), Vec::new());
+        let modes = Self { version, name: name.into(), frequencies, dampings, gains, phases, noise };
         modes.validate()?;
         Ok(modes)
     }
@@ -155,6 +171,13 @@ impl Modes {
         for (i, &p) in self.phases.iter().enumerate() {
             value("phases", p.into(), i, p.is_finite(), "")?;
         }
+        let bands = self.noise.len();
+        length("noise", bands, bands <= MAX_BANDS, format!("at most {MAX_BANDS} bands"))?;
+        for (band, noise) in self.noise.iter().enumerate() {
+            if let Some((field, found, above)) = noise.fault() {
+                return Err(ModesError::Noise { field, band, found, above });
+            }
+        }
         Ok(())
     }
 
@@ -193,7 +216,14 @@ impl Data for Modes {
         let points = 1 + rng.below(3);
         let gains = (0..n * points).map(|_| rng.between(-1.0, 1.0) as f32).collect();
         let phases = (0..n * rng.below(2)).map(|_| rng.between(-3.0, 3.0) as f32).collect();
-        Self { version: MODES_VERSION, name: "trial".into(), frequencies, dampings, gains, phases }
+        let bands = rng.below(4);
+        let mut band = |k: usize| {
+            let (low, damping, gain) =
+                (100.0 * (k + 1) as f64, rng.between(5.0, 300.0), rng.between(0.0, 0.5) as f32);
+            NoiseBand { low, high: 1.3 * low, damping, gain }
+        };
+        let noise = (0..bands).map(&mut band).collect();
+        Self { version: MODES_VERSION, name: "trial".into(), frequencies, dampings, gains, phases, noise }
     }
 }
 
@@ -231,6 +261,17 @@ mod tests {
         assert!(m.validate().unwrap_err().to_string().contains("2 for each contact point"));
         let m = Modes { frequencies: vec![f64::NAN, 1.0], ..modes() };
         assert!(matches!(m.validate(), Err(ModesError::Value { field: "frequencies", mode: 0, .. })));
+        let band = NoiseBand { low: 100.0, high: 90.0, damping: 5.0, gain: 1.0 };
+        let m = Modes { noise: vec![band], ..modes() };
+        let text = m.validate().unwrap_err().to_string();
+        assert!(text.contains("`high` of noise band 0 is 90"), "{text}");
+        assert!(
+            Modes { noise: vec![band; 33], ..modes() }
+                .validate()
+                .unwrap_err()
+                .to_string()
+                .contains("at most 32")
+        );
         let m = Modes { version: 7, ..modes() };
         assert_eq!(m.validate(), Err(ModesError::Version { found: 7 }));
         assert!(Modes::new("none", vec![], vec![], vec![]).is_err());

@@ -70,6 +70,7 @@ fn from_csv(bytes: &[u8]) -> Result<Modes, String> {
         dampings: rows[damping].clone(),
         gains: gains.iter().flat_map(|k| single(*k)).collect(),
         phases: phase.map(|k| single(k).collect()).unwrap_or_default(),
+        noise: Vec::new(),
     })
 }
 
@@ -91,7 +92,7 @@ artefact_file! {
     /// The file is JSON as a tap of modes writes it, or CSV. Columns of a CSV are `frequency_hz`, `damping` (decay rate of the
     /// amplitude in 1/s), `gain` (full scale per N s), `gain_1`, `gain_2` and so on for further contact points, and optionally
     /// `phase` (radians).
-    pub struct ModesFile / ModesFileParams / ModesFilePorts / ModesFileIo, version 1;
+    pub struct ModesFile / ModesFileParams / ModesFilePorts / ModesFileIo, version 2;
     /// The file.
     path: "modes.json";
     /// The modes.

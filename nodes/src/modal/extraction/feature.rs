@@ -26,6 +26,18 @@ pub struct Feature {
     pub quality: f32,
 }
 
+/// Largest decay rate of a mode of an object, 1/s: faster ones are part of the contact.
+pub const MAX_DECAY: f64 = 500.0;
+
+impl Feature {
+    /// Returns true if the feature is a mode of the object rather than a part of the contact: it decays by at most 500 1/s, and its decay
+    /// rate has a relative standard deviation of less than `uncertainty`.
+    #[must_use]
+    pub fn is_certain(&self, uncertainty: f64) -> bool {
+        self.decay <= MAX_DECAY && self.sd_decay < uncertainty * self.decay
+    }
+}
+
 /// The modes of one recording of one impact.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
