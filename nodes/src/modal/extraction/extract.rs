@@ -2,7 +2,7 @@
 
 use super::dictionary::Problem;
 use super::exponentials::{C, add, energy};
-use super::feature::Feature;
+use super::feature::{Feature, MAX_DECAY};
 use super::noise_bands::noise_bands;
 use super::noise_floor::NoiseFloor;
 use super::onset::onset;
@@ -22,11 +22,14 @@ pub struct ExtractParams {
     pub lowest: f64,
     /// Highest frequency, in Hz; at most 0.45 of the rate.
     pub highest: f64,
+    /// True to return also what belongs to the contact: parts that decay faster than 500 1/s or whose decay is uncertain. They explain the
+    /// onset of the recording, but a force that lasts must not ring them. Without them, the residual holds them.
+    pub contact: bool,
 }
 
 impl Default for ExtractParams {
     fn default() -> Self {
-        Self { modes: 64, lowest: 20.0, highest: 20_000.0 }
+        Self { modes: 64, lowest: 20.0, highest: 20_000.0, contact: true }
     }
 }
 
@@ -52,6 +55,14 @@ pub enum ExtractError {
     /// No decaying sine was found.
     #[error("nothing in the recording rings and decays")]
     Nothing,
+    /// All that was found belongs to the contact.
+    #[error(
+        "none of {parts} decaying sines decays slower than {MAX_DECAY} 1/s with a certain rate: the object does not ring; `contact: true` returns them"
+    )]
+    OnlyContact {
+        /// Number of decaying sines.
+        parts: usize,
+    },
 }
 
 /// Minimum number of samples after the impact.
@@ -74,6 +85,8 @@ const SMALLEST: f64 = 1e-8;
 const MAX_AMPLITUDE: f64 = 4.0;
 /// Part of the energy that the penalty of a mode at [`MAX_AMPLITUDE`] amounts to, for each attempt.
 const PENALTIES: [f64; 4] = [1e-9, 1e-3, 1e-2, 1e-1];
+/// Relative standard deviation of the decay rate from which on a mode is uncertain.
+const UNCERTAINTY: f64 = 0.3;
 /// Distances from a mode at which the noise around it is measured, in half-power half-widths.
 const NEIGHBOURS: [f64; 6] = [-12.0, -9.0, -6.0, 6.0, 9.0, 12.0];
 /// Time after the recording in which modes should be silent, in its lengths.
@@ -161,19 +174,41 @@ pub fn extract(samples: &[f32], rate: f64, params: &ExtractParams) -> Result<Ext
         return Err(ExtractError::Nothing);
     }
     let sines = with_final_amplitudes(sound, rate, sines);
-    let mut residual = sound.to_vec();
-    let negative: Vec<C> = sines.amplitudes.iter().map(|a| -a).collect();
-    add(&mut residual, &sines.exponents, &negative);
+    let mut residual = without(sound, &sines);
+    let mut features = features(short.len(), rate, &sines, &residual, &noise);
+    if !params.contact {
+        let parts = features.len();
+        let certain = features.iter().zip(&sines.exponents).filter(|(f, _)| f.is_certain(UNCERTAINTY));
+        let (certain, exponents): (Vec<Feature>, Vec<C>) = certain.map(|(f, s)| (*f, *s)).unzip();
+        // The amplitudes that explain the most without the parts of the contact.
+        let start = Sines { exponents: exponents.clone(), amplitudes: Vec::new() };
+        let sines = with_final_amplitudes(sound, rate, start);
+        let of = |s: &C| exponents.iter().position(|e| e == s).map(|k| certain[k]);
+        features = sines.exponents.iter().filter_map(of).collect();
+        if features.is_empty() {
+            return Err(ExtractError::OnlyContact { parts });
+        }
+        for (feature, a) in features.iter_mut().zip(&sines.amplitudes) {
+            (feature.amp, feature.phase) = (a.norm(), a.arg());
+        }
+        residual = without(sound, &sines);
+    }
     let db = |from: usize| {
         let ratio = energy(&residual[from..]) / energy(&sound[from..]).max(f64::MIN_POSITIVE);
         10.0 * ratio.max(1e-30).log10()
     };
     let late = ((LATE * rate) as usize).min(sound.len() / 2);
     let (residual_db, late_residual_db) = (db(0), db(late));
-    let mut features = features(short.len(), rate, &sines, &residual, &noise);
     features.sort_by(|a, b| a.freq_hz.total_cmp(&b.freq_hz));
     let noise = noise_bands(sound, &residual, rate, &noise);
     Ok(Extracted { features, onset, residual, residual_db, late_residual_db, noise })
+}
+
+fn without(sound: &[f64], sines: &Sines) -> Vec<f64> {
+    let mut residual = sound.to_vec();
+    let negative: Vec<C> = sines.amplitudes.iter().map(|a| -a).collect();
+    add(&mut residual, &sines.exponents, &negative);
+    residual
 }
 
 /// Number of samples that hold nearly all of the energy.

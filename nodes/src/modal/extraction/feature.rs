@@ -3,6 +3,7 @@
 use crate::core::item::Data;
 use crate::core::random::Rng;
 use serde::{Deserialize, Serialize};
+use std::f64::consts::PI;
 
 /// One mode of one recording: `amp exp(-decay t) cos(2 pi freq_hz t + phase)` after the onset.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -28,13 +29,18 @@ pub struct Feature {
 
 /// Largest decay rate of a mode of an object, 1/s: faster ones are part of the contact.
 pub const MAX_DECAY: f64 = 500.0;
+/// Smallest quality factor of a mode of an object: below, it is a thud rather than an oscillation.
+const MIN_QUALITY_FACTOR: f64 = 5.0;
 
 impl Feature {
-    /// Returns true if the feature is a mode of the object rather than a part of the contact: it decays by at most 500 1/s, and its decay
-    /// rate has a relative standard deviation of less than `uncertainty`.
+    /// Returns true if the feature is a mode of the object rather than a part of the contact: it decays by at most 500 1/s, has a
+    /// quality factor `pi f / d` of at least 5, and a decay rate with a relative standard deviation of less than `uncertainty`.
     #[must_use]
     pub fn is_certain(&self, uncertainty: f64) -> bool {
-        self.decay <= MAX_DECAY && self.sd_decay < uncertainty * self.decay
+        let quality_factor = PI * self.freq_hz / self.decay;
+        self.decay <= MAX_DECAY
+            && quality_factor >= MIN_QUALITY_FACTOR
+            && self.sd_decay < uncertainty * self.decay
     }
 }
 

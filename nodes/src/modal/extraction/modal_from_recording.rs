@@ -34,6 +34,9 @@ params! {
         lowest: f64 = 20.0, unit "Hz", range 1.0..=100_000.0;
         /// Highest frequency of a mode; at most 0.45 of the recording's rate.
         highest: f64 = 20_000.0, unit "Hz", range 2.0..=200_000.0;
+        /// True to include what belongs to the contact: parts that decay faster than 500 1/s or whose decay is uncertain. They complete
+        /// the onset of an impact; without them `ModalResidual` does, and sliding and rolling sound like the object alone.
+        contact: bool = false;
         /// Impulse of the recorded impact, if known: an impact of this impulse sounds as loud as the recording.
         impulse: f64 = 0.05, unit "N s", range 0.000000001..=1_000_000.0;
         /// True to start modes with their phases in the recording, false to start them as sines.
@@ -94,7 +97,8 @@ impl Func for ModalFromRecording {
         let mut reader = RECORDING.open(path, cx.open("recording", path)?)?;
         let samples = reader.read_mono().map_err(|e| RECORDING.unusable(path, e))?;
         let rate = f64::from(reader.info().rate);
-        let params = ExtractParams { modes: p.count, lowest: p.lowest, highest: p.highest };
+        let params =
+            ExtractParams { modes: p.count, lowest: p.lowest, highest: p.highest, contact: p.contact };
         let impacts = impacts(&samples, rate);
         let loudest = onset(&samples, rate);
         let part = impacts.iter().rfind(|part| part.start <= loudest).cloned().unwrap_or(0..samples.len());
@@ -160,7 +164,7 @@ mod tests {
 
     #[test]
     fn most_energy_of_recorded_impacts_is_in_modes() {
-        for (name, min_db) in [("drum_cowbell.flac", 13.0), ("glass_hit_a1.flac", 15.0)] {
+        for (name, min_db) in [("drum_cowbell.flac", 10.0), ("glass_hit_a1.flac", 5.0)] {
             let path = format!("{}/../graphs/assets/recordings/{name}", env!("CARGO_MANIFEST_DIR"));
             let run = run(std::fs::read(path).unwrap()).unwrap();
             println!("{name}: {:?}", run.summary);

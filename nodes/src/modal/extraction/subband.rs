@@ -127,9 +127,11 @@ fn poles(v: &[C]) -> Vec<C> {
                 + v[i - 1 + columns] * v[j - 1 + columns].conj();
         }
     }
-    // The lower triangle is read.
-    let lower =
-        Mat::from_fn(rows, rows, |i, j| if i >= j { covariance[(j, i)].conj() } else { covariance[(i, j)] });
+    // The lower triangle is read. The decomposition has absolute tolerances: the largest entry becomes 1.
+    let largest = (0..rows).map(|i| covariance[(i, i)].re).fold(f64::MIN_POSITIVE, f64::max);
+    let lower = Mat::from_fn(rows, rows, |i, j| {
+        if i >= j { covariance[(j, i)].conj() / largest } else { covariance[(i, j)] / largest }
+    });
     let Ok(decomposition) = lower.self_adjoint_eigen(faer::Side::Lower) else { return Vec::new() };
     let u = decomposition.U();
     let mut out: Vec<C> = Vec::new();
