@@ -28,6 +28,7 @@ pub mod prelude;
 pub mod registry;
 pub mod rigid;
 pub mod scrape;
+pub mod solid;
 pub mod spatial;
 pub mod tension;
 pub mod texture;

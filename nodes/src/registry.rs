@@ -56,6 +56,7 @@ use crate::scrape::path::contact_path::ContactPath;
 use crate::scrape::path::other_surface::OtherSurface;
 use crate::scrape::path::stroke::Stroke;
 use crate::scrape::relief::two_textures::TwoTextures;
+use crate::solid::mesh::tet_mesh_file::TetMeshFile;
 use crate::spatial::hrtf::structural_hrtf::StructuralHrtf;
 use crate::spatial::motion::orbit::Orbit;
 use crate::spatial::motion::pose_file::PoseFile;
@@ -288,6 +289,8 @@ impl Registry {
             .with_func::<FeatureGate>()
             .with_func::<MaterialFile>()
             .with::<MaterialOut>()
+            .family("solid")
+            .with_func::<TetMeshFile>()
             .family("tension")
             .with::<TensionImpact>()
             .family("texture")

@@ -1,0 +1,8 @@
+//! Solid objects: from the shape and the material to the modes.
+//!
+//! A [`TetMesh`] fills the object with tetrahedra. The finite elements of [`fem`] give stiffness and mass, and the eigenvalue problem its
+//! modes of vibration, which a [`model`] holds.
+
+pub mod mesh;
+
+pub use mesh::tet_mesh::{TetMesh, TetMeshError};
